@@ -1,0 +1,1 @@
+//! A z-buffered scanline rasteriser for triangles, bit-reproducible on one instruction set.

@@ -1,0 +1,282 @@
+//! The bodies of the topics as values, each with the digest over its fields in a fixed order.
+
+use std::sync::Arc;
+
+use ds_raster::{Encoding, RgbImage};
+use ds_space::{Digest, DigestWriter, PoseSe2, Tick};
+use ds_world::{EgoState, RouteCommand, Scene, Trajectory, WorldState};
+
+use crate::spec::EpisodeSpec;
+
+/// Body of `scene`: the fully resolved episode.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneMessage {
+    /// The settings.
+    pub spec: EpisodeSpec,
+    /// The scenario.
+    pub scene: Arc<Scene>,
+    /// The first frame o_0 of each camera, in camera order; empty where no video model runs.
+    pub first_frames: Vec<RgbImage>,
+}
+
+/// Body of `world`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct World {
+    /// The state after the step to this tick.
+    pub state: WorldState,
+    /// Content digest of the state before it; zero at the first tick.
+    pub before: Digest,
+    /// Restorable state of the simulator; only at the last tick of an iteration.
+    pub snapshot: Option<Vec<u8>>,
+}
+
+/// Body of `ego`: what a car knows of itself.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ego {
+    /// The estimated state, pose in the world frame (policies see it relative to their own start only).
+    pub estimate: EgoState,
+    /// What the navigation says.
+    pub command: RouteCommand,
+}
+
+/// Body of `layout`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layout {
+    /// The condition image.
+    pub image: RgbImage,
+    /// How it travels; lossless.
+    pub encoding: Encoding,
+    /// The rig in the world at this tick.
+    pub ego_in_world: PoseSe2,
+}
+
+/// Body of `frame`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    /// What the camera saw.
+    pub image: RgbImage,
+    /// How it travels; lossless.
+    pub encoding: Encoding,
+    /// Mean absolute difference to the preview of the same tick that was generated with an older layout, 0 to 255; 0 if none.
+    pub seam: f64,
+}
+
+/// One candidate of a plan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Proposal {
+    /// The trajectory, in the rig frame at the plan's tick.
+    pub trajectory: Trajectory,
+    /// The policy's own score; larger is better.
+    pub score: f64,
+}
+
+/// Body of `plan`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// The answer, in the rig frame at the plan's tick.
+    pub trajectory: Trajectory,
+    /// All candidates, the answer among them if the policy proposes several.
+    pub proposals: Vec<Proposal>,
+}
+
+/// Body of `cache`: the log entry of one committed chunk, opaque to all but the video model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cache {
+    /// The chunk, 0 being the first frame.
+    pub chunk: u32,
+    /// The first tick of the chunk.
+    pub first: Tick,
+    /// Ticks in the chunk.
+    pub ticks: u32,
+    /// The exact tensor that was fed to the cache-writing forward.
+    pub cached_input: Tensor,
+    /// The denoised latent, for the streaming decoder.
+    pub clean: Tensor,
+    /// Control latents of the chunk.
+    pub control: Tensor,
+    /// Digest of prompt and first-frame conditioning.
+    pub conditioning: Digest,
+    /// Digest of the KV cache after this chunk.
+    pub cache_digest: Digest,
+    /// Digest of the encoder's state after this chunk.
+    pub encoder_digest: Digest,
+    /// Digest of the decoder's state after this chunk.
+    pub decoder_digest: Digest,
+}
+
+/// A dense tensor of 32-bit floats, row-major.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Tensor {
+    /// Extent of each axis.
+    pub shape: Vec<u32>,
+    /// Elements; their count is the product of the extents.
+    pub values: Vec<f32>,
+}
+
+/// Body of `score`: sub-metrics so far.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Score {
+    /// Lower-case name and value (0 to 1), sorted by name; `None` where the metric does not apply.
+    pub values: Vec<(String, Option<f64>)>,
+}
+
+/// What kind of thing an event tells of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum EventKind {
+    /// The attempt began.
+    Started,
+    /// The episode ended by plan.
+    Completed,
+    /// The episode ended early by rule (policy fault) or cannot go on.
+    Failed,
+    /// The episode was cancelled or ran out of retries.
+    Aborted,
+    /// Something broke and was dealt with.
+    Fault,
+    /// A role was given to another instance.
+    Reassigned,
+}
+
+/// Body of `event`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Event {
+    /// What kind.
+    pub kind: EventKind,
+    /// A named reason such as `policy_deadline`, then details.
+    pub reason: String,
+}
+
+/// Adds a trajectory to a digest.
+pub fn digest_trajectory(writer: &mut DigestWriter, trajectory: &Trajectory) {
+    writer.u64(trajectory.points().len() as u64);
+    for point in trajectory.points() {
+        writer.i64(point.after.0);
+        digest_pose(writer, &point.pose);
+    }
+}
+
+fn digest_pose(writer: &mut DigestWriter, pose: &PoseSe2) {
+    writer.f64s(&[pose.position.x, pose.position.y, pose.heading_rad]);
+}
+
+fn digest_ego(writer: &mut DigestWriter, ego: &EgoState) {
+    digest_pose(writer, &ego.pose);
+    writer.f64s(&[ego.velocity_mps.x, ego.velocity_mps.y, ego.yaw_rate_radps]);
+    writer.f64s(&[ego.acceleration_mps2.x, ego.acceleration_mps2.y, ego.steering_rad, ego.steering_rate_radps]);
+}
+
+impl World {
+    /// Adds the payload fields to a digest; the snapshot, being derived, is left out.
+    pub fn digest_into(&self, writer: &mut DigestWriter) {
+        let state = &self.state;
+        writer.u32(state.tick.0).i64(state.time.0);
+        digest_ego(writer, &state.ego);
+        writer.u64(state.agents.len() as u64);
+        for agent in &state.agents {
+            writer.u32(agent.id.0).u32(agent.class as u32);
+            writer.f64s(&[agent.size.length_m, agent.size.width_m, agent.size.height_m]);
+            digest_pose(writer, &agent.pose);
+            writer.f64s(&[agent.z_m, agent.velocity_mps.x, agent.velocity_mps.y]);
+        }
+        writer.u64(state.lights.len() as u64);
+        for light in &state.lights {
+            writer.u32(*light as u32);
+        }
+        writer.u64(state.contacts.len() as u64);
+        for contact in &state.contacts {
+            writer.u32(contact.agent.0).u32(contact.kind as u32).bool(contact.at_fault).f64(contact.closing_speed_mps);
+        }
+    }
+}
+
+impl Ego {
+    /// Adds the payload fields to a digest.
+    pub fn digest_into(&self, writer: &mut DigestWriter) {
+        digest_ego(writer, &self.estimate);
+        writer.u32(self.command as u32);
+    }
+}
+
+impl Layout {
+    /// Adds width, height and raw RGB rows to a digest.
+    pub fn digest_into(&self, writer: &mut DigestWriter) {
+        self.image.digest_into(writer);
+    }
+}
+
+impl Frame {
+    /// Adds width, height and raw RGB rows to a digest.
+    pub fn digest_into(&self, writer: &mut DigestWriter) {
+        self.image.digest_into(writer);
+    }
+}
+
+impl Plan {
+    /// Adds the payload fields to a digest.
+    pub fn digest_into(&self, writer: &mut DigestWriter) {
+        digest_trajectory(writer, &self.trajectory);
+        writer.u64(self.proposals.len() as u64);
+        for proposal in &self.proposals {
+            digest_trajectory(writer, &proposal.trajectory);
+            writer.f64(proposal.score);
+        }
+    }
+}
+
+impl Tensor {
+    fn digest_into(&self, writer: &mut DigestWriter) {
+        writer.u64(self.shape.len() as u64);
+        for extent in &self.shape {
+            writer.u32(*extent);
+        }
+        for value in &self.values {
+            writer.raw(&value.to_le_bytes());
+        }
+    }
+}
+
+impl Cache {
+    /// Adds the payload fields to a digest.
+    pub fn digest_into(&self, writer: &mut DigestWriter) {
+        writer.u32(self.chunk).u32(self.first.0).u32(self.ticks);
+        for tensor in [&self.cached_input, &self.clean, &self.control] {
+            tensor.digest_into(writer);
+        }
+        for digest in [&self.conditioning, &self.cache_digest, &self.encoder_digest, &self.decoder_digest] {
+            writer.digest(digest);
+        }
+    }
+}
+
+impl Score {
+    /// Adds the payload fields to a digest.
+    pub fn digest_into(&self, writer: &mut DigestWriter) {
+        writer.u64(self.values.len() as u64);
+        for (name, value) in &self.values {
+            writer.text(name).bool(value.is_some()).f64(value.unwrap_or(0.0));
+        }
+    }
+}
+
+impl Event {
+    /// Adds the payload fields to a digest.
+    pub fn digest_into(&self, writer: &mut DigestWriter) {
+        writer.u32(self.kind as u32).text(&self.reason);
+    }
+}
+
+impl SceneMessage {
+    /// Adds the settings, the scenario's digest and the first frames to a digest.
+    pub fn digest_into(&self, writer: &mut DigestWriter) {
+        let spec = &self.spec;
+        writer.text(spec.episode.as_str()).text(&spec.scenario).digest(&spec.scenario_digest).text(&spec.policy);
+        writer.u32(spec.observation as u32).text(&spec.appearance).u64(spec.seed);
+        writer.u32(spec.replan_period).u32(spec.horizon).u32(spec.history).u32(spec.warm_up).u32(spec.last_tick.0);
+        writer.u32(spec.agents as u32).text(&spec.tracker).text(&spec.layout_backend).u32(spec.alignment as u32);
+        writer.u32(spec.chunk_ticks).digest(&spec.video_model).digest(&spec.policy_model).digest(&spec.configuration);
+        writer.digest(&self.scene.digest).u64(self.first_frames.len() as u64);
+        for frame in &self.first_frames {
+            frame.digest_into(writer);
+        }
+    }
+}

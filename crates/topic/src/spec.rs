@@ -1,0 +1,168 @@
+//! The resolved specification of an episode: everything besides the scene that its result depends on.
+
+use ds_space::{Digest, EpisodeId, Tick};
+
+/// Which renderer makes the frames that the policy sees.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub enum ObservationSource {
+    /// The autoregressive video model.
+    #[default]
+    Dreamstream,
+    /// The rich renderer that stands in for a real camera.
+    Reference,
+    /// A plain game-engine look.
+    SimRgb,
+    /// The condition image itself.
+    Layout,
+}
+
+impl ObservationSource {
+    /// All sources.
+    pub const ALL: [Self; 4] = [Self::Dreamstream, Self::Reference, Self::SimRgb, Self::Layout];
+
+    /// Returns the source's name on the command line and in results.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Dreamstream => "dreamstream",
+            Self::Reference => "reference",
+            Self::SimRgb => "sim-rgb",
+            Self::Layout => "layout",
+        }
+    }
+
+    /// Returns the source of a name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|source| source.name() == name)
+    }
+
+    /// Says whether frames are made from the world state, not from the layout alone.
+    #[must_use]
+    pub fn needs_world(self) -> bool {
+        matches!(self, Self::Reference | Self::SimRgb)
+    }
+}
+
+/// Which agents react, and to whom.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub enum AgentMode {
+    /// All agents follow their log.
+    LogReplay,
+    /// Agents behind the ego follow it by IDM, the others their log.
+    #[default]
+    IdmBehindEgo,
+    /// All agents with a route drive by IDM.
+    IdmAll,
+}
+
+impl AgentMode {
+    /// All modes.
+    pub const ALL: [Self; 3] = [Self::LogReplay, Self::IdmBehindEgo, Self::IdmAll];
+
+    /// Returns the mode's name on the command line and in results.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::LogReplay => "log-replay",
+            Self::IdmBehindEgo => "idm-behind-ego",
+            Self::IdmAll => "idm-all",
+        }
+    }
+
+    /// Returns the mode of a name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|mode| mode.name() == name)
+    }
+}
+
+/// What happens when Δr is not a multiple of the frames per chunk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub enum ReplanAlignment {
+    /// The partial chunk is generated, published, rolled back and generated again with the true layouts.
+    #[default]
+    Rollback,
+    /// Δr must be a multiple; anything else is refused.
+    Exact,
+}
+
+/// The settings of one episode, fully resolved.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EpisodeSpec {
+    /// The episode.
+    pub episode: EpisodeId,
+    /// The scenario's name.
+    pub scenario: String,
+    /// Digest of the scenario.
+    pub scenario_digest: Digest,
+    /// The policy's name.
+    pub policy: String,
+    /// The renderer of the frames.
+    pub observation: ObservationSource,
+    /// The look of the reference camera, such as `day` or `seed-17`.
+    pub appearance: String,
+    /// The seed of all draws.
+    pub seed: u64,
+    /// Δr: ticks executed of each plan; at least 1.
+    pub replan_period: u32,
+    /// H: length of a plan, in ticks.
+    pub horizon: u32,
+    /// K: frames that the policy sees; at least 1.
+    pub history: u32,
+    /// Iterations driven by the log before the policy takes over.
+    pub warm_up: u32,
+    /// The last tick of the episode.
+    pub last_tick: Tick,
+    /// Which agents react.
+    pub agents: AgentMode,
+    /// The tracker: `lqr` or `pure-pursuit`.
+    pub tracker: String,
+    /// The layout back end: `auto`, `cpu` or `wgpu`.
+    pub layout_backend: String,
+    /// Chunk alignment.
+    pub alignment: ReplanAlignment,
+    /// Ticks per committed chunk of the video model; 0 for sources without a cache.
+    pub chunk_ticks: u32,
+    /// Digest of the video model's configuration and weights; zero without one.
+    pub video_model: Digest,
+    /// Digest of the policy's weights; zero without any.
+    pub policy_model: Digest,
+    /// Digest over all of the run's settings.
+    pub configuration: Digest,
+}
+
+impl EpisodeSpec {
+    /// Returns the key of the episode's random draws: never the id, the policy or the observation source.
+    #[must_use]
+    pub fn draw_key(&self) -> Digest {
+        ds_space::Draws::key(&self.scenario_digest, &self.appearance, self.seed)
+    }
+
+    /// Returns the number of iterations, the initial one included.
+    #[must_use]
+    pub fn iterations(&self) -> u32 {
+        1 + self.last_tick.0.div_ceil(self.replan_period.max(1))
+    }
+
+    /// Returns the first and last tick of an iteration.
+    #[must_use]
+    pub fn ticks_of(&self, iteration: u32) -> (Tick, Tick) {
+        if iteration == 0 {
+            return (Tick(0), Tick(0));
+        }
+        let first = (iteration - 1) * self.replan_period + 1;
+        (Tick(first), Tick((first + self.replan_period - 1).min(self.last_tick.0)))
+    }
+
+    /// Returns the chunks whose last tick lies in an iteration; chunk 0 is the first frame.
+    #[must_use]
+    pub fn chunks_of(&self, iteration: u32) -> std::ops::Range<u32> {
+        if self.chunk_ticks == 0 {
+            return 0..0;
+        }
+        let (first, last) = self.ticks_of(iteration);
+        let before = if iteration == 0 { 0 } else { 1 + (first.0 - 1) / self.chunk_ticks };
+        before..1 + last.0 / self.chunk_ticks
+    }
+}

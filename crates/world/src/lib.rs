@@ -1,0 +1,17 @@
+//! The scene and the states that live in it: map, tracks, lights, agents, ego, trajectory. Values only.
+//!
+//! World frame, SI units, radians. No file formats, no messages, no behaviour beyond look-ups.
+
+pub mod agent;
+pub mod ego;
+pub mod map;
+pub mod scene;
+pub mod state;
+pub mod trajectory;
+
+pub use agent::{AgentClass, AgentState, Size, Track, TrackPoint};
+pub use ego::{EgoState, RouteCommand, VehicleParameters};
+pub use map::{Crosswalk, Lane, LaneId, LaneKind, LightState, LineColour, LineKind, LineMarking, Map, Polygon, RoadEdge, StopLine, TrafficLight};
+pub use scene::{Family, Origin, Scene};
+pub use state::{Contact, ContactKind, WorldState};
+pub use trajectory::{Trajectory, TrajectoryError, TrajectoryPoint};

@@ -1,0 +1,67 @@
+//! A scenario as a value: all that an episode starts from.
+
+use ds_space::{CameraModel, Digest, DVec2, SimTime, Tick};
+
+use crate::agent::Track;
+use crate::ego::{EgoState, VehicleParameters};
+use crate::map::Map;
+
+/// The kind of situation that a scenario shows.
+pub type Family = String;
+
+/// Where a scenario comes from and under which terms it may be used.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Origin {
+    /// The data set or generator, with its version or seed.
+    pub source: String,
+    /// The licence, as an SPDX expression where there is one.
+    pub licence: String,
+    /// Whom to name.
+    pub attribution: String,
+}
+
+/// A loaded, validated scenario. The world frame is the file's; ticks are `dt` apart.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// The scenario's name, unique within its set; safe in file names.
+    pub name: String,
+    /// The family, such as `cut-in`; empty if imported.
+    pub family: Family,
+    /// Digest of the scenario's content: keys all random draws.
+    pub digest: Digest,
+    /// Time between ticks.
+    pub dt: SimTime,
+    /// The map.
+    pub map: Map,
+    /// The vehicle under test.
+    pub vehicle: VehicleParameters,
+    /// The logged drive of the expert, one state per tick (rear axle); defines the number of ticks.
+    pub ego_log: Vec<EgoState>,
+    /// The path to drive: a polyline in the world, in metres, from behind the start to past the end of the log.
+    pub route: Vec<DVec2>,
+    /// All other road users.
+    pub tracks: Vec<Track>,
+    /// The cameras of the rig.
+    pub cameras: Vec<CameraModel>,
+    /// What the drive looks like, in words, for the video model (weather, light, place).
+    pub prompt: String,
+    /// Where it comes from.
+    pub origin: Origin,
+}
+
+impl Scene {
+    /// Returns the last tick of the log.
+    #[must_use]
+    pub fn last_tick(&self) -> Tick {
+        Tick(u32::try_from(self.ego_log.len().saturating_sub(1)).unwrap_or(u32::MAX))
+    }
+
+    /// Returns the logged ego state at a tick, the last one held.
+    ///
+    /// # Panics
+    /// If the log is empty, which a validated scene never is.
+    #[must_use]
+    pub fn logged_ego(&self, tick: Tick) -> &EgoState {
+        &self.ego_log[(tick.0 as usize).min(self.ego_log.len() - 1)]
+    }
+}
