@@ -1,0 +1,158 @@
+//! The rules of the house as tests: layers, who may name which library, names, sizes, heads of files.
+//!
+//! A new crate, a new edge upwards or a new namer of a library fails here until the table below says so.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use dreamstream_tests::workspace;
+
+/// Every package and its layer; imports point to a lower layer only.
+const LAYERS: &[(&str, u32)] = &[
+    ("ds-space", 0),
+    ("ds-world", 1),
+    ("ds-raster", 1),
+    ("ds-nn", 1),
+    ("ds-topic", 2),
+    ("ds-scenario", 2),
+    ("ds-sim", 2),
+    ("ds-camera", 2),
+    ("ds-layout", 2),
+    ("ds-video", 2),
+    ("ds-policy", 2),
+    ("ds-score", 2),
+    ("ds-episode", 3),
+    ("ds-train", 3),
+    ("ds-wire", 4),
+    ("ds-bus", 5),
+    ("ds-record", 5),
+    ("ds-process", 6),
+    ("orchestrator", 7),
+    ("sim-server", 7),
+    ("layout-render", 7),
+    ("vdm-worker", 7),
+    ("policy-bridge", 7),
+    ("dreamstream", 8),
+    ("dreamstream-tests", 9),
+];
+
+/// Outside libraries that only the named packages may depend on.
+const NAMED_ONLY_BY: &[(&str, &[&str])] = &[
+    ("zenoh", &["ds-bus"]),
+    ("prost", &["ds-wire"]),
+    ("prost-types", &["ds-wire"]),
+    ("tonic", &["ds-wire", "orchestrator", "ds-process", "dreamstream", "dreamstream-tests"]),
+    ("wgpu", &["ds-layout"]),
+    ("naga", &["ds-layout"]),
+    ("burn", &["ds-nn"]),
+    ("rapier3d", &["ds-sim"]),
+    ("mcap", &["ds-record"]),
+    ("rerun", &["ds-record"]),
+    ("glam", &["ds-space"]),
+    ("redb", &["orchestrator"]),
+    ("rand", &[]),
+];
+
+const FORBIDDEN_NAMES: &[&str] = &["utils", "util", "common", "shared", "core", "helpers", "misc", "types", "manager"];
+const MAX_FILE_LINES: usize = 500;
+
+struct Package {
+    name: String,
+    folder: PathBuf,
+    dependencies: BTreeSet<String>,
+}
+
+fn packages() -> Vec<Package> {
+    let mut found = Vec::new();
+    for group in ["crates", "services"] {
+        let entries = fs::read_dir(workspace().join(group)).expect("the workspace has crates and services");
+        found.extend(entries.map(|entry| entry.expect("readable entry").path()));
+    }
+    found.push(workspace().join("tests"));
+    found.sort();
+    found.iter().filter(|folder| folder.join("Cargo.toml").exists()).map(|folder| package(folder)).collect()
+}
+
+fn package(folder: &Path) -> Package {
+    let text = fs::read_to_string(folder.join("Cargo.toml")).expect("readable manifest");
+    let manifest: toml::Table = text.parse().expect("manifest is TOML");
+    let name = manifest["package"]["name"].as_str().expect("package has a name").to_owned();
+    let mut dependencies = BTreeSet::new();
+    for section in ["dependencies", "dev-dependencies", "build-dependencies"] {
+        if let Some(table) = manifest.get(section).and_then(toml::Value::as_table) {
+            dependencies.extend(table.keys().cloned());
+        }
+    }
+    Package { name, folder: folder.to_path_buf(), dependencies }
+}
+
+fn sources(folder: &Path, out: &mut Vec<PathBuf>) {
+    let mut entries: Vec<PathBuf> =
+        fs::read_dir(folder).expect("readable folder").map(|entry| entry.expect("readable entry").path()).collect();
+    entries.sort();
+    for path in entries {
+        if path.is_dir() && !path.ends_with("generated") && !path.ends_with("target") {
+            sources(&path, out);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            out.push(path);
+        }
+    }
+}
+
+#[test]
+fn imports_point_to_a_lower_layer() {
+    let layers: BTreeMap<&str, u32> = LAYERS.iter().copied().collect();
+    let mut faults = Vec::new();
+    for package in packages() {
+        let Some(layer) = layers.get(package.name.as_str()) else {
+            faults.push(format!("{} has no layer", package.name));
+            continue;
+        };
+        for dependency in &package.dependencies {
+            if layers.get(dependency.as_str()).is_some_and(|other| other >= layer) {
+                faults.push(format!("{} imports {dependency}, which is not below it", package.name));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{faults:#?}");
+}
+
+#[test]
+fn libraries_are_named_by_their_owners_only() {
+    let mut faults = Vec::new();
+    for package in packages() {
+        for (library, owners) in NAMED_ONLY_BY {
+            if package.dependencies.contains(*library) && !owners.contains(&package.name.as_str()) {
+                faults.push(format!("{} names {library}, which belongs to {owners:?}", package.name));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{faults:#?}");
+}
+
+#[test]
+fn files_have_a_head_a_noun_and_a_bounded_size() {
+    let mut faults = Vec::new();
+    for package in packages() {
+        let mut files = Vec::new();
+        sources(&package.folder, &mut files);
+        for file in files {
+            let text = fs::read_to_string(&file).expect("readable source");
+            let name = file.strip_prefix(workspace()).unwrap_or(&file).display().to_string();
+            if !text.starts_with("//!") {
+                faults.push(format!("{name} does not open with //!"));
+            }
+            let stem = file.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
+            if FORBIDDEN_NAMES.contains(&stem) || stem == "mod" {
+                faults.push(format!("{name} has a forbidden name"));
+            }
+            let code = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or(&text);
+            let lines = code.lines().count();
+            if lines > MAX_FILE_LINES {
+                faults.push(format!("{name} has {lines} lines, the limit is {MAX_FILE_LINES}"));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{faults:#?}");
+}
