@@ -1,12 +1,17 @@
 //! Pixel buffers with their meaning, lossless encodings, digests, and a z-buffered software rasteriser.
 //!
 //! Images are 8-bit RGB in sRGB, rows top to bottom, no padding. The rasteriser is shared by the layout's `cpu`
-//! back end and the reference camera; it knows triangles and depth, not scenes.
+//! back end and the reference camera; it knows triangles, views, lenses and depth, not scenes.
 
 pub mod depth;
 pub mod encode;
 pub mod image;
+pub mod lens;
+pub mod shape;
+pub mod view;
 
-pub use depth::DepthRaster;
+pub use depth::{DepthRaster, ScreenPoint};
 pub use encode::{Encoding, ImageError};
 pub use image::RgbImage;
+pub use lens::Lens;
+pub use view::View;
