@@ -5,6 +5,7 @@
 pub mod agent;
 pub mod ego;
 pub mod map;
+pub mod polyline;
 pub mod scene;
 pub mod state;
 pub mod trajectory;
@@ -12,6 +13,7 @@ pub mod trajectory;
 pub use agent::{AgentClass, AgentState, Size, Track, TrackPoint};
 pub use ego::{EgoState, RouteCommand, VehicleParameters};
 pub use map::{Crosswalk, Lane, LaneId, LaneKind, LightState, LineColour, LineKind, LineMarking, Map, Polygon, RoadEdge, StopLine, TrafficLight};
+pub use polyline::{Polyline, Projection};
 pub use scene::{Family, Origin, Scene};
 pub use state::{Contact, ContactKind, WorldState};
 pub use trajectory::{Trajectory, TrajectoryError, TrajectoryPoint};
