@@ -1,10 +1,11 @@
 //! A scenario as a value: all that an episode starts from.
 
-use ds_space::{CameraModel, Digest, DVec2, SimTime, Tick};
+use ds_space::{AgentId, CameraModel, DVec2, Digest, SimTime, Tick};
 
-use crate::agent::Track;
+use crate::agent::{AgentState, Track};
 use crate::ego::{EgoState, VehicleParameters};
 use crate::map::Map;
+use crate::state::WorldState;
 
 /// The kind of situation that a scenario shows.
 pub type Family = String;
@@ -63,5 +64,28 @@ impl Scene {
     #[must_use]
     pub fn logged_ego(&self, tick: Tick) -> &EgoState {
         &self.ego_log[(tick.0 as usize).min(self.ego_log.len() - 1)]
+    }
+
+    /// Returns the world as logged at a tick: no simulation, no contacts.
+    #[must_use]
+    pub fn logged_world(&self, tick: Tick) -> WorldState {
+        let seen = |(index, track): (u32, &Track)| {
+            track.at(tick).map(|point| AgentState {
+                id: AgentId(index),
+                class: track.class,
+                size: track.size,
+                pose: point.pose,
+                z_m: point.z_m,
+                velocity_mps: point.velocity_mps,
+            })
+        };
+        WorldState {
+            tick,
+            time: SimTime::at(tick, self.dt),
+            ego: *self.logged_ego(tick),
+            agents: (0..).zip(&self.tracks).filter_map(seen).collect(),
+            lights: self.map.traffic_lights.iter().map(|light| light.at(tick)).collect(),
+            contacts: Vec::new(),
+        }
     }
 }
