@@ -1,0 +1,17 @@
+//! Laws of the generator, over many seeds.
+
+use super::*;
+
+#[test]
+fn report() {
+    for family in Family::ALL {
+        let (mut faults, mut first) = (0, Vec::new());
+        for seed in 0..6 {
+            if let Some(fault) = check::fault(&attempt(family, seed, 0)) {
+                faults += 1;
+                first.push(fault);
+            }
+        }
+        eprintln!("{family}: {faults} {first:#?}");
+    }
+}
