@@ -25,7 +25,7 @@ pub struct FleetSettings {
     pub lease_ms: u64,
     /// How much longer a silent holder is waited for.
     pub margin_ms: u64,
-    /// An episode that killed so many instances is quarantined.
+    /// An episode that killed so many instances in one role is quarantined (a lost host kills one in each and is no proof).
     pub deaths_to_quarantine: usize,
     /// An instance that failed so many different episodes is cordoned.
     pub failures_to_cordon: usize,
@@ -63,9 +63,11 @@ pub enum JoinError {
 #[derive(Debug, thiserror::Error)]
 pub enum AssignError {
     /// The episode killed too many instances; lasting.
-    #[error("quarantined: the episode killed {dead:?}")]
+    #[error("quarantined: the episode killed {dead:?} in role {role}")]
     Quarantined {
-        /// Who died while holding a role of it.
+        /// The role.
+        role: Role,
+        /// Who died while holding it.
         dead: Vec<InstanceId>,
     },
     /// An earlier holder may still act; passing.
@@ -122,7 +124,7 @@ pub struct Fleet<L> {
     members: BTreeMap<InstanceId, Member>,
     leases: BTreeMap<(EpisodeId, Role), Lease>,
     seats: BTreeMap<(EpisodeId, Role), Seat>,
-    deaths: BTreeMap<EpisodeId, BTreeSet<InstanceId>>,
+    deaths: entry::Deaths,
     failures: BTreeMap<InstanceId, BTreeSet<EpisodeId>>,
 }
 
@@ -186,7 +188,8 @@ impl<L: Ledger> Fleet<L> {
     }
 
     fn free_device(&self, hello: &Hello) -> Result<Option<String>, JoinError> {
-        let users = |device: &String| self.members.values().filter(|member| member.device.as_ref() == Some(device)).count();
+        let users =
+            |device: &String| self.members.values().filter(|member| member.device.as_ref() == Some(device)).count();
         let Some(least) = hello.devices.iter().min_by_key(|device| users(device)) else { return Ok(None) };
         if users(least) > 0 && !hello.shares_device {
             return Err(JoinError::NoFreeDevice { instance: hello.instance.clone(), devices: hello.devices.clone() });
@@ -198,7 +201,11 @@ impl<L: Ledger> Fleet<L> {
     ///
     /// # Errors
     /// [`LedgerError::Fenced`] if another orchestrator is in charge.
-    pub fn renew(&mut self, now: Millis, instance: &InstanceId) -> Result<Option<Vec<(EpisodeId, Role, u64)>>, LedgerError> {
+    pub fn renew(
+        &mut self,
+        now: Millis,
+        instance: &InstanceId,
+    ) -> Result<Option<Vec<(EpisodeId, Role, u64)>>, LedgerError> {
         self.check_term()?;
         let Some(member) = self.members.get_mut(instance) else { return Ok(None) };
         member.heard = now;
@@ -237,10 +244,9 @@ impl<L: Ledger> Fleet<L> {
     pub fn assign(&mut self, now: Millis, request: Request) -> Result<Granted, AssignError> {
         self.check_term()?;
         let key = (request.episode.clone(), request.role);
-        let dead = self.deaths.get(&request.episode).map_or(0, BTreeSet::len);
-        if dead >= self.settings.deaths_to_quarantine {
-            let dead = self.deaths.get(&request.episode).into_iter().flatten().cloned().collect();
-            return Err(AssignError::Quarantined { dead });
+        let dead: Vec<InstanceId> = self.deaths.get(&key).into_iter().flatten().cloned().collect();
+        if dead.len() >= self.settings.deaths_to_quarantine {
+            return Err(AssignError::Quarantined { role: request.role, dead });
         }
         if let Some(lease) = self.leases.get(&key) {
             let until = lease.until.plus(self.settings.margin_ms);
@@ -279,7 +285,8 @@ impl<L: Ledger> Fleet<L> {
             .filter(|member| request.exclude.as_ref() != Some(&member.hello.instance))
             .collect();
         let equal = free.iter().filter(|member| class.as_ref().is_none_or(|class| member.hello.class == *class));
-        let most_free = equal.min_by_key(|member| (std::cmp::Reverse(member.hello.slots - member.held), &member.hello.instance));
+        let most_free =
+            equal.min_by_key(|member| (std::cmp::Reverse(member.hello.slots - member.held), &member.hello.instance));
         match (most_free, class) {
             (Some(member), _) => Ok((member.hello.instance.clone(), member.hello.class.clone())),
             (None, Some(class)) if !free.is_empty() => Err(AssignError::NoEqualClass { role, class: class.0 }),
@@ -351,7 +358,7 @@ impl<L: Ledger> Fleet<L> {
             let (Some(lease), Some(seat)) = (self.leases.get(key), self.seats.get(key)) else { continue };
             writes.push(entry::write_seat(key, &Seat { held: false, ..seat.clone() }));
             if cause == LossCause::Died {
-                writes.push(entry::write_death(&key.0, &lease.owner.instance));
+                writes.push(entry::write_death(key, &lease.owner.instance));
             }
             lost.push(Lost { episode: key.0.clone(), role: key.1, owner: lease.owner.clone(), cause });
         }
@@ -369,7 +376,7 @@ impl<L: Ledger> Fleet<L> {
                 member.held = member.held.saturating_sub(1);
             }
             if cause == LossCause::Died {
-                self.deaths.entry(loss.episode.clone()).or_default().insert(loss.owner.instance.clone());
+                self.deaths.entry(key).or_default().insert(loss.owner.instance.clone());
             }
         }
         Ok(lost)

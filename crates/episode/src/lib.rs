@@ -24,7 +24,7 @@
 pub mod clock;
 pub mod codec;
 pub mod counters;
-//pub mod driver;
+pub mod driver;
 pub mod due;
 pub mod fault;
 pub mod fleet;
@@ -35,7 +35,7 @@ pub mod timing;
 pub use clock::Millis;
 pub use codec::{Codec, CodecError, Outline};
 pub use counters::Counters;
-//pub use driver::Driver;
+pub use driver::Driver;
 pub use fault::{Fault, FaultClass};
 pub use fleet::Fleet;
 pub use stage::Stage;

@@ -1,5 +1,5 @@
 //! The fleet's entries in the ledger as lines of text: `seat/{episode}/{role}` (epoch, instance, attempt, class, held),
-//! `death/{episode}/{instance}` and `failure/{instance}/{episode}` (empty). Ids hold no '/' and no line break.
+//! `death/{episode}/{role}/{instance}` and `failure/{instance}/{episode}` (empty). Ids hold no '/' and no line break.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -26,8 +26,8 @@ pub(super) fn write_seat((episode, role): &(EpisodeId, Role), seat: &Seat) -> Wr
     (format!("seat/{episode}/{role}"), Some(text.into_bytes()))
 }
 
-pub(super) fn write_death(episode: &EpisodeId, instance: &InstanceId) -> Write {
-    (format!("death/{episode}/{instance}"), Some(Vec::new()))
+pub(super) fn write_death((episode, role): &(EpisodeId, Role), instance: &InstanceId) -> Write {
+    (format!("death/{episode}/{role}/{instance}"), Some(Vec::new()))
 }
 
 pub(super) fn write_failure(instance: &InstanceId, episode: &EpisodeId) -> Write {
@@ -38,7 +38,7 @@ pub(super) fn seats(ledger: &impl Ledger) -> Result<BTreeMap<(EpisodeId, Role), 
     let mut seats = BTreeMap::new();
     for (key, value) in ledger.entries("seat/")? {
         let (episode, role) = split(&key)?;
-        let role = Role::from_name(role).ok_or_else(|| broken(&key, format!("unknown role {role:?}")))?;
+        let role = self::role(&key, role)?;
         let text = std::str::from_utf8(&value).map_err(|error| broken(&key, error.to_string()))?;
         let lines: Vec<&str> = text.splitn(5, '\n').collect();
         let [epoch, instance, attempt, held, class] = lines[..] else {
@@ -57,11 +57,16 @@ pub(super) fn seats(ledger: &impl Ledger) -> Result<BTreeMap<(EpisodeId, Role), 
     Ok(seats)
 }
 
-pub(super) fn deaths(ledger: &impl Ledger) -> Result<BTreeMap<EpisodeId, BTreeSet<InstanceId>>, LedgerError> {
-    let mut deaths: BTreeMap<EpisodeId, BTreeSet<InstanceId>> = BTreeMap::new();
+/// Instances that died, by the episode and role that they held.
+pub(super) type Deaths = BTreeMap<(EpisodeId, Role), BTreeSet<InstanceId>>;
+
+pub(super) fn deaths(ledger: &impl Ledger) -> Result<Deaths, LedgerError> {
+    let mut deaths = Deaths::new();
     for (key, _) in ledger.entries("death/")? {
-        let (episode, instance) = split(&key)?;
-        deaths.entry(self::episode(&key, episode)?).or_default().insert(self::instance(&key, instance)?);
+        let (episode, rest) = split(&key)?;
+        let (role, instance) = rest.split_once('/').ok_or_else(|| broken(&key, "four parts expected".to_owned()))?;
+        let seat = (self::episode(&key, episode)?, self::role(&key, role)?);
+        deaths.entry(seat).or_default().insert(self::instance(&key, instance)?);
     }
     Ok(deaths)
 }
@@ -78,6 +83,10 @@ pub(super) fn failures(ledger: &impl Ledger) -> Result<BTreeMap<InstanceId, BTre
 fn split(key: &str) -> Result<(&str, &str), LedgerError> {
     let mut parts = key.splitn(3, '/').skip(1);
     parts.next().zip(parts.next()).ok_or_else(|| broken(key, "three parts expected".to_owned()))
+}
+
+fn role(key: &str, text: &str) -> Result<Role, LedgerError> {
+    Role::from_name(text).ok_or_else(|| broken(key, format!("unknown role {text:?}")))
 }
 
 fn episode(key: &str, text: &str) -> Result<EpisodeId, LedgerError> {

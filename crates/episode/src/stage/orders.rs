@@ -40,7 +40,9 @@ impl Stage {
         }
         let advance = match self.codec.decode_advance(&message.body) {
             Ok(advance) if advance.content() == header.content && advance.iteration == header.slot.index => advance,
-            Ok(_) => return self.refuse_order(&message, "content digest or iteration differs from the header", actions),
+            Ok(_) => {
+                return self.refuse_order(&message, "content digest or iteration differs from the header", actions);
+            }
             Err(error) => return self.refuse_order(&message, &error.to_string(), actions),
         };
         let own = &self.assignment.owner;

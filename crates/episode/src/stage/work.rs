@@ -130,7 +130,8 @@ impl Stage {
                 .map(|slot| format!("{slot} is missing"))
                 .chain(made.iter().filter(|slot| !due.contains(slot)).map(|slot| format!("{slot} is not due")))
                 .collect();
-            let detail = format!("advance[{}]: {} made of {}; {}", advance.iteration, made.len(), due.len(), wrong.join(", "));
+            let detail =
+                format!("advance[{}]: {} made of {}; {}", advance.iteration, made.len(), due.len(), wrong.join(", "));
             return Err(Fault::deterministic(Fault::WRONG_OUTPUTS, detail));
         }
         for output in outputs {
