@@ -1,0 +1,211 @@
+//! The route of a reactive agent: its own logged path, resampled every metre, extended 60 m along the road ahead.
+//!
+//! World frame. Headings are the logged ones (so a reversing car stays reversed); the desired speed at a place is the
+//! highest logged speed within 20 m of it, at least 3 m/s. Agents that hardly move have no path.
+
+use ds_space::angle::{turn, wrap};
+use ds_space::{DVec2, PoseSe2, Tick};
+use ds_world::{AgentClass, Track, TrackPoint};
+
+use crate::lane_index::LaneIndex;
+
+/// Distance between the knots of a path, in metres.
+pub(crate) const KNOT_M: f64 = 1.0;
+const SHORTEST_M: f64 = 5.0;
+const EXTENSION_KNOTS: usize = 60;
+/// Logged points closer than this to the last kept one are measurement noise of a standing agent.
+const NOISE_M: f64 = 0.3;
+const SPEED_REACH_M: f64 = 20.0;
+const SLOWEST_DESIRED_MPS: f64 = 3.0;
+/// No logged path is followed farther than this.
+const LONGEST_M: f64 = 20_000.0;
+
+/// A place on a path.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Knot {
+    pub(crate) pose: PoseSe2,
+    pub(crate) z_m: f64,
+    pub(crate) desired_mps: f64,
+}
+
+/// A path with a knot every metre.
+#[derive(Debug, Clone)]
+pub(crate) struct AgentPath {
+    knots: Vec<Knot>,
+    /// Distance along the path at each logged tick; `NaN` where the agent was not seen.
+    along_at_tick_m: Vec<f64>,
+}
+
+struct Logged {
+    along_m: f64,
+    point: TrackPoint,
+}
+
+impl AgentPath {
+    /// Makes the path of a track, or `None` if it does not drive anywhere.
+    pub(crate) fn of(track: &Track, lanes: &LaneIndex<'_>) -> Option<Self> {
+        if !matches!(track.class, AgentClass::Vehicle | AgentClass::Cyclist) {
+            return None;
+        }
+        let mut kept: Vec<Logged> = Vec::new();
+        let mut along_at_tick_m = Vec::with_capacity(track.points.len());
+        for point in &track.points {
+            let Some(point) = point else {
+                along_at_tick_m.push(f64::NAN);
+                continue;
+            };
+            let along_m = kept
+                .last()
+                .map_or(0.0, |last| last.along_m + (point.pose.position - last.point.pose.position).length());
+            if kept.last().is_none_or(|last| along_m - last.along_m >= NOISE_M) {
+                kept.push(Logged { along_m, point: *point });
+            }
+            along_at_tick_m.push(along_m);
+        }
+        let (first, last) = (kept.first()?, kept.last()?);
+        let moved_m = (last.point.pose.position - first.point.pose.position).length();
+        if !(SHORTEST_M..=LONGEST_M).contains(&last.along_m) || !(moved_m >= 0.5 * SHORTEST_M) {
+            return None;
+        }
+        let mut knots = resample(&kept);
+        extend(&mut knots, lanes);
+        Some(Self { knots, along_at_tick_m })
+    }
+
+    /// Returns the length with the extension, in metres.
+    pub(crate) fn length_m(&self) -> f64 {
+        (self.knots.len() - 1) as f64 * KNOT_M
+    }
+
+    /// Returns where on the path the agent was logged at a tick.
+    pub(crate) fn along_at(&self, tick: Tick) -> Option<f64> {
+        let along_m = *self.along_at_tick_m.get(tick.0 as usize)?;
+        along_m.is_finite().then(|| along_m.min(self.length_m()))
+    }
+
+    /// Returns the place at a distance along the path, clamped to its ends.
+    pub(crate) fn at(&self, along_m: f64) -> Knot {
+        let segment = self.segment(along_m);
+        let (a, b) = (&self.knots[segment], &self.knots[segment + 1]);
+        let share = (along_m / KNOT_M - segment as f64).clamp(0.0, 1.0);
+        let turned = turn(a.pose.heading_rad, b.pose.heading_rad);
+        Knot {
+            pose: PoseSe2 {
+                position: a.pose.position.lerp(b.pose.position, share),
+                heading_rad: wrap(a.pose.heading_rad + share * turned),
+            },
+            z_m: a.z_m + share * (b.z_m - a.z_m),
+            desired_mps: a.desired_mps + share * (b.desired_mps - a.desired_mps),
+        }
+    }
+
+    /// Returns the direction of travel at a distance along the path.
+    pub(crate) fn direction_at(&self, along_m: f64) -> DVec2 {
+        let segment = self.segment(along_m);
+        (self.knots[segment + 1].pose.position - self.knots[segment].pose.position).normalize_or(DVec2::X)
+    }
+
+    /// Returns the knots from just before one distance to just after another.
+    pub(crate) fn stretch(&self, from_m: f64, to_m: f64) -> Stretch<'_> {
+        let (first, last) = (self.segment(from_m), self.segment(to_m) + 1);
+        Stretch { first, knots: &self.knots[first..=last] }
+    }
+
+    /// Returns the positions of all knots.
+    pub(crate) fn positions(&self) -> impl ExactSizeIterator<Item = DVec2> {
+        self.knots.iter().map(|knot| knot.pose.position)
+    }
+
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the index range")]
+    fn segment(&self, along_m: f64) -> usize {
+        ((along_m / KNOT_M).max(0.0) as usize).min(self.knots.len() - 2)
+    }
+}
+
+/// A part of a path.
+pub(crate) struct Stretch<'a> {
+    first: usize,
+    knots: &'a [Knot],
+}
+
+/// A point relative to a stretch of a path.
+pub(crate) struct Nearest {
+    pub(crate) along_m: f64,
+    pub(crate) distance_m: f64,
+    pub(crate) direction: DVec2,
+}
+
+impl Stretch<'_> {
+    /// Returns the corners of the box around the stretch.
+    pub(crate) fn bounds(&self) -> (DVec2, DVec2) {
+        let start = self.knots[0].pose.position;
+        self.knots
+            .iter()
+            .fold((start, start), |(low, high), knot| (low.min(knot.pose.position), high.max(knot.pose.position)))
+    }
+
+    /// Returns the place of the stretch that is nearest to a point.
+    pub(crate) fn nearest(&self, point: DVec2) -> Nearest {
+        let mut best = (f64::INFINITY, 0, 0.0);
+        for (index, ends) in self.knots.windows(2).enumerate() {
+            let (start, edge) = (ends[0].pose.position, ends[1].pose.position - ends[0].pose.position);
+            let share = ((point - start).dot(edge) / edge.length_squared().max(1e-12)).clamp(0.0, 1.0);
+            let squared = (start + edge * share - point).length_squared();
+            if squared < best.0 {
+                best = (squared, index, share);
+            }
+        }
+        let (squared, index, share) = best;
+        let edge = self.knots[index + 1].pose.position - self.knots[index].pose.position;
+        Nearest {
+            along_m: ((self.first + index) as f64 + share) * KNOT_M,
+            distance_m: squared.sqrt(),
+            direction: edge.normalize_or(DVec2::X),
+        }
+    }
+}
+
+fn resample(kept: &[Logged]) -> Vec<Knot> {
+    let desired: Vec<f64> = (0..kept.len()).map(|index| desired_speed(kept, index)).collect();
+    let mut knots = Vec::new();
+    let mut along_m = 0.0;
+    for (index, ends) in kept.windows(2).enumerate() {
+        let (a, b) = (&ends[0], &ends[1]);
+        while along_m <= b.along_m {
+            let share = (along_m - a.along_m) / (b.along_m - a.along_m);
+            let turned = turn(a.point.pose.heading_rad, b.point.pose.heading_rad);
+            knots.push(Knot {
+                pose: PoseSe2 {
+                    position: a.point.pose.position.lerp(b.point.pose.position, share),
+                    heading_rad: wrap(a.point.pose.heading_rad + share * turned),
+                },
+                z_m: a.point.z_m + share * (b.point.z_m - a.point.z_m),
+                desired_mps: desired[index] + share * (desired[index + 1] - desired[index]),
+            });
+            along_m += KNOT_M;
+        }
+    }
+    knots
+}
+
+fn desired_speed(kept: &[Logged], index: usize) -> f64 {
+    let here_m = kept[index].along_m;
+    let near = |logged: &&Logged| (logged.along_m - here_m).abs() <= SPEED_REACH_M;
+    let before = kept[..index].iter().rev().take_while(near);
+    let after = kept[index..].iter().take_while(near);
+    before.chain(after).map(|logged| logged.point.velocity_mps.length()).fold(SLOWEST_DESIRED_MPS, f64::max).min(60.0)
+}
+
+fn extend(knots: &mut Vec<Knot>, lanes: &LaneIndex<'_>) {
+    let [.., before, last] = knots.as_slice() else { return };
+    let (mut previous, last) = (last.pose.position, *last);
+    let direction = (last.pose.position - before.pose.position).normalize_or(last.pose.forward());
+    // A car that was reversing goes on reversing.
+    let flip = if direction.dot(last.pose.forward()) < 0.0 { std::f64::consts::PI } else { 0.0 };
+    for position in lanes.road_ahead(previous, direction, KNOT_M, EXTENSION_KNOTS) {
+        let step = (position - previous).normalize_or(direction);
+        let pose = PoseSe2 { position, heading_rad: wrap(step.to_angle() + flip) };
+        knots.push(Knot { pose, ..last });
+        previous = position;
+    }
+}

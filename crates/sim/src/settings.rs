@@ -1,0 +1,184 @@
+//! What may be chosen about a simulation: tracker, agents, dynamics, sub-steps. Checked once at its start.
+
+use ds_space::{Digest, DigestWriter};
+use ds_world::VehicleParameters;
+
+use crate::error::SimError;
+use crate::idm::IdmParameters;
+
+/// The controller that follows the plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum TrackerKind {
+    /// Linear-quadratic tracking of speed and lateral error over a 1 s preview, as in NAVSIM and nuPlan.
+    #[default]
+    Lqr,
+    /// Pure pursuit of a point ahead on the plan, speed from its timing.
+    PurePursuit,
+}
+
+/// Which agents react.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum IdmScope {
+    /// Every moving vehicle and cyclist from its first tick on.
+    All,
+    /// Those that are, at some tick of the closed loop, behind the ego, within 100 m and heading within 90° of
+    /// its heading; from that tick on.
+    #[default]
+    BehindEgo,
+}
+
+/// How agents move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AgentMode {
+    /// As logged, whatever the ego does.
+    LogReplay,
+    /// Along their own logged path under the intelligent driver model; pedestrians, standing agents and paths
+    /// under 5 m are replayed.
+    Idm {
+        /// Which of them react.
+        scope: IdmScope,
+    },
+}
+
+impl Default for AgentMode {
+    fn default() -> Self {
+        Self::Idm { scope: IdmScope::default() }
+    }
+}
+
+/// The model of the ego's motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum DynamicsKind {
+    /// Dynamic single-track with saturating tyre forces, blended into the kinematic one between 2 and 4 m/s.
+    #[default]
+    SingleTrack,
+    /// Kinematic single-track at all speeds (no slip).
+    Kinematic,
+}
+
+/// The choices of a simulation. The default is LQR tracking of a dynamic single-track car at 10 sub-steps a tick,
+/// with IDM traffic behind the ego and log replay elsewhere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SimConfig {
+    /// The controller that follows the plan.
+    pub tracker: TrackerKind,
+    /// How agents move.
+    pub agents: AgentMode,
+    /// How reactive agents drive.
+    pub idm: IdmParameters,
+    /// The model of the ego's motion.
+    pub dynamics: DynamicsKind,
+    /// Integration steps of the ego per tick, 1 to 1000.
+    pub substeps: u32,
+}
+
+impl Default for SimConfig {
+    fn default() -> Self {
+        Self {
+            tracker: TrackerKind::default(),
+            agents: AgentMode::default(),
+            idm: IdmParameters::default(),
+            dynamics: DynamicsKind::default(),
+            substeps: 10,
+        }
+    }
+}
+
+impl SimConfig {
+    /// Checks all numbers.
+    ///
+    /// # Errors
+    /// [`SimError::Field`] names the first bad field.
+    pub fn check(&self) -> Result<(), SimError> {
+        let idm = &self.idm;
+        in_range("substeps", f64::from(self.substeps), 1.0..=1000.0, "1 to 1000")?;
+        if let Some(value) = idm.desired_speed_mps {
+            in_range("idm.desired_speed_mps", value, 0.1..=60.0, "0.1 to 60")?;
+        }
+        in_range("idm.minimum_gap_m", idm.minimum_gap_m, 0.0..=20.0, "0 to 20")?;
+        in_range("idm.headway_secs", idm.headway_secs, 0.0..=10.0, "0 to 10")?;
+        in_range("idm.acceleration_mps2", idm.acceleration_mps2, 0.1..=10.0, "0.1 to 10")?;
+        in_range("idm.deceleration_mps2", idm.deceleration_mps2, 0.1..=10.0, "0.1 to 10")?;
+        in_range("idm.emergency_deceleration_mps2", idm.emergency_deceleration_mps2, 0.1..=20.0, "0.1 to 20")
+    }
+
+    /// Returns the digest of all choices.
+    #[must_use]
+    pub fn digest(&self) -> Digest {
+        let idm = &self.idm;
+        let agents = match self.agents {
+            AgentMode::LogReplay => 0,
+            AgentMode::Idm { scope: IdmScope::All } => 1,
+            AgentMode::Idm { scope: IdmScope::BehindEgo } => 2,
+        };
+        DigestWriter::new()
+            .text("sim configuration 1")
+            .u32(u32::from(self.tracker == TrackerKind::PurePursuit))
+            .u32(agents)
+            .u32(u32::from(self.dynamics == DynamicsKind::Kinematic))
+            .u32(self.substeps)
+            .bool(idm.desired_speed_mps.is_some())
+            .f64(idm.desired_speed_mps.unwrap_or_default())
+            .f64s(&[idm.minimum_gap_m, idm.headway_secs, idm.acceleration_mps2])
+            .f64s(&[idm.deceleration_mps2, idm.emergency_deceleration_mps2])
+            .finish()
+    }
+}
+
+/// Checks the numbers of a vehicle.
+pub(crate) fn check_vehicle(vehicle: &VehicleParameters) -> Result<(), SimError> {
+    in_range("vehicle.wheel_base_m", vehicle.wheel_base_m, 0.2..=20.0, "0.2 to 20")?;
+    in_range("vehicle.length_m", vehicle.size.length_m, 0.2..=40.0, "0.2 to 40")?;
+    in_range("vehicle.width_m", vehicle.size.width_m, 0.2..=10.0, "0.2 to 10")?;
+    in_range("vehicle.height_m", vehicle.size.height_m, 0.0..=10.0, "0 to 10")?;
+    in_range("vehicle.rear_axle_to_centre_m", vehicle.rear_axle_to_centre_m, -20.0..=20.0, "-20 to 20")?;
+    in_range("vehicle.max_steering_rad", vehicle.max_steering_rad, 0.01..=1.4, "0.01 to 1.4")?;
+    in_range("vehicle.max_steering_rate_radps", vehicle.max_steering_rate_radps, 0.01..=20.0, "0.01 to 20")?;
+    in_range("vehicle.max_acceleration_mps2", vehicle.max_acceleration_mps2, 0.1..=50.0, "0.1 to 50")?;
+    in_range("vehicle.max_deceleration_mps2", vehicle.max_deceleration_mps2, 0.1..=50.0, "0.1 to 50")?;
+    in_range("vehicle.mass_kg", vehicle.mass_kg, 1.0..=1e5, "1 to 100000")
+}
+
+fn in_range(
+    field: &'static str,
+    value: f64,
+    allowed: std::ops::RangeInclusive<f64>,
+    need: &'static str,
+) -> Result<(), SimError> {
+    if allowed.contains(&value) { Ok(()) } else { Err(SimError::Field { field, value, need }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(config: SimConfig, field: &str) {
+        let error = config.check().expect_err(field).to_string();
+        assert!(error.contains(field), "{error:?} does not name {field:?}");
+    }
+
+    #[test]
+    fn refuses_with_the_name_of_the_field() {
+        let base = SimConfig::default();
+        assert_eq!(base.check(), Ok(()));
+        refused(SimConfig { substeps: 0, ..base }, "substeps");
+        refused(SimConfig { idm: IdmParameters { headway_secs: f64::NAN, ..base.idm }, ..base }, "headway_secs");
+        refused(SimConfig { idm: IdmParameters { desired_speed_mps: Some(0.0), ..base.idm }, ..base }, "desired_speed");
+    }
+
+    #[test]
+    fn every_choice_changes_the_digest() {
+        let base = SimConfig::default();
+        let others = [
+            SimConfig { tracker: TrackerKind::PurePursuit, ..base },
+            SimConfig { agents: AgentMode::LogReplay, ..base },
+            SimConfig { agents: AgentMode::Idm { scope: IdmScope::All }, ..base },
+            SimConfig { dynamics: DynamicsKind::Kinematic, ..base },
+            SimConfig { substeps: 20, ..base },
+            SimConfig { idm: IdmParameters { headway_secs: 1.0, ..base.idm }, ..base },
+        ];
+        for other in others {
+            assert_ne!(base.digest(), other.digest(), "{other:?}");
+        }
+    }
+}

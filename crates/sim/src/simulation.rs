@@ -1,0 +1,187 @@
+//! The simulation of one episode: a scene, a configuration, and the world state that steps from tick to tick.
+
+use std::sync::Arc;
+
+use ds_space::{DVec2, SimTime, Tick};
+use ds_world::{EgoState, Polyline, RouteCommand, Scene, Trajectory, WorldState};
+
+use crate::dynamics::{Body, Chassis};
+use crate::error::{SimError, SnapshotError};
+use crate::settings::{SimConfig, check_vehicle};
+use crate::snapshot::{self, Content};
+use crate::tracker::Tracker;
+use crate::traffic::{Obstructing, Traffic};
+use crate::{contact, route, signal};
+
+/// A running simulation. It follows the log until a plan is begun.
+#[derive(Debug, Clone)]
+pub struct Simulation {
+    scene: Arc<Scene>,
+    config: SimConfig,
+    chassis: Chassis,
+    route: Option<Polyline>,
+    traffic: Traffic,
+    /// The plan that is followed; `None`: the log.
+    tracker: Option<Tracker>,
+    body: Body,
+    state: WorldState,
+}
+
+impl Simulation {
+    /// Starts at a tick of the log, following the log.
+    ///
+    /// # Errors
+    /// [`SimError`] if the scene has no ego log, the tick lies after it, or a number is out of range.
+    pub fn new(scene: Arc<Scene>, config: SimConfig, start: Tick) -> Result<Self, SimError> {
+        let last = scene.last_tick();
+        let mut simulation = Self::prepare(scene, config)?;
+        if start > last {
+            return Err(SimError::StartBeyondLog { start: start.0, last: last.0 });
+        }
+        simulation.body = simulation.logged_body(start);
+        simulation.show(start);
+        Ok(simulation)
+    }
+
+    fn prepare(scene: Arc<Scene>, config: SimConfig) -> Result<Self, SimError> {
+        config.check()?;
+        check_vehicle(&scene.vehicle)?;
+        if scene.ego_log.is_empty() {
+            return Err(SimError::EmptyLog { scene: scene.name.clone() });
+        }
+        if let Some(index) = scene.ego_log.iter().position(|ego| !ego.is_finite()) {
+            return Err(SimError::Field { field: "ego_log", value: index as f64, need: "finite states (index given)" });
+        }
+        let dt_secs = scene.dt.secs();
+        if !(0.001..=1.0).contains(&dt_secs) {
+            return Err(SimError::TimeStep { dt_secs });
+        }
+        let tracks = scene.tracks.len();
+        let state = WorldState {
+            tick: Tick(0),
+            time: SimTime(0),
+            ego: EgoState::default(),
+            agents: Vec::with_capacity(tracks),
+            lights: Vec::with_capacity(scene.map.traffic_lights.len()),
+            contacts: Vec::new(),
+        };
+        Ok(Self {
+            chassis: Chassis::new(scene.vehicle, config.dynamics, config.substeps, dt_secs),
+            route: Polyline::new(&scene.route),
+            traffic: Traffic::new(&scene, &config),
+            tracker: None,
+            body: Body { ego: EgoState::default(), drive_mps2: 0.0 },
+            scene,
+            config,
+            state,
+        })
+    }
+
+    /// Returns the world at the current tick.
+    #[must_use]
+    pub fn state(&self) -> &WorldState {
+        &self.state
+    }
+
+    /// Returns the scene.
+    #[must_use]
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.scene
+    }
+
+    /// Follows a plan from now on. Its poses are in the rig at the current tick. Past its end the car stops.
+    pub fn begin_plan(&mut self, plan: &Trajectory) {
+        self.tracker = Some(self.tracker(plan.clone(), (self.state.tick, self.state.ego.pose)));
+    }
+
+    fn logged_body(&self, tick: Tick) -> Body {
+        Body::of_log(self.scene.logged_ego(tick), &self.scene.vehicle)
+    }
+
+    fn tracker(&self, plan: Trajectory, border: (Tick, ds_space::PoseSe2)) -> Tracker {
+        let wheel_base_m = self.scene.vehicle.wheel_base_m;
+        Tracker::new(plan, border, self.scene.dt, self.config.tracker, wheel_base_m)
+    }
+
+    /// Puts the ego on the log from the next step on, without dynamics; a steering angle that the log lacks is filled in
+    /// from its yaw rate.
+    pub fn begin_log(&mut self) {
+        self.tracker = None;
+    }
+
+    /// Moves the world one tick on.
+    pub fn step(&mut self) -> &WorldState {
+        let next = self.state.tick.plus(1);
+        let vehicle = &self.scene.vehicle;
+        let ego = &self.state.ego;
+        let centre = ego.centre(vehicle);
+        let velocity = ego.velocity_mps + DVec2::new(0.0, ego.yaw_rate_radps * vehicle.rear_axle_to_centre_m);
+        let velocity_mps = centre.forward() * velocity.x + centre.left() * velocity.y;
+        if self.tracker.is_some() {
+            self.traffic.engage(&self.state);
+        }
+        let obstructing = Obstructing { centre, velocity_mps, size: vehicle.size };
+        self.traffic.advance(&self.state, obstructing, self.scene.dt.secs());
+        match &self.tracker {
+            None => self.body = self.logged_body(next),
+            Some(tracker) => {
+                let command = tracker.command(&self.body.ego, self.state.tick);
+                self.chassis.step(&mut self.body, command);
+            }
+        }
+        self.show(next);
+        &self.state
+    }
+
+    /// Fills in the world at a tick from the body and the motions of all agents.
+    fn show(&mut self, tick: Tick) {
+        let state = &mut self.state;
+        state.tick = tick;
+        state.time = SimTime::at(tick, self.scene.dt);
+        state.ego = self.body.ego;
+        signal::show(&self.scene.map.traffic_lights, tick, &mut state.lights);
+        self.traffic.show(&self.scene, tick, &mut state.agents);
+        contact::find(&state.ego, &self.scene.vehicle, &state.agents, &mut state.contacts);
+    }
+
+    /// Returns what the car knows of its own state: for now the true state.
+    #[must_use]
+    pub fn ego_estimate(&self) -> EgoState {
+        self.state.ego
+    }
+
+    /// Returns what the car's navigation says about the next manoeuvre.
+    #[must_use]
+    pub fn route_command(&self) -> RouteCommand {
+        route::command(self.route.as_ref(), self.state.ego.pose.position)
+    }
+
+    /// Returns bytes from which [`Simulation::restore`] continues to the bit.
+    #[must_use]
+    pub fn snapshot(&self) -> Vec<u8> {
+        let content = Content {
+            tick: self.state.tick,
+            body: self.body,
+            plan: self.tracker.as_ref().map(|tracker| (tracker.plan.clone(), tracker.plan_tick, tracker.anchor)),
+            motions: self.traffic.motions().to_vec(),
+        };
+        snapshot::write(&content, &self.scene.digest, &self.config.digest())
+    }
+
+    /// Continues from a snapshot of the same scene under the same configuration.
+    ///
+    /// # Errors
+    /// [`SimError`] if the bytes are not such a snapshot, or as for [`Simulation::new`].
+    pub fn restore(scene: Arc<Scene>, config: SimConfig, bytes: &[u8]) -> Result<Self, SimError> {
+        let content = snapshot::read(bytes, &scene.digest, &config.digest())?;
+        let mut simulation = Self::prepare(scene, config)?;
+        simulation
+            .traffic
+            .set_motions(content.motions)
+            .map_err(|(field, value)| SnapshotError::Field { field, value })?;
+        simulation.tracker = content.plan.map(|(plan, tick, anchor)| simulation.tracker(plan, (tick, anchor)));
+        simulation.body = content.body;
+        simulation.show(content.tick);
+        Ok(simulation)
+    }
+}

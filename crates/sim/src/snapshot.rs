@@ -1,0 +1,182 @@
+//! The bytes of a snapshot: everything that a simulation cannot derive from its scene and configuration.
+//!
+//! Little-endian: "DSIM", version, digests of scene and configuration, tick, ego (by its bits), plan, motions, and a
+//! BLAKE3 digest of all before it. Lengths are checked before anything is allocated; a changed byte is refused.
+
+use ds_space::{DVec2, Digest, PoseSe2, SimTime, Tick};
+use ds_world::trajectory::MAX_POINTS;
+use ds_world::{EgoState, Trajectory, TrajectoryPoint};
+
+use crate::dynamics::Body;
+use crate::error::SnapshotError;
+use crate::traffic::Motion;
+
+const MAGIC: [u8; 4] = *b"DSIM";
+const VERSION: u32 = 1;
+const DIGEST_BYTES: usize = 32;
+
+/// What a snapshot holds.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Content {
+    pub(crate) tick: Tick,
+    pub(crate) body: Body,
+    /// The plan with its tick and anchor; `None` while the log is followed.
+    pub(crate) plan: Option<(Trajectory, Tick, PoseSe2)>,
+    pub(crate) motions: Vec<Motion>,
+}
+
+/// Writes a snapshot.
+pub(crate) fn write(content: &Content, scene: &Digest, config: &Digest) -> Vec<u8> {
+    let mut out = Vec::with_capacity(1024 + 17 * content.motions.len());
+    out.extend(MAGIC);
+    out.extend(VERSION.to_le_bytes());
+    out.extend(scene.0);
+    out.extend(config.0);
+    out.extend(content.tick.0.to_le_bytes());
+    let ego = &content.body.ego;
+    put_pose(&mut out, &ego.pose);
+    let rates = [ego.velocity_mps.x, ego.velocity_mps.y, ego.yaw_rate_radps, ego.acceleration_mps2.x];
+    let actuators = [ego.acceleration_mps2.y, ego.steering_rad, ego.steering_rate_radps, content.body.drive_mps2];
+    rates.into_iter().chain(actuators).for_each(|value| out.extend(value.to_le_bytes()));
+    let points = content.plan.as_ref().map_or(&[][..], |(plan, ..)| plan.points());
+    out.extend((points.len() as u32).to_le_bytes());
+    if let Some((_, tick, anchor)) = &content.plan {
+        out.extend(tick.0.to_le_bytes());
+        put_pose(&mut out, anchor);
+    }
+    for point in points {
+        out.extend(point.after.0.to_le_bytes());
+        put_pose(&mut out, &point.pose);
+    }
+    out.extend((content.motions.len() as u32).to_le_bytes());
+    for motion in &content.motions {
+        match motion {
+            Motion::Replay => out.push(0),
+            Motion::Following { along_m, speed_mps } => {
+                out.push(1);
+                out.extend(along_m.to_le_bytes());
+                out.extend(speed_mps.to_le_bytes());
+            }
+            Motion::Gone => out.push(2),
+        }
+    }
+    let digest = Digest::of(&out);
+    out.extend(digest.0);
+    out
+}
+
+fn put_pose(out: &mut Vec<u8>, pose: &PoseSe2) {
+    for value in [pose.position.x, pose.position.y, pose.heading_rad] {
+        out.extend(value.to_le_bytes());
+    }
+}
+
+/// Reads a snapshot that was taken of this scene under this configuration.
+pub(crate) fn read(bytes: &[u8], scene: &Digest, config: &Digest) -> Result<Content, SnapshotError> {
+    let length = SnapshotError::Length { bytes: bytes.len() };
+    if !bytes.starts_with(&MAGIC) {
+        return Err(SnapshotError::Magic);
+    }
+    let body = bytes.len().checked_sub(DIGEST_BYTES).map(|end| bytes.split_at(end));
+    let Some((body, checksum)) = body else { return Err(length) };
+    let mut reader = Reader { left: body, whole: bytes.len() };
+    reader.take::<4>()?;
+    let version = reader.u32()?;
+    if version != VERSION {
+        return Err(SnapshotError::Version { version, known: VERSION });
+    }
+    if Digest::of(body).0 != checksum {
+        return Err(SnapshotError::Checksum { bytes: bytes.len() });
+    }
+    if reader.take::<DIGEST_BYTES>()? != scene.0 {
+        return Err(SnapshotError::Scene);
+    }
+    if reader.take::<DIGEST_BYTES>()? != config.0 {
+        return Err(SnapshotError::Config);
+    }
+    let tick = Tick(reader.u32()?);
+    let body = reader.body()?;
+    let plan = reader.plan(tick)?;
+    let motions = reader.motions()?;
+    if reader.left.is_empty() { Ok(Content { tick, body, plan, motions }) } else { Err(length) }
+}
+
+struct Reader<'a> {
+    left: &'a [u8],
+    whole: usize,
+}
+
+impl Reader<'_> {
+    fn take<const N: usize>(&mut self) -> Result<[u8; N], SnapshotError> {
+        let (taken, left) = self.left.split_first_chunk().ok_or(SnapshotError::Length { bytes: self.whole })?;
+        self.left = left;
+        Ok(*taken)
+    }
+
+    fn u32(&mut self) -> Result<u32, SnapshotError> {
+        self.take().map(u32::from_le_bytes)
+    }
+
+    fn f64(&mut self, field: &'static str) -> Result<f64, SnapshotError> {
+        let value = f64::from_le_bytes(self.take()?);
+        if value.is_finite() { Ok(value) } else { Err(SnapshotError::Field { field, value }) }
+    }
+
+    fn pose(&mut self, field: &'static str) -> Result<PoseSe2, SnapshotError> {
+        Ok(PoseSe2::new(self.f64(field)?, self.f64(field)?, self.f64(field)?))
+    }
+
+    fn vector(&mut self, field: &'static str) -> Result<DVec2, SnapshotError> {
+        Ok(DVec2::new(self.f64(field)?, self.f64(field)?))
+    }
+
+    fn body(&mut self) -> Result<Body, SnapshotError> {
+        let pose = self.pose("ego.pose")?;
+        let velocity_mps = self.vector("ego.velocity_mps")?;
+        let yaw_rate_radps = self.f64("ego.yaw_rate_radps")?;
+        let acceleration_mps2 = self.vector("ego.acceleration_mps2")?;
+        let steering_rad = self.f64("ego.steering_rad")?;
+        let steering_rate_radps = self.f64("ego.steering_rate_radps")?;
+        let ego = EgoState { pose, velocity_mps, yaw_rate_radps, acceleration_mps2, steering_rad, steering_rate_radps };
+        Ok(Body { ego, drive_mps2: self.f64("ego.drive_mps2")? })
+    }
+
+    fn plan(&mut self, tick: Tick) -> Result<Option<(Trajectory, Tick, PoseSe2)>, SnapshotError> {
+        let count = self.u32()? as usize;
+        if count == 0 {
+            return Ok(None);
+        }
+        if count > MAX_POINTS {
+            return Err(SnapshotError::Field { field: "plan.points", value: count as f64 });
+        }
+        let plan_tick = Tick(self.u32()?);
+        if plan_tick > tick {
+            return Err(SnapshotError::Field { field: "plan.tick", value: f64::from(plan_tick.0) });
+        }
+        let anchor = self.pose("plan.anchor")?;
+        let mut points = Vec::with_capacity(count);
+        for _ in 0..count {
+            let after = SimTime(i64::from_le_bytes(self.take()?));
+            points.push(TrajectoryPoint { after, pose: self.pose("plan.pose")? });
+        }
+        let refused = |_| SnapshotError::Field { field: "plan.points", value: count as f64 };
+        Ok(Some((Trajectory::new(points).map_err(refused)?, plan_tick, anchor)))
+    }
+
+    fn motions(&mut self) -> Result<Vec<Motion>, SnapshotError> {
+        let count = self.u32()? as usize;
+        if count > self.left.len() {
+            return Err(SnapshotError::Length { bytes: self.whole });
+        }
+        let mut motions = Vec::with_capacity(count);
+        for _ in 0..count {
+            motions.push(match self.take::<1>()?[0] {
+                0 => Motion::Replay,
+                1 => Motion::Following { along_m: self.f64("agent.along_m")?, speed_mps: self.f64("agent.speed_mps")? },
+                2 => Motion::Gone,
+                other => return Err(SnapshotError::Field { field: "agent.motion", value: f64::from(other) }),
+            });
+        }
+        Ok(motions)
+    }
+}
