@@ -1,1 +1,25 @@
-//! Placeholder until this crate is written.
+//! Cameras of the project's own: the rich *reference* camera, the *plain* one, and the class map of their pixels.
+//!
+//! Each is a pure function of scene, world state, camera and appearance, rendered in software: same input, same bits.
+//! World frame, metres. Random choices are keyed by the scene's digest and the appearance's palette.
+
+mod appearance;
+mod distance;
+mod figure;
+mod geometry;
+mod ground;
+mod light;
+mod noise;
+mod plain;
+mod reference;
+mod shade;
+mod solid;
+mod surface;
+mod surroundings;
+mod texture;
+mod vehicle;
+
+pub use appearance::Appearance;
+pub use plain::PlainCamera;
+pub use reference::{ReferenceCamera, Sampling};
+pub use surface::PixelClass;

@@ -1,0 +1,123 @@
+//! A grid of distances to the road and to every path that something drives or walks, for placing what must keep away.
+//!
+//! Two-pass chamfer transform (3-4 weights); world frame, metres. Bounded: cells grow until at most two million remain.
+
+use ds_raster::shape;
+use ds_space::DVec2;
+use ds_world::Scene;
+
+const MOST_CELLS: f64 = 2e6;
+
+/// Distances in metres on a regular grid.
+#[derive(Debug)]
+pub(crate) struct DistanceGrid {
+    low: DVec2,
+    cell_m: f64,
+    columns: usize,
+    rows: usize,
+    /// In thirds of a cell.
+    thirds: Vec<u32>,
+}
+
+impl DistanceGrid {
+    /// Measures around the drive of a scene, `reach_m` to all sides; `None` without a drive.
+    pub(crate) fn new(scene: &Scene, reach_m: f64) -> Option<Self> {
+        let path = || scene.ego_log.iter().map(|ego| ego.pose.position).filter(|p| p.is_finite());
+        let low = path().reduce(DVec2::min)? - reach_m;
+        let high = path().reduce(DVec2::max)? + reach_m;
+        let extent = high - low;
+        let cell_m = (extent.x * extent.y / MOST_CELLS).sqrt().max(1.0);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive and bounded by MOST_CELLS")]
+        let count = |length: f64| (length / cell_m).ceil() as usize + 1;
+        let (columns, rows) = (count(extent.x), count(extent.y));
+        let mut grid = Self { low, cell_m, columns, rows, thirds: vec![u32::MAX / 2; columns * rows] };
+        let map = &scene.map;
+        let lanes = map.lanes.iter().map(|lane| &lane.polygon);
+        for polygon in map.drivable.iter().chain(lanes).chain(&map.junctions) {
+            shape::triangulate(polygon).iter().for_each(|triangle| grid.mark(triangle));
+        }
+        let tracks = scene.tracks.iter().flat_map(|track| track.points.iter().flatten());
+        let walked = tracks.map(|point| point.pose.position).chain(path()).chain(scene.route.iter().copied());
+        for place in walked {
+            if let Some(i) = grid.index(place) {
+                grid.thirds[i] = 0;
+            }
+        }
+        grid.spread();
+        Some(grid)
+    }
+
+    pub(crate) fn bounds(&self) -> (DVec2, DVec2) {
+        (self.low, self.low + DVec2::new(self.columns as f64, self.rows as f64) * self.cell_m)
+    }
+
+    /// Returns the distance at a place, 0 outside the grid.
+    pub(crate) fn at(&self, place: DVec2) -> f64 {
+        self.index(place).map_or(0.0, |i| f64::from(self.thirds[i]) / 3.0 * self.cell_m)
+    }
+
+    /// Returns the direction away from the road.
+    pub(crate) fn gradient(&self, place: DVec2) -> Option<DVec2> {
+        let step = 3.0 * self.cell_m;
+        let slope = |axis: DVec2| self.at(place + axis * step) - self.at(place - axis * step);
+        DVec2::new(slope(DVec2::X), slope(DVec2::Y)).try_normalize()
+    }
+
+    fn index(&self, place: DVec2) -> Option<usize> {
+        let at = (place - self.low) / self.cell_m;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to lie in the grid")]
+        let inside = at.x >= 0.0 && at.y >= 0.0 && at.x < self.columns as f64 && at.y < self.rows as f64;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to lie in the grid")]
+        inside.then(|| at.y as usize * self.columns + at.x as usize)
+    }
+
+    /// Marks all cells whose centres lie in a triangle, and those of its corners.
+    fn mark(&mut self, triangle: &shape::Triangle) {
+        let [a, b, c] = *triangle;
+        let within = |value: f64, limit: usize| value.clamp(0.0, limit as f64 - 1.0);
+        let (low, high) = ((a.min(b).min(c) - self.low) / self.cell_m, (a.max(b).max(c) - self.low) / self.cell_m);
+        if high.x < 0.0 || high.y < 0.0 || low.x > self.columns as f64 || low.y > self.rows as f64 {
+            return;
+        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the grid")]
+        let span = |from: f64, to: f64, limit: usize| within(from, limit) as usize..=within(to, limit) as usize;
+        for row in span(low.y, high.y, self.rows) {
+            for column in span(low.x, high.x, self.columns) {
+                let p = self.low + (DVec2::new(column as f64, row as f64) + 0.5) * self.cell_m;
+                let sides = [(b - a).perp_dot(p - a), (c - b).perp_dot(p - b), (a - c).perp_dot(p - c)];
+                if sides.iter().all(|s| *s >= 0.0) || sides.iter().all(|s| *s <= 0.0) {
+                    self.thirds[row * self.columns + column] = 0;
+                }
+            }
+        }
+        for corner in triangle {
+            if let Some(i) = self.index(*corner) {
+                self.thirds[i] = 0;
+            }
+        }
+    }
+
+    fn spread(&mut self) {
+        let (columns, rows) = (self.columns, self.rows);
+        for row in 0..rows {
+            for column in 0..columns {
+                self.relax(column, row, [(-1, 0, 3), (-1, -1, 4), (0, -1, 3), (1, -1, 4)]);
+            }
+        }
+        for row in (0..rows).rev() {
+            for column in (0..columns).rev() {
+                self.relax(column, row, [(1, 0, 3), (1, 1, 4), (0, 1, 3), (-1, 1, 4)]);
+            }
+        }
+    }
+
+    fn relax(&mut self, column: usize, row: usize, neighbours: [(isize, isize, u32); 4]) {
+        let here = row * self.columns + column;
+        for (dx, dy, cost) in neighbours {
+            let (Some(x), Some(y)) = (column.checked_add_signed(dx), row.checked_add_signed(dy)) else { continue };
+            if x < self.columns && y < self.rows {
+                self.thirds[here] = self.thirds[here].min(self.thirds[y * self.columns + x] + cost);
+            }
+        }
+    }
+}
