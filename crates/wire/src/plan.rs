@@ -1,0 +1,74 @@
+//! Topic `plan`: a trajectory and its proposals.
+
+use ds_space::SimTime;
+use ds_topic::{Plan, Proposal};
+use ds_world::{Trajectory, TrajectoryPoint};
+
+use crate::error::FieldError;
+use crate::field::{list, number, part};
+use crate::v1;
+
+/// The most proposals of a plan.
+pub const MAX_PROPOSALS: usize = 1_024;
+
+impl From<&Trajectory> for v1::Trajectory {
+    fn from(value: &Trajectory) -> Self {
+        let pose = |point: &TrajectoryPoint| v1::TrajectoryPoint {
+            after_ns: point.after.0,
+            pose: Some((&point.pose).into()),
+        };
+        Self { poses: value.points().iter().map(pose).collect() }
+    }
+}
+
+impl TryFrom<v1::TrajectoryPoint> for TrajectoryPoint {
+    type Error = FieldError;
+    fn try_from(message: v1::TrajectoryPoint) -> Result<Self, FieldError> {
+        Ok(Self { after: SimTime(message.after_ns), pose: part("pose", message.pose)? })
+    }
+}
+
+impl TryFrom<v1::Trajectory> for Trajectory {
+    type Error = FieldError;
+    fn try_from(message: v1::Trajectory) -> Result<Self, FieldError> {
+        trajectory(list("poses", message.poses, ds_world::trajectory::MAX_POINTS)?)
+    }
+}
+
+/// Takes a trajectory of its points.
+pub(crate) fn trajectory(points: Vec<TrajectoryPoint>) -> Result<Trajectory, FieldError> {
+    Trajectory::new(points).map_err(|error| FieldError::new("", format!("is refused: {error}")))
+}
+
+impl From<&Proposal> for v1::Proposal {
+    fn from(value: &Proposal) -> Self {
+        Self { trajectory: Some((&value.trajectory).into()), score: Some(value.score) }
+    }
+}
+
+impl TryFrom<v1::Proposal> for Proposal {
+    type Error = FieldError;
+    fn try_from(message: v1::Proposal) -> Result<Self, FieldError> {
+        Ok(Self { trajectory: part("trajectory", message.trajectory)?, score: number("score", message.score)? })
+    }
+}
+
+impl From<&Plan> for v1::Plan {
+    fn from(value: &Plan) -> Self {
+        Self {
+            header: None,
+            trajectory: Some((&value.trajectory).into()),
+            proposals: value.proposals.iter().map(Into::into).collect(),
+        }
+    }
+}
+
+impl TryFrom<v1::Plan> for Plan {
+    type Error = FieldError;
+    fn try_from(message: v1::Plan) -> Result<Self, FieldError> {
+        Ok(Self {
+            trajectory: part("trajectory", message.trajectory)?,
+            proposals: list("proposals", message.proposals, MAX_PROPOSALS)?,
+        })
+    }
+}

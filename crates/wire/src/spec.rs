@@ -1,0 +1,74 @@
+//! The settings of an episode, part of `scene`.
+
+use ds_space::{EpisodeId, Tick};
+use ds_topic::{AgentMode, EpisodeSpec, ObservationSource, ReplanAlignment};
+
+use crate::error::FieldError;
+use crate::field::{checked, choice, digest, enumeration, text, whole};
+use crate::scene::{MAX_NAME_BYTES, MAX_TICKS};
+use crate::v1;
+
+enumeration!(v1::ObservationSource, ObservationSource, {
+    Dreamstream = Dreamstream, Reference = Reference, SimRgb = SimRgb, Layout = Layout,
+});
+enumeration!(v1::AgentMode, AgentMode, {
+    LogReplay = LogReplay, IdmBehindEgo = IdmBehindEgo, IdmAll = IdmAll,
+});
+enumeration!(v1::ReplanAlignment, ReplanAlignment, { Rollback = Rollback, Exact = Exact });
+
+impl From<&EpisodeSpec> for v1::EpisodeSpec {
+    fn from(value: &EpisodeSpec) -> Self {
+        let bytes = |digest: &ds_space::Digest| digest.0.to_vec().into();
+        Self {
+            episode: value.episode.as_str().to_owned(),
+            scenario: value.scenario.clone(),
+            scenario_digest: bytes(&value.scenario_digest),
+            policy: value.policy.clone(),
+            observation: v1::ObservationSource::from(value.observation).into(),
+            appearance: value.appearance.clone(),
+            seed: value.seed,
+            replan_period: value.replan_period,
+            horizon: value.horizon,
+            history: value.history,
+            warm_up: value.warm_up,
+            last_tick: value.last_tick.0,
+            agents: v1::AgentMode::from(value.agents).into(),
+            tracker: value.tracker.clone(),
+            layout_backend: value.layout_backend.clone(),
+            alignment: v1::ReplanAlignment::from(value.alignment).into(),
+            chunk_ticks: value.chunk_ticks,
+            video_model: bytes(&value.video_model),
+            policy_model: bytes(&value.policy_model),
+            configuration: bytes(&value.configuration),
+        }
+    }
+}
+
+impl TryFrom<v1::EpisodeSpec> for EpisodeSpec {
+    type Error = FieldError;
+    fn try_from(message: v1::EpisodeSpec) -> Result<Self, FieldError> {
+        let most = MAX_TICKS as u32;
+        Ok(Self {
+            episode: checked("episode", EpisodeId::new(&message.episode))?,
+            scenario: text("scenario", message.scenario, MAX_NAME_BYTES)?,
+            scenario_digest: digest("scenario_digest", &message.scenario_digest)?,
+            policy: text("policy", message.policy, MAX_NAME_BYTES)?,
+            observation: choice::<v1::ObservationSource, _>("observation", message.observation)?,
+            appearance: text("appearance", message.appearance, MAX_NAME_BYTES)?,
+            seed: message.seed,
+            replan_period: whole("replan_period", message.replan_period, 1, most)?,
+            horizon: whole("horizon", message.horizon, 1, most)?,
+            history: whole("history", message.history, 1, most)?,
+            warm_up: whole("warm_up", message.warm_up, 0, most)?,
+            last_tick: Tick(whole("last_tick", message.last_tick, 0, most)?),
+            agents: choice::<v1::AgentMode, _>("agents", message.agents)?,
+            tracker: text("tracker", message.tracker, MAX_NAME_BYTES)?,
+            layout_backend: text("layout_backend", message.layout_backend, MAX_NAME_BYTES)?,
+            alignment: choice::<v1::ReplanAlignment, _>("alignment", message.alignment)?,
+            chunk_ticks: whole("chunk_ticks", message.chunk_ticks, 0, most)?,
+            video_model: digest("video_model", &message.video_model)?,
+            policy_model: digest("policy_model", &message.policy_model)?,
+            configuration: digest("configuration", &message.configuration)?,
+        })
+    }
+}
