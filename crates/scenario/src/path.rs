@@ -98,13 +98,6 @@ impl Path {
         (0..self.points.len()).map(shifted).collect()
     }
 
-    /// Returns the outline of the band of a half width along the path.
-    pub(crate) fn band(&self, left_m: f64, right_m: f64) -> Vec<DVec2> {
-        let mut outline = self.offset(left_m);
-        outline.extend(self.offset(-right_m).into_iter().rev());
-        outline
-    }
-
     /// Returns the curve with points at equal stations about `step_m` apart.
     pub(crate) fn even(&self, step_m: f64) -> Self {
         let count = (self.length_m() / step_m).ceil().max(1.0) as usize;

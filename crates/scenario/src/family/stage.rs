@@ -34,7 +34,6 @@ pub(crate) struct Start {
 pub(crate) fn expert(path: Path, start: Start, wish_mps: f64, holds: Vec<Hold>) -> Driver {
     let vehicle = VehicleParameters::PACIFICA;
     Driver {
-        name: "ego".to_owned(),
         class: AgentClass::Vehicle,
         size: vehicle.size,
         rear_axle_to_centre_m: vehicle.rear_axle_to_centre_m,
@@ -67,7 +66,6 @@ pub(crate) fn car_size(dice: &mut Dice) -> Size {
 /// Makes another vehicle on a path.
 pub(crate) fn vehicle(path: Path, start: Start, wish_mps: f64, size: Size) -> Driver {
     Driver {
-        name: String::new(),
         class: AgentClass::Vehicle,
         size,
         rear_axle_to_centre_m: 0.28 * size.length_m,

@@ -30,7 +30,6 @@ pub(crate) struct Hold {
 /// A driver: its vehicle, its path and what it wants.
 #[derive(Debug, Clone)]
 pub(crate) struct Driver {
-    pub name: String,
     pub class: AgentClass,
     pub size: Size,
     pub rear_axle_to_centre_m: f64,
@@ -201,8 +200,7 @@ fn interact(driver: &Driver, speed_mps: f64, lead_mps: f64, gap_m: f64, standsti
     let wanted_m = standstill_m + (speed_mps * manner.headway_secs * f64::from(lead_mps > 0.3) + closing).max(0.0);
     let gap = gap_m.max(0.1);
     let pull = if gap > standstill_m + 0.5 { manner.max_acceleration_mps2 } else { 0.0 };
-    let braking = pull - manner.max_acceleration_mps2 * (wanted_m / gap).powi(2);
-    if gap > 0.3 { braking.max(-(1.8 * speed_mps).max(0.2)) } else { braking }
+    pull - manner.max_acceleration_mps2 * (wanted_m / gap).powi(2)
 }
 
 fn follow(driver: &Driver, now: &Motion, body: &Body) -> f64 {
@@ -255,15 +253,15 @@ fn blocks(until: &Until, at: (u32, &[TrafficLight]), distance_m: f64, others: (&
 fn step(driver: &Driver, now: &Motion, wanted_mps2: f64) -> Motion {
     const DT_SECS: f64 = 0.1;
     let manner = &driver.manner;
-    let bounded = wanted_mps2.clamp(-manner.max_deceleration_mps2, manner.max_acceleration_mps2);
+    // The brake is let go before the halt, so that the car does not jerk to a stand.
+    let softest = -(2.0 * 0.35 * manner.max_jerk_mps3 * now.speed_mps).sqrt();
+    let hardest = softest.max(-manner.max_deceleration_mps2);
+    let bounded = wanted_mps2.min(manner.max_acceleration_mps2).max(hardest);
     let change = manner.max_jerk_mps3 * DT_SECS;
-    let mut acceleration = now.acceleration_mps2 + (bounded - now.acceleration_mps2).clamp(-change, change);
-    let mut speed = now.speed_mps + acceleration * DT_SECS;
-    if speed < 0.01 && acceleration <= 0.0 {
-        speed = 0.0;
-        acceleration = 0.0;
-    }
-    let speed_mps = speed.max(0.0);
+    let acceleration = now.acceleration_mps2 + (bounded - now.acceleration_mps2).clamp(-change, change);
+    let reached = now.speed_mps + acceleration * DT_SECS;
+    let speed_mps = if reached < 0.003 && acceleration <= 0.0 { 0.0 } else { reached.max(0.0) };
+    let acceleration = (speed_mps - now.speed_mps) / DT_SECS;
     Motion {
         station_m: now.station_m + 0.5 * (now.speed_mps + speed_mps) * DT_SECS,
         speed_mps,
