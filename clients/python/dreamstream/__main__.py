@@ -1,0 +1,59 @@
+"""`python -m dreamstream run FILE.py:CLASS --connect tcp/HOST:PORT` serves a policy."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import logging
+import sys
+from pathlib import Path
+from typing import Optional, Sequence, Type
+
+from .bridge import run
+from .policy import Policy
+
+
+def load(target: str) -> Type[Policy]:
+    """Returns the class of `FILE.py:CLASS`."""
+    path, _, name = target.rpartition(":")
+    if not path or not name:
+        raise SystemExit(f"{target!r} is not of the form FILE.py:CLASS")
+    file = Path(path)
+    if not file.is_file():
+        raise SystemExit(f"there is no file {path!r}")
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    if spec is None or spec.loader is None:
+        raise SystemExit(f"{path!r} is not a Python file")
+    sys.path.insert(0, str(file.resolve().parent))
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[file.stem] = module
+    spec.loader.exec_module(module)
+    found = getattr(module, name, None)
+    if not (isinstance(found, type) and issubclass(found, Policy)):
+        known = [key for key, value in vars(module).items() if isinstance(value, type) and issubclass(value, Policy)]
+        raise SystemExit(f"{path!r} has no policy {name!r}; its policies are {known}")
+    return found
+
+
+def main(arguments: Optional[Sequence[str]] = None) -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(prog="python -m dreamstream", description="Connect a driving policy to DreamStream.")
+    commands = parser.add_subparsers(dest="command", required=True)
+    serve = commands.add_parser("run", help="serve a policy until interrupted")
+    serve.add_argument("policy", metavar="FILE.py:CLASS", help="a subclass of dreamstream.Policy")
+    serve.add_argument("--connect", default="tcp/127.0.0.1:7448", help="the bridge's address (default %(default)s)")
+    serve.add_argument("--name", default="guest", help="the policy's name on the bus (default %(default)s)")
+    serve.add_argument("--sessions", type=int, default=None, help="end after this many sessions")
+    serve.add_argument("--config", default=None, help="a Zenoh configuration file, for certificates")
+    serve.add_argument("--quiet", action="store_true", help="say only what goes wrong")
+    given = parser.parse_args(arguments)
+    logging.basicConfig(level=logging.WARNING if given.quiet else logging.INFO, format="%(levelname)s %(message)s")
+    try:
+        run(load(given.policy), connect=given.connect, name=given.name, sessions=given.sessions, config_file=given.config)
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,167 @@
+"""Serves a policy on the policy bus: keys `dreamstream-policy/v1/{policy}/{session}/{leaf}`.
+
+The bridge puts `hello`, `observation` and `goodbye`, and repeats what is not answered; this side puts `ready`, `plan`
+and `leave`, and answers the same question the same way. A policy that fails leaves its session and says why; the
+other sessions go on.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import queue
+import re
+from dataclasses import dataclass
+from typing import Callable, Optional, Type
+
+from . import messages
+from .policy import Plan, Policy
+
+ROOT = "dreamstream-policy/v1"
+MAX_WAITING = 256
+MAX_SESSIONS = 64
+_WORD = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,95}")
+_log = logging.getLogger("dreamstream")
+
+#: What leaves: (session, leaf, bytes).
+Put = Callable[[str, str, bytes], None]
+
+
+@dataclass
+class _Drive:
+    """A session under way."""
+
+    policy: Policy
+    sequence: int = -1
+    answer: bytes = b""
+
+
+class Sessions:
+    """The client's side of the protocol, without a bus: messages in, messages out."""
+
+    def __init__(self, policy: Type[Policy], *, put: Put) -> None:
+        self._make = policy
+        self._put = put
+        self._drives: dict[str, _Drive] = {}
+        self._left: dict[str, bytes] = {}
+        self.ended = 0
+
+    def __len__(self) -> int:
+        return len(self._drives)
+
+    def take(self, *, session: str, leaf: str, data: bytes) -> None:
+        """Handles one message; a policy's fault ends its session only."""
+        if session in self._left:
+            if leaf != "goodbye":
+                self._put(session, "leave", self._left[session])
+            return
+        try:
+            if leaf == "hello":
+                self._hello(session=session, data=data)
+            elif leaf == "observation":
+                self._observation(session=session, data=data)
+            elif leaf == "goodbye":
+                self._goodbye(session=session, data=data)
+        except Exception as error:
+            _log.exception("policy leaves session %s", session)
+            self._leave(session=session, reason=f"{type(error).__name__}: {error}")
+
+    def close(self, *, reason: str) -> None:
+        """Leaves every session."""
+        for session in list(self._drives):
+            self._leave(session=session, reason=reason)
+
+    def _hello(self, *, session: str, data: bytes) -> None:
+        shown = messages.session(data)
+        if session not in self._drives:
+            if len(self._drives) >= MAX_SESSIONS:
+                raise RuntimeError(f"{MAX_SESSIONS} sessions are under way, no more are taken")
+            policy = self._make()
+            policy.begin(session=shown)
+            self._drives[session] = _Drive(policy=policy)
+            _log.info("session %s begins with cameras %s", session, ", ".join(shown.cameras))
+        self._put(session, "ready", messages.ready(name=self._drives[session].policy.name))
+
+    def _observation(self, *, session: str, data: bytes) -> None:
+        drive = self._drives.get(session)
+        if drive is None:
+            return
+        seen = messages.observation(data)
+        if seen.sequence > drive.sequence:
+            answer = Plan.of(drive.policy.plan(seen), spacing_s=drive.policy.spacing_s)
+            drive.answer = messages.plan(answer, for_sequence=seen.sequence)
+            drive.sequence = seen.sequence
+        if seen.sequence == drive.sequence:
+            self._put(session, "plan", drive.answer)
+
+    def _goodbye(self, *, session: str, data: bytes) -> None:
+        drive = self._drives.pop(session, None)
+        if drive is None:
+            return
+        self.ended += 1
+        reason = messages.reason(data)
+        _log.info("session %s ends: %s", session, reason)
+        drive.policy.end(reason=reason)
+
+    def _leave(self, *, session: str, reason: str) -> None:
+        drive = self._drives.pop(session, None)
+        if len(self._left) >= MAX_SESSIONS:
+            self._left.pop(next(iter(self._left)))
+        self._left[session] = messages.leave(reason=reason)
+        self._put(session, "leave", self._left[session])
+        self.ended += 1
+        if drive is not None:
+            drive.policy.end(reason=reason)
+
+
+def run(
+    policy: Type[Policy],
+    *,
+    connect: str = "tcp/127.0.0.1:7448",
+    name: str = "guest",
+    sessions: Optional[int] = None,
+    config_file: Optional[str] = None,
+) -> None:
+    """Serves `policy` under `name` until interrupted, or until `sessions` sessions have ended.
+
+    `connect` is the bridge's address (`tcp/HOST:PORT`); `config_file` a Zenoh configuration, for certificates.
+    """
+    if not _WORD.fullmatch(name):
+        raise ValueError(f"policy name {name!r} may hold only letters, digits, '_', '-' and '.'")
+    import zenoh
+
+    config = zenoh.Config.from_file(config_file) if config_file else zenoh.Config()
+    for key, value in (
+        ("mode", "client"),
+        ("connect/endpoints", [connect]),
+        ("scouting/multicast/enabled", False),
+    ):
+        config.insert_json5(key, json.dumps(value))
+    waiting: "queue.Queue[tuple[str, str, bytes]]" = queue.Queue(maxsize=MAX_WAITING)
+
+    def enqueue(sample) -> None:
+        parts = str(sample.key_expr).split("/")
+        try:
+            waiting.put_nowait((parts[-2], parts[-1], sample.payload.to_bytes()))
+        except queue.Full:
+            _log.warning("queue full, message dropped; the bridge will repeat it")
+
+    with zenoh.open(config) as bus:
+
+        def put(session: str, leaf: str, data: bytes) -> None:
+            bus.put(f"{ROOT}/{name}/{session}/{leaf}", data)
+
+        served = Sessions(policy, put=put)
+        listening = [bus.declare_subscriber(f"{ROOT}/{name}/*/{leaf}", enqueue) for leaf in ("hello", "observation", "goodbye")]
+        _log.info("policy %r waits as %r at %s", policy.__name__, name, connect)
+        try:
+            while sessions is None or served.ended < sessions:
+                try:
+                    session, leaf, data = waiting.get(timeout=0.2)
+                except queue.Empty:
+                    continue
+                served.take(session=session, leaf=leaf, data=data)
+        finally:
+            served.close(reason="the policy's process ends")
+            for subscriber in listening:
+                subscriber.undeclare()

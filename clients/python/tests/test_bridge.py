@@ -1,0 +1,140 @@
+"""The client's side of the protocol, first without a bus, then over a real Zenoh session."""
+
+import queue
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+import observed
+from dreamstream import Policy
+from dreamstream.__main__ import load
+from dreamstream.bridge import Sessions
+
+EXAMPLE = Path(__file__).resolve().parents[1] / "examples" / "constant_velocity.py"
+
+
+class Straight(Policy):
+    made = 0
+
+    def begin(self, *, session):
+        type(self).made += 1
+        self.plans = 0
+
+    def plan(self, observation):
+        self.plans += 1
+        return np.array([[observation.ego.speed_mps, float(self.plans), 0.0]])
+
+
+class Broken(Policy):
+    def plan(self, observation):
+        return np.array([[np.nan, 0.0, 0.0]])
+
+
+def serve(policy):
+    sent = []
+    return Sessions(policy, put=lambda *message: sent.append(message)), sent
+
+
+def test_a_session_is_greeted_planned_and_ended():
+    served, sent = serve(Straight)
+    for leaf, data in [("hello", observed.hello()), ("hello", observed.hello()), ("observation", observed.observation()),
+                       ("goodbye", observed.goodbye()), ("observation", observed.observation(sequence=1))]:
+        served.take(session="s", leaf=leaf, data=data)
+    assert [leaf for _, leaf, _ in sent] == ["ready", "ready", "plan"]
+    assert observed.plan(sent[2][2]).poses[0].pose.x_m == 10.0
+    assert (len(served), served.ended) == (0, 1)
+
+
+def test_the_same_question_is_answered_the_same_way():
+    served, sent = serve(Straight)
+    served.take(session="s", leaf="hello", data=observed.hello())
+    for sequence in (0, 0, 1, 0):
+        served.take(session="s", leaf="observation", data=observed.observation(sequence=sequence))
+    answers = [observed.plan(data) for _, leaf, data in sent if leaf == "plan"]
+    assert [(answer.for_sequence, answer.poses[0].pose.y_m) for answer in answers] == [(0, 1.0), (0, 1.0), (1, 2.0)]
+
+
+def test_sessions_do_not_share_a_policy():
+    served, _ = serve(Straight)
+    before = Straight.made
+    for session in ("a", "b"):
+        served.take(session=session, leaf="hello", data=observed.hello())
+    assert (len(served), Straight.made - before) == (2, 2)
+
+
+@pytest.mark.parametrize("leaf, data, says", [
+    ("observation", observed.observation(), "poses[0].x_m"),
+    ("observation", b"\xff", "cannot be decoded"),
+    ("hello", observed.hello(version=9), "version"),
+])
+def test_a_failing_policy_leaves_and_says_why(leaf, data, says):
+    served, sent = serve(Broken)
+    served.take(session="other", leaf="hello", data=observed.hello())
+    served.take(session="s", leaf="hello", data=observed.hello())
+    served.take(session="s", leaf=leaf, data=data)
+    assert sent[-1][1] == "leave" and says in observed.reason(sent[-1][2])
+    assert len(served) == 1
+    served.take(session="s", leaf="observation", data=observed.observation(sequence=1))
+    assert sent[-1][1] == "leave"
+
+
+def test_files_and_classes_are_named_when_absent(tmp_path):
+    assert issubclass(load(f"{EXAMPLE}:ConstantVelocity"), Policy)
+    for target, says in [("nothing", "FILE.py:CLASS"), ("no.py:A", "no.py"), (f"{EXAMPLE}:Velocity", "ConstantVelocity")]:
+        with pytest.raises(SystemExit) as refused:
+            load(target)
+        assert says in str(refused.value)
+
+
+def test_the_example_drives_over_a_real_bus():
+    import zenoh
+
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"tcp/127.0.0.1:{free.getsockname()[1]}"
+    config = zenoh.Config()
+    config.insert_json5("mode", '"router"')
+    config.insert_json5("listen/endpoints", f'["{address}"]')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    answers = queue.Queue()
+    prefix = "dreamstream-policy/v1/straight/5f1d"
+    with zenoh.open(config) as bus:
+        take = lambda sample: answers.put((str(sample.key_expr).rsplit("/", 1)[1], sample.payload.to_bytes()))
+        listening = [bus.declare_subscriber(f"{prefix}/{leaf}", take) for leaf in ("ready", "plan", "leave")]
+        client = subprocess.Popen(
+            [sys.executable, "-m", "dreamstream", "run", f"{EXAMPLE}:ConstantVelocity", "--connect", address,
+             "--name", "straight", "--sessions", "1"],
+            cwd=EXAMPLE.parents[1],
+        )
+
+        def ask(leaf, data, expected):
+            for _ in range(60):
+                bus.put(f"{prefix}/{leaf}", data)
+                try:
+                    while True:
+                        found, answer = answers.get(timeout=0.5)
+                        if found == expected:
+                            return answer
+                except queue.Empty:
+                    assert client.poll() is None, "the client ended early"
+            raise AssertionError(f"no {expected} came")
+
+        try:
+            ask("hello", observed.hello(), "ready")
+            for sequence in range(3):
+                answer = observed.plan(ask("observation", observed.observation(sequence=sequence, speed_mps=8.0), "plan"))
+                while answer.for_sequence != sequence:
+                    answer = observed.plan(ask("observation", observed.observation(sequence=sequence, speed_mps=8.0), "plan"))
+                assert len(answer.poses) == 16 and answer.poses[15].pose.x_m == 64.0
+            bus.put(f"{prefix}/goodbye", observed.goodbye())
+            assert client.wait(timeout=20) == 0
+        finally:
+            if client.poll() is None:
+                client.kill()
+            for subscriber in listening:
+                subscriber.undeclare()
