@@ -1,12 +1,18 @@
 //! Scenario files: the versioned open format, the importers of other logs, and the built-in families.
 //!
-//! Everything ends as a checked [`ds_world::Scene`]; nothing here knows a message, a bus or a clock.
+//! Everything ends as a checked [`ds_world::Scene`]; nothing here knows a message, a bus or a clock. The format is
+//! described in `scenarios/README.md`.
 
 mod area;
+mod compose;
 mod content;
+mod document;
 pub mod family;
 mod path;
+mod place;
+mod pretty;
+mod resolve;
 pub mod store;
 
 pub use family::{Family, UnknownFamily, generate, generate_set};
-pub use store::{ScenarioError, save};
+pub use store::{ScenarioError, Warning, describe, list, load, parse, save};
