@@ -70,7 +70,7 @@ mod tests {
         #[test]
         fn the_solution_gives_the_right_hand_side_back(
             squares in proptest::collection::vec((-2.0..2.0, -2.0..2.0, -2.0..2.0), 1..30),
-            seed in -5.0..5.0,
+            seed in -5.0..5.0f64,
         ) {
             let size = squares.len() + 2;
             let mut matrix = Banded::zeros(size);

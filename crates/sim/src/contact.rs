@@ -8,7 +8,7 @@ use ds_space::{AgentId, DVec2, PoseSe2, Vec3};
 use ds_world::agent::corners;
 use ds_world::{AgentState, Contact, ContactKind, EgoState, VehicleParameters};
 use rapier3d::parry::math::{Pose, Rotation};
-use rapier3d::parry::query::details::contact_cuboid_cuboid;
+use rapier3d::parry::query::sat;
 use rapier3d::parry::shape::Cuboid;
 
 const STANDING_MPS: f64 = 0.05;
@@ -52,12 +52,22 @@ fn touch(centre: &PoseSe2, vehicle: &VehicleParameters, agent: &AgentState) -> O
     let ego_box = Cuboid::new(Vec3::new(sizes[0], sizes[1], HALF_COLUMN_M));
     let agent_box = Cuboid::new(Vec3::new(sizes[2], sizes[3], HALF_COLUMN_M));
     let agent_from_centre = Pose::from_parts(position, Rotation::from_rotation_z(turn));
-    let contact = contact_cuboid_cuboid(&agent_from_centre, &ego_box, &agent_box, 0.0)?;
-    let normal = contact.normal1.truncate().as_dvec2().try_normalize();
-    Some(Touch {
-        point: contact.point1.truncate().as_dvec2(),
-        normal: normal.or(relative.position.try_normalize()).unwrap_or(DVec2::X),
-    })
+    // Separating axes are the face normals of both: edges of upright boxes add none.
+    let (ego_gap, ego_axis) =
+        sat::cuboid_cuboid_find_local_separating_normal_oneway(&ego_box, &agent_box, &agent_from_centre);
+    let (agent_gap, agent_axis) =
+        sat::cuboid_cuboid_find_local_separating_normal_oneway(&agent_box, &ego_box, &agent_from_centre.inverse());
+    if ego_gap > 0.0 || agent_gap > 0.0 {
+        return None;
+    }
+    let axis = if ego_gap >= agent_gap { ego_axis } else { agent_from_centre.rotation * -agent_axis };
+    let normal = axis.truncate().as_dvec2().normalize_or(relative.position.normalize_or(DVec2::X));
+    let half = DVec2::new(0.5 * vehicle.size.length_m, 0.5 * vehicle.size.width_m);
+    let deepest = corners(&relative, agent.size.length_m, agent.size.width_m)
+        .into_iter()
+        .min_by(|a, b| a.dot(normal).total_cmp(&b.dot(normal)))
+        .unwrap_or(relative.position);
+    Some(Touch { point: deepest.clamp(-half, half), normal })
 }
 
 fn judge(ego: &EgoState, vehicle: &VehicleParameters, agent: &AgentState, touch: Touch) -> Contact {

@@ -34,21 +34,6 @@ pub(crate) struct Body {
     pub(crate) drive_mps2: f64,
 }
 
-impl Body {
-    /// Takes over a logged state. A log without steering gets the angle that its yaw rate needs.
-    pub(crate) fn of_log(ego: &EgoState, vehicle: &VehicleParameters) -> Self {
-        let mut ego = *ego;
-        if ego.steering_rad == 0.0 && ego.speed_mps() > 1.0 {
-            ego.steering_rad = (ego.yaw_rate_radps * vehicle.wheel_base_m / ego.speed_mps()).atan();
-        }
-        let limit = vehicle.max_steering_rad;
-        ego.steering_rad = ego.steering_rad.clamp(-limit, limit);
-        ego.velocity_mps.x = ego.velocity_mps.x.clamp(-MAX_REVERSE_MPS, MAX_SPEED_MPS);
-        let drive_mps2 = ego.acceleration_mps2.x.clamp(-vehicle.max_deceleration_mps2, vehicle.max_acceleration_mps2);
-        Self { ego, drive_mps2 }
-    }
-}
-
 /// A car ready to be stepped.
 #[derive(Debug, Clone)]
 pub(crate) struct Chassis {
@@ -81,6 +66,34 @@ impl Chassis {
         }
     }
 
+    /// Takes over a logged state. A log without steering gets the angle that its yaw rate needs.
+    pub(crate) fn take_over(&self, ego: &EgoState) -> Body {
+        let (mut ego, vehicle) = (*ego, &self.vehicle);
+        let speed_mps = ego.speed_mps();
+        if ego.steering_rad == 0.0 && speed_mps > 1.0 {
+            ego.steering_rad = (ego.yaw_rate_radps * self.wheel_base_m(speed_mps) / speed_mps).atan();
+        }
+        let limit = vehicle.max_steering_rad;
+        ego.steering_rad = ego.steering_rad.clamp(-limit, limit);
+        ego.velocity_mps.x = speed_mps.clamp(-MAX_REVERSE_MPS, MAX_SPEED_MPS);
+        let drive_mps2 = ego.acceleration_mps2.x.clamp(-vehicle.max_deceleration_mps2, vehicle.max_acceleration_mps2);
+        Body { ego, drive_mps2 }
+    }
+
+    /// Returns the wheel base of the kinematic car that turns as much at this speed: L + K·v² with the understeer
+    /// gradient K. Trackers steer by it.
+    pub(crate) fn wheel_base_m(&self, speed_mps: f64) -> f64 {
+        let gradient = (1.0 / FRONT_STIFFNESS_PER_RAD - 1.0 / REAR_STIFFNESS_PER_RAD) / GRAVITY_MPS2;
+        self.vehicle.wheel_base_m + self.dynamic_share(speed_mps) * gradient * speed_mps * speed_mps
+    }
+
+    fn dynamic_share(&self, speed_mps: f64) -> f64 {
+        match self.kind {
+            DynamicsKind::Kinematic => 0.0,
+            DynamicsKind::SingleTrack => smooth_step(speed_mps, BLEND_MPS),
+        }
+    }
+
     /// Moves the body one tick under a constant command.
     pub(crate) fn step(&self, body: &mut Body, command: Command) {
         let before = body.ego.velocity_mps;
@@ -99,10 +112,7 @@ impl Chassis {
         let now =
             Rates { forward_mps: ego.velocity_mps.x, lateral_mps: ego.velocity_mps.y, yaw_radps: ego.yaw_rate_radps };
         let mut next = self.kinematic(now, ego.steering_rad, body.drive_mps2);
-        let share = match self.kind {
-            DynamicsKind::Kinematic => 0.0,
-            DynamicsKind::SingleTrack => smooth_step(now.forward_mps, BLEND_MPS),
-        };
+        let share = self.dynamic_share(now.forward_mps);
         if share > 0.0 {
             let slipping = self.dynamic(now, ego.steering_rad, body.drive_mps2);
             next.forward_mps += share * (slipping.forward_mps - next.forward_mps);
@@ -293,7 +303,9 @@ mod tests {
     #[test]
     fn a_log_without_steering_gets_it_from_its_yaw_rate() {
         let ego = EgoState { velocity_mps: DVec2::new(10.0, 0.0), yaw_rate_radps: 0.2, ..EgoState::default() };
-        let body = Body::of_log(&ego, &VehicleParameters::ZOE);
-        assert!((body.ego.steering_rad.tan() * 10.0 / 2.588 - 0.2).abs() < 1e-12);
+        for (kind, wheel_base_m) in [(DynamicsKind::Kinematic, 2.588), (DynamicsKind::SingleTrack, 2.588 + 0.2184)] {
+            let body = chassis(kind, 10).take_over(&ego);
+            assert!((body.ego.steering_rad.tan() * 10.0 / wheel_base_m - 0.2).abs() < 1e-4, "{kind:?}");
+        }
     }
 }

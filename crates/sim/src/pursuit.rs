@@ -8,13 +8,13 @@ use ds_world::EgoState;
 
 use crate::profile::Profile;
 use crate::reference::Reference;
-use crate::tracker::{Command, stopping};
+use crate::tracker::{Command, STOPPING_MPS, stopping};
 
 const LOOK_AHEAD_SECS: f64 = 0.8;
 const LOOK_AHEAD_M: std::ops::RangeInclusive<f64> = 4.0..=25.0;
 const SPEED_PREVIEW: usize = 5;
-const SPEED_GAIN_PER_SEC: f64 = 1.2;
-const POSITION_GAIN_PER_SEC2: f64 = 0.4;
+const SPEED_GAIN_PER_SEC: f64 = 2.0;
+const POSITION_GAIN_PER_SEC: f64 = 0.33;
 /// Time in which the steering should reach its target.
 const STEERING_SECS: f64 = 0.1;
 
@@ -37,9 +37,13 @@ pub(crate) fn command(
     let squared = target.length_squared().max(1.0);
     let steering_rad = if target.x > 0.0 { (2.0 * wheel_base_m * target.y / squared).atan() } else { 0.0 };
     let behind_m = ego.pose.to_local(reference.pose(step).position).x;
+    let mut wanted_mps = reference_mps + POSITION_GAIN_PER_SEC * behind_m.clamp(-5.0, 5.0);
+    if reference_mps > -STOPPING_MPS {
+        // A plan ahead is waited for, never reversed to.
+        wanted_mps = wanted_mps.max(0.0);
+    }
     Command {
-        acceleration_mps2: SPEED_GAIN_PER_SEC * (reference_mps - speed_mps)
-            + POSITION_GAIN_PER_SEC2 * behind_m.clamp(-5.0, 5.0),
+        acceleration_mps2: SPEED_GAIN_PER_SEC * (wanted_mps - speed_mps),
         steering_rate_radps: (steering_rad - ego.steering_rad) / STEERING_SECS,
     }
 }

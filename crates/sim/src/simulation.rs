@@ -95,12 +95,11 @@ impl Simulation {
     }
 
     fn logged_body(&self, tick: Tick) -> Body {
-        Body::of_log(self.scene.logged_ego(tick), &self.scene.vehicle)
+        self.chassis.take_over(self.scene.logged_ego(tick))
     }
 
     fn tracker(&self, plan: Trajectory, border: (Tick, ds_space::PoseSe2)) -> Tracker {
-        let wheel_base_m = self.scene.vehicle.wheel_base_m;
-        Tracker::new(plan, border, self.scene.dt, self.config.tracker, wheel_base_m)
+        Tracker::new(plan, border, self.scene.dt, self.config.tracker)
     }
 
     /// Puts the ego on the log from the next step on, without dynamics; a steering angle that the log lacks is filled in
@@ -125,7 +124,9 @@ impl Simulation {
         match &self.tracker {
             None => self.body = self.logged_body(next),
             Some(tracker) => {
-                let command = tracker.command(&self.body.ego, self.state.tick);
+                let ego = &self.body.ego;
+                let wheel_base_m = self.chassis.wheel_base_m(ego.speed_mps());
+                let command = tracker.command(ego, self.state.tick, wheel_base_m);
                 self.chassis.step(&mut self.body, command);
             }
         }

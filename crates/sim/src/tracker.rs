@@ -27,32 +27,26 @@ pub(crate) struct Tracker {
     pub(crate) anchor: PoseSe2,
     pub(crate) plan_tick: Tick,
     kind: TrackerKind,
-    wheel_base_m: f64,
     reference: Reference,
     profile: Profile,
 }
 
 impl Tracker {
     /// Anchors a plan at the pose that the ego had at the plan's tick.
-    pub(crate) fn new(
-        plan: Trajectory,
-        border: (Tick, PoseSe2),
-        dt: SimTime,
-        kind: TrackerKind,
-        wheel_base_m: f64,
-    ) -> Self {
+    pub(crate) fn new(plan: Trajectory, border: (Tick, PoseSe2), dt: SimTime, kind: TrackerKind) -> Self {
         let (plan_tick, anchor) = border;
         let reference = Reference::new(&plan, anchor, dt);
         let profile = Profile::of(&reference);
-        Self { plan, anchor, plan_tick, kind, wheel_base_m, reference, profile }
+        Self { plan, anchor, plan_tick, kind, reference, profile }
     }
 
     /// Returns the command for the step that begins at `tick`. Past its end the plan is a standing one.
-    pub(crate) fn command(&self, ego: &EgoState, tick: Tick) -> Command {
+    /// The wheel base is that of the kinematic car which turns like the ego at its speed.
+    pub(crate) fn command(&self, ego: &EgoState, tick: Tick, wheel_base_m: f64) -> Command {
         let step = tick.0.saturating_sub(self.plan_tick.0) as usize;
         match self.kind {
-            TrackerKind::Lqr => lqr::command(&self.reference, &self.profile, step, ego, self.wheel_base_m),
-            TrackerKind::PurePursuit => pursuit::command(&self.reference, &self.profile, step, ego, self.wheel_base_m),
+            TrackerKind::Lqr => lqr::command(&self.reference, &self.profile, step, ego, wheel_base_m),
+            TrackerKind::PurePursuit => pursuit::command(&self.reference, &self.profile, step, ego, wheel_base_m),
         }
     }
 }

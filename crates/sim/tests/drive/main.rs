@@ -1,0 +1,7 @@
+//! Drives whole simulations over scenes made by formula: tracking, traffic, resuming, odd scenes.
+
+mod odd;
+mod resume;
+mod street;
+mod tracking;
+mod traffic;
