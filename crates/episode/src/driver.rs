@@ -193,6 +193,12 @@ impl Driver {
         self.ending.as_ref()
     }
 
+    /// Returns the `scene` message, the first of the journal.
+    #[must_use]
+    pub fn scene(&self) -> &Envelope {
+        &self.scene
+    }
+
     /// Returns the outline of the scene.
     #[must_use]
     pub fn outline(&self) -> &Outline {
