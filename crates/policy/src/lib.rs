@@ -1,1 +1,53 @@
-//! Placeholder until this crate is written.
+//! Policies: from what a car sees and knows of itself to a trajectory.
+//!
+//! One trait, [`Policy`], with the built-in policies behind [`builtin`]. An unprivileged policy is handed an
+//! [`Observation`] and nothing else: frames, calibration, stamps, its own motion and a route command; never the map, the
+//! boxes of others, the absolute pose or the scenario's name. Privileged policies also get a [`PrivilegedView`]; they
+//! serve as references and are refused in a benchmark.
+
+pub mod builtin;
+pub mod camera;
+pub mod constant_velocity;
+pub mod driver;
+pub mod error;
+pub mod log_replay;
+pub mod observation;
+pub mod plan;
+pub mod route;
+pub mod route_follower;
+
+pub use builtin::{Builtin, builtin};
+pub use error::PolicyError;
+pub use observation::{EgoView, Observation, PrivilegedView};
+pub use plan::{PolicyAnswer, Proposal};
+
+/// What a policy needs after its process was replaced in the middle of an episode.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Restart {
+    /// Nothing: each answer depends on its observation alone.
+    Stateless,
+    /// The episode must begin again.
+    FromStart,
+}
+
+/// A driver: answers each observation with a trajectory in the rig frame at the newest frame.
+pub trait Policy: Send {
+    /// Returns the name under which the policy is listed and recorded.
+    fn name(&self) -> &str;
+
+    /// Says whether the policy sees what no real car could see.
+    fn privileged(&self) -> bool;
+
+    /// Plans from an observation; `privileged` is only ever given to a policy that declares itself privileged.
+    ///
+    /// # Errors
+    /// [`PolicyError`] names what is wrong with the observation, the weights or the plan.
+    fn plan(
+        &mut self,
+        observation: &Observation,
+        privileged: Option<&PrivilegedView>,
+    ) -> Result<PolicyAnswer, PolicyError>;
+
+    /// Says what the policy needs after a restart.
+    fn restart(&self) -> Restart;
+}

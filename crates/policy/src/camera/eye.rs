@@ -1,0 +1,114 @@
+//! Brings a frame of any forward camera to the one camera that the network knows.
+//!
+//! That camera has 160×96 pixels, 70° across, 1.6 m above the road, 1.5 m before the rear axle, 0.05 rad down. Pixels
+//! below the horizon are looked up on the flat road, the others at infinity, so that the road keeps its place; things
+//! that stand up are distorted where mountings differ. The same camera gives the same pixels back.
+
+use ds_nn::planner::{HEIGHT_PX, WIDTH_PX};
+use ds_raster::RgbImage;
+use ds_space::{CameraId, CameraModel, DVec3, Intrinsics};
+
+/// What is shown where the source camera does not reach.
+const UNSEEN: [f32; 3] = [115.0; 3];
+/// The most samples along each axis of a pixel.
+const MOST_SAMPLES: u32 = 4;
+
+/// Returns the camera that the network was trained with.
+///
+/// # Panics
+/// Never: its name is a fixed plain word.
+#[must_use]
+#[expect(clippy::cast_possible_truncation, reason = "the sides are small constants")]
+pub fn known_camera() -> CameraModel {
+    let id = CameraId::new("front").expect("a plain word is an id");
+    let intrinsics = Intrinsics::centred(WIDTH_PX as u32, HEIGHT_PX as u32, 70f64.to_radians());
+    CameraModel::mounted(id, intrinsics, DVec3::new(1.5, 0.0, 1.6), 0.0, 0.05)
+}
+
+/// Looks up frames of a source camera; keeps the look-up table of the last one.
+#[derive(Debug, Default)]
+pub struct Eye {
+    source: Option<CameraModel>,
+    /// For each pixel, `samples` source positions (x, y), in pixels; NaN where unseen.
+    table: Vec<[f32; 2]>,
+    samples: usize,
+}
+
+impl Eye {
+    /// Returns the frame as the known camera would have seen it.
+    pub fn look(&mut self, camera: &CameraModel, frame: &RgbImage) -> RgbImage {
+        let intrinsics = camera.intrinsics.resized(frame.width_px(), frame.height_px());
+        let source = CameraModel { intrinsics, ..camera.clone() };
+        if self.source.as_ref() != Some(&source) {
+            self.prepare(source);
+        }
+        let mut rgb = Vec::with_capacity(WIDTH_PX * HEIGHT_PX * 3);
+        for positions in self.table.chunks_exact(self.samples) {
+            let mut sum = [0.0f32; 3];
+            for position in positions {
+                let colour = sample(frame, *position);
+                (0..3).for_each(|c| sum[c] += colour[c]);
+            }
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a mean of 8-bit values")]
+            rgb.extend(sum.map(|value| (value / positions.len() as f32).round() as u8));
+        }
+        let known = known_camera().intrinsics;
+        RgbImage::new(known.width_px, known.height_px, rgb).expect("the table has one entry per sample of each pixel")
+    }
+
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive ratio")]
+    fn prepare(&mut self, source: CameraModel) {
+        let known = known_camera();
+        let ratio = (source.intrinsics.fx_px / known.intrinsics.fx_px - 1e-6).ceil().max(1.0) as u32;
+        let across = ratio.min(MOST_SAMPLES);
+        self.samples = (across * across) as usize;
+        self.table.clear();
+        for y in 0..known.intrinsics.height_px {
+            for x in 0..known.intrinsics.width_px {
+                for part in 0..across * across {
+                    let within = |part: u32| (f64::from(part) + 0.5) / f64::from(across);
+                    let pixel = (f64::from(x) + within(part % across), f64::from(y) + within(part / across));
+                    self.table.push(look_up(&known, &source, pixel));
+                }
+            }
+        }
+        self.source = Some(source);
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "pixel positions need no double precision")]
+fn look_up(known: &CameraModel, source: &CameraModel, (x, y): (f64, f64)) -> [f32; 2] {
+    let lens = &known.intrinsics;
+    let ray_in_camera = DVec3::new((x - lens.cx_px) / lens.fx_px, (y - lens.cy_px) / lens.fy_px, 1.0);
+    let ray = known.rig_from_camera.rotation * ray_in_camera;
+    let eye = known.rig_from_camera.translation;
+    let source_from_rig = source.rig_from_camera.inverse();
+    let in_source = if ray.z < -1e-3 {
+        source_from_rig * (eye + ray * (eye.z / -ray.z))
+    } else {
+        source_from_rig.rotation * ray
+    };
+    source.intrinsics.project(in_source).map_or([f32::NAN; 2], |pixel| [pixel.x as f32, pixel.y as f32])
+}
+
+/// Returns the colour between pixel centres, or grey outside.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bounds were checked just before")]
+fn sample(frame: &RgbImage, [x, y]: [f32; 2]) -> [f32; 3] {
+    let (width, height) = (frame.width_px(), frame.height_px());
+    let inside = (0.0..=width as f32).contains(&x) && (0.0..=height as f32).contains(&y);
+    if !inside {
+        return UNSEEN;
+    }
+    let place = |at: f32, side: u32| {
+        let at = (at - 0.5).clamp(0.0, side as f32 - 1.0);
+        let low = at.floor();
+        (low as u32, (low as u32 + 1).min(side - 1), at - low)
+    };
+    let ((x0, x1, u), (y0, y1, v)) = (place(x, width), place(y, height));
+    let mix = |a: [u8; 3], b: [u8; 3], share: f32| {
+        [0, 1, 2].map(|c| f32::from(a[c]) + share * (f32::from(b[c]) - f32::from(a[c])))
+    };
+    let top = mix(frame.pixel(x0, y0), frame.pixel(x1, y0), u);
+    let bottom = mix(frame.pixel(x0, y1), frame.pixel(x1, y1), u);
+    [0, 1, 2].map(|c| top[c] + v * (bottom[c] - top[c]))
+}

@@ -1,0 +1,54 @@
+//! Why a policy cannot be made or cannot answer.
+
+use ds_world::TrajectoryError;
+
+/// Says why a policy cannot be made or cannot answer.
+#[derive(Debug, thiserror::Error)]
+pub enum PolicyError {
+    /// No built-in policy has this name.
+    #[error("unknown policy {name:?}, known are {known}")]
+    Unknown {
+        /// The name that was asked for.
+        name: String,
+        /// The names that exist.
+        known: String,
+    },
+    /// A privileged policy was asked without its view of the truth.
+    #[error("policy {name:?} is privileged and was given no view of the scenario")]
+    NeedsPrivilege {
+        /// The policy.
+        name: &'static str,
+    },
+    /// A field of the observation is unusable.
+    #[error("observation field {field:?} {problem}")]
+    Observation {
+        /// The field.
+        field: &'static str,
+        /// What is wrong with it, with the value.
+        problem: String,
+    },
+    /// The policy needs weights and got none.
+    #[error("policy {name:?} needs a weights file and none was given")]
+    NeedsWeights {
+        /// The policy.
+        name: &'static str,
+    },
+    /// The weights cannot be used.
+    #[error("policy weights {path:?} cannot be used")]
+    Weights {
+        /// The file.
+        path: String,
+        /// Why.
+        #[source]
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
+    /// The plan breaks the rules of a trajectory.
+    #[error("plan of policy {name:?} refused")]
+    Plan {
+        /// The policy.
+        name: &'static str,
+        /// Why.
+        #[source]
+        source: TrajectoryError,
+    },
+}

@@ -1,0 +1,41 @@
+//! A policy's answer, and how evenly spaced poses become a checked trajectory.
+
+use ds_space::{PoseSe2, SimTime};
+use ds_world::{Trajectory, TrajectoryPoint};
+
+use crate::error::PolicyError;
+
+/// One candidate trajectory.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Proposal {
+    /// The trajectory, in the rig frame of now.
+    pub trajectory: Trajectory,
+    /// The policy's own score; larger is better.
+    pub score: f64,
+}
+
+/// What a policy answers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PolicyAnswer {
+    /// The trajectory to drive, in the rig frame of now.
+    pub trajectory: Trajectory,
+    /// All candidates, the answer among them; empty if the policy makes only one.
+    pub proposals: Vec<Proposal>,
+}
+
+impl PolicyAnswer {
+    /// Makes the answer of a policy that has one candidate.
+    #[must_use]
+    pub fn single(trajectory: Trajectory) -> Self {
+        Self { trajectory, proposals: Vec::new() }
+    }
+}
+
+/// Makes a trajectory of poses that are `dt` apart, the first one `dt` after now.
+///
+/// # Errors
+/// [`PolicyError::Plan`] if a pose is not finite or there are too many.
+pub fn evenly_spaced(name: &'static str, poses: &[PoseSe2], dt: SimTime) -> Result<Trajectory, PolicyError> {
+    let points = poses.iter().zip(1i64..).map(|(pose, index)| TrajectoryPoint { after: SimTime(dt.0 * index), pose: *pose });
+    Trajectory::new(points.collect()).map_err(|source| PolicyError::Plan { name, source })
+}

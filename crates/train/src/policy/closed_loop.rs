@@ -1,0 +1,223 @@
+//! Closed-loop drives on reference frames: to measure the policy on held-out scenarios, and to gather the states that it
+//! gets into on training scenarios, labelled by the teacher.
+//!
+//! Route completion is the way made along the expert's route divided by the expert's own way in the same time, at most
+//! 1; a drive ends where the ego is more than 4 m off the route. These figures steer training; scores are another crate's.
+
+use ds_nn::Weights;
+use ds_policy::camera::CameraPolicy;
+use ds_policy::constant_velocity::ConstantVelocity;
+use ds_policy::route_follower::RouteFollower;
+use ds_policy::{EgoView, Observation, Policy, PolicyError, PrivilegedView};
+use ds_raster::RgbImage;
+use ds_sim::{SimConfig, Simulation};
+use ds_space::{Draws, Tick};
+use ds_world::WorldState;
+use serde_json::json;
+
+use super::PolicyTrainError;
+use super::dataset::{Sample, Samples, Stage};
+use super::settings::PolicySettings;
+
+/// A drive farther off the route than this has failed, in metres.
+const OFF_ROUTE_M: f64 = 4.0;
+/// Where the training scenarios that the policy itself drives begin, after those of the expert's samples.
+const FIRST_DRIVEN: u64 = 40_000;
+
+/// Which scenarios are shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shown {
+    /// Those for training.
+    Training,
+    /// Those held out.
+    HeldOut,
+}
+
+/// Who drove on what.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Driven {
+    /// The camera policy on its own frames.
+    Camera,
+    /// The camera policy on frames of another scenario.
+    CameraElsewhere,
+    /// Constant velocity.
+    ConstantVelocity,
+    /// The privileged teacher.
+    RouteFollower,
+}
+
+impl Driven {
+    const ALL: [Self; 4] = [Self::Camera, Self::CameraElsewhere, Self::ConstantVelocity, Self::RouteFollower];
+
+    /// Returns the name in reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Camera => "camera",
+            Self::CameraElsewhere => "camera-elsewhere",
+            Self::ConstantVelocity => "constant-velocity",
+            Self::RouteFollower => "route-follower",
+        }
+    }
+
+    fn policy(self, weights: &Weights) -> Result<Box<dyn Policy>, PolicyTrainError> {
+        Ok(match self {
+            Self::Camera | Self::CameraElsewhere => Box::new(CameraPolicy::new(weights)?),
+            Self::ConstantVelocity => Box::new(ConstantVelocity),
+            Self::RouteFollower => Box::new(RouteFollower::default()),
+        })
+    }
+}
+
+/// What came of a drive.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DriveResult {
+    /// The scenario's name.
+    pub scenario: String,
+    /// Who drove.
+    pub driven: Driven,
+    /// Share of the expert's way, 0 to 1.
+    pub route_completion: f64,
+    /// Whether the ego left the route by more than 4 m.
+    pub off_route: bool,
+    /// Whether the ego caused a collision.
+    pub at_fault: bool,
+}
+
+/// Makes the observation of a world; `frame` is what the first camera showed.
+fn observation(settings: &PolicySettings, stage: &Stage, simulation: &Simulation, frame: RgbImage) -> Observation {
+    let world = simulation.state();
+    Observation {
+        frames: vec![vec![frame]],
+        cameras: vec![stage.scene.cameras[0].clone()],
+        ego: EgoView::of(&[world.ego]),
+        command: simulation.route_command(),
+        stamps: vec![world.time],
+        horizon_ticks: 80,
+        dt: stage.scene.dt,
+        draw: Draws::from_seed(settings.seed, "policy"),
+    }
+}
+
+fn failed(stage: &Stage) -> impl Fn(PolicyError) -> PolicyTrainError {
+    let name = stage.scene.name.clone();
+    move |source| PolicyTrainError::Policy { name: name.clone(), source }
+}
+
+/// Drives training scenarios with the policy and returns its states with the teacher's labels.
+pub(super) fn samples_of(
+    settings: &PolicySettings,
+    round: u64,
+    scenarios: u32,
+    weights: &Weights,
+) -> Result<Samples, PolicyTrainError> {
+    let mut samples: Vec<Sample> = Vec::new();
+    let mut policy = CameraPolicy::new(weights)?;
+    for index in 0..u64::from(scenarios) {
+        let mut stage = Stage::new(Shown::Training, FIRST_DRIVEN + 10_000 * round + index);
+        let start = Draws::new(&stage.scene.digest, "policy start", &[round]).below(0, 50);
+        #[expect(clippy::cast_possible_truncation, reason = "below 50")]
+        let mut simulation = stage.simulation(SimConfig::default(), Tick(start as u32))?;
+        let last = simulation.state().tick.plus(settings.drive_ticks).min(Tick(110));
+        while simulation.state().tick < last && !is_over(&stage, simulation.state()) {
+            let world = simulation.state().clone();
+            let frame = stage.frame(&world);
+            samples.push(stage.sample(&world, &frame, simulation.route_command()));
+            let seen = observation(settings, &stage, &simulation, frame);
+            let answer = policy.plan(&seen, None).map_err(failed(&stage))?;
+            simulation.begin_plan(&answer.trajectory);
+            for _ in 0..settings.replan_ticks {
+                simulation.step();
+            }
+        }
+    }
+    Ok(Samples(samples))
+}
+
+fn is_over(stage: &Stage, world: &WorldState) -> bool {
+    let off_m = stage.driver.route().project_pose(&world.ego.pose).left_m.abs();
+    off_m > OFF_ROUTE_M || world.contacts.iter().any(|contact| contact.at_fault)
+}
+
+/// Drives all held-out scenarios with everyone.
+pub(super) fn evaluate(
+    settings: &PolicySettings,
+    weights: &Weights,
+    listener: &mut dyn FnMut(&str),
+) -> Result<Vec<DriveResult>, PolicyTrainError> {
+    let mut results = Vec::new();
+    for index in 0..u64::from(settings.driven_scenarios) {
+        let stage = Stage::new(Shown::HeldOut, index);
+        // Another family and another seed, so that neither the road nor the traffic agrees.
+        let elsewhere = Stage::new(Shown::HeldOut, index + 11);
+        for driven in Driven::ALL {
+            let mut policy = driven.policy(weights)?;
+            let result = drive(settings, &stage, &elsewhere, driven, &mut *policy)?;
+            listener(&line(&result).to_string());
+            results.push(result);
+        }
+    }
+    for driven in Driven::ALL {
+        let of: Vec<&DriveResult> = results.iter().filter(|result| result.driven == driven).collect();
+        let count = of.len().max(1) as f64;
+        let share = |is: fn(&DriveResult) -> bool| of.iter().filter(|result| is(result)).count() as f64 / count;
+        let mean = of.iter().map(|result| result.route_completion).sum::<f64>() / count;
+        let line = json!({
+            "driven": driven.name(), "drives": of.len(), "mean_route_completion": mean,
+            "off_route": share(|result| result.off_route), "at_fault": share(|result| result.at_fault),
+        });
+        listener(&line.to_string());
+    }
+    Ok(results)
+}
+
+fn line(result: &DriveResult) -> serde_json::Value {
+    json!({
+        "scenario": result.scenario, "driven": result.driven.name(), "route_completion": result.route_completion,
+        "off_route": result.off_route, "at_fault": result.at_fault,
+    })
+}
+
+fn drive(
+    settings: &PolicySettings,
+    stage: &Stage,
+    elsewhere: &Stage,
+    driven: Driven,
+    policy: &mut dyn Policy,
+) -> Result<DriveResult, PolicyTrainError> {
+    let route = stage.driver.route();
+    let along_m = |world: &WorldState| route.project_pose(&world.ego.pose).along_m;
+    let mut simulation = stage.simulation(SimConfig::default(), Tick(0))?;
+    let start_m = along_m(simulation.state());
+    let mut result =
+        DriveResult { scenario: stage.scene.name.clone(), driven, route_completion: 0.0, off_route: false, at_fault: false };
+    let mut farthest_m = start_m;
+    while simulation.state().tick < Tick(settings.drive_ticks) && !result.off_route {
+        let frame = match driven {
+            Driven::Camera => stage.frame(simulation.state()),
+            Driven::CameraElsewhere => {
+                let config = SimConfig { agents: ds_sim::AgentMode::LogReplay, ..SimConfig::default() };
+                elsewhere.frame(elsewhere.simulation(config, simulation.state().tick)?.state())
+            }
+            Driven::ConstantVelocity | Driven::RouteFollower => RgbImage::filled(1, 1, [0; 3]),
+        };
+        let seen = observation(settings, stage, &simulation, frame);
+        let world = simulation.state();
+        let view = PrivilegedView { scene: stage.scene.clone(), tick: world.tick, ego: world.ego };
+        let answer = policy.plan(&seen, policy.privileged().then_some(&view)).map_err(failed(stage))?;
+        simulation.begin_plan(&answer.trajectory);
+        for _ in 0..settings.replan_ticks {
+            let world = simulation.step();
+            let at = route.project_pose(&world.ego.pose);
+            result.off_route |= at.left_m.abs() > OFF_ROUTE_M;
+            result.at_fault |= world.contacts.iter().any(|contact| contact.at_fault);
+            if !result.off_route {
+                farthest_m = farthest_m.max(at.along_m);
+            }
+        }
+    }
+    let expert = stage.scene.logged_ego(Tick(settings.drive_ticks));
+    let expert_m = (route.project_pose(&expert.pose).along_m - start_m).max(1.0);
+    result.route_completion = ((farthest_m - start_m) / expert_m).clamp(0.0, 1.0);
+    Ok(result)
+}

@@ -1,0 +1,102 @@
+//! The state of training: weights, their average and the optimiser's moments, one file each time it is saved.
+
+use std::path::Path;
+
+use ds_nn::optimiser::{AdamW, AdamWSettings, Schedule, move_average};
+use ds_nn::planner::{self, HEIGHT_PX, WIDTH_PX};
+use ds_nn::safetensors::WeightsFile;
+use ds_nn::{Array, Weights};
+use ds_policy::camera::SIZE;
+use ds_policy::camera::proposals::{STATE, state_of};
+use ds_space::{DigestWriter, Draws};
+
+use super::PolicyTrainError;
+use super::augment::augment_into;
+use super::dataset::Samples;
+use super::loss;
+use super::settings::PolicySettings;
+
+/// Weights under training.
+pub(super) struct Learner {
+    weights: Weights,
+    average: Weights,
+    optimiser: AdamW,
+    schedule: Schedule,
+}
+
+impl Learner {
+    /// Goes on from a checkpoint, or starts anew where there is none.
+    pub(super) fn resume(settings: &PolicySettings, checkpoint: &Path) -> Result<Self, PolicyTrainError> {
+        let adam = AdamWSettings { weight_decay: settings.weight_decay, ..AdamWSettings::default() };
+        let schedule = Schedule { peak: settings.learning_rate, warm_up: settings.warm_up, total: settings.steps() };
+        if !checkpoint.exists() {
+            let seed = DigestWriter::new().text("camera policy").u64(settings.seed).finish();
+            let weights = Weights::initialised(&SIZE.declared(), &seed);
+            let optimiser = AdamW::new(adam, &weights);
+            return Ok(Self { average: weights.clone(), weights, optimiser, schedule });
+        }
+        let file = WeightsFile::read(checkpoint)?;
+        let path = || checkpoint.display().to_string();
+        let steps = file.metadata.get("steps").and_then(|text| text.parse().ok());
+        let steps = steps.ok_or_else(|| PolicyTrainError::Samples { path: path(), problem: "has no step count".into() })?;
+        let part = |prefix: &str| {
+            let weights = file.weights.part(prefix);
+            weights.check(&SIZE.declared()).map(|()| weights)
+        };
+        let optimiser = AdamW::resumed(adam, steps, part("first.")?, part("second.")?);
+        Ok(Self { weights: part("weights.")?, average: part("average.")?, optimiser, schedule })
+    }
+
+    /// Writes the whole state.
+    pub(super) fn save(&self, checkpoint: &Path) -> Result<(), PolicyTrainError> {
+        let mut all = Weights::default();
+        let parts =
+            [("weights.", &self.weights), ("average.", &self.average), ("first.", &self.optimiser.first), ("second.", &self.optimiser.second)];
+        for (prefix, weights) in parts {
+            all.absorb(prefix, weights);
+        }
+        let metadata = [("steps".to_owned(), self.optimiser.steps.to_string())].into();
+        Ok(WeightsFile { weights: all, metadata }.write(checkpoint)?)
+    }
+
+    /// Returns the steps made so far.
+    pub(super) fn steps(&self) -> u32 {
+        self.optimiser.steps
+    }
+
+    /// Returns the average of the weights.
+    pub(super) fn average(&self) -> &Weights {
+        &self.average
+    }
+
+    /// Makes one step on a drawn batch and returns its loss.
+    pub(super) fn step(&mut self, settings: &PolicySettings, samples: &Samples) -> Result<f64, PolicyTrainError> {
+        let step = self.steps();
+        let batch = settings.batch as usize;
+        let mut pixels = Vec::with_capacity(batch * HEIGHT_PX * WIDTH_PX * 3);
+        let (mut state, mut targets, mut speeds) = (Vec::new(), Vec::new(), Vec::new());
+        for slot in 0..batch as u64 {
+            let seed = DigestWriter::new().u64(settings.seed).finish();
+            let draws = Draws::new(&seed, "policy batch", &[u64::from(step), slot]);
+            #[expect(clippy::cast_possible_truncation, reason = "below the number of samples")]
+            let sample = &samples.0[draws.below(100, samples.len() as u64) as usize];
+            augment_into(&sample.rgb, &draws, &mut pixels);
+            let speed_mps = (f64::from(sample.speed_mps) + 0.15 * draws.normal(101)).max(0.0);
+            state.extend(state_of(speed_mps, sample.command));
+            targets.push(loss::target_of(sample, speed_mps));
+            speeds.push(speed_mps);
+        }
+        let images = Array::new(&[batch, HEIGHT_PX, WIDTH_PX, 3], pixels);
+        let state = Array::new(&[batch, STATE], state);
+        let grade = |outputs: &Array| loss::grade(outputs, &targets, &speeds);
+        let (loss, gradient) = planner::gradient(SIZE, &self.weights, &images, &state, grade)?;
+        let norm = self.optimiser.update(&mut self.weights, &gradient, self.schedule.rate(step));
+        if !loss.is_finite() || !norm.is_finite() {
+            return Err(PolicyTrainError::Diverged { step, loss });
+        }
+        // The average follows fast at first, so that the first values do not linger.
+        let decay = settings.average_decay.min((1.0 + step as f32) / (10.0 + step as f32));
+        move_average(&mut self.average, &self.weights, decay);
+        Ok(loss)
+    }
+}
