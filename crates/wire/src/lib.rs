@@ -10,6 +10,7 @@ pub mod advance;
 pub mod body;
 pub mod cache;
 pub mod codec;
+pub mod control;
 pub mod ego;
 pub mod envelope;
 pub mod error;

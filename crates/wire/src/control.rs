@@ -1,0 +1,62 @@
+//! The control plane's messages as services use them: the generated types and the names of their enumerations.
+
+use ds_topic::{AgentMode, ObservationSource, Role};
+
+pub use crate::v1::*;
+
+/// Returns the role of a wire value, if it names one.
+#[must_use]
+pub fn role_of(value: i32) -> Option<Role> {
+    crate::v1::Role::try_from(value).ok().and_then(|role| Role::try_from(role).ok())
+}
+
+/// Returns the wire value of a role.
+#[must_use]
+pub fn role(role: Role) -> i32 {
+    crate::v1::Role::from(role).into()
+}
+
+/// Returns the observation source of a wire value, if it names one.
+#[must_use]
+pub fn observation_of(value: i32) -> Option<ObservationSource> {
+    crate::v1::ObservationSource::try_from(value).ok().and_then(|source| ObservationSource::try_from(source).ok())
+}
+
+/// Returns the agent mode of a wire value, if it names one.
+#[must_use]
+pub fn agents_of(value: i32) -> Option<AgentMode> {
+    crate::v1::AgentMode::try_from(value).ok().and_then(|mode| AgentMode::try_from(mode).ok())
+}
+
+/// Returns the name of a status in results.
+#[must_use]
+pub fn status_name(value: i32) -> &'static str {
+    match Status::try_from(value) {
+        Ok(Status::Queued) => "queued",
+        Ok(Status::Running) => "running",
+        Ok(Status::Completed) => "completed",
+        Ok(Status::Failed) => "failed",
+        Ok(Status::Aborted) => "aborted",
+        Ok(Status::Unspecified) | Err(_) => "unknown",
+    }
+}
+
+/// Says whether an episode or run with this status has ended.
+#[must_use]
+pub fn has_ended(value: i32) -> bool {
+    matches!(Status::try_from(value), Ok(Status::Completed | Status::Failed | Status::Aborted))
+}
+
+/// Encodes a message of the control plane for storage.
+#[must_use]
+pub fn encode_message(message: &impl prost::Message) -> Vec<u8> {
+    message.encode_to_vec()
+}
+
+/// Decodes a stored message of the control plane.
+///
+/// # Errors
+/// If the bytes are not such a message.
+pub fn decode_message<M: prost::Message + Default>(bytes: &[u8]) -> Result<M, prost::DecodeError> {
+    M::decode(bytes)
+}

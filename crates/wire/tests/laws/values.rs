@@ -1,0 +1,342 @@
+//! Arbitrary values of every topic, within the bounds of the contract.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use ds_raster::{Encoding, RgbImage};
+use ds_space::{
+    AgentId, CameraId, CameraModel, DVec2, DVec3, Digest, EpisodeId, InstanceId, Intrinsics, PoseSe2, SimTime, Tick,
+};
+use ds_topic::body::Tensor;
+use ds_topic::{
+    Advance, AgentMode, Cache, Ego, EpisodeSpec, Frame, Layout, Motion, ObservationSource, Owner, Plan, Proposal,
+    ReplanAlignment, Role, SceneMessage, Score, World,
+};
+use ds_wire::policy::{CameraView, Observation, StampedEgo, StampedImage};
+use ds_world::{
+    AgentClass, AgentState, Contact, ContactKind, Crosswalk, EgoState, Lane, LaneId, LaneKind, LightState, LineColour,
+    LineKind, LineMarking, Map, Origin, RoadEdge, RouteCommand, Scene, Size, StopLine, Track, TrackPoint, TrafficLight,
+    Trajectory, TrajectoryPoint, VehicleParameters, WorldState,
+};
+use proptest::collection::vec;
+use proptest::option;
+use proptest::prelude::*;
+
+/// Any finite number, zeros of both signs and subnormals included.
+fn finite() -> impl Strategy<Value = f64> + Clone {
+    use proptest::num::f64::{NEGATIVE, NORMAL, POSITIVE, SUBNORMAL, ZERO};
+    NORMAL | SUBNORMAL | ZERO | POSITIVE | NEGATIVE
+}
+
+fn length() -> impl Strategy<Value = f64> {
+    0.0..50.0
+}
+
+fn vector() -> impl Strategy<Value = DVec2> + Clone {
+    (finite(), finite()).prop_map(|(x, y)| DVec2::new(x, y))
+}
+
+fn pose() -> impl Strategy<Value = PoseSe2> {
+    (vector(), finite()).prop_map(|(position, heading_rad)| PoseSe2 { position, heading_rad })
+}
+
+fn digest() -> impl Strategy<Value = Digest> {
+    any::<[u8; 32]>().prop_map(Digest)
+}
+
+fn size() -> impl Strategy<Value = Size> {
+    (length(), length(), length()).prop_map(|(length_m, width_m, height_m)| Size { length_m, width_m, height_m })
+}
+
+fn ego_state() -> impl Strategy<Value = EgoState> {
+    (pose(), vector(), finite(), vector(), finite(), finite()).prop_map(
+        |(pose, velocity_mps, yaw_rate_radps, acceleration_mps2, steering_rad, steering_rate_radps)| EgoState {
+            pose,
+            velocity_mps,
+            yaw_rate_radps,
+            acceleration_mps2,
+            steering_rad,
+            steering_rate_radps,
+        },
+    )
+}
+
+fn command() -> impl Strategy<Value = RouteCommand> {
+    prop_oneof![Just(RouteCommand::Straight), Just(RouteCommand::Left), Just(RouteCommand::Right)]
+}
+
+pub(crate) fn ego() -> impl Strategy<Value = Ego> {
+    (ego_state(), command()).prop_map(|(estimate, command)| Ego { estimate, command })
+}
+
+fn image() -> impl Strategy<Value = RgbImage> {
+    (1_u32..12, 1_u32..9).prop_flat_map(|(w, h)| {
+        vec(any::<u8>(), (w * h * 3) as usize).prop_map(move |rgb| RgbImage::new(w, h, rgb).expect("the size fits"))
+    })
+}
+
+fn encoding() -> impl Strategy<Value = Encoding> {
+    prop_oneof![Just(Encoding::None), Just(Encoding::Png)]
+}
+
+pub(crate) fn layout() -> impl Strategy<Value = Layout> {
+    (image(), encoding(), pose())
+        .prop_map(|(image, encoding, ego_in_world)| Layout { image, encoding, ego_in_world })
+}
+
+pub(crate) fn frame() -> impl Strategy<Value = Frame> {
+    (image(), encoding(), 0.0..255.0).prop_map(|(image, encoding, seam)| Frame { image, encoding, seam })
+}
+
+fn trajectory() -> impl Strategy<Value = Trajectory> {
+    vec((1_i64..500_000_000, -900.0..900.0, -900.0..900.0, finite()), 1..20).prop_map(|steps| {
+        let mut after = SimTime(0);
+        let point = |(step, x_m, y_m, heading_rad): (i64, f64, f64, f64)| {
+            after = SimTime(after.0 + step);
+            TrajectoryPoint { after, pose: PoseSe2::new(x_m, y_m, heading_rad) }
+        };
+        Trajectory::new(steps.into_iter().map(point).collect()).expect("built within the limits")
+    })
+}
+
+pub(crate) fn plan() -> impl Strategy<Value = Plan> {
+    let proposal = (trajectory(), finite()).prop_map(|(trajectory, score)| Proposal { trajectory, score });
+    (trajectory(), vec(proposal, 0..4)).prop_map(|(trajectory, proposals)| Plan { trajectory, proposals })
+}
+
+fn tensor() -> impl Strategy<Value = Tensor> {
+    let filled = (0_u32..4, 1_u32..5).prop_flat_map(|(rows, columns)| {
+        vec(-1e6_f32..1e6, (rows * columns) as usize)
+            .prop_map(move |values| Tensor { shape: vec![rows, columns], values })
+    });
+    prop_oneof![Just(Tensor::default()), filled]
+}
+
+pub(crate) fn cache() -> impl Strategy<Value = Cache> {
+    let tensors = (tensor(), tensor(), tensor());
+    let digests = (digest(), digest(), digest(), digest());
+    (any::<u32>(), any::<u32>(), 1_u32..9, tensors, digests).prop_map(|(chunk, first, ticks, tensors, digests)| Cache {
+        chunk,
+        first: Tick(first),
+        ticks,
+        cached_input: tensors.0,
+        clean: tensors.1,
+        control: tensors.2,
+        conditioning: digests.0,
+        cache_digest: digests.1,
+        encoder_digest: digests.2,
+        decoder_digest: digests.3,
+    })
+}
+
+pub(crate) fn score() -> impl Strategy<Value = Score> {
+    prop::collection::btree_map("[a-z_]{1,12}", option::of(0.0..=1.0), 0..6)
+        .prop_map(|values| Score { values: values.into_iter().collect() })
+}
+
+pub(crate) fn advance() -> impl Strategy<Value = Advance> {
+    let motion = prop_oneof![Just(Motion::Initial), Just(Motion::Log), trajectory().prop_map(Motion::Plan)];
+    let owner = ("[a-z0-9-]{1,20}", any::<u64>());
+    let owners = prop::collection::btree_map(prop::sample::select(Role::ALL.to_vec()), owner, 0..4);
+    (any::<u32>(), 0_u32..99, 0_u32..9, motion, digest(), any::<bool>(), owners).prop_map(
+        |(iteration, first, more, motion, border, plan_due, owners)| Advance {
+            iteration,
+            first: Tick(first),
+            last: Tick(first + more),
+            motion,
+            border,
+            plan_due,
+            owners: owners.into_iter().map(|(role, (name, epoch))| (role, owner_of(&name, epoch))).collect::<BTreeMap<_, _>>(),
+        },
+    )
+}
+
+fn owner_of(name: &str, epoch: u64) -> Owner {
+    Owner { instance: InstanceId::new(name).expect("plain letters are an id"), epoch }
+}
+
+fn class() -> impl Strategy<Value = AgentClass> {
+    use AgentClass::{Barrier, Cone, Cyclist, Pedestrian, Vehicle};
+    prop::sample::select(vec![Vehicle, Pedestrian, Cyclist, Cone, Barrier])
+}
+
+fn light() -> impl Strategy<Value = LightState> {
+    use LightState::{Green, Red, Unknown, Yellow};
+    prop::sample::select(vec![Unknown, Red, Yellow, Green])
+}
+
+fn agents() -> impl Strategy<Value = Vec<AgentState>> {
+    prop::collection::btree_map(any::<u32>(), (class(), size(), pose(), finite(), vector()), 0..5).prop_map(|agents| {
+        let agent = |(id, (class, size, pose, z_m, velocity_mps))| AgentState {
+            id: AgentId(id),
+            class,
+            size,
+            pose,
+            z_m,
+            velocity_mps,
+        };
+        agents.into_iter().map(agent).collect()
+    })
+}
+
+pub(crate) fn world() -> impl Strategy<Value = World> {
+    let kind = prop::sample::select(vec![ContactKind::Front, ContactKind::Side, ContactKind::Rear]);
+    let contact = (kind, any::<bool>(), finite());
+    let contacts = vec(contact, 0..3);
+    let snapshot = option::of(vec(any::<u8>(), 0..40));
+    (any::<u32>(), any::<i64>(), ego_state(), agents(), vec(light(), 0..4), contacts, digest(), snapshot).prop_map(
+        |(tick, time, ego, agents, lights, contacts, before, snapshot)| {
+            let contact = |(index, (kind, at_fault, closing_speed_mps))| Contact {
+                agent: AgentId(index),
+                kind,
+                at_fault,
+                closing_speed_mps,
+            };
+            let contacts = (0..).zip(contacts).map(contact).collect();
+            let state = WorldState { tick: Tick(tick), time: SimTime(time), ego, agents, lights, contacts };
+            World { state, before, snapshot }
+        },
+    )
+}
+
+pub(crate) fn camera() -> impl Strategy<Value = CameraModel> {
+    ("[a-z][a-z0-9_]{0,8}", 1_u32..300, 1_u32..200, 0.3..2.0, -3.0..3.0, -0.5..0.5).prop_map(
+        |(name, width_px, height_px, fov, yaw, pitch)| {
+            let id = CameraId::new(&name).expect("plain letters are an id");
+            let lens = Intrinsics::centred(width_px, height_px, fov);
+            CameraModel::mounted(id, lens, DVec3::new(1.5, -0.0, 1.6), yaw, pitch)
+        },
+    )
+}
+
+fn line() -> impl Strategy<Value = Vec<DVec2>> {
+    vec(vector(), 2..6)
+}
+
+fn lanes() -> impl Strategy<Value = Vec<Lane>> {
+    vec(("[a-z0-9 ]{0,9}", any::<bool>(), line(), option::of(0.0..40.0), any::<[u8; 4]>()), 1..4).prop_map(|lanes| {
+        let count = lanes.len() as u32;
+        let id = |byte: u8| LaneId(u32::from(byte) % count);
+        let lane = |(name, road, centre_line, speed_limit_mps, links): (_, bool, Vec<DVec2>, _, [u8; 4])| Lane {
+            name,
+            kind: if road { LaneKind::Road } else { LaneKind::Connector },
+            polygon: centre_line.clone(),
+            centre_line,
+            speed_limit_mps,
+            successors: vec![id(links[0])],
+            predecessors: vec![id(links[1])],
+            left: links[2].checked_sub(99).map(id),
+            right: links[3].checked_sub(99).map(id),
+        };
+        lanes.into_iter().map(lane).collect()
+    })
+}
+
+fn map() -> impl Strategy<Value = Map> {
+    let head = (vector(), finite(), vec(light(), 0..5));
+    (lanes(), vec(line(), 0..3), line(), vec(head, 0..3), vector()).prop_map(|(lanes, areas, points, heads, end)| {
+        let head = |(position, facing_rad, states): (DVec2, f64, Vec<LightState>)| TrafficLight {
+            position: position.extend(-0.0),
+            facing_rad,
+            lanes: vec![LaneId(0)],
+            states,
+        };
+        let traffic_lights: Vec<TrafficLight> = heads.into_iter().map(head).collect();
+        let light = (traffic_lights.len() as u32).checked_sub(1);
+        let marking = |kind, colour| LineMarking { kind, colour, points: points.clone() };
+        Map {
+            lanes,
+            drivable: areas.clone(),
+            crosswalks: areas.iter().cloned().map(|polygon| Crosswalk { polygon }).collect(),
+            junctions: areas,
+            line_markings: vec![
+                marking(LineKind::Solid, LineColour::White),
+                marking(LineKind::Dashed, LineColour::Yellow),
+                marking(LineKind::Double, LineColour::White),
+            ],
+            road_edges: vec![RoadEdge { points }],
+            stop_lines: vec![StopLine { points: [end, -end], light }],
+            traffic_lights,
+        }
+    })
+}
+
+fn track() -> impl Strategy<Value = Track> {
+    let point = (pose(), finite(), vector()).prop_map(|(pose, z_m, velocity_mps)| TrackPoint { pose, z_m, velocity_mps });
+    ("[a-z0-9]{0,9}", class(), size(), vec(option::of(point), 0..5))
+        .prop_map(|(name, class, size, points)| Track { name, class, size, points })
+}
+
+fn spec() -> impl Strategy<Value = EpisodeSpec> {
+    let modes = (
+        prop::sample::select(ObservationSource::ALL.to_vec()),
+        prop::sample::select(AgentMode::ALL.to_vec()),
+        prop::sample::select(vec![ReplanAlignment::Rollback, ReplanAlignment::Exact]),
+    );
+    (digest(), any::<u64>(), 1_u32..9, 1_u32..99, modes).prop_map(|(digest, seed, small, large, modes)| EpisodeSpec {
+        episode: EpisodeId::new("run-1.e7").expect("an id"),
+        scenario: "cut-in".to_owned(),
+        scenario_digest: digest,
+        policy: "camera".to_owned(),
+        observation: modes.0,
+        appearance: "day".to_owned(),
+        seed,
+        replan_period: small,
+        horizon: large,
+        history: small,
+        warm_up: small - 1,
+        last_tick: Tick(large),
+        agents: modes.1,
+        tracker: "lqr".to_owned(),
+        layout_backend: "cpu".to_owned(),
+        alignment: modes.2,
+        chunk_ticks: small - 1,
+        video_model: digest,
+        policy_model: Digest::default(),
+        configuration: digest,
+    })
+}
+
+pub(crate) fn scene() -> impl Strategy<Value = SceneMessage> {
+    let parts = (map(), vec(ego_state(), 1..4), line(), vec(track(), 0..3), vec(camera(), 1..3));
+    (spec(), parts, vec(image(), 0..3), "\\PC{0,40}").prop_map(|(spec, parts, first_frames, prompt)| {
+        let (map, ego_log, route, tracks, cameras) = parts;
+        let scene = Scene {
+            name: "cut-in-7".to_owned(),
+            family: "cut-in".to_owned(),
+            digest: spec.scenario_digest,
+            dt: SimTime(100_000_000),
+            map,
+            vehicle: VehicleParameters::PACIFICA,
+            ego_log,
+            route,
+            tracks,
+            cameras,
+            prompt,
+            origin: Origin { source: "generated".to_owned(), licence: "Apache-2.0".to_owned(), attribution: String::new() },
+        };
+        SceneMessage { spec, scene: Arc::new(scene), first_frames }
+    })
+}
+
+pub(crate) fn observation() -> impl Strategy<Value = Observation> {
+    let stamped = (any::<i64>(), image()).prop_map(|(time, image)| StampedImage { time: SimTime(time), image });
+    let view = (camera(), vec(stamped, 1..3)).prop_map(|(camera, images)| CameraView { camera, images });
+    let ego = (any::<i64>(), ego_state()).prop_map(|(time, state)| StampedEgo {
+        time: SimTime(time),
+        state: EgoState { steering_rate_radps: 0.0, ..state },
+    });
+    (any::<u64>(), vec(view, 1..3), vec(ego, 1..4), command(), encoding()).prop_map(
+        |(sequence, cameras, ego, command, encoding)| Observation {
+            sequence,
+            time: SimTime(900_000_000),
+            cameras,
+            ego,
+            command,
+            horizon: SimTime(8_000_000_000),
+            step: SimTime(100_000_000),
+            deadline_millis: 2_000,
+            encoding,
+        },
+    )
+}
