@@ -15,7 +15,7 @@ pub mod time;
 pub use camera::{CameraModel, Intrinsics};
 pub use digest::{Digest, DigestWriter};
 pub use draw::Draws;
-pub use glam::{DMat3, DMat4, DQuat, DVec2, DVec3, Mat4, Vec2, Vec3, Vec4};
+pub use glam::{DMat3, DMat4, DQuat, DVec2, DVec3, DVec4, Mat4, Vec2, Vec3, Vec4};
 pub use id::{AgentId, AttemptId, CameraId, EpisodeId, IdError, InstanceId, RunId};
 pub use pose::{Camera, Frame, Pose, PoseSe2, Rig, World};
 pub use time::{SimTime, Tick};

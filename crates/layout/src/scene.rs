@@ -1,0 +1,200 @@
+//! The scene description that both back ends draw: the map's ground layers as triangles, made once, and per tick the
+//! stop lines, light heads and boxes. World frame, metres.
+
+use ds_raster::View;
+use ds_raster::shape::{self, Triangle};
+use ds_space::{DVec2, DVec3, Digest, DigestWriter, PoseSe2};
+use ds_world::{AgentState, LaneKind, LightState, LineKind, LineMarking, Map, StopLine, TrafficLight, WorldState};
+
+use crate::colour::{self, Face, Rgb};
+
+/// How far from the camera map and boxes are drawn, in metres.
+pub const RANGE_M: f64 = 100.0;
+
+const LINE_WIDTH_M: f64 = 0.18;
+const DOUBLE_LINE_OFFSET_M: f64 = 0.16;
+const CENTRE_LINE_WIDTH_M: f64 = 0.12;
+const ROAD_EDGE_WIDTH_M: f64 = 0.25;
+const STOP_LINE_WIDTH_M: f64 = 0.5;
+const DASH_M: f64 = 3.0;
+const GAP_M: f64 = 4.5;
+/// Length, width and height of a drawn light head.
+const HEAD_M: [f64; 3] = [0.4, 0.5, 1.1];
+
+/// Triangles of one colour in one layer, with the circle that holds them.
+#[derive(Debug, Clone)]
+pub(crate) struct Piece {
+    pub(crate) centre: DVec2,
+    pub(crate) radius_m: f64,
+    pub(crate) colour: Rgb,
+    pub(crate) triangles: Vec<Triangle>,
+}
+
+impl Piece {
+    pub(crate) fn may_be_seen(&self, view: &View) -> bool {
+        view.may_see(self.centre.extend(0.0), self.radius_m, RANGE_M)
+    }
+}
+
+/// The ground layers of a map, triangulated, in the order in which they are painted.
+#[derive(Debug, Clone)]
+pub struct StaticMap {
+    pub(crate) pieces: Vec<Piece>,
+    pub(crate) stop_lines: Vec<StopLine>,
+    pub(crate) heads: Vec<TrafficLight>,
+    pub(crate) digest: Digest,
+}
+
+impl StaticMap {
+    /// Triangulates a map.
+    #[must_use]
+    pub fn new(map: &Map) -> Self {
+        let mut layers = Layers(Vec::new());
+        for polygon in &map.drivable {
+            layers.add(colour::DRIVABLE, shape::triangulate(polygon));
+        }
+        for polygon in &map.junctions {
+            layers.add(colour::JUNCTION, shape::triangulate(polygon));
+        }
+        for lane in map.lanes.iter().filter(|lane| lane.kind == LaneKind::Road) {
+            layers.add(colour::LANE, shape::triangulate(&lane.polygon));
+        }
+        for crosswalk in &map.crosswalks {
+            layers.add(colour::CROSSWALK, shape::triangulate(&crosswalk.polygon));
+        }
+        for lane in &map.lanes {
+            layers.strip(colour::CENTRE_LINE, &lane.centre_line, CENTRE_LINE_WIDTH_M);
+        }
+        for edge in &map.road_edges {
+            layers.strip(colour::ROAD_EDGE, &edge.points, ROAD_EDGE_WIDTH_M);
+        }
+        for marking in &map.line_markings {
+            layers.marking(marking);
+        }
+        let digest = digest(&layers.0);
+        Self { pieces: layers.0, stop_lines: map.stop_lines.clone(), heads: map.traffic_lights.clone(), digest }
+    }
+}
+
+struct Layers(Vec<Piece>);
+
+impl Layers {
+    fn add(&mut self, colour: Rgb, triangles: Vec<Triangle>) {
+        let corners = || triangles.iter().flatten();
+        let low = corners().copied().reduce(DVec2::min);
+        let high = corners().copied().reduce(DVec2::max);
+        let (Some(low), Some(high)) = (low, high) else { return };
+        self.0.push(Piece { centre: 0.5 * (low + high), radius_m: 0.5 * low.distance(high), colour, triangles });
+    }
+
+    /// Adds a ribbon in parts of 16 segments, so that far parts can be left out.
+    fn strip(&mut self, colour: Rgb, points: &[DVec2], width_m: f64) {
+        for part in shape::ribbon(points, width_m).chunks(32) {
+            self.add(colour, part.to_vec());
+        }
+    }
+
+    fn marking(&mut self, marking: &LineMarking) {
+        let colour = colour::line(marking.colour);
+        match marking.kind {
+            LineKind::Solid => self.strip(colour, &marking.points, LINE_WIDTH_M),
+            LineKind::Double => {
+                for left_m in [DOUBLE_LINE_OFFSET_M, -DOUBLE_LINE_OFFSET_M] {
+                    self.strip(colour, &shape::shifted(&marking.points, left_m), LINE_WIDTH_M);
+                }
+            }
+            LineKind::Dashed => {
+                let dashes = shape::dashes(&marking.points, DASH_M, GAP_M);
+                for part in dashes.chunks(6) {
+                    self.add(colour, part.iter().flat_map(|dash| shape::ribbon(dash, LINE_WIDTH_M)).collect());
+                }
+            }
+        }
+    }
+}
+
+fn digest(pieces: &[Piece]) -> Digest {
+    let mut writer = DigestWriter::new();
+    for piece in pieces {
+        writer.raw(&piece.colour).u64(piece.triangles.len() as u64);
+        for corner in piece.triangles.iter().flatten() {
+            writer.f64s(&[corner.x, corner.y]);
+        }
+    }
+    writer.finish()
+}
+
+/// What one layout image shows: the map and the state of the world at a tick.
+#[derive(Debug, Clone, Copy)]
+pub struct LayoutScene<'a> {
+    /// The map's ground layers.
+    pub map: &'a StaticMap,
+    /// Agents and lights; the ego is not drawn.
+    pub world: &'a WorldState,
+}
+
+/// A coloured world triangle.
+pub(crate) type Solid = ([DVec3; 3], Rgb);
+
+impl LayoutScene<'_> {
+    /// Returns the triangles that change with time and lie on the ground, in painting order.
+    pub(crate) fn ground(&self, view: &View) -> Vec<Solid> {
+        let mut solids = Vec::new();
+        for line in &self.map.stop_lines {
+            let [from, to] = line.points;
+            if view.may_see(from.midpoint(to).extend(0.0), from.distance(to), RANGE_M) {
+                let state = line.light.map_or(LightState::Unknown, |light| self.light(light as usize));
+                let strip = shape::ribbon(&line.points, STOP_LINE_WIDTH_M);
+                solids.extend(strip.iter().map(|t| (t.map(|p| p.extend(0.0)), colour::light(state))));
+            }
+        }
+        solids
+    }
+
+    /// Returns the triangles of boxes and light heads.
+    pub(crate) fn boxes(&self, view: &View) -> Vec<Solid> {
+        let mut solids = Vec::new();
+        for (i, head) in self.map.heads.iter().enumerate() {
+            if view.may_see(head.position, 1.0, RANGE_M) {
+                let pose = PoseSe2 { position: head.position.truncate(), heading_rad: head.facing_rad };
+                let bottom_m = head.position.z - 0.5 * HEAD_M[2];
+                cuboid(&mut solids, &pose, bottom_m, HEAD_M, colour::light(self.light(i)));
+            }
+        }
+        for agent in &self.world.agents {
+            let size = [agent.size.length_m, agent.size.width_m, agent.size.height_m];
+            if view.may_see(middle(agent), 0.5 * DVec3::from_array(size).length(), RANGE_M) {
+                cuboid(&mut solids, &agent.pose, agent.z_m, size, colour::agent(agent.class));
+            }
+        }
+        solids
+    }
+
+    fn light(&self, index: usize) -> LightState {
+        self.world.lights.get(index).copied().unwrap_or(LightState::Unknown)
+    }
+}
+
+fn middle(agent: &AgentState) -> DVec3 {
+    agent.pose.position.extend(agent.z_m + 0.5 * agent.size.height_m)
+}
+
+/// Adds the five visible faces of an upright box, shaded by face.
+fn cuboid(solids: &mut Vec<Solid>, pose: &PoseSe2, bottom_m: f64, [length, width, height]: [f64; 3], colour: Rgb) {
+    let corner = |x: f64, y: f64, z: f64| {
+        pose.to_outer(DVec2::new(0.5 * length * x, 0.5 * width * y)).extend(bottom_m + height * z)
+    };
+    let faces = [
+        (Face::Front, [(1.0, 1.0, 0.0), (1.0, -1.0, 0.0), (1.0, -1.0, 1.0), (1.0, 1.0, 1.0)]),
+        (Face::Rear, [(-1.0, 1.0, 0.0), (-1.0, -1.0, 0.0), (-1.0, -1.0, 1.0), (-1.0, 1.0, 1.0)]),
+        (Face::Side, [(-1.0, 1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 1.0, 1.0), (-1.0, 1.0, 1.0)]),
+        (Face::Side, [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, -1.0, 1.0), (-1.0, -1.0, 1.0)]),
+        (Face::Top, [(-1.0, -1.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, 1.0), (-1.0, 1.0, 1.0)]),
+    ];
+    for (face, corners) in faces {
+        let [a, b, c, d] = corners.map(|(x, y, z)| corner(x, y, z));
+        let shade = colour::face(colour, face);
+        solids.push(([a, b, c], shade));
+        solids.push(([a, c, d], shade));
+    }
+}
