@@ -1,2 +1,59 @@
-//! Command line.
-fn main() {}
+//! The command line: parse, start logging, run one command, exit code.
+//!
+//! Exit codes: 0 done, 1 failed (a drive that did not complete counts), 64 wrong arguments or settings.
+
+mod children;
+mod cli;
+mod command;
+mod embed;
+mod pictures;
+mod results;
+
+use std::process::ExitCode;
+
+use clap::{CommandFactory, Parser};
+use cli::{Cli, Command};
+
+fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => {
+            let code = if error.use_stderr() { ds_process::service::EXIT_USAGE } else { 0 };
+            let _closed_pipe = error.print();
+            return ExitCode::from(code);
+        }
+    };
+    if let Command::Serve(args) = &cli.command {
+        return command::serve::run(args);
+    }
+    if let Command::Completion { shell } = &cli.command {
+        clap_complete::generate(*shell, &mut Cli::command(), "dreamstream", &mut std::io::stdout());
+        return ExitCode::SUCCESS;
+    }
+    match ds_process::logging::start(&cli.log).and_then(|()| run(&cli)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            command::complain(&error);
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(cli: &Cli) -> anyhow::Result<()> {
+    match &cli.command {
+        Command::Run(args) => runtime()?.block_on(command::run::run(args, &cli.log)),
+        Command::Import(args) => command::scenario::import(args),
+        Command::Scenario(command) => command::scenario::run(command),
+        Command::Train(args) => command::train::run(args),
+        Command::View(args) => command::view::run(args),
+        Command::Replay(args) => command::replay::run(args),
+        Command::Bench(args) => command::bench::run(args),
+        Command::Doctor => command::doctor::run(),
+        Command::Health(args) => runtime()?.block_on(command::health::run(args)),
+        Command::Serve(_) | Command::Completion { .. } => Ok(()),
+    }
+}
+
+fn runtime() -> anyhow::Result<tokio::runtime::Runtime> {
+    Ok(tokio::runtime::Builder::new_multi_thread().enable_all().worker_threads(4).build()?)
+}

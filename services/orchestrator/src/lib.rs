@@ -1,1 +1,181 @@
-//! Placeholder until this service is written.
+//! Runs and fleet over gRPC, admission, ledger, journal, score: the only process that moves time.
+//!
+//! It starts no processes. Finished episodes stay finished over a restart, unfinished ones go on from their last commit.
+
+mod admission;
+mod conductor;
+mod grpc;
+mod hub;
+mod journal;
+mod ledger;
+mod registry;
+mod scorer;
+mod settings;
+mod submission;
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::{Context, Result, ensure};
+use ds_bus::Bus;
+use ds_episode::Timing;
+use ds_episode::fleet::FleetSettings;
+use ds_process::Drain;
+use ds_space::InstanceId;
+use ds_wire::control as pb;
+use tokio::task::JoinHandle;
+use tonic::transport::Server;
+use tonic::transport::server::TcpIncoming;
+
+pub use settings::Settings;
+
+use conductor::Stand;
+use hub::Hub;
+use registry::Registry;
+
+/// The largest request, in bytes.
+const MAX_MESSAGE_BYTES: usize = 1 << 30;
+
+/// A started orchestrator.
+pub struct Running {
+    /// Where it serves.
+    pub address: SocketAddr,
+    done: JoinHandle<Result<()>>,
+}
+
+impl Running {
+    /// Waits for its end.
+    ///
+    /// # Errors
+    /// Why it ended, if not by a drain.
+    pub async fn ended(self) -> Result<()> {
+        self.done.await.context("orchestrator panicked")?
+    }
+}
+
+/// Runs the process until `drain`.
+///
+/// # Errors
+/// If a setting, the ledger, the bus or the port is refused.
+pub async fn run(settings: Settings, drain: Drain) -> Result<()> {
+    let bus = ds_process::service::open_bus(&settings.bus).await?;
+    start(settings, bus, drain).await?.ended().await
+}
+
+/// Opens ledger and port, takes up unfinished runs and serves until `drain`.
+///
+/// # Errors
+/// If a setting, the ledger or the port is refused.
+pub async fn start(settings: Settings, bus: Bus, drain: Drain) -> Result<Running> {
+    settings.check()?;
+    let listen: SocketAddr = settings.control.listen.parse().with_context(|| {
+        format!("setting \"control.listen\" is {:?}, not an address", settings.control.listen)
+    })?;
+    ensure!(
+        listen.ip().is_loopback() || settings.control.insecure,
+        "setting \"control.listen\" is {listen}: beyond loopback only with \"control.insecure = true\""
+    );
+    let folder = settings.journal.folder.clone();
+    std::fs::create_dir_all(&folder).with_context(|| format!("folder {}", folder.display()))?;
+    let ledger = ledger::LedgerFile::open(&folder.join("ledger.redb")).context("ledger.redb")?;
+    let fleet = &settings.fleet;
+    let leases =
+        FleetSettings { lease_ms: fleet.lease_millis, margin_ms: fleet.margin_millis, ..FleetSettings::default() };
+    let hub = Arc::new(Hub::open(ledger, leases, fleet.heartbeat_millis).context("ledger.redb")?);
+    let registry = Arc::new(Registry::new(Arc::clone(&hub)));
+    take_up(&registry, &folder)?;
+    let stand = Stand {
+        bus,
+        hub: Arc::clone(&hub),
+        instance: InstanceId::new(&format!("orchestrator-{}", hub.term())).context("instance")?,
+        term: hub.term(),
+        timing: Timing {
+            pull_after_ms: fleet.pull_after_millis,
+            iteration_deadline_ms: fleet.iteration_deadline_millis,
+            vacancy_deadline_ms: fleet.vacancy_deadline_millis,
+            ..Timing::default()
+        },
+        folder: folder.clone(),
+    };
+    let limits = admission::Limits {
+        episodes: fleet.episodes as usize,
+        attempts: fleet.attempts,
+        vacancy: Duration::from_millis(fleet.vacancy_deadline_millis),
+    };
+    serve(listen, (hub, registry), stand, limits, drain).await
+}
+
+/// Takes up the runs that the ledger holds.
+fn take_up(registry: &Registry, folder: &std::path::Path) -> Result<()> {
+    for stored in registry.stored().context("ledger.redb")? {
+        let request: pb::SubmitRequest = pb::decode_message(&stored).context("a stored run")?;
+        let run = registry::run_id(&request.client_id);
+        match submission::jobs(&run, &request, folder) {
+            Ok(jobs) => {
+                let (_, episodes) = registry.add(&request.client_id, stored, jobs).context("ledger.redb")?;
+                tracing::info!(%run, episodes, "run taken up");
+            }
+            Err(error) => tracing::error!(%run, %error, "run cannot be taken up"),
+        }
+    }
+    Ok(())
+}
+
+async fn serve(
+    listen: SocketAddr,
+    (hub, registry): (Arc<Hub>, Arc<Registry>),
+    stand: Stand,
+    limits: admission::Limits,
+    drain: Drain,
+) -> Result<Running> {
+    let incoming = TcpIncoming::bind(listen).map_err(|error| anyhow::anyhow!("{error}")).with_context(|| format!("listen on {listen}"))?;
+    let incoming = incoming.with_nodelay(Some(true));
+    let address = incoming.local_addr().context("own address")?;
+    let runs = grpc::RunsService { registry: Arc::clone(&registry), folder: stand.folder.clone() };
+    let runs = pb::runs_server::RunsServer::new(runs)
+        .max_decoding_message_size(MAX_MESSAGE_BYTES)
+        .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    let fleet = pb::fleet_server::FleetServer::new(grpc::FleetService { hub: Arc::clone(&hub) });
+    let (health_reporter, health) = tonic_health::server::health_reporter();
+    health_reporter.set_serving::<pb::runs_server::RunsServer<grpc::RunsService>>().await;
+    let reflection = tonic_reflection::server::Builder::configure()
+        .register_encoded_file_descriptor_set(ds_wire::DESCRIPTOR_SET)
+        .build_v1()
+        .context("reflection")?;
+    let router = Server::builder().add_service(runs).add_service(fleet).add_service(health).add_service(reflection);
+    tracing::info!(%address, term = stand.term, "serving");
+    let admission = tokio::spawn(admission::admit(stand, registry, limits, drain.clone()));
+    let expiry = tokio::spawn(expire(hub, drain.clone()));
+    let done = tokio::spawn(async move {
+        let stop = drain.clone();
+        let served = router.serve_with_incoming_shutdown(incoming, async move {
+            stop.cancelled().await;
+            // Members say goodbye on streams that stay open for as long as they have work.
+            tokio::time::sleep(Duration::from_millis(300)).await;
+        });
+        let limited = async {
+            drain.cancelled().await;
+            tokio::time::sleep(Duration::from_secs(3)).await;
+        };
+        tokio::select! {
+            served = served => served.context("gRPC server")?,
+            () = limited => tracing::debug!("open streams were cut"),
+        }
+        drain.cancel();
+        admission.await.context("admission")?;
+        expiry.await.context("expiry")
+    });
+    Ok(Running { address, done })
+}
+
+/// Looks for silent holders.
+async fn expire(hub: Arc<Hub>, drain: Drain) {
+    let mut beat = tokio::time::interval(Duration::from_millis(100));
+    loop {
+        tokio::select! {
+            () = drain.cancelled() => return,
+            _ = beat.tick() => hub.expire(),
+        }
+    }
+}

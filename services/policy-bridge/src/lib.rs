@@ -1,1 +1,33 @@
-//! Placeholder until this service is written.
+//! frame, ego → plan: shows the policy under test its observation and carries its answer back.
+//!
+//! Built-in policies run inside; external ones connect to a second Zenoh session that knows no episode, scenario or
+//! seed (`dreamstream-policy/v1/{policy}/{session}/…`). A policy that is late, dies or answers nonsense ends its
+//! episode by a named rule, never the service.
+
+pub mod guest;
+pub mod settings;
+pub mod stage;
+
+pub use guest::OutsideBus;
+pub use settings::Settings;
+pub use stage::PolicyStage;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use ds_process::Drain;
+
+/// Runs the process until `drain`.
+///
+/// # Errors
+/// If a bus or the orchestrator's address is bad.
+pub async fn run(settings: Settings, drain: Drain) -> anyhow::Result<()> {
+    let sections = (&settings.process, &settings.control, &settings.bus);
+    let deadline = Duration::from_millis(settings.policy.deadline_millis);
+    let outside = match settings.policy.listen.as_str() {
+        "" => None,
+        listen => Some(Arc::new(OutsideBus::open(listen, deadline).await?)),
+    };
+    let factory = Arc::new(PolicyStage::new(settings.policy.weights.clone(), outside));
+    ds_process::service::run_stage("policy-bridge", sections, factory, drain).await
+}

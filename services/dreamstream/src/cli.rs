@@ -1,0 +1,286 @@
+//! The command line: every command, flag, default and example; parsing only.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
+
+const EXAMPLES: &str = "Examples:
+  dreamstream run scenarios/base                       drive all shipped scenarios with the camera policy
+  dreamstream run scenarios/base/cut-in.scenario.json --observation reference --out out/cut-in
+  dreamstream import scenarionet my_logs/ -o out/imported && dreamstream run out/imported
+  dreamstream view out/run/recordings/cut-in.camera.dreamstream.s0.mcap --save drive.rrd
+  dreamstream doctor                                   say what this machine has and lacks";
+
+/// A closed-loop simulator for end-to-end driving policies.
+#[derive(Debug, Parser)]
+#[command(name = "dreamstream", version, about, after_help = EXAMPLES, propagate_version = true)]
+pub struct Cli {
+    /// Log filter, such as `info` or `ds_bus=trace`.
+    #[arg(long, global = true, env = "DREAMSTREAM_LOG", default_value = "warn")]
+    pub log: String,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Drive scenarios in a closed loop; scores, recordings and pictures go to --out.
+    Run(RunArgs),
+    /// Convert recorded logs to scenario files.
+    Import(ImportArgs),
+    /// List, show or generate scenarios.
+    #[command(subcommand)]
+    Scenario(ScenarioCommand),
+    /// Train the video model or the camera policy.
+    Train(TrainArgs),
+    /// Show a recording or a running drive in rerun.
+    View(ViewArgs),
+    /// Run one service against a recording and compare what it makes.
+    Replay(ReplayArgs),
+    /// Measure simulation step, layout, bus hop and frame decode on this machine.
+    Bench(BenchArgs),
+    /// Say what this machine has and lacks.
+    Doctor,
+    /// Print a completion script for a shell.
+    Completion {
+        /// The shell.
+        shell: clap_complete::Shell,
+    },
+    /// Run one of the five services of a fleet, or the Zenoh router between them, in the foreground.
+    Serve(ServeArgs),
+    /// Ask a service whether it is well; exit code 0 if so.
+    Health(HealthArgs),
+}
+
+/// What makes the frames that the policy sees.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Observation {
+    /// The autoregressive video model.
+    Dreamstream,
+    /// The reference camera: a rich renderer in place of a real camera.
+    Reference,
+    /// A plain game-engine look.
+    SimRgb,
+    /// The condition image itself.
+    Layout,
+}
+
+/// Which agents react.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Agents {
+    /// All follow their log.
+    LogReplay,
+    /// Those behind the ego drive by IDM.
+    IdmBehindEgo,
+    /// All with a route drive by IDM.
+    IdmAll,
+}
+
+/// Arguments of `run`.
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// Scenario files, or folders of them.
+    #[arg(required = true, value_hint = ValueHint::AnyPath)]
+    pub scenarios: Vec<PathBuf>,
+    /// The policy under test: camera, constant-velocity, route-follower, log-replay, or the name of an external one.
+    #[arg(long, default_value = "camera")]
+    pub policy: String,
+    /// What makes the frames that the policy sees.
+    #[arg(long, value_enum, default_value = "dreamstream")]
+    pub observation: Observation,
+    /// Ticks executed of each plan (Δr).
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub replan: u32,
+    /// Length of a plan, in seconds (H).
+    #[arg(long, default_value_t = 8.0, value_name = "SECONDS")]
+    pub horizon: f64,
+    /// Frames that the policy sees (K).
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub history: u32,
+    /// How much of each scenario to drive, in seconds; 0 for all.
+    #[arg(long, default_value_t = 8.0, value_name = "SECONDS")]
+    pub duration: f64,
+    /// Iterations driven by the log before the policy takes over.
+    #[arg(long, default_value_t = 0)]
+    pub warm_up: u32,
+    /// Seed of all draws; give several to drive each scenario several times.
+    #[arg(long, default_values_t = [0])]
+    pub seed: Vec<u64>,
+    /// Look of the reference camera that gives the first frame: `day` or `seed-N`.
+    #[arg(long, default_value = "day")]
+    pub appearance: String,
+    /// Which agents react.
+    #[arg(long, value_enum, default_value = "idm-behind-ego")]
+    pub agents: Agents,
+    /// Tracker of the planned trajectory: lqr or pure-pursuit.
+    #[arg(long, default_value = "lqr", value_parser = ["lqr", "pure-pursuit"])]
+    pub tracker: String,
+    /// Layout back end.
+    #[arg(long, default_value = "cpu", value_parser = ["auto", "cpu", "wgpu"])]
+    pub layout_backend: String,
+    /// Configuration of the video model; its weights lie beside it as .safetensors.
+    #[arg(long, default_value = "configs/models/cpu_train.toml", value_hint = ValueHint::FilePath)]
+    pub model: PathBuf,
+    /// Weights of the camera policy.
+    #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_hint = ValueHint::FilePath)]
+    pub policy_weights: PathBuf,
+    /// Start the five services as processes of their own over Zenoh on loopback.
+    #[arg(long)]
+    pub processes: bool,
+    /// Video workers to start, and episodes to drive at a time.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub workers: u32,
+    /// Where an external policy connects to, such as tcp/127.0.0.1:7447; its name is given by --policy.
+    #[arg(long, value_name = "ENDPOINT")]
+    pub policy_listen: Option<String>,
+    /// Only the scenarios whose index modulo N is I, written I/N: for job arrays.
+    #[arg(long, value_name = "I/N")]
+    pub shard: Option<String>,
+    /// Where results, recordings and pictures go.
+    #[arg(long, short, default_value = "out/run", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+    /// Go on with an interrupted run in --out: finished episodes stay finished.
+    #[arg(long)]
+    pub resume: bool,
+    /// Make no pictures.
+    #[arg(long)]
+    pub no_pictures: bool,
+    /// Show the drive live in rerun at this address, such as rerun+http://127.0.0.1:9876/proxy.
+    #[arg(long, value_name = "URL")]
+    pub live: Option<String>,
+    /// Test aid: drop this share of all pushes on the bus (0 to 1).
+    #[arg(long, default_value_t = 0.0, hide = true)]
+    pub drop_pushes: f64,
+}
+
+/// Arguments of `import`.
+#[derive(Debug, Args)]
+pub struct ImportArgs {
+    /// The log format.
+    #[arg(value_parser = ["scenarionet"])]
+    pub format: String,
+    /// Files or folders.
+    #[arg(required = true, value_hint = ValueHint::AnyPath)]
+    pub paths: Vec<PathBuf>,
+    /// Where the scenario files go.
+    #[arg(long, short, default_value = "out/imported", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+}
+
+/// Commands of `scenario`.
+#[derive(Debug, Subcommand)]
+pub enum ScenarioCommand {
+    /// List scenario files with their length, agents and map size.
+    List {
+        /// Files or folders.
+        #[arg(default_value = "scenarios/base", value_hint = ValueHint::AnyPath)]
+        paths: Vec<PathBuf>,
+    },
+    /// Describe one scenario.
+    Show {
+        /// The file.
+        #[arg(value_hint = ValueHint::FilePath)]
+        path: PathBuf,
+    },
+    /// Generate scenarios of a family from seeds.
+    Generate {
+        /// The family, or `all`.
+        #[arg(long, default_value = "all")]
+        family: String,
+        /// The first seed.
+        #[arg(long, default_value_t = 0)]
+        seed: u64,
+        /// How many of each family.
+        #[arg(long, default_value_t = 10)]
+        count: u32,
+        /// Where the files go.
+        #[arg(long, short, default_value = "out/generated", value_hint = ValueHint::DirPath)]
+        out: PathBuf,
+    },
+}
+
+/// Arguments of `train`.
+#[derive(Debug, Args)]
+pub struct TrainArgs {
+    /// The stage: clips (render the training data), autoencoder, teacher, student, ship (write the weights), or policy.
+    #[arg(value_parser = ["clips", "autoencoder", "teacher", "student", "ship", "policy"])]
+    pub stage: String,
+    /// The training configuration.
+    #[arg(long, value_hint = ValueHint::FilePath)]
+    pub config: Option<PathBuf>,
+    /// Checkpoints, losses and samples; an interrupted training there is resumed.
+    #[arg(long, short, default_value = "training", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+}
+
+/// Arguments of `view`.
+#[derive(Debug, Args)]
+pub struct ViewArgs {
+    /// A recording (.mcap, or .mcap.partial of a killed drive).
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub recording: PathBuf,
+    /// Write an .rrd file instead of opening a viewer.
+    #[arg(long, value_hint = ValueHint::FilePath)]
+    pub save: Option<PathBuf>,
+    /// Send to a running viewer.
+    #[arg(long, value_name = "URL")]
+    pub connect: Option<String>,
+}
+
+/// Arguments of `replay`.
+#[derive(Debug, Args)]
+pub struct ReplayArgs {
+    /// A recording.
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub recording: PathBuf,
+    /// The service to run: sim-server, layout-render, vdm-worker or policy-bridge.
+    #[arg(long, value_parser = ["sim-server", "layout-render", "vdm-worker", "policy-bridge"])]
+    pub service: String,
+    /// Configuration of the video model.
+    #[arg(long, default_value = "configs/models/cpu_train.toml", value_hint = ValueHint::FilePath)]
+    pub model: PathBuf,
+    /// Weights of the camera policy.
+    #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_hint = ValueHint::FilePath)]
+    pub policy_weights: PathBuf,
+    /// Start from the committed cache or snapshot of this iteration instead of from the beginning.
+    #[arg(long, default_value_t = 0)]
+    pub from_iteration: u32,
+}
+
+/// Arguments of `bench`.
+#[derive(Debug, Args)]
+pub struct BenchArgs {
+    /// Scenario files to measure on.
+    #[arg(default_value = "scenarios/base", value_hint = ValueHint::AnyPath)]
+    pub scenarios: Vec<PathBuf>,
+    /// Configuration of the video model.
+    #[arg(long, default_value = "configs/models/cpu_train.toml", value_hint = ValueHint::FilePath)]
+    pub model: PathBuf,
+}
+
+/// Arguments of `serve`.
+#[derive(Debug, Args)]
+pub struct ServeArgs {
+    /// The service: router, orchestrator, sim-server, layout-render, vdm-worker or policy-bridge.
+    #[arg(value_parser = ["router", "orchestrator", "sim-server", "layout-render", "vdm-worker", "policy-bridge"])]
+    pub service: String,
+    /// Its settings file.
+    #[arg(long, value_hint = ValueHint::FilePath)]
+    pub config: Option<PathBuf>,
+    /// A setting as section.key=value, stronger than file and environment.
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub set: Vec<String>,
+}
+
+/// Arguments of `health`.
+#[derive(Debug, Args)]
+pub struct HealthArgs {
+    /// The orchestrator's address.
+    #[arg(long, env = "DREAMSTREAM_CONTROL_ORCHESTRATOR", default_value = "http://127.0.0.1:4710")]
+    pub orchestrator: String,
+    /// An instance that must be a member of the fleet; without it the orchestrator itself is asked.
+    #[arg(long)]
+    pub instance: Option<String>,
+}

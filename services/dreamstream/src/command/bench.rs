@@ -1,0 +1,127 @@
+//! `bench`: simulation step, layout frame, reference frame, video frame and bus hop on this machine, median of several rounds.
+
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result};
+use ds_bus::Bus;
+use ds_camera::{Appearance, ReferenceCamera};
+use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap};
+use ds_sim::{AgentMode, IdmScope, SimConfig, Simulation};
+use ds_space::Tick;
+use ds_video::{ModelConfig, Rollout, VideoModel};
+use ds_world::Scene;
+use std::sync::Arc;
+
+use crate::cli::BenchArgs;
+use crate::command::{answer, scenario};
+
+const ROUNDS: usize = 7;
+
+/// Measures and prints one line per figure.
+///
+/// # Errors
+/// If a scenario or the model cannot be loaded.
+pub fn run(args: &BenchArgs) -> Result<()> {
+    answer(&format!("{:<28} {:<22} {:>12} {:>14} {:>9}", "what", "scenario", "median ms", "per second", "budget"));
+    for file in scenario::files(&args.scenarios)? {
+        let scene = Arc::new(ds_scenario::load(&file)?.0);
+        step(&scene)?;
+        layout(&scene)?;
+        reference(&scene);
+    }
+    let first = scenario::files(&args.scenarios)?.into_iter().next().context("no scenario")?;
+    video(args, &ds_scenario::load(&first)?.0)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    runtime.block_on(hop())
+}
+
+fn report(what: &str, scenario: &str, mut rounds: Vec<Duration>, count: u32, budget: &str) {
+    rounds.sort();
+    let median = rounds[rounds.len() / 2].as_secs_f64() / f64::from(count.max(1));
+    answer(&format!("{what:<28} {scenario:<22} {:>12.4} {:>14.1} {budget:>9}", median * 1e3, 1.0 / median.max(1e-12)));
+}
+
+fn step(scene: &Arc<Scene>) -> Result<()> {
+    let config = SimConfig { agents: AgentMode::Idm { scope: IdmScope::All }, ..SimConfig::default() };
+    let ticks = scene.last_tick().0;
+    let mut rounds = Vec::new();
+    for _ in 0..ROUNDS {
+        let mut simulation = Simulation::new(Arc::clone(scene), config, Tick(0))?;
+        simulation.begin_log();
+        let began = Instant::now();
+        for _ in 0..ticks {
+            simulation.step();
+        }
+        rounds.push(began.elapsed());
+    }
+    report("sim step", &scene.name, rounds, ticks, "0.2 ms");
+    Ok(())
+}
+
+fn layout(scene: &Scene) -> Result<()> {
+    let map = StaticMap::new(&scene.map);
+    let mut renderer = Renderer::new(BackendChoice::Cpu)?;
+    let Some(camera) = scene.cameras.first() else { return Ok(()) };
+    let mut rounds = Vec::new();
+    for _ in 0..ROUNDS {
+        let began = Instant::now();
+        for tick in Tick(0).to(Tick(19)) {
+            let world = scene.logged_world(tick);
+            let described = LayoutScene { map: &map, world: &world };
+            renderer.render(&described, camera, world.ego.pose.world_from_rig(0.0))?;
+        }
+        rounds.push(began.elapsed());
+    }
+    report("layout frame, cpu", &scene.name, rounds, 20, "3 ms");
+    Ok(())
+}
+
+fn reference(scene: &Scene) {
+    let renderer = ReferenceCamera::new(scene, Appearance::DAY);
+    let Some(camera) = scene.cameras.first() else { return };
+    let mut rounds = Vec::new();
+    for _ in 0..ROUNDS {
+        let began = Instant::now();
+        for tick in Tick(0).to(Tick(4)) {
+            let world = scene.logged_world(tick);
+            renderer.render(&world, camera, world.ego.pose.world_from_rig(0.0));
+        }
+        rounds.push(began.elapsed());
+    }
+    report("reference frame", &scene.name, rounds, 5, "15 ms");
+}
+
+fn video(args: &BenchArgs, scene: &Scene) -> Result<()> {
+    let config = ModelConfig::load(&args.model)?;
+    let model = Arc::new(VideoModel::load(&config, &args.model.with_extension("safetensors"))?);
+    let Some(camera) = scene.cameras.first() else { return Ok(()) };
+    let map = StaticMap::new(&scene.map);
+    let mut renderer = Renderer::new(BackendChoice::Cpu)?;
+    let mut layouts = Vec::new();
+    for tick in Tick(0).to(Tick(60)) {
+        let world = scene.logged_world(tick);
+        let described = LayoutScene { map: &map, world: &world };
+        layouts.push(renderer.render(&described, camera, world.ego.pose.world_from_rig(0.0))?);
+    }
+    let world = scene.logged_world(Tick(0));
+    let first = ReferenceCamera::new(scene, Appearance::DAY).render(&world, camera, world.ego.pose.world_from_rig(0.0));
+    let key = ds_space::Draws::key(&scene.digest, "day", 0);
+    let (mut rollout, _) = Rollout::new(model, key, camera.id.as_str(), &scene.prompt, &first, &layouts[0])?;
+    let mut rounds = Vec::new();
+    for chunk in layouts[1..].chunks(5) {
+        let began = Instant::now();
+        rollout.generate(chunk)?;
+        rounds.push(began.elapsed());
+    }
+    report("video frame, 5 per replan", &scene.name, rounds, 5, "200 ms");
+    Ok(())
+}
+
+async fn hop() -> Result<()> {
+    for (what, bytes) in [("bus hop, 100 B", 100usize), ("bus hop, one frame", 46_080)] {
+        let bus = Bus::open(ds_bus::BusSettings::embedded()).await?;
+        let rounds = ds_bus::measure_hop(&bus, bytes, 50).await?;
+        report(what, "embedded", rounds, 1, "1 ms");
+    }
+    Ok(())
+}

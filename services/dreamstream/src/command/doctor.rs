@@ -1,0 +1,91 @@
+//! `doctor`: says what this machine has and lacks, and what that means.
+
+use std::path::Path;
+use std::process::Command;
+
+use anyhow::Result;
+use ds_layout::{BackendChoice, Renderer};
+
+struct Finding {
+    subject: &'static str,
+    well: bool,
+    says: String,
+}
+
+fn finding(subject: &'static str, result: Result<String, String>) -> Finding {
+    match result {
+        Ok(says) => Finding { subject, well: true, says },
+        Err(says) => Finding { subject, well: false, says },
+    }
+}
+
+/// Prints one line per finding; what is missing is never fatal for an embedded run, except the weights.
+///
+/// # Errors
+/// If a finding that an embedded run needs is bad.
+pub fn run() -> Result<()> {
+    let findings = [
+        finding("cpu", cpu()),
+        finding("memory", memory()),
+        finding("video model", weights("configs/models/cpu_train.safetensors")),
+        finding("camera policy", weights("configs/models/camera_policy.safetensors")),
+        finding("scenarios", scenarios()),
+        finding("layout, cpu", renderer(BackendChoice::Cpu)),
+        finding("layout, wgpu", renderer(BackendChoice::Wgpu)),
+        finding("python3", tool("python3", "--version", "the Python client needs it")),
+        finding("docker", tool("docker", "--version", "compose needs it")),
+        finding("rerun viewer", tool("rerun", "--version", "`dreamstream view` can still save .rrd files")),
+    ];
+    for Finding { subject, well, says } in &findings {
+        super::answer(&format!("{} {subject:<14} {says}", if *well { "✓" } else { "✗" }));
+    }
+    let needed = ["video model", "camera policy", "scenarios", "layout, cpu"];
+    let missing: Vec<&str> =
+        findings.iter().filter(|f| !f.well && needed.contains(&f.subject)).map(|f| f.subject).collect();
+    anyhow::ensure!(missing.is_empty(), "an embedded run needs {missing:?}");
+    Ok(())
+}
+
+fn cpu() -> Result<String, String> {
+    let cores = std::thread::available_parallelism().map_err(|error| error.to_string())?;
+    let wide = if cfg!(target_arch = "x86_64") && cpu_has_avx512() { "AVX-512" } else { "no AVX-512" };
+    Ok(format!("{cores} cores, {wide}"))
+}
+
+#[cfg(target_arch = "x86_64")]
+fn cpu_has_avx512() -> bool {
+    std::arch::is_x86_feature_detected!("avx512f")
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn cpu_has_avx512() -> bool {
+    false
+}
+
+fn memory() -> Result<String, String> {
+    let text = std::fs::read_to_string("/proc/meminfo").map_err(|error| error.to_string())?;
+    let line = text.lines().find(|line| line.starts_with("MemAvailable")).ok_or("not known")?;
+    let kib: u64 = line.split_whitespace().nth(1).and_then(|word| word.parse().ok()).ok_or("not known")?;
+    let gib = kib as f64 / (1024.0 * 1024.0);
+    if gib < 2.0 { Err(format!("{gib:.1} GiB free, a run needs 2")) } else { Ok(format!("{gib:.1} GiB free")) }
+}
+
+fn weights(path: &str) -> Result<String, String> {
+    let bytes = std::fs::metadata(path).map_err(|error| format!("{error}: {path:?}"))?.len();
+    Ok(format!("{:.1} MB in {path}", bytes as f64 * 1e-6))
+}
+
+fn scenarios() -> Result<String, String> {
+    let found = ds_scenario::list(Path::new("scenarios/base")).map_err(|error| error.to_string())?;
+    if found.is_empty() { Err("none in scenarios/base".to_owned()) } else { Ok(format!("{} shipped", found.len())) }
+}
+
+fn renderer(choice: BackendChoice) -> Result<String, String> {
+    Renderer::new(choice).map(|renderer| renderer.describe().to_owned()).map_err(|error| error.to_string())
+}
+
+fn tool(name: &str, argument: &str, without: &str) -> Result<String, String> {
+    let output = Command::new(name).arg(argument).output().map_err(|_| format!("not found: {without}"))?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    Ok(text.lines().next().unwrap_or_default().trim().to_owned())
+}

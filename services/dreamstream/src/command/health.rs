@@ -1,0 +1,32 @@
+//! `health`: asks the orchestrator whether it, or a member of its fleet, is well.
+
+use std::time::Duration;
+
+use anyhow::{Context, Result, ensure};
+use ds_wire::control as pb;
+use tonic::transport::Endpoint;
+
+use crate::cli::HealthArgs;
+use crate::command::answer;
+
+/// Asks; succeeds if all is well.
+///
+/// # Errors
+/// If the orchestrator does not answer within 3 s or the instance is not a member.
+pub async fn run(args: &HealthArgs) -> Result<()> {
+    let limit = Duration::from_secs(3);
+    let endpoint = Endpoint::from_shared(args.orchestrator.clone()).context("--orchestrator")?;
+    let channel = endpoint.connect_timeout(limit).timeout(limit).connect().await;
+    let channel = channel.with_context(|| format!("orchestrator does not answer: {}", args.orchestrator))?;
+    let mut fleet = pb::fleet_client::FleetClient::new(channel);
+    let members = fleet.list(pb::ListInstancesRequest {}).await.context("orchestrator")?.into_inner().instances;
+    let Some(wanted) = &args.instance else {
+        answer(&format!("orchestrator is well, {} members", members.len()));
+        return Ok(());
+    };
+    let found = members.iter().find(|member| member.hello.as_ref().is_some_and(|hello| hello.instance == *wanted));
+    let member = found.with_context(|| format!("{wanted:?} is not a member"))?;
+    ensure!(!member.cordoned, "{wanted:?} is cordoned");
+    answer(&format!("{wanted} is well, silent for {} ms, holds {}", member.silent_millis, member.holds.len()));
+    Ok(())
+}

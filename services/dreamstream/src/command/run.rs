@@ -1,0 +1,292 @@
+//! `run`: starts a fleet, submits the scenarios, watches the drives, writes results and pictures.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail, ensure};
+use ds_record::Recording;
+use ds_wire::control as pb;
+use indicatif::ProgressBar;
+use pb::runs_client::RunsClient;
+use tonic::transport::Channel;
+
+use crate::cli::{Agents, Observation, RunArgs};
+use crate::command::{answer, bar, scenario};
+use crate::embed::{self, Fleet, FleetPlan};
+use crate::results::{Episode, Results, Run, TimeShare};
+use crate::{children, pictures};
+
+/// The largest message on the control plane, in bytes.
+const MAX_MESSAGE_BYTES: usize = 1 << 30;
+const RESULTS: &str = "results.json";
+
+/// Runs the command; the exit code is 1 if any drive did not complete.
+///
+/// # Errors
+/// If anything is refused, a service dies, or a drive fails.
+pub async fn run(args: &RunArgs, log: &str) -> Result<()> {
+    let files = shard(scenario::files(&args.scenarios)?, args.shard.as_deref())?;
+    let began = Instant::now();
+    prepare(args)?;
+    let plan = FleetPlan {
+        folder: args.out.clone(),
+        model: args.model.clone(),
+        policy_weights: args.policy_weights.clone(),
+        workers: args.workers,
+        policy_listen: args.policy_listen.clone(),
+        drop_pushes: args.drop_pushes,
+    };
+    let mut fleet = if args.processes { children::start(&plan, log).await? } else { embed::start(&plan).await? };
+    let drive = drive(args, &files, &fleet.control);
+    let outcome = tokio::select! {
+        outcome = drive => outcome,
+        error = failed(&mut fleet) => Err(error),
+        _ = tokio::signal::ctrl_c() => Err(anyhow::anyhow!(
+            "interrupted; `--resume` goes on: finished drives stay finished, the others continue from the last commit"
+        )),
+    };
+    let mode = fleet.mode;
+    let stopped = fleet.stop().await;
+    let (run, classes) = outcome?;
+    stopped?;
+    let results = results(args, mode, &run, classes, began.elapsed().as_secs_f64())?;
+    results.save(&args.out.join(RESULTS))?;
+    if !args.no_pictures {
+        draw(args, &results)?;
+    }
+    answer(&results.table());
+    answer(&format!("results, recordings and pictures: {}", args.out.display()));
+    let completed = results.episodes.iter().filter(|episode| episode.status == "completed").count();
+    ensure!(completed == results.episodes.len(), "{} drives did not complete", results.episodes.len() - completed);
+    Ok(())
+}
+
+async fn failed(fleet: &mut Fleet) -> anyhow::Error {
+    fleet.failed().await.context("a service ended early")
+}
+
+fn prepare(args: &RunArgs) -> Result<()> {
+    let ledger = args.out.join("ledger.redb");
+    if ledger.exists() && !args.resume {
+        for name in ["recordings", "scenarios", "pictures"] {
+            let folder = args.out.join(name);
+            if folder.exists() {
+                std::fs::remove_dir_all(&folder).with_context(|| format!("remove {}", folder.display()))?;
+            }
+        }
+        std::fs::remove_file(&ledger).with_context(|| format!("remove {}", ledger.display()))?;
+    }
+    std::fs::create_dir_all(&args.out).with_context(|| format!("create {}", args.out.display()))
+}
+
+fn shard(files: Vec<PathBuf>, shard: Option<&str>) -> Result<Vec<PathBuf>> {
+    let Some(text) = shard else { return Ok(files) };
+    let parsed = text.split_once('/').and_then(|(i, n)| Some((i.parse::<usize>().ok()?, n.parse::<usize>().ok()?)));
+    let Some((index, count)) = parsed.filter(|(index, count)| index < count) else {
+        bail!("--shard {text:?} is not I/N with I < N");
+    };
+    Ok(files.into_iter().enumerate().filter(|(i, _)| i % count == index).map(|(_, file)| file).collect())
+}
+
+async fn drive(args: &RunArgs, files: &[PathBuf], control: &str) -> Result<(pb::Run, BTreeMap<String, String>)> {
+    let endpoint = Channel::from_shared(control.to_owned()).context("orchestrator address")?;
+    let channel = endpoint.tcp_nodelay(true).connect().await.context("orchestrator")?;
+    let mut runs = RunsClient::new(channel.clone())
+        .max_decoding_message_size(MAX_MESSAGE_BYTES)
+        .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    let request = request(args, files)?;
+    let submitted = runs.submit(request).await.map_err(refused)?.into_inner();
+    let bar = bar(0, "ticks");
+    let mut stream =
+        runs.watch(pb::WatchRequest { run_id: submitted.run_id.clone() }).await.map_err(refused)?.into_inner();
+    let mut seen = BTreeMap::new();
+    while let Some(progress) = stream.message().await.map_err(refused)? {
+        show(&bar, &mut seen, progress);
+    }
+    bar.finish_and_clear();
+    let run = runs.get(pb::GetRequest { run_id: submitted.run_id }).await.map_err(refused)?.into_inner();
+    let mut fleet = pb::fleet_client::FleetClient::new(channel);
+    let members = fleet.list(pb::ListInstancesRequest {}).await.map_err(refused)?.into_inner();
+    Ok((run, classes(&members)))
+}
+
+fn refused(status: tonic::Status) -> anyhow::Error {
+    anyhow::anyhow!("orchestrator refused ({:?}): {}", status.code(), status.message())
+}
+
+fn show(bar: &ProgressBar, seen: &mut BTreeMap<String, (u32, u32)>, progress: pb::RunProgress) {
+    for episode in progress.episodes {
+        seen.insert(episode.episode, (episode.ticks, episode.ticks_due));
+    }
+    bar.set_length(seen.values().map(|(_, due)| u64::from(*due)).sum());
+    bar.set_position(seen.values().map(|(ticks, _)| u64::from(*ticks)).sum());
+}
+
+fn classes(members: &pb::ListInstancesResponse) -> BTreeMap<String, String> {
+    let mut classes: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for hello in members.instances.iter().filter_map(|instance| instance.hello.as_ref()) {
+        let Some(role) = pb::role_of(hello.role) else { continue };
+        classes.entry(role.name().to_owned()).or_default().insert(hello.compute_class_name.clone());
+    }
+    classes.into_iter().map(|(role, names)| (role, names.into_iter().collect::<Vec<_>>().join(" | "))).collect()
+}
+
+fn request(args: &RunArgs, files: &[PathBuf]) -> Result<pb::SubmitRequest> {
+    let dt_secs = 0.1;
+    let ticks = |secs: f64| (secs / dt_secs).round().clamp(0.0, 100_000.0) as u32;
+    ensure!(args.horizon > 0.0 && args.horizon <= 30.0, "--horizon {} is not in (0, 30]", args.horizon);
+    ensure!(args.duration >= 0.0, "--duration {} is negative", args.duration);
+    let mut scenarios = Vec::new();
+    for file in files {
+        let path = std::fs::canonicalize(file).with_context(|| format!("path of {}", file.display()))?;
+        let path = path.to_str().with_context(|| format!("path {path:?} is not UTF-8"))?.to_owned();
+        scenarios.push(pb::ScenarioSource { source: Some(pb::scenario_source::Source::Path(path)) });
+    }
+    let observation = match args.observation {
+        Observation::Dreamstream => pb::ObservationSource::Dreamstream,
+        Observation::Reference => pb::ObservationSource::Reference,
+        Observation::SimRgb => pb::ObservationSource::SimRgb,
+        Observation::Layout => pb::ObservationSource::Layout,
+    };
+    let agents = match args.agents {
+        Agents::LogReplay => pb::AgentMode::LogReplay,
+        Agents::IdmBehindEgo => pb::AgentMode::IdmBehindEgo,
+        Agents::IdmAll => pb::AgentMode::IdmAll,
+    };
+    Ok(pb::SubmitRequest {
+        client_id: format!("run-{}", &configuration(args).to_string()[..16]),
+        scenarios,
+        policies: vec![args.policy.clone()],
+        observations: vec![observation as i32],
+        appearances: vec![args.appearance.clone()],
+        seeds: args.seed.clone(),
+        settings: Some(pb::RunSettings {
+            replan_period: args.replan,
+            horizon: ticks(args.horizon),
+            history: args.history,
+            warm_up: args.warm_up,
+            ticks: ticks(args.duration),
+            agents: agents as i32,
+            tracker: args.tracker.clone(),
+            layout_backend: args.layout_backend.clone(),
+            alignment: pb::ReplanAlignment::Rollback as i32,
+            ..pb::RunSettings::default()
+        }),
+    })
+}
+
+/// Returns the digest over all settings that a result depends on, names of scenarios included, folders not.
+fn configuration(args: &RunArgs) -> ds_space::Digest {
+    let mut writer = ds_space::DigestWriter::new();
+    writer.text(&args.policy).u32(args.observation as u32).u32(args.replan).f64(args.horizon).u32(args.history);
+    writer.f64(args.duration).u32(args.warm_up).text(&args.appearance).u32(args.agents as u32).text(&args.tracker);
+    writer.text(&args.layout_backend).text(args.shard.as_deref().unwrap_or_default());
+    args.seed.iter().for_each(|seed| drop(writer.u64(*seed)));
+    for path in &args.scenarios {
+        writer.text(&path.to_string_lossy());
+    }
+    writer.finish()
+}
+
+fn results(
+    args: &RunArgs,
+    mode: &str,
+    run: &pb::Run,
+    compute_classes: BTreeMap<String, String>,
+    wall_s: f64,
+) -> Result<Results> {
+    let first = run.episodes.first().context("the run has no episodes")?;
+    let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+    Ok(Results {
+        run: Run {
+            id: run.run_id.clone(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            schema_version: ds_topic::SCHEMA_VERSION,
+            seeds: args.seed.clone(),
+            replan_period: args.replan,
+            horizon_secs: args.horizon,
+            history: args.history,
+            agents: format!("{:?}", args.agents),
+            tracker: args.tracker.clone(),
+            appearance: args.appearance.clone(),
+            mode: mode.to_owned(),
+            configuration_digest: configuration(args).to_string(),
+            video_model_digest: hex(&first.video_model),
+            policy_model_digest: hex(&first.policy_model),
+            compute_classes,
+            insecure: false,
+            wall_s,
+        },
+        episodes: run.episodes.iter().map(|result| episode(result, &args.out)).collect(),
+    })
+}
+
+fn episode(result: &pb::EpisodeResult, out: &Path) -> Episode {
+    let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+    let share = |name: &str| result.time_share.get(name).copied().unwrap_or_default();
+    let mut sub_scores: BTreeMap<String, Option<f64>> =
+        result.sub_scores.iter().map(|(name, value)| (name.clone(), Some(*value))).collect();
+    for name in ["collision", "drivable_area", "progress"] {
+        sub_scores.entry(name.to_owned()).or_insert(None);
+    }
+    let recording = Path::new(&result.recording);
+    Episode {
+        scenario: result.scenario.clone(),
+        policy: result.policy.clone(),
+        observation: pb::observation_of(result.observation).map_or("", ds_topic::ObservationSource::name).to_owned(),
+        seed: result.seed,
+        attempts: result.attempts,
+        status: pb::status_name(result.status).to_owned(),
+        reason: result.reason.clone(),
+        ticks: result.ticks,
+        driving_score: result.driving_score,
+        driving_score_reason: ds_score::DRIVING_SCORE_REASON.to_owned(),
+        route_completion: result.route_completion,
+        sub_scores,
+        frames_per_second: result.frames_per_second,
+        wall_s: result.wall_secs,
+        time_share: TimeShare {
+            sim: share("sim"),
+            layout: share("layout"),
+            video: share("video"),
+            policy: share("policy"),
+            bus: share("bus"),
+            other: share("other"),
+        },
+        world_digest: hex(&result.world_digest),
+        layout_digest: hex(&result.layout_digest),
+        frame_digest: hex(&result.frame_digest),
+        recording: recording.strip_prefix(out).unwrap_or(recording).display().to_string(),
+    }
+}
+
+fn draw(args: &RunArgs, results: &Results) -> Result<()> {
+    let bar = bar(results.episodes.len() as u64, "pictures");
+    for episode in results.episodes.iter().filter(|episode| !episode.recording.is_empty()) {
+        let recording = Recording::open(&args.out.join(&episode.recording))?;
+        pictures::draw(&recording, &episode.recording, &args.out.join("pictures"))?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shards_part_the_files() {
+        let files: Vec<PathBuf> = (0..7).map(|i| PathBuf::from(format!("{i}"))).collect();
+        let mut all = Vec::new();
+        for index in 0..3 {
+            all.extend(shard(files.clone(), Some(&format!("{index}/3"))).expect("a sound shard"));
+        }
+        all.sort();
+        assert_eq!(all, files);
+        for bad in ["3/3", "x", "1", "-1/2", "0/0"] {
+            assert!(shard(files.clone(), Some(bad)).is_err(), "{bad:?} was accepted");
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! `scenario list|show|generate` and `import`.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+use indicatif::ProgressBar;
+
+use crate::cli::{ImportArgs, ScenarioCommand};
+use crate::command::{answer, bar};
+
+/// Runs a command of `scenario`.
+///
+/// # Errors
+/// If a file is refused or nothing is found.
+pub fn run(command: &ScenarioCommand) -> Result<()> {
+    match command {
+        ScenarioCommand::List { paths } => list(paths),
+        ScenarioCommand::Show { path } => {
+            let (scene, warnings) = ds_scenario::load(path)?;
+            answer(&ds_scenario::describe(&scene));
+            warnings.iter().for_each(|warning| answer(&format!("warning: {warning}")));
+            Ok(())
+        }
+        ScenarioCommand::Generate { family, seed, count, out } => {
+            let bar = bar(u64::from(*count), "scenarios");
+            let written = ds_scenario::generate_set(family, *seed, *count, out, &mut |_| bar.inc(1))?;
+            bar.finish_and_clear();
+            answer(&format!("{} scenarios written to {}", written.len(), out.display()));
+            Ok(())
+        }
+    }
+}
+
+/// Returns the scenario files of paths and folders, sorted within each folder.
+///
+/// # Errors
+/// If a path does not exist or a folder holds no scenario.
+pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for path in paths {
+        if path.is_dir() {
+            let found = ds_scenario::list(path)?;
+            ensure!(!found.is_empty(), "no *.scenario.json in {}", path.display());
+            files.extend(found);
+        } else {
+            ensure!(path.exists(), "no such file or folder: {}", path.display());
+            files.push(path.clone());
+        }
+    }
+    Ok(files)
+}
+
+fn list(paths: &[PathBuf]) -> Result<()> {
+    answer(&format!("{:<34} {:>7} {:>7} {:>6} {:<12} {}", "scenario", "seconds", "agents", "lanes", "licence", "family"));
+    for path in files(paths)? {
+        let (scene, _) = ds_scenario::load(&path)?;
+        let secs = f64::from(scene.last_tick().0) * scene.dt.secs();
+        let (agents, lanes) = (scene.tracks.len(), scene.map.lanes.len());
+        answer(&format!(
+            "{:<34} {secs:>7.1} {agents:>7} {lanes:>6} {:<12} {}",
+            scene.name, scene.origin.licence, scene.family
+        ));
+    }
+    Ok(())
+}
+
+/// Runs `import`: every readable log becomes a scenario file, every bad one a named error.
+///
+/// # Errors
+/// If any log was refused; the others are still written.
+pub fn import(args: &ImportArgs) -> Result<()> {
+    let mut refused = 0;
+    for path in &args.paths {
+        refused += import_one(path, &args.out).with_context(|| format!("import of {}", path.display()))?;
+    }
+    ensure!(refused == 0, "{refused} of the logs were refused");
+    Ok(())
+}
+
+fn import_one(path: &Path, out: &Path) -> Result<usize> {
+    let spinner = ProgressBar::new_spinner();
+    let mut refused = 0;
+    ds_scenario::import::scenarionet::import_path(path, out, &mut |file, result| {
+        spinner.tick();
+        match result {
+            Ok((written, warnings)) => {
+                answer(&format!("{} → {}", file.display(), written.display()));
+                warnings.iter().for_each(|warning| answer(&format!("  warning: {warning}")));
+            }
+            Err(error) => {
+                refused += 1;
+                tracing::error!(file = %file.display(), "refused: {}", chain(error));
+            }
+        }
+    })?;
+    spinner.finish_and_clear();
+    Ok(refused)
+}
+
+fn chain(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut source = error.source();
+    while let Some(inner) = source {
+        text.push_str(": ");
+        text.push_str(&inner.to_string());
+        source = inner.source();
+    }
+    text
+}

@@ -1,0 +1,38 @@
+//! `serve`: one service of a fleet in the foreground, the same libraries as the service's own binary.
+
+use std::process::ExitCode;
+
+use ds_process::section::{BusSection, ProcessSection};
+use ds_process::{Drain, service};
+use serde::{Deserialize, Serialize};
+
+use crate::cli::ServeArgs;
+
+/// Settings of the Zenoh router that a fleet shares.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct RouterSettings {
+    process: ProcessSection,
+    bus: BusSection,
+}
+
+/// Runs the service until SIGINT or SIGTERM.
+pub fn run(args: &ServeArgs) -> ExitCode {
+    let (config, set) = (args.config.as_deref(), args.set.as_slice());
+    match args.service.as_str() {
+        "router" => service::start(config, set, route),
+        "orchestrator" => service::start(config, set, orchestrator::run),
+        "sim-server" => service::start(config, set, sim_server::run),
+        "layout-render" => service::start(config, set, layout_render::run),
+        "vdm-worker" => service::start(config, set, vdm_worker::run),
+        _ => service::start(config, set, policy_bridge::run),
+    }
+}
+
+async fn route(settings: RouterSettings, drain: Drain) -> anyhow::Result<()> {
+    let bus = service::open_bus(&settings.bus).await?;
+    tracing::info!(listen = ?settings.bus.listen, "router ready");
+    drain.cancelled().await;
+    bus.close().await;
+    Ok(())
+}

@@ -1,0 +1,129 @@
+//! The five services inside this process: an in-process bus, loopback gRPC, everything else as in a fleet.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use ds_bus::Bus;
+use ds_episode::Timing;
+use ds_process::maker::MakerFactory;
+use ds_process::{Drain, Member};
+use ds_space::InstanceId;
+use policy_bridge::OutsideBus;
+use tokio::task::JoinSet;
+
+/// How the fleet of one run is made up.
+#[derive(Debug, Clone)]
+pub struct FleetPlan {
+    /// Ledger and recordings.
+    pub folder: PathBuf,
+    /// Configuration of the video model.
+    pub model: PathBuf,
+    /// Weights of the camera policy.
+    pub policy_weights: PathBuf,
+    /// Video workers, and episodes under way at a time.
+    pub workers: u32,
+    /// Where external policies connect to.
+    pub policy_listen: Option<String>,
+    /// Share of pushes that are dropped.
+    pub drop_pushes: f64,
+}
+
+/// A started fleet.
+pub struct Fleet {
+    /// The orchestrator's address.
+    pub control: String,
+    /// `embedded` or `processes`.
+    pub mode: &'static str,
+    drain: Drain,
+    tasks: JoinSet<Result<()>>,
+    children: Option<crate::children::Children>,
+}
+
+impl Fleet {
+    /// Wraps child processes.
+    #[must_use]
+    pub fn of_children(control: String, children: crate::children::Children) -> Self {
+        Self { control, mode: "processes", drain: Drain::new(), tasks: JoinSet::new(), children: Some(children) }
+    }
+
+    /// Returns the first service that ended though nobody asked it to.
+    ///
+    /// # Errors
+    /// The reason of its end.
+    pub async fn failed(&mut self) -> anyhow::Error {
+        match (self.tasks.join_next().await, &mut self.children) {
+            (Some(Ok(Ok(()))), _) => anyhow::anyhow!("a service ended early"),
+            (Some(Ok(Err(error))), _) => error,
+            (Some(Err(error)), _) => anyhow::Error::new(error),
+            (None, Some(children)) => children.ended().await,
+            (None, None) => anyhow::anyhow!("no service runs"),
+        }
+    }
+
+    /// Drains all services and waits for their end.
+    ///
+    /// # Errors
+    /// The first error of a service.
+    pub async fn stop(mut self) -> Result<()> {
+        self.drain.cancel();
+        if let Some(children) = self.children.take() {
+            return children.stop().await;
+        }
+        let ended = async {
+            while let Some(ended) = self.tasks.join_next().await {
+                ended.context("a service panicked")??;
+            }
+            Ok(())
+        };
+        tokio::time::timeout(Duration::from_secs(20), ended).await.context("services did not drain in 20 s")?
+    }
+}
+
+/// Starts all services in this process.
+///
+/// # Errors
+/// If a port, the ledger or the policy bus cannot be opened.
+pub async fn start(plan: &FleetPlan) -> Result<Fleet> {
+    let settings = ds_bus::BusSettings {
+        drop_share: plan.drop_pushes,
+        ..ds_bus::BusSettings::embedded()
+    };
+    let bus = Bus::open(settings).await.context("bus")?;
+    let drain = Drain::new();
+    let mut tasks = JoinSet::new();
+    let mut settings = orchestrator::Settings::default();
+    settings.control.listen = "127.0.0.1:0".to_owned();
+    settings.journal.folder.clone_from(&plan.folder);
+    settings.fleet.episodes = plan.workers;
+    let running = orchestrator::start(settings, bus.clone(), drain.clone()).await?;
+    let control = format!("http://{}", running.address);
+    tasks.spawn(async move { running.ended().await });
+    let outside = match &plan.policy_listen {
+        Some(listen) => Some(Arc::new(OutsideBus::open(listen, Duration::from_secs(30)).await?)),
+        None => None,
+    };
+    let mut factories: Vec<Arc<dyn MakerFactory>> = vec![
+        Arc::new(sim_server::SimStage),
+        Arc::new(layout_render::LayoutStage),
+        Arc::new(policy_bridge::PolicyStage::new(plan.policy_weights.clone(), outside)),
+    ];
+    let video = Arc::new(vdm_worker::VideoStage::new(plan.model.clone(), None));
+    factories.extend((0..plan.workers).map(|_| Arc::clone(&video) as Arc<dyn MakerFactory>));
+    for (index, factory) in factories.into_iter().enumerate() {
+        let role = factory.role();
+        let member = Member {
+            instance: InstanceId::new(&format!("{role}-{index}")).context("instance")?,
+            slots: if role == ds_topic::Role::Video { 1 } else { plan.workers },
+            orchestrator: control.clone(),
+            bus: bus.clone(),
+            factory,
+            codec: Arc::new(ds_wire::WireCodec),
+            timing: Timing::default(),
+        };
+        let drain = drain.clone();
+        tasks.spawn(async move { member.run(drain).await.context("fleet") });
+    }
+    Ok(Fleet { control, mode: "embedded", drain, tasks, children: None })
+}

@@ -1,0 +1,7 @@
+//! The layout-render process: parse, set up, run, exit code.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    ds_process::service::main(layout_render::run)
+}

@@ -1,0 +1,66 @@
+//! The layout stage: one renderer per episode, one `layout` per tick and camera.
+
+use std::sync::Arc;
+
+use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap};
+use ds_process::maker::{Fault, Inputs, Maker, MakerFactory, Output, bad, output};
+use ds_raster::Encoding;
+use ds_topic::{Advance, Layout, Role, SceneMessage, Slot, Topic, World};
+
+/// Opens a renderer for each episode that the instance is given.
+#[derive(Debug, Default)]
+pub struct LayoutStage;
+
+impl MakerFactory for LayoutStage {
+    fn role(&self) -> Role {
+        Role::Layout
+    }
+
+    fn compute_class(&self) -> String {
+        let auto = Renderer::new(BackendChoice::Auto).map_or("none".to_owned(), |renderer| renderer.compute_class());
+        format!("layout {}, auto: {auto}", std::env::consts::ARCH)
+    }
+
+    fn open(&self, scene: Arc<SceneMessage>) -> Result<Box<dyn Maker>, Fault> {
+        let choice = match scene.spec.layout_backend.as_str() {
+            "auto" => BackendChoice::Auto,
+            "cpu" => BackendChoice::Cpu,
+            "wgpu" => BackendChoice::Wgpu,
+            other => return Err(Fault::deterministic("bad_settings", format!("unknown layout back end {other:?}"))),
+        };
+        let renderer = Renderer::new(choice).map_err(|error| bad("no_renderer", &error))?;
+        tracing::info!(backend = renderer.describe(), "layout renderer ready");
+        let map = StaticMap::new(&scene.scene.map);
+        Ok(Box::new(Drawing { scene, map, renderer }))
+    }
+}
+
+struct Drawing {
+    scene: Arc<SceneMessage>,
+    map: StaticMap,
+    renderer: Renderer,
+}
+
+impl Maker for Drawing {
+    fn restore(&mut self, _order: &Advance, _inputs: &Inputs) -> Result<(), Fault> {
+        Ok(())
+    }
+
+    fn work(&mut self, order: &Advance, inputs: &Inputs) -> Result<Vec<Output>, Fault> {
+        let mut outputs = Vec::new();
+        for tick in order.first.to(order.last) {
+            let world: World = inputs.decode(Slot::new(Topic::World, tick.0))?;
+            let ego_in_world = world.state.ego.pose;
+            let described = LayoutScene { map: &self.map, world: &world.state };
+            for (index, camera) in (0..).zip(&self.scene.scene.cameras) {
+                let image = self
+                    .renderer
+                    .render(&described, camera, ego_in_world.world_from_rig(0.0))
+                    .map_err(|error| bad("render_failed", &error))?;
+                let layout = Layout { image, encoding: Encoding::None, ego_in_world };
+                outputs.push(output(Slot::of_camera(Topic::Layout, tick.0, index), tick, &layout));
+            }
+        }
+        Ok(outputs)
+    }
+}

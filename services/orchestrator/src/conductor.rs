@@ -1,0 +1,308 @@
+//! Conducts one attempt at an episode: the driver's state machine between bus, fleet, journal and score.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use ds_bus::{Bus, Question};
+use ds_episode::driver::{Action, Attempt, EncodedScene, Ending, Event, Status};
+use ds_episode::fleet::Request;
+use ds_episode::{Driver, Fault, Millis, Timing};
+use ds_process::clock::millis;
+use ds_process::hold::publish;
+use ds_space::{AttemptId, Digest, EpisodeId, InstanceId};
+use ds_topic::{Envelope, Owner, Role, SceneMessage, Slot, Topic};
+use ds_wire::{Body, WireCodec};
+use tokio::sync::mpsc;
+use tokio::task::JoinSet;
+
+use crate::hub::Hub;
+use crate::journal::{Journal, JournalError};
+use crate::scorer::{EpisodeScores, Scorer};
+use crate::submission::{self, Job};
+
+/// What all conductors share.
+#[derive(Clone)]
+pub(crate) struct Stand {
+    pub(crate) bus: Bus,
+    pub(crate) hub: Arc<Hub>,
+    pub(crate) instance: InstanceId,
+    pub(crate) term: u64,
+    pub(crate) timing: Timing,
+    pub(crate) folder: std::path::PathBuf,
+}
+
+/// What became of an attempt.
+#[derive(Debug, Clone)]
+pub(crate) struct Outcome {
+    pub(crate) ending: Ending,
+    pub(crate) ticks: u32,
+    pub(crate) scores: EpisodeScores,
+    pub(crate) digests: [Digest; 3],
+    pub(crate) recording: std::path::PathBuf,
+    pub(crate) wall: Duration,
+    pub(crate) work_secs: [f64; 4],
+    pub(crate) journal_secs: f64,
+}
+
+/// What a watcher may know of a drive under way.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Progress {
+    pub(crate) ticks: u32,
+    pub(crate) awaits: String,
+}
+
+/// An attempt that could not begin or go on.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum ConductError {
+    #[error(transparent)]
+    Submission(#[from] submission::SubmissionError),
+    #[error(transparent)]
+    Journal(#[from] JournalError),
+    #[error("scene cannot be read")]
+    Scene(#[from] ds_episode::CodecError),
+    #[error("journal cannot be gone on from")]
+    Resume(#[from] ds_episode::driver::ResumeError),
+    #[error("bus")]
+    Bus(#[from] ds_bus::BusError),
+    #[error("a background task panicked")]
+    Task(#[from] tokio::task::JoinError),
+}
+
+/// Drives an episode to its end.
+pub(crate) async fn conduct(
+    stand: &Stand,
+    job: &Job,
+    attempt: AttemptId,
+    progress: mpsc::Sender<Progress>,
+    mut cancel: tokio::sync::watch::Receiver<bool>,
+) -> Result<Outcome, ConductError> {
+    let began = Instant::now();
+    let (message, encoded) = prepare(job.clone()).await?;
+    let episode = job.spec.episode.clone();
+    let named = Attempt { episode: episode.clone(), attempt, instance: stand.instance.clone(), term: stand.term };
+    let (driver, journal, scorer) = open(stand, named, encoded, &message).await?;
+    let topics: Vec<Topic> = Topic::ALL.into_iter().filter(|topic| ds_episode::due::maker(*topic).is_some()).collect();
+    let mut pushes = stand.bus.subscribe(&episode, &topics).await?;
+    let mut questions = stand.bus.serve(&episode, ds_bus::JOURNAL).await?;
+    let (news, mut told) = mpsc::channel(1_024);
+    stand.hub.drive(&episode, news.clone());
+    let mut beat = tokio::time::interval(Duration::from_millis((stand.timing.pull_after_ms / 2).max(5)));
+    let mut conductor = Conductor {
+        stand: stand.clone(),
+        episode: episode.clone(),
+        attempt,
+        driver,
+        journal,
+        scorer,
+        news,
+        tasks: JoinSet::new(),
+        questions: BTreeMap::new(),
+        next_query: 0,
+        journal_time: Duration::ZERO,
+    };
+    let mut next = Some(Event::Start);
+    let ending = loop {
+        let event = match next.take() {
+            Some(event) => event,
+            None => tokio::select! {
+                Some(envelope) = pushes.recv() => Event::Message(envelope),
+                Some(question) = questions.recv() => conductor.asked(question),
+                Some(event) = told.recv() => event,
+                _ = beat.tick() => Event::Now,
+                changed = cancel.changed() => {
+                    if changed.is_err() || *cancel.borrow() { Event::Cancel } else { Event::Now }
+                }
+            },
+        };
+        if let Some(ending) = conductor.handle(event, &progress).await? {
+            break ending;
+        }
+    };
+    conductor.finish(ending, began).await
+}
+
+async fn prepare(job: Job) -> Result<(SceneMessage, EncodedScene), ConductError> {
+    let made = tokio::task::spawn_blocking(move || {
+        let message = submission::scene(&job)?;
+        let encoded = EncodedScene { content: message.content(), body: message.to_bytes() };
+        Ok::<_, submission::SubmissionError>((message, encoded))
+    });
+    Ok(made.await??)
+}
+
+async fn open(
+    stand: &Stand,
+    attempt: Attempt,
+    encoded: EncodedScene,
+    message: &SceneMessage,
+) -> Result<(Driver, Journal, Scorer), ConductError> {
+    let path = stand.folder.join("recordings").join(format!("{}.a{}.mcap", attempt.episode, attempt.attempt));
+    let scorer = Scorer::new(message);
+    let codec = Arc::new(WireCodec);
+    if let Some(resumed) = Journal::resume(&path, encoded.content).await? {
+        let journal = ds_episode::driver::Journal { iterations: resumed.iterations, messages: &resumed.messages };
+        let driver = Driver::resume(attempt, stand.timing, codec, encoded, &journal)?;
+        tracing::info!(iterations = resumed.iterations, "an interrupted attempt goes on");
+        return Ok((driver, resumed.journal, scorer));
+    }
+    let driver = Driver::new(attempt, stand.timing, codec, encoded)?;
+    let journal = Journal::create(&path, driver.scene().clone()).await?;
+    Ok((driver, journal, scorer))
+}
+
+struct Conductor {
+    stand: Stand,
+    episode: EpisodeId,
+    attempt: AttemptId,
+    driver: Driver,
+    journal: Journal,
+    scorer: Scorer,
+    news: mpsc::Sender<Event>,
+    tasks: JoinSet<()>,
+    questions: BTreeMap<u64, Question>,
+    next_query: u64,
+    journal_time: Duration,
+}
+
+impl Conductor {
+    fn asked(&mut self, question: Question) -> Event {
+        self.next_query += 1;
+        let slot = question.slot();
+        self.questions.insert(self.next_query, question);
+        Event::Asked { query: self.next_query, slot }
+    }
+
+    async fn handle(&mut self, event: Event, progress: &mpsc::Sender<Progress>) -> Result<Option<Ending>, ConductError> {
+        while self.tasks.try_join_next().is_some() {}
+        let mut events = vec![event];
+        while let Some(event) = events.pop() {
+            for action in self.driver.handle(Millis(millis()), event) {
+                match action {
+                    Action::Finish(ending) => return Ok(Some(ending)),
+                    Action::StepDown { term } => return Ok(Some(stepped_down(term, &self.driver))),
+                    action => events.extend(self.carry_out(action, progress).await?),
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    async fn carry_out(
+        &mut self,
+        action: Action,
+        progress: &mpsc::Sender<Progress>,
+    ) -> Result<Option<Event>, ConductError> {
+        match action {
+            Action::Publish(envelope) => {
+                publish(&self.stand.bus, &envelope).await;
+                if matches!(envelope.header.slot.topic, Topic::Event | Topic::Score) {
+                    self.journal.note(envelope);
+                }
+            }
+            Action::Pull { slot, owner } => self.pull(slot, owner),
+            Action::Answer { query, reply } => self.answer(query, reply).await,
+            Action::Lookup { query, slot } => {
+                let reply = self.journal.lookup(slot);
+                self.answer(query, reply).await;
+            }
+            Action::Commit { iteration, messages } => {
+                let began = Instant::now();
+                self.journal.commit(iteration, messages).await?;
+                self.journal_time += began.elapsed();
+                let outline = self.driver.outline();
+                let ticks = outline.spec.ticks_of(iteration).1.0;
+                let awaits = String::new();
+                let _full = progress.try_send(Progress { ticks, awaits });
+                return Ok(Some(Event::Journalled { iteration }));
+            }
+            Action::Want { role, exclude } => return Ok(self.want(role, exclude)),
+            Action::Dismiss { role, owner, fault } => {
+                tracing::warn!(episode = %self.episode, %role, instance = %owner.instance, %fault, "dismissed");
+                if let Err(error) = self.stand.hub.dismiss(&self.episode, role, &owner) {
+                    tracing::error!(%error, "dismissal cannot be recorded");
+                }
+            }
+            Action::Observe(envelope) => return Ok(self.observe(&envelope)),
+            Action::Finish(_) | Action::StepDown { .. } => {}
+        }
+        Ok(None)
+    }
+
+    async fn answer(&mut self, query: u64, reply: Option<Envelope>) {
+        if let Some(question) = self.questions.remove(&query) {
+            question.answer(reply).await;
+        }
+    }
+
+    fn observe(&mut self, envelope: &Envelope) -> Option<Event> {
+        match self.scorer.observe(envelope) {
+            Ok((tick, score)) => Some(Event::Scored { tick, content: score.content(), body: score.to_bytes() }),
+            Err(error) => {
+                tracing::error!(episode = %self.episode, %error, "state cannot be scored");
+                None
+            }
+        }
+    }
+
+    fn want(&self, role: Role, exclude: Option<InstanceId>) -> Option<Event> {
+        let request = Request { episode: self.episode.clone(), attempt: self.attempt, role, exclude };
+        match self.stand.hub.assign(request) {
+            Ok(granted) => Some(Event::Assigned { role, owner: granted.owner }),
+            Err(error) if error.lasting() => {
+                let fault = Fault::infrastructure("unassignable", &error);
+                Some(Event::Unassignable { role, fault })
+            }
+            Err(error) => {
+                tracing::debug!(episode = %self.episode, %error, "not yet");
+                None
+            }
+        }
+    }
+
+    fn pull(&mut self, slot: Slot, owner: Owner) {
+        let (bus, episode, news) = (self.stand.bus.clone(), self.episode.clone(), self.news.clone());
+        let limit = Duration::from_millis(self.stand.timing.pull_after_ms.max(100) * 5);
+        self.tasks.spawn(async move {
+            let reply = bus.pull(&episode, owner.instance.as_str(), slot, limit).await;
+            if news.send(Event::Pulled { slot, reply }).await.is_err() {
+                tracing::trace!(%slot, "the attempt ended before its pull");
+            }
+        });
+    }
+
+    async fn finish(mut self, ending: Ending, began: Instant) -> Result<Outcome, ConductError> {
+        let work_secs = self.stand.hub.work_secs(&self.episode);
+        if let Err(error) = self.stand.hub.finish(&self.episode) {
+            tracing::error!(%error, "leases cannot be ended");
+        }
+        self.stand.hub.forget(&self.episode);
+        self.tasks.shutdown().await;
+        let closing = Instant::now();
+        let ticks = match ending.committed {
+            0 => 0,
+            committed => self.driver.outline().spec.ticks_of(committed - 1).1.0,
+        };
+        let finished = self.journal.finish(&ending).await?;
+        self.journal_time += closing.elapsed();
+        Ok(Outcome {
+            ending,
+            ticks,
+            scores: self.scorer.finish(),
+            digests: finished.digests,
+            recording: finished.path,
+            wall: began.elapsed(),
+            work_secs,
+            journal_secs: self.journal_time.as_secs_f64(),
+        })
+    }
+}
+
+fn stepped_down(term: u64, driver: &Driver) -> Ending {
+    Ending {
+        status: Status::Aborted,
+        reason: format!("fenced: term {term} is in charge"),
+        class: None,
+        committed: driver.committed_iterations(),
+    }
+}

@@ -1,0 +1,107 @@
+//! The ledger in an embedded database file that only one process can hold open.
+
+use std::path::Path;
+
+use ds_episode::fleet::{Ledger, LedgerError, Write};
+use redb::{Database, ReadableDatabase, ReadableTable, TableDefinition};
+
+const TERM: TableDefinition<'_, &str, u64> = TableDefinition::new("term");
+const ENTRIES: TableDefinition<'_, &str, &[u8]> = TableDefinition::new("entries");
+const TERM_KEY: &str = "term";
+
+/// A ledger file. The database locks it; a second orchestrator on the same file is refused at open.
+#[derive(Debug)]
+pub struct LedgerFile(Database);
+
+fn failed(error: impl Into<redb::Error>) -> LedgerError {
+    LedgerError::Storage(error.into().to_string())
+}
+
+impl LedgerFile {
+    /// Opens the file, or makes an empty one.
+    ///
+    /// # Errors
+    /// If it is locked by another process, broken or cannot be written.
+    pub fn open(path: &Path) -> Result<Self, LedgerError> {
+        let database = Database::create(path).map_err(failed)?;
+        let transaction = database.begin_write().map_err(failed)?;
+        transaction.open_table(TERM).map_err(failed)?;
+        transaction.open_table(ENTRIES).map_err(failed)?;
+        transaction.commit().map_err(failed)?;
+        Ok(Self(database))
+    }
+
+    fn stored_term(&self) -> Result<u64, LedgerError> {
+        let transaction = self.0.begin_read().map_err(failed)?;
+        let table = transaction.open_table(TERM).map_err(failed)?;
+        Ok(table.get(TERM_KEY).map_err(failed)?.map_or(0, |value| value.value()))
+    }
+}
+
+impl Ledger for LedgerFile {
+    fn raise_term(&mut self) -> Result<u64, LedgerError> {
+        let term = self.stored_term()? + 1;
+        let transaction = self.0.begin_write().map_err(failed)?;
+        transaction.open_table(TERM).map_err(failed)?.insert(TERM_KEY, term).map_err(failed)?;
+        transaction.commit().map_err(failed)?;
+        Ok(term)
+    }
+
+    fn term(&self) -> Result<u64, LedgerError> {
+        self.stored_term()
+    }
+
+    fn entries(&self, prefix: &str) -> Result<Vec<(String, Vec<u8>)>, LedgerError> {
+        let transaction = self.0.begin_read().map_err(failed)?;
+        let table = transaction.open_table(ENTRIES).map_err(failed)?;
+        let mut found = Vec::new();
+        for entry in table.range(prefix..).map_err(failed)? {
+            let (key, value) = entry.map_err(failed)?;
+            if !key.value().starts_with(prefix) {
+                break;
+            }
+            found.push((key.value().to_owned(), value.value().to_vec()));
+        }
+        Ok(found)
+    }
+
+    fn commit(&mut self, term: u64, writes: &[Write]) -> Result<(), LedgerError> {
+        let current = self.stored_term()?;
+        if current != term {
+            return Err(LedgerError::Fenced { own: term, current });
+        }
+        let transaction = self.0.begin_write().map_err(failed)?;
+        {
+            let mut table = transaction.open_table(ENTRIES).map_err(failed)?;
+            for (key, value) in writes {
+                match value {
+                    Some(value) => drop(table.insert(key.as_str(), value.as_slice()).map_err(failed)?),
+                    None => drop(table.remove(key.as_str()).map_err(failed)?),
+                }
+            }
+        }
+        transaction.commit().map_err(failed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn entries_survive_and_lower_terms_are_fenced() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("ledger.redb");
+        let mut ledger = LedgerFile::open(&path).expect("opens");
+        assert_eq!(ledger.raise_term().expect("raised"), 1);
+        ledger.commit(1, &[("epoch/a".to_owned(), Some(vec![7])), ("other".to_owned(), Some(vec![1]))]).expect("term 1");
+        assert!(LedgerFile::open(&path).is_err(), "a second process must be refused");
+        drop(ledger);
+        let mut ledger = LedgerFile::open(&path).expect("opens again");
+        assert_eq!(ledger.raise_term().expect("raised"), 2);
+        assert!(matches!(ledger.commit(1, &[]), Err(LedgerError::Fenced { own: 1, current: 2 })));
+        assert_eq!(ledger.entries("epoch/").expect("reads"), vec![("epoch/a".to_owned(), vec![7])]);
+        ledger.commit(2, &[("epoch/a".to_owned(), None)]).expect("term 2");
+        assert!(ledger.entries("epoch/").expect("reads").is_empty());
+    }
+}

@@ -1,0 +1,252 @@
+//! From a submitted run to its episodes: every combination of scenario, policy, source, appearance and seed.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use ds_camera::{Appearance, ReferenceCamera};
+use ds_raster::RgbImage;
+use ds_space::{Digest, DigestWriter, EpisodeId, RunId, Tick};
+use ds_topic::{AgentMode, EpisodeSpec, ObservationSource, ReplanAlignment, SceneMessage};
+use ds_wire::control as pb;
+use ds_world::Scene;
+
+/// The most episodes that a run may have.
+const MAX_EPISODES: usize = 100_000;
+
+/// A run is refused; nothing of it was begun.
+#[derive(Debug, thiserror::Error)]
+pub enum SubmissionError {
+    /// A field is missing or out of bounds.
+    #[error("submit.{field} is {value}: {why}")]
+    Field {
+        /// The field.
+        field: &'static str,
+        /// The value.
+        value: String,
+        /// What is allowed.
+        why: &'static str,
+    },
+    /// A scenario is refused.
+    #[error(transparent)]
+    Scenario(#[from] ds_scenario::ScenarioError),
+    /// A submitted file cannot be stored.
+    #[error("submitted scenario cannot be stored: {path:?}")]
+    Store {
+        /// Where.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        source: std::io::Error,
+    },
+}
+
+/// One episode to drive.
+#[derive(Debug, Clone)]
+pub struct Job {
+    /// The scenario file.
+    pub file: PathBuf,
+    /// The settings; the digests of video model and policy come from the fleet.
+    pub spec: EpisodeSpec,
+}
+
+fn refuse<T>(field: &'static str, value: impl ToString, why: &'static str) -> Result<T, SubmissionError> {
+    Err(SubmissionError::Field { field, value: value.to_string(), why })
+}
+
+/// Checks a run and lists its episodes, in order of scenario, policy, source, appearance, seed.
+///
+/// # Errors
+/// [`SubmissionError`] names the field or the file.
+pub fn jobs(run: &RunId, request: &pb::SubmitRequest, folder: &Path) -> Result<Vec<Job>, SubmissionError> {
+    let settings = checked(request.settings.clone().unwrap_or_default())?;
+    let files = files(request, folder)?;
+    let policies = &request.policies;
+    if policies.is_empty() || policies.len() > 256 {
+        return refuse("policies", policies.len(), "1 to 256 names");
+    }
+    let observations = observations(request)?;
+    let appearances = if request.appearances.is_empty() { vec!["day".to_owned()] } else { request.appearances.clone() };
+    for name in &appearances {
+        if Appearance::named(name).is_err() {
+            return refuse("appearances", name, "`day` or `seed-N`");
+        }
+    }
+    let seeds = if request.seeds.is_empty() { vec![0] } else { request.seeds.clone() };
+    let count = files.len() * policies.len() * observations.len() * appearances.len() * seeds.len();
+    if count > MAX_EPISODES {
+        return refuse("scenarios", count, "at most 100000 episodes");
+    }
+    let mut jobs = Vec::with_capacity(count);
+    for file in &files {
+        let (scene, _warnings) = ds_scenario::load(file)?;
+        for policy in policies {
+            for observation in &observations {
+                for appearance in &appearances {
+                    for seed in &seeds {
+                        let arm = Arm { policy, observation: *observation, appearance, seed: *seed };
+                        jobs.push(Job { file: file.clone(), spec: spec(run, &scene, &arm, &settings)? });
+                    }
+                }
+            }
+        }
+    }
+    Ok(jobs)
+}
+
+struct Arm<'a> {
+    policy: &'a str,
+    observation: ObservationSource,
+    appearance: &'a str,
+    seed: u64,
+}
+
+fn checked(settings: pb::RunSettings) -> Result<pb::RunSettings, SubmissionError> {
+    let mut settings = settings;
+    let default = |value: &mut u32, or: u32| *value = if *value == 0 { or } else { *value };
+    default(&mut settings.replan_period, 5);
+    default(&mut settings.horizon, 80);
+    default(&mut settings.history, 1);
+    if settings.tracker.is_empty() {
+        settings.tracker = "lqr".to_owned();
+    }
+    if settings.layout_backend.is_empty() {
+        settings.layout_backend = "auto".to_owned();
+    }
+    if settings.replan_period > settings.horizon {
+        return refuse("settings.replan_period", settings.replan_period, "at most the horizon");
+    }
+    if settings.horizon > 300 {
+        return refuse("settings.horizon", settings.horizon, "at most 300 ticks");
+    }
+    if settings.history > 64 {
+        return refuse("settings.history", settings.history, "at most 64 frames");
+    }
+    if !["lqr", "pure-pursuit"].contains(&settings.tracker.as_str()) {
+        return refuse("settings.tracker", &settings.tracker, "`lqr` or `pure-pursuit`");
+    }
+    if !["auto", "cpu", "wgpu"].contains(&settings.layout_backend.as_str()) {
+        return refuse("settings.layout_backend", &settings.layout_backend, "`auto`, `cpu` or `wgpu`");
+    }
+    Ok(settings)
+}
+
+fn observations(request: &pb::SubmitRequest) -> Result<Vec<ObservationSource>, SubmissionError> {
+    let mut found = Vec::new();
+    for value in &request.observations {
+        match ds_wire::control::observation_of(*value) {
+            Some(source) => found.push(source),
+            None => return refuse("observations", value, "a known source"),
+        }
+    }
+    if found.is_empty() {
+        return refuse("observations", 0, "at least one source");
+    }
+    Ok(found)
+}
+
+fn files(request: &pb::SubmitRequest, folder: &Path) -> Result<Vec<PathBuf>, SubmissionError> {
+    if request.scenarios.is_empty() || request.scenarios.len() > 4096 {
+        return refuse("scenarios", request.scenarios.len(), "1 to 4096 sources");
+    }
+    let mut files = Vec::new();
+    for source in &request.scenarios {
+        match &source.source {
+            Some(pb::scenario_source::Source::Path(path)) => {
+                let path = PathBuf::from(path);
+                if path.is_dir() { files.extend(ds_scenario::list(&path)?) } else { files.push(path) }
+            }
+            Some(pb::scenario_source::Source::File(bytes)) => files.push(store(bytes, folder)?),
+            None => return refuse("scenarios", "empty", "a path or a file"),
+        }
+    }
+    if files.is_empty() {
+        return refuse("scenarios", 0, "at least one scenario file");
+    }
+    Ok(files)
+}
+
+fn store(bytes: &[u8], folder: &Path) -> Result<PathBuf, SubmissionError> {
+    if bytes.len() > 64 << 20 {
+        return refuse("scenarios.file", bytes.len(), "at most 64 MiB");
+    }
+    let folder = folder.join("scenarios");
+    let path = folder.join(format!("{}.scenario.json", Digest::of(bytes)));
+    let failed = |source| SubmissionError::Store { path: path.clone(), source };
+    std::fs::create_dir_all(&folder).map_err(failed)?;
+    std::fs::write(&path, bytes).map_err(failed)?;
+    Ok(path)
+}
+
+fn spec(
+    run: &RunId,
+    scene: &Scene,
+    arm: &Arm<'_>,
+    settings: &pb::RunSettings,
+) -> Result<EpisodeSpec, SubmissionError> {
+    let last = scene.last_tick().0;
+    let ticks = if settings.ticks == 0 { last } else { settings.ticks.min(last) };
+    let name = format!("{}.{}.{}.s{}", scene.name, arm.policy, arm.observation.name(), arm.seed);
+    let name = if arm.appearance == "day" { name } else { format!("{name}.{}", arm.appearance) };
+    let Ok(episode) = EpisodeId::new(&name) else {
+        return refuse("policies", arm.policy, "letters, digits, '_', '-', '.'; scenario and policy at most 60 in all");
+    };
+    let agents = ds_wire::control::agents_of(settings.agents).unwrap_or(AgentMode::default());
+    let alignment = match pb::ReplanAlignment::try_from(settings.alignment) {
+        Ok(pb::ReplanAlignment::Exact) => ReplanAlignment::Exact,
+        _ => ReplanAlignment::Rollback,
+    };
+    let mut spec = EpisodeSpec {
+        episode,
+        scenario: scene.name.clone(),
+        scenario_digest: scene.digest,
+        policy: arm.policy.to_owned(),
+        observation: arm.observation,
+        appearance: arm.appearance.to_owned(),
+        seed: arm.seed,
+        replan_period: settings.replan_period,
+        horizon: settings.horizon,
+        history: settings.history,
+        warm_up: settings.warm_up,
+        last_tick: Tick(ticks),
+        agents,
+        tracker: settings.tracker.clone(),
+        layout_backend: settings.layout_backend.clone(),
+        alignment,
+        chunk_ticks: 0,
+        video_model: Digest::default(),
+        policy_model: Digest::default(),
+        configuration: Digest::default(),
+    };
+    let mut writer = DigestWriter::new();
+    writer.text(run.as_str()).u32(spec.replan_period).u32(spec.horizon).u32(spec.history).u32(spec.warm_up);
+    writer.u32(spec.agents as u32).text(&spec.tracker).text(&spec.layout_backend).u32(spec.last_tick.0);
+    spec.configuration = writer.finish();
+    Ok(spec)
+}
+
+/// Loads the scenario of a job and makes what the stages need to begin: the scene and the first frames.
+///
+/// # Errors
+/// If the file changed since the submission or is refused.
+pub fn scene(job: &Job) -> Result<SceneMessage, SubmissionError> {
+    let (scene, _warnings) = ds_scenario::load(&job.file)?;
+    if scene.digest != job.spec.scenario_digest {
+        return refuse("scenarios", job.file.display(), "the file changed since the run was submitted");
+    }
+    let first_frames = match job.spec.observation {
+        ObservationSource::Dreamstream => first_frames(&scene, &job.spec.appearance)?,
+        ObservationSource::Reference | ObservationSource::SimRgb | ObservationSource::Layout => Vec::new(),
+    };
+    Ok(SceneMessage { spec: job.spec.clone(), scene: Arc::new(scene), first_frames })
+}
+
+/// Renders o_0 of each camera by the reference camera.
+fn first_frames(scene: &Scene, appearance: &str) -> Result<Vec<RgbImage>, SubmissionError> {
+    let Ok(appearance) = Appearance::named(appearance) else {
+        return refuse("appearances", appearance, "`day` or `seed-N`");
+    };
+    let renderer = ReferenceCamera::new(scene, appearance);
+    let world = scene.logged_world(Tick(0));
+    let pose = world.ego.pose.world_from_rig(0.0);
+    Ok(scene.cameras.iter().map(|camera| renderer.render(&world, camera, pose)).collect())
+}

@@ -1,0 +1,42 @@
+//! Settings of policy-bridge: typed and checked; the default suits a fleet on one host.
+
+use std::path::PathBuf;
+
+use ds_process::section::{BusSection, ControlSection, ProcessSection};
+use serde::{Deserialize, Serialize};
+
+/// `[policy]`: the guests.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PolicySection {
+    /// Weights of the camera policy.
+    pub weights: PathBuf,
+    /// Where external policies connect to, such as `tcp/127.0.0.1:7448`; empty for none.
+    pub listen: String,
+    /// How long an external policy may think, in milliseconds.
+    pub deadline_millis: u64,
+}
+
+impl Default for PolicySection {
+    fn default() -> Self {
+        Self {
+            weights: PathBuf::from("configs/models/camera_policy.safetensors"),
+            listen: String::new(),
+            deadline_millis: 10_000,
+        }
+    }
+}
+
+/// All settings of policy-bridge.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// Identity and logging.
+    pub process: ProcessSection,
+    /// The orchestrator.
+    pub control: ControlSection,
+    /// The bus.
+    pub bus: BusSection,
+    /// The guests.
+    pub policy: PolicySection,
+}

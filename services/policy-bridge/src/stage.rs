@@ -1,0 +1,125 @@
+//! The policy stage: builds the observation of an iteration and asks the guest for a plan.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use ds_policy::{Builtin, EgoView, Observation, Policy, PolicyAnswer, PrivilegedView};
+use ds_process::maker::{Abilities, Fault, Inputs, Maker, MakerFactory, Output, bad, output};
+use ds_space::{Digest, Draws, SimTime, Tick};
+use ds_topic::{Advance, Ego, Frame, Plan, Proposal, Role, SceneMessage, Slot, Topic};
+
+use crate::guest::{External, OutsideBus};
+
+/// Opens a guest for each episode that the instance is given.
+#[derive(Debug)]
+pub struct PolicyStage {
+    weights: PathBuf,
+    outside: Option<Arc<OutsideBus>>,
+}
+
+impl PolicyStage {
+    /// Names the weights of the camera policy and the bus on which external policies live, if there is one.
+    #[must_use]
+    pub fn new(weights: PathBuf, outside: Option<Arc<OutsideBus>>) -> Self {
+        Self { weights, outside }
+    }
+}
+
+impl MakerFactory for PolicyStage {
+    fn role(&self) -> Role {
+        Role::Policy
+    }
+
+    fn compute_class(&self) -> String {
+        format!("policy {}", self.abilities().policy_model)
+    }
+
+    fn abilities(&self) -> Abilities {
+        let policy_model = std::fs::read(&self.weights).map_or(Digest::default(), |bytes| Digest::of(&bytes));
+        Abilities { policy_model, ..Abilities::default() }
+    }
+
+    fn open(&self, scene: Arc<SceneMessage>) -> Result<Box<dyn Maker>, Fault> {
+        let name = scene.spec.policy.as_str();
+        let builtin = ds_policy::builtin::NAMES.iter().any(|(known, _)| *known == name);
+        let guest = if builtin {
+            let needs = Builtin { camera_weights: Some(self.weights.clone()) };
+            Guest::Builtin(ds_policy::builtin(name, &needs).map_err(|error| bad("no_policy", &error))?)
+        } else {
+            let outside = self.outside.as_ref().ok_or_else(|| {
+                Fault::policy("policy_unknown", format!("{name:?} is not built in and no policy bus is open"))
+            })?;
+            Guest::External(External::attach(Arc::clone(outside), name)?)
+        };
+        Ok(Box::new(Hosting { scene, guest }))
+    }
+}
+
+enum Guest {
+    Builtin(Box<dyn Policy>),
+    External(External),
+}
+
+struct Hosting {
+    scene: Arc<SceneMessage>,
+    guest: Guest,
+}
+
+impl Hosting {
+    fn observation(&self, last: Tick, inputs: &Inputs) -> Result<(Observation, Ego), Fault> {
+        let spec = &self.scene.spec;
+        let first = Tick((last.0 + 1).saturating_sub(spec.history));
+        let cameras = self.scene.scene.cameras.clone();
+        let mut frames = Vec::new();
+        for (index, _) in (0u16..).zip(&cameras) {
+            let mut seen = Vec::new();
+            for tick in first.to(last) {
+                seen.push(inputs.decode::<Frame>(Slot::of_camera(Topic::Frame, tick.0, index))?.image);
+            }
+            frames.push(seen);
+        }
+        let mut egos = Vec::new();
+        for tick in first.to(last) {
+            egos.push(inputs.decode::<Ego>(Slot::new(Topic::Ego, tick.0))?);
+        }
+        let now = egos.last().cloned().ok_or_else(|| Fault::deterministic("missing_input", "no ego state is due"))?;
+        let states: Vec<_> = egos.iter().map(|ego| ego.estimate).collect();
+        let observation = Observation {
+            frames,
+            cameras,
+            ego: EgoView::of(&states),
+            command: now.command,
+            stamps: first.to(last).map(|tick| SimTime::at(tick, self.scene.scene.dt)).collect(),
+            horizon_ticks: spec.horizon,
+            dt: self.scene.scene.dt,
+            draw: Draws::new(&spec.draw_key(), "policy", &[u64::from(last.0)]),
+        };
+        Ok((observation, now))
+    }
+}
+
+impl Maker for Hosting {
+    fn restore(&mut self, _order: &Advance, _inputs: &Inputs) -> Result<(), Fault> {
+        Ok(())
+    }
+
+    fn work(&mut self, order: &Advance, inputs: &Inputs) -> Result<Vec<Output>, Fault> {
+        if !order.plan_due {
+            return Ok(Vec::new());
+        }
+        let (observation, ego) = self.observation(order.last, inputs)?;
+        let answer: PolicyAnswer = match &mut self.guest {
+            Guest::Builtin(policy) => {
+                let view =
+                    PrivilegedView { scene: Arc::clone(&self.scene.scene), tick: order.last, ego: ego.estimate };
+                let privileged = policy.privileged().then_some(&view);
+                policy.plan(&observation, privileged).map_err(|error| Fault::policy("policy_error", error))?
+            }
+            Guest::External(policy) => policy.plan(&observation)?,
+        };
+        let proposal = |made: ds_policy::Proposal| Proposal { trajectory: made.trajectory, score: made.score };
+        let proposals = answer.proposals.into_iter().map(proposal).collect();
+        let plan = Plan { trajectory: answer.trajectory, proposals };
+        Ok(vec![output(Slot::new(Topic::Plan, order.iteration), order.last, &plan)])
+    }
+}

@@ -1,0 +1,7 @@
+//! The sim-server process: parse, set up, run, exit code.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    ds_process::service::main(sim_server::run)
+}

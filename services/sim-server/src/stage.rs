@@ -1,0 +1,107 @@
+//! The sim stage: one simulator per episode, moved by the plan or the log, one `world` and `ego` per tick.
+
+use std::sync::Arc;
+
+use ds_process::maker::{Fault, Inputs, Maker, MakerFactory, Output, bad, output};
+use ds_sim::{SimConfig, Simulation, TrackerKind};
+use ds_space::{Digest, Tick};
+use ds_topic::{Advance, AgentMode, Ego, Motion, Role, SceneMessage, Slot, Topic, World};
+
+/// Opens a simulator for each episode that the instance is given.
+#[derive(Debug, Default)]
+pub struct SimStage;
+
+impl MakerFactory for SimStage {
+    fn role(&self) -> Role {
+        Role::Sim
+    }
+
+    fn compute_class(&self) -> String {
+        format!("sim {}", std::env::consts::ARCH)
+    }
+
+    fn open(&self, scene: Arc<SceneMessage>) -> Result<Box<dyn Maker>, Fault> {
+        let config = sim_config(&scene)?;
+        Ok(Box::new(Running { scene, config, simulation: None, border: Digest::default() }))
+    }
+}
+
+/// Translates an episode's settings to the simulator's.
+///
+/// # Errors
+/// If the tracker is unknown.
+pub fn sim_config(scene: &SceneMessage) -> Result<SimConfig, Fault> {
+    let tracker = match scene.spec.tracker.as_str() {
+        "lqr" => TrackerKind::Lqr,
+        "pure-pursuit" => TrackerKind::PurePursuit,
+        other => return Err(Fault::deterministic("bad_settings", format!("unknown tracker {other:?}"))),
+    };
+    let agents = match scene.spec.agents {
+        AgentMode::LogReplay => ds_sim::AgentMode::LogReplay,
+        AgentMode::IdmBehindEgo => ds_sim::AgentMode::Idm { scope: ds_sim::IdmScope::BehindEgo },
+        AgentMode::IdmAll => ds_sim::AgentMode::Idm { scope: ds_sim::IdmScope::All },
+    };
+    Ok(SimConfig { tracker, agents, ..SimConfig::default() })
+}
+
+struct Running {
+    scene: Arc<SceneMessage>,
+    config: SimConfig,
+    simulation: Option<Simulation>,
+    border: Digest,
+}
+
+impl Running {
+    fn outputs(&mut self, with_snapshot: bool) -> Result<[Output; 2], Fault> {
+        let simulation = self.simulation.as_ref().ok_or_else(|| Fault::deterministic("no_simulator", "an order came before the initial one"))?;
+        let world = World {
+            state: simulation.state().clone(),
+            before: self.border,
+            snapshot: with_snapshot.then(|| simulation.snapshot()),
+        };
+        let ego = Ego { estimate: simulation.ego_estimate(), command: simulation.route_command() };
+        let tick = world.state.tick;
+        let world = output(Slot::new(Topic::World, tick.0), tick, &world);
+        self.border = world.content;
+        Ok([world, output(Slot::new(Topic::Ego, tick.0), tick, &ego)])
+    }
+}
+
+impl Maker for Running {
+    fn restore(&mut self, order: &Advance, inputs: &Inputs) -> Result<(), Fault> {
+        let Some(before) = order.first.previous().filter(|_| order.iteration > 0) else {
+            return Ok(());
+        };
+        let slot = Slot::new(Topic::World, before.0);
+        let world: World = inputs.decode(slot)?;
+        let snapshot = world.snapshot.ok_or_else(|| Fault::deterministic("missing_input", format!("{slot} has no snapshot")))?;
+        let restored = Simulation::restore(Arc::clone(&self.scene.scene), self.config.clone(), &snapshot);
+        self.simulation = Some(restored.map_err(|error| bad("snapshot_refused", &error))?);
+        self.border = inputs.content(slot)?;
+        Ok(())
+    }
+
+    fn work(&mut self, order: &Advance, _inputs: &Inputs) -> Result<Vec<Output>, Fault> {
+        match &order.motion {
+            Motion::Initial => {
+                let started = Simulation::new(Arc::clone(&self.scene.scene), self.config.clone(), Tick(0));
+                self.simulation = Some(started.map_err(|error| bad("scenario_refused", &error))?);
+                return Ok(self.outputs(true)?.into());
+            }
+            Motion::Log => self.running()?.begin_log(),
+            Motion::Plan(plan) => self.running()?.begin_plan(plan),
+        }
+        let mut outputs = Vec::new();
+        for tick in order.first.to(order.last) {
+            self.running()?.step();
+            outputs.extend(self.outputs(tick == order.last)?);
+        }
+        Ok(outputs)
+    }
+}
+
+impl Running {
+    fn running(&mut self) -> Result<&mut Simulation, Fault> {
+        self.simulation.as_mut().ok_or_else(|| Fault::deterministic("no_simulator", "an order came before the initial one"))
+    }
+}

@@ -1,0 +1,74 @@
+//! The observation sources without a video model: reference camera, plain game-engine look, the layout itself.
+
+use std::sync::Arc;
+
+use ds_camera::{Appearance, PlainCamera, ReferenceCamera};
+use ds_process::maker::{Fault, Inputs, Maker, Output, bad, output};
+use ds_raster::{Encoding, RgbImage};
+use ds_space::{CameraModel, Tick};
+use ds_topic::{Advance, Frame, Layout, ObservationSource, SceneMessage, Slot, Topic, World};
+
+/// Renders frames of an episode without a video model.
+pub struct Rendered {
+    scene: Arc<SceneMessage>,
+    source: Source,
+}
+
+enum Source {
+    Reference(Box<ReferenceCamera>),
+    Plain(Box<PlainCamera>),
+    Layout,
+}
+
+impl Rendered {
+    /// Prepares the renderer that the episode asks for.
+    ///
+    /// # Errors
+    /// If the appearance is unknown.
+    pub fn new(scene: Arc<SceneMessage>) -> Result<Self, Fault> {
+        let source = match scene.spec.observation {
+            ObservationSource::Reference => {
+                let appearance = Appearance::named(&scene.spec.appearance).map_err(|error| bad("bad_settings", &error))?;
+                Source::Reference(Box::new(ReferenceCamera::new(&scene.scene, appearance)))
+            }
+            ObservationSource::SimRgb => Source::Plain(Box::new(PlainCamera::new(&scene.scene))),
+            ObservationSource::Layout | ObservationSource::Dreamstream => Source::Layout,
+        };
+        Ok(Self { scene, source })
+    }
+
+    fn image(&self, inputs: &Inputs, tick: Tick, camera: (u16, &CameraModel)) -> Result<RgbImage, Fault> {
+        let world = || inputs.decode::<World>(Slot::new(Topic::World, tick.0));
+        match &self.source {
+            Source::Layout => {
+                Ok(inputs.decode::<Layout>(Slot::of_camera(Topic::Layout, tick.0, camera.0))?.image)
+            }
+            Source::Reference(renderer) => {
+                let state = world()?.state;
+                Ok(renderer.render(&state, camera.1, state.ego.pose.world_from_rig(0.0)))
+            }
+            Source::Plain(renderer) => {
+                let state = world()?.state;
+                Ok(renderer.render(&state, camera.1, state.ego.pose.world_from_rig(0.0)))
+            }
+        }
+    }
+}
+
+impl Maker for Rendered {
+    fn restore(&mut self, _order: &Advance, _inputs: &Inputs) -> Result<(), Fault> {
+        Ok(())
+    }
+
+    fn work(&mut self, order: &Advance, inputs: &Inputs) -> Result<Vec<Output>, Fault> {
+        let mut outputs = Vec::new();
+        for tick in order.first.to(order.last) {
+            for (index, camera) in (0..).zip(&self.scene.scene.cameras) {
+                let image = self.image(inputs, tick, (index, camera))?;
+                let frame = Frame { image, encoding: Encoding::None, seam: 0.0 };
+                outputs.push(output(Slot::of_camera(Topic::Frame, tick.0, index), tick, &frame));
+            }
+        }
+        Ok(outputs)
+    }
+}

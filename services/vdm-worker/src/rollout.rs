@@ -1,0 +1,145 @@
+//! The video model's rollouts, one per camera, and their `cache` log.
+
+use std::sync::Arc;
+
+use ds_process::maker::{Fault, Inputs, Maker, Output, bad, output};
+use ds_raster::{Encoding, RgbImage};
+use ds_space::Tick;
+use ds_topic::{Advance, Cache, Frame, Layout, SceneMessage, Slot, Topic};
+use ds_video::{CacheEntry, Rollout, VideoModel};
+
+/// All cameras of one episode.
+pub struct Rollouts {
+    model: Arc<VideoModel>,
+    scene: Arc<SceneMessage>,
+    cameras: Vec<Rollout>,
+}
+
+impl Rollouts {
+    /// Prepares an episode; its rollouts start with iteration 0 or are restored.
+    #[must_use]
+    pub fn new(model: Arc<VideoModel>, scene: Arc<SceneMessage>) -> Self {
+        Self { model, scene, cameras: Vec::new() }
+    }
+
+    fn first_frame(&self, camera: usize) -> Result<&RgbImage, Fault> {
+        let frames = &self.scene.first_frames;
+        frames.get(camera).ok_or_else(|| Fault::deterministic("missing_input", format!("no first frame of camera {camera}")))
+    }
+
+    fn start(&mut self, inputs: &Inputs) -> Result<Vec<Output>, Fault> {
+        self.cameras.clear();
+        let mut outputs = Vec::new();
+        for (index, camera) in (0u16..).zip(&self.scene.scene.cameras) {
+            let layout: Layout = inputs.decode(Slot::of_camera(Topic::Layout, 0, index))?;
+            let first = self.first_frame(usize::from(index))?;
+            let key = self.scene.spec.draw_key();
+            let prompt = &self.scene.scene.prompt;
+            let started =
+                Rollout::new(Arc::clone(&self.model), key, camera.id.as_str(), prompt, first, &layout.image);
+            let (rollout, entry) = started.map_err(|error| bad("rollout_refused", &error))?;
+            outputs.push(frame_output(Tick(0), index, rollout.first_frame().clone(), 0.0));
+            outputs.push(cache_output(index, entry));
+            self.cameras.push(rollout);
+        }
+        Ok(outputs)
+    }
+}
+
+fn frame_output(tick: Tick, camera: u16, image: RgbImage, seam: f64) -> Output {
+    let frame = Frame { image, encoding: Encoding::None, seam };
+    output(Slot::of_camera(Topic::Frame, tick.0, camera), tick, &frame)
+}
+
+fn cache_output(camera: u16, entry: CacheEntry) -> Output {
+    let first = Tick(entry.first_tick_offset);
+    let cache = Cache {
+        chunk: entry.chunk,
+        first,
+        ticks: entry.ticks,
+        cached_input: tensor(entry.cached_input),
+        clean: tensor(entry.clean),
+        control: tensor(entry.control),
+        conditioning: entry.conditioning,
+        cache_digest: entry.cache_digest,
+        encoder_digest: entry.encoder_digest,
+        decoder_digest: entry.decoder_digest,
+    };
+    output(Slot::of_camera(Topic::Cache, entry.chunk, camera), first, &cache)
+}
+
+fn tensor(latent: ds_video::Latent) -> ds_topic::body::Tensor {
+    ds_topic::body::Tensor { shape: latent.shape, values: latent.values }
+}
+
+fn latent(tensor: ds_topic::body::Tensor) -> ds_video::Latent {
+    ds_video::Latent { shape: tensor.shape, values: tensor.values }
+}
+
+fn entry(cache: Cache) -> CacheEntry {
+    CacheEntry {
+        chunk: cache.chunk,
+        first_tick_offset: cache.first.0,
+        ticks: cache.ticks,
+        cached_input: latent(cache.cached_input),
+        clean: latent(cache.clean),
+        control: latent(cache.control),
+        conditioning: cache.conditioning,
+        cache_digest: cache.cache_digest,
+        encoder_digest: cache.encoder_digest,
+        decoder_digest: cache.decoder_digest,
+    }
+}
+
+impl Maker for Rollouts {
+    fn restore(&mut self, order: &Advance, inputs: &Inputs) -> Result<(), Fault> {
+        self.cameras.clear();
+        let Some(before) = order.first.previous().filter(|_| order.iteration > 0) else {
+            return Ok(());
+        };
+        let committed = 1 + before.0 / self.scene.spec.chunk_ticks.max(1);
+        for (index, camera) in (0u16..).zip(&self.scene.scene.cameras) {
+            let mut entries = Vec::new();
+            for chunk in 0..committed {
+                entries.push(entry(inputs.decode(Slot::of_camera(Topic::Cache, chunk, index))?));
+            }
+            let since = (committed - 1) * self.scene.spec.chunk_ticks + 1;
+            let mut layouts = Vec::new();
+            for tick in since..=before.0 {
+                layouts.push(inputs.decode::<Layout>(Slot::of_camera(Topic::Layout, tick, index))?.image);
+            }
+            let rollout = Rollout::replay(ds_video::Replay {
+                model: Arc::clone(&self.model),
+                draw_key: self.scene.spec.draw_key(),
+                camera: camera.id.as_str(),
+                prompt: &self.scene.scene.prompt,
+                first_frame: self.first_frame(usize::from(index))?,
+                entries: &entries,
+                layouts: &layouts,
+            })
+            .map_err(|error| bad(Fault::RECOVERY_MISMATCH, &error))?;
+            self.cameras.push(rollout);
+        }
+        Ok(())
+    }
+
+    fn work(&mut self, order: &Advance, inputs: &Inputs) -> Result<Vec<Output>, Fault> {
+        if order.iteration == 0 {
+            return self.start(inputs);
+        }
+        let mut outputs = Vec::new();
+        for (index, rollout) in (0u16..).zip(&mut self.cameras) {
+            let mut layouts = Vec::new();
+            for tick in order.first.to(order.last) {
+                layouts.push(inputs.decode::<Layout>(Slot::of_camera(Topic::Layout, tick.0, index))?.image);
+            }
+            let made = rollout.generate(&layouts).map_err(|error| bad("generation_failed", &error))?;
+            for (tick, image) in order.first.to(order.last).zip(made.frames) {
+                let seam = if tick == order.first { f64::from(made.seam) } else { 0.0 };
+                outputs.push(frame_output(tick, index, image, seam));
+            }
+            outputs.extend(made.committed.into_iter().map(|committed| cache_output(index, committed)));
+        }
+        Ok(outputs)
+    }
+}

@@ -1,0 +1,96 @@
+//! The video stage: picks the episode's observation source.
+
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
+
+use ds_process::maker::{Abilities, Fault, Maker, MakerFactory, bad};
+use ds_topic::{ObservationSource, Role, SceneMessage};
+use ds_video::{ModelConfig, VideoModel};
+
+use crate::rendered::Rendered;
+use crate::rollout::Rollouts;
+
+/// Opens an observation source for each episode that the instance is given; the weights are loaded once.
+#[derive(Debug)]
+pub struct VideoStage {
+    config: PathBuf,
+    weights: PathBuf,
+    model: OnceLock<Result<Arc<VideoModel>, String>>,
+}
+
+impl VideoStage {
+    /// Names the model's configuration; its weights lie beside it as `.safetensors` unless named.
+    #[must_use]
+    pub fn new(config: PathBuf, weights: Option<PathBuf>) -> Self {
+        let weights = weights.unwrap_or_else(|| config.with_extension("safetensors"));
+        Self { config, weights, model: OnceLock::new() }
+    }
+
+    /// Loads the model at the first call and returns it.
+    ///
+    /// # Errors
+    /// If configuration or weights are refused.
+    pub fn model(&self) -> Result<Arc<VideoModel>, Fault> {
+        let load = || {
+            let config = ModelConfig::load(&self.config).map_err(|error| error.to_string())?;
+            VideoModel::load(&config, &self.weights).map(Arc::new).map_err(|error| error.to_string())
+        };
+        self.model.get_or_init(load).clone().map_err(|text| Fault::infrastructure("no_model", text))
+    }
+}
+
+impl MakerFactory for VideoStage {
+    fn role(&self) -> Role {
+        Role::Video
+    }
+
+    fn compute_class(&self) -> String {
+        let wide = if avx512() { "avx512" } else { "baseline" };
+        let threads = std::env::var_os("RAYON_NUM_THREADS").map_or("all".to_owned(), |n| n.to_string_lossy().into_owned());
+        format!("video {} {wide}, threads {threads}, model {}", std::env::consts::ARCH, self.abilities().video_model)
+    }
+
+    fn abilities(&self) -> Abilities {
+        match self.model() {
+            Ok(model) => Abilities {
+                video_model: model.digest(),
+                chunk_ticks: model.config().chunk_ticks(),
+                devices: Vec::new(),
+                ..Abilities::default()
+            },
+            Err(fault) => {
+                tracing::warn!(%fault, "no video model; the other observation sources still work");
+                Abilities::default()
+            }
+        }
+    }
+
+    fn open(&self, scene: Arc<SceneMessage>) -> Result<Box<dyn Maker>, Fault> {
+        match scene.spec.observation {
+            ObservationSource::Dreamstream => {
+                let model = self.model()?;
+                if model.digest() != scene.spec.video_model {
+                    return Err(Fault::infrastructure("other_model", format!(
+                        "the episode asks for video model {:?}, this worker has {:?}",
+                        scene.spec.video_model,
+                        model.digest()
+                    )));
+                }
+                Ok(Box::new(Rollouts::new(model, scene)))
+            }
+            ObservationSource::Reference | ObservationSource::SimRgb | ObservationSource::Layout => {
+                Ok(Box::new(Rendered::new(scene)?))
+            }
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+fn avx512() -> bool {
+    std::arch::is_x86_feature_detected!("avx512f")
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn avx512() -> bool {
+    false
+}
