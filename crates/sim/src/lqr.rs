@@ -57,3 +57,6 @@ pub(crate) fn command(
 fn advance(state: [f64; 3], travel_m: f64, wheel_base_m: f64) -> [f64; 3] {
     [state[0] + travel_m * state[1], state[1] + travel_m / wheel_base_m * state[2], state[2]]
 }
+
+#[cfg(test)]
+mod tests;

@@ -13,6 +13,9 @@ use crate::tracker::Tracker;
 use crate::traffic::{Obstructing, Traffic};
 use crate::{contact, route, signal};
 
+/// No snapshot is taken later than this many ticks after the log.
+const MAX_TICKS_AFTER_LOG: u32 = 1_000_000;
+
 /// A running simulation. It follows the log until a plan is begun.
 #[derive(Debug, Clone)]
 pub struct Simulation {
@@ -49,8 +52,12 @@ impl Simulation {
         if scene.ego_log.is_empty() {
             return Err(SimError::EmptyLog { scene: scene.name.clone() });
         }
-        if let Some(index) = scene.ego_log.iter().position(|ego| !ego.is_finite()) {
-            return Err(SimError::Field { field: "ego_log", value: index as f64, need: "finite states (index given)" });
+        if let Some(index) = scene.ego_log.iter().position(|ego| !usable(ego)) {
+            return Err(SimError::Field {
+                field: "ego_log",
+                value: index as f64,
+                need: "finite numbers up to 1e8 at this tick",
+            });
         }
         let dt_secs = scene.dt.secs();
         if !(0.001..=1.0).contains(&dt_secs) {
@@ -176,6 +183,9 @@ impl Simulation {
     pub fn restore(scene: Arc<Scene>, config: SimConfig, bytes: &[u8]) -> Result<Self, SimError> {
         let content = snapshot::read(bytes, &scene.digest, &config.digest())?;
         let mut simulation = Self::prepare(scene, config)?;
+        if content.tick > simulation.scene.last_tick().plus(MAX_TICKS_AFTER_LOG) {
+            return Err(SnapshotError::Field { field: "tick", value: f64::from(content.tick.0) }.into());
+        }
         simulation
             .traffic
             .set_motions(content.motions)
@@ -185,4 +195,10 @@ impl Simulation {
         simulation.show(content.tick);
         Ok(simulation)
     }
+}
+
+fn usable(ego: &EgoState) -> bool {
+    let pose = ego.pose.position.abs().max_element().max(ego.pose.heading_rad.abs());
+    let rates = ego.velocity_mps.abs().max_element().max(ego.acceleration_mps2.abs().max_element());
+    ego.is_finite() && pose.max(rates).max(ego.yaw_rate_radps.abs()) <= snapshot::LARGEST
 }

@@ -14,6 +14,8 @@ use crate::traffic::Motion;
 const MAGIC: [u8; 4] = *b"DSIM";
 const VERSION: u32 = 1;
 const DIGEST_BYTES: usize = 32;
+/// No coordinate or rate of a world lies beyond.
+pub(crate) const LARGEST: f64 = 1e8;
 
 /// What a snapshot holds.
 #[derive(Debug, Clone, PartialEq)]
@@ -119,7 +121,7 @@ impl Reader<'_> {
 
     fn f64(&mut self, field: &'static str) -> Result<f64, SnapshotError> {
         let value = f64::from_le_bytes(self.take()?);
-        if value.is_finite() { Ok(value) } else { Err(SnapshotError::Field { field, value }) }
+        if value.abs() <= LARGEST { Ok(value) } else { Err(SnapshotError::Field { field, value }) }
     }
 
     fn pose(&mut self, field: &'static str) -> Result<PoseSe2, SnapshotError> {
