@@ -16,10 +16,11 @@ mod faultsim {
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use ds_episode::Counters;
 use ds_episode::driver::Status;
 use ds_space::Digest;
 use ds_topic::{Role, Slot};
-use faultsim::cluster::{Cluster, Outcome};
+use faultsim::cluster::{Cluster, Outcome, add};
 use faultsim::script::{Mishap, Moment, Network, Script};
 
 const SEEDS: u64 = 10_000;
@@ -63,15 +64,18 @@ fn any_mishaps_end_with_the_digests_of_the_fault_free_run_or_a_named_status() {
     };
     let count = seeds.end - seeds.start;
     let mut endings: BTreeMap<String, u64> = BTreeMap::new();
+    let mut totals = Counters::default();
     for seed in seeds {
         let script = Script::wild(seed);
         let run = catch_unwind(AssertUnwindSafe(|| check(script.clone())));
         let Ok(outcome) = run else { panic!("seed {seed} failed, see above; script: {script:?}") };
         let name = outcome.ending.reason.split(':').next().unwrap_or_default();
         *endings.entry(format!("{} {name}", outcome.ending.status.name())).or_default() += 1;
+        add(&mut totals, outcome.totals);
+        add(&mut totals, outcome.driver);
     }
     let completed = endings.get("completed ").copied().unwrap_or(0);
-    println!("{count} seeds: {endings:?}");
+    println!("{count} seeds: {endings:?}, {totals:?}");
     assert!(completed * 100 >= count * 95, "only {completed} of {count} seeds completed: {endings:?}");
 }
 

@@ -308,4 +308,6 @@ pub fn add(totals: &mut Counters, counters: Counters) {
     totals.dropped += counters.dropped;
     totals.foreign += counters.foreign;
     totals.withheld += counters.withheld;
+    totals.superseded_plans += counters.superseded_plans;
+    totals.reassignments += counters.reassignments;
 }
