@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
+use crate::Policy;
 use crate::camera::{self, CameraPolicy};
 use crate::constant_velocity::{self, ConstantVelocity};
 use crate::error::PolicyError;
 use crate::log_replay::{self, LogReplay};
 use crate::route_follower::{self, RouteFollower};
-use crate::Policy;
 
 /// The built-in policies' names, and whether each is privileged.
 pub const NAMES: [(&str, bool); 4] =

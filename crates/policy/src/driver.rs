@@ -122,16 +122,20 @@ impl Driver {
         let wanted = self.route.curvature(at.along_m + 0.1 * speed_mps)
             - 2.0 * offset / (length * length)
             - 2.0 * heading_error.sin() / length;
-        let most = (self.vehicle.max_steering_rad.tan() / self.vehicle.wheel_base_m).min(4.0 / speed_mps.powi(2).max(1.0));
+        let most =
+            (self.vehicle.max_steering_rad.tan() / self.vehicle.wheel_base_m).min(4.0 / speed_mps.powi(2).max(1.0));
         wanted.clamp(-most, most)
     }
 
     fn acceleration(&self, along_m: f64, speed_mps: f64, tick: Tick) -> f64 {
         let front_m = along_m + self.vehicle.rear_axle_to_centre_m + 0.5 * self.vehicle.size.length_m;
         let wanted_mps = self.curve_limit(along_m).min(self.cruise_mps);
-        let free = (COMFORT_ACCELERATION_MPS2 * (1.0 - (speed_mps / wanted_mps).powi(4))).max(-COMFORT_DECELERATION_MPS2);
+        let free =
+            (COMFORT_ACCELERATION_MPS2 * (1.0 - (speed_mps / wanted_mps).powi(4))).max(-COMFORT_DECELERATION_MPS2);
         let mut least = free;
-        for (gap_m, leader_mps) in self.leaders(front_m, speed_mps, tick).into_iter().chain(self.red(front_m, speed_mps, tick)) {
+        for (gap_m, leader_mps) in
+            self.leaders(front_m, speed_mps, tick).into_iter().chain(self.red(front_m, speed_mps, tick))
+        {
             let approach = speed_mps * (speed_mps - leader_mps)
                 / (2.0 * (COMFORT_ACCELERATION_MPS2 * COMFORT_DECELERATION_MPS2).sqrt());
             let wanted_gap = STANDSTILL_GAP_M + (speed_mps * HEADWAY_SECS + approach).max(0.0);
@@ -221,7 +225,11 @@ fn signals(route: &Route, scene: &Scene) -> Vec<Signal> {
     scene.map.stop_lines.iter().filter_map(on_route).collect()
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the length of a route is positive and small")]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "the length of a route is positive and small"
+)]
 fn curve_limits(route: &Route, fastest_mps: f64) -> Vec<f64> {
     let metres = route.length_m().ceil() as usize + 1;
     let allowed = |m: usize| (CURVE_ACCELERATION_MPS2 / route.curvature(m as f64).abs().max(1e-4)).sqrt();

@@ -156,8 +156,10 @@ mod tests {
     use proptest::prelude::*;
 
     fn quarter_circle(radius_m: f64) -> Route {
-        let points: Vec<DVec2> =
-            (0..=90).map(|k| f64::from(k).to_radians()).map(|a| DVec2::new(a.sin(), 1.0 - a.cos()) * radius_m).collect();
+        let points: Vec<DVec2> = (0..=90)
+            .map(|k| f64::from(k).to_radians())
+            .map(|a| DVec2::new(a.sin(), 1.0 - a.cos()) * radius_m)
+            .collect();
         Route::new(&points, &PoseSe2::default())
     }
 

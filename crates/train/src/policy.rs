@@ -109,8 +109,11 @@ struct Files {
 impl Files {
     fn new(folder: &Path) -> Result<Self, PolicyTrainError> {
         let folder = folder.to_owned();
-        fs::create_dir_all(&folder)
-            .map_err(|source| PolicyTrainError::Io { doing: "created", path: folder.display().to_string(), source })?;
+        fs::create_dir_all(&folder).map_err(|source| PolicyTrainError::Io {
+            doing: "created",
+            path: folder.display().to_string(),
+            source,
+        })?;
         Ok(Self { folder })
     }
 
@@ -132,7 +135,11 @@ impl Files {
         let text = line.to_string();
         let mut open = OpenOptions::new();
         let written = open.create(true).append(true).open(&path).and_then(|mut file| writeln!(file, "{text}"));
-        written.map_err(|source| PolicyTrainError::Io { doing: "written", path: path.display().to_string(), source })?;
+        written.map_err(|source| PolicyTrainError::Io {
+            doing: "written",
+            path: path.display().to_string(),
+            source,
+        })?;
         listener(&text);
         Ok(())
     }
@@ -151,7 +158,8 @@ pub fn run(
     settings.check()?;
     let files = Files::new(folder)?;
     let held_out = Samples::held(&files.samples("held-out"), || dataset::beside_the_expert(settings, Shown::HeldOut))?;
-    let mut samples = Samples::held(&files.samples("expert"), || dataset::beside_the_expert(settings, Shown::Training))?;
+    let mut samples =
+        Samples::held(&files.samples("expert"), || dataset::beside_the_expert(settings, Shown::Training))?;
     files.log(&json!({"samples": samples.len(), "held_out": held_out.len()}), listener)?;
     let mut learner = Learner::resume(settings, &files.checkpoint())?;
     let mut end = 0;

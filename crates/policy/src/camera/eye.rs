@@ -83,11 +83,8 @@ fn look_up(known: &CameraModel, source: &CameraModel, (x, y): (f64, f64)) -> [f3
     let ray = known.rig_from_camera.rotation * ray_in_camera;
     let eye = known.rig_from_camera.translation;
     let source_from_rig = source.rig_from_camera.inverse();
-    let in_source = if ray.z < -1e-3 {
-        source_from_rig * (eye + ray * (eye.z / -ray.z))
-    } else {
-        source_from_rig.rotation * ray
-    };
+    let in_source =
+        if ray.z < -1e-3 { source_from_rig * (eye + ray * (eye.z / -ray.z)) } else { source_from_rig.rotation * ray };
     source.intrinsics.project(in_source).map_or([f32::NAN; 2], |pixel| [pixel.x as f32, pixel.y as f32])
 }
 

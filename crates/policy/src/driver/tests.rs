@@ -39,13 +39,18 @@ fn track(at: impl Fn(u32) -> (PoseSe2, DVec2)) -> Track {
 }
 
 fn ego(x_m: f64, y_m: f64, heading_rad: f64, speed_mps: f64) -> EgoState {
-    EgoState { pose: PoseSe2::new(x_m, y_m, heading_rad), velocity_mps: DVec2::new(speed_mps, 0.0), ..EgoState::default() }
+    EgoState {
+        pose: PoseSe2::new(x_m, y_m, heading_rad),
+        velocity_mps: DVec2::new(speed_mps, 0.0),
+        ..EgoState::default()
+    }
 }
 
 #[test]
 fn returns_to_the_route_within_three_seconds() {
     let driver = Driver::new(&scene(vec![], Map::default()));
-    for (left_m, heading_rad, speed_mps) in [(1.5, 0.0, 10.0), (-1.5, 0.25, 10.0), (0.5, -0.25, 6.0), (-1.0, 0.1, 14.0)] {
+    for (left_m, heading_rad, speed_mps) in [(1.5, 0.0, 10.0), (-1.5, 0.25, 10.0), (0.5, -0.25, 6.0), (-1.0, 0.1, 14.0)]
+    {
         let end = driver.drive(&ego(0.0, left_m, heading_rad, speed_mps), Tick(0), 30)[29];
         assert!(end.position.y.abs() < 0.3 && end.heading_rad.abs() < 0.08, "from {left_m} {heading_rad}: {end:?}");
         assert!(end.position.x > 20.0, "{end:?}");
@@ -56,7 +61,12 @@ fn returns_to_the_route_within_three_seconds() {
 fn stops_behind_a_standing_car_and_before_a_red_light() {
     let standing = track(|_| (PoseSe2::new(60.0, 0.3, 0.0), DVec2::ZERO));
     let aside = track(|_| (PoseSe2::new(60.0, 4.0, 0.0), DVec2::ZERO));
-    let light = TrafficLight { position: DVec3::new(70.0, 0.0, 5.0), facing_rad: 0.0, lanes: vec![], states: vec![LightState::Red] };
+    let light = TrafficLight {
+        position: DVec3::new(70.0, 0.0, 5.0),
+        facing_rad: 0.0,
+        lanes: vec![],
+        states: vec![LightState::Red],
+    };
     let line = StopLine { points: [DVec2::new(55.0, -2.0), DVec2::new(55.0, 2.0)], light: Some(0) };
     let red = Map { traffic_lights: vec![light], stop_lines: vec![line], ..Map::default() };
     let nose = VehicleParameters::PACIFICA.rear_axle_to_centre_m + 0.5 * VehicleParameters::PACIFICA.size.length_m;

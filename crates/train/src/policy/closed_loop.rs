@@ -1,8 +1,9 @@
 //! Closed-loop drives on reference frames: to measure the policy on held-out scenarios, and to gather the states that it
 //! gets into on training scenarios, labelled by the teacher.
 //!
-//! Route completion is the way made along the expert's route divided by the expert's own way in the same time, at most
-//! 1; a drive ends where the ego is more than 4 m off the route. These figures steer training; scores are another crate's.
+//! Route completion here is the way along the expert's route until the ego is more than 4 m off it or collides by its own
+//! fault, divided by the expert's own way in the same time, at most 1. Beside it stands the way of the whole drive,
+//! whatever happens, as a share of the route to the end of the log. These figures steer training; they are no scores.
 
 use ds_nn::Weights;
 use ds_policy::camera::CameraPolicy;
@@ -76,8 +77,10 @@ pub struct DriveResult {
     pub scenario: String,
     /// Who drove.
     pub driven: Driven,
-    /// Share of the expert's way, 0 to 1.
+    /// Way until the drive left the route or collided, as a share of the expert's way in the same time, 0 to 1.
     pub route_completion: f64,
+    /// Way of the whole drive as a share of the route to the end of the log, 0 to 1.
+    pub share_of_log: f64,
     /// Whether the ego left the route by more than 4 m.
     pub off_route: bool,
     /// Whether the ego caused a collision.
@@ -164,6 +167,7 @@ pub(super) fn evaluate(
         let mean = of.iter().map(|result| result.route_completion).sum::<f64>() / count;
         let line = json!({
             "driven": driven.name(), "drives": of.len(), "mean_route_completion": mean,
+            "mean_share_of_log": of.iter().map(|result| result.share_of_log).sum::<f64>() / count,
             "off_route": share(|result| result.off_route), "at_fault": share(|result| result.at_fault),
         });
         listener(&line.to_string());
@@ -174,7 +178,7 @@ pub(super) fn evaluate(
 fn line(result: &DriveResult) -> serde_json::Value {
     json!({
         "scenario": result.scenario, "driven": result.driven.name(), "route_completion": result.route_completion,
-        "off_route": result.off_route, "at_fault": result.at_fault,
+        "share_of_log": result.share_of_log, "off_route": result.off_route, "at_fault": result.at_fault,
     })
 }
 
@@ -186,21 +190,12 @@ fn drive(
     policy: &mut dyn Policy,
 ) -> Result<DriveResult, PolicyTrainError> {
     let route = stage.driver.route();
-    let along_m = |world: &WorldState| route.project_pose(&world.ego.pose).along_m;
     let mut simulation = stage.simulation(SimConfig::default(), Tick(0))?;
-    let start_m = along_m(simulation.state());
-    let mut result =
-        DriveResult { scenario: stage.scene.name.clone(), driven, route_completion: 0.0, off_route: false, at_fault: false };
-    let mut farthest_m = start_m;
-    while simulation.state().tick < Tick(settings.drive_ticks) && !result.off_route {
-        let frame = match driven {
-            Driven::Camera => stage.frame(simulation.state()),
-            Driven::CameraElsewhere => {
-                let config = SimConfig { agents: ds_sim::AgentMode::LogReplay, ..SimConfig::default() };
-                elsewhere.frame(elsewhere.simulation(config, simulation.state().tick)?.state())
-            }
-            Driven::ConstantVelocity | Driven::RouteFollower => RgbImage::filled(1, 1, [0; 3]),
-        };
+    let start_m = route.project_pose(&simulation.state().ego.pose).along_m;
+    let (mut along_m, mut sound_m) = (start_m, start_m);
+    let (mut off_route, mut at_fault) = (false, false);
+    while simulation.state().tick < Tick(settings.drive_ticks) {
+        let frame = shown(stage, elsewhere, driven, simulation.state())?;
         let seen = observation(settings, stage, &simulation, frame);
         let world = simulation.state();
         let view = PrivilegedView { scene: stage.scene.clone(), tick: world.tick, ego: world.ego };
@@ -208,16 +203,34 @@ fn drive(
         simulation.begin_plan(&answer.trajectory);
         for _ in 0..settings.replan_ticks {
             let world = simulation.step();
-            let at = route.project_pose(&world.ego.pose);
-            result.off_route |= at.left_m.abs() > OFF_ROUTE_M;
-            result.at_fault |= world.contacts.iter().any(|contact| contact.at_fault);
-            if !result.off_route {
-                farthest_m = farthest_m.max(at.along_m);
+            let at = route.project_within(world.ego.pose.position, along_m - 15.0, along_m + 30.0);
+            along_m = at.along_m;
+            off_route |= at.left_m.abs() > OFF_ROUTE_M;
+            at_fault |= world.contacts.iter().any(|contact| contact.at_fault);
+            if !off_route && !at_fault {
+                sound_m = f64::max(sound_m, along_m);
             }
         }
     }
-    let expert = stage.scene.logged_ego(Tick(settings.drive_ticks));
-    let expert_m = (route.project_pose(&expert.pose).along_m - start_m).max(1.0);
-    result.route_completion = ((farthest_m - start_m) / expert_m).clamp(0.0, 1.0);
-    Ok(result)
+    let expert_m = |tick| (route.project_pose(&stage.scene.logged_ego(tick).pose).along_m - start_m).max(1.0);
+    Ok(DriveResult {
+        scenario: stage.scene.name.clone(),
+        driven,
+        route_completion: ((sound_m - start_m) / expert_m(Tick(settings.drive_ticks))).clamp(0.0, 1.0),
+        share_of_log: ((along_m - start_m) / expert_m(stage.scene.last_tick())).clamp(0.0, 1.0),
+        off_route,
+        at_fault,
+    })
+}
+
+/// Returns what the first camera is said to show.
+fn shown(stage: &Stage, elsewhere: &Stage, driven: Driven, world: &WorldState) -> Result<RgbImage, PolicyTrainError> {
+    Ok(match driven {
+        Driven::Camera => stage.frame(world),
+        Driven::CameraElsewhere => {
+            let config = SimConfig { agents: ds_sim::AgentMode::LogReplay, ..SimConfig::default() };
+            elsewhere.frame(elsewhere.simulation(config, world.tick)?.state())
+        }
+        Driven::ConstantVelocity | Driven::RouteFollower => RgbImage::filled(1, 1, [0; 3]),
+    })
 }

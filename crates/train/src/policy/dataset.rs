@@ -151,7 +151,11 @@ impl Stage {
     }
 
     /// Returns a world of this scene as a labelled sample.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "samples are single precision, ticks few")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "samples are single precision, ticks few"
+    )]
     pub(super) fn sample(&mut self, world: &WorldState, frame: &ds_raster::RgbImage, command: RouteCommand) -> Sample {
         let every = (KNOT_SECS / self.scene.dt.secs()).round().max(1.0) as usize;
         let driven = self.driver.drive(&world.ego, world.tick, (every * KNOTS) as u32);
@@ -168,7 +172,8 @@ impl Stage {
     /// Starts a simulation at a tick of the log.
     pub(super) fn simulation(&self, config: SimConfig, start: Tick) -> Result<Simulation, PolicyTrainError> {
         let name = self.scene.name.clone();
-        Simulation::new(self.scene.clone(), config, start).map_err(|source| PolicyTrainError::Simulation { name, source })
+        Simulation::new(self.scene.clone(), config, start)
+            .map_err(|source| PolicyTrainError::Simulation { name, source })
     }
 }
 
@@ -207,11 +212,8 @@ fn moved(settings: &PolicySettings, driver: &Driver, logged: &EgoState, draws: &
     let spread = |index: u64, most: f64| (0.45 * most * draws.normal(index)).clamp(-most, most);
     let route = driver.route();
     let along_m = route.project_pose(&logged.pose).along_m + if draws.uniform(2) < 0.5 { spread(3, 6.0) } else { 0.0 };
-    let pose = route.pose(along_m).compose(&PoseSe2::new(
-        0.0,
-        spread(4, settings.lateral_m),
-        spread(5, settings.heading_rad),
-    ));
+    let pose =
+        route.pose(along_m).compose(&PoseSe2::new(0.0, spread(4, settings.lateral_m), spread(5, settings.heading_rad)));
     let speed_mps = match draws.uniform(6) {
         share if share < 0.2 => draws.range(7, 0.0, 14.0),
         share if share < 0.4 => logged.speed_mps(),

@@ -38,7 +38,8 @@ impl Learner {
         let file = WeightsFile::read(checkpoint)?;
         let path = || checkpoint.display().to_string();
         let steps = file.metadata.get("steps").and_then(|text| text.parse().ok());
-        let steps = steps.ok_or_else(|| PolicyTrainError::Samples { path: path(), problem: "has no step count".into() })?;
+        let steps =
+            steps.ok_or_else(|| PolicyTrainError::Samples { path: path(), problem: "has no step count".into() })?;
         let part = |prefix: &str| {
             let weights = file.weights.part(prefix);
             weights.check(&SIZE.declared()).map(|()| weights)
@@ -50,8 +51,12 @@ impl Learner {
     /// Writes the whole state.
     pub(super) fn save(&self, checkpoint: &Path) -> Result<(), PolicyTrainError> {
         let mut all = Weights::default();
-        let parts =
-            [("weights.", &self.weights), ("average.", &self.average), ("first.", &self.optimiser.first), ("second.", &self.optimiser.second)];
+        let parts = [
+            ("weights.", &self.weights),
+            ("average.", &self.average),
+            ("first.", &self.optimiser.first),
+            ("second.", &self.optimiser.second),
+        ];
         for (prefix, weights) in parts {
             all.absorb(prefix, weights);
         }

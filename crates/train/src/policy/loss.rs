@@ -37,7 +37,9 @@ fn grade_row(row: &[f32], slope: &mut [f32], target: &[f32; TARGETS], speed_mps:
     let teacher = decode(speed_mps, &as_outputs)[0].knots;
     let candidates = decode(speed_mps, row);
     let nearest = (0..MODES)
-        .min_by(|a, b| displacement_m(&candidates[*a].knots, &teacher).total_cmp(&displacement_m(&candidates[*b].knots, &teacher)))
+        .min_by(|a, b| {
+            displacement_m(&candidates[*a].knots, &teacher).total_cmp(&displacement_m(&candidates[*b].knots, &teacher))
+        })
         .expect("there are candidates");
     let mut loss = 0.0;
     for mode in 0..MODES {

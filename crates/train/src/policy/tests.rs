@@ -47,7 +47,8 @@ fn the_gradient_of_the_loss_is_its_slope() {
     #[expect(clippy::cast_possible_truncation, reason = "single precision")]
     let normal = |index: u64| 0.5 * draws.normal(index) as f32;
     let values: Vec<f32> = (0..2 * OUTPUTS as u64).map(normal).collect();
-    let targets: [[f32; TARGETS]; 2] = std::array::from_fn(|b| std::array::from_fn(|k| normal((1000 + 100 * b + k) as u64)));
+    let targets: [[f32; TARGETS]; 2] =
+        std::array::from_fn(|b| std::array::from_fn(|k| normal((1000 + 100 * b + k) as u64)));
     let speeds = [8.0, 0.5];
     let (_, slope) = loss::grade(&Array::new(&[2, OUTPUTS], values.clone()), &targets, &speeds);
     for index in [0, 7, TARGETS + 3, 2 * TARGETS + 5, MODES * TARGETS, OUTPUTS - 1, OUTPUTS + 4, 2 * OUTPUTS - 2] {
@@ -95,7 +96,8 @@ fn samples_come_back_from_their_file_and_broken_files_are_named() {
 fn a_resumed_run_equals_one_that_was_not_stopped() {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let checkpoint = folder.path().join("checkpoint.safetensors");
-    let settings = PolicySettings { batch: 2, ..PolicySettings::parse(SHIPPED).expect("the shipped settings are sound") };
+    let settings =
+        PolicySettings { batch: 2, ..PolicySettings::parse(SHIPPED).expect("the shipped settings are sound") };
     let samples = samples(4);
     let mut straight = Learner::resume(&settings, &checkpoint).expect("starts anew");
     let mut stopped = Learner::resume(&settings, &checkpoint).expect("starts anew");
@@ -113,7 +115,8 @@ fn a_resumed_run_equals_one_that_was_not_stopped() {
 
 #[test]
 fn a_step_beside_the_expert_is_labelled_with_the_way_back() {
-    let settings = PolicySettings { scenarios: 1, states_per_scenario: 4, ..PolicySettings::parse(SHIPPED).expect("sound") };
+    let settings =
+        PolicySettings { scenarios: 1, states_per_scenario: 4, ..PolicySettings::parse(SHIPPED).expect("sound") };
     let made = dataset::beside_the_expert(&settings, Shown::Training).expect("the scenario can be simulated");
     assert!(!made.0.is_empty() && made.len() <= 4);
     assert_eq!(dataset::beside_the_expert(&settings, Shown::Training).expect("again"), made);
