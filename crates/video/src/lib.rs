@@ -1,1 +1,22 @@
-//! Placeholder until this crate is written.
+//! The autoregressive video diffusion model: layouts of coming ticks and the past go in, frames come out.
+//!
+//! [`ModelConfig`] describes a model, [`VideoModel`] holds its weights, [`Rollout`] is the state of one camera of one
+//! episode: a cache of early-timestep keys and values with a permanent sink, and the memory of the streaming decoder.
+//! Everything is a pure function of weights, draw key, prompt, first frame and layouts; no clock, no files but weights.
+
+pub mod config;
+mod entry;
+mod error;
+mod model;
+pub mod pixels;
+pub mod prompt;
+mod rollout;
+pub mod sampler;
+#[cfg(test)]
+mod tests;
+
+pub use config::{CacheSource, ConfigError, ModelConfig};
+pub use entry::{CacheEntry, Latent};
+pub use error::VideoError;
+pub use model::VideoModel;
+pub use rollout::{Generated, Rollout};

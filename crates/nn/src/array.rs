@@ -1,0 +1,270 @@
+//! Plain arrays and named weights: what crosses the border of this crate.
+//!
+//! An [`Array`] is a shape and row-major f32 values. [`Weights`] maps names to arrays in name order. A network
+//! declares its weights as a list of [`Declared`]; a set is made from draws or checked against that list.
+
+use std::collections::BTreeMap;
+
+use ds_space::{Digest, DigestWriter, Draws};
+
+/// Row-major values with their shape.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Array {
+    shape: Vec<usize>,
+    values: Vec<f32>,
+}
+
+impl Array {
+    /// Wraps values.
+    ///
+    /// # Panics
+    /// If the number of values is not the product of the shape.
+    #[must_use]
+    pub fn new(shape: &[usize], values: Vec<f32>) -> Self {
+        assert_eq!(shape.iter().product::<usize>(), values.len(), "shape {shape:?} does not fit the values");
+        Self { shape: shape.to_vec(), values }
+    }
+
+    /// Makes an array of zeros.
+    #[must_use]
+    pub fn zeros(shape: &[usize]) -> Self {
+        Self { shape: shape.to_vec(), values: vec![0.0; shape.iter().product()] }
+    }
+
+    /// Returns the shape.
+    #[must_use]
+    pub fn shape(&self) -> &[usize] {
+        &self.shape
+    }
+
+    /// Returns the values, row-major.
+    #[must_use]
+    pub fn values(&self) -> &[f32] {
+        &self.values
+    }
+
+    /// Returns the values for writing.
+    pub fn values_mut(&mut self) -> &mut [f32] {
+        &mut self.values
+    }
+
+    /// Takes the values out.
+    #[must_use]
+    pub fn into_values(self) -> Vec<f32> {
+        self.values
+    }
+
+    /// Says whether every value is finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        self.values.iter().all(|value| value.is_finite())
+    }
+
+    /// Adds shape and value bits to a digest.
+    pub fn digest_into(&self, writer: &mut DigestWriter) {
+        writer.u64(self.shape.len() as u64);
+        for side in &self.shape {
+            writer.u64(*side as u64);
+        }
+        for value in &self.values {
+            writer.raw(&value.to_le_bytes());
+        }
+    }
+
+    /// Returns the digest of shape and value bits.
+    #[must_use]
+    pub fn digest(&self) -> Digest {
+        let mut writer = DigestWriter::new();
+        self.digest_into(&mut writer);
+        writer.finish()
+    }
+}
+
+/// How a weight begins before training.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Initial {
+    /// The same value everywhere.
+    Constant(f32),
+    /// Normal draws of this standard deviation.
+    Normal(f32),
+    /// Modulation rows: zeros, with ones in the rows that gate a residual branch (rows 2 and 5 of 6).
+    Gates,
+}
+
+/// A weight that a network asks for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Declared {
+    /// Name, as in the weights file.
+    pub name: String,
+    /// Shape.
+    pub shape: Vec<usize>,
+    /// First values.
+    pub initial: Initial,
+}
+
+impl Declared {
+    /// Declares a weight.
+    #[must_use]
+    pub fn new(name: impl Into<String>, shape: &[usize], initial: Initial) -> Self {
+        Self { name: name.into(), shape: shape.to_vec(), initial }
+    }
+
+    /// Declares weight and bias of a linear layer, stored as [outputs, inputs].
+    pub(crate) fn linear(list: &mut Vec<Self>, name: &str, inputs: usize, outputs: usize, gain: f32) {
+        let std = gain / (inputs as f32).sqrt();
+        list.push(Self::new(format!("{name}.weight"), &[outputs, inputs], Initial::Normal(std)));
+        list.push(Self::new(format!("{name}.bias"), &[outputs], Initial::Constant(0.0)));
+    }
+}
+
+/// Says why a set of weights is refused.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum WeightsError {
+    /// A declared weight is absent.
+    #[error("weight {name:?} is missing")]
+    Missing {
+        /// Its name.
+        name: String,
+    },
+    /// An undeclared weight is present.
+    #[error("weight {name:?} is not part of the model")]
+    Extra {
+        /// Its name.
+        name: String,
+    },
+    /// A weight has another shape.
+    #[error("weight {name:?} has shape {found:?}, {expected:?} expected")]
+    Shape {
+        /// Its name.
+        name: String,
+        /// The declared shape.
+        expected: Vec<usize>,
+        /// The shape found.
+        found: Vec<usize>,
+    },
+    /// A weight holds a value that is not finite.
+    #[error("weight {name:?} holds {value} at index {index}")]
+    NotFinite {
+        /// Its name.
+        name: String,
+        /// Index of the first such value.
+        index: usize,
+        /// That value.
+        value: f32,
+    },
+}
+
+/// Named arrays in name order.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Weights {
+    arrays: BTreeMap<String, Array>,
+}
+
+impl Weights {
+    /// Makes the first values of a network: a pure function of the declarations and the seed.
+    #[must_use]
+    pub fn initialised(declared: &[Declared], seed: &Digest) -> Self {
+        let mut weights = Self::default();
+        for weight in declared {
+            let draws = Draws::new(seed, &weight.name, &[]);
+            let mut array = Array::zeros(&weight.shape);
+            let count = array.values.len();
+            for (index, value) in array.values.iter_mut().enumerate() {
+                *value = match weight.initial {
+                    Initial::Constant(constant) => constant,
+                    #[expect(clippy::cast_possible_truncation, reason = "weights are single precision")]
+                    Initial::Normal(std) => std * draws.normal(index as u64) as f32,
+                    Initial::Gates => f32::from(u8::from((index * 6 / count) % 3 == 2)),
+                };
+            }
+            weights.insert(&weight.name, array);
+        }
+        weights
+    }
+
+    /// Checks the set against the declarations: none missing, none extra, every shape right, every value finite.
+    ///
+    /// # Errors
+    /// [`WeightsError`] names the first weight that is wrong.
+    pub fn check(&self, declared: &[Declared]) -> Result<(), WeightsError> {
+        for weight in declared {
+            let array = self.arrays.get(&weight.name).ok_or(WeightsError::Missing { name: weight.name.clone() })?;
+            if array.shape != weight.shape {
+                let (expected, found) = (weight.shape.clone(), array.shape.clone());
+                return Err(WeightsError::Shape { name: weight.name.clone(), expected, found });
+            }
+            if let Some(index) = array.values.iter().position(|value| !value.is_finite()) {
+                let value = array.values[index];
+                return Err(WeightsError::NotFinite { name: weight.name.clone(), index, value });
+            }
+        }
+        let known: std::collections::BTreeSet<&str> = declared.iter().map(|weight| weight.name.as_str()).collect();
+        match self.arrays.keys().find(|name| !known.contains(name.as_str())) {
+            Some(name) => Err(WeightsError::Extra { name: name.clone() }),
+            None => Ok(()),
+        }
+    }
+
+    /// Adds or replaces an array.
+    pub fn insert(&mut self, name: &str, array: Array) {
+        self.arrays.insert(name.to_owned(), array);
+    }
+
+    /// Takes an array out.
+    pub fn remove(&mut self, name: &str) -> Option<Array> {
+        self.arrays.remove(name)
+    }
+
+    /// Returns an array by name.
+    #[must_use]
+    pub fn get(&self, name: &str) -> Option<&Array> {
+        self.arrays.get(name)
+    }
+
+    /// Returns all names and arrays, in name order.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &Array)> {
+        self.arrays.iter().map(|(name, array)| (name.as_str(), array))
+    }
+
+    /// Returns all names and arrays for writing, in name order.
+    pub fn iter_mut(&mut self) -> impl Iterator<Item = (&str, &mut Array)> {
+        self.arrays.iter_mut().map(|(name, array)| (name.as_str(), array))
+    }
+
+    /// Returns the number of values in all arrays.
+    #[must_use]
+    pub fn parameters(&self) -> usize {
+        self.arrays.values().map(|array| array.values.len()).sum()
+    }
+
+    /// Returns the weights whose names begin with `prefix`, with the prefix taken off.
+    #[must_use]
+    pub fn part(&self, prefix: &str) -> Self {
+        let strip = |(name, array): (&String, &Array)| Some((name.strip_prefix(prefix)?.to_owned(), array.clone()));
+        Self { arrays: self.arrays.iter().filter_map(strip).collect() }
+    }
+
+    /// Adds all weights of `other` under `prefix`.
+    pub fn absorb(&mut self, prefix: &str, other: &Self) {
+        for (name, array) in &other.arrays {
+            self.arrays.insert(format!("{prefix}{name}"), array.clone());
+        }
+    }
+
+    /// Makes zeros of the same names and shapes.
+    #[must_use]
+    pub fn zeros_like(&self) -> Self {
+        Self { arrays: self.arrays.iter().map(|(name, array)| (name.clone(), Array::zeros(&array.shape))).collect() }
+    }
+
+    /// Returns the digest of names, shapes and value bits in name order.
+    #[must_use]
+    pub fn digest(&self) -> Digest {
+        let mut writer = DigestWriter::new();
+        for (name, array) in &self.arrays {
+            writer.text(name);
+            array.digest_into(&mut writer);
+        }
+        writer.finish()
+    }
+}

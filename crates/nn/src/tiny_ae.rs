@@ -1,0 +1,248 @@
+//! The tiny causal video autoencoder: blocks with a memory of one frame, so that streaming equals whole-clip work.
+//!
+//! A latent step stands for `stride_t` frames. The encoder takes space-to-depth frames [steps, h, w, stride_t·192]
+//! (frame, row, column, colour inside an 8×8 block, values −1 to 1) and gives [steps, h, w, z]. The decoder grows
+//! space three times and time twice: the last stage runs at half resolution and ends in a pixel shuffle. Beside both
+//! runs a linear map between block and latent pixel, so that training begins at principal components. The first
+//! stride_t − 1 frames of a rollout are for the caller to drop.
+
+use burn::tensor::{Tensor, activation};
+use ds_space::{Digest, DigestWriter};
+
+use crate::array::{Array, Declared, Initial, Weights, WeightsError};
+use crate::graph::{Graph, Linear, Mode, array_of};
+
+/// Side of the pixel block that a latent pixel stands for.
+pub const BLOCK_PX: usize = 8;
+
+/// Sizes of the autoencoder.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AeShape {
+    /// Latent channels.
+    pub z: usize,
+    /// Frames per latent step: 1, 2 or 4.
+    pub stride_t: usize,
+    /// Width of the encoder.
+    pub encoder_width: usize,
+    /// Memory blocks of the encoder.
+    pub encoder_blocks: usize,
+    /// Widths of the decoder's three stages (1/8, 1/4 and 1/2 resolution).
+    pub decoder_widths: [usize; 3],
+    /// Memory blocks of each stage.
+    pub decoder_blocks: [usize; 3],
+}
+
+impl AeShape {
+    /// Returns the input values of a latent pixel.
+    #[must_use]
+    pub fn inputs(&self) -> usize {
+        self.stride_t * BLOCK_PX * BLOCK_PX * 3
+    }
+
+    /// Returns by how much each of the two growing steps multiplies frames.
+    fn growth(&self) -> [usize; 2] {
+        [if self.stride_t == 4 { 2 } else { 1 }, if self.stride_t >= 2 { 2 } else { 1 }]
+    }
+
+    /// Lists the weights, under `encoder.` and `decoder.`.
+    #[must_use]
+    pub fn declare(&self) -> Vec<Declared> {
+        let mut list = Vec::new();
+        let convolution = |list: &mut Vec<Declared>, name: &str, inputs: usize, outputs: usize, gain: f32| {
+            let std = gain / ((9 * inputs) as f32).sqrt();
+            list.push(Declared::new(format!("{name}.weight"), &[outputs, 3, 3, inputs], Initial::Normal(std)));
+            list.push(Declared::new(format!("{name}.bias"), &[outputs], Initial::Constant(0.0)));
+        };
+        let block = |list: &mut Vec<Declared>, name: &str, width: usize| {
+            convolution(list, &format!("{name}.conv.0"), 2 * width, width, 1.4);
+            convolution(list, &format!("{name}.conv.2"), width, width, 0.7);
+        };
+        let width = self.encoder_width;
+        Declared::linear(&mut list, "encoder.fold", self.inputs(), width, 1.4);
+        for index in 0..self.encoder_blocks {
+            block(&mut list, &format!("encoder.block.{index}"), width);
+        }
+        convolution(&mut list, "encoder.head", width, self.z, 0.3);
+        Declared::linear(&mut list, "encoder.skip", self.inputs(), self.z, 1.0);
+        let widths = self.decoder_widths;
+        convolution(&mut list, "decoder.stem", self.z, widths[0], 1.4);
+        for stage in 0..3 {
+            for index in 0..self.decoder_blocks[stage] {
+                block(&mut list, &format!("decoder.stage.{stage}.block.{index}"), widths[stage]);
+            }
+            if stage < 2 {
+                let outputs = self.growth()[stage] * 4 * widths[stage + 1];
+                Declared::linear(&mut list, &format!("decoder.stage.{stage}.grow"), widths[stage], outputs, 1.4);
+            }
+        }
+        convolution(&mut list, "decoder.head", widths[2], 12, 0.1);
+        Declared::linear(&mut list, "decoder.skip", self.z, self.inputs(), 0.5);
+        list
+    }
+}
+
+/// The memories of all blocks of an encoder or decoder: one frame each, absent at the start of a rollout.
+#[derive(Clone, Default)]
+pub struct Memory {
+    frames: Vec<Option<Tensor<4>>>,
+}
+
+impl Memory {
+    /// Returns the digest of the memorised frames.
+    #[must_use]
+    pub fn digest(&self) -> Digest {
+        let mut writer = DigestWriter::new();
+        for frame in &self.frames {
+            writer.bool(frame.is_some());
+            if let Some(frame) = frame {
+                array_of(frame.clone()).digest_into(&mut writer);
+            }
+        }
+        writer.finish()
+    }
+}
+
+struct Walk<'a> {
+    memory: &'a mut Memory,
+    at: usize,
+    batch: usize,
+}
+
+impl Walk<'_> {
+    /// Returns, for each frame of x [B·T, h, w, c], the frame before, and remembers the last one.
+    fn previous(&mut self, x: &Tensor<4>) -> Tensor<4> {
+        let [rows, h, w, c] = x.dims();
+        let t = rows / self.batch;
+        if self.memory.frames.len() <= self.at {
+            self.memory.frames.resize(self.at + 1, None);
+        }
+        let clip = x.clone().reshape([self.batch, t, h, w, c]);
+        let pick = |range: std::ops::Range<usize>| clip.clone().slice([0..self.batch, range, 0..h, 0..w, 0..c]);
+        let last = pick(t - 1..t).reshape([self.batch, h, w, c]);
+        let first = self.memory.frames[self.at].replace(last);
+        let first = first.unwrap_or_else(|| Tensor::zeros([self.batch, h, w, c], &x.device()));
+        self.at += 1;
+        if t == 1 {
+            return first;
+        }
+        let first = first.reshape([self.batch, 1, h, w, c]);
+        Tensor::cat(vec![first, pick(0..t - 1)], 1).reshape([rows, h, w, c])
+    }
+}
+
+struct MemoryBlock {
+    first: Linear,
+    second: Linear,
+}
+
+impl MemoryBlock {
+    fn new(graph: &Graph, name: &str) -> Self {
+        Self { first: graph.linear(&format!("{name}.conv.0")), second: graph.linear(&format!("{name}.conv.2")) }
+    }
+
+    fn apply(&self, x: Tensor<4>, walk: &mut Walk<'_>) -> Tensor<4> {
+        let both = Tensor::cat(vec![x.clone(), walk.previous(&x)], 3);
+        let y = self.second.convolve(activation::relu(self.first.convolve(both)));
+        activation::relu(x + y)
+    }
+}
+
+/// The autoencoder bound to the device.
+pub struct TinyAe {
+    shape: AeShape,
+    pub(crate) graph: Graph,
+    fold: Linear,
+    encoder: Vec<MemoryBlock>,
+    encoder_head: Linear,
+    encoder_skip: Linear,
+    stem: Linear,
+    stages: Vec<(Vec<MemoryBlock>, Option<Linear>)>,
+    decoder_head: Linear,
+    decoder_skip: Linear,
+}
+
+impl TinyAe {
+    /// Binds weights for inference.
+    ///
+    /// # Errors
+    /// If the weights do not fit the shape.
+    pub fn new(shape: &AeShape, weights: &Weights) -> Result<Self, WeightsError> {
+        weights.check(&shape.declare())?;
+        Ok(Self::bind(shape, weights, Mode::Infer))
+    }
+
+    pub(crate) fn bind(shape: &AeShape, weights: &Weights, mode: Mode) -> Self {
+        let graph = Graph::new(weights, mode);
+        let blocks = |name: &str, count: usize| {
+            (0..count).map(|index| MemoryBlock::new(&graph, &format!("{name}.block.{index}"))).collect()
+        };
+        let stage = |stage: usize| {
+            let name = format!("decoder.stage.{stage}");
+            (blocks(&name, shape.decoder_blocks[stage]), (stage < 2).then(|| graph.linear(&format!("{name}.grow"))))
+        };
+        Self {
+            fold: graph.linear("encoder.fold"),
+            encoder: blocks("encoder", shape.encoder_blocks),
+            encoder_head: graph.linear("encoder.head"),
+            encoder_skip: graph.linear("encoder.skip"),
+            stem: graph.linear("decoder.stem"),
+            stages: (0..3).map(stage).collect(),
+            decoder_head: graph.linear("decoder.head"),
+            decoder_skip: graph.linear("decoder.skip"),
+            shape: shape.clone(),
+            graph,
+        }
+    }
+
+    /// Encodes latent steps [steps, h, w, inputs] that follow those already in `memory`.
+    #[must_use]
+    pub fn encode(&self, steps: &Array, memory: &mut Memory) -> Array {
+        array_of(self.encode_tensor(self.graph.tensor(steps), 1, memory))
+    }
+
+    /// Decodes latents [steps, h, w, z] that follow those already in `memory` to [steps·stride_t, 8h, 8w, 3].
+    #[must_use]
+    pub fn decode(&self, latents: &Array, memory: &mut Memory) -> Array {
+        array_of(self.decode_tensor(self.graph.tensor(latents), 1, memory))
+    }
+
+    pub(crate) fn encode_tensor(&self, x: Tensor<4>, batch: usize, memory: &mut Memory) -> Tensor<4> {
+        let mut walk = Walk { memory, at: 0, batch };
+        let skip = self.encoder_skip.apply(x.clone());
+        let mut x = activation::relu(self.fold.apply(x));
+        for block in &self.encoder {
+            x = block.apply(x, &mut walk);
+        }
+        self.encoder_head.convolve(x) + skip
+    }
+
+    pub(crate) fn decode_tensor(&self, z: Tensor<4>, batch: usize, memory: &mut Memory) -> Tensor<4> {
+        let mut walk = Walk { memory, at: 0, batch };
+        let skip = unfold(self.decoder_skip.apply(z.clone()), self.shape.stride_t);
+        let mut x = activation::relu(self.stem.convolve(z));
+        for (stage, (blocks, grow)) in self.stages.iter().enumerate() {
+            for block in blocks {
+                x = block.apply(x, &mut walk);
+            }
+            if let Some(grow) = grow {
+                x = activation::relu(shuffle(grow.apply(x), self.shape.growth()[stage]));
+            }
+        }
+        shuffle(self.decoder_head.convolve(x), 1) + skip
+    }
+}
+
+/// Unfolds channels (frame, row, column, channel) of [N, h, w, g·4·c] into [N·g, 2h, 2w, c].
+fn shuffle(x: Tensor<4>, frames: usize) -> Tensor<4> {
+    let [n, h, w, channels] = x.dims();
+    let c = channels / (4 * frames);
+    let x: Tensor<7> = x.reshape([n, h, w, frames, 2, 2, c]);
+    x.permute([0, 3, 1, 4, 2, 5, 6]).reshape([n * frames, 2 * h, 2 * w, c])
+}
+
+/// Unfolds blocks (frame, row, column, colour) of [N, h, w, frames·192] into [N·frames, 8h, 8w, 3].
+fn unfold(x: Tensor<4>, frames: usize) -> Tensor<4> {
+    let [n, h, w, _] = x.dims();
+    let x: Tensor<7> = x.reshape([n, h, w, frames, BLOCK_PX, BLOCK_PX, 3]);
+    x.permute([0, 3, 1, 4, 2, 5, 6]).reshape([n * frames, h * BLOCK_PX, w * BLOCK_PX, 3])
+}

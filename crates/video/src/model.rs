@@ -1,0 +1,115 @@
+//! A model's weights bound for inference, shared by all rollouts of a process.
+//!
+//! The weights file holds `dit.*`, `vae.encoder.*`, `vae.decoder.*` and the statistics `vae.latent.mean` and
+//! `vae.latent.std`; its metadata may name the digest of the configuration it was trained for.
+
+use std::path::Path;
+
+use ds_nn::dit::Dit;
+use ds_nn::safetensors::WeightsFile;
+use ds_nn::tiny_ae::TinyAe;
+use ds_nn::{Array, Declared, Initial, Weights, WeightsError};
+use ds_space::{Digest, DigestWriter};
+
+use crate::config::ModelConfig;
+use crate::error::VideoError;
+
+/// Metadata key of the configuration's digest.
+pub const CONFIG_DIGEST: &str = "config_digest";
+
+/// A video model: configuration and weights.
+pub struct VideoModel {
+    config: ModelConfig,
+    pub(crate) dit: Dit,
+    pub(crate) ae: TinyAe,
+    mean: Vec<f32>,
+    std: Vec<f32>,
+    digest: Digest,
+}
+
+impl VideoModel {
+    /// Reads a weights file for a configuration.
+    ///
+    /// # Errors
+    /// If the file is broken, names another configuration, or does not hold exactly the model's weights.
+    pub fn load(config: &ModelConfig, weights: &Path) -> Result<Self, VideoError> {
+        let file = WeightsFile::read(weights)?;
+        let expected = config.digest().to_string();
+        if let Some(found) = file.metadata.get(CONFIG_DIGEST).filter(|found| **found != expected) {
+            return Err(VideoError::OtherConfig { expected, found: found.clone() });
+        }
+        Ok(Self::new(config, &file.weights)?)
+    }
+
+    /// Makes a model of first weights drawn from a seed: for tests and for the start of training.
+    #[must_use]
+    pub fn untrained(config: &ModelConfig, seed: &Digest) -> Self {
+        let weights = Weights::initialised(&Self::declare(config), seed);
+        Self::new(config, &weights).expect("initialised weights fit their declarations")
+    }
+
+    /// Lists all weights of a configuration.
+    #[must_use]
+    pub fn declare(config: &ModelConfig) -> Vec<Declared> {
+        let under = |prefix: &'static str| move |d: Declared| Declared { name: format!("{prefix}{}", d.name), ..d };
+        let mut list: Vec<Declared> = config.dit().declare().into_iter().map(under("dit.")).collect();
+        list.extend(config.ae().declare().into_iter().map(under("vae.")));
+        list.push(Declared::new("vae.latent.mean", &[config.vae.z], Initial::Constant(0.0)));
+        list.push(Declared::new("vae.latent.std", &[config.vae.z], Initial::Constant(1.0)));
+        list
+    }
+
+    /// Binds weights.
+    ///
+    /// # Errors
+    /// If a weight is missing, extra, misshapen or not finite.
+    pub fn new(config: &ModelConfig, weights: &Weights) -> Result<Self, WeightsError> {
+        weights.check(&Self::declare(config))?;
+        let statistic = |name: &str| weights.get(name).map(|array| array.values().to_vec()).unwrap_or_default();
+        let (mean, std) = (statistic("vae.latent.mean"), statistic("vae.latent.std"));
+        if let Some(index) = std.iter().position(|value| *value <= 0.0) {
+            let name = "vae.latent.std".to_owned();
+            return Err(WeightsError::NotFinite { name, index, value: std[index] });
+        }
+        let mut vae = weights.part("vae.");
+        vae.remove("latent.mean");
+        vae.remove("latent.std");
+        let digest = DigestWriter::new().digest(&config.digest()).digest(&weights.digest()).finish();
+        let (dit, ae) = (Dit::new(&config.dit(), &weights.part("dit."))?, TinyAe::new(&config.ae(), &vae)?);
+        Ok(Self { config: config.clone(), dit, ae, mean, std, digest })
+    }
+
+    /// Returns the configuration.
+    #[must_use]
+    pub fn config(&self) -> &ModelConfig {
+        &self.config
+    }
+
+    /// Returns the digest of configuration and weights.
+    #[must_use]
+    pub fn digest(&self) -> Digest {
+        self.digest
+    }
+
+    /// Brings latents, channels last, to zero mean and unit deviation.
+    #[must_use]
+    pub fn normalised(&self, mut latents: Array) -> Array {
+        for pixel in latents.values_mut().chunks_exact_mut(self.mean.len()) {
+            for (channel, value) in pixel.iter_mut().enumerate() {
+                *value = (*value - self.mean[channel]) / self.std[channel];
+            }
+        }
+        latents
+    }
+
+    /// Undoes [`Self::normalised`].
+    #[must_use]
+    pub fn denormalised(&self, mut latents: Array) -> Array {
+        for pixel in latents.values_mut().chunks_exact_mut(self.mean.len()) {
+            for (channel, value) in pixel.iter_mut().enumerate() {
+                *value = *value * self.std[channel] + self.mean[channel];
+            }
+        }
+        latents
+    }
+}

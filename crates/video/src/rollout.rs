@@ -1,0 +1,382 @@
+//! A rollout: one camera of one episode, from its first frame on.
+//!
+//! Tick 0 is the first frame o_0 itself; `generate` gives ticks 1, 2, … A chunk holds chunk·stride_t ticks. Complete
+//! chunks are committed to cache and decoder. Layouts that do not fill a chunk are padded with the newest one and
+//! decoded from a copy of the state; the chunk is made again with the same noise once its layouts are known, and only
+//! ticks not yet published come out.
+
+use std::sync::Arc;
+
+use ds_nn::Array;
+use ds_nn::cache::{ChunkKv, KvCache};
+use ds_nn::dit::{Chunk, Context, Control};
+use ds_nn::step::Prediction;
+use ds_nn::tiny_ae::Memory;
+use ds_raster::RgbImage;
+use ds_space::{Digest, DigestWriter};
+
+use crate::config::CacheSource;
+use crate::entry::{CacheEntry, Latent};
+use crate::error::VideoError;
+use crate::model::VideoModel;
+use crate::{pixels, prompt, sampler};
+
+/// What a call of [`Rollout::generate`] gives.
+#[derive(Debug, Clone)]
+pub struct Generated {
+    /// One frame per layout, in tick order.
+    pub frames: Vec<RgbImage>,
+    /// Chunks that were committed by this call.
+    pub committed: Vec<CacheEntry>,
+    /// Mean absolute difference, 0 to 255, between the frames of the last partial chunk and the same ticks made again
+    /// with their true layouts; 0 where no chunk was made again.
+    pub seam: f32,
+}
+
+/// The state of one camera of one episode. A clone is a snapshot: it shares tensors and costs little.
+#[derive(Clone)]
+pub struct Rollout {
+    model: Arc<VideoModel>,
+    draw_key: Digest,
+    camera: String,
+    context: Context,
+    conditioning: Digest,
+    encoder_digest: Digest,
+    cache: KvCache,
+    decoder: Memory,
+    /// The next chunk; 0 is the first frame.
+    chunk: u32,
+    /// Layouts of the chunk under way, oldest first.
+    pending: Vec<RgbImage>,
+    /// Frames of the chunk under way as last made: one per pending layout.
+    provisional: Vec<RgbImage>,
+}
+
+/// A chunk as made: what is cached, what is decoded.
+struct Made {
+    cached_input: Array,
+    kv: ChunkKv,
+    clean: Array,
+}
+
+impl Rollout {
+    /// Starts at the first frame, which is resized to the model's video size if needed, and caches it at t = 0.
+    /// Returns the rollout and entry 0 of its cache log.
+    ///
+    /// # Errors
+    /// If the model gives values that are not finite.
+    pub fn new(
+        model: Arc<VideoModel>,
+        draw_key: Digest,
+        camera: &str,
+        prompt: &str,
+        first: (&RgbImage, &RgbImage),
+    ) -> Result<(Self, CacheEntry), VideoError> {
+        let config = model.config();
+        let (width, height) = (config.video.width_px, config.video.height_px);
+        let first_frame = pixels::resized(first.0, width, height);
+        let (h, w) = config.latent_size();
+        let (n, z) = (config.dit().tokens(), config.vae.z);
+        let folded = pixels::fold(&vec![&first_frame; config.vae.stride_t]);
+        let mut encoder = Memory::default();
+        let latent = model.ae.encode(&Array::new(&[1, h, w, config.ae().inputs()], folded), &mut encoder);
+        let latent = model.normalised(latent);
+        let clean = Array::new(&[1, n, 4, z], pixels::to_tokens(latent.values(), h, w));
+        let text = prompt::hashed(prompt, config.model.text_len, config.model.text_dim);
+        let context = model.dit.context(&text, &clean);
+        let mut conditioning = DigestWriter::new();
+        conditioning.digest(&model.digest()).digest(&draw_key).text(camera).text(prompt);
+        clean.digest_into(&mut conditioning);
+        let mut rollout = Self {
+            draw_key,
+            camera: camera.to_owned(),
+            context,
+            conditioning: conditioning.finish(),
+            encoder_digest: encoder.digest(),
+            cache: KvCache::new(config.cache()),
+            decoder: Memory::default(),
+            chunk: 0,
+            pending: Vec::new(),
+            provisional: Vec::new(),
+            model,
+        };
+        let control = rollout.control(std::slice::from_ref(first.1));
+        let kv = rollout.write(&clean, &clean, &control, 0.0);
+        rollout.decode(&clean)?;
+        let entry = rollout.commit(Made { cached_input: clean.clone(), kv, clean }, &control);
+        Ok((rollout, entry))
+    }
+
+    /// Generates the frames of the next ticks, one per layout.
+    ///
+    /// # Errors
+    /// If there is no layout or the model gives values that are not finite.
+    pub fn generate(&mut self, layouts: &[RgbImage]) -> Result<Generated, VideoError> {
+        if layouts.is_empty() {
+            return Err(VideoError::NoLayouts);
+        }
+        let mut generated = Generated { frames: Vec::new(), committed: Vec::new(), seam: 0.0 };
+        let per_chunk = self.model.config().frames_per_chunk();
+        let mut left = layouts;
+        while !left.is_empty() {
+            let (now, later) = left.split_at(left.len().min(per_chunk - self.pending.len()));
+            left = later;
+            let published = self.pending.len();
+            self.pending.extend_from_slice(now);
+            if self.pending.len() < per_chunk {
+                self.provisional = self.attempt()?;
+                generated.frames.extend_from_slice(&self.provisional[published..]);
+                break;
+            }
+            let control = self.control(&self.pending);
+            let made = self.make(&control)?;
+            let frames = self.decode(&made.clean)?;
+            if !self.provisional.is_empty() {
+                generated.seam = mean_difference(&self.provisional, &frames);
+            }
+            generated.frames.extend_from_slice(&frames[published..]);
+            generated.committed.push(self.commit(made, &control));
+        }
+        Ok(generated)
+    }
+
+    /// Rebuilds a rollout from its cache log and the layouts received since the last commit, comparing digests.
+    ///
+    /// # Errors
+    /// [`VideoError::Entry`] for an entry that cannot belong here, [`VideoError::RecoveryMismatch`] for a difference.
+    pub fn replay(
+        start: (Arc<VideoModel>, Digest, &str, &str),
+        first: (&RgbImage, &RgbImage),
+        entries: &[CacheEntry],
+        layouts_since_last_commit: &[RgbImage],
+    ) -> Result<Self, VideoError> {
+        let (model, draw_key, camera, prompt) = start;
+        let (mut rollout, begun) = Self::new(model, draw_key, camera, prompt, first)?;
+        let Some((first, rest)) = entries.split_first() else {
+            let reason = "has no entry 0".to_owned();
+            return Err(VideoError::Entry { chunk: 0, field: "entries", reason });
+        };
+        compare(first, &begun)?;
+        for entry in rest {
+            let refuse = |field| move |reason| VideoError::Entry { chunk: entry.chunk, field, reason };
+            if entry.chunk != rollout.chunk {
+                return Err(refuse("chunk")(format!("is {}, {} expected", entry.chunk, rollout.chunk)));
+            }
+            let shape = rollout.latent_shape();
+            let mut control_shape = shape;
+            control_shape[3] = rollout.model.config().control.channels;
+            let cached_input = entry.cached_input.checked(&shape).map_err(refuse("cached_input"))?;
+            let clean = entry.clean.checked(&shape).map_err(refuse("clean"))?;
+            let control = entry.control.checked(&control_shape).map_err(refuse("control"))?;
+            let control = rollout.model.dit.control_of(&control);
+            let start = Array::zeros(&shape);
+            let kv = rollout.write(&cached_input, &start, &control, rollout.cache_time());
+            rollout.decode(&clean)?;
+            let remade = rollout.commit(Made { cached_input, kv, clean }, &control);
+            compare(entry, &remade)?;
+        }
+        if layouts_since_last_commit.len() >= rollout.model.config().frames_per_chunk() {
+            let reason = format!("are {}, a whole chunk or more", layouts_since_last_commit.len());
+            return Err(VideoError::Entry { chunk: rollout.chunk, field: "layouts_since_last_commit", reason });
+        }
+        if !layouts_since_last_commit.is_empty() {
+            rollout.pending = layouts_since_last_commit.to_vec();
+            rollout.provisional = rollout.attempt()?;
+        }
+        Ok(rollout)
+    }
+
+    /// Returns a snapshot, from which [`Self::restore`] continues as if nothing had come after it.
+    #[must_use]
+    pub fn snapshot(&self) -> Self {
+        self.clone()
+    }
+
+    /// Goes back to a snapshot.
+    pub fn restore(&mut self, snapshot: &Self) {
+        self.clone_from(snapshot);
+    }
+
+    /// Returns the number of ticks generated so far.
+    #[must_use]
+    pub fn ticks(&self) -> u32 {
+        (self.chunk - 1) * self.model.config().frames_per_chunk() as u32 + self.pending.len() as u32
+    }
+
+    /// Returns the digest of all that coming frames depend on.
+    #[must_use]
+    pub fn state_digest(&self) -> Digest {
+        let mut writer = DigestWriter::new();
+        writer.digest(&self.conditioning).digest(&self.cache.digest()).digest(&self.decoder.digest());
+        writer.u32(self.chunk).u64(self.pending.len() as u64);
+        for layout in &self.pending {
+            layout.digest_into(&mut writer);
+        }
+        writer.finish()
+    }
+
+    fn latent_shape(&self) -> [usize; 4] {
+        let config = self.model.config();
+        [config.causal.chunk, config.dit().tokens(), 4, config.vae.z]
+    }
+
+    /// Makes the chunk under way with its newest layout repeated; changes nothing.
+    fn attempt(&self) -> Result<Vec<RgbImage>, VideoError> {
+        let mut padded = self.pending.clone();
+        if let Some(newest) = self.pending.last() {
+            padded.resize(self.model.config().frames_per_chunk(), newest.clone());
+        }
+        let made = self.make(&self.control(&padded))?;
+        let mut frames = self.clone().decode(&made.clean)?;
+        frames.truncate(self.pending.len());
+        Ok(frames)
+    }
+
+    /// Computes the control latent of the layouts of whole latent frames; a single layout stands for one frame.
+    fn control(&self, layouts: &[RgbImage]) -> Control {
+        let config = self.model.config();
+        let (h, w) = config.latent_size();
+        let size = (config.video.width_px, config.video.height_px);
+        let layouts: Vec<RgbImage> = layouts.iter().map(|layout| pixels::resized(layout, size.0, size.1)).collect();
+        let steps: Vec<Vec<&RgbImage>> = match layouts.as_slice() {
+            [single] => vec![vec![single; config.vae.stride_t]],
+            many => many.chunks(config.vae.stride_t).map(|step| step.iter().collect()).collect(),
+        };
+        let tokens: Vec<f32> =
+            steps.iter().flat_map(|step| pixels::to_tokens(&pixels::fold(step), h, w)).collect();
+        let shape = [1, steps.len() * config.dit().tokens(), 4, config.ae().inputs()];
+        self.model.dit.control(&Array::new(&shape, tokens))
+    }
+
+    /// Denoises the chunk under way.
+    fn make(&self, control: &Control) -> Result<Made, VideoError> {
+        let config = self.model.config();
+        let shape = self.latent_shape();
+        let sigmas = sampler::sigmas(config.sampler.steps, config.sampler.shift);
+        let source = config.cache_source();
+        let noise = |step: usize| sampler::noise(&self.draw_key, &self.camera, self.chunk, step, &shape);
+        let start = Array::zeros(&shape);
+        let window = self.cache.window(&self.model.dit, config.causal.chunk);
+        let mut state = noise(1);
+        let mut kept: Option<(Array, Option<ChunkKv>)> = None;
+        let mut clean = Array::default();
+        for (step, sigma) in (1..).zip(&sigmas) {
+            let chunk = Chunk { noisy: &state, start: &start, control, time: 1000.0 * sigma };
+            let (output, kv) = self.model.dit.denoise(&chunk, &window, &self.context);
+            clean = match config.prediction() {
+                Prediction::Clean => output,
+                Prediction::Flow => subtract(&state, &output, *sigma),
+            };
+            if !clean.is_finite() {
+                return Err(VideoError::NotFinite { chunk: self.chunk });
+            }
+            match source {
+                CacheSource::State(at) if at == step => kept = Some((state.clone(), Some(kv))),
+                CacheSource::X0Hat(at) if at == step => kept = Some((clean.clone(), None)),
+                _ => {}
+            }
+            if let Some(next) = sigmas.get(step) {
+                state = sampler::noised(&clean, &noise(step + 1), *next);
+            }
+        }
+        let (cached_input, kv) = match (source, kept) {
+            (CacheSource::Renoise(_), _) => {
+                (sampler::noised(&clean, &noise(config.sampler.steps + 1), self.cache_time() / 1000.0), None)
+            }
+            (_, Some(kept)) => kept,
+            (_, None) => (clean.clone(), None),
+        };
+        let kv = kv.unwrap_or_else(|| self.write(&cached_input, &start, control, self.cache_time()));
+        Ok(Made { cached_input, kv, clean })
+    }
+
+    /// Returns the timestep that labels cached chunks.
+    fn cache_time(&self) -> f32 {
+        let config = self.model.config();
+        match config.cache_source() {
+            CacheSource::Clean | CacheSource::X0Hat(_) => 0.0,
+            #[expect(clippy::cast_possible_truncation, reason = "levels are single precision")]
+            CacheSource::Renoise(sigma) => 1000.0 * sigma as f32,
+            CacheSource::State(step) => {
+                1000.0 * sampler::sigmas(config.sampler.steps, config.sampler.shift)[step - 1]
+            }
+        }
+    }
+
+    /// Runs the forward pass whose keys and values are cached.
+    fn write(&self, input: &Array, start: &Array, control: &Control, time: f32) -> ChunkKv {
+        let window = self.cache.window(&self.model.dit, input.shape()[0]);
+        let chunk = Chunk { noisy: input, start, control, time };
+        self.model.dit.denoise(&chunk, &window, &self.context).1
+    }
+
+    /// Decodes a chunk and moves the decoder on; of the first frame's copies the last remains.
+    fn decode(&mut self, clean: &Array) -> Result<Vec<RgbImage>, VideoError> {
+        let config = self.model.config();
+        let ((h, w), z) = (config.latent_size(), config.vae.z);
+        let frame = h * w * z;
+        let values = clean.values().chunks_exact(frame).flat_map(|tokens| pixels::from_tokens(tokens, h, w)).collect();
+        let latents = self.model.denormalised(Array::new(&[clean.shape()[0], h, w, z], values));
+        let decoded = self.model.ae.decode(&latents, &mut self.decoder);
+        if !decoded.is_finite() {
+            return Err(VideoError::NotFinite { chunk: self.chunk });
+        }
+        let (width, height) = (config.video.width_px, config.video.height_px);
+        let skip = if self.chunk == 0 { config.vae.stride_t - 1 } else { 0 };
+        let images = decoded.values().chunks_exact(width as usize * height as usize * 3).skip(skip);
+        Ok(images.map(|values| pixels::to_image(values, width, height)).collect())
+    }
+
+    fn commit(&mut self, made: Made, control: &Control) -> CacheEntry {
+        let config = self.model.config();
+        let per_chunk = config.frames_per_chunk() as u32;
+        let frames = made.clean.shape()[0];
+        self.cache.commit(&made.kv);
+        let shape = vec![frames, config.dit().tokens(), 4, config.control.channels];
+        let entry = CacheEntry {
+            chunk: self.chunk,
+            first_tick_offset: if self.chunk == 0 { 0 } else { 1 + (self.chunk - 1) * per_chunk },
+            ticks: if self.chunk == 0 { 1 } else { per_chunk },
+            cached_input: Latent::of(&made.cached_input),
+            clean: Latent::of(&made.clean),
+            control: Latent { shape, values: control.values().into_values() },
+            conditioning: self.conditioning,
+            cache_digest: self.cache.digest(),
+            encoder_digest: self.encoder_digest,
+            decoder_digest: self.decoder.digest(),
+        };
+        self.chunk += 1;
+        self.pending.clear();
+        self.provisional.clear();
+        entry
+    }
+}
+
+/// Compares the digests of a log entry with those of the replay.
+fn compare(logged: &CacheEntry, remade: &CacheEntry) -> Result<(), VideoError> {
+    let pairs = [
+        ("conditioning", logged.conditioning, remade.conditioning),
+        ("cache_digest", logged.cache_digest, remade.cache_digest),
+        ("encoder_digest", logged.encoder_digest, remade.encoder_digest),
+        ("decoder_digest", logged.decoder_digest, remade.decoder_digest),
+    ];
+    match pairs.into_iter().find(|(_, expected, found)| expected != found) {
+        Some((what, expected, found)) => {
+            Err(VideoError::RecoveryMismatch { chunk: logged.chunk, what, expected, found })
+        }
+        None => Ok(()),
+    }
+}
+
+/// Returns x − σ·v.
+fn subtract(x: &Array, v: &Array, sigma: f32) -> Array {
+    Array::new(x.shape(), x.values().iter().zip(v.values()).map(|(x, v)| x - sigma * v).collect())
+}
+
+fn mean_difference(a: &[RgbImage], b: &[RgbImage]) -> f32 {
+    let pairs = a.iter().zip(b).flat_map(|(a, b)| a.rgb().iter().zip(b.rgb()));
+    let (sum, count) = pairs.fold((0u64, 0u64), |(sum, n), (a, b)| (sum + u64::from(a.abs_diff(*b)), n + 1));
+    #[expect(clippy::cast_possible_truncation, reason = "a figure for people")]
+    let mean = (sum as f64 / count.max(1) as f64) as f32;
+    mean
+}
