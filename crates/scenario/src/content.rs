@@ -1,6 +1,6 @@
 //! The content of a scene as the format keeps it: rounded numbers, and a digest over them in a fixed order.
 //!
-//! Positions are kept to 1 mm, angles and rates to 1e-5, so that a saved scene and a loaded one are equal in every bit.
+//! Positions are kept to 1 mm, angles and rates to 1e-5, pixels to 1e-4, so that a saved scene and a loaded one are equal in every bit.
 
 use ds_space::{CameraModel, DQuat, DMat3, DVec2, DVec3, Digest, DigestWriter, Pose};
 use ds_world::{AgentClass, EgoState, LaneKind, LightState, LineColour, LineKind, Map, Scene, Track};
@@ -81,6 +81,10 @@ pub(crate) fn seal(scene: &mut Scene) {
     }
     for camera in &mut scene.cameras {
         *camera = Mounting::of(camera).mount(camera);
+        let lens = &mut camera.intrinsics;
+        for value in [&mut lens.fx_px, &mut lens.fy_px, &mut lens.cx_px, &mut lens.cy_px] {
+            *value = rounded(*value, 1e4);
+        }
     }
     round_map(&mut scene.map);
     scene.digest = digest(scene);

@@ -8,6 +8,7 @@ mod compose;
 mod content;
 mod document;
 pub mod family;
+pub mod import;
 mod path;
 mod place;
 mod pretty;
@@ -15,4 +16,5 @@ mod resolve;
 pub mod store;
 
 pub use family::{Family, UnknownFamily, generate, generate_set};
+pub use import::{ImportError, Imported, import_path};
 pub use store::{ScenarioError, Warning, describe, list, load, parse, save};

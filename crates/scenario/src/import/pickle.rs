@@ -1,0 +1,354 @@
+//! Reads Python pickles (protocols 0 to 5) as data, without running anything in them.
+//!
+//! A small machine builds dicts, lists, tuples, text, numbers and NumPy arrays in an arena. Only names on an allow-list
+//! may be called, and calling them is done here, in Rust. Depth, memo and total memory are bounded; whatever is not
+//! understood is refused with its byte offset.
+
+use std::collections::BTreeMap;
+
+mod array;
+mod call;
+mod scan;
+
+pub(crate) use array::{Array, Data};
+
+/// The most bytes that the values of one pickle may take, roughly.
+pub(crate) const MAX_BYTES: usize = 512 << 20;
+const NODE_BYTES: usize = 96;
+
+/// Says why a pickle is refused; offsets are bytes from its start.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum PickleError {
+    /// The data ends in the middle of something.
+    #[error("pickle ends at byte {offset}, {wanted} more bytes are needed")]
+    Truncated {
+        /// Where the data ends.
+        offset: usize,
+        /// How much is missing at least.
+        wanted: usize,
+    },
+    /// It names something that is not on the allow-list; nothing was called.
+    #[error("pickle wants \"{module}.{name}\" at byte {offset}, which is not on the allow-list; nothing was run")]
+    Forbidden {
+        /// Where.
+        offset: usize,
+        /// The module.
+        module: String,
+        /// The name in it.
+        name: String,
+    },
+    /// An opcode that has no place in data.
+    #[error("pickle has opcode {opcode:#04x} at byte {offset}, which is not accepted")]
+    Opcode {
+        /// Where.
+        offset: usize,
+        /// The opcode.
+        opcode: u8,
+    },
+    /// The machine's rules are broken (empty stack, wrong kind of value, bad number).
+    #[error("pickle is malformed at byte {offset}: {problem}")]
+    Malformed {
+        /// Where.
+        offset: usize,
+        /// What is wrong.
+        problem: String,
+    },
+    /// An array's header does not fit its data, or its kind is not supported.
+    #[error("pickle has a bad array at byte {offset}: {problem}")]
+    Array {
+        /// Where.
+        offset: usize,
+        /// What is wrong.
+        problem: String,
+    },
+    /// The values would take too much memory.
+    #[error("pickle needs more than {limit} bytes of memory at byte {offset}")]
+    TooLarge {
+        /// Where.
+        offset: usize,
+        /// The limit.
+        limit: usize,
+    },
+    /// A value holds itself.
+    #[error("pickle is cyclic: a {kind} holds itself")]
+    Cyclic {
+        /// The kind of the value.
+        kind: &'static str,
+    },
+}
+
+/// A value; what is large lies in the arena.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Value {
+    None,
+    Bool(bool),
+    Int(i64),
+    Float(f64),
+    /// Index of a node.
+    Node(usize),
+    /// Something on the allow-list that may be called.
+    Callable(Callable),
+}
+
+/// What may be called.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Callable {
+    Reconstruct,
+    FromBuffer,
+    Scalar,
+    NdArray,
+    Dtype,
+    Encode,
+    Dict,
+    List,
+    Tuple,
+    Set,
+    Bytes,
+    Path,
+    /// A type that is only named, such as the factory of a default dict.
+    Inert,
+}
+
+/// What lies in the arena.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Node {
+    Bytes(Vec<u8>),
+    Text(String),
+    List(Vec<Value>),
+    Tuple(Vec<Value>),
+    Set(Vec<Value>),
+    Dict(Vec<(Value, Value)>),
+    Dtype(array::Dtype),
+    Array(Option<Array>),
+}
+
+impl Node {
+    pub(crate) fn kind(&self) -> &'static str {
+        match self {
+            Self::Bytes(_) => "bytes",
+            Self::Text(_) => "text",
+            Self::List(_) => "list",
+            Self::Tuple(_) => "tuple",
+            Self::Set(_) => "set",
+            Self::Dict(_) => "dict",
+            Self::Dtype(_) => "dtype",
+            Self::Array(_) => "array",
+        }
+    }
+}
+
+/// A read pickle: the arena and the value at its root.
+#[derive(Debug)]
+pub(crate) struct Pickle {
+    pub nodes: Vec<Node>,
+    pub root: Value,
+}
+
+/// The machine that reads a pickle.
+struct Machine<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    stack: Vec<Value>,
+    marks: Vec<usize>,
+    memo: BTreeMap<u32, Value>,
+    nodes: Vec<Node>,
+    charged: usize,
+}
+
+/// Reads a pickle.
+pub(crate) fn read(bytes: &[u8]) -> Result<Pickle, PickleError> {
+    let mut machine = Machine {
+        bytes,
+        at: 0,
+        stack: Vec::new(),
+        marks: Vec::new(),
+        memo: BTreeMap::new(),
+        nodes: Vec::new(),
+        charged: 0,
+    };
+    let root = loop {
+        if let Some(root) = machine.step()? {
+            break root;
+        }
+    };
+    let pickle = Pickle { nodes: machine.nodes, root };
+    pickle.refuse_cycles()?;
+    Ok(pickle)
+}
+
+impl Pickle {
+    fn refuse_cycles(&self) -> Result<(), PickleError> {
+        #[derive(Clone, Copy, PartialEq)]
+        enum Mark {
+            New,
+            Open,
+            Done,
+        }
+        let mut marks = vec![Mark::New; self.nodes.len()];
+        let mut path: Vec<(usize, usize)> = Vec::new();
+        for start in 0..self.nodes.len() {
+            if marks[start] == Mark::New {
+                marks[start] = Mark::Open;
+                path.push((start, 0));
+            }
+            while let Some((node, next)) = path.last_mut() {
+                match self.child(*node, *next) {
+                    None => {
+                        marks[*node] = Mark::Done;
+                        path.pop();
+                    }
+                    Some(child) => {
+                        *next += 1;
+                        if let Value::Node(child) = child {
+                            match marks[child] {
+                                Mark::Open => return Err(PickleError::Cyclic { kind: self.nodes[child].kind() }),
+                                Mark::New => {
+                                    marks[child] = Mark::Open;
+                                    path.push((child, 0));
+                                }
+                                Mark::Done => {}
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the value of an index inside a node, or `None` after the last.
+    fn child(&self, node: usize, index: usize) -> Option<Value> {
+        match &self.nodes[node] {
+            Node::List(items) | Node::Tuple(items) | Node::Set(items) => items.get(index).copied(),
+            Node::Dict(items) => items.get(index / 2).map(|(key, value)| if index % 2 == 0 { *key } else { *value }),
+            Node::Array(Some(Array { data: Data::Objects(items), .. })) => items.get(index).copied(),
+            _ => None,
+        }
+    }
+}
+
+impl Machine<'_> {
+    fn malformed(&self, problem: impl Into<String>) -> PickleError {
+        PickleError::Malformed { offset: self.at, problem: problem.into() }
+    }
+
+    /// Counts memory before it is taken.
+    fn charge(&mut self, bytes: usize) -> Result<(), PickleError> {
+        self.charged = self.charged.saturating_add(bytes);
+        if self.charged > MAX_BYTES {
+            return Err(PickleError::TooLarge { offset: self.at, limit: MAX_BYTES });
+        }
+        Ok(())
+    }
+
+    fn push(&mut self, value: Value) -> Result<(), PickleError> {
+        self.charge(16)?;
+        self.stack.push(value);
+        Ok(())
+    }
+
+    fn push_node(&mut self, node: Node) -> Result<(), PickleError> {
+        let value = self.node(node)?;
+        self.push(value)
+    }
+
+    fn node(&mut self, node: Node) -> Result<Value, PickleError> {
+        let inner = match &node {
+            Node::Bytes(bytes) => bytes.len(),
+            Node::Text(text) => text.len(),
+            Node::List(items) | Node::Tuple(items) | Node::Set(items) => 16 * items.len(),
+            Node::Dict(items) => 32 * items.len(),
+            Node::Dtype(_) | Node::Array(_) => 0,
+        };
+        self.charge(NODE_BYTES + inner)?;
+        self.nodes.push(node);
+        Ok(Value::Node(self.nodes.len() - 1))
+    }
+
+    fn floor(&self) -> usize {
+        self.marks.last().copied().unwrap_or(0)
+    }
+
+    fn pop(&mut self) -> Result<Value, PickleError> {
+        if self.stack.len() <= self.floor() {
+            return Err(self.malformed("the stack is empty"));
+        }
+        self.stack.pop().ok_or_else(|| self.malformed("the stack is empty"))
+    }
+
+    fn top(&self) -> Result<Value, PickleError> {
+        if self.stack.len() <= self.floor() {
+            return Err(self.malformed("the stack is empty"));
+        }
+        self.stack.last().copied().ok_or_else(|| self.malformed("the stack is empty"))
+    }
+
+    fn pop_mark(&mut self) -> Result<Vec<Value>, PickleError> {
+        let mark = self.marks.pop().ok_or_else(|| self.malformed("there is no mark"))?;
+        Ok(self.stack.split_off(mark))
+    }
+
+    fn pop_many(&mut self, count: usize) -> Result<Vec<Value>, PickleError> {
+        if self.stack.len() < self.floor() + count {
+            return Err(self.malformed("the stack is empty"));
+        }
+        Ok(self.stack.split_off(self.stack.len() - count))
+    }
+
+    /// Adds items to the list or set on top of the stack.
+    fn extend(&mut self, items: Vec<Value>) -> Result<(), PickleError> {
+        self.charge(16 * items.len())?;
+        let Value::Node(target) = self.top()? else { return Err(self.malformed("items are added to no list")) };
+        match &mut self.nodes[target] {
+            Node::List(list) | Node::Set(list) => list.extend(items),
+            other => {
+                let kind = other.kind();
+                return Err(self.malformed(format!("items are added to a {kind}")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Sets items of the dict on top of the stack.
+    fn set_items(&mut self, items: &[Value]) -> Result<(), PickleError> {
+        self.charge(32 * items.len())?;
+        let Value::Node(target) = self.top()? else { return Err(self.malformed("items are set in no dict")) };
+        if items.len() % 2 == 1 {
+            return Err(self.malformed("a key has no value"));
+        }
+        match &mut self.nodes[target] {
+            Node::Dict(dict) => dict.extend(items.chunks_exact(2).map(|pair| (pair[0], pair[1]))),
+            other => {
+                let kind = other.kind();
+                return Err(self.malformed(format!("items are set in a {kind}")));
+            }
+        }
+        Ok(())
+    }
+
+    fn remember(&mut self, index: u32) -> Result<(), PickleError> {
+        self.charge(48)?;
+        let value = self.top()?;
+        self.memo.insert(index, value);
+        Ok(())
+    }
+
+    fn recall(&mut self, index: u32) -> Result<(), PickleError> {
+        let value = self.memo.get(&index).copied();
+        let value = value.ok_or_else(|| self.malformed(format!("memo {index} is not set")))?;
+        self.push(value)
+    }
+
+    fn text_of(&self, value: Value) -> Option<&str> {
+        match value {
+            Value::Node(node) => match &self.nodes[node] {
+                Node::Text(text) => Some(text),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests;
