@@ -1,4 +1,5 @@
-//! Training: the camera policy, and video autoencoder, bidirectional teacher and causal student, from clips of the project's own cameras.
+//! Training of the camera policy and of the video model (autoencoder, bidirectional teacher, causal student), from
+//! clips of the project's own cameras.
 //!
 //! Each stage is a function of a configuration that reads and writes files in one folder: it resumes from its last
 //! checkpoint, which is replaced atomically, and reports progress through a callback. All randomness is keyed by the
@@ -9,7 +10,6 @@ mod batch;
 pub mod checkpoint;
 pub mod clips;
 pub mod config;
-pub mod policy;
 mod error;
 pub mod evaluate;
 mod latents;
