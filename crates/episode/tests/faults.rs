@@ -98,7 +98,7 @@ fn completes_with_all_pushes_dropped() {
 #[test]
 fn completes_with_a_third_dropped_doubled_and_reordered() {
     for seed in 0..40 {
-        let network = Network { drop_pushes: 0.3, drop_pulls: 0.3, duplicate: 0.3, delay_ms: 60 };
+        let network = Network { drop_pushes: 0.3, drop_pulls: 0.3, duplicate: 0.3, delay_ms: 60, ghosts: 0.0 };
         let outcome = completes(Script { network, ..Script::calm(seed) });
         assert!(outcome.totals.duplicates + outcome.driver.duplicates > 0);
     }
@@ -152,6 +152,19 @@ fn a_deaf_zombie_orchestrator_changes_nothing() {
         refused += completes(Script { mishaps, network, ..Script::calm(seed) }).totals.refused_terms;
     }
     assert!(refused > 0, "no order of the lower term was ever refused");
+}
+
+#[test]
+fn what_broken_predecessors_still_say_leaves_no_trace() {
+    let mut ghosts = 0;
+    for seed in 0..40 {
+        let kill =
+            Mishap::KillAtWork { role: Role::ALL[(seed % 4) as usize], iteration: 1, moment: Moment::Middle, times: 1 };
+        let mishaps = vec![kill, Mishap::KillOrchestrator { at: 400, restart_after: 50 }];
+        let network = Network { ghosts: 0.5, ..Network::CALM };
+        ghosts += completes(Script { mishaps, network, ..Script::calm(seed) }).ghosts;
+    }
+    assert!(ghosts > 1_000, "only {ghosts} ghosts");
 }
 
 #[test]

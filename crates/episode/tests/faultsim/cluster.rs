@@ -7,14 +7,14 @@ use std::sync::Arc;
 use ds_episode::driver::Ending;
 use ds_episode::fleet::{Granted, Hello};
 use ds_episode::stage::{Output, PullFrom};
-use ds_episode::{Counters, Fault, Millis, Timing};
+use ds_episode::{Codec, Counters, Fault, Millis, Timing, due};
 use ds_space::{Digest, InstanceId};
-use ds_topic::{Envelope, Owner, Role, Slot};
+use ds_topic::{Envelope, Owner, Role, Slot, Topic};
 
 use super::orchestrator::Orchestrator;
 use super::script::{Dice, Mishap, Script};
 use super::store::{Checks, SharedStore};
-use super::toy::ToyCodec;
+use super::toy::{ToyCodec, hash};
 use super::worker::Worker;
 
 pub const TIMING: Timing = Timing {
@@ -80,6 +80,7 @@ pub struct Cluster {
     pub mishaps: Vec<Mishap>,
     pub ending: Option<Ending>,
     pub pushes_delivered: u64,
+    ghosts: u64,
     /// Counts of ended stages.
     pub totals: Counters,
     pub serial: u64,
@@ -94,6 +95,7 @@ pub struct Outcome {
     pub totals: Counters,
     pub driver: Counters,
     pub pushes_delivered: u64,
+    pub ghosts: u64,
 }
 
 impl Cluster {
@@ -110,6 +112,7 @@ impl Cluster {
             mishaps: script.mishaps.clone(),
             ending: None,
             pushes_delivered: 0,
+            ghosts: 0,
             totals: Counters::default(),
             serial: 0,
             queue: BTreeMap::new(),
@@ -157,6 +160,7 @@ impl Cluster {
             totals: self.totals,
             driver: in_charge.map(|orchestrator| orchestrator.driver.counters()).unwrap_or_default(),
             pushes_delivered: self.pushes_delivered,
+            ghosts: self.ghosts,
         }
     }
 
@@ -204,6 +208,9 @@ impl Cluster {
             if node == from || !listens || !self.reachable(from, node) {
                 continue;
             }
+            if self.dice.chance(self.script.network.ghosts) {
+                self.haunt(node, message);
+            }
             let copies = if self.dice.chance(self.script.network.duplicate) { 2 } else { 1 };
             for _ in 0..copies {
                 if self.dice.chance(self.script.network.drop_pushes) {
@@ -213,6 +220,39 @@ impl Cluster {
                 self.schedule(delay, node, Occurrence::Push(message.clone()));
             }
         }
+    }
+
+    /// Sends what a predecessor might still say to a receiver that knows of its successor.
+    fn haunt(&mut self, node: Node, message: &Envelope) {
+        let mut ghost = message.clone();
+        ghost.header.content = hash("ghost", &[message.header.content], &[]);
+        if message.header.slot.topic == Topic::Advance {
+            let Node::Worker(index) = node else { return };
+            if self.workers[index].held.as_ref().is_none_or(|held| held.known_term < message.header.term) {
+                return;
+            }
+            let Ok(mut order) = self.codec.decode_advance(&message.body) else { return };
+            order.border = hash("ghost", &[order.border], &[]);
+            ghost.header.content = order.content();
+            ghost.header.term = ghost.header.term.saturating_sub(1);
+            ghost.body = self.codec.encode_advance(&order);
+        } else {
+            let Some(role) = due::maker(message.header.slot.topic) else { return };
+            let knows = match node {
+                Node::Orchestrator(_) => true,
+                Node::Worker(index) => {
+                    let held = self.workers[index].held.as_ref();
+                    held.is_some_and(|held| held.known_epochs.get(&role) >= Some(&message.header.epoch))
+                }
+            };
+            let Some(predecessor) = self.checks.holder(role, message.header.epoch - 1).filter(|_| knows) else {
+                return;
+            };
+            ghost.header.epoch -= 1;
+            ghost.header.publisher = predecessor;
+        }
+        self.ghosts += 1;
+        self.schedule(0, node, Occurrence::Push(ghost));
     }
 
     pub fn delay(&mut self) -> u64 {

@@ -43,10 +43,13 @@ pub struct Network {
     pub duplicate: f64,
     /// Up to this long; long delays reorder.
     pub delay_ms: u64,
+    /// Share of messages with a ghost: the same slot with other content, of the epoch or term before, sent to those who
+    /// know of the later one. What a late, broken predecessor could send; refusing it must leave no trace.
+    pub ghosts: f64,
 }
 
 impl Network {
-    pub const CALM: Self = Self { drop_pushes: 0.0, drop_pulls: 0.0, duplicate: 0.0, delay_ms: 1 };
+    pub const CALM: Self = Self { drop_pushes: 0.0, drop_pulls: 0.0, duplicate: 0.0, delay_ms: 1, ghosts: 0.0 };
 }
 
 /// When, seen from a stage's work.
@@ -135,6 +138,7 @@ impl Script {
             drop_pulls: dice.pick(&[0.0, 0.0, 0.1, 0.3]),
             duplicate: dice.pick(&[0.0, 0.1, 0.3]),
             delay_ms: dice.pick(&[1, 10, 60]),
+            ghosts: dice.pick(&[0.0, 0.2]),
         };
         for _ in 0..dice.range(0, 3) {
             let at = dice.range(1, 1_500);

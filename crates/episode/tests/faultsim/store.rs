@@ -98,6 +98,11 @@ impl Checks {
         assert!(latest.is_none_or(|latest| latest < epoch), "epoch {epoch} of {role} after {latest:?}");
     }
 
+    /// Returns who held a role in an epoch.
+    pub fn holder(&self, role: Role, epoch: u64) -> Option<InstanceId> {
+        self.granted.get(&(role, epoch)).cloned()
+    }
+
     /// A message was used as an input or committed: one publisher per epoch, and the one it was granted to.
     pub fn accept(&mut self, message: &Envelope) {
         let header = &message.header;

@@ -3,11 +3,11 @@
 
 use std::collections::BTreeMap;
 
-use ds_episode::Millis;
 use ds_episode::fleet::{ComputeClass, Hello};
 use ds_episode::stage::{Action, Assignment, Event, PullFrom, Stage, StopReason};
+use ds_episode::{Codec, Millis};
 use ds_space::InstanceId;
-use ds_topic::{Advance, Envelope, Role, Slot};
+use ds_topic::{Advance, Envelope, Role, Slot, Topic};
 
 use super::cluster::{Cluster, Control, LEASE_MS, Made, Node, Occurrence, POLL_MS, TIMING, add, instance};
 use super::script::{Mishap, Moment};
@@ -19,6 +19,9 @@ pub struct Held {
     serial: u64,
     /// The lease as the process was told, kept apart from the machine to check it.
     lease_until: Millis,
+    /// What the stage must know of epochs and terms from the orders that it took.
+    pub known_epochs: BTreeMap<Role, u64>,
+    pub known_term: u64,
 }
 
 pub struct Worker {
@@ -193,7 +196,9 @@ impl Cluster {
                 let now = worker.clock(self.now);
                 let stage = Stage::new(assignment, TIMING, self.codec.clone(), now);
                 let maker = ToyMaker::new(worker.role, self.script.outline.clone());
-                worker.held = Some(Held { stage, maker, serial: self.serial, lease_until });
+                let (serial, known_term) = (self.serial, granted.term);
+                let known_epochs = BTreeMap::new();
+                worker.held = Some(Held { stage, maker, serial, lease_until, known_epochs, known_term });
                 self.tell(index, Event::Now);
             }
             Control::Release { owner } => {
@@ -219,7 +224,23 @@ impl Cluster {
         let now = worker.clock(self.now);
         let Some(held) = &mut worker.held else { return };
         let worked = matches!(event, Event::Worked { .. });
+        let order = match &event {
+            Event::Message(message) | Event::Pulled { reply: Some(message), .. } => {
+                Some(message.clone()).filter(|message| message.header.slot.topic == Topic::Advance)
+            }
+            _ => None,
+        };
         let actions = held.stage.handle(now, event);
+        if let Some(order) = order.filter(|order| order.header.term >= held.known_term) {
+            let owners = self.codec.decode_advance(&order.body).expect("orders are readable").owners;
+            if owners.get(&worker.role) == Some(&held.stage.assignment().owner) {
+                held.known_term = order.header.term;
+                for (role, owner) in owners {
+                    let known = held.known_epochs.entry(role).or_default();
+                    *known = owner.epoch.max(*known);
+                }
+            }
+        }
         let iteration = actions.iter().find_map(|action| match action {
             Action::Publish(message) if worked => Some(message.header.iteration),
             _ => None,
