@@ -5,6 +5,8 @@
 //! channels; control is a linear map of the space-to-depth layout. Time, modulation and norms are f32. The
 //! feed-forward uses the exact GELU. Cross-attention to the context sits in every `cross_every`-th block.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use burn::tensor::{Tensor, activation, module};
 
 use crate::array::{Array, Declared, Initial, Weights, WeightsError};
@@ -202,9 +204,16 @@ pub struct Dit {
     blocks: Vec<Block>,
     head: Linear,
     head_modulation: Tensor<3>,
+    forwards: AtomicU64,
 }
 
 impl Dit {
+    /// Returns how often [`Self::denoise`] was run.
+    #[must_use]
+    pub fn forwards(&self) -> u64 {
+        self.forwards.load(Ordering::Relaxed)
+    }
+
     /// Binds weights for inference.
     ///
     /// # Errors
@@ -243,6 +252,7 @@ impl Dit {
             blocks: (0..shape.layers).map(block).collect(),
             head: graph.linear("head.head"),
             head_modulation: graph.weight("head.modulation", [1, 2, d]),
+            forwards: AtomicU64::new(0),
             shape: shape.clone(),
             patch,
             graph,
@@ -298,6 +308,7 @@ impl Dit {
     /// 0 to 1000. Returns the network's output in the shape of `noisy`, and the chunk's keys and values.
     #[must_use]
     pub fn denoise(&self, chunk: &Chunk<'_>, window: &Window, context: &Context) -> (Array, ChunkKv) {
+        self.forwards.fetch_add(1, Ordering::Relaxed);
         let shape = chunk.noisy.shape().to_vec();
         let flat = |array: &Array| self.graph.tensor::<4>(array).reshape([1, shape[0] * shape[1], 4, shape[3]]);
         let tokens = Tokens {

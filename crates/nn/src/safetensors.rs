@@ -212,3 +212,6 @@ fn check_entries(
     }
     Ok(entries)
 }
+
+#[cfg(test)]
+mod tests;

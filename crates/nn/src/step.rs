@@ -299,3 +299,6 @@ pub fn teacher_flow(shape: &DitShape, weights: &Weights, batch: &ClipBatch, nois
     let flow = teacher_forward(&dit, batch, dit.graph.tensor(noisy), levels);
     Array::new(noisy.shape(), array_of(flow).into_values())
 }
+
+#[cfg(test)]
+mod tests;
