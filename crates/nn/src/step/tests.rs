@@ -1,0 +1,274 @@
+//! The parallel causal form against the cached one, gradients against finite differences, and short trainings.
+
+use ds_space::{Digest, Draws};
+
+use super::*;
+use crate::Declared;
+use crate::array::Initial;
+use crate::cache::{KvCache, ReadOrder};
+use crate::dit::Chunk;
+use crate::optimiser::{AdamW, AdamWSettings};
+
+const SHAPE: DitShape = DitShape {
+    layers: 3,
+    dim: 48,
+    heads: 2,
+    ffn: 64,
+    latent_channels: 3,
+    control_inputs: 12,
+    control_channels: 5,
+    freq_dim: 16,
+    text_dim: 8,
+    text_len: 2,
+    image_context: true,
+    cross_every: 2,
+    grid_h: 2,
+    grid_w: 3,
+};
+const FRAMES: usize = 7;
+
+fn draw(name: &str, shape: &[usize]) -> Array {
+    let draws = Draws::from_seed(11, name);
+    Array::new(shape, (0..shape.iter().product::<usize>() as u64).map(|i| draws.normal(i) as f32).collect())
+}
+
+/// Weights in which nothing is zero, so that no part is idle.
+fn weights(declared: &[Declared]) -> Weights {
+    let mut weights = Weights::initialised(declared, &Digest::of(b"test"));
+    for declared in declared.iter().filter(|declared| !matches!(declared.initial, Initial::Normal(_))) {
+        let draws = draw(&declared.name, &declared.shape);
+        let array = weights.get(&declared.name).expect("declared").clone();
+        let values = array.values().iter().zip(draws.values()).map(|(a, b)| a + 0.1 * b).collect();
+        weights.insert(&declared.name, Array::new(&declared.shape, values));
+    }
+    weights
+}
+
+fn batch(clips: usize) -> ClipBatch {
+    let n = SHAPE.tokens();
+    ClipBatch {
+        clean: draw("clean", &[clips, FRAMES, n, 4, 3]),
+        layouts: draw("layouts", &[clips, FRAMES * n, 4, 12]),
+        layout_on: vec![1.0; clips],
+        text: draw("text", &[clips, 2, 8]),
+    }
+}
+
+fn plan(clips: usize, chunk: usize, window: usize, positions: Positions, queries: Range<usize>) -> CausalPlan {
+    let n = SHAPE.tokens();
+    CausalPlan {
+        cache: CachePolicy { window, sink: 1, chunk, positions, order: ReadOrder::Slot },
+        context: Level(0.6),
+        context_trained: true,
+        query: Level(1.0),
+        prediction: Prediction::Clean,
+        context_noise: draw("context", &[clips, FRAMES - 1, n, 4, 3]),
+        query_noise: draw("query", &[clips, queries.len(), n, 4, 3]),
+        queries,
+    }
+}
+
+fn frames_of(array: &Array, frames: Range<usize>) -> Array {
+    let n = SHAPE.tokens();
+    let frame = array.values().len() / array.shape()[array.shape().len() - 4];
+    let values = array.values()[frames.start * frame..frames.end * frame].to_vec();
+    Array::new(&[frames.len(), n, 4, array.shape()[array.shape().len() - 1]], values)
+}
+
+fn noised(clean: &Array, noise: &Array, sigma: f32) -> Array {
+    let mix = |(a, b): (&f32, &f32)| (1.0 - sigma) * a + sigma * b;
+    Array::new(clean.shape(), clean.values().iter().zip(noise.values()).map(mix).collect())
+}
+
+/// Runs the cached form over the same sequence and returns the largest difference of any output.
+fn largest_difference(plan: &CausalPlan) -> f32 {
+    let (weights, batch) = (weights(&SHAPE.declare()), batch(1));
+    let parallel = causal_output(&SHAPE, &weights, &batch, plan);
+    let dit = Dit::new(&SHAPE, &weights).expect("the weights fit");
+    let n = SHAPE.tokens();
+    let context = dit.context(&batch.text, &frames_of(&batch.clean, 0..1));
+    let mut cache = KvCache::new(plan.cache);
+    let mut worst = 0.0f32;
+    let mut compare = |output: &Array, at: usize| {
+        let expected = frames_of(&parallel, at..at + output.shape()[0]);
+        worst = output.values().iter().zip(expected.values()).fold(worst, |w, (a, b)| w.max((a - b).abs()));
+    };
+    let mut start = 0;
+    while start < FRAMES {
+        let count = if start == 0 { 1 } else { plan.cache.chunk.min(FRAMES - start) };
+        let range = start..start + count;
+        let layouts = Array::new(
+            &[1, count * n, 4, 12],
+            batch.layouts.values()[start * n * 48..(start + count) * n * 48].to_vec(),
+        );
+        let control = dit.control(&layouts);
+        let clean = frames_of(&batch.clean, range.clone());
+        let zeros = Array::zeros(clean.shape());
+        let run = |noisy: &Array, level: f32, first: &Array, cache: &KvCache| {
+            let chunk = Chunk { noisy, start: first, control: &control, time: 1000.0 * level };
+            dit.denoise(&chunk, &cache.window(&dit, count), &context)
+        };
+        if plan.queries.contains(&start) {
+            let at = start - plan.queries.start;
+            let noise = frames_of(&plan.query_noise, at..at + count);
+            compare(&run(&noised(&clean, &noise, plan.query.0), plan.query.0, &zeros, &cache).0, FRAMES + at);
+        }
+        let (output, kv) = if start == 0 {
+            run(&clean, 0.0, &clean, &cache)
+        } else {
+            let noise = frames_of(&plan.context_noise, start - 1..start - 1 + count);
+            run(&noised(&clean, &noise, plan.context.0), plan.context.0, &zeros, &cache)
+        };
+        compare(&output, start);
+        cache.commit(&kv);
+        start += count;
+    }
+    worst
+}
+
+#[test]
+fn the_cached_form_equals_the_parallel_form() {
+    for (chunk, window, queries) in [(1, 8, 1..7), (1, 4, 2..6), (1, 2, 5..7), (2, 8, 1..7), (2, 5, 3..7), (3, 4, 4..7)] {
+        for positions in [Positions::CacheRelative, Positions::Absolute] {
+            let worst = largest_difference(&plan(1, chunk, window, positions, queries.clone()));
+            assert!(worst < 1e-4, "chunk {chunk}, window {window}, {positions:?}: {worst}");
+        }
+    }
+}
+
+#[test]
+fn positions_agree_until_something_is_evicted() {
+    let output = |positions, window| {
+        let plan = plan(1, 1, window, positions, 1..7);
+        causal_output(&SHAPE, &weights(&SHAPE.declare()), &batch(1), &plan)
+    };
+    assert_eq!(output(Positions::CacheRelative, 8), output(Positions::Absolute, 8));
+    assert_ne!(output(Positions::CacheRelative, 4), output(Positions::Absolute, 4));
+}
+
+#[test]
+fn a_head_of_zeros_gives_its_bias() {
+    let mut weights = weights(&SHAPE.declare());
+    weights.insert("head.head.weight", Array::zeros(&[12, 48]));
+    let bias = weights.get("head.head.bias").expect("declared").clone();
+    let output = causal_output(&SHAPE, &weights, &batch(1), &plan(1, 1, 8, Positions::CacheRelative, 1..3));
+    let worst = output.values().chunks_exact(12).flat_map(|row| row.iter().zip(bias.values()));
+    assert!(worst.fold(0.0f32, |w, (a, b)| w.max((a - b).abs())) < 1e-6);
+}
+
+/// Compares the gradient along a random direction with the central difference of the loss.
+fn check_gradient(weights: &Weights, step: impl Fn(&Weights) -> Step) {
+    let mut direction = weights.zeros_like();
+    for (name, array) in direction.iter_mut() {
+        let drawn = draw(&format!("direction/{name}"), array.shape());
+        array.values_mut().copy_from_slice(drawn.values());
+    }
+    let moved = |by: f32| {
+        let mut moved = weights.clone();
+        for ((_, array), (_, direction)) in moved.iter_mut().zip(direction.iter()) {
+            array.values_mut().iter_mut().zip(direction.values()).for_each(|(value, d)| *value += by * d);
+        }
+        f64::from(step(&moved).loss)
+    };
+    let gradient = step(weights).gradient;
+    let pairs = gradient.iter().zip(direction.iter());
+    let along: f64 = pairs
+        .flat_map(|((_, g), (_, d))| g.values().iter().zip(d.values()))
+        .map(|(g, d)| f64::from(*g) * f64::from(*d))
+        .sum();
+    let difference = (moved(5e-4) - moved(-5e-4)) / 1e-3;
+    assert!((along - difference).abs() < 0.02 * along.abs().max(0.5), "gradient {along}, difference {difference}");
+}
+
+#[test]
+fn gradients_match_finite_differences() {
+    let dit = weights(&SHAPE.declare());
+    let (batch, plan) = (batch(2), plan(2, 1, 4, Positions::CacheRelative, 2..5));
+    check_gradient(&dit, |weights| causal(&SHAPE, weights, &batch, &plan));
+    let noise = draw("noise", batch.clean.shape());
+    check_gradient(&dit, |weights| bidirectional(&SHAPE, weights, &batch, &[0.3, 0.9], &noise));
+}
+
+fn ae() -> (AeShape, AeBatch) {
+    let shape = AeShape {
+        z: 3,
+        stride_t: 4,
+        encoder_width: 8,
+        encoder_blocks: 1,
+        decoder_widths: [8, 6, 4],
+        decoder_blocks: [1, 1, 1],
+    };
+    let frames = draw("frames", &[2 * 2 * 4, 16, 24, 3]);
+    let batch = AeBatch {
+        clips: 2,
+        folded: draw("folded", &[4, 2, 3, shape.inputs()]),
+        frames,
+        noise: Array::zeros(&[4, 2, 3, 3]),
+        latent_penalty: 1e-3,
+    };
+    (shape, batch)
+}
+
+#[test]
+fn the_autoencoder_fits_what_it_sees() {
+    let (shape, batch) = ae();
+    let mut weights = Weights::initialised(&shape.declare(), &Digest::of(b"ae"));
+    let mut adam = AdamW::new(AdamWSettings::default(), &weights);
+    let first = autoencoder(&shape, &weights, &batch).loss;
+    for _ in 0..30 {
+        let step = autoencoder(&shape, &weights, &batch);
+        adam.update(&mut weights, &step.gradient, 5e-3);
+    }
+    let last = autoencoder(&shape, &weights, &batch).loss;
+    assert!(last < 0.9 * first, "{first} to {last}");
+}
+
+#[test]
+fn streaming_equals_whole_clip_work() {
+    let (shape, _) = ae();
+    for stride_t in [1, 2, 4] {
+        let shape = AeShape { stride_t, ..shape.clone() };
+        let ae = TinyAe::new(&shape, &weights(&shape.declare())).expect("the weights fit");
+        let steps = draw("steps", &[5, 2, 3, shape.inputs()]);
+        let latents = ae.encode(&steps, &mut Memory::default());
+        let frames = ae.decode(&latents, &mut Memory::default());
+        assert_eq!(frames.shape(), [5 * stride_t, 16, 24, 3]);
+        let (mut encoder, mut decoder) = (Memory::default(), Memory::default());
+        let (mut latents_in_parts, mut frames_in_parts) = (Vec::new(), Vec::new());
+        for part in [0..1, 1..3, 3..5] {
+            let slice = |array: &Array| {
+                let row = array.values().len() / 5;
+                let mut shape = array.shape().to_vec();
+                shape[0] = part.len();
+                Array::new(&shape, array.values()[part.start * row..part.end * row].to_vec())
+            };
+            let latents = ae.encode(&slice(&steps), &mut encoder);
+            frames_in_parts.extend(ae.decode(&latents, &mut decoder).into_values());
+            latents_in_parts.extend(latents.into_values());
+        }
+        let worst = |a: &[f32], b: &[f32]| a.iter().zip(b).fold(0.0f32, |w, (a, b)| w.max((a - b).abs()));
+        assert!(worst(&latents_in_parts, latents.values()) < 1e-5 && latents_in_parts.len() == latents.values().len());
+        assert!(worst(&frames_in_parts, frames.values()) < 1e-5 && frames_in_parts.len() == frames.values().len());
+    }
+}
+
+#[test]
+fn wrong_weights_are_named() {
+    let good = weights(&SHAPE.declare());
+    let check = |change: &dyn Fn(&mut Weights), expected: &str| {
+        let mut weights = good.clone();
+        change(&mut weights);
+        let message = match Dit::new(&SHAPE, &weights) {
+            Ok(_) => "accepted".to_owned(),
+            Err(error) => error.to_string(),
+        };
+        assert!(message.contains(expected), "{message:?} lacks {expected:?}");
+    };
+    check(&|_| (), "accepted");
+    check(&|w| drop(w.remove("blocks.1.ffn.0.bias")), "\"blocks.1.ffn.0.bias\" is missing");
+    check(&|w| w.insert("blocks.9.q", Array::zeros(&[1])), "\"blocks.9.q\" is not part of the model");
+    check(&|w| w.insert("head.head.weight", Array::zeros(&[48, 12])), "has shape [48, 12], [12, 48] expected");
+    let mut nan = Array::zeros(&[12]);
+    nan.values_mut()[3] = f32::NAN;
+    check(&|w| w.insert("head.head.bias", nan.clone()), "\"head.head.bias\" holds NaN at index 3");
+}
