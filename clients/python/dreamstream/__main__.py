@@ -44,14 +44,25 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     serve.add_argument("--connect", default="tcp/127.0.0.1:7448", help="the bridge's address (default %(default)s)")
     serve.add_argument("--name", default="guest", help="the policy's name on the bus (default %(default)s)")
     serve.add_argument("--sessions", type=int, default=None, help="end after this many sessions")
+    serve.add_argument("--wait", type=float, default=120.0, help="seconds to wait for the bridge (default %(default)s)")
     serve.add_argument("--config", default=None, help="a Zenoh configuration file, for certificates")
     serve.add_argument("--quiet", action="store_true", help="say only what goes wrong")
     given = parser.parse_args(arguments)
     logging.basicConfig(level=logging.WARNING if given.quiet else logging.INFO, format="%(levelname)s %(message)s")
     try:
-        run(load(given.policy), connect=given.connect, name=given.name, sessions=given.sessions, config_file=given.config)
+        run(
+            load(given.policy),
+            connect=given.connect,
+            name=given.name,
+            sessions=given.sessions,
+            wait_s=given.wait,
+            config_file=given.config,
+        )
     except KeyboardInterrupt:
         return 130
+    except ConnectionError as error:
+        logging.error("%s", error)
+        return 1
     return 0
 
 

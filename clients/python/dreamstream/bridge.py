@@ -120,11 +120,13 @@ def run(
     connect: str = "tcp/127.0.0.1:7448",
     name: str = "guest",
     sessions: Optional[int] = None,
+    wait_s: float = 120.0,
     config_file: Optional[str] = None,
 ) -> None:
     """Serves `policy` under `name` until interrupted, or until `sessions` sessions have ended.
 
-    `connect` is the bridge's address (`tcp/HOST:PORT`); `config_file` a Zenoh configuration, for certificates.
+    `connect` is the bridge's address (`tcp/HOST:PORT`), which may open up to `wait_s` later; `config_file` a Zenoh
+    configuration, for certificates.
     """
     if not _WORD.fullmatch(name):
         raise ValueError(f"policy name {name!r} may hold only letters, digits, '_', '-' and '.'")
@@ -134,6 +136,9 @@ def run(
     for key, value in (
         ("mode", "client"),
         ("connect/endpoints", [connect]),
+        ("connect/timeout_ms", round(1000 * wait_s)),
+        ("connect/exit_on_failure", True),
+        ("connect/retry", {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5}),
         ("scouting/multicast/enabled", False),
     ):
         config.insert_json5(key, json.dumps(value))
@@ -146,7 +151,11 @@ def run(
         except queue.Full:
             _log.warning("queue full, message dropped; the bridge will repeat it")
 
-    with zenoh.open(config) as bus:
+    try:
+        opened = zenoh.open(config)
+    except zenoh.ZError as error:
+        raise ConnectionError(f"no bridge at {connect} within {wait_s:.0f} s: {error}") from error
+    with opened as bus:
 
         def put(session: str, leaf: str, data: bytes) -> None:
             bus.put(f"{ROOT}/{name}/{session}/{leaf}", data)

@@ -4,6 +4,7 @@ import queue
 import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -103,14 +104,16 @@ def test_the_example_drives_over_a_real_bus():
     config.insert_json5("scouting/multicast/enabled", "false")
     answers = queue.Queue()
     prefix = "dreamstream-policy/v1/straight/5f1d"
+    # The client comes first and waits for its bridge.
+    client = subprocess.Popen(
+        [sys.executable, "-m", "dreamstream", "run", f"{EXAMPLE}:ConstantVelocity", "--connect", address,
+         "--name", "straight", "--sessions", "1"],
+        cwd=EXAMPLE.parents[1],
+    )
+    time.sleep(1.0)
     with zenoh.open(config) as bus:
         take = lambda sample: answers.put((str(sample.key_expr).rsplit("/", 1)[1], sample.payload.to_bytes()))
         listening = [bus.declare_subscriber(f"{prefix}/{leaf}", take) for leaf in ("ready", "plan", "leave")]
-        client = subprocess.Popen(
-            [sys.executable, "-m", "dreamstream", "run", f"{EXAMPLE}:ConstantVelocity", "--connect", address,
-             "--name", "straight", "--sessions", "1"],
-            cwd=EXAMPLE.parents[1],
-        )
 
         def ask(leaf, data, expected):
             for _ in range(60):
@@ -138,3 +141,14 @@ def test_the_example_drives_over_a_real_bus():
                 client.kill()
             for subscriber in listening:
                 subscriber.undeclare()
+
+
+def test_an_absent_bridge_is_named():
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"tcp/127.0.0.1:{free.getsockname()[1]}"
+    client = subprocess.run(
+        [sys.executable, "-m", "dreamstream", "run", f"{EXAMPLE}:ConstantVelocity", "--connect", address, "--wait", "1"],
+        cwd=EXAMPLE.parents[1], capture_output=True, text=True, timeout=60,
+    )
+    assert client.returncode == 1 and address in client.stderr
