@@ -1,31 +1,29 @@
 //! The control plane's messages as services use them: the generated types and the names of their enumerations.
 
-use ds_topic::{AgentMode, ObservationSource, Role};
-
 pub use crate::v1::*;
 
 /// Returns the role of a wire value, if it names one.
 #[must_use]
-pub fn role_of(value: i32) -> Option<Role> {
-    crate::v1::Role::try_from(value).ok().and_then(|role| Role::try_from(role).ok())
+pub fn role_of(value: i32) -> Option<ds_topic::Role> {
+    crate::v1::Role::try_from(value).ok().and_then(|role| ds_topic::Role::try_from(role).ok())
 }
 
 /// Returns the wire value of a role.
 #[must_use]
-pub fn role(role: Role) -> i32 {
+pub fn role(role: ds_topic::Role) -> i32 {
     crate::v1::Role::from(role).into()
 }
 
 /// Returns the observation source of a wire value, if it names one.
 #[must_use]
-pub fn observation_of(value: i32) -> Option<ObservationSource> {
-    crate::v1::ObservationSource::try_from(value).ok().and_then(|source| ObservationSource::try_from(source).ok())
+pub fn observation_of(value: i32) -> Option<ds_topic::ObservationSource> {
+    crate::v1::ObservationSource::try_from(value).ok().and_then(|source| ds_topic::ObservationSource::try_from(source).ok())
 }
 
 /// Returns the agent mode of a wire value, if it names one.
 #[must_use]
-pub fn agents_of(value: i32) -> Option<AgentMode> {
-    crate::v1::AgentMode::try_from(value).ok().and_then(|mode| AgentMode::try_from(mode).ok())
+pub fn agents_of(value: i32) -> Option<ds_topic::AgentMode> {
+    crate::v1::AgentMode::try_from(value).ok().and_then(|mode| ds_topic::AgentMode::try_from(mode).ok())
 }
 
 /// Returns the name of a status in results.
