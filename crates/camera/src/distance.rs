@@ -65,7 +65,6 @@ impl DistanceGrid {
 
     fn index(&self, place: DVec2) -> Option<usize> {
         let at = (place - self.low) / self.cell_m;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to lie in the grid")]
         let inside = at.x >= 0.0 && at.y >= 0.0 && at.x < self.columns as f64 && at.y < self.rows as f64;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to lie in the grid")]
         inside.then(|| at.y as usize * self.columns + at.x as usize)

@@ -130,13 +130,20 @@ fn housing(light: &TrafficLight, patches: &[Patch]) -> Vec<Facet> {
 
 /// Returns how far to the left of a head (right negative) its pole stands clear of the road.
 fn free_side(pose: &PoseSe2, patches: &[Patch]) -> f64 {
+    let near: Vec<&Patch> = patches
+        .iter()
+        .filter(|patch| patch.surface.material == Material::Asphalt && patch.reaches(pose.position, 20.0))
+        .collect();
     let on_road = |left_m: f64| {
         let place = pose.to_outer(DVec2::new(-0.25, left_m));
-        let road = patches.iter().filter(|patch| patch.surface.material == Material::Asphalt);
-        road.flat_map(|patch| &patch.triangles).any(|triangle| covers(triangle, place))
+        near.iter().flat_map(|patch| &patch.triangles).any(|triangle| covers(triangle, place))
     };
-    let steps = (0..40).flat_map(|i| [0.5 * f64::from(i), -0.5 * f64::from(i)]);
-    steps.into_iter().find(|left_m| !on_road(*left_m)).map_or(0.0, |left_m| left_m + 0.5 * left_m.signum() * f64::from(u8::from(left_m != 0.0)))
+    if !on_road(0.0) {
+        return 0.0;
+    }
+    let sides = (1..40).flat_map(|i| [0.5 * f64::from(i), -0.5 * f64::from(i)]);
+    let free = sides.into_iter().find(|left_m| !on_road(*left_m));
+    free.map_or(0.0, |left_m| left_m + 0.5 * left_m.signum())
 }
 
 fn covers([a, b, c]: &[DVec2; 3], p: DVec2) -> bool {

@@ -37,6 +37,11 @@ impl Patch {
     pub(crate) fn may_be_seen(&self, view: &View) -> bool {
         view.may_see(self.centre.extend(0.0), self.radius_m, RANGE_M)
     }
+
+    /// Says whether a part may lie within a distance of a place.
+    pub(crate) fn reaches(&self, place: DVec2, distance_m: f64) -> bool {
+        self.centre.distance(place) <= self.radius_m + distance_m
+    }
 }
 
 struct Layers(Vec<Patch>);

@@ -96,7 +96,11 @@ fn car(builder: &mut Builder, livery: &Livery, [l, w, h]: [f64; 3]) {
         &body,
     );
     let pillar = 0.5 * (rear_roof + front_roof);
-    builder.block(Slab::new(belt, pillar - 0.04, pillar + 0.04, 0.885 * side), 0.3 * h, livery.body);
+    builder.frustum(
+        Slab::new(belt, pillar - 0.05, pillar + 0.05, 0.905 * side),
+        Slab::new(0.96 * h, pillar - 0.05, pillar + 0.05, 0.765 * side),
+        &body,
+    );
 }
 
 fn truck(builder: &mut Builder, livery: &Livery, [l, w, h]: [f64; 3]) {

@@ -1,0 +1,146 @@
+//! Laws of the cameras' pictures and class maps, on a hand-made street.
+
+#[path = "../../layout/tests/scenes/street.rs"]
+mod street;
+
+use ds_camera::{Appearance, PixelClass, PlainCamera, ReferenceCamera, Sampling};
+use ds_space::{AgentId, CameraModel, DVec2, DVec3, Intrinsics, PoseSe2};
+use ds_world::{AgentClass, AgentState, Scene, Size, WorldState};
+
+fn reference() -> ReferenceCamera {
+    ReferenceCamera::new(&street::scene(), Appearance::DAY)
+}
+
+fn classes(world: &WorldState, camera: &CameraModel) -> Vec<PixelClass> {
+    reference().classes(world, camera, street::ego().world_from_rig(0.0))
+}
+
+fn agent(class: AgentClass, [length_m, width_m, height_m]: [f64; 3], x_m: f64, y_m: f64) -> AgentState {
+    let size = Size { length_m, width_m, height_m };
+    AgentState { id: AgentId(0), class, size, pose: PoseSe2::new(x_m, y_m, 0.3), z_m: 0.0, velocity_mps: DVec2::ZERO }
+}
+
+fn with_agents(agents: Vec<AgentState>) -> WorldState {
+    WorldState { agents, ..street::world() }
+}
+
+#[test]
+fn equal_input_gives_equal_bits() {
+    for sampling in [Sampling::Smooth, Sampling::Single] {
+        for appearance in [Appearance::DAY, Appearance::from_seed(4)] {
+            let picture = || {
+                let camera = ReferenceCamera::new(&street::scene(), appearance).with_sampling(sampling);
+                camera.render(&street::world(), &street::camera(160, 96), street::ego().world_from_rig(0.0))
+            };
+            assert_eq!(picture(), picture());
+        }
+    }
+}
+
+#[test]
+fn appearances_and_scenes_look_different_and_shapes_stay() {
+    let rig = street::ego().world_from_rig(0.0);
+    let (world, camera) = (street::world(), street::camera(160, 96));
+    let night = ReferenceCamera::new(&street::scene(), Appearance { night: 1.0, ..Appearance::DAY });
+    let mean = |camera: &ReferenceCamera| {
+        let image = camera.render(&world, &street::camera(160, 96), rig);
+        image.rgb().iter().map(|c| f64::from(*c)).sum::<f64>() / image.rgb().len() as f64
+    };
+    assert!(mean(&night) < 0.6 * mean(&reference()));
+    assert_eq!(night.classes(&world, &camera, rig), reference().classes(&world, &camera, rig));
+    let other = Scene { digest: ds_space::Digest::of(b"another street"), ..street::scene() };
+    let elsewhere = ReferenceCamera::new(&other, Appearance::DAY).render(&world, &camera, rig);
+    assert_ne!(elsewhere, reference().render(&world, &camera, rig));
+}
+
+#[test]
+fn nothing_behind_the_camera_is_seen() {
+    let camera = street::camera(160, 96);
+    let empty = classes(&with_agents(vec![]), &camera);
+    for (x_m, y_m) in [(-8.0, -1.75), (-3.5, 3.0), (-60.0, -1.75)] {
+        let world = with_agents(vec![agent(AgentClass::Vehicle, [4.5, 1.8, 1.5], x_m, y_m)]);
+        assert_eq!(classes(&world, &camera), empty, "an agent at ({x_m}, {y_m}) was seen");
+    }
+}
+
+/// Returns the rectangle around the projected corners of an agent's box: left, right, top, bottom.
+fn box_in_picture(agent: &AgentState, camera: &CameraModel) -> [f64; 4] {
+    let camera_from_world = (street::ego().world_from_rig(0.0) * camera.rig_from_camera).inverse();
+    let mut bounds = [f64::MAX, f64::MIN, f64::MAX, f64::MIN];
+    for corner in agent.corners() {
+        for z_m in [agent.z_m, agent.z_m + agent.size.height_m] {
+            let pixel = camera.intrinsics.project(camera_from_world * corner.extend(z_m)).expect("the box is ahead");
+            bounds = [bounds[0].min(pixel.x), bounds[1].max(pixel.x), bounds[2].min(pixel.y), bounds[3].max(pixel.y)];
+        }
+    }
+    bounds
+}
+
+/// Checks that an agent fills its projected box and does not leave it.
+fn check_in_box(class: AgentClass, seen_as: PixelClass, size: [f64; 3], least_share: f64) {
+    let plain = street::camera(640, 384);
+    let distorted = CameraModel { intrinsics: Intrinsics { k1: -0.12, ..plain.intrinsics }, ..plain.clone() };
+    for camera in [plain, distorted] {
+        let agent = agent(class, size, 14.0, -3.0);
+        let seen = classes(&with_agents(vec![agent.clone()]), &camera);
+        let [left, right, top, bottom] = box_in_picture(&agent, &camera);
+        let pixels = seen.iter().enumerate().filter(|(_, class)| **class == seen_as);
+        let places: Vec<(f64, f64)> = pixels.map(|(i, _)| ((i % 640) as f64 + 0.5, (i / 640) as f64 + 0.5)).collect();
+        for (x, y) in &places {
+            let inside = *x > left - 5.0 && *x < right + 5.0 && *y > top - 5.0 && *y < bottom + 5.0;
+            assert!(inside, "{class:?} at ({x}, {y}) leaves {:?}", [left, right, top, bottom]);
+        }
+        let share = places.len() as f64 / ((right - left) * (bottom - top));
+        assert!(share > least_share, "{class:?} fills {share:.2} of its box");
+    }
+}
+
+#[test]
+fn agents_fill_their_boxes() {
+    check_in_box(AgentClass::Vehicle, PixelClass::Vehicle, [4.5, 1.8, 1.5], 0.6);
+    check_in_box(AgentClass::Vehicle, PixelClass::Vehicle, [4.8, 2.0, 1.9], 0.6);
+    check_in_box(AgentClass::Vehicle, PixelClass::Vehicle, [9.0, 2.5, 3.4], 0.6);
+    check_in_box(AgentClass::Pedestrian, PixelClass::Person, [0.7, 0.7, 1.75], 0.25);
+    check_in_box(AgentClass::Cyclist, PixelClass::Person, [1.8, 0.6, 1.75], 0.2);
+}
+
+#[test]
+fn sky_is_above_and_road_ahead() {
+    let seen = classes(&with_agents(vec![]), &street::camera(160, 96));
+    assert!(seen[..160 * 10].iter().all(|class| matches!(class, PixelClass::Sky | PixelClass::Other)));
+    assert!(!seen[160 * 50..].contains(&PixelClass::Sky));
+    assert_eq!(seen[160 * 90 + 90], PixelClass::Road);
+    assert!(seen.contains(&PixelClass::Paint));
+}
+
+#[test]
+fn the_lit_lamp_shows_the_state() {
+    use ds_world::LightState::{Green, Red, Unknown};
+    let camera = street::camera(640, 384);
+    let rig = street::ego().world_from_rig(0.0);
+    let picture = |state| reference().render(&WorldState { lights: vec![state], ..with_agents(vec![]) }, &camera, rig);
+    let (red, green, unknown) = (picture(Red), picture(Green), picture(Unknown));
+    let camera_from_world = (rig * camera.rig_from_camera).inverse();
+    let lamp = |up_m: f64| {
+        let head = street::map().traffic_lights[0].position + DVec3::new(-0.15, 0.0, up_m);
+        let pixel = camera.intrinsics.project(camera_from_world * head).expect("the head is ahead");
+        (pixel.x as u32, pixel.y as u32)
+    };
+    let at = |image: &ds_raster::RgbImage, (x, y)| image.pixel(x, y).map(i32::from);
+    let (r, g) = (at(&red, lamp(0.46)), at(&green, lamp(-0.46)));
+    assert!(r[0] > r[1] + 80, "the red lamp shows {r:?}");
+    assert!(g[1] > g[0] + 80, "the green lamp shows {g:?}");
+    assert!(at(&unknown, lamp(0.46))[0] < 120);
+}
+
+#[test]
+fn the_plain_camera_agrees_with_the_class_map_on_the_sky() {
+    let camera = street::camera(160, 96);
+    let rig = street::ego().world_from_rig(0.0);
+    let image = PlainCamera::new(&street::scene()).render(&street::world(), &camera, rig);
+    let seen = classes(&street::world(), &camera);
+    let sky = image.pixel(0, 0);
+    for (i, class) in seen.iter().enumerate().filter(|(_, class)| **class == PixelClass::Sky) {
+        assert_eq!(image.rgb()[3 * i..3 * i + 3], sky, "pixel {i} is {class:?}");
+    }
+}
