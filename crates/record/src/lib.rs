@@ -1,1 +1,26 @@
-//! Placeholder until this crate is written.
+//! Recordings: topics → MCAP file, MCAP file → topics, digests, a viewer's data and pictures.
+//!
+//! A recording is the journal of one attempt. It grows as `….mcap.partial`, closed and synced at every commit, and is
+//! renamed when its completeness record is written; a cut file is read up to its last commit and says what is missing.
+//! Times are simulation time; the wall clock never enters. Transport and scores are not made here.
+
+pub mod channel;
+pub mod completeness;
+pub mod digests;
+pub mod error;
+mod message;
+pub mod pictures;
+pub mod recorder;
+pub mod recording;
+pub mod scan;
+mod schema;
+pub mod view;
+
+pub use channel::ChannelKey;
+pub use completeness::{Completeness, Missing};
+pub use digests::{Digests, StreamDigests};
+pub use error::RecordError;
+pub use message::Body;
+pub use pictures::{Moment, Reel};
+pub use recorder::{Outcome, Recorder, Resumed, partial_path};
+pub use recording::{Recording, Tail};

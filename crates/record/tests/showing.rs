@@ -1,0 +1,127 @@
+//! A recording becomes pictures and viewer data; what was drawn is looked for in the results.
+//!
+//! The files stay in the target folder (`tmp/showing`) for a look.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+
+use ds_raster::{Encoding, RgbImage};
+use ds_record::{Outcome, Recorder, Recording, view};
+
+#[path = "fixture/drive.rs"]
+mod drive;
+use drive::Drive;
+
+const LAST_TICK: u32 = 30;
+const EGO: [u8; 3] = [64, 222, 128];
+
+fn folder() -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("showing");
+    fs::create_dir_all(&folder).expect("the target folder is writable");
+    folder
+}
+
+static RECORDING: LazyLock<Recording> = LazyLock::new(|| {
+    let drive = Drive::new(&["front"], LAST_TICK);
+    let path = folder().join("drive.mcap");
+    let mut recorder = Recorder::create(&path, &drive.scene()).expect("creates");
+    for iteration in 0..drive.iterations() {
+        recorder.append(&drive.iteration(iteration)).expect("takes the messages");
+        recorder.commit(iteration).expect("commits");
+    }
+    let outcome = Outcome { status: "completed".to_owned(), reason: String::new() };
+    recorder.finish(&outcome).expect("finishes");
+    Recording::open(&path).expect("opens")
+});
+
+/// Returns the centre of all pixels near a colour, in pixels, and how many they are.
+fn blob(image: &RgbImage, colour: [u8; 3]) -> (f64, f64, usize) {
+    let (mut x_sum, mut y_sum, mut count) = (0.0, 0.0, 0);
+    for y in 0..image.height_px() {
+        for x in 0..image.width_px() {
+            if image.pixel(x, y).iter().zip(colour).all(|(a, b)| a.abs_diff(b) <= 12) {
+                x_sum += f64::from(x);
+                y_sum += f64::from(y);
+                count += 1;
+            }
+        }
+    }
+    (x_sum / f64::from(count.max(1)), y_sum / f64::from(count.max(1)), count as usize)
+}
+
+#[test]
+fn the_animation_shows_every_tick_with_the_ego_in_its_place() {
+    let path = folder().join("drive.gif");
+    RECORDING.reel().expect("states decode").animate(&path).expect("animates");
+    let mut options = gif::DecodeOptions::new();
+    options.set_color_output(gif::ColorOutput::RGBA);
+    let mut decoder = options.read_info(fs::File::open(&path).expect("is there")).expect("is a GIF");
+    let (width, height) = (u32::from(decoder.width()), u32::from(decoder.height()));
+    // Two columns of 320 pixels: frame above layout at twice their size, each under a caption; and the view from above.
+    assert_eq!((width, height), (640, 2 * (192 + 16)));
+    let mut screen = RgbImage::filled(width, height, [0; 3]);
+    let mut count = 0;
+    while let Some(frame) = decoder.read_next_frame().expect("frames are sound") {
+        for (pixel, new) in screen.rgb_mut().chunks_exact_mut(3).zip(frame.buffer.chunks_exact(4)) {
+            if new[3] > 0 {
+                pixel.copy_from_slice(&new[..3]);
+            }
+        }
+        let (x, y, pixels) = blob(&screen, EGO);
+        assert!(
+            (x - 480.0).abs() < 4.0 && (y - 300.0).abs() < 25.0 && pixels > 200,
+            "ego at {x}, {y}: {pixels} pixels"
+        );
+        count += 1;
+    }
+    assert_eq!(count, LAST_TICK + 1);
+}
+
+#[test]
+fn the_contact_sheet_has_eight_moments() {
+    let path = folder().join("sheet.png");
+    RECORDING.reel().expect("states decode").contact_sheet(&path).expect("draws");
+    let bytes = fs::read(&path).expect("is there");
+    let sheet = RgbImage::decode(Encoding::Png, 2 * 640 + 8, 4 * (416 + 8), &bytes).expect("has the size of eight");
+    let (_, _, pixels) = blob(&sheet, EGO);
+    assert!(pixels > 8 * 200, "the ego has {pixels} pixels");
+}
+
+#[test]
+fn the_viewer_file_holds_every_entity() {
+    let path = folder().join("drive.rrd");
+    view::save_rrd(&RECORDING, &path).expect("writes");
+    let bytes = fs::read(&path).expect("is there");
+    assert!(bytes.starts_with(b"RRF2"), "begins with {:?}", &bytes[..4]);
+    for entity in
+        ["/world/agents", "/world/ego/body", "/world/plan/answer", "/camera/front/frame/boxes", "/score/progress"]
+    {
+        let found = bytes.windows(entity.len()).any(|window| window == entity.as_bytes());
+        assert!(found, "{entity} is not in the file");
+    }
+}
+
+#[test]
+fn a_live_view_shows_what_it_takes_and_counts_what_it_drops() {
+    let drive = Drive::new(&["front"], LAST_TICK);
+    let (stream, storage) = rerun::RecordingStreamBuilder::new("test").memory().expect("a stream in memory");
+    let live = view::LiveView::start(drive.message(), stream, 4).expect("starts");
+    let (mut taken, mut fed) = (0, 0);
+    for iteration in 0..drive.iterations() {
+        for envelope in drive.iteration(iteration) {
+            taken += u64::from(live.feed(envelope));
+            fed += 1;
+        }
+    }
+    let mut broken = drive.iteration(0)[1].clone();
+    broken.body = bytes::Bytes::from_static(b"\xff");
+    while !live.feed(broken.clone()) {
+        fed += 1;
+    }
+    fed += 1;
+    let shown = live.finish().expect("the stream holds");
+    assert_eq!((shown.logged, shown.refused), (taken, 1));
+    assert_eq!(shown.logged + shown.refused + shown.dropped, fed);
+    assert!(!storage.take().is_empty());
+}
