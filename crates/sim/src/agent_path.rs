@@ -64,7 +64,8 @@ impl AgentPath {
         }
         let (first, last) = (kept.first()?, kept.last()?);
         let moved_m = (last.point.pose.position - first.point.pose.position).length();
-        if !(SHORTEST_M..=LONGEST_M).contains(&last.along_m) || !(moved_m >= 0.5 * SHORTEST_M) {
+        let lengths = SHORTEST_M..=LONGEST_M;
+        if !lengths.contains(&last.along_m) || !(0.5 * SHORTEST_M..=LONGEST_M).contains(&moved_m) {
             return None;
         }
         let mut knots = resample(&kept);

@@ -75,9 +75,9 @@ mod tests {
             let size = squares.len() + 2;
             let mut matrix = Banded::zeros(size);
             let mut dense = vec![vec![0.0; size]; size];
-            for i in 0..size {
+            for (i, row) in dense.iter_mut().enumerate() {
                 matrix.add_square(i, &[1.0], 1.0);
-                dense[i][i] += 1.0;
+                row[i] += 1.0;
             }
             for (first, (a, b, c)) in squares.iter().enumerate() {
                 let entries: [f64; 3] = [*a, *b, *c];

@@ -155,8 +155,13 @@ mod tests {
             ("is hit from behind", 5.0, agent(-2.7, 0.0, 0.0, 9.0), Some((Rear, false, 4.0))),
             ("scrapes a parked car", 5.0, agent(1.0, 1.8, 0.0, 0.0), Some((Side, true, 0.0))),
             ("is scraped by a moving car", 5.0, agent(1.0, 1.8, 0.0, 6.0), Some((Side, false, 0.0))),
-            ("is hit across while standing", 0.0, agent(1.0, 2.8, -1.570_796, 6.0), Some((Side, false, 6.0))),
-            ("stands nose to nose", 0.0, agent(5.0, 0.0, 3.141_592, 2.0), Some((Front, false, 2.0))),
+            (
+                "is hit across while standing",
+                0.0,
+                agent(1.0, 2.8, -std::f64::consts::FRAC_PI_2, 6.0),
+                Some((Side, false, 6.0)),
+            ),
+            ("stands nose to nose", 0.0, agent(5.0, 0.0, std::f64::consts::PI, 2.0), Some((Front, false, 2.0))),
         ] {
             let got = found(&ego(ego_mps), &other);
             assert_eq!(got.map(|c| (c.kind, c.at_fault)), expected.map(|(kind, fault, _)| (kind, fault)), "{what}");

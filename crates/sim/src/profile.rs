@@ -129,8 +129,9 @@ mod tests {
             right.swap(i, best);
             for row in i + 1..n {
                 let factor = matrix[row][i] / matrix[i][i];
-                for column in i..n {
-                    matrix[row][column] -= factor * matrix[i][column];
+                let (above, below) = matrix.split_at_mut(row);
+                for (value, pivot) in below[0].iter_mut().zip(&above[i]).skip(i) {
+                    *value -= factor * pivot;
                 }
                 right[row] -= factor * right[i];
             }
