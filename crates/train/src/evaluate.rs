@@ -28,8 +28,8 @@ pub fn roll(
     layouts: &[RgbImage],
     key: &Digest,
 ) -> Result<Vec<RgbImage>, TrainError> {
-    let first = (&clip.frames[0], &layouts[0]);
-    let (mut rollout, _) = Rollout::new(Arc::clone(model), *key, "front", &clip.prompt, first)?;
+    let (first, layout) = (&clip.frames[0], &layouts[0]);
+    let (mut rollout, _) = Rollout::new(Arc::clone(model), *key, "front", &clip.prompt, first, layout)?;
     let mut frames = vec![clip.frames[0].clone()];
     frames.extend(rollout.generate(&layouts[1..])?.frames);
     Ok(frames)

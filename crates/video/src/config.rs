@@ -10,6 +10,15 @@ use serde::{Deserialize, Serialize};
 /// Says why a configuration is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("model configuration {path:?} cannot be read")]
+    Io {
+        /// The file.
+        path: String,
+        /// The system's answer.
+        #[source]
+        source: std::io::Error,
+    },
     /// The text is not TOML of the expected keys.
     #[error("model configuration cannot be read")]
     Syntax(#[from] toml::de::Error),
@@ -203,6 +212,18 @@ impl CacheSource {
 const MAX_WIDTH: usize = 8_192;
 
 impl ModelConfig {
+    /// Reads and checks a configuration file of at most a megabyte.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or as [`Self::parse`].
+    pub fn load(path: &std::path::Path) -> Result<Self, ConfigError> {
+        let io = |source| ConfigError::Io { path: path.display().to_string(), source };
+        let file = std::fs::File::open(path).map_err(io)?;
+        let mut text = String::new();
+        std::io::Read::read_to_string(&mut std::io::Read::take(file, 1 << 20), &mut text).map_err(io)?;
+        Self::parse(&text)
+    }
+
     /// Reads and checks a configuration.
     ///
     /// # Errors

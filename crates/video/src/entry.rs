@@ -7,19 +7,20 @@ use ds_space::Digest;
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Latent {
     /// Shape.
-    pub shape: Vec<usize>,
+    pub shape: Vec<u32>,
     /// Values.
     pub values: Vec<f32>,
 }
 
 impl Latent {
     pub(crate) fn of(array: &Array) -> Self {
-        Self { shape: array.shape().to_vec(), values: array.values().to_vec() }
+        Self { shape: array.shape().iter().map(|side| *side as u32).collect(), values: array.values().to_vec() }
     }
 
     /// Returns the array if it has the expected shape and is finite.
     pub(crate) fn checked(&self, shape: &[usize]) -> Result<Array, String> {
-        if self.shape != shape || self.values.len() != shape.iter().product::<usize>() {
+        let fits = self.shape.len() == shape.len() && self.shape.iter().zip(shape).all(|(a, b)| *a as usize == *b);
+        if !fits || self.values.len() != shape.iter().product::<usize>() {
             let count = self.values.len();
             return Err(format!("has shape {:?} and {count} values, {shape:?} expected", self.shape));
         }

@@ -19,4 +19,4 @@ pub use config::{CacheSource, ConfigError, ModelConfig};
 pub use entry::{CacheEntry, Latent};
 pub use error::VideoError;
 pub use model::VideoModel;
-pub use rollout::{Generated, Rollout};
+pub use rollout::{Generated, Replay, Rollout};

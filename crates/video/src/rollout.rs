@@ -37,6 +37,7 @@ pub struct Generated {
 #[derive(Clone)]
 pub struct Rollout {
     model: Arc<VideoModel>,
+    first_frame: Arc<RgbImage>,
     draw_key: Digest,
     camera: String,
     context: Context,
@@ -50,6 +51,24 @@ pub struct Rollout {
     pending: Vec<RgbImage>,
     /// Frames of the chunk under way as last made: one per pending layout.
     provisional: Vec<RgbImage>,
+}
+
+/// What a rollout is rebuilt from.
+pub struct Replay<'a> {
+    /// The model.
+    pub model: Arc<VideoModel>,
+    /// The draw key of the episode.
+    pub draw_key: Digest,
+    /// The camera.
+    pub camera: &'a str,
+    /// The prompt.
+    pub prompt: &'a str,
+    /// The first frame, as given to [`Rollout::new`].
+    pub first_frame: &'a RgbImage,
+    /// The cache log from entry 0 on.
+    pub entries: &'a [CacheEntry],
+    /// The layouts received since the last commit, fewer than a chunk's.
+    pub layouts: &'a [RgbImage],
 }
 
 /// A chunk as made: what is cached, what is decoded.
@@ -70,11 +89,24 @@ impl Rollout {
         draw_key: Digest,
         camera: &str,
         prompt: &str,
-        first: (&RgbImage, &RgbImage),
+        first_frame: &RgbImage,
+        first_layout: &RgbImage,
     ) -> Result<(Self, CacheEntry), VideoError> {
+        let (rollout, clean) = Self::prepare(model, draw_key, camera, prompt, first_frame);
+        let control = rollout.control(std::slice::from_ref(first_layout));
+        rollout.begin(clean, &control)
+    }
+
+    /// Encodes the first frame; nothing is cached yet. Returns the rollout and the first frame's clean latent.
+    fn prepare(
+        model: Arc<VideoModel>,
+        draw_key: Digest,
+        camera: &str,
+        prompt: &str,
+        first_frame: &RgbImage,
+    ) -> (Self, Array) {
         let config = model.config();
-        let (width, height) = (config.video.width_px, config.video.height_px);
-        let first_frame = pixels::resized(first.0, width, height);
+        let first_frame = pixels::resized(first_frame, config.video.width_px, config.video.height_px);
         let (h, w) = config.latent_size();
         let (n, z) = (config.dit().tokens(), config.vae.z);
         let folded = pixels::fold(&vec![&first_frame; config.vae.stride_t]);
@@ -87,7 +119,8 @@ impl Rollout {
         let mut conditioning = DigestWriter::new();
         conditioning.digest(&model.digest()).digest(&draw_key).text(camera).text(prompt);
         clean.digest_into(&mut conditioning);
-        let mut rollout = Self {
+        let rollout = Self {
+            first_frame: Arc::new(first_frame),
             draw_key,
             camera: camera.to_owned(),
             context,
@@ -100,11 +133,21 @@ impl Rollout {
             provisional: Vec::new(),
             model,
         };
-        let control = rollout.control(std::slice::from_ref(first.1));
-        let kv = rollout.write(&clean, &clean, &control, 0.0);
-        rollout.decode(&clean)?;
-        let entry = rollout.commit(Made { cached_input: clean.clone(), kv, clean }, &control);
-        Ok((rollout, entry))
+        (rollout, clean)
+    }
+
+    /// Caches the first frame and moves the decoder past it.
+    fn begin(mut self, clean: Array, control: &Control) -> Result<(Self, CacheEntry), VideoError> {
+        let kv = self.write(&clean, &clean, control, 0.0);
+        self.decode(&clean)?;
+        let entry = self.commit(Made { cached_input: clean.clone(), kv, clean }, control);
+        Ok((self, entry))
+    }
+
+    /// Returns the frame of tick 0: the given first frame at the model's video size.
+    #[must_use]
+    pub fn first_frame(&self) -> &RgbImage {
+        &self.first_frame
     }
 
     /// Generates the frames of the next ticks, one per layout.
@@ -144,18 +187,17 @@ impl Rollout {
     ///
     /// # Errors
     /// [`VideoError::Entry`] for an entry that cannot belong here, [`VideoError::RecoveryMismatch`] for a difference.
-    pub fn replay(
-        start: (Arc<VideoModel>, Digest, &str, &str),
-        first: (&RgbImage, &RgbImage),
-        entries: &[CacheEntry],
-        layouts_since_last_commit: &[RgbImage],
-    ) -> Result<Self, VideoError> {
-        let (model, draw_key, camera, prompt) = start;
-        let (mut rollout, begun) = Self::new(model, draw_key, camera, prompt, first)?;
+    pub fn replay(replay: Replay<'_>) -> Result<Self, VideoError> {
+        let Replay { model, draw_key, camera, prompt, first_frame, entries, layouts } = replay;
         let Some((first, rest)) = entries.split_first() else {
             let reason = "has no entry 0".to_owned();
             return Err(VideoError::Entry { chunk: 0, field: "entries", reason });
         };
+        let (rollout, clean) = Self::prepare(model, draw_key, camera, prompt, first_frame);
+        let control = first.control.checked(&rollout.control_shape(1));
+        let control = control.map_err(|reason| VideoError::Entry { chunk: 0, field: "control", reason })?;
+        let control = rollout.model.dit.control_of(&control);
+        let (mut rollout, begun) = rollout.begin(clean, &control)?;
         compare(first, &begun)?;
         for entry in rest {
             let refuse = |field| move |reason| VideoError::Entry { chunk: entry.chunk, field, reason };
@@ -163,11 +205,9 @@ impl Rollout {
                 return Err(refuse("chunk")(format!("is {}, {} expected", entry.chunk, rollout.chunk)));
             }
             let shape = rollout.latent_shape();
-            let mut control_shape = shape;
-            control_shape[3] = rollout.model.config().control.channels;
             let cached_input = entry.cached_input.checked(&shape).map_err(refuse("cached_input"))?;
             let clean = entry.clean.checked(&shape).map_err(refuse("clean"))?;
-            let control = entry.control.checked(&control_shape).map_err(refuse("control"))?;
+            let control = entry.control.checked(&rollout.control_shape(shape[0])).map_err(refuse("control"))?;
             let control = rollout.model.dit.control_of(&control);
             let start = Array::zeros(&shape);
             let kv = rollout.write(&cached_input, &start, &control, rollout.cache_time());
@@ -175,12 +215,12 @@ impl Rollout {
             let remade = rollout.commit(Made { cached_input, kv, clean }, &control);
             compare(entry, &remade)?;
         }
-        if layouts_since_last_commit.len() >= rollout.model.config().frames_per_chunk() {
-            let reason = format!("are {}, a whole chunk or more", layouts_since_last_commit.len());
-            return Err(VideoError::Entry { chunk: rollout.chunk, field: "layouts_since_last_commit", reason });
+        if layouts.len() >= rollout.model.config().frames_per_chunk() {
+            let reason = format!("are {}, a whole chunk or more", layouts.len());
+            return Err(VideoError::Entry { chunk: rollout.chunk, field: "layouts", reason });
         }
-        if !layouts_since_last_commit.is_empty() {
-            rollout.pending = layouts_since_last_commit.to_vec();
+        if !layouts.is_empty() {
+            rollout.pending = layouts.to_vec();
             rollout.provisional = rollout.attempt()?;
         }
         Ok(rollout)
@@ -218,6 +258,11 @@ impl Rollout {
     fn latent_shape(&self) -> [usize; 4] {
         let config = self.model.config();
         [config.causal.chunk, config.dit().tokens(), 4, config.vae.z]
+    }
+
+    fn control_shape(&self, frames: usize) -> [usize; 4] {
+        let config = self.model.config();
+        [frames, config.dit().tokens(), 4, config.control.channels]
     }
 
     /// Makes the chunk under way with its newest layout repeated; changes nothing.
@@ -332,14 +377,14 @@ impl Rollout {
         let per_chunk = config.frames_per_chunk() as u32;
         let frames = made.clean.shape()[0];
         self.cache.commit(&made.kv);
-        let shape = vec![frames, config.dit().tokens(), 4, config.control.channels];
+        let control = Array::new(&self.control_shape(frames), control.values().into_values());
         let entry = CacheEntry {
             chunk: self.chunk,
             first_tick_offset: if self.chunk == 0 { 0 } else { 1 + (self.chunk - 1) * per_chunk },
             ticks: if self.chunk == 0 { 1 } else { per_chunk },
             cached_input: Latent::of(&made.cached_input),
             clean: Latent::of(&made.clean),
-            control: Latent { shape, values: control.values().into_values() },
+            control: Latent::of(&control),
             conditioning: self.conditioning,
             cache_digest: self.cache.digest(),
             encoder_digest: self.encoder_digest,

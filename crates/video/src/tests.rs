@@ -9,7 +9,7 @@ use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
 use ds_space::Digest;
 
-use crate::{CacheEntry, Latent, ModelConfig, Rollout, VideoError, VideoModel, prompt, sampler};
+use crate::{CacheEntry, Latent, ModelConfig, Replay, Rollout, VideoError, VideoModel, prompt, sampler};
 
 const SMOKE: &str = include_str!("../../../configs/models/smoke.toml");
 const PROMPT: &str = "driving by day, clear sky";
@@ -38,13 +38,20 @@ fn layouts(ticks: std::ops::Range<u32>) -> Vec<RgbImage> {
 }
 
 fn start(model: &Arc<VideoModel>) -> (Rollout, CacheEntry) {
-    let first = (&picture(0), &picture(100));
-    Rollout::new(Arc::clone(model), Digest::of(b"key"), "front", PROMPT, first).expect("starts")
+    let key = Digest::of(b"key");
+    Rollout::new(Arc::clone(model), key, "front", PROMPT, &picture(0), &picture(100)).expect("starts")
 }
 
 fn replayed(model: &Arc<VideoModel>, log: &[CacheEntry], since: &[RgbImage]) -> Result<Rollout, VideoError> {
-    let first = (&picture(0), &picture(100));
-    Rollout::replay((Arc::clone(model), Digest::of(b"key"), "front", PROMPT), first, log, since)
+    Rollout::replay(Replay {
+        model: Arc::clone(model),
+        draw_key: Digest::of(b"key"),
+        camera: "front",
+        prompt: PROMPT,
+        first_frame: &picture(0),
+        entries: log,
+        layouts: since,
+    })
 }
 
 #[test]
@@ -143,13 +150,13 @@ fn broken_logs_are_refused_by_field() {
     check(&Vec::clear, "\"entries\"");
     check(&|log| drop(log.remove(1)), "entry 2: field \"chunk\" is 2, 1 expected");
     check(&|log| log[2].cached_input.values[7] = f32::NAN, "\"cached_input\" holds NaN at index 7");
-    check(&|log| log[2].clean.shape[0] = usize::MAX, "\"clean\" has shape");
+    check(&|log| log[2].clean.shape[0] = u32::MAX, "\"clean\" has shape");
     check(&|log| log[2].control = Latent::default(), "\"control\" has shape []");
     check(&|log| log[2].cached_input.values[7] += 1.0, "recovery mismatch at chunk 2: cache_digest");
     check(&|log| log[1].clean.values[0] += 1.0, "recovery mismatch at chunk 1: decoder_digest");
     check(&|log| log[0].conditioning = Digest::default(), "recovery mismatch at chunk 0: conditioning");
     let late = replayed(&model, &log, &layouts(0..4));
-    assert!(matches!(late, Err(VideoError::Entry { field: "layouts_since_last_commit", .. })));
+    assert!(matches!(late, Err(VideoError::Entry { field: "layouts", .. })));
 }
 
 #[test]
@@ -177,7 +184,7 @@ fn the_state_source_caches_the_state_that_enters_its_step() {
     let (mut rollout, _) = start(&model);
     let entry = rollout.generate(&layouts(1..5)).expect("generates").committed.remove(0);
     // state(2) = (1 − σ)·x̂0 + σ·ε with the noise of step 2: taking the noise away leaves the first estimate.
-    let noise = sampler::noise(&Digest::of(b"key"), "front", 1, 2, &entry.cached_input.shape);
+    let noise = sampler::noise(&Digest::of(b"key"), "front", 1, 2, &[1, 8, 4, 4]);
     let sigma = sampler::sigmas(2, 5.0)[1];
     let estimate = entry.cached_input.values.iter().zip(noise.values()).map(|(x, e)| (x - sigma * e) / (1.0 - sigma));
     let largest = estimate.fold(0.0f32, |largest, value| largest.max(value.abs()));
@@ -219,8 +226,8 @@ fn ring_and_shifted_reading_agree() {
 fn what_a_rollout_depends_on() {
     let model = model("state(2)");
     let run = |key: &str, camera: &str, prompt: &str, first: u32, on: u32| {
-        let first = (&picture(first), &picture(100));
-        let rollout = Rollout::new(Arc::clone(&model), Digest::of(key.as_bytes()), camera, prompt, first);
+        let (key, first) = (Digest::of(key.as_bytes()), picture(first));
+        let rollout = Rollout::new(Arc::clone(&model), key, camera, prompt, &first, &picture(100));
         rollout.expect("starts").0.generate(&layouts(on..on + 8)).expect("generates").frames
     };
     let base = run("key", "front", PROMPT, 0, 1);
