@@ -16,12 +16,13 @@ mod faultsim {
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use ds_episode::Counters;
 use ds_episode::driver::Status;
+use ds_episode::{Codec, Counters, due};
 use ds_space::Digest;
-use ds_topic::{Role, Slot};
+use ds_topic::{Advance, Envelope, Motion, Role, Slot, Topic};
 use faultsim::cluster::{Cluster, Outcome, add};
 use faultsim::script::{Mishap, Moment, Network, Script};
+use faultsim::toy::{ToyCodec, ToyMaker};
 
 const SEEDS: u64 = 10_000;
 
@@ -165,6 +166,54 @@ fn what_broken_predecessors_still_say_leaves_no_trace() {
         ghosts += completes(Script { mishaps, network, ..Script::calm(seed) }).ghosts;
     }
     assert!(ghosts > 1_000, "only {ghosts} ghosts");
+}
+
+/// Makes everything again from the orders and plans of a journal alone.
+fn replay(script: &Script, journal: &[Envelope]) -> BTreeMap<Slot, Digest> {
+    let codec = ToyCodec::new(script.outline.clone());
+    let mut messages: BTreeMap<Slot, Envelope> = journal.iter().map(|held| (held.header.slot, held.clone())).collect();
+    let mut made = BTreeMap::new();
+    let mut makers = Role::ALL.map(|role| ToyMaker::new(role, script.outline.clone()));
+    for iteration in 0..script.outline.spec.iterations() {
+        let (first, last) = script.outline.spec.ticks_of(iteration);
+        let plan = iteration.checked_sub(1).and_then(|before| messages.get(&Slot::new(Topic::Plan, before)));
+        let motion = match plan {
+            _ if iteration == 0 => Motion::Initial,
+            Some(plan) => {
+                Motion::Plan(codec.decode_plan(&plan.body).expect("a journalled plan is readable").trajectory)
+            }
+            None => Motion::Log,
+        };
+        let plan_due = due::plan_due(&script.outline.spec, iteration);
+        let (border, owners) = (Digest::default(), BTreeMap::new());
+        let order = Advance { iteration, first, last, motion, border, plan_due, owners };
+        for (role, maker) in Role::ALL.into_iter().zip(&mut makers).take(3) {
+            let inputs = due::inputs(&script.outline, role, &order);
+            let inputs = inputs.into_iter().map(|slot| (slot, messages[&slot].clone())).collect();
+            for output in maker.work(&order, &inputs) {
+                made.insert(output.slot, output.content);
+                messages.get_mut(&output.slot).expect("the journal is whole").header.content = output.content;
+            }
+        }
+    }
+    made
+}
+
+#[test]
+fn the_journalled_plan_is_the_one_that_was_driven_whatever_later_holders_plan() {
+    let mut superseded = 0;
+    for seed in 0..200 {
+        let mut script = Script { fickle_policy: true, ..Script::wild(seed) };
+        let kill = |iteration| Mishap::KillAtWork { role: Role::Policy, iteration, moment: Moment::After, times: 1 };
+        script.mishaps.extend([kill(1), kill(2), Mishap::KillOrchestrator { at: 150 + seed, restart_after: 60 }]);
+        let outcome = Cluster::new(script.clone()).run();
+        assert_eq!(outcome.ending.status, Status::Completed, "seed {seed}: {}", outcome.ending.reason);
+        superseded += outcome.driver.superseded_plans;
+        let driven = replay(&script, &outcome.journal);
+        let journalled = outcome.contents.into_iter().filter(|(slot, _)| slot.topic != Topic::Plan).collect();
+        assert!(driven == journalled, "seed {seed}: the journal holds states that its plans do not lead to");
+    }
+    println!("{superseded} plans came after the accepted one");
 }
 
 #[test]

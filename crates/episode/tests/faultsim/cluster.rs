@@ -63,6 +63,7 @@ pub enum Occurrence {
     PullReply { life: u32, slot: Slot, from: PullFrom, reply: Option<Envelope> },
     Made { stage: u64, order: Digest, made: Made },
     Control { stream: u64, message: Control },
+    Append { iteration: u32, messages: Vec<Envelope> },
     Journalled { iteration: u32 },
     Mishap(Mishap),
     Restart,
@@ -92,6 +93,7 @@ pub struct Cluster {
 pub struct Outcome {
     pub ending: Ending,
     pub contents: BTreeMap<Slot, Digest>,
+    pub journal: Vec<Envelope>,
     pub totals: Counters,
     pub driver: Counters,
     pub pushes_delivered: u64,
@@ -154,9 +156,11 @@ impl Cluster {
         let term = ds_episode::fleet::Ledger::term(&self.store).expect("the store cannot fail");
         let in_charge = self.orchestrators.iter().find(|orchestrator| orchestrator.term == term);
         let contents = self.store.0.borrow().contents();
+        let journal = self.store.0.borrow().journal.clone();
         Outcome {
             ending: self.ending.expect("the loop ended"),
             contents,
+            journal,
             totals: self.totals,
             driver: in_charge.map(|orchestrator| orchestrator.driver.counters()).unwrap_or_default(),
             pushes_delivered: self.pushes_delivered,

@@ -9,7 +9,7 @@ use ds_episode::fleet::{AssignError, Fleet, FleetSettings, LedgerError, Lost, Re
 use ds_episode::stage::PullFrom;
 use ds_episode::{Fault, Millis};
 use ds_space::{AttemptId, EpisodeId, InstanceId};
-use ds_topic::{Owner, Role, Slot};
+use ds_topic::{Envelope, Owner, Role, Slot, Topic};
 
 use super::cluster::{Cluster, Control, LEASE_MS, MARGIN_MS, Node, Occurrence, POLL_MS, TIMING, instance};
 use super::store::SharedStore;
@@ -90,6 +90,7 @@ impl Cluster {
                 self.direct(index, Event::Asked { query, slot });
             }
             Occurrence::PullReply { slot, reply, .. } => self.direct(index, Event::Pulled { slot, reply }),
+            Occurrence::Append { iteration, messages } => self.append(index, iteration, messages),
             Occurrence::Journalled { iteration } => self.direct(index, Event::Journalled { iteration }),
             Occurrence::Control { stream, message } => self.on_call(index, stream, message),
             Occurrence::Made { .. } | Occurrence::Mishap(_) | Occurrence::Restart => {}
@@ -193,7 +194,15 @@ impl Cluster {
         for action in actions {
             let orchestrator = &mut self.orchestrators[index];
             match action {
-                Action::Publish(message) => self.push(node, &message),
+                Action::Publish(message) => {
+                    let slot = message.header.slot;
+                    let committed = self.store.0.borrow().iterations;
+                    assert!(
+                        slot.topic != Topic::Advance || slot.index <= committed,
+                        "{slot} after {committed} commits"
+                    );
+                    self.push(node, &message);
+                }
                 Action::Pull { slot, owner } => {
                     let from = PullFrom::Owner(owner);
                     if let Some(to) = self.answerer(&from) {
@@ -215,14 +224,8 @@ impl Cluster {
                     for message in &messages {
                         self.checks.accept(message);
                     }
-                    let appended = self.store.0.borrow_mut().append(orchestrator.term, iteration, messages);
-                    match appended {
-                        Ok(()) => {
-                            let delay = self.dice.range(0, 10);
-                            self.schedule(delay, node, Occurrence::Journalled { iteration });
-                        }
-                        Err(_) => self.check_charge(index),
-                    }
+                    let delay = self.dice.range(0, 10);
+                    self.schedule(delay, node, Occurrence::Append { iteration, messages });
                 }
                 Action::Want { role, exclude } => self.assign(index, role, exclude),
                 Action::Dismiss { role, owner, .. } => self.dismiss(index, role, owner),
@@ -233,6 +236,18 @@ impl Cluster {
                 Action::Finish(ending) => self.on_finish(index, ending),
                 Action::StepDown { .. } => orchestrator.up = false,
             }
+        }
+    }
+
+    fn append(&mut self, index: usize, iteration: u32, messages: Vec<Envelope>) {
+        let term = self.orchestrators[index].term;
+        let appended = self.store.0.borrow_mut().append(term, iteration, messages);
+        match appended {
+            Ok(()) => {
+                let delay = self.dice.range(0, 10);
+                self.schedule(delay, Node::Orchestrator(index), Occurrence::Journalled { iteration });
+            }
+            Err(_) => self.check_charge(index),
         }
     }
 

@@ -90,6 +90,8 @@ pub struct Script {
     pub network: Network,
     pub mishaps: Vec<Mishap>,
     pub deaths_to_quarantine: usize,
+    /// Whether each holder of the policy's role plans differently, as an external policy may.
+    pub fickle_policy: bool,
 }
 
 /// An episode of some shape.
@@ -126,7 +128,15 @@ impl Script {
     pub fn calm(seed: u64) -> Self {
         let outline = outline(&mut Dice::new(seed));
         let network = Network::CALM;
-        Self { seed, outline, workers_per_role: 2, network, mishaps: Vec::new(), deaths_to_quarantine: 100 }
+        Self {
+            seed,
+            outline,
+            workers_per_role: 2,
+            network,
+            mishaps: Vec::new(),
+            deaths_to_quarantine: 100,
+            fickle_policy: false,
+        }
     }
 
     /// A run with faults of all kinds, drawn by the seed.

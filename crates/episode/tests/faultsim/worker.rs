@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use bytes::Bytes;
 use ds_episode::fleet::{ComputeClass, Hello};
 use ds_episode::stage::{Action, Assignment, Event, PullFrom, Stage, StopReason};
 use ds_episode::{Codec, Millis};
@@ -11,7 +12,7 @@ use ds_topic::{Advance, Envelope, Role, Slot, Topic};
 
 use super::cluster::{Cluster, Control, LEASE_MS, Made, Node, Occurrence, POLL_MS, TIMING, add, instance};
 use super::script::{Mishap, Moment};
-use super::toy::ToyMaker;
+use super::toy::{ToyMaker, hash};
 
 pub struct Held {
     pub stage: Stage,
@@ -120,7 +121,8 @@ impl Cluster {
                     self.on_order(index, message);
                 }
             }
-            Occurrence::Journalled { .. } | Occurrence::Mishap(_) | Occurrence::Restart => {}
+            Occurrence::Append { .. } | Occurrence::Journalled { .. } | Occurrence::Mishap(_) | Occurrence::Restart => {
+            }
         }
     }
 
@@ -306,7 +308,13 @@ impl Cluster {
         for input in inputs.values() {
             self.checks.accept(input);
         }
-        let outputs = held.maker.work(advance, inputs);
+        let mut outputs = held.maker.work(advance, inputs);
+        if self.script.fickle_policy && owner.instance.as_str().starts_with(Role::Policy.name()) {
+            for plan in &mut outputs {
+                plan.content = hash("mood", &[plan.content], &[owner.epoch as u32]);
+                plan.body = Bytes::copy_from_slice(&plan.content.0);
+            }
+        }
         let occurrence =
             Occurrence::Made { stage: held.serial, order: advance.content(), made: Made::Worked(Ok(outputs)) };
         let delay = self.dice.range(1, 40);
