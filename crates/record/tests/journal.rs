@@ -236,6 +236,17 @@ fn resumed(cut: usize, folder: &Path) -> Vec<u8> {
     fs::read(&path).expect("the file is there")
 }
 
+/// Recorders are handed to threads that may wait for the disk.
+#[test]
+fn a_recorder_may_move_to_another_thread() {
+    let drive = drive();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("a.mcap");
+    let recorder = write(&drive, &path, 1);
+    let finished = std::thread::spawn(move || recorder.finish(&outcome()).is_ok()).join();
+    assert!(finished.expect("the thread ends") && path.exists());
+}
+
 #[test]
 fn the_last_events_come_with_the_completeness_record() {
     let drive = drive();
