@@ -9,11 +9,12 @@
 //!
 //! # Wiring a stage
 //! On `assign` make `Stage::new(assignment, timing, codec, now)`, its lease counted from when the latest heartbeat (or
-//! hello) that the orchestrator had heard was sent, never from when `assign` came: it may have waited in a queue. Then call `handle(now, event)` with: every push that arrives under
-//! the episode's keys ([`stage::Event::Message`]), every outcome of a pull, also "nothing" (`Pulled`), every query on
-//! the own queryable (`Asked`), the maker's outcomes (`Restored`, `Worked`), every `renew` (`LeaseRenewed`, with `until`
-//! = the own clock when the heartbeat it answers was *sent*, plus the lease), `Drain` once, and `Now` at least
-//! every `pull_after / 2`. A restart of the control stream drops all stages before the new hello.
+//! hello) that the orchestrator had heard was sent, never from when `assign` came: it may have waited in a queue. Then
+//! call `handle(now, event)` with: every push that arrives under the episode's keys ([`stage::Event::Message`]), every
+//! outcome of a pull, also "nothing" (`Pulled`), every query on the own queryable (`Asked`), the maker's outcomes
+//! (`Restored`, `Worked`), every `renew` (`LeaseRenewed`, with `until` = the own clock when the heartbeat it answers was
+//! *sent*, plus the lease), `Drain` once, and `Now` at least every `pull_after / 2`. A restart of the control stream
+//! drops all stages before the new hello.
 //!
 //! # Wiring a driver
 //! `Driver::new` or `Driver::resume`, then `Start`. `Want` → [`fleet::Fleet::assign`] → `Assigned`, or `Unassignable`
