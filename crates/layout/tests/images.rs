@@ -185,7 +185,10 @@ fn light_states_show_at_the_head_and_at_the_stop_line() {
     use ds_world::LightState::{Green, Red, Unknown, Yellow};
     for state in [Red, Yellow, Green, Unknown] {
         let world = WorldState { lights: vec![state], ..with_agents(vec![]) };
-        let image = render(&mut cpu(), &world, &street::camera(320, 192));
+        let map = StaticMap::new(&street::map());
+        let scene = LayoutScene { map: &map, world: &world };
+        let before_the_line = PoseSe2::new(17.0, -1.75, 0.0).world_from_rig(0.0);
+        let image = cpu().render(&scene, &street::camera(320, 192), before_the_line).expect("the size is sound");
         let shown = colour::light(state);
         let head = colour::face(shown, colour::Face::Front);
         for wanted in [shown, head] {
