@@ -154,6 +154,42 @@ pub fn generate(family: Family, seed: u64) -> Scene {
     scene
 }
 
+/// The seeds of the shipped scenarios.
+pub const SHIPPED: [(Family, u64); 8] = [
+    (Family::FreeCurve, 1),
+    (Family::LeadBraking, 1),
+    (Family::CutIn, 1),
+    (Family::SignalisedCrossing, 1),
+    (Family::UnprotectedLeft, 1),
+    (Family::PedestrianCrossing, 1),
+    (Family::ParkedNarrowing, 1),
+    (Family::Roundabout, 1),
+];
+
+/// Returns a shipped scenario: as generated, named after its family alone.
+#[must_use]
+pub fn shipped(family: Family, seed: u64) -> Scene {
+    let mut scene = generate(family, seed);
+    scene.name = family.name().to_owned();
+    content::seal(&mut scene);
+    scene
+}
+
+/// Returns the small scenario for tests: a free road without traffic, 3 s.
+#[must_use]
+pub fn tiny() -> Scene {
+    let mut scene = generate(Family::FreeCurve, 2);
+    scene.name = "straight".to_owned();
+    scene.ego_log.truncate(31);
+    scene.tracks.truncate(1);
+    for track in &mut scene.tracks {
+        track.points.truncate(31);
+    }
+    scene.tracks.retain(|track| track.points.iter().any(Option::is_some));
+    content::seal(&mut scene);
+    scene
+}
+
 /// Generates `count` scenarios from `seed` on, one file each, and returns their paths; all families in turn if `None`.
 ///
 /// # Errors

@@ -188,7 +188,11 @@ pub(crate) fn thin(points: &[DVec2], tolerance_m: f64, gap_m: f64) -> Vec<DVec2>
     for end in 2..points.len() {
         let line = points[end] - points[anchor];
         let length = line.length().max(1e-9);
-        let strays = |point: &DVec2| (line.perp_dot(*point - points[anchor]) / length).abs() > tolerance_m;
+        let strays = |point: &DVec2| {
+            let offset = *point - points[anchor];
+            let share = (line.dot(offset) / length / length).clamp(0.0, 1.0);
+            offset.distance(line * share) > tolerance_m
+        };
         if length > gap_m || points[anchor + 1..end].iter().any(strays) {
             kept.push(points[end - 1]);
             anchor = end - 1;
@@ -217,6 +221,12 @@ mod tests {
         assert!((path.heading_rad(middle) - 135f64.to_radians()).abs() < 1e-3);
         let foot = path.nearest(DVec2::new(15.0, 15.0));
         assert!((foot.station_m - middle).abs() < 0.05 && (foot.left_m + (450f64.sqrt() - 20.0)).abs() < 0.01, "{foot:?}");
+    }
+
+    #[test]
+    fn thinning_keeps_loops_and_returns() {
+        let there_and_back = [0.0, 5.0, 10.0, 5.0, 0.0].map(|x| DVec2::new(x, 0.0));
+        assert_eq!(thin(&there_and_back, 0.01, 100.0).len(), 3);
     }
 
     #[test]

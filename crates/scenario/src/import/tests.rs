@@ -75,10 +75,14 @@ fn compare_map(scene: &Scene, json: &Json) {
         } else {
             &lines.next().expect("every line is imported").points
         };
-        let path = crate::path::Path::new(found).expect("a line has points");
         for point in expected {
-            let station = path.nearest(point).station_m.clamp(0.0, path.length_m());
-            assert!(path.point(station).distance(point) < 0.02, "{kind} strays at {point}");
+            let off_m = found.windows(2).map(|pair| {
+                let along = pair[1] - pair[0];
+                let share = (along.dot(point - pair[0]) / along.length_squared()).clamp(0.0, 1.0);
+                point.distance(pair[0] + along * share)
+            });
+            let off_m = off_m.fold(f64::INFINITY, f64::min);
+            assert!(off_m < 0.02, "{kind} strays by {off_m} m at {point}");
         }
     }
     assert!(lines.next().is_none());
@@ -119,11 +123,12 @@ fn drives_are_whole_scenes() {
         let turn = |corner: &[DVec2]| (corner[1] - corner[0]).angle_to(corner[2] - corner[1]).abs();
         let sharpest = scene.route.windows(3).map(turn).fold(0.0, f64::max);
         assert!(sharpest < 0.7, "{name}: the route turns by {sharpest} rad at a point");
-        for pair in scene.ego_log.windows(2) {
-            let moved = pair[1].pose.position - pair[0].pose.position;
-            let said = 0.05 * (pair[0].speed_mps() + pair[1].speed_mps());
-            assert!((moved.length() - said.abs()).abs() < 0.12, "{name}: moved {} m, speed says {said} m", moved.length());
-            assert!(pair[0].acceleration_mps2.length() < 7.0, "{name}: {:?}", pair[0].acceleration_mps2);
+        // Single poses jitter by up to a decimetre; over a second the speeds add up to the way.
+        for second in scene.ego_log.windows(11) {
+            let moved_m = second[0].pose.position.distance(second[10].pose.position);
+            let said_m: f64 = second.windows(2).map(|pair| 0.05 * (pair[0].speed_mps() + pair[1].speed_mps())).sum();
+            assert!((moved_m - said_m.abs()).abs() < 0.3 + 0.02 * moved_m, "{name}: moved {moved_m} m, speed says {said_m} m");
+            assert!(second[0].acceleration_mps2.length() < 7.0, "{name}: {:?}", second[0].acceleration_mps2);
         }
         assert!((scene.vehicle.rear_axle_to_centre_m - VehicleParameters::ZOE.rear_axle_to_centre_m).abs() < 0.01);
         eprintln!("{name}: on road {inside}/{}, linked {whole}/{}, route {length_m:.0} m", scene.ego_log.len(), connectors.len());

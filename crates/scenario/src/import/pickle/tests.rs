@@ -169,7 +169,8 @@ fn refuses_hostile_pickles_by_name() {
     refused(b"\x80\x04]", "ends at byte 3");
     refused(b".", "stack is empty");
     refused(b"t.", "no mark");
-    refused(b"(K\x01u.", "no dict");
+    refused(b"(K\x01u.", "stack is empty");
+    refused(b"](K\x01K\x02u.", "set in a list");
     refused(b"h\x05.", "memo 5");
     refused(b"g77\n.", "memo 77");
     refused(b"\x80\x09N.", "protocol is 9");

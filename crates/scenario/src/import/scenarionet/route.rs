@@ -6,10 +6,12 @@
 use ds_space::{DVec2, angle};
 use ds_world::{EgoState, Lane, Map};
 
-use crate::path::{Path, thin};
+use crate::path::{Path, bend, thin};
 
 const LEAD_IN_M: f64 = 15.0;
 const LEAD_ON_M: f64 = 80.0;
+/// Over what length the route goes over from the log to the lane, in metres.
+const JOIN_M: f64 = 12.0;
 
 pub(super) fn route(log: &[EgoState], map: &Map) -> Vec<DVec2> {
     let first = &log[0];
@@ -45,29 +47,31 @@ fn ahead(last: &EgoState, map: &Map) -> Vec<DVec2> {
         }
     }
     let Some((_, lane, path, station_m)) = best else { return straight() };
-    let mut points = Vec::new();
-    let join_m = station_m + 10.0;
-    let mut left_m = LEAD_ON_M;
-    let mut walk = |path: &Path, from_m: f64| {
-        let mut at = from_m.max(0.0);
-        while at < path.length_m() && left_m > 0.0 {
-            points.push(path.point(at));
-            at += 1.0;
-            left_m -= 1.0;
-        }
-        left_m > 0.0
+    let along = Path::new(&follow(lane, &path, station_m, map)).map(|path| path.smooth(3.0));
+    let Some(along) = along.filter(|along| along.length_m() > JOIN_M + 1.0) else { return straight() };
+    let mut points = bend(last.pose, along.pose(JOIN_M));
+    points.remove(0);
+    let count = (along.length_m() - JOIN_M) as usize;
+    points.extend((1..=count).map(|metre| along.point(JOIN_M + metre as f64)));
+    points
+}
+
+/// Returns the centre line of a lane from a station on, and of the lanes that follow.
+fn follow(lane: &Lane, path: &Path, station_m: f64, map: &Map) -> Vec<DVec2> {
+    let walk = |path: &Path, from_m: f64| -> Vec<DVec2> {
+        let count = (path.length_m() - from_m).max(0.0).ceil() as usize;
+        (0..=count).map(|metre| path.point((from_m + metre as f64).min(path.length_m()))).collect()
     };
+    let mut points = walk(path, station_m.clamp(0.0, path.length_m()));
     let mut lane = lane;
-    let mut more = walk(&path, join_m);
-    let mut spare_m = (join_m - path.length_m()).max(0.0);
     for _ in 0..64 {
-        let Some(next) = straightest(lane, map).filter(|_| more) else { break };
+        let Some(next) = straightest(lane, map).filter(|_| (points.len() as f64) < LEAD_ON_M) else { break };
         let Some(path) = Path::new(&next.centre_line) else { break };
-        more = walk(&path, spare_m);
-        spare_m = (spare_m - path.length_m()).max(0.0);
+        points.extend(walk(&path, 0.0));
         lane = next;
     }
-    if points.is_empty() { straight() } else { points }
+    points.truncate(LEAD_ON_M as usize);
+    points
 }
 
 /// Returns the lane that follows with the least turn over its length.
