@@ -179,7 +179,7 @@ pub fn run(
             }
             if learner.steps() % settings.save_every == 0 || learner.steps() == end {
                 learner.save(&files.checkpoint())?;
-                write_weights(settings, learner.average(), &files.weights())?;
+                write_weights(settings, &learner, &files.weights())?;
                 files.log(&open_loop_line(learner.steps(), learner.average(), &held_out)?, listener)?;
             }
         }
@@ -199,13 +199,14 @@ fn open_loop_line(step: u32, weights: &Weights, held_out: &Samples) -> Result<se
     }))
 }
 
-fn write_weights(settings: &PolicySettings, weights: &Weights, path: &Path) -> Result<(), PolicyTrainError> {
+fn write_weights(settings: &PolicySettings, learner: &Learner, path: &Path) -> Result<(), PolicyTrainError> {
     let metadata = [
+        ("steps".to_owned(), learner.steps().to_string()),
         ("model".to_owned(), "camera policy 1".to_owned()),
         ("settings".to_owned(), settings.digest().to_string()),
         ("licence".to_owned(), "Apache-2.0".to_owned()),
     ];
-    Ok(WeightsFile { weights: weights.clone(), metadata: metadata.into() }.write(path)?)
+    Ok(WeightsFile { weights: learner.average().clone(), metadata: metadata.into() }.write(path)?)
 }
 
 /// Drives held-out scenarios in closed loop with the weights of a file, with constant velocity, and with frames of

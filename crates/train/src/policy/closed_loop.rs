@@ -17,6 +17,7 @@ use ds_world::WorldState;
 use serde_json::json;
 
 use super::PolicyTrainError;
+use super::augment::softened;
 use super::dataset::{Sample, Samples, Stage};
 use super::settings::PolicySettings;
 
@@ -39,6 +40,8 @@ pub enum Shown {
 pub enum Driven {
     /// The camera policy on its own frames.
     Camera,
+    /// The camera policy on its own frames at a quarter of their resolution: a stand-in for soft generated frames.
+    CameraSoftened,
     /// The camera policy on frames of another scenario.
     CameraElsewhere,
     /// Constant velocity.
@@ -48,13 +51,15 @@ pub enum Driven {
 }
 
 impl Driven {
-    const ALL: [Self; 4] = [Self::Camera, Self::CameraElsewhere, Self::ConstantVelocity, Self::RouteFollower];
+    const ALL: [Self; 5] =
+        [Self::Camera, Self::CameraSoftened, Self::CameraElsewhere, Self::ConstantVelocity, Self::RouteFollower];
 
     /// Returns the name in reports.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Camera => "camera",
+            Self::CameraSoftened => "camera-softened",
             Self::CameraElsewhere => "camera-elsewhere",
             Self::ConstantVelocity => "constant-velocity",
             Self::RouteFollower => "route-follower",
@@ -63,7 +68,7 @@ impl Driven {
 
     fn policy(self, weights: &Weights) -> Result<Box<dyn Policy>, PolicyTrainError> {
         Ok(match self {
-            Self::Camera | Self::CameraElsewhere => Box::new(CameraPolicy::new(weights)?),
+            Self::Camera | Self::CameraSoftened | Self::CameraElsewhere => Box::new(CameraPolicy::new(weights)?),
             Self::ConstantVelocity => Box::new(ConstantVelocity),
             Self::RouteFollower => Box::new(RouteFollower::default()),
         })
@@ -227,6 +232,7 @@ fn drive(
 fn shown(stage: &Stage, elsewhere: &Stage, driven: Driven, world: &WorldState) -> Result<RgbImage, PolicyTrainError> {
     Ok(match driven {
         Driven::Camera => stage.frame(world),
+        Driven::CameraSoftened => softened(&stage.frame(world)),
         Driven::CameraElsewhere => {
             let config = SimConfig { agents: ds_sim::AgentMode::LogReplay, ..SimConfig::default() };
             elsewhere.frame(elsewhere.simulation(config, world.tick)?.state())
