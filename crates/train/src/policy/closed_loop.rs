@@ -2,8 +2,8 @@
 //! gets into on training scenarios, labelled by the teacher.
 //!
 //! Route completion here is the way along the expert's route until the ego is more than 4 m off it or collides by its own
-//! fault, divided by the expert's own way in the same time, at most 1. Beside it stands the way of the whole drive,
-//! whatever happens, as a share of the route to the end of the log. These figures steer training; they are no scores.
+//! fault, divided by the expert's own way in the same time, at most 1. Beside it stand the ways until the ego left the
+//! route, and of the whole drive whatever happens, as shares of the route to the end of the log. These figures steer training; they are no scores.
 
 use ds_nn::Weights;
 use ds_policy::camera::CameraPolicy;
@@ -84,6 +84,8 @@ pub struct DriveResult {
     pub driven: Driven,
     /// Way until the drive left the route or collided, as a share of the expert's way in the same time, 0 to 1.
     pub route_completion: f64,
+    /// Way until the drive left the route, whatever was hit, as a share of the route to the end of the log, 0 to 1.
+    pub on_route_share_of_log: f64,
     /// Way of the whole drive as a share of the route to the end of the log, 0 to 1.
     pub share_of_log: f64,
     /// Whether the ego left the route by more than 4 m.
@@ -172,6 +174,7 @@ pub(super) fn evaluate(
         let mean = of.iter().map(|result| result.route_completion).sum::<f64>() / count;
         let line = json!({
             "driven": driven.name(), "drives": of.len(), "mean_route_completion": mean,
+            "mean_on_route_share_of_log": of.iter().map(|result| result.on_route_share_of_log).sum::<f64>() / count,
             "mean_share_of_log": of.iter().map(|result| result.share_of_log).sum::<f64>() / count,
             "off_route": share(|result| result.off_route), "at_fault": share(|result| result.at_fault),
         });
@@ -183,7 +186,7 @@ pub(super) fn evaluate(
 fn line(result: &DriveResult) -> serde_json::Value {
     json!({
         "scenario": result.scenario, "driven": result.driven.name(), "route_completion": result.route_completion,
-        "share_of_log": result.share_of_log, "off_route": result.off_route, "at_fault": result.at_fault,
+        "on_route_share_of_log": result.on_route_share_of_log, "share_of_log": result.share_of_log, "off_route": result.off_route, "at_fault": result.at_fault,
     })
 }
 
@@ -197,7 +200,7 @@ fn drive(
     let route = stage.driver.route();
     let mut simulation = stage.simulation(SimConfig::default(), Tick(0))?;
     let start_m = route.project_pose(&simulation.state().ego.pose).along_m;
-    let (mut along_m, mut sound_m) = (start_m, start_m);
+    let (mut along_m, mut sound_m, mut on_route_m) = (start_m, start_m, start_m);
     let (mut off_route, mut at_fault) = (false, false);
     while simulation.state().tick < Tick(settings.drive_ticks) {
         let frame = shown(stage, elsewhere, driven, simulation.state())?;
@@ -212,6 +215,9 @@ fn drive(
             along_m = at.along_m;
             off_route |= at.left_m.abs() > OFF_ROUTE_M;
             at_fault |= world.contacts.iter().any(|contact| contact.at_fault);
+            if !off_route {
+                on_route_m = f64::max(on_route_m, along_m);
+            }
             if !off_route && !at_fault {
                 sound_m = f64::max(sound_m, along_m);
             }
@@ -222,6 +228,7 @@ fn drive(
         scenario: stage.scene.name.clone(),
         driven,
         route_completion: ((sound_m - start_m) / expert_m(Tick(settings.drive_ticks))).clamp(0.0, 1.0),
+        on_route_share_of_log: ((on_route_m - start_m) / expert_m(stage.scene.last_tick())).clamp(0.0, 1.0),
         share_of_log: ((along_m - start_m) / expert_m(stage.scene.last_tick())).clamp(0.0, 1.0),
         off_route,
         at_fault,
