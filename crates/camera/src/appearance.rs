@@ -23,6 +23,11 @@ pub struct Appearance {
     pub palette_seed: u64,
 }
 
+/// The name is not one of an appearance.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("appearance {0:?} is neither \"day\" nor \"seed-N\"")]
+pub struct UnknownAppearance(pub String);
+
 impl Appearance {
     /// A clear day.
     pub const DAY: Self = Self {
@@ -34,6 +39,19 @@ impl Appearance {
         night: 0.0,
         palette_seed: 0,
     };
+
+    /// Returns the appearance of a name: `day`, or `seed-N` as drawn by [`Appearance::from_seed`].
+    ///
+    /// # Errors
+    /// [`UnknownAppearance`] for any other name.
+    pub fn named(name: &str) -> Result<Self, UnknownAppearance> {
+        let seed = name.strip_prefix("seed-").and_then(|digits| digits.parse().ok());
+        match (name, seed) {
+            ("day", _) => Ok(Self::DAY),
+            (_, Some(seed)) => Ok(Self::from_seed(seed)),
+            _ => Err(UnknownAppearance(name.to_owned())),
+        }
+    }
 
     /// Draws an appearance: mostly day, sometimes overcast, hazy, wet or night.
     #[must_use]

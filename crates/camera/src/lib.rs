@@ -19,7 +19,12 @@ mod surroundings;
 mod texture;
 mod vehicle;
 
-pub use appearance::Appearance;
+#[cfg(test)]
+#[path = "../../layout/tests/scenes/street.rs"]
+#[expect(dead_code, reason = "the unit tests need the scene alone")]
+mod street;
+
+pub use appearance::{Appearance, UnknownAppearance};
 pub use plain::PlainCamera;
 pub use reference::{ReferenceCamera, Sampling};
 pub use surface::PixelClass;

@@ -162,3 +162,26 @@ fn tree(at: DVec2, room_m: f64, draws: &Draws) -> Standing {
         shadow_to_m: top - 0.4,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::street;
+
+    #[test]
+    fn houses_and_trees_stand_beside_the_road_and_the_same_ones_each_time() {
+        let scene = street::scene();
+        let grid = DistanceGrid::new(&scene, REACH_M).expect("the scene has a drive");
+        let placed = place(&scene, 3);
+        assert!(placed.len() > 50, "only {} things stand", placed.len());
+        for standing in &placed {
+            let low = standing.facets.iter().flat_map(|(corners, _)| corners).filter(|corner| corner.z < 0.1);
+            for corner in low {
+                assert!(grid.at(corner.truncate()) > 2.0, "{corner:?} stands on or near the road");
+            }
+        }
+        let middles = |placed: &[Standing]| placed.iter().map(|standing| standing.middle).collect::<Vec<_>>();
+        assert_eq!(middles(&placed), middles(&place(&scene, 3)));
+        assert_ne!(middles(&placed), middles(&place(&scene, 4)));
+    }
+}
