@@ -41,6 +41,8 @@ pub struct DitShape {
     pub text_len: usize,
     /// Whether the first frame's tokens join the context.
     pub image_context: bool,
+    /// Whether the start latent stands in every frame, or in the first alone.
+    pub start_every: bool,
     /// Every how many blocks cross-attention sits.
     pub cross_every: usize,
     /// Token rows of a frame.
@@ -382,7 +384,7 @@ impl Dit {
 pub struct Chunk<'a> {
     /// The noisy latent, [frames, tokens, 4, z].
     pub noisy: &'a Array,
-    /// The start latent: the first frame's clean tokens in frame 0 of the rollout, zeros elsewhere.
+    /// The start latent: the first frame's clean tokens in frame 0 of the rollout; elsewhere the same or zeros.
     pub start: &'a Array,
     /// The control latent of the chunk.
     pub control: &'a Control,

@@ -123,3 +123,18 @@ impl Linear {
         self.apply(Tensor::cat((0..9).map(shifted).collect(), 3))
     }
 }
+
+/// Folds squares of `side` pixels of [N, H, W, C] into one pixel each, values ordered (row, column, channel).
+pub(crate) fn fold(x: Tensor<4>, side: usize) -> Tensor<4> {
+    let [n, h, w, c] = x.dims();
+    let x = x.reshape([n, h / side, side, w / side, side, c]).permute([0, 1, 3, 2, 4, 5]);
+    x.reshape([n, h / side, w / side, side * side * c])
+}
+
+/// Undoes [`fold`].
+pub(crate) fn unfold(x: Tensor<4>, side: usize) -> Tensor<4> {
+    let [n, h, w, c] = x.dims();
+    let c = c / (side * side);
+    let x = x.reshape([n, h, w, side, side, c]).permute([0, 1, 3, 2, 4, 5]);
+    x.reshape([n, h * side, w * side, c])
+}

@@ -13,6 +13,7 @@ mod graph;
 pub mod optimiser;
 pub mod planner;
 pub mod safetensors;
+pub mod segmenter;
 pub mod step;
 pub mod tiny_ae;
 

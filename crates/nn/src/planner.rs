@@ -8,7 +8,7 @@
 use burn::tensor::{Tensor, activation::relu};
 
 use crate::array::{Array, Declared, Weights, WeightsError};
-use crate::graph::{Graph, Mode, array_of};
+use crate::graph::{Graph, Mode, array_of, fold};
 
 /// Width of the image, in pixels.
 pub const WIDTH_PX: usize = 160;
@@ -107,13 +107,6 @@ fn forward(graph: &Graph, images: &Array, state: &Array) -> Tensor<2> {
     let x = relu(graph.linear("hidden0").apply(x));
     let x = relu(graph.linear("hidden1").apply(x));
     graph.linear("outputs").apply(x)
-}
-
-/// Folds squares of `side` tokens into one token each.
-fn fold(x: Tensor<4>, side: usize) -> Tensor<4> {
-    let [n, h, w, c] = x.dims();
-    let x = x.reshape([n, h / side, side, w / side, side, c]).permute([0, 1, 3, 2, 4, 5]);
-    x.reshape([n, h / side, w / side, side * side * c])
 }
 
 #[cfg(test)]

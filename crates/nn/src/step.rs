@@ -64,18 +64,50 @@ pub fn autoencoder(shape: &AeShape, weights: &Weights, batch: &AeBatch) -> Step 
     // Noise in units of the latents' own size: a fixed size would reward shrinking or growing them.
     let size = z.clone().detach().powi_scalar(2).mean().sqrt();
     let noisy = z.clone() + ae.graph.tensor::<4>(&batch.noise) * size.reshape([1, 1, 1, 1]);
-    let frames = ae.decode_tensor(noisy, batch.clips, &mut Memory::default());
-    let error = frames - ae.graph.tensor(&batch.frames);
+    let frames = ae.decode_tensor(noisy, None, batch.clips, &mut Memory::default());
+    let (loss, mut parts) = reconstruction(frames - ae.graph.tensor(&batch.frames));
+    let square = z.powi_scalar(2).mean();
+    parts.push(("z2", scalar(&square)));
+    finish(&ae.graph, &(loss + square * batch.latent_penalty), parts)
+}
+
+/// L1 + 0.1·L1 of the image gradients of an error of frames whose values span −1 to 1.
+fn reconstruction(error: Tensor<4>) -> (Tensor<1>, Vec<(&'static str, f32)>) {
     let [n, h, w, c] = error.dims();
     let part = |y: Range<usize>, x: Range<usize>| error.clone().slice([0..n, y, x, 0..c]);
     let across = (part(0..h, 1..w) - part(0..h, 0..w - 1)).abs().mean();
     let down = (part(1..h, 0..w) - part(0..h - 1, 0..w)).abs().mean();
-    let (absolute, square) = (error.clone().abs().mean(), z.powi_scalar(2).mean());
+    let absolute = error.clone().abs().mean();
     let mse = scalar(&error.powi_scalar(2).mean());
-    // Values span −1 to 1, so the peak is 2.
-    let parts = vec![("l1", scalar(&absolute)), ("psnr_db", 10.0 * (4.0 / mse).log10()), ("z2", scalar(&square))];
-    let loss = absolute + (across + down) * 0.1 + square * batch.latent_penalty;
-    finish(&ae.graph, &loss, parts)
+    // The peak-to-peak range is 2.
+    let parts = vec![("l1", scalar(&absolute)), ("psnr_db", 10.0 * (4.0 / mse).log10())];
+    (absolute + (across + down) * 0.1, parts)
+}
+
+/// A batch for the decoder alone.
+pub struct DecoderBatch {
+    /// Clips.
+    pub clips: usize,
+    /// Latents as the decoder takes them, [clips·steps, h, w, z].
+    pub latents: Array,
+    /// Layouts of the frames, −1 to 1, [clips·steps·stride_t, 8h, 8w, 3]; zeros where a clip's layout was dropped.
+    pub layouts: Array,
+    /// The frames, in the same shape.
+    pub frames: Array,
+}
+
+/// Decoder step: the reconstruction loss, with gradients for the decoder's weights alone.
+#[must_use]
+pub fn decoder(shape: &AeShape, weights: &Weights, batch: &DecoderBatch) -> Step {
+    let ae = TinyAe::bind(shape, weights, Mode::Train);
+    let layouts = shape.guided.then(|| ae.graph.tensor(&batch.layouts));
+    let frames = ae.decode_tensor(ae.graph.tensor(&batch.latents), layouts, batch.clips, &mut Memory::default());
+    let (loss, parts) = reconstruction(frames - ae.graph.tensor(&batch.frames));
+    let mut step = finish(&ae.graph, &loss, parts);
+    for name in weights.iter().map(|(name, _)| name).filter(|name| name.starts_with("encoder.")) {
+        step.gradient.remove(name);
+    }
+    step
 }
 
 /// Clips for the transformer.
@@ -152,7 +184,7 @@ fn sequence(dit: &Dit, batch: &ClipBatch, plan: &CausalPlan) -> Sequence {
         0..4,
         0..dit.shape.control_channels,
     ]);
-    let start = Tensor::cat(vec![first.clone(), Tensor::zeros([b, all - 1, n, 4, z], &dit.graph.device)], 1);
+    let start = start(dit, first.clone(), all);
     let noisy = Tensor::cat(vec![first, context.clone(), query.clone()], 1);
     let rows = [b, all * n, 4, z];
     let tokens = Tokens {
@@ -204,6 +236,17 @@ fn first_frames(batch: &ClipBatch) -> Array {
     let frame = shape[2..].iter().product::<usize>();
     let values = batch.clean.values().chunks(frame * shape[1]).flat_map(|clip| &clip[..frame]).copied().collect();
     Array::new(&[shape[0], shape[2], shape[3], shape[4]], values)
+}
+
+/// Returns the start latents of all frames, given the first frame's.
+fn start(dit: &Dit, first: Tensor<5>, frames: usize) -> Tensor<5> {
+    let [b, _, n, pixels, z] = first.dims();
+    let rest = if dit.shape.start_every {
+        first.clone().repeat_dim(1, frames - 1)
+    } else {
+        Tensor::zeros([b, frames - 1, n, pixels, z], &dit.graph.device)
+    };
+    Tensor::cat(vec![first, rest], 1)
 }
 
 fn control(dit: &Dit, batch: &ClipBatch) -> Tensor<4> {
@@ -279,7 +322,7 @@ pub fn bidirectional(shape: &DitShape, weights: &Weights, batch: &ClipBatch, lev
 fn teacher_forward(dit: &Dit, batch: &ClipBatch, noisy: Tensor<5>, levels: &[f32]) -> Tensor<4> {
     let [b, frames, n, _, z] = noisy.dims();
     let first = dit.graph.tensor::<4>(&first_frames(batch)).reshape([b, 1, n, 4, z]);
-    let start = Tensor::cat(vec![first, Tensor::zeros([b, frames - 1, n, 4, z], &dit.graph.device)], 1);
+    let start = start(dit, first, frames);
     let times = levels.iter().flat_map(|level| vec![1000.0 * level; frames]).collect();
     let rows = [b, frames * n, 4, z];
     let tokens =

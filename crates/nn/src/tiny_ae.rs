@@ -30,6 +30,8 @@ pub struct AeShape {
     pub decoder_widths: [usize; 3],
     /// Memory blocks of each stage.
     pub decoder_blocks: [usize; 3],
+    /// Whether the decoder's last stage also sees the layout of each frame.
+    pub guided: bool,
 }
 
 impl AeShape {
@@ -74,6 +76,9 @@ impl AeShape {
                 let outputs = self.growth()[stage] * 4 * widths[stage + 1];
                 Declared::linear(&mut list, &format!("decoder.stage.{stage}.grow"), widths[stage], outputs, 1.4);
             }
+        }
+        if self.guided {
+            convolution(&mut list, "decoder.guide", widths[2] + 12, widths[2], 0.5);
         }
         convolution(&mut list, "decoder.head", widths[2], 12, 0.1);
         Declared::linear(&mut list, "decoder.skip", self.z, self.inputs(), 0.5);
@@ -157,6 +162,7 @@ pub struct TinyAe {
     encoder_skip: Linear,
     stem: Linear,
     stages: Vec<(Vec<MemoryBlock>, Option<Linear>)>,
+    guide: Option<Linear>,
     decoder_head: Linear,
     decoder_skip: Linear,
 }
@@ -187,6 +193,7 @@ impl TinyAe {
             encoder_skip: graph.linear("encoder.skip"),
             stem: graph.linear("decoder.stem"),
             stages: (0..3).map(stage).collect(),
+            guide: shape.guided.then(|| graph.linear("decoder.guide")),
             decoder_head: graph.linear("decoder.head"),
             decoder_skip: graph.linear("decoder.skip"),
             shape: shape.clone(),
@@ -201,9 +208,13 @@ impl TinyAe {
     }
 
     /// Decodes latents [steps, h, w, z] that follow those already in `memory` to [steps·stride_t, 8h, 8w, 3].
+    ///
+    /// A guided decoder also takes the layouts, in the shape of the frames and of values −1 to 1, or none for "no
+    /// layout". The memory does not depend on them.
     #[must_use]
-    pub fn decode(&self, latents: &Array, memory: &mut Memory) -> Array {
-        array_of(self.decode_tensor(self.graph.tensor(latents), 1, memory))
+    pub fn decode(&self, latents: &Array, layouts: Option<&Array>, memory: &mut Memory) -> Array {
+        let layouts = layouts.map(|layouts| self.graph.tensor(layouts));
+        array_of(self.decode_tensor(self.graph.tensor(latents), layouts, 1, memory))
     }
 
     pub(crate) fn encode_tensor(&self, x: Tensor<4>, batch: usize, memory: &mut Memory) -> Tensor<4> {
@@ -216,7 +227,13 @@ impl TinyAe {
         self.encoder_head.convolve(x) + skip
     }
 
-    pub(crate) fn decode_tensor(&self, z: Tensor<4>, batch: usize, memory: &mut Memory) -> Tensor<4> {
+    pub(crate) fn decode_tensor(
+        &self,
+        z: Tensor<4>,
+        layouts: Option<Tensor<4>>,
+        batch: usize,
+        memory: &mut Memory,
+    ) -> Tensor<4> {
         let mut walk = Walk { memory, at: 0, batch };
         let skip = unfold(self.decoder_skip.apply(z.clone()), self.shape.stride_t);
         let mut x = activation::relu(self.stem.convolve(z));
@@ -227,6 +244,14 @@ impl TinyAe {
             if let Some(grow) = grow {
                 x = activation::relu(shuffle(grow.apply(x), self.shape.growth()[stage]));
             }
+        }
+        if let Some(guide) = &self.guide {
+            let [n, h, w, _] = x.dims();
+            let layouts = match layouts {
+                Some(layouts) => unshuffle(layouts),
+                None => Tensor::zeros([n, h, w, 12], &x.device()),
+            };
+            x = x.clone() + activation::relu(guide.convolve(Tensor::cat(vec![x, layouts], 3)));
         }
         shuffle(self.decoder_head.convolve(x), 1) + skip
     }
@@ -245,4 +270,11 @@ fn unfold(x: Tensor<4>, frames: usize) -> Tensor<4> {
     let [n, h, w, _] = x.dims();
     let x: Tensor<7> = x.reshape([n, h, w, frames, BLOCK_PX, BLOCK_PX, 3]);
     x.permute([0, 3, 1, 4, 2, 5, 6]).reshape([n * frames, h * BLOCK_PX, w * BLOCK_PX, 3])
+}
+
+/// Folds [N, 2h, 2w, 3] into [N, h, w, 12], the inverse of [`shuffle`] for one frame.
+fn unshuffle(x: Tensor<4>) -> Tensor<4> {
+    let [n, height, width, c] = x.dims();
+    let x: Tensor<6> = x.reshape([n, height / 2, 2, width / 2, 2, c]);
+    x.permute([0, 1, 3, 2, 4, 5]).reshape([n, height / 2, width / 2, 4 * c])
 }

@@ -16,6 +16,7 @@ use crate::checkpoint::Run;
 use crate::clips::{Clip, ClipFile};
 use crate::config::TrainConfig;
 use crate::error::TrainError;
+use crate::latents::unguided;
 use crate::{Progress, Report, sheet};
 
 const NAME: &str = "autoencoder";
@@ -29,7 +30,7 @@ const EVALUATION_CLIPS: u64 = 8;
 /// If a file cannot be used or the loss is not finite.
 pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, TrainError> {
     let model = config.model()?;
-    let shape = model.ae();
+    let shape = unguided(&model);
     let clips = batch::clip_file(config, &model);
     let seed = DigestWriter::new().text(NAME).u64(config.seed).finish();
     let mut run = Run::open(&config.folder, NAME, &config.autoencoder, &shape.declare(), &seed)?;
@@ -91,7 +92,7 @@ pub fn encode(ae: &TinyAe, shape: &AeShape, clip: &Clip) -> Array {
 /// Decodes a whole clip of latents; the copies before the first frame are dropped.
 #[must_use]
 pub fn decode(ae: &TinyAe, shape: &AeShape, latents: &Array) -> Vec<RgbImage> {
-    let frames = ae.decode(latents, &mut Memory::default());
+    let frames = ae.decode(latents, None, &mut Memory::default());
     let (height, width) = (frames.shape()[1], frames.shape()[2]);
     let images = frames.values().chunks_exact(height * width * 3).skip(shape.stride_t - 1);
     images.map(|values| pixels::to_image(values, width as u32, height as u32)).collect()

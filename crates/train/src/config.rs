@@ -28,6 +28,8 @@ pub struct TrainConfig {
     pub teacher: StageConfig,
     /// The student's recipe.
     pub student: StageConfig,
+    /// The guided decoder's recipe.
+    pub decoder: StageConfig,
     /// Where this file lies; model paths start there.
     #[serde(skip)]
     pub base: PathBuf,
@@ -43,6 +45,8 @@ pub struct DataConfig {
     pub frames: usize,
     /// The last clips, kept for evaluation.
     pub held_out: u64,
+    /// Training clips that the student is rolled out over for the decoder's stage.
+    pub rollouts: u64,
 }
 
 /// The recipe of one stage.
@@ -110,7 +114,7 @@ impl TrainConfig {
             return refuse("data.frames", "must be 2 to 1024");
         }
         for (field, stage) in
-            [("autoencoder", &self.autoencoder), ("teacher", &self.teacher), ("student", &self.student)]
+            [("autoencoder", &self.autoencoder), ("teacher", &self.teacher), ("student", &self.student), ("decoder", &self.decoder)]
         {
             let rate = stage.learning_rate > 0.0 && stage.learning_rate < 1.0;
             let average = (0.0..1.0).contains(&stage.average);

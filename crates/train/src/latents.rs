@@ -2,7 +2,7 @@
 
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::step::ClipBatch;
-use ds_nn::tiny_ae::TinyAe;
+use ds_nn::tiny_ae::{AeShape, TinyAe};
 use ds_nn::{Array, Weights};
 use ds_space::{Digest, Draws};
 use ds_video::{ModelConfig, pixels, prompt};
@@ -27,12 +27,14 @@ pub(crate) struct LatentClips {
     held_out: (u64, u64),
 }
 
-/// Reads the trained autoencoder's weights, statistics included, as `vae.*`.
-pub(crate) fn trained_autoencoder(config: &TrainConfig) -> Result<Weights, TrainError> {
-    let path = Run::weights_path(&config.folder, "autoencoder");
-    let mut weights = Weights::default();
-    weights.absorb("vae.", &WeightsFile::read(&path)?.weights);
-    Ok(weights)
+/// Reads the autoencoder as a stage left it, statistics included.
+pub(crate) fn stored_autoencoder(config: &TrainConfig, stage: &str) -> Result<Weights, TrainError> {
+    Ok(WeightsFile::read(&Run::weights_path(&config.folder, stage))?.weights)
+}
+
+/// Returns the sizes of the autoencoder without the decoder's guidance, as its own stage trains it.
+pub(crate) fn unguided(model: &ModelConfig) -> AeShape {
+    AeShape { guided: false, ..model.ae() }
 }
 
 impl LatentClips {
@@ -40,7 +42,7 @@ impl LatentClips {
     pub(crate) fn encode(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Self, TrainError> {
         let model = config.model()?;
         let clips = batch::clip_file(config, &model);
-        let mut weights = trained_autoencoder(config)?.part("vae.");
+        let mut weights = stored_autoencoder(config, "autoencoder")?;
         let mut statistic = |name: &str| weights.remove(name).map(Array::into_values).unwrap_or_default();
         let (mean, std) = (statistic("latent.mean"), statistic("latent.std"));
         if mean.len() != model.vae.z || std.len() != model.vae.z {
@@ -48,7 +50,7 @@ impl LatentClips {
             let reason = "it has no latent statistics: its stage did not end".to_owned();
             return Err(TrainError::Checkpoint { path, reason });
         }
-        let ae = TinyAe::new(&model.ae(), &weights)?;
+        let ae = TinyAe::new(&unguided(&model), &weights)?;
         let (h, w) = model.latent_size();
         let mut latents = Vec::new();
         for index in 0..clips.count().min(config.data.clips) {

@@ -10,15 +10,20 @@ mod batch;
 pub mod checkpoint;
 pub mod clips;
 pub mod config;
+pub mod decoder;
 mod error;
 pub mod evaluate;
 mod latents;
+pub mod layout_following;
 pub mod policy;
 pub mod reference;
+pub mod segmenter;
 mod sheet;
 pub mod ship;
 pub mod student;
 pub mod teacher;
+#[cfg(test)]
+mod tests;
 
 pub use config::TrainConfig;
 pub use error::TrainError;

@@ -6,7 +6,7 @@ use crate::Progress;
 use crate::checkpoint::Run;
 use crate::config::TrainConfig;
 use crate::error::TrainError;
-use crate::latents::trained_autoencoder;
+use crate::latents::stored_autoencoder;
 
 /// Writes `<model>.safetensors` beside the model's configuration, with the digest of the configuration.
 ///
@@ -15,7 +15,9 @@ use crate::latents::trained_autoencoder;
 pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<(), TrainError> {
     let model = config.model()?;
     let student = WeightsFile::read(&Run::weights_path(&config.folder, "student"))?;
-    let mut file = WeightsFile { weights: trained_autoencoder(config)?, ..WeightsFile::default() };
+    let mut file = WeightsFile::default();
+    let stage = if model.control.decoder { "decoder" } else { "autoencoder" };
+    file.weights.absorb("vae.", &stored_autoencoder(config, stage)?);
     file.weights.absorb("dit.", &student.weights);
     file.weights.check(&ds_video::VideoModel::declare(&model))?;
     let mut note = |key: &str, value: String| file.metadata.insert(key.to_owned(), value);

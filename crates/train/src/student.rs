@@ -15,8 +15,8 @@ use ds_video::{CacheSource, ModelConfig, VideoModel, sampler};
 use crate::checkpoint::Run;
 use crate::config::TrainConfig;
 use crate::error::TrainError;
-use crate::latents::{LatentClips, noise, trained_autoencoder};
-use crate::{Progress, Report, evaluate};
+use crate::latents::{LatentClips, noise, stored_autoencoder};
+use crate::{Progress, Report, decoder, evaluate};
 
 const NAME: &str = "student";
 /// Chunks of a sequence that are queried at another level than the cached one.
@@ -42,15 +42,16 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
             }
         }
     }
-    let figures = evaluate::held_out(config, &Arc::new(assembled(config, &run.average)?))?;
+    let figures = evaluate::held_out(config, &Arc::new(assembled(config, &run.average, "autoencoder")?), NAME)?;
     Ok(run.report(figures))
 }
 
-/// Puts autoencoder and student together.
-pub(crate) fn assembled(config: &TrainConfig, student: &Weights) -> Result<VideoModel, TrainError> {
-    let mut weights = trained_autoencoder(config)?;
+/// Puts the student and the autoencoder of a stage together.
+pub(crate) fn assembled(config: &TrainConfig, student: &Weights, stage: &str) -> Result<VideoModel, TrainError> {
+    let mut weights = Weights::default();
+    weights.absorb("vae.", &stored_autoencoder(config, stage)?);
     weights.absorb("dit.", student);
-    Ok(VideoModel::new(&config.model()?, &weights)?)
+    Ok(VideoModel::new(&decoder::preset(config, stage)?, &weights)?)
 }
 
 /// Draws levels, queried chunks and noise of a step.

@@ -92,10 +92,22 @@ pub struct DitConfig {
     pub text_len: usize,
     /// First-frame tokens in the cross-attention context: 0, or all of a latent frame's.
     pub img_tokens: usize,
+    /// Where the first frame's latent is an input channel: in its own frame (`first`) or in all (`every`).
+    pub start: StartConfig,
     /// Cross-attention sits in every n-th block.
     pub cross_every: usize,
     /// What the output stands for: `clean` or `flow`.
     pub prediction: PredictionConfig,
+}
+
+/// Which frames are given the first frame's latent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StartConfig {
+    /// The first alone, as in Wan.
+    First,
+    /// All of them: a steady reference for colour and light.
+    Every,
 }
 
 /// What the output stands for.
@@ -138,6 +150,9 @@ pub struct ControlConfig {
     pub encoder: String,
     /// Channels of the control latent.
     pub channels: usize,
+    /// Whether the decoder sees the layouts too, so that lines and boxes stay sharp at this size.
+    #[serde(default)]
+    pub decoder: bool,
 }
 
 /// The few-step sampler.
@@ -268,6 +283,7 @@ impl ModelConfig {
             text_dim: self.model.text_dim,
             text_len: self.model.text_len,
             image_context: self.model.img_tokens > 0,
+            start_every: self.model.start == StartConfig::Every,
             cross_every: self.model.cross_every,
             grid_h: h / 2,
             grid_w: w / 2,
@@ -284,6 +300,7 @@ impl ModelConfig {
             encoder_blocks: self.vae.encoder_blocks,
             decoder_widths: self.vae.decoder_widths,
             decoder_blocks: self.vae.decoder_blocks,
+            guided: self.control.decoder,
         }
     }
 

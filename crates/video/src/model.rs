@@ -85,6 +85,12 @@ impl VideoModel {
         &self.config
     }
 
+    /// Returns the autoencoder.
+    #[must_use]
+    pub fn autoencoder(&self) -> &TinyAe {
+        &self.ae
+    }
+
     /// Returns the digest of configuration and weights.
     #[must_use]
     pub fn digest(&self) -> Digest {

@@ -15,7 +15,7 @@ use ds_nn::tiny_ae::Memory;
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter};
 
-use crate::config::CacheSource;
+use crate::config::{CacheSource, StartConfig};
 use crate::entry::{CacheEntry, Latent};
 use crate::error::VideoError;
 use crate::model::VideoModel;
@@ -41,6 +41,8 @@ pub struct Rollout {
     draw_key: Digest,
     camera: String,
     context: Context,
+    /// The start latent of chunks after the first frame.
+    start: Array,
     conditioning: Digest,
     encoder_digest: Digest,
     cache: KvCache,
@@ -114,6 +116,10 @@ impl Rollout {
         let latent = model.ae.encode(&Array::new(&[1, h, w, config.ae().inputs()], folded), &mut encoder);
         let latent = model.normalised(latent);
         let clean = Array::new(&[1, n, 4, z], pixels::to_tokens(latent.values(), h, w));
+        let start = match config.model.start {
+            StartConfig::First => Array::zeros(&[config.causal.chunk, n, 4, z]),
+            StartConfig::Every => Array::new(&[config.causal.chunk, n, 4, z], clean.values().repeat(config.causal.chunk)),
+        };
         let text = prompt::hashed(prompt, config.model.text_len, config.model.text_dim);
         let context = model.dit.context(&text, &clean);
         let mut conditioning = DigestWriter::new();
@@ -124,6 +130,7 @@ impl Rollout {
             draw_key,
             camera: camera.to_owned(),
             context,
+            start,
             conditioning: conditioning.finish(),
             encoder_digest: encoder.digest(),
             cache: KvCache::new(config.cache()),
@@ -139,7 +146,7 @@ impl Rollout {
     /// Caches the first frame and moves the decoder past it.
     fn begin(mut self, clean: Array, control: &Control) -> Result<(Self, CacheEntry), VideoError> {
         let kv = self.write(&clean, &clean, control, 0.0);
-        self.decode(&clean)?;
+        self.decode(&clean, &[])?;
         let entry = self.commit(Made { cached_input: clean.clone(), kv, clean }, control);
         Ok((self, entry))
     }
@@ -173,7 +180,8 @@ impl Rollout {
             }
             let control = self.control(&self.pending);
             let made = self.make(&control)?;
-            let frames = self.decode(&made.clean)?;
+            let layouts = self.pending.clone();
+            let frames = self.decode(&made.clean, &layouts)?;
             if !self.provisional.is_empty() {
                 generated.seam = mean_difference(&self.provisional, &frames);
             }
@@ -209,9 +217,9 @@ impl Rollout {
             let clean = entry.clean.checked(&shape).map_err(refuse("clean"))?;
             let control = entry.control.checked(&rollout.control_shape(shape[0])).map_err(refuse("control"))?;
             let control = rollout.model.dit.control_of(&control);
-            let start = Array::zeros(&shape);
-            let kv = rollout.write(&cached_input, &start, &control, rollout.cache_time());
-            rollout.decode(&clean)?;
+            let kv = rollout.write(&cached_input, &rollout.start, &control, rollout.cache_time());
+            // Frames are not wanted here, only the decoder's memory, which layouts do not touch.
+            rollout.decode(&clean, &[])?;
             let remade = rollout.commit(Made { cached_input, kv, clean }, &control);
             compare(entry, &remade)?;
         }
@@ -272,7 +280,7 @@ impl Rollout {
             padded.resize(self.model.config().frames_per_chunk(), newest.clone());
         }
         let made = self.make(&self.control(&padded))?;
-        let mut frames = self.clone().decode(&made.clean)?;
+        let mut frames = self.clone().decode(&made.clean, &padded)?;
         frames.truncate(self.pending.len());
         Ok(frames)
     }
@@ -300,13 +308,13 @@ impl Rollout {
         let sigmas = sampler::sigmas(config.sampler.steps, config.sampler.shift);
         let source = config.cache_source();
         let noise = |step: usize| sampler::noise(&self.draw_key, &self.camera, self.chunk, step, &shape);
-        let start = Array::zeros(&shape);
+        let start = &self.start;
         let window = self.cache.window(&self.model.dit, config.causal.chunk);
         let mut state = noise(1);
         let mut kept: Option<(Array, Option<ChunkKv>)> = None;
         let mut clean = Array::default();
         for (step, sigma) in (1..).zip(&sigmas) {
-            let chunk = Chunk { noisy: &state, start: &start, control, time: 1000.0 * sigma };
+            let chunk = Chunk { noisy: &state, start, control, time: 1000.0 * sigma };
             let (output, kv) = self.model.dit.denoise(&chunk, &window, &self.context);
             clean = match config.prediction() {
                 Prediction::Clean => output,
@@ -331,7 +339,7 @@ impl Rollout {
             (_, Some(kept)) => kept,
             (_, None) => (clean.clone(), None),
         };
-        let kv = kv.unwrap_or_else(|| self.write(&cached_input, &start, control, self.cache_time()));
+        let kv = kv.unwrap_or_else(|| self.write(&cached_input, start, control, self.cache_time()));
         Ok(Made { cached_input, kv, clean })
     }
 
@@ -355,14 +363,18 @@ impl Rollout {
         self.model.dit.denoise(&chunk, &window, &self.context).1
     }
 
-    /// Decodes a chunk and moves the decoder on; of the first frame's copies the last remains.
-    fn decode(&mut self, clean: &Array) -> Result<Vec<RgbImage>, VideoError> {
+    /// Decodes a chunk, guided by its layouts if there are any, and moves the decoder on; of the first frame's copies
+    /// the last remains.
+    fn decode(&mut self, clean: &Array, layouts: &[RgbImage]) -> Result<Vec<RgbImage>, VideoError> {
         let config = self.model.config();
         let ((h, w), z) = (config.latent_size(), config.vae.z);
         let frame = h * w * z;
         let values = clean.values().chunks_exact(frame).flat_map(|tokens| pixels::from_tokens(tokens, h, w)).collect();
         let latents = self.model.denormalised(Array::new(&[clean.shape()[0], h, w, z], values));
-        let decoded = self.model.ae.decode(&latents, &mut self.decoder);
+        let size = (config.video.width_px, config.video.height_px);
+        let layouts: Vec<RgbImage> = layouts.iter().map(|layout| pixels::resized(layout, size.0, size.1)).collect();
+        let guide = (config.control.decoder && !layouts.is_empty()).then(|| pixels::to_values(&layouts.iter().collect::<Vec<_>>()));
+        let decoded = self.model.ae.decode(&latents, guide.as_ref(), &mut self.decoder);
         if !decoded.is_finite() {
             return Err(VideoError::NotFinite { chunk: self.chunk });
         }

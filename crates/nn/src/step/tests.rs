@@ -21,6 +21,7 @@ const SHAPE: DitShape = DitShape {
     text_dim: 8,
     text_len: 2,
     image_context: true,
+    start_every: true,
     cross_every: 2,
     grid_h: 2,
     grid_w: 3,
@@ -103,7 +104,8 @@ fn largest_difference(plan: &CausalPlan) -> f32 {
         );
         let control = dit.control(&layouts);
         let clean = frames_of(&batch.clean, range.clone());
-        let zeros = Array::zeros(clean.shape());
+        let first = frames_of(&batch.clean, 0..1);
+        let starts = Array::new(clean.shape(), first.values().repeat(count));
         let run = |noisy: &Array, level: f32, first: &Array, cache: &KvCache| {
             let chunk = Chunk { noisy, start: first, control: &control, time: 1000.0 * level };
             dit.denoise(&chunk, &cache.window(&dit, count), &context)
@@ -111,13 +113,13 @@ fn largest_difference(plan: &CausalPlan) -> f32 {
         if plan.queries.contains(&start) {
             let at = start - plan.queries.start;
             let noise = frames_of(&plan.query_noise, at..at + count);
-            compare(&run(&noised(&clean, &noise, plan.query.0), plan.query.0, &zeros, &cache).0, FRAMES + at);
+            compare(&run(&noised(&clean, &noise, plan.query.0), plan.query.0, &starts, &cache).0, FRAMES + at);
         }
         let (output, kv) = if start == 0 {
             run(&clean, 0.0, &clean, &cache)
         } else {
             let noise = frames_of(&plan.context_noise, start - 1..start - 1 + count);
-            run(&noised(&clean, &noise, plan.context.0), plan.context.0, &zeros, &cache)
+            run(&noised(&clean, &noise, plan.context.0), plan.context.0, &starts, &cache)
         };
         compare(&output, start);
         cache.commit(&kv);
@@ -197,6 +199,7 @@ fn ae() -> (AeShape, AeBatch) {
         encoder_blocks: 1,
         decoder_widths: [8, 6, 4],
         decoder_blocks: [1, 1, 1],
+        guided: false,
     };
     let frames = draw("frames", &[2 * 2 * 4, 16, 24, 3]);
     let batch = AeBatch {
@@ -224,6 +227,35 @@ fn the_autoencoder_fits_what_it_sees() {
 }
 
 #[test]
+fn a_guided_decoder_learns_from_layouts_and_leaves_the_encoder_alone() {
+    let (shape, batch) = ae();
+    let shape = AeShape { guided: true, ..shape };
+    let mut weights = weights(&shape.declare());
+    let batch = DecoderBatch {
+        clips: 2,
+        latents: draw("latents", &[4, 2, 3, 3]),
+        layouts: batch.frames.clone(),
+        frames: batch.frames,
+    };
+    let encoder = weights.part("encoder.");
+    let mut adam = AdamW::new(AdamWSettings::default(), &weights);
+    let first = decoder(&shape, &weights, &batch).loss;
+    for _ in 0..30 {
+        let step = decoder(&shape, &weights, &batch);
+        adam.update(&mut weights, &step.gradient, 1e-2);
+    }
+    assert!(decoder(&shape, &weights, &batch).loss < 0.9 * first);
+    assert_eq!(weights.part("encoder."), encoder);
+    // What the decoder remembers does not depend on the layout.
+    let ae = TinyAe::new(&shape, &weights).expect("the weights fit");
+    let (mut with, mut without) = (Memory::default(), Memory::default());
+    let latents = draw("latents", &[4, 2, 3, 3]);
+    let guided = ae.decode(&latents, Some(&batch.layouts), &mut with);
+    assert_ne!(guided, ae.decode(&latents, None, &mut without));
+    assert_eq!(with.digest(), without.digest());
+}
+
+#[test]
 fn streaming_equals_whole_clip_work() {
     let (shape, _) = ae();
     for stride_t in [1, 2, 4] {
@@ -231,7 +263,7 @@ fn streaming_equals_whole_clip_work() {
         let ae = TinyAe::new(&shape, &weights(&shape.declare())).expect("the weights fit");
         let steps = draw("steps", &[5, 2, 3, shape.inputs()]);
         let latents = ae.encode(&steps, &mut Memory::default());
-        let frames = ae.decode(&latents, &mut Memory::default());
+        let frames = ae.decode(&latents, None, &mut Memory::default());
         assert_eq!(frames.shape(), [5 * stride_t, 16, 24, 3]);
         let (mut encoder, mut decoder) = (Memory::default(), Memory::default());
         let (mut latents_in_parts, mut frames_in_parts) = (Vec::new(), Vec::new());
@@ -243,7 +275,7 @@ fn streaming_equals_whole_clip_work() {
                 Array::new(&shape, array.values()[part.start * row..part.end * row].to_vec())
             };
             let latents = ae.encode(&slice(&steps), &mut encoder);
-            frames_in_parts.extend(ae.decode(&latents, &mut decoder).into_values());
+            frames_in_parts.extend(ae.decode(&latents, None, &mut decoder).into_values());
             latents_in_parts.extend(latents.into_values());
         }
         let worst = |a: &[f32], b: &[f32]| a.iter().zip(b).fold(0.0f32, |w, (a, b)| w.max((a - b).abs()));

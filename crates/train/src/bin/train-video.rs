@@ -1,4 +1,4 @@
-//! Runs one training stage: `train-video CONFIG clips|autoencoder|teacher|student|ship`, with a line now and then.
+//! Runs one training stage: `train-video CONFIG clips|autoencoder|teacher|student|decoder|ship|evaluate`, with a line now and then.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -27,6 +27,12 @@ fn run(config: &Path, stage: &str) -> Result<(), TrainError> {
         "autoencoder" => ds_train::autoencoder::run(&config, &mut Lines)?,
         "teacher" => ds_train::teacher::run(&config, &mut Lines)?,
         "student" => ds_train::student::run(&config, &mut Lines)?,
+        "evaluate" => {
+            let figures = ds_train::evaluate::long(&config, &mut Lines)?;
+            figures.iter().for_each(|(name, value)| eprintln!("{name} {value:.3}"));
+            return Ok(());
+        }
+        "decoder" => ds_train::decoder::run(&config, &mut Lines)?,
         "ship" => return ds_train::ship::run(&config, &mut Lines),
         other => {
             return Err(TrainError::Config { field: "stage", rule: format!("there is no stage {other:?}") });
@@ -39,7 +45,7 @@ fn run(config: &Path, stage: &str) -> Result<(), TrainError> {
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [config, stage] = arguments.as_slice() else {
-        eprintln!("usage: train-video CONFIG clips|autoencoder|teacher|student|ship");
+        eprintln!("usage: train-video CONFIG clips|autoencoder|teacher|student|decoder|ship|evaluate");
         return ExitCode::from(64);
     };
     match run(Path::new(config), stage) {

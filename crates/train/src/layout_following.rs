@@ -1,0 +1,1 @@
+//! How well generated frames follow their layouts (see the parts below).
