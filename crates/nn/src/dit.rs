@@ -65,12 +65,7 @@ impl DitShape {
     }
 
     pub(crate) fn heads(&self) -> Heads {
-        Heads {
-            heads: self.heads,
-            head_dim: self.dim / self.heads,
-            grid_h: self.grid_h,
-            grid_w: self.grid_w,
-        }
+        Heads { heads: self.heads, head_dim: self.dim / self.heads, grid_h: self.grid_h, grid_w: self.grid_w }
     }
 
     fn crosses(&self, layer: usize) -> bool {
@@ -248,8 +243,7 @@ impl Dit {
         Self {
             control: graph.linear("control_embedding"),
             time: ["time_embedding.0", "time_embedding.2", "time_projection.1"].map(|name| graph.linear(name)),
-            text: (shape.text_len > 0)
-                .then(|| ["text_embedding.0", "text_embedding.2"].map(|name| graph.linear(name))),
+            text: (shape.text_len > 0).then(|| ["text_embedding.0", "text_embedding.2"].map(|name| graph.linear(name))),
             image: shape.image_context.then(|| graph.linear("img_emb.proj.1")),
             blocks: (0..shape.layers).map(block).collect(),
             head: graph.linear("head.head"),

@@ -277,9 +277,7 @@ fn grouped(dit: &Dit, groups: &[Group], positions: &[usize], qkv: Qkv) -> Tensor
     let [b, _, d] = qkv.q.dims();
     let rotation = heads.rotation(&dit.graph, positions);
     let (q, k) = (rotation.apply(qkv.q), rotation.apply(qkv.k.clone()));
-    let part = |x: &Tensor<3>, range: &Range<usize>| {
-        x.clone().slice([0..b, range.start * n..range.end * n, 0..d])
-    };
+    let part = |x: &Tensor<3>, range: &Range<usize>| x.clone().slice([0..b, range.start * n..range.end * n, 0..d]);
     let attend = |group: &Group| {
         let sink = 0..group.sink;
         // Moving the sink forward by the evicted frames is the same as moving all others back.
@@ -325,8 +323,7 @@ fn teacher_forward(dit: &Dit, batch: &ClipBatch, noisy: Tensor<5>, levels: &[f32
     let start = start(dit, first, frames);
     let times = levels.iter().flat_map(|level| vec![1000.0 * level; frames]).collect();
     let rows = [b, frames * n, 4, z];
-    let tokens =
-        Tokens { noisy: noisy.reshape(rows), control: control(dit, batch), start: start.reshape(rows), times };
+    let tokens = Tokens { noisy: noisy.reshape(rows), control: control(dit, batch), start: start.reshape(rows), times };
     let heads = dit.shape.heads();
     let rotation = heads.rotation(&dit.graph, &(0..frames).collect::<Vec<_>>());
     let context = dit.context(&batch.text, &first_frames(batch));

@@ -113,9 +113,12 @@ impl TrainConfig {
         if self.data.frames < 2 || self.data.frames > 1_024 {
             return refuse("data.frames", "must be 2 to 1024");
         }
-        for (field, stage) in
-            [("autoencoder", &self.autoencoder), ("teacher", &self.teacher), ("student", &self.student), ("decoder", &self.decoder)]
-        {
+        for (field, stage) in [
+            ("autoencoder", &self.autoencoder),
+            ("teacher", &self.teacher),
+            ("student", &self.student),
+            ("decoder", &self.decoder),
+        ] {
             let rate = stage.learning_rate > 0.0 && stage.learning_rate < 1.0;
             let average = (0.0..1.0).contains(&stage.average);
             if stage.clips == 0 || stage.clips > 256 || stage.latents < 2 || !rate || !average {

@@ -5,8 +5,8 @@
 
 use std::sync::Arc;
 
-use ds_nn::step::{self, DecoderBatch};
 use ds_nn::safetensors::WeightsFile;
+use ds_nn::step::{self, DecoderBatch};
 use ds_nn::{Array, Weights};
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::{ModelConfig, Rollout, VideoModel, pixels};
@@ -114,11 +114,13 @@ fn batch(
     for index in 0..stage.clips {
         let draws = Draws::new(seed, "batch", &[u64::from(step), index as u64]);
         let from_rollout = draws.uniform(1) < ROLLED && !rolled.is_empty();
-        let clip_index =
-            if from_rollout { draws.below(0, rolled.len() as u64) } else { batch::training_clip(config, clips, &draws)? };
+        let clip_index = if from_rollout {
+            draws.below(0, rolled.len() as u64)
+        } else {
+            batch::training_clip(config, clips, &draws)?
+        };
         let clip = clips.read(clip_index, 0, 1 + (all - 1) * stride)?;
-        let encoded =
-            if from_rollout { rolled[clip_index as usize].clone() } else { encode(model, &clip) };
+        let encoded = if from_rollout { rolled[clip_index as usize].clone() } else { encode(model, &clip) };
         latents.extend_from_slice(&encoded.values()[..all * h * w * shape.z]);
         let on = draws.uniform(2) >= LAYOUT_DROPOUT;
         for (step, layout) in latent_steps(&clip.frames, stride).iter().zip(latent_steps(&clip.layouts, stride)) {

@@ -38,7 +38,11 @@ pub fn roll(
 }
 
 /// Evaluates on held-out clips and writes a sheet named after the stage.
-pub(crate) fn held_out(config: &TrainConfig, model: &Arc<VideoModel>, stage: &str) -> Result<Vec<(String, f32)>, TrainError> {
+pub(crate) fn held_out(
+    config: &TrainConfig,
+    model: &Arc<VideoModel>,
+    stage: &str,
+) -> Result<Vec<(String, f32)>, TrainError> {
     let clips = batch::clip_file(config, model.config());
     let (first, count) = batch::held_out(config, &clips);
     let count = count.min(CLIPS);

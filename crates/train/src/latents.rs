@@ -87,7 +87,9 @@ impl LatentClips {
             let clip = self.clips.read(clip, 0, 1 + (latents - 1) * stride)?;
             layouts.extend(self.layout_tokens(&clip.layouts));
             on.push(f32::from(u8::from(draws.uniform(1) >= LAYOUT_DROPOUT)));
-            text.extend(prompt::hashed(&clip.prompt, self.model.model.text_len, self.model.model.text_dim).into_values());
+            text.extend(
+                prompt::hashed(&clip.prompt, self.model.model.text_len, self.model.model.text_dim).into_values(),
+            );
         }
         let b = stage.clips;
         Ok(ClipBatch {

@@ -10,11 +10,11 @@ use ds_scenario::Family;
 use ds_space::{DVec2, Draws, PoseSe2, Tick, angle};
 use ds_world::{EgoState, Scene};
 
+use crate::Progress;
 use crate::batch;
 use crate::clips::{Clip, ClipShape, ClipSource};
 use crate::config::TrainConfig;
 use crate::error::TrainError;
-use crate::Progress;
 
 /// Clips of the project's own cameras.
 pub struct ReferenceClips {

@@ -22,6 +22,7 @@ pub(crate) fn write(path: &Path, rows: &[Vec<RgbImage>]) -> Result<(), TrainErro
             }
         }
     }
-    let bytes = sheet.encode(Encoding::Png).map_err(|error| TrainError::Clip { index: 0, reason: error.to_string() })?;
+    let bytes =
+        sheet.encode(Encoding::Png).map_err(|error| TrainError::Clip { index: 0, reason: error.to_string() })?;
     std::fs::write(path, bytes).map_err(TrainError::io("contact sheet", path))
 }

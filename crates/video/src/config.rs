@@ -386,7 +386,9 @@ impl ModelConfig {
         if self.control.encoder != "unshuffle" || self.control.channels == 0 || self.control.channels > MAX_WIDTH {
             return refuse("control.encoder", self.control.encoder.clone(), "must be \"unshuffle\" with channels");
         }
-        if self.sampler.steps == 0 || self.sampler.steps > 64 || !(self.sampler.shift >= 1.0 && self.sampler.shift < 100.0)
+        if self.sampler.steps == 0
+            || self.sampler.steps > 64
+            || !(self.sampler.shift >= 1.0 && self.sampler.shift < 100.0)
         {
             return refuse("sampler.steps", self.sampler.steps.to_string(), "must be 1 to 64 with a shift of 1 to 100");
         }

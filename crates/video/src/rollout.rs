@@ -118,7 +118,9 @@ impl Rollout {
         let clean = Array::new(&[1, n, 4, z], pixels::to_tokens(latent.values(), h, w));
         let start = match config.model.start {
             StartConfig::First => Array::zeros(&[config.causal.chunk, n, 4, z]),
-            StartConfig::Every => Array::new(&[config.causal.chunk, n, 4, z], clean.values().repeat(config.causal.chunk)),
+            StartConfig::Every => {
+                Array::new(&[config.causal.chunk, n, 4, z], clean.values().repeat(config.causal.chunk))
+            }
         };
         let text = prompt::hashed(prompt, config.model.text_len, config.model.text_dim);
         let context = model.dit.context(&text, &clean);
@@ -295,8 +297,7 @@ impl Rollout {
             [single] => vec![vec![single; config.vae.stride_t]],
             many => many.chunks(config.vae.stride_t).map(|step| step.iter().collect()).collect(),
         };
-        let tokens: Vec<f32> =
-            steps.iter().flat_map(|step| pixels::to_tokens(&pixels::fold(step), h, w)).collect();
+        let tokens: Vec<f32> = steps.iter().flat_map(|step| pixels::to_tokens(&pixels::fold(step), h, w)).collect();
         let shape = [1, steps.len() * config.dit().tokens(), 4, config.ae().inputs()];
         self.model.dit.control(&Array::new(&shape, tokens))
     }
@@ -350,9 +351,7 @@ impl Rollout {
             CacheSource::Clean | CacheSource::X0Hat(_) => 0.0,
             #[expect(clippy::cast_possible_truncation, reason = "levels are single precision")]
             CacheSource::Renoise(sigma) => 1000.0 * sigma as f32,
-            CacheSource::State(step) => {
-                1000.0 * sampler::sigmas(config.sampler.steps, config.sampler.shift)[step - 1]
-            }
+            CacheSource::State(step) => 1000.0 * sampler::sigmas(config.sampler.steps, config.sampler.shift)[step - 1],
         }
     }
 
@@ -373,7 +372,8 @@ impl Rollout {
         let latents = self.model.denormalised(Array::new(&[clean.shape()[0], h, w, z], values));
         let size = (config.video.width_px, config.video.height_px);
         let layouts: Vec<RgbImage> = layouts.iter().map(|layout| pixels::resized(layout, size.0, size.1)).collect();
-        let guide = (config.control.decoder && !layouts.is_empty()).then(|| pixels::to_values(&layouts.iter().collect::<Vec<_>>()));
+        let guide = (config.control.decoder && !layouts.is_empty())
+            .then(|| pixels::to_values(&layouts.iter().collect::<Vec<_>>()));
         let decoded = self.model.ae.decode(&latents, guide.as_ref(), &mut self.decoder);
         if !decoded.is_finite() {
             return Err(VideoError::NotFinite { chunk: self.chunk });
