@@ -112,3 +112,16 @@ fn refuses_what_it_cannot_use_by_name() {
     assert!(CameraPolicy::new(&short).err().expect("the shape is wrong").to_string().contains("hidden1.bias"));
     assert!(SIZE.declared().iter().all(|weight| weight.initial != Initial::Constant(f32::NAN)));
 }
+
+#[test]
+fn the_shipped_weights_are_this_networks() {
+    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/models/camera_policy.safetensors"));
+    if !path.exists() {
+        eprintln!("skipped: {} is not there", path.display());
+        return;
+    }
+    let mut policy = CameraPolicy::load(path).expect("the shipped weights fit");
+    let answer = policy.plan(&observation(known_camera(), pattern()), None).expect("plans");
+    assert_eq!(answer.trajectory.points().len(), 80);
+    assert!(std::fs::metadata(path).expect("the file is there").len() < 5 << 20, "weights over 5 MB");
+}
