@@ -6,7 +6,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use dreamstream_tests::workspace;
+#[path = "harness.rs"]
+mod harness;
+use harness::workspace;
 
 /// Every package and its layer; imports point to a lower layer only.
 const LAYERS: &[(&str, u32)] = &[
@@ -34,7 +36,6 @@ const LAYERS: &[(&str, u32)] = &[
     ("vdm-worker", 7),
     ("policy-bridge", 7),
     ("dreamstream", 8),
-    ("dreamstream-tests", 9),
 ];
 
 /// Outside libraries that only the named packages may depend on.
@@ -42,7 +43,7 @@ const NAMED_ONLY_BY: &[(&str, &[&str])] = &[
     ("zenoh", &["ds-bus"]),
     ("prost", &["ds-wire"]),
     ("prost-types", &["ds-wire"]),
-    ("tonic", &["ds-wire", "orchestrator", "ds-process", "dreamstream", "dreamstream-tests"]),
+    ("tonic", &["ds-wire", "orchestrator", "ds-process", "dreamstream"]),
     ("wgpu", &["ds-layout"]),
     ("naga", &["ds-layout"]),
     ("burn", &["ds-nn"]),
@@ -69,7 +70,6 @@ fn packages() -> Vec<Package> {
         let entries = fs::read_dir(workspace().join(group)).expect("the workspace has crates and services");
         found.extend(entries.map(|entry| entry.expect("readable entry").path()));
     }
-    found.push(workspace().join("tests"));
     found.sort();
     found.iter().filter(|folder| folder.join("Cargo.toml").exists()).map(|folder| package(folder)).collect()
 }

@@ -1,1 +1,17 @@
-//! Placeholder until this crate is written.
+//! What every process does: settings, logging, draining, joining the fleet, hosting the makers of its role.
+//!
+//! A service of a stage is a [`maker::MakerFactory`]; everything between it and the bus is here, once.
+
+pub mod clock;
+pub mod drain;
+pub mod hold;
+pub mod logging;
+pub mod maker;
+pub mod member;
+pub mod section;
+pub mod service;
+pub mod settings;
+pub mod workbench;
+
+pub use member::{Member, MemberError};
+pub use tokio_util::sync::CancellationToken as Drain;

@@ -10,8 +10,19 @@ use tokio::process::{Child, Command};
 
 use crate::embed::{Fleet, FleetPlan};
 
-/// Running child processes by name, in order of start.
-pub struct Children(Vec<(String, Child)>);
+/// How often a process that died is started again before the run gives up.
+const MAX_RESTARTS: u32 = 8;
+
+struct Supervised {
+    name: String,
+    arguments: Vec<String>,
+    child: Child,
+    restarts: u32,
+}
+
+/// Running child processes in order of start. One that dies is started again: its roles are taken over by epoch, its
+/// journal goes on from the last commit.
+pub struct Children(Vec<Supervised>);
 
 fn free_port() -> Result<u16> {
     let listener = TcpListener::bind("127.0.0.1:0").context("no free port on loopback")?;
@@ -50,11 +61,12 @@ pub async fn start(plan: &FleetPlan, log: &str) -> Result<Fleet> {
     let common = [log.as_str(), connect.as_str(), drop_share.as_str(), orchestrator.as_str()];
     let slots = format!("process.slots={}", plan.workers);
     let weights = set("policy.weights", &path(&plan.policy_weights)?);
+    let policy_name = set("policy.name", &plan.policy);
     let policy_listen = set("policy.listen", plan.policy_listen.as_deref().unwrap_or_default());
     let model = set("video.model", &path(&plan.model)?);
     children.spawn("sim-server", "sim-server", &[&common[..], &[&slots]].concat())?;
     children.spawn("layout-render", "layout-render", &[&common[..], &[&slots]].concat())?;
-    children.spawn("policy-bridge", "policy-bridge", &[&common[..], &[&slots, &weights, &policy_listen]].concat())?;
+    children.spawn("policy-bridge", "policy-bridge", &[&common[..], &[&slots, &weights, &policy_name, &policy_listen]].concat())?;
     for index in 0..plan.workers {
         let name = format!("vdm-worker-{index}");
         children.spawn(&name, "vdm-worker", &[&common[..], &["process.slots=1", &model]].concat())?;
@@ -71,31 +83,46 @@ async fn wait_for_port(port: u16) -> Result<()> {
     tokio::time::timeout(Duration::from_secs(30), up).await.with_context(|| format!("nothing listens on port {port}"))
 }
 
+fn launch(name: &str, arguments: &[String]) -> Result<Child> {
+    let binary = std::env::current_exe().context("path of this binary")?;
+    let mut command = Command::new(binary);
+    command.args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).kill_on_drop(true);
+    let child = command.spawn().with_context(|| format!("start {name}"))?;
+    tracing::info!(name, pid = child.id(), "process started");
+    Ok(child)
+}
+
 impl Children {
     fn spawn(&mut self, name: &str, service: &str, settings: &[&str]) -> Result<()> {
-        let binary = std::env::current_exe().context("path of this binary")?;
-        let mut command = Command::new(binary);
-        command.arg("serve").arg(service).stdin(Stdio::null()).stdout(Stdio::null()).kill_on_drop(true);
+        let mut arguments = vec!["serve".to_owned(), service.to_owned()];
         for setting in settings {
-            command.arg("--set").arg(setting);
+            arguments.extend(["--set".to_owned(), (*setting).to_owned()]);
         }
-        let child = command.spawn().with_context(|| format!("start {name}"))?;
-        tracing::info!(name, pid = child.id(), "process started");
-        self.0.push((name.to_owned(), child));
+        let child = launch(name, &arguments)?;
+        self.0.push(Supervised { name: name.to_owned(), arguments, child, restarts: 0 });
         Ok(())
     }
 
-    /// Waits until any process ends and says which.
-    pub async fn ended(&mut self) -> anyhow::Error {
+    /// Watches the processes and starts dead ones again; returns when one has died too often.
+    pub async fn supervise(&mut self) -> anyhow::Error {
         loop {
-            for (name, child) in &mut self.0 {
-                match child.try_wait() {
-                    Ok(Some(status)) => return anyhow::anyhow!("process {name} ended early: {status}"),
-                    Ok(None) => {}
-                    Err(error) => return anyhow::anyhow!("process {name} cannot be watched: {error}"),
+            for process in &mut self.0 {
+                let status = match process.child.try_wait() {
+                    Ok(None) => continue,
+                    Ok(Some(status)) => status,
+                    Err(error) => return anyhow::anyhow!("process {} cannot be watched: {error}", process.name),
+                };
+                if process.restarts == MAX_RESTARTS || status.code() == Some(i32::from(ds_process::service::EXIT_USAGE)) {
+                    return anyhow::anyhow!("process {} ended: {status}", process.name);
+                }
+                tracing::warn!(name = process.name, %status, "process died and is started again");
+                process.restarts += 1;
+                match launch(&process.name, &process.arguments) {
+                    Ok(child) => process.child = child,
+                    Err(error) => return error,
                 }
             }
-            tokio::time::sleep(Duration::from_millis(200)).await;
+            tokio::time::sleep(Duration::from_millis(100)).await;
         }
     }
 
@@ -104,7 +131,7 @@ impl Children {
     /// # Errors
     /// If a process cannot be signalled or does not end.
     pub async fn stop(mut self) -> Result<()> {
-        while let Some((name, mut child)) = self.0.pop() {
+        while let Some(Supervised { name, mut child, .. }) = self.0.pop() {
             if let Some(pid) = child.id() {
                 let killed = Command::new("kill").arg("-TERM").arg(pid.to_string()).status().await;
                 killed.with_context(|| format!("signal {name}"))?;

@@ -8,7 +8,7 @@ const EXAMPLES: &str = "Examples:
   dreamstream run scenarios/base                       drive all shipped scenarios with the camera policy
   dreamstream run scenarios/base/cut-in.scenario.json --observation reference --out out/cut-in
   dreamstream import scenarionet my_logs/ -o out/imported && dreamstream run out/imported
-  dreamstream view out/run/recordings/cut-in.camera.dreamstream.s0.mcap --save drive.rrd
+  dreamstream view out/run/recordings/cut-in.camera.dreamstream.s0.a1.mcap --save drive.rrd
   dreamstream doctor                                   say what this machine has and lacks";
 
 /// A closed-loop simulator for end-to-end driving policies.
@@ -28,6 +28,8 @@ pub struct Cli {
 pub enum Command {
     /// Drive scenarios in a closed loop; scores, recordings and pictures go to --out.
     Run(RunArgs),
+    /// Drive scenarios on a fleet that runs already, such as one started by compose.
+    Submit(SubmitArgs),
     /// Convert recorded logs to scenario files.
     Import(ImportArgs),
     /// List, show or generate scenarios.
@@ -155,6 +157,17 @@ pub struct RunArgs {
     pub drop_pushes: f64,
 }
 
+/// Arguments of `submit`.
+#[derive(Debug, Args)]
+pub struct SubmitArgs {
+    /// The orchestrator's address.
+    #[arg(long, env = "DREAMSTREAM_CONTROL_ORCHESTRATOR", default_value = "http://127.0.0.1:4710")]
+    pub control: String,
+    /// What to drive; the settings of the fleet itself are ignored.
+    #[command(flatten)]
+    pub run: RunArgs,
+}
+
 /// Arguments of `import`.
 #[derive(Debug, Args)]
 pub struct ImportArgs {
@@ -192,7 +205,7 @@ pub enum ScenarioCommand {
         /// The first seed.
         #[arg(long, default_value_t = 0)]
         seed: u64,
-        /// How many of each family.
+        /// How many in all; with `all` the families take turns.
         #[arg(long, default_value_t = 10)]
         count: u32,
         /// Where the files go.
@@ -218,7 +231,7 @@ pub struct TrainArgs {
 /// Arguments of `view`.
 #[derive(Debug, Args)]
 pub struct ViewArgs {
-    /// A recording (.mcap, or .mcap.partial of a killed drive).
+    /// A recording (.mcap, or .mcap.partial of a drive that was killed).
     #[arg(value_hint = ValueHint::FilePath)]
     pub recording: PathBuf,
     /// Write an .rrd file instead of opening a viewer.

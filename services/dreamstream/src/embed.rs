@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
-use ds_bus::Bus;
+use ds_bus::BusSession;
 use ds_episode::Timing;
 use ds_process::maker::MakerFactory;
 use ds_process::{Drain, Member};
@@ -24,7 +24,9 @@ pub struct FleetPlan {
     pub policy_weights: PathBuf,
     /// Video workers, and episodes under way at a time.
     pub workers: u32,
-    /// Where external policies connect to.
+    /// The policy under test.
+    pub policy: String,
+    /// Where it connects to, if it is external.
     pub policy_listen: Option<String>,
     /// Share of pushes that are dropped.
     pub drop_pushes: f64,
@@ -57,7 +59,7 @@ impl Fleet {
             (Some(Ok(Ok(()))), _) => anyhow::anyhow!("a service ended early"),
             (Some(Ok(Err(error))), _) => error,
             (Some(Err(error)), _) => anyhow::Error::new(error),
-            (None, Some(children)) => children.ended().await,
+            (None, Some(children)) => children.supervise().await,
             (None, None) => anyhow::anyhow!("no service runs"),
         }
     }
@@ -86,11 +88,8 @@ impl Fleet {
 /// # Errors
 /// If a port, the ledger or the policy bus cannot be opened.
 pub async fn start(plan: &FleetPlan) -> Result<Fleet> {
-    let settings = ds_bus::BusSettings {
-        drop_share: plan.drop_pushes,
-        ..ds_bus::BusSettings::embedded()
-    };
-    let bus = Bus::open(settings).await.context("bus")?;
+    let settings = ds_bus::BusSettings { drop_share: plan.drop_pushes, ..ds_bus::BusSettings::default() };
+    let bus = BusSession::open(&settings).await.context("bus")?;
     let drain = Drain::new();
     let mut tasks = JoinSet::new();
     let mut settings = orchestrator::Settings::default();
@@ -101,7 +100,7 @@ pub async fn start(plan: &FleetPlan) -> Result<Fleet> {
     let control = format!("http://{}", running.address);
     tasks.spawn(async move { running.ended().await });
     let outside = match &plan.policy_listen {
-        Some(listen) => Some(Arc::new(OutsideBus::open(listen, Duration::from_secs(30)).await?)),
+        Some(listen) => Some(Arc::new(OutsideBus::open(&plan.policy, listen, Duration::from_secs(30)).await?)),
         None => None,
     };
     let mut factories: Vec<Arc<dyn MakerFactory>> = vec![

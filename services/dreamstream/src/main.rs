@@ -42,6 +42,7 @@ fn main() -> ExitCode {
 fn run(cli: &Cli) -> anyhow::Result<()> {
     match &cli.command {
         Command::Run(args) => runtime()?.block_on(command::run::run(args, &cli.log)),
+        Command::Submit(args) => runtime()?.block_on(command::run::submit(args)),
         Command::Import(args) => command::scenario::import(args),
         Command::Scenario(command) => command::scenario::run(command),
         Command::Train(args) => command::train::run(args),

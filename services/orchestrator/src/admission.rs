@@ -1,6 +1,6 @@
 //! Gives each queued episode a conductor, so many at a time, and tries again after infrastructure faults.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -154,7 +154,7 @@ fn fill(result: &mut pb::EpisodeResult, outcome: &Outcome) {
     result.ticks = outcome.ticks;
     result.route_completion = outcome.scores.route_completion;
     let scored = outcome.scores.sub_scores.iter().filter_map(|(name, value)| Some((name.clone(), (*value)?)));
-    result.sub_scores = scored.collect::<HashMap<_, _>>();
+    result.sub_scores = scored.collect::<BTreeMap<_, _>>();
     let wall = outcome.wall.as_secs_f64();
     result.wall_secs = wall;
     result.frames_per_second = f64::from(outcome.ticks) / wall.max(1e-9);
@@ -165,7 +165,7 @@ fn fill(result: &mut pb::EpisodeResult, outcome: &Outcome) {
 }
 
 /// Divides the wall time between the makers, the journal (`other`) and what is left (`bus`); the shares sum to 1.
-fn shares(work_secs: [f64; 4], journal_secs: f64, wall_secs: f64) -> HashMap<String, f64> {
+fn shares(work_secs: [f64; 4], journal_secs: f64, wall_secs: f64) -> BTreeMap<String, f64> {
     let used = work_secs.iter().sum::<f64>() + journal_secs;
     let total = wall_secs.max(used).max(1e-9);
     let [sim, layout, video, policy] = work_secs.map(|secs| secs / total);

@@ -1,15 +1,15 @@
 //! Conducts one attempt at an episode: the driver's state machine between bus, fleet, journal and score.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use ds_bus::{Bus, Question};
+use ds_bus::{Ask, BusSession, Holder};
 use ds_episode::driver::{Action, Attempt, EncodedScene, Ending, Event, Status};
 use ds_episode::fleet::Request;
 use ds_episode::{Driver, Fault, Millis, Timing};
 use ds_process::clock::millis;
-use ds_process::hold::publish;
+use ds_process::hold::{answer, publish, pull};
 use ds_space::{AttemptId, Digest, EpisodeId, InstanceId};
 use ds_topic::{Envelope, Owner, Role, SceneMessage, Slot, Topic};
 use ds_wire::{Body, WireCodec};
@@ -24,7 +24,7 @@ use crate::submission::{self, Job};
 /// What all conductors share.
 #[derive(Clone)]
 pub(crate) struct Stand {
-    pub(crate) bus: Bus,
+    pub(crate) bus: BusSession,
     pub(crate) hub: Arc<Hub>,
     pub(crate) instance: InstanceId,
     pub(crate) term: u64,
@@ -84,7 +84,7 @@ pub(crate) async fn conduct(
     let (driver, journal, scorer) = open(stand, named, encoded, &message).await?;
     let topics: Vec<Topic> = Topic::ALL.into_iter().filter(|topic| ds_episode::due::maker(*topic).is_some()).collect();
     let mut pushes = stand.bus.subscribe(&episode, &topics).await?;
-    let mut questions = stand.bus.serve(&episode, ds_bus::JOURNAL).await?;
+    let mut questions = stand.bus.serve_pulls(&Holder::Journal, &episode).await?;
     let (news, mut told) = mpsc::channel(1_024);
     stand.hub.drive(&episode, news.clone());
     let mut beat = tokio::time::interval(Duration::from_millis((stand.timing.pull_after_ms / 2).max(5)));
@@ -106,8 +106,8 @@ pub(crate) async fn conduct(
         let event = match next.take() {
             Some(event) => event,
             None => tokio::select! {
-                Some(envelope) = pushes.recv() => Event::Message(envelope),
-                Some(question) = questions.recv() => conductor.asked(question),
+                envelope = pushes.recv() => Event::Message(envelope),
+                question = questions.recv() => conductor.asked(question),
                 Some(event) = told.recv() => event,
                 _ = beat.tick() => Event::Now,
                 changed = cancel.changed() => {
@@ -160,23 +160,23 @@ struct Conductor {
     scorer: Scorer,
     news: mpsc::Sender<Event>,
     tasks: JoinSet<()>,
-    questions: BTreeMap<u64, Question>,
+    questions: BTreeMap<u64, Ask>,
     next_query: u64,
     journal_time: Duration,
 }
 
 impl Conductor {
-    fn asked(&mut self, question: Question) -> Event {
+    fn asked(&mut self, question: Ask) -> Event {
         self.next_query += 1;
-        let slot = question.slot();
+        let slot = question.slot;
         self.questions.insert(self.next_query, question);
         Event::Asked { query: self.next_query, slot }
     }
 
     async fn handle(&mut self, event: Event, progress: &mpsc::Sender<Progress>) -> Result<Option<Ending>, ConductError> {
         while self.tasks.try_join_next().is_some() {}
-        let mut events = vec![event];
-        while let Some(event) = events.pop() {
+        let mut events = VecDeque::from([event]);
+        while let Some(event) = events.pop_front() {
             for action in self.driver.handle(Millis(millis()), event) {
                 match action {
                     Action::Finish(ending) => return Ok(Some(ending)),
@@ -231,7 +231,7 @@ impl Conductor {
 
     async fn answer(&mut self, query: u64, reply: Option<Envelope>) {
         if let Some(question) = self.questions.remove(&query) {
-            question.answer(reply).await;
+            answer(question, reply.as_ref()).await;
         }
     }
 
@@ -264,7 +264,7 @@ impl Conductor {
         let (bus, episode, news) = (self.stand.bus.clone(), self.episode.clone(), self.news.clone());
         let limit = Duration::from_millis(self.stand.timing.pull_after_ms.max(100) * 5);
         self.tasks.spawn(async move {
-            let reply = bus.pull(&episode, owner.instance.as_str(), slot, limit).await;
+            let reply = pull(&bus, &episode, &Holder::Instance(owner.instance), slot, limit).await;
             if news.send(Event::Pulled { slot, reply }).await.is_err() {
                 tracing::trace!(%slot, "the attempt ended before its pull");
             }

@@ -18,7 +18,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
-use ds_bus::Bus;
+use ds_bus::BusSession;
 use ds_episode::Timing;
 use ds_episode::fleet::FleetSettings;
 use ds_process::Drain;
@@ -67,7 +67,7 @@ pub async fn run(settings: Settings, drain: Drain) -> Result<()> {
 ///
 /// # Errors
 /// If a setting, the ledger or the port is refused.
-pub async fn start(settings: Settings, bus: Bus, drain: Drain) -> Result<Running> {
+pub async fn start(settings: Settings, bus: BusSession, drain: Drain) -> Result<Running> {
     settings.check()?;
     let listen: SocketAddr = settings.control.listen.parse().with_context(|| {
         format!("setting \"control.listen\" is {:?}, not an address", settings.control.listen)

@@ -26,7 +26,7 @@ pub async fn run(settings: Settings, drain: Drain) -> anyhow::Result<()> {
     let deadline = Duration::from_millis(settings.policy.deadline_millis);
     let outside = match settings.policy.listen.as_str() {
         "" => None,
-        listen => Some(Arc::new(OutsideBus::open(listen, deadline).await?)),
+        listen => Some(Arc::new(OutsideBus::open(&settings.policy.name, listen, deadline).await?)),
     };
     let factory = Arc::new(PolicyStage::new(settings.policy.weights.clone(), outside));
     ds_process::service::run_stage("policy-bridge", sections, factory, drain).await

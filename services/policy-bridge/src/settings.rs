@@ -11,7 +11,9 @@ use serde::{Deserialize, Serialize};
 pub struct PolicySection {
     /// Weights of the camera policy.
     pub weights: PathBuf,
-    /// Where external policies connect to, such as `tcp/127.0.0.1:7448`; empty for none.
+    /// The external policy that may connect, by its name.
+    pub name: String,
+    /// Where it connects to, such as `tcp/127.0.0.1:7448`; empty for none.
     pub listen: String,
     /// How long an external policy may think, in milliseconds.
     pub deadline_millis: u64,
@@ -21,6 +23,7 @@ impl Default for PolicySection {
     fn default() -> Self {
         Self {
             weights: PathBuf::from("configs/models/camera_policy.safetensors"),
+            name: "mine".to_owned(),
             listen: String::new(),
             deadline_millis: 10_000,
         }

@@ -7,6 +7,7 @@ use ds_policy::{Builtin, EgoView, Observation, Policy, PolicyAnswer, PrivilegedV
 use ds_process::maker::{Abilities, Fault, Inputs, Maker, MakerFactory, Output, bad, output};
 use ds_space::{Digest, Draws, SimTime, Tick};
 use ds_topic::{Advance, Ego, Frame, Plan, Proposal, Role, SceneMessage, Slot, Topic};
+use ds_world::EgoState;
 
 use crate::guest::{External, OutsideBus};
 
@@ -49,7 +50,7 @@ impl MakerFactory for PolicyStage {
             let outside = self.outside.as_ref().ok_or_else(|| {
                 Fault::policy("policy_unknown", format!("{name:?} is not built in and no policy bus is open"))
             })?;
-            Guest::External(External::attach(Arc::clone(outside), name)?)
+            Guest::External(External::attach(Arc::clone(outside), &scene)?)
         };
         Ok(Box::new(Hosting { scene, guest }))
     }
@@ -66,7 +67,7 @@ struct Hosting {
 }
 
 impl Hosting {
-    fn observation(&self, last: Tick, inputs: &Inputs) -> Result<(Observation, Ego), Fault> {
+    fn observation(&self, last: Tick, inputs: &Inputs) -> Result<(Observation, Vec<EgoState>), Fault> {
         let spec = &self.scene.spec;
         let first = Tick((last.0 + 1).saturating_sub(spec.history));
         let cameras = self.scene.scene.cameras.clone();
@@ -94,7 +95,7 @@ impl Hosting {
             dt: self.scene.scene.dt,
             draw: Draws::new(&spec.draw_key(), "policy", &[u64::from(last.0)]),
         };
-        Ok((observation, now))
+        Ok((observation, states))
     }
 }
 
@@ -107,19 +108,21 @@ impl Maker for Hosting {
         if !order.plan_due {
             return Ok(Vec::new());
         }
-        let (observation, ego) = self.observation(order.last, inputs)?;
-        let answer: PolicyAnswer = match &mut self.guest {
+        let (observation, states) = self.observation(order.last, inputs)?;
+        let plan = match &mut self.guest {
             Guest::Builtin(policy) => {
-                let view =
-                    PrivilegedView { scene: Arc::clone(&self.scene.scene), tick: order.last, ego: ego.estimate };
+                let ego = states.last().copied().unwrap_or_default();
+                let view = PrivilegedView { scene: Arc::clone(&self.scene.scene), tick: order.last, ego };
                 let privileged = policy.privileged().then_some(&view);
-                policy.plan(&observation, privileged).map_err(|error| Fault::policy("policy_error", error))?
+                policy.plan(&observation, privileged).map(to_plan).map_err(|error| Fault::policy("policy_error", error))?
             }
-            Guest::External(policy) => policy.plan(&observation)?,
+            Guest::External(policy) => policy.plan(&observation, &states)?,
         };
-        let proposal = |made: ds_policy::Proposal| Proposal { trajectory: made.trajectory, score: made.score };
-        let proposals = answer.proposals.into_iter().map(proposal).collect();
-        let plan = Plan { trajectory: answer.trajectory, proposals };
         Ok(vec![output(Slot::new(Topic::Plan, order.iteration), order.last, &plan)])
     }
+}
+
+fn to_plan(answer: PolicyAnswer) -> Plan {
+    let proposal = |made: ds_policy::Proposal| Proposal { trajectory: made.trajectory, score: made.score };
+    Plan { trajectory: answer.trajectory, proposals: answer.proposals.into_iter().map(proposal).collect() }
 }

@@ -75,7 +75,7 @@ impl Maker for Running {
         let slot = Slot::new(Topic::World, before.0);
         let world: World = inputs.decode(slot)?;
         let snapshot = world.snapshot.ok_or_else(|| Fault::deterministic("missing_input", format!("{slot} has no snapshot")))?;
-        let restored = Simulation::restore(Arc::clone(&self.scene.scene), self.config.clone(), &snapshot);
+        let restored = Simulation::restore(Arc::clone(&self.scene.scene), self.config, &snapshot);
         self.simulation = Some(restored.map_err(|error| bad("snapshot_refused", &error))?);
         self.border = inputs.content(slot)?;
         Ok(())
@@ -84,7 +84,7 @@ impl Maker for Running {
     fn work(&mut self, order: &Advance, _inputs: &Inputs) -> Result<Vec<Output>, Fault> {
         match &order.motion {
             Motion::Initial => {
-                let started = Simulation::new(Arc::clone(&self.scene.scene), self.config.clone(), Tick(0));
+                let started = Simulation::new(Arc::clone(&self.scene.scene), self.config, Tick(0));
                 self.simulation = Some(started.map_err(|error| bad("scenario_refused", &error))?);
                 return Ok(self.outputs(true)?.into());
             }

@@ -1,6 +1,6 @@
 //! The video stage: picks the episode's observation source.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use ds_process::maker::{Abilities, Fault, Maker, MakerFactory, bad};
@@ -9,6 +9,15 @@ use ds_video::{ModelConfig, VideoModel};
 
 use crate::rendered::Rendered;
 use crate::rollout::Rollouts;
+
+/// Reads and checks a model's configuration.
+///
+/// # Errors
+/// The text names the file and what is wrong with it.
+pub fn load_config(path: &Path) -> Result<ModelConfig, String> {
+    let text = std::fs::read_to_string(path).map_err(|error| format!("{error}: {path:?}"))?;
+    ModelConfig::parse(&text).map_err(|error| format!("{error}: {path:?}"))
+}
 
 /// Opens an observation source for each episode that the instance is given; the weights are loaded once.
 #[derive(Debug)]
@@ -32,8 +41,9 @@ impl VideoStage {
     /// If configuration or weights are refused.
     pub fn model(&self) -> Result<Arc<VideoModel>, Fault> {
         let load = || {
-            let config = ModelConfig::load(&self.config).map_err(|error| error.to_string())?;
-            VideoModel::load(&config, &self.weights).map(Arc::new).map_err(|error| error.to_string())
+            let config = load_config(&self.config)?;
+            let loaded = VideoModel::load(&config, &self.weights);
+            loaded.map(Arc::new).map_err(|error| format!("weights {:?}: {error}", self.weights))
         };
         self.model.get_or_init(load).clone().map_err(|text| Fault::infrastructure("no_model", text))
     }
@@ -54,7 +64,7 @@ impl MakerFactory for VideoStage {
         match self.model() {
             Ok(model) => Abilities {
                 video_model: model.digest(),
-                chunk_ticks: model.config().chunk_ticks(),
+                chunk_ticks: u32::try_from(model.config().frames_per_chunk()).unwrap_or(u32::MAX),
                 devices: Vec::new(),
                 ..Abilities::default()
             },

@@ -3,12 +3,13 @@
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
-use ds_bus::Bus;
+use ds_bus::BusSession;
 use ds_camera::{Appearance, ReferenceCamera};
 use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap};
 use ds_sim::{AgentMode, IdmScope, SimConfig, Simulation};
-use ds_space::Tick;
-use ds_video::{ModelConfig, Rollout, VideoModel};
+use ds_space::{AttemptId, Digest, EpisodeId, InstanceId, SimTime, Tick};
+use ds_topic::{Envelope, Header, SCHEMA_VERSION, Slot, Topic};
+use ds_video::{Rollout, VideoModel};
 use ds_world::Scene;
 use std::sync::Arc;
 
@@ -22,15 +23,15 @@ const ROUNDS: usize = 7;
 /// # Errors
 /// If a scenario or the model cannot be loaded.
 pub fn run(args: &BenchArgs) -> Result<()> {
+    let first = scenario::files(&args.scenarios)?.into_iter().next().context("no scenario")?;
     answer(&format!("{:<28} {:<22} {:>12} {:>14} {:>9}", "what", "scenario", "median ms", "per second", "budget"));
+    video(args, &ds_scenario::load(&first)?.0)?;
     for file in scenario::files(&args.scenarios)? {
         let scene = Arc::new(ds_scenario::load(&file)?.0);
         step(&scene)?;
         layout(&scene)?;
         reference(&scene);
     }
-    let first = scenario::files(&args.scenarios)?.into_iter().next().context("no scenario")?;
-    video(args, &ds_scenario::load(&first)?.0)?;
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     runtime.block_on(hop())
 }
@@ -92,8 +93,10 @@ fn reference(scene: &Scene) {
 }
 
 fn video(args: &BenchArgs, scene: &Scene) -> Result<()> {
-    let config = ModelConfig::load(&args.model)?;
-    let model = Arc::new(VideoModel::load(&config, &args.model.with_extension("safetensors"))?);
+    let config = vdm_worker::stage::load_config(&args.model).map_err(anyhow::Error::msg)?;
+    let weights = args.model.with_extension("safetensors");
+    let model = VideoModel::load(&config, &weights).with_context(|| format!("weights {}", weights.display()))?;
+    let model = Arc::new(model);
     let Some(camera) = scene.cameras.first() else { return Ok(()) };
     let map = StaticMap::new(&scene.map);
     let mut renderer = Renderer::new(BackendChoice::Cpu)?;
@@ -106,7 +109,7 @@ fn video(args: &BenchArgs, scene: &Scene) -> Result<()> {
     let world = scene.logged_world(Tick(0));
     let first = ReferenceCamera::new(scene, Appearance::DAY).render(&world, camera, world.ego.pose.world_from_rig(0.0));
     let key = ds_space::Draws::key(&scene.digest, "day", 0);
-    let (mut rollout, _) = Rollout::new(model, key, camera.id.as_str(), &scene.prompt, &first, &layouts[0])?;
+    let (mut rollout, _) = Rollout::new(model, key, camera.id.as_str(), &scene.prompt, (&first, &layouts[0]))?;
     let mut rounds = Vec::new();
     for chunk in layouts[1..].chunks(5) {
         let began = Instant::now();
@@ -119,9 +122,40 @@ fn video(args: &BenchArgs, scene: &Scene) -> Result<()> {
 
 async fn hop() -> Result<()> {
     for (what, bytes) in [("bus hop, 100 B", 100usize), ("bus hop, one frame", 46_080)] {
-        let bus = Bus::open(ds_bus::BusSettings::embedded()).await?;
-        let rounds = ds_bus::measure_hop(&bus, bytes, 50).await?;
+        let bus = BusSession::embedded().await?;
+        let rounds = hops(&bus, bytes).await?;
         report(what, "embedded", rounds, 1, "1 ms");
     }
     Ok(())
+}
+
+/// Times pushes of a body to a subscriber of the same session.
+async fn hops(bus: &BusSession, bytes: usize) -> Result<Vec<Duration>> {
+    let episode = EpisodeId::new("bench")?;
+    let mut received = bus.subscribe(&episode, &[Topic::Frame]).await?;
+    let mut rounds = Vec::new();
+    for index in 0..50 {
+        let slot = Slot::of_camera(Topic::Frame, index, 0);
+        let header = Header {
+            episode: episode.clone(),
+            attempt: AttemptId(1),
+            term: 1,
+            epoch: 1,
+            iteration: index,
+            tick: Tick(index),
+            time: SimTime(0),
+            sequence: u64::from(index),
+            publisher: InstanceId::new("bench")?,
+            schema_version: SCHEMA_VERSION,
+            trace: String::new(),
+            slot,
+            content: Digest::default(),
+        };
+        let envelope = Envelope { header, body: vec![0; bytes].into() };
+        let began = Instant::now();
+        bus.publish(&envelope).await?;
+        received.recv().await;
+        rounds.push(began.elapsed());
+    }
+    Ok(rounds)
 }

@@ -2,16 +2,17 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail, ensure};
 use ds_record::Recording;
 use ds_wire::control as pb;
 use indicatif::ProgressBar;
 use pb::runs_client::RunsClient;
+use tonic::Code;
 use tonic::transport::Channel;
 
-use crate::cli::{Agents, Observation, RunArgs};
+use crate::cli::{Agents, Observation, RunArgs, SubmitArgs};
 use crate::command::{answer, bar, scenario};
 use crate::embed::{self, Fleet, FleetPlan};
 use crate::results::{Episode, Results, Run, TimeShare};
@@ -34,13 +35,15 @@ pub async fn run(args: &RunArgs, log: &str) -> Result<()> {
         model: args.model.clone(),
         policy_weights: args.policy_weights.clone(),
         workers: args.workers,
+        policy: args.policy.clone(),
         policy_listen: args.policy_listen.clone(),
         drop_pushes: args.drop_pushes,
     };
     let mut fleet = if args.processes { children::start(&plan, log).await? } else { embed::start(&plan).await? };
-    let drive = drive(args, &files, &fleet.control);
+    let request = request(args, sources(&files, Source::Path)?)?;
+    let control = fleet.control.clone();
     let outcome = tokio::select! {
-        outcome = drive => outcome,
+        outcome = drive(request, &control) => outcome,
         error = failed(&mut fleet) => Err(error),
         _ = tokio::signal::ctrl_c() => Err(anyhow::anyhow!(
             "interrupted; `--resume` goes on: finished drives stay finished, the others continue from the last commit"
@@ -55,8 +58,29 @@ pub async fn run(args: &RunArgs, log: &str) -> Result<()> {
     if !args.no_pictures {
         draw(args, &results)?;
     }
+    conclude(&results, &args.out)
+}
+
+/// Drives on a fleet that runs already; recordings stay with its orchestrator.
+///
+/// # Errors
+/// If anything is refused or a drive fails.
+pub async fn submit(args: &SubmitArgs) -> Result<()> {
+    let run = &args.run;
+    let files = shard(scenario::files(&run.scenarios)?, run.shard.as_deref())?;
+    let began = Instant::now();
+    std::fs::create_dir_all(&run.out).with_context(|| format!("create {}", run.out.display()))?;
+    let request = request(run, sources(&files, Source::Content)?)?;
+    let (driven, classes) = drive(request, &args.control).await?;
+    let results = results(run, "fleet", &driven, classes, began.elapsed().as_secs_f64())?;
+    results.save(&run.out.join(RESULTS))?;
+    conclude(&results, &run.out)
+}
+
+/// Prints the table; fails if any drive did not complete.
+fn conclude(results: &Results, out: &Path) -> Result<()> {
     answer(&results.table());
-    answer(&format!("results, recordings and pictures: {}", args.out.display()));
+    answer(&format!("results: {}", out.display()));
     let completed = results.episodes.iter().filter(|episode| episode.status == "completed").count();
     ensure!(completed == results.episodes.len(), "{} drives did not complete", results.episodes.len() - completed);
     Ok(())
@@ -89,29 +113,76 @@ fn shard(files: Vec<PathBuf>, shard: Option<&str>) -> Result<Vec<PathBuf>> {
     Ok(files.into_iter().enumerate().filter(|(i, _)| i % count == index).map(|(_, file)| file).collect())
 }
 
-async fn drive(args: &RunArgs, files: &[PathBuf], control: &str) -> Result<(pb::Run, BTreeMap<String, String>)> {
+/// What came of talking to the orchestrator once.
+enum Talk {
+    Ended(pb::Run, BTreeMap<String, String>),
+    /// The orchestrator went away; it may come back and go on from its ledger.
+    Cut(tonic::Status),
+}
+
+/// How long an orchestrator may be away, in tries half a second apart.
+const TRIES: u32 = 60;
+
+async fn drive(request: pb::SubmitRequest, control: &str) -> Result<(pb::Run, BTreeMap<String, String>)> {
+    let bar = bar(0, "ticks");
+    let mut tries = 0;
+    loop {
+        match talk(&request, control, &bar).await? {
+            Talk::Ended(run, classes) => {
+                bar.finish_and_clear();
+                return Ok((run, classes));
+            }
+            Talk::Cut(status) => {
+                tries += 1;
+                ensure!(tries < TRIES, "the orchestrator went away: {}", status.message());
+                tracing::warn!(%status, "asking the orchestrator again");
+                tokio::time::sleep(Duration::from_millis(500)).await;
+            }
+        }
+    }
+}
+
+async fn talk(request: &pb::SubmitRequest, control: &str, bar: &ProgressBar) -> Result<Talk> {
     let endpoint = Channel::from_shared(control.to_owned()).context("orchestrator address")?;
-    let channel = endpoint.tcp_nodelay(true).connect().await.context("orchestrator")?;
+    let channel = match endpoint.tcp_nodelay(true).connect().await {
+        Ok(channel) => channel,
+        Err(error) => return Ok(Talk::Cut(tonic::Status::unavailable(error.to_string()))),
+    };
+    match follow(request, channel, bar).await {
+        Ok((run, classes)) => Ok(Talk::Ended(run, classes)),
+        Err(status) if matches!(status.code(), Code::Unavailable | Code::Unknown | Code::Internal) => {
+            Ok(Talk::Cut(status))
+        }
+        Err(status) => Err(refused(&status)),
+    }
+}
+
+async fn follow(
+    request: &pb::SubmitRequest,
+    channel: Channel,
+    bar: &ProgressBar,
+) -> Result<(pb::Run, BTreeMap<String, String>), tonic::Status> {
     let mut runs = RunsClient::new(channel.clone())
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
-    let request = request(args, files)?;
-    let submitted = runs.submit(request).await.map_err(refused)?.into_inner();
-    let bar = bar(0, "ticks");
-    let mut stream =
-        runs.watch(pb::WatchRequest { run_id: submitted.run_id.clone() }).await.map_err(refused)?.into_inner();
+    let run_id = runs.submit(request.clone()).await?.into_inner().run_id;
+    let mut stream = runs.watch(pb::WatchRequest { run_id: run_id.clone() }).await?.into_inner();
     let mut seen = BTreeMap::new();
-    while let Some(progress) = stream.message().await.map_err(refused)? {
-        show(&bar, &mut seen, progress);
+    let mut ended = false;
+    while let Some(progress) = stream.message().await? {
+        ended = pb::has_ended(progress.status);
+        show(bar, &mut seen, progress);
     }
-    bar.finish_and_clear();
-    let run = runs.get(pb::GetRequest { run_id: submitted.run_id }).await.map_err(refused)?.into_inner();
+    if !ended {
+        return Err(tonic::Status::unavailable("the progress stream was cut"));
+    }
+    let run = runs.get(pb::GetRequest { run_id }).await?.into_inner();
     let mut fleet = pb::fleet_client::FleetClient::new(channel);
-    let members = fleet.list(pb::ListInstancesRequest {}).await.map_err(refused)?.into_inner();
+    let members = fleet.list(pb::ListInstancesRequest {}).await?.into_inner();
     Ok((run, classes(&members)))
 }
 
-fn refused(status: tonic::Status) -> anyhow::Error {
+fn refused(status: &tonic::Status) -> anyhow::Error {
     anyhow::anyhow!("orchestrator refused ({:?}): {}", status.code(), status.message())
 }
 
@@ -132,17 +203,38 @@ fn classes(members: &pb::ListInstancesResponse) -> BTreeMap<String, String> {
     classes.into_iter().map(|(role, names)| (role, names.into_iter().collect::<Vec<_>>().join(" | "))).collect()
 }
 
-fn request(args: &RunArgs, files: &[PathBuf]) -> Result<pb::SubmitRequest> {
+/// How scenarios are handed to the orchestrator.
+#[derive(Clone, Copy)]
+enum Source {
+    /// It sees the same files.
+    Path,
+    /// It may be elsewhere.
+    Content,
+}
+
+fn sources(files: &[PathBuf], how: Source) -> Result<Vec<pb::ScenarioSource>> {
+    let source = |file: &PathBuf| {
+        let source = match how {
+            Source::Path => {
+                let path = std::fs::canonicalize(file).with_context(|| format!("path of {}", file.display()))?;
+                let path = path.to_str().with_context(|| format!("path {path:?} is not UTF-8"))?;
+                pb::scenario_source::Source::Path(path.to_owned())
+            }
+            Source::Content => {
+                let bytes = std::fs::read(file).with_context(|| format!("read {}", file.display()))?;
+                pb::scenario_source::Source::File(bytes.into())
+            }
+        };
+        Ok(pb::ScenarioSource { source: Some(source) })
+    };
+    files.iter().map(source).collect()
+}
+
+fn request(args: &RunArgs, scenarios: Vec<pb::ScenarioSource>) -> Result<pb::SubmitRequest> {
     let dt_secs = 0.1;
     let ticks = |secs: f64| (secs / dt_secs).round().clamp(0.0, 100_000.0) as u32;
     ensure!(args.horizon > 0.0 && args.horizon <= 30.0, "--horizon {} is not in (0, 30]", args.horizon);
     ensure!(args.duration >= 0.0, "--duration {} is negative", args.duration);
-    let mut scenarios = Vec::new();
-    for file in files {
-        let path = std::fs::canonicalize(file).with_context(|| format!("path of {}", file.display()))?;
-        let path = path.to_str().with_context(|| format!("path {path:?} is not UTF-8"))?.to_owned();
-        scenarios.push(pb::ScenarioSource { source: Some(pb::scenario_source::Source::Path(path)) });
-    }
     let observation = match args.observation {
         Observation::Dreamstream => pb::ObservationSource::Dreamstream,
         Observation::Reference => pb::ObservationSource::Reference,

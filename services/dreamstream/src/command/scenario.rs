@@ -6,7 +6,7 @@ use anyhow::{Context, Result, ensure};
 use indicatif::ProgressBar;
 
 use crate::cli::{ImportArgs, ScenarioCommand};
-use crate::command::{answer, bar};
+use crate::command::{answer, complain};
 
 /// Runs a command of `scenario`.
 ///
@@ -22,9 +22,11 @@ pub fn run(command: &ScenarioCommand) -> Result<()> {
             Ok(())
         }
         ScenarioCommand::Generate { family, seed, count, out } => {
-            let bar = bar(u64::from(*count), "scenarios");
-            let written = ds_scenario::generate_set(family, *seed, *count, out, &mut |_| bar.inc(1))?;
-            bar.finish_and_clear();
+            let family = match family.as_str() {
+                "all" => None,
+                name => Some(name.parse::<ds_scenario::Family>()?),
+            };
+            let written = ds_scenario::generate_set(family, *seed, *count, out)?;
             answer(&format!("{} scenarios written to {}", written.len(), out.display()));
             Ok(())
         }
@@ -80,16 +82,16 @@ pub fn import(args: &ImportArgs) -> Result<()> {
 fn import_one(path: &Path, out: &Path) -> Result<usize> {
     let spinner = ProgressBar::new_spinner();
     let mut refused = 0;
-    ds_scenario::import::scenarionet::import_path(path, out, &mut |file, result| {
+    ds_scenario::import::import_path(path, out, &mut |imported| {
         spinner.tick();
-        match result {
+        match &imported.outcome {
             Ok((written, warnings)) => {
-                answer(&format!("{} → {}", file.display(), written.display()));
+                answer(&format!("{} → {}", imported.log.display(), written.display()));
                 warnings.iter().for_each(|warning| answer(&format!("  warning: {warning}")));
             }
             Err(error) => {
                 refused += 1;
-                tracing::error!(file = %file.display(), "refused: {}", chain(error));
+                complain(&anyhow::anyhow!("{}: {}", imported.log.display(), chain(error)));
             }
         }
     })?;
@@ -101,8 +103,7 @@ fn chain(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut source = error.source();
     while let Some(inner) = source {
-        text.push_str(": ");
-        text.push_str(&inner.to_string());
+        text = format!("{text}: {inner}");
         source = inner.source();
     }
     text

@@ -33,6 +33,5 @@ async fn route(settings: RouterSettings, drain: Drain) -> anyhow::Result<()> {
     let bus = service::open_bus(&settings.bus).await?;
     tracing::info!(listen = ?settings.bus.listen, "router ready");
     drain.cancelled().await;
-    bus.close().await;
-    Ok(())
+    Ok(bus.close().await?)
 }

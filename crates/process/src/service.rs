@@ -1,0 +1,142 @@
+//! Start and stop of a service: logging, settings, bus, fleet, drain; the same order in every process.
+
+use std::future::Future;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use clap::Parser;
+use ds_bus::{BusSession, BusSettings, Mode};
+use ds_episode::Timing;
+use ds_space::InstanceId;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::maker::MakerFactory;
+use crate::section::{BusSection, ControlSection, ProcessSection};
+use crate::settings::{self, Sources};
+use crate::{Drain, Member, drain, logging};
+
+/// Exit code for wrong settings or arguments (`EX_USAGE`).
+pub const EXIT_USAGE: u8 = 64;
+
+/// Arguments that every service takes.
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Arguments {
+    /// The settings file.
+    #[arg(long)]
+    config: Option<PathBuf>,
+    /// A setting as section.key=value, stronger than file and environment.
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    set: Vec<String>,
+}
+
+/// The main function of a service: exit code 64 for wrong settings, 1 for a failed run, 0 otherwise.
+pub fn main<S, F>(run: impl FnOnce(S, Drain) -> F) -> ExitCode
+where
+    S: Serialize + DeserializeOwned + Default,
+    F: Future<Output = Result<()>>,
+{
+    let arguments = Arguments::parse();
+    start(arguments.config.as_deref(), &arguments.set, run)
+}
+
+/// Loads the settings and runs a service until SIGINT or SIGTERM.
+pub fn start<S, F>(config: Option<&std::path::Path>, set: &[String], run: impl FnOnce(S, Drain) -> F) -> ExitCode
+where
+    S: Serialize + DeserializeOwned + Default,
+    F: Future<Output = Result<()>>,
+{
+    let settings: S = match settings::load(&Sources::of_process(config, set)) {
+        Ok(settings) => settings,
+        Err(error) => return refuse(&anyhow::Error::new(error)),
+    };
+    let filter = toml::Table::try_from(&settings).ok().and_then(|table| log_filter(&table));
+    if let Err(error) = logging::start(filter.as_deref().unwrap_or("info")) {
+        return refuse(&error);
+    }
+    let runtime = match tokio::runtime::Builder::new_multi_thread().enable_all().worker_threads(2).build() {
+        Ok(runtime) => runtime,
+        Err(error) => return refuse(&anyhow::Error::new(error)),
+    };
+    let result = runtime.block_on(async {
+        let drain = drain::on_signals()?;
+        run(settings, drain).await
+    });
+    runtime.shutdown_timeout(Duration::from_secs(2));
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            tracing::error!("{error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn log_filter(settings: &toml::Table) -> Option<String> {
+    Some(settings.get("process")?.get("log")?.as_str()?.to_owned())
+}
+
+#[expect(clippy::print_stderr, reason = "logging has not started yet")]
+fn refuse(error: &anyhow::Error) -> ExitCode {
+    eprintln!("error: {error:#}");
+    ExitCode::from(EXIT_USAGE)
+}
+
+/// Opens the bus that the settings name.
+///
+/// # Errors
+/// If an endpoint cannot be reached or listened on.
+pub async fn open_bus(section: &BusSection) -> Result<BusSession> {
+    let mode = match section.mode.as_str() {
+        "client" => Mode::Client,
+        "peer" => Mode::Peer,
+        "router" => Mode::Router,
+        other => anyhow::bail!("setting \"bus.mode\" is {other:?}: client, peer or router"),
+    };
+    let settings = BusSettings {
+        mode,
+        connect: section.connect.clone(),
+        listen: section.listen.clone(),
+        drop_share: section.drop_share,
+        drop_seed: section.drop_seed,
+        ..BusSettings::default()
+    };
+    BusSession::open(&settings).await.context("bus")
+}
+
+/// Returns the configured instance name, or one made of the service and the process id.
+///
+/// # Errors
+/// If the configured name is not an id.
+pub fn instance(section: &ProcessSection, service: &str) -> Result<InstanceId> {
+    let name =
+        if section.instance.is_empty() { format!("{service}-{}", std::process::id()) } else { section.instance.clone() };
+    InstanceId::new(&name).context("setting \"process.instance\"")
+}
+
+/// Runs the process of a stage: bus, fleet, makers, until `drain`.
+///
+/// # Errors
+/// If the bus or the orchestrator's address is bad.
+pub async fn run_stage(
+    service: &str,
+    (process, control, bus): (&ProcessSection, &ControlSection, &BusSection),
+    factory: Arc<dyn MakerFactory>,
+    drain: Drain,
+) -> Result<()> {
+    let member = Member {
+        instance: instance(process, service)?,
+        slots: process.slots,
+        orchestrator: control.orchestrator.clone(),
+        bus: open_bus(bus).await?,
+        factory,
+        codec: Arc::new(ds_wire::WireCodec),
+        timing: Timing::default(),
+    };
+    tracing::info!(instance = %member.instance, orchestrator = member.orchestrator, "started");
+    member.run(drain).await.context("fleet")
+}

@@ -1,0 +1,88 @@
+//! Whole drives by the real binary: shipped scenarios, real logs, embedded and as processes, recordings and views.
+
+#[path = "harness.rs"]
+mod harness;
+use harness::{dreamstream, drive, shared, text};
+
+const TINY: &str = "scenarios/base/free-curve.scenario.json";
+
+fn check_episode(episode: &serde_json::Value, ticks: u64) {
+    assert_eq!(episode["status"], "completed", "{episode}");
+    assert_eq!(episode["ticks"], ticks);
+    for key in ["world_digest", "layout_digest", "frame_digest"] {
+        assert_eq!(text(&episode[key]).len(), 64, "{key} of {episode}");
+    }
+    for key in ["collision", "drivable_area", "progress"] {
+        let value = &episode["sub_scores"][key];
+        assert!(value.is_null() || value.as_f64().is_some_and(|v| (0.0..=1.0).contains(&v)), "{key} is {value}");
+    }
+    assert!(episode["driving_score"].is_null() && !text(&episode["driving_score_reason"]).is_empty());
+    let shares: f64 = episode["time_share"].as_object().expect("an object").values().filter_map(|v| v.as_f64()).sum();
+    assert!((shares - 1.0).abs() < 1e-9, "time shares sum to {shares}");
+}
+
+#[test]
+fn every_observation_source_drives() {
+    for observation in ["layout", "sim-rgb", "reference", "dreamstream"] {
+        let drive = drive(&[TINY, "--observation", observation, "--policy", "constant-velocity", "--duration", "2"]);
+        check_episode(drive.episode(0), 20);
+        assert_eq!(drive.episode(0)["observation"], observation);
+        assert!(drive.recording(0).exists());
+    }
+}
+
+#[test]
+fn the_log_replay_policy_follows_the_log() {
+    let drive = drive(&["scenarios/base", "--policy", "log-replay", "--observation", "layout", "--workers", "2"]);
+    let episodes = drive.results["episodes"].as_array().expect("a list");
+    assert_eq!(episodes.len(), 8);
+    for episode in episodes {
+        check_episode(episode, 80);
+        let route = episode["route_completion"].as_f64();
+        assert!(route.is_none_or(|share| share > 0.4), "{episode}");
+        assert_eq!(episode["sub_scores"]["collision"], 1.0, "{episode}");
+    }
+}
+
+#[test]
+fn real_drives_are_imported_and_driven_alike_embedded_and_as_processes() {
+    let Some(folder) = shared("data/nuscenes-mini-scenarios") else { return };
+    let out = tempfile::tempdir().expect("a temporary folder");
+    let imported = out.path().to_str().expect("UTF-8");
+    let output = dreamstream(&["import", "scenarionet"]).arg(&folder).arg("-o").arg(imported).output().expect("runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let files: Vec<_> = std::fs::read_dir(out.path()).expect("folder").flatten().map(|entry| entry.path()).collect();
+    assert_eq!(files.iter().filter(|path| path.to_string_lossy().ends_with(".scenario.json")).count(), 6);
+    for scene in ["0061", "0103"] {
+        let file = files.iter().find(|path| path.to_string_lossy().contains(scene)).expect("the scene is imported");
+        let file = file.to_str().expect("UTF-8");
+        let embedded = drive(&[file]);
+        let processes = drive(&[file, "--processes"]);
+        check_episode(embedded.episode(0), 80);
+        check_episode(processes.episode(0), 80);
+        assert_eq!(embedded.episode(0)["world_digest"], processes.episode(0)["world_digest"]);
+        assert_eq!(embedded.episode(0)["sub_scores"], processes.episode(0)["sub_scores"]);
+        assert_eq!(embedded.episode(0)["route_completion"], processes.episode(0)["route_completion"]);
+    }
+}
+
+#[test]
+fn a_recording_replays_through_every_service_and_is_viewed() {
+    let drive = drive(&[TINY, "--duration", "3"]);
+    check_episode(drive.episode(0), 30);
+    let recording = drive.recording(0);
+    for service in ["sim-server", "layout-render", "vdm-worker", "policy-bridge"] {
+        let output = dreamstream(&["replay", "--service", service]).arg(&recording).output().expect("runs");
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(output.status.success() && said.contains(" 0 differ"), "{service}: {said}");
+    }
+    for (service, iteration) in [("sim-server", "3"), ("vdm-worker", "3")] {
+        let mut command = dreamstream(&["replay", "--service", service, "--from-iteration", iteration]);
+        let output = command.arg(&recording).output().expect("runs");
+        assert!(output.status.success(), "{service}: {}", String::from_utf8_lossy(&output.stderr));
+    }
+    let saved = drive.folder.path().join("drive.rrd");
+    let output = dreamstream(&["view"]).arg(&recording).arg("--save").arg(&saved).output().expect("runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(std::fs::metadata(&saved).is_ok_and(|file| file.len() > 10_000));
+}

@@ -1,0 +1,66 @@
+//! Killed and stopped processes on the real bus: the drive ends with the digests of an undisturbed one.
+
+#[path = "harness.rs"]
+mod harness;
+use std::path::Path;
+use std::process::Child;
+
+use harness::{children, drive, finished, signal, start, wait_for};
+
+const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
+const DRIVE: [&str; 4] = [SCENARIO, "--processes", "--workers", "2"];
+
+fn recorded_bytes(out: &Path) -> u64 {
+    let folder = out.join("recordings");
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.filter_map(|entry| entry.metadata().ok()).map(|data| data.len()).sum()
+}
+
+/// Waits until so many bytes are in the journal.
+fn wait_for_bytes(out: &Path, bytes: u64) {
+    wait_for("the journal to grow", 120, || (recorded_bytes(out) >= bytes).then_some(()));
+}
+
+fn end(mut child: Child, folder: tempfile::TempDir) -> harness::Drive {
+    let status = child.wait().expect("the drive ends");
+    let log = std::fs::read_to_string(folder.path().join("stderr.txt")).unwrap_or_default();
+    assert!(status.success(), "{status}: {log}");
+    let output = std::process::Output { status, stdout: Vec::new(), stderr: log.into_bytes() };
+    finished(folder, output)
+}
+
+/// Kills all but one worker of a service when the journal has so many bytes; one is left to take over.
+fn with_a_killed(service: &str, at_bytes: u64) -> [String; 3] {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let child = start(&DRIVE, folder.path());
+    wait_for_bytes(folder.path(), at_bytes);
+    let found = children(child.id(), service);
+    assert!(!found.is_empty(), "no {service} runs");
+    signal(found[0], "KILL");
+    end(child, folder).digests(0)
+}
+
+#[test]
+fn a_killed_service_changes_nothing() {
+    let undisturbed = drive(&DRIVE);
+    assert_eq!(undisturbed.episode(0)["status"], "completed");
+    let size = std::fs::metadata(undisturbed.recording(0)).expect("a recording").len();
+    let digests = undisturbed.digests(0);
+    for (service, share) in [("vdm-worker", 0.1), ("vdm-worker", 0.6), ("sim-server", 0.3), ("orchestrator", 0.4)] {
+        let at_bytes = (size as f64 * share) as u64;
+        assert_eq!(with_a_killed(service, at_bytes), digests, "{service} killed at {share} of the journal");
+    }
+}
+
+#[test]
+fn a_stopped_receiver_loses_nothing() {
+    let digests = drive(&DRIVE).digests(0);
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let child = start(&DRIVE, folder.path());
+    wait_for_bytes(folder.path(), 200_000);
+    let stopped = children(child.id(), "layout-render")[0];
+    signal(stopped, "STOP");
+    std::thread::sleep(std::time::Duration::from_secs(10));
+    signal(stopped, "CONT");
+    assert_eq!(end(child, folder).digests(0), digests);
+}
