@@ -35,7 +35,9 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     let mut declared = model.ae().declare();
     declared.sort_by(|a, b| a.name.cmp(&b.name));
     let mut run = Run::open(&config.folder, NAME, &config.decoder, &declared, &seed)?;
-    let (mean_std, trained) = split(&stored_autoencoder(config, "autoencoder")?);
+    let mut trained = stored_autoencoder(config, "autoencoder")?;
+    trained.remove("latent.mean");
+    trained.remove("latent.std");
     let mut first = Weights::initialised(&declared, &seed);
     first.absorb("", &trained);
     run.start_from(&first);
@@ -51,23 +53,9 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
             }
         }
     }
-    let mut file = WeightsFile { weights: run.average.clone(), ..WeightsFile::default() };
-    file.weights.absorb("", &mean_std);
-    file.write(&Run::weights_path(&config.folder, NAME))?;
     let stored = WeightsFile::read(&Run::weights_path(&config.folder, "student"))?.weights;
     let figures = evaluate::held_out(config, &Arc::new(student::assembled(config, &stored, NAME)?), NAME)?;
     Ok(run.report(figures))
-}
-
-/// Parts statistics and network of a stored autoencoder.
-fn split(stored: &Weights) -> (Weights, Weights) {
-    let (mut statistics, mut network) = (Weights::default(), stored.clone());
-    for name in ["latent.mean", "latent.std"] {
-        if let Some(array) = network.remove(name) {
-            statistics.insert(name, array);
-        }
-    }
-    (statistics, network)
 }
 
 /// Rolls the student out over the first training clips; latents [latents, h, w, z] as the decoder takes them.

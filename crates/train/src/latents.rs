@@ -27,9 +27,16 @@ pub(crate) struct LatentClips {
     held_out: (u64, u64),
 }
 
-/// Reads the autoencoder as a stage left it, statistics included.
+/// Reads the autoencoder as a stage left it; the statistics of its latents come from its own stage.
 pub(crate) fn stored_autoencoder(config: &TrainConfig, stage: &str) -> Result<Weights, TrainError> {
-    Ok(WeightsFile::read(&Run::weights_path(&config.folder, stage))?.weights)
+    let read = |stage: &str| WeightsFile::read(&Run::weights_path(&config.folder, stage));
+    let (mut weights, own) = (read(stage)?.weights, read("autoencoder")?.weights);
+    for name in ["latent.mean", "latent.std"] {
+        if let Some(array) = own.get(name) {
+            weights.insert(name, array.clone());
+        }
+    }
+    Ok(weights)
 }
 
 /// Returns the sizes of the autoencoder without the decoder's guidance, as its own stage trains it.
