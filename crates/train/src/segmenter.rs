@@ -18,20 +18,14 @@ use ds_space::{DigestWriter, Draws};
 use ds_video::pixels;
 use serde::{Deserialize, Serialize};
 
-use crate::error::TrainError;
 use crate::Progress;
+use crate::error::TrainError;
 use frames::Labelled;
 use overlap::Overlaps;
 
 /// All classes, in the order of the network's scores.
-pub const CLASSES: [PixelClass; PixelClass::COUNT] = [
-    PixelClass::Road,
-    PixelClass::Paint,
-    PixelClass::Vehicle,
-    PixelClass::Person,
-    PixelClass::Other,
-    PixelClass::Sky,
-];
+pub const CLASSES: [PixelClass; PixelClass::COUNT] =
+    [PixelClass::Road, PixelClass::Paint, PixelClass::Vehicle, PixelClass::Person, PixelClass::Other, PixelClass::Sky];
 
 /// How much a pixel of each class counts in the loss: thin and small things more, for they have few pixels.
 const CLASS_WEIGHTS: [f32; PixelClass::COUNT] = [1.0, 2.0, 2.0, 4.0, 1.0, 1.0];

@@ -124,7 +124,8 @@ fn wash(values: &mut [f32], (width, height): (usize, usize), side: usize, share:
         (low, (low + 1).min(count - 1), at - low as f32)
     };
     for (index, value) in values.iter_mut().enumerate() {
-        let ((left, right, across), (top, bottom, down)) = (place(index / 3 % width, wide), place(index / 3 / width, high));
+        let ((left, right, across), (top, bottom, down)) =
+            (place(index / 3 % width, wide), place(index / 3 / width, high));
         let at = |y: usize, x: usize| coarse[(y * wide + x) * 3 + index % 3];
         let upper = at(top, left) + across * (at(top, right) - at(top, left));
         let lower = at(bottom, left) + across * (at(bottom, right) - at(bottom, left));
@@ -153,7 +154,8 @@ mod tests {
 
     #[test]
     fn softening_is_a_function_of_its_draws() {
-        let image = RgbImage::new(16, 8, (0..16 * 8 * 3).map(|i| (i * 37 % 256) as u8).collect()).expect("the size fits");
+        let image =
+            RgbImage::new(16, 8, (0..16 * 8 * 3).map(|i| (i * 37 % 256) as u8).collect()).expect("the size fits");
         let soft = |seed| softened(&image, &Draws::from_seed(seed, "test"));
         assert_eq!(soft(1), soft(1));
         assert!((2..6).any(|seed| soft(seed) != soft(1)));
