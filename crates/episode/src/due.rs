@@ -86,9 +86,7 @@ pub fn restore_inputs(outline: &Outline, role: Role, advance: &Advance) -> Vec<S
         Role::Video => {
             let chunks = outline.spec.chunks_of(advance.iteration).start;
             let committed = chunks.saturating_sub(1) * outline.spec.chunk_ticks;
-            // The first layout is part of what conditions the whole rollout.
-            let mut slots = of_cameras(Topic::Layout, (Tick(0), Tick(0)), outline.cameras);
-            slots.extend(of_cameras(Topic::Layout, (Tick(committed + 1), before), outline.cameras));
+            let mut slots = of_cameras(Topic::Layout, (Tick(committed + 1), before), outline.cameras);
             for chunk in 0..chunks {
                 slots.extend((0..outline.cameras).map(|camera| Slot::of_camera(Topic::Cache, chunk, camera)));
             }

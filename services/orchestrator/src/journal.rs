@@ -110,9 +110,7 @@ impl Journal {
     /// Forgets images and states that no successor can ask for any more: those of iterations before the last few.
     fn prune(&mut self, iteration: u32) {
         let keep_from = iteration.saturating_sub(KEPT_ITERATIONS);
-        let bulky = |slot: &Slot| {
-            slot.index > 0 && matches!(slot.topic, Topic::World | Topic::Ego | Topic::Layout | Topic::Frame)
-        };
+        let bulky = |slot: &Slot| matches!(slot.topic, Topic::World | Topic::Ego | Topic::Layout | Topic::Frame);
         self.committed.retain(|slot, message| !bulky(slot) || message.header.iteration >= keep_from);
     }
 

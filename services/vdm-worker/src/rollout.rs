@@ -7,7 +7,7 @@ use ds_raster::{Encoding, RgbImage};
 use ds_space::Tick;
 use ds_topic::body::Tensor;
 use ds_topic::{Advance, Cache, Frame, Layout, SceneMessage, Slot, Topic};
-use ds_video::{CacheEntry, Latent, Rollout, VideoModel};
+use ds_video::{CacheEntry, Latent, Replay, Rollout, VideoModel};
 
 /// All cameras of one episode.
 pub struct Rollouts {
@@ -36,12 +36,10 @@ impl Rollouts {
             let first = self.first_frame(usize::from(index))?;
             let key = self.scene.spec.draw_key();
             let prompt = &self.scene.scene.prompt;
-            let pair = (first, &layout.image);
-            let started = Rollout::new(Arc::clone(&self.model), key, camera.id.as_str(), prompt, pair);
+            let started =
+                Rollout::new(Arc::clone(&self.model), key, camera.id.as_str(), prompt, first, &layout.image);
             let (rollout, entry) = started.map_err(|error| bad("rollout_refused", &error))?;
-            let video = &self.model.config().video;
-            let shown = ds_video::pixels::resized(first, video.width_px, video.height_px);
-            outputs.push(frame_output(Tick(0), index, shown, 0.0));
+            outputs.push(frame_output(Tick(0), index, rollout.first_frame().clone(), 0.0));
             outputs.push(cache_output(index, entry));
             self.cameras.push(rollout);
         }
@@ -72,12 +70,11 @@ fn cache_output(camera: u16, entry: CacheEntry) -> Output {
 }
 
 fn tensor(latent: Latent) -> Tensor {
-    let shape = latent.shape.iter().map(|extent| u32::try_from(*extent).unwrap_or(u32::MAX)).collect();
-    Tensor { shape, values: latent.values }
+    Tensor { shape: latent.shape, values: latent.values }
 }
 
 fn latent(tensor: Tensor) -> Latent {
-    Latent { shape: tensor.shape.iter().map(|extent| *extent as usize).collect(), values: tensor.values }
+    Latent { shape: tensor.shape, values: tensor.values }
 }
 
 fn entry(cache: Cache) -> CacheEntry {
@@ -112,12 +109,16 @@ impl Maker for Rollouts {
             for tick in since..=before.0 {
                 layouts.push(inputs.decode::<Layout>(Slot::of_camera(Topic::Layout, tick, index))?.image);
             }
-            let first_layout: Layout = inputs.decode(Slot::of_camera(Topic::Layout, 0, index))?;
-            let prompt = self.scene.scene.prompt.as_str();
-            let start = (Arc::clone(&self.model), self.scene.spec.draw_key(), camera.id.as_str(), prompt);
-            let first = (self.first_frame(usize::from(index))?, &first_layout.image);
-            let rollout = Rollout::replay(start, first, &entries, &layouts)
-                .map_err(|error| bad(Fault::RECOVERY_MISMATCH, &error))?;
+            let rollout = Rollout::replay(Replay {
+                model: Arc::clone(&self.model),
+                draw_key: self.scene.spec.draw_key(),
+                camera: camera.id.as_str(),
+                prompt: &self.scene.scene.prompt,
+                first_frame: self.first_frame(usize::from(index))?,
+                entries: &entries,
+                layouts: &layouts,
+            })
+            .map_err(|error| bad(Fault::RECOVERY_MISMATCH, &error))?;
             self.cameras.push(rollout);
         }
         Ok(())

@@ -20,7 +20,6 @@ pub fn load_config(path: &Path) -> Result<ModelConfig, String> {
 }
 
 /// Opens an observation source for each episode that the instance is given; the weights are loaded once.
-#[derive(Debug)]
 pub struct VideoStage {
     config: PathBuf,
     weights: PathBuf,

@@ -109,7 +109,7 @@ fn video(args: &BenchArgs, scene: &Scene) -> Result<()> {
     let world = scene.logged_world(Tick(0));
     let first = ReferenceCamera::new(scene, Appearance::DAY).render(&world, camera, world.ego.pose.world_from_rig(0.0));
     let key = ds_space::Draws::key(&scene.digest, "day", 0);
-    let (mut rollout, _) = Rollout::new(model, key, camera.id.as_str(), &scene.prompt, (&first, &layouts[0]))?;
+    let (mut rollout, _) = Rollout::new(model, key, camera.id.as_str(), &scene.prompt, &first, &layouts[0])?;
     let mut rounds = Vec::new();
     for chunk in layouts[1..].chunks(5) {
         let began = Instant::now();
