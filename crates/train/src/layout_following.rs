@@ -75,13 +75,15 @@ impl Models {
     /// If a file is broken or does not fit the configuration.
     pub fn load(config: &ModelConfig, path: &Path) -> Result<Self, TrainError> {
         if path.is_dir() {
-            let decoder = path.join("decoder.safetensors");
             let mut config = config.clone();
-            config.control.decoder &= decoder.exists();
-            let vae = if config.control.decoder { decoder } else { path.join("autoencoder.safetensors") };
+            config.control.decoder &= path.join("decoder.safetensors").exists();
+            // The statistics of the latents are the autoencoder's; a later decoder replaces the rest.
+            let decoder = config.control.decoder.then_some(("vae.", "decoder"));
             let mut weights = Weights::default();
-            weights.absorb("vae.", &WeightsFile::read(&vae)?.weights);
-            weights.absorb("dit.", &WeightsFile::read(&path.join("student.safetensors"))?.weights);
+            for (prefix, stage) in [("vae.", "autoencoder"), ("dit.", "student")].into_iter().chain(decoder) {
+                let file = WeightsFile::read(&path.join(stage).with_extension("safetensors"))?;
+                weights.absorb(prefix, &file.weights);
+            }
             return Self::new(&config, &weights);
         }
         // Loading checks the digest of the configuration that the file names.
