@@ -130,7 +130,8 @@ fn largest_difference(plan: &CausalPlan) -> f32 {
 
 #[test]
 fn the_cached_form_equals_the_parallel_form() {
-    for (chunk, window, queries) in [(1, 8, 1..7), (1, 4, 2..6), (1, 2, 5..7), (2, 8, 1..7), (2, 5, 3..7), (3, 4, 4..7)] {
+    for (chunk, window, queries) in [(1, 8, 1..7), (1, 4, 2..6), (1, 2, 5..7), (2, 8, 1..7), (2, 5, 3..7), (3, 4, 4..7)]
+    {
         for positions in [Positions::CacheRelative, Positions::Absolute] {
             let worst = largest_difference(&plan(1, chunk, window, positions, queries.clone()));
             assert!(worst < 1e-4, "chunk {chunk}, window {window}, {positions:?}: {worst}");
