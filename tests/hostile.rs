@@ -142,8 +142,8 @@ fn orchestrator(folder: &Path) -> Orchestrator {
 
 async fn connect(address: &str) -> RunsClient<Channel> {
     for _ in 0..300 {
-        if let Ok(client) = RunsClient::connect(address.to_owned()).await {
-            return client;
+        if let Ok(channel) = Channel::from_shared(address.to_owned()).expect("an address").connect().await {
+            return RunsClient::new(channel);
         }
         tokio::time::sleep(std::time::Duration::from_millis(50)).await;
     }

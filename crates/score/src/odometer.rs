@@ -14,12 +14,14 @@ pub(crate) const SHORTEST_M: f64 = 1.0;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Odometer {
     along_m: f64,
+    /// Distance of the last position from the route, in metres.
+    pub(crate) beside_m: f64,
 }
 
 impl Odometer {
     /// Starts at a known distance along the route.
     pub(crate) fn new(along_m: f64) -> Self {
-        Self { along_m }
+        Self { along_m, beside_m: 0.0 }
     }
 
     /// Moves to the place nearest to a position and returns its distance along the route.
@@ -36,6 +38,7 @@ impl Odometer {
                 self.along_m = arcs_m[segment] + share * (arcs_m[segment + 1] - arcs_m[segment]);
             }
         }
+        self.beside_m = nearest.sqrt();
         self.along_m
     }
 }

@@ -62,6 +62,9 @@ struct Travel {
     expert_start_m: f64,
     ego_m: f64,
     expert_m: f64,
+    left_route: bool,
+    /// As `ego_m`, held from the moment on at which the ego left the route.
+    completed_m: f64,
 }
 
 impl ScoreTracker {
@@ -96,7 +99,7 @@ impl ScoreTracker {
 
     fn route_completion(&self) -> Option<f64> {
         let whole_m = self.expert.as_ref()?.end_m() - self.travel?.expert_start_m;
-        route_completion::score(self.travel?.ego_m, whole_m)
+        route_completion::score(self.travel?.completed_m, whole_m)
     }
 
     /// Returns the scores of all states observed so far.
@@ -121,12 +124,19 @@ fn travelled(expert: &Expert, before: Option<Travel>, world: &WorldState) -> Tra
     let along_m = odometer.read(&expert.route, world.ego.pose.position);
     let ego_start_m = before.map_or(along_m, |travel| travel.ego_start_m);
     let expert_start_m = before.map_or(expert_along_m, |travel| travel.expert_start_m);
+    let left_route = before.is_some_and(|travel| travel.left_route) || odometer.beside_m > route_completion::LEFT_AT_M;
+    let completed_m = match before {
+        Some(travel) if left_route => travel.completed_m,
+        _ => along_m - ego_start_m,
+    };
     Travel {
         odometer,
         ego_start_m,
         expert_start_m,
         ego_m: along_m - ego_start_m,
         expert_m: expert_along_m - expert_start_m,
+        left_route,
+        completed_m,
     }
 }
 

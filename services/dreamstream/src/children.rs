@@ -65,7 +65,8 @@ pub async fn start(plan: &FleetPlan, log: &str) -> Result<Fleet> {
     let policy_listen = set("policy.listen", plan.policy_listen.as_deref().unwrap_or_default());
     let model = set("video.model", &path(&plan.model)?);
     children.spawn("sim-server", "sim-server", &[&common[..], &[&slots]].concat())?;
-    children.spawn("layout-render", "layout-render", &[&common[..], &[&slots]].concat())?;
+    let probe = format!("layout.probe={}", plan.probe_adapter);
+    children.spawn("layout-render", "layout-render", &[&common[..], &[&slots, &probe]].concat())?;
     children.spawn("policy-bridge", "policy-bridge", &[&common[..], &[&slots, &weights, &policy_name, &policy_listen]].concat())?;
     for index in 0..plan.workers {
         let name = format!("vdm-worker-{index}");

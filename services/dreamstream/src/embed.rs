@@ -28,6 +28,8 @@ pub struct FleetPlan {
     pub policy: String,
     /// Where it connects to, if it is external.
     pub policy_listen: Option<String>,
+    /// Whether layouts may be drawn by a graphics adapter.
+    pub probe_adapter: bool,
     /// Share of pushes that are dropped.
     pub drop_pushes: f64,
 }
@@ -105,7 +107,7 @@ pub async fn start(plan: &FleetPlan) -> Result<Fleet> {
     };
     let mut factories: Vec<Arc<dyn MakerFactory>> = vec![
         Arc::new(sim_server::SimStage),
-        Arc::new(layout_render::LayoutStage),
+        Arc::new(layout_render::LayoutStage { probe: plan.probe_adapter }),
         Arc::new(policy_bridge::PolicyStage::new(plan.policy_weights.clone(), outside)),
     ];
     let video = Arc::new(vdm_worker::VideoStage::new(plan.model.clone(), None));

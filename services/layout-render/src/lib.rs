@@ -16,5 +16,6 @@ use ds_process::Drain;
 /// If the bus or the orchestrator's address is bad.
 pub async fn run(settings: Settings, drain: Drain) -> anyhow::Result<()> {
     let sections = (&settings.process, &settings.control, &settings.bus);
-    ds_process::service::run_stage("layout-render", sections, Arc::new(LayoutStage), drain).await
+    let factory = Arc::new(LayoutStage { probe: settings.layout.probe });
+    ds_process::service::run_stage("layout-render", sections, factory, drain).await
 }

@@ -3,6 +3,20 @@
 use ds_process::section::{BusSection, ControlSection, ProcessSection};
 use serde::{Deserialize, Serialize};
 
+/// `[layout]`: the renderers.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LayoutSection {
+    /// Whether to look for a graphics adapter at the start.
+    pub probe: bool,
+}
+
+impl Default for LayoutSection {
+    fn default() -> Self {
+        Self { probe: true }
+    }
+}
+
 /// All settings of layout-render.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -13,4 +27,6 @@ pub struct Settings {
     pub control: ControlSection,
     /// The bus.
     pub bus: BusSection,
+    /// The renderers.
+    pub layout: LayoutSection,
 }

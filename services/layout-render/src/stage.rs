@@ -8,8 +8,12 @@ use ds_raster::Encoding;
 use ds_topic::{Advance, Layout, Role, SceneMessage, Slot, Topic, World};
 
 /// Opens a renderer for each episode that the instance is given.
-#[derive(Debug, Default)]
-pub struct LayoutStage;
+#[derive(Debug, Clone, Copy)]
+pub struct LayoutStage {
+    /// Whether to look for a graphics adapter at the start and name it in the compute class; not needed where only the
+    /// `cpu` back end is asked for.
+    pub probe: bool,
+}
 
 impl MakerFactory for LayoutStage {
     fn role(&self) -> Role {
@@ -17,8 +21,9 @@ impl MakerFactory for LayoutStage {
     }
 
     fn compute_class(&self) -> String {
-        let auto = Renderer::new(BackendChoice::Auto).map_or("none".to_owned(), |renderer| renderer.compute_class());
-        format!("layout {}, auto: {auto}", std::env::consts::ARCH)
+        let choice = if self.probe { BackendChoice::Auto } else { BackendChoice::Cpu };
+        let class = Renderer::new(choice).map_or("none".to_owned(), |renderer| renderer.compute_class());
+        format!("layout {}, {class}", std::env::consts::ARCH)
     }
 
     fn open(&self, scene: Arc<SceneMessage>) -> Result<Box<dyn Maker>, Fault> {

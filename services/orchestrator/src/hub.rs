@@ -150,7 +150,11 @@ impl Hub {
         let (renewed, term) = (fleet.renew(now(), instance), fleet.term());
         drop(fleet);
         let Ok(Some(held)) = renewed else {
-            tracing::debug!(%instance, "heartbeat of nobody");
+            // It was silent for so long that it lost its roles: only a new hello makes it a member again.
+            if let Some(connected) = lock(&self.lines).connected.get(instance) {
+                let again = tonic::Status::aborted("silent for longer than the lease: join again");
+                let _gone = connected.line.try_send(Err(again));
+            }
             return;
         };
         let mut lines = lock(&self.lines);

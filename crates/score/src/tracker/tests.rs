@@ -54,6 +54,19 @@ fn half_the_speed_is_half_the_progress_and_a_fifth_of_the_route() {
 }
 
 #[test]
+fn what_is_driven_beside_the_route_does_not_count() {
+    let mut tracker = ScoreTracker::new(&scene());
+    for tick in 0..=40 {
+        // 10 m/s along the road; from 20 m on 5 m beside it, from 30 m on back on it.
+        let beside_m = if (20..30).contains(&tick) { 5.0 } else { 0.0 };
+        tracker.observe(&state(tick, ego(f64::from(tick), beside_m), Vec::new()));
+    }
+    let score = tracker.finish();
+    assert!((score.route_completion.expect("it applies") - 0.19).abs() < 1e-12, "19 m of 100 m before leaving");
+    assert!((score.progress.expect("it applies") - 1.0).abs() < 1e-12);
+}
+
+#[test]
 fn a_drive_that_begins_later_is_measured_from_there() {
     let mut tracker = ScoreTracker::new(&scene());
     for tick in 20..=60 {

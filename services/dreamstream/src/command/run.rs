@@ -37,6 +37,7 @@ pub async fn run(args: &RunArgs, log: &str) -> Result<()> {
         workers: args.workers,
         policy: args.policy.clone(),
         policy_listen: args.policy_listen.clone(),
+        probe_adapter: args.layout_backend != "cpu",
         drop_pushes: args.drop_pushes,
     };
     let mut fleet = if args.processes { children::start(&plan, log).await? } else { embed::start(&plan).await? };
