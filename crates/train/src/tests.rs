@@ -52,8 +52,8 @@ fn config(folder: &Path) -> TrainConfig {
         .replace("latents = 6", "latents = 4")
         .replace("clips = 24\n", "clips = 6\n")
         .replace("held_out = 8", "held_out = 2")
-        .replace("steps = 40", "steps = 12")
-        .replace("steps = 30", "steps = 12")
+        .replace("steps = 40", "steps = 6")
+        .replace("steps = 30", "steps = 6")
         .replace("steps = 10", "steps = 4");
     let path = folder.join("train.toml");
     std::fs::write(&path, recipe).expect("writes");
@@ -79,12 +79,12 @@ fn every_stage_runs_resumes_and_ships() {
     let (a, b) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
     let (whole, parts) = (prepared(a.path()), prepared(b.path()));
     let report = autoencoder::run(&whole, &mut Silent).expect("trains");
-    assert_eq!(report.steps, 12);
-    assert_eq!(autoencoder::run(&parts, &mut StopAt(5, 0)).expect("trains").steps, 5);
-    assert_eq!(autoencoder::run(&parts, &mut Silent).expect("resumes").steps, 12);
+    assert_eq!(report.steps, 6);
+    assert_eq!(autoencoder::run(&parts, &mut StopAt(3, 0)).expect("trains").steps, 3);
+    assert_eq!(autoencoder::run(&parts, &mut Silent).expect("resumes").steps, 6);
     assert_eq!(weights(&whole, "autoencoder"), weights(&parts, "autoencoder"), "a resumed run ends the same");
     student::run(&whole, &mut Silent).expect("trains");
-    student::run(&parts, &mut StopAt(7, 0)).expect("trains");
+    student::run(&parts, &mut StopAt(3, 0)).expect("trains");
     student::run(&parts, &mut Silent).expect("resumes");
     assert_eq!(weights(&whole, "student"), weights(&parts, "student"), "a resumed run ends the same");
     let figures = teacher::run(&whole, &mut Silent).expect("trains").figures;
