@@ -28,7 +28,7 @@ while session is None and not done.is_set():
 if session is not None:
     print("connected", file=sys.stderr, flush=True)
     keys = ["**", "dreamstream/**", "dreamstream-policy/**", "dreamstream-policy/v1/other/*/observation", "dreamstream/v1/*/world"]
-    subscribers = [session.declare_subscriber(key, lambda sample: received.append(str(sample.key_expr))) for key in keys]
+    subscribers = [session.declare_subscriber(key, lambda sample: received.append(str(sample.key_expr)), allowed_origin=zenoh.Locality.REMOTE) for key in keys]
     targets = ["dreamstream/v1/any/advance", "dreamstream-policy/v1/mine/0123456789abcdef/plan", "dreamstream/v1/any/plan"]
     while not done.is_set():
         for key in targets:

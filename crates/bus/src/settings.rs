@@ -9,6 +9,9 @@ use zenoh::Config;
 
 use crate::error::{BusError, zenoh};
 
+/// For so long an endpoint may stay out of reach while a session opens, in milliseconds.
+const CONNECT_MILLIS: u64 = 10_000;
+
 /// How a session takes part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Mode {
@@ -106,6 +109,9 @@ impl BusSettings {
         let mut entries = vec![
             ("mode", serde_json::json!(self.mode.name())),
             ("connect/endpoints", serde_json::json!(self.connect)),
+            // Whoever cannot reach what it was told to join says so instead of running alone.
+            ("connect/timeout_ms", serde_json::json!(CONNECT_MILLIS)),
+            ("connect/exit_on_failure", serde_json::json!(true)),
             ("listen/endpoints", serde_json::json!(self.listen)),
             ("scouting/multicast/enabled", serde_json::json!(self.scouting)),
             ("scouting/gossip/enabled", serde_json::json!(self.scouting)),

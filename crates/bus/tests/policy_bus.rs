@@ -120,7 +120,8 @@ async fn an_eavesdropper_learns_and_changes_nothing() {
     let mut stranger = PolicyGuest::connect(&name("team-b"), &bus.listens()[0]).await.expect("connects");
     stranger.put(session.name(), &FromPolicy::Plan(plan(77))).await.expect("puts");
     let raw = raw_client(&bus.listens()[0]).await;
-    let heard = raw.declare_subscriber("**").await.expect("declares");
+    let remote = zenoh::sample::Locality::Remote;
+    let heard = raw.declare_subscriber("**").allowed_origin(remote).await.expect("declares");
     let forged = format!("dreamstream-policy/v1/team-a/{}/observation", session.name());
     for key in ["dreamstream/v1/e1/advance", "dreamstream-policy/v1/team-a/x/plan", &forged] {
         raw.put(key, vec![0_u8; 50]).await.expect("puts");
