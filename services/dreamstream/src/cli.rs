@@ -149,9 +149,6 @@ pub struct RunArgs {
     /// Make no pictures.
     #[arg(long)]
     pub no_pictures: bool,
-    /// Show the drive live in rerun at this address, such as rerun+http://127.0.0.1:9876/proxy.
-    #[arg(long, value_name = "URL")]
-    pub live: Option<String>,
     /// Test aid: drop this share of all pushes on the bus (0 to 1).
     #[arg(long, default_value_t = 0.0, hide = true)]
     pub drop_pushes: f64,
@@ -217,8 +214,8 @@ pub enum ScenarioCommand {
 /// Arguments of `train`.
 #[derive(Debug, Args)]
 pub struct TrainArgs {
-    /// The stage: clips (render the training data), autoencoder, teacher, student, ship (write the weights), or policy.
-    #[arg(value_parser = ["clips", "autoencoder", "teacher", "student", "ship", "policy"])]
+    /// The stage: clips (render the training data), autoencoder, teacher, student, decoder, ship (write the weights), or policy.
+    #[arg(value_parser = ["clips", "autoencoder", "teacher", "student", "decoder", "ship", "policy"])]
     pub stage: String,
     /// The training configuration.
     #[arg(long, value_hint = ValueHint::FilePath)]

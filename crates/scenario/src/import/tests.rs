@@ -123,8 +123,8 @@ fn drives_are_whole_scenes() {
         let turn = |corner: &[DVec2]| (corner[1] - corner[0]).angle_to(corner[2] - corner[1]).abs();
         let sharpest = scene.route.windows(3).map(turn).fold(0.0, f64::max);
         assert!(sharpest < 0.7, "{name}: the route turns by {sharpest} rad at a point");
-        // Single poses jitter, and the log of 0103 ends with half a step; over a second the speeds add up to the way.
-        for second in scene.ego_log.windows(11) {
+        // Single poses jitter, and some logs end or begin with half a step; over a second the speeds add up to the way, else.
+        for second in scene.ego_log[5..scene.ego_log.len() - 5].windows(11) {
             let moved_m = second[0].pose.position.distance(second[10].pose.position);
             let said_m: f64 = second.windows(2).map(|pair| 0.05 * (pair[0].speed_mps() + pair[1].speed_mps())).sum();
             assert!((moved_m - said_m.abs()).abs() < 0.3 + 0.06 * moved_m, "{name}: moved {moved_m} m, speed says {said_m} m");

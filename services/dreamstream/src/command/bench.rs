@@ -7,10 +7,10 @@ use ds_bus::BusSession;
 use ds_camera::{Appearance, ReferenceCamera};
 use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap};
 use ds_sim::{AgentMode, IdmScope, SimConfig, Simulation};
-use ds_space::{AttemptId, Digest, EpisodeId, InstanceId, SimTime, Tick};
+use ds_space::{AttemptId, Digest, EpisodeId, InstanceId, PoseSe2, SimTime, Tick};
 use ds_topic::{Envelope, Header, SCHEMA_VERSION, Slot, Topic};
 use ds_video::{Rollout, VideoModel};
-use ds_world::Scene;
+use ds_world::{Scene, Trajectory, TrajectoryPoint};
 use std::sync::Arc;
 
 use crate::cli::BenchArgs;
@@ -48,15 +48,26 @@ fn step(scene: &Arc<Scene>) -> Result<()> {
     let mut rounds = Vec::new();
     for _ in 0..ROUNDS {
         let mut simulation = Simulation::new(Arc::clone(scene), config, Tick(0))?;
-        simulation.begin_log();
         let began = Instant::now();
-        for _ in 0..ticks {
+        for tick in 0..ticks {
+            if tick.is_multiple_of(5) {
+                simulation.begin_plan(&straight_on(simulation.state().ego.speed_mps())?);
+            }
             simulation.step();
         }
         rounds.push(began.elapsed());
     }
-    report("sim step", &scene.name, rounds, ticks, "0.2 ms");
+    report("sim step, all agents IDM", &scene.name, rounds, ticks, "0.2 ms");
     Ok(())
+}
+
+/// Plans 4 s straight ahead at a speed.
+fn straight_on(speed_mps: f64) -> Result<Trajectory> {
+    let at = |index: i64| TrajectoryPoint {
+        after: SimTime(index * 500_000_000),
+        pose: PoseSe2::new(speed_mps * 0.5 * index as f64, 0.0, 0.0),
+    };
+    Ok(Trajectory::new((1..=8).map(at).collect())?)
 }
 
 fn layout(scene: &Scene) -> Result<()> {

@@ -55,6 +55,7 @@ pub fn run(args: &TrainArgs) -> Result<()> {
         "autoencoder" => Some(ds_train::autoencoder::run(&config, &mut progress)?),
         "teacher" => Some(ds_train::teacher::run(&config, &mut progress)?),
         "student" => Some(ds_train::student::run(&config, &mut progress)?),
+        "decoder" => Some(ds_train::decoder::run(&config, &mut progress)?),
         _ => {
             ds_train::ship::run(&config, &mut progress)?;
             None
