@@ -16,7 +16,7 @@ const EXAMPLES: &str = "Examples:
 #[command(name = "dreamstream", version, about, after_help = EXAMPLES, propagate_version = true)]
 pub struct Cli {
     /// Log filter, such as `info` or `ds_bus=trace`.
-    #[arg(long, global = true, env = "DREAMSTREAM_LOG", default_value = "warn")]
+    #[arg(long, global = true, env = "DREAMSTREAM_LOG", default_value = "warn,zenoh=error")]
     pub log: String,
     /// What to do.
     #[command(subcommand)]
