@@ -146,8 +146,18 @@ pub(super) fn slip_slope(points: &[DVec2], headings: &[f64]) -> Option<(f64, f64
 }
 
 /// Fits a parabola over the ticks around one and returns its slope and curvature there, per tick.
+///
+/// Near the ends of the log, where ticks lie to one side only, twice as many are taken: a single bad pose there (the
+/// converter leaves one at the end of nuScenes drives) would else tilt the fit.
 fn fit(values: &[f64], at: usize, reach: usize) -> (f64, f64) {
-    let (low, high) = (at.saturating_sub(reach), (at + reach).min(values.len() - 1));
+    let last = values.len() - 1;
+    let (low, high) = if at < reach {
+        (0, (4 * reach).min(last))
+    } else if at + reach > last {
+        (last.saturating_sub(4 * reach), last)
+    } else {
+        (at - reach, at + reach)
+    };
     let mut moments = [0.0; 5];
     let mut sums = [0.0; 3];
     for (i, value) in values.iter().enumerate().take(high + 1).skip(low) {
