@@ -19,6 +19,8 @@ pub(super) struct Log {
     pub window: Window,
 }
 
+/// How far a step may differ from those around it, in metres.
+const JUMP_M: f64 = 0.1;
 /// Positions beyond this are moved to an origin at the start of the log, in metres.
 const RECENTRE_BEYOND_M: f64 = 1e5;
 
@@ -147,8 +149,7 @@ pub(super) fn slip_slope(points: &[DVec2], headings: &[f64]) -> Option<(f64, f64
 
 /// Fits a parabola over the ticks around one and returns its slope and curvature there, per tick.
 ///
-/// Near the ends of the log, where ticks lie to one side only, twice as many are taken: a single bad pose there (the
-/// converter leaves one at the end of nuScenes drives) would else tilt the fit.
+/// Near the ends of the log, where ticks lie to one side only, twice as many are taken.
 fn fit(values: &[f64], at: usize, reach: usize) -> (f64, f64) {
     let last = values.len() - 1;
     let (low, high) = if at < reach {
@@ -181,9 +182,33 @@ fn fit(values: &[f64], at: usize, reach: usize) -> (f64, f64) {
     (slope / determinant, 2.0 * bend / determinant)
 }
 
+/// Returns the points without jumps, for the estimation of speeds only.
+///
+/// The nuScenes drives jump near their end, some backwards by more than a metre. A step that differs by more than
+/// [`JUMP_M`] from the middle one of the steps around it is replaced by that.
+fn mended(points: &[DVec2], headings: &[f64]) -> Vec<DVec2> {
+    let step = |i: usize| DVec2::from_angle(-headings[i]).rotate(points[i + 1] - points[i]);
+    let steps: Vec<DVec2> = (0..points.len() - 1).map(step).collect();
+    let mut mended = vec![points[0]];
+    for (i, step) in steps.iter().enumerate() {
+        let low = i.saturating_sub(3).min(steps.len().saturating_sub(7));
+        let around = &steps[low..(low + 7).min(steps.len())];
+        let middle = DVec2::new(middle(around.iter().map(|step| step.x)), middle(around.iter().map(|step| step.y)));
+        let sound = if step.distance(middle) > JUMP_M { middle } else { *step };
+        mended.push(mended[i] + DVec2::from_angle(headings[i]).rotate(sound));
+    }
+    mended
+}
+
+fn middle(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
 fn states(points: &[DVec2], headings: &[f64], vehicle: &VehicleParameters, dt_secs: f64) -> Vec<EgoState> {
     let reach = ((0.4 / dt_secs).round() as usize).max(2);
-    let (xs, ys): (Vec<f64>, Vec<f64>) = points.iter().map(|point| (point.x, point.y)).unzip();
+    let (xs, ys): (Vec<f64>, Vec<f64>) = mended(points, headings).iter().map(|point| (point.x, point.y)).unzip();
     let mut states: Vec<EgoState> = Vec::with_capacity(points.len());
     for i in 0..points.len() {
         let ((vx, ax), (vy, ay)) = (fit(&xs, i, reach), fit(&ys, i, reach));
@@ -221,6 +246,18 @@ mod tests {
         for at in [0, 1, 7, 19] {
             let (slope, bend) = fit(&values, at, 4);
             assert!((slope - (0.5 + 0.5 * at as f64)).abs() < 1e-9 && (bend - 0.5).abs() < 1e-9, "{at}: {slope} {bend}");
+        }
+    }
+
+    #[test]
+    fn a_jump_does_not_change_the_speeds() {
+        let headings = vec![0.3; 60];
+        let even: Vec<DVec2> = (0..60).map(|i| DVec2::from_angle(0.3) * f64::from(i)).collect();
+        let mut jumping = even.clone();
+        jumping[58..].iter_mut().for_each(|point| *point -= DVec2::from_angle(0.3) * 2.0);
+        jumping[30..].iter_mut().for_each(|point| *point += DVec2::new(0.5, 0.0));
+        for state in states(&jumping, &headings, &VehicleParameters::ZOE, 0.1) {
+            assert!((state.velocity_mps - DVec2::new(10.0, 0.0)).length() < 1e-6, "{:?}", state.velocity_mps);
         }
     }
 
