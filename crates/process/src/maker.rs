@@ -101,12 +101,18 @@ pub fn output<B: Body>(slot: Slot, tick: Tick, body: &B) -> Output {
 /// Makes a deterministic fault of an error and its sources.
 #[must_use]
 pub fn bad(name: &str, error: &dyn std::error::Error) -> Fault {
-    let mut detail = error.to_string();
+    Fault::deterministic(name, chain(error))
+}
+
+/// Returns the text of an error and of all its sources, outermost first.
+#[must_use]
+pub fn chain(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
     let mut source = error.source();
     while let Some(inner) = source {
-        detail.push_str(": ");
-        detail.push_str(&inner.to_string());
+        text.push_str(": ");
+        text.push_str(&inner.to_string());
         source = inner.source();
     }
-    Fault::deterministic(name, detail)
+    text
 }

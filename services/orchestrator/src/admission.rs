@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use ds_episode::FaultClass;
 use ds_episode::driver::Status;
 use ds_process::Drain;
+use ds_process::maker::chain;
 use ds_space::{AttemptId, Digest, RunId};
 use ds_topic::ObservationSource;
 use ds_wire::control as pb;
@@ -173,16 +174,6 @@ fn shares(work_secs: [f64; 4], journal_secs: f64, wall_secs: f64) -> BTreeMap<St
     let bus = 1.0 - (sim + layout + video + policy + other);
     let named = [("sim", sim), ("layout", layout), ("video", video), ("policy", policy), ("other", other), ("bus", bus)];
     named.into_iter().map(|(name, share)| (name.to_owned(), share)).collect()
-}
-
-fn chain(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut source = error.source();
-    while let Some(inner) = source {
-        text = format!("{text}: {inner}");
-        source = inner.source();
-    }
-    text
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::pin::Pin;
 use std::sync::Arc;
 
+use ds_process::maker::chain;
 use ds_space::InstanceId;
 use ds_wire::control as pb;
 use tokio::sync::mpsc;
@@ -98,11 +99,6 @@ fn progress(run: &pb::Run, shown: Option<&pb::Run>) -> pb::RunProgress {
     let changed = run.episodes.iter().enumerate().filter(|(index, episode)| before(*index) != Some(*episode));
     let episodes = changed.map(|(_, episode)| episode.clone()).collect();
     pb::RunProgress { run_id: run.run_id.clone(), status: run.status, episodes }
-}
-
-fn chain(error: &dyn std::error::Error) -> String {
-    let source = error.source().map(|inner| format!(": {}", chain(inner)));
-    error.to_string() + &source.unwrap_or_default()
 }
 
 /// `Fleet`.

@@ -290,7 +290,6 @@ fn results(
     wall_s: f64,
 ) -> Result<Results> {
     let first = run.episodes.first().context("the run has no episodes")?;
-    let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
     Ok(Results {
         run: Run {
             id: run.run_id.clone(),
@@ -315,8 +314,11 @@ fn results(
     })
 }
 
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
 fn episode(result: &pb::EpisodeResult, out: &Path) -> Episode {
-    let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
     let share = |name: &str| result.time_share.get(name).copied().unwrap_or_default();
     let mut sub_scores: BTreeMap<String, Option<f64>> =
         result.sub_scores.iter().map(|(name, value)| (name.clone(), Some(*value))).collect();

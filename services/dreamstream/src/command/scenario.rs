@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
+use ds_process::maker::chain;
 use indicatif::ProgressBar;
 
 use crate::cli::{ImportArgs, ScenarioCommand};
@@ -97,14 +98,4 @@ fn import_one(path: &Path, out: &Path) -> Result<usize> {
     })?;
     spinner.finish_and_clear();
     Ok(refused)
-}
-
-fn chain(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut source = error.source();
-    while let Some(inner) = source {
-        text = format!("{text}: {inner}");
-        source = inner.source();
-    }
-    text
 }
