@@ -220,6 +220,25 @@ pub fn pulls_at(episode: &EpisodeId, holder: &Holder) -> String {
     format!("{ROOT}/{episode}/{PULL}/{holder}/**")
 }
 
+/// Returns the expression of all pushes of a topic in all episodes.
+#[must_use]
+pub fn all_pushes(topic: Topic) -> String {
+    let cameras = if topic.per_camera() { "/*" } else { "" };
+    format!("{ROOT}/*/{}{cameras}", topic.name())
+}
+
+/// Returns the expression of all pulls that ask an instance.
+#[must_use]
+pub fn all_pulls() -> String {
+    format!("{ROOT}/*/{PULL}/*/**")
+}
+
+/// Returns the expression of all pulls that ask a journal.
+#[must_use]
+pub fn all_journal_pulls() -> String {
+    format!("{ROOT}/*/{PULL}/{JOURNAL}/**")
+}
+
 /// Returns the expression of all liveliness tokens.
 #[must_use]
 pub fn all_alive() -> String {

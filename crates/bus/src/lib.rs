@@ -4,6 +4,7 @@
 //! Callbacks only enqueue, queues are bounded and count what they drop. Every handle gives up what it declared when it
 //! is dropped. Bodies are never decoded here. Liveliness speeds up suspicion; it proves nothing.
 
+pub mod access;
 pub mod alive;
 pub mod counters;
 pub mod error;
@@ -16,6 +17,7 @@ pub mod session;
 pub mod settings;
 pub mod subscription;
 
+pub use access::{STATIONS, TlsFiles};
 pub use alive::{AliveToken, AliveWatch};
 pub use counters::Counters;
 pub use error::BusError;

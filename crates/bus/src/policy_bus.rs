@@ -18,6 +18,7 @@ use zenoh::bytes::ZBytes;
 use zenoh::pubsub::Subscriber;
 use zenoh::qos::CongestionControl;
 
+use crate::access::TlsFiles;
 use crate::counters::{Counters, count};
 use crate::error::{BusError, zenoh};
 use crate::keys::{Key, Leaf, sessions_of};
@@ -37,6 +38,8 @@ pub struct PolicyBusSettings {
     pub listen: Vec<String>,
     /// Routers to connect to, where access is enforced there; usually none.
     pub connect: Vec<String>,
+    /// Files for `tls/…` endpoints: guests then need a certificate whose common name is the policy's.
+    pub tls: Option<TlsFiles>,
 }
 
 /// The outside of a bridge.
@@ -123,9 +126,10 @@ impl PolicyBus {
     pub async fn open(settings: &PolicyBusSettings) -> Result<Self, BusError> {
         let mode = if settings.listen.is_empty() && settings.connect.is_empty() { Mode::Peer } else { Mode::Router };
         let (listen, connect) = (settings.listen.clone(), settings.connect.clone());
-        let bus = BusSettings { mode, listen, connect, ..BusSettings::default() }.resolved()?;
+        let tls = settings.tls.clone();
+        let bus = BusSettings { mode, listen, connect, tls, ..BusSettings::default() }.resolved()?;
         let mut config = bus.config()?;
-        for (key, value) in [("access_control", access(&settings.policy)), ("low_pass_filter", size_limit())] {
+        for (key, value) in [("access_control", access(&settings.policy, settings.tls.is_some())), ("low_pass_filter", size_limit())] {
             config.insert_json5(key, &value.to_string()).map_err(zenoh("restrict access"))?;
         }
         let session = zenoh::open(config).await.map_err(zenoh("open the policies' session"))?;
@@ -242,9 +246,9 @@ impl PolicyGuest {
     ///
     /// # Errors
     /// If the endpoint cannot be reached.
-    pub async fn connect(policy: &InstanceId, endpoint: &str) -> Result<Self, BusError> {
+    pub async fn connect(policy: &InstanceId, endpoint: &str, tls: Option<TlsFiles>) -> Result<Self, BusError> {
         let connect = vec![endpoint.to_owned()];
-        let settings = BusSettings { mode: Mode::Client, connect, ..BusSettings::default() }.resolved()?;
+        let settings = BusSettings { mode: Mode::Client, connect, tls, ..BusSettings::default() }.resolved()?;
         let session = zenoh::open(settings.config()?).await.map_err(zenoh("reach the bridge"))?;
         let queue = Queue::new(Leaf::FROM_BRIDGE.len(), QUEUE);
         let mut subscribers = Vec::new();
@@ -312,7 +316,11 @@ fn random_name() -> Result<InstanceId, BusError> {
 }
 
 /// What a guest may do: listen to the bridge and answer it.
-fn access(policy: &InstanceId) -> serde_json::Value {
+fn access(policy: &InstanceId, certified: bool) -> serde_json::Value {
+    let guests = match certified {
+        true => serde_json::json!({"id": "guests", "cert_common_names": [policy.to_string()]}),
+        false => serde_json::json!({"id": "guests"}),
+    };
     let keys = |leaves: [Leaf; 3]| leaves.map(|leaf| sessions_of(policy, leaf)).to_vec();
     let rule = |id: &str, messages: [&str; 1], flow: &str, leaves| {
         serde_json::json!({
@@ -328,7 +336,7 @@ fn access(policy: &InstanceId) -> serde_json::Value {
             rule("answer", ["put"], "ingress", Leaf::FROM_POLICY),
             rule("await", ["declare_subscriber"], "egress", Leaf::FROM_POLICY),
         ],
-        "subjects": [{"id": "guests"}],
+        "subjects": [guests],
         "policies": [{"rules": ["listen", "tell", "answer", "await"], "subjects": ["guests"]}],
     })
 }

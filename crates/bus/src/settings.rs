@@ -7,6 +7,7 @@ use std::net::TcpListener;
 
 use zenoh::Config;
 
+use crate::access::{self, TlsFiles};
 use crate::error::{BusError, zenoh};
 
 /// For so long an endpoint may stay out of reach while a session opens, in milliseconds.
@@ -43,6 +44,8 @@ pub struct BusSettings {
     pub connect: Vec<String>,
     /// Endpoints to listen on; TCP port 0 takes a free one.
     pub listen: Vec<String>,
+    /// Files for `tls/…` endpoints; a router with them gives every service the rights of its certificate's name.
+    pub tls: Option<TlsFiles>,
     /// Whether to look for others by multicast and gossip.
     pub scouting: bool,
     /// Prefix of all keys, if any.
@@ -65,6 +68,7 @@ impl Default for BusSettings {
             mode: Mode::Peer,
             connect: Vec::new(),
             listen: Vec::new(),
+            tls: None,
             scouting: false,
             namespace: None,
             lease_millis: 2_000,
@@ -91,6 +95,12 @@ impl BusSettings {
         }
         if self.mode == Mode::Client && self.connect.is_empty() {
             return Err(refuse("connect", String::new(), "a client needs a router to connect to"));
+        }
+        let secured = |endpoint: &&String| endpoint.starts_with("tls/");
+        if let Some(endpoint) = self.connect.iter().chain(&self.listen).find(secured)
+            && self.tls.is_none()
+        {
+            return Err(refuse("tls", endpoint.clone(), "needs authority, certificate and key"));
         }
         for (field, endpoints) in [("connect", &self.connect), ("listen", &self.listen)] {
             for endpoint in endpoints {
@@ -124,6 +134,12 @@ impl BusSettings {
             ),
             ("transport/link/rx/max_message_size", serde_json::json!(64 << 20)),
         ];
+        if let Some(files) = &self.tls {
+            entries.push(("transport/link/tls", files.config()));
+            if self.mode == Mode::Router {
+                entries.push(("access_control", access::rights()));
+            }
+        }
         if let Some(namespace) = &self.namespace {
             entries.push(("namespace", serde_json::json!(namespace)));
         }
@@ -136,13 +152,14 @@ impl BusSettings {
 
 /// Puts a free port in the place of port 0.
 fn with_port(endpoint: &str) -> Result<String, BusError> {
-    let Some(host) = endpoint.strip_prefix("tcp/").and_then(|address| address.strip_suffix(":0")) else {
+    let address = endpoint.split_once('/').filter(|(protocol, _)| ["tcp", "tls"].contains(protocol));
+    let Some((protocol, host)) = address.and_then(|(protocol, at)| Some((protocol, at.strip_suffix(":0")?))) else {
         return Ok(endpoint.to_owned());
     };
     let failed = |source| BusError::System { doing: "find a free port", source };
     let listener = TcpListener::bind((host.trim_matches(['[', ']']), 0)).map_err(failed)?;
     let port = listener.local_addr().map_err(failed)?.port();
-    Ok(format!("tcp/{host}:{port}"))
+    Ok(format!("{protocol}/{host}:{port}"))
 }
 
 #[cfg(test)]
@@ -163,7 +180,8 @@ mod tests {
         refused(&BusSettings { lease_millis: 10, ..sound.clone() }, "lease_millis");
         refused(&BusSettings { queue: 0, ..sound.clone() }, "queue");
         refused(&BusSettings { mode: Mode::Client, ..sound.clone() }, "connect");
-        refused(&BusSettings { listen: vec!["nonsense".to_owned()], ..sound }, "listen");
+        refused(&BusSettings { listen: vec!["nonsense".to_owned()], ..sound.clone() }, "listen");
+        refused(&BusSettings { listen: vec!["tls/127.0.0.1:0".to_owned()], ..sound }, "tls");
     }
 
     #[test]

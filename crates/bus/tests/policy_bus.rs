@@ -21,7 +21,7 @@ fn name(text: &str) -> InstanceId {
 
 async fn bridge() -> PolicyBus {
     let listen = vec!["tcp/127.0.0.1:0".to_owned()];
-    let settings = PolicyBusSettings { policy: name("team-a"), listen, connect: vec![] };
+    let settings = PolicyBusSettings { policy: name("team-a"), listen, connect: vec![], tls: None };
     PolicyBus::open(&settings).await.expect("opens")
 }
 
@@ -97,7 +97,7 @@ async fn ask(session: &mut ds_bus::PolicySession, question: &FromBridge, wanted:
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_guest_drives_a_session_over_tcp() {
     let bus = bridge().await;
-    let guest = PolicyGuest::connect(&name("team-a"), &bus.listens()[0]).await.expect("connects");
+    let guest = PolicyGuest::connect(&name("team-a"), &bus.listens()[0], None).await.expect("connects");
     let driver = tokio::spawn(drive(guest));
     let mut session = bus.begin().await.expect("begins");
     ask(&mut session, &hello(), |answer| matches!(answer, FromPolicy::Ready(_))).await;
@@ -115,11 +115,11 @@ async fn a_guest_drives_a_session_over_tcp() {
 async fn an_eavesdropper_learns_and_changes_nothing() {
     let bus = bridge().await;
     let mut session = bus.begin().await.expect("begins");
-    let driver = tokio::spawn(drive(PolicyGuest::connect(&name("team-a"), &bus.listens()[0]).await.expect("connects")));
+    let driver = tokio::spawn(drive(PolicyGuest::connect(&name("team-a"), &bus.listens()[0], None).await.expect("connects")));
     // A guest of another policy may connect, but sees and reaches nothing, even with the session's name.
-    let mut stranger = PolicyGuest::connect(&name("team-b"), &bus.listens()[0]).await.expect("connects");
+    let mut stranger = PolicyGuest::connect(&name("team-b"), &bus.listens()[0], None).await.expect("connects");
     stranger.put(session.name(), &FromPolicy::Plan(plan(77))).await.expect("puts");
-    let raw = raw_client(&bus.listens()[0]).await;
+    let raw = raw_client(&bus.listens()[0], None).await;
     let remote = zenoh::sample::Locality::Remote;
     let heard = raw.declare_subscriber("**").allowed_origin(remote).await.expect("declares");
     let forged = format!("dreamstream-policy/v1/team-a/{}/observation", session.name());
@@ -144,7 +144,7 @@ async fn an_eavesdropper_learns_and_changes_nothing() {
 async fn bad_answers_come_as_errors_and_the_session_goes_on() {
     let bus = bridge().await;
     let mut session = bus.begin().await.expect("begins");
-    let raw = raw_client(&bus.listens()[0]).await;
+    let raw = raw_client(&bus.listens()[0], None).await;
     let key = format!("dreamstream-policy/v1/team-a/{}/plan", session.name());
     for (payload, says) in [(vec![0xff_u8; 40], "plan cannot be decoded"), (vec![], "plan is refused")] {
         let error = async {

@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use ds_space::{AttemptId, Digest, EpisodeId, InstanceId, SimTime, Tick};
-use ds_topic::{Advance, Envelope, EventKind, Header, Role, SCHEMA_VERSION, Slot, Topic};
+use ds_topic::{Advance, Envelope, EventKind, Header, Owner, Role, SCHEMA_VERSION, Slot, Topic};
 
 pub use event::{Action, Awaited, Ending, Event, Status};
 pub use resume::{Journal, ResumeError};
@@ -224,6 +224,13 @@ impl Driver {
         let lacking = current.due.iter().filter(|slot| !current.accepted.contains_key(slot));
         let owner = |slot: &Slot| due::maker(slot.topic).and_then(|role| self.seats[&role].owner.clone());
         lacking.map(|slot| Awaited { slot: *slot, owner: owner(slot), for_ms: now.since(current.since) }).collect()
+    }
+
+    /// Lists the roles that nobody is ready to play, who was asked to, and for how many milliseconds.
+    #[must_use]
+    pub fn vacant(&self, now: Millis) -> Vec<(Role, Option<Owner>, u64)> {
+        let vacant = self.seats.iter().filter(|(_, seat)| !seat.ready);
+        vacant.map(|(role, seat)| (*role, seat.owner.clone(), now.since(seat.vacant_since))).collect()
     }
 
     fn start(&mut self, now: Millis, actions: &mut Vec<Action>) {

@@ -104,6 +104,15 @@ pub fn face(colour: Rgb, face: Face) -> Rgb {
     }
 }
 
+/// Says whether a colour is that of a face of a vehicle, a pedestrian or a cyclist.
+#[must_use]
+pub fn is_road_user(colour: Rgb) -> bool {
+    [AgentClass::Vehicle, AgentClass::Pedestrian, AgentClass::Cyclist]
+        .into_iter()
+        .flat_map(|class| [Face::Front, Face::Rear, Face::Side, Face::Top].map(|side| face(agent(class), side)))
+        .any(|shade| shade == colour)
+}
+
 /// Goes one part in `part` of the way to white.
 fn blend(value: u8, part: u16) -> u8 {
     u8::try_from(u16::from(value) + (255 - u16::from(value)) / part).unwrap_or(u8::MAX)
@@ -131,6 +140,17 @@ mod tests {
                 assert!(apart >= 24, "{a:?} and {b:?} differ by {apart}");
             }
         }
+    }
+
+    #[test]
+    fn road_users_are_told_from_all_else() {
+        let ground = [SKY, GROUND, DRIVABLE, JUNCTION, LANE, CROSSWALK, ROAD_EDGE, CENTRE_LINE];
+        let lines = [LineColour::White, LineColour::Yellow].map(line);
+        let lights = [LightState::Unknown, LightState::Red, LightState::Yellow, LightState::Green].map(light);
+        let cone = face(agent(AgentClass::Cone), Face::Rear);
+        assert!(!ground.into_iter().chain(lines).chain(lights).chain([cone]).any(is_road_user));
+        assert!(is_road_user(face(agent(AgentClass::Vehicle), Face::Rear)));
+        assert!(is_road_user(face(agent(AgentClass::Pedestrian), Face::Top)));
     }
 
     #[test]

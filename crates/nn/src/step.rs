@@ -50,6 +50,8 @@ pub struct AeBatch {
     pub folded: Array,
     /// The same frames as images of −1 to 1, [clips·steps·stride_t, 8h, 8w, 3].
     pub frames: Array,
+    /// How much each pixel counts, [clips·steps·stride_t, 8h, 8w, 1].
+    pub emphasis: Array,
     /// Noise that is added to the latents, in their shape and in units of their root mean square.
     pub noise: Array,
     /// Weight of the mean square of the latents.
@@ -65,23 +67,30 @@ pub fn autoencoder(shape: &AeShape, weights: &Weights, batch: &AeBatch) -> Step 
     let size = z.clone().detach().powi_scalar(2).mean().sqrt();
     let noisy = z.clone() + ae.graph.tensor::<4>(&batch.noise) * size.reshape([1, 1, 1, 1]);
     let frames = ae.decode_tensor(noisy, None, batch.clips, &mut Memory::default());
-    let (loss, mut parts) = reconstruction(frames - ae.graph.tensor(&batch.frames));
+    let emphasis = ae.graph.tensor(&batch.emphasis);
+    let (loss, mut parts) = reconstruction(frames - ae.graph.tensor(&batch.frames), emphasis);
     let square = z.powi_scalar(2).mean();
     parts.push(("z2", scalar(&square)));
     finish(&ae.graph, &(loss + square * batch.latent_penalty), parts)
 }
 
-/// L1 + 0.1·L1 of the image gradients of an error of frames whose values span −1 to 1.
-fn reconstruction(error: Tensor<4>) -> (Tensor<1>, Vec<(&'static str, f32)>) {
+/// L1 + 0.1·L1 of the image gradients of an error of frames whose values span −1 to 1; means are weighted by `emphasis`.
+fn reconstruction(error: Tensor<4>, emphasis: Tensor<4>) -> (Tensor<1>, Vec<(&'static str, f32)>) {
     let [n, h, w, c] = error.dims();
     let part = |y: Range<usize>, x: Range<usize>| error.clone().slice([0..n, y, x, 0..c]);
-    let across = (part(0..h, 1..w) - part(0..h, 0..w - 1)).abs().mean();
-    let down = (part(1..h, 0..w) - part(0..h - 1, 0..w)).abs().mean();
-    let absolute = error.clone().abs().mean();
+    let weight = |y: Range<usize>, x: Range<usize>| emphasis.clone().slice([0..n, y, x, 0..1]);
+    let across = weighted(part(0..h, 1..w) - part(0..h, 0..w - 1), Tensor::abs, weight(0..h, 1..w));
+    let down = weighted(part(1..h, 0..w) - part(0..h - 1, 0..w), Tensor::abs, weight(1..h, 0..w));
+    let absolute = weighted(error.clone(), Tensor::abs, emphasis);
     let mse = scalar(&error.powi_scalar(2).mean());
     // The peak-to-peak range is 2.
     let parts = vec![("l1", scalar(&absolute)), ("psnr_db", 10.0 * (4.0 / mse).log10())];
     (absolute + (across + down) * 0.1, parts)
+}
+
+/// Returns Σ w·f(x) / Σ w, with weights [.., 1] for values [.., channels].
+fn weighted<const D: usize>(x: Tensor<D>, f: impl Fn(Tensor<D>) -> Tensor<D>, weight: Tensor<D>) -> Tensor<1> {
+    (f(x) * weight.clone()).mean() / weight.mean()
 }
 
 /// A batch for the decoder alone.
@@ -94,6 +103,8 @@ pub struct DecoderBatch {
     pub layouts: Array,
     /// The frames, in the same shape.
     pub frames: Array,
+    /// How much each pixel counts, [clips·steps·stride_t, 8h, 8w, 1].
+    pub emphasis: Array,
 }
 
 /// Decoder step: the reconstruction loss, with gradients for the decoder's weights alone.
@@ -102,7 +113,8 @@ pub fn decoder(shape: &AeShape, weights: &Weights, batch: &DecoderBatch) -> Step
     let ae = TinyAe::bind(shape, weights, Mode::Train);
     let layouts = shape.guided.then(|| ae.graph.tensor(&batch.layouts));
     let frames = ae.decode_tensor(ae.graph.tensor(&batch.latents), layouts, batch.clips, &mut Memory::default());
-    let (loss, parts) = reconstruction(frames - ae.graph.tensor(&batch.frames));
+    let emphasis = ae.graph.tensor(&batch.emphasis);
+    let (loss, parts) = reconstruction(frames - ae.graph.tensor(&batch.frames), emphasis);
     let mut step = finish(&ae.graph, &loss, parts);
     for name in weights.iter().map(|(name, _)| name).filter(|name| name.starts_with("encoder.")) {
         step.gradient.remove(name);
@@ -120,6 +132,8 @@ pub struct ClipBatch {
     pub layout_on: Vec<f32>,
     /// Prompt tokens [B, text_len, text_dim].
     pub text: Array,
+    /// How much each latent pixel counts, [B, F, tokens, 4, 1].
+    pub emphasis: Array,
 }
 
 /// A noise level: σ, and the timestep 1000·σ that labels it.
@@ -202,7 +216,7 @@ fn sequence(dit: &Dit, batch: &ClipBatch, plan: &CausalPlan) -> Sequence {
 
 /// Causal step. Context chunks see earlier context and themselves, query chunks see earlier context and themselves,
 /// with the window, sink and positions of the cache. The loss is the mean square error of the predicted clean latent
-/// over query frames and, if trained, context frames.
+/// over query frames and, if trained, context frames, weighted by the batch's emphasis.
 #[must_use]
 pub fn causal(shape: &DitShape, weights: &Weights, batch: &ClipBatch, plan: &CausalPlan) -> Step {
     let dit = Dit::bind(shape, weights, Mode::Train);
@@ -210,15 +224,17 @@ pub fn causal(shape: &DitShape, weights: &Weights, batch: &ClipBatch, plan: &Cau
     let [b, all, n, _, z] = output.dims();
     let frames = all - plan.queries.len();
     let part = |range: Range<usize>| output.clone().slice([0..b, range, 0..n, 0..4, 0..z]);
-    let error = |output: Tensor<5>, noisy: Tensor<5>, clean: Tensor<5>, level: Level| {
+    let emphasis = dit.graph.tensor::<5>(&batch.emphasis);
+    let error = |output: Tensor<5>, noisy: Tensor<5>, clean: Tensor<5>, level: Level, frames: Range<usize>| {
         let x0 = match plan.prediction {
             Prediction::Clean => output,
             Prediction::Flow => noisy - output * level.0,
         };
-        (x0 - clean).powi_scalar(2).mean()
+        let weight = emphasis.clone().slice([0..b, frames, 0..n, 0..4, 0..1]);
+        weighted(x0 - clean, |error| error.powi_scalar(2), weight)
     };
-    let query = error(part(frames..all), query, query_clean, plan.query);
-    let context = error(part(1..frames), context, context_clean, plan.context);
+    let query = error(part(frames..all), query, query_clean, plan.query, plan.queries.clone());
+    let context = error(part(1..frames), context, context_clean, plan.context, 1..frames);
     let parts = vec![("query", scalar(&query)), ("context", scalar(&context))];
     let loss = if plan.context_trained { (query + context) * 0.5 } else { query };
     finish(&dit.graph, &loss, parts)
@@ -313,7 +329,8 @@ pub fn bidirectional(shape: &DitShape, weights: &Weights, batch: &ClipBatch, lev
     let noisy = clean.clone() * (sigma.clone() * -1.0 + 1.0) + noise.clone() * sigma;
     let output = teacher_forward(&dit, batch, noisy, levels);
     let target = (noise - clean).reshape([b, frames * n, 4, z]);
-    let loss = (output - target).powi_scalar(2).mean();
+    let weight = dit.graph.tensor::<5>(&batch.emphasis).reshape([b, frames * n, 4, 1]);
+    let loss = weighted(output - target, |error| error.powi_scalar(2), weight);
     finish(&dit.graph, &loss, Vec::new())
 }
 

@@ -9,6 +9,7 @@ pub mod logging;
 pub mod maker;
 pub mod member;
 pub mod section;
+pub mod security;
 pub mod service;
 pub mod settings;
 pub mod workbench;

@@ -57,6 +57,8 @@ pub struct Abilities {
     pub policy_model: Digest,
     /// Devices that it sees.
     pub devices: Vec<String>,
+    /// Whether it takes a device that another instance holds.
+    pub shares_device: bool,
 }
 
 /// The messages that an order made due.

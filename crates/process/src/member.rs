@@ -15,19 +15,16 @@ use ds_wire::control as pb;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::transport::Endpoint;
 
 use crate::Drain;
 use crate::clock::millis;
 use crate::hold::{self, Report, Tools};
 use crate::maker::MakerFactory;
+use crate::security::Dial;
 
 /// The control stream broke or an order could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum MemberError {
-    /// The address is not one.
-    #[error("orchestrator address {0:?} is not a URI")]
-    Address(String),
     /// The orchestrator is not there.
     #[error("orchestrator cannot be reached: {address:?}")]
     Connect {
@@ -57,8 +54,8 @@ pub struct Member {
     pub instance: InstanceId,
     /// Episodes that it can hold at once.
     pub slots: u32,
-    /// The orchestrator's address.
-    pub orchestrator: String,
+    /// The orchestrator.
+    pub orchestrator: Dial,
     /// The data plane.
     pub bus: BusSession,
     /// What it does.
@@ -69,19 +66,16 @@ pub struct Member {
     pub timing: Timing,
 }
 
+/// How long the orchestrator may take to answer.
+const CONNECT_WITHIN: Duration = Duration::from_secs(3);
 /// How long to wait before joining again.
 const REJOIN_AFTER: Duration = Duration::from_millis(500);
 
 impl Member {
     /// Works until `drain`, joining again whenever the stream breaks.
-    ///
-    /// # Errors
-    /// Only what joining again cannot heal: a bad address.
-    pub async fn run(self, drain: Drain) -> Result<(), MemberError> {
-        let address = self.orchestrator.clone();
-        let endpoint = Endpoint::from_shared(address.clone()).map_err(|_bad| MemberError::Address(address))?;
+    pub async fn run(self, drain: Drain) {
         while !drain.is_cancelled() {
-            match self.session(&endpoint, &drain).await {
+            match self.session(&drain).await {
                 Ok(()) => break,
                 Err(error) => tracing::warn!(instance = %self.instance, %error, "joining again"),
             }
@@ -90,12 +84,11 @@ impl Member {
                 () = drain.cancelled() => {}
             }
         }
-        Ok(())
     }
 
-    async fn session(&self, endpoint: &Endpoint, drain: &Drain) -> Result<(), MemberError> {
-        let connected = endpoint.clone().tcp_nodelay(true).connect_timeout(Duration::from_secs(3)).connect().await;
-        let address = self.orchestrator.clone();
+    async fn session(&self, drain: &Drain) -> Result<(), MemberError> {
+        let connected = self.orchestrator.connect(CONNECT_WITHIN).await;
+        let address = self.orchestrator.address().to_owned();
         let channel = connected.map_err(|source| MemberError::Connect { address, source })?;
         let mut client = pb::fleet_client::FleetClient::new(channel);
         let (say, said) = mpsc::channel(256);
@@ -116,6 +109,7 @@ impl Member {
             slots: self.slots,
             memory_bytes: 0,
             devices: abilities.devices,
+            shares_device: abilities.shares_device,
             compute_class: ds_space::Digest::of(class.as_bytes()).0.to_vec().into(),
             compute_class_name: class,
             version: env!("CARGO_PKG_VERSION").to_owned(),

@@ -1,5 +1,7 @@
 //! The sections that the settings of all processes share.
 
+use std::path::PathBuf;
+
 use serde::{Deserialize, Serialize};
 
 /// `[process]`: who the process is and what it says.
@@ -34,6 +36,22 @@ impl Default for ControlSection {
     fn default() -> Self {
         Self { orchestrator: "http://127.0.0.1:4710".to_owned() }
     }
+}
+
+/// `[security]`: how it proves who it is on a network. Loopback needs none of it.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SecuritySection {
+    /// The authority that signs all certificates, PEM; empty for links without TLS.
+    pub ca: PathBuf,
+    /// The own certificate, PEM.
+    pub certificate: PathBuf,
+    /// The key to it, PEM.
+    pub key: PathBuf,
+    /// A file with the token that the orchestrator asks for.
+    pub token: PathBuf,
+    /// Speak without TLS and token beyond loopback; the results say so.
+    pub insecure: bool,
 }
 
 /// `[bus]`: how the process reaches the data plane.

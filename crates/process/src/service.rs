@@ -15,7 +15,8 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::maker::MakerFactory;
-use crate::section::{BusSection, ControlSection, ProcessSection};
+use crate::section::{BusSection, ControlSection, ProcessSection, SecuritySection};
+use crate::security::Dial;
 use crate::settings::{self, Sources};
 use crate::{Drain, Member, drain, logging};
 
@@ -90,7 +91,10 @@ fn refuse(error: &anyhow::Error) -> ExitCode {
 ///
 /// # Errors
 /// If an endpoint cannot be reached or listened on.
-pub async fn open_bus(section: &BusSection) -> Result<BusSession> {
+pub async fn open_bus(section: &BusSection, security: &SecuritySection) -> Result<BusSession> {
+    for (key, endpoints) in [("bus.connect", &section.connect), ("bus.listen", &section.listen)] {
+        endpoints.iter().try_for_each(|endpoint| security.check_endpoint(key, endpoint))?;
+    }
     let mode = match section.mode.as_str() {
         "client" => Mode::Client,
         "peer" => Mode::Peer,
@@ -101,6 +105,7 @@ pub async fn open_bus(section: &BusSection) -> Result<BusSession> {
         mode,
         connect: section.connect.clone(),
         listen: section.listen.clone(),
+        tls: security.files(),
         drop_share: section.drop_share,
         drop_seed: section.drop_seed,
         ..BusSettings::default()
@@ -124,19 +129,20 @@ pub fn instance(section: &ProcessSection, service: &str) -> Result<InstanceId> {
 /// If the bus or the orchestrator's address is bad.
 pub async fn run_stage(
     service: &str,
-    (process, control, bus): (&ProcessSection, &ControlSection, &BusSection),
+    (process, control, security, bus): (&ProcessSection, &ControlSection, &SecuritySection, &BusSection),
     factory: Arc<dyn MakerFactory>,
     drain: Drain,
 ) -> Result<()> {
     let member = Member {
         instance: instance(process, service)?,
         slots: process.slots,
-        orchestrator: control.orchestrator.clone(),
-        bus: open_bus(bus).await?,
+        orchestrator: Dial::new(&control.orchestrator, security)?,
+        bus: open_bus(bus, security).await?,
         factory,
         codec: Arc::new(ds_wire::WireCodec),
         timing: Timing::default(),
     };
-    tracing::info!(instance = %member.instance, orchestrator = member.orchestrator, "started");
-    member.run(drain).await.context("fleet")
+    tracing::info!(instance = %member.instance, orchestrator = member.orchestrator.address(), "started");
+    member.run(drain).await;
+    Ok(())
 }

@@ -17,7 +17,7 @@ use crate::clips::{Clip, ClipFile};
 use crate::config::TrainConfig;
 use crate::error::TrainError;
 use crate::latents::unguided;
-use crate::{Progress, Report, sheet};
+use crate::{Progress, Report, emphasis, sheet};
 
 const NAME: &str = "autoencoder";
 const LATENT_NOISE: f32 = 0.05;
@@ -34,6 +34,8 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     let clips = batch::clip_file(config, &model);
     let seed = DigestWriter::new().text(NAME).u64(config.seed).finish();
     let mut run = Run::open(&config.folder, NAME, &config.autoencoder, &shape.declare(), &seed)?;
+    let initial = config.initial("vae.")?;
+    run.start_from(&initial);
     while run.unfinished() {
         let batch = self::batch(config, &clips, &shape, &seed, run.step)?;
         let step = step::autoencoder(&shape, &run.weights, &batch);
@@ -42,6 +44,9 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
         }
     }
     let figures = evaluate(config, &clips, &shape, &run.average)?;
+    if run.step == 0 {
+        keep_statistics(config, &initial)?;
+    }
     Ok(run.report(figures))
 }
 
@@ -54,7 +59,7 @@ fn batch(
 ) -> Result<AeBatch, TrainError> {
     let stage = &config.autoencoder;
     let frames = 1 + (stage.latents - 1) * shape.stride_t;
-    let (mut folded, mut images, mut size) = (Vec::new(), Vec::new(), (0, 0));
+    let (mut folded, mut images, mut emphasis, mut size) = (Vec::new(), Vec::new(), Vec::new(), (0, 0));
     for index in 0..stage.clips {
         let draws = Draws::new(seed, "batch", &[u64::from(step), index as u64]);
         let clip = batch::training_clip(config, clips, &draws)?;
@@ -64,6 +69,9 @@ fn batch(
         for step in latent_steps(&clip.frames, shape.stride_t) {
             folded.extend(pixels::fold(&step));
             images.extend(pixels::to_values(&step).into_values());
+        }
+        for step in latent_steps(&clip.layouts, shape.stride_t) {
+            emphasis.extend(emphasis::of_pixels(&step, config.data.road_users));
         }
     }
     let steps = stage.clips * stage.latents;
@@ -75,6 +83,7 @@ fn batch(
         clips: stage.clips,
         folded: Array::new(&[steps, h, w, shape.inputs()], folded),
         frames: Array::new(&[steps * shape.stride_t, size.0, size.1, 3], images),
+        emphasis: Array::new(&[steps * shape.stride_t, size.0, size.1, 1], emphasis),
         noise: Array::new(&[steps, h, w, shape.z], noise),
         latent_penalty: LATENT_PENALTY,
     })
@@ -136,6 +145,18 @@ fn evaluate(
     file.metadata.insert("psnr_db".to_owned(), psnr.to_string());
     file.write(&Run::weights_path(&config.folder, NAME))?;
     Ok(vec![("psnr_db".to_owned(), psnr)])
+}
+
+/// Gives an autoencoder that was taken over as it is the statistics that came with it: they belong to its latents.
+fn keep_statistics(config: &TrainConfig, initial: &Weights) -> Result<(), TrainError> {
+    let path = Run::weights_path(&config.folder, NAME);
+    let mut file = ds_nn::safetensors::WeightsFile::read(&path)?;
+    for name in ["latent.mean", "latent.std"] {
+        if let Some(array) = initial.get(name) {
+            file.weights.insert(name, array.clone());
+        }
+    }
+    Ok(file.write(&path)?)
 }
 
 fn every_third(frames: &[RgbImage]) -> Vec<RgbImage> {

@@ -72,12 +72,17 @@ impl Run {
         Ok(run)
     }
 
-    /// Starts from other weights if nothing was trained yet.
+    /// Starts from other weights where they have the stage's names and shapes, if nothing was trained yet.
     pub fn start_from(&mut self, weights: &Weights) {
-        if self.step == 0 {
-            self.weights = weights.clone();
-            self.average = weights.clone();
+        if self.step > 0 {
+            return;
         }
+        for (name, array) in self.weights.iter_mut() {
+            if let Some(other) = weights.get(name).filter(|other| other.shape() == array.shape()) {
+                *array = other.clone();
+            }
+        }
+        self.average = self.weights.clone();
     }
 
     fn path(&self) -> PathBuf {

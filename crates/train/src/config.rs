@@ -2,7 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use ds_nn::Weights;
 use ds_nn::optimiser::{AdamWSettings, Schedule};
+use ds_nn::safetensors::WeightsFile;
 use ds_video::ModelConfig;
 use serde::{Deserialize, Serialize};
 
@@ -20,6 +22,9 @@ pub struct TrainConfig {
     pub folder: PathBuf,
     /// Keys all draws.
     pub seed: u64,
+    /// Trained weights of the same model that the stages start from, relative to this file; from draws without one.
+    #[serde(default)]
+    pub initial: Option<PathBuf>,
     /// Training clips.
     pub data: DataConfig,
     /// The autoencoder's recipe.
@@ -47,6 +52,13 @@ pub struct DataConfig {
     pub held_out: u64,
     /// Training clips that the student is rolled out over for the decoder's stage.
     pub rollouts: u64,
+    /// How much more than others a pixel counts whose layout shows a vehicle, a pedestrian or a cyclist.
+    #[serde(default = "alike")]
+    pub road_users: f32,
+}
+
+fn alike() -> f32 {
+    1.0
 }
 
 /// The recipe of one stage.
@@ -102,6 +114,12 @@ impl TrainConfig {
         Ok(ModelConfig::parse(&text)?)
     }
 
+    /// Reads a part of the weights that training starts from; empty without any.
+    pub(crate) fn initial(&self, prefix: &str) -> Result<Weights, TrainError> {
+        let Some(path) = &self.initial else { return Ok(Weights::default()) };
+        Ok(WeightsFile::read(&self.base.join(path))?.weights.part(prefix))
+    }
+
     fn check(&self) -> Result<(), TrainError> {
         let refuse = |field, rule: &str| Err(TrainError::Config { field, rule: rule.to_owned() });
         if self.version != 1 {
@@ -109,6 +127,9 @@ impl TrainConfig {
         }
         if self.data.clips <= self.data.held_out || self.data.clips > 1 << 20 || self.data.held_out == 0 {
             return refuse("data.clips", "must be more than held_out (at least 1) and at most 1048576");
+        }
+        if !(1.0..=1_000.0).contains(&self.data.road_users) {
+            return refuse("data.road_users", "must be 1 to 1000");
         }
         if self.data.frames < 2 || self.data.frames > 1_024 {
             return refuse("data.frames", "must be 2 to 1024");

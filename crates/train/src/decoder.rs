@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::step::{self, DecoderBatch};
-use ds_nn::{Array, Weights};
+use ds_nn::Array;
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::{ModelConfig, Rollout, VideoModel, pixels};
 
@@ -17,7 +17,7 @@ use crate::clips::{Clip, ClipFile};
 use crate::config::TrainConfig;
 use crate::error::TrainError;
 use crate::latents::{stored_autoencoder, unguided};
-use crate::{Progress, Report, autoencoder, evaluate, student};
+use crate::{Progress, Report, autoencoder, emphasis, evaluate, student};
 
 const NAME: &str = "decoder";
 const LAYOUT_DROPOUT: f64 = 0.1;
@@ -35,12 +35,8 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     let mut declared = model.ae().declare();
     declared.sort_by(|a, b| a.name.cmp(&b.name));
     let mut run = Run::open(&config.folder, NAME, &config.decoder, &declared, &seed)?;
-    let mut trained = stored_autoencoder(config, "autoencoder")?;
-    trained.remove("latent.mean");
-    trained.remove("latent.std");
-    let mut first = Weights::initialised(&declared, &seed);
-    first.absorb("", &trained);
-    run.start_from(&first);
+    run.start_from(&stored_autoencoder(config, "autoencoder")?);
+    run.start_from(&config.initial("vae.")?);
     if run.unfinished() {
         let stored = WeightsFile::read(&Run::weights_path(&config.folder, "student"))?.weights;
         let drawn = Arc::new(student::assembled(config, &stored, "autoencoder")?);
@@ -97,7 +93,7 @@ fn batch(
     let shape = unguided(model.config());
     let (stage, stride) = (&config.decoder, shape.stride_t);
     let (h, w) = model.config().latent_size();
-    let (mut latents, mut layouts, mut frames) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut latents, mut layouts, mut frames, mut emphasis) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let all = stage.latents.min((config.data.frames - 1) / stride + 1);
     for index in 0..stage.clips {
         let draws = Draws::new(seed, "batch", &[u64::from(step), index as u64]);
@@ -113,6 +109,7 @@ fn batch(
         let on = draws.uniform(2) >= LAYOUT_DROPOUT;
         for (step, layout) in latent_steps(&clip.frames, stride).iter().zip(latent_steps(&clip.layouts, stride)) {
             frames.extend(pixels::to_values(step).into_values());
+            emphasis.extend(emphasis::of_pixels(&layout, config.data.road_users));
             let layout = pixels::to_values(&layout).into_values();
             if on { layouts.extend(layout) } else { layouts.resize(layouts.len() + layout.len(), 0.0) }
         }
@@ -124,6 +121,7 @@ fn batch(
         latents: Array::new(&[steps, h, w, shape.z], latents),
         layouts: Array::new(&images, layouts),
         frames: Array::new(&images, frames),
+        emphasis: Array::new(&[steps * stride, 8 * h, 8 * w, 1], emphasis),
     })
 }
 

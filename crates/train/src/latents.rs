@@ -12,7 +12,7 @@ use crate::checkpoint::Run;
 use crate::clips::ClipFile;
 use crate::config::{StageConfig, TrainConfig};
 use crate::error::TrainError;
-use crate::{Progress, autoencoder};
+use crate::{Progress, autoencoder, emphasis};
 
 /// Share of clips whose layout is dropped, so that the model also knows frames without one.
 const LAYOUT_DROPOUT: f64 = 0.1;
@@ -86,6 +86,7 @@ impl LatentClips {
         let latents = stage.latents.min(all);
         let train = self.held_out.0.max(1);
         let (mut clean, mut layouts, mut on, mut text) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let mut weights = Vec::new();
         for index in 0..stage.clips {
             let draws = Draws::new(seed, "batch", &[u64::from(step), index as u64]);
             let clip = draws.below(0, train);
@@ -93,6 +94,7 @@ impl LatentClips {
             clean.extend_from_slice(&self.latents[clip as usize][..latents * frame]);
             let clip = self.clips.read(clip, 0, 1 + (latents - 1) * stride)?;
             layouts.extend(self.layout_tokens(&clip.layouts));
+            weights.extend(self.emphasis_tokens(&clip.layouts));
             on.push(f32::from(u8::from(draws.uniform(1) >= LAYOUT_DROPOUT)));
             text.extend(
                 prompt::hashed(&clip.prompt, self.model.model.text_len, self.model.model.text_dim).into_values(),
@@ -104,7 +106,15 @@ impl LatentClips {
             layouts: Array::new(&[b, latents * n, 4, self.model.ae().inputs()], layouts),
             layout_on: on,
             text: Array::new(&[b, self.model.model.text_len, self.model.model.text_dim], text),
+            emphasis: Array::new(&[b, latents, n, 4, 1], weights),
         })
+    }
+
+    fn emphasis_tokens(&self, layouts: &[ds_raster::RgbImage]) -> Vec<f32> {
+        let (h, w) = self.model.latent_size();
+        let weights = |step: &Vec<&ds_raster::RgbImage>| emphasis::of_latents(step, self.config.data.road_users);
+        let steps = latent_steps(layouts, self.model.vae.stride_t);
+        steps.iter().flat_map(|step| pixels::to_tokens(&weights(step), h, w)).collect()
     }
 
     fn layout_tokens(&self, layouts: &[ds_raster::RgbImage]) -> Vec<f32> {

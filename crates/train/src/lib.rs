@@ -11,6 +11,7 @@ pub mod checkpoint;
 pub mod clips;
 pub mod config;
 pub mod decoder;
+mod emphasis;
 mod error;
 pub mod evaluate;
 mod latents;

@@ -31,6 +31,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     let shape = model.dit();
     let seed = DigestWriter::new().text(NAME).u64(config.seed).finish();
     let mut run = Run::open(&config.folder, NAME, &config.student, &shape.declare(), &seed)?;
+    run.start_from(&config.initial("dit.")?);
     if run.unfinished() {
         let clips = LatentClips::encode(config, progress)?;
         while run.unfinished() {

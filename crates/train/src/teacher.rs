@@ -69,6 +69,7 @@ pub fn sample(
         layouts: batch.layouts.clone(),
         layout_on: vec![0.0; batch.layout_on.len()],
         text: batch.text.clone(),
+        emphasis: batch.emphasis.clone(),
     };
     let mut sigmas = sampler::sigmas(steps, model.sampler.shift);
     sigmas.push(0.0);

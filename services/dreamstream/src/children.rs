@@ -72,7 +72,7 @@ pub async fn start(plan: &FleetPlan, log: &str) -> Result<Fleet> {
         let name = format!("vdm-worker-{index}");
         children.spawn(&name, "vdm-worker", &[&common[..], &["process.slots=1", &model]].concat())?;
     }
-    Ok(Fleet::of_children(control, children))
+    Ok(Fleet::of_children(control, endpoint, children))
 }
 
 async fn wait_for_port(port: u16) -> Result<()> {

@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
+use ds_process::section::SecuritySection;
+use ds_process::security::Dial;
 
 const EXAMPLES: &str = "Examples:
   dreamstream run scenarios/base                       drive all shipped scenarios with the camera policy
@@ -50,10 +52,14 @@ pub enum Command {
         /// The shell.
         shell: clap_complete::Shell,
     },
+    /// Say what a drive waits for: which message, from whom, since when.
+    Why(WhyArgs),
     /// Run one of the five services of a fleet, or the Zenoh router between them, in the foreground.
     Serve(ServeArgs),
     /// Ask a service whether it is well; exit code 0 if so.
     Health(HealthArgs),
+    /// Make an authority, one certificate per service and the token: what a fleet on a network needs.
+    Certs(CertsArgs),
 }
 
 /// What makes the frames that the policy sees.
@@ -80,6 +86,15 @@ pub enum Agents {
     IdmAll,
 }
 
+/// How iterations and the video model's chunks fit together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Align {
+    /// A cut chunk is made, shown, rolled back and made again with the true layouts.
+    Rollback,
+    /// Refuse the drive.
+    Exact,
+}
+
 /// Arguments of `run`.
 #[derive(Debug, Args)]
 pub struct RunArgs {
@@ -101,6 +116,12 @@ pub struct RunArgs {
     /// Frames that the policy sees (K).
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
     pub history: u32,
+    /// Refuse policies that see more than frames, so that results can be compared.
+    #[arg(long)]
+    pub benchmark: bool,
+    /// What to do where the replan period is no multiple of the video model's chunk.
+    #[arg(long, value_enum, default_value = "rollback")]
+    pub align: Align,
     /// How much of each scenario to drive, in seconds; 0 for all.
     #[arg(long, default_value_t = 8.0, value_name = "SECONDS")]
     pub duration: f64,
@@ -146,6 +167,9 @@ pub struct RunArgs {
     /// Go on with an interrupted run in --out: finished episodes stay finished.
     #[arg(long)]
     pub resume: bool,
+    /// Show the drives in a running rerun viewer while they go on.
+    #[arg(long, value_name = "URL", num_args = 0..=1, require_equals = true, default_missing_value = "")]
+    pub live: Option<String>,
     /// Make no pictures.
     #[arg(long)]
     pub no_pictures: bool,
@@ -154,12 +178,34 @@ pub struct RunArgs {
     pub drop_pushes: f64,
 }
 
+/// How to reach the orchestrator of a fleet.
+#[derive(Debug, Args)]
+pub struct ControlArgs {
+    /// The orchestrator's address.
+    #[arg(
+        long,
+        visible_alias = "control",
+        env = "DREAMSTREAM_CONTROL_ORCHESTRATOR",
+        default_value = "http://127.0.0.1:4710"
+    )]
+    pub orchestrator: String,
+    /// The authority that signed the orchestrator's certificate, for https addresses (see `dreamstream certs`).
+    #[arg(long, env = "DREAMSTREAM_SECURITY_CA", default_value = "", hide_default_value = true, value_hint = ValueHint::FilePath)]
+    pub ca: PathBuf,
+    /// The file with the token that the orchestrator asks for.
+    #[arg(long, env = "DREAMSTREAM_SECURITY_TOKEN", default_value = "", hide_default_value = true, value_hint = ValueHint::FilePath)]
+    pub token: PathBuf,
+    /// Speak to an orchestrator on another host without TLS.
+    #[arg(long, env = "DREAMSTREAM_SECURITY_INSECURE")]
+    pub insecure: bool,
+}
+
 /// Arguments of `submit`.
 #[derive(Debug, Args)]
 pub struct SubmitArgs {
-    /// The orchestrator's address.
-    #[arg(long, env = "DREAMSTREAM_CONTROL_ORCHESTRATOR", default_value = "http://127.0.0.1:4710")]
-    pub control: String,
+    /// The fleet.
+    #[command(flatten)]
+    pub control: ControlArgs,
     /// What to drive; the settings of the fleet itself are ignored.
     #[command(flatten)]
     pub run: RunArgs,
@@ -229,8 +275,20 @@ pub struct TrainArgs {
 #[derive(Debug, Args)]
 pub struct ViewArgs {
     /// A recording (.mcap, or .mcap.partial of a drive that was killed).
-    #[arg(value_hint = ValueHint::FilePath)]
-    pub recording: PathBuf,
+    #[arg(value_hint = ValueHint::FilePath, required_unless_present = "live", conflicts_with = "live")]
+    pub recording: Option<PathBuf>,
+    /// Show a drive of a running fleet while it goes on: the episode, or a part of its name; the first one without.
+    #[arg(long, value_name = "EPISODE", num_args = 0..=1, require_equals = true, default_missing_value = "")]
+    pub live: Option<String>,
+    /// Where the fleet's router listens, for --live.
+    #[arg(long, env = "DREAMSTREAM_BUS_ROUTER", default_value = "tcp/127.0.0.1:7447", value_name = "ENDPOINT")]
+    pub bus: String,
+    /// The certificate of a viewer, for --live on a tls endpoint; its key lies beside it as .key.
+    #[arg(long, value_hint = ValueHint::FilePath)]
+    pub certificate: Option<PathBuf>,
+    /// The fleet, for --live.
+    #[command(flatten)]
+    pub control: ControlArgs,
     /// Write an .rrd file instead of opening a viewer.
     #[arg(long, value_hint = ValueHint::FilePath)]
     pub save: Option<PathBuf>,
@@ -284,13 +342,52 @@ pub struct ServeArgs {
     pub set: Vec<String>,
 }
 
+/// Arguments of `why`.
+#[derive(Debug, Args)]
+pub struct WhyArgs {
+    /// The episode, or a part of its name; all drives under way without it.
+    pub episode: Option<String>,
+    /// The fleet.
+    #[command(flatten)]
+    pub control: ControlArgs,
+}
+
+/// Arguments of `certs`.
+#[derive(Debug, Args)]
+pub struct CertsArgs {
+    /// Where the files go; existing files are kept, missing ones are made.
+    #[arg(long, short, default_value = "certs", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+    /// Another name or address that router and orchestrator are reached under; may be given several times.
+    #[arg(long = "host")]
+    pub hosts: Vec<String>,
+    /// The name of an external policy that gets a certificate; may be given several times.
+    #[arg(long = "policy")]
+    pub policies: Vec<String>,
+    /// For how long the certificates hold, in days.
+    #[arg(long, default_value_t = 365, value_parser = clap::value_parser!(u32).range(1..=3650))]
+    pub days: u32,
+}
+
 /// Arguments of `health`.
 #[derive(Debug, Args)]
 pub struct HealthArgs {
-    /// The orchestrator's address.
-    #[arg(long, env = "DREAMSTREAM_CONTROL_ORCHESTRATOR", default_value = "http://127.0.0.1:4710")]
-    pub orchestrator: String,
+    /// The fleet.
+    #[command(flatten)]
+    pub control: ControlArgs,
     /// An instance that must be a member of the fleet; without it the orchestrator itself is asked.
     #[arg(long)]
     pub instance: Option<String>,
+}
+
+impl ControlArgs {
+    /// Returns how to reach the orchestrator.
+    ///
+    /// # Errors
+    /// If the address is none, a file cannot be read, or the address is in clear beyond loopback.
+    pub fn dial(&self) -> anyhow::Result<Dial> {
+        let (ca, token) = (self.ca.clone(), self.token.clone());
+        let security = SecuritySection { ca, token, insecure: self.insecure, ..SecuritySection::default() };
+        Dial::new(&self.orchestrator, &security)
+    }
 }

@@ -1,6 +1,7 @@
 //! The commands, one file each, and how they answer.
 
 pub mod bench;
+pub mod certs;
 pub mod doctor;
 pub mod health;
 pub mod replay;
@@ -9,6 +10,7 @@ pub mod scenario;
 pub mod serve;
 pub mod train;
 pub mod view;
+pub mod why;
 
 use indicatif::{ProgressBar, ProgressStyle};
 

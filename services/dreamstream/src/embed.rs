@@ -5,9 +5,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
-use ds_bus::BusSession;
+use ds_bus::{BusSession, BusSettings, Mode};
 use ds_episode::Timing;
 use ds_process::maker::MakerFactory;
+use ds_process::security::Dial;
 use ds_process::{Drain, Member};
 use ds_space::InstanceId;
 use policy_bridge::OutsideBus;
@@ -43,13 +44,36 @@ pub struct Fleet {
     drain: Drain,
     tasks: JoinSet<Result<()>>,
     children: Option<crate::children::Children>,
+    bus: Reach,
+}
+
+/// How a viewer gets onto the bus of a fleet.
+enum Reach {
+    Session(BusSession),
+    Router(String),
 }
 
 impl Fleet {
-    /// Wraps child processes.
+    /// Wraps child processes that meet at a router.
     #[must_use]
-    pub fn of_children(control: String, children: crate::children::Children) -> Self {
-        Self { control, mode: "processes", drain: Drain::new(), tasks: JoinSet::new(), children: Some(children) }
+    pub fn of_children(control: String, router: String, children: crate::children::Children) -> Self {
+        let (drain, tasks, bus) = (Drain::new(), JoinSet::new(), Reach::Router(router));
+        Self { control, mode: "processes", drain, tasks, children: Some(children), bus }
+    }
+
+    /// Returns a session that hears what the services say.
+    ///
+    /// # Errors
+    /// If the router cannot be reached.
+    pub async fn tap(&self) -> Result<BusSession> {
+        match &self.bus {
+            Reach::Session(bus) => Ok(bus.clone()),
+            Reach::Router(endpoint) => {
+                let connect = vec![endpoint.clone()];
+                let settings = BusSettings { mode: Mode::Client, connect, ..BusSettings::default() };
+                BusSession::open(&settings).await.context("tap on the bus")
+            }
+        }
     }
 
     /// Returns the first service that ended though nobody asked it to.
@@ -90,7 +114,7 @@ impl Fleet {
 /// # Errors
 /// If a port, the ledger or the policy bus cannot be opened.
 pub async fn start(plan: &FleetPlan) -> Result<Fleet> {
-    let settings = ds_bus::BusSettings { drop_share: plan.drop_pushes, ..ds_bus::BusSettings::default() };
+    let settings = BusSettings { drop_share: plan.drop_pushes, ..BusSettings::default() };
     let bus = BusSession::open(&settings).await.context("bus")?;
     let drain = Drain::new();
     let mut tasks = JoinSet::new();
@@ -102,7 +126,7 @@ pub async fn start(plan: &FleetPlan) -> Result<Fleet> {
     let control = format!("http://{}", running.address);
     tasks.spawn(async move { running.ended().await });
     let outside = match &plan.policy_listen {
-        Some(listen) => Some(Arc::new(OutsideBus::open(&plan.policy, listen, Duration::from_secs(30)).await?)),
+        Some(listen) => Some(Arc::new(OutsideBus::open(&plan.policy, listen, None, Duration::from_secs(30)).await?)),
         None => None,
     };
     let mut factories: Vec<Arc<dyn MakerFactory>> = vec![
@@ -117,14 +141,17 @@ pub async fn start(plan: &FleetPlan) -> Result<Fleet> {
         let member = Member {
             instance: InstanceId::new(&format!("{role}-{index}")).context("instance")?,
             slots: if role == ds_topic::Role::Video { 1 } else { plan.workers },
-            orchestrator: control.clone(),
+            orchestrator: Dial::local(&control)?,
             bus: bus.clone(),
             factory,
             codec: Arc::new(ds_wire::WireCodec),
             timing: Timing::default(),
         };
         let drain = drain.clone();
-        tasks.spawn(async move { member.run(drain).await.context("fleet") });
+        tasks.spawn(async move {
+            member.run(drain).await;
+            Ok(())
+        });
     }
-    Ok(Fleet { control, mode: "embedded", drain, tasks, children: None })
+    Ok(Fleet { control, mode: "embedded", drain, tasks, children: None, bus: Reach::Session(bus) })
 }

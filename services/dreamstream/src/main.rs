@@ -6,6 +6,7 @@ mod children;
 mod cli;
 mod command;
 mod embed;
+mod live;
 mod pictures;
 mod results;
 
@@ -46,11 +47,16 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Import(args) => command::scenario::import(args),
         Command::Scenario(command) => command::scenario::run(command),
         Command::Train(args) => command::train::run(args),
-        Command::View(args) => command::view::run(args),
+        Command::View(args) => match &args.live {
+            Some(episode) => runtime()?.block_on(command::view::live(args, episode)),
+            None => command::view::run(args),
+        },
+        Command::Why(args) => runtime()?.block_on(command::why::run(args)),
         Command::Replay(args) => command::replay::run(args),
         Command::Bench(args) => command::bench::run(args),
         Command::Doctor => command::doctor::run(),
         Command::Health(args) => runtime()?.block_on(command::health::run(args)),
+        Command::Certs(args) => command::certs::run(args),
         Command::Serve(_) | Command::Completion { .. } => Ok(()),
     }
 }

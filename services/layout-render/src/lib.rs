@@ -15,7 +15,7 @@ use ds_process::Drain;
 /// # Errors
 /// If the bus or the orchestrator's address is bad.
 pub async fn run(settings: Settings, drain: Drain) -> anyhow::Result<()> {
-    let sections = (&settings.process, &settings.control, &settings.bus);
+    let sections = (&settings.process, &settings.control, &settings.security, &settings.bus);
     let factory = Arc::new(LayoutStage { probe: settings.layout.probe });
     ds_process::service::run_stage("layout-render", sections, factory, drain).await
 }

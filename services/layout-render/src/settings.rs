@@ -1,6 +1,6 @@
 //! Settings of layout-render: typed and checked; the default suits a fleet on one host.
 
-use ds_process::section::{BusSection, ControlSection, ProcessSection};
+use ds_process::section::{BusSection, ControlSection, ProcessSection, SecuritySection};
 use serde::{Deserialize, Serialize};
 
 /// `[layout]`: the renderers.
@@ -25,6 +25,8 @@ pub struct Settings {
     pub process: ProcessSection,
     /// The orchestrator.
     pub control: ControlSection,
+    /// Certificates and token.
+    pub security: SecuritySection,
     /// The bus.
     pub bus: BusSection,
     /// The renderers.

@@ -9,7 +9,7 @@ use ds_episode::driver::Status;
 use ds_process::Drain;
 use ds_process::maker::chain;
 use ds_space::{AttemptId, Digest, RunId};
-use ds_topic::ObservationSource;
+use ds_topic::{EpisodeSpec, ObservationSource, ReplanAlignment};
 use ds_wire::control as pb;
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
@@ -86,7 +86,7 @@ impl Episode {
                 tokio::select! {
                     outcome = &mut conducted => break outcome,
                     Some(Progress { ticks, awaits }) = seen.recv() => self.update(|result| {
-                        result.ticks = ticks;
+                        result.ticks = ticks.unwrap_or(result.ticks);
                         result.awaits = awaits;
                     }),
                 }
@@ -113,6 +113,7 @@ impl Episode {
                 {
                     job.spec.video_model = model;
                     job.spec.chunk_ticks = chunk_ticks;
+                    aligned(&job.spec)?;
                 }
                 if job.spec.policy == "camera" {
                     job.spec.policy_model = abilities.policy.unwrap_or_default();
@@ -144,6 +145,15 @@ impl Episode {
     }
 }
 
+/// Refuses a replan period that cuts chunks where the episode asks for whole ones.
+fn aligned(spec: &EpisodeSpec) -> Result<(), String> {
+    let (period, chunk) = (spec.replan_period, spec.chunk_ticks);
+    if spec.alignment == ReplanAlignment::Exact && chunk > 0 && !period.is_multiple_of(chunk) {
+        return Err(format!("not_aligned: replan period {period} is no multiple of the video model's chunk of {chunk} ticks"));
+    }
+    Ok(())
+}
+
 fn fill(result: &mut pb::EpisodeResult, outcome: &Outcome) {
     result.status = match outcome.ending.status {
         Status::Completed => pb::Status::Completed,
@@ -152,6 +162,7 @@ fn fill(result: &mut pb::EpisodeResult, outcome: &Outcome) {
     }
     .into();
     result.reason.clone_from(&outcome.ending.reason);
+    result.awaits.clear();
     result.ticks = outcome.ticks;
     result.route_completion = outcome.scores.route_completion;
     let scored = outcome.scores.sub_scores.iter().filter_map(|(name, value)| Some((name.clone(), (*value)?)));

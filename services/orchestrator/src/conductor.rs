@@ -21,6 +21,9 @@ use crate::journal::{Journal, JournalError};
 use crate::scorer::{EpisodeScores, Scorer};
 use crate::submission::{self, Job};
 
+/// How often watchers are told what is awaited, and how late it must be, in milliseconds.
+const TELL_EVERY_MS: u64 = 1_000;
+
 /// What all conductors share.
 #[derive(Clone)]
 pub(crate) struct Stand {
@@ -48,7 +51,9 @@ pub(crate) struct Outcome {
 /// What a watcher may know of a drive under way.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Progress {
-    pub(crate) ticks: u32,
+    /// Ticks committed, where that changed.
+    pub(crate) ticks: Option<u32>,
+    /// What is awaited, from whom, since when; empty if nothing is.
     pub(crate) awaits: String,
 }
 
@@ -100,6 +105,7 @@ pub(crate) async fn conduct(
         questions: BTreeMap::new(),
         next_query: 0,
         journal_time: Duration::ZERO,
+        told: None,
     };
     let mut next = Some(Event::Start);
     let ending = loop {
@@ -118,6 +124,7 @@ pub(crate) async fn conduct(
         if let Some(ending) = conductor.handle(event, &progress).await? {
             break ending;
         }
+        conductor.tell_awaited(&progress);
     };
     conductor.finish(ending, began).await
 }
@@ -163,6 +170,8 @@ struct Conductor {
     questions: BTreeMap<u64, Ask>,
     next_query: u64,
     journal_time: Duration,
+    /// When the watchers were last told what is awaited.
+    told: Option<Millis>,
 }
 
 impl Conductor {
@@ -212,8 +221,7 @@ impl Conductor {
                 self.journal_time += began.elapsed();
                 let outline = self.driver.outline();
                 let ticks = outline.spec.ticks_of(iteration).1.0;
-                let awaits = String::new();
-                let _full = progress.try_send(Progress { ticks, awaits });
+                let _full = progress.try_send(Progress { ticks: Some(ticks), awaits: String::new() });
                 return Ok(Some(Event::Journalled { iteration }));
             }
             Action::Want { role, exclude } => return Ok(self.want(role, exclude)),
@@ -227,6 +235,19 @@ impl Conductor {
             Action::Finish(_) | Action::StepDown { .. } => {}
         }
         Ok(None)
+    }
+
+    /// Tells the watchers now and then what a slow iteration waits for.
+    fn tell_awaited(&mut self, progress: &mpsc::Sender<Progress>) {
+        let now = Millis(millis());
+        if self.told.is_some_and(|told| now.since(told) < TELL_EVERY_MS) {
+            return;
+        }
+        self.told = Some(now);
+        let awaits = awaits(&self.driver, now);
+        if !awaits.is_empty() {
+            let _full = progress.try_send(Progress { ticks: None, awaits });
+        }
     }
 
     async fn answer(&mut self, query: u64, reply: Option<Envelope>) {
@@ -295,6 +316,24 @@ impl Conductor {
             work_secs,
             journal_secs: self.journal_time.as_secs_f64(),
         })
+    }
+}
+
+/// Says in words which messages or holders an iteration has lacked for some time, from whom, since when.
+fn awaits(driver: &Driver, now: Millis) -> String {
+    let named = |owner: Option<Owner>| owner.map_or("nobody".to_owned(), |owner| owner.instance.to_string());
+    let late = |for_ms: &u64| *for_ms >= TELL_EVERY_MS;
+    let vacant = driver.vacant(now).into_iter().filter(|(_, _, for_ms)| late(for_ms)).map(|(role, owner, for_ms)| {
+        let state = if owner.is_some() { "to be ready" } else { "to be there" };
+        format!("{role} ({}) {state}, for {:.1} s", named(owner), for_ms as f64 / 1e3)
+    });
+    let lacking = driver.awaited(now).into_iter().filter(|awaited| late(&awaited.for_ms)).map(|awaited| {
+        format!("{} from {}, for {:.1} s", awaited.slot, named(awaited.owner), awaited.for_ms as f64 / 1e3)
+    });
+    let all: Vec<String> = vacant.chain(lacking).collect();
+    match all.len() {
+        0..=4 => all.join("; "),
+        more => format!("{}; and {} more", all[..4].join("; "), more - 4),
     }
 }
 

@@ -20,6 +20,8 @@ use crate::submission;
 pub(crate) struct RunsService {
     pub(crate) registry: Arc<Registry>,
     pub(crate) folder: PathBuf,
+    /// Whether TLS and token are switched off.
+    pub(crate) insecure: bool,
 }
 
 type Answer<T> = Result<Response<T>, Status>;
@@ -76,7 +78,8 @@ impl pb::runs_server::Runs for RunsService {
 
     async fn get(&self, request: Request<pb::GetRequest>) -> Answer<pb::Run> {
         let id = request.into_inner().run_id;
-        self.registry.get(&id).map(Response::new).ok_or_else(|| unknown(&id))
+        let run = self.registry.get(&id).ok_or_else(|| unknown(&id))?;
+        Ok(Response::new(pb::Run { insecure: self.insecure, ..run }))
     }
 
     async fn list(&self, request: Request<pb::ListRequest>) -> Answer<pb::ListResponse> {

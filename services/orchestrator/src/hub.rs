@@ -105,7 +105,7 @@ impl Hub {
             role,
             slots: hello.slots.min(1_024),
             devices: hello.devices.iter().take(64).cloned().collect(),
-            shares_device: false,
+            shares_device: hello.shares_device,
             class: ComputeClass(hello.compute_class_name.chars().take(512).collect()),
         };
         let joined = lock(&self.fleet).join(now(), said).map_err(refused)?;

@@ -17,14 +17,16 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 use ds_bus::BusSession;
 use ds_episode::Timing;
 use ds_episode::fleet::FleetSettings;
 use ds_process::Drain;
+use ds_process::security::Door;
 use ds_space::InstanceId;
 use ds_wire::control as pb;
 use tokio::task::JoinHandle;
+use tonic::service::interceptor::InterceptedService;
 use tonic::transport::Server;
 use tonic::transport::server::TcpIncoming;
 
@@ -59,7 +61,7 @@ impl Running {
 /// # Errors
 /// If a setting, the ledger, the bus or the port is refused.
 pub async fn run(settings: Settings, drain: Drain) -> Result<()> {
-    let bus = ds_process::service::open_bus(&settings.bus).await?;
+    let bus = ds_process::service::open_bus(&settings.bus, &settings.security).await?;
     start(settings, bus, drain).await?.ended().await
 }
 
@@ -72,10 +74,7 @@ pub async fn start(settings: Settings, bus: BusSession, drain: Drain) -> Result<
     let listen: SocketAddr = settings.control.listen.parse().with_context(|| {
         format!("setting \"control.listen\" is {:?}, not an address", settings.control.listen)
     })?;
-    ensure!(
-        listen.ip().is_loopback() || settings.control.insecure,
-        "setting \"control.listen\" is {listen}: beyond loopback only with \"control.insecure = true\""
-    );
+    let door = settings.security.door(listen)?;
     let folder = settings.journal.folder.clone();
     std::fs::create_dir_all(&folder).with_context(|| format!("folder {}", folder.display()))?;
     let ledger = ledger::LedgerFile::open(&folder.join("ledger.redb")).context("ledger.redb")?;
@@ -103,7 +102,7 @@ pub async fn start(settings: Settings, bus: BusSession, drain: Drain) -> Result<
         attempts: fleet.attempts,
         vacancy: Duration::from_millis(fleet.vacancy_deadline_millis),
     };
-    serve(listen, (hub, registry), stand, limits, drain).await
+    serve(door, (hub, registry), stand, limits, drain).await
 }
 
 /// Takes up the runs that the ledger holds.
@@ -123,27 +122,33 @@ fn take_up(registry: &Registry, folder: &std::path::Path) -> Result<()> {
 }
 
 async fn serve(
-    listen: SocketAddr,
+    door: Door,
     (hub, registry): (Arc<Hub>, Arc<Registry>),
     stand: Stand,
     limits: admission::Limits,
     drain: Drain,
 ) -> Result<Running> {
-    let incoming = TcpIncoming::bind(listen).map_err(|error| anyhow::anyhow!("{error}")).with_context(|| format!("listen on {listen}"))?;
+    let incoming = TcpIncoming::bind(door.listen).map_err(|error| anyhow::anyhow!("{error}")).with_context(|| format!("listen on {}", door.listen))?;
     let incoming = incoming.with_nodelay(Some(true));
     let address = incoming.local_addr().context("own address")?;
-    let runs = grpc::RunsService { registry: Arc::clone(&registry), folder: stand.folder.clone() };
+    let runs = grpc::RunsService { registry: Arc::clone(&registry), folder: stand.folder.clone(), insecure: door.insecure };
     let runs = pb::runs_server::RunsServer::new(runs)
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    let runs = InterceptedService::new(runs, door.guard.clone());
     let fleet = pb::fleet_server::FleetServer::new(grpc::FleetService { hub: Arc::clone(&hub) });
+    let fleet = InterceptedService::new(fleet, door.guard);
     let (health_reporter, health) = tonic_health::server::health_reporter();
     health_reporter.set_serving::<pb::runs_server::RunsServer<grpc::RunsService>>().await;
     let reflection = tonic_reflection::server::Builder::configure()
         .register_encoded_file_descriptor_set(ds_wire::DESCRIPTOR_SET)
         .build_v1()
         .context("reflection")?;
-    let router = Server::builder().add_service(runs).add_service(fleet).add_service(health).add_service(reflection);
+    let mut server = Server::builder();
+    if let Some(tls) = door.tls {
+        server = server.tls_config(tls).context("certificate of the control server")?;
+    }
+    let router = server.add_service(runs).add_service(fleet).add_service(health).add_service(reflection);
     tracing::info!(%address, term = stand.term, "serving");
     let admission = tokio::spawn(admission::admit(stand, registry, limits, drain.clone()));
     let expiry = tokio::spawn(expire(hub, drain.clone()));

@@ -47,6 +47,7 @@ impl Run {
             client_id: self.client_id.clone(),
             status: self.status().into(),
             episodes: if with_episodes { self.results.clone() } else { Vec::new() },
+            insecure: false,
         }
     }
 }

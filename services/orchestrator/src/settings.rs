@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use ds_process::section::{BusSection, ProcessSection};
+use ds_process::section::{BusSection, ProcessSection, SecuritySection};
 use ds_process::settings::SettingsError;
 use serde::{Deserialize, Serialize};
 
@@ -12,13 +12,11 @@ use serde::{Deserialize, Serialize};
 pub struct ServerSection {
     /// Where it listens; port 0 takes a free one.
     pub listen: String,
-    /// Listen beyond loopback without TLS and token; printed in the results.
-    pub insecure: bool,
 }
 
 impl Default for ServerSection {
     fn default() -> Self {
-        Self { listen: "127.0.0.1:4710".to_owned(), insecure: false }
+        Self { listen: "127.0.0.1:4710".to_owned() }
     }
 }
 
@@ -81,6 +79,8 @@ pub struct Settings {
     pub process: ProcessSection,
     /// The gRPC server.
     pub control: ServerSection,
+    /// Certificates and token.
+    pub security: SecuritySection,
     /// The bus.
     pub bus: BusSection,
     /// Everything durable.

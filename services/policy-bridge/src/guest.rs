@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context;
-use ds_bus::{FromBridge, FromPolicy, PolicyBus, PolicyBusSettings, PolicySession};
+use ds_bus::{FromBridge, FromPolicy, PolicyBus, PolicyBusSettings, PolicySession, TlsFiles};
 use ds_policy::Observation;
 use ds_process::maker::Fault;
 use ds_raster::Encoding;
@@ -35,9 +35,14 @@ impl OutsideBus {
     ///
     /// # Errors
     /// If the name is not one or the endpoint cannot be listened on.
-    pub async fn open(policy: &str, listen: &str, deadline: Duration) -> anyhow::Result<Self> {
+    pub async fn open(
+        policy: &str,
+        listen: &str,
+        tls: Option<TlsFiles>,
+        deadline: Duration,
+    ) -> anyhow::Result<Self> {
         let named = InstanceId::new(policy).context("name of the external policy")?;
-        let settings = PolicyBusSettings { policy: named, listen: vec![listen.to_owned()], connect: Vec::new() };
+        let settings = PolicyBusSettings { policy: named, listen: vec![listen.to_owned()], connect: Vec::new(), tls };
         let bus = PolicyBus::open(&settings).await.context("policy bus")?;
         tracing::info!(policy, listens = ?bus.listens(), "waiting for an external policy");
         Ok(Self { bus, policy: policy.to_owned(), deadline, runtime: Handle::current() })

@@ -22,12 +22,16 @@ use ds_process::Drain;
 /// # Errors
 /// If a bus or the orchestrator's address is bad.
 pub async fn run(settings: Settings, drain: Drain) -> anyhow::Result<()> {
-    let sections = (&settings.process, &settings.control, &settings.bus);
     let deadline = Duration::from_millis(settings.policy.deadline_millis);
     let outside = match settings.policy.listen.as_str() {
         "" => None,
-        listen => Some(Arc::new(OutsideBus::open(&settings.policy.name, listen, deadline).await?)),
+        listen => {
+            let security = &settings.security;
+            security.check_endpoint("policy.listen", listen)?;
+            Some(Arc::new(OutsideBus::open(&settings.policy.name, listen, security.files(), deadline).await?))
+        }
     };
     let factory = Arc::new(PolicyStage::new(settings.policy.weights.clone(), outside));
+    let sections = (&settings.process, &settings.control, &settings.security, &settings.bus);
     ds_process::service::run_stage("policy-bridge", sections, factory, drain).await
 }

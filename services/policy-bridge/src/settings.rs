@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use ds_process::section::{BusSection, ControlSection, ProcessSection};
+use ds_process::section::{BusSection, ControlSection, ProcessSection, SecuritySection};
 use serde::{Deserialize, Serialize};
 
 /// `[policy]`: the guests.
@@ -38,6 +38,8 @@ pub struct Settings {
     pub process: ProcessSection,
     /// The orchestrator.
     pub control: ControlSection,
+    /// Certificates and token.
+    pub security: SecuritySection,
     /// The bus.
     pub bus: BusSection,
     /// The guests.

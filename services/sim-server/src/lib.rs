@@ -17,6 +17,6 @@ use ds_process::Drain;
 /// # Errors
 /// If the bus or the orchestrator's address is bad.
 pub async fn run(settings: Settings, drain: Drain) -> anyhow::Result<()> {
-    let sections = (&settings.process, &settings.control, &settings.bus);
+    let sections = (&settings.process, &settings.control, &settings.security, &settings.bus);
     ds_process::service::run_stage("sim-server", sections, Arc::new(SimStage), drain).await
 }

@@ -1,6 +1,6 @@
 //! Settings of sim-server: typed and checked; the default suits a fleet on one host.
 
-use ds_process::section::{BusSection, ControlSection, ProcessSection};
+use ds_process::section::{BusSection, ControlSection, ProcessSection, SecuritySection};
 use serde::{Deserialize, Serialize};
 
 /// All settings of sim-server.
@@ -11,6 +11,8 @@ pub struct Settings {
     pub process: ProcessSection,
     /// The orchestrator.
     pub control: ControlSection,
+    /// Certificates and token.
+    pub security: SecuritySection,
     /// The bus.
     pub bus: BusSection,
 }

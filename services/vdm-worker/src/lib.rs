@@ -2,6 +2,7 @@
 //!
 //! Owns weights, KV cache, encoder and decoder state; a successor replays the `cache` log and compares digests.
 
+pub mod device;
 pub mod rendered;
 pub mod rollout;
 pub mod settings;
@@ -20,8 +21,12 @@ use ds_process::Drain;
 /// # Errors
 /// If the bus or the orchestrator's address is bad.
 pub async fn run(settings: Settings, drain: Drain) -> anyhow::Result<()> {
-    let sections = (&settings.process, &settings.control, &settings.bus);
+    let sections = (&settings.process, &settings.control, &settings.security, &settings.bus);
     let weights = Some(settings.video.weights.clone()).filter(|path| *path != PathBuf::new());
-    let factory = Arc::new(VideoStage::new(settings.video.model.clone(), weights));
+    let video = &settings.video;
+    let devices = if video.devices.is_empty() { device::detected() } else { video.devices.clone() };
+    tracing::info!(?devices, shares = video.share_device, "accelerators");
+    let factory = VideoStage::new(video.model.clone(), weights).with_devices(devices, video.share_device);
+    let factory = Arc::new(factory);
     ds_process::service::run_stage("vdm-worker", sections, factory, drain).await
 }

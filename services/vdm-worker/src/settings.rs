@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use ds_process::section::{BusSection, ControlSection, ProcessSection};
+use ds_process::section::{BusSection, ControlSection, ProcessSection, SecuritySection};
 use serde::{Deserialize, Serialize};
 
 /// `[video]`: the model.
@@ -13,11 +13,15 @@ pub struct VideoSection {
     pub model: PathBuf,
     /// Its weights; empty for the file beside the configuration that ends in `.safetensors`.
     pub weights: PathBuf,
+    /// Accelerators that it may be given, by any names; empty to list those of the host.
+    pub devices: Vec<String>,
+    /// Whether it may be given a device that another worker holds.
+    pub share_device: bool,
 }
 
 impl Default for VideoSection {
     fn default() -> Self {
-        Self { model: PathBuf::from("configs/models/cpu_train.toml"), weights: PathBuf::new() }
+        Self { model: PathBuf::from("configs/models/cpu_train.toml"), weights: PathBuf::new(), devices: Vec::new(), share_device: false }
     }
 }
 
@@ -29,6 +33,8 @@ pub struct Settings {
     pub process: ProcessSection,
     /// The orchestrator.
     pub control: ControlSection,
+    /// Certificates and token.
+    pub security: SecuritySection,
     /// The bus.
     pub bus: BusSection,
     /// The model.

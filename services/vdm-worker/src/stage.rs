@@ -23,6 +23,8 @@ pub fn load_config(path: &Path) -> Result<ModelConfig, String> {
 pub struct VideoStage {
     config: PathBuf,
     weights: PathBuf,
+    devices: Vec<String>,
+    shares_device: bool,
     model: OnceLock<Result<Arc<VideoModel>, String>>,
 }
 
@@ -31,7 +33,13 @@ impl VideoStage {
     #[must_use]
     pub fn new(config: PathBuf, weights: Option<PathBuf>) -> Self {
         let weights = weights.unwrap_or_else(|| config.with_extension("safetensors"));
-        Self { config, weights, model: OnceLock::new() }
+        Self { config, weights, devices: Vec::new(), shares_device: false, model: OnceLock::new() }
+    }
+
+    /// Names the accelerators that it may be given, and whether it takes one that another worker holds.
+    #[must_use]
+    pub fn with_devices(self, devices: Vec<String>, shares_device: bool) -> Self {
+        Self { devices, shares_device, ..self }
     }
 
     /// Loads the model at the first call and returns it.
@@ -45,6 +53,13 @@ impl VideoStage {
             loaded.map(Arc::new).map_err(|error| format!("weights {:?}: {error}", self.weights))
         };
         self.model.get_or_init(load).clone().map_err(|text| Fault::infrastructure("no_model", text))
+    }
+}
+
+impl VideoStage {
+    /// Returns what it can do without a model.
+    fn bare(&self) -> Abilities {
+        Abilities { devices: self.devices.clone(), shares_device: self.shares_device, ..Abilities::default() }
     }
 }
 
@@ -64,12 +79,11 @@ impl MakerFactory for VideoStage {
             Ok(model) => Abilities {
                 video_model: model.digest(),
                 chunk_ticks: u32::try_from(model.config().frames_per_chunk()).unwrap_or(u32::MAX),
-                devices: Vec::new(),
-                ..Abilities::default()
+                ..self.bare()
             },
             Err(fault) => {
                 tracing::warn!(%fault, "no video model; the other observation sources still work");
-                Abilities::default()
+                self.bare()
             }
         }
     }

@@ -52,6 +52,7 @@ fn batch(clips: usize) -> ClipBatch {
         layouts: draw("layouts", &[clips, FRAMES * n, 4, 12]),
         layout_on: vec![1.0; clips],
         text: draw("text", &[clips, 2, 8]),
+        emphasis: Array::new(&[clips, FRAMES, n, 4, 1], vec![1.0; clips * FRAMES * n * 4]),
     }
 }
 
@@ -207,6 +208,7 @@ fn ae() -> (AeShape, AeBatch) {
         clips: 2,
         folded: draw("folded", &[4, 2, 3, shape.inputs()]),
         frames,
+        emphasis: Array::new(&[2 * 2 * 4, 16, 24, 1], vec![1.0; 2 * 2 * 4 * 16 * 24]),
         noise: Array::zeros(&[4, 2, 3, 3]),
         latent_penalty: 1e-3,
     };
@@ -228,6 +230,35 @@ fn the_autoencoder_fits_what_it_sees() {
 }
 
 #[test]
+fn emphasis_moves_the_fit_to_where_it_lies() {
+    let (shape, batch) = ae();
+    let halves = |left: f32, right: f32| {
+        let row = [vec![left; 12], vec![right; 12]].concat();
+        Array::new(&[2 * 2 * 4, 16, 24, 1], row.repeat(2 * 2 * 4 * 16))
+    };
+    let fit = |emphasis: Array| {
+        let batch = AeBatch { emphasis, ..ae().1 };
+        let mut weights = Weights::initialised(&shape.declare(), &Digest::of(b"ae"));
+        let mut adam = AdamW::new(AdamWSettings::default(), &weights);
+        for _ in 0..20 {
+            let step = autoencoder(&shape, &weights, &batch);
+            adam.update(&mut weights, &step.gradient, 5e-3);
+        }
+        weights
+    };
+    let left_error = |weights: &Weights| {
+        autoencoder(&shape, weights, &AeBatch { emphasis: halves(1.0, 0.0), ..ae().1 }).loss
+    };
+    assert!(left_error(&fit(halves(1.0, 0.0))) < left_error(&fit(halves(0.0, 1.0))));
+    // Scaling all weights alike changes nothing but rounding.
+    let loss = |factor: f32| {
+        autoencoder(&shape, &fit(halves(1.0, 1.0)), &AeBatch { emphasis: halves(factor, 2.0 * factor), ..ae().1 }).loss
+    };
+    assert!((loss(1.0) - loss(8.0)).abs() < 1e-5);
+    assert_eq!(batch.emphasis, halves(1.0, 1.0));
+}
+
+#[test]
 fn a_guided_decoder_learns_from_layouts_and_leaves_the_encoder_alone() {
     let (shape, batch) = ae();
     let shape = AeShape { guided: true, ..shape };
@@ -237,6 +268,7 @@ fn a_guided_decoder_learns_from_layouts_and_leaves_the_encoder_alone() {
         latents: draw("latents", &[4, 2, 3, 3]),
         layouts: batch.frames.clone(),
         frames: batch.frames,
+        emphasis: batch.emphasis,
     };
     let encoder = weights.part("encoder.");
     let mut adam = AdamW::new(AdamWSettings::default(), &weights);

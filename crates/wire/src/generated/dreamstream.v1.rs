@@ -652,6 +652,9 @@ pub struct Hello {
     /// Digest of the camera policy's weights, 32 bytes; empty or zero without one.
     #[prost(bytes = "bytes", tag = "13")]
     pub policy_model: ::prost::bytes::Bytes,
+    /// Whether it takes a device that another instance holds.
+    #[prost(bool, tag = "14")]
+    pub shares_device: bool,
 }
 /// The instance has subscribed, restored its state and can take orders under this epoch.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -2053,6 +2056,9 @@ pub struct RunSettings {
     /// Attempts at an episode after infrastructure faults; 0 for the server's default.
     #[prost(uint32, tag = "12")]
     pub attempts: u32,
+    /// Whether results are to be compared: policies that see more than frames are refused.
+    #[prost(bool, tag = "13")]
+    pub benchmark: bool,
 }
 /// A scenario to drive.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -2209,6 +2215,9 @@ pub struct Run {
     /// Its episodes in the order of submission.
     #[prost(message, repeated, tag = "4")]
     pub episodes: ::prost::alloc::vec::Vec<EpisodeResult>,
+    /// Whether the orchestrator speaks without TLS and token beyond loopback.
+    #[prost(bool, tag = "5")]
+    pub insecure: bool,
 }
 /// Which run to watch.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]

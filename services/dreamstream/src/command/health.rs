@@ -4,7 +4,6 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use ds_wire::control as pb;
-use tonic::transport::Endpoint;
 
 use crate::cli::HealthArgs;
 use crate::command::answer;
@@ -15,11 +14,11 @@ use crate::command::answer;
 /// If the orchestrator does not answer within 3 s or the instance is not a member.
 pub async fn run(args: &HealthArgs) -> Result<()> {
     let limit = Duration::from_secs(3);
-    let endpoint = Endpoint::from_shared(args.orchestrator.clone()).context("--orchestrator")?;
-    let channel = endpoint.connect_timeout(limit).timeout(limit).connect().await;
-    let channel = channel.with_context(|| format!("orchestrator does not answer: {}", args.orchestrator))?;
+    let channel = args.control.dial()?.connect(limit).await;
+    let channel = channel.with_context(|| format!("orchestrator does not answer: {}", args.control.orchestrator))?;
     let mut fleet = pb::fleet_client::FleetClient::new(channel);
-    let members = fleet.list(pb::ListInstancesRequest {}).await.context("orchestrator")?.into_inner().instances;
+    let asked = tokio::time::timeout(limit, fleet.list(pb::ListInstancesRequest {})).await;
+    let members = asked.context("orchestrator is silent")?.context("orchestrator")?.into_inner().instances;
     let Some(wanted) = &args.instance else {
         answer(&format!("orchestrator is well, {} members", members.len()));
         return Ok(());

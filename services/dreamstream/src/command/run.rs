@@ -5,17 +5,18 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail, ensure};
+use ds_process::security::{Control, Dial};
 use ds_record::Recording;
 use ds_wire::control as pb;
 use indicatif::ProgressBar;
 use pb::runs_client::RunsClient;
 use tonic::Code;
-use tonic::transport::Channel;
 
-use crate::cli::{Agents, Observation, RunArgs, SubmitArgs};
+use crate::cli::{Agents, Align, Observation, RunArgs, SubmitArgs};
 use crate::command::{answer, bar, scenario};
 use crate::embed::{self, Fleet, FleetPlan};
 use crate::results::{Episode, Results, Run, TimeShare};
+use crate::live::{self, Watch};
 use crate::{children, pictures};
 
 /// The largest message on the control plane, in bytes.
@@ -42,7 +43,14 @@ pub async fn run(args: &RunArgs, log: &str) -> Result<()> {
     };
     let mut fleet = if args.processes { children::start(&plan, log).await? } else { embed::start(&plan).await? };
     let request = request(args, sources(&files, Source::Path)?)?;
-    let control = fleet.control.clone();
+    let control = Dial::local(&fleet.control)?;
+    let viewer = match &args.live {
+        Some(url) => {
+            let watch = Watch { episode: String::new(), url: url.clone(), one: false };
+            Some(tokio::spawn(live::follow(fleet.tap().await?, control.clone(), watch)))
+        }
+        None => None,
+    };
     let outcome = tokio::select! {
         outcome = drive(request, &control) => outcome,
         error = failed(&mut fleet) => Err(error),
@@ -50,6 +58,11 @@ pub async fn run(args: &RunArgs, log: &str) -> Result<()> {
             "interrupted; `--resume` goes on: finished drives stay finished, the others continue from the last commit"
         )),
     };
+    if let Some(viewer) = viewer {
+        // What is still in the queue reaches the viewer.
+        tokio::time::sleep(Duration::from_millis(500)).await;
+        viewer.abort();
+    }
     let mode = fleet.mode;
     let stopped = fleet.stop().await;
     let (run, classes) = outcome?;
@@ -72,7 +85,7 @@ pub async fn submit(args: &SubmitArgs) -> Result<()> {
     let began = Instant::now();
     std::fs::create_dir_all(&run.out).with_context(|| format!("create {}", run.out.display()))?;
     let request = request(run, sources(&files, Source::Content)?)?;
-    let (driven, classes) = drive(request, &args.control).await?;
+    let (driven, classes) = drive(request, &args.control.dial()?).await?;
     let results = results(run, "fleet", &driven, classes, began.elapsed().as_secs_f64())?;
     results.save(&run.out.join(RESULTS))?;
     conclude(&results, &run.out)
@@ -124,7 +137,7 @@ enum Talk {
 /// How long an orchestrator may be away, in tries half a second apart.
 const TRIES: u32 = 60;
 
-async fn drive(request: pb::SubmitRequest, control: &str) -> Result<(pb::Run, BTreeMap<String, String>)> {
+async fn drive(request: pb::SubmitRequest, control: &Dial) -> Result<(pb::Run, BTreeMap<String, String>)> {
     let bar = bar(0, "ticks");
     let mut tries = 0;
     loop {
@@ -143,9 +156,8 @@ async fn drive(request: pb::SubmitRequest, control: &str) -> Result<(pb::Run, BT
     }
 }
 
-async fn talk(request: &pb::SubmitRequest, control: &str, bar: &ProgressBar) -> Result<Talk> {
-    let endpoint = Channel::from_shared(control.to_owned()).context("orchestrator address")?;
-    let channel = match endpoint.tcp_nodelay(true).connect().await {
+async fn talk(request: &pb::SubmitRequest, control: &Dial, bar: &ProgressBar) -> Result<Talk> {
+    let channel = match control.connect(Duration::from_secs(5)).await {
         Ok(channel) => channel,
         Err(error) => return Ok(Talk::Cut(tonic::Status::unavailable(error.to_string()))),
     };
@@ -160,7 +172,7 @@ async fn talk(request: &pb::SubmitRequest, control: &str, bar: &ProgressBar) -> 
 
 async fn follow(
     request: &pb::SubmitRequest,
-    channel: Channel,
+    channel: Control,
     bar: &ProgressBar,
 ) -> Result<(pb::Run, BTreeMap<String, String>), tonic::Status> {
     let mut runs = RunsClient::new(channel.clone())
@@ -263,7 +275,11 @@ fn request(args: &RunArgs, scenarios: Vec<pb::ScenarioSource>) -> Result<pb::Sub
             agents: agents as i32,
             tracker: args.tracker.clone(),
             layout_backend: args.layout_backend.clone(),
-            alignment: pb::ReplanAlignment::Rollback as i32,
+            alignment: match args.align {
+                Align::Rollback => pb::ReplanAlignment::Rollback as i32,
+                Align::Exact => pb::ReplanAlignment::Exact as i32,
+            },
+            benchmark: args.benchmark,
             ..pb::RunSettings::default()
         }),
     })
@@ -274,7 +290,7 @@ fn configuration(args: &RunArgs) -> ds_space::Digest {
     let mut writer = ds_space::DigestWriter::new();
     writer.text(&args.policy).u32(args.observation as u32).u32(args.replan).f64(args.horizon).u32(args.history);
     writer.f64(args.duration).u32(args.warm_up).text(&args.appearance).u32(args.agents as u32).text(&args.tracker);
-    writer.text(&args.layout_backend).text(args.shard.as_deref().unwrap_or_default());
+    writer.u32(args.align as u32).text(&args.layout_backend).text(args.shard.as_deref().unwrap_or_default());
     args.seed.iter().for_each(|seed| drop(writer.u64(*seed)));
     for path in &args.scenarios {
         writer.text(&path.to_string_lossy());
@@ -307,7 +323,7 @@ fn results(
             video_model_digest: hex(&first.video_model),
             policy_model_digest: hex(&first.policy_model),
             compute_classes,
-            insecure: false,
+            insecure: run.insecure,
             wall_s,
         },
         episodes: run.episodes.iter().map(|result| episode(result, &args.out)).collect(),

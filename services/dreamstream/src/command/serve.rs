@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use ds_process::section::{BusSection, ProcessSection};
+use ds_process::section::{BusSection, ProcessSection, SecuritySection};
 use ds_process::{Drain, service};
 use serde::{Deserialize, Serialize};
 
@@ -13,6 +13,7 @@ use crate::cli::ServeArgs;
 #[serde(deny_unknown_fields, default)]
 struct RouterSettings {
     process: ProcessSection,
+    security: SecuritySection,
     bus: BusSection,
 }
 
@@ -30,7 +31,7 @@ pub fn run(args: &ServeArgs) -> ExitCode {
 }
 
 async fn route(settings: RouterSettings, drain: Drain) -> anyhow::Result<()> {
-    let bus = service::open_bus(&settings.bus).await?;
+    let bus = service::open_bus(&settings.bus, &settings.security).await?;
     tracing::info!(listen = ?settings.bus.listen, "router ready");
     drain.cancelled().await;
     Ok(bus.close().await?)

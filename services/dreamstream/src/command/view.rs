@@ -3,17 +3,20 @@
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
+use ds_bus::{BusSession, BusSettings, Mode, TlsFiles};
 use ds_record::{Recording, view};
 
 use crate::cli::ViewArgs;
 use crate::command::answer;
+use crate::live::{self, Watch};
 
 /// Shows a recording; without `--save` or `--connect` a viewer is started on a temporary file.
 ///
 /// # Errors
 /// If the recording cannot be read or no viewer is installed.
 pub fn run(args: &ViewArgs) -> Result<()> {
-    let recording = Recording::open(&args.recording)?;
+    let path = args.recording.as_ref().context("a recording")?;
+    let recording = Recording::open(path)?;
     for missing in recording.missing()? {
         answer(&format!("missing: {missing}"));
     }
@@ -27,7 +30,7 @@ pub fn run(args: &ViewArgs) -> Result<()> {
         answer(&format!("sent to {url}"));
         return Ok(());
     }
-    let path = args.recording.with_extension("rrd");
+    let path = path.with_extension("rrd");
     view::save_rrd(&recording, &path)?;
     match Command::new("rerun").arg("--bind").arg("127.0.0.1").arg(&path).status() {
         Ok(status) if status.success() => Ok(()),
@@ -35,5 +38,25 @@ pub fn run(args: &ViewArgs) -> Result<()> {
         Err(error) => Err(error).with_context(|| {
             format!("no `rerun` viewer is installed (pip install rerun-sdk==0.36.3); {} is written", path.display())
         }),
+    }
+}
+
+/// Shows a drive of a running fleet in a running viewer until it ends.
+///
+/// # Errors
+/// If router, orchestrator or viewer cannot be reached.
+pub async fn live(args: &ViewArgs, episode: &str) -> Result<()> {
+    let tls = args.certificate.as_ref().map(|certificate| TlsFiles {
+        ca: args.control.ca.clone(),
+        certificate: certificate.clone(),
+        key: certificate.with_extension("key"),
+    });
+    let settings = BusSettings { mode: Mode::Client, connect: vec![args.bus.clone()], tls, ..BusSettings::default() };
+    let bus = BusSession::open(&settings).await.with_context(|| format!("router at {}", args.bus))?;
+    let url = args.connect.clone().unwrap_or_default();
+    let watch = Watch { episode: episode.to_owned(), url, one: true };
+    tokio::select! {
+        shown = live::follow(bus, args.control.dial()?, watch) => shown,
+        _ = tokio::signal::ctrl_c() => Ok(()),
     }
 }

@@ -1,0 +1,111 @@
+//! Feeds drives under way to a running rerun viewer. Queues are bounded and drop: a viewer never holds a drive up.
+//!
+//! The orchestrator says which drives there are; the journal gives the scene, the bus the rest.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use ds_bus::{BusSession, Holder};
+use ds_process::security::{Control, Dial};
+use ds_record::view::{self, LiveView, Shown};
+use ds_space::EpisodeId;
+use ds_topic::{EventKind, SceneMessage, Slot, Topic};
+use ds_wire::Body;
+use ds_wire::control as pb;
+use pb::runs_client::RunsClient;
+use tokio::task::JoinSet;
+
+/// Messages that wait for the viewer.
+const QUEUE: usize = 1_024;
+/// How often the orchestrator is asked for new drives.
+const ASK_EVERY: Duration = Duration::from_millis(300);
+/// How long a drive may be silent before it is taken to be over.
+const SILENT_FOR: Duration = Duration::from_secs(120);
+
+/// Which drives to show, and where.
+#[derive(Debug, Clone)]
+pub struct Watch {
+    /// A part of the episode's name; empty for any.
+    pub episode: String,
+    /// The viewer; empty for the default one of this host.
+    pub url: String,
+    /// Whether to end after one drive.
+    pub one: bool,
+}
+
+/// Shows drives as they begin, until the first ended or for ever.
+///
+/// # Errors
+/// If the orchestrator or the viewer cannot be reached.
+pub async fn follow(bus: BusSession, control: Dial, watch: Watch) -> Result<()> {
+    let channel = control.connect(Duration::from_secs(5)).await.context("orchestrator does not answer")?;
+    let mut runs = RunsClient::new(channel);
+    let mut known = BTreeSet::new();
+    let mut shown = JoinSet::new();
+    let mut beat = tokio::time::interval(ASK_EVERY);
+    loop {
+        tokio::select! {
+            Some(ended) = shown.join_next() => {
+                let (episode, Shown { logged, dropped, .. }) = ended.context("the view panicked")??;
+                tracing::info!(%episode, logged, dropped, "shown");
+                if watch.one {
+                    return Ok(());
+                }
+            }
+            _ = beat.tick(), if !watch.one || known.is_empty() => {
+                for episode in under_way(&mut runs).await? {
+                    let wanted = episode.episode.contains(&watch.episode) && !(watch.one && !known.is_empty());
+                    if wanted && known.insert(episode.episode.clone()) {
+                        let named = EpisodeId::new(&episode.episode).context("name of an episode")?;
+                        shown.spawn(show(bus.clone(), named, watch.url.clone()));
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Returns the episodes that are being driven.
+///
+/// # Errors
+/// If the orchestrator refuses.
+pub async fn under_way(runs: &mut RunsClient<Control>) -> Result<Vec<pb::EpisodeResult>> {
+    let mut found = Vec::new();
+    for run in runs.list(pb::ListRequest { limit: 0 }).await.context("orchestrator")?.into_inner().runs {
+        if run.status != i32::from(pb::Status::Running) {
+            continue;
+        }
+        let run = runs.get(pb::GetRequest { run_id: run.run_id }).await.context("orchestrator")?.into_inner();
+        let driven = |episode: &pb::EpisodeResult| episode.status == i32::from(pb::Status::Running);
+        found.extend(run.episodes.into_iter().filter(driven));
+    }
+    Ok(found)
+}
+
+async fn show(bus: BusSession, episode: EpisodeId, url: String) -> Result<(EpisodeId, Shown)> {
+    let mut pushes = bus.subscribe(&episode, &Topic::ALL).await?;
+    let scene = loop {
+        let asked = bus.pull(&episode, &Holder::Journal, Slot::new(Topic::Scene, 0), Duration::from_secs(1)).await?;
+        if let Some(envelope) = asked {
+            break SceneMessage::from_bytes(&envelope.body).context("scene")?;
+        }
+    };
+    let url = if url.is_empty() { view::DEFAULT_URL } else { &url };
+    let stream = view::connect(&scene, url).with_context(|| format!("viewer at {url}"))?;
+    let live = LiveView::start(&scene, stream, QUEUE)?;
+    while let Ok(envelope) = tokio::time::timeout(SILENT_FOR, pushes.recv()).await {
+        let over = envelope.header.slot.topic == Topic::Event && ends(&envelope.body);
+        live.feed(envelope);
+        if over {
+            break;
+        }
+    }
+    let shown = tokio::task::spawn_blocking(move || live.finish()).await.context("the view panicked")??;
+    Ok((episode, shown))
+}
+
+fn ends(body: &[u8]) -> bool {
+    let event = ds_topic::Event::from_bytes(body);
+    event.is_ok_and(|event| matches!(event.kind, EventKind::Completed | EventKind::Failed | EventKind::Aborted))
+}
