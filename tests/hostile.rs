@@ -86,11 +86,7 @@ fn bad_logs_are_refused_and_the_others_still_import() {
         write(&logs, &format!("{name}.pkl"), content);
         let path = logs.join(format!("{name}.pkl"));
         let out = folder.path().join("out");
-        refused(
-            &["import", "scenarionet", path.to_str().expect("UTF-8"), "-o", out.to_str().expect("UTF-8")],
-            1,
-            name,
-        );
+        refused(&["import", "scenarionet", path.to_str().expect("UTF-8"), "-o", out.to_str().expect("UTF-8")], 1, name);
     }
     assert!(!Path::new("/tmp/dreamstream-was-here").exists(), "a pickle was executed");
 }
@@ -184,10 +180,13 @@ async fn bad_requests_are_refused_and_the_orchestrator_lives() {
         ("client_id", with(&|r| r.client_id = String::new())),
         ("scenarios", with(&|r| r.scenarios.clear())),
         ("scenarios", with(&|r| r.scenarios = vec![pb::ScenarioSource { source: None }])),
-        ("nowhere", with(&|r| {
-            let path = pb::scenario_source::Source::Path("/nowhere.scenario.json".to_owned());
-            r.scenarios = vec![pb::ScenarioSource { source: Some(path) }];
-        })),
+        (
+            "nowhere",
+            with(&|r| {
+                let path = pb::scenario_source::Source::Path("/nowhere.scenario.json".to_owned());
+                r.scenarios = vec![pb::ScenarioSource { source: Some(path) }];
+            }),
+        ),
         ("policies", with(&|r| r.policies.clear())),
         ("policies", with(&|r| r.policies = vec!["a/../b".to_owned()])),
         ("observations", with(&|r| r.observations = vec![99])),

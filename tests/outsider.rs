@@ -16,8 +16,10 @@ fn drive(with_stranger: bool) -> Option<(Vec<String>, Option<serde_json::Value>)
     let mut guest = Command::new(&python);
     guest.args(["-m", "dreamstream", "run", "clients/python/examples/constant_velocity.py:ConstantVelocity"]);
     guest.args(["--name", "mine", "--connect", &endpoint]).current_dir(workspace());
-    let arguments = [SCENARIO, "--policy", "mine", "--policy-listen", &endpoint, "--observation", "layout", "--duration", "4"];
-    let drive = command(&arguments, folder.path()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts");
+    let arguments =
+        [SCENARIO, "--policy", "mine", "--policy-listen", &endpoint, "--observation", "layout", "--duration", "4"];
+    let drive =
+        command(&arguments, folder.path()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts");
     let stranger = with_stranger.then(|| {
         let mut stranger = Command::new(&python);
         stranger.arg(workspace().join("tests/outsider.py")).arg(&endpoint);

@@ -45,8 +45,8 @@ fn drive_with(source: &str, class: &str) -> Option<serde_json::Value> {
 
 #[test]
 fn ten_lines_drive_an_episode() {
-    let source = std::fs::read_to_string(workspace().join("clients/python/examples/constant_velocity.py"))
-        .expect("the example");
+    let source =
+        std::fs::read_to_string(workspace().join("clients/python/examples/constant_velocity.py")).expect("the example");
     let Some(episode) = drive_with(&source, "ConstantVelocity") else { return };
     assert_eq!(episode["status"], "completed", "{episode}");
     assert_eq!(episode["ticks"], 20);
@@ -76,9 +76,12 @@ fn bad_answers_end_the_drive_with_a_named_reason() {
 fn an_independent_reader_opens_the_recording() {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let output = command(&[SCENARIO, "--observation", "layout", "--policy", "constant-velocity", "--duration", "2"], folder.path())
-        .output()
-        .expect("runs");
+    let output = command(
+        &[SCENARIO, "--observation", "layout", "--policy", "constant-velocity", "--duration", "2"],
+        folder.path(),
+    )
+    .output()
+    .expect("runs");
     let drive = finished(folder, output);
     let script = workspace().join("tests/read_recording.py");
     let read = Command::new(python).arg(script).arg(drive.recording(0)).output().expect("python runs");

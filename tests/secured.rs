@@ -167,7 +167,8 @@ fn in_clear_beyond_loopback_is_refused() {
     ] {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let journal = format!("journal.folder={:?}", folder.path().display().to_string());
-        let mut arguments = vec!["serve", service, "--set", "bus.mode=\"peer\"", "--set", "bus.connect=[]", "--set", setting];
+        let mut arguments =
+            vec!["serve", service, "--set", "bus.mode=\"peer\"", "--set", "bus.connect=[]", "--set", setting];
         if service == "orchestrator" {
             arguments.extend(["--set", &journal]);
         }

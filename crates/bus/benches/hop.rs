@@ -62,7 +62,8 @@ async fn measure(name: &str, sender: &BusSession, receiver: &BusSession) {
 }
 
 fn main() {
-    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().expect("a runtime");
+    let runtime =
+        tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().expect("a runtime");
     runtime.block_on(async {
         let embedded = BusSession::embedded().await.expect("opens");
         measure("embedded", &embedded, &embedded).await;

@@ -47,9 +47,7 @@ pub const STATIONS: [(&str, &[Topic]); 6] = [
 
 /// Returns Zenoh's `access_control` of the router between the services.
 pub(crate) fn rights() -> serde_json::Value {
-    let rule = |id: &str, messages: &[&str], flows: &[&str], keys: Vec<String>| {
-        serde_json::json!({"id": id, "permission": "allow", "messages": messages, "flows": flows, "key_exprs": keys})
-    };
+    let rule = |id: &str, messages: &[&str], flows: &[&str], keys: Vec<String>| serde_json::json!({"id": id, "permission": "allow", "messages": messages, "flows": flows, "key_exprs": keys});
     let both = ["ingress", "egress"];
     let mut rules = vec![
         rule("listen", &["declare_subscriber"], &both, Topic::ALL.into_iter().map(all_pushes).collect()),

@@ -195,7 +195,8 @@ fn episode_of(key: &str, text: &str) -> Result<EpisodeId, KeyError> {
 }
 
 fn topic_of(key: &str, text: &str) -> Result<Topic, KeyError> {
-    Topic::from_name(text).ok_or_else(|| KeyError { key: key.to_owned(), problem: format!("no topic is named {text:?}") })
+    Topic::from_name(text)
+        .ok_or_else(|| KeyError { key: key.to_owned(), problem: format!("no topic is named {text:?}") })
 }
 
 fn camera_of(key: &str, topic: Topic, text: &str) -> Result<u16, KeyError> {
@@ -261,10 +262,8 @@ mod tests {
     }
 
     fn slot() -> impl Strategy<Value = Slot> {
-        (prop::sample::select(Topic::ALL.to_vec()), any::<u32>(), any::<u16>()).prop_map(|(topic, index, camera)| Slot {
-            topic,
-            index,
-            camera: if topic.per_camera() { camera } else { 0 },
+        (prop::sample::select(Topic::ALL.to_vec()), any::<u32>(), any::<u16>()).prop_map(|(topic, index, camera)| {
+            Slot { topic, index, camera: if topic.per_camera() { camera } else { 0 } }
         })
     }
 
@@ -308,7 +307,9 @@ mod tests {
         assert!(!frames.intersects(&wide(Key::push(&episode, Slot::of_camera(Topic::Layout, 3, 2)).to_string())));
         let journal = wide(pulls_at(&episode, &Holder::Journal));
         let slot = Slot::new(Topic::Plan, 4);
-        assert!(journal.includes(&wide(Key::Pull { episode: episode.clone(), holder: Holder::Journal, slot }.to_string())));
+        assert!(
+            journal.includes(&wide(Key::Pull { episode: episode.clone(), holder: Holder::Journal, slot }.to_string()))
+        );
         let instance = Holder::Instance(InstanceId::new("journal").expect("an id"));
         assert!(!journal.intersects(&wide(Key::Pull { episode, holder: instance, slot }.to_string())));
     }

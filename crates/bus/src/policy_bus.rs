@@ -109,9 +109,7 @@ impl FromBridge {
     fn read(leaf: Leaf, bytes: &[u8]) -> Option<Result<Self, WireError>> {
         match leaf {
             Leaf::Hello => Some(SessionHello::from_bytes(bytes).map(Self::Hello)),
-            Leaf::Observation => {
-                Some(Observation::from_bytes(bytes).map(|seen| Self::Observation(Box::new(seen))))
-            }
+            Leaf::Observation => Some(Observation::from_bytes(bytes).map(|seen| Self::Observation(Box::new(seen)))),
             Leaf::Goodbye => Some(SessionGoodbye::from_bytes(bytes).map(Self::Goodbye)),
             Leaf::Ready | Leaf::Plan | Leaf::Leave => None,
         }
@@ -129,7 +127,9 @@ impl PolicyBus {
         let tls = settings.tls.clone();
         let bus = BusSettings { mode, listen, connect, tls, ..BusSettings::default() }.resolved()?;
         let mut config = bus.config()?;
-        for (key, value) in [("access_control", access(&settings.policy, settings.tls.is_some())), ("low_pass_filter", size_limit())] {
+        for (key, value) in
+            [("access_control", access(&settings.policy, settings.tls.is_some())), ("low_pass_filter", size_limit())]
+        {
             config.insert_json5(key, &value.to_string()).map_err(zenoh("restrict access"))?;
         }
         let session = zenoh::open(config).await.map_err(zenoh("open the policies' session"))?;
@@ -167,7 +167,8 @@ impl PolicyBus {
                     count(&counters.dropped);
                 }
             };
-            subscribers.push(self.zenoh.declare_subscriber(key).callback(enqueue).await.map_err(zenoh("begin a session"))?);
+            subscribers
+                .push(self.zenoh.declare_subscriber(key).callback(enqueue).await.map_err(zenoh("begin a session"))?);
         }
         Ok(PolicySession { bus: self.clone(), session, queue, _subscribers: subscribers })
     }

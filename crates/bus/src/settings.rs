@@ -83,7 +83,8 @@ impl Default for BusSettings {
 impl BusSettings {
     /// Checks the settings and chooses a port where the endpoint leaves it open.
     pub(crate) fn resolved(&self) -> Result<Self, BusError> {
-        let refuse = |field, value: String, problem: &str| BusError::Setting { field, value, problem: problem.to_owned() };
+        let refuse =
+            |field, value: String, problem: &str| BusError::Setting { field, value, problem: problem.to_owned() };
         if !(0.0..=1.0).contains(&self.drop_share) {
             return Err(refuse("drop_share", self.drop_share.to_string(), "must be 0 to 1"));
         }

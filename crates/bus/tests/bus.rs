@@ -191,7 +191,10 @@ async fn one_embedded_session_serves_all_roles_and_episodes_stay_apart() {
     let server = serve(&session, 3, 50).await;
     session.publish(&message(Slot::new(Topic::World, 1), 30)).await.expect("publishes");
     session.publish(&message(frame(1), 40)).await.expect("publishes");
-    assert_eq!(tokio::time::timeout(LIMIT, mine.recv()).await.expect("arrives").header.slot, Slot::new(Topic::World, 1));
+    assert_eq!(
+        tokio::time::timeout(LIMIT, mine.recv()).await.expect("arrives").header.slot,
+        Slot::new(Topic::World, 1)
+    );
     assert_eq!(tokio::time::timeout(LIMIT, mine.recv()).await.expect("arrives").header.slot, frame(1));
     assert_eq!(theirs.try_recv(), None);
     assert_eq!(pull(&session, frame(2)).await.body.len(), 50);

@@ -115,7 +115,8 @@ async fn a_guest_drives_a_session_over_tcp() {
 async fn an_eavesdropper_learns_and_changes_nothing() {
     let bus = bridge().await;
     let mut session = bus.begin().await.expect("begins");
-    let driver = tokio::spawn(drive(PolicyGuest::connect(&name("team-a"), &bus.listens()[0], None).await.expect("connects")));
+    let driver =
+        tokio::spawn(drive(PolicyGuest::connect(&name("team-a"), &bus.listens()[0], None).await.expect("connects")));
     // A guest of another policy may connect, but sees and reaches nothing, even with the session's name.
     let mut stranger = PolicyGuest::connect(&name("team-b"), &bus.listens()[0], None).await.expect("connects");
     stranger.put(session.name(), &FromPolicy::Plan(plan(77))).await.expect("puts");

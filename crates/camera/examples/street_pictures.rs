@@ -11,7 +11,9 @@ use ds_raster::{Encoding, RgbImage};
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = PathBuf::from(std::env::args().nth(1).ok_or("say the folder to write into")?);
     std::fs::create_dir_all(&folder)?;
-    let save = |name: String, image: RgbImage| std::fs::write(folder.join(name), image.encode(Encoding::Png)?).map_err(Box::<dyn std::error::Error>::from);
+    let save = |name: String, image: RgbImage| {
+        std::fs::write(folder.join(name), image.encode(Encoding::Png)?).map_err(Box::<dyn std::error::Error>::from)
+    };
     let (scene, world) = (street::scene(), street::world());
     let rig = street::ego().world_from_rig(0.0);
     let low = Appearance { sun_elevation_rad: 0.35, sun_azimuth_rad: 2.4, palette_seed: 3, ..Appearance::DAY };

@@ -27,7 +27,11 @@ impl DistanceGrid {
         let high = path().reduce(DVec2::max)? + reach_m;
         let extent = high - low;
         let cell_m = (extent.x * extent.y / MOST_CELLS).sqrt().max(1.0);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive and bounded by MOST_CELLS")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "positive and bounded by MOST_CELLS"
+        )]
         let count = |length: f64| (length / cell_m).ceil() as usize + 1;
         let (columns, rows) = (count(extent.x), count(extent.y));
         let mut grid = Self { low, cell_m, columns, rows, thirds: vec![u32::MAX / 2; columns * rows] };

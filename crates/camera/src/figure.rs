@@ -130,7 +130,11 @@ pub(crate) fn cone(agent: &AgentState, facets: &mut Vec<Facet>) {
     builder.cone(DVec3::Z * (0.05 * h), 0.8 * wide, 0.95 * h, thing([240, 92, 20]));
     let (low, high) = (0.42 * h, 0.66 * h);
     let half = |z: f64| 0.8 * wide * (1.0 - (z - 0.05 * h) / (0.95 * h)) + 0.012;
-    builder.frustum(Slab::new(low, -half(low), half(low), half(low)), Slab::new(high, -half(high), half(high), half(high)), &Skin::all(thing([238, 238, 234])));
+    builder.frustum(
+        Slab::new(low, -half(low), half(low), half(low)),
+        Slab::new(high, -half(high), half(high), half(high)),
+        &Skin::all(thing([238, 238, 234])),
+    );
 }
 
 /// Adds a barrier: red and white boards on feet.
@@ -143,7 +147,13 @@ pub(crate) fn barrier(agent: &AgentState, facets: &mut Vec<Facet>) {
         let surface = if i % 2 == 0 { thing([206, 44, 36]) } else { thing([236, 236, 232]) };
         let (from, to) = (f64::from(i) / f64::from(stripes) - 0.5, f64::from(i + 1) / f64::from(stripes) - 0.5);
         let slab = if w >= l {
-            Slab { z: 0.35 * h, back: -0.5 * l, front: 0.5 * l, left: 0.5 * (from + to) * w, half_width: 0.5 * (to - from) * w }
+            Slab {
+                z: 0.35 * h,
+                back: -0.5 * l,
+                front: 0.5 * l,
+                left: 0.5 * (from + to) * w,
+                half_width: 0.5 * (to - from) * w,
+            }
         } else {
             Slab::new(0.35 * h, from * l, to * l, 0.5 * w)
         };

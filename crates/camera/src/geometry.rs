@@ -40,7 +40,11 @@ impl Geometry {
     /// Prepares a scene, with or without houses and trees.
     pub(crate) fn new(scene: &Scene, palette_seed: u64, standing: Vec<Standing>) -> Self {
         let patches = ground::layers(&scene.map);
-        let heads = scene.map.traffic_lights.iter().map(|light| Head { light: light.clone(), facets: housing(light, &patches) });
+        let heads = scene
+            .map
+            .traffic_lights
+            .iter()
+            .map(|light| Head { light: light.clone(), facets: housing(light, &patches) });
         Self {
             heads: heads.collect(),
             patches,
@@ -63,7 +67,8 @@ impl Geometry {
                 view.paint(raster, &triangle.map(|corner| corner.extend(0.0)), patch.surface);
             }
         }
-        let mut fill = |facets: &[Facet]| facets.iter().for_each(|(corners, surface)| view.fill(raster, corners, *surface));
+        let mut fill =
+            |facets: &[Facet]| facets.iter().for_each(|(corners, surface)| view.fill(raster, corners, *surface));
         for standing in self.standing.iter().filter(|s| view.may_see(s.middle, s.radius_m, RANGE_M)) {
             fill(&standing.facets);
         }

@@ -130,7 +130,8 @@ fn bars(polygon: &[DVec2]) -> Vec<Triangle> {
     let mut cut = Vec::new();
     for triangle in shape::triangulate(polygon) {
         let places = reach(&triangle);
-        let (low, high) = (places.iter().copied().fold(f64::MAX, f64::min), places.iter().copied().fold(f64::MIN, f64::max));
+        let (low, high) =
+            (places.iter().copied().fold(f64::MAX, f64::min), places.iter().copied().fold(f64::MIN, f64::max));
         let mut from = (low / (2.0 * BAR_M)).floor() * 2.0 * BAR_M;
         while from < high && cut.len() < 4096 {
             let slab = between(&triangle, along, from, from + BAR_M);

@@ -43,18 +43,27 @@ impl Light {
         let warm = mix(Vec3::new(1.0, 0.95, 0.86), Vec3::new(1.0, 0.62, 0.34), low);
         let dark = |clear: Vec3, black: Vec3| mix(clear, black, night);
         let zenith = mix(Vec3::new(0.11, 0.26, 0.58), Vec3::new(0.46, 0.48, 0.52), cloud);
-        let horizon = mix(mix(Vec3::new(0.56, 0.69, 0.84), Vec3::new(0.82, 0.62, 0.45), 0.7 * low), Vec3::new(0.64, 0.66, 0.68), cloud);
+        let horizon = mix(
+            mix(Vec3::new(0.56, 0.69, 0.84), Vec3::new(0.82, 0.62, 0.45), 0.7 * low),
+            Vec3::new(0.64, 0.66, 0.68),
+            cloud,
+        );
         Self {
             sun_direction: Vec3::new(single(around.x), single(around.y), single(up)),
             sun: warm * (1.35 * day * (1.0 - 0.92 * cloud)),
-            ambient: dark(mix(Vec3::new(0.40, 0.47, 0.58), Vec3::new(0.74, 0.76, 0.79), cloud), Vec3::new(0.035, 0.038, 0.05)),
+            ambient: dark(
+                mix(Vec3::new(0.40, 0.47, 0.58), Vec3::new(0.74, 0.76, 0.79), cloud),
+                Vec3::new(0.035, 0.038, 0.05),
+            ),
             headlight: night,
             wetness: share(appearance.wetness),
             night,
             zenith: dark(zenith, Vec3::new(0.004, 0.005, 0.012)),
             horizon: dark(horizon, Vec3::new(0.030, 0.029, 0.034)),
             cloud,
-            haze_per_m: 0.0006 + 0.03 * share(appearance.haze) * share(appearance.haze) + 0.004 * share(appearance.haze),
+            haze_per_m: 0.0006
+                + 0.03 * share(appearance.haze) * share(appearance.haze)
+                + 0.004 * share(appearance.haze),
             seed,
         }
     }
@@ -77,7 +86,8 @@ impl Light {
         let mut light = mix(self.zenith, self.horizon, toward);
         if height > 0.015 {
             let (x, y) = (direction.x / (height + 0.12), direction.y / (height + 0.12));
-            let n = 0.6 * noise::smooth(1.6 * x, 1.6 * y, self.seed) + 0.4 * noise::smooth(4.3 * x, 4.3 * y, self.seed ^ 1);
+            let n =
+                0.6 * noise::smooth(1.6 * x, 1.6 * y, self.seed) + 0.4 * noise::smooth(4.3 * x, 4.3 * y, self.seed ^ 1);
             let cover = ((n - 0.72 + 0.5 * self.cloud) * 4.0).clamp(0.0, 1.0) * (height * 8.0).min(1.0);
             let cloud = mix(self.horizon, self.ambient, 0.35) * (1.0 + 0.25 * (1.0 - self.cloud));
             light = mix(light, cloud, 0.75 * cover);
@@ -89,7 +99,8 @@ impl Light {
     /// Returns the skyline at the horizon: far hills and woods, or `None` above them.
     pub(crate) fn skyline(&self, direction: Vec3) -> Option<Vec3> {
         let (x, y) = (direction.x, direction.y);
-        let ridge = 0.012 + 0.045 * noise::smooth(3.1 * x + 9.0, 3.1 * y, self.seed ^ 2)
+        let ridge = 0.012
+            + 0.045 * noise::smooth(3.1 * x + 9.0, 3.1 * y, self.seed ^ 2)
             + 0.016 * noise::smooth(17.0 * x, 17.0 * y, self.seed ^ 3);
         let wood = Vec3::new(0.10, 0.14, 0.11) * (self.ambient + 0.4 * self.sun);
         (direction.z < ridge).then(|| mix(wood, self.horizon, 0.55 + 0.4 * (1.0 - (-40.0 * self.haze_per_m).exp())))

@@ -76,7 +76,12 @@ impl ReferenceCamera {
 
     /// Returns what each pixel belongs to, rows top to bottom.
     #[must_use]
-    pub fn classes(&self, world: &WorldState, camera: &CameraModel, world_from_rig: Pose<World, Rig>) -> Vec<PixelClass> {
+    pub fn classes(
+        &self,
+        world: &WorldState,
+        camera: &CameraModel,
+        world_from_rig: Pose<World, Rig>,
+    ) -> Vec<PixelClass> {
         let lens = Lens::new(&camera.intrinsics);
         let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
         let raster = surfaces(&self.geometry, world, &view, false);
@@ -126,7 +131,12 @@ impl ReferenceCamera {
                 paint(triangles, SUN_SHADOW);
             }
             for agent in agents() {
-                let cast = shadow(&agent.corners(), agent.z_m, agent.z_m + 0.92 * agent.size.height_m, self.light.shadow_per_m());
+                let cast = shadow(
+                    &agent.corners(),
+                    agent.z_m,
+                    agent.z_m + 0.92 * agent.size.height_m,
+                    self.light.shadow_per_m(),
+                );
                 if let Some((_, _, triangles)) = cast {
                     paint(&triangles, SUN_SHADOW);
                 }
@@ -195,9 +205,8 @@ impl<'a> Exposure<'a> {
         let width = self.raster.width();
         let first = rows.start * width + columns.start;
         let (surface, shadow) = (self.raster.values()[first], self.shadows[first]);
-        rows.flat_map(|y| columns.clone().map(move |x| y * width + x)).all(|i| {
-            self.raster.values()[i] == surface && (!surface.material.is_ground() || self.shadows[i] == shadow)
-        })
+        rows.flat_map(|y| columns.clone().map(move |x| y * width + x))
+            .all(|i| self.raster.values()[i] == surface && (!surface.material.is_ground() || self.shadows[i] == shadow))
     }
 
     /// Shades the sample of a pixel, at `offset` from the pixel's top left corner.

@@ -40,9 +40,7 @@ impl Shader<'_> {
     pub(crate) fn shade(&self, point: &Point) -> Vec3 {
         let surface = point.surface;
         match surface.material {
-            Material::Sky => {
-                self.light.skyline(point.direction).unwrap_or_else(|| self.light.sky(point.direction))
-            }
+            Material::Sky => self.light.skyline(point.direction).unwrap_or_else(|| self.light.sky(point.direction)),
             material if material.is_ground() => self.light.hazed(self.ground(point), point.distance_m),
             _ => self.light.hazed(self.solid(point), point.distance_m),
         }
@@ -87,15 +85,23 @@ impl Shader<'_> {
         let facing = (-point.direction.dot(normal)).abs().min(1.0);
         match surface.material {
             Material::Lamp => base * 1.4,
-            Material::Gloss => self.lit(base, normal, point) + self.mirrored(point, normal, 0.04 + 0.3 * (1.0 - facing).powi(3)),
-            Material::Glass => self.lit(base, normal, point) * 0.5 + self.mirrored(point, normal, 0.10 + 0.6 * (1.0 - facing).powi(3)),
+            Material::Gloss => {
+                self.lit(base, normal, point) + self.mirrored(point, normal, 0.04 + 0.3 * (1.0 - facing).powi(3))
+            }
+            Material::Glass => {
+                self.lit(base, normal, point) * 0.5 + self.mirrored(point, normal, 0.10 + 0.6 * (1.0 - facing).powi(3))
+            }
             Material::Foliage => self.lit(texture::foliage(base, point.position, grain_m, self.seed), normal, point),
             Material::Facade if normal.z < 0.5 => {
                 let along = point.position.dot(Vec3::new(-normal.y, normal.x, 0.0));
                 match texture::facade(base, along, point.position.z, grain_m, self.seed) {
                     Front::Wall(albedo) => self.lit(albedo, normal, point),
-                    Front::Window { lit } if lit && self.light.night > 0.3 => Vec3::new(0.62, 0.46, 0.2) * self.light.night,
-                    Front::Window { .. } => self.lit(linear([44, 52, 60]), normal, point) + self.mirrored(point, normal, 0.16),
+                    Front::Window { lit } if lit && self.light.night > 0.3 => {
+                        Vec3::new(0.62, 0.46, 0.2) * self.light.night
+                    }
+                    Front::Window { .. } => {
+                        self.lit(linear([44, 52, 60]), normal, point) + self.mirrored(point, normal, 0.16)
+                    }
                 }
             }
             _ => self.lit(base, normal, point),

@@ -167,5 +167,6 @@ impl<'a> Builder<'a> {
 
 fn octagon() -> [DVec2; 8] {
     const C: f64 = std::f64::consts::FRAC_1_SQRT_2;
-    [(1.0, 0.0), (C, C), (0.0, 1.0), (-C, C), (-1.0, 0.0), (-C, -C), (0.0, -1.0), (C, -C)].map(|(x, y)| DVec2::new(x, y))
+    [(1.0, 0.0), (C, C), (0.0, 1.0), (-C, C), (-1.0, 0.0), (-C, -C), (0.0, -1.0), (C, -C)]
+        .map(|(x, y)| DVec2::new(x, y))
 }

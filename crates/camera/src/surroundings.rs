@@ -103,7 +103,11 @@ fn house(grid: &DistanceGrid, at: DVec2, draws: &Draws) -> Option<Standing> {
     let height = 3.0 * storeys as f64 + draws.range(6, 0.6, 1.4);
     let wall = varied(pick(draws, 7, &WALLS), draws, 8);
     let facade = Surface::solid(Material::Facade, PixelClass::Other, wall);
-    let roof = Surface::solid(Material::Matte, PixelClass::Other, pick(draws, 9, &[[120, 62, 48], [84, 80, 78], [104, 96, 90]]));
+    let roof = Surface::solid(
+        Material::Matte,
+        PixelClass::Other,
+        pick(draws, 9, &[[120, 62, 48], [84, 80, 78], [104, 96, 90]]),
+    );
     let mut facets = Vec::new();
     let mut builder = Builder::new(pose, 0.0, &mut facets);
     let base = Slab::new(0.0, -deep, deep, wide);

@@ -67,7 +67,9 @@ pub(crate) fn paving(albedo: Vec3, p: Vec2, grain_m: f32, seed: u32) -> Vec3 {
     let slab = left(size, grain_m);
     let (u, v) = (p.x / size - cx as f32, p.y / size - cy as f32);
     let joint = if u < 0.05 || v < 0.05 { 0.25 * left(0.5, grain_m) } else { 0.0 };
-    albedo * (1.0 + 0.16 * slab * (cell(cx, cy, seed ^ 31) - 0.5) + 0.2 * (smooth(p.x / 6.0, p.y / 6.0, seed ^ 32) - 0.5) - joint)
+    albedo
+        * (1.0 + 0.16 * slab * (cell(cx, cy, seed ^ 31) - 0.5) + 0.2 * (smooth(p.x / 6.0, p.y / 6.0, seed ^ 32) - 0.5)
+            - joint)
 }
 
 /// Grass with dry patches.
@@ -106,7 +108,8 @@ pub(crate) fn facade(albedo: Vec3, u: f32, z: f32, grain_m: f32, seed: u32) -> F
     let (column, storey) = (lattice(u / 2.6), lattice(z / 3.0));
     let (a, b) = (u / 2.6 - column as f32, z / 3.0 - storey as f32);
     let shop = storey == 0 && cell(lattice(u / 9.0), 7, seed ^ 61) < 0.4;
-    let inside = if shop { a > 0.06 && a < 0.94 && b > 0.12 && b < 0.8 } else { a > 0.28 && a < 0.74 && b > 0.32 && b < 0.8 };
+    let inside =
+        if shop { a > 0.06 && a < 0.94 && b > 0.12 && b < 0.8 } else { a > 0.28 && a < 0.74 && b > 0.32 && b < 0.8 };
     if inside && grain_m < 1.6 {
         return Front::Window { lit: cell(column, storey, seed ^ 62) < 0.45 };
     }

@@ -62,7 +62,11 @@ pub(crate) fn add(agent: &AgentState, paint: &Draws, lamps: Lamps, facets: &mut 
     let mut builder = Builder::new(agent.pose, agent.z_m, facets);
     let (l, w, h) = (size.length_m, size.width_m, size.height_m);
     if h >= 2.5 || l >= 6.8 {
-        if paint.uniform(1) < 0.35 { bus(&mut builder, &livery, [l, w, h]) } else { truck(&mut builder, &livery, [l, w, h]) }
+        if paint.uniform(1) < 0.35 {
+            bus(&mut builder, &livery, [l, w, h])
+        } else {
+            truck(&mut builder, &livery, [l, w, h])
+        }
     } else {
         car(&mut builder, &livery, [l, w, h]);
     }
@@ -77,11 +81,7 @@ fn car(builder: &mut Builder, livery: &Livery, [l, w, h]: [f64; 3]) {
     let side = 0.5 * w;
     let body = Skin::all(livery.body);
     builder.frustum(Slab::new(sill, r, f, side), Slab::new(0.42 * h, r, f, side), &body);
-    builder.frustum(
-        Slab::new(0.42 * h, r, f, side),
-        Slab::new(belt, r + 0.02 * l, f - 0.05 * l, 0.94 * side),
-        &body,
-    );
+    builder.frustum(Slab::new(0.42 * h, r, f, side), Slab::new(belt, r + 0.02 * l, f - 0.05 * l, 0.94 * side), &body);
     let (rear_foot, front_foot) = if boxy { (r + 0.02 * l, f - 0.2 * l) } else { (r + 0.1 * l, f - 0.26 * l) };
     let (rear_roof, front_roof) = if boxy { (r + 0.07 * l, f - 0.34 * l) } else { (r + 0.23 * l, f - 0.43 * l) };
     let glass = Skin { top: livery.body, ..Skin::all(livery.glass) };
@@ -109,7 +109,11 @@ fn truck(builder: &mut Builder, livery: &Livery, [l, w, h]: [f64; 3]) {
     let load = part(Material::Matte, [214, 214, 208]);
     builder.block(Slab::new(0.28 * h, r, cab - 0.15, side), 0.72 * h, load);
     let top = 0.86 * h;
-    builder.frustum(Slab::new(0.16 * h, cab, f, 0.97 * side), Slab::new(top, cab, f - 0.12, 0.94 * side), &Skin::all(livery.body));
+    builder.frustum(
+        Slab::new(0.16 * h, cab, f, 0.97 * side),
+        Slab::new(top, cab, f - 0.12, 0.94 * side),
+        &Skin::all(livery.body),
+    );
     let window = Skin { top: livery.body, ..Skin::all(livery.glass) };
     builder.frustum(
         Slab::new(0.52 * h, cab + 0.35, f - 0.035, 0.975 * side),
@@ -151,6 +155,11 @@ fn running_gear(builder: &mut Builder, livery: &Livery, [l, w, h]: [f64; 3]) {
     }
     for x in [r - 0.02, f + 0.02] {
         builder.plate_x(DVec3::new(x, 0.0, 0.21 * h.min(2.0)), 0.92 * side, 0.05 * h.min(2.0), livery.trim);
-        builder.plate_x(DVec3::new(1.004 * x, 0.0, 0.3 * h.min(2.0)), 0.27, 0.07, part(Material::Matte, [225, 225, 220]));
+        builder.plate_x(
+            DVec3::new(1.004 * x, 0.0, 0.3 * h.min(2.0)),
+            0.27,
+            0.07,
+            part(Material::Matte, [225, 225, 220]),
+        );
     }
 }

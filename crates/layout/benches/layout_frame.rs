@@ -33,9 +33,7 @@ fn main() {
                 continue;
             }
         };
-        for (name, map, world) in
-            [("street", street::map(), street::world()), ("city", city::map(), city::world())]
-        {
+        for (name, map, world) in [("street", street::map(), street::world()), ("city", city::map(), city::world())] {
             let start = now_ms(began);
             let map = StaticMap::new(&map);
             let prepared_ms = now_ms(began) - start;
@@ -53,7 +51,9 @@ fn main() {
                 times.sort_by(f64::total_cmp);
                 report += &format!(
                     "{}: {name} {width}×{height}: {:.2} ms median, {:.2} ms least (map prepared in {prepared_ms:.1} ms)\n",
-                    renderer.describe(), times[50], times[0],
+                    renderer.describe(),
+                    times[50],
+                    times[0],
                 );
             }
         }

@@ -94,9 +94,20 @@ impl Member {
         let (say, said) = mpsc::channel(256);
         let heard = millis();
         send(&say, pb::from_instance::Message::Hello(self.hello())).await?;
-        let stream = client.join(ReceiverStream::new(said)).await.map_err(|status| MemberError::Stream(Box::new(status)))?;
+        let stream =
+            client.join(ReceiverStream::new(said)).await.map_err(|status| MemberError::Stream(Box::new(status)))?;
         let (reports, reported) = mpsc::channel(256);
-        let session = Session { member: self, say, reports, holders: BTreeMap::new(), tasks: JoinSet::new(), sent: BTreeMap::new(), heard, work: BTreeMap::new(), beats: 0 };
+        let session = Session {
+            member: self,
+            say,
+            reports,
+            holders: BTreeMap::new(),
+            tasks: JoinSet::new(),
+            sent: BTreeMap::new(),
+            heard,
+            work: BTreeMap::new(),
+            beats: 0,
+        };
         session.run(stream.into_inner(), reported, drain).await
     }
 
@@ -285,6 +296,7 @@ impl Session<'_> {
         };
         self.holders.remove(&(episode.clone(), epoch));
         self.work.remove(&episode);
-        send(&self.say, pb::from_instance::Message::Released(pb::Released { episode: episode.to_string(), epoch })).await
+        send(&self.say, pb::from_instance::Message::Released(pb::Released { episode: episode.to_string(), epoch }))
+            .await
     }
 }

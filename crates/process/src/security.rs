@@ -35,7 +35,10 @@ impl SecuritySection {
     /// If it is one and `insecure` is not set.
     pub fn check_endpoint(&self, key: &str, endpoint: &str) -> Result<()> {
         ensure!(
-            self.insecure || endpoint.starts_with("tls/") || endpoint.starts_with("unixsock-stream/") || on_loopback(endpoint),
+            self.insecure
+                || endpoint.starts_with("tls/")
+                || endpoint.starts_with("unixsock-stream/")
+                || on_loopback(endpoint),
             "setting \"{key}\" is {endpoint:?}: beyond loopback only as \"tls/…\" with certificates (see `dreamstream \
              certs`), or with \"security.insecure = true\""
         );
@@ -219,9 +222,12 @@ mod tests {
             assert_eq!(plain.check_endpoint("bus.listen", endpoint).is_ok(), sound, "{endpoint}");
             assert!(insecure.check_endpoint("bus.listen", endpoint).is_ok(), "{endpoint}");
         }
-        for (address, sound) in
-            [("http://127.0.0.1:1", true), ("http://[::1]:1", true), ("http://host:1", false), ("https://host:1", false)]
-        {
+        for (address, sound) in [
+            ("http://127.0.0.1:1", true),
+            ("http://[::1]:1", true),
+            ("http://host:1", false),
+            ("https://host:1", false),
+        ] {
             assert_eq!(Dial::new(address, &plain).is_ok(), sound, "{address}");
         }
         assert!(plain.door("0.0.0.0:1".parse().expect("an address")).is_err());

@@ -118,8 +118,11 @@ pub async fn open_bus(section: &BusSection, security: &SecuritySection) -> Resul
 /// # Errors
 /// If the configured name is not an id.
 pub fn instance(section: &ProcessSection, service: &str) -> Result<InstanceId> {
-    let name =
-        if section.instance.is_empty() { format!("{service}-{}", std::process::id()) } else { section.instance.clone() };
+    let name = if section.instance.is_empty() {
+        format!("{service}-{}", std::process::id())
+    } else {
+        section.instance.clone()
+    };
     InstanceId::new(&name).context("setting \"process.instance\"")
 }
 

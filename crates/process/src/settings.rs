@@ -129,9 +129,7 @@ fn read(path: &Path) -> Result<toml::Table, SettingsError> {
         text.parse().map_err(|source| SettingsError::Syntax { path: path.to_path_buf(), source })?;
     match table.remove("version") {
         Some(toml::Value::Integer(VERSION)) => Ok(table),
-        other => {
-            Err(SettingsError::Version { path: path.to_path_buf(), found: other.map(|value| value.to_string()) })
-        }
+        other => Err(SettingsError::Version { path: path.to_path_buf(), found: other.map(|value| value.to_string()) }),
     }
 }
 

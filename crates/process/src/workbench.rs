@@ -90,7 +90,8 @@ fn carry_out(factory: &dyn MakerFactory, maker: &mut Option<Box<dyn Maker>>, job
 }
 
 fn guarded<T>(job: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
-    catch_unwind(AssertUnwindSafe(job)).unwrap_or_else(|panic| Err(Fault::deterministic("maker_panicked", says(&*panic))))
+    catch_unwind(AssertUnwindSafe(job))
+        .unwrap_or_else(|panic| Err(Fault::deterministic("maker_panicked", says(&*panic))))
 }
 
 fn says(panic: &(dyn Any + Send)) -> String {

@@ -74,8 +74,12 @@ impl RgbImage {
                 png::PngEncoder::new_with_quality(&mut bytes, png::CompressionType::Fast, png::FilterType::Sub)
                     .write_image(self.rgb(), w, h, ExtendedColorType::Rgb8)
             }
-            Encoding::Jpeg => jpeg::JpegEncoder::new_with_quality(&mut bytes, 90)
-                .write_image(self.rgb(), w, h, ExtendedColorType::Rgb8),
+            Encoding::Jpeg => jpeg::JpegEncoder::new_with_quality(&mut bytes, 90).write_image(
+                self.rgb(),
+                w,
+                h,
+                ExtendedColorType::Rgb8,
+            ),
         };
         written.map_err(ImageError::Encode)?;
         Ok(bytes)

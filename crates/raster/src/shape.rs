@@ -114,9 +114,7 @@ pub fn shifted(points: &[DVec2], left_m: f64) -> Vec<DVec2> {
 #[must_use]
 pub fn ribbon(points: &[DVec2], width_m: f64) -> Vec<Triangle> {
     let (left, right) = (shifted(points, 0.5 * width_m), shifted(points, -0.5 * width_m));
-    (1..points.len())
-        .flat_map(|i| [[right[i - 1], right[i], left[i]], [right[i - 1], left[i], left[i - 1]]])
-        .collect()
+    (1..points.len()).flat_map(|i| [[right[i - 1], right[i], left[i]], [right[i - 1], left[i], left[i - 1]]]).collect()
 }
 
 /// Returns the strip of a width along the outline of a polygon, rounded off by caps at its corners.

@@ -22,9 +22,10 @@ pub(crate) fn holds(polygon: &[DVec2], point: DVec2) -> bool {
 pub(crate) fn overlap(a: &[DVec2; 4], b: &[DVec2; 4]) -> bool {
     let apart = |axis: DVec2| {
         let span = |corners: &[DVec2; 4]| {
-            corners.iter().map(|corner| corner.dot(axis)).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| {
-                (low.min(at), high.max(at))
-            })
+            corners
+                .iter()
+                .map(|corner| corner.dot(axis))
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)))
         };
         let ((a_low, a_high), (b_low, b_high)) = (span(a), span(b));
         a_high < b_low || b_high < a_low
@@ -56,7 +57,8 @@ mod tests {
 
     #[test]
     fn a_polygon_holds_its_inside() {
-        let bent = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (2.0, 4.0), (2.0, 2.0), (0.0, 2.0)].map(|(x, y)| DVec2::new(x, y));
+        let bent =
+            [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (2.0, 4.0), (2.0, 2.0), (0.0, 2.0)].map(|(x, y)| DVec2::new(x, y));
         for (x, y, expected) in [(1.0, 1.0, true), (1.0, 3.0, false), (3.0, 3.0, true), (5.0, 1.0, false)] {
             assert_eq!(holds(&bent, DVec2::new(x, y)), expected);
         }

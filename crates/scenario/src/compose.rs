@@ -5,8 +5,8 @@ use ds_world::{AgentClass, Lane, LaneId, LaneKind, LightState, LineColour, LineK
 
 use crate::content::Mounting;
 use crate::document::{
-    CameraPart, ClassPart, ColourPart, Document, EgoPart, FORMAT, FRAME, LaneKindPart, LanePart, LightPart, LineKindPart,
-    LinePart, MapPart, OriginPart, Point, StatePart, StopPart, TrackPart, VERSION, VehiclePart,
+    CameraPart, ClassPart, ColourPart, Document, EgoPart, FORMAT, FRAME, LaneKindPart, LanePart, LightPart,
+    LineKindPart, LinePart, MapPart, OriginPart, Point, StatePart, StopPart, TrackPart, VERSION, VehiclePart,
 };
 
 fn pairs(points: &[DVec2]) -> Vec<Point> {

@@ -2,7 +2,7 @@
 //!
 //! Positions are kept to 1 mm, angles and rates to 1e-5, pixels to 1e-4, so that a saved scene and a loaded one are equal in every bit.
 
-use ds_space::{CameraModel, DQuat, DMat3, DVec2, DVec3, Digest, DigestWriter, Pose};
+use ds_space::{CameraModel, DMat3, DQuat, DVec2, DVec3, Digest, DigestWriter, Pose};
 use ds_world::{AgentClass, EgoState, LaneKind, LightState, LineColour, LineKind, Map, Scene, Track};
 
 /// Rounds to `steps_per_unit`; never gives a negative zero.

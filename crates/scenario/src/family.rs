@@ -109,7 +109,10 @@ impl FromStr for Family {
     type Err = UnknownFamily;
 
     fn from_str(name: &str) -> Result<Self, UnknownFamily> {
-        Self::ALL.into_iter().find(|family| family.name() == name).ok_or_else(|| UnknownFamily { name: name.to_owned() })
+        Self::ALL
+            .into_iter()
+            .find(|family| family.name() == name)
+            .ok_or_else(|| UnknownFamily { name: name.to_owned() })
     }
 }
 
@@ -194,7 +197,12 @@ pub fn tiny() -> Scene {
 ///
 /// # Errors
 /// [`ScenarioError`] if a file cannot be written.
-pub fn generate_set(family: Option<Family>, seed: u64, count: u32, out_dir: &FilePath) -> Result<Vec<PathBuf>, ScenarioError> {
+pub fn generate_set(
+    family: Option<Family>,
+    seed: u64,
+    count: u32,
+    out_dir: &FilePath,
+) -> Result<Vec<PathBuf>, ScenarioError> {
     let mut paths = Vec::new();
     for i in 0..u64::from(count) {
         let (family, seed) = match family {

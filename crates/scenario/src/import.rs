@@ -97,7 +97,11 @@ pub fn read(path: &Path) -> Result<(Scene, Vec<Warning>), ImportError> {
 ///
 /// # Errors
 /// [`ImportError`] only if the path itself cannot be read or holds no log.
-pub fn import_path(path: &Path, out_dir: &Path, progress: &mut dyn FnMut(&Imported)) -> Result<Vec<Imported>, ImportError> {
+pub fn import_path(
+    path: &Path,
+    out_dir: &Path,
+    progress: &mut dyn FnMut(&Imported),
+) -> Result<Vec<Imported>, ImportError> {
     let mut results = Vec::new();
     for log in logs(path)? {
         let outcome = read(&log).and_then(|(scene, warnings)| {

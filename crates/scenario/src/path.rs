@@ -135,7 +135,10 @@ impl Path {
             let offset = point - (a + direction * on);
             if offset.length_squared() < best.0 {
                 let side = if direction.perp_dot(point - a) < 0.0 { -1.0 } else { 1.0 };
-                best = (offset.length_squared(), Foot { station_m: self.stations_m[i] + on, left_m: side * offset.length() });
+                best = (
+                    offset.length_squared(),
+                    Foot { station_m: self.stations_m[i] + on, left_m: side * offset.length() },
+                );
             }
         }
         best.1
@@ -174,7 +177,10 @@ pub(crate) fn bend(from: PoseSe2, to: PoseSe2) -> Vec<DVec2> {
     let at = |i: usize| {
         let t = i as f64 / count as f64;
         let u = 1.0 - t;
-        controls[0] * (u * u * u) + controls[1] * (3.0 * u * u * t) + controls[2] * (3.0 * u * t * t) + controls[3] * (t * t * t)
+        controls[0] * (u * u * u)
+            + controls[1] * (3.0 * u * u * t)
+            + controls[2] * (3.0 * u * t * t)
+            + controls[3] * (t * t * t)
     };
     (0..=count).map(at).collect()
 }
@@ -220,7 +226,10 @@ mod tests {
         assert!((path.curvature_pm(middle) - 0.05).abs() < 1e-4);
         assert!((path.heading_rad(middle) - 135f64.to_radians()).abs() < 1e-3);
         let foot = path.nearest(DVec2::new(15.0, 15.0));
-        assert!((foot.station_m - middle).abs() < 0.05 && (foot.left_m + (450f64.sqrt() - 20.0)).abs() < 0.01, "{foot:?}");
+        assert!(
+            (foot.station_m - middle).abs() < 0.05 && (foot.left_m + (450f64.sqrt() - 20.0)).abs() < 0.01,
+            "{foot:?}"
+        );
     }
 
     #[test]

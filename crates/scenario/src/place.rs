@@ -53,12 +53,20 @@ impl<'a> Place<'a> {
 
     /// Checks that a number lies in low..=high (and so is finite).
     pub(crate) fn within(&self, value: f64, low: f64, high: f64) -> Result<f64, Fault> {
-        if value >= low && value <= high { Ok(value) } else { Err(self.fault(format!("is {value}, not within {low} to {high}"))) }
+        if value >= low && value <= high {
+            Ok(value)
+        } else {
+            Err(self.fault(format!("is {value}, not within {low} to {high}")))
+        }
     }
 
     /// Checks that a length is more than 0 and at most `high` metres.
     pub(crate) fn size(&self, value: f64, high: f64) -> Result<f64, Fault> {
-        if value > 0.0 && value <= high { Ok(value) } else { Err(self.fault(format!("is {value}, not above 0 and up to {high}"))) }
+        if value > 0.0 && value <= high {
+            Ok(value)
+        } else {
+            Err(self.fault(format!("is {value}, not above 0 and up to {high}")))
+        }
     }
 
     /// Checks the points of a line or outline.

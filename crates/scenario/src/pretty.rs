@@ -51,7 +51,11 @@ fn value(text: &str, close: &[usize], span: (usize, usize), out: (&mut String, u
     let bytes = text.as_bytes();
     let inner = &text[start..end];
     let container = matches!(bytes[start], b'{' | b'[');
-    let small = if bytes[start] == b'[' { !inner.contains('{') && !inner.starts_with("[[[") } else { inner.len() <= LINE_BYTES && !inner[1..].contains(['{', '[']) };
+    let small = if bytes[start] == b'[' {
+        !inner.contains('{') && !inner.starts_with("[[[")
+    } else {
+        inner.len() <= LINE_BYTES && !inner[1..].contains(['{', '['])
+    };
     if !container || small || end - start <= 2 {
         spaced(inner, out);
         return;

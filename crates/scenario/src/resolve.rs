@@ -55,7 +55,9 @@ pub(crate) fn scene(document: &Document) -> Result<Scene, Fault> {
         ego_log,
     };
     let length_m: f64 = scene.route.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
-    root.field("route_m").within(length_m, 0.1, FAR_M).map_err(|fault| Fault { problem: format!("its length {}", fault.problem), ..fault })?;
+    root.field("route_m")
+        .within(length_m, 0.1, FAR_M)
+        .map_err(|fault| Fault { problem: format!("its length {}", fault.problem), ..fault })?;
     seal(&mut scene);
     Ok(scene)
 }
@@ -73,7 +75,11 @@ fn vehicle(at: &Place<'_>, part: &VehiclePart) -> Result<VehicleParameters, Faul
     Ok(VehicleParameters {
         size: size(at, part.length_m, part.width_m, part.height_m)?,
         wheel_base_m: at.field("wheel_base_m").size(part.wheel_base_m, part.length_m)?,
-        rear_axle_to_centre_m: at.field("rear_axle_to_centre_m").within(part.rear_axle_to_centre_m, 0.0, 0.5 * part.length_m)?,
+        rear_axle_to_centre_m: at.field("rear_axle_to_centre_m").within(
+            part.rear_axle_to_centre_m,
+            0.0,
+            0.5 * part.length_m,
+        )?,
         max_steering_rad: at.field("max_steering_rad").size(part.max_steering_rad, 1.4)?,
         max_steering_rate_radps: at.field("max_steering_rate_radps").size(part.max_steering_rate_radps, 20.0)?,
         max_acceleration_mps2: at.field("max_acceleration_mps2").size(part.max_acceleration_mps2, 50.0)?,
@@ -112,7 +118,8 @@ fn camera(at: &Place<'_>, part: &CameraPart) -> Result<CameraModel, Fault> {
     let id = CameraId::new(&part.name).map_err(|error| at.field("name").fault(error.to_string()))?;
     let pixels = |name, value: u32| at.field(name).within(f64::from(value), 1.0, f64::from(MAX_PIXELS)).map(|_| value);
     let (width_px, height_px) = (pixels("width_px", part.width_px)?, pixels("height_px", part.height_px)?);
-    let focal = |name, value: f64, size: u32| at.field(name).within(value, 0.05 * f64::from(size), 100.0 * f64::from(size));
+    let focal =
+        |name, value: f64, size: u32| at.field(name).within(value, 0.05 * f64::from(size), 100.0 * f64::from(size));
     let centre = |name, value: f64, size: u32| at.field(name).within(value, -f64::from(size), 2.0 * f64::from(size));
     let intrinsics = Intrinsics {
         width_px,
@@ -172,7 +179,9 @@ fn ego(at: &Place<'_>, part: &EgoPart) -> Result<Vec<EgoState>, Fault> {
 
 fn tracks(at: &Place<'_>, parts: &[TrackPart], ticks: usize) -> Result<Vec<Track>, Fault> {
     if parts.len().saturating_mul(ticks) > MAX_STATES {
-        return Err(at.fault(format!("{} tracks of {ticks} ticks are over the limit of {MAX_STATES} states", parts.len())));
+        return Err(
+            at.fault(format!("{} tracks of {ticks} ticks are over the limit of {MAX_STATES} states", parts.len()))
+        );
     }
     let mut first_of = BTreeMap::new();
     let mut tracks = Vec::with_capacity(parts.len());

@@ -124,7 +124,8 @@ fn invalid(fault: Fault, path: &Path) -> ScenarioError {
 pub fn to_text(scene: &Scene, path: &Path) -> Result<String, ScenarioError> {
     let document = compose::document(scene);
     resolve::scene(&document).map_err(|fault| invalid(fault, path))?;
-    let compact = serde_json::to_string(&document).map_err(|error| ScenarioError::Write { path: path.to_owned(), source: error.into() })?;
+    let compact = serde_json::to_string(&document)
+        .map_err(|error| ScenarioError::Write { path: path.to_owned(), source: error.into() })?;
     Ok(pretty::lay_out(&compact))
 }
 
@@ -176,13 +177,15 @@ pub fn list(folder: &Path) -> Result<Vec<PathBuf>, ScenarioError> {
 /// Returns a summary of a scene in a few lines.
 #[must_use]
 pub fn describe(scene: &Scene) -> String {
-    let driven_m: f64 = scene.ego_log.windows(2).map(|pair| pair[0].pose.position.distance(pair[1].pose.position)).sum();
+    let driven_m: f64 =
+        scene.ego_log.windows(2).map(|pair| pair[0].pose.position.distance(pair[1].pose.position)).sum();
     let top_mps = scene.ego_log.iter().map(|state| state.speed_mps()).fold(0.0, f64::max);
     let mut classes: BTreeMap<_, usize> = BTreeMap::new();
     for track in &scene.tracks {
         *classes.entry(track.class).or_default() += 1;
     }
-    let classes: Vec<String> = classes.iter().map(|(class, count)| format!("{count} {}", format!("{class:?}").to_lowercase())).collect();
+    let classes: Vec<String> =
+        classes.iter().map(|(class, count)| format!("{count} {}", format!("{class:?}").to_lowercase())).collect();
     let map = &scene.map;
     let connectors = map.lanes.iter().filter(|lane| lane.kind == LaneKind::Connector).count();
     let cameras: Vec<String> = scene
@@ -229,10 +232,14 @@ pub(crate) fn warnings(scene: &Scene) -> Vec<Warning> {
         warn("map.lanes", "is empty; layouts will show no road".to_owned());
     }
     let start = scene.ego_log[0].pose.position;
-    if let Some(off_m) = path::Path::new(&scene.route).map(|route| route.nearest(start).left_m.abs()).filter(|off_m| *off_m > 3.0) {
+    if let Some(off_m) =
+        path::Path::new(&scene.route).map(|route| route.nearest(start).left_m.abs()).filter(|off_m| *off_m > 3.0)
+    {
         warn("route_m", format!("passes {off_m:.2} m beside the start of the log"));
     }
-    let outside = |state: &&ds_world::EgoState| !scene.map.drivable.iter().any(|polygon| area::holds(polygon, state.pose.position));
+    let outside = |state: &&ds_world::EgoState| {
+        !scene.map.drivable.iter().any(|polygon| area::holds(polygon, state.pose.position))
+    };
     let count = scene.ego_log.iter().filter(outside).count();
     if count > 0 {
         warn("ego_log", format!("the rear axle is off the drivable area at {count} of {} ticks", scene.ego_log.len()));
@@ -241,7 +248,10 @@ pub(crate) fn warnings(scene: &Scene) -> Vec<Warning> {
         let moved_mps = pair[0].pose.position.distance(pair[1].pose.position) / scene.dt.secs();
         let said_mps = 0.5 * (pair[0].velocity_mps.length() + pair[1].velocity_mps.length());
         if (moved_mps - said_mps).abs() > 1.5 + 0.3 * said_mps {
-            warn(&format!("ego_log.x_m[{}]", tick + 1), format!("moves at {moved_mps:.2} m/s, its speed says {said_mps:.2} m/s"));
+            warn(
+                &format!("ego_log.x_m[{}]", tick + 1),
+                format!("moves at {moved_mps:.2} m/s, its speed says {said_mps:.2} m/s"),
+            );
             break;
         }
     }

@@ -5,9 +5,9 @@
 
 use std::sync::Arc;
 
+use ds_nn::Array;
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::step::{self, DecoderBatch};
-use ds_nn::Array;
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::{ModelConfig, Rollout, VideoModel, pixels};
 

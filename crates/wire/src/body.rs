@@ -2,9 +2,7 @@
 
 use bytes::Bytes;
 use ds_space::{Digest, DigestWriter};
-use ds_topic::{
-    Advance, Cache, Ego, Envelope, Event, Frame, Layout, Plan, SceneMessage, Score, Topic, World,
-};
+use ds_topic::{Advance, Cache, Ego, Envelope, Event, Frame, Layout, Plan, SceneMessage, Score, Topic, World};
 use prost::Message;
 
 use crate::error::{FieldError, WireError};

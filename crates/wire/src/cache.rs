@@ -29,7 +29,10 @@ impl TryFrom<v1::Tensor> for Tensor {
         // No axes and no values is the empty tensor; otherwise the extents give the count.
         let count = if shape.is_empty() { 0 } else { product(&shape)? };
         if count != values.len() {
-            return Err(FieldError::new("values", format!("has {} elements, shape {shape:?} needs {count}", values.len())));
+            return Err(FieldError::new(
+                "values",
+                format!("has {} elements, shape {shape:?} needs {count}", values.len()),
+            ));
         }
         if let Some((index, value)) = values.iter().enumerate().find(|(_, value)| !value.is_finite()) {
             return Err(FieldError::new("", format!("is {value}")).within("values", index));

@@ -17,7 +17,9 @@ pub fn role(role: ds_topic::Role) -> i32 {
 /// Returns the observation source of a wire value, if it names one.
 #[must_use]
 pub fn observation_of(value: i32) -> Option<ds_topic::ObservationSource> {
-    crate::v1::ObservationSource::try_from(value).ok().and_then(|source| ds_topic::ObservationSource::try_from(source).ok())
+    crate::v1::ObservationSource::try_from(value)
+        .ok()
+        .and_then(|source| ds_topic::ObservationSource::try_from(source).ok())
 }
 
 /// Returns the agent mode of a wire value, if it names one.

@@ -35,7 +35,12 @@ pub(crate) fn perhaps(field: &str, value: Option<f64>) -> Result<Option<f64>, Fi
 }
 
 /// Takes a whole number within bounds.
-pub(crate) fn whole<N: PartialOrd + std::fmt::Display>(field: &str, value: N, least: N, most: N) -> Result<N, FieldError> {
+pub(crate) fn whole<N: PartialOrd + std::fmt::Display>(
+    field: &str,
+    value: N,
+    least: N,
+    most: N,
+) -> Result<N, FieldError> {
     if value < least || value > most {
         return Err(FieldError::new(field, format!("is {value}, must be {least} to {most}")));
     }
@@ -102,9 +107,8 @@ where
     if values.len() > most {
         return Err(FieldError::new(field, format!("has {} elements, the limit is {most}", values.len())));
     }
-    let convert = |(index, value): (usize, &i32)| {
-        choice::<W, T>("", *value).map_err(|error| error.within(field, index))
-    };
+    let convert =
+        |(index, value): (usize, &i32)| choice::<W, T>("", *value).map_err(|error| error.within(field, index));
     values.iter().enumerate().map(convert).collect()
 }
 

@@ -102,8 +102,12 @@ where
 impl<To: ds_space::Frame, From: ds_space::Frame> TryFrom<v1::Pose3> for Pose<To, From> {
     type Error = FieldError;
     fn try_from(message: v1::Pose3) -> Result<Self, FieldError> {
-        let components =
-            [number("qx", message.qx)?, number("qy", message.qy)?, number("qz", message.qz)?, number("qw", message.qw)?];
+        let components = [
+            number("qx", message.qx)?,
+            number("qy", message.qy)?,
+            number("qz", message.qz)?,
+            number("qw", message.qw)?,
+        ];
         Ok(Self::new(rotation("qw", components)?, part("translation_m", message.translation_m)?))
     }
 }

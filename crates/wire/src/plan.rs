@@ -13,10 +13,8 @@ pub const MAX_PROPOSALS: usize = 1_024;
 
 impl From<&Trajectory> for v1::Trajectory {
     fn from(value: &Trajectory) -> Self {
-        let pose = |point: &TrajectoryPoint| v1::TrajectoryPoint {
-            after_ns: point.after.0,
-            pose: Some((&point.pose).into()),
-        };
+        let pose =
+            |point: &TrajectoryPoint| v1::TrajectoryPoint { after_ns: point.after.0, pose: Some((&point.pose).into()) };
         Self { poses: value.points().iter().map(pose).collect() }
     }
 }

@@ -319,7 +319,10 @@ fn observation(message: p1::Observation) -> Result<Observation, FieldError> {
     let images = message.cameras.iter().flat_map(|view| &view.images);
     let total: u64 = images.clone().map(|image| u64::from(image.width_px) * u64::from(image.height_px)).sum();
     if total > 4 * crate::image::MAX_PIXELS {
-        return Err(FieldError::new("cameras", format!("hold {total} pixels, the limit is {}", 4 * crate::image::MAX_PIXELS)));
+        return Err(FieldError::new(
+            "cameras",
+            format!("hold {total} pixels, the limit is {}", 4 * crate::image::MAX_PIXELS),
+        ));
     }
     let encoding = images.clone().next().map(encoding_of).transpose()?.unwrap_or_default();
     Ok(Observation {
@@ -343,8 +346,7 @@ impl TryFrom<p1::PlanPose> for TrajectoryPoint {
 }
 
 fn poses(trajectory: &ds_world::Trajectory) -> Vec<p1::PlanPose> {
-    let pose =
-        |point: &TrajectoryPoint| p1::PlanPose { after_ns: point.after.0, pose: Some((&point.pose).into()) };
+    let pose = |point: &TrajectoryPoint| p1::PlanPose { after_ns: point.after.0, pose: Some((&point.pose).into()) };
     trajectory.points().iter().map(pose).collect()
 }
 
@@ -364,10 +366,8 @@ const PLAN_LIMITS: &[Limit] = &[
 
 impl PolicyMessage for PolicyPlan {
     fn to_bytes(&self) -> Bytes {
-        let proposal = |proposal: &Proposal| p1::PlanProposal {
-            poses: poses(&proposal.trajectory),
-            score: Some(proposal.score),
-        };
+        let proposal =
+            |proposal: &Proposal| p1::PlanProposal { poses: poses(&proposal.trajectory), score: Some(proposal.score) };
         let message = p1::PolicyPlan {
             for_sequence: self.for_sequence,
             poses: poses(&self.plan.trajectory),

@@ -4,9 +4,7 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use ds_raster::{Encoding, RgbImage};
-use ds_space::{
-    AgentId, CameraId, CameraModel, DVec2, DVec3, Digest, EpisodeId, Intrinsics, PoseSe2, SimTime, Tick,
-};
+use ds_space::{AgentId, CameraId, CameraModel, DVec2, DVec3, Digest, EpisodeId, Intrinsics, PoseSe2, SimTime, Tick};
 use ds_topic::body::Tensor;
 use ds_topic::{
     Advance, AgentMode, Cache, Ego, EpisodeSpec, Event, EventKind, Frame, Layout, Motion, ObservationSource, Plan,
@@ -406,6 +404,8 @@ fn a_guest_can_not_hurt_the_bridge() {
         let error = PolicyPlan::from_bytes(bytes).expect_err("refused").to_string();
         assert!(error.starts_with("plan"), "{error:?}");
     }
-    assert!(PolicyHello::from_bytes(&[0x08, 0x02]).expect_err("another version").to_string().contains("ready.version is 2"));
+    assert!(
+        PolicyHello::from_bytes(&[0x08, 0x02]).expect_err("another version").to_string().contains("ready.version is 2")
+    );
     assert!(Observation::from_bytes(&[0x1a; 64]).is_err());
 }

@@ -12,7 +12,10 @@ pub mod trajectory;
 
 pub use agent::{AgentClass, AgentState, Size, Track, TrackPoint};
 pub use ego::{EgoState, RouteCommand, VehicleParameters};
-pub use map::{Crosswalk, Lane, LaneId, LaneKind, LightState, LineColour, LineKind, LineMarking, Map, Polygon, RoadEdge, StopLine, TrafficLight};
+pub use map::{
+    Crosswalk, Lane, LaneId, LaneKind, LightState, LineColour, LineKind, LineMarking, Map, Polygon, RoadEdge, StopLine,
+    TrafficLight,
+};
 pub use polyline::{Polyline, Projection};
 pub use scene::{Family, Origin, Scene};
 pub use state::{Contact, ContactKind, WorldState};

@@ -138,7 +138,9 @@ mod tests {
 
     #[test]
     fn points_along_a_corner() {
-        for (along_m, x, y) in [(-3.0, 0.0, 0.0), (4.0, 4.0, 0.0), (10.0, 10.0, 0.0), (12.0, 10.0, 2.0), (99.0, 10.0, 5.0)] {
+        for (along_m, x, y) in
+            [(-3.0, 0.0, 0.0), (4.0, 4.0, 0.0), (10.0, 10.0, 0.0), (12.0, 10.0, 2.0), (99.0, 10.0, 5.0)]
+        {
             assert!((corner().at(along_m) - DVec2::new(x, y)).length() < 1e-12, "at {along_m}");
         }
         assert!((corner().length_m() - 15.0).abs() < 1e-12);
@@ -147,9 +149,12 @@ mod tests {
 
     #[test]
     fn projects_points_beside_and_beyond() {
-        for (x, y, along_m, lateral_m, distance_m) in
-            [(3.0, 2.0, 3.0, 2.0, 2.0), (3.0, -1.0, 3.0, -1.0, 1.0), (12.0, 4.0, 14.0, -2.0, 2.0), (10.0, 8.0, 15.0, 0.0, 3.0)]
-        {
+        for (x, y, along_m, lateral_m, distance_m) in [
+            (3.0, 2.0, 3.0, 2.0, 2.0),
+            (3.0, -1.0, 3.0, -1.0, 1.0),
+            (12.0, 4.0, 14.0, -2.0, 2.0),
+            (10.0, 8.0, 15.0, 0.0, 3.0),
+        ] {
             let got = corner().project(DVec2::new(x, y));
             assert!((got.along_m - along_m).abs() < 1e-12 && (got.lateral_m - lateral_m).abs() < 1e-12, "{got:?}");
             assert!((got.distance_m - distance_m).abs() < 1e-12, "{got:?}");

@@ -67,7 +67,11 @@ pub async fn start(plan: &FleetPlan, log: &str) -> Result<Fleet> {
     children.spawn("sim-server", "sim-server", &[&common[..], &[&slots]].concat())?;
     let probe = format!("layout.probe={}", plan.probe_adapter);
     children.spawn("layout-render", "layout-render", &[&common[..], &[&slots, &probe]].concat())?;
-    children.spawn("policy-bridge", "policy-bridge", &[&common[..], &[&slots, &weights, &policy_name, &policy_listen]].concat())?;
+    children.spawn(
+        "policy-bridge",
+        "policy-bridge",
+        &[&common[..], &[&slots, &weights, &policy_name, &policy_listen]].concat(),
+    )?;
     for index in 0..plan.workers {
         let name = format!("vdm-worker-{index}");
         children.spawn(&name, "vdm-worker", &[&common[..], &["process.slots=1", &model]].concat())?;
@@ -113,7 +117,8 @@ impl Children {
                     Ok(Some(status)) => status,
                     Err(error) => return anyhow::anyhow!("process {} cannot be watched: {error}", process.name),
                 };
-                if process.restarts == MAX_RESTARTS || status.code() == Some(i32::from(ds_process::service::EXIT_USAGE)) {
+                if process.restarts == MAX_RESTARTS || status.code() == Some(i32::from(ds_process::service::EXIT_USAGE))
+                {
                     return anyhow::anyhow!("process {} ended: {status}", process.name);
                 }
                 tracing::warn!(name = process.name, %status, "process died and is started again");

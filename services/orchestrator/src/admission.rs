@@ -149,7 +149,9 @@ impl Episode {
 fn aligned(spec: &EpisodeSpec) -> Result<(), String> {
     let (period, chunk) = (spec.replan_period, spec.chunk_ticks);
     if spec.alignment == ReplanAlignment::Exact && chunk > 0 && !period.is_multiple_of(chunk) {
-        return Err(format!("not_aligned: replan period {period} is no multiple of the video model's chunk of {chunk} ticks"));
+        return Err(format!(
+            "not_aligned: replan period {period} is no multiple of the video model's chunk of {chunk} ticks"
+        ));
     }
     Ok(())
 }
@@ -183,7 +185,8 @@ fn shares(work_secs: [f64; 4], journal_secs: f64, wall_secs: f64) -> BTreeMap<St
     let [sim, layout, video, policy] = work_secs.map(|secs| secs / total);
     let other = journal_secs / total;
     let bus = 1.0 - (sim + layout + video + policy + other);
-    let named = [("sim", sim), ("layout", layout), ("video", video), ("policy", policy), ("other", other), ("bus", bus)];
+    let named =
+        [("sim", sim), ("layout", layout), ("video", video), ("policy", policy), ("other", other), ("bus", bus)];
     named.into_iter().map(|(name, share)| (name.to_owned(), share)).collect()
 }
 

@@ -182,7 +182,11 @@ impl Conductor {
         Event::Asked { query: self.next_query, slot }
     }
 
-    async fn handle(&mut self, event: Event, progress: &mpsc::Sender<Progress>) -> Result<Option<Ending>, ConductError> {
+    async fn handle(
+        &mut self,
+        event: Event,
+        progress: &mpsc::Sender<Progress>,
+    ) -> Result<Option<Ending>, ConductError> {
         while self.tasks.try_join_next().is_some() {}
         let mut events = VecDeque::from([event]);
         while let Some(event) = events.pop_front() {

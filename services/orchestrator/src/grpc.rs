@@ -42,9 +42,8 @@ impl pb::runs_server::Runs for RunsService {
         }
         let id = run_id(&request.client_id);
         let (run, folder) = (id.clone(), self.folder.clone());
-        let checked = tokio::task::spawn_blocking(move || {
-            submission::jobs(&run, &request, &folder).map(|jobs| (request, jobs))
-        });
+        let checked =
+            tokio::task::spawn_blocking(move || submission::jobs(&run, &request, &folder).map(|jobs| (request, jobs)));
         let checked = checked.await.map_err(|error| Status::internal(error.to_string()))?;
         let (request, jobs) = checked.map_err(|error| Status::invalid_argument(chain(&error)))?;
         let stored = pb::encode_message(&request);

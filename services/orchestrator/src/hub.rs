@@ -65,7 +65,11 @@ fn now() -> Millis {
 }
 
 impl Hub {
-    pub(crate) fn open(ledger: LedgerFile, settings: FleetSettings, heartbeat_millis: u64) -> Result<Self, LedgerError> {
+    pub(crate) fn open(
+        ledger: LedgerFile,
+        settings: FleetSettings,
+        heartbeat_millis: u64,
+    ) -> Result<Self, LedgerError> {
         let lease_millis = settings.lease_ms;
         let fleet = Fleet::open(ledger, settings, now())?;
         Ok(Self { fleet: Mutex::new(fleet), lines: Mutex::default(), heartbeat_millis, lease_millis })
@@ -166,12 +170,8 @@ impl Hub {
             }
         }
         let holds = held.iter().map(|(episode, _, epoch)| pb::Ready { episode: episode.to_string(), epoch: *epoch });
-        let renew = pb::Renew {
-            term,
-            lease_millis: self.lease_millis,
-            progress: beat.progress,
-            holds: holds.collect(),
-        };
+        let renew =
+            pb::Renew { term, lease_millis: self.lease_millis, progress: beat.progress, holds: holds.collect() };
         if let Some(connected) = lines.connected.get(instance) {
             let _gone = connected.line.try_send(order(pb::to_instance::Message::Renew(renew)));
         }
@@ -308,7 +308,9 @@ impl Hub {
         let mut abilities = Abilities::default();
         for hello in lines.connected.values().map(|connected| &connected.hello) {
             match pb::role_of(hello.role) {
-                Some(Role::Video) => abilities.video = digest(&hello.video_model).map(|model| (model, hello.chunk_ticks)),
+                Some(Role::Video) => {
+                    abilities.video = digest(&hello.video_model).map(|model| (model, hello.chunk_ticks))
+                }
                 Some(Role::Policy) => abilities.policy = digest(&hello.policy_model),
                 Some(Role::Sim | Role::Layout) | None => {}
             }

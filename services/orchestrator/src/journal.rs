@@ -122,8 +122,7 @@ impl Journal {
     /// Writes the completeness record and gives the file its final name.
     pub(crate) async fn finish(mut self, ending: &Ending) -> Result<Finished, JournalError> {
         let mut recorder = self.recorder.take().ok_or(JournalError::Lost)?;
-        let outcome =
-            Outcome { status: ending.status.name().to_owned(), reason: ending.reason.clone() };
+        let outcome = Outcome { status: ending.status.name().to_owned(), reason: ending.reason.clone() };
         let notes = std::mem::take(&mut self.notes);
         let finished = tokio::task::spawn_blocking(move || {
             recorder.append(&notes)?;

@@ -94,7 +94,9 @@ mod tests {
         let path = folder.path().join("ledger.redb");
         let mut ledger = LedgerFile::open(&path).expect("opens");
         assert_eq!(ledger.raise_term().expect("raised"), 1);
-        ledger.commit(1, &[("epoch/a".to_owned(), Some(vec![7])), ("other".to_owned(), Some(vec![1]))]).expect("term 1");
+        ledger
+            .commit(1, &[("epoch/a".to_owned(), Some(vec![7])), ("other".to_owned(), Some(vec![1]))])
+            .expect("term 1");
         assert!(LedgerFile::open(&path).is_err(), "a second process must be refused");
         drop(ledger);
         let mut ledger = LedgerFile::open(&path).expect("opens again");

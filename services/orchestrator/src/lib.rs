@@ -71,9 +71,11 @@ pub async fn run(settings: Settings, drain: Drain) -> Result<()> {
 /// If a setting, the ledger or the port is refused.
 pub async fn start(settings: Settings, bus: BusSession, drain: Drain) -> Result<Running> {
     settings.check()?;
-    let listen: SocketAddr = settings.control.listen.parse().with_context(|| {
-        format!("setting \"control.listen\" is {:?}, not an address", settings.control.listen)
-    })?;
+    let listen: SocketAddr = settings
+        .control
+        .listen
+        .parse()
+        .with_context(|| format!("setting \"control.listen\" is {:?}, not an address", settings.control.listen))?;
     let door = settings.security.door(listen)?;
     let folder = settings.journal.folder.clone();
     std::fs::create_dir_all(&folder).with_context(|| format!("folder {}", folder.display()))?;
@@ -128,10 +130,13 @@ async fn serve(
     limits: admission::Limits,
     drain: Drain,
 ) -> Result<Running> {
-    let incoming = TcpIncoming::bind(door.listen).map_err(|error| anyhow::anyhow!("{error}")).with_context(|| format!("listen on {}", door.listen))?;
+    let incoming = TcpIncoming::bind(door.listen)
+        .map_err(|error| anyhow::anyhow!("{error}"))
+        .with_context(|| format!("listen on {}", door.listen))?;
     let incoming = incoming.with_nodelay(Some(true));
     let address = incoming.local_addr().context("own address")?;
-    let runs = grpc::RunsService { registry: Arc::clone(&registry), folder: stand.folder.clone(), insecure: door.insecure };
+    let runs =
+        grpc::RunsService { registry: Arc::clone(&registry), folder: stand.folder.clone(), insecure: door.insecure };
     let runs = pb::runs_server::RunsServer::new(runs)
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);

@@ -88,8 +88,7 @@ impl Registry {
         if let Some(run) = runs.iter().find(|run| run.id == id) {
             return Ok((true, run.jobs.len()));
         }
-        let earlier: BTreeMap<String, Vec<u8>> =
-            self.hub.entries(&format!("{RESULT}{id}/"))?.into_iter().collect();
+        let earlier: BTreeMap<String, Vec<u8>> = self.hub.entries(&format!("{RESULT}{id}/"))?.into_iter().collect();
         let results = (0usize..).zip(&jobs).map(|(index, job)| {
             let stored = earlier.get(&key(&id, index)).and_then(|bytes| pb::decode_message(bytes).ok());
             stored.unwrap_or_else(|| queued(job))

@@ -65,7 +65,9 @@ pub fn jobs(run: &RunId, request: &pb::SubmitRequest, folder: &Path) -> Result<V
         return refuse("policies", policies.len(), "1 to 256 names");
     }
     let privileged = |name: &String| ds_policy::builtin::NAMES.contains(&(name.as_str(), true));
-    if settings.benchmark && let Some(name) = policies.iter().find(|name| privileged(name)) {
+    if settings.benchmark
+        && let Some(name) = policies.iter().find(|name| privileged(name))
+    {
         return refuse("policies", name, "privileged: it sees more than frames and is refused in a benchmark");
     }
     let observations = observations(request)?;
@@ -181,12 +183,7 @@ fn store(bytes: &[u8], folder: &Path) -> Result<PathBuf, SubmissionError> {
     Ok(path)
 }
 
-fn spec(
-    run: &RunId,
-    scene: &Scene,
-    arm: &Arm<'_>,
-    settings: &pb::RunSettings,
-) -> Result<EpisodeSpec, SubmissionError> {
+fn spec(run: &RunId, scene: &Scene, arm: &Arm<'_>, settings: &pb::RunSettings) -> Result<EpisodeSpec, SubmissionError> {
     let last = scene.last_tick().0;
     let ticks = if settings.ticks == 0 { last } else { settings.ticks.min(last) };
     let name = format!("{}.{}.{}.s{}", scene.name, arm.policy, arm.observation.name(), arm.seed);

@@ -35,12 +35,7 @@ impl OutsideBus {
     ///
     /// # Errors
     /// If the name is not one or the endpoint cannot be listened on.
-    pub async fn open(
-        policy: &str,
-        listen: &str,
-        tls: Option<TlsFiles>,
-        deadline: Duration,
-    ) -> anyhow::Result<Self> {
+    pub async fn open(policy: &str, listen: &str, tls: Option<TlsFiles>, deadline: Duration) -> anyhow::Result<Self> {
         let named = InstanceId::new(policy).context("name of the external policy")?;
         let settings = PolicyBusSettings { policy: named, listen: vec![listen.to_owned()], connect: Vec::new(), tls };
         let bus = PolicyBus::open(&settings).await.context("policy bus")?;
@@ -110,10 +105,13 @@ impl External {
     async fn greet(&mut self) -> Result<(), Fault> {
         let hello = FromBridge::Hello(self.hello.clone());
         let detail = format!("{:?} did not answer within {} s", self.outside.policy, CONNECT_WITHIN.as_secs());
-        let answered = tokio::time::timeout(CONNECT_WITHIN, self.until(&hello, |said| match said {
-            FromPolicy::Ready(ready) => Some(ready.name),
-            FromPolicy::Plan(_) | FromPolicy::Leave(_) => None,
-        }));
+        let answered = tokio::time::timeout(
+            CONNECT_WITHIN,
+            self.until(&hello, |said| match said {
+                FromPolicy::Ready(ready) => Some(ready.name),
+                FromPolicy::Plan(_) | FromPolicy::Leave(_) => None,
+            }),
+        );
         let name = answered.await.map_err(|_late| Fault::policy("policy_absent", detail))??;
         tracing::info!(policy = self.outside.policy, says = name, "policy connected");
         self.greeted = true;
@@ -125,10 +123,13 @@ impl External {
         let (sequence, shown) = (self.sequence, self.shown(observation, states));
         self.sequence += 1;
         let shown = FromBridge::Observation(Box::new(shown));
-        let answered = tokio::time::timeout(deadline, self.until(&shown, |said| match said {
-            FromPolicy::Plan(plan) if plan.for_sequence == sequence => Some(plan.plan),
-            FromPolicy::Plan(_) | FromPolicy::Ready(_) | FromPolicy::Leave(_) => None,
-        }));
+        let answered = tokio::time::timeout(
+            deadline,
+            self.until(&shown, |said| match said {
+                FromPolicy::Plan(plan) if plan.for_sequence == sequence => Some(plan.plan),
+                FromPolicy::Plan(_) | FromPolicy::Ready(_) | FromPolicy::Leave(_) => None,
+            }),
+        );
         let detail = format!("no plan for observation {sequence} within {} s", deadline.as_secs_f64());
         answered.await.map_err(|_late| Fault::policy("policy_deadline", detail))?
     }
@@ -157,9 +158,8 @@ impl External {
     /// Makes what the guest sees: no absolute pose, no absolute time, no names but the cameras'.
     fn shown(&mut self, observation: &Observation, states: &[EgoState]) -> outside::Observation {
         let now = observation.stamps.last().copied().unwrap_or_default();
-        let (start, began) = *self.start.get_or_insert_with(|| {
-            (states.last().map_or(PoseSe2::default(), |state| state.pose), now)
-        });
+        let (start, began) =
+            *self.start.get_or_insert_with(|| (states.last().map_or(PoseSe2::default(), |state| state.pose), now));
         let since = |time: SimTime| time - began;
         let cameras = observation.cameras.iter().zip(&observation.frames).map(|(camera, frames)| CameraView {
             camera: camera.clone(),

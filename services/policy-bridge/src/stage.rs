@@ -114,7 +114,10 @@ impl Maker for Hosting {
                 let ego = states.last().copied().unwrap_or_default();
                 let view = PrivilegedView { scene: Arc::clone(&self.scene.scene), tick: order.last, ego };
                 let privileged = policy.privileged().then_some(&view);
-                policy.plan(&observation, privileged).map(to_plan).map_err(|error| Fault::policy("policy_error", error))?
+                policy
+                    .plan(&observation, privileged)
+                    .map(to_plan)
+                    .map_err(|error| Fault::policy("policy_error", error))?
             }
             Guest::External(policy) => policy.plan(&observation, &states)?,
         };

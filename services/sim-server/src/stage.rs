@@ -53,7 +53,10 @@ struct Running {
 
 impl Running {
     fn outputs(&mut self, with_snapshot: bool) -> Result<[Output; 2], Fault> {
-        let simulation = self.simulation.as_ref().ok_or_else(|| Fault::deterministic("no_simulator", "an order came before the initial one"))?;
+        let simulation = self
+            .simulation
+            .as_ref()
+            .ok_or_else(|| Fault::deterministic("no_simulator", "an order came before the initial one"))?;
         let world = World {
             state: simulation.state().clone(),
             before: self.border,
@@ -74,7 +77,8 @@ impl Maker for Running {
         };
         let slot = Slot::new(Topic::World, before.0);
         let world: World = inputs.decode(slot)?;
-        let snapshot = world.snapshot.ok_or_else(|| Fault::deterministic("missing_input", format!("{slot} has no snapshot")))?;
+        let snapshot =
+            world.snapshot.ok_or_else(|| Fault::deterministic("missing_input", format!("{slot} has no snapshot")))?;
         let restored = Simulation::restore(Arc::clone(&self.scene.scene), self.config, &snapshot);
         self.simulation = Some(restored.map_err(|error| bad("snapshot_refused", &error))?);
         self.border = inputs.content(slot)?;
@@ -102,6 +106,8 @@ impl Maker for Running {
 
 impl Running {
     fn running(&mut self) -> Result<&mut Simulation, Fault> {
-        self.simulation.as_mut().ok_or_else(|| Fault::deterministic("no_simulator", "an order came before the initial one"))
+        self.simulation
+            .as_mut()
+            .ok_or_else(|| Fault::deterministic("no_simulator", "an order came before the initial one"))
     }
 }

@@ -28,7 +28,8 @@ impl Rendered {
     pub fn new(scene: Arc<SceneMessage>) -> Result<Self, Fault> {
         let source = match scene.spec.observation {
             ObservationSource::Reference => {
-                let appearance = Appearance::named(&scene.spec.appearance).map_err(|error| bad("bad_settings", &error))?;
+                let appearance =
+                    Appearance::named(&scene.spec.appearance).map_err(|error| bad("bad_settings", &error))?;
                 Source::Reference(Box::new(ReferenceCamera::new(&scene.scene, appearance)))
             }
             ObservationSource::SimRgb => Source::Plain(Box::new(PlainCamera::new(&scene.scene))),
@@ -40,9 +41,7 @@ impl Rendered {
     fn image(&self, inputs: &Inputs, tick: Tick, camera: (u16, &CameraModel)) -> Result<RgbImage, Fault> {
         let world = || inputs.decode::<World>(Slot::new(Topic::World, tick.0));
         match &self.source {
-            Source::Layout => {
-                Ok(inputs.decode::<Layout>(Slot::of_camera(Topic::Layout, tick.0, camera.0))?.image)
-            }
+            Source::Layout => Ok(inputs.decode::<Layout>(Slot::of_camera(Topic::Layout, tick.0, camera.0))?.image),
             Source::Reference(renderer) => {
                 let state = world()?.state;
                 Ok(renderer.render(&state, camera.1, state.ego.pose.world_from_rig(0.0)))

@@ -25,7 +25,9 @@ impl Rollouts {
 
     fn first_frame(&self, camera: usize) -> Result<&RgbImage, Fault> {
         let frames = &self.scene.first_frames;
-        frames.get(camera).ok_or_else(|| Fault::deterministic("missing_input", format!("no first frame of camera {camera}")))
+        frames
+            .get(camera)
+            .ok_or_else(|| Fault::deterministic("missing_input", format!("no first frame of camera {camera}")))
     }
 
     fn start(&mut self, inputs: &Inputs) -> Result<Vec<Output>, Fault> {
@@ -36,8 +38,7 @@ impl Rollouts {
             let first = self.first_frame(usize::from(index))?;
             let key = self.scene.spec.draw_key();
             let prompt = &self.scene.scene.prompt;
-            let started =
-                Rollout::new(Arc::clone(&self.model), key, camera.id.as_str(), prompt, first, &layout.image);
+            let started = Rollout::new(Arc::clone(&self.model), key, camera.id.as_str(), prompt, first, &layout.image);
             let (rollout, entry) = started.map_err(|error| bad("rollout_refused", &error))?;
             outputs.push(frame_output(Tick(0), index, rollout.first_frame().clone(), 0.0));
             outputs.push(cache_output(index, entry));

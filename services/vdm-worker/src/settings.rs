@@ -21,7 +21,12 @@ pub struct VideoSection {
 
 impl Default for VideoSection {
     fn default() -> Self {
-        Self { model: PathBuf::from("configs/models/cpu_train.toml"), weights: PathBuf::new(), devices: Vec::new(), share_device: false }
+        Self {
+            model: PathBuf::from("configs/models/cpu_train.toml"),
+            weights: PathBuf::new(),
+            devices: Vec::new(),
+            share_device: false,
+        }
     }
 }
 

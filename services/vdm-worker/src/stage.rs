@@ -70,7 +70,8 @@ impl MakerFactory for VideoStage {
 
     fn compute_class(&self) -> String {
         let wide = if avx512() { "avx512" } else { "baseline" };
-        let threads = std::env::var_os("RAYON_NUM_THREADS").map_or("all".to_owned(), |n| n.to_string_lossy().into_owned());
+        let threads =
+            std::env::var_os("RAYON_NUM_THREADS").map_or("all".to_owned(), |n| n.to_string_lossy().into_owned());
         format!("video {} {wide}, threads {threads}, model {}", std::env::consts::ARCH, self.abilities().video_model)
     }
 
@@ -93,11 +94,14 @@ impl MakerFactory for VideoStage {
             ObservationSource::Dreamstream => {
                 let model = self.model()?;
                 if model.digest() != scene.spec.video_model {
-                    return Err(Fault::infrastructure("other_model", format!(
-                        "the episode asks for video model {:?}, this worker has {:?}",
-                        scene.spec.video_model,
-                        model.digest()
-                    )));
+                    return Err(Fault::infrastructure(
+                        "other_model",
+                        format!(
+                            "the episode asks for video model {:?}, this worker has {:?}",
+                            scene.spec.video_model,
+                            model.digest()
+                        ),
+                    ));
                 }
                 Ok(Box::new(Rollouts::new(model, scene)))
             }

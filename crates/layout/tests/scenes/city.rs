@@ -4,7 +4,8 @@
 
 use ds_space::{AgentId, DVec2, PoseSe2, SimTime, Tick};
 use ds_world::{
-    AgentClass, AgentState, Crosswalk, EgoState, Lane, LaneKind, LineColour, LineKind, LineMarking, Map, Size, WorldState,
+    AgentClass, AgentState, Crosswalk, EgoState, Lane, LaneKind, LineColour, LineKind, LineMarking, Map, Size,
+    WorldState,
 };
 
 const BLOCK_M: f64 = 90.0;
@@ -58,7 +59,8 @@ fn add_block(map: &mut Map, street: i32, across: bool, from: f64) {
         map.line_markings.push(LineMarking { kind, colour, points: line(left) });
     }
     let corner = |along: f64, left: f64| on_street(street, across, from + along, left);
-    map.crosswalks.push(Crosswalk { polygon: vec![corner(9.0, -7.0), corner(12.0, -7.0), corner(12.0, 7.0), corner(9.0, 7.0)] });
+    map.crosswalks
+        .push(Crosswalk { polygon: vec![corner(9.0, -7.0), corner(12.0, -7.0), corner(12.0, 7.0), corner(9.0, 7.0)] });
 }
 
 /// Returns sixty vehicles and people along the ego's street.

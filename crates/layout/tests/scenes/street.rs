@@ -37,12 +37,23 @@ pub(crate) fn map() -> Map {
     let w = LANE_WIDTH_M;
     let mut lanes = Vec::new();
     for (from, to) in [(-60.0, 34.0), (50.0, 160.0)] {
-        lanes.push(lane("right", LaneKind::Road, points(&[(from, -0.5 * w), (to, -0.5 * w)]), rectangle(from, to, -w, 0.0)));
-        lanes.push(lane("left", LaneKind::Road, points(&[(to, 0.5 * w), (from, 0.5 * w)]), rectangle(from, to, 0.0, w)));
+        lanes.push(lane(
+            "right",
+            LaneKind::Road,
+            points(&[(from, -0.5 * w), (to, -0.5 * w)]),
+            rectangle(from, to, -w, 0.0),
+        ));
+        lanes.push(lane(
+            "left",
+            LaneKind::Road,
+            points(&[(to, 0.5 * w), (from, 0.5 * w)]),
+            rectangle(from, to, 0.0, w),
+        ));
     }
     let across = rectangle(34.0, 50.0, -60.0, 60.0);
     lanes.push(lane("through", LaneKind::Connector, points(&[(34.0, -0.5 * w), (50.0, -0.5 * w)]), vec![]));
-    let mut drivable: Vec<_> = lanes.iter().filter(|lane| !lane.polygon.is_empty()).map(|lane| lane.polygon.clone()).collect();
+    let mut drivable: Vec<_> =
+        lanes.iter().filter(|lane| !lane.polygon.is_empty()).map(|lane| lane.polygon.clone()).collect();
     drivable.push(across);
     drivable.push(rectangle(-60.0, 34.0, -w - 2.2, -w));
     let line = |kind, colour, points| LineMarking { kind, colour, points };
@@ -72,7 +83,13 @@ pub(crate) fn map() -> Map {
     }
 }
 
-fn agent(id: u32, class: AgentClass, [length_m, width_m, height_m]: [f64; 3], pose: PoseSe2, speed_mps: f64) -> AgentState {
+fn agent(
+    id: u32,
+    class: AgentClass,
+    [length_m, width_m, height_m]: [f64; 3],
+    pose: PoseSe2,
+    speed_mps: f64,
+) -> AgentState {
     let size = Size { length_m, width_m, height_m };
     AgentState { id: AgentId(id), class, size, pose, z_m: 0.0, velocity_mps: pose.forward() * speed_mps }
 }
@@ -117,7 +134,8 @@ pub(crate) fn camera(width_px: u32, height_px: u32) -> CameraModel {
 
 /// Returns the whole scene.
 pub(crate) fn scene() -> Scene {
-    let ego_log = (0..80).map(|i| EgoState { pose: PoseSe2::new(f64::from(i), -1.75, 0.0), ..EgoState::default() }).collect();
+    let ego_log =
+        (0..80).map(|i| EgoState { pose: PoseSe2::new(f64::from(i), -1.75, 0.0), ..EgoState::default() }).collect();
     Scene {
         name: "street".to_owned(),
         family: String::new(),

@@ -246,9 +246,8 @@ fn emphasis_moves_the_fit_to_where_it_lies() {
         }
         weights
     };
-    let left_error = |weights: &Weights| {
-        autoencoder(&shape, weights, &AeBatch { emphasis: halves(1.0, 0.0), ..ae().1 }).loss
-    };
+    let left_error =
+        |weights: &Weights| autoencoder(&shape, weights, &AeBatch { emphasis: halves(1.0, 0.0), ..ae().1 }).loss;
     assert!(left_error(&fit(halves(1.0, 0.0))) < left_error(&fit(halves(0.0, 1.0))));
     // Scaling all weights alike changes nothing but rounding.
     let loss = |factor: f32| {

@@ -17,7 +17,10 @@ pub(crate) const CLEARANCE_M: f64 = 0.25;
 
 /// Says what is wrong with an expert log or the traffic around it, if anything.
 pub(crate) fn fault(scene: &Scene) -> Option<String> {
-    limits(scene).or_else(|| leaves_road(scene)).or_else(|| touches(scene)).or_else(|| overlapping(scene).map(|(a, b)| format!("{a} overlaps {b}")))
+    limits(scene)
+        .or_else(|| leaves_road(scene))
+        .or_else(|| touches(scene))
+        .or_else(|| overlapping(scene).map(|(a, b)| format!("{a} overlaps {b}")))
 }
 
 fn limits(scene: &Scene) -> Option<String> {
@@ -36,7 +39,9 @@ fn limits(scene: &Scene) -> Option<String> {
         if !sound {
             let lateral = b.acceleration_mps2.y;
             let yaw_rate = b.yaw_rate_radps;
-            return Some(format!("tick {tick}: acceleration {acceleration}, lateral {lateral}, jerk {jerk}, yaw rate {yaw_rate}, yaw acceleration {yaw_acceleration}"));
+            return Some(format!(
+                "tick {tick}: acceleration {acceleration}, lateral {lateral}, jerk {jerk}, yaw rate {yaw_rate}, yaw acceleration {yaw_acceleration}"
+            ));
         }
     }
     let driven: f64 = scene.ego_log.windows(2).map(|pair| pair[0].pose.position.distance(pair[1].pose.position)).sum();
@@ -68,7 +73,8 @@ fn touched(scene: &Scene) -> Option<(usize, usize)> {
     for (tick, state) in scene.ego_log.iter().enumerate() {
         let ego = state.corners(&scene.vehicle);
         for (i, track) in scene.tracks.iter().enumerate() {
-            let grow_m = if track.class == AgentClass::Pedestrian { 2.0 * CLEARANCE_M + 0.3 } else { 2.0 * CLEARANCE_M };
+            let grow_m =
+                if track.class == AgentClass::Pedestrian { 2.0 * CLEARANCE_M + 0.3 } else { 2.0 * CLEARANCE_M };
             if box_of(track, tick, grow_m).is_some_and(|other| near(&ego, &other) && overlap(&ego, &other)) {
                 return Some((tick, i));
             }

@@ -49,7 +49,13 @@ impl Cycle {
 }
 
 /// Adds vehicles that come in on an arm and go a way each.
-fn arriving(dice: &mut Dice, crossing: &Junction, from: usize, ways: &[(usize, usize)], span_m: (f64, f64)) -> Vec<Driver> {
+fn arriving(
+    dice: &mut Dice,
+    crossing: &Junction,
+    from: usize,
+    ways: &[(usize, usize)],
+    span_m: (f64, f64),
+) -> Vec<Driver> {
     let mut drivers: Vec<Driver> = Vec::new();
     let lanes = crossing.arms[from].as_ref().map_or(0, |arm| arm.backward.len());
     for lane in 0..lanes {
@@ -91,7 +97,11 @@ pub(crate) fn signalised_crossing(dice: &mut Dice) -> Stage {
         let cross_start = green + YELLOW + ALL_RED;
         // Mostly red on arrival, green a few seconds later; else green with some time left.
         let before_green = dice.whole(25, 80);
-        let offset = if dice.chance(0.75) { cross_start + cross_green + YELLOW + ALL_RED - before_green } else { dice.whole(0, 30) };
+        let offset = if dice.chance(0.75) {
+            cross_start + cross_green + YELLOW + ALL_RED - before_green
+        } else {
+            dice.whole(0, 30)
+        };
         Cycle { offset, green, cross_green }
     };
     crossing.signal(|arm, tick| cycle.shows(arm, tick));
@@ -114,7 +124,20 @@ pub(crate) fn signalised_crossing(dice: &mut Dice) -> Stage {
             if in_my_lane && (gap_m < 16.0 || (driver.station_m < start_m && gap_m < 24.0)) {
                 continue;
             }
-            let lane = usize::from(lanes == 2 && driver.path.nearest(crossing.roads.path(crossing.arms[from].as_ref().expect("all arms exist").backward[0]).point(30.0)).left_m.abs() > 1.5);
+            let lane = usize::from(
+                lanes == 2
+                    && driver
+                        .path
+                        .nearest(
+                            crossing
+                                .roads
+                                .path(crossing.arms[from].as_ref().expect("all arms exist").backward[0])
+                                .point(30.0),
+                        )
+                        .left_m
+                        .abs()
+                        > 1.5,
+            );
             driver.holds.push(Hold { at_m: crossing.stop_station_m(from, lane), until: Until::Green(from) });
             if driver.station_m > driver.holds[0].at_m - 30.0 && cycle.shows(from, 0) != LightState::Green {
                 driver.speed_mps *= ((driver.holds[0].at_m - driver.station_m - 6.0) / 30.0).clamp(0.0, 1.0);
@@ -202,7 +225,10 @@ pub(crate) fn roundabout_family(dice: &mut Dice) -> Stage {
         let entry = circle.roads.path(circle.entries[from]);
         let stop_m = lane.length_m() - circle.stop_m + 1.5;
         let near = entry.point(entry.length_m() - 2.0);
-        [Hold { at_m: stop_m, until: Until::Gap(near, secs) }, Hold { at_m: stop_m, until: Until::Gap(circle.merges[from], secs) }]
+        [
+            Hold { at_m: stop_m, until: Until::Gap(near, secs) },
+            Hold { at_m: stop_m, until: Until::Gap(circle.merges[from], secs) },
+        ]
     };
     let steps = dice.whole(1, 3) as usize;
     let path = circle.roads.route(&around(&circle, 0, steps));
@@ -227,7 +253,8 @@ pub(crate) fn roundabout_family(dice: &mut Dice) -> Stage {
         for _ in 0..dice.whole(0, 2) {
             let lanes = around(&circle, from, dice.whole(1, 3) as usize);
             let speed = limit * 0.75;
-            let mut driver = vehicle(circle.roads.route(&lanes), Start { station_m, speed_mps: speed }, limit, vehicle_size(dice));
+            let mut driver =
+                vehicle(circle.roads.route(&lanes), Start { station_m, speed_mps: speed }, limit, vehicle_size(dice));
             driver.holds.extend(hold(from, 3.6));
             others.push(driver);
             station_m -= dice.range(22.0, 40.0);
@@ -241,7 +268,12 @@ pub(crate) fn roundabout_family(dice: &mut Dice) -> Stage {
         others.push(driver);
     }
     let speed = limit * dice.range(0.6, 0.8);
-    let ego = expert(path, Start { station_m: start_m, speed_mps: speed }, limit * 0.95, hold(0, dice.range(3.4, 4.2)).to_vec());
+    let ego = expert(
+        path,
+        Start { station_m: start_m, speed_mps: speed },
+        limit * 0.95,
+        hold(0, dice.range(3.4, 4.2)).to_vec(),
+    );
     let people = dice.whole(0, 5);
     let tracks = strollers(dice, &circle.roads, DVec2::ZERO, people);
     Stage { roads: circle.roads, ego, others, tracks, place: "a roundabout" }

@@ -56,7 +56,8 @@ fn arms(dice: &mut Dice, plan: &Plan, roads: &mut Roads) -> (Vec<Option<Road>>, 
 
 /// Returns the curves along the outside from each arm's left mouth corner to the next arm's right one.
 fn corners(arms: &[Option<Road>]) -> Vec<(usize, Vec<DVec2>)> {
-    let present: Vec<(usize, &Road)> = arms.iter().enumerate().filter_map(|(i, arm)| arm.as_ref().map(|arm| (i, arm))).collect();
+    let present: Vec<(usize, &Road)> =
+        arms.iter().enumerate().filter_map(|(i, arm)| arm.as_ref().map(|arm| (i, arm))).collect();
     let mut curves = Vec::new();
     for (k, (index, arm)) in present.iter().enumerate() {
         let (_, next) = present[(k + 1) % present.len()];
@@ -166,7 +167,9 @@ pub(crate) struct Roundabout {
 
 fn arc(radius_m: f64, from_rad: f64, to_rad: f64) -> Vec<DVec2> {
     let count = (((to_rad - from_rad) * radius_m / 0.5).abs().ceil() as usize).max(4);
-    (0..=count).map(|i| DVec2::from_angle(from_rad + (to_rad - from_rad) * i as f64 / count as f64) * radius_m).collect()
+    (0..=count)
+        .map(|i| DVec2::from_angle(from_rad + (to_rad - from_rad) * i as f64 / count as f64) * radius_m)
+        .collect()
 }
 
 /// Builds a roundabout of single lanes whose centre line has a radius, with a ring of `ring_width_m`.
@@ -181,7 +184,11 @@ pub(crate) fn roundabout(dice: &mut Dice, plan: &Plan, radius_m: f64, ring_width
         let next = directions[(k + 1) % 4] + if k == 3 { std::f64::consts::TAU } else { 0.0 };
         let (off, on) = (directions[k] - spread_rad, directions[k] + spread_rad);
         ring.push(roads.ring_lane(format!("ring{k}.arm"), arc(radius_m, off, on), (ring_width_m, limit)));
-        ring.push(roads.ring_lane(format!("ring{k}.side"), arc(radius_m, on, next - spread_rad), (ring_width_m, limit)));
+        ring.push(roads.ring_lane(
+            format!("ring{k}.side"),
+            arc(radius_m, on, next - spread_rad),
+            (ring_width_m, limit),
+        ));
     }
     for k in 0..8 {
         roads.follow(ring[k], ring[(k + 1) % 8]);
@@ -219,10 +226,14 @@ fn surround(roads: &mut Roads, arms: &[Road], directions: &[f64], radii_m: (f64,
         let (first, last) = (0.5 * (before + here), 0.5 * (here + after));
         let flare = 0.72;
         let mouth = arm.reference.pose(0.0);
-        let side = |left_m: f64, heading_rad: f64| PoseSe2 { position: mouth.to_outer(DVec2::new(0.0, left_m)), heading_rad };
+        let side =
+            |left_m: f64, heading_rad: f64| PoseSe2 { position: mouth.to_outer(DVec2::new(0.0, left_m)), heading_rad };
         let on_circle = |at: f64| PoseSe2 { position: DVec2::from_angle(at) * outer_m, heading_rad: at + FRAC_PI_2 };
         let mut right = arc(outer_m, first, here - flare);
-        right.extend(bend(on_circle(here - flare), side(-arm.section.right_m() - arm.section.shoulder_m, mouth.heading_rad)));
+        right.extend(bend(
+            on_circle(here - flare),
+            side(-arm.section.right_m() - arm.section.shoulder_m, mouth.heading_rad),
+        ));
         let back = mouth.heading_rad + std::f64::consts::PI;
         let mut left = bend(side(arm.section.left_m() + arm.section.shoulder_m, back), on_circle(here + flare));
         left.extend(arc(outer_m, here + flare, last));

@@ -67,12 +67,22 @@ impl Roads {
         let mut road = Road { reference: reference.clone(), section, forward: Vec::new(), backward: Vec::new() };
         for i in 0..section.forward {
             let centre = reference.offset(-(i as f64 + 0.5) * width);
-            road.forward.push(self.lane(format!("{name}.f{i}"), (LaneKind::Road, centre), width, section.speed_limit_mps));
+            road.forward.push(self.lane(
+                format!("{name}.f{i}"),
+                (LaneKind::Road, centre),
+                width,
+                section.speed_limit_mps,
+            ));
         }
         for i in 0..section.backward {
             let mut centre = reference.offset((i as f64 + 0.5) * width);
             centre.reverse();
-            road.backward.push(self.lane(format!("{name}.b{i}"), (LaneKind::Road, centre), width, section.speed_limit_mps));
+            road.backward.push(self.lane(
+                format!("{name}.b{i}"),
+                (LaneKind::Road, centre),
+                width,
+                section.speed_limit_mps,
+            ));
         }
         for side in [&road.forward, &road.backward] {
             for pair in side.windows(2) {
@@ -168,7 +178,8 @@ impl Roads {
 
     /// Returns one smooth path over consecutive lanes.
     pub(crate) fn route(&self, lanes: &[LaneId]) -> Path {
-        let points: Vec<DVec2> = lanes.iter().flat_map(|id| self.paths[id.0 as usize].points().iter().copied()).collect();
+        let points: Vec<DVec2> =
+            lanes.iter().flat_map(|id| self.paths[id.0 as usize].points().iter().copied()).collect();
         path_of(&points).smooth(2.5).smooth(2.0)
     }
 

@@ -80,13 +80,20 @@ pub(crate) fn vehicle(path: Path, start: Start, wish_mps: f64, size: Size) -> Dr
 }
 
 /// Places vehicles one behind another on a path between two stations.
-pub(crate) fn stream(dice: &mut Dice, path: &Path, span_m: (f64, f64), gaps_m: (f64, f64), speed_mps: f64) -> Vec<Driver> {
+pub(crate) fn stream(
+    dice: &mut Dice,
+    path: &Path,
+    span_m: (f64, f64),
+    gaps_m: (f64, f64),
+    speed_mps: f64,
+) -> Vec<Driver> {
     let mut drivers = Vec::new();
     let mut station_m = span_m.0 + dice.range(0.0, gaps_m.1);
     while station_m < span_m.1.min(path.length_m() - 20.0) {
         let speed = speed_mps * dice.range(0.92, 1.05);
         if dice.chance(0.06) {
-            let size = Size { length_m: dice.range(1.7, 2.2), width_m: dice.range(0.6, 0.8), height_m: dice.range(1.6, 1.85) };
+            let size =
+                Size { length_m: dice.range(1.7, 2.2), width_m: dice.range(0.6, 0.8), height_m: dice.range(1.6, 1.85) };
             let slow = dice.range(4.0, 6.5).min(speed);
             let mut rider = vehicle(path.clone(), Start { station_m, speed_mps: slow }, slow, size);
             rider.class = AgentClass::Cyclist;
@@ -102,7 +109,8 @@ pub(crate) fn stream(dice: &mut Dice, path: &Path, span_m: (f64, f64), gaps_m: (
 
 /// Makes a person who stands at the start of a path until a time, walks along it, and stands at its end.
 pub(crate) fn walker(dice: &mut Dice, path: &Path, start_secs: f64, speed_mps: f64) -> Track {
-    let size = Size { length_m: dice.range(0.5, 0.75), width_m: dice.range(0.5, 0.75), height_m: dice.range(1.5, 1.92) };
+    let size =
+        Size { length_m: dice.range(0.5, 0.75), width_m: dice.range(0.5, 0.75), height_m: dice.range(1.5, 1.92) };
     let end_m = path.length_m();
     let point = |tick: u32| {
         let walked_m = (f64::from(tick) * DT_SECS - start_secs) * speed_mps;
@@ -132,7 +140,8 @@ pub(crate) fn strollers(dice: &mut Dice, roads: &Roads, near: DVec2, count: u32)
         let to_m = (from_m + dice.sign() * speed * 16.0).clamp(0.0, pavement.length_m());
         let beside = dice.range(-0.6, 1.0);
         let ends = [from_m, 0.5 * (from_m + to_m), to_m];
-        let points: Vec<DVec2> = ends.iter().map(|at| pavement.point(*at) + pavement.pose(*at).left() * beside).collect();
+        let points: Vec<DVec2> =
+            ends.iter().map(|at| pavement.point(*at) + pavement.pose(*at).left() * beside).collect();
         if let (Some(path), true) = (Path::new(&points), (from_m - to_m).abs() > 3.0) {
             tracks.push(walker(dice, &path, 0.0, speed));
         }
@@ -142,7 +151,14 @@ pub(crate) fn strollers(dice: &mut Dice, roads: &Roads, near: DVec2, count: u32)
 
 /// Draws what the drive looks like.
 fn prompt(dice: &mut Dice, place: &str) -> String {
-    let light = dice.pick(&["on a clear morning", "at noon", "on an overcast day", "in the late afternoon", "at dusk", "after rain"]);
+    let light = dice.pick(&[
+        "on a clear morning",
+        "at noon",
+        "on an overcast day",
+        "in the late afternoon",
+        "at dusk",
+        "after rain",
+    ]);
     let traffic = dice.pick(&["light traffic", "moderate traffic", "a quiet neighbourhood", "an urban street"]);
     format!("front camera view of {place}, {light}, {traffic}")
 }
@@ -152,7 +168,8 @@ pub(crate) fn play(mut stage: Stage, dice: &mut Dice, world_from_stage: PoseSe2)
     let mut drivers = vec![stage.ego.clone()];
     drivers.append(&mut stage.others);
     let motions = drive(&drivers, &stage.tracks, &stage.roads.map.traffic_lights, TICKS);
-    let mut tracks: Vec<Track> = drivers[1..].iter().zip(&motions[1..]).map(|(driver, motion)| driven(driver, motion)).collect();
+    let mut tracks: Vec<Track> =
+        drivers[1..].iter().zip(&motions[1..]).map(|(driver, motion)| driven(driver, motion)).collect();
     tracks.append(&mut stage.tracks);
     tracks.retain(|track| track.points.iter().any(Option::is_some));
     for (i, track) in tracks.iter_mut().enumerate() {
@@ -216,14 +233,17 @@ fn route(path: &Path, motions: &[Motion]) -> Vec<DVec2> {
     let from_m = (motions[0].station_m - 20.0).max(0.0);
     let to_m = (motions[motions.len() - 1].station_m + 60.0).min(path.length_m());
     let count = ((to_m - from_m) / 0.5).ceil() as usize;
-    let points: Vec<DVec2> = (0..=count).map(|i| path.point(from_m + (to_m - from_m) * i as f64 / count as f64)).collect();
+    let points: Vec<DVec2> =
+        (0..=count).map(|i| path.point(from_m + (to_m - from_m) * i as f64 / count as f64)).collect();
     thin(&points, 0.01, 5.0)
 }
 
 /// Moves a whole scene rigidly.
 fn place(scene: &mut Scene, world_from_stage: &PoseSe2) {
-    let shift = |points: &mut Vec<DVec2>| points.iter_mut().for_each(|point| *point = world_from_stage.to_outer(*point));
-    let Map { lanes, junctions, drivable, road_edges, line_markings, crosswalks, stop_lines, traffic_lights } = &mut scene.map;
+    let shift =
+        |points: &mut Vec<DVec2>| points.iter_mut().for_each(|point| *point = world_from_stage.to_outer(*point));
+    let Map { lanes, junctions, drivable, road_edges, line_markings, crosswalks, stop_lines, traffic_lights } =
+        &mut scene.map;
     for lane in lanes {
         shift(&mut lane.centre_line);
         shift(&mut lane.polygon);

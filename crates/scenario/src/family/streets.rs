@@ -5,7 +5,9 @@ use ds_world::{AgentClass, Crosswalk, Size, StopLine};
 
 use crate::family::dice::Dice;
 use crate::family::roads::{Road, Roads, Section, line};
-use crate::family::stage::{Stage, Start, car_size, expert, standing, stream, strollers, vehicle, vehicle_size, walker};
+use crate::family::stage::{
+    Stage, Start, car_size, expert, standing, stream, strollers, vehicle, vehicle_size, walker,
+};
 use crate::family::traffic::{Hold, Until};
 use crate::path::Path;
 
@@ -65,7 +67,12 @@ pub(crate) fn free_curve(dice: &mut Dice) -> Stage {
         others.push(vehicle(roads.route(&[lane]), start, limit, vehicle_size(dice)));
     }
     let wish = limit * dice.range(0.9, 1.0);
-    let ego = expert(roads.route(&[lane]), Start { station_m: BEHIND_M, speed_mps: wish * dice.range(0.75, 0.97) }, wish, vec![]);
+    let ego = expert(
+        roads.route(&[lane]),
+        Start { station_m: BEHIND_M, speed_mps: wish * dice.range(0.75, 0.97) },
+        wish,
+        vec![],
+    );
     let count = dice.whole(0, 5);
     let tracks = strollers(dice, &roads, DVec2::new(60.0, 0.0), count);
     Stage { roads, ego, others, tracks, place: "a winding road with bends" }
@@ -137,7 +144,12 @@ pub(crate) fn cut_in(dice: &mut Dice) -> Stage {
         let first = if i == mine { BEHIND_M + ahead_m + 75.0 } else { BEHIND_M + ahead_m + 45.0 };
         others.extend(stream(dice, &path, (first, first + 120.0), (15.0, 60.0), limit));
         if i != mine && dice.chance(0.5) {
-            others.push(vehicle(path, Start { station_m: dice.range(15.0, 30.0), speed_mps: speed }, speed, car_size(dice)));
+            others.push(vehicle(
+                path,
+                Start { station_m: dice.range(15.0, 30.0), speed_mps: speed },
+                speed,
+                car_size(dice),
+            ));
         }
     }
     others.extend(oncoming(dice, &roads, &road, limit));
@@ -166,7 +178,8 @@ pub(crate) fn pedestrian_crossing(dice: &mut Dice) -> Stage {
     let mut tracks = Vec::new();
     let mut clear_secs: f64 = 0.0;
     for _ in 0..dice.whole(1, 4) {
-        let (begin, end) = if dice.chance(0.5) { (left_m + 1.2, -right_m - 1.2) } else { (-right_m - 1.2, left_m + 1.2) };
+        let (begin, end) =
+            if dice.chance(0.5) { (left_m + 1.2, -right_m - 1.2) } else { (-right_m - 1.2, left_m + 1.2) };
         let along = at_m + dice.range(-half_m + 0.4, half_m - 0.4);
         let path = Path::new(&[corner(along, begin), corner(along, end)]).expect("a road is wider than a metre");
         let (start, speed) = (dice.range(0.0, 3.5), dice.range(1.0, 1.7));
@@ -257,7 +270,12 @@ pub(crate) fn parked_narrowing(dice: &mut Dice) -> Stage {
         back_m -= dice.range(14.0, 22.0);
     }
     if dice.chance(0.6) {
-        others.push(vehicle(meeting_path.clone(), Start { station_m: back_m - 120.0, speed_mps: limit * 0.9 }, limit, vehicle_size(dice)));
+        others.push(vehicle(
+            meeting_path.clone(),
+            Start { station_m: back_m - 120.0, speed_mps: limit * 0.9 },
+            limit,
+            vehicle_size(dice),
+        ));
     }
     others.retain(|driver| driver.station_m > 2.0);
     let secs = (station - begin_m + 2.0 * blend_m) / (0.6 * limit) + 1.5;

@@ -45,7 +45,8 @@ fn families_show_what_they_are_named_for() {
         assert!(scenes > 0, "no scene of {family} shows it");
     };
     let turned = |scene: &Scene| {
-        let sum = |pair: &[ds_world::EgoState]| ds_space::angle::turn(pair[0].pose.heading_rad, pair[1].pose.heading_rad);
+        let sum =
+            |pair: &[ds_world::EgoState]| ds_space::angle::turn(pair[0].pose.heading_rad, pair[1].pose.heading_rad);
         scene.ego_log.windows(2).map(sum).sum::<f64>()
     };
     for seed in 0..3 {
@@ -57,9 +58,12 @@ fn families_show_what_they_are_named_for() {
     some(Family::LeadBraking, |scene| scene.ego_log.iter().any(|state| state.acceleration_mps2.x < -1.5));
     some(Family::FreeCurve, |scene| scene.ego_log.iter().any(|state| state.yaw_rate_radps.abs() > 0.08));
     some(Family::Roundabout, |scene| scene.ego_log.iter().any(|state| state.yaw_rate_radps > 0.2));
-    some(Family::ParkedNarrowing, |scene| scene.tracks.iter().any(|track| {
-        track.at(Tick(0)).is_some_and(|point| point.velocity_mps.length() < 0.01) && track.class == ds_world::AgentClass::Vehicle
-    }));
+    some(Family::ParkedNarrowing, |scene| {
+        scene.tracks.iter().any(|track| {
+            track.at(Tick(0)).is_some_and(|point| point.velocity_mps.length() < 0.01)
+                && track.class == ds_world::AgentClass::Vehicle
+        })
+    });
     some(Family::CutIn, |scene| scene.ego_log.len() == 151 && scene.tracks.len() > 2);
 }
 
@@ -68,7 +72,10 @@ fn a_set_has_one_file_for_each_scene() {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let paths = generate_set(None, 40, 9, folder.path()).expect("the set can be written");
     let names: Vec<String> = paths.iter().map(|path| load(path).expect("it loads").0.name).collect();
-    assert_eq!((names[0].as_str(), names[7].as_str(), names[8].as_str()), ("free-curve-40", "roundabout-40", "free-curve-41"));
+    assert_eq!(
+        (names[0].as_str(), names[7].as_str(), names[8].as_str()),
+        ("free-curve-40", "roundabout-40", "free-curve-41")
+    );
 }
 
 #[test]
@@ -79,6 +86,7 @@ fn shipped_files_are_what_the_generator_makes() {
         assert_eq!(warnings, []);
         assert_eq!(scene, shipped(family, seed), "{family}: cargo run -p ds-scenario --example ship rewrites it");
     }
-    let (scene, _) = load(&FilePath::new(SCENARIOS).join("tiny/straight.scenario.json")).expect("the tiny scenario loads");
+    let (scene, _) =
+        load(&FilePath::new(SCENARIOS).join("tiny/straight.scenario.json")).expect("the tiny scenario loads");
     assert_eq!(scene, tiny());
 }

@@ -134,7 +134,8 @@ impl Driver {
 /// Moves all drivers together over `ticks` states, `dt_secs` apart.
 pub(crate) fn drive(drivers: &[Driver], tracks: &[Track], lights: &[TrafficLight], ticks: u32) -> Vec<Vec<Motion>> {
     let curves: Vec<Vec<f64>> = drivers.iter().map(Driver::curve_speeds).collect();
-    let start = |driver: &Driver| Motion { station_m: driver.station_m, speed_mps: driver.speed_mps, acceleration_mps2: 0.0 };
+    let start =
+        |driver: &Driver| Motion { station_m: driver.station_m, speed_mps: driver.speed_mps, acceleration_mps2: 0.0 };
     let mut now: Vec<Motion> = drivers.iter().map(start).collect();
     let mut all: Vec<Vec<Motion>> = now.iter().map(|motion| vec![*motion]).collect();
     for tick in 0..ticks.saturating_sub(1) {
@@ -175,7 +176,12 @@ fn bodies(drivers: &[Driver], now: &[Motion], tracks: &[Track], tick: u32) -> Ve
     });
     let given = tracks.iter().map(|track| {
         let margin_m = if track.class == AgentClass::Pedestrian { 0.7 } else { 0.2 };
-        track.at(Tick(tick)).map(|point| Body { centre: point.pose, velocity_mps: point.velocity_mps, size: track.size, margin_m })
+        track.at(Tick(tick)).map(|point| Body {
+            centre: point.pose,
+            velocity_mps: point.velocity_mps,
+            size: track.size,
+            margin_m,
+        })
     });
     driven.chain(given).collect()
 }

@@ -38,7 +38,8 @@ pub fn scene(bytes: &[u8], path: &Path) -> Result<(Scene, Vec<Warning>), ImportE
     let mut notes = Vec::new();
     let field = |fault: FieldFault| ImportError::Field { path: path.to_owned(), at: fault.at, problem: fault.problem };
     let scene = convert(&View::root(&pickle), path, &mut notes).map_err(field)?;
-    let checked = resolve::scene(&compose::document(&scene)).map_err(|fault| field(FieldFault { at: fault.at, problem: fault.problem }))?;
+    let checked = resolve::scene(&compose::document(&scene))
+        .map_err(|fault| field(FieldFault { at: fault.at, problem: fault.problem }))?;
     notes.extend(warnings(&checked));
     Ok((checked, notes))
 }

@@ -32,7 +32,12 @@ fn compare_tracks(scene: &Scene, json: &Json) {
     assert_eq!(scene.tracks.len() + 1, tracks.len());
     for expected in tracks {
         let id = expected["id"].as_str().expect("an id");
-        let steps: Vec<u32> = expected["steps"].as_array().expect("steps").iter().map(|step| step.as_u64().expect("a tick") as u32).collect();
+        let steps: Vec<u32> = expected["steps"]
+            .as_array()
+            .expect("steps")
+            .iter()
+            .map(|step| step.as_u64().expect("a tick") as u32)
+            .collect();
         let column = |name: &str| numbers(&expected[name]);
         let (x, y, heading) = (column("x"), column("y"), column("heading"));
         if id == "ego" {
@@ -55,7 +60,9 @@ fn compare_tracks(scene: &Scene, json: &Json) {
             assert!((point.pose.position - DVec2::new(x[i], y[i])).length() < 2e-3, "{id} at {step}");
             assert!((point.velocity_mps - DVec2::new(vx[i], vy[i])).length() < 3e-3, "{id} at {step}");
         }
-        for (value, name) in [(track.size.length_m, "length"), (track.size.width_m, "width"), (track.size.height_m, "height")] {
+        for (value, name) in
+            [(track.size.length_m, "length"), (track.size.width_m, "width"), (track.size.height_m, "height")]
+        {
             assert!((value - expected[name].as_f64().expect("a size")).abs() < 2e-3, "{id} {name} {value}");
         }
     }
@@ -110,15 +117,25 @@ fn drives_are_whole_scenes() {
     let Some(folder) = drives() else { return };
     for name in SCENES {
         let (scene, _) = read(&folder.join(format!("sd_nuscenes_v1.0-mini_scene-{name}.pkl"))).expect(name);
-        let on_road = |state: &&ds_world::EgoState| scene.map.drivable.iter().any(|polygon| area::holds(polygon, state.pose.position));
+        let on_road = |state: &&ds_world::EgoState| {
+            scene.map.drivable.iter().any(|polygon| area::holds(polygon, state.pose.position))
+        };
         let inside = scene.ego_log.iter().filter(on_road).count();
-        assert!(inside * 100 >= scene.ego_log.len() * 97, "{name}: the rear axle is on the road at {inside} ticks only");
+        assert!(
+            inside * 100 >= scene.ego_log.len() * 97,
+            "{name}: the rear axle is on the road at {inside} ticks only"
+        );
         let linked = |lane: &&ds_world::Lane| !lane.successors.is_empty() && !lane.predecessors.is_empty();
         let connectors: Vec<_> = scene.map.lanes.iter().filter(|lane| lane.kind == LaneKind::Connector).collect();
         let whole = connectors.iter().filter(|lane| linked(lane)).count();
-        assert!(whole * 100 >= connectors.len() * 85, "{name}: {whole} of {} connectors are linked at both ends", connectors.len());
+        assert!(
+            whole * 100 >= connectors.len() * 85,
+            "{name}: {whole} of {} connectors are linked at both ends",
+            connectors.len()
+        );
         let length_m: f64 = scene.route.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
-        let driven_m: f64 = scene.ego_log.windows(2).map(|pair| pair[0].pose.position.distance(pair[1].pose.position)).sum();
+        let driven_m: f64 =
+            scene.ego_log.windows(2).map(|pair| pair[0].pose.position.distance(pair[1].pose.position)).sum();
         assert!(length_m > driven_m + 30.0, "{name}: the route has {length_m} m, the log {driven_m} m");
         let turn = |corner: &[DVec2]| (corner[1] - corner[0]).angle_to(corner[2] - corner[1]).abs();
         let sharpest = scene.route.windows(3).map(turn).fold(0.0, f64::max);
@@ -128,14 +145,25 @@ fn drives_are_whole_scenes() {
         for second in sound.windows(11) {
             let moved_m = second[0].pose.position.distance(second[10].pose.position);
             let said_m: f64 = second.windows(2).map(|pair| 0.05 * (pair[0].speed_mps() + pair[1].speed_mps())).sum();
-            assert!((moved_m - said_m.abs()).abs() < 0.3 + 0.06 * moved_m, "{name}: moved {moved_m} m, speed says {said_m} m");
+            assert!(
+                (moved_m - said_m.abs()).abs() < 0.3 + 0.06 * moved_m,
+                "{name}: moved {moved_m} m, speed says {said_m} m"
+            );
             assert!(second[0].acceleration_mps2.length() < 6.0, "{name}: {:?}", second[0].acceleration_mps2);
         }
-        let ends: Vec<f64> = sound[sound.len() - 10..].iter().chain(&scene.ego_log[sound.len()..]).map(|state| state.speed_mps()).collect();
+        let ends: Vec<f64> = sound[sound.len() - 10..]
+            .iter()
+            .chain(&scene.ego_log[sound.len()..])
+            .map(|state| state.speed_mps())
+            .collect();
         let spread = ends.iter().fold(0.0, |most: f64, speed| most.max((speed - ends[0]).abs()));
         assert!(spread < 2.0, "{name}: the speeds at the end are {ends:?}");
         assert!((scene.vehicle.rear_axle_to_centre_m - VehicleParameters::ZOE.rear_axle_to_centre_m).abs() < 0.01);
-        eprintln!("{name}: on road {inside}/{}, linked {whole}/{}, route {length_m:.0} m", scene.ego_log.len(), connectors.len());
+        eprintln!(
+            "{name}: on road {inside}/{}, linked {whole}/{}, route {length_m:.0} m",
+            scene.ego_log.len(),
+            connectors.len()
+        );
     }
 }
 
@@ -171,7 +199,8 @@ fn small(ego_y: impl Fn(u32) -> f64) -> Vec<u8> {
         });
         w.text("tracks").dict(|w| {
             for (name, kind, y) in [("7", "VEHICLE", 0.0), ("9", "PEDESTRIAN", 6.0), ("10", "UNSET", 9.0)] {
-                let path: Vec<f64> = (0..21).flat_map(|i| [f64::from(i), if y == 0.0 { ego_y(i) } else { y }, 0.0]).collect();
+                let path: Vec<f64> =
+                    (0..21).flat_map(|i| [f64::from(i), if y == 0.0 { ego_y(i) } else { y }, 0.0]).collect();
                 w.text(name).dict(|w| {
                     w.text("type").text(kind).text("state").dict(|w| {
                         w.text("position").array(&[21, 3], &path);
@@ -201,13 +230,22 @@ fn small(ego_y: impl Fn(u32) -> f64) -> Vec<u8> {
             w.text("3");
             lane(w, 3.5, &|_| {});
             w.text("e").dict(|w| {
-                w.text("type").text("ROAD_EDGE_BOUNDARY").text("polyline").array(&[2, 3], &[0.0, -2.0, 0.0, 60.0, -2.0, 0.0]);
+                w.text("type")
+                    .text("ROAD_EDGE_BOUNDARY")
+                    .text("polyline")
+                    .array(&[2, 3], &[0.0, -2.0, 0.0, 60.0, -2.0, 0.0]);
             });
             w.text("y").dict(|w| {
-                w.text("type").text("ROAD_LINE_SOLID_DOUBLE_YELLOW").text("polyline").array(&[2, 3], &[0.0, 2.0, 0.0, 60.0, 2.0, 0.0]);
+                w.text("type")
+                    .text("ROAD_LINE_SOLID_DOUBLE_YELLOW")
+                    .text("polyline")
+                    .array(&[2, 3], &[0.0, 2.0, 0.0, 60.0, 2.0, 0.0]);
             });
             w.text("c").dict(|w| {
-                w.text("type").text("CROSSWALK").text("polygon").array(&[4, 2], &[30.0, -3.0, 33.0, -3.0, 33.0, 6.0, 30.0, 6.0]);
+                w.text("type")
+                    .text("CROSSWALK")
+                    .text("polygon")
+                    .array(&[4, 2], &[30.0, -3.0, 33.0, -3.0, 33.0, 6.0, 30.0, 6.0]);
             });
             w.text("s").dict(|w| {
                 w.text("type").text("STOP_SIGN").text("position").array(&[3], &[28.0, -2.0, 0.0]);
@@ -221,7 +259,12 @@ fn small(ego_y: impl Fn(u32) -> f64) -> Vec<u8> {
         });
         w.text("dynamic_map_states").dict(|w| {
             w.text("l").dict(|w| {
-                w.text("type").text("TRAFFIC_LIGHT").text("lane").text("1").text("stop_point").array(&[3], &[29.0, 0.0, 0.0]);
+                w.text("type")
+                    .text("TRAFFIC_LIGHT")
+                    .text("lane")
+                    .text("1")
+                    .text("stop_point")
+                    .array(&[3], &[29.0, 0.0, 0.0]);
                 w.text("state").dict(|w| {
                     w.text("object_state").list(|w| {
                         w.text("LANE_STATE_STOP").text("LANE_STATE_CAUTION").text("LANE_STATE_GO").none();
@@ -259,7 +302,10 @@ fn other_sources_import_with_lights_links_and_features() {
 fn fields_that_do_not_fit_are_named() {
     let refused = |bytes: &[u8], says: &[&str]| {
         let error = scenarionet::scene(bytes, Path::new("bad.pkl")).expect_err(says[0]).to_string();
-        assert!(says.iter().all(|part| error.contains(part)) && error.contains("bad.pkl"), "{error:?} does not say {says:?}");
+        assert!(
+            says.iter().all(|part| error.contains(part)) && error.contains("bad.pkl"),
+            "{error:?} does not say {says:?}"
+        );
     };
     refused(&small(|i| if i == 9 { f64::NAN } else { 0.0 }), &["state.position", "[9]", "NaN"]);
     refused(&small(|i| f64::from(i) * 1e8), &["ego_log.y_m"]);

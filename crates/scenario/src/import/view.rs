@@ -145,7 +145,9 @@ impl<'a> View<'a> {
     pub(crate) fn texts(&self) -> Vec<String> {
         match self.node() {
             Some(Node::Array(Some(Array { data: Data::Texts(texts), .. }))) => texts.clone(),
-            Some(Node::Array(Some(Array { data: Data::Numbers(numbers), .. }))) => numbers.iter().map(f64::to_string).collect(),
+            Some(Node::Array(Some(Array { data: Data::Numbers(numbers), .. }))) => {
+                numbers.iter().map(f64::to_string).collect()
+            }
             _ => self.items().iter().map(|item| item.text().unwrap_or_default()).collect(),
         }
     }
@@ -166,7 +168,11 @@ impl<'a> View<'a> {
                     if i == 0 {
                         table.columns = row.len();
                     } else if row.len() != table.columns {
-                        return Err(item.fault(format!("has {} numbers, the first row has {}", row.len(), table.columns)));
+                        return Err(item.fault(format!(
+                            "has {} numbers, the first row has {}",
+                            row.len(),
+                            table.columns
+                        )));
                     }
                     table.values.extend(row);
                 }
@@ -186,7 +192,8 @@ impl<'a> View<'a> {
         match self.node() {
             Some(Node::Array(Some(Array { data: Data::Numbers(numbers), .. }))) => Ok(numbers.clone()),
             Some(Node::List(items) | Node::Tuple(items)) => {
-                let number = |item: &Value| self.with(*item, "").scalar().ok_or_else(|| self.fault("holds what is no number"));
+                let number =
+                    |item: &Value| self.with(*item, "").scalar().ok_or_else(|| self.fault("holds what is no number"));
                 items.iter().map(number).collect()
             }
             _ => Err(self.fault(format!("is a {}, not a number or row", self.kind()))),

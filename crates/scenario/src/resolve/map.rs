@@ -8,7 +8,9 @@ use ds_world::{
     TrafficLight,
 };
 
-use crate::document::{ColourPart, LaneKindPart, LanePart, LightPart, LineKindPart, LinePart, MapPart, Point, StatePart, StopPart};
+use crate::document::{
+    ColourPart, LaneKindPart, LanePart, LightPart, LineKindPart, LinePart, MapPart, Point, StatePart, StopPart,
+};
 use crate::place::{FAR_M, Fault, Place};
 
 type Names<'a> = BTreeMap<&'a str, LaneId>;
@@ -36,8 +38,12 @@ pub(crate) fn map(at: &Place<'_>, part: &MapPart, ticks: usize) -> Result<Map, F
         crosswalks: each(&at.field("crosswalks_m"), &part.crosswalks_m, |here, points| {
             Ok(Crosswalk { polygon: here.points(points, 3)? })
         })?,
-        stop_lines: each(&at.field("stop_lines"), &part.stop_lines, |here, stop| stop_line(here, stop, part.traffic_lights.len()))?,
-        traffic_lights: each(&at.field("traffic_lights"), &part.traffic_lights, |here, part| light(here, part, (&names, ticks)))?,
+        stop_lines: each(&at.field("stop_lines"), &part.stop_lines, |here, stop| {
+            stop_line(here, stop, part.traffic_lights.len())
+        })?,
+        traffic_lights: each(&at.field("traffic_lights"), &part.traffic_lights, |here, part| {
+            light(here, part, (&names, ticks))
+        })?,
     })
 }
 
@@ -55,7 +61,8 @@ fn resolve(at: &Place<'_>, name: &str, names: &Names<'_>) -> Result<LaneId, Faul
 
 fn lane(at: &Place<'_>, part: &LanePart, names: &Names<'_>) -> Result<Lane, Fault> {
     let linked = |name, lanes: &[String]| each(&at.field(name), lanes, |here, lane| resolve(here, lane, names));
-    let beside = |name, lane: &Option<String>| lane.as_ref().map(|lane| resolve(&at.field(name), lane, names)).transpose();
+    let beside =
+        |name, lane: &Option<String>| lane.as_ref().map(|lane| resolve(&at.field(name), lane, names)).transpose();
     let limit = part.speed_limit_mps.map(|limit| at.field("speed_limit_mps").size(limit, 100.0)).transpose()?;
     let outline = at.field("polygon_m");
     Ok(Lane {
@@ -94,7 +101,10 @@ fn stop_line(at: &Place<'_>, part: &StopPart, lights: usize) -> Result<StopLine,
         return Err(at.field("light").fault(format!("is {light}, the map has {lights} traffic lights")));
     }
     let ends = at.field("points_m");
-    Ok(StopLine { points: [ends.item(0).point(part.points_m[0])?, ends.item(1).point(part.points_m[1])?], light: part.light })
+    Ok(StopLine {
+        points: [ends.item(0).point(part.points_m[0])?, ends.item(1).point(part.points_m[1])?],
+        light: part.light,
+    })
 }
 
 fn light(at: &Place<'_>, part: &LightPart, scene: (&Names<'_>, usize)) -> Result<TrafficLight, Fault> {

@@ -18,7 +18,8 @@ fn a_saved_scene_loads_as_it_was() {
         let (loaded, warnings) = load(&path).expect("saved scenes can be loaded");
         assert_eq!(loaded, scene);
         assert_eq!(warnings, []);
-        let compact: serde_json::Value = serde_json::from_slice(&fs::read(&path).expect("it was written")).expect("it is JSON");
+        let compact: serde_json::Value =
+            serde_json::from_slice(&fs::read(&path).expect("it was written")).expect("it is JSON");
         let (again, _) = parse(compact.to_string().as_bytes(), &path).expect("layout does not matter");
         assert_eq!(again.digest, scene.digest);
     }
@@ -64,18 +65,27 @@ fn refuses_hostile_files_with_place_and_value() {
     refused(&with("/tracks/1/x_m/0", json!(1e300)), &["\"tracks[1].x_m[0]\"", "is 1"]);
     refused(&with("/tracks/1/x_m/0", json!("a")), &["\"tracks[1].x_m[0]\"", "a"]);
     refused(&with("/tracks/1/width_m", json!(-1.5)), &["\"tracks[1].width_m\"", "-1.5"]);
-    refused(&with("/tracks/1/valid_ticks", json!([[0, 4_000_000_000u32]])), &["\"tracks[1].valid_ticks[0]\"", "4000000000"]);
+    refused(
+        &with("/tracks/1/valid_ticks", json!([[0, 4_000_000_000u32]])),
+        &["\"tracks[1].valid_ticks[0]\"", "4000000000"],
+    );
     refused(&with("/tracks/1/valid_ticks", json!([[5, 9], [7, 8]])), &["\"tracks[1].valid_ticks[1]\"", "[7, 8]"]);
     refused(&with("/tracks/1/y_m", json!([1.0, 2.0])), &["\"tracks[1].y_m\"", "has 2 values"]);
     refused(&with("/tracks/1/name", json!("vehicle-0")), &["\"tracks[1].name\"", "vehicle-0"]);
     refused(&with("/ego_log/x_m", json!([1.0])), &["\"ego_log.x_m\"", "has 1 values"]);
     refused(&with("/ego_log/heading_rad", json!([])), &["\"ego_log.heading_rad\"", "has 0 values"]);
     refused(&with("/map/lanes/0/successors", json!(["nowhere"])), &["\"map.lanes[0].successors[0]\"", "nowhere"]);
-    refused(&with("/map/lanes/0/centre_line_m", json!([[0.0, 0.0]])), &["\"map.lanes[0].centre_line_m\"", "has 1 points"]);
+    refused(
+        &with("/map/lanes/0/centre_line_m", json!([[0.0, 0.0]])),
+        &["\"map.lanes[0].centre_line_m\"", "has 1 points"],
+    );
     refused(&with("/map/lane_lines/2/points_m", json!([])), &["\"map.lane_lines[2].points_m\"", "has 0 points"]);
     refused(&with("/map/drivable_m/0", json!([[0.0, 0.0], [1.0, 1.0]])), &["\"map.drivable_m[0]\"", "has 2 points"]);
     refused(&with("/map/stop_lines/0/light", json!(77)), &["\"map.stop_lines[0].light\"", "77"]);
-    refused(&with("/map/traffic_lights/0/states", json!([["red", 4_000_000_000u32]])), &["\"map.traffic_lights[0].states[0]\"", "4000000000"]);
+    refused(
+        &with("/map/traffic_lights/0/states", json!([["red", 4_000_000_000u32]])),
+        &["\"map.traffic_lights[0].states[0]\"", "4000000000"],
+    );
     refused(&with("/map/traffic_lights/0/states", json!([["blue", 4]])), &["map.traffic_lights[0].states[0]", "blue"]);
     refused(&with("/cameras", json!([])), &["\"cameras\"", "has 0 cameras"]);
     refused(&with("/cameras/0/width_px", json!(1_000_000)), &["\"cameras[0].width_px\"", "1000000"]);

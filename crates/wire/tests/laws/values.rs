@@ -80,8 +80,7 @@ fn encoding() -> impl Strategy<Value = Encoding> {
 }
 
 pub(crate) fn layout() -> impl Strategy<Value = Layout> {
-    (image(), encoding(), pose())
-        .prop_map(|(image, encoding, ego_in_world)| Layout { image, encoding, ego_in_world })
+    (image(), encoding(), pose()).prop_map(|(image, encoding, ego_in_world)| Layout { image, encoding, ego_in_world })
 }
 
 pub(crate) fn frame() -> impl Strategy<Value = Frame> {
@@ -146,7 +145,10 @@ pub(crate) fn advance() -> impl Strategy<Value = Advance> {
             motion,
             border,
             plan_due,
-            owners: owners.into_iter().map(|(role, (name, epoch))| (role, owner_of(&name, epoch))).collect::<BTreeMap<_, _>>(),
+            owners: owners
+                .into_iter()
+                .map(|(role, (name, epoch))| (role, owner_of(&name, epoch)))
+                .collect::<BTreeMap<_, _>>(),
         },
     )
 }
@@ -262,9 +264,14 @@ fn map() -> impl Strategy<Value = Map> {
 }
 
 fn track() -> impl Strategy<Value = Track> {
-    let point = (pose(), finite(), vector()).prop_map(|(pose, z_m, velocity_mps)| TrackPoint { pose, z_m, velocity_mps });
-    ("[a-z0-9]{0,9}", class(), size(), vec(option::of(point), 0..5))
-        .prop_map(|(name, class, size, points)| Track { name, class, size, points })
+    let point =
+        (pose(), finite(), vector()).prop_map(|(pose, z_m, velocity_mps)| TrackPoint { pose, z_m, velocity_mps });
+    ("[a-z0-9]{0,9}", class(), size(), vec(option::of(point), 0..5)).prop_map(|(name, class, size, points)| Track {
+        name,
+        class,
+        size,
+        points,
+    })
 }
 
 fn spec() -> impl Strategy<Value = EpisodeSpec> {
@@ -313,7 +320,11 @@ pub(crate) fn scene() -> impl Strategy<Value = SceneMessage> {
             tracks,
             cameras,
             prompt,
-            origin: Origin { source: "generated".to_owned(), licence: "Apache-2.0".to_owned(), attribution: String::new() },
+            origin: Origin {
+                source: "generated".to_owned(),
+                licence: "Apache-2.0".to_owned(),
+                attribution: String::new(),
+            },
         };
         SceneMessage { spec, scene: Arc::new(scene), first_frames }
     })

@@ -15,8 +15,8 @@ use tonic::Code;
 use crate::cli::{Agents, Align, Observation, RunArgs, SubmitArgs};
 use crate::command::{answer, bar, scenario};
 use crate::embed::{self, Fleet, FleetPlan};
-use crate::results::{Episode, Results, Run, TimeShare};
 use crate::live::{self, Watch};
+use crate::results::{Episode, Results, Run, TimeShare};
 use crate::{children, pictures};
 
 /// The largest message on the control plane, in bytes.

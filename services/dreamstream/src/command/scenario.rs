@@ -54,7 +54,10 @@ pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
 }
 
 fn list(paths: &[PathBuf]) -> Result<()> {
-    answer(&format!("{:<34} {:>7} {:>7} {:>6} {:<12} {}", "scenario", "seconds", "agents", "lanes", "licence", "family"));
+    answer(&format!(
+        "{:<34} {:>7} {:>7} {:>6} {:<12} {}",
+        "scenario", "seconds", "agents", "lanes", "licence", "family"
+    ));
     for path in files(paths)? {
         let (scene, _) = ds_scenario::load(&path)?;
         let secs = f64::from(scene.last_tick().0) * scene.dt.secs();

@@ -21,13 +21,27 @@ pub(crate) enum Data {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Dtype {
     Bool,
-    Signed { bytes: usize, big: bool },
-    Unsigned { bytes: usize, big: bool },
-    Float { bytes: usize, big: bool },
+    Signed {
+        bytes: usize,
+        big: bool,
+    },
+    Unsigned {
+        bytes: usize,
+        big: bool,
+    },
+    Float {
+        bytes: usize,
+        big: bool,
+    },
     /// UTF-32 text of so many characters.
-    Wide { chars: usize, big: bool },
+    Wide {
+        chars: usize,
+        big: bool,
+    },
     /// Byte text of so many bytes.
-    Narrow { bytes: usize },
+    Narrow {
+        bytes: usize,
+    },
     Object,
 }
 
@@ -69,7 +83,10 @@ impl Dtype {
     pub(super) fn item_bytes(self) -> usize {
         match self {
             Self::Bool => 1,
-            Self::Signed { bytes, .. } | Self::Unsigned { bytes, .. } | Self::Float { bytes, .. } | Self::Narrow { bytes } => bytes,
+            Self::Signed { bytes, .. }
+            | Self::Unsigned { bytes, .. }
+            | Self::Float { bytes, .. }
+            | Self::Narrow { bytes } => bytes,
             Self::Wide { chars, .. } => 4 * chars,
             Self::Object => 8,
         }
@@ -93,7 +110,8 @@ impl Dtype {
             Self::Float { big, .. } => Data::Numbers(items.map(|item| f64::from_bits(unsigned(item, big))).collect()),
             Self::Wide { big, .. } => Data::Texts(items.map(|item| wide(item, big)).collect()),
             Self::Narrow { .. } => {
-                let text = |item: &[u8]| item.iter().take_while(|byte| **byte != 0).map(|byte| char::from(*byte)).collect();
+                let text =
+                    |item: &[u8]| item.iter().take_while(|byte| **byte != 0).map(|byte| char::from(*byte)).collect();
                 Data::Texts(items.map(text).collect())
             }
             Self::Object => Data::Objects(Vec::new()),

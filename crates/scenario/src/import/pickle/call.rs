@@ -19,7 +19,9 @@ fn allowed(module: &str, name: &str) -> Option<Callable> {
         ("builtins" | "__builtin__", "set" | "frozenset") => Callable::Set,
         ("builtins" | "__builtin__", "bytes" | "bytearray") => Callable::Bytes,
         ("builtins" | "__builtin__", "int" | "float" | "bool" | "str") => Callable::Inert,
-        ("pathlib" | "pathlib._local", "PosixPath" | "PurePosixPath" | "WindowsPath" | "PureWindowsPath") => Callable::Path,
+        ("pathlib" | "pathlib._local", "PosixPath" | "PurePosixPath" | "WindowsPath" | "PureWindowsPath") => {
+            Callable::Path
+        }
         ("metadrive.scenario.scenario_description" | "metadrive.scenario", "ScenarioDescription") => Callable::Dict,
         _ => return None,
     };
@@ -50,7 +52,9 @@ impl Machine<'_> {
     /// Carries out `callable(*arguments)` for the allow-list.
     pub(super) fn reduce(&mut self) -> Result<(), PickleError> {
         let pair = self.pop_many(2)?;
-        let Value::Callable(callable) = pair[0] else { return Err(self.malformed("something is called that is no function")) };
+        let Value::Callable(callable) = pair[0] else {
+            return Err(self.malformed("something is called that is no function"));
+        };
         let Some(arguments) = self.items_of(pair[1]) else { return Err(self.malformed("arguments are no tuple")) };
         self.charge(16 * arguments.len())?;
         match callable {
@@ -60,7 +64,9 @@ impl Machine<'_> {
             Callable::Dtype => {
                 let code = arguments.first().and_then(|code| self.text_of(*code)).map(str::to_owned);
                 let dtype = code.as_deref().and_then(Dtype::parse);
-                let dtype = dtype.ok_or_else(|| self.array_error(format!("dtype {:?} is not supported", code.unwrap_or_default())))?;
+                let dtype = dtype.ok_or_else(|| {
+                    self.array_error(format!("dtype {:?} is not supported", code.unwrap_or_default()))
+                })?;
                 self.push_node(Node::Dtype(dtype))
             }
             Callable::Encode => self.encode(&arguments),
@@ -68,7 +74,9 @@ impl Machine<'_> {
             Callable::List | Callable::Tuple | Callable::Set => {
                 let items = match arguments.first() {
                     None => Vec::new(),
-                    Some(value) => self.items_of(*value).ok_or_else(|| self.malformed("a container is made of no list"))?,
+                    Some(value) => {
+                        self.items_of(*value).ok_or_else(|| self.malformed("a container is made of no list"))?
+                    }
                 };
                 self.push_node(match callable {
                     Callable::List => Node::List(items),
@@ -118,7 +126,11 @@ impl Machine<'_> {
         }
         let text = arguments.first().and_then(|text| self.text_of(*text));
         let text = text.ok_or_else(|| self.malformed("what is encoded is no text"))?;
-        let bytes = if latin { text.chars().map(|c| u8::try_from(u32::from(c)).ok()).collect() } else { Some(text.as_bytes().to_vec()) };
+        let bytes = if latin {
+            text.chars().map(|c| u8::try_from(u32::from(c)).ok()).collect()
+        } else {
+            Some(text.as_bytes().to_vec())
+        };
         let bytes = bytes.ok_or_else(|| self.malformed("a character is beyond Latin-1"))?;
         self.push_node(Node::Bytes(bytes))
     }
@@ -133,7 +145,8 @@ impl Machine<'_> {
     }
 
     fn shape_of(&self, value: Option<&Value>) -> Result<Vec<usize>, PickleError> {
-        let items = value.and_then(|value| self.items_of(*value)).ok_or_else(|| self.array_error("the shape is no tuple"))?;
+        let items =
+            value.and_then(|value| self.items_of(*value)).ok_or_else(|| self.array_error("the shape is no tuple"))?;
         if items.len() > 8 {
             return Err(self.array_error(format!("the array has {} dimensions", items.len())));
         }
@@ -151,7 +164,8 @@ impl Machine<'_> {
         let Some(count) = count else { return Err(self.array_error(format!("shape {shape_text} overflows"))) };
         if dtype == Dtype::Object {
             let items = self.items_of(data).filter(|items| items.len() == count);
-            let items = items.ok_or_else(|| self.array_error(format!("shape {shape_text} does not fit the list of objects")))?;
+            let items = items
+                .ok_or_else(|| self.array_error(format!("shape {shape_text} does not fit the list of objects")))?;
             return Ok(Array { shape, data: Data::Objects(items) });
         }
         let needed = count.checked_mul(dtype.item_bytes()).unwrap_or(usize::MAX);

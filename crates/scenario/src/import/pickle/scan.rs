@@ -93,7 +93,9 @@ impl<'a> Machine<'a> {
                 self.length(8)?;
             }
             b'(' | b'0' | b'1' | b'2' => self.stack_opcode(opcode)?,
-            b'N' | 0x88 | 0x89 | b'I' | b'J' | b'K' | b'L' | b'M' | b'F' | b'G' | 0x8a | 0x8b => self.number_opcode(opcode)?,
+            b'N' | 0x88 | 0x89 | b'I' | b'J' | b'K' | b'L' | b'M' | b'F' | b'G' | 0x8a | 0x8b => {
+                self.number_opcode(opcode)?
+            }
             b'S' | b'T' | b'U' | b'V' | b'X' | b'B' | b'C' | 0x8c | 0x8d | 0x8e | 0x96 => self.text_opcode(opcode)?,
             b']' | b'l' | b'a' | b'e' | b'}' | b'd' | b's' | b'u' | b')' | b't' | 0x85..=0x87 | 0x8f..=0x91 => {
                 self.container_opcode(opcode)?;
@@ -167,7 +169,9 @@ impl<'a> Machine<'a> {
                 match line {
                     "00" => Value::Bool(false),
                     "01" => Value::Bool(true),
-                    _ => Value::Int(line.parse().map_err(|_| self.malformed(format!("{:?} is no number", short(line))))?),
+                    _ => {
+                        Value::Int(line.parse().map_err(|_| self.malformed(format!("{:?} is no number", short(line))))?)
+                    }
                 }
             }
             b'L' => Value::Int(self.parsed()?),

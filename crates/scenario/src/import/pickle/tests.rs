@@ -85,7 +85,10 @@ fn shown(pickle: &Pickle, value: Value) -> String {
             Node::Tuple(items) => format!("({})", list(items)),
             Node::Set(items) => format!("{{{}}}", list(items)),
             Node::Dict(items) => {
-                let items: Vec<String> = items.iter().map(|(key, value)| format!("{}:{}", shown(pickle, *key), shown(pickle, *value))).collect();
+                let items: Vec<String> = items
+                    .iter()
+                    .map(|(key, value)| format!("{}:{}", shown(pickle, *key), shown(pickle, *value)))
+                    .collect();
                 format!("{{{}}}", items.join(","))
             }
             Node::Array(Some(array)) => format!("{:?}{:?}", array.shape, array.data),
@@ -113,8 +116,14 @@ fn reads_what_python_writes_in_every_protocol() {
         expected,
     );
     // -1, -300 and 2**40 as LONG1; b'\x00\xff' of protocol 2; {1}; OrderedDict of protocol 2
-    check(b"\x80\x02(J\xff\xff\xff\xff\x8a\x02\xd4\xfe\x8a\x06\0\0\0\0\0\x01t.", "(Int(-1),Int(-300),Int(1099511627776))");
-    check(b"\x80\x02c_codecs\nencode\nq\0X\x03\0\0\0\0\xc3\xbfq\x01X\x06\0\0\0latin1q\x02\x86q\x03Rq\x04.", "b[0, 255]");
+    check(
+        b"\x80\x02(J\xff\xff\xff\xff\x8a\x02\xd4\xfe\x8a\x06\0\0\0\0\0\x01t.",
+        "(Int(-1),Int(-300),Int(1099511627776))",
+    );
+    check(
+        b"\x80\x02c_codecs\nencode\nq\0X\x03\0\0\0\0\xc3\xbfq\x01X\x06\0\0\0latin1q\x02\x86q\x03Rq\x04.",
+        "b[0, 255]",
+    );
     check(b"\x80\x04\x8f\x94(K\x01\x90.", "{Int(1)}");
     check(b"\x80\x02ccollections\nOrderedDict\nq\0)Rq\x01X\x01\0\0\0aq\x02K\x01s.", "{\"a\":Int(1)}");
 }

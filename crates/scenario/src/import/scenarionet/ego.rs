@@ -33,14 +33,19 @@ pub(super) fn log(track: &View<'_>, dt_secs: f64, dataset: &str, notes: &mut Vec
         None => vec![1.0; position.len()],
     };
     if heading.rows != position.len() || valid.len() != position.len() {
-        let problem = format!("has {} positions, {} headings and {} valid marks", position.len(), heading.rows, valid.len());
+        let problem =
+            format!("has {} positions, {} headings and {} valid marks", position.len(), heading.rows, valid.len());
         return Err(state.fault(problem));
     }
     let is_valid = |tick: &usize| valid[*tick] != 0.0;
     let first = (0..position.len()).find(is_valid).ok_or_else(|| state.fault("is never valid"))?;
     let last = (0..position.len()).rfind(is_valid).unwrap_or(first);
     if last == first || last - first >= crate::resolve::MAX_TICKS {
-        return Err(state.fault(format!("is valid over {} ticks, 2 to {} are read", last - first + 1, crate::resolve::MAX_TICKS)));
+        return Err(state.fault(format!(
+            "is valid over {} ticks, 2 to {} are read",
+            last - first + 1,
+            crate::resolve::MAX_TICKS
+        )));
     }
     let far = position[first].abs().max_element() > RECENTRE_BEYOND_M;
     let origin = if far { position[first].round() } else { DVec2::ZERO };
@@ -65,7 +70,10 @@ pub(super) fn log(track: &View<'_>, dt_secs: f64, dataset: &str, notes: &mut Vec
         *point -= DVec2::from_angle(*heading) * ahead_m;
     }
     if ahead_m > 0.0 {
-        notes.push(Warning { at: track.at().to_owned(), message: format!("positions are the box centre; moved back {ahead_m:.3} m to the rear axle") });
+        notes.push(Warning {
+            at: track.at().to_owned(),
+            message: format!("positions are the box centre; moved back {ahead_m:.3} m to the rear axle"),
+        });
     }
     let states = states(&points, &headings, &vehicle, dt_secs);
     Ok(Log { vehicle, states, window })
@@ -245,7 +253,10 @@ mod tests {
         let values: Vec<f64> = (0..20).map(|i| 3.0 + 0.5 * f64::from(i) + 0.25 * f64::from(i * i)).collect();
         for at in [0, 1, 7, 19] {
             let (slope, bend) = fit(&values, at, 4);
-            assert!((slope - (0.5 + 0.5 * at as f64)).abs() < 1e-9 && (bend - 0.5).abs() < 1e-9, "{at}: {slope} {bend}");
+            assert!(
+                (slope - (0.5 + 0.5 * at as f64)).abs() < 1e-9 && (bend - 0.5).abs() < 1e-9,
+                "{at}: {slope} {bend}"
+            );
         }
     }
 

@@ -29,7 +29,12 @@ struct Links {
     right: Vec<String>,
 }
 
-pub(super) fn map(features: &View<'_>, window: &Window, dataset: &str, notes: &mut Vec<Warning>) -> Result<Map, FieldFault> {
+pub(super) fn map(
+    features: &View<'_>,
+    window: &Window,
+    dataset: &str,
+    notes: &mut Vec<Warning>,
+) -> Result<Map, FieldFault> {
     let mut map = Map::default();
     let mut links = Vec::new();
     let mut skipped: BTreeMap<String, usize> = BTreeMap::new();
@@ -53,7 +58,10 @@ pub(super) fn map(features: &View<'_>, window: &Window, dataset: &str, notes: &m
         }
     }
     for (kind, count) in skipped {
-        notes.push(Warning { at: "map_features".to_owned(), message: format!("{count} of type {kind:?} have no place in the scene or too few points") });
+        notes.push(Warning {
+            at: "map_features".to_owned(),
+            message: format!("{count} of type {kind:?} have no place in the scene or too few points"),
+        });
     }
     mark_connectors(&mut map);
     if links.iter().any(|links| !links.exits.is_empty() || !links.entries.is_empty()) {
@@ -170,7 +178,9 @@ fn feature(map: &mut Map, kind: &str, view: &View<'_>, window: &Window) -> Resul
             map.drivable.push(area);
         }
         "DRIVEWAY" | "GENERIC_DRIVABLE" | "CARPARK_AREA" if area.len() > 2 => map.drivable.push(area),
-        "STOP_LINE" if area.len() > 1 => map.stop_lines.push(StopLine { points: [area[0], area[area.len() - 1]], light: None }),
+        "STOP_LINE" if area.len() > 1 => {
+            map.stop_lines.push(StopLine { points: [area[0], area[area.len() - 1]], light: None })
+        }
         "STOP_SIGN" => return Ok(stop_sign(map, view, window)),
         _ => return Ok(false),
     }
@@ -179,7 +189,9 @@ fn feature(map: &mut Map, kind: &str, view: &View<'_>, window: &Window) -> Resul
 
 /// A stop sign becomes a stop line across its lanes where it stands; lanes must come before it in the file.
 fn stop_sign(map: &mut Map, view: &View<'_>, window: &Window) -> bool {
-    let Some(place) = view.get("position").and_then(|position| position.table().ok()).filter(|table| table.values.len() > 1) else {
+    let Some(place) =
+        view.get("position").and_then(|position| position.table().ok()).filter(|table| table.values.len() > 1)
+    else {
         return false;
     };
     let place = DVec2::new(place.values[0], place.values[1]) - window.origin;
@@ -229,7 +241,9 @@ fn link_by_name(map: &mut Map, links: &[Links]) {
         for entry in links.entries.iter().filter_map(|name| index.get(name)) {
             link(map, *entry, i);
         }
-        let first = |names: &[String]| names.iter().find_map(|name| index.get(name)).filter(|other| **other != i).map(|other| id(*other));
+        let first = |names: &[String]| {
+            names.iter().find_map(|name| index.get(name)).filter(|other| **other != i).map(|other| id(*other))
+        };
         map.lanes[i].left = first(&links.left);
         map.lanes[i].right = first(&links.right);
     }
@@ -279,7 +293,11 @@ fn neighbours_by_place(map: &mut Map) {
             let inside = (0.0..=other.length_m()).contains(&foot.station_m);
             let turn = angle::turn(middle.heading_rad, other.heading_rad(foot.station_m));
             let side = usize::from(foot.left_m > 0.0);
-            if inside && turn.abs() < 0.3 && (2.0..5.0).contains(&foot.left_m.abs()) && foot.left_m.abs() < beside[side].0 {
+            if inside
+                && turn.abs() < 0.3
+                && (2.0..5.0).contains(&foot.left_m.abs())
+                && foot.left_m.abs() < beside[side].0
+            {
                 beside[side] = (foot.left_m.abs(), Some(id(*j)));
             }
         }

@@ -5,8 +5,8 @@
 use ds_space::{DVec2, angle};
 use ds_world::{LaneId, LightState, Map, TrafficLight};
 
-use super::lanes::across;
 use super::Window;
+use super::lanes::across;
 use crate::import::view::{FieldFault, View};
 use crate::path::Path;
 use crate::store::Warning;
@@ -27,19 +27,29 @@ fn state(word: &str) -> LightState {
     }
 }
 
-pub(super) fn add(map: &mut Map, states: &View<'_>, window: &Window, notes: &mut Vec<Warning>) -> Result<(), FieldFault> {
+pub(super) fn add(
+    map: &mut Map,
+    states: &View<'_>,
+    window: &Window,
+    notes: &mut Vec<Warning>,
+) -> Result<(), FieldFault> {
     for (name, view) in states.entries()? {
         let kind = view.get("type").and_then(|kind| kind.text()).unwrap_or_default();
         let inner = view.need("state")?;
         let field = |key: &str| view.get(key).or_else(|| inner.get(key));
-        let lane_name = field("lane").and_then(|lane| lane.text().or_else(|| lane.texts().into_iter().next())).unwrap_or(name);
+        let lane_name =
+            field("lane").and_then(|lane| lane.text().or_else(|| lane.texts().into_iter().next())).unwrap_or(name);
         let lane = map.lanes.iter().position(|lane| lane.name == lane_name);
         let words = inner.get("object_state").map(|words| words.texts()).unwrap_or_default();
         let Some(lane) = lane.filter(|_| kind == "TRAFFIC_LIGHT" && !words.is_empty()) else {
-            notes.push(Warning { at: view.at().to_owned(), message: format!("governs lane {lane_name:?}, which the map does not have; left out") });
+            notes.push(Warning {
+                at: view.at().to_owned(),
+                message: format!("governs lane {lane_name:?}, which the map does not have; left out"),
+            });
             continue;
         };
-        let path = Path::new(&map.lanes[lane].centre_line).ok_or_else(|| view.fault("governs a lane without length"))?;
+        let path =
+            Path::new(&map.lanes[lane].centre_line).ok_or_else(|| view.fault("governs a lane without length"))?;
         let place = field("stop_point").and_then(|point| stop_point(&point, window)).unwrap_or(path.points()[0]);
         let heading = path.heading_rad(path.nearest(place).station_m);
         let light = u32::try_from(map.traffic_lights.len()).unwrap_or(u32::MAX);

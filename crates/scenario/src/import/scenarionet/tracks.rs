@@ -30,10 +30,20 @@ fn usual(class: AgentClass) -> Size {
     Size { length_m, width_m, height_m }
 }
 
-pub(super) fn tracks(all: &View<'_>, sdc: &str, window: &Window, notes: &mut Vec<Warning>) -> Result<Vec<Track>, FieldFault> {
+pub(super) fn tracks(
+    all: &View<'_>,
+    sdc: &str,
+    window: &Window,
+    notes: &mut Vec<Warning>,
+) -> Result<Vec<Track>, FieldFault> {
     let entries = all.entries()?;
     if entries.len().saturating_mul(window.count) > crate::resolve::MAX_STATES {
-        return Err(all.fault(format!("holds {} tracks of {} ticks, over {} states", entries.len(), window.count, crate::resolve::MAX_STATES)));
+        return Err(all.fault(format!(
+            "holds {} tracks of {} ticks, over {} states",
+            entries.len(),
+            window.count,
+            crate::resolve::MAX_STATES
+        )));
     }
     let mut tracks = Vec::new();
     for (name, view) in entries {
@@ -44,7 +54,9 @@ pub(super) fn tracks(all: &View<'_>, sdc: &str, window: &Window, notes: &mut Vec
         let kind = kind.text().ok_or_else(|| kind.fault("is no text"))?;
         match class(&kind) {
             Some(class) => tracks.extend(track(name, class, &view.need("state")?, window)?),
-            None => notes.push(Warning { at: view.at().to_owned(), message: format!("is of type {kind:?} and left out") }),
+            None => {
+                notes.push(Warning { at: view.at().to_owned(), message: format!("is of type {kind:?} and left out") })
+            }
         }
     }
     Ok(tracks)
@@ -67,7 +79,11 @@ fn track(name: String, class: AgentClass, state: &View<'_>, window: &Window) -> 
     let is_valid = |tick: usize| tick < rows && valid.as_ref().is_none_or(|valid| valid.get(tick, 0) != 0.0);
     let mut points = Vec::with_capacity(window.count);
     for tick in window.first..window.first + window.count {
-        points.push(if is_valid(tick) { Some(point(state, (&position, &heading, velocity.as_ref()), tick, window)?) } else { None });
+        points.push(if is_valid(tick) {
+            Some(point(state, (&position, &heading, velocity.as_ref()), tick, window)?)
+        } else {
+            None
+        });
     }
     if points.iter().all(Option::is_none) {
         return Ok(None);
@@ -82,11 +98,17 @@ fn track(name: String, class: AgentClass, state: &View<'_>, window: &Window) -> 
     Ok(Some(Track { name, class, size, points }))
 }
 
-fn point(state: &View<'_>, tables: (&Table, &Table, Option<&Table>), tick: usize, window: &Window) -> Result<TrackPoint, FieldFault> {
+fn point(
+    state: &View<'_>,
+    tables: (&Table, &Table, Option<&Table>),
+    tick: usize,
+    window: &Window,
+) -> Result<TrackPoint, FieldFault> {
     let (position, heading, velocity) = tables;
     let at = DVec2::new(position.get(tick, 0), position.get(tick, 1)) - window.origin;
     let heading_rad = heading.get(tick, 0);
-    let velocity_mps = velocity.map_or(DVec2::ZERO, |velocity| DVec2::new(velocity.get(tick, 0), velocity.get(tick, 1)));
+    let velocity_mps =
+        velocity.map_or(DVec2::ZERO, |velocity| DVec2::new(velocity.get(tick, 0), velocity.get(tick, 1)));
     if !at.is_finite() || !heading_rad.is_finite() {
         return Err(state.fault(format!("has position[{tick}] {at} and heading[{tick}] {heading_rad}")));
     }
@@ -100,7 +122,8 @@ fn middle(view: Option<&View<'_>>, is_valid: impl Fn(usize) -> bool) -> Option<f
     let view = view?;
     let Ok(table) = view.table() else { return view.number().filter(|value| *value > 0.0) };
     let valid = |row: &usize| table.rows == 1 || is_valid(*row);
-    let mut values: Vec<f64> = (0..table.rows).filter(valid).map(|row| table.get(row, 0)).filter(|value| *value > 0.0).collect();
+    let mut values: Vec<f64> =
+        (0..table.rows).filter(valid).map(|row| table.get(row, 0)).filter(|value| *value > 0.0).collect();
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied()
 }
