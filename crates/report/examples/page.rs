@@ -34,9 +34,9 @@ fn pictures(out: &Path, runs: &[Results]) -> Vec<Picture> {
     for (run, results) in runs.iter().enumerate() {
         for (index, episode) in results.episodes.iter().enumerate() {
             let Some(stem) = Path::new(&episode.recording).file_stem() else { continue };
-            let path = Path::new("pictures").join(stem).with_extension("gif");
+            let path = format!("pictures/{}.gif", stem.to_string_lossy());
             if out.join(&path).exists() {
-                pictures.push(Picture { run, episode: index, path: path.display().to_string() });
+                pictures.push(Picture { run, episode: index, path });
             }
         }
     }

@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use crate::bootstrap::{self, Interval, mean};
 use crate::dimension::{Dimension, Drive};
-use crate::metric::{Metric, metrics_of};
+use crate::metric::{Applicable, Metric, metrics_of};
 use crate::results::Outcome;
 
 #[cfg(test)]
@@ -20,8 +20,8 @@ mod tests;
 pub const WEIGHTING: &str = "mean over the drives of a scenario first (seeds and whatever else a group holds), \
     then over scenarios, every scenario with the same weight";
 /// Which of the two means is the headline, in words; part of every output.
-pub const HEADLINE: &str = "headline: a failed drive counts 0, an aborted one is left out and counted; \
-    finished: completed drives only";
+pub const HEADLINE: &str = "headline: a failed drive counts 0 (in a sub-metric only if that applies to the scenario), \
+    an aborted one is left out and counted; finished: completed drives only";
 /// How intervals are made, in words; part of every output.
 pub const INTERVALS: &str = "95 % percentile bootstrap over scenarios, 2,000 resamples";
 
@@ -122,7 +122,12 @@ impl Group {
 pub fn aggregate(drives: &[Drive], by: &[Dimension], seed: u64) -> Aggregate {
     let by = with_profile(by, drives);
     let metrics = metrics_of(drives);
-    let groups = grouped(drives, &by).into_iter().map(|(key, drives)| group(key, &drives, &metrics, seed)).collect();
+    let applicable = Applicable::of(drives);
+    let mut groups = Vec::new();
+    for (key, drives) in grouped(drives, &by) {
+        let metrics = summaries(&drives, &metrics, &applicable, seed);
+        groups.push(Group { key, counts: counts(&drives), metrics, lost: losses(&drives) });
+    }
     Aggregate { by, weighting: WEIGHTING, headline: HEADLINE, intervals: INTERVALS, seed, groups }
 }
 
@@ -159,8 +164,8 @@ pub(crate) fn estimate(drives: &[Drive], seed: u64, value: &dyn Fn(&Drive) -> Op
     estimates(vec![column(drives, value)], seed).pop().unwrap_or_default()
 }
 
-fn group(key: Vec<String>, drives: &[Drive], metrics: &[Metric], seed: u64) -> Group {
-    let headline = metrics.iter().map(|metric| column(drives, &|drive| metric.headline(drive.episode)));
+fn summaries(drives: &[Drive], metrics: &[Metric], applicable: &Applicable, seed: u64) -> Vec<Summary> {
+    let headline = metrics.iter().map(|metric| column(drives, &|drive| metric.headline(drive, applicable)));
     let finished = metrics.iter().map(|metric| column(drives, &|drive| metric.finished(drive.episode)));
     let mut headline = estimates(headline.chain(finished).collect(), seed);
     let finished = headline.split_off(metrics.len());
@@ -173,8 +178,7 @@ fn group(key: Vec<String>, drives: &[Drive], metrics: &[Metric], seed: u64) -> G
             .filter(|drive| drive.episode.outcome() == Outcome::Completed && metric.of(drive.episode).is_none())
             .count(),
     };
-    let metrics = metrics.iter().zip(headline).zip(finished).map(summary).collect();
-    Group { key, counts: counts(drives), metrics, lost: losses(drives) }
+    metrics.iter().zip(headline).zip(finished).map(summary).collect()
 }
 
 /// One value per scenario: the mean over its drives that have one.

@@ -13,7 +13,7 @@ use crate::aggregate::{Estimate, WEIGHTING, by_scenario, estimate, grouped};
 use crate::bootstrap::{self, Interval, mean};
 use crate::compare::{Pair, Pairing, pair};
 use crate::dimension::{Dimension, Drive};
-use crate::metric::Metric;
+use crate::metric::{Applicable, Metric};
 use crate::results::ProposalStats;
 
 #[cfg(test)]
@@ -163,7 +163,9 @@ pub fn bias(drives: &[Drive], options: &BiasOptions) -> Bias {
 }
 
 fn headline(drives: &[Drive]) -> Option<f64> {
-    mean(drives.iter().filter_map(|drive| Metric::DrivingScore.headline(drive.episode)))
+    // What applies matters to sub-metrics only.
+    let applicable = Applicable::default();
+    mean(drives.iter().filter_map(|drive| Metric::DrivingScore.headline(drive, &applicable)))
 }
 
 fn scorer_bias(subject: Subject, learned: &[Drive], oracle: &[Drive], seed: u64) -> ScorerBias {

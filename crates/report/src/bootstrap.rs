@@ -42,6 +42,9 @@ pub fn mean(values: impl IntoIterator<Item = f64>) -> Option<f64> {
 pub fn mean_intervals(columns: &[Vec<Option<f64>>], draws: &Draws) -> Vec<Option<Interval>> {
     let scenarios = columns.first().map_or(0, Vec::len);
     assert!(columns.iter().all(|column| column.len() == scenarios), "columns of one table have one length");
+    if scenarios < 2 {
+        return vec![None; columns.len()];
+    }
     let filled: Vec<Vec<(f64, f64)>> = columns
         .iter()
         .map(|column| column.iter().map(|value| value.map_or((0.0, 0.0), |value| (value, 1.0))).collect())

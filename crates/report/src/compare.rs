@@ -12,7 +12,7 @@ use serde::Serialize;
 use crate::aggregate::{WEIGHTING, with_profile};
 use crate::bootstrap::{self, Interval, mean};
 use crate::dimension::{Dimension, Drive, drives, run_names};
-use crate::metric::{Metric, metrics_of};
+use crate::metric::{Applicable, Metric, metrics_of};
 use crate::permutation::{EXACT_UP_TO, holm, sign_flip};
 use crate::results::{Outcome, Results};
 
@@ -151,7 +151,7 @@ pub fn compare(a: &Results, b: &Results, pairing: &Pairing, seed: u64) -> Compar
     let (left, right): (Vec<Drive>, Vec<Drive>) = all.iter().cloned().partition(|drive| drive.place.0 == 0);
     let pairs = pair(&left, &right, pairing);
     let by = with_profile(&pairing.by, &left);
-    let metrics = metrics_of(&all);
+    let (metrics, applicable) = (metrics_of(&all), Applicable::of(&all));
     let mut groups: BTreeMap<Vec<String>, Vec<&Pair>> = BTreeMap::new();
     for pair in &pairs.pairs {
         groups.entry(by.iter().map(|dimension| dimension.of(&pair.a[0])).collect()).or_default().push(pair);
@@ -172,7 +172,13 @@ pub fn compare(a: &Results, b: &Results, pairing: &Pairing, seed: u64) -> Compar
         ),
         notes,
         by,
-        groups: groups.into_iter().map(|(key, pairs)| compared(key, &pairs, &metrics, seed)).collect(),
+        groups: groups
+            .into_iter()
+            .map(|(key, pairs)| {
+                let differences = metrics.iter().map(|metric| difference(metric, &pairs, &applicable, seed));
+                compared(key, &pairs, differences.collect())
+            })
+            .collect(),
         unmatched: pairs.unmatched,
     }
 }
@@ -245,17 +251,18 @@ fn unmatched(pairs: &[Pair], alone: &[Pair]) -> Vec<Unmatched> {
     counts.into_iter().map(entry).collect()
 }
 
-fn compared(key: Vec<String>, pairs: &[&Pair], metrics: &[Metric], seed: u64) -> ComparedGroup {
-    let mut metrics: Vec<Difference> = metrics.iter().map(|metric| difference(metric, pairs, seed)).collect();
+fn compared(key: Vec<String>, pairs: &[&Pair], mut metrics: Vec<Difference>) -> ComparedGroup {
     let p_values: Vec<f64> = metrics.iter().filter_map(|difference| difference.p).collect();
     let tested = p_values.len() as f64;
     let corrected = holm(&p_values);
+    // Differences of one sign have the smallest p-value there is; Holm multiplies the smallest of all by their number.
+    let smallest = |scenarios: usize| 2.0 * 0.5f64.powi(i32::try_from(scenarios.min(1000)).unwrap_or(1000));
+    let most = metrics.iter().map(|difference| difference.scenarios).max().unwrap_or_default();
     for (difference, p_holm) in metrics.iter_mut().filter(|difference| difference.p.is_some()).zip(corrected) {
-        let smallest = 2.0 / 2f64.powi(i32::try_from(difference.scenarios).unwrap_or(i32::MAX).min(1000));
         difference.p_holm = Some(p_holm);
         difference.verdict = match p_holm <= LEVEL {
             true => Verdict::Significant,
-            false if smallest * tested > LEVEL => Verdict::OutOfReach,
+            false if smallest(difference.scenarios).max(tested * smallest(most)) > LEVEL => Verdict::OutOfReach,
             false => Verdict::NotSignificant,
         };
     }
@@ -263,11 +270,11 @@ fn compared(key: Vec<String>, pairs: &[&Pair], metrics: &[Metric], seed: u64) ->
     ComparedGroup { key, scenarios, pairs: pairs.len(), metrics }
 }
 
-fn difference(metric: &Metric, pairs: &[&Pair], seed: u64) -> Difference {
+fn difference(metric: &Metric, pairs: &[&Pair], applicable: &Applicable, seed: u64) -> Difference {
     let (mut aborted_pairs, mut not_applicable_pairs) = (0, 0);
     let mut units: BTreeMap<_, Vec<(f64, f64)>> = BTreeMap::new();
     for pair in pairs {
-        let side = |drives: &[Drive]| mean(drives.iter().filter_map(|drive| metric.headline(drive.episode)));
+        let side = |drives: &[Drive]| mean(drives.iter().filter_map(|drive| metric.headline(drive, applicable)));
         let aborted = |drives: &[Drive]| drives.iter().all(|drive| drive.episode.outcome() == Outcome::Aborted);
         match (side(&pair.a), side(&pair.b)) {
             (Some(a), Some(b)) => units.entry(pair.a[0].unit()).or_default().push((a, b)),

@@ -1,4 +1,6 @@
 //! What drives are grouped by, and the drives of several runs as one list.
+//!
+//! An empty value means that a results file does not say; it is a value like any other when grouping.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;

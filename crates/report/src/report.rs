@@ -17,7 +17,7 @@ mod tests;
 
 /// What tells drives apart in the headline, as far as it varies.
 const HEADLINE_BY: [Dimension; 5] =
-    [Dimension::Policy, Dimension::Set, Dimension::Appearance, Dimension::Observation, Dimension::Scorer];
+    [Dimension::Policy, Dimension::Set, Dimension::Scorer, Dimension::Observation, Dimension::Appearance];
 
 /// What a report is made with.
 #[derive(Debug, Clone)]
@@ -130,11 +130,19 @@ impl Report {
     }
 }
 
-/// Returns what varies; runs only where nothing else tells them apart.
+/// Returns what varies; the appearance only where the set does not give it, runs only where nothing else tells them
+/// apart.
 fn headline_by(drives: &[Drive]) -> Vec<Dimension> {
-    let varies = |dimension: &Dimension| *dimension == Dimension::Policy || dimension.values(drives).len() > 1;
-    let mut by: Vec<Dimension> = HEADLINE_BY.into_iter().filter(varies).collect();
-    if grouped(drives, &by).values().any(|drives| Dimension::Run.values(drives).len() > 1) {
+    let varies_within = |dimension: Dimension, by: &[Dimension]| {
+        grouped(drives, by).values().any(|drives| dimension.values(drives).len() > 1)
+    };
+    let wanted = |dimension: &Dimension| match dimension {
+        Dimension::Policy => true,
+        Dimension::Appearance => varies_within(Dimension::Appearance, &[Dimension::Set]),
+        _ => varies_within(*dimension, &[]),
+    };
+    let mut by: Vec<Dimension> = HEADLINE_BY.into_iter().filter(wanted).collect();
+    if varies_within(Dimension::Run, &by) {
         by.insert(0, Dimension::Run);
     }
     by

@@ -1,4 +1,6 @@
 //! Means worked out by hand.
+//!
+//! Each case is small enough to be checked in the head; the arithmetic stands beside it.
 
 use super::*;
 use crate::dimension::drives;
@@ -54,6 +56,24 @@ fn a_score_of_a_failed_drive_is_not_used() {
     let found = aggregate(&drives(&runs), &[], 0);
     let score = found.groups[0].metric("driving_score").expect("it is always there");
     assert_eq!((score.headline.mean, score.finished.mean), (Some(0.0), None));
+}
+
+/// Lights apply to a only: the failed drives of a and c are 0 in collisions, that of b (no lights) not in lights, and
+/// c, which nobody completed, is 0 only in what applies to all scenarios.
+#[test]
+fn failed_drives_count_zero_in_what_applies() {
+    let with = |scenario, light| Episode {
+        sub_scores: BTreeMap::from([("nc".to_owned(), Some(1.0)), ("tlc".to_owned(), light)]),
+        ..drive(scenario, "good", 0, 0.5)
+    };
+    let mut episodes = vec![with("a", Some(1.0)), with("b", None)];
+    episodes.extend(["a", "b", "c"].map(|scenario| ended(scenario, "bad", 0, "failed")));
+    let runs = [run("r", episodes)];
+    let found = aggregate(&drives(&runs), &[Dimension::Policy], 0);
+    let bad = |name| only(&found, &["bad"]).metric(name).expect("it is there").headline;
+    assert_eq!((bad("sub_scores.nc").mean, bad("sub_scores.nc").scenarios), (Some(0.0), 3));
+    assert_eq!((bad("sub_scores.tlc").mean, bad("sub_scores.tlc").scenarios), (Some(0.0), 1));
+    assert_eq!((bad("driving_score").mean, bad("driving_score").scenarios), (Some(0.0), 3));
 }
 
 #[test]

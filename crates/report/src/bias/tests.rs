@@ -1,4 +1,6 @@
 //! Bias, coverage and shares worked out by hand.
+//!
+//! Pairs, families of variants and shares are chosen so that another weighting would give another number.
 
 use super::*;
 use crate::dimension::drives;

@@ -1,4 +1,6 @@
 //! Differences and conclusions worked out by hand.
+//!
+//! Pairs that lack a side, a value or an end must be counted, never averaged.
 
 use super::*;
 use crate::results::Episode;

@@ -1,4 +1,6 @@
 //! What a report is grouped by, and what it repeats.
+//!
+//! No drive may be lost between the results and any of the tables.
 
 use super::*;
 use crate::results::Episode;
@@ -11,7 +13,7 @@ fn the_headline_is_split_by_what_varies() {
         assert_eq!(report.headline.by, expected);
     };
     let plain = run("r", vec![drive("a", "p", 0, 0.5), drive("b", "p", 0, 0.5)]);
-    check(&[plain.clone()], &[Dimension::Policy]);
+    check(std::slice::from_ref(&plain), &[Dimension::Policy]);
     check(&[plain.clone(), plain], &[Dimension::Run, Dimension::Policy]);
     check(&sample::runs(), &[Dimension::Policy, Dimension::Set, Dimension::Scorer, Dimension::Profile]);
 }

@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
-use super::{Episode, Results};
+use super::{Episode, Results, TimeShare};
 
 /// Largest file that is read.
 pub const MAX_FILE_BYTES: u64 = 256 * 1024 * 1024;
@@ -214,6 +214,10 @@ impl Episode {
                 let field = at("proposals.ticks_without_positive");
                 return fault(&field, proposals.ticks_without_positive, "more than proposals.ticks");
             }
+        }
+        let TimeShare { sim, layout, video, policy, bus, other } = self.time_share;
+        if let Some(share) = [sim, layout, video, policy, bus, other].into_iter().find(|share| !share.is_finite()) {
+            return fault(&at("time_share"), share, "not a finite number");
         }
         finite(&at("frames_per_second"), self.frames_per_second)?;
         finite(&at("wall_s"), self.wall_s)

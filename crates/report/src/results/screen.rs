@@ -1,4 +1,6 @@
 //! The table on the terminal: one line a drive, its reason below it, the counts at the end.
+//!
+//! Scores are 0 to 1, `n/a` where they do not apply.
 
 use super::Results;
 

@@ -1,4 +1,6 @@
 //! Results files that load, and those that must not.
+//!
+//! Each refusal has to name the file, the field and the value, in a line of bounded length.
 
 use super::*;
 use crate::sample::{drive, ended, run};

@@ -61,6 +61,10 @@ impl Table {
     }
 }
 
+/// Reads a part of a row, or a value of it.
+type Part<T, V> = fn(&T) -> &V;
+type Get<T, V> = fn(&T) -> V;
+
 struct Rows<'a, T> {
     rows: &'a [T],
     columns: Vec<Column>,
@@ -91,7 +95,7 @@ pub fn episodes(runs: &[Results]) -> Table {
     drives.sort_by_key(|drive| drive.place);
     let mut rows = Rows { rows: &drives, columns: Vec::new() };
     rows.text("run", |d| d.run.clone());
-    let texts: [(&str, fn(&Episode) -> &String); 7] = [
+    let texts: [(&str, Part<Episode, String>); 7] = [
         ("scenario", |e| &e.scenario),
         ("set", |e| &e.set),
         ("category", |e| &e.category),
@@ -145,7 +149,7 @@ fn scores(rows: &mut Rows<Drive>) {
 fn costs(rows: &mut Rows<Drive>) {
     rows.number("frames_per_second", |d| Some(d.episode.frames_per_second));
     rows.number("wall_s", |d| Some(d.episode.wall_s));
-    let shares: [(&str, fn(&Episode) -> f64); 6] = [
+    let shares: [(&str, Get<Episode, f64>); 6] = [
         ("sim", |e| e.time_share.sim),
         ("layout", |e| e.time_share.layout),
         ("video", |e| e.time_share.video),
@@ -171,7 +175,7 @@ pub fn aggregate(aggregate: &Aggregate) -> Table {
     for (index, dimension) in aggregate.by.iter().enumerate() {
         rows.text(dimension.name(), |(group, _)| group.key[index].clone());
     }
-    let counts: [(&str, fn(&Group) -> usize); 5] = [
+    let counts: [(&str, Get<Group, usize>); 5] = [
         ("scenarios", |group| group.counts.scenarios),
         ("episodes", |group| group.counts.episodes),
         ("completed", |group| group.counts.completed),
@@ -182,7 +186,7 @@ pub fn aggregate(aggregate: &Aggregate) -> Table {
         rows.count(name, |(group, _)| Some(count(group) as u64));
     }
     rows.text("metric", |(_, metric)| metric.metric.clone());
-    let estimates: [(&str, fn(&Summary) -> &Estimate); 2] =
+    let estimates: [(&str, Part<Summary, Estimate>); 2] =
         [("headline", |metric| &metric.headline), ("finished", |metric| &metric.finished)];
     for (name, estimate) in estimates {
         rows.number(&format!("{name}_mean"), |(_, metric)| estimate(metric).mean);

@@ -72,7 +72,7 @@ fn body(m: &mut Markup, report: &Report, runs: &[Results], pictures: &Pictures) 
                     "categories" => overview::categories(m, report),
                     "comparisons" => differences::comparisons(m, report),
                     "bias" => differences::bias(m, report),
-                    "worst" => worst::section(m, runs, pictures),
+                    "worst" => worst::section(m, report, runs, pictures),
                     "scenarios" => scenarios::section(m, report),
                     "unfinished" => worst::unfinished(m, report),
                     _ => method::section(m, report),

@@ -1,4 +1,6 @@
 //! Tables for terminals, pull requests and documents, in points of 100.
+//!
+//! Names are escaped so that they end neither a cell nor a line and become no markup.
 
 use std::fmt::Write;
 

@@ -1,4 +1,6 @@
 //! Comparisons of runs, bias of the scorer and coverage of the proposals: what differs, and whether that is certain.
+//!
+//! Dots that are told apart from zero are coloured, the others are grey; tables say the same in words.
 
 use super::group_name;
 use super::markup::Markup;
@@ -156,21 +158,41 @@ fn drawn(m: &mut Markup, title: &str, rows: Vec<(&Subject, Estimate)>) {
     plot::changes(m, title, &rows.into_iter().take(plot::MAX_ROWS).map(change).collect::<Vec<_>>());
 }
 
-fn named(subject: &Subject) -> Vec<Cell> {
-    [&subject.policy, &subject.set, &subject.scorer, &subject.observation].map(Cell::name).to_vec()
-}
+/// What tells the rows of these tables apart: observation and profile only where they vary.
+struct Names(Vec<(&'static str, NameOf)>);
 
-fn headings(scorer: &str, numbers: &[(&str, &str)]) -> Vec<Heading> {
-    let names = ["policy", "set", scorer, "observation"].map(Heading::text);
-    names.into_iter().chain(numbers.iter().map(|(title, hint)| Heading::number(title).hint(hint))).collect()
+type NameOf = fn(&Subject) -> &String;
+
+impl Names {
+    fn of<'a>(scorer: &'static str, subjects: impl Iterator<Item = &'a Subject>) -> Self {
+        let subjects: Vec<&Subject> = subjects.collect();
+        let mut names: Vec<(&'static str, NameOf)> =
+            vec![("policy", |s| &s.policy), ("set", |s| &s.set), (scorer, |s| &s.scorer)];
+        for (title, name) in [("observation", (|s| &s.observation) as NameOf), ("profile", |s| &s.profile)] {
+            if subjects.iter().any(|subject| name(subject) != name(subjects[0])) {
+                names.push((title, name));
+            }
+        }
+        Self(names)
+    }
+
+    fn headings(&self, numbers: &[(&str, &str)]) -> Vec<Heading> {
+        let names = self.0.iter().map(|(title, _)| Heading::text(title));
+        names.chain(numbers.iter().map(|(title, hint)| Heading::number(title).hint(hint))).collect()
+    }
+
+    fn cells(&self, subject: &Subject) -> Vec<Cell> {
+        self.0.iter().map(|(_, name)| Cell::name(name(subject))).collect()
+    }
 }
 
 fn scorer_table(m: &mut Markup, bias: &Bias) {
+    let names = Names::of("oracle", bias.scorer.iter().map(|row| &row.subject));
     let rows: Vec<Vec<Cell>> = bias
         .scorer
         .iter()
         .map(|row| {
-            let mut cells = named(&row.subject);
+            let mut cells = names.cells(&row.subject);
             cells.extend([Cell::score(row.learned), Cell::score(row.oracle)]);
             cells.push(Cell::number(signed(row.bias.mean), row.bias.mean));
             cells.extend([Cell::interval(row.bias.interval, row.bias.scenarios), Cell::count(row.bias.scenarios)]);
@@ -186,15 +208,16 @@ fn scorer_table(m: &mut Markup, bias: &Bias) {
         ("scenarios", "driven with both"),
         ("unmatched", "drives with one scorer only"),
     ];
-    table(m, "Paired by scenario; failed drives count 0.", Order::Fixed, &headings("oracle", &titles), &rows);
+    table(m, "Paired by scenario; failed drives count 0.", Order::Fixed, &names.headings(&titles), &rows);
 }
 
 fn coverage_table(m: &mut Markup, bias: &Bias) {
+    let names = Names::of("oracle", bias.coverage.iter().map(|row| &row.subject));
     let rows: Vec<Vec<Cell>> = bias
         .coverage
         .iter()
         .map(|row| {
-            let mut cells = named(&row.subject);
+            let mut cells = names.cells(&row.subject);
             cells.extend([Cell::score(row.base), Cell::score(row.changed)]);
             cells.push(Cell::number(signed(row.difference), row.difference));
             cells.push(Cell::interval(row.interval, row.base_scenarios.min(row.changed_scenarios)));
@@ -211,17 +234,18 @@ fn coverage_table(m: &mut Markup, bias: &Bias) {
         ("95 % interval", "over scenarios"),
         ("scenarios", "base / changed"),
     ];
-    let mut headings = headings("oracle", &titles);
+    let mut headings = names.headings(&titles);
     headings.push(Heading::text("resampled"));
     table(m, "Paired where every changed scenario is named after a base scenario.", Order::Fixed, &headings, &rows);
 }
 
 fn proposal_table(m: &mut Markup, bias: &Bias) {
+    let names = Names::of("ranked by", bias.proposals.iter().map(|row| &row.subject));
     let rows: Vec<Vec<Cell>> = bias
         .proposals
         .iter()
         .map(|row| {
-            let mut cells = named(&row.subject);
+            let mut cells = names.cells(&row.subject);
             cells.extend(Cell::estimate(&row.best));
             for share in [&row.bare_ticks, &row.scenarios_with_bare_tick, &row.scenarios_without_positive] {
                 let text = share.mean.map_or_else(|| "n/a".to_owned(), |_| format!("{} %", points(share.mean)));
@@ -244,5 +268,5 @@ fn proposal_table(m: &mut Markup, bias: &Bias) {
         ("scenarios", "with scored proposals"),
     ];
     let caption = "What the oracle says of the proposals. A bare tick is one without any positive proposal.";
-    table(m, caption, Order::Fixed, &headings("ranked by", &titles), &rows);
+    table(m, caption, Order::Fixed, &names.headings(&titles), &rows);
 }

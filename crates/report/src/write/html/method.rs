@@ -1,4 +1,6 @@
 //! The end of the page: weighting, intervals and profile in words, then each run with its settings and digests.
+//!
+//! Nothing here is computed: the words are those of the modules that do the computing.
 
 use super::markup::Markup;
 use crate::aggregate::{HEADLINE, INTERVALS, WEIGHTING};

@@ -1,12 +1,18 @@
 //! Top of the page: what was run, how it ended, the headline with its plot, and where points are lost.
+//!
+//! Every figure is a headline value (failed drives as 0) unless its column says otherwise.
+
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::markup::Markup;
 use super::plot::{self, Dot, MAX_ROWS};
 use super::table::{Cell, Heading, Order, table};
 use super::{colour_of, group_name};
 use crate::aggregate::{Aggregate, Group};
+use crate::dimension::Dimension;
 use crate::report::Report;
 use crate::term;
+use crate::write::range;
 
 /// Writes title, what all drives have in common, and the counts.
 pub(crate) fn header(m: &mut Markup, report: &Report) {
@@ -62,7 +68,7 @@ pub(crate) fn headline(m: &mut Markup, report: &Report) {
     );
     dots(m, "Driving score by group with 95 % intervals", aggregate);
     let caption = "Headline: mean over scenarios of the mean over drives. “Finished only” leaves failed drives out.";
-    totals(m, caption, aggregate, Order::Fixed);
+    totals(m, caption, aggregate);
 }
 
 fn dots(m: &mut Markup, title: &str, aggregate: &Aggregate) {
@@ -89,7 +95,7 @@ fn dots(m: &mut Markup, title: &str, aggregate: &Aggregate) {
 }
 
 /// Writes one row per group with the three totals and the counts.
-fn totals(m: &mut Markup, caption: &str, aggregate: &Aggregate, order: Order) {
+fn totals(m: &mut Markup, caption: &str, aggregate: &Aggregate) {
     let mut headings: Vec<Heading> = aggregate.by.iter().map(Heading::text).collect();
     headings.extend([
         Heading::number("driving score").hint("failed drives as 0"),
@@ -120,7 +126,7 @@ fn totals(m: &mut Markup, caption: &str, aggregate: &Aggregate, order: Order) {
             row
         })
         .collect();
-    table(m, caption, order, &headings, &rows);
+    table(m, caption, Order::Fixed, &headings, &rows);
 }
 
 /// Writes the stacked bars and the table of sub-metrics.
@@ -173,9 +179,41 @@ pub(crate) fn sub_scores(aggregate: &Aggregate) -> Vec<&str> {
     names.filter(|name| name.starts_with("sub_scores.")).collect()
 }
 
-/// Writes the table by scenario family.
+/// Writes the driving score of every group in every scenario family: groups down, families across.
 pub(crate) fn categories(m: &mut Markup, report: &Report) {
-    if let Some(categories) = &report.categories {
-        totals(m, "The headline's groups split by scenario family.", categories, Order::Sortable);
+    let Some(categories) = &report.categories else { return };
+    let Some(place) = categories.by.iter().position(|dimension| *dimension == Dimension::Category) else { return };
+    let families: BTreeSet<&String> = categories.groups.iter().map(|group| &group.key[place]).collect();
+    let mut rows: BTreeMap<Vec<&String>, BTreeMap<&String, &Group>> = BTreeMap::new();
+    for group in &categories.groups {
+        let others = group.key.iter().enumerate().filter(|(index, _)| *index != place).map(|(_, value)| value);
+        rows.entry(others.collect()).or_default().insert(&group.key[place], group);
     }
+    let others = categories.by.iter().filter(|dimension| **dimension != Dimension::Category);
+    let mut headings: Vec<Heading> = others.map(Heading::text).collect();
+    headings.extend(families.iter().map(|family| Heading::number(if family.is_empty() { "none" } else { family })));
+    let rows: Vec<Vec<Cell>> = rows
+        .into_iter()
+        .map(|(names, by_family)| {
+            let names = names.into_iter().map(Cell::name);
+            names.chain(families.iter().map(|family| family_cell(by_family.get(family).copied()))).collect()
+        })
+        .collect();
+    let caption = "Driving score per scenario family; point at a cell for its interval and counts.";
+    table(m, caption, Order::Sortable, &headings, &rows);
+}
+
+fn family_cell(group: Option<&Group>) -> Cell {
+    let Some((group, score)) = group.and_then(|group| Some((group, group.metric("driving_score")?))) else {
+        return Cell::score(None).hint("no drives");
+    };
+    let counts = group.counts;
+    Cell::score(score.headline.mean).hint(format_args!(
+        "95 % interval {}; {} scenarios, {} drives, {} failed, {} aborted",
+        range(score.headline.interval),
+        counts.scenarios,
+        counts.episodes,
+        counts.failed,
+        counts.aborted
+    ))
 }

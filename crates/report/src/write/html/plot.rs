@@ -14,7 +14,7 @@ pub(crate) const MAX_ROWS: usize = 60;
 const TERM_COLOURS: usize = 7;
 const WIDTH: f64 = 960.0;
 const LABELS: f64 = 300.0;
-const VALUES: f64 = 150.0;
+const VALUES: f64 = 190.0;
 const ROW: f64 = 30.0;
 const TOP: f64 = 26.0;
 const LABEL_CHARS: usize = 40;
@@ -114,7 +114,7 @@ pub(crate) fn dots(m: &mut Markup, title: &str, rows: &[Dot]) {
                     m.void("circle", &[("class", &"dot"), ("cx", &px(x(mean))), ("cy", &px(y)), ("r", &5.5)]);
                 }
             });
-            text(m, "value strong", (WIDTH - VALUES + 58.0, y + 4.5), &points(row.headline.mean));
+            text(m, "value strong", (WIDTH - VALUES + 62.0, y + 4.5), &points(row.headline.mean));
             text(m, "value", (WIDTH - 2.0, y + 4.5), &range(row.headline.interval));
         }
     });
@@ -173,7 +173,7 @@ pub(crate) fn stacked(m: &mut Markup, title: &str, groups: &[(String, &Group)]) 
                 from += share;
             }
             let kept = group.lost.as_ref().map(|lost| lost.kept);
-            text(m, "value strong", (WIDTH - VALUES + 58.0, y + 14.5), &points(kept));
+            text(m, "value strong", (WIDTH - VALUES + 62.0, y + 14.5), &points(kept));
             text(m, "value", (WIDTH - 2.0, y + 14.5), &format!("{} lost", points(kept.map(|kept| 1.0 - kept))));
         }
     });
@@ -219,7 +219,7 @@ pub(crate) fn changes(m: &mut Markup, title: &str, rows: &[Change]) {
                     m.void("circle", &[("class", &"dot"), ("cx", &px(x(mean))), ("cy", &px(y)), ("r", &5.5)]);
                 }
             });
-            text(m, "value strong", (WIDTH - VALUES + 58.0, y + 4.5), &signed(row.difference));
+            text(m, "value strong", (WIDTH - VALUES + 62.0, y + 4.5), &signed(row.difference));
             text(m, "value", (WIDTH - 2.0, y + 4.5), &range(row.interval));
         }
     });

@@ -1,4 +1,6 @@
 //! The table of all scenarios, one row per scenario and group, sortable and filterable.
+//!
+//! It holds every drive of the report; what the plots cut off is here.
 
 use super::markup::Markup;
 use super::overview::sub_scores;

@@ -1,4 +1,6 @@
 //! Tables of the page: a caption, column headings with hints, cells that sort by their value.
+//!
+//! Names are isolated from the direction of writing around them; sorting itself is in `page.js`.
 
 use std::fmt::Display;
 
@@ -7,6 +9,9 @@ use crate::aggregate::Estimate;
 use crate::bootstrap::Interval;
 use crate::compare::FEWEST_SCENARIOS;
 use crate::write::{points, range};
+
+/// Names up to this length are not broken into lines.
+const SHORT_CHARS: usize = 32;
 
 /// Whether clicking a heading sorts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,7 +56,11 @@ impl Cell {
     /// A name from outside.
     pub(crate) fn name(text: impl Display) -> Self {
         let text = text.to_string();
-        let class = if text.is_empty() { "name none" } else { "name" };
+        let class = match text.chars().count() {
+            0 => "name none",
+            1..=SHORT_CHARS => "name short",
+            _ => "name",
+        };
         Self { text: if text.is_empty() { "—".to_owned() } else { text }, class, ..Self::default() }
     }
 
@@ -95,6 +104,10 @@ impl Cell {
     /// Mean and interval of an estimate as two cells.
     pub(crate) fn estimate(estimate: &Estimate) -> [Self; 2] {
         [Self::score(estimate.mean), Self::interval(estimate.interval, estimate.scenarios)]
+    }
+
+    pub(crate) fn hint(self, hint: impl Display) -> Self {
+        Self { hint: hint.to_string(), ..self }
     }
 
     pub(crate) fn class(self, class: &'static str) -> Self {

@@ -1,4 +1,6 @@
 //! The page is well-formed, holds every scenario, fetches nothing, and lets no name out of its place.
+//!
+//! Every name of the sample is hostile to at least one of the places that it is written to.
 
 use super::markup::escaped;
 use super::*;
@@ -40,11 +42,14 @@ fn balanced(page: &str) -> Vec<String> {
 
 fn sample_page() -> (Vec<Results>, String) {
     let runs = sample::runs();
-    let hostile = runs[0].episodes.iter().position(|episode| episode.scenario == HOSTILE).expect("it is in the sample");
-    let pictures = [
-        Picture { run: 0, episode: 0, path: "pictures/cut-in.gif".to_owned() },
-        Picture { run: 0, episode: hostile, path: format!("javascript:{HOSTILE}") },
-    ];
+    let mut pictures = Vec::new();
+    for (run, results) in runs.iter().enumerate() {
+        pictures.extend(results.episodes.iter().enumerate().map(|(episode, entry)| {
+            let hostile = entry.scenario == HOSTILE;
+            let path = if hostile { format!("javascript:{HOSTILE}") } else { format!("pictures/{run}-{episode}.gif") };
+            Picture { run, episode, path }
+        }));
+    }
     let page = page(&sample::report(), &runs, &pictures);
     (runs, page)
 }
@@ -85,7 +90,10 @@ fn names_cannot_run_or_fetch_anything() {
 #[test]
 fn pictures_have_words() {
     let (_, page) = sample_page();
-    assert!(page.contains("src=\"./pictures/cut-in.gif\" alt=\"lattice drives cut-in, seed 0\""));
+    let images: Vec<&str> = page.split("<img ").skip(1).collect();
+    assert!(images.len() > 4 && images.iter().all(|image| image.contains("alt=\"lattice drives ")));
+    assert!(images.iter().any(|image| image.starts_with("src=\"./javascript%3A")), "the hostile one is a file name");
+    assert!(images.iter().any(|image| image.starts_with("src=\"./pictures/0-")));
 }
 
 #[test]

@@ -1,5 +1,8 @@
-//! The drives to look at first: the lowest scores under the constraint that they broke first, with their pictures;
-//! and every drive that failed or was aborted, with its reason.
+//! The drives to look at first: the lowest scores under the constraint that they broke, with their pictures; and every
+//! drive that failed or was aborted, with its reason.
+//!
+//! A drive stands under the constraint (a term that multiplies the score) that it broke first; if it broke none, under
+//! the weighted term that it broke first.
 
 use std::collections::BTreeMap;
 
@@ -7,19 +10,18 @@ use super::Pictures;
 use super::markup::{Markup, link};
 use super::table::{Cell, Heading, Order, table};
 use crate::dimension::{Drive, drives};
-use crate::metric::Metric;
 use crate::report::Report;
-use crate::results::{Outcome, Results};
+use crate::results::{Episode, Outcome, Results};
 use crate::term;
 use crate::write::points;
 
 /// Most drives that are shown per constraint.
-const MAX_CARDS: usize = 12;
+const MAX_CARDS: usize = 8;
 /// Drives that broke nothing are shown below this driving score.
 const LOW_SCORE: f64 = 0.5;
 
 /// Writes the cards, grouped by the constraint broken first.
-pub(crate) fn section(m: &mut Markup, runs: &[Results], pictures: &Pictures) {
+pub(crate) fn section(m: &mut Markup, report: &Report, runs: &[Results], pictures: &Pictures) {
     let all = drives(runs);
     let groups = by_constraint(&all);
     if groups.is_empty() {
@@ -29,7 +31,8 @@ pub(crate) fn section(m: &mut Markup, runs: &[Results], pictures: &Pictures) {
     m.leaf(
         "p",
         &[("class", &"lead")],
-        "Lowest driving score first, under the constraint that broke first. Ticks count from the start of the drive.",
+        "Lowest driving score first, under the constraint that was broken first, or else the comfort or safety term. Ticks \
+         count from the start of the drive.",
     );
     for (constraint, drives) in groups {
         let title = constraint.map_or_else(|| "low score, no constraint broken".to_owned(), term::title);
@@ -38,32 +41,41 @@ pub(crate) fn section(m: &mut Markup, runs: &[Results], pictures: &Pictures) {
         m.leaf("h3", &[], format_args!("{}: {} {noun}{many}", capitalised(&title), drives.len()));
         m.inside("ul", &[("class", &"cards")], |m| {
             for drive in drives.iter().take(MAX_CARDS) {
-                m.inside("li", &[], |m| card(m, drive, pictures.get(&drive.place).copied()));
+                m.inside("li", &[], |m| card(m, report, drive, pictures.get(&drive.place).copied()));
             }
         });
     }
 }
 
-/// Groups drives by the constraint that they broke first; the constraint with the most drives comes first.
+/// Groups drives by what they broke, in order of the score's definition; those that broke nothing come last.
 fn by_constraint<'a, 'b>(all: &'b [Drive<'a>]) -> Vec<(Option<&'b str>, Vec<&'b Drive<'a>>)> {
-    let score = |drive: &Drive| Metric::DrivingScore.headline(drive.episode);
+    let score = |drive: &Drive| match drive.episode.outcome() {
+        Outcome::Completed => drive.episode.driving_score,
+        _ => Some(0.0),
+    };
     let mut groups: BTreeMap<Option<&str>, Vec<&Drive>> = BTreeMap::new();
     for drive in all.iter().filter(|drive| drive.episode.outcome() != Outcome::Aborted) {
-        let first = drive.episode.first_violations.iter().min_by_key(|(_, tick)| **tick).map(|(term, _)| term.as_str());
+        let broken = broken(drive.episode);
         let low = score(drive).is_some_and(|score| score < LOW_SCORE) && drive.episode.outcome() == Outcome::Completed;
-        if first.is_some() || low {
-            groups.entry(first).or_default().push(drive);
+        if broken.is_some() || low {
+            groups.entry(broken).or_default().push(drive);
         }
     }
     let mut groups: Vec<_> = groups.into_iter().collect();
     for (_, drives) in &mut groups {
         drives.sort_by(|a, b| score(a).unwrap_or(2.0).total_cmp(&score(b).unwrap_or(2.0)));
     }
-    groups.sort_by(|a, b| a.0.is_none().cmp(&b.0.is_none()).then(b.1.len().cmp(&a.1.len())));
+    groups.sort_by_key(|(broken, _)| broken.map_or(usize::MAX, term::rank));
     groups
 }
 
-fn card(m: &mut Markup, drive: &Drive, picture: Option<&str>) {
+/// Returns what a drive is shown under: its first broken constraint, else its first broken term.
+fn broken(episode: &Episode) -> Option<&str> {
+    let first = episode.first_violations.iter().min_by_key(|(name, tick)| (!term::is_constraint(name), **tick));
+    first.map(|(name, _)| name.as_str())
+}
+
+fn card(m: &mut Markup, report: &Report, drive: &Drive, picture: Option<&str>) {
     let episode = drive.episode;
     if let Some(picture) = picture {
         let target = link(picture);
@@ -76,13 +88,15 @@ fn card(m: &mut Markup, drive: &Drive, picture: Option<&str>) {
         let score = if episode.outcome() == Outcome::Failed { Some(0.0) } else { episode.driving_score };
         m.leaf("span", &[("class", &"score"), ("title", &"driving score")], points(score));
         m.inside("b", &[], |m| m.leaf("bdi", &[], &episode.scenario));
-        let names = [&episode.set, &episode.policy, &episode.observation, &episode.appearance, &episode.scorer];
-        let names: Vec<&str> = names.into_iter().map(String::as_str).filter(|name| !name.is_empty()).collect();
-        m.inside("p", &[], |m| m.leaf("bdi", &[], format_args!("{} · seed {}", names.join(" · "), episode.seed)));
-        let mut broken: Vec<(&String, &u32)> = episode.first_violations.iter().collect();
-        broken.sort_by_key(|(_, tick)| **tick);
-        for (index, (name, tick)) in broken.into_iter().enumerate() {
-            let class = if index == 0 { "chip" } else { "chip later" };
+        let dimensions = report.headline.by.iter().filter(|d| !report.constant.contains_key(d.name()));
+        let names: Vec<String> =
+            dimensions.map(|dimension| dimension.of(drive)).filter(|name| !name.is_empty()).collect();
+        let names = if names.is_empty() { episode.policy.clone() } else { names.join(" · ") };
+        m.inside("p", &[], |m| m.leaf("bdi", &[], format_args!("{names} · seed {}", episode.seed)));
+        let mut terms: Vec<(&String, &u32)> = episode.first_violations.iter().collect();
+        terms.sort_by_key(|(_, tick)| **tick);
+        for (name, tick) in terms {
+            let class = if Some(name.as_str()) == broken(episode) { "chip" } else { "chip later" };
             m.leaf("span", &[("class", &class)], format_args!("{} at tick {tick}", term::title(name)));
         }
         if !episode.reason.is_empty() {
