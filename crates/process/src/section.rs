@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ProcessSection {
-    /// The instance; empty to make one up from the service and the process id.
+    /// The instance; empty to make one up from service, host and random bits.
     pub instance: String,
     /// Log filter.
     pub log: String,

@@ -1,6 +1,8 @@
 //! Start and stop of a service: logging, settings, bus, fleet, drain; the same order in every process.
 
+use std::fs::File;
 use std::future::Future;
+use std::io::Read;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -113,13 +115,18 @@ pub async fn open_bus(section: &BusSection, security: &SecuritySection) -> Resul
     BusSession::open(&settings).await.context("bus")
 }
 
-/// Returns the configured instance name, or one made of the service and the process id.
+/// Returns the configured instance name, or one made of service, host and 64 random bits: process ids are equal in
+/// containers, and a restart must be a new instance.
 ///
 /// # Errors
-/// If the configured name is not an id.
+/// If the configured name is not an id, or the system gives no random bits.
 pub fn instance(section: &ProcessSection, service: &str) -> Result<InstanceId> {
     let name = if section.instance.is_empty() {
-        format!("{service}-{}", std::process::id())
+        let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+        let host: String = host.chars().filter(|c| c.is_ascii_alphanumeric() || *c == '-').take(24).collect();
+        let mut bits = [0_u8; 8];
+        File::open("/dev/urandom").and_then(|mut file| file.read_exact(&mut bits)).context("draw an instance name")?;
+        format!("{service}-{host}-{:016x}", u64::from_le_bytes(bits))
     } else {
         section.instance.clone()
     };
