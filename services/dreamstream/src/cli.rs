@@ -52,6 +52,12 @@ pub enum Command {
         /// The shell.
         shell: clap_complete::Shell,
     },
+    /// Put results of one or several runs into tables, plots and a page, with intervals over scenarios.
+    Report(ReportArgs),
+    /// Compare two runs on the scenarios that both drove: paired differences, intervals, significance.
+    Compare(CompareArgs),
+    /// Put the results of several runs, such as the shards of one, into one file.
+    Merge(MergeArgs),
     /// Say what a drive waits for: which message, from whom, since when.
     Why(WhyArgs),
     /// Run one of the five services of a fleet, or the Zenoh router between them, in the foreground.
@@ -340,6 +346,48 @@ pub struct ServeArgs {
     /// A setting as section.key=value, stronger than file and environment.
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub set: Vec<String>,
+}
+
+/// Arguments of `report`.
+#[derive(Debug, Args)]
+pub struct ReportArgs {
+    /// Folders of runs, or their results files.
+    #[arg(required = true, value_hint = ValueHint::AnyPath)]
+    pub runs: Vec<PathBuf>,
+    /// The scenario set that others are changes of, for proposal coverage.
+    #[arg(long)]
+    pub base_set: Option<String>,
+    /// Where page and tables go.
+    #[arg(long, short, default_value = "out/report", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+}
+
+/// Arguments of `compare`.
+#[derive(Debug, Args)]
+pub struct CompareArgs {
+    /// The run that is compared with: its folder or results file.
+    #[arg(value_hint = ValueHint::AnyPath)]
+    pub run_a: PathBuf,
+    /// The run whose gain or loss is told.
+    #[arg(value_hint = ValueHint::AnyPath)]
+    pub run_b: PathBuf,
+    /// Where page and tables go, if they are wanted.
+    #[arg(long, short, value_hint = ValueHint::DirPath)]
+    pub out: Option<PathBuf>,
+}
+
+/// Arguments of `merge`.
+#[derive(Debug, Args)]
+pub struct MergeArgs {
+    /// Folders of runs, or their results files.
+    #[arg(required = true, value_hint = ValueHint::AnyPath)]
+    pub runs: Vec<PathBuf>,
+    /// Merge runs of other versions, weights or settings too.
+    #[arg(long)]
+    pub force: bool,
+    /// Where the merged results file goes.
+    #[arg(long, short, default_value = "out/merged", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
 }
 
 /// Arguments of `why`.

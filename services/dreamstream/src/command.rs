@@ -5,6 +5,7 @@ pub mod certs;
 pub mod doctor;
 pub mod health;
 pub mod replay;
+pub mod report;
 pub mod run;
 pub mod scenario;
 pub mod serve;

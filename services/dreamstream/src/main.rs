@@ -8,7 +8,6 @@ mod command;
 mod embed;
 mod live;
 mod pictures;
-mod results;
 
 use std::process::ExitCode;
 
@@ -51,6 +50,9 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
             Some(episode) => runtime()?.block_on(command::view::live(args, episode)),
             None => command::view::run(args),
         },
+        Command::Report(args) => command::report::run(args),
+        Command::Compare(args) => command::report::compare_runs(args),
+        Command::Merge(args) => command::report::merge(args),
         Command::Why(args) => runtime()?.block_on(command::why::run(args)),
         Command::Replay(args) => command::replay::run(args),
         Command::Bench(args) => command::bench::run(args),

@@ -167,6 +167,7 @@ fn fill(result: &mut pb::EpisodeResult, outcome: &Outcome) {
     result.awaits.clear();
     result.ticks = outcome.ticks;
     result.route_completion = outcome.scores.route_completion;
+    ds_score::DRIVING_SCORE_REASON.clone_into(&mut result.score_reason);
     let scored = outcome.scores.sub_scores.iter().filter_map(|(name, value)| Some((name.clone(), (*value)?)));
     result.sub_scores = scored.collect::<BTreeMap<_, _>>();
     let wall = outcome.wall.as_secs_f64();

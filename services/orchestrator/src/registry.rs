@@ -188,6 +188,7 @@ fn queued(job: &Job) -> pb::EpisodeResult {
         seed: spec.seed,
         status: pb::Status::Queued.into(),
         ticks_due: spec.last_tick.0,
+        category: job.category.clone(),
         ..pb::EpisodeResult::default()
     }
 }

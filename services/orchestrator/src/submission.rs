@@ -47,6 +47,8 @@ pub struct Job {
     pub file: PathBuf,
     /// The settings; the digests of video model and policy come from the fleet.
     pub spec: EpisodeSpec,
+    /// The scenario's family; empty if imported.
+    pub category: String,
 }
 
 fn refuse<T>(field: &'static str, value: impl ToString, why: &'static str) -> Result<T, SubmissionError> {
@@ -90,7 +92,8 @@ pub fn jobs(run: &RunId, request: &pb::SubmitRequest, folder: &Path) -> Result<V
                 for appearance in &appearances {
                     for seed in &seeds {
                         let arm = Arm { policy, observation: *observation, appearance, seed: *seed };
-                        jobs.push(Job { file: file.clone(), spec: spec(run, &scene, &arm, &settings)? });
+                        let spec = spec(run, &scene, &arm, &settings)?;
+                        jobs.push(Job { file: file.clone(), spec, category: scene.family.clone() });
                     }
                 }
             }

@@ -2059,6 +2059,12 @@ pub struct RunSettings {
     /// Whether results are to be compared: policies that see more than frames are refused.
     #[prost(bool, tag = "13")]
     pub benchmark: bool,
+    /// Who ranks the proposals: `learned` (the policy itself; the default), `oracle` or `oracle-navsim`.
+    #[prost(string, tag = "14")]
+    pub scorer: ::prost::alloc::string::String,
+    /// Definition of the driving score: `bridgesim` (the default) or `strict`.
+    #[prost(string, tag = "15")]
+    pub score_profile: ::prost::alloc::string::String,
 }
 /// A scenario to drive.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -2199,6 +2205,49 @@ pub struct EpisodeResult {
     /// Digest of the camera policy's weights, 32 bytes; zero without one.
     #[prost(bytes = "bytes", tag = "24")]
     pub policy_model: ::prost::bytes::Bytes,
+    /// The scenario's family, such as `cut-in`; empty for an imported log.
+    #[prost(string, tag = "25")]
+    pub category: ::prost::alloc::string::String,
+    /// Mean of the per-tick score, 0 to 1; absent until it is known.
+    #[prost(double, optional, tag = "26")]
+    pub mean_score: ::core::option::Option<f64>,
+    /// Which definition of the score was used, such as `bridgesim`.
+    #[prost(string, tag = "27")]
+    pub score_profile: ::prost::alloc::string::String,
+    /// Version of that definition.
+    #[prost(string, tag = "28")]
+    pub score_version: ::prost::alloc::string::String,
+    /// Who ranked the proposals: `learned`, `oracle` or `oracle-navsim`.
+    #[prost(string, tag = "29")]
+    pub scorer: ::prost::alloc::string::String,
+    /// What each term took from the mean score, of 1.
+    #[prost(btree_map = "string, double", tag = "30")]
+    pub lost: ::prost::alloc::collections::BTreeMap<::prost::alloc::string::String, f64>,
+    /// First tick at which a term was broken, for the terms that were.
+    #[prost(btree_map = "string, uint32", tag = "31")]
+    pub first_violations: ::prost::alloc::collections::BTreeMap<
+        ::prost::alloc::string::String,
+        u32,
+    >,
+    /// What the oracle says of the proposals; absent where none were scored.
+    #[prost(message, optional, tag = "32")]
+    pub proposals: ::core::option::Option<ProposalStats>,
+    /// Why a score is absent; empty if none is.
+    #[prost(string, tag = "33")]
+    pub score_reason: ::prost::alloc::string::String,
+}
+/// How good a policy's proposals are under the oracle scorer.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct ProposalStats {
+    /// Mean over the scored ticks of the best proposal's score, 0 to 1.
+    #[prost(double, tag = "1")]
+    pub best_mean: f64,
+    /// Scored ticks at which no proposal scored above 0.
+    #[prost(uint32, tag = "2")]
+    pub ticks_without_positive: u32,
+    /// Ticks at which proposals were scored.
+    #[prost(uint32, tag = "3")]
+    pub ticks: u32,
 }
 /// A run and its episodes.
 #[derive(Clone, PartialEq, ::prost::Message)]

@@ -7,21 +7,21 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail, ensure};
 use ds_process::security::{Control, Dial};
 use ds_record::Recording;
+use ds_report::{Episode, ProposalStats, Results, Run, TimeShare};
 use ds_wire::control as pb;
 use indicatif::ProgressBar;
 use pb::runs_client::RunsClient;
 use tonic::Code;
 
 use crate::cli::{Agents, Align, Observation, RunArgs, SubmitArgs};
+use crate::command::report::{self, RESULTS};
 use crate::command::{answer, bar, scenario};
 use crate::embed::{self, Fleet, FleetPlan};
 use crate::live::{self, Watch};
-use crate::results::{Episode, Results, Run, TimeShare};
 use crate::{children, pictures};
 
 /// The largest message on the control plane, in bytes.
 const MAX_MESSAGE_BYTES: usize = 1 << 30;
-const RESULTS: &str = "results.json";
 
 /// Runs the command; the exit code is 1 if any drive did not complete.
 ///
@@ -67,11 +67,12 @@ pub async fn run(args: &RunArgs, log: &str) -> Result<()> {
     let stopped = fleet.stop().await;
     let (run, classes) = outcome?;
     stopped?;
-    let results = results(args, mode, &run, classes, began.elapsed().as_secs_f64())?;
+    let results = results(args, &files, mode, (&run, classes), began.elapsed().as_secs_f64())?;
     results.save(&args.out.join(RESULTS))?;
     if !args.no_pictures {
         draw(args, &results)?;
     }
+    report::write_for(&args.out, &results)?;
     conclude(&results, &args.out)
 }
 
@@ -86,8 +87,9 @@ pub async fn submit(args: &SubmitArgs) -> Result<()> {
     std::fs::create_dir_all(&run.out).with_context(|| format!("create {}", run.out.display()))?;
     let request = request(run, sources(&files, Source::Content)?)?;
     let (driven, classes) = drive(request, &args.control.dial()?).await?;
-    let results = results(run, "fleet", &driven, classes, began.elapsed().as_secs_f64())?;
+    let results = results(run, &files, "fleet", (&driven, classes), began.elapsed().as_secs_f64())?;
     results.save(&run.out.join(RESULTS))?;
+    report::write_for(&run.out, &results)?;
     conclude(&results, &run.out)
 }
 
@@ -300,9 +302,9 @@ fn configuration(args: &RunArgs) -> ds_space::Digest {
 
 fn results(
     args: &RunArgs,
+    files: &[PathBuf],
     mode: &str,
-    run: &pb::Run,
-    compute_classes: BTreeMap<String, String>,
+    (run, compute_classes): (&pb::Run, BTreeMap<String, String>),
     wall_s: f64,
 ) -> Result<Results> {
     let first = run.episodes.first().context("the run has no episodes")?;
@@ -326,7 +328,7 @@ fn results(
             insecure: run.insecure,
             wall_s,
         },
-        episodes: run.episodes.iter().map(|result| episode(result, &args.out)).collect(),
+        episodes: run.episodes.iter().zip(sets(files, args)).map(|(result, set)| episode(result, &set, &args.out)).collect(),
     })
 }
 
@@ -334,7 +336,17 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn episode(result: &pb::EpisodeResult, out: &Path) -> Episode {
+/// Returns the scenario set of each episode: the folder that its scenario lies in, where a folder was given.
+fn sets(files: &[PathBuf], args: &RunArgs) -> Vec<String> {
+    let set = |file: &PathBuf| {
+        let given = args.scenarios.iter().any(|path| path == file);
+        let folder = file.parent().and_then(Path::file_name).filter(|_| !given);
+        folder.map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+    };
+    files.iter().flat_map(|file| std::iter::repeat_n(set(file), args.seed.len().max(1))).collect()
+}
+
+fn episode(result: &pb::EpisodeResult, set: &str, out: &Path) -> Episode {
     let share = |name: &str| result.time_share.get(name).copied().unwrap_or_default();
     let mut sub_scores: BTreeMap<String, Option<f64>> =
         result.sub_scores.iter().map(|(name, value)| (name.clone(), Some(*value))).collect();
@@ -352,7 +364,21 @@ fn episode(result: &pb::EpisodeResult, out: &Path) -> Episode {
         reason: result.reason.clone(),
         ticks: result.ticks,
         driving_score: result.driving_score,
-        driving_score_reason: ds_score::DRIVING_SCORE_REASON.to_owned(),
+        driving_score_reason: result.score_reason.clone(),
+        set: set.to_owned(),
+        category: result.category.clone(),
+        appearance: result.appearance.clone(),
+        scorer: result.scorer.clone(),
+        score_profile: result.score_profile.clone(),
+        score_version: result.score_version.clone(),
+        mean_score: result.mean_score,
+        first_violations: result.first_violations.iter().map(|(term, tick)| (term.clone(), *tick)).collect(),
+        lost: result.lost.iter().map(|(term, points)| (term.clone(), *points)).collect(),
+        proposals: result.proposals.map(|stats| ProposalStats {
+            best_mean: stats.best_mean,
+            ticks_without_positive: stats.ticks_without_positive,
+            ticks: stats.ticks,
+        }),
         route_completion: result.route_completion,
         sub_scores,
         frames_per_second: result.frames_per_second,
