@@ -2,6 +2,7 @@
 
 use ds_score::Footprint;
 use ds_score::comfort::{ComfortFilters, ComfortRule, ComfortSeries, FEATURE_NAMES, within};
+use ds_score::constants::horizon::DT_S;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
@@ -10,11 +11,13 @@ use crate::error::GoldenError;
 
 #[derive(Deserialize)]
 pub(crate) struct Case {
+    dt: Option<f64>,
     states: Vec<Columns>,
 }
 
 pub(crate) fn answer(case: &Case) -> Result<Value, GoldenError> {
-    let filters = ComfortFilters::new(case.states.len(), ComfortRule::Centre).map_err(GoldenError::score("states"))?;
+    let filters = ComfortFilters::with_dt(case.states.len(), ComfortRule::Centre, case.dt.unwrap_or(DT_S))
+        .map_err(GoldenError::score("states"))?;
     let mut memory = ComfortSeries::default();
     let features = filters.features(&states(&case.states), Footprint::NAVSIM.rear_axle_to_centre_m, &mut memory);
     let within = within(features);

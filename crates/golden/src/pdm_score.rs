@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use ds_score::{
-    AgentTrack, AreaKind, Footprint, MapArea, MovingBox, ObjectClass, OpenLoopScene, PastState, Plan, VehicleState,
+    AgentTrack, AreaKind, Footprint, MapArea, MovingBox, ObjectClass, OpenLoopMap, OpenLoopScene, PastState, Plan,
+    SceneNow, VehicleState,
 };
 use ds_space::{DVec2, PoseSe2};
 use serde::Deserialize;
@@ -119,32 +120,36 @@ impl EgoFile {
     }
 }
 
+impl PastFile {
+    fn state(&self) -> PastState {
+        PastState { time_s: self.t, state: self.state.state() }
+    }
+}
+
 impl Case {
     /// Makes the scene that the file describes.
     pub(crate) fn scene(&self) -> Result<OpenLoopScene, GoldenError> {
         let areas = self.map.polygons.iter().enumerate().map(|(i, polygon)| self.area(i, polygon));
         let mut agents = Vec::with_capacity(self.agents.len());
-        for (index, agent) in self.agents.iter().enumerate() {
+        for (id, agent) in (0u32..).zip(&self.agents) {
             agents.push(AgentTrack {
-                class: class_of(&agent.kind, || format!("agents[{index}].type"))?,
+                id,
+                class: class_of(&agent.kind, || format!("agents[{id}].type"))?,
                 length_m: agent.length,
                 width_m: agent.width,
                 steps: agent.steps.iter().map(|step| step.map(moving_box)).collect(),
             });
         }
-        Ok(OpenLoopScene {
-            areas: areas.collect::<Result<_, _>>()?,
-            centreline: self.centreline()?,
+        let past = self.past.as_ref().filter(|past| !past.is_empty());
+        let now = SceneNow {
             ego: self.ego.state(),
-            past: self
-                .past
-                .as_ref()
-                .filter(|past| !past.is_empty())
-                .map(|past| past.iter().map(|one| PastState { time_s: one.t, state: one.state.state() }).collect()),
+            past: past.map(|past| past.iter().map(PastFile::state).collect()),
             agents,
-            red_areas: self.red_areas()?,
+            red_areas: self.red_areas(),
             footprint: Footprint::NAVSIM,
-        })
+        };
+        let map = OpenLoopMap { areas: areas.collect::<Result<_, _>>()?, centreline: self.centreline()? };
+        Ok(OpenLoopScene { map, now })
     }
 
     fn area(&self, index: usize, polygon: &PolygonFile) -> Result<MapArea, GoldenError> {
@@ -179,7 +184,7 @@ impl Case {
     }
 
     /// Ids that no polygon carries lie outside the map and cannot be touched.
-    fn red_areas(&self) -> Result<Vec<Vec<usize>>, GoldenError> {
+    fn red_areas(&self) -> Vec<Vec<usize>> {
         let mut connectors: BTreeMap<&str, usize> = BTreeMap::new();
         for (index, polygon) in self.map.polygons.iter().enumerate() {
             if polygon.kind == "LANE_CONNECTOR" || polygon.kind == "LANE" {
@@ -187,7 +192,7 @@ impl Case {
             }
         }
         let step = |ids: &Vec<String>| ids.iter().filter_map(|id| connectors.get(id.as_str()).copied()).collect();
-        Ok(self.red_lane_ids.iter().map(step).collect())
+        self.red_lane_ids.iter().map(step).collect()
     }
 }
 

@@ -123,7 +123,10 @@ fn every_expected_value_is_met() {
     let total: usize = comparison.compared.values().sum();
     eprintln!("{cases} cases, {total} values compared, {} unstable ones left out", comparison.skipped_unstable);
     for (schema, count) in &comparison.compared {
-        eprintln!("{schema}: {count} values, largest difference {:.1e}", comparison.largest.get(schema).unwrap_or(&0.0));
+        eprintln!(
+            "{schema}: {count} values, largest difference {:.1e}",
+            comparison.largest.get(schema).unwrap_or(&0.0)
+        );
     }
     assert!(comparison.faults.is_empty(), "{:#?}", comparison.faults);
     assert!(total > 0);

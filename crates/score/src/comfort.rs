@@ -3,11 +3,13 @@
 //! Six series, each filtered as the references do it, at 10 Hz. The shift from the rear axle to the centre adds
 //! displacement·(ω² + α) to the longitudinal acceleration, a quirk of the reference; the lateral one gets nothing.
 
+use std::sync::LazyLock;
+
 use crate::constants::comfort::{
     ACCELERATION_WINDOW, HEADING_WINDOW, JERK_MAGNITUDE, JERK_WINDOW, LAT_ACCELERATION, LON_ACCELERATION, LON_JERK,
-    YAW_ACCELERATION, YAW_RATE,
+    PAST_TENTHS, YAW_ACCELERATION, YAW_RATE,
 };
-use crate::constants::horizon::DT_S;
+use crate::constants::horizon::{DT_S, STATES};
 use crate::error::ScoreError;
 use crate::motion::VehicleState;
 use crate::smoothing::{Smoother, round, unwrap};
@@ -58,6 +60,29 @@ pub struct ComfortFilters {
     yaw_acceleration: Smoother,
 }
 
+/// The filters that every plan needs; they are the same in all scenes.
+#[derive(Debug)]
+pub(crate) struct StandardFilters {
+    /// 41 executed states under v2.
+    pub(crate) executed: ComfortFilters,
+    /// The same after the past that HC looks at.
+    pub(crate) history: ComfortFilters,
+    /// 41 executed states under v1.
+    pub(crate) executed_v1: ComfortFilters,
+}
+
+impl StandardFilters {
+    /// Returns the filters, made at first use.
+    pub(crate) fn get() -> &'static Self {
+        static FILTERS: LazyLock<StandardFilters> = LazyLock::new(|| StandardFilters {
+            executed: ComfortFilters::made(STATES, ComfortRule::Centre, DT_S),
+            history: ComfortFilters::made(PAST_TENTHS.count() + STATES, ComfortRule::Centre, DT_S),
+            executed_v1: ComfortFilters::made(STATES, ComfortRule::RearAxle, DT_S),
+        });
+        &FILTERS
+    }
+}
+
 /// Memory for the features of one series, reused from series to series.
 #[derive(Debug, Clone, Default)]
 pub struct ComfortSeries {
@@ -83,12 +108,17 @@ impl ComfortFilters {
         if states < FEWEST_STATES {
             return Err(ScoreError::TooFewStates { what: "comfort series", found: states, needed: FEWEST_STATES });
         }
+        Ok(Self::made(states, rule, dt_s))
+    }
+
+    /// As [`Self::with_dt`], for a length that is known to be enough.
+    fn made(states: usize, rule: ComfortRule, dt_s: f64) -> Self {
         let (acceleration, jerk) = match rule {
             ComfortRule::Centre => (ACCELERATION_WINDOW.min(states), JERK_WINDOW.min(states)),
             ComfortRule::RearAxle => (states, states),
         };
         let heading = HEADING_WINDOW.min(states);
-        Ok(Self {
+        Self {
             states,
             rule,
             smooth: Smoother::new(ACCELERATION_WINDOW.min(states), 2, 0, dt_s),
@@ -96,7 +126,7 @@ impl ComfortFilters {
             jerk: Smoother::new(jerk, 2, 1, dt_s),
             yaw_rate: Smoother::new(heading, 2, 1, dt_s),
             yaw_acceleration: Smoother::new(heading, 3, 2, dt_s),
-        })
+        }
     }
 
     /// Returns the number of states these filters were made for.

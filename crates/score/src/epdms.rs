@@ -189,12 +189,12 @@ impl Yardstick {
     pub fn new(scene: &PreparedScene, reference: &Plan, human: Option<&Plan>) -> Result<Self, ScoreError> {
         let mut memory = Memory::default();
         let states = scene.executor.execute(&scene.ego, reference)?;
-        let measured = measure(scene, &scene.traffic, scene.past.as_deref(), &states, &mut memory);
+        let measured = measure(scene, &[&scene.traffic], scene.past.as_deref(), &states, &mut memory);
         let human = match human {
             None => None,
             Some(human) => {
                 let states = scene.executor.execute(&scene.ego, human)?;
-                let measured = measure(scene, &scene.traffic, None, &states, &mut memory);
+                let measured = measure(scene, &[&scene.traffic], None, &states, &mut memory);
                 let best_m = ego_progress::best_m(std::iter::once(measured.progress()));
                 Some(measured.with_progress(best_m).scores)
             }
@@ -235,7 +235,7 @@ impl Yardstick {
     ) -> Result<NavsimV2, ScoreError> {
         check_states(states)?;
         let mut memory = Memory::default();
-        let measured = measure(scene, &scene.traffic, scene.past.as_deref(), states, &mut memory);
+        let measured = measure(scene, &[&scene.traffic], scene.past.as_deref(), states, &mut memory);
         let best_m = ego_progress::best_m([self.measured.progress(), measured.progress()].into_iter());
         let measured = measured.with_progress(best_m);
         let unfiltered = measured.scores;
@@ -250,7 +250,7 @@ impl Yardstick {
             progress_raw_m: measured.progress_raw_m,
             areas: measured.areas,
             first: measured.first,
-            comfort_terms: scene.filters.within(states, displacement_m, &mut memory.comfort),
+            comfort_terms: scene.filters.executed.within(states, displacement_m, &mut memory.comfort),
             history_terms: measured.history_terms,
             coverage,
             states: *states,
@@ -270,28 +270,28 @@ pub(crate) fn check_states(states: &[VehicleState]) -> Result<(), ScoreError> {
     Ok(())
 }
 
-/// Measures an executed plan; EP is left at 1.
+/// Measures an executed plan among the agents of all given traffics; EP is left at 1.
 pub(crate) fn measure(
     scene: &PreparedScene,
-    traffic: &Traffic,
+    traffic: &[&Traffic],
     past: Option<&[VehicleState]>,
     states: &Executed,
     memory: &mut Memory,
 ) -> Measured {
     let steps = Footsteps::new(states, &scene.footprint);
     memory.find_near(traffic, &steps);
-    let areas = EgoAreas::new(&scene.areas, &steps, &mut memory.lanes);
-    let places = Places::new(&scene.centreline, &steps);
-    let (no_at_fault_collision, at_fault) = no_at_fault_collision::score(traffic, &steps, &areas, memory);
+    let areas = EgoAreas::new(&scene.map.areas, &steps, &mut memory.lanes);
+    let places = Places::new(&scene.map.centreline, &steps);
+    let (no_at_fault_collision, at_fault) = no_at_fault_collision::score(memory.near(traffic), &steps, &areas);
     let (drivable_area, off_road) = drivable_area::score(&areas);
     let (driving_direction, direction) = driving_direction::score(&steps, &areas, Junctions::Exempt);
-    let (traffic_light, red_light) = traffic_light::score(&scene.areas, &scene.red, &steps);
+    let (traffic_light, red_light) = traffic_light::score(&scene.map.areas, &scene.red, &steps);
     let (time_to_collision, short) =
-        time_to_collision::score(traffic, &scene.areas, &steps, &areas, (memory, V2_TTC_STEPS));
+        time_to_collision::score(memory.near(traffic), &scene.map.areas, &steps, &areas, V2_TTC_STEPS);
     let (lane_keeping, lane) = lane_keeping::score(&places, &areas);
     let displacement_m = scene.footprint.rear_axle_to_centre_m;
     let history_terms =
-        past.map(|past| history_comfort::within(&scene.history_filters, past, states, displacement_m, memory));
+        past.map(|past| history_comfort::within(&scene.filters.history, past, states, displacement_m, memory));
     Measured {
         scores: SubScores {
             no_at_fault_collision,

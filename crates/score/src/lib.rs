@@ -17,6 +17,7 @@ mod error;
 mod footprint;
 mod metric;
 mod motion;
+mod oracle;
 mod pdms;
 mod proposal;
 mod scene;
@@ -38,11 +39,12 @@ pub use error::ScoreError;
 pub use footprint::Footprint;
 pub use metric::extended_comfort::{DIFFERENCE_NAMES, ExtendedComfort, extended_comfort};
 pub use motion::{Coverage, Executed, Executor, Plan, VehicleState};
+pub use oracle::{OracleRanking, OracleScore, Rollout, rank_plans, rank_rollouts};
 pub use pdms::{NavsimV1, navsim_v1, navsim_v1_executed};
 pub use proposal::Violation;
 pub use scene::{
-    AgentTrack, AreaKind, MapArea, MovingBox, ObjectClass, OpenLoopScene, PastState, PreparedScene, Traffic,
-    TrafficAgent,
+    AgentTrack, AreaKind, MapArea, MovingBox, ObjectClass, OpenLoopMap, OpenLoopScene, PastState, PreparedMap,
+    PreparedScene, SceneNow, Traffic, TrafficAgent,
 };
 pub use tracker::{EpisodeScore, ScoreTracker, TickScore};
 pub use two_stage::{StageColumns, StageMapping, StageRow, TwoStage, two_stage};

@@ -26,7 +26,7 @@ pub type Executed = [VehicleState; STATES];
 /// The simulation that executes plans; what does not depend on the plan is prepared once.
 #[derive(Debug, Clone)]
 pub struct Executor {
-    speed_fit: SpeedFit,
+    speed_fit: &'static SpeedFit,
     wheel_base_m: f64,
 }
 
@@ -40,7 +40,7 @@ impl Executor {
     /// Prepares the simulation of a car with this wheelbase, in metres.
     #[must_use]
     pub fn new(wheel_base_m: f64) -> Self {
-        Self { speed_fit: SpeedFit::new(), wheel_base_m }
+        Self { speed_fit: SpeedFit::get(), wheel_base_m }
     }
 
     /// Executes a plan from a state.

@@ -86,14 +86,14 @@ pub fn navsim_v1_executed(
 
 /// Measures executed states; EP and the total are left at 0.
 fn measure(scene: &PreparedScene, states: &Executed, memory: &mut Memory) -> NavsimV1 {
-    let traffic = &scene.traffic_v1;
+    let traffic = [&scene.traffic_v1];
     let steps = Footsteps::new(states, &scene.footprint);
-    memory.find_near(traffic, &steps);
-    let areas = EgoAreas::new(&scene.areas, &steps, &mut memory.lanes);
-    let (no_at_fault_collision, first_at_fault) = no_at_fault_collision::score(traffic, &steps, &areas, memory);
+    memory.find_near(&traffic, &steps);
+    let areas = EgoAreas::new(&scene.map.areas, &steps, &mut memory.lanes);
+    let (no_at_fault_collision, first_at_fault) = no_at_fault_collision::score(memory.near(&traffic), &steps, &areas);
     let (time_to_collision, first_time_to_collision) =
-        time_to_collision::score(traffic, &scene.areas, &steps, &areas, (memory, V1_TTC_STEPS));
-    let (comfort, comfort_terms) = comfort_v1::score(&scene.filters_v1, states, memory);
+        time_to_collision::score(memory.near(&traffic), &scene.map.areas, &steps, &areas, V1_TTC_STEPS);
+    let (comfort, comfort_terms) = comfort_v1::score(&scene.filters.executed_v1, states, memory);
     NavsimV1 {
         version: NAVSIM_V1_VERSION,
         no_at_fault_collision,
@@ -103,7 +103,7 @@ fn measure(scene: &PreparedScene, states: &Executed, memory: &mut Memory) -> Nav
         time_to_collision,
         comfort,
         pdms: 0.0,
-        progress_raw_m: ego_progress::raw_m(&Places::new(&scene.centreline, &steps)),
+        progress_raw_m: ego_progress::raw_m(&Places::new(&scene.map.centreline, &steps)),
         areas,
         first_at_fault,
         first_time_to_collision,

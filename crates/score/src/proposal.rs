@@ -9,7 +9,7 @@ use crate::ego_area::LaneMarks;
 use crate::footprint::Footprint;
 use crate::geometry::{Bounds, OrientedBox};
 use crate::motion::{Executed, VehicleState};
-use crate::scene::Traffic;
+use crate::scene::{Traffic, TrafficAgent};
 
 /// Boxes, rear axles and speeds of the ego per step. World frame, SI units.
 #[derive(Debug, Clone)]
@@ -39,19 +39,26 @@ impl Footsteps {
 /// Memory that scoring reuses from proposal to proposal.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Memory {
-    /// Agents that the proposal may meet, by position in the traffic.
-    pub(crate) near: Vec<u32>,
+    /// Agents that the proposal may meet: which traffic, and position in it.
+    near: Vec<(u32, u32)>,
     pub(crate) lanes: LaneMarks,
     pub(crate) comfort: ComfortSeries,
     pub(crate) history: Vec<VehicleState>,
 }
 
 impl Memory {
-    /// Notes the agents whose boxes come near the ego's, in rising order.
-    pub(crate) fn find_near(&mut self, traffic: &Traffic, steps: &Footsteps) {
+    /// Notes the agents whose boxes come near the ego's.
+    pub(crate) fn find_near(&mut self, traffics: &[&Traffic], steps: &Footsteps) {
         self.near.clear();
-        let near = (0u32..).zip(traffic.agents()).filter(|(_, agent)| agent.bounds.overlaps(&steps.reach));
-        self.near.extend(near.map(|(position, _)| position));
+        for (which, traffic) in (0u32..).zip(traffics) {
+            let near = (0u32..).zip(traffic.agents()).filter(|(_, agent)| agent.bounds.overlaps(&steps.reach));
+            self.near.extend(near.map(|(position, _)| (which, position)));
+        }
+    }
+
+    /// Returns the agents noted last.
+    pub(crate) fn near<'a>(&'a self, traffics: &'a [&'a Traffic]) -> impl Iterator<Item = &'a TrafficAgent> {
+        self.near.iter().map(|(which, position)| &traffics[*which as usize].agents()[*position as usize])
     }
 }
 
@@ -60,13 +67,21 @@ impl Memory {
 pub struct Violation {
     /// The step, 0 being now.
     pub step: usize,
-    /// Index of the object in the scene's list, if one is involved.
-    pub object: Option<usize>,
+    /// The object, if one is involved.
+    pub object: Option<u32>,
 }
 
 impl Violation {
     /// Makes a violation without an object.
     pub(crate) fn at(step: usize) -> Self {
         Self { step, object: None }
+    }
+
+    /// Returns the earlier of a violation and another; of two at one step the one with the lower id.
+    pub(crate) fn earlier(first: Option<Self>, step: usize, object: u32) -> Option<Self> {
+        match first {
+            Some(first) if (first.step, first.object) <= (step, Some(object)) => Some(first),
+            _ => Some(Self { step, object: Some(object) }),
+        }
     }
 }

@@ -7,8 +7,10 @@ mod input;
 mod prepared;
 mod traffic;
 
-pub use input::{AgentTrack, AreaKind, MapArea, MovingBox, ObjectClass, OpenLoopScene, PastState};
-pub use prepared::PreparedScene;
+pub use input::{
+    AgentTrack, AreaKind, MapArea, MovingBox, ObjectClass, OpenLoopMap, OpenLoopScene, PastState, SceneNow,
+};
+pub use prepared::{PreparedMap, PreparedScene};
 pub use traffic::{Traffic, TrafficAgent};
 
 pub(crate) use prepared::AreaIndex;

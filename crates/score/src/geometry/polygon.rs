@@ -15,6 +15,8 @@ pub struct IndexedPolygon {
     /// Ends of each edge; x and y are swapped if `swapped`, so that bins lie along y.
     edges: Vec<[DVec2; 2]>,
     swapped: bool,
+    /// A convex ring of three or four edges, all with the inside on their left.
+    convex: bool,
     bins_per_m: f64,
     /// Edges of bin `i` are `entries[starts[i]..starts[i + 1]]`.
     starts: Vec<u32>,
@@ -44,9 +46,29 @@ impl IndexedPolygon {
                 from = to;
             }
         }
-        let mut polygon = Self { bounds, edges, swapped, bins_per_m: 0.0, starts: Vec::new(), entries: Vec::new() };
+        let mut polygon =
+            Self { bounds, edges, swapped, convex: false, bins_per_m: 0.0, starts: Vec::new(), entries: Vec::new() };
+        polygon.note_convexity(holes.is_empty());
         polygon.sort_into_bins();
         Some(polygon)
+    }
+
+    /// Four edges that all turn one way cannot go round twice; five could.
+    fn note_convexity(&mut self, whole: bool) {
+        if !whole || !(3..=4).contains(&self.edges.len()) {
+            return;
+        }
+        let count = self.edges.len();
+        let turn = |i: usize| {
+            let ([a, b], [_, c]) = (self.edges[i], self.edges[(i + 1) % count]);
+            (b - a).perp_dot(c - b)
+        };
+        if (0..count).all(|i| turn(i) < 0.0) {
+            self.edges.iter_mut().for_each(|edge| edge.swap(0, 1));
+            self.convex = true;
+        } else {
+            self.convex = (0..count).all(|i| turn(i) > 0.0);
+        }
     }
 
     fn sort_into_bins(&mut self) {
@@ -93,6 +115,9 @@ impl IndexedPolygon {
             return false;
         }
         let p = if self.swapped { DVec2::new(point.y, point.x) } else { point };
+        if self.convex {
+            return self.edges.iter().all(|[a, b]| (*b - *a).perp_dot(p - *a) > 0.0);
+        }
         let bin = self.bin(p.y, self.starts.len() - 1);
         let mut inside = false;
         for entry in &self.entries[self.starts[bin] as usize..self.starts[bin + 1] as usize] {

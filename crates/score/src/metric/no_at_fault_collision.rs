@@ -6,20 +6,18 @@ use super::unless;
 use crate::collision_type::CollisionType;
 use crate::constants::navsim::STATIC_COLLISION;
 use crate::ego_area::EgoAreas;
-use crate::proposal::{Footsteps, Memory, Violation};
-use crate::scene::{ObjectClass, Traffic};
+use crate::proposal::{Footsteps, Violation};
+use crate::scene::{ObjectClass, TrafficAgent};
 
 /// Returns the score and the first at-fault collision.
-pub(crate) fn score(
-    traffic: &Traffic,
+pub(crate) fn score<'a>(
+    agents: impl Iterator<Item = &'a TrafficAgent>,
     steps: &Footsteps,
     areas: &EgoAreas,
-    memory: &Memory,
 ) -> (f64, Option<Violation>) {
     let mut value = 1.0f64;
     let mut first: Option<Violation> = None;
-    for position in &memory.near {
-        let agent = &traffic.agents()[*position as usize];
+    for agent in agents {
         let touch = steps.boxes.iter().zip(&agent.boxes).enumerate().find_map(|(step, (ego, other))| {
             other.as_ref().filter(|other| ego.touches(other)).map(|other| (step, ego, other))
         });
@@ -30,9 +28,7 @@ pub(crate) fn score(
                 ObjectClass::Agent => unless(true),
                 ObjectClass::Static => STATIC_COLLISION,
             });
-            if first.is_none_or(|first| step < first.step) {
-                first = Some(Violation { step, object: Some(agent.index) });
-            }
+            first = Violation::earlier(first, step, agent.id);
         }
     }
     (value, first)

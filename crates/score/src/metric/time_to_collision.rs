@@ -9,27 +9,26 @@ use crate::constants::horizon::DT_S;
 use crate::constants::navsim::{TTC_AHEAD, TTC_STOPPED_MPS};
 use crate::ego_area::EgoAreas;
 use crate::geometry::OrientedBox;
-use crate::proposal::{Footsteps, Memory, Violation};
-use crate::scene::{AreaIndex, Traffic, TrafficAgent};
+use crate::proposal::{Footsteps, Violation};
+use crate::scene::{AreaIndex, TrafficAgent};
 
 /// Returns the score over the first `count` steps and the first violation.
-pub(crate) fn score(
-    traffic: &Traffic,
+pub(crate) fn score<'a>(
+    agents: impl Iterator<Item = &'a TrafficAgent>,
     index: &AreaIndex,
     steps: &Footsteps,
     areas: &EgoAreas,
-    (memory, count): (&Memory, usize),
+    count: usize,
 ) -> (f64, Option<Violation>) {
     let mut first: Option<Violation> = None;
-    for position in &memory.near {
-        let agent = &traffic.agents()[*position as usize];
+    for agent in agents {
         let Some((step, other)) = first_touch(agent, steps, count) else { continue };
         let forward = steps.boxes[step].forward;
         let offset = other.centre - steps.axles[step];
         let astray = || areas.astray(step) || index.in_intersection(steps.axles[step]);
         let counts = is_ahead(forward, offset) || (!is_behind(forward, offset) && astray());
-        if counts && first.is_none_or(|first| step < first.step) {
-            first = Some(Violation { step, object: Some(agent.index) });
+        if counts {
+            first = Violation::earlier(first, step, agent.id);
         }
     }
     (unless(first.is_some()), first)

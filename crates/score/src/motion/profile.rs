@@ -3,6 +3,8 @@
 //! Written in the profile itself instead of first value and derivatives, the normal equations are banded: the speed's
 //! matrix is constant (factorised once), the curvature's is a chain. `scoring.md` §2, PDM `batch_lqr_utils.py:73-240`.
 
+use std::sync::LazyLock;
+
 use ds_space::angle::wrap;
 use ds_space::{DVec2, PoseSe2};
 
@@ -23,7 +25,13 @@ pub(crate) struct SpeedFit {
 }
 
 impl SpeedFit {
-    pub(crate) fn new() -> Self {
+    /// Returns the factors, made at first use.
+    pub(crate) fn get() -> &'static Self {
+        static FIT: LazyLock<SpeedFit> = LazyLock::new(SpeedFit::new);
+        &FIT
+    }
+
+    fn new() -> Self {
         let mut band = [[0.0; STEPS]; 3];
         let mut add = |i: usize, j: usize, value: f64| band[i - j][j] += value;
         for i in 0..STEPS {

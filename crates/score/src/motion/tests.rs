@@ -109,7 +109,7 @@ proptest! {
             let position = poses[i].position + poses[i].forward() * steps[i] + DVec2::new(0.01, -0.02);
             poses[i + 1] = PoseSe2 { position, heading_rad: wrap(poses[i].heading_rad + turns[i]) };
         }
-        let speeds = SpeedFit::new().speeds(&poses, &profile::directions(&poses));
+        let speeds = SpeedFit::get().speeds(&poses, &profile::directions(&poses));
         for (banded, dense) in speeds.iter().zip(dense_speeds(&poses)) {
             prop_assert!((banded - dense).abs() < 1e-8, "{banded} {dense}");
         }

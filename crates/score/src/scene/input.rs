@@ -75,6 +75,8 @@ pub struct MovingBox {
 /// An agent over the horizon.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AgentTrack {
+    /// Who it is; violations name it.
+    pub id: u32,
     /// What it is.
     pub class: ObjectClass,
     /// Length along its heading, in metres.
@@ -94,21 +96,35 @@ pub struct PastState {
     pub state: VehicleState,
 }
 
-/// Everything a plan is scored against.
-#[derive(Debug, Clone, PartialEq)]
-pub struct OpenLoopScene {
+/// What of a scene does not change from plan to plan.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct OpenLoopMap {
     /// The map near the ego.
     pub areas: Vec<MapArea>,
     /// The line along which progress is measured, in metres.
     pub centreline: Vec<DVec2>,
+}
+
+/// What of a scene belongs to one moment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneNow {
     /// The true state now.
     pub ego: VehicleState,
     /// States before now at rising times; `None` if unknown (HC is 1 then, as in the reference).
     pub past: Option<Vec<PastState>>,
     /// Everything that can be hit.
     pub agents: Vec<AgentTrack>,
-    /// Per 0.1 s from now on, indices into `areas` of the lane connectors that show red.
+    /// Per 0.1 s from now on, indices into the map's areas of the lane connectors that show red.
     pub red_areas: Vec<Vec<usize>>,
     /// The ego's rectangle.
     pub footprint: Footprint,
+}
+
+/// Everything a plan is scored against.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OpenLoopScene {
+    /// The map.
+    pub map: OpenLoopMap,
+    /// The moment.
+    pub now: SceneNow,
 }

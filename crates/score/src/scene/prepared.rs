@@ -1,10 +1,12 @@
 //! A checked and indexed scene: everything about it that does not depend on a plan.
 
+use std::sync::Arc;
+
 use ds_space::DVec2;
 
-use super::input::{AreaKind, MapArea, OpenLoopScene, PastState};
+use super::input::{AgentTrack, AreaKind, MapArea, OpenLoopMap, OpenLoopScene, PastState, SceneNow};
 use super::traffic::Traffic;
-use crate::comfort::{ComfortFilters, ComfortRule};
+use crate::comfort::StandardFilters;
 use crate::constants::comfort::PAST_TENTHS;
 use crate::constants::horizon::{STATES, V1_AGENT_STEPS};
 use crate::constants::navsim::MAP_RADIUS_M;
@@ -14,14 +16,50 @@ use crate::geometry::{Bounds, Grid, IndexedPolygon, Line};
 use crate::motion::{Executor, VehicleState};
 use crate::smoothing::unwrap;
 
+/// A map ready to score plans; scenes of the same map share it.
+#[derive(Debug)]
+pub struct PreparedMap {
+    pub(crate) areas: AreaIndex,
+    pub(crate) centreline: Line,
+    bounds: Bounds,
+}
+
+impl PreparedMap {
+    /// Checks and indexes a map.
+    ///
+    /// # Errors
+    /// [`ScoreError`] if it is empty, has no lane, no centreline or a bad polygon.
+    pub fn new(map: &OpenLoopMap) -> Result<Self, ScoreError> {
+        if map.areas.is_empty() {
+            return Err(ScoreError::EmptyMap);
+        }
+        if !map.areas.iter().any(|area| area.kind.is_lane()) {
+            return Err(ScoreError::NoLanes);
+        }
+        for (index, point) in map.centreline.iter().enumerate() {
+            finite(point.x, || format!("centreline[{index}].x"))?;
+            finite(point.y, || format!("centreline[{index}].y"))?;
+        }
+        let centreline = Line::new(&map.centreline).ok_or(ScoreError::NoCentreline { points: map.centreline.len() })?;
+        let areas = AreaIndex::new(&map.areas)?;
+        let bounds = areas.polygons.iter().fold(Bounds::EMPTY, |all, polygon| all.union(polygon.bounds()));
+        Ok(Self { areas, centreline, bounds })
+    }
+
+    /// Returns the centreline.
+    #[must_use]
+    pub fn centreline(&self) -> &Line {
+        &self.centreline
+    }
+}
+
 /// A scene ready to score plans.
 #[derive(Debug, Clone)]
 pub struct PreparedScene {
     pub(crate) footprint: Footprint,
     pub(crate) ego: VehicleState,
     pub(crate) executor: Executor,
-    pub(crate) areas: AreaIndex,
-    pub(crate) centreline: Line,
+    pub(crate) map: Arc<PreparedMap>,
     /// Agents without those that touch the ego now, 41 steps.
     pub(crate) traffic: Traffic,
     /// All agents, 51 steps.
@@ -30,9 +68,7 @@ pub struct PreparedScene {
     pub(crate) red: Vec<Vec<u32>>,
     /// The states before now that HC looks at.
     pub(crate) past: Option<Vec<VehicleState>>,
-    pub(crate) filters: ComfortFilters,
-    pub(crate) history_filters: ComfortFilters,
-    pub(crate) filters_v1: ComfortFilters,
+    pub(crate) filters: &'static StandardFilters,
 }
 
 /// The polygons of the map, indexed.
@@ -80,29 +116,46 @@ impl PreparedScene {
     /// # Errors
     /// [`ScoreError`] names what cannot be scored: see the table in `docs/scoring.md`.
     pub fn new(scene: &OpenLoopScene) -> Result<Self, ScoreError> {
-        check(scene)?;
-        let areas = AreaIndex::new(&scene.areas)?;
-        check_place(scene, &areas)?;
-        let centreline =
-            Line::new(&scene.centreline).ok_or(ScoreError::NoCentreline { points: scene.centreline.len() })?;
-        let mut traffic = Traffic::new(&scene.agents, STATES)?;
-        traffic.leave_out_touching(&scene.footprint.at(&scene.ego.pose()));
-        let past = scene.past.as_deref().map(resample_past).transpose()?;
-        let history = past.as_ref().map_or(0, Vec::len) + STATES;
-        Ok(Self {
-            footprint: scene.footprint,
-            ego: scene.ego,
-            executor: Executor::new(scene.footprint.wheel_base_m),
-            red: red_on_route(scene, &areas)?,
-            areas,
-            centreline,
-            traffic,
-            traffic_v1: Traffic::new(&scene.agents, V1_AGENT_STEPS)?,
+        Self::on(&Arc::new(PreparedMap::new(&scene.map)?), &scene.now)
+    }
+
+    /// As [`Self::new`], on a map that is indexed already.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn on(map: &Arc<PreparedMap>, now: &SceneNow) -> Result<Self, ScoreError> {
+        if let Some((name, value)) = now.ego.not_finite() {
+            return Err(ScoreError::NotFinite { field: format!("ego.{name}"), value });
+        }
+        now.footprint.check()?;
+        let ego = now.ego.position();
+        if map.bounds.distance_squared(ego) > MAP_RADIUS_M * MAP_RADIUS_M {
+            return Err(ScoreError::EgoOutsideMap { x_m: ego.x, y_m: ego.y });
+        }
+        let past = now.past.as_deref().map(resample_past).transpose()?;
+        let mut scene = Self {
+            footprint: now.footprint,
+            ego: now.ego,
+            executor: Executor::new(now.footprint.wheel_base_m),
+            map: Arc::clone(map),
+            traffic: Traffic::default(),
+            traffic_v1: Traffic::new(&now.agents, V1_AGENT_STEPS)?,
+            red: red_on_route(now, &map.areas)?,
             past,
-            filters: ComfortFilters::new(STATES, ComfortRule::Centre)?,
-            history_filters: ComfortFilters::new(history, ComfortRule::Centre)?,
-            filters_v1: ComfortFilters::new(STATES, ComfortRule::RearAxle)?,
-        })
+            filters: StandardFilters::get(),
+        };
+        scene.traffic = scene.traffic_of(&now.agents)?;
+        Ok(scene)
+    }
+
+    /// Returns agents as v2 tests them in this scene: 41 steps, without those that touch the ego now.
+    ///
+    /// # Errors
+    /// As [`Traffic::new`].
+    pub fn traffic_of(&self, agents: &[AgentTrack]) -> Result<Traffic, ScoreError> {
+        let mut traffic = Traffic::new(agents, STATES)?;
+        traffic.leave_out_touching(&self.footprint.at(&self.ego.pose()));
+        Ok(traffic)
     }
 
     /// Returns the ego's state now.
@@ -124,37 +177,10 @@ impl PreparedScene {
     }
 }
 
-fn check(scene: &OpenLoopScene) -> Result<(), ScoreError> {
-    if let Some((name, value)) = scene.ego.not_finite() {
-        return Err(ScoreError::NotFinite { field: format!("ego.{name}"), value });
-    }
-    scene.footprint.check()?;
-    if scene.areas.is_empty() {
-        return Err(ScoreError::EmptyMap);
-    }
-    if !scene.areas.iter().any(|area| area.kind.is_lane()) {
-        return Err(ScoreError::NoLanes);
-    }
-    for (index, point) in scene.centreline.iter().enumerate() {
-        finite(point.x, || format!("centreline[{index}].x"))?;
-        finite(point.y, || format!("centreline[{index}].y"))?;
-    }
-    Ok(())
-}
-
-fn check_place(scene: &OpenLoopScene, areas: &AreaIndex) -> Result<(), ScoreError> {
-    let all = areas.polygons.iter().fold(Bounds::EMPTY, |all, polygon| all.union(polygon.bounds()));
-    let ego = scene.ego.position();
-    if all.distance_squared(ego) > MAP_RADIUS_M * MAP_RADIUS_M {
-        return Err(ScoreError::EgoOutsideMap { x_m: ego.x, y_m: ego.y });
-    }
-    Ok(())
-}
-
-fn red_on_route(scene: &OpenLoopScene, areas: &AreaIndex) -> Result<Vec<Vec<u32>>, ScoreError> {
+fn red_on_route(now: &SceneNow, areas: &AreaIndex) -> Result<Vec<Vec<u32>>, ScoreError> {
     let count = areas.polygons.len();
     let mut steps = Vec::with_capacity(STATES);
-    for (step, red) in scene.red_areas.iter().take(STATES).enumerate() {
+    for (step, red) in now.red_areas.iter().take(STATES).enumerate() {
         let mut ids = Vec::new();
         for index in red {
             let id = u32::try_from(*index).ok().filter(|_| *index < count);

@@ -13,8 +13,8 @@ use crate::geometry::{Bounds, OrientedBox};
 /// One agent over the horizon.
 #[derive(Debug, Clone)]
 pub struct TrafficAgent {
-    /// Its index in the list it was made of.
-    pub index: usize,
+    /// Who it is.
+    pub id: u32,
     /// What it is.
     pub class: ObjectClass,
     /// Whether it stood still when first seen; static objects always do.
@@ -40,7 +40,7 @@ impl Traffic {
         let mut agents = Vec::with_capacity(tracks.len());
         for (index, track) in tracks.iter().enumerate() {
             check(index, track)?;
-            agents.extend(prepare(index, track, steps));
+            agents.extend(prepare(track, steps));
         }
         Ok(Self { agents })
     }
@@ -73,7 +73,7 @@ fn check(index: usize, track: &AgentTrack) -> Result<(), ScoreError> {
     Ok(())
 }
 
-fn prepare(index: usize, track: &AgentTrack, steps: usize) -> Option<TrafficAgent> {
+fn prepare(track: &AgentTrack, steps: usize) -> Option<TrafficAgent> {
     let steps = &track.steps[..steps.min(track.steps.len())];
     let first_seen = steps.iter().flatten().next()?;
     let boxes: Vec<Option<OrientedBox>> = steps
@@ -82,5 +82,5 @@ fn prepare(index: usize, track: &AgentTrack, steps: usize) -> Option<TrafficAgen
         .collect();
     let bounds = boxes.iter().flatten().fold(Bounds::EMPTY, |all, one| all.union(&one.bounds()));
     let stopped = track.class == ObjectClass::Static || first_seen.velocity_mps.length() <= STOPPED_MPS;
-    Some(TrafficAgent { index, class: track.class, stopped, boxes, bounds })
+    Some(TrafficAgent { id: track.id, class: track.class, stopped, boxes, bounds })
 }
