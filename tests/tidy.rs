@@ -26,6 +26,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("ds-score", 2),
     ("ds-episode", 3),
     ("ds-report", 3),
+    ("ds-golden", 3),
     ("ds-train", 3),
     ("ds-wire", 4),
     ("ds-bus", 5),

@@ -1,17 +1,53 @@
-//! Executed states to scores, tick by tick: collision, drivable area, progress, route completion.
+//! Three scores as pure functions over plain data: `navsim_v2` (EPDMS), `navsim_v1` (PDMS), `closed_loop` (DS).
 //!
-//! All scores lie in 0..=1, 1 being best; `None` means that a metric does not apply to the drive. World frame, SI units.
-//! Pure: same scene and states, same bits. The exact driving score and its sub-metrics are not computed here yet.
+//! Each equals its public reference implementation, quirks included; each result names its score definition. World
+//! frame, SI units, radians. No files, no serde, no clock: same input, same bits. What is computed and why stands in
+//! `docs/scoring.md`.
 
-mod area;
-mod collision;
-mod drivable_area;
-mod odometer;
-mod progress;
-mod route_completion;
+pub mod comfort;
+pub mod constants;
+pub mod geometry;
+
+mod closed_loop;
+mod collision_type;
+mod driving_score;
+mod ego_area;
+mod epdms;
+mod error;
+mod footprint;
+mod metric;
+mod motion;
+mod oracle;
+mod pdms;
+mod proposal;
+mod scene;
+mod smoothing;
 mod tracker;
+mod two_stage;
 
+pub use closed_loop::{
+    ClosedLoop, CollisionRule, CompletionRule, DirectionRule, DrivableRule, EgoFrame, EgoSize, Ending, FirstStateRule,
+    Frame, KeepingRule, LightRule, LightTick, LiveScorer, LoopAdapter, LoopComfortRule, LoopLane, LoopObject,
+    LoopScene, MissingRule, OverlapRule, Profile, ShortExpertRule, TtcRule, Window, closed_loop, loop_scene,
+    window_share,
+};
+pub use collision_type::CollisionType;
+pub use driving_score::{DrivingScore, FrameScore, TERMS, Term, TermSummary};
+pub use ego_area::{EgoAreas, StepFlags};
+pub use epdms::{FirstViolations, Measured, NavsimV2, SubScores, Yardstick, navsim_v2};
+pub use error::ScoreError;
+pub use footprint::Footprint;
+pub use metric::extended_comfort::{DIFFERENCE_NAMES, ExtendedComfort, extended_comfort};
+pub use motion::{Coverage, Executed, Executor, Plan, VehicleState};
+pub use oracle::{OracleRanking, OracleScore, Rollout, rank_plans, rank_rollouts};
+pub use pdms::{NavsimV1, navsim_v1, navsim_v1_executed};
+pub use proposal::Violation;
+pub use scene::{
+    AgentTrack, AreaKind, MapArea, MovingBox, ObjectClass, OpenLoopMap, OpenLoopScene, PastState, PreparedMap,
+    PreparedScene, SceneNow, Traffic, TrafficAgent,
+};
 pub use tracker::{EpisodeScore, ScoreTracker, TickScore};
+pub use two_stage::{StageColumns, StageMapping, StageRow, TwoStage, two_stage};
 
 /// Why [`EpisodeScore::driving_score`] is `None`.
 pub const DRIVING_SCORE_REASON: &str = "the exact driving score is not computed by this version";

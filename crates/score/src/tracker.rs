@@ -3,10 +3,16 @@
 use ds_space::Tick;
 use ds_world::{Scene, WorldState};
 
-use crate::collision::Collision;
-use crate::drivable_area::DrivableArea;
-use crate::odometer::{Expert, Odometer};
-use crate::{progress, route_completion};
+use self::collision::Collision;
+use self::drivable_area::DrivableArea;
+use self::odometer::{Expert, Odometer};
+
+mod area;
+mod collision;
+mod drivable_area;
+mod odometer;
+mod progress;
+mod route_completion;
 
 /// The sub-scores of one state.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,7 +5,7 @@
 
 use ds_world::{EgoState, Map, VehicleParameters};
 
-use crate::area::Area;
+use super::area::Area;
 
 const TOLERANCE_M: f64 = 0.2;
 

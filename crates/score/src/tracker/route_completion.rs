@@ -3,7 +3,7 @@
 //! What is driven after leaving the route by more than 4 m does not count (the closed-loop evaluation ends there).
 //! Not applicable if the log covers less than 1 m from there on. An episode shorter than the log ends below 1.
 
-use crate::odometer::SHORTEST_M;
+use super::odometer::SHORTEST_M;
 
 /// An ego farther from its route than this has left it, in metres.
 pub(crate) const LEFT_AT_M: f64 = 4.0;

@@ -2,7 +2,7 @@
 //!
 //! Not applicable while the expert has moved less than 1 m.
 
-use crate::odometer::SHORTEST_M;
+use super::odometer::SHORTEST_M;
 
 /// Returns the score for distances along the route since the first state.
 pub(crate) fn score(ego_m: f64, expert_m: f64) -> Option<f64> {

@@ -1,0 +1,61 @@
+//! One case file: its schema decides who reads and answers it.
+
+use ds_score::VehicleState;
+use ds_space::{DVec2, PoseSe2};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+use crate::error::GoldenError;
+use crate::{closed_loop_live, collision_type, comfort, extended_comfort, pdm_score_answer, two_stage};
+
+/// The largest case file that is read, in bytes.
+pub const MAX_CASE_BYTES: u64 = 64 << 20;
+
+#[derive(Deserialize)]
+struct Head {
+    schema: String,
+    case_id: String,
+}
+
+/// Answers one case, given as the text of its file; returns its id and its answer.
+///
+/// # Errors
+/// [`GoldenError`] names the field that cannot be read or scored.
+pub fn answer_case(text: &str) -> Result<(String, Value), GoldenError> {
+    let head: Head = parse(text)?;
+    let answer = match head.schema.as_str() {
+        "pdm_score/1" => pdm_score_answer::answer(&parse(text)?),
+        "comfort/1" => comfort::answer(&parse(text)?),
+        "extended_comfort/1" => extended_comfort::answer(&parse(text)?),
+        "collision_type/1" => collision_type::answer(&parse(text)?),
+        "two_stage/1" => two_stage::answer(&parse(text)?),
+        "closed_loop_live/1" => closed_loop_live::answer(&parse(text)?),
+        _ => Err(GoldenError::Schema { schema: head.schema }),
+    }?;
+    Ok((head.case_id, answer))
+}
+
+fn parse<T: DeserializeOwned>(text: &str) -> Result<T, GoldenError> {
+    let mut reader = serde_json::Deserializer::from_str(text);
+    serde_path_to_error::deserialize(&mut reader)
+        .map_err(|error| GoldenError::Field { field: error.path().to_string(), source: error.into_inner() })
+}
+
+/// A row of state columns.
+pub(crate) type Columns = [f64; 11];
+
+/// Takes rows of columns to states.
+pub(crate) fn states(rows: &[Columns]) -> Vec<VehicleState> {
+    rows.iter().copied().map(VehicleState::from_columns).collect()
+}
+
+/// Takes (x, y) to a point.
+pub(crate) fn point(xy: &[f64; 2]) -> DVec2 {
+    DVec2::new(xy[0], xy[1])
+}
+
+/// Takes (x, y, heading) to a pose.
+pub(crate) fn pose(xyh: &[f64; 3]) -> PoseSe2 {
+    PoseSe2::new(xyh[0], xyh[1], xyh[2])
+}

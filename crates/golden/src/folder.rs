@@ -1,0 +1,94 @@
+//! A folder of case files to one object of answers, in order of file names.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Map, Value, json};
+
+use crate::case::{MAX_CASE_BYTES, answer_case};
+use crate::error::GoldenError;
+
+/// The list of cases beside them, which is no case.
+const INDEX: &str = "index.json";
+
+/// The answers of a folder.
+#[derive(Debug)]
+pub struct Answers {
+    /// Case id → answer; a case that failed has `{"error": text}`.
+    pub value: Value,
+    /// The cases that failed, with file and reason.
+    pub failures: Vec<(PathBuf, GoldenError)>,
+}
+
+/// Answers all cases of a folder, or of its subfolder `cases` where there is one.
+///
+/// # Errors
+/// [`GoldenError`] if the folder cannot be read, holds no case, or two cases share an id. A case that cannot be
+/// answered is no error here: its answer says why.
+pub fn answers(folder: &Path) -> Result<Answers, GoldenError> {
+    let mut values = Map::new();
+    let mut failures = Vec::new();
+    for path in case_files(folder)? {
+        let (id, answer) = match read(&path).and_then(|text| answer_case(&text)) {
+            Ok((id, answer)) => (id, answer),
+            Err(error) => {
+                let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+                let answer = json!({ "error": text_of(&error) });
+                failures.push((path.clone(), error));
+                (stem, answer)
+            }
+        };
+        if values.contains_key(&id) {
+            return Err(GoldenError::Twice { id, path });
+        }
+        values.insert(id, answer);
+    }
+    Ok(Answers { value: Value::Object(values), failures })
+}
+
+/// As [`answers`], the object alone.
+///
+/// # Errors
+/// As [`answers`].
+pub fn answer(folder: &Path) -> Result<Value, GoldenError> {
+    answers(folder).map(|answers| answers.value)
+}
+
+fn text_of(error: &GoldenError) -> String {
+    let mut text = error.to_string();
+    let mut source = std::error::Error::source(error);
+    while let Some(cause) = source {
+        text += &format!(": {cause}");
+        source = cause.source();
+    }
+    text
+}
+
+fn case_files(folder: &Path) -> Result<Vec<PathBuf>, GoldenError> {
+    let inner = folder.join("cases");
+    let folder = if inner.is_dir() { inner } else { folder.to_path_buf() };
+    let failed = |source| GoldenError::Read { path: folder.clone(), source };
+    let mut files = Vec::new();
+    for entry in fs::read_dir(&folder).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        let is_case = path.extension().is_some_and(|extension| extension == "json")
+            && path.file_name().is_some_and(|name| name != INDEX);
+        if is_case {
+            files.push(path);
+        }
+    }
+    if files.is_empty() {
+        return Err(GoldenError::NoCases { path: folder });
+    }
+    files.sort();
+    Ok(files)
+}
+
+fn read(path: &Path) -> Result<String, GoldenError> {
+    let failed = |source| GoldenError::Read { path: path.to_path_buf(), source };
+    let bytes = fs::metadata(path).map_err(failed)?.len();
+    if bytes > MAX_CASE_BYTES {
+        return Err(GoldenError::TooLarge { path: path.to_path_buf(), bytes });
+    }
+    fs::read_to_string(path).map_err(failed)
+}

@@ -1,0 +1,195 @@
+//! From the simulator's scene and states to the plain frames of the score, live or from a recording.
+//!
+//! Both feed the same states to the same functions, so that a re-score equals the live score bit for bit.
+
+use ds_space::{DVec2, Tick};
+use ds_world::{EgoState, Lane, LaneKind, LightState, Polygon, Scene, VehicleParameters, WorldState};
+
+use super::frame::{EgoFrame, Frame, LoopLane, LoopObject, LoopScene, window_share};
+use super::profile::{FirstStateRule, LightTick, Profile};
+use super::{ClosedLoop, Ending};
+use crate::constants::strict::{LANE_WIDTH_M, ROUTE_OFFSET_M, ROUTE_SAMPLE_M, ROUTE_SHARE};
+use crate::driving_score::{DrivingScore, FrameScore};
+use crate::error::ScoreError;
+use crate::footprint::Footprint;
+use crate::geometry::{Line, corridor};
+use crate::motion::VehicleState;
+
+/// The part of a recording that is scored, if not all of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Window {
+    /// The tick at which the policy takes over.
+    pub start: Tick,
+    /// How many ticks it may drive.
+    pub ticks: u32,
+}
+
+/// Turns states of one scene into frames.
+#[derive(Debug, Clone)]
+pub struct LoopAdapter {
+    vehicle: VehicleParameters,
+    light_lanes: Vec<Vec<usize>>,
+}
+
+impl LoopAdapter {
+    /// Prepares for a scene.
+    #[must_use]
+    pub fn new(scene: &Scene) -> Self {
+        let lanes = scene.map.lanes.len();
+        let governed = |lanes_of: &[ds_world::LaneId]| {
+            lanes_of.iter().map(|lane| lane.0 as usize).filter(|lane| *lane < lanes).collect()
+        };
+        Self {
+            vehicle: scene.vehicle,
+            light_lanes: scene.map.traffic_lights.iter().map(|light| governed(&light.lanes)).collect(),
+        }
+    }
+
+    /// Returns the frame of a state, judged by the given lights (in map order).
+    #[must_use]
+    pub fn frame(&self, world: &WorldState, lights: &[LightState]) -> Frame {
+        let object = |agent: &ds_world::AgentState| LoopObject {
+            id: agent.id.0,
+            class: agent.class.into(),
+            pose: agent.pose,
+            length_m: agent.size.length_m,
+            width_m: agent.size.width_m,
+            velocity_mps: agent.velocity_mps,
+        };
+        let red = lights.iter().zip(&self.light_lanes).filter(|(light, _)| **light == LightState::Red);
+        let mut red_lanes: Vec<usize> = red.flat_map(|(_, lanes)| lanes.iter().copied()).collect();
+        red_lanes.sort_unstable();
+        red_lanes.dedup();
+        Frame {
+            tick: world.tick.0,
+            ego: ego_frame(&world.ego, &self.vehicle),
+            objects: world.agents.iter().map(object).collect(),
+            red_lanes,
+        }
+    }
+}
+
+/// The velocity of the centre of a turning body is not that of its rear axle.
+fn ego_frame(ego: &EgoState, vehicle: &VehicleParameters) -> EgoFrame {
+    let sideways_mps = ego.yaw_rate_radps * vehicle.rear_axle_to_centre_m;
+    let velocity = ego.velocity_mps + DVec2::new(0.0, sideways_mps);
+    EgoFrame {
+        centre: ego.centre(vehicle),
+        velocity_mps: ego.pose.forward() * velocity.x + ego.pose.left() * velocity.y,
+        state: Some(VehicleState::from(ego)),
+    }
+}
+
+/// Returns the fixed part of a drive through a scene; `window` is the part that is scored, if not all.
+#[must_use]
+pub fn loop_scene(scene: &Scene, window: Option<Window>) -> LoopScene {
+    let expert_path: Vec<DVec2> = scene.ego_log.iter().map(|ego| ego.centre(&scene.vehicle).position).collect();
+    let route = Line::new(&scene.route).or_else(|| Line::new(&expert_path));
+    let sound = |polygon: &&Polygon| polygon.len() >= 3;
+    let share = window.and_then(|window| {
+        let start = window.start.0 as usize;
+        window_share(&expert_path, start, start + window.ticks as usize)
+    });
+    LoopScene {
+        dt_s: scene.dt.secs(),
+        footprint: Footprint::from(&scene.vehicle),
+        lanes: scene.map.lanes.iter().map(|lane| loop_lane(lane, route.as_ref())).collect(),
+        drivable: scene.map.drivable.iter().filter(sound).cloned().collect(),
+        junctions: scene.map.junctions.iter().filter(sound).cloned().collect(),
+        has_lights: !scene.map.traffic_lights.is_empty(),
+        expert_path,
+        window_share: share,
+    }
+}
+
+fn loop_lane(lane: &Lane, route: Option<&Line>) -> LoopLane {
+    let outline =
+        if lane.polygon.len() >= 3 { lane.polygon.clone() } else { corridor(&lane.centre_line, LANE_WIDTH_M) };
+    LoopLane {
+        line: lane.centre_line.clone(),
+        outline,
+        connector: lane.kind == LaneKind::Connector,
+        on_route: route.is_some_and(|route| lies_along(&lane.centre_line, route)),
+    }
+}
+
+/// Says whether most of a lane, as far as it runs beside the route, lies on the route and leads its way.
+fn lies_along(centre_line: &[DVec2], route: &Line) -> bool {
+    let Some(lane) = Line::new(centre_line) else { return false };
+    let (mut beside, mut along) = (0u32, 0u32);
+    let samples = (lane.length_m() / ROUTE_SAMPLE_M).ceil().max(1.0);
+    for sample in 0..=(samples as u32) {
+        let at_m = lane.length_m() * f64::from(sample) / samples;
+        let nearest = route.nearest(lane.at(at_m));
+        if nearest.along_m <= 0.0 || nearest.along_m >= route.length_m() {
+            continue;
+        }
+        beside += 1;
+        let aligned = route.direction(nearest.segment).dot(lane.direction(lane.segment_at(at_m))) > 0.0;
+        if aligned && nearest.distance_squared <= ROUTE_OFFSET_M * ROUTE_OFFSET_M {
+            along += 1;
+        }
+    }
+    beside > 0 && f64::from(along) >= ROUTE_SHARE * f64::from(beside)
+}
+
+/// Scores a drive state by state as the simulator makes them, up to its ending.
+#[derive(Debug, Clone)]
+pub struct LiveScorer {
+    scorer: ClosedLoop,
+    adapter: LoopAdapter,
+    lights: Option<Vec<LightState>>,
+    ended: Option<Ending>,
+}
+
+impl LiveScorer {
+    /// Prepares to score a drive through a scene.
+    ///
+    /// # Errors
+    /// As [`ClosedLoop::new`].
+    pub fn new(scene: &Scene, profile: Profile, window: Option<Window>) -> Result<Self, ScoreError> {
+        Ok(Self {
+            scorer: ClosedLoop::new(&loop_scene(scene, window), profile)?,
+            adapter: LoopAdapter::new(scene),
+            lights: None,
+            ended: None,
+        })
+    }
+
+    /// Takes the next state. Returns `None` for a state that is not scored: the first one where the profile skips it,
+    /// and all after an ending.
+    ///
+    /// # Errors
+    /// As [`ClosedLoop::observe`].
+    pub fn observe(&mut self, world: &WorldState) -> Result<Option<FrameScore>, ScoreError> {
+        if self.ended.is_some() {
+            return Ok(None);
+        }
+        let profile = *self.scorer.profile();
+        let before = self.lights.replace(world.lights.clone());
+        if before.is_none() && profile.first_state == FirstStateRule::Skipped {
+            return Ok(None);
+        }
+        let lights = match profile.light_tick {
+            LightTick::Before => before.as_ref().unwrap_or(&world.lights),
+            LightTick::Same => &world.lights,
+        };
+        let score = self.scorer.observe(&self.adapter.frame(world, lights))?;
+        self.ended = score.ending;
+        Ok(Some(score))
+    }
+
+    /// Returns why the drive ended, if it did: nothing is scored from then on.
+    #[must_use]
+    pub fn ended(&self) -> Option<Ending> {
+        self.ended
+    }
+
+    /// Returns the score of the drive so far.
+    ///
+    /// # Errors
+    /// As [`ClosedLoop::finish`].
+    pub fn finish(&self) -> Result<DrivingScore, ScoreError> {
+        self.scorer.finish()
+    }
+}

@@ -1,0 +1,16 @@
+//! What an open-loop plan is scored against: map areas, route, agents, red lights, the ego and its past.
+//!
+//! Plain data in the world frame, SI units. [`PreparedScene`] checks it once and indexes it; then plans cost
+//! microseconds.
+
+mod input;
+mod prepared;
+mod traffic;
+
+pub use input::{
+    AgentTrack, AreaKind, MapArea, MovingBox, ObjectClass, OpenLoopMap, OpenLoopScene, PastState, SceneNow,
+};
+pub use prepared::{PreparedMap, PreparedScene};
+pub use traffic::{Traffic, TrafficAgent};
+
+pub(crate) use prepared::AreaIndex;
