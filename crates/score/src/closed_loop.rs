@@ -141,3 +141,6 @@ pub fn closed_loop(
     let scores = frames.iter().map(|frame| scorer.observe(frame)).collect::<Result<_, _>>()?;
     Ok((scores, scorer.finish()?))
 }
+
+#[cfg(test)]
+mod tests;

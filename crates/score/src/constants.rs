@@ -251,4 +251,8 @@ pub mod planner {
     pub const DECELERATION_MPS2: f64 = 3.0;
     /// Exponent of the free-road term.
     pub const EXPONENT: i32 = 10;
+    /// Own: time in which the offset is taken up, in seconds.
+    pub const EASE_S: f64 = 2.0;
+    /// Own: what is nearer to the path's side than this, in metres, is on it.
+    pub const SIDE_CLEARANCE_M: f64 = 0.2;
 }

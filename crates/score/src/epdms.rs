@@ -309,3 +309,6 @@ pub(crate) fn measure(
         history_terms,
     }
 }
+
+#[cfg(test)]
+mod tests;

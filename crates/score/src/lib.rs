@@ -19,7 +19,10 @@ mod metric;
 mod motion;
 mod oracle;
 mod pdms;
+mod planner;
 mod proposal;
+#[cfg(test)]
+mod road;
 mod scene;
 mod smoothing;
 mod tracker;
@@ -41,10 +44,11 @@ pub use metric::extended_comfort::{DIFFERENCE_NAMES, ExtendedComfort, extended_c
 pub use motion::{Coverage, Executed, Executor, Plan, VehicleState};
 pub use oracle::{OracleRanking, OracleScore, Rollout, rank_plans, rank_rollouts};
 pub use pdms::{NavsimV1, navsim_v1, navsim_v1_executed};
+pub use planner::{ReferencePlan, reference_plan};
 pub use proposal::Violation;
 pub use scene::{
     AgentTrack, AreaKind, MapArea, MovingBox, ObjectClass, OpenLoopMap, OpenLoopScene, PastState, PreparedMap,
-    PreparedScene, SceneNow, Traffic, TrafficAgent,
+    PreparedScene, SceneNow, Traffic, TrafficAgent, expert_path, log_tracks, open_loop_map, scene_now,
 };
 pub use tracker::{EpisodeScore, ScoreTracker, TickScore};
 pub use two_stage::{StageColumns, StageMapping, StageRow, TwoStage, two_stage};

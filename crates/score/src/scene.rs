@@ -6,6 +6,7 @@
 mod input;
 mod prepared;
 mod traffic;
+mod world;
 
 pub use input::{
     AgentTrack, AreaKind, MapArea, MovingBox, ObjectClass, OpenLoopMap, OpenLoopScene, PastState, SceneNow,
@@ -13,4 +14,7 @@ pub use input::{
 pub use prepared::{PreparedMap, PreparedScene};
 pub use traffic::{Traffic, TrafficAgent};
 
+pub use world::{expert_path, log_tracks, open_loop_map, scene_now};
+
 pub(crate) use prepared::AreaIndex;
+pub(crate) use world::{lies_along, route_line, surface_of};

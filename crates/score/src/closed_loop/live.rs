@@ -8,12 +8,12 @@ use ds_world::{EgoState, Lane, LaneKind, LightState, Polygon, Scene, VehiclePara
 use super::frame::{EgoFrame, Frame, LoopLane, LoopObject, LoopScene, window_share};
 use super::profile::{FirstStateRule, LightTick, Profile};
 use super::{ClosedLoop, Ending};
-use crate::constants::strict::{LANE_WIDTH_M, ROUTE_OFFSET_M, ROUTE_SAMPLE_M, ROUTE_SHARE};
 use crate::driving_score::{DrivingScore, FrameScore};
 use crate::error::ScoreError;
 use crate::footprint::Footprint;
-use crate::geometry::{Line, corridor};
+use crate::geometry::Line;
 use crate::motion::VehicleState;
+use crate::scene::{expert_path, lies_along, route_line, surface_of};
 
 /// The part of a recording that is scored, if not all of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,8 +83,8 @@ fn ego_frame(ego: &EgoState, vehicle: &VehicleParameters) -> EgoFrame {
 /// Returns the fixed part of a drive through a scene; `window` is the part that is scored, if not all.
 #[must_use]
 pub fn loop_scene(scene: &Scene, window: Option<Window>) -> LoopScene {
-    let expert_path: Vec<DVec2> = scene.ego_log.iter().map(|ego| ego.centre(&scene.vehicle).position).collect();
-    let route = Line::new(&scene.route).or_else(|| Line::new(&expert_path));
+    let expert_path = expert_path(scene);
+    let route = route_line(scene);
     let sound = |polygon: &&Polygon| polygon.len() >= 3;
     let share = window.and_then(|window| {
         let start = window.start.0 as usize;
@@ -103,34 +103,12 @@ pub fn loop_scene(scene: &Scene, window: Option<Window>) -> LoopScene {
 }
 
 fn loop_lane(lane: &Lane, route: Option<&Line>) -> LoopLane {
-    let outline =
-        if lane.polygon.len() >= 3 { lane.polygon.clone() } else { corridor(&lane.centre_line, LANE_WIDTH_M) };
     LoopLane {
         line: lane.centre_line.clone(),
-        outline,
+        outline: surface_of(lane),
         connector: lane.kind == LaneKind::Connector,
         on_route: route.is_some_and(|route| lies_along(&lane.centre_line, route)),
     }
-}
-
-/// Says whether most of a lane, as far as it runs beside the route, lies on the route and leads its way.
-fn lies_along(centre_line: &[DVec2], route: &Line) -> bool {
-    let Some(lane) = Line::new(centre_line) else { return false };
-    let (mut beside, mut along) = (0u32, 0u32);
-    let samples = (lane.length_m() / ROUTE_SAMPLE_M).ceil().max(1.0);
-    for sample in 0..=(samples as u32) {
-        let at_m = lane.length_m() * f64::from(sample) / samples;
-        let nearest = route.nearest(lane.at(at_m));
-        if nearest.along_m <= 0.0 || nearest.along_m >= route.length_m() {
-            continue;
-        }
-        beside += 1;
-        let aligned = route.direction(nearest.segment).dot(lane.direction(lane.segment_at(at_m))) > 0.0;
-        if aligned && nearest.distance_squared <= ROUTE_OFFSET_M * ROUTE_OFFSET_M {
-            along += 1;
-        }
-    }
-    beside > 0 && f64::from(along) >= ROUTE_SHARE * f64::from(beside)
 }
 
 /// Scores a drive state by state as the simulator makes them, up to its ending.

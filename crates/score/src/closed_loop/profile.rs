@@ -36,7 +36,8 @@ pub enum OverlapRule {
 pub enum TtcRule {
     /// Five steps of 0.2 s along both velocity vectors, whatever is in the half plane ahead; 0 with any NC of 0.
     HalfPlane,
-    /// Look-aheads and angles of TTC in `scoring.md` §4, others moved on at their velocity.
+    /// Look-aheads and angles of TTC in `scoring.md` §4, others moved on at their velocity and both moved before it is
+    /// asked who is ahead.
     Cone,
 }
 

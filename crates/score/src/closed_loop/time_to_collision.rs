@@ -37,7 +37,8 @@ fn in_half_plane(moment: &Moment<'_>, object: &LoopObject) -> bool {
         })
 }
 
-/// Only the first touch is judged, as one that does not count makes the object ignored.
+/// Only the first touch is judged, as one that does not count makes the object ignored. Unlike in NAVSIM both are moved
+/// on before it is asked who is ahead of whom, so that a faster car behind is not.
 fn in_cone(moment: &Moment<'_>, object: &LoopObject) -> bool {
     if moment.speed_mps < TTC_STOPPED_MPS {
         return false;
@@ -48,10 +49,10 @@ fn in_cone(moment: &Moment<'_>, object: &LoopObject) -> bool {
         let secs = *ahead as f64 * DT_S;
         let ego = moment.ego.moved(forward * (moment.speed_mps * secs));
         let other = other.moved(object.velocity_mps * secs);
-        ego.touches(&other).then_some(other)
+        let axle = moment.rear_axle + forward * (moment.speed_mps * secs);
+        ego.touches(&other).then(|| other.centre - axle)
     });
-    touch.is_some_and(|other| {
-        let offset = other.centre - moment.rear_axle;
+    touch.is_some_and(|offset| {
         let astray = || moment.astray() || moment.around.layers.in_intersection(moment.rear_axle);
         is_ahead(forward, offset) || (!is_behind(forward, offset) && astray())
     })
