@@ -171,3 +171,102 @@ impl LiveScorer {
         self.scorer.finish()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::closed_loop::closed_loop;
+    use crate::driving_score::Term;
+    use crate::road::world;
+
+    /// The expert's drive, swaying a little so that every term has something to do.
+    fn states(scene: &Scene) -> Vec<WorldState> {
+        (0..=120)
+            .map(|tick| {
+                let mut state = scene.logged_world(Tick(tick));
+                state.ego.pose.position.y = 0.9 * (0.31 * f64::from(tick)).sin();
+                state.ego.acceleration_mps2.x = 1.3 * (0.53 * f64::from(tick)).cos();
+                state
+            })
+            .collect()
+    }
+
+    fn live(scene: &Scene, profile: Profile, states: &[WorldState]) -> (Vec<FrameScore>, DrivingScore) {
+        let mut scorer = LiveScorer::new(scene, profile, None).expect("a sound scene");
+        let scores = states.iter().filter_map(|state| scorer.observe(state).expect("a sound state")).collect();
+        (scores, scorer.finish().expect("a drive"))
+    }
+
+    #[test]
+    fn a_second_pass_gives_the_same_bits_and_so_do_plain_frames() {
+        let scene = world();
+        let states = states(&scene);
+        for profile in [Profile::bridgesim(), Profile::strict()] {
+            let once = live(&scene, profile, &states);
+            let bits = |drive: &(Vec<FrameScore>, DrivingScore)| format!("{drive:?}");
+            assert_eq!(bits(&once), bits(&live(&scene, profile, &states)));
+            let adapter = LoopAdapter::new(&scene);
+            let first = usize::from(profile.first_state == FirstStateRule::Skipped);
+            let lights = |tick: usize| match profile.light_tick {
+                LightTick::Before => &states[tick - 1].lights,
+                LightTick::Same => &states[tick].lights,
+            };
+            let frames: Vec<Frame> =
+                (first..first + once.0.len()).map(|tick| adapter.frame(&states[tick], lights(tick))).collect();
+            let plain = closed_loop(&loop_scene(&scene, None), profile, &frames).expect("a sound drive");
+            assert_eq!(bits(&once), bits(&plain));
+        }
+    }
+
+    #[test]
+    fn the_expert_arrives_and_nothing_is_scored_after() {
+        let scene = world();
+        let states: Vec<WorldState> = (0..=120).map(|tick| scene.logged_world(Tick(tick))).collect();
+        // 95 % of 120 m are passed at tick 115; bridgesim counts from the state after the first step.
+        let (scores, drive) = live(&scene, Profile::bridgesim(), &states);
+        assert_eq!((scores[0].tick, scores.len(), drive.ended), (1, 115, Some((115, Ending::Arrived))));
+        assert!((drive.route_completion.expect("it applies") - 114.0 / 120.0).abs() < 1e-9);
+        let (scores, drive) = live(&scene, Profile::strict(), &states);
+        assert_eq!((scores[0].tick, scores.len(), drive.route_completion), (0, 116, Some(1.0)));
+        assert_eq!(scores[20].term(Term::TrafficLight), Some(1.0));
+    }
+
+    #[test]
+    fn lights_are_those_of_the_profile_s_tick() {
+        let scene = world();
+        // Standing on in the connector: red from tick 20 to 39.
+        let states: Vec<WorldState> = (0..=60)
+            .map(|tick| {
+                let mut state = scene.logged_world(Tick(tick));
+                state.ego.pose.position.x = 65.0 + 0.02 * f64::from(tick);
+                state
+            })
+            .collect();
+        let red = |profile| {
+            let lost = |score: &&FrameScore| score.term(Term::TrafficLight) == Some(0.0);
+            let (scores, _) = live(&scene, profile, &states);
+            (scores.iter().find(lost).map(|score| score.tick), scores.iter().rfind(lost).map(|score| score.tick))
+        };
+        assert_eq!(red(Profile::strict()), (Some(20), Some(39)));
+        // The connector is 12 m long, so bridgesim minds the last 5 m before its end only; a short lane counts at once.
+        let near_end = Profile { lights: crate::closed_loop::LightRule::NearEnd, ..Profile::strict() };
+        assert_eq!(red(near_end), (None, None));
+        let late = Profile { light_tick: LightTick::Before, ..Profile::strict() };
+        assert_eq!(red(late), (Some(21), Some(40)));
+        assert_eq!(late.label(), "custom");
+    }
+
+    #[test]
+    fn a_window_scales_the_completion() {
+        let scene = world();
+        let states: Vec<WorldState> = (0..=60).map(|tick| scene.logged_world(Tick(tick))).collect();
+        let window = Window { start: Tick(0), ticks: 60 };
+        let mut scorer = LiveScorer::new(&scene, Profile::bridgesim(), Some(window)).expect("a sound scene");
+        for state in &states {
+            scorer.observe(state).expect("a sound state");
+        }
+        // 59 m from the first scored state on, as the expert's 59 m of 120 m inside the window.
+        assert_eq!(scorer.finish().expect("a drive").route_completion, Some(1.0));
+        assert_eq!(scorer.ended(), None);
+    }
+}
