@@ -1,14 +1,14 @@
-//! From the simulator's scene and states to the plain frames of the score, live or from a recording.
+//! From the simulator's scene and states to the plain states of the score, live or from a recording.
 //!
 //! Both feed the same states to the same functions, so that a re-score equals the live score bit for bit.
 
 use ds_space::{DVec2, Tick};
 use ds_world::{EgoState, Lane, LaneKind, LightState, Polygon, Scene, VehicleParameters, WorldState};
 
-use super::frame::{EgoFrame, Frame, LoopLane, LoopObject, LoopScene, window_share};
 use super::profile::{FirstStateRule, LightTick, Profile};
+use super::tick::{LoopEgo, LoopLane, LoopObject, LoopScene, LoopState, window_share};
 use super::{ClosedLoop, Ending};
-use crate::driving_score::{DrivingScore, FrameScore};
+use crate::driving_score::{DrivingScore, LoopScore};
 use crate::error::ScoreError;
 use crate::footprint::Footprint;
 use crate::geometry::Line;
@@ -24,7 +24,7 @@ pub struct Window {
     pub ticks: u32,
 }
 
-/// Turns states of one scene into frames.
+/// Turns states of one scene into states.
 #[derive(Debug, Clone)]
 pub struct LoopAdapter {
     vehicle: VehicleParameters,
@@ -45,9 +45,9 @@ impl LoopAdapter {
         }
     }
 
-    /// Returns the frame of a state, judged by the given lights (in map order).
+    /// Returns the state of a state, judged by the given lights (in map order).
     #[must_use]
-    pub fn frame(&self, world: &WorldState, lights: &[LightState]) -> Frame {
+    pub fn state(&self, world: &WorldState, lights: &[LightState]) -> LoopState {
         let object = |agent: &ds_world::AgentState| LoopObject {
             id: agent.id.0,
             class: agent.class.into(),
@@ -60,9 +60,9 @@ impl LoopAdapter {
         let mut red_lanes: Vec<usize> = red.flat_map(|(_, lanes)| lanes.iter().copied()).collect();
         red_lanes.sort_unstable();
         red_lanes.dedup();
-        Frame {
+        LoopState {
             tick: world.tick.0,
-            ego: ego_frame(&world.ego, &self.vehicle),
+            ego: loop_ego(&world.ego, &self.vehicle),
             objects: world.agents.iter().map(object).collect(),
             red_lanes,
         }
@@ -70,10 +70,10 @@ impl LoopAdapter {
 }
 
 /// The velocity of the centre of a turning body is not that of its rear axle.
-fn ego_frame(ego: &EgoState, vehicle: &VehicleParameters) -> EgoFrame {
+fn loop_ego(ego: &EgoState, vehicle: &VehicleParameters) -> LoopEgo {
     let sideways_mps = ego.yaw_rate_radps * vehicle.rear_axle_to_centre_m;
     let velocity = ego.velocity_mps + DVec2::new(0.0, sideways_mps);
-    EgoFrame {
+    LoopEgo {
         centre: ego.centre(vehicle),
         velocity_mps: ego.pose.forward() * velocity.x + ego.pose.left() * velocity.y,
         state: Some(VehicleState::from(ego)),
@@ -139,7 +139,7 @@ impl LiveScorer {
     ///
     /// # Errors
     /// As [`ClosedLoop::observe`].
-    pub fn observe(&mut self, world: &WorldState) -> Result<Option<FrameScore>, ScoreError> {
+    pub fn observe(&mut self, world: &WorldState) -> Result<Option<LoopScore>, ScoreError> {
         if self.ended.is_some() {
             return Ok(None);
         }
@@ -152,7 +152,7 @@ impl LiveScorer {
             LightTick::Before => before.as_ref().unwrap_or(&world.lights),
             LightTick::Same => &world.lights,
         };
-        let score = self.scorer.observe(&self.adapter.frame(world, lights))?;
+        let score = self.scorer.observe(&self.adapter.state(world, lights))?;
         self.ended = score.ending;
         Ok(Some(score))
     }
@@ -191,19 +191,19 @@ mod tests {
             .collect()
     }
 
-    fn live(scene: &Scene, profile: Profile, states: &[WorldState]) -> (Vec<FrameScore>, DrivingScore) {
+    fn live(scene: &Scene, profile: Profile, states: &[WorldState]) -> (Vec<LoopScore>, DrivingScore) {
         let mut scorer = LiveScorer::new(scene, profile, None).expect("a sound scene");
         let scores = states.iter().filter_map(|state| scorer.observe(state).expect("a sound state")).collect();
         (scores, scorer.finish().expect("a drive"))
     }
 
     #[test]
-    fn a_second_pass_gives_the_same_bits_and_so_do_plain_frames() {
+    fn a_second_pass_gives_the_same_bits_and_so_do_plain_states() {
         let scene = world();
         let states = states(&scene);
         for profile in [Profile::bridgesim(), Profile::strict()] {
             let once = live(&scene, profile, &states);
-            let bits = |drive: &(Vec<FrameScore>, DrivingScore)| format!("{drive:?}");
+            let bits = |drive: &(Vec<LoopScore>, DrivingScore)| format!("{drive:?}");
             assert_eq!(bits(&once), bits(&live(&scene, profile, &states)));
             let adapter = LoopAdapter::new(&scene);
             let first = usize::from(profile.first_state == FirstStateRule::Skipped);
@@ -211,9 +211,9 @@ mod tests {
                 LightTick::Before => &states[tick - 1].lights,
                 LightTick::Same => &states[tick].lights,
             };
-            let frames: Vec<Frame> =
-                (first..first + once.0.len()).map(|tick| adapter.frame(&states[tick], lights(tick))).collect();
-            let plain = closed_loop(&loop_scene(&scene, None), profile, &frames).expect("a sound drive");
+            let frozen: Vec<LoopState> =
+                (first..first + once.0.len()).map(|tick| adapter.state(&states[tick], lights(tick))).collect();
+            let plain = closed_loop(&loop_scene(&scene, None), profile, &frozen).expect("a sound drive");
             assert_eq!(bits(&once), bits(&plain));
         }
     }
@@ -243,7 +243,7 @@ mod tests {
             })
             .collect();
         let red = |profile| {
-            let lost = |score: &&FrameScore| score.term(Term::TrafficLight) == Some(0.0);
+            let lost = |score: &&LoopScore| score.term(Term::TrafficLight) == Some(0.0);
             let (scores, _) = live(&scene, profile, &states);
             (scores.iter().find(lost).map(|score| score.tick), scores.iter().rfind(lost).map(|score| score.tick))
         };

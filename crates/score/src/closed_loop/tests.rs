@@ -1,4 +1,4 @@
-//! Drives on a straight road frame by frame, their terms worked out by hand for both profiles; laws of symmetry.
+//! Drives on a straight road state by state, their terms worked out by hand for both profiles; laws of symmetry.
 
 use ds_space::{DVec2, PoseSe2};
 use proptest::prelude::*;
@@ -40,20 +40,20 @@ fn scene() -> LoopScene {
     }
 }
 
-fn ego(x_m: f64, y_m: f64, heading_rad: f64, speed_mps: f64) -> EgoFrame {
+fn ego(x_m: f64, y_m: f64, heading_rad: f64, speed_mps: f64) -> LoopEgo {
     let centre = PoseSe2::new(x_m, y_m, heading_rad);
     let axle = centre.to_outer(DVec2::new(-ZOE.rear_axle_to_centre_m, 0.0));
     let state = VehicleState { x_m: axle.x, y_m: axle.y, heading_rad, vx_mps: speed_mps, ..VehicleState::default() };
-    EgoFrame { centre, velocity_mps: centre.forward() * speed_mps, state: Some(state) }
+    LoopEgo { centre, velocity_mps: centre.forward() * speed_mps, state: Some(state) }
 }
 
-fn frame(tick: u32, ego: EgoFrame) -> Frame {
-    Frame { tick, ego, objects: Vec::new(), red_lanes: Vec::new() }
+fn state(tick: u32, ego: LoopEgo) -> LoopState {
+    LoopState { tick, ego, objects: Vec::new(), red_lanes: Vec::new() }
 }
 
 /// 10 m/s along the lane, beside its centre.
-fn straight(frames: u32, aside_m: f64) -> Vec<Frame> {
-    (0..frames).map(|tick| frame(tick, ego(f64::from(tick), aside_m, 0.0, 10.0))).collect()
+fn straight(states: u32, aside_m: f64) -> Vec<LoopState> {
+    (0..states).map(|tick| state(tick, ego(f64::from(tick), aside_m, 0.0, 10.0))).collect()
 }
 
 fn object(id: u32, x_m: f64, y_m: f64, speed_mps: f64) -> LoopObject {
@@ -67,14 +67,14 @@ fn object(id: u32, x_m: f64, y_m: f64, speed_mps: f64) -> LoopObject {
     }
 }
 
-fn run(profile: Profile, frames: &[Frame]) -> (Vec<FrameScore>, DrivingScore) {
-    closed_loop(&scene(), profile, frames).expect("a sound drive")
+fn run(profile: Profile, states: &[LoopState]) -> (Vec<LoopScore>, DrivingScore) {
+    closed_loop(&scene(), profile, states).expect("a sound drive")
 }
 
-/// Scores one frame after one that is the same but for its objects.
-fn second(profile: Profile, ego: EgoFrame, objects: Vec<LoopObject>, red_lanes: Vec<usize>) -> FrameScore {
-    let frames = [frame(0, ego), Frame { objects, red_lanes, ..frame(1, ego) }];
-    run(profile, &frames).0[1]
+/// Scores one state after one that is the same but for its objects.
+fn second(profile: Profile, ego: LoopEgo, objects: Vec<LoopObject>, red_lanes: Vec<usize>) -> LoopScore {
+    let states = [state(0, ego), LoopState { objects, red_lanes, ..state(1, ego) }];
+    run(profile, &states).0[1]
 }
 
 #[test]
@@ -108,9 +108,9 @@ fn shifted(object: &LoopObject, by_m: f64) -> LoopObject {
 
 #[test]
 fn a_touch_at_the_start_counts_in_bridgesim_only() {
-    let mut frames = straight(3, 0.0);
-    frames.iter_mut().for_each(|frame| frame.objects = vec![object(4, 4.0 + f64::from(frame.tick), 0.0, 10.0)]);
-    let terms = |profile| run(profile, &frames).0.iter().map(|score| score.terms[0]).collect::<Vec<_>>();
+    let mut states = straight(3, 0.0);
+    states.iter_mut().for_each(|state| state.objects = vec![object(4, 4.0 + f64::from(state.tick), 0.0, 10.0)]);
+    let terms = |profile| run(profile, &states).0.iter().map(|score| score.terms[0]).collect::<Vec<_>>();
     assert_eq!(terms(Profile::bridgesim()), vec![Some(0.0); 3]);
     assert_eq!(terms(Profile::strict()), vec![Some(1.0); 3]);
 }
@@ -151,8 +151,9 @@ fn surfaces_by_table() {
 
 #[test]
 fn only_strict_notices_the_wrong_way() {
-    // 3 m/s against the lane: 0.3 m a frame from the second one on; 2 m in 7 steps, at most 3.3 m in 11.
-    let slow: Vec<Frame> = (0..20).map(|tick| frame(tick, ego(50.0 + 0.3 * f64::from(tick), 3.5, 0.0, 3.0))).collect();
+    // 3 m/s against the lane: 0.3 m a state from the second one on; 2 m in 7 steps, at most 3.3 m in 11.
+    let slow: Vec<LoopState> =
+        (0..20).map(|tick| state(tick, ego(50.0 + 0.3 * f64::from(tick), 3.5, 0.0, 3.0))).collect();
     let (strict, _) = run(Profile::strict(), &slow);
     let first = strict.iter().find(|score| score.term(Term::DrivingDirection) < Some(1.0)).expect("it is noticed");
     assert_eq!((first.tick, first.term(Term::DrivingDirection)), (7, Some(0.5)));
@@ -171,12 +172,12 @@ fn lanes_are_kept_for_two_seconds() {
         (Profile::bridgesim(), 0.5, None),
         (Profile::strict(), 0.5, None),
     ] {
-        let (frames, drive) = run(profile, &straight(40, aside_m));
-        let first = frames.iter().find(|score| score.term(Term::LaneKeeping) == Some(0.0)).map(|score| score.tick);
+        let (states, drive) = run(profile, &straight(40, aside_m));
+        let first = states.iter().find(|score| score.term(Term::LaneKeeping) == Some(0.0)).map(|score| score.tick);
         assert_eq!((first, drive.terms[5].first_lost), (expected, expected), "{} {aside_m} m", profile.label());
     }
-    // The junction holds twelve frames of these: strict pauses.
-    let late: Vec<Frame> = (0..40).map(|tick| frame(tick, ego(95.0 + f64::from(tick), 0.6, 0.0, 10.0))).collect();
+    // The junction holds twelve states of these: strict pauses.
+    let late: Vec<LoopState> = (0..40).map(|tick| state(tick, ego(95.0 + f64::from(tick), 0.6, 0.0, 10.0))).collect();
     let first = |profile| run(profile, &late).1.terms[5].first_lost;
     assert_eq!((first(Profile::bridgesim()), first(Profile::strict())), (Some(20), Some(30)));
 }
@@ -202,11 +203,11 @@ fn red_lights_by_table() {
 
 #[test]
 fn comfort_of_a_brake_by_hand() {
-    // From 10 m/s to 9.6 m/s in one frame: a = 4 m/s², jerk = 40 m/s³; in the next frame a = 0, jerk = 40 again.
+    // From 10 m/s to 9.6 m/s in one state: a = 4 m/s², jerk = 40 m/s³; in the next state a = 0, jerk = 40 again.
     let speeds = [10.0, 10.0, 10.0, 10.0, 9.6, 9.6, 9.6];
-    let frames: Vec<Frame> =
-        (0u32..).zip(speeds).map(|(tick, speed)| frame(tick, ego(f64::from(tick), 0.0, 0.0, speed))).collect();
-    let column = |profile, term| run(profile, &frames).0.iter().map(|score| score.term(term)).collect::<Vec<_>>();
+    let states: Vec<LoopState> =
+        (0u32..).zip(speeds).map(|(tick, speed)| state(tick, ego(f64::from(tick), 0.0, 0.0, speed))).collect();
+    let column = |profile, term| run(profile, &states).0.iter().map(|score| score.term(term)).collect::<Vec<_>>();
     let [one, zero] = [Some(1.0), Some(0.0)];
     assert_eq!(column(Profile::bridgesim(), Term::HistoryComfort), [one, one, one, one, zero, zero, one]);
     assert_eq!(column(Profile::bridgesim(), Term::ExtendedComfort), [one, one, one, one, zero, zero, zero]);
@@ -216,12 +217,12 @@ fn comfort_of_a_brake_by_hand() {
 
 #[test]
 fn strict_judges_comfort_over_the_last_second_and_a_half() {
-    let mut frames = straight(40, 0.0);
+    let mut states = straight(40, 0.0);
     // 3 m/s² are more than the 2.4 m/s² allowed forwards.
-    for frame in &mut frames[20..] {
-        frame.ego.state.iter_mut().for_each(|state| state.ax_mps2 = 3.0);
+    for state in &mut states[20..] {
+        state.ego.state.iter_mut().for_each(|state| state.ax_mps2 = 3.0);
     }
-    let (scores, _) = run(Profile::strict(), &frames);
+    let (scores, _) = run(Profile::strict(), &states);
     let at = |tick: usize| scores[tick].term(Term::HistoryComfort);
     assert_eq!((at(14), at(15), at(18), at(30)), (None, Some(1.0), Some(1.0), Some(0.0)));
 }
@@ -230,14 +231,14 @@ fn strict_judges_comfort_over_the_last_second_and_a_half() {
 fn a_perfect_drive_and_its_totals() {
     let (scores, drive) = run(Profile::bridgesim(), &straight(81, 0.0));
     assert!(scores.iter().all(|score| score.epdms() == Some(1.0)));
-    assert_eq!((drive.mean_epdms, drive.frames, drive.ended), (Some(1.0), 81, None));
-    // 80 m of 160 m, counted from the first frame.
+    assert_eq!((drive.mean_epdms, drive.ticks, drive.ended), (Some(1.0), 81, None));
+    // 80 m of 160 m, counted from the first state.
     assert!((drive.driving_score.expect("it applies") - 0.5).abs() < 1e-12);
     let windowed = LoopScene { window_share: Some(0.5), ..scene() };
     let (_, drive) = closed_loop(&windowed, Profile::bridgesim(), &straight(81, 0.0)).expect("a sound drive");
     assert_eq!(drive.route_completion, Some(1.0));
-    // Half of the frames in the second half of the path: strict counts what was left.
-    let late: Vec<Frame> = (80..121).map(|tick| frame(tick, ego(f64::from(tick), 0.0, 0.0, 10.0))).collect();
+    // Half of the states in the second half of the path: strict counts what was left.
+    let late: Vec<LoopState> = (80..121).map(|tick| state(tick, ego(f64::from(tick), 0.0, 0.0, 10.0))).collect();
     let completion = |profile| run(profile, &late).1.route_completion.expect("it applies");
     assert!((completion(Profile::bridgesim()) - 0.25).abs() < 1e-12);
     assert!((completion(Profile::strict()) - 0.5).abs() < 1e-12);
@@ -247,7 +248,7 @@ fn a_perfect_drive_and_its_totals() {
 fn totals_by_table() {
     let score = |terms: [Option<f64>; 8]| {
         let (at_fault_object, ttc_object, route_share, ending) = (None, None, None, None);
-        FrameScore { tick: 0, terms, at_fault_object, ttc_object, route_share, ending }.epdms()
+        LoopScore { tick: 0, terms, at_fault_object, ttc_object, route_share, ending }.epdms()
     };
     let all = Some(1.0);
     let zero = Some(0.0);
@@ -272,8 +273,8 @@ fn drives_end_by_table() {
             assert_eq!(second(profile, ego(x_m, y_m, 0.0, 5.0), vec![], vec![]).ending, expected, "({x_m}, {y_m})");
         }
     }
-    let frames: Vec<Frame> = (0..160).map(|tick| frame(tick, ego(f64::from(tick), 0.0, 0.0, 10.0))).collect();
-    let (_, drive) = run(Profile::strict(), &frames);
+    let states: Vec<LoopState> = (0..160).map(|tick| state(tick, ego(f64::from(tick), 0.0, 0.0, 10.0))).collect();
+    let (_, drive) = run(Profile::strict(), &states);
     assert_eq!((drive.ended, drive.route_completion), (Some((153, Ending::Arrived)), Some(1.0)));
 }
 
@@ -295,25 +296,25 @@ fn what_does_not_apply_is_refused_or_none() {
 
 #[test]
 fn bad_input_is_refused_by_name() {
-    let spoiled: [(&str, fn(&mut Frame)); 5] = [
-        ("\"frames[1].ego.x\" is NaN", |frame| frame.ego.centre.position.x = f64::NAN),
-        ("\"frames[1].ego.vy\" is inf", |frame| frame.ego.velocity_mps.y = f64::INFINITY),
-        ("\"frames[1].objects[0]\" is a box of 4 x 0 m", |frame| {
-            frame.objects = vec![LoopObject { width_m: 0.0, ..object(1, 0.0, 0.0, 0.0) }];
+    let spoiled: [(&str, fn(&mut LoopState)); 5] = [
+        ("\"states[1].ego.x\" is NaN", |state| state.ego.centre.position.x = f64::NAN),
+        ("\"states[1].ego.vy\" is inf", |state| state.ego.velocity_mps.y = f64::INFINITY),
+        ("\"states[1].objects[0]\" is a box of 4 x 0 m", |state| {
+            state.objects = vec![LoopObject { width_m: 0.0, ..object(1, 0.0, 0.0, 0.0) }];
         }),
-        ("\"frames[1].objects[0].heading\" is NaN", |frame| {
-            frame.objects = vec![object(1, 0.0, 0.0, 0.0)];
-            frame.objects[0].pose.heading_rad = f64::NAN;
+        ("\"states[1].objects[0].heading\" is NaN", |state| {
+            state.objects = vec![object(1, 0.0, 0.0, 0.0)];
+            state.objects[0].pose.heading_rad = f64::NAN;
         }),
-        ("\"frames[1].red_lanes\" is 9, there are 4", |frame| frame.red_lanes = vec![9]),
+        ("\"states[1].red_lanes\" is 9, there are 4", |state| state.red_lanes = vec![9]),
     ];
     for (says, spoil) in spoiled {
-        let mut frames = straight(2, 0.0);
-        spoil(&mut frames[1]);
-        let error = closed_loop(&scene(), Profile::bridgesim(), &frames).expect_err(says).to_string();
+        let mut states = straight(2, 0.0);
+        spoil(&mut states[1]);
+        let error = closed_loop(&scene(), Profile::bridgesim(), &states).expect_err(says).to_string();
         assert!(error.contains(says), "{error:?} does not say {says:?}");
     }
-    let error = closed_loop(&scene(), Profile::bridgesim(), &straight(1, 0.0)).expect_err("one frame").to_string();
+    let error = closed_loop(&scene(), Profile::bridgesim(), &straight(1, 0.0)).expect_err("one state").to_string();
     assert_eq!(error, "drive has 1 states, at least 2 are needed");
     let spoiled: [(&str, fn(&mut LoopScene)); 4] = [
         ("\"expert_path\"", |scene| scene.expert_path.clear()),
@@ -332,12 +333,12 @@ fn bad_input_is_refused_by_name() {
 /// Applies a motion of the plane to a drive; `mirror` is −1 for a reflection.
 fn moved(
     scene: &LoopScene,
-    frames: &[Frame],
+    states: &[LoopState],
     point: impl Fn(DVec2) -> DVec2,
     angle: impl Fn(f64) -> f64,
     mirror: f64,
-) -> (LoopScene, Vec<Frame>) {
-    let (mut scene, mut frames) = (scene.clone(), frames.to_vec());
+) -> (LoopScene, Vec<LoopState>) {
+    let (mut scene, mut states) = (scene.clone(), states.to_vec());
     let zero = point(DVec2::ZERO);
     let pose = |pose: PoseSe2| PoseSe2 { position: point(pose.position), heading_rad: angle(pose.heading_rad) };
     let all = |points: &mut Vec<DVec2>| points.iter_mut().for_each(|place| *place = point(*place));
@@ -347,24 +348,24 @@ fn moved(
     }
     scene.drivable.iter_mut().chain(&mut scene.junctions).for_each(all);
     all(&mut scene.expert_path);
-    for frame in &mut frames {
-        frame.ego.centre = pose(frame.ego.centre);
-        frame.ego.velocity_mps = point(frame.ego.velocity_mps) - zero;
-        if let Some(state) = &mut frame.ego.state {
+    for state in &mut states {
+        state.ego.centre = pose(state.ego.centre);
+        state.ego.velocity_mps = point(state.ego.velocity_mps) - zero;
+        if let Some(state) = &mut state.ego.state {
             let axle = pose(state.pose());
             (state.x_m, state.y_m, state.heading_rad) = (axle.position.x, axle.position.y, axle.heading_rad);
             state.yaw_rate_radps *= mirror;
             state.ay_mps2 *= mirror;
         }
-        for object in &mut frame.objects {
+        for object in &mut state.objects {
             object.pose = pose(object.pose);
             object.velocity_mps = point(object.velocity_mps) - zero;
         }
     }
-    (scene, frames)
+    (scene, states)
 }
 
-fn weaving(speed_mps: f64, aside_m: f64, sway: f64, others: &[(f64, f64, f64, f64)]) -> Vec<Frame> {
+fn weaving(speed_mps: f64, aside_m: f64, sway: f64, others: &[(f64, f64, f64, f64)]) -> Vec<LoopState> {
     let drive = |tick: u32| {
         let time_s = 0.1 * f64::from(tick) + 0.03;
         let heading_rad = sway * (1.7 * time_s).sin();
@@ -376,7 +377,7 @@ fn weaving(speed_mps: f64, aside_m: f64, sway: f64, others: &[(f64, f64, f64, f6
             width_m: 1.9,
             velocity_mps: DVec2::from_angle(*heading) * *speed,
         });
-        Frame {
+        LoopState {
             tick,
             ego: ego(60.0 + speed_mps * time_s, aside_m + sway * time_s, heading_rad, speed_mps),
             objects: objects.collect(),
@@ -386,7 +387,7 @@ fn weaving(speed_mps: f64, aside_m: f64, sway: f64, others: &[(f64, f64, f64, f6
     (0..45).map(drive).collect()
 }
 
-fn same(a: &(Vec<FrameScore>, DrivingScore), b: &(Vec<FrameScore>, DrivingScore)) -> Result<(), TestCaseError> {
+fn same(a: &(Vec<LoopScore>, DrivingScore), b: &(Vec<LoopScore>, DrivingScore)) -> Result<(), TestCaseError> {
     for (a, b) in a.0.iter().zip(&b.0) {
         prop_assert_eq!((a.terms, a.at_fault_object, a.ttc_object), (b.terms, b.at_fault_object, b.ttc_object));
         prop_assert_eq!(a.ending, b.ending);
@@ -405,21 +406,21 @@ proptest! {
     ) {
         let here = weaving(speed, aside, sway, &others);
         for profile in [Profile::bridgesim(), Profile::strict()] {
-            let score = |scene: &LoopScene, frames: &[Frame]| closed_loop(scene, profile, frames).expect("a sound drive");
+            let score = |scene: &LoopScene, states: &[LoopState]| closed_loop(scene, profile, states).expect("a sound drive");
             let once = score(&scene(), &here);
-            let frame = PoseSe2::new(x, y, turn);
-            let (there, frames) = moved(&scene(), &here, |point| frame.to_outer(point), |angle| angle + turn, 1.0);
-            same(&once, &score(&there, &frames))?;
+            let base = PoseSe2::new(x, y, turn);
+            let (there, states) = moved(&scene(), &here, |point| base.to_outer(point), |angle| angle + turn, 1.0);
+            same(&once, &score(&there, &states))?;
             let flip = |point: DVec2| DVec2::new(point.x, -point.y);
-            let (there, frames) = moved(&scene(), &here, flip, |angle| -angle, -1.0);
-            same(&once, &score(&there, &frames))?;
-            let mut frames = here.clone();
-            for frame in &mut frames {
-                frame.tick += later;
-                let count = frame.objects.len().max(1);
-                frame.objects.rotate_left(rotate % count);
+            let (there, states) = moved(&scene(), &here, flip, |angle| -angle, -1.0);
+            same(&once, &score(&there, &states))?;
+            let mut states = here.clone();
+            for state in &mut states {
+                state.tick += later;
+                let count = state.objects.len().max(1);
+                state.objects.rotate_left(rotate % count);
             }
-            same(&once, &score(&scene(), &frames))?;
+            same(&once, &score(&scene(), &states))?;
         }
     }
 }
