@@ -294,9 +294,12 @@ fn what_does_not_apply_is_refused_or_none() {
     assert_eq!(scores[1].epdms(), Some(1.0));
 }
 
+/// Makes a sound input bad.
+type Spoil<T> = fn(&mut T);
+
 #[test]
 fn bad_input_is_refused_by_name() {
-    let spoiled: [(&str, fn(&mut LoopState)); 5] = [
+    let spoiled: [(&str, Spoil<LoopState>); 5] = [
         ("\"states[1].ego.x\" is NaN", |state| state.ego.centre.position.x = f64::NAN),
         ("\"states[1].ego.vy\" is inf", |state| state.ego.velocity_mps.y = f64::INFINITY),
         ("\"states[1].objects[0]\" is a box of 4 x 0 m", |state| {
@@ -316,7 +319,7 @@ fn bad_input_is_refused_by_name() {
     }
     let error = closed_loop(&scene(), Profile::bridgesim(), &straight(1, 0.0)).expect_err("one state").to_string();
     assert_eq!(error, "drive has 1 states, at least 2 are needed");
-    let spoiled: [(&str, fn(&mut LoopScene)); 4] = [
+    let spoiled: [(&str, Spoil<LoopScene>); 4] = [
         ("\"expert_path\"", |scene| scene.expert_path.clear()),
         ("\"lanes[1].outline\"", |scene| scene.lanes[1].outline.clear()),
         ("\"1 / dt\" is inf", |scene| scene.dt_s = 0.0),
