@@ -1,14 +1,14 @@
-//! `closed_loop_live/1`: a drive frame by frame under profile `bridgesim` → terms per frame, route completion, DS.
+//! `closed_loop_live/1`: a drive state by state under profile `bridgesim` → terms per state, route completion, DS.
 //!
-//! The ego pose is that of the box's centre, velocities are those of the world. Every given frame counts. Stable means
+//! The ego pose is that of the box's centre, velocities are those of the world. Every given state counts. Stable means
 //! that noise of 1e-6 m on the ego's positions changes no term in three draws.
 
 use std::collections::BTreeMap;
 
 use ds_score::geometry::corridor;
 use ds_score::{
-    DrivingScore, EgoFrame, Footprint, Frame, FrameScore, LoopLane, LoopObject, LoopScene, Profile, TERMS, closed_loop,
-    window_share,
+    DrivingScore, Footprint, LoopEgo, LoopLane, LoopObject, LoopScene, LoopScore, LoopState, Profile, TERMS,
+    closed_loop, window_share,
 };
 use ds_space::{DVec2, Draws, PoseSe2};
 use serde::Deserialize;
@@ -23,7 +23,7 @@ const DEFAULT_DT_S: f64 = 0.1;
 const NOISE_M: f64 = 1e-6;
 const NOISE_DRAWS: u64 = 3;
 const NOISE_SEED: u64 = 2;
-/// The most frames of a recording that are believed.
+/// The most states of a recording that are believed.
 const MOST_FRAMES: usize = 1 << 20;
 
 #[derive(Deserialize)]
@@ -56,7 +56,7 @@ struct AgentFile {
     steps: Vec<Option<[f64; 5]>>,
 }
 
-/// First frame, end, the expert's speed in metres per second, frames in the recording.
+/// First state, end, the expert's speed in metres per second, states in the recording.
 #[derive(Deserialize)]
 struct WindowFile(usize, usize, f64, usize);
 
@@ -64,14 +64,14 @@ pub(crate) fn answer(case: &Case) -> Result<Value, GoldenError> {
     let dt_s = case.dt.unwrap_or(DEFAULT_DT_S);
     let share = case.expert_window.as_ref().map(|window| share_of(window, dt_s)).transpose()?;
     let scene = scene(case, dt_s, share.flatten());
-    let frames = frames(case)?;
-    let score = |frames: &[Frame]| {
-        closed_loop(&scene, Profile::bridgesim(), frames).map_err(GoldenError::score("lanes, ego, agents and route"))
+    let states = states(case)?;
+    let score = |states: &[LoopState]| {
+        closed_loop(&scene, Profile::bridgesim(), states).map_err(GoldenError::score("lanes, ego, agents and route"))
     };
-    let (scores, drive) = score(&frames)?;
+    let (scores, drive) = score(&states)?;
     let mut stable = true;
     for draw in 0..NOISE_DRAWS {
-        let (again, _) = score(&noisy(&frames, draw))?;
+        let (again, _) = score(&noisy(&states, draw))?;
         stable &= again.iter().zip(&scores).all(|(again, once)| again.terms == once.terms);
     }
     let mut answer = json!({ "expected": expected(&scores, &drive, stable) });
@@ -81,8 +81,8 @@ pub(crate) fn answer(case: &Case) -> Result<Value, GoldenError> {
     Ok(answer)
 }
 
-fn expected(scores: &[FrameScore], drive: &DrivingScore, stable: bool) -> Value {
-    let row = |score: &FrameScore| -> Vec<Option<f64>> {
+fn expected(scores: &[LoopScore], drive: &DrivingScore, stable: bool) -> Value {
+    let row = |score: &LoopScore| -> Vec<Option<f64>> {
         score.terms.iter().copied().chain(std::iter::once(score.epdms())).collect()
     };
     json!({
@@ -133,7 +133,7 @@ fn scene(case: &Case, dt_s: f64, window_share: Option<f64>) -> LoopScene {
     }
 }
 
-fn frames(case: &Case) -> Result<Vec<Frame>, GoldenError> {
+fn states(case: &Case) -> Result<Vec<LoopState>, GoldenError> {
     let mut lanes: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for (index, lane) in case.lanes.iter().enumerate() {
         lanes.entry(&lane.id).or_default().push(index);
@@ -142,7 +142,7 @@ fn frames(case: &Case) -> Result<Vec<Frame>, GoldenError> {
     for (index, agent) in case.agents.iter().enumerate() {
         classes.push(class_of(&agent.kind, || format!("agents[{index}].type"))?);
     }
-    let frame = |(index, ego): (usize, &[f64; 5])| {
+    let state = |(index, ego): (usize, &[f64; 5])| {
         let objects = (0u32..).zip(&case.agents).zip(&classes).filter_map(|((id, agent), class)| {
             let [x, y, heading, vx, vy] = agent.steps.get(index).copied().flatten()?;
             let (pose, velocity_mps) = (PoseSe2::new(x, y, heading), DVec2::new(vx, vy));
@@ -151,23 +151,23 @@ fn frames(case: &Case) -> Result<Vec<Frame>, GoldenError> {
         });
         let [x, y, heading, vx, vy] = *ego;
         let red = case.red_lane_ids.get(index).into_iter().flatten();
-        Frame {
+        LoopState {
             tick: u32::try_from(index).unwrap_or(u32::MAX),
-            ego: EgoFrame { centre: PoseSe2::new(x, y, heading), velocity_mps: DVec2::new(vx, vy), state: None },
+            ego: LoopEgo { centre: PoseSe2::new(x, y, heading), velocity_mps: DVec2::new(vx, vy), state: None },
             objects: objects.collect(),
             red_lanes: red.filter_map(|id| lanes.get(id.as_str())).flatten().copied().collect(),
         }
     };
-    Ok(case.ego.iter().enumerate().map(frame).collect())
+    Ok(case.ego.iter().enumerate().map(state).collect())
 }
 
-fn noisy(frames: &[Frame], draw: u64) -> Vec<Frame> {
+fn noisy(states: &[LoopState], draw: u64) -> Vec<LoopState> {
     let draws = Draws::from_seed(NOISE_SEED, "stability");
-    let mut frames = frames.to_vec();
-    let count = frames.len() as u64;
-    for (index, frame) in (0u64..).zip(&mut frames) {
+    let mut states = states.to_vec();
+    let count = states.len() as u64;
+    for (index, state) in (0u64..).zip(&mut states) {
         let at = 2 * (draw * count + index);
-        frame.ego.centre.position += DVec2::new(draws.normal(at), draws.normal(at + 1)) * NOISE_M;
+        state.ego.centre.position += DVec2::new(draws.normal(at), draws.normal(at + 1)) * NOISE_M;
     }
-    frames
+    states
 }

@@ -42,7 +42,7 @@ pub enum GoldenError {
     /// A file is not JSON, or a field is missing or of another type.
     #[error("field {field:?} cannot be read")]
     Field {
-        /// The path of the field inside the file; `.` is the whole file.
+        /// The path of the field inside the file; `.` is the whole file, `?` a place that is no JSON.
         field: String,
         /// What the reader says.
         source: serde_json::Error,

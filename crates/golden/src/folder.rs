@@ -92,3 +92,53 @@ fn read(path: &Path) -> Result<String, GoldenError> {
     }
     fs::read_to_string(path).map_err(failed)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CASE: &str = r#"{"schema": "collision_type/1", "case_id": "pair", "pairs": [{
+        "ego": {"x": 0, "y": 0, "heading": 0, "speed": 5},
+        "object": {"type": "VEHICLE", "x": 6, "y": 0, "heading": 0, "length": 4, "width": 2, "speed": 3}}]}"#;
+
+    fn folder(files: &[(&str, &str)]) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().expect("a folder");
+        for (name, text) in files {
+            let path = folder.path().join(name);
+            fs::create_dir_all(path.parent().expect("inside")).expect("a folder");
+            fs::write(path, text).expect("a file");
+        }
+        folder
+    }
+
+    #[test]
+    fn a_folder_and_its_cases_are_found() {
+        let expected = json!({ "pair": { "pairs": [{ "expected": "ACTIVE_FRONT_COLLISION" }] } });
+        for name in ["a.json", "cases/a.json"] {
+            let folder = folder(&[(name, CASE), ("index.json", "[]"), ("README.md", "")]);
+            assert_eq!(answer(folder.path()).expect("a case"), expected);
+        }
+        assert!(matches!(answer(folder(&[]).path()), Err(GoldenError::NoCases { .. })));
+        assert!(matches!(answer(folder(&[("a.json", CASE), ("b.json", CASE)]).path()), Err(GoldenError::Twice { .. })));
+    }
+
+    #[test]
+    fn a_bad_case_says_why_and_spoils_no_other() {
+        let long = CASE.replace("\"length\": 4", "\"length\": \"four\"");
+        for (text, says) in [
+            ("{", "cannot be read: EOF"),
+            (r#"{"schema": "x/9", "case_id": "c"}"#, "schema \"x/9\" is not known"),
+            (r#"{"schema": "comfort/1", "case_id": "c"}"#, "missing field `states`"),
+            (long.as_str(), "field \"pairs[0].object.length\" cannot be read: invalid type"),
+            (&CASE.replace("VEHICLE", "TRAM"), "field \"pairs[0].object.type\" has the value \"TRAM\""),
+            (r#"{"schema": "comfort/1", "case_id": "c", "states": [[0,0,0,0,0,0,0,0,0,0,0]]}"#, "has 1 states"),
+        ] {
+            let folder = folder(&[("bad.json", text), ("good.json", CASE)]);
+            let answers = answers(folder.path()).expect("a folder");
+            let error = answers.value["bad"]["error"].as_str().expect("an error").to_owned();
+            assert!(error.contains(says), "{error:?} does not say {says:?}");
+            assert!(answers.value["pair"]["pairs"].is_array());
+            assert!(answers.failures.len() == 1 && answers.failures[0].0.ends_with("bad.json"));
+        }
+    }
+}

@@ -1,7 +1,8 @@
 //! What a plan costs: NAVSIM v2 on the reference cases' scenes, one core, beside a matrix product of the same run.
 //!
 //! `cargo bench -p ds-score --bench plans`. Prints medians over rounds: a pair (plan and reference, executed and scored),
-//! a plan in a batch of 64 that shares reference and scene, and a calibration. Bars: 0.22 ms a pair, 0.11 ms a plan.
+//! a plan in a batch of 64 that shares reference and scene, a rollout with agents of its own, and a calibration. Bars:
+//! 0.22 ms a pair, 0.11 ms a plan.
 //! The scenes lie outside the repository; where they are absent the bench says so.
 #![expect(clippy::print_stdout, reason = "a bench prints its figures")]
 
@@ -12,13 +13,14 @@ use std::time::Instant;
 
 use ds_score::{
     AgentTrack, AreaKind, Footprint, MapArea, MovingBox, ObjectClass, OpenLoopMap, PastState, Plan, PreparedMap,
-    PreparedScene, SceneNow, VehicleState, Yardstick, rank_plans,
+    PreparedScene, Rollout, SceneNow, Traffic, VehicleState, Yardstick, rank_plans, rank_rollouts,
 };
 use ds_space::{DVec2, PoseSe2};
 use serde_json::Value;
 
 const ROUNDS: usize = 31;
 const BATCH: usize = 64;
+const CROWD: u32 = 60;
 const MATRIX: usize = 256;
 const PAIR_BAR_MS: f64 = 0.22;
 const PLAN_BAR_MS: f64 = 0.11;
@@ -152,6 +154,32 @@ fn pair(map: &Arc<PreparedMap>, scene: &Scene, plan: &Plan) {
     black_box(yardstick.score(&prepared, plan).expect("a sound plan"));
 }
 
+/// Measures rollouts that were executed elsewhere, each with a crowd of its own around the ego.
+fn rollouts_ms(scene: &Scene, map: &Arc<PreparedMap>) -> f64 {
+    let prepared = PreparedScene::on(map, &scene.now).expect("a sound scene");
+    let ego = prepared.ego().pose();
+    let crowd: Vec<AgentTrack> = (0..CROWD)
+        .map(|id| {
+            let place = DVec2::new(8.0 * f64::from(id / 6) - 20.0, 7.0 * f64::from(id % 6) - 17.0);
+            let velocity_mps = ego.forward() * f64::from(id % 9);
+            let step = |step: u32| {
+                let position = ego.to_outer(place) + velocity_mps * (0.1 * f64::from(step));
+                Some(MovingBox { pose: PoseSe2 { position, heading_rad: ego.heading_rad }, velocity_mps })
+            };
+            let steps = (0..41).map(step).collect();
+            AgentTrack { id, class: ObjectClass::Agent, length_m: 4.5, width_m: 1.9, steps }
+        })
+        .collect();
+    let states = prepared.executor().execute(prepared.ego(), &scene.plans[0]).expect("a sound plan");
+    median_ms(BATCH, || {
+        let ready = |_| prepared.traffic_of(&crowd).expect("sound agents");
+        let traffics: Vec<Traffic> = (0..BATCH).map(ready).collect();
+        let rollouts: Vec<Rollout<'_>> =
+            traffics.iter().map(|traffic| Rollout { states: &states, reacting: Some(traffic) }).collect();
+        black_box(rank_rollouts(&prepared, &rollouts[0], &rollouts).expect("sound states"));
+    })
+}
+
 fn main() {
     let scenes = scenes();
     if scenes.is_empty() {
@@ -183,6 +211,7 @@ fn main() {
         batch_sum_ms += ms;
     }
     let batch_ms = batch_sum_ms / scenes.len() as f64;
+    let rollout_ms = rollouts_ms(&scenes[0], &maps[0]);
     println!("{} scenes, {pairs} pairs, median of {ROUNDS} rounds, one core", scenes.len());
     println!("matrix product {MATRIX}^3 f64        {calibration_ms:.3} ms");
     println!("pair, map indexed before      {pair_ms:.4} ms (bar {PAIR_BAR_MS}), {:.0} a second", 1e3 / pair_ms);
@@ -190,5 +219,6 @@ fn main() {
     println!(
         "plan in a batch of {BATCH}         {batch_ms:.4} ms (bar {PLAN_BAR_MS}), slowest scene {slowest_ms:.4} ms"
     );
+    println!("rollout among {CROWD} own agents     {rollout_ms:.4} ms, agents made ready each time, batch of {BATCH}");
     println!("pairs per matrix product      {:.0}", calibration_ms / pair_ms);
 }

@@ -1,13 +1,12 @@
-//! The closed-loop score, frame by frame: `observe` each frame, then `finish` (`scoring.md` §7).
+//! The closed-loop score, state by state: `observe` each state, then `finish` (`scoring.md` §7).
 //!
 //! Scores what was driven among the live agents; no plan, no log, no human filter. Not the NAVSIM EPDMS: a relative of
-//! it with other rules, which the [`Profile`] chooses. Same frames, same bits, whether live or from a recording.
+//! it with other rules, which the [`Profile`] chooses. Same states, same bits, whether live or from a recording.
 
 mod collision;
 mod comfort;
 mod direction;
 mod drivable;
-mod frame;
 mod keeping;
 mod lane;
 mod light;
@@ -15,15 +14,16 @@ mod live;
 mod moment;
 mod profile;
 mod route;
+mod tick;
 mod time_to_collision;
 
-pub use frame::{EgoFrame, Frame, LoopLane, LoopObject, LoopScene, window_share};
 pub use live::{LiveScorer, LoopAdapter, Window, loop_scene};
 pub use profile::{
     CollisionRule, CompletionRule, DirectionRule, DrivableRule, EgoSize, FirstStateRule, KeepingRule, LightRule,
     LightTick, LoopComfortRule, MissingRule, OverlapRule, Profile, ShortExpertRule, TtcRule,
 };
 pub use route::Ending;
+pub use tick::{LoopEgo, LoopLane, LoopObject, LoopScene, LoopState, window_share};
 
 use self::collision::Collisions;
 use self::comfort::Comfort;
@@ -31,7 +31,7 @@ use self::direction::Direction;
 use self::keeping::Keeping;
 use self::moment::Surroundings;
 use self::route::Route;
-use crate::driving_score::{DrivingScore, FrameScore, Summary};
+use crate::driving_score::{DrivingScore, LoopScore, Summary};
 use crate::ego_area::LaneMarks;
 use crate::error::ScoreError;
 
@@ -83,14 +83,14 @@ impl ClosedLoop {
         &self.profile
     }
 
-    /// Takes the next frame. Each comes once and in order; frames after an ending count too, so stop at it.
+    /// Takes the next state. Each comes once and in order; states after an ending count too, so stop at it.
     ///
     /// # Errors
-    /// [`ScoreError`] names the bad number; the frame is not counted then.
-    pub fn observe(&mut self, frame: &Frame) -> Result<FrameScore, ScoreError> {
-        frame.check(self.around.lanes.len())?;
+    /// [`ScoreError`] names the bad number; the state is not counted then.
+    pub fn observe(&mut self, state: &LoopState) -> Result<LoopScore, ScoreError> {
+        state.check(self.around.lanes.len())?;
         let profile = self.profile;
-        let moment = self.around.moment(frame, &mut self.marks);
+        let moment = self.around.moment(state, &mut self.marks);
         let (collision, at_fault) = self.collisions.observe(&moment, &profile);
         let (ttc, meets) = time_to_collision::score(&moment, &profile, collision, &self.collisions);
         let drivable = drivable::score(&moment, &profile);
@@ -99,14 +99,14 @@ impl ClosedLoop {
         let light = light::score(&moment, &profile);
         let keeping = self.keeping.observe(&moment, &profile, off_road);
         let (history, extended) = self.comfort.observe(&moment, &profile);
-        let (share, ending) = self.route.observe(frame.tick, moment.ego.centre);
+        let (share, ending) = self.route.observe(state.tick, moment.ego.centre);
         let missing = match profile.missing {
             MissingRule::One => Some(1.0),
             MissingRule::LeftOut => None,
         };
         let terms = [Some(collision), drivable, direction, light, Some(ttc), keeping, history, extended];
-        let score = FrameScore {
-            tick: frame.tick,
+        let score = LoopScore {
+            tick: state.tick,
             terms: terms.map(|term| term.or(missing)),
             at_fault_object: at_fault,
             ttc_object: meets,
@@ -117,7 +117,7 @@ impl ClosedLoop {
         Ok(score)
     }
 
-    /// Returns the score of all frames observed so far.
+    /// Returns the score of all states observed so far.
     ///
     /// # Errors
     /// [`ScoreError::TooFewStates`] before the second one.
@@ -128,17 +128,17 @@ impl ClosedLoop {
     }
 }
 
-/// Scores a whole drive: the score of each frame and of the drive.
+/// Scores a whole drive: the score of each state and of the drive.
 ///
 /// # Errors
 /// [`ScoreError`] names what cannot be scored.
 pub fn closed_loop(
     scene: &LoopScene,
     profile: Profile,
-    frames: &[Frame],
-) -> Result<(Vec<FrameScore>, DrivingScore), ScoreError> {
+    states: &[LoopState],
+) -> Result<(Vec<LoopScore>, DrivingScore), ScoreError> {
     let mut scorer = ClosedLoop::new(scene, profile)?;
-    let scores = frames.iter().map(|frame| scorer.observe(frame)).collect::<Result<_, _>>()?;
+    let scores = states.iter().map(|state| scorer.observe(state)).collect::<Result<_, _>>()?;
     Ok((scores, scorer.finish()?))
 }
 

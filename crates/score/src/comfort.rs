@@ -200,3 +200,45 @@ pub fn within(features: &Features) -> Within {
     }
     result
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(rule: ComfortRule, state: impl Fn(f64) -> VehicleState, expected: Within) {
+        let states: Vec<VehicleState> = (0..41).map(|step| state(DT_S * f64::from(step))).collect();
+        let filters = ComfortFilters::new(41, rule).expect("41 states are enough");
+        assert_eq!(filters.within(&states, 1.5, &mut ComfortSeries::default()), expected, "{rule:?}");
+    }
+
+    #[test]
+    fn limits_by_table() {
+        let all = [true; FEATURES];
+        let but = |which: &[usize]| std::array::from_fn(|i| !which.contains(&i));
+        let at = VehicleState::default();
+        for rule in [ComfortRule::Centre, ComfortRule::RearAxle] {
+            check(rule, |_| VehicleState { ax_mps2: 2.39, ..at }, all);
+            check(rule, |_| VehicleState { ax_mps2: 2.40, ..at }, but(&[0]));
+            check(rule, |_| VehicleState { ax_mps2: -4.04, ..at }, all);
+            check(rule, |_| VehicleState { ax_mps2: -4.06, ..at }, but(&[0]));
+            check(rule, |_| VehicleState { ay_mps2: 4.90, ..at }, but(&[1]));
+            // From -3.0 to 2.2 m/s2.
+            check(rule, |time_s| VehicleState { ax_mps2: -3.0 + 1.3 * time_s, ..at }, all);
+            check(rule, |time_s| VehicleState { heading_rad: 0.96 * time_s, ..at }, but(&[5]));
+            check(rule, |time_s| VehicleState { heading_rad: 0.97 * time_s * time_s, ..at }, but(&[4, 5]));
+        }
+        // Only the centre feels the yaw: 1.5 * (1.3² + 0) = 2.535.
+        check(ComfortRule::Centre, |_| VehicleState { yaw_rate_radps: 1.3, ..at }, but(&[0]));
+        check(ComfortRule::RearAxle, |_| VehicleState { yaw_rate_radps: 1.3, ..at }, all);
+    }
+
+    #[test]
+    fn short_series_are_filtered_or_refused() {
+        assert!(ComfortFilters::new(3, ComfortRule::Centre).is_err());
+        for states in [4, 5, 8, 9, 14, 15, 16] {
+            let filters = ComfortFilters::new(states, ComfortRule::Centre).expect("enough");
+            let still = vec![VehicleState::default(); states];
+            assert_eq!(filters.within(&still, 1.5, &mut ComfortSeries::default()), [true; FEATURES]);
+        }
+    }
+}

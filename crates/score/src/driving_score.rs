@@ -1,14 +1,14 @@
-//! Terms of a frame to its score; frames to mean, and with route completion to the driving score.
+//! Terms of a state to its score; scores to their mean, and with route completion to the driving score.
 //!
-//! Frame: NC·DAC·DDC·TLC × (5·TTC + 2·LK + 2·HC + 2·EC)/11, no EP (BS `epdms_scorer_md.py:870-875`); terms that do not
-//! apply drop out of product and weights. DS = RC × mean over frames (BS `base_evaluator.py:2095-2098`).
+//! LoopState: NC·DAC·DDC·TLC × (5·TTC + 2·LK + 2·HC + 2·EC)/11, no EP (BS `epdms_scorer_md.py:870-875`); terms that do not
+//! apply drop out of product and weights. DS = RC × mean over ticks (BS `base_evaluator.py:2095-2098`).
 
 use crate::closed_loop::Ending;
 use crate::constants::CLOSED_LOOP_VERSION;
 use crate::constants::navsim::{COMFORT_WEIGHT, EXTENDED_COMFORT_WEIGHT, LANE_WEIGHT, TTC_WEIGHT};
 use crate::error::ScoreError;
 
-/// The terms of a frame.
+/// The terms of a state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Term {
     /// NC.
@@ -29,14 +29,14 @@ pub enum Term {
     ExtendedComfort,
 }
 
-/// How many terms a frame has.
+/// How many terms a state has.
 pub const TERMS: usize = 8;
 /// How many of them are multipliers; the rest is weighted.
 const MULTIPLIERS: usize = 4;
 const WEIGHTS: [f64; TERMS - MULTIPLIERS] = [TTC_WEIGHT, LANE_WEIGHT, COMFORT_WEIGHT, EXTENDED_COMFORT_WEIGHT];
 
 impl Term {
-    /// All terms, in the order of [`FrameScore::terms`].
+    /// All terms, in the order of [`LoopScore::terms`].
     pub const ALL: [Self; TERMS] = [
         Self::NoAtFaultCollision,
         Self::DrivableArea,
@@ -64,10 +64,10 @@ impl Term {
     }
 }
 
-/// The score of one frame.
+/// The score of one state.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FrameScore {
-    /// The frame's number.
+pub struct LoopScore {
+    /// The state's number.
     pub tick: u32,
     /// The terms in the order of [`Term::ALL`], each in 0..=1; `None` where one does not apply.
     pub terms: [Option<f64>; TERMS],
@@ -77,18 +77,18 @@ pub struct FrameScore {
     pub ttc_object: Option<u32>,
     /// Share of the expert's path behind the ego, not clamped; `None` if the expert stands still.
     pub route_share: Option<f64>,
-    /// Why the drive ends with this frame.
+    /// Why the drive ends with this state.
     pub ending: Option<Ending>,
 }
 
-impl FrameScore {
+impl LoopScore {
     /// Returns a term; `None` if it does not apply.
     #[must_use]
     pub fn term(&self, term: Term) -> Option<f64> {
         self.terms[term as usize]
     }
 
-    /// Returns the frame's total in 0..=1; `None` if no weighted term applies.
+    /// Returns the state's total in 0..=1; `None` if no weighted term applies.
     #[must_use]
     pub fn epdms(&self) -> Option<f64> {
         let (multipliers, weighted) = self.terms.split_at(MULTIPLIERS);
@@ -103,13 +103,13 @@ impl FrameScore {
 /// One term over a drive.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct TermSummary {
-    /// Its mean over the frames in which it applies; `None` if there are none.
+    /// Its mean over the ticks in which it applies; `None` if there are none.
     pub mean: Option<f64>,
-    /// In how many frames it applies.
-    pub frames: u32,
+    /// In how many ticks it applies.
+    pub ticks: u32,
     /// In how many of them it is below 1.
-    pub frames_lost: u32,
-    /// The first frame in which it is below 1.
+    pub ticks_lost: u32,
+    /// The first state in which it is below 1.
     pub first_lost: Option<u32>,
 }
 
@@ -120,9 +120,9 @@ pub struct DrivingScore {
     pub version: &'static str,
     /// The profile: `bridgesim`, `strict` or `custom`.
     pub profile: &'static str,
-    /// How many frames were scored.
-    pub frames: u32,
-    /// Mean of the frames' totals; `None` if none has one.
+    /// How many ticks were scored.
+    pub ticks: u32,
+    /// Mean of the ticks' totals; `None` if none has one.
     pub mean_epdms: Option<f64>,
     /// Route completion; `None` if the expert stands still.
     pub route_completion: Option<f64>,
@@ -132,16 +132,16 @@ pub struct DrivingScore {
     pub expert_stands_still: bool,
     /// Length of the expert's path, in metres.
     pub route_length_m: f64,
-    /// The first frame that ends the drive, and why.
+    /// The first state that ends the drive, and why.
     pub ended: Option<(u32, Ending)>,
     /// Each term over the drive, in the order of [`Term::ALL`].
     pub terms: [TermSummary; TERMS],
 }
 
-/// Sums over the frames so far.
+/// Sums over the ticks so far.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Summary {
-    frames: u32,
+    ticks: u32,
     sum: f64,
     summed: u32,
     term_sums: [f64; TERMS],
@@ -149,20 +149,20 @@ pub(crate) struct Summary {
 }
 
 impl Summary {
-    pub(crate) fn add(&mut self, frame: &FrameScore) {
-        self.frames += 1;
-        if let Some(epdms) = frame.epdms() {
+    pub(crate) fn add(&mut self, state: &LoopScore) {
+        self.ticks += 1;
+        if let Some(epdms) = state.epdms() {
             self.sum += epdms;
             self.summed += 1;
         }
-        for (index, value) in frame.terms.iter().enumerate() {
+        for (index, value) in state.terms.iter().enumerate() {
             let Some(value) = value else { continue };
             self.term_sums[index] += value;
             let term = &mut self.terms[index];
-            term.frames += 1;
+            term.ticks += 1;
             if *value < 1.0 {
-                term.frames_lost += 1;
-                term.first_lost.get_or_insert(frame.tick);
+                term.ticks_lost += 1;
+                term.first_lost.get_or_insert(state.tick);
             }
         }
     }
@@ -172,18 +172,18 @@ impl Summary {
         profile: &'static str,
         route_completion: Option<f64>,
     ) -> Result<DrivingScore, ScoreError> {
-        if self.frames < 2 {
-            return Err(ScoreError::TooFewStates { what: "drive", found: self.frames as usize, needed: 2 });
+        if self.ticks < 2 {
+            return Err(ScoreError::TooFewStates { what: "drive", found: self.ticks as usize, needed: 2 });
         }
         let mean_epdms = (self.summed > 0).then(|| self.sum / f64::from(self.summed));
         let mut terms = self.terms;
         for (term, sum) in terms.iter_mut().zip(self.term_sums) {
-            term.mean = (term.frames > 0).then(|| sum / f64::from(term.frames));
+            term.mean = (term.ticks > 0).then(|| sum / f64::from(term.ticks));
         }
         Ok(DrivingScore {
             version: CLOSED_LOOP_VERSION,
             profile,
-            frames: self.frames,
+            ticks: self.ticks,
             mean_epdms,
             route_completion,
             driving_score: mean_epdms.map(|mean| mean * route_completion.unwrap_or(1.0)),

@@ -29,13 +29,13 @@ mod tracker;
 mod two_stage;
 
 pub use closed_loop::{
-    ClosedLoop, CollisionRule, CompletionRule, DirectionRule, DrivableRule, EgoFrame, EgoSize, Ending, FirstStateRule,
-    Frame, KeepingRule, LightRule, LightTick, LiveScorer, LoopAdapter, LoopComfortRule, LoopLane, LoopObject,
-    LoopScene, MissingRule, OverlapRule, Profile, ShortExpertRule, TtcRule, Window, closed_loop, loop_scene,
+    ClosedLoop, CollisionRule, CompletionRule, DirectionRule, DrivableRule, EgoSize, Ending, FirstStateRule,
+    KeepingRule, LightRule, LightTick, LiveScorer, LoopAdapter, LoopComfortRule, LoopEgo, LoopLane, LoopObject,
+    LoopScene, LoopState, MissingRule, OverlapRule, Profile, ShortExpertRule, TtcRule, Window, closed_loop, loop_scene,
     window_share,
 };
 pub use collision_type::CollisionType;
-pub use driving_score::{DrivingScore, FrameScore, TERMS, Term, TermSummary};
+pub use driving_score::{DrivingScore, LoopScore, TERMS, Term, TermSummary};
 pub use ego_area::{EgoAreas, StepFlags};
 pub use epdms::{FirstViolations, Measured, NavsimV2, SubScores, Yardstick, navsim_v2};
 pub use error::ScoreError;

@@ -111,3 +111,22 @@ fn measure(scene: &PreparedScene, states: &Executed, memory: &mut Memory) -> Nav
         states: *states,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::road::{drive, scene};
+
+    #[test]
+    fn totals_by_hand() {
+        // The reference goes 40 m; off the route's lanes costs nothing, off the road everything.
+        for (speed_mps, aside_m, ep, pdms) in
+            [(10.0, 0.0, 1.0, 1.0), (5.0, 0.0, 0.5, (2.5 + 7.0) / 12.0), (10.0, 3.5, 1.0, 1.0), (10.0, -0.7, 0.0, 0.0)]
+        {
+            let prepared = PreparedScene::new(&scene(10.0)).expect("a sound scene");
+            let got =
+                navsim_v1_executed(&prepared, &drive(10.0, 0.0), &drive(speed_mps, aside_m)).expect("sound states");
+            assert!((got.ego_progress - ep).abs() < 1e-9 && (got.pdms - pdms).abs() < 1e-9, "{got:?}");
+        }
+    }
+}

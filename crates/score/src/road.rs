@@ -2,7 +2,11 @@
 //!
 //! The route is R0; drives are written down as states, so that scores can be worked out by hand.
 
-use ds_space::{DVec2, PoseSe2};
+use ds_space::{DVec2, DVec3, Digest, PoseSe2, SimTime};
+use ds_world::{
+    AgentClass, EgoState, Lane, LaneId, LaneKind, LightState, Map, Origin, Scene, Size, Track, TrackPoint,
+    TrafficLight, VehicleParameters,
+};
 
 use crate::constants::horizon::{DT_S, STATES, V1_AGENT_STEPS};
 use crate::footprint::Footprint;
@@ -64,6 +68,74 @@ pub(crate) fn moving(id: u32, pose: PoseSe2, velocity_mps: DVec2) -> AgentTrack 
 /// Makes a standing car.
 pub(crate) fn standing(id: u32, x_m: f64, y_m: f64) -> AgentTrack {
     moving(id, PoseSe2::new(x_m, y_m, 0.0), DVec2::ZERO)
+}
+
+/// Makes a simulator's scene: a road of 200 m, the connector "J" of 60..72 m with a light that is red in ticks 20..40, the
+/// expert on it at 10 m/s for 12 s, and a car 30 m ahead at the expert's speed.
+pub(crate) fn world() -> Scene {
+    let at = |x: f64, y: f64| DVec2::new(x, y);
+    let lane = |name: &str, kind, x0: f64, x1: f64| Lane {
+        name: name.to_owned(),
+        kind,
+        centre_line: vec![at(x0, 0.0), at(x1, 0.0)],
+        polygon: if kind == LaneKind::Road {
+            area(AreaKind::Lane, true, [x0, -1.75, x1, 1.75]).outline
+        } else {
+            vec![]
+        },
+        speed_limit_mps: None,
+        successors: Vec::new(),
+        predecessors: Vec::new(),
+        left: None,
+        right: None,
+    };
+    let opposite =
+        Lane { centre_line: vec![at(200.0, 3.5), at(-20.0, 3.5)], ..lane("O", LaneKind::Road, -20.0, 200.0) };
+    let expert = |tick: i32| EgoState {
+        pose: PoseSe2::new(f64::from(tick) - VehicleParameters::ZOE.rear_axle_to_centre_m, 0.0, 0.0),
+        velocity_mps: at(10.0, 0.0),
+        ..EgoState::default()
+    };
+    let car = |tick: i32| {
+        let pose = PoseSe2::new(30.0 + f64::from(tick), 0.0, 0.0);
+        Some(TrackPoint { pose, z_m: 0.0, velocity_mps: at(10.0, 0.0) })
+    };
+    let red = |tick: i32| if (20..40).contains(&tick) { LightState::Red } else { LightState::Green };
+    Scene {
+        name: "road".to_owned(),
+        family: String::new(),
+        digest: Digest::default(),
+        dt: SimTime::from_secs(DT_S),
+        map: Map {
+            lanes: vec![
+                lane("A", LaneKind::Road, -20.0, 60.0),
+                lane("J", LaneKind::Connector, 60.0, 72.0),
+                lane("B", LaneKind::Road, 72.0, 200.0),
+                opposite,
+            ],
+            junctions: vec![area(AreaKind::Intersection, false, [60.0, -1.75, 72.0, 5.25]).outline],
+            drivable: vec![area(AreaKind::Roadblock, false, [-20.0, -1.75, 200.0, 5.25]).outline],
+            traffic_lights: vec![TrafficLight {
+                position: DVec3::ZERO,
+                facing_rad: 0.0,
+                lanes: vec![LaneId(1)],
+                states: (0..=120).map(red).collect(),
+            }],
+            ..Map::default()
+        },
+        vehicle: VehicleParameters::ZOE,
+        ego_log: (0..=120).map(expert).collect(),
+        route: vec![at(-15.0, 0.0), at(190.0, 0.0)],
+        tracks: vec![Track {
+            name: "lead".to_owned(),
+            class: AgentClass::Vehicle,
+            size: Size { length_m: 4.5, width_m: 1.9, height_m: 1.5 },
+            points: (0..=120).map(car).collect(),
+        }],
+        cameras: Vec::new(),
+        prompt: String::new(),
+        origin: Origin::default(),
+    }
 }
 
 const _: () = assert!(STATES <= V1_AGENT_STEPS);

@@ -1,10 +1,10 @@
-//! NC of a frame: does the ego touch something by its own fault (BS `:570-598`, or `scoring.md` §4).
+//! NC of a state: does the ego touch something by its own fault (BS `:570-598`, or `scoring.md` §4).
 
 use std::collections::BTreeSet;
 
-use super::frame::LoopObject;
 use super::moment::Moment;
 use super::profile::{CollisionRule, OverlapRule, Profile};
+use super::tick::LoopObject;
 use crate::collision_type::CollisionType;
 use crate::constants::bridgesim::{BEHIND_M, STOPPED_MPS};
 use crate::constants::navsim::{self, STATIC_COLLISION};
@@ -19,7 +19,7 @@ pub(crate) fn box_of(object: &LoopObject) -> OrientedBox {
 /// Who touches the ego, and who of them is left out.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Collisions {
-    /// Who touched in the first frame; `None` before it.
+    /// Who touched in the first state; `None` before it.
     left_out: Option<BTreeSet<u32>>,
     /// Whose touch began without the ego's fault and goes on.
     ignored: BTreeSet<u32>,
@@ -31,10 +31,10 @@ impl Collisions {
         self.ignored.contains(&id) || self.left_out.as_ref().is_some_and(|left_out| left_out.contains(&id))
     }
 
-    /// Returns the score of the next frame and the object at which the ego is at fault.
+    /// Returns the score of the next state and the object at which the ego is at fault.
     pub(crate) fn observe(&mut self, moment: &Moment<'_>, profile: &Profile) -> (f64, Option<u32>) {
         let touching: Vec<(&LoopObject, OrientedBox)> = moment
-            .frame
+            .state
             .objects
             .iter()
             .map(|object| (object, box_of(object)))

@@ -1,4 +1,4 @@
-//! HC and EC of a frame, from the executed motion (BS `:758-822`, or the features of `scoring.md` §5).
+//! HC and EC of a state, from the executed motion (BS `:758-822`, or the features of `scoring.md` §5).
 
 use std::collections::VecDeque;
 
@@ -14,7 +14,7 @@ use crate::constants::strict::COMFORT_STATES;
 use crate::error::ScoreError;
 use crate::motion::VehicleState;
 
-/// The motion of the frame before.
+/// The motion of the state before.
 #[derive(Debug, Clone, Copy)]
 struct Last {
     velocity_mps: DVec2,
@@ -34,7 +34,7 @@ struct Rates {
 #[derive(Debug, Clone)]
 pub(crate) struct Comfort {
     last: Option<Last>,
-    frames: u32,
+    seen: u32,
     states: VecDeque<VehicleState>,
     filters: ComfortFilters,
     memory: ComfortSeries,
@@ -45,7 +45,7 @@ impl Comfort {
     pub(crate) fn new(dt_s: f64, rear_axle_to_centre_m: f64) -> Result<Self, ScoreError> {
         Ok(Self {
             last: None,
-            frames: 0,
+            seen: 0,
             states: VecDeque::with_capacity(COMFORT_STATES + 1),
             filters: ComfortFilters::with_dt(COMFORT_STATES, ComfortRule::Centre, dt_s)?,
             memory: ComfortSeries::default(),
@@ -53,24 +53,24 @@ impl Comfort {
         })
     }
 
-    /// Returns HC and EC of the next frame; `None` where there is too little history, if the profile wants any.
+    /// Returns HC and EC of the next state; `None` where there is too little history, if the profile wants any.
     pub(crate) fn observe(&mut self, moment: &Moment<'_>, profile: &Profile) -> (Option<f64>, Option<f64>) {
         let before = self.last.map(|last| last.rates);
         let rates = self.rates(moment);
-        let ego = &moment.frame.ego;
+        let ego = &moment.state.ego;
         self.last = Some(Last { velocity_mps: ego.velocity_mps, heading_rad: ego.centre.heading_rad, rates });
-        self.frames += 1;
+        self.seen += 1;
         let extended = before.map(|before| super::unless(rates.leaps(&before)));
         match profile.comfort {
             LoopComfortRule::Differences => (Some(super::unless(rates.exceed())), Some(extended.unwrap_or(1.0))),
-            // The first two frames have no acceleration or jerk of their own to be compared.
-            LoopComfortRule::Filtered => (self.filtered(moment), extended.filter(|_| self.frames > 3)),
+            // The first two states have no acceleration or jerk of their own to be compared.
+            LoopComfortRule::Filtered => (self.filtered(moment), extended.filter(|_| self.seen > 3)),
         }
     }
 
     fn rates(&self, moment: &Moment<'_>) -> Rates {
         let Some(last) = self.last.filter(|_| moment.speed_mps >= STOPPED_MPS) else { return Rates::default() };
-        let (ego, dt_s) = (&moment.frame.ego, moment.around.dt_s);
+        let (ego, dt_s) = (&moment.state.ego, moment.around.dt_s);
         let acceleration_mps2 = ((ego.velocity_mps - last.velocity_mps) / dt_s).length();
         Rates {
             acceleration_mps2,
@@ -80,7 +80,7 @@ impl Comfort {
     }
 
     fn filtered(&mut self, moment: &Moment<'_>) -> Option<f64> {
-        let mut state = moment.frame.ego.state?;
+        let mut state = moment.state.ego.state?;
         if let Some(last) = self.states.back() {
             state.yaw_acceleration_radps2 = (state.yaw_rate_radps - last.yaw_rate_radps) / moment.around.dt_s;
         }

@@ -1,4 +1,4 @@
-//! DDC of a frame: does the ego drive against its lane (BS `:676-695`, or travel against lanes within 1 s).
+//! DDC of a state: does the ego drive against its lane (BS `:676-695`, or travel against lanes within 1 s).
 
 use std::collections::VecDeque;
 
@@ -13,7 +13,7 @@ use crate::constants::horizon::DT_S;
 use crate::constants::navsim::DIRECTION_STEPS;
 use crate::metric::driving_direction::value;
 
-/// How far the ego went against its lanes in each of the last frames.
+/// How far the ego went against its lanes in each of the last states.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Direction {
     last: Option<DVec2>,
@@ -21,7 +21,7 @@ pub(crate) struct Direction {
 }
 
 impl Direction {
-    /// Returns the score of the next frame; `None` if there are no lanes to have a direction.
+    /// Returns the score of the next state; `None` if there are no lanes to have a direction.
     pub(crate) fn observe(&mut self, moment: &Moment<'_>, profile: &Profile, off_road: bool) -> Option<f64> {
         match profile.direction {
             DirectionRule::BestLane => Some(super::unless(!off_road && opposes_best(moment))),
@@ -37,8 +37,8 @@ impl Direction {
         }
         let counts = !moment.areas.centre_in_intersection && opposes_all(moment);
         self.opposed_m.push_back(if counts { step_m } else { 0.0 });
-        let frames = (DIRECTION_STEPS as f64 * DT_S / moment.around.dt_s).round() as usize + 1;
-        while self.opposed_m.len() > frames {
+        let states = (DIRECTION_STEPS as f64 * DT_S / moment.around.dt_s).round() as usize + 1;
+        while self.opposed_m.len() > states {
             self.opposed_m.pop_front();
         }
         Some(value(self.opposed_m.iter().sum()))
@@ -46,7 +46,7 @@ impl Direction {
 }
 
 fn opposes_best(moment: &Moment<'_>) -> bool {
-    let heading_rad = moment.frame.ego.centre.heading_rad;
+    let heading_rad = moment.state.ego.centre.heading_rad;
     moment.speed_mps > SLOW_MPS
         && lane::best(&moment.around.lanes, moment.ego.centre, heading_rad, moment.speed_mps, AREA_RADIUS_M)
             .is_some_and(|place| place.turned_rad > std::f64::consts::FRAC_PI_2)
@@ -59,6 +59,6 @@ fn opposes_all(moment: &Moment<'_>) -> bool {
         .filter(|(_, lane)| lane.surface.holds(centre))
         .map(|(_, lane)| lane.line.heading_at(lane.line.coordinates(centre).0))
         .peekable();
-    let heading_rad = moment.frame.ego.centre.heading_rad;
+    let heading_rad = moment.state.ego.centre.heading_rad;
     holding.peek().is_some() && holding.all(|lane| turn(lane, heading_rad).abs() > std::f64::consts::FRAC_PI_2)
 }

@@ -1,4 +1,4 @@
-//! DAC of a frame: are all corners on drivable surface (BS `:552-568`, or the map's drivable layers).
+//! DAC of a state: are all corners on drivable surface (BS `:552-568`, or the map's drivable layers).
 
 use super::moment::Moment;
 use super::profile::{DrivableRule, Profile};

@@ -6,7 +6,7 @@
 use ds_space::DVec2;
 use ds_space::angle::turn;
 
-use super::frame::LoopLane;
+use super::tick::LoopLane;
 use crate::constants::bridgesim::{NO_SEGMENT_M, RESAMPLED_M, SLOW_MPS, STATIC_LINE_M};
 use crate::error::ScoreError;
 use crate::geometry::IndexedPolygon;

@@ -1,4 +1,4 @@
-//! TLC of a frame: does the ego run a red light (BS `:697-733`, or `scoring.md` §4).
+//! TLC of a state: does the ego run a red light (BS `:697-733`, or `scoring.md` §4).
 
 use super::moment::Moment;
 use super::profile::{LightRule, Profile};
@@ -7,7 +7,7 @@ use crate::constants::bridgesim::{LIGHT_RADIUS_M, SHORT_LANE_M, SLOW_MPS, STOP_L
 /// Returns the score; `None` if the map has no light.
 pub(crate) fn score(moment: &Moment<'_>, profile: &Profile) -> Option<f64> {
     let lanes = &moment.around.lanes;
-    let red = moment.frame.red_lanes.iter().map(|lane| &lanes[*lane]);
+    let red = moment.state.red_lanes.iter().map(|lane| &lanes[*lane]);
     let mut red = red.filter(|lane| lane.surface.touches(&moment.ego));
     match profile.lights {
         LightRule::NearEnd => {

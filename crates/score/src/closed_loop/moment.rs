@@ -1,10 +1,10 @@
-//! One frame as the terms look at it: the map indexed once, the ego's box, speed and areas.
+//! One state as the terms look at it: the map indexed once, the ego's box, speed and areas.
 
 use ds_space::DVec2;
 
-use super::frame::{Frame, LoopScene};
 use super::lane::IndexedLane;
 use super::profile::{EgoSize, Profile};
+use super::tick::{LoopScene, LoopState};
 use crate::constants::bridgesim::{EGO_LENGTH_M, EGO_WIDTH_M};
 use crate::ego_area::{BoxAreas, LaneMarks};
 use crate::error::{ScoreError, finite};
@@ -46,13 +46,13 @@ impl Surroundings {
         })
     }
 
-    pub(crate) fn moment<'a>(&'a self, frame: &'a Frame, marks: &mut LaneMarks) -> Moment<'a> {
-        let ego = OrientedBox::new(&frame.ego.centre, self.length_m, self.width_m);
+    pub(crate) fn moment<'a>(&'a self, state: &'a LoopState, marks: &mut LaneMarks) -> Moment<'a> {
+        let ego = OrientedBox::new(&state.ego.centre, self.length_m, self.width_m);
         Moment {
             around: self,
-            frame,
+            state,
             ego,
-            speed_mps: frame.ego.velocity_mps.length(),
+            speed_mps: state.ego.velocity_mps.length(),
             rear_axle: ego.centre - ego.forward * self.rear_axle_to_centre_m,
             areas: BoxAreas::new(&self.layers, &ego, marks),
         }
@@ -68,11 +68,11 @@ fn layers(scene: &LoopScene) -> Vec<MapArea> {
     lanes.chain(drivable).chain(junctions).collect()
 }
 
-/// One frame with what every term needs of it.
+/// One state with what every term needs of it.
 #[derive(Debug)]
 pub(crate) struct Moment<'a> {
     pub(crate) around: &'a Surroundings,
-    pub(crate) frame: &'a Frame,
+    pub(crate) state: &'a LoopState,
     pub(crate) ego: OrientedBox,
     pub(crate) speed_mps: f64,
     pub(crate) rear_axle: DVec2,

@@ -22,7 +22,7 @@ pub enum CollisionRule {
     FaultClasses,
 }
 
-/// What happens to objects that touch the ego in the first frame.
+/// What happens to objects that touch the ego in the first state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OverlapRule {
     /// They count.
@@ -65,7 +65,7 @@ pub enum DirectionRule {
 pub enum KeepingRule {
     /// The best lane near by, junctions included; longer than 2 s; 1 and on hold off the road.
     Everywhere,
-    /// The same lane; 20 frames of 0.1 s, on hold inside junctions, counted off the road too.
+    /// The same lane; 20 states of 0.1 s, on hold inside junctions, counted off the road too.
     OutsideJunctions,
 }
 
@@ -90,7 +90,7 @@ pub enum LightTick {
 /// How comfort is judged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LoopComfortRule {
-    /// Differences of velocity and heading between frames; 0 where history is missing.
+    /// Differences of velocity and heading between states; 0 where history is missing.
     Differences,
     /// HC: the features of `scoring.md` §5 over the last 1.5 s; EC: differences as above. Neither before there is history.
     Filtered,
@@ -108,9 +108,9 @@ pub enum MissingRule {
 /// What route completion is a share of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CompletionRule {
-    /// The whole recorded path, counted from the first scored frame; below 1 even for a perfect drive.
+    /// The whole recorded path, counted from the first scored state; below 1 even for a perfect drive.
     WholePath,
-    /// What was left of it at the first scored frame; arriving completes it.
+    /// What was left of it at the first scored state; arriving completes it.
     RestOfPath,
 }
 
@@ -139,7 +139,7 @@ pub struct Profile {
     pub ego_size: EgoSize,
     /// Which touches are the ego's fault.
     pub collisions: CollisionRule,
-    /// What happens to objects that touch the ego in the first frame.
+    /// What happens to objects that touch the ego in the first state.
     pub overlap_at_start: OverlapRule,
     /// When too short a time to collision counts.
     pub time_to_collision: TtcRule,

@@ -2,9 +2,9 @@
 //!
 //! BS `core/base_evaluator.py:1922-1945,2047-2059`, MD `scenario_env.py:84,90-98,159-195,367-383`.
 
-use super::frame::LoopScene;
 use super::lane::LaneLine;
 use super::profile::{CompletionRule, Profile, ShortExpertRule};
+use super::tick::LoopScene;
 use crate::constants::bridgesim::{ARRIVED_SHARE, BACKWARDS_SHARE, LEFT_ROUTE_M};
 use crate::constants::strict::SHORTEST_EXPERT_M;
 use crate::error::ScoreError;
@@ -33,7 +33,7 @@ impl Ending {
     }
 }
 
-/// The place of the ego on the expert's path, frame by frame.
+/// The place of the ego on the expert's path, state by state.
 #[derive(Debug, Clone)]
 pub(crate) struct Route {
     line: LaneLine,
@@ -65,7 +65,7 @@ impl Route {
         self.stands_still
     }
 
-    /// Takes the next frame; returns the share of the path behind the ego, unclamped, and why the drive ends here.
+    /// Takes the next state; returns the share of the path behind the ego, unclamped, and why the drive ends here.
     pub(crate) fn observe(&mut self, tick: u32, centre: DVec2) -> (f64, Option<Ending>) {
         let (along_m, lateral_m) = self.line.coordinates(centre);
         let share = along_m / self.line.length_m();

@@ -1,15 +1,15 @@
-//! TTC of a frame: do ego and others meet within 1 s if all go on as they move (BS `:600-647`, or `scoring.md` §4).
+//! TTC of a state: do ego and others meet within 1 s if all go on as they move (BS `:600-647`, or `scoring.md` §4).
 
 use super::collision::{Collisions, box_of};
-use super::frame::LoopObject;
 use super::moment::Moment;
 use super::profile::{Profile, TtcRule};
+use super::tick::LoopObject;
 use crate::collision_type::{is_ahead, is_behind};
 use crate::constants::bridgesim::{STOPPED_MPS, TTC_STEP_S, TTC_STEPS};
 use crate::constants::horizon::DT_S;
 use crate::constants::navsim::{TTC_AHEAD, TTC_STOPPED_MPS};
 
-/// Returns the score and the object that is met; `collision` is the frame's NC.
+/// Returns the score and the object that is met; `collision` is the state's NC.
 pub(crate) fn score(
     moment: &Moment<'_>,
     profile: &Profile,
@@ -20,7 +20,7 @@ pub(crate) fn score(
         TtcRule::HalfPlane => in_half_plane(moment, object),
         TtcRule::Cone => !collisions.leaves_out(object.id) && in_cone(moment, object),
     };
-    let met = moment.frame.objects.iter().filter(met).map(|object| object.id).min();
+    let met = moment.state.objects.iter().filter(met).map(|object| object.id).min();
     let collided = profile.time_to_collision == TtcRule::HalfPlane && collision == 0.0;
     (super::unless(collided || met.is_some()), met)
 }
@@ -31,7 +31,7 @@ fn in_half_plane(moment: &Moment<'_>, object: &LoopObject) -> bool {
     moment.speed_mps >= STOPPED_MPS
         && (1..=TTC_STEPS).any(|step| {
             let secs = f64::from(step) * TTC_STEP_S;
-            let ego = moment.ego.moved(moment.frame.ego.velocity_mps * secs);
+            let ego = moment.ego.moved(moment.state.ego.velocity_mps * secs);
             let other = other.moved(object.velocity_mps * secs);
             ego.touches(&other) && (other.centre - ego.centre).dot(ego.forward) >= 0.0
         })

@@ -148,9 +148,12 @@ fn extended_comfort_weighs_two_of_sixteen() {
     assert!((scores.epdms(Some(0.0)) - 12.0 / 16.0).abs() < 1e-12);
 }
 
+/// Makes a sound scene bad.
+type Spoil = fn(&mut OpenLoopScene);
+
 #[test]
 fn bad_input_is_refused_by_name() {
-    let cases: [(&str, fn(&mut OpenLoopScene)); 10] = [
+    let cases: [(&str, Spoil); 10] = [
         ("map has no polygons", |scene| scene.map.areas.clear()),
         ("map has no lanes", |scene| scene.map.areas.retain(|area| !area.kind.is_lane())),
         ("centreline has 1 points", |scene| scene.map.centreline.truncate(1)),

@@ -78,3 +78,50 @@ fn series(states: &[VehicleState]) -> [Vec<f64>; 4] {
     let yaw_acceleration = filtered(Smoother::new(HEADING_WINDOW.min(n), 2, 2, DT_S), &headings);
     [acceleration, jerk, yaw_rate, yaw_acceleration]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn states(acceleration_mps2: f64, turn_radps: f64) -> Vec<VehicleState> {
+        let state = |step: usize| VehicleState {
+            ax_mps2: acceleration_mps2,
+            heading_rad: turn_radps * DT_S * step as f64,
+            ..VehicleState::default()
+        };
+        (0..41).map(state).collect()
+    }
+
+    #[test]
+    fn constant_differences_are_their_own_mean() {
+        for (acceleration_mps2, turn_radps, score) in
+            [(0.0, 0.0, 1.0), (0.69, 0.0, 1.0), (-0.71, 0.0, 0.0), (0.0, 0.09, 1.0), (0.0, 0.11, 0.0)]
+        {
+            let got = extended_comfort(&states(0.0, 0.0), &states(acceleration_mps2, turn_radps), 0.5).expect("sound");
+            assert_eq!(got.score, score, "{acceleration_mps2} m/s2, {turn_radps} rad/s");
+            let expected = [acceleration_mps2.abs(), 0.0, turn_radps, 0.0];
+            assert!(got.rms.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-7), "{:?}", got.rms);
+        }
+    }
+
+    #[test]
+    fn a_shifted_drive_equals_itself() {
+        let state = |step: usize| {
+            let time_s = DT_S * step as f64;
+            VehicleState { ax_mps2: (2.0 * time_s).sin(), heading_rad: 0.3 * time_s.cos(), ..VehicleState::default() }
+        };
+        let drive: Vec<VehicleState> = (0..46).map(state).collect();
+        let got = extended_comfort(&drive[5..46], &drive[..41], 0.5).expect("sound");
+        // The overlap is cut out before it is filtered, so that even the edges agree.
+        assert_eq!((got.score, got.rms), (1.0, [0.0; 4]));
+    }
+
+    #[test]
+    fn frames_that_do_not_follow_are_refused() {
+        for shift_s in [0.0, -0.1, 0.55, 0.04, f64::NAN] {
+            assert!(extended_comfort(&states(0.0, 0.0), &states(0.0, 0.0), shift_s).is_err(), "{shift_s}");
+        }
+        let short = extended_comfort(&states(0.0, 0.0)[..5], &states(0.0, 0.0)[..5], 0.5);
+        assert_eq!(short, Err(ScoreError::TooFewStates { what: "overlap", found: 0, needed: 3 }));
+    }
+}

@@ -140,3 +140,66 @@ fn red_lanes(scene: &Scene, from: Tick, step: usize) -> Vec<usize> {
     let lanes = red.flat_map(|light| light.lanes.iter().map(|lane| lane.0 as usize));
     lanes.filter(|lane| *lane < scene.map.lanes.len()).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::epdms::Yardstick;
+    use crate::motion::Plan;
+    use crate::planner::reference_plan;
+    use crate::road::world;
+    use crate::scene::PreparedScene;
+
+    #[test]
+    fn lanes_of_the_route_are_found() {
+        let map = open_loop_map(&world());
+        let kinds: Vec<(AreaKind, bool)> = map.areas.iter().map(|area| (area.kind, area.on_route)).collect();
+        assert_eq!(
+            kinds,
+            [
+                (AreaKind::Lane, true),
+                (AreaKind::LaneConnector, true),
+                (AreaKind::Lane, true),
+                (AreaKind::Lane, false),
+                (AreaKind::Roadblock, false),
+                (AreaKind::Intersection, false),
+            ]
+        );
+        assert_eq!(map.areas[1].outline.len(), 4, "a strip stands for the missing surface");
+    }
+
+    #[test]
+    fn the_log_is_sampled_every_tenth_of_a_second() {
+        let mut scene = world();
+        scene.tracks[0].points[50] = None;
+        let tracks = log_tracks(&scene, Tick(45), 10);
+        assert_eq!(tracks[0].steps.iter().position(Option::is_none), Some(5));
+        // The same ticks at 5 Hz: every other sample lies between two of them.
+        let mut scene = world();
+        scene.dt = ds_space::SimTime::from_secs(0.2);
+        let steps = log_tracks(&scene, Tick(3), 4).remove(0).steps;
+        let xs: Vec<f64> = steps.iter().flatten().map(|step| step.pose.position.x).collect();
+        assert_eq!(xs, [33.0, 33.5, 34.0, 34.5]);
+    }
+
+    #[test]
+    fn the_expert_s_own_plan_scores_full_marks() {
+        let scene = world();
+        let now = Tick(30);
+        let history = &scene.ego_log[..=30];
+        let moment = scene_now(&scene, now, history, log_tracks(&scene, now, 51)).expect("there is a state");
+        assert_eq!(moment.past.as_ref().map(Vec::len), Some(31));
+        assert_eq!((moment.red_areas[9].as_slice(), moment.red_areas[10].as_slice()), (&[1usize][..], &[][..]));
+        let map = std::sync::Arc::new(crate::scene::PreparedMap::new(&open_loop_map(&scene)).expect("a sound map"));
+        let prepared = PreparedScene::on(&map, &moment).expect("a sound moment");
+        let start = scene.ego_log[30].pose;
+        let poses = scene.ego_log[31..=70].iter().map(|ego| start.relative(&ego.pose)).collect();
+        let plan = Plan { dt_s: DT_S, poses };
+        let reference = reference_plan(&prepared, Some(10.0)).expect("a sound scene");
+        let score = Yardstick::new(&prepared, &reference.plan, None).expect("a plan").score(&prepared, &plan);
+        let score = score.expect("a plan");
+        assert!(score.epdms > 0.999 && score.history_terms.is_some(), "{score:?}");
+        assert!(scene_now(&scene, now, &[], vec![]).is_none());
+        assert!(scene_now(&scene, now, &history[..10], vec![]).expect("a state").past.is_none());
+    }
+}

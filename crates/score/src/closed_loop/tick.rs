@@ -1,4 +1,4 @@
-//! The plain data of a closed-loop drive: what is fixed, and one frame of it. World frame, SI units.
+//! The plain data of a closed-loop drive: what is fixed, and one state of it. World frame, SI units.
 
 use ds_space::{DVec2, PoseSe2};
 use ds_world::Polygon;
@@ -24,7 +24,7 @@ pub struct LoopLane {
 /// What does not change during a drive.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LoopScene {
-    /// Time between frames, in seconds.
+    /// Time between states, in seconds.
     pub dt_s: f64,
     /// The ego's own rectangle.
     pub footprint: Footprint,
@@ -42,7 +42,7 @@ pub struct LoopScene {
     pub window_share: Option<f64>,
 }
 
-/// Returns the share of a recorded path that lies between two frames, `end` excluded; `None` if the path has no length.
+/// Returns the share of a recorded path that lies between two states, `end` excluded; `None` if the path has no length.
 ///
 /// BS `core/base_evaluator.py:1922-1945`.
 #[must_use]
@@ -53,9 +53,9 @@ pub fn window_share(positions: &[DVec2], start: usize, end: usize) -> Option<f64
     (whole_m > 0.0).then(|| length_m(&positions[start.min(end)..end]) / whole_m)
 }
 
-/// The ego in one frame.
+/// The ego in one state.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EgoFrame {
+pub struct LoopEgo {
     /// The centre of its box.
     pub centre: PoseSe2,
     /// The velocity of the centre in the world, in metres per second.
@@ -64,10 +64,10 @@ pub struct EgoFrame {
     pub state: Option<VehicleState>,
 }
 
-/// Another road user or thing in one frame.
+/// Another road user or thing in one state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LoopObject {
-    /// Who it is, the same in all frames.
+    /// Who it is, the same in all states.
     pub id: u32,
     /// Whether it can be expected to move.
     pub class: ObjectClass,
@@ -81,20 +81,20 @@ pub struct LoopObject {
     pub velocity_mps: DVec2,
 }
 
-/// One frame of a drive.
+/// One state of a drive.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Frame {
+pub struct LoopState {
     /// Its number.
     pub tick: u32,
     /// The ego.
-    pub ego: EgoFrame,
+    pub ego: LoopEgo,
     /// Everything else.
     pub objects: Vec<LoopObject>,
     /// Indices of the lanes that show red.
     pub red_lanes: Vec<usize>,
 }
 
-impl Frame {
+impl LoopState {
     /// Checks all numbers.
     pub(crate) fn check(&self, lanes: usize) -> Result<(), ScoreError> {
         let numbers = |pose: &PoseSe2, velocity: DVec2| {
@@ -103,20 +103,20 @@ impl Frame {
         };
         let tick = self.tick;
         for (name, value) in numbers(&self.ego.centre, self.ego.velocity_mps) {
-            finite(value, || format!("frames[{tick}].ego.{name}"))?;
+            finite(value, || format!("states[{tick}].ego.{name}"))?;
         }
         if let Some((name, value)) = self.ego.state.as_ref().and_then(VehicleState::not_finite) {
-            return Err(ScoreError::NotFinite { field: format!("frames[{tick}].ego.{name}"), value });
+            return Err(ScoreError::NotFinite { field: format!("states[{tick}].ego.{name}"), value });
         }
         for (index, object) in self.objects.iter().enumerate() {
-            sized(object.length_m, object.width_m, || format!("frames[{tick}].objects[{index}]"))?;
+            sized(object.length_m, object.width_m, || format!("states[{tick}].objects[{index}]"))?;
             for (name, value) in numbers(&object.pose, object.velocity_mps) {
-                finite(value, || format!("frames[{tick}].objects[{index}].{name}"))?;
+                finite(value, || format!("states[{tick}].objects[{index}].{name}"))?;
             }
         }
         match self.red_lanes.iter().find(|lane| **lane >= lanes) {
             Some(index) => {
-                Err(ScoreError::NoSuchIndex { field: format!("frames[{tick}].red_lanes"), index: *index, count: lanes })
+                Err(ScoreError::NoSuchIndex { field: format!("states[{tick}].red_lanes"), index: *index, count: lanes })
             }
             None => Ok(()),
         }
