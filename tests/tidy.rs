@@ -27,6 +27,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("ds-episode", 3),
     ("ds-report", 3),
     ("ds-golden", 3),
+    ("ds-oracle", 3),
     ("ds-train", 3),
     ("ds-wire", 4),
     ("ds-bus", 5),

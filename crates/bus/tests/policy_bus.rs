@@ -120,7 +120,7 @@ async fn an_eavesdropper_learns_and_changes_nothing() {
     // A guest of another policy may connect, but sees and reaches nothing, even with the session's name.
     let mut stranger = PolicyGuest::connect(&name("team-b"), &bus.listens()[0], None).await.expect("connects");
     stranger.put(session.name(), &FromPolicy::Plan(plan(77))).await.expect("puts");
-    let raw = raw_client(&bus.listens()[0], None).await;
+    let raw = raw_client(&bus.listens()[0]).await;
     let remote = zenoh::sample::Locality::Remote;
     let heard = raw.declare_subscriber("**").allowed_origin(remote).await.expect("declares");
     let forged = format!("dreamstream-policy/v1/team-a/{}/observation", session.name());
@@ -145,7 +145,7 @@ async fn an_eavesdropper_learns_and_changes_nothing() {
 async fn bad_answers_come_as_errors_and_the_session_goes_on() {
     let bus = bridge().await;
     let mut session = bus.begin().await.expect("begins");
-    let raw = raw_client(&bus.listens()[0], None).await;
+    let raw = raw_client(&bus.listens()[0]).await;
     let key = format!("dreamstream-policy/v1/team-a/{}/plan", session.name());
     for (payload, says) in [(vec![0xff_u8; 40], "plan cannot be decoded"), (vec![], "plan is refused")] {
         let error = async {

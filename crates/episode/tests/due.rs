@@ -32,6 +32,8 @@ fn outlines() -> impl Strategy<Value = Outline> {
                 video_model: Digest::default(),
                 policy_model: Digest::default(),
                 configuration: Digest::default(),
+                scorer: Default::default(),
+                score_profile: Default::default(),
             };
             Outline { spec, cameras, dt: SimTime(100_000_000) }
         },

@@ -45,6 +45,8 @@ fn outline() -> Outline {
         video_model: Digest::default(),
         policy_model: Digest::default(),
         configuration: Digest::default(),
+        scorer: Default::default(),
+        score_profile: Default::default(),
     };
     Outline { spec, cameras: 1, dt: SimTime(100_000_000) }
 }

@@ -6,12 +6,18 @@ use crate::Policy;
 use crate::camera::{self, CameraPolicy};
 use crate::constant_velocity::{self, ConstantVelocity};
 use crate::error::PolicyError;
+use crate::lattice::{self, Lattice};
 use crate::log_replay::{self, LogReplay};
 use crate::route_follower::{self, RouteFollower};
 
 /// The built-in policies' names, and whether each is privileged.
-pub const NAMES: [(&str, bool); 4] =
-    [(camera::NAME, false), (constant_velocity::NAME, false), (log_replay::NAME, true), (route_follower::NAME, true)];
+pub const NAMES: [(&str, bool); 5] = [
+    (camera::NAME, false),
+    (constant_velocity::NAME, false),
+    (lattice::NAME, false),
+    (log_replay::NAME, true),
+    (route_follower::NAME, true),
+];
 
 /// What a built-in policy may need besides its name.
 #[derive(Debug, Clone, Default)]
@@ -31,6 +37,7 @@ pub fn builtin(name: &str, needs: &Builtin) -> Result<Box<dyn Policy>, PolicyErr
             Ok(Box::new(CameraPolicy::load(path)?))
         }
         constant_velocity::NAME => Ok(Box::new(ConstantVelocity)),
+        lattice::NAME => Ok(Box::new(Lattice)),
         log_replay::NAME => Ok(Box::new(LogReplay)),
         route_follower::NAME => Ok(Box::new(RouteFollower::default())),
         _ => {

@@ -10,6 +10,7 @@ pub mod camera;
 pub mod constant_velocity;
 pub mod driver;
 pub mod error;
+pub mod lattice;
 pub mod log_replay;
 pub mod observation;
 pub mod plan;

@@ -100,6 +100,29 @@ impl LoopScore {
     }
 }
 
+impl LoopScore {
+    /// Returns what each term takes from the total, of 1: the weighted terms by their weights, then the multipliers below 1
+    /// share what was left by how far they are below it. Zeros where there is no total.
+    #[must_use]
+    pub fn lost(&self) -> [f64; TERMS] {
+        let mut lost = [0.0; TERMS];
+        let Some(total) = self.epdms() else { return lost };
+        let (multipliers, weighted) = self.terms.split_at(MULTIPLIERS);
+        let weights: f64 = weighted.iter().zip(WEIGHTS).filter_map(|(term, weight)| term.map(|_| weight)).sum();
+        let mut left = 1.0;
+        for (index, (term, weight)) in weighted.iter().zip(WEIGHTS).enumerate() {
+            lost[MULTIPLIERS + index] = term.map_or(0.0, |term| weight * (1.0 - term) / weights);
+            left -= lost[MULTIPLIERS + index];
+        }
+        let below: f64 = multipliers.iter().flatten().map(|term| 1.0 - term).sum();
+        for (index, term) in multipliers.iter().enumerate() {
+            let share = term.map_or(0.0, |term| 1.0 - term) / below.max(f64::MIN_POSITIVE);
+            lost[index] = share * (left - total).max(0.0);
+        }
+        lost
+    }
+}
+
 /// One term over a drive.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct TermSummary {

@@ -10,6 +10,7 @@ pub mod geometry;
 
 mod closed_loop;
 mod collision_type;
+mod drive;
 mod driving_score;
 mod ego_area;
 mod epdms;
@@ -35,6 +36,7 @@ pub use closed_loop::{
     window_share,
 };
 pub use collision_type::CollisionType;
+pub use drive::{DriveScore, DriveScorer};
 pub use driving_score::{DrivingScore, LoopScore, TERMS, Term, TermSummary};
 pub use ego_area::{EgoAreas, StepFlags};
 pub use epdms::{FirstViolations, Measured, NavsimV2, SubScores, Yardstick, navsim_v2};
@@ -52,6 +54,3 @@ pub use scene::{
 };
 pub use tracker::{EpisodeScore, ScoreTracker, TickScore};
 pub use two_stage::{StageColumns, StageMapping, StageRow, TwoStage, two_stage};
-
-/// Why [`EpisodeScore::driving_score`] is `None`.
-pub const DRIVING_SCORE_REASON: &str = "the exact driving score is not computed by this version";

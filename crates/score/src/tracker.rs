@@ -42,7 +42,7 @@ pub struct EpisodeScore {
     pub progress: Option<f64>,
     /// Share of the route from the first state to the end of the log.
     pub route_completion: Option<f64>,
-    /// Always `None`, see [`DRIVING_SCORE_REASON`](crate::DRIVING_SCORE_REASON).
+    /// Always `None`: the exact score is that of [`DriveScorer`](crate::DriveScorer).
     pub driving_score: Option<f64>,
     /// The first tick with any contact.
     pub first_contact: Option<Tick>,

@@ -25,6 +25,8 @@ pub enum IdmScope {
     /// its heading; from that tick on.
     #[default]
     BehindEgo,
+    /// Those that are, at some tick of the closed loop, within 50 m of the ego; from that tick on.
+    Near,
 }
 
 /// How agents move.
@@ -110,6 +112,7 @@ impl SimConfig {
             AgentMode::LogReplay => 0,
             AgentMode::Idm { scope: IdmScope::All } => 1,
             AgentMode::Idm { scope: IdmScope::BehindEgo } => 2,
+            AgentMode::Idm { scope: IdmScope::Near } => 3,
         };
         DigestWriter::new()
             .text("sim configuration 1")

@@ -101,6 +101,14 @@ impl Simulation {
         self.tracker = Some(self.tracker(plan.clone(), (self.state.tick, self.state.ego.pose)));
     }
 
+    /// Returns a copy for a rollout, in which all agents within 50 m of the ego react (none where the log is replayed).
+    #[must_use]
+    pub fn rollout(&self) -> Self {
+        let mut copy = self.clone();
+        copy.traffic.react_nearby();
+        copy
+    }
+
     fn logged_body(&self, tick: Tick) -> Body {
         self.chassis.take_over(self.scene.logged_ego(tick))
     }

@@ -4,6 +4,8 @@
 //! barriers are not obstacles (their logged path avoids them). All agents step at once from the same world state, and
 //! order never matters. Followers leave at the end of their extended path. World frame.
 
+use std::sync::Arc;
+
 use ds_space::{AgentId, DVec2, Tick};
 use ds_world::{AgentState, LightState, Scene, TrackPoint, WorldState};
 
@@ -31,6 +33,8 @@ pub(crate) enum Motion {
 
 /// Agents farther behind the ego than this stay as logged.
 const BEHIND_REACH_M: f64 = 100.0;
+/// Agents within this distance of the ego react in a rollout.
+const NEAR_REACH_M: f64 = 50.0;
 /// Look-ahead of a follower: a standing part, seconds of travel and a limit.
 const REACH_M: f64 = 10.0;
 const REACH_SECS: f64 = 4.0;
@@ -41,8 +45,9 @@ const LONGEST_REACH_M: f64 = 120.0;
 pub(crate) struct Traffic {
     mode: AgentMode,
     idm: IdmParameters,
-    paths: Vec<Option<AgentPath>>,
-    stops: Vec<Vec<SignalStop>>,
+    /// Shared by all copies.
+    paths: Arc<[Option<AgentPath>]>,
+    stops: Arc<[Vec<SignalStop>]>,
     motions: Vec<Motion>,
     obstacles: Vec<Obstacle>,
 }
@@ -76,10 +81,17 @@ impl Traffic {
         Self {
             mode: config.agents,
             idm: config.idm,
-            paths,
-            stops,
+            paths: paths.into(),
+            stops: stops.into(),
             motions: vec![Motion::Replay; tracks],
             obstacles: Vec::with_capacity(tracks + 1),
+        }
+    }
+
+    /// Lets agents near the ego react from now on, whatever the scope was; without any if the log is replayed.
+    pub(crate) fn react_nearby(&mut self) {
+        if self.mode != AgentMode::LogReplay {
+            self.mode = AgentMode::Idm { scope: IdmScope::Near };
         }
     }
 
@@ -92,7 +104,7 @@ impl Traffic {
         if motions.len() != self.motions.len() {
             return Err(("agents", motions.len() as f64));
         }
-        for (motion, path) in motions.iter().zip(&self.paths) {
+        for (motion, path) in motions.iter().zip(self.paths.iter()) {
             if let Motion::Following { along_m, speed_mps } = motion {
                 let length_m = path.as_ref().map_or(-1.0, AgentPath::length_m);
                 if !(0.0..=length_m).contains(along_m) {
@@ -226,6 +238,7 @@ impl Traffic {
 fn in_scope(scope: IdmScope, agent: &AgentState, world: &WorldState) -> bool {
     match scope {
         IdmScope::All => true,
+        IdmScope::Near => agent.pose.position.distance(world.ego.pose.position) < NEAR_REACH_M,
         IdmScope::BehindEgo => {
             let ego = &world.ego.pose;
             let place = ego.to_local(agent.pose.position);

@@ -28,6 +28,19 @@ pub struct World {
     pub before: Digest,
     /// Restorable state of the simulator; only at the last tick of an iteration.
     pub snapshot: Option<Vec<u8>>,
+    /// How the iteration's proposals were ranked; only at its first tick, and only if they were.
+    pub verdict: Option<Verdict>,
+}
+
+/// The simulator's ranking of the proposals of a plan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Verdict {
+    /// Index of the proposal that is driven.
+    pub chosen: u32,
+    /// Score of each proposal, 0 to 1.
+    pub scores: Vec<f64>,
+    /// Score of the reference plan, 0 to 1.
+    pub reference: f64,
 }
 
 /// Body of `ego`: what a car knows of itself.
@@ -186,6 +199,9 @@ impl World {
         for contact in &state.contacts {
             writer.u32(contact.agent.0).u32(contact.kind as u32).bool(contact.at_fault).f64(contact.closing_speed_mps);
         }
+        if let Some(verdict) = &self.verdict {
+            writer.u32(verdict.chosen).u64(verdict.scores.len() as u64).f64s(&verdict.scores).f64(verdict.reference);
+        }
     }
 }
 
@@ -274,6 +290,9 @@ impl SceneMessage {
         writer.u32(spec.replan_period).u32(spec.horizon).u32(spec.history).u32(spec.warm_up).u32(spec.last_tick.0);
         writer.u32(spec.agents as u32).text(&spec.tracker).text(&spec.layout_backend).u32(spec.alignment as u32);
         writer.u32(spec.chunk_ticks).digest(&spec.video_model).digest(&spec.policy_model).digest(&spec.configuration);
+        if (spec.scorer, spec.score_profile) != Default::default() {
+            writer.u32(spec.scorer as u32).u32(spec.score_profile as u32);
+        }
         writer.digest(&self.scene.digest).u64(self.first_frames.len() as u64);
         for frame in &self.first_frames {
             frame.digest_into(writer);

@@ -9,8 +9,8 @@ pub mod order;
 pub mod slot;
 pub mod spec;
 
-pub use body::{Cache, Ego, Event, EventKind, Frame, Layout, Plan, Proposal, SceneMessage, Score, World};
+pub use body::{Cache, Ego, Event, EventKind, Frame, Layout, Plan, Proposal, SceneMessage, Score, Verdict, World};
 pub use envelope::{Envelope, Header, SCHEMA_VERSION};
 pub use order::{Advance, Motion, Owner, Role};
 pub use slot::{Slot, Topic};
-pub use spec::{AgentMode, EpisodeSpec, ObservationSource, ReplanAlignment};
+pub use spec::{AgentMode, EpisodeSpec, ObservationSource, ProposalScorer, ReplanAlignment, ScoreProfile};

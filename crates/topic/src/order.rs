@@ -6,6 +6,8 @@ use std::fmt;
 use ds_space::{Digest, DigestWriter, InstanceId, Tick};
 use ds_world::Trajectory;
 
+use crate::body::Proposal;
+
 /// The stages of the loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Role {
@@ -65,6 +67,8 @@ pub enum Motion {
     Log,
     /// The policy's trajectory, in the rig frame at the border tick.
     Plan(Trajectory),
+    /// The policy's proposals, in the rig frame at the border tick, at least one: the simulator drives the best.
+    Choice(Vec<Proposal>),
 }
 
 /// The work order of one iteration, body of the `advance` topic.
@@ -100,6 +104,14 @@ impl Advance {
             Motion::Plan(plan) => {
                 writer.u32(2);
                 crate::body::digest_trajectory(&mut writer, plan);
+                &mut writer
+            }
+            Motion::Choice(proposals) => {
+                writer.u32(3).u64(proposals.len() as u64);
+                for proposal in proposals {
+                    crate::body::digest_trajectory(&mut writer, &proposal.trajectory);
+                    writer.f64(proposal.score);
+                }
                 &mut writer
             }
         };

@@ -87,6 +87,69 @@ pub enum ReplanAlignment {
     Exact,
 }
 
+/// Who ranks the proposals of a plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub enum ProposalScorer {
+    /// The policy itself: its answer is driven.
+    #[default]
+    Learned,
+    /// The simulator: each proposal is rolled out in a copy of the world with reacting agents, the best one is driven.
+    Oracle,
+    /// The same in open loop: executed by the score's own tracker among agents that do not react.
+    OracleNavsim,
+}
+
+impl ProposalScorer {
+    /// All scorers.
+    pub const ALL: [Self; 3] = [Self::Learned, Self::Oracle, Self::OracleNavsim];
+
+    /// Returns the scorer's name on the command line and in results.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Learned => "learned",
+            Self::Oracle => "oracle",
+            Self::OracleNavsim => "oracle-navsim",
+        }
+    }
+
+    /// Returns the scorer of a name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|scorer| scorer.name() == name)
+    }
+}
+
+/// Which definition of the driving score is used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub enum ScoreProfile {
+    /// As the public closed-loop benchmark computes it, deviations included.
+    #[default]
+    Bridgesim,
+    /// As its definition means it.
+    Strict,
+}
+
+impl ScoreProfile {
+    /// All profiles.
+    pub const ALL: [Self; 2] = [Self::Bridgesim, Self::Strict];
+
+    /// Returns the profile's name on the command line and in results.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Bridgesim => "bridgesim",
+            Self::Strict => "strict",
+        }
+    }
+
+    /// Returns the profile of a name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|profile| profile.name() == name)
+    }
+}
+
 /// The settings of one episode, fully resolved.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EpisodeSpec {
@@ -130,6 +193,10 @@ pub struct EpisodeSpec {
     pub policy_model: Digest,
     /// Digest over all of the run's settings.
     pub configuration: Digest,
+    /// Who ranks the proposals of a plan.
+    pub scorer: ProposalScorer,
+    /// Which definition of the driving score is used.
+    pub score_profile: ScoreProfile,
 }
 
 impl EpisodeSpec {

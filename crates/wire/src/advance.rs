@@ -6,7 +6,8 @@ use ds_space::{InstanceId, Tick};
 use ds_topic::{Advance, Motion, Owner, Role};
 
 use crate::error::FieldError;
-use crate::field::{checked, choice, digest, enumeration};
+use crate::field::{checked, choice, digest, enumeration, list};
+use crate::plan::MAX_PROPOSALS;
 use crate::v1;
 
 enumeration!(v1::Role, Role, { Sim = Sim, Layout = Layout, Video = Video, Policy = Policy });
@@ -22,6 +23,9 @@ impl From<&Advance> for v1::Advance {
             Motion::Initial => v1::advance::Motion::Initial(v1::InitialMotion {}),
             Motion::Log => v1::advance::Motion::Log(v1::LogMotion {}),
             Motion::Plan(plan) => v1::advance::Motion::Plan(plan.into()),
+            Motion::Choice(proposals) => {
+                v1::advance::Motion::Choice(v1::Choice { proposals: proposals.iter().map(Into::into).collect() })
+            }
         };
         Self {
             header: None,
@@ -48,6 +52,14 @@ impl TryFrom<v1::Advance> for Advance {
             Some(v1::advance::Motion::Log(_)) => Motion::Log,
             Some(v1::advance::Motion::Plan(plan)) => {
                 Motion::Plan(plan.try_into().map_err(|error: FieldError| error.below("plan"))?)
+            }
+            Some(v1::advance::Motion::Choice(choice)) => {
+                let proposals: Vec<ds_topic::Proposal> =
+                    list("proposals", choice.proposals, MAX_PROPOSALS).map_err(|error| error.below("choice"))?;
+                if proposals.is_empty() {
+                    return Err(FieldError::new("choice.proposals", "is empty"));
+                }
+                Motion::Choice(proposals)
             }
             None => return Err(FieldError::new("motion", "is missing")),
         };

@@ -50,8 +50,8 @@ pub fn verify<B: Body>(envelope: &Envelope) -> Result<B, WireError> {
 pub const fn max_bytes(topic: Topic) -> usize {
     match topic {
         Topic::Ego | Topic::Event => 8 << 10,
-        Topic::Advance | Topic::Score => 64 << 10,
-        Topic::Plan => 4 << 20,
+        Topic::Score => 64 << 10,
+        Topic::Advance | Topic::Plan => 4 << 20,
         Topic::World => 8 << 20,
         Topic::Layout | Topic::Frame => 32 << 20,
         Topic::Scene => 32 << 20,
@@ -67,10 +67,13 @@ const PLAN_LIMITS: &[Limit] = &[
 const ADVANCE_LIMITS: &[Limit] = &[
     Limit { path: &[10], field: "owners", most: 4 },
     Limit { path: &[7, 1], field: "plan.poses", most: ds_world::trajectory::MAX_POINTS },
+    Limit { path: &[11, 1], field: "choice.proposals", most: plan::MAX_PROPOSALS },
+    Limit { path: &[11, 1, 1, 1], field: "choice.proposals.trajectory.poses", most: 65_536 },
 ];
 const WORLD_LIMITS: &[Limit] = &[
     Limit { path: &[5], field: "agents", most: world::MAX_AGENTS },
     Limit { path: &[7], field: "contacts", most: world::MAX_AGENTS },
+    Limit { path: &[10], field: "verdict", most: 1 },
 ];
 const SCORE_LIMITS: &[Limit] = &[Limit { path: &[2], field: "values", most: crate::score::MAX_VALUES }];
 const SCENE_LIMITS: &[Limit] = &[

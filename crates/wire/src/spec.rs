@@ -1,7 +1,7 @@
 //! The settings of an episode, part of `scene`.
 
 use ds_space::{EpisodeId, Tick};
-use ds_topic::{AgentMode, EpisodeSpec, ObservationSource, ReplanAlignment};
+use ds_topic::{AgentMode, EpisodeSpec, ObservationSource, ProposalScorer, ReplanAlignment, ScoreProfile};
 
 use crate::error::FieldError;
 use crate::field::{checked, choice, digest, enumeration, text, whole};
@@ -15,6 +15,20 @@ enumeration!(v1::AgentMode, AgentMode, {
     LogReplay = LogReplay, IdmBehindEgo = IdmBehindEgo, IdmAll = IdmAll,
 });
 enumeration!(v1::ReplanAlignment, ReplanAlignment, { Rollback = Rollback, Exact = Exact });
+
+enumeration!(v1::ProposalScorer, ProposalScorer, {
+    Learned = Learned, Oracle = Oracle, OracleNavsim = OracleNavsim,
+});
+enumeration!(v1::ScoreProfile, ScoreProfile, { Bridgesim = Bridgesim, Strict = Strict });
+
+/// Reads a choice that older messages lack: unspecified is the default.
+fn chosen<W, T>(field: &str, value: i32) -> Result<T, FieldError>
+where
+    W: TryFrom<i32>,
+    T: TryFrom<W, Error = FieldError> + Default,
+{
+    if value == 0 { Ok(T::default()) } else { choice::<W, T>(field, value) }
+}
 
 impl From<&EpisodeSpec> for v1::EpisodeSpec {
     fn from(value: &EpisodeSpec) -> Self {
@@ -40,6 +54,8 @@ impl From<&EpisodeSpec> for v1::EpisodeSpec {
             video_model: bytes(&value.video_model),
             policy_model: bytes(&value.policy_model),
             configuration: bytes(&value.configuration),
+            scorer: v1::ProposalScorer::from(value.scorer).into(),
+            score_profile: v1::ScoreProfile::from(value.score_profile).into(),
         }
     }
 }
@@ -69,6 +85,8 @@ impl TryFrom<v1::EpisodeSpec> for EpisodeSpec {
             video_model: digest("video_model", &message.video_model)?,
             policy_model: digest("policy_model", &message.policy_model)?,
             configuration: digest("configuration", &message.configuration)?,
+            scorer: chosen::<v1::ProposalScorer, _>("scorer", message.scorer)?,
+            score_profile: chosen::<v1::ScoreProfile, _>("score_profile", message.score_profile)?,
         })
     }
 }

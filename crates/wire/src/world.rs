@@ -1,11 +1,12 @@
 //! Topic `world`: ego, agents, lights, contacts and the simulator's snapshot.
 
 use ds_space::{AgentId, SimTime, Tick};
-use ds_topic::World;
+use ds_topic::{Verdict, World};
 use ds_world::{AgentClass, AgentState, Contact, ContactKind, LightState, WorldState};
 
 use crate::error::FieldError;
 use crate::field::{choice, choices, digest, enumeration, list, number, part};
+use crate::plan::MAX_PROPOSALS;
 use crate::v1;
 
 /// The most agents, lights or contacts of a state.
@@ -82,6 +83,11 @@ impl From<&World> for v1::World {
             contacts: state.contacts.iter().map(Into::into).collect(),
             before: value.before.0.to_vec().into(),
             snapshot: value.snapshot.clone().map(Into::into),
+            verdict: value.verdict.as_ref().map(|verdict| v1::Verdict {
+                chosen: verdict.chosen,
+                scores: verdict.scores.clone(),
+                reference: Some(verdict.reference),
+            }),
         }
     }
 }
@@ -102,8 +108,26 @@ impl TryFrom<v1::World> for World {
         if let Some(bytes) = message.snapshot.as_ref().map(bytes::Bytes::len).filter(|len| *len > MAX_SNAPSHOT_BYTES) {
             return Err(FieldError::new("snapshot", format!("has {bytes} bytes, the limit is {MAX_SNAPSHOT_BYTES}")));
         }
-        Ok(Self { state, before: digest("before", &message.before)?, snapshot: message.snapshot.map(Into::into) })
+        Ok(Self {
+            state,
+            before: digest("before", &message.before)?,
+            snapshot: message.snapshot.map(Into::into),
+            verdict: message.verdict.map(verdict).transpose().map_err(|error| error.below("verdict"))?,
+        })
     }
+}
+
+fn verdict(message: v1::Verdict) -> Result<Verdict, FieldError> {
+    if message.scores.len() > MAX_PROPOSALS || message.scores.len() <= message.chosen as usize {
+        let problem = format!("is {} of {} scores, at most {MAX_PROPOSALS}", message.chosen, message.scores.len());
+        return Err(FieldError::new("chosen", problem));
+    }
+    for (index, score) in message.scores.iter().enumerate() {
+        if !(0.0..=1.0).contains(score) {
+            return Err(FieldError::new(&format!("scores[{index}]"), format!("is {score}, not 0 to 1")));
+        }
+    }
+    Ok(Verdict { chosen: message.chosen, scores: message.scores, reference: number("reference", message.reference)? })
 }
 
 /// Refuses a list whose ids are out of order.

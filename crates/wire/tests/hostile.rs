@@ -90,7 +90,7 @@ fn world() -> World {
     let agents = (0..4).map(agent).collect();
     let ego = EgoState::default();
     let state = WorldState { tick: Tick(3), time: SimTime(3), ego, agents, lights: vec![], contacts: vec![] };
-    World { state, before: Digest::default(), snapshot: Some(vec![1, 2, 3]) }
+    World { state, before: Digest::default(), snapshot: Some(vec![1, 2, 3]), verdict: None }
 }
 
 fn image() -> RgbImage {
@@ -176,6 +176,8 @@ fn spec() -> EpisodeSpec {
         video_model: Digest::default(),
         policy_model: Digest::default(),
         configuration: Digest::default(),
+        scorer: Default::default(),
+        score_profile: Default::default(),
     }
 }
 

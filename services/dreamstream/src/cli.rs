@@ -52,6 +52,8 @@ pub enum Command {
         /// The shell.
         shell: clap_complete::Shell,
     },
+    /// Score recordings again without simulating, in either profile; or answer case files of the reference scorers.
+    Score(ScoreArgs),
     /// Put results of one or several runs into tables, plots and a page, with intervals over scenarios.
     Report(ReportArgs),
     /// Compare two runs on the scenarios that both drove: paired differences, intervals, significance.
@@ -107,7 +109,8 @@ pub struct RunArgs {
     /// Scenario files, or folders of them.
     #[arg(required = true, value_hint = ValueHint::AnyPath)]
     pub scenarios: Vec<PathBuf>,
-    /// The policy under test: camera, constant-velocity, route-follower, log-replay, or the name of an external one.
+    /// The policy under test: camera, constant-velocity, lattice, route-follower, log-replay, or the name of an external
+    /// one.
     #[arg(long, default_value = "camera")]
     pub policy: String,
     /// What makes the frames that the policy sees.
@@ -122,6 +125,15 @@ pub struct RunArgs {
     /// Frames that the policy sees (K).
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
     pub history: u32,
+    /// Who ranks the policy's proposals: the policy itself, or an oracle that rolls each out in a copy of the world.
+    #[arg(long, default_value = "learned", value_parser = ["learned", "oracle"])]
+    pub scorer: String,
+    /// How the oracle rolls out: with agents that react to each proposal, or in NAVSIM's open-loop form.
+    #[arg(long, default_value = "reacting", value_parser = ["reacting", "navsim"])]
+    pub oracle: String,
+    /// Definition of the driving score: as the public benchmark computes it, or as its definition means it.
+    #[arg(long, default_value = "bridgesim", value_parser = ["bridgesim", "strict"])]
+    pub profile: String,
     /// Refuse policies that see more than frames, so that results can be compared.
     #[arg(long)]
     pub benchmark: bool,
@@ -196,11 +208,11 @@ pub struct ControlArgs {
     )]
     pub orchestrator: String,
     /// The authority that signed the orchestrator's certificate, for https addresses (see `dreamstream certs`).
-    #[arg(long, env = "DREAMSTREAM_SECURITY_CA", default_value = "", hide_default_value = true, value_hint = ValueHint::FilePath)]
-    pub ca: PathBuf,
+    #[arg(long, env = "DREAMSTREAM_SECURITY_CA", value_hint = ValueHint::FilePath)]
+    pub ca: Option<PathBuf>,
     /// The file with the token that the orchestrator asks for.
-    #[arg(long, env = "DREAMSTREAM_SECURITY_TOKEN", default_value = "", hide_default_value = true, value_hint = ValueHint::FilePath)]
-    pub token: PathBuf,
+    #[arg(long, env = "DREAMSTREAM_SECURITY_TOKEN", value_hint = ValueHint::FilePath)]
+    pub token: Option<PathBuf>,
     /// Speak to an orchestrator on another host without TLS.
     #[arg(long, env = "DREAMSTREAM_SECURITY_INSECURE")]
     pub insecure: bool,
@@ -348,6 +360,23 @@ pub struct ServeArgs {
     pub set: Vec<String>,
 }
 
+/// Arguments of `score`.
+#[derive(Debug, Args)]
+pub struct ScoreArgs {
+    /// Recordings (.mcap).
+    #[arg(value_hint = ValueHint::FilePath, conflicts_with = "cases")]
+    pub recordings: Vec<PathBuf>,
+    /// Definition of the driving score; the recording's own without.
+    #[arg(long, value_parser = ["bridgesim", "strict"])]
+    pub profile: Option<String>,
+    /// A folder of case files of the reference scorers to answer.
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub cases: Option<PathBuf>,
+    /// Where the scores or answers go as JSON.
+    #[arg(long, short, value_hint = ValueHint::FilePath)]
+    pub out: Option<PathBuf>,
+}
+
 /// Arguments of `report`.
 #[derive(Debug, Args)]
 pub struct ReportArgs {
@@ -434,7 +463,7 @@ impl ControlArgs {
     /// # Errors
     /// If the address is none, a file cannot be read, or the address is in clear beyond loopback.
     pub fn dial(&self) -> anyhow::Result<Dial> {
-        let (ca, token) = (self.ca.clone(), self.token.clone());
+        let (ca, token) = (self.ca.clone().unwrap_or_default(), self.token.clone().unwrap_or_default());
         let security = SecuritySection { ca, token, insecure: self.insecure, ..SecuritySection::default() };
         Dial::new(&self.orchestrator, &security)
     }

@@ -8,6 +8,7 @@ pub mod replay;
 pub mod report;
 pub mod run;
 pub mod scenario;
+pub mod score;
 pub mod serve;
 pub mod train;
 pub mod view;

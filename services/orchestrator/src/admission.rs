@@ -156,6 +156,25 @@ fn aligned(spec: &EpisodeSpec) -> Result<(), String> {
     Ok(())
 }
 
+fn fill_scores(result: &mut pb::EpisodeResult, outcome: &Outcome) {
+    let (score, proposals) = &outcome.scores;
+    result.driving_score = score.driving_score;
+    result.mean_score = score.mean;
+    result.route_completion = score.route_completion;
+    score.reason.clone_into(&mut result.score_reason);
+    score.profile.clone_into(&mut result.score_profile);
+    score.version.clone_into(&mut result.score_version);
+    let scored = score.sub_scores.iter().filter_map(|(name, value)| Some(((*name).to_owned(), (*value)?)));
+    result.sub_scores = scored.collect();
+    result.lost = score.lost.iter().map(|(name, points)| ((*name).to_owned(), *points)).collect();
+    result.first_violations = score.first_violations.iter().map(|(name, tick)| ((*name).to_owned(), *tick)).collect();
+    result.proposals = (proposals.ticks > 0).then(|| pb::ProposalStats {
+        best_mean: proposals.best_mean(),
+        ticks_without_positive: proposals.without_positive,
+        ticks: proposals.ticks,
+    });
+}
+
 fn fill(result: &mut pb::EpisodeResult, outcome: &Outcome) {
     result.status = match outcome.ending.status {
         Status::Completed => pb::Status::Completed,
@@ -166,10 +185,7 @@ fn fill(result: &mut pb::EpisodeResult, outcome: &Outcome) {
     result.reason.clone_from(&outcome.ending.reason);
     result.awaits.clear();
     result.ticks = outcome.ticks;
-    result.route_completion = outcome.scores.route_completion;
-    ds_score::DRIVING_SCORE_REASON.clone_into(&mut result.score_reason);
-    let scored = outcome.scores.sub_scores.iter().filter_map(|(name, value)| Some((name.clone(), (*value)?)));
-    result.sub_scores = scored.collect::<BTreeMap<_, _>>();
+    fill_scores(result, outcome);
     let wall = outcome.wall.as_secs_f64();
     result.wall_secs = wall;
     result.frames_per_second = f64::from(outcome.ticks) / wall.max(1e-9);

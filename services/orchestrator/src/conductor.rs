@@ -10,6 +10,7 @@ use ds_episode::fleet::Request;
 use ds_episode::{Driver, Fault, Millis, Timing};
 use ds_process::clock::millis;
 use ds_process::hold::{answer, publish, pull};
+use ds_score::DriveScore;
 use ds_space::{AttemptId, Digest, EpisodeId, InstanceId};
 use ds_topic::{Envelope, Owner, Role, SceneMessage, Slot, Topic};
 use ds_wire::{Body, WireCodec};
@@ -18,7 +19,7 @@ use tokio::task::JoinSet;
 
 use crate::hub::Hub;
 use crate::journal::{Journal, JournalError};
-use crate::scorer::{EpisodeScores, Scorer};
+use crate::scorer::{Proposals, Scorer};
 use crate::submission::{self, Job};
 
 /// How often watchers are told what is awaited, and how late it must be, in milliseconds.
@@ -40,7 +41,7 @@ pub(crate) struct Stand {
 pub(crate) struct Outcome {
     pub(crate) ending: Ending,
     pub(crate) ticks: u32,
-    pub(crate) scores: EpisodeScores,
+    pub(crate) scores: (DriveScore, Proposals),
     pub(crate) digests: [Digest; 3],
     pub(crate) recording: std::path::PathBuf,
     pub(crate) wall: Duration,

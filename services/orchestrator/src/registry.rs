@@ -189,6 +189,7 @@ fn queued(job: &Job) -> pb::EpisodeResult {
         status: pb::Status::Queued.into(),
         ticks_due: spec.last_tick.0,
         category: job.category.clone(),
+        scorer: spec.scorer.name().to_owned(),
         ..pb::EpisodeResult::default()
     }
 }

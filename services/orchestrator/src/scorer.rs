@@ -1,51 +1,65 @@
 //! Scores the committed states of a drive as they come.
 
-use std::collections::BTreeMap;
-
-use ds_score::ScoreTracker;
+use ds_score::{DriveScore, DriveScorer, Profile};
 use ds_space::Tick;
-use ds_topic::{Envelope, SceneMessage, Score, World};
+use ds_topic::{Envelope, EpisodeSpec, SceneMessage, Score, ScoreProfile, Verdict, World};
 use ds_wire::{Body, WireError};
 
-/// The scores of a whole drive.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub(crate) struct EpisodeScores {
-    /// Share of the logged path; `None` where the expert stands still.
-    pub(crate) route_completion: Option<f64>,
-    /// Sub-metrics by lower-case name.
-    pub(crate) sub_scores: BTreeMap<String, Option<f64>>,
+/// What the oracle said of the proposals of a drive.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Proposals {
+    /// Sum of the best proposals' scores.
+    sum: f64,
+    pub(crate) ticks: u32,
+    pub(crate) without_positive: u32,
 }
 
-/// Feeds `world` messages to the score tracker.
-pub(crate) struct Scorer(ScoreTracker);
+impl Proposals {
+    fn note(&mut self, verdict: &Verdict) {
+        let best = verdict.scores.iter().copied().fold(0.0, f64::max);
+        self.sum += best;
+        self.ticks += 1;
+        self.without_positive += u32::from(best <= 0.0);
+    }
+
+    pub(crate) fn best_mean(&self) -> f64 {
+        self.sum / f64::from(self.ticks.max(1))
+    }
+}
+
+/// Feeds `world` messages to the score.
+pub(crate) struct Scorer {
+    scorer: DriveScorer,
+    proposals: Proposals,
+}
+
+/// Returns the first tick that the policy moves.
+fn start(spec: &EpisodeSpec) -> Tick {
+    spec.ticks_of(spec.warm_up).1
+}
 
 impl Scorer {
     pub(crate) fn new(message: &SceneMessage) -> Self {
-        Self(ScoreTracker::new(&message.scene))
+        let spec = &message.spec;
+        let profile = match spec.score_profile {
+            ScoreProfile::Bridgesim => Profile::bridgesim(),
+            ScoreProfile::Strict => Profile::strict(),
+        };
+        let scorer = DriveScorer::new(&message.scene, profile, start(spec), spec.last_tick);
+        Self { scorer, proposals: Proposals::default() }
     }
 
     /// Takes the next state and returns the sub-metrics so far.
     pub(crate) fn observe(&mut self, envelope: &Envelope) -> Result<(Tick, Score), WireError> {
         let world = World::from_bytes(&envelope.body)?;
-        self.0.observe(&world.state);
-        Ok((world.state.tick, Score { values: named(&self.0.finish()).into_iter().collect() }))
+        if let Some(verdict) = &world.verdict {
+            self.proposals.note(verdict);
+        }
+        Ok((world.state.tick, Score { values: self.scorer.observe(&world.state) }))
     }
 
     /// Returns the scores of the whole drive.
-    pub(crate) fn finish(&self) -> EpisodeScores {
-        let score = self.0.finish();
-        let mut sub_scores = named(&score);
-        let route_completion = sub_scores.remove("route_completion").flatten();
-        EpisodeScores { route_completion, sub_scores }
+    pub(crate) fn finish(&self) -> (DriveScore, Proposals) {
+        (self.scorer.finish(), self.proposals)
     }
-}
-
-fn named(score: &ds_score::EpisodeScore) -> BTreeMap<String, Option<f64>> {
-    let values = [
-        ("collision", score.collision),
-        ("drivable_area", score.drivable_area),
-        ("progress", score.progress),
-        ("route_completion", score.route_completion),
-    ];
-    values.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }

@@ -6,7 +6,9 @@ use std::sync::Arc;
 use ds_camera::{Appearance, ReferenceCamera};
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter, EpisodeId, RunId, Tick};
-use ds_topic::{AgentMode, EpisodeSpec, ObservationSource, ReplanAlignment, SceneMessage};
+use ds_topic::{
+    AgentMode, EpisodeSpec, ObservationSource, ProposalScorer, ReplanAlignment, SceneMessage, ScoreProfile,
+};
 use ds_wire::control as pb;
 use ds_world::Scene;
 
@@ -121,6 +123,17 @@ fn checked(settings: pb::RunSettings) -> Result<pb::RunSettings, SubmissionError
     if settings.layout_backend.is_empty() {
         settings.layout_backend = "auto".to_owned();
     }
+    for (field, value, known) in [
+        ("settings.scorer", &mut settings.scorer, ProposalScorer::ALL.map(ProposalScorer::name).to_vec()),
+        ("settings.score_profile", &mut settings.score_profile, ScoreProfile::ALL.map(ScoreProfile::name).to_vec()),
+    ] {
+        if value.is_empty() {
+            known[0].clone_into(value);
+        }
+        if !known.contains(&value.as_str()) {
+            return refuse(field, &value, "a known name, such as `learned` or `bridgesim`");
+        }
+    }
     if settings.replan_period > settings.horizon {
         return refuse("settings.replan_period", settings.replan_period, "at most the horizon");
     }
@@ -220,9 +233,12 @@ fn spec(run: &RunId, scene: &Scene, arm: &Arm<'_>, settings: &pb::RunSettings) -
         video_model: Digest::default(),
         policy_model: Digest::default(),
         configuration: Digest::default(),
+        scorer: ProposalScorer::from_name(&settings.scorer).unwrap_or_default(),
+        score_profile: ScoreProfile::from_name(&settings.score_profile).unwrap_or_default(),
     };
     let mut writer = DigestWriter::new();
     writer.text(run.as_str()).u32(spec.replan_period).u32(spec.horizon).u32(spec.history).u32(spec.warm_up);
+    writer.u32(spec.scorer as u32).u32(spec.score_profile as u32).u32(spec.alignment as u32);
     writer.u32(spec.agents as u32).text(&spec.tracker).text(&spec.layout_backend).u32(spec.last_tick.0);
     spec.configuration = writer.finish();
     Ok(spec)

@@ -2,10 +2,13 @@
 
 use std::sync::Arc;
 
+use ds_oracle::{AgentsIn, Oracle};
 use ds_process::maker::{Fault, Inputs, Maker, MakerFactory, Output, bad, output};
 use ds_sim::{SimConfig, Simulation, TrackerKind};
 use ds_space::{Digest, Tick};
-use ds_topic::{Advance, AgentMode, Ego, Motion, Role, SceneMessage, Slot, Topic, World};
+use ds_topic::{
+    Advance, AgentMode, Ego, Motion, Proposal, ProposalScorer, Role, SceneMessage, Slot, Topic, Verdict, World,
+};
 
 /// Opens a simulator for each episode that the instance is given.
 #[derive(Debug, Default)]
@@ -22,7 +25,14 @@ impl MakerFactory for SimStage {
 
     fn open(&self, scene: Arc<SceneMessage>) -> Result<Box<dyn Maker>, Fault> {
         let config = sim_config(&scene)?;
-        Ok(Box::new(Running { scene, config, simulation: None, border: Digest::default() }))
+        Ok(Box::new(Running {
+            scene,
+            config,
+            simulation: None,
+            border: Digest::default(),
+            verdict: None,
+            oracle: None,
+        }))
     }
 }
 
@@ -49,6 +59,9 @@ struct Running {
     config: SimConfig,
     simulation: Option<Simulation>,
     border: Digest,
+    /// How the proposals of the order under way were ranked, until its first state carries it.
+    verdict: Option<Verdict>,
+    oracle: Option<Oracle>,
 }
 
 impl Running {
@@ -61,6 +74,7 @@ impl Running {
             state: simulation.state().clone(),
             before: self.border,
             snapshot: with_snapshot.then(|| simulation.snapshot()),
+            verdict: self.verdict.take(),
         };
         let ego = Ego { estimate: simulation.ego_estimate(), command: simulation.route_command() };
         let tick = world.state.tick;
@@ -94,6 +108,7 @@ impl Maker for Running {
             }
             Motion::Log => self.running()?.begin_log(),
             Motion::Plan(plan) => self.running()?.begin_plan(plan),
+            Motion::Choice(proposals) => self.choose(proposals)?,
         }
         let mut outputs = Vec::new();
         for tick in order.first.to(order.last) {
@@ -105,6 +120,31 @@ impl Maker for Running {
 }
 
 impl Running {
+    /// Ranks the proposals in copies of the world and begins the best one.
+    fn choose(&mut self, proposals: &[Proposal]) -> Result<(), Fault> {
+        let simulation = self.running()?.clone();
+        let oracle = match &mut self.oracle {
+            Some(oracle) => oracle,
+            None => {
+                let made = Oracle::new(&self.scene.scene).map_err(|error| bad("oracle_refused", &error))?;
+                self.oracle.insert(made)
+            }
+        };
+        let agents = match self.scene.spec.scorer {
+            ProposalScorer::OracleNavsim => AgentsIn::Open,
+            ProposalScorer::Learned | ProposalScorer::Oracle => AgentsIn::Reacting,
+        };
+        let ranked = oracle.rank(&simulation, proposals, agents).map_err(|error| bad("oracle_refused", &error))?;
+        let best = &proposals[ranked.chosen].trajectory;
+        self.running()?.begin_plan(best);
+        self.verdict = Some(Verdict {
+            chosen: u32::try_from(ranked.chosen).unwrap_or(u32::MAX),
+            scores: ranked.scores,
+            reference: ranked.reference,
+        });
+        Ok(())
+    }
+
     fn running(&mut self) -> Result<&mut Simulation, Fault> {
         self.simulation
             .as_mut()

@@ -1,10 +1,21 @@
 //! How a driver moves time: the order of each iteration, its commit, the next.
 
-use ds_topic::{Advance, Envelope, Motion, Slot, Topic};
+use ds_topic::{Advance, Envelope, Motion, Plan, Proposal, ProposalScorer, Slot, Topic};
 
 use super::{Action, Committed, Current, Driver, Status};
 use crate::clock::Millis;
 use crate::due;
+
+/// Returns what a plan moves the ego by: the policy's answer, or whatever the simulator finds best of its proposals.
+fn moved_by(plan: Plan, scorer: ProposalScorer) -> Motion {
+    if scorer == ProposalScorer::Learned {
+        return Motion::Plan(plan.trajectory);
+    }
+    if plan.proposals.is_empty() {
+        return Motion::Choice(vec![Proposal { trajectory: plan.trajectory, score: 0.0 }]);
+    }
+    Motion::Choice(plan.proposals)
+}
 
 impl Driver {
     /// Makes the order of the next iteration current; it is sent when all seats are ready.
@@ -14,7 +25,7 @@ impl Driver {
         let (first, last) = spec.ticks_of(iteration);
         let motion = match self.plan.take() {
             _ if iteration == 0 => Motion::Initial,
-            Some(plan) if iteration > spec.warm_up => Motion::Plan(plan.trajectory),
+            Some(plan) if iteration > spec.warm_up => moved_by(plan, spec.scorer),
             _ => Motion::Log,
         };
         let plan_due = due::plan_due(spec, iteration);

@@ -119,6 +119,8 @@ pub fn outline(dice: &mut Dice) -> Outline {
         video_model: Digest::default(),
         policy_model: Digest::default(),
         configuration: Digest::default(),
+        scorer: Default::default(),
+        score_profile: Default::default(),
     };
     Outline { spec, cameras: dice.range(1, 2) as u16, dt: SimTime(100_000_000) }
 }

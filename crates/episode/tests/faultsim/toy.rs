@@ -164,6 +164,7 @@ impl ToyMaker {
                 Motion::Initial => 0.0,
                 Motion::Log => 1.0,
                 Motion::Plan(plan) => 2.0 + plan.points()[0].pose.position.x,
+                Motion::Choice(proposals) => 3.0 + proposals.len() as f64,
             };
             let command = DigestWriter::new().f64(by).finish();
             self.world = hash("step", &[self.world, command], &[tick.0]);

@@ -347,6 +347,13 @@ pub struct InitialMotion {}
 /// The ego follows the logged drive (warm-up).
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct LogMotion {}
+/// Proposals that the simulator ranks.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Choice {
+    /// 1 to 1024.
+    #[prost(message, repeated, tag = "1")]
+    pub proposals: ::prost::alloc::vec::Vec<Proposal>,
+}
 /// Body of `advance`.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Advance {
@@ -372,7 +379,7 @@ pub struct Advance {
     #[prost(message, repeated, tag = "10")]
     pub owners: ::prost::alloc::vec::Vec<Owner>,
     /// What moves the ego; required.
-    #[prost(oneof = "advance::Motion", tags = "5, 6, 7")]
+    #[prost(oneof = "advance::Motion", tags = "5, 6, 7, 11")]
     pub motion: ::core::option::Option<advance::Motion>,
 }
 /// Nested message and enum types in `Advance`.
@@ -389,6 +396,9 @@ pub mod advance {
         /// The policy's trajectory, in the rig frame at the border tick.
         #[prost(message, tag = "7")]
         Plan(super::Trajectory),
+        /// The policy's proposals, in the rig frame at the border tick: the simulator drives the best one.
+        #[prost(message, tag = "11")]
+        Choice(super::Choice),
     }
 }
 /// The stages of the loop.
@@ -1363,6 +1373,19 @@ pub struct Contact {
     #[prost(double, optional, tag = "4")]
     pub closing_speed_mps: ::core::option::Option<f64>,
 }
+/// The simulator's ranking of proposals.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Verdict {
+    /// Index of the proposal that is driven.
+    #[prost(uint32, tag = "1")]
+    pub chosen: u32,
+    /// Score of each proposal, 0 to 1.
+    #[prost(double, repeated, tag = "2")]
+    pub scores: ::prost::alloc::vec::Vec<f64>,
+    /// Score of the reference plan, 0 to 1.
+    #[prost(double, optional, tag = "3")]
+    pub reference: ::core::option::Option<f64>,
+}
 /// Body of `world`: the state after the step to this tick.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct World {
@@ -1393,6 +1416,9 @@ pub struct World {
     /// Restorable state of the simulator, at most 4 MiB; only at the last tick of an iteration.
     #[prost(bytes = "bytes", optional, tag = "9")]
     pub snapshot: ::core::option::Option<::prost::bytes::Bytes>,
+    /// How the proposals of the iteration were ranked; only at its first tick, and only if they were.
+    #[prost(message, optional, tag = "10")]
+    pub verdict: ::core::option::Option<Verdict>,
 }
 /// What kind of road user or object an agent is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
@@ -1577,6 +1603,12 @@ pub struct EpisodeSpec {
     /// Digest over all of the run's settings, 32 bytes.
     #[prost(bytes = "bytes", tag = "20")]
     pub configuration: ::prost::bytes::Bytes,
+    /// Who ranks the proposals of a plan.
+    #[prost(enumeration = "ProposalScorer", tag = "21")]
+    pub scorer: i32,
+    /// Which definition of the driving score is used.
+    #[prost(enumeration = "ScoreProfile", tag = "22")]
+    pub score_profile: i32,
 }
 /// A lane.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -1913,6 +1945,76 @@ impl ReplanAlignment {
             "REPLAN_ALIGNMENT_UNSPECIFIED" => Some(Self::Unspecified),
             "REPLAN_ALIGNMENT_ROLLBACK" => Some(Self::Rollback),
             "REPLAN_ALIGNMENT_EXACT" => Some(Self::Exact),
+            _ => None,
+        }
+    }
+}
+/// Who ranks the proposals of a plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum ProposalScorer {
+    /// As `learned`.
+    Unspecified = 0,
+    /// The policy itself: its answer is driven.
+    Learned = 1,
+    /// The simulator: each is rolled out in a copy of the world with reacting agents, the best one is driven.
+    Oracle = 2,
+    /// The same in open loop: executed by the score's own tracker among agents that do not react.
+    OracleNavsim = 3,
+}
+impl ProposalScorer {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "PROPOSAL_SCORER_UNSPECIFIED",
+            Self::Learned => "PROPOSAL_SCORER_LEARNED",
+            Self::Oracle => "PROPOSAL_SCORER_ORACLE",
+            Self::OracleNavsim => "PROPOSAL_SCORER_ORACLE_NAVSIM",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "PROPOSAL_SCORER_UNSPECIFIED" => Some(Self::Unspecified),
+            "PROPOSAL_SCORER_LEARNED" => Some(Self::Learned),
+            "PROPOSAL_SCORER_ORACLE" => Some(Self::Oracle),
+            "PROPOSAL_SCORER_ORACLE_NAVSIM" => Some(Self::OracleNavsim),
+            _ => None,
+        }
+    }
+}
+/// Which definition of the driving score is used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum ScoreProfile {
+    /// As `bridgesim`.
+    Unspecified = 0,
+    /// As the public closed-loop benchmark computes it.
+    Bridgesim = 1,
+    /// As its definition means it.
+    Strict = 2,
+}
+impl ScoreProfile {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "SCORE_PROFILE_UNSPECIFIED",
+            Self::Bridgesim => "SCORE_PROFILE_BRIDGESIM",
+            Self::Strict => "SCORE_PROFILE_STRICT",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "SCORE_PROFILE_UNSPECIFIED" => Some(Self::Unspecified),
+            "SCORE_PROFILE_BRIDGESIM" => Some(Self::Bridgesim),
+            "SCORE_PROFILE_STRICT" => Some(Self::Strict),
             _ => None,
         }
     }

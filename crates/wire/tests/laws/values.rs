@@ -10,7 +10,7 @@ use ds_space::{
 use ds_topic::body::Tensor;
 use ds_topic::{
     Advance, AgentMode, Cache, Ego, EpisodeSpec, Frame, Layout, Motion, ObservationSource, Owner, Plan, Proposal,
-    ReplanAlignment, Role, SceneMessage, Score, World,
+    ProposalScorer, ReplanAlignment, Role, SceneMessage, Score, ScoreProfile, Verdict, World,
 };
 use ds_wire::policy::{CameraView, Observation, StampedEgo, StampedImage};
 use ds_world::{
@@ -133,8 +133,13 @@ pub(crate) fn score() -> impl Strategy<Value = Score> {
         .prop_map(|values| Score { values: values.into_iter().collect() })
 }
 
+fn choice() -> impl Strategy<Value = Motion> {
+    let proposal = (trajectory(), finite()).prop_map(|(trajectory, score)| Proposal { trajectory, score });
+    vec(proposal, 1..4).prop_map(Motion::Choice)
+}
+
 pub(crate) fn advance() -> impl Strategy<Value = Advance> {
-    let motion = prop_oneof![Just(Motion::Initial), Just(Motion::Log), trajectory().prop_map(Motion::Plan)];
+    let motion = prop_oneof![Just(Motion::Initial), Just(Motion::Log), trajectory().prop_map(Motion::Plan), choice()];
     let owner = ("[a-z0-9-]{1,20}", any::<u64>());
     let owners = prop::collection::btree_map(prop::sample::select(Role::ALL.to_vec()), owner, 0..4);
     (any::<u32>(), 0_u32..99, 0_u32..9, motion, digest(), any::<bool>(), owners).prop_map(
@@ -196,7 +201,9 @@ pub(crate) fn world() -> impl Strategy<Value = World> {
             };
             let contacts = (0..).zip(contacts).map(contact).collect();
             let state = WorldState { tick: Tick(tick), time: SimTime(time), ego, agents, lights, contacts };
-            World { state, before, snapshot }
+            let scores = [state.tick.0, 1].map(|value| 1.0 / f64::from(value % 9 + 1)).to_vec();
+            let verdict = snapshot.is_some().then_some(Verdict { chosen: state.tick.0 % 2, scores, reference: 0.5 });
+            World { state, before, snapshot, verdict }
         },
     )
 }
@@ -279,6 +286,8 @@ fn spec() -> impl Strategy<Value = EpisodeSpec> {
         prop::sample::select(ObservationSource::ALL.to_vec()),
         prop::sample::select(AgentMode::ALL.to_vec()),
         prop::sample::select(vec![ReplanAlignment::Rollback, ReplanAlignment::Exact]),
+        prop::sample::select(ProposalScorer::ALL.to_vec()),
+        prop::sample::select(ScoreProfile::ALL.to_vec()),
     );
     (digest(), any::<u64>(), 1_u32..9, 1_u32..99, modes).prop_map(|(digest, seed, small, large, modes)| EpisodeSpec {
         episode: EpisodeId::new("run-1.e7").expect("an id"),
@@ -301,6 +310,8 @@ fn spec() -> impl Strategy<Value = EpisodeSpec> {
         video_model: digest,
         policy_model: Digest::default(),
         configuration: digest,
+        scorer: modes.3,
+        score_profile: modes.4,
     })
 }
 

@@ -282,9 +282,19 @@ fn request(args: &RunArgs, scenarios: Vec<pb::ScenarioSource>) -> Result<pb::Sub
                 Align::Exact => pb::ReplanAlignment::Exact as i32,
             },
             benchmark: args.benchmark,
+            scorer: scorer(args).to_owned(),
+            score_profile: args.profile.clone(),
             ..pb::RunSettings::default()
         }),
     })
+}
+
+fn scorer(args: &RunArgs) -> &'static str {
+    match (args.scorer.as_str(), args.oracle.as_str()) {
+        ("learned", _) => "learned",
+        (_, "navsim") => "oracle-navsim",
+        _ => "oracle",
+    }
 }
 
 /// Returns the digest over all settings that a result depends on, names of scenarios included, folders not.
@@ -292,7 +302,12 @@ fn configuration(args: &RunArgs) -> ds_space::Digest {
     let mut writer = ds_space::DigestWriter::new();
     writer.text(&args.policy).u32(args.observation as u32).u32(args.replan).f64(args.horizon).u32(args.history);
     writer.f64(args.duration).u32(args.warm_up).text(&args.appearance).u32(args.agents as u32).text(&args.tracker);
-    writer.u32(args.align as u32).text(&args.layout_backend).text(args.shard.as_deref().unwrap_or_default());
+    writer
+        .text(scorer(args))
+        .text(&args.profile)
+        .u32(args.align as u32)
+        .text(&args.layout_backend)
+        .text(args.shard.as_deref().unwrap_or_default());
     args.seed.iter().for_each(|seed| drop(writer.u64(*seed)));
     for path in &args.scenarios {
         writer.text(&path.to_string_lossy());
@@ -328,7 +343,12 @@ fn results(
             insecure: run.insecure,
             wall_s,
         },
-        episodes: run.episodes.iter().zip(sets(files, args)).map(|(result, set)| episode(result, &set, &args.out)).collect(),
+        episodes: run
+            .episodes
+            .iter()
+            .zip(sets(files, args))
+            .map(|(result, set)| episode(result, &set, &args.out))
+            .collect(),
     })
 }
 
@@ -350,7 +370,7 @@ fn episode(result: &pb::EpisodeResult, set: &str, out: &Path) -> Episode {
     let share = |name: &str| result.time_share.get(name).copied().unwrap_or_default();
     let mut sub_scores: BTreeMap<String, Option<f64>> =
         result.sub_scores.iter().map(|(name, value)| (name.clone(), Some(*value))).collect();
-    for name in ["collision", "drivable_area", "progress"] {
+    for name in ds_score::Term::ALL.map(ds_score::Term::name).into_iter().chain(["collision", "progress"]) {
         sub_scores.entry(name.to_owned()).or_insert(None);
     }
     let recording = Path::new(&result.recording);

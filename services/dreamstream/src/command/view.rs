@@ -47,7 +47,7 @@ pub fn run(args: &ViewArgs) -> Result<()> {
 /// If router, orchestrator or viewer cannot be reached.
 pub async fn live(args: &ViewArgs, episode: &str) -> Result<()> {
     let tls = args.certificate.as_ref().map(|certificate| TlsFiles {
-        ca: args.control.ca.clone(),
+        ca: args.control.ca.clone().unwrap_or_default(),
         certificate: certificate.clone(),
         key: certificate.with_extension("key"),
     });

@@ -1,0 +1,149 @@
+//! `score`: scores recordings again without simulating, or answers case files.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail, ensure};
+use ds_record::Recording;
+use ds_score::{DriveScore, DriveScorer, Profile};
+use ds_space::Tick;
+use ds_topic::{SceneMessage, ScoreProfile, Topic, World};
+use ds_wire::Body;
+use serde::Serialize;
+
+use crate::cli::ScoreArgs;
+use crate::command::{answer, bar};
+
+/// A recording's score as it is written.
+#[derive(Debug, Serialize)]
+struct Scored {
+    recording: String,
+    scenario: String,
+    policy: String,
+    observation: &'static str,
+    seed: u64,
+    score_profile: &'static str,
+    score_version: &'static str,
+    driving_score: Option<f64>,
+    driving_score_reason: String,
+    mean_score: Option<f64>,
+    route_completion: Option<f64>,
+    sub_scores: BTreeMap<&'static str, Option<f64>>,
+    lost: BTreeMap<&'static str, f64>,
+    first_violations: BTreeMap<&'static str, u32>,
+    ended: Option<(u32, &'static str)>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If a recording or a case is refused, or the output cannot be written.
+pub fn run(args: &ScoreArgs) -> Result<()> {
+    match &args.cases {
+        Some(folder) => cases(folder, args.out.as_deref()),
+        None => recordings(args),
+    }
+}
+
+fn cases(folder: &Path, out: Option<&Path>) -> Result<()> {
+    let answers = ds_golden::answers(folder)?;
+    let text = serde_json::to_string_pretty(&answers.value).context("answers as JSON")? + "\n";
+    match out {
+        Some(path) => write(path, &text)?,
+        None => answer(text.trim_end()),
+    }
+    for (file, error) in &answers.failures {
+        super::complain(&anyhow::anyhow!("{}: {error}", file.display()));
+    }
+    ensure!(answers.failures.is_empty(), "{} cases could not be answered", answers.failures.len());
+    Ok(())
+}
+
+fn write(path: &Path, text: &str) -> Result<()> {
+    if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).with_context(|| format!("create {}", folder.display()))?;
+    }
+    std::fs::write(path, text).with_context(|| format!("write {}", path.display()))?;
+    answer(&format!("written to {}", path.display()));
+    Ok(())
+}
+
+fn recordings(args: &ScoreArgs) -> Result<()> {
+    ensure!(!args.recordings.is_empty(), "name recordings (.mcap), or a folder with --cases");
+    let bar = bar(args.recordings.len() as u64, "recordings");
+    let mut all = Vec::new();
+    for path in &args.recordings {
+        all.push(scored(path, args.profile.as_deref()).with_context(|| path.display().to_string())?);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let cell = |value: Option<f64>| value.map_or_else(|| "n/a".to_owned(), |value| format!("{value:.4}"));
+    answer(&format!(
+        "{:<28} {:<18} {:<10} {:>7} {:>7} {:>7}",
+        "scenario", "policy", "profile", "drive", "route", "mean"
+    ));
+    for one in &all {
+        let values = [one.driving_score, one.route_completion, one.mean_score].map(cell);
+        let [drive, route, mean] = &values;
+        answer(&format!(
+            "{:<28} {:<18} {:<10} {drive:>7} {route:>7} {mean:>7}",
+            one.scenario, one.policy, one.score_profile
+        ));
+        for (term, points) in &one.lost {
+            let since = one.first_violations.get(term).map_or(String::new(), |tick| format!(", first at tick {tick}"));
+            answer(&format!("  └ {term} took {points:.4}{since}"));
+        }
+        if let Some((tick, ending)) = one.ended {
+            answer(&format!("  └ scoring ended at tick {tick}: {ending}"));
+        }
+        if !one.driving_score_reason.is_empty() {
+            answer(&format!("  └ {}", one.driving_score_reason));
+        }
+    }
+    match &args.out {
+        Some(path) => write(path, &(serde_json::to_string_pretty(&all).context("scores as JSON")? + "\n")),
+        None => Ok(()),
+    }
+}
+
+fn scored(path: &Path, profile: Option<&str>) -> Result<Scored> {
+    let recording = Recording::open(path)?;
+    let scene = recording.scene();
+    let score = score(&recording, scene, profile)?;
+    let spec = &scene.spec;
+    Ok(Scored {
+        recording: path.display().to_string(),
+        scenario: spec.scenario.clone(),
+        policy: spec.policy.clone(),
+        observation: spec.observation.name(),
+        seed: spec.seed,
+        score_profile: score.profile,
+        score_version: score.version,
+        driving_score: score.driving_score,
+        driving_score_reason: score.reason,
+        mean_score: score.mean,
+        route_completion: score.route_completion,
+        sub_scores: score.sub_scores,
+        lost: score.lost,
+        first_violations: score.first_violations,
+        ended: score.ended,
+    })
+}
+
+fn score(recording: &Recording, scene: &SceneMessage, profile: Option<&str>) -> Result<DriveScore> {
+    let spec = &scene.spec;
+    let profile = match profile.unwrap_or(spec.score_profile.name()) {
+        name if name == ScoreProfile::Bridgesim.name() => Profile::bridgesim(),
+        name if name == ScoreProfile::Strict.name() => Profile::strict(),
+        other => bail!("there is no score profile {other:?}"),
+    };
+    let mut states: BTreeMap<Tick, World> = BTreeMap::new();
+    for envelope in recording.messages().filter(|envelope| envelope.header.slot.topic == Topic::World) {
+        let world = World::from_bytes(&envelope.body)?;
+        states.insert(world.state.tick, world);
+    }
+    let start = spec.ticks_of(spec.warm_up).1;
+    let mut scorer = DriveScorer::new(&scene.scene, profile, start, spec.last_tick);
+    states.values().for_each(|world| drop(scorer.observe(&world.state)));
+    Ok(scorer.finish())
+}
