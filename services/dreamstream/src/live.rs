@@ -20,6 +20,8 @@ use tokio::task::JoinSet;
 const QUEUE: usize = 1_024;
 /// How often the orchestrator is asked for new drives.
 const ASK_EVERY: Duration = Duration::from_millis(300);
+/// How long a viewer may take to answer.
+const VIEWER_WITHIN: Duration = Duration::from_secs(3);
 /// How long a drive may be silent before it is taken to be over.
 const SILENT_FOR: Duration = Duration::from_secs(120);
 
@@ -34,11 +36,33 @@ pub struct Watch {
     pub one: bool,
 }
 
+impl Watch {
+    fn url(&self) -> &str {
+        if self.url.is_empty() { view::DEFAULT_URL } else { &self.url }
+    }
+
+    /// Checks that a viewer listens: the stream to it would wait for one for ever.
+    ///
+    /// # Errors
+    /// If nothing listens, or the address is none.
+    pub async fn reach(&self) -> Result<()> {
+        let url = self.url();
+        let address = url.split_once("://").map_or(url, |(_, rest)| rest);
+        let address = address.split('/').next().unwrap_or_default().to_owned();
+        let connected = tokio::time::timeout(VIEWER_WITHIN, tokio::net::TcpStream::connect(&address)).await;
+        connected
+            .map_err(anyhow::Error::new)
+            .and_then(|connected| Ok(drop(connected?)))
+            .with_context(|| format!("no rerun viewer listens at {url}: start `rerun --bind 127.0.0.1` first"))
+    }
+}
+
 /// Shows drives as they begin, until the first ended or for ever.
 ///
 /// # Errors
 /// If the orchestrator or the viewer cannot be reached.
 pub async fn follow(bus: BusSession, control: Dial, watch: Watch) -> Result<()> {
+    watch.reach().await?;
     let channel = control.connect(Duration::from_secs(5)).await.context("orchestrator does not answer")?;
     let mut runs = RunsClient::new(channel);
     let mut known = BTreeSet::new();
@@ -58,7 +82,7 @@ pub async fn follow(bus: BusSession, control: Dial, watch: Watch) -> Result<()> 
                     let wanted = episode.episode.contains(&watch.episode) && !(watch.one && !known.is_empty());
                     if wanted && known.insert(episode.episode.clone()) {
                         let named = EpisodeId::new(&episode.episode).context("name of an episode")?;
-                        shown.spawn(show(bus.clone(), named, watch.url.clone()));
+                        shown.spawn(show(bus.clone(), named, watch.url().to_owned()));
                     }
                 }
             }
@@ -91,8 +115,7 @@ async fn show(bus: BusSession, episode: EpisodeId, url: String) -> Result<(Episo
             break SceneMessage::from_bytes(&envelope.body).context("scene")?;
         }
     };
-    let url = if url.is_empty() { view::DEFAULT_URL } else { &url };
-    let stream = view::connect(&scene, url).with_context(|| format!("viewer at {url}"))?;
+    let stream = view::connect(&scene, &url).with_context(|| format!("viewer at {url}"))?;
     let live = LiveView::start(&scene, stream, QUEUE)?;
     while let Ok(envelope) = tokio::time::timeout(SILENT_FOR, pushes.recv()).await {
         let over = envelope.header.slot.topic == Topic::Event && ends(&envelope.body);

@@ -30,6 +30,10 @@ const MAX_MESSAGE_BYTES: usize = 1 << 30;
 pub async fn run(args: &RunArgs, log: &str) -> Result<()> {
     let files = shard(scenario::files(&args.scenarios)?, args.shard.as_deref())?;
     let began = Instant::now();
+    let watch = args.live.as_ref().map(|url| Watch { episode: String::new(), url: url.clone(), one: false });
+    if let Some(watch) = &watch {
+        watch.reach().await?;
+    }
     prepare(args)?;
     let plan = FleetPlan {
         folder: args.out.clone(),
@@ -44,11 +48,8 @@ pub async fn run(args: &RunArgs, log: &str) -> Result<()> {
     let mut fleet = if args.processes { children::start(&plan, log).await? } else { embed::start(&plan).await? };
     let request = request(args, sources(&files, Source::Path)?)?;
     let control = Dial::local(&fleet.control)?;
-    let viewer = match &args.live {
-        Some(url) => {
-            let watch = Watch { episode: String::new(), url: url.clone(), one: false };
-            Some(tokio::spawn(live::follow(fleet.tap().await?, control.clone(), watch)))
-        }
+    let viewer = match watch {
+        Some(watch) => Some(tokio::spawn(live::follow(fleet.tap().await?, control.clone(), watch))),
         None => None,
     };
     let outcome = tokio::select! {
