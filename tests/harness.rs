@@ -7,12 +7,12 @@ use std::process::{Child, Command, Output, Stdio};
 use serde_json::Value;
 
 /// Returns the root of the workspace.
-pub fn workspace() -> PathBuf {
+pub(crate) fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
 /// Returns a folder of the real data beside the checkout, or says that the test is skipped.
-pub fn shared(folder: &str) -> Option<PathBuf> {
+pub(crate) fn shared(folder: &str) -> Option<PathBuf> {
     let path = workspace().join("../shared").join(folder);
     if path.exists() {
         return Some(path);
@@ -22,14 +22,14 @@ pub fn shared(folder: &str) -> Option<PathBuf> {
 }
 
 /// Returns the binary with the workspace as its folder.
-pub fn dreamstream(arguments: &[&str]) -> Command {
+pub(crate) fn dreamstream(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_dreamstream"));
     command.args(arguments).current_dir(workspace()).stdin(Stdio::null());
     command
 }
 
 /// A finished drive.
-pub struct Drive {
+pub(crate) struct Drive {
     pub folder: tempfile::TempDir,
     pub results: Value,
     pub output: Output,
@@ -37,42 +37,42 @@ pub struct Drive {
 
 impl Drive {
     /// Returns the entry of an episode.
-    pub fn episode(&self, index: usize) -> &Value {
+    pub(crate) fn episode(&self, index: usize) -> &Value {
         &self.results["episodes"][index]
     }
 
     /// Returns the three digests of an episode.
-    pub fn digests(&self, index: usize) -> [String; 3] {
+    pub(crate) fn digests(&self, index: usize) -> [String; 3] {
         ["world_digest", "layout_digest", "frame_digest"].map(|key| text(&self.episode(index)[key]))
     }
 
     /// Returns the path of an episode's recording.
-    pub fn recording(&self, index: usize) -> PathBuf {
+    pub(crate) fn recording(&self, index: usize) -> PathBuf {
         self.folder.path().join(text(&self.episode(index)["recording"]))
     }
 }
 
 /// Returns a JSON text.
-pub fn text(value: &Value) -> String {
+pub(crate) fn text(value: &Value) -> String {
     value.as_str().unwrap_or_default().to_owned()
 }
 
 /// Runs `dreamstream run` with `arguments` in a folder of its own and reads its results.
-pub fn drive(arguments: &[&str]) -> Drive {
+pub(crate) fn drive(arguments: &[&str]) -> Drive {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let output = command(arguments, folder.path()).output().expect("the binary runs");
     finished(folder, output)
 }
 
 /// Returns the command of a drive that writes to `out`.
-pub fn command(arguments: &[&str], out: &Path) -> Command {
+pub(crate) fn command(arguments: &[&str], out: &Path) -> Command {
     let mut command = dreamstream(&["run"]);
     command.args(arguments).arg("--no-pictures").arg("--out").arg(out);
     command
 }
 
 /// Reads the results of a drive that ended.
-pub fn finished(folder: tempfile::TempDir, output: Output) -> Drive {
+pub(crate) fn finished(folder: tempfile::TempDir, output: Output) -> Drive {
     let path = folder.path().join("results.json");
     let results = match std::fs::read_to_string(&path) {
         Ok(text) => serde_json::from_str(&text).expect("results are JSON"),
@@ -82,14 +82,14 @@ pub fn finished(folder: tempfile::TempDir, output: Output) -> Drive {
 }
 
 /// Starts a drive and returns the process; its output goes to a file in `out`.
-pub fn start(arguments: &[&str], out: &Path) -> Child {
+pub(crate) fn start(arguments: &[&str], out: &Path) -> Child {
     let log = std::fs::File::create(out.join("stderr.txt")).expect("a log file");
     let mut command = command(arguments, out);
     command.stdout(Stdio::null()).stderr(log).spawn().expect("the binary starts")
 }
 
 /// Waits until `condition` holds, for at most `secs` seconds.
-pub fn wait_for<T>(what: &str, secs: u64, mut condition: impl FnMut() -> Option<T>) -> T {
+pub(crate) fn wait_for<T>(what: &str, secs: u64, mut condition: impl FnMut() -> Option<T>) -> T {
     for _ in 0..secs * 50 {
         if let Some(value) = condition() {
             return value;
@@ -100,7 +100,7 @@ pub fn wait_for<T>(what: &str, secs: u64, mut condition: impl FnMut() -> Option<
 }
 
 /// Returns the process ids of child processes of `parent` whose command line holds `word`.
-pub fn children(parent: u32, word: &str) -> Vec<u32> {
+pub(crate) fn children(parent: u32, word: &str) -> Vec<u32> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir("/proc").expect("/proc").flatten() {
         let Some(pid) = entry.file_name().to_str().and_then(|name| name.parse::<u32>().ok()) else { continue };
@@ -117,14 +117,14 @@ pub fn children(parent: u32, word: &str) -> Vec<u32> {
 }
 
 /// Sends a signal such as `KILL` to a process.
-pub fn signal(pid: u32, name: &str) {
+pub(crate) fn signal(pid: u32, name: &str) {
     let status = Command::new("kill").arg(format!("-{name}")).arg(pid.to_string()).status();
     assert!(status.is_ok_and(|status| status.success()), "kill -{name} {pid} failed");
 }
 
 /// Returns the Python of an environment that holds the client and an independent MCAP reader, made at the first call;
 /// says so and returns `None` where Python cannot make one.
-pub fn python() -> Option<PathBuf> {
+pub(crate) fn python() -> Option<PathBuf> {
     let folder = workspace().join("target/test-python");
     let python = folder.join("bin/python");
     let stamp = folder.join("ready");
@@ -151,7 +151,7 @@ fn without_python(why: &str) -> Option<PathBuf> {
 }
 
 /// Returns a free port on loopback.
-pub fn free_port() -> u16 {
+pub(crate) fn free_port() -> u16 {
     let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
     listener.local_addr().expect("an address").port()
 }

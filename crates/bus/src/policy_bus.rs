@@ -289,13 +289,11 @@ impl PolicyGuest {
     }
 }
 
+/// Reads what a leaf holds; `None` for leaves of the other side.
+type Reader<T> = fn(Leaf, &[u8]) -> Option<Result<T, WireError>>;
+
 /// Reads a payload that is not longer than allowed; a longer one is refused before it is copied together.
-fn read_bounded<T>(
-    leaf: Leaf,
-    payload: ZBytes,
-    most: usize,
-    read: fn(Leaf, &[u8]) -> Option<Result<T, WireError>>,
-) -> Option<Result<T, WireError>> {
+fn read_bounded<T>(leaf: Leaf, payload: ZBytes, most: usize, read: Reader<T>) -> Option<Result<T, WireError>> {
     if payload.len() > most {
         return Some(Err(WireError::TooLong { message: leaf.name(), bytes: payload.len(), most }));
     }

@@ -116,6 +116,9 @@ struct Lease {
     until: Millis,
 }
 
+/// A role of an episode under an epoch.
+pub type Hold = (EpisodeId, Role, u64);
+
 /// The fleet of one orchestrator.
 pub struct Fleet<L> {
     ledger: L,
@@ -201,11 +204,7 @@ impl<L: Ledger> Fleet<L> {
     ///
     /// # Errors
     /// [`LedgerError::Fenced`] if another orchestrator is in charge.
-    pub fn renew(
-        &mut self,
-        now: Millis,
-        instance: &InstanceId,
-    ) -> Result<Option<Vec<(EpisodeId, Role, u64)>>, LedgerError> {
+    pub fn renew(&mut self, now: Millis, instance: &InstanceId) -> Result<Option<Vec<Hold>>, LedgerError> {
         self.check_term()?;
         let Some(member) = self.members.get_mut(instance) else { return Ok(None) };
         member.heard = now;

@@ -243,7 +243,7 @@ impl Stage {
         let committed =
             self.order.as_ref().is_some_and(|order| due::tick_of(&outline.spec, slot) < order.advance.first);
         match self.owners.get(&role) {
-            Some(owner) if (tries % 2 == 0) != committed => PullFrom::Owner(owner.clone()),
+            Some(owner) if tries.is_multiple_of(2) != committed => PullFrom::Owner(owner.clone()),
             _ => PullFrom::Journal,
         }
     }

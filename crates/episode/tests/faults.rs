@@ -5,12 +5,12 @@
 //! `DREAMSTREAM_FAULT_SEEDS` sets the number of seeds, `DREAMSTREAM_FAULT_SEED` runs one alone.
 
 mod faultsim {
-    pub mod cluster;
-    pub mod orchestrator;
-    pub mod script;
-    pub mod store;
-    pub mod toy;
-    pub mod worker;
+    pub(crate) mod cluster;
+    pub(crate) mod orchestrator;
+    pub(crate) mod script;
+    pub(crate) mod store;
+    pub(crate) mod toy;
+    pub(crate) mod worker;
 }
 
 use std::collections::BTreeMap;
@@ -76,7 +76,7 @@ fn any_mishaps_end_with_the_digests_of_the_fault_free_run_or_a_named_status() {
         add(&mut totals, outcome.driver);
     }
     let completed = endings.get("completed ").copied().unwrap_or(0);
-    println!("{count} seeds: {endings:?}, {totals:?}");
+    eprintln!("{count} seeds: {endings:?}, {totals:?}");
     assert!(completed * 100 >= count * 95, "only {completed} of {count} seeds completed: {endings:?}");
 }
 
@@ -213,7 +213,7 @@ fn the_journalled_plan_is_the_one_that_was_driven_whatever_later_holders_plan() 
         let journalled = outcome.contents.into_iter().filter(|(slot, _)| slot.topic != Topic::Plan).collect();
         assert!(driven == journalled, "seed {seed}: the journal holds states that its plans do not lead to");
     }
-    println!("{superseded} plans came after the accepted one");
+    eprintln!("{superseded} plans came after the accepted one");
 }
 
 #[test]

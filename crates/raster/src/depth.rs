@@ -116,7 +116,7 @@ impl Plane {
         let (bx, by, bw) = (b.x_px - a.x_px, b.y_px - a.y_px, b.inverse_depth - a.inverse_depth);
         let (cx, cy, cw) = (c.x_px - a.x_px, c.y_px - a.y_px, c.inverse_depth - a.inverse_depth);
         let area = bx * cy - by * cx;
-        if !(area.abs() > 1e-9) {
+        if area.abs() <= 1e-9 || area.is_nan() {
             return None;
         }
         let per_x = (bw * cy - cw * by) / area;

@@ -102,7 +102,7 @@ impl View {
             return;
         }
         if inside.iter().all(|p| p.z >= NEAR_M) {
-            return draw(&inside.map(|p| self.to_screen(p)));
+            return draw(&inside.map(|p| self.on_screen(p)));
         }
         let mut clipped = [DVec3::ZERO; 4];
         let mut count = 0;
@@ -117,7 +117,7 @@ impl View {
                 count += 1;
             }
         }
-        let screen = clipped.map(|p| self.to_screen(p));
+        let screen = clipped.map(|p| self.on_screen(p));
         for i in 2..count {
             draw(&[screen[0], screen[i - 1], screen[i]]);
         }
@@ -134,7 +134,7 @@ impl View {
             || !corners.iter().all(|p| p.is_finite())
     }
 
-    fn to_screen(&self, p: DVec3) -> ScreenPoint {
+    fn on_screen(&self, p: DVec3) -> ScreenPoint {
         let inverse_depth = 1.0 / p.z;
         ScreenPoint {
             x_px: self.lens.cx_px + self.lens.fx_px * p.x * inverse_depth,
@@ -190,7 +190,7 @@ mod tests {
         #[test]
         fn a_ray_leads_back_to_the_point(x in 1.0..60.0, y in -20.0..20.0, z in -2.0..4.0) {
             let (view, point) = (view(), DVec3::new(x, y, z));
-            let screen = view.to_screen(view.to_camera(point));
+            let screen = view.on_screen(view.to_camera(point));
             let back = view.origin() + view.ray(screen.x_px, screen.y_px) / screen.inverse_depth;
             prop_assert!((back - point).length() < 1e-9);
         }

@@ -49,10 +49,10 @@ mod tests {
         };
         check(3.9, 0.0, 0.0, true);
         check(4.1, 0.0, 0.0, false);
-        check(0.0, 2.9, 1.5707, true);
-        check(0.0, 3.1, 1.5707, false);
-        check(3.0, 2.0, 0.785, true);
-        check(3.4, 2.6, 0.785, false);
+        check(0.0, 2.9, std::f64::consts::FRAC_PI_2, true);
+        check(0.0, 3.1, std::f64::consts::FRAC_PI_2, false);
+        check(3.0, 2.0, std::f64::consts::FRAC_PI_4, true);
+        check(3.4, 2.6, std::f64::consts::FRAC_PI_4, false);
     }
 
     #[test]

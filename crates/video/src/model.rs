@@ -15,7 +15,7 @@ use crate::config::ModelConfig;
 use crate::error::VideoError;
 
 /// Metadata key of the configuration's digest.
-pub const CONFIG_DIGEST: &str = "config_digest";
+pub(crate) const CONFIG_DIGEST: &str = "config_digest";
 
 /// A video model: configuration and weights.
 pub struct VideoModel {

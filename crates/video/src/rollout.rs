@@ -86,6 +86,7 @@ impl Rollout {
     ///
     /// # Errors
     /// If the model gives values that are not finite.
+    #[expect(clippy::too_many_arguments, reason = "what a rollout begins with, each once")]
     pub fn new(
         model: Arc<VideoModel>,
         draw_key: Digest,

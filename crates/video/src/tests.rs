@@ -262,7 +262,7 @@ fn weight_files_are_checked_against_the_model() {
         weights: Weights::initialised(&VideoModel::declare(&config), &Digest::of(b"weights")),
         ..WeightsFile::default()
     };
-    let mut load = |change: &dyn Fn(&mut WeightsFile)| {
+    let load = |change: &dyn Fn(&mut WeightsFile)| {
         let mut changed = file.clone();
         change(&mut changed);
         changed.write(&path).expect("writes");

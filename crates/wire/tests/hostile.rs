@@ -43,7 +43,7 @@ fn refuses_what_is_not_a_message<B: Body>(sound: &B) {
         with(&[0x07]),
         with(&[0x00, 0x00]),
         with(&[0x0a, 0x00]),
-        with(&vec![0x6b; 200]),
+        with(&[0x6b; 200]),
         with(&[0x6c]),
         vec![0; ds_wire::body::max_bytes(B::TOPIC) + 1],
     ];

@@ -22,7 +22,7 @@ struct Supervised {
 
 /// Running child processes in order of start. One that dies is started again: its roles are taken over by epoch, its
 /// journal goes on from the last commit.
-pub struct Children(Vec<Supervised>);
+pub(crate) struct Children(Vec<Supervised>);
 
 fn free_port() -> Result<u16> {
     let listener = TcpListener::bind("127.0.0.1:0").context("no free port on loopback")?;
@@ -41,7 +41,7 @@ fn path(path: &Path) -> Result<String> {
 ///
 /// # Errors
 /// If a process cannot be started or does not come up.
-pub async fn start(plan: &FleetPlan, log: &str) -> Result<Fleet> {
+pub(crate) async fn start(plan: &FleetPlan, log: &str) -> Result<Fleet> {
     let (bus_port, control_port) = (free_port()?, free_port()?);
     let endpoint = format!("tcp/127.0.0.1:{bus_port}");
     let control = format!("http://127.0.0.1:{control_port}");
@@ -109,7 +109,7 @@ impl Children {
     }
 
     /// Watches the processes and starts dead ones again; returns when one has died too often.
-    pub async fn supervise(&mut self) -> anyhow::Error {
+    pub(crate) async fn supervise(&mut self) -> anyhow::Error {
         loop {
             for process in &mut self.0 {
                 let status = match process.child.try_wait() {
@@ -136,7 +136,7 @@ impl Children {
     ///
     /// # Errors
     /// If a process cannot be signalled or does not end.
-    pub async fn stop(mut self) -> Result<()> {
+    pub(crate) async fn stop(mut self) -> Result<()> {
         while let Some(Supervised { name, mut child, .. }) = self.0.pop() {
             if let Some(pid) = child.id() {
                 let killed = Command::new("kill").arg("-TERM").arg(pid.to_string()).status().await;

@@ -16,7 +16,7 @@ const EXAMPLES: &str = "Examples:
 /// A closed-loop simulator for end-to-end driving policies.
 #[derive(Debug, Parser)]
 #[command(name = "dreamstream", version, about, after_help = EXAMPLES, propagate_version = true)]
-pub struct Cli {
+pub(crate) struct Cli {
     /// Log filter, such as `info` or `ds_bus=trace`.
     #[arg(long, global = true, env = "DREAMSTREAM_LOG", default_value = "warn,zenoh=error")]
     pub log: String,
@@ -27,7 +27,7 @@ pub struct Cli {
 
 /// The commands.
 #[derive(Debug, Subcommand)]
-pub enum Command {
+pub(crate) enum Command {
     /// Drive scenarios in a closed loop; scores, recordings and pictures go to --out.
     Run(RunArgs),
     /// Drive scenarios on a fleet that runs already, such as one started by compose.
@@ -72,7 +72,7 @@ pub enum Command {
 
 /// What makes the frames that the policy sees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Observation {
+pub(crate) enum Observation {
     /// The autoregressive video model.
     Dreamstream,
     /// The reference camera: a rich renderer in place of a real camera.
@@ -85,7 +85,7 @@ pub enum Observation {
 
 /// Which agents react.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Agents {
+pub(crate) enum Agents {
     /// All follow their log.
     LogReplay,
     /// Those behind the ego drive by IDM.
@@ -96,7 +96,7 @@ pub enum Agents {
 
 /// How iterations and the video model's chunks fit together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Align {
+pub(crate) enum Align {
     /// A cut chunk is made, shown, rolled back and made again with the true layouts.
     Rollback,
     /// Refuse the drive.
@@ -105,7 +105,7 @@ pub enum Align {
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
-pub struct RunArgs {
+pub(crate) struct RunArgs {
     /// Scenario files, or folders of them.
     #[arg(required = true, value_hint = ValueHint::AnyPath)]
     pub scenarios: Vec<PathBuf>,
@@ -198,7 +198,7 @@ pub struct RunArgs {
 
 /// How to reach the orchestrator of a fleet.
 #[derive(Debug, Args)]
-pub struct ControlArgs {
+pub(crate) struct ControlArgs {
     /// The orchestrator's address.
     #[arg(
         long,
@@ -220,7 +220,7 @@ pub struct ControlArgs {
 
 /// Arguments of `submit`.
 #[derive(Debug, Args)]
-pub struct SubmitArgs {
+pub(crate) struct SubmitArgs {
     /// The fleet.
     #[command(flatten)]
     pub control: ControlArgs,
@@ -231,7 +231,7 @@ pub struct SubmitArgs {
 
 /// Arguments of `import`.
 #[derive(Debug, Args)]
-pub struct ImportArgs {
+pub(crate) struct ImportArgs {
     /// The log format.
     #[arg(value_parser = ["scenarionet"])]
     pub format: String,
@@ -245,7 +245,7 @@ pub struct ImportArgs {
 
 /// Commands of `scenario`.
 #[derive(Debug, Subcommand)]
-pub enum ScenarioCommand {
+pub(crate) enum ScenarioCommand {
     /// List scenario files with their length, agents and map size.
     List {
         /// Files or folders.
@@ -277,7 +277,7 @@ pub enum ScenarioCommand {
 
 /// Arguments of `train`.
 #[derive(Debug, Args)]
-pub struct TrainArgs {
+pub(crate) struct TrainArgs {
     /// The stage: clips (render the training data), autoencoder, teacher, student, decoder, ship (write the weights), or policy.
     #[arg(value_parser = ["clips", "autoencoder", "teacher", "student", "decoder", "ship", "policy"])]
     pub stage: String,
@@ -291,7 +291,7 @@ pub struct TrainArgs {
 
 /// Arguments of `view`.
 #[derive(Debug, Args)]
-pub struct ViewArgs {
+pub(crate) struct ViewArgs {
     /// A recording (.mcap, or .mcap.partial of a drive that was killed).
     #[arg(value_hint = ValueHint::FilePath, required_unless_present = "live", conflicts_with = "live")]
     pub recording: Option<PathBuf>,
@@ -317,7 +317,7 @@ pub struct ViewArgs {
 
 /// Arguments of `replay`.
 #[derive(Debug, Args)]
-pub struct ReplayArgs {
+pub(crate) struct ReplayArgs {
     /// A recording.
     #[arg(value_hint = ValueHint::FilePath)]
     pub recording: PathBuf,
@@ -337,7 +337,7 @@ pub struct ReplayArgs {
 
 /// Arguments of `bench`.
 #[derive(Debug, Args)]
-pub struct BenchArgs {
+pub(crate) struct BenchArgs {
     /// Scenario files to measure on.
     #[arg(default_value = "scenarios/base", value_hint = ValueHint::AnyPath)]
     pub scenarios: Vec<PathBuf>,
@@ -348,7 +348,7 @@ pub struct BenchArgs {
 
 /// Arguments of `serve`.
 #[derive(Debug, Args)]
-pub struct ServeArgs {
+pub(crate) struct ServeArgs {
     /// The service: router, orchestrator, sim-server, layout-render, vdm-worker or policy-bridge.
     #[arg(value_parser = ["router", "orchestrator", "sim-server", "layout-render", "vdm-worker", "policy-bridge"])]
     pub service: String,
@@ -362,7 +362,7 @@ pub struct ServeArgs {
 
 /// Arguments of `score`.
 #[derive(Debug, Args)]
-pub struct ScoreArgs {
+pub(crate) struct ScoreArgs {
     /// Recordings (.mcap).
     #[arg(value_hint = ValueHint::FilePath, conflicts_with = "cases")]
     pub recordings: Vec<PathBuf>,
@@ -379,7 +379,7 @@ pub struct ScoreArgs {
 
 /// Arguments of `report`.
 #[derive(Debug, Args)]
-pub struct ReportArgs {
+pub(crate) struct ReportArgs {
     /// Folders of runs, or their results files.
     #[arg(required = true, value_hint = ValueHint::AnyPath)]
     pub runs: Vec<PathBuf>,
@@ -393,7 +393,7 @@ pub struct ReportArgs {
 
 /// Arguments of `compare`.
 #[derive(Debug, Args)]
-pub struct CompareArgs {
+pub(crate) struct CompareArgs {
     /// The run that is compared with: its folder or results file.
     #[arg(value_hint = ValueHint::AnyPath)]
     pub run_a: PathBuf,
@@ -407,7 +407,7 @@ pub struct CompareArgs {
 
 /// Arguments of `merge`.
 #[derive(Debug, Args)]
-pub struct MergeArgs {
+pub(crate) struct MergeArgs {
     /// Folders of runs, or their results files.
     #[arg(required = true, value_hint = ValueHint::AnyPath)]
     pub runs: Vec<PathBuf>,
@@ -421,7 +421,7 @@ pub struct MergeArgs {
 
 /// Arguments of `why`.
 #[derive(Debug, Args)]
-pub struct WhyArgs {
+pub(crate) struct WhyArgs {
     /// The episode, or a part of its name; all drives under way without it.
     pub episode: Option<String>,
     /// The fleet.
@@ -431,7 +431,7 @@ pub struct WhyArgs {
 
 /// Arguments of `certs`.
 #[derive(Debug, Args)]
-pub struct CertsArgs {
+pub(crate) struct CertsArgs {
     /// Where the files go; existing files are kept, missing ones are made.
     #[arg(long, short, default_value = "certs", value_hint = ValueHint::DirPath)]
     pub out: PathBuf,
@@ -448,7 +448,7 @@ pub struct CertsArgs {
 
 /// Arguments of `health`.
 #[derive(Debug, Args)]
-pub struct HealthArgs {
+pub(crate) struct HealthArgs {
     /// The fleet.
     #[command(flatten)]
     pub control: ControlArgs,
@@ -462,7 +462,7 @@ impl ControlArgs {
     ///
     /// # Errors
     /// If the address is none, a file cannot be read, or the address is in clear beyond loopback.
-    pub fn dial(&self) -> anyhow::Result<Dial> {
+    pub(crate) fn dial(&self) -> anyhow::Result<Dial> {
         let (ca, token) = (self.ca.clone().unwrap_or_default(), self.token.clone().unwrap_or_default());
         let security = SecuritySection { ca, token, insecure: self.insecure, ..SecuritySection::default() };
         Dial::new(&self.orchestrator, &security)

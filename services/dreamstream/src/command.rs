@@ -1,30 +1,30 @@
 //! The commands, one file each, and how they answer.
 
-pub mod bench;
-pub mod certs;
-pub mod doctor;
-pub mod health;
-pub mod replay;
-pub mod report;
-pub mod run;
-pub mod scenario;
-pub mod score;
-pub mod serve;
-pub mod train;
-pub mod view;
-pub mod why;
+pub(crate) mod bench;
+pub(crate) mod certs;
+pub(crate) mod doctor;
+pub(crate) mod health;
+pub(crate) mod replay;
+pub(crate) mod report;
+pub(crate) mod run;
+pub(crate) mod scenario;
+pub(crate) mod score;
+pub(crate) mod serve;
+pub(crate) mod train;
+pub(crate) mod view;
+pub(crate) mod why;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Prints a line of the answer on stdout; logs and progress go to stderr.
 #[expect(clippy::print_stdout, reason = "stdout belongs to the command line's answer")]
-pub fn answer(line: &str) {
+pub(crate) fn answer(line: &str) {
     println!("{line}");
 }
 
 /// Returns a progress bar with an estimate of the time left.
 #[must_use]
-pub fn bar(length: u64, unit: &'static str) -> ProgressBar {
+pub(crate) fn bar(length: u64, unit: &'static str) -> ProgressBar {
     let style = ProgressStyle::with_template("{bar:32} {pos}/{len} {msg} [{elapsed_precise} < {eta_precise}]")
         .unwrap_or_else(|_| ProgressStyle::default_bar());
     ProgressBar::new(length).with_style(style).with_message(unit)
@@ -32,6 +32,6 @@ pub fn bar(length: u64, unit: &'static str) -> ProgressBar {
 
 /// Prints an error and its causes on stderr.
 #[expect(clippy::print_stderr, reason = "the command line's own error")]
-pub fn complain(error: &anyhow::Error) {
+pub(crate) fn complain(error: &anyhow::Error) {
     eprintln!("error: {error:#}");
 }

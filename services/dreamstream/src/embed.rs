@@ -16,7 +16,7 @@ use tokio::task::JoinSet;
 
 /// How the fleet of one run is made up.
 #[derive(Debug, Clone)]
-pub struct FleetPlan {
+pub(crate) struct FleetPlan {
     /// Ledger and recordings.
     pub folder: PathBuf,
     /// Configuration of the video model.
@@ -36,7 +36,7 @@ pub struct FleetPlan {
 }
 
 /// A started fleet.
-pub struct Fleet {
+pub(crate) struct Fleet {
     /// The orchestrator's address.
     pub control: String,
     /// `embedded` or `processes`.
@@ -56,7 +56,7 @@ enum Reach {
 impl Fleet {
     /// Wraps child processes that meet at a router.
     #[must_use]
-    pub fn of_children(control: String, router: String, children: crate::children::Children) -> Self {
+    pub(crate) fn of_children(control: String, router: String, children: crate::children::Children) -> Self {
         let (drain, tasks, bus) = (Drain::new(), JoinSet::new(), Reach::Router(router));
         Self { control, mode: "processes", drain, tasks, children: Some(children), bus }
     }
@@ -65,7 +65,7 @@ impl Fleet {
     ///
     /// # Errors
     /// If the router cannot be reached.
-    pub async fn tap(&self) -> Result<BusSession> {
+    pub(crate) async fn tap(&self) -> Result<BusSession> {
         match &self.bus {
             Reach::Session(bus) => Ok(bus.clone()),
             Reach::Router(endpoint) => {
@@ -80,7 +80,7 @@ impl Fleet {
     ///
     /// # Errors
     /// The reason of its end.
-    pub async fn failed(&mut self) -> anyhow::Error {
+    pub(crate) async fn failed(&mut self) -> anyhow::Error {
         match (self.tasks.join_next().await, &mut self.children) {
             (Some(Ok(Ok(()))), _) => anyhow::anyhow!("a service ended early"),
             (Some(Ok(Err(error))), _) => error,
@@ -94,7 +94,7 @@ impl Fleet {
     ///
     /// # Errors
     /// The first error of a service.
-    pub async fn stop(mut self) -> Result<()> {
+    pub(crate) async fn stop(mut self) -> Result<()> {
         self.drain.cancel();
         if let Some(children) = self.children.take() {
             return children.stop().await;
@@ -113,7 +113,7 @@ impl Fleet {
 ///
 /// # Errors
 /// If a port, the ledger or the policy bus cannot be opened.
-pub async fn start(plan: &FleetPlan) -> Result<Fleet> {
+pub(crate) async fn start(plan: &FleetPlan) -> Result<Fleet> {
     let settings = BusSettings { drop_share: plan.drop_pushes, ..BusSettings::default() };
     let bus = BusSession::open(&settings).await.context("bus")?;
     let drain = Drain::new();

@@ -27,7 +27,7 @@ const SILENT_FOR: Duration = Duration::from_secs(120);
 
 /// Which drives to show, and where.
 #[derive(Debug, Clone)]
-pub struct Watch {
+pub(crate) struct Watch {
     /// A part of the episode's name; empty for any.
     pub episode: String,
     /// The viewer; empty for the default one of this host.
@@ -45,14 +45,17 @@ impl Watch {
     ///
     /// # Errors
     /// If nothing listens, or the address is none.
-    pub async fn reach(&self) -> Result<()> {
+    pub(crate) async fn reach(&self) -> Result<()> {
         let url = self.url();
         let address = url.split_once("://").map_or(url, |(_, rest)| rest);
         let address = address.split('/').next().unwrap_or_default().to_owned();
         let connected = tokio::time::timeout(VIEWER_WITHIN, tokio::net::TcpStream::connect(&address)).await;
         connected
             .map_err(anyhow::Error::new)
-            .and_then(|connected| Ok(drop(connected?)))
+            .and_then(|connected| {
+                let _: () = drop(connected?);
+                Ok(())
+            })
             .with_context(|| format!("no rerun viewer listens at {url}: start `rerun --bind 127.0.0.1` first"))
     }
 }
@@ -61,7 +64,7 @@ impl Watch {
 ///
 /// # Errors
 /// If the orchestrator or the viewer cannot be reached.
-pub async fn follow(bus: BusSession, control: Dial, watch: Watch) -> Result<()> {
+pub(crate) async fn follow(bus: BusSession, control: Dial, watch: Watch) -> Result<()> {
     watch.reach().await?;
     let channel = control.connect(Duration::from_secs(5)).await.context("orchestrator does not answer")?;
     let mut runs = RunsClient::new(channel);
@@ -79,7 +82,7 @@ pub async fn follow(bus: BusSession, control: Dial, watch: Watch) -> Result<()> 
             }
             _ = beat.tick(), if !watch.one || known.is_empty() => {
                 for episode in under_way(&mut runs).await? {
-                    let wanted = episode.episode.contains(&watch.episode) && !(watch.one && !known.is_empty());
+                    let wanted = episode.episode.contains(&watch.episode) && (!watch.one || known.is_empty());
                     if wanted && known.insert(episode.episode.clone()) {
                         let named = EpisodeId::new(&episode.episode).context("name of an episode")?;
                         shown.spawn(show(bus.clone(), named, watch.url().to_owned()));
@@ -94,7 +97,7 @@ pub async fn follow(bus: BusSession, control: Dial, watch: Watch) -> Result<()> 
 ///
 /// # Errors
 /// If the orchestrator refuses.
-pub async fn under_way(runs: &mut RunsClient<Control>) -> Result<Vec<pb::EpisodeResult>> {
+pub(crate) async fn under_way(runs: &mut RunsClient<Control>) -> Result<Vec<pb::EpisodeResult>> {
     let mut found = Vec::new();
     for run in runs.list(pb::ListRequest { limit: 0 }).await.context("orchestrator")?.into_inner().runs {
         if run.status != i32::from(pb::Status::Running) {

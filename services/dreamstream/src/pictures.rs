@@ -9,7 +9,7 @@ use ds_record::Recording;
 ///
 /// # Errors
 /// If the recording cannot be drawn or the folder not be written.
-pub fn draw(recording: &Recording, name: &str, folder: &Path) -> Result<()> {
+pub(crate) fn draw(recording: &Recording, name: &str, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("create {}", folder.display()))?;
     let stem = Path::new(name).file_name().and_then(|name| name.to_str()).unwrap_or("drive");
     let stem = stem.trim_end_matches(".mcap");

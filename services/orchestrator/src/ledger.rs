@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ds_episode::fleet::{Ledger, LedgerError, Write};
-use redb::{Database, ReadableDatabase, ReadableTable, TableDefinition};
+use redb::{Database, ReadableDatabase, TableDefinition};
 
 const TERM: TableDefinition<'_, &str, u64> = TableDefinition::new("term");
 const ENTRIES: TableDefinition<'_, &str, &[u8]> = TableDefinition::new("entries");
@@ -11,7 +11,7 @@ const TERM_KEY: &str = "term";
 
 /// A ledger file. The database locks it; a second orchestrator on the same file is refused at open.
 #[derive(Debug)]
-pub struct LedgerFile(Database);
+pub(crate) struct LedgerFile(Database);
 
 fn failed(error: impl Into<redb::Error>) -> LedgerError {
     LedgerError::Storage(error.into().to_string())
@@ -22,7 +22,7 @@ impl LedgerFile {
     ///
     /// # Errors
     /// If it is locked by another process, broken or cannot be written.
-    pub fn open(path: &Path) -> Result<Self, LedgerError> {
+    pub(crate) fn open(path: &Path) -> Result<Self, LedgerError> {
         let database = Database::create(path).map_err(failed)?;
         let transaction = database.begin_write().map_err(failed)?;
         transaction.open_table(TERM).map_err(failed)?;

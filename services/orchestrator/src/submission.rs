@@ -6,9 +6,7 @@ use std::sync::Arc;
 use ds_camera::{Appearance, ReferenceCamera};
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter, EpisodeId, RunId, Tick};
-use ds_topic::{
-    AgentMode, EpisodeSpec, ObservationSource, ProposalScorer, ReplanAlignment, SceneMessage, ScoreProfile,
-};
+use ds_topic::{EpisodeSpec, ObservationSource, ProposalScorer, ReplanAlignment, SceneMessage, ScoreProfile};
 use ds_wire::control as pb;
 use ds_world::Scene;
 
@@ -17,7 +15,7 @@ const MAX_EPISODES: usize = 100_000;
 
 /// A run is refused; nothing of it was begun.
 #[derive(Debug, thiserror::Error)]
-pub enum SubmissionError {
+pub(crate) enum SubmissionError {
     /// A field is missing or out of bounds.
     #[error("submit.{field} is {value}: {why}")]
     Field {
@@ -44,7 +42,7 @@ pub enum SubmissionError {
 
 /// One episode to drive.
 #[derive(Debug, Clone)]
-pub struct Job {
+pub(crate) struct Job {
     /// The scenario file.
     pub file: PathBuf,
     /// The settings; the digests of video model and policy come from the fleet.
@@ -61,7 +59,7 @@ fn refuse<T>(field: &'static str, value: impl ToString, why: &'static str) -> Re
 ///
 /// # Errors
 /// [`SubmissionError`] names the field or the file.
-pub fn jobs(run: &RunId, request: &pb::SubmitRequest, folder: &Path) -> Result<Vec<Job>, SubmissionError> {
+pub(crate) fn jobs(run: &RunId, request: &pb::SubmitRequest, folder: &Path) -> Result<Vec<Job>, SubmissionError> {
     let settings = checked(request.settings.clone().unwrap_or_default())?;
     let files = files(request, folder)?;
     let policies = &request.policies;
@@ -207,7 +205,7 @@ fn spec(run: &RunId, scene: &Scene, arm: &Arm<'_>, settings: &pb::RunSettings) -
     let Ok(episode) = EpisodeId::new(&name) else {
         return refuse("policies", arm.policy, "letters, digits, '_', '-', '.'; scenario and policy at most 60 in all");
     };
-    let agents = ds_wire::control::agents_of(settings.agents).unwrap_or(AgentMode::default());
+    let agents = ds_wire::control::agents_of(settings.agents).unwrap_or_default();
     let alignment = match pb::ReplanAlignment::try_from(settings.alignment) {
         Ok(pb::ReplanAlignment::Exact) => ReplanAlignment::Exact,
         _ => ReplanAlignment::Rollback,
@@ -248,7 +246,7 @@ fn spec(run: &RunId, scene: &Scene, arm: &Arm<'_>, settings: &pb::RunSettings) -
 ///
 /// # Errors
 /// If the file changed since the submission or is refused.
-pub fn scene(job: &Job) -> Result<SceneMessage, SubmissionError> {
+pub(crate) fn scene(job: &Job) -> Result<SceneMessage, SubmissionError> {
     let (scene, _warnings) = ds_scenario::load(&job.file)?;
     if scene.digest != job.spec.scenario_digest {
         return refuse("scenarios", job.file.display(), "the file changed since the run was submitted");

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
-use ds_process::maker::{Abilities, Fault, Maker, MakerFactory, bad};
+use ds_process::maker::{Abilities, Fault, Maker, MakerFactory};
 use ds_topic::{ObservationSource, Role, SceneMessage};
 use ds_video::{ModelConfig, VideoModel};
 

@@ -17,32 +17,32 @@ use super::store::{Checks, SharedStore};
 use super::toy::{ToyCodec, hash};
 use super::worker::Worker;
 
-pub const TIMING: Timing = Timing {
+pub(crate) const TIMING: Timing = Timing {
     pull_after_ms: 20,
     repeat_after_ms: 100,
     iteration_deadline_ms: 20_000,
     vacancy_deadline_ms: 20_000,
     max_reassignments: 40,
 };
-pub const LEASE_MS: u64 = 400;
-pub const MARGIN_MS: u64 = 100;
-pub const POLL_MS: u64 = 10;
+pub(crate) const LEASE_MS: u64 = 400;
+pub(crate) const MARGIN_MS: u64 = 100;
+pub(crate) const POLL_MS: u64 = 10;
 const LIMIT_MS: u64 = 120_000;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Node {
+pub(crate) enum Node {
     Orchestrator(usize),
     Worker(usize),
 }
 
 /// What a maker answers.
-pub enum Made {
+pub(crate) enum Made {
     Restored(Result<(), Fault>),
     Worked(Result<Vec<Output>, Fault>),
 }
 
 /// What travels on control streams.
-pub enum Control {
+pub(crate) enum Control {
     Hello(Hello),
     Heartbeat { sent: Millis },
     Ready { role: Role, epoch: u64 },
@@ -56,7 +56,7 @@ pub enum Control {
     Release { owner: Owner },
 }
 
-pub enum Occurrence {
+pub(crate) enum Occurrence {
     Poll,
     Push(Envelope),
     PullRequest { asker: Node, life: u32, slot: Slot, from: PullFrom },
@@ -69,7 +69,7 @@ pub enum Occurrence {
     Restart,
 }
 
-pub struct Cluster {
+pub(crate) struct Cluster {
     pub now: u64,
     pub script: Script,
     pub codec: Arc<ToyCodec>,
@@ -90,7 +90,7 @@ pub struct Cluster {
 }
 
 /// What a run came to.
-pub struct Outcome {
+pub(crate) struct Outcome {
     pub ending: Ending,
     pub contents: BTreeMap<Slot, Digest>,
     pub journal: Vec<Envelope>,
@@ -101,7 +101,7 @@ pub struct Outcome {
 }
 
 impl Cluster {
-    pub fn new(script: Script) -> Self {
+    pub(crate) fn new(script: Script) -> Self {
         let codec = Arc::new(ToyCodec::new(script.outline.clone()));
         let mut cluster = Self {
             now: 0,
@@ -139,7 +139,7 @@ impl Cluster {
     }
 
     /// Runs until the orchestrator in charge ends the attempt.
-    pub fn run(mut self) -> Outcome {
+    pub(crate) fn run(mut self) -> Outcome {
         while self.ending.is_none() {
             let Some(((at, _), (node, occurrence))) = self.queue.pop_first() else {
                 panic!("nothing happens any more")
@@ -186,12 +186,12 @@ impl Cluster {
         lacking.chain(stages).collect::<Vec<_>>().join("; ")
     }
 
-    pub fn schedule(&mut self, after: u64, node: Node, occurrence: Occurrence) {
+    pub(crate) fn schedule(&mut self, after: u64, node: Node, occurrence: Occurrence) {
         self.serial += 1;
         self.queue.insert((self.now + after, self.serial), (node, occurrence));
     }
 
-    pub fn reachable(&self, one: Node, other: Node) -> bool {
+    pub(crate) fn reachable(&self, one: Node, other: Node) -> bool {
         let bit = |node: Node| match node {
             Node::Orchestrator(index) => index % 2,
             Node::Worker(index) => 2 + index,
@@ -201,7 +201,7 @@ impl Cluster {
     }
 
     /// Pushes a message to every other process that listens.
-    pub fn push(&mut self, from: Node, message: &Envelope) {
+    pub(crate) fn push(&mut self, from: Node, message: &Envelope) {
         let workers = (0..self.workers.len()).map(Node::Worker);
         let nodes: Vec<Node> = (0..self.orchestrators.len()).map(Node::Orchestrator).chain(workers).collect();
         for node in nodes {
@@ -259,12 +259,12 @@ impl Cluster {
         self.schedule(0, node, Occurrence::Push(ghost));
     }
 
-    pub fn delay(&mut self) -> u64 {
+    pub(crate) fn delay(&mut self) -> u64 {
         self.dice.range(0, self.script.network.delay_ms)
     }
 
     /// Sends part of a pull, unless it is lost on the way.
-    pub fn ask(&mut self, from: Node, to: Node, occurrence: Occurrence) {
+    pub(crate) fn ask(&mut self, from: Node, to: Node, occurrence: Occurrence) {
         if self.reachable(from, to) && !self.dice.chance(self.script.network.drop_pulls) {
             let delay = self.delay();
             self.schedule(delay, to, occurrence);
@@ -272,7 +272,7 @@ impl Cluster {
     }
 
     /// Finds who answers a pull; of two orchestrators either may.
-    pub fn answerer(&mut self, from: &PullFrom) -> Option<Node> {
+    pub(crate) fn answerer(&mut self, from: &PullFrom) -> Option<Node> {
         match from {
             PullFrom::Owner(owner) => {
                 let index = self.workers.iter().position(|worker| worker.up && worker.instance == owner.instance)?;
@@ -338,11 +338,11 @@ fn time_of(mishap: Mishap) -> Option<u64> {
 }
 
 /// Names an instance of a worker's life or of an orchestrator's start.
-pub fn instance(kind: &str, index: usize, life: u32) -> InstanceId {
+pub(crate) fn instance(kind: &str, index: usize, life: u32) -> InstanceId {
     InstanceId::new(&format!("{kind}-{index}.{life}")).expect("letters, digits, '-' and '.'")
 }
 
-pub fn add(totals: &mut Counters, counters: Counters) {
+pub(crate) fn add(totals: &mut Counters, counters: Counters) {
     totals.pulls += counters.pulls;
     totals.gaps += counters.gaps;
     totals.duplicates += counters.duplicates;

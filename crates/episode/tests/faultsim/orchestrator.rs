@@ -15,7 +15,7 @@ use super::cluster::{Cluster, Control, LEASE_MS, MARGIN_MS, Node, Occurrence, PO
 use super::store::SharedStore;
 use super::toy::{SCENE, hash};
 
-pub struct Orchestrator {
+pub(crate) struct Orchestrator {
     pub up: bool,
     pub deaf: bool,
     pub term: u64,
@@ -33,7 +33,7 @@ fn episode() -> EpisodeId {
 
 impl Cluster {
     /// Starts an orchestrator over the shared store; it resumes what is committed.
-    pub fn start_orchestrator(&mut self, workers_move: bool) {
+    pub(crate) fn start_orchestrator(&mut self, workers_move: bool) {
         let index = self.orchestrators.len();
         let settings = FleetSettings {
             lease_ms: LEASE_MS,
@@ -63,7 +63,7 @@ impl Cluster {
         }
     }
 
-    pub fn orchestrator_occurrence(&mut self, index: usize, occurrence: Occurrence) {
+    pub(crate) fn orchestrator_occurrence(&mut self, index: usize, occurrence: Occurrence) {
         if matches!(occurrence, Occurrence::Restart) {
             return self.start_orchestrator(false);
         }

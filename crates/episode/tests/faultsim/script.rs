@@ -6,14 +6,14 @@ use ds_topic::{AgentMode, EpisodeSpec, ObservationSource, ReplanAlignment, Role}
 
 /// Deterministic draws, cheap enough for millions of messages (SplitMix64).
 #[derive(Debug, Clone)]
-pub struct Dice(u64);
+pub(crate) struct Dice(u64);
 
 impl Dice {
-    pub fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Self(seed ^ 0x5851_F42D_4C95_7F2D)
     }
 
-    pub fn next(&mut self) -> u64 {
+    pub(crate) fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -22,22 +22,22 @@ impl Dice {
     }
 
     /// Uniform over `low..=high`.
-    pub fn range(&mut self, low: u64, high: u64) -> u64 {
+    pub(crate) fn range(&mut self, low: u64, high: u64) -> u64 {
         low + self.next() % (high - low + 1)
     }
 
-    pub fn chance(&mut self, share: f64) -> bool {
+    pub(crate) fn chance(&mut self, share: f64) -> bool {
         (self.next() >> 11) as f64 / ((1_u64 << 53) as f64) < share
     }
 
-    pub fn pick<T: Copy>(&mut self, values: &[T]) -> T {
+    pub(crate) fn pick<T: Copy>(&mut self, values: &[T]) -> T {
         values[(self.next() % values.len() as u64) as usize]
     }
 }
 
 /// How the bus treats messages.
 #[derive(Debug, Clone, Copy)]
-pub struct Network {
+pub(crate) struct Network {
     pub drop_pushes: f64,
     pub drop_pulls: f64,
     pub duplicate: f64,
@@ -49,12 +49,12 @@ pub struct Network {
 }
 
 impl Network {
-    pub const CALM: Self = Self { drop_pushes: 0.0, drop_pulls: 0.0, duplicate: 0.0, delay_ms: 1, ghosts: 0.0 };
+    pub(crate) const CALM: Self = Self { drop_pushes: 0.0, drop_pulls: 0.0, duplicate: 0.0, delay_ms: 1, ghosts: 0.0 };
 }
 
 /// When, seen from a stage's work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Moment {
+pub(crate) enum Moment {
     Before,
     Middle,
     After,
@@ -62,7 +62,7 @@ pub enum Moment {
 
 /// Something that happens to processes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Mishap {
+pub(crate) enum Mishap {
     /// Kills the holder of a role (or a spare) at a time; it restarts as a new instance later.
     Kill { at: u64, worker: usize, restart_after: u64 },
     /// Kills whoever works on an iteration of a role, so many times.
@@ -83,7 +83,7 @@ pub enum Mishap {
 
 /// One simulated run.
 #[derive(Debug, Clone)]
-pub struct Script {
+pub(crate) struct Script {
     pub seed: u64,
     pub outline: Outline,
     pub workers_per_role: usize,
@@ -95,7 +95,7 @@ pub struct Script {
 }
 
 /// An episode of some shape.
-pub fn outline(dice: &mut Dice) -> Outline {
+pub(crate) fn outline(dice: &mut Dice) -> Outline {
     let chunk_ticks = dice.range(0, 3) as u32;
     let observation = if chunk_ticks == 0 { ObservationSource::Reference } else { ObservationSource::Dreamstream };
     let spec = EpisodeSpec {
@@ -127,7 +127,7 @@ pub fn outline(dice: &mut Dice) -> Outline {
 
 impl Script {
     /// A run without faults.
-    pub fn calm(seed: u64) -> Self {
+    pub(crate) fn calm(seed: u64) -> Self {
         let outline = outline(&mut Dice::new(seed));
         let network = Network::CALM;
         Self {
@@ -142,7 +142,7 @@ impl Script {
     }
 
     /// A run with faults of all kinds, drawn by the seed.
-    pub fn wild(seed: u64) -> Self {
+    pub(crate) fn wild(seed: u64) -> Self {
         let mut script = Self::calm(seed);
         let mut dice = Dice::new(seed.wrapping_mul(0x9E37_79B9) ^ 1);
         script.network = Network {

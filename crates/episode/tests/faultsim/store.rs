@@ -11,7 +11,7 @@ use ds_topic::{Envelope, Role, Slot};
 
 /// The durable part.
 #[derive(Default)]
-pub struct Store {
+pub(crate) struct Store {
     term: u64,
     entries: BTreeMap<String, Vec<u8>>,
     /// Committed messages, in journal order.
@@ -21,7 +21,7 @@ pub struct Store {
 
 impl Store {
     /// Appends an iteration durably, or names the term in charge.
-    pub fn append(&mut self, term: u64, iteration: u32, messages: Vec<Envelope>) -> Result<(), u64> {
+    pub(crate) fn append(&mut self, term: u64, iteration: u32, messages: Vec<Envelope>) -> Result<(), u64> {
         if term != self.term {
             return Err(self.term);
         }
@@ -32,12 +32,12 @@ impl Store {
     }
 
     /// Finds a committed message.
-    pub fn find(&self, slot: Slot) -> Option<Envelope> {
+    pub(crate) fn find(&self, slot: Slot) -> Option<Envelope> {
         self.journal.iter().find(|message| message.header.slot == slot).cloned()
     }
 
     /// Returns the content of every committed output.
-    pub fn contents(&self) -> BTreeMap<Slot, Digest> {
+    pub(crate) fn contents(&self) -> BTreeMap<Slot, Digest> {
         let outputs = self.journal.iter().filter(|message| ds_episode::due::maker(message.header.slot.topic).is_some());
         outputs.map(|message| (message.header.slot, message.header.content)).collect()
     }
@@ -45,7 +45,7 @@ impl Store {
 
 /// A handle on the store for a fleet.
 #[derive(Clone, Default)]
-pub struct SharedStore(pub Rc<RefCell<Store>>);
+pub(crate) struct SharedStore(pub Rc<RefCell<Store>>);
 
 impl Ledger for SharedStore {
     fn raise_term(&mut self) -> Result<u64, LedgerError> {
@@ -81,7 +81,7 @@ impl Ledger for SharedStore {
 
 /// What must hold whatever happens; a breach panics with the seed in the test's message.
 #[derive(Default)]
-pub struct Checks {
+pub(crate) struct Checks {
     granted: BTreeMap<(Role, u64), InstanceId>,
     accepted: BTreeMap<(Role, u64), InstanceId>,
     made: BTreeMap<(Role, u64, Slot), Digest>,
@@ -91,7 +91,7 @@ pub struct Checks {
 
 impl Checks {
     /// An epoch was given out: never twice, always a higher one.
-    pub fn grant(&mut self, role: Role, epoch: u64, instance: &InstanceId) {
+    pub(crate) fn grant(&mut self, role: Role, epoch: u64, instance: &InstanceId) {
         let other = self.granted.insert((role, epoch), instance.clone());
         assert_eq!(other, None, "epoch {epoch} of {role} was granted twice");
         let latest = self.latest.insert(role, epoch);
@@ -99,12 +99,12 @@ impl Checks {
     }
 
     /// Returns who held a role in an epoch.
-    pub fn holder(&self, role: Role, epoch: u64) -> Option<InstanceId> {
+    pub(crate) fn holder(&self, role: Role, epoch: u64) -> Option<InstanceId> {
         self.granted.get(&(role, epoch)).cloned()
     }
 
     /// A message was used as an input or committed: one publisher per epoch, and the one it was granted to.
-    pub fn accept(&mut self, message: &Envelope) {
+    pub(crate) fn accept(&mut self, message: &Envelope) {
         let header = &message.header;
         let Some(role) = ds_episode::due::maker(header.slot.topic) else { return };
         let key = (role, header.epoch);
@@ -114,14 +114,14 @@ impl Checks {
     }
 
     /// A maker was told to work: once per instance, epoch and iteration.
-    pub fn execute(&mut self, instance: &InstanceId, epoch: u64, iteration: u32) {
+    pub(crate) fn execute(&mut self, instance: &InstanceId, epoch: u64, iteration: u32) {
         let times = self.executed.entry((instance.clone(), epoch, iteration)).or_default();
         *times += 1;
         assert_eq!(*times, 1, "{instance} executed iteration {iteration} twice in epoch {epoch}");
     }
 
     /// A message was published: by the latest holder alone, with one content per epoch.
-    pub fn publish(&mut self, message: &Envelope, leased: bool) {
+    pub(crate) fn publish(&mut self, message: &Envelope, leased: bool) {
         let header = &message.header;
         let Some(role) = ds_episode::due::maker(header.slot.topic) else { return };
         assert!(leased, "{} published {} after its lease ran out", header.publisher, header.slot);

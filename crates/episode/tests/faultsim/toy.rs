@@ -12,16 +12,16 @@ use ds_topic::{Advance, Envelope, Event, Motion, Plan, Role, Slot, Topic};
 use ds_world::{Trajectory, TrajectoryPoint};
 
 /// The body of the toy scene.
-pub const SCENE: &[u8] = b"scene";
+pub(crate) const SCENE: &[u8] = b"scene";
 
 /// Keeps outline and orders in memory; bodies are indices.
-pub struct ToyCodec {
+pub(crate) struct ToyCodec {
     pub outline: Outline,
     orders: Mutex<Vec<Advance>>,
 }
 
 impl ToyCodec {
-    pub fn new(outline: Outline) -> Self {
+    pub(crate) fn new(outline: Outline) -> Self {
         Self { outline, orders: Mutex::new(Vec::new()) }
     }
 }
@@ -66,7 +66,7 @@ impl Codec for ToyCodec {
 }
 
 /// Hashes a purpose and digests.
-pub fn hash(purpose: &str, parts: &[Digest], numbers: &[u32]) -> Digest {
+pub(crate) fn hash(purpose: &str, parts: &[Digest], numbers: &[u32]) -> Digest {
     let mut writer = DigestWriter::new();
     writer.text(purpose);
     for part in parts {
@@ -87,7 +87,7 @@ struct Chain {
 
 /// A maker of any role.
 #[derive(Debug, Clone)]
-pub struct ToyMaker {
+pub(crate) struct ToyMaker {
     role: Role,
     outline: Outline,
     /// sim-server: the state after the last tick.
@@ -97,13 +97,13 @@ pub struct ToyMaker {
 }
 
 impl ToyMaker {
-    pub fn new(role: Role, outline: Outline) -> Self {
+    pub(crate) fn new(role: Role, outline: Outline) -> Self {
         let chains = vec![Chain::default(); usize::from(outline.cameras)];
         Self { role, outline, world: hash("initial", &[], &[]), chains }
     }
 
     /// Makes the state before an order from the journal alone.
-    pub fn restore(&mut self, inputs: &BTreeMap<Slot, Envelope>, advance: &Advance) -> Result<(), Fault> {
+    pub(crate) fn restore(&mut self, inputs: &BTreeMap<Slot, Envelope>, advance: &Advance) -> Result<(), Fault> {
         *self = Self::new(self.role, self.outline.clone());
         if advance.iteration == 0 {
             return Ok(());
@@ -137,7 +137,7 @@ impl ToyMaker {
     }
 
     /// Makes what an order makes due.
-    pub fn work(&mut self, advance: &Advance, inputs: &BTreeMap<Slot, Envelope>) -> Vec<Output> {
+    pub(crate) fn work(&mut self, advance: &Advance, inputs: &BTreeMap<Slot, Envelope>) -> Vec<Output> {
         match self.role {
             Role::Sim => self.step(advance),
             Role::Layout => due::outputs(&self.outline, Role::Layout, advance)

@@ -14,7 +14,7 @@ use super::cluster::{Cluster, Control, LEASE_MS, Made, Node, Occurrence, POLL_MS
 use super::script::{Mishap, Moment};
 use super::toy::{ToyMaker, hash};
 
-pub struct Held {
+pub(crate) struct Held {
     pub stage: Stage,
     maker: ToyMaker,
     serial: u64,
@@ -25,7 +25,7 @@ pub struct Held {
     pub known_term: u64,
 }
 
-pub struct Worker {
+pub(crate) struct Worker {
     pub role: Role,
     index: usize,
     pub life: u32,
@@ -46,7 +46,7 @@ pub struct Worker {
 }
 
 impl Worker {
-    pub fn new(role: Role, index: usize, offset: u64) -> Self {
+    pub(crate) fn new(role: Role, index: usize, offset: u64) -> Self {
         Self {
             role,
             index,
@@ -66,18 +66,18 @@ impl Worker {
     }
 
     /// The process's own monotonic clock.
-    pub fn clock(&self, now: u64) -> Millis {
+    pub(crate) fn clock(&self, now: u64) -> Millis {
         Millis(now + self.offset)
     }
 
     /// The number of its stream, if it has one.
-    pub fn stream(&self) -> Option<u64> {
+    pub(crate) fn stream(&self) -> Option<u64> {
         self.home.map(|(_, stream)| stream)
     }
 }
 
 impl Cluster {
-    pub fn worker_occurrence(&mut self, index: usize, occurrence: Occurrence) {
+    pub(crate) fn worker_occurrence(&mut self, index: usize, occurrence: Occurrence) {
         if !self.workers[index].up {
             if matches!(occurrence, Occurrence::Restart) {
                 self.restart(index);
@@ -162,7 +162,7 @@ impl Cluster {
     }
 
     /// Sends on the worker's stream; a loss breaks the stream.
-    pub fn control(&mut self, index: usize, message: Control) {
+    pub(crate) fn control(&mut self, index: usize, message: Control) {
         let Some((home, stream)) = self.workers[index].home else { return };
         if self.orchestrators[home].up && self.reachable(Node::Worker(index), Node::Orchestrator(home)) {
             self.schedule(2, Node::Orchestrator(home), Occurrence::Control { stream, message });
@@ -348,7 +348,7 @@ impl Cluster {
         killed
     }
 
-    pub fn kill(&mut self, index: usize, restart_after: u64) {
+    pub(crate) fn kill(&mut self, index: usize, restart_after: u64) {
         if !self.workers[index].up {
             return;
         }
@@ -370,7 +370,7 @@ impl Cluster {
         self.schedule(1, Node::Worker(index), Occurrence::Poll);
     }
 
-    pub fn drain(&mut self, index: usize, restart_after: u64) {
+    pub(crate) fn drain(&mut self, index: usize, restart_after: u64) {
         if !self.workers[index].up || self.now < self.workers[index].frozen_until {
             return;
         }

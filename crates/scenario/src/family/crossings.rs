@@ -37,7 +37,7 @@ impl Cycle {
         let cross_start = self.green + YELLOW + ALL_RED;
         let length = cross_start + self.cross_green + YELLOW + ALL_RED;
         let at = (tick + self.offset) % length;
-        let (from, green) = if arm % 2 == 0 { (0, self.green) } else { (cross_start, self.cross_green) };
+        let (from, green) = if arm.is_multiple_of(2) { (0, self.green) } else { (cross_start, self.cross_green) };
         if at >= from && at < from + green {
             LightState::Green
         } else if at >= from + green && at < from + green + YELLOW {

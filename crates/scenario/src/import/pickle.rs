@@ -220,7 +220,9 @@ impl Pickle {
     fn child(&self, node: usize, index: usize) -> Option<Value> {
         match &self.nodes[node] {
             Node::List(items) | Node::Tuple(items) | Node::Set(items) => items.get(index).copied(),
-            Node::Dict(items) => items.get(index / 2).map(|(key, value)| if index % 2 == 0 { *key } else { *value }),
+            Node::Dict(items) => {
+                items.get(index / 2).map(|(key, value)| if index.is_multiple_of(2) { *key } else { *value })
+            }
             Node::Array(Some(Array { data: Data::Objects(items), .. })) => items.get(index).copied(),
             _ => None,
         }

@@ -182,6 +182,7 @@ fn a_folder_gives_one_file_for_each_log() {
 }
 
 /// Writes the pickle of a small Waymo-like scene: lanes by name, light, stop sign, edge, crosswalk, odd tracks.
+#[expect(clippy::too_many_lines, reason = "one pickle, written from top to bottom")]
 fn small(ego_y: impl Fn(u32) -> f64) -> Vec<u8> {
     let mut w = Writer::new();
     let lane = |w: &mut Writer, y: f64, extra: &dyn Fn(&mut Writer)| {

@@ -99,7 +99,8 @@ fn refuses_hostile_files_with_place_and_value() {
 fn refuses_more_states_than_fit_in_memory() {
     let scene = generate(Family::FreeCurve, 0);
     let mut document = compose::document(&scene);
-    for values in [&mut document.ego_log.x_m] {
+    {
+        let values = &mut document.ego_log.x_m;
         values.resize(20_000, 0.0);
     }
     for values in [

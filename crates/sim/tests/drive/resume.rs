@@ -23,8 +23,8 @@ fn plans() -> impl Strategy<Value = Trajectory> {
 }
 
 fn config(choice: u32) -> SimConfig {
-    let tracker = if choice % 2 == 0 { TrackerKind::Lqr } else { TrackerKind::PurePursuit };
-    let scope = if choice / 2 % 2 == 0 { IdmScope::All } else { IdmScope::BehindEgo };
+    let tracker = if choice.is_multiple_of(2) { TrackerKind::Lqr } else { TrackerKind::PurePursuit };
+    let scope = if (choice / 2).is_multiple_of(2) { IdmScope::All } else { IdmScope::BehindEgo };
     SimConfig { tracker, agents: AgentMode::Idm { scope }, ..SimConfig::default() }
 }
 

@@ -11,12 +11,12 @@ use ds_world::{
 };
 
 /// Ticks of every scene (20 s and the initial state).
-pub const TICKS: u32 = 201;
-pub const CAR: Size = Size { length_m: 4.5, width_m: 1.9, height_m: 1.6 };
-pub const PERSON: Size = Size { length_m: 0.6, width_m: 0.6, height_m: 1.8 };
+pub(crate) const TICKS: u32 = 201;
+pub(crate) const CAR: Size = Size { length_m: 4.5, width_m: 1.9, height_m: 1.6 };
+pub(crate) const PERSON: Size = Size { length_m: 0.6, width_m: 0.6, height_m: 1.8 };
 
 /// Returns the pose at a distance along an arc through the origin, at an offset to its left.
-pub fn on_arc(curvature_per_m: f64, along_m: f64, left_m: f64) -> PoseSe2 {
+pub(crate) fn on_arc(curvature_per_m: f64, along_m: f64, left_m: f64) -> PoseSe2 {
     let heading_rad = curvature_per_m * along_m;
     let centre = if curvature_per_m.abs() < 1e-9 {
         DVec2::new(along_m, 0.0)
@@ -28,7 +28,7 @@ pub fn on_arc(curvature_per_m: f64, along_m: f64, left_m: f64) -> PoseSe2 {
 }
 
 /// Returns a drive along an arc whose distance is a function of time in seconds.
-pub fn expert(curvature_per_m: f64, along_m: impl Fn(f64) -> f64) -> Vec<EgoState> {
+pub(crate) fn expert(curvature_per_m: f64, along_m: impl Fn(f64) -> f64) -> Vec<EgoState> {
     let moved = |secs: f64| (along_m(secs + 0.01) - along_m(secs - 0.01)) / 0.02;
     (0..TICKS)
         .map(|tick| {
@@ -46,7 +46,13 @@ pub fn expert(curvature_per_m: f64, along_m: impl Fn(f64) -> f64) -> Vec<EgoStat
 }
 
 /// Returns a track along an arc at an offset, its distance a function of time.
-pub fn track(class: AgentClass, size: Size, curvature_per_m: f64, left_m: f64, along_m: impl Fn(f64) -> f64) -> Track {
+pub(crate) fn track(
+    class: AgentClass,
+    size: Size,
+    curvature_per_m: f64,
+    left_m: f64,
+    along_m: impl Fn(f64) -> f64,
+) -> Track {
     let pose = |secs: f64| on_arc(curvature_per_m, along_m(secs), left_m);
     let points = (0..TICKS)
         .map(|tick| {
@@ -59,7 +65,7 @@ pub fn track(class: AgentClass, size: Size, curvature_per_m: f64, left_m: f64, a
 }
 
 /// Returns a scene on an arc with one lane along it.
-pub fn scene(curvature_per_m: f64, ego_log: Vec<EgoState>, tracks: Vec<Track>) -> Scene {
+pub(crate) fn scene(curvature_per_m: f64, ego_log: Vec<EgoState>, tracks: Vec<Track>) -> Scene {
     let centre_line: Vec<DVec2> =
         (-20..=160).map(|i| on_arc(curvature_per_m, f64::from(i) * 2.0, 0.0).position).collect();
     let lane = Lane {
@@ -90,7 +96,7 @@ pub fn scene(curvature_per_m: f64, ego_log: Vec<EgoState>, tracks: Vec<Track>) -
 }
 
 /// Adds a stop line with a light across the lane of an eastward straight road.
-pub fn add_light(scene: &mut Scene, x_m: f64, states: Vec<LightState>) {
+pub(crate) fn add_light(scene: &mut Scene, x_m: f64, states: Vec<LightState>) {
     let light = scene.map.traffic_lights.len() as u32;
     scene.map.traffic_lights.push(TrafficLight {
         position: DVec3::new(x_m + 10.0, 0.0, 5.0),
@@ -104,7 +110,7 @@ pub fn add_light(scene: &mut Scene, x_m: f64, states: Vec<LightState>) {
 
 /// Returns a street as crowded as the busiest recorded ones: two directions of moving cars, cyclists, people on both
 /// sides, parked cars, cones and a light; `moving` cars in a ring of three rows each way.
-pub fn crowded(moving: u32) -> Scene {
+pub(crate) fn crowded(moving: u32) -> Scene {
     let mut tracks = Vec::new();
     for i in 0..moving {
         let (row, place) = (i % 3, i / 3);
@@ -133,7 +139,7 @@ pub fn crowded(moving: u32) -> Scene {
 }
 
 /// Returns the rest of the log as a plan of 8 s at 0.5 s, in the rig of an ego at `pose` and `tick`.
-pub fn expert_plan(scene: &Scene, tick: Tick, pose: &PoseSe2) -> Trajectory {
+pub(crate) fn expert_plan(scene: &Scene, tick: Tick, pose: &PoseSe2) -> Trajectory {
     let points = (1..=16)
         .map(|i| TrajectoryPoint {
             after: SimTime::from_secs(f64::from(i) * 0.5),
@@ -144,6 +150,6 @@ pub fn expert_plan(scene: &Scene, tick: Tick, pose: &PoseSe2) -> Trajectory {
 }
 
 /// Returns a scene ready to be simulated.
-pub fn shared(scene: Scene) -> Arc<Scene> {
+pub(crate) fn shared(scene: Scene) -> Arc<Scene> {
     Arc::new(scene)
 }

@@ -22,7 +22,7 @@ const ROUNDS: usize = 7;
 ///
 /// # Errors
 /// If a scenario or the model cannot be loaded.
-pub fn run(args: &BenchArgs) -> Result<()> {
+pub(crate) fn run(args: &BenchArgs) -> Result<()> {
     let first = scenario::files(&args.scenarios)?.into_iter().next().context("no scenario")?;
     answer(&format!("{:<28} {:<22} {:>12} {:>14} {:>9}", "what", "scenario", "median ms", "per second", "budget"));
     video(args, &ds_scenario::load(&first)?.0)?;
@@ -96,7 +96,7 @@ fn reference(scene: &Scene) {
         let began = Instant::now();
         for tick in Tick(0).to(Tick(4)) {
             let world = scene.logged_world(tick);
-            renderer.render(&world, camera, world.ego.pose.world_from_rig(0.0));
+            std::hint::black_box(renderer.render(&world, camera, world.ego.pose.world_from_rig(0.0)));
         }
         rounds.push(began.elapsed());
     }

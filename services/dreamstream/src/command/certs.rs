@@ -25,7 +25,7 @@ const SECONDS_PER_DAY: u64 = 86_400;
 ///
 /// # Errors
 /// If a name is refused or a file cannot be read or written.
-pub fn run(args: &CertsArgs) -> Result<()> {
+pub(crate) fn run(args: &CertsArgs) -> Result<()> {
     std::fs::create_dir_all(&args.out).with_context(|| format!("create {}", args.out.display()))?;
     let authority = authority(&args.out)?;
     let mut names = vec!["router".to_owned()];

@@ -23,7 +23,7 @@ fn finding(subject: &'static str, result: Result<String, String>) -> Finding {
 ///
 /// # Errors
 /// If a finding that an embedded run needs is bad.
-pub fn run() -> Result<()> {
+pub(crate) fn run() -> Result<()> {
     let findings = [
         finding("cpu", cpu()),
         finding("memory", memory()),

@@ -12,7 +12,7 @@ use crate::command::answer;
 ///
 /// # Errors
 /// If the orchestrator does not answer within 3 s or the instance is not a member.
-pub async fn run(args: &HealthArgs) -> Result<()> {
+pub(crate) async fn run(args: &HealthArgs) -> Result<()> {
     let limit = Duration::from_secs(3);
     let channel = args.control.dial()?.connect(limit).await;
     let channel = channel.with_context(|| format!("orchestrator does not answer: {}", args.control.orchestrator))?;

@@ -17,7 +17,7 @@ use crate::command::{answer, bar};
 ///
 /// # Errors
 /// If the recording lacks an input, the service refuses one, or an output differs.
-pub fn run(args: &ReplayArgs) -> Result<()> {
+pub(crate) fn run(args: &ReplayArgs) -> Result<()> {
     let recording = Recording::open(&args.recording)?;
     let factory = factory(args)?;
     let role = factory.role();

@@ -10,7 +10,7 @@ use crate::cli::{CompareArgs, MergeArgs, ReportArgs};
 use crate::command::answer;
 
 /// The name of a run's results file in its folder.
-pub const RESULTS: &str = "results.json";
+pub(crate) const RESULTS: &str = "results.json";
 
 /// Reads the results of a run, given its folder or the file itself.
 fn load(path: &Path) -> Result<Results> {
@@ -22,7 +22,7 @@ fn load(path: &Path) -> Result<Results> {
 ///
 /// # Errors
 /// If a results file is refused or a file cannot be written.
-pub fn run(args: &ReportArgs) -> Result<()> {
+pub(crate) fn run(args: &ReportArgs) -> Result<()> {
     let runs = args.runs.iter().map(|path| load(path)).collect::<Result<Vec<_>>>()?;
     let report = Report::new(&runs, Vec::new(), &options(args.base_set.as_deref()));
     write(&args.out, &runs, &report, &pictures(&args.out, &args.runs, &runs))?;
@@ -35,7 +35,7 @@ pub fn run(args: &ReportArgs) -> Result<()> {
 ///
 /// # Errors
 /// If a results file is refused or a file cannot be written.
-pub fn compare_runs(args: &CompareArgs) -> Result<()> {
+pub(crate) fn compare_runs(args: &CompareArgs) -> Result<()> {
     let (a, b) = (load(&args.run_a)?, load(&args.run_b)?);
     let policies = |results: &Results| {
         let mut names: Vec<&str> = results.episodes.iter().map(|episode| episode.policy.as_str()).collect();
@@ -63,7 +63,7 @@ fn write_compared(out: &Path, runs: &[Results], comparison: Comparison, pictures
 ///
 /// # Errors
 /// If a results file is refused, settings differ, or a drive is there twice.
-pub fn merge(args: &MergeArgs) -> Result<()> {
+pub(crate) fn merge(args: &MergeArgs) -> Result<()> {
     let mut runs = args.runs.iter().map(|path| Ok((path, load(path)?))).collect::<Result<Vec<_>>>()?.into_iter();
     let (first, mut merged) = runs.next().context("nothing to merge")?;
     for (path, results) in runs {
@@ -104,7 +104,7 @@ pub fn merge(args: &MergeArgs) -> Result<()> {
 ///
 /// # Errors
 /// If a file cannot be written.
-pub fn write_for(out: &Path, results: &Results) -> Result<()> {
+pub(crate) fn write_for(out: &Path, results: &Results) -> Result<()> {
     let runs = std::slice::from_ref(results);
     let report = Report::new(runs, Vec::new(), &options(None));
     write(out, runs, &report, &pictures(out, &[out.to_path_buf()], runs))

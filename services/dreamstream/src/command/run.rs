@@ -27,7 +27,7 @@ const MAX_MESSAGE_BYTES: usize = 1 << 30;
 ///
 /// # Errors
 /// If anything is refused, a service dies, or a drive fails.
-pub async fn run(args: &RunArgs, log: &str) -> Result<()> {
+pub(crate) async fn run(args: &RunArgs, log: &str) -> Result<()> {
     let files = shard(scenario::files(&args.scenarios)?, args.shard.as_deref())?;
     let began = Instant::now();
     let watch = args.live.as_ref().map(|url| Watch { episode: String::new(), url: url.clone(), one: false });
@@ -81,7 +81,7 @@ pub async fn run(args: &RunArgs, log: &str) -> Result<()> {
 ///
 /// # Errors
 /// If anything is refused or a drive fails.
-pub async fn submit(args: &SubmitArgs) -> Result<()> {
+pub(crate) async fn submit(args: &SubmitArgs) -> Result<()> {
     let run = &args.run;
     let files = shard(scenario::files(&run.scenarios)?, run.shard.as_deref())?;
     let began = Instant::now();
@@ -309,7 +309,9 @@ fn configuration(args: &RunArgs) -> ds_space::Digest {
         .u32(args.align as u32)
         .text(&args.layout_backend)
         .text(args.shard.as_deref().unwrap_or_default());
-    args.seed.iter().for_each(|seed| drop(writer.u64(*seed)));
+    for seed in &args.seed {
+        writer.u64(*seed);
+    }
     for path in &args.scenarios {
         writer.text(&path.to_string_lossy());
     }

@@ -13,7 +13,7 @@ use crate::command::{answer, complain};
 ///
 /// # Errors
 /// If a file is refused or nothing is found.
-pub fn run(command: &ScenarioCommand) -> Result<()> {
+pub(crate) fn run(command: &ScenarioCommand) -> Result<()> {
     match command {
         ScenarioCommand::List { paths } => list(paths),
         ScenarioCommand::Show { path } => {
@@ -38,7 +38,7 @@ pub fn run(command: &ScenarioCommand) -> Result<()> {
 ///
 /// # Errors
 /// If a path does not exist or a folder holds no scenario.
-pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
+pub(crate) fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for path in paths {
         if path.is_dir() {
@@ -74,7 +74,7 @@ fn list(paths: &[PathBuf]) -> Result<()> {
 ///
 /// # Errors
 /// If any log was refused; the others are still written.
-pub fn import(args: &ImportArgs) -> Result<()> {
+pub(crate) fn import(args: &ImportArgs) -> Result<()> {
     let mut refused = 0;
     for path in &args.paths {
         refused += import_one(path, &args.out).with_context(|| format!("import of {}", path.display()))?;

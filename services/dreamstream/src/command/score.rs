@@ -38,7 +38,7 @@ struct Scored {
 ///
 /// # Errors
 /// If a recording or a case is refused, or the output cannot be written.
-pub fn run(args: &ScoreArgs) -> Result<()> {
+pub(crate) fn run(args: &ScoreArgs) -> Result<()> {
     match &args.cases {
         Some(folder) => cases(folder, args.out.as_deref()),
         None => recordings(args),

@@ -18,7 +18,7 @@ struct RouterSettings {
 }
 
 /// Runs the service until SIGINT or SIGTERM.
-pub fn run(args: &ServeArgs) -> ExitCode {
+pub(crate) fn run(args: &ServeArgs) -> ExitCode {
     let (config, set) = (args.config.as_deref(), args.set.as_slice());
     match args.service.as_str() {
         "router" => service::start(config, set, route),

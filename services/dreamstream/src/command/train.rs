@@ -40,7 +40,7 @@ impl Progress for Bar {
 ///
 /// # Errors
 /// If the configuration is refused or files cannot be written.
-pub fn run(args: &TrainArgs) -> Result<()> {
+pub(crate) fn run(args: &TrainArgs) -> Result<()> {
     if args.stage == "policy" {
         return policy(args);
     }

@@ -14,7 +14,7 @@ use crate::live::{self, Watch};
 ///
 /// # Errors
 /// If the recording cannot be read or no viewer is installed.
-pub fn run(args: &ViewArgs) -> Result<()> {
+pub(crate) fn run(args: &ViewArgs) -> Result<()> {
     let path = args.recording.as_ref().context("a recording")?;
     let recording = Recording::open(path)?;
     for missing in recording.missing()? {
@@ -45,7 +45,7 @@ pub fn run(args: &ViewArgs) -> Result<()> {
 ///
 /// # Errors
 /// If router, orchestrator or viewer cannot be reached.
-pub async fn live(args: &ViewArgs, episode: &str) -> Result<()> {
+pub(crate) async fn live(args: &ViewArgs, episode: &str) -> Result<()> {
     let tls = args.certificate.as_ref().map(|certificate| TlsFiles {
         ca: args.control.ca.clone().unwrap_or_default(),
         certificate: certificate.clone(),

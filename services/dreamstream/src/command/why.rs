@@ -14,7 +14,7 @@ use crate::live;
 ///
 /// # Errors
 /// If the orchestrator does not answer or no such drive is under way.
-pub async fn run(args: &WhyArgs) -> Result<()> {
+pub(crate) async fn run(args: &WhyArgs) -> Result<()> {
     let channel = args.control.dial()?.connect(Duration::from_secs(5)).await;
     let channel = channel.with_context(|| format!("orchestrator does not answer: {}", args.control.orchestrator))?;
     let mut runs = RunsClient::new(channel);

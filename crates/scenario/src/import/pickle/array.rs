@@ -136,7 +136,7 @@ fn wide(item: &[u8], big: bool) -> String {
 
 impl Array {
     /// Turns items given in column-major order into row-major order.
-    pub(super) fn to_row_major(&mut self) {
+    pub(super) fn reorder_by_rows(&mut self) {
         let (shape, count) = (self.shape.clone(), self.shape.iter().product::<usize>());
         let source = |mut row_major: usize| {
             let mut index = vec![0; shape.len()];

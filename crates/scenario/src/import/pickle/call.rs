@@ -59,7 +59,7 @@ impl Machine<'_> {
         self.charge(16 * arguments.len())?;
         match callable {
             Callable::Reconstruct | Callable::NdArray => self.push_node(Node::Array(None)),
-            Callable::FromBuffer => self.from_buffer(&arguments),
+            Callable::FromBuffer => self.buffer_array(&arguments),
             Callable::Scalar => self.scalar(&arguments),
             Callable::Dtype => {
                 let code = arguments.first().and_then(|code| self.text_of(*code)).map(str::to_owned);
@@ -168,7 +168,7 @@ impl Machine<'_> {
                 .ok_or_else(|| self.array_error(format!("shape {shape_text} does not fit the list of objects")))?;
             return Ok(Array { shape, data: Data::Objects(items) });
         }
-        let needed = count.checked_mul(dtype.item_bytes()).unwrap_or(usize::MAX);
+        let needed = count.saturating_mul(dtype.item_bytes());
         let Value::Node(node) = data else { return Err(self.array_error("the data are no bytes")) };
         let given = match &self.nodes[node] {
             Node::Bytes(bytes) => bytes.len(),
@@ -187,12 +187,12 @@ impl Machine<'_> {
         let data = if dtype.item_bytes() == 0 { Data::Texts(vec![String::new(); count]) } else { dtype.decode(&bytes) };
         let mut array = Array { shape, data };
         if fortran {
-            array.to_row_major();
+            array.reorder_by_rows();
         }
         Ok(array)
     }
 
-    fn from_buffer(&mut self, arguments: &[Value]) -> Result<(), PickleError> {
+    fn buffer_array(&mut self, arguments: &[Value]) -> Result<(), PickleError> {
         let (dtype, shape) = (self.dtype_of(arguments.get(1))?, self.shape_of(arguments.get(2))?);
         let fortran = arguments.get(3).and_then(|order| self.text_of(*order)) == Some("F");
         let data = arguments.first().copied().unwrap_or(Value::None);
