@@ -46,6 +46,24 @@ fn wrong_arguments_end_with_64() {
 }
 
 #[test]
+fn a_benchmark_refuses_privileges_and_exact_alignment_refuses_cut_chunks() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("out").display().to_string();
+    for policy in ["route-follower", "log-replay"] {
+        let arguments = ["run", SCENARIO, "--policy", policy, "--benchmark", "--out", &out];
+        refused(&arguments, 1, "privileged");
+    }
+    let exact = |replan: &str| {
+        let arguments = [SCENARIO, "--align", "exact", "--replan", replan, "--duration", "1"];
+        harness::drive(&arguments).episode(0).clone()
+    };
+    let cut = exact("5");
+    assert_eq!(cut["status"], "aborted");
+    assert!(harness::text(&cut["reason"]).contains("not_aligned"), "{cut}");
+    assert_eq!(exact("4")["status"], "completed");
+}
+
+#[test]
 fn bad_scenario_files_are_refused_by_name() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let sound = std::fs::read_to_string(workspace().join(SCENARIO)).expect("the scenario");
@@ -192,6 +210,15 @@ async fn bad_requests_are_refused_and_the_orchestrator_lives() {
         ("observations", with(&|r| r.observations = vec![99])),
         ("appearances", with(&|r| r.appearances = vec!["disco".to_owned()])),
         ("tracker", with(&|r| r.settings = settings(&|s| s.tracker = "magic".to_owned()))),
+        ("scorer", with(&|r| r.settings = settings(&|s| s.scorer = "crystal-ball".to_owned()))),
+        ("score_profile", with(&|r| r.settings = settings(&|s| s.score_profile = "kind".to_owned()))),
+        (
+            "privileged",
+            with(&|r| {
+                r.policies = vec!["log-replay".to_owned()];
+                r.settings = settings(&|s| s.benchmark = true);
+            }),
+        ),
         ("replan_period", with(&|r| r.settings = settings(&|s| s.replan_period = 4_000_000))),
         ("history", with(&|r| r.settings = settings(&|s| s.history = u32::MAX))),
     ];

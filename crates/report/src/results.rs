@@ -191,14 +191,3 @@ impl Episode {
         format!("{} {}", self.score_profile, self.score_version).trim().to_owned()
     }
 }
-
-impl TimeShare {
-    /// Divides the work of each stage by the wall time; what the stages did not use is split between bus and journal.
-    #[must_use]
-    pub fn of(stage_secs: [f64; 4], journal_secs: f64, wall_s: f64) -> Self {
-        let total = wall_s.max(stage_secs.iter().sum::<f64>() + journal_secs).max(1e-9);
-        let [sim, layout, video, policy] = stage_secs.map(|secs| secs / total);
-        let other = journal_secs / total;
-        Self { sim, layout, video, policy, bus: 1.0 - sim - layout - video - policy - other, other }
-    }
-}

@@ -6,7 +6,8 @@
 #[must_use]
 pub fn title(name: &str) -> String {
     let known = match name.to_ascii_lowercase().as_str() {
-        "nc" | "collision" | "no_at_fault_collision" | "no_at_fault_collisions" => "collision",
+        "nc" | "no_at_fault_collision" | "no_at_fault_collisions" => "collision",
+        "collision" => "physical contact",
         "dac" | "drivable_area" | "drivable_area_compliance" => "drivable area",
         "ddc" | "driving_direction" | "driving_direction_compliance" => "driving direction",
         "tlc" | "traffic_light" | "traffic_light_compliance" => "traffic light",

@@ -158,11 +158,3 @@ fn the_screen_counts_what_did_not_finish() {
         "{table}"
     );
 }
-
-#[test]
-fn time_shares_sum_to_one() {
-    for (stages, journal, wall) in [([0.1, 0.2, 3.0, 0.4], 0.1, 5.0), ([1.0; 4], 1.0, 2.0), ([0.0; 4], 0.0, 0.0)] {
-        let s = TimeShare::of(stages, journal, wall);
-        assert!((s.sim + s.layout + s.video + s.policy + s.bus + s.other - 1.0).abs() < 1e-12, "{s:?}");
-    }
-}
