@@ -1,4 +1,4 @@
-//! `bench`: simulation step, layout frame, reference frame, video frame and bus hop on this machine, median of several rounds.
+//! `bench`: simulation step, oracle, layout frame, reference frame, video frame and bus hop on this machine, median of several rounds.
 
 use std::time::{Duration, Instant};
 
@@ -6,9 +6,12 @@ use anyhow::{Context, Result};
 use ds_bus::BusSession;
 use ds_camera::{Appearance, ReferenceCamera};
 use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap};
+use ds_oracle::{AgentsIn, Oracle};
+use ds_policy::lattice::Lattice;
+use ds_policy::{EgoView, Observation, Policy};
 use ds_sim::{AgentMode, IdmScope, SimConfig, Simulation};
-use ds_space::{AttemptId, Digest, EpisodeId, InstanceId, PoseSe2, SimTime, Tick};
-use ds_topic::{Envelope, Header, SCHEMA_VERSION, Slot, Topic};
+use ds_space::{AttemptId, Digest, Draws, EpisodeId, InstanceId, PoseSe2, SimTime, Tick};
+use ds_topic::{Envelope, Header, Proposal, SCHEMA_VERSION, Slot, Topic};
 use ds_video::{Rollout, VideoModel};
 use ds_world::{Scene, Trajectory, TrajectoryPoint};
 use std::sync::Arc;
@@ -29,6 +32,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
     for file in scenario::files(&args.scenarios)? {
         let scene = Arc::new(ds_scenario::load(&file)?.0);
         step(&scene)?;
+        oracle(&scene)?;
         layout(&scene)?;
         reference(&scene);
     }
@@ -58,6 +62,37 @@ fn step(scene: &Arc<Scene>) -> Result<()> {
         rounds.push(began.elapsed());
     }
     report("sim step, all agents IDM", &scene.name, rounds, ticks, "0.2 ms");
+    Ok(())
+}
+
+/// Ranks the 64 proposals of the lattice policy 3 s into the drive, with reacting agents.
+fn oracle(scene: &Arc<Scene>) -> Result<()> {
+    let mut simulation = Simulation::new(Arc::clone(scene), SimConfig::default(), Tick(0))?;
+    for _ in 0..30 {
+        simulation.step();
+    }
+    let ego = EgoView::of(std::slice::from_ref(&simulation.state().ego));
+    let observation = Observation {
+        frames: Vec::new(),
+        cameras: Vec::new(),
+        ego,
+        command: simulation.route_command(),
+        stamps: vec![simulation.state().time],
+        horizon_ticks: 80,
+        dt: scene.dt,
+        draw: Draws::from_seed(0, "bench"),
+    };
+    let planned = Lattice.plan(&observation, None)?;
+    let proposals: Vec<Proposal> =
+        planned.proposals.into_iter().map(|one| Proposal { trajectory: one.trajectory, score: one.score }).collect();
+    let oracle = Oracle::new(scene)?;
+    let mut rounds = Vec::new();
+    for _ in 0..ROUNDS {
+        let began = Instant::now();
+        oracle.rank(&simulation, &proposals, AgentsIn::Reacting)?;
+        rounds.push(began.elapsed());
+    }
+    report("oracle, 64 proposals", &scene.name, rounds, 1, "150 ms");
     Ok(())
 }
 
