@@ -8,3 +8,4 @@ pub(crate) mod imu_latency;
 pub(crate) mod obs_latency;
 pub(crate) mod pose_latency;
 pub(crate) mod timestamp_jitter;
+pub(crate) mod wheel_latency;

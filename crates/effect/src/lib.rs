@@ -114,5 +114,8 @@ const LIBRARY: &[&Effect] = &[
     // mismatch of every vehicle
     &actuator::servo_order::EFFECT,
     &clock::encoder_latency::EFFECT,
+    &clock::wheel_latency::EFFECT,
+    &sensor::wheel_slip::EFFECT,
+    &vehicle::tyre_knee::EFFECT,
     &follower::tr_lag::EFFECT,
 ];

@@ -42,6 +42,8 @@ pub struct Vehicle {
     pub rear_stiffness_n: f64,
     /// Friction coefficient; an axle's side force saturates at friction times load.
     pub friction: f64,
+    /// Sharpness of the passage from linear to saturated side force: 2 is gradual, 4 is nearly a clip.
+    pub tyre_knee: f64,
     /// Distance over which side force builds up, m.
     pub relaxation_m: f64,
     /// Deceleration without drive force at rest, m/s².
@@ -80,6 +82,8 @@ pub struct Sensors {
     pub misalignment_rad: f64,
     /// Factor on wheel speed.
     pub wheel_factor: f64,
+    /// Relative wheel speed per m/s² of drive or brake force over mass, s²/m.
+    pub wheel_slip_s2_m: f64,
     /// Reference point ahead of the centre of gravity, m.
     pub lever_arm_m: f64,
 }
@@ -95,6 +99,8 @@ pub struct Clock {
     pub imu_latency_secs: f64,
     /// Age of steering position samples, s.
     pub encoder_latency_secs: f64,
+    /// Age of wheel speed samples, s.
+    pub wheel_latency_secs: f64,
     /// Age of the observation a policy acts on, s.
     pub observation_latency_secs: f64,
     /// Standard deviation of the sampling instants, s.
@@ -152,6 +158,7 @@ impl Default for Sensors {
             roll_factor: 1.0,
             misalignment_rad: 0.0,
             wheel_factor: 1.0,
+            wheel_slip_s2_m: 0.0,
             lever_arm_m: 0.0,
         }
     }

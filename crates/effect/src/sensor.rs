@@ -9,3 +9,4 @@ pub(crate) mod imu_misalignment;
 pub(crate) mod lever_arm;
 pub(crate) mod suspension_roll;
 pub(crate) mod wheel_scale;
+pub(crate) mod wheel_slip;

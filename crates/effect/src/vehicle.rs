@@ -9,5 +9,6 @@ pub(crate) mod mu;
 pub(crate) mod payload;
 pub(crate) mod rear_grip;
 pub(crate) mod roll_add;
+pub(crate) mod tyre_knee;
 pub(crate) mod tyre_relaxation;
 pub(crate) mod yaw_inertia;

@@ -12,8 +12,6 @@ use crate::smooth::between;
 pub const FINE_SECS: f64 = 0.01;
 /// Standard gravity, m/s².
 const GRAVITY: f64 = 9.81;
-/// Sharpness of the passage from linear to saturated side force; 3 lies between a brush and an ideal clip.
-const KNEE: f64 = 3.0;
 /// Below this speed slip angles are computed as if at this speed, m/s.
 const SLOWEST_MPS: f64 = 0.5;
 /// Side area of wind over frontal drag area; a passenger car's side force is about two and a half times its drag.
@@ -154,12 +152,16 @@ struct State {
 struct Axle {
     stiffness: f64,
     limit: f64,
+    knee: f64,
 }
 
 impl Axle {
     fn secant(&self, slip: f64) -> f64 {
         let ratio = (self.stiffness * slip / self.limit).abs();
-        self.stiffness / (1.0 + ratio * ratio * ratio).powf(1.0 / KNEE)
+        if ratio < 0.05 {
+            return self.stiffness;
+        }
+        self.stiffness / (1.0 + ratio.powf(self.knee)).powf(1.0 / self.knee)
     }
 }
 
@@ -210,8 +212,9 @@ fn advance(state: &State, (steer, accel): (f64, f64), heading: f64, plant: &Plan
     let base = vehicle.front_arm_m + vehicle.rear_arm_m;
     let weight = vehicle.mass_kg * GRAVITY;
     let (a, b) = (vehicle.front_arm_m, vehicle.rear_arm_m);
-    let front = Axle { stiffness: vehicle.front_stiffness_n, limit: vehicle.friction * weight * b / base };
-    let rear = Axle { stiffness: vehicle.rear_stiffness_n, limit: vehicle.friction * weight * a / base };
+    let knee = vehicle.tyre_knee.max(1.0);
+    let front = Axle { stiffness: vehicle.front_stiffness_n, limit: vehicle.friction * weight * b / base, knee };
+    let rear = Axle { stiffness: vehicle.rear_stiffness_n, limit: vehicle.friction * weight * a / base, knee };
     let (build, build_step) = if vehicle.relaxation_m > 1e-3 {
         let rate = v / vehicle.relaxation_m;
         (1.0 - (-rate * half).exp(), 1.0 - (-rate * FINE_SECS).exp())

@@ -7,6 +7,9 @@ use serde::Deserialize;
 
 use crate::error::GapError;
 
+/// Sharpness of the nominal tyre's saturation; 3 lies between a brush and an ideal clip.
+const TYRE_KNEE: f64 = 3.0;
+
 /// A case's description.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Meta {
@@ -184,6 +187,7 @@ impl Nominal {
                 front_stiffness_n: self.cornering_stiffness_front,
                 rear_stiffness_n: self.cornering_stiffness_rear,
                 friction: self.friction,
+                tyre_knee: TYRE_KNEE,
                 relaxation_m: 0.0,
                 rolling_mps2: self.rolling_decel,
                 drag_n_s2_m2: self.drag_decel_per_v2 * self.mass,

@@ -219,7 +219,7 @@ impl EgoRecord {
         let sensors = &plant.sensors;
         let pose = instant_at(rollout, start_secs, secs - age);
         let imu = instant_at(rollout, start_secs, secs - plant.clock.imu_latency_secs);
-        let wheel = instant_at(rollout, start_secs, secs);
+        let wheel = instant_at(rollout, start_secs, secs - plant.clock.wheel_latency_secs);
         let (sin, cos) = pose.yaw.sin_cos();
         let ay = imu.ay * sensors.roll_factor;
         let (turn_sin, turn_cos) = sensors.misalignment_rad.sin_cos();
@@ -232,7 +232,7 @@ impl EgoRecord {
             imu.ax * turn_cos + ay * turn_sin + sensors.ax_bias_mps2,
             ay * turn_cos - imu.ax * turn_sin + sensors.ay_bias_mps2,
             actuated.sensed(secs - plant.clock.encoder_latency_secs),
-            wheel.v * sensors.wheel_factor,
+            wheel.v * sensors.wheel_factor * (1.0 + sensors.wheel_slip_s2_m * wheel.ax),
         ]
     }
 
