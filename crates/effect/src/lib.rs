@@ -117,5 +117,6 @@ const LIBRARY: &[&Effect] = &[
     &clock::wheel_latency::EFFECT,
     &sensor::wheel_slip::EFFECT,
     &vehicle::tyre_knee::EFFECT,
+    &vehicle::load_transfer::EFFECT,
     &follower::tr_lag::EFFECT,
 ];

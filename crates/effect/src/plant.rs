@@ -44,6 +44,8 @@ pub struct Vehicle {
     pub friction: f64,
     /// Sharpness of the passage from linear to saturated side force: 2 is gradual, 4 is nearly a clip.
     pub tyre_knee: f64,
+    /// Height over which drive and brake force shift axle load (times the tyre's load exponent), m.
+    pub load_height_m: f64,
     /// Distance over which side force builds up, m.
     pub relaxation_m: f64,
     /// Deceleration without drive force at rest, m/s².

@@ -5,6 +5,7 @@ pub(crate) mod cg_shift;
 pub(crate) mod drag_add;
 pub(crate) mod front_grip;
 pub(crate) mod kinematic_only;
+pub(crate) mod load_transfer;
 pub(crate) mod mu;
 pub(crate) mod payload;
 pub(crate) mod rear_grip;

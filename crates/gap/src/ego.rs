@@ -213,8 +213,15 @@ fn advance(state: &State, (steer, accel): (f64, f64), heading: f64, plant: &Plan
     let weight = vehicle.mass_kg * GRAVITY;
     let (a, b) = (vehicle.front_arm_m, vehicle.rear_arm_m);
     let knee = vehicle.tyre_knee.max(1.0);
-    let front = Axle { stiffness: vehicle.front_stiffness_n, limit: vehicle.friction * weight * b / base, knee };
-    let rear = Axle { stiffness: vehicle.rear_stiffness_n, limit: vehicle.friction * weight * a / base, knee };
+    // load moved to the rear, as a share of the static load of each axle
+    let moved = vehicle.nominal_mass_kg * accel * vehicle.load_height_m / base;
+    let (front_load, rear_load) = (weight * b / base, weight * a / base);
+    let lighter = (1.0 - moved / front_load).clamp(0.3, 1.7);
+    let heavier = (1.0 + moved / rear_load).clamp(0.3, 1.7);
+    let front =
+        Axle { stiffness: vehicle.front_stiffness_n * lighter, limit: vehicle.friction * front_load * lighter, knee };
+    let rear =
+        Axle { stiffness: vehicle.rear_stiffness_n * heavier, limit: vehicle.friction * rear_load * heavier, knee };
     let (build, build_step) = if vehicle.relaxation_m > 1e-3 {
         let rate = v / vehicle.relaxation_m;
         (1.0 - (-rate * half).exp(), 1.0 - (-rate * FINE_SECS).exp())

@@ -188,6 +188,7 @@ impl Nominal {
                 rear_stiffness_n: self.cornering_stiffness_rear,
                 friction: self.friction,
                 tyre_knee: TYRE_KNEE,
+                load_height_m: 0.0,
                 relaxation_m: 0.0,
                 rolling_mps2: self.rolling_decel,
                 drag_n_s2_m2: self.drag_decel_per_v2 * self.mass,

@@ -38,6 +38,38 @@ fn main() {
                 p.parameter.nuisance.map_or(0.0, |q| (f.vector[k] - q.mean) / q.sd)
             );
         }
+        if part == Part::Ego {
+            let nw = model.tags.last().unwrap().window + 1;
+            let mut ws: Vec<(f64, usize)> = (0..nw)
+                .map(|w| (f.residuals[w * 72..w * 72 + 72].iter().map(|z| point_loss(*z)).sum::<f64>(), w))
+                .collect();
+            ws.sort_by(|a, b| b.0.total_cmp(&a.0));
+            for (l, w) in ws.iter().take(10) {
+                let t = model.tags[w * 72];
+                let a = case
+                    .ego
+                    .iter()
+                    .find(|e| e.drive == t.drive)
+                    .unwrap()
+                    .anchors
+                    .iter()
+                    .find(|a| a.secs == t.secs)
+                    .unwrap()
+                    .regime;
+                println!(
+                    "   worst {l:.1} drive {} t {:.2} v {:.1} a {:.2} ay {:.2} sr {:.3} yr {:?} dyaw {:?} ay {:?}",
+                    t.drive,
+                    t.secs,
+                    a.speed_mps,
+                    a.accel_mps2,
+                    a.lateral_mps2,
+                    a.steer_rate,
+                    f.residuals[w * 72 + 32..w * 72 + 40].iter().map(|z| (z * 10.).round() / 10.).collect::<Vec<_>>(),
+                    f.residuals[w * 72 + 16..w * 72 + 24].iter().map(|z| (z * 10.).round() / 10.).collect::<Vec<_>>(),
+                    f.residuals[w * 72 + 48..w * 72 + 56].iter().map(|z| (z * 10.).round() / 10.).collect::<Vec<_>>()
+                );
+            }
+        }
         for d in 0..3 {
             for c in Channel::ALL {
                 let line: Vec<String> = (0..10)
