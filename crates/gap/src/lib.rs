@@ -9,6 +9,7 @@ pub mod fit;
 pub mod floor;
 pub mod following;
 pub mod meta;
+pub mod search;
 pub mod settings;
 pub mod smooth;
 pub mod space;

@@ -6,7 +6,7 @@ use crate::{Channel, Effect, Insertion, Parameter};
 pub(crate) const EFFECT: Effect = Effect {
     id: "payload",
     insertion: Insertion::Vehicle,
-    parameters: &[Parameter::linear("mass", "kg", (0.0, 0.4)).of_mass().usual(0.0, 0.015)],
+    parameters: &[Parameter::linear("mass", "kg", (0.0, 0.4)).of_mass().usual(0.012, 0.015)],
     channels: &[
         Channel::Dx,
         Channel::Dy,

@@ -6,7 +6,7 @@ use crate::{Channel, Effect, Insertion, Parameter};
 pub(crate) const EFFECT: Effect = Effect {
     id: "tyre_knee",
     insertion: Insertion::Vehicle,
-    parameters: &[Parameter::linear("sharpness", "1", (-2.0, 4.0)).usual(0.0, 0.5)],
+    parameters: &[Parameter::linear("sharpness", "1", (-2.0, 4.0)).usual(-0.5, 0.5)],
     channels: &[Channel::Dx, Channel::Dy, Channel::Dyaw, Channel::YawRate, Channel::Ay],
     suspect: false,
     apply: |values, plant| {

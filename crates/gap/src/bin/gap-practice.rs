@@ -3,96 +3,91 @@
 use ds_effect::Channel;
 use ds_gap::case::*;
 use ds_gap::fit::*;
+use ds_gap::search::*;
 use ds_gap::space::Part;
 fn main() {
-    let dir = std::env::args().nth(1).unwrap_or_default();
-    let free = std::env::args().nth(2).unwrap_or_default();
-    let case = Case::read(std::path::Path::new(&dir)).expect("case");
-    for part in [Part::Ego, Part::Following] {
-        let model = PartModel::new(&case, part, &[0, 1, 2], &[]);
-        let t = std::time::Instant::now();
-        let r = model.residuals(&model.space.usual());
-        println!("{part:?} residuals {} in {:?} loss {}", r.len(), t.elapsed(), data_loss(&r));
-        let eff: Vec<usize> = free.split(',').filter_map(|id| model.space.find(id)).collect();
-        let priors = model.priors_with(&eff);
-        let mut start = model.space.usual();
-        for e in &eff {
-            for k in model.space.of(*e) {
-                start[k] = model.space.grid(k)[1];
+    let root = std::env::args().nth(1).unwrap_or_default();
+    let labels: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(format!("{root}/labels.json")).expect("labels")).expect("json");
+    for (name, label) in labels.as_object().expect("object") {
+        if let Some(w) = std::env::args().nth(2) {
+            if !name.contains(&w) {
+                continue;
             }
         }
-        let t = std::time::Instant::now();
-        let n = priors.len();
-        let f = fit(
-            &model,
-            Plan { priors: &priors, start: &start, columns: vec![None; n], fresh: (0..n).collect(), iterations: 4 },
-        );
-        println!("fit {:?} loss {} evidence {}", t.elapsed(), f.data_loss, f.evidence);
-        for (i, &k) in f.free.iter().enumerate() {
-            let p = model.space.coordinates[k];
-            println!(
-                "  {:18} {:8.4} sd {:.4} z {:6.2}",
-                model.space.effects[p.effect].id,
-                f.vector[k],
-                f.covariance[(i, i)].sqrt(),
-                p.parameter.nuisance.map_or(0.0, |q| (f.vector[k] - q.mean) / q.sd)
-            );
-        }
-        if part == Part::Ego {
-            let nw = model.tags.last().unwrap().window + 1;
-            let mut ws: Vec<(f64, usize)> = (0..nw)
-                .map(|w| (f.residuals[w * 72..w * 72 + 72].iter().map(|z| point_loss(*z)).sum::<f64>(), w))
-                .collect();
-            ws.sort_by(|a, b| b.0.total_cmp(&a.0));
-            for (l, w) in ws.iter().take(10) {
-                let t = model.tags[w * 72];
-                let a = case
-                    .ego
+        let case = Case::read(&std::path::Path::new(&root).join(name)).expect("case");
+        println!("=== {name} {}", label["effects"]);
+        for part in [Part::Ego, Part::Following] {
+            let t = std::time::Instant::now();
+            let model = PartModel::new(&case, part, &[0, 1, 2], &[]);
+            let s = Search::run(&model, Effort::Quick);
+            let quick = t.elapsed();
+            let line = |h: &Hypothesis| {
+                h.effects
                     .iter()
-                    .find(|e| e.drive == t.drive)
-                    .unwrap()
-                    .anchors
-                    .iter()
-                    .find(|a| a.secs == t.secs)
-                    .unwrap()
-                    .regime;
+                    .map(|&e| {
+                        let k = model.space.of(e)[0];
+                        let i = h.fit.free.iter().position(|f| *f == k);
+                        format!(
+                            "{} {:.4} ({:.4}){}",
+                            model.space.effects[e].id,
+                            model.space.reported(k, h.fit.vector[k]),
+                            i.map_or(0.0, |i| h.fit.covariance[(i, i)].sqrt()),
+                            if s.outside(h, e) { "" } else { "-" }
+                        )
+                    })
+                    .collect::<Vec<_>>()
+                    .join(" + ")
+            };
+            println!("  {part:?} null loss {:.1} ev {:.1} in {quick:?}", s.null.data_loss, s.null.evidence);
+            for h in s.singles.iter().take(4) {
                 println!(
-                    "   worst {l:.1} drive {} t {:.2} v {:.1} a {:.2} ay {:.2} sr {:.3} yr {:?} dyaw {:?} ay {:?}",
-                    t.drive,
-                    t.secs,
-                    a.speed_mps,
-                    a.accel_mps2,
-                    a.lateral_mps2,
-                    a.steer_rate,
-                    f.residuals[w * 72 + 32..w * 72 + 40].iter().map(|z| (z * 10.).round() / 10.).collect::<Vec<_>>(),
-                    f.residuals[w * 72 + 16..w * 72 + 24].iter().map(|z| (z * 10.).round() / 10.).collect::<Vec<_>>(),
-                    f.residuals[w * 72 + 48..w * 72 + 56].iter().map(|z| (z * 10.).round() / 10.).collect::<Vec<_>>()
+                    "     {:8.2}  {} heldout {:?}",
+                    h.gain,
+                    line(h),
+                    held_out_gains(&model, &s.null, h, &[0, 1, 2])
+                        .iter()
+                        .map(|g| (g * 10.).round() / 10.)
+                        .collect::<Vec<_>>()
                 );
             }
-        }
-        for d in 0..3 {
-            for c in Channel::ALL {
-                let line: Vec<String> = (0..10)
-                    .filter_map(|b| {
-                        let mut v: Vec<f64> = model
-                            .tags
-                            .iter()
-                            .zip(&f.residuals)
-                            .filter(|(t, _)| t.channel == c && t.block == b && t.drive == d)
-                            .map(|(_, z)| z.abs())
-                            .collect();
-                        if v.is_empty() {
-                            return None;
-                        }
-                        v.sort_by(f64::total_cmp);
-                        let rms = (v.iter().map(|z| z * z).sum::<f64>() / v.len() as f64).sqrt();
-                        Some(format!("{:5.2}/{:5.2}", v[(v.len() as f64 * 0.683) as usize], rms))
-                    })
-                    .collect();
-                if !line.is_empty() {
-                    println!("{d} {:10} {}", c.name(), line.join(" "));
+            let mut best_fit = s.null.clone();
+            if let Some(first) = s.singles.first() {
+                if first.gain > 0.0 {
+                    best_fit = first.fit.clone();
+                }
+                if first.gain > 3.0 {
+                    if let Some(p) = s.extend(first) {
+                        println!(
+                            "     pair {:8.2} (+{:.2}) {} heldout {:?}",
+                            p.gain,
+                            p.gain - first.gain,
+                            line(&p),
+                            held_out_gains(&model, &first.fit, &p, &[0, 1, 2])
+                        );
+                    }
                 }
             }
+            let mut out = String::new();
+            for c in Channel::ALL {
+                let v: Vec<f64> = model
+                    .tags
+                    .iter()
+                    .zip(&best_fit.residuals)
+                    .filter(|(t, _)| t.channel == c)
+                    .map(|(_, z)| *z)
+                    .collect();
+                if v.is_empty() || v.iter().all(|z| *z == 0.0) {
+                    continue;
+                }
+                let m = v.iter().map(|z| point_loss(*z)).sum::<f64>() / v.len() as f64;
+                let nb = if part == Part::Ego { 8 } else { 10 };
+                let mut w: Vec<f64> =
+                    v.chunks(nb).map(|c| c.iter().map(|z| point_loss(*z)).sum::<f64>() / nb as f64).collect();
+                w.sort_by(|a, b| b.total_cmp(a));
+                out += &format!("{} {:.2}/{:.1} ", c.name(), m, w[0]);
+            }
+            println!("     rest total {:.1}: {out}", best_fit.data_loss);
         }
     }
 }
