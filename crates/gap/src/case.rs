@@ -10,6 +10,7 @@ use crate::fit::{Model, Prior};
 use crate::floor;
 use crate::following::{self, FollowerRecord};
 use crate::meta::Meta;
+use crate::scatter::{Scatter, scatter};
 use crate::space::{Part, Space};
 use crate::windows::{BLOCKS, EGO, EgoRecord};
 
@@ -23,6 +24,8 @@ pub struct Case {
     pub ego: Vec<EgoRecord>,
     /// Followers over all drives.
     pub following: Vec<FollowerRecord>,
+    /// Scatter of the samples of the drives to fit.
+    pub scatter: Scatter,
     /// What looked odd but could be used.
     pub warnings: Vec<String>,
 }
@@ -45,7 +48,9 @@ impl Case {
                 following.push(FollowerRecord::new(index, log, drive.desired_speed_mps));
             }
         }
-        Ok(Self { meta, drives, ego, following, warnings })
+        let (fit, _) = meta.split();
+        let scatter = scatter(&fit.iter().map(|&d| &drives[d]).collect::<Vec<_>>());
+        Ok(Self { meta, drives, ego, following, scatter, warnings })
     }
 }
 
@@ -74,6 +79,7 @@ pub struct PartModel<'a> {
     ego: Vec<&'a EgoRecord>,
     following: Vec<&'a FollowerRecord>,
     inverse_floor: Vec<f64>,
+    jitter_secs: f64,
 }
 
 impl<'a> PartModel<'a> {
@@ -91,7 +97,15 @@ impl<'a> PartModel<'a> {
         } else {
             Vec::new()
         };
-        let mut model = Self { space, tags: Vec::new(), part, ego, following, inverse_floor: Vec::new() };
+        let mut model = Self {
+            space,
+            tags: Vec::new(),
+            part,
+            ego,
+            following,
+            inverse_floor: Vec::new(),
+            jitter_secs: case.scatter.jitter_secs,
+        };
         model.label();
         let plain = model.space.neutral();
         let raw = model.raw(&plain);
@@ -110,7 +124,7 @@ impl<'a> PartModel<'a> {
                 for (channel, block) in (0..EGO).flat_map(|c| (0..BLOCKS).map(move |b| (c, b))) {
                     let channel = Channel::ALL[channel];
                     self.tags.push(Tag { drive: record.drive, window, channel, block, secs: anchor.secs });
-                    self.inverse_floor.push(1.0 / floor::ego(channel.index(), block, &anchor.regime));
+                    self.inverse_floor.push(1.0 / floor::ego(channel.index(), block, &anchor.regime, self.jitter_secs));
                 }
                 window += 1;
             }

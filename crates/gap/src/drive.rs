@@ -46,6 +46,8 @@ pub struct Drive {
     pub steer_meas: Option<Vec<f64>>,
     /// Wheel speed, m/s.
     pub v_wheel: Option<Vec<f64>>,
+    /// Share of samples that are exact copies of the one before although the vehicle moves.
+    pub repeated_share: f64,
     /// Followers.
     pub followers: Vec<FollowerLog>,
     /// Their desired speed, m/s.
@@ -80,8 +82,22 @@ impl Drive {
         let start_secs = t[0];
         let samples = ((t[t.len() - 1] - t[0]) / STEP_SECS + 1e-6).floor() as usize + 1;
         let even = |column: &[f64]| resample(&t, column, start_secs, STEP_SECS, samples);
-        let optional = |name: &str| table.column(name).map(even);
-        let unwrapped = table.column("yaw").map(|yaw| even(&unwrap(yaw)));
+        let pose = copies(&table, &["x", "y", "yaw", "v"]);
+        let imu = copies(&table, &["yaw_rate", "ax", "ay"]);
+        let share = |copied: &[bool]| copied.iter().filter(|c| **c).count() as f64 / t.len() as f64;
+        let repeated_share = share(&pose).max(share(&imu));
+        // a copy says nothing new: it is taken out and bridged, so that its age does not look like a latency
+        let optional = |name: &str| {
+            let copied = if IMU.contains(&name) { &imu } else { &pose };
+            let repaired = |column: &[f64]| -> Vec<f64> {
+                let pairs = column.iter().zip(copied);
+                pairs.map(|(value, copied)| if *copied { f64::NAN } else { *value }).collect()
+            };
+            let column = table.column(name)?;
+            let moved = if POSE.contains(&name) || IMU.contains(&name) { repaired(column) } else { column.to_vec() };
+            Some(even(&if name == "yaw" { unwrap(&moved) } else { moved }))
+        };
+        let unwrapped = optional("yaw");
         let followers = match &entry.agents {
             Some(file) if case.join(file).exists() => followers(&Table::read(&case.join(file))?)?,
             _ => Vec::new(),
@@ -102,6 +118,7 @@ impl Drive {
             ay: optional("ay"),
             steer_meas: optional("steer_meas"),
             v_wheel: optional("v_wheel"),
+            repeated_share,
             followers,
             desired_speed_mps: entry.agents_desired_speed.unwrap_or(free),
         })
@@ -140,6 +157,18 @@ impl Drive {
         };
         Some((0..x.len()).map(speed).collect())
     }
+}
+
+const POSE: [&str; 4] = ["x", "y", "yaw", "v"];
+const IMU: [&str; 3] = ["yaw_rate", "ax", "ay"];
+
+/// Marks rows in which all of these columns repeat the row before although the vehicle moves.
+fn copies(table: &Table, names: &[&str]) -> Vec<bool> {
+    let columns: Vec<&[f64]> = names.iter().filter_map(|name| table.column(name)).collect();
+    let speed = table.column("v").or_else(|| table.column("v_wheel"));
+    let moving = |k: usize| speed.is_none_or(|v| v[k] > 0.3);
+    let same = |k: usize| columns.iter().all(|c| (c[k] - c[k - 1]).abs() < 1e-12);
+    (0..table.rows()).map(|k| k > 0 && columns.len() > 1 && moving(k) && same(k)).collect()
 }
 
 fn stamps(table: &Table) -> Result<Vec<f64>, GapError> {

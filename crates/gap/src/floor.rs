@@ -14,19 +14,21 @@ pub const EGO_FLOOR: [[f64; 2]; EGO] = [
     [0.0022, 0.0],
     [0.055, 0.0],
     [0.060, 0.0],
-    [0.0006, 0.0],
+    [0.0004, 0.0],
     [0.018, 0.012],
 ];
 
 /// a and b per follower channel.
 pub const FOLLOWER_FLOOR: [[f64; 2]; 2] = [[0.045, 0.03], [0.06, 0.04]];
 
-/// Returns the floor of an ego channel and block, in the channel's unit.
+/// Returns the floor of an ego channel and block, in the channel's unit; jitter of the stamps widens the displacement
+/// along the path by speed times jitter.
 #[must_use]
-pub fn ego(channel: usize, block: usize, _regime: &Regime) -> f64 {
+pub fn ego(channel: usize, block: usize, regime: &Regime, jitter_secs: f64) -> f64 {
     let h = (block as f64 + 0.5) * 2.0 / BLOCKS as f64;
     let [a, b] = EGO_FLOOR[channel];
-    a.hypot(b * h)
+    let floor = a.hypot(b * h);
+    if channel == 0 && jitter_secs > 0.002 { floor.hypot(0.65 * regime.speed_mps * jitter_secs) } else { floor }
 }
 
 /// Returns the floor of a follower channel and block, in the channel's unit.

@@ -9,7 +9,7 @@ use ds_effect::Scale;
 
 use crate::case::PartModel;
 use crate::fit::{Columns, Fit, Model, Plan, Prior, data_loss, fit};
-use crate::settings::{KEPT, MARGIN_SDS};
+use crate::settings::{KEPT, MARGIN_SDS, NULL_ROUNDS};
 
 /// A fitted hypothesis about one part: some effects present, all else nuisance.
 #[derive(Clone)]
@@ -66,6 +66,7 @@ impl<'m, 'c> Search<'m, 'c> {
                 search.singles.push(hypothesis);
             }
         }
+        search.settle();
         search.sort();
         let polished = if effort == Effort::Full { 4 } else { 2 };
         for k in 0..polished.min(search.singles.len()) {
@@ -75,6 +76,26 @@ impl<'m, 'c> Search<'m, 'c> {
         }
         search.sort();
         search
+    }
+
+    /// Restarts the nuisance fit from the nuisances of the best singles: a fit that found a better valley than the null
+    /// did must not be counted in favour of its effect.
+    fn settle(&mut self) {
+        self.sort();
+        let priors = self.model.null_priors();
+        let before = self.null.evidence;
+        for hypothesis in self.singles.iter().take(3) {
+            let mut columns = self.null.columns.clone();
+            columns.resize(priors.len(), None);
+            let plan =
+                Plan { priors: &priors, start: &hypothesis.fit.vector, columns, fresh: Vec::new(), iterations: 4 };
+            let again = fit(self.model, plan);
+            if again.evidence > self.null.evidence {
+                self.null = again;
+            }
+        }
+        let gained = self.null.evidence - before;
+        self.singles.iter_mut().for_each(|h| h.gain -= gained);
     }
 
     fn sort(&mut self) {
@@ -194,21 +215,17 @@ impl<'m, 'c> Search<'m, 'c> {
 pub fn null_fit(model: &PartModel<'_>, columns: Option<Columns>) -> Fit {
     let priors = model.null_priors();
     let count = priors.len();
-    let usual = model.space.usual();
-    let first = fit(
-        model,
-        Plan {
-            priors: &priors,
-            start: &usual,
-            columns: columns.unwrap_or_else(|| vec![None; count]),
-            fresh: Vec::new(),
-            iterations: 3,
-        },
-    );
-    fit(
-        model,
-        Plan { priors: &priors, start: &first.vector, columns: vec![None; count], fresh: Vec::new(), iterations: 3 },
-    )
+    let mut start = model.space.usual();
+    let mut reused = columns.unwrap_or_else(|| vec![None; count]);
+    let mut found = None;
+    for _ in 0..NULL_ROUNDS {
+        let plan = Plan { priors: &priors, start: &start, columns: reused, fresh: Vec::new(), iterations: 3 };
+        let round = fit(model, plan);
+        start.clone_from(&round.vector);
+        reused = vec![None; count];
+        found = Some(round);
+    }
+    found.expect("there is at least one round")
 }
 
 /// Returns the log evidence of freeing an effect, from one linearisation: the marginal posterior under the nuisance

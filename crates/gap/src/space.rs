@@ -6,6 +6,9 @@ use ds_effect::{Effect, Insertion, Parameter, Plant, Scale, library};
 
 use crate::meta::Nominal;
 
+/// Effects of the scatter of samples, which no mean shows; see `scatter`.
+pub const SCATTER: [&str; 2] = ["timestamp_jitter", "dropped_frames"];
+
 /// The two parts of a log that share no parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Part {
@@ -48,7 +51,12 @@ impl Space {
         let effects: Vec<&'static Effect> = library()
             .iter()
             .copied()
-            .filter(|e| Part::of(e) == part && !e.channels.is_empty() && !without.iter().any(|id| id == e.id))
+            .filter(|e| {
+                Part::of(e) == part
+                    && !e.channels.is_empty()
+                    && !SCATTER.contains(&e.id)
+                    && !without.iter().any(|id| id == e.id)
+            })
             .collect();
         let coordinates = effects
             .iter()

@@ -17,6 +17,7 @@ fn main() {
         }
         let case = Case::read(&std::path::Path::new(&root).join(name)).expect("case");
         println!("=== {name} {}", label["effects"]);
+        println!("  {:?}", case.scatter);
         for part in [Part::Ego, Part::Following] {
             let t = std::time::Instant::now();
             let model = PartModel::new(&case, part, &[0, 1, 2], &[]);
