@@ -2,14 +2,20 @@
 
 pub mod bootstrap;
 pub mod case;
+pub mod cells;
 mod check;
+pub mod choice;
+pub mod diagnose;
 pub mod drive;
 pub mod ego;
 mod error;
 pub mod fit;
 pub mod floor;
 pub mod following;
+pub mod how_far;
+pub mod manoeuvre;
 pub mod meta;
+pub mod remainder;
 pub mod report;
 pub mod scatter;
 pub mod search;
@@ -20,4 +26,6 @@ pub mod space;
 pub mod table;
 pub mod windows;
 
+pub use diagnose::{Options, diagnose};
 pub use error::GapError;
+pub use report::{Diagnosis, Verdict};

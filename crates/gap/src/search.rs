@@ -307,31 +307,40 @@ impl<M: Model> Model for Without<'_, M> {
     }
 }
 
-/// Returns, per fit drive, the predictive gain of a hypothesis over the nuisance fit: both refitted without the drive,
-/// scored on it.
-#[must_use]
-pub fn held_out_gains(model: &PartModel<'_>, null: &Fit, hypothesis: &Hypothesis, drives: &[usize]) -> Vec<f64> {
-    let mask = |columns: &Columns, keep: &[bool]| -> Columns {
-        let cut = |column: &Arc<Vec<f64>>| {
-            Arc::new(column.iter().zip(keep).map(|(c, keep)| if *keep { *c } else { 0.0 }).collect::<Vec<f64>>())
-        };
-        columns.iter().map(|column| column.as_ref().map(cut)).collect()
+/// Refits a fitted vector without one drive, from the same start and derivatives.
+fn refit_without(model: &PartModel<'_>, fitted: &Fit, priors: &[Prior], drive: usize) -> (Fit, Vec<bool>) {
+    let keep: Vec<bool> = model.tags.iter().map(|tag| tag.drive != drive).collect();
+    let cut = |column: &Arc<Vec<f64>>| {
+        Arc::new(column.iter().zip(&keep).map(|(c, keep)| if *keep { *c } else { 0.0 }).collect::<Vec<f64>>())
     };
-    drives
-        .iter()
-        .map(|&drive| {
-            let keep: Vec<bool> = model.tags.iter().map(|tag| tag.drive != drive).collect();
-            let part = Without { model, keep };
-            let score = |fitted: &Fit, priors: &[Prior]| {
-                let columns = mask(&fitted.columns, &part.keep);
-                let plan = Plan { priors, start: &fitted.vector, columns, fresh: Vec::new(), iterations: 2 };
-                let refit = fit(&part, plan);
-                let residuals = model.residuals(&refit.vector);
-                let out: Vec<f64> =
-                    residuals.iter().zip(&part.keep).filter(|(_, keep)| !**keep).map(|(z, _)| *z).collect();
-                -data_loss(&out)
-            };
-            score(&hypothesis.fit, &model.priors_with(&hypothesis.effects)) - score(null, &model.null_priors())
-        })
-        .collect()
+    let columns = fitted.columns.iter().map(|column| column.as_ref().map(cut)).collect();
+    let part = Without { model, keep };
+    let plan = Plan { priors, start: &fitted.vector, columns, fresh: Vec::new(), iterations: 2 };
+    (fit(&part, plan), part.keep)
+}
+
+/// Returns the vector of an outcome's model fitted without one drive.
+#[must_use]
+pub fn without_drive(outcome: &crate::choice::Outcome<'_, '_>, drive: usize) -> Vec<f64> {
+    let model = outcome.search.model;
+    let effects = outcome.accepted.as_ref().map(|h| h.effects.clone()).unwrap_or_default();
+    refit_without(model, outcome.fit(), &model.priors_with(&effects), drive).0.vector
+}
+
+/// Returns, per fit drive, the predictive gain of a hypothesis over a base: both refitted without the drive, scored on it.
+#[must_use]
+pub fn held_out_gains(
+    model: &PartModel<'_>,
+    base: (&Fit, &[usize]),
+    hypothesis: &Hypothesis,
+    drives: &[usize],
+) -> Vec<f64> {
+    let score = |fitted: &Fit, effects: &[usize], drive: usize| {
+        let (refit, keep) = refit_without(model, fitted, &model.priors_with(effects), drive);
+        let residuals = model.residuals(&refit.vector);
+        let out: Vec<f64> = residuals.iter().zip(&keep).filter(|(_, keep)| !**keep).map(|(z, _)| *z).collect();
+        -data_loss(&out)
+    };
+    let gain = |&drive: &usize| score(&hypothesis.fit, &hypothesis.effects, drive) - score(base.0, base.1, drive);
+    drives.iter().map(gain).collect()
 }

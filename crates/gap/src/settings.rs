@@ -52,3 +52,5 @@ pub const DISCOVERY_RATE: f64 = 0.05;
 pub const BOOTSTRAP_DRAWS: u64 = 300;
 /// Effect size, in floor units, below which a significant cell is not worth a line.
 pub const CELL_SIZE: f64 = 0.5;
+/// Share of the nuisance spread of a parameter that its label does not contain but its estimate does.
+pub const OWN_NUISANCE: f64 = 0.7;

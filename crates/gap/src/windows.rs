@@ -199,41 +199,12 @@ impl EgoRecord {
         let share = 1.0 / BLOCK as f64;
         for k in 0..blocks * BLOCK {
             let secs = anchor.secs + (k + 1) as f64 * STEP_SECS;
-            let simulated = self.read(secs, (start.secs, age(secs)), buffer, actuated, plant);
+            let simulated = sense(secs, (start.secs, age(secs)), buffer, actuated, plant);
             for (channel, value) in simulated.into_iter().enumerate() {
                 residual[channel * blocks + k / BLOCK] -= share * value;
             }
         }
         residual
-    }
-
-    /// Returns what the simulated sensors report for the sample stamped `secs`.
-    fn read(
-        &self,
-        secs: f64,
-        (start_secs, age): (f64, f64),
-        rollout: &[Instant],
-        actuated: &Actuated,
-        plant: &Plant,
-    ) -> [f64; EGO] {
-        let sensors = &plant.sensors;
-        let pose = instant_at(rollout, start_secs, secs - age);
-        let imu = instant_at(rollout, start_secs, secs - plant.clock.imu_latency_secs);
-        let wheel = instant_at(rollout, start_secs, secs - plant.clock.wheel_latency_secs);
-        let (sin, cos) = pose.yaw.sin_cos();
-        let ay = imu.ay * sensors.roll_factor;
-        let (turn_sin, turn_cos) = sensors.misalignment_rad.sin_cos();
-        [
-            pose.x + sensors.lever_arm_m * (cos - 1.0),
-            pose.y + sensors.lever_arm_m * sin,
-            pose.yaw,
-            pose.v,
-            imu.yaw_rate * sensors.gyro_factor + sensors.gyro_bias_rad_s,
-            imu.ax * turn_cos + ay * turn_sin + sensors.ax_bias_mps2,
-            ay * turn_cos - imu.ax * turn_sin + sensors.ay_bias_mps2,
-            actuated.sensed(secs - plant.clock.encoder_latency_secs),
-            wheel.v * sensors.wheel_factor * (1.0 + sensors.wheel_slip_s2_m * wheel.ax),
-        ]
     }
 
     /// Returns the residuals of all windows of this drive, one after another.
@@ -243,4 +214,34 @@ impl EgoRecord {
         let mut buffer = Vec::new();
         self.anchors.iter().flat_map(|anchor| self.residual(anchor, &actuated, plant, &mut buffer)).collect()
     }
+}
+
+/// Returns what the simulated sensors report for the sample stamped `secs`, of a rollout that began at `start_secs` and
+/// with poses of age `age`.
+#[must_use]
+pub fn sense(
+    secs: f64,
+    (start_secs, age): (f64, f64),
+    rollout: &[Instant],
+    actuated: &Actuated,
+    plant: &Plant,
+) -> [f64; EGO] {
+    let sensors = &plant.sensors;
+    let pose = instant_at(rollout, start_secs, secs - age);
+    let imu = instant_at(rollout, start_secs, secs - plant.clock.imu_latency_secs);
+    let wheel = instant_at(rollout, start_secs, secs - plant.clock.wheel_latency_secs);
+    let (sin, cos) = pose.yaw.sin_cos();
+    let ay = imu.ay * sensors.roll_factor;
+    let (turn_sin, turn_cos) = sensors.misalignment_rad.sin_cos();
+    [
+        pose.x + sensors.lever_arm_m * (cos - 1.0),
+        pose.y + sensors.lever_arm_m * sin,
+        pose.yaw,
+        pose.v,
+        imu.yaw_rate * sensors.gyro_factor + sensors.gyro_bias_rad_s,
+        imu.ax * turn_cos + ay * turn_sin + sensors.ax_bias_mps2,
+        ay * turn_cos - imu.ax * turn_sin + sensors.ay_bias_mps2,
+        actuated.sensed(secs - plant.clock.encoder_latency_secs),
+        wheel.v * sensors.wheel_factor * (1.0 + sensors.wheel_slip_s2_m * wheel.ax),
+    ]
 }

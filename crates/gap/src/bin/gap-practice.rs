@@ -1,94 +1,112 @@
-//! Diagnoses many cases.
-#![allow(clippy::print_stdout)]
-use ds_effect::Channel;
-use ds_gap::case::*;
-use ds_gap::fit::*;
-use ds_gap::search::*;
-use ds_gap::space::Part;
-fn main() {
-    let root = std::env::args().nth(1).unwrap_or_default();
-    let labels: serde_json::Value =
-        serde_json::from_str(&std::fs::read_to_string(format!("{root}/labels.json")).expect("labels")).expect("json");
-    for (name, label) in labels.as_object().expect("object") {
-        if let Some(w) = std::env::args().nth(2) {
-            if !name.contains(&w) {
-                continue;
-            }
-        }
-        let case = Case::read(&std::path::Path::new(&root).join(name)).expect("case");
-        println!("=== {name} {}", label["effects"]);
-        println!("  {:?}", case.scatter);
-        for part in [Part::Ego, Part::Following] {
-            let t = std::time::Instant::now();
-            let model = PartModel::new(&case, part, &[0, 1, 2], &[]);
-            let s = Search::run(&model, Effort::Quick);
-            let quick = t.elapsed();
-            let line = |h: &Hypothesis| {
-                h.effects
-                    .iter()
-                    .map(|&e| {
-                        let k = model.space.of(e)[0];
-                        let i = h.fit.free.iter().position(|f| *f == k);
-                        format!(
-                            "{} {:.4} ({:.4}){}",
-                            model.space.effects[e].id,
-                            model.space.reported(k, h.fit.vector[k]),
-                            i.map_or(0.0, |i| h.fit.covariance[(i, i)].sqrt()),
-                            if s.outside(h, e) { "" } else { "-" }
-                        )
-                    })
-                    .collect::<Vec<_>>()
-                    .join(" + ")
-            };
-            println!("  {part:?} null loss {:.1} ev {:.1} in {quick:?}", s.null.data_loss, s.null.evidence);
-            for h in s.singles.iter().take(4) {
-                println!(
-                    "     {:8.2}  {} heldout {:?}",
-                    h.gain,
-                    line(h),
-                    held_out_gains(&model, &s.null, h, &[0, 1, 2])
-                        .iter()
-                        .map(|g| (g * 10.).round() / 10.)
-                        .collect::<Vec<_>>()
-                );
-            }
-            let mut best_fit = s.null.clone();
-            if let Some(first) = s.singles.first() {
-                if first.gain > 0.0 {
-                    best_fit = first.fit.clone();
-                }
-                if first.gain > 3.0 {
-                    if let Some(p) = s.extend(first) {
-                        println!(
-                            "     pair {:8.2} (+{:.2}) {} heldout {:?}",
-                            p.gain,
-                            p.gain - first.gain,
-                            line(&p),
-                            held_out_gains(&model, &first.fit, &p, &[0, 1, 2])
-                        );
+//! Diagnoses many cases: writes `DIR/<case>/diagnosis.json` and prints one line per case, beside its label if there is one.
+//!
+//! `gap-practice CASES_DIR --out DIR [--quick] [--only NAME] [--without EFFECT]`; cases run in parallel.
+#![allow(clippy::print_stdout, reason = "the table is this command's answer")]
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use ds_gap::{Diagnosis, GapError, Options, diagnose};
+use rayon::prelude::*;
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let after = |flag: &str| arguments.iter().position(|a| a == flag).and_then(|k| arguments.get(k + 1)).cloned();
+    let Some(root) = arguments.first().filter(|a| !a.starts_with("--")).map(PathBuf::from) else {
+        println!("usage: gap-practice CASES_DIR [--out DIR] [--quick] [--only NAME] [--without EFFECT]");
+        return ExitCode::from(64);
+    };
+    let options = Options {
+        quick: arguments.iter().any(|a| a == "--quick"),
+        without: after("--without").map(|w| w.split(',').map(str::to_owned).collect()).unwrap_or_default(),
+    };
+    let labels: serde_json::Value = std::fs::read_to_string(root.join("labels.json"))
+        .ok()
+        .and_then(|text| serde_json::from_str(&text).ok())
+        .unwrap_or_default();
+    let mut cases: Vec<PathBuf> = std::fs::read_dir(&root)
+        .map(|entries| {
+            entries.filter_map(|e| e.ok().map(|e| e.path())).filter(|p| p.join("meta.json").exists()).collect()
+        })
+        .unwrap_or_default();
+    cases.sort();
+    if let Some(only) = after("--only") {
+        cases.retain(|c| c.ends_with(&only) || c.to_string_lossy().contains(&only));
+    }
+    let out = after("--out").map(PathBuf::from);
+    let results: Vec<(String, Result<Diagnosis, GapError>)> = cases
+        .par_iter()
+        .map(|case| {
+            let name = case.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+            let start = Instant::now();
+            let result = diagnose(case, &options).map(|mut d| {
+                d.secs = start.elapsed().as_secs_f64();
+                d
+            });
+            (name, result)
+        })
+        .collect();
+    for (name, result) in &results {
+        match result {
+            Ok(diagnosis) => {
+                println!("{}", line(name, diagnosis, &labels[name]));
+                if let Some(out) = &out {
+                    if let Err(error) = write(out, name, diagnosis) {
+                        println!("{name}: {error}");
+                        return ExitCode::FAILURE;
                     }
                 }
             }
-            let mut out = String::new();
-            for c in Channel::ALL {
-                let v: Vec<f64> = model
-                    .tags
-                    .iter()
-                    .zip(&best_fit.residuals)
-                    .filter(|(t, _)| t.channel == c)
-                    .map(|(_, z)| *z)
-                    .collect();
-                if v.is_empty() || v.iter().all(|z| *z == 0.0) {
-                    continue;
-                }
-                let m = v.iter().map(|z| point_loss(*z)).sum::<f64>() / v.len() as f64;
-                let nb = if part == Part::Ego { 8 } else { 10 };
-                let mut w: Vec<f64> =
-                    v.chunks(nb).map(|c| c.iter().map(|z| point_loss(*z)).sum::<f64>() / nb as f64).collect();
-                w.sort_by(|a, b| b.total_cmp(a));
-                out += &format!("{} {:.2}/{:.1} ", c.name(), m, w[0]);
-            }
-            println!("     rest total {:.1}: {out}", best_fit.data_loss);
+            Err(error) => println!("{name}: {error}"),
         }
     }
+    ExitCode::SUCCESS
+}
+
+fn line(name: &str, d: &Diagnosis, label: &serde_json::Value) -> String {
+    let truth: Vec<String> = label["effects"]
+        .as_array()
+        .map(|list| list.iter().map(|e| format!("{} {}", e["id"].as_str().unwrap_or("?"), e["value"])).collect())
+        .unwrap_or_default();
+    let top: Vec<String> = d
+        .effects
+        .iter()
+        .take(3)
+        .map(|e| {
+            format!(
+                "{} {:.4} [{:.4}, {:.4}] p {:.3} gain {:.1} held {:.1}",
+                e.id, e.value, e.interval90[0], e.interval90[1], e.probability, e.evidence_gain, e.heldout_gain
+            )
+        })
+        .collect();
+    let shrink = d.how_far.iter().find(|s| s.metric == "position_2s");
+    let share = shrink.map_or("-".to_owned(), |s| {
+        format!(
+            "{:.3}->{:.3} floor {:.3} share {:.2} (predicted {:.2})",
+            s.before, s.after, s.floor, s.share_explained, d.predicted_share
+        )
+    });
+    format!(
+        "{name} [{}] {:?} none {:.3} unknown {:.3} chosen {:?} {:.1} s\n    truth {truth:?}\n    {}\n    position_2s {share}; cells {}{}",
+        label["kind"].as_str().unwrap_or("-"),
+        d.verdict,
+        d.p_none,
+        d.p_unknown,
+        d.chosen,
+        d.secs,
+        top.join("\n    "),
+        d.cells.len(),
+        d.unknown_description.as_ref().map(|u| format!("\n    {}", u.text)).unwrap_or_default(),
+    )
+}
+
+fn write(out: &Path, name: &str, diagnosis: &Diagnosis) -> Result<(), GapError> {
+    let folder = out.join(name);
+    let path = folder.join("diagnosis.json");
+    let failed = |source| GapError::Write { path: path.clone(), source };
+    std::fs::create_dir_all(&folder).map_err(failed)?;
+    let text =
+        serde_json::to_string_pretty(diagnosis).map_err(|source| GapError::Json { path: path.clone(), source })?;
+    std::fs::write(&path, text).map_err(failed)
 }
