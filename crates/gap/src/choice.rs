@@ -106,7 +106,7 @@ pub fn rank(case: &Case, outcomes: &[Outcome<'_, '_>]) -> Vec<Candidate> {
         for (k, h) in outcome.search.singles.iter().enumerate() {
             let effect = h.effects[0];
             let gains = outcome.held_out.get(k).filter(|g| !g.is_empty());
-            let mut log_weight = h.gain - SINGLE_COST;
+            let mut log_weight = h.gain / TEMPERATURE - SINGLE_COST;
             if !outcome.search.outside(h, effect) {
                 log_weight -= INSIDE_COST;
             }
@@ -121,7 +121,7 @@ pub fn rank(case: &Case, outcomes: &[Outcome<'_, '_>]) -> Vec<Candidate> {
                 single: k,
                 gain: h.gain,
                 held_out: gains.map(|g| g.iter().sum()),
-                log_weight: log_weight / TEMPERATURE,
+                log_weight,
                 accepted,
                 probability: 0.0,
             });
@@ -143,7 +143,7 @@ pub fn rank(case: &Case, outcomes: &[Outcome<'_, '_>]) -> Vec<Candidate> {
 }
 
 fn scatter_candidate(id: &'static str, gain: f64, accepted: bool) -> Candidate {
-    let log_weight = (gain - SINGLE_COST) / TEMPERATURE;
+    let log_weight = gain / TEMPERATURE - SINGLE_COST;
     Candidate { id, part: None, single: 0, gain, held_out: None, log_weight, accepted, probability: 0.0 }
 }
 
@@ -162,7 +162,7 @@ fn weigh(ranking: &mut [Candidate], outcomes: &[Outcome<'_, '_>]) {
     if accepted.len() > 1 {
         let parts: f64 = outcomes.iter().filter_map(|o| o.accepted.as_ref()).map(|h| h.gain).sum();
         let scatter: f64 = accepted.iter().filter(|&&k| ranking[k].part.is_none()).map(|&k| ranking[k].gain).sum();
-        combined = (parts + scatter - SINGLE_COST * accepted.len() as f64) / TEMPERATURE;
+        combined = (parts + scatter) / TEMPERATURE - SINGLE_COST * accepted.len() as f64;
     }
     let largest = ranking.iter().map(|c| c.log_weight).fold(combined.max(0.0), f64::max);
     let total: f64 = (-largest).exp()

@@ -27,7 +27,9 @@ pub const FOLLOWER_FLOOR: [[f64; 2]; 2] = [[0.045, 0.03], [0.06, 0.04]];
 pub fn ego(channel: usize, block: usize, regime: &Regime, jitter_secs: f64) -> f64 {
     let h = (block as f64 + 0.5) * 2.0 / BLOCKS as f64;
     let [a, b] = EGO_FLOOR[channel];
-    let floor = a.hypot(b * h);
+    // beyond the fitted two seconds displacement drifts with the square of time
+    let late = if channel < 2 { 0.012 * (h - 2.0).max(0.0).powi(2) } else { 0.0 };
+    let floor = a.hypot(b * h).hypot(late);
     if channel == 0 && jitter_secs > 0.002 { floor.hypot(0.65 * regime.speed_mps * jitter_secs) } else { floor }
 }
 

@@ -23,6 +23,7 @@ pub mod settings;
 pub mod signature;
 pub mod smooth;
 pub mod space;
+pub mod synthetic;
 pub mod table;
 pub mod windows;
 
