@@ -97,6 +97,30 @@ pub fn hold(signal: &mut [f64], step_secs: f64, rate_hz: f64) {
     }
 }
 
+/// Replaces a signal by its mean over the last `secs`: a hold of that period averaged over its unknown phase.
+pub fn moving_mean(signal: &mut [f64], step_secs: f64, secs: f64) {
+    let Some(&first) = signal.first() else { return };
+    let mut sums = Vec::with_capacity(signal.len() + 1);
+    let mut sum = 0.0;
+    sums.push(sum);
+    for sample in signal.iter() {
+        sum += sample;
+        sums.push(sum);
+    }
+    let width = (secs / step_secs).max(1.0);
+    // integral of the signal up to a fractional sample, steady before the drive
+    let integral = |at: f64| {
+        if at <= 0.0 {
+            return at * first;
+        }
+        let low = (at as usize).min(signal.len() - 1);
+        sums[low] + (at - low as f64) * (sums[low + 1] - sums[low])
+    };
+    let means: Vec<f64> =
+        (0..signal.len()).map(|k| (integral(k as f64 + 1.0) - integral(k as f64 + 1.0 - width)) / width).collect();
+    signal.copy_from_slice(&means);
+}
+
 /// Takes `width` off the magnitude of a signal, down to zero.
 pub fn dead_zone(signal: &mut [f64], width: f64) {
     for sample in signal.iter_mut() {
@@ -134,6 +158,9 @@ mod tests {
         let mut held = vec![1.0, 2.0, 3.0, 4.0, 5.0];
         hold(&mut held, 0.1, 5.0);
         assert_eq!(held, vec![1.0, 1.0, 3.0, 3.0, 5.0]);
+        let mut mean = vec![0.0, 0.0, 1.0, 1.0, 1.0];
+        moving_mean(&mut mean, 0.1, 0.2);
+        assert_eq!(mean, vec![0.0, 0.0, 0.5, 1.0, 1.0]);
         let mut dead = vec![-0.5, 0.1, 0.5];
         dead_zone(&mut dead, 0.2);
         assert_eq!(dead, vec![-0.3, 0.0, 0.3]);

@@ -4,7 +4,9 @@ use crate::case::{Case, PartModel};
 use crate::fit::Fit;
 use crate::scatter::Scatter;
 use crate::search::{Effort, Hypothesis, Search, held_out_gains};
-use crate::settings::{DISAGREE_COST, FURTHER_GAIN, INSIDE_COST, MOST_EFFECTS, SINGLE_COST, SINGLE_GAIN, TEMPERATURE};
+use crate::settings::{
+    DISAGREE_COST, DISAGREEMENT, FURTHER_GAIN, INSIDE_COST, MOST_EFFECTS, SINGLE_COST, SINGLE_GAIN, TEMPERATURE,
+};
 use crate::space::SCATTER;
 
 /// What the search over one part came to.
@@ -38,7 +40,9 @@ impl<'m, 'c> Outcome<'m, 'c> {
         let search = &self.search;
         let good = |k: usize| {
             let h = &search.singles[k];
-            h.gain > SINGLE_GAIN && search.outside(h, h.effects[0]) && self.held_out.get(k).is_some_and(|g| agrees(g))
+            h.gain > SINGLE_GAIN
+                && search.outside(h, h.effects[0])
+                && self.held_out.get(k).is_some_and(|g| agrees(g, h.gain))
         };
         let Some(first) = (0..search.singles.len().min(self.held_out.len())).find(|&k| good(k)) else { return };
         let mut current = search.singles[first].clone();
@@ -54,7 +58,7 @@ impl<'m, 'c> Outcome<'m, 'c> {
             if adds < FURTHER_GAIN || !outside {
                 break;
             }
-            if !agrees(&held_out_gains(search.model, (&current.fit, &current.effects), &grown, drives)) {
+            if !agrees(&held_out_gains(search.model, (&current.fit, &current.effects), &grown, drives), adds) {
                 break;
             }
             current = grown;
@@ -69,12 +73,15 @@ impl<'m, 'c> Outcome<'m, 'c> {
     }
 }
 
-/// Tells whether held-out gains support an effect: positive in sum and on at least half of the drives that say anything.
+/// Tells whether held-out gains are compatible with an effect of some evidence gain.
+///
+/// Where the nuisances can imitate an effect by going far out of their range, its gain lies in the priors and the
+/// held-out score is near zero; only a loss speaks against it.
 #[must_use]
-pub fn agrees(gains: &[f64]) -> bool {
-    let telling: Vec<f64> = gains.iter().copied().filter(|g| g.abs() > 0.5).collect();
+pub fn agrees(gains: &[f64], gain: f64) -> bool {
+    let telling: Vec<f64> = gains.iter().copied().filter(|g| g.abs() > 2.0).collect();
     let positive = telling.iter().filter(|g| **g > 0.0).count();
-    gains.iter().sum::<f64>() > 0.0 && 2 * positive >= telling.len()
+    gains.iter().sum::<f64>() > -DISAGREEMENT * gain - 1.0 && 2 * positive >= telling.len()
 }
 
 /// One line of the ranking.
@@ -110,7 +117,7 @@ pub fn rank(case: &Case, outcomes: &[Outcome<'_, '_>]) -> Vec<Candidate> {
             if !outcome.search.outside(h, effect) {
                 log_weight -= INSIDE_COST;
             }
-            if gains.is_some_and(|g| !agrees(g)) {
+            if gains.is_some_and(|g| !agrees(g, h.gain)) {
                 log_weight -= DISAGREE_COST;
             }
             let accepted = outcome.accepted.as_ref().is_some_and(|a| a.effects.contains(&effect));

@@ -19,7 +19,7 @@ pub const NULL_ROUNDS: usize = 3;
 /// Log prior odds of one given effect against none: one in about fifty effects.
 pub const SINGLE_COST: f64 = 4.0;
 /// Log evidence over the nuisance fit that a single effect must have; the effect-free practice drives reach 4.
-pub const SINGLE_GAIN: f64 = 6.5;
+pub const SINGLE_GAIN: f64 = 5.5;
 /// Log evidence that a further effect must add.
 pub const FURTHER_GAIN: f64 = 8.0;
 /// Most effects in one diagnosis (specification, section 3.3).
@@ -54,3 +54,5 @@ pub const BOOTSTRAP_DRAWS: u64 = 300;
 pub const CELL_SIZE: f64 = 0.5;
 /// Share of the nuisance spread of a parameter that its label does not contain but its estimate does.
 pub const OWN_NUISANCE: f64 = 0.7;
+/// Held-out loss, as a share of the evidence gain, that still counts as agreement.
+pub const DISAGREEMENT: f64 = 0.1;

@@ -1,7 +1,7 @@
-//! `cmd_hold_rate`: Commands refreshed at a low rate and held between refreshes: a staircase, half a period late on average.
+//! `cmd_hold_rate`: Commands refreshed at a low rate and held between refreshes; the phase of the refresh is unknown, so this is the average over it, a moving mean over one period.
 //! The neutral value leaves the simulator untouched.
 
-use crate::signal::{Place, hold};
+use crate::signal::{Place, moving_mean};
 use crate::{Channel, Effect, Insertion, Parameter};
 
 pub(crate) const EFFECT: Effect = Effect {
@@ -23,14 +23,14 @@ pub(crate) const EFFECT: Effect = Effect {
     apply: |values, plant| {
         let rate_hz = values[0];
         if rate_hz.is_finite() {
-            plant
-                .steering
-                .operators
-                .push((Place::Command, Box::new(move |signal, context| hold(signal, context.step_secs, rate_hz))));
-            plant
-                .traction
-                .operators
-                .push((Place::Command, Box::new(move |signal, context| hold(signal, context.step_secs, rate_hz))));
+            plant.steering.operators.push((
+                Place::Command,
+                Box::new(move |signal, context| moving_mean(signal, context.step_secs, 1.0 / rate_hz)),
+            ));
+            plant.traction.operators.push((
+                Place::Command,
+                Box::new(move |signal, context| moving_mean(signal, context.step_secs, 1.0 / rate_hz)),
+            ));
         }
     },
 };
