@@ -49,8 +49,11 @@ impl<'m, 'c> Search<'m, 'c> {
     pub fn run(model: &'m PartModel<'c>, effort: Effort) -> Self {
         let null = null_fit(model, None);
         let linear: Vec<f64> = (0..model.space.effects.len()).map(|e| linear_gain(model, &null, e)).collect();
+        // on top of the usual nuisances: the fitted ones may have gone far to imitate what is missing
+        let usual = model.space.usual();
+        let loss = data_loss(&model.residuals(&usual));
         let grid: Vec<(f64, Vec<f64>)> =
-            (0..model.space.effects.len()).map(|e| best_on_grid(model, &null, e)).collect();
+            (0..model.space.effects.len()).map(|e| best_on_grid(model, (&usual, loss), e)).collect();
         let mut search = Self { model, null, singles: Vec::new(), rough: linear.clone() };
         let mut kept = best(&linear, KEPT);
         let grid_gains: Vec<f64> = grid.iter().map(|g| g.0).collect();
@@ -162,7 +165,7 @@ impl<'m, 'c> Search<'m, 'c> {
                 if base.effects.contains(&e) {
                     (f64::NEG_INFINITY, Vec::new())
                 } else {
-                    best_on_grid(model, &base.fit, e)
+                    best_on_grid(model, (&base.fit.vector, base.fit.data_loss), e)
                 }
             })
             .collect();
@@ -249,19 +252,19 @@ fn linear_gain(model: &PartModel<'_>, base: &Fit, effect: usize) -> f64 {
 }
 
 /// Returns the loss saved by the best grid value of an effect, and that value.
-fn best_on_grid(model: &PartModel<'_>, base: &Fit, effect: usize) -> (f64, Vec<f64>) {
+fn best_on_grid(model: &PartModel<'_>, (base, loss): (&[f64], f64), effect: usize) -> (f64, Vec<f64>) {
     let own = model.space.of(effect);
-    let mut found = (f64::NEG_INFINITY, own.iter().map(|&k| base.vector[k]).collect::<Vec<f64>>());
+    let mut found = (f64::NEG_INFINITY, own.iter().map(|&k| base[k]).collect::<Vec<f64>>());
     if !model.space.effects[effect].suspect {
         return found;
     }
     for (place, &k) in own.iter().enumerate() {
         for value in model.space.grid(k) {
-            let mut vector = base.vector.clone();
+            let mut vector = base.to_vec();
             vector[k] = value;
-            let saved = base.data_loss - data_loss(&model.residuals(&vector));
+            let saved = loss - data_loss(&model.residuals(&vector));
             if saved > found.0 {
-                let mut values: Vec<f64> = own.iter().map(|&k| base.vector[k]).collect();
+                let mut values: Vec<f64> = own.iter().map(|&k| base[k]).collect();
                 values[place] = value;
                 found = (saved, values);
             }
@@ -327,7 +330,11 @@ pub fn without_drive(outcome: &crate::choice::Outcome<'_, '_>, drive: usize) -> 
     refit_without(model, outcome.fit(), &model.priors_with(&effects), drive).0.vector
 }
 
-/// Returns, per fit drive, the predictive gain of a hypothesis over a base: both refitted without the drive, scored on it.
+/// Returns, per fit drive, the predictive log score that a hypothesis gains over a base: log p(drive | other drives) as
+/// the evidence of all drives less that of the others, each refitted.
+///
+/// The score of the refitted point alone would not do: nuisances far out of their range imitate some effects, and only
+/// the prior, not the loss, says how unlikely that is.
 #[must_use]
 pub fn held_out_gains(
     model: &PartModel<'_>,
@@ -336,10 +343,8 @@ pub fn held_out_gains(
     drives: &[usize],
 ) -> Vec<f64> {
     let score = |fitted: &Fit, effects: &[usize], drive: usize| {
-        let (refit, keep) = refit_without(model, fitted, &model.priors_with(effects), drive);
-        let residuals = model.residuals(&refit.vector);
-        let out: Vec<f64> = residuals.iter().zip(&keep).filter(|(_, keep)| !**keep).map(|(z, _)| *z).collect();
-        -data_loss(&out)
+        let (refit, _) = refit_without(model, fitted, &model.priors_with(effects), drive);
+        fitted.evidence - refit.evidence
     };
     let gain = |&drive: &usize| score(&hypothesis.fit, &hypothesis.effects, drive) - score(base.0, base.1, drive);
     drives.iter().map(gain).collect()

@@ -25,7 +25,7 @@ pub const FURTHER_GAIN: f64 = 8.0;
 /// Most effects in one diagnosis (specification, section 3.3).
 pub const MOST_EFFECTS: usize = 3;
 /// Temperature of the probabilities: model error makes evidences of some tens differ by a few by chance.
-pub const TEMPERATURE: f64 = 2.5;
+pub const TEMPERATURE: f64 = 1.5;
 /// Loss of log weight of an effect whose estimate lies within what every vehicle has.
 pub const INSIDE_COST: f64 = 8.0;
 /// Loss of log weight of an effect that does not help on drives left out.
