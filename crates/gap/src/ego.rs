@@ -41,6 +41,38 @@ pub struct Actuated {
     pub sensor: Vec<f64>,
     /// Realised force over nominal mass, m/s².
     pub accel: Vec<f64>,
+    saturation: Saturation,
+}
+
+/// The factor by which an axle's stiffness falls with its linear force over its limit, (1 + r^n)^(-1/n), tabulated:
+/// the powers would take a third of the time of a rollout.
+struct Saturation {
+    knee: f64,
+    table: Vec<f64>,
+}
+
+impl Saturation {
+    const PER_UNIT: f64 = 64.0;
+    const LARGEST: f64 = 4.0;
+
+    fn new(knee: f64) -> Self {
+        let knee = knee.max(1.0);
+        let count = (Self::LARGEST * Self::PER_UNIT) as usize + 2;
+        Self { knee, table: (0..count).map(|k| Self::exact(k as f64 / Self::PER_UNIT, knee)).collect() }
+    }
+
+    fn exact(ratio: f64, knee: f64) -> f64 {
+        (1.0 + ratio.powf(knee)).powf(-1.0 / knee)
+    }
+
+    fn factor(&self, ratio: f64) -> f64 {
+        if ratio >= Self::LARGEST || ratio.is_nan() {
+            return Self::exact(ratio, self.knee);
+        }
+        let at = ratio * Self::PER_UNIT;
+        let low = at as usize;
+        self.table[low] + (at - low as f64) * (self.table[low + 1] - self.table[low])
+    }
 }
 
 impl Actuated {
@@ -75,7 +107,13 @@ pub fn actuate(inputs: &Inputs, plant: &Plant) -> Actuated {
     lag(&mut accel, FINE_SECS, plant.traction.lag_secs);
     run(&mut accel, &plant.traction.operators, Place::Actuator);
     run(&mut accel, &plant.traction.operators, Place::Linkage);
-    Actuated { start_secs: inputs.start_secs, wheel, sensor, accel }
+    Actuated {
+        start_secs: inputs.start_secs,
+        wheel,
+        sensor,
+        accel,
+        saturation: Saturation::new(plant.vehicle.tyre_knee),
+    }
 }
 
 /// Where a rollout starts and how long it lasts.
@@ -152,16 +190,11 @@ struct State {
 struct Axle {
     stiffness: f64,
     limit: f64,
-    knee: f64,
 }
 
 impl Axle {
-    fn secant(&self, slip: f64) -> f64 {
-        let ratio = (self.stiffness * slip / self.limit).abs();
-        if ratio < 0.05 {
-            return self.stiffness;
-        }
-        self.stiffness / (1.0 + ratio.powf(self.knee)).powf(1.0 / self.knee)
+    fn secant(&self, slip: f64, saturation: &Saturation) -> f64 {
+        self.stiffness * saturation.factor((self.stiffness * slip / self.limit).abs())
     }
 }
 
@@ -182,7 +215,7 @@ pub fn rollout(start: &Start, actuated: &Actuated, plant: &Plant, out: &mut Vec<
         let steer = actuated.at(&actuated.wheel, middle);
         let accel = actuated.at(&actuated.accel, middle);
         let heading = if step < warm { start.heading_rad } else { start.heading_rad + pose.2 };
-        let (next, ax, ay) = advance(&state, (steer, accel), heading, plant);
+        let (next, ax, ay) = advance(&state, (steer, accel), (heading, &actuated.saturation), plant);
         out.push(Instant { x: pose.0, y: pose.1, yaw: pose.2, v: state.vx, yaw_rate: state.yaw_rate, ax, ay });
         let yaw = pose.2 + 0.5 * FINE_SECS * (state.yaw_rate + next.yaw_rate);
         let (sin, cos) = (0.5 * (pose.2 + yaw)).sin_cos();
@@ -204,7 +237,12 @@ fn steady(vehicle: &Vehicle, speed: f64, yaw_rate: f64) -> State {
 }
 
 /// Returns the state one fine step later and the specific force in between.
-fn advance(state: &State, (steer, accel): (f64, f64), heading: f64, plant: &Plant) -> (State, f64, f64) {
+fn advance(
+    state: &State,
+    (steer, accel): (f64, f64),
+    (heading, saturation): (f64, &Saturation),
+    plant: &Plant,
+) -> (State, f64, f64) {
     let vehicle = &plant.vehicle;
     let (drag, side_wind) = wind(state.vx, heading, vehicle, &plant.road);
     let half = 0.5 * FINE_SECS;
@@ -212,23 +250,20 @@ fn advance(state: &State, (steer, accel): (f64, f64), heading: f64, plant: &Plan
     let base = vehicle.front_arm_m + vehicle.rear_arm_m;
     let weight = vehicle.mass_kg * GRAVITY;
     let (a, b) = (vehicle.front_arm_m, vehicle.rear_arm_m);
-    let knee = vehicle.tyre_knee.max(1.0);
     // load moved to the rear, as a share of the static load of each axle
     let moved = vehicle.nominal_mass_kg * accel * vehicle.load_height_m / base;
     let (front_load, rear_load) = (weight * b / base, weight * a / base);
     let lighter = (1.0 - moved / front_load).clamp(0.3, 1.7);
     let heavier = (1.0 + moved / rear_load).clamp(0.3, 1.7);
-    let front =
-        Axle { stiffness: vehicle.front_stiffness_n * lighter, limit: vehicle.friction * front_load * lighter, knee };
-    let rear =
-        Axle { stiffness: vehicle.rear_stiffness_n * heavier, limit: vehicle.friction * rear_load * heavier, knee };
+    let front = Axle { stiffness: vehicle.front_stiffness_n * lighter, limit: vehicle.friction * front_load * lighter };
+    let rear = Axle { stiffness: vehicle.rear_stiffness_n * heavier, limit: vehicle.friction * rear_load * heavier };
     let (build, build_step) = if vehicle.relaxation_m > 1e-3 {
         let rate = v / vehicle.relaxation_m;
         (1.0 - (-rate * half).exp(), 1.0 - (-rate * FINE_SECS).exp())
     } else {
         (1.0, 1.0)
     };
-    let (cf, cr) = (front.secant(state.slip_front), rear.secant(state.slip_rear));
+    let (cf, cr) = (front.secant(state.slip_front, saturation), rear.secant(state.slip_rear, saturation));
     let (sin, cos) = steer.sin_cos();
     // F = c (slip (1 - build) + build (slip in steady state)); steady slip is linear in (vy, yaw rate) at the midpoint
     let f0 = cf * (state.slip_front * (1.0 - build) + build * steer);

@@ -61,7 +61,28 @@ fn main() -> ExitCode {
             Err(error) => println!("{name}: {error}"),
         }
     }
+    scores(&results, &root);
     ExitCode::SUCCESS
+}
+
+/// Prints the figures of all labelled cases.
+fn scores(results: &[(String, Result<Diagnosis, GapError>)], root: &Path) {
+    let Ok(labels) = ds_gap::score::read_labels(&root.join("labels.json")) else { return };
+    let found = results.iter().filter_map(|(name, r)| r.as_ref().ok().map(|d| (name.clone(), d.clone()))).collect();
+    let labels = labels.into_iter().filter(|(name, _)| results.iter().any(|(n, _)| n == name)).collect();
+    let scores = ds_gap::score(&found, &labels);
+    for (name, share) in &scores.shares {
+        if let Some(s) = share {
+            println!(
+                "{name:36} {:3} of {:3} = {:.2} [{:.2}, {:.2}]",
+                s.hits, s.of, s.value, s.interval90[0], s.interval90[1]
+            );
+        }
+    }
+    println!(
+        "Brier {:.3}, calibration error {:.3}, median relative error {:.3}, median |predicted - realised share| {:.3}",
+        scores.brier, scores.calibration_error, scores.relative_error, scores.share_error
+    );
 }
 
 fn line(name: &str, d: &Diagnosis, label: &serde_json::Value) -> String {
