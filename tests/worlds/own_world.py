@@ -166,13 +166,16 @@ class Lanes:
         log = {k: np.zeros((n, steps)) for k in ("x", "y", "yaw", "v", "r", "ax", "ay", "servo", "wheel")}
         hold = self.on("cmd_hold_rate", 1e9)
         lanes = np.arange(n)
+        heading = np.zeros(n)
         gust = self.gusts(steps)
         for k in range(steps):
             if k % 5 == 0:  # the controller runs at 50 Hz
                 v = np.maximum(state["v"], 3.0)
                 want_r = self.want_ay[:, k] / v
+                heading = heading + 0.02 * want_r
+                heading = state["yaw"] + np.clip(heading - state["yaw"], -0.3, 0.3)
                 us = self.nominal["mass"] * (real["lr"] / self.nominal["cornering_stiffness_front"] - real["lf"] / self.nominal["cornering_stiffness_rear"]) / base
-                steer = want_r / v * (base + us * v * v) + 0.05 * (want_r - state["r"])
+                steer = want_r / v * (base + us * v * v) + (0.1 * (want_r - state["r"]) + 0.25 * np.clip(heading - state["yaw"], -0.2, 0.2)) * 8.0 / v
                 accel = 0.9 * (self.want_v[:, k] - state["v"]) + self.nominal["rolling_decel"] + self.nominal["drag_decel_per_v2"] * v * v
                 now_s, now_a = np.clip(steer, -0.5, 0.5), np.clip(accel, -2.7, 2.2)
             raw_s[:, k], raw_a[:, k] = now_s, now_a

@@ -11,6 +11,7 @@ use crate::floor;
 use crate::following::{self, FollowerRecord};
 use crate::meta::Meta;
 use crate::scatter::{Scatter, scatter};
+use crate::settings::SLIDING_SHARE;
 use crate::space::{Part, Space};
 use crate::windows::{BLOCKS, EGO, EgoRecord};
 
@@ -178,7 +179,14 @@ impl<'a> PartModel<'a> {
         priors
     }
 
-    /// Returns the number of windows.
+    /// Tells for each ego window whether it comes near the limit of the tyres at the friction of a vector.
+    #[must_use]
+    pub fn sliding(&self, vector: &[f64]) -> Vec<bool> {
+        let limit = SLIDING_SHARE * 9.81 * self.space.plant(vector).vehicle.friction;
+        self.ego.iter().flat_map(|record| record.anchors.iter().map(move |a| a.regime.lateral_mps2 > limit)).collect()
+    }
+
+    /// Tells whether there is nothing to explain.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.tags.is_empty()

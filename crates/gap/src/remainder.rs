@@ -37,12 +37,14 @@ fn clean(channel: Channel) -> f64 {
 /// Compares what a fit leaves with what effect-free worlds leave; `before` are the residuals of the nuisance fit.
 #[must_use]
 pub fn left(model: &PartModel<'_>, fit: &Fit, null: &Fit, staircase: bool) -> Left {
+    let sliding = model.sliding(&fit.vector);
     let mut drives: BTreeMap<(Channel, usize), (f64, f64)> = BTreeMap::new();
     let mut windows: BTreeMap<(Channel, usize), (f64, f64)> = BTreeMap::new();
     let mut found = Left::default();
     for ((tag, z), z0) in model.tags.iter().zip(&fit.residuals).zip(&null.residuals) {
         // the phase of a held command is not fitted, so the position sensor's staircase stays in the residual
-        if *z == 0.0 || (staircase && tag.channel == Channel::SteerMeas) {
+        // and past the limit of the tyres small errors grow without bound
+        if *z == 0.0 || (staircase && tag.channel == Channel::SteerMeas) || sliding.get(tag.window) == Some(&true) {
             continue;
         }
         let loss = point_loss(*z);

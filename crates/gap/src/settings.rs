@@ -56,3 +56,5 @@ pub const CELL_SIZE: f64 = 0.5;
 pub const OWN_NUISANCE: f64 = 0.7;
 /// Held-out loss, as a share of the evidence gain, that still counts as agreement.
 pub const DISAGREEMENT: f64 = 0.1;
+/// Mean lateral acceleration of a window, as a share of friction times gravity, from which parts of it are past the limit.
+pub const SLIDING_SHARE: f64 = 0.6;
