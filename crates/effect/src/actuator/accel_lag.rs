@@ -1,0 +1,24 @@
+//! `accel_lag`: Extra first-order time constant of drive and brake; a negative value speeds the nominal one up.
+//! The neutral value leaves the simulator untouched.
+
+use crate::signal::{Place, lag};
+use crate::{Channel, Effect, Insertion, Parameter};
+
+pub(crate) const EFFECT: Effect = Effect {
+    id: "accel_lag",
+    insertion: Insertion::Actuator,
+    parameters: &[Parameter::linear("time_constant", "s", (0.0, 0.8)).usual(0.0, 0.010)],
+    channels: &[Channel::Speed, Channel::Ax, Channel::WheelSpeed, Channel::Dx],
+    suspect: true,
+    apply: |values, plant| {
+        let secs = values[0];
+        if secs > 0.0 {
+            plant
+                .traction
+                .operators
+                .push((Place::Command, Box::new(move |signal, context| lag(signal, context.step_secs, secs))));
+        } else {
+            plant.traction.lag_secs += secs;
+        }
+    },
+};

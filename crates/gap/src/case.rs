@@ -1,0 +1,211 @@
+//! A case in memory: its drives, cut into windows, and the two models whose residuals the search explains.
+
+use std::path::Path;
+
+use ds_effect::Channel;
+
+use crate::drive::Drive;
+use crate::error::GapError;
+use crate::fit::{Model, Prior};
+use crate::floor;
+use crate::following::{self, FollowerRecord};
+use crate::meta::Meta;
+use crate::scatter::{Scatter, scatter};
+use crate::settings::SLIDING_SHARE;
+use crate::space::{Part, Space};
+use crate::windows::{BLOCKS, EGO, EgoRecord};
+
+/// A case, read and checked.
+pub struct Case {
+    /// Its description.
+    pub meta: Meta,
+    /// Its drives.
+    pub drives: Vec<Drive>,
+    /// Ego windows per drive.
+    pub ego: Vec<EgoRecord>,
+    /// Followers over all drives.
+    pub following: Vec<FollowerRecord>,
+    /// Scatter of the samples of the drives to fit.
+    pub scatter: Scatter,
+    /// What looked odd but could be used.
+    pub warnings: Vec<String>,
+}
+
+impl Case {
+    /// Reads a case folder.
+    ///
+    /// # Errors
+    /// If a file is unreadable or makes no sense.
+    pub fn read(folder: &Path) -> Result<Self, GapError> {
+        let meta = Meta::read(folder)?;
+        let drives: Vec<Drive> =
+            meta.drives.iter().map(|entry| Drive::read(folder, entry)).collect::<Result<_, _>>()?;
+        let warnings = crate::check::check(&drives, &meta)?;
+        let mut ego = Vec::new();
+        let mut following = Vec::new();
+        for (index, drive) in drives.iter().enumerate() {
+            ego.extend(EgoRecord::new(index, drive, meta.nominal.mass));
+            for log in &drive.followers {
+                following.push(FollowerRecord::new(index, log, drive.desired_speed_mps));
+            }
+        }
+        let (fit, _) = meta.split();
+        let scatter = scatter(&fit.iter().map(|&d| &drives[d]).collect::<Vec<_>>());
+        Ok(Self { meta, drives, ego, following, scatter, warnings })
+    }
+}
+
+/// Where one residual belongs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tag {
+    /// Drive.
+    pub drive: usize,
+    /// Window, counted over the model.
+    pub window: usize,
+    /// Channel.
+    pub channel: Channel,
+    /// Block within the window.
+    pub block: usize,
+    /// Stamp of the window's anchor, s.
+    pub secs: f64,
+}
+
+/// One part of a case as a model of residuals in floor units.
+pub struct PartModel<'a> {
+    /// Its parameters.
+    pub space: Space,
+    /// Where each residual belongs.
+    pub tags: Vec<Tag>,
+    part: Part,
+    ego: Vec<&'a EgoRecord>,
+    following: Vec<&'a FollowerRecord>,
+    inverse_floor: Vec<f64>,
+    jitter_secs: f64,
+}
+
+impl<'a> PartModel<'a> {
+    /// Builds the model of a part over some drives.
+    #[must_use]
+    pub fn new(case: &'a Case, part: Part, drives: &[usize], without: &[String]) -> Self {
+        let space = Space::new(part, &case.meta.nominal, without);
+        let ego: Vec<_> = if part == Part::Ego {
+            case.ego.iter().filter(|r| drives.contains(&r.drive)).collect()
+        } else {
+            Vec::new()
+        };
+        let following: Vec<_> = if part == Part::Following {
+            case.following.iter().filter(|r| drives.contains(&r.drive)).collect()
+        } else {
+            Vec::new()
+        };
+        let mut model = Self {
+            space,
+            tags: Vec::new(),
+            part,
+            ego,
+            following,
+            inverse_floor: Vec::new(),
+            jitter_secs: case.scatter.jitter_secs,
+        };
+        model.label();
+        let plain = model.space.neutral();
+        let raw = model.raw(&plain);
+        for (inverse, residual) in model.inverse_floor.iter_mut().zip(&raw) {
+            if residual.is_nan() {
+                *inverse = 0.0;
+            }
+        }
+        model
+    }
+
+    fn label(&mut self) {
+        let mut window = 0;
+        for record in &self.ego {
+            for anchor in &record.anchors {
+                for (channel, block) in (0..EGO).flat_map(|c| (0..BLOCKS).map(move |b| (c, b))) {
+                    let channel = Channel::ALL[channel];
+                    self.tags.push(Tag { drive: record.drive, window, channel, block, secs: anchor.secs });
+                    self.inverse_floor.push(1.0 / floor::ego(channel.index(), block, &anchor.regime, self.jitter_secs));
+                }
+                window += 1;
+            }
+        }
+        for record in &self.following {
+            for &start in &record.starts {
+                for (channel, block) in (0..2).flat_map(|c| (0..following::BLOCKS).map(move |b| (c, b))) {
+                    let secs = record.secs(start);
+                    self.tags.push(Tag {
+                        drive: record.drive,
+                        window,
+                        channel: Channel::ALL[EGO + channel],
+                        block,
+                        secs,
+                    });
+                    self.inverse_floor.push(1.0 / floor::follower(channel, block));
+                }
+                window += 1;
+            }
+        }
+    }
+
+    fn raw(&self, vector: &[f64]) -> Vec<f64> {
+        let plant = self.space.plant(vector);
+        match self.part {
+            Part::Ego => self.ego.iter().flat_map(|record| record.residuals(&plant)).collect(),
+            Part::Following => self.following.iter().flat_map(|record| record.residuals(&plant)).collect(),
+        }
+    }
+
+    /// Returns the priors when no effect is suspected: nuisances free, all else absent.
+    #[must_use]
+    pub fn null_priors(&self) -> Vec<Prior> {
+        let prior = |c: &crate::space::Coordinate| match c.parameter.nuisance {
+            Some(n) => Prior::Normal { mean: n.mean, sd: n.sd },
+            None => Prior::Fixed(c.parameter.neutral),
+        };
+        self.space.coordinates.iter().map(prior).collect()
+    }
+
+    /// Returns the priors when some effects are suspected: slabs on their parameters.
+    #[must_use]
+    pub fn priors_with(&self, effects: &[usize]) -> Vec<Prior> {
+        let mut priors = self.null_priors();
+        for &effect in effects {
+            for k in self.space.of(effect) {
+                let (low, high) = self.space.coordinates[k].parameter.slab;
+                priors[k] = if high > low { Prior::Slab { low, high } } else { Prior::Fixed(low) };
+            }
+        }
+        priors
+    }
+
+    /// Tells for each ego window whether it comes near the limit of the tyres at the friction of a vector.
+    #[must_use]
+    pub fn sliding(&self, vector: &[f64]) -> Vec<bool> {
+        let limit = SLIDING_SHARE * 9.81 * self.space.plant(vector).vehicle.friction;
+        self.ego.iter().flat_map(|record| record.anchors.iter().map(move |a| a.regime.lateral_mps2 > limit)).collect()
+    }
+
+    /// Tells whether there is nothing to explain.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.tags.is_empty()
+    }
+}
+
+impl Model for PartModel<'_> {
+    fn residuals(&self, vector: &[f64]) -> Vec<f64> {
+        let mut residuals = self.raw(vector);
+        for (z, inverse) in residuals.iter_mut().zip(&self.inverse_floor) {
+            *z = if *inverse == 0.0 { 0.0 } else { (*z * inverse).clamp(-1e6, 1e6) };
+            if z.is_nan() {
+                *z = 1e6;
+            }
+        }
+        residuals
+    }
+
+    fn step(&self, coordinate: usize) -> f64 {
+        self.space.step(coordinate)
+    }
+}

@@ -1,0 +1,189 @@
+//! Where the gap lies: channel by drive by regime, with block-bootstrap p-values and false-discovery control.
+//!
+//! The statistic of a cell is the mean Student-t loss of the simulator without the accepted effects but with the fitted
+//! nuisances, against what effect-free worlds leave; Benjamini and Hochberg (1995) over all cells.
+
+use std::collections::BTreeMap;
+
+use ds_effect::Channel;
+
+use crate::bootstrap::weights;
+use crate::case::{Case, PartModel};
+use crate::fit::{Model, point_loss};
+use crate::report::{Cell, Regime};
+use crate::settings::{CELL_SIZE, DISCOVERY_RATE};
+use crate::space::Part;
+use crate::windows;
+
+/// Mean loss of an effect-free world that the bootstrap is compared with.
+const CLEAN_LEVEL: f64 = 0.55;
+
+/// Windows of a part: drive, stamp and regime bins.
+struct Window {
+    drive: usize,
+    secs: f64,
+    bins: [&'static str; 4],
+}
+
+/// Returns the significant cells of a part, largest first; `model` spans all drives, `before` is the vector without
+/// the effects and `after` the one with them.
+#[must_use]
+pub fn cells(case: &Case, part: Part, model: &PartModel<'_>, before: &[f64], after: &[f64]) -> Vec<Cell> {
+    let windows = window_list(case, part, model);
+    if windows.is_empty() {
+        return Vec::new();
+    }
+    let (bare, full) = (model.residuals(before), model.residuals(after));
+    let changed = before != after;
+    // per channel and window: loss, squared change, count
+    let mut table: BTreeMap<Channel, Vec<(f64, f64, f64)>> = BTreeMap::new();
+    for ((tag, z), z1) in model.tags.iter().zip(&bare).zip(&full) {
+        if *z == 0.0 {
+            continue;
+        }
+        let row = table.entry(tag.channel).or_insert_with(|| vec![(0.0, 0.0, 0.0); windows.len()]);
+        let size = if changed { z - z1 } else { z.abs().min(30.0) - 1.0_f64.min(z.abs()) };
+        row[tag.window].0 += point_loss(*z);
+        row[tag.window].1 += size * size;
+        row[tag.window].2 += 1.0;
+    }
+    let drives: Vec<usize> = windows.iter().map(|w| w.drive).collect();
+    let draws = weights(&drives, "cells");
+    let mut found: Vec<(Cell, f64)> = Vec::new();
+    for (channel, rows) in &table {
+        for (regime, members) in groups(&windows) {
+            if let Some(cell) = test(*channel, &regime, &members, rows, &windows, &draws) {
+                found.push(cell);
+            }
+        }
+    }
+    discover(found)
+}
+
+fn test(
+    channel: Channel,
+    regime: &Regime,
+    members: &[usize],
+    rows: &[(f64, f64, f64)],
+    windows: &[Window],
+    draws: &[Vec<f64>],
+) -> Option<(Cell, f64)> {
+    let count: f64 = members.iter().map(|&w| rows[w].2).sum();
+    if count < 8.0 {
+        return None;
+    }
+    let mean = |draw: Option<&Vec<f64>>| {
+        let (mut loss, mut n) = (0.0, 0.0);
+        for &w in members {
+            let weight = draw.map_or(1.0, |d| d[w]);
+            loss += weight * rows[w].0;
+            n += weight * rows[w].2;
+        }
+        if n > 0.0 { loss / n } else { 0.0 }
+    };
+    // the bootstrap gives the spread of the mean; its normal tail reaches below the resolution of the draws
+    let centre = mean(None);
+    let variance = draws.iter().map(|d| (mean(Some(d)) - centre).powi(2)).sum::<f64>() / draws.len() as f64;
+    let p = normal_tail((centre - CLEAN_LEVEL) / variance.sqrt().max(0.02));
+    let effect_size = (members.iter().map(|&w| rows[w].1).sum::<f64>() / count).sqrt();
+    let mut t: Vec<[f64; 2]> = Vec::new();
+    for &w in members.iter().filter(|&&w| rows[w].2 > 0.0 && rows[w].0 / rows[w].2 > 2.0 * CLEAN_LEVEL) {
+        let end = windows[w].secs + if channel.of_follower() { 5.0 } else { 2.0 };
+        match t.last_mut() {
+            Some(span) if span[1] >= windows[w].secs && span[0] <= windows[w].secs => span[1] = end,
+            _ => t.push([windows[w].secs, end]),
+        }
+    }
+    let cell = Cell { channel: channel.name().to_owned(), regime: regime.clone(), effect_size, q_value: p, t };
+    Some((cell, p))
+}
+
+/// Returns the upper tail of the standard normal distribution (Abramowitz and Stegun 7.1.26, error below 2e-7).
+fn normal_tail(z: f64) -> f64 {
+    let x = z.abs() / std::f64::consts::SQRT_2;
+    let t = 1.0 / (1.0 + 0.327_591_1 * x);
+    let poly =
+        t * (0.254_829_592 + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
+    let tail = 0.5 * poly * (-x * x).exp();
+    if z >= 0.0 { tail.max(1e-12) } else { 1.0 - tail }
+}
+
+/// Controls the false discovery rate and keeps cells that are large enough to matter.
+fn discover(mut found: Vec<(Cell, f64)>) -> Vec<Cell> {
+    found.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let total = found.len() as f64;
+    let mut least: f64 = 1.0;
+    let count = found.len();
+    for (k, (cell, p)) in found.iter_mut().enumerate() {
+        least = least.min(*p * total / (count - k) as f64);
+        cell.q_value = least;
+    }
+    let mut cells: Vec<Cell> = found.into_iter().map(|(cell, _)| cell).collect();
+    cells.retain(|c| c.q_value <= DISCOVERY_RATE && c.effect_size >= CELL_SIZE);
+    cells.sort_by(|a, b| b.effect_size.total_cmp(&a.effect_size));
+    cells
+}
+
+/// Returns the bins: every drive as a whole and by each regime.
+fn groups(windows: &[Window]) -> Vec<(Regime, Vec<usize>)> {
+    let mut groups: BTreeMap<(usize, usize, &str), Vec<usize>> = BTreeMap::new();
+    for (k, window) in windows.iter().enumerate() {
+        groups.entry((window.drive, 0, "")).or_default().push(k);
+        for (axis, bin) in window.bins.iter().enumerate().filter(|(_, bin)| !bin.is_empty()) {
+            groups.entry((window.drive, axis + 1, bin)).or_default().push(k);
+        }
+    }
+    groups
+        .into_iter()
+        .map(|((drive, axis, bin), members)| {
+            let mut regime = Regime { drive, ..Regime::default() };
+            let slot = match axis {
+                1 => &mut regime.speed,
+                2 => &mut regime.lateral,
+                3 => &mut regime.pedal,
+                _ => &mut regime.steering,
+            };
+            if axis > 0 {
+                *slot = Some(bin.to_owned());
+            }
+            (regime, members)
+        })
+        .collect()
+}
+
+fn window_list(case: &Case, part: Part, model: &PartModel<'_>) -> Vec<Window> {
+    let mut list: Vec<Window> = Vec::new();
+    for tag in &model.tags {
+        if tag.window == list.len() {
+            list.push(Window { drive: tag.drive, secs: tag.secs, bins: [""; 4] });
+        }
+    }
+    if part == Part::Ego {
+        let regimes: Vec<windows::Regime> =
+            case.ego.iter().flat_map(|record| record.anchors.iter().map(|a| a.regime)).collect();
+        let mut speeds: Vec<f64> = regimes.iter().map(|r| r.speed_mps).collect();
+        let thirds = [1.0 / 3.0, 2.0 / 3.0].map(|share| crate::bootstrap::quantile(&mut speeds, share));
+        for (window, regime) in list.iter_mut().zip(&regimes) {
+            window.bins = bins(regime, thirds);
+        }
+    }
+    list
+}
+
+fn bins(regime: &windows::Regime, thirds: [f64; 2]) -> [&'static str; 4] {
+    let pick = |value: f64, low: f64, high: f64, names: [&'static str; 3]| {
+        if value < low {
+            names[0]
+        } else if value < high {
+            names[1]
+        } else {
+            names[2]
+        }
+    };
+    [
+        pick(regime.speed_mps, thirds[0], thirds[1], ["low", "mid", "high"]),
+        pick(regime.lateral_mps2, 0.5, 2.0, ["straight", "curve", "hard"]),
+        pick(regime.accel_mps2, -0.3, 0.3, ["brake", "coast", "traction"]),
+        pick(regime.steer_rate, 0.01, 0.05, ["still", "slow", "fast"]),
+    ]
+}

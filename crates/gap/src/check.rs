@@ -1,0 +1,194 @@
+//! Looks for what makes a log unusable or suspicious before anything is fitted: frozen, swapped, scaled or mirrored
+//! columns, by relations that hold in any vehicle whatever effect is at work.
+//!
+//! A relation that only a wrong unit or column can break is an error; one that a strong effect could break is a warning.
+
+use crate::drive::{Drive, STEP_SECS};
+use crate::error::GapError;
+use crate::meta::Meta;
+
+/// Largest commanded road-wheel angle of any vehicle, rad.
+const LARGEST_STEER: f64 = 1.2;
+/// Largest acceleration of any vehicle, m/s².
+const LARGEST_ACCEL: f64 = 30.0;
+/// Fastest vehicle, m/s.
+const FASTEST: f64 = 120.0;
+
+/// Checks all drives; returns what is odd but usable.
+///
+/// # Errors
+/// If a log cannot be what its columns say.
+pub fn check(drives: &[Drive], meta: &Meta) -> Result<Vec<String>, GapError> {
+    let mut warnings = Vec::new();
+    for drive in drives {
+        ranges(drive)?;
+        frozen(drive)?;
+        motion(drive)?;
+        turning(drive, meta, &mut warnings)?;
+        for name in missing(drive, meta) {
+            warnings.push(format!("{}: channel {name} is absent", drive.file));
+        }
+    }
+    if drives.iter().all(|d| d.followers.is_empty()) {
+        warnings.push("no followers: effects of other drivers cannot be judged".to_owned());
+    }
+    Ok(warnings)
+}
+
+fn inconsistent(drive: &Drive, finding: String) -> GapError {
+    GapError::Inconsistent { finding, file: drive.file.clone() }
+}
+
+fn largest(column: &[f64]) -> f64 {
+    column.iter().map(|v| v.abs()).fold(0.0, f64::max)
+}
+
+/// Returns a typical size: the 90th percentile of magnitudes.
+fn typical(column: impl Iterator<Item = f64>) -> f64 {
+    let mut sizes: Vec<f64> = column.map(f64::abs).collect();
+    crate::bootstrap::quantile(&mut sizes, 0.9)
+}
+
+fn ranges(drive: &Drive) -> Result<(), GapError> {
+    let steer = largest(&drive.cmd_steer);
+    if steer > LARGEST_STEER {
+        return Err(inconsistent(drive, format!("cmd_steer reaches {steer:.1}, more than any road wheel: degrees?")));
+    }
+    let accel = largest(&drive.cmd_accel);
+    if accel > LARGEST_ACCEL {
+        return Err(inconsistent(drive, format!("cmd_accel reaches {accel:.1} m/s2: another unit or column?")));
+    }
+    let bounds = [
+        ("v", &drive.v, FASTEST, "km/h or another column?"),
+        ("v_wheel", &drive.v_wheel, FASTEST, "km/h or another column?"),
+        ("yaw_rate", &drive.yaw_rate, 6.0, "degrees per second?"),
+        ("ax", &drive.ax, 60.0, "another unit?"),
+        ("ay", &drive.ay, 60.0, "another unit?"),
+        ("steer_meas", &drive.steer_meas, LARGEST_STEER, "degrees or steering-wheel angle?"),
+    ];
+    for (name, column, limit, guess) in bounds {
+        if let Some(top) = column.as_ref().map(|c| largest(c)).filter(|top| *top > limit) {
+            return Err(inconsistent(drive, format!("{name} reaches {top:.1}: {guess}")));
+        }
+    }
+    Ok(())
+}
+
+fn frozen(drive: &Drive) -> Result<(), GapError> {
+    let moving = drive.speed().is_some_and(|v| typical(v.iter().copied()) > 1.0);
+    for (name, column) in drive.columns() {
+        let same = column.iter().all(|v| (v - column[0]).abs() < 1e-12);
+        let command = name == "cmd_steer" || name == "cmd_accel";
+        if same && (moving || !command) {
+            return Err(GapError::ZeroVariance { column: name.to_owned(), file: drive.file.clone() });
+        }
+    }
+    if drive.speed().is_none() {
+        return Err(inconsistent(drive, "neither v, v_wheel nor x and y: no speed to start from".to_owned()));
+    }
+    Ok(())
+}
+
+/// Position must move as fast as the speed says, and along the heading.
+fn motion(drive: &Drive) -> Result<(), GapError> {
+    let (Some(x), Some(y)) = (&drive.x, &drive.y) else { return Ok(()) };
+    let stride = 20;
+    let mut pairs = Vec::new();
+    let mut along = 0.0;
+    for k in (0..drive.samples.saturating_sub(stride)).step_by(stride) {
+        let (dx, dy) = (x[k + stride] - x[k], y[k + stride] - y[k]);
+        let path = dx.hypot(dy);
+        if let Some(v) = &drive.v {
+            let mean = v[k..k + stride].iter().sum::<f64>() * STEP_SECS;
+            if mean > 2.0 {
+                pairs.push(path / mean);
+            }
+        }
+        if let (Some(yaw), true) = (&drive.yaw, path > 2.0) {
+            let heading = yaw[k + stride / 2];
+            along += (dx * heading.cos() + dy * heading.sin()) / path;
+            along -= 1.0;
+        }
+    }
+    let windows = (drive.samples / stride).max(1) as f64;
+    if pairs.len() > 3 {
+        let ratio = crate::bootstrap::quantile(&mut pairs, 0.5);
+        if !(0.6..1.6).contains(&ratio) {
+            let guess =
+                if (3.0..4.2).contains(&(1.0 / ratio)) { "v in km/h?" } else { "v, x or y in another unit or column?" };
+            return Err(inconsistent(drive, format!("position moves {ratio:.2} times as fast as v says: {guess}")));
+        }
+    }
+    if along / windows < -0.4 {
+        return Err(inconsistent(
+            drive,
+            "the path does not follow the heading: yaw in degrees, mirrored, or x and y swapped?".to_owned(),
+        ));
+    }
+    Ok(())
+}
+
+/// Heading must turn as the gyro says, and both as the steering says.
+fn turning(drive: &Drive, meta: &Meta, warnings: &mut Vec<String>) -> Result<(), GapError> {
+    let base = meta.nominal.lf + meta.nominal.lr;
+    let Some(speed) = drive.speed() else { return Ok(()) };
+    let kinematic: Vec<f64> = drive.cmd_steer.iter().zip(&speed).map(|(d, v)| v * d.tan() / base).collect();
+    if let (Some(yaw), Some(rate)) = (&drive.yaw, &drive.yaw_rate) {
+        let stride = 20;
+        let (mut cross, mut square, mut turned) = (0.0, 0.0, 0.0);
+        for k in (0..drive.samples.saturating_sub(stride)).step_by(stride) {
+            let turn = yaw[k + stride] - yaw[k];
+            let gyro = rate[k..k + stride].iter().sum::<f64>() * STEP_SECS;
+            cross += turn * gyro;
+            square += gyro * gyro;
+            turned += turn * turn;
+        }
+        let slope = cross / square.max(1e-12);
+        if turned.sqrt() > 0.3 && !(0.5..2.0).contains(&slope) {
+            let finding = format!(
+                "heading turns {slope:.2} times as much as the gyro says: degrees, wrong sign or swapped columns?"
+            );
+            return Err(inconsistent(drive, finding));
+        }
+    }
+    if let Some(rate) = &drive.yaw_rate {
+        // window by window, so that one slide or spin does not decide
+        let slope = |k: usize| {
+            let range = k..(k + 40).min(drive.samples);
+            let square: f64 = range.clone().map(|k| kinematic[k] * kinematic[k]).sum();
+            let cross: f64 = range.map(|k| kinematic[k] * rate[k]).sum();
+            (square > 40.0 * 0.03 * 0.03).then(|| cross / square)
+        };
+        let mut slopes: Vec<f64> = (0..drive.samples.saturating_sub(40)).step_by(40).filter_map(slope).collect();
+        if slopes.len() > 3 {
+            let slope = crate::bootstrap::quantile(&mut slopes, 0.5);
+            if slope < -0.1 {
+                let finding = "the vehicle turns against the steering: sign of cmd_steer or yaw_rate?".to_owned();
+                return Err(inconsistent(drive, finding));
+            }
+            if !(0.2..2.5).contains(&slope) {
+                warnings
+                    .push(format!("{}: the vehicle turns {slope:.2} times as much as the steering says", drive.file));
+            }
+        }
+        if let Some(ay) = &drive.ay {
+            let centripetal: Vec<f64> = rate.iter().zip(&speed).map(|(r, v)| r * v).collect();
+            let square: f64 = centripetal.iter().map(|c| c * c).sum();
+            let slope = centripetal.iter().zip(ay).map(|(c, a)| c * a).sum::<f64>() / square.max(1e-12);
+            if typical(centripetal.iter().copied()) > 0.5 && !(0.5..1.8).contains(&slope) {
+                warnings.push(format!(
+                    "{}: ay is {slope:.2} times speed times yaw rate: g, wrong sign or swapped with ax?",
+                    drive.file
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn missing(drive: &Drive, meta: &Meta) -> Vec<&'static str> {
+    let there: Vec<&str> = drive.columns().iter().map(|c| c.0).collect();
+    let all = ["x", "y", "yaw", "v", "yaw_rate", "ax", "ay", "steer_meas", "v_wheel"];
+    let told = |name: &str| meta.channels_missing.iter().any(|m| m == name);
+    all.into_iter().filter(|name| !there.contains(name) && !told(name)).collect()
+}

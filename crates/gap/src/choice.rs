@@ -1,0 +1,188 @@
+//! From fitted hypotheses to a choice: accept a single effect, add further ones, weigh all of them into probabilities.
+
+use crate::case::{Case, PartModel};
+use crate::fit::Fit;
+use crate::scatter::Scatter;
+use crate::search::{Effort, Hypothesis, Search, held_out_gains};
+use crate::settings::{
+    DISAGREE_COST, DISAGREEMENT, FURTHER_GAIN, INSIDE_COST, MOST_EFFECTS, SINGLE_COST, SINGLE_GAIN, TEMPERATURE,
+};
+use crate::space::SCATTER;
+
+/// What the search over one part came to.
+pub struct Outcome<'m, 'c> {
+    /// The search.
+    pub search: Search<'m, 'c>,
+    /// The accepted model, if any effect was accepted.
+    pub accepted: Option<Hypothesis>,
+    /// Held-out gains per fit drive of the best singles, in their order.
+    pub held_out: Vec<Vec<f64>>,
+}
+
+impl<'m, 'c> Outcome<'m, 'c> {
+    /// Searches a part and accepts effects one by one.
+    #[must_use]
+    pub fn run(model: &'m PartModel<'c>, drives: &[usize], effort: Effort) -> Self {
+        let search = Search::run(model, effort);
+        let count = if effort == Effort::Full { 4 } else { 2 };
+        let held_out: Vec<Vec<f64>> = search
+            .singles
+            .iter()
+            .take(count)
+            .map(|h| if h.gain > 0.0 { held_out_gains(model, (&search.null, &[]), h, drives) } else { Vec::new() })
+            .collect();
+        let mut outcome = Self { search, accepted: None, held_out };
+        outcome.accept(drives, effort);
+        outcome
+    }
+
+    fn accept(&mut self, drives: &[usize], effort: Effort) {
+        let search = &self.search;
+        let good = |k: usize| {
+            let h = &search.singles[k];
+            h.gain > SINGLE_GAIN
+                && search.outside(h, h.effects[0])
+                && self.held_out.get(k).is_some_and(|g| agrees(g, h.gain))
+        };
+        let Some(first) = (0..search.singles.len().min(self.held_out.len())).find(|&k| good(k)) else { return };
+        let mut current = search.singles[first].clone();
+        while current.effects.len() < MOST_EFFECTS {
+            let mut bases = vec![current.clone()];
+            if current.effects.len() == 1 && effort == Effort::Full {
+                bases.extend(search.singles.iter().filter(|h| h.effects != current.effects).take(1).cloned());
+            }
+            let grown = bases.iter().filter_map(|base| search.extend(base));
+            let Some(grown) = grown.max_by(|a, b| a.gain.total_cmp(&b.gain)) else { break };
+            let adds = grown.gain - current.gain;
+            let outside = grown.effects.iter().all(|e| search.outside(&grown, *e));
+            if adds < FURTHER_GAIN || !outside {
+                break;
+            }
+            if !agrees(&held_out_gains(search.model, (&current.fit, &current.effects), &grown, drives), adds) {
+                break;
+            }
+            current = grown;
+        }
+        self.accepted = Some(current);
+    }
+
+    /// Returns the fit of the accepted model, else the nuisance fit.
+    #[must_use]
+    pub fn fit(&self) -> &Fit {
+        self.accepted.as_ref().map_or(&self.search.null, |h| &h.fit)
+    }
+}
+
+/// Tells whether held-out gains are compatible with an effect of some evidence gain.
+///
+/// Where the nuisances can imitate an effect by going far out of their range, its gain lies in the priors and the
+/// held-out score is near zero; only a loss speaks against it.
+#[must_use]
+pub fn agrees(gains: &[f64], gain: f64) -> bool {
+    let telling: Vec<f64> = gains.iter().copied().filter(|g| g.abs() > 2.0).collect();
+    let positive = telling.iter().filter(|g| **g > 0.0).count();
+    gains.iter().sum::<f64>() > -DISAGREEMENT * gain - 1.0 && 2 * positive >= telling.len()
+}
+
+/// One line of the ranking.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// Effect.
+    pub id: &'static str,
+    /// Index of the part, `None` for scatter effects.
+    pub part: Option<usize>,
+    /// Place among the part's singles.
+    pub single: usize,
+    /// Log evidence over the nuisance fit.
+    pub gain: f64,
+    /// Sum of held-out gains, if known.
+    pub held_out: Option<f64>,
+    /// Tempered log weight against none.
+    pub log_weight: f64,
+    /// Whether it is in the accepted model.
+    pub accepted: bool,
+    /// Probability.
+    pub probability: f64,
+}
+
+/// Ranks every fitted effect of all parts and the scatter effects.
+#[must_use]
+pub fn rank(case: &Case, outcomes: &[Outcome<'_, '_>]) -> Vec<Candidate> {
+    let mut ranking = Vec::new();
+    for (part, outcome) in outcomes.iter().enumerate() {
+        for (k, h) in outcome.search.singles.iter().enumerate() {
+            let effect = h.effects[0];
+            let gains = outcome.held_out.get(k).filter(|g| !g.is_empty());
+            let mut log_weight = h.gain / TEMPERATURE - SINGLE_COST;
+            if !outcome.search.outside(h, effect) {
+                log_weight -= INSIDE_COST;
+            }
+            if gains.is_some_and(|g| !agrees(g, h.gain)) {
+                log_weight -= DISAGREE_COST;
+            }
+            let accepted = outcome.accepted.as_ref().is_some_and(|a| a.effects.contains(&effect));
+            let id = outcome.search.model.space.effects[effect].id;
+            ranking.push(Candidate {
+                id,
+                part: Some(part),
+                single: k,
+                gain: h.gain,
+                held_out: gains.map(|g| g.iter().sum()),
+                log_weight,
+                accepted,
+                probability: 0.0,
+            });
+        }
+        // an effect found only together with another is not among the singles
+        if let Some(model) = &outcome.accepted {
+            for &effect in &model.effects {
+                let id = outcome.search.model.space.effects[effect].id;
+                if !ranking.iter().any(|c| c.id == id) {
+                    let blank = Candidate { single: usize::MAX, ..scatter_candidate(id, 0.0, true) };
+                    ranking.push(Candidate { part: Some(part), ..blank });
+                }
+            }
+        }
+    }
+    ranking.extend(scatter_candidates(&case.scatter));
+    weigh(&mut ranking, outcomes);
+    ranking
+}
+
+fn scatter_candidate(id: &'static str, gain: f64, accepted: bool) -> Candidate {
+    let log_weight = gain / TEMPERATURE - SINGLE_COST;
+    Candidate { id, part: None, single: 0, gain, held_out: None, log_weight, accepted, probability: 0.0 }
+}
+
+fn scatter_candidates(scatter: &Scatter) -> Vec<Candidate> {
+    let gains = [scatter.jitter_gain, scatter.repeated_gain];
+    SCATTER.iter().zip(gains).map(|(id, gain)| scatter_candidate(id, gain, gain > SINGLE_GAIN)).collect()
+}
+
+/// Turns log weights into probabilities over none, every single effect and the accepted combination.
+///
+/// Evidence is relative to the nuisance fit of all parts, so a single effect competes with the accepted combination
+/// through the sum of the gains of what was accepted.
+fn weigh(ranking: &mut [Candidate], outcomes: &[Outcome<'_, '_>]) {
+    let accepted: Vec<usize> = (0..ranking.len()).filter(|&k| ranking[k].accepted).collect();
+    let mut combined = f64::NEG_INFINITY;
+    if accepted.len() > 1 {
+        let parts: f64 = outcomes.iter().filter_map(|o| o.accepted.as_ref()).map(|h| h.gain).sum();
+        let scatter: f64 = accepted.iter().filter(|&&k| ranking[k].part.is_none()).map(|&k| ranking[k].gain).sum();
+        combined = (parts + scatter) / TEMPERATURE - SINGLE_COST * accepted.len() as f64;
+    }
+    let largest = ranking.iter().map(|c| c.log_weight).fold(combined.max(0.0), f64::max);
+    let total: f64 = (-largest).exp()
+        + (combined - largest).exp()
+        + ranking.iter().map(|c| (c.log_weight - largest).exp()).sum::<f64>();
+    let share = (combined - largest).exp() / total / accepted.len().max(1) as f64;
+    for candidate in ranking.iter_mut() {
+        candidate.probability = (candidate.log_weight - largest).exp() / total;
+        if candidate.accepted && combined > f64::NEG_INFINITY {
+            candidate.probability += share;
+        }
+    }
+    ranking.sort_by(|a, b| {
+        b.accepted.cmp(&a.accepted).then(b.probability.total_cmp(&a.probability)).then(b.gain.total_cmp(&a.gain))
+    });
+}

@@ -1,0 +1,282 @@
+//! One case from its folder to its diagnosis: read, search both parts, choose, look at what is left, measure the shrink.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use crate::case::{Case, PartModel};
+use crate::cells::cells;
+use crate::choice::{Candidate, Outcome, rank};
+use crate::error::GapError;
+use crate::fit::Fit;
+use crate::how_far::how_far;
+use crate::manoeuvre;
+use crate::remainder::{Left, describe, left};
+use crate::report::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, SCHEMA, Verdict};
+use crate::search::{Effort, without_drive};
+use crate::settings::{GROUP_COSINE, GROUP_EVIDENCE, GROUP_SIZE, OWN_NUISANCE};
+use crate::signature::{cosine, spread};
+use crate::space::{Part, SCATTER};
+use crate::windows::EGO;
+
+/// How to diagnose.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// Fast pass and single fits only.
+    pub quick: bool,
+    /// Effects to leave out of the library, to see what the diagnosis says of effects it does not know.
+    pub without: Vec<String>,
+}
+
+/// Diagnoses a case folder.
+///
+/// # Errors
+/// If the case cannot be read or makes no sense.
+pub fn diagnose(folder: &Path, options: &Options) -> Result<Diagnosis, GapError> {
+    let case = Case::read(folder)?;
+    Ok(diagnose_case(&case, options))
+}
+
+/// Diagnoses a case in memory.
+#[must_use]
+pub fn diagnose_case(case: &Case, options: &Options) -> Diagnosis {
+    let (fit_drives, held) = case.meta.split();
+    let effort = if options.quick { Effort::Quick } else { Effort::Full };
+    let models = [Part::Ego, Part::Following].map(|part| PartModel::new(case, part, &fit_drives, &options.without));
+    let outcomes: Vec<Outcome<'_, '_>> = models.iter().map(|m| Outcome::run(m, &fit_drives, effort)).collect();
+    let mut ranking = rank(case, &outcomes);
+    ranking.retain(|c| !options.without.iter().any(|id| id == c.id));
+    let staircase = ranking.iter().any(|c| c.accepted && c.id == "cmd_hold_rate");
+    let lefts: Vec<Left> = outcomes.iter().map(|o| left(o.search.model, o.fit(), &o.search.null, staircase)).collect();
+    let p_unknown = lefts.iter().map(Left::probability).fold(0.0, f64::max);
+    let verdict = verdict(&ranking, p_unknown);
+    let known = 1.0 - p_unknown;
+    let p_none = known * (1.0 - ranking.iter().map(|c| c.probability).sum::<f64>()).max(0.0);
+    let effects: Vec<Finding> = ranking.iter().map(|c| finding(case, &outcomes, &ranking, c, known)).collect();
+    let chosen: Vec<String> = match verdict {
+        Verdict::None => Vec::new(),
+        _ => ranking.iter().filter(|c| c.accepted).map(|c| c.id.to_owned()).collect(),
+    };
+    let plants = [0, 1].map(|k| {
+        let space = &outcomes[k].search.model.space;
+        (space.plant(&space.neutral()), space.plant(&outcomes[k].fit().vector))
+    });
+    let pairs = [(&plants[0].0, &plants[0].1), (&plants[1].0, &plants[1].1)];
+    let data = if held.is_empty() { (fit_drives.as_slice(), "fit") } else { (held.as_slice(), "heldout") };
+    let unknown_description = (verdict == Verdict::Unknown).then(|| {
+        let fits: Vec<_> = outcomes.iter().map(|o| (o.search.model, o.fit())).collect();
+        describe(case, &lefts, &fits, ranking.iter().take(3).map(|c| c.id.to_owned()).collect())
+    });
+    Diagnosis {
+        schema_version: SCHEMA,
+        case: case.meta.case.clone(),
+        verdict,
+        indistinguishable: groups(&effects),
+        p_none,
+        p_unknown,
+        chosen,
+        cells: map(case, &outcomes, &options.without),
+        how_far: how_far(case, data.0, pairs, data.1),
+        predicted_share: predicted(case, &outcomes, &fit_drives),
+        unknown_description,
+        next_manoeuvre: next(case, &outcomes, &effects),
+        corrected_model: corrected(&outcomes),
+        floor_source: "practice".to_owned(),
+        warnings: case.warnings.clone(),
+        secs: 0.0,
+        effects,
+    }
+}
+
+fn verdict(ranking: &[Candidate], p_unknown: f64) -> Verdict {
+    if p_unknown > 0.5 {
+        return Verdict::Unknown;
+    }
+    match ranking.iter().filter(|c| c.accepted).count() {
+        0 => Verdict::None,
+        1 => Verdict::Single,
+        _ => Verdict::Multiple,
+    }
+}
+
+/// Returns the fit that says most about a candidate: the accepted model if it is in there, else its own.
+fn fit_of<'a>(outcomes: &'a [Outcome<'_, '_>], candidate: &Candidate) -> Option<&'a Fit> {
+    let outcome = &outcomes[candidate.part?];
+    match (&outcome.accepted, candidate.accepted) {
+        (Some(model), true) => Some(&model.fit),
+        _ => outcome.search.singles.get(candidate.single).map(|h| &h.fit),
+    }
+}
+
+fn finding(
+    case: &Case,
+    outcomes: &[Outcome<'_, '_>],
+    ranking: &[Candidate],
+    candidate: &Candidate,
+    known: f64,
+) -> Finding {
+    let mut out = Finding {
+        id: candidate.id.to_owned(),
+        probability: known * candidate.probability,
+        value: 0.0,
+        unit: String::new(),
+        interval90: [0.0, 0.0],
+        group: vec![candidate.id.to_owned()],
+        heldout_gain: candidate.held_out.unwrap_or(0.0),
+        evidence_gain: candidate.gain,
+        params: BTreeMap::new(),
+    };
+    let (Some(part), Some(fit)) = (candidate.part, fit_of(outcomes, candidate)) else {
+        return scatter_finding(case, out);
+    };
+    let model = outcomes[part].search.model;
+    let Some(effect) = model.space.find(candidate.id) else { return out };
+    for (place, k) in model.space.of(effect).into_iter().enumerate() {
+        let parameter = model.space.coordinates[k].parameter;
+        // what every vehicle has is no part of the effect; a slab that starts beyond neutral is an absolute value
+        let usual = match parameter.nuisance {
+            Some(n) if parameter.slab.0 <= parameter.neutral => n.mean - parameter.neutral,
+            _ => 0.0,
+        };
+        let own = parameter.nuisance.map_or(0.0, |n| OWN_NUISANCE * n.sd);
+        let width = 1.645 * spread(model, fit, k).hypot(own);
+        let centre = fit.vector[k] - usual;
+        let reported = |v: f64| model.space.reported(k, v);
+        out.params.insert(parameter.name.to_owned(), reported(centre));
+        if place == 0 {
+            out.value = reported(centre);
+            out.unit = parameter.unit.to_owned();
+            out.interval90 = [reported(centre - width), reported(centre + width)];
+        }
+    }
+    out.group = group(outcomes, ranking, candidate, fit);
+    out
+}
+
+fn scatter_finding(case: &Case, mut out: Finding) -> Finding {
+    let scatter = &case.scatter;
+    let (value, error) = if out.id == SCATTER[0] {
+        (scatter.jitter_secs, scatter.jitter_error_secs)
+    } else {
+        (scatter.repeated_share, scatter.repeated_error)
+    };
+    out.value = value;
+    out.unit = if out.id == SCATTER[0] { "s" } else { "1" }.to_owned();
+    out.interval90 = [(value - 1.645 * error).max(0.0), value + 1.645 * error];
+    out
+}
+
+/// Returns the effects that these data cannot tell from a candidate, best first, itself in front.
+fn group(outcomes: &[Outcome<'_, '_>], ranking: &[Candidate], candidate: &Candidate, fit: &Fit) -> Vec<String> {
+    let mut members = vec![candidate.id.to_owned()];
+    let Some(part) = candidate.part else { return members };
+    let model = outcomes[part].search.model;
+    let Some(own) = model.space.find(candidate.id).map(|e| model.space.of(e)[0]) else { return members };
+    let mut rivals: Vec<(&str, f64)> = Vec::new();
+    for other in ranking.iter().filter(|c| c.part == Some(part) && c.id != candidate.id && !c.accepted) {
+        let Some(k) = model.space.find(other.id).map(|e| model.space.of(e)[0]) else { continue };
+        let alike = cosine(model, fit, own, k).is_some_and(|c| c.abs() > GROUP_COSINE);
+        let close = candidate.gain > GROUP_EVIDENCE && (candidate.gain - other.gain).abs() < GROUP_EVIDENCE;
+        if (alike && other.gain > 0.5 * candidate.gain) || close {
+            rivals.push((other.id, other.gain));
+        }
+    }
+    rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
+    members.extend(rivals.iter().take(GROUP_SIZE - 1).map(|r| r.0.to_owned()));
+    members
+}
+
+fn groups(effects: &[Finding]) -> Vec<Vec<String>> {
+    let mut sets: Vec<Vec<String>> = Vec::new();
+    for effect in effects.iter().filter(|e| e.group.len() > 1 && e.probability > 0.02) {
+        let mut set = effect.group.clone();
+        set.sort();
+        if !sets.contains(&set) {
+            sets.push(set);
+        }
+    }
+    sets
+}
+
+/// Maps the gap over all drives: fitted nuisances, accepted effects taken out.
+fn map(case: &Case, outcomes: &[Outcome<'_, '_>], without: &[String]) -> Vec<Cell> {
+    let all: Vec<usize> = (0..case.drives.len()).collect();
+    let mut found = Vec::new();
+    for (outcome, part) in outcomes.iter().zip([Part::Ego, Part::Following]) {
+        let model = PartModel::new(case, part, &all, without);
+        let after = &outcome.fit().vector;
+        let mut before = after.clone();
+        if let Some(accepted) = &outcome.accepted {
+            let usual = model.space.usual();
+            for k in accepted.effects.iter().flat_map(|e| model.space.of(*e)) {
+                before[k] = usual[k];
+            }
+        }
+        found.extend(cells(case, part, &model, &before, after));
+    }
+    found.sort_by(|a, b| b.effect_size.total_cmp(&a.effect_size));
+    found.truncate(400);
+    found
+}
+
+/// Returns the share of `position_2s` explained on each fit drive by a model fitted without it, on average.
+fn predicted(case: &Case, outcomes: &[Outcome<'_, '_>], drives: &[usize]) -> f64 {
+    let mut errors: Vec<[f64; 3]> = Vec::new();
+    for &drive in drives {
+        let fitted: Vec<Vec<f64>> = outcomes
+            .iter()
+            .map(|o| if drives.len() > 1 { without_drive(o, drive) } else { o.fit().vector.clone() })
+            .collect();
+        let spaces = [0, 1].map(|k| &outcomes[k].search.model.space);
+        let plants = [0, 1].map(|k| (spaces[k].plant(&spaces[k].neutral()), spaces[k].plant(&fitted[k])));
+        let found = how_far(case, &[drive], [(&plants[0].0, &plants[0].1), (&plants[1].0, &plants[1].1)], "fit");
+        errors.extend(found.iter().filter(|s| s.metric == "position_2s").map(|s| [s.before, s.after, s.floor]));
+    }
+    let root = |k: usize| (errors.iter().map(|e| e[k] * e[k]).sum::<f64>() / errors.len().max(1) as f64).sqrt();
+    let (before, after, floor) = (root(0), root(1), root(2));
+    if before - floor <= 0.05 * floor {
+        0.0
+    } else {
+        (1.0 - (after - floor).max(0.0) / (before - floor)).clamp(-5.0, 1.0)
+    }
+}
+
+/// Ranks manoeuvres that separate the two best hypotheses about the ego.
+fn next(case: &Case, outcomes: &[Outcome<'_, '_>], effects: &[Finding]) -> Vec<Manoeuvre> {
+    let singles = &outcomes[0].search.singles;
+    let space = &outcomes[0].search.model.space;
+    let name = |k: usize| space.effects[singles[k].effects[0]].id;
+    if singles.len() < 2 || effects.is_empty() {
+        return Vec::new();
+    }
+    let log = &case.drives[0];
+    let present = log.columns().iter().map(|c| c.0).collect::<Vec<_>>();
+    let columns = ["x", "y", "yaw", "v", "yaw_rate", "ax", "ay", "steer_meas", "v_wheel"];
+    let missing: [bool; EGO] = columns.map(|c| !present.contains(&c));
+    let second = space.plant(&singles[1].fit.vector);
+    let first = space.plant(&singles[0].fit.vector);
+    manoeuvre::rank([name(0), name(1)], [&first, &second], &missing)
+}
+
+fn corrected(outcomes: &[Outcome<'_, '_>]) -> Corrected {
+    let mut out = Corrected::default();
+    for outcome in outcomes {
+        let space = &outcome.search.model.space;
+        let vector = &outcome.fit().vector;
+        let accepted = outcome.accepted.as_ref().map(|h| h.effects.clone()).unwrap_or_default();
+        for (effect, e) in space.effects.iter().enumerate() {
+            let own = space.of(effect);
+            let values: Vec<f64> = own.iter().map(|&k| space.reported(k, vector[k])).collect();
+            if accepted.contains(&effect) {
+                out.effects.push(CorrectedEffect { id: e.id.to_owned(), value: values[0], values });
+            } else {
+                for (place, (value, k)) in values.iter().zip(&own).enumerate() {
+                    if vector[*k].is_finite() && vector[*k] != space.coordinates[*k].parameter.neutral {
+                        let key = if place == 0 { e.id.to_owned() } else { format!("{}.{}", e.id, place + 1) };
+                        out.nuisance.insert(key, *value);
+                    }
+                }
+            }
+        }
+    }
+    out
+}

@@ -1,0 +1,264 @@
+//! One recorded drive on an even 20 Hz grid, ego and followers, with absent channels left absent.
+//!
+//! Columns and units are those of the practice logs. Stamps must grow; short gaps are bridged by straight lines.
+
+use std::path::Path;
+
+use crate::error::GapError;
+use crate::meta::DriveEntry;
+use crate::table::Table;
+
+/// Step of the common clock, s.
+pub const STEP_SECS: f64 = 0.05;
+/// Shortest drive that can be diagnosed, s.
+const SHORTEST_SECS: f64 = 6.0;
+/// Longest hole in the stamps that is bridged, s.
+const LONGEST_HOLE_SECS: f64 = 1.0;
+
+/// One drive.
+#[derive(Debug, Clone)]
+pub struct Drive {
+    /// Name of the file.
+    pub file: String,
+    /// First stamp, s.
+    pub start_secs: f64,
+    /// Number of samples on the 20 Hz grid.
+    pub samples: usize,
+    /// Commanded road-wheel angle, rad.
+    pub cmd_steer: Vec<f64>,
+    /// Commanded force over nominal mass, m/s².
+    pub cmd_accel: Vec<f64>,
+    /// Position east, m.
+    pub x: Option<Vec<f64>>,
+    /// Position north, m.
+    pub y: Option<Vec<f64>>,
+    /// Heading, rad, without jumps.
+    pub yaw: Option<Vec<f64>>,
+    /// Longitudinal speed, m/s.
+    pub v: Option<Vec<f64>>,
+    /// Gyro, rad/s.
+    pub yaw_rate: Option<Vec<f64>>,
+    /// Forward accelerometer, m/s².
+    pub ax: Option<Vec<f64>>,
+    /// Left accelerometer, m/s².
+    pub ay: Option<Vec<f64>>,
+    /// Steering position, rad.
+    pub steer_meas: Option<Vec<f64>>,
+    /// Wheel speed, m/s.
+    pub v_wheel: Option<Vec<f64>>,
+    /// Share of samples that are exact copies of the one before although the vehicle moves.
+    pub repeated_share: f64,
+    /// Followers.
+    pub followers: Vec<FollowerLog>,
+    /// Their desired speed, m/s.
+    pub desired_speed_mps: f64,
+}
+
+/// The log of one follower, on its own even grid.
+#[derive(Debug, Clone)]
+pub struct FollowerLog {
+    /// 1 follows the ego, 2 follows 1.
+    pub id: u32,
+    /// First stamp, s.
+    pub start_secs: f64,
+    /// Step, s.
+    pub step_secs: f64,
+    /// Speed, m/s.
+    pub v: Vec<f64>,
+    /// Bumper-to-bumper gap, m.
+    pub gap: Vec<f64>,
+    /// Speed of the vehicle ahead, m/s.
+    pub v_lead: Vec<f64>,
+}
+
+impl Drive {
+    /// Reads a drive of a case folder.
+    ///
+    /// # Errors
+    /// If a file is unreadable, a needed column is absent, stamps do not grow or the drive is too short.
+    pub fn read(case: &Path, entry: &DriveEntry) -> Result<Self, GapError> {
+        let table = Table::read(&case.join(&entry.file))?;
+        let t = stamps(&table)?;
+        let start_secs = t[0];
+        let samples = ((t[t.len() - 1] - t[0]) / STEP_SECS + 1e-6).floor() as usize + 1;
+        let even = |column: &[f64]| resample(&t, column, start_secs, STEP_SECS, samples);
+        let pose = copies(&table, &["x", "y", "yaw", "v"]);
+        let imu = copies(&table, &["yaw_rate", "ax", "ay"]);
+        let share = |copied: &[bool]| copied.iter().filter(|c| **c).count() as f64 / t.len() as f64;
+        let repeated_share = share(&pose).max(share(&imu));
+        // a copy says nothing new: it is taken out and bridged, so that its age does not look like a latency
+        let optional = |name: &str| {
+            let copied = if IMU.contains(&name) { &imu } else { &pose };
+            let repaired = |column: &[f64]| -> Vec<f64> {
+                let pairs = column.iter().zip(copied);
+                pairs.map(|(value, copied)| if *copied { f64::NAN } else { *value }).collect()
+            };
+            let column = table.column(name)?;
+            let moved = if POSE.contains(&name) || IMU.contains(&name) { repaired(column) } else { column.to_vec() };
+            Some(even(&if name == "yaw" { unwrap(&moved) } else { moved }))
+        };
+        let unwrapped = optional("yaw");
+        let followers = match &entry.agents {
+            Some(file) if case.join(file).exists() => followers(&Table::read(&case.join(file))?)?,
+            _ => Vec::new(),
+        };
+        let free = followers.iter().flat_map(|f| &f.v_lead).copied().fold(10.0, f64::max);
+        Ok(Self {
+            file: entry.file.clone(),
+            start_secs,
+            samples,
+            cmd_steer: even(table.required("cmd_steer")?),
+            cmd_accel: even(table.required("cmd_accel")?),
+            x: optional("x"),
+            y: optional("y"),
+            yaw: unwrapped,
+            v: optional("v"),
+            yaw_rate: optional("yaw_rate"),
+            ax: optional("ax"),
+            ay: optional("ay"),
+            steer_meas: optional("steer_meas"),
+            v_wheel: optional("v_wheel"),
+            repeated_share,
+            followers,
+            desired_speed_mps: entry.agents_desired_speed.unwrap_or(free),
+        })
+    }
+
+    /// Returns the ego's channels by column name.
+    #[must_use]
+    pub fn columns(&self) -> Vec<(&'static str, &[f64])> {
+        let some = [
+            ("cmd_steer", Some(&self.cmd_steer)),
+            ("cmd_accel", Some(&self.cmd_accel)),
+            ("x", self.x.as_ref()),
+            ("y", self.y.as_ref()),
+            ("yaw", self.yaw.as_ref()),
+            ("v", self.v.as_ref()),
+            ("yaw_rate", self.yaw_rate.as_ref()),
+            ("ax", self.ax.as_ref()),
+            ("ay", self.ay.as_ref()),
+            ("steer_meas", self.steer_meas.as_ref()),
+            ("v_wheel", self.v_wheel.as_ref()),
+        ];
+        some.into_iter().filter_map(|(name, column)| column.map(|c| (name, c.as_slice()))).collect()
+    }
+
+    /// Returns the best speed record there is: positioning system, else wheels, else the change of position.
+    #[must_use]
+    pub fn speed(&self) -> Option<Vec<f64>> {
+        if let Some(v) = self.v.as_ref().or(self.v_wheel.as_ref()) {
+            return Some(v.clone());
+        }
+        let (x, y) = (self.x.as_ref()?, self.y.as_ref()?);
+        let last = x.len() - 1;
+        let speed = |k: usize| {
+            let (a, b) = (k.saturating_sub(5), (k + 5).min(last));
+            (x[b] - x[a]).hypot(y[b] - y[a]) / ((b - a) as f64 * STEP_SECS)
+        };
+        Some((0..x.len()).map(speed).collect())
+    }
+}
+
+const POSE: [&str; 4] = ["x", "y", "yaw", "v"];
+const IMU: [&str; 3] = ["yaw_rate", "ax", "ay"];
+
+/// Marks rows in which all of these columns repeat the row before although the vehicle moves.
+fn copies(table: &Table, names: &[&str]) -> Vec<bool> {
+    let columns: Vec<&[f64]> = names.iter().filter_map(|name| table.column(name)).collect();
+    let speed = table.column("v").or_else(|| table.column("v_wheel"));
+    let moving = |k: usize| speed.is_none_or(|v| v[k] > 0.3);
+    let same = |k: usize| columns.iter().all(|c| (c[k] - c[k - 1]).abs() < 1e-12);
+    (0..table.rows()).map(|k| k > 0 && columns.len() > 1 && moving(k) && same(k)).collect()
+}
+
+fn stamps(table: &Table) -> Result<Vec<f64>, GapError> {
+    let file = || table.file().to_owned();
+    if table.rows() == 0 {
+        return Err(GapError::TooShort { samples: 0, secs: 0.0, file: file() });
+    }
+    let t = table.required("t")?.to_vec();
+    for (row, pair) in t.windows(2).enumerate() {
+        let (before, t) = (pair[0], pair[1]);
+        if t.is_nan() || before.is_nan() || t <= before {
+            return Err(GapError::TimeGoesBack { row: row + 2, t, before, file: file() });
+        }
+        if t - before > LONGEST_HOLE_SECS {
+            return Err(GapError::TimeGap { secs: t - before, t: before, file: file() });
+        }
+    }
+    let secs = t[t.len() - 1] - t[0];
+    if secs < SHORTEST_SECS || t.len() < 60 {
+        return Err(GapError::TooShort { samples: t.len(), secs, file: file() });
+    }
+    Ok(t)
+}
+
+/// Returns a column on an even grid by straight lines between the samples that are there.
+fn resample(t: &[f64], column: &[f64], start_secs: f64, step_secs: f64, samples: usize) -> Vec<f64> {
+    let known: Vec<usize> = (0..t.len()).filter(|&k| column[k].is_finite()).collect();
+    let mut at = 0;
+    (0..samples)
+        .map(|k| {
+            let now = start_secs + k as f64 * step_secs;
+            while at + 1 < known.len() && t[known[at + 1]] <= now + 1e-6 {
+                at += 1;
+            }
+            let (low, high) = (known[at], known[(at + 1).min(known.len() - 1)]);
+            if high == low || (now - t[low]).abs() < 1e-6 || now < t[low] {
+                return column[low];
+            }
+            column[low] + (now - t[low]) / (t[high] - t[low]) * (column[high] - column[low])
+        })
+        .collect()
+}
+
+fn unwrap(yaw: &[f64]) -> Vec<f64> {
+    let mut last = f64::NAN;
+    yaw.iter()
+        .map(|&raw| {
+            if raw.is_nan() {
+                return raw;
+            }
+            let turns = if last.is_nan() { 0.0 } else { ((last - raw) / std::f64::consts::TAU).round() };
+            last = raw + turns * std::f64::consts::TAU;
+            last
+        })
+        .collect()
+}
+
+fn followers(table: &Table) -> Result<Vec<FollowerLog>, GapError> {
+    if table.rows() == 0 {
+        return Ok(Vec::new());
+    }
+    let (t, id) = (table.required("t")?, table.required("id")?);
+    let mut logs = Vec::new();
+    for wanted in 1..=9_u32 {
+        let rows: Vec<usize> =
+            (0..t.len()).filter(|&k| (id[k] - f64::from(wanted)).abs() < 0.5 && t[k].is_finite()).collect();
+        if rows.len() < 60 {
+            continue;
+        }
+        let pick = |name| table.required(name).map(|c| rows.iter().map(|&k| c[k]).collect::<Vec<f64>>());
+        let times: Vec<f64> = rows.iter().map(|&k| t[k]).collect();
+        if let Some(row) = times.windows(2).position(|pair| pair[1] <= pair[0]) {
+            let file = table.file().to_owned();
+            return Err(GapError::TimeGoesBack { row: row + 2, t: times[row + 1], before: times[row], file });
+        }
+        let step_secs = 0.1;
+        let samples = ((times[times.len() - 1] - times[0]) / step_secs + 1e-6).floor() as usize + 1;
+        let (v, gap, v_lead) = (pick("v")?, pick("gap")?, pick("v_lead")?);
+        if [&v, &gap, &v_lead].iter().any(|c| c.iter().all(|value| value.is_nan())) {
+            continue;
+        }
+        let even = |column: &[f64]| resample(&times, column, times[0], step_secs, samples);
+        logs.push(FollowerLog {
+            id: wanted,
+            start_secs: times[0],
+            step_secs,
+            v: even(&v),
+            gap: even(&gap),
+            v_lead: even(&v_lead),
+        });
+    }
+    Ok(logs)
+}

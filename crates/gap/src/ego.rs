@@ -1,0 +1,311 @@
+//! The nominal simulator of the ego vehicle: a single track at 10 ms sub-steps behind its command and actuator chains.
+//!
+//! Slip, side force and yaw are integrated by the implicit midpoint rule with the secant stiffness of the axle (stable
+//! down to standstill); an axle's side force saturates at friction times static load. SI units, x forward, y left.
+
+use ds_effect::plant::{Plant, Road, Vehicle};
+use ds_effect::signal::{Context, Place, lag};
+
+use crate::smooth::between;
+
+/// Step of the integration and of the actuator grid, s.
+pub const FINE_SECS: f64 = 0.01;
+/// Standard gravity, m/s².
+const GRAVITY: f64 = 9.81;
+/// Below this speed slip angles are computed as if at this speed, m/s.
+const SLOWEST_MPS: f64 = 0.5;
+/// Side area of wind over frontal drag area; a passenger car's side force is about two and a half times its drag.
+const SIDE_WIND: f64 = 2.5;
+
+/// Commands and companions of a drive on the fine grid.
+#[derive(Debug, Clone)]
+pub struct Inputs {
+    /// Time of the first sample, s.
+    pub start_secs: f64,
+    /// Commanded road-wheel angle, rad.
+    pub steer: Vec<f64>,
+    /// Commanded force over nominal mass, m/s².
+    pub accel: Vec<f64>,
+    /// Measured speed, m/s.
+    pub speed: Vec<f64>,
+    /// Brake work since the start, MJ.
+    pub brake_work: Vec<f64>,
+}
+
+/// What the actuators make of the commands, on the fine grid.
+pub struct Actuated {
+    start_secs: f64,
+    /// Steering angle at the road wheel, rad.
+    pub wheel: Vec<f64>,
+    /// Steering angle at the position sensor, rad.
+    pub sensor: Vec<f64>,
+    /// Realised force over nominal mass, m/s².
+    pub accel: Vec<f64>,
+    saturation: Saturation,
+}
+
+/// The factor by which an axle's stiffness falls with its linear force over its limit, (1 + r^n)^(-1/n), tabulated:
+/// the powers would take a third of the time of a rollout.
+struct Saturation {
+    knee: f64,
+    table: Vec<f64>,
+}
+
+impl Saturation {
+    const PER_UNIT: f64 = 64.0;
+    const LARGEST: f64 = 4.0;
+
+    fn new(knee: f64) -> Self {
+        let knee = knee.max(1.0);
+        let count = (Self::LARGEST * Self::PER_UNIT) as usize + 2;
+        Self { knee, table: (0..count).map(|k| Self::exact(k as f64 / Self::PER_UNIT, knee)).collect() }
+    }
+
+    fn exact(ratio: f64, knee: f64) -> f64 {
+        (1.0 + ratio.powf(knee)).powf(-1.0 / knee)
+    }
+
+    fn factor(&self, ratio: f64) -> f64 {
+        if ratio >= Self::LARGEST || ratio.is_nan() {
+            return Self::exact(ratio, self.knee);
+        }
+        let at = ratio * Self::PER_UNIT;
+        let low = at as usize;
+        self.table[low] + (at - low as f64) * (self.table[low + 1] - self.table[low])
+    }
+}
+
+impl Actuated {
+    fn at(&self, signal: &[f64], secs: f64) -> f64 {
+        between(signal, (secs - self.start_secs) / FINE_SECS)
+    }
+
+    /// Returns the steering angle at the position sensor at a time, rad.
+    #[must_use]
+    pub fn sensed(&self, secs: f64) -> f64 {
+        self.at(&self.sensor, secs)
+    }
+}
+
+/// Runs the command paths and actuators over a whole drive.
+#[must_use]
+pub fn actuate(inputs: &Inputs, plant: &Plant) -> Actuated {
+    let context = Context { step_secs: FINE_SECS, speed_mps: &inputs.speed, brake_work_mj: &inputs.brake_work };
+    let mut sensor = inputs.steer.clone();
+    let run = |signal: &mut Vec<f64>, operators: &[(Place, ds_effect::signal::Operator)], place: Place| {
+        for (_, operator) in operators.iter().filter(|(at, _)| *at == place) {
+            operator(signal, &context);
+        }
+    };
+    run(&mut sensor, &plant.steering.operators, Place::Command);
+    lag(&mut sensor, FINE_SECS, plant.steering.lag_secs);
+    run(&mut sensor, &plant.steering.operators, Place::Actuator);
+    let mut wheel = sensor.clone();
+    run(&mut wheel, &plant.steering.operators, Place::Linkage);
+    let mut accel = inputs.accel.clone();
+    run(&mut accel, &plant.traction.operators, Place::Command);
+    lag(&mut accel, FINE_SECS, plant.traction.lag_secs);
+    run(&mut accel, &plant.traction.operators, Place::Actuator);
+    run(&mut accel, &plant.traction.operators, Place::Linkage);
+    Actuated {
+        start_secs: inputs.start_secs,
+        wheel,
+        sensor,
+        accel,
+        saturation: Saturation::new(plant.vehicle.tyre_knee),
+    }
+}
+
+/// Where a rollout starts and how long it lasts.
+#[derive(Debug, Clone, Copy)]
+pub struct Start {
+    /// True time of the warm-up's start, s.
+    pub secs: f64,
+    /// Speed there, m/s.
+    pub speed_mps: f64,
+    /// Yaw rate there, rad/s.
+    pub yaw_rate: f64,
+    /// Heading of the anchor in the world, rad.
+    pub heading_rad: f64,
+    /// Duration of the warm-up, s; at its end pose is zeroed and speed reset.
+    pub warm_secs: f64,
+    /// Speed at the anchor, m/s.
+    pub anchor_speed_mps: f64,
+    /// Duration after the anchor, s.
+    pub horizon_secs: f64,
+}
+
+/// One instant of a rollout; pose relative to the anchor.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Instant {
+    /// Ahead of the anchor, m.
+    pub x: f64,
+    /// Left of the anchor, m.
+    pub y: f64,
+    /// Heading change, rad.
+    pub yaw: f64,
+    /// Longitudinal speed, m/s.
+    pub v: f64,
+    /// Yaw rate, rad/s.
+    pub yaw_rate: f64,
+    /// Forward specific force, m/s².
+    pub ax: f64,
+    /// Left specific force, m/s².
+    pub ay: f64,
+}
+
+impl Instant {
+    fn mix(&self, other: &Self, u: f64) -> Self {
+        let m = |a: f64, b: f64| a + u * (b - a);
+        Self {
+            x: m(self.x, other.x),
+            y: m(self.y, other.y),
+            yaw: m(self.yaw, other.yaw),
+            v: m(self.v, other.v),
+            yaw_rate: m(self.yaw_rate, other.yaw_rate),
+            ax: m(self.ax, other.ax),
+            ay: m(self.ay, other.ay),
+        }
+    }
+}
+
+/// Returns the instant at `secs` of a rollout that began at `start_secs`.
+#[must_use]
+pub fn instant_at(rollout: &[Instant], start_secs: f64, secs: f64) -> Instant {
+    let at = ((secs - start_secs) / FINE_SECS).clamp(0.0, (rollout.len() - 1) as f64);
+    let low = at as usize;
+    let high = (low + 1).min(rollout.len() - 1);
+    rollout[low].mix(&rollout[high], at - low as f64)
+}
+
+#[derive(Clone, Copy)]
+struct State {
+    vx: f64,
+    vy: f64,
+    yaw_rate: f64,
+    slip_front: f64,
+    slip_rear: f64,
+}
+
+struct Axle {
+    stiffness: f64,
+    limit: f64,
+}
+
+impl Axle {
+    fn secant(&self, slip: f64, saturation: &Saturation) -> f64 {
+        self.stiffness * saturation.factor((self.stiffness * slip / self.limit).abs())
+    }
+}
+
+/// Integrates one rollout into `out`, one instant per fine step from the start of the warm-up.
+pub fn rollout(start: &Start, actuated: &Actuated, plant: &Plant, out: &mut Vec<Instant>) {
+    out.clear();
+    let vehicle = &plant.vehicle;
+    let mut state = steady(vehicle, start.speed_mps, start.yaw_rate);
+    let mut pose = (0.0, 0.0, 0.0);
+    let warm = (start.warm_secs / FINE_SECS).round() as usize;
+    let steps = warm + (start.horizon_secs / FINE_SECS).ceil() as usize;
+    for step in 0..=steps {
+        if step == warm {
+            pose = (0.0, 0.0, 0.0);
+            state.vx = start.anchor_speed_mps;
+        }
+        let middle = start.secs + (step as f64 + 0.5) * FINE_SECS;
+        let steer = actuated.at(&actuated.wheel, middle);
+        let accel = actuated.at(&actuated.accel, middle);
+        let heading = if step < warm { start.heading_rad } else { start.heading_rad + pose.2 };
+        let (next, ax, ay) = advance(&state, (steer, accel), (heading, &actuated.saturation), plant);
+        out.push(Instant { x: pose.0, y: pose.1, yaw: pose.2, v: state.vx, yaw_rate: state.yaw_rate, ax, ay });
+        let yaw = pose.2 + 0.5 * FINE_SECS * (state.yaw_rate + next.yaw_rate);
+        let (sin, cos) = (0.5 * (pose.2 + yaw)).sin_cos();
+        let (vx, vy) = (0.5 * (state.vx + next.vx), 0.5 * (state.vy + next.vy));
+        pose.0 += FINE_SECS * (vx * cos - vy * sin);
+        pose.1 += FINE_SECS * (vx * sin + vy * cos);
+        pose.2 = yaw;
+        state = next;
+    }
+}
+
+fn steady(vehicle: &Vehicle, speed: f64, yaw_rate: f64) -> State {
+    let v = speed.max(SLOWEST_MPS);
+    let base = vehicle.front_arm_m + vehicle.rear_arm_m;
+    let side = vehicle.mass_kg * v * yaw_rate;
+    let slip_rear = side * vehicle.front_arm_m / base / vehicle.rear_stiffness_n;
+    let slip_front = side * vehicle.rear_arm_m / base / vehicle.front_stiffness_n;
+    State { vx: speed, vy: vehicle.rear_arm_m * yaw_rate - v * slip_rear, yaw_rate, slip_front, slip_rear }
+}
+
+/// Returns the state one fine step later and the specific force in between.
+fn advance(
+    state: &State,
+    (steer, accel): (f64, f64),
+    (heading, saturation): (f64, &Saturation),
+    plant: &Plant,
+) -> (State, f64, f64) {
+    let vehicle = &plant.vehicle;
+    let (drag, side_wind) = wind(state.vx, heading, vehicle, &plant.road);
+    let half = 0.5 * FINE_SECS;
+    let v = state.vx.max(SLOWEST_MPS);
+    let base = vehicle.front_arm_m + vehicle.rear_arm_m;
+    let weight = vehicle.mass_kg * GRAVITY;
+    let (a, b) = (vehicle.front_arm_m, vehicle.rear_arm_m);
+    // load moved to the rear, as a share of the static load of each axle
+    let moved = vehicle.nominal_mass_kg * accel * vehicle.load_height_m / base;
+    let (front_load, rear_load) = (weight * b / base, weight * a / base);
+    let lighter = (1.0 - moved / front_load).clamp(0.3, 1.7);
+    let heavier = (1.0 + moved / rear_load).clamp(0.3, 1.7);
+    let front = Axle { stiffness: vehicle.front_stiffness_n * lighter, limit: vehicle.friction * front_load * lighter };
+    let rear = Axle { stiffness: vehicle.rear_stiffness_n * heavier, limit: vehicle.friction * rear_load * heavier };
+    let (build, build_step) = if vehicle.relaxation_m > 1e-3 {
+        let rate = v / vehicle.relaxation_m;
+        (1.0 - (-rate * half).exp(), 1.0 - (-rate * FINE_SECS).exp())
+    } else {
+        (1.0, 1.0)
+    };
+    let (cf, cr) = (front.secant(state.slip_front, saturation), rear.secant(state.slip_rear, saturation));
+    let (sin, cos) = steer.sin_cos();
+    // F = c (slip (1 - build) + build (slip in steady state)); steady slip is linear in (vy, yaw rate) at the midpoint
+    let f0 = cf * (state.slip_front * (1.0 - build) + build * steer);
+    let r0 = cr * state.slip_rear * (1.0 - build);
+    let (fk, rk) = (cf * build / v, cr * build / v);
+    let (m, i) = (vehicle.mass_kg, vehicle.yaw_inertia_kg_m2);
+    let across = -GRAVITY * plant.road.bank_rad.sin() + side_wind / m;
+    // vy' = (cos F_f + F_r) / m - v r + across ; r' = (a cos F_f - b F_r) / I
+    let a11 = 1.0 + half * (cos * fk + rk) / m;
+    let a12 = half * ((cos * fk * a - rk * b) / m + state.vx);
+    let a21 = half * (a * cos * fk - b * rk) / i;
+    let a22 = 1.0 + half * (a * a * cos * fk + b * b * rk) / i;
+    let b1 = state.vy + half * ((cos * f0 + r0) / m + across);
+    let b2 = state.yaw_rate + half * (a * cos * f0 - b * r0) / i;
+    let det = a11 * a22 - a12 * a21;
+    let (vy, r) = ((b1 * a22 - b2 * a12) / det, (a11 * b2 - a21 * b1) / det);
+    let (steady_front, steady_rear) = (steer - (vy + a * r) / v, -(vy - b * r) / v);
+    let force_front = f0 - cf * build * (steer - steady_front);
+    let force_rear = r0 + cr * build * steady_rear;
+    let traction = (vehicle.nominal_mass_kg * accel).clamp(-vehicle.friction * weight, vehicle.friction * weight);
+    let rolling = if state.vx > 0.05 { vehicle.rolling_mps2 * m } else { 0.0 };
+    let ax = (traction - sin * force_front - drag - rolling) / m;
+    let ay = (cos * force_front + force_rear + side_wind) / m;
+    let vx = state.vx + FINE_SECS * (ax + vy * r - GRAVITY * plant.road.grade_rad.sin());
+    let next = State {
+        vx: vx.max(0.0),
+        vy: 2.0 * vy - state.vy,
+        yaw_rate: 2.0 * r - state.yaw_rate,
+        slip_front: state.slip_front + build_step * (steady_front - state.slip_front),
+        slip_rear: state.slip_rear + build_step * (steady_rear - state.slip_rear),
+    };
+    (next, ax, ay)
+}
+
+/// Returns drag against the direction of travel and side force, N.
+fn wind(speed: f64, heading: f64, vehicle: &Vehicle, road: &Road) -> (f64, f64) {
+    if road.wind_x_mps == 0.0 && road.wind_y_mps == 0.0 {
+        return (vehicle.drag_n_s2_m2 * speed * speed, 0.0);
+    }
+    let (sin, cos) = heading.sin_cos();
+    let along = speed - (cos * road.wind_x_mps + sin * road.wind_y_mps);
+    let across = -sin * road.wind_x_mps + cos * road.wind_y_mps;
+    let air = along.hypot(across);
+    (vehicle.drag_n_s2_m2 * along * air, SIDE_WIND * vehicle.drag_n_s2_m2 * across * air)
+}

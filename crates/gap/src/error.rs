@@ -1,0 +1,138 @@
+//! Why a case cannot be diagnosed, by name, with the offending file and value.
+
+use std::path::PathBuf;
+
+/// A case that cannot be read or makes no sense.
+#[derive(Debug, thiserror::Error)]
+pub enum GapError {
+    /// A file of the case cannot be read.
+    #[error("cannot read {path:?}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A report cannot be written.
+    #[error("cannot write {path:?}")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// `meta.json` or the labels are not what they should be.
+    #[error("cannot understand {path:?}")]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: serde_json::Error,
+    },
+    /// The nominal vehicle is not one that could drive.
+    #[error("absurd nominal vehicle: {field} is {value:?}, expected {range}")]
+    AbsurdVehicle {
+        /// Field of `meta.json`.
+        field: &'static str,
+        /// Its value.
+        value: f64,
+        /// What would be believed.
+        range: &'static str,
+    },
+    /// A log is larger than any real case.
+    #[error("log too large: {what} in {file:?}, the limit is {limit}")]
+    TooLarge {
+        /// Rows, bytes or columns.
+        what: &'static str,
+        /// The limit.
+        limit: usize,
+        /// The file.
+        file: String,
+    },
+    /// A column that must be there is not.
+    #[error("missing column {column:?} in {file:?}")]
+    MissingColumn {
+        /// Name of the column.
+        column: &'static str,
+        /// The file.
+        file: String,
+    },
+    /// A cell is not a number.
+    #[error("not a number: row {row} of column {column:?} is {text:?} in {file:?}")]
+    NotANumber {
+        /// Row below the head, from 1.
+        row: usize,
+        /// Column.
+        column: String,
+        /// What stands there.
+        text: String,
+        /// The file.
+        file: String,
+    },
+    /// A row has more or fewer cells than the head.
+    #[error("row {row} has {cells} cells, the head has {columns} in {file:?}")]
+    RaggedRow {
+        /// Row below the head, from 1.
+        row: usize,
+        /// Cells found.
+        cells: usize,
+        /// Columns expected.
+        columns: usize,
+        /// The file.
+        file: String,
+    },
+    /// A drive has too few samples to start one window.
+    #[error("drive too short: {samples} samples over {secs:.2} s in {file:?}, 6 s are needed")]
+    TooShort {
+        /// Samples found.
+        samples: usize,
+        /// Duration, s.
+        secs: f64,
+        /// The file.
+        file: String,
+    },
+    /// Time stamps do not grow.
+    #[error("time goes back: row {row} has t = {t} after {before} in {file:?}")]
+    TimeGoesBack {
+        /// Row below the head, from 1.
+        row: usize,
+        /// Stamp, s.
+        t: f64,
+        /// The stamp before, s.
+        before: f64,
+        /// The file.
+        file: String,
+    },
+    /// Samples are missing for longer than can be bridged.
+    #[error("gap of {secs:.2} s after t = {t} in {file:?}")]
+    TimeGap {
+        /// Length, s.
+        secs: f64,
+        /// Start, s.
+        t: f64,
+        /// The file.
+        file: String,
+    },
+    /// A channel never changes although the vehicle moves.
+    #[error("channel {column:?} never changes in {file:?}")]
+    ZeroVariance {
+        /// Column.
+        column: String,
+        /// The file.
+        file: String,
+    },
+    /// Values do not fit together; usually a wrong unit, sign or column.
+    #[error("{file:?}: {finding}")]
+    Inconsistent {
+        /// What does not fit and what it looks like.
+        finding: String,
+        /// The file.
+        file: String,
+    },
+    /// No drive is left for the fit.
+    #[error("no drive to fit in {case:?}")]
+    NoDrive {
+        /// Name of the case.
+        case: String,
+    },
+}

@@ -1,0 +1,108 @@
+//! The nominal simulator of following vehicles: the intelligent driver model behind its recorded leader.
+//!
+//! A window starts from the smoothed measured speed and gap and lasts 5 s; the leader's recorded speed is given.
+//! Reaction time looks back into the measured history before the window. Residuals are averaged over 0.5 s.
+
+use ds_effect::plant::{Follower, Plant};
+
+use crate::drive::FollowerLog;
+use crate::smooth::{between, parabola};
+
+/// Follower channels in the residual vector: speed, gap.
+pub const FOLLOWING: usize = 2;
+/// Blocks of a window.
+pub const BLOCKS: usize = 10;
+/// Samples per block.
+const BLOCK: usize = 5;
+/// Samples between window starts.
+const STRIDE: usize = 25;
+/// Samples of history before a window, for the reaction time.
+const HISTORY: usize = 14;
+/// Integration steps per sample.
+const SUB: usize = 2;
+/// Smallest gap the model is evaluated at, m.
+const CLOSEST_M: f64 = 0.5;
+
+/// One follower's log in one drive, smoothed once.
+pub struct FollowerRecord {
+    /// Index of the drive in the case.
+    pub drive: usize,
+    /// Samples at which windows start.
+    pub starts: Vec<usize>,
+    log: FollowerLog,
+    desired_mps: f64,
+    speed: Vec<f64>,
+    gap: Vec<f64>,
+    lead: Vec<f64>,
+}
+
+impl FollowerRecord {
+    /// Prepares a follower's log.
+    #[must_use]
+    pub fn new(drive: usize, log: &FollowerLog, desired_mps: f64) -> Self {
+        let smooth =
+            |signal: &[f64], half| -> Vec<f64> { (0..signal.len()).map(|k| parabola(signal, k, half)).collect() };
+        let last = log.v.len().saturating_sub(BLOCK * BLOCKS + 1);
+        Self {
+            drive,
+            starts: (HISTORY..last).step_by(STRIDE).collect(),
+            desired_mps,
+            speed: smooth(&log.v, 7),
+            gap: smooth(&log.gap, 5),
+            lead: smooth(&log.v_lead, 5),
+            log: log.clone(),
+        }
+    }
+
+    /// Returns the stamp of a sample, s.
+    #[must_use]
+    pub fn secs(&self, sample: usize) -> f64 {
+        self.log.start_secs + sample as f64 * self.log.step_secs
+    }
+
+    /// Returns measured minus simulated block means of all windows; per window speed, then gap.
+    #[must_use]
+    pub fn residuals(&self, plant: &Plant) -> Vec<f64> {
+        self.starts.iter().flat_map(|&start| self.residual(start, &plant.follower)).collect()
+    }
+
+    fn residual(&self, start: usize, driver: &Follower) -> Vec<f64> {
+        let mut out = vec![0.0; FOLLOWING * BLOCKS];
+        let share = 1.0 / BLOCK as f64;
+        let step = self.log.step_secs / SUB as f64;
+        let history = HISTORY * SUB;
+        let past = |signal: &[f64], j: usize| between(signal, start as f64 + (j as f64 - history as f64) / SUB as f64);
+        let total = history + BLOCK * BLOCKS * SUB;
+        let mut speed: Vec<f64> = (0..=history).map(|j| past(&self.speed, j)).collect();
+        let mut gap: Vec<f64> = (0..=history).map(|j| past(&self.gap, j)).collect();
+        let lead: Vec<f64> = (0..=total).map(|j| past(&self.lead, j)).collect();
+        let back = (driver.delay_secs / step).clamp(0.0, (history - 1) as f64);
+        let mut accel = self.wish(driver, &speed, &gap, &lead, history as f64 - back);
+        let decay = if driver.lag_secs > 1e-4 { (-step / driver.lag_secs).exp() } else { 0.0 };
+        for j in history..total {
+            let wish = self.wish(driver, &speed, &gap, &lead, j as f64 - back);
+            accel = wish + (accel - wish) * decay;
+            let next = (speed[j] + step * accel).max(0.0);
+            let closing = 0.5 * (lead[j] + lead[j + 1]) - 0.5 * (speed[j] + next);
+            gap.push(gap[j] + step * closing);
+            speed.push(next);
+            let done = j + 1 - history;
+            if done.is_multiple_of(SUB) {
+                let sample = done / SUB;
+                let block = (sample - 1) / BLOCK;
+                out[block] += share * (self.log.v[start + sample] - next);
+                out[BLOCKS + block] += share * (self.log.gap[start + sample] - gap[j + 1]);
+            }
+        }
+        out
+    }
+
+    fn wish(&self, driver: &Follower, speed: &[f64], gap: &[f64], lead: &[f64], at: f64) -> f64 {
+        let (v, s, vl) = (between(speed, at), between(gap, at).max(CLOSEST_M), between(lead, at));
+        let root = 2.0 * (driver.max_accel_mps2 * driver.comfort_decel_mps2).sqrt();
+        let dynamic = v * driver.headway_secs + v * (v - vl) / root;
+        let wanted = driver.min_gap_m + dynamic.max(0.0);
+        let free = (v / (self.desired_mps * driver.desired_speed_factor).max(0.5)).powf(driver.exponent);
+        (driver.max_accel_mps2 * (1.0 - free - (wanted / s).powi(2))).max(-8.0)
+    }
+}

@@ -1,0 +1,36 @@
+//! Diagnoses the gap between a reference log and a nominal simulator.
+
+pub mod bootstrap;
+pub mod case;
+pub mod cells;
+mod check;
+pub mod choice;
+pub mod diagnose;
+pub mod drive;
+pub mod ego;
+mod error;
+pub mod evaluate;
+pub mod fit;
+pub mod floor;
+pub mod following;
+pub mod how_far;
+pub mod manoeuvre;
+pub mod meta;
+pub mod remainder;
+pub mod report;
+pub mod scatter;
+pub mod score;
+pub mod search;
+pub mod settings;
+pub mod signature;
+pub mod smooth;
+pub mod space;
+pub mod synthetic;
+pub mod table;
+pub mod windows;
+
+pub use diagnose::{Options, diagnose};
+pub use error::GapError;
+pub use evaluate::evaluate;
+pub use report::{Diagnosis, Verdict};
+pub use score::{score, score_folder};

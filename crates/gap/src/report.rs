@@ -1,0 +1,190 @@
+//! The diagnosis as written to `diagnosis.json`; field by field the schema of the specification, section 4.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+/// Version of the schema.
+pub const SCHEMA: u32 = 1;
+
+/// What was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// Nothing beyond what every vehicle has.
+    None,
+    /// One effect.
+    Single,
+    /// Two or three effects.
+    Multiple,
+    /// Something that the library does not contain.
+    Unknown,
+}
+
+/// A diagnosis.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Diagnosis {
+    /// Version of this schema.
+    pub schema_version: u32,
+    /// Name of the case.
+    pub case: String,
+    /// What was found.
+    pub verdict: Verdict,
+    /// Every effect considered, likeliest first; sums with `p_none` and `p_unknown` to 1.
+    pub effects: Vec<Finding>,
+    /// Probability that nothing is missing.
+    pub p_none: f64,
+    /// Probability that what is missing is not in the library.
+    pub p_unknown: f64,
+    /// Effects of the corrected model.
+    pub chosen: Vec<String>,
+    /// Sets of effects that these data cannot tell apart.
+    pub indistinguishable: Vec<Vec<String>>,
+    /// Cells in which the gap is beyond the floor.
+    #[serde(rename = "where")]
+    pub cells: Vec<Cell>,
+    /// Gap before and after on data not used for the fit.
+    pub how_far: Vec<Shrink>,
+    /// Share explained that the fit drives promise for `position_2s`.
+    pub predicted_share: f64,
+    /// What remains, where the verdict is unknown.
+    pub unknown_description: Option<Remainder>,
+    /// Manoeuvres that would tell the best hypotheses apart.
+    pub next_manoeuvre: Vec<Manoeuvre>,
+    /// The simulator with the effects added.
+    pub corrected_model: Corrected,
+    /// Where the floor comes from: `practice` (effect-free practice cases) or `self`.
+    pub floor_source: String,
+    /// What looked odd in the input.
+    pub warnings: Vec<String>,
+    /// Time spent, s.
+    pub secs: f64,
+}
+
+/// One effect.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Finding {
+    /// Its id.
+    pub id: String,
+    /// Its probability.
+    pub probability: f64,
+    /// Its estimate.
+    pub value: f64,
+    /// Unit of the estimate.
+    pub unit: String,
+    /// 90 % interval of the estimate.
+    pub interval90: [f64; 2],
+    /// Effects that these data cannot tell from it, itself included.
+    pub group: Vec<String>,
+    /// Predictive log score gained on drives left out.
+    pub heldout_gain: f64,
+    /// Log evidence over the nuisance fit.
+    pub evidence_gain: f64,
+    /// All parameters by name, in reported units.
+    pub params: BTreeMap<String, f64>,
+}
+
+/// One cell of the map of the gap.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Cell {
+    /// Channel.
+    pub channel: String,
+    /// Drive and bins.
+    pub regime: Regime,
+    /// Root mean square in floor units.
+    pub effect_size: f64,
+    /// False-discovery controlled p-value.
+    pub q_value: f64,
+    /// Time spans, s.
+    pub t: Vec<[f64; 2]>,
+}
+
+/// Where in the data a cell lies; an absent bin means all.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct Regime {
+    /// Drive.
+    pub drive: usize,
+    /// Speed tercile: low, mid, high.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed: Option<String>,
+    /// Size of lateral acceleration: straight, curve, hard.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lateral: Option<String>,
+    /// traction, coast, brake.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pedal: Option<String>,
+    /// Steering rate: still, slow, fast.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steering: Option<String>,
+}
+
+/// A metric before and after.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Shrink {
+    /// Its name.
+    pub metric: String,
+    /// Root mean square of the nominal simulator.
+    pub before: f64,
+    /// Root mean square of the corrected simulator.
+    pub after: f64,
+    /// What an effect-free world leaves.
+    pub floor: f64,
+    /// 1 - (after - floor) / (before - floor); 0 where before is not above the floor.
+    pub share_explained: f64,
+    /// 90 % interval of the share.
+    pub interval90: [f64; 2],
+    /// heldout, fit or unseen.
+    pub data: String,
+}
+
+/// What no library effect explains.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct Remainder {
+    /// Channels beyond the clean level and by what factor.
+    pub channels: BTreeMap<String, f64>,
+    /// Drives concerned.
+    pub drives: Vec<usize>,
+    /// constant, burst or periodic.
+    pub time_pattern: String,
+    /// Frequency of the strongest line in the residual of the worst channel, Hz.
+    pub frequency_hz: Option<f64>,
+    /// Commanded or measured quantity whose size goes with the remainder, and the correlation.
+    pub goes_with: Option<(String, f64)>,
+    /// Library effects that explain most of it.
+    pub nearest: Vec<String>,
+    /// One sentence.
+    pub text: String,
+}
+
+/// A manoeuvre to drive next.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Manoeuvre {
+    /// Its name.
+    pub name: String,
+    /// The hypotheses it separates.
+    pub separates: [String; 2],
+    /// Expected log Bayes factor of one run.
+    pub expected_log_bayes_factor: f64,
+    /// Seconds of it for a log Bayes factor of 5.
+    pub secs_needed: f64,
+}
+
+/// The corrected simulator.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct Corrected {
+    /// Effects with their estimates over the neutral value.
+    pub effects: Vec<CorrectedEffect>,
+    /// Every other parameter at its estimate, in reported units; several parameters of one effect are numbered.
+    pub nuisance: BTreeMap<String, f64>,
+}
+
+/// An effect of the corrected simulator.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct CorrectedEffect {
+    /// Its id.
+    pub id: String,
+    /// Its whole value in the simulator, usual mismatch included.
+    pub value: f64,
+    /// All its parameters, in order.
+    pub values: Vec<f64>,
+}

@@ -1,0 +1,98 @@
+//! Effects that change the scatter of samples, not their mean: jitter of the sampling instants and repeated samples.
+//!
+//! Jitter moves a sample along the path by speed times error, never across it: the second differences of position along
+//! and across the heading have variances 6 (σ² + v² s²) and 6 σ². Repeats are exact copies of the sample before.
+
+use crate::drive::{Drive, STEP_SECS};
+use crate::settings::{JITTER_SHARE, REPEAT_SURPRISE};
+
+/// What was found in the scatter of some drives.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Scatter {
+    /// Standard deviation of the sampling instants, s.
+    pub jitter_secs: f64,
+    /// Its standard error, s.
+    pub jitter_error_secs: f64,
+    /// Log evidence over the usual jitter.
+    pub jitter_gain: f64,
+    /// Share of repeated samples.
+    pub repeated_share: f64,
+    /// Its standard error.
+    pub repeated_error: f64,
+    /// Log evidence over no repeats.
+    pub repeated_gain: f64,
+}
+
+/// Usual jitter, s.
+const USUAL_SECS: f64 = 0.001;
+
+/// Returns the scatter found in some drives.
+#[must_use]
+pub fn scatter(drives: &[&Drive]) -> Scatter {
+    let mut found = repeats(drives);
+    let mut pairs = Vec::new();
+    for drive in drives {
+        second_differences(drive, &mut pairs);
+    }
+    if pairs.len() < 100 {
+        return found;
+    }
+    let noise2 = robust_variance(pairs.iter().map(|p| p.1)).max(1e-8);
+    // maximum likelihood over a fine grid of s; neighbours share samples, so that only a share of the terms counts
+    let likelihood = |s: f64| -> f64 {
+        let term = |&(along, _, v): &(f64, f64, f64)| {
+            let variance = noise2 + 6.0 * (v * s).powi(2);
+            let z2 = along * along / variance;
+            -0.5 * variance.ln() - 2.5 * (1.0 + z2 / 4.0).ln()
+        };
+        JITTER_SHARE * pairs.iter().map(term).sum::<f64>()
+    };
+    let grid: Vec<f64> = (0..=120).map(|k| f64::from(k) * 0.00025).collect();
+    let values: Vec<f64> = grid.iter().map(|s| likelihood(*s)).collect();
+    let best = (0..grid.len()).max_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap_or(0);
+    found.jitter_secs = grid[best];
+    let inside: Vec<f64> =
+        grid.iter().zip(&values).filter(|(_, v)| **v > values[best] - 0.5).map(|(s, _)| *s).collect();
+    found.jitter_error_secs = (0.5 * (inside[inside.len() - 1] - inside[0])).max(0.000_25);
+    // up to a quarter of a centisecond is what any receiver has
+    let usual = values[..=(2.5 * USUAL_SECS / 0.00025) as usize].iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    found.jitter_gain = values[best] - usual + (found.jitter_error_secs / 0.03).ln();
+    found
+}
+
+fn repeats(drives: &[&Drive]) -> Scatter {
+    let total: f64 = drives.iter().map(|d| d.samples as f64).sum::<f64>().max(1.0);
+    let count: f64 = drives.iter().map(|d| d.repeated_share * d.samples as f64).sum();
+    let share = count / total;
+    Scatter {
+        repeated_share: share,
+        repeated_error: (share * (1.0 - share) / total).sqrt(),
+        repeated_gain: REPEAT_SURPRISE * count - 5.0,
+        ..Scatter::default()
+    }
+}
+
+/// Collects (along, across, speed) second differences of position at every sample that moves.
+fn second_differences(drive: &Drive, out: &mut Vec<(f64, f64, f64)>) {
+    let (Some(x), Some(y), Some(yaw), Some(speed)) = (&drive.x, &drive.y, &drive.yaw, drive.speed()) else { return };
+    for k in 3..drive.samples.saturating_sub(3) {
+        let v = speed[k];
+        if v < 3.0 {
+            continue;
+        }
+        let (sin, cos) = yaw[k].sin_cos();
+        let second = |s: &[f64]| s[k + 1] - 2.0 * s[k] + s[k - 1];
+        let accel = (speed[k + 3] - speed[k - 3]) / (6.0 * STEP_SECS);
+        let turn = (yaw[k + 3] - yaw[k - 3]) / (6.0 * STEP_SECS) * v;
+        let (dx, dy) = (second(x), second(y));
+        let along = dx * cos + dy * sin - accel * STEP_SECS * STEP_SECS;
+        let across = dy * cos - dx * sin - turn * STEP_SECS * STEP_SECS;
+        out.push((along, across, v));
+    }
+}
+
+fn robust_variance(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sizes: Vec<f64> = values.map(f64::abs).collect();
+    sizes.sort_by(f64::total_cmp);
+    (sizes[sizes.len() / 2] / 0.6745).powi(2)
+}

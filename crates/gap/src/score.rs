@@ -1,0 +1,213 @@
+//! Scores diagnoses against labels: the figures of the specification, section 5, each with its count.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::GapError;
+use crate::report::{Diagnosis, Verdict};
+
+/// The truth about one case.
+#[derive(Debug, Clone, Deserialize)]
+pub struct Label {
+    /// none, single, double or `out_of_library`.
+    pub kind: String,
+    /// Effects that were switched on.
+    #[serde(default)]
+    pub effects: Vec<LabelEffect>,
+}
+
+/// One effect of a label.
+#[derive(Debug, Clone, Deserialize)]
+pub struct LabelEffect {
+    /// Its id.
+    pub id: String,
+    /// Its value.
+    pub value: f64,
+    /// Effects that short logs can hardly separate share a group.
+    #[serde(default)]
+    pub group: String,
+}
+
+/// A share of cases with its count and a 90 % Wilson interval.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Share {
+    /// Cases that count as right.
+    pub hits: usize,
+    /// Cases that count.
+    pub of: usize,
+    /// hits / of, 0 where nothing counts.
+    pub value: f64,
+    /// 90 % Wilson score interval.
+    pub interval90: [f64; 2],
+}
+
+impl Share {
+    /// Counts a share.
+    #[must_use]
+    pub fn new(hits: usize, of: usize) -> Self {
+        if of == 0 {
+            return Self { hits, of, value: 0.0, interval90: [0.0, 1.0] };
+        }
+        let (n, p, z) = (of as f64, hits as f64 / of as f64, 1.645);
+        let centre = (p + z * z / (2.0 * n)) / (1.0 + z * z / n);
+        let half = z / (1.0 + z * z / n) * (p * (1.0 - p) / n + z * z / (4.0 * n * n)).sqrt();
+        Self { hits, of, value: p, interval90: [(centre - half).max(0.0), (centre + half).min(1.0)] }
+    }
+}
+
+/// All figures.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Scores {
+    /// Each share by name.
+    pub shares: BTreeMap<&'static str, Option<Share>>,
+    /// Mean Brier score of the first probability being right.
+    pub brier: f64,
+    /// Expected calibration error of the first probability, up to ten bins of equal mass.
+    pub calibration_error: f64,
+    /// Median of |estimate - truth| over |truth - neutral|, right singles only.
+    pub relative_error: f64,
+    /// Median of |predicted - realised share|, cases with a gap of `position_2s` only.
+    pub share_error: f64,
+    /// Cases that have a label but no diagnosis; they count as wrong.
+    pub absent: Vec<String>,
+}
+
+/// Reads labels.
+///
+/// # Errors
+/// If the file cannot be read or understood.
+pub fn read_labels(path: &Path) -> Result<BTreeMap<String, Label>, GapError> {
+    let text = std::fs::read_to_string(path).map_err(|source| GapError::Read { path: path.to_path_buf(), source })?;
+    serde_json::from_str(&text).map_err(|source| GapError::Json { path: path.to_path_buf(), source })
+}
+
+/// Reads the diagnoses `DIR/<case>/diagnosis.json` of all labelled cases and scores them.
+///
+/// # Errors
+/// If labels or a diagnosis cannot be understood.
+pub fn score_folder(folder: &Path, labels: &Path) -> Result<Scores, GapError> {
+    let labels = read_labels(labels)?;
+    let mut found = BTreeMap::new();
+    for name in labels.keys() {
+        let path = folder.join(name).join("diagnosis.json");
+        if let Ok(text) = std::fs::read_to_string(&path) {
+            let diagnosis = serde_json::from_str(&text).map_err(|source| GapError::Json { path, source })?;
+            found.insert(name.clone(), diagnosis);
+        }
+    }
+    Ok(score(&found, &labels))
+}
+
+/// Scores diagnoses against labels.
+#[must_use]
+pub fn score(diagnoses: &BTreeMap<String, Diagnosis>, labels: &BTreeMap<String, Label>) -> Scores {
+    let mut scores = Scores::default();
+    let mut counts: BTreeMap<&'static str, (usize, usize)> = BTreeMap::new();
+    let mut count = |name: &'static str, hit: bool| {
+        let entry = counts.entry(name).or_default();
+        entry.0 += usize::from(hit);
+        entry.1 += 1;
+    };
+    let (mut sure, mut relative, mut shares) = (Vec::new(), Vec::new(), Vec::new());
+    for (name, label) in labels {
+        let Some(d) = diagnoses.get(name) else {
+            scores.absent.push(name.clone());
+            count("answered", false);
+            continue;
+        };
+        count("answered", true);
+        count("verdict", verdict(d) == label.kind);
+        match label.kind.as_str() {
+            "none" => {
+                count("false alarms", matches!(d.verdict, Verdict::Single | Verdict::Multiple | Verdict::Unknown))
+            }
+            "single" => single(d, &label.effects[0], &mut count, &mut relative),
+            "double" => {
+                let both = label.effects.iter().all(|e| d.chosen.contains(&e.id));
+                count("pairs: both", both);
+                count("pairs: one at least", label.effects.iter().any(|e| d.chosen.contains(&e.id)));
+            }
+            _ => count("unknown called so", d.verdict == Verdict::Unknown),
+        }
+        if label.kind != "out_of_library" {
+            count("known called unknown", d.verdict == Verdict::Unknown);
+        }
+        sure.push(confidence(d, label));
+        if let Some(s) = d.how_far.iter().find(|s| s.metric == "position_2s" && s.before > 2.0 * s.floor) {
+            shares.push((d.predicted_share - s.share_explained).abs());
+        }
+    }
+    scores.brier =
+        sure.iter().map(|(p, right)| (p - f64::from(u8::from(*right))).powi(2)).sum::<f64>() / sure.len().max(1) as f64;
+    scores.calibration_error = calibration(&mut sure);
+    scores.relative_error = crate::bootstrap::quantile(&mut relative, 0.5);
+    scores.share_error = crate::bootstrap::quantile(&mut shares, 0.5);
+    scores.shares = counts.into_iter().map(|(name, (hits, of))| (name, Some(Share::new(hits, of)))).collect();
+    scores
+}
+
+fn verdict(d: &Diagnosis) -> &'static str {
+    match d.verdict {
+        Verdict::None => "none",
+        Verdict::Single => "single",
+        Verdict::Multiple => "double",
+        Verdict::Unknown => "out_of_library",
+    }
+}
+
+fn single(d: &Diagnosis, truth: &LabelEffect, count: &mut impl FnMut(&'static str, bool), relative: &mut Vec<f64>) {
+    let place = d.effects.iter().position(|e| e.id == truth.id);
+    count("singles: first", place == Some(0));
+    count("singles: first or second", place.is_some_and(|p| p < 2));
+    count("singles: in the group of the first", d.effects.first().is_some_and(|e| e.group.contains(&truth.id)));
+    count("singles: strict", d.verdict == Verdict::Single && d.chosen == [truth.id.clone()]);
+    if place == Some(0) && d.chosen.contains(&truth.id) {
+        let first = &d.effects[0];
+        count("intervals cover", first.interval90[0] <= truth.value && truth.value <= first.interval90[1]);
+        let neutral = if first.unit == "x" { 1.0 } else { 0.0 };
+        relative.push((first.value - truth.value).abs() / (truth.value - neutral).abs().max(1e-9));
+    }
+}
+
+/// Returns the probability of the answer given and whether it is right.
+fn confidence(d: &Diagnosis, label: &Label) -> (f64, bool) {
+    let known: f64 = d.effects.iter().filter(|e| d.chosen.contains(&e.id)).map(|e| e.probability).sum();
+    match d.verdict {
+        Verdict::None => (d.p_none, label.kind == "none"),
+        Verdict::Unknown => (d.p_unknown, label.kind == "out_of_library"),
+        _ => {
+            let mut truth: Vec<&String> = label.effects.iter().map(|e| &e.id).collect();
+            let mut chosen: Vec<&String> = d.chosen.iter().collect();
+            truth.sort();
+            chosen.sort();
+            (known, label.kind != "out_of_library" && truth == chosen)
+        }
+    }
+}
+
+fn calibration(sure: &mut [(f64, bool)]) -> f64 {
+    sure.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let bins = 10.min(sure.len().max(1));
+    let mut error = 0.0;
+    for bin in 0..bins {
+        let part = &sure[bin * sure.len() / bins..(bin + 1) * sure.len() / bins];
+        let gap: f64 = part.iter().map(|(p, right)| p - f64::from(u8::from(*right))).sum();
+        error += gap.abs();
+    }
+    error / sure.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wilson_intervals_are_those_of_the_book() {
+        let share = Share::new(8, 10);
+        assert!((share.value - 0.8).abs() < 1e-12);
+        assert!((share.interval90[0] - 0.541).abs() < 0.002, "{share:?}");
+        assert!((share.interval90[1] - 0.931).abs() < 0.002, "{share:?}");
+    }
+}

@@ -1,0 +1,351 @@
+//! Which effect: the nuisance fit, the fast pass over the whole library, fits of the kept effects and of pairs.
+//!
+//! Ego and followers share no parameter, so their evidences add. Gains are log evidences over the nuisance fit
+//! (never over the raw nominal simulator, where ten milliseconds of timing would always win).
+
+use std::sync::Arc;
+
+use ds_effect::Scale;
+
+use crate::case::PartModel;
+use crate::fit::{Columns, Fit, Model, Plan, Prior, data_loss, fit};
+use crate::settings::{KEPT, MARGIN_SDS, NULL_ROUNDS};
+
+/// A fitted hypothesis about one part: some effects present, all else nuisance.
+#[derive(Clone)]
+pub struct Hypothesis {
+    /// Effects present, as places in the space.
+    pub effects: Vec<usize>,
+    /// The fit.
+    pub fit: Fit,
+    /// Log evidence over the nuisance fit.
+    pub gain: f64,
+}
+
+/// The search over one part.
+pub struct Search<'m, 'c> {
+    /// The part's model.
+    pub model: &'m PartModel<'c>,
+    /// The nuisance fit.
+    pub null: Fit,
+    /// Fitted single effects, best first.
+    pub singles: Vec<Hypothesis>,
+    /// Gain of every effect: fitted where kept, linearised or of the best grid value elsewhere.
+    pub rough: Vec<f64>,
+}
+
+/// How much work a search may do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Effort {
+    /// Fast pass and single fits.
+    Quick,
+    /// Fresh derivatives at every fit.
+    Full,
+}
+
+impl<'m, 'c> Search<'m, 'c> {
+    /// Fits the nuisances and every effect that the fast pass keeps.
+    #[must_use]
+    pub fn run(model: &'m PartModel<'c>, effort: Effort) -> Self {
+        let null = null_fit(model, None);
+        let linear: Vec<f64> = (0..model.space.effects.len()).map(|e| linear_gain(model, &null, e)).collect();
+        // on top of the usual nuisances: the fitted ones may have gone far to imitate what is missing
+        let usual = model.space.usual();
+        let loss = data_loss(&model.residuals(&usual));
+        let grid: Vec<(f64, Vec<f64>)> =
+            (0..model.space.effects.len()).map(|e| best_on_grid(model, (&usual, loss), e)).collect();
+        let mut search = Self { model, null, singles: Vec::new(), rough: linear.clone() };
+        let mut kept = best(&linear, KEPT);
+        let grid_gains: Vec<f64> = grid.iter().map(|g| g.0).collect();
+        kept.extend(best(&grid_gains, KEPT));
+        kept.sort_unstable();
+        kept.dedup();
+        for effect in kept {
+            if !model.space.effects[effect].suspect {
+                continue;
+            }
+            if let Some(hypothesis) = search.single(effect, &grid[effect].1) {
+                search.rough[effect] = hypothesis.gain;
+                search.singles.push(hypothesis);
+            }
+        }
+        search.settle();
+        search.sort();
+        let polished = if effort == Effort::Full { 4 } else { 2 };
+        for k in 0..polished.min(search.singles.len()) {
+            if search.singles[k].gain > -3.0 {
+                search.singles[k] = search.polish(&search.singles[k]);
+            }
+        }
+        search.sort();
+        search
+    }
+
+    /// Restarts the nuisance fit from the nuisances of the best singles: a fit that found a better valley than the null
+    /// did must not be counted in favour of its effect.
+    fn settle(&mut self) {
+        self.sort();
+        let priors = self.model.null_priors();
+        let before = self.null.evidence;
+        for hypothesis in self.singles.iter().take(3) {
+            let mut columns = self.null.columns.clone();
+            columns.resize(priors.len(), None);
+            let plan =
+                Plan { priors: &priors, start: &hypothesis.fit.vector, columns, fresh: Vec::new(), iterations: 4 };
+            let again = fit(self.model, plan);
+            if again.evidence > self.null.evidence {
+                self.null = again;
+            }
+        }
+        let gained = self.null.evidence - before;
+        self.singles.iter_mut().for_each(|h| h.gain -= gained);
+    }
+
+    fn sort(&mut self) {
+        self.singles.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    }
+
+    fn single(&self, effect: usize, grid: &[f64]) -> Option<Hypothesis> {
+        let priors = self.model.priors_with(&[effect]);
+        let own = self.model.space.of(effect);
+        let mut starts = vec![self.null.vector.clone()];
+        let mut from_grid = self.null.vector.clone();
+        let mut from_usual = self.model.space.usual();
+        for (k, value) in own.iter().zip(grid) {
+            from_grid[*k] = *value;
+            from_usual[*k] = *value;
+        }
+        if own.iter().any(|&k| self.model.space.coordinates[k].parameter.on_grid()) {
+            starts.clear();
+        }
+        starts.push(from_grid);
+        starts.push(from_usual);
+        let mut columns = self.null.columns.clone();
+        for &k in &own {
+            columns[k] = None;
+        }
+        let fits = starts.iter().map(|start| {
+            fit(
+                self.model,
+                Plan { priors: &priors, start, columns: columns.clone(), fresh: own.clone(), iterations: 4 },
+            )
+        });
+        let fit = fits.max_by(|a, b| a.evidence.total_cmp(&b.evidence))?;
+        let gain = fit.evidence - self.null.evidence;
+        Some(Hypothesis { effects: vec![effect], fit, gain })
+    }
+
+    /// Refits a hypothesis with fresh derivatives of everything.
+    #[must_use]
+    pub fn polish(&self, hypothesis: &Hypothesis) -> Hypothesis {
+        let priors = self.model.priors_with(&hypothesis.effects);
+        let count = priors.len();
+        let mut plan = Plan {
+            priors: &priors,
+            start: &hypothesis.fit.vector,
+            columns: vec![None; count],
+            fresh: Vec::new(),
+            iterations: 3,
+        };
+        plan.fresh = hypothesis.effects.iter().flat_map(|e| self.model.space.of(*e)).collect();
+        let fit = fit(self.model, plan);
+        let gain = fit.evidence - self.null.evidence;
+        Hypothesis { effects: hypothesis.effects.clone(), fit, gain }
+    }
+
+    /// Fits every second effect on top of a hypothesis and returns the best, polished.
+    #[must_use]
+    pub fn extend(&self, base: &Hypothesis) -> Option<Hypothesis> {
+        let model = self.model;
+        let linear: Vec<f64> = (0..model.space.effects.len())
+            .map(|e| if base.effects.contains(&e) { f64::NEG_INFINITY } else { linear_gain(model, &base.fit, e) })
+            .collect();
+        let grid: Vec<(f64, Vec<f64>)> = (0..model.space.effects.len())
+            .map(|e| {
+                if base.effects.contains(&e) {
+                    (f64::NEG_INFINITY, Vec::new())
+                } else {
+                    best_on_grid(model, (&base.fit.vector, base.fit.data_loss), e)
+                }
+            })
+            .collect();
+        let mut kept = best(&linear, 5);
+        kept.extend(best(&grid.iter().map(|g| g.0).collect::<Vec<_>>(), 4));
+        kept.sort_unstable();
+        kept.dedup();
+        let mut found: Vec<Hypothesis> = Vec::new();
+        for effect in kept {
+            if !model.space.effects[effect].suspect || base.effects.contains(&effect) {
+                continue;
+            }
+            let mut effects = base.effects.clone();
+            effects.push(effect);
+            let priors = model.priors_with(&effects);
+            let own = model.space.of(effect);
+            let mut start = base.fit.vector.clone();
+            let on_grid = own.iter().any(|&k| model.space.coordinates[k].parameter.on_grid());
+            if on_grid || grid[effect].0 > 0.0 {
+                for (k, value) in own.iter().zip(&grid[effect].1) {
+                    start[*k] = *value;
+                }
+            }
+            let mut columns = base.fit.columns.clone();
+            for &k in &own {
+                columns[k] = None;
+            }
+            let fresh = effects.iter().flat_map(|e| model.space.of(*e)).collect();
+            let fit = fit(model, Plan { priors: &priors, start: &start, columns, fresh, iterations: 4 });
+            let gain = fit.evidence - self.null.evidence;
+            found.push(Hypothesis { effects, fit, gain });
+        }
+        found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        found.truncate(1);
+        found.pop().map(|h| if h.gain > base.gain { self.polish(&h) } else { h })
+    }
+
+    /// Tells whether an effect's estimate lies outside what every vehicle has.
+    #[must_use]
+    pub fn outside(&self, hypothesis: &Hypothesis, effect: usize) -> bool {
+        self.model.space.of(effect).iter().any(|&k| {
+            let parameter = self.model.space.coordinates[k].parameter;
+            parameter.nuisance.is_none_or(|n| ((hypothesis.fit.vector[k] - n.mean) / n.sd).abs() > MARGIN_SDS)
+        })
+    }
+}
+
+/// Fits the nuisances alone, optionally with rows taken out by a mask.
+#[must_use]
+pub fn null_fit(model: &PartModel<'_>, columns: Option<Columns>) -> Fit {
+    let priors = model.null_priors();
+    let count = priors.len();
+    let mut start = model.space.usual();
+    let mut reused = columns.unwrap_or_else(|| vec![None; count]);
+    let mut found = None;
+    for _ in 0..NULL_ROUNDS {
+        let plan = Plan { priors: &priors, start: &start, columns: reused, fresh: Vec::new(), iterations: 3 };
+        let round = fit(model, plan);
+        start.clone_from(&round.vector);
+        reused = vec![None; count];
+        found = Some(round);
+    }
+    found.expect("there is at least one round")
+}
+
+/// Returns the log evidence of freeing an effect, from one linearisation: the marginal posterior under the nuisance
+/// prior gives the marginal likelihood, whose overlap with slab and nuisance prior are compared in closed form.
+fn linear_gain(model: &PartModel<'_>, base: &Fit, effect: usize) -> f64 {
+    let mut best = f64::NEG_INFINITY;
+    for k in model.space.of(effect) {
+        let parameter = model.space.coordinates[k].parameter;
+        let (Some(n), Some(at)) = (parameter.nuisance, base.free.iter().position(|f| *f == k)) else { continue };
+        let variance = base.covariance[(at, at)];
+        let precision = 1.0 / variance - 1.0 / (n.sd * n.sd);
+        if precision <= 1e-9 / (n.sd * n.sd) {
+            continue;
+        }
+        let mean = (base.vector[k] / variance - n.mean / (n.sd * n.sd)) / precision;
+        let spread = n.sd * n.sd + 1.0 / precision;
+        let null = -0.5 * (mean - n.mean).powi(2) / spread - 0.5 * (std::f64::consts::TAU * spread).ln();
+        best = best.max(-parameter.width().ln() - null);
+    }
+    best
+}
+
+/// Returns the loss saved by the best grid value of an effect, and that value.
+fn best_on_grid(model: &PartModel<'_>, (base, loss): (&[f64], f64), effect: usize) -> (f64, Vec<f64>) {
+    let own = model.space.of(effect);
+    let mut found = (f64::NEG_INFINITY, own.iter().map(|&k| base[k]).collect::<Vec<f64>>());
+    if !model.space.effects[effect].suspect {
+        return found;
+    }
+    for (place, &k) in own.iter().enumerate() {
+        for value in model.space.grid(k) {
+            let mut vector = base.to_vec();
+            vector[k] = value;
+            let saved = loss - data_loss(&model.residuals(&vector));
+            if saved > found.0 {
+                let mut values: Vec<f64> = own.iter().map(|&k| base[k]).collect();
+                values[place] = value;
+                found = (saved, values);
+            }
+        }
+    }
+    found
+}
+
+fn best(scores: &[f64], count: usize) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..scores.len()).filter(|&k| scores[k] > f64::NEG_INFINITY).collect();
+    order.sort_by(|a, b| scores[*b].total_cmp(&scores[*a]));
+    order.truncate(count);
+    order
+}
+
+/// Returns whether a coordinate's search value is a logarithm.
+#[must_use]
+pub fn is_log(scale: Scale) -> bool {
+    matches!(scale, Scale::Log | Scale::Limit)
+}
+
+/// A model with the rows of some drives taken out.
+pub struct Without<'a, M: Model> {
+    /// The whole model.
+    pub model: &'a M,
+    /// True where a row counts.
+    pub keep: Vec<bool>,
+}
+
+impl<M: Model> Model for Without<'_, M> {
+    fn residuals(&self, vector: &[f64]) -> Vec<f64> {
+        let mut residuals = self.model.residuals(vector);
+        for (z, keep) in residuals.iter_mut().zip(&self.keep) {
+            if !keep {
+                *z = 0.0;
+            }
+        }
+        residuals
+    }
+
+    fn step(&self, coordinate: usize) -> f64 {
+        self.model.step(coordinate)
+    }
+}
+
+/// Refits a fitted vector without one drive, from the same start and derivatives.
+fn refit_without(model: &PartModel<'_>, fitted: &Fit, priors: &[Prior], drive: usize) -> (Fit, Vec<bool>) {
+    let keep: Vec<bool> = model.tags.iter().map(|tag| tag.drive != drive).collect();
+    let cut = |column: &Arc<Vec<f64>>| {
+        Arc::new(column.iter().zip(&keep).map(|(c, keep)| if *keep { *c } else { 0.0 }).collect::<Vec<f64>>())
+    };
+    let columns = fitted.columns.iter().map(|column| column.as_ref().map(cut)).collect();
+    let part = Without { model, keep };
+    let plan = Plan { priors, start: &fitted.vector, columns, fresh: Vec::new(), iterations: 2 };
+    (fit(&part, plan), part.keep)
+}
+
+/// Returns the vector of an outcome's model fitted without one drive.
+#[must_use]
+pub fn without_drive(outcome: &crate::choice::Outcome<'_, '_>, drive: usize) -> Vec<f64> {
+    let model = outcome.search.model;
+    let effects = outcome.accepted.as_ref().map(|h| h.effects.clone()).unwrap_or_default();
+    refit_without(model, outcome.fit(), &model.priors_with(&effects), drive).0.vector
+}
+
+/// Returns, per fit drive, the predictive log score that a hypothesis gains over a base: log p(drive | other drives) as
+/// the evidence of all drives less that of the others, each refitted.
+///
+/// The score of the refitted point alone would not do: nuisances far out of their range imitate some effects, and only
+/// the prior, not the loss, says how unlikely that is.
+#[must_use]
+pub fn held_out_gains(
+    model: &PartModel<'_>,
+    base: (&Fit, &[usize]),
+    hypothesis: &Hypothesis,
+    drives: &[usize],
+) -> Vec<f64> {
+    let score = |fitted: &Fit, effects: &[usize], drive: usize| {
+        let (refit, _) = refit_without(model, fitted, &model.priors_with(effects), drive);
+        fitted.evidence - refit.evidence
+    };
+    let gain = |&drive: &usize| score(&hypothesis.fit, &hypothesis.effects, drive) - score(base.0, base.1, drive);
+    drives.iter().map(gain).collect()
+}

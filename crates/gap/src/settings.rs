@@ -1,0 +1,60 @@
+//! Every threshold and scale of the diagnosis in one place, each with its reason.
+//!
+//! Tuned on the practice cases and on effect-free worlds of our own simulator only.
+
+/// Degrees of freedom of the Student-t loss (specification, section 3.1).
+pub const NU: f64 = 4.0;
+/// Effective share of independent residuals: neighbouring blocks and displacement, speed and heading share their noise.
+pub const KAPPA: f64 = 0.25;
+/// Effects that each list of the fast pass keeps for a fit.
+pub const KEPT: usize = 8;
+/// An estimate within this many nuisance standard deviations is not a finding (specification, section 3.3).
+pub const MARGIN_SDS: f64 = 2.5;
+/// Share of second differences of position that count as independent: each sample enters three of them.
+pub const JITTER_SHARE: f64 = 0.3;
+/// Log evidence of one exact copy of three channels at millimetre resolution; chance alone gives fewer than 1 in 1000.
+pub const REPEAT_SURPRISE: f64 = 1.0;
+/// Rounds of the nuisance fit, each with fresh derivatives; three leave less than 0.1 of evidence on practice cases.
+pub const NULL_ROUNDS: usize = 3;
+/// Log prior odds of one given effect against none: one in about fifty effects.
+pub const SINGLE_COST: f64 = 4.0;
+/// Log evidence over the nuisance fit that a single effect must have; the effect-free practice drives reach 4.
+pub const SINGLE_GAIN: f64 = 5.5;
+/// Log evidence that a further effect must add.
+pub const FURTHER_GAIN: f64 = 8.0;
+/// Most effects in one diagnosis (specification, section 3.3).
+pub const MOST_EFFECTS: usize = 3;
+/// Temperature of the probabilities: model error makes evidences of some tens differ by a few by chance.
+pub const TEMPERATURE: f64 = 1.5;
+/// Loss of log weight of an effect whose estimate lies within what every vehicle has.
+pub const INSIDE_COST: f64 = 8.0;
+/// Loss of log weight of an effect that does not help on drives left out.
+pub const DISAGREE_COST: f64 = 6.0;
+/// Cosine of signatures above which two effects form a group (specification, section 3.3).
+pub const GROUP_COSINE: f64 = 0.95;
+/// Evidence difference below which two effects form a group (specification, section 3.3).
+pub const GROUP_EVIDENCE: f64 = 3.0;
+/// Most members of a group that is worth reporting.
+pub const GROUP_SIZE: usize = 4;
+/// Mean point loss of a channel over a drive that effect-free worlds stay below; they reach 0.8 (followers' gap 1.2).
+pub const CLEAN_DRIVE_LOSS: f64 = 1.0;
+/// The same for the gap of followers, which wander more.
+pub const CLEAN_GAP_LOSS: f64 = 1.5;
+/// Mean point loss of one channel in the worst window; effect-free worlds reach 5.
+pub const CLEAN_WINDOW_LOSS: f64 = 7.0;
+/// Share of the excess loss that the best model must explain.
+pub const EXPLAINED_SHARE: f64 = 0.5;
+/// Width of the passage from known to unknown, in log units of the clean level.
+pub const UNKNOWN_WIDTH: f64 = 0.12;
+/// False discovery rate over all cells.
+pub const DISCOVERY_RATE: f64 = 0.05;
+/// Draws of every bootstrap.
+pub const BOOTSTRAP_DRAWS: u64 = 300;
+/// Effect size, in floor units, below which a significant cell is not worth a line.
+pub const CELL_SIZE: f64 = 0.5;
+/// Share of the nuisance spread of a parameter that its label does not contain but its estimate does.
+pub const OWN_NUISANCE: f64 = 0.7;
+/// Held-out loss, as a share of the evidence gain, that still counts as agreement.
+pub const DISAGREEMENT: f64 = 0.1;
+/// Mean lateral acceleration of a window, as a share of friction times gravity, from which parts of it are past the limit.
+pub const SLIDING_SHARE: f64 = 0.6;

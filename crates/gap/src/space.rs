@@ -1,0 +1,140 @@
+//! The search space: every parameter of every effect of one part of the loop, as one vector of search values.
+//!
+//! Turns a vector into a simulator with those effects switched on, and knows each parameter's priors.
+
+use ds_effect::{Effect, Insertion, Parameter, Plant, Scale, library};
+
+use crate::meta::Nominal;
+
+/// Effects of the scatter of samples, which no mean shows; see `scatter`.
+pub const SCATTER: [&str; 2] = ["timestamp_jitter", "dropped_frames"];
+
+/// The two parts of a log that share no parameter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Part {
+    /// The ego vehicle.
+    Ego,
+    /// Its followers.
+    Following,
+}
+
+impl Part {
+    /// Returns the part an effect belongs to.
+    #[must_use]
+    pub fn of(effect: &Effect) -> Self {
+        if effect.insertion == Insertion::Agent { Self::Following } else { Self::Ego }
+    }
+}
+
+/// One coordinate of the search vector.
+#[derive(Clone, Copy)]
+pub struct Coordinate {
+    /// Index of the effect in the space.
+    pub effect: usize,
+    /// The parameter.
+    pub parameter: &'static Parameter,
+}
+
+/// The parameters of one part.
+pub struct Space {
+    /// The effects, in the library's order.
+    pub effects: Vec<&'static Effect>,
+    /// One per parameter, the parameters of an effect side by side.
+    pub coordinates: Vec<Coordinate>,
+    nominal: Nominal,
+}
+
+impl Space {
+    /// Collects the effects of a part that can show in a log, less those named in `without`.
+    #[must_use]
+    pub fn new(part: Part, nominal: &Nominal, without: &[String]) -> Self {
+        let effects: Vec<&'static Effect> = library()
+            .iter()
+            .copied()
+            .filter(|e| {
+                Part::of(e) == part
+                    && !e.channels.is_empty()
+                    && !SCATTER.contains(&e.id)
+                    && !without.iter().any(|id| id == e.id)
+            })
+            .collect();
+        let coordinates = effects
+            .iter()
+            .enumerate()
+            .flat_map(|(effect, e)| e.parameters.iter().map(move |parameter| Coordinate { effect, parameter }))
+            .collect();
+        Self { effects, coordinates, nominal: nominal.clone() }
+    }
+
+    /// Returns the vector at which every effect is absent.
+    #[must_use]
+    pub fn neutral(&self) -> Vec<f64> {
+        self.coordinates.iter().map(|c| c.parameter.neutral).collect()
+    }
+
+    /// Returns the vector of usual values: the means of the nuisance priors.
+    #[must_use]
+    pub fn usual(&self) -> Vec<f64> {
+        self.coordinates.iter().map(|c| c.parameter.nuisance.map_or(c.parameter.neutral, |n| n.mean)).collect()
+    }
+
+    /// Returns the coordinates of an effect.
+    #[must_use]
+    pub fn of(&self, effect: usize) -> Vec<usize> {
+        (0..self.coordinates.len()).filter(|&k| self.coordinates[k].effect == effect).collect()
+    }
+
+    /// Returns the place of an effect in this space.
+    #[must_use]
+    pub fn find(&self, id: &str) -> Option<usize> {
+        self.effects.iter().position(|e| e.id == id)
+    }
+
+    /// Returns the simulator with all effects at the vector's values.
+    #[must_use]
+    pub fn plant(&self, vector: &[f64]) -> Plant {
+        let mut plant = self.nominal.plant();
+        let mut at = 0;
+        for effect in &self.effects {
+            let count = effect.parameters.len();
+            let values: Vec<f64> = effect
+                .parameters
+                .iter()
+                .zip(&vector[at..at + count])
+                .map(|(p, value)| p.reported(*value, self.nominal.mass))
+                .collect();
+            (effect.apply)(&values, &mut plant);
+            at += count;
+        }
+        plant
+    }
+
+    /// Returns the reported value of a coordinate.
+    #[must_use]
+    pub fn reported(&self, coordinate: usize, value: f64) -> f64 {
+        self.coordinates[coordinate].parameter.reported(value, self.nominal.mass)
+    }
+
+    /// Returns a step for a difference quotient: a fifth of the nuisance, else a hundredth of the slab.
+    #[must_use]
+    pub fn step(&self, coordinate: usize) -> f64 {
+        let p = self.coordinates[coordinate].parameter;
+        p.nuisance.map_or(0.01 * p.width().max(1.0), |n| (0.5 * n.sd).min(0.02 * p.width().max(n.sd)))
+    }
+
+    /// Returns values of a coordinate from which a search may start, all within the slab.
+    #[must_use]
+    pub fn grid(&self, coordinate: usize) -> Vec<f64> {
+        let p = self.coordinates[coordinate].parameter;
+        let at = |u: f64| p.slab.0 + u * p.width();
+        if p.width() <= 0.0 {
+            return vec![p.slab.0];
+        }
+        match p.scale {
+            Scale::Limit => (0..13).map(|k| at(f64::from(k) / 12.0)).collect(),
+            Scale::Threshold => vec![at(0.06), at(0.12), at(0.25), at(0.4), at(0.6), at(0.85)],
+            _ if p.slab.0 < p.neutral && p.slab.1 > p.neutral => vec![at(0.15), at(0.35), at(0.65), at(0.85)],
+            _ => vec![at(0.12), at(0.35), at(0.7)],
+        }
+    }
+}

@@ -1,0 +1,202 @@
+//! Cases made by the nominal simulator itself, with any effects switched on and sensor noise added: for tests.
+//!
+//! Same equations as the diagnosis, so they say whether an effect can be told from the others at all, not whether the
+//! diagnosis stands up to a world it does not know.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use ds_effect::Plant;
+use ds_space::Draws;
+
+use crate::ego::{FINE_SECS, Inputs, Instant, Start, actuate, rollout};
+use crate::error::GapError;
+use crate::meta::Nominal;
+use crate::windows::sense;
+
+/// Rows of a drive, 35 s at 20 Hz.
+const ROWS: usize = 700;
+/// Desired speed of the followers in each drive, m/s.
+const DESIRED: [f64; 4] = [14.0, 28.0, 18.0, 24.0];
+
+/// Writes a case of four drives whose reference is the nominal simulator edited by `edit`.
+///
+/// # Errors
+/// If the folder cannot be written.
+pub fn write_case(folder: &Path, seed: u64, edit: &dyn Fn(&mut Plant)) -> Result<(), GapError> {
+    let failed = |source| GapError::Write { path: folder.to_path_buf(), source };
+    std::fs::create_dir_all(folder).map_err(failed)?;
+    let meta = meta();
+    std::fs::write(folder.join("meta.json"), &meta).map_err(failed)?;
+    let parsed: crate::meta::Meta =
+        serde_json::from_str(&meta).map_err(|source| GapError::Json { path: folder.join("meta.json"), source })?;
+    for drive in 0..4 {
+        let mut plant = usual(&parsed.nominal);
+        edit(&mut plant);
+        let noise =
+            Noise { draws: Draws::from_seed(seed * 10 + drive as u64, "synthetic"), next: std::cell::Cell::new(0) };
+        let (ego, speeds) = ego_log(drive, &plant, &noise);
+        std::fs::write(folder.join(format!("drive_{drive}.csv")), ego).map_err(failed)?;
+        let agents = agents_log(DESIRED[drive], &plant, &speeds, &noise);
+        std::fs::write(folder.join(format!("agents_{drive}.csv")), agents).map_err(failed)?;
+    }
+    Ok(())
+}
+
+fn meta() -> String {
+    let drives: Vec<String> = (0..4)
+        .map(|k| {
+            format!(r#"{{"file":"drive_{k}.csv","agents":"agents_{k}.csv","agents_desired_speed":{}}}"#, DESIRED[k])
+        })
+        .collect();
+    format!(
+        r#"{{"case":"synthetic","drives":[{}],"nominal":{{"model":"linear_single_track","mass":1500.0,"yaw_inertia":2500.0,
+        "lf":1.3,"lr":1.45,"wheelbase":2.75,"cornering_stiffness_front":85000.0,"cornering_stiffness_rear":98000.0,
+        "steer_lag":0.07,"accel_lag":0.12,"rolling_decel":0.1,"drag_decel_per_v2":0.00025,"friction":1.0,
+        "idm":{{"headway":1.4,"min_gap":2.5,"max_accel":1.5,"comfort_decel":2.0,"exponent":4,"vehicle_length":4.6}}}},
+        "suggested_split":{{"fit":[0,1,2],"held_out":[3]}}}}"#,
+        drives.join(",")
+    )
+}
+
+/// The nominal simulator with the mismatch that every vehicle has.
+fn usual(nominal: &Nominal) -> Plant {
+    let mut plant = nominal.plant();
+    for effect in ds_effect::library() {
+        let values: Vec<f64> = effect
+            .parameters
+            .iter()
+            .map(|p| p.reported(p.nuisance.map_or(p.neutral, |n| n.mean), nominal.mass))
+            .collect();
+        (effect.apply)(&values, &mut plant);
+    }
+    plant
+}
+
+struct Noise {
+    draws: Draws,
+    next: std::cell::Cell<u64>,
+}
+
+impl Noise {
+    fn normal(&self, sd: f64) -> f64 {
+        let k = self.next.get();
+        self.next.set(k + 2);
+        let (u, v) = (self.draws.uniform(k).max(1e-12), self.draws.uniform(k + 1));
+        sd * (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+    }
+}
+
+/// Desired speed and lateral acceleration at a time of a drive.
+fn wish(drive: usize, t: f64) -> (f64, f64) {
+    let wave = |period: f64, phase: f64| (std::f64::consts::TAU * (t / period + phase)).sin();
+    match drive {
+        0 => (9.0 + 4.5 * wave(17.0, 0.1), 2.4 * wave(9.0, 0.0) * wave(31.0, 0.2)),
+        1 => (25.0 + 4.0 * wave(21.0, 0.0), 1.3 * wave(11.0, 0.0)),
+        2 => (15.0 + 3.0 * wave(13.0, 0.3), 3.8 * wave(3.5 + 2.0 * (t / 35.0), 0.0) * (0.5 + 0.5 * wave(12.0, 0.0))),
+        _ => (21.0 + 5.0 * wave(19.0, 0.4), 1.8 * wave(7.0, 0.2)),
+    }
+}
+
+fn ego_log(drive: usize, plant: &Plant, noise: &Noise) -> (String, Vec<f64>) {
+    let count = (ROWS as f64 * 0.05 / FINE_SECS) as usize + 200;
+    let start_speed = wish(drive, 0.0).0;
+    // an open-loop plan of speed gives acceleration; a closed loop on the nominal speed keeps the drive near it
+    let mut speed = start_speed;
+    let (mut steer, mut accel, mut speeds) = (Vec::new(), Vec::new(), Vec::new());
+    for k in 0..count {
+        let t = k as f64 * FINE_SECS;
+        let (v, lateral) = wish(drive, t);
+        let a = (1.2 * (v - speed)).clamp(-3.5, 2.2);
+        let step = if (t * 0.4) as usize % 3 == 1 { 0.4 } else { 0.0 };
+        speed += FINE_SECS * a;
+        steer.push(lateral / speed.powi(2).max(9.0) * (2.75 + 0.0025 * speed * speed));
+        accel.push(a + step + 0.1 + 0.00025 * speed * speed);
+        speeds.push(speed);
+    }
+    let mut work = 0.0;
+    let brake_work = accel
+        .iter()
+        .zip(&speeds)
+        .map(|(a, v)| {
+            work += (-a).max(0.0) * 1500.0 * v * FINE_SECS * 1e-6;
+            work
+        })
+        .collect();
+    let inputs = Inputs { start_secs: 0.0, steer, accel, speed: speeds, brake_work };
+    let actuated = actuate(&inputs, plant);
+    let horizon_secs = count as f64 * FINE_SECS - 0.3;
+    let start = Start {
+        secs: 0.0,
+        speed_mps: start_speed,
+        yaw_rate: 0.0,
+        heading_rad: 0.0,
+        warm_secs: 0.0,
+        anchor_speed_mps: start_speed,
+        horizon_secs,
+    };
+    let mut path: Vec<Instant> = Vec::new();
+    rollout(&start, &actuated, plant, &mut path);
+    let mut text = String::from("t,cmd_steer,cmd_accel,x,y,yaw,v,yaw_rate,ax,ay,steer_meas,v_wheel\n");
+    let mut truth = Vec::new();
+    for row in 0..ROWS {
+        let t = 0.5 + row as f64 * 0.05;
+        let secs = t + noise.normal(plant.clock.jitter_secs);
+        let age = plant.clock.pose_latency_secs + plant.clock.pose_drift * (t - 0.5);
+        let s = sense(secs, (0.0, age), &path, &actuated, plant);
+        let k = (t / FINE_SECS).round() as usize;
+        truth.push(path[k].v);
+        let n = [0.012, 0.012, 0.0018, 0.025, 0.0028, 0.09, 0.09, 0.0006, 0.03].map(|sd| noise.normal(sd));
+        let lever = plant.sensors.lever_arm_m;
+        let _ = writeln!(
+            text,
+            "{t:.3},{:.5},{:.3},{:.3},{:.3},{:.4},{:.3},{:.4},{:.2},{:.2},{:.4},{:.3}",
+            inputs.steer[k],
+            inputs.accel[k],
+            s[0] + lever + n[0],
+            s[1] + n[1],
+            s[2] + n[2],
+            s[3] + n[3],
+            s[4] + n[4],
+            s[5] + n[5],
+            s[6] + n[6],
+            s[7] + n[7],
+            s[8] + n[8]
+        );
+    }
+    (text, truth)
+}
+
+fn agents_log(desired: f64, plant: &Plant, lead: &[f64], noise: &Noise) -> String {
+    let mut text = String::from("t,id,x,y,yaw,v,gap,v_lead\n");
+    let driver = &plant.follower;
+    let step = 0.05;
+    let mut leader = lead.to_vec();
+    for id in 1..=2 {
+        let mut speed = vec![leader[0]];
+        let mut gap = vec![driver.min_gap_m + driver.headway_secs * leader[0] + 4.0];
+        let mut accel = 0.0;
+        let back = (driver.delay_secs / step).round() as usize;
+        let decay = if driver.lag_secs > 0.0 { (-step / driver.lag_secs).exp() } else { 0.0 };
+        for k in 0..leader.len() - 1 {
+            let j = k.saturating_sub(back);
+            let root = 2.0 * (driver.max_accel_mps2 * driver.comfort_decel_mps2).sqrt();
+            let wanted =
+                driver.min_gap_m + (speed[j] * driver.headway_secs + speed[j] * (speed[j] - leader[j]) / root).max(0.0);
+            let free = (speed[j] / (desired * driver.desired_speed_factor)).powf(driver.exponent);
+            let wish = driver.max_accel_mps2 * (1.0 - free - (wanted / gap[j].max(0.5)).powi(2));
+            accel = wish.max(-8.0) + (accel - wish.max(-8.0)) * decay;
+            let next = (speed[k] + step * (accel + noise.normal(0.06))).max(0.0);
+            gap.push(gap[k] + step * (0.5 * (leader[k] + leader[k + 1]) - 0.5 * (speed[k] + next)));
+            speed.push(next);
+        }
+        for k in (0..leader.len()).step_by(2) {
+            let t = 0.5 + k as f64 * step;
+            let (v, g, l) =
+                (speed[k] + noise.normal(0.08), gap[k] + noise.normal(0.08), leader[k] + noise.normal(0.08));
+            let _ = writeln!(text, "{t:.1},{id},0,0,0,{v:.2},{g:.2},{l:.2}");
+        }
+        leader = speed;
+    }
+    text
+}

@@ -1,0 +1,247 @@
+//! Cuts a drive into windows and compares the simulator with the log in each: the multi-step residuals.
+//!
+//! A window warms the simulator up for 0.5 s, anchors it to the measured pose and speed, then scores 2 s. Residuals
+//! (measured minus simulated) are averaged over 0.25 s. Displacements are in the heading frame of the anchor.
+
+use ds_effect::{Channel, Plant};
+
+use crate::drive::{Drive, STEP_SECS};
+use crate::ego::{Actuated, FINE_SECS, Inputs, Instant, Start, actuate, instant_at, rollout};
+use crate::smooth::{between, parabola};
+
+/// Ego channels, in the order of the residual vector.
+pub const EGO: usize = 9;
+/// Samples per block.
+pub const BLOCK: usize = 5;
+/// Blocks per window.
+pub const BLOCKS: usize = 8;
+/// Samples of warm-up.
+const WARM: usize = 10;
+/// Samples between the starts of windows.
+const STRIDE: usize = 25;
+
+/// The part of a drive the ego simulator needs, with its windows.
+pub struct EgoRecord {
+    /// Index of the drive in the case.
+    pub drive: usize,
+    /// Commands on the fine grid.
+    pub inputs: Inputs,
+    /// Starts of the scored part and what was measured there.
+    pub anchors: Vec<Anchor>,
+    log: Drive,
+    speed: Vec<f64>,
+}
+
+/// A window's anchor: the state the simulator is started from, and the measured blocks.
+#[derive(Debug, Clone)]
+pub struct Anchor {
+    /// Sample of the anchor.
+    pub sample: usize,
+    /// Stamp of the anchor, s.
+    pub secs: f64,
+    /// Smoothed speed at the anchor, m/s.
+    pub speed_mps: f64,
+    /// Position in the world, m.
+    pub position: (f64, f64),
+    warm_speed_mps: f64,
+    warm_yaw_rate: f64,
+    heading_rad: f64,
+    /// Measured block means, channel-major; NaN where the channel is absent.
+    pub measured: Vec<f64>,
+    /// What the window is like.
+    pub regime: Regime,
+}
+
+/// What a window is like, from the log alone.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Regime {
+    /// Mean speed, m/s.
+    pub speed_mps: f64,
+    /// Mean commanded force over mass, m/s².
+    pub accel_mps2: f64,
+    /// Mean size of speed times yaw rate, m/s².
+    pub lateral_mps2: f64,
+    /// Root mean square rate of the commanded steering, rad/s.
+    pub steer_rate: f64,
+}
+
+impl EgoRecord {
+    /// Prepares a drive; `None` if no speed can be had from it.
+    #[must_use]
+    pub fn new(drive: usize, log: &Drive, mass_kg: f64) -> Option<Self> {
+        let speed = log.speed()?;
+        let fine = |signal: &[f64]| -> Vec<f64> {
+            let count = ((log.samples - 1) as f64 * STEP_SECS / FINE_SECS).round() as usize + 1;
+            (0..count).map(|k| between(signal, k as f64 * FINE_SECS / STEP_SECS)).collect()
+        };
+        let (accel, fine_speed) = (fine(&log.cmd_accel), fine(&speed));
+        let mut work = 0.0;
+        let brake_work = accel
+            .iter()
+            .zip(&fine_speed)
+            .map(|(a, v)| {
+                work += (-a).max(0.0) * mass_kg * v.max(0.0) * FINE_SECS * 1e-6;
+                work
+            })
+            .collect();
+        let inputs =
+            Inputs { start_secs: log.start_secs, steer: fine(&log.cmd_steer), accel, speed: fine_speed, brake_work };
+        let mut record = Self { drive, inputs, anchors: Vec::new(), log: log.clone(), speed };
+        record.anchors = record.anchors_every(STRIDE, BLOCK * BLOCKS);
+        Some(record)
+    }
+
+    /// Returns anchors every `stride` samples with `scored` samples after each.
+    #[must_use]
+    pub fn anchors_every(&self, stride: usize, scored: usize) -> Vec<Anchor> {
+        let last = self.log.samples.saturating_sub(scored + 1);
+        (WARM..last).step_by(stride).map(|sample| self.anchor(sample, scored)).collect()
+    }
+
+    fn yaw_rate_at(&self, sample: usize) -> f64 {
+        match (&self.log.yaw_rate, &self.log.yaw) {
+            (Some(rate), _) => parabola(rate, sample, 4),
+            (None, Some(yaw)) => {
+                let (a, b) = (sample.saturating_sub(4), (sample + 4).min(yaw.len() - 1));
+                (yaw[b] - yaw[a]) / ((b - a) as f64 * STEP_SECS)
+            }
+            (None, None) => 0.0,
+        }
+    }
+
+    fn anchor(&self, sample: usize, scored: usize) -> Anchor {
+        let log = &self.log;
+        let speed_mps = parabola(&self.speed, sample, 7).max(0.0);
+        let heading = log.yaw.as_ref().map(|yaw| parabola(yaw, sample, 5));
+        let position = match (&log.x, &log.y) {
+            (Some(x), Some(y)) => Some((parabola(x, sample, 4), parabola(y, sample, 4))),
+            _ => None,
+        };
+        let blocks = scored / BLOCK;
+        let mut measured = vec![f64::NAN; EGO * blocks];
+        for channel in 0..EGO {
+            for block in 0..blocks {
+                let mut sum = 0.0;
+                for k in 0..BLOCK {
+                    sum += self.sample_of(channel, sample + 1 + block * BLOCK + k, heading, position);
+                }
+                measured[channel * blocks + block] = sum / BLOCK as f64;
+            }
+        }
+        Anchor {
+            sample,
+            secs: log.start_secs + sample as f64 * STEP_SECS,
+            speed_mps,
+            position: position.unwrap_or((0.0, 0.0)),
+            warm_speed_mps: parabola(&self.speed, sample - WARM, 7).max(0.0),
+            warm_yaw_rate: self.yaw_rate_at(sample - WARM),
+            heading_rad: heading.unwrap_or(0.0),
+            measured,
+            regime: self.regime(sample, scored),
+        }
+    }
+
+    fn sample_of(&self, channel: usize, k: usize, heading: Option<f64>, position: Option<(f64, f64)>) -> f64 {
+        let log = &self.log;
+        let of = |column: &Option<Vec<f64>>| column.as_ref().map_or(f64::NAN, |c| c[k]);
+        let displaced = || {
+            let ((x0, y0), heading) = (position?, heading?);
+            let (dx, dy) = (log.x.as_ref()?[k] - x0, log.y.as_ref()?[k] - y0);
+            let (sin, cos) = heading.sin_cos();
+            Some((dx * cos + dy * sin, dy * cos - dx * sin))
+        };
+        match Channel::ALL[channel] {
+            Channel::Dx => displaced().map_or(f64::NAN, |d| d.0),
+            Channel::Dy => displaced().map_or(f64::NAN, |d| d.1),
+            Channel::Dyaw => heading.map_or(f64::NAN, |h| of(&log.yaw) - h),
+            Channel::Speed => of(&log.v),
+            Channel::YawRate => of(&log.yaw_rate),
+            Channel::Ax => of(&log.ax),
+            Channel::Ay => of(&log.ay),
+            Channel::SteerMeas => of(&log.steer_meas),
+            Channel::WheelSpeed => of(&log.v_wheel),
+            Channel::FollowerSpeed | Channel::FollowerGap => f64::NAN,
+        }
+    }
+
+    fn regime(&self, sample: usize, scored: usize) -> Regime {
+        let range = sample..(sample + scored).min(self.log.samples - 1);
+        let count = range.len().max(1) as f64;
+        let mean = |f: &dyn Fn(usize) -> f64| range.clone().map(f).sum::<f64>() / count;
+        let steer = &self.log.cmd_steer;
+        Regime {
+            speed_mps: mean(&|k| self.speed[k]),
+            accel_mps2: mean(&|k| self.log.cmd_accel[k]),
+            lateral_mps2: mean(&|k| self.log.yaw_rate.as_ref().map_or(0.0, |r| (r[k] * self.speed[k]).abs())),
+            steer_rate: mean(&|k| ((steer[k + 1] - steer[k]) / STEP_SECS).powi(2)).sqrt(),
+        }
+    }
+
+    /// Returns measured minus simulated block means of one window, channel-major, NaN where the channel is absent.
+    pub fn residual(&self, anchor: &Anchor, actuated: &Actuated, plant: &Plant, buffer: &mut Vec<Instant>) -> Vec<f64> {
+        let blocks = anchor.measured.len() / EGO;
+        let horizon_secs = (blocks * BLOCK) as f64 * STEP_SECS;
+        let clock = &plant.clock;
+        let age = |secs: f64| clock.pose_latency_secs + clock.pose_drift * (secs - self.log.start_secs);
+        let lead = age(anchor.secs);
+        let warm_secs = WARM as f64 * STEP_SECS;
+        let start = Start {
+            secs: anchor.secs - lead - warm_secs,
+            speed_mps: anchor.warm_speed_mps,
+            yaw_rate: anchor.warm_yaw_rate,
+            heading_rad: anchor.heading_rad,
+            warm_secs,
+            anchor_speed_mps: anchor.speed_mps,
+            horizon_secs: horizon_secs + lead.max(0.0) + 0.02,
+        };
+        rollout(&start, actuated, plant, buffer);
+        let mut residual = anchor.measured.clone();
+        let share = 1.0 / BLOCK as f64;
+        for k in 0..blocks * BLOCK {
+            let secs = anchor.secs + (k + 1) as f64 * STEP_SECS;
+            let simulated = sense(secs, (start.secs, age(secs)), buffer, actuated, plant);
+            for (channel, value) in simulated.into_iter().enumerate() {
+                residual[channel * blocks + k / BLOCK] -= share * value;
+            }
+        }
+        residual
+    }
+
+    /// Returns the residuals of all windows of this drive, one after another.
+    #[must_use]
+    pub fn residuals(&self, plant: &Plant) -> Vec<f64> {
+        let actuated = actuate(&self.inputs, plant);
+        let mut buffer = Vec::new();
+        self.anchors.iter().flat_map(|anchor| self.residual(anchor, &actuated, plant, &mut buffer)).collect()
+    }
+}
+
+/// Returns what the simulated sensors report for the sample stamped `secs`, of a rollout that began at `start_secs` and
+/// with poses of age `age`.
+#[must_use]
+pub fn sense(
+    secs: f64,
+    (start_secs, age): (f64, f64),
+    rollout: &[Instant],
+    actuated: &Actuated,
+    plant: &Plant,
+) -> [f64; EGO] {
+    let sensors = &plant.sensors;
+    let pose = instant_at(rollout, start_secs, secs - age);
+    let imu = instant_at(rollout, start_secs, secs - plant.clock.imu_latency_secs);
+    let wheel = instant_at(rollout, start_secs, secs - plant.clock.wheel_latency_secs);
+    let (sin, cos) = pose.yaw.sin_cos();
+    let ay = imu.ay * sensors.roll_factor;
+    let (turn_sin, turn_cos) = sensors.misalignment_rad.sin_cos();
+    [
+        pose.x + sensors.lever_arm_m * (cos - 1.0),
+        pose.y + sensors.lever_arm_m * sin,
+        pose.yaw,
+        pose.v,
+        imu.yaw_rate * sensors.gyro_factor + sensors.gyro_bias_rad_s,
+        imu.ax * turn_cos + ay * turn_sin + sensors.ax_bias_mps2,
+        ay * turn_cos - imu.ax * turn_sin + sensors.ay_bias_mps2,
+        actuated.sensed(secs - plant.clock.encoder_latency_secs),
+        wheel.v * sensors.wheel_factor * (1.0 + sensors.wheel_slip_s2_m * wheel.ax),
+    ]
+}
