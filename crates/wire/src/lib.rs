@@ -36,7 +36,11 @@ pub use status::{Refusal, status};
 
 /// Messages and services of `dreamstream.v1`, generated from `proto/`.
 pub mod v1 {
-    #![expect(missing_docs, clippy::too_many_lines, reason = "what the generator adds of its own is neither short nor commented")]
+    #![expect(
+        missing_docs,
+        clippy::too_many_lines,
+        reason = "what the generator adds of its own is neither short nor commented"
+    )]
     include!("generated/dreamstream.v1.rs");
 }
 

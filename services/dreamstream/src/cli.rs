@@ -3,8 +3,14 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
-use ds_process::section::SecuritySection;
-use ds_process::security::Dial;
+
+mod fleet;
+mod results;
+
+pub(crate) use fleet::{CertsArgs, ControlArgs, HealthArgs, ServeArgs, WhyArgs};
+pub(crate) use results::{
+    CompareArgs, DiagnoseArgs, EvaluateArgs, GapCommand, GapScoreArgs, MergeArgs, ReportArgs, ScoreArgs,
+};
 
 const EXAMPLES: &str = "Examples:
   dreamstream run scenarios/base                       drive all shipped scenarios with the camera policy
@@ -54,6 +60,9 @@ pub(crate) enum Command {
     },
     /// Score recordings again without simulating, in either profile; or answer case files of the reference scorers.
     Score(ScoreArgs),
+    /// Say where the gap between reference logs and a simulator lies, which effect causes it, how far it shrinks.
+    #[command(subcommand)]
+    Gap(GapCommand),
     /// Put results of one or several runs into tables, plots and a page, with intervals over scenarios.
     Report(ReportArgs),
     /// Compare two runs on the scenarios that both drove: paired differences, intervals, significance.
@@ -196,28 +205,6 @@ pub(crate) struct RunArgs {
     pub drop_pushes: f64,
 }
 
-/// How to reach the orchestrator of a fleet.
-#[derive(Debug, Args)]
-pub(crate) struct ControlArgs {
-    /// The orchestrator's address.
-    #[arg(
-        long,
-        visible_alias = "control",
-        env = "DREAMSTREAM_CONTROL_ORCHESTRATOR",
-        default_value = "http://127.0.0.1:4710"
-    )]
-    pub orchestrator: String,
-    /// The authority that signed the orchestrator's certificate, for https addresses (see `dreamstream certs`).
-    #[arg(long, env = "DREAMSTREAM_SECURITY_CA", value_hint = ValueHint::FilePath)]
-    pub ca: Option<PathBuf>,
-    /// The file with the token that the orchestrator asks for.
-    #[arg(long, env = "DREAMSTREAM_SECURITY_TOKEN", value_hint = ValueHint::FilePath)]
-    pub token: Option<PathBuf>,
-    /// Speak to an orchestrator on another host without TLS.
-    #[arg(long, env = "DREAMSTREAM_SECURITY_INSECURE")]
-    pub insecure: bool,
-}
-
 /// Arguments of `submit`.
 #[derive(Debug, Args)]
 pub(crate) struct SubmitArgs {
@@ -344,127 +331,4 @@ pub(crate) struct BenchArgs {
     /// Configuration of the video model.
     #[arg(long, default_value = "configs/models/cpu_train.toml", value_hint = ValueHint::FilePath)]
     pub model: PathBuf,
-}
-
-/// Arguments of `serve`.
-#[derive(Debug, Args)]
-pub(crate) struct ServeArgs {
-    /// The service: router, orchestrator, sim-server, layout-render, vdm-worker or policy-bridge.
-    #[arg(value_parser = ["router", "orchestrator", "sim-server", "layout-render", "vdm-worker", "policy-bridge"])]
-    pub service: String,
-    /// Its settings file.
-    #[arg(long, value_hint = ValueHint::FilePath)]
-    pub config: Option<PathBuf>,
-    /// A setting as section.key=value, stronger than file and environment.
-    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
-    pub set: Vec<String>,
-}
-
-/// Arguments of `score`.
-#[derive(Debug, Args)]
-pub(crate) struct ScoreArgs {
-    /// Recordings (.mcap).
-    #[arg(value_hint = ValueHint::FilePath, conflicts_with = "cases")]
-    pub recordings: Vec<PathBuf>,
-    /// Definition of the driving score; the recording's own without.
-    #[arg(long, value_parser = ["bridgesim", "strict"])]
-    pub profile: Option<String>,
-    /// A folder of case files of the reference scorers to answer.
-    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
-    pub cases: Option<PathBuf>,
-    /// Where the scores or answers go as JSON.
-    #[arg(long, short, value_hint = ValueHint::FilePath)]
-    pub out: Option<PathBuf>,
-}
-
-/// Arguments of `report`.
-#[derive(Debug, Args)]
-pub(crate) struct ReportArgs {
-    /// Folders of runs, or their results files.
-    #[arg(required = true, value_hint = ValueHint::AnyPath)]
-    pub runs: Vec<PathBuf>,
-    /// The scenario set that others are changes of, for proposal coverage.
-    #[arg(long)]
-    pub base_set: Option<String>,
-    /// Where page and tables go.
-    #[arg(long, short, default_value = "out/report", value_hint = ValueHint::DirPath)]
-    pub out: PathBuf,
-}
-
-/// Arguments of `compare`.
-#[derive(Debug, Args)]
-pub(crate) struct CompareArgs {
-    /// The run that is compared with: its folder or results file.
-    #[arg(value_hint = ValueHint::AnyPath)]
-    pub run_a: PathBuf,
-    /// The run whose gain or loss is told.
-    #[arg(value_hint = ValueHint::AnyPath)]
-    pub run_b: PathBuf,
-    /// Where page and tables go, if they are wanted.
-    #[arg(long, short, value_hint = ValueHint::DirPath)]
-    pub out: Option<PathBuf>,
-}
-
-/// Arguments of `merge`.
-#[derive(Debug, Args)]
-pub(crate) struct MergeArgs {
-    /// Folders of runs, or their results files.
-    #[arg(required = true, value_hint = ValueHint::AnyPath)]
-    pub runs: Vec<PathBuf>,
-    /// Merge runs of other versions, weights or settings too.
-    #[arg(long)]
-    pub force: bool,
-    /// Where the merged results file goes.
-    #[arg(long, short, default_value = "out/merged", value_hint = ValueHint::DirPath)]
-    pub out: PathBuf,
-}
-
-/// Arguments of `why`.
-#[derive(Debug, Args)]
-pub(crate) struct WhyArgs {
-    /// The episode, or a part of its name; all drives under way without it.
-    pub episode: Option<String>,
-    /// The fleet.
-    #[command(flatten)]
-    pub control: ControlArgs,
-}
-
-/// Arguments of `certs`.
-#[derive(Debug, Args)]
-pub(crate) struct CertsArgs {
-    /// Where the files go; existing files are kept, missing ones are made.
-    #[arg(long, short, default_value = "certs", value_hint = ValueHint::DirPath)]
-    pub out: PathBuf,
-    /// Another name or address that router and orchestrator are reached under; may be given several times.
-    #[arg(long = "host")]
-    pub hosts: Vec<String>,
-    /// The name of an external policy that gets a certificate; may be given several times.
-    #[arg(long = "policy")]
-    pub policies: Vec<String>,
-    /// For how long the certificates hold, in days.
-    #[arg(long, default_value_t = 365, value_parser = clap::value_parser!(u32).range(1..=3650))]
-    pub days: u32,
-}
-
-/// Arguments of `health`.
-#[derive(Debug, Args)]
-pub(crate) struct HealthArgs {
-    /// The fleet.
-    #[command(flatten)]
-    pub control: ControlArgs,
-    /// An instance that must be a member of the fleet; without it the orchestrator itself is asked.
-    #[arg(long)]
-    pub instance: Option<String>,
-}
-
-impl ControlArgs {
-    /// Returns how to reach the orchestrator.
-    ///
-    /// # Errors
-    /// If the address is none, a file cannot be read, or the address is in clear beyond loopback.
-    pub(crate) fn dial(&self) -> anyhow::Result<Dial> {
-        let (ca, token) = (self.ca.clone().unwrap_or_default(), self.token.clone().unwrap_or_default());
-        let security = SecuritySection { ca, token, insecure: self.insecure, ..SecuritySection::default() };
-        Dial::new(&self.orchestrator, &security)
-    }
 }

@@ -3,6 +3,7 @@
 pub(crate) mod bench;
 pub(crate) mod certs;
 pub(crate) mod doctor;
+pub(crate) mod gap;
 pub(crate) mod health;
 pub(crate) mod replay;
 pub(crate) mod report;

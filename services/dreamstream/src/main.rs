@@ -50,6 +50,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
             Some(episode) => runtime()?.block_on(command::view::live(args, episode)),
             None => command::view::run(args),
         },
+        Command::Gap(command) => command::gap::run(command),
         Command::Score(args) => command::score::run(args),
         Command::Report(args) => command::report::run(args),
         Command::Compare(args) => command::report::compare_runs(args),

@@ -1,0 +1,117 @@
+//! Arguments of the commands that work on what was driven or recorded: scores, gap diagnosis, reports.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand, ValueHint};
+
+/// Arguments of `score`.
+#[derive(Debug, Args)]
+pub(crate) struct ScoreArgs {
+    /// Recordings (.mcap).
+    #[arg(value_hint = ValueHint::FilePath, conflicts_with = "cases")]
+    pub recordings: Vec<PathBuf>,
+    /// Definition of the driving score; the recording's own without.
+    #[arg(long, value_parser = ["bridgesim", "strict"])]
+    pub profile: Option<String>,
+    /// A folder of case files of the reference scorers to answer.
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub cases: Option<PathBuf>,
+    /// Where the scores or answers go as JSON.
+    #[arg(long, short, value_hint = ValueHint::FilePath)]
+    pub out: Option<PathBuf>,
+}
+
+/// Commands of `gap`.
+#[derive(Debug, Subcommand)]
+pub(crate) enum GapCommand {
+    /// Diagnose cases: folders with meta.json and logs, or folders of such folders.
+    Diagnose(DiagnoseArgs),
+    /// Measure on drives that a diagnosis never saw how far the gap shrinks with the effects added.
+    Evaluate(EvaluateArgs),
+    /// Compare diagnoses with labels.
+    Score(GapScoreArgs),
+}
+
+/// Arguments of `gap diagnose`.
+#[derive(Debug, Args)]
+pub(crate) struct DiagnoseArgs {
+    /// Case folders.
+    #[arg(required = true, value_hint = ValueHint::DirPath)]
+    pub(crate) cases: Vec<PathBuf>,
+    /// Fast pass and single fits only: seconds instead of half a minute a case.
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Where `CASE/diagnosis.json` go.
+    #[arg(long, short, default_value = "out/gap", value_hint = ValueHint::DirPath)]
+    pub(crate) out: PathBuf,
+}
+
+/// Arguments of `gap evaluate`.
+#[derive(Debug, Args)]
+pub(crate) struct EvaluateArgs {
+    /// A diagnosis.json.
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub(crate) diagnosis: PathBuf,
+    /// The folder of the case with the drives to measure on.
+    #[arg(value_hint = ValueHint::DirPath)]
+    pub(crate) case: PathBuf,
+    /// Numbers of the drives; all of them without.
+    #[arg(long, value_delimiter = ',')]
+    pub(crate) drives: Vec<usize>,
+    /// Where the figures go as JSON.
+    #[arg(long, short, value_hint = ValueHint::FilePath)]
+    pub(crate) out: Option<PathBuf>,
+}
+
+/// Arguments of `gap score`.
+#[derive(Debug, Args)]
+pub(crate) struct GapScoreArgs {
+    /// The folder with `CASE/diagnosis.json`.
+    #[arg(value_hint = ValueHint::DirPath)]
+    pub(crate) diagnoses: PathBuf,
+    /// The labels; `labels.json` in the folder without.
+    #[arg(long, value_hint = ValueHint::FilePath)]
+    pub(crate) labels: Option<PathBuf>,
+}
+
+/// Arguments of `report`.
+#[derive(Debug, Args)]
+pub(crate) struct ReportArgs {
+    /// Folders of runs, or their results files.
+    #[arg(required = true, value_hint = ValueHint::AnyPath)]
+    pub runs: Vec<PathBuf>,
+    /// The scenario set that others are changes of, for proposal coverage.
+    #[arg(long)]
+    pub base_set: Option<String>,
+    /// Where page and tables go.
+    #[arg(long, short, default_value = "out/report", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+}
+
+/// Arguments of `compare`.
+#[derive(Debug, Args)]
+pub(crate) struct CompareArgs {
+    /// The run that is compared with: its folder or results file.
+    #[arg(value_hint = ValueHint::AnyPath)]
+    pub run_a: PathBuf,
+    /// The run whose gain or loss is told.
+    #[arg(value_hint = ValueHint::AnyPath)]
+    pub run_b: PathBuf,
+    /// Where page and tables go, if they are wanted.
+    #[arg(long, short, value_hint = ValueHint::DirPath)]
+    pub out: Option<PathBuf>,
+}
+
+/// Arguments of `merge`.
+#[derive(Debug, Args)]
+pub(crate) struct MergeArgs {
+    /// Folders of runs, or their results files.
+    #[arg(required = true, value_hint = ValueHint::AnyPath)]
+    pub runs: Vec<PathBuf>,
+    /// Merge runs of other versions, weights or settings too.
+    #[arg(long)]
+    pub force: bool,
+    /// Where the merged results file goes.
+    #[arg(long, short, default_value = "out/merged", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+}

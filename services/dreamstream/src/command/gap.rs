@@ -1,0 +1,157 @@
+//! `gap`: diagnoses the gap between reference logs and their nominal simulators, and scores such diagnoses.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::{Context, Result, ensure};
+use ds_gap::{Diagnosis, GapError, Options, Verdict, diagnose, evaluate, score_folder};
+use indicatif::ProgressBar;
+use rayon::prelude::*;
+
+use crate::cli::{DiagnoseArgs, EvaluateArgs, GapCommand, GapScoreArgs};
+use crate::command::{answer, bar, complain};
+
+const FILE: &str = "diagnosis.json";
+
+/// Runs the command.
+///
+/// # Errors
+/// If a case is refused or a file cannot be read or written.
+pub(crate) fn run(command: &GapCommand) -> Result<()> {
+    match command {
+        GapCommand::Diagnose(args) => diagnose_all(args),
+        GapCommand::Evaluate(args) => evaluate_one(args),
+        GapCommand::Score(args) => score(args),
+    }
+}
+
+/// Returns the case folders among some paths: those with a `meta.json`, and those in folders without one.
+fn cases(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    for path in paths {
+        if path.join("meta.json").exists() {
+            found.push(path.clone());
+            continue;
+        }
+        let entries = std::fs::read_dir(path).with_context(|| format!("read {}", path.display()))?;
+        let mut inner: Vec<PathBuf> =
+            entries.flatten().map(|entry| entry.path()).filter(|inner| inner.join("meta.json").exists()).collect();
+        ensure!(!inner.is_empty(), "{} is no case and holds none: a case has a meta.json", path.display());
+        inner.sort();
+        found.extend(inner);
+    }
+    Ok(found)
+}
+
+fn name(case: &Path) -> String {
+    case.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_else(|| "case".to_owned())
+}
+
+fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
+    let cases = cases(&args.cases)?;
+    let options = Options { quick: args.quick, without: Vec::new() };
+    let bar = bar(cases.len() as u64, "cases");
+    bar.tick();
+    let results: Vec<Result<Diagnosis, GapError>> = cases.par_iter().map(|case| one(case, &options, &bar)).collect();
+    bar.finish_and_clear();
+    let mut refused = 0;
+    for (case, result) in cases.iter().zip(results) {
+        match result {
+            Ok(diagnosis) => {
+                let folder = args.out.join(name(case));
+                save(&folder, &diagnosis)?;
+                tell(&name(case), &diagnosis);
+            }
+            Err(error) => {
+                refused += 1;
+                complain(&anyhow::Error::new(error).context(name(case)));
+            }
+        }
+    }
+    answer(&format!("written to {}", args.out.display()));
+    ensure!(refused == 0, "{refused} of {} cases were refused", cases.len());
+    Ok(())
+}
+
+fn one(case: &Path, options: &Options, bar: &ProgressBar) -> Result<Diagnosis, GapError> {
+    let began = Instant::now();
+    let diagnosis = diagnose(case, options);
+    bar.inc(1);
+    diagnosis.map(|diagnosis| Diagnosis { secs: began.elapsed().as_secs_f64(), ..diagnosis })
+}
+
+fn save(folder: &Path, diagnosis: &Diagnosis) -> Result<()> {
+    std::fs::create_dir_all(folder).with_context(|| format!("create {}", folder.display()))?;
+    let path = folder.join(FILE);
+    let text = serde_json::to_string_pretty(diagnosis).context("diagnosis as JSON")?;
+    std::fs::write(&path, text + "\n").with_context(|| format!("write {}", path.display()))
+}
+
+/// Prints what was found in one case.
+fn tell(case: &str, diagnosis: &Diagnosis) {
+    let verdict = match diagnosis.verdict {
+        Verdict::None => "nothing beyond what every vehicle has",
+        Verdict::Single => "one effect",
+        Verdict::Multiple => "several effects",
+        Verdict::Unknown => "something that the library does not contain",
+    };
+    answer(&format!("{case}: {verdict} (none {:.2}, unknown {:.2})", diagnosis.p_none, diagnosis.p_unknown));
+    for finding in diagnosis.effects.iter().filter(|finding| finding.probability >= 0.05) {
+        let [low, high] = finding.interval90;
+        let others: Vec<&str> = finding.group.iter().map(String::as_str).filter(|other| *other != finding.id).collect();
+        let group =
+            if others.is_empty() { String::new() } else { format!(", not to be told from {}", others.join(", ")) };
+        let (id, value, unit) = (&finding.id, finding.value, &finding.unit);
+        answer(&format!(
+            "  {:>5.1} % {id} {value:.4} {unit} [{low:.4}, {high:.4}]{group}",
+            100.0 * finding.probability
+        ));
+    }
+    for shrink in diagnosis.how_far.iter().filter(|shrink| shrink.metric.starts_with("position")) {
+        let [low, high] = shrink.interval90;
+        answer(&format!(
+            "  {} {:.3} → {:.3} (floor {:.3}): {:.0} % explained [{:.0}, {:.0}]",
+            shrink.metric,
+            shrink.before,
+            shrink.after,
+            shrink.floor,
+            100.0 * shrink.share_explained,
+            100.0 * low,
+            100.0 * high
+        ));
+    }
+    for warning in &diagnosis.warnings {
+        answer(&format!("  warning: {warning}"));
+    }
+}
+
+fn evaluate_one(args: &EvaluateArgs) -> Result<()> {
+    let text =
+        std::fs::read_to_string(&args.diagnosis).with_context(|| format!("read {}", args.diagnosis.display()))?;
+    let diagnosis: Diagnosis =
+        serde_json::from_str(&text).with_context(|| format!("{} is no diagnosis", args.diagnosis.display()))?;
+    let shrinks = evaluate(&diagnosis, &args.case, &args.drives)?;
+    let text = serde_json::to_string_pretty(&shrinks).context("shrink as JSON")?;
+    match &args.out {
+        Some(path) => std::fs::write(path, text + "\n").with_context(|| format!("write {}", path.display()))?,
+        None => answer(&text),
+    }
+    Ok(())
+}
+
+fn score(args: &GapScoreArgs) -> Result<()> {
+    let labels = args.labels.clone().unwrap_or_else(|| args.diagnoses.join("labels.json"));
+    let scores = score_folder(&args.diagnoses, &labels)?;
+    for (name, share) in &scores.shares {
+        let text = share.as_ref().map_or("no such case".to_owned(), |share| {
+            let [low, high] = share.interval90;
+            format!("{} of {} = {:.2} [{low:.2}, {high:.2}]", share.hits, share.of, share.value)
+        });
+        answer(&format!("{name:36} {text}"));
+    }
+    answer(&format!(
+        "Brier {:.3}, calibration error {:.3}, median relative error {:.3}, median |predicted − realised share| {:.3}",
+        scores.brier, scores.calibration_error, scores.relative_error, scores.share_error
+    ));
+    Ok(())
+}
