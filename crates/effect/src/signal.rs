@@ -56,6 +56,21 @@ pub fn lag(signal: &mut [f64], step_secs: f64, lag_secs: f64) {
     }
 }
 
+/// Passes a signal through 1 / (1 + lag s + inertia s²) by the trapezoidal rule, inertia in s².
+pub fn second_order(signal: &mut [f64], step_secs: f64, lag_secs: f64, inertia: f64) {
+    let Some(&first) = signal.first() else { return };
+    let (mut value, mut rate, mut before) = (first, 0.0, first);
+    let damping = 0.5 * step_secs * lag_secs / inertia + 0.25 * step_secs * step_secs / inertia;
+    for sample in signal.iter_mut() {
+        let pull = step_secs / inertia * (0.5 * (before + *sample) - value);
+        let next = (rate * (1.0 - damping) + pull) / (1.0 + damping);
+        value += 0.5 * step_secs * (rate + next);
+        rate = next;
+        before = *sample;
+        *sample = value;
+    }
+}
+
 /// Limits the rate of change of a signal to `rate` per second.
 pub fn slew(signal: &mut [f64], step_secs: f64, rate: f64) {
     let Some(&first) = signal.first() else { return };
@@ -141,6 +156,9 @@ mod tests {
         let (mut late, mut lagged) = (ramp(), ramp());
         delay(&mut late, 0.01, 0.055);
         lag(&mut lagged, 0.01, 0.055);
+        let mut second = ramp();
+        second_order(&mut second, 0.01, 0.055, 0.0012);
+        assert!((second[99] - 0.935).abs() < 1e-4);
         assert!((late[99] - 0.935).abs() < 1e-12);
         assert!((lagged[99] - 0.935).abs() < 1e-6);
     }

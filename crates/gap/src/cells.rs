@@ -52,7 +52,7 @@ pub fn cells(case: &Case, part: Part, model: &PartModel<'_>, before: &[f64], aft
     let mut found: Vec<(Cell, f64)> = Vec::new();
     for (channel, rows) in &table {
         for (regime, members) in groups(&windows) {
-            if let Some(cell) = test(*channel, &regime, &members, rows, &windows, &draws) {
+            if let Some(cell) = test(*channel, (&regime, &members), rows, &windows, &draws) {
                 found.push(cell);
             }
         }
@@ -62,8 +62,7 @@ pub fn cells(case: &Case, part: Part, model: &PartModel<'_>, before: &[f64], aft
 
 fn test(
     channel: Channel,
-    regime: &Regime,
-    members: &[usize],
+    (regime, members): (&Regime, &[usize]),
     rows: &[(f64, f64, f64)],
     windows: &[Window],
     draws: &[Vec<f64>],

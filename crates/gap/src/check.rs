@@ -18,7 +18,7 @@ const FASTEST: f64 = 120.0;
 ///
 /// # Errors
 /// If a log cannot be what its columns say.
-pub fn check(drives: &[Drive], meta: &Meta) -> Result<Vec<String>, GapError> {
+pub(crate) fn check(drives: &[Drive], meta: &Meta) -> Result<Vec<String>, GapError> {
     let mut warnings = Vec::new();
     for drive in drives {
         ranges(drive)?;

@@ -107,10 +107,10 @@ pub struct Plan<'a> {
 
 fn column(model: &dyn Model, vector: &[f64], residuals: &[f64], k: usize, prior: Prior) -> Vec<f64> {
     let mut step = model.step(k);
-    if let Prior::Slab { high, .. } = prior {
-        if vector[k] + step > high {
-            step = -step;
-        }
+    if let Prior::Slab { high, .. } = prior
+        && vector[k] + step > high
+    {
+        step = -step;
     }
     let mut moved = vector.to_vec();
     moved[k] += step;

@@ -77,10 +77,10 @@ impl FollowerRecord {
         let mut gap: Vec<f64> = (0..=history).map(|j| past(&self.gap, j)).collect();
         let lead: Vec<f64> = (0..=total).map(|j| past(&self.lead, j)).collect();
         let back = (driver.delay_secs / step).clamp(0.0, (history - 1) as f64);
-        let mut accel = self.wish(driver, &speed, &gap, &lead, history as f64 - back);
+        let mut accel = self.wish(driver, [&speed, &gap, &lead], history as f64 - back);
         let decay = if driver.lag_secs > 1e-4 { (-step / driver.lag_secs).exp() } else { 0.0 };
         for j in history..total {
-            let wish = self.wish(driver, &speed, &gap, &lead, j as f64 - back);
+            let wish = self.wish(driver, [&speed, &gap, &lead], j as f64 - back);
             accel = wish + (accel - wish) * decay;
             let next = (speed[j] + step * accel).max(0.0);
             let closing = 0.5 * (lead[j] + lead[j + 1]) - 0.5 * (speed[j] + next);
@@ -97,7 +97,7 @@ impl FollowerRecord {
         out
     }
 
-    fn wish(&self, driver: &Follower, speed: &[f64], gap: &[f64], lead: &[f64], at: f64) -> f64 {
+    fn wish(&self, driver: &Follower, [speed, gap, lead]: [&[f64]; 3], at: f64) -> f64 {
         let (v, s, vl) = (between(speed, at), between(gap, at).max(CLOSEST_M), between(lead, at));
         let root = 2.0 * (driver.max_accel_mps2 * driver.comfort_decel_mps2).sqrt();
         let dynamic = v * driver.headway_secs + v * (v - vl) / root;

@@ -1,4 +1,8 @@
-//! Diagnoses the gap between a reference log and a nominal simulator.
+//! Diagnoses the gap between a reference log and a nominal simulator: where it lies, which unmodelled effect of the
+//! library in `ds_effect` causes it, how far it shrinks once that effect is added.
+//!
+//! [`diagnose`] takes a case folder of the practice schema and returns a [`Diagnosis`]; [`evaluate`] applies one to
+//! drives it never saw; [`score_folder`] compares many with their labels. Method and limits: `docs/gap-diagnosis.md`.
 
 pub mod bootstrap;
 pub mod case;

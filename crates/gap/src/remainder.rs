@@ -173,13 +173,16 @@ fn line(series: &[(f64, f64)]) -> Option<f64> {
     (best.0 > 0.34 * total).then_some(best.1)
 }
 
+/// The size of a recorded quantity at a sample.
+type Quantity<'a> = Box<dyn Fn(usize) -> f64 + 'a>;
+
 /// Returns the quantity whose size goes best with the size of the residual, if the correlation exceeds 0.3.
 fn companion(case: &Case, series: &[(f64, f64)], drive: usize) -> Option<(String, f64)> {
     let log = case.drives.get(drive)?;
     let mut best: Option<(String, f64)> = None;
     let speed = log.speed()?;
     let rate = |c: &[f64], k: usize| (c[(k + 3).min(c.len() - 1)] - c[k.saturating_sub(3)]).abs();
-    let quantities: [(&str, Box<dyn Fn(usize) -> f64>); 5] = [
+    let quantities: [(&str, Quantity<'_>); 5] = [
         ("speed", Box::new(|k| speed[k])),
         ("steering angle", Box::new(|k| log.cmd_steer[k].abs())),
         ("steering rate", Box::new(|k| rate(&log.cmd_steer, k))),

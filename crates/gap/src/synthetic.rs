@@ -30,14 +30,14 @@ pub fn write_case(folder: &Path, seed: u64, edit: &dyn Fn(&mut Plant)) -> Result
     std::fs::write(folder.join("meta.json"), &meta).map_err(failed)?;
     let parsed: crate::meta::Meta =
         serde_json::from_str(&meta).map_err(|source| GapError::Json { path: folder.join("meta.json"), source })?;
-    for drive in 0..4 {
+    for (drive, desired) in DESIRED.into_iter().enumerate() {
         let mut plant = usual(&parsed.nominal);
         edit(&mut plant);
         let noise =
             Noise { draws: Draws::from_seed(seed * 10 + drive as u64, "synthetic"), next: std::cell::Cell::new(0) };
         let (ego, speeds) = ego_log(drive, &plant, &noise);
         std::fs::write(folder.join(format!("drive_{drive}.csv")), ego).map_err(failed)?;
-        let agents = agents_log(DESIRED[drive], &plant, &speeds, &noise);
+        let agents = agents_log(desired, &plant, &speeds, &noise);
         std::fs::write(folder.join(format!("agents_{drive}.csv")), agents).map_err(failed)?;
     }
     Ok(())

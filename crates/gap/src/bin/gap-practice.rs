@@ -51,11 +51,10 @@ fn main() -> ExitCode {
         match result {
             Ok(diagnosis) => {
                 println!("{}", line(name, diagnosis, &labels[name]));
-                if let Some(out) = &out {
-                    if let Err(error) = write(out, name, diagnosis) {
-                        println!("{name}: {error}");
-                        return ExitCode::FAILURE;
-                    }
+                let written = out.as_ref().map_or(Ok(()), |out| write(out, name, diagnosis));
+                if let Err(error) = written {
+                    println!("{name}: {error}");
+                    return ExitCode::FAILURE;
                 }
             }
             Err(error) => println!("{name}: {error}"),
