@@ -5,8 +5,6 @@
 
 use std::sync::Arc;
 
-use ds_effect::Scale;
-
 use crate::case::PartModel;
 use crate::fit::{Columns, Fit, Model, Plan, Prior, data_loss, fit};
 use crate::settings::{KEPT, MARGIN_SDS, NULL_ROUNDS};
@@ -278,12 +276,6 @@ fn best(scores: &[f64], count: usize) -> Vec<usize> {
     order.sort_by(|a, b| scores[*b].total_cmp(&scores[*a]));
     order.truncate(count);
     order
-}
-
-/// Returns whether a coordinate's search value is a logarithm.
-#[must_use]
-pub fn is_log(scale: Scale) -> bool {
-    matches!(scale, Scale::Log | Scale::Limit)
 }
 
 /// A model with the rows of some drives taken out.
