@@ -2,7 +2,10 @@
 //!
 //! Distances along are clamped to the ends; the first of equally near segments wins, as in GEOS.
 
+use std::ops::Deref;
+
 use ds_space::DVec2;
+use ds_world::Polyline;
 
 use super::Bounds;
 
@@ -11,9 +14,16 @@ const RUN: usize = 8;
 /// A line of at least two distinct finite points. Any fixed frame, metres.
 #[derive(Debug, Clone)]
 pub struct Line {
-    points: Vec<DVec2>,
-    arcs_m: Vec<f64>,
+    polyline: Polyline,
     runs: Vec<Bounds>,
+}
+
+impl Deref for Line {
+    type Target = Polyline;
+
+    fn deref(&self) -> &Polyline {
+        &self.polyline
+    }
 }
 
 /// The nearest point on a line.
@@ -32,69 +42,10 @@ impl Line {
     /// not finite.
     #[must_use]
     pub fn new(points: &[DVec2]) -> Option<Self> {
-        let mut kept: Vec<DVec2> = Vec::with_capacity(points.len());
-        let mut arcs_m = Vec::with_capacity(points.len());
-        let mut along_m = 0.0;
-        for point in points {
-            if !point.is_finite() {
-                return None;
-            }
-            if let Some(last) = kept.last() {
-                if point == last {
-                    continue;
-                }
-                along_m += (*point - *last).length();
-            }
-            kept.push(*point);
-            arcs_m.push(along_m);
-        }
-        if kept.len() < 2 || !along_m.is_finite() {
-            return None;
-        }
+        let polyline = Polyline::new(points)?;
+        let kept = polyline.points();
         let runs = (0..kept.len() - 1).step_by(RUN).map(|i| Bounds::of(&kept[i..(i + RUN + 1).min(kept.len())]));
-        Some(Self { runs: runs.collect(), points: kept, arcs_m })
-    }
-
-    /// Returns the distinct points.
-    #[must_use]
-    pub fn points(&self) -> &[DVec2] {
-        &self.points
-    }
-
-    /// Returns the distance along the line of each point, in metres.
-    #[must_use]
-    pub fn arcs_m(&self) -> &[f64] {
-        &self.arcs_m
-    }
-
-    /// Returns the whole length, in metres.
-    #[must_use]
-    pub fn length_m(&self) -> f64 {
-        self.arcs_m[self.arcs_m.len() - 1]
-    }
-
-    /// Returns the segment at a distance along the line, clamped to the ends.
-    #[must_use]
-    pub fn segment_at(&self, along_m: f64) -> usize {
-        self.arcs_m.partition_point(|arc_m| *arc_m <= along_m).clamp(1, self.points.len() - 1) - 1
-    }
-
-    /// Returns the point at a distance along the line, clamped to the ends.
-    #[must_use]
-    pub fn at(&self, along_m: f64) -> DVec2 {
-        let segment = self.segment_at(along_m);
-        let (from_m, to_m) = (self.arcs_m[segment], self.arcs_m[segment + 1]);
-        let share = ((along_m - from_m) / (to_m - from_m)).clamp(0.0, 1.0);
-        self.points[segment].lerp(self.points[segment + 1], share)
-    }
-
-    /// Returns the unit direction of a segment.
-    ///
-    /// # Panics
-    /// If there is no such segment.
-    #[must_use]
-    pub fn direction(&self, segment: usize) -> DVec2 {
-        (self.points[segment + 1] - self.points[segment]) / (self.arcs_m[segment + 1] - self.arcs_m[segment])
+        Some(Self { runs: runs.collect(), polyline })
     }
 
     /// Returns the nearest point on the line.
@@ -118,16 +69,16 @@ impl Line {
     }
 
     fn search_run(&self, run: usize, point: DVec2, best: &mut Nearest) {
-        let last = ((run + 1) * RUN).min(self.points.len() - 1);
+        let last = ((run + 1) * RUN).min(self.points().len() - 1);
         for segment in run * RUN..last {
-            let from = self.points[segment];
-            let edge = self.points[segment + 1] - from;
+            let from = self.points()[segment];
+            let edge = self.points()[segment + 1] - from;
             let share = ((point - from).dot(edge) / edge.length_squared()).clamp(0.0, 1.0);
             let distance_squared = (from + edge * share - point).length_squared();
             let earlier = distance_squared == best.distance_squared && segment < best.segment;
             if distance_squared < best.distance_squared || earlier {
-                let step_m = self.arcs_m[segment + 1] - self.arcs_m[segment];
-                *best = Nearest { along_m: self.arcs_m[segment] + share * step_m, distance_squared, segment };
+                let step_m = self.arcs_m()[segment + 1] - self.arcs_m()[segment];
+                *best = Nearest { along_m: self.arcs_m()[segment] + share * step_m, distance_squared, segment };
             }
         }
     }
