@@ -208,11 +208,15 @@ fn camera_of(key: &str, topic: Topic, text: &str) -> Result<u16, KeyError> {
     Ok(camera)
 }
 
+fn pushes(episode: &str, topic: Topic) -> String {
+    let cameras = if topic.per_camera() { "/*" } else { "" };
+    format!("{ROOT}/{episode}/{}{cameras}", topic.name())
+}
+
 /// Returns the expression of all pushes of a topic.
 #[must_use]
 pub fn pushes_of(episode: &EpisodeId, topic: Topic) -> String {
-    let cameras = if topic.per_camera() { "/*" } else { "" };
-    format!("{ROOT}/{episode}/{}{cameras}", topic.name())
+    pushes(episode.as_str(), topic)
 }
 
 /// Returns the expression of all pulls that ask a holder.
@@ -224,8 +228,7 @@ pub fn pulls_at(episode: &EpisodeId, holder: &Holder) -> String {
 /// Returns the expression of all pushes of a topic in all episodes.
 #[must_use]
 pub fn all_pushes(topic: Topic) -> String {
-    let cameras = if topic.per_camera() { "/*" } else { "" };
-    format!("{ROOT}/*/{}{cameras}", topic.name())
+    pushes("*", topic)
 }
 
 /// Returns the expression of all pulls that ask an instance.

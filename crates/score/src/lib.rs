@@ -49,8 +49,8 @@ pub use pdms::{NavsimV1, navsim_v1, navsim_v1_executed};
 pub use planner::{ReferencePlan, reference_plan};
 pub use proposal::Violation;
 pub use scene::{
-    AgentTrack, AreaKind, MapArea, MovingBox, ObjectClass, OpenLoopMap, OpenLoopScene, PastState, PreparedMap,
-    PreparedScene, SceneNow, Traffic, TrafficAgent, expert_path, log_tracks, open_loop_map, scene_now,
+    AgentTrack, AreaKind, GovernedLanes, MapArea, MovingBox, ObjectClass, OpenLoopMap, OpenLoopScene, PastState,
+    PreparedMap, PreparedScene, SceneNow, Traffic, TrafficAgent, expert_path, log_tracks, open_loop_map, scene_now,
 };
 pub use tracker::{EpisodeScore, ScoreTracker, TickScore};
 pub use two_stage::{StageColumns, StageMapping, StageRow, TwoStage, two_stage};

@@ -3,11 +3,13 @@
 //! Plain data in the world frame, SI units. [`PreparedScene`] checks it once and indexes it; then plans cost
 //! microseconds.
 
+mod governed;
 mod input;
 mod prepared;
 mod traffic;
 mod world;
 
+pub use governed::GovernedLanes;
 pub use input::{
     AgentTrack, AreaKind, MapArea, MovingBox, ObjectClass, OpenLoopMap, OpenLoopScene, PastState, SceneNow,
 };

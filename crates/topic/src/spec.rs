@@ -212,6 +212,12 @@ impl EpisodeSpec {
         1 + self.last_tick.0.div_ceil(self.replan_period.max(1))
     }
 
+    /// Returns the last tick of the warm-up, from which on the policy drives.
+    #[must_use]
+    pub fn taken_over_at(&self) -> Tick {
+        self.ticks_of(self.warm_up).1
+    }
+
     /// Returns the first and last tick of an iteration.
     #[must_use]
     pub fn ticks_of(&self, iteration: u32) -> (Tick, Tick) {

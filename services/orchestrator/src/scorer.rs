@@ -2,7 +2,7 @@
 
 use ds_score::{DriveScore, DriveScorer, Profile};
 use ds_space::Tick;
-use ds_topic::{Envelope, EpisodeSpec, SceneMessage, Score, ScoreProfile, Verdict, World};
+use ds_topic::{Envelope, SceneMessage, Score, Verdict, World};
 use ds_wire::{Body, WireError};
 
 /// What the oracle said of the proposals of a drive.
@@ -33,19 +33,11 @@ pub(crate) struct Scorer {
     proposals: Proposals,
 }
 
-/// Returns the first tick that the policy moves.
-fn start(spec: &EpisodeSpec) -> Tick {
-    spec.ticks_of(spec.warm_up).1
-}
-
 impl Scorer {
     pub(crate) fn new(message: &SceneMessage) -> Self {
         let spec = &message.spec;
-        let profile = match spec.score_profile {
-            ScoreProfile::Bridgesim => Profile::bridgesim(),
-            ScoreProfile::Strict => Profile::strict(),
-        };
-        let scorer = DriveScorer::new(&message.scene, profile, start(spec), spec.last_tick);
+        let profile = Profile::named(spec.score_profile.name()).expect("every profile of a run is known to the score");
+        let scorer = DriveScorer::new(&message.scene, profile, spec.taken_over_at(), spec.last_tick);
         Self { scorer, proposals: Proposals::default() }
     }
 

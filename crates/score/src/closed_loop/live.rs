@@ -13,6 +13,7 @@ use crate::error::ScoreError;
 use crate::footprint::Footprint;
 use crate::geometry::Line;
 use crate::motion::VehicleState;
+use crate::scene::GovernedLanes;
 use crate::scene::{expert_path, lies_along, route_line, surface_of};
 
 /// The part of a recording that is scored, if not all of it.
@@ -28,21 +29,14 @@ pub struct Window {
 #[derive(Debug, Clone)]
 pub struct LoopAdapter {
     vehicle: VehicleParameters,
-    light_lanes: Vec<Vec<usize>>,
+    governed: GovernedLanes,
 }
 
 impl LoopAdapter {
     /// Prepares for a scene.
     #[must_use]
     pub fn new(scene: &Scene) -> Self {
-        let lanes = scene.map.lanes.len();
-        let governed = |lanes_of: &[ds_world::LaneId]| {
-            lanes_of.iter().map(|lane| lane.0 as usize).filter(|lane| *lane < lanes).collect()
-        };
-        Self {
-            vehicle: scene.vehicle,
-            light_lanes: scene.map.traffic_lights.iter().map(|light| governed(&light.lanes)).collect(),
-        }
+        Self { vehicle: scene.vehicle, governed: GovernedLanes::of(scene) }
     }
 
     /// Returns the state of a state, judged by the given lights (in map order).
@@ -56,15 +50,11 @@ impl LoopAdapter {
             width_m: agent.size.width_m,
             velocity_mps: agent.velocity_mps,
         };
-        let red = lights.iter().zip(&self.light_lanes).filter(|(light, _)| **light == LightState::Red);
-        let mut red_lanes: Vec<usize> = red.flat_map(|(_, lanes)| lanes.iter().copied()).collect();
-        red_lanes.sort_unstable();
-        red_lanes.dedup();
         LoopState {
             tick: world.tick.0,
             ego: loop_ego(&world.ego, &self.vehicle),
             objects: world.agents.iter().map(object).collect(),
-            red_lanes,
+            red_lanes: self.governed.red(lights),
         }
     }
 }

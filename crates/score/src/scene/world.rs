@@ -6,6 +6,7 @@
 use ds_space::{DVec2, Tick};
 use ds_world::{EgoState, Lane, LaneKind, LightState, Polygon, Scene, Track};
 
+use super::governed::GovernedLanes;
 use super::input::{AgentTrack, AreaKind, MapArea, MovingBox, OpenLoopMap, PastState, SceneNow};
 use crate::constants::horizon::DT_S;
 use crate::constants::strict::{LANE_WIDTH_M, ROUTE_OFFSET_M, ROUTE_SAMPLE_M, ROUTE_SHARE};
@@ -124,21 +125,20 @@ pub fn scene_now(scene: &Scene, tick: Tick, history: &[EgoState], agents: Vec<Ag
         .zip(history)
         .map(|(ticks_ago, ego)| PastState { time_s: -(ticks_ago as f64) * dt_s, state: VehicleState::from(ego) })
         .collect();
+    let governed = GovernedLanes::of(scene);
+    let red = |step| {
+        let (shown, _) = tick_at(scene, tick, step);
+        let lights: Vec<LightState> = scene.map.traffic_lights.iter().map(|light| light.at(shown)).collect();
+        governed.red(&lights)
+    };
     let reaches = past.len() >= 2 && past[0].time_s <= -PAST_S + 1e-9;
     Some(SceneNow {
         ego,
         past: reaches.then_some(past),
         agents,
-        red_areas: (0..crate::constants::horizon::STATES).map(|step| red_lanes(scene, tick, step)).collect(),
+        red_areas: (0..crate::constants::horizon::STATES).map(red).collect(),
         footprint: Footprint::from(&scene.vehicle),
     })
-}
-
-fn red_lanes(scene: &Scene, from: Tick, step: usize) -> Vec<usize> {
-    let (tick, _) = tick_at(scene, from, step);
-    let red = scene.map.traffic_lights.iter().filter(|light| light.at(tick) == LightState::Red);
-    let lanes = red.flat_map(|light| light.lanes.iter().map(|lane| lane.0 as usize));
-    lanes.filter(|lane| *lane < scene.map.lanes.len()).collect()
 }
 
 #[cfg(test)]

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use ds_record::Recording;
 use ds_score::{DriveScore, DriveScorer, Profile};
 use ds_space::Tick;
-use ds_topic::{SceneMessage, ScoreProfile, Topic, World};
+use ds_topic::{SceneMessage, Topic, World};
 use ds_wire::Body;
 use serde::Serialize;
 
@@ -132,18 +132,14 @@ fn scored(path: &Path, profile: Option<&str>) -> Result<Scored> {
 
 fn score(recording: &Recording, scene: &SceneMessage, profile: Option<&str>) -> Result<DriveScore> {
     let spec = &scene.spec;
-    let profile = match profile.unwrap_or(spec.score_profile.name()) {
-        name if name == ScoreProfile::Bridgesim.name() => Profile::bridgesim(),
-        name if name == ScoreProfile::Strict.name() => Profile::strict(),
-        other => bail!("there is no score profile {other:?}"),
-    };
+    let name = profile.unwrap_or(spec.score_profile.name());
+    let profile = Profile::named(name).with_context(|| format!("there is no score profile {name:?}"))?;
     let mut states: BTreeMap<Tick, World> = BTreeMap::new();
     for envelope in recording.messages().filter(|envelope| envelope.header.slot.topic == Topic::World) {
         let world = World::from_bytes(&envelope.body)?;
         states.insert(world.state.tick, world);
     }
-    let start = spec.ticks_of(spec.warm_up).1;
-    let mut scorer = DriveScorer::new(&scene.scene, profile, start, spec.last_tick);
+    let mut scorer = DriveScorer::new(&scene.scene, profile, spec.taken_over_at(), spec.last_tick);
     states.values().for_each(|world| drop(scorer.observe(&world.state)));
     Ok(scorer.finish())
 }
