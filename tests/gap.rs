@@ -2,7 +2,7 @@
 
 #[path = "harness.rs"]
 mod harness;
-use harness::{dreamstream, shared};
+use harness::{dreamstream, shared, workspace};
 use serde_json::Value;
 
 #[test]
@@ -42,4 +42,86 @@ fn folders_without_cases_are_refused() {
     let arguments = ["gap", "diagnose", &folder.path().display().to_string()];
     let refused = dreamstream(&arguments).output().expect("the binary runs");
     assert!(String::from_utf8_lossy(&refused.stderr).contains("meta.json"), "{refused:?}");
+}
+
+/// Drives a small set of shipped scenarios with frames of the reference camera.
+fn drive(out: &std::path::Path, more: &[&str]) {
+    let scenarios = workspace().join("scenarios/base");
+    let files = ["free-curve", "roundabout", "lead-braking"].map(|name| scenarios.join(format!("{name}.scenario.json")));
+    let mut arguments = vec!["run".to_owned()];
+    arguments.extend(files.iter().filter(|file| file.exists()).map(|file| file.display().to_string()));
+    let fixed = ["--observation", "layout", "--policy", "lattice", "--duration", "6", "--no-pictures", "--out"];
+    arguments.extend(fixed.map(str::to_owned));
+    arguments.push(out.display().to_string());
+    arguments.extend(more.iter().map(|word| (*word).to_owned()));
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let driven = dreamstream(&words).output().expect("the binary runs");
+    assert!(driven.status.success(), "{}", String::from_utf8_lossy(&driven.stderr));
+}
+
+fn logs(run: &std::path::Path) -> Vec<std::path::PathBuf> {
+    let entries = std::fs::read_dir(run.join("real")).expect("vehicle logs");
+    let mut found: Vec<_> = entries.flatten().map(|entry| entry.path()).collect();
+    found.retain(|path| path.extension().is_some_and(|end| end == "mcap"));
+    found.sort();
+    found
+}
+
+#[test]
+fn sealed_runs_that_differ_in_the_effect_differ_in_numbers_alone() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let runs = ["5", "11"].map(|seed| {
+        let (out, answer) = (folder.path().join(seed), folder.path().join(format!("{seed}.sealed")));
+        drive(&out, &["--seal", &answer.display().to_string(), "--seal-seed", seed]);
+        let opened = dreamstream(&["gap", "unseal", &answer.display().to_string()]).output().expect("the binary runs");
+        (out, String::from_utf8_lossy(&opened.stdout).into_owned())
+    });
+    assert_ne!(runs[0].1, runs[1].1, "two draws with one answer");
+    let [first, second] = runs.each_ref().map(|(out, _)| logs(out));
+    assert!(!first.is_empty());
+    for (a, b) in first.iter().zip(&second) {
+        let tells = |path| ds_record::vehicle_log::inventory(path).expect("an MCAP file");
+        assert_eq!(tells(a), tells(b));
+        assert_ne!(std::fs::read(a).expect("bytes"), std::fs::read(b).expect("bytes"), "the effect is not felt");
+    }
+    for (out, answer) in &runs {
+        let id = answer.lines().find_map(|line| line.strip_prefix("id = ")).expect("an effect").trim_matches('"').to_owned();
+        assert!(!out.join("recordings").exists() && !out.join("ledger.redb").exists(), "{}", out.display());
+        for path in files_below(out) {
+            let bytes = std::fs::read(&path).expect("bytes");
+            let named = bytes.windows(id.len()).any(|window| window == id.as_bytes());
+            assert!(!named, "{} names {id}", path.display());
+        }
+    }
+}
+
+fn files_below(folder: &std::path::Path) -> Vec<std::path::PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
+        if entry.path().is_dir() { found.extend(files_below(&entry.path())) } else { found.push(entry.path()) }
+    }
+    found
+}
+
+#[test]
+fn an_effect_of_a_run_is_diagnosed_from_its_vehicle_log_and_applied() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (real, out) = (folder.path().join("world"), folder.path().join("diagnoses"));
+    drive(&real, &["--effect", "gyro_bias=0.02", "--vehicle-log"]);
+    let (logs, diagnoses) = (real.join("real").display().to_string(), out.display().to_string());
+    let diagnosed = dreamstream(&["gap", "diagnose", &logs, "--quick", "--out", &diagnoses]).output();
+    let diagnosed = diagnosed.expect("the binary runs");
+    assert!(diagnosed.status.success(), "{}", String::from_utf8_lossy(&diagnosed.stderr));
+    let path = out.join("world/diagnosis.json");
+    let text = std::fs::read_to_string(&path).expect("a diagnosis");
+    let diagnosis: Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!(diagnosis["effects"][0]["id"], "gyro_bias", "{text}");
+    let value = diagnosis["effects"][0]["value"].as_f64().expect("a value");
+    assert!((value - 0.02).abs() < 0.004, "{value}");
+    let corrected = folder.path().join("corrected.toml").display().to_string();
+    let applied = dreamstream(&["gap", "apply", &path.display().to_string(), "-o", &corrected]).output();
+    assert!(applied.expect("the binary runs").status.success());
+    let again = folder.path().join("again");
+    drive(&again, &["--config", &corrected, "--vehicle-log"]);
+    assert_eq!(self::logs(&again).len(), self::logs(&real).len());
 }

@@ -5,6 +5,7 @@
 //! [`library`]. Nothing is fitted, drawn or read here.
 
 mod actuator;
+pub mod chain;
 mod clock;
 mod command;
 mod follower;
@@ -12,11 +13,13 @@ mod parameter;
 pub mod plant;
 mod road;
 mod sensor;
+mod setting;
 pub mod signal;
 mod vehicle;
 
 pub use parameter::{Channel, Insertion, Nuisance, Parameter, Scale};
 pub use plant::Plant;
+pub use setting::{Setting, SettingError};
 
 /// One effect: what is known of it beforehand and what it does to the simulator.
 pub struct Effect {

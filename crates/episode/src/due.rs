@@ -68,8 +68,9 @@ pub fn inputs(outline: &Outline, role: Role, advance: &Advance) -> Vec<Slot> {
             [world, of_cameras(Topic::Layout, ticks, outline.cameras)].concat()
         }
         Role::Policy if advance.plan_due => {
-            let seen = (Tick((advance.last.0 + 1).saturating_sub(outline.spec.history.max(1))), advance.last);
-            [of_ticks(Topic::Ego, seen), of_cameras(Topic::Frame, seen, outline.cameras)].concat()
+            let seen = outline.spec.seen_at(advance.last);
+            let egos = (seen.0, advance.last);
+            [of_ticks(Topic::Ego, egos), of_cameras(Topic::Frame, seen, outline.cameras)].concat()
         }
         Role::Policy => Vec::new(),
     }

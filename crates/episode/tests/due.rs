@@ -34,6 +34,9 @@ fn outlines() -> impl Strategy<Value = Outline> {
                 configuration: Digest::default(),
                 scorer: Default::default(),
                 score_profile: Default::default(),
+                effects: Vec::new(),
+                vehicle_log: false,
+                observation_delay: 0,
             };
             Outline { spec, cameras, dt: SimTime(100_000_000) }
         },

@@ -47,6 +47,9 @@ fn outline() -> Outline {
         configuration: Digest::default(),
         scorer: Default::default(),
         score_profile: Default::default(),
+        effects: Vec::new(),
+        vehicle_log: false,
+        observation_delay: 0,
     };
     Outline { spec, cameras: 1, dt: SimTime(100_000_000) }
 }

@@ -14,6 +14,7 @@ pub mod recorder;
 pub mod recording;
 pub mod scan;
 mod schema;
+pub mod vehicle_log;
 pub mod view;
 
 pub use channel::ChannelKey;

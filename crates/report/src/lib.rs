@@ -5,6 +5,7 @@
 //! are counted beside; neither is ever dropped silently. All random draws are functions of a seed.
 
 pub mod aggregate;
+pub mod attribution;
 pub mod bias;
 pub mod bootstrap;
 pub mod compare;
@@ -20,6 +21,7 @@ pub mod write;
 mod sample;
 
 pub use aggregate::{Aggregate, Estimate, Group, Summary, aggregate};
+pub use attribution::{Attribution, attribute};
 pub use bias::{Bias, BiasOptions, bias};
 pub use bootstrap::Interval;
 pub use compare::{Comparison, Difference, Pairing, Verdict, compare};

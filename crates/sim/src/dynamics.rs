@@ -4,20 +4,21 @@
 //! radian in front, 20 behind: mild understeer), μ = 1, centre of gravity midway between the axles, yaw inertia of a
 //! uniform box. Lateral speed and yaw rate are stepped with a linearly implicit Euler rule, stable at all speeds.
 //! Lags: 0.2 s for acceleration, 0.05 s for the steering rate. Rig frame; lateral speed is that of the rear axle.
+//! Effects change the car's [`Plant`]; without any, the plant is the car above.
 
+use std::sync::Arc;
+
+use ds_effect::plant::Plant;
 use ds_space::angle::wrap;
 use ds_space::{DVec2, PoseSe2};
 use ds_world::{EgoState, VehicleParameters};
 
+use crate::actuation::{Moment, Past, Sent};
+use crate::plant::{FRONT_STIFFNESS_PER_RAD, GRAVITY_MPS2, REAR_STIFFNESS_PER_RAD};
 use crate::settings::DynamicsKind;
 use crate::tracker::Command;
+use crate::tyre::{Forces, Tyres};
 
-const GRAVITY_MPS2: f64 = 9.81;
-const FRONT_STIFFNESS_PER_RAD: f64 = 14.0;
-const REAR_STIFFNESS_PER_RAD: f64 = 20.0;
-const FRICTION: f64 = 1.0;
-const ACCELERATION_LAG_SECS: f64 = 0.2;
-const STEERING_LAG_SECS: f64 = 0.05;
 /// Kinematic up to the first speed, dynamic from the second.
 const BLEND_MPS: [f64; 2] = [2.0, 4.0];
 /// Forward and reverse speeds that no command exceeds.
@@ -25,45 +26,69 @@ pub(crate) const MAX_SPEED_MPS: f64 = 70.0;
 pub(crate) const MAX_REVERSE_MPS: f64 = 5.0;
 /// Yaw rate that stability control does not let through.
 const MAX_YAW_RATE_RADPS: f64 = 3.0;
+/// Below this speed nothing rolls.
+const STANDING_MPS: f64 = 0.05;
+/// Side force of wind over its drag; a passenger car's is about two and a half times.
+const SIDE_WIND: f64 = 2.5;
 
 /// The ego's body and what its actuators do.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Body {
     pub(crate) ego: EgoState,
     /// Acceleration that drive and brakes produce now, in metres per second squared.
     pub(crate) drive_mps2: f64,
+    /// Steering angle that the actuator's sensor sees, in radians.
+    pub(crate) sensed_rad: f64,
+    /// Slip angles that tyres with a relaxation length have built up, front and rear, in radians.
+    pub(crate) slip_rad: [f64; 2],
+    /// Commands and moments, where an effect or the vehicle log needs them.
+    pub(crate) past: Past,
 }
 
 /// A car ready to be stepped.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub(crate) struct Chassis {
     vehicle: VehicleParameters,
     kind: DynamicsKind,
     substeps: u32,
     step_secs: f64,
-    yaw_inertia_kgm2: f64,
-    axle_load_n: f64,
+    plant: Arc<Plant>,
+    /// Whether commands pass an altered chain instead of the nominal lags.
+    chained: bool,
+    /// Whether the car keeps its past.
+    remembers: bool,
 }
 
-/// Forward speed, lateral speed of the rear axle, yaw rate.
+impl std::fmt::Debug for Chassis {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Chassis").field("vehicle", &self.vehicle).field("kind", &self.kind).finish_non_exhaustive()
+    }
+}
+
+/// Forward speed, lateral speed of the rear axle, yaw rate, and specific force at the centre of gravity.
 #[derive(Debug, Clone, Copy)]
 struct Rates {
     forward_mps: f64,
     lateral_mps: f64,
     yaw_radps: f64,
+    force_mps2: DVec2,
 }
 
 impl Chassis {
-    pub(crate) fn new(vehicle: VehicleParameters, kind: DynamicsKind, substeps: u32, dt_secs: f64) -> Self {
-        let size = vehicle.size;
-        Self {
-            vehicle,
-            kind,
-            substeps,
-            step_secs: dt_secs / f64::from(substeps),
-            yaw_inertia_kgm2: vehicle.mass_kg * (size.length_m.powi(2) + size.width_m.powi(2)) / 12.0,
-            axle_load_n: 0.5 * vehicle.mass_kg * GRAVITY_MPS2,
-        }
+    pub(crate) fn new(
+        vehicle: VehicleParameters,
+        kind: DynamicsKind,
+        (substeps, dt_secs): (u32, f64),
+        plant: Arc<Plant>,
+        remembers: bool,
+    ) -> Self {
+        let nominal = crate::plant::nominal(&vehicle, &crate::idm::IdmParameters::default());
+        let same_lags = (plant.steering.lag_secs, plant.traction.lag_secs)
+            == (nominal.steering.lag_secs, nominal.traction.lag_secs);
+        let chained =
+            !(same_lags && plant.steering.operators.is_empty() && plant.traction.operators.is_empty());
+        let step_secs = dt_secs / f64::from(substeps);
+        Self { vehicle, kind, substeps, step_secs, plant, chained, remembers: remembers || chained }
     }
 
     /// Takes over a logged state. A log without steering gets the angle that its yaw rate needs.
@@ -77,11 +102,43 @@ impl Chassis {
         ego.steering_rad = ego.steering_rad.clamp(-limit, limit);
         ego.velocity_mps.x = speed_mps.clamp(-MAX_REVERSE_MPS, MAX_SPEED_MPS);
         let drive_mps2 = ego.acceleration_mps2.x.clamp(-vehicle.max_deceleration_mps2, vehicle.max_acceleration_mps2);
-        Body { ego, drive_mps2 }
+        let sensed_rad = ego.steering_rad;
+        Body { ego, drive_mps2, sensed_rad, ..Body::default() }
+    }
+
+    /// Follows the log to a body, whose commands are taken to be what the log shows.
+    pub(crate) fn follow(&self, body: &mut Body, logged: Body) {
+        if self.remembers {
+            let (from, to) = (self.moment(body, body.ego.acceleration_mps2), self.moment(&logged, logged.ego.acceleration_mps2));
+            let (from, mut to) = (from.to_array(), to.to_array());
+            to[2] = from[2] + wrap(to[2] - from[2]);
+            let sent = self.sent_by_log(&logged);
+            body.past.send(if body.past.sent.is_empty() { 1 } else { self.substeps }, |last| Sent {
+                brake_work_mj: last.brake_work_mj,
+                ..sent
+            });
+            for k in 1..=self.substeps {
+                let u = f64::from(k) / f64::from(self.substeps);
+                body.past.witness(Moment::from_array(std::array::from_fn(|i| from[i] + u * (to[i] - from[i]))));
+            }
+        }
+        let past = std::mem::take(&mut body.past);
+        *body = Body { past, ..logged };
+    }
+
+    /// The command of a car in steady motion: its servo lags behind by the lag times the rate.
+    fn sent_by_log(&self, logged: &Body) -> Sent {
+        let ego = &logged.ego;
+        Sent {
+            steer_rad: ego.steering_rad + self.plant.steering.lag_secs * ego.steering_rate_radps,
+            accel_mps2: logged.drive_mps2,
+            speed_mps: ego.speed_mps(),
+            brake_work_mj: 0.0,
+        }
     }
 
     /// Returns the wheel base of the kinematic car that turns as much at this speed: L + K·v² with the understeer
-    /// gradient K. Trackers steer by it.
+    /// gradient K. Trackers steer by it; they know the nominal car.
     pub(crate) fn wheel_base_m(&self, speed_mps: f64) -> f64 {
         let gradient = (1.0 / FRONT_STIFFNESS_PER_RAD - 1.0 / REAR_STIFFNESS_PER_RAD) / GRAVITY_MPS2;
         self.vehicle.wheel_base_m + self.dynamic_share(speed_mps) * gradient * speed_mps * speed_mps
@@ -94,40 +151,109 @@ impl Chassis {
         }
     }
 
+    /// Returns the ego as its controller knows it: behind an altered chain, the angle that it has asked for.
+    pub(crate) fn known(&self, body: &Body) -> EgoState {
+        match body.past.sent.last() {
+            Some(sent) if self.chained => EgoState { steering_rad: sent.steer_rad, ..body.ego },
+            _ => body.ego,
+        }
+    }
+
     /// Moves the body one tick under a constant command.
     pub(crate) fn step(&self, body: &mut Body, command: Command) {
         let before = body.ego.velocity_mps;
-        for _ in 0..self.substeps {
-            self.substep(body, command);
+        let realised = self.remembers.then(|| self.send(body, command)).flatten();
+        for k in 0..self.substeps as usize {
+            match &realised {
+                Some(tick) => {
+                    let steering_rad = tick.steering.wheel[k];
+                    body.ego.steering_rate_radps = (steering_rad - body.ego.steering_rad) / self.step_secs;
+                    body.ego.steering_rad = steering_rad;
+                    body.sensed_rad = tick.steering.sensed[k];
+                    body.drive_mps2 = tick.accel[k];
+                }
+                None => self.actuate(body, command),
+            }
+            let force_mps2 = self.substep(body);
+            if self.remembers {
+                let moment = self.moment(body, force_mps2);
+                let unwrapped = body.past.moments.last().map_or(moment.heading_rad, |last| {
+                    last.heading_rad + wrap(moment.heading_rad - last.heading_rad)
+                });
+                body.past.witness(Moment { heading_rad: unwrapped, ..moment });
+            }
         }
         let ego = &mut body.ego;
         let change = (ego.velocity_mps - before) / (self.step_secs * f64::from(self.substeps));
         ego.acceleration_mps2 = change + ego.yaw_rate_radps * ego.velocity_mps.perp();
     }
 
-    fn substep(&self, body: &mut Body, command: Command) {
+    /// Notes the commands of a tick; returns what an altered chain makes of them.
+    fn send(&self, body: &mut Body, command: Command) -> Option<crate::actuation::Tick> {
+        let (h, vehicle) = (self.step_secs, &self.vehicle);
+        let accel_mps2 = command.acceleration_mps2.clamp(-vehicle.max_deceleration_mps2, vehicle.max_acceleration_mps2);
+        let rate = vehicle.max_steering_rate_radps;
+        let rate = command.steering_rate_radps.clamp(-rate, rate);
+        let limit = vehicle.max_steering_rad;
+        let speed_mps = body.ego.speed_mps();
+        let work_mj = self.plant.vehicle.nominal_mass_kg * (-accel_mps2).max(0.0) * speed_mps.abs() * h * 1e-6;
+        if body.past.sent.is_empty() {
+            let start = self.sent_by_log(body);
+            body.past.send(1, |_| start);
+        }
+        body.past.send(self.substeps, |last| Sent {
+            steer_rad: (last.steer_rad + rate * h).clamp(-limit, limit),
+            accel_mps2,
+            speed_mps,
+            brake_work_mj: last.brake_work_mj + work_mj,
+        });
+        self.chained.then(|| body.past.realise(&self.plant, h, self.substeps))
+    }
+
+    fn moment(&self, body: &Body, force_mps2: DVec2) -> Moment {
+        let ego = &body.ego;
+        let centre = ego.pose.position + ego.pose.forward() * self.plant.vehicle.rear_arm_m;
+        Moment {
+            x_m: centre.x,
+            y_m: centre.y,
+            heading_rad: ego.pose.heading_rad,
+            speed_mps: ego.velocity_mps.x,
+            yaw_rate_radps: ego.yaw_rate_radps,
+            ax_mps2: force_mps2.x,
+            ay_mps2: force_mps2.y,
+            sensed_rad: body.sensed_rad,
+            drive_mps2: body.drive_mps2,
+        }
+    }
+
+    fn substep(&self, body: &mut Body) -> DVec2 {
         let h = self.step_secs;
-        self.actuate(body, command);
-        let ego = &mut body.ego;
-        let now =
-            Rates { forward_mps: ego.velocity_mps.x, lateral_mps: ego.velocity_mps.y, yaw_radps: ego.yaw_rate_radps };
-        let mut next = self.kinematic(now, ego.steering_rad, body.drive_mps2);
+        let ego = &body.ego;
+        let now = Rates {
+            forward_mps: ego.velocity_mps.x,
+            lateral_mps: ego.velocity_mps.y,
+            yaw_radps: ego.yaw_rate_radps,
+            force_mps2: DVec2::ZERO,
+        };
+        let mut next = self.kinematic(now, body);
         let share = self.dynamic_share(now.forward_mps);
         if share > 0.0 {
-            let slipping = self.dynamic(now, ego.steering_rad, body.drive_mps2);
+            let slipping = self.dynamic(now, body);
             next.forward_mps += share * (slipping.forward_mps - next.forward_mps);
             next.lateral_mps += share * (slipping.lateral_mps - next.lateral_mps);
             next.yaw_radps += share * (slipping.yaw_radps - next.yaw_radps);
+            next.force_mps2 += share * (slipping.force_mps2 - next.force_mps2);
         }
         if now.forward_mps * next.forward_mps < 0.0 {
             // Brakes hold at a stand; the direction changes only under a new command from there.
-            next = Rates { forward_mps: 0.0, lateral_mps: 0.0, yaw_radps: 0.0 };
+            next = Rates { forward_mps: 0.0, lateral_mps: 0.0, yaw_radps: 0.0, force_mps2: DVec2::ZERO };
             body.drive_mps2 = 0.0;
         }
         next.forward_mps = next.forward_mps.clamp(-MAX_REVERSE_MPS, MAX_SPEED_MPS);
         next.yaw_radps = next.yaw_radps.clamp(-MAX_YAW_RATE_RADPS, MAX_YAW_RATE_RADPS);
         next.lateral_mps = next.lateral_mps.clamp(-next.forward_mps.abs(), next.forward_mps.abs());
         let turned_rad = next.yaw_radps * h;
+        let ego = &mut body.ego;
         let midway = PoseSe2 { heading_rad: ego.pose.heading_rad + 0.5 * turned_rad, ..ego.pose };
         ego.velocity_mps = DVec2::new(next.forward_mps, next.lateral_mps);
         ego.yaw_rate_radps = next.yaw_radps;
@@ -135,71 +261,104 @@ impl Chassis {
             position: midway.to_outer(ego.velocity_mps * h),
             heading_rad: wrap(ego.pose.heading_rad + turned_rad),
         };
+        next.force_mps2
     }
 
+    /// The nominal lags.
     fn actuate(&self, body: &mut Body, command: Command) {
         let (h, vehicle) = (self.step_secs, &self.vehicle);
         let wanted = command.acceleration_mps2.clamp(-vehicle.max_deceleration_mps2, vehicle.max_acceleration_mps2);
-        body.drive_mps2 += h / (h + ACCELERATION_LAG_SECS) * (wanted - body.drive_mps2);
+        body.drive_mps2 += h / (h + self.plant.traction.lag_secs) * (wanted - body.drive_mps2);
         let ego = &mut body.ego;
         let limit = vehicle.max_steering_rate_radps;
         let wanted = command.steering_rate_radps.clamp(-limit, limit);
-        let rate = ego.steering_rate_radps + h / (h + STEERING_LAG_SECS) * (wanted - ego.steering_rate_radps);
+        let share = h / (h + self.plant.steering.lag_secs);
+        let rate = ego.steering_rate_radps + share * (wanted - ego.steering_rate_radps);
         let limit = vehicle.max_steering_rad;
         let steering_rad = (ego.steering_rad + rate.clamp(-20.0, 20.0) * h).clamp(-limit, limit);
         ego.steering_rate_radps = (steering_rad - ego.steering_rad) / h;
         ego.steering_rad = steering_rad;
+        body.sensed_rad = steering_rad;
     }
 
-    fn kinematic(&self, now: Rates, steering_rad: f64, drive_mps2: f64) -> Rates {
-        let forward_mps = now.forward_mps + drive_mps2 * self.step_secs;
-        let yaw_radps = forward_mps * steering_rad.tan() / self.vehicle.wheel_base_m;
-        Rates { forward_mps, lateral_mps: 0.0, yaw_radps }
+    /// Returns what drives the car along and what holds it back, both over its mass, and the push of the wind aside.
+    fn push(&self, forward_mps: f64, body: &Body) -> Push {
+        let (car, road) = (&self.plant.vehicle, &self.plant.road);
+        let held = car.friction * GRAVITY_MPS2;
+        let drive_mps2 = (body.drive_mps2 * (car.nominal_mass_kg / car.mass_kg)).clamp(-held, held);
+        let rolling = if forward_mps.abs() > STANDING_MPS { car.rolling_mps2.copysign(forward_mps) } else { 0.0 };
+        let (forward, left) = (body.ego.pose.forward(), body.ego.pose.left());
+        let wind = DVec2::new(road.wind_x_mps, road.wind_y_mps);
+        let air = DVec2::new(forward_mps - forward.dot(wind), left.dot(wind));
+        let drag_mps2 = car.drag_n_s2_m2 / car.mass_kg * air.length();
+        let slope_mps2 = GRAVITY_MPS2 * road.grade_rad.sin();
+        let standing = forward_mps.abs() <= STANDING_MPS && drive_mps2.abs() <= slope_mps2.abs();
+        Push {
+            felt_mps2: drive_mps2 - rolling - drag_mps2 * air.x,
+            slope_mps2: if standing { 0.0 } else { slope_mps2 },
+            side_mps2: SIDE_WIND * drag_mps2 * air.y,
+        }
     }
 
-    fn dynamic(&self, now: Rates, steering_rad: f64, drive_mps2: f64) -> Rates {
-        let (h, mass, inertia) = (self.step_secs, self.vehicle.mass_kg, self.yaw_inertia_kgm2);
-        let arm = 0.5 * self.vehicle.wheel_base_m;
+    fn kinematic(&self, now: Rates, body: &Body) -> Rates {
+        let push = self.push(now.forward_mps, body);
+        let forward_mps = now.forward_mps + (push.felt_mps2 - push.slope_mps2) * self.step_secs;
+        let yaw_radps = forward_mps * body.ego.steering_rad.tan() / self.vehicle.wheel_base_m;
+        let force_mps2 = DVec2::new(push.felt_mps2, forward_mps * yaw_radps);
+        Rates { forward_mps, lateral_mps: 0.0, yaw_radps, force_mps2 }
+    }
+
+    fn dynamic(&self, now: Rates, body: &mut Body) -> Rates {
+        let (h, car) = (self.step_secs, &self.plant.vehicle);
+        let (mass, inertia) = (car.mass_kg, car.yaw_inertia_kg_m2);
+        let (front_arm, rear_arm) = (car.front_arm_m, car.rear_arm_m);
         let Rates { forward_mps: vx, yaw_radps: yaw, .. } = now;
-        let centre_mps = now.lateral_mps + arm * yaw;
+        let centre_mps = now.lateral_mps + rear_arm * yaw;
+        let steering_rad = body.ego.steering_rad;
         let (sin, cos) = steering_rad.sin_cos();
-        let front = tyre(steering_rad - (centre_mps + arm * yaw).atan2(vx), FRONT_STIFFNESS_PER_RAD, self.axle_load_n);
-        let rear = tyre(-now.lateral_mps.atan2(vx), REAR_STIFFNESS_PER_RAD, self.axle_load_n);
+        let push = self.push(vx, body);
+        let slip_rad = [
+            steering_rad - (centre_mps + front_arm * yaw).atan2(vx),
+            -(centre_mps - rear_arm * yaw).atan2(vx),
+        ];
+        let tyres = Tyres::under(car, body.drive_mps2);
+        let Forces { front, rear } = tyres.forces(slip_rad, (vx * h, &mut body.slip_rad));
 
-        let push = (front.force_n * cos + rear.force_n) / mass - vx * yaw;
-        let spin = arm * (front.force_n * cos - rear.force_n) / inertia;
-        // Jacobian of (push, spin) by (centre_mps, yaw), for the linearly implicit step.
+        let across = push.side_mps2 - GRAVITY_MPS2 * self.plant.road.bank_rad.sin();
+        let sideways = (front.force_n * cos + rear.force_n) / mass - vx * yaw + across;
+        let spin = (front_arm * front.force_n * cos - rear_arm * rear.force_n) / inertia;
+        // Jacobian of (sideways, spin) by (centre_mps, yaw), for the linearly implicit step.
         let (a, b) = (front.stiffness_n * cos / vx, rear.stiffness_n / vx);
-        let push_by_centre = -(a + b) / mass;
-        let push_by_yaw = -arm * (a - b) / mass - vx;
-        let spin_by_centre = -arm * (a - b) / inertia;
-        let spin_by_yaw = -arm * arm * (a + b) / inertia;
-        let (m11, m12) = (1.0 - h * push_by_centre, -h * push_by_yaw);
+        let sideways_by_centre = -(a + b) / mass;
+        let sideways_by_yaw = -(front_arm * a - rear_arm * b) / mass - vx;
+        let spin_by_centre = -(front_arm * a - rear_arm * b) / inertia;
+        let spin_by_yaw = -(front_arm * front_arm * a + rear_arm * rear_arm * b) / inertia;
+        let (m11, m12) = (1.0 - h * sideways_by_centre, -h * sideways_by_yaw);
         let (m21, m22) = (-h * spin_by_centre, 1.0 - h * spin_by_yaw);
         let determinant = (m11 * m22 - m12 * m21).max(0.1);
-        let centre_change = h * (m22 * push - m12 * spin) / determinant;
-        let yaw_change = h * (m11 * spin - m21 * push) / determinant;
+        let centre_change = h * (m22 * sideways - m12 * spin) / determinant;
+        let yaw_change = h * (m11 * spin - m21 * sideways) / determinant;
 
-        let forward_mps = vx + h * (drive_mps2 + yaw * centre_mps - front.force_n * sin / mass);
+        let felt_mps2 = push.felt_mps2 - front.force_n * sin / mass;
+        let forward_mps = vx + h * (felt_mps2 - push.slope_mps2 + yaw * centre_mps);
         let yaw_radps = yaw + yaw_change;
-        Rates { forward_mps, lateral_mps: centre_mps + centre_change - arm * yaw_radps, yaw_radps }
+        // What an accelerometer feels across: the whole change of motion but for gravity's share.
+        let felt_across = centre_change / h + vx * yaw_radps - across + push.side_mps2;
+        Rates {
+            forward_mps,
+            lateral_mps: centre_mps + centre_change - rear_arm * yaw_radps,
+            yaw_radps,
+            force_mps2: DVec2::new(felt_mps2, felt_across),
+        }
     }
 }
 
-struct Tyre {
-    force_n: f64,
-    /// Change of the force with the slip angle; 0 when saturated.
-    stiffness_n: f64,
-}
-
-fn tyre(slip_rad: f64, stiffness_per_rad: f64, load_n: f64) -> Tyre {
-    let limit_n = FRICTION * load_n;
-    let linear_n = stiffness_per_rad * load_n * slip_rad;
-    if linear_n.abs() <= limit_n {
-        Tyre { force_n: linear_n, stiffness_n: stiffness_per_rad * load_n }
-    } else {
-        Tyre { force_n: limit_n.copysign(linear_n), stiffness_n: 0.0 }
-    }
+/// Forces along and across the car, over its mass.
+struct Push {
+    /// Drive, rolling resistance and drag: what an accelerometer feels.
+    felt_mps2: f64,
+    slope_mps2: f64,
+    side_mps2: f64,
 }
 
 fn smooth_step(value: f64, [from, to]: [f64; 2]) -> f64 {
@@ -208,104 +367,4 @@ fn smooth_step(value: f64, [from, to]: [f64; 2]) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn body(speed_mps: f64, steering_rad: f64) -> Body {
-        let ego = EgoState { velocity_mps: DVec2::new(speed_mps, 0.0), steering_rad, ..EgoState::default() };
-        Body { ego, drive_mps2: 0.0 }
-    }
-
-    fn chassis(kind: DynamicsKind, substeps: u32) -> Chassis {
-        Chassis::new(VehicleParameters::ZOE, kind, substeps, 0.1)
-    }
-
-    /// Holds speed and steering until the motion is steady.
-    fn steady_yaw_rate(kind: DynamicsKind, speed_mps: f64, steering_rad: f64) -> (f64, f64) {
-        let (chassis, mut body) = (chassis(kind, 10), body(speed_mps, steering_rad));
-        for _ in 0..80 {
-            let acceleration_mps2 = 3.0 * (speed_mps - body.ego.speed_mps());
-            chassis.step(&mut body, Command { acceleration_mps2, steering_rate_radps: 0.0 });
-        }
-        (body.ego.yaw_rate_radps, body.ego.speed_mps())
-    }
-
-    #[test]
-    fn steady_circles_have_the_analytic_understeer() {
-        let wheel_base_m = VehicleParameters::ZOE.wheel_base_m;
-        let gradient = (1.0 / FRONT_STIFFNESS_PER_RAD - 1.0 / REAR_STIFFNESS_PER_RAD) / GRAVITY_MPS2;
-        for (speed_mps, steering_rad) in [(5.0, 0.05), (10.0, 0.03), (15.0, -0.02), (25.0, 0.01)] {
-            let (yaw_rate, v) = steady_yaw_rate(DynamicsKind::SingleTrack, speed_mps, steering_rad);
-            let expected = v * steering_rad / (wheel_base_m + gradient * v * v);
-            assert!((yaw_rate / expected - 1.0).abs() < 0.02, "{speed_mps} m/s: {yaw_rate}, expected {expected}");
-            let (yaw_rate, v) = steady_yaw_rate(DynamicsKind::Kinematic, speed_mps, steering_rad);
-            assert!((yaw_rate - v * steering_rad.tan() / wheel_base_m).abs() < 1e-9);
-        }
-    }
-
-    #[test]
-    fn lateral_acceleration_stays_within_friction() {
-        for speed_mps in [10.0, 20.0, 40.0] {
-            let (chassis, mut body) = (chassis(DynamicsKind::SingleTrack, 10), body(speed_mps, 0.0));
-            for _ in 0..50 {
-                chassis.step(&mut body, Command { acceleration_mps2: 0.0, steering_rate_radps: 5.0 });
-                let lateral = body.ego.speed_mps() * body.ego.yaw_rate_radps;
-                assert!(body.ego.is_finite() && lateral.abs() < 2.5 * GRAVITY_MPS2, "{:?}", body.ego);
-            }
-            assert!(body.ego.speed_mps() < speed_mps, "cornering costs speed");
-        }
-    }
-
-    #[test]
-    fn any_number_of_substeps_is_stable() {
-        for substeps in [1, 2, 5, 100] {
-            for speed_mps in [2.5, 4.0, 8.0, 30.0, 65.0] {
-                let (chassis, mut body) = (chassis(DynamicsKind::SingleTrack, substeps), body(speed_mps, 0.01));
-                for _ in 0..100 {
-                    chassis.step(&mut body, Command::default());
-                }
-                let expected = body.ego.speed_mps() * 0.01 / VehicleParameters::ZOE.wheel_base_m;
-                let yaw_rate = body.ego.yaw_rate_radps;
-                assert!(yaw_rate > 0.0 && yaw_rate < 1.1 * expected, "{substeps} at {speed_mps} m/s: {yaw_rate}");
-            }
-        }
-    }
-
-    #[test]
-    fn brakes_hold_at_a_stand() {
-        for kind in [DynamicsKind::SingleTrack, DynamicsKind::Kinematic] {
-            let (chassis, mut body) = (chassis(kind, 10), body(6.0, 0.1));
-            let mut before = body.ego.pose.position;
-            for tick in 0..30 {
-                let braking = if body.ego.speed_mps() > 0.0 { -6.0 } else { 0.0 };
-                chassis.step(&mut body, Command { acceleration_mps2: braking, steering_rate_radps: 0.0 });
-                assert!(body.ego.speed_mps() >= 0.0, "tick {tick}");
-                if tick == 20 {
-                    before = body.ego.pose.position;
-                }
-            }
-            assert_eq!(body.ego.speed_mps(), 0.0);
-            assert_eq!(body.ego.pose.position, before);
-        }
-    }
-
-    #[test]
-    fn steering_keeps_its_rate_and_angle_limits() {
-        let (chassis, mut body) = (chassis(DynamicsKind::SingleTrack, 10), body(5.0, 0.0));
-        for _ in 0..20 {
-            let before = body.ego.steering_rad;
-            chassis.step(&mut body, Command { acceleration_mps2: 0.0, steering_rate_radps: 9.0 });
-            assert!(body.ego.steering_rad - before <= 0.08 + 1e-12 && body.ego.steering_rad <= 0.6);
-        }
-        assert_eq!(body.ego.steering_rad, 0.6);
-    }
-
-    #[test]
-    fn a_log_without_steering_gets_it_from_its_yaw_rate() {
-        let ego = EgoState { velocity_mps: DVec2::new(10.0, 0.0), yaw_rate_radps: 0.2, ..EgoState::default() };
-        for (kind, wheel_base_m) in [(DynamicsKind::Kinematic, 2.588), (DynamicsKind::SingleTrack, 2.588 + 0.2184)] {
-            let body = chassis(kind, 10).take_over(&ego);
-            assert!((body.ego.steering_rad.tan() * 10.0 / wheel_base_m - 0.2).abs() < 1e-4, "{kind:?}");
-        }
-    }
-}
+mod tests;

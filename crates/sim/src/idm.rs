@@ -43,6 +43,9 @@ pub(crate) struct Lead {
     pub(crate) speed_mps: f64,
 }
 
+/// Exponent of the free-road term.
+pub(crate) const EXPONENT: f64 = 4.0;
+
 /// Gaps are taken to be at least this long.
 const SMALLEST_GAP_M: f64 = 0.05;
 
@@ -51,7 +54,7 @@ impl IdmParameters {
     pub(crate) fn acceleration(&self, speed_mps: f64, desired_mps: f64, lead: Option<Lead>) -> f64 {
         let (most, comfortable) = (self.acceleration_mps2, self.deceleration_mps2);
         let free = if speed_mps <= desired_mps {
-            most * (1.0 - (speed_mps / desired_mps).powi(4))
+            most * (1.0 - (speed_mps / desired_mps).powi(EXPONENT as i32))
         } else {
             -comfortable * (1.0 - (desired_mps / speed_mps).powf(4.0 * most / comfortable))
         };

@@ -1,5 +1,6 @@
 //! What may be chosen about a simulation: tracker, agents, dynamics, sub-steps. Checked once at its start.
 
+use ds_effect::Setting;
 use ds_space::{Digest, DigestWriter};
 use ds_world::VehicleParameters;
 
@@ -60,7 +61,7 @@ pub enum DynamicsKind {
 
 /// The choices of a simulation. The default is LQR tracking of a dynamic single-track car at 10 sub-steps a tick,
 /// with IDM traffic behind the ego and log replay elsewhere.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct SimConfig {
     /// The controller that follows the plan.
     pub tracker: TrackerKind,
@@ -72,6 +73,10 @@ pub struct SimConfig {
     pub dynamics: DynamicsKind,
     /// Integration steps of the ego per tick, 1 to 1000.
     pub substeps: u32,
+    /// Effects switched on, in the order in which they change the car.
+    pub effects: Vec<Setting>,
+    /// Whether the car records itself between ticks.
+    pub vehicle_log: bool,
 }
 
 impl Default for SimConfig {
@@ -82,6 +87,8 @@ impl Default for SimConfig {
             idm: IdmParameters::default(),
             dynamics: DynamicsKind::default(),
             substeps: 10,
+            effects: Vec::new(),
+            vehicle_log: false,
         }
     }
 }
@@ -114,8 +121,13 @@ impl SimConfig {
             AgentMode::Idm { scope: IdmScope::BehindEgo } => 2,
             AgentMode::Idm { scope: IdmScope::Near } => 3,
         };
-        DigestWriter::new()
-            .text("sim configuration 1")
+        let mut writer = DigestWriter::new();
+        for setting in &self.effects {
+            writer.text(setting.effect().id).f64s(setting.values());
+        }
+        writer
+            .bool(self.vehicle_log)
+            .text("sim configuration 2")
             .u32(u32::from(self.tracker == TrackerKind::PurePursuit))
             .u32(agents)
             .u32(u32::from(self.dynamics == DynamicsKind::Kinematic))
@@ -162,26 +174,30 @@ mod tests {
 
     #[test]
     fn refuses_with_the_name_of_the_field() {
-        let base = SimConfig::default();
-        assert_eq!(base.check(), Ok(()));
-        refused(SimConfig { substeps: 0, ..base }, "substeps");
-        refused(SimConfig { idm: IdmParameters { headway_secs: f64::NAN, ..base.idm }, ..base }, "headway_secs");
-        refused(SimConfig { idm: IdmParameters { desired_speed_mps: Some(0.0), ..base.idm }, ..base }, "desired_speed");
+        let base = SimConfig::default;
+        let idm = IdmParameters::default();
+        assert_eq!(base().check(), Ok(()));
+        refused(SimConfig { substeps: 0, ..base() }, "substeps");
+        refused(SimConfig { idm: IdmParameters { headway_secs: f64::NAN, ..idm }, ..base() }, "headway_secs");
+        refused(SimConfig { idm: IdmParameters { desired_speed_mps: Some(0.0), ..idm }, ..base() }, "desired_speed");
     }
 
     #[test]
     fn every_choice_changes_the_digest() {
-        let base = SimConfig::default();
+        let base = SimConfig::default;
+        let delayed = Setting::new("steer_delay", &[0.1]).expect("a sound setting");
         let others = [
-            SimConfig { tracker: TrackerKind::PurePursuit, ..base },
-            SimConfig { agents: AgentMode::LogReplay, ..base },
-            SimConfig { agents: AgentMode::Idm { scope: IdmScope::All }, ..base },
-            SimConfig { dynamics: DynamicsKind::Kinematic, ..base },
-            SimConfig { substeps: 20, ..base },
-            SimConfig { idm: IdmParameters { headway_secs: 1.0, ..base.idm }, ..base },
+            SimConfig { tracker: TrackerKind::PurePursuit, ..base() },
+            SimConfig { agents: AgentMode::LogReplay, ..base() },
+            SimConfig { agents: AgentMode::Idm { scope: IdmScope::All }, ..base() },
+            SimConfig { dynamics: DynamicsKind::Kinematic, ..base() },
+            SimConfig { substeps: 20, ..base() },
+            SimConfig { idm: IdmParameters { headway_secs: 1.0, ..IdmParameters::default() }, ..base() },
+            SimConfig { effects: vec![delayed], ..base() },
+            SimConfig { vehicle_log: true, ..base() },
         ];
         for other in others {
-            assert_ne!(base.digest(), other.digest(), "{other:?}");
+            assert_ne!(base().digest(), other.digest(), "{other:?}");
         }
     }
 }

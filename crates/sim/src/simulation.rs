@@ -2,11 +2,14 @@
 
 use std::sync::Arc;
 
-use ds_space::{DVec2, SimTime, Tick};
-use ds_world::{EgoState, Polyline, RouteCommand, Scene, Trajectory, WorldState};
+use ds_effect::plant::{Clock, Plant, Sensors};
+use ds_space::{DVec2, Digest, SimTime, Tick};
+use ds_world::{EgoState, Polyline, Reading, RouteCommand, Scene, Trajectory, WorldState};
 
 use crate::dynamics::{Body, Chassis};
 use crate::error::{SimError, SnapshotError};
+use crate::plant::nominal;
+use crate::readings::Sensing;
 use crate::settings::{SimConfig, check_vehicle};
 use crate::snapshot::{self, Content};
 use crate::tracker::Tracker;
@@ -17,10 +20,13 @@ use crate::{contact, route, signal};
 const MAX_TICKS_AFTER_LOG: u32 = 1_000_000;
 
 /// A running simulation. It follows the log until a plan is begun.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct Simulation {
     scene: Arc<Scene>,
     config: SimConfig,
+    plant: Arc<Plant>,
+    /// Whether sensors or clocks show something else than the truth.
+    distorted: bool,
     chassis: Chassis,
     route: Option<Polyline>,
     traffic: Traffic,
@@ -28,6 +34,12 @@ pub struct Simulation {
     tracker: Option<Tracker>,
     body: Body,
     state: WorldState,
+}
+
+impl std::fmt::Debug for Simulation {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Simulation").field("config", &self.config).field("state", &self.state).finish_non_exhaustive()
+    }
 }
 
 impl Simulation {
@@ -41,7 +53,9 @@ impl Simulation {
         if start > last {
             return Err(SimError::StartBeyondLog { start: start.0, last: last.0 });
         }
-        simulation.body = simulation.logged_body(start);
+        let logged = simulation.chassis.take_over(simulation.scene.logged_ego(start));
+        simulation.body.ego = logged.ego;
+        simulation.chassis.follow(&mut simulation.body, logged);
         simulation.show(start);
         Ok(simulation)
     }
@@ -72,12 +86,20 @@ impl Simulation {
             lights: Vec::with_capacity(scene.map.traffic_lights.len()),
             contacts: Vec::new(),
         };
+        let mut plant = nominal(&scene.vehicle, &config.idm);
+        config.effects.iter().for_each(|setting| setting.apply(&mut plant));
+        let plant = Arc::new(plant);
+        let distorted = plant.sensors != Sensors::default() || plant.clock != Clock::default();
+        let remembers = distorted || config.vehicle_log;
+        let steps = (config.substeps, dt_secs);
         Ok(Self {
-            chassis: Chassis::new(scene.vehicle, config.dynamics, config.substeps, dt_secs),
+            chassis: Chassis::new(scene.vehicle, config.dynamics, steps, Arc::clone(&plant), remembers),
             route: Polyline::new(&scene.route),
-            traffic: Traffic::new(&scene, &config),
+            traffic: Traffic::new(&scene, &config, plant.follower),
             tracker: None,
-            body: Body { ego: EgoState::default(), drive_mps2: 0.0 },
+            body: Body::default(),
+            plant,
+            distorted,
             scene,
             config,
             state,
@@ -109,10 +131,6 @@ impl Simulation {
         copy
     }
 
-    fn logged_body(&self, tick: Tick) -> Body {
-        self.chassis.take_over(self.scene.logged_ego(tick))
-    }
-
     fn tracker(&self, plan: Trajectory, border: (Tick, ds_space::PoseSe2)) -> Tracker {
         Tracker::new(plan, border, self.scene.dt, self.config.tracker)
     }
@@ -137,11 +155,14 @@ impl Simulation {
         let obstructing = Obstructing { centre, velocity_mps, size: vehicle.size };
         self.traffic.advance(&self.state, obstructing, self.scene.dt.secs());
         match &self.tracker {
-            None => self.body = self.logged_body(next),
+            None => {
+                let logged = self.chassis.take_over(self.scene.logged_ego(next));
+                self.chassis.follow(&mut self.body, logged);
+            }
             Some(tracker) => {
-                let ego = &self.body.ego;
+                let ego = self.chassis.known(&self.body);
                 let wheel_base_m = self.chassis.wheel_base_m(ego.speed_mps());
-                let command = tracker.command(ego, self.state.tick, wheel_base_m);
+                let command = tracker.command(&ego, self.state.tick, wheel_base_m);
                 self.chassis.step(&mut self.body, command);
             }
         }
@@ -160,10 +181,47 @@ impl Simulation {
         contact::find(&state.ego, &self.scene.vehicle, &state.agents, &mut state.contacts);
     }
 
-    /// Returns what the car knows of its own state: for now the true state.
+    /// Returns what the car knows of its own state: the truth, as far as no effect distorts its sensors and clocks.
     #[must_use]
     pub fn ego_estimate(&self) -> EgoState {
-        self.state.ego
+        let ego = self.state.ego;
+        let steering_rad = self.body.sensed_rad;
+        if !self.distorted {
+            return EgoState { steering_rad, ..ego };
+        }
+        let view = self.sensing().view(self.state.time.secs());
+        let heading_rad = ds_space::angle::wrap(view.pose.heading_rad);
+        let centre = ds_space::PoseSe2::new(view.at_m[0], view.at_m[1], heading_rad);
+        EgoState {
+            pose: ds_space::PoseSe2 {
+                position: centre.position - centre.forward() * self.plant.vehicle.rear_arm_m,
+                heading_rad,
+            },
+            velocity_mps: DVec2::new(view.wheel_mps, ego.velocity_mps.y),
+            yaw_rate_radps: view.yaw_rate_radps,
+            acceleration_mps2: DVec2::from(view.force_mps2),
+            steering_rad: view.steering_rad,
+            ..ego
+        }
+    }
+
+    /// Returns what the car recorded of itself during the last tick, with noise drawn by `key`; nothing at the first
+    /// tick, and nothing unless the configuration asks for a vehicle log.
+    #[must_use]
+    pub fn readings(&self, key: &Digest) -> Vec<Reading> {
+        if !self.config.vehicle_log || self.state.tick.0 == 0 {
+            return Vec::new();
+        }
+        self.sensing().readings(key, self.state.tick.0, self.scene.dt.secs())
+    }
+
+    fn sensing(&self) -> Sensing<'_> {
+        Sensing {
+            plant: &self.plant,
+            past: &self.body.past,
+            now_secs: self.state.time.secs(),
+            step_secs: self.scene.dt.secs() / f64::from(self.config.substeps),
+        }
     }
 
     /// Returns what the car's navigation says about the next manoeuvre.
@@ -177,9 +235,10 @@ impl Simulation {
     pub fn snapshot(&self) -> Vec<u8> {
         let content = Content {
             tick: self.state.tick,
-            body: self.body,
+            body: self.body.clone(),
             plan: self.tracker.as_ref().map(|tracker| (tracker.plan.clone(), tracker.plan_tick, tracker.anchor)),
             motions: self.traffic.motions().to_vec(),
+            wishes: self.traffic.wishes().to_vec(),
         };
         snapshot::write(&content, &self.scene.digest, &self.config.digest())
     }
@@ -196,7 +255,7 @@ impl Simulation {
         }
         simulation
             .traffic
-            .set_motions(content.motions)
+            .set_motions(content.motions, content.wishes)
             .map_err(|(field, value)| SnapshotError::Field { field, value })?;
         simulation.tracker = content.plan.map(|(plan, tick, anchor)| simulation.tracker(plan, (tick, anchor)));
         simulation.body = content.body;

@@ -1,18 +1,19 @@
 //! The bytes of a snapshot: everything that a simulation cannot derive from its scene and configuration.
 //!
-//! Little-endian: "DSIM", version, digests of scene and configuration, tick, ego (by its bits), plan, motions, and a
-//! BLAKE3 digest of all before it. Lengths are checked before anything is allocated; a changed byte is refused.
+//! Little-endian: "DSIM", version, digests of scene and configuration, tick, ego (by its bits), what the car
+//! remembers, plan, motions, pending reactions, and a BLAKE3 digest of all before it. Lengths are checked before anything is allocated; a changed byte is refused.
 
 use ds_space::{DVec2, Digest, PoseSe2, SimTime, Tick};
 use ds_world::trajectory::MAX_POINTS;
 use ds_world::{EgoState, Trajectory, TrajectoryPoint};
 
+use crate::actuation::{Moment, Past, Sent};
 use crate::dynamics::Body;
 use crate::error::SnapshotError;
 use crate::traffic::Motion;
 
 const MAGIC: [u8; 4] = *b"DSIM";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 const DIGEST_BYTES: usize = 32;
 /// No coordinate or rate of a world lies beyond.
 pub(crate) const LARGEST: f64 = 1e8;
@@ -25,6 +26,8 @@ pub(crate) struct Content {
     /// The plan with its tick and anchor; `None` while the log is followed.
     pub(crate) plan: Option<(Trajectory, Tick, PoseSe2)>,
     pub(crate) motions: Vec<Motion>,
+    /// Pending reactions of each follower.
+    pub(crate) wishes: Vec<Vec<f64>>,
 }
 
 /// Writes a snapshot.
@@ -40,6 +43,7 @@ pub(crate) fn write(content: &Content, scene: &Digest, config: &Digest) -> Vec<u
     let rates = [ego.velocity_mps.x, ego.velocity_mps.y, ego.yaw_rate_radps, ego.acceleration_mps2.x];
     let actuators = [ego.acceleration_mps2.y, ego.steering_rad, ego.steering_rate_radps, content.body.drive_mps2];
     rates.into_iter().chain(actuators).for_each(|value| out.extend(value.to_le_bytes()));
+    put_memory(&mut out, &content.body);
     let points = content.plan.as_ref().map_or(&[][..], |(plan, ..)| plan.points());
     out.extend((points.len() as u32).to_le_bytes());
     if let Some((_, tick, anchor)) = &content.plan {
@@ -62,9 +66,25 @@ pub(crate) fn write(content: &Content, scene: &Digest, config: &Digest) -> Vec<u
             Motion::Gone => out.push(2),
         }
     }
+    for wishes in &content.wishes {
+        put_all(&mut out, wishes.len(), wishes.iter().copied());
+    }
     let digest = Digest::of(&out);
     out.extend(digest.0);
     out
+}
+
+fn put_memory(out: &mut Vec<u8>, body: &Body) {
+    let [front, rear] = body.slip_rad;
+    [body.sensed_rad, front, rear].into_iter().for_each(|value| out.extend(value.to_le_bytes()));
+    let sent = |sent: &Sent| [sent.steer_rad, sent.accel_mps2, sent.speed_mps, sent.brake_work_mj];
+    put_all(out, body.past.sent.len(), body.past.sent.iter().flat_map(sent));
+    put_all(out, body.past.moments.len(), body.past.moments.iter().flat_map(|moment| moment.to_array()));
+}
+
+fn put_all(out: &mut Vec<u8>, count: usize, values: impl Iterator<Item = f64>) {
+    out.extend((count as u32).to_le_bytes());
+    values.for_each(|value| out.extend(value.to_le_bytes()));
 }
 
 fn put_pose(out: &mut Vec<u8>, pose: &PoseSe2) {
@@ -100,7 +120,8 @@ pub(crate) fn read(bytes: &[u8], scene: &Digest, config: &Digest) -> Result<Cont
     let body = reader.body()?;
     let plan = reader.plan(tick)?;
     let motions = reader.motions()?;
-    if reader.left.is_empty() { Ok(Content { tick, body, plan, motions }) } else { Err(length) }
+    let wishes = motions.iter().map(|_| reader.wishes()).collect::<Result<_, _>>()?;
+    if reader.left.is_empty() { Ok(Content { tick, body, plan, motions, wishes }) } else { Err(length) }
 }
 
 struct Reader<'a> {
@@ -140,7 +161,36 @@ impl Reader<'_> {
         let steering_rad = self.f64("ego.steering_rad")?;
         let steering_rate_radps = self.f64("ego.steering_rate_radps")?;
         let ego = EgoState { pose, velocity_mps, yaw_rate_radps, acceleration_mps2, steering_rad, steering_rate_radps };
-        Ok(Body { ego, drive_mps2: self.f64("ego.drive_mps2")? })
+        let drive_mps2 = self.f64("ego.drive_mps2")?;
+        let sensed_rad = self.f64("ego.sensed_rad")?;
+        let slip_rad = [self.f64("ego.slip_rad")?, self.f64("ego.slip_rad")?];
+        let mut past = Past::default();
+        for [steer_rad, accel_mps2, speed_mps, brake_work_mj] in self.rows("ego.commands")? {
+            past.sent.push(Sent { steer_rad, accel_mps2, speed_mps, brake_work_mj });
+        }
+        past.moments = self.rows("ego.moments")?.into_iter().map(Moment::from_array).collect();
+        Ok(Body { ego, drive_mps2, sensed_rad, slip_rad, past })
+    }
+
+    /// Reads a count and that many rows of numbers.
+    fn rows<const N: usize>(&mut self, field: &'static str) -> Result<Vec<[f64; N]>, SnapshotError> {
+        let count = self.u32()? as usize;
+        if count > self.left.len() / (8 * N) {
+            return Err(SnapshotError::Length { bytes: self.whole });
+        }
+        let mut rows = Vec::with_capacity(count);
+        for _ in 0..count {
+            let mut row = [0.0; N];
+            for value in &mut row {
+                *value = self.f64(field)?;
+            }
+            rows.push(row);
+        }
+        Ok(rows)
+    }
+
+    fn wishes(&mut self) -> Result<Vec<f64>, SnapshotError> {
+        Ok(self.rows::<1>("agent.wishes")?.into_iter().map(|[wish]| wish).collect())
     }
 
     fn plan(&mut self, tick: Tick) -> Result<Option<(Trajectory, Tick, PoseSe2)>, SnapshotError> {

@@ -6,6 +6,7 @@
 
 use std::sync::Arc;
 
+use ds_effect::plant::Follower;
 use ds_space::{AgentId, DVec2, Tick};
 use ds_world::{AgentState, LightState, Scene, TrackPoint, WorldState};
 
@@ -49,6 +50,12 @@ pub(crate) struct Traffic {
     paths: Arc<[Option<AgentPath>]>,
     stops: Arc<[Vec<SignalStop>]>,
     motions: Vec<Motion>,
+    /// Accelerations that each follower has wished for but not yet reacted with, oldest first; then the one it has.
+    wishes: Vec<Vec<f64>>,
+    /// Factor on desired speeds, reaction time and drive lag of followers, both in seconds.
+    desired_factor: f64,
+    delay_secs: f64,
+    lag_secs: f64,
     obstacles: Vec<Obstacle>,
 }
 
@@ -65,7 +72,7 @@ struct Obstacle {
 }
 
 impl Traffic {
-    pub(crate) fn new(scene: &Scene, config: &SimConfig) -> Self {
+    pub(crate) fn new(scene: &Scene, config: &SimConfig, driver: Follower) -> Self {
         let tracks = scene.tracks.len();
         let (mut paths, mut stops) = (vec![None; tracks], vec![Vec::new(); tracks]);
         if config.agents != AgentMode::LogReplay {
@@ -80,10 +87,20 @@ impl Traffic {
         }
         Self {
             mode: config.agents,
-            idm: config.idm,
+            idm: IdmParameters {
+                headway_secs: driver.headway_secs,
+                minimum_gap_m: driver.min_gap_m,
+                acceleration_mps2: driver.max_accel_mps2,
+                deceleration_mps2: driver.comfort_decel_mps2,
+                ..config.idm
+            },
             paths: paths.into(),
             stops: stops.into(),
             motions: vec![Motion::Replay; tracks],
+            wishes: vec![Vec::new(); tracks],
+            desired_factor: driver.desired_speed_factor,
+            delay_secs: driver.delay_secs.max(0.0),
+            lag_secs: driver.lag_secs.max(0.0),
             obstacles: Vec::with_capacity(tracks + 1),
         }
     }
@@ -99,9 +116,17 @@ impl Traffic {
         &self.motions
     }
 
-    /// Takes over motions, or names the first that does not fit the scene.
-    pub(crate) fn set_motions(&mut self, motions: Vec<Motion>) -> Result<(), (&'static str, f64)> {
-        if motions.len() != self.motions.len() {
+    pub(crate) fn wishes(&self) -> &[Vec<f64>] {
+        &self.wishes
+    }
+
+    /// Takes over motions and pending reactions, or names the first that does not fit the scene.
+    pub(crate) fn set_motions(
+        &mut self,
+        motions: Vec<Motion>,
+        wishes: Vec<Vec<f64>>,
+    ) -> Result<(), (&'static str, f64)> {
+        if motions.len() != self.motions.len() || wishes.len() != motions.len() {
             return Err(("agents", motions.len() as f64));
         }
         for (motion, path) in motions.iter().zip(self.paths.iter()) {
@@ -116,7 +141,31 @@ impl Traffic {
             }
         }
         self.motions = motions;
+        self.wishes = wishes;
         Ok(())
+    }
+
+    /// Returns the acceleration with which a follower reacts now: what it wished for a reaction time ago (it held its
+    /// speed before), behind the lag of its drive.
+    fn react(&mut self, follower: usize, wish_mps2: f64, dt_secs: f64) -> f64 {
+        if self.delay_secs == 0.0 && self.lag_secs == 0.0 {
+            return wish_mps2;
+        }
+        let wishes = &mut self.wishes[follower];
+        let whole = (self.delay_secs / dt_secs).floor();
+        let length = whole as usize + 3;
+        if wishes.is_empty() {
+            wishes.resize(length, 0.0);
+        }
+        let had_mps2 = wishes.pop().unwrap_or(0.0);
+        wishes.remove(0);
+        wishes.push(wish_mps2);
+        let (late, later) = (wishes[1], wishes[0]);
+        let share = self.delay_secs / dt_secs - whole;
+        let wished = late + share * (later - late);
+        let has = had_mps2 + (1.0 - (-dt_secs / self.lag_secs.max(1e-9)).exp()) * (wished - had_mps2);
+        wishes.push(has);
+        has
     }
 
     /// Lets those agents react from now on that the scope names at this state.
@@ -143,11 +192,13 @@ impl Traffic {
         self.obstacles.clear();
         self.obstacles.extend(world.agents.iter().filter(|agent| !agent.class.is_static()).map(Obstacle::of));
         self.obstacles.push(Obstacle::of_ego(ego));
+        let paths = Arc::clone(&self.paths);
         for agent in &world.agents {
             let index = agent.id.0 as usize;
             let Motion::Following { along_m, speed_mps } = self.motions[index] else { continue };
-            let Some(path) = &self.paths[index] else { continue };
-            let desired_mps = self.idm.desired_speed_mps.unwrap_or_else(|| path.at(along_m).desired_mps);
+            let Some(path) = &paths[index] else { continue };
+            let desired_mps =
+                self.desired_factor * self.idm.desired_speed_mps.unwrap_or_else(|| path.at(along_m).desired_mps);
             let lead = self.lead(path, agent, along_m, speed_mps);
             let mut acceleration = self.idm.acceleration(speed_mps, desired_mps, lead);
             let nose_m = along_m + 0.5 * agent.size.length_m;
@@ -155,9 +206,11 @@ impl Traffic {
                 let lead = Some(Lead { gap_m, speed_mps: 0.0 });
                 acceleration = acceleration.min(self.idm.acceleration(speed_mps, desired_mps, lead));
             }
+            let length_m = path.length_m();
+            let acceleration = self.react(index, acceleration, dt_secs);
             let next_mps = (speed_mps + acceleration * dt_secs).clamp(0.0, 60.0);
             let along_m = along_m + 0.5 * (speed_mps + next_mps) * dt_secs;
-            self.motions[index] = if along_m >= path.length_m() {
+            self.motions[index] = if along_m >= length_m {
                 Motion::Gone
             } else {
                 Motion::Following { along_m, speed_mps: next_mps }

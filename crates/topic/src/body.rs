@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ds_raster::{Encoding, RgbImage};
 use ds_space::{Digest, DigestWriter, PoseSe2, Tick};
-use ds_world::{EgoState, RouteCommand, Scene, Trajectory, WorldState};
+use ds_world::{EgoState, Reading, RouteCommand, Scene, Trajectory, WorldState};
 
 use crate::spec::EpisodeSpec;
 
@@ -30,6 +30,8 @@ pub struct World {
     pub snapshot: Option<Vec<u8>>,
     /// How the iteration's proposals were ranked; only at its first tick, and only if they were.
     pub verdict: Option<Verdict>,
+    /// What the car recorded of itself since the last tick; empty unless the episode asks for a vehicle log.
+    pub readings: Vec<Reading>,
 }
 
 /// The simulator's ranking of the proposals of a plan.
@@ -202,6 +204,9 @@ impl World {
         if let Some(verdict) = &self.verdict {
             writer.u32(verdict.chosen).u64(verdict.scores.len() as u64).f64s(&verdict.scores).f64(verdict.reference);
         }
+        for reading in &self.readings {
+            writer.f64s(&reading.to_array());
+        }
     }
 }
 
@@ -292,6 +297,12 @@ impl SceneMessage {
         writer.u32(spec.chunk_ticks).digest(&spec.video_model).digest(&spec.policy_model).digest(&spec.configuration);
         if (spec.scorer, spec.score_profile) != Default::default() {
             writer.u32(spec.scorer as u32).u32(spec.score_profile as u32);
+        }
+        for effect in &spec.effects {
+            writer.text(&effect.id).f64s(&effect.values);
+        }
+        if spec.vehicle_log || spec.observation_delay > 0 {
+            writer.bool(spec.vehicle_log).u32(spec.observation_delay);
         }
         writer.digest(&self.scene.digest).u64(self.first_frames.len() as u64);
         for frame in &self.first_frames {

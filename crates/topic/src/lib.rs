@@ -13,4 +13,6 @@ pub use body::{Cache, Ego, Event, EventKind, Frame, Layout, Plan, Proposal, Scen
 pub use envelope::{Envelope, Header, SCHEMA_VERSION};
 pub use order::{Advance, Motion, Owner, Role};
 pub use slot::{Slot, Topic};
-pub use spec::{AgentMode, EpisodeSpec, ObservationSource, ProposalScorer, ReplanAlignment, ScoreProfile};
+pub use spec::{
+    AgentMode, EpisodeSpec, ObservationSource, ProposalScorer, ReplanAlignment, ScoreProfile, SwitchedEffect,
+};

@@ -150,6 +150,15 @@ impl ScoreProfile {
     }
 }
 
+/// An effect that the world of an episode has beyond the nominal one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SwitchedEffect {
+    /// Its id in the library.
+    pub id: String,
+    /// One value per parameter, in reported units.
+    pub values: Vec<f64>,
+}
+
 /// The settings of one episode, fully resolved.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EpisodeSpec {
@@ -197,6 +206,12 @@ pub struct EpisodeSpec {
     pub scorer: ProposalScorer,
     /// Which definition of the driving score is used.
     pub score_profile: ScoreProfile,
+    /// Effects of the world; each service switches on those whose insertion point it owns.
+    pub effects: Vec<SwitchedEffect>,
+    /// Whether the car records itself between ticks.
+    pub vehicle_log: bool,
+    /// Ticks by which the frames that the policy sees are older than its plan.
+    pub observation_delay: u32,
 }
 
 impl EpisodeSpec {
@@ -210,6 +225,13 @@ impl EpisodeSpec {
     #[must_use]
     pub fn iterations(&self) -> u32 {
         1 + self.last_tick.0.div_ceil(self.replan_period.max(1))
+    }
+
+    /// Returns the first and last tick of the frames that the policy sees for a plan made at a tick.
+    #[must_use]
+    pub fn seen_at(&self, now: Tick) -> (Tick, Tick) {
+        let last = now.0.saturating_sub(self.observation_delay);
+        (Tick((last + 1).saturating_sub(self.history.max(1))), Tick(last))
     }
 
     /// Returns the last tick of the warm-up, from which on the policy drives.

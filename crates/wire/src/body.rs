@@ -74,10 +74,12 @@ const WORLD_LIMITS: &[Limit] = &[
     Limit { path: &[5], field: "agents", most: world::MAX_AGENTS },
     Limit { path: &[7], field: "contacts", most: world::MAX_AGENTS },
     Limit { path: &[10], field: "verdict", most: 1 },
+    Limit { path: &[11], field: "readings", most: world::MAX_READINGS },
 ];
 const SCORE_LIMITS: &[Limit] = &[Limit { path: &[2], field: "values", most: crate::score::MAX_VALUES }];
 const SCENE_LIMITS: &[Limit] = &[
     Limit { path: &[4], field: "first_frames", most: scene::MAX_CAMERAS },
+    Limit { path: &[2, 23], field: "spec.effects", most: crate::spec::MAX_EFFECTS },
     Limit { path: &[3, 5, 1], field: "scenario.map.lanes", most: MAX_LANES },
     Limit { path: &[3, 5, 2], field: "scenario.map.junctions", most: MAX_LINES },
     Limit { path: &[3, 5, 3], field: "scenario.map.drivable", most: MAX_LINES },

@@ -1,10 +1,12 @@
 //! The settings of an episode, part of `scene`.
 
 use ds_space::{EpisodeId, Tick};
-use ds_topic::{AgentMode, EpisodeSpec, ObservationSource, ProposalScorer, ReplanAlignment, ScoreProfile};
+use ds_topic::{
+    AgentMode, EpisodeSpec, ObservationSource, ProposalScorer, ReplanAlignment, ScoreProfile, SwitchedEffect,
+};
 
 use crate::error::FieldError;
-use crate::field::{checked, choice, digest, enumeration, text, whole};
+use crate::field::{checked, choice, digest, enumeration, list, number, text, whole};
 use crate::scene::{MAX_NAME_BYTES, MAX_TICKS};
 use crate::v1;
 
@@ -28,6 +30,31 @@ where
     T: TryFrom<W, Error = FieldError> + Default,
 {
     if value == 0 { Ok(T::default()) } else { choice::<W, T>(field, value) }
+}
+
+/// Bounds on the effects of an episode.
+pub(crate) const MAX_EFFECTS: usize = 64;
+const MAX_VALUES: usize = 16;
+const MAX_DELAY_TICKS: u32 = 100;
+
+impl From<&SwitchedEffect> for v1::SwitchedEffect {
+    fn from(value: &SwitchedEffect) -> Self {
+        Self { id: value.id.clone(), values: value.values.clone() }
+    }
+}
+
+impl TryFrom<v1::SwitchedEffect> for SwitchedEffect {
+    type Error = FieldError;
+    fn try_from(message: v1::SwitchedEffect) -> Result<Self, FieldError> {
+        if message.values.len() > MAX_VALUES {
+            return Err(FieldError::new("values", format!("has {} values, the limit is {MAX_VALUES}", message.values.len())));
+        }
+        let values = message.values.into_iter().enumerate();
+        Ok(Self {
+            id: text("id", message.id, MAX_NAME_BYTES)?,
+            values: values.map(|(i, value)| number(&format!("values[{i}]"), Some(value))).collect::<Result<_, _>>()?,
+        })
+    }
 }
 
 impl From<&EpisodeSpec> for v1::EpisodeSpec {
@@ -56,6 +83,9 @@ impl From<&EpisodeSpec> for v1::EpisodeSpec {
             configuration: bytes(&value.configuration),
             scorer: v1::ProposalScorer::from(value.scorer).into(),
             score_profile: v1::ScoreProfile::from(value.score_profile).into(),
+            effects: value.effects.iter().map(Into::into).collect(),
+            vehicle_log: value.vehicle_log,
+            observation_delay: value.observation_delay,
         }
     }
 }
@@ -87,6 +117,9 @@ impl TryFrom<v1::EpisodeSpec> for EpisodeSpec {
             configuration: digest("configuration", &message.configuration)?,
             scorer: chosen::<v1::ProposalScorer, _>("scorer", message.scorer)?,
             score_profile: chosen::<v1::ScoreProfile, _>("score_profile", message.score_profile)?,
+            effects: list("effects", message.effects, MAX_EFFECTS)?,
+            vehicle_log: message.vehicle_log,
+            observation_delay: whole("observation_delay", message.observation_delay, 0, MAX_DELAY_TICKS)?,
         })
     }
 }

@@ -2,7 +2,7 @@
 
 use ds_space::{AgentId, SimTime, Tick};
 use ds_topic::{Verdict, World};
-use ds_world::{AgentClass, AgentState, Contact, ContactKind, LightState, WorldState};
+use ds_world::{AgentClass, AgentState, Contact, ContactKind, LightState, Reading, WorldState};
 
 use crate::error::FieldError;
 use crate::field::{choice, choices, digest, enumeration, list, number, part};
@@ -11,6 +11,8 @@ use crate::v1;
 
 /// The most agents, lights or contacts of a state.
 pub const MAX_AGENTS: usize = 4_096;
+/// What a car may record of itself in one tick.
+pub(crate) const MAX_READINGS: usize = 256;
 /// The longest snapshot, in bytes.
 pub const MAX_SNAPSHOT_BYTES: usize = 4 << 20;
 
@@ -88,6 +90,7 @@ impl From<&World> for v1::World {
                 scores: verdict.scores.clone(),
                 reference: Some(verdict.reference),
             }),
+            readings: value.readings.iter().map(Into::into).collect(),
         }
     }
 }
@@ -113,6 +116,48 @@ impl TryFrom<v1::World> for World {
             before: digest("before", &message.before)?,
             snapshot: message.snapshot.map(Into::into),
             verdict: message.verdict.map(verdict).transpose().map_err(|error| error.below("verdict"))?,
+            readings: list("readings", message.readings, MAX_READINGS)?,
+        })
+    }
+}
+
+impl From<&Reading> for v1::Reading {
+    fn from(value: &Reading) -> Self {
+        let [secs, cmd_steer_rad, cmd_accel_mps2, x_m, y_m, yaw_rad, speed_mps, yaw_rate_radps, ax_mps2, ay_mps2, steering_rad, wheel_speed_mps] =
+            value.to_array().map(Some);
+        Self {
+            secs,
+            cmd_steer_rad,
+            cmd_accel_mps2,
+            x_m,
+            y_m,
+            yaw_rad,
+            speed_mps,
+            yaw_rate_radps,
+            ax_mps2,
+            ay_mps2,
+            steering_rad,
+            wheel_speed_mps,
+        }
+    }
+}
+
+impl TryFrom<v1::Reading> for Reading {
+    type Error = FieldError;
+    fn try_from(message: v1::Reading) -> Result<Self, FieldError> {
+        Ok(Self {
+            secs: number("secs", message.secs)?,
+            cmd_steer_rad: number("cmd_steer_rad", message.cmd_steer_rad)?,
+            cmd_accel_mps2: number("cmd_accel_mps2", message.cmd_accel_mps2)?,
+            x_m: number("x_m", message.x_m)?,
+            y_m: number("y_m", message.y_m)?,
+            yaw_rad: number("yaw_rad", message.yaw_rad)?,
+            speed_mps: number("speed_mps", message.speed_mps)?,
+            yaw_rate_radps: number("yaw_rate_radps", message.yaw_rate_radps)?,
+            ax_mps2: number("ax_mps2", message.ax_mps2)?,
+            ay_mps2: number("ay_mps2", message.ay_mps2)?,
+            steering_rad: number("steering_rad", message.steering_rad)?,
+            wheel_speed_mps: number("wheel_speed_mps", message.wheel_speed_mps)?,
         })
     }
 }

@@ -90,7 +90,7 @@ fn world() -> World {
     let agents = (0..4).map(agent).collect();
     let ego = EgoState::default();
     let state = WorldState { tick: Tick(3), time: SimTime(3), ego, agents, lights: vec![], contacts: vec![] };
-    World { state, before: Digest::default(), snapshot: Some(vec![1, 2, 3]), verdict: None }
+    World { state, before: Digest::default(), snapshot: Some(vec![1, 2, 3]), verdict: None, readings: Vec::new() }
 }
 
 fn image() -> RgbImage {
@@ -178,6 +178,9 @@ fn spec() -> EpisodeSpec {
         configuration: Digest::default(),
         scorer: Default::default(),
         score_profile: Default::default(),
+        effects: Vec::new(),
+        vehicle_log: false,
+        observation_delay: 0,
     }
 }
 

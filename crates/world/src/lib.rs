@@ -6,6 +6,7 @@ pub mod agent;
 pub mod ego;
 pub mod map;
 pub mod polyline;
+pub mod reading;
 pub mod scene;
 pub mod state;
 pub mod trajectory;
@@ -17,6 +18,7 @@ pub use map::{
     TrafficLight,
 };
 pub use polyline::{Polyline, Projection};
+pub use reading::Reading;
 pub use scene::{Family, Origin, Scene};
 pub use state::{Contact, ContactKind, WorldState};
 pub use trajectory::{Trajectory, TrajectoryError, TrajectoryPoint};

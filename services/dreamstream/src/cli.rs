@@ -5,12 +5,14 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 
 mod fleet;
+mod gap;
 mod results;
 
 pub(crate) use fleet::{CertsArgs, ControlArgs, HealthArgs, ServeArgs, WhyArgs};
-pub(crate) use results::{
-    CompareArgs, DiagnoseArgs, EvaluateArgs, GapCommand, GapScoreArgs, MergeArgs, ReportArgs, ScoreArgs,
+pub(crate) use gap::{
+    ApplyArgs, AttributeArgs, CloseArgs, DiagnoseArgs, EvaluateArgs, GapCommand, GapScoreArgs, WatchArgs,
 };
+pub(crate) use results::{CompareArgs, MergeArgs, ReportArgs, ScoreArgs};
 
 const EXAMPLES: &str = "Examples:
   dreamstream run scenarios/base                       drive all shipped scenarios with the camera policy
@@ -200,6 +202,22 @@ pub(crate) struct RunArgs {
     /// Make no pictures.
     #[arg(long)]
     pub no_pictures: bool,
+    /// Effects of the world beyond the nominal one, and other settings of a run, as `gap apply` writes them.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub config: Option<PathBuf>,
+    /// An effect of the world, such as steer_delay=0.15; may be given several times. `gap effects` lists them.
+    #[arg(long = "effect", value_name = "ID=VALUE")]
+    pub effects: Vec<String>,
+    /// Write the log that a real vehicle would have made of each drive to OUT/real.
+    #[arg(long)]
+    pub vehicle_log: bool,
+    /// Drive in a world with withheld effects: draws them, writes the answer encrypted to FILE (its key to FILE.key),
+    /// keeps of the drives only what a real vehicle logs.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["config", "effects", "resume"], value_hint = ValueHint::FilePath)]
+    pub seal: Option<PathBuf>,
+    /// Test aid: draw the withheld effects by this seed.
+    #[arg(long, hide = true, requires = "seal")]
+    pub seal_seed: Option<u64>,
     /// Test aid: drop this share of all pushes on the bus (0 to 1).
     #[arg(long, default_value_t = 0.0, hide = true)]
     pub drop_pushes: f64,

@@ -8,6 +8,7 @@ mod command;
 mod embed;
 mod live;
 mod pictures;
+mod world;
 
 use std::process::ExitCode;
 
@@ -50,7 +51,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
             Some(episode) => runtime()?.block_on(command::view::live(args, episode)),
             None => command::view::run(args),
         },
-        Command::Gap(command) => command::gap::run(command),
+        Command::Gap(command) => command::gap::run(command, &cli.log),
         Command::Score(args) => command::score::run(args),
         Command::Report(args) => command::report::run(args),
         Command::Compare(args) => command::report::compare_runs(args),

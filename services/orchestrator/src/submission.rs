@@ -6,12 +6,18 @@ use std::sync::Arc;
 use ds_camera::{Appearance, ReferenceCamera};
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter, EpisodeId, RunId, Tick};
-use ds_topic::{EpisodeSpec, ObservationSource, ProposalScorer, ReplanAlignment, SceneMessage, ScoreProfile};
+use ds_topic::{
+    EpisodeSpec, ObservationSource, ProposalScorer, ReplanAlignment, SceneMessage, ScoreProfile, SwitchedEffect,
+};
 use ds_wire::control as pb;
 use ds_world::Scene;
 
 /// The most episodes that a run may have.
 const MAX_EPISODES: usize = 100_000;
+/// The most effects that a run may switch on.
+const MAX_EFFECTS: usize = 64;
+/// The oldest frames that a policy may see, in ticks.
+const MAX_DELAY_TICKS: f64 = 100.0;
 
 /// A run is refused; nothing of it was begun.
 #[derive(Debug, thiserror::Error)]
@@ -26,6 +32,9 @@ pub(crate) enum SubmissionError {
         /// What is allowed.
         why: &'static str,
     },
+    /// An effect is refused.
+    #[error("submit.settings.effects: {0}")]
+    Effect(#[from] ds_effect::SettingError),
     /// A scenario is refused.
     #[error(transparent)]
     Scenario(#[from] ds_scenario::ScenarioError),
@@ -132,6 +141,12 @@ fn checked(settings: pb::RunSettings) -> Result<pb::RunSettings, SubmissionError
             return refuse(field, &value, "a known name, such as `learned` or `bridgesim`");
         }
     }
+    if settings.effects.len() > MAX_EFFECTS {
+        return refuse("settings.effects", settings.effects.len(), "at most 64 effects");
+    }
+    for effect in &settings.effects {
+        ds_effect::Setting::new(&effect.id, &effect.values)?;
+    }
     if settings.replan_period > settings.horizon {
         return refuse("settings.replan_period", settings.replan_period, "at most the horizon");
     }
@@ -233,13 +248,31 @@ fn spec(run: &RunId, scene: &Scene, arm: &Arm<'_>, settings: &pb::RunSettings) -
         configuration: Digest::default(),
         scorer: ProposalScorer::from_name(&settings.scorer).unwrap_or_default(),
         score_profile: ScoreProfile::from_name(&settings.score_profile).unwrap_or_default(),
+        effects: settings.effects.iter().map(|effect| switched(effect)).collect(),
+        vehicle_log: settings.vehicle_log,
+        observation_delay: observation_delay(settings, scene.dt.secs()),
     };
     let mut writer = DigestWriter::new();
     writer.text(run.as_str()).u32(spec.replan_period).u32(spec.horizon).u32(spec.history).u32(spec.warm_up);
     writer.u32(spec.scorer as u32).u32(spec.score_profile as u32).u32(spec.alignment as u32);
     writer.u32(spec.agents as u32).text(&spec.tracker).text(&spec.layout_backend).u32(spec.last_tick.0);
+    for effect in &spec.effects {
+        writer.text(&effect.id).f64s(&effect.values);
+    }
+    writer.bool(spec.vehicle_log);
     spec.configuration = writer.finish();
     Ok(spec)
+}
+
+fn switched(effect: &pb::SwitchedEffect) -> SwitchedEffect {
+    SwitchedEffect { id: effect.id.clone(), values: effect.values.clone() }
+}
+
+/// Returns the age of the frames that a policy sees, in ticks: the world's `obs_latency`.
+fn observation_delay(settings: &pb::RunSettings, dt_secs: f64) -> u32 {
+    let ages = settings.effects.iter().filter(|effect| effect.id == "obs_latency");
+    let secs: f64 = ages.filter_map(|effect| effect.values.first()).sum();
+    (secs / dt_secs).round().clamp(0.0, MAX_DELAY_TICKS) as u32
 }
 
 /// Loads the scenario of a job and makes what the stages need to begin: the scene and the first frames.

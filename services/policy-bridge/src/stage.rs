@@ -69,12 +69,12 @@ struct Hosting {
 impl Hosting {
     fn observation(&self, last: Tick, inputs: &Inputs) -> Result<(Observation, Vec<EgoState>), Fault> {
         let spec = &self.scene.spec;
-        let first = Tick((last.0 + 1).saturating_sub(spec.history));
+        let (first, shown) = spec.seen_at(last);
         let cameras = self.scene.scene.cameras.clone();
         let mut frames = Vec::new();
         for (index, _) in (0u16..).zip(&cameras) {
             let mut seen = Vec::new();
-            for tick in first.to(last) {
+            for tick in first.to(shown) {
                 seen.push(inputs.decode::<Frame>(Slot::of_camera(Topic::Frame, tick.0, index))?.image);
             }
             frames.push(seen);
@@ -84,13 +84,14 @@ impl Hosting {
             egos.push(inputs.decode::<Ego>(Slot::new(Topic::Ego, tick.0))?);
         }
         let now = egos.last().cloned().ok_or_else(|| Fault::deterministic("missing_input", "no ego state is due"))?;
-        let states: Vec<_> = egos.iter().map(|ego| ego.estimate).collect();
+        // Odometry is not delayed with the frames: as many states as frames, up to now.
+        let states: Vec<_> = egos.iter().map(|ego| ego.estimate).skip((last.0 - shown.0) as usize).collect();
         let observation = Observation {
             frames,
             cameras,
             ego: EgoView::of(&states),
             command: now.command,
-            stamps: first.to(last).map(|tick| SimTime::at(tick, self.scene.scene.dt)).collect(),
+            stamps: first.to(shown).map(|tick| SimTime::at(tick, self.scene.scene.dt)).collect(),
             horizon_ticks: spec.horizon,
             dt: self.scene.scene.dt,
             draw: Draws::new(&spec.draw_key(), "policy", &[u64::from(last.0)]),

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use ds_effect::Setting;
 use ds_oracle::{AgentsIn, Oracle};
 use ds_process::maker::{Fault, Inputs, Maker, MakerFactory, Output, bad, output};
 use ds_sim::{SimConfig, Simulation, TrackerKind};
@@ -39,7 +40,7 @@ impl MakerFactory for SimStage {
 /// Translates an episode's settings to the simulator's.
 ///
 /// # Errors
-/// If the tracker is unknown.
+/// If the tracker is unknown or an effect is refused.
 pub fn sim_config(scene: &SceneMessage) -> Result<SimConfig, Fault> {
     let tracker = match scene.spec.tracker.as_str() {
         "lqr" => TrackerKind::Lqr,
@@ -51,7 +52,11 @@ pub fn sim_config(scene: &SceneMessage) -> Result<SimConfig, Fault> {
         AgentMode::IdmBehindEgo => ds_sim::AgentMode::Idm { scope: ds_sim::IdmScope::BehindEgo },
         AgentMode::IdmAll => ds_sim::AgentMode::Idm { scope: ds_sim::IdmScope::All },
     };
-    Ok(SimConfig { tracker, agents, ..SimConfig::default() })
+    let mut effects = Vec::new();
+    for effect in scene.spec.effects.iter().filter(|effect| ds_effect::find(&effect.id).is_some()) {
+        effects.push(Setting::new(&effect.id, &effect.values).map_err(|error| bad("bad_settings", &error))?);
+    }
+    Ok(SimConfig { tracker, agents, effects, vehicle_log: scene.spec.vehicle_log, ..SimConfig::default() })
 }
 
 struct Running {
@@ -75,6 +80,7 @@ impl Running {
             before: self.border,
             snapshot: with_snapshot.then(|| simulation.snapshot()),
             verdict: self.verdict.take(),
+            readings: simulation.readings(&self.scene.spec.draw_key()),
         };
         let ego = Ego { estimate: simulation.ego_estimate(), command: simulation.route_command() };
         let tick = world.state.tick;
@@ -93,7 +99,7 @@ impl Maker for Running {
         let world: World = inputs.decode(slot)?;
         let snapshot =
             world.snapshot.ok_or_else(|| Fault::deterministic("missing_input", format!("{slot} has no snapshot")))?;
-        let restored = Simulation::restore(Arc::clone(&self.scene.scene), self.config, &snapshot);
+        let restored = Simulation::restore(Arc::clone(&self.scene.scene), self.config.clone(), &snapshot);
         self.simulation = Some(restored.map_err(|error| bad("snapshot_refused", &error))?);
         self.border = inputs.content(slot)?;
         Ok(())
@@ -102,7 +108,7 @@ impl Maker for Running {
     fn work(&mut self, order: &Advance, _inputs: &Inputs) -> Result<Vec<Output>, Fault> {
         match &order.motion {
             Motion::Initial => {
-                let started = Simulation::new(Arc::clone(&self.scene.scene), self.config, Tick(0));
+                let started = Simulation::new(Arc::clone(&self.scene.scene), self.config.clone(), Tick(0));
                 self.simulation = Some(started.map_err(|error| bad("scenario_refused", &error))?);
                 return Ok(self.outputs(true)?.into());
             }

@@ -121,6 +121,9 @@ pub(crate) fn outline(dice: &mut Dice) -> Outline {
         configuration: Digest::default(),
         scorer: Default::default(),
         score_profile: Default::default(),
+        effects: Vec::new(),
+        vehicle_log: false,
+        observation_delay: 0,
     };
     Outline { spec, cameras: dice.range(1, 2) as u16, dt: SimTime(100_000_000) }
 }

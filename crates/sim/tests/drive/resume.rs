@@ -29,8 +29,8 @@ fn config(choice: u32) -> SimConfig {
 }
 
 /// Warm-up on the log, then both plans in turn every 5 ticks; returns every state, restoring before one tick.
-fn drive(scene: &Arc<Scene>, config: SimConfig, plans: &[Trajectory; 2], restore_at: Option<u32>) -> Vec<WorldState> {
-    let mut simulation = Simulation::new(scene.clone(), config, Tick(0)).expect("the scene is sound");
+fn drive(scene: &Arc<Scene>, config: &SimConfig, plans: &[Trajectory; 2], restore_at: Option<u32>) -> Vec<WorldState> {
+    let mut simulation = Simulation::new(scene.clone(), config.clone(), Tick(0)).expect("the scene is sound");
     (0..60)
         .map(|tick| {
             if tick >= 5 && tick % 5 == 0 {
@@ -39,7 +39,7 @@ fn drive(scene: &Arc<Scene>, config: SimConfig, plans: &[Trajectory; 2], restore
             if restore_at == Some(tick) {
                 let before = simulation.state().clone();
                 let bytes = simulation.snapshot();
-                simulation = Simulation::restore(scene.clone(), config, &bytes).expect("its own snapshot");
+                simulation = Simulation::restore(scene.clone(), config.clone(), &bytes).expect("its own snapshot");
                 assert_eq!(simulation.state(), &before, "the restored state of tick {tick}");
                 assert_eq!(simulation.snapshot(), bytes, "the snapshot of the restored state");
             }
@@ -53,8 +53,8 @@ proptest! {
     #[test]
     fn a_restored_simulation_goes_on_to_the_bit(a in plans(), b in plans(), at in 0u32..60, choice in 0u32..4) {
         let (scene, plans) = (shared(crowded(30)), [a, b]);
-        let whole = drive(&scene, config(choice), &plans, None);
-        let resumed = drive(&scene, config(choice), &plans, Some(at));
+        let whole = drive(&scene, &config(choice), &plans, None);
+        let resumed = drive(&scene, &config(choice), &plans, Some(at));
         prop_assert_eq!(whole, resumed);
     }
 

@@ -15,9 +15,9 @@ struct Errors {
 }
 
 /// Replays the expert through plans every 5 ticks for 10 s and returns the errors against the log.
-fn replay_expert(scene: Scene, config: SimConfig) -> (Errors, EgoState) {
+fn replay_expert(scene: Scene, config: &SimConfig) -> (Errors, EgoState) {
     let scene = shared(scene);
-    let mut simulation = Simulation::new(scene.clone(), config, Tick(0)).expect("the scene is sound");
+    let mut simulation = Simulation::new(scene.clone(), config.clone(), Tick(0)).expect("the scene is sound");
     let mut errors = Errors::default();
     for tick in 0..100 {
         if tick % 5 == 0 {
@@ -59,7 +59,7 @@ fn expert_replay_stays_close() {
     ] {
         for config in configs() {
             let log = expert(curvature_per_m, |t| speed_mps * t);
-            let (errors, _) = replay_expert(scene(curvature_per_m, log, Vec::new()), config);
+            let (errors, _) = replay_expert(scene(curvature_per_m, log, Vec::new()), &config);
             let close = errors.lateral_m <= lateral_m && errors.along_m <= along_m && errors.heading_rad <= 0.06;
             assert!(close, "curvature {curvature_per_m}, {speed_mps} m/s, {config:?}: {errors:?}");
         }
@@ -71,7 +71,7 @@ fn stops_where_the_plan_stops_and_stays() {
     // From 8 m/s to a stand within 4 s, at 16 m.
     let along = |t: f64| if t < 4.0 { 8.0 * t - t * t } else { 16.0 };
     for config in configs() {
-        let (errors, ego) = replay_expert(scene(0.0, expert(0.0, along), Vec::new()), config);
+        let (errors, ego) = replay_expert(scene(0.0, expert(0.0, along), Vec::new()), &config);
         assert!(ego.speed_mps().abs() < 0.05, "{config:?}: still at {} m/s", ego.speed_mps());
         assert!((ego.pose.position.x - 16.0).abs() < 1.5, "{config:?}: stands at {} m", ego.pose.position.x);
         assert!(errors.lateral_m < 0.01, "{config:?}: {errors:?}");
@@ -82,7 +82,7 @@ fn stops_where_the_plan_stops_and_stays() {
 fn starts_from_a_stand() {
     let along = |t: f64| if t < 4.0 { 0.75 * t * t } else { 12.0 + 6.0 * (t - 4.0) };
     for config in configs() {
-        let (errors, ego) = replay_expert(scene(0.0, expert(0.0, along), Vec::new()), config);
+        let (errors, ego) = replay_expert(scene(0.0, expert(0.0, along), Vec::new()), &config);
         assert!((ego.speed_mps() - 6.0).abs() < 0.3 && errors.along_m < 1.5, "{config:?}: {errors:?}");
     }
 }
@@ -91,7 +91,7 @@ fn starts_from_a_stand() {
 fn a_plan_that_ends_brings_the_car_to_a_stand() {
     for config in configs() {
         let scene = shared(scene(0.0, expert(0.0, |t| 10.0 * t), Vec::new()));
-        let mut simulation = Simulation::new(scene, config, Tick(0)).expect("the scene is sound");
+        let mut simulation = Simulation::new(scene, config.clone(), Tick(0)).expect("the scene is sound");
         let point = TrajectoryPoint { after: SimTime::from_secs(0.5), pose: PoseSe2::new(5.0, 0.0, 0.0) };
         simulation.begin_plan(&Trajectory::new(vec![point]).expect("the plan is sound"));
         (0..120).for_each(|_| {
@@ -120,8 +120,8 @@ fn a_moved_and_turned_world_gives_the_moved_and_turned_drive() {
     moved.ego_log.iter_mut().for_each(|ego| ego.pose = frame.compose(&ego.pose));
     moved.route.iter_mut().for_each(|point: &mut DVec2| *point = frame.to_outer(*point));
     for config in configs() {
-        let here = replay_expert(build(), config).1;
-        let there = replay_expert(moved.clone(), config).1;
+        let here = replay_expert(build(), &config).1;
+        let there = replay_expert(moved.clone(), &config).1;
         let back = frame.relative(&there.pose);
         assert!((back.position - here.pose.position).length() < 1e-6, "{config:?}");
         assert!((there.velocity_mps - here.velocity_mps).length() < 1e-6, "{config:?}");

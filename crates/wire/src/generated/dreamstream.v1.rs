@@ -1386,6 +1386,46 @@ pub struct Verdict {
     #[prost(double, optional, tag = "3")]
     pub reference: ::core::option::Option<f64>,
 }
+/// One sample of what the car records of itself; positions are those of the centre of gravity.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct Reading {
+    /// Stamp since the start of the scenario, in seconds.
+    #[prost(double, optional, tag = "1")]
+    pub secs: ::core::option::Option<f64>,
+    /// Commanded road-wheel angle, in radians.
+    #[prost(double, optional, tag = "2")]
+    pub cmd_steer_rad: ::core::option::Option<f64>,
+    /// Commanded force at the wheels over nominal mass, in metres per second squared.
+    #[prost(double, optional, tag = "3")]
+    pub cmd_accel_mps2: ::core::option::Option<f64>,
+    /// East, in metres.
+    #[prost(double, optional, tag = "4")]
+    pub x_m: ::core::option::Option<f64>,
+    /// North, in metres.
+    #[prost(double, optional, tag = "5")]
+    pub y_m: ::core::option::Option<f64>,
+    /// Heading, counter-clockwise, not wrapped, in radians.
+    #[prost(double, optional, tag = "6")]
+    pub yaw_rad: ::core::option::Option<f64>,
+    /// Forward speed of the positioning system, in metres per second.
+    #[prost(double, optional, tag = "7")]
+    pub speed_mps: ::core::option::Option<f64>,
+    /// Gyro, in radians per second.
+    #[prost(double, optional, tag = "8")]
+    pub yaw_rate_radps: ::core::option::Option<f64>,
+    /// Forward accelerometer, specific force, in metres per second squared.
+    #[prost(double, optional, tag = "9")]
+    pub ax_mps2: ::core::option::Option<f64>,
+    /// Left accelerometer, specific force, in metres per second squared.
+    #[prost(double, optional, tag = "10")]
+    pub ay_mps2: ::core::option::Option<f64>,
+    /// Position sensor of the steering, as road-wheel angle in radians.
+    #[prost(double, optional, tag = "11")]
+    pub steering_rad: ::core::option::Option<f64>,
+    /// Mean wheel speed times nominal radius, in metres per second.
+    #[prost(double, optional, tag = "12")]
+    pub wheel_speed_mps: ::core::option::Option<f64>,
+}
 /// Body of `world`: the state after the step to this tick.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct World {
@@ -1419,6 +1459,9 @@ pub struct World {
     /// How the proposals of the iteration were ranked; only at its first tick, and only if they were.
     #[prost(message, optional, tag = "10")]
     pub verdict: ::core::option::Option<Verdict>,
+    /// What the car recorded of itself since the last tick, at most 256; empty unless the episode asks for a vehicle log.
+    #[prost(message, repeated, tag = "11")]
+    pub readings: ::prost::alloc::vec::Vec<Reading>,
 }
 /// What kind of road user or object an agent is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
@@ -1540,8 +1583,18 @@ impl ContactKind {
         }
     }
 }
+/// An effect switched on in the service that owns its insertion point.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct SwitchedEffect {
+    /// Its id in the library, at most 256 bytes.
+    #[prost(string, tag = "1")]
+    pub id: ::prost::alloc::string::String,
+    /// One value per parameter, in reported units, at most 16.
+    #[prost(double, repeated, tag = "2")]
+    pub values: ::prost::alloc::vec::Vec<f64>,
+}
 /// The settings of one episode, fully resolved.
-#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+#[derive(Clone, PartialEq, ::prost::Message)]
 pub struct EpisodeSpec {
     /// The episode id.
     #[prost(string, tag = "1")]
@@ -1609,6 +1662,15 @@ pub struct EpisodeSpec {
     /// Which definition of the driving score is used.
     #[prost(enumeration = "ScoreProfile", tag = "22")]
     pub score_profile: i32,
+    /// Effects that this world has beyond the nominal one, at most 64.
+    #[prost(message, repeated, tag = "23")]
+    pub effects: ::prost::alloc::vec::Vec<SwitchedEffect>,
+    /// Whether the car records itself between ticks.
+    #[prost(bool, tag = "24")]
+    pub vehicle_log: bool,
+    /// Ticks by which the frames that the policy sees are older than its plan, at most 100.
+    #[prost(uint32, tag = "25")]
+    pub observation_delay: u32,
 }
 /// A lane.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -2120,7 +2182,7 @@ impl LineColour {
     }
 }
 /// Settings that all episodes of a run share.
-#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+#[derive(Clone, PartialEq, ::prost::Message)]
 pub struct RunSettings {
     /// Ticks executed of each plan, from 1.
     #[prost(uint32, tag = "1")]
@@ -2167,6 +2229,12 @@ pub struct RunSettings {
     /// Definition of the driving score: `bridgesim` (the default) or `strict`.
     #[prost(string, tag = "15")]
     pub score_profile: ::prost::alloc::string::String,
+    /// Effects of the world beyond the nominal one, at most 64.
+    #[prost(message, repeated, tag = "16")]
+    pub effects: ::prost::alloc::vec::Vec<SwitchedEffect>,
+    /// Whether the car records itself between ticks.
+    #[prost(bool, tag = "17")]
+    pub vehicle_log: bool,
 }
 /// A scenario to drive.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]

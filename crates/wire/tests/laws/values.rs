@@ -10,10 +10,10 @@ use ds_space::{
 use ds_topic::body::Tensor;
 use ds_topic::{
     Advance, AgentMode, Cache, Ego, EpisodeSpec, Frame, Layout, Motion, ObservationSource, Owner, Plan, Proposal,
-    ProposalScorer, ReplanAlignment, Role, SceneMessage, Score, ScoreProfile, Verdict, World,
+    ProposalScorer, ReplanAlignment, Role, SceneMessage, Score, ScoreProfile, SwitchedEffect, Verdict, World,
 };
 use ds_wire::policy::{CameraView, Observation, StampedEgo, StampedImage};
-use ds_world::{
+use ds_world::{Reading, 
     AgentClass, AgentState, Contact, ContactKind, Crosswalk, EgoState, Lane, LaneId, LaneKind, LightState, LineColour,
     LineKind, LineMarking, Map, Origin, RoadEdge, RouteCommand, Scene, Size, StopLine, Track, TrackPoint, TrafficLight,
     Trajectory, TrajectoryPoint, VehicleParameters, WorldState,
@@ -203,7 +203,9 @@ pub(crate) fn world() -> impl Strategy<Value = World> {
             let state = WorldState { tick: Tick(tick), time: SimTime(time), ego, agents, lights, contacts };
             let scores = [state.tick.0, 1].map(|value| 1.0 / f64::from(value % 9 + 1)).to_vec();
             let verdict = snapshot.is_some().then_some(Verdict { chosen: state.tick.0 % 2, scores, reference: 0.5 });
-            World { state, before, snapshot, verdict }
+            let reading = |k: u32| Reading::from_array(std::array::from_fn(|i| f64::from(k) + i as f64));
+            let readings = (0..state.tick.0 % 3).map(reading).collect();
+            World { state, before, snapshot, verdict, readings }
         },
     )
 }
@@ -312,6 +314,9 @@ fn spec() -> impl Strategy<Value = EpisodeSpec> {
         configuration: digest,
         scorer: modes.3,
         score_profile: modes.4,
+        effects: vec![SwitchedEffect { id: "steer_delay".to_owned(), values: vec![f64::from(small) * 0.01] }],
+        vehicle_log: small % 2 == 1,
+        observation_delay: small,
     })
 }
 

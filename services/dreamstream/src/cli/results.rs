@@ -1,8 +1,8 @@
-//! Arguments of the commands that work on what was driven or recorded: scores, gap diagnosis, reports.
+//! Arguments of the commands that work on what was driven or recorded: scores, reports.
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand, ValueHint};
+use clap::{Args, ValueHint};
 
 /// Arguments of `score`.
 #[derive(Debug, Args)]
@@ -19,59 +19,6 @@ pub(crate) struct ScoreArgs {
     /// Where the scores or answers go as JSON.
     #[arg(long, short, value_hint = ValueHint::FilePath)]
     pub out: Option<PathBuf>,
-}
-
-/// Commands of `gap`.
-#[derive(Debug, Subcommand)]
-pub(crate) enum GapCommand {
-    /// Diagnose cases: folders with meta.json and logs, or folders of such folders.
-    Diagnose(DiagnoseArgs),
-    /// Measure on drives that a diagnosis never saw how far the gap shrinks with the effects added.
-    Evaluate(EvaluateArgs),
-    /// Compare diagnoses with labels.
-    Score(GapScoreArgs),
-}
-
-/// Arguments of `gap diagnose`.
-#[derive(Debug, Args)]
-pub(crate) struct DiagnoseArgs {
-    /// Case folders.
-    #[arg(required = true, value_hint = ValueHint::DirPath)]
-    pub(crate) cases: Vec<PathBuf>,
-    /// Fast pass and single fits only: seconds instead of half a minute a case.
-    #[arg(long)]
-    pub(crate) quick: bool,
-    /// Where `CASE/diagnosis.json` go.
-    #[arg(long, short, default_value = "out/gap", value_hint = ValueHint::DirPath)]
-    pub(crate) out: PathBuf,
-}
-
-/// Arguments of `gap evaluate`.
-#[derive(Debug, Args)]
-pub(crate) struct EvaluateArgs {
-    /// A diagnosis.json.
-    #[arg(value_hint = ValueHint::FilePath)]
-    pub(crate) diagnosis: PathBuf,
-    /// The folder of the case with the drives to measure on.
-    #[arg(value_hint = ValueHint::DirPath)]
-    pub(crate) case: PathBuf,
-    /// Numbers of the drives; all of them without.
-    #[arg(long, value_delimiter = ',')]
-    pub(crate) drives: Vec<usize>,
-    /// Where the figures go as JSON.
-    #[arg(long, short, value_hint = ValueHint::FilePath)]
-    pub(crate) out: Option<PathBuf>,
-}
-
-/// Arguments of `gap score`.
-#[derive(Debug, Args)]
-pub(crate) struct GapScoreArgs {
-    /// The folder with `CASE/diagnosis.json`.
-    #[arg(value_hint = ValueHint::DirPath)]
-    pub(crate) diagnoses: PathBuf,
-    /// The labels; `labels.json` in the folder without.
-    #[arg(long, value_hint = ValueHint::FilePath)]
-    pub(crate) labels: Option<PathBuf>,
 }
 
 /// Arguments of `report`.

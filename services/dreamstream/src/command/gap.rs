@@ -1,5 +1,10 @@
 //! `gap`: diagnoses the gap between reference logs and their nominal simulators, and scores such diagnoses.
 
+pub(crate) mod attribute;
+pub(crate) mod close;
+pub(crate) mod logs;
+pub(crate) mod watch;
+
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -8,8 +13,9 @@ use ds_gap::{Diagnosis, GapError, Options, Verdict, diagnose, evaluate, score_fo
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
-use crate::cli::{DiagnoseArgs, EvaluateArgs, GapCommand, GapScoreArgs};
+use crate::cli::{ApplyArgs, DiagnoseArgs, EvaluateArgs, GapCommand, GapScoreArgs};
 use crate::command::{answer, bar, complain};
+use crate::world::{self, EffectLine, RunConfig};
 
 const FILE: &str = "diagnosis.json";
 
@@ -17,8 +23,20 @@ const FILE: &str = "diagnosis.json";
 ///
 /// # Errors
 /// If a case is refused or a file cannot be read or written.
-pub(crate) fn run(command: &GapCommand) -> Result<()> {
+pub(crate) fn run(command: &GapCommand, log: &str) -> Result<()> {
     match command {
+        GapCommand::Apply(args) => apply(args),
+        GapCommand::Close(args) => crate::runtime()?.block_on(close::run(args, log)),
+        GapCommand::Attribute(args) => crate::runtime()?.block_on(attribute::run(args, log)),
+        GapCommand::Watch(args) => crate::runtime()?.block_on(watch::run(args)),
+        GapCommand::Effects => {
+            list_effects();
+            Ok(())
+        }
+        GapCommand::Unseal { answer: path } => {
+            answer(toml::to_string(&world::unseal(path)?).context("the answer as TOML")?.trim_end());
+            Ok(())
+        }
         GapCommand::Diagnose(args) => diagnose_all(args),
         GapCommand::Evaluate(args) => evaluate_one(args),
         GapCommand::Score(args) => score(args),
@@ -43,12 +61,62 @@ fn cases(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     Ok(found)
 }
 
+/// Makes tables of vehicle logs, in the folder of the answer; other cases stay as they are.
+fn tables(case: &Path, out: &Path) -> Result<PathBuf> {
+    if !logs::are_logs(case) {
+        return Ok(case.to_path_buf());
+    }
+    // The logs of a run lie in RUN/real: the case is called after the run.
+    let run = if name(case) == "real" { case.canonicalize()?.parent().map(Path::to_path_buf) } else { None };
+    let folder = out.join("cases").join(name(&run.unwrap_or_else(|| case.to_path_buf())));
+    logs::case(case, &[], &folder)?;
+    Ok(folder)
+}
+
+/// Returns the corrected simulator of a diagnosis as a run's configuration.
+pub(crate) fn corrected(diagnosis: &Diagnosis) -> RunConfig {
+    let line = |effect: &ds_gap::report::CorrectedEffect| EffectLine { id: effect.id.clone(), values: effect.values.clone() };
+    RunConfig { effects: diagnosis.corrected_model.effects.iter().map(line).collect() }
+}
+
+fn apply(args: &ApplyArgs) -> Result<()> {
+    let diagnosis = read(&args.diagnosis)?;
+    let config = corrected(&diagnosis);
+    let named = |line: &EffectLine| format!("{} = {:?}", line.id, line.values);
+    let named: Vec<String> = config.effects.iter().map(named).collect();
+    write_config(&config, &diagnosis.case, &args.out)?;
+    answer(&if named.is_empty() { "no effect: the nominal simulator stays as it is".to_owned() } else { named.join("\n") });
+    answer(&format!("dreamstream run SCENARIOS --config {}", args.out.display()));
+    Ok(())
+}
+
+/// Writes a run's configuration.
+pub(crate) fn write_config(config: &RunConfig, case: &str, path: &Path) -> Result<()> {
+    let text = toml::to_string(config).context("the configuration as TOML")?;
+    let text = format!("# The simulator corrected by the diagnosis of {case:?}.\n{text}");
+    std::fs::write(path, text).with_context(|| format!("write {}", path.display()))
+}
+
+fn read(path: &Path) -> Result<Diagnosis> {
+    let text = std::fs::read_to_string(path).with_context(|| format!("read {}", path.display()))?;
+    serde_json::from_str(&text).with_context(|| format!("{} is no diagnosis", path.display()))
+}
+
+fn list_effects() {
+    for effect in ds_effect::library() {
+        let parameters: Vec<String> = effect.parameters.iter().map(|p| format!("{} [{}]", p.name, p.unit)).collect();
+        let channels: Vec<&str> = effect.channels.iter().map(|channel| channel.name()).collect();
+        let note = if effect.suspect { "" } else { "; fitted, never accused" };
+        answer(&format!("{:18} {:28} {:?}; {}{note}", effect.id, parameters.join(", "), effect.insertion, channels.join(" ")));
+    }
+}
+
 fn name(case: &Path) -> String {
     case.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_else(|| "case".to_owned())
 }
 
 fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
-    let cases = cases(&args.cases)?;
+    let cases = cases(&args.cases)?.into_iter().map(|case| tables(&case, &args.out)).collect::<Result<Vec<_>>>()?;
     let options = Options { quick: args.quick, without: Vec::new() };
     let bar = bar(cases.len() as u64, "cases");
     bar.tick();
@@ -126,10 +194,7 @@ fn tell(case: &str, diagnosis: &Diagnosis) {
 }
 
 fn evaluate_one(args: &EvaluateArgs) -> Result<()> {
-    let text =
-        std::fs::read_to_string(&args.diagnosis).with_context(|| format!("read {}", args.diagnosis.display()))?;
-    let diagnosis: Diagnosis =
-        serde_json::from_str(&text).with_context(|| format!("{} is no diagnosis", args.diagnosis.display()))?;
+    let diagnosis = read(&args.diagnosis)?;
     let shrinks = evaluate(&diagnosis, &args.case, &args.drives)?;
     let text = serde_json::to_string_pretty(&shrinks).context("shrink as JSON")?;
     match &args.out {

@@ -15,9 +15,11 @@ use tonic::Code;
 
 use crate::cli::{Agents, Align, Observation, RunArgs, SubmitArgs};
 use crate::command::report::{self, RESULTS};
+use crate::command::gap::logs;
 use crate::command::{answer, bar, scenario};
 use crate::embed::{self, Fleet, FleetPlan};
 use crate::live::{self, Watch};
+use crate::world::{self, RunConfig};
 use crate::{children, pictures};
 
 /// The largest message on the control plane, in bytes.
@@ -28,7 +30,17 @@ const MAX_MESSAGE_BYTES: usize = 1 << 30;
 /// # Errors
 /// If anything is refused, a service dies, or a drive fails.
 pub(crate) async fn run(args: &RunArgs, log: &str) -> Result<()> {
+    let results = drive_all(args, log).await?;
+    conclude(&results, &args.out)
+}
+
+/// Drives everything and writes all that belongs to a run; a drive that did not complete is no error here.
+///
+/// # Errors
+/// If anything is refused or a service dies.
+pub(crate) async fn drive_all(args: &RunArgs, log: &str) -> Result<Results> {
     let files = shard(scenario::files(&args.scenarios)?, args.shard.as_deref())?;
+    let world = world_of(args, &files)?;
     let began = Instant::now();
     let watch = args.live.as_ref().map(|url| Watch { episode: String::new(), url: url.clone(), one: false });
     if let Some(watch) = &watch {
@@ -46,7 +58,7 @@ pub(crate) async fn run(args: &RunArgs, log: &str) -> Result<()> {
         drop_pushes: args.drop_pushes,
     };
     let mut fleet = if args.processes { children::start(&plan, log).await? } else { embed::start(&plan).await? };
-    let request = request(args, sources(&files, Source::Path)?)?;
+    let request = request(args, &world, sources(&files, Source::Path)?)?;
     let control = Dial::local(&fleet.control)?;
     let viewer = match watch {
         Some(watch) => Some(tokio::spawn(live::follow(fleet.tap().await?, control.clone(), watch))),
@@ -68,13 +80,54 @@ pub(crate) async fn run(args: &RunArgs, log: &str) -> Result<()> {
     let stopped = fleet.stop().await;
     let (run, classes) = outcome?;
     stopped?;
-    let results = results(args, &files, mode, (&run, classes), began.elapsed().as_secs_f64())?;
-    results.save(&args.out.join(RESULTS))?;
-    if !args.no_pictures {
+    let mut results = results(args, &files, mode, (&run, classes), began.elapsed().as_secs_f64())?;
+    if args.vehicle_log || args.seal.is_some() {
+        extract(args, &results)?;
+    }
+    if args.seal.is_some() {
+        withdraw(args, &mut results)?;
+    } else if !args.no_pictures {
         draw(args, &results)?;
     }
+    results.save(&args.out.join(RESULTS))?;
     report::write_for(&args.out, &results)?;
-    conclude(&results, &args.out)
+    Ok(results)
+}
+
+/// Returns the effects of a run: named ones, or withheld ones whose answer is sealed.
+fn world_of(args: &RunArgs, files: &[PathBuf]) -> Result<RunConfig> {
+    let Some(seal) = &args.seal else { return RunConfig::gather(args.config.as_ref(), &args.effects) };
+    let first = files.first().context("no scenario to drive")?;
+    let (scene, _warnings) = ds_scenario::load(first)?;
+    world::draw_and_seal(seal, scene.vehicle.mass_kg, args.seal_seed)
+}
+
+/// Writes the vehicle logs of all completed drives.
+fn extract(args: &RunArgs, results: &Results) -> Result<()> {
+    let completed = results.episodes.iter().filter(|episode| episode.status == "completed");
+    let recordings: Vec<PathBuf> = completed.map(|episode| args.out.join(&episode.recording)).collect();
+    logs::extract(&recordings, &args.out.join("real"))
+}
+
+/// Removes all of a sealed run that tells more than a real vehicle would.
+fn withdraw(args: &RunArgs, results: &mut Results) -> Result<()> {
+    for name in ["recordings", "scenarios"] {
+        let folder = args.out.join(name);
+        if folder.exists() {
+            std::fs::remove_dir_all(&folder).with_context(|| format!("remove {}", folder.display()))?;
+        }
+    }
+    let ledger = args.out.join("ledger.redb");
+    if ledger.exists() {
+        std::fs::remove_file(&ledger).with_context(|| format!("remove {}", ledger.display()))?;
+    }
+    for episode in &mut results.episodes {
+        for digest in [&mut episode.world_digest, &mut episode.layout_digest, &mut episode.frame_digest] {
+            digest.clear();
+        }
+        episode.recording.clear();
+    }
+    Ok(())
 }
 
 /// Drives on a fleet that runs already; recordings stay with its orchestrator.
@@ -86,7 +139,9 @@ pub(crate) async fn submit(args: &SubmitArgs) -> Result<()> {
     let files = shard(scenario::files(&run.scenarios)?, run.shard.as_deref())?;
     let began = Instant::now();
     std::fs::create_dir_all(&run.out).with_context(|| format!("create {}", run.out.display()))?;
-    let request = request(run, sources(&files, Source::Content)?)?;
+    ensure!(run.seal.is_none() && !run.vehicle_log, "vehicle logs are written where the drives are recorded: use `run`");
+    let world = world_of(run, &files)?;
+    let request = request(run, &world, sources(&files, Source::Content)?)?;
     let (driven, classes) = drive(request, &args.control.dial()?).await?;
     let results = results(run, &files, "fleet", (&driven, classes), began.elapsed().as_secs_f64())?;
     results.save(&run.out.join(RESULTS))?;
@@ -246,7 +301,7 @@ fn sources(files: &[PathBuf], how: Source) -> Result<Vec<pb::ScenarioSource>> {
     files.iter().map(source).collect()
 }
 
-fn request(args: &RunArgs, scenarios: Vec<pb::ScenarioSource>) -> Result<pb::SubmitRequest> {
+fn request(args: &RunArgs, world: &RunConfig, scenarios: Vec<pb::ScenarioSource>) -> Result<pb::SubmitRequest> {
     let dt_secs = 0.1;
     let ticks = |secs: f64| (secs / dt_secs).round().clamp(0.0, 100_000.0) as u32;
     ensure!(args.horizon > 0.0 && args.horizon <= 30.0, "--horizon {} is not in (0, 30]", args.horizon);
@@ -285,6 +340,8 @@ fn request(args: &RunArgs, scenarios: Vec<pb::ScenarioSource>) -> Result<pb::Sub
             benchmark: args.benchmark,
             scorer: scorer(args).to_owned(),
             score_profile: args.profile.clone(),
+            effects: world.switched(),
+            vehicle_log: args.vehicle_log || args.seal.is_some(),
             ..pb::RunSettings::default()
         }),
     })
@@ -315,7 +372,13 @@ fn configuration(args: &RunArgs) -> ds_space::Digest {
     for path in &args.scenarios {
         writer.text(&path.to_string_lossy());
     }
-    writer.finish()
+    for effect in &args.effects {
+        writer.text(effect);
+    }
+    for path in [&args.config, &args.seal].into_iter().flatten() {
+        writer.text(&path.to_string_lossy());
+    }
+    writer.bool(args.vehicle_log).finish()
 }
 
 fn results(

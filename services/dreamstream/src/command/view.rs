@@ -1,12 +1,13 @@
 //! `view`: a recording in rerun, as a file or in a running viewer.
 
+use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
 use ds_bus::{BusSession, BusSettings, Mode, TlsFiles};
 use ds_record::{Recording, view};
 
-use crate::cli::ViewArgs;
+use crate::cli::{ControlArgs, ViewArgs};
 use crate::command::answer;
 use crate::live::{self, Watch};
 
@@ -46,17 +47,25 @@ pub(crate) fn run(args: &ViewArgs) -> Result<()> {
 /// # Errors
 /// If router, orchestrator or viewer cannot be reached.
 pub(crate) async fn live(args: &ViewArgs, episode: &str) -> Result<()> {
-    let tls = args.certificate.as_ref().map(|certificate| TlsFiles {
-        ca: args.control.ca.clone().unwrap_or_default(),
-        certificate: certificate.clone(),
-        key: certificate.with_extension("key"),
-    });
-    let settings = BusSettings { mode: Mode::Client, connect: vec![args.bus.clone()], tls, ..BusSettings::default() };
-    let bus = BusSession::open(&settings).await.with_context(|| format!("router at {}", args.bus))?;
+    let bus = join(&args.bus, args.certificate.as_deref(), &args.control).await?;
     let url = args.connect.clone().unwrap_or_default();
     let watch = Watch { episode: episode.to_owned(), url, one: true };
     tokio::select! {
         shown = live::follow(bus, args.control.dial()?, watch) => shown,
         _ = tokio::signal::ctrl_c() => Ok(()),
     }
+}
+
+/// Joins the bus of a running fleet as a viewer.
+///
+/// # Errors
+/// If its router cannot be reached.
+pub(crate) async fn join(router: &str, certificate: Option<&Path>, control: &ControlArgs) -> Result<BusSession> {
+    let tls = certificate.map(|certificate| TlsFiles {
+        ca: control.ca.clone().unwrap_or_default(),
+        certificate: certificate.to_path_buf(),
+        key: certificate.with_extension("key"),
+    });
+    let settings = BusSettings { mode: Mode::Client, connect: vec![router.to_owned()], tls, ..BusSettings::default() };
+    BusSession::open(&settings).await.with_context(|| format!("router at {router}"))
 }

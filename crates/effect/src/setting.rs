@@ -1,0 +1,122 @@
+//! An effect switched on: which one and with which values, checked.
+
+use crate::parameter::Scale;
+use crate::{Effect, Plant, find};
+
+/// An effect of the library with a value for each of its parameters, in reported units.
+#[derive(Clone)]
+pub struct Setting {
+    effect: &'static Effect,
+    values: Vec<f64>,
+}
+
+/// Why an effect cannot be switched on.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SettingError {
+    /// No effect has this id.
+    Unknown(String),
+    /// The effect has another number of parameters.
+    Count {
+        /// The effect.
+        id: &'static str,
+        /// Values given.
+        given: usize,
+        /// Parameters that it has.
+        need: usize,
+    },
+    /// A value that the parameter cannot have.
+    Value {
+        /// The effect.
+        id: &'static str,
+        /// The parameter.
+        parameter: &'static str,
+        /// The value given.
+        value: f64,
+        /// What it must be.
+        need: &'static str,
+    },
+}
+
+impl std::fmt::Display for SettingError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Unknown(id) => write!(f, "no effect is called {id:?}"),
+            Self::Count { id, given, need } => write!(f, "effect {id} takes {need} values, not {given}"),
+            Self::Value { id, parameter, value, need } => {
+                write!(f, "{parameter} of effect {id} is {value}; it must be {need}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for SettingError {}
+
+impl Setting {
+    /// Checks id and values.
+    ///
+    /// # Errors
+    /// [`SettingError`] names the effect and what is wrong.
+    pub fn new(id: &str, values: &[f64]) -> Result<Self, SettingError> {
+        let effect = find(id).ok_or_else(|| SettingError::Unknown(id.to_owned()))?;
+        if values.len() != effect.parameters.len() {
+            let (given, need) = (values.len(), effect.parameters.len());
+            return Err(SettingError::Count { id: effect.id, given, need });
+        }
+        for (parameter, &value) in effect.parameters.iter().zip(values) {
+            let (sound, need) = match parameter.scale {
+                Scale::Log => (value.is_finite() && value > 0.0, "a positive factor"),
+                Scale::Limit => (value > 0.0, "a positive limit"),
+                Scale::Linear | Scale::Threshold | Scale::OfMass => (value.abs() <= 1e6, "a number up to a million"),
+            };
+            if !sound {
+                return Err(SettingError::Value { id: effect.id, parameter: parameter.name, value, need });
+            }
+        }
+        Ok(Self { effect, values: values.to_vec() })
+    }
+
+    /// Returns the effect.
+    #[must_use]
+    pub fn effect(&self) -> &'static Effect {
+        self.effect
+    }
+
+    /// Returns its values, one per parameter.
+    #[must_use]
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// Switches the effect on.
+    pub fn apply(&self, plant: &mut Plant) {
+        (self.effect.apply)(&self.values, plant);
+    }
+}
+
+impl PartialEq for Setting {
+    fn eq(&self, other: &Self) -> bool {
+        self.effect.id == other.effect.id && self.values == other.values
+    }
+}
+
+impl std::fmt::Debug for Setting {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} {:?}", self.effect.id, self.values)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bad_settings_are_refused_by_name() {
+        let text = |id: &str, values: &[f64]| Setting::new(id, values).expect_err(id).to_string();
+        assert!(text("steer_dealy", &[0.1]).contains("steer_dealy"));
+        assert!(text("wind_steady", &[3.0]).contains("takes 2 values, not 1"));
+        assert!(text("steer_delay", &[f64::NAN]).contains("NaN"));
+        assert!(text("front_grip", &[0.0]).contains("positive factor"));
+        assert!(text("steer_rate", &[-1.0]).contains("positive limit"));
+        assert_eq!(Setting::new("steer_delay", &[0.1]).expect("sound").values(), [0.1]);
+    }
+}

@@ -1,0 +1,145 @@
+//! What each of several swapped components takes from a score: Shapley shares of a full factorial, with intervals.
+//!
+//! Cell `c` of a factorial over `n` components is the run in which component `k` is the real world's where bit `k` of
+//! `c` is set, and the nominal one's where it is not. The share of a component is its mean contribution over all orders
+//! in which components could be swapped (Shapley 1953); shares sum to the whole difference, scenario by scenario and
+//! therefore in every resample.
+
+use serde::Serialize;
+
+use crate::bootstrap::{self, Interval, mean};
+
+/// The most components of a factorial.
+pub const MOST_COMPONENTS: usize = 6;
+
+/// What one component takes from the score when it becomes the real world's.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Share {
+    /// The component.
+    pub component: String,
+    /// Mean over scenarios.
+    pub value: f64,
+    /// 95 % interval over scenarios.
+    pub interval: Option<Interval>,
+}
+
+/// A score's difference between the real and the nominal world, split.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Attribution {
+    /// The metric.
+    pub metric: String,
+    /// Mean in the nominal world.
+    pub nominal: f64,
+    /// Mean in the real world.
+    pub real: f64,
+    /// Real minus nominal; the sum of all shares.
+    pub total: f64,
+    /// 95 % interval of the total.
+    pub interval: Option<Interval>,
+    /// One share per component.
+    pub shares: Vec<Share>,
+    /// Scenarios with a value in every cell.
+    pub scenarios: usize,
+}
+
+/// Splits the value of the full set over its members; `values[c]` is the value of the set of `c`'s bits.
+#[must_use]
+pub fn shapley(values: &[f64]) -> Vec<f64> {
+    let count = values.len().trailing_zeros() as usize;
+    let factorial = |n: usize| (1..=n).map(|k| k as f64).product::<f64>();
+    (0..count)
+        .map(|member| {
+            let without = (0..values.len()).filter(|set| set & (1 << member) == 0);
+            without
+                .map(|set| {
+                    let size = set.count_ones() as usize;
+                    let weight = factorial(size) * factorial(count - size - 1) / factorial(count);
+                    weight * (values[set | (1 << member)] - values[set])
+                })
+                .sum()
+        })
+        .collect()
+}
+
+/// Splits the difference of a metric; `cells[c][s]` is its value in cell `c` for scenario `s`. Scenarios that lack a
+/// value in any cell are left out. Nothing if none is left or the cells are not 2^n.
+#[must_use]
+pub fn attribute(metric: &str, components: &[&str], cells: &[Vec<Option<f64>>], seed: u64) -> Option<Attribution> {
+    if components.len() > MOST_COMPONENTS || cells.len() != 1 << components.len() {
+        return None;
+    }
+    let scenarios = cells.iter().map(Vec::len).min()?;
+    let complete = (0..scenarios).filter_map(|s| cells.iter().map(|cell| cell[s]).collect::<Option<Vec<f64>>>());
+    let complete: Vec<Vec<f64>> = complete.collect();
+    let per_scenario: Vec<Vec<f64>> = complete.iter().map(|values| shapley(values)).collect();
+    let totals: Vec<f64> = per_scenario.iter().map(|shares| shares.iter().sum()).collect();
+    let draws = bootstrap::draws(seed);
+    let shares = components.iter().enumerate().map(|(k, component)| {
+        let column: Vec<f64> = per_scenario.iter().map(|shares| shares[k]).collect();
+        let interval = bootstrap::mean_interval(&column, &draws);
+        Some(Share { component: (*component).to_owned(), value: mean(column)?, interval })
+    });
+    Some(Attribution {
+        metric: metric.to_owned(),
+        nominal: mean(complete.iter().map(|values| values[0]))?,
+        real: mean(complete.iter().map(|values| values[values.len() - 1]))?,
+        total: mean(totals.iter().copied())?,
+        interval: bootstrap::mean_interval(&totals, &draws),
+        shares: shares.collect::<Option<_>>()?,
+        scenarios: complete.len(),
+    })
+}
+
+impl Attribution {
+    /// Says in one sentence what takes how much, in points of 100, the largest first.
+    #[must_use]
+    pub fn sentence(&self) -> String {
+        let points = |value: f64| 100.0 * value;
+        let mut shares: Vec<&Share> = self.shares.iter().collect();
+        shares.sort_by(|a, b| b.value.abs().total_cmp(&a.value.abs()));
+        let parts: Vec<String> = shares
+            .iter()
+            .map(|share| {
+                let range = share.interval.map_or(String::new(), |range| {
+                    format!(" [{:.1}, {:.1}]", points(range.low), points(range.high))
+                });
+                format!("{} {:.1}{range}", share.component, points(share.value))
+            })
+            .collect();
+        format!("of {:.1} points of {}: {}", points(self.total), self.metric, parts.join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_sum_to_the_whole_and_follow_the_axioms() {
+        // v(S) = 2·[0 in S] + 3·[1 in S] + 4·[0 and 1 in S]; member 2 does nothing.
+        let value = |set: usize| {
+            let has = |k: usize| f64::from(u8::from(set & (1 << k) != 0));
+            2.0 * has(0) + 3.0 * has(1) + 4.0 * has(0) * has(1) + 1.0
+        };
+        let shares = shapley(&(0..8).map(value).collect::<Vec<_>>());
+        for (share, expected) in shares.iter().zip([4.0, 5.0, 0.0]) {
+            assert!((share - expected).abs() < 1e-12, "{shares:?}");
+        }
+    }
+
+    #[test]
+    fn every_scenario_sums_and_incomplete_ones_are_left_out() {
+        let cell = |set: usize| (0..6).map(|s| Some(0.9 - 0.1 * set as f64 + 0.01 * (s * set * set) as f64)).collect();
+        let mut cells: Vec<Vec<Option<f64>>> = (0..4).map(cell).collect();
+        cells[2][5] = None;
+        let split = attribute("driving_score", &["frames", "dynamics"], &cells, 1).expect("an attribution");
+        let sum: f64 = split.shares.iter().map(|share| share.value).sum();
+        assert!((sum - split.total).abs() < 1e-12 && (split.real - split.nominal - split.total).abs() < 1e-12);
+        assert_eq!(split.scenarios, 5);
+        assert!(split.shares.iter().all(|share| {
+            share.interval.is_some_and(|range| range.low <= share.value && share.value <= range.high)
+        }));
+        assert!(split.sentence().starts_with("of "), "{}", split.sentence());
+        assert!(attribute("x", &["frames"], &cells, 1).is_none());
+    }
+}

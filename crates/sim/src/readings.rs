@@ -1,0 +1,109 @@
+//! What the car records of itself: its past as sensors and clocks show it, with noise.
+//!
+//! Samples lie in the middle of equal parts of a tick, so that a command that changes at ticks is seen half a part
+//! early or late, not always late. Noise of sample `k` is a function of key and `k` alone.
+
+use ds_effect::plant::{Clock, Plant};
+use ds_space::{Digest, Draws};
+use ds_world::Reading;
+
+use crate::actuation::{Moment, Past};
+
+/// Samples of the vehicle log per second, where a tick is a multiple of their distance.
+pub const LOG_HZ: f64 = 20.0;
+
+/// Standard deviations of the sensors: position, heading, speed, gyro, accelerometers, steering, wheel speed.
+const NOISE: [f64; 7] = [0.012, 0.0018, 0.025, 0.0028, 0.09, 0.0006, 0.03];
+/// No sample repeats one farther back.
+const MOST_REPEATS: u64 = 20;
+
+/// The sensors at the end of a tick.
+pub(crate) struct Sensing<'a> {
+    pub(crate) plant: &'a Plant,
+    pub(crate) past: &'a Past,
+    pub(crate) now_secs: f64,
+    pub(crate) step_secs: f64,
+}
+
+/// The sensors' view of one instant, without noise.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct View {
+    pub(crate) pose: Moment,
+    /// Position with the lever arm of the reference point.
+    pub(crate) at_m: [f64; 2],
+    pub(crate) yaw_rate_radps: f64,
+    pub(crate) force_mps2: [f64; 2],
+    pub(crate) steering_rad: f64,
+    pub(crate) wheel_mps: f64,
+}
+
+impl Sensing<'_> {
+    fn moment(&self, secs: f64) -> Moment {
+        self.past.ago((self.now_secs - secs) / self.step_secs)
+    }
+
+    /// Returns what the sensors show at a time, each with its own age.
+    pub(crate) fn view(&self, secs: f64) -> View {
+        let Plant { sensors, clock, .. } = self.plant;
+        let pose = self.moment(secs - clock.pose_latency_secs - clock.pose_drift * secs);
+        let inertial = self.moment(secs - clock.imu_latency_secs);
+        let (wheel, steering) =
+            (self.moment(secs - clock.wheel_latency_secs), self.moment(secs - clock.encoder_latency_secs));
+        let (sin, cos) = sensors.misalignment_rad.sin_cos();
+        let (ax, ay) = (inertial.ax_mps2, inertial.ay_mps2 * sensors.roll_factor);
+        let ahead = sensors.lever_arm_m;
+        View {
+            pose,
+            at_m: [pose.x_m + ahead * pose.heading_rad.cos(), pose.y_m + ahead * pose.heading_rad.sin()],
+            yaw_rate_radps: inertial.yaw_rate_radps * sensors.gyro_factor + sensors.gyro_bias_rad_s,
+            force_mps2: [cos * ax + sin * ay + sensors.ax_bias_mps2, cos * ay - sin * ax + sensors.ay_bias_mps2],
+            steering_rad: steering.sensed_rad,
+            wheel_mps: wheel.speed_mps * sensors.wheel_factor * (1.0 + sensors.wheel_slip_s2_m * wheel.drive_mps2),
+        }
+    }
+
+    /// Returns the readings of the last tick, which lasted `tick_secs` and ended as tick number `tick`.
+    pub(crate) fn readings(&self, key: &Digest, tick: u32, tick_secs: f64) -> Vec<Reading> {
+        let count = (tick_secs * LOG_HZ).round().max(1.0);
+        let part_secs = tick_secs / count;
+        (0..count as u64)
+            .map(|part| {
+                let ago = count - part as f64 - 0.5;
+                let number = u64::from(tick) * count as u64 + part;
+                self.reading(key, number, self.now_secs - ago * part_secs, part_secs)
+            })
+            .collect()
+    }
+
+    fn reading(&self, key: &Digest, number: u64, secs: f64, part_secs: f64) -> Reading {
+        let clock = &self.plant.clock;
+        let mut fresh = number;
+        while fresh > 0 && number - fresh < MOST_REPEATS && repeats(key, fresh, clock) {
+            fresh -= 1;
+        }
+        let draws = Draws::new(key, "vehicle log", &[fresh]);
+        let noise = |index: usize, sd: f64| sd * draws.normal(index as u64);
+        let seen_at = secs - (number - fresh) as f64 * part_secs + noise(8, clock.jitter_secs);
+        let view = self.view(seen_at.min(self.now_secs));
+        let sent = self.past.sent_ago((self.now_secs - secs) / self.step_secs);
+        let [position, heading, speed, gyro, force, steering, wheel] = NOISE;
+        Reading {
+            secs,
+            cmd_steer_rad: sent.steer_rad,
+            cmd_accel_mps2: sent.accel_mps2,
+            x_m: view.at_m[0] + noise(0, position),
+            y_m: view.at_m[1] + noise(1, position),
+            yaw_rad: view.pose.heading_rad + noise(2, heading),
+            speed_mps: view.pose.speed_mps + noise(3, speed),
+            yaw_rate_radps: view.yaw_rate_radps + noise(4, gyro),
+            ax_mps2: view.force_mps2[0] + noise(5, force),
+            ay_mps2: view.force_mps2[1] + noise(6, force),
+            steering_rad: view.steering_rad + noise(7, steering),
+            wheel_speed_mps: view.wheel_mps + noise(9, wheel),
+        }
+    }
+}
+
+fn repeats(key: &Digest, number: u64, clock: &Clock) -> bool {
+    clock.repeated_share > 0.0 && Draws::new(key, "repeated sample", &[number]).uniform(0) < clock.repeated_share
+}

@@ -1,0 +1,141 @@
+//! Effects in the running world: absent at their neutral value, felt otherwise, and carried through a snapshot.
+
+use std::sync::Arc;
+
+use ds_effect::{Effect, Insertion, Setting, library};
+use ds_sim::{AgentMode, IdmScope, SimConfig, Simulation};
+use ds_space::{Digest, Tick};
+use ds_world::{EgoState, Reading, Scene, WorldState};
+
+use crate::street::{crowded, expert_plan, shared};
+
+const KEY: Digest = Digest([7; 32]);
+
+/// Everything that a drive shows.
+#[derive(Debug, PartialEq)]
+struct Drive {
+    worlds: Vec<WorldState>,
+    estimates: Vec<EgoState>,
+    readings: Vec<Reading>,
+}
+
+fn config(effects: Vec<Setting>, vehicle_log: bool) -> SimConfig {
+    let agents = AgentMode::Idm { scope: IdmScope::All };
+    SimConfig { agents, effects, vehicle_log, ..SimConfig::default() }
+}
+
+fn drive(scene: &Arc<Scene>, config: &SimConfig, restore_at: Option<u32>) -> Drive {
+    let mut simulation = Simulation::new(scene.clone(), config.clone(), Tick(0)).expect("the scene is sound");
+    let (mut worlds, mut estimates, mut readings) = (Vec::new(), Vec::new(), Vec::new());
+    for tick in 0..60 {
+        if tick >= 5 && tick % 5 == 0 {
+            let plan = expert_plan(scene, Tick(tick), &simulation.state().ego.pose);
+            simulation.begin_plan(&plan);
+        }
+        if restore_at == Some(tick) {
+            let bytes = simulation.snapshot();
+            simulation = Simulation::restore(scene.clone(), config.clone(), &bytes).expect("its own snapshot");
+        }
+        worlds.push(simulation.step().clone());
+        estimates.push(simulation.ego_estimate());
+        readings.extend(simulation.readings(&KEY));
+    }
+    Drive { worlds, estimates, readings }
+}
+
+/// A strong value of each parameter.
+fn strong(effect: &Effect, mass_kg: f64) -> Setting {
+    let values: Vec<f64> = effect
+        .parameters
+        .iter()
+        .map(|parameter| {
+            let (low, high) = parameter.slab;
+            let limit = !parameter.neutral.is_finite();
+            parameter.reported(if limit { low } else if parameter.neutral < high { high } else { low }, mass_kg)
+        })
+        .collect();
+    Setting::new(effect.id, &values).expect("a sound setting")
+}
+
+#[test]
+fn neutral_effects_change_no_bit() {
+    let scene = shared(crowded(12));
+    let nominal = drive(&scene, &config(Vec::new(), true), None);
+    for effect in library() {
+        let neutral = Setting::new(effect.id, &effect.neutral()).expect("neutral is sound");
+        assert_eq!(drive(&scene, &config(vec![neutral], true), None), nominal, "{}", effect.id);
+    }
+}
+
+#[test]
+fn strong_effects_are_felt_where_they_act() {
+    // What this short drive on a curved street cannot excite.
+    let beyond = ["steer_saturation", "power_limit", "brake_fade", "tr_v0", "obs_latency"];
+    let scene = shared(crowded(12));
+    let nominal = drive(&scene, &config(Vec::new(), true), None);
+    for effect in library().iter().filter(|effect| !beyond.contains(&effect.id)) {
+        let altered = drive(&scene, &config(vec![strong(effect, scene.vehicle.mass_kg)], true), None);
+        match effect.insertion {
+            Insertion::Sensor | Insertion::Clock => {
+                assert_eq!(altered.worlds, nominal.worlds, "{}: sensors move nothing", effect.id);
+                assert_ne!(altered.readings, nominal.readings, "{}", effect.id);
+            }
+            Insertion::Agent => {
+                let others = |drive: &Drive| drive.worlds.iter().map(|world| world.agents.clone()).collect::<Vec<_>>();
+                assert_ne!(others(&altered), others(&nominal), "{}", effect.id);
+            }
+            _ => {
+                let ego = |drive: &Drive| drive.worlds.iter().map(|world| world.ego).collect::<Vec<_>>();
+                assert_ne!(ego(&altered), ego(&nominal), "{}", effect.id);
+            }
+        }
+    }
+}
+
+#[test]
+fn altered_worlds_resume_to_the_bit() {
+    let scene = shared(crowded(12));
+    for ids in [&["steer_delay", "accel_lag", "tr_delay"][..], &["steer_backlash", "tyre_relaxation", "pose_latency"]] {
+        let settings = |id: &&str| strong(ds_effect::find(id).expect("an effect"), scene.vehicle.mass_kg);
+        let config = config(ids.iter().map(settings).collect(), true);
+        let whole = drive(&scene, &config, None);
+        for at in [3, 20, 41] {
+            assert_eq!(drive(&scene, &config, Some(at)), whole, "{ids:?} restored at {at}");
+        }
+    }
+}
+
+#[test]
+fn the_vehicle_log_is_what_the_car_did() {
+    let scene = shared(crowded(4));
+    let drive = drive(&scene, &config(Vec::new(), true), None);
+    assert_eq!(drive.readings.len(), 120, "20 Hz");
+    let arm = 0.5 * scene.vehicle.wheel_base_m;
+    for (tick, world) in drive.worlds.iter().enumerate().skip(8) {
+        let centre = world.ego.pose.position + world.ego.pose.forward() * arm;
+        let last = &drive.readings[2 * tick + 1];
+        // A quarter of a tick before the state.
+        let gap = (last.x_m - centre.x).hypot(last.y_m - centre.y);
+        let moved = 0.025 * world.ego.speed_mps();
+        assert!((gap - moved).abs() < 0.08, "tick {tick}: {gap} m, expected {moved} m");
+        assert!((last.yaw_rate_radps - world.ego.yaw_rate_radps).abs() < 0.05, "tick {tick}");
+        assert!((last.steering_rad - world.ego.steering_rad).abs() < 0.03, "tick {tick}");
+    }
+    assert!(drive.worlds.iter().zip(&drive.estimates).all(|(world, estimate)| world.ego == *estimate));
+}
+
+#[test]
+fn a_delayed_command_reaches_the_wheel_later() {
+    let scene = shared(crowded(4));
+    let log = |effects: Vec<Setting>| drive(&scene, &config(effects, true), None).readings;
+    let delay = Setting::new("steer_delay", &[0.2]).expect("sound");
+    let offset = |readings: &[Reading], samples: usize| -> f64 {
+        let pairs = readings.iter().zip(&readings[samples..]).skip(20);
+        pairs.map(|(early, late)| (late.steering_rad - early.cmd_steer_rad).powi(2)).sum()
+    };
+    let (nominal, delayed) = (log(Vec::new()), log(vec![delay]));
+    let best = |readings: &[Reading]| {
+        (0..9).min_by(|a, b| offset(readings, *a).total_cmp(&offset(readings, *b))).expect("a lag")
+    };
+    assert_eq!(best(&delayed) - best(&nominal), 4, "0.2 s are four samples");
+}

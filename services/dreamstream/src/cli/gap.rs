@@ -1,0 +1,172 @@
+//! Arguments of the gap diagnosis.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand, ValueHint};
+
+use super::ControlArgs;
+
+/// Commands of `gap`.
+#[derive(Debug, Subcommand)]
+pub(crate) enum GapCommand {
+    /// Diagnose cases: folders with meta.json and logs, or folders of such folders.
+    Diagnose(DiagnoseArgs),
+    /// Measure on drives that a diagnosis never saw how far the gap shrinks with the effects added.
+    Evaluate(EvaluateArgs),
+    /// Write the effects that were found as the configuration of a run: with it, `run` is the corrected simulator.
+    Apply(ApplyArgs),
+    /// Diagnose the vehicle logs of a run, drive held-out scenarios again without and with what was found, compare with
+    /// the logged drives.
+    Close(CloseArgs),
+    /// Split a policy's loss of score between the nominal and the real world over frames, dynamics, agents and transport.
+    Attribute(AttributeArgs),
+    /// Diagnose a drive of a running fleet while it goes on, in a sliding window; it must have a vehicle log.
+    Watch(WatchArgs),
+    /// Compare diagnoses with labels.
+    Score(GapScoreArgs),
+    /// List the effects that can be switched on and diagnosed.
+    Effects,
+    /// Print the withheld effects of a sealed run.
+    Unseal {
+        /// The sealed answer; its key lies beside it as .key.
+        #[arg(value_hint = ValueHint::FilePath)]
+        answer: PathBuf,
+    },
+}
+
+/// Arguments of `gap diagnose`.
+#[derive(Debug, Args)]
+pub(crate) struct DiagnoseArgs {
+    /// Case folders: tables of logs, or the vehicle logs of runs (OUT/real).
+    #[arg(required = true, value_hint = ValueHint::DirPath)]
+    pub(crate) cases: Vec<PathBuf>,
+    /// Fast pass and single fits only: seconds instead of half a minute a case.
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Where `CASE/diagnosis.json` go.
+    #[arg(long, short, default_value = "out/gap", value_hint = ValueHint::DirPath)]
+    pub(crate) out: PathBuf,
+}
+
+/// Arguments of `gap evaluate`.
+#[derive(Debug, Args)]
+pub(crate) struct EvaluateArgs {
+    /// A diagnosis.json.
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub(crate) diagnosis: PathBuf,
+    /// The folder of the case with the drives to measure on.
+    #[arg(value_hint = ValueHint::DirPath)]
+    pub(crate) case: PathBuf,
+    /// Numbers of the drives; all of them without.
+    #[arg(long, value_delimiter = ',')]
+    pub(crate) drives: Vec<usize>,
+    /// Where the figures go as JSON.
+    #[arg(long, short, value_hint = ValueHint::FilePath)]
+    pub(crate) out: Option<PathBuf>,
+}
+
+/// Arguments of `gap score`.
+#[derive(Debug, Args)]
+pub(crate) struct GapScoreArgs {
+    /// The folder with `CASE/diagnosis.json`.
+    #[arg(value_hint = ValueHint::DirPath)]
+    pub(crate) diagnoses: PathBuf,
+    /// The labels; `labels.json` in the folder without.
+    #[arg(long, value_hint = ValueHint::FilePath)]
+    pub(crate) labels: Option<PathBuf>,
+}
+
+/// Arguments of `gap apply`.
+#[derive(Debug, Args)]
+pub(crate) struct ApplyArgs {
+    /// A diagnosis.json.
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub(crate) diagnosis: PathBuf,
+    /// Where the configuration goes.
+    #[arg(long, short, default_value = "corrected.toml", value_hint = ValueHint::FilePath)]
+    pub(crate) out: PathBuf,
+}
+
+/// Arguments of `gap close`.
+#[derive(Debug, Args)]
+pub(crate) struct CloseArgs {
+    /// A run in the real world: its folder, with vehicle logs in real/.
+    #[arg(value_hint = ValueHint::DirPath)]
+    pub(crate) real: PathBuf,
+    /// Scenarios of that run to keep from the fit and to drive again.
+    #[arg(required = true, value_hint = ValueHint::AnyPath)]
+    pub(crate) scenarios: Vec<PathBuf>,
+    /// The policy that drove.
+    #[arg(long, default_value = "camera")]
+    pub(crate) policy: String,
+    /// What made the frames.
+    #[arg(long, default_value = "reference", value_parser = ["dreamstream", "reference", "sim-rgb", "layout"])]
+    pub(crate) observation: String,
+    /// How much of each scenario was driven, in seconds; 0 for all.
+    #[arg(long, default_value_t = 8.0, value_name = "SECONDS")]
+    pub(crate) duration: f64,
+    /// Fast pass and single fits only.
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Where diagnosis, configuration, runs and comparison go.
+    #[arg(long, short, default_value = "out/close", value_hint = ValueHint::DirPath)]
+    pub(crate) out: PathBuf,
+}
+
+/// Arguments of `gap attribute`.
+#[derive(Debug, Args)]
+pub(crate) struct AttributeArgs {
+    /// Scenario files, or folders of them.
+    #[arg(required = true, value_hint = ValueHint::AnyPath)]
+    pub(crate) scenarios: Vec<PathBuf>,
+    /// The real world: a run configuration with its effects.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(crate) config: PathBuf,
+    /// The policies.
+    #[arg(long, value_delimiter = ',', default_value = "camera")]
+    pub(crate) policy: Vec<String>,
+    /// What makes the frames of the real world.
+    #[arg(long, default_value = "reference", value_parser = ["dreamstream", "reference", "sim-rgb", "layout"])]
+    pub(crate) real_frames: String,
+    /// What makes the frames of the nominal world.
+    #[arg(long, default_value = "dreamstream", value_parser = ["dreamstream", "reference", "sim-rgb", "layout"])]
+    pub(crate) nominal_frames: String,
+    /// How much of each scenario to drive, in seconds; 0 for all.
+    #[arg(long, default_value_t = 8.0, value_name = "SECONDS")]
+    pub(crate) duration: f64,
+    /// Seeds; give several to drive each scenario several times.
+    #[arg(long, default_values_t = [0])]
+    pub(crate) seed: Vec<u64>,
+    /// Go on with an interrupted attribution: cells that are finished are not driven again.
+    #[arg(long)]
+    pub(crate) resume: bool,
+    /// Where runs and shares go.
+    #[arg(long, short, default_value = "out/attribution", value_hint = ValueHint::DirPath)]
+    pub(crate) out: PathBuf,
+}
+
+/// Arguments of `gap watch`.
+#[derive(Debug, Args)]
+pub(crate) struct WatchArgs {
+    /// The episode, or a part of its name; the first one without.
+    #[arg(default_value = "")]
+    pub(crate) episode: String,
+    /// How much of the drive is looked at, in seconds.
+    #[arg(long, default_value_t = 20.0, value_name = "SECONDS")]
+    pub(crate) window: f64,
+    /// Simulated time between two diagnoses, in seconds.
+    #[arg(long, default_value_t = 3.0, value_name = "SECONDS")]
+    pub(crate) every: f64,
+    /// Where the fleet's router listens.
+    #[arg(long, env = "DREAMSTREAM_BUS_ROUTER", default_value = "tcp/127.0.0.1:7447", value_name = "ENDPOINT")]
+    pub(crate) bus: String,
+    /// The certificate of a viewer, for a tls endpoint; its key lies beside it as .key.
+    #[arg(long, value_hint = ValueHint::FilePath)]
+    pub(crate) certificate: Option<PathBuf>,
+    /// The fleet.
+    #[command(flatten)]
+    pub(crate) control: ControlArgs,
+    /// Where diagnoses go, one line of JSON each.
+    #[arg(long, short, value_hint = ValueHint::FilePath)]
+    pub(crate) out: Option<PathBuf>,
+}
