@@ -1,0 +1,167 @@
+//! What a diagnosis says in one sentence, and the top of the page that says it.
+
+use ds_gap::report::{Diagnosis, Finding, Shrink, Verdict};
+
+use super::markup::Markup;
+use super::words;
+
+/// Before over floor from which the first metric is worth telling, and as a share of the largest such ratio.
+const TELLING: (f64, f64) = (1.5, 0.5);
+
+/// Returns the metric that says most about the shrink: the one of `predicted_share` where the gap shows in it, else the
+/// one that the gap lifts furthest beyond its floor.
+pub(crate) fn telling(diagnosis: &Diagnosis) -> Option<&Shrink> {
+    let ratio = |s: &Shrink| if s.floor > 0.0 && s.before.is_finite() { s.before / s.floor } else { 0.0 };
+    let largest = diagnosis.how_far.iter().max_by(|a, b| ratio(a).total_cmp(&ratio(b)));
+    let enough = largest.map_or(0.0, |s| TELLING.1 * ratio(s)).max(TELLING.0);
+    predicted(diagnosis).filter(|s| ratio(s) >= enough).or(largest)
+}
+
+/// Returns the metric that `predicted_share` is about.
+pub(crate) fn predicted(diagnosis: &Diagnosis) -> Option<&Shrink> {
+    ["position_2s", "image_rmse"].iter().find_map(|name| diagnosis.how_far.iter().find(|s| s.metric == *name))
+}
+
+/// Tells whether a metric is so near its floor that there is nothing to explain.
+pub(crate) fn at_floor(shrink: &Shrink) -> bool {
+    shrink.before - shrink.floor <= 0.05 * shrink.floor
+}
+
+/// Returns the findings of the corrected model, likeliest first.
+pub(crate) fn chosen(diagnosis: &Diagnosis) -> Vec<&Finding> {
+    diagnosis.effects.iter().filter(|e| diagnosis.chosen.contains(&e.id)).collect()
+}
+
+/// Returns an effect with its value in words.
+pub(crate) fn named(finding: &Finding) -> String {
+    let value = words::estimate(finding.value, finding.interval90, &finding.unit).map(|e| e.value);
+    match value.filter(|_| has_estimate(finding)) {
+        Some(value) => format!("{} ({value})", words::effect(&finding.id)),
+        None => words::effect(&finding.id),
+    }
+}
+
+/// Tells whether a finding was fitted at all.
+pub(crate) fn has_estimate(finding: &Finding) -> bool {
+    !(finding.unit.is_empty() && finding.params.is_empty()) && finding.value.is_finite()
+}
+
+/// Returns the verdict, the effects, how far the gap shrinks and how sure that is.
+pub(crate) fn sentence(diagnosis: &Diagnosis) -> String {
+    let effects = chosen(diagnosis);
+    let names = words::list(&effects.iter().map(|e| named(e)).collect::<Vec<_>>());
+    match diagnosis.verdict {
+        Verdict::None => format!(
+            "Nothing is missing beyond what every vehicle and sensor has: {} sure.",
+            words::chance(diagnosis.p_none)
+        ),
+        Verdict::Unknown if effects.is_empty() => format!(
+            "Something is missing that no effect of the library explains: {} sure.",
+            words::chance(diagnosis.p_unknown)
+        ),
+        Verdict::Unknown => format!(
+            "Something is missing that no effect of the library explains: {} sure. The nearest, {names}, {}",
+            words::chance(diagnosis.p_unknown),
+            closes(diagnosis, "closes")
+        ),
+        Verdict::Single => {
+            let sure = effects.first().map_or(f64::NAN, |e| e.probability);
+            let closes = closes(diagnosis, "adding it closes");
+            format!("The simulator leaves out {names}, {} sure; {closes}", words::chance(sure))
+        }
+        Verdict::Multiple => {
+            let sure = effects.iter().map(|e| e.probability).sum();
+            let closes = closes(diagnosis, "adding them closes");
+            format!(
+                "The simulator leaves out {} effects: {names}, together {} sure; {closes}",
+                count(effects.len()),
+                words::chance(sure)
+            )
+        }
+    }
+}
+
+fn count(number: usize) -> String {
+    ["no", "one", "two", "three"].get(number).map_or_else(|| number.to_string(), |word| (*word).to_owned())
+}
+
+fn closes(diagnosis: &Diagnosis, verb: &str) -> String {
+    let Some(shrink) = telling(diagnosis) else { return "how far the gap shrinks was not measured.".to_owned() };
+    let (metric, _) = words::metric(&shrink.metric);
+    if at_floor(shrink) {
+        return format!("but {metric} shows no gap beyond its noise floor {}.", data(shrink));
+    }
+    let [low, high] = shrink.interval90.map(|v| words::fixed(100.0 * v, 0));
+    let share = words::share(shrink.share_explained);
+    if shrink.share_explained < 0.0 {
+        return format!("yet {metric} becomes worse with it {}.", data(shrink));
+    }
+    format!("{verb} {share} [{low}, {high}] of the gap in {metric} {}.", data(shrink))
+}
+
+/// Returns where a metric was measured.
+pub(crate) fn data(shrink: &Shrink) -> &'static str {
+    match shrink.data.as_str() {
+        "heldout" => "on data kept from the fit",
+        "unseen" => "on data never seen before",
+        _ => "on the data of the fit",
+    }
+}
+
+/// Returns the verdict in a word or two.
+pub(crate) fn verdict(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::None => "nothing missing",
+        Verdict::Single => "one effect",
+        Verdict::Multiple => "several effects",
+        Verdict::Unknown => "unknown effect",
+    }
+}
+
+/// Writes the sentence, the main figures and the warnings.
+pub(crate) fn header(m: &mut Markup, diagnosis: &Diagnosis) {
+    m.inside("header", &[], |m| {
+        m.inside("div", &[], |m| {
+            m.inside("p", &[("class", &"brand")], |m| {
+                m.text("DreamStream gap diagnosis · ");
+                m.leaf("bdi", &[], &diagnosis.case);
+            });
+            m.leaf("h1", &[], sentence(diagnosis));
+            m.inside("ul", &[("class", &"tiles")], |m| tiles(m, diagnosis));
+            if !diagnosis.warnings.is_empty() {
+                m.inside("ul", &[("class", &"warnings"), ("aria-label", &"Warnings")], |m| {
+                    for warning in &diagnosis.warnings {
+                        m.inside("li", &[], |m| m.leaf("bdi", &[], warning));
+                    }
+                });
+            }
+        });
+    });
+}
+
+fn tiles(m: &mut Markup, diagnosis: &Diagnosis) {
+    let mut tile = |class: &str, value: &str, what: &str| {
+        m.inside("li", &[("class", &class)], |m| {
+            m.leaf("b", &[], value);
+            m.leaf("span", &[], what);
+        });
+    };
+    let alarm = if diagnosis.verdict == Verdict::Unknown { "alarm" } else { "" };
+    tile(alarm, verdict(diagnosis.verdict), "verdict");
+    for finding in chosen(diagnosis).into_iter().filter(|f| has_estimate(f)) {
+        if let Some(estimate) = words::estimate(finding.value, finding.interval90, &finding.unit) {
+            tile("", &estimate.value, &format!("{} {}", words::effect(&finding.id), estimate.interval));
+        }
+    }
+    if let Some(shrink) = telling(diagnosis).filter(|s| !at_floor(s) && !diagnosis.chosen.is_empty()) {
+        let [before, after, _] = words::aligned([shrink.before, shrink.after, shrink.floor]);
+        let (metric, unit) = words::metric(&shrink.metric);
+        tile("", &words::share(shrink.share_explained), &format!("of the gap in {metric} closed"));
+        tile("", &format!("{before} → {after}"), &format!("{metric}{}{unit}", if unit.is_empty() { "" } else { ", " }));
+    }
+    let beyond = diagnosis.cells.len();
+    let most = diagnosis.cells.iter().map(|c| c.effect_size).fold(0.0, f64::max);
+    if beyond > 0 {
+        tile("", &format!("{} ×", words::figure(most)), "noise floor where the gap is largest");
+    }
+}
