@@ -5,7 +5,7 @@
 //! is logarithmic over the range searched, absent at the right end.
 
 use ds_effect::{Parameter, Scale};
-use ds_gap::report::{Diagnosis, Finding};
+use ds_gap::report::{Diagnosis, Finding, Verdict};
 use ds_gap::settings::MARGIN_SDS;
 
 use super::headline::has_estimate;
@@ -22,12 +22,15 @@ const AXIS: (f64, f64, f64) = (280.0, 34.0, 14.0);
 
 /// Writes the table of hypotheses; the mass turns shares of it into kilograms.
 pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis, mass_kg: Option<f64>) {
-    m.leaf(
-        "p",
-        &[("class", &"lead")],
-        "Bars: probability of each explanation. Dot and whiskers: estimate with its 90 % interval; line: the effect is \
-         absent; band: the mismatch that every vehicle has.",
-    );
+    m.inside("p", &[("class", &"lead")], |m| {
+        m.text(
+            "Bars: probability of each explanation. Dot and whiskers: estimate with its 90 % interval; line: the effect is \
+             absent; band: the mismatch that every vehicle has.",
+        );
+        if diagnosis.chosen.len() > 1 {
+            m.text(" Effects found together share one probability.");
+        }
+    });
     let shown = shown(diagnosis);
     m.inside("div", &[("class", &"scroll"), ("tabindex", &0), ("role", &"region"), ("aria-label", &"Effects")], |m| {
         m.inside("table", &[("class", &"effects")], |m| {
@@ -61,19 +64,19 @@ pub(crate) fn shown(diagnosis: &Diagnosis) -> Vec<&Finding> {
 }
 
 fn rows(m: &mut Markup, diagnosis: &Diagnosis, shown: &[&Finding], mass_kg: Option<f64>) {
-    let mut others = vec![
-        ("nothing missing", "only what every vehicle has", diagnosis.p_none),
-        ("something unknown", "nothing that the library contains", diagnosis.p_unknown),
-    ];
-    others.sort_by(|a, b| a.2.total_cmp(&b.2));
+    let class = |verdict, class| if diagnosis.verdict == verdict { class } else { "p" };
+    let none = ["Nothing missing", "only what every vehicle has", class(Verdict::None, "p chosen")];
+    let unknown = ["Something unknown", "not in the library", class(Verdict::Unknown, "p alarm")];
+    let mut others = vec![(none, diagnosis.p_none), (unknown, diagnosis.p_unknown)];
+    others.sort_by(|a, b| a.1.total_cmp(&b.1));
     for finding in shown {
-        while let Some((title, note, p)) = others.pop_if(|other| other.2 >= finding.probability) {
-            other(m, title, note, p);
+        while let Some((words, p)) = others.pop_if(|other| other.1 >= finding.probability) {
+            other(m, words, p);
         }
         row(m, diagnosis, finding, mass_kg);
     }
-    while let Some((title, note, p)) = others.pop() {
-        other(m, title, note, p);
+    while let Some((words, p)) = others.pop() {
+        other(m, words, p);
     }
 }
 
@@ -108,18 +111,21 @@ fn row(m: &mut Markup, diagnosis: &Diagnosis, finding: &Finding, mass_kg: Option
     });
 }
 
-fn other(m: &mut Markup, title: &str, note: &str, p: f64) {
+fn other(m: &mut Markup, [title, note, class]: [&'static str; 3], p: f64) {
     m.inside("tr", &[("class", &"other")], |m| {
         m.inside("th", &[("scope", &"row")], |m| {
-            m.leaf("span", &[("class", &"what")], words::capital(title));
+            m.leaf("span", &[("class", &"what")], title);
             m.leaf("span", &[("class", &"group")], note);
         });
-        m.inside("td", &[], |m| bar(m, "p other", p));
+        m.inside("td", &[], |m| bar(m, class, p));
         m.leaf("td", &[("colspan", &5)], "");
     });
 }
 
 fn gain(value: f64) -> String {
+    if value == 0.0 {
+        return words::NOTHING.to_owned();
+    }
     let sign = if value > 0.0 { "+" } else { "" };
     format!("{sign}{}", words::fixed(value, usize::from(value.abs() < 9.95)))
 }
@@ -144,12 +150,12 @@ fn axis(m: &mut Markup, finding: &Finding, mass_kg: Option<f64>) {
         plot::line(m, "base", (0.0, middle), (AXIS.0, middle));
         if let Some([low, high]) = scale.usual {
             let (x0, x1) = (scale.x(low), scale.x(high));
-            let words = format!("usual: {} to {}", words::figure(low), words::figure(high));
+            let words = format!("usual: {} to {}", words::plain(low), words::plain(high));
             plot::area(m, "usual", (x0 - 0.5, middle - 8.0), ((x1 - x0).max(1.0), 16.0), &words);
         }
         let absent = scale.neutral.map_or(AXIS.0 - 1.0, |neutral| scale.x(neutral));
         plot::line(m, "neutral", (absent, middle - 10.0), (absent, middle + 10.0));
-        let words = scale.neutral.map_or("absent".to_owned(), words::figure);
+        let words = scale.neutral.map_or("absent".to_owned(), words::plain);
         let class = if absent > AXIS.0 - 30.0 {
             "tick end"
         } else if absent < 24.0 {

@@ -67,7 +67,8 @@ pub(crate) fn next(m: &mut Markup, diagnosis: &Diagnosis) {
     m.leaf(
         "p",
         &[("class", &"lead")],
-        "What to drive next: manoeuvres that separate the two best explanations. A log Bayes factor of 5 settles it.",
+        "Manoeuvres that separate the two best explanations of the vehicle's motion. A log Bayes factor of 5 (the line) settles \
+         it.",
     );
     m.inside(
         "div",

@@ -1,20 +1,28 @@
 //! What a diagnosis says in one sentence, and the top of the page that says it.
 
+use ds_effect::Channel;
 use ds_gap::report::{Diagnosis, Finding, Shrink, Verdict};
 
 use super::markup::Markup;
 use super::words;
 
-/// Before over floor from which the first metric is worth telling, and as a share of the largest such ratio.
-const TELLING: (f64, f64) = (1.5, 0.5);
+/// Before over floor from which the metric of `predicted_share` is the one to tell.
+const TELLING: f64 = 1.5;
 
-/// Returns the metric that says most about the shrink: the one of `predicted_share` where the gap shows in it, else the
-/// one that the gap lifts furthest beyond its floor.
+/// Returns the metric that says most about the shrink: the one of `predicted_share` where the chosen effects move the
+/// vehicle or the image, else the one that the gap lifts furthest beyond its floor among the channels they show in.
 pub(crate) fn telling(diagnosis: &Diagnosis) -> Option<&Shrink> {
     let ratio = |s: &Shrink| if s.floor > 0.0 && s.before.is_finite() { s.before / s.floor } else { 0.0 };
-    let largest = diagnosis.how_far.iter().max_by(|a, b| ratio(a).total_cmp(&ratio(b)));
-    let enough = largest.map_or(0.0, |s| TELLING.1 * ratio(s)).max(TELLING.0);
-    predicted(diagnosis).filter(|s| ratio(s) >= enough).or(largest)
+    let known: Vec<_> = diagnosis.chosen.iter().filter_map(|id| ds_effect::find(id)).collect();
+    let shows = |channel: Channel| known.iter().any(|effect| effect.channels.contains(&channel));
+    let moves = known.len() < diagnosis.chosen.len() || shows(Channel::Dx) || shows(Channel::Dy);
+    if let Some(leading) = predicted(diagnosis).filter(|s| known.is_empty() || (moves && ratio(s) >= TELLING)) {
+        return Some(leading);
+    }
+    let own =
+        |s: &&Shrink| Channel::ALL.iter().any(|c| s.metric.strip_prefix("channel:") == Some(c.name()) && shows(*c));
+    let by = |a: &&Shrink, b: &&Shrink| ratio(a).total_cmp(&ratio(b));
+    diagnosis.how_far.iter().filter(own).max_by(by).or_else(|| diagnosis.how_far.iter().max_by(by))
 }
 
 /// Returns the metric that `predicted_share` is about.
@@ -30,6 +38,15 @@ pub(crate) fn at_floor(shrink: &Shrink) -> bool {
 /// Returns the findings of the corrected model, likeliest first.
 pub(crate) fn chosen(diagnosis: &Diagnosis) -> Vec<&Finding> {
     diagnosis.effects.iter().filter(|e| diagnosis.chosen.contains(&e.id)).collect()
+}
+
+/// Returns the probability of the verdict as it stands.
+pub(crate) fn sure(diagnosis: &Diagnosis) -> f64 {
+    match diagnosis.verdict {
+        Verdict::None => diagnosis.p_none,
+        Verdict::Unknown => diagnosis.p_unknown,
+        Verdict::Single | Verdict::Multiple => chosen(diagnosis).iter().map(|e| e.probability).sum(),
+    }
 }
 
 /// Returns an effect with its value in words.
@@ -53,29 +70,27 @@ pub(crate) fn sentence(diagnosis: &Diagnosis) -> String {
     match diagnosis.verdict {
         Verdict::None => format!(
             "Nothing is missing beyond what every vehicle and sensor has: {} sure.",
-            words::chance(diagnosis.p_none)
+            words::chance(sure(diagnosis))
         ),
         Verdict::Unknown if effects.is_empty() => format!(
             "Something is missing that no effect of the library explains: {} sure.",
-            words::chance(diagnosis.p_unknown)
+            words::chance(sure(diagnosis))
         ),
         Verdict::Unknown => format!(
             "Something is missing that no effect of the library explains: {} sure. The nearest, {names}, {}",
-            words::chance(diagnosis.p_unknown),
+            words::chance(sure(diagnosis)),
             closes(diagnosis, "closes")
         ),
         Verdict::Single => {
-            let sure = effects.first().map_or(f64::NAN, |e| e.probability);
             let closes = closes(diagnosis, "adding it closes");
-            format!("The simulator leaves out {names}, {} sure; {closes}", words::chance(sure))
+            format!("The simulator leaves out {names}, {} sure; {closes}", words::chance(sure(diagnosis)))
         }
         Verdict::Multiple => {
-            let sure = effects.iter().map(|e| e.probability).sum();
             let closes = closes(diagnosis, "adding them closes");
             format!(
                 "The simulator leaves out {} effects: {names}, together {} sure; {closes}",
                 count(effects.len()),
-                words::chance(sure)
+                words::chance(sure(diagnosis))
             )
         }
     }
@@ -91,12 +106,12 @@ fn closes(diagnosis: &Diagnosis, verb: &str) -> String {
     if at_floor(shrink) {
         return format!("but {metric} shows no gap beyond its noise floor {}.", data(shrink));
     }
-    let [low, high] = shrink.interval90.map(|v| words::fixed(100.0 * v, 0));
+    let interval = words::shares(shrink.interval90);
     let share = words::share(shrink.share_explained);
     if shrink.share_explained < 0.0 {
         return format!("yet {metric} becomes worse with it {}.", data(shrink));
     }
-    format!("{verb} {share} [{low}, {high}] of the gap in {metric} {}.", data(shrink))
+    format!("{verb} {share} {interval} of the gap in {metric} {}.", data(shrink))
 }
 
 /// Returns where a metric was measured.
@@ -147,7 +162,7 @@ fn tiles(m: &mut Markup, diagnosis: &Diagnosis) {
         });
     };
     let alarm = if diagnosis.verdict == Verdict::Unknown { "alarm" } else { "" };
-    tile(alarm, verdict(diagnosis.verdict), "verdict");
+    tile(alarm, verdict(diagnosis.verdict), &format!("verdict, {} sure", words::chance(sure(diagnosis))));
     for finding in chosen(diagnosis).into_iter().filter(|f| has_estimate(f)) {
         if let Some(estimate) = words::estimate(finding.value, finding.interval90, &finding.unit) {
             tile("", &estimate.value, &format!("{} {}", words::effect(&finding.id), estimate.interval));

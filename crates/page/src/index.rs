@@ -6,7 +6,7 @@
 use ds_effect::Channel;
 use ds_gap::report::{Diagnosis, Verdict};
 
-use super::headline::{at_floor, chosen, has_estimate, telling, verdict};
+use super::headline::{at_floor, chosen, has_estimate, sure, telling, verdict};
 use super::markup::{Markup, link};
 use super::place::{TILES, tiles};
 use super::plot;
@@ -55,12 +55,10 @@ fn table(m: &mut Markup, cases: &[(String, Diagnosis)]) {
             for (class, title) in [
                 ("", "case"),
                 ("", "verdict"),
-                ("", "first effect"),
+                ("", "effects"),
                 ("n", "estimate"),
-                ("n", "90 % interval"),
                 ("n", "sure"),
                 ("n", "share explained"),
-                ("n", "90 % interval"),
                 ("", "of the gap in"),
             ] {
                 m.inside("th", &[("scope", &"col"), ("class", &class)], |m| {
@@ -108,30 +106,24 @@ fn row(m: &mut Markup, path: &str, diagnosis: &Diagnosis) {
     m.leaf("td", &[], if names.is_empty() { words::NOTHING.to_owned() } else { names });
     let estimate = first.filter(|f| has_estimate(f)).and_then(|f| words::estimate(f.value, f.interval90, &f.unit));
     let (value, interval) = estimate.map_or((words::NOTHING.to_owned(), String::new()), |e| (e.value, e.interval));
-    number(m, "n strong", first.map(|f| f.value), &value);
-    number(m, "n range", first.map(|f| f.interval90[0]), &interval);
-    let sure = match diagnosis.verdict {
-        Verdict::None => diagnosis.p_none,
-        Verdict::Unknown => diagnosis.p_unknown,
-        _ => found.iter().map(|f| f.probability).sum(),
-    };
-    number(m, "n", Some(sure), &words::chance(sure));
+    number(m, first.map(|f| f.value), &value, &interval);
+    let sure = sure(diagnosis);
+    number(m, Some(sure), &words::chance(sure), "");
     let told = telling(diagnosis).filter(|s| !at_floor(s) && !found.is_empty());
-    let ends = |v: [f64; 2]| format!("[{}]", v.map(|end| words::fixed(100.0 * end, 0)).join(", "));
-    number(
-        m,
-        "n strong",
-        told.map(|s| s.share_explained),
-        &told.map_or(words::NOTHING.to_owned(), |s| words::share(s.share_explained)),
-    );
-    number(m, "n range", told.map(|s| s.interval90[0]), &told.map_or(String::new(), |s| ends(s.interval90)));
+    let share = told.map_or(words::NOTHING.to_owned(), |s| words::share(s.share_explained));
+    let interval = told.map_or(String::new(), |s| words::shares(s.interval90));
+    number(m, told.map(|s| s.share_explained), &share, &interval);
     m.leaf("td", &[], told.map_or(String::new(), |s| words::metric(&s.metric).0));
     m.inside("td", &[("class", &"axis")], |m| spark(m, diagnosis));
 }
 
-fn number(m: &mut Markup, class: &str, value: Option<f64>, words: &str) {
+/// Writes a number with its interval below.
+fn number(m: &mut Markup, value: Option<f64>, words: &str, interval: &str) {
     let sort = value.filter(|v| v.is_finite()).map(|v| v.to_string()).unwrap_or_default();
-    m.leaf("td", &[("class", &class), ("data-sort", &sort)], words);
+    m.inside("td", &[("class", &"n"), ("data-sort", &sort)], |m| {
+        m.leaf("b", &[], words);
+        m.leaf("small", &[], interval);
+    });
 }
 
 /// Draws one bar per channel, or the image tiles where the gap is in the image.

@@ -14,7 +14,7 @@ const CHANNELS: usize = 4;
 const WORTH: f64 = 1.5;
 const LEFT: f64 = 62.0;
 const RIGHT: f64 = 940.0;
-const TITLE: f64 = 22.0;
+const TITLE: f64 = 26.0;
 const AXIS: f64 = 26.0;
 
 /// Writes the plots of one drive.
@@ -103,9 +103,9 @@ fn panel(
     let (title, unit) = words::metric(&key(series));
     for (name, [from, to]) in spans(diagnosis, drive, series) {
         let (x0, x1) = (at(ends, from), at(ends, to));
-        plot::area(m, "span", (x0, high), (x1 - x0, low - high), &name);
+        plot::area(m, "span", (x0, high - 5.0), (x1 - x0, 3.5), &name);
     }
-    let step = plot::round_above(reach / 3.2);
+    let step = plot::round_above(reach / if height > 100.0 { 4.5 } else { 3.0 });
     let decimals = words::decimals(step, 1);
     for k in 0..=(reach / step) as usize {
         let value = k as f64 * step;

@@ -58,10 +58,10 @@ pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis, drives: Option<usiz
     m.leaf(
         "p",
         &[("class", &"lead")],
-        "Size of the gap that the effect accounts for, in units of the noise floor. Full squares are significant (false \
-         discovery rate 5 %), empty ones are not beyond the floor.",
+        "Size of the gap in units of the noise floor. Coloured squares are significant (false discovery rate 5 %), small \
+         ones are not; grey is at the floor.",
     );
-    plot::level_legend(m, "times the floor");
+    plot::level_legend(m, "times the floor", 0);
     if !in_drives.is_empty() {
         map(m, &in_drives, drives);
     }

@@ -107,11 +107,11 @@ pub(crate) fn round_above(value: f64) -> f64 {
     [1.0, 2.0, 5.0, 10.0].map(|k| k * power).into_iter().find(|k| *k >= value * (1.0 - 1e-9)).unwrap_or(10.0 * power)
 }
 
-/// Writes the legend of the colour levels.
-pub(crate) fn level_legend(m: &mut Markup, before: &str) {
+/// Writes the legend of the colour levels from the `first` on.
+pub(crate) fn level_legend(m: &mut Markup, before: &str, first: usize) {
     m.inside("p", &[("class", &"scale")], |m| {
         m.leaf("span", &[], before);
-        for (k, low) in LEVELS.iter().enumerate() {
+        for (k, low) in LEVELS.iter().enumerate().skip(first) {
             let class = format!("step b{k}");
             let more = if k + 1 == LEVELS.len() { "+" } else { "" };
             m.leaf("span", &[("class", &class)], format_args!("{low}{more}"));

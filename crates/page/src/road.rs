@@ -32,7 +32,7 @@ pub(crate) fn section(m: &mut Markup, traces: &Traces) {
     let width = if beside { SIZE.0 / 2.0 } else { SIZE.0 };
     let per_m = ((width - 2.0 * MARGIN) / turned.width_m).min((SIZE.1 - 2.0 * MARGIN) / turned.height_m.max(1e-6));
     let height = (turned.height_m * per_m).max(FLATTEST) + 2.0 * MARGIN + 16.0;
-    plot::level_legend(m, "position error after 2 s, times the floor");
+    plot::level_legend(m, "position error after 2 s, times the floor (grey: at the floor)", 1);
     m.inside("div", &[("class", &(if beside { "maps beside" } else { "maps" })), ("data-drive", &traces.drive)], |m| {
         for (title, error) in
             [("Nominal simulator", (|k| k.before) as fn(&Moment) -> f64), ("Corrected simulator", |k| k.after)]
@@ -75,7 +75,7 @@ fn map(
             continue;
         }
         let ratio = if moment.floor > 0.0 { error(moment) / moment.floor } else { 0.0 };
-        let class = plot::level(ratio);
+        let class = if ratio < plot::LEVELS[1] { "h" } else { plot::level(ratio) };
         m.void("polyline", &[("class", &class), ("points", &joined(&[place(k), place(k + 1)])), ("data-t", &px(secs))]);
     }
     let start = place(0);

@@ -5,7 +5,7 @@ use ds_gap::report::{Diagnosis, Shrink};
 
 use super::headline::{at_floor, predicted};
 use super::markup::Markup;
-use super::plot::{self, WIDTH};
+use super::plot;
 use super::words;
 
 const LABELS: f64 = 190.0;
@@ -15,6 +15,7 @@ const COLUMNS: [f64; 6] = [628.0, 690.0, 752.0, 762.0, 846.0, 1098.0];
 const BAR: f64 = 120.0;
 const ROW: f64 = 27.0;
 const TOP: f64 = 50.0;
+const APART: f64 = 12.0;
 
 /// Writes the promise, then one row per metric.
 pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis) {
@@ -28,16 +29,25 @@ pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis) {
             super::headline::data(first)
         ),
     );
+    if diagnosis.chosen.is_empty() {
+        m.leaf(
+            "p",
+            &[("class", &"lead")],
+            "No effect was added: what shrinks is the usual mismatch, which is always fitted.",
+        );
+    }
     promise(m, diagnosis);
     let rows: Vec<&Shrink> = diagnosis.how_far.iter().collect();
-    let height = TOP + ROW * rows.len() as f64 + 8.0;
+    // the errors of whole rollouts first, then channel by channel
+    let apart = |row: usize| if rows[row].metric.starts_with("channel:") { APART } else { 0.0 };
+    let height = TOP + ROW * rows.len() as f64 + apart(rows.len() - 1) + 8.0;
     let ratios = rows.iter().filter(|s| s.floor > 0.0).flat_map(|s| [s.before / s.floor, s.after / s.floor]);
     let most = ratios.filter(|r| r.is_finite()).fold(2.0, f64::max);
     let scale = Scale { least: 0.5, most: most * 1.15 };
     plot::wide(m, "Metrics before and after", height, |m| {
         axis(m, &scale, height);
         for (row, shrink) in rows.iter().enumerate() {
-            metric(m, shrink, TOP + ROW * (row as f64 + 0.5), &scale);
+            metric(m, shrink, TOP + apart(row) + ROW * (row as f64 + 0.5), &scale);
         }
     });
 }
@@ -118,8 +128,7 @@ fn share(m: &mut Markup, shrink: &Shrink, y: f64) {
     }
     let class = if worse { "value strong bad" } else { "value strong" };
     plot::text(m, class, (COLUMNS[5] - 86.0, y + 4.5), &words::share(shrink.share_explained));
-    let ends = [low, high].map(|v| words::fixed(100.0 * v, 0)).join(", ");
-    plot::text(m, "value", (COLUMNS[5], y + 4.5), &format!("[{ends}]"));
+    plot::text(m, "value", (COLUMNS[5], y + 4.5), &words::shares(shrink.interval90));
 }
 
 /// Writes what the fit promised for its metric beside what came.
@@ -128,7 +137,6 @@ fn promise(m: &mut Markup, diagnosis: &Diagnosis) {
     if !diagnosis.predicted_share.is_finite() {
         return;
     }
-    let [low, high] = shrink.interval90.map(|v| words::fixed(100.0 * v, 0));
     m.inside("div", &[("class", &"promise")], |m| {
         let (name, _) = words::metric(&shrink.metric);
         plot::picture(m, "inline plot", "Promised and realised share", (330.0, 54.0), |m| {
@@ -137,6 +145,7 @@ fn promise(m: &mut Markup, diagnosis: &Diagnosis) {
                 plot::line(m, "grid", (x(tick), 6.0), (x(tick), 36.0));
                 plot::text(m, "tick", (x(tick), 50.0), &words::share(tick));
             }
+            plot::line(m, "grid", (x(0.0), 26.0), (x(1.0), 26.0));
             let ends = shrink.interval90.map(x);
             plot::line(m, "whisker realised", (ends[0], 26.0), (ends[1], 26.0));
             plot::dot(m, "dot", (x(shrink.share_explained), 26.0), 5.0);
@@ -149,7 +158,7 @@ fn promise(m: &mut Markup, diagnosis: &Diagnosis) {
             m.leaf("b", &[], format_args!("{} (diamond)", words::share(diagnosis.predicted_share)));
             m.text("; realised: ");
             m.leaf("b", &[], words::share(shrink.share_explained));
-            m.text(format_args!(" [{low}, {high}] (dot)."));
+            m.text(format_args!(" {} (dot).", words::shares(shrink.interval90)));
         });
     });
 }

@@ -96,8 +96,7 @@ fn metric(shrink: &Shrink) -> String {
     let share = if at_floor(shrink) {
         "  no gap".to_owned()
     } else {
-        let [low, high] = shrink.interval90.map(|v| words::fixed(100.0 * v, 0));
-        format!("{:>8}  [{low}, {high}]", words::share(shrink.share_explained))
+        format!("{:>8}  {}", words::share(shrink.share_explained), words::shares(shrink.interval90))
     };
     format!("  {name:<24} {before:>9} {after:>9} {floor:>9} {unit:<11} {share}")
 }
@@ -120,10 +119,19 @@ fn title(out: &mut String, words: &str) {
     line(out, words);
 }
 
-/// Writes a line without control characters.
+/// Writes a line without control characters; spaces that hold figures together are plain ones in a terminal.
 fn line(out: &mut String, words: &str) {
-    let clean: String = words.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
-    let _ = writeln!(out, "{}", clean.trim_end());
+    let words: String = words.chars().map(clean).collect();
+    let _ = writeln!(out, "{}", words.trim_end());
+}
+
+fn clean(c: char) -> char {
+    match c {
+        '\u{a0}' => ' ',
+        '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{200e}' | '\u{200f}' => '\u{fffd}',
+        c if c.is_control() => '\u{fffd}',
+        c => c,
+    }
 }
 
 /// Writes words on lines of at most [`WIDTH`] columns.

@@ -181,11 +181,11 @@ pub(crate) fn estimate(value: f64, [low, high]: [f64; 2], unit_id: &str) -> Opti
     let count =
         if wide { decimals(half, 2).min(decimals(value, 5).max(decimals(half, 1))) } else { decimals(value, 3) };
     let unit = unit(unit_id);
-    let factor = if unit_id == "x" { "× " } else { "" };
-    let space = if unit.is_empty() { "" } else { " " };
+    let factor = if unit_id == "x" { "×\u{a0}" } else { "" };
+    let space = if unit.is_empty() { "" } else { "\u{a0}" };
     Some(Estimate {
         value: format!("{factor}{}{space}{unit}", fixed(value, count)),
-        interval: if wide { format!("[{}, {}]", fixed(low, count), fixed(high, count)) } else { String::new() },
+        interval: if wide { interval([low, high], count) } else { String::new() },
     })
 }
 
@@ -193,21 +193,38 @@ pub(crate) fn estimate(value: f64, [low, high]: [f64; 2], unit_id: &str) -> Opti
 pub(crate) fn chance(p: f64) -> String {
     match p {
         p if !p.is_finite() => NOTHING.to_owned(),
-        p if p >= 0.995 => ">\u{2009}99 %".to_owned(),
-        p if p < 0.005 => "<\u{2009}1 %".to_owned(),
-        p => format!("{:.0} %", 100.0 * p),
+        p if p >= 0.995 => ">\u{202f}99\u{a0}%".to_owned(),
+        p if p < 0.005 => "<\u{202f}1\u{a0}%".to_owned(),
+        p => format!("{:.0}\u{a0}%", 100.0 * p),
     }
 }
 
 /// Returns a share in percent.
 pub(crate) fn share(value: f64) -> String {
-    if value.is_finite() { format!("{} %", fixed(100.0 * value, 0)) } else { NOTHING.to_owned() }
+    if value.is_finite() { format!("{}\u{a0}%", fixed(100.0 * value, 0)) } else { NOTHING.to_owned() }
+}
+
+/// Returns an interval in brackets, not to be broken into lines.
+pub(crate) fn interval([low, high]: [f64; 2], decimals: usize) -> String {
+    format!("[{},\u{a0}{}]", fixed(low, decimals), fixed(high, decimals))
+}
+
+/// Returns an interval of shares in percent.
+pub(crate) fn shares(ends: [f64; 2]) -> String {
+    interval(ends.map(|end| 100.0 * end), 0)
+}
+
+/// Returns a number with three significant digits and no zeros behind them.
+pub(crate) fn plain(value: f64) -> String {
+    let text = figure(value);
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
 /// Returns a duration in a unit that suits it.
 pub(crate) fn duration(secs: f64) -> String {
     match secs {
         s if !s.is_finite() => NOTHING.to_owned(),
+        s if s < 0.95 => "<\u{202f}1 s".to_owned(),
         s if s < 9.5 => format!("{} s", fixed(s, 1)),
         s if s < 120.0 => format!("{} s", fixed(s, 0)),
         s if s < 7200.0 => format!("{} min", fixed(s / 60.0, 0)),
@@ -242,7 +259,7 @@ mod tests {
             (0.2, [0.2, 0.2], "1", "0.200 "),
         ] {
             let found = estimate(value, interval, unit).expect("a finite value");
-            assert_eq!(format!("{} {}", found.value, found.interval), expected);
+            assert_eq!(format!("{} {}", found.value, found.interval).replace('\u{a0}', " "), expected);
         }
         assert!(estimate(f64::NAN, [0.0, 1.0], "s").is_none());
         assert_eq!(aligned([24.07, 0.043, 0.04]), ["24.07", "0.04", "0.04"]);
@@ -251,9 +268,10 @@ mod tests {
 
     #[test]
     fn ends_are_never_certain() {
-        assert_eq!([1.0, 0.91, 0.0].map(chance), [">\u{2009}99 %", "91 %", "<\u{2009}1 %"]);
-        assert_eq!([share(-0.124), share(0.916), share(f64::NAN)], ["−12 %", "92 %", "–"]);
+        assert_eq!([1.0, 0.91, 0.0].map(chance), [">\u{202f}99\u{a0}%", "91\u{a0}%", "<\u{202f}1\u{a0}%"]);
+        assert_eq!([share(-0.124), share(0.916), share(f64::NAN)], ["−12\u{a0}%", "92\u{a0}%", "–"]);
+        assert_eq!([1.0, 0.25, 300.0].map(plain), ["1", "0.25", "300"]);
         assert_eq!([fixed(-0.0001, 2), fixed(f64::INFINITY, 1)], ["0.00", "–"]);
-        assert_eq!([duration(6.04), duration(36_000.0), duration(600.0)], ["6.0 s", "10 h", "10 min"]);
+        assert_eq!([6.04, 36_000.0, 600.0, 0.01].map(duration), ["6.0 s", "10 h", "10 min", "<\u{202f}1 s"]);
     }
 }
