@@ -153,17 +153,7 @@ fn axis(m: &mut Markup, finding: &Finding, mass_kg: Option<f64>) {
             let words = format!("usual: {} to {}", words::plain(low), words::plain(high));
             plot::area(m, "usual", (x0 - 0.5, middle - 8.0), ((x1 - x0).max(1.0), 16.0), &words);
         }
-        let absent = scale.neutral.map_or(AXIS.0 - 1.0, |neutral| scale.x(neutral));
-        plot::line(m, "neutral", (absent, middle - 10.0), (absent, middle + 10.0));
-        let words = scale.neutral.map_or("absent".to_owned(), words::plain);
-        let class = if absent > AXIS.0 - 30.0 {
-            "tick end"
-        } else if absent < 24.0 {
-            "tick begin"
-        } else {
-            "tick"
-        };
-        plot::text(m, class, (absent, AXIS.1 - 1.0), &words);
+        absence(m, &scale, middle);
         let [low, high] = finding.interval90.map(|v| scale.x(v));
         if low.is_finite() && high.is_finite() {
             plot::line(m, "whisker", (low, middle), (high, middle));
@@ -173,6 +163,27 @@ fn axis(m: &mut Markup, finding: &Finding, mass_kg: Option<f64>) {
         }
         plot::dot(m, "dot", (scale.x(finding.value), middle), 4.5);
     });
+}
+
+/// Draws the line of the neutral value; an effect that no library knows has none.
+fn absence(m: &mut Markup, scale: &Axis, middle: f64) {
+    let (at, words) = match scale.neutral {
+        Some(neutral) => (scale.x(neutral), words::plain(neutral)),
+        None if scale.logarithmic => (AXIS.0 - 1.0, "absent".to_owned()),
+        None => return,
+    };
+    plot::line(m, "neutral", (at, middle - 10.0), (at, middle + 10.0));
+    let class = match at {
+        at if at > AXIS.0 - 30.0 => "tick end",
+        at if at < 24.0 => "tick begin",
+        _ => "tick",
+    };
+    plot::text(m, class, (at, AXIS.1 - 1.0), &words);
+}
+
+/// Returns the parameter that is reported as an effect's value.
+fn parameter(id: &str) -> Option<&'static Parameter> {
+    ds_effect::find(id).and_then(|effect| effect.parameters.first())
 }
 
 /// The axis of one row, in reported units.
@@ -186,7 +197,7 @@ struct Axis {
 
 impl Axis {
     fn of(finding: &Finding, mass_kg: Option<f64>) -> Option<Self> {
-        let parameter = ds_effect::find(&finding.id).and_then(|effect| effect.parameters.first());
+        let parameter = parameter(&finding.id);
         let neutral = parameter.map(|p| p.reported(p.neutral, mass_kg.unwrap_or(1.0))).filter(|n| n.is_finite());
         let usual = parameter.and_then(|p| usual(p, mass_kg));
         let logarithmic = parameter.is_some_and(|p| p.scale == Scale::Limit);

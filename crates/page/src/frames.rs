@@ -1,6 +1,7 @@
 //! Example tiles of a case of frames: simulated, real and their difference, where the diagnosis sees the largest gap.
 //!
-//! A difference is 128 + 3 (real − simulated) per channel in grey levels: even grey means equal. For each of the most
+//! A difference is 128 + gain (real − simulated) per channel in grey levels: even grey means equal; the gain is the one
+//! that just saturates the largest hundredth of all pixels, at most 8. For each of the most
 //! conspicuous tiles the frame is taken whose tile differs most, within the cell's time spans where it has some.
 
 use std::collections::BTreeMap;
@@ -24,8 +25,8 @@ const SEARCHED: usize = 48;
 const LARGEST_PX: u32 = 4096;
 /// Width at which a whole frame is embedded, px.
 const WHOLE_PX: u32 = 420;
-/// Factor on differences.
-const GAIN: i32 = 3;
+/// Largest factor on differences.
+const GAIN: i32 = 8;
 
 /// Pictures of one place: simulated, real, difference.
 pub(crate) struct Triple {
@@ -35,6 +36,8 @@ pub(crate) struct Triple {
     pub(crate) frame: usize,
     /// Its time, s.
     pub(crate) secs: Option<f64>,
+    /// Factor on the differences.
+    pub(crate) gain: i32,
     /// Data URIs.
     pub(crate) pictures: [String; 3],
 }
@@ -90,9 +93,10 @@ fn triple(pair: &Pair, tile: Option<[usize; 2]>, sim: &RgbImage, real: &RgbImage
     let (x, y, width, height) = tile.map_or((0, 0, sim.width(), sim.height()), |tile| bounds(tile, sim));
     let cut = |picture: &RgbImage| imageops::crop_imm(picture, x, y, width, height).to_image();
     let (sim, real) = (cut(sim), cut(real));
+    let gain = gain(&sim, &real);
     let difference = RgbImage::from_fn(width, height, |x, y| {
         let (a, b) = (sim.get_pixel(x, y).0, real.get_pixel(x, y).0);
-        Rgb([0, 1, 2].map(|c| (128 + GAIN * (i32::from(b[c]) - i32::from(a[c]))).clamp(0, 255) as u8))
+        Rgb([0, 1, 2].map(|c| (128 + gain * (i32::from(b[c]) - i32::from(a[c]))).clamp(0, 255) as u8))
     });
     let fitted = |picture: RgbImage| {
         if picture.width() <= WHOLE_PX {
@@ -102,7 +106,18 @@ fn triple(pair: &Pair, tile: Option<[usize; 2]>, sim: &RgbImage, real: &RgbImage
         imageops::resize(&picture, WHOLE_PX, height.max(1), imageops::FilterType::Triangle)
     };
     let [sim, real, difference] = [sim, real, difference].map(|picture| embed::jpeg(&fitted(picture)));
-    Some(Triple { tile, frame: pair.frame, secs: pair.secs, pictures: [sim?, real?, difference?] })
+    Some(Triple { tile, frame: pair.frame, secs: pair.secs, gain, pictures: [sim?, real?, difference?] })
+}
+
+/// Returns the factor on differences that saturates a hundredth of the values.
+fn gain(sim: &RgbImage, real: &RgbImage) -> i32 {
+    let mut sizes: Vec<u8> = sim.as_raw().iter().zip(real.as_raw()).map(|(a, b)| a.abs_diff(*b)).collect();
+    let place = sizes.len() * 99 / 100;
+    if place >= sizes.len() {
+        return 1;
+    }
+    let (_, size, _) = sizes.select_nth_unstable(place);
+    (127 / i32::from((*size).max(1))).clamp(1, GAIN)
 }
 
 /// Left, top, width and height of a tile, px.
@@ -163,41 +178,51 @@ fn read(path: &Path) -> Option<RgbImage> {
     Some(reader.decode().ok()?.to_rgb8())
 }
 
-/// Writes the strip.
+/// Writes the whole frame, then the tiles.
 pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis, strip: &Strip) {
-    let tiles = place::tiles(diagnosis);
+    let sizes = place::tiles(diagnosis);
     m.leaf(
         "p",
         &[("class", &"lead")],
         "The frame and the tiles that differ most. Difference: even grey where both are equal, brighter where the real \
-         frame is brighter, three times enlarged.",
+         frame is brighter.",
     );
-    for triple in &strip.triples {
-        let class = if triple.tile.is_some() { "triple tile" } else { "triple" };
-        let time = triple.secs.map(|t| format!(" at {} s", words::fixed(t, 1))).unwrap_or_default();
-        let place = triple.tile.map_or_else(
-            || format!("Frame {}{time}", triple.frame),
-            |[row, column]| {
-                let size =
-                    tiles.get(&[row, column]).map(|t| format!(", {} × floor", place::size(t.0))).unwrap_or_default();
-                format!("Tile row {row}, column {column}{size} · frame {}{time}", triple.frame)
-            },
-        );
-        m.leaf("h3", &[], &place);
-        m.inside("div", &[("class", &class)], |m| {
-            for (title, source) in ["simulated", "real", "difference"].into_iter().zip(&triple.pictures) {
-                m.inside("figure", &[], |m| {
-                    m.inside("div", &[("class", &"over")], |m| {
-                        m.void("img", &[("src", source), ("alt", &format_args!("{place}, {title}"))]);
-                        if triple.tile.is_none() {
-                            grid(m, &tiles, strip.aspect);
-                        }
-                    });
-                    m.leaf("figcaption", &[], title);
-                });
-            }
-        });
+    let (tiles, whole): (Vec<&Triple>, Vec<&Triple>) = strip.triples.iter().partition(|triple| triple.tile.is_some());
+    for triple in whole {
+        row(m, triple, &sizes, strip.aspect);
     }
+    m.inside("div", &[("class", &"triples")], |m| {
+        for triple in tiles {
+            m.inside("div", &[], |m| row(m, triple, &sizes, strip.aspect));
+        }
+    });
+}
+
+fn row(m: &mut Markup, triple: &Triple, sizes: &BTreeMap<[usize; 2], (f64, f64)>, aspect: f64) {
+    let time = triple.secs.map(|t| format!(" at {} s", words::fixed(t, 1))).unwrap_or_default();
+    let frame = format!("frame {}{time}", triple.frame);
+    let place = match triple.tile {
+        None => words::capital(&frame),
+        Some([row, column]) => {
+            let size = sizes.get(&[row, column]).map(|t| format!("{} × floor, ", place::size(t.0))).unwrap_or_default();
+            format!("Tile row {row}, column {column}: {size}{frame}")
+        }
+    };
+    m.leaf("h3", &[], &place);
+    let titles = ["simulated".to_owned(), "real".to_owned(), format!("difference × {}", triple.gain)];
+    m.inside("div", &[("class", &"triple")], |m| {
+        for (title, source) in titles.iter().zip(&triple.pictures) {
+            m.inside("figure", &[], |m| {
+                m.inside("div", &[("class", &"over")], |m| {
+                    m.void("img", &[("src", source), ("alt", &format_args!("{place}, {title}"))]);
+                    if triple.tile.is_none() {
+                        grid(m, sizes, aspect);
+                    }
+                });
+                m.leaf("figcaption", &[], title);
+            });
+        }
+    });
 }
 
 fn grid(m: &mut Markup, tiles: &BTreeMap<[usize; 2], (f64, f64)>, aspect: f64) {

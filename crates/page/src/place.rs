@@ -16,6 +16,8 @@ use super::words;
 const SIGNIFICANT: f64 = 0.05;
 /// Rows and columns of the tiles of an image.
 pub(crate) const TILES: (usize, usize) = (4, 6);
+/// Channel of what a camera sees.
+const IMAGE: &str = "camera";
 const LABELS: f64 = 150.0;
 const TOP: f64 = 46.0;
 const ROW: f64 = 26.0;
@@ -50,7 +52,7 @@ pub(crate) fn tiles(diagnosis: &Diagnosis) -> BTreeMap<[usize; 2], (f64, f64)> {
 /// Writes what there is of both maps; `drives` is the number of drives of the case where it is known.
 pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis, drives: Option<usize>) {
     let (in_image, in_drives): (Vec<&Cell>, Vec<&Cell>) =
-        diagnosis.cells.iter().partition(|cell| cell.regime.tile.is_some());
+        diagnosis.cells.iter().partition(|cell| cell.regime.tile.is_some() || cell.channel == IMAGE);
     if diagnosis.cells.is_empty() {
         m.leaf("p", &[], "No cell lies significantly beyond the noise floor.");
         return;
@@ -226,6 +228,9 @@ fn channels(cells: &[&Cell]) -> Vec<String> {
 
 fn tile_map(m: &mut Markup, diagnosis: &Diagnosis) {
     let found = tiles(diagnosis);
+    if found.is_empty() {
+        return;
+    }
     let (width, height) = (84.0, 56.0);
     let view = (TILES.1 as f64 * width + 30.0, TILES.0 as f64 * height + 24.0);
     m.leaf("h3", &[], "In the image");
