@@ -54,7 +54,8 @@ pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis, traces: &Traces) {
             plot::picture(m, "wide", &title, (WIDTH, height), |m| {
                 let mut top = 0.0;
                 for (series, height) in drawn.iter().zip(&heights) {
-                    panel(m, diagnosis, traces.drive, series, (top, *height), ends);
+                    let spans = spans(diagnosis, traces.drive, series);
+                    Panel::new(series, spans, ends, (top, *height)).draw(m);
                     top += height;
                 }
                 seconds(m, ends, top);
@@ -88,55 +89,74 @@ fn at((from, to): (f64, f64), secs: f64) -> f64 {
     LEFT + (RIGHT - LEFT) * ((secs - from) / (to - from)).clamp(0.0, 1.0)
 }
 
-fn panel(
-    m: &mut Markup,
-    diagnosis: &Diagnosis,
-    drive: usize,
-    series: &Series,
-    (top, height): (f64, f64),
+/// The plot of one series: its place, its scale and the spans to mark.
+struct Panel<'a> {
+    series: &'a Series,
+    spans: Vec<(String, [f64; 2])>,
     ends: (f64, f64),
-) {
-    let (high, low) = (top + TITLE, top + height - 8.0);
-    let largest = series.moments.iter().flat_map(|k| [k.before, k.after, k.floor]).fold(0.0, f64::max);
-    let reach = if largest > 0.0 { largest * 1.04 } else { 1.0 };
-    let y = |value: f64| low - (low - high) * (value / reach).clamp(0.0, 1.0);
-    let (title, unit) = words::metric(&key(series));
-    for (name, [from, to]) in spans(diagnosis, drive, series) {
-        let (x0, x1) = (at(ends, from), at(ends, to));
-        plot::area(m, "span", (x0, high - 5.0), (x1 - x0, 3.5), &name);
+    high: f64,
+    low: f64,
+    reach: f64,
+}
+
+impl<'a> Panel<'a> {
+    fn new(series: &'a Series, spans: Vec<(String, [f64; 2])>, ends: (f64, f64), (top, height): (f64, f64)) -> Self {
+        let largest = series.moments.iter().flat_map(|k| [k.before, k.after, k.floor]).fold(0.0, f64::max);
+        let reach = if largest > 0.0 { largest * 1.04 } else { 1.0 };
+        Self { series, spans, ends, high: top + TITLE, low: top + height - 8.0, reach }
     }
-    let step = plot::round_above(reach / if height > 100.0 { 4.5 } else { 3.0 });
-    let decimals = words::decimals(step, 1);
-    for k in 0..=(reach / step) as usize {
-        let value = k as f64 * step;
-        plot::line(m, if k == 0 { "grid zero" } else { "grid" }, (LEFT, y(value)), (RIGHT, y(value)));
-        plot::text(m, "tick end", (LEFT - 7.0, y(value) + 4.0), &words::fixed(value, decimals));
+
+    fn y(&self, value: f64) -> f64 {
+        self.low - (self.low - self.high) * (value / self.reach).clamp(0.0, 1.0)
     }
-    let title = format!("{}, {unit}", words::capital(&title));
-    plot::text(m, "name", (LEFT, top + 14.0), &title);
-    let points = |f: fn(&Moment) -> f64| -> Vec<(f64, f64)> {
-        series.moments.iter().map(|k| (at(ends, k.secs), y(f(k)))).collect()
-    };
-    let before = points(|k| k.before);
-    if let (Some(first), Some(last)) = (before.first(), before.last()) {
-        let mut shape = before.clone();
-        shape.extend([(last.0, low), (first.0, low)]);
-        m.void("polygon", &[("class", &"under"), ("points", &plot::joined(&shape))]);
+
+    fn points(&self, value: fn(&Moment) -> f64) -> Vec<(f64, f64)> {
+        self.series.moments.iter().map(|k| (at(self.ends, k.secs), self.y(value(k)))).collect()
     }
-    plot::path(m, "floor", &points(|k| k.floor));
-    plot::path(m, "before", &before);
-    plot::path(m, "after", &points(|k| k.after));
-    let roots = series.roots();
-    let texts = words::aligned(roots);
-    let place = |k: usize| low - 34.0 + 15.0 * k as f64;
-    for (k, (class, what)) in
-        [("t-before", "nominal"), ("t-after", "corrected"), ("t-floor", "floor")].into_iter().enumerate()
-    {
-        plot::text(m, class, (RIGHT + 14.0, place(k)), what);
-        plot::text(m, &format!("figure {class}"), (WIDTH - 20.0, place(k)), &texts[k]);
+
+    fn draw(&self, m: &mut Markup) {
+        self.scale(m);
+        for (words, [from, to]) in &self.spans {
+            let (x0, x1) = (at(self.ends, *from), at(self.ends, *to));
+            plot::area(m, "span", (x0, self.high - 5.0), (x1 - x0, 3.5), words);
+        }
+        let before = self.points(|k| k.before);
+        if let (Some(first), Some(last)) = (before.first(), before.last()) {
+            let ground = [(last.0, self.low), (first.0, self.low)];
+            let shape: Vec<_> = before.iter().copied().chain(ground).collect();
+            m.void("polygon", &[("class", &"under"), ("points", &plot::joined(&shape))]);
+        }
+        plot::path(m, "floor", &self.points(|k| k.floor));
+        plot::path(m, "before", &before);
+        plot::path(m, "after", &self.points(|k| k.after));
+        self.roots(m);
     }
-    if series.name == POSITION {
-        plot::text(m, "tick end", (WIDTH - 20.0, place(0) - 16.0), "root mean square");
+
+    fn scale(&self, m: &mut Markup) {
+        let steps = if self.low - self.high > 80.0 { 4.5 } else { 3.0 };
+        let step = plot::round_above(self.reach / steps);
+        let decimals = words::decimals(step, 1);
+        for k in 0..=(self.reach / step) as usize {
+            let y = self.y(k as f64 * step);
+            plot::line(m, if k == 0 { "grid zero" } else { "grid" }, (LEFT, y), (RIGHT, y));
+            plot::text(m, "tick end", (LEFT - 7.0, y + 4.0), &words::fixed(k as f64 * step, decimals));
+        }
+        let (title, unit) = words::metric(&key(self.series));
+        plot::text(m, "name", (LEFT, self.high - 11.0), &format!("{}, {unit}", words::capital(&title)));
+    }
+
+    /// Writes the root mean squares, which are the legend of the curves as well.
+    fn roots(&self, m: &mut Markup) {
+        let texts = words::aligned(self.series.roots());
+        let rows = [("t-before", "nominal"), ("t-after", "corrected"), ("t-floor", "floor")];
+        for (k, ((class, what), text)) in rows.into_iter().zip(&texts).enumerate() {
+            let y = self.low - 34.0 + 15.0 * k as f64;
+            plot::text(m, class, (RIGHT + 14.0, y), what);
+            plot::text(m, &format!("figure {class}"), (WIDTH - 20.0, y), text);
+        }
+        if self.series.name == POSITION {
+            plot::text(m, "tick end", (WIDTH - 20.0, self.low - 50.0), "root mean square");
+        }
     }
 }
 

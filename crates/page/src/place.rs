@@ -84,12 +84,9 @@ impl Columns {
     fn new(cells: &[&Cell], known: Option<usize>) -> Self {
         let mut drives: BTreeSet<usize> = cells.iter().map(|cell| cell.regime.drive).collect();
         drives.extend(0..known.unwrap_or(0).min(64));
-        let bins: Vec<(usize, &'static str)> = AXES
-            .iter()
-            .enumerate()
-            .flat_map(|(k, axis)| axis.1.map(|bin| (k, bin)))
-            .filter(|(k, _)| cells.iter().any(|cell| AXES[*k].2(&cell.regime).is_some()))
-            .collect();
+        let binned = cells.iter().any(|cell| AXES.iter().any(|axis| axis.2(&cell.regime).is_some()));
+        let axes = AXES.iter().enumerate().filter(|_| binned);
+        let bins: Vec<(usize, &'static str)> = axes.flat_map(|(k, axis)| axis.1.map(|bin| (k, bin))).collect();
         let count = drives.len().max(1) as f64;
         let free = WIDTH - LABELS - GAP * (bins.len() as f64 + 4.0);
         let whole = (free * 0.22 / count).clamp(12.0, CELL.0);
