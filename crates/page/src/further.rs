@@ -37,7 +37,7 @@ pub(crate) fn remainder(m: &mut Markup, left: &Remainder) {
             let y = 22.0 + 24.0 * k as f64;
             plot::text(m, "label", (148.0, y + 13.5), &plot::short(&words::channel(name), 22));
             plot::area(m, "share", (160.0, y + 2.0), (330.0 * (times / most).clamp(0.0, 1.0), 15.0), "");
-            plot::text(m, "value strong", (550.0, y + 14.0), &words::figure(*times));
+            plot::text(m, "value strong", (550.0, y + 14.0), &words::fixed(*times, 1));
         }
     });
 }

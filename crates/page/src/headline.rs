@@ -77,16 +77,16 @@ pub(crate) fn sentence(diagnosis: &Diagnosis) -> String {
             words::chance(sure(diagnosis))
         ),
         Verdict::Unknown => format!(
-            "Something is missing that no effect of the library explains: {} sure. The nearest, {names}, {}",
+            "Something is missing that no effect of the library explains: {} sure. With the nearest, {names}, {}",
             words::chance(sure(diagnosis)),
-            closes(diagnosis, "closes")
+            closes(diagnosis)
         ),
         Verdict::Single => {
-            let closes = closes(diagnosis, "adding it closes");
+            let closes = closes(diagnosis);
             format!("The simulator leaves out {names}, {} sure; {closes}", words::chance(sure(diagnosis)))
         }
         Verdict::Multiple => {
-            let closes = closes(diagnosis, "adding them closes");
+            let closes = closes(diagnosis);
             format!(
                 "The simulator leaves out {} effects: {names}, together {} sure; {closes}",
                 count(effects.len()),
@@ -100,7 +100,9 @@ fn count(number: usize) -> String {
     ["no", "one", "two", "three"].get(number).map_or_else(|| number.to_string(), |word| (*word).to_owned())
 }
 
-fn closes(diagnosis: &Diagnosis, verb: &str) -> String {
+/// Returns how far the corrected simulator goes; it has the usual mismatch fitted as well, so that the share is not the
+/// effect's alone.
+fn closes(diagnosis: &Diagnosis) -> String {
     let Some(shrink) = telling(diagnosis) else { return "how far the gap shrinks was not measured.".to_owned() };
     let (metric, _) = words::metric(&shrink.metric);
     if at_floor(shrink) {
@@ -109,9 +111,9 @@ fn closes(diagnosis: &Diagnosis, verb: &str) -> String {
     let interval = words::shares(shrink.interval90);
     let share = words::share(shrink.share_explained);
     if shrink.share_explained < 0.0 {
-        return format!("yet {metric} becomes worse with it {}.", data(shrink));
+        return format!("yet {metric} becomes worse when it is corrected {}.", data(shrink));
     }
-    format!("{verb} {share} {interval} of the gap in {metric} {}.", data(shrink))
+    format!("corrected, it closes {share} {interval} of the gap in {metric} {}.", data(shrink))
 }
 
 /// Returns where a metric was measured.

@@ -119,7 +119,7 @@ fn section(m: &mut Markup, id: &str, diagnosis: &Diagnosis, material: &Material)
     match (id, &diagnosis.unknown_description, &material.strip) {
         ("which", ..) => effects::section(m, diagnosis, material.mass_kg),
         ("unknown", Some(left), _) => further::remainder(m, left),
-        ("where", ..) => place::section(m, diagnosis, material.drives),
+        ("where", ..) => place::section(m, diagnosis, material),
         ("frames", _, Some(strip)) => frames::section(m, diagnosis, strip),
         ("shrink", ..) => shrink::section(m, diagnosis),
         ("time", ..) => material.traces.iter().for_each(|traces| over_time::section(m, diagnosis, traces)),

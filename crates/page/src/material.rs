@@ -21,6 +21,8 @@ pub(crate) struct Material {
     pub(crate) mass_kg: Option<f64>,
     /// Number of drives.
     pub(crate) drives: Option<usize>,
+    /// Names of the recorded channels.
+    pub(crate) recorded: Option<Vec<String>>,
     /// The gap along the held-out drives; along the last one if none was kept.
     pub(crate) traces: Vec<Traces>,
     /// Example tiles.
@@ -40,10 +42,14 @@ pub(crate) fn of(diagnosis: &Diagnosis, folder: &Path) -> Material {
             let (fit, held) = case.meta.split();
             let drawn: Vec<usize> = if held.is_empty() { fit.last().copied().into_iter().collect() } else { held };
             let along = |drive: usize| traces(&case, &diagnosis.corrected_model, drive);
+            let traces: Vec<Traces> =
+                drawn.into_iter().take(DRIVES).map(along).filter(|t| !t.series.is_empty()).collect();
+            let names = traces.iter().flat_map(|t| &t.series).map(|series| series.name.clone()).collect();
             Material {
                 mass_kg: Some(case.meta.nominal.mass),
                 drives: Some(case.drives.len()),
-                traces: drawn.into_iter().take(DRIVES).map(along).filter(|t| !t.series.is_empty()).collect(),
+                recorded: (!traces.is_empty()).then_some(names),
+                traces,
                 ..Material::default()
             }
         }

@@ -9,6 +9,7 @@ use ds_effect::Channel;
 use ds_gap::report::{Cell, Diagnosis, Regime};
 
 use super::markup::Markup;
+use super::material::Material;
 use super::plot::{self, WIDTH};
 use super::words;
 
@@ -49,8 +50,8 @@ pub(crate) fn tiles(diagnosis: &Diagnosis) -> BTreeMap<[usize; 2], (f64, f64)> {
     found
 }
 
-/// Writes what there is of both maps; `drives` is the number of drives of the case where it is known.
-pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis, drives: Option<usize>) {
+/// Writes what there is of both maps.
+pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis, material: &Material) {
     let (in_image, in_drives): (Vec<&Cell>, Vec<&Cell>) =
         diagnosis.cells.iter().partition(|cell| cell.regime.tile.is_some() || cell.channel == IMAGE);
     if diagnosis.cells.is_empty() {
@@ -65,7 +66,7 @@ pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis, drives: Option<usiz
     );
     plot::level_legend(m, "times the floor", 0);
     if !in_drives.is_empty() {
-        map(m, &in_drives, drives);
+        map(m, &in_drives, material);
     }
     if !in_image.is_empty() {
         tile_map(m, diagnosis);
@@ -107,8 +108,8 @@ impl Columns {
     }
 }
 
-fn map(m: &mut Markup, cells: &[&Cell], drives: Option<usize>) {
-    let columns = Columns::new(cells, drives);
+fn map(m: &mut Markup, cells: &[&Cell], material: &Material) {
+    let columns = Columns::new(cells, material.drives);
     let channels = channels(cells);
     let height = TOP + ROW * channels.len() as f64 + 4.0;
     plot::wide(m, "Gap by channel, drive and regime", height, |m| {
@@ -117,6 +118,10 @@ fn map(m: &mut Markup, cells: &[&Cell], drives: Option<usize>) {
             let y = TOP + ROW * row as f64;
             plot::text(m, "label", (LABELS - 12.0, y + 17.0), &plot::short(&words::channel(channel), 22));
             let own: Vec<&&Cell> = cells.iter().filter(|cell| cell.channel == *channel).collect();
+            if own.is_empty() && material.recorded.as_ref().is_some_and(|names| !names.contains(channel)) {
+                plot::text(m, "tick begin", (LABELS + 4.0, y + 17.0), "not recorded");
+                continue;
+            }
             for block in 0..=columns.bins.len() {
                 for (place, drive) in columns.drives.iter().enumerate() {
                     let cell = own.iter().filter(|c| c.regime.drive == *drive && is_in(&c.regime, &columns, block));

@@ -28,7 +28,7 @@ fn errors(traces: &Traces) -> &[Moment] {
 pub(crate) fn section(m: &mut Markup, traces: &Traces) {
     let turned = Turned::of(traces);
     let aspect = turned.height_m / turned.width_m;
-    let beside = aspect > 0.3;
+    let beside = aspect > 0.22;
     let width = if beside { SIZE.0 / 2.0 } else { SIZE.0 };
     let per_m = ((width - 2.0 * MARGIN) / turned.width_m).min((SIZE.1 - 2.0 * MARGIN) / turned.height_m.max(1e-6));
     let height = (turned.height_m * per_m).max(FLATTEST) + 2.0 * MARGIN + 16.0;

@@ -210,7 +210,7 @@ fn the_headline_says_it_all() {
     let said = |diagnosis: &Diagnosis| super::headline::sentence(diagnosis).replace(['\u{a0}', '\u{202f}'], " ");
     assert_eq!(
         said(&clean()),
-        "The simulator leaves out steering delay (0.150 s), 91 % sure; adding it closes 98 % [88, 103] of the gap in \
+        "The simulator leaves out steering delay (0.150 s), 91 % sure; corrected, it closes 98 % [88, 103] of the gap in \
          position after 2 s on data kept from the fit."
     );
     assert_eq!(said(&empty()), "Nothing is missing beyond what every vehicle and sensor has: 97 % sure.");
@@ -223,7 +223,9 @@ fn the_headline_says_it_all() {
     );
     let mut worse = clean();
     worse.how_far = vec![shrink("position_2s", [0.5, 0.9, 0.05], -0.9)];
-    assert!(said(&worse).ends_with("yet position after 2 s becomes worse with it on data kept from the fit."));
+    assert!(
+        said(&worse).ends_with("yet position after 2 s becomes worse when it is corrected on data kept from the fit.")
+    );
     let mut wheel = clean();
     wheel.chosen = vec!["wheel_scale".to_owned()];
     wheel.effects = vec![finding("wheel_scale", 0.9, 0.97, "x")];
@@ -292,6 +294,24 @@ fn a_case_of_logs_adds_time_and_road() {
     assert!(has(&page, "time") && has(&page, "road") && !has(&page, "frames"));
     assert!(page.contains("Drive 3") && page.contains("kept from the fit"));
     assert!(page.matches("data-t=").count() > 200, "the road is coloured piece by piece");
+}
+
+#[test]
+fn channels_that_were_not_recorded_are_not_called_clean() {
+    let Some(folder) = data("gap-practice/case_04") else { return };
+    let copy = tempfile::tempdir().expect("a folder");
+    for name in ["meta.json", "drive_0.csv", "drive_1.csv", "drive_2.csv", "drive_3.csv"] {
+        let text = std::fs::read_to_string(folder.join(name)).expect("a file");
+        // without the heads of their columns, position and lateral acceleration are absent
+        let text = text.replacen(",x,y,", ",_x,_y,", 1).replacen(",ay,", ",_ay,", 1);
+        std::fs::write(copy.path().join(name), text).expect("written");
+    }
+    let bare = page(&clean(), Some(copy.path()));
+    checked(&bare);
+    assert!(has(&bare, "time") && !has(&bare, "road"), "no map without a position");
+    // along, across (which has a cell in the sample) and lateral acceleration
+    assert_eq!(bare.matches("not recorded").count(), 2);
+    assert_eq!(page(&clean(), Some(&folder)).matches("not recorded").count(), 0);
 }
 
 #[test]
