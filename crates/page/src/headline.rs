@@ -65,35 +65,38 @@ pub(crate) fn has_estimate(finding: &Finding) -> bool {
 
 /// Returns the verdict, the effects, how far the gap shrinks and how sure that is.
 pub(crate) fn sentence(diagnosis: &Diagnosis) -> String {
-    let effects = chosen(diagnosis);
-    let names = words::list(&effects.iter().map(|e| named(e)).collect::<Vec<_>>());
+    let name = |id: &String| diagnosis.effects.iter().find(|e| e.id == *id).map_or_else(|| words::effect(id), named);
+    let names: Vec<String> = diagnosis.chosen.iter().map(name).collect();
+    let (names, many) = (words::list(&names), count(names.len()));
+    let sure = words::chance(sure(diagnosis));
     match diagnosis.verdict {
-        Verdict::None => format!(
-            "Nothing is missing beyond what every vehicle and sensor has: {} sure.",
-            words::chance(sure(diagnosis))
-        ),
-        Verdict::Unknown if effects.is_empty() => format!(
-            "Something is missing that no effect of the library explains: {} sure.",
-            words::chance(sure(diagnosis))
-        ),
-        Verdict::Unknown => format!(
-            "Something is missing that no effect of the library explains: {} sure. With the nearest, {names}, {}",
-            words::chance(sure(diagnosis)),
-            closes(diagnosis)
-        ),
+        Verdict::None => format!("Nothing is missing beyond what every vehicle and sensor has: {sure} sure."),
+        Verdict::Unknown => {
+            let known = match names.as_str() {
+                "" => String::new(),
+                names => format!(" The nearest is {names}; {}", closes(diagnosis, "the simulator with it")),
+            };
+            format!("Something is missing that no effect of the library explains: {sure} sure.{known}")
+        }
         Verdict::Single => {
-            let closes = closes(diagnosis);
-            format!("The simulator leaves out {names}, {} sure; {closes}", words::chance(sure(diagnosis)))
+            format!("The simulator leaves out {names}, {sure} sure; {}", closes(diagnosis, "corrected, it"))
         }
-        Verdict::Multiple => {
-            let closes = closes(diagnosis);
-            format!(
-                "The simulator leaves out {} effects: {names}, together {} sure; {closes}",
-                count(effects.len()),
-                words::chance(sure(diagnosis))
-            )
-        }
+        Verdict::Multiple => format!(
+            "The simulator leaves out {many} effects: {names}, together {sure} sure; {}",
+            closes(diagnosis, "corrected, it")
+        ),
     }
+}
+
+/// Returns what the data cannot tell from the chosen effects.
+fn reservation(diagnosis: &Diagnosis) -> String {
+    let told = |finding: &&Finding| {
+        let rivals: Vec<String> =
+            finding.group.iter().filter(|id| **id != finding.id).map(|id| words::effect(id)).collect();
+        let own = words::effect(&finding.id);
+        (!rivals.is_empty()).then(|| format!("These data cannot tell {own} from {}.", words::list(&rivals)))
+    };
+    chosen(diagnosis).iter().filter_map(told).collect::<Vec<_>>().join(" ")
 }
 
 fn count(number: usize) -> String {
@@ -102,7 +105,7 @@ fn count(number: usize) -> String {
 
 /// Returns how far the corrected simulator goes; it has the usual mismatch fitted as well, so that the share is not the
 /// effect's alone.
-fn closes(diagnosis: &Diagnosis) -> String {
+fn closes(diagnosis: &Diagnosis, who: &str) -> String {
     let Some(shrink) = telling(diagnosis) else { return "how far the gap shrinks was not measured.".to_owned() };
     let (metric, _) = words::metric(&shrink.metric);
     if at_floor(shrink) {
@@ -113,7 +116,7 @@ fn closes(diagnosis: &Diagnosis) -> String {
     if shrink.share_explained < 0.0 {
         return format!("yet {metric} becomes worse when it is corrected {}.", data(shrink));
     }
-    format!("corrected, it closes {share} {interval} of the gap in {metric} {}.", data(shrink))
+    format!("{who} closes {share} {interval} of the gap in {metric} {}.", data(shrink))
 }
 
 /// Returns where a metric was measured.
@@ -144,6 +147,10 @@ pub(crate) fn header(m: &mut Markup, diagnosis: &Diagnosis) {
                 m.leaf("bdi", &[], &diagnosis.case);
             });
             m.leaf("h1", &[], sentence(diagnosis));
+            let reservation = reservation(diagnosis);
+            if !reservation.is_empty() {
+                m.leaf("p", &[("class", &"lead")], reservation);
+            }
             m.inside("ul", &[("class", &"tiles")], |m| tiles(m, diagnosis));
             if !diagnosis.warnings.is_empty() {
                 m.inside("ul", &[("class", &"warnings"), ("aria-label", &"Warnings")], |m| {

@@ -221,6 +221,14 @@ fn the_headline_says_it_all() {
         said(&two)
             .contains("leaves out two effects: steering delay (0.150 s) and steering lag (0.080 s), together 95 %")
     );
+    let mut unknown = clean();
+    unknown.verdict = Verdict::Unknown;
+    assert!(said(&unknown).contains("The nearest is steering delay (0.150 s); the simulator with it closes 98 %"));
+    unknown.chosen.clear();
+    assert!(said(&unknown).ends_with("no effect of the library explains: 5 % sure."));
+    let mut rivals = clean();
+    rivals.effects[0].group.push("pose_latency".to_owned());
+    assert!(page(&rivals, None).contains("These data cannot tell steering delay from pose latency."));
     let mut worse = clean();
     worse.how_far = vec![shrink("position_2s", [0.5, 0.9, 0.05], -0.9)];
     assert!(
