@@ -31,6 +31,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("ds-golden", 3),
     ("ds-oracle", 3),
     ("ds-train", 3),
+    ("ds-page", 4),
     ("ds-wire", 4),
     ("ds-bus", 5),
     ("ds-record", 5),

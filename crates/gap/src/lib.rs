@@ -31,6 +31,7 @@ pub mod smooth;
 pub mod space;
 pub mod synthetic;
 pub mod table;
+pub mod traces;
 pub mod windows;
 
 pub use diagnose::{Options, diagnose};

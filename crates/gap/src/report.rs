@@ -116,6 +116,9 @@ pub struct Regime {
     /// Steering rate: still, slow, fast.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steering: Option<String>,
+    /// Row and column of the image tile, of a 4 by 6 grid.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tile: Option<[usize; 2]>,
 }
 
 /// A metric before and after.
