@@ -13,6 +13,8 @@ pub(crate) enum GapCommand {
     Diagnose(DiagnoseArgs),
     /// Measure on drives that a diagnosis never saw how far the gap shrinks with the effects added.
     Evaluate(EvaluateArgs),
+    /// Draw a diagnosis as one page to look at, and print it as text.
+    Explain(ExplainArgs),
     /// Write the effects that were found as the configuration of a run: with it, `run` is the corrected simulator.
     Apply(ApplyArgs),
     /// Diagnose the vehicle logs of a run, drive held-out scenarios again without and with what was found, compare with
@@ -43,7 +45,10 @@ pub(crate) struct DiagnoseArgs {
     /// Fast pass and single fits only: seconds instead of half a minute a case.
     #[arg(long)]
     pub(crate) quick: bool,
-    /// Where `CASE/diagnosis.json` go.
+    /// Draw no pages.
+    #[arg(long)]
+    pub(crate) no_pages: bool,
+    /// Where `CASE/diagnosis.json`, `CASE/report.html` and `index.html` go.
     #[arg(long, short, default_value = "out/gap", value_hint = ValueHint::DirPath)]
     pub(crate) out: PathBuf,
 }
@@ -74,6 +79,20 @@ pub(crate) struct GapScoreArgs {
     /// The labels; `labels.json` in the folder without.
     #[arg(long, value_hint = ValueHint::FilePath)]
     pub(crate) labels: Option<PathBuf>,
+}
+
+/// Arguments of `gap explain`.
+#[derive(Debug, Args)]
+pub(crate) struct ExplainArgs {
+    /// A diagnosis.json.
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub(crate) diagnosis: PathBuf,
+    /// The case that it was made from: adds residuals over time, the road and example pictures.
+    #[arg(long, value_hint = ValueHint::DirPath)]
+    pub(crate) case: Option<PathBuf>,
+    /// Where the page goes; beside the diagnosis without.
+    #[arg(long, short, value_hint = ValueHint::FilePath)]
+    pub(crate) out: Option<PathBuf>,
 }
 
 /// Arguments of `gap apply`.

@@ -13,11 +13,12 @@ use ds_gap::{Diagnosis, GapError, Options, Verdict, diagnose, evaluate, score_fo
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
-use crate::cli::{ApplyArgs, DiagnoseArgs, EvaluateArgs, GapCommand, GapScoreArgs};
+use crate::cli::{ApplyArgs, DiagnoseArgs, EvaluateArgs, ExplainArgs, GapCommand, GapScoreArgs};
 use crate::command::{answer, bar, complain};
 use crate::world::{self, EffectLine, RunConfig};
 
 const FILE: &str = "diagnosis.json";
+const PAGE: &str = "report.html";
 
 /// Runs the command.
 ///
@@ -25,6 +26,7 @@ const FILE: &str = "diagnosis.json";
 /// If a case is refused or a file cannot be read or written.
 pub(crate) fn run(command: &GapCommand, log: &str) -> Result<()> {
     match command {
+        GapCommand::Explain(args) => explain(args),
         GapCommand::Apply(args) => apply(args),
         GapCommand::Close(args) => crate::runtime()?.block_on(close::run(args, log)),
         GapCommand::Attribute(args) => crate::runtime()?.block_on(attribute::run(args, log)),
@@ -120,24 +122,51 @@ fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
     let options = Options { quick: args.quick, without: Vec::new() };
     let bar = bar(cases.len() as u64, "cases");
     bar.tick();
-    let results: Vec<Result<Diagnosis, GapError>> = cases.par_iter().map(|case| one(case, &options, &bar)).collect();
+    let results: Vec<Result<Diagnosis>> = cases.par_iter().map(|case| written(args, case, &options, &bar)).collect();
     bar.finish_and_clear();
+    let mut made = Vec::new();
     let mut refused = 0;
     for (case, result) in cases.iter().zip(results) {
         match result {
             Ok(diagnosis) => {
-                let folder = args.out.join(name(case));
-                save(&folder, &diagnosis)?;
-                tell(&name(case), &diagnosis);
+                answer(&ds_page::text(&diagnosis));
+                made.push((format!("{}/{PAGE}", name(case)), diagnosis));
             }
             Err(error) => {
                 refused += 1;
-                complain(&anyhow::Error::new(error).context(name(case)));
+                complain(&error.context(name(case)));
             }
         }
     }
+    if !args.no_pages && !made.is_empty() {
+        put(&args.out.join("index.html"), &ds_page::index(&made))?;
+    }
     answer(&format!("written to {}", args.out.display()));
     ensure!(refused == 0, "{refused} of {} cases were refused", cases.len());
+    Ok(())
+}
+
+/// Diagnoses a case and writes its diagnosis and page.
+fn written(args: &DiagnoseArgs, case: &Path, options: &Options, bar: &ProgressBar) -> Result<Diagnosis> {
+    let diagnosis = one(case, options, bar)?;
+    let folder = args.out.join(name(case));
+    save(&folder, &diagnosis)?;
+    if !args.no_pages {
+        put(&folder.join(PAGE), &ds_page::page(&diagnosis, Some(case)))?;
+    }
+    Ok(diagnosis)
+}
+
+fn put(path: &Path, text: &str) -> Result<()> {
+    std::fs::write(path, text).with_context(|| format!("write {}", path.display()))
+}
+
+fn explain(args: &ExplainArgs) -> Result<()> {
+    let diagnosis = read(&args.diagnosis)?;
+    let out = args.out.clone().unwrap_or_else(|| args.diagnosis.with_file_name(PAGE));
+    put(&out, &ds_page::page(&diagnosis, args.case.as_deref()))?;
+    answer(&ds_page::text(&diagnosis));
+    answer(&format!("page: {}", out.display()));
     Ok(())
 }
 
@@ -155,42 +184,22 @@ fn save(folder: &Path, diagnosis: &Diagnosis) -> Result<()> {
     std::fs::write(&path, text + "\n").with_context(|| format!("write {}", path.display()))
 }
 
-/// Prints what was found in one case.
-fn tell(case: &str, diagnosis: &Diagnosis) {
+/// Prints what was found in one line, for answers with more to say.
+fn tell(when: &str, diagnosis: &Diagnosis) {
+    let found: Vec<String> = diagnosis
+        .effects
+        .iter()
+        .filter(|finding| diagnosis.chosen.contains(&finding.id))
+        .map(|finding| format!("{} {:.4} {}", finding.id, finding.value, finding.unit))
+        .collect();
+    let found = if found.is_empty() { String::new() } else { format!(": {}", found.join(", ")) };
     let verdict = match diagnosis.verdict {
         Verdict::None => "nothing beyond what every vehicle has",
         Verdict::Single => "one effect",
         Verdict::Multiple => "several effects",
         Verdict::Unknown => "something that the library does not contain",
     };
-    answer(&format!("{case}: {verdict} (none {:.2}, unknown {:.2})", diagnosis.p_none, diagnosis.p_unknown));
-    for finding in diagnosis.effects.iter().filter(|finding| finding.probability >= 0.05) {
-        let [low, high] = finding.interval90;
-        let others: Vec<&str> = finding.group.iter().map(String::as_str).filter(|other| *other != finding.id).collect();
-        let group =
-            if others.is_empty() { String::new() } else { format!(", not to be told from {}", others.join(", ")) };
-        let (id, value, unit) = (&finding.id, finding.value, &finding.unit);
-        answer(&format!(
-            "  {:>5.1} % {id} {value:.4} {unit} [{low:.4}, {high:.4}]{group}",
-            100.0 * finding.probability
-        ));
-    }
-    for shrink in diagnosis.how_far.iter().filter(|shrink| shrink.metric.starts_with("position")) {
-        let [low, high] = shrink.interval90;
-        answer(&format!(
-            "  {} {:.3} → {:.3} (floor {:.3}): {:.0} % explained [{:.0}, {:.0}]",
-            shrink.metric,
-            shrink.before,
-            shrink.after,
-            shrink.floor,
-            100.0 * shrink.share_explained,
-            100.0 * low,
-            100.0 * high
-        ));
-    }
-    for warning in &diagnosis.warnings {
-        answer(&format!("  warning: {warning}"));
-    }
+    answer(&format!("{when}: {verdict}{found} (none {:.2}, unknown {:.2})", diagnosis.p_none, diagnosis.p_unknown));
 }
 
 fn evaluate_one(args: &EvaluateArgs) -> Result<()> {
