@@ -116,6 +116,15 @@ pub struct Regime {
     /// Steering rate: still, slow, fast.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steering: Option<String>,
+    /// Row and column of the image tile, 4 x 6 of them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tile: Option<[usize; 2]>,
+    /// Distance of what is seen: near, middle, far.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub distance: Option<String>,
+    /// Class of the object seen.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub class: Option<String>,
 }
 
 /// A metric before and after.
