@@ -101,6 +101,9 @@ pub fn moves(effect: &FrameEffect) -> bool {
     matches!(effect.act, Act::Warp(_))
 }
 
+/// Most parameters of one fit, offsets included.
+const MOST: usize = 16;
+
 struct System {
     hessian: DMatrix<f64>,
     gradient: DVector<f64>,
@@ -128,6 +131,7 @@ fn assemble(
         loss: 0.0,
     };
     let nu = settings::NU;
+    let mut hessian = [[0.0; MOST]; MOST];
     for ((frame, points), own) in frames.iter().zip(points).zip(own) {
         let context = case.context(frame, 1, case.depth_m.as_deref());
         let (mut hjj, mut gj, mut hgj) = (Matrix2::zeros(), Vector2::zeros(), DMatrix::zeros(size, 2));
@@ -141,22 +145,26 @@ fn assemble(
             let misfit = (info * miss).dot(&miss);
             let weight = settings::BLOCK_SHARE * (nu + 2.0) / (nu + misfit);
             system.loss += settings::BLOCK_SHARE * 0.5 * (nu + 2.0) * (1.0 + misfit / nu).ln();
-            let mut jacobian = DMatrix::zeros(2, size);
+            let mut jacobian = [[0.0; MOST]; 2];
             for (k, chain) in moved.iter().enumerate() {
                 let there = chain.source_of(&context, point.at);
-                jacobian[(0, k)] = (there[0] - base[0]) / steps[k];
-                jacobian[(1, k)] = (there[1] - base[1]) / steps[k];
+                jacobian[0][k] = (there[0] - base[0]) / steps[k];
+                jacobian[1][k] = (there[1] - base[1]) / steps[k];
             }
-            jacobian[(0, size - 2)] = 1.0;
-            jacobian[(1, size - 1)] = 1.0;
+            (jacobian[0][size - 2], jacobian[1][size - 1]) = (1.0, 1.0);
             let weighted = info * weight;
-            let pulled = DMatrix::from_column_slice(2, 2, weighted.as_slice());
-            system.hessian += jacobian.transpose() * &pulled * &jacobian;
             let slope = weighted * miss;
-            system.gradient += jacobian.transpose() * DVector::from_column_slice(slope.as_slice());
+            for a in 0..size {
+                let pulled = [0, 1].map(|d| jacobian[0][a] * weighted[(0, d)] + jacobian[1][a] * weighted[(1, d)]);
+                for b in 0..=a {
+                    hessian[a][b] += pulled[0] * jacobian[0][b] + pulled[1] * jacobian[1][b];
+                }
+                system.gradient[a] += jacobian[0][a] * slope[0] + jacobian[1][a] * slope[1];
+                hgj[(a, 0)] += pulled[0];
+                hgj[(a, 1)] += pulled[1];
+            }
             hjj += weighted;
             gj += slope;
-            hgj += jacobian.transpose() * &pulled;
         }
         let tight = 1.0 / (loose.frame_px * loose.frame_px);
         hjj += Matrix2::identity() * tight;
@@ -167,6 +175,14 @@ fn assemble(
         system.hessian -= &hgj * &between * hgj.transpose();
         system.gradient -= &hgj * (&between * DVector::from_column_slice(gj.as_slice()));
         system.frames.push((inverse, gj, hgj));
+    }
+    for a in 0..size {
+        for b in 0..=a {
+            system.hessian[(a, b)] += hessian[a][b];
+            if a != b {
+                system.hessian[(b, a)] += hessian[a][b];
+            }
+        }
     }
     let tight = 1.0 / (loose.constant_px * loose.constant_px);
     for d in 0..2 {

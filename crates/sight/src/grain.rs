@@ -48,6 +48,8 @@ pub struct Texture {
     pub skew: f64,
     /// Fourth moment over the square of the second, minus 3.
     pub peak: f64,
+    /// Robust variance (squared median size) of the worst brightness, levels².
+    pub middle: f64,
     /// Pixels looked at.
     pub count: f64,
 }
@@ -57,6 +59,7 @@ pub struct Texture {
 pub fn texture(scene: &Scene<'_>, full: &[Picture]) -> Texture {
     const BINS: usize = 8;
     let mut bins = [[0.0f64; 3]; BINS];
+    let mut sizes = [[0u32; 64]; BINS];
     let (mut s2, mut s3, mut s4, mut down, mut across, mut n) = (0.0f64, 0.0, 0.0, 0.0, 0.0, 0.0);
     for (at, k) in scene.full.iter().enumerate() {
         let (p, q) = (&full[at], &scene.grey[*k].1);
@@ -76,6 +79,7 @@ pub fn texture(scene: &Scene<'_>, full: &[Picture]) -> Texture {
                 }
                 let e = f64::from(r.data[k]);
                 let bin = &mut bins[(v as usize * BINS / 256).min(BINS - 1)];
+                sizes[(v as usize * BINS / 256).min(BINS - 1)][((e.abs() * 4.0) as usize).min(63)] += 1;
                 bin[0] += 1.0;
                 bin[1] += e * e;
                 bin[2] += f64::from(v);
@@ -100,8 +104,23 @@ pub fn texture(scene: &Scene<'_>, full: &[Picture]) -> Texture {
         across: across / s2,
         skew: s3 / n / v.powf(1.5),
         peak: s4 / n / (v * v) - 3.0,
+        middle: sizes.iter().map(robust_variance).fold(0.0, f64::max),
         count: n,
     }
+}
+
+/// Returns the variance of a normal distribution with the median size of a histogram in quarter levels.
+fn robust_variance(sizes: &[u32; 64]) -> f64 {
+    let total: u32 = sizes.iter().sum();
+    if total < 300 {
+        return 0.0;
+    }
+    let mut below = 0;
+    let median = sizes.iter().position(|n| {
+        below += n;
+        2 * below >= total
+    });
+    (1.4826 * (median.unwrap_or(0) as f64 + 0.5) * 0.25).powi(2)
 }
 
 /// Fits variance = read + shot brightness / 255 to bins of (count, squares, brightness); neither below zero.

@@ -75,6 +75,19 @@ pub fn measure(scene: &Scene<'_>, model: &Model, placed: &Placed) -> Loss {
     of_pictures(scene, model, &small, &full)
 }
 
+/// Measures the finest band alone.
+#[must_use]
+pub fn fine_only(scene: &Scene<'_>, model: &Model, placed: &Placed) -> f64 {
+    let mut cells: [Vec<[Cell; TILES]>; BANDS] = Default::default();
+    let full = scene.full_of(model, &placed.full);
+    for (at, k) in scene.full.iter().enumerate() {
+        let gain = gain(&full[at], &scene.grey[*k].1);
+        cells[0].push(fine(&full[at], &scene.grey[*k].1, gain, &mask(scene, model, *k)));
+    }
+    floors(&mut cells, &Grain::of_model(model));
+    Loss { total: 0.0, cells }.band(0)
+}
+
 /// Measures pictures that are already rendered.
 #[must_use]
 pub fn of_pictures(scene: &Scene<'_>, model: &Model, small: &[Picture], full: &[Picture]) -> Loss {

@@ -106,10 +106,21 @@ impl<'a> Scene<'a> {
     /// Edits the values of placed small pictures; all frames, in order.
     #[must_use]
     pub fn small_of(&self, model: &Model, placed: &[Picture]) -> Vec<Picture> {
+        let all: Vec<usize> = (0..placed.len()).collect();
+        self.some_small_of(model, placed, &all)
+    }
+
+    /// Edits the values of some placed small pictures; frames in between are only remembered.
+    #[must_use]
+    pub fn some_small_of(&self, model: &Model, placed: &[Picture], frames: &[usize]) -> Vec<Picture> {
         let mut chain = FrameChain::new(&values_of(model));
-        let mut out = Vec::with_capacity(placed.len());
+        let mut out = Vec::with_capacity(frames.len());
         for (k, picture) in placed.iter().enumerate() {
             let context = self.case.context(self.frames[k], settings::SMALL, self.small_depth_m.as_deref());
+            if !frames.contains(&k) {
+                let _ = chain.edited(Picture::filled(1, 1, 1, 128.0), &context);
+                continue;
+            }
             let mut edited = chain.edited(picture.clone(), &context);
             model.finish(k, &mut edited);
             out.push(edited);

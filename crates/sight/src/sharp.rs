@@ -25,8 +25,7 @@ pub fn fit(scene: &Scene<'_>, model: &Model, placed: &Placed, effect: &'static F
     let try_values = |values: &[f64]| {
         let mut trial = model.clone();
         trial.set(effect, values.to_vec());
-        let loss = loss::measure(scene, &trial, placed);
-        (loss.total, trial)
+        (loss::fine_only(scene, &trial, placed), trial)
     };
     let grid = grid(effect.id);
     let mut tried: Vec<(f64, f64, Model)> = grid
@@ -50,7 +49,8 @@ pub fn fit(scene: &Scene<'_>, model: &Model, placed: &Placed, effect: &'static F
             tried[best] = (vertex, loss, trial);
         }
     }
-    let (_, loss, model) = tried.swap_remove(best);
+    let (_, _, model) = tried.swap_remove(best);
+    let loss = loss::measure(scene, &model, placed).total;
     (model, loss)
 }
 

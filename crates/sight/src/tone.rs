@@ -10,7 +10,9 @@ use crate::loss;
 use crate::scene::{Model, Scene};
 
 /// Rounds of the fit.
-const ROUNDS: usize = 4;
+const ROUNDS: usize = 7;
+/// Frames looked at.
+const FRAMES: usize = 8;
 
 /// Fits the values of the named effects of a model; the others stay.
 #[must_use]
@@ -26,7 +28,11 @@ pub fn fit(scene: &Scene<'_>, model: &Model, placed: &[Picture], ids: &[&str]) -
         }
         out
     };
-    let residual = |values: &[f64]| residuals(scene, &scene.small_of(&with(values), placed));
+    // effects that follow time need every frame, the others a dozen
+    let timed = ids.iter().any(|id| ["exposure_lag", "rollout_drift"].contains(id));
+    let count = if timed { placed.len() } else { placed.len().min(FRAMES) };
+    let frames: Vec<usize> = (0..count).map(|k| (2 * k + 1) * placed.len() / (2 * count)).collect();
+    let residual = |values: &[f64]| residuals(scene, &scene.some_small_of(&with(values), placed, &frames), &frames);
     let mut now = residual(&values);
     let mut cost = robust(&now);
     let mut damping = 1e-3f64;
@@ -81,9 +87,10 @@ pub fn fit(scene: &Scene<'_>, model: &Model, placed: &[Picture], ids: &[&str]) -
 
 /// Residuals of small pictures over their expected size; nuisance gain taken out.
 #[must_use]
-pub fn residuals(scene: &Scene<'_>, rendered: &[Picture]) -> Vec<f32> {
+pub fn residuals(scene: &Scene<'_>, rendered: &[Picture], frames: &[usize]) -> Vec<f32> {
     let mut out = Vec::new();
-    for (p, (_, q)) in rendered.iter().zip(&scene.small) {
+    for (p, k) in rendered.iter().zip(frames) {
+        let q = &scene.small[*k].1;
         let gain = loss::gain(p, q);
         let c = p.channels;
         for y in 0..p.height {
