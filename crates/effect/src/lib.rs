@@ -2,21 +2,26 @@
 //!
 //! An effect says which values are usual, where it can show and how it changes the plain values of a [`Plant`]; at its
 //! neutral value it leaves them untouched, bit for bit. To add one: write a file with one [`Effect`] and name it in
-//! [`library`]. Nothing is fitted, drawn or read here.
+//! [`library`], or one [`FrameEffect`] and [`frame_library`] for effects on pictures. Nothing is fitted or read here.
 
 mod actuator;
+mod camera;
 pub mod chain;
 mod clock;
 mod command;
 mod follower;
+pub mod frame;
 mod parameter;
+pub mod picture;
 pub mod plant;
 mod road;
 mod sensor;
 mod setting;
 pub mod signal;
 mod vehicle;
+mod video;
 
+pub use frame::{FrameChain, FrameEffect};
 pub use parameter::{Channel, Insertion, Nuisance, Parameter, Scale};
 pub use plant::Plant;
 pub use setting::{Setting, SettingError};
@@ -49,6 +54,18 @@ impl Effect {
 #[must_use]
 pub fn library() -> &'static [&'static Effect] {
     LIBRARY
+}
+
+/// Returns every effect that acts on frames, in the order in which a chain applies them.
+#[must_use]
+pub fn frame_library() -> &'static [&'static FrameEffect] {
+    FRAME_LIBRARY
+}
+
+/// Returns the effect on frames of a name.
+#[must_use]
+pub fn find_frame(id: &str) -> Option<&'static FrameEffect> {
+    FRAME_LIBRARY.iter().copied().find(|effect| effect.id == id)
 }
 
 /// Returns the effect of a name.
@@ -122,4 +139,41 @@ const LIBRARY: &[&Effect] = &[
     &vehicle::tyre_knee::EFFECT,
     &vehicle::load_transfer::EFFECT,
     &follower::tr_lag::EFFECT,
+];
+
+const FRAME_LIBRARY: &[&FrameEffect] = &[
+    // the video model
+    &video::condition_delay::EFFECT,
+    &video::object_dropout::EFFECT,
+    &video::object_hallucination::EFFECT,
+    &video::identity_switch::EFFECT,
+    &video::layout_misalignment::EFFECT,
+    &video::texture_washing::EFFECT,
+    &video::rollout_drift::EFFECT,
+    &video::temporal_flicker::EFFECT,
+    // where the camera looks from
+    &camera::mount_position::EFFECT,
+    &camera::mount_pitch::EFFECT,
+    &camera::mount_yaw::EFFECT,
+    &camera::mount_roll::EFFECT,
+    &camera::focal_error::EFFECT,
+    &camera::radial_distortion::EFFECT,
+    &camera::rolling_shutter::EFFECT,
+    // air and light
+    &camera::fog_haze::EFFECT,
+    &camera::night_illumination::EFFECT,
+    &camera::rain_streaks::EFFECT,
+    // lens, shutter, exposure
+    &camera::motion_blur::EFFECT,
+    &camera::defocus::EFFECT,
+    &camera::lens_dirt::EFFECT,
+    &camera::vignetting::EFFECT,
+    &camera::exposure_lag::EFFECT,
+    &camera::white_balance::EFFECT,
+    &camera::gamma::EFFECT,
+    &camera::sensor_noise::EFFECT,
+    // encoder and transport
+    &camera::jpeg_loss::EFFECT,
+    &camera::obs_latency::EFFECT,
+    &video::dropped_frames::EFFECT,
 ];

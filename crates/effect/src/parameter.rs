@@ -94,6 +94,12 @@ pub enum Insertion {
     Clock,
     /// Other drivers.
     Agent,
+    /// Lens, shutter, exposure and sensor of a camera, and the air before it.
+    Camera,
+    /// The model that generates frames.
+    VideoModel,
+    /// The way of frames to whoever looks at them.
+    Transport,
 }
 
 /// How a parameter is searched and how its search value becomes the reported one.
@@ -160,6 +166,13 @@ impl Parameter {
     #[must_use]
     pub const fn threshold(name: &'static str, unit: &'static str, slab: (f64, f64)) -> Self {
         Self { name, unit, scale: Scale::Threshold, neutral: 0.0, slab, nuisance: None }
+    }
+
+    /// Sets the value at which the effect is absent, in search units.
+    #[must_use]
+    pub const fn absent_at(mut self, neutral: f64) -> Self {
+        self.neutral = neutral;
+        self
     }
 
     /// Adds the mismatch that every vehicle has, in search units.

@@ -116,9 +116,15 @@ pub struct Regime {
     /// Steering rate: still, slow, fast.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steering: Option<String>,
-    /// Row and column of the image tile, of a 4 by 6 grid.
+    /// Row and column of the image tile, 4 x 6 of them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tile: Option<[usize; 2]>,
+    /// Distance of what is seen: near, middle, far.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance: Option<String>,
+    /// Class of the object seen.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub class: Option<String>,
 }
 
 /// A metric before and after.

@@ -1,0 +1,182 @@
+//! From a case folder to a diagnosis: search, verdict, probabilities, places, and how far the gap shrinks.
+
+use std::path::Path;
+
+use ds_effect::FrameEffect;
+use ds_gap::report::{Corrected, CorrectedEffect, Diagnosis, Finding, SCHEMA, Verdict};
+
+use crate::case::FrameCase;
+use crate::error::SightError;
+use crate::geometry::moves;
+use crate::grain;
+use crate::how_far::{Correction, how_far};
+use crate::scene::Scene;
+use crate::search::{Round, Search, Trial, search};
+use crate::{align, places, remainder, settings};
+
+/// What to do.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// Effects that are left out of the library, to see what is said without them.
+    pub without: Vec<String>,
+}
+
+/// Diagnoses a case of two aligned frame streams.
+///
+/// # Errors
+/// If the case cannot be read or makes no sense.
+pub fn diagnose(folder: &Path, options: &Options) -> Result<Diagnosis, SightError> {
+    let case = FrameCase::read(folder)?;
+    let scene = Scene::new(&case);
+    let found = search(&scene, &options.without);
+    let texture = grain::texture(&scene, &scene.full_of(&found.model, &found.placed.full));
+    let excess = remainder::excess(&found, &texture);
+    let noise = texture.middle.clamp(settings::LEAST_NOISE, settings::FLAT_NOISE);
+    let correction = Correction {
+        effects: found.model.effects.clone(),
+        shift: mean_shift(&found),
+        noise,
+        dirt: found.model.dirt.clone(),
+    };
+    let fit = how_far(&case, &correction, &|n| case.fit.iter().any(|f| f.number == n), "fit")?;
+    let held = how_far(&case, &correction, &|n| case.held.iter().any(|f| f.number == n), "heldout")?;
+    let verdict = match found.chosen.len() {
+        _ if excess > 1.0 => Verdict::Unknown,
+        0 => Verdict::None,
+        1 => Verdict::Single,
+        _ => Verdict::Multiple,
+    };
+    let p_unknown = 1.0 / (1.0 + (-(excess.max(1e-6).ln()) / settings::UNKNOWN_WIDTH).exp());
+    let p_none = (1.0 - p_unknown) * none_share(&found);
+    let effects = findings(&scene, &found, 1.0 - p_unknown - p_none);
+    let cells = if verdict == Verdict::None {
+        Vec::new()
+    } else {
+        places::cells(&scene, &places::differences(&scene, &found.model, noise))
+    };
+    Ok(Diagnosis {
+        schema_version: SCHEMA,
+        case: case.name.clone(),
+        verdict,
+        indistinguishable: effects.iter().take(1).filter(|e| e.group.len() > 1).map(|e| e.group.clone()).collect(),
+        effects,
+        p_none,
+        p_unknown,
+        chosen: found.chosen.iter().map(|id| (*id).to_owned()).collect(),
+        cells,
+        how_far: held,
+        predicted_share: fit.first().map_or(0.0, |s| s.share_explained),
+        unknown_description: (verdict == Verdict::Unknown).then(|| remainder::describe(&found, &texture)),
+        next_manoeuvre: crate::next::manoeuvres(&found),
+        corrected_model: corrected(&correction),
+        floor_source: "practice".to_owned(),
+        warnings: case.warnings.clone(),
+        secs: 0.0,
+    })
+}
+
+fn mean_shift(found: &Search) -> [f64; 2] {
+    let n = found.model.shifts.len() as f64;
+    [0, 1].map(|d| found.model.shifts.iter().map(|s| s[d]).sum::<f64>() / n)
+}
+
+/// Returns the share of none among what the library can say.
+fn none_share(found: &Search) -> f64 {
+    if !found.chosen.is_empty() {
+        let first = &found.rounds[0];
+        let gain = first.gain(&first.trials[0]);
+        return 1.0 / (1.0 + ((gain - settings::FIRST_GAIN) / settings::TEMPERATURE).exp());
+    }
+    let weights: f64 = found.rounds.first().map_or(0.0, |r| r.trials.iter().map(|t| weight(r, t)).sum());
+    1.0 / (1.0 + weights)
+}
+
+fn weight(round: &Round, trial: &Trial) -> f64 {
+    ((round.gain(trial) - settings::FIRST_GAIN) / settings::TEMPERATURE).clamp(-30.0, 30.0).exp()
+}
+
+/// Lists chosen effects first, then the other trials of the first round; together they have the given probability.
+fn findings(scene: &Scene<'_>, found: &Search, mass: f64) -> Vec<Finding> {
+    let mut list: Vec<(Finding, f64)> = Vec::new();
+    let rounds = found.chosen.len().max(1);
+    for (k, round) in found.rounds.iter().take(rounds).enumerate() {
+        let top = round.trials.first().map_or(0.0, |t| round.gain(t));
+        let total: f64 = round.trials.iter().map(|t| ((round.gain(t) - top) / settings::TEMPERATURE).exp()).sum();
+        for trial in &round.trials {
+            let share = ((round.gain(trial) - top) / settings::TEMPERATURE).exp() / total / rounds as f64;
+            if let Some((_, sum)) = list.iter_mut().find(|(f, _)| f.id == trial.id) {
+                *sum += share;
+            } else if k == 0 || found.chosen.contains(&trial.id) {
+                list.push((finding(scene, found, round, trial), share));
+            }
+        }
+    }
+    let total: f64 = list.iter().map(|(_, s)| s).sum();
+    for (finding, share) in &mut list {
+        finding.probability = mass.max(0.0) * *share / total.max(1e-12);
+    }
+    let place = |f: &Finding| found.chosen.iter().position(|id| *id == f.id).unwrap_or(usize::MAX);
+    list.sort_by(|(a, _), (b, _)| place(a).cmp(&place(b)).then(b.evidence_gain.total_cmp(&a.evidence_gain)));
+    list.into_iter().map(|(f, _)| f).collect()
+}
+
+fn finding(scene: &Scene<'_>, found: &Search, round: &Round, trial: &Trial) -> Finding {
+    let chosen = found.chosen.contains(&trial.id);
+    let model = if chosen { &found.model } else { &trial.model };
+    let effect = crate::search::known(trial.id);
+    let values = model.values(trial.id).map_or_else(|| effect.neutral(), <[f64]>::to_vec);
+    let gain = round.gain(trial);
+    let close = |other: &&Trial| gain - round.gain(other) < settings::GROUP_GAIN && gain > 0.0;
+    let mut group: Vec<String> =
+        round.trials.iter().filter(|t| t.id != trial.id).filter(close).take(3).map(|t| t.id.to_owned()).collect();
+    group.insert(0, trial.id.to_owned());
+    Finding {
+        id: trial.id.to_owned(),
+        probability: 0.0,
+        value: values[0],
+        unit: effect.parameters[0].unit.to_owned(),
+        interval90: interval(scene, found, effect, values[0]),
+        group,
+        heldout_gain: gain,
+        evidence_gain: gain,
+        params: effect.parameters.iter().zip(&values).map(|(p, v)| (p.name.to_owned(), *v)).collect(),
+    }
+}
+
+/// Interval of an estimate: from the displacement fit for geometry, else a share that synthetic draws show.
+fn interval(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect, value: f64) -> [f64; 2] {
+    let neutral = effect.neutral()[0];
+    let mut half = settings::RELATIVE_ERROR * (value - neutral).abs();
+    if moves(effect) && found.chosen.contains(&effect.id) {
+        let fit = align::geometry(scene, &found.field, &found.model.effects);
+        let mut at = 0;
+        for (e, values) in &fit.effects {
+            if e.id == effect.id {
+                half = 1.645 * fit.errors[at] + 0.01 * (value - neutral).abs();
+            }
+            at += values.len();
+        }
+    }
+    let slab = effect.parameters[0].slab;
+    [(value - half).max(slab.0), (value + half).min(slab.1)]
+}
+
+fn corrected(correction: &Correction) -> Corrected {
+    let effects = correction.effects.iter().map(|(effect, values)| {
+        let mut values = values.clone();
+        if let (Some(map), "lens_dirt") = (&correction.dirt, effect.id) {
+            values.truncate(effect.parameters.len());
+            values.extend(map.listed());
+        }
+        CorrectedEffect { id: effect.id.to_owned(), value: values[0], values }
+    });
+    let nuisance = [
+        ("shift_x_px", correction.shift[0]),
+        ("shift_y_px", correction.shift[1]),
+        ("noise_levels2", correction.noise),
+    ];
+    Corrected {
+        effects: effects.collect(),
+        nuisance: nuisance.into_iter().map(|(k, v)| (k.to_owned(), v)).collect(),
+    }
+}

@@ -1,0 +1,293 @@
+//! The search over effects: ages first, then forward selection, each effect fitted on top of what was chosen before.
+//!
+//! Every effect is fitted where it shows (displacements, small pictures, full pictures, flat places, boxes) and then
+//! judged by the same loss. An effect that is measured frame by frame or place by place pays for its freedom.
+
+use ds_effect::FrameEffect;
+use ds_effect::frame::Act;
+use ds_effect::{find_frame, frame_library};
+
+use crate::align::{self, Ages, Field};
+use crate::dirt::Map;
+use crate::flicker;
+use crate::geometry::moves;
+use crate::grain;
+use crate::loss::{self, Loss};
+use crate::lost;
+use crate::scene::{Model, Placed, Scene};
+use crate::settings;
+use crate::{sharp, tone};
+
+/// One effect tried on top of a model.
+#[derive(Clone)]
+pub struct Trial {
+    /// Its id.
+    pub id: &'static str,
+    /// The model with it.
+    pub model: Model,
+    /// Its loss.
+    pub loss: f64,
+    /// What its freedom costs.
+    pub cost: f64,
+}
+
+/// One round of the search.
+pub struct Round {
+    /// Loss before.
+    pub before: f64,
+    /// All trials, best first.
+    pub trials: Vec<Trial>,
+}
+
+impl Round {
+    /// Returns what a trial takes away beyond its cost.
+    #[must_use]
+    pub fn gain(&self, trial: &Trial) -> f64 {
+        self.before - trial.loss - trial.cost
+    }
+}
+
+/// What the search found.
+pub struct Search {
+    /// Rounds in order.
+    pub rounds: Vec<Round>,
+    /// Model with nuisance alone.
+    pub null: Model,
+    /// Its loss.
+    pub null_loss: Loss,
+    /// Chosen model.
+    pub model: Model,
+    /// Its loss.
+    pub loss: Loss,
+    /// Its placed frames.
+    pub placed: Placed,
+    /// Chosen effects in the order found.
+    pub chosen: Vec<&'static str>,
+    /// Ages of the content.
+    pub ages: Ages,
+    /// Displacements.
+    pub field: Field,
+}
+
+/// Searches.
+#[must_use]
+pub fn search(scene: &Scene<'_>, without: &[String]) -> Search {
+    let ages = align::ages(scene);
+    let late = crate::transport::judge(scene, &ages);
+    let field = align::field(scene, &late.ages, ages.start);
+    let shifts = align::geometry(scene, &field, &Vec::new()).shifts;
+    let null = Model { shifts, ..Model::nominal(scene.frames.len()) };
+    let placed = scene.placed(&null);
+    let null_loss = loss::measure(scene, &null, &placed);
+    let mut found = Search {
+        rounds: Vec::new(),
+        model: null.clone(),
+        loss: null_loss.clone(),
+        null,
+        null_loss,
+        placed,
+        chosen: Vec::new(),
+        ages,
+        field,
+    };
+    if let Some((effect, value)) = late.effect {
+        found.model.ages = late.ages;
+        found.model.set(effect, vec![value]);
+        found.placed = scene.placed(&found.model);
+        let loss = loss::measure(scene, &found.model, &found.placed);
+        let trial = Trial { id: effect.id, model: found.model.clone(), loss: loss.total, cost: 0.0 };
+        found.rounds.push(Round { before: found.loss.total.max(loss.total + late.evidence), trials: vec![trial] });
+        found.chosen.push(effect.id);
+        found.loss = loss;
+    }
+    while found.chosen.len() < settings::MOST_EFFECTS {
+        let round = round(scene, &found, without);
+        let Some(best) = round.trials.first().cloned() else { break };
+        let gain = round.gain(&best);
+        let taken = found.null_loss.total - found.loss.total;
+        let needed = if found.chosen.is_empty() {
+            settings::FIRST_GAIN
+        } else {
+            settings::FURTHER_GAIN.max(settings::FURTHER_SHARE * taken)
+        };
+        found.rounds.push(round);
+        if gain < needed {
+            break;
+        }
+        found.model = best.model;
+        found.placed = scene.placed(&found.model);
+        found.loss = loss::measure(scene, &found.model, &found.placed);
+        found.chosen.push(best.id);
+    }
+    found
+}
+
+fn round(scene: &Scene<'_>, found: &Search, without: &[String]) -> Round {
+    let mut trials: Vec<Trial> = frame_library()
+        .iter()
+        .filter(|e| found.model.values(e.id).is_none() && !matches!(e.act, Act::Age(_)) && scene.can_show(e))
+        .filter(|e| !without.iter().any(|w| w == e.id))
+        .filter_map(|e| trial(scene, found, e))
+        .collect();
+    trials.sort_by(|a, b| (a.loss + a.cost).total_cmp(&(b.loss + b.cost)));
+    Round { before: found.loss.total, trials }
+}
+
+fn trial(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Option<Trial> {
+    let (model, loss, cost) = match effect.id {
+        _ if moves(effect) => moving(scene, found, effect)?,
+        "defocus" | "motion_blur" | "jpeg_loss" | "texture_washing" => {
+            let (model, loss) = sharp::fit(scene, &found.model, &found.placed, effect);
+            (model, loss, 3.0)
+        }
+        "sensor_noise" => {
+            let model = noisy(scene, found, effect)?;
+            let loss = loss::measure(scene, &model, &found.placed).total;
+            (model, loss, 3.0)
+        }
+        "rain_streaks" => {
+            let model = streaks(scene, found, effect)?;
+            let loss = loss::measure(scene, &model, &found.placed).total;
+            (model, loss, 6.0)
+        }
+        "lens_dirt" => {
+            let (model, cost) = dirty(scene, found, effect)?;
+            let loss = loss::measure(scene, &model, &found.placed).total;
+            (model, loss, cost)
+        }
+        "temporal_flicker" => {
+            let model = flickering(scene, found, effect)?;
+            let loss = loss::measure(scene, &model, &found.placed).total;
+            (model, loss, settings::FLICKER_COST)
+        }
+        "object_dropout" => {
+            let model = without_boxes(scene, found, effect)?;
+            let loss = loss::measure(scene, &model, &found.placed).total;
+            let boxes: usize = model.lost.iter().map(Vec::len).sum();
+            (model, loss, boxes as f64 * settings::COUNTED_FRAMES / scene.frames.len() as f64)
+        }
+        "object_hallucination" | "identity_switch" | "layout_misalignment" => return None,
+        _ => toned(scene, found, effect),
+    };
+    Some(Trial { id: effect.id, model, loss, cost })
+}
+
+/// Values from which a fit starts.
+fn start(effect: &FrameEffect) -> Vec<f64> {
+    match effect.id {
+        "fog_haze" => vec![0.006, 0.75],
+        "night_illumination" => vec![0.6, 0.3],
+        "vignetting" => vec![0.2, 2.5],
+        "exposure_lag" => vec![0.3],
+        "rollout_drift" => vec![1.0, 0.07, 0.1],
+        "white_balance" => vec![0.02, 0.02],
+        "gamma" => vec![1.05],
+        _ => effect.neutral(),
+    }
+}
+
+fn moving(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Option<(Model, f64, f64)> {
+    let before = align::geometry(scene, &found.field, &found.model.effects);
+    let mut effects = found.model.effects.clone();
+    effects.push((effect, start(effect)));
+    let fit = align::geometry(scene, &found.field, &effects);
+    if before.loss - fit.loss < settings::GEOMETRY_GAIN {
+        return None;
+    }
+    let mut model = found.model.clone();
+    model.shifts = fit.shifts;
+    for (effect, values) in fit.effects {
+        model.set(effect, values);
+    }
+    let loss = loss::measure(scene, &model, &scene.placed(&model)).total;
+    Some((model, loss, 2.0 + effect.parameters.len() as f64))
+}
+
+fn toned(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> (Model, f64, f64) {
+    let mut model = found.model.clone();
+    model.set(effect, start(effect));
+    let mut ids: Vec<&str> = found.model.effects.iter().map(|(e, _)| e.id).filter(|id| TONES.contains(id)).collect();
+    ids.push(effect.id);
+    let (model, _) = tone::fit(scene, &model, &found.placed.small, &ids);
+    let loss = loss::measure(scene, &model, &found.placed).total;
+    (model, loss, 2.0 + effect.parameters.len() as f64)
+}
+
+const TONES: [&str; 7] =
+    ["gamma", "white_balance", "vignetting", "fog_haze", "night_illumination", "exposure_lag", "rollout_drift"];
+
+fn noisy(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Option<Model> {
+    let texture = grain::texture(scene, &scene.full_of(&found.model, &found.placed.full));
+    // noise and encoder of every case are taken out
+    let read = texture.read - settings::USUAL_NOISE;
+    if texture.read + 0.5 * texture.shot < settings::FLAT_NOISE || texture.down > 0.25 || texture.peak > 6.0 {
+        return None;
+    }
+    let mut model = found.model.clone();
+    model.set(effect, vec![read.max(0.0).sqrt(), texture.shot.sqrt()]);
+    Some(model)
+}
+
+fn streaks(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Option<Model> {
+    let texture = grain::texture(scene, &scene.full_of(&found.model, &found.placed.full));
+    if texture.down < texture.across + 0.12 || texture.down < 0.25 || texture.skew < 0.3 {
+        return None;
+    }
+    let energy = (texture.read + 0.5 * texture.shot - settings::USUAL_NOISE).max(0.1);
+    let (width, height) = (scene.case.size[0] as f64, scene.case.size[1] as f64);
+    // streaks a tenth of the height long and one pixel wide; their strength follows from the skewness
+    let strength = (texture.skew * (energy + settings::USUAL_NOISE).powf(1.5) / energy).clamp(10.0, 100.0);
+    let count = energy / (strength * strength) * width * height / (0.1 * height);
+    let mut model = found.model.clone();
+    model.set(effect, vec![count, strength, energy]);
+    Some(model)
+}
+
+fn flickering(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Option<Model> {
+    let rendered = scene.small_of(&found.model, &found.placed.small);
+    let fields: Vec<flicker::Field> =
+        rendered.iter().zip(&scene.small).map(|(p, (_, q))| flicker::Field::measured(p, q, 0.1)).collect();
+    let pattern = flicker::pattern(&fields);
+    if pattern.sd < settings::LEAST_FLICKER || pattern.fixed > 0.5 || pattern.lasting > 0.5 {
+        return None;
+    }
+    let mut model = found.model.clone();
+    model.flicker = Some(fields);
+    model.set(effect, vec![pattern.sd]);
+    Some(model)
+}
+
+fn dirty(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Option<(Model, f64)> {
+    let rendered = scene.small_of(&found.model, &found.placed.small);
+    let real: Vec<_> = scene.small.iter().map(|(_, q)| q.clone()).collect();
+    let mut map = Map::measured(&rendered, &real);
+    let spots = map.spots();
+    map.keep_spots();
+    if spots.count == 0 || spots.area > settings::MOST_DIRT {
+        return None;
+    }
+    let mut model = found.model.clone();
+    model.set(effect, vec![spots.opacity, spots.count as f64, spots.veil]);
+    model.dirt = Some(map);
+    Some((model, settings::DIRT_COST[0] + settings::DIRT_COST[1] * spots.area))
+}
+
+fn without_boxes(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Option<Model> {
+    let rendered = scene.small_of(&found.model, &found.placed.small);
+    let lost = lost::boxes(scene, &rendered);
+    let count: usize = lost.iter().map(Vec::len).sum();
+    let cars: usize = scene.frames.iter().map(|f| f.boxes.iter().filter(|b| b.class == "car").count()).sum();
+    if count == 0 {
+        return None;
+    }
+    let mut model = found.model.clone();
+    model.lost = lost;
+    model.set(effect, vec![(count as f64 / cars.max(1) as f64).min(1.0)]);
+    Some(model)
+}
+
+/// Returns the effect of a name that the library must contain.
+#[must_use]
+pub fn known(id: &str) -> &'static FrameEffect {
+    find_frame(id).expect("the library of effects on frames names every effect that the search names")
+}

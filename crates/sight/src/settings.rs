@@ -1,0 +1,90 @@
+//! Every threshold and scale of the diagnosis of frames in one place, each with its reason.
+//!
+//! Set on the practice cases and on draws of `tests/worlds/camera_world.py` other than those that are reported.
+
+/// Degrees of freedom of the Student-t loss of displacements.
+pub const NU: f64 = 4.0;
+/// Gauss-Newton rounds of a geometry fit.
+pub const GEOMETRY_ROUNDS: usize = 6;
+/// Share of blocks that count as independent.
+pub const BLOCK_SHARE: f64 = 0.3;
+/// Error of a block's displacement that does not average out within it, px: resampling at this size.
+pub const BLOCK_ERROR_PX: f64 = 0.06;
+/// Side of the blocks, px.
+pub const BLOCK_PX: usize = 16;
+/// Frames looked at in full size.
+pub const FULL_FRAMES: usize = 4;
+/// Factor between the full and the small size.
+pub const SMALL: usize = 4;
+/// Spread of the constant image offset of every case, px: uniform within 0.25 (practice README).
+pub const CONSTANT_SHIFT_PX: f64 = 0.15;
+/// Spread of the image offset per frame, px: uniform within 0.25.
+pub const FRAME_SHIFT_PX: f64 = 0.15;
+/// Largest image offset that counts as nuisance, px.
+pub const MOST_SHIFT_PX: f64 = 0.55;
+/// Largest gain that counts as nuisance: 1 % in linear light plus three times 0.3 %.
+pub const MOST_GAIN: f64 = 0.02;
+/// Rows and columns of tiles.
+pub const TILES: [usize; 2] = [4, 6];
+/// Share of gradient energy that resampling leaves in the residual: full, small, coarse and colour band.
+pub const TEXTURE: [f64; 4] = [0.014, 0.0012, 0.00004, 0.0001];
+/// Residual energy of flat places in the same bands, levels², beyond white noise.
+pub const FLAT: [f64; 4] = [0.6, 0.1, 0.02, 0.06];
+/// Variance of white noise at which the nuisance of every case ends, levels².
+pub const MOST_NOISE: f64 = 1.6 * 1.6;
+/// Variance of white noise of the quietest case, levels².
+pub const LEAST_NOISE: f64 = 0.8 * 0.8;
+/// Frames that count: losses are means over frames times this, so that long cases are not judged harder.
+pub const COUNTED_FRAMES: f64 = 10.0;
+/// ln of residual variance that an older frame must gain to be taken for the content.
+pub const AGE_GAIN: f64 = 0.35;
+/// Loss that a first effect must take away beyond its cost.
+pub const FIRST_GAIN: f64 = 20.0;
+/// Loss that a further effect must take away beyond its cost.
+pub const FURTHER_GAIN: f64 = 25.0;
+/// The same as a share of what the effects before it took away: a rough model of a strong effect leaves something.
+pub const FURTHER_SHARE: f64 = 0.06;
+/// Loss per unit of ln residual variance of an age.
+pub const AGE_WEIGHT: f64 = 20.0;
+/// Variance of flat places that every case may have, noise of 1.6 levels and two encoders, levels².
+pub const FLAT_NOISE: f64 = 4.5;
+/// Variance of flat places of the usual case, levels².
+pub const USUAL_NOISE: f64 = 2.0;
+/// Price of a smooth field of free gain in every frame.
+pub const FLICKER_COST: f64 = 60.0;
+/// Spread of ln gain from frame to frame below which brightness does not flicker.
+pub const LEAST_FLICKER: f64 = 0.012;
+/// Price of the map of a dirty lens: once, and per share of the picture that it changes.
+pub const DIRT_COST: [f64; 2] = [30.0, 300.0];
+/// Largest share of the picture that dirt may change.
+pub const MOST_DIRT: f64 = 0.5;
+/// Log posterior of displacements that a geometry effect must gain to be tried.
+pub const GEOMETRY_GAIN: f64 = 6.0;
+/// Most effects in one diagnosis.
+pub const MOST_EFFECTS: usize = 3;
+/// Share of each covariance's off-diagonal that the feature distance removes.
+pub const SHRINKAGE: f64 = 0.1;
+/// Draws of the bootstrap of the feature distance.
+pub const FEATURE_DRAWS: u64 = 20;
+/// Draws of every other bootstrap.
+pub const BOOTSTRAP_DRAWS: u64 = 300;
+/// Excess over (twin + 1 level²) from which a tile counts (practice README).
+pub const TILE_EXCESS: f64 = 0.25;
+/// Excess over (twin + 1 level²) from which a frame counts (practice README).
+pub const FRAME_EXCESS: f64 = 0.5;
+/// Loss by band that effect-free cases reach: fine, medium, coarse, colour.
+pub const CLEAN: [f64; 4] = [110.0, 130.0, 190.0, 110.0];
+/// Share of the loss beyond that of clean cases that the chosen effects must explain.
+pub const EXPLAINED_SHARE: f64 = 0.5;
+/// Temperature of the probabilities: loss is no log likelihood.
+pub const TEMPERATURE: f64 = 12.0;
+/// Ratio to the clean level from which a band without any chosen effect is strange.
+pub const CLEAN_RATIO: f64 = 1.8;
+/// Variance of flat places (robust, worst brightness) from which noise of every case cannot account for it, levels².
+pub const STRANGE_NOISE: f64 = 9.0;
+/// Width of the passage from known to unknown, in log units.
+pub const UNKNOWN_WIDTH: f64 = 0.15;
+/// Loss difference below which two effects form a group.
+pub const GROUP_GAIN: f64 = 12.0;
+/// Half width of 90 % intervals of effects without a standard error, as a share of the effect.
+pub const RELATIVE_ERROR: f64 = 0.2;
