@@ -24,7 +24,7 @@ mod video;
 pub use frame::{FrameChain, FrameEffect};
 pub use parameter::{Channel, Insertion, Nuisance, Parameter, Scale};
 pub use plant::Plant;
-pub use setting::{Setting, SettingError};
+pub use setting::{Setting, SettingError, check};
 
 /// One effect: what is known of it beforehand and what it does to the simulator.
 pub struct Effect {

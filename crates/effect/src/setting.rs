@@ -1,7 +1,8 @@
 //! An effect switched on: which one and with which values, checked.
 
-use crate::parameter::Scale;
-use crate::{Effect, Plant, find};
+use crate::frame::Needs;
+use crate::parameter::{Parameter, Scale};
+use crate::{Effect, Plant, find, find_frame};
 
 /// An effect of the library with a value for each of its parameters, in reported units.
 #[derive(Clone)]
@@ -24,6 +25,13 @@ pub enum SettingError {
         /// Parameters that it has.
         need: usize,
     },
+    /// The effect needs what a run does not give its frames.
+    Frames {
+        /// The effect.
+        id: &'static str,
+        /// What it needs.
+        need: &'static str,
+    },
     /// A value that the parameter cannot have.
     Value {
         /// The effect.
@@ -42,6 +50,7 @@ impl std::fmt::Display for SettingError {
         match self {
             Self::Unknown(id) => write!(f, "no effect is called {id:?}"),
             Self::Count { id, given, need } => write!(f, "effect {id} takes {need} values, not {given}"),
+            Self::Frames { id, need } => write!(f, "effect {id} cannot be switched on in a run: it needs {need}"),
             Self::Value { id, parameter, value, need } => {
                 write!(f, "{parameter} of effect {id} is {value}; it must be {need}")
             }
@@ -58,20 +67,7 @@ impl Setting {
     /// [`SettingError`] names the effect and what is wrong.
     pub fn new(id: &str, values: &[f64]) -> Result<Self, SettingError> {
         let effect = find(id).ok_or_else(|| SettingError::Unknown(id.to_owned()))?;
-        if values.len() != effect.parameters.len() {
-            let (given, need) = (values.len(), effect.parameters.len());
-            return Err(SettingError::Count { id: effect.id, given, need });
-        }
-        for (parameter, &value) in effect.parameters.iter().zip(values) {
-            let (sound, need) = match parameter.scale {
-                Scale::Log => (value.is_finite() && value > 0.0, "a positive factor"),
-                Scale::Limit => (value > 0.0, "a positive limit"),
-                Scale::Linear | Scale::Threshold | Scale::OfMass => (value.abs() <= 1e6, "a number up to a million"),
-            };
-            if !sound {
-                return Err(SettingError::Value { id: effect.id, parameter: parameter.name, value, need });
-            }
-        }
+        check_values(effect.id, effect.parameters, values)?;
         Ok(Self { effect, values: values.to_vec() })
     }
 
@@ -91,6 +87,41 @@ impl Setting {
     pub fn apply(&self, plant: &mut Plant) {
         (self.effect.apply)(&self.values, plant);
     }
+}
+
+/// Checks that an effect, on the car or on frames, can be switched on in a run with these values.
+///
+/// # Errors
+/// [`SettingError`] names the effect and what is wrong.
+pub fn check(id: &str, values: &[f64]) -> Result<(), SettingError> {
+    let Some(effect) = find_frame(id).filter(|_| find(id).is_none()) else {
+        return Setting::new(id, values).map(|_| ());
+    };
+    check_values(effect.id, effect.parameters, values)?;
+    let need = effect.needs.iter().find_map(|need| match need {
+        Needs::Light => Some("a record of the light"),
+        Needs::Boxes => Some("boxes of the layout"),
+        Needs::Sequence => Some("the frames before"),
+        Needs::Picture | Needs::Colour | Needs::Motion | Needs::Depth => None,
+    });
+    need.map_or(Ok(()), |need| Err(SettingError::Frames { id: effect.id, need }))
+}
+
+fn check_values(id: &'static str, parameters: &[Parameter], values: &[f64]) -> Result<(), SettingError> {
+    if values.len() != parameters.len() {
+        return Err(SettingError::Count { id, given: values.len(), need: parameters.len() });
+    }
+    for (parameter, &value) in parameters.iter().zip(values) {
+        let (sound, need) = match parameter.scale {
+            Scale::Log => (value.is_finite() && value > 0.0, "a positive factor"),
+            Scale::Limit => (value > 0.0, "a positive limit"),
+            Scale::Linear | Scale::Threshold | Scale::OfMass => (value.abs() <= 1e6, "a number up to a million"),
+        };
+        if !sound {
+            return Err(SettingError::Value { id, parameter: parameter.name, value, need });
+        }
+    }
+    Ok(())
 }
 
 impl PartialEq for Setting {
@@ -117,6 +148,9 @@ mod tests {
         assert!(text("steer_delay", &[f64::NAN]).contains("NaN"));
         assert!(text("front_grip", &[0.0]).contains("positive factor"));
         assert!(text("steer_rate", &[-1.0]).contains("positive limit"));
+        assert_eq!(check("defocus", &[1.0]), Ok(()));
+        assert!(check("object_dropout", &[0.2]).expect_err("boxes").to_string().contains("boxes"));
+        assert!(check("defocus", &[1.0, 2.0]).is_err());
         assert_eq!(Setting::new("steer_delay", &[0.1]).expect("sound").values(), [0.1]);
     }
 }

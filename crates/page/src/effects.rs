@@ -183,7 +183,8 @@ fn absence(m: &mut Markup, scale: &Axis, middle: f64) {
 
 /// Returns the parameter that is reported as an effect's value.
 fn parameter(id: &str) -> Option<&'static Parameter> {
-    ds_effect::find(id).and_then(|effect| effect.parameters.first())
+    let parameters = ds_effect::find(id).map(|effect| effect.parameters);
+    parameters.or_else(|| ds_effect::find_frame(id).map(|effect| effect.parameters)).and_then(<[Parameter]>::first)
 }
 
 /// The axis of one row, in reported units.

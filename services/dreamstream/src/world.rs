@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
-use ds_effect::{Effect, Insertion, Parameter, Scale, Setting};
+use ds_effect::{Effect, Insertion, Parameter, Scale};
 use ds_space::Draws;
 use ds_wire::control as pb;
 use ring::aead::{Aad, CHACHA20_POLY1305, LessSafeKey, NONCE_LEN, Nonce, UnboundKey};
@@ -51,7 +51,7 @@ impl RunConfig {
             config.effects.push(EffectLine::parse(flag)?);
         }
         for line in &config.effects {
-            Setting::new(&line.id, &line.values).map_err(|error| anyhow!("{error}; `dreamstream gap effects` lists them"))?;
+            ds_effect::check(&line.id, &line.values).map_err(|error| anyhow!("{error}; `dreamstream gap effects` lists them"))?;
         }
         Ok(config)
     }
@@ -184,7 +184,7 @@ mod tests {
     fn withheld_effects_are_sound_and_not_always_the_same() {
         let drawn: Vec<RunConfig> = (0..40).map(|seed| withheld(seed, 1500.0)).collect();
         for line in drawn.iter().flat_map(|config| &config.effects) {
-            Setting::new(&line.id, &line.values).expect("a sound setting");
+            ds_effect::check(&line.id, &line.values).expect("a sound setting");
         }
         let ids: std::collections::BTreeSet<&str> = drawn.iter().map(|config| config.effects[0].id.as_str()).collect();
         assert!(ids.len() > 10, "{ids:?}");

@@ -145,7 +145,7 @@ fn checked(settings: pb::RunSettings) -> Result<pb::RunSettings, SubmissionError
         return refuse("settings.effects", settings.effects.len(), "at most 64 effects");
     }
     for effect in &settings.effects {
-        ds_effect::Setting::new(&effect.id, &effect.values)?;
+        ds_effect::check(&effect.id, &effect.values)?;
     }
     if settings.replan_period > settings.horizon {
         return refuse("settings.replan_period", settings.replan_period, "at most the horizon");

@@ -3,6 +3,7 @@
 //! Owns weights, KV cache, encoder and decoder state; a successor replays the `cache` log and compares digests.
 
 pub mod device;
+pub mod lens;
 pub mod rendered;
 pub mod rollout;
 pub mod settings;

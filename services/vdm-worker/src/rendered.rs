@@ -8,8 +8,11 @@ use ds_raster::{Encoding, RgbImage};
 use ds_space::{CameraModel, Tick};
 use ds_topic::{Advance, Frame, Layout, ObservationSource, SceneMessage, Slot, Topic, World};
 
+use crate::lens::{Lens, Motion};
+
 /// Renders frames of an episode without a video model.
 pub struct Rendered {
+    lens: Option<Lens>,
     scene: Arc<SceneMessage>,
     source: Source,
 }
@@ -35,7 +38,7 @@ impl Rendered {
             ObservationSource::SimRgb => Source::Plain(Box::new(PlainCamera::new(&scene.scene))),
             ObservationSource::Layout | ObservationSource::Dreamstream => Source::Layout,
         };
-        Ok(Self { scene, source })
+        Ok(Self { lens: Lens::of(&scene), scene, source })
     }
 
     fn image(&self, inputs: &Inputs, tick: Tick, camera: (u16, &CameraModel)) -> Result<RgbImage, Fault> {
@@ -54,6 +57,17 @@ impl Rendered {
     }
 }
 
+impl Rendered {
+    /// Returns the ego's motion where this source sees the world.
+    fn motion(&self, inputs: &Inputs, tick: Tick) -> Result<Option<Motion>, Fault> {
+        if matches!(self.source, Source::Layout) {
+            return Ok(None);
+        }
+        let ego = inputs.decode::<World>(Slot::new(Topic::World, tick.0))?.state.ego;
+        Ok(Some((ego.speed_mps(), ego.yaw_rate_radps)))
+    }
+}
+
 impl Maker for Rendered {
     fn restore(&mut self, _order: &Advance, _inputs: &Inputs) -> Result<(), Fault> {
         Ok(())
@@ -63,7 +77,10 @@ impl Maker for Rendered {
         let mut outputs = Vec::new();
         for tick in order.first.to(order.last) {
             for (index, camera) in (0..).zip(&self.scene.scene.cameras) {
-                let image = self.image(inputs, tick, (index, camera))?;
+                let mut image = self.image(inputs, tick, (index, camera))?;
+                if let Some(lens) = &self.lens {
+                    image = lens.see(&image, tick, index, self.motion(inputs, tick)?)?;
+                }
                 let frame = Frame { image, encoding: Encoding::None, seam: 0.0 };
                 outputs.push(output(Slot::of_camera(Topic::Frame, tick.0, index), tick, &frame));
             }

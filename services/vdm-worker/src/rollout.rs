@@ -9,18 +9,21 @@ use ds_topic::body::Tensor;
 use ds_topic::{Advance, Cache, Frame, Layout, SceneMessage, Slot, Topic};
 use ds_video::{CacheEntry, Latent, Replay, Rollout, VideoModel};
 
+use crate::lens::Lens;
+
 /// All cameras of one episode.
 pub struct Rollouts {
     model: Arc<VideoModel>,
     scene: Arc<SceneMessage>,
     cameras: Vec<Rollout>,
+    lens: Option<Lens>,
 }
 
 impl Rollouts {
     /// Prepares an episode; its rollouts start with iteration 0 or are restored.
     #[must_use]
     pub fn new(model: Arc<VideoModel>, scene: Arc<SceneMessage>) -> Self {
-        Self { model, scene, cameras: Vec::new() }
+        Self { model, lens: Lens::of(&scene), scene, cameras: Vec::new() }
     }
 
     fn first_frame(&self, camera: usize) -> Result<&RgbImage, Fault> {
@@ -40,11 +43,20 @@ impl Rollouts {
             let prompt = &self.scene.scene.prompt;
             let started = Rollout::new(Arc::clone(&self.model), key, camera.id.as_str(), prompt, first, &layout.image);
             let (rollout, entry) = started.map_err(|error| bad("rollout_refused", &error))?;
-            outputs.push(frame_output(Tick(0), index, rollout.first_frame().clone(), 0.0));
+            let seen = seen(self.lens.as_ref(), rollout.first_frame().clone(), Tick(0), index)?;
+            outputs.push(frame_output(Tick(0), index, seen, 0.0));
             outputs.push(cache_output(index, entry));
             self.cameras.push(rollout);
         }
         Ok(outputs)
+    }
+}
+
+/// Returns a frame as it leaves the camera.
+fn seen(lens: Option<&Lens>, image: RgbImage, tick: Tick, camera: u16) -> Result<RgbImage, Fault> {
+    match lens {
+        Some(lens) => lens.see(&image, tick, camera, None),
+        None => Ok(image),
     }
 }
 
@@ -138,7 +150,7 @@ impl Maker for Rollouts {
             let made = rollout.generate(&layouts).map_err(|error| bad("generation_failed", &error))?;
             for (tick, image) in order.first.to(order.last).zip(made.frames) {
                 let seam = if tick == order.first { f64::from(made.seam) } else { 0.0 };
-                outputs.push(frame_output(tick, index, image, seam));
+                outputs.push(frame_output(tick, index, seen(self.lens.as_ref(), image, tick, index)?, seam));
             }
             outputs.extend(made.committed.into_iter().map(|committed| cache_output(index, committed)));
         }

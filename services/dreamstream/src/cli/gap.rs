@@ -65,6 +65,9 @@ pub(crate) struct EvaluateArgs {
     /// Numbers of the drives; all of them without.
     #[arg(long, value_delimiter = ',')]
     pub(crate) drives: Vec<usize>,
+    /// Numbers of the frames, first to last; all of them without.
+    #[arg(long, value_name = "FIRST-LAST", conflicts_with = "drives")]
+    pub(crate) frames: Option<String>,
     /// Where the figures go as JSON.
     #[arg(long, short, value_hint = ValueHint::FilePath)]
     pub(crate) out: Option<PathBuf>,

@@ -51,7 +51,7 @@ fn step(scene: &Arc<Scene>) -> Result<()> {
     let ticks = scene.last_tick().0;
     let mut rounds = Vec::new();
     for _ in 0..ROUNDS {
-        let mut simulation = Simulation::new(Arc::clone(scene), config, Tick(0))?;
+        let mut simulation = Simulation::new(Arc::clone(scene), config.clone(), Tick(0))?;
         let began = Instant::now();
         for tick in 0..ticks {
             if tick.is_multiple_of(5) {

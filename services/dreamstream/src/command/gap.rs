@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
-use ds_gap::{Diagnosis, GapError, Options, Verdict, diagnose, evaluate, score_folder};
+use ds_gap::{Diagnosis, Options, Verdict, diagnose, evaluate, score_folder};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
@@ -111,6 +111,12 @@ fn list_effects() {
         let note = if effect.suspect { "" } else { "; fitted, never accused" };
         answer(&format!("{:18} {:28} {:?}; {}{note}", effect.id, parameters.join(", "), effect.insertion, channels.join(" ")));
     }
+    for effect in ds_effect::frame_library() {
+        let parameters: Vec<String> = effect.parameters.iter().map(|p| format!("{} [{}]", p.name, p.unit)).collect();
+        let absent = effect.neutral();
+        let run = if ds_effect::check(effect.id, &absent).is_ok() { "" } else { "; in frame streams only" };
+        answer(&format!("{:18} {:28} {:?}; camera{run}", effect.id, parameters.join(", "), effect.insertion));
+    }
 }
 
 fn name(case: &Path) -> String {
@@ -170,9 +176,15 @@ fn explain(args: &ExplainArgs) -> Result<()> {
     Ok(())
 }
 
-fn one(case: &Path, options: &Options, bar: &ProgressBar) -> Result<Diagnosis, GapError> {
+/// Diagnoses a log of a vehicle or a pair of frame streams, whichever the case is.
+fn one(case: &Path, options: &Options, bar: &ProgressBar) -> Result<Diagnosis> {
     let began = Instant::now();
-    let diagnosis = diagnose(case, options);
+    let diagnosis = if ds_sight::is_frame_case(case) {
+        let options = ds_sight::Options { without: options.without.clone() };
+        ds_sight::diagnose(case, &options).map_err(anyhow::Error::new)
+    } else {
+        diagnose(case, options).map_err(anyhow::Error::new)
+    };
     bar.inc(1);
     diagnosis.map(|diagnosis| Diagnosis { secs: began.elapsed().as_secs_f64(), ..diagnosis })
 }
@@ -202,9 +214,20 @@ fn tell(when: &str, diagnosis: &Diagnosis) {
     answer(&format!("{when}: {verdict}{found} (none {:.2}, unknown {:.2})", diagnosis.p_none, diagnosis.p_unknown));
 }
 
+/// Reads `first-last`.
+fn frames(text: &str) -> Result<std::ops::RangeInclusive<u64>> {
+    let ends = text.split_once('-').and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
+    let (first, last) = ends.filter(|(a, b)| a <= b).with_context(|| format!("--frames {text:?} is not FIRST-LAST"))?;
+    Ok(first..=last)
+}
+
 fn evaluate_one(args: &EvaluateArgs) -> Result<()> {
     let diagnosis = read(&args.diagnosis)?;
-    let shrinks = evaluate(&diagnosis, &args.case, &args.drives)?;
+    let shrinks = if ds_sight::is_frame_case(&args.case) {
+        ds_sight::evaluate(&diagnosis, &args.case, args.frames.as_deref().map(frames).transpose()?)?
+    } else {
+        evaluate(&diagnosis, &args.case, &args.drives)?
+    };
     let text = serde_json::to_string_pretty(&shrinks).context("shrink as JSON")?;
     match &args.out {
         Some(path) => std::fs::write(path, text + "\n").with_context(|| format!("write {}", path.display()))?,

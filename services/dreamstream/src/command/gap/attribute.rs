@@ -3,9 +3,8 @@
 //! The same policies, scenarios and seeds drive a full factorial of swaps: frames, dynamics, agents and transport, each
 //! the nominal or the real world's. A component without a difference between the two is not swapped.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::ffi::OsString;
-use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use ds_effect::{Insertion, find};
@@ -132,6 +131,8 @@ fn of_scenario(cell: &Results, scenario: &str, metric: &str) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
 
     #[test]
