@@ -11,6 +11,7 @@ vehicle is what its user would have: weighed mass, measured axles, box inertia, 
 
 import argparse
 import json
+import math
 import pathlib
 from types import SimpleNamespace
 
@@ -75,6 +76,10 @@ UNKNOWN = {
 KINDS = {"urban": (9.0, 3.0, 2.2), "highway": (24.0, 4.0, 1.6), "handling": (15.0, 3.0, 3.0)}
 
 
+def clip(value, limit):
+    return max(min(value, limit), -limit)
+
+
 def side(r):
     return 1.0 if r.random() < 0.5 else -1.0
 
@@ -95,6 +100,7 @@ class World:
         self.engine.clear_objects(list(self.engine.get_objects()))
         self.env.current_map.detach_from_world()
         self.physics = self.engine.physics_world.dynamic_world
+        self.physics.clearContactAddedCallback()  # nothing to crash into
 
     def spawn(self, build, y=0.0):
         """Puts one vehicle on the plane with the mass, inertia, springs, axles and grip of a build."""
@@ -112,11 +118,11 @@ class World:
         vehicle.set_position((0.0, y), height=kind.TIRE_RADIUS + 0.1)
         return vehicle
 
-    def step(self, vehicle=None, force=None):
-        for _ in range(round(DT / PHYSICS)):
+    def step(self, vehicle=None, force=None, physics=PHYSICS):
+        for _ in range(round(DT / physics)):
             if force is not None:
                 vehicle.body.applyCentralForce(force)
-            self.physics.doPhysics(PHYSICS, 1, PHYSICS)
+            self.physics.doPhysics(physics, 1, physics)
 
     def gravity(self, x=0.0, y=0.0):
         from panda3d.core import Vec3
@@ -127,12 +133,12 @@ class World:
         self.engine.clear_objects([v.name for v in vehicles], force_destroy=True)
 
 
-def push(vehicle, force, steer_rad=None):
+def push(vehicle, force, steer_rad=None, physics=PHYSICS):
     """Spreads a force over the four wheels as MetaDrive does: engine when positive, brake when negative."""
     system = vehicle.system
     for wheel in range(4):
         system.applyEngineForce(max(force, 0.0) / 4, wheel)
-        system.setBrake(max(-force, 0.0) / 4 * PHYSICS, wheel)
+        system.setBrake(max(-force, 0.0) / 4 * physics, wheel)
     if steer_rad is not None:
         system.setSteeringValue(np.degrees(steer_rad), 0)
         system.setSteeringValue(np.degrees(steer_rad), 1)
@@ -146,11 +152,11 @@ def state_of(vehicle):
     """
     from panda3d.core import Vec3
     quat, velocity, r = vehicle.origin.getQuat(), vehicle.body.getLinearVelocity(), vehicle.body.getAngularVelocity().z
-    turn = Vec3(np.cos(LATE * r), np.sin(LATE * r), 0)
+    turn = Vec3(math.cos(LATE * r), math.sin(LATE * r), 0)
     onward = lambda a: Vec3(a.x * turn.x - a.y * turn.y, a.x * turn.y + a.y * turn.x, a.z)
     ahead, left = onward(quat.xform(Vec3(0, 1, 0))), onward(quat.xform(Vec3(-1, 0, 0)))
-    yaw, at = np.arctan2(ahead.y, ahead.x), vehicle.origin.getPos() + velocity * LATE
-    c, s = np.cos(yaw), np.sin(yaw)
+    yaw, at = math.atan2(ahead.y, ahead.x), vehicle.origin.getPos() + velocity * LATE
+    c, s = math.cos(yaw), math.sin(yaw)
     return SimpleNamespace(x=at.x, y=at.y, yaw=yaw, v=velocity.x * c + velocity.y * s, vy=-velocity.x * s + velocity.y * c,
                            r=r, velocity=velocity, ahead=ahead, left=left)
 
@@ -257,21 +263,21 @@ class Actuators:
         real, on, back = self.real, self.on, len(self.steers)
         self.steers += [steer] * CONTROL
         self.accels += [accel] * CONTROL
-        late = lambda signal, k, dead: signal[max(k - int(round(dead / FINE)), 0)]
+        dead_s, dead_a = (int(round(dead / FINE)) for dead in (real["steer_dead"] + on("steer_delay", 0.0), real["accel_dead"] + on("accel_delay", 0.0)))
+        share = 1 - math.exp(-FINE / on("steer_lag", 1e-9))
+        lag = 1 - math.exp(-FINE / (real["accel_lag"] + on("accel_lag", 0.0)))
+        stiction, rate, limit, half = on("steer_stiction", 0.0), on("steer_rate", 1e9), on("steer_saturation", 9.0), 0.5 * on("steer_backlash", 0.0)
+        pull, brake = real["omega"] ** 2, 2 * real["damping"] * real["omega"]
+        dead_zone, jerk = on("deadzone_accel", 0.0), on("accel_jerk_limit", 1e9) * FINE
         for k in range(back, back + CONTROL):
-            want = late(self.steers, k, real["steer_dead"] + on("steer_delay", 0.0))
-            lag = on("steer_lag", 0.0)
-            self.slow = want if lag == 0 else self.slow + (want - self.slow) * (1 - np.exp(-FINE / lag))
-            self.stick = self.slow if abs(self.slow - self.stick) > on("steer_stiction", 0.0) else self.stick
-            limit = on("steer_rate", 1e9)
-            self.rate = np.clip(self.rate + FINE * (real["omega"] ** 2 * (self.stick - self.servo) - 2 * real["damping"] * real["omega"] * self.rate), -limit, limit)
-            self.servo = float(np.clip(self.servo + FINE * self.rate, -on("steer_saturation", 9.0), on("steer_saturation", 9.0)))
-            half = 0.5 * on("steer_backlash", 0.0)
-            self.play = float(np.clip(self.play, self.servo - half, self.servo + half))
-            ask = late(self.accels, k, real["accel_dead"] + on("accel_delay", 0.0))
-            ask = np.sign(ask) * max(abs(ask) - on("deadzone_accel", 0.0), 0.0)
-            jerk = on("accel_jerk_limit", 1e9) * FINE
-            self.accel += np.clip((ask - self.accel) * (1 - np.exp(-FINE / (real["accel_lag"] + on("accel_lag", 0.0)))), -jerk, jerk)
+            self.slow += (self.steers[max(k - dead_s, 0)] - self.slow) * share
+            self.stick = self.slow if abs(self.slow - self.stick) > stiction else self.stick
+            self.rate = clip(self.rate + FINE * (pull * (self.stick - self.servo) - brake * self.rate), rate)
+            self.servo = clip(self.servo + FINE * self.rate, limit)
+            self.play = max(min(self.play, self.servo + half), self.servo - half)
+            ask = self.accels[max(k - dead_a, 0)]
+            ask = math.copysign(max(abs(ask) - dead_zone, 0.0), ask)
+            self.accel += clip((ask - self.accel) * lag, jerk)
         out = self.accel
         if out > 0:
             out = min(out * on("drive_gain", 1.0), on("power_limit", 1e9) / max(v, 1.0))
@@ -310,27 +316,27 @@ def drive(r, world, case, kind):
         s, secs = state_of(vehicle), k * DT - LEAD_IN
         v = max(s.v, 3.0)
         want_r = want_ay[k] / v
-        off = np.arctan2(np.sin(heading + DT * want_r - s.yaw), np.cos(heading + DT * want_r - s.yaw))
-        heading = s.yaw + np.clip(off, -0.3, 0.3)
-        steer = want_r / v * (base + us * v * v) + (0.1 * (want_r - s.r) + 0.25 * np.clip(off, -0.2, 0.2)) * 8.0 / v
+        off = math.atan2(math.sin(heading + DT * want_r - s.yaw), math.cos(heading + DT * want_r - s.yaw))
+        heading = s.yaw + clip(off, 0.3)
+        steer = want_r / v * (base + us * v * v) + (0.1 * (want_r - s.r) + 0.25 * clip(off, 0.2)) * 8.0 / v
         accel = 0.9 * (want_v[k] - s.v) + nominal["rolling_decel"] + nominal["drag_decel_per_v2"] * v * v
-        now = int(np.floor(k * DT * on("cmd_hold_rate", 1e9)))
+        now = int(math.floor(k * DT * on("cmd_hold_rate", 1e9)))
         if now > slot:
-            slot, held = now, (float(np.clip(steer, -0.5, 0.5)), float(np.clip(accel, -2.7, 2.2)))
+            slot, held = now, (clip(float(steer), 0.5), max(min(float(accel), 2.2), -2.7))
         wheel, force = chain.step(*held, max(s.v, 0.0), ay, secs)
-        c, sn = np.cos(s.yaw), np.sin(s.yaw)
-        slope = on("grade", 0.0) + real["hill"] * np.sin(0.02 * (s.x + s.y) + real["hill_phase"])
+        c, sn = math.cos(s.yaw), math.sin(s.yaw)
+        slope = on("grade", 0.0) + real["hill"] * math.sin(0.02 * (s.x + s.y) + real["hill_phase"])
         bank = real["crown"] + on("bank", 0.0)
-        down, across = -G * np.sin(slope), -G * np.sin(bank)
+        down, across = -G * math.sin(slope), -G * math.sin(bank)
         tilt = Vec3(down * c - across * sn, down * sn + across * c, 0)
         world.gravity(tilt.x, tilt.y)
         air = s.velocity - wind
         along, beside = air.x * c + air.y * sn, -air.x * sn + air.y * c
-        speed = np.hypot(along, beside)
-        gust = on("gust_bursts", 0.0) * float(np.sum(pushes * np.exp(-(((secs - bursts) / 0.5) ** 2))))
+        speed = math.hypot(along, beside)
+        gust = on("gust_bursts", 0.0) * sum(p * math.exp(-(((secs - b) / 0.5) ** 2)) for p, b in zip(pushes, bursts))
         slosh_rate += DT * ((2 * np.pi * 0.6) ** 2 * (ay - slosh) - 0.8 * slosh_rate)
         slosh += DT * slosh_rate
-        f_along = -drag * along * speed - build["mass"] * roll * np.sign(s.v)
+        f_along = -drag * along * speed - build["mass"] * roll * math.copysign(1.0, s.v)
         f_side = -2.5 * drag * beside * speed + build["mass"] * (gust + on("load_slosh", 0.0) * (slosh - ay))
         push(vehicle, nominal["mass"] * force, wheel)
         for key, value in (("x", s.x), ("y", s.y), ("yaw", s.yaw), ("v", s.v), ("r", s.r), ("servo", chain.servo), ("cmd_steer", held[0]), ("cmd_accel", held[1])):
@@ -416,10 +422,10 @@ def follow(r, world, case, lead_x, lead_v, desired):
                 v, gap, ahead = past[i][max(k - delay, 0)]
                 policies[i].control_object = moving(max(v, 0.0))
                 car.wish = max(policies[i].acceleration(moving(ahead), max(gap, 0.5)), -8.0)
-            car.real += (car.wish - car.real) * (1 - np.exp(-DT / real["lag"]))
-            car.shake += -car.shake * DT / 0.5 + 0.06 * np.sqrt(2 * DT / 0.5) * r.normal()
-            push(car.body, build["mass"] * (car.real + car.shake))
-        world.step()
+            car.real += (car.wish - car.real) * (1 - math.exp(-DT / real["lag"]))
+            car.shake += -car.shake * DT / 0.5 + 0.06 * math.sqrt(2 * DT / 0.5) * r.normal()
+            push(car.body, build["mass"] * (car.real + car.shake), physics=DT)
+        world.step(physics=DT)  # no steering, so MetaDrive's usual step will do
         for i, car in enumerate(cars):
             following = lead_v[min(k + 1, lead_v.size - 1)] if i == 0 else state_of(cars[0].body).v
             car.gap += 0.5 * DT * (speeds[i] + following - speeds[i + 1] - state_of(car.body).v)
