@@ -135,13 +135,11 @@ class World:
 
 def push(vehicle, force, steer_rad=None, physics=PHYSICS):
     """Spreads a force over the four wheels as MetaDrive does: engine when positive, brake when negative."""
-    system = vehicle.system
     for wheel in range(4):
-        system.applyEngineForce(max(force, 0.0) / 4, wheel)
-        system.setBrake(max(-force, 0.0) / 4 * physics, wheel)
-    if steer_rad is not None:
-        system.setSteeringValue(np.degrees(steer_rad), 0)
-        system.setSteeringValue(np.degrees(steer_rad), 1)
+        vehicle.system.applyEngineForce(max(force, 0.0) / 4, wheel)
+        vehicle.system.setBrake(max(-force, 0.0) / 4 * physics, wheel)
+        if steer_rad is not None and wheel < 2:
+            vehicle.system.setSteeringValue(math.degrees(steer_rad), wheel)
 
 
 def state_of(vehicle):
@@ -321,8 +319,9 @@ def drive(r, world, case, kind):
         steer = want_r / v * (base + us * v * v) + (0.1 * (want_r - s.r) + 0.25 * clip(off, 0.2)) * 8.0 / v
         accel = 0.9 * (want_v[k] - s.v) + nominal["rolling_decel"] + nominal["drag_decel_per_v2"] * v * v
         now = int(math.floor(k * DT * on("cmd_hold_rate", 1e9)))
+        asked = clip(float(steer), 0.5), max(min(float(accel), 2.2), -2.7)
         if now > slot:
-            slot, held = now, (clip(float(steer), 0.5), max(min(float(accel), 2.2), -2.7))
+            slot, held = now, asked
         wheel, force = chain.step(*held, max(s.v, 0.0), ay, secs)
         c, sn = math.cos(s.yaw), math.sin(s.yaw)
         slope = on("grade", 0.0) + real["hill"] * math.sin(0.02 * (s.x + s.y) + real["hill_phase"])
@@ -339,7 +338,7 @@ def drive(r, world, case, kind):
         f_along = -drag * along * speed - build["mass"] * roll * math.copysign(1.0, s.v)
         f_side = -2.5 * drag * beside * speed + build["mass"] * (gust + on("load_slosh", 0.0) * (slosh - ay))
         push(vehicle, nominal["mass"] * force, wheel)
-        for key, value in (("x", s.x), ("y", s.y), ("yaw", s.yaw), ("v", s.v), ("r", s.r), ("servo", chain.servo), ("cmd_steer", held[0]), ("cmd_accel", held[1])):
+        for key, value in (("x", s.x), ("y", s.y), ("yaw", s.yaw), ("v", s.v), ("r", s.r), ("servo", chain.servo), ("cmd_steer", asked[0]), ("cmd_accel", asked[1])):
             log.setdefault(key, []).append(value)
         world.step(vehicle, Vec3(f_along * c - f_side * sn, f_along * sn + f_side * c, 0))
         after = state_of(vehicle)
@@ -454,7 +453,7 @@ def draw_case(r, world, kind, number, index):
     kinds = [str(k) for k in r.permutation(list(KINDS))] + [str(r.choice(list(KINDS)))]
     missing = [str(r.choice(["steer_meas", "v_wheel", "ay", "ax"]))] if r.random() < 0.15 else []
     missing = [m for m in missing if not (m == "v_wheel" and "wheel_scale" in ids) and f"{m}_bias" not in ids]
-    label = {"kind": kind, "drive_kinds": kinds, "channels_missing": missing, "vehicle": world.classes[real["build"]["type"]].__name__,
+    label = {"kind": kind, "drive_kinds": kinds, "channels_missing": missing,
              "effects": [{"id": i, "value": told(i), "unit": EFFECTS.get(i, ("",))[0], "group": EFFECTS.get(i, ("", "out_of_library"))[1]} for i in ids]}
     return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": kinds, "missing": missing, "label": label}
 
@@ -487,8 +486,8 @@ def main():
         parser.add_argument(f"--{kind}", type=int, default=count)
     given = parser.parse_args()
     world, labels = World(), {}
-    wanted = [("single", k) for k in range(given.singles)] + [("none", k) for k in range(given.none)]
-    wanted += [("double", k) for k in range(given.pairs)] + [("out_of_library", k) for k in range(given.unknown)]
+    counts = {"single": given.singles, "none": given.none, "double": given.pairs, "out_of_library": given.unknown}
+    wanted = [(kind, k) for kind, count in counts.items() for k in range(count)]
     for number, (kind, index) in enumerate(wanted):
         rng = np.random.default_rng([given.seed, number])
         case = draw_case(rng, world, kind, number, index)

@@ -88,9 +88,6 @@ fn course(record: &Record, speed: &[f64]) -> Vec<LogFinding> {
         (f64::hypot(sin, cos) / fast.len() as f64, f64::atan2(sin, cos))
     };
     let ((same, offset), (opposite, sum)) = (circle(1.0), circle(-1.0));
-    if same > 0.9 && offset.abs() < 0.35 {
-        return Vec::new();
-    }
     if opposite > 0.9 && opposite > same + 0.02 {
         let evidence = format!(
             "course plus yaw keeps {sum:.2} rad within {:.0} %, course minus yaw does not",
@@ -100,6 +97,9 @@ fn course(record: &Record, speed: &[f64]) -> Vec<LogFinding> {
         let proposal =
             if ned { "swap the columns of x and y" } else { "channels.y.negate = true, or channels.yaw.negate = true" };
         return vec![finding(record, "yaw", "mirrored frame", evidence, proposal)];
+    }
+    if same > 0.9 && offset.abs() < 0.35 {
+        return Vec::new();
     }
     let evidence =
         format!("the path leads {offset:.2} rad to the left of yaw (kept within {:.0} %)", 100.0 * (1.0 - same));

@@ -74,7 +74,7 @@ fn heading(record: &Record, rate: &[f64], gyro: &[f64]) -> Option<LogFinding> {
 
 /// The vehicle must turn as the steering says: yaw rate about speed times angle over wheelbase, after the command.
 fn steering(record: &Record, name: &str, asked: &[f64], rate: &[f64]) -> Option<LogFinding> {
-    let least = 0.02;
+    let least = 0.006;
     let shifted = |lag: i32| {
         let n = asked.len() as i32;
         let (a, b) = (0.max(-lag), n.min(n - lag));
@@ -128,7 +128,7 @@ fn steering(record: &Record, name: &str, asked: &[f64], rate: &[f64]) -> Option<
     None
 }
 
-/// Relates two series sample by sample: unlike block means this keeps the timing.
+/// Relates two series sample by sample (unlike block means this keeps the timing); `None` where the second hardly varies.
 fn relate_at(first: &[f64], second: &[f64], least_spread: f64) -> Option<super::Relation> {
     let count = first.len() as f64;
     let (ma, mb) = (first.iter().sum::<f64>() / count, second.iter().sum::<f64>() / count);
@@ -138,7 +138,7 @@ fn relate_at(first: &[f64], second: &[f64], least_spread: f64) -> Option<super::
         aa += (x - ma).powi(2);
         bb += (y - mb).powi(2);
     }
-    if (aa / count).sqrt() < least_spread || bb <= 0.0 {
+    if (bb / count).sqrt() < least_spread || aa <= 0.0 {
         return None;
     }
     Some(super::Relation { slope: cross / aa, correlation: cross / (aa * bb).sqrt() })
