@@ -66,7 +66,8 @@ def pairs_of(tracks):
             if best and leader == best[0] and (not run or step == run[-1][5] + 1):
                 run.append(best)
                 continue
-            if len(run) >= SHORTEST and np.mean([r[4][3] for r in run]) > 2.0:
+            moving = [np.mean([r[k][3] for r in run]) > 2.0 and np.ptp([r[k][2] for r in run]) > 1e-4 for k in (3, 4)] if run else []
+            if len(run) >= SHORTEST and all(moving):
                 yield run
             run, leader = ([best], best[0]) if best else ([], None)
 
