@@ -176,7 +176,7 @@ def draw_build(r, world):
 
 
 def steady_turn(world, build, v0):
-    """Drives a steady turn of 2 m/s2; returns relative understeer, rear slip angle, side acceleration and unrest of the yaw rate."""
+    """Drives a steady turn of 2 m/s2; returns relative understeer, rear slip angle, side acceleration, unrest and own drag."""
     vehicle = world.spawn(build)
     base, seen = build["lf"] + build["lr"], []
     steer = base * 2.0 / v0**2
@@ -189,17 +189,17 @@ def steady_turn(world, build, v0):
             seen.append([s.v, s.vy, s.r])
     world.clear(vehicle)
     v, vy, r = np.mean(seen, axis=0)
-    return steer * v / (r * base) - 1, -(vy - build["lr"] * r) / v, v * r, np.std([row[2] for row in seen])
+    return steer * v / (r * base) - 1, -(vy - build["lr"] * r) / v, v * r, np.std([row[2] for row in seen]), 1.5 * (v0 - v)
 
 
 def identify(world, build):
     """Axle stiffnesses as a user would find them: rear from the slip at 15 m/s, front from understeer over three speeds."""
     turns = {v: steady_turn(world, build, v) for v in (10.0, 15.0, 25.0)}
-    if max(turn[3] for turn in turns.values()) > 2e-4:
+    if any(turn[3] > 2e-4 or turn[4] > 0.04 for turn in turns.values()):
         return None
     base, mass = build["lf"] + build["lr"], build["mass"]
     growth = sum(turn[0] * v * v for v, turn in turns.items()) / sum(v**4 for v in turns)
-    _, slip, ay, _ = turns[15.0]
+    _, slip, ay, _, _ = turns[15.0]
     rear = mass * ay * build["lf"] / base / max(slip, 5e-4)
     front = build["lr"] / max(growth * base**2 / mass + build["lf"] / rear, 1e-7)
     return front, rear
@@ -208,7 +208,7 @@ def identify(world, build):
 def draw_vehicle(r, world):
     """Draws a vehicle, what its user knows of it, and the mismatch that every vehicle has."""
     n, found = r.normal, None
-    while found is None:  # a chassis that never settles in a steady turn is no vehicle
+    while found is None:  # a chassis that never settles, or drags on the ground, is no vehicle
         build = draw_build(r, world)
         found = identify(world, build)
     front, rear = (float(c) * (1 + n(0, 0.02)) for c in found)

@@ -87,11 +87,15 @@ fn scale(column: usize, factor: f64) -> impl Fn(usize, &mut [f64; 12]) {
     move |_, row| row[column] *= factor
 }
 
+/// What is wrong, how the log and the mapping are edited, the channel accused and a part of the cure.
+type Wrong =
+    (&'static str, Box<dyn Fn(usize, &mut [f64; 12])>, (&'static str, &'static str), &'static str, &'static str);
+
 #[test]
+#[expect(clippy::too_many_lines, reason = "a table, one row per kind of wrongness")]
 fn every_kind_of_wrongness_is_found_and_its_cure_proposed() {
-    type Edit = Box<dyn Fn(usize, &mut [f64; 12])>;
     let none = ("", "");
-    let rows: Vec<(&str, Edit, (&str, &str), &str, &str)> = vec![
+    let rows: Vec<Wrong> = vec![
         ("steering to the right", Box::new(scale(1, -1.0)), none, "cmd_steer", "negate"),
         ("steering in degrees", Box::new(scale(1, 57.29578)), none, "cmd_steer", "unit = \"deg\""),
         ("steering wheel", Box::new(scale(1, 15.0)), none, "cmd_steer", "scale = 0.06"),
@@ -149,7 +153,13 @@ fn every_kind_of_wrongness_is_found_and_its_cure_proposed() {
         ("no such column", Box::new(|_, _| ()), ("\"gyro\"", "\"gyros\""), "yaw_rate", "another column"),
         ("mirrored pose", Box::new(scale(4, -1.0)), none, "yaw", "negate"),
         ("x and y swapped", Box::new(|_, row| row.swap(3, 4)), none, "yaw", "swap"),
-        ("yaw from another axis", Box::new(|_, row| row[5] -= 1.5708), none, "yaw", "offset = 1.57"),
+        (
+            "yaw from another axis",
+            Box::new(|_, row| row[5] -= std::f64::consts::FRAC_PI_2),
+            none,
+            "yaw",
+            "offset = 1.57",
+        ),
         (
             "left-handed pose",
             Box::new(|_, row| {
