@@ -18,6 +18,7 @@ pub mod fit;
 pub mod floor;
 pub mod following;
 pub mod how_far;
+pub mod logs;
 pub mod manoeuvre;
 pub mod meta;
 pub mod remainder;
