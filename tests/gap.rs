@@ -47,7 +47,8 @@ fn folders_without_cases_are_refused() {
 /// Drives a small set of shipped scenarios with frames of the reference camera.
 fn drive(out: &std::path::Path, more: &[&str]) {
     let scenarios = workspace().join("scenarios/base");
-    let files = ["free-curve", "roundabout", "lead-braking"].map(|name| scenarios.join(format!("{name}.scenario.json")));
+    let files =
+        ["free-curve", "roundabout", "lead-braking"].map(|name| scenarios.join(format!("{name}.scenario.json")));
     let mut arguments = vec!["run".to_owned()];
     arguments.extend(files.iter().filter(|file| file.exists()).map(|file| file.display().to_string()));
     let fixed = ["--observation", "layout", "--policy", "lattice", "--duration", "6", "--no-pictures", "--out"];
@@ -85,7 +86,8 @@ fn sealed_runs_that_differ_in_the_effect_differ_in_numbers_alone() {
         assert_ne!(std::fs::read(a).expect("bytes"), std::fs::read(b).expect("bytes"), "the effect is not felt");
     }
     for (out, answer) in &runs {
-        let id = answer.lines().find_map(|line| line.strip_prefix("id = ")).expect("an effect").trim_matches('"').to_owned();
+        let id =
+            answer.lines().find_map(|line| line.strip_prefix("id = ")).expect("an effect").trim_matches('"').to_owned();
         assert!(!out.join("recordings").exists() && !out.join("ledger.redb").exists(), "{}", out.display());
         for path in files_below(out) {
             let bytes = std::fs::read(&path).expect("bytes");

@@ -124,10 +124,8 @@ pub struct VehicleLog {
 /// If the drive was made without a vehicle log, a message cannot be decoded, or the file cannot be written.
 pub fn write(recording: &Recording, path: &Path) -> Result<(), RecordError> {
     let write_error = |source| RecordError::Write { path: path.to_path_buf(), source };
-    let worlds: Vec<World> = recording
-        .topic(Topic::World)
-        .map(|envelope| recording.body(envelope.header.slot))
-        .collect::<Result<_, _>>()?;
+    let worlds: Vec<World> =
+        recording.topic(Topic::World).map(|envelope| recording.body(envelope.header.slot)).collect::<Result<_, _>>()?;
     if worlds.iter().all(|world| world.readings.is_empty()) {
         let what = "a drive with a vehicle log".to_owned();
         return Err(RecordError::Foreign { what, path: path.to_path_buf() });
@@ -142,7 +140,8 @@ pub fn write(recording: &Recording, path: &Path) -> Result<(), RecordError> {
         log.json(DETECTIONS, secs, &detections(world, &key)).map_err(write_error)?;
         for (index, camera) in (0u16..).zip(recording.cameras()) {
             if let Ok(frame) = recording.body::<Frame>(Slot::of_camera(Topic::Frame, tick.0, index)) {
-                log.json(&topic_of(camera.as_str()), secs, &image(&frame, camera.as_str(), secs, path)?).map_err(write_error)?;
+                log.json(&topic_of(camera.as_str()), secs, &image(&frame, camera.as_str(), secs, path)?)
+                    .map_err(write_error)?;
             }
         }
     }
@@ -185,9 +184,10 @@ impl Log {
             .create(BufWriter::new(File::create(path)?))?;
         let mut channels = BTreeMap::new();
         let images = recording.cameras().iter().map(|camera| topic_of(camera.as_str()));
-        let topics = [(VEHICLE.to_owned(), "Vehicle", VEHICLE_SCHEMA), (DETECTIONS.to_owned(), "Detections", DETECTIONS_SCHEMA)]
-            .into_iter()
-            .chain(images.map(|topic| (topic, "foxglove.CompressedImage", IMAGE_SCHEMA)));
+        let topics =
+            [(VEHICLE.to_owned(), "Vehicle", VEHICLE_SCHEMA), (DETECTIONS.to_owned(), "Detections", DETECTIONS_SCHEMA)]
+                .into_iter()
+                .chain(images.map(|topic| (topic, "foxglove.CompressedImage", IMAGE_SCHEMA)));
         for (topic, name, schema) in topics {
             let schema = writer.add_schema(name, "jsonschema", schema.as_bytes())?;
             let channel = writer.add_channel(schema, &topic, "json", &BTreeMap::new())?;

@@ -100,9 +100,9 @@ impl Attribution {
         let parts: Vec<String> = shares
             .iter()
             .map(|share| {
-                let range = share.interval.map_or(String::new(), |range| {
-                    format!(" [{:.1}, {:.1}]", points(range.low), points(range.high))
-                });
+                let range = share
+                    .interval
+                    .map_or(String::new(), |range| format!(" [{:.1}, {:.1}]", points(range.low), points(range.high)));
                 format!("{} {:.1}{range}", share.component, points(share.value))
             })
             .collect();

@@ -26,9 +26,8 @@ pub fn judge(scene: &Scene<'_>, ages: &Ages) -> Late {
     let told: Vec<f64> = scene.frames.iter().filter_map(|f| f.stamp_lead_secs).collect();
     let lead = told.iter().sum::<f64>() / told.len().max(1) as f64 * scene.case.rate_hz;
     // a constant age: evidence summed over all frames old enough to show it
-    let constant = |age: usize| -> f64 {
-        ages.gain.iter().filter_map(|row| row.get(age)).map(|g| g.clamp(-2.0, 2.0)).sum()
-    };
+    let constant =
+        |age: usize| -> f64 { ages.gain.iter().filter_map(|row| row.get(age)).map(|g| g.clamp(-2.0, 2.0)).sum() };
     let age = (1..=crate::lag::OLDEST).max_by(|a, b| constant(*a).total_cmp(&constant(*b))).unwrap_or(1);
     let all = constant(age);
     // each frame on its own: repeats

@@ -85,8 +85,7 @@ impl Chassis {
         let nominal = crate::plant::nominal(&vehicle, &crate::idm::IdmParameters::default());
         let same_lags = (plant.steering.lag_secs, plant.traction.lag_secs)
             == (nominal.steering.lag_secs, nominal.traction.lag_secs);
-        let chained =
-            !(same_lags && plant.steering.operators.is_empty() && plant.traction.operators.is_empty());
+        let chained = !(same_lags && plant.steering.operators.is_empty() && plant.traction.operators.is_empty());
         let step_secs = dt_secs / f64::from(substeps);
         Self { vehicle, kind, substeps, step_secs, plant, chained, remembers: remembers || chained }
     }
@@ -109,7 +108,8 @@ impl Chassis {
     /// Follows the log to a body, whose commands are taken to be what the log shows.
     pub(crate) fn follow(&self, body: &mut Body, logged: Body) {
         if self.remembers {
-            let (from, to) = (self.moment(body, body.ego.acceleration_mps2), self.moment(&logged, logged.ego.acceleration_mps2));
+            let (from, to) =
+                (self.moment(body, body.ego.acceleration_mps2), self.moment(&logged, logged.ego.acceleration_mps2));
             let (from, mut to) = (from.to_array(), to.to_array());
             to[2] = from[2] + wrap(to[2] - from[2]);
             let sent = self.sent_by_log(&logged);
@@ -177,9 +177,10 @@ impl Chassis {
             let force_mps2 = self.substep(body);
             if self.remembers {
                 let moment = self.moment(body, force_mps2);
-                let unwrapped = body.past.moments.last().map_or(moment.heading_rad, |last| {
-                    last.heading_rad + wrap(moment.heading_rad - last.heading_rad)
-                });
+                let unwrapped =
+                    body.past.moments.last().map_or(moment.heading_rad, |last| {
+                        last.heading_rad + wrap(moment.heading_rad - last.heading_rad)
+                    });
                 body.past.witness(Moment { heading_rad: unwrapped, ..moment });
             }
         }
@@ -317,10 +318,8 @@ impl Chassis {
         let steering_rad = body.ego.steering_rad;
         let (sin, cos) = steering_rad.sin_cos();
         let push = self.push(vx, body);
-        let slip_rad = [
-            steering_rad - (centre_mps + front_arm * yaw).atan2(vx),
-            -(centre_mps - rear_arm * yaw).atan2(vx),
-        ];
+        let slip_rad =
+            [steering_rad - (centre_mps + front_arm * yaw).atan2(vx), -(centre_mps - rear_arm * yaw).atan2(vx)];
         let tyres = Tyres::under(car, body.drive_mps2);
         let Forces { front, rear } = tyres.forces(slip_rad, (vx * h, &mut body.slip_rad));
 

@@ -210,11 +210,8 @@ impl Traffic {
             let acceleration = self.react(index, acceleration, dt_secs);
             let next_mps = (speed_mps + acceleration * dt_secs).clamp(0.0, 60.0);
             let along_m = along_m + 0.5 * (speed_mps + next_mps) * dt_secs;
-            self.motions[index] = if along_m >= length_m {
-                Motion::Gone
-            } else {
-                Motion::Following { along_m, speed_mps: next_mps }
-            };
+            self.motions[index] =
+                if along_m >= length_m { Motion::Gone } else { Motion::Following { along_m, speed_mps: next_mps } };
         }
     }
 

@@ -63,7 +63,10 @@ impl Tyres {
         if self.knee.is_finite() {
             let n = self.knee.max(1.0);
             let ratio = 1.0 + (linear_n / limit_n).abs().powf(n);
-            return Tyre { force_n: linear_n * ratio.powf(-1.0 / n), stiffness_n: stiffness_n * ratio.powf(-1.0 - 1.0 / n) };
+            return Tyre {
+                force_n: linear_n * ratio.powf(-1.0 / n),
+                stiffness_n: stiffness_n * ratio.powf(-1.0 - 1.0 / n),
+            };
         }
         if linear_n.abs() <= limit_n {
             Tyre { force_n: linear_n, stiffness_n }

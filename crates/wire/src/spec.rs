@@ -47,7 +47,10 @@ impl TryFrom<v1::SwitchedEffect> for SwitchedEffect {
     type Error = FieldError;
     fn try_from(message: v1::SwitchedEffect) -> Result<Self, FieldError> {
         if message.values.len() > MAX_VALUES {
-            return Err(FieldError::new("values", format!("has {} values, the limit is {MAX_VALUES}", message.values.len())));
+            return Err(FieldError::new(
+                "values",
+                format!("has {} values, the limit is {MAX_VALUES}", message.values.len()),
+            ));
         }
         let values = message.values.into_iter().enumerate();
         Ok(Self {

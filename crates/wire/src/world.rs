@@ -123,8 +123,20 @@ impl TryFrom<v1::World> for World {
 
 impl From<&Reading> for v1::Reading {
     fn from(value: &Reading) -> Self {
-        let [secs, cmd_steer_rad, cmd_accel_mps2, x_m, y_m, yaw_rad, speed_mps, yaw_rate_radps, ax_mps2, ay_mps2, steering_rad, wheel_speed_mps] =
-            value.to_array().map(Some);
+        let [
+            secs,
+            cmd_steer_rad,
+            cmd_accel_mps2,
+            x_m,
+            y_m,
+            yaw_rad,
+            speed_mps,
+            yaw_rate_radps,
+            ax_mps2,
+            ay_mps2,
+            steering_rad,
+            wheel_speed_mps,
+        ] = value.to_array().map(Some);
         Self {
             secs,
             cmd_steer_rad,

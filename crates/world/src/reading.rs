@@ -55,8 +55,20 @@ impl Reading {
     /// Makes a reading of its fields in the order of declaration.
     #[must_use]
     pub fn from_array(fields: [f64; Self::FIELDS]) -> Self {
-        let [secs, cmd_steer_rad, cmd_accel_mps2, x_m, y_m, yaw_rad, speed_mps, yaw_rate_radps, ax_mps2, ay_mps2, steering_rad, wheel_speed_mps] =
-            fields;
+        let [
+            secs,
+            cmd_steer_rad,
+            cmd_accel_mps2,
+            x_m,
+            y_m,
+            yaw_rad,
+            speed_mps,
+            yaw_rate_radps,
+            ax_mps2,
+            ay_mps2,
+            steering_rad,
+            wheel_speed_mps,
+        ] = fields;
         Self {
             secs,
             cmd_steer_rad,

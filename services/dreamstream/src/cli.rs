@@ -10,7 +10,8 @@ mod results;
 
 pub(crate) use fleet::{CertsArgs, ControlArgs, HealthArgs, ServeArgs, WhyArgs};
 pub(crate) use gap::{
-    ApplyArgs, AttributeArgs, CloseArgs, DiagnoseArgs, EvaluateArgs, ExplainArgs, GapCommand, GapScoreArgs, WatchArgs,
+    ApplyArgs, AttributeArgs, CloseArgs, DiagnoseArgs, EvaluateArgs, ExplainArgs, GapCommand, GapImportArgs,
+    GapScoreArgs, WatchArgs,
 };
 pub(crate) use results::{CompareArgs, MergeArgs, ReportArgs, ScoreArgs};
 

@@ -51,7 +51,8 @@ impl RunConfig {
             config.effects.push(EffectLine::parse(flag)?);
         }
         for line in &config.effects {
-            ds_effect::check(&line.id, &line.values).map_err(|error| anyhow!("{error}; `dreamstream gap effects` lists them"))?;
+            ds_effect::check(&line.id, &line.values)
+                .map_err(|error| anyhow!("{error}; `dreamstream gap effects` lists them"))?;
         }
         Ok(config)
     }
@@ -65,7 +66,8 @@ impl RunConfig {
 
 /// Draws one or two effects that a drive can show; the draw depends on the seed alone.
 pub(crate) fn withheld(seed: u64, mass_kg: f64) -> RunConfig {
-    let drawable: Vec<&Effect> = ds_effect::library().iter().copied().filter(|effect| can_be_withheld(effect)).collect();
+    let drawable: Vec<&Effect> =
+        ds_effect::library().iter().copied().filter(|effect| can_be_withheld(effect)).collect();
     let draws = Draws::from_seed(seed, "withheld effects");
     let count = if draws.uniform(0) < 0.2 { 2 } else { 1 };
     let mut effects: Vec<EffectLine> = Vec::new();
@@ -83,10 +85,10 @@ pub(crate) fn withheld(seed: u64, mass_kg: f64) -> RunConfig {
     RunConfig { effects }
 }
 
-/// Followers need dense traffic and clocks of messages are not in the log; a switch has no strength.
+/// Followers need dense traffic, wind a drag area, and clocks of messages are not in the log; a switch has no strength.
 fn can_be_withheld(effect: &Effect) -> bool {
     let shown = !matches!(effect.insertion, Insertion::Agent) && effect.id != "obs_latency";
-    effect.suspect && shown && !matches!(effect.id, "kinematic_only" | "brake_fade")
+    effect.suspect && shown && !matches!(effect.id, "kinematic_only" | "brake_fade" | "wind_steady")
 }
 
 /// Returns a value in the upper or lower half of the searched range, away from neutral by at least a fifth of it.
@@ -104,7 +106,10 @@ pub(crate) fn seal(answer: &RunConfig, path: &Path) -> Result<()> {
     let random = SystemRandom::new();
     let mut key = [0; 32];
     let mut nonce = [0; NONCE_LEN];
-    random.fill(&mut key).and_then(|()| random.fill(&mut nonce)).map_err(|_| anyhow!("the system gives no random numbers"))?;
+    random
+        .fill(&mut key)
+        .and_then(|()| random.fill(&mut nonce))
+        .map_err(|_| anyhow!("the system gives no random numbers"))?;
     let mut bytes = toml::to_string(answer).context("the answer as TOML")?.into_bytes();
     // The length would tell one effect from two.
     let padded = bytes.len().next_multiple_of(1024);

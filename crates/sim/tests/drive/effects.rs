@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use ds_effect::{Effect, Insertion, Setting, library};
 use ds_sim::{AgentMode, IdmScope, SimConfig, Simulation};
-use ds_space::{Digest, Tick};
-use ds_world::{EgoState, Reading, Scene, WorldState};
+use ds_space::{DVec2, Digest, PoseSe2, SimTime, Tick};
+use ds_world::{EgoState, Reading, Scene, Trajectory, TrajectoryPoint, WorldState};
 
-use crate::street::{crowded, expert_plan, shared};
+use crate::street::{crowded, shared};
 
 const KEY: Digest = Digest([7; 32]);
 
@@ -29,8 +29,7 @@ fn drive(scene: &Arc<Scene>, config: &SimConfig, restore_at: Option<u32>) -> Dri
     let (mut worlds, mut estimates, mut readings) = (Vec::new(), Vec::new(), Vec::new());
     for tick in 0..60 {
         if tick >= 5 && tick % 5 == 0 {
-            let plan = expert_plan(scene, Tick(tick), &simulation.state().ego.pose);
-            simulation.begin_plan(&plan);
+            simulation.begin_plan(&lively_plan(tick, &simulation.state().ego.pose));
         }
         if restore_at == Some(tick) {
             let bytes = simulation.snapshot();
@@ -43,6 +42,18 @@ fn drive(scene: &Arc<Scene>, config: &SimConfig, restore_at: Option<u32>) -> Dri
     Drive { worlds, estimates, readings }
 }
 
+/// A weaving way with gas and brakes, as a plan of 4 s in the rig of an ego at `pose`.
+fn lively_plan(tick: u32, pose: &PoseSe2) -> Trajectory {
+    let at = |secs: f64| DVec2::new(8.0 * secs + 3.0 * (1.1 * secs).sin(), 1.2 * (1.7 * secs).sin());
+    let points = (1..=8).map(|i| {
+        let secs = 0.1 * f64::from(tick) + 0.5 * f64::from(i);
+        let heading_rad = (at(secs + 0.01) - at(secs - 0.01)).to_angle();
+        let there = PoseSe2 { position: at(secs), heading_rad };
+        TrajectoryPoint { after: SimTime::from_secs(0.5 * f64::from(i)), pose: pose.relative(&there) }
+    });
+    Trajectory::new(points.collect()).expect("the plan is sound")
+}
+
 /// A strong value of each parameter.
 fn strong(effect: &Effect, mass_kg: f64) -> Setting {
     let values: Vec<f64> = effect
@@ -51,7 +62,16 @@ fn strong(effect: &Effect, mass_kg: f64) -> Setting {
         .map(|parameter| {
             let (low, high) = parameter.slab;
             let limit = !parameter.neutral.is_finite();
-            parameter.reported(if limit { low } else if parameter.neutral < high { high } else { low }, mass_kg)
+            parameter.reported(
+                if limit {
+                    low
+                } else if parameter.neutral < high {
+                    high
+                } else {
+                    low
+                },
+                mass_kg,
+            )
         })
         .collect();
     Setting::new(effect.id, &values).expect("a sound setting")
@@ -69,8 +89,8 @@ fn neutral_effects_change_no_bit() {
 
 #[test]
 fn strong_effects_are_felt_where_they_act() {
-    // What this short drive on a curved street cannot excite.
-    let beyond = ["steer_saturation", "power_limit", "brake_fade", "tr_v0", "obs_latency"];
+    // What this short drive cannot excite; the nominal car has no drag area for the wind, its tyre a clip for a knee.
+    let beyond = ["steer_saturation", "power_limit", "brake_fade", "tr_v0", "obs_latency", "wind_steady", "tyre_knee"];
     let scene = shared(crowded(12));
     let nominal = drive(&scene, &config(Vec::new(), true), None);
     for effect in library().iter().filter(|effect| !beyond.contains(&effect.id)) {

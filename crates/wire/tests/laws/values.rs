@@ -13,10 +13,10 @@ use ds_topic::{
     ProposalScorer, ReplanAlignment, Role, SceneMessage, Score, ScoreProfile, SwitchedEffect, Verdict, World,
 };
 use ds_wire::policy::{CameraView, Observation, StampedEgo, StampedImage};
-use ds_world::{Reading, 
+use ds_world::{
     AgentClass, AgentState, Contact, ContactKind, Crosswalk, EgoState, Lane, LaneId, LaneKind, LightState, LineColour,
-    LineKind, LineMarking, Map, Origin, RoadEdge, RouteCommand, Scene, Size, StopLine, Track, TrackPoint, TrafficLight,
-    Trajectory, TrajectoryPoint, VehicleParameters, WorldState,
+    LineKind, LineMarking, Map, Origin, Reading, RoadEdge, RouteCommand, Scene, Size, StopLine, Track, TrackPoint,
+    TrafficLight, Trajectory, TrajectoryPoint, VehicleParameters, WorldState,
 };
 use proptest::collection::vec;
 use proptest::option;

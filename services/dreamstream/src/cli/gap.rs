@@ -13,6 +13,8 @@ pub(crate) enum GapCommand {
     Diagnose(DiagnoseArgs),
     /// Measure on drives that a diagnosis never saw how far the gap shrinks with the effects added.
     Evaluate(EvaluateArgs),
+    /// Check any CSV logs by a mapping file, say what looks wrong with them, and make a case of them.
+    Import(GapImportArgs),
     /// Draw a diagnosis as one page to look at, and print it as text.
     Explain(ExplainArgs),
     /// Write the effects that were found as the configuration of a run: with it, `run` is the corrected simulator.
@@ -82,6 +84,20 @@ pub(crate) struct GapScoreArgs {
     /// The labels; `labels.json` in the folder without.
     #[arg(long, value_hint = ValueHint::FilePath)]
     pub(crate) labels: Option<PathBuf>,
+}
+
+/// Arguments of `gap import`.
+#[derive(Debug, Args)]
+pub(crate) struct GapImportArgs {
+    /// The mapping: which column is which channel, in which unit, frame and sign; see docs/gap-real-logs.md.
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub(crate) mapping: PathBuf,
+    /// The folder of the logs.
+    #[arg(value_hint = ValueHint::DirPath)]
+    pub(crate) logs: PathBuf,
+    /// Where the case goes; without, the logs are only checked.
+    #[arg(long, short, value_hint = ValueHint::DirPath)]
+    pub(crate) out: Option<PathBuf>,
 }
 
 /// Arguments of `gap explain`.

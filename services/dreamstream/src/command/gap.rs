@@ -9,11 +9,12 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
+use ds_gap::logs::Mapping;
 use ds_gap::{Diagnosis, Options, Verdict, diagnose, evaluate, score_folder};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
-use crate::cli::{ApplyArgs, DiagnoseArgs, EvaluateArgs, ExplainArgs, GapCommand, GapScoreArgs};
+use crate::cli::{ApplyArgs, DiagnoseArgs, EvaluateArgs, ExplainArgs, GapCommand, GapImportArgs, GapScoreArgs};
 use crate::command::{answer, bar, complain};
 use crate::world::{self, EffectLine, RunConfig};
 
@@ -26,6 +27,7 @@ const PAGE: &str = "report.html";
 /// If a case is refused or a file cannot be read or written.
 pub(crate) fn run(command: &GapCommand, log: &str) -> Result<()> {
     match command {
+        GapCommand::Import(args) => import(args),
         GapCommand::Explain(args) => explain(args),
         GapCommand::Apply(args) => apply(args),
         GapCommand::Close(args) => crate::runtime()?.block_on(close::run(args, log)),
@@ -77,7 +79,8 @@ fn tables(case: &Path, out: &Path) -> Result<PathBuf> {
 
 /// Returns the corrected simulator of a diagnosis as a run's configuration.
 pub(crate) fn corrected(diagnosis: &Diagnosis) -> RunConfig {
-    let line = |effect: &ds_gap::report::CorrectedEffect| EffectLine { id: effect.id.clone(), values: effect.values.clone() };
+    let line =
+        |effect: &ds_gap::report::CorrectedEffect| EffectLine { id: effect.id.clone(), values: effect.values.clone() };
     RunConfig { effects: diagnosis.corrected_model.effects.iter().map(line).collect() }
 }
 
@@ -87,7 +90,11 @@ fn apply(args: &ApplyArgs) -> Result<()> {
     let named = |line: &EffectLine| format!("{} = {:?}", line.id, line.values);
     let named: Vec<String> = config.effects.iter().map(named).collect();
     write_config(&config, &diagnosis.case, &args.out)?;
-    answer(&if named.is_empty() { "no effect: the nominal simulator stays as it is".to_owned() } else { named.join("\n") });
+    answer(&if named.is_empty() {
+        "no effect: the nominal simulator stays as it is".to_owned()
+    } else {
+        named.join("\n")
+    });
     answer(&format!("dreamstream run SCENARIOS --config {}", args.out.display()));
     Ok(())
 }
@@ -109,7 +116,13 @@ fn list_effects() {
         let parameters: Vec<String> = effect.parameters.iter().map(|p| format!("{} [{}]", p.name, p.unit)).collect();
         let channels: Vec<&str> = effect.channels.iter().map(|channel| channel.name()).collect();
         let note = if effect.suspect { "" } else { "; fitted, never accused" };
-        answer(&format!("{:18} {:28} {:?}; {}{note}", effect.id, parameters.join(", "), effect.insertion, channels.join(" ")));
+        answer(&format!(
+            "{:18} {:28} {:?}; {}{note}",
+            effect.id,
+            parameters.join(", "),
+            effect.insertion,
+            channels.join(" ")
+        ));
     }
     for effect in ds_effect::frame_library() {
         let parameters: Vec<String> = effect.parameters.iter().map(|p| format!("{} [{}]", p.name, p.unit)).collect();
@@ -165,6 +178,20 @@ fn written(args: &DiagnoseArgs, case: &Path, options: &Options, bar: &ProgressBa
 
 fn put(path: &Path, text: &str) -> Result<()> {
     std::fs::write(path, text).with_context(|| format!("write {}", path.display()))
+}
+
+fn import(args: &GapImportArgs) -> Result<()> {
+    let mapping = Mapping::read(&args.mapping)?;
+    let found = mapping.check(&args.logs)?;
+    found.iter().for_each(|finding| answer(&finding.to_string()));
+    answer(&format!("{} findings", found.len()));
+    let Some(out) = &args.out else { return Ok(()) };
+    for (number, drive) in mapping.case(&args.logs, out)?.iter().enumerate() {
+        let (file, start, secs) = (&drive.file, drive.start_secs, drive.secs());
+        answer(&format!("drive {number}: {file} from {start:.1} s, {secs:.1} s long"));
+    }
+    answer(&format!("dreamstream gap diagnose {}", out.display()));
+    Ok(())
 }
 
 fn explain(args: &ExplainArgs) -> Result<()> {

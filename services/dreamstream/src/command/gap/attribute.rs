@@ -41,7 +41,11 @@ struct PolicyReport {
 pub(crate) async fn run(args: &AttributeArgs, log: &str) -> Result<()> {
     let config = RunConfig::gather(Some(&args.config), &[])?;
     let components = components(args, &config);
-    ensure!(!components.is_empty(), "the two worlds do not differ: no effect in {}, same frames", args.config.display());
+    ensure!(
+        !components.is_empty(),
+        "the two worlds do not differ: no effect in {}, same frames",
+        args.config.display()
+    );
     let names: Vec<&str> = components.iter().map(|component| component.name).collect();
     let cells = 1 << components.len();
     let bar = bar(cells * args.policy.len() as u64, "cells");
@@ -59,7 +63,8 @@ pub(crate) async fn run(args: &AttributeArgs, log: &str) -> Result<()> {
     }
     bar.finish_and_clear();
     let path = args.out.join("attribution.json");
-    std::fs::write(&path, serde_json::to_string_pretty(&reports)? + "\n").with_context(|| format!("write {}", path.display()))?;
+    std::fs::write(&path, serde_json::to_string_pretty(&reports)? + "\n")
+        .with_context(|| format!("write {}", path.display()))?;
     for report in &reports {
         answer(&format!("{}: {}", report.policy, report.sentence));
     }

@@ -67,12 +67,17 @@ pub(crate) async fn run(args: &CloseArgs, log: &str) -> Result<()> {
     let results = Results::load(&args.real.join(RESULTS))?;
     let report = report(args, &held, &diagnosis, [&results, &nominal, &mended])?;
     let path = args.out.join("close.json");
-    std::fs::write(&path, serde_json::to_string_pretty(&report)? + "\n").with_context(|| format!("write {}", path.display()))?;
+    std::fs::write(&path, serde_json::to_string_pretty(&report)? + "\n")
+        .with_context(|| format!("write {}", path.display()))?;
     for closing in &report.closed_loop {
         let gain = closing.gain.map_or(String::new(), |gain| format!(", gain {:.3} to {:.3}", gain.low, gain.high));
         answer(&format!(
             "{:16} off by {:.3} → {:.3}: {:.0} % closed over {} drives{gain}",
-            closing.metric, closing.before, closing.after, 100.0 * closing.share_closed, closing.drives
+            closing.metric,
+            closing.before,
+            closing.after,
+            100.0 * closing.share_closed,
+            closing.drives
         ));
     }
     answer(&format!("written to {}", args.out.display()));
@@ -100,16 +105,23 @@ pub(crate) fn run_args(words: Vec<OsString>) -> Result<RunArgs> {
     }
 }
 
-fn report(args: &CloseArgs, held: &[String], diagnosis: &Diagnosis, [real, nominal, mended]: [&Results; 3]) -> Result<Report> {
+fn report(
+    args: &CloseArgs,
+    held: &[String],
+    diagnosis: &Diagnosis,
+    [real, nominal, mended]: [&Results; 3],
+) -> Result<Report> {
     let mut columns: BTreeMap<&str, Vec<(f64, f64)>> = BTreeMap::new();
     for name in held {
         let log = |folder: &Path| vehicle_log::read(&folder.join("real").join(format!("{name}.mcap")));
         let truth = log(&args.real)?;
         let [before, after] = ["nominal", "corrected"].map(|run| log(&args.out.join(run)));
-        let (before, after) = (deviation(&truth.readings, &before?.readings), deviation(&truth.readings, &after?.readings));
+        let (before, after) =
+            (deviation(&truth.readings, &before?.readings), deviation(&truth.readings, &after?.readings));
         columns.entry("route_deviation").or_default().push((before, after));
         type Field = fn(&ds_report::Episode) -> Option<f64>;
-        let scores: [(&str, Field); 2] = [("driving_score", |e| e.driving_score), ("route_completion", |e| e.route_completion)];
+        let scores: [(&str, Field); 2] =
+            [("driving_score", |e| e.driving_score), ("route_completion", |e| e.route_completion)];
         for (metric, field) in scores {
             let of = |results: &Results| results.episodes.iter().find(|e| &e.scenario == name).and_then(field);
             if let (Some(truth), Some(before), Some(after)) = (of(real), of(nominal), of(mended)) {

@@ -25,7 +25,8 @@ pub(crate) fn extract(recordings: &[PathBuf], folder: &Path) -> Result<()> {
     }
     let meta = json!({ "drives": drives, "channels_missing": [], "nominal": nominal });
     let path = folder.join("meta.json");
-    std::fs::write(&path, serde_json::to_string_pretty(&meta)? + "\n").with_context(|| format!("write {}", path.display()))
+    std::fs::write(&path, serde_json::to_string_pretty(&meta)? + "\n")
+        .with_context(|| format!("write {}", path.display()))
 }
 
 /// Describes the nominal car as a case's `meta.json` does.
@@ -87,7 +88,8 @@ pub(crate) fn case(folder: &Path, held_out: &[String], out: &Path) -> Result<()>
     meta["drives"] = Value::Array(drives);
     meta["suggested_split"] = json!({ "fit": fit, "held_out": kept });
     let path = out.join("meta.json");
-    std::fs::write(&path, serde_json::to_string_pretty(&meta)? + "\n").with_context(|| format!("write {}", path.display()))
+    std::fs::write(&path, serde_json::to_string_pretty(&meta)? + "\n")
+        .with_context(|| format!("write {}", path.display()))
 }
 
 /// Makes a case folder of the last readings of one drive.

@@ -71,7 +71,9 @@ async fn follow(args: &WatchArgs, bus: &BusSession, episode: &EpisodeId) -> Resu
         if let Some((now, readings)) = window.due(args.every) {
             logs::window(&readings, &scene.scene.vehicle, &folder)?;
             let case = folder.clone();
-            let made = tokio::task::spawn_blocking(move || diagnose(&case, &quick())).await.context("the diagnosis panicked")?;
+            let made = tokio::task::spawn_blocking(move || diagnose(&case, &quick()))
+                .await
+                .context("the diagnosis panicked")?;
             report(args, now, made)?;
         }
     }
