@@ -66,8 +66,7 @@ pub struct Field {
 pub fn field(scene: &Scene<'_>, ages: &[usize], start: [f64; 2]) -> Field {
     let camera = scene.case.camera;
     let mut model = Model { ages: ages.to_vec(), ..Model::nominal(scene.frames.len()) };
-    let mut effects: Chosen =
-        CARRIERS.iter().filter_map(|id| find_frame(id)).map(|e| (e, e.neutral())).collect();
+    let mut effects: Chosen = CARRIERS.iter().filter_map(|id| find_frame(id)).map(|e| (e, e.neutral())).collect();
     effects[0].1[0] = (start[1] / camera.fy).atan().to_degrees();
     effects[1].1[0] = (-start[0] / camera.fx).atan().to_degrees();
     let loose = Loose { constant_px: 0.3, frame_px: 0.3 };

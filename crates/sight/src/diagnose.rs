@@ -170,13 +170,7 @@ fn corrected(correction: &Correction) -> Corrected {
         }
         CorrectedEffect { id: effect.id.to_owned(), value: values[0], values }
     });
-    let nuisance = [
-        ("shift_x_px", correction.shift[0]),
-        ("shift_y_px", correction.shift[1]),
-        ("noise_levels2", correction.noise),
-    ];
-    Corrected {
-        effects: effects.collect(),
-        nuisance: nuisance.into_iter().map(|(k, v)| (k.to_owned(), v)).collect(),
-    }
+    let nuisance =
+        [("shift_x_px", correction.shift[0]), ("shift_y_px", correction.shift[1]), ("noise_levels2", correction.noise)];
+    Corrected { effects: effects.collect(), nuisance: nuisance.into_iter().map(|(k, v)| (k.to_owned(), v)).collect() }
 }

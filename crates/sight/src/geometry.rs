@@ -3,8 +3,8 @@
 //! Robust least squares (Student-t, nu = 4) by Gauss-Newton; per-frame offsets are eliminated frame by frame. A block's
 //! information is limited by an error that does not average out within it (resampling). Units px.
 
-use ds_effect::frame::{Act, FrameEffect};
 use ds_effect::FrameChain;
+use ds_effect::frame::{Act, FrameEffect};
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 
 use crate::case::{Frame, FrameCase};
@@ -55,12 +55,13 @@ pub fn fit(case: &FrameCase, frames: &[&Frame], points: &[Vec<Point>], effects: 
     let mut own = vec![[0.0; 2]; frames.len()];
     let mut best: Option<Fit> = None;
     for _ in 0..settings::GEOMETRY_ROUNDS {
-        let system = assemble(case, frames, points, (effects, &values, &slabs), (constant, &own), loose);
+        let system = assemble(case, (frames, points), (effects, &values, &slabs), (constant, &own), loose);
         let shifts = own.iter().map(|o| [o[0] + constant[0], o[1] + constant[1]]).collect();
         if best.as_ref().is_some_and(|b| system.loss > b.loss) {
             break;
         }
-        let inverse = system.hessian.clone().try_inverse().unwrap_or_else(|| DMatrix::zeros(values.len() + 2, values.len() + 2));
+        let inverse =
+            system.hessian.clone().try_inverse().unwrap_or_else(|| DMatrix::zeros(values.len() + 2, values.len() + 2));
         let errors = (0..values.len()).map(|k| inverse[(k, k)].max(0.0).sqrt()).collect();
         best = Some(Fit { effects: with_values(effects, &values), shifts, loss: system.loss, errors });
         let step = inverse * &system.gradient;
@@ -78,7 +79,12 @@ pub fn fit(case: &FrameCase, frames: &[&Frame], points: &[Vec<Point>], effects: 
             }
         }
     }
-    best.unwrap_or_else(|| Fit { effects: effects.clone(), shifts: vec![[0.0; 2]; frames.len()], loss: 0.0, errors: vec![0.0; values.len()] })
+    best.unwrap_or_else(|| Fit {
+        effects: effects.clone(),
+        shifts: vec![[0.0; 2]; frames.len()],
+        loss: 0.0,
+        errors: vec![0.0; values.len()],
+    })
 }
 
 /// Replaces the values of effects by a flat list.
@@ -113,8 +119,7 @@ struct System {
 
 fn assemble(
     case: &FrameCase,
-    frames: &[&Frame],
-    points: &[Vec<Point>],
+    (frames, points): (&[&Frame], &[Vec<Point>]),
     (effects, values, slabs): (&Chosen, &[f64], &[(f64, f64)]),
     (constant, own): ([f64; 2], &[[f64; 2]]),
     loose: Loose,
@@ -124,12 +129,8 @@ fn assemble(
     let steps: Vec<f64> = slabs.iter().map(|s| 1e-3 * (s.1 - s.0)).collect();
     let moved: Vec<FrameChain> =
         (0..values.len()).map(|k| FrameChain::new(&nudged(effects, values, Some((k, steps[k]))))).collect();
-    let mut system = System {
-        hessian: DMatrix::zeros(size, size),
-        gradient: DVector::zeros(size),
-        frames: Vec::new(),
-        loss: 0.0,
-    };
+    let mut system =
+        System { hessian: DMatrix::zeros(size, size), gradient: DVector::zeros(size), frames: Vec::new(), loss: 0.0 };
     let nu = settings::NU;
     let mut hessian = [[0.0; MOST]; MOST];
     for ((frame, points), own) in frames.iter().zip(points).zip(own) {

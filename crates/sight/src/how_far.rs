@@ -100,9 +100,7 @@ fn image(rows: &[Row], data: &str) -> Shrink {
     let rms = |of: &dyn Fn(&Row) -> f64, picked: &[usize]| {
         (picked.iter().map(|k| of(&rows[*k])).sum::<f64>() / picked.len() as f64).sqrt()
     };
-    let figures = |picked: &[usize]| {
-        [rms(&|r| r.before, picked), rms(&|r| r.after, picked), rms(&|r| r.floor, picked)]
-    };
+    let figures = |picked: &[usize]| [rms(&|r| r.before, picked), rms(&|r| r.after, picked), rms(&|r| r.floor, picked)];
     let all: Vec<usize> = (0..rows.len()).collect();
     let [before, after, floor] = figures(&all);
     let draws = Draws::from_seed(8, "frame_bootstrap");

@@ -18,10 +18,7 @@ pub fn mismatch(sim: &Picture, real: &Picture, start: [f64; 2]) -> (f64, [f64; 2
     for round in 0..4 {
         let moved = sim.warped(|x, y| {
             let (u, v) = (x as f64 - cx, y as f64 - cy);
-            [
-                (x as f64 + p[0] + p[2] * u - p[3] * v) as f32,
-                (y as f64 + p[1] + p[2] * v + p[3] * u) as f32,
-            ]
+            [(x as f64 + p[0] + p[2] * u - p[3] * v) as f32, (y as f64 + p[1] + p[2] * v + p[3] * u) as f32]
         });
         let (step, variance) = step(&moved, real, [cx, cy]);
         if variance < best.0 {

@@ -6,12 +6,28 @@ use crate::search::Search;
 
 /// Recordings and the effects that each of them brings out.
 const RECORDINGS: [(&str, &[&str], f64); 7] = [
-    ("checkerboard filling the picture", &["mount_roll", "focal_error", "radial_distortion", "mount_pitch", "mount_yaw", "defocus"], 5.0),
-    ("straight road at two distances", &["mount_pitch", "mount_yaw", "mount_position", "fog_haze", "night_illumination"], 20.0),
+    (
+        "checkerboard filling the picture",
+        &["mount_roll", "focal_error", "radial_distortion", "mount_pitch", "mount_yaw", "defocus"],
+        5.0,
+    ),
+    (
+        "straight road at two distances",
+        &["mount_pitch", "mount_yaw", "mount_position", "fog_haze", "night_illumination"],
+        20.0,
+    ),
     ("grey card under even light", &["vignetting", "lens_dirt", "gamma", "white_balance", "sensor_noise"], 5.0),
     ("tunnel entry and exit", &["exposure_lag", "temporal_flicker", "gamma"], 20.0),
-    ("slalom at constant speed", &["rolling_shutter", "motion_blur", "condition_delay", "obs_latency", "dropped_frames"], 20.0),
-    ("standing still before fine texture", &["motion_blur", "defocus", "texture_washing", "jpeg_loss", "rain_streaks", "temporal_flicker"], 10.0),
+    (
+        "slalom at constant speed",
+        &["rolling_shutter", "motion_blur", "condition_delay", "obs_latency", "dropped_frames"],
+        20.0,
+    ),
+    (
+        "standing still before fine texture",
+        &["motion_blur", "defocus", "texture_washing", "jpeg_loss", "rain_streaks", "temporal_flicker"],
+        10.0,
+    ),
     ("long rollout without re-anchoring", &["rollout_drift", "texture_washing", "object_dropout", "gamma"], 30.0),
 ];
 

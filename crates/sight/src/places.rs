@@ -98,7 +98,8 @@ fn spans(scene: &Scene<'_>, differences: &Differences, t: usize) -> Vec<[f64; 2]
 /// Upper tail of the standard normal distribution (Abramowitz and Stegun 26.2.17, error below 1e-7).
 fn tail(z: f64) -> f64 {
     let t = 1.0 / (1.0 + 0.231_641_9 * z.abs());
-    let poly = t * (0.319_381_530 + t * (-0.356_563_782 + t * (1.781_477_937 + t * (-1.821_255_978 + t * 1.330_274_429))));
+    let poly =
+        t * (0.319_381_530 + t * (-0.356_563_782 + t * (1.781_477_937 + t * (-1.821_255_978 + t * 1.330_274_429))));
     let upper = poly * (-z * z / 2.0).exp() / (2.0 * std::f64::consts::PI).sqrt();
     if z >= 0.0 { upper } else { 1.0 - upper }
 }
@@ -119,7 +120,8 @@ fn distance(scene: &Scene<'_>, depth_m: &[f32], t: usize) -> &'static str {
 fn class(scene: &Scene<'_>, t: usize) -> Option<String> {
     let [width, height] = scene.case.size.map(|s| s as f64);
     let (rows, columns) = (settings::TILES[0] as f64, settings::TILES[1] as f64);
-    let (top, left) = ((t / settings::TILES[1]) as f64 * height / rows, (t % settings::TILES[1]) as f64 * width / columns);
+    let (top, left) =
+        ((t / settings::TILES[1]) as f64 * height / rows, (t % settings::TILES[1]) as f64 * width / columns);
     let mut areas: std::collections::BTreeMap<&str, f64> = std::collections::BTreeMap::new();
     for b in scene.frames.iter().flat_map(|f| &f.boxes) {
         let across = (b.edges[2].min(left + width / columns) - b.edges[0].max(left)).max(0.0);

@@ -74,9 +74,10 @@ pub struct Search {
 pub fn search(scene: &Scene<'_>, without: &[String]) -> Search {
     let ages = align::ages(scene);
     let late = crate::transport::judge(scene, &ages);
-    let field = align::field(scene, &late.ages, ages.start);
+    let mut field = align::field(scene, &late.ages, ages.start);
+    field.points.iter_mut().take(late.blind).for_each(Vec::clear);
     let shifts = align::geometry(scene, &field, &Vec::new()).shifts;
-    let null = Model { shifts, ..Model::nominal(scene.frames.len()) };
+    let null = Model { shifts, blind: late.blind, ..Model::nominal(scene.frames.len()) };
     let placed = scene.placed(&null);
     let null_loss = loss::measure(scene, &null, &placed);
     let mut found = Search {
@@ -126,11 +127,18 @@ fn round(scene: &Scene<'_>, found: &Search, without: &[String]) -> Round {
     let mut trials: Vec<Trial> = frame_library()
         .iter()
         .filter(|e| found.model.values(e.id).is_none() && !matches!(e.act, Act::Age(_)) && scene.can_show(e))
-        .filter(|e| !without.iter().any(|w| w == e.id))
+        .filter(|e| !without.iter().any(|w| w == e.id) && !hopeless(found, e))
         .filter_map(|e| trial(scene, found, e))
         .collect();
     trials.sort_by(|a, b| (a.loss + a.cost).total_cmp(&(b.loss + b.cost)));
     Round { before: found.loss.total, trials }
+}
+
+/// Tells whether an effect made everything worse on top of a model whose frames were in place already.
+fn hopeless(found: &Search, effect: &FrameEffect) -> bool {
+    let placed = found.chosen.last().is_some_and(|id| !moves(known(id)));
+    let Some(round) = found.rounds.last().filter(|_| placed) else { return false };
+    round.trials.iter().any(|t| t.id == effect.id && round.gain(t) < settings::HOPELESS_GAIN)
 }
 
 fn trial(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Option<Trial> {

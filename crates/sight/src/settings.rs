@@ -77,7 +77,7 @@ pub const CLEAN: [f64; 4] = [110.0, 130.0, 190.0, 110.0];
 /// Share of the loss beyond that of clean cases that the chosen effects must explain.
 pub const EXPLAINED_SHARE: f64 = 0.5;
 /// Temperature of the probabilities: loss is no log likelihood.
-pub const TEMPERATURE: f64 = 12.0;
+pub const TEMPERATURE: f64 = 8.0;
 /// Ratio to the clean level from which a band without any chosen effect is strange.
 pub const CLEAN_RATIO: f64 = 1.8;
 /// Variance of flat places (robust, worst brightness) from which noise of every case cannot account for it, levels².
@@ -88,3 +88,5 @@ pub const UNKNOWN_WIDTH: f64 = 0.15;
 pub const GROUP_GAIN: f64 = 12.0;
 /// Half width of 90 % intervals of effects without a standard error, as a share of the effect.
 pub const RELATIVE_ERROR: f64 = 0.2;
+/// Gain below which an effect is not tried again on top of a model in place.
+pub const HOPELESS_GAIN: f64 = -30.0;

@@ -32,23 +32,27 @@ fn main() -> ExitCode {
     if let Some(only) = after("--only") {
         cases.retain(|c| c.to_string_lossy().contains(&only));
     }
-    let options = Options { without: after("--without").map(|w| w.split(',').map(str::to_owned).collect()).unwrap_or_default() };
+    let options =
+        Options { without: after("--without").map(|w| w.split(',').map(str::to_owned).collect()).unwrap_or_default() };
     let results: Vec<(String, Result<Diagnosis, SightError>)> = cases
         .par_iter()
         .map(|case| {
             let start = Instant::now();
+            let name = case.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
             let result = diagnose(case, &options).map(|mut d| {
                 d.secs = start.elapsed().as_secs_f64();
                 d
             });
-            (case.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(), result)
+            if let Ok(d) = &result {
+                println!("{}", line(&name, d, &labels[&name]));
+            }
+            (name, result)
         })
         .collect();
     let mut counts = Counts::default();
     for (name, result) in &results {
         match result {
             Ok(diagnosis) => {
-                println!("{}", line(name, diagnosis, &labels[name]));
                 if labels[name].is_object() {
                     counts.add(diagnosis, &labels[name]);
                 }
@@ -87,7 +91,10 @@ impl Counts {
             "none" => push("none: false alarms", d.verdict != Verdict::None),
             "single" => {
                 push("singles: first effect", d.effects.first().is_some_and(|e| e.id == truth[0]));
-                push("singles: in the first group", d.effects.first().is_some_and(|e| e.group.iter().any(|g| g == truth[0])));
+                push(
+                    "singles: in the first group",
+                    d.effects.first().is_some_and(|e| e.group.iter().any(|g| g == truth[0])),
+                );
                 push("singles: strict", d.verdict == Verdict::Single && d.chosen == truth);
                 if let (Some(first), Some(value)) = (d.effects.first(), label["effects"][0]["value"].as_f64())
                     && first.id == truth[0]
@@ -108,7 +115,8 @@ impl Counts {
         }
         let tiles: Vec<Vec<u64>> = serde_json::from_value(label["tiles"].clone()).unwrap_or_default();
         if kind != "none" && !tiles.is_empty() {
-            let said: Vec<Vec<u64>> = d.cells.iter().filter_map(|c| c.regime.tile.map(|t| t.map(|v| v as u64).to_vec())).collect();
+            let said: Vec<Vec<u64>> =
+                d.cells.iter().filter_map(|c| c.regime.tile.map(|t| t.map(|v| v as u64).to_vec())).collect();
             let both = said.iter().filter(|t| tiles.contains(t)).count();
             self.overlap.push(both as f64 / (said.len() + tiles.len() - both) as f64);
         }
@@ -121,7 +129,10 @@ impl Counts {
     fn print(&self) {
         for (name, hits) in &self.rows {
             let s = Share::new(hits.iter().filter(|h| **h).count(), hits.len());
-            println!("{name:30} {:3} of {:3} = {:.2} [{:.2}, {:.2}]", s.hits, s.of, s.value, s.interval90[0], s.interval90[1]);
+            println!(
+                "{name:30} {:3} of {:3} = {:.2} [{:.2}, {:.2}]",
+                s.hits, s.of, s.value, s.interval90[0], s.interval90[1]
+            );
         }
         let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len().max(1) as f64;
         let median = |v: &[f64]| ds_gap::bootstrap::quantile(&mut v.to_vec(), 0.5);
@@ -145,10 +156,18 @@ fn line(name: &str, d: &Diagnosis, label: &Value) -> String {
         .effects
         .iter()
         .take(4)
-        .map(|e| format!("{} {:.4} [{:.4}, {:.4}] p {:.2} gain {:.0}", e.id, e.value, e.interval90[0], e.interval90[1], e.probability, e.evidence_gain))
+        .map(|e| {
+            format!(
+                "{} {:.4} [{:.4}, {:.4}] p {:.2} gain {:.0}",
+                e.id, e.value, e.interval90[0], e.interval90[1], e.probability, e.evidence_gain
+            )
+        })
         .collect();
     let far = d.how_far.first().map_or("-".to_owned(), |s| {
-        format!("{:.2}->{:.2} floor {:.2} share {:.2} (predicted {:.2})", s.before, s.after, s.floor, s.share_explained, d.predicted_share)
+        format!(
+            "{:.2}->{:.2} floor {:.2} share {:.2} (predicted {:.2})",
+            s.before, s.after, s.floor, s.share_explained, d.predicted_share
+        )
     });
     format!(
         "{name} {:?} none {:.2} unknown {:.2} {:?} {:.2} s\n    truth {truth:?}\n    {}\n    rmse {far}; tiles {}{}",
