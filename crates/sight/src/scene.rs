@@ -12,6 +12,9 @@ use crate::geometry::{Chosen, moves};
 use crate::settings;
 use crate::warp::Grid;
 
+/// Side of the stand-in for a frame that effects only remember, px: wider than any kernel.
+const REMEMBERED_PX: usize = 16;
+
 /// A case made ready.
 pub struct Scene<'a> {
     /// The case.
@@ -120,7 +123,7 @@ impl<'a> Scene<'a> {
         for (k, picture) in placed.iter().enumerate() {
             let context = self.case.context(self.frames[k], settings::SMALL, self.small_depth_m.as_deref());
             if !frames.contains(&k) {
-                let _ = chain.edited(Picture::filled(1, 1, 1, 128.0), &context);
+                let _ = chain.edited(Picture::filled(REMEMBERED_PX, REMEMBERED_PX, 1, 128.0), &context);
                 continue;
             }
             let mut edited = chain.edited(picture.clone(), &context);
@@ -143,7 +146,7 @@ impl<'a> Scene<'a> {
                 out.push(edited);
             } else {
                 // what an effect remembers goes on through frames that are not looked at
-                let _ = chain.edited(Picture::filled(1, 1, 1, 128.0), &context);
+                let _ = chain.edited(Picture::filled(REMEMBERED_PX, REMEMBERED_PX, 1, 128.0), &context);
             }
         }
         out

@@ -129,9 +129,20 @@ fn round(scene: &Scene<'_>, found: &Search, without: &[String]) -> Round {
         .filter(|e| found.model.values(e.id).is_none() && !matches!(e.act, Act::Age(_)) && scene.can_show(e))
         .filter(|e| !without.iter().any(|w| w == e.id) && !hopeless(found, e))
         .filter_map(|e| trial(scene, found, e))
+        .filter(|t| !usual(t))
         .collect();
     trials.sort_by(|a, b| (a.loss + a.cost).total_cmp(&(b.loss + b.cost)));
     Round { before: found.loss.total, trials }
+}
+
+/// Tells whether an estimate lies within the mismatch that every case has.
+fn usual(trial: &Trial) -> bool {
+    let Some(values) = trial.model.values(trial.id) else { return false };
+    let parameters = known(trial.id).parameters;
+    parameters[0].nuisance.is_some()
+        && parameters.iter().zip(values).all(|(p, v)| {
+            p.nuisance.is_none_or(|n| (v - n.mean).abs() < settings::MARGIN_SDS * n.sd)
+        })
 }
 
 /// Tells whether an effect made everything worse on top of a model whose frames were in place already.
