@@ -115,8 +115,8 @@ pub fn search(scene: &Scene<'_>, without: &[String]) -> Search {
         if gain < needed {
             break;
         }
-        found.model = best.model;
-        found.placed = scene.placed(&found.model);
+        found.placed = scene.placed(&best.model);
+        found.model = polished(scene, best.model, &found.placed);
         found.loss = loss::measure(scene, &found.model, &found.placed);
         found.chosen.push(best.id);
     }
@@ -135,10 +135,20 @@ fn round(scene: &Scene<'_>, found: &Search, without: &[String]) -> Round {
     Round { before: found.loss.total, trials }
 }
 
+/// Fits all tone effects of a model once more, so that no later effect takes credit for an unfinished fit.
+fn polished(scene: &Scene<'_>, model: Model, placed: &Placed) -> Model {
+    let ids: Vec<&str> = model.effects.iter().map(|(e, _)| e.id).filter(|id| TONES.contains(id)).collect();
+    if ids.is_empty() { model } else { tone::fit(scene, &model, &placed.small, &ids).0 }
+}
+
 /// Tells whether an estimate lies within the mismatch that every case has.
 fn usual(trial: &Trial) -> bool {
     let Some(values) = trial.model.values(trial.id) else { return false };
     let parameters = known(trial.id).parameters;
+    let least = settings::LEAST_EFFECT * parameters[0].width();
+    if parameters.len() > 1 && !moves(known(trial.id)) && (values[0] - parameters[0].neutral).abs() < least {
+        return true;
+    }
     parameters[0].nuisance.is_some()
         && parameters.iter().zip(values).all(|(p, v)| {
             p.nuisance.is_none_or(|n| (v - n.mean).abs() < settings::MARGIN_SDS * n.sd)

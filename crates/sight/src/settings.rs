@@ -94,3 +94,5 @@ pub const HOPELESS_GAIN: f64 = -30.0;
 pub const STRANGE_WHITE: f64 = 25.0;
 /// An estimate within this many nuisance standard deviations is not a finding (specification, section 3.3).
 pub const MARGIN_SDS: f64 = 2.5;
+/// Share of the slab below which an effect of several parameters is not there.
+pub const LEAST_EFFECT: f64 = 0.005;
