@@ -150,9 +150,10 @@ fn usual(trial: &Trial) -> bool {
         return true;
     }
     parameters[0].nuisance.is_some()
-        && parameters.iter().zip(values).all(|(p, v)| {
-            p.nuisance.is_none_or(|n| (v - n.mean).abs() < settings::MARGIN_SDS * n.sd)
-        })
+        && parameters
+            .iter()
+            .zip(values)
+            .all(|(p, v)| p.nuisance.is_none_or(|n| (v - n.mean).abs() < settings::MARGIN_SDS * n.sd))
 }
 
 /// Tells whether an effect made everything worse on top of a model whose frames were in place already.
