@@ -156,10 +156,12 @@ impl FrameEffect {
         self.parameters.iter().map(|p| p.reported(p.neutral, 1.0)).collect()
     }
 
-    /// Tells whether the effect is absent at these values: its first parameter alone decides.
+    /// Tells whether the effect is absent at these values. A further parameter that is neutral at 0 (a second gain, a
+    /// second offset) is an effect of its own; any other only shapes the first.
     #[must_use]
     pub fn absent(&self, values: &[f64]) -> bool {
-        values.first().is_none_or(|v| v.to_bits() == self.neutral()[0].to_bits())
+        let neutral = self.neutral();
+        (0..values.len()).all(|k| (k > 0 && neutral[k] != 0.0) || values[k].to_bits() == neutral[k].to_bits())
     }
 }
 

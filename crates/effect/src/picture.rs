@@ -161,6 +161,37 @@ impl Picture {
         out
     }
 
+    /// Averages linear light over taps (whole-pixel offset, weight) that are the same for every pixel.
+    #[must_use]
+    pub fn convolved(&self, taps: &[([isize; 2], f32)]) -> Self {
+        let (c, width) = (self.channels, self.width as isize);
+        let light: Vec<f32> = self.data.iter().map(|v| light_of(*v)).collect();
+        let total: f32 = taps.iter().map(|(_, weight)| weight).sum();
+        let mut sums = vec![0.0f32; light.len()];
+        for ([dx, dy], weight) in taps {
+            let weight = weight / total;
+            for y in 0..self.height {
+                let from = (y as isize + dy).clamp(0, self.height as isize - 1) as usize * self.width * c;
+                let row = &light[from..from + self.width * c];
+                let out = &mut sums[y * self.width * c..(y + 1) * self.width * c];
+                let (start, end) = ((-dx).clamp(0, width) as usize, (width - dx).clamp(0, width) as usize);
+                if start < end {
+                    let shift = (start as isize + dx) as usize * c;
+                    for (o, l) in out[start * c..end * c].iter_mut().zip(&row[shift..]) {
+                        *o += weight * l;
+                    }
+                }
+                for (x, edge) in (0..start).map(|x| (x, 0)).chain((end..self.width).map(|x| (x, self.width - 1))) {
+                    for k in 0..c {
+                        out[x * c + k] += weight * row[edge * c + k];
+                    }
+                }
+            }
+        }
+        sums.iter_mut().for_each(|v| *v = encoded_of(*v));
+        Self { data: sums, ..*self }
+    }
+
     /// Returns the value at an offset from a pixel, linear in between.
     fn between(&self, x: usize, y: usize, by: [f32; 2], channel: usize) -> f32 {
         let (u, v) = (x as f32 + by[0], y as f32 + by[1]);
@@ -220,6 +251,15 @@ mod tests {
         let moved = ramp.warped(|x, y| [x as f32 + 0.5, y as f32]);
         assert!((moved.at(4, 4, 0) - 13.5).abs() < 1e-4);
         assert_eq!(ramp.warped(|x, y| [x as f32 + 1.0, y as f32]).at(3, 2, 0), ramp.at(4, 2, 0));
+    }
+
+    #[test]
+    fn kernels_wider_than_the_picture_repeat_its_border() {
+        let narrow = Picture { width: 2, height: 1, channels: 1, data: vec![40.0, 80.0] };
+        let far = narrow.convolved(&[([5, 0], 1.0)]);
+        assert!(far.data.iter().all(|v| (v - 80.0).abs() < 1e-3), "{:?}", far.data);
+        let back = narrow.convolved(&[([-5, 3], 1.0)]);
+        assert!(back.data.iter().all(|v| (v - 40.0).abs() < 1e-3), "{:?}", back.data);
     }
 
     #[test]

@@ -31,7 +31,8 @@ pub fn diagnose(folder: &Path, options: &Options) -> Result<Diagnosis, SightErro
     let found = search(&scene, &options.without);
     let texture = grain::texture(&scene, &scene.full_of(&found.model, &found.placed.full));
     let excess = remainder::excess(&found, &texture);
-    let noise = texture.middle.clamp(settings::LEAST_NOISE, settings::FLAT_NOISE);
+    let remains = places::remains(&found.loss);
+    let noise = remains.iter().sum::<f64>() / remains.len() as f64;
     let correction = Correction {
         effects: found.model.effects.clone(),
         shift: mean_shift(&found),
@@ -52,7 +53,7 @@ pub fn diagnose(folder: &Path, options: &Options) -> Result<Diagnosis, SightErro
     let cells = if verdict == Verdict::None {
         Vec::new()
     } else {
-        places::cells(&scene, &places::differences(&scene, &found.model, noise))
+        places::cells(&scene, &places::differences(&scene, &found.model, &remains))
     };
     Ok(Diagnosis {
         schema_version: SCHEMA,

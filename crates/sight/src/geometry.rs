@@ -55,7 +55,7 @@ pub fn fit(case: &FrameCase, frames: &[&Frame], points: &[Vec<Point>], effects: 
     let mut own = vec![[0.0; 2]; frames.len()];
     let mut best: Option<Fit> = None;
     for _ in 0..settings::GEOMETRY_ROUNDS {
-        let system = assemble(case, frames, points, (effects, &values, &slabs), (constant, &own), loose);
+        let system = assemble(case, (frames, points), (effects, &values, &slabs), (constant, &own), loose);
         let shifts = own.iter().map(|o| [o[0] + constant[0], o[1] + constant[1]]).collect();
         if best.as_ref().is_some_and(|b| system.loss > b.loss) {
             break;
@@ -119,8 +119,7 @@ struct System {
 
 fn assemble(
     case: &FrameCase,
-    frames: &[&Frame],
-    points: &[Vec<Point>],
+    (frames, points): (&[&Frame], &[Vec<Point>]),
     (effects, values, slabs): (&Chosen, &[f64], &[(f64, f64)]),
     (constant, own): ([f64; 2], &[[f64; 2]]),
     loose: Loose,

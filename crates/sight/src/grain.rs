@@ -7,6 +7,9 @@ use ds_effect::picture::Picture;
 use crate::scene::{Model, Scene};
 use crate::settings;
 
+/// Largest step to a neighbour in a flat place, levels.
+const FLAT: f32 = 3.0;
+
 /// Noise that a model adds to that of every case.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Grain {
@@ -73,7 +76,7 @@ pub fn texture(scene: &Scene<'_>, full: &[Picture]) -> Texture {
                 let v = p.data[k];
                 let flat = [k - 2, k + 2, k - 2 * w, k + 2 * w, k - 1, k + 1, k - w, k + w]
                     .iter()
-                    .all(|i| (p.data[*i] - v).abs() < 5.0);
+                    .all(|i| (p.data[*i] - v).abs() < FLAT);
                 if !flat || !(6.0..246.0).contains(&v) {
                     continue;
                 }

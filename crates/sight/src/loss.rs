@@ -35,8 +35,9 @@ impl Cell {
         if self.floor <= 0.0 { 0.0 } else { (self.energy.max(1e-3) / self.floor).ln() }
     }
 
-    fn cost(&self) -> f64 {
-        let u = self.excess();
+    /// What the cell costs; only noise, in the finest band, may be foretold too high.
+    fn cost(&self, finest: bool) -> f64 {
+        let u = if finest { self.excess() } else { self.excess().max(0.0) };
         let e = std::f64::consts::E;
         if u > 1.0 {
             e - 2.0 + (e - 1.0) * (u - 1.0)
@@ -62,7 +63,7 @@ impl Loss {
     #[must_use]
     pub fn band(&self, band: usize) -> f64 {
         let frames = self.cells[band].len().max(1) as f64;
-        let sum: f64 = self.cells[band].iter().flatten().map(Cell::cost).sum();
+        let sum: f64 = self.cells[band].iter().flatten().map(|c| c.cost(band == 0)).sum();
         sum * settings::COUNTED_FRAMES / frames
     }
 }
@@ -127,10 +128,11 @@ pub fn gain(rendered: &Picture, real: &Picture) -> f32 {
     (pq / pp.max(1.0)).clamp(1.0 - most, 1.0 + most) as f32
 }
 
-/// Returns which small pixels count: those outside of boxes that the model holds for missing.
+/// Returns which small pixels count: those of frames whose content is in the stream,
+/// outside of boxes that the model holds for missing.
 fn mask(scene: &Scene<'_>, model: &Model, k: usize) -> Vec<bool> {
     let picture = &scene.small[k].0;
-    let mut counts = vec![true; picture.width * picture.height];
+    let mut counts = vec![k >= model.blind; picture.width * picture.height];
     let s = settings::SMALL as f64;
     for lost in &model.lost[k] {
         let e = scene.frames[k].boxes[*lost].edges;

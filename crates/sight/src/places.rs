@@ -1,12 +1,12 @@
 //! Where the gap lies: tiles of a 4 x 6 grid in which real and nominal frames differ by more than an effect-free twin.
 //!
 //! A tile counts where its mean square difference exceeds that of the twin by a quarter of (twin + 1 level²), a frame
-//! where some tile does so by half. The twin is the nominal frame at the nuisance offset, with the noise of the case.
+//! where some tile does so by half. The twin is the nominal frame at the nuisance offset, with what remains under the model.
 
 use ds_effect::FrameChain;
 use ds_gap::report::{Cell, Regime};
 
-use crate::loss::{TILES, tile};
+use crate::loss::{Loss, TILES, tile};
 use crate::scene::{Model, Scene};
 use crate::settings;
 use crate::warp::Grid;
@@ -17,9 +17,24 @@ pub struct Differences {
     pub rows: Vec<[[f64; 2]; TILES]>,
 }
 
-/// Measures all frames of a scene with the offsets of a model and noise of the given variance.
+/// Returns what noise, encoder and resampling leave in every tile, levels²: what remains under the model, at most twice
+/// the floor of its loss.
 #[must_use]
-pub fn differences(scene: &Scene<'_>, model: &Model, noise: f64) -> Differences {
+pub fn remains(loss: &Loss) -> [f64; TILES] {
+    std::array::from_fn(|t| {
+        loss.cells[..3]
+            .iter()
+            .map(|frames| {
+                let sum: f64 = frames.iter().map(|cells| cells[t].energy.min(2.0 * cells[t].floor)).sum();
+                sum / frames.len().max(1) as f64
+            })
+            .sum()
+    })
+}
+
+/// Measures all frames of a scene with the offsets of a model; `remains` is what is left under it.
+#[must_use]
+pub fn differences(scene: &Scene<'_>, model: &Model, remains: &[f64; TILES]) -> Differences {
     let still = FrameChain::new(&Vec::new());
     let rows = scene.frames.iter().enumerate().map(|(k, frame)| {
         let grid = Grid::new(&still, &scene.case.context(frame, 1, None), model.shifts[k]);
@@ -33,7 +48,7 @@ pub fn differences(scene: &Scene<'_>, model: &Model, noise: f64) -> Differences 
             sum[1] += f64::from((t.clamp(0.0, 255.0) - s).powi(2));
             sum[2] += 1.0;
         }
-        sums.map(|s| [s[0] / s[2], s[1] / s[2] + noise])
+        std::array::from_fn(|t| [sums[t][0] / sums[t][2], sums[t][1] / sums[t][2] + remains[t]])
     });
     Differences { rows: rows.collect() }
 }

@@ -44,8 +44,8 @@ fn left_over(found: &Search) -> f64 {
 /// Structure in flat places that no chosen effect accounts for.
 fn grainy(found: &Search, texture: &Texture) -> f64 {
     let noisy = ["sensor_noise", "rain_streaks"].iter().any(|id| found.model.values(id).is_some());
-    let variance = texture.middle;
-    if noisy { 0.0 } else { variance / settings::STRANGE_NOISE }
+    let strange = texture.middle / settings::STRANGE_NOISE;
+    if noisy { 0.0 } else { strange.max((texture.read + texture.shot) / settings::STRANGE_WHITE) }
 }
 
 /// Describes the remainder.

@@ -12,6 +12,9 @@ use crate::geometry::{Chosen, moves};
 use crate::settings;
 use crate::warp::Grid;
 
+/// Side of the stand-in for a frame that effects only remember, px: wider than any kernel.
+const REMEMBERED_PX: usize = 16;
+
 /// A case made ready.
 pub struct Scene<'a> {
     /// The case.
@@ -37,6 +40,8 @@ pub struct Model {
     pub shifts: Vec<[f64; 2]>,
     /// Age of the content of every frame, frames.
     pub ages: Vec<usize>,
+    /// First frames whose content is older than the simulated stream; nothing can be said of them.
+    pub blind: usize,
     /// Boxes missing from each frame.
     pub lost: Vec<Vec<usize>>,
     /// ln gain of light over each frame, where brightness flickers: knots of a smooth field.
@@ -89,11 +94,11 @@ impl<'a> Scene<'a> {
         Placed { small, full }
     }
 
+    /// Moves one frame in full size, then makes it small: a small picture moved by a fraction would alias.
     fn placed_small(&self, model: &Model, chain: &FrameChain, k: usize) -> Picture {
-        let factor = settings::SMALL;
-        let context = self.case.context(self.frames[k], factor, self.small_depth_m.as_deref());
-        let shift = model.shifts[k].map(|s| s / factor as f64);
-        Grid::new(chain, &context, shift).apply(&self.small[k.saturating_sub(model.ages[k])].0)
+        let context = self.case.context(self.frames[k], 1, self.case.depth_m.as_deref());
+        let source = &self.frames[k.saturating_sub(model.ages[k])].sim;
+        Grid::new(chain, &context, model.shifts[k]).apply(source).shrunk(settings::SMALL)
     }
 
     /// Moves one full grey frame into place.
@@ -118,7 +123,7 @@ impl<'a> Scene<'a> {
         for (k, picture) in placed.iter().enumerate() {
             let context = self.case.context(self.frames[k], settings::SMALL, self.small_depth_m.as_deref());
             if !frames.contains(&k) {
-                let _ = chain.edited(Picture::filled(1, 1, 1, 128.0), &context);
+                let _ = chain.edited(Picture::filled(REMEMBERED_PX, REMEMBERED_PX, 1, 128.0), &context);
                 continue;
             }
             let mut edited = chain.edited(picture.clone(), &context);
@@ -141,7 +146,7 @@ impl<'a> Scene<'a> {
                 out.push(edited);
             } else {
                 // what an effect remembers goes on through frames that are not looked at
-                let _ = chain.edited(Picture::filled(1, 1, 1, 128.0), &context);
+                let _ = chain.edited(Picture::filled(REMEMBERED_PX, REMEMBERED_PX, 1, 128.0), &context);
             }
         }
         out
@@ -156,6 +161,7 @@ impl Model {
             effects: Vec::new(),
             shifts: vec![[0.0; 2]; frames],
             ages: vec![0; frames],
+            blind: 0,
             lost: vec![Vec::new(); frames],
             flicker: None,
             dirt: None,

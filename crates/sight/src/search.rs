@@ -74,9 +74,10 @@ pub struct Search {
 pub fn search(scene: &Scene<'_>, without: &[String]) -> Search {
     let ages = align::ages(scene);
     let late = crate::transport::judge(scene, &ages);
-    let field = align::field(scene, &late.ages, ages.start);
+    let mut field = align::field(scene, &late.ages, ages.start);
+    field.points.iter_mut().take(late.blind).for_each(Vec::clear);
     let shifts = align::geometry(scene, &field, &Vec::new()).shifts;
-    let null = Model { shifts, ..Model::nominal(scene.frames.len()) };
+    let null = Model { shifts, blind: late.blind, ..Model::nominal(scene.frames.len()) };
     let placed = scene.placed(&null);
     let null_loss = loss::measure(scene, &null, &placed);
     let mut found = Search {
@@ -114,8 +115,8 @@ pub fn search(scene: &Scene<'_>, without: &[String]) -> Search {
         if gain < needed {
             break;
         }
-        found.model = best.model;
-        found.placed = scene.placed(&found.model);
+        found.placed = scene.placed(&best.model);
+        found.model = polished(scene, best.model, &found.placed);
         found.loss = loss::measure(scene, &found.model, &found.placed);
         found.chosen.push(best.id);
     }
@@ -126,11 +127,40 @@ fn round(scene: &Scene<'_>, found: &Search, without: &[String]) -> Round {
     let mut trials: Vec<Trial> = frame_library()
         .iter()
         .filter(|e| found.model.values(e.id).is_none() && !matches!(e.act, Act::Age(_)) && scene.can_show(e))
-        .filter(|e| !without.iter().any(|w| w == e.id))
+        .filter(|e| !without.iter().any(|w| w == e.id) && !hopeless(found, e))
         .filter_map(|e| trial(scene, found, e))
+        .filter(|t| !usual(t))
         .collect();
     trials.sort_by(|a, b| (a.loss + a.cost).total_cmp(&(b.loss + b.cost)));
     Round { before: found.loss.total, trials }
+}
+
+/// Fits all tone effects of a model once more, so that no later effect takes credit for an unfinished fit.
+fn polished(scene: &Scene<'_>, model: Model, placed: &Placed) -> Model {
+    let ids: Vec<&str> = model.effects.iter().map(|(e, _)| e.id).filter(|id| TONES.contains(id)).collect();
+    if ids.is_empty() { model } else { tone::fit(scene, &model, &placed.small, &ids).0 }
+}
+
+/// Tells whether an estimate lies within the mismatch that every case has.
+fn usual(trial: &Trial) -> bool {
+    let Some(values) = trial.model.values(trial.id) else { return false };
+    let parameters = known(trial.id).parameters;
+    let least = settings::LEAST_EFFECT * parameters[0].width();
+    if parameters.len() > 1 && !moves(known(trial.id)) && (values[0] - parameters[0].neutral).abs() < least {
+        return true;
+    }
+    parameters[0].nuisance.is_some()
+        && parameters
+            .iter()
+            .zip(values)
+            .all(|(p, v)| p.nuisance.is_none_or(|n| (v - n.mean).abs() < settings::MARGIN_SDS * n.sd))
+}
+
+/// Tells whether an effect made everything worse on top of a model whose frames were in place already.
+fn hopeless(found: &Search, effect: &FrameEffect) -> bool {
+    let placed = found.chosen.last().is_some_and(|id| !moves(known(id)));
+    let Some(round) = found.rounds.last().filter(|_| placed) else { return false };
+    round.trials.iter().any(|t| t.id == effect.id && round.gain(t) < settings::HOPELESS_GAIN)
 }
 
 fn trial(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Option<Trial> {

@@ -41,9 +41,9 @@ pub const AGE_GAIN: f64 = 0.35;
 /// Loss that a first effect must take away beyond its cost.
 pub const FIRST_GAIN: f64 = 20.0;
 /// Loss that a further effect must take away beyond its cost.
-pub const FURTHER_GAIN: f64 = 25.0;
+pub const FURTHER_GAIN: f64 = 40.0;
 /// The same as a share of what the effects before it took away: a rough model of a strong effect leaves something.
-pub const FURTHER_SHARE: f64 = 0.06;
+pub const FURTHER_SHARE: f64 = 0.08;
 /// Loss per unit of ln residual variance of an age.
 pub const AGE_WEIGHT: f64 = 20.0;
 /// Variance of flat places that every case may have, noise of 1.6 levels and two encoders, levels².
@@ -75,9 +75,9 @@ pub const FRAME_EXCESS: f64 = 0.5;
 /// Loss by band that effect-free cases reach: fine, medium, coarse, colour.
 pub const CLEAN: [f64; 4] = [110.0, 130.0, 190.0, 110.0];
 /// Share of the loss beyond that of clean cases that the chosen effects must explain.
-pub const EXPLAINED_SHARE: f64 = 0.5;
+pub const EXPLAINED_SHARE: f64 = 0.35;
 /// Temperature of the probabilities: loss is no log likelihood.
-pub const TEMPERATURE: f64 = 12.0;
+pub const TEMPERATURE: f64 = 8.0;
 /// Ratio to the clean level from which a band without any chosen effect is strange.
 pub const CLEAN_RATIO: f64 = 1.8;
 /// Variance of flat places (robust, worst brightness) from which noise of every case cannot account for it, levels².
@@ -88,3 +88,11 @@ pub const UNKNOWN_WIDTH: f64 = 0.15;
 pub const GROUP_GAIN: f64 = 12.0;
 /// Half width of 90 % intervals of effects without a standard error, as a share of the effect.
 pub const RELATIVE_ERROR: f64 = 0.2;
+/// Gain below which an effect is not tried again on top of a model in place.
+pub const HOPELESS_GAIN: f64 = -30.0;
+/// Variance of flat places at white from which it is no noise of a usual case: clean cases keep 4, the practice moire 70.
+pub const STRANGE_WHITE: f64 = 25.0;
+/// An estimate within this many nuisance standard deviations is not a finding (specification, section 3.3).
+pub const MARGIN_SDS: f64 = 2.5;
+/// Share of the slab below which an effect of several parameters is not there.
+pub const LEAST_EFFECT: f64 = 0.005;

@@ -12,7 +12,7 @@ use crate::scene::{Model, Scene};
 /// Rounds of the fit.
 const ROUNDS: usize = 7;
 /// Frames looked at.
-const FRAMES: usize = 8;
+const FRAMES: usize = 9;
 
 /// Fits the values of the named effects of a model; the others stay.
 #[must_use]
@@ -28,10 +28,11 @@ pub fn fit(scene: &Scene<'_>, model: &Model, placed: &[Picture], ids: &[&str]) -
         }
         out
     };
-    // effects that follow time need every frame, the others a dozen
-    let timed = ids.iter().any(|id| ["exposure_lag", "rollout_drift"].contains(id));
+    // an effect that remembers needs every frame, the others some
+    let timed = ids.iter().any(|id| *id == "exposure_lag");
     let count = if timed { placed.len() } else { placed.len().min(FRAMES) };
-    let frames: Vec<usize> = (0..count).map(|k| (2 * k + 1) * placed.len() / (2 * count)).collect();
+    let frames: Vec<usize> =
+        (0..count).map(|k| (2 * k + 1) * placed.len() / (2 * count)).filter(|k| *k >= model.blind).collect();
     let residual = |values: &[f64]| residuals(scene, &scene.some_small_of(&with(values), placed, &frames), &frames);
     let mut now = residual(&values);
     let mut cost = robust(&now);

@@ -15,13 +15,15 @@ pub struct Late {
     pub effect: Option<(&'static FrameEffect, f64)>,
     /// How much the age explains, as a loss.
     pub evidence: f64,
+    /// First frames whose content is older than the stream.
+    pub blind: usize,
 }
 
 /// Judges.
 #[must_use]
 pub fn judge(scene: &Scene<'_>, ages: &Ages) -> Late {
     let n = scene.frames.len();
-    let nothing = || Late { ages: vec![0; n], effect: None, evidence: 0.0 };
+    let nothing = || Late { ages: vec![0; n], effect: None, evidence: 0.0, blind: 0 };
     let scale = settings::COUNTED_FRAMES / n as f64 * settings::AGE_WEIGHT;
     let told: Vec<f64> = scene.frames.iter().filter_map(|f| f.stamp_lead_secs).collect();
     let lead = told.iter().sum::<f64>() / told.len().max(1) as f64 * scene.case.rate_hz;
@@ -37,13 +39,14 @@ pub fn judge(scene: &Scene<'_>, ages: &Ages) -> Late {
     let stamped = lead.abs() > 0.4;
     if all > 3.0 * settings::AGE_GAIN && all > 0.8 * singly {
         let id = if stamped { "obs_latency" } else { "condition_delay" };
-        return Late { ages: shifted, effect: Some((known(id), age as f64)), evidence: all * scale };
+        return Late { ages: shifted, effect: Some((known(id), age as f64)), evidence: all * scale, blind: age };
     }
     if stamped {
         // standing still: the stamps alone tell
         let age = lead.abs().round().max(1.0);
         let ages = (0..n).map(|k| (age as usize).min(k)).collect();
-        return Late { ages, effect: Some((known("obs_latency"), age)), evidence: 4.0 * settings::FIRST_GAIN };
+        let effect = Some((known("obs_latency"), age));
+        return Late { ages, effect, evidence: 4.0 * settings::FIRST_GAIN, blind: age as usize };
     }
     if stale > 0 && singly > 2.0 * settings::AGE_GAIN {
         let rate = stale as f64 / (n as f64 - 1.0);
@@ -51,6 +54,7 @@ pub fn judge(scene: &Scene<'_>, ages: &Ages) -> Late {
             ages: ages.best.clone(),
             effect: Some((known("dropped_frames"), rate)),
             evidence: singly * scale,
+            blind: 0,
         };
     }
     nothing()

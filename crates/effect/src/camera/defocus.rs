@@ -11,12 +11,12 @@ pub(crate) const EFFECT: FrameEffect = FrameEffect {
     needs: &[Needs::Picture],
     act: Act::Edit(|values, _, _, picture| {
         let taps = disc(values[0]);
-        *picture = picture.spread(|_, _, out| out.extend_from_slice(&taps));
+        *picture = picture.convolved(&taps);
     }),
 };
 
 /// Returns offsets and weights of a disc; pixels on the rim count by their share.
-fn disc(radius_px: f64) -> Vec<([f32; 2], f32)> {
+fn disc(radius_px: f64) -> Vec<([isize; 2], f32)> {
     let reach = radius_px.ceil() as i32;
     let mut taps = Vec::new();
     for y in -reach..=reach {
@@ -27,7 +27,7 @@ fn disc(radius_px: f64) -> Vec<([f32; 2], f32)> {
             });
             let weight = weight.count() as f32;
             if weight > 0.0 {
-                taps.push(([x as f32, y as f32], weight));
+                taps.push(([x as isize, y as isize], weight));
             }
         }
     }

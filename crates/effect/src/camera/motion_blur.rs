@@ -14,7 +14,7 @@ pub(crate) const EFFECT: FrameEffect = FrameEffect {
         *picture = picture.spread(|x, y, taps| {
             let flow = context.flow([x as f64, y as f64]).unwrap_or([0.0; 2]);
             let streak = flow.map(|f| (f * open_secs).clamp(-24.0, 24.0) as f32);
-            let count = (streak[0].hypot(streak[1]) * 1.5).ceil().clamp(1.0, 24.0) as usize;
+            let count = streak[0].hypot(streak[1]).ceil().clamp(1.0, 16.0) as usize;
             let share = |k: usize| (k as f32 + 0.5) / count as f32 - 0.5;
             taps.extend((0..count).map(|k| ([streak[0] * share(k), streak[1] * share(k)], 1.0)));
         });

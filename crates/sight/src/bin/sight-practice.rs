@@ -38,18 +38,21 @@ fn main() -> ExitCode {
         .par_iter()
         .map(|case| {
             let start = Instant::now();
+            let name = case.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
             let result = diagnose(case, &options).map(|mut d| {
                 d.secs = start.elapsed().as_secs_f64();
                 d
             });
-            (case.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(), result)
+            if let Ok(d) = &result {
+                println!("{}", line(&name, d, &labels[&name]));
+            }
+            (name, result)
         })
         .collect();
     let mut counts = Counts::default();
     for (name, result) in &results {
         match result {
             Ok(diagnosis) => {
-                println!("{}", line(name, diagnosis, &labels[name]));
                 if labels[name].is_object() {
                     counts.add(diagnosis, &labels[name]);
                 }
