@@ -1,10 +1,14 @@
 //! A case in memory: its drives, cut into windows, and the two models whose residuals the search explains.
 
+use std::collections::VecDeque;
 use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
 
-use ds_effect::Channel;
+use ds_effect::plant::{Road, Vehicle};
+use ds_effect::{Channel, Insertion, Plant};
 
 use crate::drive::Drive;
+use crate::ego::{Actuated, Instant, actuate};
 use crate::error::GapError;
 use crate::fit::{Model, Prior};
 use crate::floor;
@@ -81,7 +85,23 @@ pub struct PartModel<'a> {
     following: Vec<&'a FollowerRecord>,
     inverse_floor: Vec<f64>,
     jitter_secs: f64,
+    memory: Mutex<Memory>,
 }
+
+/// Command paths and actuators of all drives, by the bits of the values they depend on.
+type Chains = (Vec<u64>, Arc<Vec<Actuated>>);
+/// Rollouts of all windows, by everything they depend on.
+type Motion = (Vec<u64>, Vehicle, Road, [f64; 2], Arc<Vec<Vec<Instant>>>);
+
+/// The last simulations: most steps of a difference quotient change only a part of the loop.
+#[derive(Default)]
+struct Memory {
+    chains: VecDeque<Chains>,
+    motions: VecDeque<Motion>,
+}
+
+/// Simulations kept: the base point of a derivative and its last neighbours.
+const KEPT_SIMULATIONS: usize = 3;
 
 impl<'a> PartModel<'a> {
     /// Builds the model of a part over some drives.
@@ -106,6 +126,7 @@ impl<'a> PartModel<'a> {
             following,
             inverse_floor: Vec::new(),
             jitter_secs: case.scatter.jitter_secs,
+            memory: Mutex::default(),
         };
         model.label();
         let plain = model.space.neutral();
@@ -151,9 +172,45 @@ impl<'a> PartModel<'a> {
     fn raw(&self, vector: &[f64]) -> Vec<f64> {
         let plant = self.space.plant(vector);
         match self.part {
-            Part::Ego => self.ego.iter().flat_map(|record| record.residuals(&plant)).collect(),
+            Part::Ego => self.ego_residuals(vector, &plant),
             Part::Following => self.following.iter().flat_map(|record| record.residuals(&plant)).collect(),
         }
+    }
+
+    fn ego_residuals(&self, vector: &[f64], plant: &Plant) -> Vec<f64> {
+        let chain = |c: &crate::space::Coordinate| {
+            let insertion = self.space.effects[c.effect].insertion;
+            matches!(insertion, Insertion::CommandPath | Insertion::Actuator)
+        };
+        let pairs = self.space.coordinates.iter().zip(vector);
+        let key: Vec<u64> = pairs.filter(|(c, _)| chain(c)).map(|(_, value)| value.to_bits()).collect();
+        let mut memory = self.memory.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = memory.chains.iter().find(|c| c.0 == key).map(|c| c.1.clone());
+        let actuated = known.unwrap_or_else(|| {
+            let made = Arc::new(self.ego.iter().map(|record| actuate(&record.inputs, plant)).collect::<Vec<_>>());
+            memory.chains.push_front((key.clone(), made.clone()));
+            memory.chains.truncate(KEPT_SIMULATIONS);
+            made
+        });
+        let clock = [plant.clock.pose_latency_secs, plant.clock.pose_drift];
+        let same = |m: &&Motion| m.0 == key && m.1 == plant.vehicle && m.2 == plant.road && m.3 == clock;
+        let known = memory.motions.iter().find(same).map(|m| m.4.clone());
+        let rolled = known.unwrap_or_else(|| {
+            let pairs = self.ego.iter().zip(actuated.iter());
+            let made = Arc::new(pairs.flat_map(|(r, a)| r.roll(&r.anchors, a, plant)).collect::<Vec<_>>());
+            memory.motions.push_front((key, plant.vehicle, plant.road, clock, made.clone()));
+            memory.motions.truncate(KEPT_SIMULATIONS);
+            made
+        });
+        drop(memory);
+        let mut rolled = rolled.iter();
+        let mut residuals = Vec::with_capacity(self.tags.len());
+        for (record, actuated) in self.ego.iter().zip(actuated.iter()) {
+            for (anchor, rollout) in record.anchors.iter().zip(&mut rolled) {
+                residuals.extend(record.residual(anchor, rollout, actuated, plant));
+            }
+        }
+        residuals
     }
 
     /// Returns the priors when no effect is suspected: nuisances free, all else absent.

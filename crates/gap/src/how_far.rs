@@ -73,9 +73,9 @@ fn ego(case: &Case, drives: &[usize], (before, after): (&Plant, &Plant), all: &m
 
 fn rollouts(record: &EgoRecord, plant: &Plant) -> Vec<Vec<f64>> {
     let actuated = actuate(&record.inputs, plant);
-    let mut buffer = Vec::new();
     let anchors = record.anchors_every(STRIDE, SCORED);
-    anchors.iter().map(|anchor| record.residual(anchor, &actuated, plant, &mut buffer)).collect()
+    let rolled = record.roll(&anchors, &actuated, plant);
+    anchors.iter().zip(&rolled).map(|(anchor, r)| record.residual(anchor, r, &actuated, plant)).collect()
 }
 
 fn following(case: &Case, drives: &[usize], (before, after): (&Plant, &Plant), all: &mut Vec<Errors>) {

@@ -5,7 +5,7 @@
 
 use ds_effect::Plant;
 
-use crate::ego::{FINE_SECS, Inputs, Start, actuate, rollout};
+use crate::ego::{FINE_SECS, Inputs, Saturation, Start, actuate, rollout};
 use crate::floor::EGO_FLOOR;
 use crate::report::Manoeuvre;
 use crate::settings::KAPPA;
@@ -90,8 +90,7 @@ fn report(&(_, speed, secs, steer, accel): &Script, plant: &Plant) -> Vec<[f64; 
         anchor_speed_mps: speed.abs(),
         horizon_secs: secs,
     };
-    let mut buffer = Vec::new();
-    rollout(&start, &actuated, plant, &mut buffer);
+    let buffer = rollout(&start, &actuated, plant, &Saturation::new(plant.vehicle.tyre_knee));
     let samples = (secs / SAMPLE_SECS) as usize;
     (1..samples)
         .map(|k| {

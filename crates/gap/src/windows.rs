@@ -6,7 +6,7 @@
 use ds_effect::{Channel, Plant};
 
 use crate::drive::{Drive, STEP_SECS};
-use crate::ego::{Actuated, FINE_SECS, Inputs, Instant, Start, actuate, instant_at, rollout};
+use crate::ego::{Actuated, FINE_SECS, Inputs, Instant, Saturation, Start, instant_at, rollout};
 use crate::smooth::{between, parabola};
 
 /// Ego channels, in the order of the residual vector.
@@ -177,42 +177,47 @@ impl EgoRecord {
         }
     }
 
-    /// Returns measured minus simulated block means of one window, channel-major, NaN where the channel is absent.
-    pub fn residual(&self, anchor: &Anchor, actuated: &Actuated, plant: &Plant, buffer: &mut Vec<Instant>) -> Vec<f64> {
-        let blocks = anchor.measured.len() / EGO;
-        let horizon_secs = (blocks * BLOCK) as f64 * STEP_SECS;
-        let clock = &plant.clock;
-        let age = |secs: f64| clock.pose_latency_secs + clock.pose_drift * (secs - self.log.start_secs);
-        let lead = age(anchor.secs);
+    /// Returns the age of a pose sample stamped `secs`, s.
+    fn age(&self, plant: &Plant, secs: f64) -> f64 {
+        plant.clock.pose_latency_secs + plant.clock.pose_drift * (secs - self.log.start_secs)
+    }
+
+    fn start(&self, anchor: &Anchor, plant: &Plant) -> Start {
+        let lead = self.age(plant, anchor.secs);
         let warm_secs = WARM as f64 * STEP_SECS;
-        let start = Start {
+        Start {
             secs: anchor.secs - lead - warm_secs,
             speed_mps: anchor.warm_speed_mps,
             yaw_rate: anchor.warm_yaw_rate,
             heading_rad: anchor.heading_rad,
             warm_secs,
             anchor_speed_mps: anchor.speed_mps,
-            horizon_secs: horizon_secs + lead.max(0.0) + 0.02,
-        };
-        rollout(&start, actuated, plant, buffer);
+            horizon_secs: (anchor.measured.len() / EGO * BLOCK) as f64 * STEP_SECS + lead.max(0.0) + 0.02,
+        }
+    }
+
+    /// Drives the simulator through some windows; what sensors report of it comes later.
+    #[must_use]
+    pub fn roll(&self, anchors: &[Anchor], actuated: &Actuated, plant: &Plant) -> Vec<Vec<Instant>> {
+        let saturation = Saturation::new(plant.vehicle.tyre_knee);
+        anchors.iter().map(|anchor| rollout(&self.start(anchor, plant), actuated, plant, &saturation)).collect()
+    }
+
+    /// Returns measured minus simulated block means of one window, channel-major, NaN where the channel is absent.
+    #[must_use]
+    pub fn residual(&self, anchor: &Anchor, rollout: &[Instant], actuated: &Actuated, plant: &Plant) -> Vec<f64> {
+        let blocks = anchor.measured.len() / EGO;
+        let begin = self.start(anchor, plant).secs;
         let mut residual = anchor.measured.clone();
         let share = 1.0 / BLOCK as f64;
         for k in 0..blocks * BLOCK {
             let secs = anchor.secs + (k + 1) as f64 * STEP_SECS;
-            let simulated = sense(secs, (start.secs, age(secs)), buffer, actuated, plant);
+            let simulated = sense(secs, (begin, self.age(plant, secs)), rollout, actuated, plant);
             for (channel, value) in simulated.into_iter().enumerate() {
                 residual[channel * blocks + k / BLOCK] -= share * value;
             }
         }
         residual
-    }
-
-    /// Returns the residuals of all windows of this drive, one after another.
-    #[must_use]
-    pub fn residuals(&self, plant: &Plant) -> Vec<f64> {
-        let actuated = actuate(&self.inputs, plant);
-        let mut buffer = Vec::new();
-        self.anchors.iter().flat_map(|anchor| self.residual(anchor, &actuated, plant, &mut buffer)).collect()
     }
 }
 
