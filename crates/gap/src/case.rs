@@ -8,12 +8,13 @@ use ds_effect::plant::{Road, Vehicle};
 use ds_effect::{Channel, Insertion, Plant};
 
 use crate::drive::Drive;
-use crate::ego::{Actuated, Instant, actuate};
+use crate::ego::{Actuated, Inputs, Instant, actuate};
 use crate::error::GapError;
 use crate::fit::{Model, Prior};
 use crate::floor;
 use crate::following::{self, FollowerRecord};
 use crate::meta::Meta;
+use crate::noise::Noise;
 use crate::scatter::{Scatter, scatter};
 use crate::settings::SLIDING_SHARE;
 use crate::space::{Part, Space};
@@ -31,6 +32,8 @@ pub struct Case {
     pub following: Vec<FollowerRecord>,
     /// Scatter of the samples of the drives to fit.
     pub scatter: Scatter,
+    /// Noise of the sensors in the drives to fit.
+    pub noise: Noise,
     /// What looked odd but could be used.
     pub warnings: Vec<String>,
 }
@@ -54,8 +57,10 @@ impl Case {
             }
         }
         let (fit, _) = meta.split();
-        let scatter = scatter(&fit.iter().map(|&d| &drives[d]).collect::<Vec<_>>());
-        Ok(Self { meta, drives, ego, following, scatter, warnings })
+        let fit: Vec<&Drive> = fit.iter().map(|&d| &drives[d]).collect();
+        let scatter = scatter(&fit);
+        let noise = Noise::of(&fit, scatter.jitter_secs);
+        Ok(Self { meta, drives, ego, following, scatter, noise, warnings })
     }
 }
 
@@ -84,7 +89,6 @@ pub struct PartModel<'a> {
     ego: Vec<&'a EgoRecord>,
     following: Vec<&'a FollowerRecord>,
     inverse_floor: Vec<f64>,
-    jitter_secs: f64,
     memory: Mutex<Memory>,
 }
 
@@ -125,28 +129,50 @@ impl<'a> PartModel<'a> {
             ego,
             following,
             inverse_floor: Vec::new(),
-            jitter_secs: case.scatter.jitter_secs,
             memory: Mutex::default(),
         };
-        model.label();
-        let plain = model.space.neutral();
-        let raw = model.raw(&plain);
-        for (inverse, residual) in model.inverse_floor.iter_mut().zip(&raw) {
-            if residual.is_nan() {
-                *inverse = 0.0;
-            }
+        model.label(&case.noise);
+        let usual = model.space.usual();
+        let spread = model.step_spread(&usual);
+        let raw = model.raw(&usual);
+        for ((inverse, residual), spread) in model.inverse_floor.iter_mut().zip(&raw).zip(spread) {
+            *inverse = if residual.is_nan() { 0.0 } else { 1.0 / (1.0 / *inverse).hypot(spread) };
         }
         model
     }
 
-    fn label(&mut self) {
+    /// Returns the standard deviation that the unknown instants of command steps give to every residual: a step may have
+    /// happened anywhere within its sample interval, so that no timing can be read from one step alone.
+    fn step_spread(&self, vector: &[f64]) -> Vec<f64> {
+        let plant = self.space.plant(vector);
+        let mut spread = Vec::with_capacity(self.tags.len());
+        for record in &self.ego {
+            let residuals = |inputs: &Inputs| -> Vec<f64> {
+                let actuated = actuate(inputs, &plant);
+                let rolled = record.roll(&record.anchors, &actuated, &plant);
+                let pairs = record.anchors.iter().zip(&rolled);
+                pairs.flat_map(|(anchor, r)| record.residual(anchor, r, &actuated, &plant)).collect()
+            };
+            match (record.stepped(0.0), record.stepped(1.0)) {
+                (Some(early), Some(late)) => spread.extend(
+                    residuals(&early).iter().zip(residuals(&late)).map(|(a, b)| (b - a).abs() / 12.0_f64.sqrt()),
+                ),
+                _ => spread.extend(std::iter::repeat_n(0.0, record.anchors.len() * EGO * BLOCKS)),
+            }
+        }
+        spread.resize(self.tags.len(), 0.0);
+        spread.iter_mut().filter(|s| s.is_nan()).for_each(|s| *s = 0.0);
+        spread
+    }
+
+    fn label(&mut self, noise: &Noise) {
         let mut window = 0;
         for record in &self.ego {
             for anchor in &record.anchors {
                 for (channel, block) in (0..EGO).flat_map(|c| (0..BLOCKS).map(move |b| (c, b))) {
                     let channel = Channel::ALL[channel];
                     self.tags.push(Tag { drive: record.drive, window, channel, block, secs: anchor.secs });
-                    self.inverse_floor.push(1.0 / floor::ego(channel.index(), block, &anchor.regime, self.jitter_secs));
+                    self.inverse_floor.push(1.0 / floor::ego(channel.index(), block, &anchor.regime, noise));
                 }
                 window += 1;
             }
@@ -162,7 +188,7 @@ impl<'a> PartModel<'a> {
                         block,
                         secs,
                     });
-                    self.inverse_floor.push(1.0 / floor::follower(channel, block));
+                    self.inverse_floor.push(1.0 / floor::follower(channel, block, noise));
                 }
                 window += 1;
             }

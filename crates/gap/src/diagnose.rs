@@ -80,7 +80,7 @@ pub fn diagnose_case(case: &Case, options: &Options) -> Diagnosis {
         unknown_description,
         next_manoeuvre: next(case, &outcomes, &effects),
         corrected_model: corrected(&outcomes),
-        floor_source: "practice".to_owned(),
+        floor_source: if case.noise.is_familiar() { "practice" } else { "self" }.to_owned(),
         warnings: case.warnings.clone(),
         secs: 0.0,
         effects,

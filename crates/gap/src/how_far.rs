@@ -45,10 +45,10 @@ fn ego(case: &Case, drives: &[usize], (before, after): (&Plant, &Plant), all: &m
     }));
     for record in case.ego.iter().filter(|r| drives.contains(&r.drive)) {
         let (bare, full) = (rollouts(record, before), rollouts(record, after));
-        let jitter = case.scatter.jitter_secs;
+        let noise = &case.noise;
         for ((anchor, b), a) in record.anchors_every(STRIDE, SCORED).iter().zip(&bare).zip(&full) {
             let blocks = SCORED / BLOCK;
-            let floor = |c: usize, k: usize| floor::ego(c, k, &anchor.regime, jitter).powi(2);
+            let floor = |c: usize, k: usize| floor::ego(c, k, &anchor.regime, noise).powi(2);
             let at = |c: usize, secs: f64| c * blocks + (secs / 0.25) as usize - 1;
             let pair = |f: &dyn Fn(&[f64]) -> f64, floor: f64| [f(b), f(a), floor];
             let square = |r: &[f64], i: usize| r[i] * r[i];
@@ -91,7 +91,7 @@ fn following(case: &Case, drives: &[usize], (before, after): (&Plant, &Plant), a
             for channel in 0..2 {
                 let range = channel * blocks..(channel + 1) * blocks;
                 let mean = |r: &[f64]| r[range.clone()].iter().map(|e| e * e).sum::<f64>() / blocks as f64;
-                let clean = (0..blocks).map(|k| floor::follower(channel, k).powi(2)).sum::<f64>() / blocks as f64;
+                let clean = (0..blocks).map(|k| floor::follower(channel, k, &case.noise).powi(2)).sum::<f64>() / blocks as f64;
                 push(&mut all[first + channel], record.drive, [mean(b), mean(a), clean]);
             }
         }

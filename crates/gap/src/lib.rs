@@ -21,6 +21,7 @@ pub mod how_far;
 pub mod manoeuvre;
 pub mod meta;
 pub mod remainder;
+pub mod noise;
 pub mod report;
 pub mod scatter;
 pub mod score;

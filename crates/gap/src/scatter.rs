@@ -91,6 +91,16 @@ fn second_differences(drive: &Drive, out: &mut Vec<(f64, f64, f64)>) {
     }
 }
 
+/// Returns the standard deviation of the position's noise across the path, m, if the drive has positions.
+#[must_use]
+pub fn across_noise(drives: &[&Drive]) -> Option<f64> {
+    let mut pairs = Vec::new();
+    for drive in drives {
+        second_differences(drive, &mut pairs);
+    }
+    (pairs.len() >= 100).then(|| (robust_variance(pairs.iter().map(|p| p.1)) / 6.0).sqrt())
+}
+
 fn robust_variance(values: impl Iterator<Item = f64>) -> f64 {
     let mut sizes: Vec<f64> = values.map(f64::abs).collect();
     sizes.sort_by(f64::total_cmp);

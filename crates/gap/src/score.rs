@@ -135,7 +135,10 @@ pub fn score(diagnoses: &BTreeMap<String, Diagnosis>, labels: &BTreeMap<String, 
             count("known called unknown", d.verdict == Verdict::Unknown);
         }
         sure.push(confidence(d, label));
-        if let Some(s) = d.how_far.iter().find(|s| s.metric == "position_2s" && s.before > 2.0 * s.floor) {
+        // the further unseen drive where there is one, else the held-out one
+        let positions = || d.how_far.iter().filter(|s| s.metric == "position_2s");
+        let realised = positions().find(|s| s.data == "unseen").or_else(|| positions().next());
+        if let Some(s) = realised.filter(|s| s.before > 2.0 * s.floor) {
             shares.push((d.predicted_share - s.share_explained).abs());
         }
     }

@@ -158,9 +158,14 @@ impl<'m, 'c> Search<'m, 'c> {
         let linear: Vec<f64> = (0..model.space.effects.len())
             .map(|e| if base.effects.contains(&e) { f64::NEG_INFINITY } else { linear_gain(model, &base.fit, e) })
             .collect();
+        // where the slope at the fit is no guide; all else is in the linearisation
+        let blind = |e: usize| {
+            let parameters = model.space.of(e).into_iter().map(|k| model.space.coordinates[k].parameter);
+            parameters.into_iter().any(|p| p.on_grid() || p.nuisance.is_none())
+        };
         let grid: Vec<(f64, Vec<f64>)> = (0..model.space.effects.len())
             .map(|e| {
-                if base.effects.contains(&e) {
+                if base.effects.contains(&e) || !blind(e) {
                     (f64::NEG_INFINITY, Vec::new())
                 } else {
                     best_on_grid(model, (&base.fit.vector, base.fit.data_loss), e)

@@ -12,6 +12,11 @@ pub const KEPT: usize = 8;
 pub const MARGIN_SDS: f64 = 2.5;
 /// Share of second differences of position that count as independent: each sample enters three of them.
 pub const JITTER_SHARE: f64 = 0.3;
+/// White noise of the sensors with which the floor was measured, by third differences of the practice logs: across
+/// position (both), yaw, v, `yaw_rate`, ax, ay, `steer_meas`, `v_wheel`, followers' v and gap; SI units.
+pub const SENSOR_NOISE: [f64; 11] = [0.012, 0.012, 0.0018, 0.025, 0.0028, 0.095, 0.095, 0.00062, 0.03, 0.08, 0.08];
+/// Noise relative to that within which the floor is used as it is.
+pub const FAMILIAR_NOISE: (f64, f64) = (0.65, 1.35);
 /// Log evidence of one exact copy of three channels at millimetre resolution; chance alone gives fewer than 1 in 1000.
 pub const REPEAT_SURPRISE: f64 = 1.0;
 /// Rounds of the nuisance fit, each with fresh derivatives; three leave less than 0.1 of evidence on practice cases.

@@ -17,6 +17,10 @@ pub const BLOCK: usize = 5;
 pub const BLOCKS: usize = 8;
 /// Samples of warm-up.
 const WARM: usize = 10;
+/// Smallest change of the steering command within a sample interval that counts as a step, rad.
+const STEER_STEP: f64 = 0.002;
+/// The same for the requested acceleration, m/s².
+const ACCEL_STEP: f64 = 0.1;
 /// Samples between the starts of windows.
 const STRIDE: usize = 25;
 
@@ -89,6 +93,16 @@ impl EgoRecord {
         let mut record = Self { drive, inputs, anchors: Vec::new(), log: log.clone(), speed };
         record.anchors = record.anchors_every(STRIDE, BLOCK * BLOCKS);
         Some(record)
+    }
+
+    /// Returns the inputs with every command step moved to the start (0.0) or the end (1.0) of the sample interval in
+    /// which it happened: the log does not say when within the interval; `None` if no command steps.
+    #[must_use]
+    pub fn stepped(&self, share: f64) -> Option<Inputs> {
+        let mut inputs = self.inputs.clone();
+        let steer = shift_steps(&self.log.cmd_steer, STEER_STEP, share, &mut inputs.steer);
+        let accel = shift_steps(&self.log.cmd_accel, ACCEL_STEP, share, &mut inputs.accel);
+        (steer || accel).then_some(inputs)
     }
 
     /// Returns anchors every `stride` samples with `scored` samples after each.
@@ -219,6 +233,23 @@ impl EgoRecord {
         }
         residual
     }
+}
+
+/// Replaces the ramps of a command's steps on the fine grid by steps at a share of their interval; tells if there were any.
+fn shift_steps(command: &[f64], least: f64, share: f64, fine: &mut [f64]) -> bool {
+    let change = |k: usize| if k + 1 < command.len() { (command[k + 1] - command[k]).abs() } else { 0.0 };
+    let per_sample = (STEP_SECS / FINE_SECS).round() as usize;
+    let mut any = false;
+    for k in 1..command.len().saturating_sub(1) {
+        if change(k) > least + 2.0 * (change(k - 1) + change(k + 1)) {
+            any = true;
+            for j in 1..per_sample {
+                let after = j as f64 >= share * per_sample as f64;
+                fine[k * per_sample + j] = command[if after { k + 1 } else { k }];
+            }
+        }
+    }
+    any
 }
 
 /// Returns what the simulated sensors report for the sample stamped `secs`, of a rollout that began at `start_secs` and

@@ -40,28 +40,34 @@ fn main() -> ExitCode {
         .map(|case| {
             let name = case.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
             let start = Instant::now();
-            let result = diagnose(case, &options).map(|mut d| {
+            let result = diagnose(case, &options).and_then(|mut d| {
                 d.secs = start.elapsed().as_secs_f64();
-                d
+                unseen(&root, &name, &mut d)?;
+                if let Some(out) = &out {
+                    write(out, &name, &d)?;
+                }
+                Ok(d)
             });
             (name, result)
         })
         .collect();
     for (name, result) in &results {
         match result {
-            Ok(diagnosis) => {
-                println!("{}", line(name, diagnosis, &labels[name]));
-                let written = out.as_ref().map_or(Ok(()), |out| write(out, name, diagnosis));
-                if let Err(error) = written {
-                    println!("{name}: {error}");
-                    return ExitCode::FAILURE;
-                }
-            }
+            Ok(diagnosis) => println!("{}", line(name, diagnosis, &labels[name])),
             Err(error) => println!("{name}: {error}"),
         }
     }
     scores(&results, &root);
     ExitCode::SUCCESS
+}
+
+/// Adds the shrink on the drives that lie apart under `unseen`, if there are any.
+fn unseen(root: &Path, name: &str, diagnosis: &mut Diagnosis) -> Result<(), GapError> {
+    let folder = root.join("unseen").join(name);
+    if folder.join("meta.json").exists() {
+        diagnosis.how_far.extend(ds_gap::evaluate(diagnosis, &folder, &[])?);
+    }
+    Ok(())
 }
 
 /// Prints the figures of all labelled cases.
