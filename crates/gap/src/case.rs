@@ -10,13 +10,13 @@ use ds_effect::{Channel, Insertion, Plant};
 use crate::drive::Drive;
 use crate::ego::{Actuated, Inputs, Instant, actuate};
 use crate::error::GapError;
-use crate::fit::{Model, Prior};
+use crate::fit::{Columns, Model, Prior};
 use crate::floor;
 use crate::following::{self, FollowerRecord};
 use crate::meta::Meta;
 use crate::noise::Noise;
 use crate::scatter::{Scatter, scatter};
-use crate::settings::SLIDING_SHARE;
+use crate::settings::{SHAPE_SHARE, SLIDING_SHARE};
 use crate::space::{Part, Space};
 use crate::windows::{BLOCKS, EGO, EgoRecord};
 
@@ -237,6 +237,32 @@ impl<'a> PartModel<'a> {
             }
         }
         residuals
+    }
+
+    /// Returns the model with the floor widened by a share of what some effects do to each residual: the true shape of an
+    /// effect is never quite the library's, and what is left of a strong one is no second effect. Also returns derivatives
+    /// of this model in units of that floor.
+    #[must_use]
+    pub fn widened(&self, vector: &[f64], effects: &[usize], columns: &Columns) -> (Self, Columns) {
+        let usual = self.space.usual();
+        let mut bare = vector.to_vec();
+        effects.iter().flat_map(|e| self.space.of(*e)).for_each(|k| bare[k] = usual[k]);
+        let pairs = self.residuals(vector).into_iter().zip(self.residuals(&bare));
+        let shares: Vec<f64> =
+            pairs.map(|(with, without)| 1.0 / 1.0_f64.hypot(SHAPE_SHARE * (with - without))).collect();
+        let scaled = |column: &Arc<Vec<f64>>| Arc::new(column.iter().zip(&shares).map(|(c, s)| c * s).collect());
+        let columns = columns.iter().map(|column| column.as_ref().map(scaled)).collect();
+        let inverse_floor = self.inverse_floor.iter().zip(&shares).map(|(inverse, s)| inverse * s).collect();
+        let model = Self {
+            space: self.space.clone(),
+            tags: self.tags.clone(),
+            part: self.part,
+            ego: self.ego.clone(),
+            following: self.following.clone(),
+            inverse_floor,
+            memory: Mutex::default(),
+        };
+        (model, columns)
     }
 
     /// Returns the priors when no effect is suspected: nuisances free, all else absent.

@@ -3,7 +3,7 @@
 use crate::case::{Case, PartModel};
 use crate::fit::Fit;
 use crate::scatter::Scatter;
-use crate::search::{Effort, Hypothesis, Search, held_out_gains};
+use crate::search::{Effort, Hypothesis, Search, extend, held_out_gains, outside, refit};
 use crate::settings::{
     DISAGREE_COST, DISAGREEMENT, FURTHER_GAIN, INSIDE_COST, MOST_EFFECTS, SINGLE_COST, SINGLE_GAIN, TEMPERATURE,
 };
@@ -17,6 +17,8 @@ pub struct Outcome<'m, 'c> {
     pub accepted: Option<Hypothesis>,
     /// Held-out gains per fit drive of the best singles, in their order.
     pub held_out: Vec<Vec<f64>>,
+    /// The model with the floor widened by the accepted effects' own uncertainty of shape.
+    widened: Option<PartModel<'c>>,
 }
 
 impl<'m, 'c> Outcome<'m, 'c> {
@@ -25,13 +27,15 @@ impl<'m, 'c> Outcome<'m, 'c> {
     pub fn run(model: &'m PartModel<'c>, drives: &[usize], effort: Effort) -> Self {
         let search = Search::run(model, effort);
         let count = if effort == Effort::Full { 4 } else { 2 };
-        let held_out: Vec<Vec<f64>> = search
-            .singles
-            .iter()
-            .take(count)
-            .map(|h| if h.gain > 0.0 { held_out_gains(model, (&search.null, &[]), h, drives) } else { Vec::new() })
-            .collect();
-        let mut outcome = Self { search, accepted: None, held_out };
+        let gains = |h: &Hypothesis| {
+            if h.gain > 0.0 {
+                held_out_gains(model, (&search.null, &[]), (&h.fit, &h.effects), drives)
+            } else {
+                Vec::new()
+            }
+        };
+        let held_out: Vec<Vec<f64>> = search.singles.iter().take(count).map(gains).collect();
+        let mut outcome = Self { search, accepted: None, held_out, widened: None };
         outcome.accept(drives, effort);
         outcome
     }
@@ -41,29 +45,43 @@ impl<'m, 'c> Outcome<'m, 'c> {
         let good = |k: usize| {
             let h = &search.singles[k];
             h.gain > SINGLE_GAIN
-                && search.outside(h, h.effects[0])
+                && outside(search.model, &h.fit.vector, h.effects[0])
                 && self.held_out.get(k).is_some_and(|g| agrees(g, h.gain))
         };
         let Some(first) = (0..search.singles.len().min(self.held_out.len())).find(|&k| good(k)) else { return };
         let mut current = search.singles[first].clone();
+        let widen = |h: &mut Hypothesis| {
+            let (model, columns) = search.model.widened(&h.fit.vector, &h.effects, &h.fit.columns);
+            h.fit = refit(&model, &h.fit.vector, &h.effects, columns);
+            model
+        };
+        let mut model = widen(&mut current);
         while current.effects.len() < MOST_EFFECTS {
-            let mut bases = vec![current.clone()];
+            let mut found = extend(&model, &current.fit, &current.effects);
             if current.effects.len() == 1 && effort == Effort::Full {
-                bases.extend(search.singles.iter().filter(|h| h.effects != current.effects).take(1).cloned());
+                // the best single may be what two others make together
+                let second = search.singles.iter().find(|h| h.effects != current.effects);
+                let other = second.map(|h| (refit(&model, &h.fit.vector, &h.effects, Vec::new()), h.effects.clone()));
+                let grown = other.and_then(|(fit, effects)| extend(&model, &fit, &effects));
+                let evidence = |f: &Option<(Fit, Vec<usize>)>| f.as_ref().map_or(f64::NEG_INFINITY, |f| f.0.evidence);
+                if evidence(&grown) > evidence(&found) {
+                    found = grown;
+                }
             }
-            let grown = bases.iter().filter_map(|base| search.extend(base));
-            let Some(grown) = grown.max_by(|a, b| a.gain.total_cmp(&b.gain)) else { break };
-            let adds = grown.gain - current.gain;
-            let outside = grown.effects.iter().all(|e| search.outside(&grown, *e));
-            if adds < FURTHER_GAIN || !outside {
+            let Some((fit, effects)) = found else { break };
+            let adds = fit.evidence - current.fit.evidence;
+            if adds < FURTHER_GAIN {
                 break;
             }
-            if !agrees(&held_out_gains(search.model, (&current.fit, &current.effects), &grown, drives), adds) {
+            if !effects.iter().all(|e| outside(&model, &fit.vector, *e)) || !needed(&model, &fit, &effects, drives) {
                 break;
             }
-            current = grown;
+            let grown = search.polish(&Hypothesis { effects, fit, gain: 0.0 });
+            current = Hypothesis { gain: current.gain + adds, ..grown };
+            model = widen(&mut current);
         }
         self.accepted = Some(current);
+        self.widened = Some(model);
     }
 
     /// Returns the fit of the accepted model, else the nuisance fit.
@@ -71,6 +89,25 @@ impl<'m, 'c> Outcome<'m, 'c> {
     pub fn fit(&self) -> &Fit {
         self.accepted.as_ref().map_or(&self.search.null, |h| &h.fit)
     }
+
+    /// Returns the model in whose floor units [`Self::fit`] is.
+    #[must_use]
+    pub fn model(&self) -> &PartModel<'c> {
+        self.widened.as_ref().unwrap_or(self.search.model)
+    }
+}
+
+/// Tells whether every one of several effects adds evidence over the others and helps on drives left out.
+fn needed(model: &PartModel<'_>, fit: &Fit, effects: &[usize], drives: &[usize]) -> bool {
+    effects.iter().all(|effect| {
+        let rest: Vec<usize> = effects.iter().copied().filter(|e| e != effect).collect();
+        let usual = model.space.usual();
+        let mut start = fit.vector.clone();
+        model.space.of(*effect).into_iter().for_each(|k| start[k] = usual[k]);
+        let less = refit(model, &start, &rest, fit.columns.clone());
+        let adds = fit.evidence - less.evidence;
+        adds > FURTHER_GAIN && agrees(&held_out_gains(model, (&less, &rest), (fit, effects), drives), adds)
+    })
 }
 
 /// Tells whether held-out gains are compatible with an effect of some evidence gain.
@@ -114,7 +151,7 @@ pub fn rank(case: &Case, outcomes: &[Outcome<'_, '_>]) -> Vec<Candidate> {
             let effect = h.effects[0];
             let gains = outcome.held_out.get(k).filter(|g| !g.is_empty());
             let mut log_weight = h.gain / TEMPERATURE - SINGLE_COST;
-            if !outcome.search.outside(h, effect) {
+            if !outside(outcome.search.model, &h.fit.vector, effect) {
                 log_weight -= INSIDE_COST;
             }
             if gains.is_some_and(|g| !agrees(g, h.gain)) {

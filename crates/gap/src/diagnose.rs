@@ -46,7 +46,7 @@ pub fn diagnose_case(case: &Case, options: &Options) -> Diagnosis {
     let mut ranking = rank(case, &outcomes);
     ranking.retain(|c| !options.without.iter().any(|id| id == c.id));
     let staircase = ranking.iter().any(|c| c.accepted && c.id == "cmd_hold_rate");
-    let lefts: Vec<Left> = outcomes.iter().map(|o| left(o.search.model, o.fit(), &o.search.null, staircase)).collect();
+    let lefts: Vec<Left> = outcomes.iter().map(|o| left(o.model(), o.fit(), &o.search.null, staircase)).collect();
     let p_unknown = lefts.iter().map(Left::probability).fold(0.0, f64::max);
     let verdict = verdict(&ranking, p_unknown);
     let known = 1.0 - p_unknown;
@@ -63,7 +63,7 @@ pub fn diagnose_case(case: &Case, options: &Options) -> Diagnosis {
     let pairs = [(&plants[0].0, &plants[0].1), (&plants[1].0, &plants[1].1)];
     let data = if held.is_empty() { (fit_drives.as_slice(), "fit") } else { (held.as_slice(), "heldout") };
     let unknown_description = (verdict == Verdict::Unknown).then(|| {
-        let fits: Vec<_> = outcomes.iter().map(|o| (o.search.model, o.fit())).collect();
+        let fits: Vec<_> = outcomes.iter().map(|o| (o.model(), o.fit())).collect();
         describe(case, &lefts, &fits, ranking.iter().take(3).map(|c| c.id.to_owned()).collect())
     });
     Diagnosis {

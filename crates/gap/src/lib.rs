@@ -28,6 +28,7 @@ pub mod score;
 pub mod search;
 pub mod settings;
 pub mod signature;
+pub mod size;
 pub mod smooth;
 pub mod space;
 pub mod synthetic;

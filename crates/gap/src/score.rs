@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::GapError;
 use crate::report::{Diagnosis, Verdict};
+use crate::settings::{FAIR_SIZE, GROUP_SIZE};
 
 /// The truth about one case.
 #[derive(Debug, Clone, Deserialize)]
@@ -25,6 +26,9 @@ pub struct LabelEffect {
     pub id: String,
     /// Its value.
     pub value: f64,
+    /// Size in floor units, where it is known; see [`crate::size::effect_size`].
+    #[serde(default)]
+    pub floor_units: Option<f64>,
     /// Effects that short logs can hardly separate share a group.
     #[serde(default)]
     pub group: String,
@@ -164,7 +168,12 @@ fn single(d: &Diagnosis, truth: &LabelEffect, count: &mut impl FnMut(&'static st
     let place = d.effects.iter().position(|e| e.id == truth.id);
     count("singles: first", place == Some(0));
     count("singles: first or second", place.is_some_and(|p| p < 2));
-    count("singles: in the group of the first", d.effects.first().is_some_and(|e| e.group.contains(&truth.id)));
+    let grouped = d.effects.first().is_some_and(|e| e.group.contains(&truth.id) && e.group.len() <= GROUP_SIZE);
+    count("singles: in the group of the first", grouped);
+    if truth.floor_units.is_none_or(|size| size > FAIR_SIZE) {
+        count("singles above 2 floor units: first", place == Some(0));
+        count("singles above 2 floor units: in the group", grouped);
+    }
     count("singles: strict", d.verdict == Verdict::Single && d.chosen == [truth.id.clone()]);
     if place == Some(0) && d.chosen.contains(&truth.id) {
         let first = &d.effects[0];

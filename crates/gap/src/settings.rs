@@ -27,6 +27,8 @@ pub const SINGLE_COST: f64 = 4.0;
 pub const SINGLE_GAIN: f64 = 5.5;
 /// Log evidence that a further effect must add.
 pub const FURTHER_GAIN: f64 = 8.0;
+/// Share of an effect's size, in each residual, by which its true shape may differ from the library's.
+pub const SHAPE_SHARE: f64 = 0.07;
 /// Most effects in one diagnosis (specification, section 3.3).
 pub const MOST_EFFECTS: usize = 3;
 /// Temperature of the probabilities: model error makes evidences of some tens differ by a few by chance.
@@ -51,6 +53,8 @@ pub const CLEAN_WINDOW_LOSS: f64 = 7.0;
 pub const EXPLAINED_SHARE: f64 = 0.5;
 /// Width of the passage from known to unknown, in log units of the clean level.
 pub const UNKNOWN_WIDTH: f64 = 0.12;
+/// Size in floor units beyond which a score demands that an effect be found up to its group.
+pub const FAIR_SIZE: f64 = 2.0;
 /// False discovery rate over all cells.
 pub const DISCOVERY_RATE: f64 = 0.05;
 /// Draws of every bootstrap.

@@ -36,6 +36,7 @@ pub struct Coordinate {
 }
 
 /// The parameters of one part.
+#[derive(Clone)]
 pub struct Space {
     /// The effects, in the library's order.
     pub effects: Vec<&'static Effect>,

@@ -3,10 +3,13 @@
 //! `gap-practice CASES_DIR --out DIR [--quick] [--only NAME] [--without EFFECT]`; cases run in parallel.
 #![allow(clippy::print_stdout, reason = "the table is this command's answer")]
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
+use ds_gap::case::Case;
+use ds_gap::size::effect_size;
 use ds_gap::{Diagnosis, GapError, Options, diagnose};
 use rayon::prelude::*;
 
@@ -74,7 +77,13 @@ fn unseen(root: &Path, name: &str, diagnosis: &mut Diagnosis) -> Result<(), GapE
 fn scores(results: &[(String, Result<Diagnosis, GapError>)], root: &Path) {
     let Ok(labels) = ds_gap::score::read_labels(&root.join("labels.json")) else { return };
     let found = results.iter().filter_map(|(name, r)| r.as_ref().ok().map(|d| (name.clone(), d.clone()))).collect();
-    let labels = labels.into_iter().filter(|(name, _)| results.iter().any(|(n, _)| n == name)).collect();
+    let mut labels: BTreeMap<_, _> =
+        labels.into_iter().filter(|(name, _)| results.iter().any(|(n, _)| n == name)).collect();
+    for (name, label) in labels.iter_mut().filter(|(_, label)| label.kind == "single") {
+        if let Ok(case) = Case::read(&root.join(name)) {
+            label.effects.iter_mut().for_each(|e| e.floor_units = effect_size(&case, &e.id, e.value));
+        }
+    }
     let scores = ds_gap::score(&found, &labels);
     for (name, share) in &scores.shares {
         if let Some(s) = share {
