@@ -36,7 +36,7 @@ EFFECTS = {
     "accel_lag": ("s", "drive_timing", 0.08, 0.6, "plus"),
     "accel_jerk_limit": ("m/s^3", "drive_timing", 0.7, 3.0, "limit"),
     "brake_gain": ("x", "brake", 0.08, 0.7, "less"),
-    "brake_fade": ("1/MJ", "brake", 0.05, 0.3, "plus"),
+    "brake_fade": ("1/MJ", "brake", 0.1, 0.3, "plus"),
     "drive_gain": ("x", "drive", 0.08, 0.5, "less"),
     "power_limit": ("W/kg", "drive", 8.0, 20.0, "limit"),
     "deadzone_accel": ("m/s^2", "drive", 0.08, 0.4, "plus"),
@@ -75,6 +75,10 @@ EFFECTS = {
     "tr_min_gap": ("m", "traffic_spacing", 0.6, 3.5, "plus"),
 }
 
+# the ten commonest, for curves of detection against size, and the number of sizes
+COMMON = ["steer_delay", "steer_offset", "steer_gain", "brake_gain", "drive_gain", "front_grip", "drag_add", "pose_latency", "wheel_scale", "tr_headway"]
+CURVE_STEPS = 8
+
 # outside the library: weakest and strongest
 UNKNOWN = {
     "steer_stiction": (0.008, 0.015), "gust_bursts": (1.2, 2.2), "brake_pulsation": (0.3, 0.5), "position_jumps": (0.4, 1.0),
@@ -90,10 +94,14 @@ def side(r):
     return 1.0 if r.random() < 0.5 else -1.0
 
 
-def draw_value(r, effect):
-    """Draws the value of an effect from weak to strong, as the label gives it."""
+def draw_value(r, effect, share=None):
+    """Draws the value of an effect from weak to strong, as the label gives it; `share` fixes how strong, 0 being a
+    quarter of the weakest drawn otherwise."""
     _, _, weak, strong, shape = EFFECTS[effect]
-    size = float(np.exp(r.uniform(np.log(weak), np.log(strong))))
+    low, high = np.log(weak), np.log(strong)
+    if share is not None:
+        low = high = np.log(weak / 4) + share * (high - np.log(weak / 4))
+    size = float(np.exp(r.uniform(low, high)))
     if shape in ("plus", "limit", "on"):
         return size
     if shape == "either":
@@ -404,6 +412,8 @@ def draw_case(r, kind, number, index):
     names = list(EFFECTS)
     if kind == "single":
         ids = [names[index % len(names)]]
+    elif kind == "curve":
+        ids = [COMMON[index % len(COMMON)]]
     elif kind == "double":
         first = names[(7 * index + int(r.integers(7))) % len(names)]
         others = [n for n in names if EFFECTS[n][1] != EFFECTS[first][1]]
@@ -412,7 +422,9 @@ def draw_case(r, kind, number, index):
         ids = [list(UNKNOWN)[index % len(UNKNOWN)]]
     else:
         ids = []
-    values = {i: draw_value(r, i) if i in EFFECTS else float(r.uniform(*UNKNOWN[i])) for i in ids}
+    share = (index // len(COMMON)) / (CURVE_STEPS - 1) if kind == "curve" else None
+    kind = "single" if kind == "curve" else kind
+    values = {i: draw_value(r, i, share) if i in EFFECTS else float(r.uniform(*UNKNOWN[i])) for i in ids}
     told = lambda i: values[i] * nominal["mass"] if i == "payload" else values[i]
     group = lambda i: EFFECTS[i][1] if i in EFFECTS else "out_of_library"
     kinds = list(r.permutation(["urban", "highway", "handling"])) + list(r.choice(["urban", "highway", "handling"], DRIVES - 3))
@@ -478,12 +490,15 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     for kind, count in (("singles", 48), ("none", 12), ("pairs", 6), ("unknown", 10)):
         parser.add_argument(f"--{kind}", type=int, default=count)
+    parser.add_argument("--curve", type=int, default=0, help="instead: so many draws of each of the common effects at each of their sizes")
     given = parser.parse_args()
     if given.spreads or given.out is None:
         print(json.dumps(spreads()))
         return
     wanted = [("single", k) for k in range(given.singles)] + [("none", k) for k in range(given.none)]
     wanted += [("double", k) for k in range(given.pairs)] + [("out_of_library", k) for k in range(given.unknown)]
+    if given.curve:
+        wanted = [("curve", k) for k in range(len(COMMON) * CURVE_STEPS)] * given.curve
     labels = {}
     for start in range(0, len(wanted), TOGETHER):
         part = list(enumerate(wanted))[start:start + TOGETHER]

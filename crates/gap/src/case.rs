@@ -147,12 +147,7 @@ impl<'a> PartModel<'a> {
         let plant = self.space.plant(vector);
         let mut spread = Vec::with_capacity(self.tags.len());
         for record in &self.ego {
-            let residuals = |inputs: &Inputs| -> Vec<f64> {
-                let actuated = actuate(inputs, &plant);
-                let rolled = record.roll(&record.anchors, &actuated, &plant);
-                let pairs = record.anchors.iter().zip(&rolled);
-                pairs.flat_map(|(anchor, r)| record.residual(anchor, r, &actuated, &plant)).collect()
-            };
+            let residuals = |inputs: &Inputs| record.windows(&record.anchors, inputs, &plant).concat();
             match (record.stepped(0.0), record.stepped(1.0)) {
                 (Some(early), Some(late)) => spread.extend(
                     residuals(&early).iter().zip(residuals(&late)).map(|(a, b)| (b - a).abs() / 12.0_f64.sqrt()),

@@ -14,6 +14,7 @@ use crate::remainder::{Left, describe, left};
 use crate::report::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, SCHEMA, Verdict};
 use crate::search::{Effort, without_drive};
 use crate::settings::{GROUP_COSINE, GROUP_EVIDENCE, GROUP_SIZE, OWN_NUISANCE};
+use crate::shapley::split;
 use crate::signature::{cosine, spread};
 use crate::space::{Part, SCATTER};
 use crate::windows::EGO;
@@ -76,6 +77,7 @@ pub fn diagnose_case(case: &Case, options: &Options) -> Diagnosis {
         chosen,
         cells: map(case, &outcomes, &options.without),
         how_far: how_far(case, data.0, pairs, data.1),
+        shares: if options.quick { Vec::new() } else { outcomes.iter().flat_map(|o| split(case, o, data.0)).collect() },
         predicted_share: predicted(case, &outcomes, &fit_drives),
         unknown_description,
         next_manoeuvre: next(case, &outcomes, &effects),

@@ -57,6 +57,12 @@ pub fn rank(names: [&str; 2], plants: [&Plant; 2], missing: &[bool; EGO]) -> Vec
     list
 }
 
+/// Returns what the sensors report of a simulator driven through the whole library, sample by sample.
+#[must_use]
+pub fn everything(plant: &Plant) -> Vec<[f64; EGO]> {
+    SCRIPTS.iter().flat_map(|script| report(script, plant)).collect()
+}
+
 fn separation(script: &Script, plants: [&Plant; 2], missing: &[bool; EGO]) -> f64 {
     let [a, b] = plants.map(|plant| report(script, plant));
     let mut total = 0.0;

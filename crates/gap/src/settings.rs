@@ -39,6 +39,8 @@ pub const INSIDE_COST: f64 = 8.0;
 pub const DISAGREE_COST: f64 = 6.0;
 /// Cosine of signatures above which two effects form a group (specification, section 3.3).
 pub const GROUP_COSINE: f64 = 0.95;
+/// Cosine above which two effects have the same signature whatever the data.
+pub const SAME_COSINE: f64 = 0.98;
 /// Evidence difference below which two effects form a group (specification, section 3.3).
 pub const GROUP_EVIDENCE: f64 = 3.0;
 /// Most members of a group that is worth reporting.

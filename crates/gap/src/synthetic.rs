@@ -43,6 +43,13 @@ pub fn write_case(folder: &Path, seed: u64, edit: &dyn Fn(&mut Plant)) -> Result
     Ok(())
 }
 
+/// Returns the nominal simulator of these cases.
+#[must_use]
+pub fn ordinary() -> Plant {
+    let parsed: crate::meta::Meta = serde_json::from_str(&meta()).expect("the description above is one");
+    parsed.nominal.plant()
+}
+
 fn meta() -> String {
     let drives: Vec<String> = (0..4)
         .map(|k| {

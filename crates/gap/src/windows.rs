@@ -6,7 +6,7 @@
 use ds_effect::{Channel, Plant};
 
 use crate::drive::{Drive, STEP_SECS};
-use crate::ego::{Actuated, FINE_SECS, Inputs, Instant, Saturation, Start, instant_at, rollout};
+use crate::ego::{Actuated, FINE_SECS, Inputs, Instant, Saturation, Start, actuate, instant_at, rollout};
 use crate::smooth::{between, parabola};
 
 /// Ego channels, in the order of the residual vector.
@@ -215,6 +215,20 @@ impl EgoRecord {
     pub fn roll(&self, anchors: &[Anchor], actuated: &Actuated, plant: &Plant) -> Vec<Vec<Instant>> {
         let saturation = Saturation::new(plant.vehicle.tyre_knee);
         anchors.iter().map(|anchor| rollout(&self.start(anchor, plant), actuated, plant, &saturation)).collect()
+    }
+
+    /// Returns the residuals of some windows when the simulator is given some inputs.
+    #[must_use]
+    pub fn windows(&self, anchors: &[Anchor], inputs: &Inputs, plant: &Plant) -> Vec<Vec<f64>> {
+        let actuated = actuate(inputs, plant);
+        let rolled = self.roll(anchors, &actuated, plant);
+        anchors.iter().zip(&rolled).map(|(anchor, r)| self.residual(anchor, r, &actuated, plant)).collect()
+    }
+
+    /// Returns the residuals of all windows of this drive, one after another.
+    #[must_use]
+    pub fn residuals(&self, plant: &Plant) -> Vec<f64> {
+        self.windows(&self.anchors, &self.inputs, plant).concat()
     }
 
     /// Returns measured minus simulated block means of one window, channel-major, NaN where the channel is absent.
