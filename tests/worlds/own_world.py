@@ -197,7 +197,7 @@ class Lanes:
         steps = self.want_v.shape[1] - 1
         mass = real["mass"] + self.on("payload", 0.0) * self.nominal["mass"]
         inertia = real["inertia"] * (1 + 0.5 * self.on("payload", 0.0))
-        rigid = 1 + 5 * self.on("kinematic_only", 0.0)
+        rigid = 1 + 19 * self.on("kinematic_only", 0.0)
         cf, cr = real["cf"] * self.on("front_grip", 1.0) * rigid, real["cr"] * self.on("rear_grip", 1.0) * rigid
         mu = real["mu"] * self.on("mu", 1.0) * rigid
         inertia = inertia * self.on("yaw_inertia", 1.0)

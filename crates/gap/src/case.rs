@@ -16,7 +16,7 @@ use crate::following::{self, FollowerRecord};
 use crate::meta::Meta;
 use crate::noise::Noise;
 use crate::scatter::{Scatter, scatter};
-use crate::settings::{SHAPE_SHARE, SLIDING_SHARE};
+use crate::settings::{HELD_SHARE, SHAPE_SHARE, SLIDING_SHARE};
 use crate::space::{Part, Space};
 use crate::windows::{BLOCKS, EGO, EgoRecord};
 
@@ -240,11 +240,13 @@ impl<'a> PartModel<'a> {
     #[must_use]
     pub fn widened(&self, vector: &[f64], effects: &[usize], columns: &Columns) -> (Self, Columns) {
         let usual = self.space.usual();
+        let held = effects.iter().any(|e| self.space.effects[*e].id == "cmd_hold_rate");
+        let share = if held { HELD_SHARE } else { SHAPE_SHARE };
         let mut bare = vector.to_vec();
         effects.iter().flat_map(|e| self.space.of(*e)).for_each(|k| bare[k] = usual[k]);
         let pairs = self.residuals(vector).into_iter().zip(self.residuals(&bare));
         let shares: Vec<f64> =
-            pairs.map(|(with, without)| 1.0 / 1.0_f64.hypot(SHAPE_SHARE * (with - without))).collect();
+            pairs.map(|(with, without)| 1.0 / 1.0_f64.hypot(share * (with - without))).collect();
         let scaled = |column: &Arc<Vec<f64>>| Arc::new(column.iter().zip(&shares).map(|(c, s)| c * s).collect());
         let columns = columns.iter().map(|column| column.as_ref().map(scaled)).collect();
         let inverse_floor = self.inverse_floor.iter().zip(&shares).map(|(inverse, s)| inverse * s).collect();
@@ -287,7 +289,7 @@ impl<'a> PartModel<'a> {
     #[must_use]
     pub fn sliding(&self, vector: &[f64]) -> Vec<bool> {
         let limit = SLIDING_SHARE * 9.81 * self.space.plant(vector).vehicle.friction;
-        self.ego.iter().flat_map(|record| record.anchors.iter().map(move |a| a.regime.lateral_mps2 > limit)).collect()
+        self.ego.iter().flat_map(|record| record.anchors.iter().map(move |a| a.regime.lateral_peak_mps2 > limit)).collect()
     }
 
     /// Tells whether there is nothing to explain.

@@ -46,8 +46,7 @@ pub fn diagnose_case(case: &Case, options: &Options) -> Diagnosis {
     let outcomes: Vec<Outcome<'_, '_>> = models.iter().map(|m| Outcome::run(m, &fit_drives, effort)).collect();
     let mut ranking = rank(case, &outcomes);
     ranking.retain(|c| !options.without.iter().any(|id| id == c.id));
-    let staircase = ranking.iter().any(|c| c.accepted && c.id == "cmd_hold_rate");
-    let lefts: Vec<Left> = outcomes.iter().map(|o| left(o.model(), o.fit(), &o.search.null, staircase)).collect();
+    let lefts: Vec<Left> = outcomes.iter().map(|o| left(o.model(), o.fit(), &o.search.null, o.accepted.is_some())).collect();
     let p_unknown = lefts.iter().map(Left::probability).fold(0.0, f64::max);
     let verdict = verdict(&ranking, p_unknown);
     let known = 1.0 - p_unknown;

@@ -118,6 +118,13 @@ fn column(model: &dyn Model, vector: &[f64], residuals: &[f64], k: usize, prior:
     shifted.iter().zip(residuals).map(|(a, b)| (a - b) / step).collect()
 }
 
+/// Returns the log posterior of a start, up to a constant, with the sign of a loss.
+pub fn start_loss(model: &dyn Model, priors: &[Prior], start: &[f64]) -> f64 {
+    let vector: Vec<f64> = start.iter().zip(priors).map(|(v, p)| p.clip(*v)).collect();
+    let prior: f64 = vector.iter().zip(priors).map(|(v, p)| p.log_density(*v)).sum();
+    data_loss(&model.residuals(&vector)) - prior
+}
+
 /// Fits a model.
 pub fn fit(model: &dyn Model, plan: Plan<'_>) -> Fit {
     let priors = plan.priors;

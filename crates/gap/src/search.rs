@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use crate::case::PartModel;
-use crate::fit::{Columns, Fit, Model, Plan, Prior, data_loss, fit};
+use crate::fit::{Columns, Fit, Model, Plan, Prior, data_loss, fit, start_loss};
 use crate::settings::{FURTHER_GAIN, KEPT, MARGIN_SDS, NULL_ROUNDS};
 
 /// A fitted hypothesis about one part: some effects present, all else nuisance.
@@ -122,7 +122,10 @@ impl<'m, 'c> Search<'m, 'c> {
         for &k in &own {
             columns[k] = None;
         }
-        let fits = starts.iter().map(|start| {
+        let mut starts: Vec<(f64, Vec<f64>)> =
+            starts.into_iter().map(|start| (start_loss(self.model, &priors, &start), start)).collect();
+        starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let fits = starts.iter().take(2).map(|(_, start)| {
             fit(
                 self.model,
                 Plan { priors: &priors, start, columns: columns.clone(), fresh: own.clone(), iterations: 4 },

@@ -65,6 +65,8 @@ pub struct Regime {
     pub accel_mps2: f64,
     /// Mean size of speed times yaw rate, m/s².
     pub lateral_mps2: f64,
+    /// Its largest size, m/s².
+    pub lateral_peak_mps2: f64,
     /// Root mean square rate of the commanded steering, rad/s.
     pub steer_rate: f64,
 }
@@ -183,10 +185,12 @@ impl EgoRecord {
         let count = range.len().max(1) as f64;
         let mean = |f: &dyn Fn(usize) -> f64| range.clone().map(f).sum::<f64>() / count;
         let steer = &self.log.cmd_steer;
+        let lateral = |k: usize| self.log.yaw_rate.as_ref().map_or(0.0, |r| (r[k] * self.speed[k]).abs());
         Regime {
             speed_mps: mean(&|k| self.speed[k]),
             accel_mps2: mean(&|k| self.log.cmd_accel[k]),
-            lateral_mps2: mean(&|k| self.log.yaw_rate.as_ref().map_or(0.0, |r| (r[k] * self.speed[k]).abs())),
+            lateral_mps2: mean(&lateral),
+            lateral_peak_mps2: range.clone().map(lateral).fold(0.0, f64::max),
             steer_rate: mean(&|k| ((steer[k + 1] - steer[k]) / STEP_SECS).powi(2)).sqrt(),
         }
     }
