@@ -289,7 +289,7 @@ impl<'a> PartModel<'a> {
     #[must_use]
     pub fn sliding(&self, vector: &[f64]) -> Vec<bool> {
         let limit = SLIDING_SHARE * 9.81 * self.space.plant(vector).vehicle.friction;
-        self.ego.iter().flat_map(|record| record.anchors.iter().map(move |a| a.regime.lateral_peak_mps2 > limit)).collect()
+        self.ego.iter().flat_map(|record| record.anchors.iter().map(move |a| a.regime.demand_mps2 > limit)).collect()
     }
 
     /// Tells whether there is nothing to explain.

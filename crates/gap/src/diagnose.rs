@@ -13,7 +13,7 @@ use crate::manoeuvre;
 use crate::remainder::{Left, describe, left};
 use crate::report::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, SCHEMA, Verdict};
 use crate::search::{Effort, without_drive};
-use crate::settings::{GROUP_COSINE, GROUP_EVIDENCE, GROUP_SIZE, OWN_NUISANCE};
+use crate::settings::{DOUBT, GROUP_COSINE, GROUP_EVIDENCE, GROUP_SIZE, OWN_NUISANCE, SHAPE_ERROR};
 use crate::shapley::split;
 use crate::signature::{cosine, spread};
 use crate::space::{Part, SCATTER};
@@ -49,6 +49,8 @@ pub fn diagnose_case(case: &Case, options: &Options) -> Diagnosis {
     let lefts: Vec<Left> = outcomes.iter().map(|o| left(o.model(), o.fit(), &o.search.null, o.accepted.is_some())).collect();
     let p_unknown = lefts.iter().map(Left::probability).fold(0.0, f64::max);
     let verdict = verdict(&ranking, p_unknown);
+    let doubt = if outcomes.iter().any(|o| o.accepted.is_some()) { DOUBT } else { 0.0 };
+    let p_unknown = doubt + (1.0 - doubt - DOUBT) * p_unknown;
     let known = 1.0 - p_unknown;
     let p_none = known * (1.0 - ranking.iter().map(|c| c.probability).sum::<f64>()).max(0.0);
     let effects: Vec<Finding> = ranking.iter().map(|c| finding(case, &outcomes, &ranking, c, known)).collect();
@@ -139,8 +141,9 @@ fn finding(
             _ => 0.0,
         };
         let own = parameter.nuisance.map_or(0.0, |n| OWN_NUISANCE * n.sd);
-        let width = 1.645 * spread(model, fit, k).hypot(own);
         let centre = fit.vector[k] - usual;
+        let shape = if parameter.neutral.is_finite() { SHAPE_ERROR * (centre - parameter.neutral) } else { SHAPE_ERROR };
+        let width = 1.645 * spread(model, fit, k).hypot(own).hypot(shape);
         let reported = |v: f64| model.space.reported(k, v);
         out.params.insert(parameter.name.to_owned(), reported(centre));
         if place == 0 {

@@ -30,6 +30,11 @@ pub const SINGLE_GAIN: f64 = 5.5;
 pub const FURTHER_GAIN: f64 = 5.0;
 /// Share of an effect's size, in each residual, by which its true shape may differ from the library's.
 pub const SHAPE_SHARE: f64 = 0.07;
+/// Standard error of an estimate, as a share of it, that comes from the uncertain shape.
+pub const SHAPE_ERROR: f64 = 0.03;
+/// Probability kept back from any accepted effect for something else, and from `unknown` for a library effect; on the own
+/// world (seed 100) one in ten of either answer is wrong whatever its evidence.
+pub const DOUBT: f64 = 0.08;
 /// The same share for a held command: the delay it makes scatters by T / sqrt 12 about its mean of T / 2.
 pub const HELD_SHARE: f64 = 0.577;
 /// How much more than an effect-free world an accepted effect may leave; on the own world (seed 100) library effects
@@ -73,6 +78,6 @@ pub const CELL_SIZE: f64 = 0.5;
 pub const OWN_NUISANCE: f64 = 0.7;
 /// Held-out loss, as a share of the evidence gain, that still counts as agreement.
 pub const DISAGREEMENT: f64 = 0.1;
-/// Largest lateral acceleration of a window, as a share of friction times gravity, from which parts of it are past the
+/// Largest demand on the tyres in a window, as a share of friction times gravity, from which parts of it are past the
 /// limit.
 pub const SLIDING_SHARE: f64 = 0.85;

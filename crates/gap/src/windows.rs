@@ -65,8 +65,8 @@ pub struct Regime {
     pub accel_mps2: f64,
     /// Mean size of speed times yaw rate, m/s².
     pub lateral_mps2: f64,
-    /// Its largest size, m/s².
-    pub lateral_peak_mps2: f64,
+    /// Largest demand on the tyres: lateral acceleration and commanded force over mass together, m/s².
+    pub demand_mps2: f64,
     /// Root mean square rate of the commanded steering, rad/s.
     pub steer_rate: f64,
 }
@@ -190,7 +190,7 @@ impl EgoRecord {
             speed_mps: mean(&|k| self.speed[k]),
             accel_mps2: mean(&|k| self.log.cmd_accel[k]),
             lateral_mps2: mean(&lateral),
-            lateral_peak_mps2: range.clone().map(lateral).fold(0.0, f64::max),
+            demand_mps2: range.clone().map(|k| lateral(k).hypot(self.log.cmd_accel[k])).fold(0.0, f64::max),
             steer_rate: mean(&|k| ((steer[k + 1] - steer[k]) / STEP_SECS).powi(2)).sqrt(),
         }
     }

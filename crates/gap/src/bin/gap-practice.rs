@@ -1,6 +1,7 @@
 //! Diagnoses many cases: writes `DIR/<case>/diagnosis.json` and prints one line per case, beside its label if there is one.
 //!
-//! `gap-practice CASES_DIR --out DIR [--quick] [--only NAME] [--without EFFECT]`; cases run in parallel.
+//! `gap-practice CASES_DIR --out DIR [--quick] [--only NAME] [--without EFFECT] [--score]`; cases run in parallel;
+//! `--score` only scores what an earlier run wrote.
 #![allow(clippy::print_stdout, reason = "the table is this command's answer")]
 
 use std::collections::BTreeMap;
@@ -17,7 +18,7 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let after = |flag: &str| arguments.iter().position(|a| a == flag).and_then(|k| arguments.get(k + 1)).cloned();
     let Some(root) = arguments.first().filter(|a| !a.starts_with("--")).map(PathBuf::from) else {
-        println!("usage: gap-practice CASES_DIR [--out DIR] [--quick] [--only NAME] [--without EFFECT]");
+        println!("usage: gap-practice CASES_DIR [--out DIR] [--quick] [--only NAME] [--without EFFECT] [--score]");
         return ExitCode::from(64);
     };
     let options = Options {
@@ -38,11 +39,18 @@ fn main() -> ExitCode {
         cases.retain(|c| c.ends_with(&only) || c.to_string_lossy().contains(&only));
     }
     let out = after("--out").map(PathBuf::from);
+    let scoring = arguments.iter().any(|a| a == "--score");
+    if let (true, Some(out)) = (scoring, &out) {
+        cases.retain(|c| c.file_name().is_some_and(|name| out.join(name).join("diagnosis.json").exists()));
+    }
     let results: Vec<(String, Result<Diagnosis, GapError>)> = cases
         .par_iter()
         .map(|case| {
             let name = case.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
             let start = Instant::now();
+            if scoring {
+                return (name.clone(), out.as_ref().map_or_else(|| diagnose(case, &options), |out| read(out, &name)));
+            }
             let result = diagnose(case, &options).and_then(|mut d| {
                 d.secs = start.elapsed().as_secs_f64();
                 unseen(&root, &name, &mut d)?;
@@ -134,6 +142,13 @@ fn line(name: &str, d: &Diagnosis, label: &serde_json::Value) -> String {
         d.cells.len(),
         d.unknown_description.as_ref().map(|u| format!("\n    {}", u.text)).unwrap_or_default(),
     )
+}
+
+/// Reads back a diagnosis written earlier.
+fn read(out: &Path, name: &str) -> Result<Diagnosis, GapError> {
+    let path = out.join(name).join("diagnosis.json");
+    let text = std::fs::read_to_string(&path).map_err(|source| GapError::Read { path: path.clone(), source })?;
+    serde_json::from_str(&text).map_err(|source| GapError::Json { path, source })
 }
 
 fn write(out: &Path, name: &str, diagnosis: &Diagnosis) -> Result<(), GapError> {
