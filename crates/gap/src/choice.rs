@@ -5,7 +5,7 @@ use crate::fit::Fit;
 use crate::scatter::Scatter;
 use crate::search::{Effort, Hypothesis, Search, extend, held_out_gains, outside, refit};
 use crate::settings::{
-    DISAGREE_COST, DISAGREEMENT, FURTHER_GAIN, INSIDE_COST, MOST_EFFECTS, SINGLE_COST, SINGLE_GAIN, TEMPERATURE,
+    DISAGREE_COST, DISAGREEMENT, FURTHER_GAIN, INSIDE_COST, MOST_EFFECTS, SINGLE_COST, Thresholds,
 };
 use crate::space::SCATTER;
 
@@ -24,7 +24,7 @@ pub struct Outcome<'m, 'c> {
 impl<'m, 'c> Outcome<'m, 'c> {
     /// Searches a part and accepts effects one by one.
     #[must_use]
-    pub fn run(model: &'m PartModel<'c>, drives: &[usize], effort: Effort) -> Self {
+    pub fn run(model: &'m PartModel<'c>, drives: &[usize], effort: Effort, thresholds: &Thresholds) -> Self {
         let search = Search::run(model, effort);
         let count = if effort == Effort::Full { 4 } else { 2 };
         let gains = |h: &Hypothesis| {
@@ -36,15 +36,15 @@ impl<'m, 'c> Outcome<'m, 'c> {
         };
         let held_out: Vec<Vec<f64>> = search.singles.iter().take(count).map(gains).collect();
         let mut outcome = Self { search, accepted: None, held_out, widened: None };
-        outcome.accept(drives, effort);
+        outcome.accept(drives, effort, thresholds);
         outcome
     }
 
-    fn accept(&mut self, drives: &[usize], effort: Effort) {
+    fn accept(&mut self, drives: &[usize], effort: Effort, thresholds: &Thresholds) {
         let search = &self.search;
         let good = |k: usize| {
             let h = &search.singles[k];
-            h.gain > SINGLE_GAIN
+            h.gain > thresholds.single_gain
                 && outside(search.model, &h.fit.vector, h.effects[0])
                 && self.held_out.get(k).is_some_and(|g| agrees(g, h.gain))
         };
@@ -144,13 +144,13 @@ pub struct Candidate {
 
 /// Ranks every fitted effect of all parts and the scatter effects.
 #[must_use]
-pub fn rank(case: &Case, outcomes: &[Outcome<'_, '_>]) -> Vec<Candidate> {
+pub fn rank(case: &Case, outcomes: &[Outcome<'_, '_>], thresholds: &Thresholds) -> Vec<Candidate> {
     let mut ranking = Vec::new();
     for (part, outcome) in outcomes.iter().enumerate() {
         for (k, h) in outcome.search.singles.iter().enumerate() {
             let effect = h.effects[0];
             let gains = outcome.held_out.get(k).filter(|g| !g.is_empty());
-            let mut log_weight = h.gain / TEMPERATURE - SINGLE_COST;
+            let mut log_weight = h.gain / thresholds.temperature - SINGLE_COST;
             if !outside(outcome.search.model, &h.fit.vector, effect) {
                 log_weight -= INSIDE_COST;
             }
@@ -175,38 +175,39 @@ pub fn rank(case: &Case, outcomes: &[Outcome<'_, '_>]) -> Vec<Candidate> {
             for &effect in &model.effects {
                 let id = outcome.search.model.space.effects[effect].id;
                 if !ranking.iter().any(|c| c.id == id) {
-                    let blank = Candidate { single: usize::MAX, ..scatter_candidate(id, 0.0, true) };
+                    let blank = Candidate { single: usize::MAX, ..scatter_candidate(id, 0.0, true, thresholds) };
                     ranking.push(Candidate { part: Some(part), ..blank });
                 }
             }
         }
     }
-    ranking.extend(scatter_candidates(&case.scatter));
-    weigh(&mut ranking, outcomes);
+    ranking.extend(scatter_candidates(&case.scatter, thresholds));
+    weigh(&mut ranking, outcomes, thresholds);
     ranking
 }
 
-fn scatter_candidate(id: &'static str, gain: f64, accepted: bool) -> Candidate {
-    let log_weight = gain / TEMPERATURE - SINGLE_COST;
+fn scatter_candidate(id: &'static str, gain: f64, accepted: bool, thresholds: &Thresholds) -> Candidate {
+    let log_weight = gain / thresholds.temperature - SINGLE_COST;
     Candidate { id, part: None, single: 0, gain, held_out: None, log_weight, accepted, probability: 0.0 }
 }
 
-fn scatter_candidates(scatter: &Scatter) -> Vec<Candidate> {
+fn scatter_candidates(scatter: &Scatter, thresholds: &Thresholds) -> Vec<Candidate> {
     let gains = [scatter.jitter_gain, scatter.repeated_gain];
-    SCATTER.iter().zip(gains).map(|(id, gain)| scatter_candidate(id, gain, gain > SINGLE_GAIN)).collect()
+    let line = |(id, gain): (&&'static str, f64)| scatter_candidate(id, gain, gain > thresholds.single_gain, thresholds);
+    SCATTER.iter().zip(gains).map(line).collect()
 }
 
 /// Turns log weights into probabilities over none, every single effect and the accepted combination.
 ///
 /// Evidence is relative to the nuisance fit of all parts, so a single effect competes with the accepted combination
 /// through the sum of the gains of what was accepted.
-fn weigh(ranking: &mut [Candidate], outcomes: &[Outcome<'_, '_>]) {
+fn weigh(ranking: &mut [Candidate], outcomes: &[Outcome<'_, '_>], thresholds: &Thresholds) {
     let accepted: Vec<usize> = (0..ranking.len()).filter(|&k| ranking[k].accepted).collect();
     let mut combined = f64::NEG_INFINITY;
     if accepted.len() > 1 {
         let parts: f64 = outcomes.iter().filter_map(|o| o.accepted.as_ref()).map(|h| h.gain).sum();
         let scatter: f64 = accepted.iter().filter(|&&k| ranking[k].part.is_none()).map(|&k| ranking[k].gain).sum();
-        combined = (parts + scatter) / TEMPERATURE - SINGLE_COST * accepted.len() as f64;
+        combined = (parts + scatter) / thresholds.temperature - SINGLE_COST * accepted.len() as f64;
     }
     let largest = ranking.iter().map(|c| c.log_weight).fold(combined.max(0.0), f64::max);
     let total: f64 = (-largest).exp()

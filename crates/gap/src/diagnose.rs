@@ -13,7 +13,7 @@ use crate::manoeuvre;
 use crate::remainder::{Left, describe, left};
 use crate::report::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, SCHEMA, Verdict};
 use crate::search::{Effort, without_drive};
-use crate::settings::{DOUBT, GROUP_COSINE, GROUP_EVIDENCE, GROUP_SIZE, OWN_NUISANCE, SHAPE_ERROR};
+use crate::settings::{DOUBT, GROUP_COSINE, GROUP_EVIDENCE, GROUP_SIZE, OWN_NUISANCE, SHAPE_ERROR, Thresholds};
 use crate::shapley::split;
 use crate::signature::{cosine, spread};
 use crate::space::{Part, SCATTER};
@@ -33,18 +33,26 @@ pub struct Options {
 /// # Errors
 /// If the case cannot be read or makes no sense.
 pub fn diagnose(folder: &Path, options: &Options) -> Result<Diagnosis, GapError> {
+    diagnose_with(folder, options, &Thresholds::default())
+}
+
+/// Diagnoses a case folder with other thresholds than the built-in ones.
+///
+/// # Errors
+/// If the case cannot be read or makes no sense.
+pub fn diagnose_with(folder: &Path, options: &Options, thresholds: &Thresholds) -> Result<Diagnosis, GapError> {
     let case = Case::read(folder)?;
-    Ok(diagnose_case(&case, options))
+    Ok(diagnose_case(&case, options, thresholds))
 }
 
 /// Diagnoses a case in memory.
 #[must_use]
-pub fn diagnose_case(case: &Case, options: &Options) -> Diagnosis {
+pub fn diagnose_case(case: &Case, options: &Options, thresholds: &Thresholds) -> Diagnosis {
     let (fit_drives, held) = case.meta.split();
     let effort = if options.quick { Effort::Quick } else { Effort::Full };
     let models = [Part::Ego, Part::Following].map(|part| PartModel::new(case, part, &fit_drives, &options.without));
-    let outcomes: Vec<Outcome<'_, '_>> = models.iter().map(|m| Outcome::run(m, &fit_drives, effort)).collect();
-    let mut ranking = rank(case, &outcomes);
+    let outcomes: Vec<Outcome<'_, '_>> = models.iter().map(|m| Outcome::run(m, &fit_drives, effort, thresholds)).collect();
+    let mut ranking = rank(case, &outcomes, thresholds);
     ranking.retain(|c| !options.without.iter().any(|id| id == c.id));
     let lefts: Vec<Left> = outcomes.iter().map(|o| left(o.model(), o.fit(), &o.search.null, o.accepted.is_some())).collect();
     let p_unknown = lefts.iter().map(Left::probability).fold(0.0, f64::max);

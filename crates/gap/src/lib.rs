@@ -19,6 +19,7 @@ pub mod floor;
 pub mod following;
 pub mod how_far;
 pub mod isolability;
+pub mod leave_out;
 pub mod manoeuvre;
 pub mod meta;
 pub mod remainder;

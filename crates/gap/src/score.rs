@@ -184,7 +184,8 @@ fn single(d: &Diagnosis, truth: &LabelEffect, count: &mut impl FnMut(&'static st
 }
 
 /// Returns the probability of the answer given and whether it is right.
-fn confidence(d: &Diagnosis, label: &Label) -> (f64, bool) {
+#[must_use]
+pub fn confidence(d: &Diagnosis, label: &Label) -> (f64, bool) {
     let known: f64 = d.effects.iter().filter(|e| d.chosen.contains(&e.id)).map(|e| e.probability).sum();
     match d.verdict {
         Verdict::None => (d.p_none, label.kind == "none"),

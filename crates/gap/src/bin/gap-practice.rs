@@ -10,6 +10,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use ds_gap::case::Case;
+use ds_gap::score::Scores;
 use ds_gap::size::effect_size;
 use ds_gap::{Diagnosis, GapError, Options, diagnose};
 use rayon::prelude::*;
@@ -29,6 +30,9 @@ fn main() -> ExitCode {
         .ok()
         .and_then(|text| serde_json::from_str(&text).ok())
         .unwrap_or_default();
+    if arguments.iter().any(|a| a == "--leave-one-out") {
+        return left_out(&root, &options);
+    }
     let mut cases: Vec<PathBuf> = std::fs::read_dir(&root)
         .map(|entries| {
             entries.filter_map(|e| e.ok().map(|e| e.path())).filter(|p| p.join("meta.json").exists()).collect()
@@ -81,6 +85,36 @@ fn unseen(root: &Path, name: &str, diagnosis: &mut Diagnosis) -> Result<(), GapE
     Ok(())
 }
 
+/// Prints, per labelled case, what thresholds from the other cases make of it.
+fn left_out(root: &Path, options: &Options) -> ExitCode {
+    let found = ds_gap::score::read_labels(&root.join("labels.json"))
+        .and_then(|labels| Ok((ds_gap::leave_out::leave_one_out(root, &labels, options)?, labels)));
+    let (found, labels) = match found {
+        Ok(found) => found,
+        Err(error) => {
+            println!("{error}");
+            return ExitCode::FAILURE;
+        }
+    };
+    println!("| case | truth | verdict | chosen | p | single gain | temperature |\n|---|---|---|---|---|---|---|");
+    for (name, (thresholds, d)) in &found {
+        let truth: Vec<&str> = labels[name].effects.iter().map(|e| e.id.as_str()).collect();
+        let (p, right) = ds_gap::score::confidence(d, &labels[name]);
+        println!(
+            "| {name} | {} {} | {:?} | {} | {p:.2}{} | {:.1} | {} |",
+            labels[name].kind,
+            truth.join(", "),
+            d.verdict,
+            d.chosen.join(", "),
+            if right { "" } else { " (wrong)" },
+            thresholds.single_gain,
+            thresholds.temperature
+        );
+    }
+    print_scores(&ds_gap::score(&found.into_iter().map(|(name, (_, d))| (name, d)).collect(), &labels));
+    ExitCode::SUCCESS
+}
+
 /// Prints the figures of all labelled cases.
 fn scores(results: &[(String, Result<Diagnosis, GapError>)], root: &Path) {
     let Ok(labels) = ds_gap::score::read_labels(&root.join("labels.json")) else { return };
@@ -92,7 +126,10 @@ fn scores(results: &[(String, Result<Diagnosis, GapError>)], root: &Path) {
             label.effects.iter_mut().for_each(|e| e.floor_units = effect_size(&case, &e.id, e.value));
         }
     }
-    let scores = ds_gap::score(&found, &labels);
+    print_scores(&ds_gap::score(&found, &labels));
+}
+
+fn print_scores(scores: &Scores) {
     for (name, share) in &scores.shares {
         if let Some(s) = share {
             println!(
