@@ -122,15 +122,8 @@ impl<'a> PartModel<'a> {
         } else {
             Vec::new()
         };
-        let mut model = Self {
-            space,
-            tags: Vec::new(),
-            part,
-            ego,
-            following,
-            inverse_floor: Vec::new(),
-            memory: Mutex::default(),
-        };
+        let mut model =
+            Self { space, tags: Vec::new(), part, ego, following, inverse_floor: Vec::new(), memory: Mutex::default() };
         model.label(&case.noise);
         let usual = model.space.usual();
         let spread = model.step_spread(&usual);
@@ -245,8 +238,7 @@ impl<'a> PartModel<'a> {
         let mut bare = vector.to_vec();
         effects.iter().flat_map(|e| self.space.of(*e)).for_each(|k| bare[k] = usual[k]);
         let pairs = self.residuals(vector).into_iter().zip(self.residuals(&bare));
-        let shares: Vec<f64> =
-            pairs.map(|(with, without)| 1.0 / 1.0_f64.hypot(share * (with - without))).collect();
+        let shares: Vec<f64> = pairs.map(|(with, without)| 1.0 / 1.0_f64.hypot(share * (with - without))).collect();
         let scaled = |column: &Arc<Vec<f64>>| Arc::new(column.iter().zip(&shares).map(|(c, s)| c * s).collect());
         let columns = columns.iter().map(|column| column.as_ref().map(scaled)).collect();
         let inverse_floor = self.inverse_floor.iter().zip(&shares).map(|(inverse, s)| inverse * s).collect();

@@ -4,9 +4,7 @@ use crate::case::{Case, PartModel};
 use crate::fit::Fit;
 use crate::scatter::Scatter;
 use crate::search::{Effort, Hypothesis, Search, extend, held_out_gains, outside, refit};
-use crate::settings::{
-    DISAGREE_COST, DISAGREEMENT, FURTHER_GAIN, INSIDE_COST, MOST_EFFECTS, SINGLE_COST, Thresholds,
-};
+use crate::settings::{DISAGREE_COST, DISAGREEMENT, FURTHER_GAIN, INSIDE_COST, MOST_EFFECTS, SINGLE_COST, Thresholds};
 use crate::space::SCATTER;
 
 /// What the search over one part came to.
@@ -193,7 +191,8 @@ fn scatter_candidate(id: &'static str, gain: f64, accepted: bool, thresholds: &T
 
 fn scatter_candidates(scatter: &Scatter, thresholds: &Thresholds) -> Vec<Candidate> {
     let gains = [scatter.jitter_gain, scatter.repeated_gain];
-    let line = |(id, gain): (&&'static str, f64)| scatter_candidate(id, gain, gain > thresholds.single_gain, thresholds);
+    let line =
+        |(id, gain): (&&'static str, f64)| scatter_candidate(id, gain, gain > thresholds.single_gain, thresholds);
     SCATTER.iter().zip(gains).map(line).collect()
 }
 

@@ -51,10 +51,12 @@ pub fn diagnose_case(case: &Case, options: &Options, thresholds: &Thresholds) ->
     let (fit_drives, held) = case.meta.split();
     let effort = if options.quick { Effort::Quick } else { Effort::Full };
     let models = [Part::Ego, Part::Following].map(|part| PartModel::new(case, part, &fit_drives, &options.without));
-    let outcomes: Vec<Outcome<'_, '_>> = models.iter().map(|m| Outcome::run(m, &fit_drives, effort, thresholds)).collect();
+    let outcomes: Vec<Outcome<'_, '_>> =
+        models.iter().map(|m| Outcome::run(m, &fit_drives, effort, thresholds)).collect();
     let mut ranking = rank(case, &outcomes, thresholds);
     ranking.retain(|c| !options.without.iter().any(|id| id == c.id));
-    let lefts: Vec<Left> = outcomes.iter().map(|o| left(o.model(), o.fit(), &o.search.null, o.accepted.is_some())).collect();
+    let lefts: Vec<Left> =
+        outcomes.iter().map(|o| left(o.model(), o.fit(), &o.search.null, o.accepted.is_some())).collect();
     let p_unknown = lefts.iter().map(Left::probability).fold(0.0, f64::max);
     let verdict = verdict(&ranking, p_unknown);
     let doubt = if outcomes.iter().any(|o| o.accepted.is_some()) { DOUBT } else { 0.0 };
@@ -150,7 +152,8 @@ fn finding(
         };
         let own = parameter.nuisance.map_or(0.0, |n| OWN_NUISANCE * n.sd);
         let centre = fit.vector[k] - usual;
-        let shape = if parameter.neutral.is_finite() { SHAPE_ERROR * (centre - parameter.neutral) } else { SHAPE_ERROR };
+        let shape =
+            if parameter.neutral.is_finite() { SHAPE_ERROR * (centre - parameter.neutral) } else { SHAPE_ERROR };
         let width = 1.645 * spread(model, fit, k).hypot(own).hypot(shape);
         let reported = |v: f64| model.space.reported(k, v);
         out.params.insert(parameter.name.to_owned(), reported(centre));

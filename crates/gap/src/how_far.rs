@@ -87,7 +87,8 @@ fn following(case: &Case, drives: &[usize], (before, after): (&Plant, &Plant), a
             for channel in 0..2 {
                 let range = channel * blocks..(channel + 1) * blocks;
                 let mean = |r: &[f64]| r[range.clone()].iter().map(|e| e * e).sum::<f64>() / blocks as f64;
-                let clean = (0..blocks).map(|k| floor::follower(channel, k, &case.noise).powi(2)).sum::<f64>() / blocks as f64;
+                let clean =
+                    (0..blocks).map(|k| floor::follower(channel, k, &case.noise).powi(2)).sum::<f64>() / blocks as f64;
                 push(&mut all[first + channel], record.drive, [mean(b), mean(a), clean]);
             }
         }

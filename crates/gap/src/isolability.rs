@@ -14,30 +14,53 @@ use crate::space::SCATTER;
 use crate::synthetic::ordinary;
 use crate::windows::EGO;
 
+/// Root mean square, in floor units, below which an effect of a third of its range does not show in a channel.
+const VISIBLE: f64 = 0.1;
+
 /// Returns groups of effects that share one signature in these channels whatever the data; an effect that differs from
 /// all others is alone in its group, one that does not show in these channels is in none.
 #[must_use]
 pub fn isolability(channels: &[Channel]) -> Vec<Vec<&'static str>> {
     let nominal = response(&ordinary(), channels);
-    let mut groups: Vec<(Vec<f64>, Vec<&'static str>)> = Vec::new();
+    let mut groups: Vec<(Shape, Vec<&'static str>)> = Vec::new();
     for effect in library().iter().filter(|e| e.suspect && e.channels.iter().any(|c| channels.contains(c))) {
         if SCATTER.contains(&effect.id) {
-            groups.push((Vec::new(), vec![effect.id]));
+            groups.push((Shape::new(), vec![effect.id]));
             continue;
         }
-        let shape: Vec<f64> = response(&typical(effect), channels).iter().zip(&nominal).map(|(a, b)| a - b).collect();
-        let size = shape.iter().map(|s| s * s).sum::<f64>().sqrt();
-        if size < 1e-9 {
+        let moved = response(&typical(effect), channels);
+        let less = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).map(|(a, b)| a - b).collect();
+        let shape: Shape = moved.iter().zip(&nominal).map(less).collect();
+        if shape.iter().all(|c| norm(c) < 1e-9) {
             continue;
         }
-        let shape: Vec<f64> = shape.iter().map(|s| s / size).collect();
-        let alike = |other: &[f64]| other.iter().zip(&shape).map(|(a, b)| a * b).sum::<f64>().abs() > SAME_COSINE;
-        match groups.iter_mut().find(|(other, _)| alike(other)) {
+        match groups.iter_mut().find(|(other, _)| same(other, &shape)) {
             Some((_, members)) => members.push(effect.id),
             None => groups.push((shape, vec![effect.id])),
         }
     }
     groups.into_iter().map(|(_, members)| members).collect()
+}
+
+/// What an effect changes, channel by channel, in floor units.
+type Shape = Vec<Vec<f64>>;
+
+fn norm(signal: &[f64]) -> f64 {
+    signal.iter().map(|s| s * s).sum::<f64>().sqrt()
+}
+
+/// Tells whether one shape is a multiple of another in every channel in which either shows: over all channels together
+/// the integrated ones would drown the rest.
+fn same(a: &Shape, b: &Shape) -> bool {
+    let dot = |a: &Shape, b: &Shape| -> f64 { a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| a * b).sum() };
+    let scale = dot(a, b) / dot(b, b).max(1e-12);
+    let off = (1.0 - SAME_COSINE * SAME_COSINE).sqrt();
+    a.len() == b.len()
+        && a.iter().zip(b).all(|(a, b)| {
+            let rest: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - scale * b).collect();
+            let size = norm(a).max(scale.abs() * norm(b));
+            size < VISIBLE * (a.len() as f64).sqrt() || norm(&rest) < off * size
+        })
 }
 
 /// The ordinary vehicle with an effect of a third of its range.
@@ -51,20 +74,21 @@ fn typical(effect: &Effect) -> Plant {
     plant
 }
 
-/// Everything that some channels report of a simulator, in floor units.
-fn response(plant: &Plant, channels: &[Channel]) -> Vec<f64> {
-    let ego: Vec<usize> = channels.iter().map(|c| c.index()).filter(|&c| c < EGO).collect();
+/// Everything that some channels report of a simulator, channel by channel, in floor units.
+fn response(plant: &Plant, channels: &[Channel]) -> Shape {
     let rows = everything(plant);
-    let mut all: Vec<f64> =
-        rows.iter().flat_map(|row| ego.iter().map(|&c| row[c] / EGO_FLOOR[c][0].hypot(2.0 * EGO_FLOOR[c][1]))).collect();
     let windows = follower().residuals(plant);
-    for window in windows.chunks(2 * BLOCKS) {
-        for channel in channels.iter().filter(|c| c.of_follower()).map(|c| c.index() - EGO) {
-            let floor = FOLLOWER_FLOOR[channel][0].hypot(2.0 * FOLLOWER_FLOOR[channel][1]);
-            all.extend(window[channel * BLOCKS..(channel + 1) * BLOCKS].iter().map(|r| r / floor));
+    let of = |channel: &Channel| -> Vec<f64> {
+        let c = channel.index();
+        if c < EGO {
+            let floor = EGO_FLOOR[c][0].hypot(2.0 * EGO_FLOOR[c][1]);
+            return rows.iter().map(|row| row[c] / floor).collect();
         }
-    }
-    all
+        let floor = FOLLOWER_FLOOR[c - EGO][0].hypot(2.0 * FOLLOWER_FLOOR[c - EGO][1]);
+        let own = |window: &[f64]| window[(c - EGO) * BLOCKS..][..BLOCKS].to_vec();
+        windows.chunks(2 * BLOCKS).flat_map(own).map(|r| r / floor).collect()
+    };
+    channels.iter().map(of).collect()
 }
 
 /// A follower near its steady gap behind a leader that stops, starts and sways.
@@ -87,8 +111,9 @@ mod tests {
 
     #[test]
     fn what_a_channel_cannot_tell_apart_another_one_can() {
-        assert!(together(&[Channel::Ay], "ay_bias", "bank"));
-        assert!(!together(&Channel::ALL, "ay_bias", "bank"));
+        // a slope and rolling resistance slow down alike; only the accelerometer tells that one of them is gravity
+        assert!(together(&[Channel::Speed], "grade", "roll_add"));
+        assert!(!together(&Channel::ALL, "grade", "roll_add"));
         assert!(!together(&Channel::ALL, "steer_delay", "imu_latency"));
         let all = isolability(&Channel::ALL);
         assert!(all.iter().all(|group| group.len() < 4), "{all:?}");

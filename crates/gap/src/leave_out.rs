@@ -30,15 +30,15 @@ pub fn leave_one_out(
 ) -> Result<BTreeMap<String, (Thresholds, Diagnosis)>, GapError> {
     let pass = |thresholds: &(dyn Fn(&str) -> Thresholds + Sync)| -> Result<BTreeMap<String, Diagnosis>, GapError> {
         let names: Vec<&String> = labels.keys().collect();
-        let run = |name: &&String| {
-            diagnose_with(&root.join(name), options, &thresholds(name)).map(|d| ((*name).clone(), d))
-        };
+        let run =
+            |name: &&String| diagnose_with(&root.join(name), options, &thresholds(name)).map(|d| ((*name).clone(), d));
         names.par_iter().map(run).collect()
     };
     let first = pass(&|_| Thresholds::default())?;
     let derived: BTreeMap<&String, Thresholds> =
         labels.keys().map(|left| (left, derive(&first, labels, left))).collect();
-    let second = pass(&|name| derived.iter().find(|(left, _)| left.as_str() == name).map(|d| *d.1).unwrap_or_default())?;
+    let second =
+        pass(&|name| derived.iter().find(|(left, _)| left.as_str() == name).map(|d| *d.1).unwrap_or_default())?;
     Ok(second.into_iter().map(|(name, d)| (name.clone(), (derived[&name], d))).collect())
 }
 

@@ -12,7 +12,9 @@ use crate::case::{Case, PartModel};
 use crate::drive::STEP_SECS;
 use crate::fit::{Fit, point_loss};
 use crate::report::Remainder;
-use crate::settings::{ACCEPTED_SLACK, CLEAN_DRIVE_LOSS, CLEAN_GAP_LOSS, CLEAN_WINDOW_LOSS, EXPLAINED_SHARE, UNKNOWN_WIDTH};
+use crate::settings::{
+    ACCEPTED_SLACK, CLEAN_DRIVE_LOSS, CLEAN_GAP_LOSS, CLEAN_WINDOW_LOSS, EXPLAINED_SHARE, UNKNOWN_WIDTH,
+};
 
 /// The remainder of one part.
 #[derive(Debug, Clone, Default)]

@@ -26,5 +26,7 @@ pub fn effect_size(case: &Case, id: &str, value: f64) -> Option<f64> {
         sum.0 += (a - b).powi(2);
         sum.1 += 1.0;
     }
-    sums.values().map(|(square, count)| (square / count).sqrt()).fold(None, |most, size| Some(size.max(most.unwrap_or(0.0))))
+    sums.values()
+        .map(|(square, count)| (square / count).sqrt())
+        .fold(None, |most, size| Some(size.max(most.unwrap_or(0.0))))
 }

@@ -102,7 +102,8 @@ fn its_effect_free_residuals_are_about_those_of_the_practice_cases() {
     let clean: Vec<PathBuf> =
         labels.iter().filter(|(_, l)| l.kind == "none").map(|(name, _)| practice.join(name)).collect();
     let drawn: Vec<PathBuf> = (0..6).map(|k| folder.path().join(format!("case_{k:03}"))).collect();
-    let [there, here] = [clean, drawn].map(|cases| mean_by_channel(&cases.par_iter().map(|c| left(c)).collect::<Vec<_>>()));
+    let [there, here] =
+        [clean, drawn].map(|cases| mean_by_channel(&cases.par_iter().map(|c| left(c)).collect::<Vec<_>>()));
     for (channel, expected) in there {
         let ratio = here[channel] / expected;
         assert!((0.7..=1.3).contains(&ratio), "{channel}: {:.2} against {expected:.2}", here[channel]);
@@ -113,7 +114,9 @@ fn its_effect_free_residuals_are_about_those_of_the_practice_cases() {
 fn a_small_blind_protocol_reaches_its_minimum() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().to_string_lossy().into_owned();
-    if world(&["--out", &out, "--seed", "104", "--singles", "8", "--none", "4", "--pairs", "0", "--unknown", "2"]).is_none() {
+    if world(&["--out", &out, "--seed", "104", "--singles", "8", "--none", "4", "--pairs", "0", "--unknown", "2"])
+        .is_none()
+    {
         return;
     }
     let labels = read_labels(&folder.path().join("labels.json")).expect("labels");

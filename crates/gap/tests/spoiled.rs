@@ -190,9 +190,8 @@ const HARMLESS: &[(&str, Edit)] = &[
 fn harmless_differences_change_no_verdict_and_cost_no_minutes() {
     let folder = tempfile::tempdir().expect("a folder");
     case_folder(folder.path());
-    let wholes: Vec<String> = (0..4)
-        .map(|k| fs::read_to_string(folder.path().join(format!("drive_{k}.csv"))).expect("the drive"))
-        .collect();
+    let wholes: Vec<String> =
+        (0..4).map(|k| fs::read_to_string(folder.path().join(format!("drive_{k}.csv"))).expect("the drive")).collect();
     let mut faults = Vec::new();
     let mut judge = |what: &str, edit: &dyn Fn(&str) -> String| {
         for (k, whole) in wholes.iter().enumerate() {
@@ -230,7 +229,9 @@ fn noisier_sensors_are_told_from_effects() {
         let whole = fs::read_to_string(&path).expect("the drive");
         let mut rows: Vec<Vec<String>> =
             whole.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect();
-        for (name, noise) in [("x", 0.03), ("y", 0.03), ("yaw", 0.005), ("v", 0.07), ("yaw_rate", 0.008), ("v_wheel", 0.09)] {
+        for (name, noise) in
+            [("x", 0.03), ("y", 0.03), ("yaw", 0.005), ("v", 0.07), ("yaw_rate", 0.008), ("v_wheel", 0.09)]
+        {
             // a white sequence without a generator: fractional parts of multiples of an irrational number, squared
             let white = |k: usize| {
                 let u = (k as f64 * 0.618_034 * (name.len() + drive + 1) as f64 * 7.13).powi(2).fract();
