@@ -2,9 +2,10 @@
 
 Shares no code with the crates: two-track vehicle, Magic Formula tyres with load sensitivity and friction ellipse,
 second-order servo, Heun integration at 4 ms, terrain undulation, own car following, own noise (levels of the practice
-README). Needs numpy only. All drives of all cases run side by side as lanes of arrays.
+README). Needs numpy only. Drives run side by side as lanes of arrays. Not drawn: `obs_latency`, which no log of this
+schema can show.
 
-    python tests/worlds/own_world.py --out DIR --seed 1 --singles 40 --none 12 --pairs 6 --unknown 8
+    python tests/worlds/own_world.py --out DIR --seed 1 --singles 240 --none 120 --pairs 60 --unknown 60
 """
 
 import argparse
@@ -15,76 +16,114 @@ import numpy as np
 
 DT = 0.004
 SECONDS = 36.5
-DRIVES = 4
+DRIVES = 5
+TOGETHER = 48
 G = 9.81
 AIR = 1.2
 
-# id: (unit, group, draw of a value; the sign or side is drawn where both make sense)
+# id: (unit, group, weakest, strongest, shape): magnitudes are drawn evenly in the logarithm from weak to strong; a
+# `plus` is added, `either` is added with either sign, `less` divides by 1 + magnitude, `scale` multiplies or divides, a
+# `limit` is the magnitude itself, `on` is a switch.
 EFFECTS = {
-    "steer_delay": ("s", "steer_timing", lambda r: r.uniform(0.06, 0.2)),
-    "steer_lag": ("s", "steer_timing", lambda r: r.uniform(0.08, 0.3)),
-    "steer_rate": ("rad/s", "steer_timing", lambda r: r.uniform(0.06, 0.15)),
-    "steer_backlash": ("rad", "steer_play", lambda r: r.uniform(0.006, 0.02)),
-    "steer_offset": ("rad", "steer_zero", lambda r: side(r) * r.uniform(0.005, 0.015)),
-    "steer_gain": ("x", "lateral_gain", lambda r: 1 + side(r) * r.uniform(0.05, 0.14)),
-    "accel_delay": ("s", "drive_timing", lambda r: r.uniform(0.1, 0.35)),
-    "accel_lag": ("s", "drive_timing", lambda r: r.uniform(0.12, 0.5)),
-    "accel_jerk_limit": ("m/s^3", "drive_timing", lambda r: r.uniform(0.8, 2.0)),
-    "brake_gain": ("x", "brake", lambda r: r.uniform(0.65, 0.88)),
-    "drive_gain": ("x", "drive", lambda r: r.uniform(0.68, 0.88)),
-    "deadzone_accel": ("m/s^2", "drive", lambda r: r.uniform(0.1, 0.35)),
-    "cmd_hold_rate": ("Hz", "command_rate", lambda r: r.uniform(4.0, 8.0)),
-    "payload": ("kg", "mass", lambda r: r.uniform(0.12, 0.35)),
-    "front_grip": ("x", "lateral_gain", lambda r: r.uniform(0.65, 0.85)),
-    "rear_grip": ("x", "lateral_gain", lambda r: r.uniform(0.7, 0.86)),
-    "mu": ("x", "friction", lambda r: r.uniform(0.32, 0.5)),
-    "drag_add": ("m^2 (CdA)", "resistance", lambda r: r.uniform(0.6, 2.2)),
-    "roll_add": ("1", "resistance", lambda r: r.uniform(0.008, 0.018)),
-    "grade": ("rad", "slope", lambda r: side(r) * r.uniform(0.012, 0.05)),
-    "bank": ("rad", "slope", lambda r: side(r) * r.uniform(0.015, 0.06)),
-    "wind_steady": ("m/s", "wind", lambda r: side(r) * r.uniform(5.0, 11.0)),
-    "gyro_bias": ("rad/s", "gyro", lambda r: side(r) * r.uniform(0.008, 0.025)),
-    "gyro_scale": ("1", "gyro", lambda r: side(r) * r.uniform(0.03, 0.09)),
-    "ax_bias": ("m/s^2", "accelerometer", lambda r: side(r) * r.uniform(0.15, 0.35)),
-    "ay_bias": ("m/s^2", "accelerometer", lambda r: side(r) * r.uniform(0.15, 0.35)),
-    "imu_misalignment": ("rad", "accelerometer", lambda r: side(r) * r.uniform(0.04, 0.1)),
-    "wheel_scale": ("x", "wheel_odometry", lambda r: 1 + side(r) * r.uniform(0.012, 0.05)),
-    "lever_arm": ("m", "pose_point", lambda r: side(r) * r.uniform(0.6, 2.5)),
-    "pose_latency": ("s", "pose_timing", lambda r: r.uniform(0.06, 0.25)),
-    "imu_latency": ("s", "imu_timing", lambda r: r.uniform(0.06, 0.2)),
-    "clock_drift": ("s/s", "pose_timing", lambda r: r.uniform(0.002, 0.008)),
-    "timestamp_jitter": ("s", "jitter", lambda r: r.uniform(0.006, 0.02)),
-    "dropped_frames": ("1", "drops", lambda r: r.uniform(0.08, 0.3)),
-    "tr_delay": ("s", "traffic_timing", lambda r: r.uniform(0.3, 0.9)),
-    "tr_headway": ("x", "traffic_spacing", lambda r: r.choice([r.uniform(0.6, 0.8), r.uniform(1.25, 1.7)])),
-    "tr_v0": ("x", "traffic_speed", lambda r: r.uniform(0.7, 0.88)),
-    "tr_accel": ("x", "traffic_dynamics", lambda r: r.uniform(0.5, 0.7)),
-    "tr_min_gap": ("m", "traffic_spacing", lambda r: r.uniform(1.5, 3.5)),
+    "steer_delay": ("s", "steer_timing", 0.045, 0.25, "plus"),
+    "steer_lag": ("s", "steer_timing", 0.06, 0.35, "plus"),
+    "steer_rate": ("rad/s", "steer_timing", 0.06, 0.25, "limit"),
+    "steer_backlash": ("rad", "steer_play", 0.004, 0.025, "plus"),
+    "steer_offset": ("rad", "steer_zero", 0.004, 0.018, "either"),
+    "steer_gain": ("x", "lateral_gain", 0.04, 0.2, "scale"),
+    "steer_saturation": ("rad", "steer_range", 0.05, 0.12, "limit"),
+    "accel_delay": ("s", "drive_timing", 0.06, 0.4, "plus"),
+    "accel_lag": ("s", "drive_timing", 0.08, 0.6, "plus"),
+    "accel_jerk_limit": ("m/s^3", "drive_timing", 0.7, 3.0, "limit"),
+    "brake_gain": ("x", "brake", 0.08, 0.7, "less"),
+    "brake_fade": ("1/MJ", "brake", 0.1, 0.3, "plus"),
+    "drive_gain": ("x", "drive", 0.08, 0.5, "less"),
+    "power_limit": ("W/kg", "drive", 8.0, 20.0, "limit"),
+    "deadzone_accel": ("m/s^2", "drive", 0.08, 0.4, "plus"),
+    "cmd_hold_rate": ("Hz", "command_rate", 4.0, 9.0, "limit"),
+    "payload": ("kg", "mass", 0.08, 0.38, "plus"),
+    "front_grip": ("x", "lateral_gain", 0.15, 0.5, "less"),
+    "rear_grip": ("x", "lateral_gain", 0.12, 0.35, "less"),
+    "mu": ("x", "friction", 0.3, 0.5, "limit"),
+    "yaw_inertia": ("x", "turning", 0.2, 0.48, "scale"),
+    "tyre_relaxation": ("m", "turning", 0.4, 1.0, "plus"),
+    "cg_shift": ("m", "lateral_gain", 0.06, 0.25, "either"),
+    "drag_add": ("m^2 (CdA)", "resistance", 0.35, 2.8, "plus"),
+    "roll_add": ("1", "resistance", 0.005, 0.02, "plus"),
+    "kinematic_only": ("1", "lateral_gain", 1.0, 1.0, "on"),
+    "grade": ("rad", "slope", 0.008, 0.06, "either"),
+    "bank": ("rad", "slope", 0.012, 0.07, "either"),
+    "wind_steady": ("m/s", "wind", 3.0, 12.0, "either"),
+    "suspension_roll": ("1", "accelerometer", 0.06, 0.11, "plus"),
+    "gyro_bias": ("rad/s", "gyro", 0.004, 0.028, "either"),
+    "gyro_scale": ("1", "gyro", 0.02, 0.1, "either"),
+    "ax_bias": ("m/s^2", "accelerometer", 0.12, 0.4, "either"),
+    "ay_bias": ("m/s^2", "accelerometer", 0.12, 0.4, "either"),
+    "imu_misalignment": ("rad", "accelerometer", 0.025, 0.1, "either"),
+    "wheel_scale": ("x", "wheel_odometry", 0.008, 0.08, "scale"),
+    "lever_arm": ("m", "pose_point", 0.3, 2.8, "either"),
+    "pose_latency": ("s", "pose_timing", 0.04, 0.3, "plus"),
+    "imu_latency": ("s", "imu_timing", 0.04, 0.25, "plus"),
+    "clock_drift": ("s/s", "pose_timing", 0.0015, 0.01, "plus"),
+    "timestamp_jitter": ("s", "jitter", 0.006, 0.03, "plus"),
+    "dropped_frames": ("1", "drops", 0.05, 0.35, "plus"),
+    "tr_delay": ("s", "traffic_timing", 0.2, 1.0, "plus"),
+    "tr_headway": ("x", "traffic_spacing", 0.12, 0.7, "scale"),
+    "tr_v0": ("x", "traffic_speed", 0.08, 0.45, "less"),
+    "tr_accel": ("x", "traffic_dynamics", 0.25, 0.9, "less"),
+    "tr_brake": ("x", "traffic_dynamics", 0.35, 0.9, "less"),
+    "tr_min_gap": ("m", "traffic_spacing", 0.6, 3.5, "plus"),
 }
 
-UNKNOWN = ["steer_stiction", "gust_bursts", "brake_pulsation", "position_jumps", "gyro_wander", "assist_by_speed",
-           "one_sided_lag", "pull_under_power"]
+# the ten commonest, for curves of detection against size, and the number of sizes
+COMMON = ["steer_delay", "steer_offset", "steer_gain", "brake_gain", "drive_gain", "front_grip", "drag_add", "pose_latency", "wheel_scale", "tr_headway"]
+CURVE_STEPS = 8
+
+# outside the library: weakest and strongest
+UNKNOWN = {
+    "steer_stiction": (0.008, 0.015), "gust_bursts": (1.2, 2.2), "brake_pulsation": (0.3, 0.5), "position_jumps": (0.4, 1.0),
+    "gyro_wander": (0.012, 0.03), "assist_by_speed": (0.12, 0.25), "one_sided_lag": (0.3, 0.6), "pull_under_power": (0.004, 0.01),
+    "rough_patches": (0.5, 1.0), "surging": (0.4, 0.8),
+}
+
+# effects that a missing channel would hide
+NEEDS = {"v_wheel": ["wheel_scale"], "ax": ["ax_bias", "imu_misalignment"], "ay": ["ay_bias", "suspension_roll", "imu_misalignment", "bank"]}
 
 
 def side(r):
     return 1.0 if r.random() < 0.5 else -1.0
 
 
+def draw_value(r, effect, share=None):
+    """Draws the value of an effect from weak to strong, as the label gives it; `share` fixes how strong, 0 being a
+    quarter of the weakest drawn otherwise."""
+    _, _, weak, strong, shape = EFFECTS[effect]
+    low, high = np.log(weak), np.log(strong)
+    if share is not None:
+        low = high = np.log(weak / 4) + share * (high - np.log(weak / 4))
+    size = float(np.exp(r.uniform(low, high)))
+    if shape in ("plus", "limit", "on"):
+        return size
+    if shape == "either":
+        return side(r) * size
+    return 1 / (1 + size) if shape == "less" or r.random() < 0.5 else 1 + size
+
+
 def draw_vehicle(r):
     """Draws a nominal vehicle and the mismatch of the real one."""
-    mass, base = r.uniform(1100, 2500), r.uniform(2.5, 3.3)
+    mass, base = np.exp(r.uniform(np.log(950), np.log(3200))), r.uniform(2.4, 3.6)
     lf = base * r.uniform(0.43, 0.53)
     lr = base - lf
     front = mass * G * lr / base * r.uniform(10.0, 13.0)
     rear = front * lf / lr * r.uniform(1.06, 1.22)
-    omega, damping = 2 * np.pi * r.normal(4.0, 0.25), r.uniform(0.75, 0.9)
+    omega, damping = 2 * np.pi * r.normal(4.0, 0.3), r.uniform(0.7, 0.95)
     nominal = {
         "model": "linear_single_track", "mass": round(mass, 0), "yaw_inertia": round(mass * lf * lr * r.uniform(0.9, 1.12), 0),
         "lf": round(lf, 3), "lr": round(lr, 3), "wheelbase": round(base, 3),
         "cornering_stiffness_front": round(front, -2), "cornering_stiffness_rear": round(rear, -2),
-        "steer_lag": round(2 * damping / omega, 3), "accel_lag": round(r.uniform(0.08, 0.16), 3),
+        "steer_lag": round(2 * damping / omega, 3), "accel_lag": round(r.uniform(0.07, 0.2), 3),
         "rolling_decel": round(r.uniform(0.09, 0.14), 3),
-        "drag_decel_per_v2": round(0.5 * AIR * r.uniform(0.55, 1.0) / mass, 6), "friction": 1.0,
+        "drag_decel_per_v2": round(0.5 * AIR * r.uniform(0.5, 1.1) * (mass / 1500) ** 0.4 / mass, 6), "friction": 1.0,
         "idm": {"headway": round(r.uniform(1.2, 1.6), 2), "min_gap": 2.5, "max_accel": 1.5, "comfort_decel": 2.0,
                 "exponent": 4, "vehicle_length": 4.6},
     }
@@ -99,18 +138,19 @@ def draw_vehicle(r):
         "encoder_age": r.uniform(0.002, 0.014), "gyro_zero": n(0, 0.0006), "ax_zero": n(0, 0.02), "ay_zero": n(0, 0.02),
         "wheel": 1 + n(0, 0.0012), "crown": n(0, 0.0017), "wind_x": n(0, 0.5), "wind_y": n(0, 0.5),
         "relax": r.uniform(0.2, 0.3), "roll_gain": n(0.035, 0.006), "height": r.uniform(0.4, 0.52), "slip": r.uniform(18, 26),
-        "hill": r.uniform(0.0005, 0.0012), "hill_phase": r.uniform(0, 6.28), "imu_noise": r.uniform(0.07, 0.12),
+        "hill": r.uniform(0.0005, 0.0012), "hill_phase": r.uniform(0, 6.28), "imu_noise": r.uniform(0.07, 0.12), "noise": float(np.exp(n(0, 0.12))),
         "follow": {"headway": 1 + n(0, 0.015), "v0": 1 + n(0, 0.01), "accel": 1 + n(0, 0.02), "gap": n(0, 0.04),
                    "lag": r.uniform(0.1, 0.16), "delay": 0.0},
     }
     return nominal, real
 
 
-KINDS = {"urban": (10.0, 3.5, 2.3), "highway": (26.0, 4.0, 1.7), "handling": (15.0, 3.0, 3.1)}
+# mean speed, its swing, lateral acceleration
+KINDS = {"urban": (8.5, 3.0, 2.3), "highway": (24.0, 4.0, 1.7), "handling": (13.5, 3.0, 3.0)}
 
 
 def draw_plan(r, kind):
-    """Draws target speed and lateral acceleration over time as sums of slow waves and steps."""
+    """Draws target speed, target lateral acceleration and pedal steps over time: slow waves, swerves and steps."""
     centre, swing, lateral = KINDS[kind]
     t = np.arange(0, SECONDS + DT, DT)
     wave = lambda lo, hi: np.sin(2 * np.pi * t / r.uniform(lo, hi) + r.uniform(0, 6.28))
@@ -121,7 +161,12 @@ def draw_plan(r, kind):
         start = r.uniform(6, 20)
         step = (t > start) & (t < start + 8)
         ay = np.where(step, lateral * 0.8 * np.tanh(1.5 * np.sin(2 * np.pi * (t - start) / r.uniform(2.2, 3.6))), ay)
-    return np.maximum(speed, 3.0), np.clip(ay, -3.8, 3.8)
+    window = np.hanning(int(r.uniform(0.1, 0.7) / DT))  # hands need a moment
+    ay = np.convolve(np.pad(ay, window.size, mode="edge"), window / window.sum(), mode="same")[window.size:-window.size]
+    pedal = np.zeros(t.size)
+    for start in r.uniform(2, 33, 5):
+        pedal[(t > start) & (t < start + r.uniform(0.8, 2.0))] = side(r) * r.choice([0.6, 1.0])
+    return np.maximum(speed, 3.5), np.clip(ay, -3.8, 3.8), pedal
 
 
 def magic(slip, load, stiffness, mu):
@@ -131,17 +176,17 @@ def magic(slip, load, stiffness, mu):
 
 
 class Lanes:
-    """All drives of all cases, integrated side by side."""
+    """All drives of some cases, integrated side by side."""
 
-    def __init__(self, rng, cases):
-        self.cases, self.rng = cases, rng
+    def __init__(self, cases):
+        self.cases = cases
         self.n = len(cases) * DRIVES
         spread = lambda key, source="real": np.repeat([c[source][key] for c in cases], DRIVES)
         self.real = {k: spread(k) for k in cases[0]["real"] if k != "follow"}
         self.nominal = {k: spread(k, "nominal") for k, v in cases[0]["nominal"].items() if isinstance(v, float)}
-        self.e = {k: np.repeat([c["values"].get(k, np.nan) for c in cases], DRIVES) for k in list(EFFECTS) + UNKNOWN}
-        plans = [draw_plan(rng, kind) for c in cases for kind in c["kinds"]]
-        self.want_v, self.want_ay = np.array([p[0] for p in plans]), np.array([p[1] for p in plans])
+        self.e = {k: np.repeat([c["values"].get(k, np.nan) for c in cases], DRIVES) for k in list(EFFECTS) + list(UNKNOWN)}
+        plans = [draw_plan(c["rng"], kind) for c in cases for kind in c["kinds"]]
+        self.want_v, self.want_ay, self.pedal = (np.array([p[i] for p in plans]) for i in range(3))
 
     def on(self, key, neutral):
         """Value of an effect per lane, neutral where it is absent."""
@@ -152,14 +197,19 @@ class Lanes:
         steps = self.want_v.shape[1] - 1
         mass = real["mass"] + self.on("payload", 0.0) * self.nominal["mass"]
         inertia = real["inertia"] * (1 + 0.5 * self.on("payload", 0.0))
-        cf, cr = real["cf"] * self.on("front_grip", 1.0), real["cr"] * self.on("rear_grip", 1.0)
-        mu = real["mu"] * self.on("mu", 1.0)
+        rigid = 1 + 19 * self.on("kinematic_only", 0.0)
+        cf, cr = real["cf"] * self.on("front_grip", 1.0) * rigid, real["cr"] * self.on("rear_grip", 1.0) * rigid
+        mu = real["mu"] * self.on("mu", 1.0) * rigid
+        inertia = inertia * self.on("yaw_inertia", 1.0)
+        real["lf"] = real["lf"] + self.on("cg_shift", 0.0)
+        real["lr"] = real["lr"] - self.on("cg_shift", 0.0)
+        real["relax"] = real["relax"] + self.on("tyre_relaxation", 0.0)
         roll = real["roll"] + G * self.on("roll_add", 0.0)
         drag = real["drag"] + 0.5 * AIR * self.on("drag_add", 0.0)
         base = real["lf"] + real["lr"]
         dead_s = np.round((real["steer_dead"] + self.on("steer_delay", 0.0)) / DT).astype(int)
         dead_a = np.round((real["accel_dead"] + self.on("accel_delay", 0.0)) / DT).astype(int)
-        state = {k: np.zeros(n) for k in ("x", "y", "yaw", "vy", "r", "servo", "rate", "servo2", "play", "acc", "af", "ar", "stick")}
+        state = {k: np.zeros(n) for k in ("x", "y", "yaw", "vy", "r", "servo", "rate", "servo2", "play", "acc", "af", "ar", "stick", "heat")}
         state["v"] = self.want_v[:, 0].copy()
         cmd_s, cmd_a = np.zeros((n, steps)), np.zeros((n, steps))
         raw_s, raw_a = np.zeros((n, steps)), np.zeros((n, steps))
@@ -174,9 +224,9 @@ class Lanes:
                 want_r = self.want_ay[:, k] / v
                 heading = heading + 0.02 * want_r
                 heading = state["yaw"] + np.clip(heading - state["yaw"], -0.3, 0.3)
-                us = self.nominal["mass"] * (real["lr"] / self.nominal["cornering_stiffness_front"] - real["lf"] / self.nominal["cornering_stiffness_rear"]) / base
+                us = self.nominal["mass"] * (self.nominal["lr"] / self.nominal["cornering_stiffness_front"] - self.nominal["lf"] / self.nominal["cornering_stiffness_rear"]) / base
                 steer = want_r / v * (base + us * v * v) + (0.1 * (want_r - state["r"]) + 0.25 * np.clip(heading - state["yaw"], -0.2, 0.2)) * 8.0 / v
-                accel = 0.9 * (self.want_v[:, k] - state["v"]) + self.nominal["rolling_decel"] + self.nominal["drag_decel_per_v2"] * v * v
+                accel = 0.9 * (self.want_v[:, k] - state["v"]) + self.nominal["rolling_decel"] + self.nominal["drag_decel_per_v2"] * v * v + self.pedal[:, k]
                 now_s, now_a = np.clip(steer, -0.5, 0.5), np.clip(accel, -2.7, 2.2)
             raw_s[:, k], raw_a[:, k] = now_s, now_a
             fresh = np.floor(k * DT * hold) > np.floor((k - 1) * DT * hold)
@@ -195,8 +245,9 @@ class Lanes:
         gust = np.zeros((self.n, steps))
         t = np.arange(steps) * DT
         for lane in np.flatnonzero(~np.isnan(self.e["gust_bursts"])):
-            for start in self.rng.uniform(2, 33, 5):
-                gust[lane] += self.e["gust_bursts"][lane] * self.rng.choice([-1, 1]) * np.exp(-(((t - start) / 0.5) ** 2))
+            r = self.cases[lane // DRIVES]["rng"]
+            for start in r.uniform(2, 33, 5):
+                gust[lane] += self.e["gust_bursts"][lane] * side(r) * np.exp(-(((t - start) / 0.5) ** 2))
         return gust
 
     def actuate(self, s, steer, accel, k):
@@ -210,7 +261,8 @@ class Lanes:
         s["rate"] += DT * (real["omega"] ** 2 * (target - s["servo"]) - 2 * real["damping"] * real["omega"] * s["rate"])
         limit = self.on("steer_rate", 1e9)
         s["rate"] = np.clip(s["rate"], -limit, limit)
-        s["servo"] = s["servo"] + DT * s["rate"]
+        end = self.on("steer_saturation", 1e9)
+        s["servo"] = np.clip(s["servo"] + DT * s["rate"], -end, end)
         half = 0.5 * self.on("steer_backlash", 0.0)
         s["play"] = np.clip(s["play"], s["servo"] - half, s["servo"] + half)
         assist = self.on("assist_by_speed", 0.0) * np.sin(s["v"] * 1.1)
@@ -224,7 +276,11 @@ class Lanes:
         jerk = self.on("accel_jerk_limit", 1e9) * DT
         s["acc"] = s["acc"] + np.clip(change, -jerk, jerk)
         pulse = 1 + self.on("brake_pulsation", 0.0) * np.sin(2 * np.pi * 1.3 * k * DT)
-        s["push"] = np.where(s["acc"] > 0, s["acc"] * self.on("drive_gain", 1.0), s["acc"] * self.on("brake_gain", 1.0) * pulse)
+        fade = np.maximum(1 - self.on("brake_fade", 0.0) * s["heat"], 0.1)
+        s["heat"] += np.maximum(-accel, 0.0) * self.nominal["mass"] * s["v"] * DT * 1e-6
+        surge = self.on("surging", 0.0) * np.sin(2 * np.pi * 0.45 * k * DT)
+        pull_on = np.minimum(s["acc"], self.on("power_limit", 1e9) / np.maximum(s["v"], 1.0)) * self.on("drive_gain", 1.0)
+        s["push"] = np.where(s["acc"] > 0, pull_on, s["acc"] * self.on("brake_gain", 1.0) * fade * pulse) + surge
 
     def heun(self, s, p, gust):
         keys = ("x", "y", "yaw", "v", "vy", "r", "af", "ar")
@@ -261,7 +317,8 @@ class Lanes:
                 fy[axle] = fy[axle] + magic(slip, fz, stiff, mu) * np.sqrt(1 - used**2)
         steer = s["wheel"]
         side_air = 2.5 * drag * across * air + mass * gust
-        ax = (force - np.sin(steer) * fy[0] - drag * along * air) / mass - roll
+        patch = self.on("rough_patches", 0.0) * (np.sin(2 * np.pi * (s["x"] + 0.6 * s["y"]) / 90.0) > 0.6)
+        ax = (force - np.sin(steer) * fy[0] - drag * along * air) / mass - roll - patch
         ay = (np.cos(steer) * fy[0] + fy[1] + side_air) / mass
         slope = self.on("grade", 0.0) + real["hill"] * np.sin(0.02 * (s["x"] + s["y"]) + real["hill_phase"])
         bank = real["crown"] + self.on("bank", 0.0)
@@ -295,9 +352,9 @@ def read_sensors(rng, lanes, log, lane):
             inside = (t > start) & (t < start + rng.uniform(0.6, 1.5))
             jump[:, inside] += on("position_jumps", 0.0) * rng.normal(0, 1, (2, 1))
     drift = on("gyro_wander", 0.0) * np.sin(2 * np.pi * t / 6.0)
-    ax, ay = at("ax", imu), at("ay", imu) * (1 + real["roll_gain"])
+    ax, ay = at("ax", imu), at("ay", imu) * (1 + real["roll_gain"] + on("suspension_roll", 0.0))
     turn = on("imu_misalignment", 0.0)
-    n = lambda sd: rng.normal(0, sd, t.size)
+    n = lambda sd: rng.normal(0, sd * real["noise"], t.size)
     rows = {
         "x": at("x", age) + arm * np.cos(yaw) + wander[0] + jump[0] + n(0.012),
         "y": at("y", age) + arm * np.sin(yaw) + wander[1] + jump[1] + n(0.012),
@@ -331,7 +388,7 @@ def follow(rng, case, lead_x, lead_v, desired):
         shake = 0.0
         for k in range(len(lead_v) - 1):
             j = max(k - back, 0)
-            wish_gap = gap0 + max(0.0, vs[j] * head + vs[j] * (vs[j] - lead_v[j]) / (2 * np.sqrt(amax * idm["comfort_decel"])))
+            wish_gap = gap0 + max(0.0, vs[j] * head + vs[j] * (vs[j] - lead_v[j]) / (2 * np.sqrt(amax * idm["comfort_decel"] * on("tr_brake", 1.0))))
             wish = max(amax * (1 - (vs[j] / v0) ** idm["exponent"] - (wish_gap / max(gaps[j], 0.5)) ** 2), -8.0)
             a += (wish - a) * (1 - np.exp(-step / real["lag"]))
             shake += -shake * step / 0.5 + 0.06 * np.sqrt(2 * step / 0.5) * rng.normal()
@@ -349,72 +406,108 @@ def follow(rng, case, lead_x, lead_v, desired):
     return "t,id,x,y,yaw,v,gap,v_lead\n" + "\n".join(rows) + "\n"
 
 
-UNKNOWN_SIZE = {"steer_stiction": (0.008, 0.015), "gust_bursts": (1.2, 2.2), "brake_pulsation": (0.3, 0.5), "position_jumps": (0.4, 1.0),
-                "gyro_wander": (0.012, 0.03), "assist_by_speed": (0.12, 0.25), "one_sided_lag": (0.3, 0.6), "pull_under_power": (0.004, 0.01)}
-
-
 def draw_case(r, kind, number, index):
+    """Draws one case: vehicle, effects, kinds of drive, missing channel, label."""
     nominal, real = draw_vehicle(r)
     names = list(EFFECTS)
     if kind == "single":
         ids = [names[index % len(names)]]
+    elif kind == "curve":
+        ids = [COMMON[index % len(COMMON)]]
     elif kind == "double":
-        first = r.integers(len(names))
-        groups = [n for n in names if EFFECTS[n][1] != EFFECTS[names[first]][1]]
-        ids = [names[first], groups[r.integers(len(groups))]]
+        first = names[(7 * index + int(r.integers(7))) % len(names)]
+        others = [n for n in names if EFFECTS[n][1] != EFFECTS[first][1]]
+        ids = [first, others[r.integers(len(others))]]
     elif kind == "out_of_library":
-        ids = [UNKNOWN[index % len(UNKNOWN)]]
+        ids = [list(UNKNOWN)[index % len(UNKNOWN)]]
     else:
         ids = []
-    draw = lambda i: float(EFFECTS[i][2](r)) if i in EFFECTS else float(r.uniform(*UNKNOWN_SIZE[i]))
-    values = {i: draw(i) for i in ids}
+    share = (index // len(COMMON)) / (CURVE_STEPS - 1) if kind == "curve" else None
+    kind = "single" if kind == "curve" else kind
+    values = {i: draw_value(r, i, share) if i in EFFECTS else float(r.uniform(*UNKNOWN[i])) for i in ids}
     told = lambda i: values[i] * nominal["mass"] if i == "payload" else values[i]
     group = lambda i: EFFECTS[i][1] if i in EFFECTS else "out_of_library"
-    kinds = list(r.permutation(["urban", "highway", "handling"])) + [str(r.choice(["urban", "highway", "handling"]))]
+    kinds = list(r.permutation(["urban", "highway", "handling"])) + list(r.choice(["urban", "highway", "handling"], DRIVES - 3))
     missing = [str(r.choice(["steer_meas", "v_wheel", "ay", "ax"]))] if r.random() < 0.15 else []
-    if any(m in ("v_wheel",) for m in missing) and "wheel_scale" in ids:
+    if any(i in NEEDS.get(m, []) for m in missing for i in ids):
         missing = []
     label = {"kind": kind, "effects": [{"id": i, "value": told(i), "unit": EFFECTS.get(i, ("",))[0], "group": group(i)} for i in ids],
              "drive_kinds": [str(k) for k in kinds], "channels_missing": missing}
-    return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": [str(k) for k in kinds], "missing": missing, "label": label}
+    return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": [str(k) for k in kinds], "missing": missing, "label": label, "rng": r}
+
+
+def write_drive(folder, lanes, run, case, lane, number):
+    """Writes one drive of a case, ego and followers; returns its entry in the description."""
+    log, cmd_s, cmd_a = run
+    r = case["rng"]
+    t, rows = read_sensors(r, lanes, log, lane)
+    index = np.round(t / DT).astype(int)
+    columns = [("t", t, 3), ("cmd_steer", cmd_s[lane][index], 5), ("cmd_accel", cmd_a[lane][index], 3)]
+    columns += [(k, rows[k], p) for k, p in (("x", 3), ("y", 3), ("yaw", 4), ("v", 3), ("yaw_rate", 4), ("ax", 2), ("ay", 2), ("steer_meas", 4), ("v_wheel", 3))]
+    cells = [[f"{v:.{p}f}" if k not in case["missing"] else "" for v in col] for k, col, p in columns]
+    text = ",".join(k for k, _, _ in columns) + "\n" + "\n".join(",".join(row) for row in zip(*cells)) + "\n"
+    (folder / f"drive_{number}.csv").write_text(text)
+    fast = log["v"][lane][::10]
+    far = np.cumsum(np.concatenate([[0], 0.5 * (fast[1:] + fast[:-1]) * 10 * DT]))
+    desired = round(float(fast.max() * r.uniform(0.98, 1.12)), 2)
+    (folder / f"agents_{number}.csv").write_text(follow(r, case, far, fast, desired))
+    return {"file": f"drive_{number}.csv", "agents": f"agents_{number}.csv", "agents_desired_speed": desired}
+
+
+def write_case(out, lanes, run, case, first):
+    """Writes a case of four drives, and under `unseen` a fifth one that no diagnosis is given."""
+    folder, apart = out / case["name"], out / "unseen" / case["name"]
+    for place, numbers in ((folder, range(4)), (apart, range(4, DRIVES))):
+        place.mkdir(parents=True, exist_ok=True)
+        drives = [write_drive(place, lanes, run, case, first + k, k) for k in numbers]
+        meta = {"case": case["name"], "vehicle": "drawn", "rate_hz": 20, "agent_rate_hz": 10, "drives": drives,
+                "channels_missing": case["missing"], "nominal": case["nominal"]}
+        if place == folder:
+            meta["suggested_split"] = {"fit": [0, 1, 2], "held_out": [3]}
+        (place / "meta.json").write_text(json.dumps(meta, indent=1))
+
+
+def spreads():
+    """Standard deviation of every drawn mismatch relative to the nominal, over two thousand vehicles."""
+    r = np.random.default_rng(0)
+    pairs = [draw_vehicle(r) for _ in range(2000)]
+    of = lambda f: float(np.std([f(n, v) for n, v in pairs]))
+    return {
+        "mass": of(lambda n, v: v["mass"] / n["mass"]), "yaw_inertia": of(lambda n, v: v["inertia"] / n["yaw_inertia"]),
+        "front_stiffness": of(lambda n, v: v["cf"] / n["cornering_stiffness_front"]), "friction": of(lambda n, v: v["mu"]),
+        "rolling": of(lambda n, v: v["roll"] / n["rolling_decel"]), "steer_gain": of(lambda n, v: v["steer_gain"]),
+        "steer_zero": of(lambda n, v: v["steer_zero"]), "steer_dead": of(lambda n, v: v["steer_dead"]),
+        "pose_age": of(lambda n, v: v["pose_age"]), "gyro_zero": of(lambda n, v: v["gyro_zero"]), "ax_zero": of(lambda n, v: v["ax_zero"]),
+        "wheel": of(lambda n, v: v["wheel"]), "crown": of(lambda n, v: v["crown"]), "wind": of(lambda n, v: v["wind_x"]),
+        "headway": of(lambda n, v: v["follow"]["headway"]), "follower_speed": of(lambda n, v: v["follow"]["v0"]),
+    }
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=pathlib.Path, required=True)
+    parser.add_argument("--out", type=pathlib.Path)
+    parser.add_argument("--spreads", action="store_true", help="print the spread of the drawn mismatches and stop")
     parser.add_argument("--seed", type=int, default=1)
-    for kind, count in (("singles", 40), ("none", 12), ("pairs", 6), ("unknown", 8)):
+    for kind, count in (("singles", 48), ("none", 12), ("pairs", 6), ("unknown", 10)):
         parser.add_argument(f"--{kind}", type=int, default=count)
+    parser.add_argument("--curve", type=int, default=0, help="instead: so many draws of each of the common effects at each of their sizes")
     given = parser.parse_args()
-    rng = np.random.default_rng(given.seed)
+    if given.spreads or given.out is None:
+        print(json.dumps(spreads()))
+        return
     wanted = [("single", k) for k in range(given.singles)] + [("none", k) for k in range(given.none)]
     wanted += [("double", k) for k in range(given.pairs)] + [("out_of_library", k) for k in range(given.unknown)]
-    cases = [draw_case(rng, kind, number, index) for number, (kind, index) in enumerate(wanted)]
-    lanes = Lanes(rng, cases)
-    log, cmd_s, cmd_a = lanes.run()
+    if given.curve:
+        wanted = [("curve", k) for k in range(len(COMMON) * CURVE_STEPS)] * given.curve
     labels = {}
-    for c, case in enumerate(cases):
-        folder = given.out / case["name"]
-        folder.mkdir(parents=True, exist_ok=True)
-        drives = []
-        for d in range(DRIVES):
-            lane = c * DRIVES + d
-            t, rows = read_sensors(rng, lanes, log, lane)
-            index = np.round(t / DT).astype(int)
-            columns = [("t", t, 3), ("cmd_steer", cmd_s[lane][index], 5), ("cmd_accel", cmd_a[lane][index], 3)]
-            columns += [(k, rows[k], p) for k, p in (("x", 3), ("y", 3), ("yaw", 4), ("v", 3), ("yaw_rate", 4), ("ax", 2), ("ay", 2), ("steer_meas", 4), ("v_wheel", 3))]
-            cells = [[f"{v:.{p}f}" if k not in case["missing"] else "" for v in col] for k, col, p in columns]
-            text = ",".join(k for k, _, _ in columns) + "\n" + "\n".join(",".join(r) for r in zip(*cells)) + "\n"
-            (folder / f"drive_{d}.csv").write_text(text)
-            fast = log["v"][lane][::10]
-            far = np.cumsum(np.concatenate([[0], 0.5 * (fast[1:] + fast[:-1]) * 10 * DT]))
-            desired = round(float(fast.max() * rng.uniform(0.98, 1.12)), 2)
-            (folder / f"agents_{d}.csv").write_text(follow(rng, case, far, fast, desired))
-            drives.append({"file": f"drive_{d}.csv", "agents": f"agents_{d}.csv", "agents_desired_speed": desired})
-        meta = {"case": case["name"], "vehicle": "drawn", "rate_hz": 20, "agent_rate_hz": 10, "drives": drives, "channels_missing": case["missing"],
-                "nominal": case["nominal"], "suggested_split": {"fit": [0, 1, 2], "held_out": [3]}}
-        (folder / "meta.json").write_text(json.dumps(meta, indent=1))
-        labels[case["name"]] = case["label"]
+    for start in range(0, len(wanted), TOGETHER):
+        part = list(enumerate(wanted))[start:start + TOGETHER]
+        cases = [draw_case(np.random.default_rng([given.seed, number]), kind, number, index) for number, (kind, index) in part]
+        lanes = Lanes(cases)
+        run = lanes.run()
+        for c, case in enumerate(cases):
+            write_case(given.out, lanes, run, case, c * DRIVES)
+            labels[case["name"]] = case["label"]
     (given.out / "labels.json").write_text(json.dumps(labels, indent=1))
 
 

@@ -32,6 +32,7 @@ fn line(folder: &std::path::Path) -> String {
         Err(error) => return format!("{}: {error}", folder.display()),
     };
     let mut text = folder.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    text += &format!(" noise {:.2?} {:.2?}", case.noise.ego, case.noise.follower);
     for part in [Part::Ego, Part::Following] {
         let model = PartModel::new(&case, part, &[0, 1, 2], &[]);
         if model.is_empty() {

@@ -1,17 +1,22 @@
 //! A case in memory: its drives, cut into windows, and the two models whose residuals the search explains.
 
+use std::collections::VecDeque;
 use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
 
-use ds_effect::Channel;
+use ds_effect::plant::{Road, Vehicle};
+use ds_effect::{Channel, Insertion, Plant};
 
 use crate::drive::Drive;
+use crate::ego::{Actuated, Inputs, Instant, actuate};
 use crate::error::GapError;
-use crate::fit::{Model, Prior};
+use crate::fit::{Columns, Model, Prior};
 use crate::floor;
 use crate::following::{self, FollowerRecord};
 use crate::meta::Meta;
+use crate::noise::Noise;
 use crate::scatter::{Scatter, scatter};
-use crate::settings::SLIDING_SHARE;
+use crate::settings::{HELD_SHARE, SHAPE_SHARE, SLIDING_SHARE};
 use crate::space::{Part, Space};
 use crate::windows::{BLOCKS, EGO, EgoRecord};
 
@@ -27,6 +32,8 @@ pub struct Case {
     pub following: Vec<FollowerRecord>,
     /// Scatter of the samples of the drives to fit.
     pub scatter: Scatter,
+    /// Noise of the sensors in the drives to fit.
+    pub noise: Noise,
     /// What looked odd but could be used.
     pub warnings: Vec<String>,
 }
@@ -50,8 +57,10 @@ impl Case {
             }
         }
         let (fit, _) = meta.split();
-        let scatter = scatter(&fit.iter().map(|&d| &drives[d]).collect::<Vec<_>>());
-        Ok(Self { meta, drives, ego, following, scatter, warnings })
+        let fit: Vec<&Drive> = fit.iter().map(|&d| &drives[d]).collect();
+        let scatter = scatter(&fit);
+        let noise = Noise::of(&fit, scatter.jitter_secs);
+        Ok(Self { meta, drives, ego, following, scatter, noise, warnings })
     }
 }
 
@@ -80,8 +89,23 @@ pub struct PartModel<'a> {
     ego: Vec<&'a EgoRecord>,
     following: Vec<&'a FollowerRecord>,
     inverse_floor: Vec<f64>,
-    jitter_secs: f64,
+    memory: Mutex<Memory>,
 }
+
+/// Command paths and actuators of all drives, by the bits of the values they depend on.
+type Chains = (Vec<u64>, Arc<Vec<Actuated>>);
+/// Rollouts of all windows, by everything they depend on.
+type Motion = (Vec<u64>, Vehicle, Road, [f64; 2], Arc<Vec<Vec<Instant>>>);
+
+/// The last simulations: most steps of a difference quotient change only a part of the loop.
+#[derive(Default)]
+struct Memory {
+    chains: VecDeque<Chains>,
+    motions: VecDeque<Motion>,
+}
+
+/// Simulations kept: the base point of a derivative and its last neighbours.
+const KEPT_SIMULATIONS: usize = 3;
 
 impl<'a> PartModel<'a> {
     /// Builds the model of a part over some drives.
@@ -98,34 +122,45 @@ impl<'a> PartModel<'a> {
         } else {
             Vec::new()
         };
-        let mut model = Self {
-            space,
-            tags: Vec::new(),
-            part,
-            ego,
-            following,
-            inverse_floor: Vec::new(),
-            jitter_secs: case.scatter.jitter_secs,
-        };
-        model.label();
-        let plain = model.space.neutral();
-        let raw = model.raw(&plain);
-        for (inverse, residual) in model.inverse_floor.iter_mut().zip(&raw) {
-            if residual.is_nan() {
-                *inverse = 0.0;
-            }
+        let mut model =
+            Self { space, tags: Vec::new(), part, ego, following, inverse_floor: Vec::new(), memory: Mutex::default() };
+        model.label(&case.noise);
+        let usual = model.space.usual();
+        let spread = model.step_spread(&usual);
+        let raw = model.raw(&usual);
+        for ((inverse, residual), spread) in model.inverse_floor.iter_mut().zip(&raw).zip(spread) {
+            *inverse = if residual.is_nan() { 0.0 } else { 1.0 / (1.0 / *inverse).hypot(spread) };
         }
         model
     }
 
-    fn label(&mut self) {
+    /// Returns the standard deviation that the unknown instants of command steps give to every residual: a step may have
+    /// happened anywhere within its sample interval, so that no timing can be read from one step alone.
+    fn step_spread(&self, vector: &[f64]) -> Vec<f64> {
+        let plant = self.space.plant(vector);
+        let mut spread = Vec::with_capacity(self.tags.len());
+        for record in &self.ego {
+            let residuals = |inputs: &Inputs| record.windows(&record.anchors, inputs, &plant).concat();
+            match (record.stepped(0.0), record.stepped(1.0)) {
+                (Some(early), Some(late)) => spread.extend(
+                    residuals(&early).iter().zip(residuals(&late)).map(|(a, b)| (b - a).abs() / 12.0_f64.sqrt()),
+                ),
+                _ => spread.extend(std::iter::repeat_n(0.0, record.anchors.len() * EGO * BLOCKS)),
+            }
+        }
+        spread.resize(self.tags.len(), 0.0);
+        spread.iter_mut().filter(|s| s.is_nan()).for_each(|s| *s = 0.0);
+        spread
+    }
+
+    fn label(&mut self, noise: &Noise) {
         let mut window = 0;
         for record in &self.ego {
             for anchor in &record.anchors {
                 for (channel, block) in (0..EGO).flat_map(|c| (0..BLOCKS).map(move |b| (c, b))) {
                     let channel = Channel::ALL[channel];
                     self.tags.push(Tag { drive: record.drive, window, channel, block, secs: anchor.secs });
-                    self.inverse_floor.push(1.0 / floor::ego(channel.index(), block, &anchor.regime, self.jitter_secs));
+                    self.inverse_floor.push(1.0 / floor::ego(channel.index(), block, &anchor.regime, noise));
                 }
                 window += 1;
             }
@@ -141,7 +176,7 @@ impl<'a> PartModel<'a> {
                         block,
                         secs,
                     });
-                    self.inverse_floor.push(1.0 / floor::follower(channel, block));
+                    self.inverse_floor.push(1.0 / floor::follower(channel, block, noise));
                 }
                 window += 1;
             }
@@ -151,9 +186,72 @@ impl<'a> PartModel<'a> {
     fn raw(&self, vector: &[f64]) -> Vec<f64> {
         let plant = self.space.plant(vector);
         match self.part {
-            Part::Ego => self.ego.iter().flat_map(|record| record.residuals(&plant)).collect(),
+            Part::Ego => self.ego_residuals(vector, &plant),
             Part::Following => self.following.iter().flat_map(|record| record.residuals(&plant)).collect(),
         }
+    }
+
+    fn ego_residuals(&self, vector: &[f64], plant: &Plant) -> Vec<f64> {
+        let chain = |c: &crate::space::Coordinate| {
+            let insertion = self.space.effects[c.effect].insertion;
+            matches!(insertion, Insertion::CommandPath | Insertion::Actuator)
+        };
+        let pairs = self.space.coordinates.iter().zip(vector);
+        let key: Vec<u64> = pairs.filter(|(c, _)| chain(c)).map(|(_, value)| value.to_bits()).collect();
+        let mut memory = self.memory.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = memory.chains.iter().find(|c| c.0 == key).map(|c| c.1.clone());
+        let actuated = known.unwrap_or_else(|| {
+            let made = Arc::new(self.ego.iter().map(|record| actuate(&record.inputs, plant)).collect::<Vec<_>>());
+            memory.chains.push_front((key.clone(), made.clone()));
+            memory.chains.truncate(KEPT_SIMULATIONS);
+            made
+        });
+        let clock = [plant.clock.pose_latency_secs, plant.clock.pose_drift];
+        let same = |m: &&Motion| m.0 == key && m.1 == plant.vehicle && m.2 == plant.road && m.3 == clock;
+        let known = memory.motions.iter().find(same).map(|m| m.4.clone());
+        let rolled = known.unwrap_or_else(|| {
+            let pairs = self.ego.iter().zip(actuated.iter());
+            let made = Arc::new(pairs.flat_map(|(r, a)| r.roll(&r.anchors, a, plant)).collect::<Vec<_>>());
+            memory.motions.push_front((key, plant.vehicle, plant.road, clock, made.clone()));
+            memory.motions.truncate(KEPT_SIMULATIONS);
+            made
+        });
+        drop(memory);
+        let mut rolled = rolled.iter();
+        let mut residuals = Vec::with_capacity(self.tags.len());
+        for (record, actuated) in self.ego.iter().zip(actuated.iter()) {
+            for (anchor, rollout) in record.anchors.iter().zip(&mut rolled) {
+                residuals.extend(record.residual(anchor, rollout, actuated, plant));
+            }
+        }
+        residuals
+    }
+
+    /// Returns the model with the floor widened by a share of what some effects do to each residual: the true shape of an
+    /// effect is never quite the library's, and what is left of a strong one is no second effect. Also returns derivatives
+    /// of this model in units of that floor.
+    #[must_use]
+    pub fn widened(&self, vector: &[f64], effects: &[usize], columns: &Columns) -> (Self, Columns) {
+        let usual = self.space.usual();
+        let held = effects.iter().any(|e| self.space.effects[*e].id == "cmd_hold_rate");
+        let share = if held { HELD_SHARE } else { SHAPE_SHARE };
+        let mut bare = vector.to_vec();
+        effects.iter().flat_map(|e| self.space.of(*e)).for_each(|k| bare[k] = usual[k]);
+        let pairs = self.residuals(vector).into_iter().zip(self.residuals(&bare));
+        let shares: Vec<f64> = pairs.map(|(with, without)| 1.0 / 1.0_f64.hypot(share * (with - without))).collect();
+        let scaled = |column: &Arc<Vec<f64>>| Arc::new(column.iter().zip(&shares).map(|(c, s)| c * s).collect());
+        let columns = columns.iter().map(|column| column.as_ref().map(scaled)).collect();
+        let inverse_floor = self.inverse_floor.iter().zip(&shares).map(|(inverse, s)| inverse * s).collect();
+        let model = Self {
+            space: self.space.clone(),
+            tags: self.tags.clone(),
+            part: self.part,
+            ego: self.ego.clone(),
+            following: self.following.clone(),
+            inverse_floor,
+            memory: Mutex::default(),
+        };
+        (model, columns)
     }
 
     /// Returns the priors when no effect is suspected: nuisances free, all else absent.
@@ -183,7 +281,7 @@ impl<'a> PartModel<'a> {
     #[must_use]
     pub fn sliding(&self, vector: &[f64]) -> Vec<bool> {
         let limit = SLIDING_SHARE * 9.81 * self.space.plant(vector).vehicle.friction;
-        self.ego.iter().flat_map(|record| record.anchors.iter().map(move |a| a.regime.lateral_mps2 > limit)).collect()
+        self.ego.iter().flat_map(|record| record.anchors.iter().map(move |a| a.regime.demand_mps2 > limit)).collect()
     }
 
     /// Tells whether there is nothing to explain.

@@ -25,6 +25,13 @@ pub(crate) fn check(drives: &[Drive], meta: &Meta) -> Result<Vec<String>, GapErr
         frozen(drive)?;
         motion(drive)?;
         turning(drive, meta, &mut warnings)?;
+        if !(15.0..=30.0).contains(&drive.rate_hz) {
+            let rate = drive.rate_hz;
+            warnings.push(format!(
+                "{}: {rate:.0} samples a second; the floor is that of 20, so `unknown` may only mean that",
+                drive.file
+            ));
+        }
         for name in missing(drive, meta) {
             warnings.push(format!("{}: channel {name} is absent", drive.file));
         }
@@ -100,8 +107,8 @@ fn motion(drive: &Drive) -> Result<(), GapError> {
         let path = dx.hypot(dy);
         if let Some(v) = &drive.v {
             let mean = v[k..k + stride].iter().sum::<f64>() * STEP_SECS;
-            if mean > 2.0 {
-                pairs.push(path / mean);
+            if mean > 2.0 || path > 4.0 {
+                pairs.push(path / mean.abs().max(0.1));
             }
         }
         if let (Some(yaw), true) = (&drive.yaw, path > 2.0) {

@@ -3,10 +3,8 @@
 use crate::case::{Case, PartModel};
 use crate::fit::Fit;
 use crate::scatter::Scatter;
-use crate::search::{Effort, Hypothesis, Search, held_out_gains};
-use crate::settings::{
-    DISAGREE_COST, DISAGREEMENT, FURTHER_GAIN, INSIDE_COST, MOST_EFFECTS, SINGLE_COST, SINGLE_GAIN, TEMPERATURE,
-};
+use crate::search::{Effort, Hypothesis, Search, extend, held_out_gains, outside, refit};
+use crate::settings::{DISAGREE_COST, DISAGREEMENT, FURTHER_GAIN, INSIDE_COST, MOST_EFFECTS, SINGLE_COST, Thresholds};
 use crate::space::SCATTER;
 
 /// What the search over one part came to.
@@ -17,53 +15,71 @@ pub struct Outcome<'m, 'c> {
     pub accepted: Option<Hypothesis>,
     /// Held-out gains per fit drive of the best singles, in their order.
     pub held_out: Vec<Vec<f64>>,
+    /// The model with the floor widened by the accepted effects' own uncertainty of shape.
+    widened: Option<PartModel<'c>>,
 }
 
 impl<'m, 'c> Outcome<'m, 'c> {
     /// Searches a part and accepts effects one by one.
     #[must_use]
-    pub fn run(model: &'m PartModel<'c>, drives: &[usize], effort: Effort) -> Self {
+    pub fn run(model: &'m PartModel<'c>, drives: &[usize], effort: Effort, thresholds: &Thresholds) -> Self {
         let search = Search::run(model, effort);
         let count = if effort == Effort::Full { 4 } else { 2 };
-        let held_out: Vec<Vec<f64>> = search
-            .singles
-            .iter()
-            .take(count)
-            .map(|h| if h.gain > 0.0 { held_out_gains(model, (&search.null, &[]), h, drives) } else { Vec::new() })
-            .collect();
-        let mut outcome = Self { search, accepted: None, held_out };
-        outcome.accept(drives, effort);
+        let gains = |h: &Hypothesis| {
+            if h.gain > 0.0 {
+                held_out_gains(model, (&search.null, &[]), (&h.fit, &h.effects), drives)
+            } else {
+                Vec::new()
+            }
+        };
+        let held_out: Vec<Vec<f64>> = search.singles.iter().take(count).map(gains).collect();
+        let mut outcome = Self { search, accepted: None, held_out, widened: None };
+        outcome.accept(drives, effort, thresholds);
         outcome
     }
 
-    fn accept(&mut self, drives: &[usize], effort: Effort) {
+    fn accept(&mut self, drives: &[usize], effort: Effort, thresholds: &Thresholds) {
         let search = &self.search;
         let good = |k: usize| {
             let h = &search.singles[k];
-            h.gain > SINGLE_GAIN
-                && search.outside(h, h.effects[0])
+            h.gain > thresholds.single_gain
+                && outside(search.model, &h.fit.vector, h.effects[0])
                 && self.held_out.get(k).is_some_and(|g| agrees(g, h.gain))
         };
         let Some(first) = (0..search.singles.len().min(self.held_out.len())).find(|&k| good(k)) else { return };
         let mut current = search.singles[first].clone();
+        let widen = |h: &mut Hypothesis| {
+            let (model, columns) = search.model.widened(&h.fit.vector, &h.effects, &h.fit.columns);
+            h.fit = refit(&model, &h.fit.vector, &h.effects, columns);
+            model
+        };
+        let mut model = widen(&mut current);
         while current.effects.len() < MOST_EFFECTS {
-            let mut bases = vec![current.clone()];
+            let mut found = extend(&model, &current.fit, &current.effects);
             if current.effects.len() == 1 && effort == Effort::Full {
-                bases.extend(search.singles.iter().filter(|h| h.effects != current.effects).take(1).cloned());
+                // the best single may be what two others make together
+                let second = search.singles.iter().find(|h| h.effects != current.effects);
+                let other = second.map(|h| (refit(&model, &h.fit.vector, &h.effects, Vec::new()), h.effects.clone()));
+                let grown = other.and_then(|(fit, effects)| extend(&model, &fit, &effects));
+                let evidence = |f: &Option<(Fit, Vec<usize>)>| f.as_ref().map_or(f64::NEG_INFINITY, |f| f.0.evidence);
+                if evidence(&grown) > evidence(&found) {
+                    found = grown;
+                }
             }
-            let grown = bases.iter().filter_map(|base| search.extend(base));
-            let Some(grown) = grown.max_by(|a, b| a.gain.total_cmp(&b.gain)) else { break };
-            let adds = grown.gain - current.gain;
-            let outside = grown.effects.iter().all(|e| search.outside(&grown, *e));
-            if adds < FURTHER_GAIN || !outside {
+            let Some((fit, effects)) = found else { break };
+            let adds = fit.evidence - current.fit.evidence;
+            if adds < FURTHER_GAIN {
                 break;
             }
-            if !agrees(&held_out_gains(search.model, (&current.fit, &current.effects), &grown, drives), adds) {
+            if !effects.iter().all(|e| outside(&model, &fit.vector, *e)) || !needed(&model, &fit, &effects, drives) {
                 break;
             }
-            current = grown;
+            let grown = search.polish(&Hypothesis { effects, fit, gain: 0.0 });
+            current = Hypothesis { gain: current.gain + adds, ..grown };
+            model = widen(&mut current);
         }
         self.accepted = Some(current);
+        self.widened = Some(model);
     }
 
     /// Returns the fit of the accepted model, else the nuisance fit.
@@ -71,6 +87,25 @@ impl<'m, 'c> Outcome<'m, 'c> {
     pub fn fit(&self) -> &Fit {
         self.accepted.as_ref().map_or(&self.search.null, |h| &h.fit)
     }
+
+    /// Returns the model in whose floor units [`Self::fit`] is.
+    #[must_use]
+    pub fn model(&self) -> &PartModel<'c> {
+        self.widened.as_ref().unwrap_or(self.search.model)
+    }
+}
+
+/// Tells whether every one of several effects adds evidence over the others and helps on drives left out.
+fn needed(model: &PartModel<'_>, fit: &Fit, effects: &[usize], drives: &[usize]) -> bool {
+    effects.iter().all(|effect| {
+        let rest: Vec<usize> = effects.iter().copied().filter(|e| e != effect).collect();
+        let usual = model.space.usual();
+        let mut start = fit.vector.clone();
+        model.space.of(*effect).into_iter().for_each(|k| start[k] = usual[k]);
+        let less = refit(model, &start, &rest, fit.columns.clone());
+        let adds = fit.evidence - less.evidence;
+        adds > FURTHER_GAIN && agrees(&held_out_gains(model, (&less, &rest), (fit, effects), drives), adds)
+    })
 }
 
 /// Tells whether held-out gains are compatible with an effect of some evidence gain.
@@ -107,14 +142,14 @@ pub struct Candidate {
 
 /// Ranks every fitted effect of all parts and the scatter effects.
 #[must_use]
-pub fn rank(case: &Case, outcomes: &[Outcome<'_, '_>]) -> Vec<Candidate> {
+pub fn rank(case: &Case, outcomes: &[Outcome<'_, '_>], thresholds: &Thresholds) -> Vec<Candidate> {
     let mut ranking = Vec::new();
     for (part, outcome) in outcomes.iter().enumerate() {
         for (k, h) in outcome.search.singles.iter().enumerate() {
             let effect = h.effects[0];
             let gains = outcome.held_out.get(k).filter(|g| !g.is_empty());
-            let mut log_weight = h.gain / TEMPERATURE - SINGLE_COST;
-            if !outcome.search.outside(h, effect) {
+            let mut log_weight = h.gain / thresholds.temperature - SINGLE_COST;
+            if !outside(outcome.search.model, &h.fit.vector, effect) {
                 log_weight -= INSIDE_COST;
             }
             if gains.is_some_and(|g| !agrees(g, h.gain)) {
@@ -138,38 +173,40 @@ pub fn rank(case: &Case, outcomes: &[Outcome<'_, '_>]) -> Vec<Candidate> {
             for &effect in &model.effects {
                 let id = outcome.search.model.space.effects[effect].id;
                 if !ranking.iter().any(|c| c.id == id) {
-                    let blank = Candidate { single: usize::MAX, ..scatter_candidate(id, 0.0, true) };
+                    let blank = Candidate { single: usize::MAX, ..scatter_candidate(id, 0.0, true, thresholds) };
                     ranking.push(Candidate { part: Some(part), ..blank });
                 }
             }
         }
     }
-    ranking.extend(scatter_candidates(&case.scatter));
-    weigh(&mut ranking, outcomes);
+    ranking.extend(scatter_candidates(&case.scatter, thresholds));
+    weigh(&mut ranking, outcomes, thresholds);
     ranking
 }
 
-fn scatter_candidate(id: &'static str, gain: f64, accepted: bool) -> Candidate {
-    let log_weight = gain / TEMPERATURE - SINGLE_COST;
+fn scatter_candidate(id: &'static str, gain: f64, accepted: bool, thresholds: &Thresholds) -> Candidate {
+    let log_weight = gain / thresholds.temperature - SINGLE_COST;
     Candidate { id, part: None, single: 0, gain, held_out: None, log_weight, accepted, probability: 0.0 }
 }
 
-fn scatter_candidates(scatter: &Scatter) -> Vec<Candidate> {
+fn scatter_candidates(scatter: &Scatter, thresholds: &Thresholds) -> Vec<Candidate> {
     let gains = [scatter.jitter_gain, scatter.repeated_gain];
-    SCATTER.iter().zip(gains).map(|(id, gain)| scatter_candidate(id, gain, gain > SINGLE_GAIN)).collect()
+    let line =
+        |(id, gain): (&&'static str, f64)| scatter_candidate(id, gain, gain > thresholds.single_gain, thresholds);
+    SCATTER.iter().zip(gains).map(line).collect()
 }
 
 /// Turns log weights into probabilities over none, every single effect and the accepted combination.
 ///
 /// Evidence is relative to the nuisance fit of all parts, so a single effect competes with the accepted combination
 /// through the sum of the gains of what was accepted.
-fn weigh(ranking: &mut [Candidate], outcomes: &[Outcome<'_, '_>]) {
+fn weigh(ranking: &mut [Candidate], outcomes: &[Outcome<'_, '_>], thresholds: &Thresholds) {
     let accepted: Vec<usize> = (0..ranking.len()).filter(|&k| ranking[k].accepted).collect();
     let mut combined = f64::NEG_INFINITY;
     if accepted.len() > 1 {
         let parts: f64 = outcomes.iter().filter_map(|o| o.accepted.as_ref()).map(|h| h.gain).sum();
         let scatter: f64 = accepted.iter().filter(|&&k| ranking[k].part.is_none()).map(|&k| ranking[k].gain).sum();
-        combined = (parts + scatter) / TEMPERATURE - SINGLE_COST * accepted.len() as f64;
+        combined = (parts + scatter) / thresholds.temperature - SINGLE_COST * accepted.len() as f64;
     }
     let largest = ranking.iter().map(|c| c.log_weight).fold(combined.max(0.0), f64::max);
     let total: f64 = (-largest).exp()

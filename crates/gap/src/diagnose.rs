@@ -13,7 +13,8 @@ use crate::manoeuvre;
 use crate::remainder::{Left, describe, left};
 use crate::report::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, SCHEMA, Verdict};
 use crate::search::{Effort, without_drive};
-use crate::settings::{GROUP_COSINE, GROUP_EVIDENCE, GROUP_SIZE, OWN_NUISANCE};
+use crate::settings::{DOUBT, GROUP_COSINE, GROUP_EVIDENCE, GROUP_SIZE, OWN_NUISANCE, SHAPE_ERROR, Thresholds};
+use crate::shapley::split;
 use crate::signature::{cosine, spread};
 use crate::space::{Part, SCATTER};
 use crate::windows::EGO;
@@ -32,23 +33,34 @@ pub struct Options {
 /// # Errors
 /// If the case cannot be read or makes no sense.
 pub fn diagnose(folder: &Path, options: &Options) -> Result<Diagnosis, GapError> {
+    diagnose_with(folder, options, &Thresholds::default())
+}
+
+/// Diagnoses a case folder with other thresholds than the built-in ones.
+///
+/// # Errors
+/// If the case cannot be read or makes no sense.
+pub fn diagnose_with(folder: &Path, options: &Options, thresholds: &Thresholds) -> Result<Diagnosis, GapError> {
     let case = Case::read(folder)?;
-    Ok(diagnose_case(&case, options))
+    Ok(diagnose_case(&case, options, thresholds))
 }
 
 /// Diagnoses a case in memory.
 #[must_use]
-pub fn diagnose_case(case: &Case, options: &Options) -> Diagnosis {
+pub fn diagnose_case(case: &Case, options: &Options, thresholds: &Thresholds) -> Diagnosis {
     let (fit_drives, held) = case.meta.split();
     let effort = if options.quick { Effort::Quick } else { Effort::Full };
     let models = [Part::Ego, Part::Following].map(|part| PartModel::new(case, part, &fit_drives, &options.without));
-    let outcomes: Vec<Outcome<'_, '_>> = models.iter().map(|m| Outcome::run(m, &fit_drives, effort)).collect();
-    let mut ranking = rank(case, &outcomes);
+    let outcomes: Vec<Outcome<'_, '_>> =
+        models.iter().map(|m| Outcome::run(m, &fit_drives, effort, thresholds)).collect();
+    let mut ranking = rank(case, &outcomes, thresholds);
     ranking.retain(|c| !options.without.iter().any(|id| id == c.id));
-    let staircase = ranking.iter().any(|c| c.accepted && c.id == "cmd_hold_rate");
-    let lefts: Vec<Left> = outcomes.iter().map(|o| left(o.search.model, o.fit(), &o.search.null, staircase)).collect();
+    let lefts: Vec<Left> =
+        outcomes.iter().map(|o| left(o.model(), o.fit(), &o.search.null, o.accepted.is_some())).collect();
     let p_unknown = lefts.iter().map(Left::probability).fold(0.0, f64::max);
     let verdict = verdict(&ranking, p_unknown);
+    let doubt = if outcomes.iter().any(|o| o.accepted.is_some()) { DOUBT } else { 0.0 };
+    let p_unknown = doubt + (1.0 - doubt - DOUBT) * p_unknown;
     let known = 1.0 - p_unknown;
     let p_none = known * (1.0 - ranking.iter().map(|c| c.probability).sum::<f64>()).max(0.0);
     let effects: Vec<Finding> = ranking.iter().map(|c| finding(case, &outcomes, &ranking, c, known)).collect();
@@ -63,7 +75,7 @@ pub fn diagnose_case(case: &Case, options: &Options) -> Diagnosis {
     let pairs = [(&plants[0].0, &plants[0].1), (&plants[1].0, &plants[1].1)];
     let data = if held.is_empty() { (fit_drives.as_slice(), "fit") } else { (held.as_slice(), "heldout") };
     let unknown_description = (verdict == Verdict::Unknown).then(|| {
-        let fits: Vec<_> = outcomes.iter().map(|o| (o.search.model, o.fit())).collect();
+        let fits: Vec<_> = outcomes.iter().map(|o| (o.model(), o.fit())).collect();
         describe(case, &lefts, &fits, ranking.iter().take(3).map(|c| c.id.to_owned()).collect())
     });
     Diagnosis {
@@ -76,11 +88,12 @@ pub fn diagnose_case(case: &Case, options: &Options) -> Diagnosis {
         chosen,
         cells: map(case, &outcomes, &options.without),
         how_far: how_far(case, data.0, pairs, data.1),
+        shares: if options.quick { Vec::new() } else { outcomes.iter().flat_map(|o| split(case, o, data.0)).collect() },
         predicted_share: predicted(case, &outcomes, &fit_drives),
         unknown_description,
         next_manoeuvre: next(case, &outcomes, &effects),
         corrected_model: corrected(&outcomes),
-        floor_source: "practice".to_owned(),
+        floor_source: if case.noise.is_familiar() { "practice" } else { "self" }.to_owned(),
         warnings: case.warnings.clone(),
         secs: 0.0,
         effects,
@@ -138,8 +151,10 @@ fn finding(
             _ => 0.0,
         };
         let own = parameter.nuisance.map_or(0.0, |n| OWN_NUISANCE * n.sd);
-        let width = 1.645 * spread(model, fit, k).hypot(own);
         let centre = fit.vector[k] - usual;
+        let shape =
+            if parameter.neutral.is_finite() { SHAPE_ERROR * (centre - parameter.neutral) } else { SHAPE_ERROR };
+        let width = 1.645 * spread(model, fit, k).hypot(own).hypot(shape);
         let reported = |v: f64| model.space.reported(k, v);
         out.params.insert(parameter.name.to_owned(), reported(centre));
         if place == 0 {

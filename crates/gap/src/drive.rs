@@ -22,6 +22,8 @@ pub struct Drive {
     pub file: String,
     /// First stamp, s.
     pub start_secs: f64,
+    /// Samples per second of the file itself, by the median step.
+    pub rate_hz: f64,
     /// Number of samples on the 20 Hz grid.
     pub samples: usize,
     /// Commanded road-wheel angle, rad.
@@ -81,6 +83,7 @@ impl Drive {
         let t = stamps(&table)?;
         let start_secs = t[0];
         let samples = ((t[t.len() - 1] - t[0]) / STEP_SECS + 1e-6).floor() as usize + 1;
+        let mut steps: Vec<f64> = t.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let even = |column: &[f64]| resample(&t, column, start_secs, STEP_SECS, samples);
         let pose = copies(&table, &["x", "y", "yaw", "v"]);
         let imu = copies(&table, &["yaw_rate", "ax", "ay"]);
@@ -106,6 +109,7 @@ impl Drive {
         Ok(Self {
             file: entry.file.clone(),
             start_secs,
+            rate_hz: 1.0 / crate::bootstrap::quantile(&mut steps, 0.5),
             samples,
             cmd_steer: even(table.required("cmd_steer")?),
             cmd_accel: even(table.required("cmd_accel")?),

@@ -1,4 +1,4 @@
-//! The nominal simulator of the ego vehicle: a single track at 10 ms sub-steps behind its command and actuator chains.
+//! The nominal simulator of the ego vehicle: a single track at 20 ms steps behind its command and actuator chains.
 //!
 //! Slip, side force and yaw are integrated by the implicit midpoint rule with the secant stiffness of the axle (stable
 //! down to standstill); an axle's side force saturates at friction times static load. SI units, x forward, y left.
@@ -8,8 +8,10 @@ use ds_effect::signal::{Context, Place, lag};
 
 use crate::smooth::between;
 
-/// Step of the integration and of the actuator grid, s.
+/// Step of the actuator grid, s.
 pub const FINE_SECS: f64 = 0.01;
+/// Step of the vehicle's integration, s; halving it moves no estimate of the practice cases by a tenth of its interval.
+pub const ROLL_SECS: f64 = 0.02;
 /// Standard gravity, m/s².
 const GRAVITY: f64 = 9.81;
 /// Below this speed slip angles are computed as if at this speed, m/s.
@@ -41,12 +43,11 @@ pub struct Actuated {
     pub sensor: Vec<f64>,
     /// Realised force over nominal mass, m/s².
     pub accel: Vec<f64>,
-    saturation: Saturation,
 }
 
 /// The factor by which an axle's stiffness falls with its linear force over its limit, (1 + r^n)^(-1/n), tabulated:
 /// the powers would take a third of the time of a rollout.
-struct Saturation {
+pub struct Saturation {
     knee: f64,
     table: Vec<f64>,
 }
@@ -55,7 +56,9 @@ impl Saturation {
     const PER_UNIT: f64 = 64.0;
     const LARGEST: f64 = 4.0;
 
-    fn new(knee: f64) -> Self {
+    /// Tabulates the factor for a sharpness.
+    #[must_use]
+    pub fn new(knee: f64) -> Self {
         let knee = knee.max(1.0);
         let count = (Self::LARGEST * Self::PER_UNIT) as usize + 2;
         Self { knee, table: (0..count).map(|k| Self::exact(k as f64 / Self::PER_UNIT, knee)).collect() }
@@ -107,13 +110,7 @@ pub fn actuate(inputs: &Inputs, plant: &Plant) -> Actuated {
     lag(&mut accel, FINE_SECS, plant.traction.lag_secs);
     run(&mut accel, &plant.traction.operators, Place::Actuator);
     run(&mut accel, &plant.traction.operators, Place::Linkage);
-    Actuated {
-        start_secs: inputs.start_secs,
-        wheel,
-        sensor,
-        accel,
-        saturation: Saturation::new(plant.vehicle.tyre_knee),
-    }
+    Actuated { start_secs: inputs.start_secs, wheel, sensor, accel }
 }
 
 /// Where a rollout starts and how long it lasts.
@@ -172,7 +169,7 @@ impl Instant {
 /// Returns the instant at `secs` of a rollout that began at `start_secs`.
 #[must_use]
 pub fn instant_at(rollout: &[Instant], start_secs: f64, secs: f64) -> Instant {
-    let at = ((secs - start_secs) / FINE_SECS).clamp(0.0, (rollout.len() - 1) as f64);
+    let at = ((secs - start_secs) / ROLL_SECS).clamp(0.0, (rollout.len() - 1) as f64);
     let low = at as usize;
     let high = (low + 1).min(rollout.len() - 1);
     rollout[low].mix(&rollout[high], at - low as f64)
@@ -198,33 +195,39 @@ impl Axle {
     }
 }
 
-/// Integrates one rollout into `out`, one instant per fine step from the start of the warm-up.
-pub fn rollout(start: &Start, actuated: &Actuated, plant: &Plant, out: &mut Vec<Instant>) {
-    out.clear();
+/// Integrates one rollout, one instant per step from the start of the warm-up; `saturation` is that of the plant.
+#[must_use]
+pub fn rollout(start: &Start, actuated: &Actuated, plant: &Plant, saturation: &Saturation) -> Vec<Instant> {
     let vehicle = &plant.vehicle;
     let mut state = steady(vehicle, start.speed_mps, start.yaw_rate);
     let mut pose = (0.0, 0.0, 0.0);
-    let warm = (start.warm_secs / FINE_SECS).round() as usize;
-    let steps = warm + (start.horizon_secs / FINE_SECS).ceil() as usize;
+    let warm = (start.warm_secs / ROLL_SECS).round() as usize;
+    let steps = warm + (start.horizon_secs / ROLL_SECS).ceil() as usize;
+    let mut out = Vec::with_capacity(steps + 1);
+    let anchor = start.heading_rad.sin_cos();
+    let mut heading = anchor;
     for step in 0..=steps {
         if step == warm {
             pose = (0.0, 0.0, 0.0);
             state.vx = start.anchor_speed_mps;
         }
-        let middle = start.secs + (step as f64 + 0.5) * FINE_SECS;
+        let middle = start.secs + (step as f64 + 0.5) * ROLL_SECS;
         let steer = actuated.at(&actuated.wheel, middle);
         let accel = actuated.at(&actuated.accel, middle);
-        let heading = if step < warm { start.heading_rad } else { start.heading_rad + pose.2 };
-        let (next, ax, ay) = advance(&state, (steer, accel), (heading, &actuated.saturation), plant);
+        let (next, ax, ay) = advance(&state, (steer, accel), (heading, saturation), plant);
         out.push(Instant { x: pose.0, y: pose.1, yaw: pose.2, v: state.vx, yaw_rate: state.yaw_rate, ax, ay });
-        let yaw = pose.2 + 0.5 * FINE_SECS * (state.yaw_rate + next.yaw_rate);
+        let yaw = pose.2 + 0.5 * ROLL_SECS * (state.yaw_rate + next.yaw_rate);
         let (sin, cos) = (0.5 * (pose.2 + yaw)).sin_cos();
         let (vx, vy) = (0.5 * (state.vx + next.vx), 0.5 * (state.vy + next.vy));
-        pose.0 += FINE_SECS * (vx * cos - vy * sin);
-        pose.1 += FINE_SECS * (vx * sin + vy * cos);
+        pose.0 += ROLL_SECS * (vx * cos - vy * sin);
+        pose.1 += ROLL_SECS * (vx * sin + vy * cos);
         pose.2 = yaw;
+        if step >= warm {
+            heading = (anchor.0 * cos + anchor.1 * sin, anchor.1 * cos - anchor.0 * sin);
+        }
         state = next;
     }
+    out
 }
 
 fn steady(vehicle: &Vehicle, speed: f64, yaw_rate: f64) -> State {
@@ -236,16 +239,16 @@ fn steady(vehicle: &Vehicle, speed: f64, yaw_rate: f64) -> State {
     State { vx: speed, vy: vehicle.rear_arm_m * yaw_rate - v * slip_rear, yaw_rate, slip_front, slip_rear }
 }
 
-/// Returns the state one fine step later and the specific force in between.
+/// Returns the state one step later and the specific force in between.
 fn advance(
     state: &State,
     (steer, accel): (f64, f64),
-    (heading, saturation): (f64, &Saturation),
+    (heading, saturation): ((f64, f64), &Saturation),
     plant: &Plant,
 ) -> (State, f64, f64) {
     let vehicle = &plant.vehicle;
     let (drag, side_wind) = wind(state.vx, heading, vehicle, &plant.road);
-    let half = 0.5 * FINE_SECS;
+    let half = 0.5 * ROLL_SECS;
     let v = state.vx.max(SLOWEST_MPS);
     let base = vehicle.front_arm_m + vehicle.rear_arm_m;
     let weight = vehicle.mass_kg * GRAVITY;
@@ -259,7 +262,7 @@ fn advance(
     let rear = Axle { stiffness: vehicle.rear_stiffness_n * heavier, limit: vehicle.friction * rear_load * heavier };
     let (build, build_step) = if vehicle.relaxation_m > 1e-3 {
         let rate = v / vehicle.relaxation_m;
-        (1.0 - (-rate * half).exp(), 1.0 - (-rate * FINE_SECS).exp())
+        (1.0 - (-rate * half).exp(), 1.0 - (-rate * ROLL_SECS).exp())
     } else {
         (1.0, 1.0)
     };
@@ -287,7 +290,7 @@ fn advance(
     let rolling = if state.vx > 0.05 { vehicle.rolling_mps2 * m } else { 0.0 };
     let ax = (traction - sin * force_front - drag - rolling) / m;
     let ay = (cos * force_front + force_rear + side_wind) / m;
-    let vx = state.vx + FINE_SECS * (ax + vy * r - GRAVITY * plant.road.grade_rad.sin());
+    let vx = state.vx + ROLL_SECS * (ax + vy * r - GRAVITY * plant.road.grade_rad.sin());
     let next = State {
         vx: vx.max(0.0),
         vy: 2.0 * vy - state.vy,
@@ -298,14 +301,13 @@ fn advance(
     (next, ax, ay)
 }
 
-/// Returns drag against the direction of travel and side force, N.
-fn wind(speed: f64, heading: f64, vehicle: &Vehicle, road: &Road) -> (f64, f64) {
+/// Returns drag against the direction of travel and side force, N, at a heading given as sine and cosine.
+fn wind(speed: f64, (sin, cos): (f64, f64), vehicle: &Vehicle, road: &Road) -> (f64, f64) {
     if road.wind_x_mps == 0.0 && road.wind_y_mps == 0.0 {
         return (vehicle.drag_n_s2_m2 * speed * speed, 0.0);
     }
-    let (sin, cos) = heading.sin_cos();
     let along = speed - (cos * road.wind_x_mps + sin * road.wind_y_mps);
     let across = -sin * road.wind_x_mps + cos * road.wind_y_mps;
-    let air = along.hypot(across);
+    let air = (along * along + across * across).sqrt();
     (vehicle.drag_n_s2_m2 * along * air, SIDE_WIND * vehicle.drag_n_s2_m2 * across * air)
 }

@@ -118,6 +118,13 @@ fn column(model: &dyn Model, vector: &[f64], residuals: &[f64], k: usize, prior:
     shifted.iter().zip(residuals).map(|(a, b)| (a - b) / step).collect()
 }
 
+/// Returns the log posterior of a start, up to a constant, with the sign of a loss.
+pub fn start_loss(model: &dyn Model, priors: &[Prior], start: &[f64]) -> f64 {
+    let vector: Vec<f64> = start.iter().zip(priors).map(|(v, p)| p.clip(*v)).collect();
+    let prior: f64 = vector.iter().zip(priors).map(|(v, p)| p.log_density(*v)).sum();
+    data_loss(&model.residuals(&vector)) - prior
+}
+
 /// Fits a model.
 pub fn fit(model: &dyn Model, plan: Plan<'_>) -> Fit {
     let priors = plan.priors;
@@ -187,23 +194,18 @@ fn normal_equations(
     columns: &Columns,
 ) -> (DMatrix<f64>, DVector<f64>) {
     let count = free.len();
-    let weights: Vec<f64> = residuals.iter().map(|z| KAPPA * (NU + 1.0) / (NU + z * z)).collect();
-    let mut hessian = DMatrix::zeros(count, count);
-    let mut gradient = DVector::zeros(count);
-    let mut weighted = vec![0.0; residuals.len()];
+    let roots: Vec<f64> = residuals.iter().map(|z| (KAPPA * (NU + 1.0) / (NU + z * z)).sqrt()).collect();
+    // one row per coordinate, so that the product runs as one blocked multiplication
+    let mut rows = DMatrix::zeros(residuals.len(), count);
     for (i, &k) in free.iter().enumerate() {
         let Some(column) = &columns[k] else { continue };
-        for ((w, c), weight) in weighted.iter_mut().zip(column.iter()).zip(&weights) {
-            *w = c * weight;
-        }
-        gradient[i] = weighted.iter().zip(residuals).map(|(w, z)| w * z).sum();
-        for (j, &other) in free.iter().enumerate().take(i + 1) {
-            let Some(b) = &columns[other] else { continue };
-            let value: f64 = weighted.iter().zip(b.iter()).map(|(w, c)| w * c).sum();
-            hessian[(i, j)] = value;
-            hessian[(j, i)] = value;
+        for ((r, c), weight) in rows.column_mut(i).iter_mut().zip(column.iter()).zip(&roots) {
+            *r = c * weight;
         }
     }
+    let pull = DVector::from_iterator(residuals.len(), residuals.iter().zip(&roots).map(|(z, w)| z * w));
+    let mut gradient = rows.tr_mul(&pull);
+    let mut hessian = rows.transpose() * &rows;
     for (i, &k) in free.iter().enumerate() {
         match priors[k] {
             Prior::Normal { mean, sd } => {

@@ -7,7 +7,6 @@ use ds_effect::{Channel, Plant};
 
 use crate::bootstrap::{quantile, weights};
 use crate::case::Case;
-use crate::ego::actuate;
 use crate::floor;
 use crate::following;
 use crate::report::Shrink;
@@ -45,10 +44,10 @@ fn ego(case: &Case, drives: &[usize], (before, after): (&Plant, &Plant), all: &m
     }));
     for record in case.ego.iter().filter(|r| drives.contains(&r.drive)) {
         let (bare, full) = (rollouts(record, before), rollouts(record, after));
-        let jitter = case.scatter.jitter_secs;
+        let noise = &case.noise;
         for ((anchor, b), a) in record.anchors_every(STRIDE, SCORED).iter().zip(&bare).zip(&full) {
             let blocks = SCORED / BLOCK;
-            let floor = |c: usize, k: usize| floor::ego(c, k, &anchor.regime, jitter).powi(2);
+            let floor = |c: usize, k: usize| floor::ego(c, k, &anchor.regime, noise).powi(2);
             let at = |c: usize, secs: f64| c * blocks + (secs / 0.25) as usize - 1;
             let pair = |f: &dyn Fn(&[f64]) -> f64, floor: f64| [f(b), f(a), floor];
             let square = |r: &[f64], i: usize| r[i] * r[i];
@@ -72,10 +71,7 @@ fn ego(case: &Case, drives: &[usize], (before, after): (&Plant, &Plant), all: &m
 }
 
 fn rollouts(record: &EgoRecord, plant: &Plant) -> Vec<Vec<f64>> {
-    let actuated = actuate(&record.inputs, plant);
-    let mut buffer = Vec::new();
-    let anchors = record.anchors_every(STRIDE, SCORED);
-    anchors.iter().map(|anchor| record.residual(anchor, &actuated, plant, &mut buffer)).collect()
+    record.windows(&record.anchors_every(STRIDE, SCORED), &record.inputs, plant)
 }
 
 fn following(case: &Case, drives: &[usize], (before, after): (&Plant, &Plant), all: &mut Vec<Errors>) {
@@ -91,7 +87,8 @@ fn following(case: &Case, drives: &[usize], (before, after): (&Plant, &Plant), a
             for channel in 0..2 {
                 let range = channel * blocks..(channel + 1) * blocks;
                 let mean = |r: &[f64]| r[range.clone()].iter().map(|e| e * e).sum::<f64>() / blocks as f64;
-                let clean = (0..blocks).map(|k| floor::follower(channel, k).powi(2)).sum::<f64>() / blocks as f64;
+                let clean =
+                    (0..blocks).map(|k| floor::follower(channel, k, &case.noise).powi(2)).sum::<f64>() / blocks as f64;
                 push(&mut all[first + channel], record.drive, [mean(b), mean(a), clean]);
             }
         }
@@ -109,27 +106,43 @@ fn shrink(errors: &Errors, data: &str) -> Option<Shrink> {
     if errors.rows.len() < 3 {
         return None;
     }
-    let roots = |draw: Option<&Vec<f64>>| {
-        let mut sums = [0.0; 3];
-        let mut total = 0.0;
-        for (k, row) in errors.rows.iter().enumerate() {
-            let weight = draw.map_or(1.0, |d| d[k]);
-            total += weight;
-            sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += weight * value);
-        }
-        sums.map(|sum| (sum / f64::max(total, 1e-9)).sqrt())
-    };
-    let [before, after, floor] = roots(None);
-    let mut shares: Vec<f64> = weights(&errors.drives, "shrink").iter().map(|d| share(roots(Some(d)))).collect();
+    let [before, after, floor] = roots(&errors.rows, None);
+    let draws = weights(&errors.drives, "shrink");
+    let mut shares: Vec<f64> = draws.iter().map(|d| share_of(&errors.rows, Some(d))).collect();
     Some(Shrink {
         metric: errors.name.clone(),
         before,
         after,
         floor,
-        share_explained: share([before, after, floor]),
+        share_explained: share_of(&errors.rows, None),
         interval90: [quantile(&mut shares, 0.05), quantile(&mut shares, 0.95)],
         data: data.to_owned(),
     })
+}
+
+fn roots(rows: &[[f64; 3]], draw: Option<&Vec<f64>>) -> [f64; 3] {
+    let mut sums = [0.0; 3];
+    let mut total = 0.0;
+    for (k, row) in rows.iter().enumerate() {
+        let weight = draw.map_or(1.0, |d| d[k]);
+        total += weight;
+        sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += weight * value);
+    }
+    sums.map(|sum| (sum / f64::max(total, 1e-9)).sqrt())
+}
+
+/// Returns the squared errors of `position_2s` by window (before, after, floor) and the windows' drives.
+#[must_use]
+pub fn position_errors(case: &Case, drives: &[usize], plants: (&Plant, &Plant)) -> (Vec<[f64; 3]>, Vec<usize>) {
+    let mut all = Vec::new();
+    ego(case, drives, plants, &mut all);
+    all.into_iter().find(|e| e.name == "position_2s").map(|e| (e.rows, e.drives)).unwrap_or_default()
+}
+
+/// Returns the share explained by squared errors of windows, each counted as often as a draw says.
+#[must_use]
+pub fn share_of(rows: &[[f64; 3]], draw: Option<&Vec<f64>>) -> f64 {
+    share(roots(rows, draw))
 }
 
 /// Returns the share of the gap beyond the floor that is explained, 0 where there is none to explain.

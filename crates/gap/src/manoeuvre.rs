@@ -5,7 +5,7 @@
 
 use ds_effect::Plant;
 
-use crate::ego::{FINE_SECS, Inputs, Start, actuate, rollout};
+use crate::ego::{FINE_SECS, Inputs, Saturation, Start, actuate, rollout};
 use crate::floor::EGO_FLOOR;
 use crate::report::Manoeuvre;
 use crate::settings::KAPPA;
@@ -57,6 +57,12 @@ pub fn rank(names: [&str; 2], plants: [&Plant; 2], missing: &[bool; EGO]) -> Vec
     list
 }
 
+/// Returns what the sensors report of a simulator driven through the whole library, sample by sample.
+#[must_use]
+pub fn everything(plant: &Plant) -> Vec<[f64; EGO]> {
+    SCRIPTS.iter().flat_map(|script| report(script, plant)).collect()
+}
+
 fn separation(script: &Script, plants: [&Plant; 2], missing: &[bool; EGO]) -> f64 {
     let [a, b] = plants.map(|plant| report(script, plant));
     let mut total = 0.0;
@@ -90,8 +96,7 @@ fn report(&(_, speed, secs, steer, accel): &Script, plant: &Plant) -> Vec<[f64; 
         anchor_speed_mps: speed.abs(),
         horizon_secs: secs,
     };
-    let mut buffer = Vec::new();
-    rollout(&start, &actuated, plant, &mut buffer);
+    let buffer = rollout(&start, &actuated, plant, &Saturation::new(plant.vehicle.tyre_knee));
     let samples = (secs / SAMPLE_SECS) as usize;
     (1..samples)
         .map(|k| {

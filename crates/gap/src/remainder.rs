@@ -12,7 +12,9 @@ use crate::case::{Case, PartModel};
 use crate::drive::STEP_SECS;
 use crate::fit::{Fit, point_loss};
 use crate::report::Remainder;
-use crate::settings::{CLEAN_DRIVE_LOSS, CLEAN_GAP_LOSS, CLEAN_WINDOW_LOSS, EXPLAINED_SHARE, UNKNOWN_WIDTH};
+use crate::settings::{
+    ACCEPTED_SLACK, CLEAN_DRIVE_LOSS, CLEAN_GAP_LOSS, CLEAN_WINDOW_LOSS, EXPLAINED_SHARE, UNKNOWN_WIDTH,
+};
 
 /// The remainder of one part.
 #[derive(Debug, Clone, Default)]
@@ -36,15 +38,14 @@ fn clean(channel: Channel) -> f64 {
 
 /// Compares what a fit leaves with what effect-free worlds leave; `before` are the residuals of the nuisance fit.
 #[must_use]
-pub fn left(model: &PartModel<'_>, fit: &Fit, null: &Fit, staircase: bool) -> Left {
+pub fn left(model: &PartModel<'_>, fit: &Fit, null: &Fit, accepted: bool) -> Left {
     let sliding = model.sliding(&fit.vector);
     let mut drives: BTreeMap<(Channel, usize), (f64, f64)> = BTreeMap::new();
     let mut windows: BTreeMap<(Channel, usize), (f64, f64)> = BTreeMap::new();
     let mut found = Left::default();
     for ((tag, z), z0) in model.tags.iter().zip(&fit.residuals).zip(&null.residuals) {
-        // the phase of a held command is not fitted, so the position sensor's staircase stays in the residual
-        // and past the limit of the tyres small errors grow without bound
-        if *z == 0.0 || (staircase && tag.channel == Channel::SteerMeas) || sliding.get(tag.window) == Some(&true) {
+        // past the limit of the tyres small errors grow without bound
+        if *z == 0.0 || sliding.get(tag.window) == Some(&true) {
             continue;
         }
         let loss = point_loss(*z);
@@ -57,15 +58,16 @@ pub fn left(model: &PartModel<'_>, fit: &Fit, null: &Fit, staircase: bool) -> Le
         found.losses.1 += loss;
         found.losses.2 += 0.4;
     }
+    let slack = if accepted { ACCEPTED_SLACK } else { 1.0 };
     for ((channel, drive), (sum, count)) in drives {
-        let ratio = sum / count / clean(channel);
+        let ratio = sum / count / clean(channel) / slack;
         found.drives.insert((channel.name(), drive), ratio);
         let entry = found.channels.entry(channel.name()).or_default();
         *entry = entry.max(ratio);
         found.ratio = found.ratio.max(ratio);
     }
     for ((channel, _), (sum, count)) in windows {
-        let ratio = sum / count / CLEAN_WINDOW_LOSS;
+        let ratio = sum / count / CLEAN_WINDOW_LOSS / slack;
         let entry = found.channels.entry(channel.name()).or_default();
         *entry = entry.max(ratio);
         if ratio > found.ratio {

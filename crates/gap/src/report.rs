@@ -45,6 +45,9 @@ pub struct Diagnosis {
     pub cells: Vec<Cell>,
     /// Gap before and after on data not used for the fit.
     pub how_far: Vec<Shrink>,
+    /// What each of several accepted effects contributes.
+    #[serde(default)]
+    pub shares: Vec<EffectShare>,
     /// Share explained that the fit drives promise for `position_2s`.
     pub predicted_share: f64,
     /// What remains, where the verdict is unknown.
@@ -82,6 +85,17 @@ pub struct Finding {
     pub evidence_gain: f64,
     /// All parameters by name, in reported units.
     pub params: BTreeMap<String, f64>,
+}
+
+/// What one of several effects contributes to the shrink.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct EffectShare {
+    /// Its id.
+    pub id: String,
+    /// Shapley value: its part of the explained share of `position_2s`.
+    pub share: f64,
+    /// 90 % interval.
+    pub interval90: [f64; 2],
 }
 
 /// One cell of the map of the gap.

@@ -4,7 +4,7 @@
 //! and across the heading have variances 6 (σ² + v² s²) and 6 σ². Repeats are exact copies of the sample before.
 
 use crate::drive::{Drive, STEP_SECS};
-use crate::settings::{JITTER_SHARE, REPEAT_SURPRISE};
+use crate::settings::{JITTER_SHARE, REPEAT_SURPRISE, SHAPE_ERROR};
 
 /// What was found in the scatter of some drives.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -23,6 +23,9 @@ pub struct Scatter {
     pub repeated_gain: f64,
 }
 
+/// Squared scale of the Student t law with four degrees of freedom that fits a normal law of variance one best: the root
+/// of E[5 x² / (4 τ² + x²)] = 1.
+const T_SCALE2: f64 = 0.69;
 /// Usual jitter, s.
 const USUAL_SECS: f64 = 0.001;
 
@@ -42,7 +45,7 @@ pub fn scatter(drives: &[&Drive]) -> Scatter {
     let likelihood = |s: f64| -> f64 {
         let term = |&(along, _, v): &(f64, f64, f64)| {
             let variance = noise2 + 6.0 * (v * s).powi(2);
-            let z2 = along * along / variance;
+            let z2 = along * along / (variance * T_SCALE2);
             -0.5 * variance.ln() - 2.5 * (1.0 + z2 / 4.0).ln()
         };
         JITTER_SHARE * pairs.iter().map(term).sum::<f64>()
@@ -53,7 +56,8 @@ pub fn scatter(drives: &[&Drive]) -> Scatter {
     found.jitter_secs = grid[best];
     let inside: Vec<f64> =
         grid.iter().zip(&values).filter(|(_, v)| **v > values[best] - 0.5).map(|(s, _)| *s).collect();
-    found.jitter_error_secs = (0.5 * (inside[inside.len() - 1] - inside[0])).max(0.000_25);
+    let width = 0.5 * (inside[inside.len() - 1] - inside[0]);
+    found.jitter_error_secs = width.max(0.000_25).hypot(SHAPE_ERROR * found.jitter_secs);
     // up to a quarter of a centisecond is what any receiver has
     let usual = values[..=(2.5 * USUAL_SECS / 0.00025) as usize].iter().copied().fold(f64::NEG_INFINITY, f64::max);
     found.jitter_gain = values[best] - usual + (found.jitter_error_secs / 0.03).ln();
@@ -89,6 +93,16 @@ fn second_differences(drive: &Drive, out: &mut Vec<(f64, f64, f64)>) {
         let across = dy * cos - dx * sin - turn * STEP_SECS * STEP_SECS;
         out.push((along, across, v));
     }
+}
+
+/// Returns the standard deviation of the position's noise across the path, m, if the drive has positions.
+#[must_use]
+pub fn across_noise(drives: &[&Drive]) -> Option<f64> {
+    let mut pairs = Vec::new();
+    for drive in drives {
+        second_differences(drive, &mut pairs);
+    }
+    (pairs.len() >= 100).then(|| (robust_variance(pairs.iter().map(|p| p.1)) / 6.0).sqrt())
 }
 
 fn robust_variance(values: impl Iterator<Item = f64>) -> f64 {

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::GapError;
 use crate::report::{Diagnosis, Verdict};
+use crate::settings::{FAIR_SIZE, GROUP_SIZE};
 
 /// The truth about one case.
 #[derive(Debug, Clone, Deserialize)]
@@ -25,6 +26,9 @@ pub struct LabelEffect {
     pub id: String,
     /// Its value.
     pub value: f64,
+    /// Size in floor units, where it is known; see [`crate::size::effect_size`].
+    #[serde(default)]
+    pub floor_units: Option<f64>,
     /// Effects that short logs can hardly separate share a group.
     #[serde(default)]
     pub group: String,
@@ -135,7 +139,10 @@ pub fn score(diagnoses: &BTreeMap<String, Diagnosis>, labels: &BTreeMap<String, 
             count("known called unknown", d.verdict == Verdict::Unknown);
         }
         sure.push(confidence(d, label));
-        if let Some(s) = d.how_far.iter().find(|s| s.metric == "position_2s" && s.before > 2.0 * s.floor) {
+        // the further unseen drive where there is one, else the held-out one
+        let positions = || d.how_far.iter().filter(|s| s.metric == "position_2s");
+        let realised = positions().find(|s| s.data == "unseen").or_else(|| positions().next());
+        if let Some(s) = realised.filter(|s| s.before > 2.0 * s.floor) {
             shares.push((d.predicted_share - s.share_explained).abs());
         }
     }
@@ -161,7 +168,12 @@ fn single(d: &Diagnosis, truth: &LabelEffect, count: &mut impl FnMut(&'static st
     let place = d.effects.iter().position(|e| e.id == truth.id);
     count("singles: first", place == Some(0));
     count("singles: first or second", place.is_some_and(|p| p < 2));
-    count("singles: in the group of the first", d.effects.first().is_some_and(|e| e.group.contains(&truth.id)));
+    let grouped = d.effects.first().is_some_and(|e| e.group.contains(&truth.id) && e.group.len() <= GROUP_SIZE);
+    count("singles: in the group of the first", grouped);
+    if truth.floor_units.is_none_or(|size| size > FAIR_SIZE) {
+        count("singles above 2 floor units: first", place == Some(0));
+        count("singles above 2 floor units: in the group", grouped);
+    }
     count("singles: strict", d.verdict == Verdict::Single && d.chosen == [truth.id.clone()]);
     if place == Some(0) && d.chosen.contains(&truth.id) {
         let first = &d.effects[0];
@@ -172,7 +184,8 @@ fn single(d: &Diagnosis, truth: &LabelEffect, count: &mut impl FnMut(&'static st
 }
 
 /// Returns the probability of the answer given and whether it is right.
-fn confidence(d: &Diagnosis, label: &Label) -> (f64, bool) {
+#[must_use]
+pub fn confidence(d: &Diagnosis, label: &Label) -> (f64, bool) {
     let known: f64 = d.effects.iter().filter(|e| d.chosen.contains(&e.id)).map(|e| e.probability).sum();
     match d.verdict {
         Verdict::None => (d.p_none, label.kind == "none"),

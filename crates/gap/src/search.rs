@@ -6,8 +6,8 @@
 use std::sync::Arc;
 
 use crate::case::PartModel;
-use crate::fit::{Columns, Fit, Model, Plan, Prior, data_loss, fit};
-use crate::settings::{KEPT, MARGIN_SDS, NULL_ROUNDS};
+use crate::fit::{Columns, Fit, Model, Plan, Prior, data_loss, fit, start_loss};
+use crate::settings::{FURTHER_GAIN, KEPT, MARGIN_SDS, NULL_ROUNDS};
 
 /// A fitted hypothesis about one part: some effects present, all else nuisance.
 #[derive(Clone)]
@@ -122,7 +122,10 @@ impl<'m, 'c> Search<'m, 'c> {
         for &k in &own {
             columns[k] = None;
         }
-        let fits = starts.iter().map(|start| {
+        let mut starts: Vec<(f64, Vec<f64>)> =
+            starts.into_iter().map(|start| (start_loss(self.model, &priors, &start), start)).collect();
+        starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let fits = starts.iter().take(2).map(|(_, start)| {
             fit(
                 self.model,
                 Plan { priors: &priors, start, columns: columns.clone(), fresh: own.clone(), iterations: 4 },
@@ -136,79 +139,70 @@ impl<'m, 'c> Search<'m, 'c> {
     /// Refits a hypothesis with fresh derivatives of everything.
     #[must_use]
     pub fn polish(&self, hypothesis: &Hypothesis) -> Hypothesis {
-        let priors = self.model.priors_with(&hypothesis.effects);
-        let count = priors.len();
-        let mut plan = Plan {
-            priors: &priors,
-            start: &hypothesis.fit.vector,
-            columns: vec![None; count],
-            fresh: Vec::new(),
-            iterations: 3,
-        };
-        plan.fresh = hypothesis.effects.iter().flat_map(|e| self.model.space.of(*e)).collect();
-        let fit = fit(self.model, plan);
+        let fit = refit(self.model, &hypothesis.fit.vector, &hypothesis.effects, Vec::new());
         let gain = fit.evidence - self.null.evidence;
         Hypothesis { effects: hypothesis.effects.clone(), fit, gain }
     }
+}
 
-    /// Fits every second effect on top of a hypothesis and returns the best, polished.
-    #[must_use]
-    pub fn extend(&self, base: &Hypothesis) -> Option<Hypothesis> {
-        let model = self.model;
-        let linear: Vec<f64> = (0..model.space.effects.len())
-            .map(|e| if base.effects.contains(&e) { f64::NEG_INFINITY } else { linear_gain(model, &base.fit, e) })
-            .collect();
-        let grid: Vec<(f64, Vec<f64>)> = (0..model.space.effects.len())
-            .map(|e| {
-                if base.effects.contains(&e) {
-                    (f64::NEG_INFINITY, Vec::new())
-                } else {
-                    best_on_grid(model, (&base.fit.vector, base.fit.data_loss), e)
-                }
-            })
-            .collect();
-        let mut kept = best(&linear, 5);
-        kept.extend(best(&grid.iter().map(|g| g.0).collect::<Vec<_>>(), 4));
-        kept.sort_unstable();
-        kept.dedup();
-        let mut found: Vec<Hypothesis> = Vec::new();
-        for effect in kept {
-            if !model.space.effects[effect].suspect || base.effects.contains(&effect) {
-                continue;
-            }
-            let mut effects = base.effects.clone();
-            effects.push(effect);
-            let priors = model.priors_with(&effects);
-            let own = model.space.of(effect);
-            let mut start = base.fit.vector.clone();
-            let on_grid = own.iter().any(|&k| model.space.coordinates[k].parameter.on_grid());
-            if on_grid || grid[effect].0 > 0.0 {
-                for (k, value) in own.iter().zip(&grid[effect].1) {
-                    start[*k] = *value;
-                }
-            }
-            let mut columns = base.fit.columns.clone();
-            for &k in &own {
-                columns[k] = None;
-            }
-            let fresh = effects.iter().flat_map(|e| model.space.of(*e)).collect();
-            let fit = fit(model, Plan { priors: &priors, start: &start, columns, fresh, iterations: 4 });
-            let gain = fit.evidence - self.null.evidence;
-            found.push(Hypothesis { effects, fit, gain });
-        }
-        found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-        found.truncate(1);
-        found.pop().map(|h| if h.gain > base.gain { self.polish(&h) } else { h })
-    }
+/// Fits some effects and the nuisances from a start; only the effects' derivatives and those not given are taken anew.
+#[must_use]
+pub fn refit(model: &PartModel<'_>, start: &[f64], effects: &[usize], columns: Columns) -> Fit {
+    let priors = model.priors_with(effects);
+    let mut columns = columns;
+    columns.resize(priors.len(), None);
+    let fresh = effects.iter().flat_map(|e| model.space.of(*e)).collect();
+    fit(model, Plan { priors: &priors, start, columns, fresh, iterations: 3 })
+}
 
-    /// Tells whether an effect's estimate lies outside what every vehicle has.
-    #[must_use]
-    pub fn outside(&self, hypothesis: &Hypothesis, effect: usize) -> bool {
-        self.model.space.of(effect).iter().any(|&k| {
-            let parameter = self.model.space.coordinates[k].parameter;
-            parameter.nuisance.is_none_or(|n| ((hypothesis.fit.vector[k] - n.mean) / n.sd).abs() > MARGIN_SDS)
+/// Fits every further effect on top of a fit of some effects and returns the best set, polished.
+#[must_use]
+pub fn extend(model: &PartModel<'_>, base: &Fit, effects: &[usize]) -> Option<(Fit, Vec<usize>)> {
+    let open = |e: usize| model.space.effects[e].suspect && !effects.contains(&e);
+    // where the slope at the fit is no guide; all else is in the linearisation
+    let blind = |e: usize| {
+        let parameters = model.space.of(e).into_iter().map(|k| model.space.coordinates[k].parameter);
+        parameters.into_iter().any(|p| p.on_grid() || p.nuisance.is_none())
+    };
+    let count = model.space.effects.len();
+    let linear: Vec<f64> =
+        (0..count).map(|e| if open(e) { linear_gain(model, base, e) } else { f64::NEG_INFINITY }).collect();
+    let grid: Vec<(f64, Vec<f64>)> = (0..count)
+        .map(|e| {
+            let tried = open(e) && blind(e);
+            if tried { best_on_grid(model, (&base.vector, base.data_loss), e) } else { (f64::NEG_INFINITY, Vec::new()) }
         })
-    }
+        .collect();
+    let mut kept = best(&linear, 5);
+    kept.extend(best(&grid.iter().map(|g| g.0).collect::<Vec<_>>(), 4));
+    kept.sort_unstable();
+    kept.dedup();
+    let fits = kept.into_iter().map(|effect| {
+        let all: Vec<usize> = effects.iter().copied().chain([effect]).collect();
+        let mut start = base.vector.clone();
+        let mut columns = base.columns.clone();
+        for (place, k) in model.space.of(effect).into_iter().enumerate() {
+            columns[k] = None;
+            if let Some(value) = grid[effect].1.get(place) {
+                start[k] = *value;
+            }
+        }
+        let fresh = all.iter().flat_map(|e| model.space.of(*e)).collect();
+        let priors = model.priors_with(&all);
+        (fit(model, Plan { priors: &priors, start: &start, columns, fresh, iterations: 4 }), all)
+    });
+    let (found, all) = fits.max_by(|a, b| a.0.evidence.total_cmp(&b.0.evidence))?;
+    let promising = found.evidence > base.evidence + 0.5 * FURTHER_GAIN;
+    Some(if promising { (refit(model, &found.vector, &all, Vec::new()), all) } else { (found, all) })
+}
+
+/// Tells whether an effect's estimate lies outside what every vehicle has.
+#[must_use]
+pub fn outside(model: &PartModel<'_>, vector: &[f64], effect: usize) -> bool {
+    model.space.of(effect).iter().any(|&k| {
+        let parameter = model.space.coordinates[k].parameter;
+        parameter.nuisance.is_none_or(|n| ((vector[k] - n.mean) / n.sd).abs() > MARGIN_SDS)
+    })
 }
 
 /// Fits the nuisances alone, optionally with rows taken out by a mask.
@@ -317,13 +311,13 @@ fn refit_without(model: &PartModel<'_>, fitted: &Fit, priors: &[Prior], drive: u
 /// Returns the vector of an outcome's model fitted without one drive.
 #[must_use]
 pub fn without_drive(outcome: &crate::choice::Outcome<'_, '_>, drive: usize) -> Vec<f64> {
-    let model = outcome.search.model;
+    let model = outcome.model();
     let effects = outcome.accepted.as_ref().map(|h| h.effects.clone()).unwrap_or_default();
     refit_without(model, outcome.fit(), &model.priors_with(&effects), drive).0.vector
 }
 
-/// Returns, per fit drive, the predictive log score that a hypothesis gains over a base: log p(drive | other drives) as
-/// the evidence of all drives less that of the others, each refitted.
+/// Returns, per drive, the predictive log score that a fit with some effects gains over another: log p(drive | other
+/// drives) as the evidence of all drives less that of the others, each refitted.
 ///
 /// The score of the refitted point alone would not do: nuisances far out of their range imitate some effects, and only
 /// the prior, not the loss, says how unlikely that is.
@@ -331,13 +325,12 @@ pub fn without_drive(outcome: &crate::choice::Outcome<'_, '_>, drive: usize) -> 
 pub fn held_out_gains(
     model: &PartModel<'_>,
     base: (&Fit, &[usize]),
-    hypothesis: &Hypothesis,
+    found: (&Fit, &[usize]),
     drives: &[usize],
 ) -> Vec<f64> {
     let score = |fitted: &Fit, effects: &[usize], drive: usize| {
         let (refit, _) = refit_without(model, fitted, &model.priors_with(effects), drive);
         fitted.evidence - refit.evidence
     };
-    let gain = |&drive: &usize| score(&hypothesis.fit, &hypothesis.effects, drive) - score(base.0, base.1, drive);
-    drives.iter().map(gain).collect()
+    drives.iter().map(|&drive| score(found.0, found.1, drive) - score(base.0, base.1, drive)).collect()
 }

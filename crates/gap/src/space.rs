@@ -36,6 +36,7 @@ pub struct Coordinate {
 }
 
 /// The parameters of one part.
+#[derive(Clone)]
 pub struct Space {
     /// The effects, in the library's order.
     pub effects: Vec<&'static Effect>,
@@ -131,10 +132,10 @@ impl Space {
             return vec![p.slab.0];
         }
         match p.scale {
-            Scale::Limit => (0..13).map(|k| at(f64::from(k) / 12.0)).collect(),
+            Scale::Limit => (0..10).map(|k| at(f64::from(k) / 9.0)).collect(),
             Scale::Threshold => vec![at(0.06), at(0.12), at(0.25), at(0.4), at(0.6), at(0.85)],
-            _ if p.slab.0 < p.neutral && p.slab.1 > p.neutral => vec![at(0.15), at(0.35), at(0.65), at(0.85)],
-            _ => vec![at(0.12), at(0.35), at(0.7)],
+            _ if p.slab.0 < p.neutral && p.slab.1 > p.neutral => vec![at(0.25), at(0.4), at(0.6), at(0.75)],
+            _ => vec![at(0.15), at(0.5)],
         }
     }
 }

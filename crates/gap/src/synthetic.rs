@@ -9,7 +9,7 @@ use std::path::Path;
 use ds_effect::Plant;
 use ds_space::Draws;
 
-use crate::ego::{FINE_SECS, Inputs, Instant, Start, actuate, rollout};
+use crate::ego::{FINE_SECS, Inputs, Saturation, Start, actuate, instant_at, rollout};
 use crate::error::GapError;
 use crate::meta::Nominal;
 use crate::windows::sense;
@@ -41,6 +41,13 @@ pub fn write_case(folder: &Path, seed: u64, edit: &dyn Fn(&mut Plant)) -> Result
         std::fs::write(folder.join(format!("agents_{drive}.csv")), agents).map_err(failed)?;
     }
     Ok(())
+}
+
+/// Returns the nominal simulator of these cases.
+#[must_use]
+pub fn ordinary() -> Plant {
+    let parsed: crate::meta::Meta = serde_json::from_str(&meta()).expect("the description above is one");
+    parsed.nominal.plant()
 }
 
 fn meta() -> String {
@@ -135,8 +142,7 @@ fn ego_log(drive: usize, plant: &Plant, noise: &Noise) -> (String, Vec<f64>) {
         anchor_speed_mps: start_speed,
         horizon_secs,
     };
-    let mut path: Vec<Instant> = Vec::new();
-    rollout(&start, &actuated, plant, &mut path);
+    let path = rollout(&start, &actuated, plant, &Saturation::new(plant.vehicle.tyre_knee));
     let mut text = String::from("t,cmd_steer,cmd_accel,x,y,yaw,v,yaw_rate,ax,ay,steer_meas,v_wheel\n");
     let mut truth = Vec::new();
     for row in 0..ROWS {
@@ -145,7 +151,7 @@ fn ego_log(drive: usize, plant: &Plant, noise: &Noise) -> (String, Vec<f64>) {
         let age = plant.clock.pose_latency_secs + plant.clock.pose_drift * (t - 0.5);
         let s = sense(secs, (0.0, age), &path, &actuated, plant);
         let k = (t / FINE_SECS).round() as usize;
-        truth.push(path[k].v);
+        truth.push(instant_at(&path, 0.0, t).v);
         let n = [0.012, 0.012, 0.0018, 0.025, 0.0028, 0.09, 0.09, 0.0006, 0.03].map(|sd| noise.normal(sd));
         let lever = plant.sensors.lever_arm_m;
         let _ = writeln!(

@@ -6,7 +6,7 @@
 use ds_effect::{Channel, Plant};
 
 use crate::drive::{Drive, STEP_SECS};
-use crate::ego::{Actuated, FINE_SECS, Inputs, Instant, Start, actuate, instant_at, rollout};
+use crate::ego::{Actuated, FINE_SECS, Inputs, Instant, Saturation, Start, actuate, instant_at, rollout};
 use crate::smooth::{between, parabola};
 
 /// Ego channels, in the order of the residual vector.
@@ -17,6 +17,10 @@ pub const BLOCK: usize = 5;
 pub const BLOCKS: usize = 8;
 /// Samples of warm-up.
 const WARM: usize = 10;
+/// Smallest change of the steering command within a sample interval that counts as a step, rad.
+const STEER_STEP: f64 = 0.002;
+/// The same for the requested acceleration, m/s².
+const ACCEL_STEP: f64 = 0.1;
 /// Samples between the starts of windows.
 const STRIDE: usize = 25;
 
@@ -61,6 +65,8 @@ pub struct Regime {
     pub accel_mps2: f64,
     /// Mean size of speed times yaw rate, m/s².
     pub lateral_mps2: f64,
+    /// Largest demand on the tyres: lateral acceleration and commanded force over mass together, m/s².
+    pub demand_mps2: f64,
     /// Root mean square rate of the commanded steering, rad/s.
     pub steer_rate: f64,
 }
@@ -89,6 +95,16 @@ impl EgoRecord {
         let mut record = Self { drive, inputs, anchors: Vec::new(), log: log.clone(), speed };
         record.anchors = record.anchors_every(STRIDE, BLOCK * BLOCKS);
         Some(record)
+    }
+
+    /// Returns the inputs with every command step moved to the start (0.0) or the end (1.0) of the sample interval in
+    /// which it happened: the log does not say when within the interval; `None` if no command steps.
+    #[must_use]
+    pub fn stepped(&self, share: f64) -> Option<Inputs> {
+        let mut inputs = self.inputs.clone();
+        let steer = shift_steps(&self.log.cmd_steer, STEER_STEP, share, &mut inputs.steer);
+        let accel = shift_steps(&self.log.cmd_accel, ACCEL_STEP, share, &mut inputs.accel);
+        (steer || accel).then_some(inputs)
     }
 
     /// Returns anchors every `stride` samples with `scored` samples after each.
@@ -169,51 +185,89 @@ impl EgoRecord {
         let count = range.len().max(1) as f64;
         let mean = |f: &dyn Fn(usize) -> f64| range.clone().map(f).sum::<f64>() / count;
         let steer = &self.log.cmd_steer;
+        let lateral = |k: usize| self.log.yaw_rate.as_ref().map_or(0.0, |r| (r[k] * self.speed[k]).abs());
         Regime {
             speed_mps: mean(&|k| self.speed[k]),
             accel_mps2: mean(&|k| self.log.cmd_accel[k]),
-            lateral_mps2: mean(&|k| self.log.yaw_rate.as_ref().map_or(0.0, |r| (r[k] * self.speed[k]).abs())),
+            lateral_mps2: mean(&lateral),
+            demand_mps2: range.clone().map(|k| lateral(k).hypot(self.log.cmd_accel[k])).fold(0.0, f64::max),
             steer_rate: mean(&|k| ((steer[k + 1] - steer[k]) / STEP_SECS).powi(2)).sqrt(),
         }
     }
 
-    /// Returns measured minus simulated block means of one window, channel-major, NaN where the channel is absent.
-    pub fn residual(&self, anchor: &Anchor, actuated: &Actuated, plant: &Plant, buffer: &mut Vec<Instant>) -> Vec<f64> {
-        let blocks = anchor.measured.len() / EGO;
-        let horizon_secs = (blocks * BLOCK) as f64 * STEP_SECS;
-        let clock = &plant.clock;
-        let age = |secs: f64| clock.pose_latency_secs + clock.pose_drift * (secs - self.log.start_secs);
-        let lead = age(anchor.secs);
+    /// Returns the age of a pose sample stamped `secs`, s.
+    fn age(&self, plant: &Plant, secs: f64) -> f64 {
+        plant.clock.pose_latency_secs + plant.clock.pose_drift * (secs - self.log.start_secs)
+    }
+
+    fn start(&self, anchor: &Anchor, plant: &Plant) -> Start {
+        let lead = self.age(plant, anchor.secs);
         let warm_secs = WARM as f64 * STEP_SECS;
-        let start = Start {
+        Start {
             secs: anchor.secs - lead - warm_secs,
             speed_mps: anchor.warm_speed_mps,
             yaw_rate: anchor.warm_yaw_rate,
             heading_rad: anchor.heading_rad,
             warm_secs,
             anchor_speed_mps: anchor.speed_mps,
-            horizon_secs: horizon_secs + lead.max(0.0) + 0.02,
-        };
-        rollout(&start, actuated, plant, buffer);
+            horizon_secs: (anchor.measured.len() / EGO * BLOCK) as f64 * STEP_SECS + lead.max(0.0) + 0.02,
+        }
+    }
+
+    /// Drives the simulator through some windows; what sensors report of it comes later.
+    #[must_use]
+    pub fn roll(&self, anchors: &[Anchor], actuated: &Actuated, plant: &Plant) -> Vec<Vec<Instant>> {
+        let saturation = Saturation::new(plant.vehicle.tyre_knee);
+        anchors.iter().map(|anchor| rollout(&self.start(anchor, plant), actuated, plant, &saturation)).collect()
+    }
+
+    /// Returns the residuals of some windows when the simulator is given some inputs.
+    #[must_use]
+    pub fn windows(&self, anchors: &[Anchor], inputs: &Inputs, plant: &Plant) -> Vec<Vec<f64>> {
+        let actuated = actuate(inputs, plant);
+        let rolled = self.roll(anchors, &actuated, plant);
+        anchors.iter().zip(&rolled).map(|(anchor, r)| self.residual(anchor, r, &actuated, plant)).collect()
+    }
+
+    /// Returns the residuals of all windows of this drive, one after another.
+    #[must_use]
+    pub fn residuals(&self, plant: &Plant) -> Vec<f64> {
+        self.windows(&self.anchors, &self.inputs, plant).concat()
+    }
+
+    /// Returns measured minus simulated block means of one window, channel-major, NaN where the channel is absent.
+    #[must_use]
+    pub fn residual(&self, anchor: &Anchor, rollout: &[Instant], actuated: &Actuated, plant: &Plant) -> Vec<f64> {
+        let blocks = anchor.measured.len() / EGO;
+        let begin = self.start(anchor, plant).secs;
         let mut residual = anchor.measured.clone();
         let share = 1.0 / BLOCK as f64;
         for k in 0..blocks * BLOCK {
             let secs = anchor.secs + (k + 1) as f64 * STEP_SECS;
-            let simulated = sense(secs, (start.secs, age(secs)), buffer, actuated, plant);
+            let simulated = sense(secs, (begin, self.age(plant, secs)), rollout, actuated, plant);
             for (channel, value) in simulated.into_iter().enumerate() {
                 residual[channel * blocks + k / BLOCK] -= share * value;
             }
         }
         residual
     }
+}
 
-    /// Returns the residuals of all windows of this drive, one after another.
-    #[must_use]
-    pub fn residuals(&self, plant: &Plant) -> Vec<f64> {
-        let actuated = actuate(&self.inputs, plant);
-        let mut buffer = Vec::new();
-        self.anchors.iter().flat_map(|anchor| self.residual(anchor, &actuated, plant, &mut buffer)).collect()
+/// Replaces the ramps of a command's steps on the fine grid by steps at a share of their interval; tells if there were any.
+fn shift_steps(command: &[f64], least: f64, share: f64, fine: &mut [f64]) -> bool {
+    let change = |k: usize| if k + 1 < command.len() { (command[k + 1] - command[k]).abs() } else { 0.0 };
+    let per_sample = (STEP_SECS / FINE_SECS).round() as usize;
+    let mut any = false;
+    for k in 1..command.len().saturating_sub(1) {
+        if change(k) > least + 2.0 * (change(k - 1) + change(k + 1)) {
+            any = true;
+            for j in 1..per_sample {
+                let after = j as f64 >= share * per_sample as f64;
+                fine[k * per_sample + j] = command[if after { k + 1 } else { k }];
+            }
+        }
     }
+    any
 }
 
 /// Returns what the simulated sensors report for the sample stamped `secs`, of a rollout that began at `start_secs` and

@@ -52,6 +52,9 @@ const EDITS: &[(&str, &str, Edit)] = &[
     ("a hole of ten seconds", "TimeGap", |rows| {
         rows.drain(100..300);
     }),
+    ("stamps in milliseconds", "TimeGap", |rows| column(rows, "t", |_, v| format!("{:.0}", v * 1000.0))),
+    ("mirrored gyro", "Inconsistent", |rows| column(rows, "yaw_rate", |_, v| format!("{:.4}", -v))),
+    ("brake in place of steering", "Inconsistent", |rows| swap(rows, "cmd_accel", "v")),
     ("no command", "MissingColumn", |rows| {
         let at = place(rows, "cmd_steer");
         rows[0][at] = "something".to_owned();
@@ -150,4 +153,98 @@ fn missing_channels_are_masked_and_told() {
     let diagnosis = diagnose(folder.path(), &Options { quick: true, ..Options::default() }).expect("a verdict");
     assert_eq!(diagnosis.verdict, Verdict::None);
     assert!(diagnosis.warnings.iter().any(|w| w.contains("steer_meas")));
+}
+
+/// What may be done to a log without making it another one: the verdict stays `none`, oddities are told.
+const HARMLESS: &[(&str, Edit)] = &[
+    ("every second row", |rows| {
+        let mut k = 0;
+        rows.retain(|_| {
+            k += 1;
+            k % 2 == 1 || k == 1
+        });
+    }),
+    ("holes of a third of a second", |rows| {
+        let mut k = 0;
+        rows.retain(|_| {
+            k += 1;
+            k % 90 > 6 || k < 10
+        });
+    }),
+    ("lost cells", |rows| {
+        let at = place(rows, "yaw_rate");
+        rows.iter_mut().skip(1).step_by(7).for_each(|row| row[at] = String::new());
+    }),
+    ("heading wrapped", |rows| {
+        column(rows, "yaw", |_, v| format!("{:.4}", v.sin().atan2(v.cos())));
+    }),
+    ("columns in another order, one unknown", |rows| {
+        rows.iter_mut().for_each(|row| row.rotate_left(3));
+        rows[0].push("note".to_owned());
+        rows.iter_mut().skip(1).for_each(|row| row.push("0".to_owned()));
+    }),
+    ("late start of the clock", |rows| column(rows, "t", |_, v| format!("{:.3}", v + 1.6e9))),
+];
+
+#[test]
+fn harmless_differences_change_no_verdict_and_cost_no_minutes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    case_folder(folder.path());
+    let wholes: Vec<String> =
+        (0..4).map(|k| fs::read_to_string(folder.path().join(format!("drive_{k}.csv"))).expect("the drive")).collect();
+    let mut faults = Vec::new();
+    let mut judge = |what: &str, edit: &dyn Fn(&str) -> String| {
+        for (k, whole) in wholes.iter().enumerate() {
+            fs::write(folder.path().join(format!("drive_{k}.csv")), edit(whole)).expect("the drive can be written");
+        }
+        let start = std::time::Instant::now();
+        match diagnose(folder.path(), &Options { quick: true, ..Options::default() }) {
+            Ok(d) if d.verdict == Verdict::None => {}
+            // another sample rate is told, and no library effect is accused of it
+            Ok(d) if d.chosen.is_empty() && d.warnings.iter().any(|w| w.contains("samples a second")) => {}
+            Ok(d) => faults.push(format!("{what}: {:?} {:?}", d.verdict, d.chosen)),
+            Err(error) => faults.push(format!("{what}: {error}")),
+        }
+        let secs = start.elapsed().as_secs_f64();
+        if secs > 120.0 {
+            faults.push(format!("{what}: took {secs:.0} s"));
+        }
+    };
+    judge("byte order mark and CRLF", &|whole| format!("\u{feff}{}", whole.replace('\n', "\r\n")));
+    for (what, edit) in HARMLESS {
+        judge(what, &|whole| {
+            let mut rows: Vec<Vec<String>> =
+                whole.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect();
+            edit(&mut rows);
+            rows.iter().map(|row| row.join(",") + "\n").collect()
+        });
+    }
+    assert!(faults.is_empty(), "{faults:#?}");
+}
+
+#[test]
+fn noisier_sensors_are_told_from_effects() {
+    let folder = tempfile::tempdir().expect("a folder");
+    case_folder(folder.path());
+    for drive in 0..4 {
+        let path = folder.path().join(format!("drive_{drive}.csv"));
+        let whole = fs::read_to_string(&path).expect("the drive");
+        let mut rows: Vec<Vec<String>> =
+            whole.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect();
+        for (name, noise) in
+            [("x", 0.03), ("y", 0.03), ("yaw", 0.005), ("v", 0.07), ("yaw_rate", 0.008), ("v_wheel", 0.09)]
+        {
+            // a white sequence without a generator: fractional parts of multiples of an irrational number, squared
+            let white = |k: usize| {
+                let u = (k as f64 * 0.618_034 * (name.len() + drive + 1) as f64 * 7.13).powi(2).fract();
+                (u - 0.5) * 12.0_f64.sqrt() * noise
+            };
+            column(&mut rows, name, |k, v| format!("{:.4}", v + white(k)));
+        }
+        let text: Vec<String> = rows.iter().map(|row| row.join(",")).collect();
+        fs::write(&path, text.join("\n")).expect("the drive can be written");
+    }
+    let diagnosis = diagnose(folder.path(), &Options { quick: true, ..Options::default() }).expect("a verdict");
+    assert_eq!(diagnosis.floor_source, "self");
+    assert_eq!(diagnosis.verdict, Verdict::None, "{:?}", diagnosis.chosen);
 }

@@ -1,12 +1,17 @@
 //! Diagnoses many cases: writes `DIR/<case>/diagnosis.json` and prints one line per case, beside its label if there is one.
 //!
-//! `gap-practice CASES_DIR --out DIR [--quick] [--only NAME] [--without EFFECT]`; cases run in parallel.
+//! `gap-practice CASES_DIR --out DIR [--quick] [--only NAME] [--without EFFECT] [--score]`; cases run in parallel;
+//! `--score` only scores what an earlier run wrote.
 #![allow(clippy::print_stdout, reason = "the table is this command's answer")]
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
+use ds_gap::case::Case;
+use ds_gap::score::Scores;
+use ds_gap::size::effect_size;
 use ds_gap::{Diagnosis, GapError, Options, diagnose};
 use rayon::prelude::*;
 
@@ -14,7 +19,7 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let after = |flag: &str| arguments.iter().position(|a| a == flag).and_then(|k| arguments.get(k + 1)).cloned();
     let Some(root) = arguments.first().filter(|a| !a.starts_with("--")).map(PathBuf::from) else {
-        println!("usage: gap-practice CASES_DIR [--out DIR] [--quick] [--only NAME] [--without EFFECT]");
+        println!("usage: gap-practice CASES_DIR [--out DIR] [--quick] [--only NAME] [--without EFFECT] [--score]");
         return ExitCode::from(64);
     };
     let options = Options {
@@ -25,6 +30,9 @@ fn main() -> ExitCode {
         .ok()
         .and_then(|text| serde_json::from_str(&text).ok())
         .unwrap_or_default();
+    if arguments.iter().any(|a| a == "--leave-one-out") {
+        return left_out(&root, &options);
+    }
     let mut cases: Vec<PathBuf> = std::fs::read_dir(&root)
         .map(|entries| {
             entries.filter_map(|e| e.ok().map(|e| e.path())).filter(|p| p.join("meta.json").exists()).collect()
@@ -35,28 +43,32 @@ fn main() -> ExitCode {
         cases.retain(|c| c.ends_with(&only) || c.to_string_lossy().contains(&only));
     }
     let out = after("--out").map(PathBuf::from);
+    let scoring = arguments.iter().any(|a| a == "--score");
+    if let (true, Some(out)) = (scoring, &out) {
+        cases.retain(|c| c.file_name().is_some_and(|name| out.join(name).join("diagnosis.json").exists()));
+    }
     let results: Vec<(String, Result<Diagnosis, GapError>)> = cases
         .par_iter()
         .map(|case| {
             let name = case.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
             let start = Instant::now();
-            let result = diagnose(case, &options).map(|mut d| {
+            if scoring {
+                return (name.clone(), out.as_ref().map_or_else(|| diagnose(case, &options), |out| read(out, &name)));
+            }
+            let result = diagnose(case, &options).and_then(|mut d| {
                 d.secs = start.elapsed().as_secs_f64();
-                d
+                unseen(&root, &name, &mut d)?;
+                if let Some(out) = &out {
+                    write(out, &name, &d)?;
+                }
+                Ok(d)
             });
             (name, result)
         })
         .collect();
     for (name, result) in &results {
         match result {
-            Ok(diagnosis) => {
-                println!("{}", line(name, diagnosis, &labels[name]));
-                let written = out.as_ref().map_or(Ok(()), |out| write(out, name, diagnosis));
-                if let Err(error) = written {
-                    println!("{name}: {error}");
-                    return ExitCode::FAILURE;
-                }
-            }
+            Ok(diagnosis) => println!("{}", line(name, diagnosis, &labels[name])),
             Err(error) => println!("{name}: {error}"),
         }
     }
@@ -64,12 +76,60 @@ fn main() -> ExitCode {
     ExitCode::SUCCESS
 }
 
+/// Adds the shrink on the drives that lie apart under `unseen`, if there are any.
+fn unseen(root: &Path, name: &str, diagnosis: &mut Diagnosis) -> Result<(), GapError> {
+    let folder = root.join("unseen").join(name);
+    if folder.join("meta.json").exists() {
+        diagnosis.how_far.extend(ds_gap::evaluate(diagnosis, &folder, &[])?);
+    }
+    Ok(())
+}
+
+/// Prints, per labelled case, what thresholds from the other cases make of it.
+fn left_out(root: &Path, options: &Options) -> ExitCode {
+    let found = ds_gap::score::read_labels(&root.join("labels.json"))
+        .and_then(|labels| Ok((ds_gap::leave_out::leave_one_out(root, &labels, options)?, labels)));
+    let (found, labels) = match found {
+        Ok(found) => found,
+        Err(error) => {
+            println!("{error}");
+            return ExitCode::FAILURE;
+        }
+    };
+    println!("| case | truth | verdict | chosen | p | single gain | temperature |\n|---|---|---|---|---|---|---|");
+    for (name, (thresholds, d)) in &found {
+        let truth: Vec<&str> = labels[name].effects.iter().map(|e| e.id.as_str()).collect();
+        let (p, right) = ds_gap::score::confidence(d, &labels[name]);
+        println!(
+            "| {name} | {} {} | {:?} | {} | {p:.2}{} | {:.1} | {} |",
+            labels[name].kind,
+            truth.join(", "),
+            d.verdict,
+            d.chosen.join(", "),
+            if right { "" } else { " (wrong)" },
+            thresholds.single_gain,
+            thresholds.temperature
+        );
+    }
+    print_scores(&ds_gap::score(&found.into_iter().map(|(name, (_, d))| (name, d)).collect(), &labels));
+    ExitCode::SUCCESS
+}
+
 /// Prints the figures of all labelled cases.
 fn scores(results: &[(String, Result<Diagnosis, GapError>)], root: &Path) {
     let Ok(labels) = ds_gap::score::read_labels(&root.join("labels.json")) else { return };
     let found = results.iter().filter_map(|(name, r)| r.as_ref().ok().map(|d| (name.clone(), d.clone()))).collect();
-    let labels = labels.into_iter().filter(|(name, _)| results.iter().any(|(n, _)| n == name)).collect();
-    let scores = ds_gap::score(&found, &labels);
+    let mut labels: BTreeMap<_, _> =
+        labels.into_iter().filter(|(name, _)| results.iter().any(|(n, _)| n == name)).collect();
+    for (name, label) in labels.iter_mut().filter(|(_, label)| label.kind == "single") {
+        if let Ok(case) = Case::read(&root.join(name)) {
+            label.effects.iter_mut().for_each(|e| e.floor_units = effect_size(&case, &e.id, e.value));
+        }
+    }
+    print_scores(&ds_gap::score(&found, &labels));
+}
+
+fn print_scores(scores: &Scores) {
     for (name, share) in &scores.shares {
         if let Some(s) = share {
             println!(
@@ -119,6 +179,13 @@ fn line(name: &str, d: &Diagnosis, label: &serde_json::Value) -> String {
         d.cells.len(),
         d.unknown_description.as_ref().map(|u| format!("\n    {}", u.text)).unwrap_or_default(),
     )
+}
+
+/// Reads back a diagnosis written earlier.
+fn read(out: &Path, name: &str) -> Result<Diagnosis, GapError> {
+    let path = out.join(name).join("diagnosis.json");
+    let text = std::fs::read_to_string(&path).map_err(|source| GapError::Read { path: path.clone(), source })?;
+    serde_json::from_str(&text).map_err(|source| GapError::Json { path, source })
 }
 
 fn write(out: &Path, name: &str, diagnosis: &Diagnosis) -> Result<(), GapError> {
