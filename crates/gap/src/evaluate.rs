@@ -26,7 +26,7 @@ pub fn evaluate(diagnosis: &Diagnosis, folder: &Path, drives: &[usize]) -> Resul
 }
 
 /// Returns the search vector of a corrected model; what it does not name is neutral.
-fn vector(space: &Space, model: &Corrected, mass_kg: f64) -> Vec<f64> {
+pub(crate) fn vector(space: &Space, model: &Corrected, mass_kg: f64) -> Vec<f64> {
     let mut vector = space.neutral();
     for (effect, e) in space.effects.iter().enumerate() {
         for (place, k) in space.of(effect).into_iter().enumerate() {

@@ -8,9 +8,10 @@ use ds_effect::{Channel, Plant};
 
 use crate::case::Case;
 use crate::drive::STEP_SECS;
-use crate::ego::actuate;
+use crate::evaluate::vector;
 use crate::floor;
 use crate::following;
+use crate::noise::Noise;
 use crate::report::Corrected;
 use crate::space::{Part, Space};
 use crate::windows::{BLOCK, BLOCKS, EGO, EgoRecord};
@@ -82,7 +83,7 @@ pub fn traces(case: &Case, model: &Corrected, drive: usize) -> Traces {
     }
     let [ego, followers] = [Part::Ego, Part::Following].map(|part| plants(case, model, part));
     for record in case.ego.iter().filter(|record| record.drive == drive) {
-        out.series.extend(ego_series(record, &ego, stride, case.scatter.jitter_secs));
+        out.series.extend(ego_series(record, &ego, stride, &case.noise));
     }
     out.series.extend(follower_series(case, &followers, drive));
     out
@@ -91,25 +92,14 @@ pub fn traces(case: &Case, model: &Corrected, drive: usize) -> Traces {
 /// Returns the nominal and the corrected simulator of a part; what the model does not name is neutral.
 fn plants(case: &Case, model: &Corrected, part: Part) -> [Plant; 2] {
     let space = Space::new(part, &case.meta.nominal, &[]);
-    let mut vector = space.neutral();
-    for (effect, e) in space.effects.iter().enumerate() {
-        for (place, k) in space.of(effect).into_iter().enumerate() {
-            let key = if place == 0 { e.id.to_owned() } else { format!("{}.{}", e.id, place + 1) };
-            let accepted = model.effects.iter().find(|c| c.id == e.id).and_then(|c| c.values.get(place));
-            if let Some(value) = accepted.or_else(|| model.nuisance.get(&key)) {
-                vector[k] = space.coordinates[k].parameter.searched(*value, case.meta.nominal.mass);
-            }
-        }
-    }
+    let vector = vector(&space, model, case.meta.nominal.mass);
     [space.plant(&space.neutral()), space.plant(&vector)]
 }
 
-fn ego_series(record: &EgoRecord, plants: &[Plant; 2], stride: usize, jitter_secs: f64) -> Vec<Series> {
+fn ego_series(record: &EgoRecord, plants: &[Plant; 2], stride: usize, noise: &Noise) -> Vec<Series> {
     let anchors = record.anchors_every(stride, BLOCK * BLOCKS);
     let [before, after] = plants.each_ref().map(|plant| {
-        let actuated = actuate(&record.inputs, plant);
-        let mut buffer = Vec::new();
-        anchors.iter().map(|a| record.residual(a, &actuated, plant, &mut buffer)).collect::<Vec<_>>()
+        record.windows(&anchors, &record.inputs, plant)
     });
     let series = |name: &str, error: &dyn Fn(&[f64]) -> f64, clean: &dyn Fn(usize) -> f64| {
         let moment = |k: usize| Moment {
@@ -120,7 +110,7 @@ fn ego_series(record: &EgoRecord, plants: &[Plant; 2], stride: usize, jitter_sec
         };
         Series { name: name.to_owned(), moments: (0..anchors.len()).map(moment).filter(finite).collect() }
     };
-    let floor = |k: usize, channel, block| floor::ego(channel, block, &anchors[k].regime, jitter_secs);
+    let floor = |k: usize, channel, block| floor::ego(channel, block, &anchors[k].regime, noise);
     let last = BLOCKS - 1;
     let mut all =
         vec![series(POSITION, &|r| r[last].hypot(r[BLOCKS + last]), &|k| floor(k, 0, last).hypot(floor(k, 1, last)))];
@@ -139,7 +129,7 @@ fn follower_series(case: &Case, plants: &[Plant; 2], drive: usize) -> Vec<Series
     let records: Vec<_> = case.following.iter().filter(|record| record.drive == drive).collect();
     let mut all = Vec::new();
     for (place, channel) in [Channel::FollowerSpeed, Channel::FollowerGap].into_iter().enumerate() {
-        let clean = root(&(0..blocks).map(|block| floor::follower(place, block)).collect::<Vec<_>>());
+        let clean = root(&(0..blocks).map(|block| floor::follower(place, block, &case.noise)).collect::<Vec<_>>());
         let mut moments: Vec<(Moment, f64)> = Vec::new();
         for record in &records {
             let [before, after] = plants.each_ref().map(|plant| record.residuals(plant));

@@ -26,6 +26,12 @@ pub(crate) enum GapCommand {
     Attribute(AttributeArgs),
     /// Diagnose a drive of a running fleet while it goes on, in a sliding window; it must have a vehicle log.
     Watch(WatchArgs),
+    /// Say which effects share a signature whatever the data, for a set of recorded channels.
+    Isolability {
+        /// The channels, such as v,yaw_rate,ax; all without.
+        #[arg(long, value_delimiter = ',')]
+        channels: Vec<String>,
+    },
     /// Compare diagnoses with labels.
     Score(GapScoreArgs),
     /// List the effects that can be switched on and diagnosed.

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
+use ds_effect::Channel;
 use ds_gap::logs::Mapping;
 use ds_gap::{Diagnosis, Options, Verdict, diagnose, evaluate, score_folder};
 use indicatif::ProgressBar;
@@ -33,6 +34,7 @@ pub(crate) fn run(command: &GapCommand, log: &str) -> Result<()> {
         GapCommand::Close(args) => crate::runtime()?.block_on(close::run(args, log)),
         GapCommand::Attribute(args) => crate::runtime()?.block_on(attribute::run(args, log)),
         GapCommand::Watch(args) => crate::runtime()?.block_on(watch::run(args)),
+        GapCommand::Isolability { channels } => isolability(channels),
         GapCommand::Effects => {
             list_effects();
             Ok(())
@@ -109,6 +111,19 @@ pub(crate) fn write_config(config: &RunConfig, case: &str, path: &Path) -> Resul
 fn read(path: &Path) -> Result<Diagnosis> {
     let text = std::fs::read_to_string(path).with_context(|| format!("read {}", path.display()))?;
     serde_json::from_str(&text).with_context(|| format!("{} is no diagnosis", path.display()))
+}
+
+fn isolability(named: &[String]) -> Result<()> {
+    let known = |name: &String| {
+        let all = || Channel::ALL.map(Channel::name).join(", ");
+        let found = Channel::ALL.into_iter().find(|channel| channel.name() == name);
+        found.with_context(|| format!("no channel is called {name:?}; there are {}", all()))
+    };
+    let channels = if named.is_empty() { Channel::ALL.to_vec() } else { named.iter().map(known).collect::<Result<_>>()? };
+    for group in ds_gap::isolability(&channels) {
+        answer(&group.join(" = "));
+    }
+    Ok(())
 }
 
 fn list_effects() {
