@@ -98,9 +98,7 @@ fn plants(case: &Case, model: &Corrected, part: Part) -> [Plant; 2] {
 
 fn ego_series(record: &EgoRecord, plants: &[Plant; 2], stride: usize, noise: &Noise) -> Vec<Series> {
     let anchors = record.anchors_every(stride, BLOCK * BLOCKS);
-    let [before, after] = plants.each_ref().map(|plant| {
-        record.windows(&anchors, &record.inputs, plant)
-    });
+    let [before, after] = plants.each_ref().map(|plant| record.windows(&anchors, &record.inputs, plant));
     let series = |name: &str, error: &dyn Fn(&[f64]) -> f64, clean: &dyn Fn(usize) -> f64| {
         let moment = |k: usize| Moment {
             secs: anchors[k].secs,

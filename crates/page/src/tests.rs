@@ -52,6 +52,7 @@ fn empty() -> Diagnosis {
         indistinguishable: Vec::new(),
         cells: Vec::new(),
         how_far: Vec::new(),
+        shares: Vec::new(),
         predicted_share: 0.0,
         unknown_description: None,
         next_manoeuvre: Vec::new(),

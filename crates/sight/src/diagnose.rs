@@ -66,6 +66,7 @@ pub fn diagnose(folder: &Path, options: &Options) -> Result<Diagnosis, SightErro
         chosen: found.chosen.iter().map(|id| (*id).to_owned()).collect(),
         cells,
         how_far: held,
+        shares: Vec::new(),
         predicted_share: fit.first().map_or(0.0, |s| s.share_explained),
         unknown_description: (verdict == Verdict::Unknown).then(|| remainder::describe(&found, &texture)),
         next_manoeuvre: crate::next::manoeuvres(&found),

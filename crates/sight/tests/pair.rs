@@ -12,7 +12,7 @@ const FRAMES: u64 = 12;
 
 /// Writes the case; the effects act on the real side.
 #[allow(dead_code, reason = "this file is also built as a test of its own")]
-pub fn write(folder: &Path, seed: u64, effects: &[(&str, &[f64])]) {
+pub(crate) fn write(folder: &Path, seed: u64, effects: &[(&str, &[f64])]) {
     let chosen: Vec<_> =
         effects.iter().map(|(id, v)| (find_frame(id).expect("the effect is in the library"), v.to_vec())).collect();
     let mut chain = FrameChain::new(&chosen);

@@ -119,7 +119,8 @@ fn isolability(named: &[String]) -> Result<()> {
         let found = Channel::ALL.into_iter().find(|channel| channel.name() == name);
         found.with_context(|| format!("no channel is called {name:?}; there are {}", all()))
     };
-    let channels = if named.is_empty() { Channel::ALL.to_vec() } else { named.iter().map(known).collect::<Result<_>>()? };
+    let channels =
+        if named.is_empty() { Channel::ALL.to_vec() } else { named.iter().map(known).collect::<Result<_>>()? };
     for group in ds_gap::isolability(&channels) {
         answer(&group.join(" = "));
     }
