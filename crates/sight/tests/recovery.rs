@@ -15,8 +15,8 @@ fn diagnosed(seed: u64, injected: &[(&str, &[f64])]) -> (Diagnosis, tempfile::Te
 
 #[test]
 fn a_turned_camera_is_found_measured_and_corrected() {
-    let (found, folder) = diagnosed(3, &[("mount_yaw", &[0.7])]);
-    assert_eq!((found.verdict, found.chosen.as_slice()), (Verdict::Single, &["mount_yaw".to_owned()][..]));
+    let (found, folder) = diagnosed(3, &[("mount_pitch", &[0.7])]);
+    assert_eq!((found.verdict, found.chosen.as_slice()), (Verdict::Single, &["mount_pitch".to_owned()][..]));
     assert!((found.effects[0].value - 0.7).abs() < 0.05, "{} instead of 0.7", found.effects[0].value);
     let sum: f64 = found.effects.iter().map(|e| e.probability).sum::<f64>() + found.p_none + found.p_unknown;
     assert!((sum - 1.0).abs() < 1e-9, "{sum}");

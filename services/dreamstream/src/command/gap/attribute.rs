@@ -150,7 +150,7 @@ mod tests {
         };
         let cell = |shift: f64| Results {
             episodes: vec![episode("a", 0.8 - shift), episode("a", 0.6 - shift), episode("b", 0.4)],
-            ..Results::default()
+            run: ds_report::Run::default(),
         };
         let split = metrics(&["dynamics"], &[cell(0.0), cell(0.2)]);
         let names: Vec<&str> = split.iter().map(|one| one.metric.as_str()).collect();
