@@ -51,7 +51,7 @@ fn drive(out: &std::path::Path, more: &[&str]) {
         ["free-curve", "roundabout", "lead-braking"].map(|name| scenarios.join(format!("{name}.scenario.json")));
     let mut arguments = vec!["run".to_owned()];
     arguments.extend(files.iter().filter(|file| file.exists()).map(|file| file.display().to_string()));
-    let fixed = ["--observation", "layout", "--policy", "lattice", "--duration", "6", "--no-pictures", "--out"];
+    let fixed = ["--observation", "layout", "--policy", "lattice", "--duration", "8", "--no-pictures", "--out"];
     arguments.extend(fixed.map(str::to_owned));
     arguments.push(out.display().to_string());
     arguments.extend(more.iter().map(|word| (*word).to_owned()));

@@ -26,6 +26,8 @@ pub struct Cell {
     pub texture: f64,
     /// Mean brightness, levels.
     pub light: f64,
+    /// Whether most of the floor is what an effect is held to leave, so that too little is a misfit as well.
+    pub foretold: bool,
 }
 
 impl Cell {
@@ -37,7 +39,7 @@ impl Cell {
 
     /// What the cell costs; only noise, in the finest band, may be foretold too high.
     fn cost(&self, finest: bool) -> f64 {
-        let u = if finest { self.excess() } else { self.excess().max(0.0) };
+        let u = if finest || self.foretold { self.excess() } else { self.excess().max(0.0) };
         let e = std::f64::consts::E;
         if u > 1.0 {
             e - 2.0 + (e - 1.0) * (u - 1.0)
@@ -73,7 +75,33 @@ impl Loss {
 pub fn measure(scene: &Scene<'_>, model: &Model, placed: &Placed) -> Loss {
     let small = scene.small_of(model, &placed.small);
     let full = scene.full_of(model, &placed.full);
-    of_pictures(scene, model, &small, &full)
+    let mut loss = of_pictures(scene, model, &small, &full);
+    if let Some(coarsened) = model.coarsened() {
+        widen(&mut loss, &full, &scene.full_of(&coarsened, &placed.full));
+    }
+    loss
+}
+
+/// Adds to the floors of the medium and coarse band what effects on fine detail leave there: their mean energy in the
+/// full pictures, tile by tile, because small pictures cannot show it frame by frame.
+fn widen(loss: &mut Loss, full: &[Picture], without: &[Picture]) {
+    let mut left = [[0.0; TILES]; 2];
+    for (with, without) in full.iter().zip(without) {
+        let (with, without) = (with.shrunk(settings::SMALL), without.shrunk(settings::SMALL));
+        let mask = vec![true; with.width * with.height];
+        for (sums, cells) in left.iter_mut().zip(grey_bands(&with, &without, 1.0, &mask)) {
+            sums.iter_mut().zip(cells).for_each(|(sum, cell)| *sum += cell.energy / full.len() as f64);
+        }
+    }
+    for (frames, left) in loss.cells[1..].iter_mut().zip(&left) {
+        for cells in frames {
+            for (cell, left) in cells.iter_mut().zip(left).filter(|(cell, _)| cell.floor > 0.0) {
+                cell.foretold = *left > cell.floor;
+                cell.floor += left;
+            }
+        }
+    }
+    loss.total = (0..BANDS).map(|b| loss.band(b)).sum();
 }
 
 /// Measures the finest band alone.
@@ -165,7 +193,7 @@ fn cells_of(sums: &[Sum; TILES]) -> [Cell; TILES] {
         }
         // the floor is set when the noise of the case is known
         let n = s.count;
-        Cell { energy: s.energy / n, floor: 1.0, texture: s.texture / n, light: s.light / n }
+        Cell { energy: s.energy / n, floor: 1.0, texture: s.texture / n, light: s.light / n, foretold: false }
     })
 }
 

@@ -50,6 +50,16 @@ pub struct Model {
     pub dirt: Option<crate::dirt::Map>,
 }
 
+impl Model {
+    /// Returns the model without effects on detail finer than small pictures show, if it has any.
+    #[must_use]
+    pub fn coarsened(&self) -> Option<Self> {
+        let mut without = self.clone();
+        without.effects.retain(|(e, _)| !DETAIL.contains(&e.id));
+        (without.effects.len() < self.effects.len()).then_some(without)
+    }
+}
+
 /// Frames of a model in place, before their values are edited.
 pub struct Placed {
     /// Small pictures of all frames.
@@ -118,7 +128,7 @@ impl<'a> Scene<'a> {
     /// Edits the values of some placed small pictures; frames in between are only remembered.
     #[must_use]
     pub fn some_small_of(&self, model: &Model, placed: &[Picture], frames: &[usize]) -> Vec<Picture> {
-        let mut chain = FrameChain::new(&values_of(model));
+        let mut chain = FrameChain::new(&small_values_of(model));
         let mut out = Vec::with_capacity(frames.len());
         for (k, picture) in placed.iter().enumerate() {
             let context = self.case.context(self.frames[k], settings::SMALL, self.small_depth_m.as_deref());
@@ -198,6 +208,16 @@ fn values_of(model: &Model) -> Chosen {
     let by_chance = |id: &str| CHANCE.contains(&id);
     model.effects.iter().filter(|(e, _)| matches!(e.act, Act::Edit(_)) && !by_chance(e.id)).cloned().collect()
 }
+
+/// The same for small pictures, which cannot show what acts on single pixels: see [`Model::coarsened`].
+fn small_values_of(model: &Model) -> Chosen {
+    let mut values = values_of(model);
+    values.retain(|(e, _)| !DETAIL.contains(&e.id));
+    values
+}
+
+/// Effects that act on single pixels of the full size.
+pub const DETAIL: [&str; 3] = ["defocus", "jpeg_loss", "texture_washing"];
 
 /// Effects whose outcome in a given frame cannot be foretold from their values.
 pub const CHANCE: [&str; 8] = [

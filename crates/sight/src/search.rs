@@ -14,7 +14,7 @@ use crate::geometry::moves;
 use crate::grain;
 use crate::loss::{self, Loss};
 use crate::lost;
-use crate::scene::{Model, Placed, Scene};
+use crate::scene::{DETAIL, Model, Placed, Scene};
 use crate::settings;
 use crate::{sharp, tone};
 
@@ -168,6 +168,7 @@ fn trial(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Opt
         _ if moves(effect) => moving(scene, found, effect)?,
         "defocus" | "motion_blur" | "jpeg_loss" | "texture_washing" => {
             let (model, loss) = sharp::fit(scene, &found.model, &found.placed, effect);
+            let loss = if DETAIL.contains(&effect.id) { seen_in_detail(&found.loss, &loss) } else { loss.total };
             (model, loss, 3.0)
         }
         "sensor_noise" => {
@@ -200,6 +201,14 @@ fn trial(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Opt
         _ => toned(scene, found, effect),
     };
     Some(Trial { id: effect.id, model, loss, cost })
+}
+
+/// Returns the loss of an effect on fine detail: coarser bands, whose floors it raises, may confirm what the finest one
+/// gains, but not more than that.
+fn seen_in_detail(before: &Loss, after: &Loss) -> f64 {
+    let gained = before.band(0) - after.band(0);
+    let confirmed = (before.total - before.band(0)) - (after.total - after.band(0));
+    before.total - gained - confirmed.min(gained.max(0.0))
 }
 
 /// Values from which a fit starts.

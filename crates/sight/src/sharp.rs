@@ -2,7 +2,7 @@
 
 use ds_effect::frame::FrameEffect;
 
-use crate::loss;
+use crate::loss::{self, Loss};
 use crate::scene::{Model, Placed, Scene};
 
 /// Values tried for each effect.
@@ -19,9 +19,9 @@ pub fn grid(id: &str) -> &'static [&'static [f64]] {
     }
 }
 
-/// Returns the best model with this effect added, and its loss in the two finer bands.
+/// Returns the best model with this effect added, and its loss.
 #[must_use]
-pub fn fit(scene: &Scene<'_>, model: &Model, placed: &Placed, effect: &'static FrameEffect) -> (Model, f64) {
+pub fn fit(scene: &Scene<'_>, model: &Model, placed: &Placed, effect: &'static FrameEffect) -> (Model, Loss) {
     let try_values = |values: &[f64]| {
         let mut trial = model.clone();
         trial.set(effect, values.to_vec());
@@ -50,7 +50,7 @@ pub fn fit(scene: &Scene<'_>, model: &Model, placed: &Placed, effect: &'static F
         }
     }
     let (_, _, model) = tried.swap_remove(best);
-    let loss = loss::measure(scene, &model, placed).total;
+    let loss = loss::measure(scene, &model, placed);
     (model, loss)
 }
 
