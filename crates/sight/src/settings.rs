@@ -72,8 +72,9 @@ pub const BOOTSTRAP_DRAWS: u64 = 300;
 pub const TILE_EXCESS: f64 = 0.25;
 /// Excess over (twin + 1 level²) from which a frame counts (practice README).
 pub const FRAME_EXCESS: f64 = 0.5;
-/// Loss by band that effect-free cases reach: fine, medium, coarse, colour.
-pub const CLEAN: [f64; 4] = [110.0, 130.0, 190.0, 110.0];
+/// Loss by band that effect-free cases stay below: fine, medium, coarse, colour (two of eight effect-free draws of
+/// `tests/worlds/camera_world.py`, seed 8001, passed 110 in colour).
+pub const CLEAN: [f64; 4] = [110.0, 130.0, 190.0, 160.0];
 /// Share of the loss beyond that of clean cases that the chosen effects must explain.
 pub const EXPLAINED_SHARE: f64 = 0.35;
 /// Temperature of the probabilities: loss is no log likelihood.
