@@ -139,10 +139,7 @@ pub(crate) async fn submit(args: &SubmitArgs) -> Result<()> {
     let files = shard(scenario::files(&run.scenarios)?, run.shard.as_deref())?;
     let began = Instant::now();
     std::fs::create_dir_all(&run.out).with_context(|| format!("create {}", run.out.display()))?;
-    ensure!(
-        run.seal.is_none() && !run.vehicle_log,
-        "vehicle logs are written where the drives are recorded: use `run`"
-    );
+    ensure!(run.seal.is_none(), "a sealed run keeps its answer where it drives: use `run`");
     let world = world_of(run, &files)?;
     let request = request(run, &world, sources(&files, Source::Content)?)?;
     let (driven, classes) = drive(request, &args.control.dial()?).await?;
