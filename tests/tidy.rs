@@ -13,6 +13,7 @@ use harness::workspace;
 /// Every package and its layer; imports point to a lower layer only.
 const LAYERS: &[(&str, u32)] = &[
     ("ds-space", 0),
+    ("ds-markup", 0),
     ("ds-world", 1),
     ("ds-raster", 1),
     ("ds-effect", 1),

@@ -7,6 +7,7 @@
 use std::path::Path;
 
 use ds_gap::report::{Diagnosis, Verdict};
+use ds_markup as markup;
 
 mod effects;
 mod embed;
@@ -14,7 +15,6 @@ mod frames;
 mod further;
 mod headline;
 mod index;
-mod markup;
 mod material;
 mod over_time;
 mod place;
@@ -26,7 +26,7 @@ mod tests;
 mod text;
 mod words;
 
-use markup::Markup;
+use ds_markup::Markup;
 use material::Material;
 
 const STYLE: &str = include_str!("page.css");

@@ -6,12 +6,13 @@
 
 use std::collections::BTreeMap;
 
+use ds_markup as markup;
+
 use crate::dimension::Dimension;
 use crate::report::{Picture, Report};
 use crate::results::Results;
 
 mod differences;
-mod markup;
 mod method;
 mod overview;
 mod plot;

@@ -1,26 +1,29 @@
 //! HTML and SVG as nested calls: balanced and escaped by construction, whatever the text is.
 //!
 //! Text and attribute values are escaped; control characters and those that turn the direction of writing become
-//! U+FFFD, so that a name can neither break out of its place nor rearrange what stands around it. Only text of this
-//! crate itself (`&'static str`) can be written raw.
+//! U+FFFD, so that a name can neither break out of its place nor rearrange what stands around it. Only text that is
+//! part of the program (`&'static str`) can be written raw.
 
 use std::fmt::Display;
 
-pub(crate) type Attributes<'a> = &'a [(&'static str, &'a dyn Display)];
+/// Names and values of an element's attributes.
+pub type Attributes<'a> = &'a [(&'static str, &'a dyn Display)];
 
 /// A document under construction.
 #[derive(Debug, Default)]
-pub(crate) struct Markup {
+pub struct Markup {
     out: String,
 }
 
 impl Markup {
-    pub(crate) fn finish(self) -> String {
+    /// Returns the document.
+    #[must_use]
+    pub fn finish(self) -> String {
         self.out
     }
 
     /// Writes an element with what `content` writes inside.
-    pub(crate) fn inside(&mut self, tag: &'static str, attributes: Attributes, content: impl FnOnce(&mut Self)) {
+    pub fn inside(&mut self, tag: &'static str, attributes: Attributes, content: impl FnOnce(&mut Self)) {
         self.start(tag, attributes);
         self.out.push('>');
         content(self);
@@ -28,23 +31,23 @@ impl Markup {
     }
 
     /// Writes an element that holds text only.
-    pub(crate) fn leaf(&mut self, tag: &'static str, attributes: Attributes, text: impl Display) {
+    pub fn leaf(&mut self, tag: &'static str, attributes: Attributes, text: impl Display) {
         self.inside(tag, attributes, |m| m.text(text));
     }
 
     /// Writes an element that holds nothing.
-    pub(crate) fn void(&mut self, tag: &'static str, attributes: Attributes) {
+    pub fn void(&mut self, tag: &'static str, attributes: Attributes) {
         self.start(tag, attributes);
         self.out += "/>";
     }
 
     /// Writes text.
-    pub(crate) fn text(&mut self, text: impl Display) {
+    pub fn text(&mut self, text: impl Display) {
         self.out += &escaped(&text.to_string());
     }
 
-    /// Writes text of this crate as it is.
-    pub(crate) fn raw(&mut self, text: &'static str) {
+    /// Writes text of the program as it is.
+    pub fn raw(&mut self, text: &'static str) {
         self.out += text;
     }
 
@@ -57,7 +60,8 @@ impl Markup {
 }
 
 /// Returns text that is safe inside an element and inside a quoted attribute.
-pub(crate) fn escaped(text: &str) -> String {
+#[must_use]
+pub fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {
@@ -77,7 +81,8 @@ pub(crate) fn escaped(text: &str) -> String {
 
 /// Returns a relative path as a link: every byte but letters, digits, `-_.~/` is percent-encoded, and the leading `./`
 /// keeps any name from being read as a scheme, a host or an absolute path.
-pub(crate) fn link(path: &str) -> String {
+#[must_use]
+pub fn link(path: &str) -> String {
     let mut out = "./".to_owned();
     for byte in path.trim_start_matches(['/', '\\']).replace('\\', "/").bytes() {
         match byte {
