@@ -100,7 +100,7 @@ fn frame_points(scene: &Scene<'_>, model: &Model, chain: &FrameChain, k: usize, 
     let (f, half) = (factor as f64, (factor as f64 - 1.0) / 2.0);
     blocks(&rendered, &real, size)
         .into_iter()
-        .filter_map(|b| {
+        .map(|b| {
             let at = b.at.map(|v| v * f + half);
             let det = (b.info[0] + 0.5) * (b.info[2] + 0.5) - b.info[1] * b.info[1];
             let step = [
@@ -113,7 +113,7 @@ fn frame_points(scene: &Scene<'_>, model: &Model, chain: &FrameChain, k: usize, 
             let trust = if size > most { 0.1 } else { 1.0 };
             let from = chain.source_of(&context, at);
             let offset = [0, 1].map(|d| from[d] - at[d] + model.shifts[k][d] + step[d] * f);
-            Some(Point { at, offset, info: b.info.map(|i| trust * i / (f * f)) })
+            Point { at, offset, info: b.info.map(|i| trust * i / (f * f)) }
         })
         .collect()
 }

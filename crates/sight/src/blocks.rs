@@ -43,7 +43,7 @@ fn block(rendered: &Picture, real: &Picture, [x0, y0, x1, y1]: [usize; 4]) -> Op
         for x in x0..x1 {
             let k = y * width + x;
             let (p, q) = (rendered.data[k], real.data[k]);
-            if p > 252.0 || q > 252.0 || q < 2.0 {
+            if p > 252.0 || !(2.0..=252.0).contains(&q) {
                 continue;
             }
             let gx = 0.5 * (rendered.data[k + 1] - rendered.data[k - 1]);

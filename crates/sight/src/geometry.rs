@@ -177,19 +177,19 @@ fn assemble(
         system.gradient -= &hgj * (&between * DVector::from_column_slice(gj.as_slice()));
         system.frames.push((inverse, gj, hgj));
     }
-    for a in 0..size {
-        for b in 0..=a {
-            system.hessian[(a, b)] += hessian[a][b];
+    for (a, row) in hessian.iter().enumerate().take(size) {
+        for (b, value) in row.iter().enumerate().take(a + 1) {
+            system.hessian[(a, b)] += value;
             if a != b {
-                system.hessian[(b, a)] += hessian[a][b];
+                system.hessian[(b, a)] += value;
             }
         }
     }
     let tight = 1.0 / (loose.constant_px * loose.constant_px);
-    for d in 0..2 {
+    for (d, offset) in constant.iter().enumerate() {
         system.hessian[(size - 2 + d, size - 2 + d)] += tight;
-        system.gradient[size - 2 + d] += constant[d] * tight;
-        system.loss += 0.5 * tight * constant[d] * constant[d];
+        system.gradient[size - 2 + d] += offset * tight;
+        system.loss += 0.5 * tight * offset * offset;
     }
     for (k, (value, slab)) in values.iter().zip(slabs).enumerate() {
         // a wide normal prior over the slab keeps unseen directions at rest

@@ -157,12 +157,8 @@ fn twin(case: &FrameCase, correction: &Correction, frame: &Frame, after: &Pictur
     let found = blocks(&rendered, &real, settings::BLOCK_PX);
     let (mut m, mut v) = ([1.0, 0.0, 1.0], [0.0; 2]);
     for b in found {
-        for d in 0..3 {
-            m[d] += b.info[d];
-        }
-        for d in 0..2 {
-            v[d] += b.pull[d];
-        }
+        m.iter_mut().zip(&b.info).for_each(|(sum, info)| *sum += info);
+        v.iter_mut().zip(&b.pull).for_each(|(sum, pull)| *sum += pull);
     }
     let det = (m[0] * m[2] - m[1] * m[1]).max(1e-9);
     let step = [(m[2] * v[0] - m[1] * v[1]) / det, (m[0] * v[1] - m[1] * v[0]) / det];

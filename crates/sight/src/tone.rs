@@ -29,7 +29,7 @@ pub fn fit(scene: &Scene<'_>, model: &Model, placed: &[Picture], ids: &[&str]) -
         out
     };
     // an effect that remembers needs every frame, the others some
-    let timed = ids.iter().any(|id| *id == "exposure_lag");
+    let timed = ids.contains(&"exposure_lag");
     let count = if timed { placed.len() } else { placed.len().min(FRAMES) };
     let frames: Vec<usize> =
         (0..count).map(|k| (2 * k + 1) * placed.len() / (2 * count)).filter(|k| *k >= model.blind).collect();

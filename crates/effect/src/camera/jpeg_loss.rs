@@ -43,10 +43,10 @@ fn encode(picture: &mut Picture, quality: f64) {
                     *s = (*s / step).round() * step;
                 }
                 let block = product(&product(&turned, &spectrum), &cosines);
-                for y in 0..8.min(picture.height - top) {
-                    for x in 0..8.min(picture.width - left) {
+                for (y, row) in block.iter().enumerate().take(picture.height - top) {
+                    for (x, value) in row.iter().enumerate().take(picture.width - left) {
                         let at = ((top + y) * picture.width + left + x) * picture.channels + channel;
-                        picture.data[at] = (block[y][x] + 128.0).round().clamp(0.0, 255.0);
+                        picture.data[at] = (value + 128.0).round().clamp(0.0, 255.0);
                     }
                 }
             }
