@@ -3,8 +3,9 @@
 //! Slip, side force and yaw are integrated by the implicit midpoint rule with the secant stiffness of the axle (stable
 //! down to standstill); an axle's side force saturates at friction times static load. SI units, x forward, y left.
 
+use ds_effect::chain::realise;
 use ds_effect::plant::{Plant, Road, Vehicle};
-use ds_effect::signal::{Context, Place, lag};
+use ds_effect::signal::Context;
 
 use crate::smooth::between;
 
@@ -94,23 +95,9 @@ impl Actuated {
 #[must_use]
 pub fn actuate(inputs: &Inputs, plant: &Plant) -> Actuated {
     let context = Context { step_secs: FINE_SECS, speed_mps: &inputs.speed, brake_work_mj: &inputs.brake_work };
-    let mut sensor = inputs.steer.clone();
-    let run = |signal: &mut Vec<f64>, operators: &[(Place, ds_effect::signal::Operator)], place: Place| {
-        for (_, operator) in operators.iter().filter(|(at, _)| *at == place) {
-            operator(signal, &context);
-        }
-    };
-    run(&mut sensor, &plant.steering.operators, Place::Command);
-    lag(&mut sensor, FINE_SECS, plant.steering.lag_secs);
-    run(&mut sensor, &plant.steering.operators, Place::Actuator);
-    let mut wheel = sensor.clone();
-    run(&mut wheel, &plant.steering.operators, Place::Linkage);
-    let mut accel = inputs.accel.clone();
-    run(&mut accel, &plant.traction.operators, Place::Command);
-    lag(&mut accel, FINE_SECS, plant.traction.lag_secs);
-    run(&mut accel, &plant.traction.operators, Place::Actuator);
-    run(&mut accel, &plant.traction.operators, Place::Linkage);
-    Actuated { start_secs: inputs.start_secs, wheel, sensor, accel }
+    let steered = realise(&inputs.steer, plant.steering.lag_secs, &plant.steering.operators, &context);
+    let driven = realise(&inputs.accel, plant.traction.lag_secs, &plant.traction.operators, &context);
+    Actuated { start_secs: inputs.start_secs, wheel: steered.wheel, sensor: steered.sensed, accel: driven.wheel }
 }
 
 /// Where a rollout starts and how long it lasts.

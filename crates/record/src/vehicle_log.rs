@@ -3,7 +3,7 @@
 //! An MCAP file of JSON messages (camera frames as `foxglove.CompressedImage`) that any viewer opens. It holds no world
 //! state, layout, cache, snapshot, digest or setting: two drives that differ in an effect alone differ in numbers alone.
 //! Stamps are nanoseconds since the start of the scenario. Detections are those within 80 m of the car, in its rig
-//! frame, with noise drawn by key, tick and place in the list.
+//! frame, with noise drawn by key, tick and road user.
 
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -123,33 +123,19 @@ impl TryFrom<v1::World> for World {
 
 impl From<&Reading> for v1::Reading {
     fn from(value: &Reading) -> Self {
-        let [
-            secs,
-            cmd_steer_rad,
-            cmd_accel_mps2,
-            x_m,
-            y_m,
-            yaw_rad,
-            speed_mps,
-            yaw_rate_radps,
-            ax_mps2,
-            ay_mps2,
-            steering_rad,
-            wheel_speed_mps,
-        ] = value.to_array().map(Some);
         Self {
-            secs,
-            cmd_steer_rad,
-            cmd_accel_mps2,
-            x_m,
-            y_m,
-            yaw_rad,
-            speed_mps,
-            yaw_rate_radps,
-            ax_mps2,
-            ay_mps2,
-            steering_rad,
-            wheel_speed_mps,
+            secs: Some(value.secs),
+            cmd_steer_rad: Some(value.cmd_steer_rad),
+            cmd_accel_mps2: Some(value.cmd_accel_mps2),
+            x_m: Some(value.x_m),
+            y_m: Some(value.y_m),
+            yaw_rad: Some(value.yaw_rad),
+            speed_mps: Some(value.speed_mps),
+            yaw_rate_radps: Some(value.yaw_rate_radps),
+            ax_mps2: Some(value.ax_mps2),
+            ay_mps2: Some(value.ay_mps2),
+            steering_rad: Some(value.steering_rad),
+            wheel_speed_mps: Some(value.wheel_speed_mps),
         }
     }
 }
