@@ -80,7 +80,7 @@ pub(crate) async fn drive_all(args: &RunArgs, log: &str) -> Result<Results> {
     let stopped = fleet.stop().await;
     let (run, classes) = outcome?;
     stopped?;
-    let mut results = results(args, &files, mode, (&run, classes), began.elapsed().as_secs_f64())?;
+    let mut results = results((args, &world), &files, mode, (&run, classes), began.elapsed().as_secs_f64())?;
     if args.vehicle_log || args.seal.is_some() {
         extract(args, &results)?;
     }
@@ -143,7 +143,7 @@ pub(crate) async fn submit(args: &SubmitArgs) -> Result<()> {
     let world = world_of(run, &files)?;
     let request = request(run, &world, sources(&files, Source::Content)?)?;
     let (driven, classes) = drive(request, &args.control.dial()?).await?;
-    let results = results(run, &files, "fleet", (&driven, classes), began.elapsed().as_secs_f64())?;
+    let results = results((run, &world), &files, "fleet", (&driven, classes), began.elapsed().as_secs_f64())?;
     results.save(&run.out.join(RESULTS))?;
     report::write_for(&run.out, &results)?;
     conclude(&results, &run.out)
@@ -318,7 +318,7 @@ fn request(args: &RunArgs, world: &RunConfig, scenarios: Vec<pb::ScenarioSource>
         Agents::IdmAll => pb::AgentMode::IdmAll,
     };
     Ok(pb::SubmitRequest {
-        client_id: format!("run-{}", &configuration(args).to_string()[..16]),
+        client_id: format!("run-{}", &configuration(args, world).to_string()[..16]),
         scenarios,
         policies: vec![args.policy.clone()],
         observations: vec![observation as i32],
@@ -356,7 +356,7 @@ fn scorer(args: &RunArgs) -> &'static str {
 }
 
 /// Returns the digest over all settings that a result depends on, names of scenarios included, folders not.
-fn configuration(args: &RunArgs) -> ds_space::Digest {
+fn configuration(args: &RunArgs, world: &RunConfig) -> ds_space::Digest {
     let mut writer = ds_space::DigestWriter::new();
     writer.text(&args.policy).u32(args.observation as u32).u32(args.replan).f64(args.horizon).u32(args.history);
     writer.f64(args.duration).u32(args.warm_up).text(&args.appearance).u32(args.agents as u32).text(&args.tracker);
@@ -372,17 +372,19 @@ fn configuration(args: &RunArgs) -> ds_space::Digest {
     for path in &args.scenarios {
         writer.text(&path.to_string_lossy());
     }
-    for effect in &args.effects {
-        writer.text(effect);
-    }
-    for path in [&args.config, &args.seal].into_iter().flatten() {
-        writer.text(&path.to_string_lossy());
+    // Withheld effects are told by nothing, their digest included.
+    if let Some(seal) = &args.seal {
+        writer.text(&seal.to_string_lossy());
+    } else {
+        for effect in &world.effects {
+            writer.text(&effect.id).f64s(&effect.values);
+        }
     }
     writer.bool(args.vehicle_log).finish()
 }
 
 fn results(
-    args: &RunArgs,
+    (args, world): (&RunArgs, &RunConfig),
     files: &[PathBuf],
     mode: &str,
     (run, compute_classes): (&pb::Run, BTreeMap<String, String>),
@@ -402,7 +404,7 @@ fn results(
             tracker: args.tracker.clone(),
             appearance: args.appearance.clone(),
             mode: mode.to_owned(),
-            configuration_digest: configuration(args).to_string(),
+            configuration_digest: configuration(args, world).to_string(),
             video_model_digest: hex(&first.video_model),
             policy_model_digest: hex(&first.policy_model),
             compute_classes,
