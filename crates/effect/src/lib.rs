@@ -137,6 +137,7 @@ const LIBRARY: &[&Effect] = &[
     &clock::wheel_latency::EFFECT,
     &sensor::wheel_slip::EFFECT,
     &vehicle::tyre_knee::EFFECT,
+    &vehicle::drive_split::EFFECT,
     &vehicle::load_transfer::EFFECT,
     &follower::tr_lag::EFFECT,
 ];

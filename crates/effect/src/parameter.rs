@@ -220,4 +220,10 @@ impl Parameter {
     pub const fn on_grid(&self) -> bool {
         matches!(self.scale, Scale::Limit | Scale::Threshold)
     }
+
+    /// Tells whether the effect shows only some way off its neutral value, as friction does when the tyres slide.
+    #[must_use]
+    pub fn starts_late(&self) -> bool {
+        matches!(self.scale, Scale::Log) && self.slab.1 <= self.neutral
+    }
 }

@@ -48,10 +48,44 @@ pub struct Vehicle {
     pub load_height_m: f64,
     /// Distance over which side force builds up, m.
     pub relaxation_m: f64,
+    /// How drive and brakes share the friction with the side force; absent where they leave it alone.
+    pub friction_circle: Option<FrictionCircle>,
     /// Deceleration without drive force at rest, m/s².
     pub rolling_mps2: f64,
     /// Drag force over squared air speed, N s²/m².
     pub drag_n_s2_m2: f64,
+}
+
+/// Drive and brake force take their part of each axle's friction; of the side force at any slip what is left remains
+/// (friction ellipse: `F_y = F_y0 sqrt(1 - (F_x / F_max)^2)`; Pacejka, Tire and Vehicle Dynamics, section 4.2).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrictionCircle {
+    /// Front axle's share of the drive force: 0 driven at the rear, 1 at the front.
+    pub front_drive: f64,
+}
+
+impl FrictionCircle {
+    /// Front axle's share of the brake force, much the same in all cars.
+    const FRONT_BRAKE: f64 = 0.62;
+    /// Largest share that is taken before the side force vanishes; a locked wheel still has a little.
+    const LARGEST_TAKEN: f64 = 0.95;
+
+    /// Returns the factors on the side forces, front and rear, under a drive force and the axles' limits, N.
+    #[must_use]
+    pub fn left(&self, force_n: f64, limits_n: [f64; 2]) -> [f64; 2] {
+        let front = if force_n > 0.0 { self.front_drive } else { Self::FRONT_BRAKE };
+        let forces_n = [front * force_n, (1.0 - front) * force_n];
+        std::array::from_fn(|axle| {
+            let taken = (forces_n[axle] / limits_n[axle]).abs().min(Self::LARGEST_TAKEN);
+            (1.0 - taken * taken).sqrt()
+        })
+    }
+}
+
+impl Default for FrictionCircle {
+    fn default() -> Self {
+        Self { front_drive: 0.5 }
+    }
 }
 
 /// The road and the air.

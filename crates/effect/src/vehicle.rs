@@ -3,6 +3,7 @@
 
 pub(crate) mod cg_shift;
 pub(crate) mod drag_add;
+pub(crate) mod drive_split;
 pub(crate) mod front_grip;
 pub(crate) mod kinematic_only;
 pub(crate) mod load_transfer;

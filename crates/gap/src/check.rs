@@ -11,6 +11,9 @@ use crate::meta::Meta;
 const LARGEST_STEER: f64 = 1.2;
 /// Largest acceleration of any vehicle, m/s².
 const LARGEST_ACCEL: f64 = 30.0;
+/// Largest yaw rate of a vehicle of the usual wheelbase, rad/s.
+const LARGEST_TURN: f64 = 6.0;
+const USUAL_WHEELBASE_M: f64 = 2.5;
 /// Fastest vehicle, m/s.
 const FASTEST: f64 = 120.0;
 
@@ -21,7 +24,7 @@ const FASTEST: f64 = 120.0;
 pub(crate) fn check(drives: &[Drive], meta: &Meta) -> Result<Vec<String>, GapError> {
     let mut warnings = Vec::new();
     for drive in drives {
-        ranges(drive)?;
+        ranges(drive, meta)?;
         frozen(drive)?;
         motion(drive)?;
         turning(drive, meta, &mut warnings)?;
@@ -56,7 +59,7 @@ fn typical(column: impl Iterator<Item = f64>) -> f64 {
     crate::bootstrap::quantile(&mut sizes, 0.9)
 }
 
-fn ranges(drive: &Drive) -> Result<(), GapError> {
+fn ranges(drive: &Drive, meta: &Meta) -> Result<(), GapError> {
     let steer = largest(&drive.cmd_steer);
     if steer > LARGEST_STEER {
         return Err(inconsistent(drive, format!("cmd_steer reaches {steer:.1}, more than any road wheel: degrees?")));
@@ -68,7 +71,7 @@ fn ranges(drive: &Drive) -> Result<(), GapError> {
     let bounds = [
         ("v", &drive.v, FASTEST, "km/h or another column?"),
         ("v_wheel", &drive.v_wheel, FASTEST, "km/h or another column?"),
-        ("yaw_rate", &drive.yaw_rate, 6.0, "degrees per second?"),
+        ("yaw_rate", &drive.yaw_rate, fastest_turn(meta), "degrees per second?"),
         ("ax", &drive.ax, 60.0, "another unit?"),
         ("ay", &drive.ay, 60.0, "another unit?"),
         ("steer_meas", &drive.steer_meas, LARGEST_STEER, "degrees or steering-wheel angle?"),
@@ -79,6 +82,12 @@ fn ranges(drive: &Drive) -> Result<(), GapError> {
         }
     }
     Ok(())
+}
+
+/// Returns the largest yaw rate of a vehicle of such a wheelbase, rad/s; models of cars turn faster than cars.
+fn fastest_turn(meta: &Meta) -> f64 {
+    let wheelbase_m = meta.nominal.lf + meta.nominal.lr;
+    (LARGEST_TURN * USUAL_WHEELBASE_M / wheelbase_m).clamp(LARGEST_TURN, 10.0 * LARGEST_TURN)
 }
 
 fn frozen(drive: &Drive) -> Result<(), GapError> {

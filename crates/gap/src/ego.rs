@@ -1,7 +1,7 @@
 //! The nominal simulator of the ego vehicle: a single track at 20 ms steps behind its command and actuator chains.
 //!
 //! Slip, side force and yaw are integrated by the implicit midpoint rule with the secant stiffness of the axle (stable
-//! down to standstill); an axle's side force saturates at friction times static load. SI units, x forward, y left.
+//! down to standstill); an axle's side force saturates at what drive and brakes leave of friction times static load. SI units, x forward, y left.
 
 use ds_effect::chain::realise;
 use ds_effect::plant::{Plant, Road, Vehicle};
@@ -245,8 +245,12 @@ fn advance(
     let (front_load, rear_load) = (weight * b / base, weight * a / base);
     let lighter = (1.0 - moved / front_load).clamp(0.3, 1.7);
     let heavier = (1.0 + moved / rear_load).clamp(0.3, 1.7);
-    let front = Axle { stiffness: vehicle.front_stiffness_n * lighter, limit: vehicle.friction * front_load * lighter };
-    let rear = Axle { stiffness: vehicle.rear_stiffness_n * heavier, limit: vehicle.friction * rear_load * heavier };
+    let grip = vehicle.friction * weight;
+    let traction = (vehicle.nominal_mass_kg * accel).clamp(-grip, grip);
+    let limits = [vehicle.friction * front_load * lighter, vehicle.friction * rear_load * heavier];
+    let left = vehicle.friction_circle.map_or([1.0; 2], |circle| circle.left(traction, limits));
+    let stiffness = [vehicle.front_stiffness_n * lighter, vehicle.rear_stiffness_n * heavier];
+    let [front, rear] = [0, 1].map(|k| Axle { stiffness: left[k] * stiffness[k], limit: left[k] * limits[k] });
     let (build, build_step) = if vehicle.relaxation_m > 1e-3 {
         let rate = v / vehicle.relaxation_m;
         (1.0 - (-rate * half).exp(), 1.0 - (-rate * ROLL_SECS).exp())
@@ -273,7 +277,6 @@ fn advance(
     let (steady_front, steady_rear) = (steer - (vy + a * r) / v, -(vy - b * r) / v);
     let force_front = f0 - cf * build * (steer - steady_front);
     let force_rear = r0 + cr * build * steady_rear;
-    let traction = (vehicle.nominal_mass_kg * accel).clamp(-vehicle.friction * weight, vehicle.friction * weight);
     let rolling = if state.vx > 0.05 { vehicle.rolling_mps2 * m } else { 0.0 };
     let ax = (traction - sin * force_front - drag - rolling) / m;
     let ay = (cos * force_front + force_rear + side_wind) / m;

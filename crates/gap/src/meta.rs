@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ds_effect::plant::{Clock, Follower, Plant, Road, Sensors, Steering, Traction, Vehicle};
+use ds_effect::plant::{Clock, Follower, FrictionCircle, Plant, Road, Sensors, Steering, Traction, Vehicle};
 use serde::Deserialize;
 
 use crate::error::GapError;
@@ -140,12 +140,12 @@ impl Meta {
 impl Nominal {
     fn check(&self) -> Result<(), GapError> {
         let bounds: [(&'static str, f64, f64, f64, &'static str); 11] = [
-            ("mass", self.mass, 1.0, 80_000.0, "1 to 80 000 kg"),
-            ("yaw_inertia", self.yaw_inertia, 1e-3, 2e6, "0.001 to 2 000 000 kg m2"),
-            ("lf", self.lf, 0.02, 10.0, "0.02 to 10 m"),
-            ("lr", self.lr, 0.02, 10.0, "0.02 to 10 m"),
-            ("cornering_stiffness_front", self.cornering_stiffness_front, 1.0, 5e6, "1 to 5 000 000 N/rad"),
-            ("cornering_stiffness_rear", self.cornering_stiffness_rear, 1.0, 5e6, "1 to 5 000 000 N/rad"),
+            ("mass", self.mass, 0.02, 80_000.0, "0.02 to 80 000 kg"),
+            ("yaw_inertia", self.yaw_inertia, 1e-6, 2e6, "0.000001 to 2 000 000 kg m2"),
+            ("lf", self.lf, 0.01, 10.0, "0.01 to 10 m"),
+            ("lr", self.lr, 0.01, 10.0, "0.01 to 10 m"),
+            ("cornering_stiffness_front", self.cornering_stiffness_front, 0.1, 5e6, "0.1 to 5 000 000 N/rad"),
+            ("cornering_stiffness_rear", self.cornering_stiffness_rear, 0.1, 5e6, "0.1 to 5 000 000 N/rad"),
             ("steer_lag", self.steer_lag, 0.0, 2.0, "0 to 2 s"),
             ("accel_lag", self.accel_lag, 0.0, 3.0, "0 to 3 s"),
             ("rolling_decel", self.rolling_decel, 0.0, 3.0, "0 to 3 m/s2"),
@@ -190,6 +190,7 @@ impl Nominal {
                 tyre_knee: TYRE_KNEE,
                 load_height_m: 0.0,
                 relaxation_m: 0.0,
+                friction_circle: Some(FrictionCircle::default()),
                 rolling_mps2: self.rolling_decel,
                 drag_n_s2_m2: self.drag_decel_per_v2 * self.mass,
             },

@@ -8,6 +8,9 @@ use crate::scatter::across_noise;
 use crate::settings::{FAMILIAR_NOISE, SENSOR_NOISE};
 use crate::windows::EGO;
 
+/// Share of lost samples from which they tell in the floor.
+const NOTABLE_LOSS: f64 = 0.02;
+
 /// Noise of a log's channels relative to the sensors with which the floor was measured; 1 where they are alike.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Noise {
@@ -20,9 +23,12 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Measures the noise of some drives whose sampling instants scatter by `jitter_secs`.
+    /// Measures the noise of some drives whose sampling instants scatter by `jitter_secs`. Samples that were lost and
+    /// bridged leave fewer to start a window from.
     #[must_use]
     pub fn of(drives: &[&Drive], jitter_secs: f64) -> Self {
+        let repeated = drives.iter().map(|d| d.repeated_share).sum::<f64>() / drives.len().max(1) as f64;
+        let lost = if repeated > NOTABLE_LOSS { repeated } else { 0.0 };
         let column = |pick: &dyn Fn(&Drive) -> Option<&Vec<f64>>| -> Option<f64> {
             median(drives.iter().filter_map(|d| pick(d).map(|c| white(c))).collect())
         };
@@ -44,7 +50,8 @@ impl Noise {
             followers(&|f| white(&f.gap)),
         ];
         let relative = |k: usize| found[k].map_or(1.0, |noise| familiar(noise / SENSOR_NOISE[k]));
-        Self { ego: std::array::from_fn(relative), follower: [relative(EGO), relative(EGO + 1)], jitter_secs }
+        let ego = std::array::from_fn(|k| relative(k) * (1.0 + lost));
+        Self { ego, follower: [relative(EGO), relative(EGO + 1)], jitter_secs }
     }
 
     /// Tells whether the floor measured elsewhere holds here as it is.

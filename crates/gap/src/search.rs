@@ -9,6 +9,10 @@ use crate::case::PartModel;
 use crate::fit::{Columns, Fit, Model, Plan, Prior, data_loss, fit, start_loss};
 use crate::settings::{FURTHER_GAIN, KEPT, MARGIN_SDS, NULL_ROUNDS};
 
+/// The effect whose wheels do not slip, and those that say how they slip: nonsense together.
+const RIGID: &str = "kinematic_only";
+const OF_SLIP: [&str; 6] = ["front_grip", "rear_grip", "mu", "yaw_inertia", "tyre_relaxation", "cg_shift"];
+
 /// A fitted hypothesis about one part: some effects present, all else nuisance.
 #[derive(Clone)]
 pub struct Hypothesis {
@@ -158,11 +162,13 @@ pub fn refit(model: &PartModel<'_>, start: &[f64], effects: &[usize], columns: C
 /// Fits every further effect on top of a fit of some effects and returns the best set, polished.
 #[must_use]
 pub fn extend(model: &PartModel<'_>, base: &Fit, effects: &[usize]) -> Option<(Fit, Vec<usize>)> {
-    let open = |e: usize| model.space.effects[e].suspect && !effects.contains(&e);
+    let rigid = effects.iter().any(|e| model.space.effects[*e].id == RIGID);
+    let moot = |e: usize| rigid && OF_SLIP.contains(&model.space.effects[e].id);
+    let open = |e: usize| model.space.effects[e].suspect && !effects.contains(&e) && !moot(e);
     // where the slope at the fit is no guide; all else is in the linearisation
     let blind = |e: usize| {
         let parameters = model.space.of(e).into_iter().map(|k| model.space.coordinates[k].parameter);
-        parameters.into_iter().any(|p| p.on_grid() || p.nuisance.is_none())
+        parameters.into_iter().any(|p| p.on_grid() || p.nuisance.is_none() || p.starts_late())
     };
     let count = model.space.effects.len();
     let linear: Vec<f64> =

@@ -134,6 +134,8 @@ impl Space {
         match p.scale {
             Scale::Limit => (0..10).map(|k| at(f64::from(k) / 9.0)).collect(),
             Scale::Threshold => vec![at(0.06), at(0.12), at(0.25), at(0.4), at(0.6), at(0.85)],
+            // friction: nothing happens until the tyres slide
+            _ if p.starts_late() => [0.15, 0.3, 0.45, 0.6, 0.8].map(at).to_vec(),
             _ if p.slab.0 < p.neutral && p.slab.1 > p.neutral => vec![at(0.25), at(0.4), at(0.6), at(0.75)],
             _ => vec![at(0.15), at(0.5)],
         }

@@ -34,6 +34,7 @@ pub fn nominal(vehicle: &VehicleParameters, idm: &IdmParameters) -> Plant {
             tyre_knee: f64::INFINITY,
             load_height_m: 0.0,
             relaxation_m: 0.0,
+            friction_circle: None,
             rolling_mps2: 0.0,
             drag_n_s2_m2: 0.0,
         },

@@ -36,9 +36,12 @@ impl Tyres {
         let load_n = [weight_n * (car.rear_arm_m / base_m), weight_n * (car.front_arm_m / base_m)];
         let moved_n = car.nominal_mass_kg * drive_mps2 * car.load_height_m / base_m;
         let factor = [1.0 - moved_n / load_n[0], 1.0 + moved_n / load_n[1]].map(|factor| factor.clamp(0.3, 1.7));
+        let limit_n = [car.friction * load_n[0] * factor[0], car.friction * load_n[1] * factor[1]];
+        let circle = car.friction_circle;
+        let left = circle.map_or([1.0; 2], |circle| circle.left(car.nominal_mass_kg * drive_mps2, limit_n));
         Self {
-            stiffness_n: [car.front_stiffness_n * factor[0], car.rear_stiffness_n * factor[1]],
-            limit_n: [car.friction * load_n[0] * factor[0], car.friction * load_n[1] * factor[1]],
+            stiffness_n: [car.front_stiffness_n * factor[0] * left[0], car.rear_stiffness_n * factor[1] * left[1]],
+            limit_n: [limit_n[0] * left[0], limit_n[1] * left[1]],
             knee: car.tyre_knee,
             relaxation_m: car.relaxation_m,
         }

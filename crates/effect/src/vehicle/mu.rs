@@ -1,4 +1,5 @@
-//! `mu`: Friction between tyre and road as a factor on the nominal coefficient; side forces saturate at friction times load.
+//! `mu`: Friction between tyre and road as a factor on the nominal coefficient; side forces saturate at what drive and brakes leave
+//! of friction times load.
 //! The neutral value leaves the simulator untouched.
 
 use crate::{Channel, Effect, Insertion, Parameter};
@@ -20,5 +21,8 @@ pub(crate) const EFFECT: Effect = Effect {
     suspect: true,
     apply: |values, plant| {
         plant.vehicle.friction *= values[0];
+        if values[0] != 1.0 {
+            plant.vehicle.friction_circle.get_or_insert_default();
+        }
     },
 };

@@ -90,7 +90,16 @@ fn neutral_effects_change_no_bit() {
 #[test]
 fn strong_effects_are_felt_where_they_act() {
     // What this short drive cannot excite; the nominal car has no drag area for the wind, its tyre a clip for a knee.
-    let beyond = ["steer_saturation", "power_limit", "brake_fade", "tr_v0", "obs_latency", "wind_steady", "tyre_knee"];
+    let beyond = [
+        "steer_saturation",
+        "power_limit",
+        "brake_fade",
+        "tr_v0",
+        "obs_latency",
+        "wind_steady",
+        "tyre_knee",
+        "drive_split",
+    ];
     let scene = shared(crowded(12));
     let nominal = drive(&scene, &config(Vec::new(), true), None);
     for effect in library().iter().filter(|effect| !beyond.contains(&effect.id)) {
