@@ -16,7 +16,7 @@ use crate::following::{self, FollowerRecord};
 use crate::meta::Meta;
 use crate::noise::Noise;
 use crate::scatter::{Scatter, scatter};
-use crate::settings::{HELD_SHARE, SHAPE_SHARE, SLIDING_SHARE};
+use crate::settings::{HELD, HELD_SHARE, SHAPE_SHARE, SLIDING_SHARE};
 use crate::space::{Part, Space};
 use crate::windows::{BLOCKS, EGO, EgoRecord};
 
@@ -233,7 +233,7 @@ impl<'a> PartModel<'a> {
     #[must_use]
     pub fn widened(&self, vector: &[f64], effects: &[usize], columns: &Columns) -> (Self, Columns) {
         let usual = self.space.usual();
-        let held = effects.iter().any(|e| self.space.effects[*e].id == "cmd_hold_rate");
+        let held = effects.iter().any(|e| self.space.effects[*e].id == HELD);
         let share = if held { HELD_SHARE } else { SHAPE_SHARE };
         let mut bare = vector.to_vec();
         effects.iter().flat_map(|e| self.space.of(*e)).for_each(|k| bare[k] = usual[k]);

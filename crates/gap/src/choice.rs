@@ -1,10 +1,14 @@
 //! From fitted hypotheses to a choice: accept a single effect, add further ones, weigh all of them into probabilities.
 
+use ds_effect::Scale;
+
 use crate::case::{Case, PartModel};
 use crate::fit::Fit;
 use crate::scatter::Scatter;
 use crate::search::{Effort, Hypothesis, Search, extend, held_out_gains, outside, refit};
-use crate::settings::{DISAGREE_COST, DISAGREEMENT, FURTHER_GAIN, INSIDE_COST, MOST_EFFECTS, SINGLE_COST, Thresholds};
+use crate::settings::{
+    DISAGREE_COST, DISAGREEMENT, FURTHER_GAIN, HELD, INSIDE_COST, LIMIT_GAIN, MOST_EFFECTS, SINGLE_COST, Thresholds,
+};
 use crate::space::SCATTER;
 
 /// What the search over one part came to.
@@ -42,12 +46,12 @@ impl<'m, 'c> Outcome<'m, 'c> {
         let search = &self.search;
         let good = |k: usize| {
             let h = &search.singles[k];
-            h.gain > thresholds.single_gain
+            h.gain > thresholds.single_gain + limit_cost(search.model, h.effects[0])
                 && outside(search.model, &h.fit.vector, h.effects[0])
                 && self.held_out.get(k).is_some_and(|g| agrees(g, h.gain))
         };
         let Some(first) = (0..search.singles.len().min(self.held_out.len())).find(|&k| good(k)) else { return };
-        let mut current = search.singles[first].clone();
+        let mut current = self.unmixed(first, drives).unwrap_or_else(|| search.singles[first].clone());
         let widen = |h: &mut Hypothesis| {
             let (model, columns) = search.model.widened(&h.fit.vector, &h.effects, &h.fit.columns);
             h.fit = refit(&model, &h.fit.vector, &h.effects, columns);
@@ -68,7 +72,8 @@ impl<'m, 'c> Outcome<'m, 'c> {
             }
             let Some((fit, effects)) = found else { break };
             let adds = fit.evidence - current.fit.evidence;
-            if adds < FURTHER_GAIN {
+            let asked = effects.last().map_or(0.0, |e| limit_cost(&model, *e));
+            if adds < FURTHER_GAIN + asked {
                 break;
             }
             if !effects.iter().all(|e| outside(&model, &fit.vector, *e)) || !needed(&model, &fit, &effects, drives) {
@@ -82,6 +87,24 @@ impl<'m, 'c> Outcome<'m, 'c> {
         self.widened = Some(model);
     }
 
+    /// Returns the two effects that a held command stands for, if they say more than it does: on the floor that its own
+    /// uncertain shape widens, the delays of both commands could no longer be told from it.
+    fn unmixed(&self, first: usize, drives: &[usize]) -> Option<Hypothesis> {
+        let search = &self.search;
+        let held = &search.singles[first];
+        let id = |h: &Hypothesis| search.model.space.effects[h.effects[0]].id;
+        if id(held) != HELD {
+            return None;
+        }
+        let other = search.singles.iter().find(|h| id(h) != HELD)?;
+        let (fit, effects) = extend(search.model, &other.fit, &other.effects)?;
+        let telling = fit.evidence - held.fit.evidence > FURTHER_GAIN
+            && effects.iter().all(|e| search.model.space.effects[*e].id != HELD)
+            && effects.iter().all(|e| outside(search.model, &fit.vector, *e))
+            && needed(search.model, &fit, &effects, drives);
+        telling.then(|| Hypothesis { gain: fit.evidence - search.null.evidence, effects, fit })
+    }
+
     /// Returns the fit of the accepted model, else the nuisance fit.
     #[must_use]
     pub fn fit(&self) -> &Fit {
@@ -93,6 +116,13 @@ impl<'m, 'c> Outcome<'m, 'c> {
     pub fn model(&self) -> &PartModel<'c> {
         self.widened.as_ref().unwrap_or(self.search.model)
     }
+}
+
+/// Returns the further evidence that an effect must have which no vehicle has a little of: no usual spread keeps its weak
+/// end from standing in for an ordinary servo.
+fn limit_cost(model: &PartModel<'_>, effect: usize) -> f64 {
+    let limits = |k: &usize| matches!(model.space.coordinates[*k].parameter.scale, Scale::Limit);
+    if model.space.of(effect).iter().any(limits) { LIMIT_GAIN } else { 0.0 }
 }
 
 /// Tells whether every one of several effects adds evidence over the others and helps on drives left out.
