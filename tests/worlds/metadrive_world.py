@@ -347,8 +347,12 @@ def drive(r, world, case, kind):
         ay = felt.dot(after.left)
         log.setdefault("ax", []).append(felt.dot(after.ahead))
         log.setdefault("ay", []).append(ay)
+        log.setdefault("tilt", []).append((after.ahead.z, after.left.z))
     world.clear(vehicle)
     log = {key: np.array(value) for key, value in log.items()}
+    # accelerometers are mounted level: the chassis's own stance on its springs is no zero of theirs
+    stance = G * log.pop("tilt").mean(axis=0)
+    log["ax"], log["ay"] = log["ax"] - stance[0], log["ay"] - stance[1]
     log["yaw"] = np.unwrap(log["yaw"])
     return log
 
