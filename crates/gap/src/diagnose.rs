@@ -13,7 +13,9 @@ use crate::manoeuvre;
 use crate::remainder::{Left, describe, left};
 use crate::report::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, SCHEMA, Verdict};
 use crate::search::{Effort, without_drive};
-use crate::settings::{DOUBT, GROUP_COSINE, GROUP_EVIDENCE, GROUP_SIZE, OWN_NUISANCE, SHAPE_ERROR, Thresholds};
+use crate::settings::{
+    DOUBT, GROUP_COSINE, GROUP_EVIDENCE, GROUP_SIZE, LOOSE_SHAPE, OWN_NUISANCE, SHAPE_ERROR, Thresholds,
+};
 use crate::shapley::split;
 use crate::signature::{cosine, spread};
 use crate::space::{Part, SCATTER};
@@ -152,8 +154,8 @@ fn finding(
         };
         let own = parameter.nuisance.map_or(0.0, |n| OWN_NUISANCE * n.sd);
         let centre = fit.vector[k] - usual;
-        let shape =
-            if parameter.neutral.is_finite() { SHAPE_ERROR * (centre - parameter.neutral) } else { SHAPE_ERROR };
+        let share = if candidate.id == LOOSE_SHAPE.0 { LOOSE_SHAPE.1 } else { SHAPE_ERROR };
+        let shape = if parameter.neutral.is_finite() { share * (centre - parameter.neutral) } else { share };
         let width = 1.645 * spread(model, fit, k).hypot(own).hypot(shape);
         let reported = |v: f64| model.space.reported(k, v);
         out.params.insert(parameter.name.to_owned(), reported(centre));

@@ -1,7 +1,6 @@
 //! `accel_lag`: Extra first-order time constant of drive and brake; a negative value speeds the nominal one up.
 //! The neutral value leaves the simulator untouched.
 
-use crate::signal::{Place, lag};
 use crate::{Channel, Effect, Insertion, Parameter};
 
 pub(crate) const EFFECT: Effect = Effect {
@@ -11,14 +10,7 @@ pub(crate) const EFFECT: Effect = Effect {
     channels: &[Channel::Speed, Channel::Ax, Channel::WheelSpeed, Channel::Dx],
     suspect: true,
     apply: |values, plant| {
-        let secs = values[0];
-        if secs > 0.0 {
-            plant
-                .traction
-                .operators
-                .push((Place::Command, Box::new(move |signal, context| lag(signal, context.step_secs, secs))));
-        } else {
-            plant.traction.lag_secs += secs;
-        }
+        // the same stage grown slower, as its nominal lag is given
+        plant.traction.lag_secs += values[0];
     },
 };
