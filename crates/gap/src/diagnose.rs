@@ -14,7 +14,7 @@ use crate::remainder::{Left, describe, left};
 use crate::report::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, SCHEMA, Verdict};
 use crate::search::{Effort, without_drive};
 use crate::settings::{
-    DOUBT, GROUP_COSINE, GROUP_EVIDENCE, GROUP_SIZE, LOOSE_SHAPE, OWN_NUISANCE, SHAPE_ERROR, Thresholds,
+    DOUBT, GROUP_COSINE, GROUP_EVIDENCE, GROUP_SIZE, LOOSE_SHAPE, OWN_NUISANCE, SHAPE_ERROR, Thresholds, WEAK,
 };
 use crate::shapley::split;
 use crate::signature::{cosine, spread};
@@ -64,7 +64,11 @@ pub fn diagnose_case(case: &Case, options: &Options, thresholds: &Thresholds) ->
     let doubt = if outcomes.iter().any(|o| o.accepted.is_some()) { DOUBT } else { 0.0 };
     let p_unknown = doubt + (1.0 - doubt - DOUBT) * p_unknown;
     let known = 1.0 - p_unknown;
-    let p_none = known * (1.0 - ranking.iter().map(|c| c.probability).sum::<f64>()).max(0.0);
+    let none = (1.0 - ranking.iter().map(|c| c.probability).sum::<f64>()).max(0.0);
+    let weak = if ranking.is_empty() { 0.0 } else { WEAK * none };
+    let each = weak / ranking.len().max(1) as f64;
+    ranking.iter_mut().for_each(|c| c.probability += each);
+    let p_none = known * (none - weak);
     let effects: Vec<Finding> = ranking.iter().map(|c| finding(case, &outcomes, &ranking, c, known)).collect();
     let chosen: Vec<String> = match verdict {
         Verdict::None => Vec::new(),
