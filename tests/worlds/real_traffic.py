@@ -18,6 +18,8 @@ STEP = 0.1
 VEHICLE = {"length_m": 4.5, "width_m": 1.9, "height_m": 1.6, "wheel_base_m": 2.7, "rear_axle_to_centre_m": 1.35,
            "max_steering_rad": 0.6, "max_steering_rate_radps": 0.8, "max_acceleration_mps2": 4.0,
            "max_deceleration_mps2": 8.0, "mass_kg": 1600.0}
+CAMERA = {"name": "front", "width_px": 160, "height_px": 96, "fx_px": 114.25, "fy_px": 114.25, "cx_px": 80.0, "cy_px": 48.0, "k1": 0.0, "k2": 0.0,
+          "x_in_rig_m": 1.5, "y_in_rig_m": 0.0, "z_in_rig_m": 1.6, "yaw_left_rad": 0.0, "pitch_down_rad": 0.05, "roll_rad": 0.0}
 NOMINAL = {"headway": 1.4, "min_gap": 2.5, "max_accel": 1.5, "comfort_decel": 2.0, "interactive": True}
 CLASSES = {"VEHICLE": "vehicle", "PEDESTRIAN": "pedestrian", "CYCLIST": "cyclist", "TRAFFIC_CONE": "cone", "TRAFFIC_BARRIER": "barrier",
            "vehicle": "vehicle", "bus": "vehicle", "pedestrian": "pedestrian", "cyclist": "cyclist", "motorcyclist": "cyclist",
@@ -95,7 +97,7 @@ def scenario(name, tracks, lanes, ego, *, crosswalks=(), source=""):
             by_name[s]["predecessors"].append(one["name"])
     return {"format": "dreamstream-scenario", "version": 1, "name": name, "family": "", "prompt": "recorded traffic",
             "origin": {"source": source, "licence": "see source", "attribution": source}, "frame": "x-east y-north z-up", "dt_secs": STEP,
-            "vehicle": VEHICLE, "cameras": [], "ego_log": log, "route_m": route, "tracks": tracks,
+            "vehicle": VEHICLE, "cameras": [CAMERA], "ego_log": log, "route_m": route, "tracks": tracks,
             "map": {"lanes": lanes, "junctions_m": [], "drivable_m": [], "road_edges_m": [], "lane_lines": [],
                     "crosswalks_m": list(crosswalks), "stop_lines": [], "traffic_lights": []}}
 

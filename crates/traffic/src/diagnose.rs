@@ -120,18 +120,19 @@ fn strange_share(model: &Traffic, tags: &[Tag], residuals: &[f64]) -> f64 {
 fn findings(model: &Traffic, found: &Search, tags: &[Tag]) -> (Vec<Finding>, f64) {
     let accepted = found.accepted.as_ref().map(|h| h.effects.clone()).unwrap_or_default();
     let rounds = accepted.len().max(1);
-    let weight = |gain: f64| ((gain - SINGLE_COST) / TEMPERATURE).clamp(-40.0, 40.0).exp();
     let mut list: Vec<(Finding, f64)> = Vec::new();
     let mut none = 0.0;
     for (number, round) in found.rounds.iter().take(rounds).enumerate() {
         let sound = |h: &&Hypothesis| {
             h.effects.last().is_some_and(|last| model.space.outside(*last, &h.fit.vector, crate::settings::MARGIN_SDS))
         };
-        let total: f64 = round.iter().filter(sound).map(|h| weight(h.gain)).sum();
-        let (of_none, all) = if number == 0 { (1.0, 1.0 + total) } else { (0.0, total.max(1e-12)) };
-        if number == 0 {
-            none = of_none / all / rounds as f64;
-        }
+        // Log weights against the heaviest, so that none overflows.
+        let log_weight = |gain: f64| (gain - SINGLE_COST) / TEMPERATURE;
+        let top = round.iter().filter(sound).map(|h| log_weight(h.gain)).fold(0.0, f64::max);
+        let weight = |gain: f64| (log_weight(gain) - top).exp();
+        let of_none = if number == 0 { (-top).exp() } else { 0.0 };
+        let all = of_none + round.iter().filter(sound).map(|h| weight(h.gain)).sum::<f64>();
+        none += of_none / all.max(1e-12) / rounds as f64;
         for hypothesis in round {
             let Some(&last) = hypothesis.effects.last() else { continue };
             let share = if sound(&hypothesis) { weight(hypothesis.gain) / all / rounds as f64 } else { 0.0 };

@@ -117,6 +117,9 @@ fn busy(seed: u64, number: u64) -> Scene {
         let aside_m = dice.range(-1.0, 1.0);
         tracks.push(along([place_m + aside_m, from_m], north, person, AgentClass::Pedestrian, speed_mps));
     }
+    for (number, track) in tracks.iter_mut().enumerate() {
+        track.name = format!("{} {number}", format!("{:?}", track.class).to_lowercase());
+    }
     let green_from = dice.range(80.0, 150.0) as usize;
     Scene {
         name: format!("busy-{seed}-{number}"),
@@ -128,7 +131,7 @@ fn busy(seed: u64, number: u64) -> Scene {
         ego_log: (0..TICKS).map(|tick| ego(-20.0 + ego_mps * 0.1 * f64::from(tick), ego_mps)).collect(),
         route: vec![DVec2::new(-60.0, 3.5), DVec2::new(400.0, 3.5)],
         tracks,
-        cameras: Vec::new(),
+        cameras: generate(Family::FreeCurve, 1).cameras.into_iter().take(1).collect(),
         prompt: String::new(),
         origin: Origin { source: format!("busy road, seed {seed}"), ..Origin::default() },
     }
@@ -147,12 +150,7 @@ fn along(from: [f64; 2], heading_rad: f64, size: Size, class: AgentClass, speed_
         let pose = PoseSe2 { position, heading_rad };
         Some(TrackPoint { pose, z_m: 0.0, velocity_mps: direction * speed_mps })
     };
-    Track {
-        name: format!("{class:?} {:.0} {:.0}", from[0], from[1]),
-        class,
-        size,
-        points: (0..TICKS).map(point).collect(),
-    }
+    Track { name: String::new(), class, size, points: (0..TICKS).map(point).collect() }
 }
 
 fn map([crossing_m, walk_m, light_m]: [f64; 3], green_from: usize) -> Map {

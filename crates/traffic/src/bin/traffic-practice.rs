@@ -34,7 +34,7 @@ fn main() -> ExitCode {
         let folder = out.join(format!("{index:03}"));
         let settings: Vec<Setting> = effect.into_iter().filter_map(|e| Setting::new(e.id, &values).ok()).collect();
         if let Err(error) = synthetic::write_case(&folder, seed * 1000 + index as u64, &settings) {
-            println!("{index:03} {id}: {error}");
+            println!("{index:03} {id}: {error}: {error:?}");
             return ExitCode::FAILURE;
         }
         match diagnose(&folder, &Options::default()) {
