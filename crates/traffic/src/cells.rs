@@ -11,7 +11,7 @@ use ds_gap::settings::{CELL_SIZE, DISCOVERY_RATE};
 use crate::case::Case;
 use crate::model::{Kind, Tag, Traffic};
 use crate::rollout::SECS;
-use crate::settings::CLEAN_LOSS;
+use crate::settings::{CLEAN_LOSS, STRIDE_SECS};
 
 /// Fewest residuals of a cell.
 const FEWEST: usize = 10;
@@ -73,8 +73,8 @@ fn cell(case: &Case, channel: Channel, key: Key, parts: &[Part]) -> Option<Cell>
     let means: Vec<f64> = parts.iter().map(|part| part.loss / part.count).collect();
     let mean = parts.iter().map(|part| part.loss).sum::<f64>() / count;
     let rollouts = parts.len() as f64;
-    // Starts a second apart of rollouts five seconds long share most of what they show.
-    let independent = (rollouts / SECS).max(1.0);
+    // Rollouts overlap: neighbours share most of what they show.
+    let independent = (rollouts * STRIDE_SECS / SECS).max(1.0);
     let variance = means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / rollouts;
     let error = (variance / independent).sqrt().max(0.3 / independent.sqrt());
     let p = normal_tail((mean - CLEAN_LOSS) / error);

@@ -1,7 +1,9 @@
 //! Residuals of recorded agents in floor units: place and speed over five-second rollouts, place across the lane, and
 //! decisions (lane changes, yielding, use of lanes) as the residuals that have their log likelihood.
 
-use ds_gap::fit::Model;
+use std::sync::{Arc, Mutex};
+
+use ds_gap::fit::{Model, data_loss};
 use ds_gap::settings::{KAPPA, NU};
 use ds_sim::IdmParameters;
 use ds_world::AgentClass;
@@ -58,7 +60,19 @@ pub struct Judged {
     looks: Vec<Look>,
     aside_m: Option<f64>,
     outside: Option<bool>,
+    /// What it did under the last manners that were asked for.
+    memory: Mutex<Vec<([f64; 10], Arc<Rolled>)>>,
 }
+
+/// Residuals of an actor's rollouts, and where it waited those of one who does not.
+#[derive(Default)]
+struct Rolled {
+    rows: Vec<f64>,
+    waiting: Vec<(usize, Vec<f64>)>,
+}
+
+/// Manners under which an actor's rollouts are remembered.
+const REMEMBERED: usize = 24;
 
 /// The recorded agents of a case as a model of the effects on them.
 pub struct Traffic {
@@ -132,25 +146,43 @@ impl Traffic {
         tags
     }
 
-    fn of_actor(&self, judged: &Judged, vector: &[f64], manner: &Manner) -> Vec<f64> {
+    /// Returns the rollouts of an actor, from memory where it behaved like that before.
+    fn rolled(&self, judged: &Judged, manner: &Manner) -> Arc<Rolled> {
+        let key = manner.key(judged.actor.class);
+        let known = |memory: &Vec<([f64; 10], Arc<Rolled>)>| {
+            memory.iter().find(|(other, _)| *other == key).map(|(_, rolled)| Arc::clone(rolled))
+        };
+        if let Some(rolled) = judged.memory.lock().ok().and_then(|memory| known(&memory)) {
+            return rolled;
+        }
         let scenery = self.scenery(&judged.actor);
-        let mut out = Vec::with_capacity(2 * BLOCKS * judged.starts.len() + DECISIONS);
-        let mut waiting: Vec<[Vec<f64>; 2]> = Vec::new();
-        let mut places = Vec::new();
+        let mut rolled = Rolled::default();
         for &start in &judged.starts {
             let course = roll(scenery, &judged.actor, start, manner, true);
             let rows = judged.residuals(scenery, start, &course);
             if course.waited {
                 let stubborn = roll(scenery, &judged.actor, start, manner, false);
-                waiting.push([rows.clone(), judged.residuals(scenery, start, &stubborn)]);
-                places.push(out.len());
+                rolled.waiting.push((rolled.rows.len(), judged.residuals(scenery, start, &stubborn)));
             }
-            out.extend(rows);
+            rolled.rows.extend(rows);
         }
-        let yields = self.yielding(&waiting, vector);
+        let rolled = Arc::new(rolled);
+        if let Ok(mut memory) = judged.memory.lock() {
+            memory.push((key, Arc::clone(&rolled)));
+            if memory.len() > REMEMBERED {
+                memory.remove(0);
+            }
+        }
+        rolled
+    }
+
+    fn of_actor(&self, judged: &Judged, vector: &[f64], manner: &Manner) -> Vec<f64> {
+        let rolled = self.rolled(judged, manner);
+        let mut out = rolled.rows.clone();
+        let yields = self.yielding(&rolled, vector);
         if yields.1 {
-            for (at, [_, stubborn]) in places.into_iter().zip(waiting) {
-                out[at..at + stubborn.len()].copy_from_slice(&stubborn);
+            for (at, stubborn) in &rolled.waiting {
+                out[*at..at + stubborn.len()].copy_from_slice(stubborn);
             }
         }
         let offset_m = self.space.value("lane_offset", vector).unwrap_or(0.0);
@@ -167,13 +199,15 @@ impl Traffic {
     }
 
     /// Returns the cost of what a driver is like, and whether it is one who never yields.
-    fn yielding(&self, waiting: &[[Vec<f64>; 2]], vector: &[f64]) -> (f64, bool) {
-        if waiting.is_empty() {
+    fn yielding(&self, rolled: &Rolled, vector: &[f64]) -> (f64, bool) {
+        if rolled.waiting.is_empty() {
             return (0.0, false);
         }
         let share = self.space.value("non_yielding", vector).unwrap_or(0.0).clamp(LAPSE_SHARE, 1.0 - LAPSE_SHARE);
-        let loss = |which: usize| waiting.iter().map(|pair| ds_gap::fit::data_loss(&pair[which])).sum::<f64>();
-        let (courteous, stubborn) = (loss(0) - (1.0 - share).ln(), loss(1) - share.ln());
+        let loss = data_loss;
+        let rude: f64 = rolled.waiting.iter().map(|(_, rows)| loss(rows)).sum();
+        let kind: f64 = rolled.waiting.iter().map(|(at, rows)| loss(&rolled.rows[*at..at + rows.len()])).sum();
+        let (courteous, stubborn) = (kind - (1.0 - share).ln(), rude - share.ln());
         if stubborn < courteous { (-share.ln(), true) } else { (-(1.0 - share).ln(), false) }
     }
 }
@@ -230,7 +264,7 @@ impl Judged {
         let middle = enough.then(|| median(&mut asides));
         let outside = middle.map(|m| (OUTSIDE_M[0]..OUTSIDE_M[1]).contains(&m));
         let aside_m = middle.filter(|m| m.abs() < 1.75);
-        Self { actor, starts, looks, aside_m, outside }
+        Self { actor, starts, looks, aside_m, outside, memory: Mutex::default() }
     }
 
     /// Returns how far the agent keeps to the left of its lane, where it is seen in one long enough.

@@ -69,6 +69,22 @@ impl Manner {
     }
 }
 
+impl Manner {
+    /// Returns the numbers that matter to an agent of a class: equal keys, equal rollouts.
+    #[must_use]
+    pub fn key(&self, class: AgentClass) -> [f64; 10] {
+        let switch = |on: bool| f64::from(u8::from(on));
+        let idm = &self.idm;
+        let both = switch(self.unmarked) + 2.0 * switch(self.reactive);
+        if class == AgentClass::Pedestrian {
+            return [self.walking_factor, self.walking_gap_secs, both, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        }
+        let follows = [idm.headway_secs, idm.minimum_gap_m, idm.acceleration_mps2, idm.deceleration_mps2];
+        let [a, b, c, d] = follows;
+        [a, b, c, d, self.desired_factor, self.delay_secs, self.lag_secs, self.stop_shift_m, both, 1.0]
+    }
+}
+
 /// A rollout: place and speed tick by tick after the start, and whether the driver waited at a zone.
 #[derive(Debug, Clone, Default)]
 pub struct Course {

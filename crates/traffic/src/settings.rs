@@ -9,7 +9,7 @@ pub const SPEED_FLOOR_MPS: [f64; 2] = [0.10, 0.06];
 /// Scatter of drivers across their lane, m: recorded apart from their paths, and on a lane's centre line.
 pub const ASIDE_FLOOR_M: [f64; 2] = [0.06, 0.30];
 /// Seconds between starts of rollouts.
-pub const STRIDE_SECS: f64 = 1.0;
+pub const STRIDE_SECS: f64 = 1.5;
 /// Seconds between scored instants of a rollout.
 pub const BLOCK_SECS: f64 = 0.5;
 /// Log evidence over the nuisance fit that an effect must have.
