@@ -35,6 +35,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("ds-train", 3),
     ("ds-page", 4),
     ("ds-sight", 4),
+    ("ds-traffic", 4),
     ("ds-wire", 4),
     ("ds-bus", 5),
     ("ds-record", 5),

@@ -5,12 +5,14 @@
 //! [`library`], or one [`FrameEffect`] and [`frame_library`] for effects on pictures. Nothing is fitted or read here.
 
 mod actuator;
+mod agent;
 mod camera;
 pub mod chain;
 mod clock;
 mod command;
 mod follower;
 pub mod frame;
+mod map;
 mod parameter;
 pub mod picture;
 pub mod plant;
@@ -43,6 +45,12 @@ pub struct Effect {
 }
 
 impl Effect {
+    /// Tells whether only a recording with a scene can show the effect: what others decide, and the map.
+    #[must_use]
+    pub fn needs_scene(&self) -> bool {
+        self.insertion == Insertion::Map || self.channels.iter().any(|channel| channel.of_scene())
+    }
+
     /// Returns the values at which the effect is absent, in reported units.
     #[must_use]
     pub fn neutral(&self) -> Vec<f64> {
@@ -50,7 +58,7 @@ impl Effect {
     }
 }
 
-/// Returns every effect that acts on vehicle, road, sensors, clocks and followers, in a fixed order.
+/// Returns every effect that acts on vehicle, road, sensors, clocks, other road users and the map, in a fixed order.
 #[must_use]
 pub fn library() -> &'static [&'static Effect] {
     LIBRARY
@@ -131,6 +139,16 @@ const LIBRARY: &[&Effect] = &[
     &follower::tr_accel::EFFECT,
     &follower::tr_brake::EFFECT,
     &follower::tr_min_gap::EFFECT,
+    // what other road users decide
+    &agent::lane_change_politeness::EFFECT,
+    &agent::non_yielding::EFFECT,
+    &agent::pedestrian_behaviour::EFFECT,
+    &agent::log_replay_not_reactive::EFFECT,
+    // the map
+    &map::lane_offset::EFFECT,
+    &map::missing_lane::EFFECT,
+    &map::missing_crosswalk::EFFECT,
+    &map::stop_line_shift::EFFECT,
     // mismatch of every vehicle
     &actuator::servo_order::EFFECT,
     &clock::encoder_latency::EFFECT,

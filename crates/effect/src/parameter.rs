@@ -28,10 +28,14 @@ pub enum Channel {
     FollowerSpeed,
     /// Bumper-to-bumper gap of a following vehicle, metres.
     FollowerGap,
+    /// Lateral position of other road users against the map, metres; in recordings with a scene only.
+    AgentLateral,
+    /// What other road users decide (lane changes, yielding, stepping on the road); in recordings with a scene only.
+    AgentDecision,
 }
 
 impl Channel {
-    /// Every channel, the ego's first.
+    /// Every channel of a table, the ego's first.
     pub const ALL: [Self; 11] = [
         Self::Dx,
         Self::Dy,
@@ -61,13 +65,21 @@ impl Channel {
             Self::WheelSpeed => "v_wheel",
             Self::FollowerSpeed => "agent_v",
             Self::FollowerGap => "agent_gap",
+            Self::AgentLateral => "agent_lateral",
+            Self::AgentDecision => "agent_decision",
         }
     }
 
-    /// Returns the channel's place in [`Channel::ALL`].
+    /// Returns the channel's place in [`Channel::ALL`]; those of a scene come after it.
     #[must_use]
     pub const fn index(self) -> usize {
         self as usize
+    }
+
+    /// Tells whether the channel is in recordings with a scene alone, in no table.
+    #[must_use]
+    pub const fn of_scene(self) -> bool {
+        matches!(self, Self::AgentLateral | Self::AgentDecision)
     }
 
     /// Tells whether the channel belongs to the following vehicles.
@@ -94,6 +106,8 @@ pub enum Insertion {
     Clock,
     /// Other drivers.
     Agent,
+    /// What the map says of the road.
+    Map,
     /// Lens, shutter, exposure and sensor of a camera, and the air before it.
     Camera,
     /// The model that generates frames.

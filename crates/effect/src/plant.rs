@@ -1,4 +1,5 @@
-//! The simulator as plain values: command paths, actuators, vehicle, road, sensors, clock and the following driver.
+//! The simulator as plain values: command paths, actuators, vehicle, road, sensors, clock, the following driver, what
+//! others decide and the map.
 //!
 //! Effects edit these values at their insertion point; whoever integrates the equations reads them. SI units;
 //! x forward, y left, angles counter-clockwise. Nothing is integrated here.
@@ -166,6 +167,58 @@ pub struct Follower {
     pub lag_secs: f64,
 }
 
+/// Weight of others in the nominal driver's lane changes.
+pub const NOMINAL_POLITENESS: f64 = 0.25;
+
+/// What other road users decide.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Agents {
+    /// Whether vehicles change lanes.
+    pub changes_lanes: bool,
+    /// Weight of others' accelerations in a lane change, 0 to 1.
+    pub politeness: f64,
+    /// Whether vehicles yield where others have the right of way.
+    pub yields: bool,
+    /// Share of drivers who do not.
+    pub non_yielding: f64,
+    /// Whether people on foot walk by themselves instead of as logged.
+    pub walks: bool,
+    /// Factor on their speed.
+    pub walking_factor: f64,
+    /// Time gap before a vehicle that they accept, s.
+    pub walking_gap_secs: f64,
+    /// Whether anybody reacts at all.
+    pub reactive: bool,
+}
+
+impl Default for Agents {
+    fn default() -> Self {
+        Self {
+            changes_lanes: false,
+            politeness: NOMINAL_POLITENESS,
+            yields: false,
+            non_yielding: 0.0,
+            walks: false,
+            walking_factor: 1.0,
+            walking_gap_secs: 2.0,
+            reactive: true,
+        }
+    }
+}
+
+/// How the road differs from the map.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Chart {
+    /// Lanes lie so far to the left of where the map says, m.
+    pub lane_offset_m: f64,
+    /// Whether there is a lane to the right that the map lacks.
+    pub lane_missing: bool,
+    /// Whether people cross by right where the map has no crosswalk.
+    pub crosswalk_missing: bool,
+    /// Stop lines lie so much farther along the road, m.
+    pub stop_line_shift_m: f64,
+}
+
 /// Everything a nominal simulator is made of; effects edit it.
 pub struct Plant {
     /// Steering chain.
@@ -182,6 +235,10 @@ pub struct Plant {
     pub clock: Clock,
     /// Following drivers.
     pub follower: Follower,
+    /// What other road users decide.
+    pub agents: Agents,
+    /// How the road differs from the map.
+    pub chart: Chart,
 }
 
 impl Default for Sensors {

@@ -23,7 +23,8 @@ const VISIBLE: f64 = 0.1;
 pub fn isolability(channels: &[Channel]) -> Vec<Vec<&'static str>> {
     let nominal = response(&ordinary(), channels);
     let mut groups: Vec<(Shape, Vec<&'static str>)> = Vec::new();
-    for effect in library().iter().filter(|e| e.suspect && e.channels.iter().any(|c| channels.contains(c))) {
+    let shows = |e: &&&Effect| e.suspect && !e.needs_scene() && e.channels.iter().any(|c| channels.contains(c));
+    for effect in library().iter().filter(shows) {
         if SCATTER.contains(&effect.id) {
             groups.push((Shape::new(), vec![effect.id]));
             continue;

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use ds_effect::plant::{Clock, Follower, FrictionCircle, Plant, Road, Sensors, Steering, Traction, Vehicle};
+use ds_effect::plant::{
+    Agents, Chart, Clock, Follower, FrictionCircle, Plant, Road, Sensors, Steering, Traction, Vehicle,
+};
 use serde::Deserialize;
 
 use crate::error::GapError;
@@ -207,6 +209,8 @@ impl Nominal {
                 delay_secs: 0.0,
                 lag_secs: 0.0,
             },
+            agents: Agents::default(),
+            chart: Chart::default(),
         }
     }
 }

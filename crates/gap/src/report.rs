@@ -139,6 +139,12 @@ pub struct Regime {
     /// Class of the object seen.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub class: Option<String>,
+    /// Name of the agent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub agent: Option<String>,
+    /// Place as a tile of the map, 50 m wide, east and north.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<[i64; 2]>,
 }
 
 /// A metric before and after.

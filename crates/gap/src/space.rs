@@ -55,6 +55,7 @@ impl Space {
             .filter(|e| {
                 Part::of(e) == part
                     && !e.channels.is_empty()
+                    && !e.needs_scene()
                     && !SCATTER.contains(&e.id)
                     && !without.iter().any(|id| id == e.id)
             })

@@ -176,7 +176,7 @@ impl EgoRecord {
             Channel::Ay => of(&log.ay),
             Channel::SteerMeas => of(&log.steer_meas),
             Channel::WheelSpeed => of(&log.v_wheel),
-            Channel::FollowerSpeed | Channel::FollowerGap => f64::NAN,
+            Channel::FollowerSpeed | Channel::FollowerGap | Channel::AgentLateral | Channel::AgentDecision => f64::NAN,
         }
     }
 

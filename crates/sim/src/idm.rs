@@ -36,11 +36,11 @@ impl Default for IdmParameters {
 
 /// What a follower has ahead.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Lead {
+pub struct Lead {
     /// Bumper to bumper, in metres; negative when overlapping.
-    pub(crate) gap_m: f64,
+    pub gap_m: f64,
     /// Its speed along the follower's path.
-    pub(crate) speed_mps: f64,
+    pub speed_mps: f64,
 }
 
 /// Exponent of the free-road term.
@@ -51,7 +51,8 @@ const SMALLEST_GAP_M: f64 = 0.05;
 
 impl IdmParameters {
     /// Returns the acceleration of a follower, in metres per second squared.
-    pub(crate) fn acceleration(&self, speed_mps: f64, desired_mps: f64, lead: Option<Lead>) -> f64 {
+    #[must_use]
+    pub fn acceleration(&self, speed_mps: f64, desired_mps: f64, lead: Option<Lead>) -> f64 {
         let (most, comfortable) = (self.acceleration_mps2, self.deceleration_mps2);
         let free = if speed_mps <= desired_mps {
             most * (1.0 - (speed_mps / desired_mps).powi(EXPONENT as i32))

@@ -1,6 +1,6 @@
 //! The ego as plain values that effects may change: the car of `dynamics` and the drivers of `idm`.
 
-use ds_effect::plant::{Clock, Follower, Plant, Road, Sensors, Steering, Traction, Vehicle};
+use ds_effect::plant::{Agents, Chart, Clock, Follower, Plant, Road, Sensors, Steering, Traction, Vehicle};
 use ds_world::VehicleParameters;
 
 use crate::idm::{EXPONENT, IdmParameters};
@@ -51,5 +51,7 @@ pub fn nominal(vehicle: &VehicleParameters, idm: &IdmParameters) -> Plant {
             delay_secs: 0.0,
             lag_secs: 0.0,
         },
+        agents: Agents::default(),
+        chart: Chart::default(),
     }
 }

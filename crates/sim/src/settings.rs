@@ -1,6 +1,6 @@
 //! What may be chosen about a simulation: tracker, agents, dynamics, sub-steps. Checked once at its start.
 
-use ds_effect::Setting;
+use ds_effect::{Plant, Setting};
 use ds_space::{Digest, DigestWriter};
 use ds_world::VehicleParameters;
 
@@ -49,6 +49,28 @@ impl Default for AgentMode {
     }
 }
 
+/// What reactive agents do besides following; all of it off by default.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Manners {
+    /// Vehicles change lanes by MOBIL.
+    pub lane_change: bool,
+    /// Vehicles yield by right of way, and to people at crosswalks.
+    pub yielding: bool,
+    /// People on foot walk by themselves and wait for gaps.
+    pub walking: bool,
+}
+
+impl Manners {
+    /// Every model.
+    pub const ALL: Self = Self { lane_change: true, yielding: true, walking: true };
+
+    pub(crate) fn apply(self, plant: &mut Plant) {
+        plant.agents.changes_lanes |= self.lane_change;
+        plant.agents.yields |= self.yielding;
+        plant.agents.walks |= self.walking;
+    }
+}
+
 /// The model of the ego's motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum DynamicsKind {
@@ -69,6 +91,8 @@ pub struct SimConfig {
     pub agents: AgentMode,
     /// How reactive agents drive.
     pub idm: IdmParameters,
+    /// What they do besides following.
+    pub manners: Manners,
     /// The model of the ego's motion.
     pub dynamics: DynamicsKind,
     /// Integration steps of the ego per tick, 1 to 1000.
@@ -85,6 +109,7 @@ impl Default for SimConfig {
             tracker: TrackerKind::default(),
             agents: AgentMode::default(),
             idm: IdmParameters::default(),
+            manners: Manners::default(),
             dynamics: DynamicsKind::default(),
             substeps: 10,
             effects: Vec::new(),
@@ -124,6 +149,10 @@ impl SimConfig {
         let mut writer = DigestWriter::new();
         for setting in &self.effects {
             writer.text(setting.effect().id).f64s(setting.values());
+        }
+        let Manners { lane_change, yielding, walking } = self.manners;
+        if self.manners != Manners::default() {
+            writer.text("manners").bool(lane_change).bool(yielding).bool(walking);
         }
         writer
             .bool(self.vehicle_log)
@@ -195,6 +224,7 @@ mod tests {
             SimConfig { idm: IdmParameters { headway_secs: 1.0, ..IdmParameters::default() }, ..base() },
             SimConfig { effects: vec![delayed], ..base() },
             SimConfig { vehicle_log: true, ..base() },
+            SimConfig { manners: Manners::ALL, ..base() },
         ];
         for other in others {
             assert_ne!(base().digest(), other.digest(), "{other:?}");

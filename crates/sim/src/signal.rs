@@ -6,13 +6,16 @@ use ds_space::{DVec2, Tick};
 use ds_world::{LaneKind, LightState, Map, StopLine, TrafficLight};
 
 use crate::agent_path::{AgentPath, KNOT_M};
+use crate::idm::IdmParameters;
 use crate::lane_index::LaneIndex;
 
 /// A place on a path at which a light is obeyed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct SignalStop {
-    pub(crate) along_m: f64,
-    pub(crate) light: usize,
+pub struct SignalStop {
+    /// Distance along the path, m.
+    pub along_m: f64,
+    /// Index of the light.
+    pub light: usize,
 }
 
 /// A stop line with its light and the direction of the traffic that it stops.
@@ -92,6 +95,27 @@ fn crossing(from: DVec2, step: DVec2, [a, b]: [DVec2; 2]) -> Option<f64> {
     let share = (a - from).perp_dot(edge) / cross;
     let across = (a - from).perp_dot(step) / cross;
     ((0.0..1.0).contains(&share) && (0.0..=1.0).contains(&across)).then_some(share)
+}
+
+/// Returns the gap to the first line ahead at which to stop: red if braking can do it, yellow if gentle braking can.
+#[must_use]
+pub fn stop_ahead(
+    idm: &IdmParameters,
+    stops: &[SignalStop],
+    nose_m: f64,
+    speed_mps: f64,
+    lights: &[LightState],
+) -> Option<f64> {
+    let braking_m = |deceleration: f64| speed_mps * speed_mps / (2.0 * deceleration);
+    stops.iter().find_map(|stop| {
+        let gap_m = stop.along_m - nose_m;
+        let needed_m = match lights.get(stop.light)? {
+            LightState::Red => braking_m(idm.emergency_deceleration_mps2),
+            LightState::Yellow => braking_m(idm.deceleration_mps2),
+            LightState::Green | LightState::Unknown => return None,
+        };
+        (gap_m >= 0.0 && gap_m >= needed_m).then_some(gap_m)
+    })
 }
 
 /// Fills in what each light shows at a tick.

@@ -87,6 +87,7 @@ impl Simulation {
             contacts: Vec::new(),
         };
         let mut plant = nominal(&scene.vehicle, &config.idm);
+        config.manners.apply(&mut plant);
         config.effects.iter().for_each(|setting| setting.apply(&mut plant));
         let plant = Arc::new(plant);
         let distorted = plant.sensors != Sensors::default() || plant.clock != Clock::default();
@@ -95,7 +96,7 @@ impl Simulation {
         Ok(Self {
             chassis: Chassis::new(scene.vehicle, config.dynamics, steps, Arc::clone(&plant), remembers),
             route: Polyline::new(&scene.route),
-            traffic: Traffic::new(&scene, &config, plant.follower),
+            traffic: Traffic::new(&scene, &config, &plant),
             tracker: None,
             body: Body::default(),
             plant,
@@ -239,6 +240,7 @@ impl Simulation {
             plan: self.tracker.as_ref().map(|tracker| (tracker.plan.clone(), tracker.plan_tick, tracker.anchor)),
             motions: self.traffic.motions().to_vec(),
             wishes: self.traffic.wishes().to_vec(),
+            weaves: self.traffic.weaves(),
         };
         snapshot::write(&content, &self.scene.digest, &self.config.digest())
     }
@@ -255,7 +257,7 @@ impl Simulation {
         }
         simulation
             .traffic
-            .set_motions(content.motions, content.wishes)
+            .set_motions(content.motions, content.wishes, &content.weaves)
             .map_err(|(field, value)| SnapshotError::Field { field, value })?;
         simulation.tracker = content.plan.map(|(plan, tick, anchor)| simulation.tracker(plan, (tick, anchor)));
         simulation.body = content.body;

@@ -1,7 +1,7 @@
 //! The bytes of a snapshot: everything that a simulation cannot derive from its scene and configuration.
 //!
 //! Little-endian: "DSIM", version, digests of scene and configuration, tick, ego (by its bits), what the car
-//! remembers, plan, motions, pending reactions, and a BLAKE3 digest of all before it. Lengths are checked before anything is allocated; a changed byte is refused.
+//! remembers, plan, motions, pending reactions, lane changes where there are any, and a BLAKE3 digest of all before it. Lengths are checked before anything is allocated; a changed byte is refused.
 
 use ds_space::{DVec2, Digest, PoseSe2, SimTime, Tick};
 use ds_world::trajectory::MAX_POINTS;
@@ -28,6 +28,8 @@ pub(crate) struct Content {
     pub(crate) motions: Vec<Motion>,
     /// Pending reactions of each follower.
     pub(crate) wishes: Vec<Vec<f64>>,
+    /// Lane changes of each agent; nothing where nobody changes lanes.
+    pub(crate) weaves: Vec<[f64; 3]>,
 }
 
 /// Writes a snapshot.
@@ -68,6 +70,9 @@ pub(crate) fn write(content: &Content, scene: &Digest, config: &Digest) -> Vec<u
     }
     for wishes in &content.wishes {
         put_all(&mut out, wishes.len(), wishes.iter().copied());
+    }
+    if !content.weaves.is_empty() {
+        put_all(&mut out, content.weaves.len(), content.weaves.iter().flatten().copied());
     }
     let digest = Digest::of(&out);
     out.extend(digest.0);
@@ -121,7 +126,8 @@ pub(crate) fn read(bytes: &[u8], scene: &Digest, config: &Digest) -> Result<Cont
     let plan = reader.plan(tick)?;
     let motions = reader.motions()?;
     let wishes = motions.iter().map(|_| reader.wishes()).collect::<Result<_, _>>()?;
-    if reader.left.is_empty() { Ok(Content { tick, body, plan, motions, wishes }) } else { Err(length) }
+    let weaves = if reader.left.is_empty() { Vec::new() } else { reader.rows("agent.weaves")? };
+    if reader.left.is_empty() { Ok(Content { tick, body, plan, motions, wishes, weaves }) } else { Err(length) }
 }
 
 struct Reader<'a> {

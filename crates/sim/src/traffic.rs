@@ -1,20 +1,23 @@
 //! All agents: replayed from the log or following their path under the intelligent driver model.
 //!
 //! Followers react to the ego and all moving classes in their corridor ahead, and to red and yellow lights; cones and
-//! barriers are not obstacles (their logged path avoids them). All agents step at once from the same world state, and
-//! order never matters. Followers leave at the end of their extended path. World frame.
+//! barriers are not obstacles (their logged path avoids them). Lane changes, yielding and walking are `habits`. All
+//! agents step at once from the same world state, and order never matters. Followers leave at the end of their extended
+//! path. World frame.
 
 use std::sync::Arc;
 
-use ds_effect::plant::Follower;
-use ds_space::{AgentId, DVec2, Tick};
-use ds_world::{AgentState, LightState, Scene, TrackPoint, WorldState};
+use ds_effect::plant::{Chart, Follower, Plant};
+use ds_space::{AgentId, DVec2, PoseSe2, Tick};
+use ds_world::{AgentClass, AgentState, Scene, TrackPoint, WorldState};
 
 use crate::agent_path::AgentPath;
+use crate::habits::Habits;
 use crate::idm::{IdmParameters, Lead};
-use crate::lane_index::LaneIndex;
+use crate::lane_change::{Changer, Neighbour};
 use crate::settings::{AgentMode, IdmScope, SimConfig};
-use crate::signal::{self, SignalStop};
+use crate::signal;
+use crate::ways::Ways;
 
 /// How an agent moves now.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,6 +43,11 @@ const NEAR_REACH_M: f64 = 50.0;
 const REACH_M: f64 = 10.0;
 const REACH_SECS: f64 = 4.0;
 const LONGEST_REACH_M: f64 = 120.0;
+/// Drivers look so far behind before they change lanes.
+const LOOK_BACK_M: f64 = 60.0;
+/// Hardest change of pace of somebody on foot, m/s².
+const PACE_UP_MPS2: f64 = 1.0;
+const PACE_DOWN_MPS2: f64 = 2.0;
 
 /// The agents of a scene.
 #[derive(Debug, Clone)]
@@ -47,8 +55,7 @@ pub(crate) struct Traffic {
     mode: AgentMode,
     idm: IdmParameters,
     /// Shared by all copies.
-    paths: Arc<[Option<AgentPath>]>,
-    stops: Arc<[Vec<SignalStop>]>,
+    ways: Arc<Ways>,
     motions: Vec<Motion>,
     /// Accelerations that each follower has wished for but not yet reacted with, oldest first; then the one it has.
     wishes: Vec<Vec<f64>>,
@@ -57,6 +64,7 @@ pub(crate) struct Traffic {
     delay_secs: f64,
     lag_secs: f64,
     obstacles: Vec<Obstacle>,
+    habits: Habits,
 }
 
 /// What a follower may have to stop for.
@@ -72,19 +80,14 @@ struct Obstacle {
 }
 
 impl Traffic {
-    pub(crate) fn new(scene: &Scene, config: &SimConfig, driver: Follower) -> Self {
-        let tracks = scene.tracks.len();
-        let (mut paths, mut stops) = (vec![None; tracks], vec![Vec::new(); tracks]);
-        if config.agents != AgentMode::LogReplay {
-            let lanes = LaneIndex::new(&scene.map);
-            let lines = signal::governed_lines(&scene.map, &lanes);
-            for (index, track) in scene.tracks.iter().enumerate() {
-                paths[index] = AgentPath::of(track, &lanes);
-                if let Some(path) = &paths[index] {
-                    stops[index] = signal::stops_on(path, &lines);
-                }
-            }
-        }
+    pub(crate) fn new(scene: &Scene, config: &SimConfig, plant: &Plant) -> Self {
+        let (tracks, driver): (usize, Follower) = (scene.tracks.len(), plant.follower);
+        let ways = Arc::new(match config.agents {
+            AgentMode::Idm { .. } => Ways::new(scene, &plant.agents, &plant.chart),
+            AgentMode::LogReplay if plant.chart != Chart::default() => Ways::logged(scene),
+            AgentMode::LogReplay => Ways::none(tracks),
+        });
+        let habits = Habits::new(scene, Arc::clone(&ways), plant);
         Self {
             mode: config.agents,
             idm: IdmParameters {
@@ -94,15 +97,20 @@ impl Traffic {
                 deceleration_mps2: driver.comfort_decel_mps2,
                 ..config.idm
             },
-            paths: paths.into(),
-            stops: stops.into(),
+            ways,
             motions: vec![Motion::Replay; tracks],
             wishes: vec![Vec::new(); tracks],
             desired_factor: driver.desired_speed_factor,
             delay_secs: driver.delay_secs.max(0.0),
             lag_secs: driver.lag_secs.max(0.0),
             obstacles: Vec::with_capacity(tracks + 1),
+            habits,
         }
+    }
+
+    /// Returns the state of all lane changes; nothing where nobody changes lanes.
+    pub(crate) fn weaves(&self) -> Vec<[f64; 3]> {
+        self.habits.weaves()
     }
 
     /// Lets agents near the ego react from now on, whatever the scope was; without any if the log is replayed.
@@ -125,11 +133,12 @@ impl Traffic {
         &mut self,
         motions: Vec<Motion>,
         wishes: Vec<Vec<f64>>,
+        weaves: &[[f64; 3]],
     ) -> Result<(), (&'static str, f64)> {
         if motions.len() != self.motions.len() || wishes.len() != motions.len() {
             return Err(("agents", motions.len() as f64));
         }
-        for (motion, path) in motions.iter().zip(self.paths.iter()) {
+        for (motion, path) in motions.iter().zip(self.ways.paths.iter()) {
             if let Motion::Following { along_m, speed_mps } = motion {
                 let length_m = path.as_ref().map_or(-1.0, AgentPath::length_m);
                 if !(0.0..=length_m).contains(along_m) {
@@ -140,6 +149,7 @@ impl Traffic {
                 }
             }
         }
+        self.habits.set_weaves(weaves)?;
         self.motions = motions;
         self.wishes = wishes;
         Ok(())
@@ -171,9 +181,16 @@ impl Traffic {
     /// Lets those agents react from now on that the scope names at this state.
     pub(crate) fn engage(&mut self, world: &WorldState) {
         let AgentMode::Idm { scope } = self.mode else { return };
+        let habits = self.habits.agents;
+        if !habits.reactive {
+            return;
+        }
         for agent in &world.agents {
             let index = agent.id.0 as usize;
-            let Some(path) = &self.paths[index] else { continue };
+            if agent.class == AgentClass::Pedestrian && !habits.walks {
+                continue;
+            }
+            let Some(path) = &self.ways.paths[index] else { continue };
             if self.motions[index] != Motion::Replay || !in_scope(scope, agent, world) {
                 continue;
             }
@@ -192,38 +209,138 @@ impl Traffic {
         self.obstacles.clear();
         self.obstacles.extend(world.agents.iter().filter(|agent| !agent.class.is_static()).map(Obstacle::of));
         self.obstacles.push(Obstacle::of_ego(ego));
-        let paths = Arc::clone(&self.paths);
+        let ways = Arc::clone(&self.ways);
+        self.habits.place(world, ego, &self.motions);
+        let wanted = self.lane_changes(world);
         for agent in &world.agents {
             let index = agent.id.0 as usize;
             let Motion::Following { along_m, speed_mps } = self.motions[index] else { continue };
-            let Some(path) = &paths[index] else { continue };
-            let desired_mps =
-                self.desired_factor * self.idm.desired_speed_mps.unwrap_or_else(|| path.at(along_m).desired_mps);
-            let lead = self.lead(path, agent, along_m, speed_mps);
-            let mut acceleration = self.idm.acceleration(speed_mps, desired_mps, lead);
-            let nose_m = along_m + 0.5 * agent.size.length_m;
-            if let Some(gap_m) = self.stop_ahead(&self.stops[index], nose_m, speed_mps, &world.lights) {
-                let lead = Some(Lead { gap_m, speed_mps: 0.0 });
-                acceleration = acceleration.min(self.idm.acceleration(speed_mps, desired_mps, lead));
-            }
-            let length_m = path.length_m();
-            let acceleration = self.react(index, acceleration, dt_secs);
-            let next_mps = (speed_mps + acceleration * dt_secs).clamp(0.0, 60.0);
+            let Some(path) = &ways.paths[index] else { continue };
+            let next_mps = if agent.class == AgentClass::Pedestrian {
+                self.pace(index, path.at(along_m).desired_mps, speed_mps, dt_secs)
+            } else {
+                let wish_mps2 = self.wish(world, agent, path, (along_m, speed_mps));
+                let acceleration = self.react(index, wish_mps2, dt_secs);
+                (speed_mps + acceleration * dt_secs).clamp(0.0, 60.0)
+            };
             let along_m = along_m + 0.5 * (speed_mps + next_mps) * dt_secs;
-            self.motions[index] =
-                if along_m >= length_m { Motion::Gone } else { Motion::Following { along_m, speed_mps: next_mps } };
+            self.motions[index] = if along_m >= path.length_m() {
+                Motion::Gone
+            } else {
+                Motion::Following { along_m, speed_mps: next_mps }
+            };
+            self.habits.go_on(index, wanted.get(index).copied().flatten(), speed_mps, dt_secs);
         }
     }
 
-    /// Returns the nearest obstacle in the corridor of a follower.
-    fn lead(&self, path: &AgentPath, agent: &AgentState, along_m: f64, speed_mps: f64) -> Option<Lead> {
+    /// Returns the acceleration that a driver wishes for: behind whom it follows, at lights, and where it yields.
+    fn wish(&self, world: &WorldState, agent: &AgentState, path: &AgentPath, (along_m, speed_mps): (f64, f64)) -> f64 {
+        let index = agent.id.0 as usize;
+        let desired_mps = self.desired(path, along_m);
+        let (aside_m, _) = self.habits.aside(index, along_m, speed_mps);
+        let lead = self.lead(path, agent, (along_m, aside_m), speed_mps);
+        let mut acceleration = self.idm.acceleration(speed_mps, desired_mps, lead);
+        if let Some(target_m) = self.habits.target_m(index, along_m) {
+            let lead = self.lead(path, agent, (along_m, target_m), speed_mps);
+            acceleration = acceleration.min(self.idm.acceleration(speed_mps, desired_mps, lead));
+        }
+        let nose_m = along_m + 0.5 * agent.size.length_m;
+        let standing = |gap_m: f64| Some(Lead { gap_m, speed_mps: 0.0 });
+        let stops = &self.ways.stops[index];
+        if let Some(gap_m) = signal::stop_ahead(&self.idm, stops, nose_m, speed_mps, &world.lights) {
+            acceleration = acceleration.min(self.idm.acceleration(speed_mps, desired_mps, standing(gap_m)));
+        }
+        if let Some(gap_m) = self.habits.wait_ahead(index, self.idm.acceleration_mps2) {
+            acceleration = acceleration.min(self.idm.acceleration(speed_mps, desired_mps, standing(gap_m)));
+        }
+        acceleration
+    }
+
+    fn desired(&self, path: &AgentPath, along_m: f64) -> f64 {
+        self.desired_factor * self.idm.desired_speed_mps.unwrap_or_else(|| path.at(along_m).desired_mps)
+    }
+
+    /// Returns the next speed of somebody on foot: towards the own pace, or to a stand before a vehicle.
+    fn pace(&self, index: usize, usual_mps: f64, speed_mps: f64, dt_secs: f64) -> f64 {
+        let pace_mps = usual_mps * self.habits.agents.walking_factor;
+        let wanted_mps = if self.habits.lets_pass(index, pace_mps) { 0.0 } else { pace_mps };
+        speed_mps + (wanted_mps - speed_mps).clamp(-PACE_DOWN_MPS2 * dt_secs, PACE_UP_MPS2 * dt_secs)
+    }
+
+    /// Returns the lane that each agent wants to change to now; empty where nobody changes lanes.
+    fn lane_changes(&self, world: &WorldState) -> Vec<Option<i8>> {
+        if !self.habits.agents.changes_lanes {
+            return Vec::new();
+        }
+        let mut wanted = vec![None; self.motions.len()];
+        for agent in world.agents.iter().filter(|agent| agent.class == AgentClass::Vehicle) {
+            let index = agent.id.0 as usize;
+            let Motion::Following { along_m, speed_mps } = self.motions[index] else { continue };
+            let (Some(path), Some((weave, lanes))) = (&self.ways.paths[index], self.habits.weave(index)) else {
+                continue;
+            };
+            if weave.busy() {
+                continue;
+            }
+            let changer = Changer {
+                idm: &self.idm,
+                politeness: self.habits.agents.politeness,
+                lanes,
+                along_m,
+                speed_mps,
+                desired_mps: self.desired(path, along_m),
+                half_length_m: 0.5 * agent.size.length_m,
+                half_width_m: 0.5 * agent.size.width_m,
+            };
+            wanted[index] = changer.wanted(&weave, &self.neighbours(path, agent, along_m, speed_mps));
+        }
+        wanted
+    }
+
+    /// Returns all that move near a driver, along its path.
+    fn neighbours(&self, path: &AgentPath, agent: &AgentState, along_m: f64, speed_mps: f64) -> Vec<Neighbour> {
+        let reach_m = (REACH_M + REACH_SECS * speed_mps).min(LONGEST_REACH_M);
+        let stretch = path.stretch(along_m - LOOK_BACK_M, along_m + reach_m);
+        let here = agent.pose.position;
+        let close = |o: &&Obstacle| o.agent != Some(agent.id) && o.position.distance(here) < reach_m + LOOK_BACK_M;
+        let neighbour = |obstacle: &Obstacle| {
+            let near = stretch.nearest(obstacle.position);
+            let (along, across) =
+                (near.direction.dot(obstacle.forward).abs(), near.direction.perp_dot(obstacle.forward).abs());
+            let speed_mps = obstacle.velocity_mps.dot(near.direction);
+            Neighbour {
+                ahead_m: near.along_m + near.direction.dot(near.off) - along_m,
+                lateral_m: near.direction.perp_dot(near.off) - self.habits.shift_m(agent.id.0 as usize),
+                half_across_m: across * obstacle.half_length_m + along * obstacle.half_width_m,
+                half_along_m: along * obstacle.half_length_m + across * obstacle.half_width_m,
+                speed_mps,
+                desired_mps: self.wanted_by(obstacle).unwrap_or(speed_mps).max(0.1),
+            }
+        };
+        self.obstacles.iter().filter(close).map(neighbour).collect()
+    }
+
+    fn wanted_by(&self, obstacle: &Obstacle) -> Option<f64> {
+        let index = obstacle.agent?.0 as usize;
+        let Motion::Following { along_m, .. } = self.motions[index] else { return None };
+        Some(self.desired(self.ways.paths[index].as_ref()?, along_m))
+    }
+
+    /// Returns the nearest obstacle in the corridor of a follower, which runs so far to the left of its path.
+    fn lead(
+        &self,
+        path: &AgentPath,
+        agent: &AgentState,
+        (along_m, aside_m): (f64, f64),
+        speed_mps: f64,
+    ) -> Option<Lead> {
         let (half_length_m, half_width_m) = (0.5 * agent.size.length_m, 0.5 * agent.size.width_m);
         let reach_m = (REACH_M + REACH_SECS * speed_mps).min(LONGEST_REACH_M);
         let stretch = path.stretch(along_m, along_m + half_length_m + reach_m);
         let (low, high) = stretch.bounds();
         let mut nearest: Option<Lead> = None;
         for obstacle in &self.obstacles {
-            let margin_m = obstacle.radius_m + half_width_m;
+            let margin_m = obstacle.radius_m + half_width_m + aside_m.abs();
             let beside =
                 obstacle.position.cmplt(low - margin_m).any() || obstacle.position.cmpgt(high + margin_m).any();
             if beside || obstacle.agent == Some(agent.id) {
@@ -233,7 +350,9 @@ impl Traffic {
             let (along, across) =
                 (near.direction.dot(obstacle.forward).abs(), near.direction.perp_dot(obstacle.forward).abs());
             let across_m = across * obstacle.half_length_m + along * obstacle.half_width_m;
-            if near.along_m <= along_m + 0.1 || near.distance_m >= across_m + half_width_m {
+            let distance_m =
+                if aside_m == 0.0 { near.distance_m } else { (near.direction.perp_dot(near.off) - aside_m).abs() };
+            if near.along_m <= along_m + 0.1 || distance_m >= across_m + half_width_m {
                 continue;
             }
             let along_half_m = along * obstacle.half_length_m + across * obstacle.half_width_m;
@@ -245,36 +364,35 @@ impl Traffic {
         nearest
     }
 
-    /// Returns the gap to the first line ahead at which to stop: red if braking can do it, yellow if gentle braking can.
-    fn stop_ahead(&self, stops: &[SignalStop], nose_m: f64, speed_mps: f64, lights: &[LightState]) -> Option<f64> {
-        let braking_m = |deceleration: f64| speed_mps * speed_mps / (2.0 * deceleration);
-        stops.iter().find_map(|stop| {
-            let gap_m = stop.along_m - nose_m;
-            let needed_m = match lights.get(stop.light)? {
-                LightState::Red => braking_m(self.idm.emergency_deceleration_mps2),
-                LightState::Yellow => braking_m(self.idm.deceleration_mps2),
-                LightState::Green | LightState::Unknown => return None,
-            };
-            (gap_m >= 0.0 && gap_m >= needed_m).then_some(gap_m)
-        })
-    }
-
     /// Fills in the agents that are present at a tick, sorted by id.
     pub(crate) fn show(&self, scene: &Scene, tick: Tick, out: &mut Vec<AgentState>) {
         out.clear();
         let last = scene.last_tick();
         for (index, (track, motion)) in scene.tracks.iter().zip(&self.motions).enumerate() {
             let Ok(id) = u32::try_from(index) else { break };
-            let place = match (motion, &self.paths[index]) {
+            let place = match (motion, &self.ways.paths[index]) {
                 (Motion::Replay, _) => track.at(tick.min(last)).map(|point| {
                     // After the log everything stands where it was last seen.
                     let velocity_mps = if tick > last { DVec2::ZERO } else { point.velocity_mps };
-                    TrackPoint { velocity_mps, ..*point }
+                    let shift_m = self.habits.shift_m(index);
+                    let pose = if shift_m == 0.0 { point.pose } else { beside(point.pose, shift_m, 0.0) };
+                    TrackPoint { velocity_mps, pose, ..*point }
                 }),
                 (Motion::Following { along_m, speed_mps }, Some(path)) => {
-                    let knot = path.at(*along_m);
-                    let velocity_mps = path.direction_at(*along_m) * *speed_mps;
-                    Some(TrackPoint { pose: knot.pose, z_m: knot.z_m, velocity_mps })
+                    let (knot, direction) = (path.at(*along_m), path.direction_at(*along_m));
+                    let velocity_mps = direction * *speed_mps;
+                    let (aside_m, aside_mps) = self.habits.aside(index, *along_m, *speed_mps);
+                    if aside_m == 0.0 && aside_mps == 0.0 {
+                        Some(TrackPoint { pose: knot.pose, z_m: knot.z_m, velocity_mps })
+                    } else {
+                        let turned_rad = aside_mps.atan2(speed_mps.max(1.0));
+                        let pose = beside(knot.pose, aside_m, turned_rad);
+                        Some(TrackPoint {
+                            pose,
+                            z_m: knot.z_m,
+                            velocity_mps: velocity_mps + direction.perp() * aside_mps,
+                        })
+                    }
                 }
                 (Motion::Following { .. } | Motion::Gone, _) => None,
             };
@@ -282,6 +400,14 @@ impl Traffic {
                 out.push(AgentState { id: AgentId(id), class: track.class, size: track.size, pose, z_m, velocity_mps });
             }
         }
+    }
+}
+
+/// Moves a pose to its left and turns it.
+fn beside(pose: PoseSe2, left_m: f64, turned_rad: f64) -> PoseSe2 {
+    PoseSe2 {
+        position: pose.to_outer(DVec2::new(0.0, left_m)),
+        heading_rad: ds_space::angle::wrap(pose.heading_rad + turned_rad),
     }
 }
 

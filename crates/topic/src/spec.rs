@@ -54,11 +54,13 @@ pub enum AgentMode {
     IdmBehindEgo,
     /// All agents with a route drive by IDM.
     IdmAll,
+    /// The same; they change lanes, yield by right of way, and people on foot walk by themselves.
+    Interactive,
 }
 
 impl AgentMode {
     /// All modes.
-    pub const ALL: [Self; 3] = [Self::LogReplay, Self::IdmBehindEgo, Self::IdmAll];
+    pub const ALL: [Self; 4] = [Self::LogReplay, Self::IdmBehindEgo, Self::IdmAll, Self::Interactive];
 
     /// Returns the mode's name on the command line and in results.
     #[must_use]
@@ -67,6 +69,7 @@ impl AgentMode {
             Self::LogReplay => "log-replay",
             Self::IdmBehindEgo => "idm-behind-ego",
             Self::IdmAll => "idm-all",
+            Self::Interactive => "interactive",
         }
     }
 

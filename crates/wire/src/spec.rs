@@ -14,7 +14,7 @@ enumeration!(v1::ObservationSource, ObservationSource, {
     Dreamstream = Dreamstream, Reference = Reference, SimRgb = SimRgb, Layout = Layout,
 });
 enumeration!(v1::AgentMode, AgentMode, {
-    LogReplay = LogReplay, IdmBehindEgo = IdmBehindEgo, IdmAll = IdmAll,
+    LogReplay = LogReplay, IdmBehindEgo = IdmBehindEgo, IdmAll = IdmAll, Interactive = Interactive,
 });
 enumeration!(v1::ReplanAlignment, ReplanAlignment, { Rollback = Rollback, Exact = Exact });
 

@@ -104,6 +104,8 @@ pub(crate) enum Agents {
     IdmBehindEgo,
     /// All with a route drive by IDM.
     IdmAll,
+    /// The same; they change lanes, yield by right of way, and people on foot walk by themselves.
+    Interactive,
 }
 
 /// How iterations and the video model's chunks fit together.

@@ -85,9 +85,9 @@ pub(crate) fn withheld(seed: u64, mass_kg: f64) -> RunConfig {
     RunConfig { effects }
 }
 
-/// Followers need dense traffic, wind a drag area, and clocks of messages are not in the log; a switch has no strength.
+/// Followers need dense traffic, what others decide and the map a diagnosis with a scene, wind a drag area, and clocks of messages are not in the log; a switch has no strength.
 fn can_be_withheld(effect: &Effect) -> bool {
-    let shown = !matches!(effect.insertion, Insertion::Agent) && effect.id != "obs_latency";
+    let shown = !matches!(effect.insertion, Insertion::Agent | Insertion::Map) && effect.id != "obs_latency";
     effect.suspect && shown && !matches!(effect.id, "kinematic_only" | "brake_fade" | "wind_steady")
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ds_effect::Setting;
 use ds_oracle::{AgentsIn, Oracle};
 use ds_process::maker::{Fault, Inputs, Maker, MakerFactory, Output, bad, output};
-use ds_sim::{SimConfig, Simulation, TrackerKind};
+use ds_sim::{Manners, SimConfig, Simulation, TrackerKind};
 use ds_space::{Digest, Tick};
 use ds_topic::{
     Advance, AgentMode, Ego, Motion, Proposal, ProposalScorer, Role, SceneMessage, Slot, Topic, Verdict, World,
@@ -50,13 +50,14 @@ pub fn sim_config(scene: &SceneMessage) -> Result<SimConfig, Fault> {
     let agents = match scene.spec.agents {
         AgentMode::LogReplay => ds_sim::AgentMode::LogReplay,
         AgentMode::IdmBehindEgo => ds_sim::AgentMode::Idm { scope: ds_sim::IdmScope::BehindEgo },
-        AgentMode::IdmAll => ds_sim::AgentMode::Idm { scope: ds_sim::IdmScope::All },
+        AgentMode::IdmAll | AgentMode::Interactive => ds_sim::AgentMode::Idm { scope: ds_sim::IdmScope::All },
     };
+    let manners = if scene.spec.agents == AgentMode::Interactive { Manners::ALL } else { Manners::default() };
     let mut effects = Vec::new();
     for effect in scene.spec.effects.iter().filter(|effect| ds_effect::find(&effect.id).is_some()) {
         effects.push(Setting::new(&effect.id, &effect.values).map_err(|error| bad("bad_settings", &error))?);
     }
-    Ok(SimConfig { tracker, agents, effects, vehicle_log: scene.spec.vehicle_log, ..SimConfig::default() })
+    Ok(SimConfig { tracker, agents, manners, effects, vehicle_log: scene.spec.vehicle_log, ..SimConfig::default() })
 }
 
 struct Running {

@@ -3,11 +3,12 @@
 use std::sync::Arc;
 
 use ds_effect::{Effect, Insertion, Setting, library};
-use ds_sim::{AgentMode, IdmScope, SimConfig, Simulation};
+use ds_sim::{AgentMode, IdmScope, Manners, SimConfig, Simulation};
 use ds_space::{DVec2, Digest, PoseSe2, SimTime, Tick};
 use ds_world::{EgoState, Reading, Scene, Trajectory, TrajectoryPoint, WorldState};
 
 use crate::street::{crowded, shared};
+use crate::town::{self, town};
 
 const KEY: Digest = Digest([7; 32]);
 
@@ -55,7 +56,7 @@ fn lively_plan(tick: u32, pose: &PoseSe2) -> Trajectory {
 }
 
 /// A strong value of each parameter.
-fn strong(effect: &Effect, mass_kg: f64) -> Setting {
+pub(crate) fn strong(effect: &Effect, mass_kg: f64) -> Setting {
     let values: Vec<f64> = effect
         .parameters
         .iter()
@@ -88,6 +89,32 @@ fn neutral_effects_change_no_bit() {
 }
 
 #[test]
+fn neutral_effects_change_no_bit_among_agents_that_decide() {
+    let scene = shared(town());
+    for manners in [Manners::default(), Manners::ALL] {
+        let nominal = town::drive(&scene, &town::config(manners, Vec::new()), None);
+        for effect in library() {
+            let neutral = Setting::new(effect.id, &effect.neutral()).expect("neutral is sound");
+            assert_eq!(town::drive(&scene, &town::config(manners, vec![neutral]), None), nominal, "{}", effect.id);
+        }
+    }
+}
+
+#[test]
+fn what_others_decide_and_the_map_are_felt_in_a_scene_and_resume_to_the_bit() {
+    let scene = shared(town());
+    let nominal = town::drive(&scene, &town::config(Manners::ALL, Vec::new()), None);
+    for effect in library().iter().filter(|effect| effect.needs_scene()) {
+        let config = town::config(Manners::ALL, vec![strong(effect, scene.vehicle.mass_kg)]);
+        let altered = town::drive(&scene, &config, None);
+        assert!(altered != nominal, "{} is not felt", effect.id);
+        for at in [3, 61, 110] {
+            assert!(town::drive(&scene, &config, Some(at)) == altered, "{} restored at {at}", effect.id);
+        }
+    }
+}
+
+#[test]
 fn strong_effects_are_felt_where_they_act() {
     // What this short drive cannot excite; the nominal car has no drag area for the wind, its tyre a clip for a knee.
     let beyond = [
@@ -102,7 +129,7 @@ fn strong_effects_are_felt_where_they_act() {
     ];
     let scene = shared(crowded(12));
     let nominal = drive(&scene, &config(Vec::new(), true), None);
-    for effect in library().iter().filter(|effect| !beyond.contains(&effect.id)) {
+    for effect in library().iter().filter(|effect| !beyond.contains(&effect.id) && !effect.needs_scene()) {
         let altered = drive(&scene, &config(vec![strong(effect, scene.vehicle.mass_kg)], true), None);
         match effect.insertion {
             Insertion::Sensor | Insertion::Clock => {

@@ -1954,6 +1954,8 @@ pub enum AgentMode {
     IdmBehindEgo = 2,
     /// All agents with a route drive by IDM.
     IdmAll = 3,
+    /// The same; they change lanes, yield by right of way, and people on foot walk by themselves.
+    Interactive = 4,
 }
 impl AgentMode {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -1966,6 +1968,7 @@ impl AgentMode {
             Self::LogReplay => "AGENT_MODE_LOG_REPLAY",
             Self::IdmBehindEgo => "AGENT_MODE_IDM_BEHIND_EGO",
             Self::IdmAll => "AGENT_MODE_IDM_ALL",
+            Self::Interactive => "AGENT_MODE_INTERACTIVE",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -1975,6 +1978,7 @@ impl AgentMode {
             "AGENT_MODE_LOG_REPLAY" => Some(Self::LogReplay),
             "AGENT_MODE_IDM_BEHIND_EGO" => Some(Self::IdmBehindEgo),
             "AGENT_MODE_IDM_ALL" => Some(Self::IdmAll),
+            "AGENT_MODE_INTERACTIVE" => Some(Self::Interactive),
             _ => None,
         }
     }

@@ -53,6 +53,10 @@ pub(crate) struct DiagnoseArgs {
     /// Fast pass and single fits only: seconds instead of half a minute a case.
     #[arg(long)]
     pub(crate) quick: bool,
+    /// Scenario files or folders that the vehicle logs were driven in: other road users and the map are diagnosed too, as
+    /// `CASE-traffic`.
+    #[arg(long, value_hint = ValueHint::AnyPath)]
+    pub(crate) scenes: Vec<PathBuf>,
     /// Draw no pages.
     #[arg(long)]
     pub(crate) no_pages: bool,

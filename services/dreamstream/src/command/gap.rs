@@ -3,6 +3,7 @@
 pub(crate) mod attribute;
 pub(crate) mod close;
 pub(crate) mod logs;
+pub(crate) mod scenes;
 pub(crate) mod watch;
 
 use std::path::{Path, PathBuf};
@@ -153,7 +154,14 @@ fn name(case: &Path) -> String {
 }
 
 fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
-    let cases = cases(&args.cases)?.into_iter().map(|case| tables(&case, &args.out)).collect::<Result<Vec<_>>>()?;
+    let mut cases = Vec::new();
+    for case in self::cases(&args.cases)? {
+        let table = tables(&case, &args.out)?;
+        let traffic = args.out.join("cases").join(format!("{}-traffic", name(&table)));
+        let seen = logs::are_logs(&case) && !args.scenes.is_empty() && scenes::case(&case, &args.scenes, &traffic)?;
+        cases.push(table);
+        cases.extend(seen.then_some(traffic));
+    }
     let options = Options { quick: args.quick, without: Vec::new() };
     let bar = bar(cases.len() as u64, "cases");
     bar.tick();
@@ -187,7 +195,8 @@ fn written(args: &DiagnoseArgs, case: &Path, options: &Options, bar: &ProgressBa
     let folder = args.out.join(name(case));
     save(&folder, &diagnosis)?;
     if !args.no_pages {
-        put(&folder.join(PAGE), &ds_page::page(&diagnosis, Some(case)))?;
+        let material = Some(case).filter(|case| !ds_traffic::is_traffic_case(case));
+        put(&folder.join(PAGE), &ds_page::page(&diagnosis, material))?;
     }
     Ok(diagnosis)
 }
@@ -219,10 +228,13 @@ fn explain(args: &ExplainArgs) -> Result<()> {
     Ok(())
 }
 
-/// Diagnoses a log of a vehicle or a pair of frame streams, whichever the case is.
+/// Diagnoses a log of a vehicle, recorded traffic or a pair of frame streams, whichever the case is.
 fn one(case: &Path, options: &Options, bar: &ProgressBar) -> Result<Diagnosis> {
     let began = Instant::now();
-    let diagnosis = if ds_sight::is_frame_case(case) {
+    let diagnosis = if ds_traffic::is_traffic_case(case) {
+        let options = ds_traffic::Options { without: options.without.clone() };
+        ds_traffic::diagnose(case, &options).map_err(anyhow::Error::new)
+    } else if ds_sight::is_frame_case(case) {
         let options = ds_sight::Options { without: options.without.clone() };
         ds_sight::diagnose(case, &options).map_err(anyhow::Error::new)
     } else {
@@ -266,7 +278,9 @@ fn frames(text: &str) -> Result<std::ops::RangeInclusive<u64>> {
 
 fn evaluate_one(args: &EvaluateArgs) -> Result<()> {
     let diagnosis = read(&args.diagnosis)?;
-    let shrinks = if ds_sight::is_frame_case(&args.case) {
+    let shrinks = if ds_traffic::is_traffic_case(&args.case) {
+        ds_traffic::evaluate(&diagnosis, &args.case, &args.drives)?
+    } else if ds_sight::is_frame_case(&args.case) {
         ds_sight::evaluate(&diagnosis, &args.case, args.frames.as_deref().map(frames).transpose()?)?
     } else {
         evaluate(&diagnosis, &args.case, &args.drives)?

@@ -316,6 +316,7 @@ fn request(args: &RunArgs, world: &RunConfig, scenarios: Vec<pb::ScenarioSource>
         Agents::LogReplay => pb::AgentMode::LogReplay,
         Agents::IdmBehindEgo => pb::AgentMode::IdmBehindEgo,
         Agents::IdmAll => pb::AgentMode::IdmAll,
+        Agents::Interactive => pb::AgentMode::Interactive,
     };
     Ok(pb::SubmitRequest {
         client_id: format!("run-{}", &configuration(args, world).to_string()[..16]),

@@ -81,7 +81,7 @@ fn components(args: &AttributeArgs, config: &RunConfig) -> Vec<Component> {
     let dynamics = [Insertion::CommandPath, Insertion::Actuator, Insertion::Vehicle, Insertion::Road];
     let all = [
         Component { name: "dynamics", effects: of(&dynamics) },
-        Component { name: "agents", effects: of(&[Insertion::Agent]) },
+        Component { name: "agents", effects: of(&[Insertion::Agent, Insertion::Map]) },
         Component { name: "latency and sensors", effects: of(&[Insertion::Clock, Insertion::Sensor]) },
     ];
     let frames = (args.real_frames != args.nominal_frames).then(|| Component { name: "frames", effects: Vec::new() });

@@ -10,20 +10,28 @@ use ds_sim::IdmParameters;
 use ds_world::{Reading, VehicleParameters};
 use serde_json::{Value, json};
 
+use crate::command::gap::scenes;
+
 const HEAD: &str = "t,cmd_steer,cmd_accel,x,y,yaw,v,yaw_rate,ax,ay,steer_meas,v_wheel";
 
 /// Extracts the vehicle logs of recorded drives to a folder, with the nominal car beside them.
 pub(crate) fn extract(recordings: &[PathBuf], folder: &Path) -> Result<()> {
     let mut drives = Vec::new();
     let mut nominal = Value::Null;
+    let mut traffic = (Value::Null, Value::Null);
     for path in recordings {
         let recording = Recording::open(path)?;
         let name = format!("{}.mcap", recording.scene().spec.scenario);
         vehicle_log::write(&recording, &folder.join(&name))?;
         drives.push(json!({ "file": name }));
-        nominal = describe(&recording.scene().scene.vehicle);
+        let message = recording.scene();
+        nominal = describe(&message.scene.vehicle);
+        traffic = scenes::settings(&message.spec, message.scene.dt.secs());
     }
-    let meta = json!({ "drives": drives, "channels_missing": [], "nominal": nominal });
+    let (agents, from_secs) = traffic;
+    let meta = json!({
+        "drives": drives, "channels_missing": [], "nominal": nominal, "agents": agents, "from_secs": from_secs,
+    });
     let path = folder.join("meta.json");
     std::fs::write(&path, serde_json::to_string_pretty(&meta)? + "\n")
         .with_context(|| format!("write {}", path.display()))
@@ -115,7 +123,7 @@ fn table(readings: &[Reading], out: &Path) -> Result<()> {
     std::fs::write(out, text).with_context(|| format!("write {}", out.display()))
 }
 
-fn read_meta(folder: &Path) -> Result<Value> {
+pub(crate) fn read_meta(folder: &Path) -> Result<Value> {
     let path = folder.join("meta.json");
     let text = std::fs::read_to_string(&path).with_context(|| format!("read {}", path.display()))?;
     serde_json::from_str(&text).with_context(|| format!("{} is no JSON", path.display()))
