@@ -34,6 +34,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("ds-oracle", 3),
     ("ds-train", 3),
     ("ds-page", 4),
+    ("ds-logs", 4),
     ("ds-sight", 4),
     ("ds-traffic", 4),
     ("ds-wire", 4),

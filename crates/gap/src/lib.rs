@@ -20,7 +20,6 @@ pub mod following;
 pub mod how_far;
 pub mod isolability;
 pub mod leave_out;
-pub mod logs;
 pub mod manoeuvre;
 pub mod meta;
 pub mod noise;

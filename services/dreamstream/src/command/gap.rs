@@ -11,8 +11,8 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 use ds_effect::Channel;
-use ds_gap::logs::Mapping;
 use ds_gap::{Diagnosis, Options, Verdict, diagnose, evaluate, score_folder};
+use ds_logs::Mapping;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 

@@ -1,8 +1,8 @@
 //! Time stamps: what looks wrong with them, and which rows can be used.
 
-use super::channel;
-use super::check::LogFinding;
-use super::mapping::Mapping;
+use crate::channel;
+use crate::check::LogFinding;
+use crate::mapping::Mapping;
 
 /// Longest hole in the stamps that is bridged, s; a longer one ends a drive.
 pub(crate) const LONGEST_HOLE_SECS: f64 = 0.8;
@@ -45,7 +45,7 @@ pub(crate) fn findings(file: &str, t: &[f64], mapping: &Mapping) -> Vec<LogFindi
         let evidence = format!("none of {} stamps is later than the one before", t.len());
         return vec![finding("stamps do not grow", evidence, "map another column as time.column".to_owned())];
     }
-    let median = crate::bootstrap::quantile(&mut forward, 0.5);
+    let median = ds_gap::bootstrap::quantile(&mut forward, 0.5);
     if !USUAL_STEP_SECS.contains(&median) {
         let raw = median / channel::seconds(&mapping.time.unit).unwrap_or(1.0);
         let better = ["s", "ms", "us", "ns"]

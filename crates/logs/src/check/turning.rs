@@ -2,9 +2,9 @@
 
 use super::motion::accelerometer;
 use super::{LogFinding, finding, near, relate};
-use crate::drive::STEP_SECS;
-use crate::logs::record::Record;
-use crate::logs::resample::slope;
+use crate::record::Record;
+use crate::resample::slope;
+use ds_gap::drive::STEP_SECS;
 
 /// Degrees per radian.
 const DEGREES: f64 = 57.3;

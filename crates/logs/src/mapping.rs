@@ -7,8 +7,8 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::channel::{self, CHANNELS, COMMANDS};
-use super::error::LogError;
+use crate::channel::{self, CHANNELS, COMMANDS};
+use crate::error::LogError;
 
 /// A mapping file.
 #[derive(Debug, Clone, Deserialize)]

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use ds_gap::logs::{LogError, Mapping};
+use ds_logs::{LogError, Mapping};
 
 const MAPPING: &str = r#"
 [log]

@@ -1,9 +1,9 @@
 //! Speed, position, heading and forward acceleration must tell of one and the same motion.
 
 use super::{LogFinding, Relation, finding, near, relate};
-use crate::drive::STEP_SECS;
-use crate::logs::record::Record;
-use crate::logs::resample::slope;
+use crate::record::Record;
+use crate::resample::slope;
+use ds_gap::drive::STEP_SECS;
 
 /// Speed below which heading and course say nothing, as a share of the drive's typical speed.
 const SLOW: f64 = 0.25;
@@ -36,7 +36,7 @@ fn speeds(record: &Record) -> Vec<LogFinding> {
         if ratios.len() < 40 || top < 1e-3 {
             continue;
         }
-        let ratio = crate::bootstrap::quantile(&mut ratios, 0.5);
+        let ratio = ds_gap::bootstrap::quantile(&mut ratios, 0.5);
         if (0.75..1.35).contains(&ratio) {
             continue;
         }
@@ -66,7 +66,7 @@ fn course(record: &Record, speed: &[f64]) -> Vec<LogFinding> {
     };
     let (dx, dy) = (slope(x, STEP_SECS), slope(y, STEP_SECS));
     let mut sizes: Vec<f64> = speed.iter().map(|v| v.abs()).collect();
-    let least = SLOW * crate::bootstrap::quantile(&mut sizes, 0.9);
+    let least = SLOW * ds_gap::bootstrap::quantile(&mut sizes, 0.9);
     let fast: Vec<usize> = (0..yaw.len()).filter(|&k| dx[k].hypot(dy[k]) > least.max(0.05)).collect();
     let range =
         yaw.iter().copied().fold(f64::NEG_INFINITY, f64::max) - yaw.iter().copied().fold(f64::INFINITY, f64::min);

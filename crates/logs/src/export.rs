@@ -5,11 +5,11 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::channel::CHANNELS;
-use super::error::LogError;
-use super::mapping::{Mapping, ModelKind, NominalModel};
-use super::record::{Record, SHORTEST_SECS};
-use crate::drive::STEP_SECS;
+use crate::channel::CHANNELS;
+use crate::error::LogError;
+use crate::mapping::{Mapping, ModelKind, NominalModel};
+use crate::record::{Record, SHORTEST_SECS};
+use ds_gap::drive::STEP_SECS;
 
 /// Standard gravity, m/s².
 const GRAVITY: f64 = 9.81;
@@ -59,7 +59,7 @@ impl Mapping {
 
     fn moves(&self, record: &Record) -> bool {
         let mut speed = record.speed().unwrap_or_default();
-        !speed.is_empty() && crate::bootstrap::quantile(&mut speed, 0.5) >= self.log.least_speed_mps
+        !speed.is_empty() && ds_gap::bootstrap::quantile(&mut speed, 0.5) >= self.log.least_speed_mps
     }
 
     /// Tells whether a channel may stand in the case: measured itself, and no command computed from it.

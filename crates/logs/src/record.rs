@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::channel::{self, CHANNELS, COMMANDS};
-use super::error::LogError;
-use super::mapping::{BodyAxes, Column, DriveFile, Mapping, PoseAxes};
-use super::raw::Sheet;
-use super::resample::{held, measured, slope, unwrap};
-use super::stamps::stretches;
-use crate::drive::STEP_SECS;
+use crate::channel::{self, CHANNELS, COMMANDS};
+use crate::error::LogError;
+use crate::mapping::{BodyAxes, Column, DriveFile, Mapping, PoseAxes};
+use crate::raw::Sheet;
+use crate::resample::{held, measured, slope, unwrap};
+use crate::stamps::stretches;
+use ds_gap::drive::STEP_SECS;
 
 /// Shortest stretch that becomes a drive, s.
 pub(crate) const SHORTEST_SECS: f64 = 8.0;

@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 
-use super::error::LogError;
-use super::mapping::{Column, Header, Layout};
+use crate::error::LogError;
+use crate::mapping::{Column, Header, Layout};
 
 /// Most rows of a log: 5 h at 100 Hz.
 const MAX_ROWS: usize = 1_800_000;

@@ -9,11 +9,11 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::error::LogError;
-use super::mapping::Mapping;
-use super::record::Record;
-use super::stamps;
-use crate::drive::STEP_SECS;
+use crate::error::LogError;
+use crate::mapping::Mapping;
+use crate::record::Record;
+use crate::stamps;
+use ds_gap::drive::STEP_SECS;
 
 /// Something that looks wrong.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
