@@ -23,6 +23,8 @@ const SAME_TIME_SECS: f64 = 0.001;
 /// No case is longer.
 const MOST_FRAMES: usize = 60;
 const FEWEST_FRAMES: usize = 12;
+/// Streams that differ by less, root mean square in grey levels, show no camera at all: half the quietest sensor's noise.
+const EQUAL_LEVELS: f64 = 0.4;
 
 /// One frame of both streams.
 struct Pair {
@@ -52,6 +54,10 @@ pub(super) fn write(real: &Path, nominal: &Path, out: &Path) -> Result<Option<Pa
     }
     if best.len() < FEWEST_FRAMES {
         crate::command::answer(&format!("{}: too few frames at the same states to compare pictures", real.display()));
+        return Ok(None);
+    }
+    if best.iter().map(difference).fold(0.0, f64::max) < EQUAL_LEVELS {
+        crate::command::answer(&format!("{}: {} camera frames are as the nominal ones", real.display(), best.len()));
         return Ok(None);
     }
     save(&best, camera, out)?;
@@ -113,6 +119,13 @@ fn longest(pairs: Vec<Option<Pair>>) -> Vec<Pair> {
         }
     }
     pairs.into_iter().skip(best.start).take(best.len()).flatten().collect()
+}
+
+/// Returns the root mean square difference of a pair, grey levels.
+fn difference(pair: &Pair) -> f64 {
+    let (real, nominal) = (pair.real.rgb(), pair.nominal.rgb());
+    let squares: f64 = real.iter().zip(nominal).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum();
+    (squares / real.len().max(1) as f64).sqrt()
 }
 
 fn save(pairs: &[Pair], camera: &Value, out: &Path) -> Result<()> {
