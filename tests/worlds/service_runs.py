@@ -159,8 +159,9 @@ def judge(folder):
     elif answer["service"] == "sim" and row["said"]:
         unseen = [s for s in read(folder / "unseen.json") or [] if s["metric"] == "position_2s"]
         row["predicted"], row["realised"] = car["predicted_share"], unseen[0]["share_explained"] if unseen else None
-    row["deviation"] = [deviation(folder, run) for run in ("nominal", "corrected")]
-    world, nominal, corrected = (driving_scores(folder, run) for run in ("world", "nominal", "corrected"))
+    mended = "corrected" if (folder / "corrected/results.json").exists() else "nominal"
+    row["deviation"] = [deviation(folder, run) for run in ("nominal", mended)]
+    world, nominal, corrected = (driving_scores(folder, run) for run in ("world", "nominal", mended))
     off = lambda other: float(np.mean([abs(100 * (other[n] or 0) - 100 * (world[n] or 0)) for n in HELD if n in world and n in other]))
     row["score"] = [off(nominal), off(corrected)]
     return row
