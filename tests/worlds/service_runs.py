@@ -60,14 +60,14 @@ def part(real, names, out):
     (out / "meta.json").write_text(json.dumps(meta))
 
 
-def play(given, number, kind, service, seed):
-    """Drives one sealed run and diagnoses it from its vehicle logs alone."""
+def drive(given, number, kind, service, seed):
+    """Drives one sealed run, and the nominal simulator on the shipped scenarios."""
     folder = given.out / f"run_{number:02d}"
-    if (folder / "done").exists():
+    if (folder / "driven").exists():
         return
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    log, began = folder / "log.txt", time.time()
+    log = folder / "log.txt"
     ground = folder / "ground"
     subprocess.run([sys.executable, HERE / "proving_ground.py", "--out", ground, "--seed", str(seed), "--count", str(given.drives), "--secs", str(given.secs)], check=True)
     stage = f"{service}={sys.executable} {HERE / STAGES[service]} --seed {seed} --kind {kind} --answer {folder / 'answer.json'}"
@@ -76,6 +76,17 @@ def play(given, number, kind, service, seed):
     if failed:
         raise SystemExit(f"{folder}: the run failed, see {log}")
     call(given.binary, "run", *tests, *FLAGS, "--out", folder / "nominal", log=log)
+    for run in ("world", "nominal"):
+        shutil.rmtree(folder / run / "recordings", ignore_errors=True)
+    (folder / "driven").touch()
+
+
+def close(given, number):
+    """Diagnoses a sealed run from its vehicle logs alone, corrects the simulator, and drives what the fit never saw."""
+    folder = given.out / f"run_{number:02d}"
+    if (folder / "done").exists():
+        return
+    log, began = folder / "log.txt", time.time()
     real = folder / "world/real"
     drives = [drive["file"].removesuffix(".mcap") for drive in json.loads((real / "meta.json").read_text())["drives"]]
     part(real, [name for name in drives if name not in HELD], folder / "fit")
@@ -85,7 +96,6 @@ def play(given, number, kind, service, seed):
     call(given.binary, "gap", "apply", *found, "-o", folder / "corrected.toml", log=log)
     call(given.binary, "gap", "evaluate", folder / "gap/fit/diagnosis.json", folder / "held", "-o", folder / "unseen.json", log=log)
     call(given.binary, "run", *[scenario(name) for name in HELD], *FLAGS, "--config", folder / "corrected.toml", "--out", folder / "corrected", log=log)
-    shutil.rmtree(folder / "world/recordings", ignore_errors=True)
     (folder / "done").write_text(f"{time.time() - began:.0f} s\n")
 
 
@@ -200,6 +210,7 @@ def main():
     parser.add_argument("--drives", type=int, default=4, help="drives on the proving ground a run")
     parser.add_argument("--secs", type=float, default=20.0, help="length of each")
     parser.add_argument("--only", type=int, action="append", help="only the runs of these numbers")
+    parser.add_argument("--drive", action="store_true", help="drive only; another call diagnoses")
     parser.add_argument("--score", action="store_true", help="score what is there instead of driving")
     given = parser.parse_args()
     given.out = given.out.resolve()
@@ -209,7 +220,9 @@ def main():
     os.environ.setdefault("PYTHONWARNINGS", "ignore")
     for number, kind, service, seed in plan(given.seed, given.effects, given.none):
         if given.only is None or number in given.only:
-            play(given, number, kind, service, seed)
+            drive(given, number, kind, service, seed)
+            if not given.drive:
+                close(given, number)
     score(given.out)
 
 
