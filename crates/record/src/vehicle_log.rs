@@ -12,9 +12,9 @@ use std::path::Path;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use ds_raster::Encoding;
+use ds_raster::{Encoding, RgbImage};
 use ds_space::{Draws, Tick};
-use ds_topic::{Frame, Slot, Topic, World};
+use ds_topic::{Frame, Plan, Slot, Topic, World};
 use ds_world::{AgentState, EgoState, Reading};
 use mcap::records::MessageHeader;
 use mcap::{Compression, WriteOptions, Writer};
@@ -28,6 +28,8 @@ use crate::scan::MAX_RECORDING_BYTES;
 pub const VEHICLE: &str = "vehicle";
 /// Topic of what the car sees of others.
 pub const DETECTIONS: &str = "detections";
+/// Topic of the policy's answers: when each was made, and of what age its newest frame was.
+pub const PLANS: &str = "plan";
 const REACH_M: f64 = 80.0;
 /// Standard deviations of detected position (m), heading (rad) and speed (m/s).
 const NOISE: [f64; 3] = [0.15, 0.02, 0.2];
@@ -44,6 +46,8 @@ const DETECTIONS_SCHEMA: &str = r#"{"type":"object","title":"Detections","proper
 "id":{"type":"integer"},"class":{"type":"string"},"x":{"type":"number","description":"m ahead of the rear axle"},
 "y":{"type":"number","description":"m left"},"yaw":{"type":"number","description":"rad against the car"},
 "v":{"type":"number","description":"m/s"},"length":{"type":"number"},"width":{"type":"number"}}}}}}"#;
+const PLANS_SCHEMA: &str = r#"{"type":"object","title":"Plan","properties":{
+"t":{"type":"number","description":"s"},"frame_t":{"type":"number","description":"s, stamp of the newest frame shown"}}}"#;
 const IMAGE_SCHEMA: &str = r#"{"type":"object","title":"foxglove.CompressedImage","properties":{
 "timestamp":{"type":"object","properties":{"sec":{"type":"integer"},"nsec":{"type":"integer"}}},
 "frame_id":{"type":"string"},"format":{"type":"string"},"data":{"type":"string","contentEncoding":"base64"}}}"#;
@@ -95,7 +99,25 @@ pub struct Detections {
     pub objects: Vec<Detection>,
 }
 
-#[derive(Serialize)]
+/// When an answer of the policy was made and from what.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Planned {
+    /// Stamp of the answer, s.
+    pub t: f64,
+    /// Stamp of the newest frame that the policy was shown, s.
+    pub frame_t: f64,
+}
+
+/// A camera picture with its stamp.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Seen {
+    /// Stamp, s.
+    pub t: f64,
+    /// The picture.
+    pub image: RgbImage,
+}
+
+#[derive(Serialize, Deserialize)]
 struct Stamp {
     sec: u64,
     nsec: u64,
@@ -116,6 +138,8 @@ pub struct VehicleLog {
     pub readings: Vec<Reading>,
     /// What it saw of others, in time order.
     pub detections: Vec<Detections>,
+    /// The policy's answers, in time order.
+    pub plans: Vec<Planned>,
 }
 
 /// Extracts the vehicle log of a recorded drive to `path`.
@@ -130,6 +154,7 @@ pub fn write(recording: &Recording, path: &Path) -> Result<(), RecordError> {
         let what = "a drive with a vehicle log".to_owned();
         return Err(RecordError::Foreign { what, path: path.to_path_buf() });
     }
+    let plans = plans(recording)?;
     let mut log = Log::open(path, recording).map_err(write_error)?;
     let key = recording.scene().spec.draw_key();
     for world in &worlds {
@@ -138,6 +163,9 @@ pub fn write(recording: &Recording, path: &Path) -> Result<(), RecordError> {
         }
         let (tick, secs) = (world.state.tick, world.state.time.secs());
         log.json(DETECTIONS, secs, &detections(world, &key)).map_err(write_error)?;
+        if let Some(planned) = plans.get(&tick) {
+            log.json(PLANS, secs, planned).map_err(write_error)?;
+        }
         for (index, camera) in (0u16..).zip(recording.cameras()) {
             if let Ok(frame) = recording.body::<Frame>(Slot::of_camera(Topic::Frame, tick.0, index)) {
                 log.json(&topic_of(camera.as_str()), secs, &image(&frame, camera.as_str(), secs, path)?)
@@ -146,6 +174,18 @@ pub fn write(recording: &Recording, path: &Path) -> Result<(), RecordError> {
         }
     }
     log.writer.finish().map(|_| ()).map_err(write_error)
+}
+
+/// Returns the policy's answers by the tick at which they were made.
+fn plans(recording: &Recording) -> Result<BTreeMap<Tick, Planned>, RecordError> {
+    let mut made = BTreeMap::new();
+    for envelope in recording.topic(Topic::Plan) {
+        let header = &envelope.header;
+        if let Some(observed) = recording.body::<Plan>(header.slot)?.observed {
+            made.insert(header.tick, Planned { t: header.time.secs(), frame_t: observed.secs() });
+        }
+    }
+    Ok(made)
 }
 
 fn topic_of(camera: &str) -> String {
@@ -184,10 +224,14 @@ impl Log {
             .create(BufWriter::new(File::create(path)?))?;
         let mut channels = BTreeMap::new();
         let images = recording.cameras().iter().map(|camera| topic_of(camera.as_str()));
-        let topics =
-            [(VEHICLE.to_owned(), "Vehicle", VEHICLE_SCHEMA), (DETECTIONS.to_owned(), "Detections", DETECTIONS_SCHEMA)]
-                .into_iter()
-                .chain(images.map(|topic| (topic, "foxglove.CompressedImage", IMAGE_SCHEMA)));
+        let topics = [
+            (VEHICLE, "Vehicle", VEHICLE_SCHEMA),
+            (DETECTIONS, "Detections", DETECTIONS_SCHEMA),
+            (PLANS, "Plan", PLANS_SCHEMA),
+        ]
+        .into_iter()
+        .map(|(topic, name, schema)| (topic.to_owned(), name, schema))
+        .chain(images.map(|topic| (topic, "foxglove.CompressedImage", IMAGE_SCHEMA)));
         for (topic, name, schema) in topics {
             let schema = writer.add_schema(name, "jsonschema", schema.as_bytes())?;
             let channel = writer.add_channel(schema, &topic, "json", &BTreeMap::new())?;
@@ -291,6 +335,7 @@ pub fn read(path: &Path) -> Result<VehicleLog, RecordError> {
         let unread = |error: serde_json::Error| foreign(format!("{} message: {error}", message.channel.topic));
         match message.channel.topic.as_str() {
             VEHICLE => log.readings.push(serde_json::from_slice::<Vehicle>(&message.data).map_err(unread)?.into()),
+            PLANS => log.plans.push(serde_json::from_slice(&message.data).map_err(unread)?),
             DETECTIONS => log.detections.push(serde_json::from_slice(&message.data).map_err(unread)?),
             _ => {}
         }
@@ -299,4 +344,33 @@ pub fn read(path: &Path) -> Result<VehicleLog, RecordError> {
         return Err(foreign(format!("no message on {VEHICLE:?}")));
     }
     Ok(log)
+}
+
+#[derive(Deserialize)]
+struct Picture {
+    timestamp: Stamp,
+    data: String,
+}
+
+/// Reads the pictures of a camera of a vehicle log, in time order.
+///
+/// # Errors
+/// If the file cannot be read, is no MCAP, or holds a picture that cannot be decoded or has another size.
+pub fn frames(path: &Path, camera: &str, [width_px, height_px]: [u32; 2]) -> Result<Vec<Seen>, RecordError> {
+    let foreign = |what: String| RecordError::Foreign { what, path: path.to_path_buf() };
+    let (bytes, topic) = (bytes_of(path)?, topic_of(camera));
+    let mut frames = Vec::new();
+    for message in mcap::MessageStream::new(&bytes).map_err(|error| foreign(error.to_string()))? {
+        let message = message.map_err(|error| foreign(error.to_string()))?;
+        if message.channel.topic != topic {
+            continue;
+        }
+        let unread = |error: &dyn std::fmt::Display| foreign(format!("{topic} message: {error}"));
+        let picture: Picture = serde_json::from_slice(&message.data).map_err(|error| unread(&error))?;
+        let data = STANDARD.decode(&picture.data).map_err(|error| unread(&error))?;
+        let image = RgbImage::decode(Encoding::Png, width_px, height_px, &data).map_err(|error| unread(&error))?;
+        let t = picture.timestamp.sec as f64 + 1e-9 * picture.timestamp.nsec as f64;
+        frames.push(Seen { t, image });
+    }
+    Ok(frames)
 }

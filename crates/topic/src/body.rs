@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ds_raster::{Encoding, RgbImage};
-use ds_space::{Digest, DigestWriter, PoseSe2, Tick};
+use ds_space::{Digest, DigestWriter, PoseSe2, SimTime, Tick};
 use ds_world::{EgoState, Reading, RouteCommand, Scene, Trajectory, WorldState};
 
 use crate::spec::EpisodeSpec;
@@ -92,6 +92,8 @@ pub struct Plan {
     pub trajectory: Trajectory,
     /// All candidates, the answer among them if the policy proposes several.
     pub proposals: Vec<Proposal>,
+    /// Time of the newest frame that the policy was shown, if the bridge says so.
+    pub observed: Option<SimTime>,
 }
 
 /// Body of `cache`: the log entry of one committed chunk, opaque to all but the video model.
@@ -233,7 +235,7 @@ impl Frame {
 }
 
 impl Plan {
-    /// Adds the payload fields to a digest.
+    /// Adds the payload fields to a digest; the stamp, being derived, is left out.
     pub fn digest_into(&self, writer: &mut DigestWriter) {
         digest_trajectory(writer, &self.trajectory);
         writer.u64(self.proposals.len() as u64);

@@ -1,15 +1,18 @@
 //! Headers, and messages as a header in front of an undecoded body.
 //!
 //! Protobuf fields may stand in any order, but this wire puts the header first, so that a stage reads it without
-//! looking at the body; a message that does not begin with it is refused.
+//! looking at the body; a message that does not begin with it is refused. A header without a content digest, as a stage
+//! of another language may send it, gets the one of its body when it is read.
 
 use bytes::{BufMut, Bytes, BytesMut};
-use ds_space::{AttemptId, EpisodeId, InstanceId, SimTime, Tick};
-use ds_topic::{Envelope, Header, Slot, Topic};
+use ds_space::{AttemptId, Digest, EpisodeId, InstanceId, SimTime, Tick};
+use ds_topic::{
+    Advance, Cache, Ego, Envelope, Event, Frame, Header, Layout, Plan, SceneMessage, Score, Slot, Topic, World,
+};
 use prost::Message;
 use prost::encoding::{decode_varint, encode_varint, encoded_len_varint};
 
-use crate::body::max_bytes;
+use crate::body::{Body, max_bytes};
 use crate::error::{FieldError, WireError};
 use crate::field::{checked, choice, digest, enumeration, part, text, whole};
 use crate::v1;
@@ -118,13 +121,37 @@ pub fn split(bytes: Bytes) -> Result<Envelope, WireError> {
     }
     let start = bytes.len() - rest.len();
     let message = v1::Header::decode(&rest[..length]).map_err(|error| refuse(&error.to_string()))?;
-    let header = Header::try_from(message).map_err(|error| error.of(MESSAGE))?;
+    let undigested = message.content.is_empty();
+    let message = if undigested { v1::Header { content: vec![0; 32].into(), ..message } } else { message };
+    let mut header = Header::try_from(message).map_err(|error| error.of(MESSAGE))?;
     let body = bytes.slice(start + length..);
     let topic = header.slot.topic;
     if body.len() > max_bytes(topic) {
         return Err(WireError::TooLong { message: topic.name(), bytes: body.len(), most: max_bytes(topic) });
     }
+    if undigested {
+        header.content = content_of(topic, &body)?;
+    }
     Ok(Envelope { header, body })
+}
+
+/// Returns the digest over the fields of a body that its publisher did not digest.
+fn content_of(topic: Topic, body: &[u8]) -> Result<Digest, WireError> {
+    fn of<B: Body>(body: &[u8]) -> Result<Digest, WireError> {
+        B::from_bytes(body).map(|read| read.content())
+    }
+    match topic {
+        Topic::Scene => of::<SceneMessage>(body),
+        Topic::Advance => of::<Advance>(body),
+        Topic::World => of::<World>(body),
+        Topic::Ego => of::<Ego>(body),
+        Topic::Layout => of::<Layout>(body),
+        Topic::Frame => of::<Frame>(body),
+        Topic::Cache => of::<Cache>(body),
+        Topic::Plan => of::<Plan>(body),
+        Topic::Score => of::<Score>(body),
+        Topic::Event => of::<Event>(body),
+    }
 }
 
 /// Returns the full protobuf name of a topic's message.

@@ -5,7 +5,7 @@ use ds_topic::{Plan, Proposal};
 use ds_world::{Trajectory, TrajectoryPoint};
 
 use crate::error::FieldError;
-use crate::field::{list, number, part};
+use crate::field::{list, number, part, whole};
 use crate::v1;
 
 /// The most proposals of a plan.
@@ -57,6 +57,7 @@ impl From<&Plan> for v1::Plan {
             header: None,
             trajectory: Some((&value.trajectory).into()),
             proposals: value.proposals.iter().map(Into::into).collect(),
+            observed_ns: value.observed.map(|time| time.0),
         }
     }
 }
@@ -67,6 +68,10 @@ impl TryFrom<v1::Plan> for Plan {
         Ok(Self {
             trajectory: part("trajectory", message.trajectory)?,
             proposals: list("proposals", message.proposals, MAX_PROPOSALS)?,
+            observed: message
+                .observed_ns
+                .map(|time| whole("observed_ns", time, 0, i64::MAX).map(SimTime))
+                .transpose()?,
         })
     }
 }

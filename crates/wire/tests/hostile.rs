@@ -65,7 +65,8 @@ fn trajectory() -> Trajectory {
 }
 
 fn plan() -> Plan {
-    Plan { trajectory: trajectory(), proposals: vec![Proposal { trajectory: trajectory(), score: 0.5 }] }
+    let proposals = vec![Proposal { trajectory: trajectory(), score: 0.5 }];
+    Plan { trajectory: trajectory(), proposals, observed: Some(SimTime(0)) }
 }
 
 fn advance() -> Advance {
@@ -387,7 +388,8 @@ fn bad_headers_are_refused() {
     check(&|h| h.slot = None, "header.slot is missing");
     check(&|h| h.slot.as_mut().expect("has one").topic = 77, "header.slot.topic is 77");
     check(&|h| h.slot.as_mut().expect("has one").camera = 1, "header.slot.camera is 1, must be 0 to 0");
-    check(&|h| h.content = Bytes::new(), "header.content has 0 bytes");
+    check(&|h| h.content = vec![0; 31].into(), "header.content has 31 bytes");
+    check(&|h| h.content = Bytes::new(), "ego.estimate is missing");
     check(&|h| h.trace = "x".repeat(300), "header.trace has 300 bytes");
     check(&|h| h.trace = "x".repeat(3000), "header has");
     for bytes in [&b""[..], b"\x0a", b"\x0a\xff\xff\xff\xff\x0f", b"\x12\x00", b"\x0a\x05\x01"] {

@@ -10,8 +10,9 @@ use ds_topic::{
     Slot, Topic, World,
 };
 use ds_wire::policy::{Observation, PolicyMessage, PolicyPlan, SessionHello};
-use ds_wire::{Body, encode, message_name, split, verify};
+use ds_wire::{Body, encode, message_name, split, v1, verify};
 use proptest::prelude::*;
+use prost::Message;
 
 fn header<B: Body>(body: &B, camera: u16) -> Header {
     let camera = if B::TOPIC.per_camera() { camera } else { 0 };
@@ -32,6 +33,17 @@ fn header<B: Body>(body: &B, camera: u16) -> Header {
     }
 }
 
+/// Reads a message whose header says nothing of its content.
+fn undigested(envelope: &Envelope) -> Envelope {
+    let mut header = v1::Header::from(&envelope.header);
+    header.content.clear();
+    let mut message = vec![0x0a];
+    prost::encoding::encode_varint(header.encoded_len() as u64, &mut message);
+    message.extend(header.encode_to_vec());
+    message.extend_from_slice(&envelope.body);
+    split(message.into()).expect("a message without a digest is read")
+}
+
 fn check<B: Body + PartialEq + std::fmt::Debug>(body: &B) -> Result<(), TestCaseError> {
     let bytes = body.to_bytes();
     let again = B::from_bytes(&bytes).map_err(|error| TestCaseError::fail(error.to_string()))?;
@@ -42,6 +54,7 @@ fn check<B: Body + PartialEq + std::fmt::Debug>(body: &B) -> Result<(), TestCase
     let message = encode(&envelope.header, &envelope.body);
     let parted = split(message.clone()).map_err(|error| TestCaseError::fail(error.to_string()))?;
     prop_assert_eq!(&parted, &envelope);
+    prop_assert_eq!(&undigested(&envelope), &envelope, "the digest that its header leaves out");
     let range = message.as_ptr_range();
     prop_assert!(parted.body.is_empty() || range.contains(&parted.body.as_ptr()), "the body was copied");
     prop_assert!(verify::<B>(&parted).is_ok());

@@ -1,11 +1,12 @@
 //! The five services and a router as child processes over loopback; the same binary, the same libraries.
 
 use std::net::TcpListener;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
+use ds_topic::Role;
 use tokio::process::{Child, Command};
 
 use crate::embed::{Fleet, FleetPlan};
@@ -13,9 +14,17 @@ use crate::embed::{Fleet, FleetPlan};
 /// How often a process that died is started again before the run gives up.
 const MAX_RESTARTS: u32 = 8;
 
+/// A command line with what its environment says besides.
+#[derive(Clone)]
+struct Launch {
+    program: PathBuf,
+    arguments: Vec<String>,
+    environment: Vec<(&'static str, String)>,
+}
+
 struct Supervised {
     name: String,
-    arguments: Vec<String>,
+    launch: Launch,
     child: Child,
     restarts: u32,
 }
@@ -57,26 +66,37 @@ pub(crate) async fn start(plan: &FleetPlan, log: &str) -> Result<Fleet> {
     let episodes = format!("fleet.episodes={}", plan.workers);
     children.spawn("orchestrator", "orchestrator", &[&log, &connect, &drop_share, &listen, &folder, &episodes])?;
     wait_for_port(control_port).await?;
-    let orchestrator = set("control.orchestrator", &control);
-    let common = [log.as_str(), connect.as_str(), drop_share.as_str(), orchestrator.as_str()];
-    let slots = format!("process.slots={}", plan.workers);
-    let weights = set("policy.weights", &path(&plan.policy_weights)?);
-    let policy_name = set("policy.name", &plan.policy);
-    let policy_listen = set("policy.listen", plan.policy_listen.as_deref().unwrap_or_default());
-    let model = set("video.model", &path(&plan.model)?);
-    children.spawn("sim-server", "sim-server", &[&common[..], &[&slots]].concat())?;
-    let probe = format!("layout.probe={}", plan.probe_adapter);
-    children.spawn("layout-render", "layout-render", &[&common[..], &[&slots, &probe]].concat())?;
-    children.spawn(
-        "policy-bridge",
-        "policy-bridge",
-        &[&common[..], &[&slots, &weights, &policy_name, &policy_listen]].concat(),
-    )?;
-    for index in 0..plan.workers {
-        let name = format!("vdm-worker-{index}");
-        children.spawn(&name, "vdm-worker", &[&common[..], &["process.slots=1", &model]].concat())?;
+    let common = [log, connect, drop_share, set("control.orchestrator", &control)];
+    for role in Role::ALL {
+        let copies = if role == Role::Video { plan.workers } else { 1 };
+        for index in 0..copies {
+            match plan.stages.get(&role) {
+                Some(command) => children.take_place(role, command, [&control, &endpoint])?,
+                None => {
+                    let (service, own) = settings_of(role, plan)?;
+                    let name = if role == Role::Video { format!("{service}-{index}") } else { service.to_owned() };
+                    let settings: Vec<&str> = common.iter().chain(&own).map(String::as_str).collect();
+                    children.spawn(&name, service, &settings)?;
+                }
+            }
+        }
     }
     Ok(Fleet::of_children(control, endpoint, children))
+}
+
+/// Returns the service of a role and the settings that are its own.
+fn settings_of(role: Role, plan: &FleetPlan) -> Result<(&'static str, Vec<String>)> {
+    let slots = format!("process.slots={}", plan.workers);
+    Ok(match role {
+        Role::Sim => ("sim-server", vec![slots]),
+        Role::Layout => ("layout-render", vec![slots, format!("layout.probe={}", plan.probe_adapter)]),
+        Role::Video => ("vdm-worker", vec!["process.slots=1".to_owned(), set("video.model", &path(&plan.model)?)]),
+        Role::Policy => {
+            let weights = set("policy.weights", &path(&plan.policy_weights)?);
+            let listen = set("policy.listen", plan.policy_listen.as_deref().unwrap_or_default());
+            ("policy-bridge", vec![slots, weights, set("policy.name", &plan.policy), listen])
+        }
+    })
 }
 
 async fn wait_for_port(port: u16) -> Result<()> {
@@ -88,10 +108,10 @@ async fn wait_for_port(port: u16) -> Result<()> {
     tokio::time::timeout(Duration::from_secs(30), up).await.with_context(|| format!("nothing listens on port {port}"))
 }
 
-fn launch(name: &str, arguments: &[String]) -> Result<Child> {
-    let binary = std::env::current_exe().context("path of this binary")?;
-    let mut command = Command::new(binary);
-    command.args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).kill_on_drop(true);
+fn launch(name: &str, launch: &Launch) -> Result<Child> {
+    let mut command = Command::new(&launch.program);
+    command.args(&launch.arguments).envs(launch.environment.iter().map(|(key, value)| (key, value)));
+    command.stdin(Stdio::null()).stdout(Stdio::null()).kill_on_drop(true);
     let child = command.spawn().with_context(|| format!("start {name}"))?;
     tracing::info!(name, pid = child.id(), "process started");
     Ok(child)
@@ -103,8 +123,22 @@ impl Children {
         for setting in settings {
             arguments.extend(["--set".to_owned(), (*setting).to_owned()]);
         }
-        let child = launch(name, &arguments)?;
-        self.0.push(Supervised { name: name.to_owned(), arguments, child, restarts: 0 });
+        let program = std::env::current_exe().context("path of this binary")?;
+        self.add(name, Launch { program, arguments, environment: Vec::new() })
+    }
+
+    /// Starts a program that takes a stage's place; it finds orchestrator and router in its environment.
+    fn take_place(&mut self, role: Role, command: &str, [control, router]: [&String; 2]) -> Result<()> {
+        let environment =
+            vec![("DREAMSTREAM_CONTROL_ORCHESTRATOR", control.clone()), ("DREAMSTREAM_BUS_ROUTER", router.clone())];
+        // `exec`: a signal reaches the program, not a shell around it.
+        let arguments = vec!["-c".to_owned(), format!("exec {command}")];
+        self.add(role.name(), Launch { program: "sh".into(), arguments, environment })
+    }
+
+    fn add(&mut self, name: &str, way: Launch) -> Result<()> {
+        let child = launch(name, &way)?;
+        self.0.push(Supervised { name: name.to_owned(), launch: way, child, restarts: 0 });
         Ok(())
     }
 
@@ -123,7 +157,7 @@ impl Children {
                 }
                 tracing::warn!(name = process.name, %status, "process died and is started again");
                 process.restarts += 1;
-                match launch(&process.name, &process.arguments) {
+                match launch(&process.name, &process.launch) {
                     Ok(child) => process.child = child,
                     Err(error) => return error,
                 }

@@ -184,6 +184,10 @@ pub(crate) struct RunArgs {
     /// Start the five services as processes of their own over Zenoh on loopback.
     #[arg(long)]
     pub processes: bool,
+    /// A program of any language that takes a stage's place on the bus: sim, layout, video or policy, then the command.
+    /// It learns where to join from the environment; may be given for several stages. Implies --processes.
+    #[arg(long = "stage", value_name = "ROLE=COMMAND")]
+    pub stages: Vec<String>,
     /// Video workers to start, and episodes to drive at a time.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
     pub workers: u32,

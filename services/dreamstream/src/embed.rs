@@ -1,5 +1,6 @@
 //! The five services inside this process: an in-process bus, loopback gRPC, everything else as in a fleet.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,8 +12,11 @@ use ds_process::maker::MakerFactory;
 use ds_process::security::Dial;
 use ds_process::{Drain, Member};
 use ds_space::InstanceId;
+use ds_topic::Role;
 use policy_bridge::OutsideBus;
 use tokio::task::JoinSet;
+
+use crate::cli::RunArgs;
 
 /// How the fleet of one run is made up.
 #[derive(Debug, Clone)]
@@ -33,6 +37,37 @@ pub(crate) struct FleetPlan {
     pub probe_adapter: bool,
     /// Share of pushes that are dropped.
     pub drop_pushes: f64,
+    /// Commands of other programs that take a stage's place.
+    pub stages: BTreeMap<Role, String>,
+}
+
+impl FleetPlan {
+    /// Returns the fleet that the arguments of a run ask for.
+    ///
+    /// # Errors
+    /// If a stage is none, has no command, or is named twice.
+    pub(crate) fn of(args: &RunArgs) -> Result<Self> {
+        let mut stages = BTreeMap::new();
+        for text in &args.stages {
+            let named =
+                text.split_once('=').and_then(|(role, command)| Some((Role::from_name(role.trim())?, command.trim())));
+            let Some((role, command)) = named.filter(|(_, command)| !command.is_empty()) else {
+                anyhow::bail!("--stage {text:?} is not ROLE=COMMAND with sim, layout, video or policy as ROLE");
+            };
+            anyhow::ensure!(stages.insert(role, command.to_owned()).is_none(), "--stage names {role} twice");
+        }
+        Ok(Self {
+            folder: args.out.clone(),
+            model: args.model.clone(),
+            policy_weights: args.policy_weights.clone(),
+            workers: args.workers,
+            policy: args.policy.clone(),
+            policy_listen: args.policy_listen.clone(),
+            probe_adapter: args.layout_backend != "cpu",
+            drop_pushes: args.drop_pushes,
+            stages,
+        })
+    }
 }
 
 /// A started fleet.
@@ -140,7 +175,7 @@ pub(crate) async fn start(plan: &FleetPlan) -> Result<Fleet> {
         let role = factory.role();
         let member = Member {
             instance: InstanceId::new(&format!("{role}-{index}")).context("instance")?,
-            slots: if role == ds_topic::Role::Video { 1 } else { plan.workers },
+            slots: if role == Role::Video { 1 } else { plan.workers },
             orchestrator: Dial::local(&control)?,
             bus: bus.clone(),
             factory,

@@ -303,15 +303,16 @@ impl Hub {
 
     /// Returns the models that connected members have; `None` where no member of the role is connected.
     pub(crate) fn abilities(&self) -> Abilities {
-        let digest = |bytes: &[u8]| <[u8; 32]>::try_from(bytes).ok().map(Digest);
+        // Empty is as good as zero: there is no model.
+        let digest = |bytes: &[u8]| <[u8; 32]>::try_from(bytes).map_or(Digest::default(), Digest);
         let lines = lock(&self.lines);
         let mut abilities = Abilities::default();
         for hello in lines.connected.values().map(|connected| &connected.hello) {
             match pb::role_of(hello.role) {
                 Some(Role::Video) => {
-                    abilities.video = digest(&hello.video_model).map(|model| (model, hello.chunk_ticks))
+                    abilities.video = Some((digest(&hello.video_model), hello.chunk_ticks));
                 }
-                Some(Role::Policy) => abilities.policy = digest(&hello.policy_model),
+                Some(Role::Policy) => abilities.policy = Some(digest(&hello.policy_model)),
                 Some(Role::Sim | Role::Layout) | None => {}
             }
         }

@@ -110,7 +110,7 @@ impl Maker for Hosting {
             return Ok(Vec::new());
         }
         let (observation, states) = self.observation(order.last, inputs)?;
-        let plan = match &mut self.guest {
+        let answer = match &mut self.guest {
             Guest::Builtin(policy) => {
                 let ego = states.last().copied().unwrap_or_default();
                 let view = PrivilegedView { scene: Arc::clone(&self.scene.scene), tick: order.last, ego };
@@ -122,11 +122,13 @@ impl Maker for Hosting {
             }
             Guest::External(policy) => policy.plan(&observation, &states)?,
         };
+        let plan = Plan { observed: observation.stamps.last().copied(), ..answer };
         Ok(vec![output(Slot::new(Topic::Plan, order.iteration), order.last, &plan)])
     }
 }
 
 fn to_plan(answer: PolicyAnswer) -> Plan {
     let proposal = |made: ds_policy::Proposal| Proposal { trajectory: made.trajectory, score: made.score };
-    Plan { trajectory: answer.trajectory, proposals: answer.proposals.into_iter().map(proposal).collect() }
+    let proposals = answer.proposals.into_iter().map(proposal).collect();
+    Plan { trajectory: answer.trajectory, proposals, observed: None }
 }

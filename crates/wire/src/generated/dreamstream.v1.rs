@@ -51,7 +51,7 @@ pub struct Header {
     /// The message's place in the episode.
     #[prost(message, optional, tag = "12")]
     pub slot: ::core::option::Option<Slot>,
-    /// BLAKE3 over the decoded fields of the body in a fixed order; 32 bytes.
+    /// BLAKE3 over the decoded fields of the body in a fixed order; 32 bytes. Empty: readers digest the body themselves.
     #[prost(bytes = "bytes", tag = "13")]
     pub content: ::prost::bytes::Bytes,
 }
@@ -327,6 +327,10 @@ pub struct Plan {
     /// All candidates, at most 1024; the answer among them if the policy proposes several.
     #[prost(message, repeated, tag = "3")]
     pub proposals: ::prost::alloc::vec::Vec<Proposal>,
+    /// Simulation time of the newest frame that the policy was shown, in nanoseconds; not before the scenario's start.
+    /// Absent if the bridge does not say. No part of the content digest.
+    #[prost(int64, optional, tag = "4")]
+    pub observed_ns: ::core::option::Option<i64>,
 }
 /// Who holds a role of the episode.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]

@@ -100,7 +100,12 @@ fn trajectory() -> impl Strategy<Value = Trajectory> {
 
 pub(crate) fn plan() -> impl Strategy<Value = Plan> {
     let proposal = (trajectory(), finite()).prop_map(|(trajectory, score)| Proposal { trajectory, score });
-    (trajectory(), vec(proposal, 0..4)).prop_map(|(trajectory, proposals)| Plan { trajectory, proposals })
+    let observed = option::of((0..i64::MAX).prop_map(SimTime));
+    (trajectory(), vec(proposal, 0..4), observed).prop_map(|(trajectory, proposals, observed)| Plan {
+        trajectory,
+        proposals,
+        observed,
+    })
 }
 
 fn tensor() -> impl Strategy<Value = Tensor> {

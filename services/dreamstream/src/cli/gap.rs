@@ -57,6 +57,10 @@ pub(crate) struct DiagnoseArgs {
     /// `CASE-traffic`.
     #[arg(long, value_hint = ValueHint::AnyPath)]
     pub(crate) scenes: Vec<PathBuf>,
+    /// A run of the nominal simulator on the same scenarios, with vehicle logs: its camera frames are compared with those
+    /// of the logs wherever both cars are in the same place, as a case of its own.
+    #[arg(long, value_name = "RUN", value_hint = ValueHint::DirPath)]
+    pub(crate) nominal: Option<PathBuf>,
     /// Draw no pages.
     #[arg(long)]
     pub(crate) no_pages: bool,
@@ -127,9 +131,9 @@ pub(crate) struct ExplainArgs {
 /// Arguments of `gap apply`.
 #[derive(Debug, Args)]
 pub(crate) struct ApplyArgs {
-    /// A diagnosis.json.
-    #[arg(value_hint = ValueHint::FilePath)]
-    pub(crate) diagnosis: PathBuf,
+    /// A diagnosis.json; several, such as that of a car and that of its camera, are put together.
+    #[arg(required = true, value_hint = ValueHint::FilePath)]
+    pub(crate) diagnoses: Vec<PathBuf>,
     /// Where the configuration goes.
     #[arg(long, short, default_value = "corrected.toml", value_hint = ValueHint::FilePath)]
     pub(crate) out: PathBuf,

@@ -3,7 +3,9 @@
 pub(crate) mod attribute;
 pub(crate) mod close;
 pub(crate) mod logs;
+mod pairs;
 pub(crate) mod scenes;
+mod stamps;
 pub(crate) mod watch;
 
 use std::path::{Path, PathBuf};
@@ -68,16 +70,20 @@ fn cases(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Makes tables of vehicle logs, in the folder of the answer; other cases stay as they are.
-fn tables(case: &Path, out: &Path) -> Result<PathBuf> {
+/// Makes tables of vehicle logs, in the folder of the answer, and pairs of their frames with those of a nominal run;
+/// other cases stay as they are.
+fn tables(case: &Path, nominal: Option<&Path>, out: &Path) -> Result<Vec<PathBuf>> {
     if !logs::are_logs(case) {
-        return Ok(case.to_path_buf());
+        return Ok(vec![case.to_path_buf()]);
     }
     // The logs of a run lie in RUN/real: the case is called after the run.
     let run = if name(case) == "real" { case.canonicalize()?.parent().map(Path::to_path_buf) } else { None };
     let folder = out.join("cases").join(name(&run.unwrap_or_else(|| case.to_path_buf())));
     logs::case(case, &[], &folder)?;
-    Ok(folder)
+    let Some(nominal) = nominal else { return Ok(vec![folder]) };
+    let frames = folder.with_file_name(format!("{}-frames", name(&folder)));
+    let frames = pairs::write(case, &nominal.join("real"), &frames)?;
+    Ok(std::iter::once(folder).chain(frames).collect())
 }
 
 /// Returns the corrected simulator of a diagnosis as a run's configuration.
@@ -88,11 +94,12 @@ pub(crate) fn corrected(diagnosis: &Diagnosis) -> RunConfig {
 }
 
 fn apply(args: &ApplyArgs) -> Result<()> {
-    let diagnosis = read(&args.diagnosis)?;
-    let config = corrected(&diagnosis);
+    let diagnoses = args.diagnoses.iter().map(|path| read(path)).collect::<Result<Vec<_>>>()?;
+    let config = RunConfig { effects: diagnoses.iter().flat_map(|diagnosis| corrected(diagnosis).effects).collect() };
+    let cases: Vec<&str> = diagnoses.iter().map(|diagnosis| diagnosis.case.as_str()).collect();
     let named = |line: &EffectLine| format!("{} = {:?}", line.id, line.values);
     let named: Vec<String> = config.effects.iter().map(named).collect();
-    write_config(&config, &diagnosis.case, &args.out)?;
+    write_config(&config, &cases.join(", "), &args.out)?;
     answer(&if named.is_empty() {
         "no effect: the nominal simulator stays as it is".to_owned()
     } else {
@@ -156,10 +163,10 @@ fn name(case: &Path) -> String {
 fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
     let mut cases = Vec::new();
     for case in self::cases(&args.cases)? {
-        let table = tables(&case, &args.out)?;
-        let traffic = args.out.join("cases").join(format!("{}-traffic", name(&table)));
+        let made = tables(&case, args.nominal.as_deref(), &args.out)?;
+        let traffic = args.out.join("cases").join(format!("{}-traffic", name(made.first().unwrap_or(&case))));
         let seen = logs::are_logs(&case) && !args.scenes.is_empty() && scenes::case(&case, &args.scenes, &traffic)?;
-        cases.push(table);
+        cases.extend(made);
         cases.extend(seen.then_some(traffic));
     }
     let options = Options { quick: args.quick, without: Vec::new() };
@@ -238,7 +245,10 @@ fn one(case: &Path, options: &Options, bar: &ProgressBar) -> Result<Diagnosis> {
         let options = ds_sight::Options { without: options.without.clone() };
         ds_sight::diagnose(case, &options).map_err(anyhow::Error::new)
     } else {
-        diagnose(case, options).map_err(anyhow::Error::new)
+        diagnose(case, options).map_err(anyhow::Error::new).and_then(|mut diagnosis| {
+            stamps::add(case, &mut diagnosis)?;
+            Ok(diagnosis)
+        })
     };
     bar.inc(1);
     diagnosis.map(|diagnosis| Diagnosis { secs: began.elapsed().as_secs_f64(), ..diagnosis })
@@ -278,12 +288,15 @@ fn frames(text: &str) -> Result<std::ops::RangeInclusive<u64>> {
 
 fn evaluate_one(args: &EvaluateArgs) -> Result<()> {
     let diagnosis = read(&args.diagnosis)?;
-    let shrinks = if ds_traffic::is_traffic_case(&args.case) {
-        ds_traffic::evaluate(&diagnosis, &args.case, &args.drives)?
-    } else if ds_sight::is_frame_case(&args.case) {
-        ds_sight::evaluate(&diagnosis, &args.case, args.frames.as_deref().map(frames).transpose()?)?
+    // Tables of vehicle logs are made beside the diagnosis.
+    let beside = args.diagnosis.parent().unwrap_or(Path::new(".")).join("unseen");
+    let case = tables(&args.case, None, &beside)?.pop().unwrap_or_else(|| args.case.clone());
+    let shrinks = if ds_traffic::is_traffic_case(&case) {
+        ds_traffic::evaluate(&diagnosis, &case, &args.drives)?
+    } else if ds_sight::is_frame_case(&case) {
+        ds_sight::evaluate(&diagnosis, &case, args.frames.as_deref().map(frames).transpose()?)?
     } else {
-        evaluate(&diagnosis, &args.case, &args.drives)?
+        evaluate(&diagnosis, &case, &args.drives)?
     };
     let text = serde_json::to_string_pretty(&shrinks).context("shrink as JSON")?;
     match &args.out {

@@ -47,17 +47,9 @@ pub(crate) async fn drive_all(args: &RunArgs, log: &str) -> Result<Results> {
         watch.reach().await?;
     }
     prepare(args)?;
-    let plan = FleetPlan {
-        folder: args.out.clone(),
-        model: args.model.clone(),
-        policy_weights: args.policy_weights.clone(),
-        workers: args.workers,
-        policy: args.policy.clone(),
-        policy_listen: args.policy_listen.clone(),
-        probe_adapter: args.layout_backend != "cpu",
-        drop_pushes: args.drop_pushes,
-    };
-    let mut fleet = if args.processes { children::start(&plan, log).await? } else { embed::start(&plan).await? };
+    let plan = FleetPlan::of(args)?;
+    let apart = args.processes || !plan.stages.is_empty();
+    let mut fleet = if apart { children::start(&plan, log).await? } else { embed::start(&plan).await? };
     let request = request(args, &world, sources(&files, Source::Path)?)?;
     let control = Dial::local(&fleet.control)?;
     let viewer = match watch {
@@ -380,6 +372,9 @@ fn configuration(args: &RunArgs, world: &RunConfig) -> ds_space::Digest {
         for effect in &world.effects {
             writer.text(&effect.id).f64s(&effect.values);
         }
+    }
+    for stage in &args.stages {
+        writer.text(stage);
     }
     writer.bool(args.vehicle_log).finish()
 }

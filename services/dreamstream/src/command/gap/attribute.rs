@@ -84,7 +84,10 @@ fn components(args: &AttributeArgs, config: &RunConfig) -> Vec<Component> {
         Component { name: "agents", effects: of(&[Insertion::Agent, Insertion::Map]) },
         Component { name: "latency and sensors", effects: of(&[Insertion::Clock, Insertion::Sensor]) },
     ];
-    let frames = (args.real_frames != args.nominal_frames).then(|| Component { name: "frames", effects: Vec::new() });
+    // What the car's own library does not know acts on finished frames.
+    let on_frames: Vec<EffectLine> = config.effects.iter().filter(|line| find(&line.id).is_none()).cloned().collect();
+    let differ = args.real_frames != args.nominal_frames || !on_frames.is_empty();
+    let frames = differ.then_some(Component { name: "frames", effects: on_frames });
     frames.into_iter().chain(all.into_iter().filter(|component| !component.effects.is_empty())).collect()
 }
 

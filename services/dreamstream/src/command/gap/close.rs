@@ -13,7 +13,7 @@ use ds_report::{Interval, Results};
 use ds_world::Reading;
 use serde::Serialize;
 
-use super::{corrected, logs, save, tell, write_config};
+use super::{corrected, logs, save, stamps, tell, write_config};
 use crate::cli::{Cli, CloseArgs, Command, RunArgs};
 use crate::command::report::RESULTS;
 use crate::command::{answer, run, scenario};
@@ -57,7 +57,8 @@ pub(crate) async fn run(args: &CloseArgs, log: &str) -> Result<()> {
     ensure!(held.len() < logged.len(), "every log of {} is held out: none is left to fit", real.display());
     let case = args.out.join("case");
     logs::case(&real, &held, &case)?;
-    let diagnosis = diagnose(&case, &Options { quick: args.quick, without: Vec::new() })?;
+    let mut diagnosis = diagnose(&case, &Options { quick: args.quick, without: Vec::new() })?;
+    stamps::add(&case, &mut diagnosis)?;
     save(&args.out, &diagnosis)?;
     tell("diagnosis", &diagnosis);
     let config = args.out.join("corrected.toml");

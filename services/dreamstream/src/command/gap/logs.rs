@@ -7,9 +7,11 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use ds_record::{Recording, vehicle_log};
 use ds_sim::IdmParameters;
+use ds_space::CameraModel;
 use ds_world::{Reading, VehicleParameters};
 use serde_json::{Value, json};
 
+use super::stamps;
 use crate::command::gap::scenes;
 
 const HEAD: &str = "t,cmd_steer,cmd_accel,x,y,yaw,v,yaw_rate,ax,ay,steer_meas,v_wheel";
@@ -17,7 +19,7 @@ const HEAD: &str = "t,cmd_steer,cmd_accel,x,y,yaw,v,yaw_rate,ax,ay,steer_meas,v_
 /// Extracts the vehicle logs of recorded drives to a folder, with the nominal car beside them.
 pub(crate) fn extract(recordings: &[PathBuf], folder: &Path) -> Result<()> {
     let mut drives = Vec::new();
-    let mut nominal = Value::Null;
+    let (mut nominal, mut cameras) = (Value::Null, Value::Null);
     let mut traffic = (Value::Null, Value::Null);
     for path in recordings {
         let recording = Recording::open(path)?;
@@ -26,15 +28,31 @@ pub(crate) fn extract(recordings: &[PathBuf], folder: &Path) -> Result<()> {
         drives.push(json!({ "file": name }));
         let message = recording.scene();
         nominal = describe(&message.scene.vehicle);
+        cameras = message.scene.cameras.iter().map(camera).collect();
         traffic = scenes::settings(&message.spec, message.scene.dt.secs());
     }
     let (agents, from_secs) = traffic;
     let meta = json!({
-        "drives": drives, "channels_missing": [], "nominal": nominal, "agents": agents, "from_secs": from_secs,
+        "drives": drives, "channels_missing": [], "nominal": nominal, "cameras": cameras, "agents": agents,
+        "from_secs": from_secs,
     });
     let path = folder.join("meta.json");
     std::fs::write(&path, serde_json::to_string_pretty(&meta)? + "\n")
         .with_context(|| format!("write {}", path.display()))
+}
+
+fn camera(camera: &CameraModel) -> Value {
+    let lens = &camera.intrinsics;
+    json!({
+        "name": camera.id.as_str(),
+        "width": lens.width_px,
+        "height": lens.height_px,
+        "fx": lens.fx_px,
+        "fy": lens.fy_px,
+        "cx": lens.cx_px,
+        "cy": lens.cy_px,
+        "height_m": camera.rig_from_camera.translation.z,
+    })
 }
 
 /// Describes the nominal car as a case's `meta.json` does.
@@ -85,7 +103,9 @@ pub(crate) fn case(folder: &Path, held_out: &[String], out: &Path) -> Result<()>
     let (mut drives, mut fit, mut kept) = (Vec::new(), Vec::new(), Vec::new());
     for (index, name) in names.iter().enumerate() {
         let table = format!("{}.csv", name.trim_end_matches(".mcap"));
-        write_table(&folder.join(name), &out.join(&table))?;
+        let log = vehicle_log::read(&folder.join(name))?;
+        self::table(&log.readings, &out.join(&table))?;
+        stamps::write(&log.plans, &out.join(format!("{}.plans.csv", name.trim_end_matches(".mcap"))))?;
         drives.push(json!({ "file": table }));
         let held = held_out.iter().any(|drive| drive == name.trim_end_matches(".mcap"));
         if held { kept.push(index) } else { fit.push(index) }
@@ -107,10 +127,6 @@ pub(crate) fn window(readings: &[Reading], vehicle: &VehicleParameters, out: &Pa
     let meta = json!({ "drives": [{ "file": "drive.csv" }], "channels_missing": [], "nominal": describe(vehicle) });
     let path = out.join("meta.json");
     std::fs::write(&path, meta.to_string()).with_context(|| format!("write {}", path.display()))
-}
-
-fn write_table(log: &Path, out: &Path) -> Result<()> {
-    table(&vehicle_log::read(log)?.readings, out)
 }
 
 fn table(readings: &[Reading], out: &Path) -> Result<()> {

@@ -1,0 +1,113 @@
+"""Checks `gap attribute` on worlds with two effects in different services, drawn from a seed.
+
+The truth is what each effect costs alone, measured on other scenarios than the attribution sees: with two components and
+the same drives, the larger Shapley share is the larger single loss by definition, which would show nothing.
+
+    python tests/worlds/attribution_worlds.py --binary target/debug/dreamstream --out DIR --seed 1 --worlds 20
+"""
+
+import argparse
+import json
+import pathlib
+import subprocess
+
+import numpy as np
+
+from service_runs import ROOT, share
+
+# component: effects with the range of their one value, from noticeable to strong
+SERVICES = {
+    "dynamics": {"steer_delay": (0.15, 0.4), "steer_lag": (0.2, 0.6), "steer_gain": (0.8, 0.9), "steer_offset": (0.008, 0.02),
+                 "front_grip": (0.6, 0.8), "brake_gain": (0.5, 0.75), "accel_delay": (0.25, 0.5), "steer_rate": (0.06, 0.15)},
+    "frames": {"mount_yaw": (1.5, 3.0), "mount_pitch": (1.5, 3.0), "mount_roll": (1.5, 3.0), "focal_error": (0.04, 0.08),
+               "gamma": (0.6, 0.75), "defocus": (2.0, 4.0), "sensor_noise": (15.0, 40.0), "night_illumination": (0.1, 0.4)},
+    "agents": {"tr_headway": (0.5, 0.6), "tr_delay": (0.6, 1.2), "tr_brake": (0.5, 0.7), "tr_accel": (1.4, 1.6)},
+    "latency and sensors": {"obs_latency": (0.2, 0.5), "gyro_bias": (0.01, 0.03), "wheel_scale": (0.9, 0.95), "pose_latency": (0.1, 0.3)},
+}
+# Effects of two parameters: what the second one is.
+SECOND = {"sensor_noise": 0.0, "night_illumination": 0.3}
+
+
+def draw(r):
+    """Returns two effects (component, id, values) of different components."""
+    names = r.choice(list(SERVICES), 2, replace=False, p=[0.35, 0.35, 0.1, 0.2])
+    made = []
+    for component in map(str, names):
+        effect = str(r.choice(list(SERVICES[component])))
+        values = [float(r.uniform(*SERVICES[component][effect]))]
+        made.append((component, effect, values + ([SECOND[effect]] if effect in SECOND else [])))
+    return made
+
+
+def write(path, effects):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("".join(f'[[effects]]\nid = "{name}"\nvalues = {values}\n' for _, name, values in effects))
+    return path
+
+
+def call(given, *arguments):
+    with open(given.out / "log.txt", "a") as said:
+        said.write("\n$ " + " ".join(map(str, arguments)) + "\n")
+        said.flush()
+        subprocess.run([str(given.binary), *map(str, arguments)], cwd=ROOT, stdin=subprocess.DEVNULL, stdout=said, stderr=said, check=True)
+
+
+def score(given, config, out):
+    """Returns the driving score of each scenario of the second set."""
+    if not (out / "results.json").exists():
+        call(given, "run", given.out / "second", "--policy", given.policy, "--observation", given.observation, "--duration", given.duration,
+             "--no-pictures", "--config", config, "--out", out)
+    episodes = json.loads((out / "results.json").read_text())["episodes"]
+    return {e["scenario"]: 100 * (e["driving_score"] or 0.0) for e in episodes}
+
+
+def play(given, number, effects, nominal):
+    """Attributes one world and measures what each of its effects costs alone."""
+    folder = given.out / f"world_{number:02d}"
+    config = write(folder / "real.toml", effects)
+    if not (folder / "attribution/attribution.json").exists():
+        call(given, "gap", "attribute", given.out / "first", "--config", config, "--policy", given.policy, "--real-frames", given.observation,
+             "--nominal-frames", given.observation, "--duration", given.duration, "--out", folder / "attribution")
+    report = json.loads((folder / "attribution/attribution.json").read_text())[0]
+    split = next(metric for metric in report["metrics"] if metric["metric"] == "driving_score")
+    shares = {part["component"]: (-100 * part["value"]) for part in split["shares"]}
+    alone = {}
+    for component, name, values in effects:
+        scores = score(given, write(folder / f"{name}.toml", [(component, name, values)]), folder / name)
+        alone[component] = float(np.mean([nominal[key] - scores[key] for key in nominal]))
+    return {"effects": effects, "shares": shares, "alone": alone, "sentence": report["sentence"]}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--binary", type=pathlib.Path, default=ROOT / "target/debug/dreamstream")
+    parser.add_argument("--out", type=pathlib.Path, required=True)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--worlds", type=int, default=20)
+    parser.add_argument("--scenarios", type=int, default=8)
+    parser.add_argument("--duration", type=float, default=10.0)
+    parser.add_argument("--policy", default="camera")
+    parser.add_argument("--observation", default="reference")
+    given = parser.parse_args()
+    given.out = given.out.resolve()
+    given.out.mkdir(parents=True, exist_ok=True)
+    for name, first in (("first", 1000 * given.seed), ("second", 1000 * given.seed + 500)):
+        if not (given.out / name).exists():
+            call(given, "scenario", "generate", "--seed", first, "--count", given.scenarios, "--out", given.out / name)
+    nominal = score(given, write(given.out / "nominal.toml", []), given.out / "nominal")
+    print("| world | component: effect | Shapley share, points | alone on other scenarios, points | right |\n|---|---|---|---|---|")
+    rights = []
+    for number in range(given.worlds):
+        world = play(given, number, draw(np.random.default_rng([given.seed, number])), nominal)
+        told = ", ".join(f"{c}: {n} {v[0]:.3g}" for c, n, v in world["effects"])
+        largest, costliest = (max(d, key=d.get) for d in (world["shares"], world["alone"]))
+        rights.append((largest == costliest, abs(np.diff(list(world["alone"].values()))[0])))
+        line = lambda d: ", ".join(f"{k} {v:.1f}" for k, v in d.items())
+        print(f"| {number} | {told} | {line(world['shares'])} | {line(world['alone'])} | {'yes' if rights[-1][0] else 'no'} |", flush=True)
+    print(f"\nthe largest share names the service that costs most: {share(sum(r for r, _ in rights), len(rights))}")
+    clear = [r for r, apart in rights if apart >= 1.0]
+    print(f"where the two cost at least 1 point apart: {share(sum(clear), len(clear))}")
+
+
+if __name__ == "__main__":
+    main()
