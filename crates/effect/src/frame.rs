@@ -222,6 +222,12 @@ impl FrameChain {
         picture.warped(|x, y| self.source_of(context, [x as f64, y as f64]).map(|v| v as f32))
     }
 
+    /// Lets a frame go by that nobody looks at: what effects remember goes on.
+    pub fn pass(&mut self, context: &FrameContext<'_>) {
+        // wider than any kernel, and small
+        let _ = self.edited(Picture::filled(16, 16, 1, 128.0), context);
+    }
+
     /// Returns a picture that is already in place after all edits.
     pub fn edited(&mut self, mut picture: Picture, context: &FrameContext<'_>) -> Picture {
         for (effect, values, memory) in &mut self.effects {

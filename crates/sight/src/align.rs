@@ -118,6 +118,13 @@ fn frame_points(scene: &Scene<'_>, model: &Model, chain: &FrameChain, k: usize, 
         .collect()
 }
 
+/// Returns the effects that carry the alignment at their estimates.
+#[must_use]
+pub fn carried(scene: &Scene<'_>, field: &Field) -> Chosen {
+    let effects: Chosen = CARRIERS.iter().filter_map(|id| find_frame(id)).map(|e| (e, e.neutral())).collect();
+    fit(scene.case, &scene.frames, &field.points, &effects, Loose { constant_px: 0.3, frame_px: 0.3 }).effects
+}
+
 /// Fits the geometry effects of a model to the field, with offsets held to the nuisance.
 #[must_use]
 pub fn geometry(scene: &Scene<'_>, field: &Field, effects: &Chosen) -> Fit {

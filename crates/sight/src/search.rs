@@ -13,9 +13,10 @@ use crate::flicker;
 use crate::geometry::moves;
 use crate::grain;
 use crate::loss::{self, Loss};
-use crate::lost;
+use crate::objects::{self, Fate};
 use crate::scene::{DETAIL, Model, Placed, Scene};
 use crate::settings;
+use crate::transport::Late;
 use crate::{sharp, tone};
 
 /// One effect tried on top of a model.
@@ -69,13 +70,32 @@ pub struct Search {
     pub field: Field,
 }
 
+/// What every search starts from: ages and displacements of the frames.
+pub struct Ready {
+    /// Ages of the content.
+    pub ages: Ages,
+    /// What they are held for.
+    pub late: Late,
+    /// Displacements.
+    pub field: Field,
+}
+
+impl Ready {
+    /// Measures a scene.
+    #[must_use]
+    pub fn of(scene: &Scene<'_>) -> Self {
+        let ages = align::ages(scene);
+        let late = crate::transport::judge(scene, &ages);
+        let mut field = align::field(scene, &late.ages, ages.start);
+        field.points.iter_mut().take(late.blind).for_each(Vec::clear);
+        Self { ages, late, field }
+    }
+}
+
 /// Searches.
 #[must_use]
-pub fn search(scene: &Scene<'_>, without: &[String]) -> Search {
-    let ages = align::ages(scene);
-    let late = crate::transport::judge(scene, &ages);
-    let mut field = align::field(scene, &late.ages, ages.start);
-    field.points.iter_mut().take(late.blind).for_each(Vec::clear);
+pub fn search(scene: &Scene<'_>, ready: Ready, without: &[String]) -> Search {
+    let Ready { ages, late, field } = ready;
     let shifts = align::geometry(scene, &field, &Vec::new()).shifts;
     let null = Model { shifts, blind: late.blind, ..Model::nominal(scene.frames.len()) };
     let placed = scene.placed(&null);
@@ -137,7 +157,7 @@ fn round(scene: &Scene<'_>, found: &Search, without: &[String]) -> Round {
 
 /// Fits all tone effects of a model once more, so that no later effect takes credit for an unfinished fit.
 fn polished(scene: &Scene<'_>, model: Model, placed: &Placed) -> Model {
-    let ids: Vec<&str> = model.effects.iter().map(|(e, _)| e.id).filter(|id| TONES.contains(id)).collect();
+    let ids: Vec<&str> = model.effects.iter().map(|(e, _)| e.id).filter(|id| tone::KNOWN.contains(id)).collect();
     if ids.is_empty() { model } else { tone::fit(scene, &model, &placed.small, &ids).0 }
 }
 
@@ -191,13 +211,12 @@ fn trial(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Opt
             let loss = loss::measure(scene, &model, &found.placed).total;
             (model, loss, settings::FLICKER_COST)
         }
-        "object_dropout" => {
-            let model = without_boxes(scene, found, effect)?;
+        "object_dropout" | "object_hallucination" | "identity_switch" | "layout_misalignment" => {
+            let model = with_objects(scene, found, effect)?;
             let loss = loss::measure(scene, &model, &found.placed).total;
-            let boxes: usize = model.lost.iter().map(Vec::len).sum();
-            (model, loss, boxes as f64 * settings::COUNTED_FRAMES / scene.frames.len() as f64)
+            let count: usize = model.lost.iter().map(Vec::len).sum();
+            (model, loss, count as f64 * settings::COUNTED_FRAMES / scene.frames.len() as f64)
         }
-        "object_hallucination" | "identity_switch" | "layout_misalignment" => return None,
         _ => toned(scene, found, effect),
     };
     Some(Trial { id: effect.id, model, loss, cost })
@@ -245,15 +264,12 @@ fn moving(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Op
 fn toned(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> (Model, f64, f64) {
     let mut model = found.model.clone();
     model.set(effect, start(effect));
-    let mut ids: Vec<&str> = found.model.effects.iter().map(|(e, _)| e.id).filter(|id| TONES.contains(id)).collect();
+    let mut ids: Vec<&str> = found.model.effects.iter().map(|(e, _)| e.id).filter(|id| tone::KNOWN.contains(id)).collect();
     ids.push(effect.id);
     let (model, _) = tone::fit(scene, &model, &found.placed.small, &ids);
     let loss = loss::measure(scene, &model, &found.placed).total;
     (model, loss, 2.0 + effect.parameters.len() as f64)
 }
-
-const TONES: [&str; 7] =
-    ["gamma", "white_balance", "vignetting", "fog_haze", "night_illumination", "exposure_lag", "rollout_drift"];
 
 fn noisy(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Option<Model> {
     let texture = grain::texture(scene, &scene.full_of(&found.model, &found.placed.full));
@@ -311,17 +327,41 @@ fn dirty(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Opt
     Some((model, settings::DIRT_COST[0] + settings::DIRT_COST[1] * spots.area))
 }
 
-fn without_boxes(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Option<Model> {
+/// Returns what an effect does to objects.
+#[must_use]
+pub fn fate(id: &str) -> Option<Fate> {
+    match id {
+        "object_dropout" => Some(Fate::Gone),
+        "identity_switch" => Some(Fate::Restyled),
+        "layout_misalignment" => Some(Fate::Moved),
+        "object_hallucination" => Some(Fate::Appeared),
+        _ => None,
+    }
+}
+
+fn with_objects(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Option<Model> {
     let rendered = scene.small_of(&found.model, &found.placed.small);
-    let lost = lost::boxes(scene, &rendered);
-    let count: usize = lost.iter().map(Vec::len).sum();
-    let cars: usize = scene.frames.iter().map(|f| f.boxes.iter().filter(|b| b.class == "car").count()).sum();
-    if count == 0 {
+    let fate = fate(effect.id)?;
+    let events: Vec<_> = objects::events(scene, &rendered).into_iter().filter(|e| e.fate == fate).collect();
+    if events.is_empty() {
         return None;
     }
+    let boxes = |cars: bool| -> usize {
+        scene.frames.iter().map(|f| f.boxes.iter().filter(|b| !cars || b.class == "car").count()).sum()
+    };
+    let count = events.len() as f64;
+    let square: f64 = events.iter().map(|e| 0.5 * (e.offset[0].powi(2) + e.offset[1].powi(2))).sum();
+    let value = match fate {
+        Fate::Gone => (count / boxes(true).max(1) as f64).min(1.0),
+        Fate::Restyled => (count / boxes(false).max(1) as f64).min(1.0),
+        Fate::Moved => (square / count).sqrt(),
+        Fate::Appeared => count / scene.frames.len() as f64,
+    };
     let mut model = found.model.clone();
-    model.lost = lost;
-    model.set(effect, vec![(count as f64 / cars.max(1) as f64).min(1.0)]);
+    for event in events {
+        model.lost[event.frame].push(event.edges);
+    }
+    model.set(effect, vec![value]);
     Some(model)
 }
 
