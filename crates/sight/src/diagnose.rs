@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use ds_effect::FrameEffect;
 use ds_gap::report::{Corrected, CorrectedEffect, Diagnosis, Finding, SCHEMA, Verdict};
 
 use crate::case::FrameCase;

@@ -41,11 +41,17 @@ pub struct Event {
 pub fn events(scene: &Scene<'_>, rendered: &[Picture]) -> Vec<Event> {
     let mut boxed: Vec<(Event, f64)> = Vec::new();
     let mut free = Vec::new();
+    // once some objects stand out clearly, weaker ones are believed as well
+    let clear = rendered.iter().enumerate().any(|(k, p)| {
+        let view = View::new(p, &scene.small[k].1, scene.frames[k].boxes.iter().map(|b| b.edges));
+        view.boxes.iter().any(|b| view.stands_out(b, 1.0))
+    });
+    let share = if clear { 0.4 } else { 1.0 };
     for (k, p) in rendered.iter().enumerate() {
         let real = &scene.small[k].1;
         let view = View::new(p, real, scene.frames[k].boxes.iter().map(|b| b.edges));
         for (at, b) in view.boxes.iter().enumerate() {
-            if view.stands_out(b) {
+            if view.stands_out(b, share) {
                 let (fate, offset, left) = view.fate(b);
                 let edges = scene.frames[k].boxes[at].edges;
                 let moved = [edges[0] + offset[0], edges[1] + offset[1], edges[2] + offset[0], edges[3] + offset[1]];
@@ -126,8 +132,9 @@ impl<'a> View<'a> {
             / count
     }
 
-    fn stands_out(&self, b: &[usize; 4]) -> bool {
-        (b[2].saturating_sub(b[0])) * (b[3].saturating_sub(b[1])) >= 4 && self.mean(b) > 8.0 * self.typical + 40.0
+    fn stands_out(&self, b: &[usize; 4], share: f32) -> bool {
+        let area = b[2].saturating_sub(b[0]) * b[3].saturating_sub(b[1]);
+        area >= 4 && self.mean(b) > share * (8.0 * self.typical + 40.0)
     }
 
     /// Returns what explains a box best, how far it moved in full pixels, and the share of the residual left.

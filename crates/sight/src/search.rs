@@ -3,6 +3,8 @@
 //! Every effect is fitted where it shows (displacements, small pictures, full pictures, flat places, boxes) and then
 //! judged by the same loss. An effect that is measured frame by frame or place by place pays for its freedom.
 
+use std::cell::OnceCell;
+
 use ds_effect::FrameEffect;
 use ds_effect::frame::Act;
 use ds_effect::{find_frame, frame_library};
@@ -13,7 +15,7 @@ use crate::flicker;
 use crate::geometry::moves;
 use crate::grain;
 use crate::loss::{self, Loss};
-use crate::objects::{self, Fate};
+use crate::objects::{self, Event, Fate};
 use crate::scene::{DETAIL, Model, Placed, Scene};
 use crate::settings;
 use crate::transport::Late;
@@ -129,7 +131,9 @@ pub fn search(scene: &Scene<'_>, ready: Ready, without: &[String]) -> Search {
         let needed = if found.chosen.is_empty() {
             settings::FIRST_GAIN
         } else {
-            settings::FURTHER_GAIN.max(settings::FURTHER_SHARE * taken)
+            let fine = DETAIL.contains(&best.id) || best.id == "sensor_noise";
+            let share = if fine { settings::FURTHER_FINE_SHARE } else { settings::FURTHER_SHARE };
+            settings::FURTHER_GAIN.max(share * taken)
         };
         found.rounds.push(round);
         if gain < needed {
@@ -143,12 +147,20 @@ pub fn search(scene: &Scene<'_>, ready: Ready, without: &[String]) -> Search {
     found
 }
 
+/// What all trials of a round have in common, measured when it is first asked for.
+#[derive(Default)]
+struct Base {
+    geometry_loss: OnceCell<f64>,
+    events: OnceCell<Vec<Event>>,
+}
+
 fn round(scene: &Scene<'_>, found: &Search, without: &[String]) -> Round {
+    let base = Base::default();
     let mut trials: Vec<Trial> = frame_library()
         .iter()
         .filter(|e| found.model.values(e.id).is_none() && !matches!(e.act, Act::Age(_)) && scene.can_show(e))
         .filter(|e| !without.iter().any(|w| w == e.id) && !hopeless(found, e))
-        .filter_map(|e| trial(scene, found, e))
+        .filter_map(|e| trial(scene, found, &base, e))
         .filter(|t| !usual(t))
         .collect();
     trials.sort_by(|a, b| (a.loss + a.cost).total_cmp(&(b.loss + b.cost)));
@@ -183,9 +195,9 @@ fn hopeless(found: &Search, effect: &FrameEffect) -> bool {
     round.trials.iter().any(|t| t.id == effect.id && round.gain(t) < settings::HOPELESS_GAIN)
 }
 
-fn trial(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Option<Trial> {
+fn trial(scene: &Scene<'_>, found: &Search, base: &Base, effect: &'static FrameEffect) -> Option<Trial> {
     let (model, loss, cost) = match effect.id {
-        _ if moves(effect) => moving(scene, found, effect)?,
+        _ if moves(effect) => moving(scene, found, base, effect)?,
         "defocus" | "motion_blur" | "jpeg_loss" | "texture_washing" => {
             let (model, loss) = sharp::fit(scene, &found.model, &found.placed, effect);
             let loss = if DETAIL.contains(&effect.id) { seen_in_detail(&found.loss, &loss) } else { loss.total };
@@ -212,7 +224,7 @@ fn trial(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Opt
             (model, loss, settings::FLICKER_COST)
         }
         "object_dropout" | "object_hallucination" | "identity_switch" | "layout_misalignment" => {
-            let model = with_objects(scene, found, effect)?;
+            let model = with_objects(scene, found, base, effect)?;
             let loss = loss::measure(scene, &model, &found.placed).total;
             let count: usize = model.lost.iter().map(Vec::len).sum();
             (model, loss, count as f64 * settings::COUNTED_FRAMES / scene.frames.len() as f64)
@@ -244,12 +256,18 @@ fn start(effect: &FrameEffect) -> Vec<f64> {
     }
 }
 
-fn moving(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Option<(Model, f64, f64)> {
-    let before = align::geometry(scene, &found.field, &found.model.effects);
+fn moving(
+    scene: &Scene<'_>,
+    found: &Search,
+    base: &Base,
+    effect: &'static FrameEffect,
+) -> Option<(Model, f64, f64)> {
+    let before =
+        base.geometry_loss.get_or_init(|| align::geometry(scene, &found.field, &found.model.effects).loss);
     let mut effects = found.model.effects.clone();
     effects.push((effect, start(effect)));
     let fit = align::geometry(scene, &found.field, &effects);
-    if before.loss - fit.loss < settings::GEOMETRY_GAIN {
+    if before - fit.loss < settings::GEOMETRY_GAIN {
         return None;
     }
     let mut model = found.model.clone();
@@ -339,10 +357,10 @@ pub fn fate(id: &str) -> Option<Fate> {
     }
 }
 
-fn with_objects(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Option<Model> {
-    let rendered = scene.small_of(&found.model, &found.placed.small);
+fn with_objects(scene: &Scene<'_>, found: &Search, base: &Base, effect: &'static FrameEffect) -> Option<Model> {
     let fate = fate(effect.id)?;
-    let events: Vec<_> = objects::events(scene, &rendered).into_iter().filter(|e| e.fate == fate).collect();
+    let all = base.events.get_or_init(|| objects::events(scene, &scene.small_of(&found.model, &found.placed.small)));
+    let events: Vec<Event> = all.iter().filter(|e| e.fate == fate).copied().collect();
     if events.is_empty() {
         return None;
     }

@@ -44,6 +44,8 @@ pub const FIRST_GAIN: f64 = 20.0;
 pub const FURTHER_GAIN: f64 = 40.0;
 /// The same as a share of what the effects before it took away: a rough model of a strong effect leaves something.
 pub const FURTHER_SHARE: f64 = 0.08;
+/// The same for effects on fine detail, which show in a band of their own.
+pub const FURTHER_FINE_SHARE: f64 = 0.02;
 /// Loss per unit of ln residual variance of an age.
 pub const AGE_WEIGHT: f64 = 20.0;
 /// Variance of flat places that every case may have, noise of 1.6 levels and two encoders, levels².

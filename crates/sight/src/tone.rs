@@ -16,7 +16,7 @@ pub const KNOWN: [&str; 7] =
 /// Rounds of the fit.
 const ROUNDS: usize = 7;
 /// Frames looked at.
-const FRAMES: usize = 9;
+const FRAMES: usize = 6;
 
 /// Fits the values of the named effects of a model; the others stay.
 #[must_use]
