@@ -87,13 +87,6 @@ impl FrameContext<'_> {
         let closing = self.depth_at(at).map_or(0.0, |d| speed / d);
         Some([c.fx * (x * closing + turn * (1.0 + x * x)), c.fy * (y * closing + turn * x * y)])
     }
-
-    /// Returns the distance from the middle of the picture over that of a corner.
-    #[must_use]
-    pub fn radius(&self, x: usize, y: usize) -> f64 {
-        let half = [self.size[0] as f64 / 2.0, self.size[1] as f64 / 2.0];
-        (x as f64 + 0.5 - half[0]).hypot(y as f64 + 0.5 - half[1]) / half[0].hypot(half[1])
-    }
 }
 
 /// What an effect must be told to show at all.
@@ -220,6 +213,12 @@ impl FrameChain {
             return picture;
         }
         picture.warped(|x, y| self.source_of(context, [x as f64, y as f64]).map(|v| v as f32))
+    }
+
+    /// Lets a frame go by that nobody looks at: what effects remember goes on.
+    pub fn pass(&mut self, context: &FrameContext<'_>) {
+        // wider than any kernel, and small
+        let _ = self.edited(Picture::filled(16, 16, 1, 128.0), context);
     }
 
     /// Returns a picture that is already in place after all edits.

@@ -21,13 +21,33 @@ pub struct Picture {
 /// Returns linear light (white is 1) of an encoded value.
 #[must_use]
 pub fn light_of(encoded: f32) -> f32 {
-    (encoded.max(0.0) * (1.0 / 255.0)).powf(ENCODING)
+    power(encoded.max(0.0) * (1.0 / 255.0), ENCODING)
 }
 
 /// Returns the encoded value of linear light.
 #[must_use]
 pub fn encoded_of(light: f32) -> f32 {
-    255.0 * light.max(0.0).powf(1.0 / ENCODING)
+    255.0 * power(light.max(0.0), 1.0 / ENCODING)
+}
+
+/// Returns `x` to the power `y` for `x` from 0 to 1e30, within 3e-6 of the value, the same on every machine and several
+/// times as fast as the system's.
+#[must_use]
+pub fn power(x: f32, y: f32) -> f32 {
+    // x = m 2^e with m within a factor of the square root of two of 1
+    const ROOT: u32 = 0x3f35_04f3;
+    const ROUND: f32 = 12_582_912.0;
+    let bits = x.max(1e-30).to_bits();
+    let e = (bits.wrapping_sub(ROOT) as i32) >> 23;
+    let f = f32::from_bits(bits.wrapping_sub((e << 23) as u32)) - 1.0;
+    let s = f / (2.0 + f);
+    let z = s * s;
+    let ln = 2.0 * s * (1.0 + z * (1.0 / 3.0 + z * (0.2 + z * (1.0 / 7.0 + z * (1.0 / 9.0)))));
+    let t = (y * (ln * std::f32::consts::LOG2_E + e as f32)).clamp(-126.0, 126.0);
+    let k = (t + ROUND) - ROUND;
+    let r = (t - k) * std::f32::consts::LN_2;
+    let near = 1.0 + r * (1.0 + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0))))));
+    near * f32::from_bits(((k as i32 + 127) << 23) as u32)
 }
 
 impl Picture {
@@ -81,7 +101,7 @@ impl Picture {
     pub fn scale_light(&mut self, mut factor: impl FnMut(usize, usize) -> f32) {
         let (width, channels) = (self.width, self.channels);
         for (k, pixel) in self.data.chunks_exact_mut(channels).enumerate() {
-            let gain = factor(k % width, k / width).max(0.0).powf(1.0 / ENCODING);
+            let gain = power(factor(k % width, k / width).max(0.0), 1.0 / ENCODING);
             for value in pixel {
                 *value = (*value * gain).min(255.0);
             }
@@ -111,28 +131,27 @@ impl Picture {
     #[must_use]
     pub fn warped(&self, mut place: impl FnMut(usize, usize) -> [f32; 2]) -> Self {
         let c = self.channels;
+        let (width, height) = (self.width as i32, self.height as i32);
         let mut data = Vec::with_capacity(self.data.len());
         for y in 0..self.height {
             for x in 0..self.width {
-                let [u, v] = place(x, y);
-                let (fu, fv) = (u.floor(), v.floor());
-                let (wx, wy) = (cubic(u - fu), cubic(v - fv));
-                let (ix, iy) = (fu as isize - 1, fv as isize - 1);
-                let inside = ix >= 0 && iy >= 0 && ix + 4 <= self.width as isize && iy + 4 <= self.height as isize;
+                let [u, v] = place(x, y).map(|p| p.clamp(-1e6, 1e6));
+                let (fu, fv) = (below(u), below(v));
+                let (wx, wy) = (cubic(u - fu as f32), cubic(v - fv as f32));
+                let (ix, iy) = (fu - 1, fv - 1);
+                let inside = ix >= 0 && iy >= 0 && ix + 4 <= width && iy + 4 <= height;
+                let start = if inside { (iy as usize * self.width + ix as usize) * c } else { 0 };
                 for k in 0..c {
                     let mut sum = 0.0;
                     for (j, wy) in wy.iter().enumerate() {
-                        let mut line = 0.0;
-                        if inside {
-                            let start = ((iy as usize + j) * self.width + ix as usize) * c + k;
-                            for (i, wx) in wx.iter().enumerate() {
-                                line += wx * self.data[start + i * c];
-                            }
+                        let line = if inside {
+                            let at = start + j * self.width * c + k;
+                            let row = &self.data[at..=at + 3 * c];
+                            wx[0] * row[0] + wx[1] * row[c] + wx[2] * row[2 * c] + wx[3] * row[3 * c]
                         } else {
-                            for (i, wx) in wx.iter().enumerate() {
-                                line += wx * self.at(ix + i as isize, iy + j as isize, k);
-                            }
-                        }
+                            let row = |i: usize| self.at(ix as isize + i as isize, iy as isize + j as isize, k);
+                            wx[0] * row(0) + wx[1] * row(1) + wx[2] * row(2) + wx[3] * row(3)
+                        };
                         sum += wy * line;
                     }
                     data.push(sum);
@@ -140,6 +159,42 @@ impl Picture {
             }
         }
         Self { width: self.width, height: self.height, channels: c, data }
+    }
+
+    /// Resamples as [`Picture::warped`] with one offset for every pixel, axis by axis.
+    #[must_use]
+    pub fn shifted(&self, by: [f32; 2]) -> Self {
+        self.slipped(by[0], true).slipped(by[1], false)
+    }
+
+    fn slipped(&self, by: f32, across: bool) -> Self {
+        let whole = below(by.clamp(-1e6, 1e6));
+        let weights = cubic(by - whole as f32);
+        let (c, width, height) = (self.channels, self.width as isize, self.height as isize);
+        let mut data = vec![0.0f32; self.data.len()];
+        let line = self.width * c;
+        for (tap, weight) in (0isize..).zip(weights) {
+            let step = whole as isize - 1 + tap;
+            for y in 0..height {
+                let from = if across { y } else { (y + step).clamp(0, height - 1) } as usize * line;
+                let (row, out) = (&self.data[from..from + line], &mut data[y as usize * line..][..line]);
+                if !across {
+                    out.iter_mut().zip(row).for_each(|(o, v)| *o += weight * v);
+                    continue;
+                }
+                let (start, end) = ((-step).clamp(0, width) as usize, (width - step).clamp(0, width) as usize);
+                if start < end {
+                    let shift = (start as isize + step) as usize * c;
+                    out[start * c..end * c].iter_mut().zip(&row[shift..]).for_each(|(o, v)| *o += weight * v);
+                }
+                for (x, edge) in (0..start.min(self.width)).map(|x| (x, 0)).chain((end..self.width).map(|x| (x, line - c))) {
+                    for k in 0..c {
+                        out[x * c + k] += weight * row[edge + k];
+                    }
+                }
+            }
+        }
+        Self { data, ..*self }
     }
 
     /// Averages linear light over taps (offset in px, weight) that the closure lists for each pixel.
@@ -195,9 +250,8 @@ impl Picture {
     /// Returns the value at an offset from a pixel, linear in between.
     fn between(&self, x: usize, y: usize, by: [f32; 2], channel: usize) -> f32 {
         let (u, v) = (x as f32 + by[0], y as f32 + by[1]);
-        let (fu, fv) = (u.floor(), v.floor());
-        let (i, j) = (fu as isize, fv as isize);
-        let (a, b) = (u - fu, v - fv);
+        let (i, j) = (below(u) as isize, below(v) as isize);
+        let (a, b) = (u - i as f32, v - j as f32);
         if a == 0.0 && b == 0.0 {
             return self.at(i, j, channel);
         }
@@ -234,6 +288,12 @@ impl Picture {
     }
 }
 
+/// Returns the largest whole number that is not above a value.
+fn below(v: f32) -> i32 {
+    let whole = v as i32;
+    whole - i32::from(whole as f32 > v)
+}
+
 /// Returns the four weights of cubic convolution at fraction `t` behind the second sample.
 fn cubic(t: f32) -> [f32; 4] {
     let (t2, t3) = (t * t, t * t * t);
@@ -251,6 +311,28 @@ mod tests {
         let moved = ramp.warped(|x, y| [x as f32 + 0.5, y as f32]);
         assert!((moved.at(4, 4, 0) - 13.5).abs() < 1e-4);
         assert_eq!(ramp.warped(|x, y| [x as f32 + 1.0, y as f32]).at(3, 2, 0), ramp.at(4, 2, 0));
+    }
+
+    #[test]
+    fn one_offset_for_all_is_the_same_by_axis() {
+        let data = (0..240).map(|k| ((k * 37) % 101) as f32).collect();
+        let picture = Picture { width: 10, height: 8, channels: 3, data };
+        for by in [[0.3f32, -1.6], [-4.2, 0.0], [12.5, 9.1]] {
+            let warped = picture.warped(|x, y| [x as f32 + by[0], y as f32 + by[1]]);
+            let shifted = picture.shifted(by);
+            assert!(warped.data.iter().zip(&shifted.data).all(|(a, b)| (a - b).abs() < 1e-3), "{by:?}");
+        }
+    }
+
+    #[test]
+    fn powers_are_those_of_the_system() {
+        for k in 1..2000 {
+            let x = 0.000_7 * k as f32;
+            for y in [ENCODING, 1.0 / ENCODING, 3.5] {
+                assert!((power(x, y) / x.powf(y) - 1.0).abs() < 3e-6, "{x}^{y}: {} {}", power(x, y), x.powf(y));
+            }
+        }
+        assert!(power(1.0, ENCODING).to_bits() == 1f32.to_bits() && power(0.0, ENCODING) < 1e-30);
     }
 
     #[test]

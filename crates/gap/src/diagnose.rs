@@ -101,6 +101,7 @@ pub fn diagnose_case(case: &Case, options: &Options, thresholds: &Thresholds) ->
         corrected_model: corrected(&outcomes),
         floor_source: if case.noise.is_familiar() { "practice" } else { "self" }.to_owned(),
         warnings: case.warnings.clone(),
+        detection_limits: Vec::new(),
         secs: 0.0,
         effects,
     }

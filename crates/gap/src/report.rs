@@ -60,6 +60,10 @@ pub struct Diagnosis {
     pub floor_source: String,
     /// What looked odd in the input.
     pub warnings: Vec<String>,
+    /// From which size on each effect could have been seen in these data, where that was asked (streams of frames that
+    /// do not agree pixel by pixel).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub detection_limits: Vec<DetectionLimit>,
     /// Time spent, s.
     pub secs: f64,
 }
@@ -85,6 +89,17 @@ pub struct Finding {
     pub evidence_gain: f64,
     /// All parameters by name, in reported units.
     pub params: BTreeMap<String, f64>,
+}
+
+/// From which size on an effect could have been seen.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DetectionLimit {
+    /// Its id.
+    pub id: String,
+    /// Its least value that would have been found; absent: not testable with this generator.
+    pub limit: Option<f64>,
+    /// Unit of the value.
+    pub unit: String,
 }
 
 /// What one of several effects contributes to the shrink.

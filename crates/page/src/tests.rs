@@ -59,6 +59,7 @@ fn empty() -> Diagnosis {
         corrected_model: Corrected::default(),
         floor_source: "practice".to_owned(),
         warnings: Vec::new(),
+        detection_limits: Vec::new(),
         secs: 1.0,
     }
 }

@@ -1,6 +1,6 @@
 //! Aligns the streams: age of the content, then displacement coarse to fine, then offsets and geometry for any model.
 //!
-//! The displacement field is measured once, with pitch, yaw, roll, focal length and distortion free as carriers; every
+//! The displacement field is measured once, with pitch, yaw, roll, focal length, position and distortion free as carriers; every
 //! geometry hypothesis is then a small fit to that field. Units px.
 
 use ds_effect::picture::Picture;
@@ -13,7 +13,8 @@ use crate::scene::{Model, Scene};
 use crate::settings;
 
 /// Effects that carry the alignment, in the order in which they become free.
-const CARRIERS: [&str; 5] = ["mount_pitch", "mount_yaw", "mount_roll", "focal_error", "radial_distortion"];
+const CARRIERS: [&str; 6] =
+    ["mount_pitch", "mount_yaw", "mount_roll", "focal_error", "mount_position", "radial_distortion"];
 
 /// Ages of all frames and how sure they are.
 #[derive(Debug, Clone)]
@@ -71,7 +72,7 @@ pub fn field(scene: &Scene<'_>, ages: &[usize], start: [f64; 2]) -> Field {
     effects[1].1[0] = (-start[0] / camera.fx).atan().to_degrees();
     let loose = Loose { constant_px: 0.3, frame_px: 0.3 };
     let mut points = Vec::new();
-    for (round, (coarse, free)) in [(true, 3), (true, 4), (true, 4), (false, 5), (false, 5)].into_iter().enumerate() {
+    for (round, (coarse, free)) in [(true, 3), (true, 5), (true, 5), (false, 6), (false, 6)].into_iter().enumerate() {
         let (carrying, rest) = effects.split_at(free);
         let chain = FrameChain::new(&effects);
         points = (0..scene.frames.len()).map(|k| frame_points(scene, &model, &chain, k, coarse)).collect();
@@ -116,6 +117,13 @@ fn frame_points(scene: &Scene<'_>, model: &Model, chain: &FrameChain, k: usize, 
             Point { at, offset, info: b.info.map(|i| trust * i / (f * f)) }
         })
         .collect()
+}
+
+/// Returns the effects that carry the alignment at their estimates.
+#[must_use]
+pub fn carried(scene: &Scene<'_>, field: &Field) -> Chosen {
+    let effects: Chosen = CARRIERS.iter().filter_map(|id| find_frame(id)).map(|e| (e, e.neutral())).collect();
+    fit(scene.case, &scene.frames, &field.points, &effects, Loose { constant_px: 0.3, frame_px: 0.3 }).effects
 }
 
 /// Fits the geometry effects of a model to the field, with offsets held to the nuisance.

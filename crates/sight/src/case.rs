@@ -11,9 +11,14 @@ use ds_effect::picture::Picture;
 use serde::Deserialize;
 
 use crate::error::SightError;
+use crate::pairing::Pairing;
 
 /// Fewest frames that can be diagnosed.
 const FEWEST_FRAMES: usize = 3;
+/// Height of a camera over the road where nobody says, m.
+const USUAL_HEIGHT_M: f64 = 1.5;
+/// Distance of walls on either side, and farthest depth, of the corridor that stands in for depth, m.
+const CORRIDOR_M: [f64; 2] = [7.0, 150.0];
 
 #[derive(Deserialize)]
 struct Meta {
@@ -31,6 +36,12 @@ struct Meta {
     rollout_anchor_frames: Vec<u64>,
     #[serde(default)]
     suggested_split: Option<Split>,
+    #[serde(default)]
+    pairing: Option<Pairing>,
+    #[serde(default)]
+    nuisance: Option<PathBuf>,
+    #[serde(default)]
+    camera_height_m: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -96,6 +107,10 @@ pub struct FrameCase {
     pub fit: Vec<Frame>,
     /// Frames kept for the measure of success.
     pub held: Vec<Frame>,
+    /// How the frames of the two streams belong together, where the case says so.
+    pub pairing: Option<Pairing>,
+    /// Folder of effect-free pairs of the same generator, where the case names one.
+    pub nuisance: Option<PathBuf>,
     /// What looked odd.
     pub warnings: Vec<String>,
 }
@@ -116,9 +131,11 @@ impl FrameCase {
         let size = [meta.width, meta.height];
         let mut warnings = Vec::new();
         let mut boxes = read_boxes(&folder.join("boxes.csv"))?;
-        let depth_m = read_depth(&folder.join("depth_proxy.png"), size)?;
+        let mut depth_m = read_depth(&folder.join("depth_proxy.png"), size)?;
         if depth_m.is_none() {
-            warnings.push("no depth_proxy.png: fog, position and motion are judged without depth".to_owned());
+            warnings.push("no depth_proxy.png: a bare road corridor stands in for it".to_owned());
+            let height_m = meta.camera_height_m.filter(|h| (0.2..10.0).contains(h)).unwrap_or(USUAL_HEIGHT_M);
+            depth_m = Some(corridor(size, &meta.intrinsics, height_m));
         }
         let path = folder.join("frames.csv");
         let table = Table::read(&path)?;
@@ -170,6 +187,8 @@ impl FrameCase {
             depth_m,
             fit: frames,
             held: Vec::new(),
+            pairing: meta.pairing,
+            nuisance: meta.nuisance.map(|n| folder.join(n)),
             warnings,
         };
         case.check(folder)?;
@@ -288,6 +307,18 @@ fn read_depth(path: &Path, size: [usize; 2]) -> Result<Option<Vec<f32>>, SightEr
         return Err(SightError::Size { found, expected: size, path: path.to_path_buf() });
     }
     Ok(Some(decoded.into_luma16().into_raw().into_iter().map(|cm| (f32::from(cm) * 0.01).max(0.5)).collect()))
+}
+
+/// Returns the depth of a flat road between two walls, m.
+fn corridor(size: [usize; 2], camera: &MetaPinhole, height_m: f64) -> Vec<f32> {
+    let place = |k: usize| {
+        let across = ((k % size[0]) as f64 - camera.cx).abs() / camera.fx;
+        let down = ((k / size[0]) as f64 - camera.cy) / camera.fy;
+        let [walls_m, farthest_m] = CORRIDOR_M;
+        let road_m = if down > 0.0 { height_m / down } else { farthest_m };
+        road_m.min(walls_m / across.max(1e-4)).min(farthest_m).max(0.5) as f32
+    };
+    (0..size[0] * size[1]).map(place).collect()
 }
 
 fn read_boxes(path: &Path) -> Result<BTreeMap<u64, Vec<LayoutBox>>, SightError> {

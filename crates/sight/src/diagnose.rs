@@ -2,35 +2,57 @@
 
 use std::path::Path;
 
-use ds_effect::FrameEffect;
 use ds_gap::report::{Corrected, CorrectedEffect, Diagnosis, Finding, SCHEMA, Verdict};
 
 use crate::case::FrameCase;
 use crate::error::SightError;
-use crate::geometry::moves;
 use crate::grain;
-use crate::how_far::{Correction, how_far};
+use crate::how_far::{Correction, how_far, image_share};
+use crate::pairing::nuisance::Nuisance;
+use crate::pairing::{Pairing, verdict};
 use crate::scene::Scene;
-use crate::search::{Round, Search, Trial, search};
-use crate::{align, places, remainder, settings};
+use crate::search::{Ready, Round, Search, Trial, search};
+use crate::{fringe, heldout, interval, places, remainder, settings};
 
 /// What to do.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
     /// Effects that are left out of the library, to see what is said without them.
     pub without: Vec<String>,
+    /// What the generator does without any effect, for streams that do not agree pixel by pixel.
+    pub nuisance: Option<Nuisance>,
 }
 
-/// Diagnoses a case of two aligned frame streams.
+/// Diagnoses a case of two frame streams.
 ///
 /// # Errors
 /// If the case cannot be read or makes no sense.
 pub fn diagnose(folder: &Path, options: &Options) -> Result<Diagnosis, SightError> {
     let case = FrameCase::read(folder)?;
     let scene = Scene::new(&case);
-    let found = search(&scene, &options.without);
-    let texture = grain::texture(&scene, &scene.full_of(&found.model, &found.placed.full));
-    let excess = remainder::excess(&found, &texture);
+    let mut ready = None;
+    let pairing = case.pairing.unwrap_or_else(|| {
+        let measured = Ready::of(&scene);
+        let pairing = Pairing::estimated(&scene, &measured.field, &measured.late.ages);
+        ready = Some(measured);
+        pairing
+    });
+    if pairing == Pairing::Aligned {
+        aligned(&case, &scene, ready.unwrap_or_else(|| Ready::of(&scene)), options)
+    } else {
+        let learned = match (&options.nuisance, &case.nuisance) {
+            (Some(known), _) => known.clone(),
+            (None, Some(folder)) => Nuisance::learn(folder)?,
+            (None, None) => Nuisance::assumed(),
+        };
+        verdict::judged(&scene, pairing, &learned, &options.without)
+    }
+}
+
+fn aligned(case: &FrameCase, scene: &Scene<'_>, ready: Ready, options: &Options) -> Result<Diagnosis, SightError> {
+    let found = search(scene, ready, &options.without);
+    let texture = grain::texture(scene, &scene.full_of(&found.model, &found.placed.full));
+    let excess = remainder::excess(&found, &texture, fringe::apart(scene, &found.model));
     let remains = places::remains(&found.loss);
     let noise = remains.iter().sum::<f64>() / remains.len() as f64;
     let correction = Correction {
@@ -39,8 +61,7 @@ pub fn diagnose(folder: &Path, options: &Options) -> Result<Diagnosis, SightErro
         noise,
         dirt: found.model.dirt.clone(),
     };
-    let fit = how_far(&case, &correction, &|n| case.fit.iter().any(|f| f.number == n), "fit")?;
-    let held = how_far(&case, &correction, &|n| case.held.iter().any(|f| f.number == n), "heldout")?;
+    let held = how_far(case, &correction, &|n| case.held.iter().any(|f| f.number == n), "heldout")?;
     let verdict = match found.chosen.len() {
         _ if excess > 1.0 => Verdict::Unknown,
         0 => Verdict::None,
@@ -49,11 +70,11 @@ pub fn diagnose(folder: &Path, options: &Options) -> Result<Diagnosis, SightErro
     };
     let p_unknown = 1.0 / (1.0 + (-(excess.max(1e-6).ln()) / settings::UNKNOWN_WIDTH).exp());
     let p_none = (1.0 - p_unknown) * none_share(&found);
-    let effects = findings(&scene, &found, 1.0 - p_unknown - p_none);
+    let effects = findings(scene, &found, 1.0 - p_unknown - p_none);
     let cells = if verdict == Verdict::None {
         Vec::new()
     } else {
-        places::cells(&scene, &places::differences(&scene, &found.model, &remains))
+        places::cells(scene, &places::differences(scene, &found.model, &remains))
     };
     Ok(Diagnosis {
         schema_version: SCHEMA,
@@ -67,12 +88,13 @@ pub fn diagnose(folder: &Path, options: &Options) -> Result<Diagnosis, SightErro
         cells,
         how_far: held,
         shares: Vec::new(),
-        predicted_share: fit.first().map_or(0.0, |s| s.share_explained),
+        predicted_share: image_share(case, &correction, &|n| case.fit.iter().any(|f| f.number == n)),
         unknown_description: (verdict == Verdict::Unknown).then(|| remainder::describe(&found, &texture)),
-        next_manoeuvre: crate::next::manoeuvres(&found),
+        next_manoeuvre: crate::next::manoeuvres(scene, &found),
         corrected_model: corrected(&correction),
         floor_source: "practice".to_owned(),
         warnings: case.warnings.clone(),
+        detection_limits: Vec::new(),
         secs: 0.0,
     })
 }
@@ -100,6 +122,7 @@ fn weight(round: &Round, trial: &Trial) -> f64 {
 /// Lists chosen effects first, then the other trials of the first round; together they have the given probability.
 fn findings(scene: &Scene<'_>, found: &Search, mass: f64) -> Vec<Finding> {
     let mut list: Vec<(Finding, f64)> = Vec::new();
+    let held = heldout::gains(found, scene);
     let rounds = found.chosen.len().max(1);
     for (k, round) in found.rounds.iter().take(rounds).enumerate() {
         let top = round.trials.first().map_or(0.0, |t| round.gain(t));
@@ -109,7 +132,9 @@ fn findings(scene: &Scene<'_>, found: &Search, mass: f64) -> Vec<Finding> {
             if let Some((_, sum)) = list.iter_mut().find(|(f, _)| f.id == trial.id) {
                 *sum += share;
             } else if k == 0 || found.chosen.contains(&trial.id) {
-                list.push((finding(scene, found, round, trial), share));
+                let mut finding = finding(scene, found, round, trial);
+                finding.heldout_gain = held.get(trial.id).copied().unwrap_or(finding.evidence_gain.min(0.0));
+                list.push((finding, share));
             }
         }
     }
@@ -137,30 +162,12 @@ fn finding(scene: &Scene<'_>, found: &Search, round: &Round, trial: &Trial) -> F
         probability: 0.0,
         value: values[0],
         unit: effect.parameters[0].unit.to_owned(),
-        interval90: interval(scene, found, effect, values[0]),
+        interval90: interval::of(scene, found, effect, &values),
         group,
         heldout_gain: gain,
         evidence_gain: gain,
         params: effect.parameters.iter().zip(&values).map(|(p, v)| (p.name.to_owned(), *v)).collect(),
     }
-}
-
-/// Interval of an estimate: from the displacement fit for geometry, else a share that synthetic draws show.
-fn interval(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect, value: f64) -> [f64; 2] {
-    let neutral = effect.neutral()[0];
-    let mut half = settings::RELATIVE_ERROR * (value - neutral).abs();
-    if moves(effect) && found.chosen.contains(&effect.id) {
-        let fit = align::geometry(scene, &found.field, &found.model.effects);
-        let mut at = 0;
-        for (e, values) in &fit.effects {
-            if e.id == effect.id {
-                half = 1.645 * fit.errors[at] + 0.01 * (value - neutral).abs();
-            }
-            at += values.len();
-        }
-    }
-    let slab = effect.parameters[0].slab;
-    [(value - half).max(slab.0), (value + half).min(slab.1)]
 }
 
 fn corrected(correction: &Correction) -> Corrected {

@@ -91,6 +91,16 @@ pub enum SightError {
         /// The case.
         path: PathBuf,
     },
+    /// Too few effect-free pairs to learn from.
+    #[error("too few effect-free pairs: {found}, {needed} are needed, in {path:?}")]
+    TooFewNuisance {
+        /// Cases found.
+        found: usize,
+        /// Cases needed.
+        needed: usize,
+        /// The folder.
+        path: PathBuf,
+    },
     /// Every pixel of a stream has one value.
     #[error("stream {stream:?} shows nothing: every pixel has nearly one value, in {path:?}")]
     Blank {

@@ -48,19 +48,12 @@ pub fn how_far(
     wanted: &dyn Fn(u64) -> bool,
     data: &str,
 ) -> Result<Vec<Shrink>, SightError> {
-    let mut all: Vec<&Frame> = case.fit.iter().chain(&case.held).collect();
-    all.sort_by_key(|f| f.number);
-    let corrected = corrected(case, correction, &all);
     let mut rows = Vec::new();
     let mut sets: [Vec<Picture>; 4] = Default::default();
-    for (frame, after) in all.iter().zip(corrected).filter(|(f, _)| wanted(f.number)) {
-        let twin = twin(case, correction, frame, &after);
-        let square = |p: &Picture| {
-            let sum: f64 = p.data.iter().zip(&frame.real.data).map(|(a, b)| f64::from((a - b).powi(2))).sum();
-            sum / p.data.len() as f64
-        };
-        let moved: f64 = twin.data.iter().zip(&frame.sim.data).map(|(a, b)| f64::from((a - b).powi(2))).sum();
-        rows.push(Row { before: square(&frame.sim), after: square(&after), floor: moved / twin.data.len() as f64 });
+    for (frame, after) in corrected(case, correction, wanted) {
+        let (twin, row) = compared(case, correction, frame, &after);
+        rows.push(row);
+        let twin = noisy(twin, frame.number, correction.noise);
         for (set, picture) in sets.iter_mut().zip([frame.real.clone(), frame.sim.clone(), after, twin]) {
             set.push(picture);
         }
@@ -69,31 +62,99 @@ pub fn how_far(
         return Ok(Vec::new());
     }
     let [real, sim, after, twin] = sets.map(|s| features(&s));
-    let distance = |a: &DMatrix<f64>, b: &DMatrix<f64>| frechet(a, b, settings::SHRINKAGE);
-    let features = [distance(&real, &sim)?, distance(&real, &after)?, distance(&twin, &sim)?];
-    let per_frame = real.nrows() / rows.len();
+    let floor = distance(&twin, &sim)?;
+    Ok(vec![image(&rows, data), feature([&real, &sim, &after], floor, rows.len(), data)?])
+}
+
+/// Returns the share of the image difference that the correction explains on the wanted frames.
+#[must_use]
+pub fn image_share(case: &FrameCase, correction: &Correction, wanted: &dyn Fn(u64) -> bool) -> f64 {
+    let rows: Vec<Row> = corrected(case, correction, wanted)
+        .into_iter()
+        .map(|(frame, after)| compared(case, correction, frame, &after).1)
+        .collect();
+    if rows.is_empty() { 0.0 } else { image(&rows, "fit").share_explained }
+}
+
+/// Measures streams that do not agree pixel by pixel; the floors (rms difference, feature distance) are those of
+/// effect-free pairs.
+///
+/// # Errors
+/// If features are not finite.
+pub fn generated(
+    case: &FrameCase,
+    correction: &Correction,
+    wanted: &dyn Fn(u64) -> bool,
+    floors: [f64; 2],
+    data: &str,
+) -> Result<Vec<Shrink>, SightError> {
+    let frames: Vec<&Frame> = case.fit.iter().chain(&case.held).filter(|f| wanted(f.number)).collect();
+    if frames.is_empty() {
+        return Ok(Vec::new());
+    }
+    let after = rendered(case, correction, &frames);
+    let rows: Vec<Row> = frames
+        .iter()
+        .zip(&after)
+        .map(|(f, after)| Row {
+            before: square(&f.sim, &f.real),
+            after: square(after, &f.real),
+            floor: floors[0] * floors[0],
+        })
+        .collect();
+    let set = |of: &dyn Fn(&Frame) -> Picture| features(&frames.iter().map(|f| of(f)).collect::<Vec<_>>());
+    let (real, sim) = (set(&|f| f.real.clone()), set(&|f| f.sim.clone()));
+    let feature = feature([&real, &sim, &features(&after)], floors[1], rows.len(), data)?;
+    Ok(vec![image(&rows, data), feature])
+}
+
+/// Returns the rms difference and the feature distance between the streams of a case as they are.
+///
+/// # Errors
+/// If features are not finite.
+pub fn plain_gap(case: &FrameCase) -> Result<[f64; 2], SightError> {
+    let frames: Vec<&Frame> = case.held.iter().collect();
+    let mean = frames.iter().map(|f| square(&f.sim, &f.real)).sum::<f64>() / frames.len().max(1) as f64;
+    let set = |of: &dyn Fn(&Frame) -> Picture| features(&frames.iter().map(|f| of(f)).collect::<Vec<_>>());
+    Ok([mean.sqrt(), distance(&set(&|f| f.real.clone()), &set(&|f| f.sim.clone()))?])
+}
+
+fn square(p: &Picture, q: &Picture) -> f64 {
+    p.data.iter().zip(&q.data).map(|(a, b)| f64::from((a - b).powi(2))).sum::<f64>() / p.data.len() as f64
+}
+
+fn distance(a: &DMatrix<f64>, b: &DMatrix<f64>) -> Result<f64, SightError> {
+    Ok(frechet(a, b, settings::SHRINKAGE)?)
+}
+
+/// The feature distance of the real stream to the simulated one before and after, with an interval over frames.
+fn feature(
+    [real, sim, after]: [&DMatrix<f64>; 3],
+    floor: f64,
+    frames: usize,
+    data: &str,
+) -> Result<Shrink, SightError> {
+    let (before, left) = (distance(real, sim)?, distance(real, after)?);
+    let per_frame = real.nrows() / frames;
     let mut shares = Vec::new();
     let draws = Draws::from_seed(7, "frame_bootstrap");
     for draw in 0..settings::FEATURE_DRAWS {
-        let picked: Vec<usize> = (0..rows.len())
-            .map(|k| draws.below(draw * rows.len() as u64 + k as u64, rows.len() as u64) as usize)
+        let picked: Vec<usize> = (0..frames)
+            .map(|k| draws.below(draw * frames as u64 + k as u64, frames as u64) as usize)
             .flat_map(|f| f * per_frame..(f + 1) * per_frame)
             .collect();
-        let [a, b, c, d] = [&real, &sim, &after, &twin].map(|m| m.select_rows(picked.iter()));
-        shares.push(share(distance(&a, &b)?, distance(&a, &c)?, distance(&d, &b)?));
+        let [a, b, c] = [real, sim, after].map(|m| m.select_rows(picked.iter()));
+        shares.push(share(distance(&a, &b)?, distance(&a, &c)?, floor));
     }
-    Ok(vec![
-        image(&rows, data),
-        Shrink {
-            metric: "feature_distance".to_owned(),
-            before: features[0],
-            after: features[1],
-            floor: features[2],
-            share_explained: share(features[0], features[1], features[2]),
-            interval90: interval(shares),
-            data: data.to_owned(),
-        },
-    ])
+    Ok(Shrink {
+        metric: "feature_distance".to_owned(),
+        before,
+        after: left,
+        floor,
+        share_explained: share(before, left, floor),
+        interval90: interval(shares),
+        data: data.to_owned(),
+    })
 }
 
 fn image(rows: &[Row], data: &str) -> Shrink {
@@ -131,30 +192,53 @@ fn interval(mut values: Vec<f64>) -> [f64; 2] {
     [ds_gap::bootstrap::quantile(&mut values, 0.05), ds_gap::bootstrap::quantile(&mut values, 0.95)]
 }
 
-/// Returns the corrected stream; effects that act by chance, frame by frame, are left out.
-fn corrected(case: &FrameCase, correction: &Correction, frames: &[&Frame]) -> Vec<Picture> {
+/// Returns the corrected frames that are wanted; effects that act by chance, frame by frame, are left out.
+fn corrected<'a>(
+    case: &'a FrameCase,
+    correction: &Correction,
+    wanted: &dyn Fn(u64) -> bool,
+) -> Vec<(&'a Frame, Picture)> {
     let foretold = |id: &str| !CHANCE.contains(&id) && id != "dropped_frames";
     let effects: Chosen = correction.effects.iter().filter(|(e, _)| foretold(e.id)).cloned().collect();
     let age = effects.iter().find(|(e, _)| matches!(e.act, Act::Age(_))).map_or(0, |(_, v)| v[0].round() as usize);
+    let mut frames: Vec<&Frame> = case.fit.iter().chain(&case.held).collect();
+    frames.sort_by_key(|f| f.number);
     let mut chain = FrameChain::new(&effects);
     let mut out = Vec::new();
     for (k, frame) in frames.iter().enumerate() {
         let context = case.context(frame, 1, case.depth_m.as_deref());
+        if !wanted(frame.number) {
+            chain.pass(&context);
+            continue;
+        }
         let grid = crate::warp::Grid::new(&chain, &context, correction.shift);
         let mut picture = chain.edited(grid.apply(&frames[k.saturating_sub(age)].sim), &context);
         if let Some(dirt) = &correction.dirt {
             dirt.apply(&mut picture);
         }
         picture.clip();
-        out.push(picture);
+        out.push((*frame, picture));
     }
     out
 }
 
-/// Returns what the real frame would be without any effect: the nominal one with this frame's offset and noise.
-fn twin(case: &FrameCase, correction: &Correction, frame: &Frame, after: &Picture) -> Picture {
-    let (rendered, real) = (after.grey(), frame.real.grey());
-    let found = blocks(&rendered, &real, settings::BLOCK_PX);
+/// Returns frames through every effect of a correction, those by chance included.
+#[must_use]
+pub fn rendered(case: &FrameCase, correction: &Correction, frames: &[&Frame]) -> Vec<Picture> {
+    let mut chain = FrameChain::new(&correction.effects);
+    let through = |f: &&Frame| {
+        let mut picture = chain.next(&f.sim, &case.context(f, 1, case.depth_m.as_deref()));
+        picture.clip();
+        picture
+    };
+    frames.iter().map(through).collect()
+}
+
+/// Returns what the real frame would be without any effect (the nominal one with this frame's offset, before noise), and
+/// the mean squares of the frame.
+fn compared(case: &FrameCase, correction: &Correction, frame: &Frame, after: &Picture) -> (Picture, Row) {
+    let (grey, real) = (after.grey(), frame.real.grey());
+    let found = blocks(&grey, &real, settings::BLOCK_PX);
     let (mut m, mut v) = ([1.0, 0.0, 1.0], [0.0; 2]);
     for b in found {
         m.iter_mut().zip(&b.info).for_each(|(sum, info)| *sum += info);
@@ -165,11 +249,18 @@ fn twin(case: &FrameCase, correction: &Correction, frame: &Frame, after: &Pictur
     let most = settings::MOST_SHIFT_PX;
     let shift = [0, 1].map(|d| (step[d] + correction.shift[d]).clamp(-most, most));
     let grid = crate::warp::Grid::new(&FrameChain::new(&Vec::new()), &case.context(frame, 1, None), shift);
-    let mut picture = grid.apply(&frame.sim);
-    let draws = Draws::from_seed(frame.number, "twin_noise");
-    let sd = correction.noise.max(0.0).sqrt();
-    for (k, value) in (0..).zip(&mut picture.data) {
+    let twin = grid.apply(&frame.sim);
+    let floor = square(&twin, &frame.sim) + correction.noise.max(0.0);
+    let row = Row { before: square(&frame.sim, &frame.real), after: square(after, &frame.real), floor };
+    (twin, row)
+}
+
+/// Adds the noise of the case.
+fn noisy(mut twin: Picture, seed: u64, variance: f64) -> Picture {
+    let draws = Draws::from_seed(seed, "twin_noise");
+    let sd = variance.max(0.0).sqrt();
+    for (k, value) in (0..).zip(&mut twin.data) {
         *value = (*value + (sd * draws.normal(k)) as f32).clamp(0.0, 255.0);
     }
-    picture
+    twin
 }

@@ -107,6 +107,17 @@ fn widen(loss: &mut Loss, full: &[Picture], without: &[Picture]) {
 /// Measures the finest band alone.
 #[must_use]
 pub fn fine_only(scene: &Scene<'_>, model: &Model, placed: &Placed) -> f64 {
+    finest(scene, model, placed).band(0)
+}
+
+/// Measures the finest band alone, tile by tile.
+#[must_use]
+pub fn fine_by_tile(scene: &Scene<'_>, model: &Model, placed: &Placed) -> [f64; TILES] {
+    let loss = finest(scene, model, placed);
+    std::array::from_fn(|t| loss.cells[0].iter().map(|cells| cells[t].cost(true)).sum())
+}
+
+fn finest(scene: &Scene<'_>, model: &Model, placed: &Placed) -> Loss {
     let mut cells: [Vec<[Cell; TILES]>; BANDS] = Default::default();
     let full = scene.full_of(model, &placed.full);
     for (at, k) in scene.full.iter().enumerate() {
@@ -114,7 +125,7 @@ pub fn fine_only(scene: &Scene<'_>, model: &Model, placed: &Placed) -> f64 {
         cells[0].push(fine(&full[at], &scene.grey[*k].1, gain, &mask(scene, model, *k)));
     }
     floors(&mut cells, &Grain::of_model(model));
-    Loss { total: 0.0, cells }.band(0)
+    Loss { total: 0.0, cells }
 }
 
 /// Measures pictures that are already rendered.
@@ -157,13 +168,12 @@ pub fn gain(rendered: &Picture, real: &Picture) -> f32 {
 }
 
 /// Returns which small pixels count: those of frames whose content is in the stream,
-/// outside of boxes that the model holds for missing.
+/// outside of what objects spoil.
 fn mask(scene: &Scene<'_>, model: &Model, k: usize) -> Vec<bool> {
     let picture = &scene.small[k].0;
     let mut counts = vec![k >= model.blind; picture.width * picture.height];
     let s = settings::SMALL as f64;
-    for lost in &model.lost[k] {
-        let e = scene.frames[k].boxes[*lost].edges;
+    for e in &model.lost[k] {
         for y in 0..picture.height {
             for x in 0..picture.width {
                 let (u, v) = ((x as f64 + 0.5) * s, (y as f64 + 0.5) * s);

@@ -15,8 +15,8 @@ const BANDS: [&str; 4] = ["fine", "medium", "coarse", "colour"];
 
 /// Returns how far the remainder is beyond what a library model leaves, 1 at the threshold.
 #[must_use]
-pub fn excess(found: &Search, texture: &Texture) -> f64 {
-    left_over(found).max(grainy(found, texture))
+pub fn excess(found: &Search, texture: &Texture, fringe_px: f64) -> f64 {
+    left_over(found).max(grainy(found, texture)).max(fringe_px / settings::STRANGE_FRINGE_PX)
 }
 
 /// Loss that remains, in units of what may remain.

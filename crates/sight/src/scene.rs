@@ -12,9 +12,6 @@ use crate::geometry::{Chosen, moves};
 use crate::settings;
 use crate::warp::Grid;
 
-/// Side of the stand-in for a frame that effects only remember, px: wider than any kernel.
-const REMEMBERED_PX: usize = 16;
-
 /// A case made ready.
 pub struct Scene<'a> {
     /// The case.
@@ -42,8 +39,8 @@ pub struct Model {
     pub ages: Vec<usize>,
     /// First frames whose content is older than the simulated stream; nothing can be said of them.
     pub blind: usize,
-    /// Boxes missing from each frame.
-    pub lost: Vec<Vec<usize>>,
+    /// Parts of each frame that objects spoil, px; nothing else can be said of them.
+    pub lost: Vec<Vec<[f64; 4]>>,
     /// ln gain of light over each frame, where brightness flickers: knots of a smooth field.
     pub flicker: Option<Vec<crate::flicker::Field>>,
     /// What fixed places of the picture lose, where the lens is dirty.
@@ -69,10 +66,15 @@ pub struct Placed {
 }
 
 impl<'a> Scene<'a> {
-    /// Makes a case ready.
+    /// Makes the frames of a case that are to be fitted ready.
     #[must_use]
     pub fn new(case: &'a FrameCase) -> Self {
-        let frames: Vec<&Frame> = case.fit.iter().collect();
+        Self::of(case, case.fit.iter().collect())
+    }
+
+    /// Makes some frames of a case ready.
+    #[must_use]
+    pub fn of(case: &'a FrameCase, frames: Vec<&'a Frame>) -> Self {
         let small = frames.iter().map(|f| (f.sim.shrunk(settings::SMALL), f.real.shrunk(settings::SMALL))).collect();
         let grey = frames.iter().map(|f| (f.sim.grey(), f.real.grey())).collect();
         let count = settings::FULL_FRAMES.min(frames.len());
@@ -133,7 +135,7 @@ impl<'a> Scene<'a> {
         for (k, picture) in placed.iter().enumerate() {
             let context = self.case.context(self.frames[k], settings::SMALL, self.small_depth_m.as_deref());
             if !frames.contains(&k) {
-                let _ = chain.edited(Picture::filled(REMEMBERED_PX, REMEMBERED_PX, 1, 128.0), &context);
+                chain.pass(&context);
                 continue;
             }
             let mut edited = chain.edited(picture.clone(), &context);
@@ -156,7 +158,7 @@ impl<'a> Scene<'a> {
                 out.push(edited);
             } else {
                 // what an effect remembers goes on through frames that are not looked at
-                let _ = chain.edited(Picture::filled(REMEMBERED_PX, REMEMBERED_PX, 1, 128.0), &context);
+                chain.pass(&context);
             }
         }
         out

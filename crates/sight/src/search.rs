@@ -3,6 +3,8 @@
 //! Every effect is fitted where it shows (displacements, small pictures, full pictures, flat places, boxes) and then
 //! judged by the same loss. An effect that is measured frame by frame or place by place pays for its freedom.
 
+use std::cell::OnceCell;
+
 use ds_effect::FrameEffect;
 use ds_effect::frame::Act;
 use ds_effect::{find_frame, frame_library};
@@ -13,9 +15,10 @@ use crate::flicker;
 use crate::geometry::moves;
 use crate::grain;
 use crate::loss::{self, Loss};
-use crate::lost;
+use crate::objects::{self, Event, Fate};
 use crate::scene::{DETAIL, Model, Placed, Scene};
 use crate::settings;
+use crate::transport::Late;
 use crate::{sharp, tone};
 
 /// One effect tried on top of a model.
@@ -69,13 +72,32 @@ pub struct Search {
     pub field: Field,
 }
 
+/// What every search starts from: ages and displacements of the frames.
+pub struct Ready {
+    /// Ages of the content.
+    pub ages: Ages,
+    /// What they are held for.
+    pub late: Late,
+    /// Displacements.
+    pub field: Field,
+}
+
+impl Ready {
+    /// Measures a scene.
+    #[must_use]
+    pub fn of(scene: &Scene<'_>) -> Self {
+        let ages = align::ages(scene);
+        let late = crate::transport::judge(scene, &ages);
+        let mut field = align::field(scene, &late.ages, ages.start);
+        field.points.iter_mut().take(late.blind).for_each(Vec::clear);
+        Self { ages, late, field }
+    }
+}
+
 /// Searches.
 #[must_use]
-pub fn search(scene: &Scene<'_>, without: &[String]) -> Search {
-    let ages = align::ages(scene);
-    let late = crate::transport::judge(scene, &ages);
-    let mut field = align::field(scene, &late.ages, ages.start);
-    field.points.iter_mut().take(late.blind).for_each(Vec::clear);
+pub fn search(scene: &Scene<'_>, ready: Ready, without: &[String]) -> Search {
+    let Ready { ages, late, field } = ready;
     let shifts = align::geometry(scene, &field, &Vec::new()).shifts;
     let null = Model { shifts, blind: late.blind, ..Model::nominal(scene.frames.len()) };
     let placed = scene.placed(&null);
@@ -109,7 +131,9 @@ pub fn search(scene: &Scene<'_>, without: &[String]) -> Search {
         let needed = if found.chosen.is_empty() {
             settings::FIRST_GAIN
         } else {
-            settings::FURTHER_GAIN.max(settings::FURTHER_SHARE * taken)
+            let fine = DETAIL.contains(&best.id) || best.id == "sensor_noise";
+            let share = if fine { settings::FURTHER_FINE_SHARE } else { settings::FURTHER_SHARE };
+            settings::FURTHER_GAIN.max(share * taken)
         };
         found.rounds.push(round);
         if gain < needed {
@@ -123,12 +147,20 @@ pub fn search(scene: &Scene<'_>, without: &[String]) -> Search {
     found
 }
 
+/// What all trials of a round have in common, measured when it is first asked for.
+#[derive(Default)]
+struct Base {
+    geometry_loss: OnceCell<f64>,
+    events: OnceCell<Vec<Event>>,
+}
+
 fn round(scene: &Scene<'_>, found: &Search, without: &[String]) -> Round {
+    let base = Base::default();
     let mut trials: Vec<Trial> = frame_library()
         .iter()
         .filter(|e| found.model.values(e.id).is_none() && !matches!(e.act, Act::Age(_)) && scene.can_show(e))
         .filter(|e| !without.iter().any(|w| w == e.id) && !hopeless(found, e))
-        .filter_map(|e| trial(scene, found, e))
+        .filter_map(|e| trial(scene, found, &base, e))
         .filter(|t| !usual(t))
         .collect();
     trials.sort_by(|a, b| (a.loss + a.cost).total_cmp(&(b.loss + b.cost)));
@@ -137,7 +169,7 @@ fn round(scene: &Scene<'_>, found: &Search, without: &[String]) -> Round {
 
 /// Fits all tone effects of a model once more, so that no later effect takes credit for an unfinished fit.
 fn polished(scene: &Scene<'_>, model: Model, placed: &Placed) -> Model {
-    let ids: Vec<&str> = model.effects.iter().map(|(e, _)| e.id).filter(|id| TONES.contains(id)).collect();
+    let ids: Vec<&str> = model.effects.iter().map(|(e, _)| e.id).filter(|id| tone::KNOWN.contains(id)).collect();
     if ids.is_empty() { model } else { tone::fit(scene, &model, &placed.small, &ids).0 }
 }
 
@@ -163,9 +195,9 @@ fn hopeless(found: &Search, effect: &FrameEffect) -> bool {
     round.trials.iter().any(|t| t.id == effect.id && round.gain(t) < settings::HOPELESS_GAIN)
 }
 
-fn trial(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Option<Trial> {
+fn trial(scene: &Scene<'_>, found: &Search, base: &Base, effect: &'static FrameEffect) -> Option<Trial> {
     let (model, loss, cost) = match effect.id {
-        _ if moves(effect) => moving(scene, found, effect)?,
+        _ if moves(effect) => moving(scene, found, base, effect)?,
         "defocus" | "motion_blur" | "jpeg_loss" | "texture_washing" => {
             let (model, loss) = sharp::fit(scene, &found.model, &found.placed, effect);
             let loss = if DETAIL.contains(&effect.id) { seen_in_detail(&found.loss, &loss) } else { loss.total };
@@ -191,13 +223,12 @@ fn trial(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Opt
             let loss = loss::measure(scene, &model, &found.placed).total;
             (model, loss, settings::FLICKER_COST)
         }
-        "object_dropout" => {
-            let model = without_boxes(scene, found, effect)?;
+        "object_dropout" | "object_hallucination" | "identity_switch" | "layout_misalignment" => {
+            let model = with_objects(scene, found, base, effect)?;
             let loss = loss::measure(scene, &model, &found.placed).total;
-            let boxes: usize = model.lost.iter().map(Vec::len).sum();
-            (model, loss, boxes as f64 * settings::COUNTED_FRAMES / scene.frames.len() as f64)
+            let count: usize = model.lost.iter().map(Vec::len).sum();
+            (model, loss, count as f64 * settings::COUNTED_FRAMES / scene.frames.len() as f64)
         }
-        "object_hallucination" | "identity_switch" | "layout_misalignment" => return None,
         _ => toned(scene, found, effect),
     };
     Some(Trial { id: effect.id, model, loss, cost })
@@ -225,12 +256,18 @@ fn start(effect: &FrameEffect) -> Vec<f64> {
     }
 }
 
-fn moving(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Option<(Model, f64, f64)> {
-    let before = align::geometry(scene, &found.field, &found.model.effects);
+fn moving(
+    scene: &Scene<'_>,
+    found: &Search,
+    base: &Base,
+    effect: &'static FrameEffect,
+) -> Option<(Model, f64, f64)> {
+    let before =
+        base.geometry_loss.get_or_init(|| align::geometry(scene, &found.field, &found.model.effects).loss);
     let mut effects = found.model.effects.clone();
     effects.push((effect, start(effect)));
     let fit = align::geometry(scene, &found.field, &effects);
-    if before.loss - fit.loss < settings::GEOMETRY_GAIN {
+    if before - fit.loss < settings::GEOMETRY_GAIN {
         return None;
     }
     let mut model = found.model.clone();
@@ -245,15 +282,12 @@ fn moving(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Op
 fn toned(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> (Model, f64, f64) {
     let mut model = found.model.clone();
     model.set(effect, start(effect));
-    let mut ids: Vec<&str> = found.model.effects.iter().map(|(e, _)| e.id).filter(|id| TONES.contains(id)).collect();
+    let mut ids: Vec<&str> = found.model.effects.iter().map(|(e, _)| e.id).filter(|id| tone::KNOWN.contains(id)).collect();
     ids.push(effect.id);
     let (model, _) = tone::fit(scene, &model, &found.placed.small, &ids);
     let loss = loss::measure(scene, &model, &found.placed).total;
     (model, loss, 2.0 + effect.parameters.len() as f64)
 }
-
-const TONES: [&str; 7] =
-    ["gamma", "white_balance", "vignetting", "fog_haze", "night_illumination", "exposure_lag", "rollout_drift"];
 
 fn noisy(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Option<Model> {
     let texture = grain::texture(scene, &scene.full_of(&found.model, &found.placed.full));
@@ -311,17 +345,41 @@ fn dirty(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Opt
     Some((model, settings::DIRT_COST[0] + settings::DIRT_COST[1] * spots.area))
 }
 
-fn without_boxes(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Option<Model> {
-    let rendered = scene.small_of(&found.model, &found.placed.small);
-    let lost = lost::boxes(scene, &rendered);
-    let count: usize = lost.iter().map(Vec::len).sum();
-    let cars: usize = scene.frames.iter().map(|f| f.boxes.iter().filter(|b| b.class == "car").count()).sum();
-    if count == 0 {
+/// Returns what an effect does to objects.
+#[must_use]
+pub fn fate(id: &str) -> Option<Fate> {
+    match id {
+        "object_dropout" => Some(Fate::Gone),
+        "identity_switch" => Some(Fate::Restyled),
+        "layout_misalignment" => Some(Fate::Moved),
+        "object_hallucination" => Some(Fate::Appeared),
+        _ => None,
+    }
+}
+
+fn with_objects(scene: &Scene<'_>, found: &Search, base: &Base, effect: &'static FrameEffect) -> Option<Model> {
+    let fate = fate(effect.id)?;
+    let all = base.events.get_or_init(|| objects::events(scene, &scene.small_of(&found.model, &found.placed.small)));
+    let events: Vec<Event> = all.iter().filter(|e| e.fate == fate).copied().collect();
+    if events.is_empty() {
         return None;
     }
+    let boxes = |cars: bool| -> usize {
+        scene.frames.iter().map(|f| f.boxes.iter().filter(|b| !cars || b.class == "car").count()).sum()
+    };
+    let count = events.len() as f64;
+    let square: f64 = events.iter().map(|e| 0.5 * (e.offset[0].powi(2) + e.offset[1].powi(2))).sum();
+    let value = match fate {
+        Fate::Gone => (count / boxes(true).max(1) as f64).min(1.0),
+        Fate::Restyled => (count / boxes(false).max(1) as f64).min(1.0),
+        Fate::Moved => (square / count).sqrt(),
+        Fate::Appeared => count / scene.frames.len() as f64,
+    };
     let mut model = found.model.clone();
-    model.lost = lost;
-    model.set(effect, vec![(count as f64 / cars.max(1) as f64).min(1.0)]);
+    for event in events {
+        model.lost[event.frame].push(event.edges);
+    }
+    model.set(effect, vec![value]);
     Some(model)
 }
 

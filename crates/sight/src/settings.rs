@@ -44,6 +44,8 @@ pub const FIRST_GAIN: f64 = 20.0;
 pub const FURTHER_GAIN: f64 = 40.0;
 /// The same as a share of what the effects before it took away: a rough model of a strong effect leaves something.
 pub const FURTHER_SHARE: f64 = 0.08;
+/// The same for effects on fine detail, which show in a band of their own.
+pub const FURTHER_FINE_SHARE: f64 = 0.02;
 /// Loss per unit of ln residual variance of an age.
 pub const AGE_WEIGHT: f64 = 20.0;
 /// Variance of flat places that every case may have, noise of 1.6 levels and two encoders, levels².
@@ -87,8 +89,8 @@ pub const STRANGE_NOISE: f64 = 9.0;
 pub const UNKNOWN_WIDTH: f64 = 0.15;
 /// Loss difference below which two effects form a group.
 pub const GROUP_GAIN: f64 = 12.0;
-/// Half width of 90 % intervals of effects without a standard error, as a share of the effect.
-pub const RELATIVE_ERROR: f64 = 0.2;
+/// Draws of tiles for intervals of effects on fine detail.
+pub const TILE_DRAWS: u64 = 100;
 /// Gain below which an effect is not tried again on top of a model in place.
 pub const HOPELESS_GAIN: f64 = -30.0;
 /// Variance of flat places at white from which it is no noise of a usual case: clean cases keep 4, the practice moire 70.
@@ -97,3 +99,17 @@ pub const STRANGE_WHITE: f64 = 25.0;
 pub const MARGIN_SDS: f64 = 2.5;
 /// Share of the slab below which an effect of several parameters is not there.
 pub const LEAST_EFFECT: f64 = 0.005;
+/// Correlation of medium detail from which two streams agree pixel by pixel, and from which they show the same states.
+pub const ALIGNED_AGREEMENT: f64 = 0.45;
+/// See [`ALIGNED_AGREEMENT`].
+pub const LAYOUT_AGREEMENT: f64 = 0.12;
+/// Effect-free pairs that are needed to learn what a generator does.
+pub const FEWEST_NUISANCE: usize = 5;
+/// By how much a gain must exceed the best on effect-free pairs.
+pub const NUISANCE_MARGIN: f64 = 1.1;
+/// Gain that an effect on other than aligned streams must have at least.
+pub const LEAST_PAIRING_GAIN: f64 = 14.0;
+/// Squared distance, over that of effect-free pairs and one gain, from which what remains is strange.
+pub const STRANGE_REMAINS: f64 = 2.0;
+/// Displacement of one colour against another, at half the width, that no usual case has, px.
+pub const STRANGE_FRINGE_PX: f64 = 0.5;

@@ -55,7 +55,8 @@ pub fn fit(scene: &Scene<'_>, model: &Model, placed: &Placed, effect: &'static F
 }
 
 /// Returns where a parabola through three points has its lowest value.
-fn parabola(a: (f64, f64), b: (f64, f64), c: (f64, f64)) -> f64 {
+#[must_use]
+pub fn parabola(a: (f64, f64), b: (f64, f64), c: (f64, f64)) -> f64 {
     let (left, right) = ((b.1 - a.1) / (b.0 - a.0), (c.1 - b.1) / (c.0 - b.0));
     let bend = (right - left) / (c.0 - a.0);
     if bend <= 1e-9 {

@@ -9,10 +9,14 @@ use crate::geometry::with_values;
 use crate::loss;
 use crate::scene::{Model, Scene};
 
+/// Effects that are fitted here.
+pub const KNOWN: [&str; 7] =
+    ["gamma", "white_balance", "vignetting", "fog_haze", "night_illumination", "exposure_lag", "rollout_drift"];
+
 /// Rounds of the fit.
 const ROUNDS: usize = 7;
 /// Frames looked at.
-const FRAMES: usize = 9;
+const FRAMES: usize = 6;
 
 /// Fits the values of the named effects of a model; the others stay.
 #[must_use]
@@ -84,6 +88,59 @@ pub fn fit(scene: &Scene<'_>, model: &Model, placed: &[Picture], ids: &[&str]) -
         }
     }
     (with(&values), cost)
+}
+
+/// Returns the standard deviation of the first value of an effect, from how frames or tiles (whichever disagree more) pull
+/// at a fit of the named effects that has come to rest: (H^-1) (sum of g g') (H^-1).
+#[must_use]
+pub fn error(scene: &Scene<'_>, model: &Model, placed: &[Picture], ids: &[&str], of: &str) -> f64 {
+    let free: Vec<_> = model.effects.iter().filter(|(e, _)| ids.contains(&e.id)).cloned().collect();
+    let slabs: Vec<(f64, f64)> = free.iter().flat_map(|(e, _)| e.parameters.iter().map(|p| p.slab)).collect();
+    let values: Vec<f64> = free.iter().flat_map(|(_, v)| v.clone()).collect();
+    let mut before = free.iter().take_while(|(e, _)| e.id != of).map(|(_, v)| v.len());
+    let first: usize = before.by_ref().sum();
+    let frames: Vec<usize> = (model.blind..placed.len()).collect();
+    let residual = |values: &[f64]| {
+        let mut trial = model.clone();
+        for (effect, own) in with_values(&free, values) {
+            trial.set(effect, own);
+        }
+        residuals(scene, &scene.some_small_of(&trial, placed, &frames), &frames)
+    };
+    let now = residual(&values);
+    let n = values.len();
+    let columns: Vec<Vec<f32>> = (0..n)
+        .map(|k| {
+            let step = 0.01 * (slabs[k].1 - slabs[k].0) * if values[k] + 0.01 > slabs[k].1 { -1.0 } else { 1.0 };
+            let mut there = values.clone();
+            there[k] += step;
+            residual(&there).iter().zip(&now).map(|(t, r)| (t - r) / step as f32).collect()
+        })
+        .collect();
+    let (width, height, c) = (placed[0].width, placed[0].height, placed[0].channels);
+    let mut h = DMatrix::<f64>::zeros(n, n);
+    let mut pulls = [vec![DVector::<f64>::zeros(n); frames.len()], vec![DVector::<f64>::zeros(n); loss::TILES]];
+    for (i, r) in now.iter().enumerate() {
+        let w = 1.0 / (1.0 + f64::from(r * r) / 4.0);
+        let at = i / c % (width * height);
+        let tile = loss::tile(at % width, at / width, width, height);
+        for a in 0..n {
+            let da = f64::from(columns[a][i]);
+            pulls[0][i / (c * width * height)][a] += w * da * f64::from(*r);
+            pulls[1][tile][a] += w * da * f64::from(*r);
+            for b in 0..n {
+                h[(a, b)] += w * da * f64::from(columns[b][i]);
+            }
+        }
+    }
+    let Some(inverse) = h.try_inverse() else { return 0.0 };
+    let spread = |pulls: &[DVector<f64>]| {
+        let m = pulls.len() as f64;
+        let mean = pulls.iter().fold(DVector::zeros(n), |s, p| s + p) / m;
+        let moved = pulls.iter().map(|p| (&inverse * (p - &mean))[first].powi(2)).sum::<f64>();
+        (moved * m / (m - 1.0).max(1.0)).sqrt()
+    };
+    spread(&pulls[0]).max(spread(&pulls[1]))
 }
 
 /// Residuals of small pictures over their expected size; nuisance gain taken out.

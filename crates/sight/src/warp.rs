@@ -54,6 +54,9 @@ impl Grid {
     /// Resamples a picture.
     #[must_use]
     pub fn apply(&self, picture: &Picture) -> Picture {
+        if let Some(shift) = self.shift {
+            return picture.shifted(shift);
+        }
         picture.warped(|x, y| {
             let d = self.at(x, y);
             [x as f32 + d[0], y as f32 + d[1]]

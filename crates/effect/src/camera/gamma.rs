@@ -2,6 +2,7 @@
 //! The neutral value leaves the frame untouched.
 
 use crate::frame::{Act, FrameEffect, Needs};
+use crate::picture::power;
 use crate::{Insertion, Parameter};
 
 pub(crate) const EFFECT: FrameEffect = FrameEffect {
@@ -12,7 +13,7 @@ pub(crate) const EFFECT: FrameEffect = FrameEffect {
     act: Act::Edit(|values, _, _, picture| {
         let exponent = values[0] as f32;
         for value in &mut picture.data {
-            *value = 255.0 * (value.clamp(0.0, 255.0) / 255.0).powf(exponent);
+            *value = 255.0 * power(value.clamp(0.0, 255.0) / 255.0, exponent);
         }
     }),
 };

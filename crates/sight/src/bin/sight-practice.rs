@@ -1,7 +1,8 @@
 //! Diagnoses many pairs of frame streams: writes `DIR/<case>/diagnosis.json`, prints one line per case beside its label,
 //! and the figures of all labelled cases.
 //!
-//! `sight-practice CASES_DIR [--out DIR] [--only NAME]`; cases run in parallel.
+//! `sight-practice CASES_DIR [--out DIR] [--only NAME] [--nuisance DIR]`; cases run in parallel (RAYON_NUM_THREADS=1
+//! for times).
 #![allow(clippy::print_stdout, reason = "the table is this command's answer")]
 
 use std::path::{Path, PathBuf};
@@ -10,7 +11,7 @@ use std::time::Instant;
 
 use ds_gap::score::Share;
 use ds_gap::{Diagnosis, Verdict};
-use ds_sight::{Options, SightError, diagnose, is_frame_case};
+use ds_sight::{Nuisance, Options, SightError, diagnose, is_frame_case};
 use rayon::prelude::*;
 use serde_json::Value;
 
@@ -18,7 +19,7 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let after = |flag: &str| arguments.iter().position(|a| a == flag).and_then(|k| arguments.get(k + 1)).cloned();
     let Some(root) = arguments.first().filter(|a| !a.starts_with("--")).map(PathBuf::from) else {
-        println!("usage: sight-practice CASES_DIR [--out DIR] [--only NAME] [--without EFFECT]");
+        println!("usage: sight-practice CASES_DIR [--out DIR] [--only NAME] [--without EFFECT] [--nuisance DIR]");
         return ExitCode::from(64);
     };
     let labels: Value = std::fs::read_to_string(root.join("labels.json"))
@@ -32,8 +33,15 @@ fn main() -> ExitCode {
     if let Some(only) = after("--only") {
         cases.retain(|c| c.to_string_lossy().contains(&only));
     }
-    let options =
-        Options { without: after("--without").map(|w| w.split(',').map(str::to_owned).collect()).unwrap_or_default() };
+    let nuisance = match after("--nuisance").map(|folder| Nuisance::learn(Path::new(&folder))).transpose() {
+        Ok(learned) => learned,
+        Err(error) => {
+            println!("{error}");
+            return ExitCode::FAILURE;
+        }
+    };
+    let without = after("--without").map(|w| w.split(',').map(str::to_owned).collect()).unwrap_or_default();
+    let options = Options { without, nuisance };
     let results: Vec<(String, Result<Diagnosis, SightError>)> = cases
         .par_iter()
         .map(|case| {
@@ -89,18 +97,27 @@ impl Counts {
         let unknown = d.verdict == Verdict::Unknown;
         match kind {
             "none" => push("none: false alarms", d.verdict != Verdict::None),
+            "single" if label["weak"] == true => {
+                push("weak: first effect or none", d.effects.first().is_some_and(|e| e.id == truth[0]) || d.chosen.is_empty());
+                push("weak: found", d.chosen == truth);
+            }
             "single" => {
-                push("singles: first effect", d.effects.first().is_some_and(|e| e.id == truth[0]));
-                push(
-                    "singles: in the first group",
-                    d.effects.first().is_some_and(|e| e.group.iter().any(|g| g == truth[0])),
-                );
-                push("singles: strict", d.verdict == Verdict::Single && d.chosen == truth);
-                if let (Some(first), Some(value)) = (d.effects.first(), label["effects"][0]["value"].as_f64())
-                    && first.id == truth[0]
-                {
-                    push("intervals cover", first.interval90[0] <= value && value <= first.interval90[1]);
-                    self.relative.push((first.value - value).abs() / value.abs().max(1e-9));
+                let first = d.effects.first().is_some_and(|e| e.id == truth[0]);
+                let untestable = d.detection_limits.iter().any(|l| l.id == truth[0] && l.limit.is_none());
+                if !d.detection_limits.is_empty() {
+                    let silent = d.chosen.is_empty() && !unknown;
+                    push("singles: found, or none said where not testable", if untestable { silent } else { d.chosen == truth });
+                    push("singles: said to be testable", !untestable);
+                    if !untestable {
+                        push("singles: testable, first effect", first);
+                    }
+                }
+                if label["stripped"].as_array().is_some_and(|s| !s.is_empty()) {
+                    push("stripped: first effect", first);
+                } else {
+                    push("singles: first effect", first);
+                    push("singles: in the first group", d.effects.first().is_some_and(|e| e.group.iter().any(|g| g == truth[0])));
+                    push("singles: strict", d.verdict == Verdict::Single && d.chosen == truth);
                 }
             }
             "double" => {
@@ -110,6 +127,14 @@ impl Counts {
             _ => push("out of library: unknown", unknown),
         }
         let mut push = |name, hit| self.rows.entry(name).or_default().push(hit);
+        for effect in label["effects"].as_array().into_iter().flatten() {
+            if let (Some(found), Some(value)) = (d.effects.iter().find(|e| effect["id"] == *e.id), effect["value"].as_f64())
+                && d.chosen.contains(&found.id)
+            {
+                push("intervals of chosen effects cover", found.interval90[0] <= value && value <= found.interval90[1]);
+                self.relative.push((found.value - value).abs() / value.abs().max(1e-9));
+            }
+        }
         if kind != "out_of_library" {
             push("known or none called unknown", unknown);
         }

@@ -1,0 +1,294 @@
+//! The diagnosis of streams that do not agree pixel by pixel: forward selection over paths, what remains, the tiles that
+//! the chosen effects touch, and from which size on each effect could have been seen at all.
+
+use std::collections::BTreeMap;
+
+use ds_effect::frame::Act;
+use ds_gap::report::{
+    Cell, Corrected, CorrectedEffect, DetectionLimit, Diagnosis, Finding, Regime, Remainder, SCHEMA, Verdict,
+};
+use nalgebra::DVector;
+
+use crate::case::FrameCase;
+use crate::error::SightError;
+use crate::how_far::{Correction, generated};
+use crate::loss::{TILES, tile};
+use crate::pairing::nuisance::{Nuisance, statistics};
+use crate::pairing::paths::{Path, paths};
+use crate::pairing::weigh::{self, Spot};
+use crate::pairing::Pairing;
+use crate::scene::Scene;
+use crate::search::known;
+use crate::settings;
+
+/// Diagnoses a scene of another pairing than aligned.
+///
+/// # Errors
+/// If features of the held-out frames are not finite.
+pub fn judged(
+    scene: &Scene<'_>,
+    pairing: Pairing,
+    nuisance: &Nuisance,
+    without: &[String],
+) -> Result<Diagnosis, SightError> {
+    let paired = pairing != Pairing::Unpaired;
+    let (x, moved) = statistics(scene, pairing);
+    let paths = paths(scene, paired, without);
+    let needed = weigh::needed(nuisance, &paths);
+    let mut deviation = &x - &nuisance.mean;
+    let mut chosen: Vec<Spot> = Vec::new();
+    let mut ranked: Vec<Spot> = Vec::new();
+    while chosen.len() < 2 {
+        let mut spots = weigh::spots(&nuisance.precision, &paths, &deviation);
+        let taken = |p: &Spot| chosen.iter().any(|c| paths[c.path].effect.id == paths[p.path].effect.id);
+        spots.retain(|s| s.gain > 0.0 && !taken(s));
+        spots.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        let best = spots.first().cloned();
+        if chosen.is_empty() {
+            ranked = spots;
+        }
+        let share = chosen.iter().map(|c| c.gain).sum::<f64>() * settings::FURTHER_SHARE;
+        let Some(best) = best.filter(|b| b.gain > needed.max(share)) else { break };
+        deviation -= best.change(&paths);
+        chosen.push(best);
+    }
+    let remains = weigh::square(&nuisance.precision, &deviation);
+    let late = moved.and_then(|m| m.late.effect);
+    let excess = remains / (settings::STRANGE_REMAINS * (weigh::usual(nuisance) + needed));
+    let mut model: Vec<(String, Vec<f64>)> = Vec::new();
+    if let Some((effect, value)) = late {
+        model.push((effect.id.to_owned(), vec![value]));
+    }
+    model.extend(chosen.iter().map(|c| (paths[c.path].effect.id.to_owned(), c.values(&paths))));
+    let verdict = match model.len() {
+        _ if excess > 1.0 => Verdict::Unknown,
+        0 => Verdict::None,
+        1 => Verdict::Single,
+        _ => Verdict::Multiple,
+    };
+    let p_unknown = 1.0 / (1.0 + (-(excess.max(1e-6).ln()) / (2.0 * settings::UNKNOWN_WIDTH)).exp());
+    let best = ranked.first().map_or(0.0, |s| s.gain);
+    let p_none = if late.is_some() { 0.0 } else { (1.0 - p_unknown) / (1.0 + ((best - needed) / 6.0).clamp(-30.0, 30.0).exp()) };
+    let told = Told { paths: &paths, ranked: &ranked, chosen: &chosen, needed };
+    let correction = correction(&model);
+    let held = generated(scene.case, &correction, &|n| scene.case.held.iter().any(|f| f.number == n), nuisance.gap, "heldout")?;
+    let fit = generated(scene.case, &correction, &|n| scene.case.fit.iter().any(|f| f.number == n), nuisance.gap, "fit")?;
+    let effects = told.findings(late, 1.0 - p_unknown - p_none);
+    let limits = told.limits(nuisance);
+    Ok(Diagnosis {
+        schema_version: SCHEMA,
+        case: scene.case.name.clone(),
+        verdict,
+        indistinguishable: effects.iter().take(1).filter(|e| e.group.len() > 1).map(|e| e.group.clone()).collect(),
+        effects,
+        p_none,
+        p_unknown,
+        chosen: model.iter().map(|(id, _)| id.clone()).collect(),
+        cells: if verdict == Verdict::None { Vec::new() } else { cells(scene, &correction, nuisance.gap[0]) },
+        how_far: held,
+        shares: Vec::new(),
+        predicted_share: fit.first().map_or(0.0, |s| s.share_explained),
+        unknown_description: (verdict == Verdict::Unknown).then(|| describe(nuisance, &deviation, &told)),
+        next_manoeuvre: Vec::new(),
+        corrected_model: Corrected {
+            effects: model
+                .into_iter()
+                .map(|(id, values)| CorrectedEffect { id, value: values[0], values })
+                .collect(),
+            nuisance: BTreeMap::new(),
+        },
+        floor_source: if nuisance.count > 0 { "effect-free pairs" } else { "practice" }.to_owned(),
+        warnings: warnings(scene.case, pairing, nuisance, &limits),
+        detection_limits: limits,
+        secs: 0.0,
+    })
+}
+
+fn correction(model: &[(String, Vec<f64>)]) -> Correction {
+    let effects = model.iter().map(|(id, values)| (known(id), values.clone())).collect();
+    Correction { effects, shift: [0.0; 2], noise: 0.0, dirt: None }
+}
+
+fn warnings(case: &FrameCase, pairing: Pairing, nuisance: &Nuisance, limits: &[DetectionLimit]) -> Vec<String> {
+    let mut out = case.warnings.clone();
+    out.push(format!("the streams are paired as {}", pairing.name()));
+    if nuisance.count == 0 {
+        out.push("no effect-free pairs of this generator are given: its own gap is assumed, and wide".to_owned());
+    }
+    let hidden: Vec<&str> = limits.iter().filter(|l| l.limit.is_none()).map(|l| l.id.as_str()).collect();
+    if !hidden.is_empty() {
+        out.push(format!("not testable with this generator: {}", hidden.join(", ")));
+    }
+    out
+}
+
+/// What was found, for reports.
+struct Told<'a> {
+    paths: &'a [Path],
+    ranked: &'a [Spot],
+    chosen: &'a [Spot],
+    needed: f64,
+}
+
+impl Told<'_> {
+    fn id(&self, spot: &Spot) -> &'static str {
+        self.paths[spot.path].effect.id
+    }
+
+    fn findings(&self, late: Option<(&'static ds_effect::FrameEffect, f64)>, mass: f64) -> Vec<Finding> {
+        let mut list: Vec<Finding> = Vec::new();
+        if let Some((effect, value)) = late {
+            list.push(Finding {
+                interval90: [value - 0.5, value + 0.5],
+                params: [(effect.parameters[0].name.to_owned(), value)].into(),
+                ..self.empty(effect.id, value, 4.0 * self.needed)
+            });
+        }
+        let firsts = self.chosen.iter().chain(self.ranked);
+        for spot in firsts {
+            let id = self.id(spot);
+            if list.iter().any(|f| f.id == id) {
+                continue;
+            }
+            let values = spot.values(self.paths);
+            let path = &self.paths[spot.path];
+            let width = (path.values[spot.at.0 + 1][0] - path.values[spot.at.0][0]).abs();
+            let half = spot.error * width + 0.1 * (values[0] - path.values[0][0]).abs();
+            let slab = path.effect.parameters[0].slab;
+            let mut finding = self.empty(id, values[0], spot.gain);
+            finding.interval90 = [(values[0] - half).max(slab.0), (values[0] + half).min(slab.1)];
+            finding.params =
+                path.effect.parameters.iter().zip(&values).map(|(p, v)| (p.name.to_owned(), *v)).collect();
+            finding.group = self.group(spot);
+            list.push(finding);
+        }
+        let top = list.iter().map(|f| f.evidence_gain).fold(0.0, f64::max);
+        let chosen = |f: &Finding| self.chosen.iter().any(|c| self.id(c) == f.id) || late.is_some_and(|l| l.0.id == f.id);
+        let weights: Vec<f64> = list
+            .iter()
+            .map(|f| if chosen(f) { 1.0 } else { ((f.evidence_gain - top) / 8.0).exp() })
+            .collect();
+        let total: f64 = weights.iter().sum();
+        for (finding, weight) in list.iter_mut().zip(weights) {
+            finding.probability = mass.max(0.0) * weight / total.max(1e-12);
+        }
+        list
+    }
+
+    fn empty(&self, id: &str, value: f64, gain: f64) -> Finding {
+        Finding {
+            id: id.to_owned(),
+            probability: 0.0,
+            value,
+            unit: known(id).parameters[0].unit.to_owned(),
+            interval90: [value; 2],
+            group: vec![id.to_owned()],
+            heldout_gain: gain,
+            evidence_gain: gain,
+            params: BTreeMap::new(),
+        }
+    }
+
+    /// Effects whose gain is nearly that of a spot.
+    fn group(&self, spot: &Spot) -> Vec<String> {
+        let mut group = vec![self.id(spot).to_owned()];
+        for other in self.ranked {
+            let id = self.id(other).to_owned();
+            if group.len() < 4 && !group.contains(&id) && spot.gain - other.gain < 6.0 && other.gain > 0.5 * spot.gain {
+                group.push(id);
+            }
+        }
+        group
+    }
+
+    fn limits(&self, nuisance: &Nuisance) -> Vec<DetectionLimit> {
+        let mut out: BTreeMap<&str, Option<f64>> = BTreeMap::new();
+        for path in self.paths {
+            let end = path.values[path.values.len() - 1][0];
+            if (end - path.values[0][0]).abs() < 1e-12 {
+                continue;
+            }
+            let found = weigh::limit(&nuisance.precision, path, self.needed);
+            let entry = out.entry(path.effect.id).or_default();
+            let nearer = |v: f64, w: f64| (v - path.values[0][0]).abs() < (w - path.values[0][0]).abs();
+            if let Some(v) = found
+                && entry.is_none_or(|w| nearer(v, w))
+            {
+                *entry = Some(v);
+            }
+        }
+        for effect in ds_effect::frame_library() {
+            if matches!(effect.act, Act::Warp(_)) {
+                out.entry(effect.id).or_default();
+            }
+        }
+        out.into_iter()
+            .map(|(id, limit)| DetectionLimit {
+                id: id.to_owned(),
+                limit,
+                unit: known(id).parameters[0].unit.to_owned(),
+            })
+            .collect()
+    }
+}
+
+fn describe(nuisance: &Nuisance, left: &DVector<f64>, told: &Told<'_>) -> Remainder {
+    let weighted = &nuisance.precision * left;
+    let mut parts: Vec<(usize, f64)> = (0..left.len()).map(|k| (k, left[k] * weighted[k])).collect();
+    parts.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let name = |k: usize| match k {
+        0..=6 => "tone",
+        7..=11 => "sharpness",
+        12 | 13 => "noise",
+        14 => "block edges",
+        15 => "upright lines",
+        16..=19 => "brightness by place",
+        20 => "contrast by distance",
+        21..=23 => "colour",
+        24 | 25 => "fixed places",
+        26..=29 => "changes over time",
+        30..=34 => "brightness ratios",
+        35..=42 => "displacement",
+        _ => "objects",
+    };
+    let mut channels = BTreeMap::new();
+    for (k, size) in parts.iter().take(3) {
+        channels.insert(format!("camera:{}", name(*k)), size.max(0.0).sqrt());
+    }
+    let nearest: Vec<String> = told.ranked.iter().take(3).map(|s| told.id(s).to_owned()).collect();
+    let text = format!(
+        "the streams differ most in {}; nearest known effects: {}",
+        parts.iter().take(2).map(|(k, _)| name(*k)).collect::<Vec<_>>().join(" and "),
+        nearest.join(", ")
+    );
+    Remainder { channels, time_pattern: "constant".to_owned(), nearest, text, ..Remainder::default() }
+}
+
+/// Tiles in which the chosen effects change the simulated frames by more than a quarter of what streams differ anyway.
+fn cells(scene: &Scene<'_>, correction: &Correction, gap: f64) -> Vec<Cell> {
+    let frames: Vec<&crate::case::Frame> = scene.frames.clone();
+    let changed = crate::how_far::rendered(scene.case, correction, &frames);
+    let mut sums = [[0.0f64; 3]; TILES];
+    for (frame, picture) in frames.iter().zip(&changed) {
+        let c = picture.channels;
+        for (i, ((e, s), r)) in picture.data.iter().zip(&frame.sim.data).zip(&frame.real.data).enumerate() {
+            let sum = &mut sums[tile(i / c % picture.width, i / c / picture.width, picture.width, picture.height)];
+            sum[0] += f64::from((e - s).powi(2));
+            sum[1] += f64::from((r - s).powi(2));
+            sum[2] += 1.0;
+        }
+    }
+    let mut cells = Vec::new();
+    for (t, [own, all, n]) in sums.into_iter().enumerate() {
+        let (own, all) = (own / n, all / n);
+        let twin = (all - own).max(0.5 * all).max(0.25 * gap * gap);
+        if own > settings::TILE_EXCESS * (twin + 1.0) {
+            let regime =
+                Regime { tile: Some([t / settings::TILES[1], t % settings::TILES[1]]), ..Regime::default() };
+            let t = vec![[frames[0].time_secs, frames[frames.len() - 1].time_secs]];
+            cells.push(Cell { channel: "camera".to_owned(), regime, effect_size: (1.0 + own / twin).sqrt(), q_value: 0.01, t });
+        }
+    }
+    cells.sort_by(|a, b| b.effect_size.total_cmp(&a.effect_size));
+    cells
+}
