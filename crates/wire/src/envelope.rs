@@ -23,7 +23,7 @@ const HEADER_KEY: u8 = 0x0a;
 
 enumeration!(v1::Topic, Topic, {
     Scene = Scene, Advance = Advance, World = World, Ego = Ego, Layout = Layout, Frame = Frame, Cache = Cache,
-    Plan = Plan, Score = Score, Event = Event,
+    Plan = Plan, Score = Score, Event = Event, Diagnosis = Diagnosis,
 });
 
 impl From<&Header> for v1::Header {
@@ -141,5 +141,6 @@ pub fn message_name(topic: Topic) -> &'static str {
         Topic::Plan => "dreamstream.v1.Plan",
         Topic::Score => "dreamstream.v1.Score",
         Topic::Event => "dreamstream.v1.Event",
+        Topic::Diagnosis => "dreamstream.v1.Diagnosis",
     }
 }
