@@ -1,7 +1,8 @@
 //! Who may say what on a bus that is reached over a network: mutual TLS, and rights by the name in the certificate.
 //!
 //! Every service may listen, ask and answer pulls; each may put its own topics alone, and only the orchestrator answers for
-//! the journal. Certificates that name none of the [`STATIONS`] may do nothing.
+//! the journal. Those who look on (`viewer`, `gap`) listen and ask; `gap` may put its diagnosis and nothing else.
+//! Certificates that name none of the [`STATIONS`] may do nothing.
 
 use std::path::PathBuf;
 
@@ -36,14 +37,17 @@ impl TlsFiles {
 }
 
 /// The services by the common names of their certificates, with the topics that they put.
-pub const STATIONS: [(&str, &[Topic]); 6] = [
+pub const STATIONS: [(&str, &[Topic]); 7] = [
     ("orchestrator", &[Topic::Scene, Topic::Advance, Topic::Score, Topic::Event]),
     ("sim-server", &[Topic::World, Topic::Ego, Topic::Event]),
     ("layout-render", &[Topic::Layout, Topic::Event]),
     ("vdm-worker", &[Topic::Frame, Topic::Cache, Topic::Event]),
     ("policy-bridge", &[Topic::Plan, Topic::Event]),
+    ("gap", &[Topic::Diagnosis]),
     ("viewer", &[]),
 ];
+/// The stations that have no part in an episode.
+const ONLOOKERS: [&str; 2] = ["gap", "viewer"];
 
 /// Returns Zenoh's `access_control` of the router between the services.
 pub(crate) fn rights() -> serde_json::Value {
@@ -66,7 +70,10 @@ pub(crate) fn rights() -> serde_json::Value {
     let mut subjects = Vec::new();
     let mut policies = Vec::new();
     for (station, topics) in STATIONS {
-        let mut granted = vec!["listen", "hear", "pull", "hold", "held", "live"];
+        let mut granted = vec!["listen", "hear", "pull", "held", "live"];
+        if !ONLOOKERS.contains(&station) {
+            granted.push("hold");
+        }
         let tell = format!("tell-{station}");
         if !topics.is_empty() {
             let keys = topics.iter().copied().map(all_pushes).collect();
@@ -98,6 +105,27 @@ mod tests {
             let who: Vec<&str> =
                 STATIONS.iter().filter(|(_, topics)| topics.contains(&topic)).map(|(name, _)| *name).collect();
             assert!(who.len() == 1 || (topic == Topic::Event && who.len() == 5), "{topic:?} is put by {who:?}");
+        }
+    }
+
+    #[test]
+    fn who_looks_on_answers_no_pull_and_puts_a_diagnosis_at_most() {
+        let rights = rights();
+        let policies = rights["policies"].as_array().expect("a list");
+        for station in ONLOOKERS {
+            let policy = policies.iter().find(|policy| policy["subjects"][0] == station).expect("a policy");
+            let granted: Vec<&str> =
+                policy["rules"].as_array().expect("a list").iter().filter_map(|r| r.as_str()).collect();
+            assert!(!granted.contains(&"hold") && !granted.contains(&"journal"), "{station} may {granted:?}");
+            let told: Vec<&&str> = granted.iter().filter(|rule| rule.starts_with("tell")).collect();
+            for rule in rights["rules"]
+                .as_array()
+                .expect("a list")
+                .iter()
+                .filter(|rule| told.iter().any(|t| rule["id"] == ***t))
+            {
+                assert_eq!(rule["key_exprs"], serde_json::json!([all_pushes(Topic::Diagnosis)]));
+            }
         }
     }
 

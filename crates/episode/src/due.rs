@@ -16,7 +16,7 @@ pub fn maker(topic: Topic) -> Option<Role> {
         Topic::Layout => Some(Role::Layout),
         Topic::Frame | Topic::Cache => Some(Role::Video),
         Topic::Plan => Some(Role::Policy),
-        Topic::Scene | Topic::Advance | Topic::Score | Topic::Event => None,
+        Topic::Scene | Topic::Advance | Topic::Score | Topic::Event | Topic::Diagnosis => None,
     }
 }
 
@@ -106,7 +106,7 @@ pub fn all_outputs(outline: &Outline, advance: &Advance) -> Vec<Slot> {
 #[must_use]
 pub fn tick_of(spec: &EpisodeSpec, slot: Slot) -> Tick {
     match slot.topic {
-        Topic::World | Topic::Ego | Topic::Layout | Topic::Frame | Topic::Score => Tick(slot.index),
+        Topic::World | Topic::Ego | Topic::Layout | Topic::Frame | Topic::Score | Topic::Diagnosis => Tick(slot.index),
         Topic::Cache => Tick(slot.index.saturating_mul(spec.chunk_ticks)),
         Topic::Advance | Topic::Plan => spec.ticks_of(slot.index).1,
         Topic::Scene | Topic::Event => Tick(0),

@@ -6,6 +6,9 @@
 
 use std::fmt::Display;
 
+/// The script that sorts tables of class `sortable` by a click on a heading; comes first in a page's script.
+pub const SORTING: &str = include_str!("sorting.js");
+
 /// Names and values of an element's attributes.
 pub type Attributes<'a> = &'a [(&'static str, &'a dyn Display)];
 

@@ -18,7 +18,9 @@ const SHOWN: f64 = 0.01;
 /// Rows that are shown in any case, and at most.
 const ROWS: (usize, usize) = (3, 9);
 /// Width and height of a row's axis, px, and its margin for the ends of whiskers.
-const AXIS: (f64, f64, f64) = (280.0, 34.0, 14.0);
+const AXIS: (f64, f64, f64) = (220.0, 34.0, 14.0);
+/// Width of a full bar of probability, px.
+const BAR: f64 = 110.0;
 
 /// Writes the table of hypotheses; the mass turns shares of it into kilograms.
 pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis, mass_kg: Option<f64>) {
@@ -132,11 +134,11 @@ fn gain(value: f64) -> String {
 
 fn bar(m: &mut Markup, class: &str, p: f64) {
     let words = words::chance(p);
-    let width = if p.is_finite() { 150.0 * p.clamp(0.0, 1.0) } else { 0.0 };
-    plot::picture(m, "inline", &format!("probability {words}"), (204.0, 22.0), |m| {
-        plot::area(m, "track", (0.0, 4.0), (150.0, 14.0), "");
+    let width = if p.is_finite() { BAR * p.clamp(0.0, 1.0) } else { 0.0 };
+    plot::picture(m, "inline", &format!("probability {words}"), (BAR + 54.0, 22.0), |m| {
+        plot::area(m, "track", (0.0, 4.0), (BAR, 14.0), "");
         plot::area(m, class, (0.0, 4.0), (width, 14.0), "");
-        plot::text(m, "value strong", (203.0, 15.5), &words);
+        plot::text(m, "value strong", (BAR + 53.0, 15.5), &words);
     });
 }
 

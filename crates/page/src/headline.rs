@@ -116,6 +116,9 @@ fn closes(diagnosis: &Diagnosis, who: &str) -> String {
     if shrink.share_explained < 0.0 {
         return format!("yet {metric} becomes worse when it is corrected {}.", data(shrink));
     }
+    if shrink.share_explained > 1.0 {
+        return format!("{who} closes the whole gap in {metric} beyond its noise floor {}.", data(shrink));
+    }
     format!("{who} closes {share} {interval} of the gap in {metric} {}.", data(shrink))
 }
 
@@ -180,7 +183,7 @@ fn tiles(m: &mut Markup, diagnosis: &Diagnosis) {
     if let Some(shrink) = telling(diagnosis).filter(|s| !at_floor(s) && !diagnosis.chosen.is_empty()) {
         let [before, after, _] = words::aligned([shrink.before, shrink.after, shrink.floor]);
         let (metric, unit) = words::metric(&shrink.metric);
-        tile("", &words::share(shrink.share_explained), &format!("of the gap in {metric} closed"));
+        tile("", &words::share(shrink.share_explained.min(1.0)), &format!("of the gap in {metric} closed"));
         tile("", &format!("{before} → {after}"), &format!("{metric}{}{unit}", if unit.is_empty() { "" } else { ", " }));
     }
     let beyond = diagnosis.cells.len();

@@ -71,7 +71,10 @@ fn document(title: &str, body: impl FnOnce(&mut Markup)) -> String {
         });
         m.inside("body", &[], |m| {
             body(m);
-            m.inside("script", &[], |m| m.raw(SCRIPT));
+            m.inside("script", &[], |m| {
+                m.raw(markup::SORTING);
+                m.raw(SCRIPT);
+            });
         });
     });
     m.raw("\n");

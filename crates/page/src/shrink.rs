@@ -12,7 +12,7 @@ const LABELS: f64 = 190.0;
 const VALUES: f64 = 560.0;
 /// Left ends of the columns on the right: before, after, floor, unit, the bar of the share, its text.
 const COLUMNS: [f64; 6] = [628.0, 690.0, 752.0, 762.0, 846.0, 1098.0];
-const BAR: f64 = 120.0;
+const BAR: f64 = 112.0;
 const ROW: f64 = 27.0;
 const TOP: f64 = 50.0;
 const APART: f64 = 12.0;
@@ -127,7 +127,7 @@ fn share(m: &mut Markup, shrink: &Shrink, y: f64) {
         }
     }
     let class = if worse { "value strong bad" } else { "value strong" };
-    plot::text(m, class, (COLUMNS[5] - 86.0, y + 4.5), &words::share(shrink.share_explained));
+    plot::text(m, class, (COLUMNS[5] - 80.0, y + 4.5), &words::share(shrink.share_explained));
     plot::text(m, "value", (COLUMNS[5], y + 4.5), &words::shares(shrink.interval90));
 }
 
@@ -139,7 +139,7 @@ fn promise(m: &mut Markup, diagnosis: &Diagnosis) {
     }
     m.inside("div", &[("class", &"promise")], |m| {
         let (name, _) = words::metric(&shrink.metric);
-        plot::picture(m, "inline plot", "Promised and realised share", (330.0, 54.0), |m| {
+        plot::picture(m, "inline plot", "Promised and realised share", (346.0, 54.0), |m| {
             let x = |share: f64| 14.0 + 300.0 * share.clamp(0.0, 1.0);
             for tick in [0.0, 0.25, 0.5, 0.75, 1.0] {
                 plot::line(m, "grid", (x(tick), 6.0), (x(tick), 36.0));

@@ -58,7 +58,7 @@ mod tests {
     fn each_camera_has_its_own_channels() {
         let cameras = ["front", "left"].map(|name| CameraId::new(name).expect("a plain word is an id"));
         let names: Vec<String> = ChannelKey::all(&cameras).into_iter().map(|key| key.name(&cameras)).collect();
-        let expected = "scene advance world ego layout/front layout/left frame/front frame/left cache/front cache/left plan score event";
+        let expected = "scene advance world ego layout/front layout/left frame/front frame/left cache/front cache/left plan score event diagnosis";
         assert_eq!(names.join(" "), expected);
         for key in ChannelKey::all(&cameras) {
             assert_eq!(ChannelKey::from_metadata(&key.metadata()), Some(key));

@@ -116,7 +116,7 @@ fn expected(spec: &EpisodeSpec, topic: Topic, plans: &BTreeSet<u32>) -> BTreeSet
         Topic::World | Topic::Ego | Topic::Layout | Topic::Frame => (0..=spec.last_tick.0).collect(),
         Topic::Cache => (0..spec.iterations()).flat_map(|iteration| spec.chunks_of(iteration)).collect(),
         Topic::Plan => plans.clone(),
-        Topic::Score | Topic::Event => BTreeSet::new(),
+        Topic::Score | Topic::Event | Topic::Diagnosis => BTreeSet::new(),
     }
 }
 

@@ -1,18 +1,22 @@
 //! The viewer's data: a recording, or messages as they come, as entities on the one timeline `sim_time`.
 //!
 //! World frame in metres: map (once), agents as boxes, ego with its path, plan and proposals as lines. Per camera the
-//! frame with the projected boxes over it, and the layout, as JPEG. Scores and speed as curves, events as text. The
+//! frame with the projected boxes over it, and the layout, as JPEG. Scores and speed as curves, events as text, a running
+//! diagnosis as curves and text. The
 //! viewer itself is not part of this crate: it opens an `.rrd` file or is connected to.
 
 mod arrangement;
 mod boxes;
+mod diagnosis;
+pub mod explained;
 pub mod live;
 mod logger;
 mod map;
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
-use ds_topic::SceneMessage;
+use ds_topic::{Diagnosis, SceneMessage, Topic};
 use rerun::{RecordingStream, RecordingStreamBuilder};
 
 use crate::error::RecordError;
@@ -59,12 +63,22 @@ pub fn connect(scene: &SceneMessage, url: &str) -> Result<RecordingStream, Recor
 /// # Errors
 /// If a body cannot be decoded or the stream does not take it.
 pub fn log_recording(recording: &Recording, stream: &RecordingStream) -> Result<(), RecordError> {
-    arrangement::send(recording.scene(), stream)?;
+    arrangement::send(recording.scene(), stream, &diagnosed(recording)?)?;
     let mut logger = Logger::new(recording.scene(), stream.clone())?;
     let mut messages: Vec<_> = recording.messages().collect();
     messages.sort_by_key(|envelope| (envelope.header.time, envelope.header.slot));
     messages.into_iter().try_for_each(|envelope| logger.log(envelope))?;
     flush(stream)
+}
+
+/// Returns the effects that the diagnoses of a recording name, in order; nothing where it holds none.
+fn diagnosed(recording: &Recording) -> Result<Vec<String>, RecordError> {
+    let mut named = BTreeSet::new();
+    for envelope in recording.topic(Topic::Diagnosis) {
+        let diagnosis: Diagnosis = recording.body(envelope.header.slot)?;
+        named.extend(diagnosis.effects.into_iter().map(|effect| effect.id));
+    }
+    Ok(named.into_iter().collect())
 }
 
 fn builder(scene: &SceneMessage) -> RecordingStreamBuilder {

@@ -4,12 +4,14 @@
 //! opaque bytes ([`Envelope`]) and compares them by their content digest, the stages decode them to the values here.
 
 pub mod body;
+pub mod diagnosis;
 pub mod envelope;
 pub mod order;
 pub mod slot;
 pub mod spec;
 
 pub use body::{Cache, Ego, Event, EventKind, Frame, Layout, Plan, Proposal, SceneMessage, Score, Verdict, World};
+pub use diagnosis::{DiagnosedEffect, Diagnosis, GapCell, GapVerdict};
 pub use envelope::{Envelope, Header, SCHEMA_VERSION};
 pub use order::{Advance, Motion, Owner, Role};
 pub use slot::{Slot, Topic};

@@ -25,11 +25,13 @@ pub enum Topic {
     Score,
     /// Start, end, fault, retry; index = sequence.
     Event,
+    /// Running gap diagnosis; index = tick at which its window ends.
+    Diagnosis,
 }
 
 impl Topic {
     /// All topics.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Scene,
         Self::Advance,
         Self::World,
@@ -40,6 +42,7 @@ impl Topic {
         Self::Plan,
         Self::Score,
         Self::Event,
+        Self::Diagnosis,
     ];
 
     /// Returns the topic's name in keys, files and spans.
@@ -56,6 +59,7 @@ impl Topic {
             Self::Plan => "plan",
             Self::Score => "score",
             Self::Event => "event",
+            Self::Diagnosis => "diagnosis",
         }
     }
 

@@ -2,13 +2,15 @@
 
 use bytes::Bytes;
 use ds_space::{Digest, DigestWriter};
-use ds_topic::{Advance, Cache, Ego, Envelope, Event, Frame, Layout, Plan, SceneMessage, Score, Topic, World};
+use ds_topic::{
+    Advance, Cache, Diagnosis, Ego, Envelope, Event, Frame, Layout, Plan, SceneMessage, Score, Topic, World,
+};
 use prost::Message;
 
 use crate::error::{FieldError, WireError};
 use crate::map::{MAX_LANES, MAX_LIGHTS, MAX_LINES};
 use crate::tally::{self, Limit};
-use crate::{plan, scene, v1, world};
+use crate::{diagnosis, plan, scene, v1, world};
 
 /// The body of a topic.
 pub trait Body: Sized {
@@ -51,6 +53,7 @@ pub const fn max_bytes(topic: Topic) -> usize {
     match topic {
         Topic::Ego | Topic::Event => 8 << 10,
         Topic::Score => 64 << 10,
+        Topic::Diagnosis => 256 << 10,
         Topic::Advance | Topic::Plan => 4 << 20,
         Topic::World => 8 << 20,
         Topic::Layout | Topic::Frame => 32 << 20,
@@ -77,6 +80,12 @@ const WORLD_LIMITS: &[Limit] = &[
     Limit { path: &[11], field: "readings", most: world::MAX_READINGS },
 ];
 const SCORE_LIMITS: &[Limit] = &[Limit { path: &[2], field: "values", most: crate::score::MAX_VALUES }];
+const DIAGNOSIS_LIMITS: &[Limit] = &[
+    Limit { path: &[8], field: "effects", most: diagnosis::MAX_EFFECTS },
+    Limit { path: &[9], field: "cells", most: diagnosis::MAX_CELLS },
+    Limit { path: &[9, 2], field: "cells.bins", most: diagnosis::MAX_CELLS * diagnosis::MAX_BINS },
+    Limit { path: &[10], field: "differences", most: diagnosis::MAX_DIFFERENCES },
+];
 const SCENE_LIMITS: &[Limit] = &[
     Limit { path: &[4], field: "first_frames", most: scene::MAX_CAMERAS },
     Limit { path: &[2, 23], field: "spec.effects", most: crate::spec::MAX_EFFECTS },
@@ -153,3 +162,4 @@ body!(Plan, v1::Plan, Plan, "plan", PLAN_LIMITS, digested!());
 body!(Cache, v1::Cache, Cache, "cache", &[], digested!());
 body!(Score, v1::Score, Score, "score", SCORE_LIMITS, digested!());
 body!(Event, v1::Event, Event, "event", &[], digested!());
+body!(Diagnosis, v1::Diagnosis, Diagnosis, "diagnosis", DIAGNOSIS_LIMITS, digested!());

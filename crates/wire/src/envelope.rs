@@ -7,7 +7,8 @@
 use bytes::{BufMut, Bytes, BytesMut};
 use ds_space::{AttemptId, Digest, EpisodeId, InstanceId, SimTime, Tick};
 use ds_topic::{
-    Advance, Cache, Ego, Envelope, Event, Frame, Header, Layout, Plan, SceneMessage, Score, Slot, Topic, World,
+    Advance, Cache, Diagnosis, Ego, Envelope, Event, Frame, Header, Layout, Plan, SceneMessage, Score, Slot, Topic,
+    World,
 };
 use prost::Message;
 use prost::encoding::{decode_varint, encode_varint, encoded_len_varint};
@@ -26,7 +27,7 @@ const HEADER_KEY: u8 = 0x0a;
 
 enumeration!(v1::Topic, Topic, {
     Scene = Scene, Advance = Advance, World = World, Ego = Ego, Layout = Layout, Frame = Frame, Cache = Cache,
-    Plan = Plan, Score = Score, Event = Event,
+    Plan = Plan, Score = Score, Event = Event, Diagnosis = Diagnosis,
 });
 
 impl From<&Header> for v1::Header {
@@ -151,6 +152,7 @@ fn content_of(topic: Topic, body: &[u8]) -> Result<Digest, WireError> {
         Topic::Plan => of::<Plan>(body),
         Topic::Score => of::<Score>(body),
         Topic::Event => of::<Event>(body),
+        Topic::Diagnosis => of::<Diagnosis>(body),
     }
 }
 
@@ -168,5 +170,6 @@ pub fn message_name(topic: Topic) -> &'static str {
         Topic::Plan => "dreamstream.v1.Plan",
         Topic::Score => "dreamstream.v1.Score",
         Topic::Event => "dreamstream.v1.Event",
+        Topic::Diagnosis => "dreamstream.v1.Diagnosis",
     }
 }

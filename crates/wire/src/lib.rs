@@ -11,6 +11,7 @@ pub mod body;
 pub mod cache;
 pub mod codec;
 pub mod control;
+pub mod diagnosis;
 pub mod ego;
 pub mod envelope;
 pub mod error;

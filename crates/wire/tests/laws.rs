@@ -6,8 +6,8 @@ mod values;
 
 use ds_space::{AttemptId, Digest, EpisodeId, InstanceId, SimTime, Tick};
 use ds_topic::{
-    Advance, Cache, Ego, Envelope, Event, EventKind, Frame, Header, Layout, Plan, SCHEMA_VERSION, SceneMessage, Score,
-    Slot, Topic, World,
+    Advance, Cache, Diagnosis, Ego, Envelope, Event, EventKind, Frame, Header, Layout, Plan, SCHEMA_VERSION,
+    SceneMessage, Score, Slot, Topic, World,
 };
 use ds_wire::policy::{Observation, PolicyMessage, PolicyPlan, SessionHello};
 use ds_wire::{Body, encode, message_name, split, v1, verify};
@@ -89,6 +89,9 @@ proptest! {
     fn score_is_read_as_written(body in values::score()) { check::<Score>(&body)?; }
 
     #[test]
+    fn diagnosis_is_read_as_written(body in values::diagnosis()) { check::<Diagnosis>(&body)?; }
+
+    #[test]
     fn advance_is_read_as_written(body in values::advance()) { check::<Advance>(&body)?; }
 
     #[test]
@@ -120,6 +123,7 @@ proptest! {
         let _ = SceneMessage::from_bytes(&bytes);
         let _ = World::from_bytes(&bytes);
         let _ = Cache::from_bytes(&bytes);
+        let _ = Diagnosis::from_bytes(&bytes);
         let _ = PolicyPlan::from_bytes(&bytes);
     }
 }

@@ -20,6 +20,8 @@ use tokio::task::JoinSet;
 const QUEUE: usize = 1_024;
 /// How often the orchestrator is asked for new drives.
 const ASK_EVERY: Duration = Duration::from_millis(300);
+/// How often a journal is asked for its scene.
+const SCENE_TRIES: u32 = 20;
 /// How long a viewer may take to answer.
 const VIEWER_WITHIN: Duration = Duration::from_secs(3);
 /// How long a drive may be silent before it is taken to be over.
@@ -37,7 +39,8 @@ pub(crate) struct Watch {
 }
 
 impl Watch {
-    fn url(&self) -> &str {
+    /// Returns the viewer's address.
+    pub(crate) fn url(&self) -> &str {
         if self.url.is_empty() { view::DEFAULT_URL } else { &self.url }
     }
 
@@ -110,16 +113,26 @@ pub(crate) async fn under_way(runs: &mut RunsClient<Control>) -> Result<Vec<pb::
     Ok(found)
 }
 
+/// Returns the scene of a drive under way.
+///
+/// # Errors
+/// If no journal gives it.
+pub(crate) async fn scene_of(bus: &BusSession, episode: &EpisodeId) -> Result<SceneMessage> {
+    for _ in 0..SCENE_TRIES {
+        let asked = bus.pull(episode, &Holder::Journal, Slot::new(Topic::Scene, 0), Duration::from_secs(1)).await?;
+        if let Some(envelope) = asked {
+            return SceneMessage::from_bytes(&envelope.body).context("scene");
+        }
+        tokio::time::sleep(ASK_EVERY).await;
+    }
+    anyhow::bail!("nobody gives the scene of {episode}: is it still being driven, and may this certificate ask?")
+}
+
 async fn show(bus: BusSession, episode: EpisodeId, url: String) -> Result<(EpisodeId, Shown)> {
     let mut pushes = bus.subscribe(&episode, &Topic::ALL).await?;
-    let scene = loop {
-        let asked = bus.pull(&episode, &Holder::Journal, Slot::new(Topic::Scene, 0), Duration::from_secs(1)).await?;
-        if let Some(envelope) = asked {
-            break SceneMessage::from_bytes(&envelope.body).context("scene")?;
-        }
-    };
+    let scene = scene_of(&bus, &episode).await?;
     let stream = view::connect(&scene, &url).with_context(|| format!("viewer at {url}"))?;
-    let live = LiveView::start(&scene, stream, QUEUE)?;
+    let live = LiveView::start(&scene, stream, QUEUE, &[])?;
     while let Ok(envelope) = tokio::time::timeout(SILENT_FOR, pushes.recv()).await {
         let over = envelope.header.slot.topic == Topic::Event && ends(&envelope.body);
         live.feed(envelope);

@@ -88,7 +88,8 @@ pub(crate) async fn conduct(
     let episode = job.spec.episode.clone();
     let named = Attempt { episode: episode.clone(), attempt, instance: stand.instance.clone(), term: stand.term };
     let (driver, journal, scorer) = open(stand, named, encoded, &message).await?;
-    let topics: Vec<Topic> = Topic::ALL.into_iter().filter(|topic| ds_episode::due::maker(*topic).is_some()).collect();
+    let due = |topic: &Topic| ds_episode::due::maker(*topic).is_some() || *topic == Topic::Diagnosis;
+    let topics: Vec<Topic> = Topic::ALL.into_iter().filter(due).collect();
     let mut pushes = stand.bus.subscribe(&episode, &topics).await?;
     let mut questions = stand.bus.serve_pulls(&Holder::Journal, &episode).await?;
     let (news, mut told) = mpsc::channel(1_024);
@@ -113,7 +114,7 @@ pub(crate) async fn conduct(
         let event = match next.take() {
             Some(event) => event,
             None => tokio::select! {
-                envelope = pushes.recv() => Event::Message(envelope),
+                envelope = pushes.recv() => conductor.heard(envelope),
                 question = questions.recv() => conductor.asked(question),
                 Some(event) = told.recv() => event,
                 _ = beat.tick() => Event::Now,
@@ -181,6 +182,19 @@ impl Conductor {
         let slot = question.slot;
         self.questions.insert(self.next_query, question);
         Event::Asked { query: self.next_query, slot }
+    }
+
+    /// Tells what belongs to the drive from what is said beside it.
+    fn heard(&mut self, envelope: Envelope) -> Event {
+        let header = &envelope.header;
+        if header.slot.topic != Topic::Diagnosis {
+            return Event::Message(envelope);
+        }
+        let last = self.driver.outline().spec.last_tick;
+        if header.attempt == self.attempt && header.term <= self.stand.term && header.tick <= last {
+            self.journal.hear(envelope);
+        }
+        Event::Now
     }
 
     async fn handle(

@@ -1,12 +1,12 @@
 //! The journal of one attempt: every committed message in an MCAP file, and what successors may ask for in memory.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use ds_episode::driver::Ending;
 use ds_record::{Outcome, RecordError, Recorder, partial_path};
 use ds_space::Digest;
-use ds_topic::{Envelope, Slot, Topic};
+use ds_topic::{Diagnosis, Envelope, Slot, Topic};
 
 /// The journal cannot be written or gone on from.
 #[derive(Debug, thiserror::Error)]
@@ -31,6 +31,8 @@ pub(crate) struct Journal {
     path: PathBuf,
     committed: BTreeMap<Slot, Envelope>,
     notes: Vec<Envelope>,
+    /// Diagnoses that are written or noted.
+    diagnosed: BTreeSet<Slot>,
 }
 
 /// What an interrupted attempt left.
@@ -58,7 +60,8 @@ impl Journal {
             std::fs::create_dir_all(folder).map_err(failed)?;
             Ok::<_, JournalError>(Recorder::create(&file, &scene)?)
         });
-        Ok(Self { recorder: Some(made.await??), path, committed: BTreeMap::new(), notes: Vec::new() })
+        let (committed, diagnosed) = (BTreeMap::new(), BTreeSet::new());
+        Ok(Self { recorder: Some(made.await??), path, committed, notes: Vec::new(), diagnosed })
     }
 
     /// Goes on with the journal of an attempt that was interrupted, if there is one of the same scene.
@@ -80,13 +83,27 @@ impl Journal {
         let iterations = u32::try_from(resumed.iterations.len()).unwrap_or(u32::MAX);
         let messages: Vec<Envelope> = resumed.iterations.into_iter().flatten().collect();
         let committed = messages.iter().map(|message| (message.header.slot, message.clone())).collect();
-        let journal = Self { recorder: Some(resumed.recorder), path, committed, notes: Vec::new() };
+        let slots = messages.iter().map(|message| message.header.slot);
+        let diagnosed = slots.filter(|slot| slot.topic == Topic::Diagnosis).collect();
+        let journal = Self { recorder: Some(resumed.recorder), path, committed, notes: Vec::new(), diagnosed };
         Ok(Some(Resumed { journal, iterations, messages }))
     }
 
     /// Takes a message of the orchestrator's own for the next commit.
     pub(crate) fn note(&mut self, envelope: Envelope) {
         self.notes.push(envelope);
+    }
+
+    /// Takes a diagnosis that somebody put beside the drive: the first one of each window that can be read. What is
+    /// passed over costs the episode nothing.
+    pub(crate) fn hear(&mut self, envelope: Envelope) {
+        let Slot { index, .. } = envelope.header.slot;
+        let sound = index == envelope.header.tick.0 && ds_wire::verify::<Diagnosis>(&envelope).is_ok();
+        if sound && self.diagnosed.insert(envelope.header.slot) {
+            self.notes.push(envelope);
+        } else {
+            tracing::debug!(window = index, publisher = %envelope.header.publisher, "diagnosis passed over");
+        }
     }
 
     /// Appends the messages of an iteration and syncs the file.

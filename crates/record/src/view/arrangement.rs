@@ -7,13 +7,14 @@ use ds_topic::SceneMessage;
 use rerun::blueprint::components::PanelState;
 use rerun::blueprint::{
     Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Horizontal, SelectionPanel, Spatial2DView,
-    Spatial3DView, TextLogView, TimePanel, TimeSeriesView, Vertical,
+    Spatial3DView, TextDocumentView, TextLogView, TimePanel, TimeSeriesView, Vertical,
 };
 use rerun::external::re_sdk_types::blueprint::archetypes::EyeControls3D;
 use rerun::log::LogMsg;
 use rerun::{RecordingStream, RecordingStreamBuilder, StoreId};
 
 use crate::error::RecordError;
+use crate::view::diagnosis::{ROOT, probabilities};
 use crate::view::{APPLICATION, TIMELINE};
 
 /// The most cameras that get views of their own.
@@ -22,15 +23,15 @@ const MAX_CAMERAS: usize = 3;
 const EYE_IN_RIG: [f32; 3] = [-16.0, 0.0, 11.0];
 const TARGET_IN_RIG: [f32; 3] = [10.0, 0.0, 0.0];
 
-/// Sends the arrangement for an episode.
-pub(crate) fn send(scene: &SceneMessage, stream: &RecordingStream) -> Result<(), RecordError> {
+/// Sends the arrangement for an episode; where effects are named there are views of a running diagnosis as well.
+pub(crate) fn send(scene: &SceneMessage, stream: &RecordingStream, effects: &[String]) -> Result<(), RecordError> {
     let world: ContainerLike = Spatial3DView::new("world").with_origin("world/ego").with_contents(["/world/**"]).into();
     let eye_path = match &world {
         ContainerLike::View(view) => Some(format!("{}/EyeControls3D", view.blueprint_path())),
         _ => None,
     };
     let (buffer, storage) = RecordingStreamBuilder::new(APPLICATION).memory()?;
-    blueprint(scene, world).send(&buffer, BlueprintActivation { make_active: true, make_default: true })?;
+    blueprint(scene, world, effects).send(&buffer, BlueprintActivation { make_active: true, make_default: true })?;
     let messages = storage.take();
     let store = messages.iter().map(LogMsg::store_id).find(|id| id.is_blueprint()).cloned();
     for message in messages.into_iter().filter(|message| Some(message.store_id()) == store.as_ref()) {
@@ -52,7 +53,7 @@ fn eye(store: &StoreId, path: &str) -> Result<Vec<LogMsg>, RecordError> {
     Ok(messages.into_iter().filter(|message| matches!(message, LogMsg::ArrowMsg(id, _) if id == store)).collect())
 }
 
-fn blueprint(scene: &SceneMessage, world: ContainerLike) -> Blueprint {
+fn blueprint(scene: &SceneMessage, world: ContainerLike, effects: &[String]) -> Blueprint {
     let mut columns: Vec<ContainerLike> = Vec::new();
     for camera in scene.scene.cameras.iter().take(MAX_CAMERAS) {
         let view = |kind: &str| -> ContainerLike {
@@ -61,11 +62,17 @@ fn blueprint(scene: &SceneMessage, world: ContainerLike) -> Blueprint {
         };
         columns.push(Vertical::new([view("frame"), view("layout")]).into());
     }
-    let curves: [ContainerLike; 3] = [
+    let mut curves: Vec<ContainerLike> = vec![
         TimeSeriesView::new("score").with_origin("score").into(),
         TimeSeriesView::new("speed").with_origin("curves").into(),
         TextLogView::new("events").with_origin("event").into(),
     ];
+    if !effects.is_empty() {
+        let likely = TimeSeriesView::new("which effect").with_origin("/").with_contents(probabilities(effects));
+        let told = TextLogView::new("diagnosis").with_origin(format!("{ROOT}/verdict"));
+        let place = TextDocumentView::new("where").with_origin(format!("{ROOT}/where"));
+        curves.extend([likely.into(), Vertical::new([told.into(), place.into()]).into()]);
+    }
     let upper = Horizontal::new([world, Horizontal::new(columns).into()]).with_column_shares([3.0, 2.0]);
     let root = Vertical::new([upper.into(), Horizontal::new(curves).into()]).with_row_shares([3.0, 1.0]);
     Blueprint::new(root)

@@ -33,12 +33,18 @@ pub struct LiveView {
 }
 
 impl LiveView {
-    /// Starts a view of an episode; at most `capacity` messages wait.
+    /// Starts a view of an episode; at most `capacity` messages wait. `effects` are those that a running diagnosis may
+    /// name, nothing where there is none.
     ///
     /// # Errors
     /// If the stream does not take the scene.
-    pub fn start(scene: &SceneMessage, stream: RecordingStream, capacity: usize) -> Result<Self, RecordError> {
-        arrangement::send(scene, &stream)?;
+    pub fn start(
+        scene: &SceneMessage,
+        stream: RecordingStream,
+        capacity: usize,
+        effects: &[String],
+    ) -> Result<Self, RecordError> {
+        arrangement::send(scene, &stream, effects)?;
         let logger = Logger::new(scene, stream.clone())?;
         let (queue, inbox) = sync_channel(capacity.max(1));
         let thread = std::thread::spawn(move || show(logger, &inbox, &stream));

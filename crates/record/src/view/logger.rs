@@ -16,6 +16,7 @@ use rerun::{Boxes3D, EncodedImage, LineStrips2D, LineStrips3D, RecordingStream, 
 use crate::error::RecordError;
 use crate::message;
 use crate::pictures::top_view::{class_colour, in_world, light_colour};
+use crate::view::diagnosis::Findings;
 use crate::view::map::{self, strip};
 use crate::view::{TIMELINE, boxes};
 
@@ -31,6 +32,7 @@ pub struct Logger {
     scene: Arc<Scene>,
     path: Vec<DVec2>,
     states: BTreeMap<Tick, (PoseSe2, Vec<AgentState>)>,
+    findings: Findings,
 }
 
 impl Logger {
@@ -42,7 +44,8 @@ impl Logger {
         stream.set_log_tick_enabled(false);
         stream.set_log_time_enabled(false);
         map::log(&scene.scene, &stream)?;
-        Ok(Self { stream, scene: scene.scene.clone(), path: Vec::new(), states: BTreeMap::new() })
+        let scene = scene.scene.clone();
+        Ok(Self { stream, scene, path: Vec::new(), states: BTreeMap::new(), findings: Findings::default() })
     }
 
     /// Logs a message.
@@ -62,6 +65,7 @@ impl Logger {
             Topic::Plan => self.plan(tick, &message::body(envelope)?),
             Topic::Score => self.score(&message::body(envelope)?),
             Topic::Event => self.event(&message::body(envelope)?),
+            Topic::Diagnosis => self.findings.log(&message::body(envelope)?, &self.stream),
             Topic::Scene | Topic::Advance | Topic::Ego | Topic::Cache => Ok(()),
         }
     }

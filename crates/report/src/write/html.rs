@@ -81,7 +81,10 @@ fn body(m: &mut Markup, report: &Report, runs: &[Results], pictures: &Pictures) 
             });
         }
     });
-    m.inside("script", &[], |m| m.raw(SCRIPT));
+    m.inside("script", &[], |m| {
+        m.raw(ds_markup::SORTING);
+        m.raw(SCRIPT);
+    });
 }
 
 /// The sections that this report has, by anchor and title.

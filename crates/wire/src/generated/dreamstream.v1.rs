@@ -80,6 +80,8 @@ pub enum Topic {
     Score = 9,
     /// Start, end, fault, retry; index = sequence.
     Event = 10,
+    /// Running gap diagnosis; index = tick at which its window ends. Hidden from a policy under test.
+    Diagnosis = 11,
 }
 impl Topic {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -99,6 +101,7 @@ impl Topic {
             Self::Plan => "TOPIC_PLAN",
             Self::Score => "TOPIC_SCORE",
             Self::Event => "TOPIC_EVENT",
+            Self::Diagnosis => "TOPIC_DIAGNOSIS",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -115,6 +118,7 @@ impl Topic {
             "TOPIC_PLAN" => Some(Self::Plan),
             "TOPIC_SCORE" => Some(Self::Score),
             "TOPIC_EVENT" => Some(Self::Event),
+            "TOPIC_DIAGNOSIS" => Some(Self::Diagnosis),
             _ => None,
         }
     }
@@ -491,6 +495,141 @@ pub struct Cache {
     /// Digest of the decoder's state after this chunk, 32 bytes.
     #[prost(bytes = "bytes", tag = "11")]
     pub decoder_digest: ::prost::bytes::Bytes,
+}
+/// One effect that was considered.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct DiagnosedEffect {
+    /// Its id, 1 to 64 bytes.
+    #[prost(string, tag = "1")]
+    pub id: ::prost::alloc::string::String,
+    /// Its probability, 0 to 1.
+    #[prost(double, optional, tag = "2")]
+    pub probability: ::core::option::Option<f64>,
+    /// Its estimate, in `unit`; absent where it was not fitted or has no finite value.
+    #[prost(double, optional, tag = "3")]
+    pub value: ::core::option::Option<f64>,
+    /// Unit of estimate and interval, at most 32 bytes.
+    #[prost(string, tag = "4")]
+    pub unit: ::prost::alloc::string::String,
+    /// Lower end of the 90 % interval of the estimate; absent where there is none.
+    #[prost(double, optional, tag = "5")]
+    pub low: ::core::option::Option<f64>,
+    /// Upper end of the same.
+    #[prost(double, optional, tag = "6")]
+    pub high: ::core::option::Option<f64>,
+    /// Whether it belongs to the corrected model.
+    #[prost(bool, tag = "7")]
+    pub chosen: bool,
+}
+/// A bin of the data.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct RegimeBin {
+    /// What is binned, such as `speed`; 1 to 64 bytes.
+    #[prost(string, tag = "1")]
+    pub axis: ::prost::alloc::string::String,
+    /// Which bin, such as `high`; 1 to 64 bytes.
+    #[prost(string, tag = "2")]
+    pub bin: ::prost::alloc::string::String,
+}
+/// A cell in which the gap is beyond the noise floor.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct GapCell {
+    /// The channel, 1 to 64 bytes.
+    #[prost(string, tag = "1")]
+    pub channel: ::prost::alloc::string::String,
+    /// Its bins in rising order of axis, each axis once, at most 8; an absent axis means all of it.
+    #[prost(message, repeated, tag = "2")]
+    pub bins: ::prost::alloc::vec::Vec<RegimeBin>,
+    /// Root mean square in units of the noise floor, from 0.
+    #[prost(double, optional, tag = "3")]
+    pub effect_size: ::core::option::Option<f64>,
+    /// False-discovery controlled p-value, 0 to 1.
+    #[prost(double, optional, tag = "4")]
+    pub q_value: ::core::option::Option<f64>,
+}
+/// How far the running drive is from the reference stream in one channel.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct ChannelDifference {
+    /// The channel, 1 to 64 bytes; `position` stands for the distance in the plane.
+    #[prost(string, tag = "1")]
+    pub channel: ::prost::alloc::string::String,
+    /// Root mean square over the window, in the channel's SI unit, from 0.
+    #[prost(double, optional, tag = "2")]
+    pub rms: ::core::option::Option<f64>,
+}
+/// Body of `diagnosis`.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Diagnosis {
+    /// The header.
+    #[prost(message, optional, tag = "1")]
+    pub header: ::core::option::Option<Header>,
+    /// First moment of the window since the start of the scenario, in nanoseconds of simulation time.
+    #[prost(int64, tag = "2")]
+    pub from_ns: i64,
+    /// Last moment of the window, not before the first.
+    #[prost(int64, tag = "3")]
+    pub to_ns: i64,
+    /// Whose log was diagnosed against the nominal simulator: a name of at most 256 bytes, empty for the episode's own.
+    #[prost(string, tag = "4")]
+    pub reference: ::prost::alloc::string::String,
+    /// What was found.
+    #[prost(enumeration = "GapVerdict", tag = "5")]
+    pub verdict: i32,
+    /// Probability that nothing is missing, 0 to 1.
+    #[prost(double, optional, tag = "6")]
+    pub p_none: ::core::option::Option<f64>,
+    /// Probability that what is missing is not in the library, 0 to 1.
+    #[prost(double, optional, tag = "7")]
+    pub p_unknown: ::core::option::Option<f64>,
+    /// Effects considered, likeliest first, at most 256.
+    #[prost(message, repeated, tag = "8")]
+    pub effects: ::prost::alloc::vec::Vec<DiagnosedEffect>,
+    /// Where the gap is, largest first, at most 128.
+    #[prost(message, repeated, tag = "9")]
+    pub cells: ::prost::alloc::vec::Vec<GapCell>,
+    /// Differences to the reference stream, at most 64; empty without one.
+    #[prost(message, repeated, tag = "10")]
+    pub differences: ::prost::alloc::vec::Vec<ChannelDifference>,
+}
+/// What was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum GapVerdict {
+    Unspecified = 0,
+    /// Nothing beyond what every vehicle has.
+    None = 1,
+    /// One effect.
+    Single = 2,
+    /// Several effects.
+    Multiple = 3,
+    /// Something that the library does not contain.
+    Unknown = 4,
+}
+impl GapVerdict {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "GAP_VERDICT_UNSPECIFIED",
+            Self::None => "GAP_VERDICT_NONE",
+            Self::Single => "GAP_VERDICT_SINGLE",
+            Self::Multiple => "GAP_VERDICT_MULTIPLE",
+            Self::Unknown => "GAP_VERDICT_UNKNOWN",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "GAP_VERDICT_UNSPECIFIED" => Some(Self::Unspecified),
+            "GAP_VERDICT_NONE" => Some(Self::None),
+            "GAP_VERDICT_SINGLE" => Some(Self::Single),
+            "GAP_VERDICT_MULTIPLE" => Some(Self::Multiple),
+            "GAP_VERDICT_UNKNOWN" => Some(Self::Unknown),
+            _ => None,
+        }
+    }
 }
 /// State of the ego vehicle.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]

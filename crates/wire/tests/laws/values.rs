@@ -9,8 +9,9 @@ use ds_space::{
 };
 use ds_topic::body::Tensor;
 use ds_topic::{
-    Advance, AgentMode, Cache, Ego, EpisodeSpec, Frame, Layout, Motion, ObservationSource, Owner, Plan, Proposal,
-    ProposalScorer, ReplanAlignment, Role, SceneMessage, Score, ScoreProfile, SwitchedEffect, Verdict, World,
+    Advance, AgentMode, Cache, DiagnosedEffect, Diagnosis, Ego, EpisodeSpec, Frame, GapCell, GapVerdict, Layout,
+    Motion, ObservationSource, Owner, Plan, Proposal, ProposalScorer, ReplanAlignment, Role, SceneMessage, Score,
+    ScoreProfile, SwitchedEffect, Verdict, World,
 };
 use ds_wire::policy::{CameraView, Observation, StampedEgo, StampedImage};
 use ds_world::{
@@ -136,6 +137,48 @@ pub(crate) fn cache() -> impl Strategy<Value = Cache> {
 pub(crate) fn score() -> impl Strategy<Value = Score> {
     prop::collection::btree_map("[a-z_]{1,12}", option::of(0.0..=1.0), 0..6)
         .prop_map(|values| Score { values: values.into_iter().collect() })
+}
+
+fn diagnosed_effect() -> impl Strategy<Value = DiagnosedEffect> {
+    let numbers = (0.0..=1.0, option::of(finite()), option::of(finite()), option::of(finite()));
+    ("[a-z_]{1,12}", numbers, "[a-z/0-9]{0,6}", any::<bool>()).prop_map(
+        |(id, (probability, value, low, high), unit, chosen)| DiagnosedEffect {
+            id,
+            probability,
+            value,
+            unit,
+            interval90: [low, high],
+            chosen,
+        },
+    )
+}
+
+fn gap_cell() -> impl Strategy<Value = GapCell> {
+    let bins = prop::collection::btree_map("[a-z]{1,8}", "[a-z]{1,8}", 0..4);
+    ("[a-z_]{1,12}", bins, length(), 0.0..=1.0).prop_map(|(channel, bins, effect_size, q_value)| GapCell {
+        channel,
+        bins: bins.into_iter().collect(),
+        effect_size,
+        q_value,
+    })
+}
+
+pub(crate) fn diagnosis() -> impl Strategy<Value = Diagnosis> {
+    let lists = (vec(diagnosed_effect(), 0..4), vec(gap_cell(), 0..4), vec(("[a-z_]{1,9}", length()), 0..3));
+    let verdict = prop::sample::select(GapVerdict::ALL.to_vec());
+    let rest = (verdict, 0.0..=1.0, 0.0..=1.0, "[a-z. ]{0,20}");
+    (any::<i32>(), any::<u16>(), rest, lists).prop_map(
+        |(from, secs, (verdict, p_none, p_unknown, reference), (effects, cells, differences))| Diagnosis {
+            window: (SimTime(from.into()), SimTime(i64::from(from) + i64::from(secs))),
+            reference,
+            verdict,
+            p_none,
+            p_unknown,
+            effects,
+            cells,
+            differences,
+        },
+    )
 }
 
 fn choice() -> impl Strategy<Value = Motion> {

@@ -1,6 +1,6 @@
 //! Tables of the page: a caption, column headings with hints, cells that sort by their value.
 //!
-//! Names are isolated from the direction of writing around them; sorting itself is in `page.js`.
+//! Names are isolated from the direction of writing around them; sorting itself is `markup::SORTING`.
 
 use std::fmt::Display;
 
