@@ -7,7 +7,8 @@ use crate::fit::Fit;
 use crate::scatter::Scatter;
 use crate::search::{Effort, Hypothesis, Search, extend, held_out_gains, outside, refit};
 use crate::settings::{
-    DISAGREE_COST, DISAGREEMENT, FURTHER_GAIN, HELD, INSIDE_COST, LIMIT_GAIN, MOST_EFFECTS, SINGLE_COST, Thresholds,
+    ALIKE, DISAGREE_COST, DISAGREEMENT, FURTHER_GAIN, HELD, INSIDE_COST, LIMIT_GAIN, MOST_EFFECTS, SINGLE_COST,
+    TELLING_SHARE, Thresholds,
 };
 use crate::space::SCATTER;
 
@@ -83,8 +84,31 @@ impl<'m, 'c> Outcome<'m, 'c> {
             current = Hypothesis { gain: current.gain + adds, ..grown };
             model = widen(&mut current);
         }
+        if let Some(held) = self.same_delay(&current, thresholds) {
+            current = held;
+            model = widen(&mut current);
+        }
         self.accepted = Some(current);
         self.widened = Some(model);
+    }
+
+    /// Returns the held command that makes both commands late by the same time, where the model has a delay or lag of each:
+    /// commands held for a time T are late by T / 2 on average, and one cause is likelier than two alike.
+    fn same_delay(&self, model: &Hypothesis, thresholds: &Thresholds) -> Option<Hypothesis> {
+        let space = &self.search.model.space;
+        let of = |h: &Hypothesis, ids: &[&str]| {
+            let found = h.effects.iter().find(|e| ids.contains(&space.effects[**e].id))?;
+            let k = space.of(*found)[0];
+            let usual = space.coordinates[k].parameter.nuisance.map_or(0.0, |n| n.mean);
+            Some(space.reported(k, h.fit.vector[k] - usual))
+        };
+        let steer = of(model, &["steer_delay", "steer_lag"])?;
+        let accel = of(model, &["accel_delay", "accel_lag"])?;
+        let held = self.search.singles.iter().find(|h| space.effects[h.effects[0]].id == HELD)?;
+        let (late, mean) = (0.5 / of(held, &[HELD])?, 0.5 * (steer + accel));
+        let alike = (steer - accel).abs() < ALIKE * mean && (late - mean).abs() < ALIKE * mean;
+        let found = held.gain > thresholds.single_gain + LIMIT_GAIN;
+        (model.effects.len() == 2 && alike && found).then(|| held.clone())
     }
 
     /// Returns the two effects that a held command stands for, if they say more than it does: on the floor that its own
@@ -141,10 +165,10 @@ fn needed(model: &PartModel<'_>, fit: &Fit, effects: &[usize], drives: &[usize])
 /// Tells whether held-out gains are compatible with an effect of some evidence gain.
 ///
 /// Where the nuisances can imitate an effect by going far out of their range, its gain lies in the priors and the
-/// held-out score is near zero; only a loss speaks against it.
+/// held-out score scatters about zero; only a loss that weighs against the gain speaks against it.
 #[must_use]
 pub fn agrees(gains: &[f64], gain: f64) -> bool {
-    let telling: Vec<f64> = gains.iter().copied().filter(|g| g.abs() > 2.0).collect();
+    let telling: Vec<f64> = gains.iter().copied().filter(|g| g.abs() > (TELLING_SHARE * gain).max(2.0)).collect();
     let positive = telling.iter().filter(|g| **g > 0.0).count();
     gains.iter().sum::<f64>() > -DISAGREEMENT * gain - 1.0 && 2 * positive >= telling.len()
 }

@@ -50,7 +50,7 @@ impl Noise {
             followers(&|f| white(&f.gap)),
         ];
         let relative = |k: usize| found[k].map_or(1.0, |noise| familiar(noise / SENSOR_NOISE[k]));
-        let ego = std::array::from_fn(|k| relative(k) * (1.0 + lost));
+        let ego = std::array::from_fn(|k| relative(k) * (1.0 + 1.5 * lost));
         Self { ego, follower: [relative(EGO), relative(EGO + 1)], jitter_secs }
     }
 

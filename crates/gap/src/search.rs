@@ -120,6 +120,14 @@ impl<'m, 'c> Search<'m, 'c> {
         if own.iter().any(|&k| self.model.space.coordinates[k].parameter.on_grid()) {
             starts.clear();
         }
+        // where the loss has a valley for every drive that slides or does not, each value is a start
+        let late: Vec<usize> =
+            own.iter().copied().filter(|&k| self.model.space.coordinates[k].parameter.starts_late()).collect();
+        for (k, value) in late.iter().flat_map(|&k| self.model.space.grid(k).into_iter().map(move |value| (k, value))) {
+            let mut from_value = from_grid.clone();
+            from_value[k] = value;
+            starts.push(from_value);
+        }
         starts.push(from_grid);
         starts.push(from_usual);
         let mut columns = self.null.columns.clone();
@@ -129,7 +137,8 @@ impl<'m, 'c> Search<'m, 'c> {
         let mut starts: Vec<(f64, Vec<f64>)> =
             starts.into_iter().map(|start| (start_loss(self.model, &priors, &start), start)).collect();
         starts.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let fits = starts.iter().take(2).map(|(_, start)| {
+        let tried = if late.is_empty() { 2 } else { 3 };
+        let fits = starts.iter().take(tried).map(|(_, start)| {
             fit(
                 self.model,
                 Plan { priors: &priors, start, columns: columns.clone(), fresh: own.clone(), iterations: 4 },

@@ -7,7 +7,7 @@ use crate::{Channel, Effect, Insertion, Parameter};
 pub(crate) const EFFECT: Effect = Effect {
     id: "cmd_hold_rate",
     insertion: Insertion::CommandPath,
-    parameters: &[Parameter::limit("rate", "Hz", (1.6, 3.9))],
+    parameters: &[Parameter::limit("rate", "Hz", (1.3, 3.9))],
     channels: &[
         Channel::SteerMeas,
         Channel::Dx,

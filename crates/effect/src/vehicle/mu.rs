@@ -7,7 +7,7 @@ use crate::{Channel, Effect, Insertion, Parameter};
 pub(crate) const EFFECT: Effect = Effect {
     id: "mu",
     insertion: Insertion::Vehicle,
-    parameters: &[Parameter { scale: crate::Scale::Log, ..Parameter::factor("factor", (-1.61, 0.0)).usual(0.0, 0.05) }],
+    parameters: &[Parameter { scale: crate::Scale::Log, ..Parameter::factor("factor", (-1.61, 0.0)).usual(0.0, 0.09) }],
     channels: &[
         Channel::Dx,
         Channel::Dy,
