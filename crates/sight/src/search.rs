@@ -293,7 +293,7 @@ fn noisy(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Opt
     let texture = grain::texture(scene, &scene.full_of(&found.model, &found.placed.full));
     // noise and encoder of every case are taken out
     let read = texture.read - settings::USUAL_NOISE;
-    if texture.read + 0.5 * texture.shot < settings::FLAT_NOISE || texture.down > 0.25 || texture.peak > 6.0 {
+    if texture.read + 0.5 * texture.shot < settings::FLAT_NOISE || texture.down > 0.25 || texture.across > 0.25 || texture.peak > 6.0 {
         return None;
     }
     let mut model = found.model.clone();

@@ -76,7 +76,7 @@ pub const TILE_EXCESS: f64 = 0.25;
 pub const FRAME_EXCESS: f64 = 0.5;
 /// Loss by band that effect-free cases stay below: fine, medium, coarse, colour (two of eight effect-free draws of
 /// `tests/worlds/camera_world.py`, seed 8001, passed 110 in colour).
-pub const CLEAN: [f64; 4] = [110.0, 130.0, 190.0, 160.0];
+pub const CLEAN: [f64; 4] = [110.0, 130.0, 190.0, 190.0];
 /// Share of the loss beyond that of clean cases that the chosen effects must explain.
 pub const EXPLAINED_SHARE: f64 = 0.35;
 /// Temperature of the probabilities: loss is no log likelihood.
@@ -89,6 +89,8 @@ pub const STRANGE_NOISE: f64 = 9.0;
 pub const UNKNOWN_WIDTH: f64 = 0.15;
 /// Loss difference below which two effects form a group.
 pub const GROUP_GAIN: f64 = 12.0;
+/// Cosine of signatures from which two effects form a group (specification, section 3.3).
+pub const GROUP_COSINE: f64 = 0.95;
 /// Draws of tiles for intervals of effects on fine detail.
 pub const TILE_DRAWS: u64 = 100;
 /// Gain below which an effect is not tried again on top of a model in place.
@@ -98,7 +100,7 @@ pub const STRANGE_WHITE: f64 = 25.0;
 /// An estimate within this many nuisance standard deviations is not a finding (specification, section 3.3).
 pub const MARGIN_SDS: f64 = 2.5;
 /// Share of the slab below which an effect of several parameters is not there.
-pub const LEAST_EFFECT: f64 = 0.005;
+pub const LEAST_EFFECT: f64 = 0.04;
 /// Correlation of medium detail from which two streams agree pixel by pixel, and from which they show the same states.
 pub const ALIGNED_AGREEMENT: f64 = 0.45;
 /// See [`ALIGNED_AGREEMENT`].
@@ -113,3 +115,5 @@ pub const LEAST_PAIRING_GAIN: f64 = 14.0;
 pub const STRANGE_REMAINS: f64 = 2.0;
 /// Displacement of one colour against another, at half the width, that no usual case has, px.
 pub const STRANGE_FRINGE_PX: f64 = 0.5;
+/// Share of what effects took away on other than aligned streams that may remain.
+pub const STRANGE_SHARE: f64 = 0.25;

@@ -11,7 +11,7 @@ use nalgebra::DVector;
 
 use crate::case::FrameCase;
 use crate::error::SightError;
-use crate::how_far::{Correction, generated};
+use crate::how_far::{Correction, FLOORS, generated};
 use crate::loss::{TILES, tile};
 use crate::pairing::nuisance::{Nuisance, statistics};
 use crate::pairing::paths::{Path, paths};
@@ -54,7 +54,10 @@ pub fn judged(
     }
     let remains = weigh::square(&nuisance.precision, &deviation);
     let late = moved.and_then(|m| m.late.effect);
-    let excess = remains / (settings::STRANGE_REMAINS * (weigh::usual(nuisance) + needed));
+    // the stand-in of a strong effect leaves a share of it
+    let taken: f64 = chosen.iter().map(|c| c.gain).sum();
+    let allowed = settings::STRANGE_REMAINS * (weigh::usual(nuisance) + needed) + settings::STRANGE_SHARE * taken;
+    let excess = remains / allowed;
     let mut model: Vec<(String, Vec<f64>)> = Vec::new();
     if let Some((effect, value)) = late {
         model.push((effect.id.to_owned(), vec![value]));
@@ -95,7 +98,7 @@ pub fn judged(
                 .into_iter()
                 .map(|(id, values)| CorrectedEffect { id, value: values[0], values })
                 .collect(),
-            nuisance: BTreeMap::new(),
+            nuisance: FLOORS.iter().zip(nuisance.gap).map(|(name, gap)| ((*name).to_owned(), gap)).collect(),
         },
         floor_source: if nuisance.count > 0 { "effect-free pairs" } else { "practice" }.to_owned(),
         warnings: warnings(scene.case, pairing, nuisance, &limits),

@@ -53,6 +53,10 @@ pub(crate) struct DiagnoseArgs {
     /// Fast pass and single fits only: seconds instead of half a minute a case.
     #[arg(long)]
     pub(crate) quick: bool,
+    /// Folder of effect-free pairs of frame streams (or folders of them): what the generator does by itself, for streams
+    /// that do not agree pixel by pixel.
+    #[arg(long, value_hint = ValueHint::DirPath)]
+    pub(crate) nuisance: Option<PathBuf>,
     /// Draw no pages.
     #[arg(long)]
     pub(crate) no_pages: bool,

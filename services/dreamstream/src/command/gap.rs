@@ -152,9 +152,19 @@ fn name(case: &Path) -> String {
     case.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_else(|| "case".to_owned())
 }
 
+/// How logs and frames are diagnosed.
+struct Ways {
+    logs: Options,
+    frames: ds_sight::Options,
+}
+
 fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
     let cases = cases(&args.cases)?.into_iter().map(|case| tables(&case, &args.out)).collect::<Result<Vec<_>>>()?;
-    let options = Options { quick: args.quick, without: Vec::new() };
+    let nuisance = args.nuisance.as_deref().map(ds_sight::Nuisance::learn).transpose()?;
+    let options = Ways {
+        logs: Options { quick: args.quick, without: Vec::new() },
+        frames: ds_sight::Options { without: Vec::new(), nuisance },
+    };
     let bar = bar(cases.len() as u64, "cases");
     bar.tick();
     let results: Vec<Result<Diagnosis>> = cases.par_iter().map(|case| written(args, case, &options, &bar)).collect();
@@ -182,7 +192,7 @@ fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
 }
 
 /// Diagnoses a case and writes its diagnosis and page.
-fn written(args: &DiagnoseArgs, case: &Path, options: &Options, bar: &ProgressBar) -> Result<Diagnosis> {
+fn written(args: &DiagnoseArgs, case: &Path, options: &Ways, bar: &ProgressBar) -> Result<Diagnosis> {
     let diagnosis = one(case, options, bar)?;
     let folder = args.out.join(name(case));
     save(&folder, &diagnosis)?;
@@ -220,13 +230,12 @@ fn explain(args: &ExplainArgs) -> Result<()> {
 }
 
 /// Diagnoses a log of a vehicle or a pair of frame streams, whichever the case is.
-fn one(case: &Path, options: &Options, bar: &ProgressBar) -> Result<Diagnosis> {
+fn one(case: &Path, options: &Ways, bar: &ProgressBar) -> Result<Diagnosis> {
     let began = Instant::now();
     let diagnosis = if ds_sight::is_frame_case(case) {
-        let options = ds_sight::Options { without: options.without.clone() };
-        ds_sight::diagnose(case, &options).map_err(anyhow::Error::new)
+        ds_sight::diagnose(case, &options.frames).map_err(anyhow::Error::new)
     } else {
-        diagnose(case, options).map_err(anyhow::Error::new)
+        diagnose(case, &options.logs).map_err(anyhow::Error::new)
     };
     bar.inc(1);
     diagnosis.map(|diagnosis| Diagnosis { secs: began.elapsed().as_secs_f64(), ..diagnosis })
