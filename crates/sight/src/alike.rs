@@ -23,7 +23,9 @@ pub fn group(scene: &Scene<'_>, found: &Search, round: &Round, trial: &Trial) ->
         let near = gain - round.gain(other) < settings::GROUP_GAIN;
         // what explains far less is told apart by that, however much it looks alike
         let rival = round.gain(other) > 0.8 * gain;
-        if group.len() < 4 && (near || (rival && cosine(&own, &signature(scene, found, &other.model)) > settings::GROUP_COSINE)) {
+        if group.len() < 4
+            && (near || (rival && cosine(&own, &signature(scene, found, &other.model)) > settings::GROUP_COSINE))
+        {
             group.push(other.id.to_owned());
         }
     }

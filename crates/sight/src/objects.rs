@@ -76,8 +76,7 @@ pub fn events(scene: &Scene<'_>, rendered: &[Picture]) -> Vec<Event> {
     }
     let weight = |fate: Fate| boxed.iter().filter(|(e, _)| e.fate == fate).map(|(_, w)| w).sum::<f64>();
     let common = [Fate::Gone, Fate::Restyled, Fate::Moved].into_iter().max_by(|a, b| weight(*a).total_cmp(&weight(*b)));
-    let mut out: Vec<Event> =
-        boxed.into_iter().map(|(e, _)| Event { fate: common.unwrap_or(e.fate), ..e }).collect();
+    let mut out: Vec<Event> = boxed.into_iter().map(|(e, _)| Event { fate: common.unwrap_or(e.fate), ..e }).collect();
     out.extend(passing(free, rendered.len()));
     out
 }
@@ -85,9 +84,8 @@ pub fn events(scene: &Scene<'_>, rendered: &[Picture]) -> Vec<Event> {
 /// Leaves out what stays at one place of the picture: that is on the lens.
 fn passing(events: Vec<Event>, frames: usize) -> Vec<Event> {
     let middle = |e: &Event| [0.5 * (e.edges[0] + e.edges[2]), 0.5 * (e.edges[1] + e.edges[3])];
-    let inside = |m: [f64; 2], e: &Event| {
-        m[0] > e.edges[0] && m[0] < e.edges[2] && m[1] > e.edges[1] && m[1] < e.edges[3]
-    };
+    let inside =
+        |m: [f64; 2], e: &Event| m[0] > e.edges[0] && m[0] < e.edges[2] && m[1] > e.edges[1] && m[1] < e.edges[3];
     let stays = |e: &Event| {
         let seen = events.iter().filter(|o| inside(middle(e), o)).count();
         2 * seen > frames.max(4)
@@ -132,7 +130,10 @@ impl<'a> View<'a> {
 
     fn mean(&self, [x0, y0, x1, y1]: &[usize; 4]) -> f32 {
         let count = (x1.saturating_sub(*x0) * y1.saturating_sub(*y0)).max(1) as f32;
-        (*y0..*y1).flat_map(|y| (*x0..*x1).map(move |x| (x, y))).map(|(x, y)| self.energy[y * self.p.width + x]).sum::<f32>()
+        (*y0..*y1)
+            .flat_map(|y| (*x0..*x1).map(move |x| (x, y)))
+            .map(|(x, y)| self.energy[y * self.p.width + x])
+            .sum::<f32>()
             / count
     }
 
@@ -198,8 +199,18 @@ impl<'a> View<'a> {
                         [true, false] => from,
                         _ => to,
                     };
-                    let across = pass(at(a - 2, y, k), at(c + 1, y, k), (x - a + 1) as f32 / (c - a + 1) as f32, [open_left, open_right]);
-                    let down = pass(at(x, b - 2, k), at(x, d + 1, k), (y - b + 1) as f32 / (d - b + 1) as f32, [open_top, open_bottom]);
+                    let across = pass(
+                        at(a - 2, y, k),
+                        at(c + 1, y, k),
+                        (x - a + 1) as f32 / (c - a + 1) as f32,
+                        [open_left, open_right],
+                    );
+                    let down = pass(
+                        at(x, b - 2, k),
+                        at(x, d + 1, k),
+                        (y - b + 1) as f32 / (d - b + 1) as f32,
+                        [open_top, open_bottom],
+                    );
                     sums[0] += (v - across).powi(2);
                     sums[1] += (v - down).powi(2);
                     sums[2] += (v - 0.5 * (across + down)).powi(2);
@@ -294,8 +305,8 @@ impl<'a> View<'a> {
                 let (x, y) = (k % w, k / w);
                 area += 1;
                 edges = [edges[0].min(x), edges[1].min(y), edges[2].max(x + 1), edges[3].max(y + 1)];
-                for y in y.saturating_sub(1)..(y + 2).min(h) {
-                    for x in x.saturating_sub(1)..(x + 2).min(w) {
+                for y in y.saturating_sub(2)..(y + 3).min(h) {
+                    for x in x.saturating_sub(2)..(x + 3).min(w) {
                         if std::mem::take(&mut hot[y * w + x]) {
                             stack.push(y * w + x);
                         }
@@ -303,7 +314,7 @@ impl<'a> View<'a> {
                 }
             }
             let (across, down) = (edges[2] - edges[0], edges[3] - edges[1]);
-            let compact = 10 * area >= 4 * across * down && across.min(down) >= 2;
+            let compact = 10 * area >= 3 * across * down && across.min(down) >= 2;
             if area >= 6 && compact && 8 * across * down <= w * h {
                 let [a, b, c, d] = edges.map(|v| (v * settings::SMALL) as f64);
                 let rim = settings::SMALL as f64;
