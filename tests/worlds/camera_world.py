@@ -176,10 +176,11 @@ def write_tables(folder, case, r, stripped):
 def plan_of(o):
     names, kinds = list(EFFECTS), [u for u in UNKNOWN if o.unseen or u not in UNSEEN]
     r = np.random.default_rng([o.seed, 77])
+    kinds = [kinds[k] for k in r.permutation(len(kinds))]
     plan = [("single", [names[k % len(names)]]) for k in range(o.singles)] + [("none", [])] * o.none
     plan += [("weak", [names[k]]) for k in r.permutation(len(names))[:o.weak]]
     plan += [("stripped", [names[k]]) for k in r.permutation(len(names))[:o.stripped]]
-    plan += [("double", list(PAIRS[k % len(PAIRS)])) for k in range(o.pairs)]
+    plan += [("double", list(PAIRS[k])) for k in r.permutation(len(PAIRS))[:o.pairs]]
     return plan + [("out_of_library", [kinds[k % len(kinds)]]) for k in range(o.unknown)]
 
 

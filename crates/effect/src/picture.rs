@@ -187,7 +187,9 @@ impl Picture {
                     let shift = (start as isize + step) as usize * c;
                     out[start * c..end * c].iter_mut().zip(&row[shift..]).for_each(|(o, v)| *o += weight * v);
                 }
-                for (x, edge) in (0..start.min(self.width)).map(|x| (x, 0)).chain((end..self.width).map(|x| (x, line - c))) {
+                for (x, edge) in
+                    (0..start.min(self.width)).map(|x| (x, 0)).chain((end..self.width).map(|x| (x, line - c)))
+                {
                     for k in 0..c {
                         out[x * c + k] += weight * row[edge + k];
                     }

@@ -12,7 +12,7 @@ use crate::pairing::nuisance::Nuisance;
 use crate::pairing::{Pairing, verdict};
 use crate::scene::Scene;
 use crate::search::{Ready, Round, Search, Trial, search};
-use crate::{fringe, heldout, interval, places, remainder, settings};
+use crate::{alike, fringe, heldout, interval, places, remainder, settings};
 
 /// What to do.
 #[derive(Debug, Clone, Default)]
@@ -153,10 +153,11 @@ fn finding(scene: &Scene<'_>, found: &Search, round: &Round, trial: &Trial) -> F
     let effect = crate::search::known(trial.id);
     let values = model.values(trial.id).map_or_else(|| effect.neutral(), <[f64]>::to_vec);
     let gain = round.gain(trial);
-    let close = |other: &&Trial| gain - round.gain(other) < settings::GROUP_GAIN && gain > 0.0;
-    let mut group: Vec<String> =
-        round.trials.iter().filter(|t| t.id != trial.id).filter(close).take(3).map(|t| t.id.to_owned()).collect();
-    group.insert(0, trial.id.to_owned());
+    let group = if chosen || round.trials.first().is_some_and(|t| t.id == trial.id) {
+        alike::group(scene, found, round, trial)
+    } else {
+        vec![trial.id.to_owned()]
+    };
     Finding {
         id: trial.id.to_owned(),
         probability: 0.0,

@@ -8,7 +8,7 @@ use ds_gap::report::{Diagnosis, Shrink};
 use crate::case::FrameCase;
 use crate::dirt::Map;
 use crate::error::SightError;
-use crate::how_far::{Correction, how_far};
+use crate::how_far::{Correction, FLOORS, generated, how_far};
 
 /// Returns the shrink on some frames of a case folder (all of them if no range is given), as data `unseen`.
 ///
@@ -38,5 +38,9 @@ pub fn evaluate(
         noise: nuisance("noise_levels2", 2.0),
         dirt,
     };
-    how_far(&case, &correction, &|n| frames.as_ref().is_none_or(|f| f.contains(&n)), "unseen")
+    let wanted = |n: u64| frames.as_ref().is_none_or(|f| f.contains(&n));
+    if let (Some(rmse), Some(distance)) = (model.nuisance.get(FLOORS[0]), model.nuisance.get(FLOORS[1])) {
+        return generated(&case, &correction, &wanted, [*rmse, *distance], "unseen");
+    }
+    how_far(&case, &correction, &wanted, "unseen")
 }

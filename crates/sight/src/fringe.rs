@@ -60,10 +60,7 @@ impl Fit {
             let trust = 1.0 / (1.0 + 0.02 * (xx + yy));
             let columns = [[1.0, 0.0], [0.0, 1.0], [x, y]];
             for i in 0..3 {
-                let weighted = [
-                    columns[i][0] * xx + columns[i][1] * xy,
-                    columns[i][0] * xy + columns[i][1] * yy,
-                ];
+                let weighted = [columns[i][0] * xx + columns[i][1] * xy, columns[i][0] * xy + columns[i][1] * yy];
                 for j in 0..3 {
                     self.m[(i, j)] += trust * (weighted[0] * columns[j][0] + weighted[1] * columns[j][1]);
                 }

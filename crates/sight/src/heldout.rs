@@ -43,7 +43,8 @@ pub fn gains(found: &Search, scene: &Scene<'_>) -> BTreeMap<&'static str, f64> {
 
 fn measured(held: &Scene<'_>, fitted: &Model) -> f64 {
     let mean = [0, 1].map(|d| fitted.shifts.iter().map(|s| s[d]).sum::<f64>() / fitted.shifts.len().max(1) as f64);
-    let mut model = Model { effects: fitted.effects.clone(), dirt: fitted.dirt.clone(), ..Model::nominal(held.frames.len()) };
+    let mut model =
+        Model { effects: fitted.effects.clone(), dirt: fitted.dirt.clone(), ..Model::nominal(held.frames.len()) };
     model.effects.retain(|(e, _)| !matches!(e.act, Act::Age(_)));
     model.shifts = vec![mean; held.frames.len()];
     let chain = FrameChain::new(&model.effects.iter().filter(|(e, _)| moves(e)).cloned().collect::<Vec<_>>());

@@ -19,6 +19,9 @@ use crate::geometry::Chosen;
 use crate::scene::CHANCE;
 use crate::settings;
 
+/// Names under which a corrected model keeps the floors of streams that do not agree pixel by pixel.
+pub const FLOORS: [&str; 2] = ["floor_image_rmse", "floor_feature_distance"];
+
 /// A frozen correction.
 pub struct Correction {
     /// Effects with their values.

@@ -40,7 +40,7 @@ fn own_error(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect, va
             let mut at = 0;
             for (e, values) in &fit.effects {
                 if e.id == effect.id {
-                    return fit.errors[at];
+                    return fit.errors[at].max(confounded(scene, effect.id));
                 }
                 at += values.len();
             }
@@ -49,7 +49,9 @@ fn own_error(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect, va
         id if tone::KNOWN.contains(&id) => {
             let fitted: Vec<&str> =
                 found.model.effects.iter().map(|(e, _)| e.id).filter(|id| tone::KNOWN.contains(id)).collect();
-            tone::error(scene, &found.model, &found.placed.small, &fitted, effect.id)
+            let spread = tone::error(scene, &found.model, &found.placed.small, &fitted, effect.id);
+            // the gain of every case is told from that of one colour only by the others
+            if id == "white_balance" { spread.max(settings::COLOUR_ERROR) } else { spread }
         }
         id if DETAIL.contains(&id) || id == "motion_blur" => detail(scene, found, effect, value),
         "obs_latency" | "condition_delay" => 0.25,
@@ -58,12 +60,24 @@ fn own_error(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect, va
         "identity_switch" => counted(boxes(false)),
         "object_hallucination" => (value.max(0.05) / frames as f64).sqrt(),
         // each box or object has two coordinates of its own
-        "layout_misalignment" => value / (2.0 * found.model.lost.iter().map(Vec::len).max().unwrap_or(1).max(2) as f64).sqrt(),
+        "layout_misalignment" => {
+            value / (2.0 * found.model.lost.iter().map(Vec::len).max().unwrap_or(1).max(2) as f64).sqrt()
+        }
         // noise of every case lies within half a level² or so of the usual one
         "sensor_noise" => 0.6 / value.max(0.5),
         "temporal_flicker" => value / (2.0 * frames as f64).sqrt(),
         _ => 0.0,
     }
+}
+
+/// What the constant offset of every case leaves open of a turn of the camera, deg.
+fn confounded(scene: &Scene<'_>, id: &str) -> f64 {
+    let focal = match id {
+        "mount_pitch" => scene.case.camera.fy,
+        "mount_yaw" => scene.case.camera.fx,
+        _ => return 0.0,
+    };
+    (settings::CONSTANT_SHIFT_PX / focal).atan().to_degrees()
 }
 
 /// Spread of the best value of an effect on fine detail over tiles drawn with repetition.
@@ -102,15 +116,17 @@ fn detail(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect, value
 /// Standard deviation of the estimate by the shape of the effect, as a share of its size.
 fn shape_share(id: &str) -> f64 {
     match id {
-        "mount_pitch" | "mount_yaw" | "mount_roll" => 0.006,
-        "focal_error" | "radial_distortion" => 0.015,
-        "rolling_shutter" | "mount_position" => 0.08,
-        "gamma" | "white_balance" => 0.02,
-        "vignetting" | "exposure_lag" => 0.04,
-        "motion_blur" | "defocus" | "fog_haze" | "lens_dirt" => 0.09,
-        "sensor_noise" | "night_illumination" | "temporal_flicker" => 0.08,
+        "mount_pitch" | "mount_yaw" | "mount_roll" => 0.004,
+        "focal_error" | "radial_distortion" | "vignetting" => 0.012,
+        "rolling_shutter" | "mount_position" | "exposure_lag" => 0.07,
+        "gamma" => 0.03,
+        "white_balance" => 0.05,
+        "motion_blur" | "defocus" | "fog_haze" | "sensor_noise" | "night_illumination" | "temporal_flicker" => 0.08,
         "obs_latency" | "condition_delay" => 0.0,
-        "object_dropout" | "identity_switch" | "dropped_frames" => 0.05,
+        "lens_dirt" | "rollout_drift" => 0.13,
+        "dropped_frames" => 0.05,
+        "object_dropout" | "identity_switch" | "object_hallucination" => 0.12,
+        "texture_washing" => 0.22,
         _ => 0.15,
     }
 }

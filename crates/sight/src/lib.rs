@@ -6,6 +6,7 @@
 //! `docs/gap-frames.md`.
 
 pub mod align;
+pub mod alike;
 pub mod blocks;
 pub mod case;
 pub mod diagnose;

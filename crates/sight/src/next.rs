@@ -51,7 +51,13 @@ const RECORDINGS: [Recording; 7] = [
     Recording { name: "grey card under even light", draw: Texture::Plain, depth_m: Some(2.0), ..STILL },
     Recording { name: "tunnel entry and exit", secs: 20.0, speed_mps: 15.0, light: 0.1, ..STILL },
     Recording { name: "slalom at constant speed", secs: 20.0, speed_mps: 12.0, yaw_rate_radps: 0.4, ..STILL },
-    Recording { name: "standing still before fine texture", secs: 10.0, draw: Texture::Fine, depth_m: Some(8.0), ..STILL },
+    Recording {
+        name: "standing still before fine texture",
+        secs: 10.0,
+        draw: Texture::Fine,
+        depth_m: Some(8.0),
+        ..STILL
+    },
     Recording { name: "long rollout without re-anchoring", secs: 30.0, speed_mps: 8.0, anchored: false, ..STILL },
 ];
 

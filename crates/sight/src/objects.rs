@@ -47,6 +47,11 @@ pub fn events(scene: &Scene<'_>, rendered: &[Picture]) -> Vec<Event> {
         view.boxes.iter().any(|b| view.stands_out(b, 1.0))
     });
     let share = if clear { 0.4 } else { 1.0 };
+    let blobs = |k: usize, share: f32| {
+        let view = View::new(&rendered[k], &scene.small[k].1, scene.frames[k].boxes.iter().map(|b| b.edges));
+        view.blobs(clear, share)
+    };
+    let found = if (0..rendered.len()).any(|k| !blobs(k, 1.0).is_empty()) { 0.4 } else { 1.0 };
     for (k, p) in rendered.iter().enumerate() {
         let real = &scene.small[k].1;
         let view = View::new(p, real, scene.frames[k].boxes.iter().map(|b| b.edges));
@@ -62,8 +67,7 @@ pub fn events(scene: &Scene<'_>, rendered: &[Picture]) -> Vec<Event> {
                 boxed.push((Event { frame: k, fate, edges, offset }, (1.0 - left).max(0.05)));
             }
         }
-        let near = !boxed.is_empty();
-        free.extend(view.blobs(near).into_iter().map(|edges| Event {
+        free.extend(view.blobs(clear, found).into_iter().map(|edges| Event {
             frame: k,
             fate: Fate::Appeared,
             edges,
@@ -72,8 +76,7 @@ pub fn events(scene: &Scene<'_>, rendered: &[Picture]) -> Vec<Event> {
     }
     let weight = |fate: Fate| boxed.iter().filter(|(e, _)| e.fate == fate).map(|(_, w)| w).sum::<f64>();
     let common = [Fate::Gone, Fate::Restyled, Fate::Moved].into_iter().max_by(|a, b| weight(*a).total_cmp(&weight(*b)));
-    let mut out: Vec<Event> =
-        boxed.into_iter().map(|(e, _)| Event { fate: common.unwrap_or(e.fate), ..e }).collect();
+    let mut out: Vec<Event> = boxed.into_iter().map(|(e, _)| Event { fate: common.unwrap_or(e.fate), ..e }).collect();
     out.extend(passing(free, rendered.len()));
     out
 }
@@ -81,9 +84,8 @@ pub fn events(scene: &Scene<'_>, rendered: &[Picture]) -> Vec<Event> {
 /// Leaves out what stays at one place of the picture: that is on the lens.
 fn passing(events: Vec<Event>, frames: usize) -> Vec<Event> {
     let middle = |e: &Event| [0.5 * (e.edges[0] + e.edges[2]), 0.5 * (e.edges[1] + e.edges[3])];
-    let inside = |m: [f64; 2], e: &Event| {
-        m[0] > e.edges[0] && m[0] < e.edges[2] && m[1] > e.edges[1] && m[1] < e.edges[3]
-    };
+    let inside =
+        |m: [f64; 2], e: &Event| m[0] > e.edges[0] && m[0] < e.edges[2] && m[1] > e.edges[1] && m[1] < e.edges[3];
     let stays = |e: &Event| {
         let seen = events.iter().filter(|o| inside(middle(e), o)).count();
         2 * seen > frames.max(4)
@@ -128,7 +130,10 @@ impl<'a> View<'a> {
 
     fn mean(&self, [x0, y0, x1, y1]: &[usize; 4]) -> f32 {
         let count = (x1.saturating_sub(*x0) * y1.saturating_sub(*y0)).max(1) as f32;
-        (*y0..*y1).flat_map(|y| (*x0..*x1).map(move |x| (x, y))).map(|(x, y)| self.energy[y * self.p.width + x]).sum::<f32>()
+        (*y0..*y1)
+            .flat_map(|y| (*x0..*x1).map(move |x| (x, y)))
+            .map(|(x, y)| self.energy[y * self.p.width + x])
+            .sum::<f32>()
             / count
     }
 
@@ -145,15 +150,35 @@ impl<'a> View<'a> {
         let (moved, offset) = self.moved(b);
         let moved = moved / now;
         let best = gone.min(restyled).min(moved);
+        let smooth = self.smooth(b);
         let fate = if moved <= best + 0.02 && offset[0].hypot(offset[1]) > 1.5 {
             Fate::Moved
-        } else if restyled <= 1.2 * gone {
-            Fate::Restyled
-        } else {
+        } else if smooth < 0.15 || (gone < 0.5 * restyled && smooth < 0.5) {
             Fate::Gone
+        } else {
+            Fate::Restyled
         };
         let offset = if fate == Fate::Moved { offset } else { [0.0; 2] };
         (fate, offset, f64::from(best.min(1.0)))
+    }
+
+    /// Second differences of the real over those of the simulated box, in the direction in which less is left.
+    fn smooth(&self, [x0, y0, x1, y1]: &[usize; 4]) -> f32 {
+        let (w, c) = (self.p.width, self.p.channels);
+        let bent = |picture: &Picture, step: usize| {
+            let mut sum = 0.0f32;
+            for y in (*y0).max(1)..(*y1).min(picture.height - 1) {
+                for x in (*x0).max(1)..(*x1).min(w - 1) {
+                    for k in (y * w + x) * c..(y * w + x + 1) * c {
+                        let d = &picture.data;
+                        sum += (2.0 * d[k] - d[k - step] - d[k + step]).powi(2);
+                    }
+                }
+            }
+            sum
+        };
+        let ratio = |step: usize| bent(self.q, step) / bent(self.p, step).max(1.0);
+        ratio(c).min(ratio(w * c))
     }
 
     /// Residual against the passage between the real surroundings, across or down.
@@ -174,8 +199,18 @@ impl<'a> View<'a> {
                         [true, false] => from,
                         _ => to,
                     };
-                    let across = pass(at(a - 2, y, k), at(c + 1, y, k), (x - a + 1) as f32 / (c - a + 1) as f32, [open_left, open_right]);
-                    let down = pass(at(x, b - 2, k), at(x, d + 1, k), (y - b + 1) as f32 / (d - b + 1) as f32, [open_top, open_bottom]);
+                    let across = pass(
+                        at(a - 2, y, k),
+                        at(c + 1, y, k),
+                        (x - a + 1) as f32 / (c - a + 1) as f32,
+                        [open_left, open_right],
+                    );
+                    let down = pass(
+                        at(x, b - 2, k),
+                        at(x, d + 1, k),
+                        (y - b + 1) as f32 / (d - b + 1) as f32,
+                        [open_top, open_bottom],
+                    );
                     sums[0] += (v - across).powi(2);
                     sums[1] += (v - down).powi(2);
                     sums[2] += (v - 0.5 * (across + down)).powi(2);
@@ -251,10 +286,10 @@ impl<'a> View<'a> {
     }
 
     /// Returns compact places of strong residual outside of boxes; clear of boxes where those are spoiled themselves.
-    fn blobs(&self, clear: bool) -> Vec<[f64; 4]> {
+    fn blobs(&self, clear: bool, share: f32) -> Vec<[f64; 4]> {
         let (w, h) = (self.p.width, self.p.height);
         let margin = if clear { 5 } else { 1 };
-        let level = 25.0 * self.typical + 150.0;
+        let level = share * (25.0 * self.typical + 150.0);
         let mut hot: Vec<bool> = (0..w * h)
             .map(|k| self.energy[k] > level && !self.boxes.iter().any(|b| within(b, k % w, k / w, margin)))
             .collect();
@@ -270,8 +305,8 @@ impl<'a> View<'a> {
                 let (x, y) = (k % w, k / w);
                 area += 1;
                 edges = [edges[0].min(x), edges[1].min(y), edges[2].max(x + 1), edges[3].max(y + 1)];
-                for y in y.saturating_sub(1)..(y + 2).min(h) {
-                    for x in x.saturating_sub(1)..(x + 2).min(w) {
+                for y in y.saturating_sub(2)..(y + 3).min(h) {
+                    for x in x.saturating_sub(2)..(x + 3).min(w) {
                         if std::mem::take(&mut hot[y * w + x]) {
                             stack.push(y * w + x);
                         }
@@ -279,9 +314,11 @@ impl<'a> View<'a> {
                 }
             }
             let (across, down) = (edges[2] - edges[0], edges[3] - edges[1]);
-            let compact = 10 * area >= 4 * across * down && across.min(down) >= 2;
+            let compact = 10 * area >= 3 * across * down && across.min(down) >= 2;
             if area >= 6 && compact && 8 * across * down <= w * h {
-                out.push(edges.map(|v| (v * settings::SMALL) as f64));
+                let [a, b, c, d] = edges.map(|v| (v * settings::SMALL) as f64);
+                let rim = settings::SMALL as f64;
+                out.push([a - rim, b - rim, c + rim, d + rim]);
             }
         }
         out

@@ -9,6 +9,7 @@ pub mod verdict;
 pub mod weigh;
 
 use ds_effect::FrameChain;
+use ds_effect::picture::Picture;
 
 use crate::align;
 use crate::scene::{Model, Scene};
@@ -37,23 +38,19 @@ impl Pairing {
         }
     }
 
-    /// Estimates the pairing of a scene whose case does not say: by how well medium detail agrees once it is in place.
+    /// Estimates the pairing of a scene whose case does not say: by how well
+    /// medium detail agrees once it is in place.
     #[must_use]
     pub fn estimated(scene: &Scene<'_>, field: &align::Field, ages: &[usize]) -> Self {
         let shifts = align::geometry(scene, field, &Vec::new()).shifts;
         let carried = align::carried(scene, field);
         let model = Model { shifts, ages: ages.to_vec(), effects: carried, ..Model::nominal(scene.frames.len()) };
         let chain = FrameChain::new(&model.effects);
-        let agree: Vec<f64> = scene
-            .full
-            .iter()
-            .map(|k| {
-                let placed = scene.placed_full(&model, &chain, *k).shrunk(settings::SMALL);
-                agreement(&placed, &scene.small[*k].1)
-            })
-            .collect();
-        let mut sorted = agree;
-        let typical = ds_gap::bootstrap::quantile(&mut sorted, 0.5);
+        let mut agree: Vec<f64> = Vec::new();
+        for k in scene.full.iter().filter(|k| ages[**k] <= **k) {
+            agree.extend(agreement(&scene.placed_full(&model, &chain, *k), &scene.grey[*k].1));
+        }
+        let typical = if agree.is_empty() { 1.0 } else { ds_gap::bootstrap::quantile(&mut agree, 0.5) };
         if typical > settings::ALIGNED_AGREEMENT {
             Self::Aligned
         } else if typical > settings::LAYOUT_AGREEMENT {
@@ -64,14 +61,44 @@ impl Pairing {
     }
 }
 
-/// Returns the correlation of the detail between 4 and 16 px of two small pictures.
-fn agreement(p: &ds_effect::picture::Picture, q: &ds_effect::picture::Picture) -> f64 {
-    let detail = |a: &ds_effect::picture::Picture| {
-        let grey = a.grey();
-        let smooth = grey.boxed(2);
-        grey.data.iter().zip(&smooth.data).map(|(v, s)| f64::from(v - s)).collect::<Vec<f64>>()
+/// Side of the blocks that are compared, and how far each may be moved to agree, px.
+const BLOCK: usize = 32;
+const REACH: isize = 2;
+
+/// Returns how well each block with detail of about 3 to 9 px agrees in both pictures: the best correlation nearby.
+fn agreement(p: &Picture, q: &Picture) -> Vec<f64> {
+    let detail = |a: &Picture| {
+        let fine = a.boxed(1);
+        let smooth = fine.boxed(4);
+        fine.data.iter().zip(&smooth.data).map(|(v, s)| v - s).collect::<Vec<f32>>()
     };
     let (a, b) = (detail(p), detail(q));
-    let sum = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
-    sum(&a, &b) / (sum(&a, &a) * sum(&b, &b)).sqrt().max(1e-9)
+    let w = p.width;
+    let edge = REACH as usize;
+    let mut out = Vec::new();
+    for top in (edge..(p.height - edge).saturating_sub(BLOCK)).step_by(BLOCK) {
+        for left in (edge..(w - edge).saturating_sub(BLOCK)).step_by(BLOCK) {
+            let mut best = 0.0f32;
+            for dy in -REACH..=REACH {
+                for dx in -REACH..=REACH {
+                    let (mut ab, mut aa, mut bb) = (0.0f32, 0.0f32, 0.0f32);
+                    for y in top..top + BLOCK {
+                        let (i, j) = (y * w + left, (y.wrapping_add_signed(dy)) * w + left.wrapping_add_signed(dx));
+                        for (a, b) in a[i..i + BLOCK].iter().zip(&b[j..j + BLOCK]) {
+                            ab += a * b;
+                            aa += a * a;
+                            bb += b * b;
+                        }
+                    }
+                    if aa > (9 * BLOCK * BLOCK) as f32 {
+                        best = best.max(ab / (aa * bb).sqrt().max(1e-6));
+                    }
+                }
+            }
+            if best > 0.0 {
+                out.push(f64::from(best));
+            }
+        }
+    }
+    out
 }

@@ -13,6 +13,9 @@ use crate::settings;
 
 const BANDS: [&str; 4] = ["fine", "medium", "coarse", "colour"];
 
+/// Effects that act by depth, which is known roughly.
+const ROUGH: [&str; 2] = ["mount_position", "rolling_shutter"];
+
 /// Returns how far the remainder is beyond what a library model leaves, 1 at the threshold.
 #[must_use]
 pub fn excess(found: &Search, texture: &Texture, fringe_px: f64) -> f64 {
@@ -35,7 +38,10 @@ fn left_over(found: &Search) -> f64 {
     if !found.chosen.is_empty() {
         let before = before.max(found.rounds.first().map_or(0.0, |r| r.before - r.trials[0].loss));
         // what remains may be a share of what there was, or the level of clean cases once more
-        let allowed = ((1.0 - settings::EXPLAINED_SHARE) * before).max(0.5 * settings::CLEAN.iter().sum::<f64>());
+        let rough = |id: &str| crate::search::fate(id).is_some() || ROUGH.contains(&id);
+        let objects = found.chosen.iter().any(|id| rough(id));
+        let share = if objects { settings::ROUGH_SHARE } else { settings::EXPLAINED_SHARE };
+        let allowed = ((1.0 - share) * before).max(0.5 * settings::CLEAN.iter().sum::<f64>());
         worst = after / allowed;
     }
     worst

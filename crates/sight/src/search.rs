@@ -132,7 +132,11 @@ pub fn search(scene: &Scene<'_>, ready: Ready, without: &[String]) -> Search {
             settings::FIRST_GAIN
         } else {
             let fine = DETAIL.contains(&best.id) || best.id == "sensor_noise";
-            let share = if fine { settings::FURTHER_FINE_SHARE } else { settings::FURTHER_SHARE };
+            let share = match best.id {
+                id if fate(id).is_some() => settings::FURTHER_OBJECTS_SHARE,
+                _ if fine => settings::FURTHER_FINE_SHARE,
+                _ => settings::FURTHER_SHARE,
+            };
             settings::FURTHER_GAIN.max(share * taken)
         };
         found.rounds.push(round);
@@ -170,7 +174,12 @@ fn round(scene: &Scene<'_>, found: &Search, without: &[String]) -> Round {
 /// Fits all tone effects of a model once more, so that no later effect takes credit for an unfinished fit.
 fn polished(scene: &Scene<'_>, model: Model, placed: &Placed) -> Model {
     let ids: Vec<&str> = model.effects.iter().map(|(e, _)| e.id).filter(|id| tone::KNOWN.contains(id)).collect();
-    if ids.is_empty() { model } else { tone::fit(scene, &model, &placed.small, &ids).0 }
+    let mut model = if ids.is_empty() { model } else { tone::fit(scene, &model, &placed.small, &ids).0 };
+    let fine: Vec<_> = model.effects.iter().filter(|(e, _)| !sharp::grid(e.id).is_empty()).map(|(e, _)| *e).collect();
+    for effect in fine {
+        model = sharp::refined(scene, model, placed, effect);
+    }
+    model
 }
 
 /// Tells whether an estimate lies within the mismatch that every case has.
@@ -256,14 +265,8 @@ fn start(effect: &FrameEffect) -> Vec<f64> {
     }
 }
 
-fn moving(
-    scene: &Scene<'_>,
-    found: &Search,
-    base: &Base,
-    effect: &'static FrameEffect,
-) -> Option<(Model, f64, f64)> {
-    let before =
-        base.geometry_loss.get_or_init(|| align::geometry(scene, &found.field, &found.model.effects).loss);
+fn moving(scene: &Scene<'_>, found: &Search, base: &Base, effect: &'static FrameEffect) -> Option<(Model, f64, f64)> {
+    let before = base.geometry_loss.get_or_init(|| align::geometry(scene, &found.field, &found.model.effects).loss);
     let mut effects = found.model.effects.clone();
     effects.push((effect, start(effect)));
     let fit = align::geometry(scene, &found.field, &effects);
@@ -282,7 +285,8 @@ fn moving(
 fn toned(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> (Model, f64, f64) {
     let mut model = found.model.clone();
     model.set(effect, start(effect));
-    let mut ids: Vec<&str> = found.model.effects.iter().map(|(e, _)| e.id).filter(|id| tone::KNOWN.contains(id)).collect();
+    let mut ids: Vec<&str> =
+        found.model.effects.iter().map(|(e, _)| e.id).filter(|id| tone::KNOWN.contains(id)).collect();
     ids.push(effect.id);
     let (model, _) = tone::fit(scene, &model, &found.placed.small, &ids);
     let loss = loss::measure(scene, &model, &found.placed).total;
@@ -293,7 +297,11 @@ fn noisy(scene: &Scene<'_>, found: &Search, effect: &'static FrameEffect) -> Opt
     let texture = grain::texture(scene, &scene.full_of(&found.model, &found.placed.full));
     // noise and encoder of every case are taken out
     let read = texture.read - settings::USUAL_NOISE;
-    if texture.read + 0.5 * texture.shot < settings::FLAT_NOISE || texture.down > 0.25 || texture.peak > 6.0 {
+    if texture.read + 0.5 * texture.shot < settings::FLAT_NOISE
+        || texture.down > 0.25
+        || texture.across > 0.25
+        || texture.peak > 6.0
+    {
         return None;
     }
     let mut model = found.model.clone();

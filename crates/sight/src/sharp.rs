@@ -54,6 +54,27 @@ pub fn fit(scene: &Scene<'_>, model: &Model, placed: &Placed, effect: &'static F
     (model, loss)
 }
 
+/// Moves the first value of an effect to where the finest band likes it best, by halved steps.
+#[must_use]
+pub fn refined(scene: &Scene<'_>, mut model: Model, placed: &Placed, effect: &'static FrameEffect) -> Model {
+    let slab = effect.parameters[0].slab;
+    let mut best = loss::fine_only(scene, &model, placed);
+    for step in [0.16, 0.08, 0.04, 0.02] {
+        for factor in [1.0 + step, 1.0 - step] {
+            let mut trial = model.clone();
+            let Some(mut values) = model.values(effect.id).map(<[f64]>::to_vec) else { return model };
+            values[0] = (values[0] * factor).clamp(slab.0, slab.1);
+            trial.set(effect, values);
+            let loss = loss::fine_only(scene, &trial, placed);
+            if loss < best {
+                (best, model) = (loss, trial);
+                break;
+            }
+        }
+    }
+    model
+}
+
 /// Returns where a parabola through three points has its lowest value.
 #[must_use]
 pub fn parabola(a: (f64, f64), b: (f64, f64), c: (f64, f64)) -> f64 {

@@ -98,7 +98,10 @@ impl Counts {
         match kind {
             "none" => push("none: false alarms", d.verdict != Verdict::None),
             "single" if label["weak"] == true => {
-                push("weak: first effect or none", d.effects.first().is_some_and(|e| e.id == truth[0]) || d.chosen.is_empty());
+                push(
+                    "weak: first effect or none",
+                    d.effects.first().is_some_and(|e| e.id == truth[0]) || d.chosen.is_empty(),
+                );
                 push("weak: found", d.chosen == truth);
             }
             "single" => {
@@ -106,7 +109,10 @@ impl Counts {
                 let untestable = d.detection_limits.iter().any(|l| l.id == truth[0] && l.limit.is_none());
                 if !d.detection_limits.is_empty() {
                     let silent = d.chosen.is_empty() && !unknown;
-                    push("singles: found, or none said where not testable", if untestable { silent } else { d.chosen == truth });
+                    push(
+                        "singles: found, or none said where not testable",
+                        if untestable { silent } else { d.chosen == truth },
+                    );
                     push("singles: said to be testable", !untestable);
                     if !untestable {
                         push("singles: testable, first effect", first);
@@ -116,7 +122,10 @@ impl Counts {
                     push("stripped: first effect", first);
                 } else {
                     push("singles: first effect", first);
-                    push("singles: in the first group", d.effects.first().is_some_and(|e| e.group.iter().any(|g| g == truth[0])));
+                    push(
+                        "singles: in the first group",
+                        d.effects.first().is_some_and(|e| e.group.iter().any(|g| g == truth[0])),
+                    );
                     push("singles: strict", d.verdict == Verdict::Single && d.chosen == truth);
                 }
             }
@@ -128,7 +137,8 @@ impl Counts {
         }
         let mut push = |name, hit| self.rows.entry(name).or_default().push(hit);
         for effect in label["effects"].as_array().into_iter().flatten() {
-            if let (Some(found), Some(value)) = (d.effects.iter().find(|e| effect["id"] == *e.id), effect["value"].as_f64())
+            if let (Some(found), Some(value)) =
+                (d.effects.iter().find(|e| effect["id"] == *e.id), effect["value"].as_f64())
                 && d.chosen.contains(&found.id)
             {
                 push("intervals of chosen effects cover", found.interval90[0] <= value && value <= found.interval90[1]);

@@ -12,15 +12,8 @@ use crate::scene::Scene;
 use crate::transport::{self, Late};
 
 /// Effects whose values are estimated together, in the order of the statistics.
-const TOGETHER: [&str; 7] = [
-    "mount_pitch",
-    "mount_yaw",
-    "mount_roll",
-    "focal_error",
-    "radial_distortion",
-    "mount_position",
-    "rolling_shutter",
-];
+const TOGETHER: [&str; 7] =
+    ["mount_pitch", "mount_yaw", "mount_roll", "focal_error", "radial_distortion", "mount_position", "rolling_shutter"];
 
 /// What edges tell.
 pub struct Moved {
@@ -57,8 +50,12 @@ pub fn measured(case: &FrameCase) -> Moved {
     let late = transport::judge(&scene, &ages);
     let mut field: Field = align::field(&scene, &late.ages, ages.start);
     field.points.iter_mut().take(late.blind).for_each(Vec::clear);
-    let free: Chosen =
-        TOGETHER.iter().filter_map(|id| find_frame(id)).filter(|e| scene.can_show(e)).map(|e| (e, e.neutral())).collect();
+    let free: Chosen = TOGETHER
+        .iter()
+        .filter_map(|id| find_frame(id))
+        .filter(|e| scene.can_show(e))
+        .map(|e| (e, e.neutral()))
+        .collect();
     let loose = Loose { constant_px: 0.3, frame_px: 0.3 };
     let found = fit(&drawn, &scene.frames, &field.points, &free, loose);
     let values = axes()

@@ -199,7 +199,8 @@ fn of_small(scene: &Scene<'_>, small: &[Picture]) -> [f64; OWN - 16] {
         s[5..8].copy_from_slice(&colour);
     }
     (s[8], s[9]) = fixed(&grey);
-    let level: Vec<f64> = grey.iter().map(|g| (g.data.iter().sum::<f32>() / g.data.len() as f32 + 4.0).into()).collect();
+    let level: Vec<f64> =
+        grey.iter().map(|g| (g.data.iter().sum::<f32>() / g.data.len() as f32 + 4.0).into()).collect();
     let level: Vec<f64> = level.into_iter().map(f64::ln).collect();
     let contrast: Vec<f64> = grey.iter().map(|g| (slopes(g)[0] + slopes(g)[1] + 0.2).ln()).collect();
     let since: Vec<f64> = scene.frames.iter().map(|f| scene.case.context(f, 1, None).frames_since_anchor).collect();

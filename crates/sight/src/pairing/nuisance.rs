@@ -7,9 +7,9 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::case::{FrameCase, is_frame_case};
 use crate::error::SightError;
+use crate::pairing::Pairing;
 use crate::pairing::edges;
 use crate::pairing::looks::{ALL, MOVED, OWN, Stream, beyond};
-use crate::pairing::Pairing;
 use crate::scene::Scene;
 use crate::settings;
 

@@ -26,12 +26,10 @@ fn grid(id: &str) -> Vec<Vec<Vec<f64>>> {
     let one = |values: &[&[f64]]| values.iter().map(|v| v.to_vec()).collect::<Vec<_>>();
     match id {
         "gamma" => vec![one(&[&[1.15], &[1.4]]), one(&[&[0.88], &[0.7]])],
-        "white_balance" => {
-            [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]]
-                .into_iter()
-                .flat_map(|[r, b]: [f64; 2]| [1.0, -1.0].map(|s| vec![vec![0.2 * s * r, 0.2 * s * b]]))
-                .collect()
-        }
+        "white_balance" => [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]]
+            .into_iter()
+            .flat_map(|[r, b]: [f64; 2]| [1.0, -1.0].map(|s| vec![vec![0.2 * s * r, 0.2 * s * b]]))
+            .collect(),
         "vignetting" => vec![one(&[&[0.3, 2.5], &[0.6, 2.5]])],
         "sensor_noise" => vec![one(&[&[2.0, 1.0], &[4.0, 2.0], &[8.0, 4.0]])],
         "fog_haze" => vec![one(&[&[0.006, 0.75], &[0.015, 0.75], &[0.03, 0.75]])],
@@ -61,8 +59,7 @@ pub fn paths(scene: &Scene<'_>, paired: bool, without: &[String]) -> Vec<Path> {
             continue;
         }
         for nodes in grid(effect.id) {
-            let mut path =
-                Path { effect, values: vec![effect.neutral()], change: vec![DVector::zeros(ALL)] };
+            let mut path = Path { effect, values: vec![effect.neutral()], change: vec![DVector::zeros(ALL)] };
             for values in nodes {
                 let changed = applied(scene, &plain, effect, &values);
                 let change = beyond(scene, &plain, &changed, paired);

@@ -11,12 +11,12 @@ use nalgebra::DVector;
 
 use crate::case::FrameCase;
 use crate::error::SightError;
-use crate::how_far::{Correction, generated};
+use crate::how_far::{Correction, FLOORS, generated};
 use crate::loss::{TILES, tile};
+use crate::pairing::Pairing;
 use crate::pairing::nuisance::{Nuisance, statistics};
 use crate::pairing::paths::{Path, paths};
 use crate::pairing::weigh::{self, Spot};
-use crate::pairing::Pairing;
 use crate::scene::Scene;
 use crate::search::known;
 use crate::settings;
@@ -54,7 +54,10 @@ pub fn judged(
     }
     let remains = weigh::square(&nuisance.precision, &deviation);
     let late = moved.and_then(|m| m.late.effect);
-    let excess = remains / (settings::STRANGE_REMAINS * (weigh::usual(nuisance) + needed));
+    // the stand-in of a strong effect leaves a share of it
+    let taken: f64 = chosen.iter().map(|c| c.gain).sum();
+    let allowed = settings::STRANGE_REMAINS * (weigh::usual(nuisance) + needed) + settings::STRANGE_SHARE * taken;
+    let excess = remains / allowed;
     let mut model: Vec<(String, Vec<f64>)> = Vec::new();
     if let Some((effect, value)) = late {
         model.push((effect.id.to_owned(), vec![value]));
@@ -68,11 +71,19 @@ pub fn judged(
     };
     let p_unknown = 1.0 / (1.0 + (-(excess.max(1e-6).ln()) / (2.0 * settings::UNKNOWN_WIDTH)).exp());
     let best = ranked.first().map_or(0.0, |s| s.gain);
-    let p_none = if late.is_some() { 0.0 } else { (1.0 - p_unknown) / (1.0 + ((best - needed) / 6.0).clamp(-30.0, 30.0).exp()) };
+    let p_none =
+        if late.is_some() { 0.0 } else { (1.0 - p_unknown) / (1.0 + ((best - needed) / 6.0).clamp(-30.0, 30.0).exp()) };
     let told = Told { paths: &paths, ranked: &ranked, chosen: &chosen, needed };
     let correction = correction(&model);
-    let held = generated(scene.case, &correction, &|n| scene.case.held.iter().any(|f| f.number == n), nuisance.gap, "heldout")?;
-    let fit = generated(scene.case, &correction, &|n| scene.case.fit.iter().any(|f| f.number == n), nuisance.gap, "fit")?;
+    let held = generated(
+        scene.case,
+        &correction,
+        &|n| scene.case.held.iter().any(|f| f.number == n),
+        nuisance.gap,
+        "heldout",
+    )?;
+    let fit =
+        generated(scene.case, &correction, &|n| scene.case.fit.iter().any(|f| f.number == n), nuisance.gap, "fit")?;
     let effects = told.findings(late, 1.0 - p_unknown - p_none);
     let limits = told.limits(nuisance);
     Ok(Diagnosis {
@@ -84,18 +95,15 @@ pub fn judged(
         p_none,
         p_unknown,
         chosen: model.iter().map(|(id, _)| id.clone()).collect(),
-        cells: if verdict == Verdict::None { Vec::new() } else { cells(scene, &correction, nuisance.gap[0]) },
+        cells: if verdict == Verdict::None { Vec::new() } else { cells(scene, &correction) },
         how_far: held,
         shares: Vec::new(),
         predicted_share: fit.first().map_or(0.0, |s| s.share_explained),
         unknown_description: (verdict == Verdict::Unknown).then(|| describe(nuisance, &deviation, &told)),
         next_manoeuvre: Vec::new(),
         corrected_model: Corrected {
-            effects: model
-                .into_iter()
-                .map(|(id, values)| CorrectedEffect { id, value: values[0], values })
-                .collect(),
-            nuisance: BTreeMap::new(),
+            effects: model.into_iter().map(|(id, values)| CorrectedEffect { id, value: values[0], values }).collect(),
+            nuisance: FLOORS.iter().zip(nuisance.gap).map(|(name, gap)| ((*name).to_owned(), gap)).collect(),
         },
         floor_source: if nuisance.count > 0 { "effect-free pairs" } else { "practice" }.to_owned(),
         warnings: warnings(scene.case, pairing, nuisance, &limits),
@@ -153,21 +161,19 @@ impl Told<'_> {
             let values = spot.values(self.paths);
             let path = &self.paths[spot.path];
             let width = (path.values[spot.at.0 + 1][0] - path.values[spot.at.0][0]).abs();
-            let half = spot.error * width + 0.1 * (values[0] - path.values[0][0]).abs();
+            let half = spot.error * width + 0.15 * (values[0] - path.values[0][0]).abs();
             let slab = path.effect.parameters[0].slab;
             let mut finding = self.empty(id, values[0], spot.gain);
             finding.interval90 = [(values[0] - half).max(slab.0), (values[0] + half).min(slab.1)];
-            finding.params =
-                path.effect.parameters.iter().zip(&values).map(|(p, v)| (p.name.to_owned(), *v)).collect();
+            finding.params = path.effect.parameters.iter().zip(&values).map(|(p, v)| (p.name.to_owned(), *v)).collect();
             finding.group = self.group(spot);
             list.push(finding);
         }
         let top = list.iter().map(|f| f.evidence_gain).fold(0.0, f64::max);
-        let chosen = |f: &Finding| self.chosen.iter().any(|c| self.id(c) == f.id) || late.is_some_and(|l| l.0.id == f.id);
-        let weights: Vec<f64> = list
-            .iter()
-            .map(|f| if chosen(f) { 1.0 } else { ((f.evidence_gain - top) / 8.0).exp() })
-            .collect();
+        let chosen =
+            |f: &Finding| self.chosen.iter().any(|c| self.id(c) == f.id) || late.is_some_and(|l| l.0.id == f.id);
+        let weights: Vec<f64> =
+            list.iter().map(|f| if chosen(f) { 1.0 } else { ((f.evidence_gain - top) / 8.0).exp() }).collect();
         let total: f64 = weights.iter().sum();
         for (finding, weight) in list.iter_mut().zip(weights) {
             finding.probability = mass.max(0.0) * weight / total.max(1e-12);
@@ -264,8 +270,8 @@ fn describe(nuisance: &Nuisance, left: &DVector<f64>, told: &Told<'_>) -> Remain
     Remainder { channels, time_pattern: "constant".to_owned(), nearest, text, ..Remainder::default() }
 }
 
-/// Tiles in which the chosen effects change the simulated frames by more than a quarter of what streams differ anyway.
-fn cells(scene: &Scene<'_>, correction: &Correction, gap: f64) -> Vec<Cell> {
+/// Tiles in which the real frames differ from the simulated ones by a quarter more than from the corrected ones.
+fn cells(scene: &Scene<'_>, correction: &Correction) -> Vec<Cell> {
     let frames: Vec<&crate::case::Frame> = scene.frames.clone();
     let changed = crate::how_far::rendered(scene.case, correction, &frames);
     let mut sums = [[0.0f64; 3]; TILES];
@@ -273,20 +279,20 @@ fn cells(scene: &Scene<'_>, correction: &Correction, gap: f64) -> Vec<Cell> {
         let c = picture.channels;
         for (i, ((e, s), r)) in picture.data.iter().zip(&frame.sim.data).zip(&frame.real.data).enumerate() {
             let sum = &mut sums[tile(i / c % picture.width, i / c / picture.width, picture.width, picture.height)];
-            sum[0] += f64::from((e - s).powi(2));
+            sum[0] += f64::from((r - e).powi(2));
             sum[1] += f64::from((r - s).powi(2));
             sum[2] += 1.0;
         }
     }
     let mut cells = Vec::new();
-    for (t, [own, all, n]) in sums.into_iter().enumerate() {
-        let (own, all) = (own / n, all / n);
-        let twin = (all - own).max(0.5 * all).max(0.25 * gap * gap);
-        if own > settings::TILE_EXCESS * (twin + 1.0) {
-            let regime =
-                Regime { tile: Some([t / settings::TILES[1], t % settings::TILES[1]]), ..Regime::default() };
-            let t = vec![[frames[0].time_secs, frames[frames.len() - 1].time_secs]];
-            cells.push(Cell { channel: "camera".to_owned(), regime, effect_size: (1.0 + own / twin).sqrt(), q_value: 0.01, t });
+    for (t, [after, before, n]) in sums.into_iter().enumerate() {
+        let (after, before) = (after / n, before / n);
+        if before - after > settings::TILE_EXCESS * (after + 1.0) {
+            let tile = Some([t / settings::TILES[1], t % settings::TILES[1]]);
+            let spans = vec![[frames[0].time_secs, frames[frames.len() - 1].time_secs]];
+            let effect_size = (before / after.max(1e-9)).sqrt();
+            let regime = Regime { tile, ..Regime::default() };
+            cells.push(Cell { channel: "camera".to_owned(), regime, effect_size, q_value: 0.01, t: spans });
         }
     }
     cells.sort_by(|a, b| b.effect_size.total_cmp(&a.effect_size));

@@ -160,6 +160,12 @@ fn name(case: &Path) -> String {
     case.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_else(|| "case".to_owned())
 }
 
+/// How logs and frames are diagnosed.
+struct Ways {
+    logs: Options,
+    frames: ds_sight::Options,
+}
+
 fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
     let mut cases = Vec::new();
     for case in self::cases(&args.cases)? {
@@ -169,7 +175,11 @@ fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
         cases.extend(made);
         cases.extend(seen.then_some(traffic));
     }
-    let options = Options { quick: args.quick, without: Vec::new() };
+    let nuisance = args.nuisance.as_deref().map(ds_sight::Nuisance::learn).transpose()?;
+    let options = Ways {
+        logs: Options { quick: args.quick, without: Vec::new() },
+        frames: ds_sight::Options { without: Vec::new(), nuisance },
+    };
     let bar = bar(cases.len() as u64, "cases");
     bar.tick();
     let results: Vec<Result<Diagnosis>> = cases.par_iter().map(|case| written(args, case, &options, &bar)).collect();
@@ -197,7 +207,7 @@ fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
 }
 
 /// Diagnoses a case and writes its diagnosis and page.
-fn written(args: &DiagnoseArgs, case: &Path, options: &Options, bar: &ProgressBar) -> Result<Diagnosis> {
+fn written(args: &DiagnoseArgs, case: &Path, options: &Ways, bar: &ProgressBar) -> Result<Diagnosis> {
     let diagnosis = one(case, options, bar)?;
     let folder = args.out.join(name(case));
     save(&folder, &diagnosis)?;
@@ -236,16 +246,15 @@ fn explain(args: &ExplainArgs) -> Result<()> {
 }
 
 /// Diagnoses a log of a vehicle, recorded traffic or a pair of frame streams, whichever the case is.
-fn one(case: &Path, options: &Options, bar: &ProgressBar) -> Result<Diagnosis> {
+fn one(case: &Path, options: &Ways, bar: &ProgressBar) -> Result<Diagnosis> {
     let began = Instant::now();
     let diagnosis = if ds_traffic::is_traffic_case(case) {
-        let options = ds_traffic::Options { without: options.without.clone() };
+        let options = ds_traffic::Options { without: options.logs.without.clone() };
         ds_traffic::diagnose(case, &options).map_err(anyhow::Error::new)
     } else if ds_sight::is_frame_case(case) {
-        let options = ds_sight::Options { without: options.without.clone() };
-        ds_sight::diagnose(case, &options).map_err(anyhow::Error::new)
+        ds_sight::diagnose(case, &options.frames).map_err(anyhow::Error::new)
     } else {
-        diagnose(case, options).map_err(anyhow::Error::new).and_then(|mut diagnosis| {
+        diagnose(case, &options.logs).map_err(anyhow::Error::new).and_then(|mut diagnosis| {
             stamps::add(case, &mut diagnosis)?;
             Ok(diagnosis)
         })
