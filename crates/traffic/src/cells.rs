@@ -33,11 +33,11 @@ struct Part {
     secs: f64,
 }
 
-/// Returns the significant cells, largest first.
+/// Returns the significant cells, largest first, from the residuals without and with the effects found.
 #[must_use]
-pub fn cells(case: &Case, model: &Traffic, tags: &[Tag], residuals: &[f64]) -> Vec<Cell> {
+pub fn cells(case: &Case, model: &Traffic, tags: &[Tag], [before, after]: [&[f64]; 2]) -> Vec<Cell> {
     let mut groups: BTreeMap<(Channel, Key), Vec<Part>> = BTreeMap::new();
-    for (tag, z) in tags.iter().zip(residuals).filter(|(_, z)| **z != 0.0) {
+    for ((tag, z), left) in tags.iter().zip(before).zip(after).filter(|((_, z), _)| **z != 0.0) {
         let judged = &model.judged[tag.actor];
         let channel = match tag.kind {
             Kind::Place => Channel::FollowerGap,
@@ -49,7 +49,14 @@ pub fn cells(case: &Case, model: &Traffic, tags: &[Tag], residuals: &[f64]) -> V
         for key in [Key::Agent(recording, judged.actor.index), Key::Place(recording, tag.place)] {
             let parts = groups.entry((channel, key)).or_default();
             let same = parts.last_mut().filter(|part| part.secs == tag.secs);
-            let (loss, square) = (point_loss(*z), z * z);
+            let (loss, square) = match tag.kind {
+                Kind::Place | Kind::Speed => (point_loss(*z), z * z),
+                // What a decision is worth only the effects can tell that explain it.
+                Kind::Aside | Kind::Decision => {
+                    let worth = (point_loss(*z) - point_loss(*left)).max(0.0);
+                    (worth, 2.0 * worth)
+                }
+            };
             match same {
                 Some(part) => {
                     part.loss += loss;

@@ -38,15 +38,7 @@ pub struct Look {
 pub fn looks(scenery: &Scenery, recording: &Recording, actor: &Actor, idm: &IdmParameters) -> Vec<Look> {
     let slots = slots(scenery, actor);
     let tick_of = |secs: f64| (secs / scenery.dt_secs) as usize;
-    let mut changes: Vec<(usize, i8, i8)> = Vec::new();
-    for tick in 1..slots.len() {
-        if let (Some(from), Some(to)) = (slots[tick - 1], slots[tick])
-            && from != to
-            && changes.last().is_none_or(|(last, ..)| tick - last > tick_of(3.0))
-        {
-            changes.push((tick, from, to));
-        }
-    }
+    let changes = changes_of(scenery, &slots);
     let mut looks = Vec::new();
     for &(middle, from, to) in &changes {
         let begin = middle.saturating_sub(tick_of(HALF_CHANGE_SECS));
@@ -66,6 +58,26 @@ pub fn looks(scenery: &Scenery, recording: &Recording, actor: &Actor, idm: &IdmP
         }
     }
     looks
+}
+
+/// Returns the ticks at which a driver passes the middle between two lanes.
+#[must_use]
+pub fn changes(scenery: &Scenery, actor: &Actor) -> Vec<usize> {
+    changes_of(scenery, &slots(scenery, actor)).into_iter().map(|(tick, ..)| tick).collect()
+}
+
+fn changes_of(scenery: &Scenery, slots: &[Option<i8>]) -> Vec<(usize, i8, i8)> {
+    let quiet = (3.0 / scenery.dt_secs) as usize;
+    let mut changes: Vec<(usize, i8, i8)> = Vec::new();
+    for tick in 1..slots.len() {
+        if let (Some(from), Some(to)) = (slots[tick - 1], slots[tick])
+            && from != to
+            && changes.last().is_none_or(|(last, ..)| tick - last > quiet)
+        {
+            changes.push((tick, from, to));
+        }
+    }
+    changes
 }
 
 /// Returns the negative log likelihood of looks, those at a stay weighted as the correlated ones they are.

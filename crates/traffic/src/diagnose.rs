@@ -13,7 +13,9 @@ use crate::how_far::how_far;
 use crate::model::{Kind, Tag, Traffic};
 use crate::rollout::SECS;
 use crate::search::{Hypothesis, Search, intervals, losses, search};
-use crate::settings::{CLEAN_LOSS, GROUP_EVIDENCE, SINGLE_COST, STRANGE_SHARE, STRANGE_WIDTH, TEMPERATURE};
+use crate::settings::{
+    CLEAN_LOSS, GROUP_EVIDENCE, SHAPE_ERROR, SINGLE_COST, STRANGE_SHARE, STRANGE_WIDTH, TEMPERATURE,
+};
 
 /// What to do.
 #[derive(Debug, Clone, Default)]
@@ -89,7 +91,7 @@ fn report(case: &Case, model: &Traffic, found: &Search, held: &[bool]) -> Diagno
         p_none,
         p_unknown,
         chosen: names(&chosen),
-        cells: cells(case, model, &tags, &before),
+        cells: cells(case, model, &tags, [&before, &best.residuals]),
         how_far: how_far(model, [&model.space.neutral(), &best.vector], held, "heldout"),
         shares: Vec::new(),
         predicted_share: fit.iter().find(|s| s.metric == "position_2s").map_or(0.0, |s| s.share_explained),
@@ -169,8 +171,13 @@ fn one(model: &Traffic, found: &Search, round: &[Hypothesis], hypothesis: &Hypot
     let priors = model.space.priors(&fitted.effects);
     let first = model.space.of(last)[0];
     let interval90 = if chosen || hypothesis.gain > 0.0 {
-        let ends = intervals(model, tags, &fitted.fit, &priors)[first];
-        ends.map(|end| model.space.reported(first, end))
+        let [low, high] = intervals(model, tags, &fitted.fit, &priors)[first];
+        // Smoothed tracks and the library's shape move an estimate whatever the number of agents.
+        let value = fitted.fit.vector[first];
+        let shape = 1.645 * SHAPE_ERROR * (value - model.space.coordinates[first].1.neutral).abs();
+        let (slab_low, slab_high) = model.space.coordinates[first].1.slab;
+        let ends = [value - shape.hypot((value - low).max(0.0)), value + shape.hypot((high - value).max(0.0))];
+        ends.map(|end| model.space.reported(first, end.clamp(slab_low.min(value), slab_high.max(value))))
     } else {
         [values[0]; 2]
     };

@@ -10,7 +10,7 @@ use ds_space::Draws;
 use crate::model::Traffic;
 use crate::rollout::{Course, Manner, roll};
 use crate::scenery::Mark;
-use crate::settings::{ASIDE_FLOOR_M, DRAWS, PLACE_FLOOR_M, SPEED_FLOOR_MPS};
+use crate::settings::{ASIDE_FLOOR_M, DRAWS, LEFT_M, LEFT_MPS};
 
 /// Instants of the displacement, s.
 const INSTANTS: [f64; 4] = [1.0, 2.0, 3.0, 5.0];
@@ -44,13 +44,11 @@ pub fn how_far(model: &Traffic, vectors: [&[f64]; 2], chosen: &[bool], data: &st
     }
     let mut all = Vec::new();
     for (k, secs) in INSTANTS.into_iter().enumerate() {
-        let [white, first, second] = PLACE_FLOOR_M;
-        let floor = (white * white + (first * secs).powi(2) + (second * secs * secs).powi(2)).sqrt();
+        let floor = LEFT_M[k];
         let roots = move |drawn: &[&Shown]| roots(drawn.iter().map(|shown| shown.places[k]));
         all.push(shrink(&format!("position_{secs:.0}s"), &shown, floor, &roots, data));
     }
-    let floor = SPEED_FLOOR_MPS[0].hypot(3.0 * SPEED_FLOOR_MPS[1]);
-    all.push(shrink("channel:agent_v", &shown, floor, &|drawn| roots(drawn.iter().map(|s| s.speed)), data));
+    all.push(shrink("channel:agent_v", &shown, LEFT_MPS, &|drawn| roots(drawn.iter().map(|s| s.speed)), data));
     if shown.iter().map(|shown| shown.gaps.len()).sum::<usize>() > 2 {
         all.push(shrink("gap_distribution_5s", &shown, 0.0, &gap_distances, data));
     }

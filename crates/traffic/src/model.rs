@@ -254,7 +254,14 @@ impl Judged {
         };
         let from = scenery.from_tick + before;
         let starts = (from..actor.marks.len()).step_by(ticks(STRIDE_SECS).max(1));
-        let starts: Vec<usize> = starts.filter(|start| seen(start - before..=start + length)).collect();
+        // Changing lanes is a decision of its own: who follows whom is not clear before it is done.
+        let changes = decide::changes(scenery, &actor);
+        let calm = |start: usize| {
+            !changes
+                .iter()
+                .any(|&tick| (start.saturating_sub(ticks(2.5))..=start + length + ticks(2.0)).contains(&tick))
+        };
+        let starts: Vec<usize> = starts.filter(|start| seen(start - before..=start + length) && calm(*start)).collect();
         let vehicle = actor.class == AgentClass::Vehicle;
         let mut asides: Vec<f64> = Vec::new();
         for mark in actor.marks.iter().flatten().filter(|mark| vehicle && mark.speed_mps > 1.0) {

@@ -66,7 +66,7 @@ pub fn search(model: &Traffic) -> Search {
             let gain = held_out(model, &tried[best], &base.0);
             tried[best].held_out_gain = Some(gain);
             if gain > 0.0 {
-                let hypothesis = tried.remove(best);
+                let hypothesis = polished(model, tried.remove(best));
                 tried.insert(0, hypothesis.clone());
                 accepted = Some(hypothesis);
             }
@@ -105,6 +105,16 @@ fn with(model: &Traffic, present: &[usize], base: &Fit, effect: usize) -> Option
     let fit = fit(model, plan);
     let gain = fit.evidence - base.evidence;
     Some(Hypothesis { effects, fit, gain, held_out_gain: None })
+}
+
+/// Refits a hypothesis with fresh derivatives of everything.
+fn polished(model: &Traffic, hypothesis: Hypothesis) -> Hypothesis {
+    let priors = model.space.priors(&hypothesis.effects);
+    let (columns, fresh) = (vec![None; priors.len()], (0..priors.len()).collect());
+    let plan = Plan { priors: &priors, start: &hypothesis.fit.vector, columns, fresh, iterations: 3 };
+    let again = fit(model, plan);
+    let gain = hypothesis.gain + (again.evidence - hypothesis.fit.evidence).max(0.0);
+    Hypothesis { fit: again, gain, ..hypothesis }
 }
 
 /// Returns how much better agents are predicted that were left out of the fit, with the effect than without.

@@ -8,6 +8,12 @@ pub const PLACE_FLOOR_M: [f64; 3] = [0.10, 0.10, 0.05];
 pub const SPEED_FLOOR_MPS: [f64; 2] = [0.10, 0.06];
 /// Scatter of drivers across their lane, m: recorded apart from their paths, and on a lane's centre line.
 pub const ASIDE_FLOOR_M: [f64; 2] = [0.06, 0.30];
+/// Root mean square displacement at 1, 2, 3 and 5 s and of speed at 3 s that effect-free worlds leave.
+pub const LEFT_M: [f64; 4] = [0.13, 0.40, 0.78, 1.8];
+/// The same of speed, m/s.
+pub const LEFT_MPS: f64 = 0.5;
+/// Standard error of an estimate, as a share of its distance from neutral, that no number of agents takes away.
+pub const SHAPE_ERROR: f64 = 0.04;
 /// Seconds between starts of rollouts.
 pub const STRIDE_SECS: f64 = 1.5;
 /// Seconds between scored instants of a rollout.

@@ -65,22 +65,27 @@ fn draw(seed: u64, each: u64, none: u64) -> Vec<(Option<&'static Effect>, Vec<f6
     let ours = |e: &&&'static Effect| e.suspect && matches!(e.insertion, Insertion::Agent | Insertion::Map);
     let mut cases = Vec::new();
     let mut index = 0;
-    for effect in library().iter().filter(ours) {
-        for _ in 0..each {
+    // Round by round, so that the first part of a draw is a whole one.
+    for round in 0..each {
+        for effect in library().iter().filter(ours) {
             let values = effect.parameters.iter().map(|parameter| {
                 index += 1;
                 parameter.reported(search_value(parameter, draws.uniform(index)), 1.0)
             });
             cases.push((Some(*effect), values.collect()));
         }
+        let without = none * (round + 1) / each - none * round / each;
+        cases.extend((0..without).map(|_| (None, Vec::new())));
     }
-    cases.extend((0..none).map(|_| (None, Vec::new())));
     cases
 }
 
 /// Returns a value away from neutral by at least a third of the way to the end of the searched range.
 fn search_value(parameter: &Parameter, u: f64) -> f64 {
     let (low, high) = parameter.slab;
+    if high <= low {
+        return high;
+    }
     let both = parameter.neutral > low + 1e-9 && parameter.neutral < high - 1e-9;
     let (side, v) = match (both, u < 0.5) {
         (true, true) => (low, 2.0 * u),
