@@ -102,7 +102,7 @@ proptest! {
 
     #[test]
     fn an_answer_is_read_as_written(plan in values::plan(), for_sequence: u64) {
-        let answer = PolicyPlan { for_sequence, plan };
+        let answer = PolicyPlan { for_sequence, plan: Plan { observed: None, ..plan } };
         prop_assert_eq!(PolicyPlan::from_bytes(&answer.to_bytes()), Ok(answer));
     }
 
