@@ -24,7 +24,8 @@ pub(crate) enum GapCommand {
     Close(CloseArgs),
     /// Split a policy's loss of score between the nominal and the real world over frames, dynamics, agents and transport.
     Attribute(AttributeArgs),
-    /// Diagnose a drive of a running fleet while it goes on, in a sliding window; it must have a vehicle log.
+    /// Diagnose a drive of a running fleet while it goes on, in a sliding window, and say so on the bus; it must have a
+    /// vehicle log.
     Watch(WatchArgs),
     /// Say which effects share a signature whatever the data, for a set of recorded channels.
     Isolability {
@@ -121,15 +122,19 @@ pub(crate) struct GapImportArgs {
 /// Arguments of `gap explain`.
 #[derive(Debug, Args)]
 pub(crate) struct ExplainArgs {
-    /// A diagnosis.json.
-    #[arg(value_hint = ValueHint::FilePath)]
+    /// A diagnosis.json, or a folder of diagnoses as `gap diagnose` writes it.
+    #[arg(default_value = "out/gap", value_hint = ValueHint::AnyPath)]
     pub(crate) diagnosis: PathBuf,
-    /// The case that it was made from: adds residuals over time, the road and example pictures.
+    /// The case that it was made from: adds residuals over time, the road and example pictures. Without, the one that
+    /// `gap diagnose` noted.
     #[arg(long, value_hint = ValueHint::DirPath)]
     pub(crate) case: Option<PathBuf>,
     /// Where the page goes; beside the diagnosis without.
     #[arg(long, short, value_hint = ValueHint::FilePath)]
     pub(crate) out: Option<PathBuf>,
+    /// Write residuals over time, the road coloured by the gap and the effects for the rerun viewer as well.
+    #[arg(long, value_name = "FILE.rrd", value_hint = ValueHint::FilePath)]
+    pub(crate) rerun: Option<PathBuf>,
 }
 
 /// Arguments of `gap apply`.
@@ -210,13 +215,20 @@ pub(crate) struct WatchArgs {
     /// How much of the drive is looked at, in seconds.
     #[arg(long, default_value_t = 20.0, value_name = "SECONDS")]
     pub(crate) window: f64,
+    /// What counts as real: a vehicle log or recording (.mcap), or another drive of the fleet by a part of its name; the
+    /// watched drive then stands for the nominal simulator. Without, the drive's own log against its nominal car.
+    #[arg(long, value_name = "EPISODE|LOG.mcap", value_hint = ValueHint::FilePath)]
+    pub(crate) reference: Option<String>,
+    /// Send drive and diagnosis to a running rerun viewer; without URL to the one of this host.
+    #[arg(long, value_name = "URL", num_args = 0..=1, default_missing_value = "")]
+    pub(crate) connect: Option<String>,
     /// Simulated time between two diagnoses, in seconds.
     #[arg(long, default_value_t = 3.0, value_name = "SECONDS")]
     pub(crate) every: f64,
     /// Where the fleet's router listens.
     #[arg(long, env = "DREAMSTREAM_BUS_ROUTER", default_value = "tcp/127.0.0.1:7447", value_name = "ENDPOINT")]
     pub(crate) bus: String,
-    /// The certificate of a viewer, for a tls endpoint; its key lies beside it as .key.
+    /// The certificate `gap`, for a tls endpoint; its key lies beside it as .key.
     #[arg(long, value_hint = ValueHint::FilePath)]
     pub(crate) certificate: Option<PathBuf>,
     /// The fleet.

@@ -2,6 +2,7 @@
 
 pub(crate) mod attribute;
 pub(crate) mod close;
+pub(crate) mod explain;
 pub(crate) mod logs;
 mod pairs;
 pub(crate) mod scenes;
@@ -18,7 +19,7 @@ use ds_logs::Mapping;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
-use crate::cli::{ApplyArgs, DiagnoseArgs, EvaluateArgs, ExplainArgs, GapCommand, GapImportArgs, GapScoreArgs};
+use crate::cli::{ApplyArgs, DiagnoseArgs, EvaluateArgs, GapCommand, GapImportArgs, GapScoreArgs};
 use crate::command::{answer, bar, complain};
 use crate::world::{self, EffectLine, RunConfig};
 
@@ -32,7 +33,7 @@ const PAGE: &str = "report.html";
 pub(crate) fn run(command: &GapCommand, log: &str) -> Result<()> {
     match command {
         GapCommand::Import(args) => import(args),
-        GapCommand::Explain(args) => explain(args),
+        GapCommand::Explain(args) => explain::run(args),
         GapCommand::Apply(args) => apply(args),
         GapCommand::Close(args) => crate::runtime()?.block_on(close::run(args, log)),
         GapCommand::Attribute(args) => crate::runtime()?.block_on(attribute::run(args, log)),
@@ -211,6 +212,7 @@ fn written(args: &DiagnoseArgs, case: &Path, options: &Ways, bar: &ProgressBar) 
     let diagnosis = one(case, options, bar)?;
     let folder = args.out.join(name(case));
     save(&folder, &diagnosis)?;
+    explain::note_case(&folder, case)?;
     if !args.no_pages {
         let material = Some(case).filter(|case| !ds_traffic::is_traffic_case(case));
         put(&folder.join(PAGE), &ds_page::page(&diagnosis, material))?;
@@ -233,15 +235,6 @@ fn import(args: &GapImportArgs) -> Result<()> {
         answer(&format!("drive {number}: {file} from {start:.1} s, {secs:.1} s long"));
     }
     answer(&format!("dreamstream gap diagnose {}", out.display()));
-    Ok(())
-}
-
-fn explain(args: &ExplainArgs) -> Result<()> {
-    let diagnosis = read(&args.diagnosis)?;
-    let out = args.out.clone().unwrap_or_else(|| args.diagnosis.with_file_name(PAGE));
-    put(&out, &ds_page::page(&diagnosis, args.case.as_deref()))?;
-    answer(&ds_page::text(&diagnosis));
-    answer(&format!("page: {}", out.display()));
     Ok(())
 }
 

@@ -120,11 +120,12 @@ pub(crate) fn case(folder: &Path, held_out: &[String], out: &Path) -> Result<()>
         .with_context(|| format!("write {}", path.display()))
 }
 
-/// Makes a case folder of the last readings of one drive.
-pub(crate) fn window(readings: &[Reading], vehicle: &VehicleParameters, out: &Path) -> Result<()> {
+/// Makes a case folder of the last readings of one drive, under the name of the case.
+pub(crate) fn window(readings: &[Reading], vehicle: &VehicleParameters, case: &str, out: &Path) -> Result<()> {
     std::fs::create_dir_all(out).with_context(|| format!("create {}", out.display()))?;
     table(readings, &out.join("drive.csv"))?;
-    let meta = json!({ "drives": [{ "file": "drive.csv" }], "channels_missing": [], "nominal": describe(vehicle) });
+    let drives = json!([{ "file": "drive.csv" }]);
+    let meta = json!({ "case": case, "drives": drives, "channels_missing": [], "nominal": describe(vehicle) });
     let path = out.join("meta.json");
     std::fs::write(&path, meta.to_string()).with_context(|| format!("write {}", path.display()))
 }

@@ -1,102 +1,252 @@
-//! `gap watch`: diagnoses a drive while it goes on, from what the car recorded in a sliding window.
+//! `gap watch`: diagnoses a drive while it goes on, in a sliding window, and says so on the bus and in a running viewer.
 //!
-//! The bus carries the vehicle log of a drive that was submitted with one; the nominal car is that of the scenario. The
-//! diagnosis runs beside the subscription, so a slow one skips windows instead of holding anything up.
+//! What the car recorded is diagnosed against the nominal car of its scenario; with a reference stream it is the
+//! reference's log that counts as real, and the running drive stands for the nominal simulator. Each window gives one
+//! message on topic `diagnosis`. A diagnosis runs beside the subscription: a slow one skips windows and holds nothing up.
 
-use std::collections::VecDeque;
+mod drive;
+pub(super) mod message;
+mod reference;
+mod window;
+
 use std::io::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use anyhow::{Context, Result};
-use ds_bus::{BusSession, Holder};
+use anyhow::{Context, Result, ensure};
+use ds_bus::BusSession;
 use ds_gap::{Diagnosis, GapError, Options, diagnose};
-use ds_space::EpisodeId;
-use ds_topic::{Event, EventKind, SceneMessage, Slot, Topic, World};
+use ds_process::section::ProcessSection;
+use ds_record::view::{self as pictures, LiveView};
+use ds_space::{EpisodeId, InstanceId};
+use ds_topic::{Envelope, SceneMessage, World};
 use ds_wire::Body;
 use ds_wire::control as pb;
-use ds_world::Reading;
 use pb::runs_client::RunsClient;
+use tokio::task::JoinSet;
 
 use super::{logs, tell};
 use crate::cli::WatchArgs;
 use crate::command::{answer, view};
 use crate::live;
+use drive::Drive;
+use message::Against;
+use reference::{Reference, differences};
+use window::{Due, Window};
 
-/// Shorter windows tell nothing.
-const SHORTEST_SECS: f64 = 6.5;
 const ASK_EVERY: Duration = Duration::from_millis(300);
-/// How long a drive may be silent before it is taken to be over.
-const SILENT_FOR: Duration = Duration::from_secs(120);
+/// Messages that wait for the viewer.
+const QUEUE: usize = 1_024;
 
 /// Runs the command until the drive ends.
 ///
 /// # Errors
-/// If router or orchestrator cannot be reached, or the drive has no vehicle log.
+/// If router, orchestrator or viewer cannot be reached, a drive has no vehicle log, or the reference cannot be read.
 pub(crate) async fn run(args: &WatchArgs) -> Result<()> {
+    let show = args.connect.clone().map(|url| live::Watch { episode: args.episode.clone(), url, one: true });
+    if let Some(show) = &show {
+        show.reach().await?;
+    }
+    let log = args.reference.as_deref().filter(|given| Path::new(given).is_file());
+    let log = log.map(|path| Reference::read(Path::new(path))).transpose()?;
     let bus = view::join(&args.bus, args.certificate.as_deref(), &args.control).await?;
     let control = args.control.dial()?.connect(Duration::from_secs(5)).await.context("orchestrator does not answer")?;
     let mut runs = RunsClient::new(control);
-    let episode = loop {
-        let driven = live::under_way(&mut runs).await?;
-        if let Some(found) = driven.iter().find(|driven| driven.episode.contains(&args.episode)) {
-            break EpisodeId::new(&found.episode).context("name of an episode")?;
+    let named = args.reference.as_deref().filter(|_| log.is_none());
+    let refers = |name: &str| named.is_some_and(|part| name.contains(part));
+    let episode = under_way(&mut runs, |name| name.contains(&args.episode) && !refers(name)).await?;
+    let drive = Drive::listen(&bus, &episode).await?;
+    answer(&format!("watching {episode}"));
+    let other = match named {
+        None => None,
+        Some(_) => {
+            let other = under_way(&mut runs, refers).await?;
+            answer(&format!("reference {other}"));
+            Some(Drive::listen(&bus, &other).await?)
+        }
+    };
+    let reference = log.or_else(|| other.as_ref().map(Reference::of_drive));
+    let shown = show.map(|show| shown(&drive.scene, show.url())).transpose()?;
+    let mut watch = Watch::new(args, &bus, &drive.scene, reference, shown)?;
+    let done = watch.follow(drive, other).await;
+    watch.close(done).await
+}
+
+/// Waits for a drive.
+async fn under_way(
+    runs: &mut RunsClient<ds_process::security::Control>,
+    wanted: impl Fn(&str) -> bool,
+) -> Result<EpisodeId> {
+    loop {
+        let driven = live::under_way(runs).await?;
+        if let Some(found) = driven.iter().find(|driven| wanted(&driven.episode)) {
+            return EpisodeId::new(&found.episode).context("name of an episode");
         }
         tokio::time::sleep(ASK_EVERY).await;
-    };
-    answer(&format!("watching {episode}"));
-    follow(args, &bus, &episode).await
+    }
 }
 
-async fn follow(args: &WatchArgs, bus: &BusSession, episode: &EpisodeId) -> Result<()> {
-    let mut pushes = bus.subscribe(episode, &[Topic::World, Topic::Event]).await?;
-    let scene = loop {
-        let asked = bus.pull(episode, &Holder::Journal, Slot::new(Topic::Scene, 0), Duration::from_secs(1)).await?;
-        if let Some(envelope) = asked {
-            break SceneMessage::from_bytes(&envelope.body).context("scene")?;
+fn shown(scene: &SceneMessage, url: &str) -> Result<LiveView> {
+    let stream = pictures::connect(scene, url).with_context(|| format!("viewer at {url}"))?;
+    let effects: Vec<String> = ds_effect::library().iter().map(|effect| effect.id.to_owned()).collect();
+    Ok(LiveView::start(scene, stream, QUEUE, &effects)?)
+}
+
+/// Waits for the next state of a drive that may not be there; `None` at its end.
+async fn next(drive: &mut Option<Drive>) -> Option<Envelope> {
+    match drive {
+        Some(drive) => drive.worlds.recv().await,
+        None => std::future::pending().await,
+    }
+}
+
+/// What became of a window.
+struct Made {
+    due: Due,
+    against: Against,
+    result: Result<Diagnosis, GapError>,
+}
+
+/// A drive that is watched.
+struct Watch<'a> {
+    args: &'a WatchArgs,
+    bus: &'a BusSession,
+    scene: SceneMessage,
+    publisher: InstanceId,
+    window: Window,
+    reference: Option<Reference>,
+    shown: Option<LiveView>,
+    jobs: JoinSet<Result<Made>>,
+    folder: PathBuf,
+    published: u64,
+}
+
+impl<'a> Watch<'a> {
+    fn new(
+        args: &'a WatchArgs,
+        bus: &'a BusSession,
+        scene: &SceneMessage,
+        reference: Option<Reference>,
+        shown: Option<LiveView>,
+    ) -> Result<Self> {
+        ensure!(args.window >= window::SHORTEST_SECS, "--window {} is below {}", args.window, window::SHORTEST_SECS);
+        ensure!(args.every > 0.0, "--every {} is not above 0", args.every);
+        let switched: Vec<String> = scene.spec.effects.iter().map(|e| format!("{} = {:?}", e.id, e.values)).collect();
+        if reference.is_some() && !switched.is_empty() {
+            answer(&format!("the running simulator has {}: what equals it is closed already", switched.join(", ")));
         }
-    };
-    anyhow::ensure!(scene.spec.vehicle_log, "{episode} has no vehicle log: drive with --vehicle-log");
-    let folder = std::env::temp_dir().join(format!("dreamstream-watch-{}", std::process::id()));
-    let mut window = Window { readings: VecDeque::new(), secs: args.window, next_secs: SHORTEST_SECS };
-    while let Ok(envelope) = tokio::time::timeout(SILENT_FOR, pushes.recv()).await {
-        if envelope.header.slot.topic == Topic::Event {
-            let event = Event::from_bytes(&envelope.body);
-            if event.is_ok_and(|e| matches!(e.kind, EventKind::Completed | EventKind::Failed | EventKind::Aborted)) {
-                break;
+        let publisher = ds_process::service::instance(&ProcessSection::default(), "gap")?;
+        let folder = std::env::temp_dir().join(format!("dreamstream-{publisher}"));
+        let window = Window::new(args.window, args.every);
+        let jobs = JoinSet::new();
+        Ok(Self { args, bus, scene: scene.clone(), publisher, window, reference, shown, jobs, folder, published: 0 })
+    }
+
+    /// Watches until the drive is over and its last window diagnosed.
+    async fn follow(&mut self, mut drive: Drive, mut other: Option<Drive>) -> Result<()> {
+        let mut over = false;
+        while !(over && self.jobs.is_empty()) {
+            tokio::select! {
+                world = drive.worlds.recv(), if !over => match world {
+                    Some(world) => self.take(world)?,
+                    None => over = true,
+                },
+                world = next(&mut other) => match world {
+                    Some(world) => self.compare(&world)?,
+                    None => self.end_reference(&mut other),
+                },
+                Some(made) = self.jobs.join_next() => {
+                    self.conclude(made.context("the diagnosis panicked")??).await?;
+                }
             }
-            continue;
+            self.begin(over);
         }
-        window.take(World::from_bytes(&envelope.body).context("world")?.readings);
-        if let Some((now, readings)) = window.due(args.every) {
-            logs::window(&readings, &scene.scene.vehicle, &folder)?;
-            let case = folder.clone();
-            let made = tokio::task::spawn_blocking(move || diagnose(&case, &quick()))
-                .await
-                .context("the diagnosis panicked")?;
-            report(args, now, made)?;
+        Ok(())
+    }
+
+    fn take(&mut self, world: Envelope) -> Result<()> {
+        let readings = World::from_bytes(&world.body).context("world")?.readings;
+        self.window.take(world.header.clone(), readings);
+        if let Some(shown) = &self.shown {
+            shown.feed(world);
+        }
+        Ok(())
+    }
+
+    fn compare(&mut self, world: &Envelope) -> Result<()> {
+        let readings = World::from_bytes(&world.body).context("world of the reference")?.readings;
+        if let Some(reference) = &mut self.reference {
+            reference.take(world.header.tick, readings);
+        }
+        Ok(())
+    }
+
+    fn end_reference(&mut self, other: &mut Option<Drive>) {
+        *other = None;
+        if let Some(reference) = &self.reference {
+            answer(&format!("{} ended at {:.1} s", reference.name, reference.known_to_secs()));
         }
     }
-    if folder.exists() {
-        std::fs::remove_dir_all(&folder).with_context(|| format!("remove {}", folder.display()))?;
+
+    /// Diagnoses the window in the background where one is due and none is under way.
+    fn begin(&mut self, over: bool) {
+        if !self.jobs.is_empty() {
+            return;
+        }
+        let known_to = self.reference.as_ref().map_or(f64::INFINITY, Reference::known_to_secs);
+        let Some(due) = self.window.due(known_to, over) else { return };
+        let (log, against) = match &self.reference {
+            None => (due.readings.clone(), Against::default()),
+            Some(reference) => {
+                let Some(log) = reference.within(due.span) else { return };
+                let differences = differences(&due.readings, &log);
+                (log, Against { reference: reference.name.clone(), differences })
+            }
+        };
+        let (folder, car) = (self.folder.clone(), self.scene.scene.vehicle.clone());
+        let case =
+            if against.reference.is_empty() { self.scene.spec.episode.to_string() } else { against.reference.clone() };
+        self.jobs.spawn_blocking(move || {
+            logs::window(&log, &car, &case, &folder)?;
+            let result = diagnose(&folder, &Options { quick: true, without: Vec::new() });
+            Ok(Made { due, against, result })
+        });
     }
-    Ok(())
-}
 
-fn quick() -> Options {
-    Options { quick: true, without: Vec::new() }
-}
+    /// Tells what was found: on the bus, in the viewer, on the screen and in the file.
+    async fn conclude(&mut self, made: Made) -> Result<()> {
+        let Made { due, against, result } = made;
+        let found = match result {
+            Ok(found) => found,
+            Err(error) => {
+                answer(&format!("{:.1} s: {error}", due.span.1));
+                return Ok(());
+            }
+        };
+        let body = message::body(&found, due.span, against);
+        let envelope = message::envelope(&due.header, &self.publisher, self.published, &body);
+        self.bus.publish(&envelope).await?;
+        self.published += 1;
+        if let Some(shown) = &self.shown {
+            shown.feed(envelope);
+        }
+        tell(&format!("{:.1} s", due.span.1), &found);
+        self.args.out.as_deref().map_or(Ok(()), |path| append(path, due.span.1, &found))
+    }
 
-fn report(args: &WatchArgs, now_secs: f64, made: Result<Diagnosis, GapError>) -> Result<()> {
-    match made {
-        Ok(diagnosis) => {
-            tell(&format!("{now_secs:.1} s"), &diagnosis);
-            args.out.as_deref().map_or(Ok(()), |path| append(path, now_secs, &diagnosis))
+    /// Leaves nothing behind, and says what was shown.
+    async fn close(self, done: Result<()>) -> Result<()> {
+        if self.folder.exists() {
+            std::fs::remove_dir_all(&self.folder).with_context(|| format!("remove {}", self.folder.display()))?;
         }
-        Err(error) => {
-            answer(&format!("{now_secs:.1} s: {error}"));
-            Ok(())
+        done?;
+        answer(&format!("{} windows diagnosed", self.published));
+        if let Some(shown) = self.shown {
+            let shown = tokio::task::spawn_blocking(move || shown.finish()).await.context("the view panicked")??;
+            tracing::info!(logged = shown.logged, dropped = shown.dropped, "shown");
         }
+        // What was put last is on its way before the session closes.
+        self.bus.close().await.context("leave the bus")
     }
 }
 
@@ -106,50 +256,4 @@ fn append(path: &Path, now_secs: f64, diagnosis: &Diagnosis) -> Result<()> {
     let mut file = std::fs::OpenOptions::new().create(true).append(true).open(path).with_context(failed)?;
     let line = serde_json::json!({ "t": now_secs, "diagnosis": diagnosis });
     writeln!(file, "{line}").with_context(failed)
-}
-
-/// The last seconds of a drive.
-struct Window {
-    readings: VecDeque<Reading>,
-    secs: f64,
-    next_secs: f64,
-}
-
-impl Window {
-    fn take(&mut self, readings: Vec<Reading>) {
-        // A push that comes twice, or late, is left out.
-        let newest = self.readings.back().map_or(f64::NEG_INFINITY, |reading| reading.secs);
-        self.readings.extend(readings.into_iter().filter(|reading| reading.secs > newest));
-        while self.readings.front().is_some_and(|first| newest - first.secs > self.secs) {
-            self.readings.pop_front();
-        }
-    }
-
-    /// Returns the window where a diagnosis is due, with the time of its end.
-    fn due(&mut self, every_secs: f64) -> Option<(f64, Vec<Reading>)> {
-        let (first, last) = (self.readings.front()?.secs, self.readings.back()?.secs);
-        if last < self.next_secs || last - first < SHORTEST_SECS - 0.5 {
-            return None;
-        }
-        self.next_secs = last + every_secs;
-        Some((last, self.readings.iter().copied().collect()))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_window_slides_and_ignores_repeats() {
-        let mut window = Window { readings: VecDeque::new(), secs: 8.0, next_secs: SHORTEST_SECS };
-        let tick = |k: u32| vec![Reading { secs: f64::from(k) * 0.1, ..Reading::default() }];
-        let mut due = Vec::new();
-        for k in (0..200).flat_map(|k| [k, k / 2]) {
-            window.take(tick(k));
-            due.extend(window.due(2.0).map(|(now, readings)| (now, readings.len())));
-        }
-        assert!(due.len() >= 6 && due.windows(2).all(|pair| pair[1].0 >= pair[0].0 + 2.0), "{due:?}");
-        assert!(due.iter().all(|(_, count)| *count <= 83), "{due:?}");
-    }
 }

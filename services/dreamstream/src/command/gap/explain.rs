@@ -1,0 +1,130 @@
+//! `gap explain`: finished diagnoses again as text, as pages and for the rerun viewer.
+//!
+//! `gap diagnose` notes beside each diagnosis which case it was made from, so that the residuals can be drawn without
+//! being told where the logs are.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+use ds_gap::Diagnosis;
+use ds_gap::case::Case;
+use ds_gap::report::Cell;
+use ds_gap::traces::{Moment, Series, Traces, traces};
+use ds_record::view::explained::{self, Along, Curve, Explained};
+use ds_topic::GapCell;
+
+use super::watch::message;
+use super::{FILE, PAGE, put, read};
+use crate::cli::ExplainArgs;
+use crate::command::answer;
+
+/// The note beside a diagnosis: the folder of its case.
+const NOTE: &str = "case.path";
+/// Drives that are drawn for the viewer.
+const DRIVES: usize = 8;
+
+/// Runs the command.
+///
+/// # Errors
+/// If there is no diagnosis, or a file cannot be read or written.
+pub(crate) fn run(args: &ExplainArgs) -> Result<()> {
+    let found = diagnoses(&args.diagnosis)?;
+    let one = found.len() == 1;
+    ensure!(one || args.out.is_none(), "-o is for one diagnosis, {} holds {}", args.diagnosis.display(), found.len());
+    ensure!(
+        one || args.case.is_none(),
+        "--case is for one diagnosis, {} holds {}",
+        args.diagnosis.display(),
+        found.len()
+    );
+    ensure!(
+        one || args.rerun.is_none(),
+        "--rerun is for one diagnosis, {} holds {}",
+        args.diagnosis.display(),
+        found.len()
+    );
+    let mut made = Vec::new();
+    for path in &found {
+        let diagnosis = read(path)?;
+        let case = args.case.clone().or_else(|| noted(path));
+        let out = args.out.clone().unwrap_or_else(|| path.with_file_name(PAGE));
+        put(&out, &ds_page::page(&diagnosis, case.as_deref()))?;
+        answer(&ds_page::text(&diagnosis));
+        answer(&format!("page: {}", out.display()));
+        if let Some(rrd) = &args.rerun {
+            explained::save(&drawn(&diagnosis, case.as_deref())?, rrd)?;
+            answer(&format!("rerun {}", rrd.display()));
+        }
+        made.push((format!("{}/{PAGE}", super::name(path.parent().unwrap_or(path))), diagnosis));
+    }
+    if !one {
+        let index = args.diagnosis.join("index.html");
+        put(&index, &ds_page::index(&made))?;
+        answer(&format!("all of them: {}", index.display()));
+    }
+    Ok(())
+}
+
+/// Returns the diagnoses at a path: the file itself, that of the folder, or those of the folders in it.
+fn diagnoses(path: &Path) -> Result<Vec<PathBuf>> {
+    if path.is_file() {
+        return Ok(vec![path.to_path_buf()]);
+    }
+    if path.join(FILE).is_file() {
+        return Ok(vec![path.join(FILE)]);
+    }
+    let entries = std::fs::read_dir(path).with_context(|| format!("read {}", path.display()))?;
+    let mut found: Vec<PathBuf> = entries.flatten().map(|entry| entry.path().join(FILE)).collect();
+    found.retain(|file| file.is_file());
+    ensure!(!found.is_empty(), "{} holds no {FILE}: `gap diagnose` writes them", path.display());
+    found.sort();
+    Ok(found)
+}
+
+/// Notes from which case a diagnosis was made.
+pub(crate) fn note_case(folder: &Path, case: &Path) -> Result<()> {
+    let whole = std::fs::canonicalize(case).with_context(|| format!("path of {}", case.display()))?;
+    put(&folder.join(NOTE), &format!("{}\n", whole.display()))
+}
+
+/// Returns the case that a diagnosis was made from, if it was noted and is there.
+fn noted(diagnosis: &Path) -> Option<PathBuf> {
+    let text = std::fs::read_to_string(diagnosis.with_file_name(NOTE)).ok()?;
+    let case = PathBuf::from(text.trim_end());
+    if case.is_dir() {
+        return Some(case);
+    }
+    answer(&format!("the case is not at {} any more: --case adds its residuals", case.display()));
+    None
+}
+
+/// Returns what the viewer shows of a diagnosis; without its case there are no residuals.
+fn drawn(diagnosis: &Diagnosis, case: Option<&Path>) -> Result<Explained> {
+    let drives = match case {
+        Some(folder) if !ds_sight::is_frame_case(folder) => along(diagnosis, &Case::read(folder)?),
+        _ => Vec::new(),
+    };
+    Ok(Explained {
+        case: diagnosis.case.clone(),
+        summary: ds_page::text(diagnosis).lines().map(|line| format!("{line}  \n")).collect(),
+        effects: message::effects(diagnosis),
+        cells: diagnosis.cells.iter().map(numbered).collect(),
+        drives,
+    })
+}
+
+/// Returns a cell with its drive.
+fn numbered(cell: &Cell) -> GapCell {
+    let mut drawn = message::cell(cell);
+    drawn.bins.insert(0, ("drive".to_owned(), cell.regime.drive.to_string()));
+    drawn
+}
+
+/// Returns the gap along the drives of a case.
+fn along(diagnosis: &Diagnosis, case: &Case) -> Vec<Along> {
+    let moment = |m: &Moment| [m.secs, m.before, m.after, m.floor];
+    let curve = |s: &Series| Curve { name: s.name.clone(), moments: s.moments.iter().map(moment).collect() };
+    let drawn = |t: Traces| Along { drive: t.drive, path: t.path, curves: t.series.iter().map(curve).collect() };
+    let drives = (0..case.drives.len()).take(DRIVES).map(|drive| traces(case, &diagnosis.corrected_model, drive));
+    drives.filter(|traces| !traces.series.is_empty()).map(drawn).collect()
+}

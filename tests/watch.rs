@@ -1,0 +1,274 @@
+//! `gap watch` on a running fleet: what it puts on the bus, what it says where there is nothing to diagnose, and that
+//! topic `diagnosis` never gets in a drive's way.
+
+#[path = "harness.rs"]
+mod harness;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Output};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use ds_bus::{BusSession, BusSettings, Mode, Subscription};
+use ds_record::Recording;
+use ds_space::{EpisodeId, InstanceId, SimTime, Tick};
+use ds_topic::{DiagnosedEffect, Diagnosis, Envelope, GapVerdict, Slot, Topic};
+use ds_wire::{Body, verify};
+use harness::{dreamstream, drive, free_port, wait_for};
+use tokio::runtime::Runtime;
+
+const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
+const DRIVE: [&str; 5] = [SCENARIO, "--policy", "lattice", "--observation", "layout"];
+
+/// One fleet at a time: each is six processes.
+static ALONE: Mutex<()> = Mutex::new(());
+
+/// A fleet of child processes on loopback; killed when dropped.
+struct Fleet {
+    folder: tempfile::TempDir,
+    bus: u16,
+    control: u16,
+    children: Vec<Child>,
+    runtime: Runtime,
+    _alone: MutexGuard<'static, ()>,
+}
+
+impl Drop for Fleet {
+    fn drop(&mut self) {
+        for child in &mut self.children {
+            let _gone = child.kill();
+            let _waited = child.wait();
+        }
+    }
+}
+
+impl Fleet {
+    fn start() -> Self {
+        let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let runtime = Runtime::new().expect("a runtime");
+        let (bus, control) = (free_port(), free_port());
+        let mut fleet = Self { folder, bus, control, children: Vec::new(), runtime, _alone: alone };
+        let router = fleet.endpoint();
+        let listen = format!("bus.listen=[\"{router}\"]");
+        fleet.serve("router", &["bus.mode=\"router\"", "bus.connect=[]", &listen]);
+        wait_for_port(bus);
+        let connect = format!("bus.connect=[\"{router}\"]");
+        let journal = format!("journal.folder={:?}", fleet.path("runs").display().to_string());
+        fleet.serve("orchestrator", &[&connect, &journal, &format!("control.listen=\"127.0.0.1:{control}\"")]);
+        wait_for_port(control);
+        let orchestrator = format!("control.orchestrator=\"http://127.0.0.1:{control}\"");
+        for service in ["sim-server", "layout-render", "vdm-worker", "policy-bridge"] {
+            fleet.serve(service, &[&connect, &orchestrator]);
+        }
+        fleet
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn endpoint(&self) -> String {
+        format!("tcp/127.0.0.1:{}", self.bus)
+    }
+
+    fn serve(&mut self, service: &str, settings: &[&str]) {
+        let mut arguments = vec!["serve", service];
+        settings.iter().for_each(|setting| arguments.extend(["--set", setting]));
+        self.children.push(self.spawn(&arguments, &format!("{service}.log")));
+    }
+
+    /// Starts the binary; what it says goes to a file.
+    fn spawn(&self, arguments: &[&str], log: &str) -> Child {
+        let log = std::fs::File::create(self.path(log)).expect("a log file");
+        let out = log.try_clone().expect("a second handle");
+        dreamstream(arguments).stderr(log).stdout(out).spawn().expect("the binary starts")
+    }
+
+    fn watch(&self, more: &[&str], log: &str) -> Child {
+        let (router, orchestrator) = (self.endpoint(), format!("http://127.0.0.1:{}", self.control));
+        let reach = ["gap", "watch", "--bus", &router, "--orchestrator", &orchestrator];
+        self.spawn(&[&reach[..], more].concat(), log)
+    }
+
+    fn submit(&self, more: &[&str]) -> Output {
+        let (orchestrator, out) =
+            (format!("http://127.0.0.1:{}", self.control), self.path("out").display().to_string());
+        let to = ["submit", "--orchestrator", &orchestrator, "--out", &out];
+        dreamstream(&[&to[..], &DRIVE, more].concat()).output().expect("the binary runs")
+    }
+
+    fn join(&self) -> BusSession {
+        let settings = BusSettings { mode: Mode::Client, connect: vec![self.endpoint()], ..BusSettings::default() };
+        self.runtime.block_on(BusSession::open(&settings)).expect("the router answers")
+    }
+
+    fn listen(&self, bus: &BusSession, episode: &EpisodeId, topic: Topic) -> Subscription {
+        self.runtime.block_on(bus.subscribe(episode, &[topic])).expect("the session is open")
+    }
+
+    fn recording(&self, episode: &EpisodeId) -> Recording {
+        let path = self.path("runs").join("recordings").join(format!("{episode}.a1.mcap"));
+        Recording::open(&path).expect("a recording")
+    }
+
+    fn log(&self, name: &str) -> String {
+        std::fs::read_to_string(self.path(name)).unwrap_or_default()
+    }
+}
+
+fn wait_for_port(port: u16) {
+    wait_for("a port", 60, || std::net::TcpStream::connect(("127.0.0.1", port)).ok());
+}
+
+fn episode(seed: u32) -> EpisodeId {
+    EpisodeId::new(&format!("free-curve.lattice.layout.s{seed}")).expect("an id")
+}
+
+fn ended(child: &mut Child) -> std::process::ExitStatus {
+    wait_for("the end of the watch", 180, || child.try_wait().expect("a child"))
+}
+
+/// Returns the lines of JSON that a watch wrote.
+fn lines(path: &Path) -> Vec<serde_json::Value> {
+    let text = std::fs::read_to_string(path).unwrap_or_default();
+    text.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
+}
+
+/// Waits for as many diagnoses as were put and checks what must hold of all of them.
+fn heard(subscription: &mut Subscription, put: usize) -> Vec<(Envelope, Diagnosis)> {
+    let mut heard = Vec::new();
+    wait_for("every diagnosis", 30, || {
+        heard.extend(std::iter::from_fn(|| subscription.try_recv()));
+        (heard.len() >= put).then_some(())
+    });
+    let bodies = heard.iter().map(|envelope| verify::<Diagnosis>(envelope).expect("a sound message"));
+    let heard: Vec<_> = bodies.zip(&heard).map(|(body, envelope)| (envelope.clone(), body)).collect();
+    for (number, (envelope, body)) in heard.iter().enumerate() {
+        assert_eq!((envelope.header.sequence, envelope.header.slot.index), (number as u64, envelope.header.tick.0));
+        assert!((body.window.1.secs() - envelope.header.time.secs()).abs() < 0.11, "{:?}", body.window);
+        assert!((6.0..=20.1).contains(&(body.window.1.secs() - body.window.0.secs())), "{:?}", body.window);
+        let sum = body.p_none + body.p_unknown + body.effects.iter().map(|effect| effect.probability).sum::<f64>();
+        assert!((sum - 1.0).abs() < 0.02, "probabilities sum to {sum}");
+    }
+    assert!(heard.windows(2).all(|pair| pair[0].0.header.tick < pair[1].0.header.tick), "out of order");
+    heard
+}
+
+/// Returns the likeliest effect of the last window.
+fn named(heard: &[(Envelope, Diagnosis)]) -> &DiagnosedEffect {
+    heard.last().and_then(|(_, body)| body.effects.first()).expect("an effect")
+}
+
+#[test]
+fn a_drive_is_diagnosed_on_the_bus_while_it_goes_on() {
+    let fleet = Fleet::start();
+    let bus = fleet.join();
+    let mut diagnoses = fleet.listen(&bus, &episode(3), Topic::Diagnosis);
+    let file = fleet.path("lines.json");
+    let mut watch = fleet.watch(&["-o", &file.display().to_string()], "watch.log");
+    let driven = fleet.submit(&["--seed", "3", "--effect", "gyro_bias=0.02", "--vehicle-log"]);
+    assert!(driven.status.success(), "{}", String::from_utf8_lossy(&driven.stderr));
+    let status = ended(&mut watch);
+    let said = fleet.log("watch.log");
+    assert!(status.success() && said.contains("watching free-curve.lattice.layout.s3"), "{said}");
+    let told = lines(&file);
+    assert!(!told.is_empty(), "{said}");
+    let heard = heard(&mut diagnoses, told.len());
+    assert_eq!(heard.len(), told.len(), "{said}");
+    assert!(heard.iter().all(|(_, body)| body.reference.is_empty() && body.differences.is_empty()));
+    let found = named(&heard);
+    assert_eq!(found.id, "gyro_bias", "{said}");
+    assert!(found.value.is_some_and(|value| (value - 0.02).abs() < 0.005), "{found:?}");
+    // What came before the end is in the recording, as it was put.
+    let recording = fleet.recording(&episode(3));
+    assert!(recording.missing().expect("orders decode").is_empty());
+    for envelope in recording.topic(Topic::Diagnosis) {
+        assert!(heard.iter().any(|(put, _)| put == envelope), "{:?} was never put", envelope.header);
+    }
+
+    // Without a vehicle log there is nothing to diagnose: the watch says so and ends; the drive goes on.
+    let mut watch = fleet.watch(&["s4"], "bare.log");
+    let driven = fleet.submit(&["--seed", "4", "--duration", "8"]);
+    assert!(driven.status.success(), "{}", String::from_utf8_lossy(&driven.stderr));
+    let (status, said) = (ended(&mut watch), fleet.log("bare.log"));
+    assert!(!status.success() && said.contains("no vehicle log") && said.contains("--vehicle-log"), "{said}");
+}
+
+#[test]
+fn a_reference_log_counts_as_real() {
+    let real = drive(&[&DRIVE[..], &["--effect", "gyro_bias=0.02", "--vehicle-log"]].concat());
+    assert!(real.output.status.success(), "{}", String::from_utf8_lossy(&real.output.stderr));
+    let log = real.folder.path().join("real/free-curve.mcap").display().to_string();
+    let fleet = Fleet::start();
+    let bus = fleet.join();
+    let mut diagnoses = fleet.listen(&bus, &episode(0), Topic::Diagnosis);
+    let file = fleet.path("lines.json");
+    let mut watch = fleet.watch(&["--reference", &log, "-o", &file.display().to_string()], "watch.log");
+    let driven = fleet.submit(&["--vehicle-log"]);
+    assert!(driven.status.success(), "{}", String::from_utf8_lossy(&driven.stderr));
+    let (status, said) = (ended(&mut watch), fleet.log("watch.log"));
+    assert!(status.success(), "{said}");
+    let heard = heard(&mut diagnoses, lines(&file).len());
+    assert_eq!(named(&heard).id, "gyro_bias", "{said}");
+    let (_, last) = heard.last().expect("some");
+    assert_eq!(last.reference, "free-curve.mcap");
+    let yaw_rate = last.differences.iter().find(|(channel, _)| channel == "yaw_rate").expect("a difference").1;
+    assert!((0.01..0.06).contains(&yaw_rate), "{:?}", last.differences);
+}
+
+fn made_up(tick: u32, p_none: f64) -> Diagnosis {
+    Diagnosis {
+        window: (SimTime(0), SimTime::at(Tick(tick), SimTime::from_secs(0.1))),
+        reference: String::new(),
+        verdict: GapVerdict::None,
+        p_none,
+        p_unknown: 0.0,
+        effects: Vec::new(),
+        cells: Vec::new(),
+        differences: Vec::new(),
+    }
+}
+
+#[test]
+fn what_is_put_beside_a_drive_is_recorded_and_costs_it_nothing() {
+    let alone = drive(&[&DRIVE[..], &["--duration", "4"]].concat());
+    let fleet = Fleet::start();
+    let bus = fleet.join();
+    let mut worlds = fleet.listen(&bus, &episode(0), Topic::World);
+    let putting = fleet.runtime.spawn(async move {
+        let world = worlds.recv().await.header;
+        let put = |tick: u32, body: &Diagnosis, spoil: bool| {
+            let mut message = Envelope { header: world.clone(), body: body.to_bytes() };
+            message.header.publisher = InstanceId::new("gap-test").expect("an id");
+            message.header.tick = Tick(tick);
+            message.header.slot = Slot::new(Topic::Diagnosis, tick);
+            message.header.content = body.content();
+            if spoil {
+                message.body = message.body.slice(..message.body.len() / 2);
+            }
+            message
+        };
+        let messages = [
+            put(3, &made_up(3, 1.0), false),
+            put(3, &made_up(3, 0.5), false),
+            put(4, &made_up(4, 1.0), true),
+            put(9_999, &made_up(9_999, 1.0), false),
+        ];
+        for message in &messages {
+            bus.publish(message).await.expect("the session is open");
+        }
+        // Kept open until the drive has ended.
+        bus
+    });
+    let driven = fleet.submit(&["--duration", "4"]);
+    assert!(driven.status.success(), "{}", String::from_utf8_lossy(&driven.stderr));
+    let _bus = fleet.runtime.block_on(putting).expect("all were put");
+    let results = std::fs::read_to_string(fleet.path("out/results.json")).expect("results");
+    let results: serde_json::Value = serde_json::from_str(&results).expect("JSON");
+    let digest = |episode: &serde_json::Value| episode["world_digest"].clone();
+    assert_eq!(digest(&results["episodes"][0]), digest(alone.episode(0)));
+    let recording = fleet.recording(&episode(0));
+    let kept: Vec<u32> = recording.topic(Topic::Diagnosis).map(|envelope| envelope.header.slot.index).collect();
+    assert_eq!(kept, [3]);
+    let body: Diagnosis = recording.body(Slot::new(Topic::Diagnosis, 3)).expect("can be read");
+    assert_eq!(body, made_up(3, 1.0));
+}
