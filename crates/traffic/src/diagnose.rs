@@ -99,6 +99,7 @@ fn report(case: &Case, model: &Traffic, found: &Search, held: &[bool]) -> Diagno
         next_manoeuvre: Vec::new(),
         corrected_model: corrected(model, &best.vector, &chosen, null),
         floor_source: "practice".to_owned(),
+        detection_limits: Vec::new(),
         warnings,
         secs: 0.0,
     }
