@@ -132,6 +132,7 @@ mod tests {
             next_manoeuvre: Vec::new(),
             corrected_model: ds_gap::report::Corrected::default(),
             floor_source: "self".to_owned(),
+            detection_limits: Vec::new(),
             warnings: Vec::new(),
             secs: 0.0,
         };
