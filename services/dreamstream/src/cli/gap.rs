@@ -53,7 +53,7 @@ pub(crate) struct DiagnoseArgs {
     /// Fast pass and single fits only: seconds instead of half a minute a case.
     #[arg(long)]
     pub(crate) quick: bool,
-    /// Folder of effect-free pairs of frame streams (or folders of them): what the generator does by itself, for streams
+    /// Folder of effect-free pairs of frame streams: what the generator does by itself, for streams
     /// that do not agree pixel by pixel.
     #[arg(long, value_hint = ValueHint::DirPath)]
     pub(crate) nuisance: Option<PathBuf>,
