@@ -62,7 +62,7 @@ pub(crate) struct DiagnoseArgs {
     /// of the logs wherever both cars are in the same place, as a case of its own.
     #[arg(long, value_name = "RUN", value_hint = ValueHint::DirPath)]
     pub(crate) nominal: Option<PathBuf>,
-    /// Folder of effect-free pairs of frame streams (or folders of them): what the generator does by itself, for streams
+    /// Folder of effect-free pairs of frame streams: what the generator does by itself, for streams
     /// that do not agree pixel by pixel.
     #[arg(long, value_hint = ValueHint::DirPath)]
     pub(crate) nuisance: Option<PathBuf>,
