@@ -207,6 +207,8 @@ pub(crate) fn told(cell: &Cell) -> String {
     } else {
         place.insert(0, format!("drive {}", cell.regime.drive));
     }
+    place.extend(cell.regime.agent.iter().cloned());
+    place.extend(cell.regime.place.map(|[east, north]| format!("50 m tile {east} east, {north} north")));
     let q =
         if cell.q_value < 1e-4 { "q < 0.0001".to_owned() } else { format!("q = {}", words::fixed(cell.q_value, 4)) };
     format!("{}, {}: {} × floor, {q}", words::channel(&cell.channel), place.join(", "), size(cell.effect_size))

@@ -169,12 +169,11 @@ fn mark(
     let [along_m, lateral_m] = path.project(seen.at);
     let mut ahead = Vec::new();
     let near_m = REACH_M.min(20.0 + 6.0 * seen.speed_mps.abs());
-    for (other, who) in recording.agents.iter().enumerate().filter(|(other, _)| *other != index) {
+    for (_, who) in recording.agents.iter().enumerate().filter(|(other, _)| *other != index) {
         let Some(there) = who.seen[tick] else { continue };
         if who.class.is_static() || there.at.distance(seen.at) > near_m {
             continue;
         }
-        let _ = other;
         let [centre_m, aside_m] = path.project(there.at);
         let direction = path.direction_at(centre_m);
         let forward = DVec2::from_angle(there.heading_rad);

@@ -11,7 +11,7 @@ pub(crate) const EFFECT: Effect = Effect {
     channels: &[Channel::AgentLateral, Channel::AgentDecision],
     suspect: true,
     apply: |values, plant| {
-        if values[0] != NOMINAL_POLITENESS {
+        if (values[0] - NOMINAL_POLITENESS).abs() > 0.0 {
             plant.agents.changes_lanes = true;
             plant.agents.politeness = values[0];
         }
