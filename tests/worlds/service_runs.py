@@ -81,6 +81,14 @@ def drive(given, number, kind, service, seed):
     (folder / "driven").touch()
 
 
+def unseen_frames(binary, folder):
+    """Measures a diagnosis of the camera on the frames of the scenarios that it never saw."""
+    said, log, apart = folder / "gap/fit-frames/diagnosis.json", folder / "log.txt", folder / "gap-held"
+    if said.exists():
+        call(binary, "gap", "diagnose", folder / "held", "--nominal", folder / "nominal", "--quick", "--no-pages", "-o", apart, log=log)
+        call(binary, "gap", "evaluate", said, apart / "cases/held-frames", "-o", folder / "unseen-frames.json", log=log)
+
+
 def close(given, number):
     """Diagnoses a sealed run from its vehicle logs alone, corrects the simulator, and drives what the fit never saw."""
     folder = given.out / f"run_{number:02d}"
@@ -95,6 +103,7 @@ def close(given, number):
     found = sorted((folder / "gap").glob("*/diagnosis.json"))
     call(given.binary, "gap", "apply", *found, "-o", folder / "corrected.toml", log=log)
     call(given.binary, "gap", "evaluate", folder / "gap/fit/diagnosis.json", folder / "held", "-o", folder / "unseen.json", log=log)
+    unseen_frames(given.binary, folder)
     call(given.binary, "run", *[scenario(name) for name in HELD], *FLAGS, "--config", folder / "corrected.toml", "--out", folder / "corrected", log=log)
     (folder / "done").write_text(f"{time.time() - began:.0f} s\n")
 
@@ -164,7 +173,7 @@ def judge(folder):
     row["first"] = first["id"] if first else ""
     row["estimate"] = first["value"] if first else math.nan
     if answer["service"] == "video" and frames:
-        held = [s for s in frames["how_far"] if s["metric"] == "image_rmse"]
+        held = [s for s in read(folder / "unseen-frames.json") or [] if s["metric"] == "image_rmse"]
         row["predicted"], row["realised"] = frames["predicted_share"], held[0]["share_explained"] if held else None
     elif answer["service"] == "sim" and row["said"]:
         unseen = [s for s in read(folder / "unseen.json") or [] if s["metric"] == "position_2s"]
