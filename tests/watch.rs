@@ -212,7 +212,8 @@ fn a_reference_log_counts_as_real() {
     let (_, last) = heard.last().expect("some");
     assert_eq!(last.reference, "free-curve.mcap");
     let yaw_rate = last.differences.iter().find(|(channel, _)| channel == "yaw_rate").expect("a difference").1;
-    assert!((0.01..0.06).contains(&yaw_rate), "{:?}", last.differences);
+    // The policy steers by the gyro, so that its zero leads the reference astray.
+    assert!((0.015..0.2).contains(&yaw_rate), "{:?}", last.differences);
 }
 
 fn made_up(tick: u32, p_none: f64) -> Diagnosis {
