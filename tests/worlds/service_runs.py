@@ -160,7 +160,7 @@ def judge(folder):
     said = []
     for diagnosis, service in ((car, "sim"), (frames, "video")):
         if diagnosis and diagnosis["verdict"] != "none":
-            said += [(name, "policy" if name == "obs_latency" else service) for name in diagnosis["chosen"]] or [("unknown", service)]
+            said += [(name, "policy" if name == "obs_latency" else service) for name in diagnosis["chosen"]]
             if diagnosis["verdict"] == "unknown":
                 said.append(("unknown", service))
     truth = {effect["id"]: effect["value"] for effect in answer["effects"]}
