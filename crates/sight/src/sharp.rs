@@ -75,7 +75,7 @@ pub fn refined(scene: &Scene<'_>, mut model: Model, placed: &Placed, effect: &'s
     model
 }
 
-/// Returns where a parabola through three points has its lowest value.
+/// Returns where a parabola through three points, in either order, has its lowest value.
 #[must_use]
 pub fn parabola(a: (f64, f64), b: (f64, f64), c: (f64, f64)) -> f64 {
     let (left, right) = ((b.1 - a.1) / (b.0 - a.0), (c.1 - b.1) / (c.0 - b.0));
@@ -83,5 +83,5 @@ pub fn parabola(a: (f64, f64), b: (f64, f64), c: (f64, f64)) -> f64 {
     if bend <= 1e-9 {
         return b.0;
     }
-    (0.5 * (a.0 + b.0) - 0.5 * left / bend).clamp(a.0, c.0)
+    (0.5 * (a.0 + b.0) - 0.5 * left / bend).clamp(a.0.min(c.0), a.0.max(c.0))
 }
