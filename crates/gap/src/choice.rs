@@ -126,7 +126,7 @@ impl<'m, 'c> Outcome<'m, 'c> {
             && effects.iter().all(|e| search.model.space.effects[*e].id != HELD)
             && effects.iter().all(|e| outside(search.model, &fit.vector, *e))
             && needed(search.model, &fit, &effects, drives);
-        telling.then(|| Hypothesis { gain: fit.evidence - search.null.evidence, effects, fit })
+        telling.then_some(Hypothesis { gain: fit.evidence - search.null.evidence, effects, fit })
     }
 
     /// Returns the fit of the accepted model, else the nuisance fit.

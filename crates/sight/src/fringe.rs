@@ -61,8 +61,8 @@ impl Fit {
             let columns = [[1.0, 0.0], [0.0, 1.0], [x, y]];
             for i in 0..3 {
                 let weighted = [columns[i][0] * xx + columns[i][1] * xy, columns[i][0] * xy + columns[i][1] * yy];
-                for j in 0..3 {
-                    self.m[(i, j)] += trust * (weighted[0] * columns[j][0] + weighted[1] * columns[j][1]);
+                for (j, column) in columns.iter().enumerate() {
+                    self.m[(i, j)] += trust * (weighted[0] * column[0] + weighted[1] * column[1]);
                 }
                 self.v[i] += trust * (columns[i][0] * b.pull[0] + columns[i][1] * b.pull[1]);
             }

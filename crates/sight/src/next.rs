@@ -98,7 +98,7 @@ fn told(scene: &Scene<'_>, recording: &Recording, a: &Chosen, b: &Chosen) -> f64
     let boxes = [LayoutBox { edges: [40.0, 26.0, 64.0, 46.0], class: "car".to_owned() }];
     let mut sum = 0.0;
     for k in 0..FRAMES {
-        let middle = k >= FRAMES / 3 && k < 2 * FRAMES / 3;
+        let middle = (FRAMES / 3..2 * FRAMES / 3).contains(&k);
         let context = FrameContext {
             frame: k,
             time_secs: 0.1 * k as f64,

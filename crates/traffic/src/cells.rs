@@ -74,7 +74,9 @@ pub fn cells(case: &Case, model: &Traffic, tags: &[Tag], [before, after]: [&[f64
 fn cell(case: &Case, channel: Channel, key: Key, parts: &[Part]) -> Option<Cell> {
     let count: f64 = parts.iter().map(|part| part.count).sum();
     let decides = matches!(channel, Channel::AgentDecision | Channel::AgentLateral);
-    if (count as usize) < FEWEST && !(decides && matches!(key, Key::Agent(..)) || count >= 3.0 && decides) {
+    // decisions are few: one agent's, or three at a place, tell
+    let telling = decides && (matches!(key, Key::Agent(..)) || count >= 3.0);
+    if (count as usize) < FEWEST && !telling {
         return None;
     }
     let means: Vec<f64> = parts.iter().map(|part| part.loss / part.count).collect();

@@ -248,7 +248,7 @@ fn spec(run: &RunId, scene: &Scene, arm: &Arm<'_>, settings: &pb::RunSettings) -
         configuration: Digest::default(),
         scorer: ProposalScorer::from_name(&settings.scorer).unwrap_or_default(),
         score_profile: ScoreProfile::from_name(&settings.score_profile).unwrap_or_default(),
-        effects: settings.effects.iter().map(|effect| switched(effect)).collect(),
+        effects: settings.effects.iter().map(switched).collect(),
         vehicle_log: settings.vehicle_log,
         observation_delay: observation_delay(settings, scene.dt.secs()),
     };

@@ -178,9 +178,9 @@ fn of_small(scene: &Scene<'_>, small: &[Picture]) -> [f64; OWN - 16] {
     let mean: Vec<f64> = (0..w * h).map(|k| grey.iter().map(|g| f64::from(g.data[k])).sum::<f64>() / n).collect();
     let bands = |which: &dyn Fn(usize, usize) -> usize| {
         let (mut sums, mut counts) = ([0.0; 3], [1e-9; 3]);
-        for k in 0..w * h {
+        for (k, level) in mean.iter().enumerate() {
             let band = which(k % w, k / w).min(2);
-            sums[band] += (mean[k] + 4.0).ln();
+            sums[band] += (level + 4.0).ln();
             counts[band] += 1.0;
         }
         [0, 1, 2].map(|b| sums[b] / counts[b])

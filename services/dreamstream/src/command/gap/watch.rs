@@ -203,7 +203,7 @@ impl<'a> Watch<'a> {
                 (log, Against { reference: reference.name.clone(), differences })
             }
         };
-        let (folder, car) = (self.folder.clone(), self.scene.scene.vehicle.clone());
+        let (folder, car) = (self.folder.clone(), self.scene.scene.vehicle);
         let case =
             if against.reference.is_empty() { self.scene.spec.episode.to_string() } else { against.reference.clone() };
         self.jobs.spawn_blocking(move || {
