@@ -83,5 +83,5 @@ pub fn parabola(a: (f64, f64), b: (f64, f64), c: (f64, f64)) -> f64 {
     if bend <= 1e-9 {
         return b.0;
     }
-    (0.5 * (a.0 + b.0) - 0.5 * left / bend).clamp(a.0, c.0)
+    (0.5 * (a.0 + b.0) - 0.5 * left / bend).clamp(a.0.min(c.0), a.0.max(c.0))
 }
