@@ -47,10 +47,14 @@ impl Pairing {
         let model = Model { shifts, ages: ages.to_vec(), effects: carried, ..Model::nominal(scene.frames.len()) };
         let chain = FrameChain::new(&model.effects);
         let mut agree: Vec<f64> = Vec::new();
+        let still = FrameChain::new(&Vec::new());
         for k in scene.full.iter().filter(|k| ages[**k] <= **k) {
-            agree.extend(agreement(&scene.placed_full(&model, &chain, *k), &scene.grey[*k].1));
+            // what carries the alignment may go astray, so that frames as they are count as well
+            let carried = agreement(&scene.placed_full(&model, &chain, *k), &scene.grey[*k].1);
+            let plain = agreement(&scene.placed_full(&model, &still, *k), &scene.grey[*k].1);
+            agree.extend(if mean(&plain) > mean(&carried) { plain } else { carried });
         }
-        let typical = if agree.is_empty() { 1.0 } else { ds_gap::bootstrap::quantile(&mut agree, 0.5) };
+        let typical = if agree.is_empty() { 1.0 } else { ds_gap::bootstrap::quantile(&mut agree, 0.25) };
         if typical > settings::ALIGNED_AGREEMENT {
             Self::Aligned
         } else if typical > settings::LAYOUT_AGREEMENT {
@@ -59,6 +63,10 @@ impl Pairing {
             Self::Unpaired
         }
     }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
 /// Side of the blocks that are compared, and how far each may be moved to agree, px.

@@ -38,3 +38,17 @@ fn nothing_is_found_where_nothing_is_missing() {
     assert_eq!(found.verdict, Verdict::None, "{:?}", found.chosen);
     assert!(found.cells.is_empty());
 }
+
+#[test]
+fn things_that_appear_are_told_from_everything_else() {
+    let (found, _) = diagnosed(9, &[("object_hallucination", &[1.5])]);
+    assert_eq!(found.effects[0].id, "object_hallucination", "{:?} {:?}", found.verdict, found.chosen);
+}
+
+#[test]
+fn fine_detail_is_seen_beside_a_turned_camera() {
+    let (found, _) = diagnosed(11, &[("mount_yaw", &[0.6]), ("sensor_noise", &[5.0, 0.0])]);
+    for id in ["mount_yaw", "sensor_noise"] {
+        assert!(found.chosen.iter().any(|c| c == id), "{id} is not among {:?}", found.chosen);
+    }
+}
