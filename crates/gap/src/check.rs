@@ -168,17 +168,11 @@ fn turning(drive: &Drive, meta: &Meta, warnings: &mut Vec<String>) -> Result<(),
         }
     }
     if let Some(rate) = &drive.yaw_rate {
-        // window by window, so that one slide or spin does not decide
-        let slope = |k: usize| {
-            let range = k..(k + 40).min(drive.samples);
-            let square: f64 = range.clone().map(|k| kinematic[k] * kinematic[k]).sum();
-            let cross: f64 = range.map(|k| kinematic[k] * rate[k]).sum();
-            (square > 40.0 * 0.03 * 0.03).then(|| cross / square)
-        };
-        let mut slopes: Vec<f64> = (0..drive.samples.saturating_sub(40)).step_by(40).filter_map(slope).collect();
-        if slopes.len() > 3 {
-            let slope = crate::bootstrap::quantile(&mut slopes, 0.5);
-            if slope < -0.1 {
+        if let Some(slope) = turn_slope(&kinematic, rate) {
+            // a steering zero far off makes the sign of small angles meaningless: their changes must go the wrong way too
+            let (angles, turns) = (centred(&drive.cmd_steer, &speed), centred_turns(rate, &speed));
+            let centred: Vec<f64> = angles.iter().zip(&speed).map(|(d, v)| v * d.tan() / base).collect();
+            if slope < -0.1 && turn_slope(&centred, &turns).is_none_or(|slope| slope < -0.1) {
                 let finding = "the vehicle turns against the steering: sign of cmd_steer or yaw_rate?".to_owned();
                 return Err(inconsistent(drive, finding));
             }
@@ -200,6 +194,31 @@ fn turning(drive: &Drive, meta: &Meta, warnings: &mut Vec<String>) -> Result<(),
         }
     }
     Ok(())
+}
+
+/// Returns how much a vehicle turns for what its steering says: the median over stretches of two seconds, so that one
+/// slide or spin does not decide; nothing where it hardly steers.
+fn turn_slope(steered: &[f64], turned: &[f64]) -> Option<f64> {
+    let slope = |(a, b): (&[f64], &[f64])| {
+        let square: f64 = a.iter().map(|s| s * s).sum();
+        let cross: f64 = a.iter().zip(b).map(|(s, t)| s * t).sum();
+        (square > a.len() as f64 * 0.03 * 0.03).then(|| cross / square)
+    };
+    let mut slopes: Vec<f64> = steered.chunks_exact(40).zip(turned.chunks_exact(40)).filter_map(slope).collect();
+    (slopes.len() > 3).then(|| crate::bootstrap::quantile(&mut slopes, 0.5))
+}
+
+/// Returns steering angles less their median while driving.
+fn centred(angles: &[f64], speed: &[f64]) -> Vec<f64> {
+    let mut moving: Vec<f64> = angles.iter().zip(speed).filter(|(_, v)| **v > 1.0).map(|(d, _)| *d).collect();
+    let middle = if moving.is_empty() { 0.0 } else { crate::bootstrap::quantile(&mut moving, 0.5) };
+    angles.iter().map(|d| d - middle).collect()
+}
+
+/// Returns yaw rates less what the median curvature makes of the speed.
+fn centred_turns(rate: &[f64], speed: &[f64]) -> Vec<f64> {
+    let curvature: Vec<f64> = rate.iter().zip(speed).map(|(r, v)| r / v.max(1.0)).collect();
+    centred(&curvature, speed).iter().zip(speed).map(|(c, v)| c * v).collect()
 }
 
 fn missing(drive: &Drive, meta: &Meta) -> Vec<&'static str> {
