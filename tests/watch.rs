@@ -86,7 +86,10 @@ impl Fleet {
     fn watch(&self, more: &[&str], log: &str) -> Child {
         let (router, orchestrator) = (self.endpoint(), format!("http://127.0.0.1:{}", self.control));
         let reach = ["gap", "watch", "--bus", &router, "--orchestrator", &orchestrator];
-        self.spawn(&[&reach[..], more].concat(), log)
+        let child = self.spawn(&[&reach[..], more].concat(), log);
+        // a drive that is over before the watch looks for it is never seen
+        wait_for("the watch", 60, || self.log(log).contains("waiting for").then_some(()));
+        child
     }
 
     fn submit(&self, more: &[&str]) -> Output {

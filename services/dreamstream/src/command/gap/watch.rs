@@ -52,6 +52,7 @@ pub(crate) async fn run(args: &WatchArgs) -> Result<()> {
     let bus = view::join(&args.bus, args.certificate.as_deref(), &args.control).await?;
     let control = args.control.dial()?.connect(Duration::from_secs(5)).await.context("orchestrator does not answer")?;
     let mut runs = RunsClient::new(control);
+    answer(&format!("waiting for {}", if args.episode.is_empty() { "a drive" } else { &args.episode }));
     let named = args.reference.as_deref().filter(|_| log.is_none());
     let refers = |name: &str| named.is_some_and(|part| name.contains(part));
     let episode = under_way(&mut runs, |name| name.contains(&args.episode) && !refers(name)).await?;
