@@ -88,9 +88,9 @@ class Camera:
         bends = [(name, p) for name, p in self.effects.items() if name in GEOMETRY]
         if bends:
             image = Image.fromarray(a.astype(np.uint8)).resize((lens.w * camera_world.OVER, lens.h * camera_world.OVER), Image.BICUBIC)
-            a = camera_world.sample(np.asarray(image, float), lens, camera_world.place_of(lens, bends, tick, (0.0, 0.0)))
+            a = camera_world.sample(np.asarray(image, float), lens, camera_world.place_of(lens, bends, tick, (0.0, 0.0), lens.true_depth))
         for name in (n for n in camera_world.ORDER if n in self.effects and n not in ("sensor_noise", "jpeg_loss")):
-            a = camera_world.edit(a, name, self.effects[name], lens, tick, r, lens.fixed, {}, {})
+            a = camera_world.edit(a, name, self.effects[name], lens, tick, r, lens.fixed, {}, {"depth": {tick: lens.true_depth}})
         a = camera_world.code(camera_world.light(a) * self.gain * (1 + r.normal(0, 0.003)))
         a = np.clip(a + r.normal(0, self.noise, a.shape), 0, 255)
         for name in (n for n in ("sensor_noise", "jpeg_loss") if n in self.effects):
