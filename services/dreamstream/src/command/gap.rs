@@ -167,6 +167,16 @@ struct Ways {
     frames: ds_sight::Options,
 }
 
+/// Returns the name under which each case is written: its folder's, after that of the folder above where two are alike.
+fn names(cases: &[PathBuf]) -> Vec<String> {
+    let shared = |case: &Path| cases.iter().filter(|other| name(other) == name(case)).count() > 1;
+    let long = |case: &Path| match case.canonicalize().ok().as_deref().and_then(Path::parent) {
+        Some(above) => format!("{}-{}", name(above), name(case)),
+        None => name(case),
+    };
+    cases.iter().map(|case| if shared(case) { long(case) } else { name(case) }).collect()
+}
+
 fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
     let mut cases = Vec::new();
     for case in self::cases(&args.cases)? {
@@ -183,19 +193,21 @@ fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
     };
     let bar = bar(cases.len() as u64, "cases");
     bar.tick();
-    let results: Vec<Result<Diagnosis>> = cases.par_iter().map(|case| written(args, case, &options, &bar)).collect();
+    let names = names(&cases);
+    let one = |(case, name): (&PathBuf, &String)| written(&args.out.join(name), (case, args.no_pages), &options, &bar);
+    let results: Vec<Result<Diagnosis>> = cases.par_iter().zip(&names).map(one).collect();
     bar.finish_and_clear();
     let mut made = Vec::new();
     let mut refused = 0;
-    for (case, result) in cases.iter().zip(results) {
+    for (name, result) in names.iter().zip(results) {
         match result {
             Ok(diagnosis) => {
                 answer(&ds_page::text(&diagnosis));
-                made.push((format!("{}/{PAGE}", name(case)), diagnosis));
+                made.push((format!("{name}/{PAGE}"), diagnosis));
             }
             Err(error) => {
                 refused += 1;
-                complain(&error.context(name(case)));
+                complain(&error.context(name.clone()));
             }
         }
     }
@@ -208,12 +220,11 @@ fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
 }
 
 /// Diagnoses a case and writes its diagnosis and page.
-fn written(args: &DiagnoseArgs, case: &Path, options: &Ways, bar: &ProgressBar) -> Result<Diagnosis> {
+fn written(folder: &Path, (case, bare): (&Path, bool), options: &Ways, bar: &ProgressBar) -> Result<Diagnosis> {
     let diagnosis = one(case, options, bar)?;
-    let folder = args.out.join(name(case));
-    save(&folder, &diagnosis)?;
-    explain::note_case(&folder, case)?;
-    if !args.no_pages {
+    save(folder, &diagnosis)?;
+    explain::note_case(folder, case)?;
+    if !bare {
         let material = Some(case).filter(|case| !ds_traffic::is_traffic_case(case));
         put(&folder.join(PAGE), &ds_page::page(&diagnosis, material))?;
     }
@@ -323,4 +334,17 @@ fn score(args: &GapScoreArgs) -> Result<()> {
         scores.brier, scores.calibration_error, scores.relative_error, scores.share_error
     ));
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cases_of_one_name_are_kept_apart() {
+        let root = tempfile::tempdir().expect("a folder");
+        let cases = ["car/case_01", "camera/case_01", "car/case_02"].map(|case| root.path().join(case));
+        cases.iter().for_each(|case| std::fs::create_dir_all(case).expect("a folder"));
+        assert_eq!(names(&cases), ["car-case_01", "camera-case_01", "case_02"]);
+    }
 }
