@@ -35,7 +35,8 @@ EFFECTS = {
     "ax_bias": (0, -0.4, 0.4), "ay_bias": (0, -0.4, 0.4), "wheel_scale": (1, 0.9, 1.1), "lever_arm": (0, -3, 3), "pose_latency": (0, 0, 0.4),
     "imu_latency": (0, 0, 0.3), "imu_misalignment": (0, -0.1, 0.1),
 }
-NUISANCES = ["steer_delay", "accel_delay", "steer_gain", "payload", "pose_latency", "imu_latency"]
+# what every vehicle has a little of, and how much of it a fit may use
+NUISANCES = {"steer_delay": (0, 0.03), "accel_delay": (0, 0.03), "steer_gain": (0.985, 1.015), "payload": (0, 0.04), "pose_latency": (0, 0.03), "imu_latency": (0, 0.03)}
 
 
 def read(folder):
@@ -165,7 +166,7 @@ def general(folder):
     rows = []
     for effect, (neutral, low, high) in EFFECTS.items():
         names = [effect] + [n for n in NUISANCES if n != effect]
-        bounds = np.array([EFFECTS[n][1:] for n in names], float).T
+        bounds = np.array([(low, high)] + [NUISANCES[n] for n in names[1:]], float).T
         start = np.clip([0.5 * neutral + 0.25 * (low + high)] + [EFFECTS[n][0] for n in names[1:]], bounds[0] + 1e-6, bounds[1] - 1e-6)
         found = least_squares(residuals, start, bounds=bounds, loss="soft_l1", x_scale=(bounds[1] - bounds[0]), diff_step=1e-3, max_nfev=15, args=(names, nominal, drives, prepared))
         rows.append((effect, float(found.cost), float(found.x[0])))
@@ -180,7 +181,7 @@ def ours(program, folder, quick):
         subprocess.run([program, str(folder.parent), *flags], check=True, capture_output=True, env={**os.environ, "RAYON_NUM_THREADS": "1"})
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         answer = json.loads((pathlib.Path(out) / folder.name / "diagnosis.json").read_text())
-    return answer, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, after.ru_maxrss / 1024
+    return answer, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def main():
@@ -192,9 +193,9 @@ def main():
     rows, secs = general(given.case)
     print(f"scipy, {len(EFFECTS)} effects: {secs:.1f} s; best: " + ", ".join(f"{e} {v:.4g} (loss {c:.0f})" for e, c, v in rows[:3]))
     for quick in (True, False):
-        answer, mine, memory = ours(given.gap_practice, given.case, quick)
+        answer, mine = ours(given.gap_practice, given.case, quick)
         name = "quick" if quick else "full"
-        print(f"diagnosis, {name}: {mine:.1f} s, {memory:.0f} MB at most; {answer['verdict']} {', '.join(answer['chosen'])}; scipy takes {secs / mine:.1f} times as long")
+        print(f"diagnosis, {name}: {mine:.1f} s; {answer['verdict']} {', '.join(answer['chosen'])}; scipy takes {secs / mine:.1f} times as long")
 
 
 if __name__ == "__main__":
