@@ -148,7 +148,8 @@ fn motion(drive: &Drive) -> Result<(), GapError> {
 fn turning(drive: &Drive, meta: &Meta, warnings: &mut Vec<String>) -> Result<(), GapError> {
     let base = meta.nominal.lf + meta.nominal.lr;
     let Some(speed) = drive.speed() else { return Ok(()) };
-    let kinematic: Vec<f64> = drive.cmd_steer.iter().zip(&speed).map(|(d, v)| v * d.tan() / base).collect();
+    let steered = |angles: &[f64]| -> Vec<f64> { angles.iter().zip(&speed).map(|(d, v)| v * d.tan() / base).collect() };
+    let kinematic = steered(&drive.cmd_steer);
     if let (Some(yaw), Some(rate)) = (&drive.yaw, &drive.yaw_rate) {
         let stride = 20;
         let (mut cross, mut square, mut turned) = (0.0, 0.0, 0.0);
@@ -170,9 +171,8 @@ fn turning(drive: &Drive, meta: &Meta, warnings: &mut Vec<String>) -> Result<(),
     if let Some(rate) = &drive.yaw_rate {
         if let Some(slope) = turn_slope(&kinematic, rate) {
             // a steering zero far off makes the sign of small angles meaningless: their changes must go the wrong way too
-            let (angles, turns) = (centred(&drive.cmd_steer, &speed), centred_turns(rate, &speed));
-            let centred: Vec<f64> = angles.iter().zip(&speed).map(|(d, v)| v * d.tan() / base).collect();
-            if slope < -0.1 && turn_slope(&centred, &turns).is_none_or(|slope| slope < -0.1) {
+            let centred = || turn_slope(&steered(&centred(&drive.cmd_steer, &speed)), &centred_turns(rate, &speed));
+            if slope < -0.1 && centred().is_none_or(|slope| slope < -0.1) {
                 let finding = "the vehicle turns against the steering: sign of cmd_steer or yaw_rate?".to_owned();
                 return Err(inconsistent(drive, finding));
             }

@@ -1,7 +1,8 @@
 //! The nominal simulator of the ego vehicle: a single track at 20 ms steps behind its command and actuator chains.
 //!
 //! Slip, side force and yaw are integrated by the implicit midpoint rule with the secant stiffness of the axle (stable
-//! down to standstill); an axle's side force saturates at what drive and brakes leave of friction times static load. SI units, x forward, y left.
+//! down to standstill); an axle's side force saturates at what drive and brakes leave of friction times static
+//! load. SI units, x forward, y left.
 
 use ds_effect::chain::realise;
 use ds_effect::plant::{Plant, Road, Vehicle};
