@@ -20,7 +20,8 @@ const TRACK_M: f64 = 0.8;
 const BAR_M: f64 = 0.5;
 
 const ASPHALT: Rgb = [98, 98, 101];
-const TRACKS: Rgb = [88, 88, 91];
+/// Where wheels pass.
+pub(crate) const TRACKS: Rgb = [88, 88, 91];
 const WHITE: Rgb = [232, 232, 228];
 const YELLOW: Rgb = [226, 178, 48];
 

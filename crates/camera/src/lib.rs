@@ -4,11 +4,14 @@
 //! World frame, metres. Random choices are keyed by the scene's digest and the appearance's palette.
 
 mod appearance;
+mod cover;
 mod distance;
+mod fall;
 mod figure;
 mod geometry;
 mod ground;
 mod light;
+mod look;
 mod noise;
 mod plain;
 mod reference;
@@ -25,6 +28,7 @@ mod vehicle;
 mod street;
 
 pub use appearance::{Appearance, UnknownAppearance};
+pub use ds_raster::PixelClass;
+pub use ds_world::{Condition, ConditionError, Lighting, RoadSurface, Weather};
 pub use plain::PlainCamera;
 pub use reference::{ReferenceCamera, Sampling};
-pub use surface::PixelClass;

@@ -3,7 +3,9 @@
 use ds_space::{DVec2, Vec3};
 
 use crate::appearance::Appearance;
-use crate::noise;
+use crate::cover::Cover;
+use crate::{look, noise};
+use ds_world::{Condition, Weather};
 
 /// The light of a scene.
 #[derive(Debug, Clone)]
@@ -20,6 +22,12 @@ pub(crate) struct Light {
     cloud: f32,
     haze_per_m: f32,
     seed: u32,
+    /// Added near the horizon on the sun's side.
+    afterglow: Vec3,
+    /// How much of the sky the air hides.
+    veil: f32,
+    /// What lies on the ground; none without a condition.
+    pub(crate) cover: Option<Cover>,
 }
 
 fn mix(a: Vec3, b: Vec3, share: f32) -> Vec3 {
@@ -33,6 +41,37 @@ fn single(value: f64) -> f32 {
 
 impl Light {
     pub(crate) fn new(appearance: &Appearance, seed: u32) -> Self {
+        let plain = Self::plain(appearance, seed);
+        match appearance.condition {
+            Some(condition) => plain.in_condition(condition, appearance),
+            None => plain,
+        }
+    }
+
+    /// Takes the colours of a condition; the sun's place, clouds, haze and wetness stay as the numbers say.
+    fn in_condition(self, condition: Condition, appearance: &Appearance) -> Self {
+        let look = look::of(condition.lighting(), condition.weather(), self.cloud);
+        let veil = match condition.weather() {
+            Weather::Fog => 0.96,
+            Weather::Snow => 0.6,
+            Weather::Rain => 0.4,
+            Weather::Clear | Weather::Overcast => 0.0,
+        };
+        Self {
+            sun: look.sun,
+            ambient: look.ambient,
+            headlight: look.headlight,
+            zenith: look.zenith,
+            horizon: look.horizon,
+            afterglow: look.afterglow,
+            veil,
+            cover: Some(Cover::of(condition, single(appearance.cover.clamp(0.0, 1.0)))),
+            ..self
+        }
+    }
+
+    /// Returns what the numbers alone say.
+    fn plain(appearance: &Appearance, seed: u32) -> Self {
         let elevation = appearance.sun_elevation_rad.clamp(0.12, 1.5);
         let (up, flat) = elevation.sin_cos();
         let around = DVec2::from_angle(appearance.sun_azimuth_rad) * flat;
@@ -65,12 +104,20 @@ impl Light {
                 + 0.03 * share(appearance.haze) * share(appearance.haze)
                 + 0.004 * share(appearance.haze),
             seed,
+            afterglow: Vec3::ZERO,
+            veil: 0.0,
+            cover: None,
         }
     }
 
     /// Says whether the sun is strong enough to cast shadows.
     pub(crate) fn casts_shadows(&self) -> bool {
         self.sun.max_element() > 0.12
+    }
+
+    /// Says whether vehicles drive with their lamps on.
+    pub(crate) fn lamps_on(&self) -> bool {
+        self.night > 0.3 || self.wetness > 0.3 || (self.cover.is_some() && self.headlight > 0.1)
     }
 
     /// Returns how a shadow on the ground moves per metre of height.
@@ -93,7 +140,13 @@ impl Light {
             light = mix(light, cloud, 0.75 * cover);
         }
         let glow = direction.dot(self.sun_direction).max(0.0);
-        light + self.sun * (0.25 * glow.powi(16) + 2.0 * glow.powi(1024))
+        let light = light + self.sun * (0.25 * glow.powi(16) + 2.0 * glow.powi(1024));
+        if self.cover.is_none() {
+            return light;
+        }
+        let flat = direction.truncate().normalize_or_zero().dot(self.sun_direction.truncate().normalize_or_zero());
+        let lit = light + self.afterglow * ((0.25 + 0.75 * flat.max(0.0).powi(2)) * (1.0 - height).powi(4));
+        mix(lit, self.horizon, self.veil * (1.0 - 0.35 * height))
     }
 
     /// Returns the skyline at the horizon: far hills and woods, or `None` above them.
@@ -103,7 +156,9 @@ impl Light {
             + 0.045 * noise::smooth(3.1 * x + 9.0, 3.1 * y, self.seed ^ 2)
             + 0.016 * noise::smooth(17.0 * x, 17.0 * y, self.seed ^ 3);
         let wood = Vec3::new(0.10, 0.14, 0.11) * (self.ambient + 0.4 * self.sun);
-        (direction.z < ridge).then(|| mix(wood, self.horizon, 0.55 + 0.4 * (1.0 - (-40.0 * self.haze_per_m).exp())))
+        let far_m = if self.cover.is_some() { 250.0 } else { 40.0 };
+        let hidden = 0.4 * (1.0 - (-far_m * self.haze_per_m).exp());
+        (direction.z < ridge).then(|| mix(wood, self.horizon, 0.55 + hidden.max(0.45 * self.veil)))
     }
 
     /// Veils a light seen over a distance.

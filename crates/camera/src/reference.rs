@@ -8,6 +8,7 @@ use ds_space::{CameraModel, DVec2, DVec3, Draws, Intrinsics, Pose, Rig, Vec2, Ve
 use ds_world::{Scene, WorldState, agent::corners};
 
 use crate::appearance::Appearance;
+use crate::fall::{Canvas, Fall};
 use crate::geometry::Geometry;
 use crate::light::Light;
 use crate::shade::{CONTACT, Point, SUN_SHADOW, Shader, developed};
@@ -34,6 +35,7 @@ pub struct ReferenceCamera {
     anchor: DVec2,
     seed: u32,
     sampling: Sampling,
+    fall: Option<Fall>,
 }
 
 impl ReferenceCamera {
@@ -54,7 +56,10 @@ impl ReferenceCamera {
         };
         let anchor = scene.ego_log.first().map_or(DVec2::ZERO, |ego| ego.pose.position);
         let geometry = Geometry::new(scene, appearance.palette_seed, standing);
-        Self { geometry, light, shadows, anchor, seed, sampling: Sampling::Smooth }
+        let fall = appearance.condition.and_then(|condition| {
+            Fall::new(condition.weather(), appearance.fall, scene.digest, appearance.palette_seed)
+        });
+        Self { geometry, light, shadows, anchor, seed, sampling: Sampling::Smooth, fall }
     }
 
     /// Returns the camera with another sampling.
@@ -70,8 +75,24 @@ impl ReferenceCamera {
         let scale = if self.sampling == Sampling::Smooth { 2 } else { 1 };
         let lens = Lens::new(&size.resized(size.width_px * scale, size.height_px * scale));
         let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
-        let light = lens.develop(self.expose(world, &view));
-        averaged(&light, size, scale as usize)
+        let samples = lens.develop(self.expose(world, &view));
+        let mut light = averaged(&samples, size, scale as usize);
+        if let Some(fall) = &self.fall {
+            fall.draw(
+                world.tick,
+                &mut Canvas {
+                    light: &mut light,
+                    width: size.width_px as usize,
+                    height: size.height_px as usize,
+                    focal_px: size.fx_px,
+                    bright: self.light.ambient * 1.1 + self.light.sun * 0.3,
+                    headlight: self.light.headlight,
+                },
+            );
+        }
+        let colours: Vec<[u8; 3]> = light.into_iter().map(developed).collect();
+        RgbImage::new(size.width_px, size.height_px, colours.into_flattened())
+            .unwrap_or_else(|_| RgbImage::filled(size.width_px, size.height_px, [0; 3]))
     }
 
     /// Returns what each pixel belongs to, rows top to bottom.
@@ -90,7 +111,7 @@ impl ReferenceCamera {
 
     /// Returns the light of every pixel of a pinhole picture.
     fn expose(&self, world: &WorldState, view: &View) -> Vec<Vec3> {
-        let raster = surfaces(&self.geometry, world, view, self.light.night > 0.3 || self.light.wetness > 0.3);
+        let raster = surfaces(&self.geometry, world, view, self.light.lamps_on());
         let shadows = self.shadow_mask(world, view);
         let (width, height) = (raster.width(), raster.height());
         let scene = Exposure::new(self, view, &raster, &shadows);
@@ -236,10 +257,10 @@ impl<'a> Exposure<'a> {
     }
 }
 
-/// Averages blocks of `scale` × `scale` samples and develops them.
-fn averaged(light: &[Vec3], size: &Intrinsics, scale: usize) -> RgbImage {
+/// Averages blocks of `scale` × `scale` samples.
+fn averaged(light: &[Vec3], size: &Intrinsics, scale: usize) -> Vec<Vec3> {
     let (width, height) = (size.width_px as usize, size.height_px as usize);
-    let mut image = RgbImage::filled(size.width_px, size.height_px, [0; 3]);
+    let mut image = Vec::with_capacity(width * height);
     for y in 0..height {
         for x in 0..width {
             let mut sum = Vec3::ZERO;
@@ -248,9 +269,7 @@ fn averaged(light: &[Vec3], size: &Intrinsics, scale: usize) -> RgbImage {
                     sum += light[(y * scale + row) * width * scale + x * scale + column];
                 }
             }
-            let colour = developed(sum / (scale * scale) as f32);
-            #[expect(clippy::cast_possible_truncation, reason = "below the image's sides")]
-            image.set_pixel(x as u32, y as u32, colour);
+            image.push(sum / (scale * scale) as f32);
         }
     }
     image

@@ -62,6 +62,9 @@ impl Shader<'_> {
             }
             _ => texture::verge(p, grain_m, self.seed),
         };
+        if let Some(cover) = &self.light.cover {
+            albedo = cover.ground(albedo, &point.surface, p, self.seed);
+        }
         let wet = if matches!(material, Material::Asphalt | Material::Paint) { self.light.wetness } else { 0.0 };
         albedo *= 1.0 - 0.45 * wet;
         let sun = if point.shadow & SUN_SHADOW == 0 { self.light.sun * self.light.sun_direction.z } else { Vec3::ZERO };
@@ -72,6 +75,12 @@ impl Shader<'_> {
             let graze = (1.0 - steep).powi(4);
             let puddle = 0.4 + 0.6 * crate::noise::smooth(p.x / 3.0, p.y / 3.0, self.seed ^ 71);
             light += self.light.sky(mirrored) * (wet * closed * puddle * (0.03 + 0.5 * graze));
+            let standing = self.light.cover.map_or(0.0, |cover| cover.puddle(p, self.seed));
+            if standing > 0.0 {
+                let sky = self.light.skyline(mirrored).unwrap_or_else(|| self.light.sky(mirrored));
+                let water = light * 0.25 + sky * (closed * (0.12 + 0.75 * (1.0 - steep).powi(3)));
+                light += (water - light) * standing;
+            }
         }
         light
     }
@@ -80,7 +89,7 @@ impl Shader<'_> {
         let surface = point.surface;
         let n = surface.normal.map(f32::from);
         let normal = Vec3::from_array(n) * (1.0 / 127.0);
-        let base = linear(surface.colour);
+        let base = self.covered(linear(surface.colour), &surface, normal);
         let grain_m = point.distance_m * self.pixel_rad;
         let facing = (-point.direction.dot(normal)).abs().min(1.0);
         match surface.material {
@@ -105,6 +114,16 @@ impl Shader<'_> {
                 }
             }
             _ => self.lit(base, normal, point),
+        }
+    }
+
+    /// Returns an albedo under what lies on a face; lamps and glass stay clear.
+    fn covered(&self, albedo: Vec3, surface: &Surface, normal: Vec3) -> Vec3 {
+        match &self.light.cover {
+            Some(cover) if !matches!(surface.material, Material::Lamp | Material::Glass) => {
+                cover.thing(albedo, surface, normal.z)
+            }
+            _ => albedo,
         }
     }
 

@@ -1,32 +1,10 @@
 //! What a pixel shows before light falls on it: material, colour, facing and class.
 
+pub(crate) use ds_raster::PixelClass;
 use ds_space::DVec3;
 
 /// Red, green and blue in sRGB.
 pub(crate) type Rgb = [u8; 3];
-
-/// What a pixel belongs to: the ground truth for a segmenter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-#[repr(u8)]
-pub enum PixelClass {
-    /// Drivable surface.
-    Road = 0,
-    /// Lane lines, stop lines and crosswalk bars.
-    Paint = 1,
-    /// Cars, trucks, buses.
-    Vehicle = 2,
-    /// Pedestrians, and cyclists with their bicycles.
-    Person = 3,
-    /// Everything else below the sky: verge, houses, trees, lights, cones, barriers.
-    Other = 4,
-    /// The sky.
-    Sky = 5,
-}
-
-impl PixelClass {
-    /// Number of classes.
-    pub const COUNT: usize = 6;
-}
 
 /// How a surface meets light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

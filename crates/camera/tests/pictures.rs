@@ -144,3 +144,95 @@ fn the_plain_camera_agrees_with_the_class_map_on_the_sky() {
         assert_eq!(image.rgb()[3 * i..3 * i + 3], sky, "pixel {i} is {class:?}");
     }
 }
+
+fn in_condition(name: &str) -> ReferenceCamera {
+    ReferenceCamera::new(&street::scene(), Appearance::named(name).expect("a condition"))
+}
+
+fn at_tick(camera: &ReferenceCamera, tick: u32) -> ds_raster::RgbImage {
+    let world = WorldState { tick: ds_space::Tick(tick), ..street::world() };
+    camera.render(&world, &street::camera(160, 96), street::ego().world_from_rig(0.0))
+}
+
+/// Mean absolute difference of bytes.
+fn difference(a: &ds_raster::RgbImage, b: &ds_raster::RgbImage) -> f64 {
+    let pairs = a.rgb().iter().zip(b.rgb());
+    pairs.map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs()).sum::<f64>() / a.rgb().len() as f64
+}
+
+#[test]
+fn every_condition_shows_and_keeps_the_shapes() {
+    let (world, camera) = (street::world(), street::camera(160, 96));
+    let rig = street::ego().world_from_rig(0.0);
+    let conditions: Vec<ds_camera::Condition> = ds_camera::Condition::all().collect();
+    // One palette and one sun for all: what differs is the condition.
+    let look = |condition| Appearance { palette_seed: 1, sun_azimuth_rad: 0.9, ..Appearance::condition(condition, 1) };
+    let pictures: Vec<_> = conditions.iter().map(|c| ReferenceCamera::new(&street::scene(), look(*c))).collect();
+    let classes = pictures[0].classes(&world, &camera, rig);
+    let frames: Vec<_> = pictures.iter().map(|camera| at_tick(camera, 3)).collect();
+    for (i, a) in conditions.iter().enumerate() {
+        assert_eq!(pictures[i].classes(&world, &camera, rig), classes, "{a} changes the classes");
+        for (j, b) in conditions.iter().enumerate().skip(i + 1) {
+            let apart = difference(&frames[i], &frames[j]);
+            assert!(apart > 1.0, "{a} and {b} differ by {apart:.2} only");
+        }
+    }
+}
+
+#[test]
+fn snow_and_rain_fall_anew_at_each_tick_and_the_same_each_time() {
+    for (name, least) in [("snow", 1.0), ("rain", 0.5), ("snow-night", 0.2)] {
+        let camera = in_condition(name);
+        let (first, again, next) = (at_tick(&camera, 5), at_tick(&in_condition(name), 5), at_tick(&camera, 6));
+        assert_eq!(first, again, "{name}");
+        assert!(difference(&first, &next) > least, "{name}: {}", difference(&first, &next));
+    }
+    let dry = in_condition("overcast");
+    assert_eq!(at_tick(&dry, 5), at_tick(&dry, 6), "nothing falls");
+}
+
+#[test]
+fn fog_hides_what_is_far_and_leaves_what_is_near() {
+    // A dark car at 8 m and one at 60 m, each against its surroundings.
+    let contrast = |name: &str, x_m: f64| {
+        let car = agent(AgentClass::Vehicle, [4.5, 1.8, 1.5], x_m, -1.75);
+        let camera = street::camera(160, 96);
+        let rig = street::ego().world_from_rig(0.0);
+        let with = in_condition(name).render(&with_agents(vec![car.clone()]), &camera, rig);
+        let without = in_condition(name).render(&with_agents(vec![]), &camera, rig);
+        let seen = classes(&with_agents(vec![car]), &camera);
+        let pixels: Vec<usize> = (0..seen.len()).filter(|i| seen[*i] == PixelClass::Vehicle).collect();
+        let change = |i: &usize| {
+            (0..3).map(|c| f64::from(with.rgb()[3 * i + c].abs_diff(without.rgb()[3 * i + c]))).sum::<f64>()
+        };
+        pixels.iter().map(change).sum::<f64>() / pixels.len() as f64
+    };
+    let left = |x_m: f64| contrast("fog", x_m) / contrast("overcast", x_m);
+    let (near, far) = (left(8.0), left(60.0));
+    assert!(near > 0.45 && far < 0.4 && far < 0.6 * near, "near {near:.2}, far {far:.2}");
+}
+
+#[test]
+fn snow_whitens_sand_yellows_and_puddles_mirror() {
+    let mean = |name: &str| {
+        let appearance = Appearance { palette_seed: 1, ..Appearance::named(name).expect("a condition") };
+        let camera = ReferenceCamera::new(&street::scene(), appearance);
+        let picture = camera.render(&with_agents(vec![]), &street::camera(160, 96), street::ego().world_from_rig(0.0));
+        let seen = classes(&with_agents(vec![]), &street::camera(160, 96));
+        let road: Vec<usize> = (0..seen.len()).filter(|i| seen[*i] == PixelClass::Road).collect();
+        let channel =
+            |c: usize| road.iter().map(|i| f64::from(picture.rgb()[3 * i + c])).sum::<f64>() / road.len() as f64;
+        let brightness: Vec<f64> = road
+            .iter()
+            .map(|i| picture.rgb()[3 * i..3 * i + 3].iter().map(|c| f64::from(*c)).sum::<f64>() / 3.0)
+            .collect();
+        let average = brightness.iter().sum::<f64>() / brightness.len() as f64;
+        let spread = (brightness.iter().map(|b| (b - average).powi(2)).sum::<f64>() / brightness.len() as f64).sqrt();
+        ([channel(0), channel(1), channel(2)], average, spread)
+    };
+    let (dry, snow) = (mean("overcast"), mean("overcast-snow_covered"));
+    let (sand, puddles) = (mean("overcast-sand"), mean("overcast-puddles"));
+    assert!(snow.1 > dry.1 + 20.0, "snow {:.0}, dry {:.0}", snow.1, dry.1);
+    assert!(sand.0[0] > sand.0[2] + 30.0 && dry.0[0] < dry.0[2] + 15.0, "sand {:?}, dry {:?}", sand.0, dry.0);
+    assert!(puddles.2 > 1.5 * dry.2, "puddles {:.1}, dry {:.1}", puddles.2, dry.2);
+}

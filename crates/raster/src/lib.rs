@@ -3,13 +3,16 @@
 //! Images are 8-bit RGB in sRGB, rows top to bottom, no padding. The rasteriser is shared by the layout's `cpu`
 //! back end and the reference camera; it knows triangles, views, lenses and depth, not scenes.
 
+mod class;
 pub mod depth;
 pub mod encode;
 pub mod image;
 pub mod lens;
+mod photo;
 pub mod shape;
 pub mod view;
 
+pub use class::PixelClass;
 pub use depth::{DepthRaster, ScreenPoint};
 pub use encode::{Encoding, ImageError};
 pub use image::RgbImage;

@@ -8,11 +8,15 @@ use std::path::{Path, PathBuf};
 
 use ds_world::Scene;
 
+pub mod nuscenes;
+pub mod openscene;
 mod pickle;
+mod recorded;
 pub mod scenarionet;
 mod view;
 
 pub use pickle::PickleError;
+pub use recorded::Recorded;
 
 use crate::store::{SUFFIX, ScenarioError, Warning, save};
 

@@ -3,6 +3,7 @@
 //! World frame, SI units, radians. No file formats, no messages, no behaviour beyond look-ups.
 
 pub mod agent;
+pub mod condition;
 pub mod ego;
 pub mod map;
 pub mod polyline;
@@ -12,6 +13,7 @@ pub mod state;
 pub mod trajectory;
 
 pub use agent::{AgentClass, AgentState, Size, Track, TrackPoint};
+pub use condition::{Condition, ConditionError, Lighting, RoadSurface, Weather};
 pub use ego::{EgoState, RouteCommand, VehicleParameters};
 pub use map::{
     Crosswalk, Lane, LaneId, LaneKind, LightState, LineColour, LineKind, LineMarking, Map, Polygon, RoadEdge, StopLine,

@@ -18,7 +18,7 @@ use crate::{compose, resolve};
 mod ego;
 mod lanes;
 mod lights;
-mod route;
+pub(super) mod route;
 mod tracks;
 
 /// How one file is turned into a scene: what to subtract from positions, which ticks to keep.

@@ -13,7 +13,7 @@ const LEAD_ON_M: f64 = 80.0;
 /// Over what length the route goes over from the log to the lane, in metres.
 const JOIN_M: f64 = 12.0;
 
-pub(super) fn route(log: &[EgoState], map: &Map) -> Vec<DVec2> {
+pub(in crate::import) fn route(log: &[EgoState], map: &Map) -> Vec<DVec2> {
     let first = &log[0];
     let mut points = Vec::new();
     for metre in (1..=15).rev() {

@@ -1,0 +1,83 @@
+//! Photographs: PNG or JPEG files of a size that only the file knows, and their reduction to the size of a model.
+
+use std::io::Cursor;
+
+use image::codecs::{jpeg, png};
+use image::{DynamicImage, ImageDecoder};
+
+use crate::encode::ImageError;
+use crate::image::{MAX_SIDE_PX, RgbImage};
+
+impl RgbImage {
+    /// Decodes a PNG or JPEG of any colour type; its size is checked before anything is allocated.
+    ///
+    /// # Errors
+    /// If a side is out of bounds or the bytes are broken.
+    pub fn photo(bytes: &[u8]) -> Result<Self, ImageError> {
+        if bytes.starts_with(b"\x89PNG") {
+            developed(png::PngDecoder::new(Cursor::new(bytes)).map_err(ImageError::Decode)?)
+        } else {
+            developed(jpeg::JpegDecoder::new(Cursor::new(bytes)).map_err(ImageError::Decode)?)
+        }
+    }
+
+    /// Returns the picture at another size, each pixel the mean of what it covers, sides scaled each by itself.
+    #[must_use]
+    pub fn reduced(&self, width_px: u32, height_px: u32) -> Self {
+        let (width_px, height_px) = (width_px.clamp(1, MAX_SIDE_PX), height_px.clamp(1, MAX_SIDE_PX));
+        let mut reduced = Self::filled(width_px, height_px, [0; 3]);
+        let span = |i: u32, from: u32, to: u32| {
+            let low = (u64::from(i) * u64::from(from) / u64::from(to)) as u32;
+            let high = ((u64::from(i) + 1) * u64::from(from)).div_ceil(u64::from(to)) as u32;
+            low..high.max(low + 1).min(from)
+        };
+        for y in 0..height_px {
+            let rows = span(y, self.height_px(), height_px);
+            for x in 0..width_px {
+                let columns = span(x, self.width_px(), width_px);
+                let (mut sum, mut count) = ([0u32; 3], 0);
+                for row in rows.clone() {
+                    for column in columns.clone() {
+                        let pixel = self.pixel(column, row);
+                        (0..3).for_each(|c| sum[c] += u32::from(pixel[c]));
+                        count += 1;
+                    }
+                }
+                #[expect(clippy::cast_possible_truncation, reason = "a mean of bytes is a byte")]
+                let mean = sum.map(|sum| ((sum + count / 2) / count.max(1)) as u8);
+                reduced.set_pixel(x, y, mean);
+            }
+        }
+        reduced
+    }
+}
+
+fn developed(decoder: impl ImageDecoder) -> Result<RgbImage, ImageError> {
+    let (width_px, height_px) = decoder.dimensions();
+    if width_px == 0 || height_px == 0 || width_px > MAX_SIDE_PX || height_px > MAX_SIDE_PX {
+        return Err(ImageError::Side { width_px, height_px });
+    }
+    let picture = DynamicImage::from_decoder(decoder).map_err(ImageError::Decode)?;
+    RgbImage::new(width_px, height_px, picture.into_rgb8().into_raw())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::encode::Encoding;
+
+    #[test]
+    fn photographs_are_read_and_reduced_to_their_means() {
+        let mut picture = RgbImage::filled(6, 4, [10, 20, 30]);
+        (0..4).for_each(|y| (3..6).for_each(|x| picture.set_pixel(x, y, [110, 20, 30])));
+        let png = picture.encode(Encoding::Png).expect("encodes");
+        let read = RgbImage::photo(&png).expect("decodes");
+        assert_eq!(read, picture);
+        let small = read.reduced(2, 2);
+        assert_eq!((small.pixel(0, 0), small.pixel(1, 1)), ([10, 20, 30], [110, 20, 30]));
+        assert_eq!(read.reduced(1, 1).pixel(0, 0), [60, 20, 30]);
+        let jpeg = picture.encode(Encoding::Jpeg).expect("encodes");
+        assert_eq!(RgbImage::photo(&jpeg).expect("decodes").width_px(), 6);
+        assert!(RgbImage::photo(&png[..40]).is_err() && RgbImage::photo(b"GIF89a").is_err());
+    }
+}
