@@ -66,9 +66,7 @@ impl Array {
         for side in &self.shape {
             writer.u64(*side as u64);
         }
-        for value in &self.values {
-            writer.raw(&value.to_le_bytes());
-        }
+        digest_values(writer, &self.values);
     }
 
     /// Returns the digest of shape and value bits.
@@ -77,6 +75,17 @@ impl Array {
         let mut writer = DigestWriter::new();
         self.digest_into(&mut writer);
         writer.finish()
+    }
+}
+
+/// Adds the little-endian bits of values to a digest.
+pub(crate) fn digest_values(writer: &mut DigestWriter, values: &[f32]) {
+    if cfg!(target_endian = "little") {
+        writer.raw(bytemuck::cast_slice(values));
+    } else {
+        for value in values {
+            writer.raw(&value.to_le_bytes());
+        }
     }
 }
 
@@ -141,6 +150,12 @@ pub enum WeightsError {
         expected: Vec<usize>,
         /// The shape found.
         found: Vec<usize>,
+    },
+    /// The back end has no such layers.
+    #[error("back end {backend:?} runs the project's own networks alone, not published ones")]
+    Backend {
+        /// Its name.
+        backend: &'static str,
     },
     /// A weight holds a value that is not finite.
     #[error("weight {name:?} holds {value} at index {index}")]
@@ -219,6 +234,11 @@ impl Weights {
     #[must_use]
     pub fn get(&self, name: &str) -> Option<&Array> {
         self.arrays.get(name)
+    }
+
+    /// Returns an array by name for writing.
+    pub fn get_mut(&mut self, name: &str) -> Option<&mut Array> {
+        self.arrays.get_mut(name)
     }
 
     /// Returns all names and arrays, in name order.

@@ -3,7 +3,7 @@
 //! Rotary pairs are adjacent elements (2i, 2i+1). A head of D elements has c = D/2 pairs: c − 2⌊c/3⌋ temporal ones,
 //! then ⌊c/3⌋ by row and ⌊c/3⌋ by column, each axis with its own table (θ = 10000). Angles are computed in f64.
 
-use burn::tensor::{Tensor, activation, module, ops::AttentionModuleOptions};
+use burn::tensor::{FloatDType, Tensor, activation, module, ops::AttentionModuleOptions};
 
 use crate::array::Array;
 use crate::graph::{Graph, Mode};
@@ -103,7 +103,7 @@ impl Heads {
                 activation::softmax(scores, 3).matmul(v)
             }
         };
-        y.swap_dims(1, 2).reshape([b, n, d])
+        y.swap_dims(1, 2).reshape([b, n, d]).cast(FloatDType::F32)
     }
 }
 
@@ -119,6 +119,7 @@ impl Rotation {
     pub(crate) fn apply(&self, x: Tensor<3>) -> Tensor<3> {
         let [b, n, d] = x.dims();
         let dim = self.swap.dims()[0];
+        let x = x.cast(FloatDType::F32);
         let swapped = x.clone().reshape([b * n * d / dim, dim]).matmul(self.swap.clone()).reshape([b, n, d]);
         x * self.cos.clone() + swapped * self.sin.clone()
     }

@@ -4,12 +4,20 @@
 //! window: sink first, past next, the current chunk last. Frames stay where they were written; the ring overwrites the
 //! oldest. Every commit extends a digest over all keys and values since the start of the rollout.
 
+use std::sync::Arc;
+
 use burn::tensor::Tensor;
 use ds_space::{Digest, DigestWriter};
 
 use crate::attention::{Rotation, Visible};
+use crate::body::{Held, Transformer};
 use crate::dit::Dit;
+use crate::fast::buffer::Pooled;
+use crate::fast::{Captured, FrameRows, Sight};
 use crate::graph::array_of;
+
+/// Keys and values per layer, [1, rows, d], on the framework's device.
+type Pairs = Vec<(Tensor<3>, Tensor<3>)>;
 
 /// Where cached keys stand in time when they are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -46,17 +54,26 @@ pub struct CachePolicy {
     pub order: ReadOrder,
 }
 
-/// Keys and values of one chunk: per layer [1, frames·tokens, d], keys un-rotated.
+/// Keys and values of one chunk, keys un-rotated.
 #[derive(Clone)]
 pub struct ChunkKv {
-    pub(crate) layers: Vec<(Tensor<3>, Tensor<3>)>,
+    pub(crate) held: Held<Pairs, Arc<Captured>>,
     pub(crate) frames: usize,
 }
 
+/// Keys and values of one frame of a chunk.
+#[derive(Clone)]
+pub struct FrameKv(pub(crate) Held<Pairs, FrameRows>);
+
 impl ChunkKv {
     fn digest_into(&self, writer: &mut DigestWriter) {
-        for tensor in self.layers.iter().flat_map(|(k, v)| [k, v]) {
-            array_of(tensor.clone()).digest_into(writer);
+        match &self.held {
+            Held::Graph(layers) => {
+                for tensor in layers.iter().flat_map(|(k, v)| [k, v]) {
+                    array_of(tensor.clone()).digest_into(writer);
+                }
+            }
+            Held::Fast(captured) => captured.digest_into(writer),
         }
     }
 
@@ -67,12 +84,26 @@ impl ChunkKv {
         self.digest_into(&mut writer);
         writer.finish()
     }
+
+    fn frame(&self, index: usize) -> FrameKv {
+        match &self.held {
+            Held::Graph(layers) => {
+                let part = |x: &Tensor<3>| {
+                    let [b, n, d] = x.dims();
+                    let n = n / self.frames;
+                    x.clone().slice([0..b, index * n..(index + 1) * n, 0..d])
+                };
+                FrameKv(Held::Graph(layers.iter().map(|(k, v)| (part(k), part(v))).collect()))
+            }
+            Held::Fast(captured) => FrameKv(Held::Fast(FrameRows::new(captured, index))),
+        }
+    }
 }
 
 #[derive(Clone)]
 struct Slot {
     frame: usize,
-    layers: Vec<(Tensor<3>, Tensor<3>)>,
+    kv: FrameKv,
 }
 
 /// The cache of one rollout. A clone shares all tensors and costs a few pointers per frame.
@@ -111,15 +142,14 @@ impl KvCache {
         writer.digest(&self.digest);
         chunk.digest_into(&mut writer);
         self.digest = writer.finish();
+        self.append(chunk);
+    }
+
+    /// As [`Self::commit`], but leaves the digest behind: nothing is read back from the device.
+    pub fn append(&mut self, chunk: &ChunkKv) {
         let capacity = self.policy.window.saturating_sub(self.policy.sink + self.policy.chunk);
         for index in 0..chunk.frames {
-            let part = |x: &Tensor<3>| {
-                let [b, n, d] = x.dims();
-                let n = n / chunk.frames;
-                x.clone().slice([0..b, index * n..(index + 1) * n, 0..d])
-            };
-            let layers = chunk.layers.iter().map(|(k, v)| (part(k), part(v))).collect();
-            let slot = Slot { frame: self.written, layers };
+            let slot = Slot { frame: self.written, kv: chunk.frame(index) };
             self.written += 1;
             if self.sink.len() < self.policy.sink {
                 self.sink.push(slot);
@@ -134,7 +164,7 @@ impl KvCache {
 
     /// Reads the window of the next chunk of `frames` frames: rotates cached keys at their positions.
     #[must_use]
-    pub fn window(&self, dit: &Dit, frames: usize) -> Window {
+    pub fn window(&self, dit: &dyn Transformer, frames: usize) -> Window {
         let visible = Visible::of(self.written, frames, self.policy.window, self.policy.sink);
         let mut slots: Vec<&Slot> = self.sink.iter().chain(&self.ring).collect();
         if self.policy.order == ReadOrder::Age {
@@ -146,30 +176,41 @@ impl KvCache {
             Positions::Absolute => 0,
         };
         let place = |frame: usize| if frame < visible.sink { frame } else { frame - evicted };
-        let heads = dit.shape.heads();
         let current: Vec<usize> = (0..frames).map(|index| place(self.written + index)).collect();
-        let current = heads.rotation(&dit.graph, &current);
-        if slots.is_empty() {
-            return Window { layers: Vec::new(), current };
-        }
-        let positions: Vec<usize> = slots.iter().map(|slot| place(slot.frame)).collect();
-        let rotation = heads.rotation(&dit.graph, &positions);
-        let read = |layer: usize| {
-            let k = Tensor::cat(slots.iter().map(|slot| slot.layers[layer].0.clone()).collect(), 1);
-            let v = Tensor::cat(slots.iter().map(|slot| slot.layers[layer].1.clone()).collect(), 1);
-            (rotation.apply(k), v)
-        };
-        Window { layers: (0..dit.shape.layers).map(read).collect(), current }
+        let cached: Vec<(&FrameKv, usize)> = slots.iter().map(|slot| (&slot.kv, place(slot.frame))).collect();
+        dit.window(&cached, &current)
     }
 }
 
 /// The rotated keys and the values that a chunk sees, and the rotation of the chunk itself.
-pub struct Window {
-    layers: Vec<(Tensor<3>, Tensor<3>)>,
+pub struct Window(pub(crate) Held<GraphWindow, Pooled<Sight>>);
+
+/// A window on the framework's device.
+pub(crate) struct GraphWindow {
+    layers: Pairs,
     pub(crate) current: Rotation,
 }
 
 impl Window {
+    pub(crate) fn of_graph(dit: &Dit, frames: &[(&FrameKv, usize)], current: &[usize]) -> Self {
+        let heads = dit.shape.heads();
+        let current = heads.rotation(&dit.graph, current);
+        if frames.is_empty() {
+            return Self(Held::Graph(GraphWindow { layers: Vec::new(), current }));
+        }
+        let positions: Vec<usize> = frames.iter().map(|(_, position)| *position).collect();
+        let rotation = heads.rotation(&dit.graph, &positions);
+        let read = |layer: usize| {
+            let pairs = || frames.iter().map(|(frame, _)| &frame.0.graph()[layer]);
+            let k = Tensor::cat(pairs().map(|(k, _)| k.clone()).collect(), 1);
+            let v = Tensor::cat(pairs().map(|(_, v)| v.clone()).collect(), 1);
+            (dit.graph.lower(rotation.apply(k)), v)
+        };
+        Self(Held::Graph(GraphWindow { layers: (0..dit.shape.layers).map(read).collect(), current }))
+    }
+}
+
+impl GraphWindow {
     /// Puts the cached keys and values of a layer in front of the chunk's own.
     pub(crate) fn extend(&self, layer: usize, k: Tensor<3>, v: Tensor<3>) -> (Tensor<3>, Tensor<3>) {
         match self.layers.get(layer) {

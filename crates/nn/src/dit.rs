@@ -2,125 +2,35 @@
 //!
 //! Tokens are 2×2 patches of latent pixels; a frame of `grid_h`×`grid_w` tokens comes as [tokens, 4 pixels, channels]
 //! with pixels in row-major order inside the patch. The input is the concatenation noisy ++ control ++ start along
-//! channels; control is a linear map of the space-to-depth layout. Time, modulation and norms are f32. The
-//! feed-forward uses the exact GELU. Cross-attention to the context sits in every `cross_every`-th block.
+//! channels; control is a linear map of the space-to-depth layout, or a latent of the autoencoder. Time, modulation and
+//! norms are f32. Cross-attention to the context sits in every `cross_every`-th block; CLIP states have keys and values
+//! of their own there, whose result is added.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use burn::tensor::{Tensor, activation, module};
 
-use crate::array::{Array, Declared, Initial, Weights, WeightsError};
-use crate::attention::{Heads, Rotation};
+use crate::array::{Array, Weights, WeightsError};
+use crate::attention::Rotation;
+use crate::body::Held;
 use crate::cache::{ChunkKv, Window};
+use crate::checkpoint::{CheckpointError, Finite, Fitted};
+use crate::device::Precision;
 use crate::graph::{Graph, Linear, Mode, array_of};
 
+mod clip;
+mod image;
+mod modulation;
+mod shape;
+#[cfg(test)]
+mod tests;
+
+pub use clip::Clip;
+use image::{ImageEmbedding, ImageKv};
+use modulation::{Modulation, rms_norm};
+pub use shape::{DitShape, Gelu};
+
 const EPSILON: f64 = 1e-6;
-
-/// Sizes of the transformer.
-#[derive(Debug, Clone, PartialEq)]
-pub struct DitShape {
-    /// Blocks.
-    pub layers: usize,
-    /// Model width.
-    pub dim: usize,
-    /// Attention heads.
-    pub heads: usize,
-    /// Feed-forward width.
-    pub ffn: usize,
-    /// Latent channels.
-    pub latent_channels: usize,
-    /// Values per latent pixel of the space-to-depth layout.
-    pub control_inputs: usize,
-    /// Channels of the control latent.
-    pub control_channels: usize,
-    /// Width of the sinusoidal time embedding.
-    pub freq_dim: usize,
-    /// Width of a prompt token.
-    pub text_dim: usize,
-    /// Prompt tokens; 0 leaves the context out.
-    pub text_len: usize,
-    /// Whether the first frame's tokens join the context.
-    pub image_context: bool,
-    /// Whether the start latent stands in every frame, or in the first alone.
-    pub start_every: bool,
-    /// Every how many blocks cross-attention sits.
-    pub cross_every: usize,
-    /// Token rows of a frame.
-    pub grid_h: usize,
-    /// Token columns of a frame.
-    pub grid_w: usize,
-}
-
-impl DitShape {
-    /// Returns the tokens of a frame.
-    #[must_use]
-    pub fn tokens(&self) -> usize {
-        self.grid_h * self.grid_w
-    }
-
-    /// Returns the input channels of a latent pixel.
-    #[must_use]
-    pub fn in_dim(&self) -> usize {
-        2 * self.latent_channels + self.control_channels
-    }
-
-    pub(crate) fn heads(&self) -> Heads {
-        Heads { heads: self.heads, head_dim: self.dim / self.heads, grid_h: self.grid_h, grid_w: self.grid_w }
-    }
-
-    fn crosses(&self, layer: usize) -> bool {
-        (self.text_len > 0 || self.image_context) && layer.is_multiple_of(self.cross_every)
-    }
-
-    /// Lists the weights.
-    #[must_use]
-    pub fn declare(&self) -> Vec<Declared> {
-        let (d, mut list) = (self.dim, Vec::new());
-        Declared::linear(&mut list, "control_embedding", self.control_inputs, self.control_channels, 1.0);
-        let patch = 1.0 / ((4 * self.in_dim()) as f32).sqrt();
-        list.push(Declared::new("patch_embedding.weight", &[d, self.in_dim(), 1, 2, 2], Initial::Normal(patch)));
-        list.push(Declared::new("patch_embedding.bias", &[d], Initial::Constant(0.0)));
-        Declared::linear(&mut list, "time_embedding.0", self.freq_dim, d, 1.0);
-        Declared::linear(&mut list, "time_embedding.2", d, d, 1.0);
-        Declared::linear(&mut list, "time_projection.1", d, 6 * d, 0.1);
-        if self.text_len > 0 {
-            Declared::linear(&mut list, "text_embedding.0", self.text_dim, d, 1.0);
-            Declared::linear(&mut list, "text_embedding.2", d, d, 1.0);
-        }
-        if self.image_context {
-            Declared::linear(&mut list, "img_emb.proj.1", 4 * self.latent_channels, d, 1.0);
-        }
-        for layer in 0..self.layers {
-            self.declare_block(&mut list, layer);
-        }
-        Declared::linear(&mut list, "head.head", d, 4 * self.latent_channels, 0.1);
-        list.push(Declared::new("head.modulation", &[1, 2, d], Initial::Constant(0.0)));
-        list
-    }
-
-    fn declare_block(&self, list: &mut Vec<Declared>, layer: usize) {
-        let d = self.dim;
-        let name = |part: &str| format!("blocks.{layer}.{part}");
-        let attention = |list: &mut Vec<Declared>, kind: &str| {
-            for part in ["q", "k", "v"] {
-                Declared::linear(list, &name(&format!("{kind}.{part}")), d, d, 1.0);
-            }
-            Declared::linear(list, &name(&format!("{kind}.o")), d, d, 0.3);
-            for part in ["norm_q", "norm_k"] {
-                list.push(Declared::new(name(&format!("{kind}.{part}.weight")), &[d], Initial::Constant(1.0)));
-            }
-        };
-        list.push(Declared::new(name("modulation"), &[1, 6, d], Initial::Gates));
-        attention(list, "self_attn");
-        if self.crosses(layer) {
-            list.push(Declared::new(name("norm3.weight"), &[d], Initial::Constant(1.0)));
-            list.push(Declared::new(name("norm3.bias"), &[d], Initial::Constant(0.0)));
-            attention(list, "cross_attn");
-        }
-        Declared::linear(list, &name("ffn.0"), d, self.ffn, 1.0);
-        Declared::linear(list, &name("ffn.2"), self.ffn, d, 0.3);
-    }
-}
 
 struct Attention {
     q: Linear,
@@ -145,10 +55,17 @@ impl Attention {
     }
 }
 
+/// Cross-attention of a block: its norm, the attention to the prompt, and keys and values of CLIP states.
+struct Cross {
+    norm: [Tensor<1>; 2],
+    attention: Attention,
+    image: Option<ImageKv>,
+}
+
 struct Block {
     modulation: Tensor<3>,
     self_attn: Attention,
-    cross: Option<(Tensor<1>, Tensor<1>, Attention)>,
+    cross: Option<Cross>,
     ffn: [Linear; 2],
 }
 
@@ -159,11 +76,14 @@ pub(crate) struct Qkv {
     pub(crate) v: Tensor<3>,
 }
 
-/// The keys and values of the prompt and the first frame, one pair per block that attends to them.
+/// The keys and values of the prompt and the first frame, per block that attends to them; those of CLIP states are a
+/// pair of their own.
 #[derive(Clone)]
 pub struct Context {
-    pairs: Vec<Option<(Tensor<3>, Tensor<3>)>>,
+    pairs: Vec<Option<Pairs>>,
 }
+
+type Pairs = ((Tensor<3>, Tensor<3>), Option<(Tensor<3>, Tensor<3>)>);
 
 /// A control latent on the device, [1, frames·tokens, 4, channels].
 #[derive(Clone)]
@@ -193,11 +113,13 @@ pub(crate) struct Tokens {
 pub struct Dit {
     pub(crate) shape: DitShape,
     pub(crate) graph: Graph,
-    control: Linear,
+    control: Option<Linear>,
     patch: Linear,
     time: [Linear; 3],
     text: Option<[Linear; 2]>,
     image: Option<Linear>,
+    clip: Option<ImageEmbedding>,
+    reference: Option<Linear>,
     blocks: Vec<Block>,
     head: Linear,
     head_modulation: Tensor<3>,
@@ -220,18 +142,52 @@ impl Dit {
         Ok(Self::bind(shape, weights, Mode::Infer))
     }
 
+    /// Binds a checkpoint that was fitted to [`DitShape::declare`]. Blocks' layers, keys and values take the precision;
+    /// embeddings, modulation, norms and head stay f32.
+    ///
+    /// # Errors
+    /// If a value is not finite and that is checked.
+    pub fn load(
+        shape: &DitShape,
+        fitted: &Fitted<'_>,
+        finite: Finite,
+        precision: Precision,
+    ) -> Result<Self, CheckpointError> {
+        let mut graph = Graph::empty(Mode::Infer, precision);
+        fitted.each(finite, |name, array| graph.bind(name, &array, format(name, array.shape(), precision)))?;
+        let mut dit = Self::of(shape, graph);
+        dit.graph.forget();
+        Ok(dit)
+    }
+
+    /// Binds drawn weights, for measurements.
+    #[must_use]
+    pub fn drawn(shape: &DitShape, precision: Precision) -> Self {
+        let mut graph = Graph::empty(Mode::Infer, precision);
+        graph.bind_drawn(&shape.declare(), |weight| format(&weight.name, &weight.shape, precision));
+        let mut dit = Self::of(shape, graph);
+        dit.graph.forget();
+        dit
+    }
+
     pub(crate) fn bind(shape: &DitShape, weights: &Weights, mode: Mode) -> Self {
-        let graph = Graph::new(weights, mode);
-        let (d, in_dim) = (shape.dim, shape.in_dim());
+        Self::of(shape, Graph::new(weights, mode))
+    }
+
+    /// Builds the layers of weights that were put on the device and fit the declarations.
+    pub(crate) fn of(shape: &DitShape, graph: Graph) -> Self {
+        let d = shape.dim;
         // The file holds (channel, row, column) per patch; tokens here hold (row·2 + column, channel).
-        let patch = graph.weight::<3>("patch_embedding.weight", [d, in_dim, 4]).swap_dims(1, 2);
-        let patch = Linear::of(patch.reshape([d, 4 * in_dim]).transpose(), graph.weight("patch_embedding.bias", [d]));
+        let patch = |name: &str, channels: usize| {
+            let weight = graph.weight::<3>(&format!("{name}.weight"), [d, channels, 4]).swap_dims(1, 2);
+            Linear::of(weight.reshape([d, 4 * channels]).transpose(), graph.weight(&format!("{name}.bias"), [d]))
+        };
         let block = |layer: usize| {
             let name = |part: &str| format!("blocks.{layer}.{part}");
-            let cross = || {
-                let norm = [graph.weight(&name("norm3.weight"), [d]), graph.weight(&name("norm3.bias"), [d])];
-                let [weight, bias] = norm;
-                (weight, bias, Attention::new(&graph, &name("cross_attn"), d))
+            let cross = || Cross {
+                norm: [graph.weight(&name("norm3.weight"), [d]), graph.weight(&name("norm3.bias"), [d])],
+                attention: Attention::new(&graph, &name("cross_attn"), d),
+                image: (shape.clip_dim > 0).then(|| ImageKv::new(&graph, &name("cross_attn"), d)),
             };
             Block {
                 modulation: graph.weight(&name("modulation"), [1, 6, d]),
@@ -241,22 +197,24 @@ impl Dit {
             }
         };
         Self {
-            control: graph.linear("control_embedding"),
+            control: (shape.control_inputs > 0).then(|| graph.linear("control_embedding")),
+            patch: patch("patch_embedding", shape.in_dim()),
             time: ["time_embedding.0", "time_embedding.2", "time_projection.1"].map(|name| graph.linear(name)),
             text: (shape.text_len > 0).then(|| ["text_embedding.0", "text_embedding.2"].map(|name| graph.linear(name))),
             image: shape.image_context.then(|| graph.linear("img_emb.proj.1")),
+            clip: (shape.clip_dim > 0).then(|| ImageEmbedding::new(&graph, shape)),
+            reference: shape.reference.then(|| patch("ref_conv", shape.latent_channels)),
             blocks: (0..shape.layers).map(block).collect(),
             head: graph.linear("head.head"),
             head_modulation: graph.weight("head.modulation", [1, 2, d]),
             forwards: AtomicU64::new(0),
             shape: shape.clone(),
-            patch,
             graph,
         }
     }
 
     /// Computes the context's keys and values: `text` is [B, text_len, text_dim], `first` the first frame's clean
-    /// tokens [B, tokens, 4, z].
+    /// tokens [B, tokens, 4, z], or its CLIP states [B, tokens, clip_dim] where the shape asks for those.
     #[must_use]
     pub fn context(&self, text: &Array, first: &Array) -> Context {
         let batch = first.shape()[0];
@@ -266,24 +224,33 @@ impl Dit {
             parts.push(image.apply(first.reshape([batch, self.shape.tokens(), 4 * self.shape.latent_channels])));
         }
         if let Some([first, second]) = &self.text {
-            parts.push(second.apply(activation::gelu(first.apply(self.graph.tensor::<3>(text)))));
+            parts.push(second.apply(self.gelu(first.apply(self.graph.tensor::<3>(text)))));
         }
         if parts.is_empty() {
             return Context { pairs: vec![None; self.blocks.len()] };
         }
         let tokens = Tensor::cat(parts, 1);
+        let states = self.clip.as_ref().map(|clip| clip.apply(self.graph.tensor::<3>(first)));
         let pair = |block: &Block| {
-            let (_, _, attention) = block.cross.as_ref()?;
+            let Cross { attention, image, .. } = block.cross.as_ref()?;
+            let lower = |x| self.graph.lower(x);
             let k = rms_norm(attention.k.apply(tokens.clone()), &attention.norm_k);
-            Some((k, attention.v.apply(tokens.clone())))
+            let image = image.as_ref().zip(states.clone()).map(|(image, states)| image.apply(states));
+            let image = image.map(|(k, v)| (lower(k), lower(v)));
+            Some(((lower(k), lower(attention.v.apply(tokens.clone()))), image))
         };
         Context { pairs: self.blocks.iter().map(pair).collect() }
     }
 
-    /// Computes the control latent of space-to-depth layouts [B, F·tokens, 4, control inputs].
+    /// Computes the control latent of space-to-depth layouts [B, F·tokens, 4, control inputs]; without a control
+    /// embedding the argument is the control latent itself.
     #[must_use]
     pub fn control(&self, layouts: &Array) -> Control {
-        Control(self.control.apply(self.graph.tensor::<4>(layouts)))
+        let layouts = self.graph.tensor::<4>(layouts);
+        Control(match &self.control {
+            Some(embedding) => embedding.apply(layouts),
+            None => layouts,
+        })
     }
 
     /// Reads a control latent [frames, tokens, 4, channels] back from its values.
@@ -296,7 +263,7 @@ impl Dit {
     /// Returns the control latent that stands for "no layout".
     #[must_use]
     pub fn control_off(&self, frames: usize) -> Control {
-        let shape = [1, frames * self.shape.tokens(), 4, self.shape.control_channels];
+        let shape = [1, frames * self.shape.tokens(), 4, self.shape.control_channels.max(1)];
         Control(Tensor::zeros(shape, &self.graph.device))
     }
 
@@ -313,16 +280,20 @@ impl Dit {
             start: flat(chunk.start),
             times: vec![chunk.time],
         };
-        let heads = self.shape.heads();
+        let (heads, window) = (self.shape.heads(), window.0.graph());
         let mut kept = Vec::with_capacity(self.blocks.len());
         let output = self.forward(tokens, context, &mut |layer, Qkv { q, k, v }| {
             let rotation: &Rotation = &window.current;
-            kept.push((k.clone(), v.clone()));
-            let (q, k) = (rotation.apply(q), rotation.apply(k));
+            let v = self.graph.lower(v);
+            kept.push((self.graph.lower(k.clone()), v.clone()));
+            let (q, k) = (self.graph.lower(rotation.apply(q)), self.graph.lower(rotation.apply(k)));
             let (k, v) = window.extend(layer, k, v);
             heads.attend(Mode::Infer, q, k, v)
         });
-        (array_of(output.reshape([shape[0], shape[1], 4, shape[3]])), ChunkKv { layers: kept, frames: shape[0] })
+        (
+            array_of(output.reshape([shape[0], shape[1], 4, shape[3]])),
+            ChunkKv { held: Held::Graph(kept), frames: shape[0] },
+        )
     }
 
     /// Runs all blocks; `attend` does the self-attention of a layer. Returns [B, F·tokens, 4, z].
@@ -332,12 +303,31 @@ impl Dit {
         context: &Context,
         attend: &mut dyn FnMut(usize, Qkv) -> Tensor<3>,
     ) -> Tensor<4> {
-        let (d, n) = (self.shape.dim, self.shape.tokens());
         let [b, rows, _, z] = tokens.noisy.dims();
-        let x = Tensor::cat(vec![tokens.noisy, tokens.control, tokens.start], 3);
-        let mut x = self.patch.apply(x.reshape([b, rows, 4 * self.shape.in_dim()]));
-        let e = self.time(&tokens.times);
-        let e0 = self.time[2].apply(activation::silu(e.clone())).reshape([tokens.times.len(), 6, d]);
+        let times = tokens.times.clone();
+        self.run(self.embed(tokens), &times, context, attend).reshape([b, rows, 4, z])
+    }
+
+    /// Joins the inputs that the shape has along channels and embeds each patch: [B, F·tokens, d].
+    fn embed(&self, tokens: Tokens) -> Tensor<3> {
+        let [b, rows, _, _] = tokens.noisy.dims();
+        let mut inputs = vec![tokens.noisy];
+        inputs.extend((self.shape.control_channels > 0).then_some(tokens.control));
+        inputs.extend((self.shape.start_channels > 0).then_some(tokens.start));
+        self.patch.apply(Tensor::cat(inputs, 3).reshape([b, rows, 4 * self.shape.in_dim()]))
+    }
+
+    /// Runs all blocks and the head over embedded tokens [B, F·tokens, d]. Returns [B, F·tokens, 4·z].
+    fn run(
+        &self,
+        mut x: Tensor<3>,
+        times: &[f32],
+        context: &Context,
+        attend: &mut dyn FnMut(usize, Qkv) -> Tensor<3>,
+    ) -> Tensor<3> {
+        let (d, n) = (self.shape.dim, self.shape.tokens());
+        let e = self.time(times);
+        let e0 = self.time[2].apply(activation::silu(e.clone())).reshape([times.len(), 6, d]);
         for (layer, block) in self.blocks.iter().enumerate() {
             let m = Modulation { rows: e0.clone() + block.modulation.clone(), tokens: n };
             let y = m.norm(x.clone(), 1, 0);
@@ -346,18 +336,37 @@ impl Dit {
             let k = rms_norm(attention.k.apply(y.clone()), &attention.norm_k);
             let y = attend(layer, Qkv { q, k, v: attention.v.apply(y) });
             x = x + m.gate(attention.o.apply(y), 2);
-            if let (Some((weight, bias, attention)), Some((k, v))) = (&block.cross, &context.pairs[layer]) {
-                let y = module::layer_norm(x.clone(), weight.clone(), Some(bias.clone()), EPSILON);
-                let q = rms_norm(attention.q.apply(y), &attention.norm_q);
-                let y = self.shape.heads().attend(self.graph.mode, q, k.clone(), v.clone());
-                x = x + attention.o.apply(y);
+            if let (Some(cross), Some(pairs)) = (&block.cross, &context.pairs[layer]) {
+                x = x.clone() + self.cross(cross, x, pairs);
             }
-            let y = activation::gelu(block.ffn[0].apply(m.norm(x.clone(), 4, 3)));
+            let y = self.gelu(block.ffn[0].apply(m.norm(x.clone(), 4, 3)));
             x = x + m.gate(block.ffn[1].apply(y), 5);
         }
-        let rows_of_head = e.reshape([tokens.times.len(), 1, d]) + self.head_modulation.clone();
+        let rows_of_head = e.reshape([times.len(), 1, d]) + self.head_modulation.clone();
         let y = Modulation { rows: rows_of_head, tokens: n }.norm(x, 1, 0);
-        self.head.apply(y).reshape([b, rows, 4, z])
+        self.head.apply(y)
+    }
+
+    /// Attends to the prompt and, beside it, to the CLIP states; the two results are added.
+    fn cross(&self, cross: &Cross, x: Tensor<3>, (text, image): &Pairs) -> Tensor<3> {
+        let [weight, bias] = cross.norm.clone();
+        let attention = &cross.attention;
+        let y = module::layer_norm(x, weight, Some(bias), EPSILON);
+        let q = self.graph.lower(rms_norm(attention.q.apply(y), &attention.norm_q));
+        let heads = self.shape.heads();
+        let attend = |(k, v): &(Tensor<3>, Tensor<3>)| heads.attend(self.graph.mode, q.clone(), k.clone(), v.clone());
+        let y = attend(text);
+        attention.o.apply(match image {
+            Some(image) => y + attend(image),
+            None => y,
+        })
+    }
+
+    fn gelu(&self, x: Tensor<3>) -> Tensor<3> {
+        match self.shape.gelu {
+            Gelu::Exact => activation::gelu(x),
+            Gelu::Tanh => activation::gelu_approximate(x),
+        }
     }
 
     /// The sinusoidal embedding (cosines first, angles in f64) through its two layers: [times, d].
@@ -374,6 +383,11 @@ impl Dit {
     }
 }
 
+/// Returns the number format of a weight: blocks' matrices are lowered, all else stays f32.
+fn format(name: &str, shape: &[usize], precision: Precision) -> Precision {
+    if name.starts_with("blocks.") && shape.len() == 2 { precision } else { Precision::F32 }
+}
+
 /// A chunk to denoise.
 pub struct Chunk<'a> {
     /// The noisy latent, [frames, tokens, 4, z].
@@ -384,42 +398,4 @@ pub struct Chunk<'a> {
     pub control: &'a Control,
     /// The timestep, 0 to 1000.
     pub time: f32,
-}
-
-/// Modulation rows [times, rows, d], one time for all frames or one per batch entry and frame.
-struct Modulation {
-    rows: Tensor<3>,
-    tokens: usize,
-}
-
-impl Modulation {
-    fn row(&self, row: usize) -> Tensor<3> {
-        let [times, _, d] = self.rows.dims();
-        self.rows.clone().slice([0..times, row..row + 1, 0..d])
-    }
-
-    /// LayerNorm without affine, then ·(1 + scale) + shift.
-    fn norm(&self, x: Tensor<3>, scale: usize, shift: usize) -> Tensor<3> {
-        let ([b, n, d], times) = (x.dims(), self.rows.dims()[0]);
-        let (scale, shift) = (self.row(scale) + 1.0, self.row(shift));
-        if times == 1 {
-            return module::layer_norm(x, scale.reshape([d]), Some(shift.reshape([d])), EPSILON);
-        }
-        let x = x.reshape([times, self.tokens, d]);
-        let centred = x.clone() - x.mean_dim(2);
-        let variance = centred.clone().powi_scalar(2).mean_dim(2);
-        let y = centred * (variance + EPSILON).sqrt().recip();
-        (y * scale + shift).reshape([b, n, d])
-    }
-
-    fn gate(&self, x: Tensor<3>, row: usize) -> Tensor<3> {
-        let ([b, n, d], times) = (x.dims(), self.rows.dims()[0]);
-        (x.reshape([times, b * n / times, d]) * self.row(row)).reshape([b, n, d])
-    }
-}
-
-/// x / √(mean(x²) + ε) · weight, over the last axis.
-fn rms_norm(x: Tensor<3>, weight: &Tensor<1>) -> Tensor<3> {
-    let scale = (x.clone().powi_scalar(2).mean_dim(2) + EPSILON).sqrt().recip();
-    x * scale * weight.clone().reshape([1, 1, -1])
 }

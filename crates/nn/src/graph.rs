@@ -6,9 +6,14 @@
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
-use burn::tensor::{Device, Gradients, Tensor, TensorData, module};
+use burn::tensor::{DType, Device, FloatDType, Gradients, Tensor, TensorData, module};
+use ds_space::Draws;
 
-use crate::array::{Array, Weights};
+use crate::array::{Array, Declared, Initial, Weights};
+use crate::device::{self, Precision};
+
+/// Draws after which drawn weights repeat.
+const DRAWN: u64 = 65_537;
 
 /// Whether a graph keeps what the backward pass needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,24 +28,69 @@ pub(crate) enum Mode {
 pub(crate) struct Graph {
     pub(crate) device: Device,
     pub(crate) mode: Mode,
+    /// Number format of large layers and of cached keys and values.
+    pub(crate) precision: Precision,
     weights: BTreeMap<String, (Tensor<1>, Vec<usize>)>,
     constants: Mutex<BTreeMap<String, Tensor<2>>>,
 }
 
 impl Graph {
     pub(crate) fn new(weights: &Weights, mode: Mode) -> Self {
+        let mut graph = Self::empty(mode, Precision::F32);
+        for (name, array) in weights.iter() {
+            graph.bind(name, array, Precision::F32);
+        }
+        graph
+    }
+
+    /// Makes a graph without weights on the device of this process.
+    pub(crate) fn empty(mode: Mode, precision: Precision) -> Self {
         let device = match mode {
-            Mode::Infer => Device::flex(),
-            Mode::Train => Device::flex().autodiff(),
+            Mode::Infer => device::current(),
+            Mode::Train => device::current().autodiff(),
         };
-        let bind = |array: &Array| {
-            let data = TensorData::new(array.values().to_vec(), [array.values().len()]);
-            let leaf = Tensor::<1>::from_data(data, &device);
-            let leaf = if mode == Mode::Train { leaf.require_grad() } else { leaf };
-            (leaf, array.shape().to_vec())
+        Self { device, mode, precision, weights: BTreeMap::new(), constants: Mutex::default() }
+    }
+
+    /// Puts a weight on the device.
+    pub(crate) fn bind(&mut self, name: &str, array: &Array, precision: Precision) {
+        let data = TensorData::new(array.values().to_vec(), [array.values().len()]);
+        let leaf = match precision {
+            Precision::F32 => Tensor::<1>::from_data(data, &self.device),
+            Precision::Bf16 => Tensor::<1>::from_data(data, (&self.device, DType::BF16)),
         };
-        let weights = weights.iter().map(|(name, array)| (name.to_owned(), bind(array))).collect();
-        Self { device, mode, weights, constants: Mutex::default() }
+        let leaf = if self.mode == Mode::Train { leaf.require_grad() } else { leaf };
+        self.weights.insert(name.to_owned(), (leaf, array.shape().to_vec()));
+    }
+
+    /// Puts drawn weights on the device, one at a time: for measurements of networks whose published weights are absent.
+    /// Draws repeat after a prime number of values, so that billions of them take seconds.
+    pub(crate) fn bind_drawn(&mut self, declared: &[Declared], lowered: impl Fn(&Declared) -> Precision) {
+        let draws = Draws::from_seed(1, "drawn-weights");
+        #[expect(clippy::cast_possible_truncation, reason = "weights are single precision")]
+        let table: Vec<f32> = (0..DRAWN).map(|index| draws.normal(index) as f32).collect();
+        for weight in declared {
+            let count = weight.shape.iter().product();
+            let values = match weight.initial {
+                Initial::Normal(std) => table.iter().map(|value| std * value).cycle().take(count).collect(),
+                Initial::Constant(constant) => vec![constant; count],
+                Initial::Gates => table.iter().map(|value| 0.02 * value).cycle().take(count).collect(),
+            };
+            self.bind(&weight.name, &Array::new(&weight.shape, values), lowered(weight));
+        }
+    }
+
+    /// Drops the names, once all layers hold their weights: what a layer rearranged is then kept once.
+    pub(crate) fn forget(&mut self) {
+        self.weights.clear();
+    }
+
+    /// Brings a tensor to the number format of large layers.
+    pub(crate) fn lower<const D: usize>(&self, x: Tensor<D>) -> Tensor<D> {
+        match self.precision {
+            Precision::F32 => x,
+            Precision::Bf16 => x.cast(FloatDType::BF16),
+        }
     }
 
     /// Returns a weight by name; names and shapes were checked against the declarations before.
@@ -54,7 +104,8 @@ impl Graph {
         let (outputs, inputs) = (shape[0], shape[1..].iter().product());
         let weight = self.weight::<2>(&format!("{name}.weight"), [outputs, inputs]).transpose();
         let bias = self.weights.contains_key(&format!("{name}.bias"));
-        Linear { weight, bias: bias.then(|| self.weight(&format!("{name}.bias"), [outputs])) }
+        let bias = bias.then(|| self.weight::<1>(&format!("{name}.bias"), [outputs]).cast(weight.dtype()));
+        Linear { weight, bias }
     }
 
     pub(crate) fn tensor<const D: usize>(&self, array: &Array) -> Tensor<D> {
@@ -106,7 +157,8 @@ impl Linear {
         let mut shape = x.dims();
         let inputs = shape[D - 1];
         let rows = shape.iter().product::<usize>() / inputs;
-        let y = module::linear(x.reshape([rows, inputs]), self.weight.clone(), self.bias.clone());
+        let x = x.reshape([rows, inputs]).cast(self.weight.dtype());
+        let y = module::linear(x, self.weight.clone(), self.bias.clone()).cast(FloatDType::F32);
         shape[D - 1] = y.dims()[1];
         y.reshape(shape)
     }

@@ -52,6 +52,12 @@ impl AdamW {
         Self { settings, steps, first, second }
     }
 
+    /// Returns its settings.
+    #[must_use]
+    pub fn settings(&self) -> AdamWSettings {
+        self.settings
+    }
+
     /// Updates the weights and returns the norm that the gradient had before clipping. A gradient that is not finite
     /// changes nothing.
     pub fn update(&mut self, weights: &mut Weights, gradient: &Weights, learning_rate: f32) -> f32 {

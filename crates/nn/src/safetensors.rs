@@ -49,8 +49,8 @@ pub enum FileError {
     /// The header is not the expected JSON.
     #[error("weights header cannot be read")]
     Header(#[source] serde_json::Error),
-    /// A tensor's type is not F32.
-    #[error("weight {name:?} has type {dtype:?}, F32 expected")]
+    /// A tensor's type is not one that is read.
+    #[error("weight {name:?} has type {dtype:?}, which is not read here")]
     Type {
         /// The weight.
         name: String,
@@ -83,12 +83,56 @@ pub enum FileError {
     },
 }
 
+/// What a header says about one tensor.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Entry {
-    dtype: String,
-    shape: Vec<u64>,
-    data_offsets: [u64; 2],
+pub(crate) struct Entry {
+    pub(crate) dtype: String,
+    pub(crate) shape: Vec<u64>,
+    pub(crate) data_offsets: [u64; 2],
+}
+
+/// A checked header: the entries tile the values exactly.
+pub(crate) struct Header {
+    /// Text by key.
+    pub(crate) metadata: BTreeMap<String, String>,
+    /// Entries in the order of their values.
+    pub(crate) entries: Vec<(String, Entry)>,
+    /// Where the values begin in the file.
+    pub(crate) start: u64,
+}
+
+impl Header {
+    /// Reads the header of a file of `bytes` bytes; `size` gives the bytes of a value by type.
+    pub(crate) fn read(
+        file: &mut impl Read,
+        bytes: u64,
+        path: &Path,
+        limit: u64,
+        size: &dyn Fn(&str) -> Option<u64>,
+    ) -> Result<Self, FileError> {
+        let io = |source| FileError::Io { doing: "read", path: path.display().to_string(), source };
+        let allowed = bytes.saturating_sub(8).min(limit);
+        let mut length = [0; 8];
+        if bytes < 8 {
+            return Err(FileError::HeaderLength { claimed: 8, allowed: bytes });
+        }
+        file.read_exact(&mut length).map_err(io)?;
+        let claimed = u64::from_le_bytes(length);
+        if claimed > allowed {
+            return Err(FileError::HeaderLength { claimed, allowed });
+        }
+        let mut header = vec![0; claimed as usize];
+        file.read_exact(&mut header).map_err(io)?;
+        let mut header: BTreeMap<String, serde_json::Value> =
+            serde_json::from_slice(&header).map_err(FileError::Header)?;
+        let metadata = match header.remove("__metadata__") {
+            Some(value) => serde_json::from_value(value).map_err(FileError::Header)?,
+            None => BTreeMap::new(),
+        };
+        let entries = check_entries(header, bytes - 8 - claimed, size)?;
+        Ok(Self { metadata, entries, start: 8 + claimed })
+    }
 }
 
 /// Weights with the text that a file says about them.
@@ -117,26 +161,8 @@ impl WeightsFile {
         if bytes > MAX_FILE_BYTES {
             return Err(FileError::TooLarge { bytes });
         }
-        let allowed = bytes.saturating_sub(8).min(MAX_HEADER_BYTES);
-        let mut length = [0; 8];
-        if bytes < 8 {
-            return Err(FileError::HeaderLength { claimed: 8, allowed: bytes });
-        }
-        file.read_exact(&mut length).map_err(io)?;
-        let claimed = u64::from_le_bytes(length);
-        if claimed > allowed {
-            return Err(FileError::HeaderLength { claimed, allowed });
-        }
-        let mut header = vec![0; claimed as usize];
-        file.read_exact(&mut header).map_err(io)?;
-        let mut header: BTreeMap<String, serde_json::Value> =
-            serde_json::from_slice(&header).map_err(FileError::Header)?;
-        let metadata = match header.remove("__metadata__") {
-            Some(value) => serde_json::from_value(value).map_err(FileError::Header)?,
-            None => BTreeMap::new(),
-        };
-        let available = bytes - 8 - claimed;
-        let entries = check_entries(header, available)?;
+        let size = |dtype: &str| (dtype == "F32").then_some(4);
+        let Header { metadata, entries, .. } = Header::read(file, bytes, path, MAX_HEADER_BYTES, &size)?;
         let mut weights = Weights::default();
         for (name, entry) in entries {
             let mut raw = vec![0; (entry.data_offsets[1] - entry.data_offsets[0]) as usize];
@@ -185,15 +211,16 @@ impl WeightsFile {
 fn check_entries(
     header: BTreeMap<String, serde_json::Value>,
     available: u64,
+    size: &dyn Fn(&str) -> Option<u64>,
 ) -> Result<Vec<(String, Entry)>, FileError> {
     let mut entries = Vec::new();
     for (name, value) in header {
         let entry: Entry = serde_json::from_value(value).map_err(FileError::Header)?;
-        if entry.dtype != "F32" {
+        let Some(size) = size(&entry.dtype) else {
             return Err(FileError::Type { name, dtype: entry.dtype });
-        }
+        };
         let [from, to] = entry.data_offsets;
-        let bytes = entry.shape.iter().try_fold(4u64, |bytes, side| bytes.checked_mul(*side));
+        let bytes = entry.shape.iter().try_fold(size, |bytes, side| bytes.checked_mul(*side));
         if from > to || to > available || bytes != Some(to - from) {
             return Err(FileError::Offsets { name, shape: entry.shape, from, to, available });
         }

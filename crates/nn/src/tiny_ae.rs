@@ -6,10 +6,13 @@
 //! runs a linear map between block and latent pixel, so that training begins at principal components. The first
 //! stride_t − 1 frames of a rollout are for the caller to drop.
 
+use std::sync::Arc;
+
 use burn::tensor::{Tensor, activation};
 use ds_space::{Digest, DigestWriter};
 
-use crate::array::{Array, Declared, Initial, Weights, WeightsError};
+use crate::array::{Array, Declared, Initial, Weights, WeightsError, digest_values};
+use crate::fast::Buffer;
 use crate::graph::{Graph, Linear, Mode, array_of};
 
 /// Side of the pixel block that a latent pixel stands for.
@@ -42,7 +45,7 @@ impl AeShape {
     }
 
     /// Returns by how much each of the two growing steps multiplies frames.
-    fn growth(&self) -> [usize; 2] {
+    pub(crate) fn growth(&self) -> [usize; 2] {
         [if self.stride_t == 4 { 2 } else { 1 }, if self.stride_t >= 2 { 2 } else { 1 }]
     }
 
@@ -90,6 +93,8 @@ impl AeShape {
 #[derive(Clone, Default)]
 pub struct Memory {
     frames: Vec<Option<Tensor<4>>>,
+    /// The same for the processor's own path.
+    pub(crate) kept: Vec<Option<Arc<Buffer>>>,
 }
 
 impl Memory {
@@ -101,6 +106,12 @@ impl Memory {
             writer.bool(frame.is_some());
             if let Some(frame) = frame {
                 array_of(frame.clone()).digest_into(&mut writer);
+            }
+        }
+        for frame in &self.kept {
+            writer.bool(frame.is_some());
+            if let Some(frame) = frame {
+                digest_values(&mut writer, frame);
             }
         }
         writer.finish()

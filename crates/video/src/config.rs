@@ -1,11 +1,15 @@
 //! The model's configuration: one TOML file per preset, checked on load, with errors that name the field.
 
 use ds_nn::cache::{CachePolicy, Positions, ReadOrder};
-use ds_nn::dit::DitShape;
+use ds_nn::device::Precision;
+use ds_nn::dit::{DitShape, Gelu};
 use ds_nn::step::Prediction;
-use ds_nn::tiny_ae::{AeShape, BLOCK_PX};
+use ds_nn::tiny_ae::AeShape;
+use ds_nn::wan_vae::WanVaeShape;
 use ds_space::{Digest, DigestWriter};
 use serde::{Deserialize, Serialize};
+
+mod check;
 
 /// Says why a configuration is refused.
 #[derive(Debug, thiserror::Error)]
@@ -54,6 +58,44 @@ pub struct ModelConfig {
     pub sampler: SamplerConfig,
     /// Chunks and cache.
     pub causal: CausalConfig,
+    /// Number formats.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub precision: PrecisionConfig,
+}
+
+/// Number formats of published weights; own models are f32.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PrecisionConfig {
+    /// The transformer's large layers and its cache: `f32` or `bf16`.
+    pub linear: FormatConfig,
+    /// The decoder's convolutions: `f32` or `bf16`. The encoder is always f32.
+    pub vae_decode: FormatConfig,
+}
+
+/// A number format.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FormatConfig {
+    /// 32 bits.
+    #[default]
+    F32,
+    /// 16 bits with the exponent range of f32.
+    Bf16,
+}
+
+impl From<FormatConfig> for Precision {
+    fn from(format: FormatConfig) -> Self {
+        match format {
+            FormatConfig::F32 => Self::F32,
+            FormatConfig::Bf16 => Self::Bf16,
+        }
+    }
+}
+
+/// Fields that came later are left out where they say nothing new, so that older weights keep their configuration's digest.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// Size of the video.
@@ -80,7 +122,7 @@ pub struct DitConfig {
     pub ffn: usize,
     /// Patch size in time, rows and columns: 1, 2, 2.
     pub patch: [usize; 3],
-    /// Input channels: noisy, control and start latents.
+    /// Input channels: noisy, control and start latents, in this order.
     pub in_dim: usize,
     /// Output channels.
     pub out_dim: usize,
@@ -90,9 +132,18 @@ pub struct DitConfig {
     pub text_dim: usize,
     /// Prompt tokens; 0 leaves the prompt out.
     pub text_len: usize,
-    /// First-frame tokens in the cross-attention context: 0, or all of a latent frame's.
+    /// First-frame tokens in the cross-attention context: 0, all of a latent frame's, or those of CLIP.
     pub img_tokens: usize,
-    /// Where the first frame's latent is an input channel: in its own frame (`first`) or in all (`every`).
+    /// Width of CLIP's states; 0 where the first frame's latent itself is the context.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub clip_dim: usize,
+    /// Whether the weights know a reference frame in front of the clip.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub reference: bool,
+    /// The form of the GELU: `exact`, or `tanh` as in Wan.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub gelu: GeluConfig,
+    /// Where the first frame's latent is an input channel: in its own frame (`first`), in all (`every`) or in `none`.
     pub start: StartConfig,
     /// Cross-attention sits in every n-th block.
     pub cross_every: usize,
@@ -108,6 +159,19 @@ pub enum StartConfig {
     First,
     /// All of them: a steady reference for colour and light.
     Every,
+    /// None: there are no such channels.
+    None,
+}
+
+/// The form of the GELU.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GeluConfig {
+    /// By the error function.
+    #[default]
+    Exact,
+    /// By the hyperbolic tangent.
+    Tanh,
 }
 
 /// What the output stands for.
@@ -120,25 +184,29 @@ pub enum PredictionConfig {
     Flow,
 }
 
-/// The autoencoder. Mean and deviation of its latents are part of the weights file (`vae.latent.mean`, `.std`).
+/// The autoencoder. Mean and deviation of an own one's latents are part of the weights file (`vae.latent.mean`, `.std`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VaeConfig {
-    /// Kind: `tiny`.
+    /// Kind: `tiny`, or a published one: `wan21`, `wan22`, or `taew21`, the tiny one for latents of Wan2.1.
     pub kind: String,
     /// Latent channels.
     pub z: usize,
     /// Frames per latent step.
     pub stride_t: usize,
-    /// Pixels per latent pixel, 8.
+    /// Pixels per latent pixel: 8, or 16 for `wan22`.
     pub stride_s: usize,
-    /// Width of the encoder.
+    /// Width of the encoder; this and what follows belong to `tiny`.
+    #[serde(default)]
     pub encoder_width: usize,
     /// Memory blocks of the encoder.
+    #[serde(default)]
     pub encoder_blocks: usize,
     /// Widths of the decoder's stages.
+    #[serde(default)]
     pub decoder_widths: [usize; 3],
     /// Memory blocks of the decoder's stages.
+    #[serde(default)]
     pub decoder_blocks: [usize; 3],
 }
 
@@ -146,7 +214,8 @@ pub struct VaeConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ControlConfig {
-    /// Kind: `unshuffle` (space-to-depth and a linear map).
+    /// Kind: `unshuffle` (space-to-depth and a linear map), `vae` (the layout as a video through the autoencoder), or
+    /// `none`.
     pub encoder: String,
     /// Channels of the control latent.
     pub channels: usize,
@@ -224,8 +293,6 @@ impl CacheSource {
     }
 }
 
-const MAX_WIDTH: usize = 8_192;
-
 impl ModelConfig {
     /// Reads and checks a configuration file of at most a megabyte.
     ///
@@ -258,7 +325,8 @@ impl ModelConfig {
     /// Returns the rows and columns of a latent frame.
     #[must_use]
     pub fn latent_size(&self) -> (usize, usize) {
-        (self.video.height_px as usize / BLOCK_PX, self.video.width_px as usize / BLOCK_PX)
+        let stride = self.vae.stride_s.max(1);
+        (self.video.height_px as usize / stride, self.video.width_px as usize / stride)
     }
 
     /// Returns the frames of a chunk of latents after the first.
@@ -277,12 +345,19 @@ impl ModelConfig {
             heads: self.model.heads,
             ffn: self.model.ffn,
             latent_channels: self.vae.z,
-            control_inputs: self.ae().inputs(),
+            control_inputs: if self.control.encoder == "unshuffle" { self.ae().inputs() } else { 0 },
             control_channels: self.control.channels,
+            start_channels: self.start_channels(),
             freq_dim: self.model.freq_dim,
             text_dim: self.model.text_dim,
             text_len: self.model.text_len,
-            image_context: self.model.img_tokens > 0,
+            image_context: self.model.img_tokens > 0 && self.model.clip_dim == 0,
+            clip_dim: self.model.clip_dim,
+            reference: self.model.reference,
+            gelu: match self.model.gelu {
+                GeluConfig::Exact => Gelu::Exact,
+                GeluConfig::Tanh => Gelu::Tanh,
+            },
             start_every: self.model.start == StartConfig::Every,
             cross_every: self.model.cross_every,
             grid_h: h / 2,
@@ -290,7 +365,27 @@ impl ModelConfig {
         }
     }
 
-    /// Returns the sizes of the autoencoder.
+    fn start_channels(&self) -> usize {
+        if self.model.start == StartConfig::None { 0 } else { self.vae.z }
+    }
+
+    /// Says whether the weights are published ones, which lie in files of their own.
+    #[must_use]
+    pub fn is_published(&self) -> bool {
+        self.vae.kind != "tiny"
+    }
+
+    /// Returns the sizes of Wan's autoencoder, if that is the kind; the tiny one takes latents of Wan2.1.
+    #[must_use]
+    pub fn wan_vae(&self) -> Option<WanVaeShape> {
+        match self.vae.kind.as_str() {
+            "wan21" | "taew21" => Some(WanVaeShape::WAN21),
+            "wan22" => Some(WanVaeShape::WAN22),
+            _ => None,
+        }
+    }
+
+    /// Returns the sizes of the own autoencoder.
     #[must_use]
     pub fn ae(&self) -> AeShape {
         AeShape {
@@ -333,86 +428,6 @@ impl ModelConfig {
     pub fn digest(&self) -> Digest {
         let text = toml::to_string(self).expect("the configuration came from TOML");
         DigestWriter::new().text(&text).finish()
-    }
-
-    fn check(&self) -> Result<(), ConfigError> {
-        let (m, v, c) = (&self.model, &self.vae, &self.causal);
-        let head = m.dim.checked_div(m.heads).unwrap_or(0);
-        let (h, w) = self.latent_size();
-        let sizes = [m.layers, m.dim, m.heads, m.ffn, m.freq_dim, m.cross_every, v.z, v.encoder_width];
-        let side = 8 * 2;
-        let refuse = |field, value: String, rule| Err(ConfigError::Field { field, value, rule });
-        if self.version != 1 {
-            return refuse("version", self.version.to_string(), "must be 1");
-        }
-        for (field, pixels) in [("video.width_px", self.video.width_px), ("video.height_px", self.video.height_px)] {
-            if pixels == 0 || pixels > 4_096 || pixels % side != 0 {
-                return refuse(field, pixels.to_string(), "must be 16 to 4096 and divisible by stride·patch, 16");
-            }
-        }
-        if sizes.iter().chain(&v.decoder_widths).any(|size| *size == 0 || *size > MAX_WIDTH) {
-            return refuse("model, vae", format!("{sizes:?}"), "sizes must be 1 to 8192");
-        }
-        if m.layers > 128 || v.encoder_blocks.max(*v.decoder_blocks.iter().max().unwrap_or(&0)) > 16 {
-            return refuse("model.layers", m.layers.to_string(), "at most 128 layers and 16 memory blocks");
-        }
-        if head * m.heads != m.dim || head % 2 == 1 || head < 12 {
-            return refuse("model.heads", m.heads.to_string(), "must divide dim into even heads of 12 or more");
-        }
-        if m.patch != [1, 2, 2] {
-            return refuse("model.patch", format!("{:?}", m.patch), "must be [1, 2, 2]");
-        }
-        if m.freq_dim % 2 == 1 {
-            return refuse("model.freq_dim", m.freq_dim.to_string(), "must be even");
-        }
-        if m.in_dim != 2 * v.z + self.control.channels {
-            return refuse("model.in_dim", m.in_dim.to_string(), "must be 2·vae.z + control.channels");
-        }
-        if m.out_dim != v.z {
-            return refuse("model.out_dim", m.out_dim.to_string(), "must be vae.z");
-        }
-        if m.text_len > 1_024 || (m.text_len > 0) != (m.text_dim > 0) || m.text_dim > MAX_WIDTH {
-            return refuse("model.text_len", m.text_len.to_string(), "at most 1024, and 0 exactly if text_dim is 0");
-        }
-        if m.img_tokens != 0 && m.img_tokens != h * w / 4 {
-            return refuse("model.img_tokens", m.img_tokens.to_string(), "must be 0 or the tokens of a latent frame");
-        }
-        if v.kind != "tiny" {
-            return refuse("vae.kind", v.kind.clone(), "must be \"tiny\"");
-        }
-        if !matches!(v.stride_t, 1 | 2 | 4) || v.stride_s != BLOCK_PX || v.z > 64 {
-            return refuse("vae.stride_t", v.stride_t.to_string(), "must be 1, 2 or 4, with stride_s 8 and z up to 64");
-        }
-        if self.control.encoder != "unshuffle" || self.control.channels == 0 || self.control.channels > MAX_WIDTH {
-            return refuse("control.encoder", self.control.encoder.clone(), "must be \"unshuffle\" with channels");
-        }
-        if self.sampler.steps == 0
-            || self.sampler.steps > 64
-            || !(self.sampler.shift >= 1.0 && self.sampler.shift < 100.0)
-        {
-            return refuse("sampler.steps", self.sampler.steps.to_string(), "must be 1 to 64 with a shift of 1 to 100");
-        }
-        if c.chunk == 0 || c.window > 1_024 || c.window < c.sink + c.chunk {
-            return refuse("causal.window", c.window.to_string(), "must be at least sink + chunk and at most 1024");
-        }
-        if !c.first_frame_independent {
-            return refuse("causal.first_frame_independent", "false".to_owned(), "must be true");
-        }
-        self.check_cache_source()
-    }
-
-    fn check_cache_source(&self) -> Result<(), ConfigError> {
-        let (text, steps) = (&self.causal.cache_source, self.sampler.steps);
-        let fits = match CacheSource::parse(text) {
-            Some(CacheSource::Clean) => true,
-            Some(CacheSource::Renoise(sigma)) => (0.0..1.0).contains(&sigma),
-            Some(CacheSource::State(1)) => self.causal.ablation,
-            Some(CacheSource::State(step)) => (2..=steps).contains(&step),
-            Some(CacheSource::X0Hat(step)) => (1..steps).contains(&step),
-            None => false,
-        };
-        let rule = "must be clean, renoise(0 to 1), state(2 to steps), or x0hat(1 to steps − 1)";
-        if fits { Ok(()) } else { Err(ConfigError::Field { field: "causal.cache_source", value: text.clone(), rule }) }
     }
 }
 

@@ -16,6 +16,17 @@ pub enum VideoError {
     /// The weights do not fit the configuration.
     #[error("the weights do not fit the configuration")]
     Weights(#[from] ds_nn::WeightsError),
+    /// The device is not there.
+    #[error("the device is refused")]
+    Device(#[from] ds_nn::device::DeviceError),
+    /// The configuration is of a published model.
+    #[error(
+        "configuration {name:?} is of published weights, which rollouts do not drive; see docs/wan.md for what does"
+    )]
+    Published {
+        /// Name of the preset.
+        name: String,
+    },
     /// The weights were trained for another configuration.
     #[error("weights belong to configuration {found:?}, not to {expected:?}")]
     OtherConfig {

@@ -14,6 +14,9 @@ mod rollout;
 pub mod sampler;
 #[cfg(test)]
 mod tests;
+pub mod workload;
+
+pub use ds_nn::body::Backend;
 
 pub use config::{CacheSource, ConfigError, ModelConfig};
 pub use entry::{CacheEntry, Latent};

@@ -5,9 +5,8 @@
 
 use std::path::Path;
 
-use ds_nn::dit::Dit;
+use ds_nn::body::{Autoencoder, Backend, Transformer};
 use ds_nn::safetensors::WeightsFile;
-use ds_nn::tiny_ae::TinyAe;
 use ds_nn::{Array, Declared, Initial, Weights, WeightsError};
 use ds_space::{Digest, DigestWriter};
 
@@ -20,25 +19,39 @@ pub(crate) const CONFIG_DIGEST: &str = "config_digest";
 /// A video model: configuration and weights.
 pub struct VideoModel {
     config: ModelConfig,
-    pub(crate) dit: Dit,
-    pub(crate) ae: TinyAe,
+    backend: Backend,
+    pub(crate) dit: Box<dyn Transformer>,
+    pub(crate) ae: Box<dyn Autoencoder>,
     mean: Vec<f32>,
     std: Vec<f32>,
     digest: Digest,
 }
 
 impl VideoModel {
-    /// Reads a weights file for a configuration.
+    /// Reads a weights file for a configuration, for the default back end.
     ///
     /// # Errors
-    /// If the file is broken, names another configuration, or does not hold exactly the model's weights.
+    /// As [`Self::load_on`].
     pub fn load(config: &ModelConfig, weights: &Path) -> Result<Self, VideoError> {
+        Self::load_on(Backend::default(), config, weights)
+    }
+
+    /// Reads a weights file for a configuration and a back end.
+    ///
+    /// # Errors
+    /// If the device is absent, the file is broken, names another configuration, or does not hold exactly the model's
+    /// weights, or if the configuration is of a published model.
+    pub fn load_on(backend: Backend, config: &ModelConfig, weights: &Path) -> Result<Self, VideoError> {
+        if config.is_published() {
+            return Err(VideoError::Published { name: config.name.clone() });
+        }
+        backend.ready()?;
         let file = WeightsFile::read(weights)?;
         let expected = config.digest().to_string();
         if let Some(found) = file.metadata.get(CONFIG_DIGEST).filter(|found| **found != expected) {
             return Err(VideoError::OtherConfig { expected, found: found.clone() });
         }
-        Ok(Self::new(config, &file.weights)?)
+        Ok(Self::new_on(backend, config, &file.weights)?)
     }
 
     /// Makes a model of first weights drawn from a seed: for tests and for the start of training.
@@ -59,11 +72,19 @@ impl VideoModel {
         list
     }
 
-    /// Binds weights.
+    /// Binds weights for the default back end.
+    ///
+    /// # Errors
+    /// As [`Self::new_on`].
+    pub fn new(config: &ModelConfig, weights: &Weights) -> Result<Self, WeightsError> {
+        Self::new_on(Backend::default(), config, weights)
+    }
+
+    /// Binds weights for a back end.
     ///
     /// # Errors
     /// If a weight is missing, extra, misshapen or not finite.
-    pub fn new(config: &ModelConfig, weights: &Weights) -> Result<Self, WeightsError> {
+    pub fn new_on(backend: Backend, config: &ModelConfig, weights: &Weights) -> Result<Self, WeightsError> {
         weights.check(&Self::declare(config))?;
         let statistic = |name: &str| weights.get(name).map(|array| array.values().to_vec()).unwrap_or_default();
         let (mean, std) = (statistic("vae.latent.mean"), statistic("vae.latent.std"));
@@ -75,8 +96,9 @@ impl VideoModel {
         vae.remove("latent.mean");
         vae.remove("latent.std");
         let digest = DigestWriter::new().digest(&config.digest()).digest(&weights.digest()).finish();
-        let (dit, ae) = (Dit::new(&config.dit(), &weights.part("dit."))?, TinyAe::new(&config.ae(), &vae)?);
-        Ok(Self { config: config.clone(), dit, ae, mean, std, digest })
+        let dit = backend.transformer(&config.dit(), &weights.part("dit."))?;
+        let ae = backend.autoencoder(&config.ae(), &vae)?;
+        Ok(Self { config: config.clone(), backend, dit, ae, mean, std, digest })
     }
 
     /// Returns the configuration.
@@ -85,10 +107,22 @@ impl VideoModel {
         &self.config
     }
 
+    /// Returns what computes.
+    #[must_use]
+    pub fn backend(&self) -> Backend {
+        self.backend
+    }
+
+    /// Returns the transformer.
+    #[must_use]
+    pub fn transformer(&self) -> &dyn Transformer {
+        &*self.dit
+    }
+
     /// Returns the autoencoder.
     #[must_use]
-    pub fn autoencoder(&self) -> &TinyAe {
-        &self.ae
+    pub fn autoencoder(&self) -> &dyn Autoencoder {
+        &*self.ae
     }
 
     /// Returns the digest of configuration and weights.

@@ -8,8 +8,8 @@
 use std::sync::Arc;
 
 use ds_nn::Array;
+use ds_nn::body::{Chunk, Context, Control};
 use ds_nn::cache::{ChunkKv, KvCache};
-use ds_nn::dit::{Chunk, Context, Control};
 use ds_nn::step::Prediction;
 use ds_nn::tiny_ae::Memory;
 use ds_raster::RgbImage;
@@ -118,7 +118,7 @@ impl Rollout {
         let latent = model.normalised(latent);
         let clean = Array::new(&[1, n, 4, z], pixels::to_tokens(latent.values(), h, w));
         let start = match config.model.start {
-            StartConfig::First => Array::zeros(&[config.causal.chunk, n, 4, z]),
+            StartConfig::First | StartConfig::None => Array::zeros(&[config.causal.chunk, n, 4, z]),
             StartConfig::Every => {
                 Array::new(&[config.causal.chunk, n, 4, z], clean.values().repeat(config.causal.chunk))
             }
@@ -311,7 +311,7 @@ impl Rollout {
         let source = config.cache_source();
         let noise = |step: usize| sampler::noise(&self.draw_key, &self.camera, self.chunk, step, &shape);
         let start = &self.start;
-        let window = self.cache.window(&self.model.dit, config.causal.chunk);
+        let window = self.cache.window(&*self.model.dit, config.causal.chunk);
         let mut state = noise(1);
         let mut kept: Option<(Array, Option<ChunkKv>)> = None;
         let mut clean = Array::default();
@@ -358,7 +358,7 @@ impl Rollout {
 
     /// Runs the forward pass whose keys and values are cached.
     fn write(&self, input: &Array, start: &Array, control: &Control, time: f32) -> ChunkKv {
-        let window = self.cache.window(&self.model.dit, input.shape()[0]);
+        let window = self.cache.window(&*self.model.dit, input.shape()[0]);
         let chunk = Chunk { noisy: input, start, control, time };
         self.model.dit.denoise(&chunk, &window, &self.context).1
     }
@@ -390,7 +390,7 @@ impl Rollout {
         let per_chunk = config.frames_per_chunk() as u32;
         let frames = made.clean.shape()[0];
         self.cache.commit(&made.kv);
-        let control = Array::new(&self.control_shape(frames), control.values().into_values());
+        let control = Array::new(&self.control_shape(frames), self.model.dit.control_values(control).into_values());
         let entry = CacheEntry {
             chunk: self.chunk,
             first_tick_offset: if self.chunk == 0 { 0 } else { 1 + (self.chunk - 1) * per_chunk },

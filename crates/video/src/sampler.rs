@@ -9,13 +9,15 @@ use ds_space::{Digest, Draws};
 /// Returns the noise level σ of each of the sampler's steps.
 #[must_use]
 pub fn sigmas(steps: usize, shift: f64) -> Vec<f32> {
-    let level = |step: usize| {
-        let nominal = 1.0 - step as f64 / steps as f64;
-        #[expect(clippy::cast_possible_truncation, reason = "levels are single precision")]
-        let sigma = (shift * nominal / (1.0 + (shift - 1.0) * nominal)) as f32;
-        sigma
-    };
-    (0..steps).map(level).collect()
+    (0..steps).map(|step| shifted(1.0 - step as f64 / steps as f64, shift)).collect()
+}
+
+/// Returns the level of a nominal time, 0 to 1, after the time shift.
+#[must_use]
+pub fn shifted(nominal: f64, shift: f64) -> f32 {
+    #[expect(clippy::cast_possible_truncation, reason = "levels are single precision")]
+    let sigma = (shift * nominal / (1.0 + (shift - 1.0) * nominal)) as f32;
+    sigma
 }
 
 /// Draws the noise that enters a step (from 1) of a chunk.

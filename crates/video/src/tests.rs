@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
+use ds_nn::body::Chunk;
 use ds_nn::cache::{KvCache, Positions, ReadOrder};
-use ds_nn::dit::Chunk;
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
 use ds_space::Digest;
 
-use crate::{CacheEntry, Latent, ModelConfig, Replay, Rollout, VideoError, VideoModel, prompt, sampler};
+use crate::{Backend, CacheEntry, Latent, ModelConfig, Replay, Rollout, VideoError, VideoModel, prompt, sampler};
 
 const SMOKE: &str = include_str!("../../../configs/models/smoke.toml");
 const PROMPT: &str = "driving by day, clear sky";
@@ -21,6 +21,12 @@ fn model_of(text: &str) -> Arc<VideoModel> {
 
 fn model(cache_source: &str) -> Arc<VideoModel> {
     model_of(&SMOKE.replace("state(2)", cache_source))
+}
+
+fn model_on(backend: Backend) -> Arc<VideoModel> {
+    let config = ModelConfig::parse(SMOKE).expect("the preset is valid");
+    let weights = Weights::initialised(&VideoModel::declare(&config), &Digest::of(b"weights"));
+    Arc::new(VideoModel::new_on(backend, &config, &weights).expect("first weights fit"))
 }
 
 /// A picture that moves with `k`.
@@ -193,8 +199,71 @@ fn the_state_source_caches_the_state_that_enters_its_step() {
 }
 
 #[test]
-fn ring_and_shifted_reading_agree() {
+fn back_ends_give_the_same_frames_up_to_rounding() {
+    let digest = model("state(2)").digest();
+    let run = |backend| {
+        let model = model_on(backend);
+        assert_eq!((model.backend(), model.digest()), (backend, digest));
+        let (mut rollout, entry) = start(&model);
+        let mut log = vec![entry];
+        let generated = rollout.generate(&layouts(1..42)).expect("generates");
+        log.extend(generated.committed);
+        assert_eq!(replayed(&model, &log, &layouts(41..42)).expect("replays").state_digest(), rollout.state_digest());
+        (generated.frames, log)
+    };
+    let ((cpu, log), (framework, _)) = (run(Backend::Cpu), run(Backend::Framework));
+    let pairs = || cpu.iter().zip(&framework).flat_map(|(a, b)| a.rgb().iter().zip(b.rgb()));
+    assert!(pairs().all(|(a, b)| a.abs_diff(*b) <= 1), "rounding to a byte may fall either way, no more");
+    assert!(pairs().filter(|(a, b)| a != b).count() < pairs().count() / 100);
+    // The log of one back end is no log of the other: keys and values differ in their last bits.
+    let mixed = replayed(&model_on(Backend::Framework), &log, &[]);
+    assert!(matches!(mixed, Err(VideoError::RecoveryMismatch { .. })));
+}
+
+#[test]
+fn rollouts_at_once_give_what_each_gives_alone() {
     let model = model("state(2)");
+    let run = |key: u8| {
+        let begun = Rollout::new(Arc::clone(&model), Digest::of(&[key]), "front", PROMPT, &picture(0), &picture(100));
+        let (mut rollout, _) = begun.expect("starts");
+        (rollout.generate(&layouts(1..22)).expect("generates").frames, rollout.state_digest())
+    };
+    let alone: Vec<_> = (0..4).map(run).collect();
+    let at_once: Vec<_> = std::thread::scope(|scope| {
+        let run = &run;
+        let threads: Vec<_> = (0..4).map(|key| scope.spawn(move || run(key))).collect();
+        threads.into_iter().map(|thread| thread.join().expect("the thread ends")).collect()
+    });
+    assert!(alone == at_once);
+    assert_ne!(alone[0].1, alone[1].1);
+}
+
+#[test]
+fn every_cache_source_rolls_on() {
+    let run = |source: &str| {
+        let text = SMOKE.replace("state(2)", source).replace("steps = 2", "steps = 4");
+        let (mut rollout, _) = start(&model_of(&text));
+        let generated = rollout.generate(&layouts(1..121)).expect("generates finite values");
+        let cached = &generated.committed[29];
+        assert_eq!((generated.frames.len(), cached.first_tick_offset), (120, 117));
+        // Only the clean source keeps what is decoded.
+        assert_eq!(cached.cached_input == cached.clean, source == "clean", "{source}");
+        rollout.state_digest()
+    };
+    let digests = ["clean", "renoise(0.3)", "state(2)", "state(4)", "x0hat(1)", "x0hat(3)"].map(run);
+    let different: std::collections::BTreeSet<Digest> = digests.into_iter().collect();
+    assert_eq!(different.len(), 6);
+}
+
+#[test]
+fn ring_and_shifted_reading_agree() {
+    for backend in [Backend::Cpu, Backend::Framework] {
+        ring_and_shifted_reading_agree_on(backend);
+    }
+}
+
+fn ring_and_shifted_reading_agree_on(backend: Backend) {
+    let model = model_on(backend);
     let shape = [1, model.config().dit().tokens(), 4, model.config().vae.z];
     let context = model.dit.context(&prompt::hashed(PROMPT, 4, 32), &Array::zeros(&shape));
     let inputs = model.config().ae().inputs();
@@ -212,7 +281,7 @@ fn ring_and_shifted_reading_agree() {
             let start = Array::zeros(&shape);
             let input = Chunk { noisy: &noisy, start: &start, control: &control, time: 833.0 };
             let kv;
-            (output, kv) = model.dit.denoise(&input, &cache.window(&model.dit, 1), &context);
+            (output, kv) = model.dit.denoise(&input, &cache.window(&*model.dit, 1), &context);
             cache.commit(&kv);
         }
         output

@@ -27,7 +27,10 @@ pub async fn run(settings: Settings, drain: Drain) -> anyhow::Result<()> {
     let video = &settings.video;
     let devices = if video.devices.is_empty() { device::detected() } else { video.devices.clone() };
     tracing::info!(?devices, shares = video.share_device, "accelerators");
-    let factory = VideoStage::new(video.model.clone(), weights).with_devices(devices, video.share_device);
+    tracing::info!(backend = settings.device.backend.name(), "the video model's back end");
+    let factory = VideoStage::new(video.model.clone(), weights)
+        .with_devices(devices, video.share_device)
+        .with_backend(settings.device.backend);
     let factory = Arc::new(factory);
     ds_process::service::run_stage("vdm-worker", sections, factory, drain).await
 }

@@ -7,7 +7,8 @@ use ds_raster::{Encoding, RgbImage};
 use ds_space::Tick;
 use ds_topic::body::Tensor;
 use ds_topic::{Advance, Cache, Frame, Layout, SceneMessage, Slot, Topic};
-use ds_video::{CacheEntry, Latent, Replay, Rollout, VideoModel};
+use ds_video::{CacheEntry, Generated, Latent, Replay, Rollout, VideoError, VideoModel};
+use rayon::prelude::*;
 
 use crate::lens::Lens;
 
@@ -141,13 +142,18 @@ impl Maker for Rollouts {
         if order.iteration == 0 {
             return self.start(inputs);
         }
+        let mut layouts = Vec::new();
+        for index in (0u16..).take(self.cameras.len()) {
+            let ticks = order.first.to(order.last);
+            let image = |tick: Tick| Ok(inputs.decode::<Layout>(Slot::of_camera(Topic::Layout, tick.0, index))?.image);
+            layouts.push(ticks.map(image).collect::<Result<Vec<RgbImage>, Fault>>()?);
+        }
+        // Cameras of one episode know nothing of each other, so each may have a thread of its own.
+        let made = self.cameras.par_iter_mut().zip(layouts).map(|(rollout, layouts)| rollout.generate(&layouts));
+        let made: Vec<Result<Generated, VideoError>> = made.collect();
         let mut outputs = Vec::new();
-        for (index, rollout) in (0u16..).zip(&mut self.cameras) {
-            let mut layouts = Vec::new();
-            for tick in order.first.to(order.last) {
-                layouts.push(inputs.decode::<Layout>(Slot::of_camera(Topic::Layout, tick.0, index))?.image);
-            }
-            let made = rollout.generate(&layouts).map_err(|error| bad("generation_failed", &error))?;
+        for (index, made) in (0u16..).zip(made) {
+            let made = made.map_err(|error| bad("generation_failed", &error))?;
             for (tick, image) in order.first.to(order.last).zip(made.frames) {
                 let seam = if tick == order.first { f64::from(made.seam) } else { 0.0 };
                 outputs.push(frame_output(tick, index, seen(self.lens.as_ref(), image, tick, index)?, seam));
@@ -157,3 +163,6 @@ impl Maker for Rollouts {
         Ok(outputs)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use ds_process::section::{BusSection, ControlSection, ProcessSection, SecuritySection};
+use ds_video::Backend;
 use serde::{Deserialize, Serialize};
 
 /// `[video]`: the model.
@@ -30,6 +31,15 @@ impl Default for VideoSection {
     }
 }
 
+/// `[device]`: what computes.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DeviceSection {
+    /// `cpu`: the processor's own path; `framework`: the machine-learning framework's graph, several times slower;
+    /// `vulkan`, `cuda`: that graph on a graphics processor, in builds with the feature of that name.
+    pub backend: Backend,
+}
+
 /// All settings of vdm-worker.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -44,4 +54,6 @@ pub struct Settings {
     pub bus: BusSection,
     /// The model.
     pub video: VideoSection,
+    /// What computes.
+    pub device: DeviceSection,
 }

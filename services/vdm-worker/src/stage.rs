@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use ds_process::maker::{Abilities, Fault, Maker, MakerFactory};
 use ds_topic::{ObservationSource, Role, SceneMessage};
-use ds_video::{ModelConfig, VideoModel};
+use ds_video::{Backend, ModelConfig, VideoModel};
 
 use crate::rendered::Rendered;
 use crate::rollout::Rollouts;
@@ -25,6 +25,7 @@ pub struct VideoStage {
     weights: PathBuf,
     devices: Vec<String>,
     shares_device: bool,
+    backend: Backend,
     model: OnceLock<Result<Arc<VideoModel>, String>>,
 }
 
@@ -33,7 +34,14 @@ impl VideoStage {
     #[must_use]
     pub fn new(config: PathBuf, weights: Option<PathBuf>) -> Self {
         let weights = weights.unwrap_or_else(|| config.with_extension("safetensors"));
-        Self { config, weights, devices: Vec::new(), shares_device: false, model: OnceLock::new() }
+        let backend = Backend::default();
+        Self { config, weights, devices: Vec::new(), shares_device: false, backend, model: OnceLock::new() }
+    }
+
+    /// Names what computes.
+    #[must_use]
+    pub fn with_backend(self, backend: Backend) -> Self {
+        Self { backend, ..self }
     }
 
     /// Names the accelerators that it may be given, and whether it takes one that another worker holds.
@@ -49,7 +57,7 @@ impl VideoStage {
     pub fn model(&self) -> Result<Arc<VideoModel>, Fault> {
         let load = || {
             let config = load_config(&self.config)?;
-            let loaded = VideoModel::load(&config, &self.weights);
+            let loaded = VideoModel::load_on(self.backend, &config, &self.weights);
             loaded.map(Arc::new).map_err(|error| format!("weights {:?}: {error}", self.weights))
         };
         self.model.get_or_init(load).clone().map_err(|text| Fault::infrastructure("no_model", text))
@@ -70,9 +78,17 @@ impl MakerFactory for VideoStage {
 
     fn compute_class(&self) -> String {
         let wide = if avx512() { "avx512" } else { "baseline" };
-        let threads =
-            std::env::var_os("RAYON_NUM_THREADS").map_or("all".to_owned(), |n| n.to_string_lossy().into_owned());
-        format!("video {} {wide}, threads {threads}, model {}", std::env::consts::ARCH, self.abilities().video_model)
+        let how = match self.backend {
+            // Its results are the same for any number of threads.
+            Backend::Cpu => "backend cpu".to_owned(),
+            Backend::Framework => {
+                let threads = std::env::var_os("RAYON_NUM_THREADS");
+                let threads = threads.map_or("all".to_owned(), |n| n.to_string_lossy().into_owned());
+                format!("backend framework, threads {threads}")
+            }
+            Backend::Vulkan | Backend::Cuda => format!("backend {}", self.backend.name()),
+        };
+        format!("video {} {wide}, {how}, model {}", std::env::consts::ARCH, self.abilities().video_model)
     }
 
     fn abilities(&self) -> Abilities {

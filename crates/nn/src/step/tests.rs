@@ -1,13 +1,18 @@
 //! The parallel causal form against the cached one, gradients against finite differences, and short trainings.
 
+mod self_forcing;
+
+use std::ops::Range;
+
 use ds_space::{Digest, Draws};
 
 use super::*;
 use crate::Declared;
 use crate::array::Initial;
-use crate::cache::{KvCache, ReadOrder};
-use crate::dit::Chunk;
+use crate::cache::{CachePolicy, KvCache, Positions, ReadOrder};
+use crate::dit::{Chunk, DitShape};
 use crate::optimiser::{AdamW, AdamWSettings};
+use crate::tiny_ae::{AeShape, Memory, TinyAe};
 
 const SHAPE: DitShape = DitShape {
     layers: 3,
@@ -17,10 +22,14 @@ const SHAPE: DitShape = DitShape {
     latent_channels: 3,
     control_inputs: 12,
     control_channels: 5,
+    start_channels: 3,
     freq_dim: 16,
     text_dim: 8,
     text_len: 2,
     image_context: true,
+    clip_dim: 0,
+    reference: false,
+    gelu: crate::dit::Gelu::Exact,
     start_every: true,
     cross_every: 2,
     grid_h: 2,
@@ -49,8 +58,10 @@ fn batch(clips: usize) -> ClipBatch {
     let n = SHAPE.tokens();
     ClipBatch {
         clean: draw("clean", &[clips, FRAMES, n, 4, 3]),
+        start: draw("start", &[clips, n, 4, 3]),
         layouts: draw("layouts", &[clips, FRAMES * n, 4, 12]),
         layout_on: vec![1.0; clips],
+        given_on: vec![1.0; clips],
         text: draw("text", &[clips, 2, 8]),
         emphasis: Array::new(&[clips, FRAMES, n, 4, 1], vec![1.0; clips * FRAMES * n * 4]),
     }
@@ -60,13 +71,15 @@ fn plan(clips: usize, chunk: usize, window: usize, positions: Positions, queries
     let n = SHAPE.tokens();
     CausalPlan {
         cache: CachePolicy { window, sink: 1, chunk, positions, order: ReadOrder::Slot },
-        context: Level(0.6),
+        context: draw("context", &[clips, FRAMES - 1, n, 4, 3]),
+        context_level: Level(0.6),
         context_trained: true,
-        query: Level(1.0),
-        prediction: Prediction::Clean,
-        context_noise: draw("context", &[clips, FRAMES - 1, n, 4, 3]),
-        query_noise: draw("query", &[clips, queries.len(), n, 4, 3]),
+        context_detached: false,
+        query: draw("query", &[clips, queries.len(), n, 4, 3]),
+        query_level: Level(1.0),
         queries,
+        target: draw("target", &[clips, FRAMES - 1, n, 4, 3]),
+        prediction: Prediction::Clean,
     }
 }
 
@@ -77,18 +90,13 @@ fn frames_of(array: &Array, frames: Range<usize>) -> Array {
     Array::new(&[frames.len(), n, 4, array.shape()[array.shape().len() - 1]], values)
 }
 
-fn noised(clean: &Array, noise: &Array, sigma: f32) -> Array {
-    let mix = |(a, b): (&f32, &f32)| (1.0 - sigma) * a + sigma * b;
-    Array::new(clean.shape(), clean.values().iter().zip(noise.values()).map(mix).collect())
-}
-
 /// Runs the cached form over the same sequence and returns the largest difference of any output.
 fn largest_difference(plan: &CausalPlan) -> f32 {
     let (weights, batch) = (weights(&SHAPE.declare()), batch(1));
     let parallel = causal_output(&SHAPE, &weights, &batch, plan);
     let dit = Dit::new(&SHAPE, &weights).expect("the weights fit");
     let n = SHAPE.tokens();
-    let context = dit.context(&batch.text, &frames_of(&batch.clean, 0..1));
+    let context = dit.context(&batch.text, &batch.start);
     let mut cache = KvCache::new(plan.cache);
     let mut worst = 0.0f32;
     let mut compare = |output: &Array, at: usize| {
@@ -105,22 +113,21 @@ fn largest_difference(plan: &CausalPlan) -> f32 {
         );
         let control = dit.control(&layouts);
         let clean = frames_of(&batch.clean, range.clone());
-        let first = frames_of(&batch.clean, 0..1);
-        let starts = Array::new(clean.shape(), first.values().repeat(count));
+        let starts = Array::new(clean.shape(), batch.start.values().repeat(count));
         let run = |noisy: &Array, level: f32, first: &Array, cache: &KvCache| {
             let chunk = Chunk { noisy, start: first, control: &control, time: 1000.0 * level };
             dit.denoise(&chunk, &cache.window(&dit, count), &context)
         };
         if plan.queries.contains(&start) {
             let at = start - plan.queries.start;
-            let noise = frames_of(&plan.query_noise, at..at + count);
-            compare(&run(&noised(&clean, &noise, plan.query.0), plan.query.0, &starts, &cache).0, FRAMES + at);
+            let noisy = frames_of(&plan.query, at..at + count);
+            compare(&run(&noisy, plan.query_level.0, &starts, &cache).0, FRAMES + at);
         }
         let (output, kv) = if start == 0 {
-            run(&clean, 0.0, &clean, &cache)
+            run(&clean, 0.0, &starts, &cache)
         } else {
-            let noise = frames_of(&plan.context_noise, start - 1..start - 1 + count);
-            run(&noised(&clean, &noise, plan.context.0), plan.context.0, &starts, &cache)
+            let noisy = frames_of(&plan.context, start - 1..start - 1 + count);
+            run(&noisy, plan.context_level.0, &starts, &cache)
         };
         compare(&output, start);
         cache.commit(&kv);
@@ -189,8 +196,64 @@ fn gradients_match_finite_differences() {
     let dit = weights(&SHAPE.declare());
     let (batch, plan) = (batch(2), plan(2, 1, 4, Positions::CacheRelative, 2..5));
     check_gradient(&dit, |weights| causal(&SHAPE, weights, &batch, &plan));
-    let noise = draw("noise", batch.clean.shape());
-    check_gradient(&dit, |weights| bidirectional(&SHAPE, weights, &batch, &[0.3, 0.9], &noise));
+    for prediction in [Prediction::Clean, Prediction::Flow] {
+        let noise = draw("noise", &[2, FRAMES - 1, SHAPE.tokens(), 4, 3]);
+        let plan = BidirectionalPlan { levels: vec![0.3, 0.9], noise, prediction };
+        check_gradient(&dit, |weights| bidirectional(&SHAPE, weights, &batch, &plan));
+    }
+}
+
+#[test]
+fn the_mean_of_single_clips_is_the_batch() {
+    let (weights, batch) = (weights(&SHAPE.declare()), batch(2));
+    let noise = draw("noise", &[2, FRAMES - 1, SHAPE.tokens(), 4, 3]);
+    let plan = BidirectionalPlan { levels: vec![0.3, 0.9], noise, prediction: Prediction::Flow };
+    let whole = bidirectional(&SHAPE, &weights, &batch, &plan);
+    let half = |array: &Array, clip: usize| {
+        let values = array.values().len() / 2;
+        let mut shape = array.shape().to_vec();
+        shape[0] = 1;
+        Array::new(&shape, array.values()[clip * values..(clip + 1) * values].to_vec())
+    };
+    let single = |clip: usize| {
+        let batch = ClipBatch {
+            clean: half(&batch.clean, clip),
+            start: half(&batch.start, clip),
+            layouts: half(&batch.layouts, clip),
+            layout_on: vec![1.0],
+            given_on: vec![1.0],
+            text: half(&batch.text, clip),
+            emphasis: half(&batch.emphasis, clip),
+        };
+        let plan =
+            BidirectionalPlan { levels: vec![plan.levels[clip]], noise: half(&plan.noise, clip), ..plan.clone() };
+        bidirectional(&SHAPE, &weights, &batch, &plan)
+    };
+    let mean = Step::mean(vec![single(0), single(1)]);
+    assert!((mean.loss - whole.loss).abs() < 1e-5, "{} and {}", mean.loss, whole.loss);
+    for ((name, a), (_, b)) in mean.gradient.iter().zip(whole.gradient.iter()) {
+        let worst = a.values().iter().zip(b.values()).fold(0.0f32, |w, (a, b)| w.max((a - b).abs()));
+        assert!(worst < 1e-5, "{name}: {worst}");
+    }
+}
+
+#[test]
+fn what_is_not_given_does_not_count() {
+    let weights = weights(&SHAPE.declare());
+    let noisy = draw("noisy", &[1, FRAMES - 1, SHAPE.tokens(), 4, 3]);
+    let output = |given: f32, layout: f32, first: f32, layouts: &str| {
+        let mut batch = batch(1);
+        batch.given_on = vec![given];
+        batch.layout_on = vec![layout];
+        batch.clean.values_mut()[0] += first;
+        batch.start.values_mut()[0] += first;
+        batch.layouts = draw(layouts, &[1, FRAMES * SHAPE.tokens(), 4, 12]);
+        bidirectional_clean(&SHAPE, &weights, &batch, &noisy, &[0.7], Prediction::Flow)
+    };
+    assert_ne!(output(1.0, 1.0, 0.0, "layouts"), output(1.0, 1.0, 1.0, "layouts"));
+    assert_ne!(output(1.0, 1.0, 0.0, "layouts"), output(1.0, 1.0, 0.0, "others"));
+    assert_eq!(output(0.0, 1.0, 0.0, "layouts"), output(0.0, 1.0, 1.0, "layouts"));
+    assert_eq!(output(1.0, 0.0, 0.0, "layouts"), output(1.0, 0.0, 0.0, "others"));
 }
 
 fn ae() -> (AeShape, AeBatch) {

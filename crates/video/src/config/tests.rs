@@ -4,6 +4,10 @@ use super::*;
 
 const SMOKE: &str = include_str!("../../../../configs/models/smoke.toml");
 
+const WAN: &str = include_str!("../../../../configs/models/wan2.1-1.3b.toml");
+const FUN: &str = include_str!("../../../../configs/models/wan2.1-fun-1.3b-control.toml");
+const LARGE: &str = include_str!("../../../../configs/models/wan2.2-5b.toml");
+
 fn check(input: (&str, &str), expected: &str) {
     assert!(SMOKE.contains(input.0), "the preset holds {:?}", input.0);
     let text = SMOKE.replace(input.0, input.1);
@@ -30,6 +34,7 @@ fn broken_rules_are_named() {
     check(("state(2)", "renoise(NaN)"), "causal.cache_source");
     check(("state(2)", "exec(1)"), "causal.cache_source");
     check(("kind = \"tiny\"", "kind = \"wan21\""), "vae.kind");
+    check(("kind = \"tiny\"", "kind = \"large\""), "vae.kind");
     check(("stride_t = 4", "stride_t = 3"), "vae.stride_t");
     check(("dim = 64", "dim = 99999999"), "sizes must be");
     check(("version = 1", "version = 2"), "version");
@@ -43,8 +48,48 @@ fn all_presets_are_valid() {
         SMOKE,
         include_str!("../../../../configs/models/cpu_train.toml"),
         include_str!("../../../../configs/models/embedded.toml"),
+        WAN,
+        FUN,
+        LARGE,
+        include_str!("../../../../configs/models/wan-tiny.toml"),
     ] {
         let config = ModelConfig::parse(text).expect("a preset is valid");
         assert_eq!(ModelConfig::parse(&toml::to_string(&config).expect("it came from TOML")).expect("valid"), config);
+    }
+}
+
+#[test]
+fn published_presets_ask_for_the_published_weights() {
+    for (text, tensors, parameters, tokens) in
+        [(WAN, 825, 1_418_996_800, 1560), (FUN, 985, 1_564_602_176, 1560), (LARGE, 825, 4_999_787_712, 880)]
+    {
+        let shape = ModelConfig::parse(text).expect("a preset is valid").dit();
+        let declared = shape.declare();
+        let values: usize = declared.iter().map(|weight| weight.shape.iter().product::<usize>()).sum();
+        assert_eq!((declared.len(), values, shape.tokens()), (tensors, parameters, tokens));
+    }
+}
+
+#[test]
+fn broken_rules_of_published_models_are_named() {
+    let check = |from: &str, to: &str, expected: &str| {
+        assert!(FUN.contains(from), "the preset holds {from:?}");
+        let error = ModelConfig::parse(&FUN.replace(from, to)).expect_err(from).to_string();
+        assert!(error.contains(expected), "{from:?}: {error:?} lacks {expected:?}");
+    };
+    check("kind = \"wan21\"", "kind = \"wan22\"", "vae.kind");
+    check("kind = \"wan21\"", "kind = \"wan23\"", "must be \"tiny\"");
+    check("in_dim = 48", "in_dim = 36", "model.in_dim");
+    check("encoder = \"vae\"", "encoder = \"unshuffle\"", "control.encoder");
+    check("img_tokens = 257", "img_tokens = 256", "model.img_tokens");
+    check("stride_s = 8", "stride_s = 0", "vae.kind");
+    check("stride_s = 8", "stride_s = 8\nencoder_width = 4", "vae.encoder_width");
+}
+
+#[test]
+fn later_fields_leave_the_digest_of_older_presets_alone() {
+    let text = toml::to_string(&ModelConfig::parse(SMOKE).expect("valid")).expect("it came from TOML");
+    for key in ["clip_dim", "reference", "gelu", "precision"] {
+        assert!(!text.contains(key), "{key:?} is part of the digest of weights that were trained before it");
     }
 }

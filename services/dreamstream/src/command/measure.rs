@@ -1,0 +1,137 @@
+//! `measure`: a published video model with drawn weights on a device: ms per frame, memory, share of the roofline.
+//!
+//! The yardstick is one square matrix product in the number format of the large layers, measured in the same process;
+//! a maker's figure may stand beside it. Operations are counted from shapes. Values of the network mean nothing here.
+
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+use ds_video::workload::{self, Workload};
+use ds_video::{Backend, ModelConfig};
+
+use crate::cli::MeasureArgs;
+use crate::command::answer;
+
+/// The most operations of a chunk that a processor is asked for: some minutes of its time.
+const MAX_ON_PROCESSOR: f64 = 4e12;
+
+/// Measures and prints one line per part.
+///
+/// # Errors
+/// If the configuration is wrong or of no published model, or the device is absent or fails.
+pub(crate) fn run(args: &MeasureArgs) -> Result<()> {
+    let config = ModelConfig::load(&args.model).with_context(|| format!("configuration {:?}", args.model))?;
+    if !config.is_published() {
+        bail!("configuration {:?} is of an own model, measure those by `dreamstream bench --model`", args.model);
+    }
+    let backend: Backend = args.backend.parse().map_err(anyhow::Error::msg)?;
+    let device = backend.ready()?;
+    let operations = workload::operations(&config);
+    let chunk = operations.denoise + operations.decode + operations.encode;
+    if backend == Backend::Framework && chunk > MAX_ON_PROCESSOR {
+        bail!(
+            "no graphics processor is in use, and {:?} asks for {:.0} TFLOP per chunk, hours on a processor; choose --backend \
+             cuda or vulkan in a build with that feature, or --model configs/models/wan-tiny.toml",
+            config.name,
+            chunk * 1e-12,
+        );
+    }
+    answer(&format!("device     {device}"));
+    let peak = yardstick(args, &config, backend);
+    let frames = config.frames_per_chunk() as f64;
+    answer(&format!(
+        "model      {}, {}x{}, chunk {}, window {}, {} steps, cache {}",
+        config.name,
+        config.video.width_px,
+        config.video.height_px,
+        config.causal.chunk,
+        config.causal.window,
+        config.sampler.steps,
+        config.causal.cache_source,
+    ));
+    let mut work = Workload::new(&config);
+    let mut times = [Vec::new(), Vec::new(), Vec::new()];
+    for round in 0..=args.rounds {
+        let spent = once(&mut work)?;
+        if round > 0 {
+            times.iter_mut().zip(spent).for_each(|(times, spent)| times.push(spent));
+        }
+    }
+    answer("part        ms per chunk  ms per frame       GFLOP    GFLOP/s  of yardstick  of maker's figure");
+    let counts = [operations.denoise, operations.decode, operations.encode];
+    let mut total = 0.0;
+    for ((name, count), times) in ["denoise", "decode", "encode"].into_iter().zip(counts).zip(&mut times) {
+        let ms = median(times);
+        total += if count > 0.0 { ms } else { 0.0 };
+        if count > 0.0 {
+            line(name, ms, frames, count, peak, args.peak_tflops);
+        }
+    }
+    line("all", total, frames, chunk, peak, args.peak_tflops);
+    match workload::memory() {
+        Some((used, reserved)) => {
+            answer(&format!(
+                "memory      {:.2} GB in use, {:.2} GB reserved",
+                used as f64 * 1e-9,
+                reserved as f64 * 1e-9
+            ));
+        }
+        None => answer("memory      the back end does not tell"),
+    }
+    Ok(())
+}
+
+/// Times one chunk: denoising, decoding, encoding, in milliseconds.
+fn once(work: &mut Workload) -> Result<[f64; 3]> {
+    let fault = |fault: String| anyhow::anyhow!("the device reports a fault: {fault}");
+    let began = Instant::now();
+    work.denoise().map_err(fault)?;
+    let denoised = began.elapsed();
+    work.decode().map_err(fault)?;
+    let decoded = began.elapsed();
+    work.encode().map_err(fault)?;
+    let ms = |duration: std::time::Duration| duration.as_secs_f64() * 1e3;
+    Ok([ms(denoised), ms(decoded - denoised), ms(began.elapsed() - decoded)])
+}
+
+fn median(times: &mut [f64]) -> f64 {
+    times.sort_by(f64::total_cmp);
+    times[times.len() / 2]
+}
+
+/// Measures the matrix product; returns operations per second.
+fn yardstick(args: &MeasureArgs, config: &ModelConfig, backend: Backend) -> f64 {
+    let side = match (args.yardstick, backend) {
+        (0, Backend::Framework) => 1024,
+        (0, _) => 8192,
+        (side, _) => side,
+    };
+    let product = workload::yardstick(config, side);
+    let mut times = Vec::new();
+    for round in 0..=args.rounds {
+        let began = Instant::now();
+        let value = product.run();
+        if round > 0 && value.is_finite() {
+            times.push(began.elapsed().as_secs_f64() * 1e3);
+        }
+    }
+    let rate = product.operations() / (median(&mut times) * 1e-3);
+    answer(&format!(
+        "yardstick  product of {side}x{side} in {:?}: {:.3} TFLOP/s",
+        config.precision.linear,
+        rate * 1e-12
+    ));
+    rate
+}
+
+fn line(name: &str, ms: f64, frames: f64, count: f64, peak: f64, maker: Option<f64>) {
+    let rate = count / (ms * 1e-3);
+    let share = maker.map_or_else(|| "-".to_owned(), |maker| format!("{:.1} %", 100.0 * rate / (maker * 1e12)));
+    answer(&format!(
+        "{name:<10} {ms:>13.2} {:>13.2} {:>11.1} {:>10.1} {:>11.1} % {share:>18}",
+        ms / frames,
+        count * 1e-9,
+        rate * 1e-9,
+        100.0 * rate / peak,
+    ));
+}

@@ -1,0 +1,146 @@
+//! A rig of several cameras through the maker, against each camera alone, and from its log.
+
+use std::path::Path;
+
+use ds_process::maker::output;
+use ds_space::{AttemptId, CameraId, CameraModel, DVec3, Digest, EpisodeId, InstanceId, Intrinsics, PoseSe2, SimTime};
+use ds_topic::{AgentMode, Envelope, EpisodeSpec, Header, Motion, ObservationSource, ReplanAlignment, SCHEMA_VERSION};
+use ds_video::ModelConfig;
+
+use super::*;
+
+const CAMERAS: [&str; 3] = ["front", "left", "right"];
+const ROUNDS: u32 = 4;
+const REPLAN: u32 = 5;
+
+fn model() -> Arc<VideoModel> {
+    let text = include_str!("../../../../configs/models/smoke.toml");
+    let config = ModelConfig::parse(text).expect("the preset is valid");
+    Arc::new(VideoModel::untrained(&config, &Digest::of(b"weights")))
+}
+
+fn picture(camera: u16, tick: u32) -> RgbImage {
+    let mut image = RgbImage::filled(64, 32, [40 + 60 * camera as u8, 90, 150]);
+    (0..32).for_each(|y| image.set_pixel((7 * tick + y) % 64, y, [255, 255, 0]));
+    image
+}
+
+fn scene(model: &VideoModel) -> Arc<SceneMessage> {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/base/free-curve.scenario.json");
+    let (mut scene, _) = ds_scenario::load(&file).expect("a scenario of the repository");
+    let lens = Intrinsics::centred(64, 32, 1.2);
+    let mounted = |name: &str| {
+        CameraModel::mounted(CameraId::new(name).expect("a plain word"), lens, DVec3::new(1.5, 0.0, 1.6), 0.0, 0.05)
+    };
+    scene.cameras = CAMERAS.iter().map(|name| mounted(name)).collect();
+    let spec = EpisodeSpec {
+        episode: EpisodeId::new("rig").expect("a plain word"),
+        scenario: scene.name.clone(),
+        scenario_digest: scene.digest,
+        policy: "log-replay".to_owned(),
+        observation: ObservationSource::Dreamstream,
+        appearance: "day".to_owned(),
+        seed: 1,
+        replan_period: REPLAN,
+        horizon: 80,
+        history: 1,
+        warm_up: 0,
+        last_tick: Tick(REPLAN * ROUNDS),
+        agents: AgentMode::LogReplay,
+        tracker: "lqr".to_owned(),
+        layout_backend: "cpu".to_owned(),
+        alignment: ReplanAlignment::Rollback,
+        chunk_ticks: 4,
+        video_model: model.digest(),
+        policy_model: Digest::default(),
+        configuration: Digest::default(),
+        scorer: Default::default(),
+        score_profile: Default::default(),
+        effects: Vec::new(),
+        vehicle_log: false,
+        observation_delay: 0,
+    };
+    let first_frames = (0u16..).take(CAMERAS.len()).map(|camera| picture(camera, 0)).collect();
+    Arc::new(SceneMessage { spec, scene: Arc::new(scene), first_frames })
+}
+
+fn envelope(made: Output) -> Envelope {
+    let header = Header {
+        episode: EpisodeId::new("rig").expect("a plain word"),
+        attempt: AttemptId(1),
+        term: 1,
+        epoch: 1,
+        iteration: 0,
+        tick: made.tick,
+        time: SimTime(0),
+        sequence: 0,
+        publisher: InstanceId::new("test").expect("a plain word"),
+        schema_version: SCHEMA_VERSION,
+        trace: String::new(),
+        slot: made.slot,
+        content: made.content,
+    };
+    Envelope { header, body: made.body }
+}
+
+fn order(iteration: u32) -> Advance {
+    let (first, last) = if iteration == 0 { (0, 0) } else { (1 + REPLAN * (iteration - 1), REPLAN * iteration) };
+    Advance {
+        iteration,
+        first: Tick(first),
+        last: Tick(last),
+        motion: Motion::Log,
+        border: Digest::default(),
+        plan_due: false,
+        owners: std::collections::BTreeMap::new(),
+    }
+}
+
+/// All layouts of the drive.
+fn layouts() -> Inputs {
+    let mut inputs = Inputs::default();
+    for (tick, camera) in (0..=REPLAN * ROUNDS).flat_map(|tick| (0u16..3).map(move |camera| (tick, camera))) {
+        let image = picture(camera, tick + 100);
+        let layout = Layout { image, encoding: Encoding::None, ego_in_world: PoseSe2::new(0.0, 0.0, 0.0) };
+        let slot = Slot::of_camera(Topic::Layout, tick, camera);
+        inputs.0.insert(slot, envelope(output(slot, Tick(tick), &layout)));
+    }
+    inputs
+}
+
+#[test]
+fn cameras_of_a_rig_are_made_as_each_alone_and_restored_from_their_logs() {
+    let (model, mut inputs) = (model(), layouts());
+    let scene = scene(&model);
+    let mut maker = Rollouts::new(Arc::clone(&model), Arc::clone(&scene));
+    let mut made = Vec::new();
+    for iteration in 0..=ROUNDS {
+        made.extend(maker.work(&order(iteration), &inputs).expect("works"));
+    }
+    for (index, camera) in (0u16..).zip(CAMERAS) {
+        let (key, prompt) = (scene.spec.draw_key(), &scene.scene.prompt);
+        let begun = Rollout::new(Arc::clone(&model), key, camera, prompt, &picture(index, 0), &picture(index, 100));
+        let (mut alone, _) = begun.expect("starts");
+        let mut frames = vec![alone.first_frame().clone()];
+        for iteration in 1..=ROUNDS {
+            let ticks = 1 + REPLAN * (iteration - 1)..=REPLAN * iteration;
+            let layouts: Vec<RgbImage> = ticks.map(|tick| picture(index, tick + 100)).collect();
+            frames.extend(alone.generate(&layouts).expect("generates").frames);
+        }
+        let slots = |one: &&Output| one.slot.topic == Topic::Frame && one.slot.camera == index;
+        let found: Vec<&Output> = made.iter().filter(slots).collect();
+        assert_eq!(found.len(), frames.len(), "{camera}");
+        for (one, image) in found.into_iter().zip(frames) {
+            let mut inputs = Inputs::default();
+            inputs.0.insert(one.slot, envelope(one.clone()));
+            assert!(inputs.decode::<Frame>(one.slot).expect("decodes").image == image, "{camera}, {}", one.slot);
+        }
+    }
+    // A successor at the last iteration gives the same bytes.
+    let cache = made.iter().filter(|one| one.slot.topic == Topic::Cache);
+    inputs.0.extend(cache.map(|one| (one.slot, envelope(one.clone()))));
+    let mut successor = Rollouts::new(model, scene);
+    successor.restore(&order(ROUNDS), &inputs).expect("restores");
+    let again = successor.work(&order(ROUNDS), &inputs).expect("works");
+    assert!(!again.is_empty() && made.ends_with(&again));
+}
