@@ -1,127 +1,135 @@
-//! Stage 0: the tiny autoencoder, on frames alone.
+//! The tiny autoencoder, on frames alone.
 //!
 //! Loss: L1 + 0.1·L1 of the image gradients + a small penalty on the latents. Latents get a little noise, so that the
 //! decoder forgives the errors of a generator. After training, mean and deviation per latent channel are measured and
 //! stored beside the weights (`latent.mean`, `latent.std`).
 
-use ds_nn::step::{self, AeBatch};
-use ds_nn::tiny_ae::{AeShape, Memory, TinyAe};
+use ds_nn::body::{Autoencoder, Backend};
+use ds_nn::safetensors::WeightsFile;
+use ds_nn::step::{self, AeBatch, Step};
+use ds_nn::team::Team;
+use ds_nn::tiny_ae::{AeShape, Memory};
 use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::pixels;
 
 use crate::batch::{self, latent_steps};
-use crate::checkpoint::Run;
-use crate::clips::{Clip, ClipFile};
-use crate::config::TrainConfig;
+use crate::checkpoint::{Member, Run};
+use crate::config::{StageConfig, TrainConfig};
 use crate::error::TrainError;
-use crate::latents::unguided;
+use crate::frames::Frames;
+use crate::sets::unguided;
 use crate::{Progress, Report, emphasis, sheet};
 
 const NAME: &str = "autoencoder";
 const LATENT_NOISE: f32 = 0.05;
 const LATENT_PENALTY: f32 = 1e-4;
-const EVALUATION_CLIPS: u64 = 8;
+/// Clips that statistics and PSNR are measured on.
+const EVALUATION_CLIPS: u64 = 48;
+/// Clips of the contact sheet.
+const SHOWN_CLIPS: u64 = 8;
 
 /// Trains the autoencoder to its configured number of steps.
 ///
 /// # Errors
 /// If a file cannot be used or the loss is not finite.
 pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, TrainError> {
-    let model = config.model()?;
-    let shape = unguided(&model);
-    let clips = batch::clip_file(config, &model);
+    let stage = config.autoencoder.as_ref().ok_or_else(|| TrainError::no_stage(NAME))?;
+    let shape = unguided(&config.model()?);
+    let frames = Frames::open(config, &stage.sets)?;
     let seed = DigestWriter::new().text(NAME).u64(config.seed).finish();
-    let mut run = Run::open(&config.folder, NAME, &config.autoencoder, &shape.declare(), &seed)?;
     let initial = config.initial("vae.")?;
-    run.start_from(&initial);
+    let member = Member::new("model", &shape.declare(), stage.optimiser(), &seed).starting_from(&initial);
+    let mut run = Run::open(&config.folder, NAME, stage, vec![member])?;
+    let team = Team::of_all_cores();
     while run.unfinished() {
-        let batch = self::batch(config, &clips, &shape, &seed, run.step)?;
-        let step = step::autoencoder(&shape, &run.weights, &batch);
-        if !run.apply(&step, progress)? {
+        let (weights, at) = (run.weights(), run.step);
+        let job = |clip: u64| -> Box<dyn FnOnce() -> Result<Step, TrainError> + Send + '_> {
+            let (frames, shape, seed) = (&frames, &shape, &seed);
+            Box::new(move || {
+                let batch = self::batch(config, stage, frames, shape, (seed, at, clip))?;
+                Ok(step::autoencoder(shape, weights, &batch))
+            })
+        };
+        let steps = team.run((0..stage.clips as u64).map(job).collect());
+        let step = Step::mean(steps.into_iter().collect::<Result<_, _>>()?);
+        if !run.apply(step, progress)? {
             break;
         }
     }
-    let figures = evaluate(config, &clips, &shape, &run.average)?;
+    let figures = evaluate(config, &frames, &shape, run.average())?;
     if run.step == 0 {
         keep_statistics(config, &initial)?;
     }
     Ok(run.report(figures))
 }
 
+/// Draws one clip of a step.
 fn batch(
     config: &TrainConfig,
-    clips: &ClipFile,
+    stage: &StageConfig,
+    sets: &Frames,
     shape: &AeShape,
-    seed: &Digest,
-    step: u32,
+    (seed, step, clip): (&Digest, u32, u64),
 ) -> Result<AeBatch, TrainError> {
-    let stage = &config.autoencoder;
-    let frames = 1 + (stage.latents - 1) * shape.stride_t;
-    let (mut folded, mut images, mut emphasis, mut size) = (Vec::new(), Vec::new(), Vec::new(), (0, 0));
-    for index in 0..stage.clips {
-        let draws = Draws::new(seed, "batch", &[u64::from(step), index as u64]);
-        let clip = batch::training_clip(config, clips, &draws)?;
-        let from = draws.below(1, (config.data.frames - frames + 1) as u64) as usize;
-        let clip = clips.read(clip, from, frames)?;
-        size = (clip.frames[0].height_px() as usize, clip.frames[0].width_px() as usize);
-        for step in latent_steps(&clip.frames, shape.stride_t) {
-            folded.extend(pixels::fold(&step));
-            images.extend(pixels::to_values(&step).into_values());
-        }
-        for step in latent_steps(&clip.layouts, shape.stride_t) {
-            emphasis.extend(emphasis::of_pixels(&step, config.data.road_users));
-        }
+    let draws = Draws::new(seed, "batch", &[u64::from(step), clip]);
+    let clip = sets.draw(&draws, 1 + (stage.latents - 1) * shape.stride_t)?;
+    let size = (clip.frames[0].height_px() as usize, clip.frames[0].width_px() as usize);
+    let (mut folded, mut images, mut weights) = (Vec::new(), Vec::new(), Vec::new());
+    for (frames, layouts) in
+        latent_steps(&clip.frames, shape.stride_t).iter().zip(latent_steps(&clip.layouts, shape.stride_t))
+    {
+        folded.extend(pixels::fold(frames));
+        images.extend(pixels::to_values(frames).into_values());
+        weights.extend(emphasis::of_pixels(&layouts, config.road_users));
     }
-    let steps = stage.clips * stage.latents;
+    let steps = folded.len() / (size.0 / 8 * (size.1 / 8) * shape.inputs());
     let (h, w) = (size.0 / 8, size.1 / 8);
-    let noise = Draws::new(seed, "latent-noise", &[u64::from(step)]);
     #[expect(clippy::cast_possible_truncation, reason = "noise is single precision")]
-    let noise = (0..(steps * h * w * shape.z) as u64).map(|i| LATENT_NOISE * noise.normal(i) as f32).collect();
+    let noise = (16..16 + (steps * h * w * shape.z) as u64).map(|i| LATENT_NOISE * draws.normal(i) as f32).collect();
     Ok(AeBatch {
-        clips: stage.clips,
+        clips: 1,
         folded: Array::new(&[steps, h, w, shape.inputs()], folded),
         frames: Array::new(&[steps * shape.stride_t, size.0, size.1, 3], images),
-        emphasis: Array::new(&[steps * shape.stride_t, size.0, size.1, 1], emphasis),
+        emphasis: Array::new(&[steps * shape.stride_t, size.0, size.1, 1], weights),
         noise: Array::new(&[steps, h, w, shape.z], noise),
         latent_penalty: LATENT_PENALTY,
     })
 }
 
-/// Encodes a whole clip: [latents, h, w, z], not normalised.
+/// Encodes frames that begin a drive: [latents, h, w, z], not normalised.
 #[must_use]
-pub fn encode(ae: &TinyAe, shape: &AeShape, clip: &Clip) -> Array {
-    let steps = latent_steps(&clip.frames, shape.stride_t);
-    let (h, w) = (clip.frames[0].height_px() as usize / 8, clip.frames[0].width_px() as usize / 8);
+pub fn encode(ae: &dyn Autoencoder, shape: &AeShape, frames: &[RgbImage]) -> Array {
+    let steps = latent_steps(frames, shape.stride_t);
+    let (h, w) = (frames[0].height_px() as usize / 8, frames[0].width_px() as usize / 8);
     let folded = steps.iter().flat_map(|step| pixels::fold(step)).collect();
     ae.encode(&Array::new(&[steps.len(), h, w, shape.inputs()], folded), &mut Memory::default())
 }
 
 /// Decodes a whole clip of latents; the copies before the first frame are dropped.
 #[must_use]
-pub fn decode(ae: &TinyAe, shape: &AeShape, latents: &Array) -> Vec<RgbImage> {
+pub fn decode(ae: &dyn Autoencoder, shape: &AeShape, latents: &Array) -> Vec<RgbImage> {
     let frames = ae.decode(latents, None, &mut Memory::default());
     let (height, width) = (frames.shape()[1], frames.shape()[2]);
     let images = frames.values().chunks_exact(height * width * 3).skip(shape.stride_t - 1);
     images.map(|values| pixels::to_image(values, width as u32, height as u32)).collect()
 }
 
-/// Measures PSNR on held-out clips, writes a sheet, and stores mean and deviation of the latents.
+/// Measures PSNR on drawn clips, writes a sheet, and stores mean and deviation of the latents.
 fn evaluate(
     config: &TrainConfig,
-    clips: &ClipFile,
+    sets: &Frames,
     shape: &AeShape,
     weights: &Weights,
 ) -> Result<Vec<(String, f32)>, TrainError> {
-    let ae = TinyAe::new(shape, weights)?;
+    let ae = Backend::Cpu.autoencoder(shape, weights)?;
     let (mut sums, mut squares, mut count) = (vec![0.0f64; shape.z], vec![0.0f64; shape.z], 0.0f64);
     let (mut rows, mut psnr) = (Vec::new(), 0.0);
-    let (first, held_out) = batch::held_out(config, clips);
-    let evaluated = held_out.min(EVALUATION_CLIPS);
-    for index in first..first + evaluated {
-        let clip = clips.read(index, 0, config.data.frames)?;
-        let latents = encode(&ae, shape, &clip);
+    for index in 0..EVALUATION_CLIPS {
+        let draws = Draws::from_seed(index, "autoencoder-evaluation");
+        let clip = sets.draw(&draws, usize::MAX)?;
+        let latents = encode(ae.as_ref(), shape, &clip.frames);
         for pixel in latents.values().chunks_exact(shape.z) {
             count += 1.0;
             for (channel, value) in pixel.iter().enumerate() {
@@ -129,9 +137,11 @@ fn evaluate(
                 squares[channel] += f64::from(*value).powi(2);
             }
         }
-        let decoded = decode(&ae, shape, &latents);
-        psnr += batch::psnr_db(&clip.frames, &decoded) / evaluated as f32;
-        rows.extend([every_third(&clip.frames), every_third(&decoded)]);
+        let decoded = decode(ae.as_ref(), shape, &latents);
+        psnr += batch::psnr_db(&clip.frames, &decoded) / EVALUATION_CLIPS as f32;
+        if index < SHOWN_CLIPS {
+            rows.extend([every_third(&clip.frames), every_third(&decoded)]);
+        }
     }
     #[expect(clippy::cast_possible_truncation, reason = "statistics are stored in single precision")]
     let mean: Vec<f32> = sums.iter().map(|sum| (sum / count) as f32).collect();
@@ -139,18 +149,18 @@ fn evaluate(
     #[expect(clippy::cast_possible_truncation, reason = "statistics are stored in single precision")]
     let std: Vec<f32> = sums.iter().zip(&squares).map(|pair| deviation(pair) as f32).collect();
     sheet::write(&config.folder.join("autoencoder.png"), &rows)?;
-    let mut file = ds_nn::safetensors::WeightsFile { weights: weights.clone(), ..Default::default() };
+    let mut file = WeightsFile { weights: weights.clone(), ..Default::default() };
     file.weights.insert("latent.mean", Array::new(&[shape.z], mean));
     file.weights.insert("latent.std", Array::new(&[shape.z], std));
     file.metadata.insert("psnr_db".to_owned(), psnr.to_string());
-    file.write(&Run::weights_path(&config.folder, NAME))?;
+    file.write(&config.folder.join("autoencoder.safetensors"))?;
     Ok(vec![("psnr_db".to_owned(), psnr)])
 }
 
 /// Gives an autoencoder that was taken over as it is the statistics that came with it: they belong to its latents.
 fn keep_statistics(config: &TrainConfig, initial: &Weights) -> Result<(), TrainError> {
-    let path = Run::weights_path(&config.folder, NAME);
-    let mut file = ds_nn::safetensors::WeightsFile::read(&path)?;
+    let path = config.folder.join("autoencoder.safetensors");
+    let mut file = WeightsFile::read(&path)?;
     for name in ["latent.mean", "latent.std"] {
         if let Some(array) = initial.get(name) {
             file.weights.insert(name, array.clone());
@@ -160,5 +170,5 @@ fn keep_statistics(config: &TrainConfig, initial: &Weights) -> Result<(), TrainE
 }
 
 fn every_third(frames: &[RgbImage]) -> Vec<RgbImage> {
-    frames.iter().step_by(3).cloned().collect()
+    frames.iter().step_by(3).take(12).cloned().collect()
 }

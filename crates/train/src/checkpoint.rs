@@ -1,9 +1,12 @@
-//! The state of a training run: weights, their moving average and the optimiser, in one file replaced atomically.
+//! The state of a training run: weights, their moving averages and the optimisers, in one file replaced atomically.
+//!
+//! A stage trains one network or, in Self Forcing, two; each is a *member* with an optimiser of its own. All draws are
+//! keyed by the step, so that a run killed at any moment goes on from its last checkpoint to the same bits.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use ds_nn::optimiser::{AdamW, move_average};
+use ds_nn::optimiser::{AdamW, AdamWSettings, move_average};
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::step::Step;
 use ds_nn::{Declared, Weights};
@@ -13,24 +16,90 @@ use crate::config::StageConfig;
 use crate::error::TrainError;
 use crate::{Progress, Report};
 
+/// One network of a run.
+#[derive(Debug)]
+pub struct Member {
+    name: &'static str,
+    /// The weights being trained.
+    pub weights: Weights,
+    /// Their moving average: what is evaluated and shipped.
+    pub average: Weights,
+    adam: AdamW,
+}
+
+impl Member {
+    /// Makes a network of first values drawn from the seed.
+    #[must_use]
+    pub fn new(name: &'static str, declared: &[Declared], settings: AdamWSettings, seed: &Digest) -> Self {
+        let weights = Weights::initialised(declared, seed);
+        Self { name, average: weights.clone(), adam: AdamW::new(settings, &weights), weights }
+    }
+
+    /// Takes other weights over where names and shapes agree.
+    #[must_use]
+    pub fn starting_from(mut self, weights: &Weights) -> Self {
+        for (name, array) in self.weights.iter_mut() {
+            if let Some(other) = weights.get(name).filter(|other| other.shape() == array.shape()) {
+                *array = other.clone();
+            }
+        }
+        self.average = self.weights.clone();
+        self
+    }
+
+    fn parts(&self) -> [(&'static str, &Weights); 4] {
+        let adam = &self.adam;
+        [("weights", &self.weights), ("average", &self.average), ("first", &adam.first), ("second", &adam.second)]
+    }
+
+    fn resume(&mut self, file: &WeightsFile, path: &Path) -> Result<(), TrainError> {
+        let settings = self.adam.settings();
+        let part = |part: &str| -> Result<Weights, TrainError> {
+            let found = file.weights.part(&format!("{}.{part}.", self.name));
+            let differs = || {
+                let reason = format!("network {:?} has other weights than the preset", self.name);
+                TrainError::Checkpoint { path: path.display().to_string(), reason }
+            };
+            let same = found
+                .iter()
+                .map(|(name, array)| (name, array.shape()))
+                .eq(self.weights.iter().map(|(name, array)| (name, array.shape())));
+            if same { Ok(found) } else { Err(differs()) }
+        };
+        let (weights, average, first, second) = (part("weights")?, part("average")?, part("first")?, part("second")?);
+        let updates = counter(file, &format!("{}.updates", self.name), path)?;
+        self.adam = AdamW::resumed(settings, updates, first, second);
+        (self.weights, self.average) = (weights, average);
+        Ok(())
+    }
+}
+
+/// What one iteration does to a member.
+#[derive(Debug)]
+pub struct Update {
+    /// Its index.
+    pub member: usize,
+    /// Loss and gradient.
+    pub step: Step,
+    /// The learning rate.
+    pub rate: f32,
+}
+
 /// A run that can stop after any step.
 #[derive(Debug)]
 pub struct Run {
     folder: PathBuf,
     name: &'static str,
     stage: StageConfig,
-    /// The weights being trained.
-    pub weights: Weights,
-    /// Their moving average: what is evaluated and shipped.
-    pub average: Weights,
-    adam: AdamW,
-    /// Updates made, of earlier runs too.
+    /// The networks.
+    pub members: Vec<Member>,
+    /// Steps made, of earlier runs too.
     pub step: u32,
     recent: f32,
 }
 
 impl Run {
-    /// Continues from the stage's checkpoint, or begins from draws.
+    /// Continues from the stage's checkpoint, or begins with the members as they are.
     ///
     /// # Errors
     /// If a checkpoint exists and does not fit.
@@ -38,80 +107,78 @@ impl Run {
         folder: &Path,
         name: &'static str,
         stage: &StageConfig,
-        declared: &[Declared],
-        seed: &Digest,
+        members: Vec<Member>,
     ) -> Result<Self, TrainError> {
         std::fs::create_dir_all(folder).map_err(TrainError::io("work folder", folder))?;
-        let weights = Weights::initialised(declared, seed);
-        let settings = StageConfig::optimiser();
-        let mut run = Self {
-            folder: folder.to_path_buf(),
-            name,
-            stage: stage.clone(),
-            average: weights.clone(),
-            adam: AdamW::new(settings, &weights),
-            weights,
-            step: 0,
-            recent: f32::NAN,
-        };
-        if run.path().exists() {
-            let file = WeightsFile::read(&run.path())?;
-            for (prefix, target) in [("weights.", &mut run.weights), ("average.", &mut run.average)] {
-                *target = file.weights.part(prefix);
-                target.check(declared)?;
+        let folder = folder.to_path_buf();
+        let mut run = Self { folder, name, stage: stage.clone(), members, step: 0, recent: f32::NAN };
+        let path = run.path();
+        if path.exists() {
+            let file = WeightsFile::read(&path)?;
+            run.step = counter(&file, "step", &path)?;
+            for member in &mut run.members {
+                member.resume(&file, &path)?;
             }
-            let (first, second) = (file.weights.part("first."), file.weights.part("second."));
-            first.check(declared)?;
-            second.check(declared)?;
-            let step = file.metadata.get("step").and_then(|text| text.parse().ok());
-            let reason = || "it has no step".to_owned();
-            let path = run.path().display().to_string();
-            run.step = step.ok_or_else(|| TrainError::Checkpoint { path, reason: reason() })?;
-            run.adam = AdamW::resumed(settings, run.step, first, second);
         }
         Ok(run)
-    }
-
-    /// Starts from other weights where they have the stage's names and shapes, if nothing was trained yet.
-    pub fn start_from(&mut self, weights: &Weights) {
-        if self.step > 0 {
-            return;
-        }
-        for (name, array) in self.weights.iter_mut() {
-            if let Some(other) = weights.get(name).filter(|other| other.shape() == array.shape()) {
-                *array = other.clone();
-            }
-        }
-        self.average = self.weights.clone();
     }
 
     fn path(&self) -> PathBuf {
         self.folder.join(format!("{}.checkpoint.safetensors", self.name))
     }
 
-    /// Returns where the stage's averaged weights are written.
+    /// Returns the weights of the first member.
     #[must_use]
-    pub fn weights_path(folder: &Path, name: &str) -> PathBuf {
-        folder.join(format!("{name}.safetensors"))
+    pub fn weights(&self) -> &Weights {
+        &self.members[0].weights
     }
 
-    /// Applies one step, logs it and stores a checkpoint when due. Returns whether to go on.
+    /// Returns the averaged weights of the first member.
+    #[must_use]
+    pub fn average(&self) -> &Weights {
+        &self.members[0].average
+    }
+
+    /// Applies one step to the only member. Returns whether to go on.
     ///
     /// # Errors
-    /// If the loss is not finite or a file cannot be written.
-    pub fn apply(&mut self, step: &Step, progress: &mut dyn Progress) -> Result<bool, TrainError> {
-        if !step.loss.is_finite() {
-            return Err(TrainError::Diverged { step: self.step, loss: step.loss });
-        }
+    /// As [`Self::iterate`].
+    pub fn apply(&mut self, step: Step, progress: &mut dyn Progress) -> Result<bool, TrainError> {
         let rate = self.stage.schedule().rate(self.step);
-        let norm = self.adam.update(&mut self.weights, &step.gradient, rate);
-        // The average warms up, so that early steps do not linger in it.
-        let decay = self.stage.average.min((1 + self.step) as f32 / (10 + self.step) as f32);
-        move_average(&mut self.average, &self.weights, decay);
+        self.iterate(vec![Update { member: 0, step, rate }], progress)
+    }
+
+    /// Applies the updates of one iteration, logs them and stores a checkpoint when due. Returns whether to go on.
+    ///
+    /// # Errors
+    /// If a loss is not finite or a file cannot be written.
+    pub fn iterate(&mut self, updates: Vec<Update>, progress: &mut dyn Progress) -> Result<bool, TrainError> {
+        let mut line = serde_json::json!({ "step": self.step + 1 });
+        let (mut loss, mut parts) = (f32::NAN, Vec::new());
+        for Update { member, step, rate } in updates {
+            if !step.loss.is_finite() {
+                return Err(TrainError::Diverged { step: self.step, loss: step.loss });
+            }
+            let member = &mut self.members[member];
+            let norm = member.adam.update(&mut member.weights, &step.gradient, rate);
+            // The average warms up, so that early steps do not linger in it.
+            let made = member.adam.steps;
+            let decay = self.stage.average.min(made as f32 / (9 + made) as f32);
+            move_average(&mut member.average, &member.weights, decay);
+            let mut figures = serde_json::json!({ "loss": step.loss, "rate": rate, "norm": norm });
+            for (name, value) in &step.parts {
+                figures[*name] = serde_json::json!(value);
+            }
+            line[member.name] = figures;
+            if loss.is_nan() {
+                loss = step.loss;
+            }
+            parts.extend(step.parts);
+        }
         self.step += 1;
-        self.recent = if self.recent.is_nan() { step.loss } else { 0.98 * self.recent + 0.02 * step.loss };
-        progress.step(self.step, self.stage.steps, step.loss, &step.parts);
-        self.log(step, rate, norm)?;
+        self.recent = if self.recent.is_nan() { loss } else { 0.98 * self.recent + 0.02 * loss };
+        progress.step(self.step, self.stage.steps, loss, &parts);
+        self.log(&line)?;
         let last = self.step >= self.stage.steps;
         let stop = progress.stop();
         if last || stop || self.step.is_multiple_of(self.stage.checkpoint_every) {
@@ -120,35 +187,32 @@ impl Run {
         Ok(!last && !stop)
     }
 
-    fn log(&self, step: &Step, rate: f32, norm: f32) -> Result<(), TrainError> {
+    fn log(&self, line: &serde_json::Value) -> Result<(), TrainError> {
         let path = self.folder.join(format!("{}.jsonl", self.name));
         let io = || TrainError::io("loss log", &path);
-        let mut line = serde_json::json!({
-            "step": self.step, "loss": step.loss, "recent": self.recent, "rate": rate, "norm": norm,
-        });
-        for (name, value) in &step.parts {
-            line[*name] = serde_json::json!(value);
-        }
         let mut file = std::fs::OpenOptions::new().create(true).append(true).open(&path).map_err(io())?;
         writeln!(file, "{line}").map_err(io())
     }
 
     fn save(&self) -> Result<(), TrainError> {
         let mut file = WeightsFile::default();
-        file.weights.absorb("weights.", &self.weights);
-        file.weights.absorb("average.", &self.average);
-        file.weights.absorb("first.", &self.adam.first);
-        file.weights.absorb("second.", &self.adam.second);
+        for member in &self.members {
+            for (part, weights) in member.parts() {
+                file.weights.absorb(&format!("{}.{part}.", member.name), weights);
+            }
+            file.metadata.insert(format!("{}.updates", member.name), member.adam.steps.to_string());
+        }
         file.metadata.insert("step".to_owned(), self.step.to_string());
         file.write(&self.path())?;
-        let average = WeightsFile { weights: self.average.clone(), metadata: file.metadata };
-        Ok(average.write(&Self::weights_path(&self.folder, self.name))?)
+        let metadata = std::iter::once(("step".to_owned(), self.step.to_string())).collect();
+        let average = WeightsFile { weights: self.average().clone(), metadata };
+        Ok(average.write(&self.folder.join(format!("{}.safetensors", self.name)))?)
     }
 
     /// Ends the run.
     #[must_use]
     pub fn report(&self, figures: Vec<(String, f32)>) -> Report {
-        let weights = Self::weights_path(&self.folder, self.name);
+        let weights = self.folder.join(format!("{}.safetensors", self.name));
         Report { steps: self.step, loss: self.recent, figures, weights }
     }
 
@@ -157,4 +221,10 @@ impl Run {
     pub fn unfinished(&self) -> bool {
         self.step < self.stage.steps
     }
+}
+
+fn counter(file: &WeightsFile, key: &str, path: &Path) -> Result<u32, TrainError> {
+    let reason = || format!("it has no {key:?}");
+    let missing = || TrainError::Checkpoint { path: path.display().to_string(), reason: reason() };
+    file.metadata.get(key).and_then(|text| text.parse().ok()).ok_or_else(missing)
 }

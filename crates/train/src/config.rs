@@ -1,5 +1,10 @@
-//! The training configuration: one TOML file, naming the model preset and the work folder.
+//! The training configuration: one TOML file, naming the model preset, the work folder and the clip sets.
+//!
+//! Stages hand over files in the work folder: `autoencoder`, `prior`, `teacher`, `trajectories`, `ode`,
+//! `self_forcing`, `decoder`. What a folder lacks is taken from `parent`, another recipe's work folder. A recipe may
+//! say `inherits = FILE` (relative to it) and name only what differs; tables are merged key by key.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use ds_nn::Weights;
@@ -14,57 +19,67 @@ use crate::error::TrainError;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainConfig {
-    /// Schema version, 1.
+    /// Schema version, 2.
     pub version: u32,
     /// The model preset, relative to the configuration file.
     pub model: PathBuf,
-    /// Work folder for clips, checkpoints and logs, relative to the current folder.
+    /// Work folder for checkpoints, logs and pages, relative to the current folder.
     pub folder: PathBuf,
+    /// A work folder with the finished stages that this recipe does not train itself.
+    #[serde(default)]
+    pub parent: Option<PathBuf>,
     /// Keys all draws.
     pub seed: u64,
-    /// Trained weights of the same model that the stages start from, relative to this file; from draws without one.
+    /// Weights of a whole model that the stages start from where names and shapes agree, relative to this file.
     #[serde(default)]
     pub initial: Option<PathBuf>,
-    /// Training clips.
-    pub data: DataConfig,
-    /// The autoencoder's recipe.
-    pub autoencoder: StageConfig,
-    /// The teacher's recipe.
-    pub teacher: StageConfig,
-    /// The student's recipe.
-    pub student: StageConfig,
-    /// The guided decoder's recipe.
-    pub decoder: StageConfig,
-    /// Where this file lies; model paths start there.
-    #[serde(skip)]
-    pub base: PathBuf,
-}
-
-/// Training clips.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct DataConfig {
-    /// Clips to render.
-    pub clips: u64,
-    /// Frames of a clip: 1 + k·stride_t.
-    pub frames: usize,
-    /// The last clips, kept for evaluation.
-    pub held_out: u64,
-    /// Training clips that the student is rolled out over for the decoder's stage.
-    pub rollouts: u64,
+    /// What the cache keeps, in place of the preset's `causal.cache_source`.
+    #[serde(default)]
+    pub cache_source: Option<String>,
+    /// Clip sets by name: folders that `data render` made, relative to the current folder.
+    pub sets: BTreeMap<String, PathBuf>,
+    /// The set that students are looked at on; none are without it.
+    #[serde(default)]
+    pub held_out: Option<String>,
     /// How much more than others a pixel counts whose layout shows a vehicle, a pedestrian or a cyclist.
     #[serde(default = "alike")]
     pub road_users: f32,
+    /// The autoencoder.
+    #[serde(default)]
+    pub autoencoder: Option<StageConfig>,
+    /// Stage 0: all appearances, no layout.
+    #[serde(default)]
+    pub prior: Option<StageConfig>,
+    /// Stage 1: the bidirectional teacher with layouts.
+    #[serde(default)]
+    pub teacher: Option<TeacherConfig>,
+    /// The teacher's trajectories for stage 2.
+    #[serde(default)]
+    pub trajectories: Option<TrajectoryConfig>,
+    /// Stage 2: the causal student from trajectories, or from data.
+    #[serde(default)]
+    pub ode: Option<OdeConfig>,
+    /// Stage 3: Self Forcing.
+    #[serde(default)]
+    pub self_forcing: Option<SelfForcingConfig>,
+    /// The guided decoder.
+    #[serde(default)]
+    pub decoder: Option<DecoderConfig>,
+    /// Where this file lies; model paths start there.
+    #[serde(skip)]
+    pub base: PathBuf,
 }
 
 fn alike() -> f32 {
     1.0
 }
 
-/// The recipe of one stage.
+/// What all stages that update weights have.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StageConfig {
+    /// Names of the clip sets to draw from, each clip alike.
+    pub sets: Vec<String>,
     /// Updates.
     pub steps: u32,
     /// Clips of a batch.
@@ -79,6 +94,127 @@ pub struct StageConfig {
     pub average: f32,
     /// Updates between checkpoints.
     pub checkpoint_every: u32,
+    /// Decay of the optimiser's first moment.
+    #[serde(default = "beta1")]
+    pub beta1: f32,
+    /// Decay of the optimiser's second moment.
+    #[serde(default = "beta2")]
+    pub beta2: f32,
+    /// The largest norm of a gradient.
+    #[serde(default = "alike")]
+    pub clip_norm: f32,
+}
+
+fn beta1() -> f32 {
+    0.9
+}
+
+fn beta2() -> f32 {
+    0.95
+}
+
+/// What the teacher learns to do without: its unconditional arm c∅.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Dropout {
+    /// Nothing: no guidance is possible.
+    None,
+    /// The layout alone; first frame and prompt stay (the paper's traffic-guided arm).
+    Layout,
+    /// Layout, first frame and prompt together (standard classifier-free guidance).
+    All,
+}
+
+/// The teacher's recipe.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TeacherConfig {
+    /// What all stages have.
+    pub stage: StageConfig,
+    /// What is dropped.
+    pub dropout: Dropout,
+    /// The share of clips in which it is dropped.
+    #[serde(default = "tenth")]
+    pub dropout_share: f64,
+}
+
+fn tenth() -> f64 {
+    0.1
+}
+
+/// How the teacher's trajectories are made.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrajectoryConfig {
+    /// Names of the clip sets whose first frames, prompts and layouts are the conditions, in turn.
+    pub sets: Vec<String>,
+    /// Trajectories of each set.
+    pub count: u64,
+    /// Latent frames of a trajectory.
+    pub latents: usize,
+    /// Euler steps, a multiple of the sampler's.
+    pub steps: usize,
+    /// Guidance w in G(c∅) + w·(G(c) − G(c∅)).
+    pub guidance: f32,
+    /// The share of each set's trajectories that is put aside, those whose look moved most from the first frame.
+    #[serde(default)]
+    pub reject: f64,
+}
+
+/// Where stage 2 finds its states and targets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OdeSource {
+    /// The teacher's trajectories.
+    Trajectories,
+    /// Clips with noise (diffusion forcing).
+    Data,
+}
+
+/// The recipe of stage 2.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OdeConfig {
+    /// What all stages have; the sets are those of `data`, or whose trajectories count (all without any).
+    pub stage: StageConfig,
+    /// Where states and targets come from.
+    pub source: OdeSource,
+    /// Whether the student starts at the teacher's weights.
+    #[serde(default = "yes")]
+    pub from_teacher: bool,
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// The recipe of stage 3.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SelfForcingConfig {
+    /// What all stages have; `latents` is the length of the clip that the scores see, the rates are the generator's.
+    pub stage: StageConfig,
+    /// Latent frames of a rollout, the given first one included.
+    pub rollout: usize,
+    /// Learning rate of the critic.
+    pub critic_learning_rate: f32,
+    /// Iterations per update of the generator; the critic is updated in each.
+    pub generator_every: u32,
+    /// Guidance of the frozen teacher.
+    pub guidance: f32,
+    /// Weight of the regression on trajectories that keeps the generator from collapse; 0 leaves it out.
+    #[serde(default)]
+    pub regression: f32,
+}
+
+/// The recipe of the guided decoder.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DecoderConfig {
+    /// What all stages have.
+    pub stage: StageConfig,
+    /// Clips of the sets that the student is rolled out over.
+    pub rollouts: u64,
 }
 
 impl StageConfig {
@@ -86,8 +222,55 @@ impl StageConfig {
         Schedule { peak: self.learning_rate, warm_up: self.warm_up, total: self.steps }
     }
 
-    pub(crate) fn optimiser() -> AdamWSettings {
-        AdamWSettings::default()
+    pub(crate) fn optimiser(&self) -> AdamWSettings {
+        let clip_norm = self.clip_norm;
+        AdamWSettings { beta1: self.beta1, beta2: self.beta2, clip_norm, ..AdamWSettings::default() }
+    }
+
+    fn check(&self, name: &'static str, sets: &BTreeMap<String, PathBuf>) -> Result<(), TrainError> {
+        let refuse = |rule: String| Err(TrainError::Config { field: name, rule });
+        let share = |value: f32| (0.0..1.0).contains(&value);
+        let rate = self.learning_rate > 0.0 && self.learning_rate < 1.0;
+        if let Some(set) = self.sets.iter().find(|set| !sets.contains_key(*set)) {
+            return refuse(format!("clip set {set:?} is not among [sets]"));
+        }
+        if self.clips == 0 || self.clips > 256 || self.latents < 2 || self.latents > 256 {
+            return refuse("clips must be 1 to 256 and latents 2 to 256".to_owned());
+        }
+        if !rate || !share(self.average) || !share(self.beta1) || !share(self.beta2) || self.clip_norm.is_nan() {
+            return refuse("learning_rate, average, beta1 and beta2 must lie within (0, 1)".to_owned());
+        }
+        if self.checkpoint_every == 0 || self.clip_norm <= 0.0 {
+            return refuse("checkpoint_every must be at least 1 and clip_norm positive".to_owned());
+        }
+        Ok(())
+    }
+}
+
+/// The longest chain of recipes that inherit.
+const GENERATIONS: u32 = 4;
+
+/// Reads a recipe with what it inherits.
+fn inherited(path: &Path, generation: u32) -> Result<toml::Table, TrainError> {
+    let text = std::fs::read_to_string(path).map_err(TrainError::io("training configuration", path))?;
+    let mut table: toml::Table = toml::from_str(&text)?;
+    let Some(from) = table.remove("inherits") else { return Ok(table) };
+    let refuse = |rule: String| TrainError::Config { field: "inherits", rule };
+    let from = from.as_str().ok_or_else(|| refuse("must be a file".to_owned()))?;
+    if generation == GENERATIONS {
+        return Err(refuse(format!("more than {GENERATIONS} recipes inherit from each other")));
+    }
+    let mut base = inherited(&path.parent().unwrap_or(Path::new(".")).join(from), generation + 1)?;
+    merge(&mut base, table);
+    Ok(base)
+}
+
+fn merge(base: &mut toml::Table, over: toml::Table) {
+    for (key, value) in over {
+        match (base.get_mut(&key), value) {
+            (Some(toml::Value::Table(base)), toml::Value::Table(over)) => merge(base, over),
+            (_, value) => drop(base.insert(key, value)),
+        }
     }
 }
 
@@ -97,8 +280,7 @@ impl TrainConfig {
     /// # Errors
     /// If the file cannot be read, a key is unknown or a value is out of bounds.
     pub fn load(path: &Path) -> Result<Self, TrainError> {
-        let text = std::fs::read_to_string(path).map_err(TrainError::io("training configuration", path))?;
-        let mut config: Self = toml::from_str(&text)?;
+        let mut config: Self = toml::Value::Table(inherited(path, 0)?).try_into()?;
         config.base = path.parent().unwrap_or(Path::new(".")).to_path_buf();
         config.check()?;
         Ok(config)
@@ -109,9 +291,33 @@ impl TrainConfig {
     /// # Errors
     /// If it cannot be read or is refused.
     pub fn model(&self) -> Result<ModelConfig, TrainError> {
-        let path = self.base.join(&self.model);
-        let text = std::fs::read_to_string(&path).map_err(TrainError::io("model configuration", &path))?;
-        Ok(ModelConfig::parse(&text)?)
+        let mut model = ModelConfig::load(&self.base.join(&self.model))?;
+        if let Some(source) = &self.cache_source {
+            model.causal.cache_source.clone_from(source);
+            // Checked again, for the source must suit the sampler.
+            model = ModelConfig::parse(&toml::to_string(&model).expect("a checked preset is TOML"))?;
+        }
+        Ok(model)
+    }
+
+    /// Returns the folder of a clip set.
+    pub(crate) fn set(&self, name: &str) -> Result<&Path, TrainError> {
+        let refuse = || TrainError::Config { field: "sets", rule: format!("clip set {name:?} is not among [sets]") };
+        self.sets.get(name).map(PathBuf::as_path).ok_or_else(refuse)
+    }
+
+    /// Returns where a finished stage's file lies: in the work folder, else in the parent's.
+    pub(crate) fn finished(&self, file: &str) -> PathBuf {
+        let own = self.folder.join(file);
+        match &self.parent {
+            Some(parent) if !own.exists() => parent.join(file),
+            _ => own,
+        }
+    }
+
+    /// Reads the averaged weights that a stage left.
+    pub(crate) fn weights_of(&self, stage: &str) -> Result<Weights, TrainError> {
+        Ok(WeightsFile::read(&self.finished(&format!("{stage}.safetensors")))?.weights)
     }
 
     /// Reads a part of the weights that training starts from; empty without any.
@@ -122,31 +328,39 @@ impl TrainConfig {
 
     fn check(&self) -> Result<(), TrainError> {
         let refuse = |field, rule: &str| Err(TrainError::Config { field, rule: rule.to_owned() });
-        if self.version != 1 {
-            return refuse("version", "must be 1");
+        if self.version != 2 {
+            return refuse("version", "must be 2");
         }
-        if self.data.clips <= self.data.held_out || self.data.clips > 1 << 20 || self.data.held_out == 0 {
-            return refuse("data.clips", "must be more than held_out (at least 1) and at most 1048576");
+        if !(1.0..=1_000.0).contains(&self.road_users) {
+            return refuse("road_users", "must be 1 to 1000");
         }
-        if !(1.0..=1_000.0).contains(&self.data.road_users) {
-            return refuse("data.road_users", "must be 1 to 1000");
+        let stages = [
+            ("autoencoder", self.autoencoder.as_ref()),
+            ("prior", self.prior.as_ref()),
+            ("teacher", self.teacher.as_ref().map(|teacher| &teacher.stage)),
+            ("ode", self.ode.as_ref().map(|ode| &ode.stage)),
+            ("self_forcing", self.self_forcing.as_ref().map(|stage| &stage.stage)),
+            ("decoder", self.decoder.as_ref().map(|decoder| &decoder.stage)),
+        ];
+        for (name, stage) in stages.iter().filter_map(|(name, stage)| Some((*name, (*stage)?))) {
+            stage.check(name, &self.sets)?;
         }
-        if self.data.frames < 2 || self.data.frames > 1_024 {
-            return refuse("data.frames", "must be 2 to 1024");
+        if self.teacher.as_ref().is_some_and(|teacher| !(0.0..1.0).contains(&teacher.dropout_share)) {
+            return refuse("teacher", "dropout_share must lie within [0, 1)");
         }
-        for (field, stage) in [
-            ("autoencoder", &self.autoencoder),
-            ("teacher", &self.teacher),
-            ("student", &self.student),
-            ("decoder", &self.decoder),
-        ] {
-            let rate = stage.learning_rate > 0.0 && stage.learning_rate < 1.0;
-            let average = (0.0..1.0).contains(&stage.average);
-            if stage.clips == 0 || stage.clips > 256 || stage.latents < 2 || !rate || !average {
-                return refuse(field, "clips must be 1 to 256, latents at least 2, rate and average within (0, 1)");
+        if let Some(made) = &self.trajectories {
+            if made.count == 0 || made.latents < 2 || made.steps == 0 || !(0.0..0.9).contains(&made.reject) {
+                return refuse("trajectories", "count, latents and steps must be positive and reject within [0, 0.9)");
             }
-            if stage.checkpoint_every == 0 {
-                return refuse(field, "checkpoint_every must be at least 1");
+            if let Some(set) = made.sets.iter().find(|set| !self.sets.contains_key(*set)) {
+                return refuse("trajectories", &format!("clip set {set:?} is not among [sets]"));
+            }
+        }
+        if let Some(stage) = &self.self_forcing {
+            let critic = stage.critic_learning_rate > 0.0 && stage.critic_learning_rate < 1.0;
+            if stage.generator_every == 0 || !critic || stage.rollout < stage.stage.latents {
+                let rule = "generator_every must be at least 1, critic_learning_rate within (0, 1) and rollout at least latents";
+                return refuse("self_forcing", rule);
             }
         }
         Ok(())

@@ -1,23 +1,24 @@
-//! The last stage: the decoder learns to draw from what the student generates, guided by the layouts.
+//! The guided decoder learns to draw from what the student generates, guided by the layouts.
 //!
 //! Encoder and student stay as they are. Most clips of a batch are latents of the student's own rollouts over training
 //! clips, the rest are encoded frames; the target is always the true frame. Layouts are dropped now and then.
 
 use std::sync::Arc;
 
-use ds_nn::Array;
-use ds_nn::safetensors::WeightsFile;
-use ds_nn::step::{self, DecoderBatch};
+use ds_clips::Clip;
+use ds_nn::step::{self, DecoderBatch, Step};
+use ds_nn::team::Team;
+use ds_nn::{Array, Weights};
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::{ModelConfig, Rollout, VideoModel, pixels};
 
-use crate::batch::{self, latent_steps};
-use crate::checkpoint::Run;
-use crate::clips::{Clip, ClipFile};
-use crate::config::TrainConfig;
+use crate::batch::latent_steps;
+use crate::checkpoint::{Member, Run};
+use crate::config::{DecoderConfig, TrainConfig};
 use crate::error::TrainError;
-use crate::latents::{stored_autoencoder, unguided};
-use crate::{Progress, Report, autoencoder, emphasis, evaluate, student};
+use crate::frames::Frames;
+use crate::sets::{stored_autoencoder, unguided};
+use crate::{Progress, Report, autoencoder, emphasis, evaluate};
 
 const NAME: &str = "decoder";
 const LAYOUT_DROPOUT: f64 = 0.1;
@@ -29,109 +30,133 @@ const ROLLED: f64 = 0.7;
 /// # Errors
 /// If autoencoder or student are not trained, a file cannot be used or the loss is not finite.
 pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, TrainError> {
+    let recipe = config.decoder.as_ref().ok_or_else(|| TrainError::no_stage(NAME))?;
     let model = config.model()?;
-    let clips = batch::clip_file(config, &model);
+    let frames = Frames::open(config, &recipe.stage.sets)?;
     let seed = DigestWriter::new().text(NAME).u64(config.seed).finish();
-    let mut declared = model.ae().declare();
-    declared.sort_by(|a, b| a.name.cmp(&b.name));
-    let mut run = Run::open(&config.folder, NAME, &config.decoder, &declared, &seed)?;
-    run.start_from(&stored_autoencoder(config, "autoencoder")?);
-    run.start_from(&config.initial("vae.")?);
+    let member = Member::new("model", &model.ae().declare(), recipe.stage.optimiser(), &seed)
+        .starting_from(&stored_autoencoder(config, "autoencoder")?)
+        .starting_from(&config.initial("vae.")?);
+    let mut run = Run::open(&config.folder, NAME, &recipe.stage, vec![member])?;
+    let student = student_weights(config)?;
     if run.unfinished() {
-        let stored = WeightsFile::read(&Run::weights_path(&config.folder, "student"))?.weights;
-        let drawn = Arc::new(student::assembled(config, &stored, "autoencoder")?);
-        let rolled = roll(config, &clips, &drawn, progress)?;
+        let drawn = Arc::new(assembled(config, &student, "autoencoder")?);
+        let source = Source { config, recipe, frames, rolled: Vec::new(), model: drawn };
+        let source = Source { rolled: source.roll(progress)?, ..source };
+        let team = Team::of_all_cores();
         while run.unfinished() {
-            let batch = self::batch(config, &clips, &drawn, &rolled, (&seed, run.step))?;
-            let step = step::decoder(&model.ae(), &run.weights, &batch);
-            if !run.apply(&step, progress)? {
+            let (weights, at) = (run.weights(), run.step);
+            let job = |clip: u64| -> Box<dyn FnOnce() -> Result<Step, TrainError> + Send + '_> {
+                let (source, shape, seed) = (&source, model.ae(), &seed);
+                Box::new(move || Ok(step::decoder(&shape, weights, &source.batch(seed, at, clip)?)))
+            };
+            let steps = team.run((0..recipe.stage.clips as u64).map(job).collect());
+            let step = Step::mean(steps.into_iter().collect::<Result<_, _>>()?);
+            if !run.apply(step, progress)? {
                 break;
             }
         }
     }
-    let stored = WeightsFile::read(&Run::weights_path(&config.folder, "student"))?.weights;
-    let figures = evaluate::held_out(config, &Arc::new(student::assembled(config, &stored, NAME)?), NAME)?;
+    let figures = evaluate::held_out(config, &student, NAME, progress)?;
     Ok(run.report(figures))
 }
 
-/// Rolls the student out over the first training clips; latents [latents, h, w, z] as the decoder takes them.
-fn roll(
-    config: &TrainConfig,
-    clips: &ClipFile,
-    model: &Arc<VideoModel>,
-    progress: &mut dyn Progress,
-) -> Result<Vec<Array>, TrainError> {
-    let (h, w) = model.config().latent_size();
-    let count = config.data.rollouts.min(batch::held_out(config, clips).0);
-    let mut rolled = Vec::new();
-    for index in 0..count {
-        let clip = clips.read(index, 0, config.data.frames)?;
-        let key = Digest::of(&index.to_le_bytes());
-        let (first, layout) = (&clip.frames[0], &clip.layouts[0]);
-        let (mut rollout, entry) = Rollout::new(Arc::clone(model), key, "front", &clip.prompt, first, layout)?;
-        let mut entries = vec![entry];
-        entries.extend(rollout.generate(&clip.layouts[1..])?.committed);
-        let frame = h * w * model.config().vae.z;
-        let frames = entries.iter().flat_map(|entry| entry.clean.values.chunks_exact(frame));
-        let values: Vec<f32> = frames.flat_map(|tokens| pixels::from_tokens(tokens, h, w)).collect();
-        let latents = Array::new(&[values.len() / frame, h, w, model.config().vae.z], values);
-        rolled.push(model.denormalised(latents));
-        if (index + 1).is_multiple_of(40) {
-            progress.note(&format!("rolled out {} clips", index + 1));
-        }
-    }
-    Ok(rolled)
+/// Returns the weights of the most refined student.
+pub(crate) fn student_weights(config: &TrainConfig) -> Result<Weights, TrainError> {
+    let refined = config.finished("self_forcing.safetensors").exists();
+    config.weights_of(if refined { "self_forcing" } else { "ode" })
 }
 
-fn batch(
-    config: &TrainConfig,
-    clips: &ClipFile,
-    model: &VideoModel,
-    rolled: &[Array],
-    (seed, step): (&Digest, u32),
-) -> Result<DecoderBatch, TrainError> {
-    let shape = unguided(model.config());
-    let (stage, stride) = (&config.decoder, shape.stride_t);
-    let (h, w) = model.config().latent_size();
-    let (mut latents, mut layouts, mut frames, mut emphasis) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    let all = stage.latents.min((config.data.frames - 1) / stride + 1);
-    for index in 0..stage.clips {
-        let draws = Draws::new(seed, "batch", &[u64::from(step), index as u64]);
-        let from_rollout = draws.uniform(1) < ROLLED && !rolled.is_empty();
-        let clip_index = if from_rollout {
-            draws.below(0, rolled.len() as u64)
-        } else {
-            batch::training_clip(config, clips, &draws)?
-        };
-        let clip = clips.read(clip_index, 0, 1 + (all - 1) * stride)?;
-        let encoded = if from_rollout { rolled[clip_index as usize].clone() } else { encode(model, &clip) };
-        latents.extend_from_slice(&encoded.values()[..all * h * w * shape.z]);
-        let on = draws.uniform(2) >= LAYOUT_DROPOUT;
-        for (step, layout) in latent_steps(&clip.frames, stride).iter().zip(latent_steps(&clip.layouts, stride)) {
-            frames.extend(pixels::to_values(step).into_values());
-            emphasis.extend(emphasis::of_pixels(&layout, config.data.road_users));
-            let layout = pixels::to_values(&layout).into_values();
-            if on { layouts.extend(layout) } else { layouts.resize(layouts.len() + layout.len(), 0.0) }
-        }
-    }
-    let steps = stage.clips * all;
-    let images = [steps * stride, 8 * h, 8 * w, 3];
-    Ok(DecoderBatch {
-        clips: stage.clips,
-        latents: Array::new(&[steps, h, w, shape.z], latents),
-        layouts: Array::new(&images, layouts),
-        frames: Array::new(&images, frames),
-        emphasis: Array::new(&[steps * stride, 8 * h, 8 * w, 1], emphasis),
-    })
-}
-
-fn encode(model: &VideoModel, clip: &Clip) -> Array {
-    autoencoder::encode(model.autoencoder(), &unguided(model.config()), clip)
+/// Puts a student and the autoencoder of a stage together.
+pub(crate) fn assembled(config: &TrainConfig, student: &Weights, stage: &str) -> Result<VideoModel, TrainError> {
+    let mut weights = Weights::default();
+    weights.absorb("vae.", &stored_autoencoder(config, stage)?);
+    weights.absorb("dit.", student);
+    Ok(VideoModel::new(&preset(config, stage)?, &weights)?)
 }
 
 /// Returns the preset with the decoder's guidance switched as the named stage has it.
-pub(crate) fn preset(config: &TrainConfig, stage: &str) -> Result<ModelConfig, TrainError> {
+fn preset(config: &TrainConfig, stage: &str) -> Result<ModelConfig, TrainError> {
     let mut model = config.model()?;
     model.control.decoder &= stage == NAME;
     Ok(model)
+}
+
+struct Source<'a> {
+    config: &'a TrainConfig,
+    recipe: &'a DecoderConfig,
+    frames: Frames,
+    /// Clips and the student's latents for them.
+    rolled: Vec<(Clip, Array)>,
+    model: Arc<VideoModel>,
+}
+
+impl Source<'_> {
+    fn length(&self) -> usize {
+        1 + (self.recipe.stage.latents - 1) * self.model.config().vae.stride_t
+    }
+
+    /// Rolls the student out over drawn clips; latents [latents, h, w, z] as the decoder takes them.
+    fn roll(&self, progress: &mut dyn Progress) -> Result<Vec<(Clip, Array)>, TrainError> {
+        let team = Team::of_all_cores();
+        let indices: Vec<u64> = (0..self.recipe.rollouts).collect();
+        let mut rolled = Vec::new();
+        for part in indices.chunks(32) {
+            let job = |index: u64| -> Box<dyn FnOnce() -> Result<(Clip, Array), TrainError> + Send + '_> {
+                Box::new(move || self.rollout(index))
+            };
+            for made in team.run(part.iter().map(|index| job(*index)).collect()) {
+                rolled.push(made?);
+            }
+            progress.note(&format!("rolled out {} of {} clips", rolled.len(), self.recipe.rollouts));
+        }
+        Ok(rolled)
+    }
+
+    fn rollout(&self, index: u64) -> Result<(Clip, Array), TrainError> {
+        let config = self.model.config();
+        let (h, w) = config.latent_size();
+        let draws = Draws::from_seed(self.config.seed, "decoder-rollouts");
+        let clip = self.frames.first(&Draws::from_seed(draws.u64(index), "clip"), self.length())?;
+        let key = Digest::of(&index.to_le_bytes());
+        let (first, layout) = (&clip.frames[0], &clip.layouts[0]);
+        let (mut rollout, entry) = Rollout::new(Arc::clone(&self.model), key, "front", &clip.prompt, first, layout)?;
+        let mut entries = vec![entry];
+        entries.extend(rollout.generate(&clip.layouts[1..])?.committed);
+        let frame = h * w * config.vae.z;
+        let frames = entries.iter().flat_map(|entry| entry.clean.values.chunks_exact(frame));
+        let values: Vec<f32> = frames.flat_map(|tokens| pixels::from_tokens(tokens, h, w)).collect();
+        let latents = Array::new(&[values.len() / frame, h, w, config.vae.z], values);
+        Ok((clip, self.model.denormalised(latents)))
+    }
+
+    /// Makes the batch of one drawn clip.
+    fn batch(&self, seed: &Digest, step: u32, clip: u64) -> Result<DecoderBatch, TrainError> {
+        let config = self.model.config();
+        let (shape, stride, (h, w)) = (unguided(config), config.vae.stride_t, config.latent_size());
+        let draws = Draws::new(seed, "batch", &[u64::from(step), clip]);
+        let (clip, latents) = if draws.uniform(2) < ROLLED && !self.rolled.is_empty() {
+            self.rolled[draws.below(0, self.rolled.len() as u64) as usize].clone()
+        } else {
+            let clip = self.frames.first(&draws, self.length())?;
+            let latents = autoencoder::encode(self.model.autoencoder(), &shape, &clip.frames);
+            (clip, latents)
+        };
+        let on = draws.uniform(3) >= LAYOUT_DROPOUT;
+        let (mut layouts, mut frames, mut weights) = (Vec::new(), Vec::new(), Vec::new());
+        for (step, layout) in latent_steps(&clip.frames, stride).iter().zip(latent_steps(&clip.layouts, stride)) {
+            frames.extend(pixels::to_values(step).into_values());
+            weights.extend(emphasis::of_pixels(&layout, self.config.road_users));
+            let layout = pixels::to_values(&layout).into_values();
+            if on { layouts.extend(layout) } else { layouts.resize(layouts.len() + layout.len(), 0.0) }
+        }
+        let images = latents.shape()[0] * stride;
+        Ok(DecoderBatch {
+            clips: 1,
+            latents,
+            layouts: Array::new(&[images, 8 * h, 8 * w, 3], layouts),
+            frames: Array::new(&[images, 8 * h, 8 * w, 3], frames),
+            emphasis: Array::new(&[images, 8 * h, 8 * w, 1], weights),
+        })
+    }
 }

@@ -37,6 +37,9 @@ pub enum TrainError {
     /// The video model refuses its input.
     #[error("the video model refuses its input")]
     Video(#[from] ds_video::VideoError),
+    /// A clip set cannot be used.
+    #[error("a clip set cannot be used")]
+    Clips(#[from] ds_clips::ClipsError),
     /// A clip cannot be made.
     #[error("clip {index} cannot be made: {reason}")]
     Clip {
@@ -64,6 +67,14 @@ pub enum TrainError {
 }
 
 impl TrainError {
+    pub(crate) fn no_stage(field: &'static str) -> Self {
+        Self::Config { field, rule: "the recipe does not describe this stage".to_owned() }
+    }
+
+    pub(crate) fn empty_sets() -> Self {
+        Self::Config { field: "sets", rule: "the clip sets of this stage hold no clips".to_owned() }
+    }
+
     pub(crate) fn io(what: &'static str, path: &std::path::Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.display().to_string();
         move |source| Self::Io { what, path, source }

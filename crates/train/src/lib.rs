@@ -1,6 +1,7 @@
-//! Training of the camera policy and of the video model (autoencoder, bidirectional teacher, causal student), from
-//! clips of the project's own cameras.
+//! Training of the camera policy and of the video model: autoencoder, prior, teacher and student in three stages.
 //!
+//! The stages of the video model, in order: [`autoencoder`], [`teacher::prior`] (stage 0), [`teacher::teacher`]
+//! (stage 1), [`trajectories`] and [`ode`] (stage 2), [`self_forcing`] (stage 3), [`decoder`], [`ship`].
 //! Each stage is a function of a configuration that reads and writes files in one folder: it resumes from its last
 //! checkpoint, which is replaced atomically, and reports progress through a callback. All randomness is keyed by the
 //! configured seed and the step, so that an interrupted run ends as an uninterrupted one.
@@ -8,26 +9,30 @@
 pub mod autoencoder;
 mod batch;
 pub mod checkpoint;
-pub mod clips;
 pub mod config;
 pub mod decoder;
 mod emphasis;
 mod error;
 pub mod evaluate;
-mod latents;
-pub mod layout_following;
+mod frames;
+pub mod guidance;
+pub mod ode;
+pub mod page;
 pub mod policy;
-pub mod reference;
-pub mod segmenter;
+mod recipe;
+pub mod self_forcing;
+mod sets;
 mod sheet;
 pub mod ship;
-pub mod student;
 pub mod teacher;
 #[cfg(test)]
 mod tests;
+pub mod trajectories;
+mod unroll;
 
 pub use config::TrainConfig;
 pub use error::TrainError;
+pub use recipe::Stage;
 
 /// What a stage tells while it runs.
 pub trait Progress {

@@ -1,113 +1,143 @@
-//! The bidirectional teacher: flow matching over whole clips with dropped layouts, and its guided sampler.
+//! The bidirectional stages: the prior (stage 0) and the teacher (stage 1).
 //!
-//! One level per clip, uniform in the shifted schedule; target v = ε − x0. Guidance is G(c∅) + w·(G(c) − G(c∅)), where
-//! c∅ lacks the layout alone. At the size of `cpu_train` the student does not need it; larger recipes start here.
+//! Both are flow matching over clips after a given first frame, one level per clip, uniform in the shifted schedule.
+//! The prior sees all appearances, first frame and prompt, and never a layout; the teacher starts from it and learns
+//! to follow layouts on ordinary daylight. What is dropped from the teacher's condition is what guidance then
+//! amplifies ([`crate::guidance`]).
 
-use ds_nn::Array;
-use ds_nn::step::{self, ClipBatch};
+use ds_nn::fast;
+use ds_nn::step::{BidirectionalPlan, ClipBatch, Step};
+use ds_nn::team::Team;
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::{ModelConfig, sampler};
 
-use crate::checkpoint::Run;
-use crate::config::TrainConfig;
+use crate::checkpoint::{Member, Run};
+use crate::config::{Dropout, StageConfig, TeacherConfig, TrainConfig};
 use crate::error::TrainError;
-use crate::latents::{LatentClips, noise};
+use crate::guidance::Teacher;
+use crate::sets::{Sets, Span, noise};
 use crate::{Progress, Report};
 
-const NAME: &str = "teacher";
 const EVALUATION_STEPS: usize = 12;
+const EVALUATION_CLIPS: u64 = 8;
 
-/// Trains the teacher to its configured number of steps.
+/// Trains the prior to its configured number of steps.
 ///
 /// # Errors
 /// If the autoencoder is not trained, a file cannot be used or the loss is not finite.
-pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, TrainError> {
+pub fn prior(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, TrainError> {
+    let stage = config.prior.as_ref().ok_or_else(|| TrainError::no_stage("prior"))?;
     let model = config.model()?;
-    let shape = model.dit();
-    let seed = DigestWriter::new().text(NAME).u64(config.seed).finish();
-    let mut run = Run::open(&config.folder, NAME, &config.teacher, &shape.declare(), &seed)?;
-    let clips = LatentClips::encode(config, progress)?;
-    while run.unfinished() {
-        let batch = clips.batch(&config.teacher, &seed, run.step)?;
-        let levels = levels(&model, &seed, run.step, config.teacher.clips);
-        let noise = noise(&seed, "noise", run.step, batch.clean.shape());
-        let step = step::bidirectional(&shape, &run.weights, &batch, &levels, &noise);
-        if !run.apply(&step, progress)? {
-            break;
-        }
+    let seed = DigestWriter::new().text("prior").u64(config.seed).finish();
+    let member = Member::new("model", &model.dit().declare(), stage.optimiser(), &seed);
+    let member = member.starting_from(&config.initial("dit.")?);
+    let trainer = Trainer { config, model, stage, seed, layout_on: 0.0, dropout: (Dropout::None, 0.0) };
+    trainer.run("prior", member, progress)
+}
+
+/// Trains the teacher to its configured number of steps, from the prior if there is one.
+///
+/// # Errors
+/// As [`prior`].
+pub fn teacher(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, TrainError> {
+    let TeacherConfig { stage, dropout, dropout_share } =
+        config.teacher.as_ref().ok_or_else(|| TrainError::no_stage("teacher"))?;
+    let model = config.model()?;
+    let seed = DigestWriter::new().text("teacher").u64(config.seed).finish();
+    let mut member = Member::new("model", &model.dit().declare(), stage.optimiser(), &seed);
+    if config.finished("prior.safetensors").exists() {
+        member = member.starting_from(&config.weights_of("prior")?);
     }
-    let figures = evaluate(config, &model, &clips, &run, &seed)?;
-    Ok(run.report(figures))
+    let dropout = (*dropout, *dropout_share);
+    let trainer = Trainer { config, model, stage, seed, layout_on: 1.0, dropout };
+    trainer.run("teacher", member, progress)
 }
 
-/// Draws one level per clip: uniform over the nominal schedule, then shifted.
-fn levels(model: &ModelConfig, seed: &Digest, step: u32, clips: usize) -> Vec<f32> {
-    let draws = Draws::new(seed, "levels", &[u64::from(step)]);
-    let shift = model.sampler.shift;
-    let level = |index: u64| {
-        let nominal = draws.range(index, 0.001, 1.0);
-        #[expect(clippy::cast_possible_truncation, reason = "levels are single precision")]
-        let sigma = (shift * nominal / (1.0 + (shift - 1.0) * nominal)) as f32;
-        sigma
-    };
-    (0..clips as u64).map(level).collect()
+struct Trainer<'a> {
+    config: &'a TrainConfig,
+    model: ModelConfig,
+    stage: &'a StageConfig,
+    seed: Digest,
+    layout_on: f32,
+    dropout: (Dropout, f64),
 }
 
-/// Samples clips from noise by Euler steps of the guided flow; returns latents in the shape of the batch's.
-#[must_use]
-pub fn sample(
-    model: &ModelConfig,
-    weights: &ds_nn::Weights,
-    batch: &ClipBatch,
-    noise: &Array,
-    guidance: (usize, f32),
-) -> Array {
-    let (steps, weight) = guidance;
-    let shape = model.dit();
-    let without = ClipBatch {
-        clean: batch.clean.clone(),
-        layouts: batch.layouts.clone(),
-        layout_on: vec![0.0; batch.layout_on.len()],
-        text: batch.text.clone(),
-        emphasis: batch.emphasis.clone(),
-    };
-    let mut sigmas = sampler::sigmas(steps, model.sampler.shift);
-    sigmas.push(0.0);
-    let mut state = noise.clone();
-    for pair in sigmas.windows(2) {
-        let levels = vec![pair[0]; batch.layout_on.len()];
-        let with = step::teacher_flow(&shape, weights, batch, &state, &levels);
-        let base = if (weight - 1.0).abs() < f32::EPSILON {
-            None
-        } else {
-            Some(step::teacher_flow(&shape, weights, &without, &state, &levels))
+impl Trainer<'_> {
+    fn run(&self, name: &'static str, member: Member, progress: &mut dyn Progress) -> Result<Report, TrainError> {
+        let mut run = Run::open(&self.config.folder, name, self.stage, vec![member])?;
+        let sets = Sets::open(self.config, &self.stage.sets, progress)?;
+        let (shape, team) = (self.model.dit(), Team::of_all_cores());
+        let shape = &shape;
+        while run.unfinished() {
+            let weights = run.weights();
+            let job = |clip: u64| -> Box<dyn FnOnce() -> Result<Step, TrainError> + Send + '_> {
+                let (sets, at) = (&sets, run.step);
+                Box::new(move || {
+                    let (batch, plan) = self.clip(sets, at, clip)?;
+                    Ok(fast::train::bidirectional(shape, weights, &batch, &plan))
+                })
+            };
+            let steps = team.run((0..self.stage.clips as u64).map(job).collect());
+            let step = Step::mean(steps.into_iter().collect::<Result<_, _>>()?);
+            if !run.apply(step, progress)? {
+                break;
+            }
+        }
+        let teacher = Teacher::new(&self.model, run.average(), self.dropout.0)?;
+        let figures = evaluate(&sets, &teacher, self.stage.latents, &self.seed, self.layout_on)?;
+        Ok(run.report(figures))
+    }
+
+    /// Draws a clip of a step, its level and its noise.
+    fn clip(&self, sets: &Sets, step: u32, clip: u64) -> Result<(ClipBatch, BidirectionalPlan), TrainError> {
+        let draws = Draws::new(&self.seed, "batch", &[u64::from(step), clip]);
+        let at = sets.draw(&draws)?;
+        let mut batch = sets.batch(at, sets.span(at, self.stage.latents, &draws))?;
+        let dropped = draws.uniform(2) < self.dropout.1;
+        batch.layout_on = vec![if dropped && self.dropout.0 != Dropout::None { 0.0 } else { self.layout_on }];
+        batch.given_on = vec![if dropped && self.dropout.0 == Dropout::All { 0.0 } else { 1.0 }];
+        let plan = BidirectionalPlan {
+            levels: vec![sampler::shifted(draws.range(3, 0.001, 1.0), self.model.sampler.shift)],
+            noise: noise(&self.seed, "noise", &[u64::from(step), clip], &later(&batch)),
+            prediction: self.model.prediction(),
         };
-        for (index, value) in state.values_mut().iter_mut().enumerate() {
-            let flow = with.values()[index];
-            let flow = base.as_ref().map_or(flow, |base| base.values()[index] + weight * (flow - base.values()[index]));
-            *value += (pair[1] - pair[0]) * flow;
-        }
+        Ok((batch, plan))
     }
-    state
+}
+
+/// Returns the shape of frames 1..F of a batch.
+pub(crate) fn later(batch: &ClipBatch) -> Vec<usize> {
+    let mut shape = batch.clean.shape().to_vec();
+    shape[1] -= 1;
+    shape
 }
 
 /// Measures the mean square error of sampled against true latents, with and without the layout.
 fn evaluate(
-    config: &TrainConfig,
-    model: &ModelConfig,
-    clips: &LatentClips,
-    run: &Run,
+    sets: &Sets,
+    teacher: &Teacher<'_>,
+    latents: usize,
     seed: &Digest,
+    layout_on: f32,
 ) -> Result<Vec<(String, f32)>, TrainError> {
-    let mut batch = clips.batch(&config.teacher, seed, u32::MAX)?;
-    let noise = noise(seed, "evaluation", 0, batch.clean.shape());
     let mut figures = Vec::new();
     for (name, on) in [("mse_with_layout", 1.0), ("mse_without_layout", 0.0)] {
-        batch.layout_on.fill(on);
-        let sampled = sample(model, &run.average, &batch, &noise, (EVALUATION_STEPS, 1.0));
-        let pairs = sampled.values().iter().zip(batch.clean.values());
-        let mse = pairs.map(|(a, b)| (a - b).powi(2)).sum::<f32>() / sampled.values().len() as f32;
-        figures.push((name.to_owned(), mse));
+        if on > layout_on {
+            continue;
+        }
+        let (mut sum, mut count) = (0.0, 0.0);
+        for clip in 0..EVALUATION_CLIPS {
+            let draws = Draws::new(seed, "evaluation", &[clip]);
+            let at = sets.draw(&draws)?;
+            let mut batch = sets.batch(at, Span { from: 0, count: latents.min(sets.latents(at)) })?;
+            batch.layout_on = vec![on];
+            let noise = noise(seed, "evaluation-noise", &[clip], &later(&batch));
+            let sampled = teacher.sample(&batch, &noise, EVALUATION_STEPS, 1.0, &mut |_, _| ());
+            let clean = &batch.clean.values()[sets.frame()..];
+            sum += sampled.values().iter().zip(clean).map(|(a, b)| (a - b).powi(2)).sum::<f32>();
+            count += clean.len() as f32;
+        }
+        figures.push((name.to_owned(), sum / count));
     }
     Ok(figures)
 }

@@ -1,35 +1,14 @@
-//! The whole video recipe in miniature, on drawn clips: every stage runs, stops, resumes and ships.
+//! The whole video recipe in miniature, on rendered clips: every stage runs, stops, resumes, improves and ships.
 
 use std::path::Path;
+use std::sync::Arc;
 
+use ds_clips::{ClipSet, Recipe};
 use ds_nn::safetensors::WeightsFile;
-use ds_raster::RgbImage;
-use ds_video::{ModelConfig, VideoModel};
+use ds_space::Digest;
+use ds_video::VideoModel;
 
-use crate::clips::{Clip, ClipFile, ClipShape, ClipSource};
-use crate::{Progress, Silent, TrainConfig, TrainError, autoencoder, decoder, ship, student, teacher};
-
-/// A striped road that moves, its layout, and a sky whose colour the layout does not show.
-struct Stripes;
-
-impl ClipSource for Stripes {
-    fn clip(&self, index: u64) -> Result<Clip, TrainError> {
-        let image = |tick: u64, sky: [u8; 3], road: [u8; 3]| {
-            let mut image = RgbImage::filled(64, 32, sky);
-            for (x, y) in (0..64u32).flat_map(|x| (16..32).map(move |y| (x, y))) {
-                let stripe = (u64::from(x) + 3 * tick + 5 * index) % 16 < 4;
-                image.set_pixel(x, y, if stripe { [255; 3] } else { road });
-            }
-            image
-        };
-        let sky = [[90, 140, 220], [30, 30, 50]][(index % 2) as usize];
-        Ok(Clip {
-            frames: (0..13).map(|tick| image(tick, sky, [80, 80, 85])).collect(),
-            layouts: (0..13).map(|tick| image(tick, [40, 70, 120], [100; 3])).collect(),
-            prompt: ["by day", "at night"][(index % 2) as usize].to_owned(),
-        })
-    }
-}
+use crate::{Progress, Silent, Stage, TrainConfig, TrainError, batch, decoder, evaluate, page};
 
 struct StopAt(u32, u32);
 
@@ -43,87 +22,179 @@ impl Progress for StopAt {
     }
 }
 
-fn config(folder: &Path) -> TrainConfig {
-    std::fs::write(folder.join("model.toml"), include_str!("../../../configs/models/smoke.toml")).expect("writes");
-    let recipe = include_str!("../../../configs/train/smoke.toml")
-        .replace("../models/smoke.toml", "model.toml")
+struct NoBar;
+
+impl ds_clips::Progress for NoBar {
+    fn made(&self, _clips: u64, _of: u64) {}
+}
+
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
+/// The smoke recipe with its work folder in a temporary one.
+fn recipe(folder: &Path) -> String {
+    let text = include_str!("../../../configs/train/smoke.toml");
+    text.replace("../models", &format!("{ROOT}/configs/models"))
         .replace("training/smoke", &folder.join("work").display().to_string())
-        .replace("frames = 21", "frames = 13")
-        .replace("latents = 6", "latents = 4")
-        .replace("clips = 24\n", "clips = 6\n")
-        .replace("held_out = 8", "held_out = 2")
-        .replace("steps = 40", "steps = 6")
-        .replace("steps = 30", "steps = 6")
-        .replace("steps = 10", "steps = 4");
+        .replace("training/data/smoke", &folder.join("clips").display().to_string())
+}
+
+fn load(folder: &Path, text: &str) -> Result<TrainConfig, TrainError> {
     let path = folder.join("train.toml");
-    std::fs::write(&path, recipe).expect("writes");
-    TrainConfig::load(&path).expect("the recipe is valid")
+    std::fs::write(&path, text).expect("writes");
+    TrainConfig::load(&path)
 }
 
-fn prepared(folder: &Path) -> TrainConfig {
-    let config = config(folder);
-    std::fs::create_dir_all(&config.folder).expect("makes the folder");
-    let shape = ClipShape { frames: 13, width_px: 64, height_px: 32 };
-    let clips = ClipFile::new(&config.folder.join("clips.raw"), shape);
-    clips.fill(&Stripes, config.data.clips, &mut |_| ()).expect("fills");
-    config
+fn render(folder: &Path) {
+    let recipe = Recipe::load(&Path::new(ROOT).join("configs/data/smoke.toml")).expect("the recipe is valid");
+    ds_clips::render(&recipe, &folder.join("clips"), &NoBar).expect("renders");
 }
 
-fn weights(config: &TrainConfig, name: &str) -> ds_space::Digest {
-    let path = config.folder.join(format!("{name}.safetensors"));
-    WeightsFile::read(&path).expect("the stage wrote its weights").weights.digest()
+fn weights(config: &TrainConfig, stage: &str) -> ds_nn::Weights {
+    let path = config.folder.join(format!("{stage}.safetensors"));
+    WeightsFile::read(&path).expect("the stage wrote its weights").weights
+}
+
+/// Mean loss of a network over the first and the last fifth of a stage's log.
+fn losses(config: &TrainConfig, stage: &str, network: &str) -> (f64, f64) {
+    let text = std::fs::read_to_string(config.folder.join(format!("{stage}.jsonl"))).expect("a log");
+    let parsed = text.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).expect("JSON"));
+    let losses: Vec<f64> = parsed.filter_map(|line| line[network]["loss"].as_f64()).collect();
+    let fifth = losses.len().div_ceil(5);
+    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
+    (mean(&losses[..fifth]), mean(&losses[losses.len() - fifth..]))
+}
+
+/// How far rollouts with the clips' own layouts are from the true frames, decibels (higher is nearer).
+fn psnr(config: &TrainConfig, student: &ds_nn::Weights, stage: &str) -> f32 {
+    let model = Arc::new(decoder::assembled(config, student, stage).expect("fits"));
+    let clips = ClipSet::open(&config.sets["clips"]).expect("opens");
+    let each = |index: usize| {
+        let clip = clips.whole(index).expect("reads");
+        let frames = evaluate::roll(&model, &clip, &clip.layouts, &Digest::of(b"key")).expect("rolls");
+        batch::psnr_db(&clip.frames[1..], &frames[1..])
+    };
+    (0..4).map(each).sum::<f32>() / 4.0
 }
 
 #[test]
-fn every_stage_runs_resumes_and_ships() {
+fn every_stage_runs_improves_and_ships() {
+    let folder = tempfile::tempdir().expect("a folder");
+    render(folder.path());
+    let config = load(folder.path(), &recipe(folder.path())).expect("the recipe is valid");
+    for stage in Stage::ALL.into_iter().filter(|stage| *stage != Stage::Ship) {
+        stage.run(&config, &mut Silent).unwrap_or_else(|error| panic!("{}: {error}", stage.name()));
+    }
+    for (stage, network) in
+        [("autoencoder", "model"), ("prior", "model"), ("teacher", "model"), ("ode", "model"), ("decoder", "model")]
+    {
+        let (first, last) = losses(&config, stage, network);
+        assert!(last < first, "{stage}: {first} to {last}");
+    }
+    let teacher = psnr(&config, &weights(&config, "teacher"), "autoencoder");
+    let (student, guided) = (weights(&config, "ode"), weights(&config, "self_forcing"));
+    let (ode, forced) = (psnr(&config, &student, "autoencoder"), psnr(&config, &guided, "autoencoder"));
+    assert!(ode > teacher + 0.5, "a teacher sampled in few steps has {teacher} dB, the student {ode}");
+    assert!(forced > ode - 1.0, "self forcing keeps what was learned: {ode} to {forced}");
+    let shipped = folder.path().join("shipped.safetensors");
+    crate::ship::run(&config, Some(&shipped), &mut Silent).expect("ships");
+    assert!(VideoModel::load(&config.model().expect("valid"), &shipped).is_ok());
+    let page = std::fs::read_to_string(page::write(&config).expect("writes")).expect("reads");
+    assert!(page.contains("self forcing") && page.matches("<polyline").count() >= 7, "{}", page.len());
+}
+
+#[test]
+fn a_stopped_run_ends_as_one_that_was_not() {
     let (a, b) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
-    let (whole, parts) = (prepared(a.path()), prepared(b.path()));
-    let report = autoencoder::run(&whole, &mut Silent).expect("trains");
-    assert_eq!(report.steps, 6);
-    assert_eq!(autoencoder::run(&parts, &mut StopAt(3, 0)).expect("trains").steps, 3);
-    assert_eq!(autoencoder::run(&parts, &mut Silent).expect("resumes").steps, 6);
-    assert_eq!(weights(&whole, "autoencoder"), weights(&parts, "autoencoder"), "a resumed run ends the same");
-    student::run(&whole, &mut Silent).expect("trains");
-    student::run(&parts, &mut StopAt(3, 0)).expect("trains");
-    student::run(&parts, &mut Silent).expect("resumes");
-    assert_eq!(weights(&whole, "student"), weights(&parts, "student"), "a resumed run ends the same");
-    let figures = teacher::run(&whole, &mut Silent).expect("trains").figures;
-    assert!(figures.len() == 2 && figures.iter().all(|(_, value)| value.is_finite()), "{figures:?}");
-    decoder::run(&whole, &mut Silent).expect("trains");
-    ship::run(&whole, &mut Silent).expect("ships");
-    let model = ModelConfig::load(&a.path().join("model.toml")).expect("valid");
-    assert!(VideoModel::load(&model, &a.path().join("model.safetensors")).is_ok());
+    render(a.path());
+    // The same clips for both, fewer steps than the recipe's.
+    let fewer = |folder: &Path| {
+        let text = recipe(folder).replace("steps = 60", "steps = 6").replace("steps = 80", "steps = 6");
+        let text = text.replace("steps = 40", "steps = 6").replace("steps = 10", "steps = 6");
+        let clips = folder.join("clips").display().to_string();
+        text.replace(&clips, &a.path().join("clips").display().to_string())
+    };
+    let whole = load(a.path(), &fewer(a.path())).expect("valid");
+    let parts = load(b.path(), &fewer(b.path())).expect("valid");
+    let stages =
+        [Stage::Autoencoder, Stage::Prior, Stage::Teacher, Stage::Trajectories, Stage::Ode, Stage::SelfForcing];
+    for stage in stages {
+        stage.run(&whole, &mut Silent).expect("trains");
+        stage.run(&parts, &mut StopAt(3, 0)).expect("trains");
+        stage.run(&parts, &mut Silent).expect("resumes");
+        if stage != Stage::Trajectories {
+            let name = stage.name().replace('-', "_");
+            assert_eq!(weights(&whole, &name).digest(), weights(&parts, &name).digest(), "{name}");
+        }
+    }
 }
 
 #[test]
 fn a_stage_without_its_inputs_says_what_is_missing() {
     let folder = tempfile::tempdir().expect("a folder");
-    let config = config(folder.path());
-    let check = |outcome: Result<crate::Report, TrainError>, expected: &str| {
-        let message = outcome.map(|_| String::new()).unwrap_or_else(|error| error.to_string());
+    let config = load(folder.path(), &recipe(folder.path())).expect("valid");
+    let check = |stage: Stage, expected: &str| {
+        let error = stage.run(&config, &mut Silent).expect_err("it has nothing to work on");
+        let mut message = error.to_string();
+        let mut source = std::error::Error::source(&error);
+        while let Some(inner) = source {
+            message += &format!(": {inner}");
+            source = inner.source();
+        }
         assert!(message.contains(expected), "{message:?} lacks {expected:?}");
     };
-    check(autoencoder::run(&config, &mut Silent), "no clips are rendered yet");
-    check(student::run(&config, &mut Silent), "weights file is refused");
+    check(Stage::Autoencoder, "index.json");
+    check(Stage::Prior, "autoencoder.safetensors");
+    check(Stage::Trajectories, "teacher.safetensors");
+    check(Stage::SelfForcing, "ode.safetensors");
     assert!(TrainConfig::load(&folder.path().join("absent.toml")).is_err());
+}
+
+#[test]
+fn trajectories_of_another_teacher_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    render(folder.path());
+    let text = recipe(folder.path()).replace("steps = 60", "steps = 2").replace("steps = 80", "steps = 2");
+    let config = load(folder.path(), &text.replace("count = 8", "count = 2")).expect("valid");
+    for stage in [Stage::Autoencoder, Stage::Teacher, Stage::Trajectories] {
+        stage.run(&config, &mut Silent).expect("runs");
+    }
+    let again = load(folder.path(), &text.replace("guidance = 1.5\nreject", "guidance = 3.0\nreject")).expect("valid");
+    let error = Stage::Trajectories.run(&again, &mut Silent).expect_err("another guidance");
+    assert!(error.to_string().contains("another recipe or teacher"), "{error}");
+}
+
+#[test]
+fn recipes_inherit_table_by_table() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let base = load(folder.path(), &recipe(folder.path())).expect("valid");
+    let arm = folder.path().join("arm.toml");
+    let text = "inherits = \"train.toml\"\nfolder = \"arm\"\nparent = \"whole\"\n[teacher]\ndropout = \"all\"\n";
+    std::fs::write(&arm, text).expect("writes");
+    let found = TrainConfig::load(&arm).expect("valid");
+    let teacher = found.teacher.clone().expect("inherited");
+    assert_eq!(teacher.dropout, crate::config::Dropout::All);
+    assert_eq!(Some(&teacher.stage), base.teacher.as_ref().map(|teacher| &teacher.stage));
+    assert_eq!((found.folder.as_path(), found.parent.as_deref()), (Path::new("arm"), Some(Path::new("whole"))));
+    std::fs::write(&arm, "inherits = \"arm.toml\"").expect("writes");
+    assert!(TrainConfig::load(&arm).expect_err("a ring").to_string().contains("inherit from each other"));
 }
 
 #[test]
 fn broken_recipes_are_named() {
     let folder = tempfile::tempdir().expect("a folder");
-    config(folder.path());
-    let good = std::fs::read_to_string(folder.path().join("train.toml")).expect("reads");
+    let good = recipe(folder.path());
     let check = |from: &str, to: &str, expected: &str| {
         assert!(good.contains(from), "{from:?}");
-        let path = folder.path().join("bad.toml");
-        std::fs::write(&path, good.replacen(from, to, 1)).expect("writes");
-        let message = TrainConfig::load(&path).map(|_| String::new()).unwrap_or_else(|error| error.to_string());
+        let message = load(folder.path(), &good.replacen(from, to, 1)).map(|_| String::new());
+        let message = message.unwrap_or_else(|error| error.to_string());
         assert!(message.contains(expected), "{message:?} lacks {expected:?}");
     };
-    check("version = 1", "version = 2", "version");
-    check("held_out = 2", "held_out = 6", "data.clips");
-    check("frames = 13", "frames = 1", "data.frames");
+    check("version = 2", "version = 1", "version");
     check("learning_rate = 3e-3", "learning_rate = -1.0", "autoencoder");
     check("checkpoint_every = 20", "checkpoint_every = 0", "autoencoder");
+    check("sets = [\"clips\"]", "sets = [\"clip\"]", "\"clip\" is not among");
+    check("rollout = 4", "rollout = 2", "self_forcing");
+    check("reject = 0.2", "reject = 1.0", "trajectories");
     check("seed = 1", "sed = 1", "cannot be read");
+    check("dropout = \"layout\"", "dropout = \"layout\"\ndropped = 1", "cannot be read");
 }

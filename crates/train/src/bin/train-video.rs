@@ -1,9 +1,10 @@
-//! Runs one training stage: `train-video CONFIG clips|autoencoder|teacher|student|decoder|ship|evaluate`, with a line now and then.
+//! Runs stages of a training: `train-video CONFIG STAGE...`, with a line now and then. Without the command line's
+//! weight, for long trainings beside other work.
 
 use std::path::Path;
 use std::process::ExitCode;
 
-use ds_train::{Progress, TrainConfig, TrainError};
+use ds_train::{Progress, Stage, TrainConfig, TrainError};
 
 struct Lines;
 
@@ -20,35 +21,28 @@ impl Progress for Lines {
     }
 }
 
-fn run(config: &Path, stage: &str) -> Result<(), TrainError> {
+fn run(config: &Path, stages: &[String]) -> Result<(), TrainError> {
     let config = TrainConfig::load(config)?;
-    let report = match stage {
-        "clips" => return ds_train::reference::render(&config, &mut Lines),
-        "autoencoder" => ds_train::autoencoder::run(&config, &mut Lines)?,
-        "teacher" => ds_train::teacher::run(&config, &mut Lines)?,
-        "student" => ds_train::student::run(&config, &mut Lines)?,
-        "evaluate" => {
-            let figures = ds_train::evaluate::long(&config, &mut Lines)?;
-            figures.iter().for_each(|(name, value)| eprintln!("{name} {value:.3}"));
-            return Ok(());
+    for name in stages {
+        let stage = Stage::ALL.into_iter().find(|stage| stage.name() == name);
+        let rule = format!("there is no stage {name:?}");
+        let stage = stage.ok_or(TrainError::Config { field: "stage", rule })?;
+        eprintln!("{name}");
+        if let Some(report) = stage.run(&config, &mut Lines)? {
+            eprintln!("{report:?}");
         }
-        "decoder" => ds_train::decoder::run(&config, &mut Lines)?,
-        "ship" => return ds_train::ship::run(&config, &mut Lines),
-        other => {
-            return Err(TrainError::Config { field: "stage", rule: format!("there is no stage {other:?}") });
-        }
-    };
-    eprintln!("{report:?}");
+    }
     Ok(())
 }
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [config, stage] = arguments.as_slice() else {
-        eprintln!("usage: train-video CONFIG clips|autoencoder|teacher|student|decoder|ship|evaluate");
+    let Some((config, stages)) = arguments.split_first().filter(|(_, stages)| !stages.is_empty()) else {
+        let stages: Vec<&str> = Stage::ALL.iter().map(|stage| stage.name()).collect();
+        eprintln!("usage: train-video CONFIG STAGE..., stages {}", stages.join(", "));
         return ExitCode::from(64);
     };
-    match run(Path::new(config), stage) {
+    match run(Path::new(config), stages) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("{error}");

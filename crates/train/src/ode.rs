@@ -1,0 +1,152 @@
+//! Stage 2: the causal student learns to go from the states of its few levels to where they end.
+//!
+//! Sequences hold o_0 clean, every later latent as inference would cache it, and latents at the sampler's other levels,
+//! each seeing earlier context within window and sink (video-model.md 3.3). States and ends come from the teacher's
+//! guided trajectories, or from clips with noise (diffusion forcing at the sampler's own levels).
+
+use ds_nn::Array;
+use ds_nn::dit::DitShape;
+use ds_nn::fast;
+use ds_nn::step::{CausalPlan, ClipBatch, Level, Step};
+use ds_nn::team::Team;
+use ds_space::{Digest, DigestWriter, Draws};
+use ds_video::{CacheSource, ModelConfig, sampler};
+
+use crate::checkpoint::{Member, Run};
+use crate::config::{OdeSource, TrainConfig};
+use crate::error::TrainError;
+use crate::sets::{Sets, Span, noise};
+use crate::teacher::later;
+use crate::trajectories::Trajectories;
+use crate::unroll::context_level;
+use crate::{Progress, Report, evaluate};
+
+/// Trains the student to its configured number of steps.
+///
+/// # Errors
+/// If the teacher or its trajectories are missing, a file cannot be used or the loss is not finite.
+pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, TrainError> {
+    let recipe = config.ode.as_ref().ok_or_else(|| TrainError::no_stage("ode"))?;
+    let model = config.model()?;
+    let shape = model.dit();
+    let seed = DigestWriter::new().text("ode").u64(config.seed).finish();
+    let mut member = Member::new("model", &shape.declare(), recipe.stage.optimiser(), &seed);
+    member = member.starting_from(&if recipe.from_teacher {
+        config.weights_of("teacher")?
+    } else {
+        config.initial("dit.")?
+    });
+    let mut run = Run::open(&config.folder, "ode", &recipe.stage, vec![member])?;
+    if run.unfinished() {
+        let source = Source::open(config, progress)?;
+        let team = Team::of_all_cores();
+        while run.unfinished() {
+            let (weights, at) = (run.weights(), run.step);
+            let job = |clip: u64| -> Box<dyn FnOnce() -> Result<Step, TrainError> + Send + '_> {
+                let (source, model, shape, seed) = (&source, &model, &shape, &seed);
+                Box::new(move || {
+                    source.step(model, shape, weights, &Draws::new(seed, "batch", &[u64::from(at), clip]), seed)
+                })
+            };
+            let steps = team.run((0..recipe.stage.clips as u64).map(job).collect());
+            let step = Step::mean(steps.into_iter().collect::<Result<_, _>>()?);
+            if !run.apply(step, progress)? {
+                break;
+            }
+        }
+    }
+    let figures = evaluate::held_out(config, run.average(), "ode", progress)?;
+    Ok(run.report(figures))
+}
+
+/// Where a causal step's states and targets come from.
+pub(crate) struct Source {
+    sets: Sets,
+    trajectories: Option<Trajectories>,
+    latents: usize,
+}
+
+impl Source {
+    pub(crate) fn open(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Self, TrainError> {
+        let recipe = config.ode.as_ref().ok_or_else(|| TrainError::no_stage("ode"))?;
+        let trajectories = match recipe.source {
+            OdeSource::Trajectories => Some(Trajectories::open(config, &recipe.stage.sets)?),
+            OdeSource::Data => None,
+        };
+        let names = trajectories.as_ref().map_or(recipe.stage.sets.as_slice(), Trajectories::sets);
+        Ok(Self { sets: Sets::open(config, names, progress)?, trajectories, latents: recipe.stage.latents })
+    }
+
+    /// Computes the causal step of one drawn clip.
+    pub(crate) fn step(
+        &self,
+        model: &ModelConfig,
+        shape: &DitShape,
+        weights: &ds_nn::Weights,
+        draws: &Draws,
+        seed: &Digest,
+    ) -> Result<Step, TrainError> {
+        let sigmas = sampler::sigmas(model.sampler.steps, model.sampler.shift);
+        let key = [draws.u64(8)];
+        let (batch, state) = match &self.trajectories {
+            Some(trajectories) => {
+                let drawn = trajectories.draw(&self.sets, draws)?;
+                (drawn.batch, Some(drawn.states))
+            }
+            None => {
+                let at = self.sets.draw(draws)?;
+                let count = self.latents.min(self.sets.latents(at));
+                (self.sets.batch(at, Span { from: 0, count })?, None)
+            }
+        };
+        let target = frames_after_first(&batch);
+        // The state at a sampler step, counted from 0.
+        let at_step = |step: usize| match &state {
+            Some(states) => states[step].clone(),
+            None => {
+                sampler::noised(&target, &noise(seed, "state", &[key[0], step as u64], target.shape()), sigmas[step])
+            }
+        };
+        let source = model.cache_source();
+        let cached_step = if let CacheSource::State(step) = source { Some(step - 1) } else { None };
+        let level = context_level(model);
+        let context = match (source, cached_step) {
+            (_, Some(step)) => at_step(step),
+            (CacheSource::Renoise(_), _) => {
+                sampler::noised(&target, &noise(seed, "context", &key, target.shape()), level)
+            }
+            _ => target.clone(),
+        };
+        let others: Vec<usize> = (0..sigmas.len()).filter(|step| Some(*step) != cached_step).collect();
+        let asked = others.get(draws.below(9, others.len().max(1) as u64) as usize).copied();
+        let frames = batch.clean.shape()[1];
+        let queries = if asked.is_some() { 1..frames } else { 1..1 };
+        let query = asked.map_or_else(|| empty(&target), at_step);
+        let plan = CausalPlan {
+            cache: model.cache(),
+            context,
+            context_level: Level(level),
+            context_trained: cached_step.is_some(),
+            context_detached: false,
+            queries,
+            query,
+            query_level: Level(asked.map_or(level, |step| sigmas[step])),
+            target,
+            prediction: model.prediction(),
+        };
+        Ok(fast::train::causal(shape, weights, &batch, &plan))
+    }
+}
+
+/// Returns the clean latents of frames 1..F.
+pub(crate) fn frames_after_first(batch: &ClipBatch) -> Array {
+    let shape = later(batch);
+    let frame: usize = shape[2..].iter().product();
+    Array::new(&shape, batch.clean.values()[frame..].to_vec())
+}
+
+fn empty(like: &Array) -> Array {
+    let mut shape = like.shape().to_vec();
+    shape[1] = 0;
+    Array::new(&shape, Vec::new())
+}
