@@ -1,0 +1,161 @@
+//! An arm: weights and the way frames are made of them.
+
+mod silence;
+mod teacher;
+
+use std::sync::Arc;
+
+use ds_nn::Weights;
+use ds_nn::safetensors::WeightsFile;
+use ds_raster::RgbImage;
+use ds_space::{Digest, DigestWriter};
+use ds_train::config::Dropout;
+use ds_video::{ModelConfig, Rollout, VideoModel};
+
+use teacher::Guidance;
+
+use crate::config::{ArmConfig, ArmKind, EvalConfig};
+use crate::drive::Drive;
+use crate::error::AppraisalError;
+
+type Cause = Box<dyn std::error::Error + Send + Sync>;
+
+/// Guidance of a teacher that names none.
+const TEACHER: Guidance = Guidance { weight: 2.5, steps: 16, dropout: Dropout::Layout };
+
+/// Weights, ready to make frames.
+pub struct Arm {
+    /// Name in the configuration.
+    pub name: String,
+    /// How frames are made.
+    pub kind: ArmKind,
+    /// What the configuration remarks on it.
+    pub remark: String,
+    model: Arc<VideoModel>,
+    /// The transformer's weights and the guidance of a teacher.
+    teacher: Option<(Weights, Guidance)>,
+    digest: Digest,
+}
+
+impl Arm {
+    /// Loads an arm of a configuration.
+    ///
+    /// # Errors
+    /// If a file is broken or weights do not fit the preset.
+    pub fn load(config: &EvalConfig, name: &str) -> Result<Self, AppraisalError> {
+        let wrap = |source: Cause| AppraisalError::Arm { arm: name.to_owned(), source };
+        let arm = &config.arms[name];
+        Self::open(config, name, arm).map_err(wrap)
+    }
+
+    fn open(config: &EvalConfig, name: &str, arm: &ArmConfig) -> Result<Self, Cause> {
+        let mut preset = ModelConfig::load(&config.path(&arm.model))?;
+        let path = config.path(&arm.weights);
+        // Loading checks that the weights were trained for the preset as it is written.
+        VideoModel::load(&preset, &path)?;
+        let mut weights = WeightsFile::read(&path)?.weights;
+        if let Some(dit) = &arm.dit {
+            replace_transformer(&mut weights, &WeightsFile::read(&config.path(dit))?.weights);
+        }
+        if let Some(source) = &arm.cache_source {
+            preset.causal.cache_source.clone_from(source);
+            preset.causal.ablation = true;
+        }
+        let settings = [&arm.kind as &dyn std::fmt::Debug, &arm.guidance, &arm.steps, &arm.dropout]
+            .map(|part| format!("{part:?}"));
+        Self::new(name, arm, &preset, &weights, &settings.join(" "))
+    }
+
+    fn new(
+        name: &str,
+        arm: &ArmConfig,
+        preset: &ModelConfig,
+        weights: &Weights,
+        settings: &str,
+    ) -> Result<Self, Cause> {
+        let teacher = (arm.kind == ArmKind::Teacher).then(|| {
+            let guidance = Guidance {
+                weight: arm.guidance.unwrap_or(TEACHER.weight),
+                steps: arm.steps.unwrap_or(TEACHER.steps),
+                dropout: arm.dropout.unwrap_or(TEACHER.dropout),
+            };
+            (weights.part("dit."), guidance)
+        });
+        let model = match arm.kind {
+            ArmKind::NoLayout => VideoModel::new(preset, &silence::silenced(weights))?,
+            ArmKind::Student | ArmKind::Teacher => VideoModel::new(preset, weights)?,
+        };
+        let digest = DigestWriter::new().digest(&model.digest()).text(settings).finish();
+        let (name, remark) = (name.to_owned(), arm.remark.clone());
+        Ok(Self { name, kind: arm.kind, remark, model: Arc::new(model), teacher, digest })
+    }
+
+    /// Returns the digest of preset, weights and way of making frames.
+    #[must_use]
+    pub fn digest(&self) -> Digest {
+        self.digest
+    }
+
+    /// Returns the width and height of the frames, in pixels.
+    #[must_use]
+    pub fn size_px(&self) -> (u32, u32) {
+        let video = &self.model.config().video;
+        (video.width_px, video.height_px)
+    }
+
+    /// Returns the frames of a chunk.
+    #[must_use]
+    pub fn frames_per_chunk(&self) -> u32 {
+        self.model.config().frames_per_chunk() as u32
+    }
+
+    /// Makes frames 0 to `last` of a drive, frame 0 being the world's own.
+    ///
+    /// # Errors
+    /// If a layout cannot be rendered or the model gives values that are not finite.
+    pub fn roll(&self, drive: &mut Drive, last: u32) -> Result<Vec<RgbImage>, AppraisalError> {
+        let layouts: Vec<RgbImage> = (0..=last).map(|frame| drive.layout(frame)).collect::<Result<_, _>>()?;
+        self.roll_with(drive, &layouts)
+    }
+
+    /// Makes a frame per layout, frame 0 being the drive's own.
+    ///
+    /// # Errors
+    /// If the model gives values that are not finite.
+    pub fn roll_with(&self, drive: &Drive, layouts: &[RgbImage]) -> Result<Vec<RgbImage>, AppraisalError> {
+        let first = drive.frame(0);
+        let made = match &self.teacher {
+            Some((dit, guidance)) => {
+                teacher::clip(&self.model, dit, drive, (&first, layouts), *guidance).map_err(Into::into)
+            }
+            None => student(&self.model, drive, &first, layouts).map_err(Into::into),
+        };
+        let refuse =
+            |source: Cause| AppraisalError::Rollout { arm: self.name.clone(), drive: drive.name.clone(), source };
+        let mut frames = vec![first];
+        frames.extend(made.map_err(refuse)?);
+        Ok(frames)
+    }
+}
+
+fn student(
+    model: &Arc<VideoModel>,
+    drive: &Drive,
+    first: &RgbImage,
+    layouts: &[RgbImage],
+) -> Result<Vec<RgbImage>, ds_video::VideoError> {
+    let (mut rollout, _) = Rollout::new(Arc::clone(model), drive.draw_key, "front", &drive.prompt, first, &layouts[0])?;
+    Ok(rollout.generate(&layouts[1..])?.frames)
+}
+
+/// Puts another transformer's weights, with or without their prefix, in the place of the model's.
+fn replace_transformer(weights: &mut Weights, dit: &Weights) {
+    let names: Vec<String> =
+        weights.iter().map(|(name, _)| name.to_owned()).filter(|name| name.starts_with("dit.")).collect();
+    names.iter().for_each(|name| drop(weights.remove(name)));
+    let prefixed = dit.part("dit.");
+    weights.absorb("dit.", if prefixed.iter().next().is_some() { &prefixed } else { dit });
+}
+
+#[cfg(test)]
+mod tests;

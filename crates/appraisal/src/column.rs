@@ -1,0 +1,154 @@
+//! The columns of every table: generated scenarios in the camera world of training (A), the same in another world (B),
+//! and recorded logs (real), the last two never seen by any training.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use ds_abroad::AbroadCamera;
+use ds_camera::{Appearance, Condition, Lighting, PixelClass, RoadSurface, Weather};
+use ds_perception::world::{CameraWorld, SceneCamera};
+use ds_raster::RgbImage;
+use ds_scenario::Family;
+use ds_space::{CameraModel, Draws, Pose, Rig, World};
+use ds_world::{Scene, WorldState};
+
+use crate::Progress;
+use crate::config::EvalConfig;
+use crate::drive::Route;
+use crate::error::AppraisalError;
+
+/// The second world, with its own rig.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct WorldB;
+
+struct Abroad(AbroadCamera);
+
+impl CameraWorld for WorldB {
+    fn name(&self) -> &'static str {
+        "B"
+    }
+
+    fn rig(&self, model: &CameraModel) -> CameraModel {
+        AbroadCamera::rig(model)
+    }
+
+    fn camera(&self, scene: &Scene, look: &Appearance) -> Box<dyn SceneCamera> {
+        Box::new(Abroad(AbroadCamera::new(scene, look.condition.unwrap_or(Condition::DAY), look.palette_seed)))
+    }
+}
+
+impl SceneCamera for Abroad {
+    fn render(&self, world: &WorldState, model: &CameraModel, world_from_rig: Pose<World, Rig>) -> RgbImage {
+        self.0.render(world, model, world_from_rig)
+    }
+
+    fn classes(&self, world: &WorldState, model: &CameraModel, world_from_rig: Pose<World, Rig>) -> Vec<PixelClass> {
+        self.0.classes(world, model, world_from_rig)
+    }
+}
+
+/// Scenarios seen by a camera world.
+pub struct Column<'a> {
+    /// Name in tables.
+    pub name: String,
+    /// The world.
+    pub world: &'a dyn CameraWorld,
+    /// The scenarios with their looks.
+    pub scenes: Vec<(Arc<Scene>, Appearance)>,
+}
+
+impl<'a> Column<'a> {
+    /// Makes the columns of an evaluation: generated scenarios in each world, logs in the first.
+    ///
+    /// # Errors
+    /// If a look is unknown or a log that exists cannot be read.
+    pub fn all(
+        config: &EvalConfig,
+        worlds: &[&'a dyn CameraWorld],
+        progress: &mut dyn Progress,
+    ) -> Result<Vec<Self>, AppraisalError> {
+        let generated = generated(config)?;
+        let mut columns: Vec<Self> = worlds
+            .iter()
+            .map(|world| Self { name: world.name().to_owned(), world: *world, scenes: generated.clone() })
+            .collect();
+        if let (Some(world), false) = (worlds.first(), config.columns.real.is_empty()) {
+            let scenes = logged(config, progress)?;
+            if !scenes.is_empty() {
+                columns.push(Self { name: "real".to_owned(), world: *world, scenes });
+            }
+        }
+        Ok(columns)
+    }
+
+    /// Returns the drives of the first scenarios that start at given ticks.
+    #[must_use]
+    pub fn routes(&self, scenarios: usize, starts: &[u32], pace: f64) -> Vec<Vec<Route>> {
+        let route = |(scene, look): &(Arc<Scene>, Appearance)| {
+            let at = |start: &u32| Route { scene: Arc::clone(scene), start: *start, pace, look: *look };
+            starts.iter().map(at).collect()
+        };
+        self.scenes.iter().take(scenarios).map(route).collect()
+    }
+}
+
+fn generated(config: &EvalConfig) -> Result<Vec<(Arc<Scene>, Appearance)>, AppraisalError> {
+    let columns = &config.columns;
+    let scene = |index: u64| {
+        let count = Family::ALL.len() as u64;
+        let (family, seed) = (Family::ALL[(index % count) as usize], columns.first_seed + index / count);
+        let scene = ds_scenario::generate(family, seed);
+        Ok((Arc::new(scene), look(&columns.look, columns.first_seed + index)?))
+    };
+    (0..columns.scenarios).map(scene).collect()
+}
+
+/// Returns the look of a generated scenario.
+fn look(name: &str, seed: u64) -> Result<Appearance, AppraisalError> {
+    let refuse = |error: String| AppraisalError::config("columns.look", error);
+    match name {
+        "drawn" => Ok(Appearance::from_seed(Draws::from_seed(seed, "measured look").u64(0))),
+        "daylight" => {
+            let weather = if seed.is_multiple_of(2) { Weather::Clear } else { Weather::Overcast };
+            let condition = Condition::new(Lighting::Day, weather, RoadSurface::Dry);
+            Ok(Appearance::condition(condition.map_err(|error| refuse(error.to_string()))?, seed))
+        }
+        name => Appearance::named(name).map_err(|error| refuse(error.to_string())),
+    }
+}
+
+/// Reads logs and scenario files; paths that do not exist are skipped with a note.
+fn logged(config: &EvalConfig, progress: &mut dyn Progress) -> Result<Vec<(Arc<Scene>, Appearance)>, AppraisalError> {
+    let mut scenes = Vec::new();
+    for path in &config.columns.real {
+        let path = config.path(path);
+        if !path.exists() {
+            progress.note(&format!("no logs at {}: the column real goes without them", path.display()));
+            continue;
+        }
+        for file in files(&path)? {
+            let read = |error: String| AppraisalError::config("columns.real", format!("{}: {error}", file.display()));
+            let scene = if file.extension().is_some_and(|extension| extension == "pkl") {
+                ds_scenario::import::read(&file).map_err(|error| read(error.to_string()))?.0
+            } else {
+                ds_scenario::load(&file).map_err(|error| read(error.to_string()))?.0
+            };
+            scenes.push((Arc::new(scene), Appearance::DAY));
+        }
+    }
+    Ok(scenes)
+}
+
+fn files(path: &Path) -> Result<Vec<PathBuf>, AppraisalError> {
+    if !path.is_dir() {
+        return Ok(vec![path.to_path_buf()]);
+    }
+    let entries = std::fs::read_dir(path).map_err(AppraisalError::io("folder of logs", path))?;
+    let known = |path: &PathBuf| {
+        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        name.ends_with(".scenario.json") || (name.ends_with(".pkl") && !name.starts_with("dataset_"))
+    };
+    let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(known).collect();
+    files.sort();
+    Ok(files)
+}

@@ -1,0 +1,127 @@
+//! A drive that frames are generated for: layouts, the world's own frames and their truth, by frame number.
+
+use std::sync::Arc;
+
+use ds_camera::Appearance;
+use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap};
+use ds_perception::Label;
+use ds_perception::label::Crosswalks;
+use ds_perception::lights::{self, SeenLight};
+use ds_perception::world::{CameraWorld, SceneCamera};
+use ds_raster::RgbImage;
+use ds_space::{CameraModel, Digest, Draws};
+use ds_world::{Scene, WorldState};
+
+use crate::course::Course;
+use crate::error::AppraisalError;
+
+/// Where and how a drive goes.
+#[derive(Debug, Clone)]
+pub struct Route {
+    /// The scenario.
+    pub scene: Arc<Scene>,
+    /// The first frame's tick of the log.
+    pub start: u32,
+    /// Ticks of the log per frame.
+    pub pace: f64,
+    /// The look.
+    pub look: Appearance,
+}
+
+/// A drive, ready to be looked at.
+pub struct Drive {
+    /// The scenario's name with the tick of its first frame.
+    pub name: String,
+    /// The look in words.
+    pub prompt: String,
+    /// Keys the noise of a model.
+    pub draw_key: Digest,
+    /// The front camera at the size of the frames.
+    pub model: CameraModel,
+    course: Course,
+    camera: Box<dyn SceneCamera>,
+    map: StaticMap,
+    crosswalks: Crosswalks,
+    renderer: Renderer,
+}
+
+impl Drive {
+    /// Prepares a drive for frames of a size.
+    ///
+    /// # Errors
+    /// If the scenario has no camera.
+    pub fn new(world: &dyn CameraWorld, route: &Route, size_px: (u32, u32)) -> Result<Self, AppraisalError> {
+        let scene = &route.scene;
+        let model = scene.cameras.first().cloned();
+        let mut model = model.ok_or_else(|| AppraisalError::NoCamera { scenario: scene.name.clone() })?;
+        model.intrinsics = model.intrinsics.resized(size_px.0, size_px.1);
+        let model = world.rig(&model);
+        let prompt = route.look.prompt();
+        Ok(Self {
+            name: format!("{}@{}", scene.name, route.start),
+            draw_key: Draws::key(&scene.digest, &prompt, u64::from(route.start)),
+            prompt,
+            model,
+            course: Course::new(Arc::clone(scene), route.start, route.pace),
+            camera: world.camera(scene, &route.look),
+            map: StaticMap::new(&scene.map),
+            crosswalks: Crosswalks::new(&scene.map)?,
+            renderer: Renderer::new(BackendChoice::Cpu)?,
+        })
+    }
+
+    /// Returns the world that a frame shows.
+    #[must_use]
+    pub fn world(&self, frame: u32) -> WorldState {
+        self.course.world(frame)
+    }
+
+    /// Renders the layout of a frame.
+    ///
+    /// # Errors
+    /// If the size is refused.
+    pub fn layout(&mut self, frame: u32) -> Result<RgbImage, AppraisalError> {
+        self.layout_of(&self.world(frame))
+    }
+
+    /// Renders the layout of any state of the world, seen from its ego.
+    ///
+    /// # Errors
+    /// If the size is refused.
+    pub fn layout_of(&mut self, world: &WorldState) -> Result<RgbImage, AppraisalError> {
+        let rig = world.ego.pose.world_from_rig(0.0);
+        Ok(self.renderer.render(&LayoutScene { map: &self.map, world }, &self.model, rig)?)
+    }
+
+    /// Renders the world's own frame.
+    #[must_use]
+    pub fn frame(&self, frame: u32) -> RgbImage {
+        let world = self.world(frame);
+        self.camera.render(&world, &self.model, world.ego.pose.world_from_rig(0.0))
+    }
+
+    /// Renders the world's own frame if it is wanted.
+    #[must_use]
+    pub(crate) fn frame_if(&self, wanted: bool, frame: u32) -> Option<RgbImage> {
+        wanted.then(|| self.frame(frame))
+    }
+
+    /// Returns what each pixel of the world's own frame shows.
+    ///
+    /// # Errors
+    /// If the size is refused.
+    pub fn labels(&mut self, frame: u32) -> Result<Vec<Label>, AppraisalError> {
+        let world = self.world(frame);
+        let rig = world.ego.pose.world_from_rig(0.0);
+        let classes = self.camera.classes(&world, &self.model, rig);
+        Ok(self.crosswalks.label(&classes, &world, &self.model, rig)?)
+    }
+
+    /// Lists the traffic lights of a frame whose labels are given.
+    #[must_use]
+    pub fn lights(&self, frame: u32, labels: &[Label]) -> Vec<SeenLight> {
+        let world = self.world(frame);
+        let rig = world.ego.pose.world_from_rig(0.0);
+        lights::seen(&self.course.scene().map.traffic_lights, &world, labels, &self.model, rig)
+    }
+}

@@ -1,0 +1,107 @@
+//! Whether a look is kept: drives in a condition, and the share of late frames in which it is still named.
+
+use std::collections::BTreeMap;
+
+use ds_camera::{Appearance, Condition, Lighting, Weather};
+use ds_perception::look::indices;
+
+use super::Evaluation;
+use crate::config::AppearanceConfig;
+use crate::error::AppraisalError;
+use crate::estimate::Resamples;
+use crate::outcome::{AppearanceOutcome, ConditionOutcome};
+use crate::summary::Rollouts;
+use crate::watch::Plan;
+
+/// A condition with the axis and the value that are to be kept.
+struct Wanted {
+    condition: Condition,
+    axis: usize,
+    value: usize,
+}
+
+impl Wanted {
+    /// Reads the name of a condition; what counts is its lighting if that is not day, else its weather if that is not
+    /// clear, else its road surface.
+    fn parse(name: &str) -> Result<Self, AppraisalError> {
+        let condition: Condition =
+            name.parse().map_err(|error| AppraisalError::config("appearance.conditions", format!("{error}")))?;
+        let axis = match (condition.lighting(), condition.weather()) {
+            (Lighting::Day, Weather::Clear) => 2,
+            (Lighting::Day, _) => 1,
+            _ => 0,
+        };
+        Ok(Self { condition, axis, value: indices(condition)[axis] })
+    }
+
+    /// Returns the share of looks in which the value is the likeliest of its axis.
+    fn kept(&self, rollouts: &Rollouts, picks: &[usize]) -> Option<f64> {
+        rollouts.mean(picks, |glance| {
+            let axis = &glance.axes[self.axis];
+            let likeliest = (0..axis.len()).max_by(|a, b| axis[*a].total_cmp(&axis[*b]))?;
+            Some(f64::from(u8::from(likeliest == self.value)))
+        })
+    }
+}
+
+impl Evaluation<'_> {
+    pub(super) fn appearance(&mut self, config: &AppearanceConfig) -> Result<AppearanceOutcome, AppraisalError> {
+        let arms = Self::named([&config.arms]);
+        let size_px = self.size_px(&arms)?;
+        let plan = Plan { looked: (config.at + 1 - config.window..=config.at).collect(), truth: false };
+        let mut outcome = AppearanceOutcome { arms: config.arms.clone(), at: config.at, columns: BTreeMap::new() };
+        for column in 0..self.columns.len() {
+            let mut conditions = BTreeMap::new();
+            for name in &config.conditions {
+                let wanted = Wanted::parse(name)?;
+                let mut routes = self.columns[column].routes(config.rollouts as usize, &[0], config.pace);
+                for (seed, route) in (0..).zip(routes.iter_mut().flatten()) {
+                    route.look = Appearance::condition(wanted.condition, 7_000 + seed);
+                }
+                let own = self.rollouts(None, column, &routes, (&plan, size_px))?;
+                let mut made = BTreeMap::new();
+                for arm in &arms {
+                    made.insert(arm.clone(), self.rollouts(Some(arm), column, &routes, (&plan, size_px))?);
+                }
+                conditions.insert(name.clone(), figures(config, &wanted, &own, &made, self.resamples));
+            }
+            outcome.columns.insert(self.columns[column].name.clone(), conditions);
+        }
+        Ok(outcome)
+    }
+}
+
+fn figures(
+    config: &AppearanceConfig,
+    wanted: &Wanted,
+    own: &Rollouts,
+    made: &BTreeMap<String, Rollouts>,
+    resamples: Resamples,
+) -> ConditionOutcome {
+    let count = own.scenarios();
+    let kept = |rollouts: &Rollouts| resamples.estimate(count, |picks| wanted.kept(rollouts, picks));
+    let of = |key: &str| config.arms.get(key).and_then(|arm| made.get(arm));
+    let gain = of("with").zip(of("without")).and_then(|(with, without)| {
+        resamples.estimate(count, |picks| Some(wanted.kept(with, picks)? - wanted.kept(without, picks)?))
+    });
+    let arms = made.iter().map(|(arm, rollouts)| (arm.clone(), kept(rollouts))).collect();
+    ConditionOutcome { reference: kept(own), arms, gain }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_counts_of_a_condition_is_its_rarest_axis() {
+        let check =
+            |name: &str, axis: usize| assert_eq!(Wanted::parse(name).expect("a condition").axis, axis, "{name}");
+        check("night", 0);
+        check("snow", 1);
+        check("rain", 1);
+        check("fog", 1);
+        check("sand", 2);
+        let error = Wanted::parse("hail").err().expect("no condition").to_string();
+        assert!(error.contains("hail"), "{error}");
+    }
+}

@@ -1,0 +1,77 @@
+//! Speed: frames a second of a preset from layouts to frames, chunk by chunk, after the window has filled.
+
+use std::sync::Arc;
+
+use ds_camera::Appearance;
+use ds_nn::safetensors::WeightsFile;
+use ds_perception::world::WorldA;
+use ds_raster::RgbImage;
+use ds_space::Digest;
+use ds_video::{ModelConfig, Rollout, VideoError, VideoModel};
+
+use super::Seconds;
+use crate::config::{EvalConfig, SpeedConfig};
+use crate::drive::{Drive, Route};
+use crate::error::AppraisalError;
+use crate::estimate::{Resamples, mean};
+use crate::outcome::SpeedOutcome;
+
+/// Times chunks of frames of one drive; the time of a chunk includes its layouts.
+///
+/// # Errors
+/// If the model cannot be loaded or gives values that are not finite.
+pub fn measure(
+    config: &EvalConfig,
+    speed: &SpeedConfig,
+    resamples: Resamples,
+    seconds: Seconds<'_>,
+) -> Result<SpeedOutcome, AppraisalError> {
+    let wrap =
+        |source: Box<dyn std::error::Error + Send + Sync>| AppraisalError::Arm { arm: "speed".to_owned(), source };
+    let preset = ModelConfig::load(&config.path(&speed.model)).map_err(|error| wrap(error.into()))?;
+    let model = match &speed.weights {
+        Some(weights) => {
+            let file = WeightsFile::read(&config.path(weights)).map_err(|error| wrap(error.into()))?;
+            VideoModel::new(&preset, &file.weights).map_err(|error| wrap(error.into()))?
+        }
+        None => VideoModel::untrained(&preset, &Digest::of(b"speed")),
+    };
+    let size_px = (preset.video.width_px, preset.video.height_px);
+    let scene = ds_scenario::generate(ds_scenario::Family::LeadBraking, config.columns.first_seed + 1);
+    let route = Route { scene: Arc::new(scene), start: 0, pace: 1.0, look: Appearance::DAY };
+    let mut drive = Drive::new(&WorldA, &route, size_px)?;
+    let refuse = |source: VideoError| AppraisalError::Rollout {
+        arm: "speed".to_owned(),
+        drive: drive_name(&route),
+        source: source.into(),
+    };
+    let (first, layout) = (drive.frame(0), drive.layout(0)?);
+    let (mut rollout, _) =
+        Rollout::new(Arc::new(model), drive.draw_key, "front", &drive.prompt, &first, &layout).map_err(refuse)?;
+    let per_chunk = preset.frames_per_chunk() as u32;
+    let warm_up = preset.causal.window as u32 * per_chunk;
+    let (mut frame, mut rates) = (0, Vec::new());
+    while frame < warm_up + speed.frames {
+        let began = seconds();
+        let layouts: Vec<RgbImage> =
+            (frame + 1..=frame + per_chunk).map(|frame| drive.layout(frame)).collect::<Result<_, _>>()?;
+        let made = rollout.generate(&layouts).map_err(refuse)?.frames;
+        let took = seconds() - began;
+        if frame >= warm_up {
+            rates.push(took / made.len() as f64);
+        }
+        frame += per_chunk;
+    }
+    // The rate of all chunks together, not the mean of rates: slow chunks count as long as they last.
+    let rate = |picks: &[usize]| mean(picks.iter().map(|pick| rates[*pick])).map(|secs| 1.0 / secs.max(1e-9));
+    Ok(SpeedOutcome {
+        preset: preset.name.clone(),
+        frames_per_second: resamples.estimate(rates.len(), rate),
+        gemm_share: None,
+        threads: std::thread::available_parallelism().map_or(1, usize::from) as u64,
+    })
+}
+
+fn drive_name(route: &Route) -> String {
+    format!("{}@{}", route.scene.name, route.start)
+}

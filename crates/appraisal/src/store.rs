@@ -1,0 +1,77 @@
+//! Records as files, one per rollout, named by the digest of all that they depend on.
+
+use std::path::{Path, PathBuf};
+
+use ds_space::Digest;
+
+use crate::error::AppraisalError;
+use crate::record::Record;
+
+/// A folder of records.
+#[derive(Debug, Clone)]
+pub struct Store {
+    folder: PathBuf,
+}
+
+impl Store {
+    /// Opens a folder, which is made if it is not there.
+    ///
+    /// # Errors
+    /// If it cannot be made.
+    pub fn open(folder: &Path) -> Result<Self, AppraisalError> {
+        std::fs::create_dir_all(folder).map_err(AppraisalError::io("folder of records", folder))?;
+        Ok(Self { folder: folder.to_path_buf() })
+    }
+
+    fn path(&self, key: &Digest) -> PathBuf {
+        self.folder.join(format!("{key}.json"))
+    }
+
+    /// Returns the record of a key, none if it was not made yet.
+    ///
+    /// # Errors
+    /// If the file is there and broken.
+    pub fn get(&self, key: &Digest) -> Result<Option<Record>, AppraisalError> {
+        let path = self.path(key);
+        let text = match std::fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(AppraisalError::io("record", &path)(error)),
+        };
+        let broken = |source| AppraisalError::Record { path: path.display().to_string(), source };
+        serde_json::from_str(&text).map(Some).map_err(broken)
+    }
+
+    /// Stores the record of a key; a reader never sees half of it.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn put(&self, key: &Digest, record: &Record) -> Result<(), AppraisalError> {
+        let path = self.path(key);
+        let broken = |source| AppraisalError::Record { path: path.display().to_string(), source };
+        let text = serde_json::to_string(record).map_err(broken)?;
+        let partial = path.with_extension("partial");
+        std::fs::write(&partial, text).map_err(AppraisalError::io("record", &partial))?;
+        std::fs::rename(&partial, &path).map_err(AppraisalError::io("record", &path))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::Seam;
+
+    #[test]
+    fn records_come_back_and_broken_ones_are_named() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let store = Store::open(folder.path()).expect("opens");
+        let (key, record) =
+            (Digest::of(b"a"), Record { drive: "x@0".to_owned(), glances: Vec::new(), seam: Seam::default() });
+        assert_eq!(store.get(&key).expect("reads"), None);
+        store.put(&key, &record).expect("writes");
+        assert_eq!(store.get(&key).expect("reads"), Some(record));
+        std::fs::write(folder.path().join(format!("{key}.json")), "{").expect("spoils");
+        let error = store.get(&key).expect_err("it is broken").to_string();
+        assert!(error.contains("remove it"), "{error}");
+    }
+}

@@ -1,0 +1,126 @@
+//! Watching a rollout: an arm makes the frames of a drive, the networks look at the chosen ones.
+
+use ds_perception::overlap::Overlaps;
+use ds_raster::RgbImage;
+use ds_space::{Digest, DigestWriter};
+use ds_video::pixels;
+
+use crate::arm::Arm;
+use crate::colour::{Colour, difference, psnr_db};
+use crate::drive::{Drive, Route};
+use crate::error::AppraisalError;
+use crate::eyes::Eyes;
+use crate::record::{Glance, Record, Seam};
+
+/// Which frames are looked at, and whether they are compared with the truth of the world's own.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Plan {
+    /// Frames to look at, rising.
+    pub looked: Vec<u32>,
+    /// Whether labels, lights, PSNR and perceptual distance are wanted, or looks and colours alone.
+    pub truth: bool,
+}
+
+impl Plan {
+    /// Returns the last frame that is needed.
+    #[must_use]
+    pub fn last(&self) -> u32 {
+        self.looked.last().copied().unwrap_or(0)
+    }
+
+    /// Returns the digest of all that a record depends on.
+    #[must_use]
+    pub fn key(&self, arm: Option<&Arm>, world: &str, route: &Route, (eyes, size_px): (&Eyes, (u32, u32))) -> Digest {
+        let mut writer = DigestWriter::new();
+        writer.text("appraisal record 1").text(world).digest(&eyes.digest()).digest(&route.scene.digest);
+        writer.u32(route.start).f64s(&[route.pace]).text(&format!("{:?}", route.look));
+        writer.u32(size_px.0).u32(size_px.1).text(&format!("{self:?}"));
+        match arm {
+            Some(arm) => writer.text("arm").digest(&arm.digest()),
+            None => writer.text("the world's own frames"),
+        };
+        writer.finish()
+    }
+}
+
+/// Makes and looks at the frames of a drive; without an arm, at the world's own.
+///
+/// # Errors
+/// If a layout cannot be rendered or the model gives values that are not finite.
+pub fn watch(arm: Option<&Arm>, drive: &mut Drive, plan: &Plan, eyes: &Eyes) -> Result<Record, AppraisalError> {
+    let made = arm.map(|arm| arm.roll(drive, plan.last())).transpose()?;
+    let mut glances = Vec::new();
+    for frame in &plan.looked {
+        let own = drive.frame_if(made.is_none() || plan.truth, *frame);
+        let seen = made.as_ref().map(|made| &made[*frame as usize]).or(own.as_ref());
+        let Some(seen) = seen else { continue };
+        let compared = made.is_some().then_some(own.as_ref()).flatten();
+        glances.push(glance(drive, *frame, (seen, compared), (plan, eyes))?);
+    }
+    let per_chunk = arm.map_or(1, Arm::frames_per_chunk);
+    let seam = made.as_ref().map_or_else(Seam::default, |made| seam(made, per_chunk));
+    Ok(Record { drive: drive.name.clone(), glances, seam })
+}
+
+fn glance(
+    drive: &mut Drive,
+    frame: u32,
+    (seen, own): (&RgbImage, Option<&RgbImage>),
+    (plan, eyes): (&Plan, &Eyes),
+) -> Result<Glance, AppraisalError> {
+    let look = eyes.look.read(seen);
+    let mut glance = Glance {
+        frame,
+        pixels: None,
+        lights: Vec::new(),
+        features: look.features,
+        axes: look.axes,
+        colour: Colour::of(seen),
+        psnr_db: own.map(|own| psnr_db(own, seen)),
+        distance: own.map(|own| eyes.look.distance(own, seen)),
+    };
+    if plan.truth {
+        let truth = drive.labels(frame)?;
+        let mut overlaps = Overlaps::default();
+        overlaps.add(&truth, &eyes.segmenter.labels(seen));
+        glance.pixels = Some(overlaps.0.map(|overlap| [overlap.both, overlap.either]));
+        let lights = drive.lights(frame, &truth);
+        let values = pixels::to_values(&[seen]).into_values();
+        let crop = |light| ds_perception::lights::crop(&values, seen.width_px() as usize, light);
+        let read = eyes.lights.read(&lights.iter().map(crop).collect::<Vec<_>>());
+        glance.lights = lights.iter().zip(read).map(|(light, read)| (light.distance_m, read == light.state)).collect();
+    }
+    Ok(glance)
+}
+
+/// Sums differences between successive frames, apart for the borders of chunks; the given first frame is left out.
+fn seam(frames: &[RgbImage], per_chunk: u32) -> Seam {
+    let mut seam = Seam::default();
+    for (index, pair) in (0u32..).zip(frames.windows(2)).skip(1) {
+        let apart = difference(&pair[0], &pair[1]);
+        if index.is_multiple_of(per_chunk) {
+            seam.across += apart;
+            seam.borders += 1;
+        } else {
+            seam.inside += apart;
+            seam.steps += 1;
+        }
+    }
+    seam
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seams_are_told_from_motion() {
+        // Frames 1 to 4 are a chunk and 5 to 8 the next: grey rises by one a frame, and by six at the border.
+        let frames: Vec<RgbImage> =
+            [90u8, 10, 11, 12, 13, 19, 20, 21, 22].map(|grey| RgbImage::filled(4, 4, [grey; 3])).to_vec();
+        let seam = seam(&frames, 4);
+        assert_eq!((seam.borders, seam.steps), (1, 6));
+        assert!((seam.ratio().expect("both are there") - 6.0).abs() < 1e-9, "{seam:?}");
+        assert_eq!(Seam::default().ratio(), None);
+    }
+}

@@ -1,0 +1,56 @@
+//! A camera world: what turns a scene and a look into frames with their truth.
+//!
+//! World A is the reference camera, on whose frames everything is trained. A world of other assets, light and lens
+//! implements the same two traits and is looked at in evaluations only.
+
+use ds_camera::{Appearance, PixelClass, ReferenceCamera};
+use ds_raster::RgbImage;
+use ds_space::{CameraModel, Pose, Rig, World};
+use ds_world::{Scene, WorldState};
+
+/// A way to see scenes.
+pub trait CameraWorld: Sync {
+    /// Returns the name in tables.
+    fn name(&self) -> &'static str;
+
+    /// Returns the camera of this world's rig in the place of a scenario's own.
+    fn rig(&self, model: &CameraModel) -> CameraModel {
+        model.clone()
+    }
+
+    /// Prepares a scene in a look.
+    fn camera(&self, scene: &Scene, look: &Appearance) -> Box<dyn SceneCamera>;
+}
+
+/// A prepared scene.
+pub trait SceneCamera {
+    /// Renders what a camera on a rig sees.
+    fn render(&self, world: &WorldState, model: &CameraModel, world_from_rig: Pose<World, Rig>) -> RgbImage;
+
+    /// Returns what each pixel belongs to, rows top to bottom.
+    fn classes(&self, world: &WorldState, model: &CameraModel, world_from_rig: Pose<World, Rig>) -> Vec<PixelClass>;
+}
+
+/// The reference camera.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct WorldA;
+
+impl CameraWorld for WorldA {
+    fn name(&self) -> &'static str {
+        "A"
+    }
+
+    fn camera(&self, scene: &Scene, look: &Appearance) -> Box<dyn SceneCamera> {
+        Box::new(ReferenceCamera::new(scene, *look))
+    }
+}
+
+impl SceneCamera for ReferenceCamera {
+    fn render(&self, world: &WorldState, model: &CameraModel, world_from_rig: Pose<World, Rig>) -> RgbImage {
+        Self::render(self, world, model, world_from_rig)
+    }
+
+    fn classes(&self, world: &WorldState, model: &CameraModel, world_from_rig: Pose<World, Rig>) -> Vec<PixelClass> {
+        Self::classes(self, world, model, world_from_rig)
+    }
+}
