@@ -10,15 +10,18 @@ vehicle is what its user would have: weighed mass, measured axles, box inertia, 
 """
 
 import argparse
+import copy
 import json
 import math
 import pathlib
+import shutil
 from types import SimpleNamespace
 
 import numpy as np
 
-DT, CONTROL, SECONDS, LEAD_IN, G, AIR = 0.02, 5, 36.5, 3.0, 9.81, 1.2
-FINE = DT / CONTROL
+from metadrive_actuators import DT, Actuators, clip
+
+SECONDS, LEAD_IN, G, AIR = 36.5, 3.0, 9.81, 1.2
 # Bullet's wheel takes out a share of its side slip per physics step, so that its cornering stiffness is proportional to
 # speed over step. At MetaDrive's usual 20 ms no linear tyre fits two speeds; at 5 ms slip is nearly nil at any speed.
 PHYSICS = 0.005
@@ -68,20 +71,21 @@ EFFECTS = {
     "tr_brake": ("x", "traffic_dynamics", lambda r: r.uniform(0.5, 0.65)),
     "tr_min_gap": ("m", "traffic_spacing", lambda r: r.uniform(1.5, 3.5)),
 }
-# what no library contains, with its range
+# what no library contains, with its range; gusts and load act along the vehicle, because wheels that do not slip take
+# whatever pushes sideways, so that nothing moves
 UNKNOWN = {
     "steer_stiction": (0.008, 0.015), "gust_bursts": (1.2, 2.2), "drive_cuts": (0.5, 0.8), "position_jumps": (0.4, 1.0),
-    "gyro_wander": (0.012, 0.03), "steer_compliance": (0.03, 0.06), "load_slosh": (0.25, 0.45), "pull_under_power": (0.004, 0.01),
+    "gyro_wander": (0.012, 0.03), "steer_compliance": (0.03, 0.06), "load_slosh": (0.5, 0.9), "pull_under_power": (0.004, 0.01),
 }
 KINDS = {"urban": (9.0, 3.0, 2.2), "highway": (24.0, 4.0, 1.6), "handling": (15.0, 3.0, 3.0)}
 
 
-def clip(value, limit):
-    return max(min(value, limit), -limit)
-
-
 def side(r):
     return 1.0 if r.random() < 0.5 else -1.0
+
+
+class Dragging(Exception):
+    """The chassis touched the ground in a drive."""
 
 
 class World:
@@ -112,11 +116,16 @@ class World:
         vehicle.body.setInertia(Vec3(inertia.x, inertia.y, build["inertia"]))
         for number, wheel in enumerate(vehicle.system.getWheels()):
             wheel.setSuspensionStiffness(build["spring"])
+            wheel.setMaxSuspensionForce(2.0 * build["mass"] * G)  # as delivered 6 kN, on which heavy ones sit on the ground
             wheel.setFrictionSlip(build["friction"])
             at = wheel.getChassisConnectionPointCs()
             wheel.setChassisConnectionPointCs(Vec3(at.x, build["lf"] if number < 2 else -build["lr"], at.z))
         vehicle.set_position((0.0, y), height=kind.TIRE_RADIUS + 0.1)
         return vehicle
+
+    def drags(self, vehicle):
+        """Tells whether the chassis touches the ground, which no drag of the nominal vehicle accounts for."""
+        return self.physics.contactTest(vehicle.body).getNumContacts() > 0
 
     def step(self, vehicle=None, force=None, physics=PHYSICS):
         for _ in range(round(DT / physics)):
@@ -177,7 +186,7 @@ def draw_build(r, world):
 
 def steady_turn(world, build, v0):
     """Drives a steady turn of 2 m/s2; returns relative understeer, rear slip angle, side acceleration, unrest and own drag."""
-    vehicle = world.spawn(build)
+    vehicle, dragged = world.spawn(build), False
     base, seen = build["lf"] + build["lr"], []
     steer = base * 2.0 / v0**2
     start(vehicle, v0)
@@ -187,7 +196,10 @@ def steady_turn(world, build, v0):
         world.step()
         if k > 350:
             seen.append([s.v, s.vy, s.r])
+            dragged = dragged or world.drags(vehicle)
     world.clear(vehicle)
+    if dragged:
+        return None
     v, vy, r = np.mean(seen, axis=0)
     return steer * v / (r * base) - 1, -(vy - build["lr"] * r) / v, v * r, np.std([row[2] for row in seen]), 1.5 * (v0 - v)
 
@@ -195,7 +207,7 @@ def steady_turn(world, build, v0):
 def identify(world, build):
     """Axle stiffnesses as a user would find them: rear from the slip at 15 m/s, front from understeer over three speeds."""
     turns = {v: steady_turn(world, build, v) for v in (10.0, 15.0, 25.0)}
-    if any(turn[3] > 2e-4 or turn[4] > 0.04 for turn in turns.values()):
+    if any(turn is None or turn[3] > 2e-4 or turn[4] > 0.04 for turn in turns.values()):
         return None
     base, mass = build["lf"] + build["lr"], build["mass"]
     growth = sum(turn[0] * v * v for v, turn in turns.items()) / sum(v**4 for v in turns)
@@ -248,48 +260,6 @@ def draw_plan(r, kind):
     return np.maximum(speed, 3.0), np.clip(ay * np.clip((t + LEAD_IN) / LEAD_IN, 0, 1), -3.8, 3.8)
 
 
-class Actuators:
-    """Servo of second order, lagging drive force, and every effect on the way from command to wheel; 4 ms steps."""
-
-    def __init__(self, case, v):
-        self.real, self.on = case["real"], lambda key, neutral: case["values"].get(key, neutral)
-        self.mass, self.v = case["nominal"]["mass"], v
-        self.servo = self.rate = self.slow = self.stick = self.play = self.accel = self.work = 0.0
-        self.steers, self.accels = [], []
-
-    def step(self, steer, accel, v, ay, secs):
-        real, on, back = self.real, self.on, len(self.steers)
-        self.steers += [steer] * CONTROL
-        self.accels += [accel] * CONTROL
-        dead_s, dead_a = (int(round(dead / FINE)) for dead in (real["steer_dead"] + on("steer_delay", 0.0), real["accel_dead"] + on("accel_delay", 0.0)))
-        share = 1 - math.exp(-FINE / on("steer_lag", 1e-9))
-        lag = 1 - math.exp(-FINE / (real["accel_lag"] + on("accel_lag", 0.0)))
-        stiction, rate, limit, half = on("steer_stiction", 0.0), on("steer_rate", 1e9), on("steer_saturation", 9.0), 0.5 * on("steer_backlash", 0.0)
-        pull, brake = real["omega"] ** 2, 2 * real["damping"] * real["omega"]
-        dead_zone, jerk = on("deadzone_accel", 0.0), on("accel_jerk_limit", 1e9) * FINE
-        for k in range(back, back + CONTROL):
-            self.slow += (self.steers[max(k - dead_s, 0)] - self.slow) * share
-            self.stick = self.slow if abs(self.slow - self.stick) > stiction else self.stick
-            self.rate = clip(self.rate + FINE * (pull * (self.stick - self.servo) - brake * self.rate), rate)
-            self.servo = clip(self.servo + FINE * self.rate, limit)
-            self.play = max(min(self.play, self.servo + half), self.servo - half)
-            ask = self.accels[max(k - dead_a, 0)]
-            ask = math.copysign(max(abs(ask) - dead_zone, 0.0), ask)
-            self.accel += clip((ask - self.accel) * lag, jerk)
-        out = self.accel
-        if out > 0:
-            out = min(out * on("drive_gain", 1.0), on("power_limit", 1e9) / max(v, 1.0))
-            if on("drive_cuts", 0.0) > 0 and secs % 4.3 < on("drive_cuts", 0.0):
-                out = 0.0
-        else:
-            out *= on("brake_gain", 1.0) * max(1 - on("brake_fade", 0.0) * self.work, 0.0)
-            self.work += self.mass * abs(out) * v * DT * 1e-6
-        pull = on("pull_under_power", 0.0) * max(self.accel - 0.5, 0.0)
-        give = 1 - on("steer_compliance", 0.0) * abs(ay)
-        wheel = self.play * real["steer_gain"] * on("steer_gain", 1.0) * give + real["steer_zero"] + on("steer_offset", 0.0) + pull
-        return wheel, out
-
-
 def drive(r, world, case, kind):
     """Drives one plan; returns truth and commands at 50 Hz from time zero."""
     real, nominal, on = case["real"], case["nominal"], lambda key, neutral: case["values"].get(key, neutral)
@@ -305,6 +275,7 @@ def drive(r, world, case, kind):
     base = nominal["wheelbase"]
     us = nominal["mass"] * (nominal["lr"] / nominal["cornering_stiffness_front"] - nominal["lf"] / nominal["cornering_stiffness_rear"]) / base
     chain, log, heading, ay = Actuators(case, want_v[0]), {}, state_of(vehicle).yaw, 0.0
+    ax, touched = 0.0, False
     drag, roll = real["drag"] + 0.5 * AIR * on("drag_add", 0.0), real["roll"] + G * on("roll_add", 0.0)
     wind = Vec3(real["wind"][0] + on("wind_steady", 0.0), real["wind"][1], 0)
     bursts, slosh, slosh_rate = r.uniform(2, 33, 5), 0.0, 0.0
@@ -333,10 +304,11 @@ def drive(r, world, case, kind):
         along, beside = air.x * c + air.y * sn, -air.x * sn + air.y * c
         speed = math.hypot(along, beside)
         gust = on("gust_bursts", 0.0) * sum(p * math.exp(-(((secs - b) / 0.5) ** 2)) for p, b in zip(pushes, bursts))
-        slosh_rate += DT * ((2 * np.pi * 0.6) ** 2 * (ay - slosh) - 0.8 * slosh_rate)
+        slosh_rate += DT * ((2 * np.pi * 0.6) ** 2 * (ax - slosh) - 0.8 * slosh_rate)
         slosh += DT * slosh_rate
         f_along = -drag * along * speed - build["mass"] * roll * math.copysign(1.0, s.v)
-        f_side = -2.5 * drag * beside * speed + build["mass"] * (gust + on("load_slosh", 0.0) * (slosh - ay))
+        f_along += build["mass"] * (gust + on("load_slosh", 0.0) * (slosh - ax))
+        f_side = -2.5 * drag * beside * speed
         push(vehicle, nominal["mass"] * force, wheel)
         for key, value in (("x", s.x), ("y", s.y), ("yaw", s.yaw), ("v", s.v), ("r", s.r), ("servo", chain.servo), ("cmd_steer", asked[0]), ("cmd_accel", asked[1])):
             log.setdefault(key, []).append(value)
@@ -344,11 +316,14 @@ def drive(r, world, case, kind):
         after = state_of(vehicle)
         felt = (after.velocity - before.velocity) / DT - Vec3(tilt.x, tilt.y, -G)
         before = after
-        ay = felt.dot(after.left)
-        log.setdefault("ax", []).append(felt.dot(after.ahead))
+        ax, ay = felt.dot(after.ahead), felt.dot(after.left)
+        touched = touched or (k % 5 == 0 and world.drags(vehicle))
+        log.setdefault("ax", []).append(ax)
         log.setdefault("ay", []).append(ay)
         log.setdefault("tilt", []).append((after.ahead.z, after.left.z))
     world.clear(vehicle)
+    if touched:
+        raise Dragging
     log = {key: np.array(value) for key, value in log.items()}
     # accelerometers are mounted level: the chassis's own stance on its springs is no zero of theirs
     stance = G * log.pop("tilt").mean(axis=0)
@@ -370,10 +345,9 @@ def read_sensors(r, case, log):
     yaw, arm = at("yaw", age), on("lever_arm", 0.0)
     wander = np.cumsum(r.normal(0, 1, (2, t.size)), axis=1)
     wander = 0.03 * (wander - wander.mean(axis=1, keepdims=True)) / wander.std(axis=1, keepdims=True)
-    if on("position_jumps", 0.0) > 0:
-        for begin in r.uniform(3, 33, 6):
-            inside = (t > begin) & (t < begin + r.uniform(0.6, 1.5))
-            wander[:, inside] += on("position_jumps", 0.0) * r.normal(0, 1, (2, 1))
+    for begin in r.uniform(3, 33, 6):
+        inside = (t > begin) & (t < begin + r.uniform(0.6, 1.5))
+        wander[:, inside] += on("position_jumps", 0.0) * r.normal(0, 1, (2, 1))
     # a force felt over a step belongs to its middle
     ax, ay, turn = at("ax", imu, DT / 2), at("ay", imu, DT / 2), on("imu_misalignment", 0.0)
     rows = {
@@ -466,10 +440,10 @@ DIGITS = {"cmd_steer": 5, "cmd_accel": 3, "x": 3, "y": 3, "yaw": 4, "v": 3, "yaw
 
 
 def write_case(r, world, case, folder):
-    folder.mkdir(parents=True, exist_ok=True)
     drives = []
     for d, kind in enumerate(case["kinds"]):
         log = drive(r, world, case, kind)
+        folder.mkdir(parents=True, exist_ok=True)
         t, rows = read_sensors(r, case, log)
         cells = [[f"{v:.3f}" for v in t]] + [[f"{v:.{p}f}" if k not in case["missing"] else "" for v in rows[k]] for k, p in DIGITS.items()]
         (folder / f"drive_{d}.csv").write_text("t," + ",".join(DIGITS) + "\n" + "\n".join(",".join(row) for row in zip(*cells)) + "\n")
@@ -480,6 +454,23 @@ def write_case(r, world, case, folder):
     meta = {"case": case["name"], "vehicle": "metadrive", "rate_hz": 20, "agent_rate_hz": 10, "drives": drives, "channels_missing": case["missing"],
             "nominal": case["nominal"], "suggested_split": {"fit": [0, 1, 2], "held_out": [3]}}
     (folder / "meta.json").write_text(json.dumps(meta, indent=1))
+
+
+def make_case(seed, world, kind, number, index, out):
+    """Draws and drives one case; again with another vehicle if its chassis touches the ground. What no library contains
+    is driven a second time without it into `without`, so that its size can be told."""
+    for attempt in range(50):
+        rng = np.random.default_rng([seed, number, attempt])
+        case = draw_case(rng, world, kind, number, index)
+        again = copy.deepcopy(rng)
+        try:
+            write_case(rng, world, case, out / case["name"])
+            if kind == "out_of_library":
+                write_case(again, world, {**case, "values": {}}, out / "without" / case["name"])
+            return case
+        except Dragging:
+            shutil.rmtree(out / case["name"], ignore_errors=True)
+    raise SystemExit(f"case {number}: no vehicle keeps clear of the ground")
 
 
 def main():
@@ -493,9 +484,7 @@ def main():
     counts = {"single": given.singles, "none": given.none, "double": given.pairs, "out_of_library": given.unknown}
     wanted = [(kind, k) for kind, count in counts.items() for k in range(count)]
     for number, (kind, index) in enumerate(wanted):
-        rng = np.random.default_rng([given.seed, number])
-        case = draw_case(rng, world, kind, number, index)
-        write_case(rng, world, case, given.out / case["name"])
+        case = make_case(given.seed, world, kind, number, index, given.out)
         labels[case["name"]] = case["label"]
     (given.out / "labels.json").write_text(json.dumps(labels, indent=1))
 

@@ -277,6 +277,12 @@ impl<'a> PartModel<'a> {
         priors
     }
 
+    /// Returns what each ego window is like.
+    #[must_use]
+    pub fn regimes(&self) -> Vec<crate::windows::Regime> {
+        self.ego.iter().flat_map(|record| record.anchors.iter().map(|anchor| anchor.regime)).collect()
+    }
+
     /// Tells for each ego window whether it comes near the limit of the tyres at the friction of a vector.
     #[must_use]
     pub fn sliding(&self, vector: &[f64]) -> Vec<bool> {

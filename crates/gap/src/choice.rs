@@ -3,12 +3,13 @@
 use ds_effect::Scale;
 
 use crate::case::{Case, PartModel};
+use crate::constancy::{Trend, strongest};
 use crate::fit::Fit;
 use crate::scatter::Scatter;
 use crate::search::{Effort, Hypothesis, Search, extend, held_out_gains, outside, refit};
 use crate::settings::{
-    ALIKE, DISAGREE_COST, DISAGREEMENT, FURTHER_GAIN, HELD, INSIDE_COST, LIMIT_GAIN, MOST_EFFECTS, SINGLE_COST,
-    TELLING_SHARE, Thresholds,
+    ALIKE, DISAGREE_COST, DISAGREEMENT, END_SHARE, FURTHER_GAIN, HELD, INSIDE_COST, LIMIT_GAIN, MOST_EFFECTS,
+    SINGLE_COST, TELLING_SHARE, Thresholds,
 };
 use crate::space::SCATTER;
 
@@ -20,6 +21,8 @@ pub struct Outcome<'m, 'c> {
     pub accepted: Option<Hypothesis>,
     /// Held-out gains per fit drive of the best singles, in their order.
     pub held_out: Vec<Vec<f64>>,
+    /// The strongest telling change of an accepted effect over a regime, in which the library has it constant.
+    pub trend: Option<Trend>,
     /// The model with the floor widened by the accepted effects' own uncertainty of shape.
     widened: Option<PartModel<'c>>,
 }
@@ -38,7 +41,7 @@ impl<'m, 'c> Outcome<'m, 'c> {
             }
         };
         let held_out: Vec<Vec<f64>> = search.singles.iter().take(count).map(gains).collect();
-        let mut outcome = Self { search, accepted: None, held_out, widened: None };
+        let mut outcome = Self { search, accepted: None, held_out, trend: None, widened: None };
         outcome.accept(drives, effort, thresholds);
         outcome
     }
@@ -47,7 +50,7 @@ impl<'m, 'c> Outcome<'m, 'c> {
         let search = &self.search;
         let good = |k: usize| {
             let h = &search.singles[k];
-            h.gain > thresholds.single_gain + limit_cost(search.model, h.effects[0])
+            h.gain > thresholds.single_gain + further_cost(search.model, &h.fit.vector, h.effects[0])
                 && outside(search.model, &h.fit.vector, h.effects[0])
                 && self.held_out.get(k).is_some_and(|g| agrees(g, h.gain))
         };
@@ -73,7 +76,11 @@ impl<'m, 'c> Outcome<'m, 'c> {
             }
             let Some((fit, effects)) = found else { break };
             let adds = fit.evidence - current.fit.evidence;
-            let asked = effects.last().map_or(0.0, |e| limit_cost(&model, *e));
+            // what makes one effect look inconstant is another one only if that says more
+            if strongest(&model, &current.fit, &current.effects).is_some_and(|trend| trend.gain > adds) {
+                break;
+            }
+            let asked = effects.last().map_or(0.0, |e| further_cost(&model, &fit.vector, *e));
             if adds < FURTHER_GAIN + asked {
                 break;
             }
@@ -88,6 +95,7 @@ impl<'m, 'c> Outcome<'m, 'c> {
             current = held;
             model = widen(&mut current);
         }
+        self.trend = strongest(&model, &current.fit, &current.effects);
         self.accepted = Some(current);
         self.widened = Some(model);
     }
@@ -142,11 +150,18 @@ impl<'m, 'c> Outcome<'m, 'c> {
     }
 }
 
-/// Returns the further evidence that an effect must have which no vehicle has a little of: no usual spread keeps its weak
-/// end from standing in for an ordinary servo.
-fn limit_cost(model: &PartModel<'_>, effect: usize) -> f64 {
-    let limits = |k: &usize| matches!(model.space.coordinates[*k].parameter.scale, Scale::Limit);
-    if model.space.of(effect).iter().any(limits) { LIMIT_GAIN } else { 0.0 }
+/// Returns the evidence that an effect must have beyond others: a limit, which no vehicle has a little of, so that no usual
+/// spread keeps its weak end from standing in for an ordinary servo; and one whose estimate is pinned to the end of its
+/// range, which says that something else pulls it there.
+fn further_cost(model: &PartModel<'_>, vector: &[f64], effect: usize) -> f64 {
+    let asks = |k: usize| {
+        let parameter = model.space.coordinates[k].parameter;
+        let (low, high) = parameter.slab;
+        let near = END_SHARE * (high - low);
+        let pinned = high > low && ((vector[k] - low).abs() < near || (vector[k] - high).abs() < near);
+        pinned || matches!(parameter.scale, Scale::Limit)
+    };
+    if model.space.of(effect).into_iter().any(asks) { LIMIT_GAIN } else { 0.0 }
 }
 
 /// Tells whether every one of several effects adds evidence over the others and helps on drives left out.

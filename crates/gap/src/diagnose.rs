@@ -57,8 +57,10 @@ pub fn diagnose_case(case: &Case, options: &Options, thresholds: &Thresholds) ->
         models.iter().map(|m| Outcome::run(m, &fit_drives, effort, thresholds)).collect();
     let mut ranking = rank(case, &outcomes, thresholds);
     ranking.retain(|c| !options.without.iter().any(|id| id == c.id));
-    let lefts: Vec<Left> =
-        outcomes.iter().map(|o| left(o.model(), o.fit(), &o.search.null, o.accepted.is_some())).collect();
+    let lefts: Vec<Left> = outcomes
+        .iter()
+        .map(|o| Left { trend: o.trend, ..left(o.model(), o.fit(), &o.search.null, o.accepted.is_some()) })
+        .collect();
     let p_unknown = lefts.iter().map(Left::probability).fold(0.0, f64::max);
     let verdict = verdict(&ranking, p_unknown);
     let doubt = if outcomes.iter().any(|o| o.accepted.is_some()) { DOUBT } else { 0.0 };

@@ -1,7 +1,8 @@
 //! Is there something left that no effect of the library explains, and what does it look like?
 //!
 //! Compares the residuals of the best model with what effect-free worlds leave: per channel and drive the mean loss,
-//! per channel the worst window (bursts), and the share of the excess that the best model explains.
+//! per channel the worst window (bursts), the share of the excess that the best model explains, and whether an accepted
+//! effect is of one size in every regime.
 
 use std::collections::BTreeMap;
 
@@ -9,11 +10,13 @@ use ds_effect::Channel;
 
 use crate::bootstrap::quantile;
 use crate::case::{Case, PartModel};
+use crate::constancy::Trend;
 use crate::drive::STEP_SECS;
 use crate::fit::{Fit, point_loss};
 use crate::report::Remainder;
 use crate::settings::{
-    ACCEPTED_SLACK, CLEAN_DRIVE_LOSS, CLEAN_GAP_LOSS, CLEAN_WINDOW_LOSS, EXPLAINED_SHARE, UNKNOWN_WIDTH,
+    ACCEPTED_SLACK, CLEAN_DRIVE_LOSS, CLEAN_GAP_LOSS, CLEAN_WINDOW_LOSS, EXPLAINED_SHARE, TREND_GAIN, TREND_WIDTH,
+    UNKNOWN_WIDTH,
 };
 
 /// The remainder of one part.
@@ -27,6 +30,8 @@ pub struct Left {
     pub drives: BTreeMap<(&'static str, usize), f64>,
     /// Whether the largest ratio is that of a single window.
     pub burst: bool,
+    /// How an accepted effect changes over a regime in which the library has it constant.
+    pub trend: Option<Trend>,
     /// Loss before and after the best model and what an effect-free world would leave.
     pub losses: (f64, f64, f64),
 }
@@ -90,6 +95,9 @@ impl Left {
             let explained = ((before - after) / excess).clamp(0.0, 1.0);
             score = score.max((EXPLAINED_SHARE - explained) * 12.0);
         }
+        if let Some(trend) = self.trend {
+            score = score.max((trend.gain - TREND_GAIN) / TREND_WIDTH);
+        }
         1.0 / (1.0 + (-score).exp())
     }
 }
@@ -129,8 +137,13 @@ pub fn describe(case: &Case, lefts: &[Left], models: &[(&PartModel<'_>, &Fit)], 
     .to_owned();
     out.goes_with = companion(case, &series, worst.2);
     let with = out.goes_with.as_ref().map(|(name, r)| format!(", goes with {name} (r = {r:.2})")).unwrap_or_default();
+    let trend = |t: &Trend| {
+        let percent = 100.0 * t.change;
+        format!("; {} changes by {percent:+.0} % of its size with {}, which no library effect does", t.effect, t.regime)
+    };
+    let trends: String = lefts.iter().filter_map(|l| l.trend.as_ref()).map(trend).collect();
     out.text = format!(
-        "after the best library effects {} of drive {} is still {:.1} times the clean level; {} in time{with}",
+        "after the best library effects {} of drive {} is still {:.1} times the clean level; {} in time{with}{trends}",
         worst.1, worst.2, worst.0, out.time_pattern
     );
     out

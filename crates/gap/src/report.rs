@@ -1,8 +1,13 @@
 //! The diagnosis as written to `diagnosis.json`; field by field the schema of the specification, section 4.
+//!
+//! JSON has no number for what is not finite (the far end of a limit's interval, seconds needed where no manoeuvre helps):
+//! such a value is written as `null` and read back as NaN.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
+
+use crate::null;
 
 /// Version of the schema.
 pub const SCHEMA: u32 = 1;
@@ -33,8 +38,10 @@ pub struct Diagnosis {
     /// Every effect considered, likeliest first; sums with `p_none` and `p_unknown` to 1.
     pub effects: Vec<Finding>,
     /// Probability that nothing is missing.
+    #[serde(deserialize_with = "null::number")]
     pub p_none: f64,
     /// Probability that what is missing is not in the library.
+    #[serde(deserialize_with = "null::number")]
     pub p_unknown: f64,
     /// Effects of the corrected model.
     pub chosen: Vec<String>,
@@ -49,6 +56,7 @@ pub struct Diagnosis {
     #[serde(default)]
     pub shares: Vec<EffectShare>,
     /// Share explained that the fit drives promise for `position_2s`.
+    #[serde(deserialize_with = "null::number")]
     pub predicted_share: f64,
     /// What remains, where the verdict is unknown.
     pub unknown_description: Option<Remainder>,
@@ -65,7 +73,36 @@ pub struct Diagnosis {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub detection_limits: Vec<DetectionLimit>,
     /// Time spent, s.
+    #[serde(deserialize_with = "null::number")]
     pub secs: f64,
+}
+
+impl Diagnosis {
+    /// Returns the diagnosis of a case in which nothing was found, to be filled in.
+    #[must_use]
+    pub fn blank(case: &str) -> Self {
+        Self {
+            schema_version: SCHEMA,
+            case: case.to_owned(),
+            verdict: Verdict::None,
+            effects: Vec::new(),
+            p_none: 1.0,
+            p_unknown: 0.0,
+            chosen: Vec::new(),
+            indistinguishable: Vec::new(),
+            cells: Vec::new(),
+            how_far: Vec::new(),
+            shares: Vec::new(),
+            predicted_share: 0.0,
+            unknown_description: None,
+            next_manoeuvre: Vec::new(),
+            corrected_model: Corrected::default(),
+            floor_source: "practice".to_owned(),
+            warnings: Vec::new(),
+            detection_limits: Vec::new(),
+            secs: 0.0,
+        }
+    }
 }
 
 /// One effect.
@@ -74,20 +111,26 @@ pub struct Finding {
     /// Its id.
     pub id: String,
     /// Its probability.
+    #[serde(deserialize_with = "null::number")]
     pub probability: f64,
     /// Its estimate.
+    #[serde(deserialize_with = "null::number")]
     pub value: f64,
     /// Unit of the estimate.
     pub unit: String,
     /// 90 % interval of the estimate.
+    #[serde(deserialize_with = "null::pair")]
     pub interval90: [f64; 2],
     /// Effects that these data cannot tell from it, itself included.
     pub group: Vec<String>,
     /// Predictive log score gained on drives left out.
+    #[serde(deserialize_with = "null::number")]
     pub heldout_gain: f64,
     /// Log evidence over the nuisance fit.
+    #[serde(deserialize_with = "null::number")]
     pub evidence_gain: f64,
     /// All parameters by name, in reported units.
+    #[serde(deserialize_with = "null::table")]
     pub params: BTreeMap<String, f64>,
 }
 
@@ -108,8 +151,10 @@ pub struct EffectShare {
     /// Its id.
     pub id: String,
     /// Shapley value: its part of the explained share of `position_2s`.
+    #[serde(deserialize_with = "null::number")]
     pub share: f64,
     /// 90 % interval.
+    #[serde(deserialize_with = "null::pair")]
     pub interval90: [f64; 2],
 }
 
@@ -121,8 +166,10 @@ pub struct Cell {
     /// Drive and bins.
     pub regime: Regime,
     /// Root mean square in floor units.
+    #[serde(deserialize_with = "null::number")]
     pub effect_size: f64,
     /// False-discovery controlled p-value.
+    #[serde(deserialize_with = "null::number")]
     pub q_value: f64,
     /// Time spans, s.
     pub t: Vec<[f64; 2]>,
@@ -168,14 +215,19 @@ pub struct Shrink {
     /// Its name.
     pub metric: String,
     /// Root mean square of the nominal simulator.
+    #[serde(deserialize_with = "null::number")]
     pub before: f64,
     /// Root mean square of the corrected simulator.
+    #[serde(deserialize_with = "null::number")]
     pub after: f64,
     /// What an effect-free world leaves.
+    #[serde(deserialize_with = "null::number")]
     pub floor: f64,
     /// 1 - (after - floor) / (before - floor); 0 where before is not above the floor.
+    #[serde(deserialize_with = "null::number")]
     pub share_explained: f64,
     /// 90 % interval of the share.
+    #[serde(deserialize_with = "null::pair")]
     pub interval90: [f64; 2],
     /// heldout, fit or unseen.
     pub data: String,
@@ -185,6 +237,7 @@ pub struct Shrink {
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Remainder {
     /// Channels beyond the clean level and by what factor.
+    #[serde(deserialize_with = "null::table")]
     pub channels: BTreeMap<String, f64>,
     /// Drives concerned.
     pub drives: Vec<usize>,
@@ -208,8 +261,10 @@ pub struct Manoeuvre {
     /// The hypotheses it separates.
     pub separates: [String; 2],
     /// Expected log Bayes factor of one run.
+    #[serde(deserialize_with = "null::number")]
     pub expected_log_bayes_factor: f64,
     /// Seconds of it for a log Bayes factor of 5.
+    #[serde(deserialize_with = "null::number")]
     pub secs_needed: f64,
 }
 
@@ -219,6 +274,7 @@ pub struct Corrected {
     /// Effects with their estimates over the neutral value.
     pub effects: Vec<CorrectedEffect>,
     /// Every other parameter at its estimate, in reported units; several parameters of one effect are numbered.
+    #[serde(deserialize_with = "null::table")]
     pub nuisance: BTreeMap<String, f64>,
 }
 
@@ -228,7 +284,9 @@ pub struct CorrectedEffect {
     /// Its id.
     pub id: String,
     /// Its whole value in the simulator, usual mismatch included.
+    #[serde(deserialize_with = "null::number")]
     pub value: f64,
     /// All its parameters, in order.
+    #[serde(deserialize_with = "null::list")]
     pub values: Vec<f64>,
 }

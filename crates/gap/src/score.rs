@@ -133,7 +133,13 @@ pub fn score(diagnoses: &BTreeMap<String, Diagnosis>, labels: &BTreeMap<String, 
                 count("pairs: both", both);
                 count("pairs: one at least", label.effects.iter().any(|e| d.chosen.contains(&e.id)));
             }
-            _ => count("unknown called so", d.verdict == Verdict::Unknown),
+            _ => {
+                let called = d.verdict == Verdict::Unknown;
+                count("unknown called so", called);
+                if label.effects.iter().any(|e| e.floor_units.is_some_and(|size| size > FAIR_SIZE)) {
+                    count("unknown above 2 floor units called so", called);
+                }
+            }
         }
         if label.kind != "out_of_library" {
             count("known called unknown", d.verdict == Verdict::Unknown);

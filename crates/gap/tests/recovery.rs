@@ -1,6 +1,8 @@
 //! Effects injected into the crate's own simulator, with sensor noise, are found and measured; nothing is found where
 //! nothing was injected.
 
+use std::path::Path;
+
 use ds_effect::find;
 use ds_gap::{Diagnosis, Options, Verdict, diagnose, synthetic};
 
@@ -72,4 +74,38 @@ fn a_frozen_diagnosis_shrinks_the_gap_of_an_unseen_case_of_the_same_vehicle() {
     let position = shrink.iter().find(|s| s.metric == "position_2s").expect("the metric is there");
     assert!(position.share_explained > 0.8, "{position:?}");
     assert_eq!(position.data, "unseen");
+}
+
+/// Rewrites the logs of a case as those of a car whose steering gives way in corners: the servo turned as logged, the
+/// wheels by less the harder the corner.
+fn give_way(folder: &Path, share: f64) {
+    for drive in 0..4 {
+        let path = folder.join(format!("drive_{drive}.csv"));
+        let text = std::fs::read_to_string(&path).expect("the drive can be read");
+        let mut lines = text.lines();
+        let head: Vec<&str> = lines.next().expect("a head").split(',').collect();
+        let place = |name: &str| head.iter().position(|column| *column == name).expect("the column is there");
+        let steering = [place("cmd_steer"), place("steer_meas")];
+        let mut out = head.join(",");
+        for line in lines {
+            let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+            let number = |cell: &String| cell.parse::<f64>().expect("a number");
+            let corner = (number(&cells[place("v")]) * number(&cells[place("yaw_rate")])).abs();
+            for k in steering {
+                cells[k] = format!("{:.5}", number(&cells[k]) / (1.0 - share * corner));
+            }
+            out.push('\n');
+            out.push_str(&cells.join(","));
+        }
+        std::fs::write(&path, out + "\n").expect("the drive can be written");
+    }
+}
+
+#[test]
+fn an_effect_whose_size_goes_with_the_regime_is_called_unknown() {
+    let folder = tempfile::tempdir().expect("a folder");
+    synthetic::write_case(folder.path(), 61, &|_| {}).expect("the case can be written");
+    give_way(folder.path(), 0.06);
+    let found = diagnose(folder.path(), &quick()).expect("the case can be diagnosed");
+    assert_eq!(found.verdict, Verdict::Unknown, "{:?}", found.chosen);
 }

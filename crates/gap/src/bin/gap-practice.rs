@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use ds_gap::case::Case;
 use ds_gap::score::Scores;
-use ds_gap::size::effect_size;
+use ds_gap::size::{effect_size, twin_size};
 use ds_gap::{Diagnosis, GapError, Options, diagnose};
 use rayon::prelude::*;
 
@@ -124,6 +124,15 @@ fn scores(results: &[(String, Result<Diagnosis, GapError>)], root: &Path) {
     for (name, label) in labels.iter_mut().filter(|(_, label)| label.kind == "single") {
         if let Ok(case) = Case::read(&root.join(name)) {
             label.effects.iter_mut().for_each(|e| e.floor_units = effect_size(&case, &e.id, e.value));
+        }
+    }
+    // what no library contains has a size where the world wrote the same drives without it
+    for (name, label) in labels.iter_mut().filter(|(_, label)| label.kind == "out_of_library") {
+        let twin = root.join("without").join(name);
+        if let (Ok(case), Ok(twin)) = (Case::read(&root.join(name)), Case::read(&twin)) {
+            let size = twin_size(&case, &twin);
+            println!("{name}: {:.1} floor units", size.unwrap_or(f64::NAN));
+            label.effects.iter_mut().for_each(|e| e.floor_units = size);
         }
     }
     print_scores(&ds_gap::score(&found, &labels));
