@@ -16,7 +16,7 @@ use harness::{dreamstream, drive, free_port, wait_for};
 use tokio::runtime::Runtime;
 
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
-const DRIVE: [&str; 5] = [SCENARIO, "--policy", "lattice", "--observation", "layout"];
+const DRIVE: [&str; 5] = [SCENARIO, "--policy", "lattice", "--observation", "reference"];
 
 /// One fleet at a time: each is six processes.
 static ALONE: Mutex<()> = Mutex::new(());
@@ -123,7 +123,7 @@ fn wait_for_port(port: u16) {
 }
 
 fn episode(seed: u32) -> EpisodeId {
-    EpisodeId::new(&format!("free-curve.lattice.layout.s{seed}")).expect("an id")
+    EpisodeId::new(&format!("free-curve.lattice.reference.s{seed}")).expect("an id")
 }
 
 fn ended(child: &mut Child) -> std::process::ExitStatus {
@@ -172,7 +172,7 @@ fn a_drive_is_diagnosed_on_the_bus_while_it_goes_on() {
     assert!(driven.status.success(), "{}", String::from_utf8_lossy(&driven.stderr));
     let status = ended(&mut watch);
     let said = fleet.log("watch.log");
-    assert!(status.success() && said.contains("watching free-curve.lattice.layout.s3"), "{said}");
+    assert!(status.success() && said.contains("watching free-curve.lattice.reference.s3"), "{said}");
     let told = lines(&file);
     assert!(!told.is_empty(), "{said}");
     let heard = heard(&mut diagnoses, told.len());

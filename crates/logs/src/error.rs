@@ -2,25 +2,14 @@
 
 use std::path::PathBuf;
 
+use ds_gap::GapError;
+
 /// A mapping or log that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
-    /// A file cannot be read.
-    #[error("cannot read {path:?}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// A file of the case cannot be written.
-    #[error("cannot write {path:?}")]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
+    /// A file cannot be read or written, or is larger than any log.
+    #[error(transparent)]
+    Case(#[from] GapError),
     /// The mapping is not such a file; the source names line and column.
     #[error("cannot understand mapping {path:?}")]
     Toml {
@@ -68,14 +57,6 @@ pub enum LogError {
         cells: usize,
         /// Cells expected.
         columns: usize,
-        /// The file.
-        file: String,
-    },
-    /// The file has more rows than any log.
-    #[error("more than {limit} rows in {file:?}")]
-    TooLarge {
-        /// The limit.
-        limit: usize,
         /// The file.
         file: String,
     },

@@ -9,6 +9,7 @@ use crate::channel::CHANNELS;
 use crate::error::LogError;
 use crate::mapping::{Mapping, ModelKind, NominalModel};
 use crate::record::{Record, SHORTEST_SECS};
+use ds_gap::GapError;
 use ds_gap::drive::STEP_SECS;
 
 /// Standard gravity, m/s².
@@ -37,10 +38,10 @@ impl Mapping {
             let file = self.drive.first().map(|d| d.file.clone()).unwrap_or_default();
             return Err(LogError::Empty { secs: SHORTEST_SECS, file });
         }
-        std::fs::create_dir_all(out).map_err(|source| LogError::Write { path: out.to_path_buf(), source })?;
+        std::fs::create_dir_all(out).map_err(|source| GapError::Write { path: out.to_path_buf(), source })?;
         let write = |name: &str, text: String| {
             let path = out.join(name);
-            std::fs::write(&path, text).map_err(|source| LogError::Write { path, source })
+            std::fs::write(&path, text).map_err(|source| LogError::from(GapError::Write { path, source }))
         };
         for (k, (record, _)) in drives.iter().enumerate() {
             write(&format!("drive_{k}.csv"), self.table(record))?;

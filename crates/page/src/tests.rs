@@ -41,27 +41,7 @@ fn shrink(metric: &str, [before, after, floor]: [f64; 3], share_explained: f64) 
 
 /// A diagnosis with nothing in it.
 fn empty() -> Diagnosis {
-    Diagnosis {
-        schema_version: 1,
-        case: "quiet".to_owned(),
-        verdict: Verdict::None,
-        effects: Vec::new(),
-        p_none: 0.97,
-        p_unknown: 0.03,
-        chosen: Vec::new(),
-        indistinguishable: Vec::new(),
-        cells: Vec::new(),
-        how_far: Vec::new(),
-        shares: Vec::new(),
-        predicted_share: 0.0,
-        unknown_description: None,
-        next_manoeuvre: Vec::new(),
-        corrected_model: Corrected::default(),
-        floor_source: "practice".to_owned(),
-        warnings: Vec::new(),
-        detection_limits: Vec::new(),
-        secs: 1.0,
-    }
+    Diagnosis { p_none: 0.97, p_unknown: 0.03, secs: 1.0, ..Diagnosis::blank("quiet") }
 }
 
 /// One effect, cleanly found.

@@ -12,6 +12,7 @@ pub mod explained;
 pub mod live;
 mod logger;
 mod map;
+pub mod training;
 
 use std::collections::BTreeSet;
 use std::path::Path;

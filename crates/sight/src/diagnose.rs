@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ds_gap::report::{Corrected, CorrectedEffect, Diagnosis, Finding, SCHEMA, Verdict};
+use ds_gap::report::{Corrected, CorrectedEffect, Diagnosis, Finding, Verdict};
 
 use crate::case::FrameCase;
 use crate::error::SightError;
@@ -77,8 +77,6 @@ fn aligned(case: &FrameCase, scene: &Scene<'_>, ready: Ready, options: &Options)
         places::cells(scene, &places::differences(scene, &found.model, &remains))
     };
     Ok(Diagnosis {
-        schema_version: SCHEMA,
-        case: case.name.clone(),
         verdict,
         indistinguishable: effects.iter().take(1).filter(|e| e.group.len() > 1).map(|e| e.group.clone()).collect(),
         effects,
@@ -87,15 +85,12 @@ fn aligned(case: &FrameCase, scene: &Scene<'_>, ready: Ready, options: &Options)
         chosen: found.chosen.iter().map(|id| (*id).to_owned()).collect(),
         cells,
         how_far: held,
-        shares: Vec::new(),
         predicted_share: image_share(case, &correction, &|n| case.fit.iter().any(|f| f.number == n)),
         unknown_description: (verdict == Verdict::Unknown).then(|| remainder::describe(&found, &texture)),
         next_manoeuvre: crate::next::manoeuvres(scene, &found),
         corrected_model: corrected(&correction),
-        floor_source: "practice".to_owned(),
         warnings: case.warnings.clone(),
-        detection_limits: Vec::new(),
-        secs: 0.0,
+        ..Diagnosis::blank(&case.name)
     })
 }
 

@@ -40,8 +40,9 @@ impl Map {
             }
         }
         let mut map = Self { gain: vec![1.0; sums.len()], offset: vec![0.0; sums.len()] };
+        let seen: Vec<bool> = sums.iter().map(|s| s[0] >= 4.0).collect();
         for (k, [n, a, b, aa, ab, _]) in sums.into_iter().enumerate() {
-            if n < 4.0 {
+            if !seen[k] {
                 continue;
             }
             let (mean_a, mean_b) = (a / n, b / n);
@@ -51,7 +52,25 @@ impl Map {
             map.gain[k] = gain as f32;
             map.offset[k] = (mean_b - gain * mean_a) as f32;
         }
+        map.bridge(&seen);
         map
+    }
+
+    /// Gives blocks that no pixel fell into, as in pictures narrower than the map, what lies beside them in their row.
+    fn bridge(&mut self, seen: &[bool]) {
+        for k in (0..seen.len()).filter(|k| !seen[*k]) {
+            let row = k - k % SIZE[0];
+            let left = (row..k).rev().find(|j| seen[*j]);
+            let right = (k..row + SIZE[0]).find(|j| seen[*j]);
+            for values in [&mut self.gain, &mut self.offset] {
+                let mean = match (left, right) {
+                    (Some(a), Some(b)) => 0.5 * (values[a] + values[b]),
+                    (Some(a), None) | (None, Some(a)) => values[a],
+                    (None, None) => continue,
+                };
+                values[k] = mean;
+            }
+        }
     }
 
     /// Applies the map, smooth between the middles of its blocks.
@@ -166,5 +185,25 @@ impl Map {
             }
         }
         map
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_narrower_than_the_map_leave_no_clear_stripes() {
+        let (width, height) = (40, 24);
+        let picture = |frame: usize, share: f32| Picture {
+            width,
+            height,
+            channels: 1,
+            data: (0..width * height).map(|k| share * (40.0 + ((k * 7 + frame * 31) % 150) as f32)).collect(),
+        };
+        let clear: Vec<Picture> = (0..20).map(|frame| picture(frame, 1.0)).collect();
+        let dirty: Vec<Picture> = (0..20).map(|frame| picture(frame, 0.5)).collect();
+        let map = Map::measured(&clear, &dirty);
+        assert!(map.gain.iter().all(|gain| (gain - 0.5).abs() < 0.1), "{:?}", map.gain);
     }
 }

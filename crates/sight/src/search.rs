@@ -131,7 +131,7 @@ pub fn search(scene: &Scene<'_>, ready: Ready, without: &[String]) -> Search {
         let needed = if found.chosen.is_empty() {
             settings::FIRST_GAIN
         } else {
-            let fine = DETAIL.contains(&best.id) || best.id == "sensor_noise";
+            let fine = DETAIL.contains(&best.id) || ["sensor_noise", "motion_blur"].contains(&best.id);
             let share = match best.id {
                 id if fate(id).is_some() => settings::FURTHER_OBJECTS_SHARE,
                 _ if fine => settings::FURTHER_FINE_SHARE,
@@ -209,7 +209,9 @@ fn trial(scene: &Scene<'_>, found: &Search, base: &Base, effect: &'static FrameE
         _ if moves(effect) => moving(scene, found, base, effect)?,
         "defocus" | "motion_blur" | "jpeg_loss" | "texture_washing" => {
             let (model, loss) = sharp::fit(scene, &found.model, &found.placed, effect);
-            let loss = if DETAIL.contains(&effect.id) { seen_in_detail(&found.loss, &loss) } else { loss.total };
+            // a blur may be coarse enough to be seen as a first effect; as a further one it needs the finest band
+            let fine = DETAIL.contains(&effect.id) || !found.chosen.is_empty();
+            let loss = if fine { seen_in_detail(&found.loss, &loss) } else { loss.total };
             (model, loss, 3.0)
         }
         "sensor_noise" => {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use ds_gap::fit::{Model, Prior};
-use ds_gap::report::{Corrected, CorrectedEffect, Diagnosis, Finding, Remainder, SCHEMA, Shrink, Verdict};
+use ds_gap::report::{Corrected, CorrectedEffect, Diagnosis, Finding, Remainder, Shrink, Verdict};
 
 use crate::case::Case;
 use crate::cells::cells;
@@ -83,8 +83,6 @@ fn report(case: &Case, model: &Traffic, found: &Search, held: &[bool]) -> Diagno
     let recordings = case.recordings.iter().map(|recording| recording.name.as_str()).collect::<Vec<_>>().join(", ");
     warnings.push(format!("drives are recordings: {recordings}"));
     Diagnosis {
-        schema_version: SCHEMA,
-        case: case.name.clone(),
         verdict,
         indistinguishable: effects.iter().take(1).filter(|e| e.group.len() > 1).map(|e| e.group.clone()).collect(),
         effects,
@@ -93,15 +91,11 @@ fn report(case: &Case, model: &Traffic, found: &Search, held: &[bool]) -> Diagno
         chosen: names(&chosen),
         cells: cells(case, model, &tags, [&before, &best.residuals]),
         how_far: how_far(model, [&model.space.neutral(), &best.vector], held, "heldout"),
-        shares: Vec::new(),
         predicted_share: fit.iter().find(|s| s.metric == "position_2s").map_or(0.0, |s| s.share_explained),
         unknown_description: (verdict == Verdict::Unknown).then(|| describe(model, &tags, &best.residuals, strange)),
-        next_manoeuvre: Vec::new(),
         corrected_model: corrected(model, &best.vector, &chosen, null),
-        floor_source: "practice".to_owned(),
-        detection_limits: Vec::new(),
         warnings,
-        secs: 0.0,
+        ..Diagnosis::blank(&case.name)
     }
 }
 

@@ -90,7 +90,10 @@ fn settings_of(role: Role, plan: &FleetPlan) -> Result<(&'static str, Vec<String
     Ok(match role {
         Role::Sim => ("sim-server", vec![slots]),
         Role::Layout => ("layout-render", vec![slots, format!("layout.probe={}", plan.probe_adapter)]),
-        Role::Video => ("vdm-worker", vec!["process.slots=1".to_owned(), set("video.model", &path(&plan.model)?)]),
+        Role::Video => {
+            let backend = set("device.backend", plan.video_backend.name());
+            ("vdm-worker", vec!["process.slots=1".to_owned(), set("video.model", &path(&plan.model)?), backend])
+        }
         Role::Policy => {
             let weights = set("policy.weights", &path(&plan.policy_weights)?);
             let listen = set("policy.listen", plan.policy_listen.as_deref().unwrap_or_default());

@@ -4,16 +4,22 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 
+mod data;
 mod fleet;
 mod gap;
+mod measure;
 mod results;
+mod video;
 
+pub(crate) use data::{DataCommand, DataListArgs, DataRenderArgs, DataSheetArgs};
 pub(crate) use fleet::{CertsArgs, ControlArgs, HealthArgs, ServeArgs, WhyArgs};
 pub(crate) use gap::{
     ApplyArgs, AttributeArgs, CloseArgs, DiagnoseArgs, EvaluateArgs, ExplainArgs, GapCommand, GapImportArgs,
     GapScoreArgs, WatchArgs,
 };
+pub(crate) use measure::MeasureArgs;
 pub(crate) use results::{CompareArgs, MergeArgs, ReportArgs, ScoreArgs};
+pub(crate) use video::{VideoCommand, VideoEvalArgs};
 
 const EXAMPLES: &str = "Examples:
   dreamstream run scenarios/base                       drive all shipped scenarios with the camera policy
@@ -46,14 +52,22 @@ pub(crate) enum Command {
     /// List, show or generate scenarios.
     #[command(subcommand)]
     Scenario(ScenarioCommand),
+    /// Render and look at clips for training and evaluation.
+    #[command(subcommand)]
+    Data(DataCommand),
     /// Train the video model or the camera policy.
     Train(TrainArgs),
+    /// Measure how good the frames of video models are.
+    #[command(subcommand)]
+    Video(VideoCommand),
     /// Show a recording or a running drive in rerun.
     View(ViewArgs),
     /// Run one service against a recording and compare what it makes.
     Replay(ReplayArgs),
     /// Measure simulation step, layout, bus hop and frame decode on this machine.
     Bench(BenchArgs),
+    /// Measure a published video model with drawn weights on a device: time, memory, share of what the device attains.
+    Measure(MeasureArgs),
     /// Say what this machine has and lacks.
     Doctor,
     /// Print a completion script for a shell.
@@ -163,7 +177,10 @@ pub(crate) struct RunArgs {
     /// Seed of all draws; give several to drive each scenario several times.
     #[arg(long, default_values_t = [0])]
     pub seed: Vec<u64>,
-    /// Look of the reference camera that gives the first frame: `day` or `seed-N`.
+    /// Look of the reference camera that gives the first frame: `day`, `seed-N`, or a condition by any of lighting
+    /// (day, sunrise, sunset, twilight, golden_hour, blue_hour, night), weather (clear, overcast, snow, rain, fog) and
+    /// surface (dry, snow_covered, sand_covered, puddles): `snow`, `rain-night`, `lighting=sunset,surface=puddles`;
+    /// a number behind it (`snow-7`, `lighting=night,seed=7`) draws another one.
     #[arg(long, default_value = "day")]
     pub appearance: String,
     /// Which agents react.
@@ -178,6 +195,11 @@ pub(crate) struct RunArgs {
     /// Configuration of the video model; its weights lie beside it as .safetensors.
     #[arg(long, default_value = "configs/models/cpu_train.toml", value_hint = ValueHint::FilePath)]
     pub model: PathBuf,
+    /// What computes the video model: cpu, the fast path of this project, or framework, the machine-learning framework's
+    /// graph, several times slower and equal to 1e-4, or that graph on a graphics processor, in builds with that feature; a
+    /// replay needs the one that the recording was made with.
+    #[arg(long, default_value = "cpu", value_parser = ["cpu", "framework", "vulkan", "cuda"])]
+    pub video_backend: String,
     /// Weights of the camera policy.
     #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_hint = ValueHint::FilePath)]
     pub policy_weights: PathBuf,
@@ -290,13 +312,24 @@ pub(crate) enum ScenarioCommand {
 /// Arguments of `train`.
 #[derive(Debug, Args)]
 pub(crate) struct TrainArgs {
-    /// The stage: clips (render the training data), autoencoder, teacher, student, decoder, ship (write the weights), or policy.
-    #[arg(value_parser = ["clips", "autoencoder", "teacher", "student", "decoder", "ship", "policy"])]
+    /// The stage, or all that the recipe describes, in this order: autoencoder; prior (all looks, no layout); teacher
+    /// (follows layouts, sees whole clips); trajectories (what the teacher makes under guidance); ode (the causal
+    /// student learns from them); self-forcing (the student learns from its own rollouts); decoder (guided by
+    /// layouts); ship (writes the weights). Apart from these: policy, the camera policy.
+    #[arg(value_parser = [
+        "all", "autoencoder", "prior", "teacher", "trajectories", "ode", "self-forcing", "decoder", "ship", "policy",
+    ])]
     pub stage: String,
-    /// The training configuration.
+    /// The recipe: configs/train/cpu_train.toml for the video model, configs/train/policy.toml for the policy.
     #[arg(long, value_hint = ValueHint::FilePath)]
     pub config: Option<PathBuf>,
-    /// Checkpoints, losses and samples; an interrupted training there is resumed.
+    /// Where `ship` writes the weights, instead of beside the model's configuration.
+    #[arg(long, value_hint = ValueHint::FilePath)]
+    pub weights: Option<PathBuf>,
+    /// Also write training.rrd, losses and samples for the rerun viewer, beside the page.
+    #[arg(long)]
+    pub rerun: bool,
+    /// Work folder of the policy's training; the video model's is named by its recipe. Training there is resumed.
     #[arg(long, short, default_value = "training", value_hint = ValueHint::DirPath)]
     pub out: PathBuf,
 }
@@ -339,6 +372,9 @@ pub(crate) struct ReplayArgs {
     /// Configuration of the video model.
     #[arg(long, default_value = "configs/models/cpu_train.toml", value_hint = ValueHint::FilePath)]
     pub model: PathBuf,
+    /// What computes the video model: the one that the recording was made with, cpu, framework, vulkan or cuda.
+    #[arg(long, default_value = "cpu", value_parser = ["cpu", "framework", "vulkan", "cuda"])]
+    pub video_backend: String,
     /// Weights of the camera policy.
     #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_hint = ValueHint::FilePath)]
     pub policy_weights: PathBuf,

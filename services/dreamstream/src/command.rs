@@ -2,9 +2,11 @@
 
 pub(crate) mod bench;
 pub(crate) mod certs;
+pub(crate) mod data;
 pub(crate) mod doctor;
 pub(crate) mod gap;
 pub(crate) mod health;
+pub(crate) mod measure;
 pub(crate) mod replay;
 pub(crate) mod report;
 pub(crate) mod run;
@@ -12,8 +14,12 @@ pub(crate) mod scenario;
 pub(crate) mod score;
 pub(crate) mod serve;
 pub(crate) mod train;
+pub(crate) mod video;
 pub(crate) mod view;
 pub(crate) mod why;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -35,4 +41,20 @@ pub(crate) fn bar(length: u64, unit: &'static str) -> ProgressBar {
 #[expect(clippy::print_stderr, reason = "the command line's own error")]
 pub(crate) fn complain(error: &anyhow::Error) {
     eprintln!("error: {error:#}");
+}
+
+/// Returns a flag that SIGINT raises.
+///
+/// # Errors
+/// If the signal cannot be listened to.
+pub(crate) fn stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
+    let flag = Arc::new(AtomicBool::new(false));
+    let raised = Arc::clone(&flag);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
+        if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {
+            raised.store(true, Ordering::Relaxed);
+        }
+    })?;
+    Ok(flag)
 }

@@ -13,6 +13,7 @@ use ds_process::security::Dial;
 use ds_process::{Drain, Member};
 use ds_space::InstanceId;
 use ds_topic::Role;
+use ds_video::Backend;
 use policy_bridge::OutsideBus;
 use tokio::task::JoinSet;
 
@@ -25,6 +26,8 @@ pub(crate) struct FleetPlan {
     pub folder: PathBuf,
     /// Configuration of the video model.
     pub model: PathBuf,
+    /// What computes it.
+    pub video_backend: Backend,
     /// Weights of the camera policy.
     pub policy_weights: PathBuf,
     /// Video workers, and episodes under way at a time.
@@ -59,6 +62,7 @@ impl FleetPlan {
         Ok(Self {
             folder: args.out.clone(),
             model: args.model.clone(),
+            video_backend: args.video_backend.parse().map_err(anyhow::Error::msg)?,
             policy_weights: args.policy_weights.clone(),
             workers: args.workers,
             policy: args.policy.clone(),
@@ -169,7 +173,7 @@ pub(crate) async fn start(plan: &FleetPlan) -> Result<Fleet> {
         Arc::new(layout_render::LayoutStage { probe: plan.probe_adapter }),
         Arc::new(policy_bridge::PolicyStage::new(plan.policy_weights.clone(), outside)),
     ];
-    let video = Arc::new(vdm_worker::VideoStage::new(plan.model.clone(), None));
+    let video = Arc::new(vdm_worker::VideoStage::new(plan.model.clone(), None).with_backend(plan.video_backend));
     factories.extend((0..plan.workers).map(|_| Arc::clone(&video) as Arc<dyn MakerFactory>));
     for (index, factory) in factories.into_iter().enumerate() {
         let role = factory.role();

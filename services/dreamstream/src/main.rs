@@ -46,7 +46,9 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Submit(args) => runtime()?.block_on(command::run::submit(args)),
         Command::Import(args) => command::scenario::import(args),
         Command::Scenario(command) => command::scenario::run(command),
+        Command::Data(command) => command::data::run(command),
         Command::Train(args) => command::train::run(args),
+        Command::Video(command) => command::video::run(command),
         Command::View(args) => match &args.live {
             Some(episode) => runtime()?.block_on(command::view::live(args, episode)),
             None => command::view::run(args),
@@ -59,6 +61,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Why(args) => runtime()?.block_on(command::why::run(args)),
         Command::Replay(args) => command::replay::run(args),
         Command::Bench(args) => command::bench::run(args),
+        Command::Measure(args) => command::measure::run(args),
         Command::Doctor => command::doctor::run(),
         Command::Health(args) => runtime()?.block_on(command::health::run(args)),
         Command::Certs(args) => command::certs::run(args),

@@ -60,6 +60,10 @@ pub(crate) struct Job {
     pub category: String,
 }
 
+/// What the name of an appearance may be.
+const LOOKS: &str =
+    "`day`, `seed-N` or a condition such as `snow`, `rain-night`, `lighting=night,weather=fog,surface=dry`";
+
 fn refuse<T>(field: &'static str, value: impl ToString, why: &'static str) -> Result<T, SubmissionError> {
     Err(SubmissionError::Field { field, value: value.to_string(), why })
 }
@@ -83,11 +87,8 @@ pub(crate) fn jobs(run: &RunId, request: &pb::SubmitRequest, folder: &Path) -> R
     }
     let observations = observations(request)?;
     let appearances = if request.appearances.is_empty() { vec!["day".to_owned()] } else { request.appearances.clone() };
-    for name in &appearances {
-        if Appearance::named(name).is_err() {
-            return refuse("appearances", name, "`day` or `seed-N`");
-        }
-    }
+    let short = |name: &String| Appearance::short_name(name).or_else(|_| refuse("appearances", name, LOOKS));
+    let appearances = appearances.iter().map(short).collect::<Result<Vec<_>, _>>()?;
     let seeds = if request.seeds.is_empty() { vec![0] } else { request.seeds.clone() };
     let count = files.len() * policies.len() * observations.len() * appearances.len() * seeds.len();
     if count > MAX_EPISODES {
@@ -294,7 +295,7 @@ pub(crate) fn scene(job: &Job) -> Result<SceneMessage, SubmissionError> {
 /// Renders o_0 of each camera by the reference camera.
 fn first_frames(scene: &Scene, appearance: &str) -> Result<Vec<RgbImage>, SubmissionError> {
     let Ok(appearance) = Appearance::named(appearance) else {
-        return refuse("appearances", appearance, "`day` or `seed-N`");
+        return refuse("appearances", appearance, LOOKS);
     };
     let renderer = ReferenceCamera::new(scene, appearance);
     let world = scene.logged_world(Tick(0));

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use ds_effect::frame::Act;
 use ds_gap::report::{
-    Cell, Corrected, CorrectedEffect, DetectionLimit, Diagnosis, Finding, Regime, Remainder, SCHEMA, Verdict,
+    Cell, Corrected, CorrectedEffect, DetectionLimit, Diagnosis, Finding, Regime, Remainder, Verdict,
 };
 use nalgebra::DVector;
 
@@ -87,8 +87,6 @@ pub fn judged(
     let effects = told.findings(late, 1.0 - p_unknown - p_none);
     let limits = told.limits(nuisance);
     Ok(Diagnosis {
-        schema_version: SCHEMA,
-        case: scene.case.name.clone(),
         verdict,
         indistinguishable: effects.iter().take(1).filter(|e| e.group.len() > 1).map(|e| e.group.clone()).collect(),
         effects,
@@ -97,10 +95,8 @@ pub fn judged(
         chosen: model.iter().map(|(id, _)| id.clone()).collect(),
         cells: if verdict == Verdict::None { Vec::new() } else { cells(scene, &correction) },
         how_far: held,
-        shares: Vec::new(),
         predicted_share: fit.first().map_or(0.0, |s| s.share_explained),
         unknown_description: (verdict == Verdict::Unknown).then(|| describe(nuisance, &deviation, &told)),
-        next_manoeuvre: Vec::new(),
         corrected_model: Corrected {
             effects: model.into_iter().map(|(id, values)| CorrectedEffect { id, value: values[0], values }).collect(),
             nuisance: FLOORS.iter().zip(nuisance.gap).map(|(name, gap)| ((*name).to_owned(), gap)).collect(),
@@ -108,7 +104,7 @@ pub fn judged(
         floor_source: if nuisance.count > 0 { "effect-free pairs" } else { "practice" }.to_owned(),
         warnings: warnings(scene.case, pairing, nuisance, &limits),
         detection_limits: limits,
-        secs: 0.0,
+        ..Diagnosis::blank(&scene.case.name)
     })
 }
 

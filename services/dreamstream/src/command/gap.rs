@@ -12,7 +12,7 @@ pub(crate) mod watch;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use ds_effect::Channel;
 use ds_gap::{Diagnosis, Options, Verdict, diagnose, evaluate, score_folder};
 use ds_logs::Mapping;
@@ -98,6 +98,9 @@ fn apply(args: &ApplyArgs) -> Result<()> {
     let diagnoses = args.diagnoses.iter().map(|path| read(path)).collect::<Result<Vec<_>>>()?;
     let config = RunConfig { effects: diagnoses.iter().flat_map(|diagnosis| corrected(diagnosis).effects).collect() };
     let cases: Vec<&str> = diagnoses.iter().map(|diagnosis| diagnosis.case.as_str()).collect();
+    if let Some(line) = config.effects.iter().find(|line| line.values.iter().any(|value| !value.is_finite())) {
+        bail!("{} has no value in {}: diagnose once more", line.id, cases.join(", "));
+    }
     let named = |line: &EffectLine| format!("{} = {:?}", line.id, line.values);
     let named: Vec<String> = config.effects.iter().map(named).collect();
     write_config(&config, &cases.join(", "), &args.out)?;

@@ -5,12 +5,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result};
+use ds_record::view::training::{self, TrainedStage};
 use ds_train::policy::PolicySettings;
-use ds_train::{Progress, TrainConfig};
+use ds_train::{Progress, Stage, TrainConfig};
 use indicatif::ProgressBar;
 
 use crate::cli::TrainArgs;
-use crate::command::{answer, bar};
+use crate::command::{answer, bar, stop_flag};
 
 const VIDEO_CONFIG: &str = "configs/train/cpu_train.toml";
 const POLICY_CONFIG: &str = "configs/train/policy.toml";
@@ -36,7 +37,8 @@ impl Progress for Bar {
     }
 }
 
-/// Runs a stage until its last step; Ctrl-C stores a checkpoint from which the same command goes on.
+/// Runs a stage, or all that the recipe describes, until its last step; Ctrl-C stores a checkpoint from which the same
+/// command goes on.
 ///
 /// # Errors
 /// If the configuration is refused or files cannot be written.
@@ -46,27 +48,47 @@ pub(crate) fn run(args: &TrainArgs) -> Result<()> {
     }
     let path = args.config.clone().unwrap_or_else(|| PathBuf::from(VIDEO_CONFIG));
     let config = TrainConfig::load(&path).with_context(|| format!("configuration {}", path.display()))?;
-    let mut progress = Bar { bar: bar(0, "steps"), stop: stop_flag()? };
-    let report = match args.stage.as_str() {
-        "clips" => {
-            ds_train::reference::render(&config, &mut progress)?;
-            None
+    let stop = stop_flag()?;
+    let named = |stage: &Stage| args.stage == stage.name();
+    let whole = |stage: &Stage| args.stage == "all" && stage.described(&config);
+    for stage in Stage::ALL.into_iter().filter(|stage| named(stage) || whole(stage)) {
+        let mut progress = Bar { bar: bar(0, stage.name()), stop: Arc::clone(&stop) };
+        let report = if stage == Stage::Ship {
+            ds_train::ship::run(&config, args.weights.as_deref(), &mut progress).map(|()| None)
+        } else {
+            stage.run(&config, &mut progress)
+        };
+        progress.bar.finish_and_clear();
+        if let Some(report) = report.with_context(|| format!("stage {}", stage.name()))? {
+            let (steps, loss, weights) = (report.steps, report.loss, report.weights.display());
+            answer(&format!("{}: {steps} steps, loss {loss:.5}, weights {weights}", stage.name()));
+            report.figures.iter().for_each(|(name, value)| answer(&format!("  {name} {value:.4}")));
         }
-        "autoencoder" => Some(ds_train::autoencoder::run(&config, &mut progress)?),
-        "teacher" => Some(ds_train::teacher::run(&config, &mut progress)?),
-        "student" => Some(ds_train::student::run(&config, &mut progress)?),
-        "decoder" => Some(ds_train::decoder::run(&config, &mut progress)?),
-        _ => {
-            ds_train::ship::run(&config, &mut progress)?;
-            None
+        let page = ds_train::page::write(&config)?;
+        answer(&format!("losses and samples: {}", page.display()));
+        if args.rerun {
+            answer(&format!("in the viewer: rerun {}", view(&config)?.display()));
         }
-    };
-    progress.bar.finish_and_clear();
-    if let Some(report) = report {
-        answer(&format!("{} steps, loss {:.5}, weights {}", report.steps, report.loss, report.weights.display()));
-        report.figures.iter().for_each(|(name, value)| answer(&format!("  {name} {value:.4}")));
+        if stop.load(Ordering::Relaxed) {
+            answer("stopped; the same command goes on from here");
+            break;
+        }
     }
     Ok(())
+}
+
+/// Writes `training.rrd` beside the page.
+fn view(config: &TrainConfig) -> Result<PathBuf> {
+    let path = config.folder.join("training.rrd");
+    let stages = ds_train::page::stages(config).into_iter().map(|(name, curves, sheet)| TrainedStage {
+        name: name.to_owned(),
+        curves: curves.into_iter().map(|curve| (curve.name, curve.points)).collect(),
+        sheet: sheet.and_then(|path| std::fs::read(path).ok()),
+    });
+    let stages: Vec<TrainedStage> = stages.collect();
+    let name = config.folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    training::save(&name, &stages, &path).with_context(|| format!("view {}", path.display()))?;
+    Ok(path)
 }
 
 fn policy(args: &TrainArgs) -> Result<()> {
@@ -81,17 +103,4 @@ fn policy(args: &TrainArgs) -> Result<()> {
     spinner.finish_and_clear();
     answer(&format!("policy trained; checkpoints in {}", args.out.display()));
     Ok(())
-}
-
-/// Returns a flag that SIGINT raises.
-fn stop_flag() -> Result<Arc<AtomicBool>> {
-    let flag = Arc::new(AtomicBool::new(false));
-    let raised = Arc::clone(&flag);
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
-        if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {
-            raised.store(true, Ordering::Relaxed);
-        }
-    })?;
-    Ok(flag)
 }

@@ -34,7 +34,8 @@ use message::Against;
 use reference::{Reference, differences};
 use window::{Due, Window};
 
-const ASK_EVERY: Duration = Duration::from_millis(300);
+/// Between two looks for a drive: a short one without frames is over in a few tenths of a second.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// Messages that wait for the viewer.
 const QUEUE: usize = 1_024;
 
@@ -83,7 +84,7 @@ async fn under_way(
         if let Some(found) = driven.iter().find(|driven| wanted(&driven.episode)) {
             return EpisodeId::new(&found.episode).context("name of an episode");
         }
-        tokio::time::sleep(ASK_EVERY).await;
+        tokio::time::sleep(LOOK_EVERY).await;
     }
 }
 

@@ -116,25 +116,15 @@ mod tests {
         let regime = ds_gap::report::Regime { speed: Some("high".to_owned()), tile: Some([1, 2]), ..nowhere };
         let cell = Cell { channel: "v".to_owned(), regime, effect_size: 2.0, q_value: 1.5, t: Vec::new() };
         let found = Found {
-            schema_version: 1,
-            case: "e".to_owned(),
             verdict: Verdict::Single,
             effects: vec![finding("steer_rate", f64::INFINITY, "rad/s"), finding("mu", 0.0, "")],
             p_none: 0.4,
             p_unknown: -1e-18,
             chosen: vec!["steer_rate".to_owned()],
-            indistinguishable: Vec::new(),
             cells: vec![cell],
-            how_far: Vec::new(),
-            shares: Vec::new(),
             predicted_share: f64::NAN,
-            unknown_description: None,
-            next_manoeuvre: Vec::new(),
-            corrected_model: ds_gap::report::Corrected::default(),
             floor_source: "self".to_owned(),
-            detection_limits: Vec::new(),
-            warnings: Vec::new(),
-            secs: 0.0,
+            ..Found::blank("e")
         };
         let against = Against { reference: "x".repeat(300), differences: Vec::new() };
         let body = body(&found, (1.0, 9.0), against);
