@@ -33,8 +33,8 @@ pub struct AeShape {
     pub decoder_widths: [usize; 3],
     /// Memory blocks of each stage.
     pub decoder_blocks: [usize; 3],
-    /// Whether the decoder's last stage also sees the layout of each frame.
-    pub guided: bool,
+    /// Convolutions after the decoder's last stage that also see the layout of each frame; 0 for none.
+    pub guides: usize,
 }
 
 impl AeShape {
@@ -80,8 +80,8 @@ impl AeShape {
                 Declared::linear(&mut list, &format!("decoder.stage.{stage}.grow"), widths[stage], outputs, 1.4);
             }
         }
-        if self.guided {
-            convolution(&mut list, "decoder.guide", widths[2] + 12, widths[2], 0.5);
+        for index in 0..self.guides {
+            convolution(&mut list, &format!("decoder.guide.{index}"), widths[2] + 12, widths[2], 0.5);
         }
         convolution(&mut list, "decoder.head", widths[2], 12, 0.1);
         Declared::linear(&mut list, "decoder.skip", self.z, self.inputs(), 0.5);
@@ -173,7 +173,7 @@ pub struct TinyAe {
     encoder_skip: Linear,
     stem: Linear,
     stages: Vec<(Vec<MemoryBlock>, Option<Linear>)>,
-    guide: Option<Linear>,
+    guides: Vec<Linear>,
     decoder_head: Linear,
     decoder_skip: Linear,
 }
@@ -204,7 +204,7 @@ impl TinyAe {
             encoder_skip: graph.linear("encoder.skip"),
             stem: graph.linear("decoder.stem"),
             stages: (0..3).map(stage).collect(),
-            guide: shape.guided.then(|| graph.linear("decoder.guide")),
+            guides: (0..shape.guides).map(|index| graph.linear(&format!("decoder.guide.{index}"))).collect(),
             decoder_head: graph.linear("decoder.head"),
             decoder_skip: graph.linear("decoder.skip"),
             shape: shape.clone(),
@@ -256,13 +256,11 @@ impl TinyAe {
                 x = activation::relu(shuffle(grow.apply(x), self.shape.growth()[stage]));
             }
         }
-        if let Some(guide) = &self.guide {
-            let [n, h, w, _] = x.dims();
-            let layouts = match layouts {
-                Some(layouts) => unshuffle(layouts),
-                None => Tensor::zeros([n, h, w, 12], &x.device()),
-            };
-            x = x.clone() + activation::relu(guide.convolve(Tensor::cat(vec![x, layouts], 3)));
+        let [n, h, w, _] = x.dims();
+        let none = || Tensor::zeros([n, h, w, 12], &x.device());
+        let layouts = layouts.map_or_else(none, unshuffle);
+        for guide in &self.guides {
+            x = x.clone() + activation::relu(guide.convolve(Tensor::cat(vec![x, layouts.clone()], 3)));
         }
         shuffle(self.decoder_head.convolve(x), 1) + skip
     }

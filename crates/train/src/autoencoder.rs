@@ -6,7 +6,8 @@
 
 use ds_nn::body::{Autoencoder, Backend};
 use ds_nn::safetensors::WeightsFile;
-use ds_nn::step::{self, AeBatch, Step};
+use ds_nn::fast;
+use ds_nn::step::{AeBatch, Step};
 use ds_nn::team::Team;
 use ds_nn::tiny_ae::{AeShape, Memory};
 use ds_nn::{Array, Weights};
@@ -49,7 +50,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
             let (frames, shape, seed) = (&frames, &shape, &seed);
             Box::new(move || {
                 let batch = self::batch(config, stage, frames, shape, (seed, at, clip))?;
-                Ok(step::autoencoder(shape, weights, &batch))
+                Ok(fast::train::autoencoder(shape, weights, &batch))
             })
         };
         let steps = team.run((0..stage.clips as u64).map(job).collect());

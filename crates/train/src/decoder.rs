@@ -6,7 +6,8 @@
 use std::sync::Arc;
 
 use ds_clips::Clip;
-use ds_nn::step::{self, DecoderBatch, Step};
+use ds_nn::fast;
+use ds_nn::step::{DecoderBatch, Step};
 use ds_nn::team::Team;
 use ds_nn::{Array, Weights};
 use ds_space::{Digest, DigestWriter, Draws};
@@ -48,7 +49,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
             let (weights, at) = (run.weights(), run.step);
             let job = |clip: u64| -> Box<dyn FnOnce() -> Result<Step, TrainError> + Send + '_> {
                 let (source, shape, seed) = (&source, model.ae(), &seed);
-                Box::new(move || Ok(step::decoder(&shape, weights, &source.batch(seed, at, clip)?)))
+                Box::new(move || Ok(fast::train::decoder(&shape, weights, &source.batch(seed, at, clip)?)))
             };
             let steps = team.run((0..recipe.stage.clips as u64).map(job).collect());
             let step = Step::mean(steps.into_iter().collect::<Result<_, _>>()?);
@@ -78,7 +79,9 @@ pub(crate) fn assembled(config: &TrainConfig, student: &Weights, stage: &str) ->
 /// Returns the preset with the decoder's guidance switched as the named stage has it.
 fn preset(config: &TrainConfig, stage: &str) -> Result<ModelConfig, TrainError> {
     let mut model = config.model()?;
-    model.control.decoder &= stage == NAME;
+    if stage != NAME {
+        model.control.decoder_layers = 0;
+    }
     Ok(model)
 }
 

@@ -60,7 +60,7 @@ impl Encoder {
 
 /// Returns the sizes of the autoencoder without the decoder's guidance, as its own stage trains it.
 pub(crate) fn unguided(model: &ModelConfig) -> AeShape {
-    AeShape { guided: false, ..model.ae() }
+    AeShape { guides: 0, ..model.ae() }
 }
 
 /// One set and its latents.

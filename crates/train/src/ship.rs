@@ -18,7 +18,7 @@ use crate::sets::stored_autoencoder;
 pub fn run(config: &TrainConfig, out: Option<&Path>, progress: &mut dyn Progress) -> Result<(), TrainError> {
     let model = config.model()?;
     let mut file = WeightsFile::default();
-    let stage = if model.control.decoder { "decoder" } else { "autoencoder" };
+    let stage = if model.control.decoder_layers > 0 { "decoder" } else { "autoencoder" };
     file.weights.absorb("vae.", &stored_autoencoder(config, stage)?);
     file.weights.absorb("dit.", &student_weights(config)?);
     file.weights.check(&ds_video::VideoModel::declare(&model))?;

@@ -106,7 +106,7 @@ fn round(model: &Arc<VideoModel>, record: &mut Record, threads: usize, state: &m
     let mut memory = Memory::default();
     model.autoencoder().decode(&latents, None, &mut memory);
     let operations = work::decode(&config.ae(), size[0], h, w);
-    let guide = config.control.decoder.then_some(&guide);
+    let guide = (config.control.decoder_layers > 0).then_some(&guide);
     record.time(threads, "decode", operations, || model.autoencoder().decode(&latents, guide, &mut memory));
     let pictures: Vec<RgbImage> = (0..20.max(frames)).map(|k| picture(config, k as u32)).collect();
     let [exact, replanned] = state;

@@ -219,9 +219,9 @@ pub struct ControlConfig {
     pub encoder: String,
     /// Channels of the control latent.
     pub channels: usize,
-    /// Whether the decoder sees the layouts too, so that lines and boxes stay sharp at this size.
+    /// Convolutions of the decoder that see the layouts too, so that lines and boxes stay sharp at this size.
     #[serde(default)]
-    pub decoder: bool,
+    pub decoder_layers: usize,
 }
 
 /// The few-step sampler.
@@ -395,7 +395,7 @@ impl ModelConfig {
             encoder_blocks: self.vae.encoder_blocks,
             decoder_widths: self.vae.decoder_widths,
             decoder_blocks: self.vae.decoder_blocks,
-            guided: self.control.decoder,
+            guides: self.control.decoder_layers,
         }
     }
 

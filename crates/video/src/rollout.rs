@@ -373,7 +373,7 @@ impl Rollout {
         let latents = self.model.denormalised(Array::new(&[clean.shape()[0], h, w, z], values));
         let size = (config.video.width_px, config.video.height_px);
         let layouts: Vec<RgbImage> = layouts.iter().map(|layout| pixels::resized(layout, size.0, size.1)).collect();
-        let guide = (config.control.decoder && !layouts.is_empty())
+        let guide = (config.control.decoder_layers > 0 && !layouts.is_empty())
             .then(|| pixels::to_values(&layouts.iter().collect::<Vec<_>>()));
         let decoded = self.model.ae.decode(&latents, guide.as_ref(), &mut self.decoder);
         if !decoded.is_finite() {

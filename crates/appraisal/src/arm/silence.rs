@@ -12,7 +12,7 @@ pub(super) fn silenced(weights: &Weights) -> Weights {
         if name.starts_with("dit.control_embedding.") {
             array.values_mut().fill(0.0);
         }
-        if name == "vae.decoder.guide.weight" {
+        if name.starts_with("vae.decoder.guide.") && name.ends_with(".weight") {
             // Each row holds, for each of nine taps, the decoder's own channels and then those of the layout.
             let inputs = array.values().len() / array.shape()[0] / 9;
             for tap in array.values_mut().chunks_exact_mut(inputs) {

@@ -110,7 +110,7 @@ fn decode(
         let (source, at) = if index == 0 { (clean, 0) } else { (sampled, index - 1) };
         let tokens = &source.values()[at * latent..(at + 1) * latent];
         let latents = model.denormalised(Array::new(&[1, h, w, z], pixels::from_tokens(tokens, h, w)));
-        let guide = (config.control.decoder && index > 0).then(|| pixels::to_values(&step.iter().collect::<Vec<_>>()));
+        let guide = (config.control.decoder_layers > 0 && index > 0).then(|| pixels::to_values(&step.iter().collect::<Vec<_>>()));
         let decoded = model.autoencoder().decode(&latents, guide.as_ref(), &mut memory);
         if !decoded.is_finite() {
             return Err(TeacherError::NotFinite);

@@ -50,7 +50,7 @@ pub struct FastAe {
     encoder_skip: Packed,
     stem: Convolution,
     stages: Vec<Stage>,
-    guide: Option<Convolution>,
+    guides: Vec<Convolution>,
     decoder_head: Convolution,
     decoder_skip: Packed,
     scratch: Arc<Pool<Scratch>>,
@@ -99,7 +99,9 @@ impl FastAe {
             encoder_skip: linear("encoder.skip"),
             stem: convolution("decoder.stem", &[shape.z]),
             stages: (0..3).map(stage).collect(),
-            guide: shape.guided.then(|| convolution("decoder.guide", &[widths[2], 12])),
+            guides: (0..shape.guides)
+                .map(|index| convolution(&format!("decoder.guide.{index}"), &[widths[2], 12]))
+                .collect(),
             decoder_head: convolution("decoder.head", &[widths[2]]),
             decoder_skip: linear("decoder.skip"),
             scratch: Arc::default(),
@@ -229,14 +231,18 @@ impl Autoencoder for FastAe {
             }
         }
         let [x, _, out] = &mut stages[2];
-        let Some(convolution) = &self.guide else { return self.paint(x, skip) };
-        guide.reset([x.frames, x.h, x.w, 12]);
-        unshuffle(layouts, guide);
-        out.reset(x.size());
-        let (x, guide): (&Image, &Image) = (x, guide);
-        let both = |frame: usize| [x.frame(frame), guide.frame(frame)];
-        convolution.apply(self.arch, both, out, |frame, y| Finish::SumWithRelu(x.row(frame, y)));
-        self.paint(out, skip)
+        if !self.guides.is_empty() {
+            guide.reset([x.frames, x.h, x.w, 12]);
+            unshuffle(layouts, guide);
+        }
+        for convolution in &self.guides {
+            out.reset(x.size());
+            let (input, guide): (&Image, &Image) = (x, guide);
+            let both = |frame: usize| [input.frame(frame), guide.frame(frame)];
+            convolution.apply(self.arch, both, out, |frame, y| Finish::SumWithRelu(input.row(frame, y)));
+            std::mem::swap(x, out);
+        }
+        self.paint(x, skip)
     }
 }
 

@@ -9,7 +9,7 @@ use super::panels::Packed;
 use super::product::{Finish, Source, Target, product};
 
 /// Most images side by side.
-const IMAGES: usize = 2;
+pub(crate) const IMAGES: usize = 2;
 
 /// A convolution's weights in panels.
 pub(crate) struct Convolution {

@@ -39,6 +39,30 @@ impl Image {
         &self.data[frame * self.frame_len()..(frame + 1) * self.frame_len()]
     }
 
+    /// Returns all values, border included.
+    pub(crate) fn values(&self) -> &[f32] {
+        &self.data
+    }
+
+    /// Returns all values for writing; the border has to stay zero.
+    pub(crate) fn values_mut(&mut self) -> &mut [f32] {
+        &mut self.data
+    }
+
+    /// Returns the rows inside the border, frame by frame.
+    pub(crate) fn inside(&self) -> impl Iterator<Item = &[f32]> {
+        let (line, c, w) = ((self.w + 2) * self.c, self.c, self.w);
+        let frames = self.data.chunks_exact(self.frame_len().max(1));
+        frames.flat_map(move |frame| frame.chunks_exact(line).skip(1).take(self.h).map(move |row| &row[c..c + w * c]))
+    }
+
+    /// Returns the values inside the border, [frames, h, w, c].
+    pub(crate) fn dense(&self) -> Buffer {
+        let mut dense = Buffer::zeros(self.frames * self.h * self.w * self.c);
+        dense.chunks_exact_mut(self.w * self.c).zip(self.inside()).for_each(|(to, row)| to.copy_from_slice(row));
+        dense
+    }
+
     /// Returns the pixels of a row inside the border as the rows of a product.
     pub(crate) fn row(&self, frame: usize, y: usize) -> Source<'_> {
         let offset = ((y + 1) * (self.w + 2) + 1) * self.c;

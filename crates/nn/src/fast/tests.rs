@@ -419,9 +419,9 @@ fn autoencoders() -> [AeShape; 3] {
         encoder_blocks: 1,
         decoder_widths: [24, 16, 16],
         decoder_blocks: [1, 1, 0],
-        guided: true,
+        guides: 1,
     };
-    let cpu_train = AeShape { z: 12, encoder_width: 96, decoder_widths: [96, 48, 24], ..smoke.clone() };
+    let cpu_train = AeShape { z: 12, encoder_width: 96, decoder_widths: [96, 48, 24], guides: 2, ..smoke.clone() };
     let odd = AeShape {
         z: 3,
         stride_t: 2,
@@ -429,7 +429,7 @@ fn autoencoders() -> [AeShape; 3] {
         encoder_blocks: 2,
         decoder_widths: [20, 7, 5],
         decoder_blocks: [2, 1, 1],
-        guided: false,
+        guides: 0,
     };
     [smoke, cpu_train, odd]
 }
@@ -443,7 +443,7 @@ fn the_autoencoder_equals_the_graph_and_streams() {
         let steps = draw("steps", &[5, h, w, shape.inputs()]);
         let latents = graph.encode(&steps, &mut Memory::default());
         let layouts = draw("layouts", &[5 * shape.stride_t, 8 * h, 8 * w, 3]);
-        let layouts = shape.guided.then_some(&layouts);
+        let layouts = (shape.guides > 0).then_some(&layouts);
         let frames = graph.decode(&latents, layouts, &mut Memory::default());
         for parts in [vec![0..5], vec![0..1, 1..3, 3..5], (0..5).map(|at| at..at + 1).collect()] {
             let (mut encoder, mut decoder) = (Memory::default(), Memory::default());

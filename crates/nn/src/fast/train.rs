@@ -1,15 +1,19 @@
-//! Training steps on the processor: the counterparts of [`crate::step::bidirectional`] and [`crate::step::causal`],
-//! forward and backward by hand instead of through the framework's graph.
+//! Training steps on the processor: the counterparts of [`crate::step::bidirectional`], [`crate::step::causal`],
+//! [`crate::step::autoencoder`] and [`crate::step::decoder`], forward and backward by hand instead of through the
+//! framework's graph.
 //!
 //! A call works on one thread, clip by clip, in buffers that the next call takes over; a
 //! [`Team`](crate::team::Team) runs calls side by side. Sums over rows and clips have one order, so that results have
 //! the same bits whatever the number of workers.
 
 mod attention;
+mod autoencoder;
 mod backward;
+mod convolution;
 mod linear;
 mod matrix;
 mod network;
+mod pixels;
 mod rows;
 mod sequence;
 #[cfg(test)]
@@ -26,6 +30,7 @@ use crate::dit::DitShape;
 use crate::step::{BidirectionalPlan, CausalPlan, ClipBatch, Group, Level, Prediction, SMALLEST_SIGMA, Step, groups};
 use backward::Back;
 use network::{Network, Tape, sized};
+pub use pixels::{autoencoder, decoder};
 use sequence::Sequence;
 
 /// Buffers of one call.

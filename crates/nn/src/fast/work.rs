@@ -52,7 +52,7 @@ pub fn decode(shape: &AeShape, steps: usize, h: usize, w: usize) -> f64 {
             total += pixels * widths[stage] * shape.growth()[stage] * 4 * widths[stage + 1];
         }
     }
-    let guide = if shape.guided { (widths[2] + 12) * widths[2] } else { 0 };
+    let guide = shape.guides * (widths[2] + 12) * widths[2];
     total += (frames[2] << 4) * 9 * (guide + widths[2] * 12);
     2.0 * (steps * h * w * total) as f64
 }

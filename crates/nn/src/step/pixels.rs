@@ -73,7 +73,7 @@ pub struct DecoderBatch {
 #[must_use]
 pub fn decoder(shape: &AeShape, weights: &Weights, batch: &DecoderBatch) -> Step {
     let ae = TinyAe::bind(shape, weights, Mode::Train);
-    let layouts = shape.guided.then(|| ae.graph.tensor(&batch.layouts));
+    let layouts = (shape.guides > 0).then(|| ae.graph.tensor(&batch.layouts));
     let frames = ae.decode_tensor(ae.graph.tensor(&batch.latents), layouts, batch.clips, &mut Memory::default());
     let emphasis = ae.graph.tensor(&batch.emphasis);
     let (loss, parts) = reconstruction(frames - ae.graph.tensor(&batch.frames), emphasis);

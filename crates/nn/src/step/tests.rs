@@ -264,7 +264,7 @@ fn ae() -> (AeShape, AeBatch) {
         encoder_blocks: 1,
         decoder_widths: [8, 6, 4],
         decoder_blocks: [1, 1, 1],
-        guided: false,
+        guides: 0,
     };
     let frames = draw("frames", &[2 * 2 * 4, 16, 24, 3]);
     let batch = AeBatch {
@@ -323,7 +323,7 @@ fn emphasis_moves_the_fit_to_where_it_lies() {
 #[test]
 fn a_guided_decoder_learns_from_layouts_and_leaves_the_encoder_alone() {
     let (shape, batch) = ae();
-    let shape = AeShape { guided: true, ..shape };
+    let shape = AeShape { guides: 2, ..shape };
     let mut weights = weights(&shape.declare());
     let batch = DecoderBatch {
         clips: 2,

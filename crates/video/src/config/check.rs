@@ -105,8 +105,8 @@ impl ModelConfig {
         if v.encoder_width + v.encoder_blocks + v.decoder_widths.iter().chain(&v.decoder_blocks).sum::<usize>() > 0 {
             return refuse("vae.encoder_width", v.encoder_width.to_string(), "widths and blocks belong to kind tiny");
         }
-        if self.control.decoder {
-            return refuse("control.decoder", "true".to_owned(), "published decoders do not see layouts");
+        if self.control.decoder_layers > 0 {
+            return refuse("control.decoder_layers", self.control.decoder_layers.to_string(), "published decoders do not see layouts");
         }
         Ok(())
     }

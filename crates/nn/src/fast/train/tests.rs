@@ -4,8 +4,9 @@ use crate::array::Array;
 use crate::cache::{CachePolicy, Positions, ReadOrder};
 use crate::dit::DitShape;
 use crate::fast::tests::{FRAMES, clips, distance, draw, shapes, weights};
-use crate::step::{self, BidirectionalPlan, CausalPlan, ClipBatch, Level, Prediction, Step};
+use crate::step::{self, AeBatch, BidirectionalPlan, CausalPlan, ClipBatch, DecoderBatch, Level, Prediction, Step};
 use crate::team::Team;
+use crate::tiny_ae::AeShape;
 
 const PREDICTIONS: [Prediction; 2] = [Prediction::Clean, Prediction::Flow];
 
@@ -115,6 +116,46 @@ fn what_is_not_given_does_not_count() {
     let unseen = step(0.0, 0.0, "one").gradient;
     for name in ["control_embedding.weight", "control_embedding.bias", "text_embedding.0.weight"] {
         assert!(unseen.get(name).expect("declared").values().iter().all(|value| *value == 0.0), "{name}");
+    }
+}
+
+fn autoencoders() -> [AeShape; 3] {
+    let narrow = AeShape {
+        z: 3,
+        stride_t: 4,
+        encoder_width: 10,
+        encoder_blocks: 2,
+        decoder_widths: [20, 7, 5],
+        decoder_blocks: [2, 1, 1],
+        guides: 2,
+    };
+    let two = AeShape { stride_t: 2, decoder_blocks: [1, 0, 2], guides: 1, ..narrow.clone() };
+    let bare = AeShape { z: 16, stride_t: 1, encoder_blocks: 0, decoder_blocks: [0, 0, 0], guides: 0, ..narrow.clone() };
+    [narrow, two, bare]
+}
+
+#[test]
+fn reconstruction_steps_equal_the_framework() {
+    for shape in autoencoders() {
+        let (weights, clips, steps, h, w) = (weights(&shape.declare()), 2, 6, 3, 2);
+        let images = [steps * shape.stride_t, 8 * h, 8 * w];
+        let image = |name: &str, c: usize| draw(name, &[images[0], images[1], images[2], c]);
+        let emphasis = image("emphasis", 1);
+        let emphasis = Array::new(emphasis.shape(), emphasis.values().iter().map(|x| 0.2 + x * x).collect());
+        let batch = AeBatch {
+            clips,
+            folded: draw("folded", &[steps, h, w, shape.inputs()]),
+            frames: image("frames", 3),
+            emphasis: emphasis.clone(),
+            noise: draw("noise", &[steps, h, w, shape.z]),
+            latent_penalty: 0.3,
+        };
+        let case = format!("{shape:?}");
+        check(&super::autoencoder(&shape, &weights, &batch), &step::autoencoder(&shape, &weights, &batch), &case);
+        let latents = draw("latents", &[steps, h, w, shape.z]);
+        let layouts = image("layouts", 3);
+        let batch = DecoderBatch { clips, latents, layouts, frames: image("frames", 3), emphasis };
+        check(&super::decoder(&shape, &weights, &batch), &step::decoder(&shape, &weights, &batch), &case);
     }
 }
 
