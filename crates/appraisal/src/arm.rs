@@ -21,7 +21,7 @@ use crate::error::AppraisalError;
 type Cause = Box<dyn std::error::Error + Send + Sync>;
 
 /// Guidance of a teacher that names none.
-const TEACHER: Guidance = Guidance { weight: 2.5, steps: 16, dropout: Dropout::Layout };
+const TEACHER: Guidance = Guidance { weight: 2.5, steps: 16, dropout: Dropout::Layout, window: 6, layouts: true };
 
 /// Weights, ready to make frames.
 pub struct Arm {
@@ -61,7 +61,7 @@ impl Arm {
             preset.causal.cache_source.clone_from(source);
             preset.causal.ablation = true;
         }
-        let settings = [&arm.kind as &dyn std::fmt::Debug, &arm.guidance, &arm.steps, &arm.dropout]
+        let settings = [&arm.kind as &dyn std::fmt::Debug, &arm.guidance, &arm.steps, &arm.dropout, &arm.window]
             .map(|part| format!("{part:?}"));
         Self::new(name, arm, &preset, &weights, &settings.join(" "))
     }
@@ -73,17 +73,20 @@ impl Arm {
         weights: &Weights,
         settings: &str,
     ) -> Result<Self, Cause> {
-        let teacher = (arm.kind == ArmKind::Teacher).then(|| {
+        let prior = arm.kind == ArmKind::Prior;
+        let teacher = (prior || arm.kind == ArmKind::Teacher).then(|| {
             let guidance = Guidance {
-                weight: arm.guidance.unwrap_or(TEACHER.weight),
+                weight: if prior { 1.0 } else { arm.guidance.unwrap_or(TEACHER.weight) },
                 steps: arm.steps.unwrap_or(TEACHER.steps),
                 dropout: arm.dropout.unwrap_or(TEACHER.dropout),
+                window: arm.window.unwrap_or(TEACHER.window),
+                layouts: !prior,
             };
             (weights.part("dit."), guidance)
         });
         let model = match arm.kind {
             ArmKind::NoLayout => VideoModel::new(preset, &silence::silenced(weights))?,
-            ArmKind::Student | ArmKind::Teacher => VideoModel::new(preset, weights)?,
+            ArmKind::Student | ArmKind::Teacher | ArmKind::Prior => VideoModel::new(preset, weights)?,
         };
         let digest = DigestWriter::new().digest(&model.digest()).text(settings).finish();
         let (name, remark) = (name.to_owned(), arm.remark.clone());

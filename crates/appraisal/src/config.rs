@@ -67,8 +67,17 @@ pub enum ArmKind {
     Student,
     /// The same with the layout dropped from the start.
     NoLayout,
-    /// Sampled over a whole clip at once with guidance.
+    /// Sampled over a window of latents at once with guidance.
     Teacher,
+    /// The same without layouts: the first frame and the prompt alone.
+    Prior,
+}
+
+impl ArmKind {
+    /// Tells whether latents are sampled by windows, not chunk by chunk.
+    pub(crate) fn samples_windows(self) -> bool {
+        matches!(self, Self::Teacher | Self::Prior)
+    }
 }
 
 /// An arm.
@@ -93,6 +102,10 @@ pub struct ArmConfig {
     /// Sampling steps of a teacher.
     #[serde(default)]
     pub steps: Option<usize>,
+    /// Latents that a teacher samples at once, the given first one included, as in its training; a longer clip goes on
+    /// from the last one.
+    #[serde(default)]
+    pub window: Option<usize>,
     /// What a teacher's guidance does without: `layout` (the default) or `all`, as in its training.
     #[serde(default)]
     pub dropout: Option<ds_train::config::Dropout>,

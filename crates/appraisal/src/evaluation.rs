@@ -229,5 +229,5 @@ impl<'a> Evaluation<'a> {
 
 /// Returns the frames after the first that an arm can make at most: whole chunks for a teacher.
 pub(crate) fn whole(kind: ArmKind, frames: u32, per_chunk: u32) -> u32 {
-    if kind == ArmKind::Teacher { frames - frames % per_chunk } else { frames }
+    if kind.samples_windows() { frames - frames % per_chunk } else { frames }
 }

@@ -29,9 +29,7 @@ pub(crate) fn side_by_side(
     strips.push((0..=last).map(|frame| drive.layout(frame)).collect::<Result<Vec<_>, _>>()?);
     for name in names {
         let arm = &arms[name];
-        // A teacher was trained on clips of 21 frames.
-        let own = if arm.kind == crate::config::ArmKind::Teacher { last.min(20) } else { last };
-        strips.push(arm.roll(drive, whole(arm.kind, own, arm.frames_per_chunk()))?);
+        strips.push(arm.roll(drive, whole(arm.kind, last, arm.frames_per_chunk()))?);
     }
     encode(&strips, last)
 }

@@ -127,9 +127,9 @@ fn main() {
     let shape = shape();
     let weights = Weights::initialised(&shape.declare(), &Digest::of(b"bench"));
     let benches = benches(&shape, &weights, framework);
-    let mut times: Vec<Vec<f64>> = vec![Vec::new(); benches.len() + 1];
-    let mut yardstick = Yardstick::new(SIDE);
-    Team::new(1).run(vec![Box::new(|| {
+    let mut times = Team::new(1).run(1, |_| {
+        let mut times: Vec<Vec<f64>> = vec![Vec::new(); benches.len() + 1];
+        let mut yardstick = Yardstick::new(SIDE);
         for round in 0..=ROUNDS {
             let mut time = |at: usize, run: &mut dyn FnMut() -> f32| {
                 let start = now_ms();
@@ -142,10 +142,11 @@ fn main() {
                 time(at + 1, &mut || run());
             }
         }
-    }) as Box<dyn FnOnce() + Send + '_>]);
+        times
+    });
     let mut report = format!("one clip, one thread, median processor time of {ROUNDS} rounds\n");
     let named = std::iter::once(("gemm, the yardstick", 2.0 * (SIDE as f64).powi(3)));
-    for ((name, operations), times) in named.chain(benches.iter().map(|(n, o, _)| (*n, *o))).zip(&mut times) {
+    for ((name, operations), times) in named.chain(benches.iter().map(|(n, o, _)| (*n, *o))).zip(&mut times[0]) {
         times.sort_by(f64::total_cmp);
         let ms = times[times.len() / 2];
         report += &format!(

@@ -163,7 +163,13 @@ mod tests {
             (loss, scores.clone())
         };
         let (loss, gradient) = gradient(CLASSES, &weights, &images, square).expect("the weights fit");
-        for name in ["scores.weight", "level0.fold.weight", "level3.convolution.weight", "level1.unfold.bias", "head.convolution.weight"] {
+        for name in [
+            "scores.weight",
+            "level0.fold.weight",
+            "level3.convolution.weight",
+            "level1.unfold.bias",
+            "head.convolution.weight",
+        ] {
             let slope = gradient.get(name).expect("every weight has a gradient").clone();
             let norm2: f64 = slope.values().iter().map(|v| f64::from(*v).powi(2)).sum();
             let step = 1e-3 * loss / norm2.max(1e-12);

@@ -35,27 +35,24 @@ impl Team {
         Self { pools: (0..workers.max(1)).map(pool).collect() }
     }
 
-    /// Runs all jobs and returns their results in the order of the jobs.
+    /// Runs a job for each number below `count` and returns the results in order.
     ///
     /// # Panics
     /// If a job panics.
-    pub fn run<T: Send>(&self, jobs: Vec<Box<dyn FnOnce() -> T + Send + '_>>) -> Vec<T> {
-        let count = jobs.len();
-        let jobs: Vec<_> = jobs.into_iter().map(|job| Mutex::new(Some(job))).collect();
+    pub fn run<T: Send>(&self, count: usize, job: impl Fn(usize) -> T + Sync) -> Vec<T> {
         let results: Vec<Mutex<Option<T>>> = (0..count).map(|_| Mutex::new(None)).collect();
         let next = AtomicUsize::new(0);
         let work = || {
             loop {
                 let at = next.fetch_add(1, Ordering::Relaxed);
-                let Some(job) = jobs.get(at) else { break };
-                let job = job.lock().unwrap_or_else(PoisonError::into_inner).take();
-                let result = job.map(|job| job());
-                *results[at].lock().unwrap_or_else(PoisonError::into_inner) = result;
+                let Some(slot) = results.get(at) else { break };
+                let result = job(at);
+                *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
             }
         };
         std::thread::scope(|scope| {
             for pool in &self.pools {
-                scope.spawn(|| pool.install(work));
+                scope.spawn(|| pool.install(&work));
             }
         });
         let result = |slot: Mutex<Option<T>>| slot.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -89,8 +86,7 @@ mod tests {
     #[test]
     fn results_come_in_the_order_of_the_jobs_whatever_the_team() {
         for workers in [1, 2, 5] {
-            let job = |at: u64| Box::new(move || at * at) as Box<dyn FnOnce() -> u64 + Send>;
-            let found = Team::new(workers).run((0..20).map(job).collect());
+            let found = Team::new(workers).run(20, |at| at * at);
             assert_eq!(found, (0..20).map(|at| at * at).collect::<Vec<_>>());
         }
     }

@@ -5,9 +5,9 @@
 //! stored beside the weights (`latent.mean`, `latent.std`).
 
 use ds_nn::body::{Autoencoder, Backend};
-use ds_nn::safetensors::WeightsFile;
 use ds_nn::fast;
-use ds_nn::step::{AeBatch, Step};
+use ds_nn::safetensors::WeightsFile;
+use ds_nn::step::AeBatch;
 use ds_nn::team::Team;
 use ds_nn::tiny_ae::{AeShape, Memory};
 use ds_nn::{Array, Weights};
@@ -15,7 +15,7 @@ use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::pixels;
 
-use crate::batch::{self, latent_steps};
+use crate::batch::{self, latent_steps, mean_step};
 use crate::checkpoint::{Member, Run};
 use crate::config::{StageConfig, TrainConfig};
 use crate::error::TrainError;
@@ -46,15 +46,10 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     let team = Team::of_all_cores();
     while run.unfinished() {
         let (weights, at) = (run.weights(), run.step);
-        let job = |clip: u64| -> Box<dyn FnOnce() -> Result<Step, TrainError> + Send + '_> {
-            let (frames, shape, seed) = (&frames, &shape, &seed);
-            Box::new(move || {
-                let batch = self::batch(config, stage, frames, shape, (seed, at, clip))?;
-                Ok(fast::train::autoencoder(shape, weights, &batch))
-            })
-        };
-        let steps = team.run((0..stage.clips as u64).map(job).collect());
-        let step = Step::mean(steps.into_iter().collect::<Result<_, _>>()?);
+        let step = mean_step(&team, stage.clips, |clip| {
+            let batch = self::batch(config, stage, &frames, &shape, (&seed, at, clip))?;
+            Ok(fast::train::autoencoder(&shape, weights, &batch))
+        })?;
         if !run.apply(step, progress)? {
             break;
         }

@@ -1,6 +1,20 @@
-//! What the stages share about frames: latent steps, PSNR.
+//! What the stages share: the step of a batch, latent steps, PSNR.
 
+use ds_nn::step::Step;
+use ds_nn::team::Team;
 use ds_raster::RgbImage;
+
+use crate::error::TrainError;
+
+/// Computes the step of a batch, each clip by a worker of its own.
+pub(crate) fn mean_step(
+    team: &Team,
+    clips: usize,
+    step: impl Fn(u64) -> Result<Step, TrainError> + Sync,
+) -> Result<Step, TrainError> {
+    let steps: Result<Vec<_>, _> = team.run(clips, |clip| step(clip as u64)).into_iter().collect();
+    steps.map(Step::mean)
+}
 
 /// Groups frames into latent steps: the first frame repeated, then `stride_t` at a time.
 pub(crate) fn latent_steps(frames: &[RgbImage], stride_t: usize) -> Vec<Vec<&RgbImage>> {

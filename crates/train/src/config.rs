@@ -44,6 +44,9 @@ pub struct TrainConfig {
     /// How much more than others a pixel counts whose layout shows a vehicle, a pedestrian or a cyclist.
     #[serde(default = "alike")]
     pub road_users: f32,
+    /// The share of clips of prior and teacher that show no first frame, so that one can be made from layout and prompt.
+    #[serde(default)]
+    pub without_first: f64,
     /// The autoencoder.
     #[serde(default)]
     pub autoencoder: Option<StageConfig>,
@@ -347,6 +350,9 @@ impl TrainConfig {
         }
         if self.teacher.as_ref().is_some_and(|teacher| !(0.0..1.0).contains(&teacher.dropout_share)) {
             return refuse("teacher", "dropout_share must lie within [0, 1)");
+        }
+        if !(0.0..1.0).contains(&self.without_first) {
+            return refuse("without_first", "must lie within [0, 1)");
         }
         if let Some(made) = &self.trajectories {
             if made.count == 0 || made.latents < 2 || made.steps == 0 || !(0.0..0.9).contains(&made.reject) {

@@ -7,13 +7,13 @@ use std::sync::Arc;
 
 use ds_clips::Clip;
 use ds_nn::fast;
-use ds_nn::step::{DecoderBatch, Step};
+use ds_nn::step::DecoderBatch;
 use ds_nn::team::Team;
 use ds_nn::{Array, Weights};
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::{ModelConfig, Rollout, VideoModel, pixels};
 
-use crate::batch::latent_steps;
+use crate::batch::{latent_steps, mean_step};
 use crate::checkpoint::{Member, Run};
 use crate::config::{DecoderConfig, TrainConfig};
 use crate::error::TrainError;
@@ -47,12 +47,9 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
         let team = Team::of_all_cores();
         while run.unfinished() {
             let (weights, at) = (run.weights(), run.step);
-            let job = |clip: u64| -> Box<dyn FnOnce() -> Result<Step, TrainError> + Send + '_> {
-                let (source, shape, seed) = (&source, model.ae(), &seed);
-                Box::new(move || Ok(fast::train::decoder(&shape, weights, &source.batch(seed, at, clip)?)))
-            };
-            let steps = team.run((0..recipe.stage.clips as u64).map(job).collect());
-            let step = Step::mean(steps.into_iter().collect::<Result<_, _>>()?);
+            let step = mean_step(&team, recipe.stage.clips, |clip| {
+                Ok(fast::train::decoder(&model.ae(), weights, &source.batch(&seed, at, clip)?))
+            })?;
             if !run.apply(step, progress)? {
                 break;
             }
@@ -105,10 +102,7 @@ impl Source<'_> {
         let indices: Vec<u64> = (0..self.recipe.rollouts).collect();
         let mut rolled = Vec::new();
         for part in indices.chunks(32) {
-            let job = |index: u64| -> Box<dyn FnOnce() -> Result<(Clip, Array), TrainError> + Send + '_> {
-                Box::new(move || self.rollout(index))
-            };
-            for made in team.run(part.iter().map(|index| job(*index)).collect()) {
+            for made in team.run(part.len(), |at| self.rollout(part[at])) {
                 rolled.push(made?);
             }
             progress.note(&format!("rolled out {} of {} clips", rolled.len(), self.recipe.rollouts));

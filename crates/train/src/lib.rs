@@ -14,6 +14,7 @@ pub mod decoder;
 mod emphasis;
 mod error;
 pub mod evaluate;
+pub mod first_frame;
 mod frames;
 pub mod guidance;
 pub mod ode;

@@ -12,6 +12,7 @@ use ds_nn::team::Team;
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::{CacheSource, ModelConfig, sampler};
 
+use crate::batch::mean_step;
 use crate::checkpoint::{Member, Run};
 use crate::config::{OdeSource, TrainConfig};
 use crate::error::TrainError;
@@ -42,14 +43,9 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
         let team = Team::of_all_cores();
         while run.unfinished() {
             let (weights, at) = (run.weights(), run.step);
-            let job = |clip: u64| -> Box<dyn FnOnce() -> Result<Step, TrainError> + Send + '_> {
-                let (source, model, shape, seed) = (&source, &model, &shape, &seed);
-                Box::new(move || {
-                    source.step(model, shape, weights, &Draws::new(seed, "batch", &[u64::from(at), clip]), seed)
-                })
-            };
-            let steps = team.run((0..recipe.stage.clips as u64).map(job).collect());
-            let step = Step::mean(steps.into_iter().collect::<Result<_, _>>()?);
+            let step = mean_step(&team, recipe.stage.clips, |clip| {
+                source.step(&model, &shape, weights, &Draws::new(&seed, "batch", &[u64::from(at), clip]), &seed)
+            })?;
             if !run.apply(step, progress)? {
                 break;
             }

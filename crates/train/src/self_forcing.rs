@@ -14,6 +14,7 @@ use ds_nn::{Array, Weights};
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::{ModelConfig, sampler};
 
+use crate::batch::mean_step;
 use crate::checkpoint::{Member, Run, Update};
 use crate::config::{Dropout, SelfForcingConfig, TrainConfig};
 use crate::error::TrainError;
@@ -94,8 +95,6 @@ struct Scene {
     key: Digest,
 }
 
-type Job<'j, T> = Box<dyn FnOnce() -> Result<T, TrainError> + Send + 'j>;
-
 impl Trainer<'_> {
     /// The exit step of all chunks of an iteration, from 1.
     fn exit(&self, step: u32) -> usize {
@@ -148,23 +147,17 @@ impl Trainer<'_> {
         let (weights, critic) = (&run.members[GENERATOR].weights, &run.members[CRITIC].weights);
         let critic = &Teacher::new(self.model, critic, Dropout::None)?;
         let dit = FastDit::new(&self.shape, weights)?;
-        let (dit, at) = (&dit, run.step);
-        let clips = 0..self.recipe.stage.clips as u64;
-        let job = |clip: u64| -> Job<'_, Step> {
-            Box::new(move || {
-                let scene = self.scene(dit, "generator", at, clip)?;
-                Ok(self.matched(&scene, weights, critic))
-            })
-        };
-        let steps = self.team.run(clips.clone().map(job).collect());
-        let step = Step::mean(steps.into_iter().collect::<Result<_, _>>()?);
+        let (clips, at) = (self.recipe.stage.clips, run.step);
+        let step = mean_step(&self.team, clips, |clip| {
+            let scene = self.scene(&dit, "generator", at, clip)?;
+            Ok(self.matched(&scene, weights, critic))
+        })?;
         let Some(source) = &self.regression else { return Ok((step, None)) };
-        let job = |clip: u64| -> Job<'_, Step> {
+        let regression = mean_step(&self.team, clips, |clip| {
             let draws = Draws::new(&self.seed, "regression", &[u64::from(at), clip]);
-            Box::new(move || source.step(self.model, &self.shape, weights, &draws, &self.seed))
-        };
-        let steps = self.team.run(clips.map(job).collect());
-        Ok((step, Some(Step::mean(steps.into_iter().collect::<Result<_, _>>()?))))
+            source.step(self.model, &self.shape, weights, &draws, &self.seed)
+        })?;
+        Ok((step, Some(regression)))
     }
 
     /// L_sf = ½‖x̂0 − sg(x̂0 − g)‖² with g the difference of the scores, normalised.
@@ -212,21 +205,17 @@ impl Trainer<'_> {
     fn critic(&self, run: &Run) -> Result<Step, TrainError> {
         let (weights, critic) = (&run.members[GENERATOR].weights, &run.members[CRITIC].weights);
         let dit = FastDit::new(&self.shape, weights)?;
-        let (dit, at) = (&dit, run.step);
-        let job = |clip: u64| -> Job<'_, Step> {
-            Box::new(move || {
-                let scene = self.scene(dit, "critic", at, clip)?;
-                let window = self.window(&scene);
-                let plan = BidirectionalPlan {
-                    levels: vec![self.level(&scene.draws)],
-                    noise: noise(&scene.key, "score", &[], frames_after_first(&window).shape()),
-                    prediction: self.model.prediction(),
-                };
-                Ok(fast::train::bidirectional(&self.shape, critic, &window, &plan))
-            })
-        };
-        let steps = self.team.run((0..self.recipe.stage.clips as u64).map(job).collect());
-        Ok(Step::mean(steps.into_iter().collect::<Result<_, _>>()?))
+        let at = run.step;
+        mean_step(&self.team, self.recipe.stage.clips, |clip| {
+            let scene = self.scene(&dit, "critic", at, clip)?;
+            let window = self.window(&scene);
+            let plan = BidirectionalPlan {
+                levels: vec![self.level(&scene.draws)],
+                noise: noise(&scene.key, "score", &[], frames_after_first(&window).shape()),
+                prediction: self.model.prediction(),
+            };
+            Ok(fast::train::bidirectional(&self.shape, critic, &window, &plan))
+        })
     }
 }
 

@@ -193,10 +193,9 @@ fn encoded(
     let mut latents = Vec::new();
     let indices: Vec<usize> = (0..clips.len()).collect();
     for part in indices.chunks(64) {
-        let job = |index: usize| -> Box<dyn FnOnce() -> Result<Vec<f32>, TrainError> + Send + '_> {
-            Box::new(move || Ok(encoder.encode(&clips.read(index, 0, clips.info(index).frames)?.frames)))
-        };
-        for encoded in team.run(part.iter().map(|index| job(*index)).collect()) {
+        let job =
+            |at: usize| clips.read(part[at], 0, clips.info(part[at]).frames).map(|clip| encoder.encode(&clip.frames));
+        for encoded in team.run(part.len(), job) {
             latents.push(encoded?);
         }
         progress.note(&format!("encoded {} of {} clips of {name}", latents.len(), clips.len()));

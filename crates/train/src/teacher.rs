@@ -11,6 +11,7 @@ use ds_nn::team::Team;
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::{ModelConfig, sampler};
 
+use crate::batch::mean_step;
 use crate::checkpoint::{Member, Run};
 use crate::config::{Dropout, StageConfig, TeacherConfig, TrainConfig};
 use crate::error::TrainError;
@@ -69,16 +70,11 @@ impl Trainer<'_> {
         let (shape, team) = (self.model.dit(), Team::of_all_cores());
         let shape = &shape;
         while run.unfinished() {
-            let weights = run.weights();
-            let job = |clip: u64| -> Box<dyn FnOnce() -> Result<Step, TrainError> + Send + '_> {
-                let (sets, at) = (&sets, run.step);
-                Box::new(move || {
-                    let (batch, plan) = self.clip(sets, at, clip)?;
-                    Ok(fast::train::bidirectional(shape, weights, &batch, &plan))
-                })
-            };
-            let steps = team.run((0..self.stage.clips as u64).map(job).collect());
-            let step = Step::mean(steps.into_iter().collect::<Result<_, _>>()?);
+            let (weights, at) = (run.weights(), run.step);
+            let step = mean_step(&team, self.stage.clips, |clip| {
+                let (batch, plan) = self.clip(&sets, at, clip)?;
+                Ok(fast::train::bidirectional(shape, weights, &batch, &plan))
+            })?;
             if !run.apply(step, progress)? {
                 break;
             }
@@ -93,6 +89,10 @@ impl Trainer<'_> {
         let draws = Draws::new(&self.seed, "batch", &[u64::from(step), clip]);
         let at = sets.draw(&draws)?;
         let mut batch = sets.batch(at, sets.span(at, self.stage.latents, &draws))?;
+        if draws.uniform(4) < self.config.without_first {
+            batch.start.values_mut().fill(0.0);
+            batch.clean.values_mut()[..sets.frame()].fill(0.0);
+        }
         let dropped = draws.uniform(2) < self.dropout.1;
         batch.layout_on = vec![if dropped && self.dropout.0 != Dropout::None { 0.0 } else { self.layout_on }];
         batch.given_on = vec![if dropped && self.dropout.0 == Dropout::All { 0.0 } else { 1.0 }];

@@ -72,11 +72,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<(), Trai
     output.set_len(file.count() * file.record_bytes()).map_err(io())?;
     let indices: Vec<u64> = (file.count()..total).collect();
     for part in indices.chunks(8) {
-        let job = |index: u64| -> Box<dyn FnOnce() -> Result<Vec<u8>, TrainError> + Send + '_> {
-            let (sets, teacher, seed) = (&sets, &teacher, &seed);
-            Box::new(move || record(sets, teacher, recipe, seed, index))
-        };
-        for record in team.run(part.iter().map(|index| job(*index)).collect()) {
+        for record in team.run(part.len(), |at| record(&sets, &teacher, recipe, &seed, part[at])) {
             output.write_all(&record?).map_err(io())?;
         }
         let made = part.last().map_or(0, |index| index + 1);

@@ -10,14 +10,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use ds_nn::Array;
-use ds_nn::body::{Backend, Chunk, Transformer};
-use ds_nn::cache::KvCache;
+use ds_nn::body::Backend;
 use ds_nn::fast::peak::Yardstick;
 use ds_nn::fast::work;
 use ds_nn::tiny_ae::Memory;
 use ds_raster::RgbImage;
 use ds_space::Digest;
-use ds_video::{ModelConfig, Rollout, VideoModel, prompt, sampler};
+use ds_video::{Denoising, ModelConfig, Rollout, VideoModel, sampler};
 
 const ROUNDS: usize = 5;
 const LEAST_MS: u128 = 40;
@@ -78,27 +77,11 @@ fn round(model: &Arc<VideoModel>, record: &mut Record, threads: usize, state: &m
     let (dit, shape) = (model.transformer(), config.dit());
     let size = [config.causal.chunk, shape.tokens(), 4, config.vae.z];
     let layouts = Array::zeros(&[1, size[0] * size[1], 4, shape.control_inputs]);
-    let control = record.time(threads, "control", work::control(&shape, size[0]), || dit.control(&layouts));
+    record.time(threads, "control", work::control(&shape, size[0]), || dit.control(&layouts));
     let noise = |step| sampler::noise(&Digest::of(b"bench"), "front", 1, step, &size);
     let noisy = record.time(threads, "noise", 0.0, || noise(1));
-    let first = Array::new(&[1, size[1], 4, size[3]], noisy.values()[..size[1] * 4 * size[3]].to_vec());
-    let context = dit.context(&prompt::hashed("a road", shape.text_len, shape.text_dim), &first);
-    let mut cache = KvCache::new(config.cache());
-    let step = |cache: &KvCache, dit: &dyn Transformer| {
-        let window = cache.window(dit, size[0]);
-        let chunk = Chunk { noisy: &noisy, start: &noisy, control: &control, time: 833.0 };
-        dit.denoise(&chunk, &window, &context).1
-    };
-    let kv = step(&cache, dit);
-    while cache.written() < config.causal.window {
-        cache.commit(&kv);
-    }
-    record.time(threads, "commit", 0.0, || cache.commit(&kv));
-    let window = record.time(threads, "window", 0.0, || cache.window(dit, size[0]));
-    let cached = config.causal.window - size[0];
-    let chunk = Chunk { noisy: &noisy, start: &noisy, control: &control, time: 833.0 };
-    let operations = dit.operations(size[0], cached);
-    record.time(threads, "denoise, one step", operations, || dit.denoise(&chunk, &window, &context));
+    let denoising = Denoising::new(model);
+    record.time(threads, "denoise, one step", denoising.operations(), || denoising.run());
     let (h, w) = config.latent_size();
     let latents = Array::new(&[size[0], h, w, size[3]], noisy.values().to_vec());
     let frames = config.frames_per_chunk();

@@ -5,6 +5,7 @@
 //! Everything is a pure function of weights, draw key, prompt, first frame and layouts; no clock, no files but weights.
 
 pub mod config;
+mod denoising;
 mod entry;
 mod error;
 mod model;
@@ -17,6 +18,8 @@ mod tests;
 pub mod workload;
 
 pub use ds_nn::body::Backend;
+
+pub use denoising::Denoising;
 
 pub use config::{CacheSource, ConfigError, ModelConfig};
 pub use entry::{CacheEntry, Latent};

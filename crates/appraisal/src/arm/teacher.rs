@@ -1,4 +1,6 @@
-//! A teacher's clip: sampled from noise over all its frames at once, guided by what the layout adds.
+//! A teacher's clip: sampled from noise over all frames of a window at once, guided by what the layout adds.
+//!
+//! A clip longer than a window goes on from the last latent of the window before; the start latent stays the first frame.
 
 use ds_nn::safetensors::FileError;
 use ds_nn::step::ClipBatch;
@@ -43,6 +45,10 @@ pub(super) struct Guidance {
     pub(super) steps: usize,
     /// What c∅ lacks.
     pub(super) dropout: Dropout,
+    /// Latents of a window, the given first one included.
+    pub(super) window: usize,
+    /// Whether layouts are shown at all.
+    pub(super) layouts: bool,
 }
 
 /// Samples the frames after the first.
@@ -58,7 +64,6 @@ pub(super) fn clip(
     if !(layouts.len() - 1).is_multiple_of(stride) || layouts.len() < 1 + stride {
         return Err(TeacherError::Frames { stride, frames: layouts.len() });
     }
-    let latents = 1 + (layouts.len() - 1) / stride;
     let steps_of = |images: &[RgbImage]| -> Vec<Vec<RgbImage>> {
         let head = vec![images[0].clone(); stride];
         std::iter::once(head).chain(images[1..].chunks_exact(stride).map(<[RgbImage]>::to_vec)).collect()
@@ -68,49 +73,58 @@ pub(super) fn clip(
         model.autoencoder().encode(&Array::new(&[1, h, w, config.ae().inputs()], folded), &mut Memory::default());
     let encoded = model.normalised(encoded);
     let start = Array::new(&[1, n, 4, z], pixels::to_tokens(encoded.values(), h, w));
-    let mut clean = start.values().to_vec();
-    clean.resize(latents * n * 4 * z, 0.0);
     let layout_steps = steps_of(layouts);
-    let tokens: Vec<f32> = layout_steps
-        .iter()
-        .flat_map(|step| pixels::to_tokens(&pixels::fold(&step.iter().collect::<Vec<_>>()), h, w))
-        .collect();
-    let shape = [1, latents, n, 4, z];
-    let batch = ClipBatch {
-        clean: Array::new(&shape, clean),
-        start,
-        layouts: Array::new(&[1, latents * n, 4, config.ae().inputs()], tokens),
-        layout_on: vec![1.0],
-        given_on: vec![1.0],
-        text: prompt::hashed(&drive.prompt, config.model.text_len, config.model.text_dim),
-        emphasis: Array::new(&[1, latents, n, 4, 1], vec![1.0; latents * n * 4]),
-    };
-    let draws = Draws::new(&drive.draw_key, "teacher noise", &[]);
-    let later = [1, latents - 1, n, 4, z];
-    #[expect(clippy::cast_possible_truncation, reason = "noise is single precision")]
-    let noise = (0..later.iter().product::<usize>() as u64).map(|index| draws.normal(index) as f32).collect();
     let teacher = Teacher::new(config, dit, guidance.dropout)?;
-    let sampled = teacher.sample(&batch, &Array::new(&later, noise), guidance.steps, guidance.weight, &mut |_, _| ());
-    decode(model, &batch.clean, &sampled, &layout_steps)
+    let mut made = start.values().to_vec();
+    let per_window = guidance.window.max(2) - 1;
+    for (index, window) in (0u64..).zip(windows(&layout_steps, per_window)) {
+        let latents = window.len();
+        let mut clean = made[made.len() - n * 4 * z..].to_vec();
+        clean.resize(latents * n * 4 * z, 0.0);
+        let tokens: Vec<f32> = window
+            .iter()
+            .flat_map(|step| pixels::to_tokens(&pixels::fold(&step.iter().collect::<Vec<_>>()), h, w))
+            .collect();
+        let batch = ClipBatch {
+            clean: Array::new(&[1, latents, n, 4, z], clean),
+            start: start.clone(),
+            layouts: Array::new(&[1, latents * n, 4, config.ae().inputs()], tokens),
+            layout_on: vec![f32::from(u8::from(guidance.layouts))],
+            given_on: vec![1.0],
+            text: prompt::hashed(&drive.prompt, config.model.text_len, config.model.text_dim),
+            emphasis: Array::new(&[1, latents, n, 4, 1], vec![1.0; latents * n * 4]),
+        };
+        let draws = Draws::new(&drive.draw_key, "teacher noise", &[index]);
+        let later = [1, latents - 1, n, 4, z];
+        #[expect(clippy::cast_possible_truncation, reason = "noise is single precision")]
+        let noise = (0..later.iter().product::<usize>() as u64).map(|index| draws.normal(index) as f32).collect();
+        let noise = Array::new(&later, noise);
+        made.extend(teacher.sample(&batch, &noise, guidance.steps, guidance.weight, &mut |_, _| ()).values());
+    }
+    decode(model, &made, &layout_steps, guidance.layouts)
+}
+
+/// Cuts steps into windows of a given first step and up to `count` more; each begins with the last step of the one before.
+fn windows<T>(steps: &[T], count: usize) -> impl Iterator<Item = &[T]> {
+    (0..steps.len() - 1).step_by(count).map(move |first| &steps[first..steps.len().min(first + count + 1)])
 }
 
 /// Decodes latents: the given first frame's own, then those sampled.
 fn decode(
     model: &VideoModel,
-    clean: &Array,
-    sampled: &Array,
+    latents: &[f32],
     layouts: &[Vec<RgbImage>],
+    shown: bool,
 ) -> Result<Vec<RgbImage>, TeacherError> {
     let config = model.config();
     let ((h, w), z, stride) = (config.latent_size(), config.vae.z, config.vae.stride_t);
     let (width, height) = (config.video.width_px, config.video.height_px);
     let latent = h * w * z;
     let (mut memory, mut frames) = (Memory::default(), Vec::new());
-    for (index, step) in layouts.iter().enumerate() {
-        let (source, at) = if index == 0 { (clean, 0) } else { (sampled, index - 1) };
-        let tokens = &source.values()[at * latent..(at + 1) * latent];
+    for ((index, step), tokens) in layouts.iter().enumerate().zip(latents.chunks_exact(latent)) {
         let latents = model.denormalised(Array::new(&[1, h, w, z], pixels::from_tokens(tokens, h, w)));
-        let guide = (config.control.decoder_layers > 0 && index > 0).then(|| pixels::to_values(&step.iter().collect::<Vec<_>>()));
+        let guide = (config.control.decoder_layers > 0 && index > 0 && shown)
+            .then(|| pixels::to_values(&step.iter().collect::<Vec<_>>()));
         let decoded = model.autoencoder().decode(&latents, guide.as_ref(), &mut memory);
         if !decoded.is_finite() {
             return Err(TeacherError::NotFinite);
@@ -121,4 +135,17 @@ fn decode(
         }
     }
     Ok(frames)
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn windows_overlap_by_the_given_step() {
+        let check = |steps: &[u8], count: usize, expected: &[&[u8]]| {
+            assert_eq!(super::windows(steps, count).collect::<Vec<_>>(), expected, "{steps:?} by {count}");
+        };
+        check(&[0, 1, 2, 3, 4], 2, &[&[0, 1, 2], &[2, 3, 4]]);
+        check(&[0, 1, 2, 3, 4], 3, &[&[0, 1, 2, 3], &[3, 4]]);
+        check(&[0, 1, 2], 5, &[&[0, 1, 2]]);
+    }
 }

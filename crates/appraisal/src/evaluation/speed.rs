@@ -1,20 +1,29 @@
-//! Speed: frames a second of a preset from layouts to frames, chunk by chunk, after the window has filled.
+//! Speed: frames a second of a preset from layouts to frames, chunk by chunk, after the window has filled; and how near
+//! its transformer comes to plain matrix products.
 
+use std::hint::black_box;
 use std::sync::Arc;
 
 use ds_camera::Appearance;
+use ds_nn::fast::peak::Yardstick;
 use ds_nn::safetensors::WeightsFile;
 use ds_perception::world::WorldA;
 use ds_raster::RgbImage;
 use ds_space::Digest;
-use ds_video::{ModelConfig, Rollout, VideoError, VideoModel};
+use ds_video::{Denoising, ModelConfig, Rollout, VideoError, VideoModel};
 
 use super::Seconds;
 use crate::config::{EvalConfig, SpeedConfig};
 use crate::drive::{Drive, Route};
 use crate::error::AppraisalError;
-use crate::estimate::{Resamples, mean};
+use crate::estimate::{Estimate, Resamples, mean};
 use crate::outcome::SpeedOutcome;
+
+/// Pairs of measurements of transformer and matrix product.
+const ROUNDS: usize = 15;
+/// Repetitions of each, so that a clock of milliseconds tells them.
+const REPEATS: u32 = 4;
+const YARDSTICK_SIDE: usize = 768;
 
 /// Times chunks of frames of one drive; the time of a chunk includes its layouts.
 ///
@@ -38,6 +47,7 @@ pub fn measure(
     };
     let size_px = (preset.video.width_px, preset.video.height_px);
     let scene = ds_scenario::generate(ds_scenario::Family::LeadBraking, config.columns.first_seed + 1);
+    let model = Arc::new(model);
     let route = Route { scene: Arc::new(scene), start: 0, pace: 1.0, look: Appearance::DAY };
     let mut drive = Drive::new(&WorldA, &route, size_px)?;
     let refuse = |source: VideoError| AppraisalError::Rollout {
@@ -47,7 +57,7 @@ pub fn measure(
     };
     let (first, layout) = (drive.frame(0), drive.layout(0)?);
     let (mut rollout, _) =
-        Rollout::new(Arc::new(model), drive.draw_key, "front", &drive.prompt, &first, &layout).map_err(refuse)?;
+        Rollout::new(Arc::clone(&model), drive.draw_key, "front", &drive.prompt, &first, &layout).map_err(refuse)?;
     let per_chunk = preset.frames_per_chunk() as u32;
     let warm_up = preset.causal.window as u32 * per_chunk;
     let (mut frame, mut rates) = (0, Vec::new());
@@ -67,9 +77,29 @@ pub fn measure(
     Ok(SpeedOutcome {
         preset: preset.name.clone(),
         frames_per_second: resamples.estimate(rates.len(), rate),
-        gemm_share: None,
+        gemm_share: gemm_share(&model, resamples, seconds),
         threads: std::thread::available_parallelism().map_or(1, usize::from) as u64,
     })
+}
+
+/// Times the transformer and the matrix product of the `gemm` crate in turn, on all threads.
+fn gemm_share(model: &Arc<VideoModel>, resamples: Resamples, seconds: Seconds<'_>) -> Option<Estimate> {
+    let (denoising, mut yardstick) = (Denoising::new(model), Yardstick::new(YARDSTICK_SIDE));
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut rate = |operations: f64, run: &mut dyn FnMut()| {
+        run();
+        let began = seconds();
+        (0..REPEATS).for_each(|_| run());
+        f64::from(REPEATS) * operations / (seconds() - began).max(1e-9)
+    };
+    let mut round = |_| {
+        let peak = rate(yardstick.operations(), &mut || {
+            black_box(yardstick.run(threads));
+        });
+        rate(denoising.operations(), &mut || drop(black_box(denoising.run()))) / peak
+    };
+    let shares: Vec<f64> = (0..ROUNDS).map(&mut round).collect();
+    resamples.estimate(shares.len(), |picks| mean(picks.iter().map(|pick| shares[*pick])))
 }
 
 fn drive_name(route: &Route) -> String {

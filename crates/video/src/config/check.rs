@@ -106,7 +106,11 @@ impl ModelConfig {
             return refuse("vae.encoder_width", v.encoder_width.to_string(), "widths and blocks belong to kind tiny");
         }
         if self.control.decoder_layers > 0 {
-            return refuse("control.decoder_layers", self.control.decoder_layers.to_string(), "published decoders do not see layouts");
+            return refuse(
+                "control.decoder_layers",
+                self.control.decoder_layers.to_string(),
+                "published decoders do not see layouts",
+            );
         }
         Ok(())
     }

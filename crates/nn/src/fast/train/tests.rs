@@ -130,7 +130,8 @@ fn autoencoders() -> [AeShape; 3] {
         guides: 2,
     };
     let two = AeShape { stride_t: 2, decoder_blocks: [1, 0, 2], guides: 1, ..narrow.clone() };
-    let bare = AeShape { z: 16, stride_t: 1, encoder_blocks: 0, decoder_blocks: [0, 0, 0], guides: 0, ..narrow.clone() };
+    let bare =
+        AeShape { z: 16, stride_t: 1, encoder_blocks: 0, decoder_blocks: [0, 0, 0], guides: 0, ..narrow.clone() };
     [narrow, two, bare]
 }
 
@@ -164,15 +165,12 @@ fn reconstruction_steps_equal_the_framework() {
 fn steps_have_the_same_bits_whatever_the_workers() {
     let [smoke, _, odd] = shapes();
     let steps = |workers: usize| {
-        let job = |at: usize| -> Box<dyn FnOnce() -> Step + Send> {
-            let shape = if at.is_multiple_of(3) { odd.clone() } else { smoke.clone() };
-            Box::new(move || {
-                let (weights, batch) = (weights(&shape.declare()), batch(&shape, 1 + at % 2));
-                let plan = plan(&shape, 1 + at % 2, &cases()[at], Positions::CacheRelative, Prediction::Clean);
-                super::causal(&shape, &weights, &batch, &plan)
-            })
-        };
-        Team::new(workers).run((0..cases().len()).map(job).collect())
+        Team::new(workers).run(cases().len(), |at| {
+            let shape = if at.is_multiple_of(3) { &odd } else { &smoke };
+            let (weights, batch) = (weights(&shape.declare()), batch(shape, 1 + at % 2));
+            let plan = plan(shape, 1 + at % 2, &cases()[at], Positions::CacheRelative, Prediction::Clean);
+            super::causal(shape, &weights, &batch, &plan)
+        })
     };
     let alone = steps(1);
     assert!(steps(2) == alone && steps(3) == alone);
