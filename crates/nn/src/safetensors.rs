@@ -1,14 +1,15 @@
-//! Weight files: safetensors of f32, read with every size checked against the file before anything is allocated.
+//! Weight files: safetensors of f32 or f16, read with every size checked against the file before anything is allocated.
 //!
 //! Layout: an unsigned 64-bit little-endian header length, a JSON header {name: {dtype, shape, data_offsets}} with an
 //! optional `__metadata__` map of text, then the values. The header is bounded, offsets must lie in the file without
-//! gaps or overlaps, and only F32 is accepted. Nothing in the file is executed.
+//! gaps or overlaps, and only F32 and F16 are accepted. Nothing in the file is executed.
 
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, Read, Write};
 use std::path::Path;
 
+use burn::tensor::f16;
 use serde::{Deserialize, Serialize};
 
 use crate::array::{Array, Weights};
@@ -161,13 +162,21 @@ impl WeightsFile {
         if bytes > MAX_FILE_BYTES {
             return Err(FileError::TooLarge { bytes });
         }
-        let size = |dtype: &str| (dtype == "F32").then_some(4);
+        let size = |dtype: &str| match dtype {
+            "F32" => Some(4),
+            "F16" => Some(2),
+            _ => None,
+        };
         let Header { metadata, entries, .. } = Header::read(file, bytes, path, MAX_HEADER_BYTES, &size)?;
         let mut weights = Weights::default();
         for (name, entry) in entries {
             let mut raw = vec![0; (entry.data_offsets[1] - entry.data_offsets[0]) as usize];
             file.read_exact(&mut raw).map_err(io)?;
-            let values = raw.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+            let values = if entry.dtype == "F16" {
+                raw.chunks_exact(2).map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32()).collect()
+            } else {
+                raw.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
+            };
             let shape: Vec<usize> = entry.shape.iter().map(|side| *side as usize).collect();
             weights.insert(&name, Array::new(&shape, values));
         }
@@ -179,6 +188,19 @@ impl WeightsFile {
     /// # Errors
     /// If the file system refuses.
     pub fn write(&self, path: &Path) -> Result<(), FileError> {
+        self.write_as("F32", path)
+    }
+
+    /// Writes values rounded to half precision: half the size.
+    ///
+    /// # Errors
+    /// As [`WeightsFile::write`].
+    pub fn write_half(&self, path: &Path) -> Result<(), FileError> {
+        self.write_as("F16", path)
+    }
+
+    fn write_as(&self, dtype: &str, path: &Path) -> Result<(), FileError> {
+        let half = dtype == "F16";
         let io = |source| FileError::Io { doing: "written", path: path.display().to_string(), source };
         let mut header = serde_json::Map::new();
         if !self.metadata.is_empty() {
@@ -187,9 +209,9 @@ impl WeightsFile {
         }
         let mut at = 0u64;
         for (name, array) in self.weights.iter() {
-            let end = at + 4 * array.values().len() as u64;
+            let end = at + if half { 2 } else { 4 } * array.values().len() as u64;
             let shape = array.shape().iter().map(|side| *side as u64).collect();
-            let entry = Entry { dtype: "F32".to_owned(), shape, data_offsets: [at, end] };
+            let entry = Entry { dtype: dtype.to_owned(), shape, data_offsets: [at, end] };
             header.insert(name.to_owned(), serde_json::to_value(entry).map_err(FileError::Header)?);
             at = end;
         }
@@ -199,7 +221,11 @@ impl WeightsFile {
         let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
         bytes.extend_from_slice(&header);
         for (_, array) in self.weights.iter() {
-            bytes.extend(array.values().iter().flat_map(|value| value.to_le_bytes()));
+            if half {
+                bytes.extend(array.values().iter().flat_map(|value| f16::from_f32(*value).to_le_bytes()));
+            } else {
+                bytes.extend(array.values().iter().flat_map(|value| value.to_le_bytes()));
+            }
         }
         let mut file = File::create(&partial).map_err(io)?;
         file.write_all(&bytes).and_then(|()| file.sync_all()).map_err(io)?;

@@ -37,6 +37,12 @@ pub enum TrainError {
     /// The video model refuses its input.
     #[error("the video model refuses its input")]
     Video(#[from] ds_video::VideoError),
+    /// Something that was made is not finite.
+    #[error("the {what} is not finite")]
+    NotFinite {
+        /// What was made.
+        what: &'static str,
+    },
     /// A clip set cannot be used.
     #[error("a clip set cannot be used")]
     Clips(#[from] ds_clips::ClipsError),

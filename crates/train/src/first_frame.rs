@@ -3,28 +3,45 @@
 //! The teacher samples one latent after an empty first frame, as `without_first` of its training clips had it, in a world
 //! that stands still; the last of the latent's frames is the answer.
 
+use std::path::Path;
+
 use ds_nn::Array;
+use ds_nn::safetensors::WeightsFile;
 use ds_nn::step::ClipBatch;
 use ds_nn::tiny_ae::Memory;
 use ds_raster::RgbImage;
 use ds_space::Digest;
-use ds_video::{VideoModel, pixels, prompt};
+use ds_video::{ModelConfig, VideoModel, pixels, prompt};
 
+use crate::config::Dropout;
+use crate::error::TrainError;
 use crate::guidance::Teacher;
 use crate::sets::noise;
 
-/// Samples a first frame for a layout in `steps` Euler steps under guidance w; none if it is not finite.
-#[must_use]
-pub fn first_frame(
-    model: &VideoModel,
-    teacher: &Teacher<'_>,
-    (layout, text): (&RgbImage, &str),
-    key: &Digest,
-    (steps, w): (usize, f32),
-) -> Option<RgbImage> {
-    let config = model.config();
+/// What a first frame is made of.
+pub struct Request<'a> {
+    /// The layout of the moment.
+    pub layout: &'a RgbImage,
+    /// Words for what is to be seen.
+    pub prompt: &'a str,
+    /// Keys the noise.
+    pub key: Digest,
+    /// Euler steps.
+    pub steps: usize,
+    /// Guidance w towards the layout, 1 being none.
+    pub guidance: f32,
+}
+
+/// Samples a first frame by a teacher's weights with their autoencoder.
+///
+/// # Errors
+/// If the weights cannot be used or the frame is not finite.
+pub fn first_frame(config: &ModelConfig, weights: &Path, request: &Request<'_>) -> Result<RgbImage, TrainError> {
+    let model = VideoModel::load(config, weights)?;
+    let teacher = WeightsFile::read(weights)?.weights.part("dit.");
+    let teacher = Teacher::new(config, &teacher, Dropout::Layout)?;
     let ((h, w_px), z, stride, n) = (config.latent_size(), config.vae.z, config.vae.stride_t, config.dit().tokens());
-    let still = vec![layout; stride];
+    let still = vec![request.layout; stride];
     let tokens = pixels::to_tokens(&pixels::fold(&still), h, w_px);
     let batch = ClipBatch {
         clean: Array::zeros(&[1, 2, n, 4, z]),
@@ -32,14 +49,17 @@ pub fn first_frame(
         layouts: Array::new(&[1, 2 * n, 4, config.ae().inputs()], tokens.repeat(2)),
         layout_on: vec![1.0],
         given_on: vec![1.0],
-        text: prompt::hashed(text, config.model.text_len, config.model.text_dim),
+        text: prompt::hashed(request.prompt, config.model.text_len, config.model.text_dim),
         emphasis: Array::new(&[1, 2, n, 4, 1], vec![1.0; 2 * n * 4]),
     };
-    let noise = noise(key, "first frame", &[], &[1, 1, n, 4, z]);
-    let sampled = teacher.sample(&batch, &noise, steps, w, &mut |_, _| ());
+    let noise = noise(&request.key, "first frame", &[], &[1, 1, n, 4, z]);
+    let sampled = teacher.sample(&batch, &noise, request.steps, request.guidance, &mut |_, _| ());
     let latents = Array::new(&[1, h, w_px, z], pixels::from_tokens(sampled.values(), h, w_px));
     let guide = (config.control.decoder_layers > 0).then(|| pixels::to_values(&still));
     let frames = model.autoencoder().decode(&model.denormalised(latents), guide.as_ref(), &mut Memory::default());
-    let frame = frames.values().chunks_exact(frames.values().len() / stride).next_back()?;
-    frames.is_finite().then(|| pixels::to_image(frame, config.video.width_px, config.video.height_px))
+    if !frames.is_finite() {
+        return Err(TrainError::NotFinite { what: "first frame" });
+    }
+    let last = frames.values().len() / stride * (stride - 1);
+    Ok(pixels::to_image(&frames.values()[last..], config.video.width_px, config.video.height_px))
 }

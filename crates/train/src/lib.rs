@@ -10,6 +10,7 @@ pub mod autoencoder;
 mod batch;
 pub mod checkpoint;
 pub mod config;
+pub mod cost;
 pub mod decoder;
 mod emphasis;
 mod error;

@@ -6,7 +6,7 @@
 //! amplifies ([`crate::guidance`]).
 
 use ds_nn::fast;
-use ds_nn::step::{BidirectionalPlan, ClipBatch, Step};
+use ds_nn::step::{BidirectionalPlan, ClipBatch};
 use ds_nn::team::Team;
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::{ModelConfig, sampler};

@@ -5,9 +5,11 @@ use std::sync::Arc;
 
 use ds_clips::{ClipSet, Recipe};
 use ds_nn::safetensors::WeightsFile;
+use ds_raster::RgbImage;
 use ds_space::Digest;
 use ds_video::VideoModel;
 
+use crate::first_frame::{Request, first_frame};
 use crate::{Progress, Silent, Stage, TrainConfig, TrainError, batch, decoder, evaluate, page};
 
 struct StopAt(u32, u32);
@@ -96,8 +98,17 @@ fn every_stage_runs_improves_and_ships() {
     assert!(ode > teacher + 0.5, "a teacher sampled in few steps has {teacher} dB, the student {ode}");
     assert!(forced > ode - 1.0, "self forcing keeps what was learned: {ode} to {forced}");
     let shipped = folder.path().join("shipped.safetensors");
-    crate::ship::run(&config, Some(&shipped), &mut Silent).expect("ships");
+    crate::ship::run(&config, (None, Some(&shipped)), &mut Silent).expect("ships");
     assert!(VideoModel::load(&config.model().expect("valid"), &shipped).is_ok());
+    crate::ship::run(&config, (Some("teacher"), Some(&shipped)), &mut Silent).expect("ships");
+    let model = config.model().expect("valid");
+    let layout = RgbImage::filled(model.video.width_px, model.video.height_px, ds_layout::colour::LANE);
+    let first = |seed: &[u8]| {
+        let (key, prompt) = (Digest::of(seed), "driving at night");
+        let request = Request { layout: &layout, prompt, key, steps: 4, guidance: 2.0 };
+        first_frame(&model, &shipped, &request).expect("finite")
+    };
+    assert!(first(b"one") == first(b"one") && first(b"one") != first(b"other"));
     let page = std::fs::read_to_string(page::write(&config).expect("writes")).expect("reads");
     assert!(page.contains("self forcing") && page.matches("<polyline").count() >= 7, "{}", page.len());
 }

@@ -19,7 +19,7 @@ pub(crate) use gap::{
 };
 pub(crate) use measure::MeasureArgs;
 pub(crate) use results::{CompareArgs, MergeArgs, ReportArgs, ScoreArgs};
-pub(crate) use video::{VideoCommand, VideoEvalArgs};
+pub(crate) use video::{FirstFrameArgs, VideoCommand, VideoEvalArgs};
 
 const EXAMPLES: &str = "Examples:
   dreamstream run scenarios/base                       drive all shipped scenarios with the camera policy
@@ -315,9 +315,10 @@ pub(crate) struct TrainArgs {
     /// The stage, or all that the recipe describes, in this order: autoencoder; prior (all looks, no layout); teacher
     /// (follows layouts, sees whole clips); trajectories (what the teacher makes under guidance); ode (the causal
     /// student learns from them); self-forcing (the student learns from its own rollouts); decoder (guided by
-    /// layouts); ship (writes the weights). Apart from these: policy, the camera policy.
+    /// layouts); ship (writes the weights). Apart from these: policy, the camera policy; plan, what the recipe costs and
+    /// how far it is.
     #[arg(value_parser = [
-        "all", "autoencoder", "prior", "teacher", "trajectories", "ode", "self-forcing", "decoder", "ship", "policy",
+        "all", "autoencoder", "prior", "teacher", "trajectories", "ode", "self-forcing", "decoder", "ship", "policy", "plan",
     ])]
     pub stage: String,
     /// The recipe: configs/train/cpu_train.toml for the video model, configs/train/policy.toml for the policy.
@@ -326,6 +327,9 @@ pub(crate) struct TrainArgs {
     /// Where `ship` writes the weights, instead of beside the model's configuration.
     #[arg(long, value_hint = ValueHint::FilePath)]
     pub weights: Option<PathBuf>,
+    /// Whose transformer `ship` writes, instead of the most refined student's: prior, teacher, ode or self_forcing.
+    #[arg(long, value_parser = ["prior", "teacher", "ode", "self_forcing"])]
+    pub of: Option<String>,
     /// Also write training.rrd, losses and samples for the rerun viewer, beside the page.
     #[arg(long)]
     pub rerun: bool,

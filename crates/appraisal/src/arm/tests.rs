@@ -51,6 +51,8 @@ fn config(folder: &Path) -> EvalConfig {
         arm("other", "kind = \"student\"\ndit = \"teacher.safetensors\""),
         arm("blind", "kind = \"no_layout\""),
         arm("teacher", "kind = \"teacher\"\ndit = \"teacher.safetensors\"\nguidance = 2.0\nsteps = 2"),
+        arm("prior", "kind = \"prior\"\ndit = \"teacher.safetensors\"\nsteps = 2"),
+        arm("windows", "kind = \"teacher\"\ndit = \"teacher.safetensors\"\nguidance = 2.0\nsteps = 2\nwindow = 2"),
         arm("broken", "kind = \"student\"\ndit = \"smoke.toml\""),
     ];
     EvalConfig::parse(&text.concat(), folder).expect("the configuration is right")
@@ -77,9 +79,15 @@ fn arms_differ_in_what_their_configuration_says() {
     assert_ne!(student, roll("blind"));
     let teacher = roll("teacher");
     assert_eq!((teacher.len(), teacher == student), (9, false));
-    let digests: std::collections::BTreeSet<_> =
-        ["student", "clean", "other", "blind", "teacher"].map(|name| arm(name).digest()).into_iter().collect();
-    assert_eq!(digests.len(), 5);
+    // The first window of two latents is nothing but a shorter clip; what follows has seen less.
+    let windows = roll("windows");
+    assert_eq!((windows.len(), windows == teacher), (9, false));
+    assert_eq!(windows[..5], arm("windows").roll(&mut self::drive(), 4).expect("rolls out"));
+    let digests: std::collections::BTreeSet<_> = ["student", "clean", "other", "blind", "teacher", "prior", "windows"]
+        .map(|name| arm(name).digest())
+        .into_iter()
+        .collect();
+    assert_eq!(digests.len(), 7);
     let error = Arm::load(&config, "broken").err().expect("no weights").to_string();
     assert!(error.contains("broken"), "{error}");
 }
@@ -91,7 +99,7 @@ fn without_a_layout_layouts_do_not_matter() {
     let mut drive = drive();
     let layouts: Vec<RgbImage> = (0..=4).map(|frame| drive.layout(frame).expect("renders")).collect();
     let black = vec![RgbImage::filled(64, 32, [0; 3]); 5];
-    for (name, same) in [("blind", true), ("student", false), ("teacher", false)] {
+    for (name, same) in [("blind", true), ("prior", true), ("student", false), ("teacher", false)] {
         let arm = Arm::load(&config, name).expect("loads");
         let roll = |layouts: &[RgbImage]| arm.roll_with(&drive, layouts).expect("rolls out");
         assert_eq!(roll(&layouts) == roll(&black), same, "{name}");

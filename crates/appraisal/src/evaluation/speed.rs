@@ -86,7 +86,7 @@ pub fn measure(
 fn gemm_share(model: &Arc<VideoModel>, resamples: Resamples, seconds: Seconds<'_>) -> Option<Estimate> {
     let (denoising, mut yardstick) = (Denoising::new(model), Yardstick::new(YARDSTICK_SIDE));
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut rate = |operations: f64, run: &mut dyn FnMut()| {
+    let rate = |operations: f64, run: &mut dyn FnMut()| {
         run();
         let began = seconds();
         (0..REPEATS).for_each(|_| run());

@@ -39,6 +39,14 @@ pub fn control(shape: &DitShape, frames: usize) -> f64 {
     2.0 * (frames * shape.tokens() * 4 * shape.control_inputs * shape.control_channels) as f64
 }
 
+/// Counts encoding `steps` latent frames of `h`×`w` pixels.
+#[must_use]
+pub fn encode(shape: &AeShape, steps: usize, h: usize, w: usize) -> f64 {
+    let (width, inputs) = (shape.encoder_width, shape.inputs());
+    let blocks = shape.encoder_blocks * 9 * 3 * width * width;
+    2.0 * (steps * h * w * (inputs * (width + shape.z) + blocks + 9 * width * shape.z)) as f64
+}
+
 /// Counts decoding `steps` latent frames of `h`×`w` pixels.
 #[must_use]
 pub fn decode(shape: &AeShape, steps: usize, h: usize, w: usize) -> f64 {

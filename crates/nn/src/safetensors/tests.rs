@@ -63,3 +63,21 @@ fn a_file_that_is_absent_says_so() {
     let error = WeightsFile::read(Path::new("/absent/weights.safetensors")).expect_err("there is no such file");
     assert!(error.to_string().contains("cannot be opened"), "{error}");
 }
+
+#[test]
+fn half_precision_takes_half_the_room() {
+    let mut file = WeightsFile::default();
+    file.weights.insert("a", Array::new(&[2, 2], vec![0.5, -3.25, 1e-3, 4096.0]));
+    let folder = std::env::temp_dir().join(format!("dreamstream-half-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let [whole, half] = ["whole", "half"].map(|name| folder.join(name));
+    file.write(&whole).and_then(|()| file.write_half(&half)).expect("written");
+    let size = |path: &Path| std::fs::metadata(path).expect("is there").len();
+    assert_eq!(size(&whole) - size(&half), 8);
+    assert_eq!(WeightsFile::read(&whole).expect("reads"), file);
+    let found = WeightsFile::read(&half).expect("reads").weights;
+    let values = found.get("a").expect("is there").values();
+    let error = |(a, b): (&f32, &f32)| (a - b).abs() / b.abs();
+    assert!(values.iter().zip([0.5, -3.25, 1e-3, 4096.0].iter()).map(error).all(|error| error < 1e-3), "{values:?}");
+    std::fs::remove_dir_all(&folder).expect("removed");
+}

@@ -8,6 +8,7 @@ use ds_appraisal::evaluation::Part;
 const EXAMPLES: &str = "Examples:
   dreamstream video eval --config configs/eval/shipped.toml --quick         minutes: see what comes out
   dreamstream video eval --config configs/eval/shipped.toml                 the figures of docs/video-eval.md
+  dreamstream video first-frame SCENARIO --prompt 'driving in snow' -o first.png
   dreamstream video eval --config configs/eval/shipped.toml --only drift    one part anew, the others as they were";
 
 /// Measure frames of video models.
@@ -20,6 +21,37 @@ pub(crate) enum VideoCommand {
     /// and videos. What was rolled out is kept per rollout: Ctrl-C, then the same command, goes on; weights or settings
     /// that change are rolled out anew.
     Eval(VideoEvalArgs),
+    /// Imagine the first frame of a scenario from its layout and a prompt: the teacher's one-frame mode.
+    FirstFrame(FirstFrameArgs),
+}
+
+/// Arguments of `video first-frame`.
+#[derive(Debug, Args)]
+pub(crate) struct FirstFrameArgs {
+    /// The scenario.
+    #[arg(value_hint = ValueHint::FilePath)]
+    pub scenario: PathBuf,
+    /// Words for what is to be seen; those of the scenario in ordinary daylight without it.
+    #[arg(long, value_name = "TEXT")]
+    pub prompt: Option<String>,
+    /// Model preset.
+    #[arg(long, default_value = "configs/models/cpu_train.toml", value_hint = ValueHint::FilePath)]
+    pub model: PathBuf,
+    /// Weights of a teacher with its autoencoder (`train ship --of teacher`).
+    #[arg(long, default_value = "configs/models/arms/teacher.safetensors", value_hint = ValueHint::FilePath)]
+    pub weights: PathBuf,
+    /// Sampling steps.
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub steps: u16,
+    /// Guidance towards the layout; 1 is none.
+    #[arg(long, default_value_t = 2.5)]
+    pub guidance: f32,
+    /// Another number, another frame.
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// The picture to write; `dreamstream run --first-frame` takes it.
+    #[arg(long, short, default_value = "out/first.png", value_hint = ValueHint::FilePath)]
+    pub out: PathBuf,
 }
 
 /// Arguments of `video eval`.

@@ -37,6 +37,21 @@ impl Progress for Bar {
     }
 }
 
+/// Prints what each stage costs and how far it is.
+fn plan(config: &TrainConfig) -> Result<()> {
+    answer(&format!("{:<14} {:>8} {:>12} {:>10} {:>8}", "stage", "updates", "GFLOP each", "TFLOP", "done"));
+    let mut total = [0.0; 2];
+    for cost in ds_train::cost::costs(config)? {
+        #[expect(clippy::cast_precision_loss, reason = "figures for people")]
+        let (all, done) = (cost.updates as f64 * cost.operations, cost.done as f64 * cost.operations);
+        total = [total[0] + all, total[1] + done];
+        let (each, all) = (cost.operations * 1e-9, all * 1e-12);
+        answer(&format!("{:<14} {:>8} {each:>12.2} {all:>10.2} {:>8}", cost.stage, cost.updates, cost.done));
+    }
+    answer(&format!("planned {:.1} TFLOP, of which {:.1} are logged as done", total[0] * 1e-12, total[1] * 1e-12));
+    Ok(())
+}
+
 /// Runs a stage, or all that the recipe describes, until its last step; Ctrl-C stores a checkpoint from which the same
 /// command goes on.
 ///
@@ -48,13 +63,17 @@ pub(crate) fn run(args: &TrainArgs) -> Result<()> {
     }
     let path = args.config.clone().unwrap_or_else(|| PathBuf::from(VIDEO_CONFIG));
     let config = TrainConfig::load(&path).with_context(|| format!("configuration {}", path.display()))?;
+    if args.stage == "plan" {
+        return plan(&config);
+    }
     let stop = stop_flag()?;
     let named = |stage: &Stage| args.stage == stage.name();
     let whole = |stage: &Stage| args.stage == "all" && stage.described(&config);
     for stage in Stage::ALL.into_iter().filter(|stage| named(stage) || whole(stage)) {
         let mut progress = Bar { bar: bar(0, stage.name()), stop: Arc::clone(&stop) };
         let report = if stage == Stage::Ship {
-            ds_train::ship::run(&config, args.weights.as_deref(), &mut progress).map(|()| None)
+            let what = (args.of.as_deref(), args.weights.as_deref());
+            ds_train::ship::run(&config, what, &mut progress).map(|()| None)
         } else {
             stage.run(&config, &mut progress)
         };

@@ -1,17 +1,24 @@
-//! `video eval`: figures of generated frames, with a bar of rollouts done.
+//! `video`: figures of generated frames, with a bar of rollouts done; first frames from layout and prompt.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
 use ds_appraisal::column::WorldB;
+use ds_appraisal::drive::{Drive, Route};
 use ds_appraisal::evaluation::{Evaluation, Part};
 use ds_appraisal::outcome::Outcome;
 use ds_appraisal::{EvalConfig, Progress, report};
+use ds_camera::Appearance;
 use ds_perception::world::WorldA;
+use ds_raster::Encoding;
+use ds_space::Draws;
+use ds_train::first_frame::{self, Request};
+use ds_video::ModelConfig;
 use indicatif::ProgressBar;
 
-use crate::cli::{VideoCommand, VideoEvalArgs};
+use crate::cli::{FirstFrameArgs, VideoCommand, VideoEvalArgs};
 use crate::command::{answer, bar};
 
 struct Bar(ProgressBar);
@@ -38,7 +45,32 @@ impl Progress for Bar {
 pub(crate) fn run(command: &VideoCommand) -> Result<()> {
     match command {
         VideoCommand::Eval(args) => eval(args),
+        VideoCommand::FirstFrame(args) => first_frame(args),
     }
+}
+
+fn first_frame(args: &FirstFrameArgs) -> Result<()> {
+    let (scene, _warnings) = ds_scenario::load(&args.scenario)?;
+    let preset = ModelConfig::load(&args.model).with_context(|| format!("model {}", args.model.display()))?;
+    let route = Route { scene: Arc::new(scene), start: 0, pace: 1.0, look: Appearance::DAY };
+    let mut drive = Drive::new(&WorldA, &route, (preset.video.width_px, preset.video.height_px))?;
+    let layout = drive.layout(0)?;
+    let prompt = args.prompt.as_deref().unwrap_or(&drive.prompt);
+    let request = Request {
+        layout: &layout,
+        prompt,
+        key: Draws::key(&drive.draw_key, "first frame", args.seed),
+        steps: usize::from(args.steps),
+        guidance: args.guidance,
+    };
+    let frame = first_frame::first_frame(&preset, &args.weights, &request)
+        .with_context(|| format!("weights {}", args.weights.display()))?;
+    if let Some(folder) = args.out.parent() {
+        std::fs::create_dir_all(folder).with_context(|| format!("create {}", folder.display()))?;
+    }
+    std::fs::write(&args.out, frame.encode(Encoding::Png)?).with_context(|| format!("write {}", args.out.display()))?;
+    answer(&args.out.display().to_string());
+    Ok(())
 }
 
 fn eval(args: &VideoEvalArgs) -> Result<()> {
