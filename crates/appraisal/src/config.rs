@@ -238,7 +238,7 @@ pub const GUIDANCE_ARMS: [&str; 3] = ["layout_guidance", "standard_cfg", "no_gui
 /// The keys of `drift`.
 pub const DRIFT_ARMS: [&str; 2] = ["early_timestep", "clean"];
 /// The keys of `appearance_at_100.{condition}`.
-pub const DIVERSE_ARMS: [&str; 2] = ["with", "without"];
+pub const DIVERSE_ARMS: [&str; 4] = ["with", "without", "teacher", "prior"];
 
 impl EvalConfig {
     /// Reads and checks a configuration.
@@ -301,11 +301,14 @@ impl EvalConfig {
             return refuse("resamples", "must be 1 to 100000");
         }
         for (name, arm) in &self.arms {
-            let teacher = arm.kind == ArmKind::Teacher;
-            if !teacher && (arm.guidance.is_some() || arm.steps.is_some() || arm.dropout.is_some()) {
-                return refuse(&format!("arms.{name}"), "guidance, steps and dropout are a teacher's");
+            let (teacher, sampled) = (arm.kind == ArmKind::Teacher, arm.kind.samples_windows());
+            if !teacher && (arm.guidance.is_some() || arm.dropout.is_some()) {
+                return refuse(&format!("arms.{name}"), "guidance and dropout are a teacher's");
             }
-            if teacher && arm.cache_source.is_some() {
+            if !sampled && (arm.steps.is_some() || arm.window.is_some()) {
+                return refuse(&format!("arms.{name}"), "steps and window are a teacher's or prior's");
+            }
+            if sampled && arm.cache_source.is_some() {
                 return refuse(&format!("arms.{name}"), "a teacher has no cache");
             }
         }
