@@ -73,6 +73,19 @@ fn real_drives_are_imported_and_driven_alike_embedded_and_as_processes() {
 }
 
 #[test]
+fn logs_of_argoverse_2_are_imported_and_driven() {
+    let Some(folder) = shared("data/argoverse2") else { return };
+    let out = tempfile::tempdir().expect("a temporary folder");
+    let imported = out.path().to_str().expect("UTF-8");
+    let output = dreamstream(&["import", "argoverse2"]).arg(&folder).arg("-o").arg(imported).output().expect("runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let drive = drive(&[imported, "--policy", "log-replay", "--observation", "layout", "--duration", "3"]);
+    let episodes = drive.results["episodes"].as_array().expect("a list");
+    assert_eq!(episodes.len(), 3);
+    episodes.iter().for_each(|episode| check_episode(episode, 30));
+}
+
+#[test]
 fn a_recording_replays_through_every_service_and_is_viewed() {
     let drive = drive(&[TINY, "--duration", "3"]);
     check_episode(drive.episode(0), 30);

@@ -1,14 +1,13 @@
 //! The columns of every table: generated scenarios in the camera world of training (A), the same in another world (B),
 //! and recorded logs (real), the last two never seen by any training.
 
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ds_abroad::AbroadCamera;
 use ds_camera::{Appearance, Condition, Lighting, PixelClass, RoadSurface, Weather};
 use ds_perception::world::{CameraWorld, SceneCamera};
 use ds_raster::RgbImage;
-use ds_scenario::Family;
+use ds_scenario::{Family, import};
 use ds_space::{CameraModel, Draws, Pose, Rig, World};
 use ds_world::{Scene, WorldState};
 
@@ -126,29 +125,11 @@ fn logged(config: &EvalConfig, progress: &mut dyn Progress) -> Result<Vec<(Arc<S
             progress.note(&format!("no logs at {}: the column real goes without them", path.display()));
             continue;
         }
-        for file in files(&path)? {
-            let read = |error: String| AppraisalError::config("columns.real", format!("{}: {error}", file.display()));
-            let scene = if file.extension().is_some_and(|extension| extension == "pkl") {
-                ds_scenario::import::read(&file).map_err(|error| read(error.to_string()))?.0
-            } else {
-                ds_scenario::load(&file).map_err(|error| read(error.to_string()))?.0
-            };
+        for file in import::files(&path).map_err(AppraisalError::io("folder of logs", &path))? {
+            let refuse = |error| AppraisalError::config("columns.real", format!("{}: {error}", file.display()));
+            let (scene, _) = import::open(&file).map_err(|error| refuse(error.to_string()))?;
             scenes.push((Arc::new(scene), Appearance::DAY));
         }
     }
     Ok(scenes)
-}
-
-fn files(path: &Path) -> Result<Vec<PathBuf>, AppraisalError> {
-    if !path.is_dir() {
-        return Ok(vec![path.to_path_buf()]);
-    }
-    let entries = std::fs::read_dir(path).map_err(AppraisalError::io("folder of logs", path))?;
-    let known = |path: &PathBuf| {
-        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        name.ends_with(".scenario.json") || (name.ends_with(".pkl") && !name.starts_with("dataset_"))
-    };
-    let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(known).collect();
-    files.sort();
-    Ok(files)
 }

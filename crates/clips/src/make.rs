@@ -28,7 +28,7 @@ pub fn scene_of(key: &ScenarioKey) -> Result<Scene, ClipsError> {
     match key {
         ScenarioKey::Generated { family, seed } => Ok(ds_scenario::generate(*family, *seed)),
         ScenarioKey::Abroad { seed } => Ok(ds_abroad::roads::scene(*seed)),
-        ScenarioKey::File(path) => Ok(ds_scenario::load(path)?.0),
+        ScenarioKey::File(path) => Ok(ds_scenario::import::open(path)?.0),
         ScenarioKey::Photographed { .. } => Ok(recorded(key)?.scene),
     }
 }

@@ -27,7 +27,7 @@ pub enum ScenarioKey {
         /// The seed.
         seed: u64,
     },
-    /// A scenario file.
+    /// A scenario file or a log.
     File(PathBuf),
     /// A photographed drive of a data set: its root and the drive's name or log file.
     Photographed {
@@ -196,23 +196,9 @@ fn keys(source: Source, path: &Path) -> Result<Vec<ScenarioKey>, ClipsError> {
             let logs = ds_scenario::import::openscene::logs(path)?;
             Ok(logs.into_iter().map(|log| photographed(log.display().to_string())).collect())
         }
-        _ => Ok(scenario_files(path)?.into_iter().map(ScenarioKey::File).collect()),
-    }
-}
-
-/// Returns a scenario file itself, or those of a folder in order of their names.
-fn scenario_files(path: &Path) -> Result<Vec<PathBuf>, ClipsError> {
-    if !path.is_dir() {
-        return Ok(vec![path.to_path_buf()]);
-    }
-    let io = || ClipsError::io("scenario folder", path);
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(path).map_err(io())? {
-        let file = entry.map_err(io())?.path();
-        if file.to_string_lossy().ends_with(ds_scenario::store::SUFFIX) {
-            files.push(file);
+        _ => {
+            let files = ds_scenario::import::files(path).map_err(ClipsError::io("scenario folder", path))?;
+            Ok(files.into_iter().map(ScenarioKey::File).collect())
         }
     }
-    files.sort();
-    Ok(files)
 }

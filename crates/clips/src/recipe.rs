@@ -28,7 +28,7 @@ pub enum Split {
 pub enum Source {
     /// Generated scenarios seen by the reference camera (world A).
     Reference,
-    /// Scenario files of imported logs seen by the reference camera.
+    /// Scenario files and logs seen by the reference camera.
     Imported,
     /// Scenarios seen in the second world (world B); for evaluation only.
     Abroad,
@@ -102,8 +102,7 @@ pub struct ScenarioConfig {
     /// Who generates: the project's families without it, or `abroad`, roads of the second world; for tests only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub generator: Option<Generator>,
-    /// Scenario files, or folders of them, of imported logs; roots of data sets of photographed drives. Relative to
-    /// this file.
+    /// Scenario files, logs, or folders of them; roots of data sets of photographed drives. Relative to this file.
     #[serde(default)]
     pub files: Vec<PathBuf>,
     /// Clips of each scenario; of photographed drives one after the other.

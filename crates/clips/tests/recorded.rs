@@ -1,5 +1,6 @@
 //! Drives of data sets as clips: small folders of the same schema, and the real key frame where it is at hand.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -321,6 +322,20 @@ fn key_frame_folder(info: &Value, source: &Path, root: &Path) {
     rows.into_iter().for_each(|(name, rows)| put(name, rows));
 }
 
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// Returns a folder of real data, if it is at hand.
+fn shared(name: &str) -> Option<PathBuf> {
+    let folders = ["../shared/data", "../../shared/data"].map(|up| repository().join(up).join(name));
+    let found = folders.into_iter().find(|folder| folder.is_dir());
+    if found.is_none() {
+        eprintln!("skipped: ../shared/data/{name} is absent");
+    }
+    found
+}
+
 fn overlap(a: [f64; 4], b: [f64; 4]) -> f64 {
     let area = |r: [f64; 4]| (r[2] - r[0]).max(0.0) * (r[3] - r[1]).max(0.0);
     let both = area([a[0].max(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].min(b[3])]);
@@ -329,12 +344,7 @@ fn overlap(a: [f64; 4], b: [f64; 4]) -> f64 {
 
 #[test]
 fn boxes_of_the_real_key_frame_lie_on_the_annotated_rectangles() {
-    let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let folders = ["../shared", "../../shared"].map(|up| repository.join(up).join("data/nuscenes-keyframe-6cam"));
-    let Some(source) = folders.into_iter().find(|folder| folder.join("info.json").is_file()) else {
-        eprintln!("skipped: ../shared/data/nuscenes-keyframe-6cam is absent");
-        return;
-    };
+    let Some(source) = shared("nuscenes-keyframe-6cam") else { return };
     // Unknown velocities are written as NaN, which JSON does not have.
     let text = std::fs::read_to_string(source.join("info.json")).expect("reads").replace("NaN", "null");
     let info: Value = serde_json::from_str(&text).expect("JSON");
@@ -366,7 +376,7 @@ fn boxes_of_the_real_key_frame_lie_on_the_annotated_rectangles() {
     let (median, tenth) = (overlaps[overlaps.len() / 2], overlaps[overlaps.len() / 10]);
     eprintln!("{} rectangles, median IoU {median:.3}, tenth percentile {tenth:.3}, {missing} not seen", overlaps.len());
     assert!(overlaps.len() > 60 && missing * 20 < overlaps.len() && median >= 0.7, "median IoU {median:.3}");
-    pictures(&recorded, &repository.join("out/real"));
+    pictures(&recorded, &repository().join("out/real"));
 }
 
 /// Draws layouts over the photographs into an ignored folder, to look at.
@@ -386,5 +396,22 @@ fn pictures(recorded: &ds_scenario::import::Recorded, out: &PathBuf) {
         }
         let path = out.join(format!("{}.png", camera.id));
         std::fs::write(path, photo.encode(Encoding::Png).expect("encodes")).expect("writes");
+    }
+}
+
+#[test]
+fn real_logs_of_argoverse_2_are_rendered_like_scenario_files() {
+    let Some(logs) = shared("argoverse2") else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let recipe = recipe(folder.path(), "imported", &logs, "");
+    let out = folder.path().join("out");
+    render(&recipe, &out, &Quiet).expect("renders");
+    let set = ClipSet::open(&out).expect("opens");
+    assert_eq!(set.len(), 6, "two clips of each of the three logs");
+    for clip in (0..set.len()).map(|i| set.whole(i).expect("reads")) {
+        for layout in &clip.layouts {
+            let colours: BTreeSet<&[u8]> = layout.rgb().chunks_exact(3).collect();
+            assert!(colours.len() > 3, "a layout shows {} colours", colours.len());
+        }
     }
 }

@@ -16,5 +16,5 @@ mod resolve;
 pub mod store;
 
 pub use family::{Family, UnknownFamily, generate, generate_set};
-pub use import::{ImportError, Imported, import_path};
+pub use import::{Format, ImportError, Imported, import_path};
 pub use store::{ScenarioError, Warning, describe, list, load, parse, save};

@@ -38,6 +38,18 @@ impl VehicleParameters {
         mass_kg: 2000.0,
     };
 
+    /// A mid-size car (Ford Fusion as in Argoverse 2).
+    pub const FUSION: Self = Self {
+        size: Size { length_m: 4.87, width_m: 1.85, height_m: 1.48 },
+        wheel_base_m: 2.85,
+        rear_axle_to_centre_m: 1.35,
+        max_steering_rad: 0.6,
+        max_steering_rate_radps: 0.8,
+        max_acceleration_mps2: 4.0,
+        max_deceleration_mps2: 8.0,
+        mass_kg: 1700.0,
+    };
+
     /// A small car (Renault Zoe as in nuScenes).
     pub const ZOE: Self = Self {
         size: Size { length_m: 4.084, width_m: 1.730, height_m: 1.562 },

@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
+use ds_scenario::Format;
 
 mod data;
 mod fleet;
@@ -263,13 +265,30 @@ pub(crate) struct SubmitArgs {
     pub run: RunArgs,
 }
 
+const IMPORT_HELP: &str = "Formats:
+  scenarionet   pickles of ScenarioNet and MetaDrive (*.pkl); nothing in them is executed
+  argoverse2    folders of Argoverse 2: sensor logs (city_SE3_egovehicle, annotations, calibration) and scenarios of
+                motion forecasting (scenario*), each with log_map_archive*.json; tables as .feather or .csv, parquet
+                after conversion to .csv
+
+Examples:
+  dreamstream import scenarionet my_logs/ -o out/imported
+  dreamstream import argoverse2 sensor/val/02678d04-cc9f-3148-9f95-1ba66347dff9 -o out/imported
+  dreamstream run out/imported";
+
+fn formats() -> impl TypedValueParser<Value = Format> {
+    let format = |name: String| Format::ALL.into_iter().find(|format| format.name() == name);
+    PossibleValuesParser::new(Format::ALL.map(Format::name)).map(move |name| format(name).expect("a possible value"))
+}
+
 /// Arguments of `import`.
 #[derive(Debug, Args)]
+#[command(after_help = IMPORT_HELP)]
 pub(crate) struct ImportArgs {
     /// The log format.
-    #[arg(value_parser = ["scenarionet"])]
-    pub format: String,
-    /// Files or folders.
+    #[arg(value_parser = formats())]
+    pub format: Format,
+    /// Logs, or folders of them.
     #[arg(required = true, value_hint = ValueHint::AnyPath)]
     pub paths: Vec<PathBuf>,
     /// Where the scenario files go.

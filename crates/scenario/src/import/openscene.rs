@@ -38,7 +38,7 @@ pub fn logs(root: &Path) -> Result<Vec<PathBuf>, ImportError> {
         }
     }
     found.sort();
-    if found.is_empty() { Err(ImportError::Empty { path: root.to_owned() }) } else { Ok(found) }
+    if found.is_empty() { Err(ImportError::Empty { wanted: "*.pkl log", path: root.to_owned() }) } else { Ok(found) }
 }
 
 /// Reads one log; its pictures are looked for under `root`, in `sensor_blobs` and its folders.

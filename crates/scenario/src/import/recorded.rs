@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 use ds_space::{CameraModel, DQuat, DVec2, DVec3, Digest, PoseSe2, SimTime, angle};
 use ds_world::{AgentClass, EgoState, Map, Origin, Scene, Size, Track, TrackPoint, VehicleParameters};
 
-use super::ImportError;
 use super::scenarionet::route;
-use crate::{compose, resolve};
+use super::{ImportError, checked};
+use crate::resolve::MAX_STATES;
 
 /// A drive with its pictures.
 #[derive(Debug, Clone)]
@@ -59,6 +59,10 @@ pub(crate) struct RawDrive {
     pub origin: Origin,
 }
 
+/// How far the last tick may lie beyond the last key frame, in ticks.
+pub(super) const SLACK_TICKS: f64 = 0.05;
+/// The most key-frame spacings that a box may be gone for and still be interpolated.
+const MOST_SPACINGS: f64 = 3.2;
 /// Farther than this in time, a picture does not show a tick.
 const MOST_APART_SECS: f64 = 0.06;
 
@@ -76,10 +80,10 @@ impl RawDrive {
         }
         let dt = self.interval();
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bounded")]
-        let count = (((last - first) / dt + 1e-6).floor().clamp(0.0, 1e5)) as usize + 1;
+        let count = (((last - first) / dt + SLACK_TICKS).floor().clamp(0.0, 1e5)) as usize + 1;
         let secs = |tick: usize| first + tick as f64 * dt;
         let ego_log = self.ego_log((0..count).map(secs).collect(), dt);
-        let tracks = self.tracks(count, first, dt);
+        let tracks = self.tracks(count, first, dt).map_err(|problem| field("tracks", problem))?;
         let pictures = self
             .pictures
             .iter()
@@ -99,28 +103,23 @@ impl RawDrive {
             prompt: self.prompt,
             origin: self.origin,
         };
-        let scene =
-            resolve::scene(&compose::document(&scene)).map_err(|fault| field(&fault.at, fault.problem.clone()))?;
-        Ok(Recorded { scene, pictures })
+        Ok(Recorded { scene: checked(&scene, path)?, pictures })
     }
 
-    /// Ten ticks a second where there are pictures for them, else two.
+    /// Ten ticks a second where there are pictures or key frames for them, else two.
     fn interval(&self) -> f64 {
-        let steps = self.pictures.iter().flat_map(|pictures| pictures.windows(2).map(|pair| pair[1].0 - pair[0].0));
-        let mut steps: Vec<f64> = steps.collect();
-        steps.sort_by(f64::total_cmp);
-        if steps.get(steps.len() / 2).is_some_and(|middle| *middle < 0.2) { 0.1 } else { 0.5 }
+        let pictures = self.pictures.iter().flat_map(|pictures| pictures.windows(2).map(|pair| pair[1].0 - pair[0].0));
+        let often = |spacing: Option<f64>| spacing.is_some_and(|secs| secs < 0.2);
+        if often(middle(pictures)) || often(self.spacing()) { 0.1 } else { 0.5 }
     }
 
-    fn stand(&self, secs: f64) -> Stand {
-        let after = self.stands.partition_point(|stand| stand.secs <= secs);
-        let (a, b) = (self.stands[after.saturating_sub(1)], self.stands[after.min(self.stands.len() - 1)]);
-        let share = if b.secs > a.secs { ((secs - a.secs) / (b.secs - a.secs)).clamp(0.0, 1.0) } else { 0.0 };
-        Stand { secs, position: a.position.lerp(b.position, share), rotation: a.rotation.slerp(b.rotation, share) }
+    /// Returns the middle one of the times between key frames.
+    fn spacing(&self) -> Option<f64> {
+        middle(self.key_frames.windows(2).map(|pair| pair[1].0 - pair[0].0))
     }
 
     fn ego_log(&self, times: Vec<f64>, dt: f64) -> Vec<EgoState> {
-        let poses: Vec<PoseSe2> = times.iter().map(|secs| planar(&self.stand(*secs))).collect();
+        let poses: Vec<PoseSe2> = times.iter().map(|secs| planar(&stand(&self.stands, *secs))).collect();
         let at = |tick: usize| &poses[tick.min(poses.len() - 1)];
         let moved = |tick: usize| {
             let (before, after) = (at(tick.saturating_sub(1)), at(tick + 1));
@@ -150,7 +149,7 @@ impl RawDrive {
     }
 
     /// Lays the boxes of each key frame out in the plane and fills the ticks between.
-    fn tracks(&self, count: usize, first: f64, dt: f64) -> Vec<Track> {
+    fn tracks(&self, count: usize, first: f64, dt: f64) -> Result<Vec<Track>, String> {
         struct Seen {
             class: AgentClass,
             size: Size,
@@ -158,7 +157,7 @@ impl RawDrive {
         }
         let mut seen: BTreeMap<&str, Seen> = BTreeMap::new();
         for (secs, boxes) in &self.key_frames {
-            let stand = self.stand(*secs);
+            let stand = stand(&self.stands, *secs);
             let (ego, to_rig) = (planar(&stand), stand.rotation.inverse());
             for raw in boxes {
                 let [length_m, width_m, height_m] = raw.size_m;
@@ -173,43 +172,51 @@ impl RawDrive {
                 entry.at.push((*secs, ego.compose(&local), centre.z - 0.5 * height_m));
             }
         }
-        seen.into_iter()
-            .map(|(name, seen)| {
-                let mut points = vec![None; count];
-                for (tick, point) in points.iter_mut().enumerate() {
-                    *point = between(&seen.at, first + tick as f64 * dt);
-                }
-                Track { name: name.to_owned(), class: seen.class, size: seen.size, points }
-            })
-            .filter(|track| track.points.iter().any(Option::is_some))
-            .collect()
+        if seen.len().saturating_mul(count) > MAX_STATES {
+            return Err(format!("are {} over {count} ticks, over {MAX_STATES} states", seen.len()));
+        }
+        let apart_secs = MOST_SPACINGS * self.spacing().unwrap_or_default();
+        let track = |(name, seen): (&str, Seen)| {
+            let points = (0..count).map(|tick| between(&seen.at, first + tick as f64 * dt, apart_secs)).collect();
+            Track { name: name.to_owned(), class: seen.class, size: seen.size, points }
+        };
+        Ok(seen.into_iter().map(track).filter(|track| track.points.iter().any(Option::is_some)).collect())
     }
+}
+
+/// Returns where the ego was between poses in order of time.
+pub(crate) fn stand(stands: &[Stand], secs: f64) -> Stand {
+    let after = stands.partition_point(|stand| stand.secs <= secs);
+    let (a, b) = (stands[after.saturating_sub(1)], stands[after.min(stands.len() - 1)]);
+    let share = if b.secs > a.secs { ((secs - a.secs) / (b.secs - a.secs)).clamp(0.0, 1.0) } else { 0.0 };
+    Stand { secs, position: a.position.lerp(b.position, share), rotation: a.rotation.slerp(b.rotation, share) }
+}
+
+fn middle(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
 }
 
 fn planar(stand: &Stand) -> PoseSe2 {
     PoseSe2 { position: stand.position.truncate(), heading_rad: (stand.rotation * DVec3::X).truncate().to_angle() }
 }
 
-/// Interpolates a box between its key frames; none before the first and after the last of them.
-fn between(at: &[(f64, PoseSe2, f64)], secs: f64) -> Option<TrackPoint> {
+/// Interpolates a box between its key frames; none before the first and after the last of them, nor where it was gone
+/// for longer than `apart_secs`.
+fn between(at: &[(f64, PoseSe2, f64)], secs: f64, apart_secs: f64) -> Option<TrackPoint> {
     const NEAR: f64 = 0.02;
     let after = at.partition_point(|(time, ..)| *time < secs - NEAR);
     let (b_secs, b_pose, b_z) = at.get(after)?;
-    if after == 0 && *b_secs > secs + NEAR {
+    let appears = after == 0 || b_secs - at[after - 1].0 > apart_secs;
+    if appears && *b_secs > secs + NEAR {
         return None;
     }
-    // At its first key frame it already moves towards the next.
-    let (a_secs, a_pose, a_z) = at[after.saturating_sub(1)];
-    let (from, to) = if after == 0 { (0, 1.min(at.len() - 1)) } else { (after - 1, after) };
-    let passed = at[to].0 - at[from].0;
-    // Gone for longer than that, it is not the same drive past.
-    if b_secs - a_secs > 1.6 {
-        return ((b_secs - secs).abs() < NEAR).then_some(TrackPoint {
-            pose: *b_pose,
-            z_m: *b_z,
-            velocity_mps: DVec2::ZERO,
-        });
-    }
+    // Where it appears it already moves towards the next key frame.
+    let from = if appears { after } else { after - 1 };
+    let to = (from + 1).min(at.len() - 1);
+    let (a_secs, a_pose, a_z) = at[from];
+    let passed = at[to].0 - a_secs;
     let span = b_secs - a_secs;
     let share = if span > 0.0 { ((secs - a_secs) / span).clamp(0.0, 1.0) } else { 0.0 };
     let turn = angle::turn(a_pose.heading_rad, b_pose.heading_rad);
@@ -219,7 +226,7 @@ fn between(at: &[(f64, PoseSe2, f64)], secs: f64) -> Option<TrackPoint> {
             heading_rad: angle::wrap(a_pose.heading_rad + share * turn),
         },
         z_m: a_z + share * (b_z - a_z),
-        velocity_mps: if passed > 0.0 && passed < 1.6 {
+        velocity_mps: if passed > 0.0 && passed < apart_secs {
             (at[to].1.position - at[from].1.position) / passed
         } else {
             DVec2::ZERO

@@ -6,20 +6,19 @@
 
 use std::path::Path;
 
-use ds_space::{CameraId, CameraModel, DVec2, DVec3, Digest, Intrinsics, SimTime};
+use ds_space::{DVec2, Digest, SimTime};
 use ds_world::{Origin, Scene};
 
-use super::ImportError;
 use super::pickle;
 use super::view::{FieldFault, View};
+use super::{ImportError, checked, safe_name, usual_camera};
 use crate::store::{Warning, warnings};
-use crate::{compose, resolve};
 
-mod ego;
-mod lanes;
+pub(super) mod ego;
+pub(super) mod lanes;
 mod lights;
 pub(super) mod route;
-mod tracks;
+pub(super) mod tracks;
 
 /// How one file is turned into a scene: what to subtract from positions, which ticks to keep.
 #[derive(Debug, Clone, Copy)]
@@ -36,12 +35,11 @@ struct Window {
 pub fn scene(bytes: &[u8], path: &Path) -> Result<(Scene, Vec<Warning>), ImportError> {
     let pickle = pickle::read(bytes).map_err(|source| ImportError::Pickle { path: path.to_owned(), source })?;
     let mut notes = Vec::new();
-    let field = |fault: FieldFault| ImportError::Field { path: path.to_owned(), at: fault.at, problem: fault.problem };
-    let scene = convert(&View::root(&pickle), path, &mut notes).map_err(field)?;
-    let checked = resolve::scene(&compose::document(&scene))
-        .map_err(|fault| field(FieldFault { at: fault.at, problem: fault.problem }))?;
-    notes.extend(warnings(&checked));
-    Ok((checked, notes))
+    let scene =
+        convert(&View::root(&pickle), path, &mut notes).map_err(|fault: FieldFault| ImportError::field(path, fault))?;
+    let scene = checked(&scene, path)?;
+    notes.extend(warnings(&scene));
+    Ok((scene, notes))
 }
 
 fn convert(root: &View<'_>, path: &Path, notes: &mut Vec<Warning>) -> Result<Scene, FieldFault> {
@@ -64,8 +62,6 @@ fn convert(root: &View<'_>, path: &Path, notes: &mut Vec<Warning>) -> Result<Sce
     let route = route::route(&log.states, &map);
     let tracks = tracks::tracks(&all_tracks, &sdc, &window, notes)?;
     let place = metadata.get("map").and_then(|map| map.text()).unwrap_or_default();
-    let intrinsics = Intrinsics::centred(160, 96, 70f64.to_radians());
-    let id = CameraId::new("front").expect("a plain word is an id");
     Ok(Scene {
         name: name(root, path),
         family: String::new(),
@@ -76,7 +72,7 @@ fn convert(root: &View<'_>, path: &Path, notes: &mut Vec<Warning>) -> Result<Sce
         ego_log: log.states,
         route,
         tracks,
-        cameras: vec![CameraModel::mounted(id, intrinsics, DVec3::new(1.5, 0.0, 1.6), 0.0, 0.05)],
+        cameras: vec![usual_camera()],
         prompt: prompt(&place),
         origin: origin(root, &dataset),
     })
@@ -85,11 +81,7 @@ fn convert(root: &View<'_>, path: &Path, notes: &mut Vec<Warning>) -> Result<Sce
 /// Returns the scenario's name: the file's id, made safe for file names.
 fn name(root: &View<'_>, path: &Path) -> String {
     let stem = || path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-    let id = root.get("id").and_then(|id| id.text()).filter(|id| !id.is_empty()).unwrap_or_else(stem);
-    let safe = |c: char| if c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.') { c } else { '-' };
-    let name: String = id.chars().map(safe).take(80).collect();
-    let name = name.trim_start_matches('.');
-    if name.is_empty() { "imported".to_owned() } else { name.to_owned() }
+    safe_name(&root.get("id").and_then(|id| id.text()).filter(|id| !id.is_empty()).unwrap_or_else(stem))
 }
 
 /// Returns the time between ticks: `sample_rate`, else the middle step of `ts` (or `timestamps`), else 0.1 s.

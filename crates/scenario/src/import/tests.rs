@@ -99,7 +99,7 @@ fn compare_map(scene: &Scene, json: &Json) {
 fn drives_equal_their_json_siblings() {
     let Some(folder) = drives() else { return };
     for name in SCENES {
-        let (scene, warnings) = read(&folder.join(format!("sd_nuscenes_v1.0-mini_scene-{name}.pkl"))).expect(name);
+        let (scene, warnings) = open(&folder.join(format!("sd_nuscenes_v1.0-mini_scene-{name}.pkl"))).expect(name);
         let text = std::fs::read_to_string(folder.join(format!("scene-{name}.json"))).expect("the sibling is there");
         let json: Json = serde_json::from_str(&text).expect("the sibling is JSON");
         assert_eq!(scene.name, format!("scene-{name}"));
@@ -116,7 +116,7 @@ fn drives_equal_their_json_siblings() {
 fn drives_are_whole_scenes() {
     let Some(folder) = drives() else { return };
     for name in SCENES {
-        let (scene, _) = read(&folder.join(format!("sd_nuscenes_v1.0-mini_scene-{name}.pkl"))).expect(name);
+        let (scene, _) = open(&folder.join(format!("sd_nuscenes_v1.0-mini_scene-{name}.pkl"))).expect(name);
         let on_road = |state: &&ds_world::EgoState| {
             scene.map.drivable.iter().any(|polygon| area::holds(polygon, state.pose.position))
         };
@@ -172,12 +172,13 @@ fn a_folder_gives_one_file_for_each_log() {
     let Some(folder) = drives() else { return };
     let out = tempfile::tempdir().expect("a temporary folder can be made");
     let mut heard = 0;
-    let results = import_path(folder, out.path(), &mut |_| heard += 1).expect("the folder can be read");
+    let results =
+        import_path(Format::ScenarioNet, folder, out.path(), &mut |_| heard += 1).expect("the folder can be read");
     assert_eq!((results.len(), heard), (6, 6));
     for imported in results {
         let (file, _) = imported.outcome.expect("every drive imports");
         let (scene, _) = crate::load(&file).expect("imported scenarios load");
-        assert_eq!(read(&imported.log).expect("it imported before").0, scene);
+        assert_eq!(open(&imported.log).expect("it imported before").0, scene);
     }
 }
 
@@ -329,7 +330,7 @@ fn fields_that_do_not_fit_are_named() {
 #[test]
 fn a_folder_without_logs_and_a_missing_file_are_errors() {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
-    let import = |path: &Path| import_path(path, folder.path(), &mut |_| ());
+    let import = |path: &Path| import_path(Format::ScenarioNet, path, folder.path(), &mut |_| ());
     assert!(matches!(import(folder.path()), Err(ImportError::Empty { .. })));
     assert!(matches!(import(&folder.path().join("nowhere.pkl")), Err(ImportError::Read { .. })));
     std::fs::write(folder.path().join("a.pkl"), b"cos\nsystem\n(S'true'\ntR.").expect("it can be written");

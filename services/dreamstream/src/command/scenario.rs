@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use ds_process::maker::chain;
+use ds_scenario::Format;
 use indicatif::ProgressBar;
 
 use crate::cli::{ImportArgs, ScenarioCommand};
@@ -77,16 +78,16 @@ fn list(paths: &[PathBuf]) -> Result<()> {
 pub(crate) fn import(args: &ImportArgs) -> Result<()> {
     let mut refused = 0;
     for path in &args.paths {
-        refused += import_one(path, &args.out).with_context(|| format!("import of {}", path.display()))?;
+        refused += import_one(args.format, path, &args.out).with_context(|| format!("import of {}", path.display()))?;
     }
     ensure!(refused == 0, "{refused} of the logs were refused");
     Ok(())
 }
 
-fn import_one(path: &Path, out: &Path) -> Result<usize> {
+fn import_one(format: Format, path: &Path, out: &Path) -> Result<usize> {
     let spinner = ProgressBar::new_spinner();
     let mut refused = 0;
-    ds_scenario::import::import_path(path, out, &mut |imported| {
+    ds_scenario::import_path(format, path, out, &mut |imported| {
         spinner.tick();
         match &imported.outcome {
             Ok((written, warnings)) => {

@@ -53,30 +53,49 @@ pub(super) fn log(track: &View<'_>, dt_secs: f64, dataset: &str, notes: &mut Vec
         notes.push(Warning { at: "tracks".to_owned(), message: format!("all positions are moved by -{origin}") });
     }
     let window = Window { origin, first, count: last - first + 1 };
-    let mut headings: Vec<f64> = Vec::new();
-    for tick in first..=last {
-        let raw = heading.get(tick, 0);
-        if !raw.is_finite() {
-            return Err(state.fault(format!("has heading[{tick}] {raw}")));
-        }
-        headings.push(headings.last().map_or(raw, |before| before + angle::turn(*before, raw)));
+    let headings: Vec<f64> = (first..=last).map(|tick| heading.get(tick, 0)).collect();
+    if let Some(tick) = headings.iter().position(|heading| !heading.is_finite()) {
+        return Err(state.fault(format!("has heading[{}] {}", first + tick, headings[tick])));
     }
-    let mut points: Vec<DVec2> = position[first..=last].iter().map(|point| *point - origin).collect();
+    let points: Vec<DVec2> = position[first..=last].iter().map(|point| *point - origin).collect();
     let gaps: Vec<bool> = (first..=last).map(|tick| !is_valid(&tick)).collect();
-    fill(&mut points, &mut headings, &gaps);
     let vehicle = vehicle(&state, dataset, notes);
-    let ahead_m = reference(&points, &headings, &vehicle, dataset);
-    for (point, heading) in points.iter_mut().zip(&headings) {
-        *point -= DVec2::from_angle(*heading) * ahead_m;
-    }
-    if ahead_m > 0.0 {
-        notes.push(Warning {
-            at: track.at().to_owned(),
-            message: format!("positions are the box centre; moved back {ahead_m:.3} m to the rear axle"),
-        });
-    }
-    let states = states(&points, &headings, &vehicle, dt_secs);
+    let states = Recording { points, headings, gaps, dt_secs }.states(&vehicle, dataset, track.at(), notes);
     Ok(Log { vehicle, states, window })
+}
+
+/// A recorded path, one point and heading per tick; where there is a gap, neither counts.
+#[derive(Debug)]
+pub(in crate::import) struct Recording {
+    pub points: Vec<DVec2>,
+    pub headings: Vec<f64>,
+    pub gaps: Vec<bool>,
+    pub dt_secs: f64,
+}
+
+impl Recording {
+    /// Returns the states at the rear axle.
+    pub(in crate::import) fn states(
+        mut self,
+        vehicle: &VehicleParameters,
+        dataset: &str,
+        at: &str,
+        notes: &mut Vec<Warning>,
+    ) -> Vec<EgoState> {
+        for i in 1..self.headings.len() {
+            self.headings[i] = self.headings[i - 1] + angle::turn(self.headings[i - 1], self.headings[i]);
+        }
+        fill(&mut self.points, &mut self.headings, &self.gaps);
+        let ahead_m = reference(&self.points, &self.headings, vehicle, dataset);
+        for (point, heading) in self.points.iter_mut().zip(&self.headings) {
+            *point -= DVec2::from_angle(*heading) * ahead_m;
+        }
+        if ahead_m > 0.0 {
+            let message = format!("positions are the box centre; moved back {ahead_m:.3} m to the rear axle");
+            notes.push(Warning { at: at.to_owned(), message });
+        }
+        states(&self.points, &self.headings, vehicle, self.dt_secs)
+    }
 }
 
 /// Fills ticks without a valid state between their neighbours.

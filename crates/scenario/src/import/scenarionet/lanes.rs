@@ -22,11 +22,11 @@ const LINK_RAD: f64 = 0.6;
 
 /// The links of a lane as the file names them.
 #[derive(Debug, Default)]
-struct Links {
-    exits: Vec<String>,
-    entries: Vec<String>,
-    left: Vec<String>,
-    right: Vec<String>,
+pub(in crate::import) struct Links {
+    pub exits: Vec<String>,
+    pub entries: Vec<String>,
+    pub left: Vec<String>,
+    pub right: Vec<String>,
 }
 
 pub(super) fn map(
@@ -232,7 +232,7 @@ fn link(map: &mut Map, from: usize, to: usize) {
     }
 }
 
-fn link_by_name(map: &mut Map, links: &[Links]) {
+pub(in crate::import) fn link_by_name(map: &mut Map, links: &[Links]) {
     let index: BTreeMap<String, usize> = map.lanes.iter().enumerate().map(|(i, lane)| (lane.name.clone(), i)).collect();
     for (i, links) in links.iter().enumerate() {
         for exit in links.exits.iter().filter_map(|name| index.get(name)) {

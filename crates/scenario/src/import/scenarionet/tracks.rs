@@ -19,7 +19,8 @@ fn class(kind: &str) -> Option<AgentClass> {
     }
 }
 
-fn usual(class: AgentClass) -> Size {
+/// Returns the usual size of a class.
+pub(in crate::import) fn usual(class: AgentClass) -> Size {
     let (length_m, width_m, height_m) = match class {
         AgentClass::Vehicle => (4.6, 1.9, 1.6),
         AgentClass::Pedestrian => (0.7, 0.7, 1.75),
