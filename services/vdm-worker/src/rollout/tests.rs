@@ -59,6 +59,7 @@ fn scene(model: &VideoModel) -> Arc<SceneMessage> {
         effects: Vec::new(),
         vehicle_log: false,
         observation_delay: 0,
+        layout_memory_ticks: 0,
     };
     let first_frames = (0u16..).take(CAMERAS.len()).map(|camera| picture(camera, 0)).collect();
     Arc::new(SceneMessage { spec, scene: Arc::new(scene), first_frames })
