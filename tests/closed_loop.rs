@@ -35,6 +35,22 @@ fn every_observation_source_drives() {
 }
 
 #[test]
+fn a_published_model_drives_and_replays() {
+    let model = ["--model", "configs/models/wan-smoke.toml", "--video-backend", "framework"];
+    let settings = ["--observation", "dreamstream", "--policy", "constant-velocity", "--duration", "3"];
+    let drive = drive(&[&[TINY][..], &model, &settings].concat());
+    check_episode(drive.episode(0), 30);
+    let recording = drive.recording(0);
+    let recording = recording.to_str().expect("UTF-8");
+    for from in ["0", "4"] {
+        let replay = ["replay", recording, "--service", "vdm-worker", "--from-iteration", from];
+        let output = dreamstream(&[&replay[..], &model].concat()).output().expect("the binary runs");
+        let told = String::from_utf8_lossy(&output.stdout);
+        assert!(output.status.success() && told.contains(" 0 differ"), "{told}");
+    }
+}
+
+#[test]
 fn the_log_replay_policy_follows_the_log() {
     let drive = drive(&["scenarios/base", "--policy", "log-replay", "--observation", "layout", "--workers", "2"]);
     let episodes = drive.results["episodes"].as_array().expect("a list");

@@ -87,7 +87,9 @@ pub fn restore_inputs(outline: &Outline, role: Role, advance: &Advance) -> Vec<S
         Role::Video => {
             let chunks = outline.spec.chunks_of(advance.iteration).start;
             let committed = chunks.saturating_sub(1) * outline.spec.chunk_ticks;
-            let mut slots = of_cameras(Topic::Layout, (Tick(committed + 1), before), outline.cameras);
+            let remembered = outline.spec.layout_memory_ticks;
+            let first = if remembered > 0 { committed.saturating_sub(remembered) } else { committed + 1 };
+            let mut slots = of_cameras(Topic::Layout, (Tick(first), before), outline.cameras);
             for chunk in 0..chunks {
                 slots.extend((0..outline.cameras).map(|camera| Slot::of_camera(Topic::Cache, chunk, camera)));
             }

@@ -47,6 +47,7 @@ fn outline() -> Outline {
         effects: Vec::new(),
         vehicle_log: false,
         observation_delay: 0,
+        layout_memory_ticks: 0,
     };
     Outline { spec, cameras: 1, dt: SimTime(100_000_000) }
 }

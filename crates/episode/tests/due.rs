@@ -8,8 +8,8 @@ use ds_topic::{Advance, AgentMode, EpisodeSpec, Motion, ObservationSource, Repla
 use proptest::prelude::*;
 
 fn outlines() -> impl Strategy<Value = Outline> {
-    (1..5_u32, 1..4_u32, 0..4_u32, 1..14_u32, 0..4_u32, 1..3_u16).prop_map(
-        |(replan_period, history, warm_up, last, chunk_ticks, cameras)| {
+    (1..5_u32, 1..4_u32, 0..4_u32, 1..14_u32, 0..4_u32, 1..3_u16, 0..9_u32).prop_map(
+        |(replan_period, history, warm_up, last, chunk_ticks, cameras, layout_memory_ticks)| {
             let video = chunk_ticks > 0;
             let spec = EpisodeSpec {
                 episode: EpisodeId::new("e").expect("a valid id"),
@@ -37,6 +37,7 @@ fn outlines() -> impl Strategy<Value = Outline> {
                 effects: Vec::new(),
                 vehicle_log: false,
                 observation_delay: 0,
+                layout_memory_ticks,
             };
             Outline { spec, cameras, dt: SimTime(100_000_000) }
         },

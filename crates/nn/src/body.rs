@@ -222,7 +222,9 @@ impl Transformer for Dit {
     }
 
     fn control_values(&self, control: &Control) -> Array {
-        control.0.graph().values()
+        let values = control.0.graph().values();
+        // Without channels the graph holds a placeholder.
+        if self.shape.control_channels > 0 { values } else { Array::zeros(&[1, values.shape()[1], 4, 0]) }
     }
 
     fn window(&self, frames: &[(&FrameKv, usize)], current: &[usize]) -> Window {

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 use ds_space::{Digest, DigestWriter};
 
+use crate::array::Array;
 use crate::attention::{Rotation, Visible};
 use crate::body::{Held, Transformer};
 use crate::dit::Dit;
@@ -138,11 +139,22 @@ impl KvCache {
 
     /// Appends a chunk; frames beyond the window fall out.
     pub fn commit(&mut self, chunk: &ChunkKv) {
+        self.extend(|writer| chunk.digest_into(writer));
+        self.append(chunk);
+    }
+
+    /// As [`Self::commit`], but the output of the pass that made the keys and values stands for them in the digest: it
+    /// depends on all of them, and they stay on the device.
+    pub fn commit_by(&mut self, chunk: &ChunkKv, output: &Array) {
+        self.extend(|writer| output.digest_into(writer));
+        self.append(chunk);
+    }
+
+    fn extend(&mut self, add: impl FnOnce(&mut DigestWriter)) {
         let mut writer = DigestWriter::new();
         writer.digest(&self.digest);
-        chunk.digest_into(&mut writer);
+        add(&mut writer);
         self.digest = writer.finish();
-        self.append(chunk);
     }
 
     /// As [`Self::commit`], but leaves the digest behind: nothing is read back from the device.

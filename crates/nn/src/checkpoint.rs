@@ -7,6 +7,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use ds_space::{Digest, DigestWriter};
+
 use crate::array::{Array, Declared, Weights};
 
 mod error;
@@ -109,6 +111,16 @@ impl Checkpoint {
         let mut files = Files::open(path)?;
         files.views = naming::unwrapped(std::mem::take(&mut files.views), part)?;
         Ok(Self { files })
+    }
+
+    /// Returns the digest of all bytes of the files; all of them are read.
+    #[must_use]
+    pub fn digest(&self) -> Digest {
+        let mut writer = DigestWriter::new();
+        for map in &self.files.maps {
+            writer.u64(map.len() as u64).raw(map);
+        }
+        writer.finish()
     }
 
     /// Returns all names and shapes, in name order.

@@ -253,9 +253,12 @@ impl Dit {
         })
     }
 
-    /// Reads a control latent [frames, tokens, 4, channels] back from its values.
+    /// Reads a control latent [frames, tokens, 4, channels] back from its values; none where there are no channels.
     #[must_use]
     pub fn control_of(&self, latent: &Array) -> Control {
+        if self.shape.control_channels == 0 {
+            return self.control_off(latent.shape()[0]);
+        }
         let shape = [1, latent.values().len() / (4 * self.shape.control_channels), 4, self.shape.control_channels];
         Control(self.graph.tensor::<4>(&Array::new(&shape, latent.values().to_vec())))
     }

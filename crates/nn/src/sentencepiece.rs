@@ -7,6 +7,8 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use ds_space::Digest;
+
 /// The longest accepted model, in bytes.
 const MAX_FILE_BYTES: u64 = 64 << 20;
 /// What the unknown token costs beyond the worst piece.
@@ -139,6 +141,8 @@ pub struct Tokeniser {
     table: Table,
     dummy_prefix: bool,
     end: Option<u32>,
+    size: u32,
+    digest: Digest,
 }
 
 impl Tokeniser {
@@ -168,6 +172,8 @@ impl Tokeniser {
             table: Table::default(),
             dummy_prefix: true,
             end: None,
+            size: 0,
+            digest: Digest::of(model),
         };
         let (mut byte_tokens, mut worst, mut id) = (Vec::new(), f32::INFINITY, 0);
         for (field, value) in fields(model)? {
@@ -194,6 +200,7 @@ impl Tokeniser {
         }
         made.unknown_score = worst - UNKNOWN_PENALTY;
         made.bytes = (byte_tokens.len() == 256).then_some(byte_tokens);
+        made.size = id;
         Ok(made)
     }
 
@@ -238,6 +245,18 @@ impl Tokeniser {
             }
         }
         Ok(())
+    }
+
+    /// Returns the number of tokens, special ones included; every token is below it.
+    #[must_use]
+    pub fn size(&self) -> u32 {
+        self.size
+    }
+
+    /// Returns the digest of the model file.
+    #[must_use]
+    pub fn digest(&self) -> Digest {
+        self.digest
     }
 
     /// Returns the tokens of a text, at most `limit` with the end token last, as UMT5 takes them. Runs of white space

@@ -50,16 +50,6 @@ impl WanMemory {
         }
         writer.finish()
     }
-
-    /// Returns the number of values that are remembered.
-    #[must_use]
-    pub fn values(&self) -> usize {
-        let count = |slot: &Slot| match slot {
-            Slot::Frames(frames) => frames.dims().iter().product(),
-            Slot::Empty | Slot::First => 0,
-        };
-        self.slots.iter().map(count).sum()
-    }
 }
 
 /// An autoencoder bound to the device.

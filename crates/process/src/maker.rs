@@ -53,6 +53,8 @@ pub struct Abilities {
     pub video_model: Digest,
     /// Ticks per chunk of the video model; 0 without one.
     pub chunk_ticks: u32,
+    /// Ticks before the last committed one whose layouts the video model remembers.
+    pub layout_memory_ticks: u32,
     /// Digest of the camera policy; zero without one.
     pub policy_model: Digest,
     /// Devices that it sees.

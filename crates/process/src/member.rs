@@ -128,6 +128,7 @@ impl Member {
             offers: Vec::new(),
             video_model: abilities.video_model.0.to_vec().into(),
             chunk_ticks: abilities.chunk_ticks,
+            layout_memory_ticks: abilities.layout_memory_ticks,
             policy_model: abilities.policy_model.0.to_vec().into(),
         }
     }

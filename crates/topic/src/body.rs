@@ -306,6 +306,9 @@ impl SceneMessage {
         if spec.vehicle_log || spec.observation_delay > 0 {
             writer.bool(spec.vehicle_log).u32(spec.observation_delay);
         }
+        if spec.layout_memory_ticks > 0 {
+            writer.text("layout_memory_ticks").u32(spec.layout_memory_ticks);
+        }
         writer.digest(&self.scene.digest).u64(self.first_frames.len() as u64);
         for frame in &self.first_frames {
             frame.digest_into(writer);

@@ -16,5 +16,6 @@ pub use envelope::{Envelope, Header, SCHEMA_VERSION};
 pub use order::{Advance, Motion, Owner, Role};
 pub use slot::{Slot, Topic};
 pub use spec::{
-    AgentMode, EpisodeSpec, ObservationSource, ProposalScorer, ReplanAlignment, ScoreProfile, SwitchedEffect,
+    AgentMode, EpisodeSpec, MAX_LAYOUT_MEMORY_TICKS, ObservationSource, ProposalScorer, ReplanAlignment, ScoreProfile,
+    SwitchedEffect,
 };

@@ -215,7 +215,12 @@ pub struct EpisodeSpec {
     pub vehicle_log: bool,
     /// Ticks by which the frames that the policy sees are older than its plan.
     pub observation_delay: u32,
+    /// Ticks before the last committed one whose layouts a fresh video worker needs too; 0 where none are remembered.
+    pub layout_memory_ticks: u32,
 }
+
+/// The most that a spec may say of `layout_memory_ticks`.
+pub const MAX_LAYOUT_MEMORY_TICKS: u32 = 512;
 
 impl EpisodeSpec {
     /// Returns the key of the episode's random draws: never the id, the policy or the observation source.

@@ -10,6 +10,9 @@ use ds_space::{Digest, DigestWriter};
 use serde::{Deserialize, Serialize};
 
 mod check;
+mod published;
+
+pub use published::{ImageEncoderConfig, TextEncoderConfig, WeightsConfig};
 
 /// Says why a configuration is refused.
 #[derive(Debug, thiserror::Error)]
@@ -61,6 +64,15 @@ pub struct ModelConfig {
     /// Number formats.
     #[serde(default, skip_serializing_if = "is_default")]
     pub precision: PrecisionConfig,
+    /// The files of a published model.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub weights: WeightsConfig,
+    /// The prompt encoder of a published model.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub text_encoder: TextEncoderConfig,
+    /// The image encoder of a published model.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub image_encoder: ImageEncoderConfig,
 }
 
 /// Number formats of published weights; own models are f32.
@@ -196,6 +208,9 @@ pub struct VaeConfig {
     pub stride_t: usize,
     /// Pixels per latent pixel: 8, or 16 for `wan22`.
     pub stride_s: usize,
+    /// Base width of both halves of Wan's autoencoder; 0 for the published one.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub width: usize,
     /// Width of the encoder; this and what follows belong to `tiny`.
     #[serde(default)]
     pub encoder_width: usize,
@@ -378,11 +393,17 @@ impl ModelConfig {
     /// Returns the sizes of Wan's autoencoder, if that is the kind; the tiny one takes latents of Wan2.1.
     #[must_use]
     pub fn wan_vae(&self) -> Option<WanVaeShape> {
-        match self.vae.kind.as_str() {
-            "wan21" | "taew21" => Some(WanVaeShape::WAN21),
-            "wan22" => Some(WanVaeShape::WAN22),
-            _ => None,
-        }
+        let published = match self.vae.kind.as_str() {
+            "wan21" | "taew21" => WanVaeShape::WAN21,
+            "wan22" => WanVaeShape::WAN22,
+            _ => return None,
+        };
+        let width = self.vae.width;
+        Some(if width == 0 {
+            published
+        } else {
+            WanVaeShape { encoder_width: width, decoder_width: width, ..published }
+        })
     }
 
     /// Returns the sizes of the own autoencoder.
@@ -423,10 +444,11 @@ impl ModelConfig {
         }
     }
 
-    /// Returns the digest of the configuration's values.
+    /// Returns the digest of the configuration's values; where files lie is none of them.
     #[must_use]
     pub fn digest(&self) -> Digest {
-        let text = toml::to_string(self).expect("the configuration came from TOML");
+        let weights = WeightsConfig { drawn: self.weights.drawn, ..WeightsConfig::default() };
+        let text = toml::to_string(&Self { weights, ..self.clone() }).expect("the configuration came from TOML");
         DigestWriter::new().text(&text).finish()
     }
 }

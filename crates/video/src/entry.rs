@@ -17,6 +17,11 @@ impl Latent {
         Self { shape: array.shape().iter().map(|side| *side as u32).collect(), values: array.values().to_vec() }
     }
 
+    pub(crate) fn digest(&self) -> Digest {
+        let shape: Vec<usize> = self.shape.iter().map(|side| *side as usize).collect();
+        Array::new(&shape, self.values.clone()).digest()
+    }
+
     /// Returns the array if it has the expected shape and is finite.
     pub(crate) fn checked(&self, shape: &[usize]) -> Result<Array, String> {
         let fits = self.shape.len() == shape.len() && self.shape.iter().zip(shape).all(|(a, b)| *a as usize == *b);
@@ -48,10 +53,11 @@ pub struct CacheEntry {
     pub control: Latent,
     /// Digest of all that does not change during a rollout: draw key, camera, prompt, first frame.
     pub conditioning: Digest,
-    /// Digest over all keys and values committed so far.
+    /// Digest over all keys and values committed so far; of a published model over the outputs of the passes that made
+    /// them.
     pub cache_digest: Digest,
-    /// Digest of the encoder's memory (the first frame is all that is encoded).
+    /// Digest of the encoder's memory after the first frame, or of the first frame's latent.
     pub encoder_digest: Digest,
-    /// Digest of the decoder's memory after the chunk.
+    /// Digest of the decoder's memory after the chunk; of a published model over the last frame of every chunk.
     pub decoder_digest: Digest,
 }

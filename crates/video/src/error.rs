@@ -19,13 +19,36 @@ pub enum VideoError {
     /// The device is not there.
     #[error("the device is refused")]
     Device(#[from] ds_nn::device::DeviceError),
-    /// The configuration is of a published model.
-    #[error(
-        "configuration {name:?} is of published weights, which rollouts do not drive; see docs/wan.md for what does"
-    )]
-    Published {
-        /// Name of the preset.
-        name: String,
+    /// A file of a published model is wrong.
+    #[error("{key} is refused")]
+    Checkpoint {
+        /// The configuration's key that names it.
+        key: &'static str,
+        /// What is wrong.
+        #[source]
+        source: ds_nn::checkpoint::CheckpointError,
+    },
+    /// The tokeniser of a published model is wrong.
+    #[error("weights.tokeniser is refused")]
+    Tokeniser(#[from] ds_nn::sentencepiece::TokeniserError),
+    /// The tokeniser has tokens that the prompt encoder does not know.
+    #[error("weights.tokeniser has {tokens} tokens, text_encoder.vocabulary is {vocabulary}")]
+    Vocabulary {
+        /// Tokens of the tokeniser.
+        tokens: usize,
+        /// Tokens of the encoder.
+        vocabulary: usize,
+    },
+    /// The prompt encoder's table of embeddings cannot be read.
+    #[error("the prompt cannot be encoded")]
+    Prompt(#[source] ds_nn::checkpoint::CheckpointError),
+    /// A replay was given too few layouts for the encoder's memory of them.
+    #[error("{found} layouts before the last commit, {expected} expected")]
+    Remembered {
+        /// Layouts given.
+        found: usize,
+        /// Layouts needed.
+        expected: usize,
     },
     /// The weights were trained for another configuration.
     #[error("weights belong to configuration {found:?}, not to {expected:?}")]

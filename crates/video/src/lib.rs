@@ -4,6 +4,8 @@
 //! episode: a cache of early-timestep keys and values with a permanent sink, and the memory of the streaming decoder.
 //! Everything is a pure function of weights, draw key, prompt, first frame and layouts; no clock, no files but weights.
 
+mod codec;
+mod conditions;
 pub mod config;
 mod denoising;
 mod entry;
@@ -11,6 +13,7 @@ mod error;
 mod model;
 pub mod pixels;
 pub mod prompt;
+mod published;
 mod rollout;
 pub mod sampler;
 #[cfg(test)]

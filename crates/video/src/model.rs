@@ -1,7 +1,8 @@
 //! A model's weights bound for inference, shared by all rollouts of a process.
 //!
-//! The weights file holds `dit.*`, `vae.encoder.*`, `vae.decoder.*` and the statistics `vae.latent.mean` and
-//! `vae.latent.std`; its metadata may name the digest of the configuration it was trained for.
+//! The weights file of an own model holds `dit.*`, `vae.encoder.*`, `vae.decoder.*` and the statistics `vae.latent.mean`
+//! and `vae.latent.std`; its metadata may name the digest of the configuration it was trained for. A published model has
+//! a file for each of its networks.
 
 use std::path::Path;
 
@@ -10,8 +11,11 @@ use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Declared, Initial, Weights, WeightsError};
 use ds_space::{Digest, DigestWriter};
 
+use crate::codec::Codec;
+use crate::conditions::Conditions;
 use crate::config::ModelConfig;
 use crate::error::VideoError;
+use crate::published::{self, Parts};
 
 /// Metadata key of the configuration's digest.
 pub(crate) const CONFIG_DIGEST: &str = "config_digest";
@@ -21,9 +25,8 @@ pub struct VideoModel {
     config: ModelConfig,
     backend: Backend,
     pub(crate) dit: Box<dyn Transformer>,
-    pub(crate) ae: Box<dyn Autoencoder>,
-    mean: Vec<f32>,
-    std: Vec<f32>,
+    pub(crate) codec: Codec,
+    pub(crate) conditions: Conditions,
     digest: Digest,
 }
 
@@ -36,14 +39,18 @@ impl VideoModel {
         Self::load_on(Backend::default(), config, weights)
     }
 
-    /// Reads a weights file for a configuration and a back end.
+    /// Reads a weights file for a configuration and a back end; of a published model the folder that its files lie in,
+    /// or none where `weights.drawn` says so.
     ///
     /// # Errors
-    /// If the device is absent, the file is broken, names another configuration, or does not hold exactly the model's
-    /// weights, or if the configuration is of a published model.
+    /// If the device is absent, or a file is broken, names another configuration, or does not hold exactly the model's
+    /// weights, or if a published model is to run on the processor's own path.
     pub fn load_on(backend: Backend, config: &ModelConfig, weights: &Path) -> Result<Self, VideoError> {
+        if config.weights.drawn {
+            return Self::drawn(backend, config);
+        }
         if config.is_published() {
-            return Err(VideoError::Published { name: config.name.clone() });
+            return Ok(Self::of(backend, config, published::load(backend, config, weights)?));
         }
         backend.ready()?;
         let file = WeightsFile::read(weights)?;
@@ -54,6 +61,23 @@ impl VideoModel {
         Ok(Self::new_on(backend, config, &file.weights)?)
     }
 
+    /// Makes a published model of drawn weights, hashed words and drawn states of CLIP, whatever its configuration says
+    /// of files: for trials of speed and wiring.
+    ///
+    /// # Errors
+    /// If the device is absent or the processor's own path.
+    ///
+    /// # Panics
+    /// If the configuration is not of a published model.
+    pub fn drawn(backend: Backend, config: &ModelConfig) -> Result<Self, VideoError> {
+        Ok(Self::of(backend, config, published::drawn(backend, config)?))
+    }
+
+    fn of(backend: Backend, config: &ModelConfig, parts: Parts) -> Self {
+        let Parts { dit, codec, conditions, digest } = parts;
+        Self { config: config.clone(), backend, dit, codec, conditions, digest }
+    }
+
     /// Makes a model of first weights drawn from a seed: for tests and for the start of training.
     #[must_use]
     pub fn untrained(config: &ModelConfig, seed: &Digest) -> Self {
@@ -61,7 +85,7 @@ impl VideoModel {
         Self::new(config, &weights).expect("initialised weights fit their declarations")
     }
 
-    /// Lists all weights of a configuration.
+    /// Lists all weights of an own model's configuration.
     #[must_use]
     pub fn declare(config: &ModelConfig) -> Vec<Declared> {
         let under = |prefix: &'static str| move |d: Declared| Declared { name: format!("{prefix}{}", d.name), ..d };
@@ -97,8 +121,8 @@ impl VideoModel {
         vae.remove("latent.std");
         let digest = DigestWriter::new().digest(&config.digest()).digest(&weights.digest()).finish();
         let dit = backend.transformer(&config.dit(), &weights.part("dit."))?;
-        let ae = backend.autoencoder(&config.ae(), &vae)?;
-        Ok(Self { config: config.clone(), backend, dit, ae, mean, std, digest })
+        let codec = Codec::own(backend.autoencoder(&config.ae(), &vae)?, mean, std);
+        Ok(Self::of(backend, config, Parts { dit, codec, conditions: Conditions::Hashed, digest }))
     }
 
     /// Returns the configuration.
@@ -119,10 +143,13 @@ impl VideoModel {
         &*self.dit
     }
 
-    /// Returns the autoencoder.
+    /// Returns the autoencoder of an own model.
+    ///
+    /// # Panics
+    /// If the model is a published one.
     #[must_use]
     pub fn autoencoder(&self) -> &dyn Autoencoder {
-        &*self.ae
+        self.codec.autoencoder().expect("the model is an own one")
     }
 
     /// Returns the digest of configuration and weights.
@@ -133,23 +160,13 @@ impl VideoModel {
 
     /// Brings latents, channels last, to zero mean and unit deviation.
     #[must_use]
-    pub fn normalised(&self, mut latents: Array) -> Array {
-        for pixel in latents.values_mut().chunks_exact_mut(self.mean.len()) {
-            for (channel, value) in pixel.iter_mut().enumerate() {
-                *value = (*value - self.mean[channel]) / self.std[channel];
-            }
-        }
-        latents
+    pub fn normalised(&self, latents: Array) -> Array {
+        self.codec.normalised(latents)
     }
 
     /// Undoes [`Self::normalised`].
     #[must_use]
-    pub fn denormalised(&self, mut latents: Array) -> Array {
-        for pixel in latents.values_mut().chunks_exact_mut(self.mean.len()) {
-            for (channel, value) in pixel.iter_mut().enumerate() {
-                *value = *value * self.std[channel] + self.mean[channel];
-            }
-        }
-        latents
+    pub fn denormalised(&self, latents: Array) -> Array {
+        self.codec.denormalised(latents)
     }
 }

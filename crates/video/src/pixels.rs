@@ -56,6 +56,28 @@ pub fn from_tokens(tokens: &[f32], h: usize, w: usize) -> Vec<f32> {
     values
 }
 
+/// Reorders latents [frames, h, w, c] into tokens [frames, h/2 · w/2, 4, c].
+///
+/// # Panics
+/// If the array has not four axes.
+#[must_use]
+pub fn latents_to_tokens(latents: &Array) -> Array {
+    let [frames, h, w, c]: [usize; 4] = latents.shape().try_into().expect("latents have four axes");
+    let tokens = latents.values().chunks_exact((h * w * c).max(1)).flat_map(|frame| to_tokens(frame, h, w));
+    Array::new(&[frames, h * w / 4, 4, c], tokens.collect())
+}
+
+/// Reorders tokens [frames, h/2 · w/2, 4, c] into latents [frames, h, w, c].
+///
+/// # Panics
+/// If the array has not four axes.
+#[must_use]
+pub fn tokens_to_latents(tokens: &Array, h: usize, w: usize) -> Array {
+    let [frames, n, pixels, c]: [usize; 4] = tokens.shape().try_into().expect("tokens have four axes");
+    let latents = tokens.values().chunks_exact((n * pixels * c).max(1)).flat_map(|frame| from_tokens(frame, h, w));
+    Array::new(&[frames, h, w, c], latents.collect())
+}
+
 /// Turns one frame of [height, width, 3] values, −1 to 1, into an image.
 ///
 /// # Panics
@@ -117,6 +139,8 @@ mod tests {
         let values: Vec<f32> = (0..4 * 6 * 3).map(|i| i as f32).collect();
         let tokens = to_tokens(&values, 4, 6);
         assert_eq!(from_tokens(&tokens, 4, 6), values);
+        let latents = Array::new(&[2, 4, 6, 3], values.repeat(2));
+        assert_eq!(tokens_to_latents(&latents_to_tokens(&latents), 4, 6), latents);
         assert_eq!(tokens[3..6], values[3..6], "the second pixel of a token lies to the right");
         assert_eq!(tokens[6..9], values[18..21], "the third lies below the first");
     }

@@ -11,6 +11,12 @@ use ds_space::{Digest, Draws};
 /// At most this many bytes of a prompt are read.
 pub const MAX_PROMPT_BYTES: usize = 4_096;
 
+/// Returns what is read of a prompt.
+pub(crate) fn bounded(prompt: &str) -> &str {
+    let end = (0..=prompt.len().min(MAX_PROMPT_BYTES)).rev().find(|end| prompt.is_char_boundary(*end)).unwrap_or(0);
+    &prompt[..end]
+}
+
 /// Embeds a prompt as [1, tokens, width].
 #[must_use]
 pub fn hashed(prompt: &str, tokens: usize, width: usize) -> Array {
@@ -18,8 +24,7 @@ pub fn hashed(prompt: &str, tokens: usize, width: usize) -> Array {
     if tokens == 0 || width == 0 {
         return array;
     }
-    let end = (0..=prompt.len().min(MAX_PROMPT_BYTES)).rev().find(|end| prompt.is_char_boundary(*end)).unwrap_or(0);
-    let lower = prompt[..end].to_lowercase();
+    let lower = bounded(prompt).to_lowercase();
     let words: BTreeSet<&str> = lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
     for word in words {
         let draws = Draws::new(&Digest::of(word.as_bytes()), "prompt-word", &[]);

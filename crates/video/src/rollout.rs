@@ -11,15 +11,15 @@ use ds_nn::Array;
 use ds_nn::body::{Chunk, Context, Control};
 use ds_nn::cache::{ChunkKv, KvCache};
 use ds_nn::step::Prediction;
-use ds_nn::tiny_ae::Memory;
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter};
 
+use crate::codec::{DecoderMemory, LayoutMemory};
 use crate::config::{CacheSource, StartConfig};
 use crate::entry::{CacheEntry, Latent};
 use crate::error::VideoError;
 use crate::model::VideoModel;
-use crate::{pixels, prompt, sampler};
+use crate::{pixels, sampler};
 
 /// What a call of [`Rollout::generate`] gives.
 #[derive(Debug, Clone)]
@@ -46,7 +46,9 @@ pub struct Rollout {
     conditioning: Digest,
     encoder_digest: Digest,
     cache: KvCache,
-    decoder: Memory,
+    decoder: DecoderMemory,
+    /// What the encoder remembers of the committed layouts.
+    remembered: LayoutMemory,
     /// The next chunk; 0 is the first frame.
     chunk: u32,
     /// Layouts of the chunk under way, oldest first.
@@ -69,6 +71,11 @@ pub struct Replay<'a> {
     pub first_frame: &'a RgbImage,
     /// The cache log from entry 0 on.
     pub entries: &'a [CacheEntry],
+    /// The layouts before those, oldest first, that [`ModelConfig::layout_memory_ticks`] asks for: of the last committed
+    /// tick and that many before it, or of all ticks from 0 on if there are fewer. More may be given.
+    ///
+    /// [`ModelConfig::layout_memory_ticks`]: crate::ModelConfig::layout_memory_ticks
+    pub past: &'a [RgbImage],
     /// The layouts received since the last commit, fewer than a chunk's.
     pub layouts: &'a [RgbImage],
 }
@@ -76,7 +83,8 @@ pub struct Replay<'a> {
 /// A chunk as made: what is cached, what is decoded.
 struct Made {
     cached_input: Array,
-    kv: ChunkKv,
+    /// Output of the pass that gave what is cached, and what is cached.
+    pass: (Array, ChunkKv),
     clean: Array,
 }
 
@@ -85,7 +93,7 @@ impl Rollout {
     /// Returns the rollout and entry 0 of its cache log.
     ///
     /// # Errors
-    /// If the model gives values that are not finite.
+    /// If the prompt cannot be encoded or the model gives values that are not finite.
     #[expect(clippy::too_many_arguments, reason = "what a rollout begins with, each once")]
     pub fn new(
         model: Arc<VideoModel>,
@@ -95,8 +103,9 @@ impl Rollout {
         first_frame: &RgbImage,
         first_layout: &RgbImage,
     ) -> Result<(Self, CacheEntry), VideoError> {
-        let (rollout, clean) = Self::prepare(model, draw_key, camera, prompt, first_frame);
-        let control = rollout.control(std::slice::from_ref(first_layout));
+        let (mut rollout, clean) = Self::prepare(model, draw_key, camera, prompt, first_frame)?;
+        let (control, remembered) = rollout.control(std::slice::from_ref(first_layout));
+        rollout.remembered = remembered;
         rollout.begin(clean, &control)
     }
 
@@ -107,24 +116,19 @@ impl Rollout {
         camera: &str,
         prompt: &str,
         first_frame: &RgbImage,
-    ) -> (Self, Array) {
+    ) -> Result<(Self, Array), VideoError> {
         let config = model.config();
         let first_frame = pixels::resized(first_frame, config.video.width_px, config.video.height_px);
-        let (h, w) = config.latent_size();
         let (n, z) = (config.dit().tokens(), config.vae.z);
-        let folded = pixels::fold(&vec![&first_frame; config.vae.stride_t]);
-        let mut encoder = Memory::default();
-        let latent = model.ae.encode(&Array::new(&[1, h, w, config.ae().inputs()], folded), &mut encoder);
-        let latent = model.normalised(latent);
-        let clean = Array::new(&[1, n, 4, z], pixels::to_tokens(latent.values(), h, w));
+        let (latent, encoder_digest) = model.codec.encode_first(config, &first_frame);
+        let clean = pixels::latents_to_tokens(&latent);
         let start = match config.model.start {
             StartConfig::First | StartConfig::None => Array::zeros(&[config.causal.chunk, n, 4, z]),
             StartConfig::Every => {
                 Array::new(&[config.causal.chunk, n, 4, z], clean.values().repeat(config.causal.chunk))
             }
         };
-        let text = prompt::hashed(prompt, config.model.text_len, config.model.text_dim);
-        let context = model.dit.context(&text, &clean);
+        let context = model.conditions.context(&*model.dit, &config.model, prompt, (&first_frame, &clean))?;
         let mut conditioning = DigestWriter::new();
         conditioning.digest(&model.digest()).digest(&draw_key).text(camera).text(prompt);
         clean.digest_into(&mut conditioning);
@@ -135,22 +139,23 @@ impl Rollout {
             context,
             start,
             conditioning: conditioning.finish(),
-            encoder_digest: encoder.digest(),
+            encoder_digest,
             cache: KvCache::new(config.cache()),
-            decoder: Memory::default(),
+            decoder: DecoderMemory::default(),
+            remembered: LayoutMemory::default(),
             chunk: 0,
             pending: Vec::new(),
             provisional: Vec::new(),
             model,
         };
-        (rollout, clean)
+        Ok((rollout, clean))
     }
 
     /// Caches the first frame and moves the decoder past it.
     fn begin(mut self, clean: Array, control: &Control) -> Result<(Self, CacheEntry), VideoError> {
-        let kv = self.write(&clean, &clean, control, 0.0);
+        let pass = self.write(&clean, &clean, control, 0.0);
         self.decode(&clean, &[])?;
-        let entry = self.commit(Made { cached_input: clean.clone(), kv, clean }, control);
+        let entry = self.commit(Made { cached_input: clean.clone(), pass, clean }, control);
         Ok((self, entry))
     }
 
@@ -181,7 +186,7 @@ impl Rollout {
                 generated.frames.extend_from_slice(&self.provisional[published..]);
                 break;
             }
-            let control = self.control(&self.pending);
+            let (control, remembered) = self.control(&self.pending);
             let made = self.make(&control)?;
             let layouts = self.pending.clone();
             let frames = self.decode(&made.clean, &layouts)?;
@@ -189,6 +194,7 @@ impl Rollout {
                 generated.seam = mean_difference(&self.provisional, &frames);
             }
             generated.frames.extend_from_slice(&frames[published..]);
+            self.remembered = remembered;
             generated.committed.push(self.commit(made, &control));
         }
         Ok(generated)
@@ -199,12 +205,12 @@ impl Rollout {
     /// # Errors
     /// [`VideoError::Entry`] for an entry that cannot belong here, [`VideoError::RecoveryMismatch`] for a difference.
     pub fn replay(replay: Replay<'_>) -> Result<Self, VideoError> {
-        let Replay { model, draw_key, camera, prompt, first_frame, entries, layouts } = replay;
+        let Replay { model, draw_key, camera, prompt, first_frame, entries, past, layouts } = replay;
         let Some((first, rest)) = entries.split_first() else {
             let reason = "has no entry 0".to_owned();
             return Err(VideoError::Entry { chunk: 0, field: "entries", reason });
         };
-        let (rollout, clean) = Self::prepare(model, draw_key, camera, prompt, first_frame);
+        let (rollout, clean) = Self::prepare(model, draw_key, camera, prompt, first_frame)?;
         let control = first.control.checked(&rollout.control_shape(1));
         let control = control.map_err(|reason| VideoError::Entry { chunk: 0, field: "control", reason })?;
         let control = rollout.model.dit.control_of(&control);
@@ -220,21 +226,47 @@ impl Rollout {
             let clean = entry.clean.checked(&shape).map_err(refuse("clean"))?;
             let control = entry.control.checked(&rollout.control_shape(shape[0])).map_err(refuse("control"))?;
             let control = rollout.model.dit.control_of(&control);
-            let kv = rollout.write(&cached_input, &rollout.start, &control, rollout.cache_time());
+            let pass = rollout.write(&cached_input, &rollout.start, &control, rollout.cache_time());
             // Frames are not wanted here, only the decoder's memory, which layouts do not touch.
             rollout.decode(&clean, &[])?;
-            let remade = rollout.commit(Made { cached_input, kv, clean }, &control);
+            let remade = rollout.commit(Made { cached_input, pass, clean }, &control);
             compare(entry, &remade)?;
         }
         if layouts.len() >= rollout.model.config().frames_per_chunk() {
             let reason = format!("are {}, a whole chunk or more", layouts.len());
             return Err(VideoError::Entry { chunk: rollout.chunk, field: "layouts", reason });
         }
+        rollout.remember(past, rest.last().unwrap_or(first))?;
         if !layouts.is_empty() {
             rollout.pending = layouts.to_vec();
             rollout.provisional = rollout.attempt()?;
         }
         Ok(rollout)
+    }
+
+    /// Brings the memory of layouts to the last commit, whose control latent must come out again.
+    fn remember(&mut self, past: &[RgbImage], logged: &CacheEntry) -> Result<(), VideoError> {
+        let config = self.model.config();
+        let (chunk, memory) = (config.frames_per_chunk(), config.layout_memory_ticks());
+        if memory == 0 {
+            return Ok(());
+        }
+        let expected = 1 + memory.min((self.chunk as usize - 1) * chunk);
+        let Some(from) = past.len().checked_sub(expected) else {
+            return Err(VideoError::Remembered { found: past.len(), expected });
+        };
+        let (begin, rest) = past[from..].split_at(1);
+        let mut newest = Latent::default();
+        for layouts in std::iter::once(begin).chain(rest.chunks(chunk)) {
+            let (control, remembered) = self.control(layouts);
+            self.remembered = remembered;
+            newest = self.logged(&control, layouts.len().div_ceil(self.model.config().vae.stride_t));
+        }
+        let [expected, found] = [&logged.control, &newest].map(Latent::digest);
+        if expected == found {
+            return Ok(());
+        }
+        Err(VideoError::RecoveryMismatch { chunk: logged.chunk, what: "control", expected, found })
     }
 
     /// Returns a snapshot, from which [`Self::restore`] continues as if nothing had come after it.
@@ -258,7 +290,8 @@ impl Rollout {
     #[must_use]
     pub fn state_digest(&self) -> Digest {
         let mut writer = DigestWriter::new();
-        writer.digest(&self.conditioning).digest(&self.cache.digest()).digest(&self.decoder.digest());
+        let decoder = self.model.codec.decoder_digest(&self.decoder);
+        writer.digest(&self.conditioning).digest(&self.cache.digest()).digest(&decoder);
         writer.u32(self.chunk).u64(self.pending.len() as u64);
         for layout in &self.pending {
             layout.digest_into(&mut writer);
@@ -282,25 +315,33 @@ impl Rollout {
         if let Some(newest) = self.pending.last() {
             padded.resize(self.model.config().frames_per_chunk(), newest.clone());
         }
-        let made = self.make(&self.control(&padded))?;
+        let made = self.make(&self.control(&padded).0)?;
         let mut frames = self.clone().decode(&made.clean, &padded)?;
         frames.truncate(self.pending.len());
         Ok(frames)
     }
 
-    /// Computes the control latent of the layouts of whole latent frames; a single layout stands for one frame.
-    fn control(&self, layouts: &[RgbImage]) -> Control {
+    /// Computes the control latent of the layouts of whole latent frames, a single one for the first, and what is then
+    /// remembered of layouts.
+    fn control(&self, layouts: &[RgbImage]) -> (Control, LayoutMemory) {
         let config = self.model.config();
-        let (h, w) = config.latent_size();
-        let size = (config.video.width_px, config.video.height_px);
-        let layouts: Vec<RgbImage> = layouts.iter().map(|layout| pixels::resized(layout, size.0, size.1)).collect();
-        let steps: Vec<Vec<&RgbImage>> = match layouts.as_slice() {
-            [single] => vec![vec![single; config.vae.stride_t]],
-            many => many.chunks(config.vae.stride_t).map(|step| step.iter().collect()).collect(),
-        };
-        let tokens: Vec<f32> = steps.iter().flat_map(|step| pixels::to_tokens(&pixels::fold(step), h, w)).collect();
-        let shape = [1, steps.len() * config.dit().tokens(), 4, config.ae().inputs()];
-        self.model.dit.control(&Array::new(&shape, tokens))
+        let layouts = self.sized(layouts);
+        let mut remembered = self.remembered.clone();
+        let layouts: Vec<&RgbImage> = layouts.iter().collect();
+        let control = self.model.codec.control(&*self.model.dit, config, &layouts, &mut remembered);
+        (control, remembered)
+    }
+
+    /// Reads a control latent of some latent frames back for the log.
+    fn logged(&self, control: &Control, frames: usize) -> Latent {
+        let values = self.model.dit.control_values(control).into_values();
+        Latent::of(&Array::new(&self.control_shape(frames), values))
+    }
+
+    /// Brings layouts to the model's video size.
+    fn sized(&self, layouts: &[RgbImage]) -> Vec<RgbImage> {
+        let video = &self.model.config().video;
+        layouts.iter().map(|layout| pixels::resized(layout, video.width_px, video.height_px)).collect()
     }
 
     /// Denoises the chunk under way.
@@ -313,20 +354,20 @@ impl Rollout {
         let start = &self.start;
         let window = self.cache.window(&*self.model.dit, config.causal.chunk);
         let mut state = noise(1);
-        let mut kept: Option<(Array, Option<ChunkKv>)> = None;
+        let mut kept: Option<(Array, Option<(Array, ChunkKv)>)> = None;
         let mut clean = Array::default();
         for (step, sigma) in (1..).zip(&sigmas) {
             let chunk = Chunk { noisy: &state, start, control, time: 1000.0 * sigma };
             let (output, kv) = self.model.dit.denoise(&chunk, &window, &self.context);
             clean = match config.prediction() {
-                Prediction::Clean => output,
+                Prediction::Clean => output.clone(),
                 Prediction::Flow => subtract(&state, &output, *sigma),
             };
             if !clean.is_finite() {
                 return Err(VideoError::NotFinite { chunk: self.chunk });
             }
             match source {
-                CacheSource::State(at) if at == step => kept = Some((state.clone(), Some(kv))),
+                CacheSource::State(at) if at == step => kept = Some((state.clone(), Some((output, kv)))),
                 CacheSource::X0Hat(at) if at == step => kept = Some((clean.clone(), None)),
                 _ => {}
             }
@@ -334,15 +375,15 @@ impl Rollout {
                 state = sampler::noised(&clean, &noise(step + 1), *next);
             }
         }
-        let (cached_input, kv) = match (source, kept) {
+        let (cached_input, pass) = match (source, kept) {
             (CacheSource::Renoise(_), _) => {
                 (sampler::noised(&clean, &noise(config.sampler.steps + 1), self.cache_time() / 1000.0), None)
             }
             (_, Some(kept)) => kept,
             (_, None) => (clean.clone(), None),
         };
-        let kv = kv.unwrap_or_else(|| self.write(&cached_input, start, control, self.cache_time()));
-        Ok(Made { cached_input, kv, clean })
+        let pass = pass.unwrap_or_else(|| self.write(&cached_input, start, control, self.cache_time()));
+        Ok(Made { cached_input, pass, clean })
     }
 
     /// Returns the timestep that labels cached chunks.
@@ -357,31 +398,25 @@ impl Rollout {
     }
 
     /// Runs the forward pass whose keys and values are cached.
-    fn write(&self, input: &Array, start: &Array, control: &Control, time: f32) -> ChunkKv {
+    fn write(&self, input: &Array, start: &Array, control: &Control, time: f32) -> (Array, ChunkKv) {
         let window = self.cache.window(&*self.model.dit, input.shape()[0]);
         let chunk = Chunk { noisy: input, start, control, time };
-        self.model.dit.denoise(&chunk, &window, &self.context).1
+        self.model.dit.denoise(&chunk, &window, &self.context)
     }
 
-    /// Decodes a chunk, guided by its layouts if there are any, and moves the decoder on; of the first frame's copies
-    /// the last remains.
+    /// Decodes a chunk, guided by its layouts if there are any, and moves the decoder on.
     fn decode(&mut self, clean: &Array, layouts: &[RgbImage]) -> Result<Vec<RgbImage>, VideoError> {
         let config = self.model.config();
-        let ((h, w), z) = (config.latent_size(), config.vae.z);
-        let frame = h * w * z;
-        let values = clean.values().chunks_exact(frame).flat_map(|tokens| pixels::from_tokens(tokens, h, w)).collect();
-        let latents = self.model.denormalised(Array::new(&[clean.shape()[0], h, w, z], values));
-        let size = (config.video.width_px, config.video.height_px);
-        let layouts: Vec<RgbImage> = layouts.iter().map(|layout| pixels::resized(layout, size.0, size.1)).collect();
+        let (h, w) = config.latent_size();
         let guide = (config.control.decoder_layers > 0 && !layouts.is_empty())
-            .then(|| pixels::to_values(&layouts.iter().collect::<Vec<_>>()));
-        let decoded = self.model.ae.decode(&latents, guide.as_ref(), &mut self.decoder);
+            .then(|| pixels::to_values(&self.sized(layouts).iter().collect::<Vec<_>>()));
+        let latents = pixels::tokens_to_latents(clean, h, w);
+        let decoded = self.model.codec.decode(latents, guide.as_ref(), &mut self.decoder);
         if !decoded.is_finite() {
             return Err(VideoError::NotFinite { chunk: self.chunk });
         }
         let (width, height) = (config.video.width_px, config.video.height_px);
-        let skip = if self.chunk == 0 { config.vae.stride_t - 1 } else { 0 };
-        let images = decoded.values().chunks_exact(width as usize * height as usize * 3).skip(skip);
+        let images = decoded.values().chunks_exact(width as usize * height as usize * 3);
         Ok(images.map(|values| pixels::to_image(values, width, height)).collect())
     }
 
@@ -389,19 +424,23 @@ impl Rollout {
         let config = self.model.config();
         let per_chunk = config.frames_per_chunk() as u32;
         let frames = made.clean.shape()[0];
-        self.cache.commit(&made.kv);
-        let control = Array::new(&self.control_shape(frames), self.model.dit.control_values(control).into_values());
+        let (output, kv) = &made.pass;
+        if config.is_published() {
+            self.cache.commit_by(kv, output)
+        } else {
+            self.cache.commit(kv)
+        }
         let entry = CacheEntry {
             chunk: self.chunk,
             first_tick_offset: if self.chunk == 0 { 0 } else { 1 + (self.chunk - 1) * per_chunk },
             ticks: if self.chunk == 0 { 1 } else { per_chunk },
             cached_input: Latent::of(&made.cached_input),
             clean: Latent::of(&made.clean),
-            control: Latent::of(&control),
+            control: self.logged(control, frames),
             conditioning: self.conditioning,
             cache_digest: self.cache.digest(),
             encoder_digest: self.encoder_digest,
-            decoder_digest: self.decoder.digest(),
+            decoder_digest: self.model.codec.decoder_digest(&self.decoder),
         };
         self.chunk += 1;
         self.pending.clear();

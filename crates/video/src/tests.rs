@@ -11,6 +11,8 @@ use ds_space::Digest;
 
 use crate::{Backend, CacheEntry, Latent, ModelConfig, Replay, Rollout, VideoError, VideoModel, prompt, sampler};
 
+mod published;
+
 const SMOKE: &str = include_str!("../../../configs/models/smoke.toml");
 const PROMPT: &str = "driving by day, clear sky";
 
@@ -56,6 +58,7 @@ fn replayed(model: &Arc<VideoModel>, log: &[CacheEntry], since: &[RgbImage]) -> 
         prompt: PROMPT,
         first_frame: &picture(0),
         entries: log,
+        past: &[],
         layouts: since,
     })
 }

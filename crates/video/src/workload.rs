@@ -5,24 +5,20 @@
 //! drive. No clock here.
 
 use ds_nn::Array;
-use ds_nn::body::{Chunk, Context, Transformer};
-use ds_nn::cache::KvCache;
-use ds_nn::clip::ClipShape;
+use ds_nn::body::{Backend, Chunk, Context, Control};
+use ds_nn::cache::{ChunkKv, KvCache};
 use ds_nn::device::{self, Product};
-use ds_nn::dit::Dit;
 use ds_nn::fast::work;
-use ds_nn::tae::{self, Tae, TaeMemory};
-use ds_nn::wan_vae::{WanMemory, WanVae, WanVaeShape};
+use ds_nn::tae;
+use ds_nn::wan_vae::WanVaeShape;
+use ds_raster::RgbImage;
 use ds_space::{Digest, Draws};
 
+use crate::codec::{DecoderMemory, LayoutMemory};
 use crate::config::{CacheSource, ModelConfig};
-use crate::sampler;
-
-/// A published autoencoder and its memories.
-enum Codec {
-    Wan { vae: WanVae, encoder: WanMemory, decoder: WanMemory },
-    Tiny { tae: Tae, decoder: TaeMemory, encoder: WanMemory, layouts: Option<WanVae> },
-}
+use crate::error::VideoError;
+use crate::model::VideoModel;
+use crate::{pixels, sampler};
 
 /// Floating-point operations of a chunk.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,13 +31,13 @@ pub struct Operations {
     pub encode: f64,
 }
 
-/// A model of drawn weights with a full cache.
+/// A model of drawn weights with a full cache, past its first frame.
 pub struct Workload {
-    config: ModelConfig,
-    dit: Dit,
-    codec: Codec,
+    model: VideoModel,
     context: Context,
     cache: KvCache,
+    decoder: DecoderMemory,
+    layouts: LayoutMemory,
     clean: Array,
     chunk: u32,
 }
@@ -51,50 +47,51 @@ fn drawn(name: &str, shape: &[usize]) -> Array {
 }
 
 impl Workload {
-    /// Draws weights and fills the cache. The device must have been made ready before.
+    /// Draws weights and fills the cache.
+    ///
+    /// # Errors
+    /// As [`VideoModel::drawn`].
     ///
     /// # Panics
     /// If the configuration is not of a published model.
-    #[must_use]
-    pub fn new(config: &ModelConfig) -> Self {
-        let shape = config.dit();
-        let vae = config.wan_vae().expect("the configuration is of a published model");
-        let dit = Dit::drawn(&shape, config.precision.linear.into());
-        let decoder = config.precision.vae_decode.into();
-        let codec = if config.vae.kind == "taew21" {
-            let layouts = (config.control.encoder == "vae").then(|| WanVae::drawn(&vae, decoder));
-            Codec::Tiny { tae: Tae::drawn(), decoder: TaeMemory::default(), encoder: WanMemory::default(), layouts }
-        } else {
-            let vae = WanVae::drawn(&vae, decoder);
-            Codec::Wan { vae, encoder: WanMemory::default(), decoder: WanMemory::default() }
-        };
-        let text = drawn("text", &[1, shape.text_len, shape.text_dim]);
-        let states = drawn("states", &[1, ClipShape::H14.tokens(), shape.clip_dim.max(1)]);
-        let context = Transformer::context(&dit, &text, &states);
-        let cache = KvCache::new(config.cache());
-        let clean = Array::zeros(&[config.causal.chunk, shape.tokens(), 4, config.vae.z]);
-        let mut made = Self { config: config.clone(), dit, codec, context, cache, clean, chunk: 0 };
+    pub fn new(backend: Backend, config: &ModelConfig) -> Result<Self, VideoError> {
+        let model = VideoModel::drawn(backend, config)?;
+        let frame = RgbImage::filled(config.video.width_px, config.video.height_px, [128; 3]);
+        let (first, _) = model.codec.encode_first(config, &frame);
+        let tokens = pixels::latents_to_tokens(&first);
+        let context = model.conditions.context(&*model.dit, &config.model, "a prompt", (&frame, &tokens))?;
+        let clean = Array::zeros(&[config.causal.chunk, config.dit().tokens(), 4, config.vae.z]);
+        let (cache, decoder) = (KvCache::new(config.cache()), DecoderMemory::default());
+        let mut made = Self { model, context, cache, decoder, layouts: LayoutMemory::default(), clean, chunk: 0 };
+        made.model.codec.decode(first, None, &mut made.decoder);
+        made.control(1);
         made.fill();
-        made
+        Ok(made)
     }
 
     /// Caches one chunk's keys and values until the window is full.
     fn fill(&mut self) {
         let noisy = drawn("fill", self.clean.shape());
         let (_, kv) = self.forward(&noisy, 500.0);
-        while self.cache.written() < self.config.causal.window {
+        while self.cache.written() < self.model.config().causal.window {
             self.cache.append(&kv);
         }
     }
 
-    fn forward(&self, noisy: &Array, time: f32) -> (Array, ds_nn::cache::ChunkKv) {
-        let transformer: &dyn Transformer = &self.dit;
+    fn forward(&self, noisy: &Array, time: f32) -> (Array, ChunkKv) {
+        let (transformer, config) = (self.model.transformer(), self.model.config());
         let [frames, n, ..] = noisy.shape() else { unreachable!("latents have four axes") };
-        let channels = self.config.control.channels.max(1);
-        let control = transformer.control_of(&Array::zeros(&[*frames, *n, 4, channels]));
-        let start = Array::zeros(&[*frames, *n, 4, self.config.vae.z]);
+        let control = transformer.control_of(&Array::zeros(&[*frames, *n, 4, config.control.channels]));
+        let start = Array::zeros(&[*frames, *n, 4, config.vae.z]);
         let window = self.cache.window(transformer, *frames);
         transformer.denoise(&Chunk { noisy, start: &start, control: &control, time }, &window, &self.context)
+    }
+
+    /// Encodes layouts that follow those before.
+    fn control(&mut self, count: usize) -> Control {
+        let (model, config) = (&self.model, self.model.config());
+        let layout = RgbImage::filled(config.video.width_px, config.video.height_px, [64; 3]);
+        model.codec.control(&*model.dit, config, &vec![&layout; count], &mut self.layouts)
     }
 
     /// Denoises a chunk by all steps and caches it.
@@ -102,7 +99,8 @@ impl Workload {
     /// # Errors
     /// If the device reports a fault.
     pub fn denoise(&mut self) -> Result<(), String> {
-        let sigmas = sampler::sigmas(self.config.sampler.steps, self.config.sampler.shift);
+        let config = self.model.config();
+        let (sigmas, source) = (sampler::sigmas(config.sampler.steps, config.sampler.shift), config.cache_source());
         let key = Digest::of(b"workload");
         let noise = |chunk: u32, step: usize, shape: &[usize]| sampler::noise(&key, "front", chunk, step, shape);
         let shape = self.clean.shape().to_vec();
@@ -112,7 +110,7 @@ impl Workload {
             let (flow, kv) = self.forward(&state, 1000.0 * sigma);
             let clean = state.values().iter().zip(flow.values()).map(|(x, v)| x - sigma * v).collect();
             self.clean = Array::new(&shape, clean);
-            if self.config.cache_source() == CacheSource::State(step) {
+            if source == CacheSource::State(step) {
                 kept = Some(kv);
             }
             if let Some(next) = sigmas.get(step) {
@@ -130,36 +128,20 @@ impl Workload {
     /// # Errors
     /// If the device reports a fault.
     pub fn decode(&mut self) -> Result<usize, String> {
-        let (h, w) = self.config.latent_size();
-        let latents = drawn("latents", &[self.config.causal.chunk, h, w, self.config.vae.z]);
-        let frames = match &mut self.codec {
-            Codec::Wan { vae, decoder, .. } => vae.decode(&latents, decoder),
-            Codec::Tiny { tae, decoder, .. } => tae.decode(&latents, decoder),
-        };
+        let config = self.model.config();
+        let (h, w) = config.latent_size();
+        let latents = drawn("latents", &[config.causal.chunk, h, w, config.vae.z]);
+        let frames = self.model.codec.decode(latents, None, &mut self.decoder);
         device::wait().map(|()| frames.shape()[0])
     }
 
-    /// Encodes the layouts of a chunk, where layouts go through the autoencoder. Returns the frames read.
+    /// Encodes the layouts of a chunk, where layouts go through the autoencoder.
     ///
     /// # Errors
     /// If the device reports a fault.
-    pub fn encode(&mut self) -> Result<usize, String> {
-        if self.config.control.encoder != "vae" {
-            return Ok(0);
-        }
-        let (vae, memory) = match &mut self.codec {
-            Codec::Wan { vae, encoder, .. } => (&*vae, encoder),
-            Codec::Tiny { layouts: Some(vae), encoder, .. } => (&*vae, encoder),
-            Codec::Tiny { layouts: None, .. } => return Ok(0),
-        };
-        let (rows, columns) = (self.config.video.height_px as usize, self.config.video.width_px as usize);
-        let frames = |count: usize| drawn("layouts", &[count, rows, columns, 3]);
-        if memory.values() == 0 {
-            let _first = vae.encode(&frames(1), memory);
-        }
-        let count = self.config.frames_per_chunk();
-        let latents = vae.encode(&frames(count), memory);
-        device::wait().map(|()| latents.shape()[0] * count / self.config.causal.chunk)
+    pub fn encode(&mut self) -> Result<(), String> {
+        let _control = self.control(self.model.config().frames_per_chunk());
+        device::wait()
     }
 }
 
@@ -214,7 +196,7 @@ mod tests {
     #[test]
     fn a_chunk_of_drawn_weights_is_finite() {
         let config = ModelConfig::parse(include_str!("../../../configs/models/wan-tiny.toml")).expect("valid");
-        let mut work = Workload::new(&config);
+        let mut work = Workload::new(Backend::Framework, &config).expect("a processor is there");
         work.denoise().expect("a processor does not fail");
         assert!(work.clean.is_finite());
         assert_eq!(work.decode(), Ok(12));

@@ -2,7 +2,8 @@
 
 use ds_space::{EpisodeId, Tick};
 use ds_topic::{
-    AgentMode, EpisodeSpec, ObservationSource, ProposalScorer, ReplanAlignment, ScoreProfile, SwitchedEffect,
+    AgentMode, EpisodeSpec, MAX_LAYOUT_MEMORY_TICKS, ObservationSource, ProposalScorer, ReplanAlignment, ScoreProfile,
+    SwitchedEffect,
 };
 
 use crate::error::FieldError;
@@ -89,6 +90,7 @@ impl From<&EpisodeSpec> for v1::EpisodeSpec {
             effects: value.effects.iter().map(Into::into).collect(),
             vehicle_log: value.vehicle_log,
             observation_delay: value.observation_delay,
+            layout_memory_ticks: value.layout_memory_ticks,
         }
     }
 }
@@ -123,6 +125,7 @@ impl TryFrom<v1::EpisodeSpec> for EpisodeSpec {
             effects: list("effects", message.effects, MAX_EFFECTS)?,
             vehicle_log: message.vehicle_log,
             observation_delay: whole("observation_delay", message.observation_delay, 0, MAX_DELAY_TICKS)?,
+            layout_memory_ticks: whole("layout_memory_ticks", message.layout_memory_ticks, 0, MAX_LAYOUT_MEMORY_TICKS)?,
         })
     }
 }

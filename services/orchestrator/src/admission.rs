@@ -106,13 +106,14 @@ impl Episode {
         loop {
             let abilities = self.stand.hub.abilities();
             let video = job.spec.observation != ObservationSource::Dreamstream
-                || abilities.video.is_some_and(|(model, _)| model != Digest::default());
+                || abilities.video.is_some_and(|(model, ..)| model != Digest::default());
             if video && abilities.policy.is_some() && abilities.video.is_some() {
                 if job.spec.observation == ObservationSource::Dreamstream
-                    && let Some((model, chunk_ticks)) = abilities.video
+                    && let Some((model, chunk_ticks, layout_memory_ticks)) = abilities.video
                 {
                     job.spec.video_model = model;
                     job.spec.chunk_ticks = chunk_ticks;
+                    job.spec.layout_memory_ticks = layout_memory_ticks;
                     aligned(&job.spec)?;
                 }
                 if job.spec.policy == "camera" {

@@ -149,14 +149,14 @@ async fn open(
     let path = stand.folder.join("recordings").join(format!("{}.a{}.mcap", attempt.episode, attempt.attempt));
     let scorer = Scorer::new(message);
     let codec = Arc::new(WireCodec);
-    if let Some(resumed) = Journal::resume(&path, encoded.content).await? {
+    if let Some(resumed) = Journal::resume(&path, encoded.content, message.spec.layout_memory_ticks).await? {
         let journal = ds_episode::driver::Journal { iterations: resumed.iterations, messages: &resumed.messages };
         let driver = Driver::resume(attempt, stand.timing, codec, encoded, &journal)?;
         tracing::info!(iterations = resumed.iterations, "an interrupted attempt goes on");
         return Ok((driver, resumed.journal, scorer));
     }
     let driver = Driver::new(attempt, stand.timing, codec, encoded)?;
-    let journal = Journal::create(&path, driver.scene().clone()).await?;
+    let journal = Journal::create(&path, driver.scene().clone(), message.spec.layout_memory_ticks).await?;
     Ok((driver, journal, scorer))
 }
 

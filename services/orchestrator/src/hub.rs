@@ -30,8 +30,8 @@ struct Connected {
 /// What the fleet can do, as its members said.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Abilities {
-    /// Digest and ticks per chunk of the video model.
-    pub(crate) video: Option<(Digest, u32)>,
+    /// Digest of the video model, its ticks per chunk, and those of the layouts that it remembers.
+    pub(crate) video: Option<(Digest, u32, u32)>,
     /// Digest of the camera policy.
     pub(crate) policy: Option<Digest>,
 }
@@ -310,7 +310,7 @@ impl Hub {
         for hello in lines.connected.values().map(|connected| &connected.hello) {
             match pb::role_of(hello.role) {
                 Some(Role::Video) => {
-                    abilities.video = Some((digest(&hello.video_model), hello.chunk_ticks));
+                    abilities.video = Some((digest(&hello.video_model), hello.chunk_ticks, hello.layout_memory_ticks));
                 }
                 Some(Role::Policy) => abilities.policy = Some(digest(&hello.policy_model)),
                 Some(Role::Sim | Role::Layout) | None => {}

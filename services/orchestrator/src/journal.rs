@@ -33,6 +33,8 @@ pub(crate) struct Journal {
     notes: Vec<Envelope>,
     /// Diagnoses that are written or noted.
     diagnosed: BTreeSet<Slot>,
+    /// As in the episode's settings.
+    layout_memory_ticks: u32,
 }
 
 /// What an interrupted attempt left.
@@ -51,7 +53,7 @@ pub(crate) struct Finished {
 
 impl Journal {
     /// Begins the journal of an attempt.
-    pub(crate) async fn create(path: &Path, scene: Envelope) -> Result<Self, JournalError> {
+    pub(crate) async fn create(path: &Path, scene: Envelope, layout_memory_ticks: u32) -> Result<Self, JournalError> {
         let path = path.to_path_buf();
         let file = path.clone();
         let made = tokio::task::spawn_blocking(move || {
@@ -61,11 +63,16 @@ impl Journal {
             Ok::<_, JournalError>(Recorder::create(&file, &scene)?)
         });
         let (committed, diagnosed) = (BTreeMap::new(), BTreeSet::new());
-        Ok(Self { recorder: Some(made.await??), path, committed, notes: Vec::new(), diagnosed })
+        let recorder = Some(made.await??);
+        Ok(Self { recorder, path, committed, notes: Vec::new(), diagnosed, layout_memory_ticks })
     }
 
     /// Goes on with the journal of an attempt that was interrupted, if there is one of the same scene.
-    pub(crate) async fn resume(path: &Path, scene: Digest) -> Result<Option<Resumed>, JournalError> {
+    pub(crate) async fn resume(
+        path: &Path,
+        scene: Digest,
+        layout_memory_ticks: u32,
+    ) -> Result<Option<Resumed>, JournalError> {
         let path = path.to_path_buf();
         if !partial_path(&path).exists() {
             return Ok(None);
@@ -85,7 +92,8 @@ impl Journal {
         let committed = messages.iter().map(|message| (message.header.slot, message.clone())).collect();
         let slots = messages.iter().map(|message| message.header.slot);
         let diagnosed = slots.filter(|slot| slot.topic == Topic::Diagnosis).collect();
-        let journal = Self { recorder: Some(resumed.recorder), path, committed, notes: Vec::new(), diagnosed };
+        let (recorder, notes) = (Some(resumed.recorder), Vec::new());
+        let journal = Self { recorder, path, committed, notes, diagnosed, layout_memory_ticks };
         Ok(Some(Resumed { journal, iterations, messages }))
     }
 
@@ -124,11 +132,18 @@ impl Journal {
         Ok(())
     }
 
-    /// Forgets images and states that no successor can ask for any more: those of iterations before the last few.
+    /// Forgets images and states that no successor can ask for any more: those of iterations before the last few, and
+    /// layouts that no video model remembers either.
     fn prune(&mut self, iteration: u32) {
         let keep_from = iteration.saturating_sub(KEPT_ITERATIONS);
         let bulky = |slot: &Slot| matches!(slot.topic, Topic::World | Topic::Ego | Topic::Layout | Topic::Frame);
-        self.committed.retain(|slot, message| !bulky(slot) || message.header.iteration >= keep_from);
+        let kept = self.committed.values().filter(|message| message.header.iteration >= keep_from);
+        let oldest = kept.map(|message| message.header.tick.0).min().unwrap_or_default();
+        let layouts_from = oldest.saturating_sub(self.layout_memory_ticks);
+        self.committed.retain(|slot, message| {
+            let remembered = slot.topic == Topic::Layout && slot.index >= layouts_from;
+            !bulky(slot) || message.header.iteration >= keep_from || remembered
+        });
     }
 
     /// Returns a committed message.

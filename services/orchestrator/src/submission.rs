@@ -244,6 +244,7 @@ fn spec(run: &RunId, scene: &Scene, arm: &Arm<'_>, settings: &pb::RunSettings) -
         layout_backend: settings.layout_backend.clone(),
         alignment,
         chunk_ticks: 0,
+        layout_memory_ticks: 0,
         video_model: Digest::default(),
         policy_model: Digest::default(),
         configuration: Digest::default(),

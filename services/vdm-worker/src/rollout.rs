@@ -112,25 +112,31 @@ impl Maker for Rollouts {
         let Some(before) = order.first.previous().filter(|_| order.iteration > 0) else {
             return Ok(());
         };
-        let committed = 1 + before.0 / self.scene.spec.chunk_ticks.max(1);
+        let spec = &self.scene.spec;
+        let committed = 1 + before.0 / spec.chunk_ticks.max(1);
         for (index, camera) in (0u16..).zip(&self.scene.scene.cameras) {
             let mut entries = Vec::new();
             for chunk in 0..committed {
                 entries.push(entry(inputs.decode(Slot::of_camera(Topic::Cache, chunk, index))?));
             }
-            let since = (committed - 1) * self.scene.spec.chunk_ticks + 1;
-            let mut layouts = Vec::new();
-            for tick in since..=before.0 {
-                layouts.push(inputs.decode::<Layout>(Slot::of_camera(Topic::Layout, tick, index))?.image);
-            }
+            let layouts = |ticks: std::ops::Range<u32>| -> Result<Vec<RgbImage>, Fault> {
+                let slots = ticks.map(|tick| Slot::of_camera(Topic::Layout, tick, index));
+                slots.map(|slot| Ok(inputs.decode::<Layout>(slot)?.image)).collect()
+            };
+            let since = (committed - 1) * spec.chunk_ticks + 1;
+            let past = match spec.layout_memory_ticks {
+                0 => Vec::new(),
+                remembered => layouts((since - 1).saturating_sub(remembered)..since)?,
+            };
             let rollout = Rollout::replay(Replay {
                 model: Arc::clone(&self.model),
-                draw_key: self.scene.spec.draw_key(),
+                draw_key: spec.draw_key(),
                 camera: camera.id.as_str(),
                 prompt: &self.scene.scene.prompt,
                 first_frame: self.first_frame(usize::from(index))?,
                 entries: &entries,
-                layouts: &layouts,
+                past: &past,
+                layouts: &layouts(since..before.0 + 1)?,
             })
             .map_err(|error| bad(Fault::RECOVERY_MISMATCH, &error))?;
             self.cameras.push(rollout);

@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 pub struct VideoSection {
     /// The model's configuration.
     pub model: PathBuf,
-    /// Its weights; empty for the file beside the configuration that ends in `.safetensors`.
+    /// Its weights; empty for the file beside the configuration that ends in `.safetensors`, or, of a published model, the
+    /// folder of the configuration's name.
     pub weights: PathBuf,
     /// Accelerators that it may be given, by any names; empty to list those of the host.
     pub devices: Vec<String>,

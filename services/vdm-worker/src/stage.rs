@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
-use ds_process::maker::{Abilities, Fault, Maker, MakerFactory};
+use ds_process::maker::{Abilities, Fault, Maker, MakerFactory, chain};
 use ds_topic::{ObservationSource, Role, SceneMessage};
 use ds_video::{Backend, ModelConfig, VideoModel};
 
@@ -22,7 +22,7 @@ pub fn load_config(path: &Path) -> Result<ModelConfig, String> {
 /// Opens an observation source for each episode that the instance is given; the weights are loaded once.
 pub struct VideoStage {
     config: PathBuf,
-    weights: PathBuf,
+    weights: Option<PathBuf>,
     devices: Vec<String>,
     shares_device: bool,
     backend: Backend,
@@ -30,10 +30,9 @@ pub struct VideoStage {
 }
 
 impl VideoStage {
-    /// Names the model's configuration; its weights lie beside it as `.safetensors` unless named.
+    /// Names the model's configuration; its weights lie where [`ModelConfig::weights_beside`] says unless named.
     #[must_use]
     pub fn new(config: PathBuf, weights: Option<PathBuf>) -> Self {
-        let weights = weights.unwrap_or_else(|| config.with_extension("safetensors"));
         let backend = Backend::default();
         Self { config, weights, devices: Vec::new(), shares_device: false, backend, model: OnceLock::new() }
     }
@@ -57,8 +56,12 @@ impl VideoStage {
     pub fn model(&self) -> Result<Arc<VideoModel>, Fault> {
         let load = || {
             let config = load_config(&self.config)?;
-            let loaded = VideoModel::load_on(self.backend, &config, &self.weights);
-            loaded.map(Arc::new).map_err(|error| format!("weights {:?}: {error}", self.weights))
+            let weights = self.weights.clone().unwrap_or_else(|| config.weights_beside(&self.config));
+            if config.weights.drawn {
+                tracing::warn!(model = config.name, "the weights are drawn, frames mean nothing");
+            }
+            let loaded = VideoModel::load_on(self.backend, &config, &weights);
+            loaded.map(Arc::new).map_err(|error| format!("weights {weights:?}: {}", chain(&error)))
         };
         self.model.get_or_init(load).clone().map_err(|text| Fault::infrastructure("no_model", text))
     }
@@ -96,6 +99,7 @@ impl MakerFactory for VideoStage {
             Ok(model) => Abilities {
                 video_model: model.digest(),
                 chunk_ticks: u32::try_from(model.config().frames_per_chunk()).unwrap_or(u32::MAX),
+                layout_memory_ticks: u32::try_from(model.config().layout_memory_ticks()).unwrap_or(u32::MAX),
                 ..self.bare()
             },
             Err(fault) => {

@@ -4,6 +4,7 @@
 //! space, the second and third also time. Version 2.2 folds 2×2 pixels into channels before and after, and each of
 //! its stages has a shortcut without weights around it.
 
+use super::STEP;
 use crate::array::{Declared, Initial};
 
 /// Widths of the stages, in units of the base width.
@@ -133,6 +134,13 @@ impl WanVaeShape {
         parts
     }
 
+    /// Returns how many frames back the encoder's memory and newest latent may depend on.
+    #[must_use]
+    pub fn encoder_reach(&self) -> usize {
+        let mut rate = 1;
+        STEP + self.encoder().iter().map(|part| part.reach(&mut rate)).sum::<usize>()
+    }
+
     /// Adds a stage, with its shortcut where the version has them.
     fn add_stage(&self, parts: &mut Vec<Part>, stage: Part) {
         match stage {
@@ -237,6 +245,22 @@ impl Part {
                     part.declare(list);
                 }
             }
+        }
+    }
+}
+
+impl Part {
+    /// Returns the past frames that a layer of the encoder reads, and moves `rate`, the frames per step, on.
+    fn reach(&self, rate: &mut usize) -> usize {
+        match self {
+            Self::Convolution { side, .. } => (side - 1) * *rate,
+            Self::Residual { .. } => 4 * *rate,
+            Self::Down { time: true, .. } => {
+                *rate *= 2;
+                *rate
+            }
+            Self::Average { inner, .. } => inner.iter().map(|part| part.reach(rate)).sum(),
+            Self::Norm { .. } | Self::Attention { .. } | Self::Down { .. } | Self::Up { .. } | Self::Repeat { .. } => 0,
         }
     }
 }

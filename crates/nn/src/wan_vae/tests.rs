@@ -30,6 +30,31 @@ fn difference(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
+#[test]
+fn the_encoder_forgets_what_is_out_of_reach() {
+    for folded in [false, true] {
+        let shape = WanVaeShape { z: 4, encoder_width: 4, decoder_width: 4, folded };
+        let vae = WanVae::new(&shape, &Weights::initialised(&shape.declare(), &Digest::of(b"vae"))).expect("fits");
+        let side = shape.stride();
+        let steps = shape.encoder_reach().div_ceil(STEP);
+        let clip = draw("clip", &[1 + STEP * (steps + 3), side, side, 3]);
+        let run = |skipped: usize| {
+            let mut memory = WanMemory::default();
+            let mut newest = Array::default();
+            let kept = Array::new(
+                &[clip.shape()[0] - STEP * skipped, side, side, 3],
+                clip.values()[STEP * skipped * side * side * 3..].to_vec(),
+            );
+            for piece in pieces(&kept, &[&[1][..], &vec![STEP; steps + 3 - skipped]].concat()) {
+                newest = vae.encode(&piece, &mut memory);
+            }
+            (memory.digest(), newest)
+        };
+        assert_eq!(run(0), run(2), "{shape:?}");
+        assert_ne!(run(0).0, run(steps).0, "the reach is not far too long");
+    }
+}
+
 fn pieces(array: &Array, cuts: &[usize]) -> Vec<Array> {
     let shape = array.shape();
     let frame: usize = shape[1..].iter().product();

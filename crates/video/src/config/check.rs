@@ -4,9 +4,7 @@ use ds_nn::tiny_ae::BLOCK_PX;
 
 use super::{CacheSource, ConfigError, ModelConfig};
 
-const MAX_WIDTH: usize = 16_384;
-/// Tokens of CLIP's image encoder: 256 patches and the class.
-const CLIP_TOKENS: usize = 257;
+pub(super) const MAX_WIDTH: usize = 16_384;
 
 impl ModelConfig {
     pub(super) fn check(&self) -> Result<(), ConfigError> {
@@ -25,6 +23,7 @@ impl ModelConfig {
             "tiny" => self.check_tiny()?,
             kind => self.check_published(kind)?,
         }
+        self.check_files()?;
         self.check_inputs()?;
         if self.sampler.steps == 0
             || self.sampler.steps > 64
@@ -64,8 +63,8 @@ impl ModelConfig {
             return refuse("model.text_len", m.text_len.to_string(), "at most 1024, and 0 exactly if text_dim is 0");
         }
         let (h, w) = self.latent_size();
-        if m.clip_dim > MAX_WIDTH || (m.clip_dim > 0 && m.img_tokens != CLIP_TOKENS) {
-            return refuse("model.img_tokens", m.img_tokens.to_string(), "must be 257 where clip_dim is given");
+        if m.clip_dim > MAX_WIDTH {
+            return refuse("model.clip_dim", m.clip_dim.to_string(), "at most 16384");
         }
         if m.clip_dim == 0 && m.img_tokens != 0 && m.img_tokens != h * w / 4 {
             return refuse("model.img_tokens", m.img_tokens.to_string(), "must be 0 or the tokens of a latent frame");
@@ -82,6 +81,9 @@ impl ModelConfig {
         let widths = [v.encoder_width, v.decoder_widths[0], v.decoder_widths[1], v.decoder_widths[2]];
         if widths.iter().any(|width| *width == 0 || *width > MAX_WIDTH) {
             return refuse("vae", format!("{widths:?}"), "sizes must be 1 to 16384");
+        }
+        if v.width != 0 {
+            return refuse("vae.width", v.width.to_string(), "belongs to published autoencoders");
         }
         if v.encoder_blocks.max(*v.decoder_blocks.iter().max().unwrap_or(&0)) > 16 {
             return refuse("vae.encoder_blocks", v.encoder_blocks.to_string(), "at most 16 memory blocks");
@@ -101,6 +103,9 @@ impl ModelConfig {
         if (v.z, v.stride_t, v.stride_s) != (shape.z, 4, shape.stride()) {
             let found = format!("{kind} with z {}, strides {} and {}", v.z, v.stride_t, v.stride_s);
             return refuse("vae.kind", found, "wan21 and taew21 have z 16, strides 4 and 8; wan22 has 48, 4 and 16");
+        }
+        if v.width > MAX_WIDTH {
+            return refuse("vae.width", v.width.to_string(), "at most 16384");
         }
         if v.encoder_width + v.encoder_blocks + v.decoder_widths.iter().chain(&v.decoder_blocks).sum::<usize>() > 0 {
             return refuse("vae.encoder_width", v.encoder_width.to_string(), "widths and blocks belong to kind tiny");

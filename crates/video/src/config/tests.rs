@@ -8,6 +8,8 @@ const WAN: &str = include_str!("../../../../configs/models/wan2.1-1.3b.toml");
 const FUN: &str = include_str!("../../../../configs/models/wan2.1-fun-1.3b-control.toml");
 const LARGE: &str = include_str!("../../../../configs/models/wan2.2-5b.toml");
 
+const WAN_SMOKE: &str = include_str!("../../../../configs/models/wan-smoke.toml");
+
 fn check(input: (&str, &str), expected: &str) {
     assert!(SMOKE.contains(input.0), "the preset holds {:?}", input.0);
     let text = SMOKE.replace(input.0, input.1);
@@ -40,6 +42,8 @@ fn broken_rules_are_named() {
     check(("version = 1", "version = 2"), "version");
     check(("steps = 2", "steps = 2\nstep = 3"), "unknown field");
     check(("shift = 5.0", "shift = nan"), "sampler.steps");
+    check(("encoder_width = 24", "encoder_width = 24\nwidth = 4"), "vae.width");
+    check(("first_frame_independent = true", "first_frame_independent = true\n[weights]\ndrawn = true"), "weights");
 }
 
 #[test]
@@ -52,6 +56,7 @@ fn all_presets_are_valid() {
         FUN,
         LARGE,
         include_str!("../../../../configs/models/wan-tiny.toml"),
+        WAN_SMOKE,
     ] {
         let config = ModelConfig::parse(text).expect("a preset is valid");
         assert_eq!(ModelConfig::parse(&toml::to_string(&config).expect("it came from TOML")).expect("valid"), config);
@@ -84,12 +89,30 @@ fn broken_rules_of_published_models_are_named() {
     check("img_tokens = 257", "img_tokens = 256", "model.img_tokens");
     check("stride_s = 8", "stride_s = 0", "vae.kind");
     check("stride_s = 8", "stride_s = 8\nencoder_width = 4", "vae.encoder_width");
+    check("[weights]", "[weights]\ndecoder = \"taew2_1.pth\"", "weights.decoder");
+    check(
+        "[weights]",
+        "[image_encoder]\nimage_px = 28\npatch_px = 14\nheads = 2\nffn = 32\nlayers = 3\n[weights]",
+        "img_tokens",
+    );
+}
+
+#[test]
+fn places_of_files_are_not_part_of_the_digest() {
+    let digest = |text: &str| ModelConfig::parse(text).expect("valid").digest();
+    assert_eq!(digest(FUN), digest(&FUN.replace("Wan2.1_VAE.pth", "elsewhere/vae.pth")));
+    assert_ne!(digest(FUN), digest(&FUN.replace("[weights]", "[weights]\ndrawn = true")));
+    let config = ModelConfig::parse(FUN).expect("valid");
+    assert_eq!(config.weights_beside("a/wan2.1-fun.toml".as_ref()), std::path::Path::new("a/wan2.1-fun"));
+    let own = ModelConfig::parse(SMOKE).expect("valid");
+    assert_eq!(own.weights_beside("a/smoke.toml".as_ref()), std::path::Path::new("a/smoke.safetensors"));
+    assert_eq!((own.layout_memory_ticks(), config.layout_memory_ticks()), (0, 132));
 }
 
 #[test]
 fn later_fields_leave_the_digest_of_older_presets_alone() {
     let text = toml::to_string(&ModelConfig::parse(SMOKE).expect("valid")).expect("it came from TOML");
-    for key in ["clip_dim", "reference", "gelu", "precision"] {
+    for key in ["clip_dim", "reference", "gelu", "precision", "weights", "_encoder]", "\nwidth ="] {
         assert!(!text.contains(key), "{key:?} is part of the digest of weights that were trained before it");
     }
 }

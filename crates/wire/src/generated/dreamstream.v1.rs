@@ -808,6 +808,9 @@ pub struct Hello {
     /// Whether it takes a device that another instance holds.
     #[prost(bool, tag = "14")]
     pub shares_device: bool,
+    /// Ticks before the last committed one whose layouts its video model remembers, at most 512.
+    #[prost(uint32, tag = "15")]
+    pub layout_memory_ticks: u32,
 }
 /// The instance has subscribed, restored its state and can take orders under this epoch.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -1814,6 +1817,9 @@ pub struct EpisodeSpec {
     /// Ticks by which the frames that the policy sees are older than its plan, at most 100.
     #[prost(uint32, tag = "25")]
     pub observation_delay: u32,
+    /// Ticks before the last committed one whose layouts a fresh video worker needs too, at most 512.
+    #[prost(uint32, tag = "26")]
+    pub layout_memory_ticks: u32,
 }
 /// A lane.
 #[derive(Clone, PartialEq, ::prost::Message)]

@@ -49,7 +49,7 @@ pub(crate) fn run(args: &MeasureArgs) -> Result<()> {
         config.sampler.steps,
         config.causal.cache_source,
     ));
-    let mut work = Workload::new(&config);
+    let mut work = Workload::new(backend, &config)?;
     let mut times = [Vec::new(), Vec::new(), Vec::new()];
     for round in 0..=args.rounds {
         let spent = once(&mut work)?;

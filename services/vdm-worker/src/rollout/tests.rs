@@ -5,7 +5,7 @@ use std::path::Path;
 use ds_process::maker::output;
 use ds_space::{AttemptId, CameraId, CameraModel, DVec3, Digest, EpisodeId, InstanceId, Intrinsics, PoseSe2, SimTime};
 use ds_topic::{AgentMode, Envelope, EpisodeSpec, Header, Motion, ObservationSource, ReplanAlignment, SCHEMA_VERSION};
-use ds_video::ModelConfig;
+use ds_video::{Backend, ModelConfig};
 
 use super::*;
 
@@ -13,10 +13,16 @@ const CAMERAS: [&str; 3] = ["front", "left", "right"];
 const ROUNDS: u32 = 4;
 const REPLAN: u32 = 5;
 
-fn model() -> Arc<VideoModel> {
+fn own() -> Arc<VideoModel> {
     let text = include_str!("../../../../configs/models/smoke.toml");
     let config = ModelConfig::parse(text).expect("the preset is valid");
     Arc::new(VideoModel::untrained(&config, &Digest::of(b"weights")))
+}
+
+fn published() -> Arc<VideoModel> {
+    let text = include_str!("../../../../configs/models/wan-smoke.toml");
+    let config = ModelConfig::parse(text).expect("the preset is valid");
+    Arc::new(VideoModel::drawn(Backend::Framework, &config).expect("a processor is there"))
 }
 
 fn picture(camera: u16, tick: u32) -> RgbImage {
@@ -50,7 +56,7 @@ fn scene(model: &VideoModel) -> Arc<SceneMessage> {
         tracker: "lqr".to_owned(),
         layout_backend: "cpu".to_owned(),
         alignment: ReplanAlignment::Rollback,
-        chunk_ticks: 4,
+        chunk_ticks: model.config().frames_per_chunk() as u32,
         video_model: model.digest(),
         policy_model: Digest::default(),
         configuration: Digest::default(),
@@ -59,6 +65,7 @@ fn scene(model: &VideoModel) -> Arc<SceneMessage> {
         effects: Vec::new(),
         vehicle_log: false,
         observation_delay: 0,
+        layout_memory_ticks: model.config().layout_memory_ticks() as u32,
     };
     let first_frames = (0u16..).take(CAMERAS.len()).map(|camera| picture(camera, 0)).collect();
     Arc::new(SceneMessage { spec, scene: Arc::new(scene), first_frames })
@@ -110,7 +117,13 @@ fn layouts() -> Inputs {
 
 #[test]
 fn cameras_of_a_rig_are_made_as_each_alone_and_restored_from_their_logs() {
-    let (model, mut inputs) = (model(), layouts());
+    for model in [own(), published()] {
+        check(model);
+    }
+}
+
+fn check(model: Arc<VideoModel>) {
+    let mut inputs = layouts();
     let scene = scene(&model);
     let mut maker = Rollouts::new(Arc::clone(&model), Arc::clone(&scene));
     let mut made = Vec::new();
