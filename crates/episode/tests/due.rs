@@ -37,6 +37,7 @@ fn outlines() -> impl Strategy<Value = Outline> {
                 effects: Vec::new(),
                 vehicle_log: false,
                 observation_delay: 0,
+                prompt: String::new(),
             };
             Outline { spec, cameras, dt: SimTime(100_000_000) }
         },

@@ -50,6 +50,7 @@ fn outline() -> Outline {
         effects: Vec::new(),
         vehicle_log: false,
         observation_delay: 0,
+        prompt: String::new(),
     };
     Outline { spec, cameras: 1, dt: SimTime(100_000_000) }
 }

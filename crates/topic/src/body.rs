@@ -289,6 +289,12 @@ impl Event {
 }
 
 impl SceneMessage {
+    /// Returns the prompt of the video model; in recordings without one in their settings it is the scenario's.
+    #[must_use]
+    pub fn prompt(&self) -> &str {
+        if self.spec.prompt.is_empty() { &self.scene.prompt } else { &self.spec.prompt }
+    }
+
     /// Adds the settings, the scenario's digest and the first frames to a digest.
     pub fn digest_into(&self, writer: &mut DigestWriter) {
         let spec = &self.spec;
@@ -305,6 +311,9 @@ impl SceneMessage {
         }
         if spec.vehicle_log || spec.observation_delay > 0 {
             writer.bool(spec.vehicle_log).u32(spec.observation_delay);
+        }
+        if !spec.prompt.is_empty() {
+            writer.text(&spec.prompt);
         }
         writer.digest(&self.scene.digest).u64(self.first_frames.len() as u64);
         for frame in &self.first_frames {

@@ -215,6 +215,8 @@ pub struct EpisodeSpec {
     pub vehicle_log: bool,
     /// Ticks by which the frames that the policy sees are older than its plan.
     pub observation_delay: u32,
+    /// What the video model is told in words; empty where no video model runs.
+    pub prompt: String,
 }
 
 impl EpisodeSpec {

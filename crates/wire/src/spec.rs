@@ -7,7 +7,7 @@ use ds_topic::{
 
 use crate::error::FieldError;
 use crate::field::{checked, choice, digest, enumeration, list, number, text, whole};
-use crate::scene::{MAX_NAME_BYTES, MAX_TICKS};
+use crate::scene::{MAX_NAME_BYTES, MAX_TEXT_BYTES, MAX_TICKS};
 use crate::v1;
 
 enumeration!(v1::ObservationSource, ObservationSource, {
@@ -89,6 +89,7 @@ impl From<&EpisodeSpec> for v1::EpisodeSpec {
             effects: value.effects.iter().map(Into::into).collect(),
             vehicle_log: value.vehicle_log,
             observation_delay: value.observation_delay,
+            prompt: value.prompt.clone(),
         }
     }
 }
@@ -123,6 +124,7 @@ impl TryFrom<v1::EpisodeSpec> for EpisodeSpec {
             effects: list("effects", message.effects, MAX_EFFECTS)?,
             vehicle_log: message.vehicle_log,
             observation_delay: whole("observation_delay", message.observation_delay, 0, MAX_DELAY_TICKS)?,
+            prompt: text("prompt", message.prompt, MAX_TEXT_BYTES)?,
         })
     }
 }

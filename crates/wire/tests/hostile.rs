@@ -182,6 +182,7 @@ fn spec() -> EpisodeSpec {
         effects: Vec::new(),
         vehicle_log: false,
         observation_delay: 0,
+        prompt: String::new(),
     }
 }
 

@@ -124,6 +124,7 @@ pub(crate) fn outline(dice: &mut Dice) -> Outline {
         effects: Vec::new(),
         vehicle_log: false,
         observation_delay: 0,
+        prompt: String::new(),
     };
     Outline { spec, cameras: dice.range(1, 2) as u16, dt: SimTime(100_000_000) }
 }

@@ -365,6 +365,7 @@ fn spec() -> impl Strategy<Value = EpisodeSpec> {
         effects: vec![SwitchedEffect { id: "steer_delay".to_owned(), values: vec![f64::from(small) * 0.01] }],
         vehicle_log: small % 2 == 1,
         observation_delay: small,
+        prompt: ["", "by day"][small as usize % 2].to_owned(),
     })
 }
 

@@ -59,6 +59,7 @@ fn scene(model: &VideoModel) -> Arc<SceneMessage> {
         effects: Vec::new(),
         vehicle_log: false,
         observation_delay: 0,
+        prompt: "a road by day".to_owned(),
     };
     let first_frames = (0u16..).take(CAMERAS.len()).map(|camera| picture(camera, 0)).collect();
     Arc::new(SceneMessage { spec, scene: Arc::new(scene), first_frames })
@@ -118,7 +119,7 @@ fn cameras_of_a_rig_are_made_as_each_alone_and_restored_from_their_logs() {
         made.extend(maker.work(&order(iteration), &inputs).expect("works"));
     }
     for (index, camera) in (0u16..).zip(CAMERAS) {
-        let (key, prompt) = (scene.spec.draw_key(), &scene.scene.prompt);
+        let (key, prompt) = (scene.spec.draw_key(), scene.prompt());
         let begun = Rollout::new(Arc::clone(&model), key, camera, prompt, &picture(index, 0), &picture(index, 100));
         let (mut alone, _) = begun.expect("starts");
         let mut frames = vec![alone.first_frame().clone()];
