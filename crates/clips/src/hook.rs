@@ -7,10 +7,10 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use ds_raster::{Encoding, RgbImage};
+use ds_scenario::Facts;
 use serde::Serialize;
 
 use crate::error::ClipsError;
-use crate::facts::Facts;
 use crate::recipe::HookConfig;
 
 const MOST_PROMPT_BYTES: usize = 4_096;

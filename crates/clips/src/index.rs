@@ -1,11 +1,11 @@
 //! The index of a set of clips: `index.json`, and what is told of each clip.
 
 use ds_camera::{Appearance, Condition, Lighting, RoadSurface, Weather};
+use ds_scenario::Facts;
 use ds_space::{CameraId, CameraModel, DQuat, DVec3, Intrinsics, Pose};
 use serde::{Deserialize, Serialize};
 
 use crate::drive::Drive;
-use crate::facts::Facts;
 use crate::recipe::{Source, Split};
 
 /// The name of the index in a set's folder.

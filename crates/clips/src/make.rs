@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap};
 use ds_raster::RgbImage;
+use ds_scenario::Facts;
 use ds_scenario::import::{Recorded, nuscenes, openscene};
 use ds_space::CameraModel;
 use ds_world::{Scene, WorldState};
@@ -11,12 +12,10 @@ use ds_world::{Scene, WorldState};
 use crate::clip::Clip;
 use crate::drive::Drive;
 use crate::error::ClipsError;
-use crate::facts::Facts;
 use crate::hook::{self, Brief};
 use crate::index::{CameraInfo, ClipInfo, ConditionInfo};
 use crate::network::network_id;
 use crate::plan::{PlannedClip, ScenarioKey};
-use crate::prompt::prompt;
 use crate::recipe::{Recipe, Source};
 use crate::world::Eye;
 
@@ -79,12 +78,11 @@ impl<'a> Studio<'a> {
         } else {
             self.shoot(planned, &worlds[..frames], &mut clip);
         }
-        let mut facts = Facts::of(&self.scene, &drive, ticks, &planned.appearance);
-        if self.recipe.source.is_photographed() {
-            // What a photograph looks like is not ours to choose; the log's own words tell it.
-            facts.appearance.clone_from(&self.scene.prompt);
-        }
-        clip.prompt = prompt(&facts);
+        // What a photograph looks like is not ours to choose; the log's own words tell it.
+        let photographed = self.recipe.source.is_photographed();
+        let look = if photographed { self.scene.prompt.clone() } else { planned.appearance.prompt() };
+        let facts = Facts::of(&self.scene, &worlds[0], &worlds[ticks - 1], look);
+        clip.prompt = ds_scenario::prompt(&facts);
         self.let_others_work(planned, &worlds[0], &facts, &mut clip)?;
         let (seed, file) = match &planned.scenario {
             ScenarioKey::Generated { seed, .. } | ScenarioKey::Abroad { seed } => (Some(*seed), None),

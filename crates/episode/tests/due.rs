@@ -38,6 +38,7 @@ fn outlines() -> impl Strategy<Value = Outline> {
                 vehicle_log: false,
                 observation_delay: 0,
                 layout_memory_ticks,
+                prompt: String::new(),
             };
             Outline { spec, cameras, dt: SimTime(100_000_000) }
         },

@@ -51,6 +51,7 @@ fn outline() -> Outline {
         vehicle_log: false,
         observation_delay: 0,
         layout_memory_ticks: 0,
+        prompt: String::new(),
     };
     Outline { spec, cameras: 1, dt: SimTime(100_000_000) }
 }

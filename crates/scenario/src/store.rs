@@ -222,9 +222,6 @@ pub fn describe(scene: &Scene) -> String {
 pub(crate) fn warnings(scene: &Scene) -> Vec<Warning> {
     let mut warnings = Vec::new();
     let mut warn = |at: &str, message: String| warnings.push(Warning { at: at.to_owned(), message });
-    if scene.prompt.is_empty() {
-        warn("prompt", "is empty; the video model gets no words".to_owned());
-    }
     if scene.origin.licence.is_empty() {
         warn("origin.licence", "is empty".to_owned());
     }

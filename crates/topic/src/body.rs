@@ -289,6 +289,12 @@ impl Event {
 }
 
 impl SceneMessage {
+    /// Returns the prompt of the video model; in recordings without one in their settings it is the scenario's.
+    #[must_use]
+    pub fn prompt(&self) -> &str {
+        if self.spec.prompt.is_empty() { &self.scene.prompt } else { &self.spec.prompt }
+    }
+
     /// Adds the settings, the scenario's digest and the first frames to a digest.
     pub fn digest_into(&self, writer: &mut DigestWriter) {
         let spec = &self.spec;
@@ -308,6 +314,9 @@ impl SceneMessage {
         }
         if spec.layout_memory_ticks > 0 {
             writer.text("layout_memory_ticks").u32(spec.layout_memory_ticks);
+        }
+        if !spec.prompt.is_empty() {
+            writer.text("prompt").text(&spec.prompt);
         }
         writer.digest(&self.scene.digest).u64(self.first_frames.len() as u64);
         for frame in &self.first_frames {

@@ -217,6 +217,8 @@ pub struct EpisodeSpec {
     pub observation_delay: u32,
     /// Ticks before the last committed one whose layouts a fresh video worker needs too; 0 where none are remembered.
     pub layout_memory_ticks: u32,
+    /// What the video model is told in words; empty where no video model runs.
+    pub prompt: String,
 }
 
 /// The most that a spec may say of `layout_memory_ticks`.

@@ -8,7 +8,7 @@ use ds_topic::{
 
 use crate::error::FieldError;
 use crate::field::{checked, choice, digest, enumeration, list, number, text, whole};
-use crate::scene::{MAX_NAME_BYTES, MAX_TICKS};
+use crate::scene::{MAX_NAME_BYTES, MAX_TEXT_BYTES, MAX_TICKS};
 use crate::v1;
 
 enumeration!(v1::ObservationSource, ObservationSource, {
@@ -91,6 +91,7 @@ impl From<&EpisodeSpec> for v1::EpisodeSpec {
             vehicle_log: value.vehicle_log,
             observation_delay: value.observation_delay,
             layout_memory_ticks: value.layout_memory_ticks,
+            prompt: value.prompt.clone(),
         }
     }
 }
@@ -126,6 +127,7 @@ impl TryFrom<v1::EpisodeSpec> for EpisodeSpec {
             vehicle_log: message.vehicle_log,
             observation_delay: whole("observation_delay", message.observation_delay, 0, MAX_DELAY_TICKS)?,
             layout_memory_ticks: whole("layout_memory_ticks", message.layout_memory_ticks, 0, MAX_LAYOUT_MEMORY_TICKS)?,
+            prompt: text("prompt", message.prompt, MAX_TEXT_BYTES)?,
         })
     }
 }

@@ -183,6 +183,7 @@ fn spec() -> EpisodeSpec {
         vehicle_log: false,
         observation_delay: 0,
         layout_memory_ticks: 0,
+        prompt: String::new(),
     }
 }
 

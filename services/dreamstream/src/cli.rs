@@ -185,6 +185,13 @@ pub(crate) struct RunArgs {
     /// a number behind it (`snow-7`, `lighting=night,seed=7`) draws another one.
     #[arg(long, default_value = "day")]
     pub appearance: String,
+    /// What the video model is told in words; without it the template's words on look and scenario, as in training.
+    #[arg(long, value_name = "TEXT")]
+    pub prompt: Option<String>,
+    /// A PNG or JPEG that the video model starts from, in place of the reference camera's frame: of the camera's size,
+    /// or larger and of the same aspect ratio. For the only camera or that named `front`; may be given for several.
+    #[arg(long = "first-frame", value_name = "[CAMERA=]FILE")]
+    pub first_frames: Vec<String>,
     /// Which agents react.
     #[arg(long, value_enum, default_value = "idm-behind-ego")]
     pub agents: Agents,

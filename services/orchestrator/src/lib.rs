@@ -3,6 +3,7 @@
 //! It starts no processes. Finished episodes stay finished over a restart, unfinished ones go on from their last commit.
 
 mod admission;
+mod conditioning;
 mod conductor;
 mod grpc;
 mod hub;
@@ -30,6 +31,7 @@ use tonic::service::interceptor::InterceptedService;
 use tonic::transport::Server;
 use tonic::transport::server::TcpIncoming;
 
+pub use conditioning::{Conditioning, ConditioningError};
 pub use settings::Settings;
 
 use conductor::Stand;

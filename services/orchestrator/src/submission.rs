@@ -3,14 +3,15 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use ds_camera::{Appearance, ReferenceCamera};
-use ds_raster::RgbImage;
+use ds_camera::Appearance;
 use ds_space::{Digest, DigestWriter, EpisodeId, RunId, Tick};
 use ds_topic::{
     EpisodeSpec, ObservationSource, ProposalScorer, ReplanAlignment, SceneMessage, ScoreProfile, SwitchedEffect,
 };
 use ds_wire::control as pb;
 use ds_world::Scene;
+
+use crate::conditioning::{Conditioning, ConditioningError};
 
 /// The most episodes that a run may have.
 const MAX_EPISODES: usize = 100_000;
@@ -35,6 +36,9 @@ pub(crate) enum SubmissionError {
     /// An effect is refused.
     #[error("submit.settings.effects: {0}")]
     Effect(#[from] ds_effect::SettingError),
+    /// Prompt or first frames are refused.
+    #[error("submit.settings")]
+    Conditioning(#[from] ConditioningError),
     /// A scenario is refused.
     #[error(transparent)]
     Scenario(#[from] ds_scenario::ScenarioError),
@@ -58,6 +62,8 @@ pub(crate) struct Job {
     pub spec: EpisodeSpec,
     /// The scenario's family; empty if imported.
     pub category: String,
+    /// What the video model starts from.
+    pub given: Arc<Conditioning>,
 }
 
 /// What the name of an appearance may be.
@@ -86,6 +92,7 @@ pub(crate) fn jobs(run: &RunId, request: &pb::SubmitRequest, folder: &Path) -> R
         return refuse("policies", name, "privileged: it sees more than frames and is refused in a benchmark");
     }
     let observations = observations(request)?;
+    let given = Arc::new(Conditioning::of(&settings, &observations)?);
     let appearances = if request.appearances.is_empty() { vec!["day".to_owned()] } else { request.appearances.clone() };
     let short = |name: &String| Appearance::short_name(name).or_else(|_| refuse("appearances", name, LOOKS));
     let appearances = appearances.iter().map(short).collect::<Result<Vec<_>, _>>()?;
@@ -97,13 +104,15 @@ pub(crate) fn jobs(run: &RunId, request: &pb::SubmitRequest, folder: &Path) -> R
     let mut jobs = Vec::with_capacity(count);
     for file in &files {
         let (scene, _warnings) = ds_scenario::load(file)?;
+        given.pictures(&scene)?;
         for policy in policies {
             for observation in &observations {
                 for appearance in &appearances {
                     for seed in &seeds {
                         let arm = Arm { policy, observation: *observation, appearance, seed: *seed };
-                        let spec = spec(run, &scene, &arm, &settings)?;
-                        jobs.push(Job { file: file.clone(), spec, category: scene.family.clone() });
+                        let spec = spec(run, &scene, &arm, (&settings, &given))?;
+                        let (file, category) = (file.clone(), scene.family.clone());
+                        jobs.push(Job { file, spec, category, given: Arc::clone(&given) });
                     }
                 }
             }
@@ -213,7 +222,12 @@ fn store(bytes: &[u8], folder: &Path) -> Result<PathBuf, SubmissionError> {
     Ok(path)
 }
 
-fn spec(run: &RunId, scene: &Scene, arm: &Arm<'_>, settings: &pb::RunSettings) -> Result<EpisodeSpec, SubmissionError> {
+fn spec(
+    run: &RunId,
+    scene: &Scene,
+    arm: &Arm<'_>,
+    (settings, given): (&pb::RunSettings, &Conditioning),
+) -> Result<EpisodeSpec, SubmissionError> {
     let last = scene.last_tick().0;
     let ticks = if settings.ticks == 0 { last } else { settings.ticks.min(last) };
     let name = format!("{}.{}.{}.s{}", scene.name, arm.policy, arm.observation.name(), arm.seed);
@@ -253,6 +267,10 @@ fn spec(run: &RunId, scene: &Scene, arm: &Arm<'_>, settings: &pb::RunSettings) -
         effects: settings.effects.iter().map(switched).collect(),
         vehicle_log: settings.vehicle_log,
         observation_delay: observation_delay(settings, scene.dt.secs()),
+        prompt: match arm.observation {
+            ObservationSource::Dreamstream => given.prompt(scene, Tick(ticks), &look(arm.appearance)?),
+            ObservationSource::Reference | ObservationSource::SimRgb | ObservationSource::Layout => String::new(),
+        },
     };
     let mut writer = DigestWriter::new();
     writer.text(run.as_str()).u32(spec.replan_period).u32(spec.horizon).u32(spec.history).u32(spec.warm_up);
@@ -261,7 +279,8 @@ fn spec(run: &RunId, scene: &Scene, arm: &Arm<'_>, settings: &pb::RunSettings) -
     for effect in &spec.effects {
         writer.text(&effect.id).f64s(&effect.values);
     }
-    writer.bool(spec.vehicle_log);
+    writer.bool(spec.vehicle_log).text(&spec.prompt);
+    given.digest_into(&mut writer);
     spec.configuration = writer.finish();
     Ok(spec)
 }
@@ -287,19 +306,12 @@ pub(crate) fn scene(job: &Job) -> Result<SceneMessage, SubmissionError> {
         return refuse("scenarios", job.file.display(), "the file changed since the run was submitted");
     }
     let first_frames = match job.spec.observation {
-        ObservationSource::Dreamstream => first_frames(&scene, &job.spec.appearance)?,
+        ObservationSource::Dreamstream => job.given.first_frames(&scene, look(&job.spec.appearance)?)?,
         ObservationSource::Reference | ObservationSource::SimRgb | ObservationSource::Layout => Vec::new(),
     };
     Ok(SceneMessage { spec: job.spec.clone(), scene: Arc::new(scene), first_frames })
 }
 
-/// Renders o_0 of each camera by the reference camera.
-fn first_frames(scene: &Scene, appearance: &str) -> Result<Vec<RgbImage>, SubmissionError> {
-    let Ok(appearance) = Appearance::named(appearance) else {
-        return refuse("appearances", appearance, LOOKS);
-    };
-    let renderer = ReferenceCamera::new(scene, appearance);
-    let world = scene.logged_world(Tick(0));
-    let pose = world.ego.pose.world_from_rig(0.0);
-    Ok(scene.cameras.iter().map(|camera| renderer.render(&world, camera, pose)).collect())
+fn look(appearance: &str) -> Result<Appearance, SubmissionError> {
+    Appearance::named(appearance).or_else(|_| refuse("appearances", appearance, LOOKS))
 }

@@ -41,7 +41,7 @@ impl Rollouts {
             let layout: Layout = inputs.decode(Slot::of_camera(Topic::Layout, 0, index))?;
             let first = self.first_frame(usize::from(index))?;
             let key = self.scene.spec.draw_key();
-            let prompt = &self.scene.scene.prompt;
+            let prompt = self.scene.prompt();
             let started = Rollout::new(Arc::clone(&self.model), key, camera.id.as_str(), prompt, first, &layout.image);
             let (rollout, entry) = started.map_err(|error| bad("rollout_refused", &error))?;
             let seen = seen(self.lens.as_ref(), rollout.first_frame().clone(), Tick(0), index)?;
@@ -132,7 +132,7 @@ impl Maker for Rollouts {
                 model: Arc::clone(&self.model),
                 draw_key: spec.draw_key(),
                 camera: camera.id.as_str(),
-                prompt: &self.scene.scene.prompt,
+                prompt: self.scene.prompt(),
                 first_frame: self.first_frame(usize::from(index))?,
                 entries: &entries,
                 past: &past,

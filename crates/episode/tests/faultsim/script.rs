@@ -125,6 +125,7 @@ pub(crate) fn outline(dice: &mut Dice) -> Outline {
         vehicle_log: false,
         observation_delay: 0,
         layout_memory_ticks: 2 * chunk_ticks,
+        prompt: String::new(),
     };
     Outline { spec, cameras: dice.range(1, 2) as u16, dt: SimTime(100_000_000) }
 }

@@ -131,9 +131,8 @@ fn a_missing_file_is_named() {
 #[test]
 fn warns_of_what_is_odd() {
     let mut scene = generate(Family::FreeCurve, 0);
-    scene.prompt.clear();
     scene.map.drivable.clear();
     scene.ego_log[9].pose.position.x += 30.0;
     let places: Vec<String> = warnings(&scene).into_iter().map(|warning| warning.at).collect();
-    assert_eq!(places, ["prompt", "ego_log", "ego_log.x_m[9]"]);
+    assert_eq!(places, ["ego_log", "ego_log.x_m[9]"]);
 }

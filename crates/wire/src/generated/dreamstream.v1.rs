@@ -1820,6 +1820,9 @@ pub struct EpisodeSpec {
     /// Ticks before the last committed one whose layouts a fresh video worker needs too, at most 512.
     #[prost(uint32, tag = "26")]
     pub layout_memory_ticks: u32,
+    /// What the video model is told in words, at most 4096 bytes; empty where no video model runs.
+    #[prost(string, tag = "27")]
+    pub prompt: ::prost::alloc::string::String,
 }
 /// A lane.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -2388,6 +2391,22 @@ pub struct RunSettings {
     /// Whether the car records itself between ticks.
     #[prost(bool, tag = "17")]
     pub vehicle_log: bool,
+    /// What the video model is told in words, at most 4096 bytes; absent for the template's words on each scenario.
+    #[prost(string, optional, tag = "18")]
+    pub prompt: ::core::option::Option<::prost::alloc::string::String>,
+    /// Pictures that the video model starts from, at most one per camera; the reference camera makes the others.
+    #[prost(message, repeated, tag = "19")]
+    pub first_frames: ::prost::alloc::vec::Vec<FirstFrame>,
+}
+/// A picture that the video model starts from.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct FirstFrame {
+    /// The camera's name; empty for the only one, or that named `front`.
+    #[prost(string, tag = "1")]
+    pub camera: ::prost::alloc::string::String,
+    /// A PNG or JPEG file of the camera's size, or larger and of the same aspect ratio.
+    #[prost(bytes = "bytes", tag = "2")]
+    pub image: ::prost::bytes::Bytes,
 }
 /// A scenario to drive.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]

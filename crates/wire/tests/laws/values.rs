@@ -366,6 +366,7 @@ fn spec() -> impl Strategy<Value = EpisodeSpec> {
         vehicle_log: small % 2 == 1,
         observation_delay: small,
         layout_memory_ticks: 3 * small,
+        prompt: ["", "by day"][small as usize % 2].to_owned(),
     })
 }
 

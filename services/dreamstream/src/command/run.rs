@@ -1,5 +1,7 @@
 //! `run`: starts a fleet, submits the scenarios, watches the drives, writes results and pictures.
 
+mod request;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -8,12 +10,13 @@ use anyhow::{Context, Result, bail, ensure};
 use ds_process::security::{Control, Dial};
 use ds_record::Recording;
 use ds_report::{Episode, ProposalStats, Results, Run, TimeShare};
+use ds_space::Digest;
 use ds_wire::control as pb;
 use indicatif::ProgressBar;
 use pb::runs_client::RunsClient;
 use tonic::Code;
 
-use crate::cli::{Agents, Align, Observation, RunArgs, SubmitArgs};
+use crate::cli::{RunArgs, SubmitArgs};
 use crate::command::gap::logs;
 use crate::command::report::{self, RESULTS};
 use crate::command::{answer, bar, scenario};
@@ -40,7 +43,10 @@ pub(crate) async fn run(args: &RunArgs, log: &str) -> Result<()> {
 /// If anything is refused or a service dies.
 pub(crate) async fn drive_all(args: &RunArgs, log: &str) -> Result<Results> {
     let files = shard(scenario::files(&args.scenarios)?, args.shard.as_deref())?;
+    let given = request::given(args, &files)?;
     let world = world_of(args, &files)?;
+    let configuration = request::configuration(args, &world, &given);
+    let request = request::request((args, &world), given, &configuration, sources(&files, Source::Path)?)?;
     let began = Instant::now();
     let watch = args.live.as_ref().map(|url| Watch { episode: String::new(), url: url.clone(), one: false });
     if let Some(watch) = &watch {
@@ -50,7 +56,6 @@ pub(crate) async fn drive_all(args: &RunArgs, log: &str) -> Result<Results> {
     let plan = FleetPlan::of(args)?;
     let apart = args.processes || !plan.stages.is_empty();
     let mut fleet = if apart { children::start(&plan, log).await? } else { embed::start(&plan).await? };
-    let request = request(args, &world, sources(&files, Source::Path)?)?;
     let control = Dial::local(&fleet.control)?;
     let viewer = match watch {
         Some(watch) => Some(tokio::spawn(live::follow(fleet.tap().await?, control.clone(), watch))),
@@ -72,7 +77,7 @@ pub(crate) async fn drive_all(args: &RunArgs, log: &str) -> Result<Results> {
     let stopped = fleet.stop().await;
     let (run, classes) = outcome?;
     stopped?;
-    let mut results = results((args, &world), &files, mode, (&run, classes), began.elapsed().as_secs_f64())?;
+    let mut results = results((args, &configuration), &files, mode, (&run, classes), began.elapsed().as_secs_f64())?;
     if args.vehicle_log || args.seal.is_some() {
         extract(args, &results)?;
     }
@@ -129,13 +134,15 @@ fn withdraw(args: &RunArgs, results: &mut Results) -> Result<()> {
 pub(crate) async fn submit(args: &SubmitArgs) -> Result<()> {
     let run = &args.run;
     let files = shard(scenario::files(&run.scenarios)?, run.shard.as_deref())?;
+    let given = request::given(run, &files)?;
     let began = Instant::now();
     std::fs::create_dir_all(&run.out).with_context(|| format!("create {}", run.out.display()))?;
     ensure!(run.seal.is_none(), "a sealed run keeps its answer where it drives: use `run`");
     let world = world_of(run, &files)?;
-    let request = request(run, &world, sources(&files, Source::Content)?)?;
+    let configuration = request::configuration(run, &world, &given);
+    let request = request::request((run, &world), given, &configuration, sources(&files, Source::Content)?)?;
     let (driven, classes) = drive(request, &args.control.dial()?).await?;
-    let results = results((run, &world), &files, "fleet", (&driven, classes), began.elapsed().as_secs_f64())?;
+    let results = results((run, &configuration), &files, "fleet", (&driven, classes), began.elapsed().as_secs_f64())?;
     results.save(&run.out.join(RESULTS))?;
     report::write_for(&run.out, &results)?;
     conclude(&results, &run.out)
@@ -293,94 +300,8 @@ fn sources(files: &[PathBuf], how: Source) -> Result<Vec<pb::ScenarioSource>> {
     files.iter().map(source).collect()
 }
 
-fn request(args: &RunArgs, world: &RunConfig, scenarios: Vec<pb::ScenarioSource>) -> Result<pb::SubmitRequest> {
-    let dt_secs = 0.1;
-    let ticks = |secs: f64| (secs / dt_secs).round().clamp(0.0, 100_000.0) as u32;
-    ensure!(args.horizon > 0.0 && args.horizon <= 30.0, "--horizon {} is not in (0, 30]", args.horizon);
-    ensure!(args.duration >= 0.0, "--duration {} is negative", args.duration);
-    let observation = match args.observation {
-        Observation::Dreamstream => pb::ObservationSource::Dreamstream,
-        Observation::Reference => pb::ObservationSource::Reference,
-        Observation::SimRgb => pb::ObservationSource::SimRgb,
-        Observation::Layout => pb::ObservationSource::Layout,
-    };
-    let agents = match args.agents {
-        Agents::LogReplay => pb::AgentMode::LogReplay,
-        Agents::IdmBehindEgo => pb::AgentMode::IdmBehindEgo,
-        Agents::IdmAll => pb::AgentMode::IdmAll,
-        Agents::Interactive => pb::AgentMode::Interactive,
-    };
-    Ok(pb::SubmitRequest {
-        client_id: format!("run-{}", &configuration(args, world).to_string()[..16]),
-        scenarios,
-        policies: vec![args.policy.clone()],
-        observations: vec![observation as i32],
-        appearances: vec![args.appearance.clone()],
-        seeds: args.seed.clone(),
-        settings: Some(pb::RunSettings {
-            replan_period: args.replan,
-            horizon: ticks(args.horizon),
-            history: args.history,
-            warm_up: args.warm_up,
-            ticks: ticks(args.duration),
-            agents: agents as i32,
-            tracker: args.tracker.clone(),
-            layout_backend: args.layout_backend.clone(),
-            alignment: match args.align {
-                Align::Rollback => pb::ReplanAlignment::Rollback as i32,
-                Align::Exact => pb::ReplanAlignment::Exact as i32,
-            },
-            benchmark: args.benchmark,
-            scorer: scorer(args).to_owned(),
-            score_profile: args.profile.clone(),
-            effects: world.switched(),
-            vehicle_log: args.vehicle_log || args.seal.is_some(),
-            ..pb::RunSettings::default()
-        }),
-    })
-}
-
-fn scorer(args: &RunArgs) -> &'static str {
-    match (args.scorer.as_str(), args.oracle.as_str()) {
-        ("learned", _) => "learned",
-        (_, "navsim") => "oracle-navsim",
-        _ => "oracle",
-    }
-}
-
-/// Returns the digest over all settings that a result depends on, names of scenarios included, folders not.
-fn configuration(args: &RunArgs, world: &RunConfig) -> ds_space::Digest {
-    let mut writer = ds_space::DigestWriter::new();
-    writer.text(&args.policy).u32(args.observation as u32).u32(args.replan).f64(args.horizon).u32(args.history);
-    writer.f64(args.duration).u32(args.warm_up).text(&args.appearance).u32(args.agents as u32).text(&args.tracker);
-    writer
-        .text(scorer(args))
-        .text(&args.profile)
-        .u32(args.align as u32)
-        .text(&args.layout_backend)
-        .text(args.shard.as_deref().unwrap_or_default());
-    for seed in &args.seed {
-        writer.u64(*seed);
-    }
-    for path in &args.scenarios {
-        writer.text(&path.to_string_lossy());
-    }
-    // Withheld effects are told by nothing, their digest included.
-    if let Some(seal) = &args.seal {
-        writer.text(&seal.to_string_lossy());
-    } else {
-        for effect in &world.effects {
-            writer.text(&effect.id).f64s(&effect.values);
-        }
-    }
-    for stage in &args.stages {
-        writer.text(stage);
-    }
-    writer.bool(args.vehicle_log).finish()
-}
-
 fn results(
-    (args, world): (&RunArgs, &RunConfig),
+    (args, configuration): (&RunArgs, &Digest),
     files: &[PathBuf],
     mode: &str,
     (run, compute_classes): (&pb::Run, BTreeMap<String, String>),
@@ -400,7 +321,7 @@ fn results(
             tracker: args.tracker.clone(),
             appearance: args.appearance.clone(),
             mode: mode.to_owned(),
-            configuration_digest: configuration(args, world).to_string(),
+            configuration_digest: configuration.to_string(),
             video_model_digest: hex(&first.video_model),
             policy_model_digest: hex(&first.policy_model),
             compute_classes,

@@ -66,6 +66,7 @@ fn scene(model: &VideoModel) -> Arc<SceneMessage> {
         vehicle_log: false,
         observation_delay: 0,
         layout_memory_ticks: model.config().layout_memory_ticks() as u32,
+        prompt: "a road by day".to_owned(),
     };
     let first_frames = (0u16..).take(CAMERAS.len()).map(|camera| picture(camera, 0)).collect();
     Arc::new(SceneMessage { spec, scene: Arc::new(scene), first_frames })
@@ -131,7 +132,7 @@ fn check(model: Arc<VideoModel>) {
         made.extend(maker.work(&order(iteration), &inputs).expect("works"));
     }
     for (index, camera) in (0u16..).zip(CAMERAS) {
-        let (key, prompt) = (scene.spec.draw_key(), &scene.scene.prompt);
+        let (key, prompt) = (scene.spec.draw_key(), scene.prompt());
         let begun = Rollout::new(Arc::clone(&model), key, camera, prompt, &picture(index, 0), &picture(index, 100));
         let (mut alone, _) = begun.expect("starts");
         let mut frames = vec![alone.first_frame().clone()];

@@ -1,4 +1,4 @@
-//! The prompt of a clip, written from its facts by a template.
+//! The prompt of a drive, written from its facts by a template; training clips and runs have theirs from here.
 //!
 //! Embeddings may be bags of words (`ds_video::prompt::hashed`), so each thing has words of its own that stand for
 //! nothing else in the template, and a count is in the word: "lone car", "few cars", "dense traffic".

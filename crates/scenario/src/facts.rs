@@ -1,14 +1,11 @@
-//! Facts about a clip that its prompt is written from: the road ahead, who is on it, how the ego moves.
+//! Facts about a drive that its prompt is written from: the road ahead, who is on it, how the ego moves.
 //!
-//! Taken from map and world at the first frame and from the ego's motion over the clip; distances in metres ahead of
-//! the rig. Nothing is read from pixels.
+//! Taken from map and world at the first frame and from the ego's motion up to the last one; distances in metres ahead
+//! of the rig. Nothing is read from pixels.
 
-use ds_camera::Appearance;
 use ds_space::{DVec2, PoseSe2, angle};
 use ds_world::{AgentClass, LaneKind, LightState, Map, Polyline, Scene, WorldState};
 use serde::{Deserialize, Serialize};
-
-use crate::drive::Drive;
 
 /// How far ahead things are told of.
 const AHEAD_M: f64 = 60.0;
@@ -31,7 +28,7 @@ pub enum Geometry {
     Roundabout,
 }
 
-/// What the ego does over the clip.
+/// What the ego does over the drive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EgoMotion {
@@ -93,16 +90,15 @@ pub struct Facts {
     pub ego: EgoMotion,
     /// The ego's speed at the first frame, in metres per second.
     pub ego_speed_mps: f64,
-    /// Change of heading over the clip, left positive, in radians.
+    /// Change of heading over the drive, left positive, in radians.
     pub ego_turn_rad: f64,
 }
 
 impl Facts {
-    /// Gathers the facts of a clip.
+    /// Gathers the facts of a drive from its first and last state; `appearance` says what it looks like.
     #[must_use]
-    pub fn of(scene: &Scene, drive: &Drive, frames: usize, appearance: &Appearance) -> Self {
-        let (first, last) = (drive.world(scene, 0), drive.world(scene, frames.saturating_sub(1)));
-        let mut facts = Self::at(scene, &first, appearance);
+    pub fn of(scene: &Scene, first: &WorldState, last: &WorldState, appearance: String) -> Self {
+        let mut facts = Self::at(scene, first, appearance);
         let (before, after) = (first.ego.speed_mps(), last.ego.speed_mps());
         facts.ego = match (before.max(after), after - before) {
             (fastest, _) if fastest < 0.5 => EgoMotion::Standing,
@@ -115,12 +111,11 @@ impl Facts {
     }
 
     /// Gathers what one state tells; the ego then cruises or stands.
-    #[must_use]
-    pub fn at(scene: &Scene, world: &WorldState, appearance: &Appearance) -> Self {
+    fn at(scene: &Scene, world: &WorldState, appearance: String) -> Self {
         let ego = world.ego.pose;
         let speed = world.ego.speed_mps();
         let mut facts = Self {
-            appearance: appearance.prompt(),
+            appearance,
             road: geometry(scene, &ego),
             lanes: lanes(&scene.map, &ego),
             traffic_light: light(&scene.map, world),

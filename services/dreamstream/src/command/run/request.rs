@@ -1,0 +1,139 @@
+//! From arguments to the request: settings of all episodes, prompt and first frames, the digest that tells runs apart.
+//!
+//! Prompt and first frames are read and checked here, before anything starts, by the rules of the orchestrator.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, ensure};
+use ds_space::{CameraId, Digest, DigestWriter};
+use ds_topic::ObservationSource;
+use ds_wire::control as pb;
+use orchestrator::Conditioning;
+
+use crate::cli::{Agents, Align, Observation, RunArgs};
+use crate::world::RunConfig;
+
+/// Reads prompt and first frames and checks them against the scenarios.
+///
+/// # Errors
+/// If a file cannot be read, or is refused for one of the scenarios.
+pub(super) fn given(args: &RunArgs, files: &[PathBuf]) -> Result<pb::RunSettings> {
+    let first_frames = args.first_frames.iter().map(|text| first_frame(text)).collect::<Result<_>>()?;
+    let settings = pb::RunSettings { prompt: args.prompt.clone(), first_frames, ..pb::RunSettings::default() };
+    let given = Conditioning::of(&settings, &[source(args)])?;
+    for file in files.iter().filter(|_| !settings.first_frames.is_empty()) {
+        let (scene, _warnings) = ds_scenario::load(file)?;
+        given.pictures(&scene)?;
+    }
+    Ok(settings)
+}
+
+/// Reads `FILE` or `CAMERA=FILE`.
+fn first_frame(text: &str) -> Result<pb::FirstFrame> {
+    let named = text.split_once('=').filter(|(camera, _)| CameraId::new(camera).is_ok());
+    let (camera, path) = named.unwrap_or(("", text));
+    let image = std::fs::read(path).with_context(|| format!("--first-frame: read {path}"))?;
+    Ok(pb::FirstFrame { camera: camera.to_owned(), image: image.into() })
+}
+
+fn source(args: &RunArgs) -> ObservationSource {
+    match args.observation {
+        Observation::Dreamstream => ObservationSource::Dreamstream,
+        Observation::Reference => ObservationSource::Reference,
+        Observation::SimRgb => ObservationSource::SimRgb,
+        Observation::Layout => ObservationSource::Layout,
+    }
+}
+
+/// Returns what the orchestrator is asked; `given` is what the video model starts from.
+///
+/// # Errors
+/// If horizon or duration is out of bounds.
+pub(super) fn request(
+    (args, world): (&RunArgs, &RunConfig),
+    given: pb::RunSettings,
+    configuration: &Digest,
+    scenarios: Vec<pb::ScenarioSource>,
+) -> Result<pb::SubmitRequest> {
+    let dt_secs = 0.1;
+    let ticks = |secs: f64| (secs / dt_secs).round().clamp(0.0, 100_000.0) as u32;
+    ensure!(args.horizon > 0.0 && args.horizon <= 30.0, "--horizon {} is not in (0, 30]", args.horizon);
+    ensure!(args.duration >= 0.0, "--duration {} is negative", args.duration);
+    let agents = match args.agents {
+        Agents::LogReplay => pb::AgentMode::LogReplay,
+        Agents::IdmBehindEgo => pb::AgentMode::IdmBehindEgo,
+        Agents::IdmAll => pb::AgentMode::IdmAll,
+        Agents::Interactive => pb::AgentMode::Interactive,
+    };
+    Ok(pb::SubmitRequest {
+        client_id: format!("run-{}", &configuration.to_string()[..16]),
+        scenarios,
+        policies: vec![args.policy.clone()],
+        observations: vec![pb::ObservationSource::from(source(args)).into()],
+        appearances: vec![args.appearance.clone()],
+        seeds: args.seed.clone(),
+        settings: Some(pb::RunSettings {
+            replan_period: args.replan,
+            horizon: ticks(args.horizon),
+            history: args.history,
+            warm_up: args.warm_up,
+            ticks: ticks(args.duration),
+            agents: agents as i32,
+            tracker: args.tracker.clone(),
+            layout_backend: args.layout_backend.clone(),
+            alignment: match args.align {
+                Align::Rollback => pb::ReplanAlignment::Rollback as i32,
+                Align::Exact => pb::ReplanAlignment::Exact as i32,
+            },
+            benchmark: args.benchmark,
+            scorer: scorer(args).to_owned(),
+            score_profile: args.profile.clone(),
+            effects: world.switched(),
+            vehicle_log: args.vehicle_log || args.seal.is_some(),
+            ..given
+        }),
+    })
+}
+
+fn scorer(args: &RunArgs) -> &'static str {
+    match (args.scorer.as_str(), args.oracle.as_str()) {
+        ("learned", _) => "learned",
+        (_, "navsim") => "oracle-navsim",
+        _ => "oracle",
+    }
+}
+
+/// Returns the digest over all settings that a result depends on, names of scenarios included, folders not.
+pub(super) fn configuration(args: &RunArgs, world: &RunConfig, given: &pb::RunSettings) -> Digest {
+    let mut writer = DigestWriter::new();
+    writer.text(&args.policy).u32(args.observation as u32).u32(args.replan).f64(args.horizon).u32(args.history);
+    writer.f64(args.duration).u32(args.warm_up).text(&args.appearance).u32(args.agents as u32).text(&args.tracker);
+    writer
+        .text(scorer(args))
+        .text(&args.profile)
+        .u32(args.align as u32)
+        .text(&args.layout_backend)
+        .text(args.shard.as_deref().unwrap_or_default());
+    for seed in &args.seed {
+        writer.u64(*seed);
+    }
+    for path in &args.scenarios {
+        writer.text(&path.to_string_lossy());
+    }
+    // Withheld effects are told by nothing, their digest included.
+    if let Some(seal) = &args.seal {
+        writer.text(&seal.to_string_lossy());
+    } else {
+        for effect in &world.effects {
+            writer.text(&effect.id).f64s(&effect.values);
+        }
+    }
+    for stage in &args.stages {
+        writer.text(stage);
+    }
+    writer.bool(given.prompt.is_some()).text(given.prompt());
+    for frame in &given.first_frames {
+        writer.text(&frame.camera).digest(&Digest::of(&frame.image));
+    }
+    writer.bool(args.vehicle_log).finish()
+}
