@@ -9,11 +9,15 @@ use ds_perception::label::Crosswalks;
 use ds_perception::lights::{self, SeenLight};
 use ds_perception::world::{CameraWorld, SceneCamera};
 use ds_raster::RgbImage;
+use ds_scenario::Facts;
 use ds_space::{CameraModel, Digest, Draws};
 use ds_world::{Scene, WorldState};
 
 use crate::course::Course;
 use crate::error::AppraisalError;
+
+/// The frames whose course a prompt tells of, as those of training clips do.
+const TOLD_FRAMES: u32 = 40;
 
 /// Where and how a drive goes.
 #[derive(Debug, Clone)]
@@ -32,7 +36,7 @@ pub struct Route {
 pub struct Drive {
     /// The scenario's name with the tick of its first frame.
     pub name: String,
-    /// The look in words.
+    /// Look, road, road users and motion in words.
     pub prompt: String,
     /// Keys the noise of a model.
     pub draw_key: Digest,
@@ -56,13 +60,15 @@ impl Drive {
         let mut model = model.ok_or_else(|| AppraisalError::NoCamera { scenario: scene.name.clone() })?;
         model.intrinsics = model.intrinsics.resized(size_px.0, size_px.1);
         let model = world.rig(&model);
-        let prompt = route.look.prompt();
+        let course = Course::new(Arc::clone(scene), route.start, route.pace);
+        let facts = Facts::of(scene, &course.world(0), &course.world(TOLD_FRAMES), route.look.prompt());
+        let prompt = ds_scenario::prompt(&facts);
         Ok(Self {
             name: format!("{}@{}", scene.name, route.start),
             draw_key: Draws::key(&scene.digest, &prompt, u64::from(route.start)),
             prompt,
             model,
-            course: Course::new(Arc::clone(scene), route.start, route.pace),
+            course,
             camera: world.camera(scene, &route.look),
             map: StaticMap::new(&scene.map),
             crosswalks: Crosswalks::new(&scene.map)?,
