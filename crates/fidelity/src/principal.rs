@@ -16,6 +16,9 @@ pub struct Principal {
 
 /// Features that vary less than this do not count.
 const LEAST_DEVIATION: f64 = 1e-6;
+/// Features that vary less than this share of the median feature count as if they varied so much: else one that hardly
+/// ever moves in what is compared with would outweigh all others as soon as it moves elsewhere.
+const LEAST_SHARE: f64 = 0.05;
 
 impl Principal {
     /// Fits at most `most` directions to the rows of a matrix; features that do not vary count nothing.
@@ -31,6 +34,8 @@ impl Principal {
         }
         let mean = rows.row_mean().transpose();
         let deviation = rows.row_variance().transpose().map(f64::sqrt);
+        let floor = LEAST_SHARE * median(deviation.iter().copied().filter(|value| *value >= LEAST_DEVIATION).collect());
+        let deviation = deviation.map(|value| if value < LEAST_DEVIATION { value } else { value.max(floor) });
         let mut fitted = Self { mean, deviation, directions: DMatrix::zeros(rows.ncols(), 0) };
         let standard = fitted.standardised(rows);
         let covariance = standard.transpose() * &standard / (rows.nrows() as f64 - 1.0);
@@ -66,9 +71,28 @@ impl Principal {
     }
 }
 
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_feature_that_hardly_moves_does_not_outweigh_the_others() {
+        let wave = |row: usize, column: usize| ((row * (column + 3)) as f64 * 0.7).sin();
+        let rows = DMatrix::from_fn(200, 4, |row, column| match column {
+            3 => f64::from(u8::from(row == 7)) * 0.01,
+            _ => wave(row, column),
+        });
+        let fitted = Principal::fit(&rows, 4).expect("fits");
+        // As far out as the others ever are, which is a thousand of its own deviations.
+        let elsewhere = DMatrix::from_row_slice(1, 4, &[0.0, 0.0, 0.0, 1.0]);
+        let far = fitted.project(&elsewhere).expect("projects").norm();
+        assert!(far < 100.0, "{far}");
+    }
 
     #[test]
     fn the_direction_of_greatest_variance_comes_first() {
