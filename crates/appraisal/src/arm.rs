@@ -9,10 +9,10 @@ use ds_nn::Weights;
 use ds_nn::safetensors::WeightsFile;
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter};
-use ds_train::config::Dropout;
+use ds_train::guidance::Teacher;
 use ds_video::{ModelConfig, Rollout, VideoModel};
 
-use teacher::Guidance;
+use teacher::Sampling;
 
 use crate::config::{ArmConfig, ArmKind, EvalConfig};
 use crate::drive::Drive;
@@ -20,8 +20,8 @@ use crate::error::AppraisalError;
 
 type Cause = Box<dyn std::error::Error + Send + Sync>;
 
-/// Guidance of a teacher that names none.
-const TEACHER: Guidance = Guidance { weight: 2.5, steps: 16, dropout: Dropout::Layout, window: 6, layouts: true };
+/// How a teacher is sampled that names nothing.
+const TEACHER: Sampling = Sampling { guidance: 2.5, steps: 16, window: 6, layouts: true };
 
 /// Weights, ready to make frames.
 pub struct Arm {
@@ -32,8 +32,8 @@ pub struct Arm {
     /// What the configuration remarks on it.
     pub remark: String,
     model: Arc<VideoModel>,
-    /// The transformer's weights and the guidance of a teacher.
-    teacher: Option<(Weights, Guidance)>,
+    /// The network of a teacher or prior and how it is sampled.
+    teacher: Option<(Teacher, Sampling)>,
     digest: Digest,
 }
 
@@ -50,10 +50,7 @@ impl Arm {
 
     fn open(config: &EvalConfig, name: &str, arm: &ArmConfig) -> Result<Self, Cause> {
         let mut preset = ModelConfig::load(&config.path(&arm.model))?;
-        let path = config.path(&arm.weights);
-        // Loading checks that the weights were trained for the preset as it is written.
-        VideoModel::load(&preset, &path)?;
-        let mut weights = WeightsFile::read(&path)?.weights;
+        let mut weights = VideoModel::read(&preset, &config.path(&arm.weights))?;
         if let Some(dit) = &arm.dit {
             replace_transformer(&mut weights, &WeightsFile::read(&config.path(dit))?.weights);
         }
@@ -75,14 +72,13 @@ impl Arm {
     ) -> Result<Self, Cause> {
         let prior = arm.kind == ArmKind::Prior;
         let teacher = (prior || arm.kind == ArmKind::Teacher).then(|| {
-            let guidance = Guidance {
-                weight: if prior { 1.0 } else { arm.guidance.unwrap_or(TEACHER.weight) },
+            let sampling = Sampling {
+                guidance: if prior { 1.0 } else { arm.guidance.unwrap_or(TEACHER.guidance) },
                 steps: arm.steps.unwrap_or(TEACHER.steps),
-                dropout: arm.dropout.unwrap_or(TEACHER.dropout),
                 window: arm.window.unwrap_or(TEACHER.window),
                 layouts: !prior,
             };
-            (weights.part("dit."), guidance)
+            Ok::<_, Cause>((Teacher::new(preset, &weights.part("dit."), arm.dropout.unwrap_or_default())?, sampling))
         });
         let model = match arm.kind {
             ArmKind::NoLayout => VideoModel::new(preset, &silence::silenced(weights))?,
@@ -90,7 +86,7 @@ impl Arm {
         };
         let digest = DigestWriter::new().digest(&model.digest()).text(settings).finish();
         let (name, remark) = (name.to_owned(), arm.remark.clone());
-        Ok(Self { name, kind: arm.kind, remark, model: Arc::new(model), teacher, digest })
+        Ok(Self { name, kind: arm.kind, remark, model: Arc::new(model), teacher: teacher.transpose()?, digest })
     }
 
     /// Returns the digest of preset, weights and way of making frames.
@@ -128,8 +124,8 @@ impl Arm {
     pub fn roll_with(&self, drive: &Drive, layouts: &[RgbImage]) -> Result<Vec<RgbImage>, AppraisalError> {
         let first = drive.frame(0);
         let made = match &self.teacher {
-            Some((dit, guidance)) => {
-                teacher::clip(&self.model, dit, drive, (&first, layouts), *guidance).map_err(Into::into)
+            Some((teacher, sampling)) => {
+                teacher::clip(&self.model, teacher, drive, (&first, layouts), *sampling).map_err(Into::into)
             }
             None => student(&self.model, drive, &first, layouts).map_err(Into::into),
         };

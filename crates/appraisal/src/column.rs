@@ -1,5 +1,5 @@
-//! The columns of every table: generated scenarios in the camera world of training (A), the same in another world (B),
-//! and recorded logs (real), the last two never seen by any training.
+//! The columns of every table: generated scenarios in the camera world of training (A), another world with roads and
+//! camera of its own (B), and recorded logs (real), the last two never seen by any training.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use ds_abroad::AbroadCamera;
 use ds_camera::{Appearance, Condition, Lighting, PixelClass, RoadSurface, Weather};
 use ds_perception::world::{CameraWorld, SceneCamera};
 use ds_raster::RgbImage;
-use ds_scenario::{Family, import};
+use ds_scenario::import;
 use ds_space::{CameraModel, Draws, Pose, Rig, World};
 use ds_world::{Scene, WorldState};
 
@@ -16,7 +16,7 @@ use crate::config::EvalConfig;
 use crate::drive::Route;
 use crate::error::AppraisalError;
 
-/// The second world, with its own rig.
+/// The second world, with its own roads and rig.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct WorldB;
 
@@ -29,6 +29,10 @@ impl CameraWorld for WorldB {
 
     fn rig(&self, model: &CameraModel) -> CameraModel {
         AbroadCamera::rig(model)
+    }
+
+    fn scenario(&self, first_seed: u64, index: u64) -> Scene {
+        ds_abroad::roads::scene(first_seed + index)
     }
 
     fn camera(&self, scene: &Scene, look: &Appearance) -> Box<dyn SceneCamera> {
@@ -54,6 +58,8 @@ pub struct Column<'a> {
     pub world: &'a dyn CameraWorld,
     /// The scenarios with their looks.
     pub scenes: Vec<(Arc<Scene>, Appearance)>,
+    /// How many of them, from the first, all tables use that name no number of rollouts.
+    pub scenarios: usize,
 }
 
 impl<'a> Column<'a> {
@@ -66,15 +72,16 @@ impl<'a> Column<'a> {
         worlds: &[&'a dyn CameraWorld],
         progress: &mut dyn Progress,
     ) -> Result<Vec<Self>, AppraisalError> {
-        let generated = generated(config)?;
-        let mut columns: Vec<Self> = worlds
-            .iter()
-            .map(|world| Self { name: world.name().to_owned(), world: *world, scenes: generated.clone() })
-            .collect();
+        let mut columns = Vec::new();
+        for world in worlds {
+            let (scenes, scenarios) = (generated(config, *world)?, config.columns.scenarios as usize);
+            columns.push(Self { name: world.name().to_owned(), world: *world, scenes, scenarios });
+        }
         if let (Some(world), false) = (worlds.first(), config.columns.real.is_empty()) {
             let scenes = logged(config, progress)?;
             if !scenes.is_empty() {
-                columns.push(Self { name: "real".to_owned(), world: *world, scenes });
+                let scenarios = scenes.len();
+                columns.push(Self { name: "real".to_owned(), world: *world, scenes, scenarios });
             }
         }
         Ok(columns)
@@ -91,22 +98,30 @@ impl<'a> Column<'a> {
     }
 }
 
-fn generated(config: &EvalConfig) -> Result<Vec<(Arc<Scene>, Appearance)>, AppraisalError> {
+/// Generates as many scenarios as any table asks for.
+fn generated(config: &EvalConfig, world: &dyn CameraWorld) -> Result<Vec<(Arc<Scene>, Appearance)>, AppraisalError> {
     let columns = &config.columns;
+    let rollouts = [
+        config.drift.as_ref().map(|drift| drift.rollouts),
+        config.appearance.as_ref().map(|appearance| appearance.rollouts),
+    ];
+    let count = rollouts.into_iter().flatten().fold(columns.scenarios, u64::max);
     let scene = |index: u64| {
-        let count = Family::ALL.len() as u64;
-        let (family, seed) = (Family::ALL[(index % count) as usize], columns.first_seed + index / count);
-        let scene = ds_scenario::generate(family, seed);
+        let scene = world.scenario(columns.first_seed, index);
         Ok((Arc::new(scene), look(&columns.look, columns.first_seed + index)?))
     };
-    (0..columns.scenarios).map(scene).collect()
+    (0..count).map(scene).collect()
 }
 
 /// Returns the look of a generated scenario.
 fn look(name: &str, seed: u64) -> Result<Appearance, AppraisalError> {
     let refuse = |error: String| AppraisalError::config("columns.look", error);
     match name {
-        "drawn" => Ok(Appearance::from_seed(Draws::from_seed(seed, "measured look").u64(0))),
+        "drawn" => {
+            let all: Vec<Condition> = Condition::all().collect();
+            let drawn = Draws::from_seed(seed, "measured look").below(0, all.len() as u64) as usize;
+            Ok(Appearance::condition(all[drawn], seed))
+        }
         "daylight" => {
             let weather = if seed.is_multiple_of(2) { Weather::Clear } else { Weather::Overcast };
             let condition = Condition::new(Lighting::Day, weather, RoadSurface::Dry);

@@ -120,10 +120,10 @@ pub struct ArmConfig {
 pub struct ColumnsConfig {
     /// Seed of the first eight generated scenarios, one per family; the next seed gives the next eight.
     pub first_seed: u64,
-    /// Generated scenarios.
+    /// Generated scenarios of each world for tables that name no number of rollouts.
     pub scenarios: u64,
-    /// The look of generated scenarios: `daylight` (clear and overcast in turn), `drawn` (day, night, wet, hazy), or the
-    /// name of an appearance such as `day` or `snow`.
+    /// The look of generated scenarios: `daylight` (clear and overcast in turn), `drawn` (any condition), or the name of an
+    /// appearance such as `day` or `snow`.
     pub look: String,
     /// Scenario files, logs or folders of them for the column `real`; absent ones are skipped with a note.
     #[serde(default)]

@@ -181,6 +181,12 @@ pub struct SpeedOutcome {
     pub frames_per_second: Option<Estimate>,
     /// Share of the measured peak of matrix products that the transformer attains.
     pub gemm_share: Option<Estimate>,
+    /// What the transformer attains on all threads, in GFLOP/s.
+    #[serde(default)]
+    pub transformer_gflops: Option<Estimate>,
+    /// What plain matrix products attain in the same rounds, in GFLOP/s.
+    #[serde(default)]
+    pub gemm_gflops: Option<Estimate>,
     /// Threads of the machine.
     pub threads: u64,
 }

@@ -230,9 +230,12 @@ fn speed(m: &mut Markup, outcome: &Outcome) {
         part.preset.clone(),
         part.threads.to_string(),
         shown(part.frames_per_second, 1),
+        shown(part.transformer_gflops, 0),
+        shown(part.gemm_gflops, 0),
         shown(part.gemm_share, 2),
     ];
-    table(m, &["preset", "threads", "frames a second", "share of the peak of matrix products"], &[row]);
+    let head = ["preset", "threads", "frames a second", "transformer, GFLOP/s", "matrix products, GFLOP/s", "share"];
+    table(m, &head, &[row]);
 }
 
 fn videos(m: &mut Markup, outcome: &Outcome, config: &EvalConfig) {

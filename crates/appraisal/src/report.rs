@@ -77,6 +77,8 @@ pub fn eval_json(outcome: &Outcome, config: &EvalConfig) -> Value {
         top.insert("confidence".to_owned(), json!(CONFIDENCE));
         top.insert("frames_per_second".to_owned(), value(speed.and_then(|speed| speed.frames_per_second)));
         top.insert("gemm_share".to_owned(), value(speed.and_then(|speed| speed.gemm_share)));
+        top.insert("transformer_gflops".to_owned(), value(speed.and_then(|speed| speed.transformer_gflops)));
+        top.insert("gemm_gflops".to_owned(), value(speed.and_then(|speed| speed.gemm_gflops)));
         top.insert("arms".to_owned(), Value::Object(arms));
         top.insert("perception".to_owned(), json!(outcome.perception));
         top.insert("columns".to_owned(), Value::Object(all));

@@ -5,6 +5,7 @@
 
 use ds_camera::{Appearance, PixelClass, ReferenceCamera};
 use ds_raster::RgbImage;
+use ds_scenario::Family;
 use ds_space::{CameraModel, Pose, Rig, World};
 use ds_world::{Scene, WorldState};
 
@@ -16,6 +17,12 @@ pub trait CameraWorld: Sync {
     /// Returns the camera of this world's rig in the place of a scenario's own.
     fn rig(&self, model: &CameraModel) -> CameraModel {
         model.clone()
+    }
+
+    /// Returns a scenario of this world, counted from a first seed; families take turns.
+    fn scenario(&self, first_seed: u64, index: u64) -> Scene {
+        let count = Family::ALL.len() as u64;
+        ds_scenario::generate(Family::ALL[(index % count) as usize], first_seed + index / count)
     }
 
     /// Prepares a scene in a look.

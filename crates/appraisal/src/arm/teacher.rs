@@ -2,15 +2,12 @@
 //!
 //! A clip longer than a window goes on from the last latent of the window before; the start latent stays the first frame.
 
-use ds_nn::safetensors::FileError;
-use ds_nn::step::ClipBatch;
+use ds_nn::Array;
 use ds_nn::tiny_ae::Memory;
-use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
-use ds_space::Draws;
-use ds_train::config::Dropout;
+use ds_train::condition::{Condition, latent_steps, noise};
 use ds_train::guidance::Teacher;
-use ds_video::{VideoModel, pixels, prompt};
+use ds_video::{VideoModel, pixels};
 
 use crate::drive::Drive;
 
@@ -28,23 +25,15 @@ pub(super) enum TeacherError {
     /// The model gave a value that is not finite.
     #[error("the clip is not finite")]
     NotFinite,
-    /// Weights are refused.
-    #[error("weights are refused")]
-    File(#[from] FileError),
-    /// Weights do not fit the preset.
-    #[error("weights do not fit the preset")]
-    Weights(#[from] ds_nn::WeightsError),
 }
 
 /// How a teacher is sampled.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Guidance {
+pub(super) struct Sampling {
     /// w in G(c∅) + w·(G(c) − G(c∅)).
-    pub(super) weight: f32,
+    pub(super) guidance: f32,
     /// Euler steps.
     pub(super) steps: usize,
-    /// What c∅ lacks.
-    pub(super) dropout: Dropout,
     /// Latents of a window, the given first one included.
     pub(super) window: usize,
     /// Whether layouts are shown at all.
@@ -54,54 +43,37 @@ pub(super) struct Guidance {
 /// Samples the frames after the first.
 pub(super) fn clip(
     model: &VideoModel,
-    dit: &Weights,
+    teacher: &Teacher,
     drive: &Drive,
     (first, layouts): (&RgbImage, &[RgbImage]),
-    guidance: Guidance,
+    sampling: Sampling,
 ) -> Result<Vec<RgbImage>, TeacherError> {
     let config = model.config();
     let ((h, w), z, stride, n) = (config.latent_size(), config.vae.z, config.vae.stride_t, config.dit().tokens());
     if !(layouts.len() - 1).is_multiple_of(stride) || layouts.len() < 1 + stride {
         return Err(TeacherError::Frames { stride, frames: layouts.len() });
     }
-    let steps_of = |images: &[RgbImage]| -> Vec<Vec<RgbImage>> {
-        let head = vec![images[0].clone(); stride];
-        std::iter::once(head).chain(images[1..].chunks_exact(stride).map(<[RgbImage]>::to_vec)).collect()
-    };
     let folded = pixels::fold(&vec![first; stride]);
     let encoded =
         model.autoencoder().encode(&Array::new(&[1, h, w, config.ae().inputs()], folded), &mut Memory::default());
     let encoded = model.normalised(encoded);
     let start = Array::new(&[1, n, 4, z], pixels::to_tokens(encoded.values(), h, w));
-    let layout_steps = steps_of(layouts);
-    let teacher = Teacher::new(config, dit, guidance.dropout)?;
+    let layout_steps = latent_steps(layouts, stride);
     let mut made = start.values().to_vec();
-    let per_window = guidance.window.max(2) - 1;
+    let per_window = sampling.window.max(2) - 1;
     for (index, window) in (0u64..).zip(windows(&layout_steps, per_window)) {
-        let latents = window.len();
-        let mut clean = made[made.len() - n * 4 * z..].to_vec();
-        clean.resize(latents * n * 4 * z, 0.0);
-        let tokens: Vec<f32> = window
-            .iter()
-            .flat_map(|step| pixels::to_tokens(&pixels::fold(&step.iter().collect::<Vec<_>>()), h, w))
-            .collect();
-        let batch = ClipBatch {
-            clean: Array::new(&[1, latents, n, 4, z], clean),
-            start: start.clone(),
-            layouts: Array::new(&[1, latents * n, 4, config.ae().inputs()], tokens),
-            layout_on: vec![f32::from(u8::from(guidance.layouts))],
-            given_on: vec![1.0],
-            text: prompt::hashed(&drive.prompt, config.model.text_len, config.model.text_dim),
-            emphasis: Array::new(&[1, latents, n, 4, 1], vec![1.0; latents * n * 4]),
+        let condition = Condition {
+            start: start.values(),
+            clean: &made[made.len() - n * 4 * z..],
+            layouts: window,
+            layout_on: sampling.layouts,
+            prompt: &drive.prompt,
         };
-        let draws = Draws::new(&drive.draw_key, "teacher noise", &[index]);
-        let later = [1, latents - 1, n, 4, z];
-        #[expect(clippy::cast_possible_truncation, reason = "noise is single precision")]
-        let noise = (0..later.iter().product::<usize>() as u64).map(|index| draws.normal(index) as f32).collect();
-        let noise = Array::new(&later, noise);
-        made.extend(teacher.sample(&batch, &noise, guidance.steps, guidance.weight, &mut |_, _| ()).values());
+        let noise = noise(&drive.draw_key, "teacher noise", &[index], &[1, window.len() - 1, n, 4, z]);
+        let batch = condition.batch(config);
+        made.extend(teacher.sample(&batch, &noise, sampling.steps, sampling.guidance, &mut |_, _| ()).values());
     }
-    decode(model, &made, &layout_steps, guidance.layouts)
+    decode(model, &made, &layout_steps, sampling.layouts)
 }
 
 /// Cuts steps into windows of a given first step and up to `count` more; each begins with the last step of the one before.
@@ -113,7 +85,7 @@ fn windows<T>(steps: &[T], count: usize) -> impl Iterator<Item = &[T]> {
 fn decode(
     model: &VideoModel,
     latents: &[f32],
-    layouts: &[Vec<RgbImage>],
+    layouts: &[Vec<&RgbImage>],
     shown: bool,
 ) -> Result<Vec<RgbImage>, TeacherError> {
     let config = model.config();
@@ -123,8 +95,7 @@ fn decode(
     let (mut memory, mut frames) = (Memory::default(), Vec::new());
     for ((index, step), tokens) in layouts.iter().enumerate().zip(latents.chunks_exact(latent)) {
         let latents = model.denormalised(Array::new(&[1, h, w, z], pixels::from_tokens(tokens, h, w)));
-        let guide = (config.control.decoder_layers > 0 && index > 0 && shown)
-            .then(|| pixels::to_values(&step.iter().collect::<Vec<_>>()));
+        let guide = (config.control.decoder_layers > 0 && index > 0 && shown).then(|| pixels::to_values(step));
         let decoded = model.autoencoder().decode(&latents, guide.as_ref(), &mut memory);
         if !decoded.is_finite() {
             return Err(TeacherError::NotFinite);

@@ -13,33 +13,34 @@ use crate::outcome::{AppearanceOutcome, ConditionOutcome};
 use crate::summary::Rollouts;
 use crate::watch::Plan;
 
-/// A condition with the axis and the value that are to be kept.
+/// A condition with the axes and the values that are to be kept.
 struct Wanted {
     condition: Condition,
-    axis: usize,
-    value: usize,
+    kept: Vec<(usize, usize)>,
 }
 
 impl Wanted {
-    /// Reads the name of a condition; what counts is its lighting if that is not day, else its weather if that is not
+    /// Reads the name of a condition; what counts is its lighting if that is not day and its weather if that is not
     /// clear, else its road surface.
     fn parse(name: &str) -> Result<Self, AppraisalError> {
         let condition: Condition =
             name.parse().map_err(|error| AppraisalError::config("appearance.conditions", format!("{error}")))?;
-        let axis = match (condition.lighting(), condition.weather()) {
-            (Lighting::Day, Weather::Clear) => 2,
-            (Lighting::Day, _) => 1,
-            _ => 0,
+        let axes: &[usize] = match (condition.lighting(), condition.weather()) {
+            (Lighting::Day, Weather::Clear) => &[2],
+            (Lighting::Day, _) => &[1],
+            (_, Weather::Clear) => &[0],
+            _ => &[0, 1],
         };
-        Ok(Self { condition, axis, value: indices(condition)[axis] })
+        let values = indices(condition);
+        Ok(Self { condition, kept: axes.iter().map(|axis| (*axis, values[*axis])).collect() })
     }
 
-    /// Returns the share of looks in which the value is the likeliest of its axis.
+    /// Returns the share of looks in which each value is the likeliest of its axis.
     fn kept(&self, rollouts: &Rollouts, picks: &[usize]) -> Option<f64> {
         rollouts.mean(picks, |glance| {
-            let axis = &glance.axes[self.axis];
-            let likeliest = (0..axis.len()).max_by(|a, b| axis[*a].total_cmp(&axis[*b]))?;
-            Some(f64::from(u8::from(likeliest == self.value)))
+            let likeliest = |axis: &[f32]| (0..axis.len()).max_by(|a, b| axis[*a].total_cmp(&axis[*b]));
+            let all = self.kept.iter().all(|(axis, value)| likeliest(&glance.axes[*axis]) == Some(*value));
+            Some(f64::from(u8::from(all)))
         })
     }
 }
@@ -93,14 +94,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_counts_of_a_condition_is_its_rarest_axis() {
-        let check =
-            |name: &str, axis: usize| assert_eq!(Wanted::parse(name).expect("a condition").axis, axis, "{name}");
-        check("night", 0);
-        check("snow", 1);
-        check("rain", 1);
-        check("fog", 1);
-        check("sand", 2);
+    fn what_counts_of_a_condition_is_what_is_not_ordinary() {
+        let check = |name: &str, expected: &[usize]| {
+            let kept = Wanted::parse(name).expect("a condition").kept;
+            assert_eq!(kept.iter().map(|(axis, _)| *axis).collect::<Vec<_>>(), expected, "{name}");
+        };
+        check("night", &[0]);
+        check("snow", &[1]);
+        check("rain", &[1]);
+        check("night-fog", &[0, 1]);
+        check("sand", &[2]);
         let error = Wanted::parse("hail").err().expect("no condition").to_string();
         assert!(error.contains("hail"), "{error}");
     }

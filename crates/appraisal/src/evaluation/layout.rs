@@ -50,7 +50,7 @@ impl Evaluation<'_> {
             outcome.two_pixels_m = two_pixel_distance_m(&model);
         }
         for column in 0..self.columns.len() {
-            let routes = self.columns[column].routes(usize::MAX, &config.starts, 1.0);
+            let routes = self.columns[column].routes(self.columns[column].scenarios, &config.starts, 1.0);
             let reference = self.rollouts(None, column, &routes, (&plan, size_px))?;
             let span = (0, config.frames);
             let principal = Principal::fit(&reference.features(span).all(), DIRECTIONS)?;

@@ -16,7 +16,7 @@ use super::Seconds;
 use crate::config::{EvalConfig, SpeedConfig};
 use crate::drive::{Drive, Route};
 use crate::error::AppraisalError;
-use crate::estimate::{Estimate, Resamples, mean};
+use crate::estimate::{Resamples, mean};
 use crate::outcome::SpeedOutcome;
 
 /// Pairs of measurements of transformer and matrix product.
@@ -74,16 +74,22 @@ pub fn measure(
     }
     // The rate of all chunks together, not the mean of rates: slow chunks count as long as they last.
     let rate = |picks: &[usize]| mean(picks.iter().map(|pick| rates[*pick])).map(|secs| 1.0 / secs.max(1e-9));
+    let rounds = rounds(&model, seconds);
+    let over = |of: &dyn Fn(&(f64, f64)) -> f64| {
+        resamples.estimate(rounds.len(), |picks| mean(picks.iter().map(|pick| of(&rounds[*pick]))))
+    };
     Ok(SpeedOutcome {
         preset: preset.name.clone(),
         frames_per_second: resamples.estimate(rates.len(), rate),
-        gemm_share: gemm_share(&model, resamples, seconds),
+        gemm_share: over(&|(transformer, gemm)| transformer / gemm),
+        transformer_gflops: over(&|(transformer, _)| transformer * 1e-9),
+        gemm_gflops: over(&|(_, gemm)| gemm * 1e-9),
         threads: std::thread::available_parallelism().map_or(1, usize::from) as u64,
     })
 }
 
-/// Times the transformer and the matrix product of the `gemm` crate in turn, on all threads.
-fn gemm_share(model: &Arc<VideoModel>, resamples: Resamples, seconds: Seconds<'_>) -> Option<Estimate> {
+/// Times the transformer and the matrix product of the `gemm` crate in turn, on all threads: operations a second of both.
+fn rounds(model: &Arc<VideoModel>, seconds: Seconds<'_>) -> Vec<(f64, f64)> {
     let (denoising, mut yardstick) = (Denoising::new(model), Yardstick::new(YARDSTICK_SIDE));
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let rate = |operations: f64, run: &mut dyn FnMut()| {
@@ -96,10 +102,9 @@ fn gemm_share(model: &Arc<VideoModel>, resamples: Resamples, seconds: Seconds<'_
         let peak = rate(yardstick.operations(), &mut || {
             black_box(yardstick.run(threads));
         });
-        rate(denoising.operations(), &mut || drop(black_box(denoising.run()))) / peak
+        (rate(denoising.operations(), &mut || drop(black_box(denoising.run()))), peak)
     };
-    let shares: Vec<f64> = (0..ROUNDS).map(&mut round).collect();
-    resamples.estimate(shares.len(), |picks| mean(picks.iter().map(|pick| shares[*pick])))
+    (0..ROUNDS).map(&mut round).collect()
 }
 
 fn drive_name(route: &Route) -> String {
