@@ -24,6 +24,8 @@
 //!
 //! The faces of a box are shades of its class: front half way to white, top a quarter, sides ¾, rear ⅖ of the colour.
 
+use std::sync::LazyLock;
+
 use ds_world::{AgentClass, LightState, LineColour};
 
 /// Red, green and blue in sRGB.
@@ -107,10 +109,12 @@ pub fn face(colour: Rgb, face: Face) -> Rgb {
 /// Says whether a colour is that of a face of a vehicle, a pedestrian or a cyclist.
 #[must_use]
 pub fn is_road_user(colour: Rgb) -> bool {
-    [AgentClass::Vehicle, AgentClass::Pedestrian, AgentClass::Cyclist]
-        .into_iter()
-        .flat_map(|class| [Face::Front, Face::Rear, Face::Side, Face::Top].map(|side| face(agent(class), side)))
-        .any(|shade| shade == colour)
+    static SHADES: LazyLock<Vec<Rgb>> = LazyLock::new(|| {
+        let classes = [AgentClass::Vehicle, AgentClass::Pedestrian, AgentClass::Cyclist];
+        let sides = [Face::Front, Face::Rear, Face::Side, Face::Top];
+        classes.into_iter().flat_map(|class| sides.map(|side| face(agent(class), side))).collect()
+    });
+    SHADES.contains(&colour)
 }
 
 /// Goes one part in `part` of the way to white.
