@@ -28,6 +28,7 @@ pub mod step;
 pub mod tae;
 pub mod team;
 pub mod tiny_ae;
+pub mod training;
 pub mod umt5;
 pub mod wan_vae;
 

@@ -61,6 +61,11 @@ impl AdamW {
     /// Updates the weights and returns the norm that the gradient had before clipping. A gradient that is not finite
     /// changes nothing.
     pub fn update(&mut self, weights: &mut Weights, gradient: &Weights, learning_rate: f32) -> f32 {
+        self.update_each(weights, gradient, &|_| learning_rate)
+    }
+
+    /// As [`Self::update`], each weight at its own learning rate, asked by its name.
+    pub fn update_each(&mut self, weights: &mut Weights, gradient: &Weights, rate: &dyn Fn(&str) -> f32) -> f32 {
         let squares = |weights: &Weights| -> f64 {
             weights.iter().flat_map(|(_, array)| array.values()).map(|value| f64::from(*value).powi(2)).sum()
         };
@@ -77,6 +82,7 @@ impl AdamW {
         let moments = self.first.iter_mut().zip(self.second.iter_mut());
         for ((name, array), ((_, first), (_, second))) in weights.iter_mut().zip(moments) {
             let Some(gradient) = gradient.get(name) else { continue };
+            let learning_rate = rate(name);
             let decay = if array.shape().len() > 1 { weight_decay } else { 0.0 };
             let each = array.values_mut().iter_mut().zip(gradient.values());
             let each = each.zip(first.values_mut().iter_mut().zip(second.values_mut()));

@@ -16,6 +16,7 @@ use crate::dit::{Context, Dit};
 use crate::graph::Graph;
 
 pub(crate) use bidirectional::SMALLEST_SIGMA;
+pub(crate) use bidirectional::clean_by;
 pub use bidirectional::{BidirectionalPlan, bidirectional, bidirectional_clean};
 pub use causal::{CausalPlan, causal, causal_output};
 pub(crate) use causal::{Group, groups};

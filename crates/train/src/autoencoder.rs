@@ -4,19 +4,18 @@
 //! decoder forgives the errors of a generator. After training, mean and deviation per latent channel are measured and
 //! stored beside the weights (`latent.mean`, `latent.std`).
 
-use ds_nn::body::{Autoencoder, Backend};
-use ds_nn::fast;
+use ds_nn::body::Autoencoder;
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::step::AeBatch;
-use ds_nn::team::Team;
 use ds_nn::tiny_ae::{AeShape, Memory};
 use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::pixels;
 
-use crate::batch::{self, latent_steps, mean_step};
+use crate::batch::{self, mean_step};
 use crate::checkpoint::{Member, Run};
+use crate::condition::latent_steps;
 use crate::config::{StageConfig, TrainConfig};
 use crate::error::TrainError;
 use crate::frames::Frames;
@@ -43,12 +42,12 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     let initial = config.initial("vae.")?;
     let member = Member::new("model", &shape.declare(), stage.optimiser(), &seed).starting_from(&initial);
     let mut run = Run::open(&config.folder, NAME, stage, vec![member])?;
-    let team = Team::of_all_cores();
+    let team = config.backend.team();
     while run.unfinished() {
         let (weights, at) = (run.weights(), run.step);
         let step = mean_step(&team, stage.clips, |clip| {
             let batch = self::batch(config, stage, &frames, &shape, (&seed, at, clip))?;
-            Ok(fast::train::autoencoder(&shape, weights, &batch))
+            Ok(config.backend.reconstruction(&shape, weights, &batch))
         })?;
         if !run.apply(step, progress)? {
             break;
@@ -119,7 +118,7 @@ fn evaluate(
     shape: &AeShape,
     weights: &Weights,
 ) -> Result<Vec<(String, f32)>, TrainError> {
-    let ae = Backend::Cpu.autoencoder(shape, weights)?;
+    let ae = config.backend.autoencoder(shape, weights)?;
     let (mut sums, mut squares, mut count) = (vec![0.0f64; shape.z], vec![0.0f64; shape.z], 0.0f64);
     let (mut rows, mut psnr) = (Vec::new(), 0.0);
     for index in 0..EVALUATION_CLIPS {

@@ -1,4 +1,4 @@
-//! What the stages share: the step of a batch, latent steps, PSNR.
+//! What the stages share: the step of a batch, PSNR.
 
 use ds_nn::step::Step;
 use ds_nn::team::Team;
@@ -14,13 +14,6 @@ pub(crate) fn mean_step(
 ) -> Result<Step, TrainError> {
     let steps: Result<Vec<_>, _> = team.run(clips, |clip| step(clip as u64)).into_iter().collect();
     steps.map(Step::mean)
-}
-
-/// Groups frames into latent steps: the first frame repeated, then `stride_t` at a time.
-pub(crate) fn latent_steps(frames: &[RgbImage], stride_t: usize) -> Vec<Vec<&RgbImage>> {
-    let first = vec![&frames[0]; stride_t];
-    let rest = frames[1..].chunks_exact(stride_t).map(|chunk| chunk.iter().collect());
-    std::iter::once(first).chain(rest).collect()
 }
 
 /// Returns the peak signal-to-noise ratio over all frames, in decibels.

@@ -25,14 +25,24 @@ pub struct Member {
     /// Their moving average: what is evaluated and shipped.
     pub average: Weights,
     adam: AdamW,
+    trunk_rate: f32,
 }
+
+/// Layers that read the layout; all others make up the trunk.
+const LAYOUT_LAYERS: [&str; 2] = ["control_embedding.", "patch_embedding."];
 
 impl Member {
     /// Makes a network of first values drawn from the seed.
     #[must_use]
     pub fn new(name: &'static str, declared: &[Declared], settings: AdamWSettings, seed: &Digest) -> Self {
         let weights = Weights::initialised(declared, seed);
-        Self { name, average: weights.clone(), adam: AdamW::new(settings, &weights), weights }
+        Self { name, average: weights.clone(), adam: AdamW::new(settings, &weights), weights, trunk_rate: 1.0 }
+    }
+
+    /// Lets the layers that do not read the layout learn at a share of the learning rate.
+    #[must_use]
+    pub fn with_trunk_rate(self, trunk_rate: f32) -> Self {
+        Self { trunk_rate, ..self }
     }
 
     /// Takes other weights over where names and shapes agree.
@@ -160,7 +170,9 @@ impl Run {
                 return Err(TrainError::Diverged { step: self.step, loss: step.loss });
             }
             let member = &mut self.members[member];
-            let norm = member.adam.update(&mut member.weights, &step.gradient, rate);
+            let trunk = rate * member.trunk_rate;
+            let of = |name: &str| if LAYOUT_LAYERS.iter().any(|layer| name.starts_with(layer)) { rate } else { trunk };
+            let norm = member.adam.update_each(&mut member.weights, &step.gradient, &of);
             // The average warms up, so that early steps do not linger in it.
             let made = member.adam.steps;
             let decay = self.stage.average.min(made as f32 / (9 + made) as f32);
@@ -203,10 +215,11 @@ impl Run {
             file.metadata.insert(format!("{}.updates", member.name), member.adam.steps.to_string());
         }
         file.metadata.insert("step".to_owned(), self.step.to_string());
-        file.write(&self.path())?;
         let metadata = std::iter::once(("step".to_owned(), self.step.to_string())).collect();
         let average = WeightsFile { weights: self.average().clone(), metadata };
-        Ok(average.write(&self.folder.join(format!("{}.safetensors", self.name)))?)
+        // The checkpoint comes last: a run that is killed between the two makes its last steps again.
+        average.write(&self.folder.join(format!("{}.safetensors", self.name)))?;
+        Ok(file.write(&self.path())?)
     }
 
     /// Ends the run.

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use ds_nn::Weights;
+use ds_nn::body::Backend;
 use ds_nn::optimiser::{AdamWSettings, Schedule};
 use ds_nn::safetensors::WeightsFile;
 use ds_video::ModelConfig;
@@ -36,6 +37,9 @@ pub struct TrainConfig {
     /// What the cache keeps, in place of the preset's `causal.cache_source`.
     #[serde(default)]
     pub cache_source: Option<String>,
+    /// What computes; the results of one back end equal another's up to rounding.
+    #[serde(default)]
+    pub backend: Backend,
     /// Clip sets by name: folders that `data render` made, relative to the current folder.
     pub sets: BTreeMap<String, PathBuf>,
     /// The set that students are looked at on; none are without it.
@@ -47,6 +51,9 @@ pub struct TrainConfig {
     /// The share of clips of prior and teacher that show no first frame, so that one can be made from layout and prompt.
     #[serde(default)]
     pub without_first: f64,
+    /// What guidance does without (c∅), one of the teacher's `dropout`.
+    #[serde(default)]
+    pub unconditional: Dropout,
     /// The autoencoder.
     #[serde(default)]
     pub autoencoder: Option<StageConfig>,
@@ -116,13 +123,12 @@ fn beta2() -> f32 {
     0.95
 }
 
-/// What the teacher learns to do without: its unconditional arm c∅.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+/// What a condition can lack: the teacher learns to do without it, and guidance amplifies it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Dropout {
-    /// Nothing: no guidance is possible.
-    None,
     /// The layout alone; first frame and prompt stay (the paper's traffic-guided arm).
+    #[default]
     Layout,
     /// Layout, first frame and prompt together (standard classifier-free guidance).
     All,
@@ -134,11 +140,18 @@ pub enum Dropout {
 pub struct TeacherConfig {
     /// What all stages have.
     pub stage: StageConfig,
-    /// What is dropped.
-    pub dropout: Dropout,
-    /// The share of clips in which it is dropped.
+    /// What is dropped; nothing leaves no guidance.
+    pub dropout: Vec<Dropout>,
+    /// The share of clips in which each of them is dropped.
     #[serde(default = "tenth")]
     pub dropout_share: f64,
+    /// Names of the clip sets that clips without layout are drawn from, so that the teacher does not forget the looks
+    /// which never come with layouts; the stage's own without any.
+    #[serde(default)]
+    pub replay: Vec<String>,
+    /// The share of the learning rate that layers have which do not read the layout.
+    #[serde(default = "alike")]
+    pub trunk_rate: f32,
 }
 
 fn tenth() -> f64 {
@@ -329,6 +342,15 @@ impl TrainConfig {
         Ok(WeightsFile::read(&self.base.join(path))?.weights.part(prefix))
     }
 
+    /// Says whether any stage is guided.
+    fn guided(&self) -> bool {
+        let weights = [
+            self.trajectories.as_ref().map(|made| made.guidance),
+            self.self_forcing.as_ref().map(|stage| stage.guidance),
+        ];
+        weights.into_iter().flatten().any(|weight| (weight - 1.0).abs() > f32::EPSILON)
+    }
+
     fn check(&self) -> Result<(), TrainError> {
         let refuse = |field, rule: &str| Err(TrainError::Config { field, rule: rule.to_owned() });
         if self.version != 2 {
@@ -348,8 +370,20 @@ impl TrainConfig {
         for (name, stage) in stages.iter().filter_map(|(name, stage)| Some((*name, (*stage)?))) {
             stage.check(name, &self.sets)?;
         }
-        if self.teacher.as_ref().is_some_and(|teacher| !(0.0..1.0).contains(&teacher.dropout_share)) {
-            return refuse("teacher", "dropout_share must lie within [0, 1)");
+        if let Some(teacher) = &self.teacher {
+            let dropped = teacher.dropout_share * teacher.dropout.len() as f64;
+            if teacher.dropout_share < 0.0 || dropped.is_nan() || dropped >= 1.0 {
+                return refuse("teacher", "dropout_share of all that is dropped must lie within [0, 1) together");
+            }
+            if !(0.0..=1.0).contains(&teacher.trunk_rate) {
+                return refuse("teacher", "trunk_rate must be 0 to 1");
+            }
+            if let Some(set) = teacher.replay.iter().find(|set| !self.sets.contains_key(*set)) {
+                return refuse("teacher", &format!("clip set {set:?} is not among [sets]"));
+            }
+            if self.guided() && !teacher.dropout.contains(&self.unconditional) {
+                return refuse("unconditional", "must be among the teacher's dropout where there is guidance");
+            }
         }
         if !(0.0..1.0).contains(&self.without_first) {
             return refuse("without_first", "must lie within [0, 1)");

@@ -4,7 +4,7 @@
 use ds_nn::fast::work;
 use ds_video::ModelConfig;
 
-use crate::config::{Dropout, OdeSource, TrainConfig};
+use crate::config::{OdeSource, TrainConfig};
 use crate::error::TrainError;
 
 /// The cost of a stage.
@@ -48,8 +48,7 @@ pub fn costs(config: &TrainConfig) -> Result<Vec<Cost>, TrainError> {
         }
     }
     if let Some(made) = &config.trajectories {
-        let plain = config.teacher.as_ref().is_some_and(|teacher| teacher.dropout == Dropout::None);
-        let passes = if plain || (made.guidance - 1.0).abs() < f32::EPSILON { 1.0 } else { 2.0 };
+        let passes = if (made.guidance - 1.0).abs() < f32::EPSILON { 1.0 } else { 2.0 };
         let one = passes * made.steps as f64 * counter.bidirectional(made.latents) / 3.0;
         add("trajectories", made.count * made.sets.len() as u64, one, 0);
     }

@@ -6,15 +6,14 @@
 use std::sync::Arc;
 
 use ds_clips::Clip;
-use ds_nn::fast;
 use ds_nn::step::DecoderBatch;
-use ds_nn::team::Team;
 use ds_nn::{Array, Weights};
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::{ModelConfig, Rollout, VideoModel, pixels};
 
-use crate::batch::{latent_steps, mean_step};
+use crate::batch::mean_step;
 use crate::checkpoint::{Member, Run};
+use crate::condition::latent_steps;
 use crate::config::{DecoderConfig, TrainConfig};
 use crate::error::TrainError;
 use crate::frames::Frames;
@@ -44,11 +43,11 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
         let drawn = Arc::new(assembled(config, &student, "autoencoder")?);
         let source = Source { config, recipe, frames, rolled: Vec::new(), model: drawn };
         let source = Source { rolled: source.roll(progress)?, ..source };
-        let team = Team::of_all_cores();
+        let team = config.backend.team();
         while run.unfinished() {
             let (weights, at) = (run.weights(), run.step);
             let step = mean_step(&team, recipe.stage.clips, |clip| {
-                Ok(fast::train::decoder(&model.ae(), weights, &source.batch(&seed, at, clip)?))
+                Ok(config.backend.decoding(&model.ae(), weights, &source.batch(&seed, at, clip)?))
             })?;
             if !run.apply(step, progress)? {
                 break;
@@ -70,7 +69,7 @@ pub(crate) fn assembled(config: &TrainConfig, student: &Weights, stage: &str) ->
     let mut weights = Weights::default();
     weights.absorb("vae.", &stored_autoencoder(config, stage)?);
     weights.absorb("dit.", student);
-    Ok(VideoModel::new(&preset(config, stage)?, &weights)?)
+    Ok(VideoModel::new_on(config.backend, &preset(config, stage)?, &weights)?)
 }
 
 /// Returns the preset with the decoder's guidance switched as the named stage has it.
@@ -98,7 +97,7 @@ impl Source<'_> {
 
     /// Rolls the student out over drawn clips; latents [latents, h, w, z] as the decoder takes them.
     fn roll(&self, progress: &mut dyn Progress) -> Result<Vec<(Clip, Array)>, TrainError> {
-        let team = Team::of_all_cores();
+        let team = self.config.backend.team();
         let indices: Vec<u64> = (0..self.recipe.rollouts).collect();
         let mut rolled = Vec::new();
         for part in indices.chunks(32) {

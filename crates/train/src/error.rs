@@ -31,6 +31,9 @@ pub enum TrainError {
     /// A weights file is wrong.
     #[error("a weights file is refused")]
     File(#[from] ds_nn::safetensors::FileError),
+    /// The device that is to compute is absent.
+    #[error("the back end is refused")]
+    Device(#[from] ds_nn::device::DeviceError),
     /// Weights do not fit the model.
     #[error("weights do not fit the model")]
     Weights(#[from] ds_nn::WeightsError),

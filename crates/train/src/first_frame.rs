@@ -6,17 +6,16 @@
 use std::path::Path;
 
 use ds_nn::Array;
-use ds_nn::safetensors::WeightsFile;
-use ds_nn::step::ClipBatch;
 use ds_nn::tiny_ae::Memory;
 use ds_raster::RgbImage;
 use ds_space::Digest;
-use ds_video::{ModelConfig, VideoModel, pixels, prompt};
+use ds_video::{ModelConfig, VideoModel, pixels};
 
+use crate::condition::Condition;
+use crate::condition::noise;
 use crate::config::Dropout;
 use crate::error::TrainError;
 use crate::guidance::Teacher;
-use crate::sets::noise;
 
 /// What a first frame is made of.
 pub struct Request<'a> {
@@ -37,24 +36,18 @@ pub struct Request<'a> {
 /// # Errors
 /// If the weights cannot be used or the frame is not finite.
 pub fn first_frame(config: &ModelConfig, weights: &Path, request: &Request<'_>) -> Result<RgbImage, TrainError> {
-    let model = VideoModel::load(config, weights)?;
-    let teacher = WeightsFile::read(weights)?.weights.part("dit.");
-    let teacher = Teacher::new(config, &teacher, Dropout::Layout)?;
-    let ((h, w_px), z, stride, n) = (config.latent_size(), config.vae.z, config.vae.stride_t, config.dit().tokens());
+    let weights = VideoModel::read(config, weights)?;
+    let model = VideoModel::new(config, &weights)?;
+    let teacher = Teacher::new(config, &weights.part("dit."), Dropout::Layout)?;
+    let ((h, w), z, stride, n) = (config.latent_size(), config.vae.z, config.vae.stride_t, config.dit().tokens());
     let still = vec![request.layout; stride];
-    let tokens = pixels::to_tokens(&pixels::fold(&still), h, w_px);
-    let batch = ClipBatch {
-        clean: Array::zeros(&[1, 2, n, 4, z]),
-        start: Array::zeros(&[1, n, 4, z]),
-        layouts: Array::new(&[1, 2 * n, 4, config.ae().inputs()], tokens.repeat(2)),
-        layout_on: vec![1.0],
-        given_on: vec![1.0],
-        text: prompt::hashed(request.prompt, config.model.text_len, config.model.text_dim),
-        emphasis: Array::new(&[1, 2, n, 4, 1], vec![1.0; 2 * n * 4]),
-    };
+    let (empty, layouts) = (vec![0.0; n * 4 * z], [still.clone(), still.clone()]);
+    let condition =
+        Condition { start: &empty, clean: &empty, layouts: &layouts, layout_on: true, prompt: request.prompt };
+    let batch = condition.batch(config);
     let noise = noise(&request.key, "first frame", &[], &[1, 1, n, 4, z]);
     let sampled = teacher.sample(&batch, &noise, request.steps, request.guidance, &mut |_, _| ());
-    let latents = Array::new(&[1, h, w_px, z], pixels::from_tokens(sampled.values(), h, w_px));
+    let latents = Array::new(&[1, h, w, z], pixels::from_tokens(sampled.values(), h, w));
     let guide = (config.control.decoder_layers > 0).then(|| pixels::to_values(&still));
     let frames = model.autoencoder().decode(&model.denormalised(latents), guide.as_ref(), &mut Memory::default());
     if !frames.is_finite() {

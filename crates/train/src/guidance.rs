@@ -1,32 +1,46 @@
 //! Guidance: Ĝ = G(c∅) + w·(G(c) − G(c∅)), the paper's convention (section 3.2 of the specification), on clean latents.
 //!
-//! c∅ lacks what the teacher's training dropped: the layout alone in the traffic-guided arm, the whole condition in
-//! standard classifier-free guidance. w = 1 is the plain condition and costs one pass.
+//! c∅ lacks something that the teacher's training dropped: the layout alone in the traffic-guided arm, the whole
+//! condition in standard classifier-free guidance. w = 1 is the plain condition and costs one pass.
 
-use ds_nn::fast::FastTeacher;
+use ds_nn::body::Backend;
 use ds_nn::step::ClipBatch;
+use ds_nn::training::WholeClips;
 use ds_nn::{Array, Weights, WeightsError};
 use ds_video::{ModelConfig, sampler};
 
 use crate::config::Dropout;
 
 /// A bidirectional network and how it is guided.
-pub struct Teacher<'a> {
+pub struct Teacher {
     /// The model.
-    pub model: &'a ModelConfig,
+    pub model: ModelConfig,
     /// Its network.
-    network: FastTeacher,
-    /// What was dropped in training.
-    dropout: Dropout,
+    network: Box<dyn WholeClips>,
+    /// What c∅ lacks.
+    unconditional: Dropout,
 }
 
-impl<'a> Teacher<'a> {
-    /// Binds weights.
+impl Teacher {
+    /// Binds weights for the default back end.
+    ///
+    /// # Errors
+    /// As [`Self::new_on`].
+    pub fn new(model: &ModelConfig, weights: &Weights, unconditional: Dropout) -> Result<Self, WeightsError> {
+        Self::new_on(Backend::default(), model, weights, unconditional)
+    }
+
+    /// Binds weights for a back end.
     ///
     /// # Errors
     /// If they do not fit the model.
-    pub fn new(model: &'a ModelConfig, weights: &Weights, dropout: Dropout) -> Result<Self, WeightsError> {
-        Ok(Self { model, network: FastTeacher::new(&model.dit(), weights)?, dropout })
+    pub fn new_on(
+        backend: Backend,
+        model: &ModelConfig,
+        weights: &Weights,
+        unconditional: Dropout,
+    ) -> Result<Self, WeightsError> {
+        Ok(Self { model: model.clone(), network: backend.whole_clips(&model.dit(), weights)?, unconditional })
     }
 
     /// Predicts the clean latents of noisy frames [1, F − 1, tokens, 4, z] of one clip at level σ under guidance w.
@@ -34,12 +48,12 @@ impl<'a> Teacher<'a> {
     pub fn clean(&self, batch: &ClipBatch, noisy: &Array, sigma: f32, w: f32) -> Array {
         let predict = |batch: &ClipBatch| self.network.clean(batch, noisy, &[sigma], self.model.prediction());
         let with = predict(batch);
-        if self.dropout == Dropout::None || (w - 1.0).abs() < f32::EPSILON {
+        if (w - 1.0).abs() < f32::EPSILON {
             return with;
         }
         let mut without = batch.clone();
         without.layout_on = vec![0.0];
-        if self.dropout == Dropout::All {
+        if self.unconditional == Dropout::All {
             without.given_on = vec![0.0];
         }
         let without = predict(&without);

@@ -5,21 +5,21 @@
 //! guided trajectories, or from clips with noise (diffusion forcing at the sampler's own levels).
 
 use ds_nn::Array;
+use ds_nn::body::Backend;
 use ds_nn::dit::DitShape;
-use ds_nn::fast;
 use ds_nn::step::{CausalPlan, ClipBatch, Level, Step};
-use ds_nn::team::Team;
 use ds_space::{Digest, DigestWriter, Draws};
+use ds_video::sampling::cache_level;
 use ds_video::{CacheSource, ModelConfig, sampler};
 
 use crate::batch::mean_step;
 use crate::checkpoint::{Member, Run};
+use crate::condition::noise;
 use crate::config::{OdeSource, TrainConfig};
 use crate::error::TrainError;
-use crate::sets::{Sets, Span, noise};
+use crate::sets::{Sets, Span};
 use crate::teacher::later;
 use crate::trajectories::Trajectories;
-use crate::unroll::context_level;
 use crate::{Progress, Report, evaluate};
 
 /// Trains the student to its configured number of steps.
@@ -40,7 +40,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     let mut run = Run::open(&config.folder, "ode", &recipe.stage, vec![member])?;
     if run.unfinished() {
         let source = Source::open(config, progress)?;
-        let team = Team::of_all_cores();
+        let team = config.backend.team();
         while run.unfinished() {
             let (weights, at) = (run.weights(), run.step);
             let step = mean_step(&team, recipe.stage.clips, |clip| {
@@ -60,6 +60,7 @@ pub(crate) struct Source {
     sets: Sets,
     trajectories: Option<Trajectories>,
     latents: usize,
+    backend: Backend,
 }
 
 impl Source {
@@ -70,7 +71,8 @@ impl Source {
             OdeSource::Data => None,
         };
         let names = trajectories.as_ref().map_or(recipe.stage.sets.as_slice(), Trajectories::sets);
-        Ok(Self { sets: Sets::open(config, names, progress)?, trajectories, latents: recipe.stage.latents })
+        let (sets, backend) = (Sets::open(config, names, progress)?, config.backend);
+        Ok(Self { sets, trajectories, latents: recipe.stage.latents, backend })
     }
 
     /// Computes the causal step of one drawn clip.
@@ -105,7 +107,7 @@ impl Source {
         };
         let source = model.cache_source();
         let cached_step = if let CacheSource::State(step) = source { Some(step - 1) } else { None };
-        let level = context_level(model);
+        let level = cache_level(model);
         let context = match (source, cached_step) {
             (_, Some(step)) => at_step(step),
             (CacheSource::Renoise(_), _) => {
@@ -130,7 +132,7 @@ impl Source {
             target,
             prediction: model.prediction(),
         };
-        Ok(fast::train::causal(shape, weights, &batch, &plan))
+        Ok(self.backend.causal(shape, weights, &batch, &plan))
     }
 }
 

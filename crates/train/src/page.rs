@@ -1,4 +1,5 @@
-//! The page of a training: the loss of every stage as a curve and its contact sheet, `index.html` in the work folder.
+//! The page of a training: the loss of every stage as a curve and its contact sheet, `index.html` in the work folder, and
+//! all curves as one picture, `curves.svg`.
 
 use std::path::{Path, PathBuf};
 
@@ -18,6 +19,8 @@ const POINTS: usize = 320;
 const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem;color:#222}\
 svg{background:#fafafa;border:1px solid #ddd;width:100%;height:auto}img{max-width:100%;image-rendering:pixelated}\
 text{font-size:11px;fill:#555}polyline{fill:none;stroke-width:1.5}";
+
+const SHEET_STYLE: &str = "text{font:11px system-ui,sans-serif;fill:#555}polyline{fill:none;stroke-width:1.5}";
 
 /// The loss of a network over steps, long logs averaged over spans.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,7 +66,32 @@ pub fn write(config: &TrainConfig) -> Result<PathBuf, TrainError> {
         });
     });
     std::fs::write(&path, m.finish()).map_err(io())?;
+    let picture = config.folder.join("curves.svg");
+    std::fs::write(&picture, curve_sheet(&stages(config))).map_err(TrainError::io("training curves", &picture))?;
     Ok(path)
+}
+
+/// Draws the curves of all stages below each other in two columns.
+fn curve_sheet(stages: &[(&'static str, Vec<Curve>, Option<PathBuf>)]) -> String {
+    let curves: Vec<(&str, &Curve)> =
+        stages.iter().flat_map(|(stage, curves, _)| curves.iter().map(|curve| (*stage, curve))).collect();
+    let (tile, columns) = (HEIGHT + 30.0, 2);
+    let rows = curves.len().div_ceil(columns);
+    #[expect(clippy::cast_precision_loss, reason = "a few tiles")]
+    let view = format!("0 0 {} {}", WIDTH * columns as f64, tile * rows as f64);
+    let mut m = Markup::default();
+    m.inside("svg", &[("xmlns", &"http://www.w3.org/2000/svg"), ("viewBox", &view)], |m| {
+        m.inside("style", &[], |m| m.raw(SHEET_STYLE));
+        for (at, (stage, curve)) in curves.into_iter().enumerate() {
+            #[expect(clippy::cast_precision_loss, reason = "a few tiles")]
+            let place = format!("translate({} {})", WIDTH * (at % columns) as f64, tile * (at / columns) as f64);
+            m.inside("g", &[("transform", &place)], |m| {
+                m.leaf("text", &[("x", &50), ("y", &16)], format!("{}, {}", stage.replace('_', " "), curve.name));
+                m.inside("g", &[("transform", &"translate(0 20)")], |m| line(m, curve));
+            });
+        }
+    });
+    m.finish()
 }
 
 fn section(m: &mut Markup, stage: &str, curves: &[Curve], sheet: bool) {
@@ -101,8 +129,16 @@ fn curves(path: &Path) -> Vec<Curve> {
     found.into_iter().map(|(name, steps)| Curve { name, points: thin(steps) }).collect()
 }
 
-/// Draws a curve with a logarithmic loss axis.
+/// Draws a curve as a picture of its own.
 fn plot(m: &mut Markup, curve: &Curve) {
+    let view = format!("0 0 {WIDTH} {HEIGHT}");
+    let attributes: [(&str, &dyn std::fmt::Display); 3] =
+        [("viewBox", &view), ("role", &"img"), ("aria-label", &"loss over steps")];
+    m.inside("svg", &attributes, |m| line(m, curve));
+}
+
+/// Draws a curve with a logarithmic loss axis.
+fn line(m: &mut Markup, curve: &Curve) {
     let height = |loss: f64| loss.max(1e-9).ln();
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for (_, loss) in &curve.points {
@@ -116,14 +152,11 @@ fn plot(m: &mut Markup, curve: &Curve) {
     let y = |loss: f64| 10.0 + (HEIGHT - 30.0) * (high - height(loss)) / (high - low).max(1e-9);
     let points: Vec<String> =
         curve.points.iter().map(|(step, loss)| format!("{:.1},{:.1}", x(*step), y(*loss))).collect();
-    let view = format!("0 0 {WIDTH} {HEIGHT}");
-    m.inside("svg", &[("viewBox", &view), ("role", &"img"), ("aria-label", &"loss over steps")], |m| {
-        m.void("polyline", &[("points", &points.join(" ")), ("stroke", &"#27639b")]);
-        for bound in [low.exp(), high.exp()] {
-            m.leaf("text", &[("x", &2), ("y", &(y(bound) + 4.0))], format!("{bound:.4}"));
-        }
-        m.leaf("text", &[("x", &(WIDTH - 60.0)), ("y", &(HEIGHT - 5.0))], format!("step {last}"));
-    });
+    m.void("polyline", &[("points", &points.join(" ")), ("stroke", &"#27639b")]);
+    for bound in [low.exp(), high.exp()] {
+        m.leaf("text", &[("x", &2), ("y", &(y(bound) + 4.0))], format!("{bound:.4}"));
+    }
+    m.leaf("text", &[("x", &(WIDTH - 60.0)), ("y", &(HEIGHT - 5.0))], format!("step {last}"));
 }
 
 #[cfg(test)]
@@ -140,5 +173,7 @@ mod tests {
         let found = curves(&path);
         assert_eq!(found.len(), 1);
         assert_eq!(found[0].points, [(1.0, 4.0), (2.0, 2.0)]);
+        let sheet = curve_sheet(&[("ode", found.clone(), None), ("teacher", found, None)]);
+        assert_eq!((sheet.matches("<polyline").count(), sheet.matches("translate(640 0)").count()), (2, 1), "{sheet}");
     }
 }

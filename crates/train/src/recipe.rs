@@ -64,8 +64,10 @@ impl Stage {
     /// Runs the stage to its end, or until `progress` stops it; nothing is reported by stages that train nothing.
     ///
     /// # Errors
-    /// If the recipe does not describe it, an earlier stage is missing, or a file cannot be used.
+    /// If the recipe does not describe it, an earlier stage is missing, a file cannot be used, or the device is
+    /// absent.
     pub fn run(self, config: &TrainConfig, progress: &mut dyn Progress) -> Result<Option<Report>, TrainError> {
+        config.backend.ready()?;
         match self {
             Self::Autoencoder => autoencoder::run(config, progress).map(Some),
             Self::Prior => teacher::prior(config, progress).map(Some),

@@ -5,23 +5,24 @@
 //! follows the generator's own distribution. The difference of their predictions moves the generator, through its
 //! exit steps alone. Every iteration updates the critic on a rollout of its own, every n-th the generator before it.
 
-use ds_nn::body::Transformer;
+use ds_nn::body::{Backend, Transformer};
 use ds_nn::dit::DitShape;
-use ds_nn::fast::{self, FastDit};
 use ds_nn::step::{BidirectionalPlan, CausalPlan, ClipBatch, Level, Step};
 use ds_nn::team::Team;
 use ds_nn::{Array, Weights};
 use ds_space::{Digest, DigestWriter, Draws};
+use ds_video::sampling::cache_level;
 use ds_video::{ModelConfig, sampler};
 
 use crate::batch::mean_step;
 use crate::checkpoint::{Member, Run, Update};
+use crate::condition::noise;
 use crate::config::{Dropout, SelfForcingConfig, TrainConfig};
 use crate::error::TrainError;
 use crate::guidance::Teacher;
 use crate::ode::{Source, frames_after_first};
-use crate::sets::{Sets, Span, noise};
-use crate::unroll::{Unrolled, context_level, unroll};
+use crate::sets::{Sets, Span};
+use crate::unroll::{Unrolled, unroll};
 use crate::{Progress, Report, evaluate};
 
 const GENERATOR: usize = 0;
@@ -45,11 +46,20 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     let members = vec![member("generator", &student), member("critic", &teacher)];
     let mut run = Run::open(&config.folder, "self_forcing", &recipe.stage, members)?;
     if run.unfinished() {
-        let dropout = config.teacher.as_ref().map_or(Dropout::Layout, |teacher| teacher.dropout);
         let regression = if recipe.regression > 0.0 { Some(Source::open(config, progress)?) } else { None };
         let sets = Sets::open(config, &recipe.stage.sets, progress)?;
-        let (model, teacher) = (&model, Teacher::new(&model, &teacher, dropout)?);
-        let trainer = Trainer { model, shape, recipe, sets, regression, teacher, seed, team: Team::of_all_cores() };
+        let (model, teacher) = (&model, Teacher::new_on(config.backend, &model, &teacher, config.unconditional)?);
+        let trainer = Trainer {
+            model,
+            shape,
+            recipe,
+            sets,
+            regression,
+            teacher,
+            seed,
+            team: config.backend.team(),
+            backend: config.backend,
+        };
         while run.unfinished() {
             let mut updates = Vec::new();
             let rate = recipe.stage.schedule().rate(run.step);
@@ -79,9 +89,10 @@ struct Trainer<'a> {
     recipe: &'a SelfForcingConfig,
     sets: Sets,
     regression: Option<Source>,
-    teacher: Teacher<'a>,
+    teacher: Teacher,
     seed: Digest,
     team: Team,
+    backend: Backend,
 }
 
 /// A rollout and the window of it that is scored.
@@ -145,11 +156,11 @@ impl Trainer<'_> {
     /// The distribution-matching step of the generator, and its regression on trajectories.
     fn generator(&self, run: &Run) -> Result<(Step, Option<Step>), TrainError> {
         let (weights, critic) = (&run.members[GENERATOR].weights, &run.members[CRITIC].weights);
-        let critic = &Teacher::new(self.model, critic, Dropout::None)?;
-        let dit = FastDit::new(&self.shape, weights)?;
+        let critic = &Teacher::new_on(self.backend, self.model, critic, Dropout::Layout)?;
+        let dit = self.backend.transformer(&self.shape, weights)?;
         let (clips, at) = (self.recipe.stage.clips, run.step);
         let step = mean_step(&self.team, clips, |clip| {
-            let scene = self.scene(&dit, "generator", at, clip)?;
+            let scene = self.scene(&*dit, "generator", at, clip)?;
             Ok(self.matched(&scene, weights, critic))
         })?;
         let Some(source) = &self.regression else { return Ok((step, None)) };
@@ -161,7 +172,7 @@ impl Trainer<'_> {
     }
 
     /// L_sf = ½‖x̂0 − sg(x̂0 − g)‖² with g the difference of the scores, normalised.
-    fn matched(&self, scene: &Scene, weights: &Weights, critic: &Teacher<'_>) -> Step {
+    fn matched(&self, scene: &Scene, weights: &Weights, critic: &Teacher) -> Step {
         let window = self.window(scene);
         let made = frames_after_first(&window);
         let sigma = self.level(&scene.draws);
@@ -187,7 +198,7 @@ impl Trainer<'_> {
         let plan = CausalPlan {
             cache: self.model.cache(),
             context: cut(&scene.rolled.context),
-            context_level: Level(context_level(self.model)),
+            context_level: Level(cache_level(self.model)),
             context_trained: false,
             context_detached: true,
             queries: scene.window.clone(),
@@ -196,7 +207,7 @@ impl Trainer<'_> {
             target: cut(&target),
             prediction: self.model.prediction(),
         };
-        let mut step = fast::train::causal(&self.shape, weights, &shortened(&scene.clip, frames), &plan).scaled(0.5);
+        let mut step = self.backend.causal(&self.shape, weights, &shortened(&scene.clip, frames), &plan).scaled(0.5);
         step.parts = vec![("matching", step.loss)];
         step
     }
@@ -204,17 +215,17 @@ impl Trainer<'_> {
     /// The flow-matching step of the critic on the generator's rollouts.
     fn critic(&self, run: &Run) -> Result<Step, TrainError> {
         let (weights, critic) = (&run.members[GENERATOR].weights, &run.members[CRITIC].weights);
-        let dit = FastDit::new(&self.shape, weights)?;
+        let dit = self.backend.transformer(&self.shape, weights)?;
         let at = run.step;
         mean_step(&self.team, self.recipe.stage.clips, |clip| {
-            let scene = self.scene(&dit, "critic", at, clip)?;
+            let scene = self.scene(&*dit, "critic", at, clip)?;
             let window = self.window(&scene);
             let plan = BidirectionalPlan {
                 levels: vec![self.level(&scene.draws)],
                 noise: noise(&scene.key, "score", &[], frames_after_first(&window).shape()),
                 prediction: self.model.prediction(),
             };
-            Ok(fast::train::bidirectional(&self.shape, critic, &window, &plan))
+            Ok(self.backend.bidirectional(&self.shape, critic, &window, &plan))
         })
     }
 }

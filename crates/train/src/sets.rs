@@ -6,16 +6,15 @@
 use std::path::{Path, PathBuf};
 
 use ds_clips::ClipSet;
-use ds_nn::body::{Autoencoder, Backend};
+use ds_nn::body::Autoencoder;
 use ds_nn::step::ClipBatch;
-use ds_nn::team::Team;
 use ds_nn::tiny_ae::AeShape;
 use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter, Draws};
-use ds_video::{ModelConfig, pixels, prompt};
+use ds_video::{ModelConfig, pixels};
 
-use crate::batch::latent_steps;
+use crate::condition::{Condition, latent_steps};
 use crate::config::TrainConfig;
 use crate::error::TrainError;
 use crate::frames::pick;
@@ -42,7 +41,7 @@ impl Encoder {
             let reason = "it has no latent statistics: its stage did not end".to_owned();
             return Err(TrainError::Checkpoint { path, reason });
         }
-        Ok(Self { ae: Backend::Cpu.autoencoder(&shape, &weights)?, shape, mean, std, digest })
+        Ok(Self { ae: config.backend.autoencoder(&shape, &weights)?, shape, mean, std, digest })
     }
 
     /// Encodes frames that begin a drive: [latents, tokens, 4, z], normalised.
@@ -145,7 +144,7 @@ impl Sets {
     pub(crate) fn batch(&self, at: ClipRef, span: Span) -> Result<ClipBatch, TrainError> {
         let set = &self.sets[at.set];
         let latents = &set.latents[at.clip];
-        let (n, z, frame) = (self.model.dit().tokens(), self.model.vae.z, self.frame());
+        let frame = self.frame();
         let stride = self.model.vae.stride_t;
         let first = if span.from == 0 { 0 } else { 1 + (span.from - 1) * stride };
         let end = 1 + (span.from + span.count - 1) * stride;
@@ -156,23 +155,21 @@ impl Sets {
             clip.layouts.chunks_exact(stride).map(|step| step.iter().collect()).collect()
         };
         let (h, w) = self.model.latent_size();
-        let tokens = |values: Vec<f32>| pixels::to_tokens(&values, h, w);
-        let layouts: Vec<f32> = steps.iter().flat_map(|step| tokens(pixels::fold(step))).collect();
-        let emphasis = steps.iter().flat_map(|step| tokens(emphasis::of_latents(step, self.road_users))).collect();
-        let text = prompt::hashed(&clip.prompt, self.model.model.text_len, self.model.model.text_dim);
+        let emphasis =
+            steps.iter().flat_map(|step| pixels::to_tokens(&emphasis::of_latents(step, self.road_users), h, w));
+        let emphasis: Vec<f32> = emphasis.collect();
         let known =
             &latents[(span.from * frame).min(latents.len())..((span.from + span.count) * frame).min(latents.len())];
-        let mut clean = known.to_vec();
-        clean.resize(span.count * frame, 0.0);
-        Ok(ClipBatch {
-            clean: Array::new(&[1, span.count, n, 4, z], clean),
-            start: Array::new(&[1, n, 4, z], latents[..frame].to_vec()),
-            layouts: Array::new(&[1, span.count * n, 4, self.model.ae().inputs()], layouts),
-            layout_on: vec![1.0],
-            given_on: vec![1.0],
-            text,
-            emphasis: Array::new(&[1, span.count, n, 4, 1], emphasis),
-        })
+        let condition = Condition {
+            start: &latents[..frame],
+            clean: known,
+            layouts: &steps,
+            layout_on: true,
+            prompt: &clip.prompt,
+        };
+        let mut batch = condition.batch(&self.model);
+        batch.emphasis = Array::new(batch.emphasis.shape(), emphasis);
+        Ok(batch)
     }
 }
 
@@ -189,7 +186,7 @@ fn encoded(
         return Ok(known);
     }
     std::fs::create_dir_all(&config.folder).map_err(TrainError::io("work folder", &config.folder))?;
-    let team = Team::of_all_cores();
+    let team = config.backend.team();
     let mut latents = Vec::new();
     let indices: Vec<usize> = (0..clips.len()).collect();
     for part in indices.chunks(64) {
@@ -233,14 +230,6 @@ fn store(path: &PathBuf, latents: &[Vec<f32>]) -> Result<(), TrainError> {
     std::fs::write(&temporary, bytes)
         .and_then(|()| std::fs::rename(&temporary, path))
         .map_err(TrainError::io("latents", path))
-}
-
-/// Draws standard normal noise.
-pub(crate) fn noise(seed: &Digest, purpose: &str, key: &[u64], shape: &[usize]) -> Array {
-    let draws = Draws::new(seed, purpose, key);
-    #[expect(clippy::cast_possible_truncation, reason = "noise is single precision")]
-    let values = (0..shape.iter().product::<usize>() as u64).map(|i| draws.normal(i) as f32).collect();
-    Array::new(shape, values)
 }
 
 /// Returns the statistics-free weights of the autoencoder and, apart, mean and deviation of its latents.

@@ -1,4 +1,5 @@
-//! Puts the trained parts into one weights file of half precision, next to the model's configuration.
+//! Puts the trained parts into one weights file of half precision, next to the model's configuration, and takes such a
+//! file apart again, so that other recipes can go on from weights that ship.
 
 use std::path::Path;
 
@@ -9,6 +10,9 @@ use crate::config::TrainConfig;
 use crate::decoder::student_weights;
 use crate::error::TrainError;
 use crate::sets::stored_autoencoder;
+
+/// Layers of the decoder that see the layout.
+const GUIDE: &str = "decoder.guide.";
 
 /// Writes the student, or the transformer that another stage left, with the autoencoder to `out`, or beside the model's
 /// configuration, with the digest of the configuration.
@@ -33,5 +37,36 @@ pub fn run(
     let path = out.map_or_else(|| config.base.join(&config.model).with_extension("safetensors"), Path::to_path_buf);
     file.write_half(&path)?;
     progress.note(&format!("{} parameters in {}", file.weights.parameters(), path.display()));
+    Ok(())
+}
+
+/// Takes a shipped file apart into what its stages leave in the work folder: the autoencoder, without the decoder's
+/// guidance, unless there is one, and the transformer as that of stage `of`.
+///
+/// # Errors
+/// If the file is of another preset, the stage has weights already or another autoencoder is there.
+pub fn unpack(config: &TrainConfig, of: &str, shipped: &Path, progress: &mut dyn Progress) -> Result<(), TrainError> {
+    let model = config.model()?;
+    let file = WeightsFile::read(shipped)?;
+    file.weights.check(&ds_video::VideoModel::declare(&model))?;
+    let mut autoencoder = file.weights.part("vae.");
+    let guides: Vec<String> =
+        autoencoder.iter().map(|(name, _)| name.to_owned()).filter(|name| name.starts_with(GUIDE)).collect();
+    for name in guides {
+        autoencoder.remove(&name);
+    }
+    std::fs::create_dir_all(&config.folder).map_err(TrainError::io("work folder", &config.folder))?;
+    for (stage, weights) in [("autoencoder", autoencoder), (of, file.weights.part("dit."))] {
+        let path = config.folder.join(format!("{stage}.safetensors"));
+        if path.exists() {
+            if WeightsFile::read(&path)?.weights.digest() == weights.digest() {
+                continue;
+            }
+            let reason = "the work folder has other weights of this stage already".to_owned();
+            return Err(TrainError::Checkpoint { path: path.display().to_string(), reason });
+        }
+        WeightsFile { weights, ..WeightsFile::default() }.write(&path)?;
+        progress.note(&format!("{stage} in {}", path.display()));
+    }
     Ok(())
 }

@@ -5,18 +5,17 @@
 //! to follow layouts on ordinary daylight. What is dropped from the teacher's condition is what guidance then
 //! amplifies ([`crate::guidance`]).
 
-use ds_nn::fast;
 use ds_nn::step::{BidirectionalPlan, ClipBatch};
-use ds_nn::team::Team;
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::{ModelConfig, sampler};
 
 use crate::batch::mean_step;
 use crate::checkpoint::{Member, Run};
+use crate::condition::noise;
 use crate::config::{Dropout, StageConfig, TeacherConfig, TrainConfig};
 use crate::error::TrainError;
 use crate::guidance::Teacher;
-use crate::sets::{Sets, Span, noise};
+use crate::sets::{Sets, Span};
 use crate::{Progress, Report};
 
 const EVALUATION_STEPS: usize = 12;
@@ -32,8 +31,7 @@ pub fn prior(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report
     let seed = DigestWriter::new().text("prior").u64(config.seed).finish();
     let member = Member::new("model", &model.dit().declare(), stage.optimiser(), &seed);
     let member = member.starting_from(&config.initial("dit.")?);
-    let trainer = Trainer { config, model, stage, seed, layout_on: 0.0, dropout: (Dropout::None, 0.0) };
-    trainer.run("prior", member, progress)
+    Trainer { config, model, stage, seed, teacher: None }.run("prior", member, progress)
 }
 
 /// Trains the teacher to its configured number of steps, from the prior if there is one.
@@ -41,17 +39,16 @@ pub fn prior(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report
 /// # Errors
 /// As [`prior`].
 pub fn teacher(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, TrainError> {
-    let TeacherConfig { stage, dropout, dropout_share } =
-        config.teacher.as_ref().ok_or_else(|| TrainError::no_stage("teacher"))?;
+    let recipe = config.teacher.as_ref().ok_or_else(|| TrainError::no_stage("teacher"))?;
+    let stage = &recipe.stage;
     let model = config.model()?;
     let seed = DigestWriter::new().text("teacher").u64(config.seed).finish();
-    let mut member = Member::new("model", &model.dit().declare(), stage.optimiser(), &seed);
+    let mut member =
+        Member::new("model", &model.dit().declare(), stage.optimiser(), &seed).with_trunk_rate(recipe.trunk_rate);
     if config.finished("prior.safetensors").exists() {
         member = member.starting_from(&config.weights_of("prior")?);
     }
-    let dropout = (*dropout, *dropout_share);
-    let trainer = Trainer { config, model, stage, seed, layout_on: 1.0, dropout };
-    trainer.run("teacher", member, progress)
+    Trainer { config, model, stage, seed, teacher: Some(recipe) }.run("teacher", member, progress)
 }
 
 struct Trainer<'a> {
@@ -59,43 +56,68 @@ struct Trainer<'a> {
     model: ModelConfig,
     stage: &'a StageConfig,
     seed: Digest,
-    layout_on: f32,
-    dropout: (Dropout, f64),
+    /// None: the prior.
+    teacher: Option<&'a TeacherConfig>,
+}
+
+/// The clip sets of a run.
+struct Source {
+    own: Sets,
+    /// Those of clips without layout, if they are others.
+    replay: Option<Sets>,
 }
 
 impl Trainer<'_> {
     fn run(&self, name: &'static str, member: Member, progress: &mut dyn Progress) -> Result<Report, TrainError> {
         let mut run = Run::open(&self.config.folder, name, self.stage, vec![member])?;
-        let sets = Sets::open(self.config, &self.stage.sets, progress)?;
-        let (shape, team) = (self.model.dit(), Team::of_all_cores());
+        let replay = self.teacher.map(|teacher| &teacher.replay).filter(|replay| !replay.is_empty());
+        let sets = Source {
+            own: Sets::open(self.config, &self.stage.sets, progress)?,
+            replay: replay.map(|replay| Sets::open(self.config, replay, progress)).transpose()?,
+        };
+        let (shape, team) = (self.model.dit(), self.config.backend.team());
         let shape = &shape;
         while run.unfinished() {
             let (weights, at) = (run.weights(), run.step);
             let step = mean_step(&team, self.stage.clips, |clip| {
                 let (batch, plan) = self.clip(&sets, at, clip)?;
-                Ok(fast::train::bidirectional(shape, weights, &batch, &plan))
+                Ok(self.config.backend.bidirectional(shape, weights, &batch, &plan))
             })?;
             if !run.apply(step, progress)? {
                 break;
             }
         }
-        let teacher = Teacher::new(&self.model, run.average(), self.dropout.0)?;
-        let figures = evaluate(&sets, &teacher, self.stage.latents, &self.seed, self.layout_on)?;
+        let teacher = Teacher::new_on(self.config.backend, &self.model, run.average(), self.config.unconditional)?;
+        let figures = evaluate(&sets.own, &teacher, self.stage.latents, &self.seed, self.layout_on())?;
         Ok(run.report(figures))
     }
 
+    fn layout_on(&self) -> f32 {
+        if self.teacher.is_some() { 1.0 } else { 0.0 }
+    }
+
+    /// Draws what a clip lacks: each kind of dropout has its share of the unit interval.
+    fn dropped(&self, draw: f64) -> Option<Dropout> {
+        let teacher = self.teacher?;
+        (1u32..)
+            .zip(&teacher.dropout)
+            .find(|(end, _)| draw < f64::from(*end) * teacher.dropout_share)
+            .map(|(_, kind)| *kind)
+    }
+
     /// Draws a clip of a step, its level and its noise.
-    fn clip(&self, sets: &Sets, step: u32, clip: u64) -> Result<(ClipBatch, BidirectionalPlan), TrainError> {
+    fn clip(&self, sets: &Source, step: u32, clip: u64) -> Result<(ClipBatch, BidirectionalPlan), TrainError> {
         let draws = Draws::new(&self.seed, "batch", &[u64::from(step), clip]);
+        let dropped = self.dropped(draws.uniform(2));
+        let sets = sets.replay.as_ref().filter(|_| dropped.is_some()).unwrap_or(&sets.own);
         let at = sets.draw(&draws)?;
         let mut batch = sets.batch(at, sets.span(at, self.stage.latents, &draws))?;
         if draws.uniform(4) < self.config.without_first {
             batch.start.values_mut().fill(0.0);
             batch.clean.values_mut()[..sets.frame()].fill(0.0);
         }
-        let dropped = draws.uniform(2) < self.dropout.1;
-        batch.layout_on = vec![if dropped && self.dropout.0 != Dropout::None { 0.0 } else { self.layout_on }];
-        batch.given_on = vec![if dropped && self.dropout.0 == Dropout::All { 0.0 } else { 1.0 }];
+        batch.layout_on = vec![if dropped.is_some() { 0.0 } else { self.layout_on() }];
+        batch.given_on = vec![if dropped == Some(Dropout::All) { 0.0 } else { 1.0 }];
         let plan = BidirectionalPlan {
             levels: vec![sampler::shifted(draws.range(3, 0.001, 1.0), self.model.sampler.shift)],
             noise: noise(&self.seed, "noise", &[u64::from(step), clip], &later(&batch)),
@@ -115,7 +137,7 @@ pub(crate) fn later(batch: &ClipBatch) -> Vec<usize> {
 /// Measures the mean square error of sampled against true latents, with and without the layout.
 fn evaluate(
     sets: &Sets,
-    teacher: &Teacher<'_>,
+    teacher: &Teacher,
     latents: usize,
     seed: &Digest,
     layout_on: f32,

@@ -47,8 +47,11 @@ fn load(folder: &Path, text: &str) -> Result<TrainConfig, TrainError> {
 }
 
 fn render(folder: &Path) {
-    let recipe = Recipe::load(&Path::new(ROOT).join("configs/data/smoke.toml")).expect("the recipe is valid");
-    ds_clips::render(&recipe, &folder.join("clips"), &NoBar).expect("renders");
+    for part in ["", "_broad", "_diverse"] {
+        let path = Path::new(ROOT).join(format!("configs/data/smoke{part}.toml"));
+        let recipe = Recipe::load(&path).expect("the recipe is valid");
+        ds_clips::render(&recipe, &folder.join(format!("clips{part}")), &NoBar).expect("renders");
+    }
 }
 
 fn weights(config: &TrainConfig, stage: &str) -> ds_nn::Weights {
@@ -101,6 +104,17 @@ fn every_stage_runs_improves_and_ships() {
     crate::ship::run(&config, (None, Some(&shipped)), &mut Silent).expect("ships");
     assert!(VideoModel::load(&config.model().expect("valid"), &shipped).is_ok());
     crate::ship::run(&config, (Some("teacher"), Some(&shipped)), &mut Silent).expect("ships");
+    let mut other = config.clone();
+    other.folder = folder.path().join("other");
+    crate::ship::unpack(&other, "teacher", &shipped, &mut Silent).expect("unpacks");
+    let (whole, half) = (weights(&config, "teacher"), weights(&other, "teacher"));
+    for ((name, whole), (same, half)) in whole.iter().zip(half.iter()) {
+        let far = whole.values().iter().zip(half.values()).any(|(a, b)| (a - b).abs() > 1e-3 * a.abs().max(0.1));
+        assert!(name == same && !far, "{name}");
+    }
+    crate::ship::unpack(&other, "teacher", &shipped, &mut Silent).expect("the same once more");
+    let taken = crate::ship::unpack(&config, "teacher", &shipped, &mut Silent).expect_err("the stage has been trained");
+    assert!(taken.to_string().contains("already"), "{taken}");
     let model = config.model().expect("valid");
     let layout = RgbImage::filled(model.video.width_px, model.video.height_px, ds_layout::colour::LANE);
     let first = |seed: &[u8]| {
@@ -111,6 +125,35 @@ fn every_stage_runs_improves_and_ships() {
     assert!(first(b"one") == first(b"one") && first(b"one") != first(b"other"));
     let page = std::fs::read_to_string(page::write(&config).expect("writes")).expect("reads");
     assert!(page.contains("self forcing") && page.matches("<polyline").count() >= 7, "{}", page.len());
+}
+
+#[test]
+fn the_graph_trains_as_the_processors_loops_do() {
+    let folder = tempfile::tempdir().expect("a folder");
+    render(folder.path());
+    let steps = |text: &str, from: u32| text.replace(&format!("steps = {from}"), "steps = 3");
+    let text = [60, 80, 40, 10, 20].into_iter().fold(recipe(folder.path()), |text, from| steps(&text, from));
+    let text = text.replace("count = 8", "count = 2");
+    let own = load(folder.path(), &text).expect("valid");
+    let framework =
+        format!("{text}\n").replace("/work\"", "/graph\"").replace("seed = 1\n", "seed = 1\nbackend = \"framework\"\n");
+    let graph = load(folder.path(), &framework).expect("valid");
+    assert_ne!((own.backend, &own.folder), (graph.backend, &graph.folder));
+    for stage in Stage::ALL.into_iter().filter(|stage| *stage != Stage::Ship) {
+        for config in [&own, &graph] {
+            stage.run(config, &mut Silent).unwrap_or_else(|error| panic!("{}: {error}", stage.name()));
+        }
+    }
+    for (stage, network) in [
+        ("autoencoder", "model"),
+        ("teacher", "model"),
+        ("ode", "model"),
+        ("self_forcing", "critic"),
+        ("decoder", "model"),
+    ] {
+        let ((_, own), (_, graph)) = (losses(&own, stage, network), losses(&graph, stage, network));
+        assert!((own - graph).abs() < 1e-2 * own.abs(), "{stage}: {own}, {graph}");
+    }
 }
 
 #[test]
@@ -179,11 +222,12 @@ fn recipes_inherit_table_by_table() {
     let folder = tempfile::tempdir().expect("a folder");
     let base = load(folder.path(), &recipe(folder.path())).expect("valid");
     let arm = folder.path().join("arm.toml");
-    let text = "inherits = \"train.toml\"\nfolder = \"arm\"\nparent = \"whole\"\n[teacher]\ndropout = \"all\"\n";
+    let text =
+        "inherits = \"train.toml\"\nfolder = \"arm\"\nparent = \"whole\"\n[teacher]\ndropout = [\"layout\", \"all\"]\n";
     std::fs::write(&arm, text).expect("writes");
     let found = TrainConfig::load(&arm).expect("valid");
     let teacher = found.teacher.clone().expect("inherited");
-    assert_eq!(teacher.dropout, crate::config::Dropout::All);
+    assert_eq!(teacher.dropout, [crate::config::Dropout::Layout, crate::config::Dropout::All]);
     assert_eq!(Some(&teacher.stage), base.teacher.as_ref().map(|teacher| &teacher.stage));
     assert_eq!((found.folder.as_path(), found.parent.as_deref()), (Path::new("arm"), Some(Path::new("whole"))));
     std::fs::write(&arm, "inherits = \"arm.toml\"").expect("writes");
@@ -207,5 +251,9 @@ fn broken_recipes_are_named() {
     check("rollout = 4", "rollout = 2", "self_forcing");
     check("reject = 0.2", "reject = 1.0", "trajectories");
     check("seed = 1", "sed = 1", "cannot be read");
-    check("dropout = \"layout\"", "dropout = \"layout\"\ndropped = 1", "cannot be read");
+    check("dropout = [\"layout\"]", "dropout = [\"layout\"]\ndropped = 1", "cannot be read");
+    check("dropout = [\"layout\"]", "dropout = [\"all\"]", "unconditional");
+    check("replay = [\"broad\"]", "replay = [\"clip\"]", "\"clip\" is not among");
+    check("trunk_rate = 0.8", "trunk_rate = 2.0", "trunk_rate");
+    check("dropout = [\"layout\"]", "dropout = [\"layout\"]\ndropout_share = 1.0", "dropout_share");
 }

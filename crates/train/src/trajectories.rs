@@ -14,17 +14,18 @@ use std::path::PathBuf;
 
 use ds_nn::Array;
 use ds_nn::step::ClipBatch;
-use ds_nn::team::Team;
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::ModelConfig;
 
 use crate::Progress;
-use crate::config::{Dropout, TrainConfig, TrajectoryConfig};
+use crate::condition::noise;
+use crate::config::{TrainConfig, TrajectoryConfig};
 use crate::error::TrainError;
 use crate::guidance::Teacher;
-use crate::sets::{ClipRef, Sets, Span, noise};
+use crate::sets::{ClipRef, Sets, Span};
 use crate::teacher::later;
 
+const FILE: &str = "trajectories.bin";
 /// Latent frames at the end of a trajectory whose look is compared with the first frame's.
 const LATE_FRAMES: usize = 2;
 
@@ -60,13 +61,12 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<(), Trai
         return Err(TrainError::Config { field: "trajectories", rule });
     }
     let weights = config.weights_of("teacher")?;
-    let dropout = config.teacher.as_ref().map_or(Dropout::Layout, |teacher| teacher.dropout);
     let sets = Sets::open(config, &recipe.sets, progress)?;
     claim(config, recipe, &weights.digest())?;
-    let file = Trajectories::layout(config, &model, recipe);
-    let teacher = Teacher::new(&model, &weights, dropout)?;
+    let file = Trajectories::layout(config.folder.join(FILE), &model, recipe);
+    let teacher = Teacher::new_on(config.backend, &model, &weights, config.unconditional)?;
     let seed = DigestWriter::new().text("trajectories").u64(config.seed).finish();
-    let (total, team) = (recipe.count * recipe.sets.len() as u64, Team::of_all_cores());
+    let (total, team) = (recipe.count * recipe.sets.len() as u64, config.backend.team());
     let io = || TrainError::io("trajectories", &file.path);
     let mut output = OpenOptions::new().create(true).append(true).open(&file.path).map_err(io())?;
     output.set_len(file.count() * file.record_bytes()).map_err(io())?;
@@ -78,8 +78,16 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<(), Trai
         let made = part.last().map_or(0, |index| index + 1);
         progress.step(made.min(u64::from(u32::MAX)) as u32, total as u32, 0.0, &[]);
         if progress.stop() {
-            break;
+            return Ok(());
         }
+    }
+    for (set, name) in (0u64..).zip(&recipe.sets) {
+        let indices = (set..total).step_by(recipe.sets.len());
+        let moved =
+            indices.map(|index| Ok(file.values_of(index, 0, 1)?[0])).collect::<Result<Vec<f32>, TrainError>>()?;
+        #[expect(clippy::cast_precision_loss, reason = "a count of trajectories")]
+        let mean = moved.iter().sum::<f32>() / moved.len() as f32;
+        progress.note(&format!("{name}: the look moved by {mean:.3} from the first frame, mean of {}", moved.len()));
     }
     Ok(())
 }
@@ -92,7 +100,7 @@ fn condition(sets: &Sets, recipe: &TrajectoryConfig, index: u64) -> ClipRef {
 
 fn record(
     sets: &Sets,
-    teacher: &Teacher<'_>,
+    teacher: &Teacher,
     recipe: &TrajectoryConfig,
     seed: &Digest,
     index: u64,
@@ -136,7 +144,7 @@ fn claim(config: &TrainConfig, recipe: &TrajectoryConfig, teacher: &Digest) -> R
     std::fs::create_dir_all(&config.folder).map_err(TrainError::io("work folder", &config.folder))?;
     // How many are made and how many are put aside may change later.
     let fixed = TrajectoryConfig { count: 0, reject: 0.0, ..recipe.clone() };
-    let text = serde_json::json!({ "teacher": teacher.to_string(), "recipe": fixed, "seed": config.seed }).to_string();
+    let text = serde_json::json!({ "teacher": teacher.to_string(), "recipe": fixed, "unconditional": config.unconditional, "seed": config.seed }).to_string();
     match std::fs::read_to_string(&path) {
         Ok(found) if found == text => Ok(()),
         Ok(_) => {
@@ -148,9 +156,9 @@ fn claim(config: &TrainConfig, recipe: &TrajectoryConfig, teacher: &Digest) -> R
 }
 
 impl Trajectories {
-    fn layout(config: &TrainConfig, model: &ModelConfig, recipe: &TrajectoryConfig) -> Self {
+    fn layout(path: PathBuf, model: &ModelConfig, recipe: &TrajectoryConfig) -> Self {
         Self {
-            path: config.finished("trajectories.bin"),
+            path,
             recipe: recipe.clone(),
             states: model.sampler.steps + 1,
             frames: recipe.latents - 1,
@@ -175,7 +183,7 @@ impl Trajectories {
     /// whose look moved least.
     pub(crate) fn open(config: &TrainConfig, wanted: &[String]) -> Result<Self, TrainError> {
         let recipe = config.trajectories.as_ref().ok_or_else(|| TrainError::no_stage("trajectories"))?;
-        let mut file = Self::layout(config, &config.model()?, recipe);
+        let mut file = Self::layout(config.finished(FILE), &config.model()?, recipe);
         let sets = recipe.sets.len() as u64;
         let count = file.count().min(recipe.count * sets);
         if count == 0 {

@@ -16,6 +16,7 @@ pub mod prompt;
 mod published;
 mod rollout;
 pub mod sampler;
+pub mod sampling;
 #[cfg(test)]
 mod tests;
 pub mod workload;

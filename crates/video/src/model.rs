@@ -53,24 +53,34 @@ impl VideoModel {
             return Ok(Self::of(backend, config, published::load(backend, config, weights)?));
         }
         backend.ready()?;
-        let file = WeightsFile::read(weights)?;
-        let expected = config.digest().to_string();
-        if let Some(found) = file.metadata.get(CONFIG_DIGEST).filter(|found| **found != expected) {
-            return Err(VideoError::OtherConfig { expected, found: found.clone() });
-        }
-        Ok(Self::new_on(backend, config, &file.weights)?)
+        Ok(Self::new_on(backend, config, &Self::read(config, weights)?)?)
     }
 
-    /// Makes a published model of drawn weights, hashed words and drawn states of CLIP, whatever its configuration says
-    /// of files: for trials of speed and wiring.
+    /// Reads the weights of an own model, which must have been trained for the configuration.
     ///
     /// # Errors
-    /// If the device is absent or the processor's own path.
+    /// If the file is broken or names another configuration.
+    pub fn read(config: &ModelConfig, weights: &Path) -> Result<Weights, VideoError> {
+        let file = WeightsFile::read(weights)?;
+        let expected = config.digest().to_string();
+        match file.metadata.get(CONFIG_DIGEST).filter(|found| **found != expected) {
+            Some(found) => Err(VideoError::OtherConfig { expected, found: found.clone() }),
+            None => Ok(file.weights),
+        }
+    }
+
+    /// Makes a model of drawn weights whatever its configuration says of files, a published one with hashed words and
+    /// drawn states of CLIP: for trials of speed and wiring.
     ///
-    /// # Panics
-    /// If the configuration is not of a published model.
+    /// # Errors
+    /// If the device is absent, or the processor's own path for a published model.
     pub fn drawn(backend: Backend, config: &ModelConfig) -> Result<Self, VideoError> {
-        Ok(Self::of(backend, config, published::drawn(backend, config)?))
+        if config.is_published() {
+            return Ok(Self::of(backend, config, published::drawn(backend, config)?));
+        }
+        backend.ready()?;
+        let seed = DigestWriter::new().text("drawn").finish();
+        Ok(Self::new_on(backend, config, &Weights::initialised(&Self::declare(config), &seed))?)
     }
 
     fn of(backend: Backend, config: &ModelConfig, parts: Parts) -> Self {

@@ -8,17 +8,17 @@
 use std::sync::Arc;
 
 use ds_nn::Array;
-use ds_nn::body::{Chunk, Context, Control};
-use ds_nn::cache::{ChunkKv, KvCache};
-use ds_nn::step::Prediction;
+use ds_nn::body::{Context, Control};
+use ds_nn::cache::{ChunkKv, KvCache, Window};
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter};
 
 use crate::codec::{DecoderMemory, LayoutMemory};
-use crate::config::{CacheSource, StartConfig};
+use crate::config::StartConfig;
 use crate::entry::{CacheEntry, Latent};
 use crate::error::VideoError;
 use crate::model::VideoModel;
+use crate::sampling::{self, Sampled, Sampling};
 use crate::{pixels, sampler};
 
 /// What a call of [`Rollout::generate`] gives.
@@ -78,14 +78,6 @@ pub struct Replay<'a> {
     pub past: &'a [RgbImage],
     /// The layouts received since the last commit, fewer than a chunk's.
     pub layouts: &'a [RgbImage],
-}
-
-/// A chunk as made: what is cached, what is decoded.
-struct Made {
-    cached_input: Array,
-    /// Output of the pass that gave what is cached, and what is cached.
-    pass: (Array, ChunkKv),
-    clean: Array,
 }
 
 impl Rollout {
@@ -155,7 +147,8 @@ impl Rollout {
     fn begin(mut self, clean: Array, control: &Control) -> Result<(Self, CacheEntry), VideoError> {
         let pass = self.write(&clean, &clean, control, 0.0);
         self.decode(&clean, &[])?;
-        let entry = self.commit(Made { cached_input: clean.clone(), pass, clean }, control);
+        let made = Sampled { entered: Array::default(), cached: clean.clone(), clean, pass };
+        let entry = self.commit(made, control);
         Ok((self, entry))
     }
 
@@ -226,10 +219,12 @@ impl Rollout {
             let clean = entry.clean.checked(&shape).map_err(refuse("clean"))?;
             let control = entry.control.checked(&rollout.control_shape(shape[0])).map_err(refuse("control"))?;
             let control = rollout.model.dit.control_of(&control);
-            let pass = rollout.write(&cached_input, &rollout.start, &control, rollout.cache_time());
+            let level = sampling::cache_level(rollout.model.config());
+            let pass = rollout.write(&cached_input, &rollout.start, &control, level);
             // Frames are not wanted here, only the decoder's memory, which layouts do not touch.
             rollout.decode(&clean, &[])?;
-            let remade = rollout.commit(Made { cached_input, pass, clean }, &control);
+            let made = Sampled { entered: Array::default(), clean, cached: cached_input, pass };
+            let remade = rollout.commit(made, &control);
             compare(entry, &remade)?;
         }
         if layouts.len() >= rollout.model.config().frames_per_chunk() {
@@ -345,63 +340,23 @@ impl Rollout {
     }
 
     /// Denoises the chunk under way.
-    fn make(&self, control: &Control) -> Result<Made, VideoError> {
-        let config = self.model.config();
-        let shape = self.latent_shape();
-        let sigmas = sampler::sigmas(config.sampler.steps, config.sampler.shift);
-        let source = config.cache_source();
+    fn make(&self, control: &Control) -> Result<Sampled, VideoError> {
+        let (config, shape) = (self.model.config(), self.latent_shape());
         let noise = |step: usize| sampler::noise(&self.draw_key, &self.camera, self.chunk, step, &shape);
-        let start = &self.start;
         let window = self.cache.window(&*self.model.dit, config.causal.chunk);
-        let mut state = noise(1);
-        let mut kept: Option<(Array, Option<(Array, ChunkKv)>)> = None;
-        let mut clean = Array::default();
-        for (step, sigma) in (1..).zip(&sigmas) {
-            let chunk = Chunk { noisy: &state, start, control, time: 1000.0 * sigma };
-            let (output, kv) = self.model.dit.denoise(&chunk, &window, &self.context);
-            clean = match config.prediction() {
-                Prediction::Clean => output.clone(),
-                Prediction::Flow => subtract(&state, &output, *sigma),
-            };
-            if !clean.is_finite() {
-                return Err(VideoError::NotFinite { chunk: self.chunk });
-            }
-            match source {
-                CacheSource::State(at) if at == step => kept = Some((state.clone(), Some((output, kv)))),
-                CacheSource::X0Hat(at) if at == step => kept = Some((clean.clone(), None)),
-                _ => {}
-            }
-            if let Some(next) = sigmas.get(step) {
-                state = sampler::noised(&clean, &noise(step + 1), *next);
-            }
-        }
-        let (cached_input, pass) = match (source, kept) {
-            (CacheSource::Renoise(_), _) => {
-                (sampler::noised(&clean, &noise(config.sampler.steps + 1), self.cache_time() / 1000.0), None)
-            }
-            (_, Some(kept)) => kept,
-            (_, None) => (clean.clone(), None),
-        };
-        let pass = pass.unwrap_or_else(|| self.write(&cached_input, start, control, self.cache_time()));
-        Ok(Made { cached_input, pass, clean })
+        let made = self.sampling(&self.start, control, &window).chunk(config.sampler.steps, noise);
+        if made.clean.is_finite() { Ok(made) } else { Err(VideoError::NotFinite { chunk: self.chunk }) }
     }
 
-    /// Returns the timestep that labels cached chunks.
-    fn cache_time(&self) -> f32 {
-        let config = self.model.config();
-        match config.cache_source() {
-            CacheSource::Clean | CacheSource::X0Hat(_) => 0.0,
-            #[expect(clippy::cast_possible_truncation, reason = "levels are single precision")]
-            CacheSource::Renoise(sigma) => 1000.0 * sigma as f32,
-            CacheSource::State(step) => 1000.0 * sampler::sigmas(config.sampler.steps, config.sampler.shift)[step - 1],
-        }
+    fn sampling<'a>(&'a self, start: &'a Array, control: &'a Control, window: &'a Window) -> Sampling<'a> {
+        let (config, dit) = (self.model.config(), &*self.model.dit);
+        Sampling { config, dit, start, control, window, context: &self.context }
     }
 
     /// Runs the forward pass whose keys and values are cached.
-    fn write(&self, input: &Array, start: &Array, control: &Control, time: f32) -> (Array, ChunkKv) {
+    fn write(&self, input: &Array, start: &Array, control: &Control, level: f32) -> (Array, ChunkKv) {
         let window = self.cache.window(&*self.model.dit, input.shape()[0]);
-        let chunk = Chunk { noisy: input, start, control, time };
-        self.model.dit.denoise(&chunk, &window, &self.context)
+        self.sampling(start, control, &window).pass(input, level)
     }
 
     /// Decodes a chunk, guided by its layouts if there are any, and moves the decoder on.
@@ -420,7 +375,7 @@ impl Rollout {
         Ok(images.map(|values| pixels::to_image(values, width, height)).collect())
     }
 
-    fn commit(&mut self, made: Made, control: &Control) -> CacheEntry {
+    fn commit(&mut self, made: Sampled, control: &Control) -> CacheEntry {
         let config = self.model.config();
         let per_chunk = config.frames_per_chunk() as u32;
         let frames = made.clean.shape()[0];
@@ -434,7 +389,7 @@ impl Rollout {
             chunk: self.chunk,
             first_tick_offset: if self.chunk == 0 { 0 } else { 1 + (self.chunk - 1) * per_chunk },
             ticks: if self.chunk == 0 { 1 } else { per_chunk },
-            cached_input: Latent::of(&made.cached_input),
+            cached_input: Latent::of(&made.cached),
             clean: Latent::of(&made.clean),
             control: self.logged(control, frames),
             conditioning: self.conditioning,
@@ -463,11 +418,6 @@ fn compare(logged: &CacheEntry, remade: &CacheEntry) -> Result<(), VideoError> {
         }
         None => Ok(()),
     }
-}
-
-/// Returns x − σ·v.
-fn subtract(x: &Array, v: &Array, sigma: f32) -> Array {
-    Array::new(x.shape(), x.values().iter().zip(v.values()).map(|(x, v)| x - sigma * v).collect())
 }
 
 fn mean_difference(a: &[RgbImage], b: &[RgbImage]) -> f32 {

@@ -259,6 +259,27 @@ fn every_cache_source_rolls_on() {
 }
 
 #[test]
+fn any_number_of_steps_rolls_on() {
+    let run = |steps: usize| {
+        let source = if steps == 1 { "clean" } else { "state(2)" };
+        let text = SMOKE.replace("state(2)", source).replace("steps = 2", &format!("steps = {steps}"));
+        start(&model_of(&text)).0.generate(&layouts(1..9)).expect("generates finite values").frames
+    };
+    let frames = [1, 2, 3, 4].map(run);
+    assert!(frames.iter().all(|frames| frames.len() == 8) && frames.windows(2).all(|pair| pair[0] != pair[1]));
+}
+
+#[test]
+fn an_own_model_may_have_drawn_weights() {
+    let nowhere = std::path::Path::new("/nowhere");
+    let drawn = ModelConfig::parse(&format!("{SMOKE}\n[weights]\ndrawn = true\n")).expect("valid");
+    let model = VideoModel::load_on(Backend::Cpu, &drawn, nowhere).expect("no file is read");
+    assert_eq!(start(&Arc::new(model)).0.generate(&layouts(1..5)).expect("generates").frames.len(), 4);
+    let asked = ModelConfig::parse(SMOKE).expect("valid");
+    assert!(VideoModel::load_on(Backend::Cpu, &asked, nowhere).is_err());
+}
+
+#[test]
 fn ring_and_shifted_reading_agree() {
     for backend in [Backend::Cpu, Backend::Framework] {
         ring_and_shifted_reading_agree_on(backend);

@@ -342,20 +342,25 @@ pub(crate) struct TrainArgs {
     /// (follows layouts, sees whole clips); trajectories (what the teacher makes under guidance); ode (the causal
     /// student learns from them); self-forcing (the student learns from its own rollouts); decoder (guided by
     /// layouts); ship (writes the weights). Apart from these: policy, the camera policy; plan, what the recipe costs and
-    /// how far it is.
+    /// how far it is; unpack, which takes a shipped file apart so that a recipe can go on from it.
     #[arg(value_parser = [
         "all", "autoencoder", "prior", "teacher", "trajectories", "ode", "self-forcing", "decoder", "ship", "policy", "plan",
+        "unpack",
     ])]
     pub stage: String,
     /// The recipe: configs/train/cpu_train.toml for the video model, configs/train/policy.toml for the policy.
     #[arg(long, value_hint = ValueHint::FilePath)]
     pub config: Option<PathBuf>,
-    /// Where `ship` writes the weights, instead of beside the model's configuration.
+    /// Where `ship` writes the weights, instead of beside the model's configuration; what `unpack` takes apart.
     #[arg(long, value_hint = ValueHint::FilePath)]
     pub weights: Option<PathBuf>,
-    /// Whose transformer `ship` writes, instead of the most refined student's: prior, teacher, ode or self_forcing.
+    /// Whose transformer `ship` writes, instead of the most refined student's: prior, teacher, ode or self_forcing; whose
+    /// `unpack` finds.
     #[arg(long, value_parser = ["prior", "teacher", "ode", "self_forcing"])]
     pub of: Option<String>,
+    /// What computes, instead of the recipe's `backend`; of vulkan and cuda, builds with that feature.
+    #[arg(long, value_parser = ["cpu", "framework", "vulkan", "cuda"])]
+    pub backend: Option<String>,
     /// Also write training.rrd, losses and samples for the rerun viewer, beside the page.
     #[arg(long)]
     pub rerun: bool,

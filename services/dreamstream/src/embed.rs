@@ -153,6 +153,9 @@ impl Fleet {
 /// # Errors
 /// If a port, the ledger or the policy bus cannot be opened.
 pub(crate) async fn start(plan: &FleetPlan) -> Result<Fleet> {
+    let video = Arc::new(vdm_worker::VideoStage::new(plan.model.clone(), None).with_backend(plan.video_backend));
+    // Now, for a worker without a model would only be waited for.
+    video.model().context("the video model")?;
     let settings = BusSettings { drop_share: plan.drop_pushes, ..BusSettings::default() };
     let bus = BusSession::open(&settings).await.context("bus")?;
     let drain = Drain::new();
@@ -173,7 +176,6 @@ pub(crate) async fn start(plan: &FleetPlan) -> Result<Fleet> {
         Arc::new(layout_render::LayoutStage { probe: plan.probe_adapter }),
         Arc::new(policy_bridge::PolicyStage::new(plan.policy_weights.clone(), outside)),
     ];
-    let video = Arc::new(vdm_worker::VideoStage::new(plan.model.clone(), None).with_backend(plan.video_backend));
     factories.extend((0..plan.workers).map(|_| Arc::clone(&video) as Arc<dyn MakerFactory>));
     for (index, factory) in factories.into_iter().enumerate() {
         let role = factory.role();

@@ -76,8 +76,12 @@ pub fn bidirectional_clean(
     levels: &[f32],
     prediction: Prediction,
 ) -> Array {
-    let dit = Dit::bind(shape, weights, Mode::Infer);
-    let output = array_of(forward(&dit, batch, dit.graph.tensor(noisy), levels));
+    clean_by(&Dit::bind(shape, weights, Mode::Infer), batch, noisy, levels, prediction)
+}
+
+/// As [`bidirectional_clean`], of bound weights.
+pub(crate) fn clean_by(dit: &Dit, batch: &ClipBatch, noisy: &Array, levels: &[f32], prediction: Prediction) -> Array {
+    let output = array_of(forward(dit, batch, dit.graph.tensor(noisy), levels));
     match prediction {
         Prediction::Clean => output,
         Prediction::Flow => {

@@ -43,7 +43,7 @@ fn broken_rules_are_named() {
     check(("steps = 2", "steps = 2\nstep = 3"), "unknown field");
     check(("shift = 5.0", "shift = nan"), "sampler.steps");
     check(("encoder_width = 24", "encoder_width = 24\nwidth = 4"), "vae.width");
-    check(("first_frame_independent = true", "first_frame_independent = true\n[weights]\ndrawn = true"), "weights");
+    check(("first_frame_independent = true", "first_frame_independent = true\n[weights]\nvae = \"a\""), "weights");
 }
 
 #[test]

@@ -140,7 +140,7 @@ fn reference(scene: &Scene) {
 
 fn video(args: &BenchArgs, scene: &Scene) -> Result<()> {
     let config = vdm_worker::stage::load_config(&args.model).map_err(anyhow::Error::msg)?;
-    let weights = args.model.with_extension("safetensors");
+    let weights = config.weights_beside(&args.model);
     let model = VideoModel::load(&config, &weights).with_context(|| format!("weights {}", weights.display()))?;
     let model = Arc::new(model);
     let Some(camera) = scene.cameras.first() else { return Ok(()) };

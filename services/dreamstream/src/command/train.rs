@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use ds_record::view::training::{self, TrainedStage};
 use ds_train::policy::PolicySettings;
 use ds_train::{Progress, Stage, TrainConfig};
@@ -62,9 +62,19 @@ pub(crate) fn run(args: &TrainArgs) -> Result<()> {
         return policy(args);
     }
     let path = args.config.clone().unwrap_or_else(|| PathBuf::from(VIDEO_CONFIG));
-    let config = TrainConfig::load(&path).with_context(|| format!("configuration {}", path.display()))?;
+    let mut config = TrainConfig::load(&path).with_context(|| format!("configuration {}", path.display()))?;
+    if let Some(backend) = &args.backend {
+        config.backend = backend.parse().map_err(anyhow::Error::msg)?;
+    }
     if args.stage == "plan" {
         return plan(&config);
+    }
+    if args.stage == "unpack" {
+        let (Some(of), Some(weights)) = (&args.of, &args.weights) else {
+            bail!("unpack needs --of STAGE and --weights FILE")
+        };
+        let mut progress = Bar { bar: bar(0, "unpack"), stop: stop_flag()? };
+        return Ok(ds_train::ship::unpack(&config, of, weights, &mut progress)?);
     }
     let stop = stop_flag()?;
     let named = |stage: &Stage| args.stage == stage.name();
