@@ -54,6 +54,10 @@ pub struct TrainConfig {
     /// What guidance does without (c∅), one of the teacher's `dropout`.
     #[serde(default)]
     pub unconditional: Dropout,
+    /// Whether guidance leaves mean and deviation of each latent channel of a frame as c∅ has them; c∅ must keep the first
+    /// frame.
+    #[serde(default)]
+    pub keep_look: bool,
     /// The autoencoder.
     #[serde(default)]
     pub autoencoder: Option<StageConfig>,
@@ -384,6 +388,9 @@ impl TrainConfig {
             if self.guided() && !teacher.dropout.contains(&self.unconditional) {
                 return refuse("unconditional", "must be among the teacher's dropout where there is guidance");
             }
+        }
+        if self.keep_look && self.unconditional == Dropout::All {
+            return refuse("keep_look", "needs unconditional = \"layout\", for c∅ must keep the first frame");
         }
         if !(0.0..1.0).contains(&self.without_first) {
             return refuse("without_first", "must lie within [0, 1)");

@@ -2,6 +2,10 @@
 //!
 //! c∅ lacks something that the teacher's training dropped: the layout alone in the traffic-guided arm, the whole
 //! condition in standard classifier-free guidance. w = 1 is the plain condition and costs one pass.
+//!
+//! A layout says what is where, not how the day is; a teacher that has seen layouts in one look alone still pulls towards
+//! that look, and w > 1 amplifies it. Where c∅ keeps the first frame, [`Teacher::keeping_look`] gives each latent channel
+//! of each frame the mean and deviation that it has under c∅.
 
 use ds_nn::body::Backend;
 use ds_nn::step::ClipBatch;
@@ -19,6 +23,7 @@ pub struct Teacher {
     network: Box<dyn WholeClips>,
     /// What c∅ lacks.
     unconditional: Dropout,
+    keeps_look: bool,
 }
 
 impl Teacher {
@@ -40,7 +45,14 @@ impl Teacher {
         weights: &Weights,
         unconditional: Dropout,
     ) -> Result<Self, WeightsError> {
-        Ok(Self { model: model.clone(), network: backend.whole_clips(&model.dit(), weights)?, unconditional })
+        let network = backend.whole_clips(&model.dit(), weights)?;
+        Ok(Self { model: model.clone(), network, unconditional, keeps_look: false })
+    }
+
+    /// Says whether guidance leaves mean and deviation of each channel of a frame as c∅ has them.
+    #[must_use]
+    pub fn keeping_look(self, keeps_look: bool) -> Self {
+        Self { keeps_look, ..self }
     }
 
     /// Predicts the clean latents of noisy frames [1, F − 1, tokens, 4, z] of one clip at level σ under guidance w.
@@ -58,7 +70,14 @@ impl Teacher {
         }
         let without = predict(&without);
         let guided = without.values().iter().zip(with.values()).map(|(without, with)| without + w * (with - without));
-        Array::new(noisy.shape(), guided.collect())
+        let mut guided: Vec<f32> = guided.collect();
+        if self.keeps_look {
+            let frame = noisy.shape()[2..].iter().product();
+            for (frame, like) in guided.chunks_exact_mut(frame).zip(without.values().chunks_exact(frame)) {
+                take_moments(frame, like, self.model.vae.z);
+            }
+        }
+        Array::new(noisy.shape(), guided)
     }
 
     /// Samples frames 1..F of one clip from noise by Euler steps of the guided flow; `visit` sees the state at each
@@ -85,5 +104,40 @@ impl Teacher {
             }
         }
         state
+    }
+}
+
+/// How much a channel's deviation may change.
+const STRETCH: (f32, f32) = (0.5, 2.0);
+
+/// Gives each of the `z` channels of a frame mean and deviation of another frame's.
+fn take_moments(frame: &mut [f32], like: &[f32], z: usize) {
+    for channel in 0..z {
+        let moments = |values: &[f32]| {
+            let channel = || values[channel..].iter().step_by(z).map(|value| f64::from(*value));
+            let count = (values.len() / z) as f64;
+            let mean = channel().sum::<f64>() / count;
+            let square = channel().map(|value| (value - mean).powi(2)).sum::<f64>() / count;
+            #[expect(clippy::cast_possible_truncation, reason = "latents are single precision")]
+            let moments = (mean as f32, square.sqrt() as f32);
+            moments
+        };
+        let ((mean, deviation), (wanted, wide)) = (moments(frame), moments(like));
+        let stretch = (wide / deviation.max(1e-6)).clamp(STRETCH.0, STRETCH.1);
+        frame[channel..].iter_mut().step_by(z).for_each(|value| *value = wanted + stretch * (*value - mean));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_takes_the_moments_of_each_channel() {
+        // Channels in turn: 1, 3, 5 becomes as wide and high as 10, 13, 16; the other is as it was.
+        let (mut frame, like) = ([1.0, 7.0, 3.0, 8.0, 5.0, 9.0], [10.0, 8.0, 13.0, 9.0, 16.0, 7.0]);
+        take_moments(&mut frame, &like, 2);
+        let expected = [10.0, 7.0, 13.0, 8.0, 16.0, 9.0];
+        assert!(frame.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-5), "{frame:?}");
     }
 }

@@ -48,7 +48,10 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     if run.unfinished() {
         let regression = if recipe.regression > 0.0 { Some(Source::open(config, progress)?) } else { None };
         let sets = Sets::open(config, &recipe.stage.sets, progress)?;
-        let (model, teacher) = (&model, Teacher::new_on(config.backend, &model, &teacher, config.unconditional)?);
+        let (model, teacher) = (
+            &model,
+            Teacher::new_on(config.backend, &model, &teacher, config.unconditional)?.keeping_look(config.keep_look),
+        );
         let trainer = Trainer {
             model,
             shape,

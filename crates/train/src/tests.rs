@@ -255,5 +255,11 @@ fn broken_recipes_are_named() {
     check("dropout = [\"layout\"]", "dropout = [\"all\"]", "unconditional");
     check("replay = [\"broad\"]", "replay = [\"clip\"]", "\"clip\" is not among");
     check("trunk_rate = 0.8", "trunk_rate = 2.0", "trunk_rate");
+    let standard = "seed = 1\nkeep_look = true\nunconditional = \"all\"";
+    check("seed = 1", standard, "unconditional");
+    assert!(
+        load(folder.path(), &good.replacen("seed = 1", standard, 1).replace("[\"layout\"]", "[\"all\"]"))
+            .is_err_and(|error| error.to_string().contains("keep_look"))
+    );
     check("dropout = [\"layout\"]", "dropout = [\"layout\"]\ndropout_share = 1.0", "dropout_share");
 }

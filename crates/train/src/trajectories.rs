@@ -64,7 +64,8 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<(), Trai
     let sets = Sets::open(config, &recipe.sets, progress)?;
     claim(config, recipe, &weights.digest())?;
     let file = Trajectories::layout(config.folder.join(FILE), &model, recipe);
-    let teacher = Teacher::new_on(config.backend, &model, &weights, config.unconditional)?;
+    let teacher =
+        Teacher::new_on(config.backend, &model, &weights, config.unconditional)?.keeping_look(config.keep_look);
     let seed = DigestWriter::new().text("trajectories").u64(config.seed).finish();
     let (total, team) = (recipe.count * recipe.sets.len() as u64, config.backend.team());
     let io = || TrainError::io("trajectories", &file.path);
@@ -144,7 +145,7 @@ fn claim(config: &TrainConfig, recipe: &TrajectoryConfig, teacher: &Digest) -> R
     std::fs::create_dir_all(&config.folder).map_err(TrainError::io("work folder", &config.folder))?;
     // How many are made and how many are put aside may change later.
     let fixed = TrajectoryConfig { count: 0, reject: 0.0, ..recipe.clone() };
-    let text = serde_json::json!({ "teacher": teacher.to_string(), "recipe": fixed, "unconditional": config.unconditional, "seed": config.seed }).to_string();
+    let text = serde_json::json!({ "teacher": teacher.to_string(), "recipe": fixed, "unconditional": config.unconditional, "keep_look": config.keep_look, "seed": config.seed }).to_string();
     match std::fs::read_to_string(&path) {
         Ok(found) if found == text => Ok(()),
         Ok(_) => {
