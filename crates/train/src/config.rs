@@ -15,6 +15,8 @@ use ds_video::ModelConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::error::TrainError;
+use crate::guidance::Guidance;
+use crate::sets::{ClipRef, Sets};
 
 /// A training recipe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -54,8 +56,8 @@ pub struct TrainConfig {
     /// What guidance does without (c∅), one of the teacher's `dropout`.
     #[serde(default)]
     pub unconditional: Dropout,
-    /// Whether guidance leaves mean and deviation of each latent channel of a frame as c∅ has them; c∅ must keep the first
-    /// frame.
+    /// Whether guidance of clips with an edited first frame leaves mean and deviation of each latent channel as c∅ has
+    /// them; c∅ must keep the first frame.
     #[serde(default)]
     pub keep_look: bool,
     /// The autoencoder.
@@ -344,6 +346,11 @@ impl TrainConfig {
     pub(crate) fn initial(&self, prefix: &str) -> Result<Weights, TrainError> {
         let Some(path) = &self.initial else { return Ok(Weights::default()) };
         Ok(WeightsFile::read(&self.base.join(path))?.weights.part(prefix))
+    }
+
+    /// Returns the guidance of a clip by a weight.
+    pub(crate) fn guidance(&self, weight: f32, sets: &Sets, at: ClipRef) -> Guidance {
+        Guidance { weight, keep_look: self.keep_look && sets.edited(at) }
     }
 
     /// Says whether any stage is guided.

@@ -15,7 +15,7 @@ use crate::condition::Condition;
 use crate::condition::noise;
 use crate::config::Dropout;
 use crate::error::TrainError;
-use crate::guidance::Teacher;
+use crate::guidance::{Guidance, Teacher};
 
 /// What a first frame is made of.
 pub struct Request<'a> {
@@ -46,7 +46,7 @@ pub fn first_frame(config: &ModelConfig, weights: &Path, request: &Request<'_>) 
         Condition { start: &empty, clean: &empty, layouts: &layouts, layout_on: true, prompt: request.prompt };
     let batch = condition.batch(config);
     let noise = noise(&request.key, "first frame", &[], &[1, 1, n, 4, z]);
-    let sampled = teacher.sample(&batch, &noise, request.steps, request.guidance, &mut |_, _| ());
+    let sampled = teacher.sample(&batch, &noise, request.steps, Guidance::by(request.guidance), &mut |_, _| ());
     let latents = Array::new(&[1, h, w, z], pixels::from_tokens(sampled.values(), h, w));
     let guide = (config.control.decoder_layers > 0).then(|| pixels::to_values(&still));
     let frames = model.autoencoder().decode(&model.denormalised(latents), guide.as_ref(), &mut Memory::default());

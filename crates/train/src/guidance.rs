@@ -4,8 +4,8 @@
 //! condition in standard classifier-free guidance. w = 1 is the plain condition and costs one pass.
 //!
 //! A layout says what is where, not how the day is; a teacher that has seen layouts in one look alone still pulls towards
-//! that look, and w > 1 amplifies it. Where c∅ keeps the first frame, [`Teacher::keeping_look`] gives each latent channel
-//! of each frame the mean and deviation that it has under c∅.
+//! that look, and w > 1 amplifies it. Where c∅ keeps the first frame, [`Guidance::keep_look`] gives each latent channel of
+//! each frame the mean and deviation that it has under c∅.
 
 use ds_nn::body::Backend;
 use ds_nn::step::ClipBatch;
@@ -15,7 +15,24 @@ use ds_video::{ModelConfig, sampler};
 
 use crate::config::Dropout;
 
-/// A bidirectional network and how it is guided.
+/// How a network is guided.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Guidance {
+    /// w in G(c∅) + w·(G(c) − G(c∅)); 1 is none.
+    pub weight: f32,
+    /// Whether mean and deviation of each latent channel of a frame stay as c∅ has them.
+    pub keep_look: bool,
+}
+
+impl Guidance {
+    /// Guidance by a weight alone.
+    #[must_use]
+    pub fn by(weight: f32) -> Self {
+        Self { weight, keep_look: false }
+    }
+}
+
+/// A bidirectional network and what its guidance does without.
 pub struct Teacher {
     /// The model.
     pub model: ModelConfig,
@@ -23,7 +40,6 @@ pub struct Teacher {
     network: Box<dyn WholeClips>,
     /// What c∅ lacks.
     unconditional: Dropout,
-    keeps_look: bool,
 }
 
 impl Teacher {
@@ -45,19 +61,13 @@ impl Teacher {
         weights: &Weights,
         unconditional: Dropout,
     ) -> Result<Self, WeightsError> {
-        let network = backend.whole_clips(&model.dit(), weights)?;
-        Ok(Self { model: model.clone(), network, unconditional, keeps_look: false })
+        Ok(Self { model: model.clone(), network: backend.whole_clips(&model.dit(), weights)?, unconditional })
     }
 
-    /// Says whether guidance leaves mean and deviation of each channel of a frame as c∅ has them.
+    /// Predicts the clean latents of noisy frames [1, F − 1, tokens, 4, z] of one clip at level σ under guidance.
     #[must_use]
-    pub fn keeping_look(self, keeps_look: bool) -> Self {
-        Self { keeps_look, ..self }
-    }
-
-    /// Predicts the clean latents of noisy frames [1, F − 1, tokens, 4, z] of one clip at level σ under guidance w.
-    #[must_use]
-    pub fn clean(&self, batch: &ClipBatch, noisy: &Array, sigma: f32, w: f32) -> Array {
+    pub fn clean(&self, batch: &ClipBatch, noisy: &Array, sigma: f32, guidance: Guidance) -> Array {
+        let w = guidance.weight;
         let predict = |batch: &ClipBatch| self.network.clean(batch, noisy, &[sigma], self.model.prediction());
         let with = predict(batch);
         if (w - 1.0).abs() < f32::EPSILON {
@@ -71,7 +81,7 @@ impl Teacher {
         let without = predict(&without);
         let guided = without.values().iter().zip(with.values()).map(|(without, with)| without + w * (with - without));
         let mut guided: Vec<f32> = guided.collect();
-        if self.keeps_look {
+        if guidance.keep_look {
             let frame = noisy.shape()[2..].iter().product();
             for (frame, like) in guided.chunks_exact_mut(frame).zip(without.values().chunks_exact(frame)) {
                 take_moments(frame, like, self.model.vae.z);
@@ -88,7 +98,7 @@ impl Teacher {
         batch: &ClipBatch,
         noise: &Array,
         steps: usize,
-        w: f32,
+        guidance: Guidance,
         visit: &mut dyn FnMut(usize, &Array),
     ) -> Array {
         let mut sigmas = sampler::sigmas(steps, self.model.sampler.shift);
@@ -96,7 +106,7 @@ impl Teacher {
         let mut state = noise.clone();
         for (at, pair) in sigmas.windows(2).enumerate() {
             visit(at, &state);
-            let clean = self.clean(batch, &state, pair[0], w);
+            let clean = self.clean(batch, &state, pair[0], guidance);
             // x' = x + (σ' − σ)·v with v = (x − x0) / σ.
             let share = pair[1] / pair[0];
             for (value, clean) in state.values_mut().iter_mut().zip(clean.values()) {

@@ -19,7 +19,7 @@ use crate::checkpoint::{Member, Run, Update};
 use crate::condition::noise;
 use crate::config::{Dropout, SelfForcingConfig, TrainConfig};
 use crate::error::TrainError;
-use crate::guidance::Teacher;
+use crate::guidance::{Guidance, Teacher};
 use crate::ode::{Source, frames_after_first};
 use crate::sets::{Sets, Span};
 use crate::unroll::{Unrolled, unroll};
@@ -48,10 +48,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     if run.unfinished() {
         let regression = if recipe.regression > 0.0 { Some(Source::open(config, progress)?) } else { None };
         let sets = Sets::open(config, &recipe.stage.sets, progress)?;
-        let (model, teacher) = (
-            &model,
-            Teacher::new_on(config.backend, &model, &teacher, config.unconditional)?.keeping_look(config.keep_look),
-        );
+        let (model, teacher) = (&model, Teacher::new_on(config.backend, &model, &teacher, config.unconditional)?);
         let trainer = Trainer {
             model,
             shape,
@@ -62,6 +59,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
             seed,
             team: config.backend.team(),
             backend: config.backend,
+            config,
         };
         while run.unfinished() {
             let mut updates = Vec::new();
@@ -96,10 +94,12 @@ struct Trainer<'a> {
     seed: Digest,
     team: Team,
     backend: Backend,
+    config: &'a TrainConfig,
 }
 
 /// A rollout and the window of it that is scored.
 struct Scene {
+    guidance: Guidance,
     clip: ClipBatch,
     rolled: Unrolled,
     /// Frames of the window, within 1..F.
@@ -119,6 +119,7 @@ impl Trainer<'_> {
         let draws = Draws::new(&self.seed, purpose, &[u64::from(step), clip]);
         let key = DigestWriter::new().digest(&self.seed).text(purpose).u32(step).u64(clip).finish();
         let at = self.sets.draw(&draws)?;
+        let guidance = self.config.guidance(self.recipe.guidance, &self.sets, at);
         let count = self.recipe.rollout.min(self.sets.latents(at));
         let clip = self.sets.batch(at, Span { from: 0, count })?;
         let exit = self.exit(step);
@@ -128,7 +129,7 @@ impl Trainer<'_> {
         // Windows begin with a chunk.
         let places = (count - 1 - scored) / chunk + 1;
         let from = 1 + chunk * draws.below(5, places as u64) as usize;
-        Ok(Scene { clip, rolled, window: from..from + scored, exit, draws, key })
+        Ok(Scene { guidance, clip, rolled, window: from..from + scored, exit, draws, key })
     }
 
     /// Returns the window of a rollout as a clip of its own: what comes before it is its given frame.
@@ -180,8 +181,8 @@ impl Trainer<'_> {
         let made = frames_after_first(&window);
         let sigma = self.level(&scene.draws);
         let noisy = sampler::noised(&made, &noise(&scene.key, "score", &[], made.shape()), sigma);
-        let fake = critic.clean(&window, &noisy, sigma, 1.0);
-        let real = self.teacher.clean(&window, &noisy, sigma, self.recipe.guidance);
+        let fake = critic.clean(&window, &noisy, sigma, Guidance::by(1.0));
+        let real = self.teacher.clean(&window, &noisy, sigma, scene.guidance);
         let moved = direction(&made, &fake, &real);
         let frame = made.values().len() / scene.window.len();
         let mut target = scene.rolled.clean.clone();

@@ -127,6 +127,11 @@ impl Sets {
         1 + (self.sets[at.set].clips.info(at.clip).ticks - 1) / self.model.vae.stride_t
     }
 
+    /// Says whether a clip is an edited first frame over the layouts of a drive that looked otherwise.
+    pub(crate) fn edited(&self, at: ClipRef) -> bool {
+        self.sets[at.set].clips.info(at.clip).frames == 1
+    }
+
     /// Values of a latent frame.
     pub(crate) fn frame(&self) -> usize {
         self.model.dit().tokens() * 4 * self.model.vae.z

@@ -14,7 +14,7 @@ use crate::checkpoint::{Member, Run};
 use crate::condition::noise;
 use crate::config::{Dropout, StageConfig, TeacherConfig, TrainConfig};
 use crate::error::TrainError;
-use crate::guidance::Teacher;
+use crate::guidance::{Guidance, Teacher};
 use crate::sets::{Sets, Span};
 use crate::{Progress, Report};
 
@@ -154,7 +154,7 @@ fn evaluate(
             let mut batch = sets.batch(at, Span { from: 0, count: latents.min(sets.latents(at)) })?;
             batch.layout_on = vec![on];
             let noise = noise(seed, "evaluation-noise", &[clip], &later(&batch));
-            let sampled = teacher.sample(&batch, &noise, EVALUATION_STEPS, 1.0, &mut |_, _| ());
+            let sampled = teacher.sample(&batch, &noise, EVALUATION_STEPS, Guidance::by(1.0), &mut |_, _| ());
             let clean = &batch.clean.values()[sets.frame()..];
             sum += sampled.values().iter().zip(clean).map(|(a, b)| (a - b).powi(2)).sum::<f32>();
             count += clean.len() as f32;

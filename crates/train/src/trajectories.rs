@@ -64,8 +64,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<(), Trai
     let sets = Sets::open(config, &recipe.sets, progress)?;
     claim(config, recipe, &weights.digest())?;
     let file = Trajectories::layout(config.folder.join(FILE), &model, recipe);
-    let teacher =
-        Teacher::new_on(config.backend, &model, &weights, config.unconditional)?.keeping_look(config.keep_look);
+    let teacher = Teacher::new_on(config.backend, &model, &weights, config.unconditional)?;
     let seed = DigestWriter::new().text("trajectories").u64(config.seed).finish();
     let (total, team) = (recipe.count * recipe.sets.len() as u64, config.backend.team());
     let io = || TrainError::io("trajectories", &file.path);
@@ -73,7 +72,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<(), Trai
     output.set_len(file.count() * file.record_bytes()).map_err(io())?;
     let indices: Vec<u64> = (file.count()..total).collect();
     for part in indices.chunks(8) {
-        for record in team.run(part.len(), |at| record(&sets, &teacher, recipe, &seed, part[at])) {
+        for record in team.run(part.len(), |at| record(&sets, &teacher, config, &seed, part[at])) {
             output.write_all(&record?).map_err(io())?;
         }
         let made = part.last().map_or(0, |index| index + 1);
@@ -102,21 +101,23 @@ fn condition(sets: &Sets, recipe: &TrajectoryConfig, index: u64) -> ClipRef {
 fn record(
     sets: &Sets,
     teacher: &Teacher,
-    recipe: &TrajectoryConfig,
+    config: &TrainConfig,
     seed: &Digest,
     index: u64,
 ) -> Result<Vec<u8>, TrainError> {
+    let recipe = config.trajectories.as_ref().ok_or_else(|| TrainError::no_stage("trajectories"))?;
     let at = condition(sets, recipe, index);
     let count = recipe.latents.min(sets.latents(at));
     let batch = sets.batch(at, Span { from: 0, count })?;
     let noise = noise(seed, "noise", &[index], &later(&batch));
     let every = recipe.steps / teacher.model.sampler.steps;
     let mut values = Vec::new();
-    let end = teacher.sample(&batch, &noise, recipe.steps, recipe.guidance, &mut |step, state| {
-        if step % every == 0 {
-            values.extend_from_slice(state.values());
-        }
-    });
+    let end =
+        teacher.sample(&batch, &noise, recipe.steps, config.guidance(recipe.guidance, sets, at), &mut |step, state| {
+            if step % every == 0 {
+                values.extend_from_slice(state.values());
+            }
+        });
     values.extend_from_slice(end.values());
     let moved = moved(batch.start.values(), end.values(), teacher.model.vae.z);
     Ok(std::iter::once(moved).chain(values).flat_map(f32::to_le_bytes).collect())

@@ -6,7 +6,7 @@ use ds_nn::Array;
 use ds_nn::tiny_ae::Memory;
 use ds_raster::RgbImage;
 use ds_train::condition::{Condition, latent_steps, noise};
-use ds_train::guidance::Teacher;
+use ds_train::guidance::{Guidance, Teacher};
 use ds_video::{VideoModel, pixels};
 
 use crate::drive::Drive;
@@ -71,7 +71,9 @@ pub(super) fn clip(
         };
         let noise = noise(&drive.draw_key, "teacher noise", &[index], &[1, window.len() - 1, n, 4, z]);
         let batch = condition.batch(config);
-        made.extend(teacher.sample(&batch, &noise, sampling.steps, sampling.guidance, &mut |_, _| ()).values());
+        made.extend(
+            teacher.sample(&batch, &noise, sampling.steps, Guidance::by(sampling.guidance), &mut |_, _| ()).values(),
+        );
     }
     decode(model, &made, &layout_steps, sampling.layouts)
 }
