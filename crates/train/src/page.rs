@@ -50,6 +50,7 @@ pub fn write(config: &TrainConfig) -> Result<PathBuf, TrainError> {
     let path = config.folder.join("index.html");
     let io = || TrainError::io("training page", &path);
     std::fs::create_dir_all(&config.folder).map_err(io())?;
+    let found = stages(config);
     let mut m = Markup::default();
     m.raw("<!doctype html>");
     m.inside("html", &[("lang", &"en")], |m| {
@@ -60,14 +61,14 @@ pub fn write(config: &TrainConfig) -> Result<PathBuf, TrainError> {
         });
         m.inside("body", &[], |m| {
             m.leaf("h1", &[], format!("Training in {}", config.folder.display()));
-            for (stage, curves, sheet) in stages(config) {
-                section(m, stage, &curves, sheet.is_some());
+            for (stage, curves, sheet) in &found {
+                section(m, stage, curves, sheet.is_some());
             }
         });
     });
     std::fs::write(&path, m.finish()).map_err(io())?;
     let picture = config.folder.join("curves.svg");
-    std::fs::write(&picture, curve_sheet(&stages(config))).map_err(TrainError::io("training curves", &picture))?;
+    std::fs::write(&picture, curve_sheet(&found)).map_err(TrainError::io("training curves", &picture))?;
     Ok(path)
 }
 

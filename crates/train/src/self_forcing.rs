@@ -5,7 +5,7 @@
 //! follows the generator's own distribution. The difference of their predictions moves the generator, through its
 //! exit steps alone. Every iteration updates the critic on a rollout of its own, every n-th the generator before it.
 
-use ds_nn::body::{Backend, Transformer};
+use ds_nn::body::Transformer;
 use ds_nn::dit::DitShape;
 use ds_nn::step::{BidirectionalPlan, CausalPlan, ClipBatch, Level, Step};
 use ds_nn::team::Team;
@@ -49,18 +49,8 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
         let regression = if recipe.regression > 0.0 { Some(Source::open(config, progress)?) } else { None };
         let sets = Sets::open(config, &recipe.stage.sets, progress)?;
         let (model, teacher) = (&model, Teacher::new_on(config.backend, &model, &teacher, config.unconditional)?);
-        let trainer = Trainer {
-            model,
-            shape,
-            recipe,
-            sets,
-            regression,
-            teacher,
-            seed,
-            team: config.backend.team(),
-            backend: config.backend,
-            config,
-        };
+        let trainer =
+            Trainer { model, shape, recipe, sets, regression, teacher, seed, team: config.backend.team(), config };
         while run.unfinished() {
             let mut updates = Vec::new();
             let rate = recipe.stage.schedule().rate(run.step);
@@ -93,7 +83,6 @@ struct Trainer<'a> {
     teacher: Teacher,
     seed: Digest,
     team: Team,
-    backend: Backend,
     config: &'a TrainConfig,
 }
 
@@ -160,8 +149,8 @@ impl Trainer<'_> {
     /// The distribution-matching step of the generator, and its regression on trajectories.
     fn generator(&self, run: &Run) -> Result<(Step, Option<Step>), TrainError> {
         let (weights, critic) = (&run.members[GENERATOR].weights, &run.members[CRITIC].weights);
-        let critic = &Teacher::new_on(self.backend, self.model, critic, Dropout::Layout)?;
-        let dit = self.backend.transformer(&self.shape, weights)?;
+        let critic = &Teacher::new_on(self.config.backend, self.model, critic, Dropout::Layout)?;
+        let dit = self.config.backend.transformer(&self.shape, weights)?;
         let (clips, at) = (self.recipe.stage.clips, run.step);
         let step = mean_step(&self.team, clips, |clip| {
             let scene = self.scene(&*dit, "generator", at, clip)?;
@@ -211,7 +200,8 @@ impl Trainer<'_> {
             target: cut(&target),
             prediction: self.model.prediction(),
         };
-        let mut step = self.backend.causal(&self.shape, weights, &shortened(&scene.clip, frames), &plan).scaled(0.5);
+        let mut step =
+            self.config.backend.causal(&self.shape, weights, &shortened(&scene.clip, frames), &plan).scaled(0.5);
         step.parts = vec![("matching", step.loss)];
         step
     }
@@ -219,7 +209,7 @@ impl Trainer<'_> {
     /// The flow-matching step of the critic on the generator's rollouts.
     fn critic(&self, run: &Run) -> Result<Step, TrainError> {
         let (weights, critic) = (&run.members[GENERATOR].weights, &run.members[CRITIC].weights);
-        let dit = self.backend.transformer(&self.shape, weights)?;
+        let dit = self.config.backend.transformer(&self.shape, weights)?;
         let at = run.step;
         mean_step(&self.team, self.recipe.stage.clips, |clip| {
             let scene = self.scene(&*dit, "critic", at, clip)?;
@@ -229,7 +219,7 @@ impl Trainer<'_> {
                 noise: noise(&scene.key, "score", &[], frames_after_first(&window).shape()),
                 prediction: self.model.prediction(),
             };
-            Ok(self.backend.bidirectional(&self.shape, critic, &window, &plan))
+            Ok(self.config.backend.bidirectional(&self.shape, critic, &window, &plan))
         })
     }
 }

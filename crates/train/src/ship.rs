@@ -47,16 +47,16 @@ pub fn run(
 /// If the file is of another preset, the stage has weights already or another autoencoder is there.
 pub fn unpack(config: &TrainConfig, of: &str, shipped: &Path, progress: &mut dyn Progress) -> Result<(), TrainError> {
     let model = config.model()?;
-    let file = WeightsFile::read(shipped)?;
-    file.weights.check(&ds_video::VideoModel::declare(&model))?;
-    let mut autoencoder = file.weights.part("vae.");
+    let weights = ds_video::VideoModel::read(&model, shipped)?;
+    weights.check(&ds_video::VideoModel::declare(&model))?;
+    let mut autoencoder = weights.part("vae.");
     let guides: Vec<String> =
         autoencoder.iter().map(|(name, _)| name.to_owned()).filter(|name| name.starts_with(GUIDE)).collect();
     for name in guides {
         autoencoder.remove(&name);
     }
     std::fs::create_dir_all(&config.folder).map_err(TrainError::io("work folder", &config.folder))?;
-    for (stage, weights) in [("autoencoder", autoencoder), (of, file.weights.part("dit."))] {
+    for (stage, weights) in [("autoencoder", autoencoder), (of, weights.part("dit."))] {
         let path = config.folder.join(format!("{stage}.safetensors"));
         if path.exists() {
             if WeightsFile::read(&path)?.weights.digest() == weights.digest() {

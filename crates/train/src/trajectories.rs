@@ -72,7 +72,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<(), Trai
     output.set_len(file.count() * file.record_bytes()).map_err(io())?;
     let indices: Vec<u64> = (file.count()..total).collect();
     for part in indices.chunks(8) {
-        for record in team.run(part.len(), |at| record(&sets, &teacher, config, &seed, part[at])) {
+        for record in team.run(part.len(), |at| record(&sets, &teacher, (config, recipe), &seed, part[at])) {
             output.write_all(&record?).map_err(io())?;
         }
         let made = part.last().map_or(0, |index| index + 1);
@@ -101,11 +101,10 @@ fn condition(sets: &Sets, recipe: &TrajectoryConfig, index: u64) -> ClipRef {
 fn record(
     sets: &Sets,
     teacher: &Teacher,
-    config: &TrainConfig,
+    (config, recipe): (&TrainConfig, &TrajectoryConfig),
     seed: &Digest,
     index: u64,
 ) -> Result<Vec<u8>, TrainError> {
-    let recipe = config.trajectories.as_ref().ok_or_else(|| TrainError::no_stage("trajectories"))?;
     let at = condition(sets, recipe, index);
     let count = recipe.latents.min(sets.latents(at));
     let batch = sets.batch(at, Span { from: 0, count })?;
