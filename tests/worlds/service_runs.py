@@ -217,7 +217,7 @@ def main():
     parser.add_argument("--effects", type=int, default=20)
     parser.add_argument("--none", type=int, default=10)
     parser.add_argument("--drives", type=int, default=4, help="drives on the proving ground a run")
-    parser.add_argument("--secs", type=float, default=20.0, help="length of each")
+    parser.add_argument("--secs", type=float, default=30.0, help="length of each")
     parser.add_argument("--only", type=int, action="append", help="only the runs of these numbers")
     parser.add_argument("--drive", action="store_true", help="drive only; another call diagnoses")
     parser.add_argument("--score", action="store_true", help="score what is there instead of driving")
