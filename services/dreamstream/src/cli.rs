@@ -188,8 +188,9 @@ pub(crate) struct RunArgs {
     /// What the video model is told in words; without it the template's words on look and scenario, as in training.
     #[arg(long, value_name = "TEXT")]
     pub prompt: Option<String>,
-    /// A PNG or JPEG that the video model starts from, in place of the reference camera's frame: of the camera's size,
-    /// or larger and of the same aspect ratio. For the only camera or that named `front`; may be given for several.
+    /// A PNG or JPEG that the video model starts from, such as the log's own picture, in place of the reference camera's
+    /// frame: of the camera's size or larger; borders beyond the camera's aspect ratio are cut off. For the only camera
+    /// or that named `front`; may be given for several.
     #[arg(long = "first-frame", value_name = "[CAMERA=]FILE")]
     pub first_frames: Vec<String>,
     /// Which agents react.

@@ -1,8 +1,8 @@
 //! What the video model starts a drive from: a prompt and the first frame of each camera.
 //!
 //! What a run does not give is made: the prompt by the template that clips for training have theirs from, on the
-//! scenario's log; a first frame by the reference camera. A given picture has the camera's size, or is larger, of the
-//! same aspect ratio, and reduced to it.
+//! scenario's log; a first frame by the reference camera. A given picture, such as the log's own, has the camera's size or
+//! is larger: its widest or highest middle part of the camera's aspect ratio is reduced to that size.
 
 use std::collections::BTreeMap;
 
@@ -62,7 +62,7 @@ pub enum ConditioningError {
     },
     /// The picture cannot become one of the camera.
     #[error(
-        "first frame of camera {camera:?} has {}×{} px: {}×{} px, or larger of the same aspect ratio, is expected by {scenario:?}",
+        "first frame of camera {camera:?} has {}×{} px: at least {}×{} px are expected by {scenario:?}",
         .found.0, .found.1, .expected.0, .expected.1
     )]
     Size {
@@ -186,12 +186,27 @@ fn place(scene: &Scene, name: &str) -> Result<usize, ConditioningError> {
 fn fitted(scene: &Scene, camera: &CameraModel, picture: &RgbImage) -> Result<RgbImage, ConditioningError> {
     let (found, lens) = ((picture.width_px(), picture.height_px()), &camera.intrinsics);
     let expected = (lens.width_px, lens.height_px);
-    let same_aspect = u64::from(found.0) * u64::from(expected.1) == u64::from(found.1) * u64::from(expected.0);
-    if !same_aspect || found.0 < expected.0 {
+    if found.0 < expected.0 || found.1 < expected.1 {
         let (camera, scenario) = (camera.id.to_string(), scene.name.clone());
         return Err(ConditioningError::Size { camera, found, expected, scenario });
     }
-    Ok(if found == expected { picture.clone() } else { picture.reduced(expected.0, expected.1) })
+    let part = middle(picture, expected);
+    Ok(if found == expected { part } else { part.reduced(expected.0, expected.1) })
+}
+
+/// Returns the largest middle part of a picture that has the aspect ratio of a size no larger than it.
+fn middle(picture: &RgbImage, (width_px, height_px): (u32, u32)) -> RgbImage {
+    let found = (picture.width_px(), picture.height_px());
+    let scaled = |length: u32, by: u32, over: u32| {
+        let scaled = u64::from(length) * u64::from(by) / u64::from(over);
+        u32::try_from(scaled).unwrap_or(u32::MAX)
+    };
+    let width = found.0.min(scaled(found.1, width_px, height_px));
+    let height = found.1.min(scaled(found.0, height_px, width_px));
+    let (left, top) = ((found.0 - width) / 2, (found.1 - height) / 2);
+    let rows = picture.rgb().chunks_exact(3 * found.0 as usize).skip(top as usize).take(height as usize);
+    let part = rows.flat_map(|row| &row[3 * left as usize..3 * (left + width) as usize]);
+    RgbImage::new(width, height, part.copied().collect()).expect("a part of a picture")
 }
 
 #[cfg(test)]
@@ -232,8 +247,24 @@ mod tests {
         };
         check(&["roof"], &[("", (8, 4))], &[true]);
         check(&["left", "front"], &[("", (80, 40))], &[false, true]);
+        check(&["left", "front"], &[("left", (17, 9)), ("front", (16, 1200))], &[true, true]);
         check(&["left", "front"], &[("left", (12, 6)), ("front", (8, 4))], &[true, true]);
         check(&["left", "front"], &[], &[false, false]);
+    }
+
+    #[test]
+    fn a_photograph_of_another_shape_loses_its_borders() {
+        let mut wide = RgbImage::filled(24, 8, [200, 0, 0]);
+        for (y, x) in (0..8).flat_map(|y| (4..20).map(move |x| (y, x))) {
+            wide.set_pixel(x, y, [0, 90, 0]);
+        }
+        assert_eq!(middle(&wide, (8, 4)), RgbImage::filled(16, 8, [0, 90, 0]));
+        assert_eq!(middle(&wide, (24, 8)), wide);
+        let mut high = RgbImage::filled(4, 9, [200, 0, 0]);
+        for x in 0..4 {
+            high.set_pixel(x, 4, [0, 90, 0]);
+        }
+        assert_eq!(middle(&high, (4, 1)), RgbImage::filled(4, 1, [0, 90, 0]));
     }
 
     #[test]
@@ -246,8 +277,8 @@ mod tests {
         let front: &[&str] = &["front"];
         refused(front, &settings(Some(" \n"), &[]), "0 words: at least 1 word");
         refused(front, &settings(Some(&"a ".repeat(2_049)), &[]), "4098 bytes");
-        refused(front, &settings(None, &[("", (8, 8))]), "8×8 px: 8×4 px, or larger of the same aspect ratio");
-        refused(front, &settings(None, &[("", (4, 2))]), "4×2 px: 8×4 px");
+        refused(front, &settings(None, &[("", (9, 3))]), "9×3 px: at least 8×4 px");
+        refused(front, &settings(None, &[("", (4, 2))]), "4×2 px: at least 8×4 px");
         refused(front, &settings(None, &[("rear", (8, 4))]), "camera \"rear\": one of [\"front\"] is expected");
         refused(
             &["left", "right"],
