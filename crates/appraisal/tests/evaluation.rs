@@ -99,7 +99,7 @@ fn prepare(folder: &Path) -> EvalConfig {
     let seed = Digest::of(b"evaluation test");
     let networks = [
         ("model", VideoModel::declare(&preset)),
-        ("segmenter", ds_nn::segmenter::declare(Label::COUNT)),
+        ("segmenter", ds_graph::segmenter::declare(Label::COUNT)),
         ("lights", lights::SHAPE.declare()),
         ("look", look::SHAPE.declare()),
     ];

@@ -79,7 +79,7 @@ impl Array {
 }
 
 /// Adds the little-endian bits of values to a digest.
-pub(crate) fn digest_values(writer: &mut DigestWriter, values: &[f32]) {
+pub fn digest_values(writer: &mut DigestWriter, values: &[f32]) {
     if cfg!(target_endian = "little") {
         writer.raw(bytemuck::cast_slice(values));
     } else {
@@ -119,7 +119,7 @@ impl Declared {
     }
 
     /// Declares weight and bias of a linear layer, stored as [outputs, inputs].
-    pub(crate) fn linear(list: &mut Vec<Self>, name: &str, inputs: usize, outputs: usize, gain: f32) {
+    pub fn linear(list: &mut Vec<Self>, name: &str, inputs: usize, outputs: usize, gain: f32) {
         let std = gain / (inputs as f32).sqrt();
         list.push(Self::new(format!("{name}.weight"), &[outputs, inputs], Initial::Normal(std)));
         list.push(Self::new(format!("{name}.bias"), &[outputs], Initial::Constant(0.0)));

@@ -1,130 +1,44 @@
-//! The two networks behind traits, each with two bodies: the framework's graph, and the processor's own path ([`fast`]).
+//! The two networks behind traits, whatever computes them: the framework's graph, or loops of this project.
 //!
 //! What a body keeps between calls is an opaque handle that only the body that made it can read, so that a body on an
 //! accelerator leaves its tensors there. Handles of one body given to another are a mistake of the caller.
-//!
-//! [`fast`]: crate::fast
 
+use std::any::Any;
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
-
-use crate::array::{Array, Weights, WeightsError};
+use crate::array::Array;
 use crate::cache::{ChunkKv, FrameKv, Window};
-use crate::device::{self, DeviceError};
-use crate::dit::{self, Dit, DitShape};
-use crate::fast::network::ContextKeys;
-use crate::fast::{Buffer, FastAe, FastDit, work};
-use crate::tiny_ae::{AeShape, Memory, TinyAe};
+use crate::dit::DitShape;
+use crate::tiny_ae::Memory;
+use crate::work;
 
-/// Which body computes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Backend {
-    /// The processor's own path.
-    #[default]
-    Cpu,
-    /// The machine-learning framework's graph on the processor.
-    Framework,
-    /// The same on a graphics processor through Vulkan.
-    Vulkan,
-    /// The same on a graphics processor of NVIDIA through CUDA.
-    Cuda,
-}
-
-impl Backend {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::Cpu, Self::Framework, Self::Vulkan, Self::Cuda];
-
-    /// Returns the name in settings.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Cpu => "cpu",
-            Self::Framework => "framework",
-            Self::Vulkan => "vulkan",
-            Self::Cuda => "cuda",
-        }
-    }
-
-    /// Makes sure that the device is there and makes it the one of this process; graphics processors need this before
-    /// anything is bound. Returns what the device is.
-    ///
-    /// # Errors
-    /// If this build lacks the back end, this machine the device, or another is in use.
-    pub fn ready(self) -> Result<String, DeviceError> {
-        device::choose(self)
-    }
-
-    /// Binds the transformer's weights.
-    ///
-    /// # Errors
-    /// If the weights do not fit the shape, or the back end has no such layers.
-    pub fn transformer(self, shape: &DitShape, weights: &Weights) -> Result<Box<dyn Transformer>, WeightsError> {
-        Ok(match self {
-            Self::Cpu if !shape.is_own() => return Err(WeightsError::Backend { backend: self.name() }),
-            Self::Cpu => Box::new(FastDit::new(shape, weights)?),
-            Self::Framework | Self::Vulkan | Self::Cuda => {
-                device::expect(self);
-                Box::new(Dit::new(shape, weights)?)
-            }
-        })
-    }
-
-    /// Binds the autoencoder's weights.
-    ///
-    /// # Errors
-    /// If the weights do not fit the shape.
-    pub fn autoencoder(self, shape: &AeShape, weights: &Weights) -> Result<Box<dyn Autoencoder>, WeightsError> {
-        Ok(match self {
-            Self::Cpu => Box::new(FastAe::new(shape, weights)?),
-            Self::Framework | Self::Vulkan | Self::Cuda => {
-                device::expect(self);
-                Box::new(TinyAe::new(shape, weights)?)
-            }
-        })
-    }
-}
-
-impl std::str::FromStr for Backend {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let known = Self::ALL.into_iter().find(|backend| backend.name() == text);
-        known.ok_or_else(|| format!("{text:?} is no back end of the video model: cpu, framework, vulkan, cuda"))
-    }
-}
-
-/// Something that one of the bodies holds.
+/// What a body keeps between calls. Only the body that made it can read it; a clone shares it.
 #[derive(Clone)]
-pub(crate) enum Held<G, F> {
-    Graph(G),
-    Fast(F),
-}
+pub struct Handle(Arc<dyn Any + Send + Sync>);
 
-impl<G, F> Held<G, F> {
-    pub(crate) fn graph(&self) -> &G {
-        match self {
-            Self::Graph(held) => held,
-            Self::Fast(_) => panic!("a handle of the processor's path was given to the graph"),
-        }
+impl Handle {
+    /// Wraps what is kept.
+    pub fn new(kept: impl Any + Send + Sync) -> Self {
+        Self(Arc::new(kept))
     }
 
-    pub(crate) fn fast(&self) -> &F {
-        match self {
-            Self::Fast(held) => held,
-            Self::Graph(_) => panic!("a handle of the graph was given to the processor's path"),
-        }
+    /// Returns what is kept.
+    ///
+    /// # Panics
+    /// If another body made the handle.
+    #[must_use]
+    pub fn of<T: Any>(&self) -> &T {
+        self.0.downcast_ref().expect("a handle goes to the body that made it")
     }
 }
 
 /// The keys and values of a prompt and a first frame.
 #[derive(Clone)]
-pub struct Context(pub(crate) Held<dit::Context, Arc<ContextKeys>>);
+pub struct Context(pub Handle);
 
 /// The control latent of some frames.
 #[derive(Clone)]
-pub struct Control(pub(crate) Held<dit::Control, Arc<Buffer>>);
+pub struct Control(pub Handle);
 
 /// A chunk to denoise.
 pub struct Chunk<'a> {
@@ -198,51 +112,4 @@ pub trait Autoencoder: Send + Sync {
     /// A guided decoder also takes the layouts, in the shape of the frames and of values −1 to 1, or none for "no
     /// layout". The memory does not depend on them.
     fn decode(&self, latents: &Array, layouts: Option<&Array>, memory: &mut Memory) -> Array;
-}
-
-impl Transformer for Dit {
-    fn shape(&self) -> &DitShape {
-        &self.shape
-    }
-
-    fn forwards(&self) -> u64 {
-        Self::forwards(self)
-    }
-
-    fn context(&self, text: &Array, first: &Array) -> Context {
-        Context(Held::Graph(Self::context(self, text, first)))
-    }
-
-    fn control(&self, layouts: &Array) -> Control {
-        Control(Held::Graph(Self::control(self, layouts)))
-    }
-
-    fn control_of(&self, latent: &Array) -> Control {
-        Control(Held::Graph(Self::control_of(self, latent)))
-    }
-
-    fn control_values(&self, control: &Control) -> Array {
-        let values = control.0.graph().values();
-        // Without channels the graph holds a placeholder.
-        if self.shape.control_channels > 0 { values } else { Array::zeros(&[1, values.shape()[1], 4, 0]) }
-    }
-
-    fn window(&self, frames: &[(&FrameKv, usize)], current: &[usize]) -> Window {
-        Window::of_graph(self, frames, current)
-    }
-
-    fn denoise(&self, chunk: &Chunk<'_>, window: &Window, context: &Context) -> (Array, ChunkKv) {
-        let Chunk { noisy, start, control, time } = *chunk;
-        Self::denoise(self, &dit::Chunk { noisy, start, control: control.0.graph(), time }, window, context.0.graph())
-    }
-}
-
-impl Autoencoder for TinyAe {
-    fn encode(&self, steps: &Array, memory: &mut Memory) -> Array {
-        Self::encode(self, steps, memory)
-    }
-
-    fn decode(&self, latents: &Array, layouts: Option<&Array>, memory: &mut Memory) -> Array {
-        Self::decode(self, latents, layouts, memory)
-    }
 }

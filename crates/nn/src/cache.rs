@@ -6,19 +6,10 @@
 
 use std::sync::Arc;
 
-use burn::tensor::Tensor;
 use ds_space::{Digest, DigestWriter};
 
 use crate::array::Array;
-use crate::attention::{Rotation, Visible};
-use crate::body::{Held, Transformer};
-use crate::dit::Dit;
-use crate::fast::buffer::Pooled;
-use crate::fast::{Captured, FrameRows, Sight};
-use crate::graph::array_of;
-
-/// Keys and values per layer, [1, rows, d], on the framework's device.
-type Pairs = Vec<(Tensor<3>, Tensor<3>)>;
+use crate::body::{Handle, Transformer};
 
 /// Where cached keys stand in time when they are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -55,49 +46,63 @@ pub struct CachePolicy {
     pub order: ReadOrder,
 }
 
+/// Keys (un-rotated) and values of one chunk, as a body keeps them.
+pub trait Cached: Send + Sync {
+    /// Returns the frames of the chunk.
+    fn frames(&self) -> usize;
+
+    /// Adds all keys and values to a digest.
+    fn digest_into(&self, writer: &mut DigestWriter);
+
+    /// Returns those of one frame, as [`Transformer::window`] takes them.
+    fn frame(self: Arc<Self>, index: usize) -> FrameKv;
+}
+
 /// Keys and values of one chunk, keys un-rotated.
 #[derive(Clone)]
-pub struct ChunkKv {
-    pub(crate) held: Held<Pairs, Arc<Captured>>,
-    pub(crate) frames: usize,
-}
+pub struct ChunkKv(Arc<dyn Cached>);
 
 /// Keys and values of one frame of a chunk.
 #[derive(Clone)]
-pub struct FrameKv(pub(crate) Held<Pairs, FrameRows>);
+pub struct FrameKv(pub Handle);
+
+/// The rotated keys and the values that a chunk sees, and the rotation of the chunk itself.
+pub struct Window(pub Handle);
 
 impl ChunkKv {
-    fn digest_into(&self, writer: &mut DigestWriter) {
-        match &self.held {
-            Held::Graph(layers) => {
-                for tensor in layers.iter().flat_map(|(k, v)| [k, v]) {
-                    array_of(tensor.clone()).digest_into(writer);
-                }
-            }
-            Held::Fast(captured) => captured.digest_into(writer),
-        }
+    /// Wraps what a body keeps of a chunk.
+    #[must_use]
+    pub fn new(kept: impl Cached + 'static) -> Self {
+        Self(Arc::new(kept))
     }
 
     /// Returns the digest of all keys and values of the chunk.
     #[must_use]
     pub fn digest(&self) -> Digest {
         let mut writer = DigestWriter::new();
-        self.digest_into(&mut writer);
+        self.0.digest_into(&mut writer);
         writer.finish()
     }
+}
 
-    fn frame(&self, index: usize) -> FrameKv {
-        match &self.held {
-            Held::Graph(layers) => {
-                let part = |x: &Tensor<3>| {
-                    let [b, n, d] = x.dims();
-                    let n = n / self.frames;
-                    x.clone().slice([0..b, index * n..(index + 1) * n, 0..d])
-                };
-                FrameKv(Held::Graph(layers.iter().map(|(k, v)| (part(k), part(v))).collect()))
-            }
-            Held::Fast(captured) => FrameKv(Held::Fast(FrameRows::new(captured, index))),
-        }
+/// The frames of earlier chunks that a chunk sees.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Visible {
+    /// Number of sink frames, from frame 0.
+    pub(crate) sink: usize,
+    /// Frames after the sink, oldest first.
+    pub(crate) past: std::ops::Range<usize>,
+    /// Frames that were dropped between sink and past.
+    pub(crate) evicted: usize,
+}
+
+impl Visible {
+    /// Says what a chunk of `chunk` frames beginning at frame `start` sees within a window of `window` frames, the
+    /// first `sink` frames of the rollout and the chunk itself included.
+    pub(crate) fn of(start: usize, chunk: usize, window: usize, sink: usize) -> Self {
+        let sink = sink.min(start);
+        let past = (start - sink).min(window.saturating_sub(sink + chunk));
+        Self { sink, past: start - past..start, evicted: start - sink - past }
     }
 }
 
@@ -139,7 +144,7 @@ impl KvCache {
 
     /// Appends a chunk; frames beyond the window fall out.
     pub fn commit(&mut self, chunk: &ChunkKv) {
-        self.extend(|writer| chunk.digest_into(writer));
+        self.extend(|writer| chunk.0.digest_into(writer));
         self.append(chunk);
     }
 
@@ -160,8 +165,8 @@ impl KvCache {
     /// As [`Self::commit`], but leaves the digest behind: nothing is read back from the device.
     pub fn append(&mut self, chunk: &ChunkKv) {
         let capacity = self.policy.window.saturating_sub(self.policy.sink + self.policy.chunk);
-        for index in 0..chunk.frames {
-            let slot = Slot { frame: self.written, kv: chunk.frame(index) };
+        for index in 0..chunk.0.frames() {
+            let slot = Slot { frame: self.written, kv: Arc::clone(&chunk.0).frame(index) };
             self.written += 1;
             if self.sink.len() < self.policy.sink {
                 self.sink.push(slot);
@@ -194,42 +199,22 @@ impl KvCache {
     }
 }
 
-/// The rotated keys and the values that a chunk sees, and the rotation of the chunk itself.
-pub struct Window(pub(crate) Held<GraphWindow, Pooled<Sight>>);
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// A window on the framework's device.
-pub(crate) struct GraphWindow {
-    layers: Pairs,
-    pub(crate) current: Rotation,
-}
-
-impl Window {
-    pub(crate) fn of_graph(dit: &Dit, frames: &[(&FrameKv, usize)], current: &[usize]) -> Self {
-        let heads = dit.shape.heads();
-        let current = heads.rotation(&dit.graph, current);
-        if frames.is_empty() {
-            return Self(Held::Graph(GraphWindow { layers: Vec::new(), current }));
-        }
-        let positions: Vec<usize> = frames.iter().map(|(_, position)| *position).collect();
-        let rotation = heads.rotation(&dit.graph, &positions);
-        let read = |layer: usize| {
-            let pairs = || frames.iter().map(|(frame, _)| &frame.0.graph()[layer]);
-            let k = Tensor::cat(pairs().map(|(k, _)| k.clone()).collect(), 1);
-            let v = Tensor::cat(pairs().map(|(_, v)| v.clone()).collect(), 1);
-            (dit.graph.lower(rotation.apply(k)), v)
-        };
-        Self(Held::Graph(GraphWindow { layers: (0..dit.shape.layers).map(read).collect(), current }))
+    fn check(input: (usize, usize, usize, usize), expected: (usize, std::ops::Range<usize>, usize)) {
+        let visible = Visible::of(input.0, input.1, input.2, input.3);
+        assert_eq!((visible.sink, visible.past, visible.evicted), expected, "Visible::of{input:?}");
     }
-}
 
-impl GraphWindow {
-    /// Puts the cached keys and values of a layer in front of the chunk's own.
-    pub(crate) fn extend(&self, layer: usize, k: Tensor<3>, v: Tensor<3>) -> (Tensor<3>, Tensor<3>) {
-        match self.layers.get(layer) {
-            Some((cached_k, cached_v)) => {
-                (Tensor::cat(vec![cached_k.clone(), k], 1), Tensor::cat(vec![cached_v.clone(), v], 1))
-            }
-            None => (k, v),
-        }
+    #[test]
+    fn the_window_holds_sink_past_and_current() {
+        check((0, 1, 8, 1), (0, 0..0, 0));
+        check((1, 1, 8, 1), (1, 1..1, 0));
+        check((7, 1, 8, 1), (1, 1..7, 0));
+        check((8, 1, 8, 1), (1, 2..8, 1));
+        check((10, 3, 9, 3), (3, 7..10, 4));
+        check((2, 1, 2, 1), (1, 2..2, 1));
     }
 }

@@ -62,7 +62,7 @@ impl Format {
         match self {
             Self::F32 => f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]),
             Self::Bf16 => f32::from_bits(u32::from(u16::from_le_bytes([bytes[0], bytes[1]])) << 16),
-            Self::F16 => burn::tensor::f16::from_le_bytes([bytes[0], bytes[1]]).to_f32(),
+            Self::F16 => half::f16::from_le_bytes([bytes[0], bytes[1]]).to_f32(),
             Self::F64 => f64::from_le_bytes(bytes[..8].try_into().expect("eight bytes")) as f32,
             Self::Other(_) => f32::NAN,
         }

@@ -9,7 +9,7 @@ use std::fs::File;
 use std::io::{BufReader, Read, Write};
 use std::path::Path;
 
-use burn::tensor::f16;
+use half::f16;
 use serde::{Deserialize, Serialize};
 
 use crate::array::{Array, Weights};

@@ -1,26 +1,14 @@
-//! One training step of each network: the loss of a batch and the gradient of every weight.
+//! What one training step of each network takes and gives: batches, levels, plans, and the loss with its gradients.
 //!
 //! Convention: x_t = (1 − σ)·x0 + σ·ε, t = 1000·σ, flow v = ε − x0. Batches hold normalised latents as tokens
 //! [B, frames, tokens, 4, z]; frame 0 is the given first frame o_0, always clean at t = 0 and never part of a loss.
 //! All noise is drawn by the caller. A step of many clips is the mean of steps of few ([`Step::mean`]), which a
-//! [`Team`](crate::team::Team) computes side by side.
+//! [`Team`](crate::team::Team) computes side by side. The bodies compute the steps.
 
-mod bidirectional;
-mod causal;
-mod pixels;
-
-use burn::tensor::Tensor;
+use std::ops::Range;
 
 use crate::array::{Array, Weights};
-use crate::dit::{Context, Dit};
-use crate::graph::Graph;
-
-pub(crate) use bidirectional::SMALLEST_SIGMA;
-pub(crate) use bidirectional::clean_by;
-pub use bidirectional::{BidirectionalPlan, bidirectional, bidirectional_clean};
-pub use causal::{CausalPlan, causal, causal_output};
-pub(crate) use causal::{Group, groups};
-pub use pixels::{AeBatch, DecoderBatch, autoencoder, decoder};
+use crate::cache::{CachePolicy, Positions, Visible};
 
 /// What the transformer's output stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -73,20 +61,6 @@ impl Step {
     }
 }
 
-fn scalar(tensor: &Tensor<1>) -> f32 {
-    tensor.clone().into_scalar::<f32>()
-}
-
-fn finish(graph: &Graph, loss: &Tensor<1>, parts: Vec<(&'static str, f32)>) -> Step {
-    let gradient = graph.gradients(loss.backward());
-    Step { loss: scalar(loss), parts, gradient }
-}
-
-/// Returns Σ w·f(x) / Σ w, with weights [.., 1] for values [.., channels].
-fn weighted<const D: usize>(x: Tensor<D>, f: impl Fn(Tensor<D>) -> Tensor<D>, weight: Tensor<D>) -> Tensor<1> {
-    (f(x) * weight.clone()).mean() / weight.mean()
-}
-
 /// Clips for the transformer.
 #[derive(Debug, Clone)]
 pub struct ClipBatch {
@@ -110,51 +84,103 @@ pub struct ClipBatch {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Level(pub f32);
 
-/// What all frames of a batch are conditioned on; zeros where it was dropped.
-struct Given {
-    /// Frame 0, [B, 1, tokens, 4, z].
-    first: Tensor<5>,
-    /// The start latent in the same shape.
-    start: Tensor<5>,
-    context: Context,
+/// Levels below count as this one where the flow is derived from a clean latent.
+pub const SMALLEST_SIGMA: f32 = 0.1;
+
+/// Levels and noise of a bidirectional step.
+#[derive(Debug, Clone)]
+pub struct BidirectionalPlan {
+    /// σ of each clip.
+    pub levels: Vec<f32>,
+    /// Noise of frames 1..F, [B, F − 1, tokens, 4, z].
+    pub noise: Array,
+    /// What the output stands for.
+    pub prediction: Prediction,
 }
 
-impl Given {
-    fn of(dit: &Dit, batch: &ClipBatch) -> Self {
-        let [b, _, n, pixels, z]: [usize; 5] = batch.clean.shape().try_into().expect("clean latents have five axes");
-        let kept = |array: &Array, per_clip: usize| {
-            let clips = array.values().chunks(per_clip.max(1)).zip(&batch.given_on);
-            clips.flat_map(|(clip, on)| clip.iter().map(move |value| value * on)).collect::<Vec<_>>()
-        };
-        let frame = n * pixels * z;
-        let clips = batch.clean.values().len() / b;
-        let first = batch.clean.values().chunks(clips).flat_map(|clip| &clip[..frame]).copied().collect();
-        let first = kept(&Array::new(&[b, frame], first), frame);
-        let start = Array::new(&[b, n, pixels, z], kept(&batch.start, frame));
-        let text = Array::new(batch.text.shape(), kept(&batch.text, batch.text.values().len() / b));
-        let context = dit.context(&text, &start);
-        Self {
-            first: dit.graph.tensor(&Array::new(&[b, 1, n, pixels, z], first)),
-            start: dit.graph.tensor::<4>(&start).reshape([b, 1, n, pixels, z]),
-            context,
-        }
+/// States, levels and targets of a causal step.
+#[derive(Debug, Clone)]
+pub struct CausalPlan {
+    /// Window, sink, chunk and positions, as at inference.
+    pub cache: CachePolicy,
+    /// Frames 1..F as later chunks see them, [B, F − 1, tokens, 4, z].
+    pub context: Array,
+    /// The level of the context frames.
+    pub context_level: Level,
+    /// Whether the context frames are a sampler step themselves and carry loss.
+    pub context_trained: bool,
+    /// Whether gradients stop at the keys and values of earlier chunks, as those of a cache do.
+    pub context_detached: bool,
+    /// The frames that are also queried, within 1..F and aligned to chunks.
+    pub queries: Range<usize>,
+    /// The query frames, [B, queries, tokens, 4, z].
+    pub query: Array,
+    /// The level of the query frames.
+    pub query_level: Level,
+    /// The clean latents that the outputs should give, [B, F − 1, tokens, 4, z].
+    pub target: Array,
+    /// What the output stands for.
+    pub prediction: Prediction,
+}
+
+/// A group of query frames and the frames that it attends to, as indices into the sequence.
+pub struct Group {
+    /// The frames that attend.
+    pub queries: Range<usize>,
+    /// Number of sink frames, from frame 0.
+    pub sink: usize,
+    /// Frames that were dropped between sink and past; 0 where positions count from the start of the rollout.
+    pub evicted: usize,
+    /// Frames after the sink.
+    pub past: Range<usize>,
+    /// The frames of the group's own chunk.
+    pub own: Range<usize>,
+}
+
+/// Lists the attention groups: chunk by chunk, first as context, then as query.
+#[must_use]
+pub fn groups(frames: usize, plan: &CausalPlan) -> Vec<Group> {
+    let cache = &plan.cache;
+    let mut list = vec![Group { queries: 0..1, sink: 0, evicted: 0, past: 0..0, own: 0..1 }];
+    let chunks = |range: Range<usize>| range.step_by(cache.chunk);
+    let moved = frames - plan.queries.start.min(frames);
+    let starts = chunks(1..frames).map(|start| (start, 0)).chain(chunks(plan.queries.clone()).map(|s| (s, moved)));
+    for (start, offset) in starts {
+        let end = (start + cache.chunk).min(if offset == 0 { frames } else { plan.queries.end });
+        let visible = Visible::of(start, cache.chunk, cache.window, cache.sink);
+        let evicted = if cache.positions == Positions::CacheRelative { visible.evicted } else { 0 };
+        let own = start + offset..end + offset;
+        list.push(Group { queries: own.clone(), sink: visible.sink, evicted, past: visible.past, own });
     }
-
-    /// Returns the start latents of all frames.
-    fn starts(&self, dit: &Dit, frames: usize) -> Tensor<5> {
-        let [b, _, n, pixels, z] = self.start.dims();
-        if dit.shape.start_every {
-            return self.start.clone().repeat_dim(1, frames);
-        }
-        Tensor::cat(vec![self.start.clone(), Tensor::zeros([b, frames - 1, n, pixels, z], &dit.graph.device)], 1)
-    }
+    list
 }
 
-fn control(dit: &Dit, batch: &ClipBatch) -> Tensor<4> {
-    let control = dit.control(&batch.layouts).0;
-    let on = dit.graph.tensor::<4>(&Array::new(&[batch.layout_on.len(), 1, 1, 1], batch.layout_on.clone()));
-    control * on
+/// A batch for the autoencoder.
+pub struct AeBatch {
+    /// Clips.
+    pub clips: usize,
+    /// Space-to-depth frames, [clips·steps, h, w, inputs].
+    pub folded: Array,
+    /// The same frames as images of −1 to 1, [clips·steps·stride_t, 8h, 8w, 3].
+    pub frames: Array,
+    /// How much each pixel counts, [clips·steps·stride_t, 8h, 8w, 1].
+    pub emphasis: Array,
+    /// Noise that is added to the latents, in their shape and in units of their root mean square.
+    pub noise: Array,
+    /// Weight of the mean square of the latents.
+    pub latent_penalty: f32,
 }
 
-#[cfg(test)]
-mod tests;
+/// A batch for the decoder alone.
+pub struct DecoderBatch {
+    /// Clips.
+    pub clips: usize,
+    /// Latents as the decoder takes them, [clips·steps, h, w, z].
+    pub latents: Array,
+    /// Layouts of the frames, −1 to 1, [clips·steps·stride_t, 8h, 8w, 3]; zeros where a clip's layout was dropped.
+    pub layouts: Array,
+    /// The frames, in the same shape.
+    pub frames: Array,
+    /// How much each pixel counts, [clips·steps·stride_t, 8h, 8w, 1].
+    pub emphasis: Array,
+}

@@ -1,4 +1,4 @@
-//! The tiny causal video autoencoder: blocks with a memory of one frame, so that streaming equals whole-clip work.
+//! The tiny causal video autoencoder as values: its sizes, the weights that they ask for, and the memory of a rollout.
 //!
 //! A latent step stands for `stride_t` frames. The encoder takes space-to-depth frames [steps, h, w, stride_t·192]
 //! (frame, row, column, colour inside an 8×8 block, values −1 to 1) and gives [steps, h, w, z]. The decoder grows
@@ -6,14 +6,11 @@
 //! runs a linear map between block and latent pixel, so that training begins at principal components. The first
 //! stride_t − 1 frames of a rollout are for the caller to drop.
 
-use std::sync::Arc;
+use std::any::Any;
 
-use burn::tensor::{Tensor, activation};
 use ds_space::{Digest, DigestWriter};
 
-use crate::array::{Array, Declared, Initial, Weights, WeightsError, digest_values};
-use crate::fast::Buffer;
-use crate::graph::{Graph, Linear, Mode, array_of};
+use crate::array::{Declared, Initial};
 
 /// Side of the pixel block that a latent pixel stands for.
 pub const BLOCK_PX: usize = 8;
@@ -45,7 +42,8 @@ impl AeShape {
     }
 
     /// Returns by how much each of the two growing steps multiplies frames.
-    pub(crate) fn growth(&self) -> [usize; 2] {
+    #[must_use]
+    pub fn growth(&self) -> [usize; 2] {
         [if self.stride_t == 4 { 2 } else { 1 }, if self.stride_t >= 2 { 2 } else { 1 }]
     }
 
@@ -89,12 +87,24 @@ impl AeShape {
     }
 }
 
-/// The memories of all blocks of an encoder or decoder: one frame each, absent at the start of a rollout.
-#[derive(Clone, Default)]
-pub struct Memory {
-    frames: Vec<Option<Tensor<4>>>,
-    /// The same for the processor's own path.
-    pub(crate) kept: Vec<Option<Arc<Buffer>>>,
+/// What a body remembers of a rollout.
+pub trait Remembered: Any + Send + Sync {
+    /// Adds all frames to a digest.
+    fn digest_into(&self, writer: &mut DigestWriter);
+
+    /// Returns a copy that shares the frames.
+    fn snapshot(&self) -> Box<dyn Remembered>;
+}
+
+/// The memories of all blocks of an encoder or decoder: one frame each, absent at the start of a rollout. It belongs to
+/// the body that first filled it.
+#[derive(Default)]
+pub struct Memory(Option<Box<dyn Remembered>>);
+
+impl Clone for Memory {
+    fn clone(&self) -> Self {
+        Self(self.0.as_deref().map(Remembered::snapshot))
+    }
 }
 
 impl Memory {
@@ -102,188 +112,18 @@ impl Memory {
     #[must_use]
     pub fn digest(&self) -> Digest {
         let mut writer = DigestWriter::new();
-        for frame in &self.frames {
-            writer.bool(frame.is_some());
-            if let Some(frame) = frame {
-                array_of(frame.clone()).digest_into(&mut writer);
-            }
-        }
-        for frame in &self.kept {
-            writer.bool(frame.is_some());
-            if let Some(frame) = frame {
-                digest_values(&mut writer, frame);
-            }
+        if let Some(held) = &self.0 {
+            held.digest_into(&mut writer);
         }
         writer.finish()
     }
-}
 
-struct Walk<'a> {
-    memory: &'a mut Memory,
-    at: usize,
-    batch: usize,
-}
-
-impl Walk<'_> {
-    /// Returns, for each frame of x [B·T, h, w, c], the frame before, and remembers the last one.
-    fn previous(&mut self, x: &Tensor<4>) -> Tensor<4> {
-        let [rows, h, w, c] = x.dims();
-        let t = rows / self.batch;
-        if self.memory.frames.len() <= self.at {
-            self.memory.frames.resize(self.at + 1, None);
-        }
-        let clip = x.clone().reshape([self.batch, t, h, w, c]);
-        let pick = |range: std::ops::Range<usize>| clip.clone().slice([0..self.batch, range, 0..h, 0..w, 0..c]);
-        let last = pick(t - 1..t).reshape([self.batch, h, w, c]);
-        let first = self.memory.frames[self.at].replace(last);
-        let first = first.unwrap_or_else(|| Tensor::zeros([self.batch, h, w, c], &x.device()));
-        self.at += 1;
-        if t == 1 {
-            return first;
-        }
-        let first = first.reshape([self.batch, 1, h, w, c]);
-        Tensor::cat(vec![first, pick(0..t - 1)], 1).reshape([rows, h, w, c])
-    }
-}
-
-struct MemoryBlock {
-    first: Linear,
-    second: Linear,
-}
-
-impl MemoryBlock {
-    fn new(graph: &Graph, name: &str) -> Self {
-        Self { first: graph.linear(&format!("{name}.conv.0")), second: graph.linear(&format!("{name}.conv.2")) }
-    }
-
-    fn apply(&self, x: Tensor<4>, walk: &mut Walk<'_>) -> Tensor<4> {
-        let both = Tensor::cat(vec![x.clone(), walk.previous(&x)], 3);
-        let y = self.second.convolve(activation::relu(self.first.convolve(both)));
-        activation::relu(x + y)
-    }
-}
-
-/// The autoencoder bound to the device.
-pub struct TinyAe {
-    shape: AeShape,
-    pub(crate) graph: Graph,
-    fold: Linear,
-    encoder: Vec<MemoryBlock>,
-    encoder_head: Linear,
-    encoder_skip: Linear,
-    stem: Linear,
-    stages: Vec<(Vec<MemoryBlock>, Option<Linear>)>,
-    guides: Vec<Linear>,
-    decoder_head: Linear,
-    decoder_skip: Linear,
-}
-
-impl TinyAe {
-    /// Binds weights for inference.
+    /// Returns what the body remembers.
     ///
-    /// # Errors
-    /// If the weights do not fit the shape.
-    pub fn new(shape: &AeShape, weights: &Weights) -> Result<Self, WeightsError> {
-        weights.check(&shape.declare())?;
-        Ok(Self::bind(shape, weights, Mode::Infer))
+    /// # Panics
+    /// If another body filled the memory.
+    pub fn of<T: Remembered + Default>(&mut self) -> &mut T {
+        let held: &mut dyn Any = &mut **self.0.get_or_insert_with(|| Box::new(T::default()));
+        held.downcast_mut().expect("a memory belongs to the body that filled it")
     }
-
-    pub(crate) fn bind(shape: &AeShape, weights: &Weights, mode: Mode) -> Self {
-        let graph = Graph::new(weights, mode);
-        let blocks = |name: &str, count: usize| {
-            (0..count).map(|index| MemoryBlock::new(&graph, &format!("{name}.block.{index}"))).collect()
-        };
-        let stage = |stage: usize| {
-            let name = format!("decoder.stage.{stage}");
-            (blocks(&name, shape.decoder_blocks[stage]), (stage < 2).then(|| graph.linear(&format!("{name}.grow"))))
-        };
-        Self {
-            fold: graph.linear("encoder.fold"),
-            encoder: blocks("encoder", shape.encoder_blocks),
-            encoder_head: graph.linear("encoder.head"),
-            encoder_skip: graph.linear("encoder.skip"),
-            stem: graph.linear("decoder.stem"),
-            stages: (0..3).map(stage).collect(),
-            guides: (0..shape.guides).map(|index| graph.linear(&format!("decoder.guide.{index}"))).collect(),
-            decoder_head: graph.linear("decoder.head"),
-            decoder_skip: graph.linear("decoder.skip"),
-            shape: shape.clone(),
-            graph,
-        }
-    }
-
-    /// Encodes latent steps [steps, h, w, inputs] that follow those already in `memory`.
-    #[must_use]
-    pub fn encode(&self, steps: &Array, memory: &mut Memory) -> Array {
-        array_of(self.encode_tensor(self.graph.tensor(steps), 1, memory))
-    }
-
-    /// Decodes latents [steps, h, w, z] that follow those already in `memory` to [steps·stride_t, 8h, 8w, 3].
-    ///
-    /// A guided decoder also takes the layouts, in the shape of the frames and of values −1 to 1, or none for "no
-    /// layout". The memory does not depend on them.
-    #[must_use]
-    pub fn decode(&self, latents: &Array, layouts: Option<&Array>, memory: &mut Memory) -> Array {
-        let layouts = layouts.map(|layouts| self.graph.tensor(layouts));
-        array_of(self.decode_tensor(self.graph.tensor(latents), layouts, 1, memory))
-    }
-
-    pub(crate) fn encode_tensor(&self, x: Tensor<4>, batch: usize, memory: &mut Memory) -> Tensor<4> {
-        let mut walk = Walk { memory, at: 0, batch };
-        let skip = self.encoder_skip.apply(x.clone());
-        let mut x = activation::relu(self.fold.apply(x));
-        for block in &self.encoder {
-            x = block.apply(x, &mut walk);
-        }
-        self.encoder_head.convolve(x) + skip
-    }
-
-    pub(crate) fn decode_tensor(
-        &self,
-        z: Tensor<4>,
-        layouts: Option<Tensor<4>>,
-        batch: usize,
-        memory: &mut Memory,
-    ) -> Tensor<4> {
-        let mut walk = Walk { memory, at: 0, batch };
-        let skip = unfold(self.decoder_skip.apply(z.clone()), self.shape.stride_t);
-        let mut x = activation::relu(self.stem.convolve(z));
-        for (stage, (blocks, grow)) in self.stages.iter().enumerate() {
-            for block in blocks {
-                x = block.apply(x, &mut walk);
-            }
-            if let Some(grow) = grow {
-                x = activation::relu(shuffle(grow.apply(x), self.shape.growth()[stage]));
-            }
-        }
-        let [n, h, w, _] = x.dims();
-        let none = || Tensor::zeros([n, h, w, 12], &x.device());
-        let layouts = layouts.map_or_else(none, unshuffle);
-        for guide in &self.guides {
-            x = x.clone() + activation::relu(guide.convolve(Tensor::cat(vec![x, layouts.clone()], 3)));
-        }
-        shuffle(self.decoder_head.convolve(x), 1) + skip
-    }
-}
-
-/// Unfolds channels (frame, row, column, channel) of [N, h, w, g·4·c] into [N·g, 2h, 2w, c].
-fn shuffle(x: Tensor<4>, frames: usize) -> Tensor<4> {
-    let [n, h, w, channels] = x.dims();
-    let c = channels / (4 * frames);
-    let x: Tensor<7> = x.reshape([n, h, w, frames, 2, 2, c]);
-    x.permute([0, 3, 1, 4, 2, 5, 6]).reshape([n * frames, 2 * h, 2 * w, c])
-}
-
-/// Unfolds blocks (frame, row, column, colour) of [N, h, w, frames·192] into [N·frames, 8h, 8w, 3].
-fn unfold(x: Tensor<4>, frames: usize) -> Tensor<4> {
-    let [n, h, w, _] = x.dims();
-    let x: Tensor<7> = x.reshape([n, h, w, frames, BLOCK_PX, BLOCK_PX, 3]);
-    x.permute([0, 3, 1, 4, 2, 5, 6]).reshape([n * frames, h * BLOCK_PX, w * BLOCK_PX, 3])
-}
-
-/// Folds [N, 2h, 2w, 3] into [N, h, w, 12], the inverse of [`shuffle`] for one frame.
-fn unshuffle(x: Tensor<4>) -> Tensor<4> {
-    let [n, height, width, c] = x.dims();
-    let x: Tensor<6> = x.reshape([n, height / 2, 2, width / 2, 2, c]);
-    x.permute([0, 1, 3, 2, 4, 5]).reshape([n, height / 2, width / 2, 4 * c])
 }

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use ds_nn::classifier::{Classifier, ClassifierShape};
+use ds_graph::classifier::{Classifier, ClassifierShape};
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Weights};
 use ds_space::{CameraModel, DVec2, Digest, Pose, Rig, World};

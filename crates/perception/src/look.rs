@@ -7,7 +7,7 @@
 use std::path::Path;
 
 use ds_camera::{Condition, Lighting, RoadSurface, Weather};
-use ds_nn::classifier::{Answer, Classifier, ClassifierShape};
+use ds_graph::classifier::{Answer, Classifier, ClassifierShape};
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;

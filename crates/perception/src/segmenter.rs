@@ -4,8 +4,9 @@
 
 use std::path::Path;
 
+use ds_graph::segmenter;
+use ds_nn::Weights;
 use ds_nn::safetensors::WeightsFile;
-use ds_nn::{Weights, segmenter};
 use ds_raster::RgbImage;
 use ds_space::Digest;
 use ds_video::pixels;

@@ -91,7 +91,7 @@ impl Recipe {
         if recipe.version != 2 {
             return refuse("version", "must be 2");
         }
-        let side = |px: u32| (16..=2_048).contains(&px) && px.is_multiple_of(ds_nn::segmenter::SIDE_PX as u32);
+        let side = |px: u32| (16..=2_048).contains(&px) && px.is_multiple_of(ds_graph::segmenter::SIDE_PX as u32);
         if !side(recipe.width_px) {
             return refuse("width_px", "must be a multiple of 16 from 16 to 2048");
         }

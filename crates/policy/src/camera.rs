@@ -1,6 +1,6 @@
 //! The end-to-end policy: the newest frame of the forward camera, the speed and the route command to a trajectory.
 //!
-//! The frame is first brought to one fixed camera ([`eye`]); a small network (`ds_nn::planner`) proposes a few
+//! The frame is first brought to one fixed camera ([`eye`]); a small network (`ds_graph::planner`) proposes a few
 //! trajectories of eight poses at 0.5 s with a score each ([`proposals`]); the best one is the answer, continued beyond
 //! 4 s at constant speed and curvature. Of the K frames only the newest is used, and of the ego's motion only the
 //! speed: a network that also sees how the car moved learns to repeat it.
@@ -10,7 +10,7 @@ pub mod proposals;
 
 use std::path::Path;
 
-use ds_nn::planner::{HEIGHT_PX, Planner, PlannerSize, WIDTH_PX};
+use ds_graph::planner::{HEIGHT_PX, Planner, PlannerSize, WIDTH_PX};
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;

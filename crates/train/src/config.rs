@@ -7,8 +7,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use ds_backend::Backend;
 use ds_nn::Weights;
-use ds_nn::body::Backend;
 use ds_nn::optimiser::{AdamWSettings, Schedule};
 use ds_nn::safetensors::WeightsFile;
 use ds_video::ModelConfig;

@@ -1,7 +1,7 @@
 //! What a recipe costs: floating-point operations per update of each stage, products alone, forward once and backward
 //! twice. Reading clips, norms, activations and the measurements after a stage are not counted.
 
-use ds_nn::fast::work;
+use ds_nn::work;
 use ds_video::ModelConfig;
 
 use crate::config::{OdeSource, TrainConfig};

@@ -33,7 +33,7 @@ pub enum TrainError {
     File(#[from] ds_nn::safetensors::FileError),
     /// The device that is to compute is absent.
     #[error("the back end is refused")]
-    Device(#[from] ds_nn::device::DeviceError),
+    Device(#[from] ds_graph::device::DeviceError),
     /// Weights do not fit the model.
     #[error("weights do not fit the model")]
     Weights(#[from] ds_nn::WeightsError),

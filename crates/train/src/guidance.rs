@@ -7,9 +7,8 @@
 //! that look, and w > 1 amplifies it. Where c∅ keeps the first frame, [`Guidance::keep_look`] gives each latent channel of
 //! each frame the mean and deviation that it has under c∅.
 
-use ds_nn::body::Backend;
+use ds_backend::{Backend, WholeClips};
 use ds_nn::step::ClipBatch;
-use ds_nn::training::WholeClips;
 use ds_nn::{Array, Weights, WeightsError};
 use ds_video::{ModelConfig, sampler};
 

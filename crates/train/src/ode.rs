@@ -4,8 +4,8 @@
 //! each seeing earlier context within window and sink (video-model.md 3.3). States and ends come from the teacher's
 //! guided trajectories, or from clips with noise (diffusion forcing at the sampler's own levels).
 
+use ds_backend::Backend;
 use ds_nn::Array;
-use ds_nn::body::Backend;
 use ds_nn::dit::DitShape;
 use ds_nn::step::{CausalPlan, ClipBatch, Level, Step};
 use ds_space::{Digest, DigestWriter, Draws};

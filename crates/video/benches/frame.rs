@@ -9,11 +9,11 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
+use ds_backend::Backend;
+use ds_kernel::peak::Yardstick;
 use ds_nn::Array;
-use ds_nn::body::Backend;
-use ds_nn::fast::peak::Yardstick;
-use ds_nn::fast::work;
 use ds_nn::tiny_ae::Memory;
+use ds_nn::work;
 use ds_raster::RgbImage;
 use ds_space::Digest;
 use ds_video::{Denoising, ModelConfig, Rollout, VideoModel, sampler};

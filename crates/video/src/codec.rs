@@ -4,11 +4,11 @@
 //! An own autoencoder folds layouts into control inputs; one of Wan takes them as a video, and its tiny companion may
 //! decode in its place. Latents are [frames, h, w, z], channels last.
 
+use ds_graph::tae::{self, Tae, TaeMemory};
+use ds_graph::wan_vae::{WanMemory, WanVae};
 use ds_nn::Array;
 use ds_nn::body::{Autoencoder, Control, Transformer};
-use ds_nn::tae::{self, Tae, TaeMemory};
 use ds_nn::tiny_ae::Memory;
-use ds_nn::wan_vae::{WanMemory, WanVae};
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter};
 

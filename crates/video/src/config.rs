@@ -1,11 +1,11 @@
 //! The model's configuration: one TOML file per preset, checked on load, with errors that name the field.
 
+use ds_graph::device::Precision;
+use ds_graph::wan_vae::WanVaeShape;
 use ds_nn::cache::{CachePolicy, Positions, ReadOrder};
-use ds_nn::device::Precision;
 use ds_nn::dit::{DitShape, Gelu};
 use ds_nn::step::Prediction;
 use ds_nn::tiny_ae::AeShape;
-use ds_nn::wan_vae::WanVaeShape;
 use ds_space::{Digest, DigestWriter};
 use serde::{Deserialize, Serialize};
 

@@ -18,7 +18,7 @@ pub enum VideoError {
     Weights(#[from] ds_nn::WeightsError),
     /// The device is not there.
     #[error("the device is refused")]
-    Device(#[from] ds_nn::device::DeviceError),
+    Device(#[from] ds_graph::device::DeviceError),
     /// A file of a published model is wrong.
     #[error("{key} is refused")]
     Checkpoint {

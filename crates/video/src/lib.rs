@@ -21,7 +21,7 @@ pub mod sampling;
 mod tests;
 pub mod workload;
 
-pub use ds_nn::body::Backend;
+pub use ds_backend::Backend;
 
 pub use denoising::Denoising;
 

@@ -6,7 +6,8 @@
 
 use std::path::Path;
 
-use ds_nn::body::{Autoencoder, Backend, Transformer};
+use ds_backend::Backend;
+use ds_nn::body::{Autoencoder, Transformer};
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Declared, Initial, Weights, WeightsError};
 use ds_space::{Digest, DigestWriter};

@@ -2,15 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
+use ds_backend::Backend;
+use ds_graph::clip::Clip;
+use ds_graph::dit::Dit;
+use ds_graph::tae::{self, Tae};
+use ds_graph::umt5::Umt5;
+use ds_graph::wan_vae::{WanVae, WanVaeShape};
 use ds_nn::WeightsError;
-use ds_nn::body::{Backend, Transformer};
+use ds_nn::body::Transformer;
 use ds_nn::checkpoint::{Checkpoint, CheckpointError, Finite, Naming};
-use ds_nn::clip::Clip;
-use ds_nn::dit::Dit;
 use ds_nn::sentencepiece::Tokeniser;
-use ds_nn::tae::{self, Tae};
-use ds_nn::umt5::Umt5;
-use ds_nn::wan_vae::{WanVae, WanVaeShape};
 use ds_space::{Digest, DigestWriter};
 
 use crate::codec::Codec;

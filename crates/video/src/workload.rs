@@ -4,13 +4,14 @@
 //! goes through the autoencoder, a chunk of layouts is encoded. Values mean nothing, sizes and order are those of a
 //! drive. No clock here.
 
+use ds_backend::Backend;
+use ds_graph::device::{self, Product};
+use ds_graph::tae;
+use ds_graph::wan_vae::WanVaeShape;
 use ds_nn::Array;
-use ds_nn::body::{Backend, Chunk, Context, Control};
+use ds_nn::body::{Chunk, Context, Control};
 use ds_nn::cache::{ChunkKv, KvCache};
-use ds_nn::device::{self, Product};
-use ds_nn::fast::work;
-use ds_nn::tae;
-use ds_nn::wan_vae::WanVaeShape;
+use ds_nn::work;
 use ds_raster::RgbImage;
 use ds_space::{Digest, Draws};
 

@@ -5,7 +5,7 @@ use std::hint::black_box;
 use std::sync::Arc;
 
 use ds_camera::Appearance;
-use ds_nn::fast::peak::Yardstick;
+use ds_kernel::peak::Yardstick;
 use ds_nn::safetensors::WeightsFile;
 use ds_perception::world::WorldA;
 use ds_raster::RgbImage;

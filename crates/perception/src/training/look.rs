@@ -5,8 +5,8 @@
 
 use std::path::Path;
 
+use ds_graph::classifier;
 use ds_nn::Array;
-use ds_nn::classifier;
 use ds_nn::safetensors::WeightsFile;
 use ds_scenario::Family;
 use ds_space::{DigestWriter, Draws};

@@ -6,8 +6,9 @@
 
 use std::path::Path;
 
+use ds_graph::segmenter;
+use ds_nn::Array;
 use ds_nn::safetensors::WeightsFile;
-use ds_nn::{Array, segmenter};
 use ds_scenario::Family;
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::pixels;

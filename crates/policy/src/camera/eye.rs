@@ -4,7 +4,7 @@
 //! below the horizon are looked up on the flat road, the others at infinity, so that the road keeps its place; things
 //! that stand up are distorted where mountings differ. The same camera gives the same pixels back.
 
-use ds_nn::planner::{HEIGHT_PX, WIDTH_PX};
+use ds_graph::planner::{HEIGHT_PX, WIDTH_PX};
 use ds_raster::RgbImage;
 use ds_space::{CameraId, CameraModel, DVec3, Intrinsics};
 

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use ds_camera::{Appearance, ReferenceCamera};
-use ds_nn::planner::{HEIGHT_PX, WIDTH_PX};
+use ds_graph::planner::{HEIGHT_PX, WIDTH_PX};
 use ds_policy::camera::eye::Eye;
 use ds_policy::camera::proposals::{KNOT_SECS, KNOTS, TARGETS};
 use ds_policy::driver::Driver;

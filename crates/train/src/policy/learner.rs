@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use ds_graph::planner::{self, HEIGHT_PX, WIDTH_PX};
 use ds_nn::optimiser::{AdamW, AdamWSettings, Schedule, move_average};
-use ds_nn::planner::{self, HEIGHT_PX, WIDTH_PX};
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Weights};
 use ds_policy::camera::SIZE;

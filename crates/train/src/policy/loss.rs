@@ -3,7 +3,8 @@
 //! Winner takes all: the candidate nearest to the teacher in metres is drawn to it, the others a little; the logits learn
 //! which one was nearest (cross entropy). Distances are smooth L1 in the units of the outputs.
 
-use ds_nn::{Array, Weights, planner::Planner};
+use ds_graph::planner::Planner;
+use ds_nn::{Array, Weights};
 use ds_policy::camera::proposals::{KNOTS, MODES, OUTPUTS, STATE, TARGETS, decode, encode, state_of};
 use ds_policy::camera::{SIZE, normalise_into};
 use ds_space::PoseSe2;
@@ -115,7 +116,7 @@ pub(super) fn displacement(weights: &Weights, samples: &Samples) -> Result<Displ
 fn answer(planner: &Planner, sample: &Sample) -> Vec<f32> {
     let mut pixels = Vec::with_capacity(sample.rgb.len());
     normalise_into(&sample.rgb, &mut pixels);
-    let images = Array::new(&[1, ds_nn::planner::HEIGHT_PX, ds_nn::planner::WIDTH_PX, 3], pixels);
+    let images = Array::new(&[1, ds_graph::planner::HEIGHT_PX, ds_graph::planner::WIDTH_PX, 3], pixels);
     let state = state_of(f64::from(sample.speed_mps), sample.command).to_vec();
     planner.answer(&images, &Array::new(&[1, STATE], state)).into_values()
 }

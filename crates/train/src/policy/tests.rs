@@ -1,7 +1,7 @@
 //! Training without rendering: settings, sample files, the loss and resuming; then one real sample of a scenario.
 
+use ds_graph::planner::{HEIGHT_PX, WIDTH_PX};
 use ds_nn::Array;
-use ds_nn::planner::{HEIGHT_PX, WIDTH_PX};
 use ds_policy::camera::proposals::{MODES, OUTPUTS, TARGETS};
 use ds_space::Draws;
 use ds_world::RouteCommand;

@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
-use ds_nn::clip::ClipShape;
+use ds_graph::clip::ClipShape;
+use ds_graph::tae;
+use ds_graph::wan_vae::{WanMemory, WanVae};
+use ds_nn::Declared;
 use ds_nn::safetensors::WeightsFile;
-use ds_nn::wan_vae::{WanMemory, WanVae};
-use ds_nn::{Declared, tae};
 
 use super::*;
 use crate::pixels;

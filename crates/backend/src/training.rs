@@ -1,0 +1,96 @@
+//! Training steps and whole clips by the body that a back end names: loops of this project on the processor
+//! ([`ds_kernel::train`]), the framework's graph ([`ds_graph::step`]) elsewhere. Both give the same numbers up to
+//! rounding.
+
+use ds_graph::dit::Dit;
+use ds_graph::{device, step};
+use ds_kernel::{FastTeacher, train};
+use ds_nn::array::{Array, Weights, WeightsError};
+use ds_nn::dit::DitShape;
+use ds_nn::step::{AeBatch, BidirectionalPlan, CausalPlan, ClipBatch, DecoderBatch, Prediction, Step};
+use ds_nn::team::Team;
+use ds_nn::tiny_ae::AeShape;
+
+use crate::Backend;
+
+/// The bidirectional transformer over whole clips, without gradients.
+pub trait WholeClips: Send + Sync {
+    /// Predicts the clean latents of noisy frames [B, F − 1, tokens, 4, z] at one level per clip.
+    fn clean(&self, batch: &ClipBatch, noisy: &Array, levels: &[f32], prediction: Prediction) -> Array;
+}
+
+impl WholeClips for FastTeacher {
+    fn clean(&self, batch: &ClipBatch, noisy: &Array, levels: &[f32], prediction: Prediction) -> Array {
+        Self::clean(self, batch, noisy, levels, prediction)
+    }
+}
+
+impl WholeClips for Dit {
+    fn clean(&self, batch: &ClipBatch, noisy: &Array, levels: &[f32], prediction: Prediction) -> Array {
+        step::clean_by(self, batch, noisy, levels, prediction)
+    }
+}
+
+impl Backend {
+    /// Gathers workers for the clips of a batch: one per core of a processor; a device computes clip after clip.
+    #[must_use]
+    pub fn team(self) -> Team {
+        match self {
+            Self::Cpu | Self::Framework => Team::of_all_cores(),
+            Self::Vulkan | Self::Cuda => Team::new(1),
+        }
+    }
+
+    /// Says whether the framework's graph computes, and that the device is this process's.
+    fn graph(self) -> bool {
+        if self != Self::Cpu {
+            device::expect(self.place());
+        }
+        self != Self::Cpu
+    }
+
+    /// Binds the bidirectional transformer's weights.
+    ///
+    /// # Errors
+    /// If the weights do not fit the shape.
+    pub fn whole_clips(self, shape: &DitShape, weights: &Weights) -> Result<Box<dyn WholeClips>, WeightsError> {
+        if !self.graph() {
+            return Ok(Box::new(FastTeacher::new(shape, weights)?));
+        }
+        Ok(Box::new(Dit::new(shape, weights)?))
+    }
+
+    /// Computes loss and gradient of flow matching over whole clips.
+    #[must_use]
+    pub fn bidirectional(
+        self,
+        shape: &DitShape,
+        weights: &Weights,
+        batch: &ClipBatch,
+        plan: &BidirectionalPlan,
+    ) -> Step {
+        let compute = if self.graph() { step::bidirectional } else { train::bidirectional };
+        compute(shape, weights, batch, plan)
+    }
+
+    /// Computes loss and gradient of a causal step.
+    #[must_use]
+    pub fn causal(self, shape: &DitShape, weights: &Weights, batch: &ClipBatch, plan: &CausalPlan) -> Step {
+        let compute = if self.graph() { step::causal } else { train::causal };
+        compute(shape, weights, batch, plan)
+    }
+
+    /// Computes loss and gradient of the autoencoder.
+    #[must_use]
+    pub fn reconstruction(self, shape: &AeShape, weights: &Weights, batch: &AeBatch) -> Step {
+        let compute = if self.graph() { step::autoencoder } else { train::autoencoder };
+        compute(shape, weights, batch)
+    }
+
+    /// Computes loss and gradient of the guided decoder.
+    #[must_use]
+    pub fn decoding(self, shape: &AeShape, weights: &Weights, batch: &DecoderBatch) -> Step {
+        let compute = if self.graph() { step::decoder } else { train::decoder };
+        compute(shape, weights, batch)
+    }
+}

@@ -1,0 +1,104 @@
+//! What both tests of bodies draw: weights in which nothing is zero, shapes, clips, and the distance of two results.
+
+#![allow(dead_code, reason = "each test binary uses a part")]
+
+use ds_nn::array::{Array, Declared, Initial, Weights};
+use ds_nn::dit::{DitShape, Gelu};
+use ds_nn::step::ClipBatch;
+use ds_space::{Digest, Draws};
+
+pub(crate) fn draw(name: &str, shape: &[usize]) -> Array {
+    let draws = Draws::from_seed(7, name);
+    Array::new(shape, (0..shape.iter().product::<usize>() as u64).map(|i| draws.normal(i) as f32).collect())
+}
+
+/// Weights in which nothing is zero, so that no part is idle.
+pub(crate) fn weights(declared: &[Declared]) -> Weights {
+    let mut weights = Weights::initialised(declared, &Digest::of(b"fast"));
+    for declared in declared.iter().filter(|declared| !matches!(declared.initial, Initial::Normal(_))) {
+        let draws = draw(&declared.name, &declared.shape);
+        let array = weights.get(&declared.name).expect("declared").clone();
+        let values = array.values().iter().zip(draws.values()).map(|(a, b)| a + 0.1 * b).collect();
+        weights.insert(&declared.name, Array::new(&declared.shape, values));
+    }
+    weights
+}
+
+/// The presets of configs/models, and one of odd sizes.
+pub(crate) fn shapes() -> [DitShape; 3] {
+    let smoke = DitShape {
+        layers: 2,
+        dim: 64,
+        heads: 2,
+        ffn: 256,
+        latent_channels: 4,
+        control_inputs: 768,
+        control_channels: 8,
+        start_channels: 4,
+        freq_dim: 64,
+        text_dim: 32,
+        text_len: 4,
+        image_context: false,
+        clip_dim: 0,
+        reference: false,
+        gelu: Gelu::Exact,
+        start_every: false,
+        cross_every: 1,
+        grid_h: 2,
+        grid_w: 4,
+    };
+    let cpu_train = DitShape {
+        layers: 6,
+        dim: 128,
+        heads: 4,
+        ffn: 512,
+        latent_channels: 12,
+        control_channels: 48,
+        start_channels: 12,
+        start_every: true,
+        cross_every: 3,
+        grid_h: 6,
+        grid_w: 10,
+        ..smoke.clone()
+    };
+    let odd = DitShape {
+        layers: 3,
+        dim: 60,
+        heads: 3,
+        ffn: 70,
+        latent_channels: 3,
+        control_inputs: 12,
+        control_channels: 5,
+        start_channels: 3,
+        freq_dim: 18,
+        image_context: true,
+        cross_every: 2,
+        grid_h: 3,
+        grid_w: 7,
+        ..smoke.clone()
+    };
+    [smoke, cpu_train, odd]
+}
+
+/// Returns the largest difference over the largest expected value.
+pub(crate) fn distance(found: &[f32], expected: &[f32]) -> f32 {
+    assert_eq!(found.len(), expected.len());
+    let largest = expected.iter().fold(0.0f32, |w, x| w.max(x.abs()));
+    let worst = found.iter().zip(expected).fold(0.0f32, |w, (a, b)| if (a - b).abs() <= w { w } else { (a - b).abs() });
+    worst / largest
+}
+
+pub(crate) const FRAMES: usize = 6;
+
+pub(crate) fn clips(shape: &DitShape, clips: usize) -> ClipBatch {
+    let n = shape.tokens();
+    ClipBatch {
+        clean: draw("clean", &[clips, FRAMES, n, 4, shape.latent_channels]),
+        start: draw("start", &[clips, n, 4, shape.latent_channels]),
+        given_on: (0..clips).map(|clip| if clip == 2 { 0.0 } else { 1.0 }).collect(),
+        layouts: draw("layouts", &[clips, FRAMES * n, 4, shape.control_inputs]),
+        layout_on: (0..clips).map(|clip| if clip == 1 { 0.0 } else { 1.0 }).collect(),
+        text: draw("text", &[clips, shape.text_len, shape.text_dim]),
+        emphasis: Array::new(&[clips, FRAMES, n, 4, 1], vec![1.0; clips * FRAMES * n * 4]),
+    }
+}

@@ -1,0 +1,182 @@
+//! Parity of the steps with those of the framework, for every weight, and independence from workers and scratch.
+
+use ds_graph::step;
+use ds_kernel::train;
+use ds_nn::array::Array;
+use ds_nn::cache::{CachePolicy, Positions, ReadOrder};
+use ds_nn::dit::DitShape;
+use ds_nn::step::{AeBatch, BidirectionalPlan, CausalPlan, ClipBatch, DecoderBatch, Level, Prediction, Step};
+use ds_nn::team::Team;
+use ds_nn::tiny_ae::AeShape;
+
+#[path = "made/clips.rs"]
+mod made;
+use made::{FRAMES, clips, distance, draw, shapes, weights};
+
+const PREDICTIONS: [Prediction; 2] = [Prediction::Clean, Prediction::Flow];
+
+/// Clips that differ in what they were given, with uneven emphasis.
+fn batch(shape: &DitShape, count: usize) -> ClipBatch {
+    let emphasis = draw("emphasis", &[count, FRAMES, shape.tokens(), 4, 1]);
+    let emphasis = Array::new(emphasis.shape(), emphasis.values().iter().map(|x| 0.2 + x * x).collect());
+    let on = |off: usize| (0..count).map(|clip| f32::from(u8::from(clip != off))).collect();
+    ClipBatch { layout_on: on(1), given_on: on(2), emphasis, ..clips(shape, count) }
+}
+
+fn check(found: &Step, expected: &Step, case: &str) {
+    assert!((found.loss - expected.loss).abs() < 1e-5 * expected.loss.abs(), "{case}: loss");
+    assert_eq!(found.parts.len(), expected.parts.len(), "{case}");
+    for ((name, a), (other, b)) in found.parts.iter().zip(&expected.parts) {
+        assert!(name == other && (a - b).abs() < 1e-5 * b.abs(), "{case}: part {name}");
+    }
+    assert_eq!(found.gradient.iter().count(), expected.gradient.iter().count());
+    for ((name, found), (_, expected)) in found.gradient.iter().zip(expected.gradient.iter()) {
+        assert_eq!(found.shape(), expected.shape(), "{case}: {name}");
+        if expected.values().iter().all(|value| *value == 0.0) {
+            assert!(found.values().iter().all(|value| *value == 0.0), "{case}: {name} has influence");
+            continue;
+        }
+        let worst = distance(found.values(), expected.values());
+        assert!(worst < 1e-4, "{case}: {name} is {worst} off");
+    }
+}
+
+#[test]
+fn bidirectional_steps_equal_the_framework() {
+    for shape in shapes() {
+        let (weights, batch, n) = (weights(&shape.declare()), batch(&shape, 3), shape.tokens());
+        for prediction in PREDICTIONS {
+            let noise = draw("noise", &[3, FRAMES - 1, n, 4, shape.latent_channels]);
+            let plan = BidirectionalPlan { levels: vec![0.9, 0.4, 0.05], noise, prediction };
+            let expected = step::bidirectional(&shape, &weights, &batch, &plan);
+            let found = train::bidirectional(&shape, &weights, &batch, &plan);
+            check(&found, &expected, &format!("width {}, {prediction:?}", shape.dim));
+        }
+    }
+}
+
+/// Chunk, window, queries, whether context is trained, whether it is detached.
+type Case = (usize, usize, std::ops::Range<usize>, bool, bool);
+
+fn plan(shape: &DitShape, count: usize, case: &Case, positions: Positions, prediction: Prediction) -> CausalPlan {
+    let (chunk, window, queries, trained, detached) = case.clone();
+    let (n, z) = (shape.tokens(), shape.latent_channels);
+    CausalPlan {
+        cache: CachePolicy { window, sink: 1, chunk, positions, order: ReadOrder::Slot },
+        context: draw("context", &[count, FRAMES - 1, n, 4, z]),
+        context_level: Level(0.6),
+        context_trained: trained,
+        context_detached: detached,
+        query: draw("query", &[count, queries.len(), n, 4, z]),
+        query_level: Level(0.95),
+        queries,
+        target: draw("target", &[count, FRAMES - 1, n, 4, z]),
+        prediction,
+    }
+}
+
+fn cases() -> Vec<Case> {
+    let all = 1..FRAMES;
+    vec![
+        (1, 3, all.clone(), true, false),
+        (1, 3, all.clone(), false, true),
+        (1, 2, 2..FRAMES, true, true),
+        (1, FRAMES, 1..1, true, false),
+        (2, 4, 1..3, true, false),
+        (2, 3, all.clone(), false, false),
+        (3, 4, 1..4, false, true),
+        (3, 8, all, true, false),
+    ]
+}
+
+#[test]
+fn causal_steps_equal_the_framework() {
+    for (shape, count) in shapes().into_iter().zip([3, 1, 2]) {
+        let (weights, batch) = (weights(&shape.declare()), batch(&shape, count));
+        for case in cases() {
+            for (positions, prediction) in [Positions::CacheRelative, Positions::Absolute].into_iter().zip(PREDICTIONS)
+            {
+                let plan = plan(&shape, count, &case, positions, prediction);
+                let expected = step::causal(&shape, &weights, &batch, &plan);
+                let found = train::causal(&shape, &weights, &batch, &plan);
+                check(&found, &expected, &format!("width {}, {case:?}, {positions:?}", shape.dim));
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_not_given_does_not_count() {
+    let [shape, ..] = shapes();
+    let weights = weights(&shape.declare());
+    let noise = draw("noise", &[1, FRAMES - 1, shape.tokens(), 4, shape.latent_channels]);
+    let plan = BidirectionalPlan { levels: vec![0.7], noise, prediction: Prediction::Flow };
+    let step = |given: f32, layout: f32, layouts: &str| {
+        let layouts = draw(layouts, clips(&shape, 1).layouts.shape());
+        let batch = ClipBatch { layout_on: vec![layout], given_on: vec![given], layouts, ..clips(&shape, 1) };
+        train::bidirectional(&shape, &weights, &batch, &plan)
+    };
+    assert_eq!(step(1.0, 0.0, "one"), step(1.0, 0.0, "other"));
+    assert_ne!(step(1.0, 1.0, "one"), step(1.0, 1.0, "other"));
+    let unseen = step(0.0, 0.0, "one").gradient;
+    for name in ["control_embedding.weight", "control_embedding.bias", "text_embedding.0.weight"] {
+        assert!(unseen.get(name).expect("declared").values().iter().all(|value| *value == 0.0), "{name}");
+    }
+}
+
+fn autoencoders() -> [AeShape; 3] {
+    let narrow = AeShape {
+        z: 3,
+        stride_t: 4,
+        encoder_width: 10,
+        encoder_blocks: 2,
+        decoder_widths: [20, 7, 5],
+        decoder_blocks: [2, 1, 1],
+        guides: 2,
+    };
+    let two = AeShape { stride_t: 2, decoder_blocks: [1, 0, 2], guides: 1, ..narrow.clone() };
+    let bare =
+        AeShape { z: 16, stride_t: 1, encoder_blocks: 0, decoder_blocks: [0, 0, 0], guides: 0, ..narrow.clone() };
+    [narrow, two, bare]
+}
+
+#[test]
+fn reconstruction_steps_equal_the_framework() {
+    for shape in autoencoders() {
+        let (weights, clips, steps, h, w) = (weights(&shape.declare()), 2, 6, 3, 2);
+        let images = [steps * shape.stride_t, 8 * h, 8 * w];
+        let image = |name: &str, c: usize| draw(name, &[images[0], images[1], images[2], c]);
+        let emphasis = image("emphasis", 1);
+        let emphasis = Array::new(emphasis.shape(), emphasis.values().iter().map(|x| 0.2 + x * x).collect());
+        let batch = AeBatch {
+            clips,
+            folded: draw("folded", &[steps, h, w, shape.inputs()]),
+            frames: image("frames", 3),
+            emphasis: emphasis.clone(),
+            noise: draw("noise", &[steps, h, w, shape.z]),
+            latent_penalty: 0.3,
+        };
+        let case = format!("{shape:?}");
+        check(&train::autoencoder(&shape, &weights, &batch), &step::autoencoder(&shape, &weights, &batch), &case);
+        let latents = draw("latents", &[steps, h, w, shape.z]);
+        let layouts = image("layouts", 3);
+        let batch = DecoderBatch { clips, latents, layouts, frames: image("frames", 3), emphasis };
+        check(&train::decoder(&shape, &weights, &batch), &step::decoder(&shape, &weights, &batch), &case);
+    }
+}
+
+/// Steps of different clips and kinds, one after the other through the same buffers or side by side.
+#[test]
+fn steps_have_the_same_bits_whatever_the_workers() {
+    let [smoke, _, odd] = shapes();
+    let steps = |workers: usize| {
+        Team::new(workers).run(cases().len(), |at| {
+            let shape = if at.is_multiple_of(3) { &odd } else { &smoke };
+            let (weights, batch) = (weights(&shape.declare()), batch(shape, 1 + at % 2));
+            let plan = plan(shape, 1 + at % 2, &cases()[at], Positions::CacheRelative, Prediction::Clean);
+            train::causal(shape, &weights, &batch, &plan)
+        })
+    };
+    let alone = steps(1);
+    assert!(steps(2) == alone && steps(3) == alone);
+}

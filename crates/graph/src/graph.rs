@@ -1,0 +1,192 @@
+//! Named weights as tensors of the framework, with or without gradients, and the layers that all networks share.
+//!
+//! Linear weights are stored as [outputs, inputs]; a 3×3 convolution is a linear layer over the nine shifted copies
+//! of an image in channels-last order [N, H, W, C], zero-padded.
+
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
+use burn::tensor::{DType, Device, FloatDType, Gradients, Tensor, TensorData, module};
+use ds_nn::array::{Array, Declared, Initial, Weights};
+use ds_space::Draws;
+
+use crate::device::{self, Precision};
+
+/// Draws after which drawn weights repeat.
+const DRAWN: u64 = 65_537;
+
+/// Whether a graph keeps what the backward pass needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Mode {
+    /// Forward only.
+    Infer,
+    /// Forward and backward.
+    Train,
+}
+
+/// Weights on the device.
+pub(crate) struct Graph {
+    pub(crate) device: Device,
+    pub(crate) mode: Mode,
+    /// Number format of large layers and of cached keys and values.
+    pub(crate) precision: Precision,
+    weights: BTreeMap<String, (Tensor<1>, Vec<usize>)>,
+    constants: Mutex<BTreeMap<String, Tensor<2>>>,
+}
+
+impl Graph {
+    pub(crate) fn new(weights: &Weights, mode: Mode) -> Self {
+        let mut graph = Self::empty(mode, Precision::F32);
+        for (name, array) in weights.iter() {
+            graph.bind(name, array, Precision::F32);
+        }
+        graph
+    }
+
+    /// Makes a graph without weights on the device of this process.
+    pub(crate) fn empty(mode: Mode, precision: Precision) -> Self {
+        let device = match mode {
+            Mode::Infer => device::current(),
+            Mode::Train => device::current().autodiff(),
+        };
+        Self { device, mode, precision, weights: BTreeMap::new(), constants: Mutex::default() }
+    }
+
+    /// Puts a weight on the device.
+    pub(crate) fn bind(&mut self, name: &str, array: &Array, precision: Precision) {
+        let data = TensorData::new(array.values().to_vec(), [array.values().len()]);
+        let leaf = match precision {
+            Precision::F32 => Tensor::<1>::from_data(data, &self.device),
+            Precision::Bf16 => Tensor::<1>::from_data(data, (&self.device, DType::BF16)),
+        };
+        let leaf = if self.mode == Mode::Train { leaf.require_grad() } else { leaf };
+        self.weights.insert(name.to_owned(), (leaf, array.shape().to_vec()));
+    }
+
+    /// Puts drawn weights on the device, one at a time: for measurements of networks whose published weights are absent.
+    /// Draws repeat after a prime number of values, so that billions of them take seconds.
+    pub(crate) fn bind_drawn(&mut self, declared: &[Declared], lowered: impl Fn(&Declared) -> Precision) {
+        let draws = Draws::from_seed(1, "drawn-weights");
+        #[expect(clippy::cast_possible_truncation, reason = "weights are single precision")]
+        let table: Vec<f32> = (0..DRAWN).map(|index| draws.normal(index) as f32).collect();
+        for weight in declared {
+            let count = weight.shape.iter().product();
+            let values = match weight.initial {
+                Initial::Normal(std) => table.iter().map(|value| std * value).cycle().take(count).collect(),
+                Initial::Constant(constant) => vec![constant; count],
+                Initial::Gates => table.iter().map(|value| 0.02 * value).cycle().take(count).collect(),
+            };
+            self.bind(&weight.name, &Array::new(&weight.shape, values), lowered(weight));
+        }
+    }
+
+    /// Drops the names, once all layers hold their weights: what a layer rearranged is then kept once.
+    pub(crate) fn forget(&mut self) {
+        self.weights.clear();
+    }
+
+    /// Brings a tensor to the number format of large layers.
+    pub(crate) fn lower<const D: usize>(&self, x: Tensor<D>) -> Tensor<D> {
+        match self.precision {
+            Precision::F32 => x,
+            Precision::Bf16 => x.cast(FloatDType::BF16),
+        }
+    }
+
+    /// Returns a weight by name; names and shapes were checked against the declarations before.
+    pub(crate) fn weight<const D: usize>(&self, name: &str, shape: [usize; D]) -> Tensor<D> {
+        let (leaf, _) = self.weights.get(name).expect("the weights were checked against the declarations");
+        leaf.clone().reshape(shape)
+    }
+
+    pub(crate) fn linear(&self, name: &str) -> Linear {
+        let (_, shape) = &self.weights[&format!("{name}.weight")];
+        let (outputs, inputs) = (shape[0], shape[1..].iter().product());
+        let weight = self.weight::<2>(&format!("{name}.weight"), [outputs, inputs]).transpose();
+        let bias = self.weights.contains_key(&format!("{name}.bias"));
+        let bias = bias.then(|| self.weight::<1>(&format!("{name}.bias"), [outputs]).cast(weight.dtype()));
+        Linear { weight, bias }
+    }
+
+    pub(crate) fn tensor<const D: usize>(&self, array: &Array) -> Tensor<D> {
+        let shape: [usize; D] = array.shape().try_into().expect("the caller fixes the rank");
+        Tensor::from_data(TensorData::new(array.values().to_vec(), shape), &self.device)
+    }
+
+    /// Returns a constant matrix, made once.
+    pub(crate) fn constant(&self, name: &str, make: impl FnOnce() -> Array) -> Tensor<2> {
+        let mut constants = self.constants.lock().unwrap_or_else(PoisonError::into_inner);
+        constants.entry(name.to_owned()).or_insert_with(|| self.tensor(&make())).clone()
+    }
+
+    /// Collects the gradient of every weight; weights without influence get zeros.
+    pub(crate) fn gradients(&self, mut gradients: Gradients) -> Weights {
+        let mut collected = Weights::default();
+        for (name, (leaf, shape)) in &self.weights {
+            let array = match leaf.grad_remove(&mut gradients) {
+                Some(gradient) => array_of(gradient.reshape([shape.iter().product::<usize>()])).into_values(),
+                None => vec![0.0; shape.iter().product()],
+            };
+            collected.insert(name, Array::new(shape, array));
+        }
+        collected
+    }
+}
+
+/// Reads a tensor back.
+pub(crate) fn array_of<const D: usize>(tensor: Tensor<D>) -> Array {
+    let shape = tensor.dims();
+    let values = tensor.try_into_vec_as::<f32>().expect("all tensors here are f32");
+    Array::new(&shape, values)
+}
+
+/// A linear layer.
+#[derive(Clone)]
+pub(crate) struct Linear {
+    weight: Tensor<2>,
+    bias: Option<Tensor<1>>,
+}
+
+impl Linear {
+    /// Makes a layer of a weight [inputs, outputs].
+    pub(crate) fn of(weight: Tensor<2>, bias: Tensor<1>) -> Self {
+        Self { weight, bias: Some(bias) }
+    }
+
+    pub(crate) fn apply<const D: usize>(&self, x: Tensor<D>) -> Tensor<D> {
+        let mut shape = x.dims();
+        let inputs = shape[D - 1];
+        let rows = shape.iter().product::<usize>() / inputs;
+        let x = x.reshape([rows, inputs]).cast(self.weight.dtype());
+        let y = module::linear(x, self.weight.clone(), self.bias.clone()).cast(FloatDType::F32);
+        shape[D - 1] = y.dims()[1];
+        y.reshape(shape)
+    }
+
+    /// Applies the layer to the nine shifted copies of each image: a zero-padded 3×3 convolution.
+    pub(crate) fn convolve(&self, x: Tensor<4>) -> Tensor<4> {
+        let [n, h, w, c] = x.dims();
+        let padded = Tensor::zeros([n, h + 2, w + 2, c], &x.device());
+        let padded = padded.slice_assign([0..n, 1..h + 1, 1..w + 1, 0..c], x);
+        let shifted = |tap: usize| {
+            let (dy, dx) = (tap / 3, tap % 3);
+            padded.clone().slice([0..n, dy..dy + h, dx..dx + w, 0..c])
+        };
+        self.apply(Tensor::cat((0..9).map(shifted).collect(), 3))
+    }
+}
+
+/// Folds squares of `side` pixels of [N, H, W, C] into one pixel each, values ordered (row, column, channel).
+pub(crate) fn fold(x: Tensor<4>, side: usize) -> Tensor<4> {
+    let [n, h, w, c] = x.dims();
+    let x = x.reshape([n, h / side, side, w / side, side, c]).permute([0, 1, 3, 2, 4, 5]);
+    x.reshape([n, h / side, w / side, side * side * c])
+}
+
+/// Undoes [`fold`].
+pub(crate) fn unfold(x: Tensor<4>, side: usize) -> Tensor<4> {
+    let [n, h, w, c] = x.dims();
+    let c = c / (side * side);
+    let x = x.reshape([n, h, w, side, side, c]).permute([0, 1, 3, 2, 4, 5]);
+    x.reshape([n, h * side, w * side, c])
+}

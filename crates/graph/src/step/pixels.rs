@@ -1,0 +1,57 @@
+//! Training steps of the autoencoder and of the guided decoder: reconstruction of frames.
+
+use std::ops::Range;
+
+use burn::tensor::Tensor;
+use ds_nn::array::Weights;
+use ds_nn::step::{AeBatch, DecoderBatch, Step};
+use ds_nn::tiny_ae::{AeShape, Memory};
+
+use crate::graph::Mode;
+use crate::step::{finish, scalar, weighted};
+use crate::tiny_ae::TinyAe;
+
+/// Reconstruction step: L1 + 0.1·L1 of the image gradients + penalty·mean z².
+#[must_use]
+pub fn autoencoder(shape: &AeShape, weights: &Weights, batch: &AeBatch) -> Step {
+    let ae = TinyAe::bind(shape, weights, Mode::Train);
+    let z = ae.encode_tensor(ae.graph.tensor(&batch.folded), batch.clips, &mut Memory::default());
+    // Noise in units of the latents' own size: a fixed size would reward shrinking or growing them.
+    let size = z.clone().detach().powi_scalar(2).mean().sqrt();
+    let noisy = z.clone() + ae.graph.tensor::<4>(&batch.noise) * size.reshape([1, 1, 1, 1]);
+    let frames = ae.decode_tensor(noisy, None, batch.clips, &mut Memory::default());
+    let emphasis = ae.graph.tensor(&batch.emphasis);
+    let (loss, mut parts) = reconstruction(frames - ae.graph.tensor(&batch.frames), emphasis);
+    let square = z.powi_scalar(2).mean();
+    parts.push(("z2", scalar(&square)));
+    finish(&ae.graph, &(loss + square * batch.latent_penalty), parts)
+}
+
+/// L1 + 0.1·L1 of the image gradients of an error of frames whose values span −1 to 1; means are weighted by `emphasis`.
+fn reconstruction(error: Tensor<4>, emphasis: Tensor<4>) -> (Tensor<1>, Vec<(&'static str, f32)>) {
+    let [n, h, w, c] = error.dims();
+    let part = |y: Range<usize>, x: Range<usize>| error.clone().slice([0..n, y, x, 0..c]);
+    let weight = |y: Range<usize>, x: Range<usize>| emphasis.clone().slice([0..n, y, x, 0..1]);
+    let across = weighted(part(0..h, 1..w) - part(0..h, 0..w - 1), Tensor::abs, weight(0..h, 1..w));
+    let down = weighted(part(1..h, 0..w) - part(0..h - 1, 0..w), Tensor::abs, weight(1..h, 0..w));
+    let absolute = weighted(error.clone(), Tensor::abs, emphasis);
+    let mse = scalar(&error.powi_scalar(2).mean());
+    // The peak-to-peak range is 2.
+    let parts = vec![("l1", scalar(&absolute)), ("psnr_db", 10.0 * (4.0 / mse).log10())];
+    (absolute + (across + down) * 0.1, parts)
+}
+
+/// Decoder step: the reconstruction loss, with gradients for the decoder's weights alone.
+#[must_use]
+pub fn decoder(shape: &AeShape, weights: &Weights, batch: &DecoderBatch) -> Step {
+    let ae = TinyAe::bind(shape, weights, Mode::Train);
+    let layouts = (shape.guides > 0).then(|| ae.graph.tensor(&batch.layouts));
+    let frames = ae.decode_tensor(ae.graph.tensor(&batch.latents), layouts, batch.clips, &mut Memory::default());
+    let emphasis = ae.graph.tensor(&batch.emphasis);
+    let (loss, parts) = reconstruction(frames - ae.graph.tensor(&batch.frames), emphasis);
+    let mut step = finish(&ae.graph, &loss, parts);
+    for name in weights.iter().map(|(name, _)| name).filter(|name| name.starts_with("encoder.")) {
+        step.gradient.remove(name);
+    }
+    step
+}

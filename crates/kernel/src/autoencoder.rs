@@ -1,0 +1,283 @@
+//! The tiny autoencoder on padded images: the counterpart of `ds_graph::tiny_ae::TinyAe`, one rollout at a time.
+//!
+//! A memory is the last input frame of a block with its border. Growing steps write each output row as two products,
+//! one per column parity, so that nothing is shuffled afterwards.
+
+use std::sync::Arc;
+
+use ds_nn::array::{Array, Weights, WeightsError, digest_values};
+use ds_nn::body::Autoencoder;
+use ds_nn::tiny_ae::{AeShape, BLOCK_PX, Memory, Remembered};
+use ds_space::DigestWriter;
+use rayon::prelude::*;
+
+use super::Buffer;
+use super::arch::Arch;
+use super::buffer::Pool;
+use super::convolution::Convolution;
+use super::image::Image;
+use super::network::Named;
+use super::panels::Packed;
+use super::product::{Finish, Source, Target, product};
+
+/// The memories of all blocks.
+#[derive(Clone, Default)]
+struct Frames(Vec<Option<Arc<Buffer>>>);
+
+impl Remembered for Frames {
+    fn digest_into(&self, writer: &mut DigestWriter) {
+        for frame in &self.0 {
+            writer.bool(frame.is_some());
+            if let Some(frame) = frame {
+                digest_values(writer, frame);
+            }
+        }
+    }
+
+    fn snapshot(&self) -> Box<dyn Remembered> {
+        Box::new(self.clone())
+    }
+}
+
+struct MemoryBlock {
+    first: Convolution,
+    second: Convolution,
+}
+
+struct Stage {
+    blocks: Vec<MemoryBlock>,
+    /// Per frame, row and column of the grown pixel one matrix.
+    grow: Vec<Packed>,
+}
+
+/// Buffers of one encoding or decoding.
+#[derive(Default)]
+struct Scratch {
+    /// Input, inner and output images of each stage.
+    stages: [[Image; 3]; 3],
+    latent: Image,
+    layouts: Image,
+    skip: Buffer,
+}
+
+/// The autoencoder with packed weights.
+pub struct FastAe {
+    shape: AeShape,
+    arch: Arch,
+    fold: Packed,
+    encoder: Vec<MemoryBlock>,
+    encoder_head: Convolution,
+    encoder_skip: Packed,
+    stem: Convolution,
+    stages: Vec<Stage>,
+    guides: Vec<Convolution>,
+    decoder_head: Convolution,
+    decoder_skip: Packed,
+    scratch: Arc<Pool<Scratch>>,
+}
+
+impl FastAe {
+    /// Packs weights.
+    ///
+    /// # Errors
+    /// If the weights do not fit the shape.
+    pub fn new(shape: &AeShape, weights: &Weights) -> Result<Self, WeightsError> {
+        weights.check(&shape.declare())?;
+        let named = Named(weights);
+        let linear = |name: &str| named.linear(&[name.to_owned()]);
+        let convolution = |name: &str, inputs: &[usize]| {
+            let (weight, bias) = (named.values(&format!("{name}.weight")), named.values(&format!("{name}.bias")));
+            Convolution::new(weight, bias, inputs)
+        };
+        let blocks = |name: &str, count: usize, width: usize| -> Vec<MemoryBlock> {
+            let block = |index: usize| MemoryBlock {
+                first: convolution(&format!("{name}.block.{index}.conv.0"), &[width, width]),
+                second: convolution(&format!("{name}.block.{index}.conv.2"), &[width]),
+            };
+            (0..count).map(block).collect()
+        };
+        let widths = shape.decoder_widths;
+        let stage = |stage: usize| {
+            let name = format!("decoder.stage.{stage}");
+            let grow = || {
+                let (weight, bias) =
+                    (named.values(&format!("{name}.grow.weight")), named.values(&format!("{name}.grow.bias")));
+                let (depth, columns) = (widths[stage], widths[stage + 1]);
+                let parts = weight.chunks_exact(columns * depth).zip(bias.chunks_exact(columns));
+                parts.map(|(weight, bias)| Packed::linear(weight, Some(bias), depth)).collect()
+            };
+            Stage {
+                blocks: blocks(&name, shape.decoder_blocks[stage], widths[stage]),
+                grow: if stage < 2 { grow() } else { Vec::new() },
+            }
+        };
+        Ok(Self {
+            arch: Arch::new(),
+            fold: linear("encoder.fold"),
+            encoder: blocks("encoder", shape.encoder_blocks, shape.encoder_width),
+            encoder_head: convolution("encoder.head", &[shape.encoder_width]),
+            encoder_skip: linear("encoder.skip"),
+            stem: convolution("decoder.stem", &[shape.z]),
+            stages: (0..3).map(stage).collect(),
+            guides: (0..shape.guides)
+                .map(|index| convolution(&format!("decoder.guide.{index}"), &[widths[2], 12]))
+                .collect(),
+            decoder_head: convolution("decoder.head", &[widths[2]]),
+            decoder_skip: linear("decoder.skip"),
+            scratch: Arc::default(),
+            shape: shape.clone(),
+        })
+    }
+
+    /// Runs the blocks of a stage; the result lies in the first image.
+    fn blocks(&self, blocks: &[MemoryBlock], images: &mut [Image; 3], memory: &mut Frames, at: &mut usize) {
+        for block in blocks {
+            let [x, inner, out] = images;
+            if memory.0.len() <= *at {
+                memory.0.resize(*at + 1, None);
+            }
+            let kept = memory.0[*at].get_or_insert_with(|| Arc::new(Buffer::zeros(x.frame(0).len())));
+            inner.reset(x.size());
+            out.reset(x.size());
+            let (input, before): (&Image, &[f32]) = (x, kept);
+            let pair = |frame: usize| [input.frame(frame), if frame == 0 { before } else { input.frame(frame - 1) }];
+            block.first.apply(self.arch, pair, inner, |_, _| Finish::Relu);
+            let inner: &Image = inner;
+            let other = |frame, y| Finish::ReluOfSum(input.row(frame, y));
+            block.second.apply(self.arch, |frame| [inner.frame(frame), &[]], out, other);
+            let last = input.frame(input.frames - 1);
+            match Arc::get_mut(kept) {
+                Some(kept) => kept.copy_from_slice(last),
+                None => *kept = Arc::new(Buffer::of(last)),
+            }
+            images.swap(0, 2);
+            *at += 1;
+        }
+    }
+
+    /// Applies a linear layer to pixels, in parallel.
+    fn pixels(&self, packed: &Packed, x: &[f32], y: &mut [f32]) {
+        const PIXELS: usize = 64;
+        let parts = x.par_chunks(PIXELS * packed.depth).zip(y.par_chunks_mut(PIXELS * packed.columns));
+        parts.for_each(|(x, y)| {
+            let source = Source::rows(x, packed.depth);
+            let rows = x.len() / packed.depth;
+            product(self.arch, rows, &[source], packed, Target::rows(y, packed.columns), Finish::Plain);
+        });
+    }
+
+    /// Grows frames, rows and columns of an image.
+    fn grow(&self, grow: &[Packed], frames: usize, x: &Image, out: &mut Image) {
+        out.reset([x.frames * frames, 2 * x.h, 2 * x.w, grow[0].columns]);
+        let c = out.c;
+        out.each_row(|frame, y, row| {
+            for dx in 0..2 {
+                let packed = &grow[(frame % frames * 2 + y % 2) * 2 + dx];
+                let target = Target { data: row, offset: c * (1 + dx), stride: 2 * c };
+                product(self.arch, x.w, &[x.row(frame / frames, y / 2)], packed, target, Finish::Relu);
+            }
+        });
+    }
+
+    /// Writes frames of 8h×8w pixels: the head's shuffled pixels plus the linear map of the latents.
+    fn paint(&self, x: &Image, skip: &[f32]) -> Array {
+        let (w, inputs, strides) = (x.w, self.shape.inputs(), self.shape.stride_t);
+        let mut frames = Array::zeros(&[x.frames, 2 * x.h, 2 * w, 3]);
+        let (columns, rows) = (2 * w / BLOCK_PX, 2 * x.h / BLOCK_PX);
+        let lines = frames.values_mut().par_chunks_mut(2 * 2 * w * 3).enumerate().with_min_len(2);
+        lines.for_each_init(Vec::new, |shuffled: &mut Vec<f32>, (index, lines)| {
+            let (frame, y) = (index / x.h, index % x.h);
+            shuffled.resize(w * 12, 0.0);
+            let target = Target::rows(shuffled, 12);
+            self.decoder_head.row(self.arch, &[x.frame(frame)], (y, w), target, Finish::Plain);
+            for (dy, line) in lines.chunks_exact_mut(2 * w * 3).enumerate() {
+                let pixel_y = 2 * y + dy;
+                let first = (frame / strides * rows + pixel_y / BLOCK_PX) * columns;
+                let inside = (frame % strides * BLOCK_PX + pixel_y % BLOCK_PX) * BLOCK_PX * 3;
+                for (at, pair) in line.chunks_exact_mut(6).enumerate() {
+                    let skip = &skip[(first + 2 * at / BLOCK_PX) * inputs + inside + 2 * at % BLOCK_PX * 3..][..6];
+                    let head = &shuffled[at * 12 + dy * 6..][..6];
+                    pair.iter_mut().zip(head).zip(skip).for_each(|((to, a), b)| *to = a + b);
+                }
+            }
+        });
+        frames
+    }
+}
+
+impl Autoencoder for FastAe {
+    fn encode(&self, steps: &Array, memory: &mut Memory) -> Array {
+        let [frames, h, w, inputs]: [usize; 4] = steps.shape().try_into().expect("steps have four axes");
+        let mut scratch = self.scratch.take(Scratch::default);
+        let Scratch { stages: [images, ..], skip, .. } = &mut *scratch;
+        let [x, ..] = images;
+        x.reset([frames, h, w, self.fold.columns]);
+        let (c, values) = (x.c, steps.values());
+        x.each_row(|frame, y, row| {
+            let source = Source { data: values, offset: (frame * h + y) * w * inputs, stride: inputs, depth: inputs };
+            let target = Target { data: row, offset: c, stride: c };
+            product(self.arch, w, &[source], &self.fold, target, Finish::Relu);
+        });
+        self.blocks(&self.encoder, images, memory.of(), &mut 0);
+        skip.resize(frames * h * w * self.shape.z);
+        self.pixels(&self.encoder_skip, values, skip);
+        let (x, z) = (&images[0], self.shape.z);
+        let mut latents = Array::new(&[frames, h, w, z], skip.to_vec());
+        latents.values_mut().par_chunks_mut(w * z).enumerate().for_each(|(index, row)| {
+            let image = x.frame(index / h);
+            self.encoder_head.row(self.arch, &[image], (index % h, w), Target::rows(row, z), Finish::Add);
+        });
+        latents
+    }
+
+    fn decode(&self, latents: &Array, layouts: Option<&Array>, memory: &mut Memory) -> Array {
+        let [frames, h, w, z]: [usize; 4] = latents.shape().try_into().expect("latents have four axes");
+        let memory = memory.of::<Frames>();
+        let mut scratch = self.scratch.take(Scratch::default);
+        let Scratch { stages, latent, layouts: guide, skip } = &mut *scratch;
+        skip.resize(frames * h * w * self.shape.inputs());
+        self.pixels(&self.decoder_skip, latents.values(), skip);
+        latent.reset([frames, h, w, z]);
+        latent.fill(latents.values());
+        stages[0][0].reset([frames, h, w, self.stem.outputs()]);
+        let latent: &Image = latent;
+        self.stem.apply(self.arch, |frame| [latent.frame(frame), &[]], &mut stages[0][0], |_, _| Finish::Relu);
+        let mut at = 0;
+        for (index, stage) in self.stages.iter().enumerate() {
+            self.blocks(&stage.blocks, &mut stages[index], memory, &mut at);
+            if let [now, next, ..] = &mut stages[index..]
+                && !stage.grow.is_empty()
+            {
+                self.grow(&stage.grow, self.shape.growth()[index], &now[0], &mut next[0]);
+            }
+        }
+        let [x, _, out] = &mut stages[2];
+        if !self.guides.is_empty() {
+            guide.reset([x.frames, x.h, x.w, 12]);
+            unshuffle(layouts, guide);
+        }
+        for convolution in &self.guides {
+            out.reset(x.size());
+            let (input, guide): (&Image, &Image) = (x, guide);
+            let both = |frame: usize| [input.frame(frame), guide.frame(frame)];
+            convolution.apply(self.arch, both, out, |frame, y| Finish::SumWithRelu(input.row(frame, y)));
+            std::mem::swap(x, out);
+        }
+        self.paint(x, skip)
+    }
+}
+
+/// Folds layouts [frames, 2h, 2w, 3] into twelve channels; none gives zeros.
+fn unshuffle(layouts: Option<&Array>, image: &mut Image) {
+    let (h, w) = (image.h, image.w);
+    image.each_row(|frame, y, row| {
+        let row = &mut row[12..12 * (w + 1)];
+        let Some(layouts) = layouts else { return row.fill(0.0) };
+        for dy in 0..2 {
+            let line = &layouts.values()[(frame * 2 * h + 2 * y + dy) * 2 * w * 3..][..2 * w * 3];
+            for (pixel, pair) in row.chunks_exact_mut(12).zip(line.chunks_exact(6)) {
+                pixel[dy * 6..dy * 6 + 6].copy_from_slice(pair);
+            }
+        }
+    });
+}

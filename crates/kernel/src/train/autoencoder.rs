@@ -1,0 +1,345 @@
+//! The tiny autoencoder forward, with what its backward pass needs kept, and backward.
+//!
+//! Clips lie one after the other in an image's frames; a block's memory of the frame before begins anew with each clip.
+
+use ds_nn::array::Weights;
+use ds_nn::tiny_ae::{AeShape, BLOCK_PX};
+
+use super::convolution::Layer;
+use super::linear::Linear;
+use crate::Buffer;
+use crate::arch::Arch;
+use crate::image::Image;
+use crate::product::Finish;
+
+struct Block {
+    first: Layer,
+    second: Layer,
+}
+
+impl Block {
+    fn all(weights: &Weights, name: &str, count: usize, width: usize) -> Vec<Self> {
+        let block = |index: usize| Self {
+            first: Layer::new(weights, format!("{name}.block.{index}.conv.0"), &[width, width], 2),
+            second: Layer::new(weights, format!("{name}.block.{index}.conv.2"), &[width], 1),
+        };
+        (0..count).map(block).collect()
+    }
+}
+
+/// The images of a run of blocks: what each takes in, what lies inside it, and last what comes out.
+#[derive(Default)]
+struct Chain {
+    images: Vec<Image>,
+    inner: Vec<Image>,
+}
+
+impl Chain {
+    fn last(&self) -> &Image {
+        self.images.last().expect("a chain begins with its input")
+    }
+}
+
+/// What the backward pass of a decoding needs.
+#[derive(Default)]
+pub(super) struct Decoded {
+    latents: Vec<f32>,
+    image: Image,
+    stages: Vec<Chain>,
+    layouts: Image,
+    /// What comes out of each guide.
+    guided: Vec<Image>,
+    /// What each guide adds.
+    added: Vec<Image>,
+    /// Frames [images, 8h, 8w, 3].
+    pub(super) frames: Vec<f32>,
+}
+
+impl Decoded {
+    /// Returns the image that a number of guides have worked on.
+    fn after(&self, guides: usize) -> &Image {
+        if guides == 0 { self.stages[2].last() } else { &self.guided[guides - 1] }
+    }
+}
+
+/// What the backward pass of an encoding needs.
+pub(super) struct Encoded {
+    folded: Vec<f32>,
+    chain: Chain,
+    /// Latents [steps, h, w, z].
+    pub(super) latents: Vec<f32>,
+}
+
+/// The autoencoder's layers with their weights packed.
+pub(super) struct Network<'a> {
+    shape: &'a AeShape,
+    arch: Arch,
+    fold: Linear<'a>,
+    encoder: Vec<Block>,
+    encoder_head: Layer,
+    encoder_skip: Linear<'a>,
+    stem: Layer,
+    stages: Vec<(Vec<Block>, Option<Linear<'a>>)>,
+    guides: Vec<Layer>,
+    head: Layer,
+    skip: Linear<'a>,
+}
+
+/// Images [steps, h, w] of a batch of clips.
+pub(super) type Size = [usize; 3];
+
+impl<'a> Network<'a> {
+    pub(super) fn new(shape: &'a AeShape, weights: &'a Weights) -> Self {
+        let widths = shape.decoder_widths;
+        let stage = |stage: usize| {
+            let name = format!("decoder.stage.{stage}");
+            let blocks = Block::all(weights, &name, shape.decoder_blocks[stage], widths[stage]);
+            (blocks, (stage < 2).then(|| Linear::new(weights, format!("{name}.grow"))))
+        };
+        let guide = |index: usize| Layer::new(weights, format!("decoder.guide.{index}"), &[widths[2], 12], 1);
+        Self {
+            arch: Arch::new(),
+            fold: Linear::new(weights, "encoder.fold"),
+            encoder: Block::all(weights, "encoder", shape.encoder_blocks, shape.encoder_width),
+            encoder_head: Layer::new(weights, "encoder.head", &[shape.encoder_width], 1),
+            encoder_skip: Linear::new(weights, "encoder.skip"),
+            stem: Layer::new(weights, "decoder.stem", &[shape.z], 1),
+            stages: (0..3).map(stage).collect(),
+            guides: (0..shape.guides).map(guide).collect(),
+            head: Layer::new(weights, "decoder.head", &[widths[2]], 1),
+            skip: Linear::new(weights, "decoder.skip"),
+            shape,
+        }
+    }
+
+    /// Encodes space-to-depth frames [steps, h, w, inputs].
+    pub(super) fn encode(&self, folded: &[f32], [steps, h, w]: Size, clips: usize) -> Encoded {
+        let rows = steps * h * w;
+        let mut hidden = vec![0.0; rows * self.fold.outputs()];
+        self.fold.forward(folded, &mut hidden);
+        hidden.iter_mut().for_each(|x| *x = x.max(0.0));
+        let chain = self.blocks(&self.encoder, filled([steps, h, w, self.fold.outputs()], &hidden), clips);
+        let mut head = sized([steps, h, w, self.shape.z]);
+        let x = chain.last();
+        self.encoder_head.forward(self.arch, |frame| [x.frame(frame), &[]], &mut head, |_, _| Finish::Plain);
+        let mut latents = vec![0.0; rows * self.shape.z];
+        self.encoder_skip.forward(folded, &mut latents);
+        head.inside().zip(latents.chunks_exact_mut(w * self.shape.z)).for_each(|(head, latents)| add(latents, head));
+        Encoded { folded: folded.to_vec(), chain, latents }
+    }
+
+    /// Adds the gradients of the encoder's weights, given that of the latents.
+    pub(super) fn encode_back(&self, run: &Encoded, size: Size, clips: usize, d: &[f32], gradient: &mut Weights) {
+        let [steps, h, w] = size;
+        self.encoder_skip.learn(self.arch, d, &run.folded, gradient);
+        let d_head = filled([steps, h, w, self.shape.z], d);
+        let x = run.chain.last();
+        self.encoder_head.learn(self.arch, &d_head, |frame| [x.frame(frame), &[]], gradient);
+        let mut dx = sized(x.size());
+        self.encoder_head.back(self.arch, 0, |frame| d_head.frame(frame), &mut dx, false);
+        self.blocks_back(&self.encoder, &run.chain, &mut dx, clips, gradient);
+        where_positive(&mut dx, &run.chain.images[0]);
+        self.fold.learn(self.arch, &dx.dense(), &run.folded, gradient);
+    }
+
+    /// Decodes latents [steps, h, w, z], with layouts in the shape of the frames if the decoder is guided.
+    pub(super) fn decode(&self, latents: &[f32], layouts: Option<&[f32]>, size: Size, clips: usize) -> Decoded {
+        let [steps, h, w] = size;
+        let mut run = Decoded { latents: latents.to_vec(), ..Decoded::default() };
+        let mut skip = vec![0.0; steps * h * w * self.shape.inputs()];
+        self.skip.forward(latents, &mut skip);
+        run.image = filled([steps, h, w, self.shape.z], latents);
+        let mut x = sized([steps, h, w, self.stem.outputs()]);
+        let image = &run.image;
+        self.stem.forward(self.arch, |frame| [image.frame(frame), &[]], &mut x, |_, _| Finish::Relu);
+        for (stage, (blocks, grow)) in self.stages.iter().enumerate() {
+            let chain = self.blocks(blocks, x, clips);
+            x = Image::default();
+            if let Some(grow) = grow {
+                let out = chain.last();
+                let mut grown = vec![0.0; out.frames * out.h * out.w * grow.outputs()];
+                grow.forward(&out.dense(), &mut grown);
+                grown.iter_mut().for_each(|x| *x = x.max(0.0));
+                x = shuffled(&grown, out, self.shape.growth()[stage]);
+            }
+            run.stages.push(chain);
+        }
+        let [images, height, width, c] = run.after(0).size();
+        if let Some(layouts) = layouts {
+            run.layouts = filled([images, height, width, 12], &unshuffled(layouts, run.after(0), 1));
+        }
+        for (index, guide) in self.guides.iter().enumerate() {
+            let (mut added, mut sum) = (sized([images, height, width, c]), sized([images, height, width, c]));
+            let (x, layouts) = (run.after(index), &run.layouts);
+            let both = |frame: usize| [x.frame(frame), layouts.frame(frame)];
+            guide.forward(self.arch, both, &mut added, |_, _| Finish::Relu);
+            sum.values_mut().copy_from_slice(x.values());
+            add(sum.values_mut(), added.values());
+            run.guided.push(sum);
+            run.added.push(added);
+        }
+        let mut head = sized([images, height, width, 12]);
+        let input = run.after(self.guides.len());
+        self.head.forward(self.arch, |frame| [input.frame(frame), &[]], &mut head, |_, _| Finish::Plain);
+        run.frames = shuffled(&head.dense(), &head, 1).dense().to_vec();
+        unfold(&mut run.frames, &mut skip, size, true);
+        run
+    }
+
+    /// Adds the gradients of the decoder's weights, given that of the frames, and returns that of the latents.
+    pub(super) fn decode_back(
+        &self,
+        run: &Decoded,
+        size: Size,
+        clips: usize,
+        d: &mut [f32],
+        gradient: &mut Weights,
+    ) -> Vec<f32> {
+        let [steps, h, w] = size;
+        let mut d_skip = vec![0.0; steps * h * w * self.shape.inputs()];
+        unfold(d, &mut d_skip, size, false);
+        self.skip.learn(self.arch, &d_skip, &run.latents, gradient);
+        let mut d_latents = vec![0.0; run.latents.len()];
+        self.skip.back(&d_skip, &mut d_latents, false);
+        let last = run.after(self.guides.len());
+        let [images, height, width, _] = last.size();
+        let d_head = filled([images, height, width, 12], &unshuffled(d, last, 1));
+        self.head.learn(self.arch, &d_head, |frame| [last.frame(frame), &[]], gradient);
+        let mut dx = sized(last.size());
+        self.head.back(self.arch, 0, |frame| d_head.frame(frame), &mut dx, false);
+        for (index, guide) in self.guides.iter().enumerate().rev() {
+            let (x, mut dy) = (run.after(index), sized(dx.size()));
+            dy.values_mut().copy_from_slice(dx.values());
+            where_positive(&mut dy, &run.added[index]);
+            guide.learn(self.arch, &dy, |frame| [x.frame(frame), run.layouts.frame(frame)], gradient);
+            guide.back(self.arch, 0, |frame| dy.frame(frame), &mut dx, true);
+        }
+        for (stage, (blocks, grow)) in self.stages.iter().enumerate().rev() {
+            let chain = &run.stages[stage];
+            if let Some(grow) = grow {
+                where_positive(&mut dx, &run.stages[stage + 1].images[0]);
+                let out = chain.last();
+                let dy = unshuffled(&dx.dense(), out, self.shape.growth()[stage]);
+                grow.learn(self.arch, &dy, &out.dense(), gradient);
+                let mut dense = vec![0.0; out.frames * out.h * out.w * out.c];
+                grow.back(&dy, &mut dense, false);
+                dx = filled(out.size(), &dense);
+            }
+            self.blocks_back(blocks, chain, &mut dx, clips, gradient);
+        }
+        where_positive(&mut dx, &run.stages[0].images[0]);
+        let image = &run.image;
+        self.stem.learn(self.arch, &dx, |frame| [image.frame(frame), &[]], gradient);
+        let mut d_image = sized(image.size());
+        self.stem.back(self.arch, 0, |frame| dx.frame(frame), &mut d_image, false);
+        add(&mut d_latents, &d_image.dense());
+        d_latents
+    }
+
+    fn blocks(&self, blocks: &[Block], x: Image, clips: usize) -> Chain {
+        let (per_clip, nothing) = (x.frames / clips, vec![0.0; x.frame(0).len()]);
+        let mut chain = Chain { images: vec![x], inner: Vec::new() };
+        for block in blocks {
+            let x = chain.last();
+            let (mut inner, mut out) = (sized(x.size()), sized(x.size()));
+            let before = |frame: usize| if frame % per_clip == 0 { &nothing[..] } else { x.frame(frame - 1) };
+            let pair = |frame: usize| [x.frame(frame), before(frame)];
+            block.first.forward(self.arch, pair, &mut inner, |_, _| Finish::Relu);
+            let middle = &inner;
+            let other = |frame: usize, y: usize| Finish::ReluOfSum(x.row(frame, y));
+            block.second.forward(self.arch, |frame| [middle.frame(frame), &[]], &mut out, other);
+            chain.inner.push(inner);
+            chain.images.push(out);
+        }
+        chain
+    }
+
+    /// Takes the gradient of a run of blocks from its output to its input.
+    fn blocks_back(&self, blocks: &[Block], chain: &Chain, dx: &mut Image, clips: usize, gradient: &mut Weights) {
+        let (per_clip, nothing) = (dx.frames / clips, vec![0.0; dx.frame(0).len()]);
+        for (index, block) in blocks.iter().enumerate().rev() {
+            let (x, inner) = (&chain.images[index], &chain.inner[index]);
+            where_positive(dx, &chain.images[index + 1]);
+            block.second.learn(self.arch, dx, |frame| [inner.frame(frame), &[]], gradient);
+            let mut d_inner = sized(inner.size());
+            let dy: &Image = dx;
+            block.second.back(self.arch, 0, |frame| dy.frame(frame), &mut d_inner, false);
+            where_positive(&mut d_inner, inner);
+            let before = |frame: usize| if frame % per_clip == 0 { &nothing[..] } else { x.frame(frame - 1) };
+            block.first.learn(self.arch, &d_inner, |frame| [x.frame(frame), before(frame)], gradient);
+            let d_inner = &d_inner;
+            block.first.back(self.arch, 0, |frame| d_inner.frame(frame), dx, true);
+            let later =
+                |frame: usize| if (frame + 1) % per_clip == 0 { &nothing[..] } else { d_inner.frame(frame + 1) };
+            block.first.back(self.arch, 1, later, dx, true);
+        }
+    }
+}
+
+fn sized(size: [usize; 4]) -> Image {
+    let mut image = Image::default();
+    image.reset(size);
+    image
+}
+
+fn filled(size: [usize; 4], values: &[f32]) -> Image {
+    let mut image = sized(size);
+    image.fill(values);
+    image
+}
+
+fn add(to: &mut [f32], values: &[f32]) {
+    to.iter_mut().zip(values).for_each(|(to, value)| *to += value);
+}
+
+/// The backward pass of relu, from its output.
+fn where_positive(d: &mut Image, out: &Image) {
+    d.values_mut().iter_mut().zip(out.values()).for_each(|(d, out)| *d = if *out > 0.0 { *d } else { 0.0 });
+}
+
+/// Unfolds channels (frame, row, column, channel) of pixels of `small`'s size into an image twice as large.
+fn shuffled(values: &[f32], small: &Image, frames: usize) -> Image {
+    let (h, w) = (small.h, small.w);
+    let c = values.len() / (small.frames * h * w * frames * 4);
+    let mut out = sized([small.frames * frames, 2 * h, 2 * w, c]);
+    out.each_row(|frame, y, row| {
+        let line = &values[(frame / frames * h + y / 2) * w * frames * 4 * c..];
+        let part = (frame % frames * 2 + y % 2) * 2 * c;
+        for (to, from) in row[c..].chunks_exact_mut(2 * c).zip(line.chunks_exact(frames * 4 * c)).take(w) {
+            to.copy_from_slice(&from[part..part + 2 * c]);
+        }
+    });
+    out
+}
+
+/// Folds values [frames, 2h, 2w, c] into the pixels of `small`'s size: the inverse of [`shuffled`].
+fn unshuffled(values: &[f32], small: &Image, frames: usize) -> Buffer {
+    let (h, w) = (small.h, small.w);
+    let c = values.len() / (small.frames * h * w * frames * 4);
+    let mut out = Buffer::zeros(values.len());
+    for (index, line) in values.chunks_exact(2 * w * c).enumerate() {
+        let (frame, y) = (index / (2 * h), index % (2 * h));
+        let at = (frame / frames * h + y / 2) * w * frames * 4 * c;
+        let part = (frame % frames * 2 + y % 2) * 2 * c;
+        for (to, from) in out[at..].chunks_exact_mut(frames * 4 * c).zip(line.chunks_exact(2 * c)) {
+            to[part..part + 2 * c].copy_from_slice(from);
+        }
+    }
+    out
+}
+
+/// Adds blocks (frame, row, column, colour) of latent pixels to frames, or copies frames into blocks.
+fn unfold(frames: &mut [f32], blocks: &mut [f32], [steps, h, w]: Size, add_blocks: bool) {
+    const RUN: usize = BLOCK_PX * 3;
+    let stride = blocks.len() / (steps * h * w * BLOCK_PX * RUN);
+    for (index, line) in frames.chunks_exact_mut(w * RUN).enumerate() {
+        let (frame, y) = (index / (h * BLOCK_PX), index % (h * BLOCK_PX));
+        let first = (frame / stride * h + y / BLOCK_PX) * w * stride * BLOCK_PX * RUN;
+        let part = (frame % stride * BLOCK_PX + y % BLOCK_PX) * RUN;
+        let pixels = blocks[first..].chunks_exact_mut(stride * BLOCK_PX * RUN);
+        for (line, block) in line.chunks_exact_mut(RUN).zip(pixels) {
+            let block = &mut block[part..part + RUN];
+            if add_blocks { add(line, block) } else { block.copy_from_slice(line) }
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! Steps of the autoencoder and of the guided decoder: equal to `ds_graph::step::autoencoder` and
+//! `ds_graph::step::decoder`.
+
+use ds_nn::array::{Array, Weights};
+use ds_nn::step::{AeBatch, DecoderBatch, Step};
+use ds_nn::tiny_ae::AeShape;
+
+use super::autoencoder::Network;
+
+/// How much the error of the image gradients counts beside that of the values.
+const GRADIENTS: f64 = 0.1;
+
+/// Computes a reconstruction step.
+#[must_use]
+#[expect(clippy::cast_possible_truncation, reason = "sums are taken in double precision")]
+pub fn autoencoder(shape: &AeShape, weights: &Weights, batch: &AeBatch) -> Step {
+    let (network, mut gradient) = (Network::new(shape, weights), weights.zeros_like());
+    let [steps, h, w, _]: [usize; 4] = batch.folded.shape().try_into().expect("folded frames have four axes");
+    let size = [steps, h, w];
+    let encoded = network.encode(batch.folded.values(), size, batch.clips);
+    let count = encoded.latents.len() as f64;
+    let square = encoded.latents.iter().map(|z| f64::from(*z).powi(2)).sum::<f64>() / count;
+    let rms = square.sqrt() as f32;
+    let noisy: Vec<f32> = encoded.latents.iter().zip(batch.noise.values()).map(|(z, noise)| z + noise * rms).collect();
+    // A guided decoder is not guided here, as in the framework's step.
+    let none = (shape.guides > 0).then(|| vec![0.0; batch.frames.values().len()]);
+    let mut decoded = network.decode(&noisy, none.as_deref(), size, batch.clips);
+    let mut frames = std::mem::take(&mut decoded.frames);
+    let (loss, mut parts) = reconstruction(&mut frames, &batch.frames, &batch.emphasis);
+    let mut d = network.decode_back(&decoded, size, batch.clips, &mut frames, &mut gradient);
+    let penalty = 2.0 * batch.latent_penalty / count as f32;
+    d.iter_mut().zip(&encoded.latents).for_each(|(d, z)| *d += penalty * z);
+    network.encode_back(&encoded, size, batch.clips, &d, &mut gradient);
+    parts.push(("z2", square as f32));
+    Step { loss: loss + square as f32 * batch.latent_penalty, parts, gradient }
+}
+
+/// Computes a decoder step: gradients for the decoder's weights alone.
+#[must_use]
+pub fn decoder(shape: &AeShape, weights: &Weights, batch: &DecoderBatch) -> Step {
+    let (network, mut gradient) = (Network::new(shape, weights), weights.zeros_like());
+    let [steps, h, w, _]: [usize; 4] = batch.latents.shape().try_into().expect("latents have four axes");
+    let (size, layouts) = ([steps, h, w], (shape.guides > 0).then(|| batch.layouts.values()));
+    let mut decoded = network.decode(batch.latents.values(), layouts, size, batch.clips);
+    let mut frames = std::mem::take(&mut decoded.frames);
+    let (loss, parts) = reconstruction(&mut frames, &batch.frames, &batch.emphasis);
+    network.decode_back(&decoded, size, batch.clips, &mut frames, &mut gradient);
+    for name in weights.iter().map(|(name, _)| name).filter(|name| name.starts_with("encoder.")) {
+        gradient.remove(name);
+    }
+    Step { loss, parts, gradient }
+}
+
+/// Turns frames into the gradient of the reconstruction loss, and returns the loss with its parts.
+#[expect(clippy::cast_possible_truncation, reason = "sums are taken in double precision")]
+fn reconstruction(frames: &mut [f32], target: &Array, emphasis: &Array) -> (f32, Vec<(&'static str, f32)>) {
+    let [images, h, w, c]: [usize; 4] = target.shape().try_into().expect("frames have four axes");
+    let error: Vec<f32> = frames.iter().zip(target.values()).map(|(found, wanted)| found - wanted).collect();
+    let weight = emphasis.values();
+    // The pixel a difference is taken to, counted back, and the first column and row that have one.
+    let terms = [(0, 0, 0, 1.0), (1, 1, 0, GRADIENTS), (w, 0, 1, GRADIENTS)];
+    let mut losses = [0.0; 3];
+    frames.fill(0.0);
+    for ((back, left, top, share), loss) in terms.into_iter().zip(&mut losses) {
+        let pixels = || (0..images * h * w).filter(|at| at % w >= left && at / w % h >= top);
+        let total = c as f64 * pixels().map(|at| f64::from(weight[at])).sum::<f64>();
+        let mut sum = 0.0;
+        for at in pixels() {
+            let slope = (share * f64::from(weight[at]) / total) as f32;
+            for channel in at * c..at * c + c {
+                let other = if back == 0 { 0.0 } else { error[channel - back * c] };
+                let difference = error[channel] - other;
+                sum += f64::from(difference.abs()) * f64::from(weight[at]);
+                let slope = if difference == 0.0 { 0.0 } else { slope.copysign(difference) };
+                frames[channel] += slope;
+                if back > 0 {
+                    frames[channel - back * c] -= slope;
+                }
+            }
+        }
+        *loss = share * sum / total;
+    }
+    let mse = error.iter().map(|error| f64::from(*error).powi(2)).sum::<f64>() / error.len() as f64;
+    // The peak-to-peak range is 2.
+    let parts = vec![("l1", losses[0] as f32), ("psnr_db", (10.0 * (4.0 / mse).log10()) as f32)];
+    (losses.iter().sum::<f64>() as f32, parts)
+}

@@ -1,0 +1,65 @@
+//! Floating-point operations of the networks, counted as two per multiply-add of products, attention and
+//! convolutions; padding, norms and activations are not counted.
+
+use crate::dit::{CLIP_STATES, DitShape};
+use crate::tiny_ae::AeShape;
+
+/// Counts denoising a chunk of `frames` frames against `cached` frames, without the control latent.
+#[must_use]
+pub fn denoise(shape: &DitShape, frames: usize, cached: usize) -> f64 {
+    let (d, rows) = (shape.dim as f64, (frames * shape.tokens()) as f64);
+    let keys = ((frames + cached) * shape.tokens()) as f64;
+    let image = if shape.image_context { shape.tokens() } else { 0 };
+    let states = if shape.clip_dim > 0 { CLIP_STATES } else { 0 };
+    let context = (shape.text_len + image + states) as f64;
+    let mut total = 2.0 * rows * 4.0 * d * (shape.in_dim() + shape.latent_channels) as f64;
+    for layer in 0..shape.layers {
+        total += 2.0 * rows * (4.0 * d * d + 2.0 * d * shape.ffn as f64) + 4.0 * rows * keys * d;
+        if shape.crosses(layer) {
+            total += 2.0 * rows * 2.0 * d * d + 4.0 * rows * context * d;
+        }
+    }
+    total
+}
+
+/// Counts a training step over a sequence of `rows` rows, `layout_frames` of whose frames have layouts of their own, and
+/// that attends to `pairs` pairs of query and key rows: forward once, and twice that backward.
+#[must_use]
+pub fn train(shape: &DitShape, [rows, layout_frames, pairs]: [usize; 3]) -> f64 {
+    let tokens = shape.tokens();
+    let dense = denoise(shape, 1, 0) - 4.0 * (tokens * tokens * shape.dim * shape.layers) as f64;
+    let attention = 4.0 * (pairs * shape.dim * shape.layers) as f64;
+    3.0 * (dense * rows as f64 / tokens as f64 + attention + control(shape, layout_frames))
+}
+
+/// Counts the control latent of `frames` frames.
+#[must_use]
+pub fn control(shape: &DitShape, frames: usize) -> f64 {
+    2.0 * (frames * shape.tokens() * 4 * shape.control_inputs * shape.control_channels) as f64
+}
+
+/// Counts encoding `steps` latent frames of `h`×`w` pixels.
+#[must_use]
+pub fn encode(shape: &AeShape, steps: usize, h: usize, w: usize) -> f64 {
+    let (width, inputs) = (shape.encoder_width, shape.inputs());
+    let blocks = shape.encoder_blocks * 9 * 3 * width * width;
+    2.0 * (steps * h * w * (inputs * (width + shape.z) + blocks + 9 * width * shape.z)) as f64
+}
+
+/// Counts decoding `steps` latent frames of `h`×`w` pixels.
+#[must_use]
+pub fn decode(shape: &AeShape, steps: usize, h: usize, w: usize) -> f64 {
+    let [growth, last] = shape.growth();
+    let frames = [1, growth, growth * last];
+    let (widths, mut total) = (shape.decoder_widths, 9 * shape.z * shape.decoder_widths[0] + shape.z * shape.inputs());
+    for stage in 0..3 {
+        let pixels = frames[stage] << (2 * stage);
+        total += pixels * shape.decoder_blocks[stage] * 9 * 3 * widths[stage] * widths[stage];
+        if stage < 2 {
+            total += pixels * widths[stage] * shape.growth()[stage] * 4 * widths[stage + 1];
+        }
+    }
+    let guide = shape.guides * (widths[2] + 12) * widths[2];
+    total += (frames[2] << 4) * 9 * (guide + widths[2] * 12);
+    2.0 * (steps * h * w * total) as f64
+}
