@@ -15,8 +15,6 @@ use ds_video::ModelConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::error::TrainError;
-use crate::guidance::Guidance;
-use crate::sets::{ClipRef, Sets};
 
 /// A training recipe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -346,11 +344,6 @@ impl TrainConfig {
     pub(crate) fn initial(&self, prefix: &str) -> Result<Weights, TrainError> {
         let Some(path) = &self.initial else { return Ok(Weights::default()) };
         Ok(WeightsFile::read(&self.base.join(path))?.weights.part(prefix))
-    }
-
-    /// Returns the guidance of a clip by a weight.
-    pub(crate) fn guidance(&self, weight: f32, sets: &Sets, at: ClipRef) -> Guidance {
-        Guidance { weight, keep_look: self.keep_look && sets.edited(at) }
     }
 
     /// Says whether any stage is guided.

@@ -108,7 +108,7 @@ impl Trainer<'_> {
         let draws = Draws::new(&self.seed, purpose, &[u64::from(step), clip]);
         let key = DigestWriter::new().digest(&self.seed).text(purpose).u32(step).u64(clip).finish();
         let at = self.sets.draw(&draws)?;
-        let guidance = self.config.guidance(self.recipe.guidance, &self.sets, at);
+        let guidance = self.sets.guidance(self.config, self.recipe.guidance, at);
         let count = self.recipe.rollout.min(self.sets.latents(at));
         let clip = self.sets.batch(at, Span { from: 0, count })?;
         let exit = self.exit(step);

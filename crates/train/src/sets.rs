@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use ds_clips::ClipSet;
+use ds_clips::{Clip, ClipSet};
 use ds_nn::body::Autoencoder;
 use ds_nn::step::ClipBatch;
 use ds_nn::tiny_ae::AeShape;
@@ -18,6 +18,7 @@ use crate::condition::{Condition, latent_steps};
 use crate::config::TrainConfig;
 use crate::error::TrainError;
 use crate::frames::pick;
+use crate::guidance::Guidance;
 use crate::{Progress, autoencoder, emphasis};
 
 /// The autoencoder as its stage left it, with the statistics of its latents.
@@ -132,6 +133,16 @@ impl Sets {
         self.sets[at.set].clips.info(at.clip).frames == 1
     }
 
+    /// Returns the guidance of a clip by a weight.
+    pub(crate) fn guidance(&self, config: &TrainConfig, weight: f32, at: ClipRef) -> Guidance {
+        Guidance { weight, keep_look: config.keep_look && self.edited(at) }
+    }
+
+    /// Reads the pictures of a clip's first latent frames.
+    pub(crate) fn pictures(&self, at: ClipRef, latents: usize) -> Result<Clip, TrainError> {
+        Ok(self.sets[at.set].clips.read(at.clip, 0, 1 + (latents - 1) * self.model.vae.stride_t)?)
+    }
+
     /// Values of a latent frame.
     pub(crate) fn frame(&self) -> usize {
         self.model.dit().tokens() * 4 * self.model.vae.z
@@ -153,7 +164,7 @@ impl Sets {
         let stride = self.model.vae.stride_t;
         let first = if span.from == 0 { 0 } else { 1 + (span.from - 1) * stride };
         let end = 1 + (span.from + span.count - 1) * stride;
-        let clip = set.clips.read(at.clip, first, end - first)?;
+        let clip = set.clips.layouts(at.clip, first, end - first)?;
         let steps = if span.from == 0 {
             latent_steps(&clip.layouts, stride)
         } else {

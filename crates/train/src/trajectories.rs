@@ -112,7 +112,7 @@ fn record(
     let every = recipe.steps / teacher.model.sampler.steps;
     let mut values = Vec::new();
     let end =
-        teacher.sample(&batch, &noise, recipe.steps, config.guidance(recipe.guidance, sets, at), &mut |step, state| {
+        teacher.sample(&batch, &noise, recipe.steps, sets.guidance(config, recipe.guidance, at), &mut |step, state| {
             if step % every == 0 {
                 values.extend_from_slice(state.values());
             }
