@@ -45,7 +45,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     let team = config.backend.team();
     while run.unfinished() {
         let (weights, at) = (run.weights(), run.step);
-        let step = mean_step(&team, stage.clips, |clip| {
+        let step = mean_step(&team, stage, |clip| {
             let batch = self::batch(config, stage, &frames, &shape, (&seed, at, clip))?;
             Ok(config.backend.reconstruction(&shape, weights, &batch))
         })?;

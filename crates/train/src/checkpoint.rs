@@ -154,7 +154,7 @@ impl Run {
     /// # Errors
     /// As [`Self::iterate`].
     pub fn apply(&mut self, step: Step, progress: &mut dyn Progress) -> Result<bool, TrainError> {
-        let rate = self.stage.schedule().rate(self.step);
+        let rate = self.stage.rate(self.step);
         self.iterate(vec![Update { member: 0, step, rate }], progress)
     }
 

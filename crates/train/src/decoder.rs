@@ -46,7 +46,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
         let team = config.backend.team();
         while run.unfinished() {
             let (weights, at) = (run.weights(), run.step);
-            let step = mean_step(&team, recipe.stage.clips, |clip| {
+            let step = mean_step(&team, &recipe.stage, |clip| {
                 Ok(config.backend.decoding(&model.ae(), weights, &source.batch(&seed, at, clip)?))
             })?;
             if !run.apply(step, progress)? {

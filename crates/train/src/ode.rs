@@ -43,7 +43,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
         let team = config.backend.team();
         while run.unfinished() {
             let (weights, at) = (run.weights(), run.step);
-            let step = mean_step(&team, recipe.stage.clips, |clip| {
+            let step = mean_step(&team, &recipe.stage, |clip| {
                 source.step(&model, &shape, weights, &Draws::new(&seed, "batch", &[u64::from(at), clip]), &seed)
             })?;
             if !run.apply(step, progress)? {

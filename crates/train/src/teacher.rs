@@ -79,7 +79,7 @@ impl Trainer<'_> {
         let shape = &shape;
         while run.unfinished() {
             let (weights, at) = (run.weights(), run.step);
-            let step = mean_step(&team, self.stage.clips, |clip| {
+            let step = mean_step(&team, self.stage, |clip| {
                 let (batch, plan) = self.clip(&sets, at, clip)?;
                 Ok(self.config.backend.bidirectional(shape, weights, &batch, &plan))
             })?;
