@@ -56,6 +56,19 @@ impl Encoder {
         }
         values.chunks_exact(h * w * self.shape.z).flat_map(|frame| pixels::to_tokens(frame, h, w)).collect()
     }
+
+    /// Decodes the latents of a whole drive, as [`Self::encode`] gives them.
+    pub(crate) fn decode(&self, latents: &[f32], (h, w): (usize, usize)) -> Vec<RgbImage> {
+        let z = self.shape.z;
+        let frames = latents.chunks_exact(h * w * z);
+        let mut values: Vec<f32> = frames.flat_map(|frame| pixels::from_tokens(frame, h, w)).collect();
+        for pixel in values.chunks_exact_mut(z) {
+            let statistics = self.mean.iter().zip(&self.std);
+            pixel.iter_mut().zip(statistics).for_each(|(value, (mean, std))| *value = *value * std + mean);
+        }
+        let latents = Array::new(&[values.len() / (h * w * z), h, w, z], values);
+        autoencoder::decode(self.ae.as_ref(), &self.shape, &latents)
+    }
 }
 
 /// Returns the sizes of the autoencoder without the decoder's guidance, as its own stage trains it.
