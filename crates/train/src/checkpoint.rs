@@ -14,7 +14,7 @@ use ds_space::Digest;
 
 use crate::config::StageConfig;
 use crate::error::TrainError;
-use crate::{Progress, Report};
+use crate::{Progress, Report, nested};
 
 /// One network of a run.
 #[derive(Debug)]
@@ -61,6 +61,14 @@ impl Member {
         let adam = &self.adam;
         [("weights", &self.weights), ("average", &self.average), ("first", &adam.first), ("second", &adam.second)]
     }
+    /// Takes the weights of the same or of a smaller configuration over ([`crate::nested`]).
+    #[must_use]
+    pub fn grown_from(mut self, weights: &Weights) -> Self {
+        nested::copy(&mut self.weights, weights);
+        self.average = self.weights.clone();
+        self
+    }
+
 
     fn resume(&mut self, file: &WeightsFile, path: &Path) -> Result<(), TrainError> {
         let settings = self.adam.settings();

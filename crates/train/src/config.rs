@@ -31,7 +31,7 @@ pub struct TrainConfig {
     pub parent: Option<PathBuf>,
     /// Keys all draws.
     pub seed: u64,
-    /// Weights of a whole model that the stages start from where names and shapes agree, relative to this file.
+    /// Weights of a whole model of this preset or of a smaller one, within which the stages begin; relative to this file.
     #[serde(default)]
     pub initial: Option<PathBuf>,
     /// What the cache keeps, in place of the preset's `causal.cache_source`.

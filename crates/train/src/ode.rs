@@ -32,11 +32,11 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     let shape = model.dit();
     let seed = DigestWriter::new().text("ode").u64(config.seed).finish();
     let mut member = Member::new("model", &shape.declare(), recipe.stage.optimiser(), &seed);
-    member = member.starting_from(&if recipe.from_teacher {
-        config.weights_of("teacher")?
+    member = if recipe.from_teacher {
+        member.starting_from(&config.weights_of("teacher")?)
     } else {
-        config.initial("dit.")?
-    });
+        member.grown_from(&config.initial("dit.")?)
+    };
     let mut run = Run::open(&config.folder, "ode", &recipe.stage, vec![member])?;
     if run.unfinished() {
         let source = Source::open(config, progress)?;

@@ -30,7 +30,7 @@ pub fn prior(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report
     let model = config.model()?;
     let seed = DigestWriter::new().text("prior").u64(config.seed).finish();
     let member = Member::new("model", &model.dit().declare(), stage.optimiser(), &seed);
-    let member = member.starting_from(&config.initial("dit.")?);
+    let member = member.grown_from(&config.initial("dit.")?);
     Trainer { config, model, stage, seed, teacher: None }.run("prior", member, progress)
 }
 
