@@ -41,7 +41,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     let seed = DigestWriter::new().text(NAME).u64(config.seed).finish();
     let initial = config.initial("vae.")?;
     let member = Member::new("model", &shape.declare(), stage.optimiser(), &seed).grown_from(&initial);
-    let mut run = Run::open(&config.folder, NAME, stage, vec![member])?;
+    let mut run = Run::open(config, NAME, stage, vec![member])?;
     let team = config.backend.team();
     while run.unfinished() {
         let (weights, at) = (run.weights(), run.step);

@@ -37,7 +37,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     } else {
         member.grown_from(&config.initial("dit.")?)
     };
-    let mut run = Run::open(&config.folder, "ode", &recipe.stage, vec![member])?;
+    let mut run = Run::open(config, "ode", &recipe.stage, vec![member])?;
     if run.unfinished() {
         let source = Source::open(config, progress)?;
         let team = config.backend.team();

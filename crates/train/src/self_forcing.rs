@@ -44,7 +44,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
         Member::new(name, &shape.declare(), recipe.stage.optimiser(), &seed).starting_from(start)
     };
     let members = vec![member("generator", &student), member("critic", &teacher)];
-    let mut run = Run::open(&config.folder, "self_forcing", &recipe.stage, members)?;
+    let mut run = Run::open(config, "self_forcing", &recipe.stage, members)?;
     if run.unfinished() {
         let regression = if recipe.regression > 0.0 { Some(Source::open(config, progress)?) } else { None };
         let sets = Sets::open(config, &recipe.stage.sets, progress)?;

@@ -69,7 +69,7 @@ struct Source {
 
 impl Trainer<'_> {
     fn run(&self, name: &'static str, member: Member, progress: &mut dyn Progress) -> Result<Report, TrainError> {
-        let mut run = Run::open(&self.config.folder, name, self.stage, vec![member])?;
+        let mut run = Run::open(self.config, name, self.stage, vec![member])?;
         let replay = self.teacher.map(|teacher| &teacher.replay).filter(|replay| !replay.is_empty());
         let sets = Source {
             own: Sets::open(self.config, &self.stage.sets, progress)?,
