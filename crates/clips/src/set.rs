@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::clip::Clip;
 use crate::error::ClipsError;
 use crate::index::{ClipInfo, INDEX_FILE, Index};
-use crate::shard::{self, Entry, Wanted};
+use crate::shard::{self, Entry, Kinds, Wanted};
 
 /// A finished set of clips.
 #[derive(Debug, Clone)]
@@ -81,6 +81,18 @@ impl ClipSet {
     /// # Errors
     /// If there is no such clip or tick, or the shard is broken.
     pub fn read(&self, clip: usize, from: usize, count: usize) -> Result<Clip, ClipsError> {
+        self.pictures(clip, (from, count), Kinds::All)
+    }
+
+    /// Reads a clip as [`ClipSet::read`] does, with layouts and prompt alone: frames and classes stay empty.
+    ///
+    /// # Errors
+    /// As [`ClipSet::read`].
+    pub fn layouts(&self, clip: usize, from: usize, count: usize) -> Result<Clip, ClipsError> {
+        self.pictures(clip, (from, count), Kinds::Layouts)
+    }
+
+    fn pictures(&self, clip: usize, (from, count): (usize, usize), kinds: Kinds) -> Result<Clip, ClipsError> {
         let entry =
             self.entries.get(clip).ok_or(ClipsError::Beyond { what: "clip", asked: clip, count: self.len() })?;
         let ticks = entry.info.ticks;
@@ -89,7 +101,7 @@ impl ClipSet {
         }
         let (width_px, height_px) = self.size();
         let path = shard::path(&self.folder, clip / self.index.shard_clips);
-        entry.read(&path, &Wanted { width_px, height_px, from, count })
+        entry.read(&path, &Wanted { kinds, width_px, height_px, from, count })
     }
 
     /// Reads a whole clip.

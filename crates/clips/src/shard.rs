@@ -140,8 +140,16 @@ pub(crate) fn table(path: &Path) -> Result<Table, ClipsError> {
     serde_json::from_slice(&table).map_err(|error| ClipsError::broken(path, error))
 }
 
+/// Which pictures of a tick are wanted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kinds {
+    All,
+    Layouts,
+}
+
 /// The wanted pictures of a clip.
 pub(crate) struct Wanted {
+    pub(crate) kinds: Kinds,
     pub(crate) width_px: u32,
     pub(crate) height_px: u32,
     pub(crate) from: usize,
@@ -149,7 +157,7 @@ pub(crate) struct Wanted {
 }
 
 impl Entry {
-    /// Reads frames, layouts and class maps of some ticks; of frames those that exist.
+    /// Reads frames, layouts and class maps of some ticks, of frames those that exist; or the layouts alone.
     pub(crate) fn read(&self, path: &Path, wanted: &Wanted) -> Result<Clip, ClipsError> {
         let io = || ClipsError::io("shard", path);
         let mut file = File::open(path).map_err(io())?;
@@ -172,9 +180,13 @@ impl Entry {
             }
             Ok(pictures)
         };
-        let frames = part(&[], &self.frames, 3 * pixels)?;
         let layouts = part(&[&self.frames], &self.layouts, 3 * pixels)?;
-        let classes = part(&[&self.frames, &self.layouts], &self.classes, pixels)?;
+        let (frames, classes) = match wanted.kinds {
+            Kinds::All => {
+                (part(&[], &self.frames, 3 * pixels)?, part(&[&self.frames, &self.layouts], &self.classes, pixels)?)
+            }
+            Kinds::Layouts => (Vec::new(), Vec::new()),
+        };
         let image = |rows: Vec<u8>| {
             RgbImage::new(wanted.width_px, wanted.height_px, rows).map_err(|error| ClipsError::broken(path, error))
         };

@@ -100,6 +100,8 @@ fn clips_are_read_by_spans_and_follow_from_what_is_told_of_them() {
             prompt: whole.prompt.clone(),
         };
         assert!(span == expected, "clip {clip}: a span is not a part of the whole");
+        let layouts = set.layouts(clip, 2, 2).expect("reads");
+        assert!(layouts == Clip { frames: Vec::new(), classes: Vec::new(), ..expected }, "clip {clip}: layouts alone");
         let info = set.info(clip);
         let family = info.family.parse().expect("a family");
         let key = ScenarioKey::Generated { family, seed: info.seed.expect("generated") };

@@ -40,12 +40,12 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     let frames = Frames::open(config, &stage.sets)?;
     let seed = DigestWriter::new().text(NAME).u64(config.seed).finish();
     let initial = config.initial("vae.")?;
-    let member = Member::new("model", &shape.declare(), stage.optimiser(), &seed).starting_from(&initial);
-    let mut run = Run::open(&config.folder, NAME, stage, vec![member])?;
+    let member = Member::new("model", &shape.declare(), stage.optimiser(), &seed).grown_from(&initial);
+    let mut run = Run::open(config, NAME, stage, vec![member])?;
     let team = config.backend.team();
     while run.unfinished() {
         let (weights, at) = (run.weights(), run.step);
-        let step = mean_step(&team, stage.clips, |clip| {
+        let step = mean_step(&team, stage, |clip| {
             let batch = self::batch(config, stage, &frames, &shape, (&seed, at, clip))?;
             Ok(config.backend.reconstruction(&shape, weights, &batch))
         })?;

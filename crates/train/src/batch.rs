@@ -4,16 +4,43 @@ use ds_nn::step::Step;
 use ds_nn::team::Team;
 use ds_raster::RgbImage;
 
+use crate::config::StageConfig;
 use crate::error::TrainError;
 
-/// Computes the step of a batch, each clip by a worker of its own.
+/// Computes the step of an update: the mean over `accumulate` micro-batches of `clips` clips, each clip by a worker of
+/// its own and counted on from micro-batch to micro-batch. The sum is taken clip by clip, so that two micro-batches give
+/// the bits of one batch of twice as many clips; no more than the gradients of one micro-batch and their sum are held.
 pub(crate) fn mean_step(
     team: &Team,
-    clips: usize,
+    stage: &StageConfig,
     step: impl Fn(u64) -> Result<Step, TrainError> + Sync,
 ) -> Result<Step, TrainError> {
-    let steps: Result<Vec<_>, _> = team.run(clips, |clip| step(clip as u64)).into_iter().collect();
-    steps.map(Step::mean)
+    let mut sum: Option<Step> = None;
+    for part in 0..stage.accumulate {
+        for made in team.run(stage.clips, |clip| step((part * stage.clips + clip) as u64)) {
+            let made = made?;
+            match &mut sum {
+                None => sum = Some(made),
+                Some(sum) => {
+                    sum.parts.iter_mut().zip(&made.parts).for_each(|((_, sum), (_, value))| *sum += value);
+                    add(sum, &made);
+                }
+            }
+        }
+    }
+    let mut sum = sum.expect("an update has at least one clip");
+    #[expect(clippy::cast_precision_loss, reason = "a batch has few clips")]
+    let share = 1.0 / stage.batch() as f32;
+    sum.parts.iter_mut().for_each(|(_, value)| *value *= share);
+    Ok(sum.scaled(share))
+}
+
+/// Adds loss and gradient of another step; the parts of the loss stay.
+pub(crate) fn add(sum: &mut Step, step: &Step) {
+    sum.loss += step.loss;
+    for ((_, sum), (_, array)) in sum.gradient.iter_mut().zip(step.gradient.iter()) {
+        sum.values_mut().iter_mut().zip(array.values()).for_each(|(sum, value)| *sum += value);
+    }
 }
 
 /// Returns the peak signal-to-noise ratio over all frames, in decibels.

@@ -12,9 +12,13 @@ use ds_nn::step::Step;
 use ds_nn::{Declared, Weights};
 use ds_space::Digest;
 
-use crate::config::StageConfig;
+use crate::config::{StageConfig, TrainConfig};
 use crate::error::TrainError;
-use crate::{Progress, Report};
+use crate::lineage::Lineage;
+use crate::{Progress, Report, nested};
+
+/// Where a checkpoint tells its recipe; one that does not is taken as it is.
+const RECIPE: &str = "recipe";
 
 /// One network of a run.
 #[derive(Debug)]
@@ -53,6 +57,14 @@ impl Member {
                 *array = other.clone();
             }
         }
+        self.average = self.weights.clone();
+        self
+    }
+
+    /// Takes the weights of the same or of a smaller configuration over ([`crate::nested`]).
+    #[must_use]
+    pub fn grown_from(mut self, weights: &Weights) -> Self {
+        nested::copy(&mut self.weights, weights);
         self.average = self.weights.clone();
         self
     }
@@ -101,6 +113,7 @@ pub struct Run {
     folder: PathBuf,
     name: &'static str,
     stage: StageConfig,
+    lineage: Lineage,
     /// The networks.
     pub members: Vec<Member>,
     /// Steps made, of earlier runs too.
@@ -112,20 +125,24 @@ impl Run {
     /// Continues from the stage's checkpoint, or begins with the members as they are.
     ///
     /// # Errors
-    /// If a checkpoint exists and does not fit.
+    /// If a checkpoint exists and does not fit, or was made by a recipe that differs in what the stage depends on.
     pub fn open(
-        folder: &Path,
+        config: &TrainConfig,
         name: &'static str,
         stage: &StageConfig,
         members: Vec<Member>,
     ) -> Result<Self, TrainError> {
-        std::fs::create_dir_all(folder).map_err(TrainError::io("work folder", folder))?;
-        let folder = folder.to_path_buf();
-        let mut run = Self { folder, name, stage: stage.clone(), members, step: 0, recent: f32::NAN };
+        let folder = config.folder.clone();
+        std::fs::create_dir_all(&folder).map_err(TrainError::io("work folder", &folder))?;
+        let lineage = Lineage::of(config, name)?;
+        let mut run = Self { folder, name, stage: stage.clone(), lineage, members, step: 0, recent: f32::NAN };
         let path = run.path();
         if path.exists() {
             let file = WeightsFile::read(&path)?;
             run.step = counter(&file, "step", &path)?;
+            if let Some(made_by) = file.metadata.get(RECIPE) {
+                run.lineage.check(made_by, stage, run.step, &path.display().to_string())?;
+            }
             for member in &mut run.members {
                 member.resume(&file, &path)?;
             }
@@ -154,7 +171,7 @@ impl Run {
     /// # Errors
     /// As [`Self::iterate`].
     pub fn apply(&mut self, step: Step, progress: &mut dyn Progress) -> Result<bool, TrainError> {
-        let rate = self.stage.schedule().rate(self.step);
+        let rate = self.stage.rate(self.step);
         self.iterate(vec![Update { member: 0, step, rate }], progress)
     }
 
@@ -215,6 +232,7 @@ impl Run {
             file.metadata.insert(format!("{}.updates", member.name), member.adam.steps.to_string());
         }
         file.metadata.insert("step".to_owned(), self.step.to_string());
+        file.metadata.insert(RECIPE.to_owned(), self.lineage.text());
         let metadata = std::iter::once(("step".to_owned(), self.step.to_string())).collect();
         let average = WeightsFile { weights: self.average().clone(), metadata };
         // The checkpoint comes last: a run that is killed between the two makes its last steps again.

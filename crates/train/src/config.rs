@@ -15,8 +15,6 @@ use ds_video::ModelConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::error::TrainError;
-use crate::guidance::Guidance;
-use crate::sets::{ClipRef, Sets};
 
 /// A training recipe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -33,7 +31,7 @@ pub struct TrainConfig {
     pub parent: Option<PathBuf>,
     /// Keys all draws.
     pub seed: u64,
-    /// Weights of a whole model that the stages start from where names and shapes agree, relative to this file.
+    /// Weights of a whole model of this preset or of a smaller one, within which the stages begin; relative to this file.
     #[serde(default)]
     pub initial: Option<PathBuf>,
     /// What the cache keeps, in place of the preset's `causal.cache_source`.
@@ -98,14 +96,20 @@ pub struct StageConfig {
     pub sets: Vec<String>,
     /// Updates.
     pub steps: u32,
-    /// Clips of a batch.
+    /// Clips of a micro-batch, which are computed side by side.
     pub clips: usize,
+    /// Micro-batches whose gradients are summed before an update.
+    #[serde(default = "once")]
+    pub accumulate: usize,
     /// Latent frames of a clip.
     pub latents: usize,
     /// Highest learning rate.
     pub learning_rate: f32,
     /// Updates until the highest rate.
     pub warm_up: u32,
+    /// How the learning rate goes on after that.
+    #[serde(default)]
+    pub schedule: RateSchedule,
     /// Decay of the averaged weights.
     pub average: f32,
     /// Updates between checkpoints.
@@ -121,12 +125,29 @@ pub struct StageConfig {
     pub clip_norm: f32,
 }
 
+fn once() -> usize {
+    1
+}
+
 fn beta1() -> f32 {
     0.9
 }
 
 fn beta2() -> f32 {
     0.95
+}
+
+/// The learning rate after the warm-up.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RateSchedule {
+    /// It stays at its highest.
+    Constant,
+    /// It falls along a cosine to a tenth at the last step.
+    #[default]
+    Cosine,
+    /// It falls in a straight line to a tenth at the last step.
+    Linear,
 }
 
 /// What a condition can lack: the teacher learns to do without it, and guidance amplifies it.
@@ -240,8 +261,24 @@ pub struct DecoderConfig {
 }
 
 impl StageConfig {
-    pub(crate) fn schedule(&self) -> Schedule {
-        Schedule { peak: self.learning_rate, warm_up: self.warm_up, total: self.steps }
+    /// Returns the learning rate of update `step`, counted from 0.
+    pub(crate) fn rate(&self, step: u32) -> f32 {
+        let cosine = Schedule { peak: self.learning_rate, warm_up: self.warm_up, total: self.steps };
+        match self.schedule {
+            _ if step < self.warm_up => cosine.rate(step),
+            RateSchedule::Cosine => cosine.rate(step),
+            RateSchedule::Constant => self.learning_rate,
+            RateSchedule::Linear => {
+                let span = self.steps.saturating_sub(self.warm_up).max(1);
+                let done = ((step - self.warm_up) as f32 / span as f32).min(1.0);
+                self.learning_rate * (1.0 - 0.9 * done)
+            }
+        }
+    }
+
+    /// Returns the clips of an update.
+    pub(crate) fn batch(&self) -> usize {
+        self.accumulate * self.clips
     }
 
     pub(crate) fn optimiser(&self) -> AdamWSettings {
@@ -258,6 +295,9 @@ impl StageConfig {
         }
         if self.clips == 0 || self.clips > 256 || self.latents < 2 || self.latents > 256 {
             return refuse("clips must be 1 to 256 and latents 2 to 256".to_owned());
+        }
+        if self.accumulate == 0 || self.accumulate > 4096 {
+            return refuse("accumulate must be 1 to 4096".to_owned());
         }
         if !rate || !share(self.average) || !share(self.beta1) || !share(self.beta2) || self.clip_norm.is_nan() {
             return refuse("learning_rate, average, beta1 and beta2 must lie within (0, 1)".to_owned());
@@ -346,11 +386,6 @@ impl TrainConfig {
     pub(crate) fn initial(&self, prefix: &str) -> Result<Weights, TrainError> {
         let Some(path) = &self.initial else { return Ok(Weights::default()) };
         Ok(WeightsFile::read(&self.base.join(path))?.weights.part(prefix))
-    }
-
-    /// Returns the guidance of a clip by a weight.
-    pub(crate) fn guidance(&self, weight: f32, sets: &Sets, at: ClipRef) -> Guidance {
-        Guidance { weight, keep_look: self.keep_look && sets.edited(at) }
     }
 
     /// Says whether any stage is guided.

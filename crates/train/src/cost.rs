@@ -37,13 +37,13 @@ pub fn costs(config: &TrainConfig) -> Result<Vec<Cost>, TrainError> {
     };
     if let Some(stage) = &config.autoencoder {
         let clip = 3.0 * (counter.encode(stage.latents) + counter.decode(stage.latents, 0));
-        add("autoencoder", stage.steps.into(), clip * stage.clips as f64, logged("autoencoder"));
+        add("autoencoder", stage.steps.into(), clip * stage.batch() as f64, logged("autoencoder"));
     }
     for (name, stage) in
         [("prior", config.prior.as_ref()), ("teacher", config.teacher.as_ref().map(|teacher| &teacher.stage))]
     {
         if let Some(stage) = stage {
-            let clip = counter.bidirectional(stage.latents) * stage.clips as f64;
+            let clip = counter.bidirectional(stage.latents) * stage.batch() as f64;
             add(name, stage.steps.into(), clip, logged(name));
         }
     }
@@ -58,7 +58,7 @@ pub fn costs(config: &TrainConfig) -> Result<Vec<Cost>, TrainError> {
             _ => ode.stage.latents,
         };
         let clip = counter.causal(latents, latents - 1);
-        add("ode", ode.stage.steps.into(), clip * ode.stage.clips as f64, logged("ode"));
+        add("ode", ode.stage.steps.into(), clip * ode.stage.batch() as f64, logged("ode"));
     }
     if let Some(forcing) = &config.self_forcing {
         let stage = &forcing.stage;
@@ -68,13 +68,13 @@ pub fn costs(config: &TrainConfig) -> Result<Vec<Cost>, TrainError> {
         let matched = rollout + 3.0 * score + counter.causal(forcing.rollout, stage.latents - 1);
         let regression = if forcing.regression > 0.0 { counter.causal(stage.latents, stage.latents - 1) } else { 0.0 };
         let generator = (matched + regression) / f64::from(forcing.generator_every);
-        let update = (rollout + 3.0 * score + generator) * stage.clips as f64;
+        let update = (rollout + 3.0 * score + generator) * stage.batch() as f64;
         add("self_forcing", stage.steps.into(), update, logged("self_forcing"));
     }
     if let Some(decoder) = &config.decoder {
         let stage = &decoder.stage;
         let clip = 3.0 * counter.decode(stage.latents, model.control.decoder_layers);
-        add("decoder", stage.steps.into(), clip * stage.clips as f64, logged("decoder"));
+        add("decoder", stage.steps.into(), clip * stage.batch() as f64, logged("decoder"));
     }
     Ok(list)
 }

@@ -37,7 +37,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     let member = Member::new("model", &model.ae().declare(), recipe.stage.optimiser(), &seed)
         .starting_from(&stored_autoencoder(config, "autoencoder")?)
         .starting_from(&config.initial("vae.")?);
-    let mut run = Run::open(&config.folder, NAME, &recipe.stage, vec![member])?;
+    let mut run = Run::open(config, NAME, &recipe.stage, vec![member])?;
     let student = student_weights(config)?;
     if run.unfinished() {
         let drawn = Arc::new(assembled(config, &student, "autoencoder")?);
@@ -46,7 +46,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
         let team = config.backend.team();
         while run.unfinished() {
             let (weights, at) = (run.weights(), run.step);
-            let step = mean_step(&team, recipe.stage.clips, |clip| {
+            let step = mean_step(&team, &recipe.stage, |clip| {
                 Ok(config.backend.decoding(&model.ae(), weights, &source.batch(&seed, at, clip)?))
             })?;
             if !run.apply(step, progress)? {

@@ -65,6 +65,16 @@ pub enum TrainError {
         /// What is wrong.
         reason: String,
     },
+    /// A checkpoint was made by another recipe.
+    #[error(
+        "checkpoint {path:?} was made by another recipe: {differences}; give the keys back, or remove the checkpoint or name another folder to train anew"
+    )]
+    Recipe {
+        /// Where.
+        path: String,
+        /// The keys that differ, with what they were and are.
+        differences: String,
+    },
     /// The loss is not finite.
     #[error("the loss of step {step} is {loss}")]
     Diverged {

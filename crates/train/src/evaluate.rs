@@ -57,8 +57,7 @@ pub(crate) fn held_out(
         let wrong = roll(&model, &clip, &foreign[..ticks], &key)?;
         own += batch::psnr_db(&clip.frames[1..ticks], &frames[1..ticks]) / count as f32;
         other += batch::psnr_db(&clip.frames[1..ticks], &wrong[1..ticks]) / count as f32;
-        let some = |images: &[RgbImage]| images.iter().step_by(4).take(12).cloned().collect::<Vec<_>>();
-        rows.extend([some(&clip.frames), some(&frames), some(&clip.layouts)]);
+        rows.extend([&clip.frames, &frames, &clip.layouts].map(|images| sheet::excerpt(images)));
         progress.note(&format!("evaluated {} of {count} held-out clips", index + 1));
     }
     sheet::write(&config.folder.join(format!("{stage}.png")), &rows)?;

@@ -19,6 +19,8 @@ pub mod evaluate;
 pub mod first_frame;
 mod frames;
 pub mod guidance;
+mod lineage;
+mod nested;
 pub mod ode;
 pub mod page;
 pub mod policy;

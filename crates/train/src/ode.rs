@@ -32,18 +32,18 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     let shape = model.dit();
     let seed = DigestWriter::new().text("ode").u64(config.seed).finish();
     let mut member = Member::new("model", &shape.declare(), recipe.stage.optimiser(), &seed);
-    member = member.starting_from(&if recipe.from_teacher {
-        config.weights_of("teacher")?
+    member = if recipe.from_teacher {
+        member.starting_from(&config.weights_of("teacher")?)
     } else {
-        config.initial("dit.")?
-    });
-    let mut run = Run::open(&config.folder, "ode", &recipe.stage, vec![member])?;
+        member.grown_from(&config.initial("dit.")?)
+    };
+    let mut run = Run::open(config, "ode", &recipe.stage, vec![member])?;
     if run.unfinished() {
         let source = Source::open(config, progress)?;
         let team = config.backend.team();
         while run.unfinished() {
             let (weights, at) = (run.weights(), run.step);
-            let step = mean_step(&team, recipe.stage.clips, |clip| {
+            let step = mean_step(&team, &recipe.stage, |clip| {
                 source.step(&model, &shape, weights, &Draws::new(&seed, "batch", &[u64::from(at), clip]), &seed)
             })?;
             if !run.apply(step, progress)? {
@@ -68,6 +68,11 @@ impl Source {
         let recipe = config.ode.as_ref().ok_or_else(|| TrainError::no_stage("ode"))?;
         let trajectories = match recipe.source {
             OdeSource::Trajectories => Some(Trajectories::open(config, &recipe.stage.sets)?),
+            OdeSource::Data if matches!(config.model()?.cache_source(), CacheSource::X0Hat(_)) => {
+                let rule = "source = \"data\" does not go with cache_source = \"x0hat(j)\": clips with noise have no \
+                            estimate after a step; take trajectories, or another cache source";
+                return Err(TrainError::Config { field: "ode", rule: rule.to_owned() });
+            }
             OdeSource::Data => None,
         };
         let names = trajectories.as_ref().map_or(recipe.stage.sets.as_slice(), Trajectories::sets);
@@ -113,6 +118,9 @@ impl Source {
             (CacheSource::Renoise(_), _) => {
                 sampler::noised(&target, &noise(seed, "context", &key, target.shape()), level)
             }
+            (CacheSource::X0Hat(step), _) => {
+                estimate([&at_step(step - 1), &at_step(step)], [sigmas[step - 1], sigmas[step]])
+            }
             _ => target.clone(),
         };
         let others: Vec<usize> = (0..sigmas.len()).filter(|step| Some(*step) != cached_step).collect();
@@ -136,6 +144,15 @@ impl Source {
     }
 }
 
+/// Returns the clean latent that one step of the sampler must have seen to go from a state to the next one along a
+/// trajectory: x' = x0 + σ'/σ·(x − x0) gives x0 = (x' − σ'/σ·x) / (1 − σ'/σ). That is the teacher's own estimate where it
+/// went there in one step, and between its estimates where it went in several.
+fn estimate([from, to]: [&Array; 2], [high, low]: [f32; 2]) -> Array {
+    let share = low / high;
+    let clean = from.values().iter().zip(to.values()).map(|(from, to)| (to - share * from) / (1.0 - share));
+    Array::new(to.shape(), clean.collect())
+}
+
 /// Returns the clean latents of frames 1..F.
 pub(crate) fn frames_after_first(batch: &ClipBatch) -> Array {
     let shape = later(batch);
@@ -147,4 +164,22 @@ fn empty(like: &Array) -> Array {
     let mut shape = like.shape().to_vec();
     shape[1] = 0;
     Array::new(&shape, Vec::new())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_estimate_is_the_clean_latent_that_a_step_went_towards() {
+        let (clean, noise) = (Array::new(&[2], vec![0.5, -2.0]), Array::new(&[2], vec![1.0, 3.0]));
+        let [high, low] = [1.0, 0.8];
+        let (from, to) = (sampler::noised(&clean, &noise, high), sampler::noised(&clean, &noise, low));
+        let found = estimate([&from, &to], [high, low]);
+        assert!(found.values().iter().zip(clean.values()).all(|(a, b)| (a - b).abs() < 1e-5), "{found:?}");
+        // From 4 half the way towards 4, then half the way towards 0: the estimate lies between.
+        let states = [4.0, 4.0, 2.0].map(|value| Array::new(&[1], vec![value]));
+        let found = estimate([&states[0], &states[2]], [1.0, 0.25]);
+        assert!((found.values()[0] - 4.0 / 3.0).abs() < 1e-6, "{found:?}");
+    }
 }

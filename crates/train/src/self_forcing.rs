@@ -14,7 +14,7 @@ use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::sampling::cache_level;
 use ds_video::{ModelConfig, sampler};
 
-use crate::batch::mean_step;
+use crate::batch::{add, mean_step};
 use crate::checkpoint::{Member, Run, Update};
 use crate::condition::noise;
 use crate::config::{Dropout, SelfForcingConfig, TrainConfig};
@@ -44,7 +44,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
         Member::new(name, &shape.declare(), recipe.stage.optimiser(), &seed).starting_from(start)
     };
     let members = vec![member("generator", &student), member("critic", &teacher)];
-    let mut run = Run::open(&config.folder, "self_forcing", &recipe.stage, members)?;
+    let mut run = Run::open(config, "self_forcing", &recipe.stage, members)?;
     if run.unfinished() {
         let regression = if recipe.regression > 0.0 { Some(Source::open(config, progress)?) } else { None };
         let sets = Sets::open(config, &recipe.stage.sets, progress)?;
@@ -53,7 +53,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
             Trainer { model, shape, recipe, sets, regression, teacher, seed, team: config.backend.team(), config };
         while run.unfinished() {
             let mut updates = Vec::new();
-            let rate = recipe.stage.schedule().rate(run.step);
+            let rate = recipe.stage.rate(run.step);
             let share = rate / recipe.stage.learning_rate;
             if run.step.is_multiple_of(recipe.generator_every) {
                 let (step, regression) = trainer.generator(&run)?;
@@ -108,7 +108,7 @@ impl Trainer<'_> {
         let draws = Draws::new(&self.seed, purpose, &[u64::from(step), clip]);
         let key = DigestWriter::new().digest(&self.seed).text(purpose).u32(step).u64(clip).finish();
         let at = self.sets.draw(&draws)?;
-        let guidance = self.config.guidance(self.recipe.guidance, &self.sets, at);
+        let guidance = self.sets.guidance(self.config, self.recipe.guidance, at);
         let count = self.recipe.rollout.min(self.sets.latents(at));
         let clip = self.sets.batch(at, Span { from: 0, count })?;
         let exit = self.exit(step);
@@ -151,13 +151,13 @@ impl Trainer<'_> {
         let (weights, critic) = (&run.members[GENERATOR].weights, &run.members[CRITIC].weights);
         let critic = &Teacher::new_on(self.config.backend, self.model, critic, Dropout::Layout)?;
         let dit = self.config.backend.transformer(&self.shape, weights)?;
-        let (clips, at) = (self.recipe.stage.clips, run.step);
-        let step = mean_step(&self.team, clips, |clip| {
+        let (stage, at) = (&self.recipe.stage, run.step);
+        let step = mean_step(&self.team, stage, |clip| {
             let scene = self.scene(&*dit, "generator", at, clip)?;
             Ok(self.matched(&scene, weights, critic))
         })?;
         let Some(source) = &self.regression else { return Ok((step, None)) };
-        let regression = mean_step(&self.team, clips, |clip| {
+        let regression = mean_step(&self.team, stage, |clip| {
             let draws = Draws::new(&self.seed, "regression", &[u64::from(at), clip]);
             source.step(self.model, &self.shape, weights, &draws, &self.seed)
         })?;
@@ -211,7 +211,7 @@ impl Trainer<'_> {
         let (weights, critic) = (&run.members[GENERATOR].weights, &run.members[CRITIC].weights);
         let dit = self.config.backend.transformer(&self.shape, weights)?;
         let at = run.step;
-        mean_step(&self.team, self.recipe.stage.clips, |clip| {
+        mean_step(&self.team, &self.recipe.stage, |clip| {
             let scene = self.scene(&*dit, "critic", at, clip)?;
             let window = self.window(&scene);
             let plan = BidirectionalPlan {
@@ -251,11 +251,8 @@ fn shortened(clip: &ClipBatch, frames: usize) -> ClipBatch {
 }
 
 fn sum(mut a: Step, b: Step) -> Step {
-    a.loss += b.loss;
+    add(&mut a, &b);
     a.parts.push(("regression", b.loss));
-    for ((_, a), (_, b)) in a.gradient.iter_mut().zip(b.gradient.iter()) {
-        a.values_mut().iter_mut().zip(b.values()).for_each(|(a, b)| *a += b);
-    }
     a
 }
 

@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use ds_clips::ClipSet;
+use ds_clips::{Clip, ClipSet};
 use ds_nn::body::Autoencoder;
 use ds_nn::step::ClipBatch;
 use ds_nn::tiny_ae::AeShape;
@@ -18,6 +18,7 @@ use crate::condition::{Condition, latent_steps};
 use crate::config::TrainConfig;
 use crate::error::TrainError;
 use crate::frames::pick;
+use crate::guidance::Guidance;
 use crate::{Progress, autoencoder, emphasis};
 
 /// The autoencoder as its stage left it, with the statistics of its latents.
@@ -54,6 +55,19 @@ impl Encoder {
             pixel.iter_mut().zip(statistics).for_each(|(value, (mean, std))| *value = (*value - mean) / std);
         }
         values.chunks_exact(h * w * self.shape.z).flat_map(|frame| pixels::to_tokens(frame, h, w)).collect()
+    }
+
+    /// Decodes the latents of a whole drive, as [`Self::encode`] gives them.
+    pub(crate) fn decode(&self, latents: &[f32], (h, w): (usize, usize)) -> Vec<RgbImage> {
+        let z = self.shape.z;
+        let frames = latents.chunks_exact(h * w * z);
+        let mut values: Vec<f32> = frames.flat_map(|frame| pixels::from_tokens(frame, h, w)).collect();
+        for pixel in values.chunks_exact_mut(z) {
+            let statistics = self.mean.iter().zip(&self.std);
+            pixel.iter_mut().zip(statistics).for_each(|(value, (mean, std))| *value = *value * std + mean);
+        }
+        let latents = Array::new(&[values.len() / (h * w * z), h, w, z], values);
+        autoencoder::decode(self.ae.as_ref(), &self.shape, &latents)
     }
 }
 
@@ -132,6 +146,16 @@ impl Sets {
         self.sets[at.set].clips.info(at.clip).frames == 1
     }
 
+    /// Returns the guidance of a clip by a weight.
+    pub(crate) fn guidance(&self, config: &TrainConfig, weight: f32, at: ClipRef) -> Guidance {
+        Guidance { weight, keep_look: config.keep_look && self.edited(at) }
+    }
+
+    /// Reads the pictures of a clip's first latent frames.
+    pub(crate) fn pictures(&self, at: ClipRef, latents: usize) -> Result<Clip, TrainError> {
+        Ok(self.sets[at.set].clips.read(at.clip, 0, 1 + (latents - 1) * self.model.vae.stride_t)?)
+    }
+
     /// Values of a latent frame.
     pub(crate) fn frame(&self) -> usize {
         self.model.dit().tokens() * 4 * self.model.vae.z
@@ -153,7 +177,7 @@ impl Sets {
         let stride = self.model.vae.stride_t;
         let first = if span.from == 0 { 0 } else { 1 + (span.from - 1) * stride };
         let end = 1 + (span.from + span.count - 1) * stride;
-        let clip = set.clips.read(at.clip, first, end - first)?;
+        let clip = set.clips.layouts(at.clip, first, end - first)?;
         let steps = if span.from == 0 {
             latent_steps(&clip.layouts, stride)
         } else {

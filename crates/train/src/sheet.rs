@@ -6,6 +6,11 @@ use ds_raster::{Encoding, RgbImage};
 
 use crate::error::TrainError;
 
+/// Returns every fourth of some images, at most a dozen: a row of a sheet.
+pub(crate) fn excerpt(images: &[RgbImage]) -> Vec<RgbImage> {
+    images.iter().step_by(4).take(12).cloned().collect()
+}
+
 /// Writes rows of equally large images as one PNG.
 pub(crate) fn write(path: &Path, rows: &[Vec<RgbImage>]) -> Result<(), TrainError> {
     let Some(first) = rows.first().and_then(|row| row.first()) else { return Ok(()) };

@@ -15,8 +15,8 @@ use crate::condition::noise;
 use crate::config::{Dropout, StageConfig, TeacherConfig, TrainConfig};
 use crate::error::TrainError;
 use crate::guidance::{Guidance, Teacher};
-use crate::sets::{Sets, Span};
-use crate::{Progress, Report};
+use crate::sets::{Encoder, Sets, Span};
+use crate::{Progress, Report, sheet};
 
 const EVALUATION_STEPS: usize = 12;
 const EVALUATION_CLIPS: u64 = 8;
@@ -30,7 +30,7 @@ pub fn prior(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report
     let model = config.model()?;
     let seed = DigestWriter::new().text("prior").u64(config.seed).finish();
     let member = Member::new("model", &model.dit().declare(), stage.optimiser(), &seed);
-    let member = member.starting_from(&config.initial("dit.")?);
+    let member = member.grown_from(&config.initial("dit.")?);
     Trainer { config, model, stage, seed, teacher: None }.run("prior", member, progress)
 }
 
@@ -69,7 +69,7 @@ struct Source {
 
 impl Trainer<'_> {
     fn run(&self, name: &'static str, member: Member, progress: &mut dyn Progress) -> Result<Report, TrainError> {
-        let mut run = Run::open(&self.config.folder, name, self.stage, vec![member])?;
+        let mut run = Run::open(self.config, name, self.stage, vec![member])?;
         let replay = self.teacher.map(|teacher| &teacher.replay).filter(|replay| !replay.is_empty());
         let sets = Source {
             own: Sets::open(self.config, &self.stage.sets, progress)?,
@@ -79,7 +79,7 @@ impl Trainer<'_> {
         let shape = &shape;
         while run.unfinished() {
             let (weights, at) = (run.weights(), run.step);
-            let step = mean_step(&team, self.stage.clips, |clip| {
+            let step = mean_step(&team, self.stage, |clip| {
                 let (batch, plan) = self.clip(&sets, at, clip)?;
                 Ok(self.config.backend.bidirectional(shape, weights, &batch, &plan))
             })?;
@@ -88,7 +88,7 @@ impl Trainer<'_> {
             }
         }
         let teacher = Teacher::new_on(self.config.backend, &self.model, run.average(), self.config.unconditional)?;
-        let figures = evaluate(&sets.own, &teacher, self.stage.latents, &self.seed, self.layout_on())?;
+        let figures = self.evaluate(name, &sets.own, &teacher)?;
         Ok(run.report(figures))
     }
 
@@ -125,6 +125,39 @@ impl Trainer<'_> {
         };
         Ok((batch, plan))
     }
+
+    /// Measures the mean square error of sampled against true latents, with and without the layout, and writes a sheet
+    /// named after the stage: true frames, sampled frames and, where they are seen, layouts.
+    fn evaluate(&self, name: &str, sets: &Sets, teacher: &Teacher) -> Result<Vec<(String, f32)>, TrainError> {
+        let encoder = Encoder::load(self.config)?;
+        let (mut figures, mut rows) = (Vec::new(), Vec::new());
+        for (figure, on) in [("mse_with_layout", 1.0), ("mse_without_layout", 0.0)] {
+            if on > self.layout_on() {
+                continue;
+            }
+            let (mut sum, mut count) = (0.0, 0.0);
+            for clip in 0..EVALUATION_CLIPS {
+                let at = sets.draw(&Draws::new(&self.seed, "evaluation", &[clip]))?;
+                let latents = self.stage.latents.min(sets.latents(at));
+                let mut batch = sets.batch(at, Span { from: 0, count: latents })?;
+                batch.layout_on = vec![on];
+                let noise = noise(&self.seed, "evaluation-noise", &[clip], &later(&batch));
+                let sampled = teacher.sample(&batch, &noise, EVALUATION_STEPS, Guidance::by(1.0), &mut |_, _| ());
+                let (first, clean) = batch.clean.values().split_at(sets.frame());
+                sum += sampled.values().iter().zip(clean).map(|(a, b)| (a - b).powi(2)).sum::<f32>();
+                count += clean.len() as f32;
+                if figures.is_empty() {
+                    let truth = sets.pictures(at, latents)?;
+                    let made = encoder.decode(&[first, sampled.values()].concat(), self.model.latent_size());
+                    rows.extend([sheet::excerpt(&truth.frames), sheet::excerpt(&made)]);
+                    rows.extend((on > 0.0).then(|| sheet::excerpt(&truth.layouts)));
+                }
+            }
+            figures.push((figure.to_owned(), sum / count));
+        }
+        sheet::write(&self.config.folder.join(format!("{name}.png")), &rows)?;
+        Ok(figures)
+    }
 }
 
 /// Returns the shape of frames 1..F of a batch.
@@ -132,34 +165,4 @@ pub(crate) fn later(batch: &ClipBatch) -> Vec<usize> {
     let mut shape = batch.clean.shape().to_vec();
     shape[1] -= 1;
     shape
-}
-
-/// Measures the mean square error of sampled against true latents, with and without the layout.
-fn evaluate(
-    sets: &Sets,
-    teacher: &Teacher,
-    latents: usize,
-    seed: &Digest,
-    layout_on: f32,
-) -> Result<Vec<(String, f32)>, TrainError> {
-    let mut figures = Vec::new();
-    for (name, on) in [("mse_with_layout", 1.0), ("mse_without_layout", 0.0)] {
-        if on > layout_on {
-            continue;
-        }
-        let (mut sum, mut count) = (0.0, 0.0);
-        for clip in 0..EVALUATION_CLIPS {
-            let draws = Draws::new(seed, "evaluation", &[clip]);
-            let at = sets.draw(&draws)?;
-            let mut batch = sets.batch(at, Span { from: 0, count: latents.min(sets.latents(at)) })?;
-            batch.layout_on = vec![on];
-            let noise = noise(seed, "evaluation-noise", &[clip], &later(&batch));
-            let sampled = teacher.sample(&batch, &noise, EVALUATION_STEPS, Guidance::by(1.0), &mut |_, _| ());
-            let clean = &batch.clean.values()[sets.frame()..];
-            sum += sampled.values().iter().zip(clean).map(|(a, b)| (a - b).powi(2)).sum::<f32>();
-            count += clean.len() as f32;
-        }
-        figures.push((name.to_owned(), sum / count));
-    }
-    Ok(figures)
 }

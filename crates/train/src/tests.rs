@@ -9,6 +9,10 @@ use ds_raster::RgbImage;
 use ds_space::Digest;
 use ds_video::VideoModel;
 
+mod following;
+mod recipes;
+mod resuming;
+
 use crate::first_frame::{Request, first_frame};
 use crate::{Progress, Silent, Stage, TrainConfig, TrainError, batch, decoder, evaluate, page};
 
@@ -100,31 +104,63 @@ fn every_stage_runs_improves_and_ships() {
     let (ode, forced) = (psnr(&config, &student, "autoencoder"), psnr(&config, &guided, "autoencoder"));
     assert!(ode > teacher + 0.5, "a teacher sampled in few steps has {teacher} dB, the student {ode}");
     assert!(forced > ode - 1.0, "self forcing keeps what was learned: {ode} to {forced}");
+    following::improves(&config);
     let shipped = folder.path().join("shipped.safetensors");
-    crate::ship::run(&config, (None, Some(&shipped)), &mut Silent).expect("ships");
-    assert!(VideoModel::load(&config.model().expect("valid"), &shipped).is_ok());
-    crate::ship::run(&config, (Some("teacher"), Some(&shipped)), &mut Silent).expect("ships");
+    ships(&config, folder.path(), &shipped);
+    grows(&config, folder.path(), &shipped);
+    let page = std::fs::read_to_string(page::write(&config).expect("writes")).expect("reads");
+    assert!(page.contains("self forcing") && page.matches("<polyline").count() >= 7, "{}", page.len());
+    assert_eq!(page.matches("<img").count(), 6, "every stage shows samples");
+}
+
+/// What was trained is put into a file, taken apart again, and makes first frames.
+fn ships(config: &TrainConfig, folder: &Path, shipped: &Path) {
+    crate::ship::run(config, (None, Some(shipped)), &mut Silent).expect("ships");
+    assert!(VideoModel::load(&config.model().expect("valid"), shipped).is_ok());
+    crate::ship::run(config, (Some("teacher"), Some(shipped)), &mut Silent).expect("ships");
     let mut other = config.clone();
-    other.folder = folder.path().join("other");
-    crate::ship::unpack(&other, "teacher", &shipped, &mut Silent).expect("unpacks");
-    let (whole, half) = (weights(&config, "teacher"), weights(&other, "teacher"));
+    other.folder = folder.join("other");
+    crate::ship::unpack(&other, "teacher", shipped, &mut Silent).expect("unpacks");
+    let (whole, half) = (weights(config, "teacher"), weights(&other, "teacher"));
     for ((name, whole), (same, half)) in whole.iter().zip(half.iter()) {
         let far = whole.values().iter().zip(half.values()).any(|(a, b)| (a - b).abs() > 1e-3 * a.abs().max(0.1));
         assert!(name == same && !far, "{name}");
     }
-    crate::ship::unpack(&other, "teacher", &shipped, &mut Silent).expect("the same once more");
-    let taken = crate::ship::unpack(&config, "teacher", &shipped, &mut Silent).expect_err("the stage has been trained");
+    crate::ship::unpack(&other, "teacher", shipped, &mut Silent).expect("the same once more");
+    let taken = crate::ship::unpack(config, "teacher", shipped, &mut Silent).expect_err("the stage has been trained");
     assert!(taken.to_string().contains("already"), "{taken}");
     let model = config.model().expect("valid");
     let layout = RgbImage::filled(model.video.width_px, model.video.height_px, ds_layout::colour::LANE);
     let first = |seed: &[u8]| {
         let (key, prompt) = (Digest::of(seed), "driving at night");
         let request = Request { layout: &layout, prompt, key, steps: 4, guidance: 2.0 };
-        first_frame(&model, &shipped, &request).expect("finite")
+        first_frame(&model, shipped, &request).expect("finite")
     };
     assert!(first(b"one") == first(b"one") && first(b"one") != first(b"other"));
-    let page = std::fs::read_to_string(page::write(&config).expect("writes")).expect("reads");
-    assert!(page.contains("self forcing") && page.matches("<polyline").count() >= 7, "{}", page.len());
+}
+
+/// A wider and deeper network that begins with the shipped prior's weights within it is nearer to the data than a drawn
+/// one.
+fn grows(config: &TrainConfig, folder: &Path, shipped: &Path) {
+    crate::ship::run(config, (Some("prior"), Some(shipped)), &mut Silent).expect("ships");
+    let preset = include_str!("../../../configs/models/smoke.toml");
+    let sizes = [
+        ("layers = 2", "layers = 3"),
+        ("dim = 64", "dim = 96"),
+        ("heads = 2", "heads = 3"),
+        ("ffn = 256", "ffn = 320"),
+    ];
+    let larger = sizes.into_iter().fold(preset.to_owned(), |text, (from, to)| text.replacen(from, to, 1));
+    std::fs::write(folder.join("larger.toml"), larger).expect("writes");
+    let first_loss = |name: &str, more: &str| {
+        let text = recipe(folder).replace(&format!("{ROOT}/configs/models/smoke.toml"), "larger.toml");
+        let text = text.replace("/work\"", &format!("/{name}\"\nparent = \"{}\"{more}", config.folder.display()));
+        let config = load(folder, &text.replacen("steps = 40", "steps = 1", 1)).expect("valid");
+        Stage::Prior.run(&config, &mut Silent).expect("trains");
+        losses(&config, "prior", "model").0
+    };
+    let (drawn, grown) = (first_loss("drawn", ""), first_loss("grown", "\ninitial = \"shipped.safetensors\""));
+    assert!(grown < 0.8 * drawn, "the same batch costs {drawn} as drawn, {grown} as grown");
 }
 
 #[test]
@@ -157,32 +193,6 @@ fn the_graph_trains_as_the_processors_loops_do() {
 }
 
 #[test]
-fn a_stopped_run_ends_as_one_that_was_not() {
-    let (a, b) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
-    render(a.path());
-    // The same clips for both, fewer steps than the recipe's.
-    let fewer = |folder: &Path| {
-        let text = recipe(folder).replace("steps = 60", "steps = 6").replace("steps = 80", "steps = 6");
-        let text = text.replace("steps = 40", "steps = 6").replace("steps = 10", "steps = 6");
-        let clips = folder.join("clips").display().to_string();
-        text.replace(&clips, &a.path().join("clips").display().to_string())
-    };
-    let whole = load(a.path(), &fewer(a.path())).expect("valid");
-    let parts = load(b.path(), &fewer(b.path())).expect("valid");
-    let stages =
-        [Stage::Autoencoder, Stage::Prior, Stage::Teacher, Stage::Trajectories, Stage::Ode, Stage::SelfForcing];
-    for stage in stages {
-        stage.run(&whole, &mut Silent).expect("trains");
-        stage.run(&parts, &mut StopAt(3, 0)).expect("trains");
-        stage.run(&parts, &mut Silent).expect("resumes");
-        if stage != Stage::Trajectories {
-            let name = stage.name().replace('-', "_");
-            assert_eq!(weights(&whole, &name).digest(), weights(&parts, &name).digest(), "{name}");
-        }
-    }
-}
-
-#[test]
 fn a_stage_without_its_inputs_says_what_is_missing() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = load(folder.path(), &recipe(folder.path())).expect("valid");
@@ -201,65 +211,4 @@ fn a_stage_without_its_inputs_says_what_is_missing() {
     check(Stage::Trajectories, "teacher.safetensors");
     check(Stage::SelfForcing, "ode.safetensors");
     assert!(TrainConfig::load(&folder.path().join("absent.toml")).is_err());
-}
-
-#[test]
-fn trajectories_of_another_teacher_are_refused() {
-    let folder = tempfile::tempdir().expect("a folder");
-    render(folder.path());
-    let text = recipe(folder.path()).replace("steps = 60", "steps = 2").replace("steps = 80", "steps = 2");
-    let config = load(folder.path(), &text.replace("count = 8", "count = 2")).expect("valid");
-    for stage in [Stage::Autoencoder, Stage::Teacher, Stage::Trajectories] {
-        stage.run(&config, &mut Silent).expect("runs");
-    }
-    let again = load(folder.path(), &text.replace("guidance = 1.5\nreject", "guidance = 3.0\nreject")).expect("valid");
-    let error = Stage::Trajectories.run(&again, &mut Silent).expect_err("another guidance");
-    assert!(error.to_string().contains("another recipe or teacher"), "{error}");
-}
-
-#[test]
-fn recipes_inherit_table_by_table() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let base = load(folder.path(), &recipe(folder.path())).expect("valid");
-    let arm = folder.path().join("arm.toml");
-    let text =
-        "inherits = \"train.toml\"\nfolder = \"arm\"\nparent = \"whole\"\n[teacher]\ndropout = [\"layout\", \"all\"]\n";
-    std::fs::write(&arm, text).expect("writes");
-    let found = TrainConfig::load(&arm).expect("valid");
-    let teacher = found.teacher.clone().expect("inherited");
-    assert_eq!(teacher.dropout, [crate::config::Dropout::Layout, crate::config::Dropout::All]);
-    assert_eq!(Some(&teacher.stage), base.teacher.as_ref().map(|teacher| &teacher.stage));
-    assert_eq!((found.folder.as_path(), found.parent.as_deref()), (Path::new("arm"), Some(Path::new("whole"))));
-    std::fs::write(&arm, "inherits = \"arm.toml\"").expect("writes");
-    assert!(TrainConfig::load(&arm).expect_err("a ring").to_string().contains("inherit from each other"));
-}
-
-#[test]
-fn broken_recipes_are_named() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let good = recipe(folder.path());
-    let check = |from: &str, to: &str, expected: &str| {
-        assert!(good.contains(from), "{from:?}");
-        let message = load(folder.path(), &good.replacen(from, to, 1)).map(|_| String::new());
-        let message = message.unwrap_or_else(|error| error.to_string());
-        assert!(message.contains(expected), "{message:?} lacks {expected:?}");
-    };
-    check("version = 2", "version = 1", "version");
-    check("learning_rate = 3e-3", "learning_rate = -1.0", "autoencoder");
-    check("checkpoint_every = 20", "checkpoint_every = 0", "autoencoder");
-    check("sets = [\"clips\"]", "sets = [\"clip\"]", "\"clip\" is not among");
-    check("rollout = 4", "rollout = 2", "self_forcing");
-    check("reject = 0.2", "reject = 1.0", "trajectories");
-    check("seed = 1", "sed = 1", "cannot be read");
-    check("dropout = [\"layout\"]", "dropout = [\"layout\"]\ndropped = 1", "cannot be read");
-    check("dropout = [\"layout\"]", "dropout = [\"all\"]", "unconditional");
-    check("replay = [\"broad\"]", "replay = [\"clip\"]", "\"clip\" is not among");
-    check("trunk_rate = 0.8", "trunk_rate = 2.0", "trunk_rate");
-    let standard = "seed = 1\nkeep_look = true\nunconditional = \"all\"";
-    check("seed = 1", standard, "unconditional");
-    assert!(
-        load(folder.path(), &good.replacen("seed = 1", standard, 1).replace("[\"layout\"]", "[\"all\"]"))
-            .is_err_and(|error| error.to_string().contains("keep_look"))
-    );
-    check("dropout = [\"layout\"]", "dropout = [\"layout\"]\ndropout_share = 1.0", "dropout_share");
 }

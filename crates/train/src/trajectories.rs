@@ -8,6 +8,7 @@
 //! look moved, then S + 1 states [F − 1, tokens, 4, z], f32. `trajectories.json` holds the recipe; another recipe in
 //! the same folder is refused.
 
+use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::PathBuf;
@@ -22,6 +23,7 @@ use crate::condition::noise;
 use crate::config::{TrainConfig, TrajectoryConfig};
 use crate::error::TrainError;
 use crate::guidance::Teacher;
+use crate::lineage;
 use crate::sets::{ClipRef, Sets, Span};
 use crate::teacher::later;
 
@@ -112,7 +114,7 @@ fn record(
     let every = recipe.steps / teacher.model.sampler.steps;
     let mut values = Vec::new();
     let end =
-        teacher.sample(&batch, &noise, recipe.steps, config.guidance(recipe.guidance, sets, at), &mut |step, state| {
+        teacher.sample(&batch, &noise, recipe.steps, sets.guidance(config, recipe.guidance, at), &mut |step, state| {
             if step % every == 0 {
                 values.extend_from_slice(state.values());
             }
@@ -148,12 +150,21 @@ fn claim(config: &TrainConfig, recipe: &TrajectoryConfig, teacher: &Digest) -> R
     let text = serde_json::json!({ "teacher": teacher.to_string(), "recipe": fixed, "unconditional": config.unconditional, "keep_look": config.keep_look, "seed": config.seed }).to_string();
     match std::fs::read_to_string(&path) {
         Ok(found) if found == text => Ok(()),
-        Ok(_) => {
-            let reason = "the folder holds trajectories of another recipe or teacher: remove them first".to_owned();
+        Ok(found) => {
+            let differences = lineage::differences(&keys(&found), &keys(&text)).join(", ");
+            let reason =
+                format!("the folder holds trajectories of another recipe or teacher: {differences}; remove them first");
             Err(TrainError::Checkpoint { path: path.display().to_string(), reason })
         }
         Err(_) => std::fs::write(&path, text).map_err(TrainError::io("trajectories", &path)),
     }
+}
+
+/// Returns what a claim tells, key by key.
+fn keys(text: &str) -> BTreeMap<String, String> {
+    let mut keys = BTreeMap::new();
+    lineage::flatten("", serde_json::from_str(text).unwrap_or_default(), &mut keys);
+    keys
 }
 
 impl Trajectories {
