@@ -15,6 +15,7 @@ use ds_video::ModelConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::error::TrainError;
+use crate::guidance::Guidance;
 
 /// A training recipe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -58,6 +59,9 @@ pub struct TrainConfig {
     /// them; c∅ must keep the first frame.
     #[serde(default)]
     pub keep_look: bool,
+    /// The lowest and the highest level σ at which guidance acts; all without it.
+    #[serde(default = "everywhere")]
+    pub guide_levels: [f32; 2],
     /// The autoencoder.
     #[serde(default)]
     pub autoencoder: Option<StageConfig>,
@@ -123,6 +127,10 @@ pub struct StageConfig {
     /// The largest norm of a gradient.
     #[serde(default = "alike")]
     pub clip_norm: f32,
+}
+
+fn everywhere() -> [f32; 2] {
+    Guidance::EVERYWHERE
 }
 
 fn once() -> usize {
@@ -430,6 +438,10 @@ impl TrainConfig {
             if self.guided() && !teacher.dropout.contains(&self.unconditional) {
                 return refuse("unconditional", "must be among the teacher's dropout where there is guidance");
             }
+        }
+        let [low, high] = self.guide_levels;
+        if low.is_nan() || high.is_nan() || low < 0.0 || low > high || high > 1.0 {
+            return refuse("guide_levels", "must be two levels within 0 to 1, the lower one first");
         }
         if self.keep_look && self.unconditional == Dropout::All {
             return refuse("keep_look", "needs unconditional = \"layout\", for c∅ must keep the first frame");

@@ -41,6 +41,7 @@ impl Lineage {
             "self_forcing" => {
                 add("unconditional", told(&config.unconditional));
                 add("keep_look", told(&config.keep_look));
+                add("guide_levels", told(&config.guide_levels));
             }
             _ => {}
         }

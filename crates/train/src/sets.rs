@@ -148,7 +148,7 @@ impl Sets {
 
     /// Returns the guidance of a clip by a weight.
     pub(crate) fn guidance(&self, config: &TrainConfig, weight: f32, at: ClipRef) -> Guidance {
-        Guidance { weight, keep_look: config.keep_look && self.edited(at) }
+        Guidance { weight, keep_look: config.keep_look && self.edited(at), levels: config.guide_levels }
     }
 
     /// Reads the pictures of a clip's first latent frames.

@@ -147,7 +147,7 @@ fn claim(config: &TrainConfig, recipe: &TrajectoryConfig, teacher: &Digest) -> R
     std::fs::create_dir_all(&config.folder).map_err(TrainError::io("work folder", &config.folder))?;
     // How many are made and how many are put aside may change later.
     let fixed = TrajectoryConfig { count: 0, reject: 0.0, ..recipe.clone() };
-    let text = serde_json::json!({ "teacher": teacher.to_string(), "recipe": fixed, "unconditional": config.unconditional, "keep_look": config.keep_look, "seed": config.seed }).to_string();
+    let text = serde_json::json!({ "teacher": teacher.to_string(), "recipe": fixed, "unconditional": config.unconditional, "keep_look": config.keep_look, "guide_levels": config.guide_levels, "seed": config.seed }).to_string();
     match std::fs::read_to_string(&path) {
         Ok(found) if found == text => Ok(()),
         Ok(found) => {

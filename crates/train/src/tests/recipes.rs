@@ -42,6 +42,7 @@ fn broken_recipes_are_named() {
     check("dropout = [\"layout\"]", "dropout = [\"all\"]", "unconditional");
     check("replay = [\"broad\"]", "replay = [\"clip\"]", "\"clip\" is not among");
     check("trunk_rate = 0.8", "trunk_rate = 2.0", "trunk_rate");
+    check("seed = 1", "seed = 1\nguide_levels = [0.8, 0.2]", "guide_levels");
     let standard = "seed = 1\nkeep_look = true\nunconditional = \"all\"";
     check("seed = 1", standard, "unconditional");
     assert!(
