@@ -72,6 +72,7 @@ const NAMED_ONLY_BY: &[(&str, &[&str])] = &[
     ("rerun", &["ds-record"]),
     ("glam", &["ds-space"]),
     ("redb", &["orchestrator"]),
+    ("rusqlite", &["ds-scenario"]),
     ("rand", &[]),
 ];
 

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap};
 use ds_raster::RgbImage;
-use ds_scenario::Facts;
 use ds_scenario::import::{Recorded, nuscenes, openscene};
+use ds_scenario::{Facts, Warning};
 use ds_space::CameraModel;
 use ds_world::{Scene, WorldState};
 
@@ -34,9 +34,11 @@ pub fn scene_of(key: &ScenarioKey) -> Result<Scene, ClipsError> {
 
 fn recorded(key: &ScenarioKey) -> Result<Recorded, ClipsError> {
     match key {
-        ScenarioKey::Photographed { source: Source::Nuscenes, root, drive } => Ok(nuscenes::read(root, drive)?),
-        ScenarioKey::Photographed { root, drive, .. } => Ok(openscene::read(root, Path::new(drive))?),
-        _ => Ok(Recorded { scene: scene_of(key)?, pictures: Vec::new() }),
+        ScenarioKey::Photographed { source: Source::Nuscenes, root, drive, .. } => Ok(nuscenes::read(root, drive)?),
+        ScenarioKey::Photographed { root, drive, maps, .. } => {
+            Ok(openscene::read(root, Path::new(drive), maps.as_deref())?)
+        }
+        _ => Ok(Recorded { scene: scene_of(key)?, pictures: Vec::new(), warnings: Vec::new() }),
     }
 }
 
@@ -49,11 +51,13 @@ pub(crate) struct Studio<'a> {
     camera: CameraModel,
     /// Of a photographed drive, the pictures of the camera, one a tick.
     photos: Vec<Option<PathBuf>>,
+    /// What is odd about a photographed drive.
+    warnings: Vec<Warning>,
 }
 
 impl<'a> Studio<'a> {
     pub(crate) fn new(recipe: &'a Recipe, size: (u32, u32), key: &ScenarioKey) -> Result<Self, ClipsError> {
-        let Recorded { scene, mut pictures } = recorded(key)?;
+        let Recorded { scene, mut pictures, warnings } = recorded(key)?;
         let wanted = recipe.scenarios.camera.as_deref();
         let at = scene.cameras.iter().position(|camera| wanted.is_none_or(|name| camera.id.as_str() == name));
         let Some(at) = at else {
@@ -63,7 +67,12 @@ impl<'a> Studio<'a> {
         let camera = Eye::rig(recipe.source, &scene.cameras[at], size);
         let photos = if at < pictures.len() { pictures.swap_remove(at) } else { Vec::new() };
         let map = StaticMap::new(&scene.map);
-        Ok(Self { recipe, network: network_id(&scene.map), map, camera, scene, photos })
+        Ok(Self { recipe, network: network_id(&scene.map), map, camera, scene, photos, warnings })
+    }
+
+    /// Returns what is odd about the drive, a line each.
+    pub(crate) fn notes(&self) -> impl Iterator<Item = String> {
+        self.warnings.iter().map(|warning| format!("{}: {warning}", self.scene.name))
     }
 
     /// Makes one clip with what is told of it.

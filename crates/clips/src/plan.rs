@@ -37,6 +37,8 @@ pub enum ScenarioKey {
         root: PathBuf,
         /// Scene name, or path of the log.
         drive: String,
+        /// The folder of nuPlan's maps, where the recipe names one.
+        maps: Option<PathBuf>,
     },
 }
 
@@ -90,7 +92,7 @@ impl Plan {
         };
         let mut files = Vec::new();
         for path in &recipe.scenarios.files {
-            files.extend(keys(recipe.source, &recipe.base.join(path))?);
+            files.extend(keys(recipe, &recipe.base.join(path))?);
         }
         if files.is_empty() && !recipe.scenarios.files.is_empty() {
             let rule = "hold no scenario file (*.scenario.json)".to_owned();
@@ -188,9 +190,13 @@ impl Plan {
 }
 
 /// Returns the scenarios of a path.
-fn keys(source: Source, path: &Path) -> Result<Vec<ScenarioKey>, ClipsError> {
-    let photographed = |drive| ScenarioKey::Photographed { source, root: path.to_path_buf(), drive };
-    match source {
+fn keys(recipe: &Recipe, path: &Path) -> Result<Vec<ScenarioKey>, ClipsError> {
+    let maps = recipe.scenarios.maps.as_ref().map(|maps| recipe.base.join(maps));
+    let photographed = |drive| {
+        let (source, maps) = (recipe.source, maps.clone());
+        ScenarioKey::Photographed { source, root: path.to_path_buf(), drive, maps }
+    };
+    match recipe.source {
         Source::Nuscenes => Ok(ds_scenario::import::nuscenes::scenes(path)?.into_iter().map(photographed).collect()),
         Source::Openscene => {
             let logs = ds_scenario::import::openscene::logs(path)?;

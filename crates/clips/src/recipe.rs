@@ -110,6 +110,9 @@ pub struct ScenarioConfig {
     /// Of photographed drives, the camera; the front one without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera: Option<String>,
+    /// The folder of nuPlan's maps for drives of OpenScene, relative to this file; beside the drives without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub maps: Option<PathBuf>,
 }
 
 /// A generator of scenarios beside the project's own families.
@@ -271,6 +274,9 @@ impl Recipe {
         }
         if scenarios.camera.is_some() && !self.source.is_photographed() {
             return refuse("scenarios.camera", "is for photographs only".to_owned());
+        }
+        if scenarios.maps.is_some() && self.source != Source::Openscene {
+            return refuse("scenarios.maps", "is for source \"openscene\" only".to_owned());
         }
         if !(1..=10_000).contains(&scenarios.clips_each) {
             return refuse("scenarios.clips_each", format!("must be 1 to 10000, not {}", scenarios.clips_each));

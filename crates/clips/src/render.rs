@@ -18,6 +18,8 @@ use crate::shard::{self, Packed};
 pub trait Progress: Sync {
     /// So many clips are there of so many, those of earlier runs included.
     fn made(&self, clips: u64, of: u64);
+    /// Something is odd about a drive, such as a missing map; said once for each shard that it has clips in.
+    fn noted(&self, _line: &str) {}
     /// Says whether to stop; the shard in work is then given up.
     fn stop(&self) -> bool {
         false
@@ -101,6 +103,7 @@ fn shard_of(
             return Ok(None);
         }
         let studio = Studio::new(recipe, size, &clips[0].scenario)?;
+        studio.notes().for_each(|line| progress.noted(&line));
         let mut packed = Vec::with_capacity(clips.len());
         for planned in clips {
             if progress.stop() {

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use ds_clips::{ClipSet, Plan, Progress, Recipe, outline, render};
-use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap};
+use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap, colour};
 use ds_raster::{Encoding, RgbImage};
 use ds_scenario::import::{nuscenes, openscene};
 use ds_space::{DMat3, DQuat, DVec3, Tick};
@@ -238,7 +238,8 @@ fn an_openscene_folder_becomes_scene_pictures_and_clips() {
     std::fs::create_dir_all(log.parent().expect("a folder")).expect("makes");
     std::fs::write(&log, text).expect("writes");
     assert_eq!(openscene::logs(&root).expect("finds"), [log.clone()]);
-    let recorded = openscene::read(&root, &log).expect("reads");
+    let recorded = openscene::read(&root, &log, None).expect("reads");
+    assert!(recorded.warnings.iter().any(|warning| warning.message.contains("no road")), "{:?}", recorded.warnings);
     let scene = &recorded.scene;
     assert_eq!((scene.last_tick().0, scene.dt.secs(), scene.tracks.len()), (8, 0.5, 2));
     let world = scene.logged_world(Tick(3));
@@ -258,6 +259,80 @@ fn an_openscene_folder_becomes_scene_pictures_and_clips() {
     let error = render(&short, &folder.path().join("short"), &Quiet).expect_err("two clips of 5 from 9 ticks");
     assert!(error.to_string().contains("9 ticks"), "{error}");
     assert!(Plan::new(&short).is_ok());
+}
+
+/// Writes a drive eastwards at 8 m/s along the lane of the drawn map of ds-scenario's tests, and the map beside it.
+fn mapped_openscene_folder(root: &Path) -> PathBuf {
+    let looking = json!([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]);
+    let frames: Vec<Value> = (0..9i64)
+        .map(|k| {
+            let file = format!("log/CAM_F0/{k}.png");
+            let path = root.join("sensor_blobs/mini").join(&file);
+            std::fs::create_dir_all(path.parent().expect("a folder")).expect("makes");
+            let picture = RgbImage::filled(32, 18, [9, 9, 9]).encode(Encoding::Png).expect("encodes");
+            std::fs::write(path, picture).expect("writes");
+            json!({
+                "log_name": "2021.boston", "map_location": "us-ma-boston", "timestamp": 5_000_000 + 500_000 * k,
+                "ego2global_translation": [330_010.0 + 4.0 * k as f64, 4_689_998.25, 3.0],
+                "ego2global_rotation": [1.0, 0.0, 0.0, 0.0],
+                "lidar2ego_translation": [0.0, 0.0, 0.0], "lidar2ego_rotation": [1.0, 0.0, 0.0, 0.0],
+                "traffic_lights": [[201, true]],
+                "cams": {"CAM_F0": {"data_path": file, "sensor2lidar_rotation": looking,
+                    "sensor2lidar_translation": [1.6, 0.0, 1.5],
+                    "cam_intrinsic": [[1545.0, 0.0, 960.0], [0.0, 1545.0, 560.0], [0.0, 0.0, 1.0]],
+                    "distortion": [0.0, 0.0, 0.0, 0.0, 0.0]}}
+            })
+        })
+        .collect();
+    let mut text = String::new();
+    pickled(&Value::Array(frames), &mut text);
+    text.push('.');
+    let log = root.join("navsim_logs/mini/2021.boston.pkl");
+    std::fs::create_dir_all(log.parent().expect("a folder")).expect("makes");
+    std::fs::write(&log, text).expect("writes");
+    let map = root.join("maps/us-ma-boston/9.12.1817");
+    std::fs::create_dir_all(&map).expect("makes");
+    let drawn = repository().join("crates/scenario/tests/data/nuplan-map.gpkg");
+    std::fs::copy(drawn, map.join("map.gpkg")).expect("the map is committed");
+    log
+}
+
+#[test]
+fn lanes_of_a_map_beside_the_drives_are_seen_where_they_lie() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let root = folder.path().join("data");
+    let log = mapped_openscene_folder(&root);
+    let recorded = openscene::read(&root, &log, None).expect("reads");
+    let (scene, world) = (&recorded.scene, recorded.scene.logged_world(Tick(2)));
+    assert!(scene.map.lanes.len() > 5 && scene.map.traffic_lights.len() > 1, "{:?}", recorded.warnings);
+    let map = StaticMap::new(&scene.map);
+    let mut renderer = Renderer::new(BackendChoice::Cpu).expect("the software rasteriser");
+    let camera = &scene.cameras[0];
+    let rig = world.ego.pose.world_from_rig(0.0);
+    let layout = renderer.render(&LayoutScene { map: &map, world: &world }, camera, rig).expect("renders");
+    // What lies ahead and to the left of the rear axle, in metres.
+    let seen = |ahead_m: f64, left_m: f64| {
+        let camera_from_rig = camera.rig_from_camera.inverse();
+        let pixel = camera.intrinsics.project(camera_from_rig * DVec3::new(ahead_m, left_m, 0.0)).expect("it is ahead");
+        layout.pixel(pixel.x as u32, pixel.y as u32)
+    };
+    for (ahead_m, left_m) in [(10.0, 0.8), (20.0, -0.8), (20.0, 2.6), (30.0, 4.3)] {
+        assert_eq!(seen(ahead_m, left_m), colour::LANE, "{ahead_m} m ahead, {left_m} m left");
+    }
+    for left_m in [-11.0, 14.0] {
+        assert_eq!(seen(40.0, left_m), colour::GROUND, "{left_m} m left");
+    }
+    assert_eq!(seen(40.0, 0.0), colour::CENTRE_LINE);
+    let more = "maps = \"nowhere\"";
+    let recipe = recipe(folder.path(), "openscene", &root, more);
+    let error = render(&recipe, &folder.path().join("out"), &Quiet).expect_err("there is no map").to_string();
+    assert!(error.contains("map.gpkg"), "{error}");
+    let recipe = Recipe { scenarios: ds_clips::ScenarioConfig { maps: None, ..recipe.scenarios.clone() }, ..recipe };
+    let out = folder.path().join("out");
+    render(&recipe, &out, &Quiet).expect("renders");
+    let clip = ClipSet::open(&out).expect("opens").whole(0).expect("reads");
+    let lanes = clip.layouts[0].rgb().chunks_exact(3).filter(|pixel| *pixel == colour::LANE).count();
+    assert!(lanes > 40, "{lanes} pixels of lanes in the clip");
 }
 
 fn matrix(value: &Value) -> (DQuat, DVec3) {

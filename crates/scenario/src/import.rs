@@ -11,6 +11,7 @@ use ds_space::{CameraId, CameraModel, DVec3, Intrinsics};
 use ds_world::Scene;
 
 pub mod argoverse2;
+mod nuplan;
 pub mod nuscenes;
 pub mod openscene;
 mod pickle;
@@ -18,6 +19,7 @@ mod recorded;
 pub mod scenarionet;
 mod view;
 
+pub use nuplan::{GeometryError, MapError};
 pub use pickle::PickleError;
 pub use recorded::Recorded;
 
@@ -88,6 +90,14 @@ pub enum ImportError {
         /// What is wrong.
         problem: String,
     },
+    /// The map of the log's city is refused.
+    #[error("map refused: {}", path.display())]
+    Map {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: MapError,
+    },
     /// The scenario cannot be written.
     #[error("cannot save the imported scenario")]
     Save(#[from] ScenarioError),
@@ -102,18 +112,20 @@ impl ImportError {
     }
 }
 
-/// A format of logs without pictures.
+/// A format of logs that become scenario files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
     /// Pickles of ScenarioNet and MetaDrive.
     ScenarioNet,
     /// Folders of Argoverse 2.
     Argoverse2,
+    /// Pickles of OpenScene and NAVSIM, with nuPlan's maps. Told by its name alone: the files are named as others are.
+    OpenScene,
 }
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 2] = [Self::ScenarioNet, Self::Argoverse2];
+    pub const ALL: [Self; 3] = [Self::ScenarioNet, Self::Argoverse2, Self::OpenScene];
 
     /// Returns the name on the command line.
     #[must_use]
@@ -121,10 +133,11 @@ impl Format {
         match self {
             Self::ScenarioNet => "scenarionet",
             Self::Argoverse2 => "argoverse2",
+            Self::OpenScene => "openscene",
         }
     }
 
-    /// Returns the format of a log, told by its name or its files; `None` for what is no log.
+    /// Returns the format of a log, told by its name or its files, pickles as ScenarioNet's; `None` for what is no log.
     #[must_use]
     pub fn of(path: &Path) -> Option<Self> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -139,13 +152,16 @@ impl Format {
         match self {
             Self::ScenarioNet => "*.pkl log",
             Self::Argoverse2 => "log of Argoverse 2 (city_SE3_egovehicle*, or scenario* and log_map_archive*.json)",
+            Self::OpenScene => "*.pkl log of OpenScene",
         }
     }
 
-    fn read(self, path: &Path) -> Result<(Scene, Vec<Warning>), ImportError> {
+    /// Reads a log found under a root; `maps` is for OpenScene.
+    fn read(self, path: &Path, root: &Path, maps: Option<&Path>) -> Result<(Scene, Vec<Warning>), ImportError> {
         match self {
             Self::ScenarioNet => scenarionet::scene(&bytes(path)?, path),
             Self::Argoverse2 => argoverse2::read(path),
+            Self::OpenScene => openscene::scene(root, path, maps),
         }
     }
 }
@@ -164,7 +180,7 @@ pub struct Imported {
 /// # Errors
 /// [`ImportError`] names the file, the field and what is wrong.
 pub fn open(path: &Path) -> Result<(Scene, Vec<Warning>), ImportError> {
-    Format::of(path).map_or_else(|| load(path).map_err(ImportError::Load), |format| format.read(path))
+    Format::of(path).map_or_else(|| load(path).map_err(ImportError::Load), |format| format.read(path, path, None))
 }
 
 /// Returns a file or log itself, or the scenario files and logs of a folder, in order.
@@ -230,19 +246,21 @@ fn usual_camera() -> CameraModel {
 
 /// Imports a log, or every log of a folder (indices named `dataset_*` left out), to one scenario file each.
 ///
-/// `progress` hears of each log when it is done. A bad log does not stop the others.
+/// `maps` is the folder of nuPlan's maps that drives of OpenScene are laid on, see [`openscene::read`]; other formats
+/// bring their maps. `progress` hears of each log when it is done. A bad log does not stop the others.
 ///
 /// # Errors
 /// [`ImportError`] only if the path itself cannot be read or holds no log.
 pub fn import_path(
     format: Format,
     path: &Path,
+    maps: Option<&Path>,
     out_dir: &Path,
     progress: &mut dyn FnMut(&Imported),
 ) -> Result<Vec<Imported>, ImportError> {
     let mut results = Vec::new();
     for log in logs(format, path)? {
-        let outcome = format.read(&log).and_then(|(scene, warnings)| {
+        let outcome = format.read(&log, path, maps).and_then(|(scene, warnings)| {
             let file = out_dir.join(format!("{}{SUFFIX}", scene.name));
             save(&scene, &file)?;
             Ok((file, warnings))
@@ -259,6 +277,9 @@ fn logs(format: Format, path: &Path) -> Result<Vec<PathBuf>, ImportError> {
     let wanted = |path: &Path| Format::of(path) == Some(format);
     if !std::fs::metadata(path).map_err(unreadable)?.is_dir() || wanted(path) {
         return Ok(vec![path.to_owned()]);
+    }
+    if format == Format::OpenScene {
+        return openscene::logs(path);
     }
     let logs = entries(path, &wanted).map_err(unreadable)?;
     if logs.is_empty() { Err(ImportError::Empty { wanted: format.log(), path: path.to_owned() }) } else { Ok(logs) }

@@ -278,10 +278,14 @@ const IMPORT_HELP: &str = "Formats:
   argoverse2    folders of Argoverse 2: sensor logs (city_SE3_egovehicle, annotations, calibration) and scenarios of
                 motion forecasting (scenario*), each with log_map_archive*.json; tables as .feather or .csv, parquet
                 after conversion to .csv
+  openscene     folders of OpenScene and NAVSIM (navsim_logs/**/*.pkl) with nuPlan's maps
+                (LOCATION/VERSION/map.gpkg) in --maps, or in a folder maps or nuplan-maps-v1.0 in or above them;
+                without the map of a drive its layouts show no road, which is said
 
 Examples:
   dreamstream import scenarionet my_logs/ -o out/imported
   dreamstream import argoverse2 sensor/val/02678d04-cc9f-3148-9f95-1ba66347dff9 -o out/imported
+  dreamstream import openscene navsim/dataset --maps navsim/dataset/maps -o out/imported
   dreamstream run out/imported";
 
 fn formats() -> impl TypedValueParser<Value = Format> {
@@ -299,6 +303,9 @@ pub(crate) struct ImportArgs {
     /// Logs, or folders of them.
     #[arg(required = true, value_hint = ValueHint::AnyPath)]
     pub paths: Vec<PathBuf>,
+    /// The folder of nuPlan's maps (what other tools call NUPLAN_MAPS_ROOT), for openscene.
+    #[arg(long, value_hint = ValueHint::DirPath)]
+    pub maps: Option<PathBuf>,
     /// Where the scenario files go.
     #[arg(long, short, default_value = "out/imported", value_hint = ValueHint::DirPath)]
     pub out: PathBuf,

@@ -14,6 +14,10 @@ impl Progress for Lines {
             eprintln!("{clips} of {of} clips");
         }
     }
+
+    fn noted(&self, line: &str) {
+        eprintln!("warning: {line}");
+    }
 }
 
 fn run(path: &Path, folder: Option<PathBuf>) -> Result<(), ClipsError> {

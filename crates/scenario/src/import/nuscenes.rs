@@ -196,6 +196,8 @@ pub fn read(root: &Path, scene: &str) -> Result<Recorded, ImportError> {
             licence: "CC-BY-NC-SA-4.0".to_owned(),
             attribution: "nuScenes, Motional; nuScenes Terms of Use apply".to_owned(),
         },
+        tick_secs: None,
+        notes: Vec::new(),
     };
     drive.recorded(&folder)
 }

@@ -1,22 +1,27 @@
 //! Drives of the OpenScene / NAVSIM folder layout: `*logs*/**/*.pkl`, lists of frames at 2 Hz, with `sensor_blobs`.
 //!
 //! Boxes are given in the lidar's frame (x, y, z of the centre, length, width, height, heading), poses as translation
-//! and quaternion (w, x, y, z). Maps of nuPlan are geopackages and are not read: the drivable surface is then unknown,
-//! and the layout shows boxes alone.
+//! and quaternion (w, x, y, z) in the UTM zone of the city; the drive is moved to begin at the origin. The map is
+//! nuPlan's of the same zone; without it there is no road, and the layout shows boxes alone.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use ds_space::{CameraId, CameraModel, DMat3, DQuat, DVec3, Intrinsics, Pose};
-use ds_world::{AgentClass, Map, Origin, VehicleParameters};
+use ds_space::{CameraId, CameraModel, DMat3, DQuat, DVec2, DVec3, Intrinsics, Pose};
+use ds_world::{AgentClass, Map, Origin, Scene, VehicleParameters};
 
 use super::ImportError;
+use super::nuplan::{self, Shown};
 use super::pickle;
 use super::recorded::{RawBox, RawDrive, Recorded, Stand};
 use super::view::{FieldFault, View};
+use crate::store::Warning;
 
 /// Pictures of nuPlan's cameras.
 const WIDTH_PX: u32 = 1_920;
 const HEIGHT_PX: u32 = 1_080;
+/// Seconds between ticks of a scenario.
+const TICK_SECS: f64 = 0.1;
 
 /// Returns the logs under a folder, in order of their names.
 ///
@@ -41,11 +46,66 @@ pub fn logs(root: &Path) -> Result<Vec<PathBuf>, ImportError> {
     if found.is_empty() { Err(ImportError::Empty { wanted: "*.pkl log", path: root.to_owned() }) } else { Ok(found) }
 }
 
-/// Reads one log; its pictures are looked for under `root`, in `sensor_blobs` and its folders.
+/// Reads one log; its pictures are looked for under `root`, in `sensor_blobs` and its folder of the log's split.
+///
+/// `maps` is the folder with nuPlan's maps (`<location>/<version>/map.gpkg`), which other tools call
+/// `NUPLAN_MAPS_ROOT`; without it `maps` and `nuplan-maps-v1.0` in `root` and the folders above are looked at.
 ///
 /// # Errors
-/// If the log is refused; the field is named.
-pub fn read(root: &Path, log: &Path) -> Result<Recorded, ImportError> {
+/// If the log or its map is refused; the field or layer is named. If a folder of maps is given and lacks the map.
+pub fn read(root: &Path, log: &Path, maps: Option<&Path>) -> Result<Recorded, ImportError> {
+    mapped(root, log, maps, None)?.recorded(log)
+}
+
+/// Reads one log as a scenario with ten ticks a second; places between frames are interpolated.
+///
+/// # Errors
+/// As for [`read`].
+pub fn scene(root: &Path, log: &Path, maps: Option<&Path>) -> Result<(Scene, Vec<Warning>), ImportError> {
+    let recorded = mapped(root, log, maps, Some(TICK_SECS))?.recorded(log)?;
+    Ok((recorded.scene, recorded.warnings))
+}
+
+/// Reads one log with its map.
+fn mapped(root: &Path, log: &Path, maps: Option<&Path>, tick_secs: Option<f64>) -> Result<RawDrive, ImportError> {
+    let (mut drive, told) = parsed(root, log)?;
+    drive.tick_secs = tick_secs;
+    let note = |message: String| Warning { at: "map".to_owned(), message };
+    let places: Vec<DVec2> = drive.stands.iter().map(|stand| stand.position.truncate()).collect();
+    let origin = places.first().map_or(DVec2::ZERO, |place| place.floor());
+    drive.recentre(origin);
+    if origin != DVec2::ZERO {
+        drive.notes.push(note(format!("all positions are moved by -{origin}")));
+    }
+    let Some(location) = told.location else {
+        let message = "is unknown: the log does not name its map_location; the layout will have no road";
+        drive.notes.push(note(message.to_owned()));
+        return Ok(drive);
+    };
+    let Some(path) = nuplan::find(root, maps, &location)? else {
+        let message = format!(
+            "is missing: there is no {location}/*/map.gpkg in a folder \"maps\" or \"nuplan-maps-v1.0\" in or above {}; \
+             the layout will have no road",
+            root.display()
+        );
+        drive.notes.push(note(message));
+        return Ok(drive);
+    };
+    let mut city = nuplan::read(&path, origin, &places, &mut drive.notes)?;
+    nuplan::add_signals(&mut city, &told.lights, &drive.times_secs());
+    drive.map = city.map;
+    Ok(drive)
+}
+
+/// What a log tells beside the drive.
+struct Told {
+    /// The city.
+    location: Option<String>,
+    /// What traffic lights showed, frame by frame.
+    lights: Vec<Shown>,
+}
+
+fn parsed(root: &Path, log: &Path) -> Result<(RawDrive, Told), ImportError> {
     let unreadable = |source| ImportError::Read { path: log.to_owned(), source };
     let size = std::fs::metadata(log).map_err(unreadable)?.len();
     if size > super::MAX_FILE_BYTES {
@@ -54,7 +114,7 @@ pub fn read(root: &Path, log: &Path) -> Result<Recorded, ImportError> {
     let bytes = std::fs::read(log).map_err(unreadable)?;
     let pickle = pickle::read(&bytes).map_err(|source| ImportError::Pickle { path: log.to_owned(), source })?;
     let field = |fault: FieldFault| ImportError::Field { path: log.to_owned(), at: fault.at, problem: fault.problem };
-    drive(&View::root(&pickle), root, log).map_err(field)?.recorded(log)
+    drive(&View::root(&pickle), root, log).map_err(field)
 }
 
 fn numbers<const N: usize>(view: &View<'_>) -> Result<[f64; N], FieldFault> {
@@ -78,7 +138,7 @@ fn matrix(view: &View<'_>) -> Result<DMat3, FieldFault> {
     numbers::<9>(view).map(|values| DMat3::from_cols_array(&values).transpose())
 }
 
-fn drive(root: &View<'_>, folder: &Path, log: &Path) -> Result<RawDrive, FieldFault> {
+fn drive(root: &View<'_>, folder: &Path, log: &Path) -> Result<(RawDrive, Told), FieldFault> {
     let frames = root.items();
     let Some(first) = frames.first() else { return Err(root.fault("holds no frames")) };
     let stamp = |frame: &View<'_>| -> Result<f64, FieldFault> {
@@ -86,7 +146,7 @@ fn drive(root: &View<'_>, folder: &Path, log: &Path) -> Result<RawDrive, FieldFa
         stamp.number().ok_or_else(|| stamp.fault("is no number"))
     };
     let zero = stamp(first)?;
-    let (mut stands, mut key_frames) = (Vec::new(), Vec::new());
+    let (mut stands, mut key_frames, mut lights) = (Vec::new(), Vec::new(), Vec::new());
     let mut cameras: Vec<(String, CameraModel)> = Vec::new();
     let mut pictures: Vec<Vec<(f64, PathBuf)>> = Vec::new();
     for frame in &frames {
@@ -99,6 +159,7 @@ fn drive(root: &View<'_>, folder: &Path, log: &Path) -> Result<RawDrive, FieldFa
         let rig_from_lidar =
             (vector(&frame.need("lidar2ego_translation")?)?, quaternion(&frame.need("lidar2ego_rotation")?)?);
         key_frames.push((secs, boxes(frame, &stand, rig_from_lidar)?));
+        lights.push((secs, signals(frame)?));
         for (name, entry) in frame.need("cams")?.entries()? {
             let at = match cameras.iter().position(|(known, _)| *known == name) {
                 Some(at) => at,
@@ -109,7 +170,7 @@ fn drive(root: &View<'_>, folder: &Path, log: &Path) -> Result<RawDrive, FieldFa
                 }
             };
             if let Some(path) = entry.get("data_path").and_then(|path| path.text()) {
-                pictures[at].push((secs, picture(folder, &path)));
+                pictures[at].push((secs, picture(folder, log, &path)));
             }
         }
         stands.push(stand);
@@ -119,7 +180,8 @@ fn drive(root: &View<'_>, folder: &Path, log: &Path) -> Result<RawDrive, FieldFa
     order.sort_by_key(|i| (cameras[*i].0 != "CAM_F0", cameras[*i].0.clone()));
     let stem = log.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
     let name = first.get("log_name").and_then(|name| name.text()).filter(|name| !name.is_empty()).unwrap_or(stem);
-    Ok(RawDrive {
+    let told = Told { location: first.get("map_location").and_then(|location| location.text()), lights };
+    let drive = RawDrive {
         name: name.chars().map(|c| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' }).take(80).collect(),
         stands,
         key_frames,
@@ -133,12 +195,32 @@ fn drive(root: &View<'_>, folder: &Path, log: &Path) -> Result<RawDrive, FieldFa
             licence: "CC-BY-NC-SA-4.0".to_owned(),
             attribution: "OpenScene and nuPlan, Motional; nuPlan Terms of Use apply".to_owned(),
         },
-    })
+        tick_secs: None,
+        notes: Vec::new(),
+    };
+    Ok((drive, told))
 }
 
-fn picture(root: &Path, stored: &str) -> PathBuf {
-    let plain = root.join(stored);
-    if plain.is_file() { plain } else { root.join("sensor_blobs").join(stored) }
+/// Reads which lane connectors show red in a frame: pairs of a connector and whether it does.
+fn signals(frame: &View<'_>) -> Result<BTreeMap<i64, bool>, FieldFault> {
+    let Some(lights) = frame.get("traffic_lights") else { return Ok(BTreeMap::new()) };
+    let pair = |view: &View<'_>| {
+        let parts = view.items();
+        let [connector, red] = parts.as_slice() else { return None };
+        Some((connector.text()?.parse().ok()?, red.number()? != 0.0))
+    };
+    let read = |view: &View<'_>| {
+        pair(view).ok_or_else(|| view.fault("is no pair of a lane connector and whether it shows red"))
+    };
+    lights.items().iter().map(read).collect()
+}
+
+/// Returns where a picture lies: in the root, in `sensor_blobs`, or in its folder named like that of the log (`mini`).
+fn picture(root: &Path, log: &Path, stored: &str) -> PathBuf {
+    let blobs = root.join("sensor_blobs");
+    let split = log.parent().and_then(Path::file_name).map(|split| blobs.join(split).join(stored));
+    let places = [Some(root.join(stored)), split];
+    places.into_iter().flatten().find(|path| path.is_file()).unwrap_or_else(|| blobs.join(stored))
 }
 
 fn camera(name: &str, entry: &View<'_>, rig_from_lidar: (DVec3, DQuat)) -> Result<CameraModel, FieldFault> {

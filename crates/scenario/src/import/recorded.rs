@@ -13,6 +13,7 @@ use ds_world::{AgentClass, EgoState, Map, Origin, Scene, Size, Track, TrackPoint
 use super::scenarionet::route;
 use super::{ImportError, checked};
 use crate::resolve::MAX_STATES;
+use crate::store::{self, Warning};
 
 /// A drive with its pictures.
 #[derive(Debug, Clone)]
@@ -21,6 +22,8 @@ pub struct Recorded {
     pub scene: Scene,
     /// For each camera in order, for each tick, the picture nearest in time, at most 60 ms away.
     pub pictures: Vec<Vec<Option<PathBuf>>>,
+    /// What is odd about it.
+    pub warnings: Vec<Warning>,
 }
 
 /// Where the ego was at a time.
@@ -57,6 +60,9 @@ pub(crate) struct RawDrive {
     pub vehicle: VehicleParameters,
     pub prompt: String,
     pub origin: Origin,
+    /// Seconds between ticks; `None`: as often as there are pictures or key frames.
+    pub tick_secs: Option<f64>,
+    pub notes: Vec<Warning>,
 }
 
 /// How far the last tick may lie beyond the last key frame, in ticks.
@@ -71,24 +77,18 @@ impl RawDrive {
     pub(crate) fn recorded(self, path: &Path) -> Result<Recorded, ImportError> {
         let field =
             |at: &str, problem: String| ImportError::Field { path: path.to_owned(), at: at.to_owned(), problem };
-        let (Some((first, _)), Some((last, _))) = (self.key_frames.first(), self.key_frames.last()) else {
+        let times = self.times_secs();
+        let Some(first) = times.first().copied() else {
             return Err(field("key frames", "there are none".to_owned()));
         };
-        let (first, last) = (*first, *last);
         if self.stands.is_empty() {
             return Err(field("ego poses", "there are none".to_owned()));
         }
-        let dt = self.interval();
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bounded")]
-        let count = (((last - first) / dt + SLACK_TICKS).floor().clamp(0.0, 1e5)) as usize + 1;
-        let secs = |tick: usize| first + tick as f64 * dt;
-        let ego_log = self.ego_log((0..count).map(secs).collect(), dt);
+        let (dt, count) = (self.interval(), times.len());
+        let ego_log = self.ego_log(&times, dt);
         let tracks = self.tracks(count, first, dt).map_err(|problem| field("tracks", problem))?;
-        let pictures = self
-            .pictures
-            .iter()
-            .map(|pictures| (0..count).map(|tick| nearest(pictures, secs(tick))).collect())
-            .collect();
+        let pictures =
+            self.pictures.iter().map(|pictures| times.iter().map(|secs| nearest(pictures, *secs)).collect()).collect();
         let scene = Scene {
             name: self.name.clone(),
             family: String::new(),
@@ -103,11 +103,37 @@ impl RawDrive {
             prompt: self.prompt,
             origin: self.origin,
         };
-        Ok(Recorded { scene: checked(&scene, path)?, pictures })
+        let scene = checked(&scene, path)?;
+        let mut warnings = self.notes;
+        warnings.extend(store::warnings(&scene));
+        Ok(Recorded { scene, pictures, warnings })
     }
 
-    /// Ten ticks a second where there are pictures or key frames for them, else two.
+    /// Returns the times of the ticks, from the first key frame to the last.
+    pub(crate) fn times_secs(&self) -> Vec<f64> {
+        let (Some((first, _)), Some((last, _))) = (self.key_frames.first(), self.key_frames.last()) else {
+            return Vec::new();
+        };
+        let dt = self.interval();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bounded")]
+        let count = (((last - first) / dt + SLACK_TICKS).floor().clamp(0.0, 1e5)) as usize + 1;
+        (0..count).map(|tick| first + tick as f64 * dt).collect()
+    }
+
+    /// Moves poses and boxes in the plane, so that a place becomes the origin.
+    pub(crate) fn recentre(&mut self, origin: DVec2) {
+        let by = origin.extend(0.0);
+        self.stands.iter_mut().for_each(|stand| stand.position -= by);
+        for raw in self.key_frames.iter_mut().flat_map(|(_, boxes)| boxes) {
+            raw.centre -= by;
+        }
+    }
+
+    /// Ten ticks a second where there are pictures or key frames for them, else two, unless it is said.
     fn interval(&self) -> f64 {
+        if let Some(secs) = self.tick_secs {
+            return secs;
+        }
         let pictures = self.pictures.iter().flat_map(|pictures| pictures.windows(2).map(|pair| pair[1].0 - pair[0].0));
         let often = |spacing: Option<f64>| spacing.is_some_and(|secs| secs < 0.2);
         if often(middle(pictures)) || often(self.spacing()) { 0.1 } else { 0.5 }
@@ -118,7 +144,7 @@ impl RawDrive {
         middle(self.key_frames.windows(2).map(|pair| pair[1].0 - pair[0].0))
     }
 
-    fn ego_log(&self, times: Vec<f64>, dt: f64) -> Vec<EgoState> {
+    fn ego_log(&self, times: &[f64], dt: f64) -> Vec<EgoState> {
         let poses: Vec<PoseSe2> = times.iter().map(|secs| planar(&stand(&self.stands, *secs))).collect();
         let at = |tick: usize| &poses[tick.min(poses.len() - 1)];
         let moved = |tick: usize| {

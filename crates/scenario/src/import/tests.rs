@@ -172,8 +172,8 @@ fn a_folder_gives_one_file_for_each_log() {
     let Some(folder) = drives() else { return };
     let out = tempfile::tempdir().expect("a temporary folder can be made");
     let mut heard = 0;
-    let results =
-        import_path(Format::ScenarioNet, folder, out.path(), &mut |_| heard += 1).expect("the folder can be read");
+    let results = import_path(Format::ScenarioNet, folder, None, out.path(), &mut |_| heard += 1)
+        .expect("the folder can be read");
     assert_eq!((results.len(), heard), (6, 6));
     for imported in results {
         let (file, _) = imported.outcome.expect("every drive imports");
@@ -330,7 +330,7 @@ fn fields_that_do_not_fit_are_named() {
 #[test]
 fn a_folder_without_logs_and_a_missing_file_are_errors() {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
-    let import = |path: &Path| import_path(Format::ScenarioNet, path, folder.path(), &mut |_| ());
+    let import = |path: &Path| import_path(Format::ScenarioNet, path, None, folder.path(), &mut |_| ());
     assert!(matches!(import(folder.path()), Err(ImportError::Empty { .. })));
     assert!(matches!(import(&folder.path().join("nowhere.pkl")), Err(ImportError::Read { .. })));
     std::fs::write(folder.path().join("a.pkl"), b"cos\nsystem\n(S'true'\ntR.").expect("it can be written");

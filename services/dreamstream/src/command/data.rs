@@ -23,6 +23,10 @@ impl Progress for Bar {
         self.bar.set_position(self.bar.position().max(clips));
     }
 
+    fn noted(&self, line: &str) {
+        self.bar.suspend(|| answer(&format!("warning: {line}")));
+    }
+
     fn stop(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }

@@ -76,18 +76,19 @@ fn list(paths: &[PathBuf]) -> Result<()> {
 /// # Errors
 /// If any log was refused; the others are still written.
 pub(crate) fn import(args: &ImportArgs) -> Result<()> {
+    ensure!(args.maps.is_none() || args.format == Format::OpenScene, "--maps is for openscene only");
     let mut refused = 0;
     for path in &args.paths {
-        refused += import_one(args.format, path, &args.out).with_context(|| format!("import of {}", path.display()))?;
+        refused += import_one(args, path).with_context(|| format!("import of {}", path.display()))?;
     }
     ensure!(refused == 0, "{refused} of the logs were refused");
     Ok(())
 }
 
-fn import_one(format: Format, path: &Path, out: &Path) -> Result<usize> {
+fn import_one(args: &ImportArgs, path: &Path) -> Result<usize> {
     let spinner = ProgressBar::new_spinner();
     let mut refused = 0;
-    ds_scenario::import_path(format, path, out, &mut |imported| {
+    ds_scenario::import_path(args.format, path, args.maps.as_deref(), &args.out, &mut |imported| {
         spinner.tick();
         match &imported.outcome {
             Ok((written, warnings)) => {

@@ -12,7 +12,7 @@ use ds_world::{Crosswalk, Lane, LaneKind, LineColour, LineKind, LineMarking, Map
 use serde::Deserialize;
 
 use super::left_out;
-use crate::area;
+use crate::area::Areas;
 use crate::import::scenarionet::lanes::{Links, link_by_name};
 use crate::import::view::FieldFault;
 use crate::import::{ImportError, bytes};
@@ -23,11 +23,6 @@ use crate::store::Warning;
 const FAR_M: f64 = 1e5;
 /// The most lanes, areas or crossings of a map.
 const MOST_PARTS: usize = 20_000;
-/// How far to both sides of an area's edge the ground is looked at, in metres, and in pieces of what length.
-const ASIDE_M: f64 = 0.3;
-const PIECE_M: f64 = 3.0;
-/// The most looks at area corners: pieces times corners.
-const MOST_LOOKS: f64 = 2e9;
 
 #[derive(Deserialize)]
 struct Archive {
@@ -255,43 +250,10 @@ fn place(points: &[DVec2]) -> Vec<(i64, i64)> {
 
 /// Returns the edges of areas beyond which there is no other area.
 fn kerbs(areas: &[Polygon]) -> Result<Vec<RoadEdge>, FieldFault> {
-    let sides = |area: &Polygon| -> Vec<(DVec2, DVec2)> {
-        area.iter().copied().zip(area.iter().copied().cycle().skip(1)).collect()
-    };
-    let pieces = |(from, to): (DVec2, DVec2)| (from.distance(to) / PIECE_M).ceil().max(1.0);
-    let corners: usize = areas.iter().map(Vec::len).sum();
-    let looks = corners as f64 * areas.iter().flat_map(sides).map(pieces).sum::<f64>();
-    if looks > MOST_LOOKS {
+    let rims = Areas::new(areas).and_then(|areas| areas.rims()).ok_or_else(|| {
+        let corners: usize = areas.iter().map(Vec::len).sum();
         let problem = format!("has {corners} points, too many for the length of the outlines");
-        return Err(FieldFault { at: "drivable_areas".to_owned(), problem });
-    }
-    let corner =
-        |area: &Polygon, pick: fn(DVec2, DVec2) -> DVec2| area.iter().copied().reduce(pick).unwrap_or_default();
-    let bounds: Vec<(DVec2, DVec2)> =
-        areas.iter().map(|area| (corner(area, DVec2::min), corner(area, DVec2::max))).collect();
-    let drivable = |point: DVec2| {
-        let near = |(low, high): &(DVec2, DVec2)| point.cmpge(*low).all() && point.cmple(*high).all();
-        areas.iter().zip(&bounds).any(|(area, bounds)| near(bounds) && area::holds(area, point))
-    };
-    let mut edges = Vec::new();
-    for area in areas {
-        let mut run: Vec<DVec2> = Vec::new();
-        for (from, to) in sides(area) {
-            let Some(ahead) = (to - from).try_normalize() else { continue };
-            let count = pieces((from, to));
-            for i in 0..count as usize {
-                let (a, b) = (from.lerp(to, i as f64 / count), from.lerp(to, (i + 1) as f64 / count));
-                let (middle, aside) = (a.midpoint(b), ahead.perp() * ASIDE_M);
-                if drivable(middle + aside) && drivable(middle - aside) {
-                    edges.push(std::mem::take(&mut run));
-                } else {
-                    run.extend(run.is_empty().then_some(a));
-                    run.push(b);
-                }
-            }
-        }
-        edges.push(run);
-    }
-    let edge = |run: Vec<DVec2>| RoadEdge { points: thin(&run, 0.01, 30.0) };
-    Ok(edges.into_iter().filter(|run| run.len() > 1).map(edge).collect())
+        FieldFault { at: "drivable_areas".to_owned(), problem }
+    })?;
+    Ok(rims.into_iter().map(|run| RoadEdge { points: thin(&run, 0.01, 30.0) }).collect())
 }

@@ -61,6 +61,8 @@ pub(super) fn scene(log: &Path, poses: &Path, notes: &mut Vec<Warning>) -> Resul
         vehicle: VehicleParameters::FUSION,
         prompt: prompt(&map_file.file_name().unwrap_or_default().to_string_lossy()),
         origin: origin("sensor"),
+        tick_secs: None,
+        notes: Vec::new(),
     };
     Ok(drive.recorded(log)?.scene)
 }

@@ -13,6 +13,7 @@ use ds_world::{
 };
 use serde::Deserialize;
 
+use crate::area::long_axis;
 use crate::import::ImportError;
 use crate::import::recorded::Stand;
 
@@ -278,16 +279,6 @@ impl<'a> City<'a> {
 
 fn closed(polygon: &[DVec2]) -> Vec<DVec2> {
     polygon.iter().chain(polygon.first()).copied().collect()
-}
-
-/// Returns the ends of the middle line along a polygon's longest side.
-fn long_axis(polygon: &[DVec2]) -> Option<[DVec2; 2]> {
-    let sides = (0..polygon.len()).map(|i| polygon[(i + 1) % polygon.len()] - polygon[i]);
-    let along = sides.max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))?.try_normalize()?;
-    let middle = polygon.iter().sum::<DVec2>() / polygon.len() as f64;
-    let reach = || polygon.iter().map(|point| (*point - middle).dot(along));
-    let (low, high) = (reach().fold(0.0, f64::min), reach().fold(0.0, f64::max));
-    (high - low > 0.5).then_some([middle + along * low, middle + along * high])
 }
 
 /// Follows arc lines at steps of about a metre.

@@ -15,7 +15,7 @@ use crate::path::{Path, thin};
 use crate::store::Warning;
 
 /// Half the width given to a lane without a polygon, in metres.
-pub(super) const HALF_WIDTH_M: f64 = 1.95;
+pub(in crate::import) const HALF_WIDTH_M: f64 = 1.95;
 /// How far apart the ends of linked lanes may lie, in metres.
 const LINK_M: f64 = 1.2;
 const LINK_RAD: f64 = 0.6;
@@ -126,7 +126,8 @@ fn lane(name: String, view: &View<'_>, window: &Window, dataset: &str) -> Result
     Ok(Some((lane, surface, links)))
 }
 
-fn widened(path: &Path, half_m: f64) -> Vec<DVec2> {
+/// Returns the surface of a lane of even width.
+pub(in crate::import) fn widened(path: &Path, half_m: f64) -> Vec<DVec2> {
     let even = path.even(1.0);
     let mut surface = thin(&even.offset(half_m), 0.02, 20.0);
     surface.extend(thin(&even.offset(-half_m), 0.02, 20.0).into_iter().rev());
@@ -204,7 +205,7 @@ fn stop_sign(map: &mut Map, view: &View<'_>, window: &Window) -> bool {
 }
 
 /// Returns the line across a lane next to a place.
-pub(super) fn across(lane: &Lane, place: DVec2) -> Option<StopLine> {
+pub(in crate::import) fn across(lane: &Lane, place: DVec2) -> Option<StopLine> {
     let path = Path::new(&lane.centre_line)?;
     let station = path.nearest(place).station_m.clamp(0.0, path.length_m());
     let pose = path.pose(station);
