@@ -479,14 +479,19 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     for kind, count in (("singles", len(EFFECTS)), ("none", 16), ("pairs", 10), ("unknown", 8)):
         parser.add_argument(f"--{kind}", type=int, default=count)
+    parser.add_argument("--part", default="1/1", help="of several processes that share a draw, which: 2/3 makes every third case from the second on")
     given = parser.parse_args()
+    part, parts = map(int, given.part.split("/"))
     world, labels = World(), {}
     counts = {"single": given.singles, "none": given.none, "double": given.pairs, "out_of_library": given.unknown}
     wanted = [(kind, k) for kind, count in counts.items() for k in range(count)]
-    for number, (kind, index) in enumerate(wanted):
+    for number, (kind, index) in list(enumerate(wanted))[part - 1::parts]:
         case = make_case(given.seed, world, kind, number, index, given.out)
         labels[case["name"]] = case["label"]
-    (given.out / "labels.json").write_text(json.dumps(labels, indent=1))
+    # Parts add to what the others wrote.
+    path = given.out / "labels.json"
+    told = json.loads(path.read_text()) if path.exists() and parts > 1 else {}
+    path.write_text(json.dumps({**told, **labels}, indent=1))
 
 
 if __name__ == "__main__":

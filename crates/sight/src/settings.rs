@@ -124,3 +124,17 @@ pub const COLOUR_ERROR: f64 = 0.005;
 /// Share of what effects before it took away that an effect on objects must gain: what moves by depth moves objects as
 /// well.
 pub const FURTHER_OBJECTS_SHARE: f64 = 0.15;
+/// Share of what displacements before it took away that a further one must gain on other than aligned streams.
+pub const FURTHER_MOVED_SHARE: f64 = 0.4;
+
+/// Half width of an interval on other than aligned streams as a share of the effect: fine detail, depth and time are not
+/// the generator's strength.
+#[must_use]
+pub fn pairing_shape(id: &str) -> f64 {
+    match id {
+        "jpeg_loss" | "sensor_noise" | "fog_haze" | "rain_streaks" => 0.5,
+        "radial_distortion" | "mount_position" | "exposure_lag" | "dropped_frames" => 0.35,
+        "rolling_shutter" => 1.0,
+        _ => 0.15,
+    }
+}

@@ -34,6 +34,13 @@ impl Stream {
             small: scene.small.iter().map(pick).collect(),
         }
     }
+
+    /// Returns the stream with the content of each small frame so many frames older, none older than the first.
+    #[must_use]
+    pub fn aged(mut self, ages: &[usize]) -> Self {
+        self.small = ages.iter().enumerate().map(|(k, age)| self.small[k.saturating_sub(*age)].clone()).collect();
+        self
+    }
 }
 
 /// Returns what the second stream has beyond the first; displacements stay 0.
@@ -51,7 +58,8 @@ pub fn beyond(scene: &Scene<'_>, first: &Stream, second: &Stream, paired: bool) 
     out
 }
 
-fn own(scene: &Scene<'_>, stream: &Stream) -> [f64; OWN] {
+/// Returns the statistics of one stream.
+pub(super) fn own(scene: &Scene<'_>, stream: &Stream) -> [f64; OWN] {
     let mut s = [0.0; OWN];
     for picture in &stream.full {
         let n = stream.full.len() as f64;
@@ -101,6 +109,11 @@ fn slopes(p: &Picture) -> [f64; 2] {
     [across / n, down / n]
 }
 
+/// Statistics that grow where something fine is added, with what is added to a size before its logarithm: fine contrast
+/// over the next coarser one, flat places dark and bright.
+pub(super) const FINE: [(usize, f64); 3] = [(9, 0.0), (12, FLAT), (13, FLAT)];
+const FLAT: f64 = 0.3;
+
 /// ln of the mean second difference in the flattest tenth of dark and of bright blocks.
 fn flat(p: &Picture) -> [f64; 2] {
     let w = p.width;
@@ -125,7 +138,7 @@ fn flat(p: &Picture) -> [f64; 2] {
     let middle = ds_gap::bootstrap::quantile(&mut lights, 0.5) as f32;
     [true, false].map(|dark| {
         let mut own: Vec<f64> = blocks.iter().filter(|b| (b.0 < middle) == dark).map(|b| b.1).collect();
-        if own.is_empty() { 0.0 } else { (ds_gap::bootstrap::quantile(&mut own, 0.1) + 0.3).ln() }
+        if own.is_empty() { 0.0 } else { (ds_gap::bootstrap::quantile(&mut own, 0.1) + FLAT).ln() }
     })
 }
 

@@ -85,8 +85,14 @@ impl Nuisance {
 #[must_use]
 pub fn statistics(scene: &Scene<'_>, pairing: Pairing) -> (DVector<f64>, Option<edges::Moved>) {
     let paired = pairing != Pairing::Unpaired;
-    let mut x = beyond(scene, &Stream::of(scene, false), &Stream::of(scene, true), paired);
     let moved = paired.then(|| edges::measured(scene.case));
+    // what is late is no other statistic's business
+    let simulated = Stream::of(scene, false);
+    let simulated = match &moved {
+        Some(moved) => simulated.aged(&moved.late.ages),
+        None => simulated,
+    };
+    let mut x = beyond(scene, &simulated, &Stream::of(scene, true), paired);
     if let Some(moved) = &moved {
         for (x, v) in x[MOVED..].iter_mut().zip(&moved.values) {
             *x = *v;

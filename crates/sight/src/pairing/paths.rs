@@ -1,5 +1,8 @@
 //! What every effect would do to the statistics: it is applied to the simulated stream along a path of values, and the
 //! change is interpolated in between. Displacements act on their own statistics directly.
+//!
+//! The effect acts on real frames, whose grain and fine detail differ from the generator's: what is added in quadrature
+//! weighs less where there is more already ([`on_real`]).
 
 use ds_effect::FrameChain;
 use ds_effect::frame::{Act, FrameEffect};
@@ -8,7 +11,7 @@ use ds_space::draw::Draws;
 use nalgebra::DVector;
 
 use crate::pairing::edges;
-use crate::pairing::looks::{ALL, MOVED, Stream, beyond};
+use crate::pairing::looks::{ALL, FINE, MOVED, OWN, Stream, beyond, own};
 use crate::scene::{DETAIL, Scene};
 
 /// Values along which an effect grows from nothing, and what each does to the statistics.
@@ -49,10 +52,12 @@ fn grid(id: &str) -> Vec<Vec<Vec<f64>>> {
     }
 }
 
-/// Returns the paths of all effects that this scene can show.
+/// Returns the paths of all effects that this scene can show; `gap` is what real frames have beyond simulated ones
+/// without any effect.
 #[must_use]
-pub fn paths(scene: &Scene<'_>, paired: bool, without: &[String]) -> Vec<Path> {
+pub fn paths(scene: &Scene<'_>, gap: &DVector<f64>, paired: bool, without: &[String]) -> Vec<Path> {
     let plain = Stream::of(scene, false);
+    let simulated = own(scene, &plain);
     let mut out = Vec::new();
     for effect in frame_library() {
         if without.iter().any(|w| w == effect.id) || !scene.can_show(effect) {
@@ -62,7 +67,8 @@ pub fn paths(scene: &Scene<'_>, paired: bool, without: &[String]) -> Vec<Path> {
             let mut path = Path { effect, values: vec![effect.neutral()], change: vec![DVector::zeros(ALL)] };
             for values in nodes {
                 let changed = applied(scene, &plain, effect, &values);
-                let change = beyond(scene, &plain, &changed, paired);
+                let mut change = beyond(scene, &plain, &changed, paired);
+                on_real(&mut change, &simulated, gap);
                 path.change.push(DVector::from_column_slice(&change));
                 path.values.push(values);
             }
@@ -73,6 +79,19 @@ pub fn paths(scene: &Scene<'_>, paired: bool, without: &[String]) -> Vec<Path> {
         out.extend(displaced(scene, without));
     }
     out
+}
+
+/// Turns what an effect adds to the fine statistics of the simulated stream into what it would add to the real one's.
+fn on_real(change: &mut [f64; ALL], simulated: &[f64; OWN], gap: &DVector<f64>) {
+    for (k, offset) in FINE {
+        if change[k] > 0.0 {
+            let size = |statistic: f64| (statistic.exp() - offset).max(0.05);
+            let (before, after, real) =
+                (size(simulated[k]), size(simulated[k] + change[k]), size(simulated[k] + gap[k]));
+            let added = after.powi(2) - before.powi(2);
+            change[k] = (real.hypot(added.sqrt()) + offset).ln() - (real + offset).ln();
+        }
+    }
 }
 
 fn displaced(scene: &Scene<'_>, without: &[String]) -> Vec<Path> {

@@ -33,22 +33,20 @@ pub fn judged(
 ) -> Result<Diagnosis, SightError> {
     let paired = pairing != Pairing::Unpaired;
     let (x, moved) = statistics(scene, pairing);
-    let paths = paths(scene, paired, without);
+    let paths = paths(scene, &nuisance.mean, paired, without);
     let needed = weigh::needed(nuisance, &paths);
     let mut deviation = &x - &nuisance.mean;
     let mut chosen: Vec<Spot> = Vec::new();
     let mut ranked: Vec<Spot> = Vec::new();
-    while chosen.len() < 2 {
+    loop {
         let mut spots = weigh::spots(&nuisance.precision, &paths, &deviation);
-        let taken = |p: &Spot| chosen.iter().any(|c| paths[c.path].effect.id == paths[p.path].effect.id);
-        spots.retain(|s| s.gain > 0.0 && !taken(s));
+        spots.retain(|s| s.gain > 0.0 && allowed_beside(&chosen, s, &paths));
         spots.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         let best = spots.first().cloned();
         if chosen.is_empty() {
             ranked = spots;
         }
-        let share = chosen.iter().map(|c| c.gain).sum::<f64>() * settings::FURTHER_SHARE;
-        let Some(best) = best.filter(|b| b.gain > needed.max(share)) else { break };
+        let Some(best) = best.filter(|b| b.gain > needed.max(share_asked(&chosen, b, &paths))) else { break };
         deviation -= best.change(&paths);
         chosen.push(best);
     }
@@ -62,7 +60,17 @@ pub fn judged(
     if let Some((effect, value)) = late {
         model.push((effect.id.to_owned(), vec![value]));
     }
-    model.extend(chosen.iter().map(|c| (paths[c.path].effect.id.to_owned(), c.values(&paths))));
+    for spot in &chosen {
+        let (effect, values) = (paths[spot.path].effect, spot.values(&paths));
+        match model.iter_mut().find(|(id, _)| id == effect.id) {
+            // another parameter of an effect that is in the model already
+            Some((_, known)) => {
+                let added = values.iter().zip(effect.neutral()).map(|(value, neutral)| value - neutral);
+                known.iter_mut().zip(added).for_each(|(known, added)| *known += added);
+            }
+            None => model.push((effect.id.to_owned(), values)),
+        }
+    }
     let verdict = match model.len() {
         _ if excess > 1.0 => Verdict::Unknown,
         0 => Verdict::None,
@@ -73,7 +81,7 @@ pub fn judged(
     let best = ranked.first().map_or(0.0, |s| s.gain);
     let p_none =
         if late.is_some() { 0.0 } else { (1.0 - p_unknown) / (1.0 + ((best - needed) / 6.0).clamp(-30.0, 30.0).exp()) };
-    let told = Told { paths: &paths, ranked: &ranked, chosen: &chosen, needed };
+    let told = Told { paths: &paths, ranked: &ranked, chosen: &chosen, model: &model, needed };
     let correction = correction(&model);
     let held = generated(
         scene.case,
@@ -108,6 +116,37 @@ pub fn judged(
     })
 }
 
+fn moves(effect: &ds_effect::FrameEffect) -> bool {
+    matches!(effect.act, Act::Warp(_))
+}
+
+/// Says whether a spot may join: two effects at most, and of a chosen one only other parameters of a displacement.
+fn allowed_beside(chosen: &[Spot], spot: &Spot, paths: &[Path]) -> bool {
+    let effect = paths[spot.path].effect;
+    let same = |c: &&Spot| paths[c.path].effect.id == effect.id;
+    let ids: std::collections::BTreeSet<&str> = chosen.iter().map(|c| paths[c.path].effect.id).collect();
+    if chosen.iter().any(|c| same(&c)) {
+        let parameter = |p: &Path| {
+            let (start, end) = (&p.values[0], &p.values[p.values.len() - 1]);
+            start.iter().zip(end).position(|(a, b)| (a - b).abs() > 1e-12)
+        };
+        let own = parameter(&paths[spot.path]);
+        return moves(effect) && chosen.iter().filter(same).all(|c| parameter(&paths[c.path]) != own);
+    }
+    ids.len() < 2
+}
+
+/// What a further spot must gain beside those chosen: edges tell displacements apart only roughly.
+fn share_asked(chosen: &[Spot], spot: &Spot, paths: &[Path]) -> f64 {
+    let gained: f64 = chosen.iter().map(|c| c.gain).sum();
+    let effect = paths[spot.path].effect;
+    if chosen.iter().any(|c| paths[c.path].effect.id == effect.id) {
+        return 0.0;
+    }
+    let moved = moves(effect) && chosen.iter().any(|c| moves(paths[c.path].effect));
+    gained * if moved { settings::FURTHER_MOVED_SHARE } else { settings::FURTHER_SHARE }
+}
+
 fn correction(model: &[(String, Vec<f64>)]) -> Correction {
     let effects = model.iter().map(|(id, values)| (known(id), values.clone())).collect();
     Correction { effects, shift: [0.0; 2], noise: 0.0, dirt: None }
@@ -131,6 +170,7 @@ struct Told<'a> {
     paths: &'a [Path],
     ranked: &'a [Spot],
     chosen: &'a [Spot],
+    model: &'a [(String, Vec<f64>)],
     needed: f64,
 }
 
@@ -154,10 +194,11 @@ impl Told<'_> {
             if list.iter().any(|f| f.id == id) {
                 continue;
             }
-            let values = spot.values(self.paths);
+            let values = self.model.iter().find(|(known, _)| known == id).map(|(_, values)| values.clone());
+            let values = values.unwrap_or_else(|| spot.values(self.paths));
             let path = &self.paths[spot.path];
             let width = (path.values[spot.at.0 + 1][0] - path.values[spot.at.0][0]).abs();
-            let half = spot.error * width + 0.15 * (values[0] - path.values[0][0]).abs();
+            let half = spot.error * width + settings::pairing_shape(id) * (values[0] - path.values[0][0]).abs();
             let slab = path.effect.parameters[0].slab;
             let mut finding = self.empty(id, values[0], spot.gain);
             finding.interval90 = [(values[0] - half).max(slab.0), (values[0] + half).min(slab.1)];

@@ -92,9 +92,11 @@ pub fn usual(nuisance: &Nuisance) -> f64 {
     if sizes.is_empty() { 60.0 } else { ds_gap::bootstrap::quantile(&mut sizes, 0.95) }
 }
 
-/// Returns the value of a path from which its gain reaches what is needed; nothing where it never does.
+/// Returns the value of a path from which its gain reaches what is needed in 95 of 100 pairs (the generator's own gap
+/// scatters by one along any direction); nothing where it never does.
 #[must_use]
 pub fn limit(precision: &DMatrix<f64>, path: &Path, needed: f64) -> Option<f64> {
+    let needed = (needed.max(0.0).sqrt() + 1.645).powi(2);
     for k in 0..path.change.len() - 1 {
         for step in 1..=20 {
             let share = f64::from(step) / 20.0;
