@@ -325,8 +325,9 @@ fn lanes_of_a_map_beside_the_drives_are_seen_where_they_lie() {
     assert_eq!(seen(40.0, 0.0), colour::CENTRE_LINE);
     let more = "maps = \"nowhere\"";
     let recipe = recipe(folder.path(), "openscene", &root, more);
-    let error = render(&recipe, &folder.path().join("out"), &Quiet).expect_err("there is no map").to_string();
-    assert!(error.contains("map.gpkg"), "{error}");
+    let error = render(&recipe, &folder.path().join("out"), &Quiet).expect_err("there is no map");
+    let reason = std::error::Error::source(&error).map(ToString::to_string).unwrap_or_default();
+    assert!(reason.contains("map.gpkg"), "{error}: {reason}");
     let recipe = Recipe { scenarios: ds_clips::ScenarioConfig { maps: None, ..recipe.scenarios.clone() }, ..recipe };
     let out = folder.path().join("out");
     render(&recipe, &out, &Quiet).expect("renders");
