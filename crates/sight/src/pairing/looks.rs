@@ -43,12 +43,11 @@ impl Stream {
     }
 }
 
-/// Returns what the second stream has beyond the first; displacements stay 0.
+/// Returns what the second stream has beyond the first, whose own statistics are given; displacements stay 0.
 #[must_use]
-pub fn beyond(scene: &Scene<'_>, first: &Stream, second: &Stream, paired: bool) -> [f64; ALL] {
+pub fn beyond(scene: &Scene<'_>, (first, known): (&Stream, &[f64; OWN]), second: &Stream, paired: bool) -> [f64; ALL] {
     let mut out = [0.0; ALL];
-    let (a, b) = (own(scene, first), own(scene, second));
-    for (out, (a, b)) in out.iter_mut().zip(a.iter().zip(&b)) {
+    for (out, (a, b)) in out.iter_mut().zip(known.iter().zip(&own(scene, second))) {
         *out = b - a;
     }
     if paired {
@@ -59,7 +58,8 @@ pub fn beyond(scene: &Scene<'_>, first: &Stream, second: &Stream, paired: bool) 
 }
 
 /// Returns the statistics of one stream.
-pub(super) fn own(scene: &Scene<'_>, stream: &Stream) -> [f64; OWN] {
+#[must_use]
+pub fn own(scene: &Scene<'_>, stream: &Stream) -> [f64; OWN] {
     let mut s = [0.0; OWN];
     for picture in &stream.full {
         let n = stream.full.len() as f64;

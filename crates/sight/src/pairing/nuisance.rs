@@ -9,7 +9,7 @@ use crate::case::{FrameCase, is_frame_case};
 use crate::error::SightError;
 use crate::pairing::Pairing;
 use crate::pairing::edges;
-use crate::pairing::looks::{ALL, MOVED, OWN, Stream, beyond};
+use crate::pairing::looks::{ALL, MOVED, OWN, Stream, beyond, own};
 use crate::scene::Scene;
 use crate::settings;
 
@@ -92,7 +92,7 @@ pub fn statistics(scene: &Scene<'_>, pairing: Pairing) -> (DVector<f64>, Option<
         Some(moved) => simulated.aged(&moved.late.ages),
         None => simulated,
     };
-    let mut x = beyond(scene, &simulated, &Stream::of(scene, true), paired);
+    let mut x = beyond(scene, (&simulated, &own(scene, &simulated)), &Stream::of(scene, true), paired);
     if let Some(moved) = &moved {
         for (x, v) in x[MOVED..].iter_mut().zip(&moved.values) {
             *x = *v;
