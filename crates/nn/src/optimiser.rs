@@ -4,6 +4,8 @@
 //! m̂ and v̂. Decay applies to matrices only. Everything is a pure function of its inputs, so that a training run can
 //! be stopped and resumed from its files.
 
+use serde::{Deserialize, Serialize};
+
 use crate::array::Weights;
 
 /// Settings of AdamW.
@@ -107,7 +109,20 @@ pub fn move_average(average: &mut Weights, weights: &Weights, decay: f32) {
     }
 }
 
-/// A learning rate that rises linearly, then falls along a cosine to a tenth.
+/// How a learning rate goes on after its warm-up.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Shape {
+    /// It stays at its highest.
+    Constant,
+    /// It falls along a cosine to a tenth at the last update.
+    #[default]
+    Cosine,
+    /// It falls in a straight line to a tenth at the last update.
+    Linear,
+}
+
+/// A learning rate that rises linearly, then goes on in its shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Schedule {
     /// The highest rate.
@@ -116,6 +131,8 @@ pub struct Schedule {
     pub warm_up: u32,
     /// Updates in all.
     pub total: u32,
+    /// The way after the peak.
+    pub shape: Shape,
 }
 
 impl Schedule {
@@ -127,7 +144,11 @@ impl Schedule {
         }
         let span = self.total.saturating_sub(self.warm_up).max(1);
         let done = ((step - self.warm_up) as f32 / span as f32).min(1.0);
-        self.peak * (0.1 + 0.45 * (1.0 + (std::f32::consts::PI * done).cos()))
+        match self.shape {
+            Shape::Constant => self.peak,
+            Shape::Cosine => self.peak * (0.1 + 0.45 * (1.0 + (std::f32::consts::PI * done).cos())),
+            Shape::Linear => self.peak * (1.0 - 0.9 * done),
+        }
     }
 }
 
@@ -176,9 +197,13 @@ mod tests {
     }
 
     #[test]
-    fn the_schedule_rises_then_falls_to_a_tenth() {
-        let schedule = Schedule { peak: 1.0, warm_up: 10, total: 110 };
-        assert!((schedule.rate(0) - 0.1).abs() < 1e-6 && (schedule.rate(9) - 1.0).abs() < 1e-6);
-        assert!((schedule.rate(110) - 0.1).abs() < 1e-6 && schedule.rate(60) < 1.0);
+    fn a_schedule_rises_then_goes_on_in_its_shape() {
+        for (shape, middle, end) in
+            [(Shape::Constant, 1.0, 1.0), (Shape::Cosine, 0.55, 0.1), (Shape::Linear, 0.55, 0.1)]
+        {
+            let schedule = Schedule { peak: 1.0, warm_up: 10, total: 110, shape };
+            let rates = [(0, 0.1), (9, 1.0), (10, 1.0), (60, middle), (110, end), (200, end)];
+            assert!(rates.iter().all(|&(step, rate)| (schedule.rate(step) - rate).abs() < 1e-6), "{shape:?}");
+        }
     }
 }

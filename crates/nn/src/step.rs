@@ -42,14 +42,19 @@ impl Step {
         let mut steps = steps.into_iter();
         let mut mean = steps.next().expect("a batch has at least one clip");
         for step in steps {
-            mean.loss += step.loss;
             mean.parts.iter_mut().zip(&step.parts).for_each(|((_, sum), (_, value))| *sum += value);
-            for ((_, sum), (_, array)) in mean.gradient.iter_mut().zip(step.gradient.iter()) {
-                sum.values_mut().iter_mut().zip(array.values()).for_each(|(sum, value)| *sum += value);
-            }
+            mean.add(&step);
         }
         mean.parts.iter_mut().for_each(|(_, value)| *value *= share);
         mean.scaled(share)
+    }
+
+    /// Adds loss and gradient of another step; the parts of the loss stay.
+    pub fn add(&mut self, step: &Self) {
+        self.loss += step.loss;
+        for ((_, sum), (_, array)) in self.gradient.iter_mut().zip(step.gradient.iter()) {
+            sum.values_mut().iter_mut().zip(array.values()).for_each(|(sum, value)| *sum += value);
+        }
     }
 
     /// Returns the step of the loss times a factor; its parts stay.

@@ -11,7 +11,7 @@ pub mod segmenter;
 use std::collections::BTreeMap;
 
 use ds_nn::Array;
-use ds_nn::optimiser::Schedule;
+use ds_nn::optimiser::{Schedule, Shape};
 use ds_scenario::Family;
 use serde::{Deserialize, Serialize};
 
@@ -76,7 +76,7 @@ pub struct NetworkRecipe {
 
 impl NetworkRecipe {
     pub(crate) fn schedule(&self) -> Schedule {
-        Schedule { peak: self.learning_rate, warm_up: self.warm_up, total: self.steps }
+        Schedule { peak: self.learning_rate, warm_up: self.warm_up, total: self.steps, shape: Shape::Cosine }
     }
 }
 

@@ -23,7 +23,7 @@ pub(crate) fn mean_step(
                 None => sum = Some(made),
                 Some(sum) => {
                     sum.parts.iter_mut().zip(&made.parts).for_each(|((_, sum), (_, value))| *sum += value);
-                    add(sum, &made);
+                    sum.add(&made);
                 }
             }
         }
@@ -33,14 +33,6 @@ pub(crate) fn mean_step(
     let share = 1.0 / stage.batch() as f32;
     sum.parts.iter_mut().for_each(|(_, value)| *value *= share);
     Ok(sum.scaled(share))
-}
-
-/// Adds loss and gradient of another step; the parts of the loss stay.
-pub(crate) fn add(sum: &mut Step, step: &Step) {
-    sum.loss += step.loss;
-    for ((_, sum), (_, array)) in sum.gradient.iter_mut().zip(step.gradient.iter()) {
-        sum.values_mut().iter_mut().zip(array.values()).for_each(|(sum, value)| *sum += value);
-    }
 }
 
 /// Returns the peak signal-to-noise ratio over all frames, in decibels.

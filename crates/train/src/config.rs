@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use ds_backend::Backend;
 use ds_nn::Weights;
-use ds_nn::optimiser::{AdamWSettings, Schedule};
+use ds_nn::optimiser::{AdamWSettings, Schedule, Shape};
 use ds_nn::safetensors::WeightsFile;
 use ds_video::ModelConfig;
 use serde::{Deserialize, Serialize};
@@ -113,7 +113,7 @@ pub struct StageConfig {
     pub warm_up: u32,
     /// How the learning rate goes on after that.
     #[serde(default)]
-    pub schedule: RateSchedule,
+    pub schedule: Shape,
     /// Decay of the averaged weights.
     pub average: f32,
     /// Updates between checkpoints.
@@ -143,19 +143,6 @@ fn beta1() -> f32 {
 
 fn beta2() -> f32 {
     0.95
-}
-
-/// The learning rate after the warm-up.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RateSchedule {
-    /// It stays at its highest.
-    Constant,
-    /// It falls along a cosine to a tenth at the last step.
-    #[default]
-    Cosine,
-    /// It falls in a straight line to a tenth at the last step.
-    Linear,
 }
 
 /// What a condition can lack: the teacher learns to do without it, and guidance amplifies it.
@@ -271,17 +258,8 @@ pub struct DecoderConfig {
 impl StageConfig {
     /// Returns the learning rate of update `step`, counted from 0.
     pub(crate) fn rate(&self, step: u32) -> f32 {
-        let cosine = Schedule { peak: self.learning_rate, warm_up: self.warm_up, total: self.steps };
-        match self.schedule {
-            _ if step < self.warm_up => cosine.rate(step),
-            RateSchedule::Cosine => cosine.rate(step),
-            RateSchedule::Constant => self.learning_rate,
-            RateSchedule::Linear => {
-                let span = self.steps.saturating_sub(self.warm_up).max(1);
-                let done = ((step - self.warm_up) as f32 / span as f32).min(1.0);
-                self.learning_rate * (1.0 - 0.9 * done)
-            }
-        }
+        let shape = self.schedule;
+        Schedule { peak: self.learning_rate, warm_up: self.warm_up, total: self.steps, shape }.rate(step)
     }
 
     /// Returns the clips of an update.

@@ -7,10 +7,11 @@
 
 use std::collections::BTreeMap;
 
+use ds_nn::optimiser::Shape;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::config::{OdeSource, RateSchedule, StageConfig, TrainConfig};
+use crate::config::{OdeSource, StageConfig, TrainConfig};
 use crate::error::TrainError;
 
 /// The keys of a recipe that a stage depends on.
@@ -72,7 +73,7 @@ impl Lineage {
             path: path.to_owned(),
             reason: format!("its recipe cannot be read: {error}"),
         })?;
-        let granted = stage.schedule == RateSchedule::Constant && stage.steps >= made;
+        let granted = stage.schedule == Shape::Constant && stage.steps >= made;
         let mut now = self.keys.clone();
         if granted {
             now.remove(&self.steps);

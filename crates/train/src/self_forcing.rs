@@ -14,7 +14,7 @@ use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::sampling::cache_level;
 use ds_video::{ModelConfig, sampler};
 
-use crate::batch::{add, mean_step};
+use crate::batch::mean_step;
 use crate::checkpoint::{Member, Run, Update};
 use crate::condition::noise;
 use crate::config::{Dropout, SelfForcingConfig, TrainConfig};
@@ -251,7 +251,7 @@ fn shortened(clip: &ClipBatch, frames: usize) -> ClipBatch {
 }
 
 fn sum(mut a: Step, b: Step) -> Step {
-    add(&mut a, &b);
+    a.add(&b);
     a.parts.push(("regression", b.loss));
     a
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ds_graph::planner::{self, HEIGHT_PX, WIDTH_PX};
-use ds_nn::optimiser::{AdamW, AdamWSettings, Schedule, move_average};
+use ds_nn::optimiser::{AdamW, AdamWSettings, Schedule, Shape, move_average};
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Weights};
 use ds_policy::camera::SIZE;
@@ -28,7 +28,8 @@ impl Learner {
     /// Goes on from a checkpoint, or starts anew where there is none.
     pub(super) fn resume(settings: &PolicySettings, checkpoint: &Path) -> Result<Self, PolicyTrainError> {
         let adam = AdamWSettings { weight_decay: settings.weight_decay, ..AdamWSettings::default() };
-        let schedule = Schedule { peak: settings.learning_rate, warm_up: settings.warm_up, total: settings.steps() };
+        let (peak, warm_up) = (settings.learning_rate, settings.warm_up);
+        let schedule = Schedule { peak, warm_up, total: settings.steps(), shape: Shape::Cosine };
         if !checkpoint.exists() {
             let seed = DigestWriter::new().text("camera policy").u64(settings.seed).finish();
             let weights = Weights::initialised(&SIZE.declared(), &seed);
