@@ -18,6 +18,8 @@ use crate::scene::{DETAIL, Scene};
 pub struct Path {
     /// The effect.
     pub effect: &'static FrameEffect,
+    /// The parameter that moves, of a displacement.
+    pub parameter: Option<usize>,
     /// Values; the first are neutral.
     pub values: Vec<Vec<f64>>,
     /// Change of the statistics at each.
@@ -64,7 +66,8 @@ pub fn paths(scene: &Scene<'_>, gap: &DVector<f64>, paired: bool, without: &[Str
             continue;
         }
         for nodes in grid(effect.id) {
-            let mut path = Path { effect, values: vec![effect.neutral()], change: vec![DVector::zeros(ALL)] };
+            let mut path =
+                Path { effect, parameter: None, values: vec![effect.neutral()], change: vec![DVector::zeros(ALL)] };
             for values in nodes {
                 let changed = applied(scene, &plain, effect, &values);
                 let mut change = beyond(scene, (&plain, &simulated), &changed, paired);
@@ -109,6 +112,7 @@ fn displaced(scene: &Scene<'_>, without: &[String]) -> Vec<Path> {
             change[MOVED + at] = end / edges::unit(axis);
             out.push(Path {
                 effect,
+                parameter: Some(k),
                 values: vec![effect.neutral(), values],
                 change: vec![DVector::zeros(ALL), change],
             });

@@ -1,7 +1,7 @@
 //! The diagnosis of streams that do not agree pixel by pixel: forward selection over paths, what remains, the tiles that
 //! the chosen effects touch, and from which size on each effect could have been seen at all.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use ds_effect::frame::Act;
 use ds_gap::report::{
@@ -122,18 +122,12 @@ fn moves(effect: &ds_effect::FrameEffect) -> bool {
 
 /// Says whether a spot may join: two effects at most, and of a chosen one only other parameters of a displacement.
 fn allowed_beside(chosen: &[Spot], spot: &Spot, paths: &[Path]) -> bool {
-    let effect = paths[spot.path].effect;
-    let same = |c: &&Spot| paths[c.path].effect.id == effect.id;
-    let ids: std::collections::BTreeSet<&str> = chosen.iter().map(|c| paths[c.path].effect.id).collect();
-    if chosen.iter().any(|c| same(&c)) {
-        let parameter = |p: &Path| {
-            let (start, end) = (&p.values[0], &p.values[p.values.len() - 1]);
-            start.iter().zip(end).position(|(a, b)| (a - b).abs() > 1e-12)
-        };
-        let own = parameter(&paths[spot.path]);
-        return moves(effect) && chosen.iter().filter(same).all(|c| parameter(&paths[c.path]) != own);
+    let path = &paths[spot.path];
+    let mut same = chosen.iter().map(|c| &paths[c.path]).filter(|p| p.effect.id == path.effect.id).peekable();
+    if same.peek().is_some() {
+        return moves(path.effect) && same.all(|p| p.parameter != path.parameter);
     }
-    ids.len() < 2
+    chosen.iter().map(|c| paths[c.path].effect.id).collect::<BTreeSet<&str>>().len() < 2
 }
 
 /// What a further spot must gain beside those chosen: edges tell displacements apart only roughly.
