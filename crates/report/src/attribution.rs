@@ -5,6 +5,7 @@
 //! in which components could be swapped (Shapley 1953); shares sum to the whole difference, scenario by scenario and
 //! therefore in every resample.
 
+use ds_space::Draws;
 use serde::Serialize;
 
 use crate::bootstrap::{self, Interval, mean};
@@ -23,6 +24,20 @@ pub struct Share {
     pub interval: Option<Interval>,
 }
 
+/// The component whose share is largest in size, and whether these scenarios tell it from the next.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Lead {
+    /// The component with the largest share.
+    pub component: String,
+    /// The component that comes next.
+    pub next: String,
+    /// Whether the 95 % interval of the difference in size, paired by scenario, lies above zero.
+    pub apart: bool,
+    /// About how many scenarios would tell them apart, by how intervals shrink with their number; nothing where the two
+    /// are equal or already apart.
+    pub scenarios_needed: Option<u64>,
+}
+
 /// A score's difference between the real and the nominal world, split.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Attribution {
@@ -38,6 +53,8 @@ pub struct Attribution {
     pub interval: Option<Interval>,
     /// One share per component.
     pub shares: Vec<Share>,
+    /// Which share is the largest; nothing with fewer than two components or two scenarios.
+    pub lead: Option<Lead>,
     /// Scenarios with a value in every cell.
     pub scenarios: usize,
 }
@@ -74,19 +91,41 @@ pub fn attribute(metric: &str, components: &[&str], cells: &[Vec<Option<f64>>], 
     let per_scenario: Vec<Vec<f64>> = complete.iter().map(|values| shapley(values)).collect();
     let totals: Vec<f64> = per_scenario.iter().map(|shares| shares.iter().sum()).collect();
     let draws = bootstrap::draws(seed);
+    let column = |k: usize| -> Vec<f64> { per_scenario.iter().map(|shares| shares[k]).collect() };
     let shares = components.iter().enumerate().map(|(k, component)| {
-        let column: Vec<f64> = per_scenario.iter().map(|shares| shares[k]).collect();
-        let interval = bootstrap::mean_interval(&column, &draws);
-        Some(Share { component: (*component).to_owned(), value: mean(column)?, interval })
+        let interval = bootstrap::mean_interval(&column(k), &draws);
+        Some(Share { component: (*component).to_owned(), value: mean(column(k))?, interval })
     });
+    let shares: Vec<Share> = shares.collect::<Option<_>>()?;
     Some(Attribution {
         metric: metric.to_owned(),
         nominal: mean(complete.iter().map(|values| values[0]))?,
         real: mean(complete.iter().map(|values| values[values.len() - 1]))?,
         total: mean(totals.iter().copied())?,
         interval: bootstrap::mean_interval(&totals, &draws),
-        shares: shares.collect::<Option<_>>()?,
+        lead: lead(&shares, &column, &draws),
+        shares,
         scenarios: complete.len(),
+    })
+}
+
+/// Finds the largest share and tells it from the next; `column` gives a component's share of each scenario.
+fn lead(shares: &[Share], column: &dyn Fn(usize) -> Vec<f64>, draws: &Draws) -> Option<Lead> {
+    let mut order: Vec<usize> = (0..shares.len()).collect();
+    order.sort_by(|&a, &b| shares[b].value.abs().total_cmp(&shares[a].value.abs()));
+    let &[first, next, ..] = order.as_slice() else { return None };
+    let size = |k: usize| column(k).into_iter().map(move |value| value * shares[k].value.signum());
+    let differences: Vec<f64> = size(first).zip(size(next)).map(|(first, next)| first - next).collect();
+    let interval = bootstrap::mean_interval(&differences, draws)?;
+    let (apart, mean) = (interval.low > 0.0, mean(differences.iter().copied())?);
+    let shrink = (mean - interval.low) / mean;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a rounded count above zero")]
+    let needed = (differences.len() as f64 * shrink * shrink).ceil() as u64;
+    Some(Lead {
+        component: shares[first].component.clone(),
+        next: shares[next].component.clone(),
+        apart,
+        scenarios_needed: (!apart && mean > 0.0).then_some(needed.max(differences.len() as u64 + 1)),
     })
 }
 
@@ -106,7 +145,17 @@ impl Attribution {
                 format!("{} {:.1}{range}", share.component, points(share.value))
             })
             .collect();
-        format!("of {:.1} points of {}: {}", points(self.total), self.metric, parts.join(", "))
+        let lead = self.lead.as_ref().map_or(String::new(), |lead| {
+            let (first, next) = (&lead.component, &lead.next);
+            match (lead.apart, lead.scenarios_needed) {
+                (true, _) => format!("; {first} is the largest"),
+                (false, Some(needed)) => {
+                    format!("; {first} and {next} are not apart, about {needed} scenarios may tell")
+                }
+                (false, None) => format!("; {first} and {next} are alike"),
+            }
+        });
+        format!("of {:.1} points of {}: {}{lead}", points(self.total), self.metric, parts.join(", "))
     }
 }
 
@@ -140,6 +189,24 @@ mod tests {
             share.interval.is_some_and(|range| range.low <= share.value && share.value <= range.high)
         }));
         assert!(split.sentence().starts_with("of "), "{}", split.sentence());
+        let lead = split.lead.as_ref().expect("two components");
+        assert!(lead.component == "dynamics" && lead.apart && lead.scenarios_needed.is_none(), "{lead:?}");
         assert!(attribute("x", &["frames"], &cells, 1).is_none());
+    }
+
+    #[test]
+    fn shares_that_scatter_more_than_they_differ_are_not_apart() {
+        // Each component costs everything in one scenario of four and nothing in the others; frames a little more.
+        let hurt = |s: usize, k: usize| if s % 4 == 2 * k { 0.5 + 0.02 * (1 - k) as f64 } else { 0.0 };
+        let cell = |set: usize| {
+            let cost = move |s: usize| (0..2).filter(|k| set >> k & 1 == 1).map(|k| hurt(s, k)).sum::<f64>();
+            (0..24).map(|s| Some(1.0 - cost(s))).collect()
+        };
+        let cells: Vec<Vec<Option<f64>>> = (0..4).map(cell).collect();
+        let split = attribute("driving_score", &["frames", "dynamics"], &cells, 1).expect("an attribution");
+        let lead = split.lead.as_ref().expect("two components");
+        assert!(lead.component == "frames" && !lead.apart, "{lead:?}");
+        assert!(lead.scenarios_needed.is_some_and(|needed| needed > 1000), "{lead:?}");
+        assert!(split.sentence().contains("not apart"), "{}", split.sentence());
     }
 }
