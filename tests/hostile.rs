@@ -31,7 +31,7 @@ fn write(folder: &Path, name: &str, content: &[u8]) -> String {
 
 #[test]
 fn wrong_arguments_end_with_64() {
-    let cases: [(&[&str], &str); 8] = [
+    let cases: [(&[&str], &str); 10] = [
         (&["run"], "required"),
         (&["run", SCENARIO, "--replan", "0"], "--replan"),
         (&["run", SCENARIO, "--observation", "lidar"], "lidar"),
@@ -40,6 +40,8 @@ fn wrong_arguments_end_with_64() {
         (&["run", SCENARIO, "--seed", "-1"], "-1"),
         (&["fly"], "fly"),
         (&["train", "sleep"], "sleep"),
+        (&["serve", "router", "--log", "info=[loud"], "loud"),
+        (&["--log", "info=[loud", "serve", "sim-server"], "loud"),
     ];
     for (arguments, says) in cases {
         refused(arguments, 64, says);

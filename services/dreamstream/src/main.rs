@@ -12,12 +12,14 @@ mod world;
 
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser};
+use clap::parser::ValueSource;
+use clap::{CommandFactory, FromArgMatches};
 use cli::{Cli, Command};
 
 fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
+    let parsed = Cli::command().try_get_matches().and_then(|said| Ok((Cli::from_arg_matches(&said)?, said)));
+    let (cli, said) = match parsed {
+        Ok(parsed) => parsed,
         Err(error) => {
             let code = if error.use_stderr() { ds_process::service::EXIT_USAGE } else { 0 };
             let _closed_pipe = error.print();
@@ -25,7 +27,8 @@ fn main() -> ExitCode {
         }
     };
     if let Command::Serve(args) = &cli.command {
-        return command::serve::run(args);
+        let asked = said.value_source("log") == Some(ValueSource::CommandLine);
+        return command::serve::run(args, asked.then_some(cli.log.as_str()));
     }
     if let Command::Completion { shell } = &cli.command {
         clap_complete::generate(*shell, &mut Cli::command(), "dreamstream", &mut std::io::stdout());

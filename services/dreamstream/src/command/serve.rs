@@ -17,9 +17,11 @@ struct RouterSettings {
     bus: BusSection,
 }
 
-/// Runs the service until SIGINT or SIGTERM.
-pub(crate) fn run(args: &ServeArgs) -> ExitCode {
-    let (config, set) = (args.config.as_deref(), args.set.as_slice());
+/// Runs the service until SIGINT or SIGTERM; a log filter of the command line is its setting `process.log`.
+pub(crate) fn run(args: &ServeArgs, log: Option<&str>) -> ExitCode {
+    let log = log.map(|filter| format!("process.log={filter:?}"));
+    let set: Vec<String> = log.into_iter().chain(args.set.iter().cloned()).collect();
+    let (config, set) = (args.config.as_deref(), set.as_slice());
     match args.service.as_str() {
         "router" => service::start(config, set, route),
         "orchestrator" => service::start(config, set, orchestrator::run),
