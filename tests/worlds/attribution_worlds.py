@@ -3,8 +3,9 @@
 The truth is what each effect costs alone, measured on other scenarios than the attribution sees: with two components and
 the same drives, the larger Shapley share is the larger single loss by definition, which would show nothing. A world has a
 truth where, over those other scenarios, one effect costs at least two points, and as much more than the other with a 90 %
-interval above zero; a world that falls short of it on the first twelve of them is not looked at further. Worlds are drawn until so many have a truth, and what the rest are is printed too. The figure over all worlds with a truth is the
-one to judge; beside it stands that of the worlds in which the command itself says which share is largest.
+interval above zero; a world that falls short of it on the first twelve of them is not looked at further. Worlds are drawn
+until so many have a truth, and what the rest are is printed too. The figure over all worlds with a truth is the one to
+judge; beside it stands that of the worlds in which the command itself says which share is largest.
 
     python tests/worlds/attribution_worlds.py --binary target/debug/dreamstream --out DIR --seed 1 --worlds 20
 """

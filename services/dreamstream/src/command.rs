@@ -18,10 +18,13 @@ pub(crate) mod video;
 pub(crate) mod view;
 pub(crate) mod why;
 
+use std::io::IsTerminal;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::plain;
 
 /// Prints a line of the answer on stdout; logs and progress go to stderr.
 #[expect(clippy::print_stdout, reason = "stdout belongs to the command line's answer")]
@@ -29,12 +32,20 @@ pub(crate) fn answer(line: &str) {
     println!("{line}");
 }
 
-/// Returns a progress bar with an estimate of the time left.
+/// Returns a progress bar with an estimate of the time left; a line every half minute where stderr is no terminal.
 #[must_use]
 pub(crate) fn bar(length: u64, unit: &'static str) -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:32} {pos}/{len} {msg} [{elapsed_precise} < {eta_precise}]")
-        .unwrap_or_else(|_| ProgressStyle::default_bar());
-    ProgressBar::new(length).with_style(style).with_message(unit)
+    let terminal = std::io::stderr().is_terminal();
+    let front = if terminal { "{bar:32}" } else { plain::MARK };
+    let style = ProgressStyle::with_template(&format!(
+        "{front} {{pos}}/{{len}} {{msg}} [{{elapsed_precise}} < {{eta_precise}}]"
+    ))
+    .unwrap_or_else(|_| ProgressStyle::default_bar());
+    let bar = ProgressBar::new(length);
+    if !terminal {
+        bar.set_draw_target(ProgressDrawTarget::term_like(Box::new(plain::Lines::new(std::io::stderr()))));
+    }
+    bar.with_style(style).with_message(unit)
 }
 
 /// Prints an error and its causes on stderr.

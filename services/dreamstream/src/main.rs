@@ -8,6 +8,7 @@ mod command;
 mod embed;
 mod live;
 mod pictures;
+mod plain;
 mod world;
 
 use std::process::ExitCode;
