@@ -9,7 +9,7 @@ use ds_nn::Weights;
 use ds_nn::safetensors::WeightsFile;
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter};
-use ds_train::guidance::Teacher;
+use ds_train::guidance::{Guidance, Teacher};
 use ds_video::{ModelConfig, Rollout, VideoModel};
 
 use teacher::Sampling;
@@ -21,7 +21,12 @@ use crate::error::AppraisalError;
 type Cause = Box<dyn std::error::Error + Send + Sync>;
 
 /// How a teacher is sampled that names nothing.
-const TEACHER: Sampling = Sampling { guidance: 2.5, steps: 16, window: 6, layouts: true };
+const TEACHER: Sampling = Sampling {
+    guidance: Guidance { weight: 2.5, keep_look: false, levels: Guidance::EVERYWHERE },
+    steps: 16,
+    window: 6,
+    layouts: true,
+};
 
 /// Weights, ready to make frames.
 pub struct Arm {
@@ -58,7 +63,8 @@ impl Arm {
             preset.causal.cache_source.clone_from(source);
             preset.causal.ablation = true;
         }
-        let settings = [&arm.kind as &dyn std::fmt::Debug, &arm.guidance, &arm.steps, &arm.dropout, &arm.window]
+        let (steps, keep_look) = (&arm.steps, &arm.keep_look);
+        let settings = [&arm.kind as &dyn std::fmt::Debug, &arm.guidance, steps, &arm.dropout, &arm.window, keep_look]
             .map(|part| format!("{part:?}"));
         Self::new(name, arm, &preset, &weights, &settings.join(" "))
     }
@@ -72,8 +78,9 @@ impl Arm {
     ) -> Result<Self, Cause> {
         let prior = arm.kind == ArmKind::Prior;
         let teacher = (prior || arm.kind == ArmKind::Teacher).then(|| {
+            let weight = if prior { 1.0 } else { arm.guidance.unwrap_or(TEACHER.guidance.weight) };
             let sampling = Sampling {
-                guidance: if prior { 1.0 } else { arm.guidance.unwrap_or(TEACHER.guidance) },
+                guidance: Guidance { weight, keep_look: arm.keep_look, ..TEACHER.guidance },
                 steps: arm.steps.unwrap_or(TEACHER.steps),
                 window: arm.window.unwrap_or(TEACHER.window),
                 layouts: !prior,

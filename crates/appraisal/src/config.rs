@@ -109,6 +109,10 @@ pub struct ArmConfig {
     /// What a teacher's guidance does without: `layout` (the default) or `all`, as in its training.
     #[serde(default)]
     pub dropout: Option<ds_train::config::Dropout>,
+    /// Whether a teacher's guidance leaves mean and deviation of each latent channel as c∅ has them, as in the training of
+    /// clips with an edited first frame; c∅ must keep the first frame.
+    #[serde(default)]
+    pub keep_look: bool,
     /// A remark for the report, such as what the arm stands in for.
     #[serde(default)]
     pub remark: String,
@@ -302,8 +306,11 @@ impl EvalConfig {
         }
         for (name, arm) in &self.arms {
             let (teacher, sampled) = (arm.kind == ArmKind::Teacher, arm.kind.samples_windows());
-            if !teacher && (arm.guidance.is_some() || arm.dropout.is_some()) {
-                return refuse(&format!("arms.{name}"), "guidance and dropout are a teacher's");
+            if !teacher && (arm.guidance.is_some() || arm.dropout.is_some() || arm.keep_look) {
+                return refuse(&format!("arms.{name}"), "guidance, dropout and keep_look are a teacher's");
+            }
+            if arm.keep_look && arm.dropout == Some(ds_train::config::Dropout::All) {
+                return refuse(&format!("arms.{name}"), "keep_look needs dropout = \"layout\"");
             }
             if !sampled && (arm.steps.is_some() || arm.window.is_some()) {
                 return refuse(&format!("arms.{name}"), "steps and window are a teacher's or prior's");

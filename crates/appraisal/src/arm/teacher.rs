@@ -30,8 +30,8 @@ pub(super) enum TeacherError {
 /// How a teacher is sampled.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sampling {
-    /// w in G(c∅) + w·(G(c) − G(c∅)).
-    pub(super) guidance: f32,
+    /// How it is guided.
+    pub(super) guidance: Guidance,
     /// Euler steps.
     pub(super) steps: usize,
     /// Latents of a window, the given first one included.
@@ -71,9 +71,7 @@ pub(super) fn clip(
         };
         let noise = noise(&drive.draw_key, "teacher noise", &[index], &[1, window.len() - 1, n, 4, z]);
         let batch = condition.batch(config);
-        made.extend(
-            teacher.sample(&batch, &noise, sampling.steps, Guidance::by(sampling.guidance), &mut |_, _| ()).values(),
-        );
+        made.extend(teacher.sample(&batch, &noise, sampling.steps, sampling.guidance, &mut |_, _| ()).values());
     }
     decode(model, &made, &layout_steps, sampling.layouts)
 }

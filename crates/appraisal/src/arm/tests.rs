@@ -53,6 +53,7 @@ fn config(folder: &Path) -> EvalConfig {
         arm("teacher", "kind = \"teacher\"\ndit = \"teacher.safetensors\"\nguidance = 2.0\nsteps = 2"),
         arm("prior", "kind = \"prior\"\ndit = \"teacher.safetensors\"\nsteps = 2"),
         arm("windows", "kind = \"teacher\"\ndit = \"teacher.safetensors\"\nguidance = 2.0\nsteps = 2\nwindow = 2"),
+        arm("keeper", "kind = \"teacher\"\ndit = \"teacher.safetensors\"\nguidance = 2.0\nsteps = 2\nkeep_look = true"),
         arm("broken", "kind = \"student\"\ndit = \"smoke.toml\""),
     ];
     EvalConfig::parse(&text.concat(), folder).expect("the configuration is right")
@@ -79,15 +80,14 @@ fn arms_differ_in_what_their_configuration_says() {
     assert_ne!(student, roll("blind"));
     let teacher = roll("teacher");
     assert_eq!((teacher.len(), teacher == student), (9, false));
+    assert_ne!(teacher, roll("keeper"));
     // The first window of two latents is nothing but a shorter clip; what follows has seen less.
     let windows = roll("windows");
     assert_eq!((windows.len(), windows == teacher), (9, false));
     assert_eq!(windows[..5], arm("windows").roll(&mut self::drive(), 4).expect("rolls out"));
-    let digests: std::collections::BTreeSet<_> = ["student", "clean", "other", "blind", "teacher", "prior", "windows"]
-        .map(|name| arm(name).digest())
-        .into_iter()
-        .collect();
-    assert_eq!(digests.len(), 7);
+    let names = ["student", "clean", "other", "blind", "teacher", "prior", "windows", "keeper"];
+    let digests: std::collections::BTreeSet<_> = names.map(|name| arm(name).digest()).into_iter().collect();
+    assert_eq!(digests.len(), names.len());
     let error = Arm::load(&config, "broken").err().expect("no weights").to_string();
     assert!(error.contains("broken"), "{error}");
 }
