@@ -101,6 +101,7 @@ def main():
     parser.add_argument("--out", type=pathlib.Path, required=True)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--worlds", type=int, default=20)
+    parser.add_argument("--start", type=int, default=0, help="number of the first world: goes on with a draw that was stopped, the worlds are the same")
     parser.add_argument("--scenarios", type=int, default=48)
     parser.add_argument("--duration", type=float, default=10.0)
     parser.add_argument("--policy", default="camera")
@@ -115,8 +116,8 @@ def main():
     nominal = {key: value for part in PARTS for key, value in score(given, part, idle, given.out / "nominal").items()}
     print("| world | component: effect | alone on other scenarios, points | Shapley share, points | apart | right |\n|---|---|---|---|---|---|")
     line = lambda d: ", ".join(f"{k} {v:.1f}" for k, v in d.items())
-    rights, sure, number = [], [], 0
-    while len(rights) < given.worlds and number < 10 * given.worlds:
+    rights, sure, number = [], [], given.start
+    while len(rights) < given.worlds and number < given.start + 10 * given.worlds:
         folder, effects = given.out / f"world_{number:02d}", draw(np.random.default_rng([given.seed, number]))
         truth, clear = alone(given, folder, effects, nominal)
         told = ", ".join(f"{c}: {n} {v[0]:.3g}" for c, n, v in effects)
@@ -128,7 +129,7 @@ def main():
             said, apart, verdict = line(shares), "yes" if told_apart else "", "yes" if rights[-1] else "no"
         print(f"| {number} | {told} | {line(truth)} | {said} | {apart} | {verdict} |", flush=True)
         number += 1
-    print(f"\nthe largest share names the service that costs most: {share(sum(rights), len(rights))}; {number - len(rights)} worlds drawn beside them have no truth")
+    print(f"\nthe largest share names the service that costs most: {share(sum(rights), len(rights))}; {number - given.start - len(rights)} worlds drawn beside them have no truth")
     print(f"where the command calls it apart from the next: {share(sum(sure), len(sure))}")
 
 

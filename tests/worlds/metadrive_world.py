@@ -358,7 +358,7 @@ def read_sensors(r, case, log):
         "ax": ax * np.cos(turn) + ay * np.sin(turn) + on("ax_bias", 0.0) + real["ax_zero"] + n(real["imu_noise"]),
         "ay": ay * np.cos(turn) - ax * np.sin(turn) + on("ay_bias", 0.0) + real["ay_zero"] + n(real["imu_noise"]),
         "steer_meas": np.round((at("servo", real["encoder_age"]) + n(0.0006)) / 0.0005) * 0.0005,
-        "v_wheel": at("v", real["wheel_age"]) * real["wheel"] * on("wheel_scale", 1.0) + n(0.03),
+        "v_wheel": at("wheel" if "wheel" in log else "v", real["wheel_age"]) * real["wheel"] * on("wheel_scale", 1.0) + n(0.03),
     }
     for k in np.flatnonzero(r.random(t.size) < on("dropped_frames", 0.0)):
         for key in ("x", "y", "yaw", "v", "yaw_rate", "ax", "ay") if k else ():

@@ -15,6 +15,7 @@ use crate::report::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeu
 use crate::search::{Effort, without_drive};
 use crate::settings::{
     DOUBT, GROUP_COSINE, GROUP_EVIDENCE, GROUP_SIZE, LOOSE_SHAPE, OWN_NUISANCE, SHAPE_ERROR, Thresholds, WEAK,
+    WIDTH_SHARE,
 };
 use crate::shapley::split;
 use crate::signature::{cosine, spread};
@@ -163,7 +164,7 @@ fn finding(
         let centre = fit.vector[k] - usual;
         let share = if candidate.id == LOOSE_SHAPE.0 { LOOSE_SHAPE.1 } else { SHAPE_ERROR };
         let shape = if parameter.neutral.is_finite() { share * (centre - parameter.neutral) } else { share };
-        let width = 1.645 * spread(model, fit, k).hypot(own).hypot(shape);
+        let width = WIDTH_SHARE * 1.645 * spread(model, fit, k).hypot(own).hypot(shape);
         let reported = |v: f64| model.space.reported(k, v);
         out.params.insert(parameter.name.to_owned(), reported(centre));
         if place == 0 {
