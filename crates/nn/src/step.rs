@@ -37,16 +37,26 @@ impl Step {
     /// If there are no steps.
     #[must_use]
     pub fn mean(steps: Vec<Self>) -> Self {
-        #[expect(clippy::cast_precision_loss, reason = "a batch has few parts")]
-        let share = 1.0 / steps.len() as f32;
+        let count = steps.len();
         let mut steps = steps.into_iter();
-        let mut mean = steps.next().expect("a batch has at least one clip");
-        for step in steps {
-            mean.parts.iter_mut().zip(&step.parts).for_each(|((_, sum), (_, value))| *sum += value);
-            mean.add(&step);
-        }
-        mean.parts.iter_mut().for_each(|(_, value)| *value *= share);
-        mean.scaled(share)
+        let mut sum = steps.next().expect("a batch has at least one clip");
+        steps.for_each(|step| sum.gather(&step));
+        sum.over(count)
+    }
+
+    /// Adds another step of as many clips: its loss, the parts of the loss, and the gradient.
+    pub fn gather(&mut self, step: &Self) {
+        self.parts.iter_mut().zip(&step.parts).for_each(|((_, sum), (_, value))| *sum += value);
+        self.add(step);
+    }
+
+    /// Returns the mean of so many gathered steps.
+    #[must_use]
+    pub fn over(mut self, count: usize) -> Self {
+        #[expect(clippy::cast_precision_loss, reason = "a batch has few parts")]
+        let share = 1.0 / count as f32;
+        self.parts.iter_mut().for_each(|(_, value)| *value *= share);
+        self.scaled(share)
     }
 
     /// Adds loss and gradient of another step; the parts of the loss stay.

@@ -21,18 +21,11 @@ pub(crate) fn mean_step(
             let made = made?;
             match &mut sum {
                 None => sum = Some(made),
-                Some(sum) => {
-                    sum.parts.iter_mut().zip(&made.parts).for_each(|((_, sum), (_, value))| *sum += value);
-                    sum.add(&made);
-                }
+                Some(sum) => sum.gather(&made),
             }
         }
     }
-    let mut sum = sum.expect("an update has at least one clip");
-    #[expect(clippy::cast_precision_loss, reason = "a batch has few clips")]
-    let share = 1.0 / stage.batch() as f32;
-    sum.parts.iter_mut().for_each(|(_, value)| *value *= share);
-    Ok(sum.scaled(share))
+    Ok(sum.expect("an update has at least one clip").over(stage.batch()))
 }
 
 /// Returns the peak signal-to-noise ratio over all frames, in decibels.
