@@ -52,7 +52,7 @@ impl Team {
         };
         std::thread::scope(|scope| {
             for pool in &self.pools {
-                scope.spawn(|| pool.install(&work));
+                scope.spawn(|| pool.install(work));
             }
         });
         let result = |slot: Mutex<Option<T>>| slot.into_inner().unwrap_or_else(PoisonError::into_inner);

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ds_effect::frame::Act;
+use ds_effect::frame::{Act, FrameEffect};
 use ds_gap::report::{
     Cell, Corrected, CorrectedEffect, DetectionLimit, Diagnosis, Finding, Regime, Remainder, Verdict,
 };
@@ -56,21 +56,7 @@ pub fn judged(
     let taken: f64 = chosen.iter().map(|c| c.gain).sum();
     let allowed = settings::STRANGE_REMAINS * (weigh::usual(nuisance) + needed) + settings::STRANGE_SHARE * taken;
     let excess = remains / allowed;
-    let mut model: Vec<(String, Vec<f64>)> = Vec::new();
-    if let Some((effect, value)) = late {
-        model.push((effect.id.to_owned(), vec![value]));
-    }
-    for spot in &chosen {
-        let (effect, values) = (paths[spot.path].effect, spot.values(&paths));
-        match model.iter_mut().find(|(id, _)| id == effect.id) {
-            // another parameter of an effect that is in the model already
-            Some((_, known)) => {
-                let added = values.iter().zip(effect.neutral()).map(|(value, neutral)| value - neutral);
-                known.iter_mut().zip(added).for_each(|(known, added)| *known += added);
-            }
-            None => model.push((effect.id.to_owned(), values)),
-        }
-    }
+    let model = model(late, &chosen, &paths);
     let verdict = match model.len() {
         _ if excess > 1.0 => Verdict::Unknown,
         0 => Verdict::None,
@@ -114,6 +100,26 @@ pub fn judged(
         detection_limits: limits,
         ..Diagnosis::blank(&scene.case.name)
     })
+}
+
+/// Returns the effects of the model with their values: the lateness, if there is one, and what was chosen.
+fn model(late: Option<(&FrameEffect, f64)>, chosen: &[Spot], paths: &[Path]) -> Vec<(String, Vec<f64>)> {
+    let mut model: Vec<(String, Vec<f64>)> = Vec::new();
+    if let Some((effect, value)) = late {
+        model.push((effect.id.to_owned(), vec![value]));
+    }
+    for spot in chosen {
+        let (effect, values) = (paths[spot.path].effect, spot.values(paths));
+        match model.iter_mut().find(|(id, _)| id == effect.id) {
+            // another parameter of an effect that is in the model already
+            Some((_, known)) => {
+                let added = values.iter().zip(effect.neutral()).map(|(value, neutral)| value - neutral);
+                known.iter_mut().zip(added).for_each(|(known, added)| *known += added);
+            }
+            None => model.push((effect.id.to_owned(), values)),
+        }
+    }
+    model
 }
 
 fn moves(effect: &ds_effect::FrameEffect) -> bool {
