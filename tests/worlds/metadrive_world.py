@@ -10,15 +10,14 @@ vehicle is what its user would have: weighed mass, measured axles, box inertia, 
 """
 
 import argparse
-import copy
 import json
 import math
 import pathlib
-import shutil
 from types import SimpleNamespace
 
 import numpy as np
 
+from labelled_case import Unfit, draw_ids, make_case, write_log
 from metadrive_actuators import DT, Actuators, clip
 
 SECONDS, LEAD_IN, G, AIR = 36.5, 3.0, 9.81, 1.2
@@ -84,7 +83,7 @@ def side(r):
     return 1.0 if r.random() < 0.5 else -1.0
 
 
-class Dragging(Exception):
+class Dragging(Unfit):
     """The chassis touched the ground in a drive."""
 
 
@@ -420,12 +419,7 @@ def follow(r, world, case, lead_x, lead_v, desired):
 
 def draw_case(r, world, kind, number, index):
     nominal, real = draw_vehicle(r, world)
-    names, strange = list(EFFECTS), list(UNKNOWN)
-    ids = {"none": [], "single": [names[index % len(names)]], "out_of_library": [strange[index % len(strange)]]}.get(kind)
-    if ids is None:
-        first = names[r.integers(len(names))]
-        others = [n for n in names if EFFECTS[n][1] != EFFECTS[first][1]]
-        ids = [first, others[r.integers(len(others))]]
+    ids = draw_ids(r, kind, index, EFFECTS, UNKNOWN)
     values = {i: float(EFFECTS[i][2](r)) if i in EFFECTS else float(r.uniform(*UNKNOWN[i])) for i in ids}
     told = lambda i: values[i] * nominal["mass"] if i == "payload" else values[i]
     kinds = [str(k) for k in r.permutation(list(KINDS))] + [str(r.choice(list(KINDS)))]
@@ -436,17 +430,13 @@ def draw_case(r, world, kind, number, index):
     return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": kinds, "missing": missing, "label": label}
 
 
-DIGITS = {"cmd_steer": 5, "cmd_accel": 3, "x": 3, "y": 3, "yaw": 4, "v": 3, "yaw_rate": 4, "ax": 2, "ay": 2, "steer_meas": 4, "v_wheel": 3}
-
-
 def write_case(r, world, case, folder):
     drives = []
     for d, kind in enumerate(case["kinds"]):
         log = drive(r, world, case, kind)
         folder.mkdir(parents=True, exist_ok=True)
         t, rows = read_sensors(r, case, log)
-        cells = [[f"{v:.3f}" for v in t]] + [[f"{v:.{p}f}" if k not in case["missing"] else "" for v in rows[k]] for k, p in DIGITS.items()]
-        (folder / f"drive_{d}.csv").write_text("t," + ",".join(DIGITS) + "\n" + "\n".join(",".join(row) for row in zip(*cells)) + "\n")
+        write_log(folder / f"drive_{d}.csv", t, rows, case["missing"])
         far = np.cumsum(log["v"]) * DT
         desired = round(float(log["v"].max() * r.uniform(0.98, 1.12)), 2)
         (folder / f"agents_{d}.csv").write_text(follow(r, world, case, far, log["v"], desired))
@@ -454,23 +444,6 @@ def write_case(r, world, case, folder):
     meta = {"case": case["name"], "vehicle": "metadrive", "rate_hz": 20, "agent_rate_hz": 10, "drives": drives, "channels_missing": case["missing"],
             "nominal": case["nominal"], "suggested_split": {"fit": [0, 1, 2], "held_out": [3]}}
     (folder / "meta.json").write_text(json.dumps(meta, indent=1))
-
-
-def make_case(seed, world, kind, number, index, out):
-    """Draws and drives one case; again with another vehicle if its chassis touches the ground. What no library contains
-    is driven a second time without it into `without`, so that its size can be told."""
-    for attempt in range(50):
-        rng = np.random.default_rng([seed, number, attempt])
-        case = draw_case(rng, world, kind, number, index)
-        again = copy.deepcopy(rng)
-        try:
-            write_case(rng, world, case, out / case["name"])
-            if kind == "out_of_library":
-                write_case(again, world, {**case, "values": {}}, out / "without" / case["name"])
-            return case
-        except Dragging:
-            shutil.rmtree(out / case["name"], ignore_errors=True)
-    raise SystemExit(f"case {number}: no vehicle keeps clear of the ground")
 
 
 def main():
@@ -486,7 +459,7 @@ def main():
     counts = {"single": given.singles, "none": given.none, "double": given.pairs, "out_of_library": given.unknown}
     wanted = [(kind, k) for kind, count in counts.items() for k in range(count)]
     for number, (kind, index) in list(enumerate(wanted))[part - 1::parts]:
-        case = make_case(given.seed, world, kind, number, index, given.out)
+        case = make_case(given.seed, number, given.out, lambda r: draw_case(r, world, kind, number, index), lambda r, *case: write_case(r, world, *case))
         labels[case["name"]] = case["label"]
     # Parts add to what the others wrote.
     path = given.out / "labels.json"

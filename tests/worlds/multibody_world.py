@@ -12,11 +12,9 @@ measured axles, yaw inertia, and stiffnesses from steady turns.
 """
 
 import argparse
-import copy
 import json
 import math
 import pathlib
-import shutil
 from collections import namedtuple
 from types import SimpleNamespace
 
@@ -29,17 +27,14 @@ from vehiclemodels.init_mb import init_mb
 from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
 
 import own_world
+from labelled_case import Unfit, draw_ids, make_case, write_log
 from metadrive_actuators import DT, Actuators, clip
-from metadrive_world import AIR, DIGITS, G, KINDS, LEAD_IN, draw_plan, read_sensors
+from metadrive_world import AIR, G, KINDS, LEAD_IN, UNKNOWN, draw_plan, read_sensors
 
 # The wheels' spin is stiff at walking pace: fourth order needs a millisecond.
 FINE = 20
 # Without counterpart in this model, whose four tyres are one and act at once.
 EFFECTS = {k: v for k, v in own_world.EFFECTS.items() if k not in ("front_grip", "rear_grip", "tyre_relaxation", "kinematic_only")}
-UNKNOWN = {
-    "steer_stiction": (0.008, 0.015), "gust_bursts": (1.2, 2.2), "drive_cuts": (0.5, 0.8), "position_jumps": (0.4, 1.0),
-    "gyro_wander": (0.012, 0.03), "steer_compliance": (0.03, 0.06), "load_slosh": (0.5, 0.9), "pull_under_power": (0.004, 0.01),
-}
 
 for module in (tyre, kinematic, multibody):
     for name, thing in list(vars(module).items()):
@@ -108,7 +103,7 @@ def scaled(build, mass=1.0, inertia=1.0, grip=1.0, shift=0.0):
     return p
 
 
-class Spun(Exception):
+class Spun(Unfit):
     """The car slid at more than a third of its speed, or turned over."""
 
 
@@ -226,12 +221,7 @@ def drive(r, case, kind):
 
 def draw_case(r, kind, number, index):
     nominal, real = draw_vehicle(r)
-    names, strange = list(EFFECTS), list(UNKNOWN)
-    ids = {"none": [], "single": [names[index % len(names)]], "out_of_library": [strange[index % len(strange)]]}.get(kind)
-    if ids is None:
-        first = names[r.integers(len(names))]
-        others = [n for n in names if EFFECTS[n][1] != EFFECTS[first][1]]
-        ids = [first, others[r.integers(len(others))]]
+    ids = draw_ids(r, kind, index, EFFECTS, UNKNOWN)
     values = {i: float(own_world.draw_value(r, i)) if i in EFFECTS else float(r.uniform(*UNKNOWN[i])) for i in ids}
     told = lambda i: values[i] * nominal["mass"] if i == "payload" else values[i]
     kinds = [str(k) for k in r.permutation(list(KINDS))] + [str(r.choice(list(KINDS)))]
@@ -248,8 +238,7 @@ def write_case(r, case, folder):
     for d, kind in enumerate(case["kinds"]):
         log = drive(r, case, kind)
         t, rows = read_sensors(r, case, log)
-        cells = [[f"{v:.3f}" for v in t]] + [[f"{v:.{p}f}" if k not in case["missing"] else "" for v in rows[k]] for k, p in DIGITS.items()]
-        (folder / f"drive_{d}.csv").write_text("t," + ",".join(DIGITS) + "\n" + "\n".join(",".join(row) for row in zip(*cells)) + "\n")
+        write_log(folder / f"drive_{d}.csv", t, rows, case["missing"])
         fast = log["v"][round(LEAD_IN / DT)::2]
         far = np.cumsum(np.concatenate([[0], 0.5 * (fast[1:] + fast[:-1]) * 2 * DT]))
         desired = round(float(fast.max() * r.uniform(0.98, 1.12)), 2)
@@ -258,23 +247,6 @@ def write_case(r, case, folder):
     meta = {"case": case["name"], "vehicle": "multibody", "rate_hz": 20, "agent_rate_hz": 10, "drives": drives, "channels_missing": case["missing"],
             "nominal": case["nominal"], "suggested_split": {"fit": [0, 1, 2], "held_out": [3]}}
     (folder / "meta.json").write_text(json.dumps(meta, indent=1))
-
-
-def make_case(seed, kind, number, index, out):
-    """Draws and drives one case, again with another car if this one spins. What no library contains is driven a second
-    time without it into `without`, so that its size can be told."""
-    for attempt in range(20):
-        rng = np.random.default_rng([seed, number, attempt])
-        case = draw_case(rng, kind, number, index)
-        again = copy.deepcopy(rng)
-        try:
-            write_case(rng, case, out / case["name"])
-            if kind == "out_of_library":
-                write_case(again, {**case, "values": {}}, out / "without" / case["name"])
-            return case
-        except Spun:
-            shutil.rmtree(out / case["name"], ignore_errors=True)
-    raise SystemExit(f"case {number}: no car keeps its course")
 
 
 def main():
@@ -287,7 +259,7 @@ def main():
     labels = {}
     counts = {"single": given.singles, "none": given.none, "double": given.pairs, "out_of_library": given.unknown}
     for number, (kind, index) in enumerate([(kind, k) for kind, count in counts.items() for k in range(count)]):
-        case = make_case(given.seed, kind, number, index, given.out)
+        case = make_case(given.seed, number, given.out, lambda r: draw_case(r, kind, number, index), write_case)
         labels[case["name"]] = case["label"]
     (given.out / "labels.json").write_text(json.dumps(labels, indent=1))
 
