@@ -13,7 +13,7 @@ use harness::workspace;
 /// Every package and its layer; imports point to a lower layer only.
 const LAYERS: &[(&str, u32)] = &[
     ("ds-space", 0),
-    ("ds-markup", 0),
+    ("ds-page", 0),
     ("ds-world", 1),
     ("ds-raster", 1),
     ("ds-effect", 1),
@@ -22,22 +22,22 @@ const LAYERS: &[(&str, u32)] = &[
     ("ds-scenario", 2),
     ("ds-sim", 2),
     ("ds-camera", 2),
-    ("ds-abroad", 2),
+    ("ds-second-camera", 2),
     ("ds-layout", 2),
     ("ds-score", 2),
     ("ds-fidelity", 2),
     ("ds-graph", 2),
     ("ds-kernel", 2),
     ("ds-episode", 3),
-    ("ds-gap", 3),
-    ("ds-report", 3),
-    ("ds-golden", 3),
+    ("ds-dynamics", 3),
+    ("ds-run-report", 3),
+    ("ds-score-cases", 3),
     ("ds-oracle", 3),
     ("ds-backend", 3),
     ("ds-policy", 3),
-    ("ds-page", 4),
-    ("ds-logs", 4),
-    ("ds-sight", 4),
+    ("ds-diagnosis-page", 4),
+    ("ds-vehicle-logs", 4),
+    ("ds-frames", 4),
     ("ds-traffic", 4),
     ("ds-wire", 4),
     ("ds-video", 4),
@@ -47,7 +47,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("ds-record", 5),
     ("ds-process", 6),
     ("ds-train", 6),
-    ("ds-appraisal", 7),
+    ("ds-evaluate", 7),
     ("orchestrator", 7),
     ("sim-server", 7),
     ("layout-render", 7),
@@ -87,8 +87,10 @@ struct Package {
 
 fn packages() -> Vec<Package> {
     let mut found = Vec::new();
-    for group in ["crates", "services"] {
-        let entries = fs::read_dir(workspace().join(group)).expect("the workspace has crates and services");
+    let groups = fs::read_dir(workspace().join("crates")).expect("the workspace has crates");
+    let groups = groups.map(|entry| entry.expect("readable entry").path()).filter(|path| path.is_dir());
+    for group in groups.chain([workspace().join("services")]) {
+        let entries = fs::read_dir(group).expect("a readable group");
         found.extend(entries.map(|entry| entry.expect("readable entry").path()));
     }
     found.sort();

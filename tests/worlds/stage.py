@@ -27,7 +27,7 @@ import grpc
 import zenoh
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
-SET = pathlib.Path(__file__).resolve().parents[2] / "crates/wire/src/generated/dreamstream.binpb"
+SET = pathlib.Path(__file__).resolve().parents[2] / "crates/protocol/wire/src/generated/dreamstream.binpb"
 TOPICS = ["", "scene", "advance", "world", "ego", "layout", "frame", "cache", "plan", "score", "event"]
 PER_CAMERA = {"layout", "frame", "cache"}
 ROLES = ["", "sim", "layout", "video", "policy"]

@@ -68,7 +68,7 @@ def test_generated_code_is_that_of_the_contract():
     """Compares the committed code with the descriptors that the Rust side was compiled from."""
     from google.protobuf import descriptor_pb2
 
-    compiled = REPOSITORY / "crates/wire/src/generated/dreamstream.binpb"
+    compiled = REPOSITORY / "crates/protocol/wire/src/generated/dreamstream.binpb"
     if not compiled.exists():
         pytest.skip(f"{compiled} is not there: the client stands outside its repository")
     files = descriptor_pb2.FileDescriptorSet.FromString(compiled.read_bytes()).file

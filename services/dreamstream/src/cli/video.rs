@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum, ValueHint};
-use ds_appraisal::evaluation::Part;
+use ds_evaluate::evaluation::Part;
 
 const EXAMPLES: &str = "Examples:
   dreamstream video eval --config configs/eval/shipped.toml --quick         minutes: see what comes out

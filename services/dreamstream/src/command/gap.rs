@@ -13,9 +13,9 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
+use ds_dynamics::{Diagnosis, Options, Verdict, diagnose, evaluate, score_folder};
 use ds_effect::Channel;
-use ds_gap::{Diagnosis, Options, Verdict, diagnose, evaluate, score_folder};
-use ds_logs::Mapping;
+use ds_vehicle_logs::Mapping;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
@@ -89,8 +89,10 @@ fn tables(case: &Path, nominal: Option<&Path>, out: &Path) -> Result<Vec<PathBuf
 
 /// Returns the corrected simulator of a diagnosis as a run's configuration.
 pub(crate) fn corrected(diagnosis: &Diagnosis) -> RunConfig {
-    let line =
-        |effect: &ds_gap::report::CorrectedEffect| EffectLine { id: effect.id.clone(), values: effect.values.clone() };
+    let line = |effect: &ds_dynamics::report::CorrectedEffect| EffectLine {
+        id: effect.id.clone(),
+        values: effect.values.clone(),
+    };
     RunConfig { effects: diagnosis.corrected_model.effects.iter().map(line).collect() }
 }
 
@@ -133,7 +135,7 @@ fn isolability(named: &[String]) -> Result<()> {
     };
     let channels =
         if named.is_empty() { Channel::ALL.to_vec() } else { named.iter().map(known).collect::<Result<_>>()? };
-    for group in ds_gap::isolability(&channels) {
+    for group in ds_dynamics::isolability(&channels) {
         answer(&group.join(" = "));
     }
     Ok(())
@@ -167,7 +169,7 @@ fn name(case: &Path) -> String {
 /// How logs and frames are diagnosed.
 struct Ways {
     logs: Options,
-    frames: ds_sight::Options,
+    frames: ds_frames::Options,
 }
 
 /// Returns the name under which each case is written: its folder's, after that of the folder above where two are alike.
@@ -189,10 +191,10 @@ fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
         cases.extend(made);
         cases.extend(seen.then_some(traffic));
     }
-    let nuisance = args.nuisance.as_deref().map(ds_sight::Nuisance::learn).transpose()?;
+    let nuisance = args.nuisance.as_deref().map(ds_frames::Nuisance::learn).transpose()?;
     let options = Ways {
         logs: Options { quick: args.quick, without: Vec::new() },
-        frames: ds_sight::Options { without: Vec::new(), nuisance },
+        frames: ds_frames::Options { without: Vec::new(), nuisance },
     };
     let bar = bar(cases.len() as u64, "cases");
     bar.tick();
@@ -205,7 +207,7 @@ fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
     for (name, result) in names.iter().zip(results) {
         match result {
             Ok(diagnosis) => {
-                answer(&ds_page::text(&diagnosis));
+                answer(&ds_diagnosis_page::text(&diagnosis));
                 made.push((format!("{name}/{PAGE}"), diagnosis));
             }
             Err(error) => {
@@ -215,7 +217,7 @@ fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
         }
     }
     if !args.no_pages && !made.is_empty() {
-        put(&args.out.join("index.html"), &ds_page::index(&made))?;
+        put(&args.out.join("index.html"), &ds_diagnosis_page::index(&made))?;
     }
     answer(&format!("written to {}", args.out.display()));
     ensure!(refused == 0, "{refused} of {} cases were refused", cases.len());
@@ -229,7 +231,7 @@ fn written(folder: &Path, (case, bare): (&Path, bool), options: &Ways, bar: &Pro
     explain::note_case(folder, case)?;
     if !bare {
         let material = Some(case).filter(|case| !ds_traffic::is_traffic_case(case));
-        put(&folder.join(PAGE), &ds_page::page(&diagnosis, material))?;
+        put(&folder.join(PAGE), &ds_diagnosis_page::page(&diagnosis, material))?;
     }
     Ok(diagnosis)
 }
@@ -258,8 +260,8 @@ fn one(case: &Path, options: &Ways, bar: &ProgressBar) -> Result<Diagnosis> {
     let diagnosis = if ds_traffic::is_traffic_case(case) {
         let options = ds_traffic::Options { without: options.logs.without.clone() };
         ds_traffic::diagnose(case, &options).map_err(anyhow::Error::new)
-    } else if ds_sight::is_frame_case(case) {
-        ds_sight::diagnose(case, &options.frames).map_err(anyhow::Error::new)
+    } else if ds_frames::is_frame_case(case) {
+        ds_frames::diagnose(case, &options.frames).map_err(anyhow::Error::new)
     } else {
         diagnose(case, &options.logs).map_err(anyhow::Error::new).and_then(|mut diagnosis| {
             stamps::add(case, &mut diagnosis)?;
@@ -309,8 +311,8 @@ fn evaluate_one(args: &EvaluateArgs) -> Result<()> {
     let case = tables(&args.case, None, &beside)?.pop().unwrap_or_else(|| args.case.clone());
     let shrinks = if ds_traffic::is_traffic_case(&case) {
         ds_traffic::evaluate(&diagnosis, &case, &args.drives)?
-    } else if ds_sight::is_frame_case(&case) {
-        ds_sight::evaluate(&diagnosis, &case, args.frames.as_deref().map(frames).transpose()?)?
+    } else if ds_frames::is_frame_case(&case) {
+        ds_frames::evaluate(&diagnosis, &case, args.frames.as_deref().map(frames).transpose()?)?
     } else {
         evaluate(&diagnosis, &case, &args.drives)?
     };

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use ds_report::write::{arrow, csv, html, json, markdown};
-use ds_report::{Comparison, Dimension, Pairing, Picture, Report, ReportOptions, Results, compare};
+use ds_run_report::write::{arrow, csv, html, json, markdown};
+use ds_run_report::{Comparison, Dimension, Pairing, Picture, Report, ReportOptions, Results, compare};
 
 use crate::cli::{CompareArgs, MergeArgs, ReportArgs};
 use crate::command::answer;
@@ -69,8 +69,8 @@ pub(crate) fn merge(args: &MergeArgs) -> Result<()> {
     for (path, results) in runs {
         let same = (&results.run.version, &results.run.video_model_digest, &results.run.policy_model_digest)
             == (&merged.run.version, &merged.run.video_model_digest, &merged.run.policy_model_digest);
-        let settings = |run: &ds_report::Run| {
-            let ds_report::Run { replan_period, horizon_secs, history, agents, tracker, .. } = run.clone();
+        let settings = |run: &ds_run_report::Run| {
+            let ds_run_report::Run { replan_period, horizon_secs, history, agents, tracker, .. } = run.clone();
             (replan_period, horizon_secs.to_bits(), history, agents, tracker)
         };
         ensure!(

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail, ensure};
 use ds_process::security::{Control, Dial};
 use ds_record::Recording;
-use ds_report::{Episode, ProposalStats, Results, Run, TimeShare};
+use ds_run_report::{Episode, ProposalStats, Results, Run, TimeShare};
 use ds_space::Digest;
 use ds_wire::control as pb;
 use indicatif::ProgressBar;

@@ -46,7 +46,7 @@ pub(crate) fn run(args: &ScoreArgs) -> Result<()> {
 }
 
 fn cases(folder: &Path, out: Option<&Path>) -> Result<()> {
-    let answers = ds_golden::answers(folder)?;
+    let answers = ds_score_cases::answers(folder)?;
     let text = serde_json::to_string_pretty(&answers.value).context("answers as JSON")? + "\n";
     match out {
         Some(path) => write(path, &text)?,

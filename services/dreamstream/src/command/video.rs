@@ -5,12 +5,12 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use ds_appraisal::column::WorldB;
-use ds_appraisal::drive::{Drive, Route};
-use ds_appraisal::evaluation::{Evaluation, Part};
-use ds_appraisal::outcome::Outcome;
-use ds_appraisal::{EvalConfig, Progress, report};
 use ds_camera::Appearance;
+use ds_evaluate::column::WorldB;
+use ds_evaluate::drive::{Drive, Route};
+use ds_evaluate::evaluation::{Evaluation, Part};
+use ds_evaluate::outcome::Outcome;
+use ds_evaluate::{EvalConfig, Progress, report};
 use ds_perception::world::WorldA;
 use ds_raster::Encoding;
 use ds_space::Draws;

@@ -8,7 +8,7 @@ use std::ffi::OsString;
 
 use anyhow::{Context, Result, ensure};
 use ds_effect::{Insertion, find};
-use ds_report::{Attribution, Episode, Results, attribute};
+use ds_run_report::{Attribution, Episode, Results, attribute};
 use serde::Serialize;
 
 use super::close::run_args;
@@ -134,7 +134,7 @@ fn of_scenario(cell: &Results, scenario: &str, metric: &str) -> Option<f64> {
         "route_completion" => episode.route_completion,
         term => episode.sub_scores.get(term).copied().flatten(),
     };
-    ds_report::bootstrap::mean(cell.episodes.iter().filter(|e| e.scenario == scenario).filter_map(of))
+    ds_run_report::bootstrap::mean(cell.episodes.iter().filter(|e| e.scenario == scenario).filter_map(of))
 }
 
 #[cfg(test)]
@@ -153,7 +153,7 @@ mod tests {
         };
         let cell = |shift: f64| Results {
             episodes: vec![episode("a", 0.8 - shift), episode("a", 0.6 - shift), episode("b", 0.4)],
-            run: ds_report::Run::default(),
+            run: ds_run_report::Run::default(),
         };
         let split = metrics(&["dynamics"], &[cell(0.0), cell(0.2)]);
         let names: Vec<&str> = split.iter().map(|one| one.metric.as_str()).collect();

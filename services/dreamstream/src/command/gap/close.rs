@@ -6,10 +6,10 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use clap::Parser;
-use ds_gap::{Diagnosis, Options, diagnose};
+use ds_dynamics::{Diagnosis, Options, diagnose};
 use ds_record::vehicle_log;
-use ds_report::bootstrap::{self, mean, mean_interval};
-use ds_report::{Interval, Results};
+use ds_run_report::bootstrap::{self, mean, mean_interval};
+use ds_run_report::{Interval, Results};
 use ds_world::Reading;
 use serde::Serialize;
 
@@ -35,7 +35,7 @@ struct Closing {
 
 #[derive(Debug, Serialize)]
 struct Report {
-    verdict: ds_gap::Verdict,
+    verdict: ds_dynamics::Verdict,
     chosen: Vec<String>,
     /// Share of `position_2s` that the fit promises, and what held-out logs show.
     predicted_share: f64,
@@ -120,7 +120,7 @@ fn report(
         let (before, after) =
             (deviation(&truth.readings, &before?.readings), deviation(&truth.readings, &after?.readings));
         columns.entry("route_deviation").or_default().push((before, after));
-        type Field = fn(&ds_report::Episode) -> Option<f64>;
+        type Field = fn(&ds_run_report::Episode) -> Option<f64>;
         let scores: [(&str, Field); 2] =
             [("driving_score", |e| e.driving_score), ("route_completion", |e| e.route_completion)];
         for (metric, field) in scores {

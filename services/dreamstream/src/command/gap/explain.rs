@@ -6,10 +6,10 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use ds_gap::Diagnosis;
-use ds_gap::case::Case;
-use ds_gap::report::Cell;
-use ds_gap::traces::{Moment, Series, Traces, traces};
+use ds_dynamics::Diagnosis;
+use ds_dynamics::case::Case;
+use ds_dynamics::report::Cell;
+use ds_dynamics::traces::{Moment, Series, Traces, traces};
 use ds_record::view::explained::{self, Along, Curve, Explained};
 use ds_topic::GapCell;
 
@@ -48,8 +48,8 @@ pub(crate) fn run(args: &ExplainArgs) -> Result<()> {
         let diagnosis = read(path)?;
         let case = args.case.clone().or_else(|| noted(path));
         let out = args.out.clone().unwrap_or_else(|| path.with_file_name(PAGE));
-        put(&out, &ds_page::page(&diagnosis, case.as_deref()))?;
-        answer(&ds_page::text(&diagnosis));
+        put(&out, &ds_diagnosis_page::page(&diagnosis, case.as_deref()))?;
+        answer(&ds_diagnosis_page::text(&diagnosis));
         answer(&format!("page: {}", out.display()));
         if let Some(rrd) = &args.rerun {
             explained::save(&drawn(&diagnosis, case.as_deref())?, rrd)?;
@@ -59,7 +59,7 @@ pub(crate) fn run(args: &ExplainArgs) -> Result<()> {
     }
     if !one {
         let index = args.diagnosis.join("index.html");
-        put(&index, &ds_page::index(&made))?;
+        put(&index, &ds_diagnosis_page::index(&made))?;
         answer(&format!("all of them: {}", index.display()));
     }
     Ok(())
@@ -101,12 +101,12 @@ fn noted(diagnosis: &Path) -> Option<PathBuf> {
 /// Returns what the viewer shows of a diagnosis; without its case there are no residuals.
 fn drawn(diagnosis: &Diagnosis, case: Option<&Path>) -> Result<Explained> {
     let drives = match case {
-        Some(folder) if !ds_sight::is_frame_case(folder) => along(diagnosis, &Case::read(folder)?),
+        Some(folder) if !ds_frames::is_frame_case(folder) => along(diagnosis, &Case::read(folder)?),
         _ => Vec::new(),
     };
     Ok(Explained {
         case: diagnosis.case.clone(),
-        summary: ds_page::text(diagnosis).lines().map(|line| format!("{line}  \n")).collect(),
+        summary: ds_diagnosis_page::text(diagnosis).lines().map(|line| format!("{line}  \n")).collect(),
         effects: message::effects(diagnosis),
         cells: diagnosis.cells.iter().map(numbered).collect(),
         drives,

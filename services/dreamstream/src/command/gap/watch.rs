@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use ds_bus::BusSession;
-use ds_gap::{Diagnosis, GapError, Options, diagnose};
+use ds_dynamics::{Diagnosis, GapError, Options, diagnose};
 use ds_process::section::ProcessSection;
 use ds_record::view::{self as pictures, LiveView};
 use ds_space::{EpisodeId, InstanceId};

@@ -1,0 +1,111 @@
+//! Effects injected into the crate's own simulator, with sensor noise, are found and measured; nothing is found where
+//! nothing was injected.
+
+use std::path::Path;
+
+use ds_dynamics::{Diagnosis, Options, Verdict, diagnose, synthetic};
+use ds_effect::find;
+
+fn diagnosed(seed: u64, injected: &[(&str, f64)], options: &Options) -> Diagnosis {
+    let folder = tempfile::tempdir().expect("a folder");
+    let edit = |plant: &mut ds_effect::Plant| {
+        for (id, value) in injected {
+            let effect = find(id).expect("the effect is in the library");
+            let mut values = effect.neutral();
+            values[0] = *value;
+            (effect.apply)(&values, plant);
+        }
+    };
+    synthetic::write_case(folder.path(), seed, &edit).expect("the case can be written");
+    diagnose(folder.path(), options).expect("the case can be diagnosed")
+}
+
+fn quick() -> Options {
+    Options { quick: true, ..Options::default() }
+}
+
+#[test]
+fn single_effects_are_found_and_measured() {
+    // id, injected value, tolerance of the estimate
+    let rows =
+        [("steer_delay", 0.12, 0.02), ("steer_rate", 0.12, 0.02), ("drag_add", 1.2, 0.15), ("lever_arm", 1.5, 0.2)];
+    for (id, value, tolerance) in rows {
+        let found = diagnosed(11, &[(id, value)], &quick());
+        assert_eq!(found.chosen, [id], "{id}: {:?}", found.verdict);
+        let first = &found.effects[0];
+        assert!((first.value - value).abs() < tolerance, "{id}: {} instead of {value}", first.value);
+    }
+}
+
+#[test]
+fn nothing_is_found_where_nothing_is_missing() {
+    let found = diagnosed(21, &[], &quick());
+    assert_eq!(found.verdict, Verdict::None, "{:?}", found.chosen);
+    let sum: f64 = found.effects.iter().map(|e| e.probability).sum::<f64>() + found.p_none + found.p_unknown;
+    assert!((sum - 1.0).abs() < 1e-9, "{sum}");
+}
+
+#[test]
+fn two_effects_in_one_drive_are_both_found() {
+    let found = diagnosed(31, &[("steer_delay", 0.12), ("drag_add", 1.2)], &Options::default());
+    let mut chosen = found.chosen.clone();
+    chosen.sort();
+    assert_eq!(chosen, ["drag_add", "steer_delay"], "{:?}", found.verdict);
+    assert_eq!(found.verdict, Verdict::Multiple);
+}
+
+#[test]
+fn an_effect_that_the_library_lacks_is_called_unknown() {
+    let options = Options { quick: true, without: vec!["steer_offset".to_owned(), "gyro_bias".to_owned()] };
+    let found = diagnosed(41, &[("steer_offset", 0.015)], &options);
+    assert_eq!(found.verdict, Verdict::Unknown, "{:?}", found.chosen);
+    assert!(found.unknown_description.is_some());
+}
+
+#[test]
+fn a_frozen_diagnosis_shrinks_the_gap_of_an_unseen_case_of_the_same_vehicle() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let edit = |plant: &mut ds_effect::Plant| plant.vehicle.drag_n_s2_m2 += 0.6;
+    synthetic::write_case(folder.path(), 51, &edit).expect("the case can be written");
+    let found = diagnose(folder.path(), &quick()).expect("the case can be diagnosed");
+    let other = tempfile::tempdir().expect("a folder");
+    synthetic::write_case(other.path(), 52, &edit).expect("the case can be written");
+    let shrink = ds_dynamics::evaluate(&found, other.path(), &[1]).expect("it can be evaluated");
+    let position = shrink.iter().find(|s| s.metric == "position_2s").expect("the metric is there");
+    assert!(position.share_explained > 0.8, "{position:?}");
+    assert_eq!(position.data, "unseen");
+}
+
+/// Rewrites the logs of a case as those of a car whose steering gives way in corners: the servo turned as logged, the
+/// wheels by less the harder the corner.
+fn give_way(folder: &Path, share: f64) {
+    for drive in 0..4 {
+        let path = folder.join(format!("drive_{drive}.csv"));
+        let text = std::fs::read_to_string(&path).expect("the drive can be read");
+        let mut lines = text.lines();
+        let head: Vec<&str> = lines.next().expect("a head").split(',').collect();
+        let place = |name: &str| head.iter().position(|column| *column == name).expect("the column is there");
+        let steering = [place("cmd_steer"), place("steer_meas")];
+        let mut out = head.join(",");
+        for line in lines {
+            let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+            let number = |cell: &String| cell.parse::<f64>().expect("a number");
+            let corner = (number(&cells[place("v")]) * number(&cells[place("yaw_rate")])).abs();
+            for k in steering {
+                cells[k] = format!("{:.5}", number(&cells[k]) / (1.0 - share * corner));
+            }
+            out.push('\n');
+            out.push_str(&cells.join(","));
+        }
+        std::fs::write(&path, out + "\n").expect("the drive can be written");
+    }
+}
+
+#[test]
+fn an_effect_whose_size_goes_with_the_regime_is_called_unknown() {
+    let folder = tempfile::tempdir().expect("a folder");
+    synthetic::write_case(folder.path(), 61, &|_| {}).expect("the case can be written");
+    give_way(folder.path(), 0.06);
+    let found = diagnose(folder.path(), &quick()).expect("the case can be diagnosed");
+    assert_eq!(found.verdict, Verdict::Unknown, "{:?}", found.chosen);
+}

@@ -1,0 +1,250 @@
+//! Spoiled logs: each gives a named error or a verdict with a warning, never a panic, never a confident wrong answer.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+use ds_dynamics::{GapError, Options, Verdict, diagnose, synthetic};
+
+type Edit = fn(&mut Vec<Vec<String>>);
+
+/// Rewrites one column of a drive.
+fn column(rows: &mut [Vec<String>], name: &str, edit: impl Fn(usize, f64) -> String) {
+    let at = rows[0].iter().position(|c| c == name).expect("the column is there");
+    for (k, row) in rows.iter_mut().enumerate().skip(1) {
+        row[at] = edit(k, row[at].parse().expect("a number"));
+    }
+}
+
+fn swap(rows: &mut [Vec<String>], a: &str, b: &str) {
+    let (a, b) = (place(rows, a), place(rows, b));
+    rows.iter_mut().skip(1).for_each(|row| row.swap(a, b));
+}
+
+fn place(rows: &[Vec<String>], name: &str) -> usize {
+    rows[0].iter().position(|c| c == name).expect("the column is there")
+}
+
+const EDITS: &[(&str, &str, Edit)] = &[
+    ("not a number", "NotANumber", |rows| rows[40][5] = "NaN".to_owned()),
+    ("infinite", "NotANumber", |rows| rows[40][6] = "inf".to_owned()),
+    ("text", "NotANumber", |rows| rows[40][7] = "fast".to_owned()),
+    ("ragged row", "RaggedRow", |rows| {
+        rows[12].pop();
+    }),
+    ("steering in degrees", "Inconsistent", |rows| {
+        column(rows, "cmd_steer", |_, v| format!("{:.4}", v.to_degrees()));
+    }),
+    ("heading in degrees", "Inconsistent", |rows| column(rows, "yaw", |_, v| format!("{:.3}", v.to_degrees()))),
+    ("gyro in degrees", "Inconsistent", |rows| column(rows, "yaw_rate", |_, v| format!("{:.3}", v.to_degrees()))),
+    ("speed in km/h", "Inconsistent", |rows| column(rows, "v", |_, v| format!("{:.3}", v * 3.6))),
+    ("mirrored steering", "Inconsistent", |rows| column(rows, "cmd_steer", |_, v| format!("{:.5}", -v))),
+    ("x and y swapped", "Inconsistent", |rows| swap(rows, "x", "y")),
+    ("speed and yaw swapped", "Inconsistent", |rows| swap(rows, "v", "yaw")),
+    ("commands swapped", "Inconsistent", |rows| swap(rows, "cmd_steer", "cmd_accel")),
+    ("frozen speed", "ZeroVariance", |rows| column(rows, "v", |_, _| "12.0".to_owned())),
+    ("frozen gyro", "ZeroVariance", |rows| column(rows, "yaw_rate", |_, _| "0.0".to_owned())),
+    ("one sample", "TooShort", |rows| rows.truncate(2)),
+    ("empty drive", "TooShort", |rows| rows.truncate(1)),
+    ("three seconds", "TooShort", |rows| rows.truncate(60)),
+    ("time goes back", "TimeGoesBack", |rows| rows.swap(100, 105)),
+    ("time stands still", "TimeGoesBack", |rows| rows[100][0] = rows[99][0].clone()),
+    ("a hole of ten seconds", "TimeGap", |rows| {
+        rows.drain(100..300);
+    }),
+    ("stamps in milliseconds", "TimeGap", |rows| column(rows, "t", |_, v| format!("{:.0}", v * 1000.0))),
+    ("mirrored gyro", "Inconsistent", |rows| column(rows, "yaw_rate", |_, v| format!("{:.4}", -v))),
+    ("brake in place of steering", "Inconsistent", |rows| swap(rows, "cmd_accel", "v")),
+    ("no command", "MissingColumn", |rows| {
+        let at = place(rows, "cmd_steer");
+        rows[0][at] = "something".to_owned();
+    }),
+];
+
+fn case_folder(folder: &Path) {
+    synthetic::write_case(folder, 3, &|_| {}).expect("the case can be written");
+}
+
+fn name(error: &GapError) -> String {
+    let text = format!("{error:?}");
+    text.split([' ', '{', '(']).next().unwrap_or_default().to_owned()
+}
+
+#[test]
+fn spoiled_drives_are_refused_by_name() {
+    let folder = tempfile::tempdir().expect("a folder");
+    case_folder(folder.path());
+    let path = folder.path().join("drive_0.csv");
+    let whole = fs::read_to_string(&path).expect("the drive");
+    let mut faults = Vec::new();
+    for (what, expected, edit) in EDITS {
+        let mut rows: Vec<Vec<String>> =
+            whole.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect();
+        edit(&mut rows);
+        let mut text = String::new();
+        for row in rows {
+            writeln!(text, "{}", row.join(",")).expect("strings can be written");
+        }
+        fs::write(&path, text).expect("the drive can be spoiled");
+        let found = match diagnose(folder.path(), &Options { quick: true, ..Options::default() }) {
+            Ok(diagnosis) => format!("{:?}", diagnosis.verdict),
+            Err(error) => name(&error),
+        };
+        if found != *expected {
+            faults.push(format!("{what}: expected {expected}, got {found}"));
+        }
+    }
+    assert!(faults.is_empty(), "{faults:#?}");
+}
+
+#[test]
+fn a_million_rows_of_one_value_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    case_folder(folder.path());
+    let mut text = String::from("t,cmd_steer,cmd_accel,x,y,yaw,v,yaw_rate,ax,ay,steer_meas,v_wheel\n");
+    text.push_str(&"1,1,1,1,1,1,1,1,1,1,1,1\n".repeat(1_000_000));
+    fs::write(folder.path().join("drive_1.csv"), text).expect("the drive can be written");
+    let error = diagnose(folder.path(), &Options::default()).expect_err("such a log is refused");
+    assert_eq!(name(&error), "TooLarge");
+}
+
+#[test]
+fn a_missing_or_absurd_description_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    case_folder(folder.path());
+    let path = folder.path().join("meta.json");
+    let whole = fs::read_to_string(&path).expect("the description");
+    let rows: [(&str, String, &str); 5] = [
+        ("weightless", whole.replace("\"mass\":1500.0", "\"mass\":0.0"), "AbsurdVehicle"),
+        (
+            "negative stiffness",
+            whole.replace("\"cornering_stiffness_rear\":98000.0", "\"cornering_stiffness_rear\":-5.0"),
+            "AbsurdVehicle",
+        ),
+        ("not JSON", whole.replace('}', ""), "Json"),
+        ("no drive", whole.replace("\"drives\":[", "\"drives\":[],\"others\":["), "NoDrive"),
+        ("a drive that is not there", whole.replace("drive_2.csv", "drive_9.csv"), "Read"),
+    ];
+    for (what, text, expected) in rows {
+        fs::write(&path, text).expect("the description can be spoiled");
+        let error = diagnose(folder.path(), &Options::default()).expect_err(what);
+        assert_eq!(name(&error), expected, "{what}");
+    }
+    fs::remove_file(&path).expect("the description can be removed");
+    let error = diagnose(folder.path(), &Options::default()).expect_err("no description");
+    assert_eq!(name(&error), "Read");
+}
+
+#[test]
+fn missing_channels_are_masked_and_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    case_folder(folder.path());
+    for drive in 0..4 {
+        let path = folder.path().join(format!("drive_{drive}.csv"));
+        let whole = fs::read_to_string(&path).expect("the drive");
+        let mut rows: Vec<Vec<String>> =
+            whole.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect();
+        for name in ["steer_meas", "ay", "v_wheel"] {
+            column(&mut rows, name, |_, _| String::new());
+        }
+        let text: Vec<String> = rows.iter().map(|row| row.join(",")).collect();
+        fs::write(&path, text.join("\n")).expect("the drive can be written");
+    }
+    let diagnosis = diagnose(folder.path(), &Options { quick: true, ..Options::default() }).expect("a verdict");
+    assert_eq!(diagnosis.verdict, Verdict::None);
+    assert!(diagnosis.warnings.iter().any(|w| w.contains("steer_meas")));
+}
+
+/// What may be done to a log without making it another one: the verdict stays `none`, oddities are told.
+const HARMLESS: &[(&str, Edit)] = &[
+    ("every second row", |rows| {
+        let mut k = 0;
+        rows.retain(|_| {
+            k += 1;
+            k % 2 == 1 || k == 1
+        });
+    }),
+    ("holes of a third of a second", |rows| {
+        let mut k = 0;
+        rows.retain(|_| {
+            k += 1;
+            k % 90 > 6 || k < 10
+        });
+    }),
+    ("lost cells", |rows| {
+        let at = place(rows, "yaw_rate");
+        rows.iter_mut().skip(1).step_by(7).for_each(|row| row[at] = String::new());
+    }),
+    ("heading wrapped", |rows| {
+        column(rows, "yaw", |_, v| format!("{:.4}", v.sin().atan2(v.cos())));
+    }),
+    ("columns in another order, one unknown", |rows| {
+        rows.iter_mut().for_each(|row| row.rotate_left(3));
+        rows[0].push("note".to_owned());
+        rows.iter_mut().skip(1).for_each(|row| row.push("0".to_owned()));
+    }),
+    ("late start of the clock", |rows| column(rows, "t", |_, v| format!("{:.3}", v + 1.6e9))),
+];
+
+#[test]
+fn harmless_differences_change_no_verdict_and_cost_no_minutes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    case_folder(folder.path());
+    let wholes: Vec<String> =
+        (0..4).map(|k| fs::read_to_string(folder.path().join(format!("drive_{k}.csv"))).expect("the drive")).collect();
+    let mut faults = Vec::new();
+    let mut judge = |what: &str, edit: &dyn Fn(&str) -> String| {
+        for (k, whole) in wholes.iter().enumerate() {
+            fs::write(folder.path().join(format!("drive_{k}.csv")), edit(whole)).expect("the drive can be written");
+        }
+        let start = std::time::Instant::now();
+        match diagnose(folder.path(), &Options { quick: true, ..Options::default() }) {
+            Ok(d) if d.verdict == Verdict::None => {}
+            // another sample rate is told, and no library effect is accused of it
+            Ok(d) if d.chosen.is_empty() && d.warnings.iter().any(|w| w.contains("samples a second")) => {}
+            Ok(d) => faults.push(format!("{what}: {:?} {:?}", d.verdict, d.chosen)),
+            Err(error) => faults.push(format!("{what}: {error}")),
+        }
+        let secs = start.elapsed().as_secs_f64();
+        if secs > 120.0 {
+            faults.push(format!("{what}: took {secs:.0} s"));
+        }
+    };
+    judge("byte order mark and CRLF", &|whole| format!("\u{feff}{}", whole.replace('\n', "\r\n")));
+    for (what, edit) in HARMLESS {
+        judge(what, &|whole| {
+            let mut rows: Vec<Vec<String>> =
+                whole.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect();
+            edit(&mut rows);
+            rows.iter().map(|row| row.join(",") + "\n").collect()
+        });
+    }
+    assert!(faults.is_empty(), "{faults:#?}");
+}
+
+#[test]
+fn noisier_sensors_are_told_from_effects() {
+    let folder = tempfile::tempdir().expect("a folder");
+    case_folder(folder.path());
+    for drive in 0..4 {
+        let path = folder.path().join(format!("drive_{drive}.csv"));
+        let whole = fs::read_to_string(&path).expect("the drive");
+        let mut rows: Vec<Vec<String>> =
+            whole.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect();
+        for (name, noise) in
+            [("x", 0.03), ("y", 0.03), ("yaw", 0.005), ("v", 0.07), ("yaw_rate", 0.008), ("v_wheel", 0.09)]
+        {
+            // a white sequence without a generator: fractional parts of multiples of an irrational number, squared
+            let white = |k: usize| {
+                let u = (k as f64 * 0.618_034 * (name.len() + drive + 1) as f64 * 7.13).powi(2).fract();
+                (u - 0.5) * 12.0_f64.sqrt() * noise
+            };
+            column(&mut rows, name, |k, v| format!("{:.4}", v + white(k)));
+        }
+        let text: Vec<String> = rows.iter().map(|row| row.join(",")).collect();
+        fs::write(&path, text.join("\n")).expect("the drive can be written");
+    }
+    let diagnosis = diagnose(folder.path(), &Options { quick: true, ..Options::default() }).expect("a verdict");
+    assert_eq!(diagnosis.floor_source, "self");
+    assert_eq!(diagnosis.verdict, Verdict::None, "{:?}", diagnosis.chosen);
+}

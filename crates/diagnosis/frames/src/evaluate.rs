@@ -1,0 +1,46 @@
+//! Applies a frozen diagnosis to frames it never saw, without any refit, and measures how far the gap shrinks there.
+
+use std::ops::RangeInclusive;
+use std::path::Path;
+
+use ds_dynamics::report::{Diagnosis, Shrink};
+
+use crate::case::FrameCase;
+use crate::dirt::Map;
+use crate::error::SightError;
+use crate::how_far::{Correction, FLOORS, generated, how_far};
+
+/// Returns the shrink on some frames of a case folder (all of them if no range is given), as data `unseen`.
+///
+/// # Errors
+/// If the case cannot be read or makes no sense.
+pub fn evaluate(
+    diagnosis: &Diagnosis,
+    folder: &Path,
+    frames: Option<RangeInclusive<u64>>,
+) -> Result<Vec<Shrink>, SightError> {
+    let case = FrameCase::read(folder)?;
+    let model = &diagnosis.corrected_model;
+    let mut dirt = None;
+    let mut effects = Vec::new();
+    for e in &model.effects {
+        let Some(effect) = ds_effect::find_frame(&e.id) else { continue };
+        let count = effect.parameters.len().min(e.values.len());
+        if e.id == "lens_dirt" {
+            dirt = Some(Map::from_list(&e.values[count..]));
+        }
+        effects.push((effect, e.values[..count].to_vec()));
+    }
+    let nuisance = |name: &str, usual: f64| model.nuisance.get(name).copied().unwrap_or(usual);
+    let correction = Correction {
+        effects,
+        shift: [nuisance("shift_x_px", 0.0), nuisance("shift_y_px", 0.0)],
+        noise: nuisance("noise_levels2", 2.0),
+        dirt,
+    };
+    let wanted = |n: u64| frames.as_ref().is_none_or(|f| f.contains(&n));
+    if let (Some(rmse), Some(distance)) = (model.nuisance.get(FLOORS[0]), model.nuisance.get(FLOORS[1])) {
+        return generated(&case, &correction, &wanted, [*rmse, *distance], "unseen");
+    }
+    how_far(&case, &correction, &wanted, "unseen")
+}

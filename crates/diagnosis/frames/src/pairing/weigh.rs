@@ -1,0 +1,110 @@
+//! Weighs effects by how much nearer they bring the statistics of a pair to those of effect-free pairs.
+//!
+//! Squared distances under the covariance of the nuisance; an effect's gain is what it takes away. A gain counts where it
+//! exceeds the best gain that any effect has on an effect-free pair that took no part in the mean.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::pairing::nuisance::Nuisance;
+use crate::pairing::paths::Path;
+use crate::settings;
+
+/// A place on a path.
+#[derive(Debug, Clone)]
+pub struct Spot {
+    /// Number of the path.
+    pub path: usize,
+    /// Node before it and share of the way to the next.
+    pub at: (usize, f64),
+    /// What it takes away.
+    pub gain: f64,
+    /// Half width of the 90 % interval, as a share of the way along the path's values.
+    pub error: f64,
+}
+
+impl Spot {
+    /// Returns the values there.
+    #[must_use]
+    pub fn values(&self, paths: &[Path]) -> Vec<f64> {
+        mix(&paths[self.path].values, self.at)
+    }
+
+    /// Returns the change of the statistics there.
+    #[must_use]
+    pub fn change(&self, paths: &[Path]) -> DVector<f64> {
+        let (k, share) = self.at;
+        let c = &paths[self.path].change;
+        &c[k] + (&c[k + 1] - &c[k]) * share
+    }
+}
+
+fn mix(nodes: &[Vec<f64>], (k, share): (usize, f64)) -> Vec<f64> {
+    nodes[k].iter().zip(&nodes[k + 1]).map(|(a, b)| a + share * (b - a)).collect()
+}
+
+/// Returns the squared size of a deviation.
+#[must_use]
+pub fn square(precision: &DMatrix<f64>, d: &DVector<f64>) -> f64 {
+    d.dot(&(precision * d))
+}
+
+/// Returns the best place of each path for a deviation from the mean.
+#[must_use]
+pub fn spots(precision: &DMatrix<f64>, paths: &[Path], deviation: &DVector<f64>) -> Vec<Spot> {
+    let before = square(precision, deviation);
+    paths
+        .iter()
+        .enumerate()
+        .map(|(number, path)| {
+            let mut best = Spot { path: number, at: (0, 0.0), gain: 0.0, error: 0.0 };
+            for k in 0..path.change.len() - 1 {
+                let step = &path.change[k + 1] - &path.change[k];
+                let from = deviation - &path.change[k];
+                let weighted = precision * &step;
+                let bend = step.dot(&weighted);
+                if bend < 1e-9 {
+                    continue;
+                }
+                let share = (from.dot(&weighted) / bend).clamp(0.0, 1.0);
+                let gain = before - square(precision, &(&from - &step * share));
+                if gain > best.gain {
+                    best = Spot { path: number, at: (k, share), gain, error: 1.645 / bend.sqrt() };
+                }
+            }
+            best
+        })
+        .collect()
+}
+
+/// Returns the gain that an effect must exceed: the best that any has on effect-free pairs, and the usual at least.
+#[must_use]
+pub fn needed(nuisance: &Nuisance, paths: &[Path]) -> f64 {
+    let best = |row: &DVector<f64>| spots(&nuisance.precision, paths, row).iter().map(|s| s.gain).fold(0.0, f64::max);
+    let mut gains: Vec<f64> = nuisance.rows.iter().map(best).collect();
+    let worst = if gains.is_empty() { 0.0 } else { ds_dynamics::bootstrap::quantile(&mut gains, 0.95) };
+    (settings::NUISANCE_MARGIN * worst).max(settings::LEAST_PAIRING_GAIN)
+}
+
+/// Returns the squared distance that an effect-free pair may have.
+#[must_use]
+pub fn usual(nuisance: &Nuisance) -> f64 {
+    let mut sizes: Vec<f64> = nuisance.rows.iter().map(|r| square(&nuisance.precision, r)).collect();
+    if sizes.is_empty() { 60.0 } else { ds_dynamics::bootstrap::quantile(&mut sizes, 0.95) }
+}
+
+/// Returns the value of a path from which its gain reaches what is needed in 95 of 100 pairs (the generator's own gap
+/// scatters by one along any direction); nothing where it never does.
+#[must_use]
+pub fn limit(precision: &DMatrix<f64>, path: &Path, needed: f64) -> Option<f64> {
+    let needed = (needed.max(0.0).sqrt() + 1.645).powi(2);
+    for k in 0..path.change.len() - 1 {
+        for step in 1..=20 {
+            let share = f64::from(step) / 20.0;
+            let change = &path.change[k] + (&path.change[k + 1] - &path.change[k]) * share;
+            if square(precision, &change) >= needed {
+                return Some(mix(&path.values, (k, share))[0]);
+            }
+        }
+    }
+    None
+}

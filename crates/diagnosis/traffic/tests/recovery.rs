@@ -1,0 +1,64 @@
+//! Labelled cases of the own simulator: the effect is found with its size, nothing is found where there is none, and a
+//! spoiled case is refused by name.
+
+use std::path::Path;
+
+use ds_dynamics::Verdict;
+use ds_effect::Setting;
+use ds_traffic::{Options, diagnose, is_traffic_case, synthetic};
+
+/// Seeds that no reported figure uses.
+const SEED: u64 = 77_000;
+
+fn case(seed: u64, effects: &[(&str, &[f64])]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let settings: Vec<Setting> =
+        effects.iter().map(|(id, values)| Setting::new(id, values).expect("a sound setting")).collect();
+    synthetic::write_case(folder.path(), seed, &settings).expect("the case can be written");
+    folder
+}
+
+#[test]
+fn an_effect_is_found_with_its_size_and_explains_other_agents() {
+    for (id, value) in [("tr_headway", 1.5), ("lane_offset", 0.7)] {
+        let folder = case(SEED, &[(id, &[value])]);
+        assert!(is_traffic_case(folder.path()));
+        let diagnosis = diagnose(folder.path(), &Options::default()).expect("the case is sound");
+        let first = &diagnosis.effects[0];
+        assert_eq!((diagnosis.verdict, first.id.as_str()), (Verdict::Single, id), "{:?}", diagnosis.chosen);
+        assert!((first.value / value - 1.0).abs() < 0.1, "{id}: {}", first.value);
+        let total: f64 = diagnosis.effects.iter().map(|effect| effect.probability).sum();
+        assert!((total + diagnosis.p_none + diagnosis.p_unknown - 1.0).abs() < 1e-9);
+        assert!(!diagnosis.cells.is_empty(), "nowhere");
+        let metric = if id == "lane_offset" { "channel:agent_lateral" } else { "position_3s" };
+        let shrink = diagnosis.how_far.iter().find(|shrink| shrink.metric == metric).expect("the metric");
+        assert!(shrink.share_explained > 0.5, "{metric}: {} to {}", shrink.before, shrink.after);
+    }
+}
+
+#[test]
+fn nothing_is_found_where_nothing_is_missing() {
+    let folder = case(SEED + 1, &[]);
+    let diagnosis = diagnose(folder.path(), &Options::default()).expect("the case is sound");
+    assert_eq!((diagnosis.verdict, diagnosis.chosen.len()), (Verdict::None, 0), "{:?}", diagnosis.chosen);
+}
+
+#[test]
+fn spoiled_cases_are_refused_by_name() {
+    let refused = |spoil: &dyn Fn(&Path), word: &str| {
+        let folder = case(SEED + 2, &[]);
+        spoil(folder.path());
+        let error = diagnose(folder.path(), &Options::default()).expect_err(word);
+        let text = format!("{error}: {error:?}");
+        assert!(text.contains(word), "{text:?} does not name {word:?}");
+    };
+    let write = |folder: &Path, file: &str, text: &str| std::fs::write(folder.join(file), text).expect("written");
+    refused(&|folder| write(folder, "0.csv", "t,id,x,y,v\n0,0,1,2,3\n"), "yaw");
+    refused(&|folder| write(folder, "0.csv", "t,id,x,y,yaw,v\n0,0,1,NaN,0,3\n"), "NaN");
+    refused(&|folder| write(folder, "meta.json", "{"), "meta.json");
+    refused(&|folder| write(folder, "2.scenario.json", "{}"), "scenario.json");
+    refused(&|folder| std::fs::remove_file(folder.join("3.csv")).expect("removed"), "3.csv");
+    let absurd = r#"{"model":"traffic","recordings":[],"nominal":{"headway":-1.0}}"#;
+    refused(&|folder| write(folder, "meta.json", absurd), "headway");
+    refused(&|folder| write(folder, "meta.json", r#"{"model":"traffic","recordings":[]}"#), "nobody");
+}

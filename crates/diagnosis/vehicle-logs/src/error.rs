@@ -1,0 +1,71 @@
+//! Why a log cannot be turned into a case, by file, line and column.
+
+use std::path::PathBuf;
+
+use ds_dynamics::GapError;
+
+/// A mapping or log that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum LogError {
+    /// A file cannot be read or written, or is larger than any log.
+    #[error(transparent)]
+    Case(#[from] GapError),
+    /// The mapping is not such a file; the source names line and column.
+    #[error("cannot understand mapping {path:?}")]
+    Toml {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: Box<toml::de::Error>,
+    },
+    /// The mapping contradicts itself.
+    #[error("mapping: {entry} {problem}")]
+    Mapping {
+        /// The entry, as a dotted key.
+        entry: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A column of the mapping is not in the log.
+    #[error("no column {column:?} in {file:?}, which has {found:?}")]
+    NoColumn {
+        /// Column sought.
+        column: String,
+        /// Columns there are.
+        found: Vec<String>,
+        /// The file.
+        file: String,
+    },
+    /// A cell is neither empty nor a number.
+    #[error("not a number: {text:?} in line {line}, column {column} of {file:?}")]
+    NotANumber {
+        /// Line of the file, from 1.
+        line: usize,
+        /// Column, from 1.
+        column: usize,
+        /// What stands there.
+        text: String,
+        /// The file.
+        file: String,
+    },
+    /// A row has another number of cells than the head.
+    #[error("line {line} has {cells} cells, expected {columns}, in {file:?}")]
+    Ragged {
+        /// Line of the file, from 1.
+        line: usize,
+        /// Cells found.
+        cells: usize,
+        /// Cells expected.
+        columns: usize,
+        /// The file.
+        file: String,
+    },
+    /// Nothing usable is left of a log.
+    #[error("no stretch of {secs} s with commands and motion in {file:?}")]
+    Empty {
+        /// Shortest stretch, s.
+        secs: f64,
+        /// The file.
+        file: String,
+    },
+}

@@ -1,0 +1,320 @@
+//! The mapping file: which column of a log is which channel, in which unit, frame and sign, and the nominal vehicle.
+//!
+//! Everything is checked when the file is read; the rest of the module trusts it. Example: `configs/gap/`.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use ds_dynamics::GapError;
+use serde::Deserialize;
+
+use crate::channel::{self, CHANNELS, COMMANDS};
+use crate::error::LogError;
+
+/// A mapping file.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Mapping {
+    /// Layout of the files.
+    pub log: Layout,
+    /// Time stamps.
+    pub time: Time,
+    /// Axes of pose and body.
+    #[serde(default)]
+    pub frame: Frame,
+    /// The files, each one drive or more.
+    pub drive: Vec<DriveFile>,
+    /// Channels by name of the practice schema.
+    pub channels: BTreeMap<String, Source>,
+    /// The simulator that the user has.
+    pub nominal: NominalModel,
+}
+
+/// Layout of the files.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Layout {
+    /// Name of the case.
+    pub name: String,
+    /// Character between cells: one character, `tab` or `space` (any run of blanks).
+    #[serde(default = "comma")]
+    pub delimiter: String,
+    /// Lines that begin with this are skipped.
+    #[serde(default)]
+    pub comment: Option<String>,
+    /// Where the names of the columns stand.
+    #[serde(default)]
+    pub header: Header,
+    /// Cuts long files into drives of this length, s; every fourth is held out.
+    #[serde(default)]
+    pub piece_secs: Option<f64>,
+    /// Drops drives whose median speed is below this, m/s.
+    #[serde(default)]
+    pub least_speed_mps: f64,
+}
+
+/// Where the names of the columns stand.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Header {
+    /// In the first line that is no comment.
+    #[default]
+    First,
+    /// In the first comment line.
+    Commented,
+    /// Nowhere: columns are given by number, from 1.
+    None,
+}
+
+/// Time stamps.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Time {
+    /// Column of the stamps.
+    pub column: Column,
+    /// `s`, `ms`, `us` or `ns`.
+    #[serde(default = "second")]
+    pub unit: String,
+}
+
+/// A column by its name or by its number, from 1.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(untagged)]
+pub enum Column {
+    /// By number.
+    Number(usize),
+    /// By name.
+    Name(String),
+}
+
+/// Axes of pose and body.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Frame {
+    /// Axes of x, y and yaw.
+    pub pose: PoseAxes,
+    /// Axes of gyro and accelerometers.
+    pub body: BodyAxes,
+    /// Logged point ahead of the centre of gravity, m; the case holds the centre of gravity.
+    pub point_ahead_m: f64,
+}
+
+/// Axes of x, y and yaw.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PoseAxes {
+    /// Right-handed seen from above, yaw counter-clockwise from x.
+    #[default]
+    Enu,
+    /// x north, y east, yaw clockwise from north.
+    Ned,
+}
+
+/// Axes of gyro and accelerometers.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BodyAxes {
+    /// Forward, left, up.
+    #[default]
+    Flu,
+    /// Forward, right, down.
+    Frd,
+}
+
+/// One file.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DriveFile {
+    /// Its path below the folder of the logs.
+    pub file: String,
+    /// Seconds after the first stamp from which it is used.
+    #[serde(default)]
+    pub from_secs: f64,
+    /// Seconds after the first stamp up to which it is used.
+    #[serde(default = "forever")]
+    pub to_secs: f64,
+    /// Kept out of the fit.
+    #[serde(default)]
+    pub held_out: bool,
+}
+
+/// Where a channel comes from.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Source {
+    /// Its column.
+    #[serde(default)]
+    pub column: Option<Column>,
+    /// Further columns whose mean with the first is the channel, such as four wheels.
+    #[serde(default)]
+    pub mean_with: Vec<Column>,
+    /// Another channel from which it is computed: `cmd_accel` from `v`, `v_wheel` or `ax`; `v` from `x`; `yaw_rate` from
+    /// `yaw`; `ax` from `v`. A derived measurement is for the checks only, and a measurement from which a command was
+    /// derived is left out of the case: neither is ever an independent channel.
+    #[serde(default)]
+    pub derived_from: Option<String>,
+    /// Unit in the log; `1` or `%` for a plain number that `scale` turns into SI.
+    #[serde(default)]
+    pub unit: Option<String>,
+    /// Factor after the unit.
+    #[serde(default = "one")]
+    pub scale: f64,
+    /// Added after the factor, SI.
+    #[serde(default)]
+    pub offset: f64,
+    /// `true` turns the sign, last of all.
+    #[serde(default)]
+    pub negate: bool,
+    /// Column that changes whenever this channel has a fresh sample; rows in between repeat an old one.
+    #[serde(default)]
+    pub fresh_with: Option<Column>,
+}
+
+/// How the nominal simulator is written down.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ModelKind {
+    /// Wheels that do not slip.
+    Kinematic,
+    /// Linear tyres of usual stiffness per load where none is given.
+    Linear,
+    /// Linear tyres, every parameter given.
+    LinearSingleTrack,
+}
+
+/// The nominal simulator; SI units.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NominalModel {
+    /// Kind of model.
+    pub model: ModelKind,
+    /// kg.
+    pub mass: f64,
+    /// m; or give `lf` and `lr`.
+    #[serde(default)]
+    pub wheelbase: Option<f64>,
+    /// Front axle to centre of gravity, m.
+    #[serde(default)]
+    pub lf: Option<f64>,
+    /// Rear axle to centre of gravity, m.
+    #[serde(default)]
+    pub lr: Option<f64>,
+    /// kg m²; mass lf lr if absent.
+    #[serde(default)]
+    pub yaw_inertia: Option<f64>,
+    /// N/rad.
+    #[serde(default)]
+    pub cornering_stiffness_front: Option<f64>,
+    /// N/rad.
+    #[serde(default)]
+    pub cornering_stiffness_rear: Option<f64>,
+    /// s.
+    #[serde(default)]
+    pub steer_lag: f64,
+    /// s.
+    #[serde(default)]
+    pub accel_lag: f64,
+    /// m/s².
+    #[serde(default)]
+    pub rolling_decel: f64,
+    /// 1/m.
+    #[serde(default)]
+    pub drag_decel_per_v2: f64,
+    /// Friction coefficient.
+    #[serde(default = "one")]
+    pub friction: f64,
+}
+
+fn comma() -> String {
+    ",".to_owned()
+}
+
+fn second() -> String {
+    "s".to_owned()
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn forever() -> f64 {
+    f64::INFINITY
+}
+
+/// From which channel each one may be derived.
+const DERIVED: [(&str, &[&str]); 4] =
+    [("cmd_accel", &["v", "v_wheel", "ax"]), ("v", &["x"]), ("yaw_rate", &["yaw"]), ("ax", &["v"])];
+
+impl Mapping {
+    /// Reads and checks a mapping file.
+    ///
+    /// # Errors
+    /// If it is unreadable, no such file, or contradicts itself.
+    pub fn read(path: &Path) -> Result<Self, LogError> {
+        let text =
+            std::fs::read_to_string(path).map_err(|source| GapError::Read { path: path.to_path_buf(), source })?;
+        let mapping: Self = toml::from_str(&text)
+            .map_err(|source| LogError::Toml { path: path.to_path_buf(), source: Box::new(source) })?;
+        mapping.consistent()?;
+        Ok(mapping)
+    }
+
+    fn consistent(&self) -> Result<(), LogError> {
+        let wrong = |entry: &str, problem: String| Err(LogError::Mapping { entry: entry.to_owned(), problem });
+        if channel::seconds(&self.time.unit).is_none() {
+            return wrong("time.unit", format!("is {:?}, expected s, ms, us or ns", self.time.unit));
+        }
+        if !["tab", "space"].contains(&self.log.delimiter.as_str()) && self.log.delimiter.chars().count() != 1 {
+            return wrong("log.delimiter", format!("is {:?}, expected one character", self.log.delimiter));
+        }
+        if self.drive.is_empty() {
+            return wrong("drive", "is empty".to_owned());
+        }
+        for name in COMMANDS {
+            if !self.channels.contains_key(name) {
+                return wrong(&format!("channels.{name}"), "is absent; the simulator needs every command".to_owned());
+            }
+        }
+        for (name, source) in &self.channels {
+            let entry = format!("channels.{name}");
+            let Some(known) = channel::find(name) else {
+                let names: Vec<_> = CHANNELS.iter().map(|c| c.name).collect();
+                return wrong(&entry, format!("is no channel, expected one of {names:?}"));
+            };
+            match (&source.column, &source.derived_from) {
+                (Some(_), None) => {}
+                (None, Some(from)) => {
+                    let allowed = DERIVED.iter().find(|(n, _)| n == name).map_or(&[][..], |(_, f)| f);
+                    if !allowed.contains(&from.as_str()) || !self.channels.contains_key(from) {
+                        return wrong(&entry, format!("cannot be derived from {from:?}, only from mapped {allowed:?}"));
+                    }
+                }
+                _ => return wrong(&entry, "needs either column or derived_from".to_owned()),
+            }
+            if let Some(unit) = source.unit.as_ref().filter(|u| known.quantity.factor(u).is_none()) {
+                return wrong(&entry, format!("cannot be in {unit:?}; SI is {}", known.quantity.unit()));
+            }
+        }
+        match (self.nominal.wheelbase, self.nominal.lf, self.nominal.lr) {
+            (Some(_), None, None) | (None, Some(_), Some(_)) => Ok(()),
+            _ => wrong("nominal", "needs either wheelbase, or lf and lr".to_owned()),
+        }
+    }
+}
+
+impl NominalModel {
+    /// Returns the distances from the centre of gravity to the axles, m; the middle where only the wheelbase is known.
+    pub(crate) fn arms_m(&self) -> (f64, f64) {
+        let half = self.wheelbase.unwrap_or(0.0) * 0.5;
+        (self.lf.unwrap_or(half), self.lr.unwrap_or(half))
+    }
+}
+
+impl Source {
+    /// Converts a raw cell to SI.
+    pub(crate) fn convert(&self, raw: f64, quantity: channel::Quantity) -> f64 {
+        let unit = self.unit.as_deref().unwrap_or_else(|| quantity.unit());
+        let value = raw * quantity.factor(unit).unwrap_or(1.0) * self.scale + self.offset;
+        if self.negate { -value } else { value }
+    }
+}

@@ -1,0 +1,139 @@
+//! Reads a table of numbers in any of the usual layouts, keeping only the columns that the mapping names.
+
+use std::fs::File;
+use std::io::{BufRead as _, BufReader};
+use std::path::Path;
+
+use ds_dynamics::GapError;
+
+use crate::error::LogError;
+use crate::mapping::{Column, Header, Layout};
+
+/// Most rows of a log: 5 h at 100 Hz.
+const MAX_ROWS: usize = 1_800_000;
+
+/// The wanted columns of a file; an absent cell is NaN.
+pub(crate) struct Sheet {
+    /// Name of the file.
+    pub file: String,
+    names: Vec<String>,
+    wanted: Vec<(Column, Option<usize>)>,
+    columns: Vec<Vec<f64>>,
+}
+
+impl Sheet {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// If it cannot be read, is ragged or too long, or holds a cell in a wanted column that is no number.
+    pub(crate) fn read(path: &Path, layout: &Layout, wanted: &[Column]) -> Result<Self, LogError> {
+        let failed = |source| GapError::Read { path: path.to_path_buf(), source };
+        let file = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let mut sheet = Self { file, names: Vec::new(), wanted: Vec::new(), columns: Vec::new() };
+        let mut width = None;
+        for (number, line) in BufReader::new(File::open(path).map_err(failed)?).lines().enumerate() {
+            let line = line.map_err(failed)?;
+            let mut line = line.trim_start_matches('\u{feff}').trim_end_matches(['\r', '\n']);
+            let comment = layout.comment.as_deref().filter(|mark| line.starts_with(mark));
+            if let Some(mark) = comment {
+                if layout.header != Header::Commented || width.is_some() {
+                    continue;
+                }
+                line = &line[mark.len()..];
+            }
+            if line.trim().is_empty() {
+                continue;
+            }
+            let cells = split(line, &layout.delimiter);
+            let Some(columns) = width else {
+                width = Some(cells.len());
+                let named = layout.header != Header::None;
+                sheet.name(
+                    if named { cells.iter().map(|c| (*c).to_owned()).collect() } else { Vec::new() },
+                    wanted,
+                    cells.len(),
+                );
+                if !named {
+                    sheet.push(&cells, number + 1)?;
+                }
+                continue;
+            };
+            if cells.len() != columns {
+                return Err(LogError::Ragged { line: number + 1, cells: cells.len(), columns, file: sheet.file });
+            }
+            sheet.push(&cells, number + 1)?;
+            if sheet.rows() > MAX_ROWS {
+                return Err(GapError::TooLarge { what: "rows", limit: MAX_ROWS, file: sheet.file }.into());
+            }
+        }
+        Ok(sheet)
+    }
+
+    fn name(&mut self, names: Vec<String>, wanted: &[Column], width: usize) {
+        let place = |column: &Column| match column {
+            Column::Number(number) => number.checked_sub(1).filter(|n| *n < width),
+            Column::Name(name) => names.iter().position(|n| n == name),
+        };
+        self.wanted = wanted.iter().map(|c| (c.clone(), place(c))).collect();
+        self.columns = vec![Vec::new(); wanted.len()];
+        self.names = names;
+    }
+
+    fn push(&mut self, cells: &[&str], line: usize) -> Result<(), LogError> {
+        for ((_, place), column) in self.wanted.iter().zip(&mut self.columns) {
+            let Some(place) = *place else { continue };
+            let text = cells[place];
+            let absent = text.is_empty() || ["nan", "null", "na", "none"].contains(&text.to_ascii_lowercase().as_str());
+            let value = if absent { Some(f64::NAN) } else { text.parse().ok().filter(|v: &f64| v.is_finite()) };
+            column.push(value.ok_or_else(|| LogError::NotANumber {
+                line,
+                column: place + 1,
+                text: text.chars().take(24).collect(),
+                file: self.file.clone(),
+            })?);
+        }
+        Ok(())
+    }
+
+    /// Returns the number of rows.
+    pub(crate) fn rows(&self) -> usize {
+        self.columns.iter().map(Vec::len).max().unwrap_or(0)
+    }
+
+    /// Returns a wanted column; `None` if the file does not have it or it is wholly empty.
+    pub(crate) fn column(&self, column: &Column) -> Option<&[f64]> {
+        let at = self.wanted.iter().position(|(c, place)| c == column && place.is_some())?;
+        let cells = self.columns[at].as_slice();
+        cells.iter().any(|v| v.is_finite()).then_some(cells)
+    }
+
+    /// Returns a wanted column that must be there.
+    ///
+    /// # Errors
+    /// If it is not.
+    pub(crate) fn required(&self, column: &Column) -> Result<&[f64], LogError> {
+        self.column(column).ok_or_else(|| LogError::NoColumn {
+            column: column.to_string(),
+            found: self.names.clone(),
+            file: self.file.clone(),
+        })
+    }
+}
+
+impl std::fmt::Display for Column {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Number(number) => write!(out, "number {number}"),
+            Self::Name(name) => out.write_str(name),
+        }
+    }
+}
+
+fn split<'a>(line: &'a str, delimiter: &str) -> Vec<&'a str> {
+    let bare = |cell: &'a str| cell.trim().trim_matches('"').trim();
+    match delimiter {
+        "space" => line.split_whitespace().collect(),
+        "tab" => line.split('\t').map(bare).collect(),
+        other => line.split(other).map(bare).collect(),
+    }
+}

@@ -1,0 +1,167 @@
+//! The colour table of the layout image: one place, 8-bit sRGB, meant to be told apart by a network and by eye.
+//!
+//! | what | red, green, blue |
+//! |---|---|
+//! | sky | 40 70 120 |
+//! | ground off the road | 24 40 24 |
+//! | drivable surface | 84 84 92 |
+//! | junction | 96 84 104 |
+//! | lane surface | 106 106 114 |
+//! | crosswalk | 176 168 120 |
+//! | road edge | 200 96 24 |
+//! | lane centre line | 64 112 140 |
+//! | white line | 240 240 240 |
+//! | yellow line | 240 200 40 |
+//! | stop line and head, unknown | 150 150 160 |
+//! | stop line and head, red | 235 30 40 |
+//! | stop line and head, yellow | 255 160 0 |
+//! | stop line and head, green | 30 225 90 |
+//! | vehicle | 40 110 235 |
+//! | pedestrian | 230 50 200 |
+//! | cyclist | 170 230 50 |
+//! | cone | 255 110 20 |
+//! | barrier | 160 60 40 |
+//!
+//! The faces of a box are shades of its class: front half way to white, top a quarter, sides ¾, rear ⅖ of the colour.
+
+use std::sync::LazyLock;
+
+use ds_world::{AgentClass, LightState, LineColour};
+
+/// Red, green and blue in sRGB.
+pub type Rgb = [u8; 3];
+
+/// Above the horizon.
+pub const SKY: Rgb = [40, 70, 120];
+/// Ground off the road.
+pub const GROUND: Rgb = [24, 40, 24];
+/// Drivable surface.
+pub const DRIVABLE: Rgb = [84, 84, 92];
+/// Junction area.
+pub const JUNCTION: Rgb = [96, 84, 104];
+/// Lane surface.
+pub const LANE: Rgb = [106, 106, 114];
+/// Pedestrian crossing.
+pub const CROSSWALK: Rgb = [176, 168, 120];
+/// Road edge.
+pub const ROAD_EDGE: Rgb = [200, 96, 24];
+/// Centre line of a lane.
+pub const CENTRE_LINE: Rgb = [64, 112, 140];
+
+/// Returns the colour of a painted line.
+#[must_use]
+pub fn line(colour: LineColour) -> Rgb {
+    match colour {
+        LineColour::White => [240, 240, 240],
+        LineColour::Yellow => [240, 200, 40],
+    }
+}
+
+/// Returns the colour of a traffic light head and of the stop line that it governs.
+#[must_use]
+pub fn light(state: LightState) -> Rgb {
+    match state {
+        LightState::Unknown => [150, 150, 160],
+        LightState::Red => [235, 30, 40],
+        LightState::Yellow => [255, 160, 0],
+        LightState::Green => [30, 225, 90],
+    }
+}
+
+/// Returns the colour of an agent's class.
+#[must_use]
+pub fn agent(class: AgentClass) -> Rgb {
+    match class {
+        AgentClass::Vehicle => [40, 110, 235],
+        AgentClass::Pedestrian => [230, 50, 200],
+        AgentClass::Cyclist => [170, 230, 50],
+        AgentClass::Cone => [255, 110, 20],
+        AgentClass::Barrier => [160, 60, 40],
+    }
+}
+
+/// The visible faces of a box.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Face {
+    /// Facing along the heading.
+    Front,
+    /// Facing against the heading.
+    Rear,
+    /// Left or right.
+    Side,
+    /// Facing up.
+    Top,
+}
+
+/// Returns the shade of a colour on a face.
+#[must_use]
+pub fn face(colour: Rgb, face: Face) -> Rgb {
+    let lighter = |part: u16| colour.map(|c| blend(c, part));
+    let darker = |percent: u16| colour.map(|c| scaled(c, percent));
+    match face {
+        Face::Front => lighter(2),
+        Face::Top => lighter(4),
+        Face::Side => darker(75),
+        Face::Rear => darker(40),
+    }
+}
+
+/// Says whether a colour is that of a face of a vehicle, a pedestrian or a cyclist.
+#[must_use]
+pub fn is_road_user(colour: Rgb) -> bool {
+    static SHADES: LazyLock<Vec<Rgb>> = LazyLock::new(|| {
+        let classes = [AgentClass::Vehicle, AgentClass::Pedestrian, AgentClass::Cyclist];
+        let sides = [Face::Front, Face::Rear, Face::Side, Face::Top];
+        classes.into_iter().flat_map(|class| sides.map(|side| face(agent(class), side))).collect()
+    });
+    SHADES.contains(&colour)
+}
+
+/// Goes one part in `part` of the way to white.
+fn blend(value: u8, part: u16) -> u8 {
+    u8::try_from(u16::from(value) + (255 - u16::from(value)) / part).unwrap_or(u8::MAX)
+}
+
+fn scaled(value: u8, percent: u16) -> u8 {
+    u8::try_from(u16::from(value) * percent / 100).unwrap_or(u8::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_two_meanings_can_be_told_apart() {
+        use AgentClass::{Barrier, Cone, Cyclist, Pedestrian, Vehicle};
+        use LightState::{Green, Red, Unknown, Yellow};
+        let mut all = vec![SKY, GROUND, DRIVABLE, JUNCTION, LANE, CROSSWALK, ROAD_EDGE, CENTRE_LINE];
+        all.extend([LineColour::White, LineColour::Yellow].map(line));
+        all.extend([Unknown, Red, Yellow, Green].map(light));
+        all.extend([Vehicle, Pedestrian, Cyclist, Cone, Barrier].map(agent));
+        for (i, a) in all.iter().enumerate() {
+            for b in &all[i + 1..] {
+                let apart: u32 = a.iter().zip(b).map(|(x, y)| u32::from(x.abs_diff(*y))).sum();
+                assert!(apart >= 24, "{a:?} and {b:?} differ by {apart}");
+            }
+        }
+    }
+
+    #[test]
+    fn road_users_are_told_from_all_else() {
+        let ground = [SKY, GROUND, DRIVABLE, JUNCTION, LANE, CROSSWALK, ROAD_EDGE, CENTRE_LINE];
+        let lines = [LineColour::White, LineColour::Yellow].map(line);
+        let lights = [LightState::Unknown, LightState::Red, LightState::Yellow, LightState::Green].map(light);
+        let cone = face(agent(AgentClass::Cone), Face::Rear);
+        assert!(!ground.into_iter().chain(lines).chain(lights).chain([cone]).any(is_road_user));
+        assert!(is_road_user(face(agent(AgentClass::Vehicle), Face::Rear)));
+        assert!(is_road_user(face(agent(AgentClass::Pedestrian), Face::Top)));
+    }
+
+    #[test]
+    fn the_table_in_the_docs_is_this_table() {
+        let docs = include_str!("../../../../docs/layout-colours.md");
+        for row in include_str!("colour.rs").lines().filter_map(|line| line.strip_prefix("//! | ")) {
+            assert!(docs.contains(row), "docs/layout-colours.md lacks the row {row:?}");
+        }
+    }
+}

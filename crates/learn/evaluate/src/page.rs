@@ -1,0 +1,258 @@
+//! The page of an evaluation: tables with intervals, plots and videos, in one file beside the videos.
+
+mod plot;
+
+use std::collections::BTreeMap;
+
+use ds_page::{Markup, link};
+
+use crate::colour::Colour;
+use crate::config::EvalConfig;
+use crate::estimate::Estimate;
+use crate::outcome::{ArmDrift, ArmLayout, ColumnLayout, Outcome};
+use plot::{Line, Plot};
+
+const CSS: &str = include_str!("page/page.css");
+
+/// Returns the page.
+#[must_use]
+pub(crate) fn html(outcome: &Outcome, config: &EvalConfig) -> String {
+    let mut m = Markup::default();
+    m.raw("<!doctype html>\n");
+    m.inside("html", &[("lang", &"en")], |m| {
+        m.inside("head", &[], |m| {
+            m.void("meta", &[("charset", &"utf-8")]);
+            m.void("meta", &[("name", &"viewport"), ("content", &"width=device-width, initial-scale=1")]);
+            m.leaf("title", &[], "Frames of the video model");
+            m.inside("style", &[], |m| m.raw(CSS));
+        });
+        m.inside("body", &[], |m| {
+            m.inside("main", &[], |m| body(m, outcome, config));
+        });
+    });
+    m.finish()
+}
+
+fn body(m: &mut Markup, outcome: &Outcome, config: &EvalConfig) {
+    m.leaf("h1", &[], "Frames of the video model");
+    m.leaf(
+        "p",
+        &[("class", &"lead")],
+        "Held-out scenarios; every figure stands with its 90 % interval over scenarios drawn with replacement.",
+    );
+    if outcome.quick {
+        m.leaf("p", &[("class", &"warn")], "A quick look: too few scenarios for a judgement.");
+    }
+    arms(m, outcome);
+    layout(m, outcome);
+    drift(m, outcome);
+    appearance(m, outcome);
+    speed(m, outcome);
+    videos(m, outcome, config);
+}
+
+/// A figure as people read it: value and interval.
+fn shown(estimate: Option<Estimate>, digits: usize) -> String {
+    estimate
+        .map_or_else(|| "–".to_owned(), |e| format!("{:.digits$} ({:.digits$} to {:.digits$})", e.value, e.low, e.high))
+}
+
+fn table(m: &mut Markup, head: &[&str], rows: &[Vec<String>]) {
+    m.inside("div", &[("class", &"scroll")], |m| {
+        m.inside("table", &[], |m| {
+            m.inside("thead", &[], |m| m.inside("tr", &[], |m| head.iter().for_each(|cell| m.leaf("th", &[], cell))));
+            m.inside("tbody", &[], |m| {
+                for row in rows {
+                    m.inside("tr", &[], |m| row.iter().for_each(|cell| m.leaf("td", &[], cell)));
+                }
+            });
+        });
+    });
+}
+
+fn arms(m: &mut Markup, outcome: &Outcome) {
+    let row = |(name, arm): (&String, &crate::outcome::ArmNote)| {
+        vec![name.clone(), arm.kind.clone(), arm.digest[..arm.digest.len().min(12)].to_owned(), arm.remark.clone()]
+    };
+    m.leaf("h2", &[], "Arms");
+    table(m, &["arm", "frames are made as", "weights", "remark"], &outcome.arms.iter().map(row).collect::<Vec<_>>());
+}
+
+fn layout(m: &mut Markup, outcome: &Outcome) {
+    let Some(part) = &outcome.layout else { return };
+    m.leaf("h2", &[], "Layout, fidelity, colour, seams");
+    let (starts, frames, first, every) = &part.clips;
+    m.leaf(
+        "p",
+        &[],
+        format_args!(
+            "Clips of {frames} frames from ticks {starts:?}; every {every} frames from {first} on are looked at. A traffic \
+             light is lower than two pixels beyond {:.0} m.",
+            part.two_pixels_m
+        ),
+    );
+    for (name, column) in &part.columns {
+        m.leaf("h3", &[], format_args!("Column {name}"));
+        iou(m, column);
+        fidelity(m, column);
+        lights(m, column);
+        let rows: Vec<Vec<String>> =
+            column.comparisons.iter().map(|(name, e)| vec![name.replace('_', " "), shown(*e, 3)]).collect();
+        table(m, &["over the same scenarios", "value"], &rows);
+    }
+}
+
+/// Lists the world's own frames and then all arms.
+fn all(column: &ColumnLayout) -> impl Iterator<Item = (&str, &ArmLayout)> {
+    let own = std::iter::once(("reference frames", &column.reference));
+    own.chain(column.arms.iter().map(|(name, arm)| (name.as_str(), arm)))
+}
+
+fn iou(m: &mut Markup, column: &ColumnLayout) {
+    let targets: Vec<&String> = column.reference.iou.keys().collect();
+    let mut head = vec!["IoU", "frames"];
+    head.extend(targets.iter().map(|target| target.as_str()));
+    head.push("layout error");
+    let row = |(name, arm): (&str, &ArmLayout)| {
+        let mut row = vec![name.to_owned(), arm.frames.to_string()];
+        row.extend(targets.iter().map(|target| shown(arm.iou.get(*target).copied().flatten(), 3)));
+        row.push(shown(arm.error, 3));
+        row
+    };
+    table(m, &head, &all(column).map(row).collect::<Vec<_>>());
+}
+
+fn fidelity(m: &mut Markup, column: &ColumnLayout) {
+    let mut head = vec!["frames", "PSNR dB", "perceptual distance", "Fréchet distance", "seam"];
+    head.extend(Colour::NAMES);
+    let row = |(name, arm): (&str, &ArmLayout)| {
+        let mut row = vec![name.to_owned(), shown(arm.psnr_db, 2), shown(arm.distance, 4), shown(arm.frechet, 2)];
+        row.push(shown(arm.seam, 2));
+        row.extend(Colour::NAMES.iter().map(|name| shown(arm.colour.get(*name).copied().flatten(), 1)));
+        row
+    };
+    table(m, &head, &all(column).map(row).collect::<Vec<_>>());
+}
+
+fn lights(m: &mut Markup, column: &ColumnLayout) {
+    let bins: Vec<String> =
+        column.reference.lights.iter().map(|bin| format!("{:.0} to {:.0} m", bin.from_m, bin.to_m)).collect();
+    let mut head = vec!["traffic lights read right"];
+    head.extend(bins.iter().map(String::as_str));
+    let row = |(name, arm): (&str, &ArmLayout)| {
+        let mut row = vec![name.to_owned()];
+        row.extend(arm.lights.iter().map(|bin| format!("{} of {}", shown(bin.accuracy, 2), bin.seen)));
+        row
+    };
+    table(m, &head, &all(column).map(row).collect::<Vec<_>>());
+}
+
+fn drift(m: &mut Markup, outcome: &Outcome) {
+    let Some(part) = &outcome.drift else { return };
+    m.leaf("h2", &[], "Drift");
+    m.leaf(
+        "p",
+        &[],
+        format_args!(
+            "Fréchet distance of the features of {} frames up to each mark from those of the world's own frames of the same \
+             moments; {} ticks of the log per frame.",
+            part.window, part.pace
+        ),
+    );
+    for (name, column) in &part.columns {
+        m.leaf("h3", &[], format_args!("Column {name}"));
+        let lines: Vec<Line> = column.arms.iter().map(|(arm, found)| Line::of(arm, &found.curve)).collect();
+        Plot { title: "Fréchet distance by frame", lines: &lines }.draw(m);
+        let mut rows: Vec<Vec<String>> = column.arms.iter().map(|(arm, found)| drift_row(arm, found)).collect();
+        rows.push(vec!["rise of clean minus early".to_owned(), shown(column.difference, 2)]);
+        rows.push(vec!["1 − early over clean".to_owned(), shown(column.reduction, 2)]);
+        table(m, &["arm", "rise to the last mark", "long run, per 100 frames"], &rows);
+        colour_plots(m, &column.arms);
+    }
+}
+
+fn drift_row(arm: &str, found: &ArmDrift) -> Vec<String> {
+    let mut row = vec![arm.to_owned(), shown(found.rise, 2)];
+    if let Some(long) = &found.long {
+        let slope = |name: &str| shown(long.colour_slopes.get(name).copied().flatten(), 2);
+        row.push(format!(
+            "frames {} to {}: features {}, luma {}, contrast {}, detail {}; contrast kept {}",
+            long.frames.1,
+            long.frames.0,
+            shown(long.feature_slope, 2),
+            slope("luma"),
+            slope("contrast"),
+            slope("detail"),
+            shown(long.contrast_kept, 2),
+        ));
+    }
+    row
+}
+
+fn colour_plots(m: &mut Markup, arms: &BTreeMap<String, ArmDrift>) {
+    m.inside("div", &[("class", &"plots")], |m| {
+        for name in Colour::NAMES {
+            let lines: Vec<Line> = arms
+                .iter()
+                .filter_map(|(arm, found)| found.colour.get(name).map(|points| Line::of(arm, points)))
+                .collect();
+            let title = format!("{name}: difference from the world's own frames");
+            Plot { title: &title, lines: &lines }.draw(m);
+        }
+    });
+}
+
+fn appearance(m: &mut Markup, outcome: &Outcome) {
+    let Some(part) = &outcome.appearance else { return };
+    m.leaf("h2", &[], format_args!("Look kept at frame {}", part.at));
+    m.leaf("p", &[], "Share of frames whose look is still named right.");
+    for (name, column) in &part.columns {
+        m.leaf("h3", &[], format_args!("Column {name}"));
+        let arms: Vec<&String> = column.values().flat_map(|found| found.arms.keys()).collect();
+        let arms: std::collections::BTreeSet<&String> = arms.into_iter().collect();
+        let mut head = vec!["condition", "reference frames"];
+        head.extend(arms.iter().map(|arm| arm.as_str()));
+        head.push("with minus without");
+        let row = |(condition, found): (&String, &crate::outcome::ConditionOutcome)| {
+            let mut row = vec![condition.clone(), shown(found.reference, 2)];
+            row.extend(arms.iter().map(|arm| shown(found.arms.get(*arm).copied().flatten(), 2)));
+            row.push(shown(found.gain, 2));
+            row
+        };
+        table(m, &head, &column.iter().map(row).collect::<Vec<_>>());
+    }
+}
+
+fn speed(m: &mut Markup, outcome: &Outcome) {
+    let Some(part) = &outcome.speed else { return };
+    m.leaf("h2", &[], "Speed");
+    let row = vec![
+        part.preset.clone(),
+        part.threads.to_string(),
+        shown(part.frames_per_second, 1),
+        shown(part.transformer_gflops, 0),
+        shown(part.gemm_gflops, 0),
+        shown(part.gemm_share, 2),
+    ];
+    let head = ["preset", "threads", "frames a second", "transformer, GFLOP/s", "matrix products, GFLOP/s", "share"];
+    table(m, &head, &[row]);
+}
+
+fn videos(m: &mut Markup, outcome: &Outcome, config: &EvalConfig) {
+    if outcome.videos.is_empty() {
+        return;
+    }
+    m.leaf("h2", &[], "Videos");
+    let arms = config.videos.as_ref().map(|videos| videos.arms.join(", ")).unwrap_or_default();
+    m.leaf("p", &[], format_args!("From left to right: the world's own frames, layouts, {arms}."));
+    for name in &outcome.videos {
+        let path = link(&format!("videos/{name}"));
+        m.inside("figure", &[], |m| {
+            m.void("img", &[("src", &path), ("alt", name), ("loading", &"lazy")]);
+            m.leaf("figcaption", &[], name);
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,93 @@
+//! A line plot with bands: figures by frame.
+
+use std::fmt::Display;
+
+use ds_page::Markup;
+
+use crate::estimate::Estimate;
+
+const WIDTH: f64 = 460.0;
+const HEIGHT: f64 = 230.0;
+/// Room for words: left, right, top, bottom.
+const ROOM: [f64; 4] = [52.0, 12.0, 42.0, 26.0];
+
+/// A line with its band.
+pub(super) struct Line<'a> {
+    name: &'a str,
+    points: Vec<(f64, Estimate)>,
+}
+
+impl<'a> Line<'a> {
+    /// Takes the points that are known.
+    pub(super) fn of(name: &'a str, points: &[(u32, Option<Estimate>)]) -> Self {
+        Self { name, points: points.iter().filter_map(|(at, e)| e.map(|e| (f64::from(*at), e))).collect() }
+    }
+}
+
+/// A plot of lines.
+pub(super) struct Plot<'a> {
+    pub(super) title: &'a str,
+    pub(super) lines: &'a [Line<'a>],
+}
+
+impl Plot<'_> {
+    /// Draws the plot; nothing where no point is known.
+    pub(super) fn draw(&self, m: &mut Markup) {
+        let points = || self.lines.iter().flat_map(|line| &line.points);
+        let range = |values: Vec<f64>| {
+            let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+            let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            if high > low { (low, high) } else { (low - 0.5, low + 0.5) }
+        };
+        if points().next().is_none() {
+            return;
+        }
+        let (left, right) = range(points().map(|(x, _)| *x).collect());
+        let (low, high) = range(points().flat_map(|(_, e)| [e.low, e.high, 0.0]).collect());
+        let x = |at: f64| ROOM[0] + (at - left) / (right - left) * (WIDTH - ROOM[0] - ROOM[1]);
+        let y = |at: f64| HEIGHT - ROOM[3] - (at - low) / (high - low) * (HEIGHT - ROOM[2] - ROOM[3]);
+        let view = format!("0 0 {WIDTH} {HEIGHT}");
+        let size: [&dyn Display; 2] = [&WIDTH, &HEIGHT];
+        let attributes: [(&'static str, &dyn Display); 5] = [
+            ("viewBox", &view),
+            ("width", size[0]),
+            ("height", size[1]),
+            ("role", &"img"),
+            ("aria-label", &self.title),
+        ];
+        m.inside("svg", &attributes, |m| {
+            words(m, "title", (8.0, 16.0), self.title);
+            let bottom = y(low);
+            line(m, "axis", &[(x(left), y(high)), (x(left), bottom), (x(right), bottom)]);
+            line(m, "axis", &[(x(left), y(0.0)), (x(right), y(0.0))]);
+            words(m, "", (4.0, y(high) + 4.0), &format!("{high:.2}"));
+            words(m, "", (4.0, bottom + 4.0), &format!("{low:.2}"));
+            words(m, "", (x(left), HEIGHT - 8.0), &format!("frame {left:.0}"));
+            words(m, "", (x(right) - 28.0, HEIGHT - 8.0), &format!("{right:.0}"));
+            for (index, one) in self.lines.iter().enumerate() {
+                let colour = index % 4;
+                let upper = one.points.iter().map(|(at, e)| (x(*at), y(e.high)));
+                let lower = one.points.iter().rev().map(|(at, e)| (x(*at), y(e.low)));
+                let band = joined(&upper.chain(lower).collect::<Vec<_>>());
+                m.void("polygon", &[("class", &format!("band b{colour}")), ("points", &band)]);
+                let points: Vec<(f64, f64)> = one.points.iter().map(|(at, e)| (x(*at), y(e.value))).collect();
+                line(m, &format!("l{colour}"), &points);
+                let place = (x(left) + 110.0 * index as f64, 32.0);
+                line(m, &format!("l{colour}"), &[(place.0, place.1 - 4.0), (place.0 + 14.0, place.1 - 4.0)]);
+                words(m, "", (place.0 + 18.0, place.1), one.name);
+            }
+        });
+    }
+}
+
+fn joined(points: &[(f64, f64)]) -> String {
+    points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect::<Vec<_>>().join(" ")
+}
+
+fn line(m: &mut Markup, class: &str, points: &[(f64, f64)]) {
+    m.void("polyline", &[("class", &class), ("points", &joined(points))]);
+}
+
+fn words(m: &mut Markup, class: &str, at: (f64, f64), text: &str) {
+    m.leaf("text", &[("class", &class), ("x", &at.0), ("y", &at.1)], text);
+}

@@ -1,0 +1,130 @@
+//! Training without rendering: settings, sample files, the loss and resuming; then one real sample of a scenario.
+
+use ds_graph::planner::{HEIGHT_PX, WIDTH_PX};
+use ds_nn::Array;
+use ds_policy::camera::proposals::{MODES, OUTPUTS, TARGETS};
+use ds_space::Draws;
+use ds_world::RouteCommand;
+
+use super::dataset::Sample;
+use super::*;
+
+const SHIPPED: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../configs/train/policy.toml"));
+
+fn samples(count: u64) -> Samples {
+    let sample = |index: u64| {
+        let draws = Draws::from_seed(index, "samples of a test");
+        #[expect(clippy::cast_possible_truncation, reason = "made-up pixels and poses")]
+        Sample {
+            rgb: (0..(WIDTH_PX * HEIGHT_PX * 3) as u64).map(|i| draws.u64(i) as u8).collect(),
+            speed_mps: draws.range(0, 0.0, 12.0) as f32,
+            command: RouteCommand::Left,
+            knots: std::array::from_fn(|k| draws.normal(k as u64) as f32),
+        }
+    };
+    Samples((0..count).map(sample).collect())
+}
+
+#[test]
+fn shipped_settings_are_sound_and_bad_ones_are_named() {
+    let settings = PolicySettings::parse(SHIPPED).expect("the shipped settings are sound");
+    assert!(settings.steps() > 0);
+    for (from, to, says) in [
+        ("version = 1", "version = 2", "version"),
+        ("batch = 16", "batch = 0", "batch"),
+        ("lateral_m = 1.5", "lateral_m = nan", "lateral_m"),
+        ("seed = 1", "seed = 1\nsead = 2", "sead"),
+    ] {
+        let error = PolicySettings::parse(&SHIPPED.replacen(from, to, 1)).expect_err(says);
+        let text = format!("{error}: {:?}", std::error::Error::source(&error));
+        assert!(text.contains(says), "{text:?} does not say {says:?}");
+    }
+}
+
+#[test]
+fn the_gradient_of_the_loss_is_its_slope() {
+    let draws = Draws::from_seed(5, "loss test");
+    #[expect(clippy::cast_possible_truncation, reason = "single precision")]
+    let normal = |index: u64| 0.5 * draws.normal(index) as f32;
+    let values: Vec<f32> = (0..2 * OUTPUTS as u64).map(normal).collect();
+    let targets: [[f32; TARGETS]; 2] =
+        std::array::from_fn(|b| std::array::from_fn(|k| normal((1000 + 100 * b + k) as u64)));
+    let speeds = [8.0, 0.5];
+    let (_, slope) = loss::grade(&Array::new(&[2, OUTPUTS], values.clone()), &targets, &speeds);
+    for index in [0, 7, TARGETS + 3, 2 * TARGETS + 5, MODES * TARGETS, OUTPUTS - 1, OUTPUTS + 4, 2 * OUTPUTS - 2] {
+        let at = |offset: f32| {
+            let mut moved = values.clone();
+            moved[index] += offset;
+            loss::grade(&Array::new(&[2, OUTPUTS], moved), &targets, &speeds).0
+        };
+        let numeric = (at(5e-3) - at(-5e-3)) / 1e-2;
+        let analytic = f64::from(slope.values()[index]);
+        assert!((numeric - analytic).abs() < 2e-3, "output {index}: {numeric} by difference, {analytic} by formula");
+    }
+}
+
+#[test]
+fn samples_come_back_from_their_file_and_broken_files_are_named() {
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let path = folder.path().join("some.samples");
+    let made = samples(3);
+    made.write(&path).expect("the file can be written");
+    assert_eq!(Samples::read(&path).expect("the file is whole"), made);
+    let whole = fs::read(&path).expect("the file was written");
+    let command_at = 16 + 8 + WIDTH_PX * HEIGHT_PX * 3 + 4;
+    let mut wrong_command = whole.clone();
+    wrong_command[command_at] = 9;
+    let mut wrong_number = whole.clone();
+    wrong_number[command_at + 4..command_at + 8].copy_from_slice(&f32::NAN.to_le_bytes());
+    let mut wrong_count = whole.clone();
+    wrong_count[16..24].copy_from_slice(&u64::MAX.to_le_bytes());
+    for (bytes, says) in [
+        (whole[..whole.len() - 1].to_vec(), "claims 3 samples"),
+        (b"something else".to_vec(), "does not begin"),
+        (whole[..20].to_vec(), "ends before"),
+        (wrong_command, "command 9 in sample 0"),
+        (wrong_number, "not finite in sample 0"),
+        (wrong_count, "claims 18446744073709551615"),
+    ] {
+        fs::write(&path, bytes).expect("the file can be written");
+        let error = Samples::read(&path).expect_err(says).to_string();
+        assert!(error.contains(says) && error.contains("some.samples"), "{error:?} does not say {says:?}");
+    }
+}
+
+#[test]
+fn a_resumed_run_equals_one_that_was_not_stopped() {
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let checkpoint = folder.path().join("checkpoint.safetensors");
+    let settings =
+        PolicySettings { batch: 2, ..PolicySettings::parse(SHIPPED).expect("the shipped settings are sound") };
+    let samples = samples(4);
+    let mut straight = Learner::resume(&settings, &checkpoint).expect("starts anew");
+    let mut stopped = Learner::resume(&settings, &checkpoint).expect("starts anew");
+    for step in 0..4 {
+        straight.step(&settings, &samples).expect("learns");
+        if step == 2 {
+            stopped.save(&checkpoint).expect("saves");
+            stopped = Learner::resume(&settings, &checkpoint).expect("goes on");
+        }
+        stopped.step(&settings, &samples).expect("learns");
+    }
+    assert_eq!(straight.average().digest(), stopped.average().digest());
+    assert_eq!(straight.steps(), 4);
+}
+
+#[test]
+fn a_step_beside_the_expert_is_labelled_with_the_way_back() {
+    let settings =
+        PolicySettings { scenarios: 1, states_per_scenario: 4, ..PolicySettings::parse(SHIPPED).expect("sound") };
+    let made = dataset::beside_the_expert(&settings, Shown::Training).expect("the scenario can be simulated");
+    assert!(!made.0.is_empty() && made.len() <= 4);
+    assert_eq!(dataset::beside_the_expert(&settings, Shown::Training).expect("again"), made);
+    assert_ne!(dataset::beside_the_expert(&settings, Shown::HeldOut).expect("held out"), made);
+    for sample in &made.0 {
+        let reach_m = sample.poses()[7].position.length();
+        assert!(reach_m < 80.0 && sample.speed_mps < 30.0, "{reach_m} m from {} m/s", sample.speed_mps);
+        let (low, high) = (sample.rgb.iter().min(), sample.rgb.iter().max());
+        assert!(low < high, "the frame is of one colour");
+    }
+}

@@ -1,0 +1,194 @@
+//! What a diagnosis says in one sentence, and the top of the page that says it.
+
+use ds_dynamics::report::{Diagnosis, Finding, Shrink, Verdict};
+use ds_effect::Channel;
+
+use super::markup::Markup;
+use super::words;
+
+/// Before over floor from which the metric of `predicted_share` is the one to tell.
+const TELLING: f64 = 1.5;
+
+/// Returns the metric that says most about the shrink: the one of `predicted_share` where the chosen effects move the
+/// vehicle or the image, else the one that the gap lifts furthest beyond its floor among the channels they show in.
+pub(crate) fn telling(diagnosis: &Diagnosis) -> Option<&Shrink> {
+    let ratio = |s: &Shrink| if s.floor > 0.0 && s.before.is_finite() { s.before / s.floor } else { 0.0 };
+    let known: Vec<_> = diagnosis.chosen.iter().filter_map(|id| ds_effect::find(id)).collect();
+    let shows = |channel: Channel| known.iter().any(|effect| effect.channels.contains(&channel));
+    let moves = known.len() < diagnosis.chosen.len() || shows(Channel::Dx) || shows(Channel::Dy);
+    if let Some(leading) = predicted(diagnosis).filter(|s| known.is_empty() || (moves && ratio(s) >= TELLING)) {
+        return Some(leading);
+    }
+    let own =
+        |s: &&Shrink| Channel::ALL.iter().any(|c| s.metric.strip_prefix("channel:") == Some(c.name()) && shows(*c));
+    let by = |a: &&Shrink, b: &&Shrink| ratio(a).total_cmp(&ratio(b));
+    diagnosis.how_far.iter().filter(own).max_by(by).or_else(|| diagnosis.how_far.iter().max_by(by))
+}
+
+/// Returns the metric that `predicted_share` is about.
+pub(crate) fn predicted(diagnosis: &Diagnosis) -> Option<&Shrink> {
+    ["position_2s", "image_rmse"].iter().find_map(|name| diagnosis.how_far.iter().find(|s| s.metric == *name))
+}
+
+/// Tells whether a metric is so near its floor that there is nothing to explain.
+pub(crate) fn at_floor(shrink: &Shrink) -> bool {
+    shrink.before - shrink.floor <= 0.05 * shrink.floor
+}
+
+/// Returns the findings of the corrected model, likeliest first.
+pub(crate) fn chosen(diagnosis: &Diagnosis) -> Vec<&Finding> {
+    diagnosis.effects.iter().filter(|e| diagnosis.chosen.contains(&e.id)).collect()
+}
+
+/// Returns the probability of the verdict as it stands.
+pub(crate) fn sure(diagnosis: &Diagnosis) -> f64 {
+    match diagnosis.verdict {
+        Verdict::None => diagnosis.p_none,
+        Verdict::Unknown => diagnosis.p_unknown,
+        Verdict::Single | Verdict::Multiple => chosen(diagnosis).iter().map(|e| e.probability).sum(),
+    }
+}
+
+/// Returns an effect with its value in words.
+pub(crate) fn named(finding: &Finding) -> String {
+    let value = words::estimate(finding.value, finding.interval90, &finding.unit).map(|e| e.value);
+    match value.filter(|_| has_estimate(finding)) {
+        Some(value) => format!("{} ({value})", words::effect(&finding.id)),
+        None => words::effect(&finding.id),
+    }
+}
+
+/// Tells whether a finding was fitted at all.
+pub(crate) fn has_estimate(finding: &Finding) -> bool {
+    !(finding.unit.is_empty() && finding.params.is_empty()) && finding.value.is_finite()
+}
+
+/// Returns the verdict, the effects, how far the gap shrinks and how sure that is.
+pub(crate) fn sentence(diagnosis: &Diagnosis) -> String {
+    let name = |id: &String| diagnosis.effects.iter().find(|e| e.id == *id).map_or_else(|| words::effect(id), named);
+    let names: Vec<String> = diagnosis.chosen.iter().map(name).collect();
+    let (names, many) = (words::list(&names), count(names.len()));
+    let sure = words::chance(sure(diagnosis));
+    match diagnosis.verdict {
+        Verdict::None => format!("Nothing is missing beyond what every vehicle and sensor has: {sure} sure."),
+        Verdict::Unknown => {
+            let known = match names.as_str() {
+                "" => String::new(),
+                names => format!(" The nearest is {names}; {}", closes(diagnosis, "the simulator with it")),
+            };
+            format!("Something is missing that no effect of the library explains: {sure} sure.{known}")
+        }
+        Verdict::Single => {
+            format!("The simulator leaves out {names}, {sure} sure; {}", closes(diagnosis, "corrected, it"))
+        }
+        Verdict::Multiple => format!(
+            "The simulator leaves out {many} effects: {names}, together {sure} sure; {}",
+            closes(diagnosis, "corrected, it")
+        ),
+    }
+}
+
+/// Returns what the data cannot tell from the chosen effects.
+fn reservation(diagnosis: &Diagnosis) -> String {
+    let told = |finding: &&Finding| {
+        let rivals: Vec<String> =
+            finding.group.iter().filter(|id| **id != finding.id).map(|id| words::effect(id)).collect();
+        let own = words::effect(&finding.id);
+        (!rivals.is_empty()).then(|| format!("These data cannot tell {own} from {}.", words::list(&rivals)))
+    };
+    chosen(diagnosis).iter().filter_map(told).collect::<Vec<_>>().join(" ")
+}
+
+fn count(number: usize) -> String {
+    ["no", "one", "two", "three"].get(number).map_or_else(|| number.to_string(), |word| (*word).to_owned())
+}
+
+/// Returns how far the corrected simulator goes; it has the usual mismatch fitted as well, so that the share is not the
+/// effect's alone.
+fn closes(diagnosis: &Diagnosis, who: &str) -> String {
+    let Some(shrink) = telling(diagnosis) else { return "how far the gap shrinks was not measured.".to_owned() };
+    let (metric, _) = words::metric(&shrink.metric);
+    if at_floor(shrink) {
+        return format!("but {metric} shows no gap beyond its noise floor {}.", data(shrink));
+    }
+    let interval = words::shares(shrink.interval90);
+    let share = words::share(shrink.share_explained);
+    if shrink.share_explained < 0.0 {
+        return format!("yet {metric} becomes worse when it is corrected {}.", data(shrink));
+    }
+    if shrink.share_explained > 1.0 {
+        return format!("{who} closes the whole gap in {metric} beyond its noise floor {}.", data(shrink));
+    }
+    format!("{who} closes {share} {interval} of the gap in {metric} {}.", data(shrink))
+}
+
+/// Returns where a metric was measured.
+pub(crate) fn data(shrink: &Shrink) -> &'static str {
+    match shrink.data.as_str() {
+        "heldout" => "on data kept from the fit",
+        "unseen" => "on data never seen before",
+        _ => "on the data of the fit",
+    }
+}
+
+/// Returns the verdict in a word or two.
+pub(crate) fn verdict(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::None => "nothing missing",
+        Verdict::Single => "one effect",
+        Verdict::Multiple => "several effects",
+        Verdict::Unknown => "unknown effect",
+    }
+}
+
+/// Writes the sentence, the main figures and the warnings.
+pub(crate) fn header(m: &mut Markup, diagnosis: &Diagnosis) {
+    m.inside("header", &[], |m| {
+        m.inside("div", &[], |m| {
+            m.inside("p", &[("class", &"brand")], |m| {
+                m.text("DreamStream gap diagnosis · ");
+                m.leaf("bdi", &[], &diagnosis.case);
+            });
+            m.leaf("h1", &[], sentence(diagnosis));
+            let reservation = reservation(diagnosis);
+            if !reservation.is_empty() {
+                m.leaf("p", &[("class", &"lead")], reservation);
+            }
+            m.inside("ul", &[("class", &"tiles")], |m| tiles(m, diagnosis));
+            if !diagnosis.warnings.is_empty() {
+                m.inside("ul", &[("class", &"warnings"), ("aria-label", &"Warnings")], |m| {
+                    for warning in &diagnosis.warnings {
+                        m.inside("li", &[], |m| m.leaf("bdi", &[], warning));
+                    }
+                });
+            }
+        });
+    });
+}
+
+fn tiles(m: &mut Markup, diagnosis: &Diagnosis) {
+    let mut tile = |class: &str, value: &str, what: &str| {
+        m.inside("li", &[("class", &class)], |m| {
+            m.leaf("b", &[], value);
+            m.leaf("span", &[], what);
+        });
+    };
+    let alarm = if diagnosis.verdict == Verdict::Unknown { "alarm" } else { "" };
+    tile(alarm, verdict(diagnosis.verdict), &format!("verdict, {} sure", words::chance(sure(diagnosis))));
+    for finding in chosen(diagnosis).into_iter().filter(|f| has_estimate(f)) {
+        if let Some(estimate) = words::estimate(finding.value, finding.interval90, &finding.unit) {
+            tile("", &estimate.value, &format!("{} {}", words::effect(&finding.id), estimate.interval));
+        }
+    }
+    if let Some(shrink) = telling(diagnosis).filter(|s| !at_floor(s) && !diagnosis.chosen.is_empty()) {
+        let [before, after, _] = words::aligned([shrink.before, shrink.after, shrink.floor]);
+        let (metric, unit) = words::metric(&shrink.metric);
+        tile("", &words::share(shrink.share_explained.min(1.0)), &format!("of the gap in {metric} closed"));
+        tile("", &format!("{before} → {after}"), &format!("{metric}{}{unit}", if unit.is_empty() { "" } else { ", " }));
+    }
+    let beyond = diagnosis.cells.len();
+    let most = diagnosis.cells.iter().map(|c| c.effect_size).fold(0.0, f64::max);
+    if beyond > 0 {
+        tile("", &format!("{} ×", words::figure(most)), "noise floor where the gap is largest");
+    }
+}

@@ -1,0 +1,133 @@
+//! A diagnosis of the gap as something to look at: one self-contained HTML page, an index over many, plain text.
+//!
+//! [`page`] needs the diagnosis alone; with its case folder it also draws residuals over time, the road and example
+//! tiles of frames. Pages fetch nothing: style, script, plots (inline SVG) and pictures are inside, in light, dark and
+//! for print. Whatever comes from outside is escaped by construction (`markup`). Nothing is diagnosed or fitted here.
+
+use std::path::Path;
+
+use ds_dynamics::report::{Diagnosis, Verdict};
+use ds_page as markup;
+
+mod effects;
+mod embed;
+mod frames;
+mod further;
+mod headline;
+mod index;
+mod material;
+mod over_time;
+mod place;
+mod plot;
+mod road;
+mod shrink;
+#[cfg(test)]
+mod tests;
+mod text;
+mod words;
+
+use ds_page::Markup;
+use material::Material;
+
+const STYLE: &str = include_str!("page.css");
+const SCRIPT: &str = include_str!("page.js");
+const POLICY: &str = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'; \
+    base-uri 'none'; form-action 'none'";
+const INDEX: &str = "What the simulator leaves out, case by case";
+
+/// Returns the page of a diagnosis; the case folder it was made from adds what only the log itself can show.
+#[must_use]
+pub fn page(diagnosis: &Diagnosis, case: Option<&Path>) -> String {
+    let material = case.map(|folder| material::of(diagnosis, folder)).unwrap_or_default();
+    let title = format!("{} · gap diagnosis", diagnosis.case);
+    document(&title, |m| {
+        headline::header(m, diagnosis);
+        sections(m, diagnosis, &material);
+    })
+}
+
+/// Returns the index over many cases, each with the path of its page relative to the index.
+#[must_use]
+pub fn index(cases: &[(String, Diagnosis)]) -> String {
+    document("Gap diagnosis", |m| index::body(m, cases))
+}
+
+/// Returns a diagnosis as plain text for a terminal.
+#[must_use]
+pub fn text(diagnosis: &Diagnosis) -> String {
+    text::text(diagnosis)
+}
+
+fn document(title: &str, body: impl FnOnce(&mut Markup)) -> String {
+    let mut m = Markup::default();
+    m.raw("<!DOCTYPE html>\n");
+    m.inside("html", &[("lang", &"en")], |m| {
+        m.inside("head", &[], |m| {
+            m.void("meta", &[("charset", &"utf-8")]);
+            m.void("meta", &[("http-equiv", &"Content-Security-Policy"), ("content", &POLICY)]);
+            m.void("meta", &[("name", &"viewport"), ("content", &"width=device-width, initial-scale=1")]);
+            m.leaf("title", &[], format_args!("{title} · DreamStream"));
+            m.inside("style", &[], |m| m.raw(STYLE));
+        });
+        m.inside("body", &[], |m| {
+            body(m);
+            m.inside("script", &[], |m| {
+                m.raw(markup::SORTING);
+                m.raw(SCRIPT);
+            });
+        });
+    });
+    m.raw("\n");
+    m.finish()
+}
+
+fn sections(m: &mut Markup, diagnosis: &Diagnosis, material: &Material) {
+    let parts = parts(diagnosis, material);
+    m.inside("nav", &[("aria-label", &"Sections")], |m| {
+        m.inside("ul", &[], |m| {
+            for (id, title) in &parts {
+                m.inside("li", &[], |m| m.leaf("a", &[("href", &format_args!("#{id}"))], title));
+            }
+        });
+    });
+    m.inside("main", &[], |m| {
+        for (id, title) in &parts {
+            m.inside("section", &[("id", id), ("aria-labelledby", &format_args!("{id}-title"))], |m| {
+                m.leaf("h2", &[("id", &format_args!("{id}-title"))], title);
+                section(m, id, diagnosis, material);
+            });
+            m.raw("\n");
+        }
+    });
+}
+
+/// The sections that this diagnosis has, by anchor and title.
+fn parts(diagnosis: &Diagnosis, material: &Material) -> Vec<(&'static str, &'static str)> {
+    let next = !diagnosis.next_manoeuvre.is_empty() || !diagnosis.indistinguishable.is_empty();
+    let all = [
+        (true, "which", "Which effect"),
+        (diagnosis.unknown_description.is_some(), "unknown", "What no effect explains"),
+        (true, "where", "Where the gap lies"),
+        (material.strip.is_some(), "frames", "In the frames"),
+        (!diagnosis.how_far.is_empty(), "shrink", "How far it shrinks"),
+        (!material.traces.is_empty(), "time", "Over time"),
+        (material.traces.iter().any(road::worth), "road", "On the road"),
+        (next, "next", if diagnosis.verdict == Verdict::None { "What would settle it" } else { "What to drive next" }),
+        (true, "method", "How to read this"),
+    ];
+    all.into_iter().filter(|part| part.0).map(|(_, id, title)| (id, title)).collect()
+}
+
+fn section(m: &mut Markup, id: &str, diagnosis: &Diagnosis, material: &Material) {
+    match (id, &diagnosis.unknown_description, &material.strip) {
+        ("which", ..) => effects::section(m, diagnosis, material.mass_kg),
+        ("unknown", Some(left), _) => further::remainder(m, left),
+        ("where", ..) => place::section(m, diagnosis, material),
+        ("frames", _, Some(strip)) => frames::section(m, diagnosis, strip),
+        ("shrink", ..) => shrink::section(m, diagnosis),
+        ("time", ..) => material.traces.iter().for_each(|traces| over_time::section(m, diagnosis, traces)),
+        ("road", ..) => material.traces.iter().filter(|t| road::worth(t)).for_each(|traces| road::section(m, traces)),
+        ("next", ..) => further::next(m, diagnosis),
+        _ => further::method(m, diagnosis, material.note.as_deref()),
+    }
+}

@@ -1,0 +1,164 @@
+//! How far the gap shrinks: each metric before and after on one axis in units of its noise floor, with the share
+//! explained; and what the fit had promised against what came.
+
+use ds_dynamics::report::{Diagnosis, Shrink};
+
+use super::headline::{at_floor, predicted};
+use super::markup::Markup;
+use super::plot;
+use super::words;
+
+const LABELS: f64 = 190.0;
+const VALUES: f64 = 560.0;
+/// Left ends of the columns on the right: before, after, floor, unit, the bar of the share, its text.
+const COLUMNS: [f64; 6] = [628.0, 690.0, 752.0, 762.0, 846.0, 1098.0];
+const BAR: f64 = 112.0;
+const ROW: f64 = 27.0;
+const TOP: f64 = 50.0;
+const APART: f64 = 12.0;
+
+/// Writes the promise, then one row per metric.
+pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis) {
+    let Some(first) = diagnosis.how_far.first() else { return };
+    m.leaf(
+        "p",
+        &[("class", &"lead")],
+        format_args!(
+            "Measured {}. Left: error of the nominal simulator (ring) and of the corrected one (dot) over the noise floor. \
+             Right: share of the gap beyond the floor that is gone, with its 90 % interval.",
+            super::headline::data(first)
+        ),
+    );
+    if diagnosis.chosen.is_empty() {
+        m.leaf(
+            "p",
+            &[("class", &"lead")],
+            "No effect was added: what shrinks is the usual mismatch, which is always fitted.",
+        );
+    }
+    promise(m, diagnosis);
+    let rows: Vec<&Shrink> = diagnosis.how_far.iter().collect();
+    // the errors of whole rollouts first, then channel by channel
+    let apart = |row: usize| if rows[row].metric.starts_with("channel:") { APART } else { 0.0 };
+    let height = TOP + ROW * rows.len() as f64 + apart(rows.len() - 1) + 8.0;
+    let ratios = rows.iter().filter(|s| s.floor > 0.0).flat_map(|s| [s.before / s.floor, s.after / s.floor]);
+    let most = ratios.filter(|r| r.is_finite()).fold(2.0, f64::max);
+    let scale = Scale { least: 0.5, most: most * 1.15 };
+    plot::wide(m, "Metrics before and after", height, |m| {
+        axis(m, &scale, height);
+        for (row, shrink) in rows.iter().enumerate() {
+            metric(m, shrink, TOP + apart(row) + ROW * (row as f64 + 0.5), &scale);
+        }
+    });
+}
+
+/// A logarithmic axis of errors in floor units.
+struct Scale {
+    least: f64,
+    most: f64,
+}
+
+impl Scale {
+    fn x(&self, ratio: f64) -> f64 {
+        let share = (ratio.max(self.least) / self.least).ln() / (self.most / self.least).ln();
+        LABELS + (VALUES - LABELS) * share.clamp(0.0, 1.0)
+    }
+}
+
+fn axis(m: &mut Markup, scale: &Scale, height: f64) {
+    let mut last = f64::NEG_INFINITY;
+    for tick in [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 1e4, 1e5] {
+        let x = scale.x(tick);
+        if tick > scale.most || x - last < 26.0 {
+            continue;
+        }
+        last = x;
+        plot::line(m, if tick > 1.0 { "grid" } else { "grid floor" }, (x, TOP - 6.0), (x, height - 6.0));
+        plot::text(m, "tick", (x, TOP - 14.0), &if tick > 1.0 { format!("{tick} ×") } else { "floor".to_owned() });
+    }
+    for (x, words) in [(COLUMNS[0], "before"), (COLUMNS[1], "after"), (COLUMNS[2], "floor")] {
+        plot::text(m, "tick end", (x, TOP - 14.0), words);
+    }
+    for share in [0.0, 0.5, 1.0] {
+        let x = COLUMNS[4] + BAR * share;
+        plot::line(m, "grid", (x, TOP - 6.0), (x, height - 6.0));
+        plot::text(m, "tick", (x, TOP - 14.0), &words::share(share));
+    }
+    plot::text(m, "head", (COLUMNS[4] + BAR / 2.0, 14.0), "share explained");
+    plot::text(m, "head", ((LABELS + VALUES) / 2.0, 14.0), "error over noise floor");
+}
+
+fn metric(m: &mut Markup, shrink: &Shrink, y: f64, scale: &Scale) {
+    let (title, unit) = words::metric(&shrink.metric);
+    let none = at_floor(shrink) || !shrink.before.is_finite();
+    let [before, after, floor] = words::aligned([shrink.before, shrink.after, shrink.floor]);
+    let told = format!("{title}: {before} before, {after} after, floor {floor} {unit}");
+    m.inside("g", &[("class", &if none { "metric quiet" } else { "metric" })], |m| {
+        m.leaf("title", &[], told);
+        plot::text(m, "label", (LABELS - 16.0, y + 4.5), &plot::short(&words::capital(&title), 26));
+        if shrink.floor > 0.0 && shrink.before.is_finite() && shrink.after.is_finite() {
+            let [x0, x1] = [shrink.before, shrink.after].map(|v| scale.x(v / shrink.floor));
+            let class = if x1 > x0 { "way worse" } else { "way" };
+            plot::line(m, class, (x0, y), (x1, y));
+            plot::dot(m, "ring", (x0, y), 5.0);
+            plot::dot(m, "dot", (x1, y), 5.0);
+        }
+        for (x, words) in [(COLUMNS[0], &before), (COLUMNS[1], &after), (COLUMNS[2], &floor)] {
+            plot::text(m, if x < COLUMNS[2] { "figure" } else { "value" }, (x, y + 4.5), words);
+        }
+        plot::text(m, "unit", (COLUMNS[3], y + 4.5), unit);
+        if none {
+            plot::text(m, "unit", (COLUMNS[4], y + 4.5), "no gap beyond the floor");
+        } else {
+            share(m, shrink, y);
+        }
+    });
+}
+
+fn share(m: &mut Markup, shrink: &Shrink, y: f64) {
+    let x = |share: f64| COLUMNS[4] + BAR * share.clamp(0.0, 1.0);
+    let worse = shrink.share_explained < 0.0;
+    plot::area(m, "share", (COLUMNS[4], y - 6.0), (x(shrink.share_explained) - COLUMNS[4], 12.0), "");
+    let [low, high] = shrink.interval90;
+    if low.is_finite() && high.is_finite() && high > 0.0 {
+        plot::line(m, "whisker", (x(low), y), (x(high), y));
+        for end in [low, high].into_iter().filter(|end| *end > 0.0) {
+            plot::line(m, "whisker", (x(end), y - 4.0), (x(end), y + 4.0));
+        }
+    }
+    let class = if worse { "value strong bad" } else { "value strong" };
+    plot::text(m, class, (COLUMNS[5] - 80.0, y + 4.5), &words::share(shrink.share_explained));
+    plot::text(m, "value", (COLUMNS[5], y + 4.5), &words::shares(shrink.interval90));
+}
+
+/// Writes what the fit promised for its metric beside what came.
+fn promise(m: &mut Markup, diagnosis: &Diagnosis) {
+    let Some(shrink) = predicted(diagnosis).filter(|s| !at_floor(s)) else { return };
+    if !diagnosis.predicted_share.is_finite() {
+        return;
+    }
+    m.inside("div", &[("class", &"promise")], |m| {
+        let (name, _) = words::metric(&shrink.metric);
+        plot::picture(m, "inline plot", "Promised and realised share", (346.0, 54.0), |m| {
+            let x = |share: f64| 14.0 + 300.0 * share.clamp(0.0, 1.0);
+            for tick in [0.0, 0.25, 0.5, 0.75, 1.0] {
+                plot::line(m, "grid", (x(tick), 6.0), (x(tick), 36.0));
+                plot::text(m, "tick", (x(tick), 50.0), &words::share(tick));
+            }
+            plot::line(m, "grid", (x(0.0), 26.0), (x(1.0), 26.0));
+            let ends = shrink.interval90.map(x);
+            plot::line(m, "whisker realised", (ends[0], 26.0), (ends[1], 26.0));
+            plot::dot(m, "dot", (x(shrink.share_explained), 26.0), 5.0);
+            let at = x(diagnosis.predicted_share);
+            let corners = [(at, 8.0), (at + 5.5, 13.5), (at, 19.0), (at - 5.5, 13.5)];
+            m.void("polygon", &[("class", &"promised"), ("points", &plot::joined(&corners))]);
+        });
+        m.inside("p", &[], |m| {
+            m.text(format_args!("Of the gap in {name} the fit promised "));
+            m.leaf("b", &[], format_args!("{} (diamond)", words::share(diagnosis.predicted_share)));
+            m.text("; realised: ");
+            m.leaf("b", &[], words::share(shrink.share_explained));
+            m.text(format_args!(" {} (dot).", words::shares(shrink.interval90)));
+        });
+    });
+}

@@ -1,0 +1,318 @@
+//! The page is well-formed, shows what there is and nothing else, fetches nothing, and lets no name out of its place.
+//!
+//! Every name of the sample is hostile; numbers that are none (NaN, infinite) are among its values.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use ds_dynamics::report::{
+    Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, Regime, Remainder, Shrink, Verdict,
+};
+
+use super::markup::escaped;
+use super::{index, page, text};
+
+const HOSTILE: &str = "<script>alert(\"1\")</script>\u{202e}\u{1b}[31m&'";
+const VOID: [&str; 3] = ["meta", "img", "input"];
+const DRAWN: [&str; 5] = ["line", "circle", "rect", "polyline", "polygon"];
+
+fn finding(id: &str, probability: f64, value: f64, unit: &str) -> Finding {
+    Finding {
+        id: id.to_owned(),
+        probability,
+        value,
+        unit: unit.to_owned(),
+        interval90: [value - 0.01, value + 0.01],
+        group: vec![id.to_owned()],
+        heldout_gain: 12.0,
+        evidence_gain: 30.0,
+        params: BTreeMap::from([("value".to_owned(), value)]),
+    }
+}
+
+fn cell(channel: &str, regime: Regime, effect_size: f64) -> Cell {
+    Cell { channel: channel.to_owned(), regime, effect_size, q_value: 0.001, t: vec![[1.0, 4.0]] }
+}
+
+fn shrink(metric: &str, [before, after, floor]: [f64; 3], share_explained: f64) -> Shrink {
+    let interval90 = [share_explained - 0.1, share_explained + 0.05];
+    Shrink { metric: metric.to_owned(), before, after, floor, share_explained, interval90, data: "heldout".to_owned() }
+}
+
+/// A diagnosis with nothing in it.
+fn empty() -> Diagnosis {
+    Diagnosis { p_none: 0.97, p_unknown: 0.03, secs: 1.0, ..Diagnosis::blank("quiet") }
+}
+
+/// One effect, cleanly found.
+fn clean() -> Diagnosis {
+    let fast = Regime { drive: 1, steering: Some("fast".to_owned()), ..Regime::default() };
+    Diagnosis {
+        case: "delayed".to_owned(),
+        verdict: Verdict::Single,
+        effects: vec![finding("steer_delay", 0.91, 0.15, "s"), finding("steer_lag", 0.04, 0.08, "s")],
+        p_none: 0.0,
+        p_unknown: 0.05,
+        chosen: vec!["steer_delay".to_owned()],
+        cells: vec![cell("yaw_rate", Regime { drive: 1, ..Regime::default() }, 12.4), cell("dy", fast, 3.0)],
+        how_far: vec![shrink("position_2s", [0.55, 0.06, 0.05], 0.98), shrink("channel:ax", [0.05, 0.05, 0.055], 0.0)],
+        predicted_share: 0.92,
+        ..empty()
+    }
+}
+
+/// Everything at once, with hostile names and numbers that are none.
+fn hostile() -> Diagnosis {
+    let mut first = finding(HOSTILE, f64::NAN, f64::INFINITY, HOSTILE);
+    first.group.push("steer_lag".to_owned());
+    let tile = Regime { tile: Some([2, 5]), ..Regime::default() };
+    let far = Regime { tile: Some([90, 5]), ..Regime::default() };
+    let odd = Regime { drive: 3, speed: Some(HOSTILE.to_owned()), ..Regime::default() };
+    Diagnosis {
+        case: HOSTILE.to_owned(),
+        verdict: Verdict::Unknown,
+        effects: vec![first, finding("mu", 0.2, f64::NAN, "x"), finding("steer_rate", 0.2, 0.3, "rad/s")],
+        chosen: vec![HOSTILE.to_owned()],
+        indistinguishable: vec![vec![HOSTILE.to_owned(), "mu".to_owned()]],
+        cells: vec![
+            cell(HOSTILE, odd, f64::NAN),
+            cell("dx", Regime::default(), f64::INFINITY),
+            cell("camera", tile, 7.0),
+            cell("camera", far, 9.0),
+        ],
+        how_far: vec![shrink(HOSTILE, [f64::NAN, 1.0, 0.0], f64::NAN), shrink("image_rmse", [9.0, 12.0, 3.0], -0.5)],
+        predicted_share: f64::NAN,
+        unknown_description: Some(Remainder {
+            channels: BTreeMap::from([(HOSTILE.to_owned(), f64::INFINITY), ("dx".to_owned(), 3.0)]),
+            drives: vec![1],
+            time_pattern: HOSTILE.to_owned(),
+            frequency_hz: Some(f64::NAN),
+            goes_with: Some((HOSTILE.to_owned(), 0.5)),
+            nearest: vec![HOSTILE.to_owned()],
+            text: HOSTILE.to_owned(),
+        }),
+        next_manoeuvre: vec![Manoeuvre {
+            name: HOSTILE.to_owned(),
+            separates: [HOSTILE.to_owned(), "mu".to_owned()],
+            expected_log_bayes_factor: f64::NAN,
+            secs_needed: f64::INFINITY,
+        }],
+        corrected_model: Corrected {
+            effects: vec![CorrectedEffect { id: HOSTILE.to_owned(), value: 1.0, values: vec![f64::NAN] }],
+            nuisance: BTreeMap::from([(HOSTILE.to_owned(), 0.1)]),
+        },
+        floor_source: HOSTILE.to_owned(),
+        warnings: vec![HOSTILE.to_owned()],
+        secs: f64::NAN,
+        ..empty()
+    }
+}
+
+/// Checks that tags nest, that every quote closes and that every coordinate is a number; returns the tags met.
+fn checked(page: &str) -> Vec<String> {
+    let (mut open, mut met): (Vec<String>, Vec<String>) = (Vec::new(), Vec::new());
+    let mut rest = page.strip_prefix("<!DOCTYPE html>").expect("a doctype");
+    while let Some(start) = rest.find('<') {
+        rest = &rest[start + 1..];
+        let mut quoted = false;
+        let end = rest.find(|c| {
+            quoted ^= c == '"';
+            c == '>' && !quoted
+        });
+        let (tag, after) = rest.split_at(end.expect("every tag ends"));
+        let name: String = tag.trim_start_matches('/').chars().take_while(|c| c.is_ascii_alphanumeric()).collect();
+        assert!(!name.is_empty(), "a stray < before {tag:?}");
+        rest = after;
+        numbers(tag);
+        if tag.starts_with('/') {
+            assert_eq!(open.pop().as_deref(), Some(name.as_str()), "{tag:?} closes something else");
+        } else if tag.ends_with('/') {
+            assert!(VOID.contains(&name.as_str()) || DRAWN.contains(&name.as_str()), "{name} is not void");
+        } else {
+            assert!(!VOID.contains(&name.as_str()), "{name} is left open");
+            open.push(name.clone());
+            if name == "style" || name == "script" {
+                rest = &rest[rest.find("</").expect("it ends")..];
+            }
+        }
+        met.push(name);
+    }
+    assert!(open.is_empty(), "left open: {open:?}");
+    met
+}
+
+fn numbers(tag: &str) {
+    const NUMERIC: [&str; 15] =
+        ["x", "y", "x1", "x2", "y1", "y2", "cx", "cy", "r", "rx", "width", "height", "points", "viewBox", "data-t"];
+    let mut parts = tag.split('"');
+    while let (Some(name), Some(value)) = (parts.next(), parts.next()) {
+        let name = name.trim_end_matches('=').rsplit(' ').next().unwrap_or_default();
+        if NUMERIC.contains(&name) {
+            for number in value.split([' ', ',']).filter(|n| !n.is_empty()) {
+                let number: f64 = number.parse().unwrap_or(f64::NAN);
+                assert!(number.is_finite(), "{name} of <{tag}> is {value:?}");
+                assert!(number >= 0.0 || !["width", "height", "r"].contains(&name), "{name} of <{tag}> is negative");
+            }
+        }
+    }
+}
+
+fn has(page: &str, section: &str) -> bool {
+    page.contains(&format!("<section id=\"{section}\""))
+}
+
+fn data(folder: &str) -> Option<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../../shared/data").join(folder);
+    if !folder.join("meta.json").exists() {
+        eprintln!("skipped: no case at {}", folder.display());
+        return None;
+    }
+    Some(folder)
+}
+
+#[test]
+fn sections_are_there_when_their_data_is() {
+    for (diagnosis, sections) in [
+        (empty(), vec!["which", "where", "method"]),
+        (clean(), vec!["which", "where", "shrink", "method"]),
+        (hostile(), vec!["which", "unknown", "where", "shrink", "next", "method"]),
+    ] {
+        let page = page(&diagnosis, None);
+        checked(&page);
+        for section in ["which", "unknown", "where", "frames", "shrink", "time", "road", "next", "method"] {
+            assert_eq!(has(&page, section), sections.contains(&section), "{section} of {}", diagnosis.case);
+            assert_eq!(page.contains(&format!("href=\"#{section}\"")), sections.contains(&section));
+        }
+    }
+    assert!(page(&empty(), None).contains("No cell lies significantly beyond the noise floor."));
+}
+
+#[test]
+fn the_headline_says_it_all() {
+    let said = |diagnosis: &Diagnosis| super::headline::sentence(diagnosis).replace(['\u{a0}', '\u{202f}'], " ");
+    assert_eq!(
+        said(&clean()),
+        "The simulator leaves out steering delay (0.150 s), 91 % sure; corrected, it closes 98 % [88, 103] of the gap in \
+         position after 2 s on data kept from the fit."
+    );
+    assert_eq!(said(&empty()), "Nothing is missing beyond what every vehicle and sensor has: 97 % sure.");
+    let mut two = clean();
+    two.verdict = Verdict::Multiple;
+    two.chosen.push("steer_lag".to_owned());
+    assert!(
+        said(&two)
+            .contains("leaves out two effects: steering delay (0.150 s) and steering lag (0.080 s), together 95 %")
+    );
+    let mut unknown = clean();
+    unknown.verdict = Verdict::Unknown;
+    assert!(said(&unknown).contains("The nearest is steering delay (0.150 s); the simulator with it closes 98 %"));
+    unknown.chosen.clear();
+    assert!(said(&unknown).ends_with("no effect of the library explains: 5 % sure."));
+    let mut rivals = clean();
+    rivals.effects[0].group.push("pose_latency".to_owned());
+    assert!(page(&rivals, None).contains("These data cannot tell steering delay from pose latency."));
+    let mut worse = clean();
+    worse.how_far = vec![shrink("position_2s", [0.5, 0.9, 0.05], -0.9)];
+    assert!(
+        said(&worse).ends_with("yet position after 2 s becomes worse when it is corrected on data kept from the fit.")
+    );
+    let mut wheel = clean();
+    wheel.chosen = vec!["wheel_scale".to_owned()];
+    wheel.effects = vec![finding("wheel_scale", 0.9, 0.97, "x")];
+    wheel.how_far.push(shrink("channel:v_wheel", [0.5, 0.03, 0.02], 0.97));
+    assert!(said(&wheel).contains("of the gap in wheel speed"), "an effect on one channel is judged by that channel");
+}
+
+#[test]
+fn names_cannot_run_or_fetch_anything() {
+    for page in [page(&hostile(), None), index(&[("javascript:alert(1)".to_owned(), hostile())])] {
+        let tags = checked(&page);
+        assert!(page.contains(&escaped("<script>alert(\"1\")</script>")), "the name is shown");
+        assert!(!page.contains("<script>alert") && !page.contains("alert(\"1\")"));
+        assert_eq!(tags.iter().filter(|tag| *tag == "script").count(), 2, "one script opens and closes");
+        assert!(!tags.iter().any(|tag| ["iframe", "link", "object", "base"].contains(&tag.as_str())));
+        for outside in ["http://", "https://", "url(", "@import", "href=\"javascript", "\u{202e}", "\u{1b}"] {
+            assert!(!page.contains(outside), "{outside:?} on the page");
+        }
+        for target in page.split("src=\"").skip(1).chain(page.split("href=\"").skip(1)) {
+            let known = ["data:image/jpeg;base64,", "#", "./"].iter().any(|start| target.starts_with(start));
+            assert!(known, "{:?}", &target[..target.len().min(40)]);
+        }
+        assert!(!page.contains(">NaN") && !page.contains(">inf"), "a number that is none is a dash");
+    }
+}
+
+#[test]
+fn the_index_links_every_case() {
+    let cases = [("a/page.html".to_owned(), clean()), ("b c/page.html".to_owned(), empty())];
+    let page = index(&cases);
+    let tags = checked(&page);
+    assert_eq!(tags.iter().filter(|tag| *tag == "tr").count(), 2 * 3, "a heading and two cases");
+    for part in
+        ["href=\"./a/page.html\"", "href=\"./b%20c/page.html\"", "steering delay", "one effect", "nothing missing"]
+    {
+        assert!(page.contains(part), "{part:?} is missing");
+    }
+    checked(&index(&[]));
+}
+
+#[test]
+fn text_says_the_same_in_bounded_lines() {
+    let said = text(&clean());
+    for part in ["delayed", "91 %", "steering delay", "yaw rate, drive 1: 12 × floor", "no gap", "92 %"] {
+        assert!(said.contains(part), "{part:?} is missing in\n{said}");
+    }
+    for said in [said, text(&hostile()), text(&empty())] {
+        assert!(!said.contains(['\u{1b}', '\u{202e}']), "no log drives the terminal");
+        assert!(!said.contains("NaN") && !said.contains("inf "), "{said}");
+    }
+    assert!(text(&clean()).lines().all(|line| line.chars().count() <= 100));
+}
+
+#[test]
+fn a_case_that_cannot_be_read_is_named() {
+    let page = page(&clean(), Some(Path::new("/nowhere")));
+    checked(&page);
+    assert!(page.contains("without drive plots") && !has(&page, "time"));
+}
+
+#[test]
+fn a_case_of_logs_adds_time_and_road() {
+    let Some(folder) = data("gap-practice/case_04") else { return };
+    let page = page(&clean(), Some(&folder));
+    checked(&page);
+    assert!(has(&page, "time") && has(&page, "road") && !has(&page, "frames"));
+    assert!(page.contains("Drive 3") && page.contains("kept from the fit"));
+    assert!(page.matches("data-t=").count() > 200, "the road is coloured piece by piece");
+}
+
+#[test]
+fn channels_that_were_not_recorded_are_not_called_clean() {
+    let Some(folder) = data("gap-practice/case_04") else { return };
+    let copy = tempfile::tempdir().expect("a folder");
+    for name in ["meta.json", "drive_0.csv", "drive_1.csv", "drive_2.csv", "drive_3.csv"] {
+        let text = std::fs::read_to_string(folder.join(name)).expect("a file");
+        // without the heads of their columns, position and lateral acceleration are absent
+        let text = text.replacen(",x,y,", ",_x,_y,", 1).replacen(",ay,", ",_ay,", 1);
+        std::fs::write(copy.path().join(name), text).expect("written");
+    }
+    let bare = page(&clean(), Some(copy.path()));
+    checked(&bare);
+    assert!(has(&bare, "time") && !has(&bare, "road"), "no map without a position");
+    // along, across (which has a cell in the sample) and lateral acceleration
+    assert_eq!(bare.matches("not recorded").count(), 2);
+    assert_eq!(page(&clean(), Some(&folder)).matches("not recorded").count(), 0);
+}
+
+#[test]
+fn a_case_of_frames_adds_tiles() {
+    let Some(folder) = data("gap-camera-practice/case_03") else { return };
+    let mut diagnosis = clean();
+    diagnosis.cells = vec![cell("camera", Regime { tile: Some([2, 5]), ..Regime::default() }, 6.0)];
+    let page = page(&diagnosis, Some(&folder));
+    checked(&page);
+    assert!(has(&page, "frames") && !has(&page, "time"));
+    assert_eq!(page.matches("src=\"data:image/jpeg;base64,").count(), 6, "a frame and a tile, three pictures each");
+    assert!(page.contains("Tile row 2, column 5"));
+    assert!(page.len() < 400_000, "{} bytes", page.len());
+}

@@ -1,0 +1,151 @@
+//! A diagnosis as plain text for a terminal: the same order and the same words as the page, at most 100 columns wide.
+//!
+//! Control characters in names and warnings become U+FFFD, so that no log can drive the terminal.
+
+use std::fmt::Write as _;
+
+use ds_dynamics::report::{Diagnosis, Shrink};
+
+use super::effects::shown;
+use super::headline::{at_floor, data, has_estimate, predicted, sentence};
+use super::place;
+use super::words;
+
+const WIDTH: usize = 100;
+/// Cells that are listed.
+const CELLS: usize = 8;
+const BAR: usize = 20;
+
+/// Returns the diagnosis as text.
+pub(crate) fn text(diagnosis: &Diagnosis) -> String {
+    let mut out = String::new();
+    line(&mut out, &diagnosis.case);
+    wrap(&mut out, &sentence(diagnosis), "");
+    for warning in &diagnosis.warnings {
+        wrap(&mut out, &format!("warning: {warning}"), "  ");
+    }
+    which(&mut out, diagnosis);
+    if let Some(left) = &diagnosis.unknown_description {
+        title(&mut out, "Not explained");
+        wrap(&mut out, &left.text, "  ");
+    }
+    where_(&mut out, diagnosis);
+    how_far(&mut out, diagnosis);
+    next(&mut out, diagnosis);
+    out
+}
+
+fn which(out: &mut String, diagnosis: &Diagnosis) {
+    title(out, "Which");
+    let mut rows: Vec<(f64, String, String)> = shown(diagnosis)
+        .iter()
+        .map(|finding| {
+            let estimate =
+                words::estimate(finding.value, finding.interval90, &finding.unit).filter(|_| has_estimate(finding));
+            let mark = if diagnosis.chosen.contains(&finding.id) { "* " } else { "  " };
+            let told = estimate.map(|e| format!("{} {}", e.value, e.interval)).unwrap_or_default();
+            (finding.probability, format!("{mark}{}", words::effect(&finding.id)), told)
+        })
+        .collect();
+    rows.push((diagnosis.p_none, "  nothing missing".to_owned(), String::new()));
+    rows.push((diagnosis.p_unknown, "  something unknown".to_owned(), String::new()));
+    rows.sort_by(|a, b| b.0.total_cmp(&a.0));
+    for (p, name, estimate) in rows {
+        let full = if p.is_finite() { (p.clamp(0.0, 1.0) * BAR as f64).round() as usize } else { 0 };
+        let bar = format!("{}{}", "█".repeat(full), "·".repeat(BAR - full));
+        line(out, &format!("  {:>6}  {bar}{name:<30} {estimate}", words::chance(p)));
+    }
+    for group in &diagnosis.indistinguishable {
+        let names: Vec<String> = group.iter().map(|id| words::effect(id)).collect();
+        wrap(out, &format!("not told apart by these data: {}", names.join(" or ")), "  ");
+    }
+}
+
+fn where_(out: &mut String, diagnosis: &Diagnosis) {
+    title(out, "Where");
+    if diagnosis.cells.is_empty() {
+        line(out, "  no cell lies significantly beyond the noise floor");
+    }
+    let mut cells: Vec<_> = diagnosis.cells.iter().collect();
+    cells.sort_by(|a, b| b.effect_size.total_cmp(&a.effect_size));
+    for cell in cells.iter().take(CELLS) {
+        line(out, &format!("  {}", place::told(cell)));
+    }
+    if cells.len() > CELLS {
+        line(out, &format!("  and {} further cells", cells.len() - CELLS));
+    }
+}
+
+fn how_far(out: &mut String, diagnosis: &Diagnosis) {
+    let Some(first) = diagnosis.how_far.first() else { return };
+    title(out, &format!("How far, {}", data(first)));
+    line(out, &format!("  {:<24} {:>9} {:>9} {:>9} {:<11} {:>8}", "", "before", "after", "floor", "", "share"));
+    for shrink in &diagnosis.how_far {
+        line(out, &metric(shrink));
+    }
+    if let Some(shrink) = predicted(diagnosis).filter(|s| !at_floor(s)) {
+        let (name, _) = words::metric(&shrink.metric);
+        let share = words::share(diagnosis.predicted_share);
+        line(out, &format!("  promised by the fit for {name}: {share}"));
+    }
+}
+
+fn metric(shrink: &Shrink) -> String {
+    let (name, unit) = words::metric(&shrink.metric);
+    let [before, after, floor] = words::aligned([shrink.before, shrink.after, shrink.floor]);
+    let share = if at_floor(shrink) {
+        "  no gap".to_owned()
+    } else {
+        format!("{:>8}  {}", words::share(shrink.share_explained), words::shares(shrink.interval90))
+    };
+    format!("  {name:<24} {before:>9} {after:>9} {floor:>9} {unit:<11} {share}")
+}
+
+fn next(out: &mut String, diagnosis: &Diagnosis) {
+    if diagnosis.next_manoeuvre.is_empty() {
+        return;
+    }
+    title(out, "What to drive next");
+    for run in &diagnosis.next_manoeuvre {
+        let [a, b] = run.separates.each_ref().map(|id| words::effect(id));
+        let factor = words::fixed(run.expected_log_bayes_factor, 1);
+        let time = words::duration(run.secs_needed);
+        wrap(out, &format!("{}: tells {a} from {b}, log Bayes factor {factor}, {time} needed", run.name), "  ");
+    }
+}
+
+fn title(out: &mut String, words: &str) {
+    out.push('\n');
+    line(out, words);
+}
+
+/// Writes a line without control characters; spaces that hold figures together are plain ones in a terminal.
+fn line(out: &mut String, words: &str) {
+    let words: String = words.chars().map(clean).collect();
+    let _ = writeln!(out, "{}", words.trim_end());
+}
+
+fn clean(c: char) -> char {
+    match c {
+        '\u{a0}' => ' ',
+        '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{200e}' | '\u{200f}' => '\u{fffd}',
+        c if c.is_control() => '\u{fffd}',
+        c => c,
+    }
+}
+
+/// Writes words on lines of at most [`WIDTH`] columns.
+fn wrap(out: &mut String, words: &str, indent: &str) {
+    let mut current = indent.to_owned();
+    for word in words.split([' ', '\n']) {
+        if current.chars().count() + word.chars().count() + 1 > WIDTH && current.trim() != "" {
+            line(out, &current);
+            current = format!("{indent}  ");
+        }
+        if !current.ends_with(' ') && !current.is_empty() {
+            current.push(' ');
+        }
+        current += word;
+    }
+    line(out, &current);
+}
