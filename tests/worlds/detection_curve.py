@@ -2,7 +2,7 @@
 
 Draws the cases, runs the diagnosis on them and writes a table and a figure. Needs numpy and the `gap-practice` command.
 
-    python tests/worlds/detection_curve.py --work DIR --seed 9001 --gap-practice target/release/gap-practice --figure docs/detection.svg
+    python tests/worlds/detection_curve.py --work DIR --seed 9001 --gap-practice target/release/gap-practice --figure docs/measurements/detection.svg
 """
 
 import argparse

@@ -7,7 +7,7 @@ use ds_evaluate::evaluation::Part;
 
 const EXAMPLES: &str = "Examples:
   dreamstream video eval --config configs/eval/shipped.toml --quick         minutes: see what comes out
-  dreamstream video eval --config configs/eval/shipped.toml                 the figures of docs/video-eval.md
+  dreamstream video eval --config configs/eval/shipped.toml                 the figures of docs/measurements/video-model.md
   dreamstream video first-frame SCENARIO --prompt 'driving in snow' -o first.png
   dreamstream video eval --config configs/eval/shipped.toml --only drift    one part anew, the others as they were";
 
