@@ -27,6 +27,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("ds-score", 2),
     ("ds-fidelity", 2),
     ("ds-graph", 2),
+    ("ds-diagnosis", 2),
     ("ds-kernel", 2),
     ("ds-episode", 3),
     ("ds-dynamics", 3),

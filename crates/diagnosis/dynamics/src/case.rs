@@ -9,21 +9,21 @@ use ds_effect::{Channel, Insertion, Plant};
 
 use crate::drive::Drive;
 use crate::ego::{Actuated, Inputs, Instant, actuate};
-use crate::error::GapError;
 use crate::fit::{Columns, Model, Prior};
 use crate::floor;
 use crate::following::{self, FollowerRecord};
-use crate::meta::Meta;
 use crate::noise::Noise;
 use crate::scatter::{Scatter, scatter};
 use crate::settings::{HELD, HELD_SHARE, SHAPE_SHARE, SLIDING_SHARE};
 use crate::space::{Part, Space};
 use crate::windows::{BLOCKS, EGO, EgoRecord};
+use ds_diagnosis::CaseError;
+use ds_diagnosis::meta::VehicleMeta;
 
 /// A case, read and checked.
 pub struct Case {
     /// Its description.
-    pub meta: Meta,
+    pub meta: VehicleMeta,
     /// Its drives.
     pub drives: Vec<Drive>,
     /// Ego windows per drive.
@@ -43,8 +43,8 @@ impl Case {
     ///
     /// # Errors
     /// If a file is unreadable or makes no sense.
-    pub fn read(folder: &Path) -> Result<Self, GapError> {
-        let meta = Meta::read(folder)?;
+    pub fn read(folder: &Path) -> Result<Self, CaseError> {
+        let meta = VehicleMeta::read(folder)?;
         let drives: Vec<Drive> =
             meta.drives.iter().map(|entry| Drive::read(folder, entry)).collect::<Result<_, _>>()?;
         let warnings = crate::check::check(&drives, &meta)?;

@@ -13,10 +13,10 @@ use ds_effect::Channel;
 use crate::bootstrap::weights;
 use crate::case::{Case, PartModel};
 use crate::fit::{Model, point_loss};
-use crate::report::{Cell, Regime};
 use crate::settings::{CELL_SIZE, DISCOVERY_RATE, KAPPA};
 use crate::space::Part;
 use crate::windows;
+use ds_diagnosis::schema::{Cell, Regime};
 
 /// Mean loss of an effect-free world that the bootstrap is compared with.
 const CLEAN_LEVEL: f64 = 0.55;

@@ -3,9 +3,10 @@
 //!
 //! A relation that only a wrong unit or column can break is an error; one that a strong effect could break is a warning.
 
-use crate::drive::{Drive, STEP_SECS};
-use crate::error::GapError;
-use crate::meta::Meta;
+use crate::drive::Drive;
+use ds_diagnosis::CaseError;
+use ds_diagnosis::meta::VehicleMeta;
+use ds_diagnosis::table::STEP_SECS;
 
 /// Largest commanded road-wheel angle of any vehicle, rad.
 const LARGEST_STEER: f64 = 1.2;
@@ -21,7 +22,7 @@ const FASTEST: f64 = 120.0;
 ///
 /// # Errors
 /// If a log cannot be what its columns say.
-pub(crate) fn check(drives: &[Drive], meta: &Meta) -> Result<Vec<String>, GapError> {
+pub(crate) fn check(drives: &[Drive], meta: &VehicleMeta) -> Result<Vec<String>, CaseError> {
     let mut warnings = Vec::new();
     for drive in drives {
         ranges(drive, meta)?;
@@ -45,8 +46,8 @@ pub(crate) fn check(drives: &[Drive], meta: &Meta) -> Result<Vec<String>, GapErr
     Ok(warnings)
 }
 
-fn inconsistent(drive: &Drive, finding: String) -> GapError {
-    GapError::Inconsistent { finding, file: drive.file.clone() }
+fn inconsistent(drive: &Drive, finding: String) -> CaseError {
+    CaseError::Inconsistent { finding, file: drive.file.clone() }
 }
 
 fn largest(column: &[f64]) -> f64 {
@@ -59,7 +60,7 @@ fn typical(column: impl Iterator<Item = f64>) -> f64 {
     crate::bootstrap::quantile(&mut sizes, 0.9)
 }
 
-fn ranges(drive: &Drive, meta: &Meta) -> Result<(), GapError> {
+fn ranges(drive: &Drive, meta: &VehicleMeta) -> Result<(), CaseError> {
     let steer = largest(&drive.cmd_steer);
     if steer > LARGEST_STEER {
         return Err(inconsistent(drive, format!("cmd_steer reaches {steer:.1}, more than any road wheel: degrees?")));
@@ -85,18 +86,18 @@ fn ranges(drive: &Drive, meta: &Meta) -> Result<(), GapError> {
 }
 
 /// Returns the largest yaw rate of a vehicle of such a wheelbase, rad/s; models of cars turn faster than cars.
-fn fastest_turn(meta: &Meta) -> f64 {
+fn fastest_turn(meta: &VehicleMeta) -> f64 {
     let wheelbase_m = meta.nominal.lf + meta.nominal.lr;
     (LARGEST_TURN * USUAL_WHEELBASE_M / wheelbase_m).clamp(LARGEST_TURN, 10.0 * LARGEST_TURN)
 }
 
-fn frozen(drive: &Drive) -> Result<(), GapError> {
+fn frozen(drive: &Drive) -> Result<(), CaseError> {
     let moving = drive.speed().is_some_and(|v| typical(v.iter().copied()) > 1.0);
     for (name, column) in drive.columns() {
         let same = column.iter().all(|v| (v - column[0]).abs() < 1e-12);
         let command = name == "cmd_steer" || name == "cmd_accel";
         if same && (moving || !command) {
-            return Err(GapError::ZeroVariance { column: name.to_owned(), file: drive.file.clone() });
+            return Err(CaseError::ZeroVariance { column: name.to_owned(), file: drive.file.clone() });
         }
     }
     if drive.speed().is_none() {
@@ -106,7 +107,7 @@ fn frozen(drive: &Drive) -> Result<(), GapError> {
 }
 
 /// Position must move as fast as the speed says, and along the heading.
-fn motion(drive: &Drive) -> Result<(), GapError> {
+fn motion(drive: &Drive) -> Result<(), CaseError> {
     let (Some(x), Some(y)) = (&drive.x, &drive.y) else { return Ok(()) };
     let stride = 20;
     let mut pairs = Vec::new();
@@ -145,7 +146,7 @@ fn motion(drive: &Drive) -> Result<(), GapError> {
 }
 
 /// Heading must turn as the gyro says, and both as the steering says.
-fn turning(drive: &Drive, meta: &Meta, warnings: &mut Vec<String>) -> Result<(), GapError> {
+fn turning(drive: &Drive, meta: &VehicleMeta, warnings: &mut Vec<String>) -> Result<(), CaseError> {
     let base = meta.nominal.lf + meta.nominal.lr;
     let Some(speed) = drive.speed() else { return Ok(()) };
     let steered = |angles: &[f64]| -> Vec<f64> { angles.iter().zip(&speed).map(|(d, v)| v * d.tan() / base).collect() };
@@ -221,7 +222,7 @@ fn centred_turns(rate: &[f64], speed: &[f64]) -> Vec<f64> {
     centred(&curvature, speed).iter().zip(speed).map(|(c, v)| c * v).collect()
 }
 
-fn missing(drive: &Drive, meta: &Meta) -> Vec<&'static str> {
+fn missing(drive: &Drive, meta: &VehicleMeta) -> Vec<&'static str> {
     let there: Vec<&str> = drive.columns().iter().map(|c| c.0).collect();
     let all = ["x", "y", "yaw", "v", "yaw_rate", "ax", "ay", "steer_meas", "v_wheel"];
     let told = |name: &str| meta.channels_missing.iter().any(|m| m == name);

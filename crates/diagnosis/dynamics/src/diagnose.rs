@@ -6,21 +6,21 @@ use std::path::Path;
 use crate::case::{Case, PartModel};
 use crate::cells::cells;
 use crate::choice::{Candidate, Outcome, rank};
-use crate::error::GapError;
 use crate::fit::Fit;
 use crate::how_far::how_far;
 use crate::manoeuvre;
 use crate::remainder::{Left, describe, left};
-use crate::report::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, SCHEMA, Verdict};
 use crate::search::{Effort, without_drive};
 use crate::settings::{
-    DOUBT, GROUP_COSINE, GROUP_EVIDENCE, GROUP_SIZE, LOOSE_SHAPE, OWN_NUISANCE, SHAPE_ERROR, Thresholds, WEAK,
-    WIDTH_SHARE,
+    DOUBT, GROUP_COSINE, GROUP_EVIDENCE, LOOSE_SHAPE, OWN_NUISANCE, SHAPE_ERROR, Thresholds, WEAK, WIDTH_SHARE,
 };
 use crate::shapley::split;
 use crate::signature::{cosine, spread};
 use crate::space::{Part, SCATTER};
 use crate::windows::EGO;
+use ds_diagnosis::CaseError;
+use ds_diagnosis::schema::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, SCHEMA, Verdict};
+use ds_diagnosis::score::GROUP_SIZE;
 
 /// How to diagnose.
 #[derive(Debug, Clone, Default)]
@@ -35,7 +35,7 @@ pub struct Options {
 ///
 /// # Errors
 /// If the case cannot be read or makes no sense.
-pub fn diagnose(folder: &Path, options: &Options) -> Result<Diagnosis, GapError> {
+pub fn diagnose(folder: &Path, options: &Options) -> Result<Diagnosis, CaseError> {
     diagnose_with(folder, options, &Thresholds::default())
 }
 
@@ -43,7 +43,7 @@ pub fn diagnose(folder: &Path, options: &Options) -> Result<Diagnosis, GapError>
 ///
 /// # Errors
 /// If the case cannot be read or makes no sense.
-pub fn diagnose_with(folder: &Path, options: &Options, thresholds: &Thresholds) -> Result<Diagnosis, GapError> {
+pub fn diagnose_with(folder: &Path, options: &Options, thresholds: &Thresholds) -> Result<Diagnosis, CaseError> {
     let case = Case::read(folder)?;
     Ok(diagnose_case(&case, options, thresholds))
 }

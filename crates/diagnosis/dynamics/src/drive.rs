@@ -4,12 +4,10 @@
 
 use std::path::Path;
 
-use crate::error::GapError;
-use crate::meta::DriveEntry;
-use crate::table::Table;
+use ds_diagnosis::CaseError;
+use ds_diagnosis::meta::DriveEntry;
+use ds_diagnosis::table::{STEP_SECS, Table};
 
-/// Step of the common clock, s.
-pub const STEP_SECS: f64 = 0.05;
 /// Shortest drive that can be diagnosed, s.
 const SHORTEST_SECS: f64 = 6.0;
 /// Longest hole in the stamps that is bridged, s.
@@ -78,7 +76,7 @@ impl Drive {
     ///
     /// # Errors
     /// If a file is unreadable, a needed column is absent, stamps do not grow or the drive is too short.
-    pub fn read(case: &Path, entry: &DriveEntry) -> Result<Self, GapError> {
+    pub fn read(case: &Path, entry: &DriveEntry) -> Result<Self, CaseError> {
         let table = Table::read(&case.join(&entry.file))?;
         let t = stamps(&table)?;
         let start_secs = t[0];
@@ -175,24 +173,24 @@ fn copies(table: &Table, names: &[&str]) -> Vec<bool> {
     (0..table.rows()).map(|k| k > 0 && columns.len() > 1 && moving(k) && same(k)).collect()
 }
 
-fn stamps(table: &Table) -> Result<Vec<f64>, GapError> {
+fn stamps(table: &Table) -> Result<Vec<f64>, CaseError> {
     let file = || table.file().to_owned();
     if table.rows() == 0 {
-        return Err(GapError::TooShort { samples: 0, secs: 0.0, file: file() });
+        return Err(CaseError::TooShort { samples: 0, secs: 0.0, file: file() });
     }
     let t = table.required("t")?.to_vec();
     for (row, pair) in t.windows(2).enumerate() {
         let (before, t) = (pair[0], pair[1]);
         if t.is_nan() || before.is_nan() || t <= before {
-            return Err(GapError::TimeGoesBack { row: row + 2, t, before, file: file() });
+            return Err(CaseError::TimeGoesBack { row: row + 2, t, before, file: file() });
         }
         if t - before > LONGEST_HOLE_SECS {
-            return Err(GapError::TimeGap { secs: t - before, t: before, file: file() });
+            return Err(CaseError::TimeGap { secs: t - before, t: before, file: file() });
         }
     }
     let secs = t[t.len() - 1] - t[0];
     if secs < SHORTEST_SECS || t.len() < 60 {
-        return Err(GapError::TooShort { samples: t.len(), secs, file: file() });
+        return Err(CaseError::TooShort { samples: t.len(), secs, file: file() });
     }
     Ok(t)
 }
@@ -230,7 +228,7 @@ fn unwrap(yaw: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-fn followers(table: &Table) -> Result<Vec<FollowerLog>, GapError> {
+fn followers(table: &Table) -> Result<Vec<FollowerLog>, CaseError> {
     if table.rows() == 0 {
         return Ok(Vec::new());
     }
@@ -246,7 +244,7 @@ fn followers(table: &Table) -> Result<Vec<FollowerLog>, GapError> {
         let times: Vec<f64> = rows.iter().map(|&k| t[k]).collect();
         if let Some(row) = times.windows(2).position(|pair| pair[1] <= pair[0]) {
             let file = table.file().to_owned();
-            return Err(GapError::TimeGoesBack { row: row + 2, t: times[row + 1], before: times[row], file });
+            return Err(CaseError::TimeGoesBack { row: row + 2, t: times[row + 1], before: times[row], file });
         }
         let step_secs = 0.1;
         let samples = ((times[times.len() - 1] - times[0]) / step_secs + 1e-6).floor() as usize + 1;

@@ -3,16 +3,16 @@
 use std::path::Path;
 
 use crate::case::Case;
-use crate::error::GapError;
 use crate::how_far::how_far;
-use crate::report::{Corrected, Diagnosis, Shrink};
 use crate::space::{Part, Space};
+use ds_diagnosis::CaseError;
+use ds_diagnosis::schema::{Corrected, Diagnosis, Shrink};
 
 /// Returns the shrink on some drives of a case folder (all of them if none are named), as data `unseen`.
 ///
 /// # Errors
 /// If the case cannot be read or makes no sense.
-pub fn evaluate(diagnosis: &Diagnosis, folder: &Path, drives: &[usize]) -> Result<Vec<Shrink>, GapError> {
+pub fn evaluate(diagnosis: &Diagnosis, folder: &Path, drives: &[usize]) -> Result<Vec<Shrink>, CaseError> {
     let case = Case::read(folder)?;
     let all: Vec<usize> = (0..case.drives.len()).collect();
     let chosen: Vec<usize> =

@@ -9,8 +9,8 @@ use crate::bootstrap::{quantile, weights};
 use crate::case::Case;
 use crate::floor;
 use crate::following;
-use crate::report::Shrink;
 use crate::windows::{BLOCK, EGO, EgoRecord};
+use ds_diagnosis::schema::Shrink;
 
 /// Samples between starts of the five-second rollouts.
 const STRIDE: usize = 40;

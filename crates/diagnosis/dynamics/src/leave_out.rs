@@ -9,10 +9,10 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use crate::diagnose::{Options, diagnose_with};
-use crate::error::GapError;
-use crate::report::Diagnosis;
-use crate::score::{Label, confidence};
 use crate::settings::Thresholds;
+use ds_diagnosis::CaseError;
+use ds_diagnosis::schema::Diagnosis;
+use ds_diagnosis::score::{Label, confidence};
 
 /// Evidence by which a single effect must exceed the best that effect-free cases reach.
 const MARGIN: f64 = 1.5;
@@ -27,8 +27,8 @@ pub fn leave_one_out(
     root: &Path,
     labels: &BTreeMap<String, Label>,
     options: &Options,
-) -> Result<BTreeMap<String, (Thresholds, Diagnosis)>, GapError> {
-    let pass = |thresholds: &(dyn Fn(&str) -> Thresholds + Sync)| -> Result<BTreeMap<String, Diagnosis>, GapError> {
+) -> Result<BTreeMap<String, (Thresholds, Diagnosis)>, CaseError> {
+    let pass = |thresholds: &(dyn Fn(&str) -> Thresholds + Sync)| -> Result<BTreeMap<String, Diagnosis>, CaseError> {
         let names: Vec<&String> = labels.keys().collect();
         let run =
             |name: &&String| diagnose_with(&root.join(name), options, &thresholds(name)).map(|d| ((*name).clone(), d));

@@ -1,8 +1,8 @@
 //! Diagnoses the gap between a reference log and a nominal simulator: where it lies, which unmodelled effect of the
 //! library in `ds_effect` causes it, how far it shrinks once that effect is added.
 //!
-//! [`diagnose`] takes a case folder of the practice schema and returns a [`Diagnosis`]; [`evaluate`] applies one to
-//! drives it never saw; [`score_folder`] compares many with their labels. Method and limits: `docs/gap-diagnosis.md`.
+//! [`diagnose`] takes a case folder of the practice schema and returns a [`ds_diagnosis::Diagnosis`]; [`evaluate`] applies one
+//! to drives it never saw. Method and limits: `docs/gap-diagnosis.md`.
 
 pub mod bootstrap;
 pub mod case;
@@ -13,7 +13,6 @@ pub mod constancy;
 pub mod diagnose;
 pub mod drive;
 pub mod ego;
-mod error;
 pub mod evaluate;
 pub mod fit;
 pub mod floor;
@@ -22,13 +21,9 @@ pub mod how_far;
 pub mod isolability;
 pub mod leave_out;
 pub mod manoeuvre;
-pub mod meta;
 pub mod noise;
-mod null;
 pub mod remainder;
-pub mod report;
 pub mod scatter;
-pub mod score;
 pub mod search;
 pub mod settings;
 pub mod shapley;
@@ -37,13 +32,9 @@ pub mod size;
 pub mod smooth;
 pub mod space;
 pub mod synthetic;
-pub mod table;
 pub mod traces;
 pub mod windows;
 
 pub use diagnose::{Options, diagnose};
-pub use error::GapError;
 pub use evaluate::evaluate;
 pub use isolability::isolability;
-pub use report::{Diagnosis, Verdict};
-pub use score::{score, score_folder};

@@ -7,9 +7,9 @@ use ds_effect::Plant;
 
 use crate::ego::{FINE_SECS, Inputs, Saturation, Start, actuate, rollout};
 use crate::floor::EGO_FLOOR;
-use crate::report::Manoeuvre;
 use crate::settings::KAPPA;
 use crate::windows::{EGO, sense};
+use ds_diagnosis::schema::Manoeuvre;
 
 /// Seconds between compared samples.
 const SAMPLE_SECS: f64 = 0.25;

@@ -11,13 +11,13 @@ use ds_effect::Channel;
 use crate::bootstrap::quantile;
 use crate::case::{Case, PartModel};
 use crate::constancy::Trend;
-use crate::drive::STEP_SECS;
 use crate::fit::{Fit, point_loss};
-use crate::report::Remainder;
 use crate::settings::{
     ACCEPTED_SLACK, CLEAN_DRIVE_LOSS, CLEAN_GAP_LOSS, CLEAN_WINDOW_LOSS, EXPLAINED_SHARE, TREND_GAIN, TREND_WIDTH,
     UNKNOWN_WIDTH,
 };
+use ds_diagnosis::schema::Remainder;
+use ds_diagnosis::table::STEP_SECS;
 
 /// The remainder of one part.
 #[derive(Debug, Clone, Default)]

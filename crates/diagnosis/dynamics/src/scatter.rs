@@ -3,8 +3,9 @@
 //! Jitter moves a sample along the path by speed times error, never across it: the second differences of position along
 //! and across the heading have variances 6 (σ² + v² s²) and 6 σ². Repeats are exact copies of the sample before.
 
-use crate::drive::{Drive, STEP_SECS};
+use crate::drive::Drive;
 use crate::settings::{JITTER_SHARE, REPEAT_SURPRISE, SHAPE_ERROR};
+use ds_diagnosis::table::STEP_SECS;
 
 /// What was found in the scatter of some drives.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

@@ -94,8 +94,6 @@ pub const GROUP_COSINE: f64 = 0.95;
 pub const SAME_COSINE: f64 = 0.98;
 /// Evidence difference below which two effects form a group (specification, section 3.3).
 pub const GROUP_EVIDENCE: f64 = 3.0;
-/// Most members of a group that is worth reporting.
-pub const GROUP_SIZE: usize = 4;
 /// Mean point loss of a channel over a drive that effect-free worlds stay below; they reach 0.8 (followers' gap 1.2).
 pub const CLEAN_DRIVE_LOSS: f64 = 1.0;
 /// The same for the gap of followers, which wander more.
@@ -106,8 +104,6 @@ pub const CLEAN_WINDOW_LOSS: f64 = 7.0;
 pub const EXPLAINED_SHARE: f64 = 0.5;
 /// Width of the passage from known to unknown, in log units of the clean level.
 pub const UNKNOWN_WIDTH: f64 = 0.12;
-/// Size in floor units beyond which a score demands that an effect be found up to its group.
-pub const FAIR_SIZE: f64 = 2.0;
 /// False discovery rate over all cells.
 pub const DISCOVERY_RATE: f64 = 0.05;
 /// Draws of every bootstrap.

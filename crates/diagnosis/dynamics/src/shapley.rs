@@ -7,8 +7,8 @@ use crate::bootstrap::{quantile, weights};
 use crate::case::Case;
 use crate::choice::Outcome;
 use crate::how_far::{position_errors, share_of};
-use crate::report::EffectShare;
 use crate::search::refit;
+use ds_diagnosis::schema::EffectShare;
 
 /// Returns the share of each accepted effect of a part with a 90 % block-bootstrap interval, on some drives; empty
 /// unless there are several.

@@ -4,7 +4,7 @@
 
 use ds_effect::{Effect, Insertion, Parameter, Plant, Scale, library};
 
-use crate::meta::Nominal;
+use ds_diagnosis::meta::Nominal;
 
 /// Effects of the scatter of samples, which no mean shows; see `scatter`.
 pub const SCATTER: [&str; 2] = ["timestamp_jitter", "dropped_frames"];

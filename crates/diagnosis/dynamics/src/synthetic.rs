@@ -10,9 +10,9 @@ use ds_effect::Plant;
 use ds_space::Draws;
 
 use crate::ego::{FINE_SECS, Inputs, Saturation, Start, actuate, instant_at, rollout};
-use crate::error::GapError;
-use crate::meta::Nominal;
 use crate::windows::sense;
+use ds_diagnosis::CaseError;
+use ds_diagnosis::meta::{DriveEntry, Idm, Nominal, SINGLE_TRACK, Split, VehicleMeta};
 
 /// Rows of a drive, 35 s at 20 Hz.
 const ROWS: usize = 700;
@@ -23,15 +23,12 @@ const DESIRED: [f64; 4] = [14.0, 28.0, 18.0, 24.0];
 ///
 /// # Errors
 /// If the folder cannot be written.
-pub fn write_case(folder: &Path, seed: u64, edit: &dyn Fn(&mut Plant)) -> Result<(), GapError> {
-    let failed = |source| GapError::Write { path: folder.to_path_buf(), source };
-    std::fs::create_dir_all(folder).map_err(failed)?;
+pub fn write_case(folder: &Path, seed: u64, edit: &dyn Fn(&mut Plant)) -> Result<(), CaseError> {
+    let failed = |source| CaseError::Write { path: folder.to_path_buf(), source };
     let meta = meta();
-    std::fs::write(folder.join("meta.json"), &meta).map_err(failed)?;
-    let parsed: crate::meta::Meta =
-        serde_json::from_str(&meta).map_err(|source| GapError::Json { path: folder.join("meta.json"), source })?;
+    meta.write(folder)?;
     for (drive, desired) in DESIRED.into_iter().enumerate() {
-        let mut plant = usual(&parsed.nominal);
+        let mut plant = usual(&meta.nominal);
         edit(&mut plant);
         let noise =
             Noise { draws: Draws::from_seed(seed * 10 + drive as u64, "synthetic"), next: std::cell::Cell::new(0) };
@@ -46,24 +43,38 @@ pub fn write_case(folder: &Path, seed: u64, edit: &dyn Fn(&mut Plant)) -> Result
 /// Returns the nominal simulator of these cases.
 #[must_use]
 pub fn ordinary() -> Plant {
-    let parsed: crate::meta::Meta = serde_json::from_str(&meta()).expect("the description above is one");
-    parsed.nominal.plant()
+    meta().nominal.plant()
 }
 
-fn meta() -> String {
-    let drives: Vec<String> = (0..4)
-        .map(|k| {
-            format!(r#"{{"file":"drive_{k}.csv","agents":"agents_{k}.csv","agents_desired_speed":{}}}"#, DESIRED[k])
-        })
-        .collect();
-    format!(
-        r#"{{"case":"synthetic","drives":[{}],"nominal":{{"model":"linear_single_track","mass":1500.0,"yaw_inertia":2500.0,
-        "lf":1.3,"lr":1.45,"wheelbase":2.75,"cornering_stiffness_front":85000.0,"cornering_stiffness_rear":98000.0,
-        "steer_lag":0.07,"accel_lag":0.12,"rolling_decel":0.1,"drag_decel_per_v2":0.00025,"friction":1.0,
-        "idm":{{"headway":1.4,"min_gap":2.5,"max_accel":1.5,"comfort_decel":2.0,"exponent":4,"vehicle_length":4.6}}}},
-        "suggested_split":{{"fit":[0,1,2],"held_out":[3]}}}}"#,
-        drives.join(",")
-    )
+fn meta() -> VehicleMeta {
+    let drive = |(k, desired): (usize, f64)| DriveEntry {
+        file: format!("drive_{k}.csv"),
+        agents: Some(format!("agents_{k}.csv")),
+        agents_desired_speed: Some(desired),
+        ..DriveEntry::default()
+    };
+    VehicleMeta {
+        case: "synthetic".to_owned(),
+        suggested_split: Some(Split { fit: vec![0, 1, 2], held_out: vec![3] }),
+        ..VehicleMeta::new(
+            DESIRED.into_iter().enumerate().map(drive).collect(),
+            Nominal {
+                model: SINGLE_TRACK.to_owned(),
+                mass: 1500.0,
+                yaw_inertia: 2500.0,
+                lf: 1.3,
+                lr: 1.45,
+                cornering_stiffness_front: 85_000.0,
+                cornering_stiffness_rear: 98_000.0,
+                steer_lag: 0.07,
+                accel_lag: 0.12,
+                rolling_decel: 0.1,
+                drag_decel_per_v2: 0.00025,
+                friction: 1.0,
+                idm: Idm::default(),
+            },
+        )
+    }
 }
 
 /// The nominal simulator with the mismatch that every vehicle has.

@@ -7,14 +7,14 @@
 use ds_effect::{Channel, Plant};
 
 use crate::case::Case;
-use crate::drive::STEP_SECS;
 use crate::evaluate::vector;
 use crate::floor;
 use crate::following;
 use crate::noise::Noise;
-use crate::report::Corrected;
 use crate::space::{Part, Space};
 use crate::windows::{BLOCK, BLOCKS, EGO, EgoRecord};
+use ds_diagnosis::schema::Corrected;
+use ds_diagnosis::table::STEP_SECS;
 
 /// Name of the series of position errors after 2 s.
 pub const POSITION: &str = "position_2s";

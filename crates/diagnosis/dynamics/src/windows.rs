@@ -5,9 +5,10 @@
 
 use ds_effect::{Channel, Plant};
 
-use crate::drive::{Drive, STEP_SECS};
+use crate::drive::Drive;
 use crate::ego::{Actuated, FINE_SECS, Inputs, Instant, Saturation, Start, actuate, instant_at, rollout};
 use crate::smooth::{between, parabola};
+use ds_diagnosis::table::STEP_SECS;
 
 /// Ego channels, in the order of the residual vector.
 pub const EGO: usize = 9;

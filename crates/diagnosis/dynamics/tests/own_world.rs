@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use ds_diagnosis::score::{read_labels, score};
 use ds_dynamics::case::{Case, PartModel};
-use ds_dynamics::score::read_labels;
 use ds_dynamics::search::null_fit;
 use ds_dynamics::space::Part;
-use ds_dynamics::{Options, diagnose, score};
+use ds_dynamics::{Options, diagnose};
 use rayon::prelude::*;
 
 /// Spread from vehicle to vehicle that the practice README states.

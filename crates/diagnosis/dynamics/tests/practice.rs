@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use ds_dynamics::score::read_labels;
-use ds_dynamics::{Options, diagnose, score};
+use ds_diagnosis::score::{read_labels, score};
+use ds_dynamics::{Options, diagnose};
 use rayon::prelude::*;
 
 /// Verdicts that must be right, of twelve.

@@ -3,7 +3,8 @@
 
 use std::path::Path;
 
-use ds_dynamics::{Diagnosis, Options, Verdict, diagnose, synthetic};
+use ds_diagnosis::{Diagnosis, Verdict};
+use ds_dynamics::{Options, diagnose, synthetic};
 use ds_effect::find;
 
 fn diagnosed(seed: u64, injected: &[(&str, f64)], options: &Options) -> Diagnosis {

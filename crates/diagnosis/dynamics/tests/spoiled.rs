@@ -4,7 +4,8 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use ds_dynamics::{GapError, Options, Verdict, diagnose, synthetic};
+use ds_diagnosis::{CaseError, Verdict};
+use ds_dynamics::{Options, diagnose, synthetic};
 
 type Edit = fn(&mut Vec<Vec<String>>);
 
@@ -65,7 +66,7 @@ fn case_folder(folder: &Path) {
     synthetic::write_case(folder, 3, &|_| {}).expect("the case can be written");
 }
 
-fn name(error: &GapError) -> String {
+fn name(error: &CaseError) -> String {
     let text = format!("{error:?}");
     text.split([' ', '{', '(']).next().unwrap_or_default().to_owned()
 }

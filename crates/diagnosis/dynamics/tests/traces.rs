@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use ds_diagnosis::schema::{Corrected, CorrectedEffect};
 use ds_dynamics::case::Case;
-use ds_dynamics::report::{Corrected, CorrectedEffect};
 use ds_dynamics::traces::{POSITION, traces};
 
 fn case() -> Option<Case> {

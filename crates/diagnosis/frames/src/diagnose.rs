@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ds_dynamics::report::{Corrected, CorrectedEffect, Diagnosis, Finding, Verdict};
+use ds_diagnosis::schema::{Corrected, CorrectedEffect, Diagnosis, Finding, Verdict};
 
 use crate::case::FrameCase;
 use crate::error::SightError;

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use ds_dynamics::report::{Diagnosis, Shrink};
+use ds_diagnosis::schema::{Diagnosis, Shrink};
 
 use crate::case::FrameCase;
 use crate::dirt::Map;

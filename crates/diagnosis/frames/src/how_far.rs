@@ -4,7 +4,7 @@
 //! Nothing is fitted to these frames but the nuisance offset of each, which makes the twin: the nominal frame moved by
 //! that offset, with the noise of the case. Frames enter as they are, offsets included. Units grey levels.
 
-use ds_dynamics::report::Shrink;
+use ds_diagnosis::schema::Shrink;
 use ds_effect::picture::Picture;
 use ds_effect::{FrameChain, frame::Act};
 use ds_fidelity::{features::features, frechet};

@@ -2,7 +2,7 @@
 //! library is drawn as plain pictures, sent through both hypotheses, and half the squared difference is weighed by the
 //! noise of a usual case.
 
-use ds_dynamics::report::Manoeuvre;
+use ds_diagnosis::schema::Manoeuvre;
 use ds_effect::FrameChain;
 use ds_effect::frame::{FrameContext, LayoutBox, Pinhole};
 use ds_effect::picture::Picture;

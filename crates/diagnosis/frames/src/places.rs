@@ -3,7 +3,7 @@
 //! A tile counts where its mean square difference exceeds that of the twin by a quarter of (twin + 1 level²), a frame
 //! where some tile does so by half. The twin is the nominal frame at the nuisance offset, with what remains under the model.
 
-use ds_dynamics::report::{Cell, Regime};
+use ds_diagnosis::schema::{Cell, Regime};
 use ds_effect::FrameChain;
 
 use crate::loss::{Loss, TILES, tile};

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use ds_dynamics::report::Remainder;
+use ds_diagnosis::schema::Remainder;
 
 use crate::grain::Texture;
 use crate::search::Search;

@@ -3,7 +3,7 @@
 
 mod pair;
 
-use ds_dynamics::Verdict;
+use ds_diagnosis::Verdict;
 use ds_frames::{Nuisance, Options, diagnose};
 
 fn generated(folder: &std::path::Path, seed: u64, injected: &[(&str, &[f64])]) {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use ds_dynamics::Verdict;
+use ds_diagnosis::Verdict;
 use ds_frames::{Options, diagnose};
 
 #[test]

@@ -3,7 +3,7 @@
 
 mod pair;
 
-use ds_dynamics::{Diagnosis, Verdict};
+use ds_diagnosis::{Diagnosis, Verdict};
 use ds_frames::{Options, diagnose, evaluate};
 
 fn diagnosed(seed: u64, injected: &[(&str, &[f64])]) -> (Diagnosis, tempfile::TempDir) {

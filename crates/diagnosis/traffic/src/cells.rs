@@ -3,8 +3,8 @@
 
 use std::collections::BTreeMap;
 
+use ds_diagnosis::schema::{Cell, Regime};
 use ds_dynamics::fit::point_loss;
-use ds_dynamics::report::{Cell, Regime};
 use ds_dynamics::settings::{CELL_SIZE, DISCOVERY_RATE};
 use ds_effect::Channel;
 

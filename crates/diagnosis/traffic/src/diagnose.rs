@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use ds_diagnosis::schema::{Corrected, CorrectedEffect, Diagnosis, Finding, Remainder, Shrink, Verdict};
 use ds_dynamics::fit::{Model, Prior};
-use ds_dynamics::report::{Corrected, CorrectedEffect, Diagnosis, Finding, Remainder, Shrink, Verdict};
 
 use crate::case::Case;
 use crate::cells::cells;

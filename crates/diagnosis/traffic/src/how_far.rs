@@ -3,8 +3,8 @@
 //! Displacement at 1, 2, 3 and 5 s (root mean square, m), distance between the distributions of gaps after 5 s (mean
 //! distance of order statistics, m), speed and place across the lane; intervals by a bootstrap over agents.
 
+use ds_diagnosis::schema::Shrink;
 use ds_dynamics::bootstrap::quantile;
-use ds_dynamics::report::Shrink;
 use ds_space::Draws;
 
 use crate::model::Traffic;

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use ds_dynamics::Verdict;
+use ds_diagnosis::Verdict;
 use ds_effect::Setting;
 use ds_traffic::{Options, diagnose, is_traffic_case, synthetic};
 

@@ -13,7 +13,7 @@ use crate::error::LogError;
 use crate::mapping::Mapping;
 use crate::record::Record;
 use crate::stamps;
-use ds_dynamics::drive::STEP_SECS;
+use ds_diagnosis::table::STEP_SECS;
 
 /// Something that looks wrong.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]

@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
-use ds_dynamics::GapError;
+use ds_diagnosis::CaseError;
 
 /// A mapping or log that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
     /// A file cannot be read or written, or is larger than any log.
     #[error(transparent)]
-    Case(#[from] GapError),
+    Case(#[from] CaseError),
     /// The mapping is not such a file; the source names line and column.
     #[error("cannot understand mapping {path:?}")]
     Toml {

@@ -3,14 +3,13 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use serde_json::{Value, json};
-
 use crate::channel::CHANNELS;
 use crate::error::LogError;
 use crate::mapping::{Mapping, ModelKind, NominalModel};
 use crate::record::{Record, SHORTEST_SECS};
-use ds_dynamics::GapError;
-use ds_dynamics::drive::STEP_SECS;
+use ds_diagnosis::CaseError;
+use ds_diagnosis::meta::{DriveEntry, Idm, Nominal, SINGLE_TRACK, Split, VehicleMeta};
+use ds_diagnosis::table::STEP_SECS;
 
 /// Standard gravity, m/s².
 const GRAVITY: f64 = 9.81;
@@ -38,16 +37,15 @@ impl Mapping {
             let file = self.drive.first().map(|d| d.file.clone()).unwrap_or_default();
             return Err(LogError::Empty { secs: SHORTEST_SECS, file });
         }
-        std::fs::create_dir_all(out).map_err(|source| GapError::Write { path: out.to_path_buf(), source })?;
+        std::fs::create_dir_all(out).map_err(|source| CaseError::Write { path: out.to_path_buf(), source })?;
         let write = |name: &str, text: String| {
             let path = out.join(name);
-            std::fs::write(&path, text).map_err(|source| LogError::from(GapError::Write { path, source }))
+            std::fs::write(&path, text).map_err(|source| LogError::from(CaseError::Write { path, source }))
         };
         for (k, (record, _)) in drives.iter().enumerate() {
             write(&format!("drive_{k}.csv"), self.table(record))?;
         }
-        let text = serde_json::to_string_pretty(&self.meta(&drives)).unwrap_or_default();
-        write("meta.json", text)?;
+        self.meta(&drives).write(out)?;
         Ok(drives.into_iter().map(|(record, _)| record).collect())
     }
 
@@ -93,31 +91,35 @@ impl Mapping {
         text + "\n"
     }
 
-    fn meta(&self, drives: &[(Record, bool)]) -> Value {
+    fn meta(&self, drives: &[(Record, bool)]) -> VehicleMeta {
         let flagged = drives.iter().any(|(_, held)| *held);
         // without a choice of the user every fourth drive is kept back
         let held = |k: usize| if flagged { drives[k].1 } else { drives.len() > 1 && k % 4 == 3.min(drives.len() - 1) };
         let (held_out, fit): (Vec<usize>, Vec<usize>) = (0..drives.len()).partition(|k| held(*k));
         let first = &drives[0].0;
         let there = |name: &str| first.channel(name).is_some() && self.independent(first, name);
-        let missing: Vec<_> = CHANNELS.iter().map(|c| c.name).filter(|name| !there(name)).collect();
-        let entry = |(k, (record, _)): (usize, &(Record, bool))| json!({ "file": format!("drive_{k}.csv"), "log": record.file, "from_secs": record.start_secs });
-        json!({
-            "case": self.log.name,
-            "rate_hz": 1.0 / STEP_SECS,
-            "drives": drives.iter().enumerate().map(entry).collect::<Vec<_>>(),
-            "channels_missing": missing,
-            "channels_derived": first.derived,
-            "nominal": self.nominal.entries(),
-            "suggested_split": { "fit": fit, "held_out": held_out },
-        })
+        let missing = CHANNELS.iter().map(|c| c.name).filter(|name| !there(name));
+        let entry = |(k, (record, _)): (usize, &(Record, bool))| DriveEntry {
+            file: format!("drive_{k}.csv"),
+            log: Some(record.file.clone()),
+            from_secs: Some(record.start_secs),
+            ..DriveEntry::default()
+        };
+        VehicleMeta {
+            case: self.log.name.clone(),
+            channels_missing: missing.map(str::to_owned).collect(),
+            channels_derived: first.derived.iter().map(|name| (*name).to_owned()).collect(),
+            rate_hz: Some(1.0 / STEP_SECS),
+            suggested_split: Some(Split { fit, held_out }),
+            ..VehicleMeta::new(drives.iter().enumerate().map(entry).collect(), self.nominal.entries())
+        }
     }
 }
 
 impl NominalModel {
     /// Returns the nominal simulator as `meta.json` writes it: the single track, its tyres so stiff that they do not slip
     /// where the model is kinematic.
-    fn entries(&self) -> Value {
+    fn entries(&self) -> Nominal {
         let (lf, lr) = self.arms_m();
         let load = |arm: f64| self.mass * GRAVITY * arm / (lf + lr);
         let (usual_front, usual_rear, friction) = match self.model {
@@ -127,19 +129,20 @@ impl NominalModel {
         let given = |stiffness: Option<f64>| stiffness.filter(|_| self.model != ModelKind::Kinematic);
         let front = given(self.cornering_stiffness_front).unwrap_or_else(|| (usual_front * load(lr)).min(STIFFEST));
         let rear = given(self.cornering_stiffness_rear).unwrap_or_else(|| (usual_rear * load(lf)).min(STIFFEST));
-        json!({
-            "model": "linear_single_track",
-            "mass": self.mass,
-            "yaw_inertia": self.yaw_inertia.unwrap_or(self.mass * lf * lr),
-            "lf": lf,
-            "lr": lr,
-            "cornering_stiffness_front": front,
-            "cornering_stiffness_rear": rear,
-            "steer_lag": self.steer_lag,
-            "accel_lag": self.accel_lag,
-            "rolling_decel": self.rolling_decel,
-            "drag_decel_per_v2": self.drag_decel_per_v2,
-            "friction": friction,
-        })
+        Nominal {
+            model: SINGLE_TRACK.to_owned(),
+            mass: self.mass,
+            yaw_inertia: self.yaw_inertia.unwrap_or(self.mass * lf * lr),
+            lf,
+            lr,
+            cornering_stiffness_front: front,
+            cornering_stiffness_rear: rear,
+            steer_lag: self.steer_lag,
+            accel_lag: self.accel_lag,
+            rolling_decel: self.rolling_decel,
+            drag_decel_per_v2: self.drag_decel_per_v2,
+            friction,
+            idm: Idm::default(),
+        }
     }
 }

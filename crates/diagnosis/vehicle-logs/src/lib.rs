@@ -1,7 +1,7 @@
 //! Logs of any vehicle as cases of the practice schema: a mapping file says which column is which channel.
 //!
 //! [`Mapping::read`] takes the TOML file, [`Mapping::check`] looks for what is wrong with mapping or log and says so in
-//! plain words with a proposed change, [`Mapping::case`] writes the folder that [`ds_dynamics::diagnose`] takes. Worked example:
+//! plain words with a proposed change, [`Mapping::case`] writes the folder that `ds_dynamics` takes. Worked example:
 //! `docs/gap-real-logs.md`.
 
 mod channel;

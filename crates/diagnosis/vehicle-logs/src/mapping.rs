@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use ds_dynamics::GapError;
+use ds_diagnosis::CaseError;
 use serde::Deserialize;
 
 use crate::channel::{self, CHANNELS, COMMANDS};
@@ -252,7 +252,7 @@ impl Mapping {
     /// If it is unreadable, no such file, or contradicts itself.
     pub fn read(path: &Path) -> Result<Self, LogError> {
         let text =
-            std::fs::read_to_string(path).map_err(|source| GapError::Read { path: path.to_path_buf(), source })?;
+            std::fs::read_to_string(path).map_err(|source| CaseError::Read { path: path.to_path_buf(), source })?;
         let mapping: Self = toml::from_str(&text)
             .map_err(|source| LogError::Toml { path: path.to_path_buf(), source: Box::new(source) })?;
         mapping.consistent()?;

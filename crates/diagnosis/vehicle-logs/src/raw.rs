@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 
-use ds_dynamics::GapError;
+use ds_diagnosis::CaseError;
 
 use crate::error::LogError;
 use crate::mapping::{Column, Header, Layout};
@@ -27,7 +27,7 @@ impl Sheet {
     /// # Errors
     /// If it cannot be read, is ragged or too long, or holds a cell in a wanted column that is no number.
     pub(crate) fn read(path: &Path, layout: &Layout, wanted: &[Column]) -> Result<Self, LogError> {
-        let failed = |source| GapError::Read { path: path.to_path_buf(), source };
+        let failed = |source| CaseError::Read { path: path.to_path_buf(), source };
         let file = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         let mut sheet = Self { file, names: Vec::new(), wanted: Vec::new(), columns: Vec::new() };
         let mut width = None;
@@ -63,7 +63,7 @@ impl Sheet {
             }
             sheet.push(&cells, number + 1)?;
             if sheet.rows() > MAX_ROWS {
-                return Err(GapError::TooLarge { what: "rows", limit: MAX_ROWS, file: sheet.file }.into());
+                return Err(CaseError::TooLarge { what: "rows", limit: MAX_ROWS, file: sheet.file }.into());
             }
         }
         Ok(sheet)

@@ -9,7 +9,7 @@ use crate::mapping::{BodyAxes, Column, DriveFile, Mapping, PoseAxes};
 use crate::raw::Sheet;
 use crate::resample::{held, measured, slope, unwrap};
 use crate::stamps::stretches;
-use ds_dynamics::drive::STEP_SECS;
+use ds_diagnosis::table::STEP_SECS;
 
 /// Shortest stretch that becomes a drive, s.
 pub(crate) const SHORTEST_SECS: f64 = 8.0;

@@ -4,7 +4,7 @@
 
 use std::path::PathBuf;
 
-use ds_dynamics::Diagnosis;
+use ds_diagnosis::Diagnosis;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1).map(PathBuf::from);

@@ -7,8 +7,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use ds_dynamics::report::Diagnosis;
-use ds_dynamics::table::Table;
+use ds_diagnosis::schema::Diagnosis;
+use ds_diagnosis::table::Table;
 use image::{ImageReader, Limits, Rgb, RgbImage, imageops};
 
 use super::embed;

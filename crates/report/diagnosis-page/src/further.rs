@@ -1,7 +1,7 @@
 //! What remains open: a remainder that no effect explains, effects that these data cannot tell apart, what to drive
 //! next, and the corrected simulator as it stands.
 
-use ds_dynamics::report::{Diagnosis, Remainder};
+use ds_diagnosis::schema::{Diagnosis, Remainder};
 
 use super::markup::Markup;
 use super::plot;

@@ -1,6 +1,6 @@
 //! What a diagnosis says in one sentence, and the top of the page that says it.
 
-use ds_dynamics::report::{Diagnosis, Finding, Shrink, Verdict};
+use ds_diagnosis::schema::{Diagnosis, Finding, Shrink, Verdict};
 use ds_effect::Channel;
 
 use super::markup::Markup;

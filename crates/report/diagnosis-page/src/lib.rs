@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use ds_dynamics::report::{Diagnosis, Verdict};
+use ds_diagnosis::schema::{Diagnosis, Verdict};
 use ds_page as markup;
 
 mod effects;

@@ -5,8 +5,8 @@
 
 use std::path::Path;
 
+use ds_diagnosis::schema::Diagnosis;
 use ds_dynamics::case::Case;
-use ds_dynamics::report::Diagnosis;
 use ds_dynamics::traces::{Traces, traces};
 
 use super::frames::{self, Strip};

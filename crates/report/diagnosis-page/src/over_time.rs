@@ -1,7 +1,7 @@
 //! Residuals over time on a drive: the position error after 2 s and the channels with the largest gap, nominal and
 //! corrected, over the noise floor; spans in which the gap is significant are shaded.
 
-use ds_dynamics::report::Diagnosis;
+use ds_diagnosis::schema::Diagnosis;
 use ds_dynamics::traces::{Moment, POSITION, Series, Traces};
 
 use super::markup::Markup;
@@ -170,7 +170,7 @@ fn spans(diagnosis: &Diagnosis, drive: usize, series: &Series) -> Vec<(String, [
     let own = |channel: &str| {
         if series.name == POSITION { ["dx", "dy"].contains(&channel) } else { channel == series.name }
     };
-    let whole = |c: &&ds_dynamics::report::Cell| {
+    let whole = |c: &&ds_diagnosis::schema::Cell| {
         let r = &c.regime;
         r.drive == drive
             && own(&c.channel)

@@ -5,7 +5,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ds_dynamics::report::{Cell, Diagnosis, Regime};
+use ds_diagnosis::schema::{Cell, Diagnosis, Regime};
 use ds_effect::Channel;
 
 use super::markup::Markup;

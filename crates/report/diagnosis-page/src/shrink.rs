@@ -1,7 +1,7 @@
 //! How far the gap shrinks: each metric before and after on one axis in units of its noise floor, with the share
 //! explained; and what the fit had promised against what came.
 
-use ds_dynamics::report::{Diagnosis, Shrink};
+use ds_diagnosis::schema::{Diagnosis, Shrink};
 
 use super::headline::{at_floor, predicted};
 use super::markup::Markup;

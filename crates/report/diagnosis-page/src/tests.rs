@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use ds_dynamics::report::{
+use ds_diagnosis::schema::{
     Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, Regime, Remainder, Shrink, Verdict,
 };
 

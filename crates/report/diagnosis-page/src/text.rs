@@ -4,7 +4,7 @@
 
 use std::fmt::Write as _;
 
-use ds_dynamics::report::{Diagnosis, Shrink};
+use ds_diagnosis::schema::{Diagnosis, Shrink};
 
 use super::effects::shown;
 use super::headline::{at_floor, data, has_estimate, predicted, sentence};

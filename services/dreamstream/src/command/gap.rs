@@ -13,7 +13,9 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
-use ds_dynamics::{Diagnosis, Options, Verdict, diagnose, evaluate, score_folder};
+use ds_diagnosis::score::score_folder;
+use ds_diagnosis::{Diagnosis, Verdict};
+use ds_dynamics::{Options, diagnose, evaluate};
 use ds_effect::Channel;
 use ds_vehicle_logs::Mapping;
 use indicatif::ProgressBar;
@@ -89,7 +91,7 @@ fn tables(case: &Path, nominal: Option<&Path>, out: &Path) -> Result<Vec<PathBuf
 
 /// Returns the corrected simulator of a diagnosis as a run's configuration.
 pub(crate) fn corrected(diagnosis: &Diagnosis) -> RunConfig {
-    let line = |effect: &ds_dynamics::report::CorrectedEffect| EffectLine {
+    let line = |effect: &ds_diagnosis::schema::CorrectedEffect| EffectLine {
         id: effect.id.clone(),
         values: effect.values.clone(),
     };

@@ -9,10 +9,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
+use ds_diagnosis::score::{Scores, confidence, read_labels, score};
+use ds_diagnosis::{CaseError, Diagnosis};
 use ds_dynamics::case::Case;
-use ds_dynamics::score::Scores;
 use ds_dynamics::size::{effect_size, twin_size};
-use ds_dynamics::{Diagnosis, GapError, Options, diagnose};
+use ds_dynamics::{Options, diagnose};
 use rayon::prelude::*;
 
 fn main() -> ExitCode {
@@ -47,19 +48,22 @@ fn main() -> ExitCode {
     if let (true, Some(out)) = (scoring, &out) {
         cases.retain(|c| c.file_name().is_some_and(|name| out.join(name).join("diagnosis.json").exists()));
     }
-    let results: Vec<(String, Result<Diagnosis, GapError>)> = cases
+    let results: Vec<(String, Result<Diagnosis, CaseError>)> = cases
         .par_iter()
         .map(|case| {
             let name = case.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
             let start = Instant::now();
             if scoring {
-                return (name.clone(), out.as_ref().map_or_else(|| diagnose(case, &options), |out| read(out, &name)));
+                return (
+                    name.clone(),
+                    out.as_ref().map_or_else(|| diagnose(case, &options), |out| Diagnosis::read(&out.join(&name))),
+                );
             }
             let result = diagnose(case, &options).and_then(|mut d| {
                 d.secs = start.elapsed().as_secs_f64();
                 unseen(&root, &name, &mut d)?;
                 if let Some(out) = &out {
-                    write(out, &name, &d)?;
+                    d.write(&out.join(&name))?;
                 }
                 Ok(d)
             });
@@ -77,7 +81,7 @@ fn main() -> ExitCode {
 }
 
 /// Adds the shrink on the drives that lie apart under `unseen`, if there are any.
-fn unseen(root: &Path, name: &str, diagnosis: &mut Diagnosis) -> Result<(), GapError> {
+fn unseen(root: &Path, name: &str, diagnosis: &mut Diagnosis) -> Result<(), CaseError> {
     let folder = root.join("unseen").join(name);
     if folder.join("meta.json").exists() {
         diagnosis.how_far.extend(ds_dynamics::evaluate(diagnosis, &folder, &[])?);
@@ -87,7 +91,7 @@ fn unseen(root: &Path, name: &str, diagnosis: &mut Diagnosis) -> Result<(), GapE
 
 /// Prints, per labelled case, what thresholds from the other cases make of it.
 fn left_out(root: &Path, options: &Options) -> ExitCode {
-    let found = ds_dynamics::score::read_labels(&root.join("labels.json"))
+    let found = read_labels(&root.join("labels.json"))
         .and_then(|labels| Ok((ds_dynamics::leave_out::leave_one_out(root, &labels, options)?, labels)));
     let (found, labels) = match found {
         Ok(found) => found,
@@ -99,7 +103,7 @@ fn left_out(root: &Path, options: &Options) -> ExitCode {
     println!("| case | truth | verdict | chosen | p | single gain | temperature |\n|---|---|---|---|---|---|---|");
     for (name, (thresholds, d)) in &found {
         let truth: Vec<&str> = labels[name].effects.iter().map(|e| e.id.as_str()).collect();
-        let (p, right) = ds_dynamics::score::confidence(d, &labels[name]);
+        let (p, right) = confidence(d, &labels[name]);
         println!(
             "| {name} | {} {} | {:?} | {} | {p:.2}{} | {:.1} | {} |",
             labels[name].kind,
@@ -111,13 +115,13 @@ fn left_out(root: &Path, options: &Options) -> ExitCode {
             thresholds.temperature
         );
     }
-    print_scores(&ds_dynamics::score(&found.into_iter().map(|(name, (_, d))| (name, d)).collect(), &labels));
+    print_scores(&score(&found.into_iter().map(|(name, (_, d))| (name, d)).collect(), &labels));
     ExitCode::SUCCESS
 }
 
 /// Prints the figures of all labelled cases.
-fn scores(results: &[(String, Result<Diagnosis, GapError>)], root: &Path) {
-    let Ok(labels) = ds_dynamics::score::read_labels(&root.join("labels.json")) else { return };
+fn scores(results: &[(String, Result<Diagnosis, CaseError>)], root: &Path) {
+    let Ok(labels) = read_labels(&root.join("labels.json")) else { return };
     let found = results.iter().filter_map(|(name, r)| r.as_ref().ok().map(|d| (name.clone(), d.clone()))).collect();
     let mut labels: BTreeMap<_, _> =
         labels.into_iter().filter(|(name, _)| results.iter().any(|(n, _)| n == name)).collect();
@@ -135,7 +139,7 @@ fn scores(results: &[(String, Result<Diagnosis, GapError>)], root: &Path) {
             label.effects.iter_mut().for_each(|e| e.floor_units = size);
         }
     }
-    print_scores(&ds_dynamics::score(&found, &labels));
+    print_scores(&score(&found, &labels));
 }
 
 fn print_scores(scores: &Scores) {
@@ -188,21 +192,4 @@ fn line(name: &str, d: &Diagnosis, label: &serde_json::Value) -> String {
         d.cells.len(),
         d.unknown_description.as_ref().map(|u| format!("\n    {}", u.text)).unwrap_or_default(),
     )
-}
-
-/// Reads back a diagnosis written earlier.
-fn read(out: &Path, name: &str) -> Result<Diagnosis, GapError> {
-    let path = out.join(name).join("diagnosis.json");
-    let text = std::fs::read_to_string(&path).map_err(|source| GapError::Read { path: path.clone(), source })?;
-    serde_json::from_str(&text).map_err(|source| GapError::Json { path, source })
-}
-
-fn write(out: &Path, name: &str, diagnosis: &Diagnosis) -> Result<(), GapError> {
-    let folder = out.join(name);
-    let path = folder.join("diagnosis.json");
-    let failed = |source| GapError::Write { path: path.clone(), source };
-    std::fs::create_dir_all(&folder).map_err(failed)?;
-    let text =
-        serde_json::to_string_pretty(diagnosis).map_err(|source| GapError::Json { path: path.clone(), source })?;
-    std::fs::write(&path, text).map_err(failed)
 }

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use ds_dynamics::score::Share;
-use ds_dynamics::{Diagnosis, Verdict};
+use ds_diagnosis::score::Share;
+use ds_diagnosis::{Diagnosis, Verdict};
 use ds_frames::{Nuisance, Options, SightError, diagnose, is_frame_case};
 use rayon::prelude::*;
 use serde_json::Value;
@@ -65,7 +65,7 @@ fn main() -> ExitCode {
                     counts.add(diagnosis, &labels[name]);
                 }
                 if let Some(out) = after("--out")
-                    && let Err(error) = write(Path::new(&out), name, diagnosis)
+                    && let Err(error) = diagnosis.write(&Path::new(&out).join(name))
                 {
                     println!("{name}: {error}");
                     return ExitCode::FAILURE;
@@ -215,14 +215,4 @@ fn line(name: &str, d: &Diagnosis, label: &Value) -> String {
         d.cells.len(),
         d.unknown_description.as_ref().map(|u| format!("\n    {}", u.text)).unwrap_or_default(),
     )
-}
-
-fn write(out: &Path, name: &str, diagnosis: &Diagnosis) -> Result<(), SightError> {
-    let folder = out.join(name);
-    let path = folder.join("diagnosis.json");
-    let failed = |source| SightError::Read { path: path.clone(), source };
-    std::fs::create_dir_all(&folder).map_err(failed)?;
-    let text =
-        serde_json::to_string_pretty(diagnosis).map_err(|source| SightError::Json { path: path.clone(), source })?;
-    std::fs::write(&path, text).map_err(failed)
 }

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ds_dynamics::report::{
+use ds_diagnosis::schema::{
     Cell, Corrected, CorrectedEffect, DetectionLimit, Diagnosis, Finding, Regime, Remainder, Verdict,
 };
 use ds_effect::frame::{Act, FrameEffect};

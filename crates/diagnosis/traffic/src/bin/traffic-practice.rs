@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use ds_dynamics::report::{Diagnosis, Verdict};
+use ds_diagnosis::schema::{Diagnosis, Verdict};
 use ds_effect::{Effect, Insertion, Parameter, Setting, library};
 use ds_space::Draws;
 use ds_traffic::{Options, diagnose, synthetic};
@@ -166,7 +166,7 @@ impl Score {
     }
 }
 
-fn tell(finding: &ds_dynamics::report::Finding) -> String {
+fn tell(finding: &ds_diagnosis::schema::Finding) -> String {
     let [low, high] = finding.interval90;
     format!(
         "{} {:.2} [{low:.2}, {high:.2}] p {:.2} g {:.1}",

@@ -3,7 +3,7 @@
 use super::{LogFinding, Relation, finding, near, relate};
 use crate::record::Record;
 use crate::resample::slope;
-use ds_dynamics::drive::STEP_SECS;
+use ds_diagnosis::table::STEP_SECS;
 
 /// Speed below which heading and course say nothing, as a share of the drive's typical speed.
 const SLOW: f64 = 0.25;

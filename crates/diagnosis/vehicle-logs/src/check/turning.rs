@@ -4,7 +4,7 @@ use super::motion::accelerometer;
 use super::{LogFinding, finding, near, relate};
 use crate::record::Record;
 use crate::resample::slope;
-use ds_dynamics::drive::STEP_SECS;
+use ds_diagnosis::table::STEP_SECS;
 
 /// Degrees per radian.
 const DEGREES: f64 = 57.3;

@@ -6,7 +6,8 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use clap::Parser;
-use ds_dynamics::{Diagnosis, Options, diagnose};
+use ds_diagnosis::Diagnosis;
+use ds_dynamics::{Options, diagnose};
 use ds_record::vehicle_log;
 use ds_run_report::bootstrap::{self, mean, mean_interval};
 use ds_run_report::{Interval, Results};
@@ -35,7 +36,7 @@ struct Closing {
 
 #[derive(Debug, Serialize)]
 struct Report {
-    verdict: ds_dynamics::Verdict,
+    verdict: ds_diagnosis::Verdict,
     chosen: Vec<String>,
     /// Share of `position_2s` that the fit promises, and what held-out logs show.
     predicted_share: f64,

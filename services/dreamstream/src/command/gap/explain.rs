@@ -6,9 +6,9 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use ds_dynamics::Diagnosis;
+use ds_diagnosis::Diagnosis;
+use ds_diagnosis::schema::Cell;
 use ds_dynamics::case::Case;
-use ds_dynamics::report::Cell;
 use ds_dynamics::traces::{Moment, Series, Traces, traces};
 use ds_record::view::explained::{self, Along, Curve, Explained};
 use ds_topic::GapCell;

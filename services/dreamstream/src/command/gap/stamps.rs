@@ -7,8 +7,8 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use ds_dynamics::report::{Cell, CorrectedEffect, Finding, Regime};
-use ds_dynamics::{Diagnosis, Verdict};
+use ds_diagnosis::schema::{Cell, CorrectedEffect, Finding, Regime};
+use ds_diagnosis::{Diagnosis, Verdict};
 use ds_record::vehicle_log::Planned;
 
 const ID: &str = "obs_latency";

@@ -15,7 +15,8 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use ds_bus::BusSession;
-use ds_dynamics::{Diagnosis, GapError, Options, diagnose};
+use ds_diagnosis::{CaseError, Diagnosis};
+use ds_dynamics::{Options, diagnose};
 use ds_process::section::ProcessSection;
 use ds_record::view::{self as pictures, LiveView};
 use ds_space::{EpisodeId, InstanceId};
@@ -106,7 +107,7 @@ async fn next(drive: &mut Option<Drive>) -> Option<Envelope> {
 struct Made {
     due: Due,
     against: Against,
-    result: Result<Diagnosis, GapError>,
+    result: Result<Diagnosis, CaseError>,
 }
 
 /// A drive that is watched.

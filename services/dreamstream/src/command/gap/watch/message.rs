@@ -1,7 +1,7 @@
 //! A diagnosis as a message of the bus.
 
-use ds_dynamics::Verdict;
-use ds_dynamics::report::{Cell, Diagnosis as Found, Finding};
+use ds_diagnosis::Verdict;
+use ds_diagnosis::schema::{Cell, Diagnosis as Found, Finding};
 use ds_space::{InstanceId, SimTime};
 use ds_topic::{DiagnosedEffect, Diagnosis, Envelope, GapCell, GapVerdict, Header, SCHEMA_VERSION, Slot, Topic};
 use ds_wire::Body;
@@ -112,8 +112,8 @@ mod tests {
             evidence_gain: 0.0,
             params: std::collections::BTreeMap::new(),
         };
-        let nowhere = ds_dynamics::report::Regime { drive: 0, ..ds_dynamics::report::Regime::default() };
-        let regime = ds_dynamics::report::Regime { speed: Some("high".to_owned()), tile: Some([1, 2]), ..nowhere };
+        let nowhere = ds_diagnosis::schema::Regime { drive: 0, ..ds_diagnosis::schema::Regime::default() };
+        let regime = ds_diagnosis::schema::Regime { speed: Some("high".to_owned()), tile: Some([1, 2]), ..nowhere };
         let cell = Cell { channel: "v".to_owned(), regime, effect_size: 2.0, q_value: 1.5, t: Vec::new() };
         let found = Found {
             verdict: Verdict::Single,

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 /// A case that cannot be read or makes no sense.
 #[derive(Debug, thiserror::Error)]
-pub enum GapError {
+pub enum CaseError {
     /// A file of the case cannot be read.
     #[error("cannot read {path:?}")]
     Read {
@@ -27,7 +27,7 @@ pub enum GapError {
         /// The file.
         path: PathBuf,
         /// Why.
-        source: serde_json::Error,
+        source: serde_path_to_error::Error<serde_json::Error>,
     },
     /// The nominal vehicle is not one that could drive.
     #[error("absurd nominal vehicle: {field} is {value:?}, expected {range}")]

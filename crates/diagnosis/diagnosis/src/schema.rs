@@ -4,11 +4,15 @@
 //! such a value is written as `null` and read back as NaN.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::null;
+use crate::error::CaseError;
+use crate::{json, null};
 
+/// The file in the folder of a diagnosis.
+pub const FILE: &str = "diagnosis.json";
 /// Version of the schema.
 pub const SCHEMA: u32 = 1;
 
@@ -78,6 +82,22 @@ pub struct Diagnosis {
 }
 
 impl Diagnosis {
+    /// Reads `diagnosis.json` of a folder.
+    ///
+    /// # Errors
+    /// If the file cannot be read or is no diagnosis.
+    pub fn read(folder: &Path) -> Result<Self, CaseError> {
+        json::read(&folder.join(FILE))
+    }
+
+    /// Writes `diagnosis.json` into a folder, which is made where it is not there.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<(), CaseError> {
+        json::write(self, &folder.join(FILE))
+    }
+
     /// Returns the diagnosis of a case in which nothing was found, to be filled in.
     #[must_use]
     pub fn blank(case: &str) -> Self {

@@ -5,9 +5,14 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::GapError;
-use crate::report::{Diagnosis, Verdict};
-use crate::settings::{FAIR_SIZE, GROUP_SIZE};
+use crate::error::CaseError;
+use crate::json;
+use crate::schema::{self, Diagnosis, Verdict};
+
+/// Most members of a group that is worth reporting.
+pub const GROUP_SIZE: usize = 4;
+/// Size in floor units beyond which a score demands that an effect be found up to its group.
+const FAIR_SIZE: f64 = 2.0;
 
 /// The truth about one case.
 #[derive(Debug, Clone, Deserialize)]
@@ -26,7 +31,7 @@ pub struct LabelEffect {
     pub id: String,
     /// Its value.
     pub value: f64,
-    /// Size in floor units, where it is known; see [`crate::size::effect_size`].
+    /// Size in floor units, where it is known.
     #[serde(default)]
     pub floor_units: Option<f64>,
     /// Effects that short logs can hardly separate share a group.
@@ -82,23 +87,21 @@ pub struct Scores {
 ///
 /// # Errors
 /// If the file cannot be read or understood.
-pub fn read_labels(path: &Path) -> Result<BTreeMap<String, Label>, GapError> {
-    let text = std::fs::read_to_string(path).map_err(|source| GapError::Read { path: path.to_path_buf(), source })?;
-    serde_json::from_str(&text).map_err(|source| GapError::Json { path: path.to_path_buf(), source })
+pub fn read_labels(path: &Path) -> Result<BTreeMap<String, Label>, CaseError> {
+    json::read(path)
 }
 
 /// Reads the diagnoses `DIR/<case>/diagnosis.json` of all labelled cases and scores them.
 ///
 /// # Errors
 /// If labels or a diagnosis cannot be understood.
-pub fn score_folder(folder: &Path, labels: &Path) -> Result<Scores, GapError> {
+pub fn score_folder(folder: &Path, labels: &Path) -> Result<Scores, CaseError> {
     let labels = read_labels(labels)?;
     let mut found = BTreeMap::new();
     for name in labels.keys() {
-        let path = folder.join(name).join("diagnosis.json");
-        if let Ok(text) = std::fs::read_to_string(&path) {
-            let diagnosis = serde_json::from_str(&text).map_err(|source| GapError::Json { path, source })?;
-            found.insert(name.clone(), diagnosis);
+        let path = folder.join(name).join(schema::FILE);
+        if path.exists() {
+            found.insert(name.clone(), json::read(&path)?);
         }
     }
     Ok(score(&found, &labels))
@@ -155,10 +158,20 @@ pub fn score(diagnoses: &BTreeMap<String, Diagnosis>, labels: &BTreeMap<String, 
     scores.brier =
         sure.iter().map(|(p, right)| (p - f64::from(u8::from(*right))).powi(2)).sum::<f64>() / sure.len().max(1) as f64;
     scores.calibration_error = calibration(&mut sure);
-    scores.relative_error = crate::bootstrap::quantile(&mut relative, 0.5);
-    scores.share_error = crate::bootstrap::quantile(&mut shares, 0.5);
+    scores.relative_error = median(&mut relative);
+    scores.share_error = median(&mut shares);
     scores.shares = counts.into_iter().map(|(name, (hits, of))| (name, Some(Share::new(hits, of)))).collect();
     scores
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    values.sort_by(f64::total_cmp);
+    let middle = 0.5 * (values.len() - 1) as f64;
+    let (low, high) = (values[middle as usize], values[middle.ceil() as usize]);
+    low + middle.fract() * (high - low)
 }
 
 fn verdict(d: &Diagnosis) -> &'static str {

@@ -4,8 +4,10 @@ use std::fs::File;
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::Path;
 
-use crate::error::GapError;
+use crate::error::CaseError;
 
+/// Step of the common clock on which drives are diagnosed, s.
+pub const STEP_SECS: f64 = 0.05;
 /// Most rows a log may have: 2 h at 20 Hz.
 pub const MAX_ROWS: usize = 144_000;
 /// Most columns a log may have.
@@ -26,9 +28,9 @@ impl Table {
     ///
     /// # Errors
     /// If it cannot be read, is too large, ragged, or holds a cell that is neither empty nor a finite number.
-    pub fn read(path: &Path) -> Result<Self, GapError> {
+    pub fn read(path: &Path) -> Result<Self, CaseError> {
         let file = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let failed = |source| GapError::Read { path: path.to_path_buf(), source };
+        let failed = |source| CaseError::Read { path: path.to_path_buf(), source };
         let reader = BufReader::new(File::open(path).map_err(failed)?.take(MAX_BYTES as u64 + 1));
         let mut table = Self { file, ..Self::default() };
         let mut bytes = 0;
@@ -57,20 +59,20 @@ impl Table {
         Ok(table)
     }
 
-    fn too_large(&self, what: &'static str, limit: usize) -> GapError {
-        GapError::TooLarge { what, limit, file: self.file.clone() }
+    fn too_large(&self, what: &'static str, limit: usize) -> CaseError {
+        CaseError::TooLarge { what, limit, file: self.file.clone() }
     }
 
-    fn push(&mut self, row: usize, line: &str) -> Result<(), GapError> {
+    fn push(&mut self, row: usize, line: &str) -> Result<(), CaseError> {
         let cells = line.split(',').count();
         if cells != self.names.len() {
-            return Err(GapError::RaggedRow { row, cells, columns: self.names.len(), file: self.file.clone() });
+            return Err(CaseError::RaggedRow { row, cells, columns: self.names.len(), file: self.file.clone() });
         }
         for (cell, (name, column)) in line.split(',').zip(self.names.iter().zip(&mut self.columns)) {
             let text = cell.trim();
             let value =
                 if text.is_empty() { Some(f64::NAN) } else { text.parse().ok().filter(|v: &f64| v.is_finite()) };
-            column.push(value.ok_or_else(|| GapError::NotANumber {
+            column.push(value.ok_or_else(|| CaseError::NotANumber {
                 row,
                 column: name.clone(),
                 text: text.chars().take(24).collect(),
@@ -92,8 +94,8 @@ impl Table {
     ///
     /// # Errors
     /// If it is not.
-    pub fn required(&self, name: &'static str) -> Result<&[f64], GapError> {
-        self.column(name).ok_or_else(|| GapError::MissingColumn { column: name, file: self.file.clone() })
+    pub fn required(&self, name: &'static str) -> Result<&[f64], CaseError> {
+        self.column(name).ok_or_else(|| CaseError::MissingColumn { column: name, file: self.file.clone() })
     }
 
     /// Returns the number of rows.

@@ -31,7 +31,7 @@ pub(crate) fn table<'de, D: Deserializer<'de>>(from: D) -> Result<BTreeMap<Strin
 
 #[cfg(test)]
 mod tests {
-    use crate::report::{CorrectedEffect, Diagnosis, Finding, Manoeuvre};
+    use crate::schema::{CorrectedEffect, Diagnosis, Finding, Manoeuvre};
 
     #[test]
     fn what_is_not_finite_comes_back_as_no_number() {

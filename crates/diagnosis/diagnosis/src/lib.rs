@@ -1,0 +1,16 @@
+//! What all diagnosers of the gap share: the description of a case and its tables, the diagnosis as a value and as JSON,
+//! and the scoring of many diagnoses against their labels.
+//!
+//! A diagnoser reads a case of its kind and returns a [`Diagnosis`]; which kind that is says [`meta`]. Nothing is
+//! diagnosed here. Schema and figures: `docs/gap-diagnosis.md`.
+
+mod error;
+pub mod json;
+pub mod meta;
+mod null;
+pub mod schema;
+pub mod score;
+pub mod table;
+
+pub use error::CaseError;
+pub use schema::{Diagnosis, Verdict};
