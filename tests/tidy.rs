@@ -29,6 +29,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("ds-graph", 2),
     ("ds-diagnosis", 2),
     ("ds-kernel", 2),
+    ("ds-import", 3),
     ("ds-episode", 3),
     ("ds-dynamics", 3),
     ("ds-run-report", 3),
@@ -73,7 +74,7 @@ const NAMED_ONLY_BY: &[(&str, &[&str])] = &[
     ("rerun", &["ds-record"]),
     ("glam", &["ds-space"]),
     ("redb", &["orchestrator"]),
-    ("rusqlite", &["ds-scenario"]),
+    ("rusqlite", &["ds-import"]),
     ("rand", &[]),
 ];
 

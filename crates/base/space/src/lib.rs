@@ -1,4 +1,4 @@
-//! Ids, ticks, simulation time, coordinate frames, poses, cameras, digests and counter-based random draws.
+//! Ids, ticks, simulation time, coordinate frames, poses, plane geometry, cameras, digests and counter-based random draws.
 //!
 //! Frames: `World` (x east, y north, z up, fixed per scenario), `Rig` (x forward, y left, z up, origin on
 //! the ground under the rear axle), `Camera` (x right, y down, z forward), `Image` (pixels, origin top left).
@@ -9,6 +9,7 @@ pub mod camera;
 pub mod digest;
 pub mod draw;
 pub mod id;
+pub mod plane;
 pub mod pose;
 pub mod time;
 

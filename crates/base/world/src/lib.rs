@@ -6,7 +6,6 @@ pub mod agent;
 pub mod condition;
 pub mod ego;
 pub mod map;
-pub mod polyline;
 pub mod reading;
 pub mod scene;
 pub mod state;
@@ -19,7 +18,6 @@ pub use map::{
     Crosswalk, Lane, LaneId, LaneKind, LightState, LineColour, LineKind, LineMarking, Map, Polygon, RoadEdge, StopLine,
     TrafficLight,
 };
-pub use polyline::{Polyline, Projection};
 pub use reading::Reading;
 pub use scene::{Family, Origin, Scene};
 pub use state::{Contact, ContactKind, WorldState};

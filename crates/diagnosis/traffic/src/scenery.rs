@@ -5,8 +5,9 @@
 
 use ds_effect::plant::{Agents, Chart};
 use ds_sim::{AgentPath, Placed, Ways, Zone};
+use ds_space::plane::Polyline;
 use ds_space::{DVec2, Tick};
-use ds_world::{AgentClass, LightState, Map, Polyline};
+use ds_world::{AgentClass, LightState, Map};
 
 use crate::case::{Agent, Case, Recording, Seen};
 

@@ -6,7 +6,8 @@ use ds_space::{CameraModel, DMat3, DQuat, DVec2, DVec3, Digest, DigestWriter, Po
 use ds_world::{AgentClass, EgoState, LaneKind, LightState, LineColour, LineKind, Map, Scene, Track};
 
 /// Rounds to `steps_per_unit`; never gives a negative zero.
-pub(crate) fn rounded(value: f64, steps_per_unit: f64) -> f64 {
+#[must_use]
+pub fn rounded(value: f64, steps_per_unit: f64) -> f64 {
     let steps = (value * steps_per_unit).round();
     if steps == 0.0 { 0.0 } else { steps / steps_per_unit }
 }

@@ -3,8 +3,9 @@
 //! Taken from map and world at the first frame and from the ego's motion up to the last one; distances in metres ahead
 //! of the rig. Nothing is read from pixels.
 
+use ds_space::plane::Polyline;
 use ds_space::{DVec2, PoseSe2, angle};
-use ds_world::{AgentClass, LaneKind, LightState, Map, Polyline, Scene, WorldState};
+use ds_world::{AgentClass, LaneKind, LightState, Map, Scene, WorldState};
 use serde::{Deserialize, Serialize};
 
 /// How far ahead things are told of.

@@ -30,8 +30,10 @@ impl fmt::Display for Place<'_> {
 
 /// What is wrong with a document, and where.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Fault {
+pub struct Fault {
+    /// The path inside the document.
     pub at: String,
+    /// What is wrong, with the value.
     pub problem: String,
 }
 

@@ -12,9 +12,9 @@ use crate::place::{FAR_M, Fault, Place};
 mod map;
 
 /// The most ticks that a log may have.
-pub(crate) const MAX_TICKS: usize = 20_000;
+pub const MAX_TICKS: usize = 20_000;
 /// The most track states (tracks × ticks) that a scene may have.
-pub(crate) const MAX_STATES: usize = 2_000_000;
+pub const MAX_STATES: usize = 2_000_000;
 const MAX_CAMERAS: usize = 16;
 const MAX_PIXELS: u32 = 8192;
 const MAX_SPEED_MPS: f64 = 150.0;

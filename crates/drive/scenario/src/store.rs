@@ -8,11 +8,12 @@ use std::fs::File;
 use std::io::{Read, Write as _};
 use std::path::{Path, PathBuf};
 
+use ds_space::plane;
 use ds_world::{LaneKind, Scene};
 
 use crate::document::Document;
 use crate::place::Fault;
-use crate::{area, compose, path, pretty, resolve};
+use crate::{compose, pretty, resolve};
 
 /// The largest scenario file that is read, in bytes.
 pub const MAX_FILE_BYTES: u64 = 64 << 20;
@@ -117,6 +118,14 @@ fn invalid(fault: Fault, path: &Path) -> ScenarioError {
     ScenarioError::Invalid { path: path.to_owned(), at: fault.at, problem: fault.problem }
 }
 
+/// Puts a scene of another origin through the checks of the format and returns it as its file would be loaded.
+///
+/// # Errors
+/// [`Fault`] names the first field that the format refuses.
+pub fn checked(scene: &Scene) -> Result<Scene, Fault> {
+    resolve::scene(&compose::document(scene))
+}
+
 /// Returns the text of a scene's file.
 ///
 /// # Errors
@@ -219,7 +228,8 @@ pub fn describe(scene: &Scene) -> String {
 }
 
 /// Returns what is odd about a valid scene.
-pub(crate) fn warnings(scene: &Scene) -> Vec<Warning> {
+#[must_use]
+pub fn warnings(scene: &Scene) -> Vec<Warning> {
     let mut warnings = Vec::new();
     let mut warn = |at: &str, message: String| warnings.push(Warning { at: at.to_owned(), message });
     if scene.origin.licence.is_empty() {
@@ -230,12 +240,12 @@ pub(crate) fn warnings(scene: &Scene) -> Vec<Warning> {
     }
     let start = scene.ego_log[0].pose.position;
     if let Some(off_m) =
-        path::Path::new(&scene.route).map(|route| route.nearest(start).left_m.abs()).filter(|off_m| *off_m > 3.0)
+        plane::Path::new(&scene.route).map(|route| route.nearest(start).left_m.abs()).filter(|off_m| *off_m > 3.0)
     {
         warn("route_m", format!("passes {off_m:.2} m beside the start of the log"));
     }
     let outside = |state: &&ds_world::EgoState| {
-        !scene.map.drivable.iter().any(|polygon| area::holds(polygon, state.pose.position))
+        !scene.map.drivable.iter().any(|polygon| plane::polygon::holds(polygon, state.pose.position))
     };
     let count = scene.ego_log.iter().filter(outside).count();
     if count > 0 {

@@ -5,11 +5,11 @@
 
 use std::collections::BTreeMap;
 
-use ds_score::geometry::corridor;
 use ds_score::{
     DrivingScore, Footprint, LoopEgo, LoopLane, LoopObject, LoopScene, LoopScore, LoopState, Profile, TERMS,
     closed_loop, window_share,
 };
+use ds_space::plane::corridor;
 use ds_space::{DVec2, Draws, PoseSe2};
 use serde::Deserialize;
 use serde_json::{Value, json};

@@ -1,8 +1,8 @@
 //! `collision_type/1`: pairs of an ego (rear axle, speed along its heading) and an object → the kind of collision.
 
-use ds_score::geometry::OrientedBox;
 use ds_score::{CollisionType, Footprint, ObjectClass};
 use ds_space::PoseSe2;
+use ds_space::plane::OrientedBox;
 use serde::Deserialize;
 use serde_json::{Value, json};
 

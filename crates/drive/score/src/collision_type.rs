@@ -1,9 +1,9 @@
 //! What kind of collision a touch is (PDM `scoring/pdm_scorer_utils.py:12-64`, NUP `idm/utils.py:20-52,191-202`).
 
 use ds_space::DVec2;
+use ds_space::plane::OrientedBox;
 
 use crate::constants::navsim::{AHEAD_DEG, BEHIND_DEG, STOPPED_MPS};
-use crate::geometry::OrientedBox;
 
 /// The kinds of collision, in the order in which they are tested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

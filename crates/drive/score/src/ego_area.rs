@@ -4,9 +4,9 @@
 //! off-road and off-route lanes count too.
 
 use crate::constants::horizon::STATES;
-use crate::geometry::OrientedBox;
 use crate::proposal::Footsteps;
 use crate::scene::{AreaIndex, AreaKind};
+use ds_space::plane::OrientedBox;
 
 /// One flag per step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

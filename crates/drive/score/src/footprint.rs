@@ -1,11 +1,11 @@
 //! The ego's rectangle: its size and where the rear axle lies in it.
 
+use ds_space::plane::OrientedBox;
 use ds_space::{DVec2, PoseSe2};
 use ds_world::VehicleParameters;
 
 use crate::constants::navsim_car;
 use crate::error::{ScoreError, finite, sized};
-use crate::geometry::OrientedBox;
 
 /// Size of the ego and the place of its rear axle.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -6,7 +6,6 @@
 
 pub mod comfort;
 pub mod constants;
-pub mod geometry;
 
 mod closed_loop;
 mod collision_type;

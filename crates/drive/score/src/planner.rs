@@ -8,6 +8,7 @@
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
+use ds_space::plane::{Line, OrientedBox};
 use ds_space::{DVec2, PoseSe2};
 
 use crate::constants::horizon::{DT_S, STATES, STEPS};
@@ -17,7 +18,6 @@ use crate::constants::planner::{
 };
 use crate::epdms::{Measured, measure};
 use crate::error::ScoreError;
-use crate::geometry::{Line, OrientedBox};
 use crate::metric::ego_progress;
 use crate::motion::Plan;
 use crate::proposal::Memory;

@@ -1,13 +1,13 @@
 //! An executed plan as the metrics look at it: boxes, speeds and areas per step, and memory that is reused.
 
 use ds_space::DVec2;
+use ds_space::plane::{Bounds, OrientedBox};
 
 use crate::comfort::ComfortSeries;
 use crate::constants::horizon::{DT_S, STATES};
 use crate::constants::navsim::TTC_AHEAD;
 use crate::ego_area::LaneMarks;
 use crate::footprint::Footprint;
-use crate::geometry::{Bounds, OrientedBox};
 use crate::motion::{Executed, VehicleState};
 use crate::scene::{Traffic, TrafficAgent};
 

@@ -6,10 +6,11 @@
 use std::f64::consts::TAU;
 
 use ds_raster::shape;
+use ds_space::plane::Polyline;
 use ds_space::{CameraId, CameraModel, DVec2, DVec3, DigestWriter, Draws, Intrinsics, PoseSe2, SimTime, angle};
 use ds_world::{
     AgentClass, Crosswalk, EgoState, Lane, LaneKind, LightState, LineColour, LineKind, LineMarking, Map, Origin,
-    Polyline, RoadEdge, Scene, Size, StopLine, Track, TrackPoint, TrafficLight, VehicleParameters,
+    RoadEdge, Scene, Size, StopLine, Track, TrackPoint, TrafficLight, VehicleParameters,
 };
 
 const TICKS: u32 = 151;

@@ -4,8 +4,9 @@
 //! highest logged speed within 20 m of it, at least 3 m/s. Agents that hardly move have no path.
 
 use ds_space::angle::{turn, wrap};
+use ds_space::plane::Polyline;
 use ds_space::{DVec2, PoseSe2, Tick};
-use ds_world::{AgentClass, Polyline, Track, TrackPoint};
+use ds_world::{AgentClass, Track, TrackPoint};
 
 use crate::lane_index::LaneIndex;
 

@@ -1,7 +1,8 @@
 //! Lane centre lines ready for look-up: which lane a vehicle is in, and the road ahead of it.
 
 use ds_space::DVec2;
-use ds_world::{Lane, LaneId, Map, Polyline};
+use ds_space::plane::Polyline;
+use ds_world::{Lane, LaneId, Map};
 
 /// A vehicle is in a lane if it is at most this far from its centre line and heads within 45° of it.
 const MAX_OFFSET_M: f64 = 2.5;

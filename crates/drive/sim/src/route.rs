@@ -2,8 +2,9 @@
 //!
 //! Left or right if the route's direction turns by more than 0.5 rad in that stretch, the larger turn deciding.
 
+use ds_space::plane::Polyline;
 use ds_space::{DVec2, angle};
-use ds_world::{Polyline, RouteCommand};
+use ds_world::RouteCommand;
 
 const BEHIND_M: f64 = 10.0;
 const AHEAD_M: f64 = 30.0;

@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use ds_effect::plant::{Clock, Plant, Sensors};
+use ds_space::plane::Polyline;
 use ds_space::{DVec2, Digest, SimTime, Tick};
-use ds_world::{EgoState, Polyline, Reading, RouteCommand, Scene, Trajectory, WorldState};
+use ds_world::{EgoState, Reading, RouteCommand, Scene, Trajectory, WorldState};
 
 use crate::dynamics::{Body, Chassis};
 use crate::error::{SimError, SnapshotError};

@@ -41,7 +41,7 @@ pub enum ClipsError {
     Scenario(#[from] ds_scenario::ScenarioError),
     /// A recorded drive is refused.
     #[error("a recorded drive is refused")]
-    Import(#[from] ds_scenario::ImportError),
+    Import(#[from] ds_import::ImportError),
     /// A clip cannot be made.
     #[error("clip {index} cannot be made: {reason}")]
     Clip {

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use ds_import::{Recorded, nuscenes, openscene};
 use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap};
 use ds_raster::RgbImage;
-use ds_scenario::import::{Recorded, nuscenes, openscene};
 use ds_scenario::{Facts, Warning};
 use ds_space::CameraModel;
 use ds_world::{Scene, WorldState};
@@ -27,7 +27,7 @@ pub fn scene_of(key: &ScenarioKey) -> Result<Scene, ClipsError> {
     match key {
         ScenarioKey::Generated { family, seed } => Ok(ds_scenario::generate(*family, *seed)),
         ScenarioKey::Abroad { seed } => Ok(ds_second_camera::roads::scene(*seed)),
-        ScenarioKey::File(path) => Ok(ds_scenario::import::open(path)?.0),
+        ScenarioKey::File(path) => Ok(ds_import::open(path)?.0),
         ScenarioKey::Photographed { .. } => Ok(recorded(key)?.scene),
     }
 }

@@ -197,13 +197,13 @@ fn keys(recipe: &Recipe, path: &Path) -> Result<Vec<ScenarioKey>, ClipsError> {
         ScenarioKey::Photographed { source, root: path.to_path_buf(), drive, maps }
     };
     match recipe.source {
-        Source::Nuscenes => Ok(ds_scenario::import::nuscenes::scenes(path)?.into_iter().map(photographed).collect()),
+        Source::Nuscenes => Ok(ds_import::nuscenes::scenes(path)?.into_iter().map(photographed).collect()),
         Source::Openscene => {
-            let logs = ds_scenario::import::openscene::logs(path)?;
+            let logs = ds_import::openscene::logs(path)?;
             Ok(logs.into_iter().map(|log| photographed(log.display().to_string())).collect())
         }
         _ => {
-            let files = ds_scenario::import::files(path).map_err(ClipsError::io("scenario folder", path))?;
+            let files = ds_import::files(path).map_err(ClipsError::io("scenario folder", path))?;
             Ok(files.into_iter().map(ScenarioKey::File).collect())
         }
     }

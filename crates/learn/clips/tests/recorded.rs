@@ -5,9 +5,9 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use ds_clips::{ClipSet, Plan, Progress, Recipe, outline, render};
+use ds_import::{nuscenes, openscene};
 use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap, colour};
 use ds_raster::{Encoding, RgbImage};
-use ds_scenario::import::{nuscenes, openscene};
 use ds_space::{DMat3, DQuat, DVec3, Tick};
 use ds_world::{AgentClass, LineKind};
 use serde_json::{Value, json};
@@ -292,7 +292,7 @@ fn mapped_openscene_folder(root: &Path) -> PathBuf {
     std::fs::write(&log, text).expect("writes");
     let map = root.join("maps/us-ma-boston/9.12.1817");
     std::fs::create_dir_all(&map).expect("makes");
-    let drawn = repository().join("crates/drive/scenario/tests/data/nuplan-map.gpkg");
+    let drawn = repository().join("crates/drive/import/tests/data/nuplan-map.gpkg");
     std::fs::copy(drawn, map.join("map.gpkg")).expect("the map is committed");
     log
 }
@@ -456,7 +456,7 @@ fn boxes_of_the_real_key_frame_lie_on_the_annotated_rectangles() {
 }
 
 /// Draws layouts over the photographs into an ignored folder, to look at.
-fn pictures(recorded: &ds_scenario::import::Recorded, out: &PathBuf) {
+fn pictures(recorded: &ds_import::Recorded, out: &PathBuf) {
     std::fs::create_dir_all(out).expect("makes");
     let (scene, world) = (&recorded.scene, recorded.scene.logged_world(Tick(0)));
     let map = StaticMap::new(&scene.map);

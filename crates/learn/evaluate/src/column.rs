@@ -6,7 +6,6 @@ use std::sync::Arc;
 use ds_camera::{Appearance, Condition, Lighting, PixelClass, RoadSurface, Weather};
 use ds_perception::world::{CameraWorld, SceneCamera};
 use ds_raster::RgbImage;
-use ds_scenario::import;
 use ds_second_camera::AbroadCamera;
 use ds_space::{CameraModel, Draws, Pose, Rig, World};
 use ds_world::{Scene, WorldState};
@@ -140,9 +139,9 @@ fn logged(config: &EvalConfig, progress: &mut dyn Progress) -> Result<Vec<(Arc<S
             progress.note(&format!("no logs at {}: the column real goes without them", path.display()));
             continue;
         }
-        for file in import::files(&path).map_err(AppraisalError::io("folder of logs", &path))? {
+        for file in ds_import::files(&path).map_err(AppraisalError::io("folder of logs", &path))? {
             let refuse = |error| AppraisalError::config("columns.real", format!("{}: {error}", file.display()));
-            let (scene, _) = import::open(&file).map_err(|error| refuse(error.to_string()))?;
+            let (scene, _) = ds_import::open(&file).map_err(|error| refuse(error.to_string()))?;
             scenes.push((Arc::new(scene), Appearance::DAY));
         }
     }

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
+use ds_import::Format;
 use ds_process::maker::chain;
-use ds_scenario::Format;
 use indicatif::ProgressBar;
 
 use crate::cli::{ImportArgs, ScenarioCommand};
@@ -88,7 +88,7 @@ pub(crate) fn import(args: &ImportArgs) -> Result<()> {
 fn import_one(args: &ImportArgs, path: &Path) -> Result<usize> {
     let spinner = ProgressBar::new_spinner();
     let mut refused = 0;
-    ds_scenario::import_path(args.format, path, args.maps.as_deref(), &args.out, &mut |imported| {
+    ds_import::import_path(args.format, path, args.maps.as_deref(), &args.out, &mut |imported| {
         spinner.tick();
         match &imported.outcome {
             Ok((written, warnings)) => {

@@ -1,10 +1,9 @@
 //! What makes a generated scenario plausible: nobody overlaps, the expert keeps to the road and within comfort bounds.
 
+use ds_space::plane::{oriented_box::overlap, polygon::holds};
 use ds_space::{DVec2, Tick};
 use ds_world::agent::corners;
 use ds_world::{AgentClass, Scene, Track};
-
-use crate::area::{holds, overlap};
 
 /// Bounds that every expert log keeps (the usual comfort bounds; accelerations, jerk, rates).
 pub(crate) const ACCELERATION_MPS2: (f64, f64) = (-4.05, 2.4);

@@ -1,6 +1,7 @@
 //! The families at junctions: crossing traffic with lights, an unprotected left turn, a roundabout.
 
 use ds_space::DVec2;
+use ds_space::plane::path::Path;
 use ds_world::LightState;
 
 use crate::family::dice::Dice;
@@ -8,7 +9,6 @@ use crate::family::junction::{Junction, Plan, Roundabout, junction, roundabout};
 use crate::family::roads::Section;
 use crate::family::stage::{Stage, Start, expert, strollers, vehicle, vehicle_size};
 use crate::family::traffic::{Driver, Hold, Until};
-use crate::path::Path;
 
 fn section(dice: &mut Dice, lanes: usize, limit_mps: f64) -> Section {
     Section {

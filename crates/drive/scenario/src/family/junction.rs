@@ -6,13 +6,13 @@
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
 
+use ds_space::plane::path::{bend, trace};
 use ds_space::{DVec2, PoseSe2};
 use ds_world::{Crosswalk, LaneId, LightState, RoadEdge, StopLine, TrafficLight};
 
 use crate::family::dice::Dice;
 use crate::family::roads::{Road, Roads, Section, drawn};
 use crate::family::stage::TICKS;
-use crate::path::{bend, trace};
 
 /// A junction: its arms (`None` where there is none) and the connectors between their lanes.
 #[derive(Debug)]

@@ -3,10 +3,9 @@
 //! Traffic keeps right: forward lanes lie right of the reference line, backward lanes left of it, index 0 innermost.
 //! Everything is painted as built: edge, divider and centre lines, road edges, drivable bands.
 
+use ds_space::plane::path::{Path, bend, thin};
 use ds_space::{DVec2, PoseSe2};
 use ds_world::{Lane, LaneId, LaneKind, LineColour, LineKind, LineMarking, Map, RoadEdge};
-
-use crate::path::{Path, bend, thin};
 
 /// How a road is laid out across.
 #[derive(Debug, Clone, Copy)]
@@ -191,5 +190,5 @@ impl Roads {
 
 /// Returns a reference line of (length, curvature) pieces that passes the origin along +x, `before_m` after its start.
 pub(crate) fn line(pieces: &[(f64, f64)], before_m: f64) -> Vec<DVec2> {
-    crate::path::trace(PoseSe2::new(-before_m, 0.0, 0.0), pieces)
+    ds_space::plane::path::trace(PoseSe2::new(-before_m, 0.0, 0.0), pieces)
 }

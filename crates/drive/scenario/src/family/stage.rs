@@ -1,12 +1,12 @@
 //! Sets the stage: a map, the expert and everyone else; lets them drive; turns the result into a scene.
 
+use ds_space::plane::path::{Path, thin};
 use ds_space::{CameraId, CameraModel, DVec2, DVec3, Digest, Intrinsics, PoseSe2, SimTime, angle};
 use ds_world::{AgentClass, EgoState, Map, Origin, RoadEdge, Scene, Size, Track, TrackPoint, VehicleParameters};
 
 use crate::family::dice::Dice;
 use crate::family::roads::Roads;
 use crate::family::traffic::{Driver, Hold, Manner, Motion, drive};
-use crate::path::{Path, thin};
 
 /// How many states a generated scenario has (15 s).
 pub(crate) const TICKS: u32 = 151;

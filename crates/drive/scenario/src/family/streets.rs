@@ -1,5 +1,6 @@
 //! The families that need one road only: a free curve, a braking lead, a cut-in, a pedestrian crossing, parked cars.
 
+use ds_space::plane::path::Path;
 use ds_space::{DVec2, PoseSe2};
 use ds_world::{AgentClass, Crosswalk, Size, StopLine};
 
@@ -9,7 +10,6 @@ use crate::family::stage::{
     Stage, Start, car_size, expert, standing, stream, strollers, vehicle, vehicle_size, walker,
 };
 use crate::family::traffic::{Hold, Until};
-use crate::path::Path;
 
 /// Metres of road behind the place where the expert starts.
 const BEHIND_M: f64 = 60.0;

@@ -4,10 +4,9 @@
 //! The rear axle is what runs along the path. All drivers step together, so that each reacts to the others; walkers
 //! and standing objects are given. Accelerations and jerks are bounded. SI units.
 
+use ds_space::plane::path::Path;
 use ds_space::{DVec2, PoseSe2, Tick};
 use ds_world::{AgentClass, LightState, Size, Track, TrackPoint, TrafficLight};
-
-use crate::path::Path;
 
 /// Until when a driver may not pass a stop.
 #[derive(Debug, Clone)]

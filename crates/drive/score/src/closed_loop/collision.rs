@@ -8,8 +8,8 @@ use super::tick::LoopObject;
 use crate::collision_type::CollisionType;
 use crate::constants::bridgesim::{BEHIND_M, STOPPED_MPS};
 use crate::constants::navsim::{self, STATIC_COLLISION};
-use crate::geometry::OrientedBox;
 use crate::scene::ObjectClass;
+use ds_space::plane::OrientedBox;
 
 /// Returns the box of an object.
 pub(crate) fn box_of(object: &LoopObject) -> OrientedBox {

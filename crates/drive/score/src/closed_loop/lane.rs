@@ -5,11 +5,11 @@
 
 use ds_space::DVec2;
 use ds_space::angle::turn;
+use ds_space::plane::IndexedPolygon;
 
 use super::tick::LoopLane;
 use crate::constants::bridgesim::{NO_SEGMENT_M, RESAMPLED_M, SLOW_MPS, STATIC_LINE_M};
 use crate::error::ScoreError;
-use crate::geometry::IndexedPolygon;
 
 /// A line resampled to segments longer than 1 m.
 #[derive(Debug, Clone)]

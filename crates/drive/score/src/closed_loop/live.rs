@@ -2,6 +2,7 @@
 //!
 //! Both feed the same states to the same functions, so that a re-score equals the live score bit for bit.
 
+use ds_space::plane::Line;
 use ds_space::{DVec2, Tick};
 use ds_world::{EgoState, Lane, LaneKind, LightState, Polygon, Scene, VehicleParameters, WorldState};
 
@@ -11,7 +12,6 @@ use super::{ClosedLoop, Ending};
 use crate::driving_score::{DrivingScore, LoopScore};
 use crate::error::ScoreError;
 use crate::footprint::Footprint;
-use crate::geometry::Line;
 use crate::motion::VehicleState;
 use crate::scene::GovernedLanes;
 use crate::scene::{expert_path, lies_along, route_line, surface_of};

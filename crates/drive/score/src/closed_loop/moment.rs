@@ -1,6 +1,7 @@
 //! One state as the terms look at it: the map indexed once, the ego's box, speed and areas.
 
 use ds_space::DVec2;
+use ds_space::plane::OrientedBox;
 
 use super::lane::IndexedLane;
 use super::profile::{EgoSize, Profile};
@@ -8,7 +9,6 @@ use super::tick::{LoopScene, LoopState};
 use crate::constants::bridgesim::{EGO_LENGTH_M, EGO_WIDTH_M};
 use crate::ego_area::{BoxAreas, LaneMarks};
 use crate::error::{ScoreError, finite};
-use crate::geometry::OrientedBox;
 use crate::scene::{AreaIndex, AreaKind, MapArea};
 
 /// What does not change during a drive, indexed.

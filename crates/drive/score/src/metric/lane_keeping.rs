@@ -6,8 +6,8 @@ use super::unless;
 use crate::constants::horizon::STATES;
 use crate::constants::navsim::{LANE_OFFSET_M, LANE_STEPS};
 use crate::ego_area::EgoAreas;
-use crate::geometry::Line;
 use crate::proposal::{Footsteps, Violation};
+use ds_space::plane::Line;
 
 /// Where the box's centre is relative to the centreline at each step, in metres.
 #[derive(Debug, Clone)]

@@ -8,9 +8,9 @@ use crate::collision_type::{is_ahead, is_behind};
 use crate::constants::horizon::DT_S;
 use crate::constants::navsim::{TTC_AHEAD, TTC_STOPPED_MPS};
 use crate::ego_area::EgoAreas;
-use crate::geometry::OrientedBox;
 use crate::proposal::{Footsteps, Violation};
 use crate::scene::{AreaIndex, TrafficAgent};
+use ds_space::plane::OrientedBox;
 
 /// Returns the score over the first `count` steps and the first violation.
 pub(crate) fn score<'a>(

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use ds_space::DVec2;
+use ds_space::plane::{Bounds, Grid, IndexedPolygon, Line};
 
 use super::input::{AgentTrack, AreaKind, MapArea, OpenLoopMap, OpenLoopScene, PastState, SceneNow};
 use super::traffic::Traffic;
@@ -12,7 +13,6 @@ use crate::constants::horizon::{STATES, V1_AGENT_STEPS};
 use crate::constants::navsim::MAP_RADIUS_M;
 use crate::error::{ScoreError, finite};
 use crate::footprint::Footprint;
-use crate::geometry::{Bounds, Grid, IndexedPolygon, Line};
 use crate::motion::{Executor, VehicleState};
 use crate::smoothing::unwrap;
 

@@ -4,11 +4,11 @@
 //! (PDM `observation/pdm_observation.py:287-295`).
 
 use ds_space::PoseSe2;
+use ds_space::plane::{Bounds, OrientedBox};
 
 use super::input::{AgentTrack, ObjectClass};
 use crate::constants::navsim::STOPPED_MPS;
 use crate::error::{ScoreError, finite, sized};
-use crate::geometry::{Bounds, OrientedBox};
 
 /// One agent over the horizon.
 #[derive(Debug, Clone)]

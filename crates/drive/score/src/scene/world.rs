@@ -3,6 +3,7 @@
 //! Lanes come first among the areas, in map order, so that a lane's index is its area's. Drivable surfaces stand for road
 //! blocks. The centreline is the scene's route, or the expert's path where there is none.
 
+use ds_space::plane::{Line, corridor};
 use ds_space::{DVec2, Tick};
 use ds_world::{EgoState, Lane, LaneKind, LightState, Polygon, Scene, Track};
 
@@ -11,7 +12,6 @@ use super::input::{AgentTrack, AreaKind, MapArea, MovingBox, OpenLoopMap, PastSt
 use crate::constants::horizon::DT_S;
 use crate::constants::strict::{LANE_WIDTH_M, ROUTE_OFFSET_M, ROUTE_SAMPLE_M, ROUTE_SHARE};
 use crate::footprint::Footprint;
-use crate::geometry::{Line, corridor};
 use crate::motion::VehicleState;
 
 /// How far back the past must reach, in seconds (`scoring.md` §4, HC).

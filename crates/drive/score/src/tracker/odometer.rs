@@ -3,7 +3,8 @@
 //! Each reading looks only at the route from 15 m before to 30 m after the last one.
 
 use ds_space::DVec2;
-use ds_world::{Polyline, Scene};
+use ds_space::plane::Polyline;
+use ds_world::Scene;
 
 const BEHIND_M: f64 = 15.0;
 const AHEAD_M: f64 = 30.0;

@@ -1,0 +1,26 @@
+//! Importers of other logs. Each reads untrusted files as data and ends in the same checks as our own format.
+//!
+//! One file per log format; [`import_path`] takes a file or a folder and writes one scenario file for each log. What
+//! takes scenarios and logs alike tells them apart by file or folder ([`files`], [`open`]).
+
+pub mod argoverse2;
+mod error;
+mod file;
+mod format;
+mod nuplan;
+pub mod nuscenes;
+pub mod openscene;
+mod pickle;
+mod recorded;
+pub mod scenarionet;
+mod scene;
+#[cfg(test)]
+mod tests;
+mod view;
+
+pub use error::ImportError;
+pub use file::MAX_FILE_BYTES;
+pub use format::{Format, Imported, files, import_path, open};
+pub use nuplan::{GeometryError, MapError};
+pub use pickle::PickleError;
+pub use recorded::Recorded;
