@@ -13,11 +13,16 @@ const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
 /// Returns a Python with all that a stage needs.
 fn stage_python() -> Option<PathBuf> {
     let python = python()?;
-    let needed = ["grpcio", "numpy", "pillow", "eclipse-zenoh", "protobuf"];
-    let stamp = python.with_file_name("stages-ready");
+    let needed = ["./clients/python[stage]", "pillow"];
+    let stamp = python.with_file_name("stage-extra-ready");
     if !stamp.exists() {
         let mut install = std::process::Command::new(&python);
-        let output = install.args(["-m", "pip", "install", "-q"]).args(needed).output().expect("pip runs");
+        let output = install
+            .args(["-m", "pip", "install", "-q"])
+            .args(needed)
+            .current_dir(workspace())
+            .output()
+            .expect("pip runs");
         if !output.status.success() {
             let why = String::from_utf8_lossy(&output.stderr).into_owned();
             assert!(std::env::var_os("DREAMSTREAM_REQUIRE_PYTHON").is_none(), "Python is required here: {why}");

@@ -13,7 +13,7 @@ import pathlib
 
 import numpy as np
 
-import stage
+from dreamstream import stage
 
 
 def wrap(angle):

@@ -18,7 +18,7 @@ import numpy as np
 from PIL import Image
 
 import camera_world
-import stage
+from dreamstream import stage
 
 GEOMETRY = ["mount_pitch", "mount_yaw", "mount_roll", "focal_error", "radial_distortion"]
 # Those that need no boxes, light or record of motion; of those left, all that a flat picture can show.

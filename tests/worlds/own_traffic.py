@@ -6,7 +6,7 @@ moves), looks for the nearest box ahead in its corridor, and brakes for it. Also
 
 import numpy as np
 
-import stage
+from dreamstream import stage
 
 LOG_REPLAY, BEHIND_EGO, ALL = 1, 2, 3
 DRIVERS = (1, 3)  # vehicles and cyclists

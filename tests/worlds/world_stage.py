@@ -16,7 +16,7 @@ import zlib
 import numpy as np
 
 import own_world
-import stage
+from dreamstream import stage
 from nominal_tracker import Tracker, route_command, wheel_base_that_turns, wrap
 from own_traffic import Traffic, contacts
 

@@ -2,8 +2,10 @@
 
 A stage joins the fleet over gRPC, is assigned roles of episodes, gathers the inputs that a work order makes due (pushed,
 or asked for), has its maker make the outputs, publishes them, and publishes the same again when the order is repeated.
-See docs/recipes/replace-a-stage.md. Needs eclipse-zenoh, grpcio and protobuf; messages come from the committed
-descriptor set, so that nothing has to be generated. It shares no code with the crates.
+See docs/recipes/replace-a-stage.md. An extra of the package, `pip install 'dreamstream[stage]'`; messages come from the
+descriptor set that the package carries, so that nothing has to be generated. It shares no code with the crates.
+
+    from dreamstream import stage
 
     class Maker:                                   # one per assignment
         def __init__(self, scene): ...             # the `Scene` message
@@ -12,22 +14,28 @@ descriptor set, so that nothing has to be generated. It shares no code with the 
     stage.serve("sim", Maker)
 """
 
+from __future__ import annotations
+
 import hashlib
 import json
 import logging
 import os
-import pathlib
 import queue
 import secrets
 import signal
 import threading
 import time
+from importlib import resources
+from typing import Any, Callable, Optional
 
-import grpc
 import zenoh
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
-SET = pathlib.Path(__file__).resolve().parents[2] / "crates/protocol/wire/src/generated/dreamstream.binpb"
+try:
+    import grpc
+except ImportError as error:
+    raise ImportError("a stage speaks gRPC: pip install 'dreamstream[stage]'") from error
+
 TOPICS = ["", "scene", "advance", "world", "ego", "layout", "frame", "cache", "plan", "score", "event"]
 PER_CAMERA = {"layout", "frame", "cache"}
 ROLES = ["", "sim", "layout", "video", "policy"]
@@ -39,7 +47,8 @@ _log = logging.getLogger("stage")
 
 def _messages():
     pool = descriptor_pool.DescriptorPool()
-    for file in descriptor_pb2.FileDescriptorSet.FromString(SET.read_bytes()).file:
+    data = (resources.files("dreamstream") / "_wire" / "dreamstream.binpb").read_bytes()
+    for file in descriptor_pb2.FileDescriptorSet.FromString(data).file:
         pool.Add(file)
     classes = message_factory.GetMessageClassesForFiles(["dreamstream/v1/%s.proto" % f for f in (
         "header", "advance", "world", "ego", "layout", "frame", "plan", "scene", "fleet")], pool)
@@ -360,8 +369,12 @@ class Stage:
         self.bus.close()
 
 
-def serve(role, make, *, slots=16, describe="python", orchestrator=None, router=None):
-    """Serves a role until SIGTERM. Where to join comes from the arguments or from the environment, as `--stage` sets it."""
+def serve(role: str, make: Callable[[Any], Any], *, slots: int = 16, describe: str = "python",
+          orchestrator: Optional[str] = None, router: Optional[str] = None) -> None:
+    """Serves a role (sim, layout, video or policy) until SIGTERM; `make` gives a maker for the `Scene` of an episode.
+
+    Where to join comes from the arguments or from the environment, as `--stage` sets it.
+    """
     logging.basicConfig(level=logging.WARNING)
     stage = Stage(role, make, slots=slots, describe=f"python {describe}",
                   orchestrator=orchestrator or os.environ.get("DREAMSTREAM_CONTROL_ORCHESTRATOR", "http://127.0.0.1:4710"),
