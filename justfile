@@ -20,3 +20,24 @@ python-test:
     python3 -m venv .venv && .venv/bin/pip install -q './clients/python[test]' && .venv/bin/pytest clients/python
 compose-smoke:
     OFFLINE=1 deploy/compose-smoke.sh
+# One wheel (command line and Python client) and one tarball, in target/packages.
+packages:
+    cargo build --locked
+    deploy/packages.sh
+packages-smoke:
+    deploy/packages-smoke.sh
+# The weights that `video eval` compares the shipped ones with: hours (docs/training.md).
+arms:
+    #!/usr/bin/env bash
+    set -euo pipefail
+    train() { cargo run --locked -- train "$@"; }
+    arms=configs/models/arms
+    mkdir -p $arms
+    for set in broad narrow diverse test; do cargo run --locked -- data render --config configs/data/$set.toml; done
+    train all --config configs/train/cpu_train.toml
+    for stage in prior teacher; do train ship --config configs/train/cpu_train.toml --of $stage --weights $arms/$stage.safetensors; done
+    for arm in no_guidance standard_cfg; do train trajectories --config configs/train/arms/$arm.toml; done
+    for arm in no_guidance standard_cfg clean_cache without_diverse; do
+        for stage in ode self-forcing; do train $stage --config configs/train/arms/$arm.toml; done
+        train ship --config configs/train/arms/$arm.toml --weights $arms/$arm.safetensors
+    done

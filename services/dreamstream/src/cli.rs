@@ -6,6 +6,8 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 use ds_import::Format;
 
+use crate::shipped;
+
 mod data;
 mod fleet;
 mod gap;
@@ -137,7 +139,7 @@ pub(crate) enum Align {
 #[derive(Debug, Args)]
 pub(crate) struct RunArgs {
     /// Scenario files, or folders of them.
-    #[arg(required = true, value_hint = ValueHint::AnyPath)]
+    #[arg(required = true, value_parser = shipped::parser(), value_hint = ValueHint::AnyPath)]
     pub scenarios: Vec<PathBuf>,
     /// The policy under test: camera, constant-velocity, lattice, route-follower, log-replay, or the name of an external
     /// one.
@@ -203,7 +205,7 @@ pub(crate) struct RunArgs {
     #[arg(long, default_value = "cpu", value_parser = ["auto", "cpu", "wgpu"])]
     pub layout_backend: String,
     /// Configuration of the video model; its weights lie beside it as .safetensors.
-    #[arg(long, default_value = "configs/models/cpu_train.toml", value_hint = ValueHint::FilePath)]
+    #[arg(long, default_value = "configs/models/cpu_train.toml", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub model: PathBuf,
     /// What computes the video model: cpu, the fast path of this project, or framework, the machine-learning framework's
     /// graph, several times slower and equal to 1e-4, or that graph on a graphics processor, in builds with that feature; a
@@ -211,7 +213,7 @@ pub(crate) struct RunArgs {
     #[arg(long, default_value = "cpu", value_parser = ["cpu", "framework", "vulkan", "cuda"])]
     pub video_backend: String,
     /// Weights of the camera policy.
-    #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_hint = ValueHint::FilePath)]
+    #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub policy_weights: PathBuf,
     /// Start the five services as processes of their own over Zenoh on loopback.
     #[arg(long)]
@@ -317,13 +319,13 @@ pub(crate) enum ScenarioCommand {
     /// List scenario files with their length, agents and map size.
     List {
         /// Files or folders.
-        #[arg(default_value = "scenarios/base", value_hint = ValueHint::AnyPath)]
+        #[arg(default_value = "scenarios/base", value_parser = shipped::parser(), value_hint = ValueHint::AnyPath)]
         paths: Vec<PathBuf>,
     },
     /// Describe one scenario.
     Show {
         /// The file.
-        #[arg(value_hint = ValueHint::FilePath)]
+        #[arg(value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
         path: PathBuf,
     },
     /// Generate scenarios of a family from seeds.
@@ -357,7 +359,7 @@ pub(crate) struct TrainArgs {
     ])]
     pub stage: String,
     /// The recipe: configs/train/cpu_train.toml for the video model, configs/train/policy.toml for the policy.
-    #[arg(long, value_hint = ValueHint::FilePath)]
+    #[arg(long, value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub config: Option<PathBuf>,
     /// Where `ship` writes the weights, instead of beside the model's configuration; what `unpack` takes apart.
     #[arg(long, value_hint = ValueHint::FilePath)]
@@ -413,13 +415,13 @@ pub(crate) struct ReplayArgs {
     #[arg(long, value_parser = ["sim-server", "layout-render", "vdm-worker", "policy-bridge"])]
     pub service: String,
     /// Configuration of the video model.
-    #[arg(long, default_value = "configs/models/cpu_train.toml", value_hint = ValueHint::FilePath)]
+    #[arg(long, default_value = "configs/models/cpu_train.toml", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub model: PathBuf,
     /// What computes the video model: the one that the recording was made with, cpu, framework, vulkan or cuda.
     #[arg(long, default_value = "cpu", value_parser = ["cpu", "framework", "vulkan", "cuda"])]
     pub video_backend: String,
     /// Weights of the camera policy.
-    #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_hint = ValueHint::FilePath)]
+    #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub policy_weights: PathBuf,
     /// Start from the committed cache or snapshot of this iteration instead of from the beginning.
     #[arg(long, default_value_t = 0)]
@@ -430,9 +432,9 @@ pub(crate) struct ReplayArgs {
 #[derive(Debug, Args)]
 pub(crate) struct BenchArgs {
     /// Scenario files to measure on.
-    #[arg(default_value = "scenarios/base", value_hint = ValueHint::AnyPath)]
+    #[arg(default_value = "scenarios/base", value_parser = shipped::parser(), value_hint = ValueHint::AnyPath)]
     pub scenarios: Vec<PathBuf>,
     /// Configuration of the video model.
-    #[arg(long, default_value = "configs/models/cpu_train.toml", value_hint = ValueHint::FilePath)]
+    #[arg(long, default_value = "configs/models/cpu_train.toml", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub model: PathBuf,
 }

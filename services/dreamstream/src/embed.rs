@@ -18,6 +18,7 @@ use policy_bridge::OutsideBus;
 use tokio::task::JoinSet;
 
 use crate::cli::RunArgs;
+use crate::shipped;
 
 /// How the fleet of one run is made up.
 #[derive(Debug, Clone)]
@@ -155,7 +156,7 @@ impl Fleet {
 pub(crate) async fn start(plan: &FleetPlan) -> Result<Fleet> {
     let video = Arc::new(vdm_worker::VideoStage::new(plan.model.clone(), None).with_backend(plan.video_backend));
     // Now, for a worker without a model would only be waited for.
-    video.model().context("the video model")?;
+    video.model().with_context(|| format!("the video model {}", shipped::describe(&plan.model)))?;
     let settings = BusSettings { drop_share: plan.drop_pushes, ..BusSettings::default() };
     let bus = BusSession::open(&settings).await.context("bus")?;
     let drain = Drain::new();

@@ -9,6 +9,7 @@ mod embed;
 mod live;
 mod pictures;
 mod plain;
+mod shipped;
 mod world;
 
 use std::process::ExitCode;

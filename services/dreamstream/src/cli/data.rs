@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueHint};
 
+use crate::shipped;
+
 const EXAMPLES: &str = "Examples:
   dreamstream data render --config configs/data/smoke.toml       seconds: see what comes out
   dreamstream data render --config configs/data/narrow.toml      the layout training set; Ctrl-C, same command: goes on
@@ -27,7 +29,7 @@ pub(crate) enum DataCommand {
 #[derive(Debug, Args)]
 pub(crate) struct DataRenderArgs {
     /// The recipe; `configs/data` holds those of the project, `docs/data.md` explains every key.
-    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    #[arg(long, value_name = "FILE", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub config: PathBuf,
     /// Where the clips go; the recipe's folder without it.
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]

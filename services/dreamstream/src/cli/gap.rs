@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand, ValueHint};
 
 use super::ControlArgs;
+use crate::shipped;
 
 /// Commands of `gap`.
 #[derive(Debug, Subcommand)]
@@ -56,7 +57,7 @@ pub(crate) struct DiagnoseArgs {
     pub(crate) quick: bool,
     /// Scenario files or folders that the vehicle logs were driven in: other road users and the map are diagnosed too, as
     /// `CASE-traffic`.
-    #[arg(long, value_hint = ValueHint::AnyPath)]
+    #[arg(long, value_parser = shipped::parser(), value_hint = ValueHint::AnyPath)]
     pub(crate) scenes: Vec<PathBuf>,
     /// A run of the nominal simulator on the same scenarios, with vehicle logs: its camera frames are compared with those
     /// of the logs wherever both cars are in the same place, as a case of its own.
@@ -109,7 +110,7 @@ pub(crate) struct GapScoreArgs {
 #[derive(Debug, Args)]
 pub(crate) struct GapImportArgs {
     /// The mapping: which column is which channel, in which unit, frame and sign; see docs/gap-real-logs.md.
-    #[arg(value_hint = ValueHint::FilePath)]
+    #[arg(value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub(crate) mapping: PathBuf,
     /// The folder of the logs.
     #[arg(value_hint = ValueHint::DirPath)]
@@ -155,7 +156,7 @@ pub(crate) struct CloseArgs {
     #[arg(value_hint = ValueHint::DirPath)]
     pub(crate) real: PathBuf,
     /// Scenarios of that run to keep from the fit and to drive again.
-    #[arg(required = true, value_hint = ValueHint::AnyPath)]
+    #[arg(required = true, value_parser = shipped::parser(), value_hint = ValueHint::AnyPath)]
     pub(crate) scenarios: Vec<PathBuf>,
     /// The policy that drove.
     #[arg(long, default_value = "camera")]
@@ -178,7 +179,7 @@ pub(crate) struct CloseArgs {
 #[derive(Debug, Args)]
 pub(crate) struct AttributeArgs {
     /// Scenario files, or folders of them.
-    #[arg(required = true, value_hint = ValueHint::AnyPath)]
+    #[arg(required = true, value_parser = shipped::parser(), value_hint = ValueHint::AnyPath)]
     pub(crate) scenarios: Vec<PathBuf>,
     /// The real world: a run configuration with its effects.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
 
+use crate::shipped;
+
 const EXAMPLES: &str = "Examples:
   dreamstream measure --model configs/models/wan2.1-fun-1.3b-control.toml --backend cuda --peak-tflops 790
   dreamstream measure --model configs/models/wan2.2-5b.toml --backend vulkan
@@ -17,7 +19,7 @@ build with --features cuda or --features vulkan, see docs/wan.md.";
 #[command(after_help = EXAMPLES)]
 pub(crate) struct MeasureArgs {
     /// Configuration of a published video model.
-    #[arg(long, default_value = "configs/models/wan-tiny.toml", value_hint = ValueHint::FilePath)]
+    #[arg(long, default_value = "configs/models/wan-tiny.toml", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub model: PathBuf,
     /// What computes.
     #[arg(long, default_value = "framework", value_parser = ["framework", "vulkan", "cuda"])]

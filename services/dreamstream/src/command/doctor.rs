@@ -6,6 +6,8 @@ use std::process::Command;
 use anyhow::Result;
 use ds_layout::{BackendChoice, Renderer};
 
+use crate::shipped;
+
 struct Finding {
     subject: &'static str,
     well: bool,
@@ -71,12 +73,13 @@ fn memory() -> Result<String, String> {
 }
 
 fn weights(path: &str) -> Result<String, String> {
-    let bytes = std::fs::metadata(path).map_err(|error| format!("{error}: {path:?}"))?.len();
-    Ok(format!("{:.1} MB in {path}", bytes as f64 * 1e-6))
+    let path = shipped::find(Path::new(path));
+    let bytes = std::fs::metadata(&path).map_err(|error| format!("{error}: {}", shipped::describe(&path)))?.len();
+    Ok(format!("{:.1} MB in {}", bytes as f64 * 1e-6, path.display()))
 }
 
 fn scenarios() -> Result<String, String> {
-    let found = ds_scenario::list(Path::new("scenarios/base")).map_err(|error| error.to_string())?;
+    let found = ds_scenario::list(&shipped::find(Path::new("scenarios/base"))).map_err(|error| error.to_string())?;
     if found.is_empty() { Err("none in scenarios/base".to_owned()) } else { Ok(format!("{} shipped", found.len())) }
 }
 

@@ -9,6 +9,7 @@ use indicatif::ProgressBar;
 
 use crate::cli::{ImportArgs, ScenarioCommand};
 use crate::command::{answer, complain};
+use crate::shipped;
 
 /// Runs a command of `scenario`.
 ///
@@ -47,7 +48,7 @@ pub(crate) fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
             ensure!(!found.is_empty(), "no *.scenario.json in {}", path.display());
             files.extend(found);
         } else {
-            ensure!(path.exists(), "no such file or folder: {}", path.display());
+            ensure!(path.exists(), "no such file or folder: {}", shipped::describe(path));
             files.push(path.clone());
         }
     }

@@ -12,6 +12,7 @@ use indicatif::ProgressBar;
 
 use crate::cli::TrainArgs;
 use crate::command::{answer, bar, stop_flag};
+use crate::shipped;
 
 const VIDEO_CONFIG: &str = "configs/train/cpu_train.toml";
 const POLICY_CONFIG: &str = "configs/train/policy.toml";
@@ -61,7 +62,7 @@ pub(crate) fn run(args: &TrainArgs) -> Result<()> {
     if args.stage == "policy" {
         return policy(args);
     }
-    let path = args.config.clone().unwrap_or_else(|| PathBuf::from(VIDEO_CONFIG));
+    let path = args.config.clone().unwrap_or_else(|| shipped::find(Path::new(VIDEO_CONFIG)));
     let mut config = TrainConfig::load(&path).with_context(|| format!("configuration {}", path.display()))?;
     if let Some(backend) = &args.backend {
         config.backend = backend.parse().map_err(anyhow::Error::msg)?;
@@ -121,7 +122,7 @@ fn view(config: &TrainConfig) -> Result<PathBuf> {
 }
 
 fn policy(args: &TrainArgs) -> Result<()> {
-    let path = args.config.clone().unwrap_or_else(|| PathBuf::from(POLICY_CONFIG));
+    let path = args.config.clone().unwrap_or_else(|| shipped::find(Path::new(POLICY_CONFIG)));
     let text = std::fs::read_to_string(&path).with_context(|| format!("configuration {}", path.display()))?;
     let settings = PolicySettings::parse(&text).with_context(|| format!("configuration {}", path.display()))?;
     let spinner = ProgressBar::new_spinner();
