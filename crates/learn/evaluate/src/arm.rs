@@ -3,6 +3,7 @@
 mod silence;
 mod teacher;
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use ds_nn::Weights;
@@ -17,6 +18,11 @@ use teacher::Sampling;
 use crate::config::{ArmConfig, ArmKind, EvalConfig};
 use crate::drive::Drive;
 use crate::error::AppraisalError;
+
+/// Weights that a configuration names and that are not there.
+#[derive(Debug, thiserror::Error)]
+#[error("there are no weights {0:?}; `just arms` makes those that do not ship (docs/training.md)")]
+struct Absent(PathBuf);
 
 type Cause = Box<dyn std::error::Error + Send + Sync>;
 
@@ -50,6 +56,11 @@ impl Arm {
     pub fn load(config: &EvalConfig, name: &str) -> Result<Self, AppraisalError> {
         let wrap = |source: Cause| AppraisalError::Arm { arm: name.to_owned(), source };
         let arm = &config.arms[name];
+        for file in [Some(&arm.weights), arm.dit.as_ref()].into_iter().flatten().map(|file| config.path(file)) {
+            if !file.exists() {
+                return Err(wrap(Absent(file).into()));
+            }
+        }
         Self::open(config, name, arm).map_err(wrap)
     }
 

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand, ValueEnum, ValueHint};
 use ds_evaluate::evaluation::Part;
 
+use crate::shipped;
+
 const EXAMPLES: &str = "Examples:
   dreamstream video eval --config configs/eval/shipped.toml --quick         minutes: see what comes out
   dreamstream video eval --config configs/eval/shipped.toml                 the figures of docs/measurements/video-model.md
@@ -29,15 +31,15 @@ pub(crate) enum VideoCommand {
 #[derive(Debug, Args)]
 pub(crate) struct FirstFrameArgs {
     /// The scenario.
-    #[arg(value_hint = ValueHint::FilePath)]
+    #[arg(value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub scenario: PathBuf,
     /// Words for what is to be seen; those of the scenario in ordinary daylight without it.
     #[arg(long, value_name = "TEXT")]
     pub prompt: Option<String>,
     /// Model preset.
-    #[arg(long, default_value = "configs/models/cpu_train.toml", value_hint = ValueHint::FilePath)]
+    #[arg(long, default_value = "configs/models/cpu_train.toml", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub model: PathBuf,
-    /// Weights of a teacher with its autoencoder (`train ship --of teacher`).
+    /// Weights of a teacher with its autoencoder (`train ship --of teacher`); they do not ship, `just arms` makes them.
     #[arg(long, default_value = "configs/models/arms/teacher.safetensors", value_hint = ValueHint::FilePath)]
     pub weights: PathBuf,
     /// Sampling steps.
@@ -58,7 +60,7 @@ pub(crate) struct FirstFrameArgs {
 #[derive(Debug, Args)]
 pub(crate) struct VideoEvalArgs {
     /// Arms with their weights, tables and amounts; `docs/video-eval.md` explains every key.
-    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    #[arg(long, value_name = "FILE", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub config: PathBuf,
     /// Measure these parts only; the others stay as an earlier run left them.
     #[arg(long, value_enum, value_delimiter = ',')]

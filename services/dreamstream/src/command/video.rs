@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use ds_camera::Appearance;
 use ds_evaluate::column::WorldB;
 use ds_evaluate::drive::{Drive, Route};
@@ -51,6 +51,8 @@ pub(crate) fn run(command: &VideoCommand) -> Result<()> {
 
 fn first_frame(args: &FirstFrameArgs) -> Result<()> {
     let (scene, _warnings) = ds_scenario::load(&args.scenario)?;
+    let weights = args.weights.display();
+    ensure!(args.weights.exists(), "there are no weights {weights}: `just arms` makes a teacher's (docs/training.md)");
     let preset = ModelConfig::load(&args.model).with_context(|| format!("model {}", args.model.display()))?;
     let route = Route { scene: Arc::new(scene), start: 0, pace: 1.0, look: Appearance::DAY };
     let mut drive = Drive::new(&WorldA, &route, (preset.video.width_px, preset.video.height_px))?;
@@ -63,8 +65,8 @@ fn first_frame(args: &FirstFrameArgs) -> Result<()> {
         steps: usize::from(args.steps),
         guidance: args.guidance,
     };
-    let frame = first_frame::first_frame(&preset, &args.weights, &request)
-        .with_context(|| format!("weights {}", args.weights.display()))?;
+    let frame =
+        first_frame::first_frame(&preset, &args.weights, &request).with_context(|| format!("weights {weights}"))?;
     if let Some(folder) = args.out.parent() {
         std::fs::create_dir_all(folder).with_context(|| format!("create {}", folder.display()))?;
     }

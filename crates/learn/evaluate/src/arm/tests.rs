@@ -114,3 +114,13 @@ fn a_teacher_asks_for_whole_latents() {
     let cause = std::error::Error::source(&error).map(ToString::to_string);
     assert!(cause.as_ref().is_some_and(|cause| cause.contains("1 + k·4")), "{cause:?}");
 }
+
+#[test]
+fn weights_that_are_not_there_are_named_with_the_command_that_makes_them() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../configs/eval");
+    let mut config = EvalConfig::load(&folder.join("shipped.toml")).expect("it is right");
+    config.arms.get_mut("clean").expect("an arm").dit = Some("absent.safetensors".into());
+    let error = Arm::load(&config, "clean").err().expect("there is no such file");
+    let cause = std::error::Error::source(&error).expect("a cause").to_string();
+    assert!(cause.contains("absent.safetensors") && cause.contains("`just arms`"), "{cause}");
+}
