@@ -181,3 +181,71 @@ fn files_have_a_head_a_noun_and_a_bounded_size() {
     }
     assert!(faults.is_empty(), "{faults:#?}");
 }
+
+/// Folders of the workspace that hold what was made, not written.
+const MADE: &[&str] = &["target", "out", "training", "node_modules"];
+
+fn documents(folder: &Path, out: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).expect("readable folder") {
+        let path = entry.expect("readable entry").path();
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        if path.is_dir() && !name.starts_with('.') && !MADE.contains(&name) {
+            documents(&path, out);
+        } else if name.ends_with(".md") {
+            out.push(path);
+        }
+    }
+}
+
+/// Returns the text outside of blocks of code.
+fn prose(text: &str) -> String {
+    text.split("\n```").step_by(2).collect()
+}
+
+/// Returns the anchors of the headings of a document.
+fn anchors(text: &str) -> BTreeSet<String> {
+    let kept = |letter: char| letter.is_alphanumeric() || "-_ ".contains(letter);
+    let headings = text.lines().filter(|line| line.starts_with('#')).map(|line| line.trim_start_matches('#').trim());
+    headings
+        .map(|heading| heading.to_lowercase().chars().filter(|c| kept(*c)).collect::<String>().replace(' ', "-"))
+        .collect()
+}
+
+#[test]
+fn links_and_paths_of_documents_lead_somewhere() {
+    let (mut files, mut faults) = (Vec::new(), Vec::new());
+    documents(&workspace(), &mut files);
+    for file in files {
+        let text = prose(&fs::read_to_string(&file).expect("readable document"));
+        let mut lost = |what: &str| faults.push(format!("{}: {what}", file.display()));
+        for link in text.split("](").skip(1).filter_map(|rest| Some(rest.split_once(')')?.0)) {
+            let (path, anchor) = link.split_once('#').unwrap_or((link, ""));
+            let target = if path.is_empty() { file.clone() } else { file.with_file_name(path) };
+            let known = || prose(&fs::read_to_string(&target).unwrap_or_default());
+            if !link.starts_with("http")
+                && (!target.exists() || !anchor.is_empty() && !anchors(&known()).contains(anchor))
+            {
+                lost(link);
+            }
+        }
+        // What was is named in the changelog; capitals, stars and dots stand for any name.
+        let paths = text.split('`').skip(1).step_by(2).filter(|_| !file.ends_with("CHANGELOG.md"));
+        for path in paths.filter(|path| !path.contains(['*', '<', '…', ' ', '{']) && !path.contains("NAME")) {
+            let top = path.split_once('/').map_or("", |(top, _)| top);
+            if ["crates", "services", "tests", "configs", "docs", "clients", "proto"].contains(&top)
+                && !workspace().join(path).exists()
+            {
+                lost(path);
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{faults:#?}");
+}
+
+#[test]
+fn every_crate_has_a_sentence_for_newcomers() {
+    let text = fs::read_to_string(workspace().join("crates/README.md")).expect("readable document");
+    let crates = packages().into_iter().filter_map(|package| package.name.strip_prefix("ds-").map(str::to_owned));
+    let missing: Vec<String> = crates.filter(|name| !text.contains(&format!("\n| `{name}` | "))).collect();
+    assert!(missing.is_empty(), "crates/README.md says nothing of {missing:?}");
+}
