@@ -17,6 +17,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("ds-world", 1),
     ("ds-raster", 1),
     ("ds-effect", 1),
+    ("ds-stats", 1),
     ("ds-nn", 1),
     ("ds-topic", 2),
     ("ds-scenario", 2),

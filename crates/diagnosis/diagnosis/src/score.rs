@@ -56,13 +56,8 @@ impl Share {
     /// Counts a share.
     #[must_use]
     pub fn new(hits: usize, of: usize) -> Self {
-        if of == 0 {
-            return Self { hits, of, value: 0.0, interval90: [0.0, 1.0] };
-        }
-        let (n, p, z) = (of as f64, hits as f64 / of as f64, 1.645);
-        let centre = (p + z * z / (2.0 * n)) / (1.0 + z * z / n);
-        let half = z / (1.0 + z * z / n) * (p * (1.0 - p) / n + z * z / (4.0 * n * n)).sqrt();
-        Self { hits, of, value: p, interval90: [(centre - half).max(0.0), (centre + half).min(1.0)] }
+        let value = if of == 0 { 0.0 } else { hits as f64 / of as f64 };
+        Self { hits, of, value, interval90: ds_stats::wilson(hits, of, 1.645) }
     }
 }
 
@@ -158,20 +153,10 @@ pub fn score(diagnoses: &BTreeMap<String, Diagnosis>, labels: &BTreeMap<String, 
     scores.brier =
         sure.iter().map(|(p, right)| (p - f64::from(u8::from(*right))).powi(2)).sum::<f64>() / sure.len().max(1) as f64;
     scores.calibration_error = calibration(&mut sure);
-    scores.relative_error = median(&mut relative);
-    scores.share_error = median(&mut shares);
+    scores.relative_error = ds_stats::quantile(&mut relative, 0.5);
+    scores.share_error = ds_stats::quantile(&mut shares, 0.5);
     scores.shares = counts.into_iter().map(|(name, (hits, of))| (name, Some(Share::new(hits, of)))).collect();
     scores
-}
-
-fn median(values: &mut [f64]) -> f64 {
-    if values.is_empty() {
-        return f64::NAN;
-    }
-    values.sort_by(f64::total_cmp);
-    let middle = 0.5 * (values.len() - 1) as f64;
-    let (low, high) = (values[middle as usize], values[middle.ceil() as usize]);
-    low + middle.fract() * (high - low)
 }
 
 fn verdict(d: &Diagnosis) -> &'static str {

@@ -9,6 +9,7 @@
 use std::collections::BTreeMap;
 
 use ds_effect::Channel;
+use ds_stats::{false_discovery, normal_tail};
 
 use crate::bootstrap::weights;
 use crate::case::{Case, PartModel};
@@ -71,7 +72,7 @@ pub fn cells(case: &Case, part: Part, model: &PartModel<'_>, before: &[f64], aft
     }
     let drives: Vec<usize> = windows.iter().map(|w| w.drive).collect();
     let draws = weights(&drives, "cells");
-    let mut found: Vec<(Cell, f64)> = Vec::new();
+    let mut found: Vec<Cell> = Vec::new();
     for (channel, rows) in &table {
         for (regime, members) in groups(&windows) {
             if let Some(cell) = test(*channel, (&regime, &members), rows, &windows, &draws) {
@@ -88,7 +89,7 @@ fn test(
     rows: &[Row],
     windows: &[Window],
     draws: &[Vec<f64>],
-) -> Option<(Cell, f64)> {
+) -> Option<Cell> {
     let count: f64 = members.iter().map(|&w| rows[w].count).sum();
     if count < 8.0 {
         return None;
@@ -120,31 +121,15 @@ fn test(
             _ => t.push([windows[w].secs, end]),
         }
     }
-    let cell = Cell { channel: channel.name().to_owned(), regime: regime.clone(), effect_size, q_value: p, t };
-    Some((cell, p))
+    Some(Cell { channel: channel.name().to_owned(), regime: regime.clone(), effect_size, q_value: p, t })
 }
 
-/// Returns the upper tail of the standard normal distribution (Abramowitz and Stegun 7.1.26, error below 2e-7).
-fn normal_tail(z: f64) -> f64 {
-    let x = z.abs() / std::f64::consts::SQRT_2;
-    let t = 1.0 / (1.0 + 0.327_591_1 * x);
-    let poly =
-        t * (0.254_829_592 + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
-    let tail = 0.5 * poly * (-x * x).exp();
-    if z >= 0.0 { tail.max(1e-12) } else { 1.0 - tail }
-}
-
-/// Controls the false discovery rate and keeps cells that are large enough to matter.
-fn discover(mut found: Vec<(Cell, f64)>) -> Vec<Cell> {
-    found.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let total = found.len() as f64;
-    let mut least: f64 = 1.0;
-    let count = found.len();
-    for (k, (cell, p)) in found.iter_mut().enumerate() {
-        least = least.min(*p * total / (count - k) as f64);
-        cell.q_value = least;
-    }
-    let mut cells: Vec<Cell> = found.into_iter().map(|(cell, _)| cell).collect();
+/// Turns the p-values of cells into q-values, keeps those that are significant and large enough to matter, and puts the
+/// largest first.
+#[must_use]
+pub fn discover(mut cells: Vec<Cell>) -> Vec<Cell> {
+    let p_values: Vec<f64> = cells.iter().map(|cell| cell.q_value).collect();
+    cells.iter_mut().zip(false_discovery(&p_values, p_values.len())).for_each(|(cell, q)| cell.q_value = q);
     cells.retain(|c| c.q_value <= DISCOVERY_RATE && c.effect_size >= CELL_SIZE);
     cells.sort_by(|a, b| b.effect_size.total_cmp(&a.effect_size));
     cells
@@ -188,7 +173,7 @@ fn window_list(case: &Case, part: Part, model: &PartModel<'_>) -> Vec<Window> {
         let regimes: Vec<windows::Regime> =
             case.ego.iter().flat_map(|record| record.anchors.iter().map(|a| a.regime)).collect();
         let mut speeds: Vec<f64> = regimes.iter().map(|r| r.speed_mps).collect();
-        let thirds = [1.0 / 3.0, 2.0 / 3.0].map(|share| crate::bootstrap::quantile(&mut speeds, share));
+        let thirds = [1.0 / 3.0, 2.0 / 3.0].map(|share| ds_stats::quantile(&mut speeds, share));
         for (window, regime) in list.iter_mut().zip(&regimes) {
             window.bins = bins(regime, thirds);
         }

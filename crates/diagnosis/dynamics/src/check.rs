@@ -57,7 +57,7 @@ fn largest(column: &[f64]) -> f64 {
 /// Returns a typical size: the 90th percentile of magnitudes.
 fn typical(column: impl Iterator<Item = f64>) -> f64 {
     let mut sizes: Vec<f64> = column.map(f64::abs).collect();
-    crate::bootstrap::quantile(&mut sizes, 0.9)
+    ds_stats::quantile(&mut sizes, 0.9)
 }
 
 fn ranges(drive: &Drive, meta: &VehicleMeta) -> Result<(), CaseError> {
@@ -129,7 +129,7 @@ fn motion(drive: &Drive) -> Result<(), CaseError> {
     }
     let windows = (drive.samples / stride).max(1) as f64;
     if pairs.len() > 3 {
-        let ratio = crate::bootstrap::quantile(&mut pairs, 0.5);
+        let ratio = ds_stats::quantile(&mut pairs, 0.5);
         if !(0.6..1.6).contains(&ratio) {
             let guess =
                 if (3.0..4.2).contains(&(1.0 / ratio)) { "v in km/h?" } else { "v, x or y in another unit or column?" };
@@ -206,13 +206,13 @@ fn turn_slope(steered: &[f64], turned: &[f64]) -> Option<f64> {
         (square > a.len() as f64 * 0.03 * 0.03).then(|| cross / square)
     };
     let mut slopes: Vec<f64> = steered.chunks_exact(40).zip(turned.chunks_exact(40)).filter_map(slope).collect();
-    (slopes.len() > 3).then(|| crate::bootstrap::quantile(&mut slopes, 0.5))
+    (slopes.len() > 3).then(|| ds_stats::quantile(&mut slopes, 0.5))
 }
 
 /// Returns steering angles less their median while driving.
 fn centred(angles: &[f64], speed: &[f64]) -> Vec<f64> {
     let mut moving: Vec<f64> = angles.iter().zip(speed).filter(|(_, v)| **v > 1.0).map(|(d, _)| *d).collect();
-    let middle = if moving.is_empty() { 0.0 } else { crate::bootstrap::quantile(&mut moving, 0.5) };
+    let middle = if moving.is_empty() { 0.0 } else { ds_stats::quantile(&mut moving, 0.5) };
     angles.iter().map(|d| d - middle).collect()
 }
 

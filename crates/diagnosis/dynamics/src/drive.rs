@@ -107,7 +107,7 @@ impl Drive {
         Ok(Self {
             file: entry.file.clone(),
             start_secs,
-            rate_hz: 1.0 / crate::bootstrap::quantile(&mut steps, 0.5),
+            rate_hz: 1.0 / ds_stats::quantile(&mut steps, 0.5),
             samples,
             cmd_steer: even(table.required("cmd_steer")?),
             cmd_accel: even(table.required("cmd_accel")?),

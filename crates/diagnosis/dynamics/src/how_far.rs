@@ -5,7 +5,9 @@
 
 use ds_effect::{Channel, Plant};
 
-use crate::bootstrap::{quantile, weights};
+use ds_stats::quantile;
+
+use crate::bootstrap::weights;
 use crate::case::Case;
 use crate::floor;
 use crate::following;

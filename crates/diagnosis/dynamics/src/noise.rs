@@ -71,9 +71,9 @@ fn familiar(ratio: f64) -> f64 {
 #[must_use]
 pub fn white(signal: &[f64]) -> f64 {
     let mut sizes: Vec<f64> = signal.windows(4).map(|s| (s[3] - 3.0 * s[2] + 3.0 * s[1] - s[0]).abs()).collect();
-    crate::bootstrap::quantile(&mut sizes, 0.5) / 0.6745 / 20.0_f64.sqrt()
+    ds_stats::quantile(&mut sizes, 0.5) / 0.6745 / 20.0_f64.sqrt()
 }
 
 fn median(mut values: Vec<f64>) -> Option<f64> {
-    (!values.is_empty()).then(|| crate::bootstrap::quantile(&mut values, 0.5))
+    (!values.is_empty()).then(|| ds_stats::quantile(&mut values, 0.5))
 }

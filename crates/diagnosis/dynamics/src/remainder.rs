@@ -8,7 +8,6 @@ use std::collections::BTreeMap;
 
 use ds_effect::Channel;
 
-use crate::bootstrap::quantile;
 use crate::case::{Case, PartModel};
 use crate::constancy::Trend;
 use crate::fit::{Fit, point_loss};
@@ -18,6 +17,7 @@ use crate::settings::{
 };
 use ds_diagnosis::schema::Remainder;
 use ds_diagnosis::table::STEP_SECS;
+use ds_stats::quantile;
 
 /// The remainder of one part.
 #[derive(Debug, Clone, Default)]

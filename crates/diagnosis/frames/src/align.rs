@@ -35,7 +35,7 @@ pub fn ages(scene: &Scene<'_>) -> Ages {
     let starts: Vec<[f64; 2]> = half.iter().map(|(a, b)| lag::coarse_shift(a, b, 3)).collect();
     let median = |d: usize| {
         let mut values: Vec<f64> = starts.iter().map(|s| s[d]).collect();
-        ds_dynamics::bootstrap::quantile(&mut values, 0.5)
+        ds_stats::quantile(&mut values, 0.5)
     };
     let start = [median(0), median(1)];
     let small: Vec<(Picture, Picture)> = scene.small.iter().map(|(a, b)| (a.grey(), b.grey())).collect();

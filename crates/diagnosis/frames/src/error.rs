@@ -111,5 +111,5 @@ pub enum SightError {
     },
     /// The feature distance cannot be computed.
     #[error("no feature distance")]
-    Distance(#[from] ds_fidelity::FidelityError),
+    Distance(#[from] ds_stats::SampleError),
 }

@@ -7,8 +7,9 @@
 use ds_diagnosis::schema::Shrink;
 use ds_effect::picture::Picture;
 use ds_effect::{FrameChain, frame::Act};
-use ds_fidelity::{features::features, frechet};
+use ds_fidelity::features::features;
 use ds_space::draw::Draws;
+use ds_stats::{bootstrap::resamples, frechet};
 use nalgebra::DMatrix;
 
 use crate::blocks::blocks;
@@ -141,11 +142,8 @@ fn feature(
     let per_frame = real.nrows() / frames;
     let mut shares = Vec::new();
     let draws = Draws::from_seed(7, "frame_bootstrap");
-    for draw in 0..settings::FEATURE_DRAWS {
-        let picked: Vec<usize> = (0..frames)
-            .map(|k| draws.below(draw * frames as u64 + k as u64, frames as u64) as usize)
-            .flat_map(|f| f * per_frame..(f + 1) * per_frame)
-            .collect();
+    for picks in resamples(&draws, settings::FEATURE_DRAWS, frames) {
+        let picked: Vec<usize> = picks.into_iter().flat_map(|f| f * per_frame..(f + 1) * per_frame).collect();
         let [a, b, c] = [real, sim, after].map(|m| m.select_rows(picked.iter()));
         shares.push(share(distance(&a, &b)?, distance(&a, &c)?, floor));
     }
@@ -168,10 +166,8 @@ fn image(rows: &[Row], data: &str) -> Shrink {
     let all: Vec<usize> = (0..rows.len()).collect();
     let [before, after, floor] = figures(&all);
     let draws = Draws::from_seed(8, "frame_bootstrap");
-    let shares = (0..settings::BOOTSTRAP_DRAWS)
-        .map(|draw| {
-            let n = rows.len() as u64;
-            let picked: Vec<usize> = (0..n).map(|k| draws.below(draw * n + k, n) as usize).collect();
+    let shares = resamples(&draws, settings::BOOTSTRAP_DRAWS, rows.len())
+        .map(|picked| {
             let [b, a, f] = figures(&picked);
             share(b, a, f)
         })
@@ -192,7 +188,7 @@ fn share(before: f64, after: f64, floor: f64) -> f64 {
 }
 
 fn interval(mut values: Vec<f64>) -> [f64; 2] {
-    [ds_dynamics::bootstrap::quantile(&mut values, 0.05), ds_dynamics::bootstrap::quantile(&mut values, 0.95)]
+    [ds_stats::quantile(&mut values, 0.05), ds_stats::quantile(&mut values, 0.95)]
 }
 
 /// Returns the corrected frames that are wanted; effects that act by chance, frame by frame, are left out.

@@ -333,7 +333,7 @@ fn floors(cells: &mut [Vec<[Cell; TILES]>; BANDS], grain: &Grain) {
         .filter(|c| c.floor > 0.0)
         .map(|c| c.energy - settings::TEXTURE[0] * c.texture - settings::FLAT[0] - grain.variance(c.light))
         .collect();
-    let noise = ds_dynamics::bootstrap::quantile(&mut quiet, 0.3).clamp(settings::LEAST_NOISE, settings::MOST_NOISE);
+    let noise = ds_stats::quantile(&mut quiet, 0.3).clamp(settings::LEAST_NOISE, settings::MOST_NOISE);
     // averaging over 16 pixels at each step; white noise of the last band is that of three channels
     for (band, (frames, share)) in cells.iter_mut().zip([1.0, 1.0 / 16.0, 1.0 / 256.0, 1.0 / 128.0]).enumerate() {
         for cell in frames.iter_mut().flatten().filter(|c| c.floor > 0.0) {

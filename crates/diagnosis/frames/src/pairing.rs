@@ -54,7 +54,7 @@ impl Pairing {
             let plain = agreement(&scene.placed_full(&model, &still, *k), &scene.grey[*k].1);
             agree.extend(if mean(&plain) > mean(&carried) { plain } else { carried });
         }
-        let typical = if agree.is_empty() { 1.0 } else { ds_dynamics::bootstrap::quantile(&mut agree, 0.25) };
+        let typical = if agree.is_empty() { 1.0 } else { ds_stats::quantile(&mut agree, 0.25) };
         if typical > settings::ALIGNED_AGREEMENT {
             Self::Aligned
         } else if typical > settings::LAYOUT_AGREEMENT {

@@ -5,6 +5,7 @@
 
 use ds_diagnosis::schema::{Cell, Regime};
 use ds_effect::FrameChain;
+use ds_stats::{false_discovery, normal_tail};
 
 use crate::loss::{Loss, TILES, tile};
 use crate::scene::{Model, Scene};
@@ -67,7 +68,7 @@ pub fn cells(scene: &Scene<'_>, differences: &Differences) -> Vec<Cell> {
         let over: Vec<f64> = differences.rows.iter().map(|r| r[t][0] - r[t][1]).collect();
         let (mean_over, count) = (real - twin, n.max(2.0));
         let variance = over.iter().map(|o| (o - mean_over).powi(2)).sum::<f64>() / (count - 1.0);
-        let p = tail(mean_over / (variance / count).sqrt().max(1e-9));
+        let p = normal_tail(mean_over / (variance / count).sqrt().max(1e-9));
         let regime = Regime {
             tile: Some([t / settings::TILES[1], t % settings::TILES[1]]),
             distance: scene.case.depth_m.as_ref().map(|d| distance(scene, d, t).to_owned()),
@@ -82,13 +83,8 @@ pub fn cells(scene: &Scene<'_>, differences: &Differences) -> Vec<Cell> {
             t: spans(scene, differences, t),
         });
     }
-    found.sort_by(|a, b| a.q_value.total_cmp(&b.q_value));
-    let tested = TILES as f64;
-    let mut least = 1.0f64;
-    for (rank, cell) in found.iter_mut().enumerate().rev() {
-        least = least.min(cell.q_value * tested / (rank as f64 + 1.0));
-        cell.q_value = least;
-    }
+    let p_values: Vec<f64> = found.iter().map(|cell: &Cell| cell.q_value).collect();
+    found.iter_mut().zip(false_discovery(&p_values, TILES)).for_each(|(cell, q)| cell.q_value = q);
     found.sort_by(|a, b| b.effect_size.total_cmp(&a.effect_size));
     found
 }
@@ -108,15 +104,6 @@ fn spans(scene: &Scene<'_>, differences: &Differences, t: usize) -> Vec<[f64; 2]
         open = over;
     }
     spans
-}
-
-/// Upper tail of the standard normal distribution (Abramowitz and Stegun 26.2.17, error below 1e-7).
-fn tail(z: f64) -> f64 {
-    let t = 1.0 / (1.0 + 0.231_641_9 * z.abs());
-    let poly =
-        t * (0.319_381_530 + t * (-0.356_563_782 + t * (1.781_477_937 + t * (-1.821_255_978 + t * 1.330_274_429))));
-    let upper = poly * (-z * z / 2.0).exp() / (2.0 * std::f64::consts::PI).sqrt();
-    if z >= 0.0 { upper } else { 1.0 - upper }
 }
 
 fn distance(scene: &Scene<'_>, depth_m: &[f32], t: usize) -> &'static str {

@@ -4,9 +4,10 @@
 use std::collections::BTreeMap;
 
 use ds_diagnosis::schema::{Cell, Regime};
+use ds_dynamics::cells::discover;
 use ds_dynamics::fit::point_loss;
-use ds_dynamics::settings::{CELL_SIZE, DISCOVERY_RATE};
 use ds_effect::Channel;
+use ds_stats::normal_tail;
 
 use crate::case::Case;
 use crate::model::{Kind, Tag, Traffic};
@@ -68,7 +69,9 @@ pub fn cells(case: &Case, model: &Traffic, tags: &[Tag], [before, after]: [&[f64
         }
     }
     let found = groups.into_iter().filter_map(|((channel, key), parts)| cell(case, channel, key, &parts)).collect();
-    discover(found)
+    let mut cells = discover(found);
+    cells.truncate(MOST);
+    cells
 }
 
 fn cell(case: &Case, channel: Channel, key: Key, parts: &[Part]) -> Option<Cell> {
@@ -109,27 +112,4 @@ fn cell(case: &Case, channel: Channel, key: Key, parts: &[Part]) -> Option<Cell>
         }
     }
     Some(Cell { channel: channel.name().to_owned(), regime, effect_size, q_value: p, t })
-}
-
-/// Returns the upper tail of the standard normal distribution, to four digits.
-fn normal_tail(z: f64) -> f64 {
-    let t = 1.0 / (1.0 + 0.231_641_9 * z.abs());
-    let series =
-        t * (0.319_381_530 + t * (-0.356_563_782 + t * (1.781_477_937 + t * (-1.821_255_978 + t * 1.330_274_429))));
-    let tail = (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt() * series;
-    if z >= 0.0 { tail.max(1e-12) } else { 1.0 - tail }
-}
-
-fn discover(mut cells: Vec<Cell>) -> Vec<Cell> {
-    cells.sort_by(|a, b| b.q_value.total_cmp(&a.q_value));
-    let count = cells.len();
-    let mut least: f64 = 1.0;
-    for (k, cell) in cells.iter_mut().enumerate() {
-        least = least.min(cell.q_value * count as f64 / (count - k) as f64);
-        cell.q_value = least;
-    }
-    cells.retain(|cell| cell.q_value <= DISCOVERY_RATE && cell.effect_size >= CELL_SIZE);
-    cells.sort_by(|a, b| b.effect_size.total_cmp(&a.effect_size));
-    cells.truncate(MOST);
-    cells
 }

@@ -4,8 +4,9 @@
 //! distance of order statistics, m), speed and place across the lane; intervals by a bootstrap over agents.
 
 use ds_diagnosis::schema::Shrink;
-use ds_dynamics::bootstrap::quantile;
 use ds_space::Draws;
+use ds_stats::bootstrap::resamples;
+use ds_stats::quantile;
 
 use crate::model::Traffic;
 use crate::rollout::{Course, Manner, roll};
@@ -132,13 +133,8 @@ fn shrink(metric: &str, shown: &[Shown], floor: f64, figures: &dyn Fn(&[&Shown])
     let everyone: Vec<&Shown> = shown.iter().collect();
     let [before, after] = figures(&everyone);
     let draws = Draws::from_seed(2, metric);
-    let count = shown.len() as u64;
-    let mut shares: Vec<f64> = (0..DRAWS)
-        .map(|draw| {
-            let drawn: Vec<&Shown> =
-                (0..count).map(|k| &shown[draws.below(draw * count + k, count) as usize]).collect();
-            share(figures(&drawn))
-        })
+    let mut shares: Vec<f64> = resamples(&draws, DRAWS, shown.len())
+        .map(|picks| share(figures(&picks.into_iter().map(|pick| &shown[pick]).collect::<Vec<_>>())))
         .collect();
     Shrink {
         metric: metric.to_owned(),

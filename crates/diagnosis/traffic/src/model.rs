@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex};
 use ds_dynamics::fit::{Model, data_loss};
 use ds_dynamics::settings::{KAPPA, NU};
 use ds_sim::IdmParameters;
+use ds_stats::upper_median;
 use ds_world::AgentClass;
 use rayon::prelude::*;
 
@@ -268,7 +269,7 @@ impl Judged {
             asides.extend(if scenery.expected { own_lane(scenery, &actor, mark) } else { mark.beside_lane_m });
         }
         let enough = asides.len() >= ticks(2.0);
-        let middle = enough.then(|| median(&mut asides));
+        let middle = upper_median(&mut asides).filter(|_| enough);
         let outside = middle.map(|m| (OUTSIDE_M[0]..OUTSIDE_M[1]).contains(&m));
         let aside_m = middle.filter(|m| m.abs() < 1.75);
         Self { actor, starts, looks, aside_m, outside, memory: Mutex::default() }
@@ -307,10 +308,4 @@ fn own_lane(scenery: &Scenery, actor: &Actor, mark: &crate::scenery::Mark) -> Op
         .map(|offset_m| mark.lateral_m - offset_m)
         .min_by(|a, b| a.abs().total_cmp(&b.abs()))
         .or(Some(mark.lateral_m))
-}
-
-/// Returns the middle value; the values must not be empty.
-pub(crate) fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }

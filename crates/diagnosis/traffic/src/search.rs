@@ -3,10 +3,11 @@
 
 use std::collections::BTreeMap;
 
-use ds_dynamics::bootstrap::quantile;
 use ds_dynamics::fit::{Columns, Fit, Model, Plan, Prior, data_loss, fit, point_loss, start_loss};
 use ds_dynamics::settings::{KAPPA, NU};
 use ds_space::Draws;
+use ds_stats::bootstrap::resamples;
+use ds_stats::percentiles;
 use nalgebra::{DMatrix, DVector};
 
 use crate::model::{Tag, Traffic};
@@ -202,10 +203,9 @@ pub fn intervals(model: &Traffic, tags: &[Tag], fit: &Fit, priors: &[Prior]) -> 
     let parts: Vec<(DVector<f64>, DMatrix<f64>)> = parts.into_values().collect();
     let draws = Draws::from_seed(1, "agents");
     let mut values: Vec<Vec<f64>> = vec![Vec::new(); fit.vector.len()];
-    for draw in 0..DRAWS {
+    for picks in resamples(&draws, DRAWS, parts.len()) {
         let (mut gradient, mut hessian) = (prior.0.clone(), prior.1.clone());
-        for k in 0..parts.len() as u64 {
-            let part = &parts[draws.below(draw * parts.len() as u64 + k, parts.len() as u64) as usize];
+        for part in picks.into_iter().map(|pick| &parts[pick]) {
             gradient += &part.0;
             hessian += &part.1;
         }
@@ -215,12 +215,7 @@ pub fn intervals(model: &Traffic, tags: &[Tag], fit: &Fit, priors: &[Prior]) -> 
             values[*k].push((fit.vector[*k] - step[i]).clamp(low.min(fit.vector[*k]), high.max(fit.vector[*k])));
         }
     }
-    let ends = |(k, mut drawn): (usize, Vec<f64>)| {
-        if drawn.is_empty() {
-            return [fit.vector[k]; 2];
-        }
-        [quantile(&mut drawn, 0.05), quantile(&mut drawn, 0.95)]
-    };
+    let ends = |(k, drawn): (usize, Vec<f64>)| percentiles(drawn, 0.05).unwrap_or([fit.vector[k]; 2]);
     values.into_iter().enumerate().map(ends).collect()
 }
 

@@ -58,7 +58,7 @@ impl Mapping {
 
     fn moves(&self, record: &Record) -> bool {
         let mut speed = record.speed().unwrap_or_default();
-        !speed.is_empty() && ds_dynamics::bootstrap::quantile(&mut speed, 0.5) >= self.log.least_speed_mps
+        !speed.is_empty() && ds_stats::quantile(&mut speed, 0.5) >= self.log.least_speed_mps
     }
 
     /// Tells whether a channel may stand in the case: measured itself, and no command computed from it.

@@ -45,7 +45,7 @@ pub(crate) fn findings(file: &str, t: &[f64], mapping: &Mapping) -> Vec<LogFindi
         let evidence = format!("none of {} stamps is later than the one before", t.len());
         return vec![finding("stamps do not grow", evidence, "map another column as time.column".to_owned())];
     }
-    let median = ds_dynamics::bootstrap::quantile(&mut forward, 0.5);
+    let median = ds_stats::quantile(&mut forward, 0.5);
     if !USUAL_STEP_SECS.contains(&median) {
         let raw = median / channel::seconds(&mapping.time.unit).unwrap_or(1.0);
         let better = ["s", "ms", "us", "ns"]

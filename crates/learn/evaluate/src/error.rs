@@ -55,7 +55,7 @@ pub enum AppraisalError {
     Layout(#[from] ds_layout::LayoutError),
     /// Features cannot be compared.
     #[error("features cannot be compared")]
-    Fidelity(#[from] ds_fidelity::FidelityError),
+    Fidelity(#[from] ds_stats::SampleError),
     /// A scenario has no camera.
     #[error("scenario {scenario:?} has no camera")]
     NoCamera {

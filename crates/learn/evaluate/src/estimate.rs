@@ -4,6 +4,8 @@
 //! same scenarios are computed from the same draws, so that their difference is paired.
 
 use ds_space::Draws;
+pub use ds_stats::mean;
+use ds_stats::{bootstrap::pick, percentiles};
 use serde::{Deserialize, Serialize};
 
 /// A figure with its interval.
@@ -33,18 +35,11 @@ impl Resamples {
         let value = figure(&all).filter(|value| value.is_finite())?;
         let resample = |index: u64| {
             let draws = Draws::from_seed(index, "appraisal bootstrap");
-            let picks: Vec<usize> = (0..count as u64).map(|at| draws.below(at, count as u64) as usize).collect();
-            figure(&picks).filter(|value| value.is_finite())
+            figure(&pick(&draws, 0, count)).filter(|value| value.is_finite())
         };
-        let mut values: Vec<f64> = (0..self.0).filter_map(resample).collect();
-        values.sort_by(f64::total_cmp);
-        let tail = 0.5 * (1.0 - CONFIDENCE);
-        let at = |share: f64| {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of the values")]
-            let index = (share * values.len().saturating_sub(1) as f64).round() as usize;
-            values.get(index).copied().unwrap_or(value)
-        };
-        Some(Estimate { value, low: at(tail), high: at(1.0 - tail), samples: count as u64 })
+        let values: Vec<f64> = (0..self.0).filter_map(resample).collect();
+        let [low, high] = percentiles(values, 0.5 * (1.0 - CONFIDENCE)).unwrap_or([value; 2]);
+        Some(Estimate { value, low, high, samples: count as u64 })
     }
 
     /// Computes the mean of values with its interval; none of no values.
@@ -52,12 +47,6 @@ impl Resamples {
     pub fn mean(self, values: &[f64]) -> Option<Estimate> {
         self.estimate(values.len(), |picks| mean(picks.iter().map(|pick| values[*pick])))
     }
-}
-
-/// Returns the mean, none of no values.
-pub fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
-    (count > 0.0).then(|| sum / count)
 }
 
 #[cfg(test)]

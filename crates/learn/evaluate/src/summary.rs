@@ -1,7 +1,8 @@
 //! Figures from records: pooled over the scenarios that are drawn, each as often as it is drawn.
 
-use ds_fidelity::{FidelityError, Principal, frechet};
+use ds_fidelity::Principal;
 use ds_perception::overlap::{Overlaps, Target};
+use ds_stats::{SampleError, frechet};
 use nalgebra::DMatrix;
 
 use crate::estimate::mean;
@@ -110,7 +111,7 @@ impl Features {
     ///
     /// # Errors
     /// If the number of features differs.
-    pub fn reduced(&self, principal: &Principal) -> Result<Self, FidelityError> {
+    pub fn reduced(&self, principal: &Principal) -> Result<Self, SampleError> {
         self.0.iter().map(|part| principal.project(part)).collect::<Result<_, _>>().map(Self)
     }
 

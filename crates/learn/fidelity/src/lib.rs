@@ -1,11 +1,9 @@
-//! Distances between sets of pictures: a fixed bank of features and the Fréchet distance between two feature matrices.
+//! What pictures are compared by: a fixed bank of features, and principal directions of any feature matrix.
 //!
-//! The bank is multi-scale gradients and colour, documented in [`features`]; no trained network. [`frechet`] takes any
-//! feature matrices, those of trained networks too, reduced by [`Principal`] where they have many columns.
+//! The bank is multi-scale gradients and colour, documented in [`features`]; no trained network. [`Principal`] reduces
+//! feature matrices of many columns, those of trained networks too, to what [`ds_stats::frechet`] compares.
 
 pub mod features;
-mod frechet;
 mod principal;
 
-pub use frechet::{FidelityError, Interval, frechet, frechet_interval};
 pub use principal::Principal;

@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::frechet::FidelityError;
+use ds_stats::{SampleError, upper_median};
 
 /// A fitted reduction.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,16 +25,17 @@ impl Principal {
     ///
     /// # Errors
     /// If there are fewer than two rows or a value is not finite.
-    pub fn fit(rows: &DMatrix<f64>, most: usize) -> Result<Self, FidelityError> {
+    pub fn fit(rows: &DMatrix<f64>, most: usize) -> Result<Self, SampleError> {
         if rows.nrows() < 2 {
-            return Err(FidelityError::Rows(rows.nrows()));
+            return Err(SampleError::Rows(rows.nrows()));
         }
         if let Some(at) = rows.iter().position(|value| !value.is_finite()) {
-            return Err(FidelityError::NotFinite { row: at % rows.nrows(), column: at / rows.nrows() });
+            return Err(SampleError::NotFinite { row: at % rows.nrows(), column: at / rows.nrows() });
         }
         let mean = rows.row_mean().transpose();
         let deviation = rows.row_variance().transpose().map(f64::sqrt);
-        let floor = LEAST_SHARE * median(deviation.iter().copied().filter(|value| *value >= LEAST_DEVIATION).collect());
+        let mut varied: Vec<f64> = deviation.iter().copied().filter(|value| *value >= LEAST_DEVIATION).collect();
+        let floor = LEAST_SHARE * upper_median(&mut varied).unwrap_or(0.0);
         let deviation = deviation.map(|value| if value < LEAST_DEVIATION { value } else { value.max(floor) });
         let mut fitted = Self { mean, deviation, directions: DMatrix::zeros(rows.ncols(), 0) };
         let standard = fitted.standardised(rows);
@@ -56,9 +57,9 @@ impl Principal {
     ///
     /// # Errors
     /// If the number of features differs.
-    pub fn project(&self, rows: &DMatrix<f64>) -> Result<DMatrix<f64>, FidelityError> {
+    pub fn project(&self, rows: &DMatrix<f64>) -> Result<DMatrix<f64>, SampleError> {
         if rows.ncols() != self.mean.len() {
-            return Err(FidelityError::Columns(self.mean.len(), rows.ncols()));
+            return Err(SampleError::Columns(self.mean.len(), rows.ncols()));
         }
         Ok(self.standardised(rows) * &self.directions)
     }
@@ -69,11 +70,6 @@ impl Principal {
             if deviation < LEAST_DEVIATION { 0.0 } else { (rows[(row, column)] - self.mean[column]) / deviation }
         })
     }
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 #[cfg(test)]
@@ -121,11 +117,11 @@ mod tests {
 
     #[test]
     fn what_has_no_directions_is_refused() {
-        assert_eq!(Principal::fit(&DMatrix::zeros(1, 3), 2), Err(FidelityError::Rows(1)));
+        assert_eq!(Principal::fit(&DMatrix::zeros(1, 3), 2), Err(SampleError::Rows(1)));
         let fitted = Principal::fit(&DMatrix::from_fn(4, 3, |r, c| (r * c) as f64), 2).expect("fits");
-        assert_eq!(fitted.project(&DMatrix::zeros(2, 4)), Err(FidelityError::Columns(3, 4)));
+        assert_eq!(fitted.project(&DMatrix::zeros(2, 4)), Err(SampleError::Columns(3, 4)));
         let mut spoiled = DMatrix::zeros(4, 3);
         spoiled[(1, 2)] = f64::INFINITY;
-        assert_eq!(Principal::fit(&spoiled, 2), Err(FidelityError::NotFinite { row: 1, column: 2 }));
+        assert_eq!(Principal::fit(&spoiled, 2), Err(SampleError::NotFinite { row: 1, column: 2 }));
     }
 }

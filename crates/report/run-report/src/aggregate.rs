@@ -6,9 +6,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use ds_stats::mean;
 use serde::Serialize;
 
-use crate::bootstrap::{self, Interval, mean};
+use crate::bootstrap::{self, Interval};
 use crate::dimension::{Dimension, Drive};
 use crate::metric::{Applicable, Metric, metrics_of};
 use crate::results::Outcome;

@@ -6,9 +6,10 @@
 //! therefore in every resample.
 
 use ds_space::Draws;
+use ds_stats::{mean, shapley};
 use serde::Serialize;
 
-use crate::bootstrap::{self, Interval, mean};
+use crate::bootstrap::{self, Interval};
 
 /// The most components of a factorial.
 pub const MOST_COMPONENTS: usize = 6;
@@ -57,25 +58,6 @@ pub struct Attribution {
     pub lead: Option<Lead>,
     /// Scenarios with a value in every cell.
     pub scenarios: usize,
-}
-
-/// Splits the value of the full set over its members; `values[c]` is the value of the set of `c`'s bits.
-#[must_use]
-pub fn shapley(values: &[f64]) -> Vec<f64> {
-    let count = values.len().trailing_zeros() as usize;
-    let factorial = |n: usize| (1..=n).map(|k| k as f64).product::<f64>();
-    (0..count)
-        .map(|member| {
-            let without = (0..values.len()).filter(|set| set & (1 << member) == 0);
-            without
-                .map(|set| {
-                    let size = set.count_ones() as usize;
-                    let weight = factorial(size) * factorial(count - size - 1) / factorial(count);
-                    weight * (values[set | (1 << member)] - values[set])
-                })
-                .sum()
-        })
-        .collect()
 }
 
 /// Splits the difference of a metric; `cells[c][s]` is its value in cell `c` for scenario `s`. Scenarios that lack a
@@ -162,19 +144,6 @@ impl Attribution {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn shares_sum_to_the_whole_and_follow_the_axioms() {
-        // v(S) = 2·[0 in S] + 3·[1 in S] + 4·[0 and 1 in S]; member 2 does nothing.
-        let value = |set: usize| {
-            let has = |k: usize| f64::from(u8::from(set & (1 << k) != 0));
-            2.0 * has(0) + 3.0 * has(1) + 4.0 * has(0) * has(1) + 1.0
-        };
-        let shares = shapley(&(0..8).map(value).collect::<Vec<_>>());
-        for (share, expected) in shares.iter().zip([4.0, 5.0, 0.0]) {
-            assert!((share - expected).abs() < 1e-12, "{shares:?}");
-        }
-    }
 
     #[test]
     fn every_scenario_sums_and_incomplete_ones_are_left_out() {

@@ -7,10 +7,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use ds_stats::mean;
 use serde::Serialize;
 
 use crate::aggregate::{Estimate, WEIGHTING, by_scenario, estimate, grouped};
-use crate::bootstrap::{self, Interval, mean};
+use crate::bootstrap::{self, Interval};
 use crate::compare::{Pair, Pairing, pair};
 use crate::dimension::{Dimension, Drive};
 use crate::metric::{Applicable, Metric};

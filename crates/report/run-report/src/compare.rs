@@ -7,13 +7,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use ds_space::Draws;
+use ds_stats::{EXACT_UP_TO, holm, mean, sign_flip};
 use serde::Serialize;
 
 use crate::aggregate::{WEIGHTING, with_profile};
-use crate::bootstrap::{self, Interval, mean};
+use crate::bootstrap::{self, Interval};
 use crate::dimension::{Dimension, Drive, drives, run_names};
 use crate::metric::{Applicable, Metric, metrics_of};
-use crate::permutation::{EXACT_UP_TO, holm, sign_flip};
 use crate::results::{Outcome, Results};
 
 #[cfg(test)]
@@ -286,7 +287,8 @@ fn difference(metric: &Metric, pairs: &[&Pair], applicable: &Applicable, seed: u
         units.values().filter_map(|pairs| mean(pairs.iter().map(value))).collect()
     };
     let differences = over(&|(a, b)| b - a);
-    let chance = (differences.len() >= FEWEST_SCENARIOS).then(|| sign_flip(&differences, seed)).flatten();
+    let flips = Draws::from_seed(seed, "report/sign flips");
+    let chance = (differences.len() >= FEWEST_SCENARIOS).then(|| sign_flip(&differences, &flips)).flatten();
     Difference {
         metric: metric.name(),
         a: mean(over(&|(a, _)| *a)),

@@ -11,7 +11,6 @@ pub mod bootstrap;
 pub mod compare;
 pub mod dimension;
 pub mod metric;
-pub mod permutation;
 pub mod report;
 pub mod results;
 pub mod term;

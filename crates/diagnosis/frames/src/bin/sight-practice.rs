@@ -170,7 +170,7 @@ impl Counts {
             );
         }
         let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len().max(1) as f64;
-        let median = |v: &[f64]| ds_dynamics::bootstrap::quantile(&mut v.to_vec(), 0.5);
+        let median = |v: &[f64]| ds_stats::quantile(&mut v.to_vec(), 0.5);
         println!(
             "tiles IoU mean {:.2} median {:.2}; time mean {:.2} s; relative error median {:.3}; |predicted - realised share| median {:.3}",
             mean(&self.overlap),

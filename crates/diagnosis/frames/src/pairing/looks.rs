@@ -135,10 +135,10 @@ fn flat(p: &Picture) -> [f64; 2] {
         }
     }
     let mut lights: Vec<f64> = blocks.iter().map(|b| f64::from(b.0)).collect();
-    let middle = ds_dynamics::bootstrap::quantile(&mut lights, 0.5) as f32;
+    let middle = ds_stats::quantile(&mut lights, 0.5) as f32;
     [true, false].map(|dark| {
         let mut own: Vec<f64> = blocks.iter().filter(|b| (b.0 < middle) == dark).map(|b| b.1).collect();
-        if own.is_empty() { 0.0 } else { (ds_dynamics::bootstrap::quantile(&mut own, 0.1) + FLAT).ln() }
+        if own.is_empty() { 0.0 } else { (ds_stats::quantile(&mut own, 0.1) + FLAT).ln() }
     })
 }
 
@@ -277,7 +277,7 @@ fn fixed(grey: &[Picture]) -> (f64, f64) {
     }
     let mean = spread.iter().sum::<f64>() / spread.len() as f64;
     let sd = (spread.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / spread.len() as f64).sqrt();
-    let low = ds_dynamics::bootstrap::quantile(&mut spread, 0.1);
+    let low = ds_stats::quantile(&mut spread, 0.1);
     (low - mean, sd)
 }
 
@@ -301,7 +301,7 @@ fn repeats(grey: &[Picture]) -> f64 {
         .map(|p| p[0].data.iter().zip(&p[1].data).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>())
         .collect();
     let mut sorted = steps.clone();
-    let usual = ds_dynamics::bootstrap::quantile(&mut sorted, 0.6);
+    let usual = ds_stats::quantile(&mut sorted, 0.6);
     5.0 * steps.iter().filter(|s| **s < 0.33 * usual).count() as f64 / steps.len().max(1) as f64
 }
 

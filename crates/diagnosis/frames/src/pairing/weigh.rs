@@ -81,7 +81,7 @@ pub fn spots(precision: &DMatrix<f64>, paths: &[Path], deviation: &DVector<f64>)
 pub fn needed(nuisance: &Nuisance, paths: &[Path]) -> f64 {
     let best = |row: &DVector<f64>| spots(&nuisance.precision, paths, row).iter().map(|s| s.gain).fold(0.0, f64::max);
     let mut gains: Vec<f64> = nuisance.rows.iter().map(best).collect();
-    let worst = if gains.is_empty() { 0.0 } else { ds_dynamics::bootstrap::quantile(&mut gains, 0.95) };
+    let worst = if gains.is_empty() { 0.0 } else { ds_stats::quantile(&mut gains, 0.95) };
     (settings::NUISANCE_MARGIN * worst).max(settings::LEAST_PAIRING_GAIN)
 }
 
@@ -89,7 +89,7 @@ pub fn needed(nuisance: &Nuisance, paths: &[Path]) -> f64 {
 #[must_use]
 pub fn usual(nuisance: &Nuisance) -> f64 {
     let mut sizes: Vec<f64> = nuisance.rows.iter().map(|r| square(&nuisance.precision, r)).collect();
-    if sizes.is_empty() { 60.0 } else { ds_dynamics::bootstrap::quantile(&mut sizes, 0.95) }
+    if sizes.is_empty() { 60.0 } else { ds_stats::quantile(&mut sizes, 0.95) }
 }
 
 /// Returns the value of a path from which its gain reaches what is needed in 95 of 100 pairs (the generator's own gap

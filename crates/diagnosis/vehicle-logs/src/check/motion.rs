@@ -36,7 +36,7 @@ fn speeds(record: &Record) -> Vec<LogFinding> {
         if ratios.len() < 40 || top < 1e-3 {
             continue;
         }
-        let ratio = ds_dynamics::bootstrap::quantile(&mut ratios, 0.5);
+        let ratio = ds_stats::quantile(&mut ratios, 0.5);
         if (0.75..1.35).contains(&ratio) {
             continue;
         }
@@ -66,7 +66,7 @@ fn course(record: &Record, speed: &[f64]) -> Vec<LogFinding> {
     };
     let (dx, dy) = (slope(x, STEP_SECS), slope(y, STEP_SECS));
     let mut sizes: Vec<f64> = speed.iter().map(|v| v.abs()).collect();
-    let least = SLOW * ds_dynamics::bootstrap::quantile(&mut sizes, 0.9);
+    let least = SLOW * ds_stats::quantile(&mut sizes, 0.9);
     let fast: Vec<usize> = (0..yaw.len()).filter(|&k| dx[k].hypot(dy[k]) > least.max(0.05)).collect();
     let range =
         yaw.iter().copied().fold(f64::NEG_INFINITY, f64::max) - yaw.iter().copied().fold(f64::INFINITY, f64::min);

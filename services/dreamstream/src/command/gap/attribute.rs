@@ -134,7 +134,7 @@ fn of_scenario(cell: &Results, scenario: &str, metric: &str) -> Option<f64> {
         "route_completion" => episode.route_completion,
         term => episode.sub_scores.get(term).copied().flatten(),
     };
-    ds_run_report::bootstrap::mean(cell.episodes.iter().filter(|e| e.scenario == scenario).filter_map(of))
+    ds_stats::mean(cell.episodes.iter().filter(|e| e.scenario == scenario).filter_map(of))
 }
 
 #[cfg(test)]

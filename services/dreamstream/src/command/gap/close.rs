@@ -9,8 +9,9 @@ use clap::Parser;
 use ds_diagnosis::Diagnosis;
 use ds_dynamics::{Options, diagnose};
 use ds_record::vehicle_log;
-use ds_run_report::bootstrap::{self, mean, mean_interval};
+use ds_run_report::bootstrap::{self, mean_interval};
 use ds_run_report::{Interval, Results};
+use ds_stats::mean;
 use ds_world::Reading;
 use serde::Serialize;
 

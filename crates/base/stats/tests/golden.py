@@ -1,4 +1,4 @@
-"""Writes frechet.json with scipy's matrix square root: python crates/learn/fidelity/tests/golden.py > crates/learn/fidelity/tests/frechet.json"""
+"""Writes frechet.json with scipy's matrix square root: python crates/base/stats/tests/golden.py > crates/base/stats/tests/frechet.json"""
 
 import json
 

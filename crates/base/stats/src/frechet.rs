@@ -4,12 +4,11 @@
 //! Covariances are shrunk towards their diagonal by a stated share, so that few rows do not make them singular.
 //! Units are those of the features, squared. Rows are observations, columns are features.
 
-use ds_space::draw::Draws;
 use nalgebra::{DMatrix, DVector};
 
 /// Feature matrices that cannot be compared.
 #[derive(Debug, thiserror::Error, PartialEq)]
-pub enum FidelityError {
+pub enum SampleError {
     /// The matrices have different features.
     #[error("feature counts differ: {0} and {1}")]
     Columns(usize, usize),
@@ -26,20 +25,11 @@ pub enum FidelityError {
     },
 }
 
-/// A distance with its 90 % bootstrap interval.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Interval {
-    /// Distance of the matrices as given.
-    pub value: f64,
-    /// Quantiles 0.05 and 0.95 over resampled rows.
-    pub interval90: [f64; 2],
-}
-
 /// Returns the squared Fréchet distance; `shrinkage` in 0..=1 is the share of each covariance's off-diagonal removed.
 ///
 /// # Errors
 /// If the matrices have different columns, fewer than two rows or values that are not finite.
-pub fn frechet(a: &DMatrix<f64>, b: &DMatrix<f64>, shrinkage: f64) -> Result<f64, FidelityError> {
+pub fn frechet(a: &DMatrix<f64>, b: &DMatrix<f64>, shrinkage: f64) -> Result<f64, SampleError> {
     check(a, b)?;
     let ((mean_a, cov_a), (mean_b, cov_b)) = (moments(a, shrinkage), moments(b, shrinkage));
     let root = square_root(&cov_a);
@@ -48,43 +38,16 @@ pub fn frechet(a: &DMatrix<f64>, b: &DMatrix<f64>, shrinkage: f64) -> Result<f64
     Ok((mean_a - mean_b).norm_squared() + spread.max(0.0))
 }
 
-/// Returns the distance with an interval from resampling rows of both matrices; `draws` of them.
-///
-/// # Errors
-/// As [`frechet`].
-pub fn frechet_interval(
-    a: &DMatrix<f64>,
-    b: &DMatrix<f64>,
-    shrinkage: f64,
-    (draws, seed): (u64, u64),
-) -> Result<Interval, FidelityError> {
-    let value = frechet(a, b, shrinkage)?;
-    let source = Draws::from_seed(seed, "frechet_bootstrap");
-    let resampled = |m: &DMatrix<f64>, offset: u64| {
-        let rows: Vec<usize> =
-            (0..m.nrows() as u64).map(|k| source.below(offset + k, m.nrows() as u64) as usize).collect();
-        m.select_rows(rows.iter())
-    };
-    let mut values = Vec::new();
-    for draw in 0..draws {
-        let offset = draw * (a.nrows() + b.nrows()) as u64;
-        values.push(frechet(&resampled(a, offset), &resampled(b, offset + a.nrows() as u64), shrinkage)?);
-    }
-    values.sort_by(f64::total_cmp);
-    let at = |q: f64| values.get(((values.len() as f64 - 1.0) * q).round() as usize).copied().unwrap_or(value);
-    Ok(Interval { value, interval90: [at(0.05), at(0.95)] })
-}
-
-fn check(a: &DMatrix<f64>, b: &DMatrix<f64>) -> Result<(), FidelityError> {
+fn check(a: &DMatrix<f64>, b: &DMatrix<f64>) -> Result<(), SampleError> {
     if a.ncols() != b.ncols() {
-        return Err(FidelityError::Columns(a.ncols(), b.ncols()));
+        return Err(SampleError::Columns(a.ncols(), b.ncols()));
     }
     for m in [a, b] {
         if m.nrows() < 2 {
-            return Err(FidelityError::Rows(m.nrows()));
+            return Err(SampleError::Rows(m.nrows()));
         }
         if let Some(at) = m.iter().position(|v| !v.is_finite()) {
-            return Err(FidelityError::NotFinite { row: at % m.nrows(), column: at / m.nrows() });
+            return Err(SampleError::NotFinite { row: at % m.nrows(), column: at / m.nrows() });
         }
     }
     Ok(())

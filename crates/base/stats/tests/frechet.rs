@@ -1,9 +1,7 @@
 //! The distance equals that of `scipy.linalg.sqrtm` (`frechet.json`, made by `golden.py`), is a symmetric distance, and
 //! refuses what has none.
 
-use ds_effect::picture::Picture;
-use ds_fidelity::features::{FEATURES, features};
-use ds_fidelity::{FidelityError, frechet, frechet_interval};
+use ds_stats::{SampleError, frechet};
 use nalgebra::DMatrix;
 
 fn matrix(value: &serde_json::Value) -> DMatrix<f64> {
@@ -21,28 +19,15 @@ fn equals_scipy() {
         let back = frechet(&b, &a, 0.0).expect("a distance");
         assert!((found - back).abs() < 1e-9 * value.max(1.0), "{found} is not {back}");
         assert!(frechet(&a, &a, 0.0).expect("a distance").abs() < 1e-8);
-        let interval = frechet_interval(&a, &b, 0.1, (40, 3)).expect("an interval");
-        assert!(interval.interval90[0] < interval.interval90[1]);
     }
 }
 
 #[test]
 fn refuses_what_has_no_distance() {
     let m = |r, c, v| DMatrix::from_element(r, c, v);
-    assert_eq!(frechet(&m(5, 2, 0.0), &m(5, 3, 0.0), 0.0), Err(FidelityError::Columns(2, 3)));
-    assert_eq!(frechet(&m(1, 2, 0.0), &m(5, 2, 0.0), 0.0), Err(FidelityError::Rows(1)));
+    assert_eq!(frechet(&m(5, 2, 0.0), &m(5, 3, 0.0), 0.0), Err(SampleError::Columns(2, 3)));
+    assert_eq!(frechet(&m(1, 2, 0.0), &m(5, 2, 0.0), 0.0), Err(SampleError::Rows(1)));
     let mut spoiled = m(4, 2, 0.0);
     spoiled[(2, 1)] = f64::NAN;
-    assert_eq!(frechet(&spoiled, &m(5, 2, 0.0), 0.0), Err(FidelityError::NotFinite { row: 2, column: 1 }));
-}
-
-#[test]
-fn features_see_brightness_and_blur() {
-    let data = (0..96 * 64).map(|k| if (k % 96 / 3 + k / 96 / 3) % 2 == 0 { 60.0 } else { 180.0 }).collect();
-    let sharp = Picture { width: 96, height: 64, channels: 1, data };
-    let blurred = sharp.boxed(1);
-    let (a, b) = (features(&[sharp]), features(&[blurred]));
-    assert_eq!(a.shape(), (24, FEATURES));
-    assert!((a[(8, 0)] - b[(8, 0)]).abs() < 4.0, "a blur keeps brightness");
-    assert!(a[(8, 2)] > b[(8, 2)] + 1.0, "a blur takes gradients");
+    assert_eq!(frechet(&spoiled, &m(5, 2, 0.0), 0.0), Err(SampleError::NotFinite { row: 2, column: 1 }));
 }

@@ -1,12 +1,12 @@
-//! Paired permutation test by sign flips, and Holm's correction for several metrics.
+//! Paired permutation test by sign flips.
 //!
-//! If two runs do not differ, each scenario's difference is as likely to have the other sign. The p-value is the share
+//! If two runs do not differ, each unit's difference is as likely to have the other sign. The p-value is the share
 //! of all sign patterns whose mean is at least as far from 0 as the observed one (Fisher 1935; Good 2005, chapter 3):
-//! exact for up to 12 scenarios, else of 10,000 drawn patterns with one added above and below (Phipson and Smyth 2010).
+//! exact for up to 12 units, else of 10,000 drawn patterns with one added above and below (Phipson and Smyth 2010).
 
 use ds_space::Draws;
 
-/// Most scenarios for which every sign pattern is tried.
+/// Most units for which every sign pattern is tried.
 pub const EXACT_UP_TO: usize = 12;
 /// Drawn patterns above that.
 pub const PATTERNS: u64 = 10_000;
@@ -20,9 +20,10 @@ pub struct Chance {
     pub exact: bool,
 }
 
-/// Returns the two-sided p-value of the mean difference; nothing for no differences.
+/// Returns the two-sided p-value of the mean difference; nothing for no differences. Patterns come from `draws` where
+/// there are too many to try.
 #[must_use]
-pub fn sign_flip(differences: &[f64], seed: u64) -> Option<Chance> {
+pub fn sign_flip(differences: &[f64], draws: &Draws) -> Option<Chance> {
     if differences.is_empty() {
         return None;
     }
@@ -37,7 +38,6 @@ pub fn sign_flip(differences: &[f64], seed: u64) -> Option<Chance> {
         let hits = (0..patterns).filter(|pattern| sum(&|i| pattern >> i & 1 == 1) >= observed).count();
         return Some(Chance { p: hits as f64 / f64::from(patterns), exact: true });
     }
-    let draws = Draws::from_seed(seed, "report/sign flips");
     let words = differences.len().div_ceil(64) as u64;
     let hits = (0..PATTERNS).filter(|pattern| {
         let bits: Vec<u64> = (0..words).map(|word| draws.u64(pattern * words + word)).collect();
@@ -46,26 +46,16 @@ pub fn sign_flip(differences: &[f64], seed: u64) -> Option<Chance> {
     Some(Chance { p: (1 + hits.count()) as f64 / (1 + PATTERNS) as f64, exact: false })
 }
 
-/// Returns the p-values corrected for being tested together (Holm 1979), in the order given.
-#[must_use]
-pub fn holm(p_values: &[f64]) -> Vec<f64> {
-    let mut order: Vec<usize> = (0..p_values.len()).collect();
-    order.sort_by(|a, b| p_values[*a].total_cmp(&p_values[*b]));
-    let mut corrected = vec![0.0; p_values.len()];
-    let mut largest = 0.0f64;
-    for (rank, &index) in order.iter().enumerate() {
-        largest = largest.max((p_values.len() - rank) as f64 * p_values[index]).min(1.0);
-        corrected[index] = largest;
-    }
-    corrected
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn draws(seed: u64) -> Draws {
+        Draws::from_seed(seed, "permutation test")
+    }
+
     fn check(differences: &[f64], expected: f64) {
-        let found = sign_flip(differences, 1).expect("differences");
+        let found = sign_flip(differences, &draws(1)).expect("differences");
         assert!(found.exact && (found.p - expected).abs() < 1e-12, "{differences:?}: {found:?}, not {expected}");
     }
 
@@ -82,26 +72,15 @@ mod tests {
         check(&[1.0, 2.0, 3.0, 0.0], 2.0 / 8.0);
         check(&[0.0, 0.0], 1.0);
         check(&[0.1, 0.2, 0.3, -0.6 + 0.6], 2.0 / 8.0);
-        assert_eq!(sign_flip(&[], 1), None);
+        assert_eq!(sign_flip(&[], &draws(1)), None);
     }
 
     #[test]
     fn drawn_patterns_agree_with_all_patterns() {
         // 13 differences of ±1 with 10 ups: |sum| ≥ 7 for k ≤ 3 or k ≥ 10 ups, 2·(1+13+78+286)/8192.
         let differences: Vec<f64> = (0..13).map(|i| if i < 10 { 1.0 } else { -1.0 }).collect();
-        let found = sign_flip(&differences, 2).expect("differences");
+        let found = sign_flip(&differences, &draws(2)).expect("differences");
         assert!(!found.exact && (found.p - 756.0 / 8192.0).abs() < 0.012, "{found:?}");
-        assert!(sign_flip(&[0.3; 100], 3).expect("differences").p <= 2.0 / 10_001.0);
-    }
-
-    #[test]
-    fn holm_corrects_in_steps() {
-        // Sorted 0.01, 0.02, 0.03, 0.6 times 4, 3, 2, 1 = 0.04, 0.06, 0.06, 0.6; the third may not fall below the second.
-        let corrected = holm(&[0.03, 0.6, 0.01, 0.02]);
-        for (found, expected) in corrected.iter().zip([0.06, 0.6, 0.04, 0.06]) {
-            assert!((found - expected).abs() < 1e-12, "{corrected:?}");
-        }
-        assert_eq!(holm(&[0.7, 0.9]), [1.0, 1.0]);
-        assert_eq!(holm(&[]), [0.0; 0]);
+        assert!(sign_flip(&[0.3; 100], &draws(3)).expect("differences").p <= 2.0 / 10_001.0);
     }
 }

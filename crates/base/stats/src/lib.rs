@@ -1,0 +1,31 @@
+//! Statistics that more than one crate needs, each defined once: quantiles, bootstrap, tails, corrections for many
+//! tests, permutation test, Shapley values, shares of an error explained, the Fréchet distance.
+//!
+//! Values in, values out. Levels, numbers of draws and random streams are arguments; what a figure means is said by who
+//! asks for it.
+
+pub mod bootstrap;
+mod discovery;
+mod frechet;
+mod normal;
+mod permutation;
+mod quantile;
+mod shapley;
+mod share;
+mod wilson;
+
+pub use discovery::{false_discovery, holm};
+pub use frechet::{SampleError, frechet};
+pub use normal::normal_tail;
+pub use permutation::{Chance, EXACT_UP_TO, PATTERNS, sign_flip};
+pub use quantile::{percentiles, quantile, sorted_quantile, upper_median};
+pub use shapley::shapley;
+pub use share::{Explained, explained, share};
+pub use wilson::wilson;
+
+/// Returns the mean in order of the values; nothing for no values.
+#[must_use]
+pub fn mean(values: impl IntoIterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.into_iter().fold((0.0, 0u32), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| sum / f64::from(count))
+}
