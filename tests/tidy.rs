@@ -49,6 +49,7 @@ const LAYERS: &[(&str, u32)] = &[
     ("ds-bus", 5),
     ("ds-record", 5),
     ("ds-process", 6),
+    ("ds-cases", 6),
     ("ds-train", 6),
     ("ds-evaluate", 7),
     ("orchestrator", 7),

@@ -10,7 +10,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use ds_bus::{BusSession, BusSettings, Mode, Subscription};
 use ds_record::Recording;
 use ds_space::{EpisodeId, InstanceId, SimTime, Tick};
-use ds_topic::{DiagnosedEffect, Diagnosis, Envelope, GapVerdict, Slot, Topic};
+use ds_topic::{DiagnosedEffect, Diagnosis, Envelope, Slot, Topic};
 use ds_wire::{Body, verify};
 use harness::{dreamstream, drive, free_port, wait_for};
 use tokio::runtime::Runtime;
@@ -223,7 +223,7 @@ fn made_up(tick: u32, p_none: f64) -> Diagnosis {
     Diagnosis {
         window: (SimTime(0), SimTime::at(Tick(tick), SimTime::from_secs(0.1))),
         reference: String::new(),
-        verdict: GapVerdict::None,
+        verdict: ds_effect::Verdict::None,
         p_none,
         p_unknown: 0.0,
         effects: Vec::new(),

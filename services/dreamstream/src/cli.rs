@@ -13,6 +13,7 @@ mod fleet;
 mod gap;
 mod measure;
 mod results;
+mod run_plan;
 mod video;
 
 pub(crate) use data::{DataCommand, DataListArgs, DataRenderArgs, DataSheetArgs};
@@ -48,7 +49,7 @@ pub(crate) struct Cli {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Drive scenarios in a closed loop; scores, recordings and pictures go to --out.
-    Run(RunArgs),
+    Run(RunPlan),
     /// Drive scenarios on a fleet that runs already, such as one started by compose.
     Submit(SubmitArgs),
     /// Convert recorded logs to scenario files.
@@ -135,9 +136,10 @@ pub(crate) enum Align {
     Exact,
 }
 
-/// Arguments of `run`.
-#[derive(Debug, Args)]
-pub(crate) struct RunArgs {
+/// What to drive, with which world, policy and observation, on which fleet, and where the results go: what `run` is told,
+/// and what `gap close` and `gap attribute` plan.
+#[derive(Debug, Clone, PartialEq, Args)]
+pub(crate) struct RunPlan {
     /// Scenario files, or folders of them.
     #[arg(required = true, value_parser = shipped::parser(), value_hint = ValueHint::AnyPath)]
     pub scenarios: Vec<PathBuf>,
@@ -272,7 +274,7 @@ pub(crate) struct SubmitArgs {
     pub control: ControlArgs,
     /// What to drive; the settings of the fleet itself are ignored.
     #[command(flatten)]
-    pub run: RunArgs,
+    pub run: RunPlan,
 }
 
 const IMPORT_HELP: &str = "Formats:

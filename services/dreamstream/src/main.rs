@@ -10,7 +10,6 @@ mod live;
 mod pictures;
 mod plain;
 mod shipped;
-mod world;
 
 use std::process::ExitCode;
 

@@ -21,12 +21,14 @@ mod sensor;
 mod setting;
 pub mod signal;
 mod vehicle;
+mod verdict;
 mod video;
 
 pub use frame::{FrameChain, FrameEffect};
 pub use parameter::{Channel, Insertion, Nuisance, Parameter, Scale};
 pub use plant::Plant;
 pub use setting::{Setting, SettingError, check};
+pub use verdict::Verdict;
 
 /// One effect: what is known of it beforehand and what it does to the simulator.
 pub struct Effect {

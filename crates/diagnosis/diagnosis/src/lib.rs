@@ -5,12 +5,15 @@
 //! diagnosed here. Schema and figures: `docs/gap-diagnosis.md`.
 
 mod error;
+mod join;
 pub mod json;
 pub mod meta;
 mod null;
 pub mod schema;
 pub mod score;
 pub mod table;
+pub mod verdict;
 
+pub use ds_effect::Verdict;
 pub use error::CaseError;
-pub use schema::{Diagnosis, Verdict};
+pub use schema::Diagnosis;

@@ -6,29 +6,16 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use ds_effect::Verdict;
 use serde::{Deserialize, Serialize};
 
 use crate::error::CaseError;
-use crate::{json, null};
+use crate::{json, null, verdict};
 
 /// The file in the folder of a diagnosis.
 pub const FILE: &str = "diagnosis.json";
 /// Version of the schema.
 pub const SCHEMA: u32 = 1;
-
-/// What was found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Verdict {
-    /// Nothing beyond what every vehicle has.
-    None,
-    /// One effect.
-    Single,
-    /// Two or three effects.
-    Multiple,
-    /// Something that the library does not contain.
-    Unknown,
-}
 
 /// A diagnosis.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -38,6 +25,7 @@ pub struct Diagnosis {
     /// Name of the case.
     pub case: String,
     /// What was found.
+    #[serde(with = "verdict")]
     pub verdict: Verdict,
     /// Every effect considered, likeliest first; sums with `p_none` and `p_unknown` to 1.
     pub effects: Vec<Finding>,

@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use ds_effect::Verdict;
 use serde::{Deserialize, Serialize};
 
 use crate::error::CaseError;
 use crate::json;
-use crate::schema::{self, Diagnosis, Verdict};
+use crate::schema::{self, Diagnosis};
 
 /// Most members of a group that is worth reporting.
 pub const GROUP_SIZE: usize = 4;

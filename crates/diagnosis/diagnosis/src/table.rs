@@ -59,6 +59,21 @@ impl Table {
         Ok(table)
     }
 
+    /// Makes a table of columns of one length by name.
+    ///
+    /// # Errors
+    /// If a value is not finite.
+    pub fn new(file: &str, columns: Vec<(String, Vec<f64>)>) -> Result<Self, CaseError> {
+        for (name, column) in &columns {
+            if let Some(row) = column.iter().position(|value| !value.is_finite()) {
+                let (column, text, file) = (name.clone(), column[row].to_string(), file.to_owned());
+                return Err(CaseError::NotANumber { row: row + 1, column, text, file });
+            }
+        }
+        let (names, columns) = columns.into_iter().unzip();
+        Ok(Self { names, columns, file: file.to_owned() })
+    }
+
     fn too_large(&self, what: &'static str, limit: usize) -> CaseError {
         CaseError::TooLarge { what, limit, file: self.file.clone() }
     }

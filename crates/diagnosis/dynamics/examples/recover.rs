@@ -3,6 +3,7 @@
 //! `cargo run -p ds-dynamics --example recover -- DIR [EFFECT…]`
 #![allow(clippy::print_stdout, reason = "the table is this example's answer")]
 
+use ds_dynamics::case::Case;
 use ds_dynamics::{Options, diagnose, synthetic};
 use ds_effect::Scale;
 use rayon::prelude::*;
@@ -32,7 +33,7 @@ fn main() {
             let folder = root.join(effect.id);
             let made = synthetic::write_case(&folder, 7, &|plant| (effect.apply)(&values, plant));
             let options = Options { quick: true, ..Options::default() };
-            match made.and_then(|()| diagnose(&folder, &options)) {
+            match made.and_then(|()| Ok(diagnose(&Case::read(&folder)?, &options))) {
                 Ok(d) => {
                     let top: Vec<String> = d
                         .effects

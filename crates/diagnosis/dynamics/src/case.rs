@@ -47,6 +47,14 @@ impl Case {
         let meta = VehicleMeta::read(folder)?;
         let drives: Vec<Drive> =
             meta.drives.iter().map(|entry| Drive::read(folder, entry)).collect::<Result<_, _>>()?;
+        Self::new(meta, drives)
+    }
+
+    /// Makes a case of drives in memory; `meta` has an entry for each.
+    ///
+    /// # Errors
+    /// If a log cannot be what its columns say.
+    pub fn new(meta: VehicleMeta, drives: Vec<Drive>) -> Result<Self, CaseError> {
         let warnings = crate::check::check(&drives, &meta)?;
         let mut ego = Vec::new();
         let mut following = Vec::new();

@@ -1,7 +1,6 @@
-//! One case from its folder to its diagnosis: read, search both parts, choose, look at what is left, measure the shrink.
+//! One case to its diagnosis: search both parts, choose, look at what is left, measure the shrink.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use crate::case::{Case, PartModel};
 use crate::cells::cells;
@@ -18,8 +17,8 @@ use crate::shapley::split;
 use crate::signature::{cosine, spread};
 use crate::space::{Part, SCATTER};
 use crate::windows::EGO;
-use ds_diagnosis::CaseError;
-use ds_diagnosis::schema::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, SCHEMA, Verdict};
+use ds_diagnosis::Verdict;
+use ds_diagnosis::schema::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, SCHEMA};
 use ds_diagnosis::score::GROUP_SIZE;
 
 /// How to diagnose.
@@ -31,26 +30,15 @@ pub struct Options {
     pub without: Vec<String>,
 }
 
-/// Diagnoses a case folder.
-///
-/// # Errors
-/// If the case cannot be read or makes no sense.
-pub fn diagnose(folder: &Path, options: &Options) -> Result<Diagnosis, CaseError> {
-    diagnose_with(folder, options, &Thresholds::default())
-}
-
-/// Diagnoses a case folder with other thresholds than the built-in ones.
-///
-/// # Errors
-/// If the case cannot be read or makes no sense.
-pub fn diagnose_with(folder: &Path, options: &Options, thresholds: &Thresholds) -> Result<Diagnosis, CaseError> {
-    let case = Case::read(folder)?;
-    Ok(diagnose_case(&case, options, thresholds))
-}
-
-/// Diagnoses a case in memory.
+/// Diagnoses a case.
 #[must_use]
-pub fn diagnose_case(case: &Case, options: &Options, thresholds: &Thresholds) -> Diagnosis {
+pub fn diagnose(case: &Case, options: &Options) -> Diagnosis {
+    diagnose_with(case, options, &Thresholds::default())
+}
+
+/// Diagnoses a case with other thresholds than the built-in ones.
+#[must_use]
+pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) -> Diagnosis {
     let (fit_drives, held) = case.meta.split();
     let effort = if options.quick { Effort::Quick } else { Effort::Full };
     let models = [Part::Ego, Part::Following].map(|part| PartModel::new(case, part, &fit_drives, &options.without));

@@ -78,13 +78,22 @@ impl Drive {
     /// If a file is unreadable, a needed column is absent, stamps do not grow or the drive is too short.
     pub fn read(case: &Path, entry: &DriveEntry) -> Result<Self, CaseError> {
         let table = Table::read(&case.join(&entry.file))?;
-        let t = stamps(&table)?;
+        let agents = entry.agents.as_ref().map(|file| case.join(file)).filter(|path| path.exists());
+        Self::new(&table, agents.map(|path| Table::read(&path)).transpose()?.as_ref(), entry)
+    }
+
+    /// Makes a drive of the table of the ego and, where there are some, that of its followers.
+    ///
+    /// # Errors
+    /// If a needed column is absent, stamps do not grow or the drive is too short.
+    pub fn new(table: &Table, agents: Option<&Table>, entry: &DriveEntry) -> Result<Self, CaseError> {
+        let t = stamps(table)?;
         let start_secs = t[0];
         let samples = ((t[t.len() - 1] - t[0]) / STEP_SECS + 1e-6).floor() as usize + 1;
         let mut steps: Vec<f64> = t.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let even = |column: &[f64]| resample(&t, column, start_secs, STEP_SECS, samples);
-        let pose = copies(&table, &["x", "y", "yaw", "v"]);
-        let imu = copies(&table, &["yaw_rate", "ax", "ay"]);
+        let pose = copies(table, &["x", "y", "yaw", "v"]);
+        let imu = copies(table, &["yaw_rate", "ax", "ay"]);
         let share = |copied: &[bool]| copied.iter().filter(|c| **c).count() as f64 / t.len() as f64;
         let repeated_share = share(&pose).max(share(&imu));
         // a copy says nothing new: it is taken out and bridged, so that its age does not look like a latency
@@ -99,10 +108,7 @@ impl Drive {
             Some(even(&if name == "yaw" { unwrap(&moved) } else { moved }))
         };
         let unwrapped = optional("yaw");
-        let followers = match &entry.agents {
-            Some(file) if case.join(file).exists() => followers(&Table::read(&case.join(file))?)?,
-            _ => Vec::new(),
-        };
+        let followers = agents.map(followers).transpose()?.unwrap_or_default();
         let free = followers.iter().flat_map(|f| &f.v_lead).copied().fold(10.0, f64::max);
         Ok(Self {
             file: entry.file.clone(),

@@ -1,19 +1,13 @@
 //! Applies a frozen diagnosis to drives it never saw, without any refit, and measures how far the gap shrinks there.
 
-use std::path::Path;
-
 use crate::case::Case;
 use crate::how_far::how_far;
 use crate::space::{Part, Space};
-use ds_diagnosis::CaseError;
 use ds_diagnosis::schema::{Corrected, Diagnosis, Shrink};
 
-/// Returns the shrink on some drives of a case folder (all of them if none are named), as data `unseen`.
-///
-/// # Errors
-/// If the case cannot be read or makes no sense.
-pub fn evaluate(diagnosis: &Diagnosis, folder: &Path, drives: &[usize]) -> Result<Vec<Shrink>, CaseError> {
-    let case = Case::read(folder)?;
+/// Returns the shrink on some drives of a case (all of them if none are named), as data `unseen`.
+#[must_use]
+pub fn evaluate(diagnosis: &Diagnosis, case: &Case, drives: &[usize]) -> Vec<Shrink> {
     let all: Vec<usize> = (0..case.drives.len()).collect();
     let chosen: Vec<usize> =
         if drives.is_empty() { all } else { all.into_iter().filter(|d| drives.contains(d)).collect() };
@@ -22,7 +16,7 @@ pub fn evaluate(diagnosis: &Diagnosis, folder: &Path, drives: &[usize]) -> Resul
         let after = vector(&space, &diagnosis.corrected_model, case.meta.nominal.mass);
         (space.plant(&space.neutral()), space.plant(&after))
     });
-    Ok(how_far(&case, &chosen, [(&plants[0].0, &plants[0].1), (&plants[1].0, &plants[1].1)], "unseen"))
+    how_far(case, &chosen, [(&plants[0].0, &plants[0].1), (&plants[1].0, &plants[1].1)], "unseen")
 }
 
 /// Returns the search vector of a corrected model; what it does not name is neutral.

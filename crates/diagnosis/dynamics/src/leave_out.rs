@@ -8,6 +8,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
+use crate::case::Case;
 use crate::diagnose::{Options, diagnose_with};
 use crate::settings::Thresholds;
 use ds_diagnosis::CaseError;
@@ -30,8 +31,9 @@ pub fn leave_one_out(
 ) -> Result<BTreeMap<String, (Thresholds, Diagnosis)>, CaseError> {
     let pass = |thresholds: &(dyn Fn(&str) -> Thresholds + Sync)| -> Result<BTreeMap<String, Diagnosis>, CaseError> {
         let names: Vec<&String> = labels.keys().collect();
-        let run =
-            |name: &&String| diagnose_with(&root.join(name), options, &thresholds(name)).map(|d| ((*name).clone(), d));
+        let run = |name: &&String| {
+            Case::read(&root.join(name)).map(|case| ((*name).clone(), diagnose_with(&case, options, &thresholds(name))))
+        };
         names.par_iter().map(run).collect()
     };
     let first = pass(&|_| Thresholds::default())?;

@@ -123,7 +123,8 @@ fn a_small_blind_protocol_reaches_its_minimum() {
     let labels = read_labels(&folder.path().join("labels.json")).expect("labels");
     let names: Vec<&String> = labels.keys().collect();
     let options = Options { quick: true, ..Options::default() };
-    let run = |name: &&String| ((*name).clone(), diagnose(&folder.path().join(name), &options).expect("a diagnosis"));
+    let run =
+        |name: &&String| ((*name).clone(), diagnose(&Case::read(&folder.path().join(name)).expect("a case"), &options));
     let scores = score(&names.par_iter().map(run).collect(), &labels);
     let hits = |name: &str| scores.shares.get(name).copied().flatten().map_or(0, |s| s.hits);
     assert!(hits("singles: first") >= 6, "{:#?}", scores.shares);

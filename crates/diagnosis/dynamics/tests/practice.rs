@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use ds_diagnosis::score::{read_labels, score};
+use ds_dynamics::case::Case;
 use ds_dynamics::{Options, diagnose};
 use rayon::prelude::*;
 
@@ -24,7 +25,7 @@ fn practice_cases_reach_their_minimum() {
         .par_iter()
         .map(|name| {
             let options = Options { quick: true, ..Options::default() };
-            ((*name).clone(), diagnose(&folder.join(name), &options).expect("a diagnosis"))
+            ((*name).clone(), diagnose(&Case::read(&folder.join(name)).expect("a case"), &options))
         })
         .collect();
     let scores = score(&found, &labels);

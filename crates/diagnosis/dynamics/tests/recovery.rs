@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use ds_diagnosis::{Diagnosis, Verdict};
+use ds_dynamics::case::Case;
 use ds_dynamics::{Options, diagnose, synthetic};
 use ds_effect::find;
 
@@ -18,7 +19,11 @@ fn diagnosed(seed: u64, injected: &[(&str, f64)], options: &Options) -> Diagnosi
         }
     };
     synthetic::write_case(folder.path(), seed, &edit).expect("the case can be written");
-    diagnose(folder.path(), options).expect("the case can be diagnosed")
+    diagnose(&read(folder.path()), options)
+}
+
+fn read(folder: &Path) -> Case {
+    Case::read(folder).expect("the case can be read")
 }
 
 fn quick() -> Options {
@@ -68,10 +73,10 @@ fn a_frozen_diagnosis_shrinks_the_gap_of_an_unseen_case_of_the_same_vehicle() {
     let folder = tempfile::tempdir().expect("a folder");
     let edit = |plant: &mut ds_effect::Plant| plant.vehicle.drag_n_s2_m2 += 0.6;
     synthetic::write_case(folder.path(), 51, &edit).expect("the case can be written");
-    let found = diagnose(folder.path(), &quick()).expect("the case can be diagnosed");
+    let found = diagnose(&read(folder.path()), &quick());
     let other = tempfile::tempdir().expect("a folder");
     synthetic::write_case(other.path(), 52, &edit).expect("the case can be written");
-    let shrink = ds_dynamics::evaluate(&found, other.path(), &[1]).expect("it can be evaluated");
+    let shrink = ds_dynamics::evaluate(&found, &read(other.path()), &[1]);
     let position = shrink.iter().find(|s| s.metric == "position_2s").expect("the metric is there");
     assert!(position.share_explained > 0.8, "{position:?}");
     assert_eq!(position.data, "unseen");
@@ -107,6 +112,6 @@ fn an_effect_whose_size_goes_with_the_regime_is_called_unknown() {
     let folder = tempfile::tempdir().expect("a folder");
     synthetic::write_case(folder.path(), 61, &|_| {}).expect("the case can be written");
     give_way(folder.path(), 0.06);
-    let found = diagnose(folder.path(), &quick()).expect("the case can be diagnosed");
+    let found = diagnose(&read(folder.path()), &quick());
     assert_eq!(found.verdict, Verdict::Unknown, "{:?}", found.chosen);
 }

@@ -4,7 +4,8 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use ds_diagnosis::{CaseError, Verdict};
+use ds_diagnosis::{CaseError, Diagnosis, Verdict};
+use ds_dynamics::case::Case;
 use ds_dynamics::{Options, diagnose, synthetic};
 
 type Edit = fn(&mut Vec<Vec<String>>);
@@ -71,6 +72,10 @@ fn name(error: &CaseError) -> String {
     text.split([' ', '{', '(']).next().unwrap_or_default().to_owned()
 }
 
+fn judged(folder: &Path, options: &Options) -> Result<Diagnosis, CaseError> {
+    Ok(diagnose(&Case::read(folder)?, options))
+}
+
 #[test]
 fn spoiled_drives_are_refused_by_name() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -87,7 +92,7 @@ fn spoiled_drives_are_refused_by_name() {
             writeln!(text, "{}", row.join(",")).expect("strings can be written");
         }
         fs::write(&path, text).expect("the drive can be spoiled");
-        let found = match diagnose(folder.path(), &Options { quick: true, ..Options::default() }) {
+        let found = match judged(folder.path(), &Options { quick: true, ..Options::default() }) {
             Ok(diagnosis) => format!("{:?}", diagnosis.verdict),
             Err(error) => name(&error),
         };
@@ -105,7 +110,7 @@ fn a_million_rows_of_one_value_are_refused() {
     let mut text = String::from("t,cmd_steer,cmd_accel,x,y,yaw,v,yaw_rate,ax,ay,steer_meas,v_wheel\n");
     text.push_str(&"1,1,1,1,1,1,1,1,1,1,1,1\n".repeat(1_000_000));
     fs::write(folder.path().join("drive_1.csv"), text).expect("the drive can be written");
-    let error = diagnose(folder.path(), &Options::default()).expect_err("such a log is refused");
+    let error = judged(folder.path(), &Options::default()).expect_err("such a log is refused");
     assert_eq!(name(&error), "TooLarge");
 }
 
@@ -116,23 +121,23 @@ fn a_missing_or_absurd_description_is_refused() {
     let path = folder.path().join("meta.json");
     let whole = fs::read_to_string(&path).expect("the description");
     let rows: [(&str, String, &str); 5] = [
-        ("weightless", whole.replace("\"mass\":1500.0", "\"mass\":0.0"), "AbsurdVehicle"),
+        ("weightless", whole.replace("\"mass\": 1500.0", "\"mass\": 0.0"), "AbsurdVehicle"),
         (
             "negative stiffness",
-            whole.replace("\"cornering_stiffness_rear\":98000.0", "\"cornering_stiffness_rear\":-5.0"),
+            whole.replace("\"cornering_stiffness_rear\": 98000.0", "\"cornering_stiffness_rear\": -5.0"),
             "AbsurdVehicle",
         ),
         ("not JSON", whole.replace('}', ""), "Json"),
-        ("no drive", whole.replace("\"drives\":[", "\"drives\":[],\"others\":["), "NoDrive"),
+        ("no drive", whole.replace("\"drives\": [", "\"drives\": [],\"others\": ["), "NoDrive"),
         ("a drive that is not there", whole.replace("drive_2.csv", "drive_9.csv"), "Read"),
     ];
     for (what, text, expected) in rows {
         fs::write(&path, text).expect("the description can be spoiled");
-        let error = diagnose(folder.path(), &Options::default()).expect_err(what);
+        let error = judged(folder.path(), &Options::default()).expect_err(what);
         assert_eq!(name(&error), expected, "{what}");
     }
     fs::remove_file(&path).expect("the description can be removed");
-    let error = diagnose(folder.path(), &Options::default()).expect_err("no description");
+    let error = judged(folder.path(), &Options::default()).expect_err("no description");
     assert_eq!(name(&error), "Read");
 }
 
@@ -151,7 +156,7 @@ fn missing_channels_are_masked_and_told() {
         let text: Vec<String> = rows.iter().map(|row| row.join(",")).collect();
         fs::write(&path, text.join("\n")).expect("the drive can be written");
     }
-    let diagnosis = diagnose(folder.path(), &Options { quick: true, ..Options::default() }).expect("a verdict");
+    let diagnosis = judged(folder.path(), &Options { quick: true, ..Options::default() }).expect("a verdict");
     assert_eq!(diagnosis.verdict, Verdict::None);
     assert!(diagnosis.warnings.iter().any(|w| w.contains("steer_meas")));
 }
@@ -199,7 +204,7 @@ fn harmless_differences_change_no_verdict_and_cost_no_minutes() {
             fs::write(folder.path().join(format!("drive_{k}.csv")), edit(whole)).expect("the drive can be written");
         }
         let start = std::time::Instant::now();
-        match diagnose(folder.path(), &Options { quick: true, ..Options::default() }) {
+        match judged(folder.path(), &Options { quick: true, ..Options::default() }) {
             Ok(d) if d.verdict == Verdict::None => {}
             // another sample rate is told, and no library effect is accused of it
             Ok(d) if d.chosen.is_empty() && d.warnings.iter().any(|w| w.contains("samples a second")) => {}
@@ -245,7 +250,7 @@ fn noisier_sensors_are_told_from_effects() {
         let text: Vec<String> = rows.iter().map(|row| row.join(",")).collect();
         fs::write(&path, text.join("\n")).expect("the drive can be written");
     }
-    let diagnosis = diagnose(folder.path(), &Options { quick: true, ..Options::default() }).expect("a verdict");
+    let diagnosis = judged(folder.path(), &Options { quick: true, ..Options::default() }).expect("a verdict");
     assert_eq!(diagnosis.floor_source, "self");
     assert_eq!(diagnosis.verdict, Verdict::None, "{:?}", diagnosis.chosen);
 }

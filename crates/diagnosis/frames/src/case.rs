@@ -6,12 +6,11 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use crate::error::SightError;
+use ds_diagnosis::CaseError;
+use ds_diagnosis::meta::{FrameMeta, Pairing, PinholeEntry};
 use ds_effect::frame::{FrameContext, LayoutBox, Pinhole};
 use ds_effect::picture::Picture;
-use serde::Deserialize;
-
-use crate::error::SightError;
-use crate::pairing::Pairing;
 
 /// Fewest frames that can be diagnosed.
 const FEWEST_FRAMES: usize = 3;
@@ -19,47 +18,6 @@ const FEWEST_FRAMES: usize = 3;
 const USUAL_HEIGHT_M: f64 = 1.5;
 /// Distance of walls on either side, and farthest depth, of the corridor that stands in for depth, m.
 const CORRIDOR_M: [f64; 2] = [7.0, 150.0];
-
-#[derive(Deserialize)]
-struct Meta {
-    #[serde(default)]
-    case: Option<String>,
-    width: usize,
-    height: usize,
-    frame_rate_hz: f64,
-    #[serde(default = "yes")]
-    contiguous: bool,
-    intrinsics: MetaPinhole,
-    #[serde(default)]
-    sensor_rows: Option<f64>,
-    #[serde(default)]
-    rollout_anchor_frames: Vec<u64>,
-    #[serde(default)]
-    suggested_split: Option<Split>,
-    #[serde(default)]
-    pairing: Option<Pairing>,
-    #[serde(default)]
-    nuisance: Option<PathBuf>,
-    #[serde(default)]
-    camera_height_m: Option<f64>,
-}
-
-#[derive(Deserialize)]
-struct MetaPinhole {
-    fx: f64,
-    fy: f64,
-    cx: f64,
-    cy: f64,
-}
-
-#[derive(Deserialize)]
-struct Split {
-    held_out: [u64; 2],
-}
-
-const fn yes() -> bool {
-    true
-}
 
 /// One frame of both streams.
 #[derive(Debug, Clone)]
@@ -113,12 +71,6 @@ pub struct FrameCase {
     pub nuisance: Option<PathBuf>,
     /// What looked odd.
     pub warnings: Vec<String>,
-}
-
-/// Tells whether a folder holds a pair of frame streams.
-#[must_use]
-pub fn is_frame_case(folder: &Path) -> bool {
-    folder.join("meta.json").is_file() && folder.join("sim").is_dir() && folder.join("real").is_dir()
 }
 
 impl FrameCase {
@@ -175,13 +127,12 @@ impl FrameCase {
                 (frame.sim, frame.real) = (frame.sim.grey(), frame.real.grey());
             }
         }
-        let named = meta.case.or_else(|| folder.file_name().map(|n| n.to_string_lossy().into_owned()));
         let case = Self {
-            name: named.unwrap_or_default(),
+            name: meta.case,
             size,
             rate_hz: meta.frame_rate_hz,
             contiguous: meta.contiguous,
-            camera: meta.intrinsics.into(),
+            camera: pinhole(&meta.intrinsics),
             sensor_rows: meta.sensor_rows.unwrap_or(meta.height as f64),
             anchors: meta.rollout_anchor_frames,
             depth_m,
@@ -253,16 +204,12 @@ impl FrameCase {
     }
 }
 
-impl From<MetaPinhole> for Pinhole {
-    fn from(p: MetaPinhole) -> Self {
-        Self { fx: p.fx, fy: p.fy, cx: p.cx, cy: p.cy }
-    }
+fn pinhole(entry: &PinholeEntry) -> Pinhole {
+    Pinhole { fx: entry.fx, fy: entry.fy, cx: entry.cx, cy: entry.cy }
 }
 
-fn read_meta(folder: &Path) -> Result<Meta, SightError> {
-    let path = folder.join("meta.json");
-    let text = read_text(&path)?;
-    let meta: Meta = serde_json::from_str(&text).map_err(|source| SightError::Json { path, source })?;
+fn read_meta(folder: &Path) -> Result<FrameMeta, SightError> {
+    let meta = FrameMeta::read(folder)?;
     let (w, h) = (meta.width as f64, meta.height as f64);
     let rows = [
         ("width", w, 32.0, 8192.0, "32 to 8192 px"),
@@ -282,7 +229,7 @@ fn read_meta(folder: &Path) -> Result<Meta, SightError> {
 }
 
 fn read_text(path: &Path) -> Result<String, SightError> {
-    std::fs::read_to_string(path).map_err(|source| SightError::Read { path: path.to_path_buf(), source })
+    Ok(std::fs::read_to_string(path).map_err(|source| CaseError::Read { path: path.to_path_buf(), source })?)
 }
 
 fn read_picture(path: &Path, size: [usize; 2]) -> Result<Picture, SightError> {
@@ -310,7 +257,7 @@ fn read_depth(path: &Path, size: [usize; 2]) -> Result<Option<Vec<f32>>, SightEr
 }
 
 /// Returns the depth of a flat road between two walls, m.
-fn corridor(size: [usize; 2], camera: &MetaPinhole, height_m: f64) -> Vec<f32> {
+fn corridor(size: [usize; 2], camera: &PinholeEntry, height_m: f64) -> Vec<f32> {
     let place = |k: usize| {
         let across = ((k % size[0]) as f64 - camera.cx).abs() / camera.fx;
         let down = ((k / size[0]) as f64 - camera.cy) / camera.fy;

@@ -1,15 +1,15 @@
 //! From a case folder to a diagnosis: search, verdict, probabilities, places, and how far the gap shrinks.
 
-use std::path::Path;
-
-use ds_diagnosis::schema::{Corrected, CorrectedEffect, Diagnosis, Finding, Verdict};
+use ds_diagnosis::Verdict;
+use ds_diagnosis::meta::Pairing;
+use ds_diagnosis::schema::{Corrected, CorrectedEffect, Diagnosis, Finding};
 
 use crate::case::FrameCase;
 use crate::error::SightError;
 use crate::grain;
 use crate::how_far::{Correction, how_far, image_share};
 use crate::pairing::nuisance::Nuisance;
-use crate::pairing::{Pairing, verdict};
+use crate::pairing::{estimated, verdict};
 use crate::scene::Scene;
 use crate::search::{Ready, Round, Search, Trial, search};
 use crate::{alike, fringe, heldout, interval, places, remainder, settings};
@@ -26,19 +26,18 @@ pub struct Options {
 /// Diagnoses a case of two frame streams.
 ///
 /// # Errors
-/// If the case cannot be read or makes no sense.
-pub fn diagnose(folder: &Path, options: &Options) -> Result<Diagnosis, SightError> {
-    let case = FrameCase::read(folder)?;
-    let scene = Scene::new(&case);
+/// If the effect-free pairs that the case names cannot be read, or there is no distance between its frames.
+pub fn diagnose(case: &FrameCase, options: &Options) -> Result<Diagnosis, SightError> {
+    let scene = Scene::new(case);
     let mut ready = None;
     let pairing = case.pairing.unwrap_or_else(|| {
         let measured = Ready::of(&scene);
-        let pairing = Pairing::estimated(&scene, &measured.field, &measured.late.ages);
+        let pairing = estimated(&scene, &measured.field, &measured.late.ages);
         ready = Some(measured);
         pairing
     });
     if pairing == Pairing::Aligned {
-        aligned(&case, &scene, ready.unwrap_or_else(|| Ready::of(&scene)), options)
+        aligned(case, &scene, ready.unwrap_or_else(|| Ready::of(&scene)), options)
     } else {
         let learned = match (&options.nuisance, &case.nuisance) {
             (Some(known), _) => known.clone(),

@@ -2,17 +2,14 @@
 
 use std::path::PathBuf;
 
+use ds_diagnosis::CaseError;
+
 /// A case that cannot be read or makes no sense.
 #[derive(Debug, thiserror::Error)]
 pub enum SightError {
-    /// A file cannot be read.
-    #[error("cannot read {path:?}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
+    /// A file cannot be read, or `meta.json` is not what it should be.
+    #[error(transparent)]
+    Case(#[from] CaseError),
     /// A picture cannot be decoded.
     #[error("cannot decode {path:?}")]
     Decode {
@@ -20,14 +17,6 @@ pub enum SightError {
         path: PathBuf,
         /// Why.
         source: image::ImageError,
-    },
-    /// `meta.json` is not what it should be.
-    #[error("cannot understand {path:?}")]
-    Json {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: serde_json::Error,
     },
     /// A field of `meta.json` makes no sense.
     #[error("absurd camera: {field} is {value:?}, expected {range}")]

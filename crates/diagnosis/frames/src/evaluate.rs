@@ -1,7 +1,6 @@
 //! Applies a frozen diagnosis to frames it never saw, without any refit, and measures how far the gap shrinks there.
 
 use std::ops::RangeInclusive;
-use std::path::Path;
 
 use ds_diagnosis::schema::{Diagnosis, Shrink};
 
@@ -10,16 +9,15 @@ use crate::dirt::Map;
 use crate::error::SightError;
 use crate::how_far::{Correction, FLOORS, generated, how_far};
 
-/// Returns the shrink on some frames of a case folder (all of them if no range is given), as data `unseen`.
+/// Returns the shrink on some frames of a case (all of them if no range is given), as data `unseen`.
 ///
 /// # Errors
-/// If the case cannot be read or makes no sense.
+/// If there is no distance between its frames.
 pub fn evaluate(
     diagnosis: &Diagnosis,
-    folder: &Path,
+    case: &FrameCase,
     frames: Option<RangeInclusive<u64>>,
 ) -> Result<Vec<Shrink>, SightError> {
-    let case = FrameCase::read(folder)?;
     let model = &diagnosis.corrected_model;
     let mut dirt = None;
     let mut effects = Vec::new();
@@ -40,7 +38,7 @@ pub fn evaluate(
     };
     let wanted = |n: u64| frames.as_ref().is_none_or(|f| f.contains(&n));
     if let (Some(rmse), Some(distance)) = (model.nuisance.get(FLOORS[0]), model.nuisance.get(FLOORS[1])) {
-        return generated(&case, &correction, &wanted, [*rmse, *distance], "unseen");
+        return generated(case, &correction, &wanted, [*rmse, *distance], "unseen");
     }
-    how_far(&case, &correction, &wanted, "unseen")
+    how_far(case, &correction, &wanted, "unseen")
 }

@@ -35,9 +35,8 @@ pub mod tone;
 pub mod transport;
 pub mod warp;
 
-pub use case::{FrameCase, is_frame_case};
+pub use case::FrameCase;
 pub use diagnose::{Options, diagnose};
 pub use error::SightError;
 pub use evaluate::evaluate;
-pub use pairing::Pairing;
 pub use pairing::nuisance::Nuisance;

@@ -8,6 +8,7 @@ pub mod paths;
 pub mod verdict;
 pub mod weigh;
 
+use ds_diagnosis::meta::Pairing;
 use ds_effect::FrameChain;
 use ds_effect::picture::Picture;
 
@@ -15,53 +16,29 @@ use crate::align;
 use crate::scene::{Model, Scene};
 use crate::settings;
 
-/// How the frames of two streams belong together.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Pairing {
-    /// The same pixels but for the effect.
-    Aligned,
-    /// The same states, other texture.
-    SameLayout,
-    /// Other states of the same kind of road.
-    Unpaired,
-}
-
-impl Pairing {
-    /// Its name in `meta.json`.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Aligned => "aligned",
-            Self::SameLayout => "same-layout",
-            Self::Unpaired => "unpaired",
-        }
+/// Estimates the pairing of a scene whose case does not say: by how well
+/// medium detail agrees once it is in place.
+#[must_use]
+pub fn estimated(scene: &Scene<'_>, field: &align::Field, ages: &[usize]) -> Pairing {
+    let shifts = align::geometry(scene, field, &Vec::new()).shifts;
+    let carried = align::carried(scene, field);
+    let model = Model { shifts, ages: ages.to_vec(), effects: carried, ..Model::nominal(scene.frames.len()) };
+    let chain = FrameChain::new(&model.effects);
+    let mut agree: Vec<f64> = Vec::new();
+    let still = FrameChain::new(&Vec::new());
+    for k in scene.full.iter().filter(|k| ages[**k] <= **k) {
+        // what carries the alignment may go astray, so that frames as they are count as well
+        let carried = agreement(&scene.placed_full(&model, &chain, *k), &scene.grey[*k].1);
+        let plain = agreement(&scene.placed_full(&model, &still, *k), &scene.grey[*k].1);
+        agree.extend(if mean(&plain) > mean(&carried) { plain } else { carried });
     }
-
-    /// Estimates the pairing of a scene whose case does not say: by how well
-    /// medium detail agrees once it is in place.
-    #[must_use]
-    pub fn estimated(scene: &Scene<'_>, field: &align::Field, ages: &[usize]) -> Self {
-        let shifts = align::geometry(scene, field, &Vec::new()).shifts;
-        let carried = align::carried(scene, field);
-        let model = Model { shifts, ages: ages.to_vec(), effects: carried, ..Model::nominal(scene.frames.len()) };
-        let chain = FrameChain::new(&model.effects);
-        let mut agree: Vec<f64> = Vec::new();
-        let still = FrameChain::new(&Vec::new());
-        for k in scene.full.iter().filter(|k| ages[**k] <= **k) {
-            // what carries the alignment may go astray, so that frames as they are count as well
-            let carried = agreement(&scene.placed_full(&model, &chain, *k), &scene.grey[*k].1);
-            let plain = agreement(&scene.placed_full(&model, &still, *k), &scene.grey[*k].1);
-            agree.extend(if mean(&plain) > mean(&carried) { plain } else { carried });
-        }
-        let typical = if agree.is_empty() { 1.0 } else { ds_stats::quantile(&mut agree, 0.25) };
-        if typical > settings::ALIGNED_AGREEMENT {
-            Self::Aligned
-        } else if typical > settings::LAYOUT_AGREEMENT {
-            Self::SameLayout
-        } else {
-            Self::Unpaired
-        }
+    let typical = if agree.is_empty() { 1.0 } else { ds_stats::quantile(&mut agree, 0.25) };
+    if typical > settings::ALIGNED_AGREEMENT {
+        Pairing::Aligned
+    } else if typical > settings::LAYOUT_AGREEMENT {
+        Pairing::SameLayout
+    } else {
+        Pairing::Unpaired
     }
 }
 

@@ -4,7 +4,7 @@
 mod pair;
 
 use ds_diagnosis::Verdict;
-use ds_frames::{Nuisance, Options, diagnose};
+use ds_frames::{FrameCase, Nuisance, Options, diagnose};
 
 fn generated(folder: &std::path::Path, seed: u64, injected: &[(&str, &[f64])]) {
     pair::write(folder, seed, injected);
@@ -23,7 +23,7 @@ fn effects_are_judged_against_what_the_generator_does() {
     let options = Options { nuisance, ..Options::default() };
     let told = |name: &str, seed, injected: &[(&str, &[f64])]| {
         generated(&root.path().join(name), seed, injected);
-        diagnose(&root.path().join(name), &options).expect("a diagnosis")
+        diagnose(&FrameCase::read(&root.path().join(name)).expect("a case"), &options).expect("a diagnosis")
     };
     let free = told("none", 40, &[]);
     assert_eq!(free.verdict, Verdict::None, "{:?}", free.chosen);

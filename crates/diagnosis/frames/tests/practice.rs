@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use ds_diagnosis::Verdict;
-use ds_frames::{Options, diagnose};
+use ds_frames::{FrameCase, Options, diagnose};
 
 #[test]
 fn practice_cases_reach_their_minimum() {
@@ -17,7 +17,8 @@ fn practice_cases_reach_their_minimum() {
         serde_json::from_str(&std::fs::read_to_string(folder.join("labels.json")).expect("labels")).expect("labels");
     let (mut first, mut alarms) = (0, 0);
     for (name, label) in &labels {
-        let found = diagnose(&folder.join(name), &Options::default()).expect("a diagnosis");
+        let found =
+            diagnose(&FrameCase::read(&folder.join(name)).expect("a case"), &Options::default()).expect("a diagnosis");
         match label["kind"].as_str() {
             Some("single") => {
                 first += usize::from(found.effects.first().is_some_and(|e| label["effects"][0]["id"] == *e.id));

@@ -4,12 +4,13 @@
 mod pair;
 
 use ds_diagnosis::{Diagnosis, Verdict};
-use ds_frames::{Options, diagnose, evaluate};
+use ds_frames::{FrameCase, Options, diagnose, evaluate};
 
 fn diagnosed(seed: u64, injected: &[(&str, &[f64])]) -> (Diagnosis, tempfile::TempDir) {
     let folder = tempfile::tempdir().expect("a folder");
     pair::write(folder.path(), seed, injected);
-    let found = diagnose(folder.path(), &Options::default()).expect("the case can be diagnosed");
+    let found = diagnose(&FrameCase::read(folder.path()).expect("a case"), &Options::default())
+        .expect("the case can be diagnosed");
     (found, folder)
 }
 
@@ -20,7 +21,8 @@ fn a_turned_camera_is_found_measured_and_corrected() {
     assert!((found.effects[0].value - 0.7).abs() < 0.05, "{} instead of 0.7", found.effects[0].value);
     let sum: f64 = found.effects.iter().map(|e| e.probability).sum::<f64>() + found.p_none + found.p_unknown;
     assert!((sum - 1.0).abs() < 1e-9, "{sum}");
-    let unseen = evaluate(&found, folder.path(), Some(9..=11)).expect("the frames can be evaluated");
+    let unseen = evaluate(&found, &FrameCase::read(folder.path()).expect("a case"), Some(9..=11))
+        .expect("the frames can be evaluated");
     let image = unseen.iter().find(|s| s.metric == "image_rmse").expect("the image metric");
     assert!(image.data == "unseen" && image.after < 0.6 * image.before, "{image:?}");
 }

@@ -4,7 +4,7 @@ mod pair;
 
 use std::path::Path;
 
-use ds_frames::{Options, diagnose};
+use ds_frames::{FrameCase, Options, diagnose};
 
 type Spoil = fn(&Path);
 
@@ -40,7 +40,7 @@ fn spoiled_cases_are_refused_by_name() {
         let folder = tempfile::tempdir().expect("a folder");
         pair::write(folder.path(), 1, &[]);
         spoil(folder.path());
-        match diagnose(folder.path(), &Options::default()) {
+        match FrameCase::read(folder.path()).and_then(|case| diagnose(&case, &Options::default())) {
             Ok(_) => panic!("{name}: was diagnosed"),
             Err(error) => assert!(error.to_string().contains(message), "{name}: {error}"),
         }
@@ -51,6 +51,6 @@ fn spoiled_cases_are_refused_by_name() {
 fn a_case_without_depth_is_diagnosed_with_a_warning() {
     let folder = tempfile::tempdir().expect("a folder");
     pair::write(folder.path(), 1, &[]);
-    let found = diagnose(folder.path(), &Options::default()).expect("a diagnosis");
+    let found = diagnose(&FrameCase::read(folder.path()).expect("a case"), &Options::default()).expect("a diagnosis");
     assert!(found.warnings.iter().any(|w| w.contains("depth_proxy")), "{:?}", found.warnings);
 }

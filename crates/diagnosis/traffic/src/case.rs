@@ -4,52 +4,22 @@
 //! A table has the columns t (s), id (index of the scene's track; -1 is the vehicle that recorded), x, y (m, centre),
 //! yaw (rad), v (m/s). World frame of the scene. Tracks are smoothed by local straight lines over 0.9 s.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
+use ds_diagnosis::CaseError;
+use ds_diagnosis::meta::{Drivers, TrafficMeta};
 use ds_sim::IdmParameters;
 use ds_space::{DVec2, Tick};
 use ds_world::{AgentClass, Scene};
-use serde::Deserialize;
 
 use crate::error::TrafficError;
 
 /// Samples to either side over which a track is smoothed.
 const REACH: usize = 4;
 
-#[derive(Deserialize)]
-struct Meta {
-    #[serde(default)]
-    case: String,
-    #[serde(default)]
-    model: String,
-    #[serde(default)]
-    recordings: Vec<Entry>,
-    #[serde(default)]
-    nominal: Nominal,
-    #[serde(default)]
-    suggested_split: Option<Split>,
-}
-
-#[derive(Deserialize)]
-struct Entry {
-    scene: PathBuf,
-    #[serde(default)]
-    tracks: Option<PathBuf>,
-    /// From when on the agents react to the ego, s.
-    #[serde(default)]
-    from_secs: f64,
-}
-
-#[derive(Deserialize)]
-struct Split {
-    #[serde(default)]
-    held_out: Vec<usize>,
-}
-
 /// The nominal simulator of the agents.
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(default)]
+#[derive(Debug, Clone, Copy)]
 pub struct Nominal {
     headway: f64,
     min_gap: f64,
@@ -60,16 +30,16 @@ pub struct Nominal {
     pub interactive: bool,
 }
 
-impl Default for Nominal {
-    fn default() -> Self {
+impl From<&Drivers> for Nominal {
+    fn from(drivers: &Drivers) -> Self {
         let idm = IdmParameters::default();
         Self {
-            headway: idm.headway_secs,
-            min_gap: idm.minimum_gap_m,
-            max_accel: idm.acceleration_mps2,
-            comfort_decel: idm.deceleration_mps2,
-            desired_speed: None,
-            interactive: true,
+            headway: drivers.headway.unwrap_or(idm.headway_secs),
+            min_gap: drivers.min_gap.unwrap_or(idm.minimum_gap_m),
+            max_accel: drivers.max_accel.unwrap_or(idm.acceleration_mps2),
+            comfort_decel: drivers.comfort_decel.unwrap_or(idm.deceleration_mps2),
+            desired_speed: drivers.desired_speed,
+            interactive: drivers.interactive.unwrap_or(true),
         }
     }
 }
@@ -161,26 +131,15 @@ pub struct Case {
     pub warnings: Vec<String>,
 }
 
-/// Tells whether a folder holds a case of recorded traffic.
-#[must_use]
-pub fn is_traffic_case(folder: &Path) -> bool {
-    read_meta(folder).is_ok_and(|meta| meta.model == "traffic")
-}
-
-fn read_meta(folder: &Path) -> Result<Meta, TrafficError> {
-    let path = folder.join("meta.json");
-    let text = std::fs::read_to_string(&path).map_err(|source| TrafficError::Read { path: path.clone(), source })?;
-    serde_json::from_str(&text).map_err(|source| TrafficError::Json { path, source })
-}
-
 impl Case {
     /// Reads a case folder.
     ///
     /// # Errors
     /// If a file is missing, spoiled or absurd.
     pub fn read(folder: &Path) -> Result<Self, TrafficError> {
-        let meta = read_meta(folder)?;
-        meta.nominal.check()?;
+        let meta = TrafficMeta::read(folder)?;
+        let nominal = Nominal::from(&meta.nominal);
+        nominal.check()?;
         let mut recordings = Vec::new();
         let mut warnings = Vec::new();
         for entry in &meta.recordings {
@@ -195,9 +154,7 @@ impl Case {
         if held_out.is_empty() && count > 2 {
             held_out = (0..count).filter(|index| index % 4 == 3 || *index == count - 1).collect();
         }
-        let named = folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let name = if meta.case.is_empty() { named } else { meta.case };
-        Ok(Self { name, recordings, nominal: meta.nominal, held_out, warnings })
+        Ok(Self { name: meta.case, recordings, nominal, held_out, warnings })
     }
 }
 
@@ -265,8 +222,7 @@ fn logged(agents: &mut [Agent], scene: &Scene) {
 }
 
 fn fill(agents: &mut [Agent], path: &Path, dt_secs: f64, warnings: &mut Vec<String>) -> Result<(), TrafficError> {
-    let text =
-        std::fs::read_to_string(path).map_err(|source| TrafficError::Read { path: path.to_path_buf(), source })?;
+    let text = std::fs::read_to_string(path).map_err(|source| CaseError::Read { path: path.to_path_buf(), source })?;
     let mut lines = text.lines();
     let head: Vec<&str> = lines.next().unwrap_or_default().split(',').map(str::trim).collect();
     let columns = ["t", "id", "x", "y", "yaw", "v"];

@@ -1,9 +1,9 @@
 //! From a case of recorded traffic to a diagnosis: search, verdict, probabilities, places, and how far the gap shrinks.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
-use ds_diagnosis::schema::{Corrected, CorrectedEffect, Diagnosis, Finding, Remainder, Shrink, Verdict};
+use ds_diagnosis::Verdict;
+use ds_diagnosis::schema::{Corrected, CorrectedEffect, Diagnosis, Finding, Remainder, Shrink};
 use ds_dynamics::fit::{Model, Prior};
 
 use crate::case::Case;
@@ -27,16 +27,8 @@ pub struct Options {
 /// Diagnoses a case of recorded traffic.
 ///
 /// # Errors
-/// If the case cannot be read, makes no sense, or shows nobody for long enough.
-pub fn diagnose(folder: &Path, options: &Options) -> Result<Diagnosis, TrafficError> {
-    diagnose_case(&Case::read(folder)?, options)
-}
-
-/// Diagnoses a case that was read.
-///
-/// # Errors
 /// If nobody is seen moving for long enough.
-pub fn diagnose_case(case: &Case, options: &Options) -> Result<Diagnosis, TrafficError> {
+pub fn diagnose(case: &Case, options: &Options) -> Result<Diagnosis, TrafficError> {
     let mut model = Traffic::new(case, &options.without);
     if model.judged.len() < 2 {
         return Err(TrafficError::Nobody { case: case.name.clone(), secs: SECS });
@@ -251,14 +243,13 @@ fn describe(model: &Traffic, tags: &[Tag], residuals: &[f64], strange: f64) -> R
 /// shrinks; nothing is fitted.
 ///
 /// # Errors
-/// If the case cannot be read or shows nobody for long enough.
-pub fn evaluate(diagnosis: &Diagnosis, folder: &Path, recordings: &[usize]) -> Result<Vec<Shrink>, TrafficError> {
-    let case = Case::read(folder)?;
-    let model = Traffic::new(&case, &[]);
+/// If the case shows nobody for long enough.
+pub fn evaluate(diagnosis: &Diagnosis, case: &Case, recordings: &[usize]) -> Result<Vec<Shrink>, TrafficError> {
+    let model = Traffic::new(case, &[]);
     let wanted = |recording: usize| recordings.is_empty() || recordings.contains(&recording);
     let chosen: Vec<bool> = model.judged.iter().map(|judged| wanted(judged.actor.recording)).collect();
     if chosen.iter().filter(|chosen| **chosen).count() < 2 {
-        return Err(TrafficError::Nobody { case: case.name, secs: SECS });
+        return Err(TrafficError::Nobody { case: case.name.clone(), secs: SECS });
     }
     let mut vector = model.space.neutral();
     for (k, (effect, parameter)) in model.space.coordinates.iter().enumerate() {

@@ -2,25 +2,14 @@
 
 use std::path::PathBuf;
 
+use ds_diagnosis::CaseError;
+
 /// Says what is wrong with a case.
 #[derive(Debug, thiserror::Error)]
 pub enum TrafficError {
-    /// A file cannot be read.
-    #[error("cannot read {}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// The description is no JSON of this shape.
-    #[error("{} does not describe recorded traffic", path.display())]
-    Json {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: serde_json::Error,
-    },
+    /// A file cannot be read, or `meta.json` is not what it should be.
+    #[error(transparent)]
+    Case(#[from] CaseError),
     /// A scene is refused.
     #[error("the scene of a recording is refused")]
     Scene(#[from] ds_scenario::ScenarioError),

@@ -8,6 +8,8 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
+use ds_diagnosis::CaseError;
+use ds_diagnosis::meta::{RecordingEntry, TrafficMeta};
 use ds_effect::Setting;
 use ds_scenario::{Family, ScenarioError, generate, save};
 use ds_sim::{AgentMode, IdmScope, Manners, SimConfig, SimError, Simulation};
@@ -31,6 +33,9 @@ pub enum SyntheticError {
     /// A scene cannot be driven.
     #[error("cannot drive a scene")]
     Drive(#[from] SimError),
+    /// The description cannot be written.
+    #[error(transparent)]
+    Describe(#[from] CaseError),
     /// A file cannot be written.
     #[error("cannot write the case")]
     Write(#[from] std::io::Error),
@@ -51,11 +56,9 @@ pub fn write_case(folder: &Path, seed: u64, effects: &[Setting]) -> Result<(), S
         let (scene, _) = ds_scenario::load(&folder.join(&file))?;
         let tracks = format!("{number}.csv");
         std::fs::write(folder.join(&tracks), drive(Arc::new(scene), seed, effects)?)?;
-        recordings.push(format!(r#"{{"scene":"{file}","tracks":"{tracks}","from_secs":0.5}}"#));
+        recordings.push(RecordingEntry { scene: file.into(), tracks: Some(tracks.into()), from_secs: 0.5 });
     }
-    let meta = format!(r#"{{"model":"traffic","recordings":[{}]}}"#, recordings.join(","));
-    std::fs::write(folder.join("meta.json"), meta)?;
-    Ok(())
+    Ok(TrafficMeta { recordings, ..TrafficMeta::default() }.write(folder)?)
 }
 
 /// Returns eight scenes; the fourth and the last are kept from fits.

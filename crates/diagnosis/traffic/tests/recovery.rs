@@ -3,12 +3,17 @@
 
 use std::path::Path;
 
-use ds_diagnosis::Verdict;
+use ds_diagnosis::meta::Kind;
+use ds_diagnosis::{Diagnosis, Verdict};
 use ds_effect::Setting;
-use ds_traffic::{Options, diagnose, is_traffic_case, synthetic};
+use ds_traffic::{Case, Options, TrafficError, diagnose, synthetic};
 
 /// Seeds that no reported figure uses.
 const SEED: u64 = 77_000;
+
+fn judged(folder: &Path) -> Result<Diagnosis, TrafficError> {
+    diagnose(&Case::read(folder)?, &Options::default())
+}
 
 fn case(seed: u64, effects: &[(&str, &[f64])]) -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
@@ -22,8 +27,8 @@ fn case(seed: u64, effects: &[(&str, &[f64])]) -> tempfile::TempDir {
 fn an_effect_is_found_with_its_size_and_explains_other_agents() {
     for (id, value) in [("tr_headway", 1.5), ("lane_offset", 0.7)] {
         let folder = case(SEED, &[(id, &[value])]);
-        assert!(is_traffic_case(folder.path()));
-        let diagnosis = diagnose(folder.path(), &Options::default()).expect("the case is sound");
+        assert_eq!(Kind::of(folder.path()), Kind::Traffic);
+        let diagnosis = judged(folder.path()).expect("the case is sound");
         let first = &diagnosis.effects[0];
         assert_eq!((diagnosis.verdict, first.id.as_str()), (Verdict::Single, id), "{:?}", diagnosis.chosen);
         assert!((first.value / value - 1.0).abs() < 0.1, "{id}: {}", first.value);
@@ -39,7 +44,7 @@ fn an_effect_is_found_with_its_size_and_explains_other_agents() {
 #[test]
 fn nothing_is_found_where_nothing_is_missing() {
     let folder = case(SEED + 1, &[]);
-    let diagnosis = diagnose(folder.path(), &Options::default()).expect("the case is sound");
+    let diagnosis = judged(folder.path()).expect("the case is sound");
     assert_eq!((diagnosis.verdict, diagnosis.chosen.len()), (Verdict::None, 0), "{:?}", diagnosis.chosen);
 }
 
@@ -48,7 +53,7 @@ fn spoiled_cases_are_refused_by_name() {
     let refused = |spoil: &dyn Fn(&Path), word: &str| {
         let folder = case(SEED + 2, &[]);
         spoil(folder.path());
-        let error = diagnose(folder.path(), &Options::default()).expect_err(word);
+        let error = judged(folder.path()).expect_err(word);
         let text = format!("{error}: {error:?}");
         assert!(text.contains(word), "{text:?} does not name {word:?}");
     };

@@ -6,11 +6,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
+use ds_effect::Verdict;
 use ds_raster::{Encoding, RgbImage};
 use ds_record::view::explained::{self, Along, Curve, Explained};
 use ds_record::{Outcome, Recorder, Recording, view};
 use ds_space::{SimTime, Tick};
-use ds_topic::{DiagnosedEffect, Diagnosis, GapCell, GapVerdict, Slot, Topic};
+use ds_topic::{DiagnosedEffect, Diagnosis, GapCell, Slot, Topic};
 
 #[path = "fixture/drive.rs"]
 mod drive;
@@ -121,7 +122,7 @@ fn diagnosis(tick: Tick) -> Diagnosis {
     Diagnosis {
         window: (SimTime(0), SimTime(100_000_000 * i64::from(tick.0))),
         reference: String::new(),
-        verdict: GapVerdict::Single,
+        verdict: Verdict::Single,
         p_none: 0.05,
         p_unknown: 0.05,
         effects: vec![effect("gyro_bias", 0.9, true), effect("steer_gain", 0.001, false)],

@@ -2,36 +2,8 @@
 //!
 //! Values as the diagnosis gives them, in the units that it names; window ends in simulation time.
 
+use ds_effect::Verdict;
 use ds_space::{DigestWriter, SimTime};
-
-/// What was found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum GapVerdict {
-    /// Nothing beyond what every vehicle has.
-    None,
-    /// One effect.
-    Single,
-    /// Several effects.
-    Multiple,
-    /// Something that the library does not contain.
-    Unknown,
-}
-
-impl GapVerdict {
-    /// All verdicts.
-    pub const ALL: [Self; 4] = [Self::None, Self::Single, Self::Multiple, Self::Unknown];
-
-    /// Says it in words.
-    #[must_use]
-    pub fn words(self) -> &'static str {
-        match self {
-            Self::None => "nothing beyond what every vehicle has",
-            Self::Single => "one effect",
-            Self::Multiple => "several effects",
-            Self::Unknown => "something that the library does not contain",
-        }
-    }
-}
 
 /// One effect that was considered.
 #[derive(Debug, Clone, PartialEq)]
@@ -71,7 +43,7 @@ pub struct Diagnosis {
     /// Whose log was diagnosed against the nominal simulator; empty for the episode's own.
     pub reference: String,
     /// What was found.
-    pub verdict: GapVerdict,
+    pub verdict: Verdict,
     /// Probability that nothing is missing.
     pub p_none: f64,
     /// Probability that what is missing is not in the library.

@@ -11,7 +11,7 @@ pub mod slot;
 pub mod spec;
 
 pub use body::{Cache, Ego, Event, EventKind, Frame, Layout, Plan, Proposal, SceneMessage, Score, Verdict, World};
-pub use diagnosis::{DiagnosedEffect, Diagnosis, GapCell, GapVerdict};
+pub use diagnosis::{DiagnosedEffect, Diagnosis, GapCell};
 pub use envelope::{Envelope, Header, SCHEMA_VERSION};
 pub use order::{Advance, Motion, Owner, Role};
 pub use slot::{Slot, Topic};

@@ -1,7 +1,8 @@
 //! Topic `diagnosis`: verdict, effects with their intervals, cells of the gap, differences to a reference stream.
 
+use ds_effect::Verdict;
 use ds_space::SimTime;
-use ds_topic::{DiagnosedEffect, Diagnosis, GapCell, GapVerdict};
+use ds_topic::{DiagnosedEffect, Diagnosis, GapCell};
 
 use crate::error::FieldError;
 use crate::field::{choice, enumeration, extent, list, number, perhaps, text};
@@ -22,7 +23,7 @@ const MAX_UNIT_BYTES: usize = 32;
 /// The longest name of a reference stream, in bytes.
 pub const MAX_REFERENCE_BYTES: usize = 256;
 
-enumeration!(v1::GapVerdict, GapVerdict, { None = None, Single = Single, Multiple = Multiple, Unknown = Unknown });
+enumeration!(v1::GapVerdict, Verdict, { None = None, Single = Single, Multiple = Multiple, Unknown = Unknown });
 
 /// Takes a name that is not empty.
 fn name(field: &str, value: String) -> Result<String, FieldError> {

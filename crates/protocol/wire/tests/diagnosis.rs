@@ -1,7 +1,8 @@
 //! What a `diagnosis` must not hold is refused by field and value; the largest one that may be sent is read.
 
+use ds_effect::Verdict;
 use ds_space::SimTime;
-use ds_topic::{DiagnosedEffect, Diagnosis, GapCell, GapVerdict};
+use ds_topic::{DiagnosedEffect, Diagnosis, GapCell};
 use ds_wire::{Body, v1};
 
 fn diagnosis() -> Diagnosis {
@@ -17,7 +18,7 @@ fn diagnosis() -> Diagnosis {
     Diagnosis {
         window: (SimTime(1_000_000_000), SimTime(7_500_000_000)),
         reference: String::new(),
-        verdict: GapVerdict::Single,
+        verdict: Verdict::Single,
         p_none: 0.04,
         p_unknown: 0.06,
         effects: vec![effect],

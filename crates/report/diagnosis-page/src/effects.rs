@@ -4,7 +4,8 @@
 //! mismatch (2.5 standard deviations, within which nothing is accused) the band. A limit has no neutral value; its axis
 //! is logarithmic over the range searched, absent at the right end.
 
-use ds_diagnosis::schema::{Diagnosis, Finding, Verdict};
+use ds_diagnosis::Verdict;
+use ds_diagnosis::schema::{Diagnosis, Finding};
 use ds_dynamics::settings::MARGIN_SDS;
 use ds_effect::{Parameter, Scale};
 

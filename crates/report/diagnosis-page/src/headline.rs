@@ -1,6 +1,7 @@
 //! What a diagnosis says in one sentence, and the top of the page that says it.
 
-use ds_diagnosis::schema::{Diagnosis, Finding, Shrink, Verdict};
+use ds_diagnosis::Verdict;
+use ds_diagnosis::schema::{Diagnosis, Finding, Shrink};
 use ds_effect::Channel;
 
 use super::markup::Markup;

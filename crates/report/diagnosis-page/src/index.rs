@@ -3,7 +3,8 @@
 //! The small bars of a row are the largest effect size per channel, in doubling levels of the noise floor: two gaps of
 //! one cause look alike.
 
-use ds_diagnosis::schema::{Diagnosis, Verdict};
+use ds_diagnosis::Verdict;
+use ds_diagnosis::schema::Diagnosis;
 use ds_effect::Channel;
 
 use super::headline::{at_floor, chosen, has_estimate, sure, telling, verdict};

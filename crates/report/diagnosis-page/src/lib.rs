@@ -6,7 +6,8 @@
 
 use std::path::Path;
 
-use ds_diagnosis::schema::{Diagnosis, Verdict};
+use ds_diagnosis::Verdict;
+use ds_diagnosis::schema::Diagnosis;
 use ds_page as markup;
 
 mod effects;

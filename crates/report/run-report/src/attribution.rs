@@ -5,11 +5,14 @@
 //! in which components could be swapped (Shapley 1953); shares sum to the whole difference, scenario by scenario and
 //! therefore in every resample.
 
+use std::collections::BTreeSet;
+
 use ds_space::Draws;
 use ds_stats::{mean, shapley};
 use serde::Serialize;
 
 use crate::bootstrap::{self, Interval};
+use crate::results::{Episode, Results};
 
 /// The most components of a factorial.
 pub const MOST_COMPONENTS: usize = 6;
@@ -91,6 +94,31 @@ pub fn attribute(metric: &str, components: &[&str], cells: &[Vec<Option<f64>>], 
     })
 }
 
+/// Splits every metric that the drives of a factorial have, seeds averaged within a scenario; `cells[c]` are the results
+/// of cell `c`.
+#[must_use]
+pub fn split(components: &[&str], cells: &[Results]) -> Vec<Attribution> {
+    let scenarios: BTreeSet<&str> = cells.iter().flat_map(|cell| &cell.episodes).map(|e| e.scenario.as_str()).collect();
+    let terms: BTreeSet<&str> =
+        cells.iter().flat_map(|cell| &cell.episodes).flat_map(|e| e.sub_scores.keys()).map(String::as_str).collect();
+    let whole = ["driving_score", "route_completion"];
+    let split = |metric: &str| {
+        let column = |cell: &Results| scenarios.iter().map(|scenario| of_scenario(cell, scenario, metric)).collect();
+        attribute(metric, components, &cells.iter().map(column).collect::<Vec<_>>(), 0)
+    };
+    whole.into_iter().chain(terms).filter_map(split).collect()
+}
+
+/// The mean of a metric over the seeds of a scenario.
+fn of_scenario(cell: &Results, scenario: &str, metric: &str) -> Option<f64> {
+    let of = |episode: &Episode| match metric {
+        "driving_score" => episode.driving_score,
+        "route_completion" => episode.route_completion,
+        term => episode.sub_scores.get(term).copied().flatten(),
+    };
+    mean(cell.episodes.iter().filter(|e| e.scenario == scenario).filter_map(of))
+}
+
 /// Finds the largest share and tells it from the next; `column` gives a component's share of each scenario.
 fn lead(shares: &[Share], column: &dyn Fn(usize) -> Vec<f64>, draws: &Draws) -> Option<Lead> {
     let mut order: Vec<usize> = (0..shares.len()).collect();
@@ -161,6 +189,24 @@ mod tests {
         let lead = split.lead.as_ref().expect("two components");
         assert!(lead.component == "dynamics" && lead.apart && lead.scenarios_needed.is_none(), "{lead:?}");
         assert!(attribute("x", &["frames"], &cells, 1).is_none());
+    }
+
+    #[test]
+    fn terms_come_from_seeds_alike() {
+        let episode = |scenario: &str, score: f64| Episode {
+            scenario: scenario.to_owned(),
+            driving_score: Some(score),
+            sub_scores: [("comfort".to_owned(), Some(score))].into(),
+            ..Episode::default()
+        };
+        let cell = |shift: f64| Results {
+            episodes: vec![episode("a", 0.8 - shift), episode("a", 0.6 - shift), episode("b", 0.4)],
+            run: crate::Run::default(),
+        };
+        let split = split(&["dynamics"], &[cell(0.0), cell(0.2)]);
+        let names: Vec<&str> = split.iter().map(|one| one.metric.as_str()).collect();
+        assert_eq!(names, ["driving_score", "comfort"]);
+        assert!((split[0].total + 0.1).abs() < 1e-12 && split[0].scenarios == 2, "{:?}", split[0]);
     }
 
     #[test]

@@ -8,6 +8,7 @@ pub mod aggregate;
 pub mod attribution;
 pub mod bias;
 pub mod bootstrap;
+pub mod closing;
 pub mod compare;
 pub mod dimension;
 pub mod metric;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueHint};
 
-use super::ControlArgs;
+use super::{ControlArgs, Observation};
 use crate::shipped;
 
 /// Commands of `gap`.
@@ -162,8 +162,8 @@ pub(crate) struct CloseArgs {
     #[arg(long, default_value = "camera")]
     pub(crate) policy: String,
     /// What made the frames.
-    #[arg(long, default_value = "reference", value_parser = ["dreamstream", "reference", "sim-rgb", "layout"])]
-    pub(crate) observation: String,
+    #[arg(long, value_enum, default_value = "reference")]
+    pub(crate) observation: Observation,
     /// How much of each scenario was driven, in seconds; 0 for all.
     #[arg(long, default_value_t = 8.0, value_name = "SECONDS")]
     pub(crate) duration: f64,
@@ -188,11 +188,11 @@ pub(crate) struct AttributeArgs {
     #[arg(long, value_delimiter = ',', default_value = "camera")]
     pub(crate) policy: Vec<String>,
     /// What makes the frames of the real world.
-    #[arg(long, default_value = "reference", value_parser = ["dreamstream", "reference", "sim-rgb", "layout"])]
-    pub(crate) real_frames: String,
+    #[arg(long, value_enum, default_value = "reference")]
+    pub(crate) real_frames: Observation,
     /// What makes the frames of the nominal world.
-    #[arg(long, default_value = "dreamstream", value_parser = ["dreamstream", "reference", "sim-rgb", "layout"])]
-    pub(crate) nominal_frames: String,
+    #[arg(long, value_enum, default_value = "dreamstream")]
+    pub(crate) nominal_frames: Observation,
     /// How much of each scenario to drive, in seconds; 0 for all.
     #[arg(long, default_value_t = 8.0, value_name = "SECONDS")]
     pub(crate) duration: f64,

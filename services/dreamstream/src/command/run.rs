@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail, ensure};
+use ds_cases::{RunConfig, logs, seal};
 use ds_process::security::{Control, Dial};
 use ds_record::Recording;
 use ds_run_report::{Episode, ProposalStats, Results, Run, TimeShare};
@@ -16,13 +17,11 @@ use indicatif::ProgressBar;
 use pb::runs_client::RunsClient;
 use tonic::Code;
 
-use crate::cli::{RunArgs, SubmitArgs};
-use crate::command::gap::logs;
+use crate::cli::{RunPlan, SubmitArgs};
 use crate::command::report::{self, RESULTS};
 use crate::command::{answer, bar, scenario};
 use crate::embed::{self, Fleet, FleetPlan};
 use crate::live::{self, Watch};
-use crate::world::{self, RunConfig};
 use crate::{children, pictures};
 
 /// The largest message on the control plane, in bytes.
@@ -32,7 +31,7 @@ const MAX_MESSAGE_BYTES: usize = 1 << 30;
 ///
 /// # Errors
 /// If anything is refused, a service dies, or a drive fails.
-pub(crate) async fn run(args: &RunArgs, log: &str) -> Result<()> {
+pub(crate) async fn run(args: &RunPlan, log: &str) -> Result<()> {
     let results = drive_all(args, log).await?;
     conclude(&results, &args.out)
 }
@@ -41,7 +40,7 @@ pub(crate) async fn run(args: &RunArgs, log: &str) -> Result<()> {
 ///
 /// # Errors
 /// If anything is refused or a service dies.
-pub(crate) async fn drive_all(args: &RunArgs, log: &str) -> Result<Results> {
+pub(crate) async fn drive_all(args: &RunPlan, log: &str) -> Result<Results> {
     let files = shard(scenario::files(&args.scenarios)?, args.shard.as_deref())?;
     let given = request::given(args, &files)?;
     let world = world_of(args, &files)?;
@@ -92,22 +91,24 @@ pub(crate) async fn drive_all(args: &RunArgs, log: &str) -> Result<Results> {
 }
 
 /// Returns the effects of a run: named ones, or withheld ones whose answer is sealed.
-fn world_of(args: &RunArgs, files: &[PathBuf]) -> Result<RunConfig> {
-    let Some(seal) = &args.seal else { return RunConfig::gather(args.config.as_ref(), &args.effects) };
+fn world_of(args: &RunPlan, files: &[PathBuf]) -> Result<RunConfig> {
+    let Some(answer) = &args.seal else {
+        return Ok(RunConfig::gather(args.config.as_ref(), &args.effects)?);
+    };
     let first = files.first().context("no scenario to drive")?;
     let (scene, _warnings) = ds_scenario::load(first)?;
-    world::draw_and_seal(seal, scene.vehicle.mass_kg, args.seal_seed)
+    Ok(seal::draw_and_seal(answer, scene.vehicle.mass_kg, args.seal_seed)?)
 }
 
 /// Writes the vehicle logs of all completed drives.
-fn extract(args: &RunArgs, results: &Results) -> Result<()> {
+fn extract(args: &RunPlan, results: &Results) -> Result<()> {
     let completed = results.episodes.iter().filter(|episode| episode.status == "completed");
     let recordings: Vec<PathBuf> = completed.map(|episode| args.out.join(&episode.recording)).collect();
-    logs::extract(&recordings, &args.out.join("real"))
+    Ok(logs::extract(&recordings, &args.out.join("real"))?)
 }
 
 /// Removes all of a sealed run that tells more than a real vehicle would.
-fn withdraw(args: &RunArgs, results: &mut Results) -> Result<()> {
+fn withdraw(args: &RunPlan, results: &mut Results) -> Result<()> {
     for name in ["recordings", "scenarios"] {
         let folder = args.out.join(name);
         if folder.exists() {
@@ -161,7 +162,7 @@ async fn failed(fleet: &mut Fleet) -> anyhow::Error {
     fleet.failed().await.context("a service ended early")
 }
 
-fn prepare(args: &RunArgs) -> Result<()> {
+fn prepare(args: &RunPlan) -> Result<()> {
     let ledger = args.out.join("ledger.redb");
     if ledger.exists() && !args.resume {
         for name in ["recordings", "scenarios", "pictures"] {
@@ -301,7 +302,7 @@ fn sources(files: &[PathBuf], how: Source) -> Result<Vec<pb::ScenarioSource>> {
 }
 
 fn results(
-    (args, configuration): (&RunArgs, &Digest),
+    (args, configuration): (&RunPlan, &Digest),
     files: &[PathBuf],
     mode: &str,
     (run, compute_classes): (&pb::Run, BTreeMap<String, String>),
@@ -342,7 +343,7 @@ fn hex(bytes: &[u8]) -> String {
 }
 
 /// Returns the scenario set of each episode: the folder that its scenario lies in, where a folder was given.
-fn sets(files: &[PathBuf], args: &RunArgs) -> Vec<String> {
+fn sets(files: &[PathBuf], args: &RunPlan) -> Vec<String> {
     let set = |file: &PathBuf| {
         let given = args.scenarios.iter().any(|path| path == file);
         let folder = file.parent().and_then(Path::file_name).filter(|_| !given);
@@ -403,7 +404,7 @@ fn episode(result: &pb::EpisodeResult, set: &str, out: &Path) -> Episode {
     }
 }
 
-fn draw(args: &RunArgs, results: &Results) -> Result<()> {
+fn draw(args: &RunPlan, results: &Results) -> Result<()> {
     let bar = bar(results.episodes.len() as u64, "pictures");
     for episode in results.episodes.iter().filter(|episode| !episode.recording.is_empty()) {
         let recording = Recording::open(&args.out.join(&episode.recording))?;

@@ -48,18 +48,16 @@ fn main() -> ExitCode {
     if let (true, Some(out)) = (scoring, &out) {
         cases.retain(|c| c.file_name().is_some_and(|name| out.join(name).join("diagnosis.json").exists()));
     }
+    let one = |case: &PathBuf| Ok(diagnose(&Case::read(case)?, &options));
     let results: Vec<(String, Result<Diagnosis, CaseError>)> = cases
         .par_iter()
         .map(|case| {
             let name = case.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
             let start = Instant::now();
             if scoring {
-                return (
-                    name.clone(),
-                    out.as_ref().map_or_else(|| diagnose(case, &options), |out| Diagnosis::read(&out.join(&name))),
-                );
+                return (name.clone(), out.as_ref().map_or_else(|| one(case), |out| Diagnosis::read(&out.join(&name))));
             }
-            let result = diagnose(case, &options).and_then(|mut d| {
+            let result = one(case).and_then(|mut d| {
                 d.secs = start.elapsed().as_secs_f64();
                 unseen(&root, &name, &mut d)?;
                 if let Some(out) = &out {
@@ -84,7 +82,7 @@ fn main() -> ExitCode {
 fn unseen(root: &Path, name: &str, diagnosis: &mut Diagnosis) -> Result<(), CaseError> {
     let folder = root.join("unseen").join(name);
     if folder.join("meta.json").exists() {
-        diagnosis.how_far.extend(ds_dynamics::evaluate(diagnosis, &folder, &[])?);
+        diagnosis.how_far.extend(ds_dynamics::evaluate(diagnosis, &Case::read(&folder)?, &[]));
     }
     Ok(())
 }

@@ -9,9 +9,10 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
+use ds_diagnosis::meta::Kind;
 use ds_diagnosis::score::Share;
 use ds_diagnosis::{Diagnosis, Verdict};
-use ds_frames::{Nuisance, Options, SightError, diagnose, is_frame_case};
+use ds_frames::{FrameCase, Nuisance, Options, SightError, diagnose};
 use rayon::prelude::*;
 use serde_json::Value;
 
@@ -27,7 +28,9 @@ fn main() -> ExitCode {
         .and_then(|text| serde_json::from_str(&text).ok())
         .unwrap_or_default();
     let mut cases: Vec<PathBuf> = std::fs::read_dir(&root)
-        .map(|entries| entries.filter_map(|e| e.ok().map(|e| e.path())).filter(|p| is_frame_case(p)).collect())
+        .map(|entries| {
+            entries.filter_map(|e| e.ok().map(|e| e.path())).filter(|p| Kind::of(p) == Kind::Frames).collect()
+        })
         .unwrap_or_default();
     cases.sort();
     if let Some(only) = after("--only") {
@@ -47,7 +50,7 @@ fn main() -> ExitCode {
         .map(|case| {
             let start = Instant::now();
             let name = case.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-            let result = diagnose(case, &options).map(|mut d| {
+            let result = FrameCase::read(case).and_then(|case| diagnose(&case, &options)).map(|mut d| {
                 d.secs = start.elapsed().as_secs_f64();
                 d
             });

@@ -5,13 +5,14 @@ use std::path::Path;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::case::{FrameCase, is_frame_case};
+use crate::case::FrameCase;
 use crate::error::SightError;
-use crate::pairing::Pairing;
 use crate::pairing::edges;
 use crate::pairing::looks::{ALL, MOVED, OWN, Stream, beyond, own};
 use crate::scene::Scene;
 use crate::settings;
+use ds_diagnosis::CaseError;
+use ds_diagnosis::meta::{Kind, Pairing};
 
 /// What effect-free pairs look like.
 #[derive(Debug, Clone)]
@@ -35,9 +36,9 @@ impl Nuisance {
     /// If a case cannot be read, or there are too few.
     pub fn learn(folder: &Path) -> Result<Self, SightError> {
         let mut cases: Vec<_> = std::fs::read_dir(folder)
-            .map_err(|source| SightError::Read { path: folder.to_path_buf(), source })?
+            .map_err(|source| CaseError::Read { path: folder.to_path_buf(), source })?
             .filter_map(|e| e.ok().map(|e| e.path()))
-            .filter(|p| is_frame_case(p))
+            .filter(|p| Kind::of(p) == Kind::Frames)
             .collect();
         cases.sort();
         if cases.len() < settings::FEWEST_NUISANCE {

@@ -3,9 +3,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ds_diagnosis::schema::{
-    Cell, Corrected, CorrectedEffect, DetectionLimit, Diagnosis, Finding, Regime, Remainder, Verdict,
-};
+use ds_diagnosis::Verdict;
+use ds_diagnosis::schema::{Cell, Corrected, CorrectedEffect, DetectionLimit, Diagnosis, Finding, Regime, Remainder};
 use ds_effect::frame::{Act, FrameEffect};
 use nalgebra::DVector;
 
@@ -13,13 +12,13 @@ use crate::case::FrameCase;
 use crate::error::SightError;
 use crate::how_far::{Correction, FLOORS, generated};
 use crate::loss::{TILES, tile};
-use crate::pairing::Pairing;
 use crate::pairing::nuisance::{Nuisance, statistics};
 use crate::pairing::paths::{Path, paths};
 use crate::pairing::weigh::{self, Spot};
 use crate::scene::Scene;
 use crate::search::known;
 use crate::settings;
+use ds_diagnosis::meta::Pairing;
 
 /// Diagnoses a scene of another pairing than aligned.
 ///

@@ -8,10 +8,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use ds_diagnosis::schema::{Diagnosis, Verdict};
+use ds_diagnosis::Verdict;
+use ds_diagnosis::schema::Diagnosis;
 use ds_effect::{Effect, Insertion, Parameter, Setting, library};
 use ds_space::Draws;
-use ds_traffic::{Options, diagnose, synthetic};
+use ds_traffic::{Case, Options, diagnose, synthetic};
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -37,7 +38,7 @@ fn main() -> ExitCode {
             println!("{index:03} {id}: {error}: {error:?}");
             return ExitCode::FAILURE;
         }
-        match diagnose(&folder, &Options::default()) {
+        match Case::read(&folder).and_then(|case| diagnose(&case, &Options::default())) {
             Ok(diagnosis) => score.add(index, effect, &values, &diagnosis),
             Err(error) => println!("{index:03} {id}: {error}"),
         }
@@ -47,7 +48,7 @@ fn main() -> ExitCode {
 }
 
 fn one(case: &Path) -> ExitCode {
-    match diagnose(case, &Options::default()) {
+    match Case::read(case).and_then(|case| diagnose(&case, &Options::default())) {
         Ok(diagnosis) => {
             println!("{}", serde_json::to_string_pretty(&diagnosis).unwrap_or_default());
             ExitCode::SUCCESS

@@ -6,7 +6,8 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
-use ds_topic::{DiagnosedEffect, Diagnosis, GapCell, GapVerdict};
+use ds_effect::Verdict;
+use ds_topic::{DiagnosedEffect, Diagnosis, GapCell};
 use rerun::{MediaType, RecordingStream, Scalars, TextDocument, TextLog};
 
 use crate::error::RecordError;
@@ -27,7 +28,7 @@ pub(crate) struct Findings {
 impl Findings {
     /// Logs a diagnosis at the time that the stream is set to.
     pub(crate) fn log(&mut self, diagnosis: &Diagnosis, stream: &RecordingStream) -> Result<(), RecordError> {
-        let level = if diagnosis.verdict == GapVerdict::None { "INFO" } else { "WARN" };
+        let level = if diagnosis.verdict == Verdict::None { "INFO" } else { "WARN" };
         stream.log(format!("{ROOT}/verdict"), &TextLog::new(sentence(diagnosis)).with_level(level))?;
         let scalar = |path: &str, value: f64| stream.log(format!("{ROOT}/{path}"), &Scalars::new([value]));
         scalar("none/probability", diagnosis.p_none)?;

@@ -9,9 +9,9 @@ use ds_space::{
 };
 use ds_topic::body::Tensor;
 use ds_topic::{
-    Advance, AgentMode, Cache, DiagnosedEffect, Diagnosis, Ego, EpisodeSpec, Frame, GapCell, GapVerdict, Layout,
-    Motion, ObservationSource, Owner, Plan, Proposal, ProposalScorer, ReplanAlignment, Role, SceneMessage, Score,
-    ScoreProfile, SwitchedEffect, Verdict, World,
+    Advance, AgentMode, Cache, DiagnosedEffect, Diagnosis, Ego, EpisodeSpec, Frame, GapCell, Layout, Motion,
+    ObservationSource, Owner, Plan, Proposal, ProposalScorer, ReplanAlignment, Role, SceneMessage, Score, ScoreProfile,
+    SwitchedEffect, Verdict, World,
 };
 use ds_wire::policy::{CameraView, Observation, StampedEgo, StampedImage};
 use ds_world::{
@@ -165,7 +165,7 @@ fn gap_cell() -> impl Strategy<Value = GapCell> {
 
 pub(crate) fn diagnosis() -> impl Strategy<Value = Diagnosis> {
     let lists = (vec(diagnosed_effect(), 0..4), vec(gap_cell(), 0..4), vec(("[a-z_]{1,9}", length()), 0..3));
-    let verdict = prop::sample::select(GapVerdict::ALL.to_vec());
+    let verdict = prop::sample::select(ds_effect::Verdict::ALL.to_vec());
     let rest = (verdict, 0.0..=1.0, 0.0..=1.0, "[a-z. ]{0,20}");
     (any::<i32>(), any::<u16>(), rest, lists).prop_map(
         |(from, secs, (verdict, p_none, p_unknown, reference), (effects, cells, differences))| Diagnosis {

@@ -6,15 +6,17 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use ds_diagnosis::Diagnosis;
+use ds_cases::message;
+use ds_diagnosis::meta::Kind;
 use ds_diagnosis::schema::Cell;
+use ds_diagnosis::schema::FILE;
+use ds_diagnosis::{Diagnosis, json};
 use ds_dynamics::case::Case;
 use ds_dynamics::traces::{Moment, Series, Traces, traces};
 use ds_record::view::explained::{self, Along, Curve, Explained};
 use ds_topic::GapCell;
 
-use super::watch::message;
-use super::{FILE, PAGE, put, read};
+use super::{PAGE, put};
 use crate::cli::ExplainArgs;
 use crate::command::answer;
 
@@ -30,22 +32,13 @@ const DRIVES: usize = 8;
 pub(crate) fn run(args: &ExplainArgs) -> Result<()> {
     let found = diagnoses(&args.diagnosis)?;
     let one = found.len() == 1;
-    ensure!(one || args.out.is_none(), "-o is for one diagnosis, {} holds {}", args.diagnosis.display(), found.len());
-    ensure!(
-        one || args.case.is_none(),
-        "--case is for one diagnosis, {} holds {}",
-        args.diagnosis.display(),
-        found.len()
-    );
-    ensure!(
-        one || args.rerun.is_none(),
-        "--rerun is for one diagnosis, {} holds {}",
-        args.diagnosis.display(),
-        found.len()
-    );
+    let given = [("-o", args.out.is_some()), ("--case", args.case.is_some()), ("--rerun", args.rerun.is_some())];
+    for (flag, given) in given {
+        ensure!(one || !given, "{flag} is for one diagnosis, {} holds {}", args.diagnosis.display(), found.len());
+    }
     let mut made = Vec::new();
     for path in &found {
-        let diagnosis = read(path)?;
+        let diagnosis: Diagnosis = json::read(path)?;
         let case = args.case.clone().or_else(|| noted(path));
         let out = args.out.clone().unwrap_or_else(|| path.with_file_name(PAGE));
         put(&out, &ds_diagnosis_page::page(&diagnosis, case.as_deref()))?;
@@ -55,7 +48,7 @@ pub(crate) fn run(args: &ExplainArgs) -> Result<()> {
             explained::save(&drawn(&diagnosis, case.as_deref())?, rrd)?;
             answer(&format!("rerun {}", rrd.display()));
         }
-        made.push((format!("{}/{PAGE}", super::name(path.parent().unwrap_or(path))), diagnosis));
+        made.push((format!("{}/{PAGE}", ds_cases::case::name(path.parent().unwrap_or(path))), diagnosis));
     }
     if !one {
         let index = args.diagnosis.join("index.html");
@@ -101,7 +94,7 @@ fn noted(diagnosis: &Path) -> Option<PathBuf> {
 /// Returns what the viewer shows of a diagnosis; without its case there are no residuals.
 fn drawn(diagnosis: &Diagnosis, case: Option<&Path>) -> Result<Explained> {
     let drives = match case {
-        Some(folder) if !ds_frames::is_frame_case(folder) => along(diagnosis, &Case::read(folder)?),
+        Some(folder) if Kind::of(folder) == Kind::Vehicle => along(diagnosis, &Case::read(folder)?),
         _ => Vec::new(),
     };
     Ok(Explained {

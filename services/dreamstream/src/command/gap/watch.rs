@@ -5,16 +5,17 @@
 //! message on topic `diagnosis`. A diagnosis runs beside the subscription: a slow one skips windows and holds nothing up.
 
 mod drive;
-pub(super) mod message;
-mod reference;
-mod window;
 
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use ds_bus::BusSession;
+use ds_cases::logs;
+use ds_cases::message::{self, Against};
+use ds_cases::reference::{Reference, differences};
+use ds_cases::window::{self, Due, Window};
 use ds_diagnosis::{CaseError, Diagnosis};
 use ds_dynamics::{Options, diagnose};
 use ds_process::section::ProcessSection;
@@ -26,14 +27,11 @@ use ds_wire::control as pb;
 use pb::runs_client::RunsClient;
 use tokio::task::JoinSet;
 
-use super::{logs, tell};
+use super::tell;
 use crate::cli::WatchArgs;
 use crate::command::{answer, view};
 use crate::live;
 use drive::Drive;
-use message::Against;
-use reference::{Reference, differences};
-use window::{Due, Window};
 
 /// Between two looks for a drive: a short one without frames is over in a few tenths of a second.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
@@ -68,7 +66,7 @@ pub(crate) async fn run(args: &WatchArgs) -> Result<()> {
             Some(Drive::listen(&bus, &other).await?)
         }
     };
-    let reference = log.or_else(|| other.as_ref().map(Reference::of_drive));
+    let reference = log.or_else(|| other.as_ref().map(|other| Reference::of_drive(other.scene.spec.episode.as_str())));
     let shown = show.map(|show| shown(&drive.scene, show.url())).transpose()?;
     let mut watch = Watch::new(args, &bus, &drive.scene, reference, shown)?;
     let done = watch.follow(drive, other).await;
@@ -119,8 +117,7 @@ struct Watch<'a> {
     window: Window,
     reference: Option<Reference>,
     shown: Option<LiveView>,
-    jobs: JoinSet<Result<Made>>,
-    folder: PathBuf,
+    jobs: JoinSet<Made>,
     published: u64,
 }
 
@@ -139,10 +136,9 @@ impl<'a> Watch<'a> {
             answer(&format!("the running simulator has {}: what equals it is closed already", switched.join(", ")));
         }
         let publisher = ds_process::service::instance(&ProcessSection::default(), "gap")?;
-        let folder = std::env::temp_dir().join(format!("dreamstream-{publisher}"));
         let window = Window::new(args.window, args.every);
         let jobs = JoinSet::new();
-        Ok(Self { args, bus, scene: scene.clone(), publisher, window, reference, shown, jobs, folder, published: 0 })
+        Ok(Self { args, bus, scene: scene.clone(), publisher, window, reference, shown, jobs, published: 0 })
     }
 
     /// Watches until the drive is over and its last window diagnosed.
@@ -159,7 +155,7 @@ impl<'a> Watch<'a> {
                     None => self.end_reference(&mut other),
                 },
                 Some(made) = self.jobs.join_next() => {
-                    self.conclude(made.context("the diagnosis panicked")??).await?;
+                    self.conclude(made.context("the diagnosis panicked")?).await?;
                 }
             }
             self.begin(over);
@@ -206,13 +202,12 @@ impl<'a> Watch<'a> {
                 (log, Against { reference: reference.name.clone(), differences })
             }
         };
-        let (folder, car) = (self.folder.clone(), self.scene.scene.vehicle);
+        let car = self.scene.scene.vehicle;
         let case =
             if against.reference.is_empty() { self.scene.spec.episode.to_string() } else { against.reference.clone() };
         self.jobs.spawn_blocking(move || {
-            logs::window(&log, &car, &case, &folder)?;
-            let result = diagnose(&folder, &Options { quick: true, without: Vec::new() });
-            Ok(Made { due, against, result })
+            let options = Options { quick: true, without: Vec::new() };
+            Made { due, against, result: logs::window(&log, &car, &case).map(|case| diagnose(&case, &options)) }
         });
     }
 
@@ -237,11 +232,8 @@ impl<'a> Watch<'a> {
         self.args.out.as_deref().map_or(Ok(()), |path| append(path, due.span.1, &found))
     }
 
-    /// Leaves nothing behind, and says what was shown.
+    /// Says what was shown.
     async fn close(self, done: Result<()>) -> Result<()> {
-        if self.folder.exists() {
-            std::fs::remove_dir_all(&self.folder).with_context(|| format!("remove {}", self.folder.display()))?;
-        }
         done?;
         answer(&format!("{} windows diagnosed", self.published));
         if let Some(shown) = self.shown {

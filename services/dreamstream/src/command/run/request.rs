@@ -5,19 +5,19 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, ensure};
+use ds_cases::RunConfig;
 use ds_space::{CameraId, Digest, DigestWriter};
 use ds_topic::ObservationSource;
 use ds_wire::control as pb;
 use orchestrator::Conditioning;
 
-use crate::cli::{Agents, Align, Observation, RunArgs};
-use crate::world::RunConfig;
+use crate::cli::{Agents, Align, Observation, RunPlan};
 
 /// Reads prompt and first frames and checks them against the scenarios.
 ///
 /// # Errors
 /// If a file cannot be read, or is refused for one of the scenarios.
-pub(super) fn given(args: &RunArgs, files: &[PathBuf]) -> Result<pb::RunSettings> {
+pub(super) fn given(args: &RunPlan, files: &[PathBuf]) -> Result<pb::RunSettings> {
     let first_frames = args.first_frames.iter().map(|text| first_frame(text)).collect::<Result<_>>()?;
     let settings = pb::RunSettings { prompt: args.prompt.clone(), first_frames, ..pb::RunSettings::default() };
     let given = Conditioning::of(&settings, &[source(args)])?;
@@ -36,7 +36,7 @@ fn first_frame(text: &str) -> Result<pb::FirstFrame> {
     Ok(pb::FirstFrame { camera: camera.to_owned(), image: image.into() })
 }
 
-fn source(args: &RunArgs) -> ObservationSource {
+fn source(args: &RunPlan) -> ObservationSource {
     match args.observation {
         Observation::Dreamstream => ObservationSource::Dreamstream,
         Observation::Reference => ObservationSource::Reference,
@@ -50,7 +50,7 @@ fn source(args: &RunArgs) -> ObservationSource {
 /// # Errors
 /// If horizon or duration is out of bounds.
 pub(super) fn request(
-    (args, world): (&RunArgs, &RunConfig),
+    (args, world): (&RunPlan, &RunConfig),
     given: pb::RunSettings,
     configuration: &Digest,
     scenarios: Vec<pb::ScenarioSource>,
@@ -95,7 +95,7 @@ pub(super) fn request(
     })
 }
 
-fn scorer(args: &RunArgs) -> &'static str {
+fn scorer(args: &RunPlan) -> &'static str {
     match (args.scorer.as_str(), args.oracle.as_str()) {
         ("learned", _) => "learned",
         (_, "navsim") => "oracle-navsim",
@@ -104,7 +104,7 @@ fn scorer(args: &RunArgs) -> &'static str {
 }
 
 /// Returns the digest over all settings that a result depends on, names of scenarios included, folders not.
-pub(super) fn configuration(args: &RunArgs, world: &RunConfig, given: &pb::RunSettings) -> Digest {
+pub(super) fn configuration(args: &RunPlan, world: &RunConfig, given: &pb::RunSettings) -> Digest {
     let mut writer = DigestWriter::new();
     writer.text(&args.policy).u32(args.observation as u32).u32(args.replan).f64(args.horizon).u32(args.history);
     writer.f64(args.duration).u32(args.warm_up).text(&args.appearance).u32(args.agents as u32).text(&args.tracker);

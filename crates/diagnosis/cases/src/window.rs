@@ -6,12 +6,12 @@ use ds_topic::Header;
 use ds_world::Reading;
 
 /// Shorter windows tell nothing.
-pub(super) const SHORTEST_SECS: f64 = 6.5;
+pub const SHORTEST_SECS: f64 = 6.5;
 /// Less than this is not worth another look when a drive has ended.
 const LAST_SECS: f64 = 0.5;
 
 /// A sliding window.
-pub(super) struct Window {
+pub struct Window {
     readings: VecDeque<Reading>,
     /// Headers of the states that the readings came with.
     headers: VecDeque<Header>,
@@ -22,23 +22,24 @@ pub(super) struct Window {
 
 /// A window that is to be diagnosed.
 #[derive(Debug, Clone)]
-pub(super) struct Due {
+pub struct Due {
     /// What the car recorded.
-    pub(super) readings: Vec<Reading>,
+    pub readings: Vec<Reading>,
     /// Header of the state at its end.
-    pub(super) header: Header,
+    pub header: Header,
     /// Its first and last moment, s.
-    pub(super) span: (f64, f64),
+    pub span: (f64, f64),
 }
 
 impl Window {
     /// Makes an empty window of some length, to be looked at every so often.
-    pub(super) fn new(secs: f64, every_secs: f64) -> Self {
+    #[must_use]
+    pub fn new(secs: f64, every_secs: f64) -> Self {
         Self { readings: VecDeque::new(), headers: VecDeque::new(), secs, every_secs, next_secs: SHORTEST_SECS }
     }
 
     /// Takes what was recorded up to a state; another attempt at the episode begins anew.
-    pub(super) fn take(&mut self, header: Header, readings: Vec<Reading>) {
+    pub fn take(&mut self, header: Header, readings: Vec<Reading>) {
         if self.headers.back().is_some_and(|last| last.attempt != header.attempt) {
             *self = Self::new(self.secs, self.every_secs);
         }
@@ -61,7 +62,7 @@ impl Window {
 
     /// Returns the window where a diagnosis is due. It ends at `known_to_secs` at the latest; when the drive is over, what
     /// has not been looked at yet is due at once.
-    pub(super) fn due(&mut self, known_to_secs: f64, over: bool) -> Option<Due> {
+    pub fn due(&mut self, known_to_secs: f64, over: bool) -> Option<Due> {
         let first = self.readings.front()?.secs;
         let readings: Vec<Reading> = self.readings.iter().take_while(|r| r.secs <= known_to_secs).copied().collect();
         let last = readings.last()?.secs;

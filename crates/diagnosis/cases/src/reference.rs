@@ -2,47 +2,50 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result};
 use ds_record::{Recording, vehicle_log};
 use ds_space::Tick;
 use ds_topic::{Topic, World};
 use ds_world::Reading;
 
-use super::drive::Drive;
-use super::window::SHORTEST_SECS;
+use crate::error::CasesError;
+use crate::window::SHORTEST_SECS;
 
 /// Readings farther apart than this are not of one moment, s.
 const SAME_MOMENT_SECS: f64 = 0.026;
 
 /// A reference stream, as far as it is known.
-pub(super) struct Reference {
+pub struct Reference {
     /// Its name.
-    pub(super) name: String,
+    pub name: String,
     /// All its readings so far, in order.
     readings: Vec<Reading>,
 }
 
 impl Reference {
     /// Reads a vehicle log, or a recording of a drive with one.
-    pub(super) fn read(path: &Path) -> Result<Self> {
+    ///
+    /// # Errors
+    /// If it is neither, or holds no readings.
+    pub fn read(path: &Path) -> Result<Self, CasesError> {
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let readings = match vehicle_log::read(path) {
             Ok(log) => log.readings,
-            Err(foreign) => {
-                recorded(path).with_context(|| format!("{} is no vehicle log ({foreign})", path.display()))?
-            }
+            Err(_foreign) => recorded(path)?,
         };
-        anyhow::ensure!(!readings.is_empty(), "{} holds no readings: drive it with --vehicle-log", path.display());
+        if readings.is_empty() {
+            return Err(CasesError::NoReadings { path: path.to_path_buf() });
+        }
         Ok(Self { name, readings })
     }
 
     /// Begins with a drive under way.
-    pub(super) fn of_drive(drive: &Drive) -> Self {
-        Self { name: drive.scene.spec.episode.to_string(), readings: Vec::new() }
+    #[must_use]
+    pub fn of_drive(name: &str) -> Self {
+        Self { name: name.to_owned(), readings: Vec::new() }
     }
 
     /// Takes more readings; a tick that comes again begins another attempt.
-    pub(super) fn take(&mut self, tick: Tick, readings: Vec<Reading>) {
+    pub fn take(&mut self, tick: Tick, readings: Vec<Reading>) {
         if tick == Tick(0) {
             self.readings.clear();
         }
@@ -51,12 +54,14 @@ impl Reference {
     }
 
     /// Returns up to when it is known, s.
-    pub(super) fn known_to_secs(&self) -> f64 {
+    #[must_use]
+    pub fn known_to_secs(&self) -> f64 {
         self.readings.last().map_or(f64::NEG_INFINITY, |reading| reading.secs)
     }
 
     /// Returns the readings of a span; `None` where there are too few.
-    pub(super) fn within(&self, (from, to): (f64, f64)) -> Option<Vec<Reading>> {
+    #[must_use]
+    pub fn within(&self, (from, to): (f64, f64)) -> Option<Vec<Reading>> {
         let inside = |reading: &&Reading| (from - 1e-6..=to + 1e-6).contains(&reading.secs);
         let readings: Vec<Reading> = self.readings.iter().filter(inside).copied().collect();
         let long = readings.last()?.secs - readings.first()?.secs >= SHORTEST_SECS - 0.5;
@@ -64,7 +69,7 @@ impl Reference {
     }
 }
 
-fn recorded(path: &Path) -> Result<Vec<Reading>> {
+fn recorded(path: &Path) -> Result<Vec<Reading>, CasesError> {
     let recording = Recording::open(path)?;
     let mut readings = Vec::new();
     for envelope in recording.topic(Topic::World) {
@@ -74,7 +79,8 @@ fn recorded(path: &Path) -> Result<Vec<Reading>> {
 }
 
 /// Returns the root mean square of running minus reference by channel over the moments that both have, SI units.
-pub(super) fn differences(running: &[Reading], reference: &[Reading]) -> Vec<(String, f64)> {
+#[must_use]
+pub fn differences(running: &[Reading], reference: &[Reading]) -> Vec<(String, f64)> {
     const CHANNELS: [&str; 8] = ["position", "yaw", "v", "yaw_rate", "ax", "ay", "steer_meas", "v_wheel"];
     let mut sums = [0.0; CHANNELS.len()];
     let mut count = 0_u32;

@@ -6,14 +6,14 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
+use ds_diagnosis::meta::{CameraEntry, FrameMeta, FrameSplit, PinholeEntry, VehicleMeta};
 use ds_raster::RgbImage;
 use ds_record::vehicle_log::{self, Seen};
 use ds_world::Reading;
 use image::ImageEncoder;
-use serde_json::{Value, json};
 
-use super::logs;
+use crate::error::{CasesError, at};
+use crate::logs;
 
 /// Both cars are in one place within this, metres and radians: what the noise of the logs leaves of the mean difference of
 /// so many readings. A camera half a pixel elsewhere would be taken for another camera.
@@ -40,16 +40,28 @@ struct Pair {
     yaw_rate_radps: f64,
 }
 
-/// Writes the case of two runs' logs to a folder; says so and returns `None` where no stretch is long enough.
-pub(super) fn write(real: &Path, nominal: &Path, out: &Path) -> Result<Option<PathBuf>> {
-    let meta = logs::read_meta(real)?;
-    let camera = &meta["cameras"][0];
-    ensure!(camera.is_object(), "{} names no camera: the log was made by an older version", real.display());
+/// What two runs give.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Paired {
+    /// A case, now in its folder.
+    Case,
+    /// Too few frames at the same states.
+    TooFew,
+    /// So many frames that are as the nominal ones.
+    Alike(usize),
+}
+
+/// Writes the case of two runs' logs to a folder.
+///
+/// # Errors
+/// If a log is refused, names no camera, or a file cannot be written.
+pub fn write(real: &Path, nominal: &Path, out: &Path) -> Result<Paired, CasesError> {
+    let cameras = VehicleMeta::read(real)?.cameras;
+    let camera = cameras.first().ok_or_else(|| CasesError::NoCamera { path: real.to_path_buf() })?;
     let theirs = logs::drives(nominal)?;
     let mut best: Vec<Pair> = Vec::new();
     for drive in logs::drives(real)?.iter().filter(|drive| theirs.contains(drive)) {
-        let file = format!("{drive}.mcap");
-        let stretch = longest(pairs([&real.join(&file), &nominal.join(&file)], camera)?);
+        let stretch = longest(pairs([real, nominal].map(|run| logs::file(run, drive)), camera)?);
         if stretch.len() > best.len() {
             best = stretch;
         }
@@ -58,24 +70,20 @@ pub(super) fn write(real: &Path, nominal: &Path, out: &Path) -> Result<Option<Pa
         }
     }
     if best.len() < FEWEST_FRAMES {
-        crate::command::answer(&format!("{}: too few frames at the same states to compare pictures", real.display()));
-        return Ok(None);
+        return Ok(Paired::TooFew);
     }
     if best.iter().map(difference).fold(0.0, f64::max) < EQUAL_LEVELS {
-        crate::command::answer(&format!("{}: {} camera frames are as the nominal ones", real.display(), best.len()));
-        return Ok(None);
+        return Ok(Paired::Alike(best.len()));
     }
     save(&best, camera, out)?;
-    Ok(Some(out.to_path_buf()))
+    Ok(Paired::Case)
 }
 
 /// Pairs the frames of two logs; a frame without a partner in its place leaves a hole.
-fn pairs([real, nominal]: [&Path; 2], camera: &Value) -> Result<Vec<Option<Pair>>> {
-    let size = ["width", "height"].map(|key| camera[key].as_u64().and_then(|px| u32::try_from(px).ok()).unwrap_or(0));
-    let name = camera["name"].as_str().unwrap_or_default();
-    let frames = |path: &Path| vehicle_log::frames(path, name, size);
-    let (own, other) = (frames(real)?, frames(nominal)?);
-    let (own_log, other_log) = (vehicle_log::read(real)?.readings, vehicle_log::read(nominal)?.readings);
+fn pairs([real, nominal]: [PathBuf; 2], camera: &CameraEntry) -> Result<Vec<Option<Pair>>, CasesError> {
+    let frames = |path: &Path| vehicle_log::frames(path, &camera.name, [camera.width, camera.height]);
+    let (own, other) = (frames(&real)?, frames(&nominal)?);
+    let (own_log, other_log) = (vehicle_log::read(&real)?.readings, vehicle_log::read(&nominal)?.readings);
     let mut others = other.into_iter().peekable();
     let mut made = Vec::new();
     for Seen { t, image } in own {
@@ -126,7 +134,7 @@ fn longest(pairs: Vec<Option<Pair>>) -> Vec<Pair> {
     pairs.into_iter().skip(best.start).take(best.len()).flatten().collect()
 }
 
-fn jpeg(image: &RgbImage, quality: u8) -> Result<Vec<u8>> {
+fn jpeg(image: &RgbImage, quality: u8) -> Result<Vec<u8>, CasesError> {
     let mut bytes = Vec::new();
     let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, quality);
     encoder.write_image(image.rgb(), image.width_px(), image.height_px(), image::ExtendedColorType::Rgb8)?;
@@ -140,33 +148,30 @@ fn difference(pair: &Pair) -> f64 {
     (squares / real.len().max(1) as f64).sqrt()
 }
 
-fn save(pairs: &[Pair], camera: &Value, out: &Path) -> Result<()> {
-    let put =
-        |path: PathBuf, bytes: &[u8]| std::fs::write(&path, bytes).with_context(|| format!("write {}", path.display()));
+fn save(pairs: &[Pair], camera: &CameraEntry, out: &Path) -> Result<(), CasesError> {
+    let put = |path: PathBuf, bytes: &[u8]| std::fs::write(&path, bytes).map_err(at(&path));
     for stream in ["sim", "real"] {
         let folder = out.join(stream);
-        std::fs::create_dir_all(&folder).with_context(|| format!("create {}", folder.display()))?;
+        std::fs::create_dir_all(&folder).map_err(at(&folder))?;
     }
     let mut table = String::from("frame,time_s,real_stamp_s,speed_mps,yaw_rate_radps,light_rel\n");
     for (number, pair) in pairs.iter().enumerate() {
         let name = format!("{number:04}.jpg");
         put(out.join("sim").join(&name), &jpeg(&pair.nominal, SIM_QUALITY)?)?;
         put(out.join("real").join(&name), &jpeg(&pair.real, REAL_QUALITY)?)?;
-        writeln!(table, "{number},{:.4},{:.4},{:.3},{:.5},1.000", pair.t, pair.t, pair.speed_mps, pair.yaw_rate_radps)?;
+        let (t, speed, turn) = (pair.t, pair.speed_mps, pair.yaw_rate_radps);
+        let _infallible = writeln!(table, "{number},{t:.4},{t:.4},{speed:.3},{turn:.5},1.000");
     }
     put(out.join("frames.csv"), table.as_bytes())?;
     let step = (pairs[pairs.len() - 1].t - pairs[0].t) / (pairs.len() - 1) as f64;
-    let kept = pairs.len() - pairs.len() / 5;
-    let meta = json!({
-        "case": out.file_name().map(|name| name.to_string_lossy()),
-        "width": camera["width"],
-        "height": camera["height"],
-        "channels": "rgb",
-        "frame_rate_hz": 1.0 / step,
-        "contiguous": true,
-        "intrinsics": { "fx": camera["fx"], "fy": camera["fy"], "cx": camera["cx"], "cy": camera["cy"] },
-        "camera_height_m": camera["height_m"],
-        "suggested_split": { "fit": [0, kept - 1], "held_out": [kept, pairs.len() - 1] },
-    });
-    put(out.join("meta.json"), (serde_json::to_string_pretty(&meta)? + "\n").as_bytes())
+    let kept = (pairs.len() - pairs.len() / 5) as u64;
+    let pinhole = PinholeEntry { fx: camera.fx, fy: camera.fy, cx: camera.cx, cy: camera.cy };
+    let meta = FrameMeta {
+        case: crate::case::name(out),
+        channels: Some("rgb".to_owned()),
+        suggested_split: Some(FrameSplit { fit: Some([0, kept - 1]), held_out: [kept, pairs.len() as u64 - 1] }),
+        camera_height_m: Some(camera.height_m),
+        ..FrameMeta::new([camera.width, camera.height].map(|px| px as usize), 1.0 / step, pinhole)
+    };
+    Ok(meta.write(out)?)
 }

@@ -1,23 +1,23 @@
 //! A diagnosis as a message of the bus.
 
-use ds_diagnosis::Verdict;
 use ds_diagnosis::schema::{Cell, Diagnosis as Found, Finding};
 use ds_space::{InstanceId, SimTime};
-use ds_topic::{DiagnosedEffect, Diagnosis, Envelope, GapCell, GapVerdict, Header, SCHEMA_VERSION, Slot, Topic};
+use ds_topic::{DiagnosedEffect, Diagnosis, Envelope, GapCell, Header, SCHEMA_VERSION, Slot, Topic};
 use ds_wire::Body;
 use ds_wire::diagnosis::{MAX_CELLS, MAX_EFFECTS, MAX_REFERENCE_BYTES};
 
 /// What a window was compared with.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Against {
+pub struct Against {
     /// Name of the reference stream; empty for the drive's own log.
-    pub(super) reference: String,
+    pub reference: String,
     /// How far the drive is from it, by channel.
-    pub(super) differences: Vec<(String, f64)>,
+    pub differences: Vec<(String, f64)>,
 }
 
 /// Returns a diagnosis of a window as the body of a message.
-pub(super) fn body(found: &Found, (from, to): (f64, f64), against: Against) -> Diagnosis {
+#[must_use]
+pub fn body(found: &Found, (from, to): (f64, f64), against: Against) -> Diagnosis {
     let mut reference = against.reference;
     while reference.len() > MAX_REFERENCE_BYTES {
         reference.pop();
@@ -25,7 +25,7 @@ pub(super) fn body(found: &Found, (from, to): (f64, f64), against: Against) -> D
     Diagnosis {
         window: (SimTime::from_secs(from), SimTime::from_secs(to)),
         reference,
-        verdict: verdict(found.verdict),
+        verdict: found.verdict,
         p_none: found.p_none.clamp(0.0, 1.0),
         p_unknown: found.p_unknown.clamp(0.0, 1.0),
         effects: effects(found).into_iter().take(MAX_EFFECTS).collect(),
@@ -34,17 +34,9 @@ pub(super) fn body(found: &Found, (from, to): (f64, f64), against: Against) -> D
     }
 }
 
-fn verdict(verdict: Verdict) -> GapVerdict {
-    match verdict {
-        Verdict::None => GapVerdict::None,
-        Verdict::Single => GapVerdict::Single,
-        Verdict::Multiple => GapVerdict::Multiple,
-        Verdict::Unknown => GapVerdict::Unknown,
-    }
-}
-
 /// Returns the effects that were considered.
-pub(in crate::command::gap) fn effects(found: &Found) -> Vec<DiagnosedEffect> {
+#[must_use]
+pub fn effects(found: &Found) -> Vec<DiagnosedEffect> {
     let finite = |value: f64| value.is_finite().then_some(value);
     let effect = |finding: &Finding| {
         let fitted = !(finding.unit.is_empty() && finding.params.is_empty());
@@ -61,7 +53,8 @@ pub(in crate::command::gap) fn effects(found: &Found) -> Vec<DiagnosedEffect> {
 }
 
 /// Returns a cell with its bins; the number of its drive is left to whoever shows several.
-pub(in crate::command::gap) fn cell(cell: &Cell) -> GapCell {
+#[must_use]
+pub fn cell(cell: &Cell) -> GapCell {
     let regime = &cell.regime;
     let tile = regime.tile.map(|[row, column]| format!("{row},{column}"));
     let axes = [
@@ -82,7 +75,8 @@ pub(in crate::command::gap) fn cell(cell: &Cell) -> GapCell {
 }
 
 /// Returns the message of a diagnosis; `at` is the header of the state at the end of its window.
-pub(super) fn envelope(at: &Header, publisher: &InstanceId, sequence: u64, body: &Diagnosis) -> Envelope {
+#[must_use]
+pub fn envelope(at: &Header, publisher: &InstanceId, sequence: u64, body: &Diagnosis) -> Envelope {
     let header = Header {
         epoch: 0,
         sequence,
@@ -97,6 +91,8 @@ pub(super) fn envelope(at: &Header, publisher: &InstanceId, sequence: u64, body:
 
 #[cfg(test)]
 mod tests {
+    use ds_diagnosis::Verdict;
+
     use super::*;
 
     #[test]

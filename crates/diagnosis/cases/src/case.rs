@@ -1,0 +1,143 @@
+//! A case of any kind and the diagnoser that takes it.
+
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+
+use ds_diagnosis::Diagnosis;
+use ds_diagnosis::meta::{FILE, Kind};
+use ds_diagnosis::schema::Shrink;
+use ds_frames::{FrameCase, Nuisance};
+use ds_record::vehicle_log::Planned;
+
+use crate::error::{CasesError, at};
+use crate::stamps;
+
+/// A case, read and checked.
+pub enum Case {
+    /// Logs of a vehicle, and when its policy answered.
+    Vehicle(Box<ds_dynamics::case::Case>, Vec<Planned>),
+    /// Two streams of frames.
+    Frames(Box<FrameCase>),
+    /// Recorded traffic.
+    Traffic(Box<ds_traffic::Case>),
+}
+
+/// How to diagnose.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// Logs of a vehicle: fast pass and single fits only.
+    pub quick: bool,
+    /// Effects that are left out of the library, to see what is said without them.
+    pub without: Vec<String>,
+    /// Frames: what the generator does without any effect.
+    pub nuisance: Option<Nuisance>,
+}
+
+/// On what a diagnosis is measured anew; all of the case without.
+#[derive(Debug, Clone, Default)]
+pub struct Unseen {
+    /// Drives or recordings.
+    pub drives: Vec<usize>,
+    /// Frames.
+    pub frames: Option<RangeInclusive<u64>>,
+}
+
+impl Case {
+    /// Reads a case folder.
+    ///
+    /// # Errors
+    /// If a file is unreadable or makes no sense.
+    pub fn read(folder: &Path) -> Result<Self, CasesError> {
+        Ok(match Kind::of(folder) {
+            Kind::Traffic => Self::Traffic(Box::new(ds_traffic::Case::read(folder)?)),
+            Kind::Frames => Self::Frames(Box::new(FrameCase::read(folder)?)),
+            Kind::Vehicle => Self::Vehicle(Box::new(ds_dynamics::case::Case::read(folder)?), stamps::read(folder)?),
+        })
+    }
+}
+
+/// Diagnoses a case.
+///
+/// # Errors
+/// If traffic shows nobody for long enough, or frames cannot be compared.
+pub fn diagnose(case: &Case, options: &Options) -> Result<Diagnosis, CasesError> {
+    let without = || options.without.clone();
+    Ok(match case {
+        Case::Traffic(case) => ds_traffic::diagnose(case, &ds_traffic::Options { without: without() })?,
+        Case::Frames(case) => {
+            let nuisance = options.nuisance.clone();
+            ds_frames::diagnose(case, &ds_frames::Options { without: without(), nuisance })?
+        }
+        Case::Vehicle(case, plans) => {
+            let options = ds_dynamics::Options { quick: options.quick, without: without() };
+            let mut diagnosis = ds_dynamics::diagnose(case, &options);
+            diagnosis.join(stamps::diagnose(&diagnosis.case, plans));
+            diagnosis
+        }
+    })
+}
+
+/// Measures how far a diagnosis shrinks the gap on data that it never saw, without any refit.
+///
+/// # Errors
+/// If traffic shows nobody for long enough, or frames cannot be compared.
+pub fn evaluate(diagnosis: &Diagnosis, case: &Case, unseen: Unseen) -> Result<Vec<Shrink>, CasesError> {
+    Ok(match case {
+        Case::Traffic(case) => ds_traffic::evaluate(diagnosis, case, &unseen.drives)?,
+        Case::Frames(case) => ds_frames::evaluate(diagnosis, case, unseen.frames)?,
+        Case::Vehicle(case, _) => ds_dynamics::evaluate(diagnosis, case, &unseen.drives),
+    })
+}
+
+/// Returns the case folders among some paths: those with a `meta.json`, and those in folders without one.
+///
+/// # Errors
+/// If a path cannot be read or holds no case.
+pub fn folders(paths: &[PathBuf]) -> Result<Vec<PathBuf>, CasesError> {
+    let mut found = Vec::new();
+    for path in paths {
+        if path.join(FILE).exists() {
+            found.push(path.clone());
+            continue;
+        }
+        let entries = std::fs::read_dir(path).map_err(at(path))?;
+        let mut inner: Vec<PathBuf> =
+            entries.flatten().map(|entry| entry.path()).filter(|inner| inner.join(FILE).exists()).collect();
+        if inner.is_empty() {
+            return Err(CasesError::NoCase { path: path.clone() });
+        }
+        inner.sort();
+        found.extend(inner);
+    }
+    Ok(found)
+}
+
+/// Returns the name under which each case is written: its folder's, after that of the folder above where two are alike.
+#[must_use]
+pub fn names(cases: &[PathBuf]) -> Vec<String> {
+    let shared = |case: &Path| cases.iter().filter(|other| name(other) == name(case)).count() > 1;
+    let long = |case: &Path| match case.canonicalize().ok().as_deref().and_then(Path::parent) {
+        Some(above) => format!("{}-{}", name(above), name(case)),
+        None => name(case),
+    };
+    cases.iter().map(|case| if shared(case) { long(case) } else { name(case) }).collect()
+}
+
+/// Returns the name of a folder.
+#[must_use]
+pub fn name(case: &Path) -> String {
+    case.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_else(|| "case".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cases_of_one_name_are_kept_apart() {
+        let root = tempfile::tempdir().expect("a folder");
+        let cases = ["car/case_01", "camera/case_01", "car/case_02"].map(|case| root.path().join(case));
+        cases.iter().for_each(|case| std::fs::create_dir_all(case).expect("a folder"));
+        assert_eq!(names(&cases), ["car-case_01", "camera-case_01", "case_02"]);
+    }
+}

@@ -1,0 +1,152 @@
+//! The world of a run beyond the nominal one: effects from flags, files and corrected models.
+
+use std::path::{Path, PathBuf};
+
+use ds_diagnosis::Diagnosis;
+use ds_effect::{Insertion, find};
+use ds_wire::control as pb;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{CasesError, at};
+
+/// What a configuration file of a run may say.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RunConfig {
+    /// Effects that the world has beyond the nominal one.
+    pub effects: Vec<EffectLine>,
+}
+
+/// One effect with its values, one per parameter, in reported units.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EffectLine {
+    /// Its id.
+    pub id: String,
+    /// Its values.
+    pub values: Vec<f64>,
+}
+
+impl EffectLine {
+    /// Reads `id=value` or `id=value,value`.
+    fn parse(text: &str) -> Result<Self, CasesError> {
+        let refused = || CasesError::Flag { text: text.to_owned() };
+        let (id, values) = text.split_once('=').ok_or_else(refused)?;
+        let number = |value: &str| value.trim().parse::<f64>().map_err(|_| refused());
+        Ok(Self { id: id.trim().to_owned(), values: values.split(',').map(number).collect::<Result<_, _>>()? })
+    }
+}
+
+impl RunConfig {
+    /// Returns the effects of a file, if any, and of flags, checked.
+    ///
+    /// # Errors
+    /// If the file is no configuration, or an effect is refused.
+    pub fn gather(file: Option<&PathBuf>, flags: &[String]) -> Result<Self, CasesError> {
+        let mut config = file.map(|path| read(path)).transpose()?.unwrap_or_default();
+        for flag in flags {
+            config.effects.push(EffectLine::parse(flag)?);
+        }
+        for line in &config.effects {
+            ds_effect::check(&line.id, &line.values).map_err(|error| CasesError::Effect(error.to_string()))?;
+        }
+        Ok(config)
+    }
+
+    /// Returns the corrected simulators of some diagnoses, such as that of a car and that of its camera, as one.
+    ///
+    /// # Errors
+    /// If an effect has no finite value.
+    pub fn corrected(diagnoses: &[Diagnosis]) -> Result<Self, CasesError> {
+        let mut effects = Vec::new();
+        for diagnosis in diagnoses {
+            for effect in &diagnosis.corrected_model.effects {
+                if effect.values.iter().any(|value| !value.is_finite()) {
+                    return Err(CasesError::NoValue { id: effect.id.clone(), case: diagnosis.case.clone() });
+                }
+                effects.push(EffectLine { id: effect.id.clone(), values: effect.values.clone() });
+            }
+        }
+        Ok(Self { effects })
+    }
+
+    /// Writes a configuration file that says after which case it was corrected.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write(&self, case: &str, path: &Path) -> Result<(), CasesError> {
+        let text = format!("# The simulator corrected by the diagnosis of {case:?}.\n{}", self.to_toml());
+        std::fs::write(path, text).map_err(at(path))
+    }
+
+    /// Returns the text of a configuration file.
+    ///
+    /// # Panics
+    /// Never: tables of numbers are TOML.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("tables of numbers are TOML")
+    }
+
+    /// Returns the effects as a run's settings carry them.
+    #[must_use]
+    pub fn switched(&self) -> Vec<pb::SwitchedEffect> {
+        let switched = |line: &EffectLine| pb::SwitchedEffect { id: line.id.clone(), values: line.values.clone() };
+        self.effects.iter().map(switched).collect()
+    }
+}
+
+/// A part of the world that can be the nominal or the real one's.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Component {
+    /// Its name.
+    pub name: &'static str,
+    /// Effects that it brings.
+    pub effects: Vec<EffectLine>,
+}
+
+impl Component {
+    /// The component that is what makes the frames, and what acts on them.
+    pub const FRAMES: &'static str = "frames";
+}
+
+/// Sorts the real world's differences by the service that makes them; `frames_differ` says whether something else makes
+/// its frames. A component without a difference is left out.
+#[must_use]
+pub fn components(config: &RunConfig, frames_differ: bool) -> Vec<Component> {
+    let of = |wanted: &[Insertion]| -> Vec<EffectLine> {
+        let inside = |line: &&EffectLine| find(&line.id).is_some_and(|effect| wanted.contains(&effect.insertion));
+        config.effects.iter().filter(inside).cloned().collect()
+    };
+    let dynamics = [Insertion::CommandPath, Insertion::Actuator, Insertion::Vehicle, Insertion::Road];
+    let all = [
+        Component { name: "dynamics", effects: of(&dynamics) },
+        Component { name: "agents", effects: of(&[Insertion::Agent, Insertion::Map]) },
+        Component { name: "latency and sensors", effects: of(&[Insertion::Clock, Insertion::Sensor]) },
+    ];
+    // What the car's own library does not know acts on finished frames.
+    let on_frames: Vec<EffectLine> = config.effects.iter().filter(|line| find(&line.id).is_none()).cloned().collect();
+    let differ = frames_differ || !on_frames.is_empty();
+    let frames = differ.then_some(Component { name: Component::FRAMES, effects: on_frames });
+    frames.into_iter().chain(all.into_iter().filter(|component| !component.effects.is_empty())).collect()
+}
+
+fn read(path: &Path) -> Result<RunConfig, CasesError> {
+    let text = std::fs::read_to_string(path).map_err(at(path))?;
+    toml::from_str(&text).map_err(|source| CasesError::Config { path: path.to_path_buf(), source: Box::new(source) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn flags_are_read_and_refused() {
+        let flags = |text: &str| RunConfig::gather(None, &[text.to_owned()]);
+        assert_eq!(flags("steer_delay=0.1").expect("sound").effects[0].values, [0.1]);
+        assert_eq!(flags("wind_steady=3,-2").expect("sound").effects[0].values, [3.0, -2.0]);
+        for bad in ["steer_delay", "steer_delay=x", "wind_steady=3", "nothing=1"] {
+            assert!(flags(bad).is_err(), "{bad} was accepted");
+        }
+    }
+}

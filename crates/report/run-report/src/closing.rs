@@ -1,0 +1,93 @@
+//! What a correction of the simulator closes: quantities of drives in the nominal and in the corrected simulator, each
+//! against the real world.
+
+use std::collections::BTreeMap;
+
+use ds_stats::mean;
+use serde::Serialize;
+
+use crate::bootstrap::{self, Interval, mean_interval};
+use crate::results::{Episode, Results};
+
+/// A quantity of held-out drives in the nominal and in the corrected simulator, against the real world.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Closing {
+    /// `route_deviation` in metres, `driving_score`, `route_completion`.
+    pub metric: String,
+    /// Mean over drives of the absolute difference to the real drive, nominal simulator.
+    pub before: f64,
+    /// The same of the corrected simulator.
+    pub after: f64,
+    /// 1 - after / before; 0 where nothing was to be closed.
+    pub share_closed: f64,
+    /// 95 % interval over drives of before minus after.
+    pub gain: Option<Interval>,
+    /// Number of drives.
+    pub drives: usize,
+}
+
+/// Absolute differences to the real drives before and after, by metric.
+#[derive(Debug, Clone, Default)]
+pub struct Columns(BTreeMap<&'static str, Vec<(f64, f64)>>);
+
+impl Columns {
+    /// Adds the differences of one drive.
+    pub fn add(&mut self, metric: &'static str, before: f64, after: f64) {
+        self.0.entry(metric).or_default().push((before, after));
+    }
+
+    /// Adds the differences of a scenario's scores, where all three runs have them.
+    pub fn add_scores(&mut self, scenario: &str, real: &Results, [nominal, corrected]: [&Results; 2]) {
+        type Field = fn(&Episode) -> Option<f64>;
+        let scores: [(&'static str, Field); 2] =
+            [("driving_score", |e| e.driving_score), ("route_completion", |e| e.route_completion)];
+        for (metric, field) in scores {
+            let of = |results: &Results| results.episodes.iter().find(|e| e.scenario == scenario).and_then(field);
+            if let (Some(truth), Some(before), Some(after)) = (of(real), of(nominal), of(corrected)) {
+                self.add(metric, (before - truth).abs(), (after - truth).abs());
+            }
+        }
+    }
+}
+
+/// Returns what was closed, metric by metric.
+#[must_use]
+pub fn closings(columns: Columns) -> Vec<Closing> {
+    let closing = |(metric, pairs): (&str, Vec<(f64, f64)>)| {
+        let before = mean(pairs.iter().map(|pair| pair.0)).unwrap_or_default();
+        let after = mean(pairs.iter().map(|pair| pair.1)).unwrap_or_default();
+        let gains: Vec<f64> = pairs.iter().map(|(before, after)| before - after).collect();
+        Closing {
+            metric: metric.to_owned(),
+            before,
+            after,
+            share_closed: if before > 0.0 { 1.0 - after / before } else { 0.0 },
+            gain: mean_interval(&gains, &bootstrap::draws(0)),
+            drives: pairs.len(),
+        }
+    };
+    columns.0.into_iter().map(closing).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_half_as_far_off_is_half_closed() {
+        let run = |score: f64| Results {
+            run: crate::Run::default(),
+            episodes: vec![Episode { scenario: "a".to_owned(), driving_score: Some(score), ..Episode::default() }],
+        };
+        let mut columns = Columns::default();
+        columns.add("route_deviation", 2.0, 1.0);
+        columns.add("route_deviation", 4.0, 2.0);
+        columns.add_scores("a", &run(0.8), [&run(0.4), &run(0.9)]);
+        columns.add_scores("b", &run(0.8), [&run(0.4), &run(0.9)]);
+        let found = closings(columns);
+        let of = |metric: &str| found.iter().find(|one| one.metric == metric).expect("a metric");
+        assert!((of("route_deviation").share_closed - 0.5).abs() < 1e-12 && of("route_deviation").drives == 2);
+        assert!((of("driving_score").share_closed - 0.75).abs() < 1e-12 && of("driving_score").drives == 1);
+        assert_eq!(found.len(), 2);
+    }
+}

@@ -1,0 +1,62 @@
+//! The plan of a run of which nothing is said but what to drive.
+
+use super::{Agents, Align, Observation, RunPlan};
+
+impl Default for RunPlan {
+    fn default() -> Self {
+        Self {
+            scenarios: Vec::new(),
+            policy: "camera".to_owned(),
+            observation: Observation::Dreamstream,
+            replan: 5,
+            horizon: 8.0,
+            history: 1,
+            scorer: "learned".to_owned(),
+            oracle: "reacting".to_owned(),
+            profile: "bridgesim".to_owned(),
+            benchmark: false,
+            align: Align::Rollback,
+            duration: 8.0,
+            warm_up: 0,
+            seed: vec![0],
+            appearance: "day".to_owned(),
+            prompt: None,
+            first_frames: Vec::new(),
+            agents: Agents::IdmBehindEgo,
+            tracker: "lqr".to_owned(),
+            layout_backend: "cpu".to_owned(),
+            model: "configs/models/cpu_train.toml".into(),
+            video_backend: "cpu".to_owned(),
+            policy_weights: "configs/models/camera_policy.safetensors".into(),
+            processes: false,
+            stages: Vec::new(),
+            workers: 1,
+            policy_listen: None,
+            shard: None,
+            out: "out/run".into(),
+            resume: false,
+            live: None,
+            no_pictures: false,
+            config: None,
+            effects: Vec::new(),
+            vehicle_log: false,
+            seal: None,
+            seal_seed: None,
+            drop_pushes: 0.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+    use crate::cli::{Cli, Command};
+
+    #[test]
+    fn the_default_is_what_the_command_line_means_without_flags() {
+        let Command::Run(parsed) = Cli::parse_from(["dreamstream", "run", "x"]).command else { panic!("no run") };
+        assert_eq!(parsed, RunPlan { scenarios: vec!["x".into()], ..RunPlan::default() });
+    }
+}
