@@ -17,7 +17,7 @@ use ds_video::Backend;
 use policy_bridge::OutsideBus;
 use tokio::task::JoinSet;
 
-use crate::cli::RunArgs;
+use crate::cli::RunPlan;
 use crate::shipped;
 
 /// How the fleet of one run is made up.
@@ -50,7 +50,7 @@ impl FleetPlan {
     ///
     /// # Errors
     /// If a stage is none, has no command, or is named twice.
-    pub(crate) fn of(args: &RunArgs) -> Result<Self> {
+    pub(crate) fn of(args: &RunPlan) -> Result<Self> {
         let mut stages = BTreeMap::new();
         for text in &args.stages {
             let named =
@@ -83,7 +83,7 @@ pub(crate) struct Fleet {
     pub mode: &'static str,
     drain: Drain,
     tasks: JoinSet<Result<()>>,
-    children: Option<crate::children::Children>,
+    children: Option<ds_process::children::Children>,
     bus: Reach,
 }
 
@@ -96,7 +96,7 @@ enum Reach {
 impl Fleet {
     /// Wraps child processes that meet at a router.
     #[must_use]
-    pub(crate) fn of_children(control: String, router: String, children: crate::children::Children) -> Self {
+    pub(crate) fn of_children(control: String, router: String, children: ds_process::children::Children) -> Self {
         let (drain, tasks, bus) = (Drain::new(), JoinSet::new(), Reach::Router(router));
         Self { control, mode: "processes", drain, tasks, children: Some(children), bus }
     }

@@ -2,6 +2,8 @@
 //!
 //! A service of a stage is a [`maker::MakerFactory`]; everything between it and the bus is here, once.
 
+pub mod certs;
+pub mod children;
 pub mod clock;
 pub mod drain;
 pub mod hold;

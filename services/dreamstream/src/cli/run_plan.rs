@@ -1,6 +1,9 @@
 //! The plan of a run of which nothing is said but what to drive.
 
+use std::path::Path;
+
 use super::{Agents, Align, Observation, RunPlan};
+use crate::shipped;
 
 impl Default for RunPlan {
     fn default() -> Self {
@@ -25,9 +28,9 @@ impl Default for RunPlan {
             agents: Agents::IdmBehindEgo,
             tracker: "lqr".to_owned(),
             layout_backend: "cpu".to_owned(),
-            model: "configs/models/cpu_train.toml".into(),
+            model: shipped::find(Path::new("configs/models/cpu_train.toml")),
             video_backend: "cpu".to_owned(),
-            policy_weights: "configs/models/camera_policy.safetensors".into(),
+            policy_weights: shipped::find(Path::new("configs/models/camera_policy.safetensors")),
             processes: false,
             stages: Vec::new(),
             workers: 1,
