@@ -7,12 +7,17 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+mod driven;
 mod load;
+mod merge;
 mod screen;
 #[cfg(test)]
 mod tests;
 
+pub use driven::hex;
 pub use load::{MAX_EPISODES, MAX_FILE_BYTES, MAX_TERMS, ResultsError};
+pub use merge::MergeError;
+pub(crate) use merge::folder_of;
 
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

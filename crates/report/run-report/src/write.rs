@@ -6,6 +6,7 @@ use crate::report::Report;
 pub mod arrow;
 pub mod columns;
 pub mod csv;
+pub mod folder;
 pub mod html;
 pub mod markdown;
 

@@ -1,9 +1,10 @@
 //! `report`, `compare` and `merge`: results of finished runs as tables, pages and one file.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use anyhow::{Context, Result, ensure};
-use ds_run_report::write::{arrow, csv, html, json, markdown};
+use anyhow::{Context, Result};
+use ds_run_report::write::folder::{all as write, pictures};
+use ds_run_report::write::markdown;
 use ds_run_report::{Comparison, Dimension, Pairing, Picture, Report, ReportOptions, Results, compare};
 
 use crate::cli::{CompareArgs, MergeArgs, ReportArgs};
@@ -56,7 +57,7 @@ pub(crate) fn compare_runs(args: &CompareArgs) -> Result<()> {
 
 fn write_compared(out: &Path, runs: &[Results], comparison: Comparison, pictures: &[Picture]) -> Result<()> {
     let report = Report::new(runs, vec![comparison], &options(None));
-    write(out, runs, &report, pictures)
+    Ok(write(out, runs, &report, pictures)?)
 }
 
 /// Puts the episodes of several runs, such as the shards of one, into one results file.
@@ -64,35 +65,8 @@ fn write_compared(out: &Path, runs: &[Results], comparison: Comparison, pictures
 /// # Errors
 /// If a results file is refused, settings differ, or a drive is there twice.
 pub(crate) fn merge(args: &MergeArgs) -> Result<()> {
-    let mut runs = args.runs.iter().map(|path| Ok((path, load(path)?))).collect::<Result<Vec<_>>>()?.into_iter();
-    let (first, mut merged) = runs.next().context("nothing to merge")?;
-    for (path, results) in runs {
-        let same = (&results.run.version, &results.run.video_model_digest, &results.run.policy_model_digest)
-            == (&merged.run.version, &merged.run.video_model_digest, &merged.run.policy_model_digest);
-        let settings = |run: &ds_run_report::Run| {
-            let ds_run_report::Run { replan_period, horizon_secs, history, agents, tracker, .. } = run.clone();
-            (replan_period, horizon_secs.to_bits(), history, agents, tracker)
-        };
-        ensure!(
-            args.force || (same && settings(&results.run) == settings(&merged.run)),
-            "{} and {} ran with other versions, weights or settings; `--force` merges them all the same",
-            first.display(),
-            path.display()
-        );
-        merged.run.wall_s += results.run.wall_s;
-        merged.run.insecure |= results.run.insecure;
-        merged.run.seeds.extend(results.run.seeds);
-        let folder = if path.is_dir() { path.as_path() } else { path.parent().unwrap_or(Path::new(".")) };
-        let here = folder.canonicalize().with_context(|| format!("path of {}", folder.display()))?;
-        merged.episodes.extend(results.episodes.into_iter().map(|mut episode| {
-            if !episode.recording.is_empty() && Path::new(&episode.recording).is_relative() {
-                episode.recording = here.join(&episode.recording).display().to_string();
-            }
-            episode
-        }));
-    }
-    merged.run.seeds.sort_unstable();
-    merged.run.seeds.dedup();
+    let runs = args.runs.iter().map(|path| Ok((path.clone(), load(path)?))).collect::<Result<_>>()?;
+    let merged = Results::merge(runs, args.force)?;
     std::fs::create_dir_all(&args.out).with_context(|| format!("create {}", args.out.display()))?;
     merged.save(&args.out.join(RESULTS))?;
     answer(&merged.table());
@@ -107,7 +81,7 @@ pub(crate) fn merge(args: &MergeArgs) -> Result<()> {
 pub(crate) fn write_for(out: &Path, results: &Results) -> Result<()> {
     let runs = std::slice::from_ref(results);
     let report = Report::new(runs, Vec::new(), &options(None));
-    write(out, runs, &report, &pictures(out, &[out.to_path_buf()], runs))
+    Ok(write(out, runs, &report, &pictures(out, &[out.to_path_buf()], runs))?)
 }
 
 fn options(base_set: Option<&str>) -> ReportOptions {
@@ -116,44 +90,4 @@ fn options(base_set: Option<&str>) -> ReportOptions {
         set.clone_into(&mut options.base_set);
     }
     options
-}
-
-fn write(out: &Path, runs: &[Results], report: &Report, pictures: &[Picture]) -> Result<()> {
-    std::fs::create_dir_all(out).with_context(|| format!("create {}", out.display()))?;
-    let files: [(&str, Vec<u8>); 7] = [
-        ("report.html", html::page(report, runs, pictures).into_bytes()),
-        ("report.json", json(report).context("report as JSON")?.into_bytes()),
-        ("report.md", markdown::report(report).into_bytes()),
-        ("episodes.csv", csv::episodes(runs).into_bytes()),
-        ("episodes.arrow", arrow::episodes(runs).context("episodes as Arrow")?),
-        ("aggregate.csv", csv::aggregate(&report.headline).into_bytes()),
-        ("aggregate.arrow", arrow::aggregate(&report.headline).context("aggregate as Arrow")?),
-    ];
-    for (name, bytes) in files {
-        let path = out.join(name);
-        std::fs::write(&path, bytes).with_context(|| format!("write {}", path.display()))?;
-    }
-    Ok(())
-}
-
-/// Finds the animations beside the recordings, as paths that a page in `out` can follow.
-fn pictures(out: &Path, folders: &[PathBuf], runs: &[Results]) -> Vec<Picture> {
-    let mut found = Vec::new();
-    for (run, (folder, results)) in folders.iter().zip(runs).enumerate() {
-        let folder = if folder.is_dir() { folder.as_path() } else { folder.parent().unwrap_or(Path::new(".")) };
-        for (episode, entry) in results.episodes.iter().enumerate() {
-            let Some(stem) = Path::new(&entry.recording).file_stem() else { continue };
-            let name = format!("pictures/{}.gif", stem.to_string_lossy());
-            let file = folder.join(&name);
-            if file.exists() {
-                let path = if folder == out { name } else { absolute(&file) };
-                found.push(Picture { run, episode, path });
-            }
-        }
-    }
-    found
-}
-
-fn absolute(path: &Path) -> String {
-    path.canonicalize().unwrap_or_else(|_| path.to_path_buf()).display().to_string()
 }

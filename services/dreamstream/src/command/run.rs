@@ -2,20 +2,18 @@
 
 mod request;
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail, ensure};
 use ds_cases::{RunConfig, logs, seal};
-use ds_process::security::{Control, Dial};
+use ds_process::runs::{self, Ended};
+use ds_process::security::Dial;
 use ds_record::Recording;
-use ds_run_report::{Episode, ProposalStats, Results, Run, TimeShare};
+use ds_run_report::results::hex;
+use ds_run_report::{Episode, Results, Run};
 use ds_space::Digest;
 use ds_wire::control as pb;
-use indicatif::ProgressBar;
-use pb::runs_client::RunsClient;
-use tonic::Code;
 
 use crate::cli::{RunPlan, SubmitArgs};
 use crate::command::report::{self, RESULTS};
@@ -23,9 +21,6 @@ use crate::command::{answer, bar, scenario};
 use crate::embed::{self, Fleet, FleetPlan};
 use crate::live::{self, Watch};
 use crate::{children, pictures};
-
-/// The largest message on the control plane, in bytes.
-const MAX_MESSAGE_BYTES: usize = 1 << 30;
 
 /// Runs the command; the exit code is 1 if any drive did not complete.
 ///
@@ -74,9 +69,9 @@ pub(crate) async fn drive_all(args: &RunPlan, log: &str) -> Result<Results> {
     }
     let mode = fleet.mode;
     let stopped = fleet.stop().await;
-    let (run, classes) = outcome?;
+    let ended = outcome?;
     stopped?;
-    let mut results = results((args, &configuration), &files, mode, (&run, classes), began.elapsed().as_secs_f64())?;
+    let mut results = results((args, &configuration), &files, mode, ended, began.elapsed().as_secs_f64())?;
     if args.vehicle_log || args.seal.is_some() {
         extract(args, &results)?;
     }
@@ -142,8 +137,8 @@ pub(crate) async fn submit(args: &SubmitArgs) -> Result<()> {
     let world = world_of(run, &files)?;
     let configuration = request::configuration(run, &world, &given);
     let request = request::request((run, &world), given, &configuration, sources(&files, Source::Content)?)?;
-    let (driven, classes) = drive(request, &args.control.dial()?).await?;
-    let results = results((run, &configuration), &files, "fleet", (&driven, classes), began.elapsed().as_secs_f64())?;
+    let ended = drive(request, &args.control.dial()?).await?;
+    let results = results((run, &configuration), &files, "fleet", ended, began.elapsed().as_secs_f64())?;
     results.save(&run.out.join(RESULTS))?;
     report::write_for(&run.out, &results)?;
     conclude(&results, &run.out)
@@ -185,93 +180,15 @@ fn shard(files: Vec<PathBuf>, shard: Option<&str>) -> Result<Vec<PathBuf>> {
     Ok(files.into_iter().enumerate().filter(|(i, _)| i % count == index).map(|(_, file)| file).collect())
 }
 
-/// What came of talking to the orchestrator once.
-enum Talk {
-    Ended(pb::Run, BTreeMap<String, String>),
-    /// The orchestrator went away; it may come back and go on from its ledger.
-    Cut(tonic::Status),
-}
-
-/// How long an orchestrator may be away, in tries half a second apart.
-const TRIES: u32 = 60;
-
-async fn drive(request: pb::SubmitRequest, control: &Dial) -> Result<(pb::Run, BTreeMap<String, String>)> {
+async fn drive(request: pb::SubmitRequest, control: &Dial) -> Result<Ended> {
     let bar = bar(0, "ticks");
-    let mut tries = 0;
-    loop {
-        match talk(&request, control, &bar).await? {
-            Talk::Ended(run, classes) => {
-                bar.finish_and_clear();
-                return Ok((run, classes));
-            }
-            Talk::Cut(status) => {
-                tries += 1;
-                ensure!(tries < TRIES, "the orchestrator went away: {}", status.message());
-                tracing::warn!(%status, "asking the orchestrator again");
-                tokio::time::sleep(Duration::from_millis(500)).await;
-            }
-        }
-    }
-}
-
-async fn talk(request: &pb::SubmitRequest, control: &Dial, bar: &ProgressBar) -> Result<Talk> {
-    let channel = match control.connect(Duration::from_secs(5)).await {
-        Ok(channel) => channel,
-        Err(error) => return Ok(Talk::Cut(tonic::Status::unavailable(error.to_string()))),
+    let mut progress = |ticks, due| {
+        bar.set_length(due);
+        bar.set_position(ticks);
     };
-    match follow(request, channel, bar).await {
-        Ok((run, classes)) => Ok(Talk::Ended(run, classes)),
-        Err(status) if matches!(status.code(), Code::Unavailable | Code::Unknown | Code::Internal) => {
-            Ok(Talk::Cut(status))
-        }
-        Err(status) => Err(refused(&status)),
-    }
-}
-
-async fn follow(
-    request: &pb::SubmitRequest,
-    channel: Control,
-    bar: &ProgressBar,
-) -> Result<(pb::Run, BTreeMap<String, String>), tonic::Status> {
-    let mut runs = RunsClient::new(channel.clone())
-        .max_decoding_message_size(MAX_MESSAGE_BYTES)
-        .max_encoding_message_size(MAX_MESSAGE_BYTES);
-    let run_id = runs.submit(request.clone()).await?.into_inner().run_id;
-    let mut stream = runs.watch(pb::WatchRequest { run_id: run_id.clone() }).await?.into_inner();
-    let mut seen = BTreeMap::new();
-    let mut ended = false;
-    while let Some(progress) = stream.message().await? {
-        ended = pb::has_ended(progress.status);
-        show(bar, &mut seen, progress);
-    }
-    if !ended {
-        return Err(tonic::Status::unavailable("the progress stream was cut"));
-    }
-    let run = runs.get(pb::GetRequest { run_id }).await?.into_inner();
-    let mut fleet = pb::fleet_client::FleetClient::new(channel);
-    let members = fleet.list(pb::ListInstancesRequest {}).await?.into_inner();
-    Ok((run, classes(&members)))
-}
-
-fn refused(status: &tonic::Status) -> anyhow::Error {
-    anyhow::anyhow!("orchestrator refused ({:?}): {}", status.code(), status.message())
-}
-
-fn show(bar: &ProgressBar, seen: &mut BTreeMap<String, (u32, u32)>, progress: pb::RunProgress) {
-    for episode in progress.episodes {
-        seen.insert(episode.episode, (episode.ticks, episode.ticks_due));
-    }
-    bar.set_length(seen.values().map(|(_, due)| u64::from(*due)).sum());
-    bar.set_position(seen.values().map(|(ticks, _)| u64::from(*ticks)).sum());
-}
-
-fn classes(members: &pb::ListInstancesResponse) -> BTreeMap<String, String> {
-    let mut classes: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
-    for hello in members.instances.iter().filter_map(|instance| instance.hello.as_ref()) {
-        let Some(role) = pb::role_of(hello.role) else { continue };
-        classes.entry(role.name().to_owned()).or_default().insert(hello.compute_class_name.clone());
-    }
-    classes.into_iter().map(|(role, names)| (role, names.into_iter().collect::<Vec<_>>().join(" | "))).collect()
+    let ended = runs::drive(&request, control, &mut progress).await?;
+    bar.finish_and_clear();
+    Ok(ended)
 }
 
 /// How scenarios are handed to the orchestrator.
@@ -305,7 +222,7 @@ fn results(
     (args, configuration): (&RunPlan, &Digest),
     files: &[PathBuf],
     mode: &str,
-    (run, compute_classes): (&pb::Run, BTreeMap<String, String>),
+    Ended { run, compute_classes }: Ended,
     wall_s: f64,
 ) -> Result<Results> {
     let first = run.episodes.first().context("the run has no episodes")?;
@@ -333,13 +250,9 @@ fn results(
             .episodes
             .iter()
             .zip(sets(files, args))
-            .map(|(result, set)| episode(result, &set, &args.out))
+            .map(|(result, set)| Episode::driven(result, &set, &args.out))
             .collect(),
     })
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Returns the scenario set of each episode: the folder that its scenario lies in, where a folder was given.
@@ -350,58 +263,6 @@ fn sets(files: &[PathBuf], args: &RunPlan) -> Vec<String> {
         folder.map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
     };
     files.iter().flat_map(|file| std::iter::repeat_n(set(file), args.seed.len().max(1))).collect()
-}
-
-fn episode(result: &pb::EpisodeResult, set: &str, out: &Path) -> Episode {
-    let share = |name: &str| result.time_share.get(name).copied().unwrap_or_default();
-    let mut sub_scores: BTreeMap<String, Option<f64>> =
-        result.sub_scores.iter().map(|(name, value)| (name.clone(), Some(*value))).collect();
-    for name in ds_score::Term::ALL.map(ds_score::Term::name).into_iter().chain(["collision", "progress"]) {
-        sub_scores.entry(name.to_owned()).or_insert(None);
-    }
-    let recording = Path::new(&result.recording);
-    Episode {
-        scenario: result.scenario.clone(),
-        policy: result.policy.clone(),
-        observation: pb::observation_of(result.observation).map_or("", ds_topic::ObservationSource::name).to_owned(),
-        seed: result.seed,
-        attempts: result.attempts,
-        status: pb::status_name(result.status).to_owned(),
-        reason: result.reason.clone(),
-        ticks: result.ticks,
-        driving_score: result.driving_score,
-        driving_score_reason: result.score_reason.clone(),
-        set: set.to_owned(),
-        category: result.category.clone(),
-        appearance: result.appearance.clone(),
-        scorer: result.scorer.clone(),
-        score_profile: result.score_profile.clone(),
-        score_version: result.score_version.clone(),
-        mean_score: result.mean_score,
-        first_violations: result.first_violations.iter().map(|(term, tick)| (term.clone(), *tick)).collect(),
-        lost: result.lost.iter().map(|(term, points)| (term.clone(), *points)).collect(),
-        proposals: result.proposals.map(|stats| ProposalStats {
-            best_mean: stats.best_mean,
-            ticks_without_positive: stats.ticks_without_positive,
-            ticks: stats.ticks,
-        }),
-        route_completion: result.route_completion,
-        sub_scores,
-        frames_per_second: result.frames_per_second,
-        wall_s: result.wall_secs,
-        time_share: TimeShare {
-            sim: share("sim"),
-            layout: share("layout"),
-            video: share("video"),
-            policy: share("policy"),
-            bus: share("bus"),
-            other: share("other"),
-        },
-        world_digest: hex(&result.world_digest),
-        layout_digest: hex(&result.layout_digest),
-        frame_digest: hex(&result.frame_digest),
-        recording: recording.strip_prefix(out).unwrap_or(recording).display().to_string(),
-    }
 }
 
 fn draw(args: &RunPlan, results: &Results) -> Result<()> {
