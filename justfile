@@ -3,9 +3,9 @@
 fmt-check:
     cargo fmt --all --check
 lint:
-    cargo clippy --workspace --all-targets --locked
+    cargo clippy --workspace --all-targets --locked -- -D warnings
 deny:
-    cargo deny check
+    cargo deny --locked check
 doc:
     RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked
 test:
@@ -20,6 +20,9 @@ python-test:
     python3 -m venv .venv && .venv/bin/pip install -q './clients/python[test]' && .venv/bin/pytest clients/python
 compose-smoke:
     OFFLINE=1 deploy/compose-smoke.sh
+# The viewer beside the command line: rerun, for `view`, `--live` and `gap watch --connect`.
+viewer:
+    cargo build --locked -p dreamstream -p viewer
 # One wheel (command line and Python client) and one tarball, in target/packages.
 packages:
     cargo build --locked

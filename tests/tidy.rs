@@ -6,82 +6,40 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
+#[path = "tidy/circles.rs"]
+mod circles;
 #[path = "harness.rs"]
 mod harness;
 use harness::workspace;
 
-/// Every package and its layer; imports point to a lower layer only.
-const LAYERS: &[(&str, u32)] = &[
-    ("ds-space", 0),
-    ("ds-page", 0),
-    ("ds-world", 1),
-    ("ds-raster", 1),
-    ("ds-effect", 1),
-    ("ds-stats", 1),
-    ("ds-nn", 1),
-    ("ds-topic", 2),
-    ("ds-scenario", 2),
-    ("ds-sim", 2),
-    ("ds-camera", 2),
-    ("ds-second-camera", 2),
-    ("ds-layout", 2),
-    ("ds-score", 2),
-    ("ds-fidelity", 2),
-    ("ds-graph", 2),
-    ("ds-diagnosis", 2),
-    ("ds-kernel", 2),
-    ("ds-import", 3),
-    ("ds-episode", 3),
-    ("ds-dynamics", 3),
-    ("ds-score-cases", 3),
-    ("ds-oracle", 3),
-    ("ds-backend", 3),
-    ("ds-policy", 3),
-    ("ds-diagnosis-page", 4),
-    ("ds-vehicle-logs", 4),
-    ("ds-frames", 4),
-    ("ds-traffic", 4),
-    ("ds-wire", 4),
-    ("ds-video", 4),
-    ("ds-clips", 5),
-    ("ds-perception", 5),
-    ("ds-bus", 5),
-    ("ds-run-report", 5),
-    ("ds-record", 5),
-    ("ds-process", 6),
-    ("ds-cases", 6),
-    ("ds-train", 6),
-    ("ds-evaluate", 7),
-    ("orchestrator", 7),
-    ("sim-server", 7),
-    ("layout-render", 7),
-    ("vdm-worker", 7),
-    ("policy-bridge", 7),
-    ("dreamstream", 8),
-];
-
-/// Outside libraries that only the named packages may depend on.
-const NAMED_ONLY_BY: &[(&str, &[&str])] = &[
-    ("zenoh", &["ds-bus"]),
-    ("prost", &["ds-wire"]),
-    ("prost-types", &["ds-wire"]),
-    ("tonic", &["ds-wire", "orchestrator", "ds-process", "dreamstream"]),
-    ("wgpu", &["ds-layout"]),
-    ("naga", &["ds-layout"]),
-    ("burn", &["ds-graph"]),
-    ("gemm", &["ds-kernel"]),
-    ("pulp", &["ds-kernel"]),
-    ("rapier3d", &["ds-sim"]),
-    ("mcap", &["ds-record"]),
-    ("rerun", &["ds-record"]),
-    ("glam", &["ds-space"]),
-    ("redb", &["orchestrator"]),
-    ("rusqlite", &["ds-import"]),
-    ("rand", &[]),
-];
-
 const FORBIDDEN_NAMES: &[&str] = &["utils", "util", "common", "shared", "core", "helpers", "misc", "types", "manager"];
 const MAX_FILE_LINES: usize = 500;
+
+/// Files of one crate that still import each other in a circle.
+const CIRCLES: &[&str] = &[
+    "ds-raster: encode, image",
+    "ds-dynamics: choice, search",
+    "ds-frames: align, case, geometry, pairing, scene",
+    "ds-frames: search, transport",
+    "ds-vehicle-logs: check, check/motion, check/turning, record, stamps",
+    "ds-import: argoverse2/feather, argoverse2/table",
+    "ds-layout: gpu/device, gpu/target",
+    "ds-layout: gpu, renderer",
+    "ds-score-cases: case, closed_loop_live, collision_type, comfort, error, extended_comfort, pdm_score, pdm_score_answer, two_stage",
+    "ds-score: ego_area, proposal",
+    "ds-sim: lqr, pursuit, tracker",
+    "ds-sim: habits, traffic",
+    "ds-evaluate: evaluation, film",
+    "ds-graph: device, graph",
+    "ds-kernel: train/network, train/time",
+    "ds-nn: body, cache",
+    "ds-train: config, guidance",
+    "ds-train: autoencoder, sets",
+    "ds-train: decoder, evaluate",
+    "ds-train: policy/closed_loop, policy/dataset",
+    "ds-diagnosis-page: frames, material, place",
+    "dreamstream: command/gap/logs, command/gap/scenes",
+];
 
 struct Package {
     name: String,
@@ -127,17 +85,45 @@ fn sources(folder: &Path, out: &mut Vec<PathBuf>) {
     }
 }
 
+/// Returns every package and its layer as the code map of ARCHITECTURE.md has them.
+fn layers(packages: &[Package]) -> BTreeMap<String, u32> {
+    let text = fs::read_to_string(workspace().join("ARCHITECTURE.md")).expect("the architecture is written down");
+    let mut layers = BTreeMap::new();
+    for line in
+        text.lines().skip_while(|line| !line.starts_with("| layer |")).skip(2).take_while(|l| l.starts_with('|'))
+    {
+        let mut cells = line.trim_matches('|').split('|').map(str::trim);
+        let (Some(layer), Some(names)) = (cells.next(), cells.next()) else { panic!("the line {line:?} is no row") };
+        let layer = layer.parse().unwrap_or_else(|_| panic!("{layer:?} is no layer"));
+        for name in names.split(',').map(|name| name.trim().trim_matches('`')) {
+            if let Some(group) = name.strip_suffix("/*") {
+                let members = packages.iter().filter(|package| package.folder.starts_with(workspace().join(group)));
+                members.for_each(|member| _ = layers.entry(member.name.clone()).or_insert(layer));
+            } else {
+                let crated = format!("ds-{name}");
+                let known = packages.iter().any(|package| package.name == crated);
+                layers.insert(if known { crated } else { name.to_owned() }, layer);
+            }
+        }
+    }
+    layers
+}
+
 #[test]
 fn imports_point_to_a_lower_layer() {
-    let layers: BTreeMap<&str, u32> = LAYERS.iter().copied().collect();
+    let packages = packages();
+    let layers = layers(&packages);
     let mut faults = Vec::new();
-    for package in packages() {
-        let Some(layer) = layers.get(package.name.as_str()) else {
+    for name in layers.keys().filter(|name| packages.iter().all(|package| package.name != **name)) {
+        faults.push(format!("{name} has a layer and is no package"));
+    }
+    for package in &packages {
+        let Some(layer) = layers.get(&package.name) else {
             faults.push(format!("{} has no layer", package.name));
             continue;
         };
         for dependency in &package.dependencies {
-            if layers.get(dependency.as_str()).is_some_and(|other| other >= layer) {
+            if layers.get(dependency).is_some_and(|other| other >= layer) {
                 faults.push(format!("{} imports {dependency}, which is not below it", package.name));
             }
         }
@@ -145,17 +131,129 @@ fn imports_point_to_a_lower_layer() {
     assert!(faults.is_empty(), "{faults:#?}");
 }
 
+/// Returns deny.toml.
+fn rules() -> toml::Table {
+    let text = fs::read_to_string(workspace().join("deny.toml")).expect("readable deny.toml");
+    text.parse().expect("deny.toml is TOML")
+}
+
+/// Returns a list of names.
+fn names(value: &toml::Value) -> BTreeSet<String> {
+    value.as_array().into_iter().flatten().filter_map(|name| Some(name.as_str()?.to_owned())).collect()
+}
+
 #[test]
 fn libraries_are_named_by_their_owners_only() {
-    let mut faults = Vec::new();
-    for package in packages() {
-        for (library, owners) in NAMED_ONLY_BY {
-            if package.dependencies.contains(*library) && !owners.contains(&package.name.as_str()) {
+    let (packages, mut faults, mut owned) = (packages(), Vec::new(), 0);
+    for rule in rules()["bans"]["deny"].as_array().expect("bans.deny is a list") {
+        let Some(owners) = rule.get("wrappers").map(names) else { continue };
+        let library = rule["crate"].as_str().expect("a rule names a crate");
+        for package in packages.iter().filter(|package| package.dependencies.contains(library)) {
+            owned += 1;
+            if !owners.contains(&package.name) {
                 faults.push(format!("{} names {library}, which belongs to {owners:?}", package.name));
             }
         }
     }
+    assert!(faults.is_empty() && owned > 10, "{owned} owned edges, {faults:#?}");
+}
+
+#[test]
+fn files_of_one_crate_import_each_other_without_circles() {
+    let mut faults = Vec::new();
+    for package in packages() {
+        let root = package.folder.join("src");
+        let mut files = Vec::new();
+        sources(&root, &mut files);
+        let mut texts: BTreeMap<circles::Module, String> = BTreeMap::new();
+        for file in files {
+            let place = file.strip_prefix(&root).expect("is below its root").with_extension("");
+            let mut module: circles::Module = place.iter().map(|part| part.to_string_lossy().into_owned()).collect();
+            if module.first().is_some_and(|first| first == "bin") || module.last().is_some_and(|last| last == "tests") {
+                continue;
+            }
+            if module == ["lib"] || module == ["main"] {
+                module.clear();
+            }
+            texts.entry(module).or_default().push_str(&fs::read_to_string(&file).expect("readable source"));
+        }
+        for circle in circles::circles(&texts) {
+            let names: Vec<String> = circle.iter().map(|module| module.join("/")).collect();
+            let name = format!("{}: {}", package.name, names.join(", "));
+            if !CIRCLES.contains(&name.as_str()) {
+                faults.push(name);
+            }
+        }
+    }
     assert!(faults.is_empty(), "{faults:#?}");
+}
+
+/// Returns the packages that a build compiles with their features and licences, one a line.
+fn built(arguments: &[&str], format: &str) -> BTreeSet<String> {
+    let mut command = std::process::Command::new(env!("CARGO"));
+    command.args(["tree", "--locked", "--offline", "--prefix", "none", "--format", format]);
+    let said = command.args(arguments).current_dir(workspace()).output().expect("cargo tells the tree");
+    assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+    String::from_utf8_lossy(&said.stdout).lines().map(|line| line.trim_end_matches(" (*)").to_owned()).collect()
+}
+
+/// Says whether a licence expression can be met with allowed licences.
+fn is_met(expression: &str, allowed: &BTreeSet<String>) -> bool {
+    let expression = expression.trim();
+    let (mut depth, mut parts, mut from, mut bound) = (0, Vec::new(), 0, "");
+    for (index, _) in expression.char_indices() {
+        let rest = &expression[index..];
+        depth += i32::from(rest.starts_with('(')) - i32::from(rest.starts_with(')'));
+        let Some(word) = [" OR ", " AND ", "/"].into_iter().find(|word| depth == 0 && rest.starts_with(word)) else {
+            continue;
+        };
+        // OR binds less than AND: the first OR outside brackets splits, else the ANDs do.
+        if bound.is_empty() || (bound == " AND " && word != bound) {
+            (parts, from, bound) = (Vec::new(), 0, word);
+        }
+        if (word == " AND ") == (bound == " AND ") {
+            parts.push(&expression[from..index]);
+            from = index + word.len();
+        }
+    }
+    parts.push(&expression[from..]);
+    match (bound, parts.as_slice()) {
+        ("", [one]) => match one.strip_prefix('(').and_then(|inner| inner.strip_suffix(')')) {
+            Some(inner) => is_met(inner, allowed),
+            None => allowed.contains(*one),
+        },
+        (" AND ", parts) => parts.iter().all(|part| is_met(part, allowed)),
+        (_, parts) => parts.iter().any(|part| is_met(part, allowed)),
+    }
+}
+
+#[test]
+fn licences_are_allowed_and_sources_known() {
+    let allowed = names(&rules()["licenses"]["allow"]);
+    for (expression, met) in
+        [("MIT OR GPL-3.0", true), ("(MIT OR X) AND GPL-3.0", false), ("X AND Y OR MIT", true), ("MIT/X", true)]
+    {
+        assert_eq!(is_met(expression, &allowed), met, "{expression}");
+    }
+    let lines = built(&["--workspace", "--edges", "normal,build,dev"], "{p}|{l}");
+    let refused =
+        lines.iter().filter_map(|line| line.split_once('|')).filter(|(_, licence)| !is_met(licence, &allowed));
+    let refused: Vec<_> = refused.collect();
+    assert!(refused.is_empty() && lines.len() > 500, "{refused:#?}");
+    let lock = fs::read_to_string(workspace().join("Cargo.lock")).expect("readable Cargo.lock");
+    let known = "source = \"registry+https://github.com/rust-lang/crates.io-index\"";
+    let foreign: Vec<&str> = lock.lines().filter(|line| line.starts_with("source = ") && *line != known).collect();
+    assert!(foreign.is_empty(), "{foreign:#?}");
+}
+
+#[test]
+fn one_build_serves_run_view_and_test() {
+    let edges = ["--edges", "normal,build"];
+    let all = built(&["--workspace", "--edges", "normal,build,dev"], "{p} {f}");
+    for packages in [&["-p", "dreamstream"][..], &["-p", "dreamstream", "-p", "viewer"]] {
+        let again: Vec<String> = built(&[packages, &edges].concat(), "{p} {f}").difference(&all).cloned().collect();
+        assert!(again.is_empty(), "`cargo test --workspace` builds these again with other features: {again:#?}");
+    }
 }
 
 #[test]

@@ -8,7 +8,17 @@ use anyhow::{Context, Result};
 use ds_process::children::{Children, Launch};
 use ds_topic::Role;
 
-use crate::embed::{Fleet, FleetPlan};
+use crate::fleet::FleetPlan;
+
+/// Child processes, and where one meets them.
+pub(crate) struct Meeting {
+    /// The orchestrator's address.
+    pub(crate) control: String,
+    /// The router's endpoint.
+    pub(crate) router: String,
+    /// The processes.
+    pub(crate) children: Children,
+}
 
 fn free_port() -> Result<u16> {
     let listener = TcpListener::bind("127.0.0.1:0").context("no free port on loopback")?;
@@ -27,7 +37,7 @@ fn path(path: &Path) -> Result<String> {
 ///
 /// # Errors
 /// If a process cannot be started or does not come up.
-pub(crate) async fn start(plan: &FleetPlan, log: &str) -> Result<Fleet> {
+pub(crate) async fn start(plan: &FleetPlan, log: &str) -> Result<Meeting> {
     let (bus_port, control_port) = (free_port()?, free_port()?);
     let endpoint = format!("tcp/127.0.0.1:{bus_port}");
     let control = format!("http://127.0.0.1:{control_port}");
@@ -58,7 +68,7 @@ pub(crate) async fn start(plan: &FleetPlan, log: &str) -> Result<Fleet> {
             }
         }
     }
-    Ok(Fleet::of_children(control, endpoint, children))
+    Ok(Meeting { control, router: endpoint, children })
 }
 
 /// Returns the service of a role and the settings that are its own.

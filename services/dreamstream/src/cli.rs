@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 use ds_import::Format;
+use ds_process::onlooker::{ControlArgs, OnlookerArgs};
 
 use crate::shipped;
 
@@ -17,7 +18,7 @@ mod run_plan;
 mod video;
 
 pub(crate) use data::{DataCommand, DataListArgs, DataRenderArgs, DataSheetArgs};
-pub(crate) use fleet::{CertsArgs, ControlArgs, HealthArgs, ServeArgs, WhyArgs};
+pub(crate) use fleet::{CertsArgs, HealthArgs, ServeArgs, WhyArgs};
 pub(crate) use gap::{
     ApplyArgs, AttributeArgs, CloseArgs, DiagnoseArgs, EvaluateArgs, ExplainArgs, GapCommand, GapImportArgs,
     GapScoreArgs, WatchArgs,
@@ -390,15 +391,9 @@ pub(crate) struct ViewArgs {
     /// Show a drive of a running fleet while it goes on: the episode, or a part of its name; the first one without.
     #[arg(long, value_name = "EPISODE", num_args = 0..=1, require_equals = true, default_missing_value = "")]
     pub live: Option<String>,
-    /// Where the fleet's router listens, for --live.
-    #[arg(long, env = "DREAMSTREAM_BUS_ROUTER", default_value = "tcp/127.0.0.1:7447", value_name = "ENDPOINT")]
-    pub bus: String,
-    /// The certificate of a viewer, for --live on a tls endpoint; its key lies beside it as .key.
-    #[arg(long, value_hint = ValueHint::FilePath)]
-    pub certificate: Option<PathBuf>,
     /// The fleet, for --live.
     #[command(flatten)]
-    pub control: ControlArgs,
+    pub fleet: OnlookerArgs,
     /// Write an .rrd file instead of opening a viewer.
     #[arg(long, value_hint = ValueHint::FilePath)]
     pub save: Option<PathBuf>,

@@ -1,79 +1,24 @@
 //! The five services inside this process: an in-process bus, loopback gRPC, everything else as in a fleet.
 
-use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
 use ds_bus::{BusSession, BusSettings, Mode};
 use ds_episode::Timing;
+use ds_process::children::Children;
 use ds_process::maker::MakerFactory;
+use ds_process::onlooker::OnlookerArgs;
 use ds_process::security::Dial;
 use ds_process::{Drain, Member};
 use ds_space::InstanceId;
 use ds_topic::Role;
-use ds_video::Backend;
 use policy_bridge::OutsideBus;
 use tokio::task::JoinSet;
 
-use crate::cli::RunPlan;
+use crate::children::Meeting;
+use crate::fleet::FleetPlan;
 use crate::shipped;
-
-/// How the fleet of one run is made up.
-#[derive(Debug, Clone)]
-pub(crate) struct FleetPlan {
-    /// Ledger and recordings.
-    pub folder: PathBuf,
-    /// Configuration of the video model.
-    pub model: PathBuf,
-    /// What computes it.
-    pub video_backend: Backend,
-    /// Weights of the camera policy.
-    pub policy_weights: PathBuf,
-    /// Video workers, and episodes under way at a time.
-    pub workers: u32,
-    /// The policy under test.
-    pub policy: String,
-    /// Where it connects to, if it is external.
-    pub policy_listen: Option<String>,
-    /// Whether layouts may be drawn by a graphics adapter.
-    pub probe_adapter: bool,
-    /// Share of pushes that are dropped.
-    pub drop_pushes: f64,
-    /// Commands of other programs that take a stage's place.
-    pub stages: BTreeMap<Role, String>,
-}
-
-impl FleetPlan {
-    /// Returns the fleet that the arguments of a run ask for.
-    ///
-    /// # Errors
-    /// If a stage is none, has no command, or is named twice.
-    pub(crate) fn of(args: &RunPlan) -> Result<Self> {
-        let mut stages = BTreeMap::new();
-        for text in &args.stages {
-            let named =
-                text.split_once('=').and_then(|(role, command)| Some((Role::from_name(role.trim())?, command.trim())));
-            let Some((role, command)) = named.filter(|(_, command)| !command.is_empty()) else {
-                anyhow::bail!("--stage {text:?} is not ROLE=COMMAND with sim, layout, video or policy as ROLE");
-            };
-            anyhow::ensure!(stages.insert(role, command.to_owned()).is_none(), "--stage names {role} twice");
-        }
-        Ok(Self {
-            folder: args.out.clone(),
-            model: args.model.clone(),
-            video_backend: args.video_backend.parse().map_err(anyhow::Error::msg)?,
-            policy_weights: args.policy_weights.clone(),
-            workers: args.workers,
-            policy: args.policy.clone(),
-            policy_listen: args.policy_listen.clone(),
-            probe_adapter: args.layout_backend != "cpu",
-            drop_pushes: args.drop_pushes,
-            stages,
-        })
-    }
-}
 
 /// A started fleet.
 pub(crate) struct Fleet {
@@ -83,37 +28,26 @@ pub(crate) struct Fleet {
     pub mode: &'static str,
     drain: Drain,
     tasks: JoinSet<Result<()>>,
-    children: Option<ds_process::children::Children>,
-    bus: Reach,
-}
-
-/// How a viewer gets onto the bus of a fleet.
-enum Reach {
-    Session(BusSession),
-    Router(String),
+    children: Option<Children>,
+    /// Where an onlooker finds the bus, if it is to.
+    bus: Option<String>,
 }
 
 impl Fleet {
     /// Wraps child processes that meet at a router.
     #[must_use]
-    pub(crate) fn of_children(control: String, router: String, children: ds_process::children::Children) -> Self {
-        let (drain, tasks, bus) = (Drain::new(), JoinSet::new(), Reach::Router(router));
+    pub(crate) fn of_children(Meeting { control, router, children }: Meeting) -> Self {
+        let (drain, tasks, bus) = (Drain::new(), JoinSet::new(), Some(router));
         Self { control, mode: "processes", drain, tasks, children: Some(children), bus }
     }
 
-    /// Returns a session that hears what the services say.
+    /// Returns how another process looks on.
     ///
     /// # Errors
-    /// If the router cannot be reached.
-    pub(crate) async fn tap(&self) -> Result<BusSession> {
-        match &self.bus {
-            Reach::Session(bus) => Ok(bus.clone()),
-            Reach::Router(endpoint) => {
-                let connect = vec![endpoint.clone()];
-                let settings = BusSettings { mode: Mode::Client, connect, ..BusSettings::default() };
-                BusSession::open(&settings).await.context("tap on the bus")
-            }
-        }
+    /// If the fleet was not started to be looked on.
+    pub(crate) fn seat(&self) -> Result<OnlookerArgs> {
+        let bus = self.bus.as_deref().context("nobody may look on this fleet")?;
+        Ok(OnlookerArgs::local(bus, &self.control))
     }
 
     /// Returns the first service that ended though nobody asked it to.
@@ -157,7 +91,10 @@ pub(crate) async fn start(plan: &FleetPlan) -> Result<Fleet> {
     let video = Arc::new(vdm_worker::VideoStage::new(plan.model.clone(), None).with_backend(plan.video_backend));
     // Now, for a worker without a model would only be waited for.
     video.model().with_context(|| format!("the video model {}", shipped::describe(&plan.model)))?;
-    let settings = BusSettings { drop_share: plan.drop_pushes, ..BusSettings::default() };
+    let mut settings = BusSettings { drop_share: plan.drop_pushes, ..BusSettings::default() };
+    if plan.live {
+        settings = BusSettings { mode: Mode::Router, listen: vec!["tcp/127.0.0.1:0".to_owned()], ..settings };
+    }
     let bus = BusSession::open(&settings).await.context("bus")?;
     let drain = Drain::new();
     let mut tasks = JoinSet::new();
@@ -195,5 +132,6 @@ pub(crate) async fn start(plan: &FleetPlan) -> Result<Fleet> {
             Ok(())
         });
     }
-    Ok(Fleet { control, mode: "embedded", drain, tasks, children: None, bus: Reach::Session(bus) })
+    let bus = bus.listens().first().cloned();
+    Ok(Fleet { control, mode: "embedded", drain, tasks, children: None, bus })
 }

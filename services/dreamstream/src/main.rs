@@ -6,10 +6,11 @@ mod children;
 mod cli;
 mod command;
 mod embed;
-mod live;
+mod fleet;
 mod pictures;
 mod plain;
 mod shipped;
+mod viewer;
 
 use std::process::ExitCode;
 
@@ -53,10 +54,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Data(command) => command::data::run(command),
         Command::Train(args) => command::train::run(args),
         Command::Video(command) => command::video::run(command),
-        Command::View(args) => match &args.live {
-            Some(episode) => runtime()?.block_on(command::view::live(args, episode)),
-            None => command::view::run(args),
-        },
+        Command::View(args) => command::view::run(args),
         Command::Gap(command) => command::gap::run(command, &cli.log),
         Command::Score(args) => command::score::run(args),
         Command::Report(args) => command::report::run(args),

@@ -10,6 +10,7 @@ pub mod hold;
 pub mod logging;
 pub mod maker;
 pub mod member;
+pub mod onlooker;
 pub mod runs;
 pub mod section;
 pub mod security;

@@ -1,11 +1,11 @@
-//! What can go wrong when a recording is written, read or shown; the offending value is part of the text.
+//! What can go wrong when a recording is written or read; the offending value is part of the text.
 
 use std::io;
 use std::path::PathBuf;
 
 use ds_topic::Slot;
 
-/// Says why a recording cannot be written, read or shown.
+/// Says why a recording cannot be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
     /// The file system refuses.
@@ -118,13 +118,4 @@ pub enum RecordError {
     /// An animation cannot be encoded.
     #[error("animation cannot be encoded")]
     Animation(#[from] gif::EncodingError),
-    /// The viewer's library refuses.
-    #[error("viewer data cannot be written")]
-    Viewer(#[from] rerun::RecordingStreamError),
-    /// The viewer's data could not be flushed.
-    #[error("viewer data was not flushed: {reason}")]
-    Flush {
-        /// What the library says.
-        reason: String,
-    },
 }

@@ -1,4 +1,4 @@
-//! Recordings: topics → MCAP file, MCAP file → topics, digests, a viewer's data and pictures.
+//! Recordings: topics → MCAP file, MCAP file → topics, digests, pictures, and what the process `viewer` is handed.
 //!
 //! A recording is the journal of one attempt. It grows as `….mcap.partial`, closed and synced at every commit, and is
 //! renamed when its completeness record is written; a cut file is read up to its last commit and says what is missing.
@@ -15,7 +15,7 @@ pub mod recording;
 pub mod scan;
 mod schema;
 pub mod vehicle_log;
-pub mod view;
+pub mod viewing;
 
 pub use channel::ChannelKey;
 pub use completeness::{Completeness, Missing};

@@ -3,30 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
-use ds_process::section::SecuritySection;
-use ds_process::security::Dial;
-
-/// How to reach the orchestrator of a fleet.
-#[derive(Debug, Args)]
-pub(crate) struct ControlArgs {
-    /// The orchestrator's address.
-    #[arg(
-        long,
-        visible_alias = "control",
-        env = "DREAMSTREAM_CONTROL_ORCHESTRATOR",
-        default_value = "http://127.0.0.1:4710"
-    )]
-    pub orchestrator: String,
-    /// The authority that signed the orchestrator's certificate, for https addresses (see `dreamstream certs`).
-    #[arg(long, env = "DREAMSTREAM_SECURITY_CA", value_hint = ValueHint::FilePath)]
-    pub ca: Option<PathBuf>,
-    /// The file with the token that the orchestrator asks for.
-    #[arg(long, env = "DREAMSTREAM_SECURITY_TOKEN", value_hint = ValueHint::FilePath)]
-    pub token: Option<PathBuf>,
-    /// Speak to an orchestrator on another host without TLS.
-    #[arg(long, env = "DREAMSTREAM_SECURITY_INSECURE")]
-    pub insecure: bool,
-}
+use ds_process::onlooker::ControlArgs;
 
 /// Arguments of `why`.
 #[derive(Debug, Args)]
@@ -78,16 +55,4 @@ pub(crate) struct HealthArgs {
     /// An instance that must be a member of the fleet; without it the orchestrator itself is asked.
     #[arg(long)]
     pub instance: Option<String>,
-}
-
-impl ControlArgs {
-    /// Returns how to reach the orchestrator.
-    ///
-    /// # Errors
-    /// If the address is none, a file cannot be read, or the address is in clear beyond loopback.
-    pub(crate) fn dial(&self) -> anyhow::Result<Dial> {
-        let (ca, token) = (self.ca.clone().unwrap_or_default(), self.token.clone().unwrap_or_default());
-        let security = SecuritySection { ca, token, insecure: self.insecure, ..SecuritySection::default() };
-        Dial::new(&self.orchestrator, &security)
-    }
 }

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueHint};
 
-use super::{ControlArgs, Observation};
+use super::Observation;
 use crate::shipped;
+use ds_process::onlooker::OnlookerArgs;
 
 /// Commands of `gap`.
 #[derive(Debug, Subcommand)]
@@ -226,15 +227,9 @@ pub(crate) struct WatchArgs {
     /// Simulated time between two diagnoses, in seconds.
     #[arg(long, default_value_t = 3.0, value_name = "SECONDS")]
     pub(crate) every: f64,
-    /// Where the fleet's router listens.
-    #[arg(long, env = "DREAMSTREAM_BUS_ROUTER", default_value = "tcp/127.0.0.1:7447", value_name = "ENDPOINT")]
-    pub(crate) bus: String,
-    /// The certificate `gap`, for a tls endpoint; its key lies beside it as .key.
-    #[arg(long, value_hint = ValueHint::FilePath)]
-    pub(crate) certificate: Option<PathBuf>,
     /// The fleet.
     #[command(flatten)]
-    pub(crate) control: ControlArgs,
+    pub(crate) fleet: OnlookerArgs,
     /// Where diagnoses go, one line of JSON each.
     #[arg(long, short, value_hint = ValueHint::FilePath)]
     pub(crate) out: Option<PathBuf>,

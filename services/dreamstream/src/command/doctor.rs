@@ -36,7 +36,7 @@ pub(crate) fn run() -> Result<()> {
         finding("layout, wgpu", renderer(BackendChoice::Wgpu)),
         finding("python3", tool("python3", "--version", "the Python client needs it")),
         finding("docker", tool("docker", "--version", "compose needs it")),
-        finding("rerun viewer", tool("rerun", "--version", "`dreamstream view` can still save .rrd files")),
+        finding("rerun viewer", viewer()),
     ];
     for Finding { subject, well, says } in &findings {
         super::answer(&format!("{} {subject:<14} {says}", if *well { "✓" } else { "✗" }));
@@ -46,6 +46,11 @@ pub(crate) fn run() -> Result<()> {
         findings.iter().filter(|f| !f.well && needed.contains(&f.subject)).map(|f| f.subject).collect();
     anyhow::ensure!(missing.is_empty(), "an embedded run needs {missing:?}");
     Ok(())
+}
+
+fn viewer() -> Result<String, String> {
+    crate::viewer::program().map_err(|error| error.to_string())?;
+    tool("rerun", "--version", "`dreamstream view` can still save .rrd files")
 }
 
 fn cpu() -> Result<String, String> {

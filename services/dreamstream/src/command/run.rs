@@ -18,8 +18,9 @@ use ds_wire::control as pb;
 use crate::cli::{RunPlan, SubmitArgs};
 use crate::command::report::{self, RESULTS};
 use crate::command::{answer, bar, scenario};
-use crate::embed::{self, Fleet, FleetPlan};
-use crate::live::{self, Watch};
+use crate::embed::{self, Fleet};
+use crate::fleet::FleetPlan;
+use crate::viewer::{self, Onlooker};
 use crate::{children, pictures};
 
 /// Runs the command; the exit code is 1 if any drive did not complete.
@@ -42,17 +43,15 @@ pub(crate) async fn drive_all(args: &RunPlan, log: &str) -> Result<Results> {
     let configuration = request::configuration(args, &world, &given);
     let request = request::request((args, &world), given, &configuration, sources(&files, Source::Path)?)?;
     let began = Instant::now();
-    let watch = args.live.as_ref().map(|url| Watch { episode: String::new(), url: url.clone(), one: false });
-    if let Some(watch) = &watch {
-        watch.reach().await?;
-    }
+    args.live.as_deref().map(viewer::reach).transpose()?;
     prepare(args)?;
     let plan = FleetPlan::of(args)?;
     let apart = args.processes || !plan.stages.is_empty();
-    let mut fleet = if apart { children::start(&plan, log).await? } else { embed::start(&plan).await? };
+    let mut fleet =
+        if apart { Fleet::of_children(children::start(&plan, log).await?) } else { embed::start(&plan).await? };
     let control = Dial::local(&fleet.control)?;
-    let viewer = match watch {
-        Some(watch) => Some(tokio::spawn(live::follow(fleet.tap().await?, control.clone(), watch))),
+    let onlooker = match &args.live {
+        Some(url) => Some(Onlooker::start(viewer::drives(&fleet.seat()?, url, &[])).await?),
         None => None,
     };
     let outcome = tokio::select! {
@@ -62,10 +61,10 @@ pub(crate) async fn drive_all(args: &RunPlan, log: &str) -> Result<Results> {
             "interrupted; `--resume` goes on: finished drives stay finished, the others continue from the last commit"
         )),
     };
-    if let Some(viewer) = viewer {
-        // What is still in the queue reaches the viewer.
-        tokio::time::sleep(Duration::from_millis(500)).await;
-        viewer.abort();
+    if let Some(onlooker) = onlooker
+        && let Err(error) = onlooker.finish().await
+    {
+        tracing::warn!("{error:#}");
     }
     let mode = fleet.mode;
     let stopped = fleet.stop().await;

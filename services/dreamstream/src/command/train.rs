@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, bail};
-use ds_record::view::training::{self, TrainedStage};
+use ds_record::viewing::{TrainedStage, Training};
 use ds_train::policy::PolicySettings;
 use ds_train::{Progress, Stage, TrainConfig};
 use indicatif::ProgressBar;
@@ -13,6 +13,7 @@ use indicatif::ProgressBar;
 use crate::cli::TrainArgs;
 use crate::command::{answer, bar, stop_flag};
 use crate::shipped;
+use crate::viewer;
 
 const VIDEO_CONFIG: &str = "configs/train/cpu_train.toml";
 const POLICY_CONFIG: &str = "configs/train/policy.toml";
@@ -113,11 +114,11 @@ fn view(config: &TrainConfig) -> Result<PathBuf> {
     let stages = ds_train::page::stages(config).into_iter().map(|(name, curves, sheet)| TrainedStage {
         name: name.to_owned(),
         curves: curves.into_iter().map(|curve| (curve.name, curve.points)).collect(),
-        sheet: sheet.and_then(|path| std::fs::read(path).ok()),
+        sheet: sheet.filter(|path| path.is_file()),
     });
-    let stages: Vec<TrainedStage> = stages.collect();
+    let stages = stages.collect();
     let name = config.folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    training::save(&name, &stages, &path).with_context(|| format!("view {}", path.display()))?;
+    viewer::hand(["training".into(), (&path).into()], &Training { name, stages })?;
     Ok(path)
 }
 

@@ -3,12 +3,12 @@
 use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
+use ds_process::onlooker::under_way;
 use ds_wire::control as pb;
 use pb::runs_client::RunsClient;
 
 use crate::cli::WhyArgs;
 use crate::command::answer;
-use crate::live;
 
 /// Prints one line per drive under way: ticks, and which message or holder is awaited, from whom, since when.
 ///
@@ -19,7 +19,7 @@ pub(crate) async fn run(args: &WhyArgs) -> Result<()> {
     let channel = channel.with_context(|| format!("orchestrator does not answer: {}", args.control.orchestrator))?;
     let mut runs = RunsClient::new(channel);
     let wanted = args.episode.as_deref().unwrap_or_default();
-    let driven = live::under_way(&mut runs).await?;
+    let driven = under_way(&mut runs).await?;
     let found: Vec<&pb::EpisodeResult> = driven.iter().filter(|episode| episode.episode.contains(wanted)).collect();
     ensure!(!found.is_empty(), "no drive whose name holds {wanted:?} is under way, of {} in all", driven.len());
     for episode in found {

@@ -146,7 +146,8 @@ impl TopView {
 }
 
 /// Returns a trajectory, from the rig on, in world metres.
-pub(crate) fn in_world(made_at: &PoseSe2, trajectory: &Trajectory) -> Vec<DVec2> {
+#[must_use]
+pub fn in_world(made_at: &PoseSe2, trajectory: &Trajectory) -> Vec<DVec2> {
     let points = trajectory.points().iter().map(|point| made_at.to_outer(point.pose.position));
     std::iter::once(made_at.position).chain(points).collect()
 }

@@ -13,12 +13,13 @@ use ds_diagnosis::schema::FILE;
 use ds_diagnosis::{Diagnosis, json};
 use ds_dynamics::case::Case;
 use ds_dynamics::traces::{Moment, Series, Traces, traces};
-use ds_record::view::explained::{self, Along, Curve, Explained};
+use ds_record::viewing::{Along, Curve, Explained};
 use ds_topic::GapCell;
 
 use super::{PAGE, put};
 use crate::cli::ExplainArgs;
 use crate::command::answer;
+use crate::viewer;
 
 /// The note beside a diagnosis: the folder of its case.
 const NOTE: &str = "case.path";
@@ -45,7 +46,7 @@ pub(crate) fn run(args: &ExplainArgs) -> Result<()> {
         answer(&ds_diagnosis_page::text(&diagnosis));
         answer(&format!("page: {}", out.display()));
         if let Some(rrd) = &args.rerun {
-            explained::save(&drawn(&diagnosis, case.as_deref())?, rrd)?;
+            viewer::hand(["diagnosis".into(), rrd.into()], &drawn(&diagnosis, case.as_deref())?)?;
             answer(&format!("rerun {}", rrd.display()));
         }
         made.push((format!("{}/{PAGE}", ds_cases::case::name(path.parent().unwrap_or(path))), diagnosis));
@@ -97,13 +98,9 @@ fn drawn(diagnosis: &Diagnosis, case: Option<&Path>) -> Result<Explained> {
         Some(folder) if Kind::of(folder) == Kind::Vehicle => along(diagnosis, &Case::read(folder)?),
         _ => Vec::new(),
     };
-    Ok(Explained {
-        case: diagnosis.case.clone(),
-        summary: ds_diagnosis_page::text(diagnosis).lines().map(|line| format!("{line}  \n")).collect(),
-        effects: message::effects(diagnosis),
-        cells: diagnosis.cells.iter().map(numbered).collect(),
-        drives,
-    })
+    let summary = ds_diagnosis_page::text(diagnosis).lines().map(|line| format!("{line}  \n")).collect();
+    let cells: Vec<GapCell> = diagnosis.cells.iter().map(numbered).collect();
+    Ok(Explained { drives, ..Explained::new(&diagnosis.case, summary, &message::effects(diagnosis), &cells) })
 }
 
 /// Returns a cell with its drive.
@@ -116,7 +113,7 @@ fn numbered(cell: &Cell) -> GapCell {
 /// Returns the gap along the drives of a case.
 fn along(diagnosis: &Diagnosis, case: &Case) -> Vec<Along> {
     let moment = |m: &Moment| [m.secs, m.before, m.after, m.floor];
-    let curve = |s: &Series| Curve { name: s.name.clone(), moments: s.moments.iter().map(moment).collect() };
+    let curve = |s: &Series| Curve::new(s.name.clone(), s.moments.iter().map(moment));
     let drawn = |t: Traces| Along { drive: t.drive, path: t.path, curves: t.series.iter().map(curve).collect() };
     let drives = (0..case.drives.len()).take(DRIVES).map(|drive| traces(case, &diagnosis.corrected_model, drive));
     drives.filter(|traces| !traces.series.is_empty()).map(drawn).collect()

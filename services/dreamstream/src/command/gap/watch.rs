@@ -18,8 +18,8 @@ use ds_cases::reference::{Reference, differences};
 use ds_cases::window::{self, Due, Window};
 use ds_diagnosis::{CaseError, Diagnosis};
 use ds_dynamics::{Options, diagnose};
+use ds_process::onlooker;
 use ds_process::section::ProcessSection;
-use ds_record::view::{self as pictures, LiveView};
 use ds_space::{EpisodeId, InstanceId};
 use ds_topic::{Envelope, SceneMessage, World};
 use ds_wire::Body;
@@ -29,29 +29,23 @@ use tokio::task::JoinSet;
 
 use super::tell;
 use crate::cli::WatchArgs;
-use crate::command::{answer, view};
-use crate::live;
+use crate::command::answer;
+use crate::viewer::{self, Onlooker};
 use drive::Drive;
 
 /// Between two looks for a drive: a short one without frames is over in a few tenths of a second.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
-/// Messages that wait for the viewer.
-const QUEUE: usize = 1_024;
 
 /// Runs the command until the drive ends.
 ///
 /// # Errors
 /// If router, orchestrator or viewer cannot be reached, a drive has no vehicle log, or the reference cannot be read.
 pub(crate) async fn run(args: &WatchArgs) -> Result<()> {
-    let show = args.connect.clone().map(|url| live::Watch { episode: args.episode.clone(), url, one: true });
-    if let Some(show) = &show {
-        show.reach().await?;
-    }
+    args.connect.as_deref().map(viewer::reach).transpose()?;
     let log = args.reference.as_deref().filter(|given| Path::new(given).is_file());
     let log = log.map(|path| Reference::read(Path::new(path))).transpose()?;
-    let bus = view::join(&args.bus, args.certificate.as_deref(), &args.control).await?;
-    let control = args.control.dial()?.connect(Duration::from_secs(5)).await.context("orchestrator does not answer")?;
-    let mut runs = RunsClient::new(control);
+    let bus = args.fleet.join().await?;
+    let mut runs = args.fleet.runs().await?;
     answer(&format!("waiting for {}", if args.episode.is_empty() { "a drive" } else { &args.episode }));
     let named = args.reference.as_deref().filter(|_| log.is_none());
     let refers = |name: &str| named.is_some_and(|part| name.contains(part));
@@ -67,7 +61,10 @@ pub(crate) async fn run(args: &WatchArgs) -> Result<()> {
         }
     };
     let reference = log.or_else(|| other.as_ref().map(|other| Reference::of_drive(other.scene.spec.episode.as_str())));
-    let shown = show.map(|show| shown(&drive.scene, show.url())).transpose()?;
+    let shown = match &args.connect {
+        Some(url) => Some(Onlooker::start(viewer::drives(&args.fleet, url, &[episode.as_str(), "--diagnosed"])).await?),
+        None => None,
+    };
     let mut watch = Watch::new(args, &bus, &drive.scene, reference, shown)?;
     let done = watch.follow(drive, other).await;
     watch.close(done).await
@@ -79,18 +76,12 @@ async fn under_way(
     wanted: impl Fn(&str) -> bool,
 ) -> Result<EpisodeId> {
     loop {
-        let driven = live::under_way(runs).await?;
+        let driven = onlooker::under_way(runs).await?;
         if let Some(found) = driven.iter().find(|driven| wanted(&driven.episode)) {
             return EpisodeId::new(&found.episode).context("name of an episode");
         }
         tokio::time::sleep(LOOK_EVERY).await;
     }
-}
-
-fn shown(scene: &SceneMessage, url: &str) -> Result<LiveView> {
-    let stream = pictures::connect(scene, url).with_context(|| format!("viewer at {url}"))?;
-    let effects: Vec<String> = ds_effect::library().iter().map(|effect| effect.id.to_owned()).collect();
-    Ok(LiveView::start(scene, stream, QUEUE, &effects)?)
 }
 
 /// Waits for the next state of a drive that may not be there; `None` at its end.
@@ -116,7 +107,7 @@ struct Watch<'a> {
     publisher: InstanceId,
     window: Window,
     reference: Option<Reference>,
-    shown: Option<LiveView>,
+    shown: Option<Onlooker>,
     jobs: JoinSet<Made>,
     published: u64,
 }
@@ -127,7 +118,7 @@ impl<'a> Watch<'a> {
         bus: &'a BusSession,
         scene: &SceneMessage,
         reference: Option<Reference>,
-        shown: Option<LiveView>,
+        shown: Option<Onlooker>,
     ) -> Result<Self> {
         ensure!(args.window >= window::SHORTEST_SECS, "--window {} is below {}", args.window, window::SHORTEST_SECS);
         ensure!(args.every > 0.0, "--every {} is not above 0", args.every);
@@ -165,10 +156,7 @@ impl<'a> Watch<'a> {
 
     fn take(&mut self, world: Envelope) -> Result<()> {
         let readings = World::from_bytes(&world.body).context("world")?.readings;
-        self.window.take(world.header.clone(), readings);
-        if let Some(shown) = &self.shown {
-            shown.feed(world);
-        }
+        self.window.take(world.header, readings);
         Ok(())
     }
 
@@ -225,9 +213,6 @@ impl<'a> Watch<'a> {
         let envelope = message::envelope(&due.header, &self.publisher, self.published, &body);
         self.bus.publish(&envelope).await?;
         self.published += 1;
-        if let Some(shown) = &self.shown {
-            shown.feed(envelope);
-        }
         tell(&format!("{:.1} s", due.span.1), &found);
         self.args.out.as_deref().map_or(Ok(()), |path| append(path, due.span.1, &found))
     }
@@ -236,12 +221,12 @@ impl<'a> Watch<'a> {
     async fn close(self, done: Result<()>) -> Result<()> {
         done?;
         answer(&format!("{} windows diagnosed", self.published));
-        if let Some(shown) = self.shown {
-            let shown = tokio::task::spawn_blocking(move || shown.finish()).await.context("the view panicked")??;
-            tracing::info!(logged = shown.logged, dropped = shown.dropped, "shown");
-        }
         // What was put last is on its way before the session closes.
-        self.bus.close().await.context("leave the bus")
+        self.bus.close().await.context("leave the bus")?;
+        match self.shown {
+            Some(shown) => shown.finish().await,
+            None => Ok(()),
+        }
     }
 }
 

@@ -4,13 +4,11 @@ use std::time::Duration;
 
 use anyhow::{Result, ensure};
 use ds_bus::{BusSession, Holder, Subscription};
+use ds_process::onlooker::{ends_drive, scene_of};
 use ds_space::{AttemptId, EpisodeId};
-use ds_topic::{Envelope, Event, EventKind, SceneMessage, Slot, Topic};
-use ds_wire::Body;
+use ds_topic::{Envelope, SceneMessage, Slot, Topic};
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
-
-use crate::live;
 
 /// How long a drive may be silent before it is taken to be over.
 const SILENT_FOR: Duration = Duration::from_secs(120);
@@ -37,7 +35,7 @@ impl Drive {
     /// If nobody drives it, or it has no vehicle log.
     pub(super) async fn listen(bus: &BusSession, episode: &EpisodeId) -> Result<Self> {
         let pushes = bus.subscribe(episode, &[Topic::World, Topic::Event]).await?;
-        let scene = live::scene_of(bus, episode).await?;
+        let scene = scene_of(bus, episode).await?;
         ensure!(scene.spec.vehicle_log, "{episode} has no vehicle log to diagnose: submit it with --vehicle-log");
         let (told, worlds) = mpsc::channel(WAITING);
         let listener = Listener { bus: bus.clone(), episode: episode.clone(), told };
@@ -59,7 +57,7 @@ impl Listener {
         let (mut attempt, mut next) = (AttemptId(0), 0);
         while let Ok(envelope) = tokio::time::timeout(SILENT_FOR, pushes.recv()).await {
             if envelope.header.slot.topic == Topic::Event {
-                if ends(&envelope.body) {
+                if ends_drive(&envelope) {
                     return;
                 }
                 continue;
@@ -96,9 +94,4 @@ impl Listener {
         }
         None
     }
-}
-
-fn ends(body: &[u8]) -> bool {
-    let event = Event::from_bytes(body);
-    event.is_ok_and(|event| matches!(event.kind, EventKind::Completed | EventKind::Failed | EventKind::Aborted))
 }

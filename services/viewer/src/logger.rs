@@ -8,17 +8,17 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use ds_raster::{Encoding, RgbImage};
+use ds_record::pictures::top_view::{class_colour, in_world, light_colour};
 use ds_space::{DQuat, DVec2, DVec3, PoseSe2, SimTime, Tick};
 use ds_topic::{Envelope, Event, EventKind, Frame, Layout, Plan, SceneMessage, Score, Topic, World};
+use ds_wire::Body;
 use ds_world::{AgentState, Scene, WorldState};
 use rerun::{Boxes3D, EncodedImage, LineStrips2D, LineStrips3D, RecordingStream, Scalars, TextLog, Transform3D};
 
-use crate::error::RecordError;
-use crate::message;
-use crate::pictures::top_view::{class_colour, in_world, light_colour};
-use crate::view::diagnosis::Findings;
-use crate::view::map::{self, strip};
-use crate::view::{TIMELINE, boxes};
+use crate::diagnosis::Findings;
+use crate::map::{self, strip};
+use crate::stream::TIMELINE;
+use crate::{ViewError, boxes};
 
 const EGO: [u8; 3] = [64, 222, 128];
 const PLAN: [u8; 3] = [255, 150, 40];
@@ -40,7 +40,7 @@ impl Logger {
     ///
     /// # Errors
     /// If the stream does not take it.
-    pub fn new(scene: &SceneMessage, stream: RecordingStream) -> Result<Self, RecordError> {
+    pub fn new(scene: &SceneMessage, stream: RecordingStream) -> Result<Self, ViewError> {
         stream.set_log_tick_enabled(false);
         stream.set_log_time_enabled(false);
         map::log(&scene.scene, &stream)?;
@@ -52,20 +52,20 @@ impl Logger {
     ///
     /// # Errors
     /// If its body cannot be decoded or the stream does not take it.
-    pub fn log(&mut self, envelope: &Envelope) -> Result<(), RecordError> {
+    pub fn log(&mut self, envelope: &Envelope) -> Result<(), ViewError> {
         self.set_time(envelope.header.time);
         let (tick, camera) = (envelope.header.tick, envelope.header.slot.camera);
         match envelope.header.slot.topic {
-            Topic::World => self.world(&message::body::<World>(envelope)?.state),
-            Topic::Layout => self.image(camera, "layout", &message::body::<Layout>(envelope)?.image),
+            Topic::World => self.world(&body::<World>(envelope)?.state),
+            Topic::Layout => self.image(camera, "layout", &body::<Layout>(envelope)?.image),
             Topic::Frame => {
-                self.image(camera, "frame", &message::body::<Frame>(envelope)?.image)?;
+                self.image(camera, "frame", &body::<Frame>(envelope)?.image)?;
                 self.overlay(camera, tick)
             }
-            Topic::Plan => self.plan(tick, &message::body(envelope)?),
-            Topic::Score => self.score(&message::body(envelope)?),
-            Topic::Event => self.event(&message::body(envelope)?),
-            Topic::Diagnosis => self.findings.log(&message::body(envelope)?, &self.stream),
+            Topic::Plan => self.plan(tick, &body(envelope)?),
+            Topic::Score => self.score(&body(envelope)?),
+            Topic::Event => self.event(&body(envelope)?),
+            Topic::Diagnosis => self.findings.log(&body(envelope)?, &self.stream),
             Topic::Scene | Topic::Advance | Topic::Ego | Topic::Cache => Ok(()),
         }
     }
@@ -74,7 +74,7 @@ impl Logger {
         self.stream.set_time(TIMELINE, Duration::from_nanos(u64::try_from(time.0).unwrap_or_default()));
     }
 
-    fn world(&mut self, state: &WorldState) -> Result<(), RecordError> {
+    fn world(&mut self, state: &WorldState) -> Result<(), ViewError> {
         self.path.push(state.ego.pose.position);
         self.states.insert(state.tick, (state.ego.pose, state.agents.clone()));
         if self.states.len() > KEPT {
@@ -100,7 +100,7 @@ impl Logger {
         Ok(())
     }
 
-    fn ego(&self, state: &WorldState) -> Result<(), RecordError> {
+    fn ego(&self, state: &WorldState) -> Result<(), ViewError> {
         let (size, pose) = (self.scene.vehicle.size, state.ego.pose);
         let place = Transform3D::from_translation(centre(&pose, 0.0))
             .with_quaternion(rerun::Quaternion::from_xyzw(turn(pose.heading_rad)));
@@ -115,7 +115,7 @@ impl Logger {
         Ok(self.stream.log("world/path", &path)?)
     }
 
-    fn lights(&self, state: &WorldState) -> Result<(), RecordError> {
+    fn lights(&self, state: &WorldState) -> Result<(), ViewError> {
         let lines = &self.scene.map.stop_lines;
         if lines.is_empty() {
             return Ok(());
@@ -130,7 +130,7 @@ impl Logger {
         Ok(self.stream.log("world/stop_lines", &strips)?)
     }
 
-    fn plan(&self, tick: Tick, plan: &Plan) -> Result<(), RecordError> {
+    fn plan(&self, tick: Tick, plan: &Plan) -> Result<(), ViewError> {
         let Some((made_at, _)) = self.states.get(&tick) else { return Ok(()) };
         let answer = LineStrips3D::new([strip(&in_world(made_at, &plan.trajectory), 0.12)]);
         self.stream.log("world/plan/answer", &answer.with_radii([0.15]).with_colors([PLAN]))?;
@@ -140,7 +140,7 @@ impl Logger {
         Ok(self.stream.log("world/plan/proposals", &proposals.with_show_labels(false))?)
     }
 
-    fn image(&self, camera: u16, kind: &str, image: &RgbImage) -> Result<(), RecordError> {
+    fn image(&self, camera: u16, kind: &str, image: &RgbImage) -> Result<(), ViewError> {
         let Some(model) = self.scene.cameras.get(usize::from(camera)) else { return Ok(()) };
         let bytes = image.encode(Encoding::Jpeg)?;
         let picture = EncodedImage::new(bytes).with_media_type("image/jpeg");
@@ -148,7 +148,7 @@ impl Logger {
     }
 
     /// Draws the boxes of the agents over the frame.
-    fn overlay(&self, camera: u16, tick: Tick) -> Result<(), RecordError> {
+    fn overlay(&self, camera: u16, tick: Tick) -> Result<(), ViewError> {
         let Some(model) = self.scene.cameras.get(usize::from(camera)) else { return Ok(()) };
         let Some((ego, agents)) = self.states.get(&tick) else { return Ok(()) };
         let (mut strips, mut colours) = (Vec::new(), Vec::new());
@@ -161,7 +161,7 @@ impl Logger {
         Ok(self.stream.log(format!("camera/{}/frame/boxes", model.id), &lines)?)
     }
 
-    fn score(&self, score: &Score) -> Result<(), RecordError> {
+    fn score(&self, score: &Score) -> Result<(), ViewError> {
         for (name, value) in &score.values {
             if let Some(value) = value {
                 self.stream.log(format!("score/{name}"), &Scalars::new([*value]))?;
@@ -170,7 +170,7 @@ impl Logger {
         Ok(())
     }
 
-    fn event(&self, event: &Event) -> Result<(), RecordError> {
+    fn event(&self, event: &Event) -> Result<(), ViewError> {
         let level = match event.kind {
             EventKind::Started | EventKind::Completed => "INFO",
             EventKind::Fault | EventKind::Reassigned | EventKind::Aborted => "WARN",
@@ -179,6 +179,11 @@ impl Logger {
         let text = format!("{:?} {}", event.kind, event.reason).to_lowercase();
         Ok(self.stream.log("event", &TextLog::new(text.trim_end()).with_level(level))?)
     }
+}
+
+/// Reads the body of a message and compares it with its header.
+fn body<B: Body>(envelope: &Envelope) -> Result<B, ViewError> {
+    ds_wire::verify(envelope).map_err(|source| ViewError::Message { slot: envelope.header.slot, source })
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "the viewer works in single precision")]

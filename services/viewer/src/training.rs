@@ -4,39 +4,29 @@
 
 use std::path::Path;
 
+use ds_record::viewing::{TrainedStage, Training};
 use rerun::{EncodedImage, RecordingStream, RecordingStreamBuilder, Scalars, SeriesLines};
 
-use crate::error::RecordError;
-use crate::view::{APPLICATION, flush};
+use crate::ViewError;
+use crate::stream::{APPLICATION, flush};
 
 /// The timeline of trainings.
 const STEPS: &str = "step";
 
-/// What is shown of one stage.
-#[derive(Debug, Clone, Default)]
-pub struct TrainedStage {
-    /// Its name.
-    pub name: String,
-    /// Curves by name: steps and losses.
-    pub curves: Vec<(String, Vec<(f64, f64)>)>,
-    /// A contact sheet of samples, a PNG file.
-    pub sheet: Option<Vec<u8>>,
-}
-
 /// Writes a training to a file that the viewer opens.
 ///
 /// # Errors
-/// If the file cannot be written.
-pub fn save(name: &str, stages: &[TrainedStage], path: &Path) -> Result<(), RecordError> {
-    let name = format!("training {name}");
+/// If a contact sheet cannot be read or the file not be written.
+pub fn save(training: &Training, path: &Path) -> Result<(), ViewError> {
+    let name = format!("training {}", training.name);
     let stream = RecordingStreamBuilder::new(APPLICATION).recording_name(name).save(path)?;
     stream.set_log_tick_enabled(false);
     stream.set_log_time_enabled(false);
-    stages.iter().try_for_each(|stage| log(stage, &stream))?;
+    training.stages.iter().try_for_each(|stage| log(stage, &stream))?;
     flush(&stream)
 }
 
-fn log(stage: &TrainedStage, stream: &RecordingStream) -> Result<(), RecordError> {
+fn log(stage: &TrainedStage, stream: &RecordingStream) -> Result<(), ViewError> {
     for (name, points) in &stage.curves {
         let entity = format!("{}/loss/{name}", stage.name);
         stream.log_static(entity.as_str(), &SeriesLines::new().with_names([format!("{} {name}", stage.name)]))?;
@@ -46,10 +36,11 @@ fn log(stage: &TrainedStage, stream: &RecordingStream) -> Result<(), RecordError
             stream.log(entity.as_str(), &Scalars::new([*loss]))?;
         }
     }
-    if let Some(sheet) = &stage.sheet {
+    if let Some(path) = &stage.sheet {
+        let sheet = std::fs::read(path).map_err(|source| ViewError::File { path: path.clone(), source })?;
         stream.log_static(
             format!("{}/samples", stage.name),
-            &EncodedImage::from_file_contents(sheet.clone()).with_media_type("image/png"),
+            &EncodedImage::from_file_contents(sheet).with_media_type("image/png"),
         )?;
     }
     Ok(())
@@ -68,7 +59,8 @@ mod tests {
             curves: vec![("model".to_owned(), vec![(1.0, 2.0), (2.0, 1.5)])],
             sheet: None,
         };
-        save("smoke", &[stage], &path).expect("writes");
+        let training = Training { name: "smoke".to_owned(), stages: vec![stage] };
+        save(&training, &path).expect("writes");
         let bytes = std::fs::read(&path).expect("reads");
         assert!(
             bytes.starts_with(b"RRF2") && bytes.windows(14).any(|part| part == b"ode/loss/model"),

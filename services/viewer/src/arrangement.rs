@@ -13,9 +13,9 @@ use rerun::external::re_sdk_types::blueprint::archetypes::EyeControls3D;
 use rerun::log::LogMsg;
 use rerun::{RecordingStream, RecordingStreamBuilder, StoreId};
 
-use crate::error::RecordError;
-use crate::view::diagnosis::{ROOT, probabilities};
-use crate::view::{APPLICATION, TIMELINE};
+use crate::ViewError;
+use crate::diagnosis::{ROOT, probabilities};
+use crate::stream::{APPLICATION, TIMELINE};
 
 /// The most cameras that get views of their own.
 const MAX_CAMERAS: usize = 3;
@@ -24,7 +24,7 @@ const EYE_IN_RIG: [f32; 3] = [-16.0, 0.0, 11.0];
 const TARGET_IN_RIG: [f32; 3] = [10.0, 0.0, 0.0];
 
 /// Sends the arrangement for an episode; where effects are named there are views of a running diagnosis as well.
-pub(crate) fn send(scene: &SceneMessage, stream: &RecordingStream, effects: &[String]) -> Result<(), RecordError> {
+pub(crate) fn send(scene: &SceneMessage, stream: &RecordingStream, effects: &[String]) -> Result<(), ViewError> {
     let world: ContainerLike = Spatial3DView::new("world").with_origin("world/ego").with_contents(["/world/**"]).into();
     let eye_path = match &world {
         ContainerLike::View(view) => Some(format!("{}/EyeControls3D", view.blueprint_path())),
@@ -44,7 +44,7 @@ pub(crate) fn send(scene: &SceneMessage, stream: &RecordingStream, effects: &[St
 }
 
 /// Returns the messages that place the eye.
-fn eye(store: &StoreId, path: &str) -> Result<Vec<LogMsg>, RecordError> {
+fn eye(store: &StoreId, path: &str) -> Result<Vec<LogMsg>, ViewError> {
     let (buffer, storage) = RecordingStreamBuilder::from_store_id(store).memory()?;
     buffer.set_time_sequence("blueprint", 0);
     let eye = EyeControls3D::new().with_position(EYE_IN_RIG).with_look_target(TARGET_IN_RIG);

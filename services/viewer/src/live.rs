@@ -11,8 +11,8 @@ use std::thread::JoinHandle;
 use ds_topic::{Envelope, SceneMessage};
 use rerun::RecordingStream;
 
-use crate::error::RecordError;
-use crate::view::{Logger, arrangement, flush};
+use crate::stream::flush;
+use crate::{Logger, ViewError, arrangement};
 
 /// What became of the messages that a live view was fed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -29,7 +29,7 @@ pub struct Shown {
 pub struct LiveView {
     queue: Option<SyncSender<Envelope>>,
     dropped: Arc<AtomicU64>,
-    thread: Option<JoinHandle<Result<Shown, RecordError>>>,
+    thread: Option<JoinHandle<Result<Shown, ViewError>>>,
 }
 
 impl LiveView {
@@ -43,7 +43,7 @@ impl LiveView {
         stream: RecordingStream,
         capacity: usize,
         effects: &[String],
-    ) -> Result<Self, RecordError> {
+    ) -> Result<Self, ViewError> {
         arrangement::send(scene, &stream, effects)?;
         let logger = Logger::new(scene, stream.clone())?;
         let (queue, inbox) = sync_channel(capacity.max(1));
@@ -64,11 +64,11 @@ impl LiveView {
     ///
     /// # Errors
     /// If the viewer's stream broke.
-    pub fn finish(mut self) -> Result<Shown, RecordError> {
+    pub fn finish(mut self) -> Result<Shown, ViewError> {
         self.queue = None;
         let shown = match self.thread.take().map(JoinHandle::join) {
             Some(Ok(shown)) => shown?,
-            Some(Err(_)) | None => return Err(RecordError::Flush { reason: "the view's thread broke".to_owned() }),
+            Some(Err(_)) | None => return Err(ViewError::Flush { reason: "the view's thread broke".to_owned() }),
         };
         Ok(Shown { dropped: self.dropped.load(Ordering::Relaxed), ..shown })
     }
@@ -83,12 +83,12 @@ impl Drop for LiveView {
     }
 }
 
-fn show(mut logger: Logger, inbox: &Receiver<Envelope>, stream: &RecordingStream) -> Result<Shown, RecordError> {
+fn show(mut logger: Logger, inbox: &Receiver<Envelope>, stream: &RecordingStream) -> Result<Shown, ViewError> {
     let mut shown = Shown::default();
     for envelope in inbox {
         match logger.log(&envelope) {
             Ok(()) => shown.logged += 1,
-            Err(RecordError::Message { .. } | RecordError::Picture(_)) => shown.refused += 1,
+            Err(ViewError::Message { .. } | ViewError::Picture(_)) => shown.refused += 1,
             Err(error) => return Err(error),
         }
     }

@@ -1,0 +1,68 @@
+//! What fleet a run asks for.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use anyhow::Result;
+use ds_topic::Role;
+use ds_video::Backend;
+
+use crate::cli::RunPlan;
+
+/// How the fleet of one run is made up.
+#[derive(Debug, Clone)]
+pub(crate) struct FleetPlan {
+    /// Ledger and recordings.
+    pub folder: PathBuf,
+    /// Configuration of the video model.
+    pub model: PathBuf,
+    /// What computes it.
+    pub video_backend: Backend,
+    /// Weights of the camera policy.
+    pub policy_weights: PathBuf,
+    /// Video workers, and episodes under way at a time.
+    pub workers: u32,
+    /// The policy under test.
+    pub policy: String,
+    /// Where it connects to, if it is external.
+    pub policy_listen: Option<String>,
+    /// Whether layouts may be drawn by a graphics adapter.
+    pub probe_adapter: bool,
+    /// Share of pushes that are dropped.
+    pub drop_pushes: f64,
+    /// Commands of other programs that take a stage's place.
+    pub stages: BTreeMap<Role, String>,
+    /// Whether somebody looks on from another process.
+    pub live: bool,
+}
+
+impl FleetPlan {
+    /// Returns the fleet that the arguments of a run ask for.
+    ///
+    /// # Errors
+    /// If a stage is none, has no command, or is named twice.
+    pub(crate) fn of(args: &RunPlan) -> Result<Self> {
+        let mut stages = BTreeMap::new();
+        for text in &args.stages {
+            let named =
+                text.split_once('=').and_then(|(role, command)| Some((Role::from_name(role.trim())?, command.trim())));
+            let Some((role, command)) = named.filter(|(_, command)| !command.is_empty()) else {
+                anyhow::bail!("--stage {text:?} is not ROLE=COMMAND with sim, layout, video or policy as ROLE");
+            };
+            anyhow::ensure!(stages.insert(role, command.to_owned()).is_none(), "--stage names {role} twice");
+        }
+        Ok(Self {
+            folder: args.out.clone(),
+            model: args.model.clone(),
+            video_backend: args.video_backend.parse().map_err(anyhow::Error::msg)?,
+            policy_weights: args.policy_weights.clone(),
+            workers: args.workers,
+            policy: args.policy.clone(),
+            policy_listen: args.policy_listen.clone(),
+            probe_adapter: args.layout_backend != "cpu",
+            drop_pushes: args.drop_pushes,
+            stages,
+            live: args.live.is_some(),
+        })
+    }
+}
