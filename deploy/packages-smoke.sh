@@ -63,6 +63,11 @@ docker run --rm --network none -e WHEEL="$wheel" -e TARBALL="$tarball" $image ba
     completed mine/results.json
     echo "drive by a policy in Python: $((SECONDS - began)) s"; [ $((SECONDS - began)) -lt 60 ]
 
+    if [ -e venv/bin/viewer ]; then
+        venv/bin/dreamstream view wheel/recordings/*.mcap --save drive.rrd
+        ls -s drive.rrd
+    fi
+
     began=$SECONDS
     tar -xzf /packages/$TARBALL
     ln -s "$PWD/${TARBALL%.tar.gz}/bin/dreamstream" here

@@ -1,24 +1,28 @@
 #!/usr/bin/env bash
-# Lays out a built binary with the files that it ships with, and makes of them one wheel (command line and Python client) and
-# one tarball (command line), in target/packages. Nothing is published.
+# Lays out the built programs with the files that they ship with, and makes of them one wheel (command line and Python client)
+# and one tarball (command line), in target/packages. Nothing is published.
 #
-#   deploy/packages.sh [BINARY]        target/debug/dreamstream without; needs git, binutils and python3 with venv and pip
+#   deploy/packages.sh [FOLDER]        the folder of dreamstream and, where it is built, viewer; target/debug without
+#
+# Needs git, binutils and python3 with venv and pip.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-binary=${1:-${CARGO_TARGET_DIR:-target}/debug/dreamstream}
+built=${1:-${CARGO_TARGET_DIR:-target}/debug}
+programs=("$built/dreamstream")
+[ ! -x "$built/viewer" ] || programs+=("$built/viewer")
 out=target/packages
 version=$(sed -n 's/^version = "\(.*\)"$/\1/p' Cargo.toml | head -n 1)
 
 # The C libraries that every Linux of the platform tag has (PEP 600); the tag names the newest glibc symbol that is asked for.
-strange=$(objdump -p "$binary" | awk '$1 == "NEEDED" { print $2 }' | grep -vE '^(libc|libm|libgcc_s|libdl|libpthread|librt|ld-linux[-a-z0-9_]*)\.so' || true)
-[ -z "$strange" ] || { echo "$binary needs libraries that not every system has: $strange" >&2; exit 1; }
-glibc=$(objdump -T "$binary" | grep -o 'GLIBC_2\.[0-9]*' | sort -uV | tail -n 1)
+strange=$(objdump -p "${programs[@]}" | awk '$1 == "NEEDED" { print $2 }' | grep -vE '^(libc|libm|libgcc_s|libdl|libpthread|librt|ld-linux[-a-z0-9_]*)\.so' || true)
+[ -z "$strange" ] || { echo "${programs[*]} need libraries that not every system has: $strange" >&2; exit 1; }
+glibc=$(objdump -T "${programs[@]}" | grep -o 'GLIBC_2\.[0-9]*' | sort -uV | tail -n 1)
 platform="manylinux_2_${glibc#GLIBC_2.}_$(uname -m)"
 
 name="dreamstream-$version-$platform"
 rm -rf "$out"
 mkdir -p "$out/$name/bin" "$out/$name/share/dreamstream"
-strip -o "$out/$name/bin/dreamstream" "$binary"
+for program in "${programs[@]}"; do strip -o "$out/$name/bin/$(basename "$program")" "$program"; done
 git ls-files -z configs scenarios/README.md scenarios/base LICENSE NOTICE | tar --null -T - -c | tar -x -C "$out/$name/share/dreamstream"
 tar -C "$out" --sort=name --owner=0 --group=0 -czf "$out/$name.tar.gz" "$name"
 
@@ -26,4 +30,4 @@ python3 -m venv "$out/venv"
 DREAMSTREAM_PREFIX="$PWD/$out/$name" DREAMSTREAM_PLATFORM="$platform" \
     "$out/venv/bin/pip" wheel -q --disable-pip-version-check --no-deps -w "$out" ./clients/python
 rm -rf "$out/venv"
-ls -sh --block-size=M "$out/$name/bin/dreamstream" "$out"/*.tar.gz "$out"/*.whl
+ls -sh --block-size=M "$out/$name/bin"/* "$out"/*.tar.gz "$out"/*.whl

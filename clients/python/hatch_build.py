@@ -1,4 +1,4 @@
-"""Adds the command line and what it ships with to the wheel, where `deploy/packages.sh` has laid them out.
+"""Adds the programs and what they ship with to the wheel, where `deploy/packages.sh` has laid them out.
 
 DREAMSTREAM_PREFIX is a folder with `bin/` and `share/dreamstream/`, DREAMSTREAM_PLATFORM the wheel's platform tag; without
 them the wheel holds the Python client alone.
@@ -17,5 +17,6 @@ class CustomBuildHook(BuildHookInterface):
             return
         build_data["pure_python"] = False
         build_data["tag"] = f"py3-none-{os.environ['DREAMSTREAM_PLATFORM']}"
-        build_data["shared_scripts"][str(Path(prefix, "bin", "dreamstream"))] = "dreamstream"
+        for program in Path(prefix, "bin").iterdir():
+            build_data["shared_scripts"][str(program)] = program.name
         build_data["shared_data"][str(Path(prefix, "share"))] = "share"
