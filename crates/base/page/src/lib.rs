@@ -1,10 +1,15 @@
-//! HTML and SVG as nested calls: balanced and escaped by construction, whatever the text is.
+//! Pages: the skeleton of a document, marks of SVG, and HTML as nested calls: balanced and escaped by construction, whatever the text is.
 //!
 //! Text and attribute values are escaped; control characters and those that turn the direction of writing become
 //! U+FFFD, so that a name can neither break out of its place nor rearrange what stands around it. Only text that is
 //! part of the program (`&'static str`) can be written raw.
 
+mod document;
+pub mod svg;
+
 use std::fmt::Display;
+
+pub use document::{Document, Pictures, sections};
 
 /// The script that sorts tables of class `sortable` by a click on a heading; comes first in a page's script.
 pub const SORTING: &str = include_str!("sorting.js");

@@ -4,7 +4,7 @@ mod plot;
 
 use std::collections::BTreeMap;
 
-use ds_page::{Markup, link};
+use ds_page::{Document, Markup, Pictures, link};
 
 use crate::colour::Colour;
 use crate::config::EvalConfig;
@@ -12,25 +12,14 @@ use crate::estimate::Estimate;
 use crate::outcome::{ArmDrift, ArmLayout, ColumnLayout, Outcome};
 use plot::{Line, Plot};
 
-const CSS: &str = include_str!("page/page.css");
+const STYLE: &str = include_str!("page/page.css");
 
 /// Returns the page.
 #[must_use]
 pub(crate) fn html(outcome: &Outcome, config: &EvalConfig) -> String {
-    let mut m = Markup::default();
-    m.raw("<!doctype html>\n");
-    m.inside("html", &[("lang", &"en")], |m| {
-        m.inside("head", &[], |m| {
-            m.void("meta", &[("charset", &"utf-8")]);
-            m.void("meta", &[("name", &"viewport"), ("content", &"width=device-width, initial-scale=1")]);
-            m.leaf("title", &[], "Frames of the video model");
-            m.inside("style", &[], |m| m.raw(CSS));
-        });
-        m.inside("body", &[], |m| {
-            m.inside("main", &[], |m| body(m, outcome, config));
-        });
-    });
-    m.finish()
+    let document =
+        Document { title: "Frames of the video model", style: STYLE, script: None, pictures: Pictures::Beside };
+    document.page(|m| m.inside("main", &[], |m| body(m, outcome, config)))
 }
 
 fn body(m: &mut Markup, outcome: &Outcome, config: &EvalConfig) {

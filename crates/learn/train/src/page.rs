@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use ds_page::Markup;
+use ds_page::{Document, Markup, Pictures, svg};
 use serde_json::Value;
 
 use crate::config::TrainConfig;
@@ -16,11 +16,14 @@ const HEIGHT: f64 = 180.0;
 /// Points of a curve; longer logs are averaged over spans.
 const POINTS: usize = 320;
 
-const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem;color:#222}\
-svg{background:#fafafa;border:1px solid #ddd;width:100%;height:auto}img{max-width:100%;image-rendering:pixelated}\
-text{font-size:11px;fill:#555}polyline{fill:none;stroke-width:1.5}";
+const STYLE: &str = ":root{--width:70rem;--curve:#27639b}main{padding:2rem 1rem}h2{margin-top:2rem}\
+@media(prefers-color-scheme:dark){:root{--curve:#6cbfe6}}\
+svg{background:var(--surface);border:1px solid var(--line);width:100%;height:auto}\
+img{max-width:100%;image-rendering:pixelated}text{font-size:11px;fill:var(--muted)}\
+polyline{fill:none;stroke:var(--curve);stroke-width:1.5}";
 
-const SHEET_STYLE: &str = "text{font:11px system-ui,sans-serif;fill:#555}polyline{fill:none;stroke-width:1.5}";
+const SHEET_STYLE: &str =
+    "text{font:11px system-ui,sans-serif;fill:#555}polyline{fill:none;stroke:#27639b;stroke-width:1.5}";
 
 /// The loss of a network over steps, long logs averaged over spans.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,22 +54,16 @@ pub fn write(config: &TrainConfig) -> Result<PathBuf, TrainError> {
     let io = || TrainError::io("training page", &path);
     std::fs::create_dir_all(&config.folder).map_err(io())?;
     let found = stages(config);
-    let mut m = Markup::default();
-    m.raw("<!doctype html>");
-    m.inside("html", &[("lang", &"en")], |m| {
-        m.inside("head", &[], |m| {
-            m.raw("<meta charset=\"utf-8\">");
-            m.leaf("title", &[], "Training");
-            m.inside("style", &[], |m| m.raw(STYLE));
-        });
-        m.inside("body", &[], |m| {
+    let document = Document { title: "Training", style: STYLE, script: None, pictures: Pictures::Beside };
+    let page = document.page(|m| {
+        m.inside("main", &[], |m| {
             m.leaf("h1", &[], format!("Training in {}", config.folder.display()));
             for (stage, curves, sheet) in &found {
                 section(m, stage, curves, sheet.is_some());
             }
         });
     });
-    std::fs::write(&path, m.finish()).map_err(io())?;
+    std::fs::write(&path, page).map_err(io())?;
     let picture = config.folder.join("curves.svg");
     std::fs::write(&picture, curve_sheet(&found)).map_err(TrainError::io("training curves", &picture))?;
     Ok(path)
@@ -132,10 +129,7 @@ fn curves(path: &Path) -> Vec<Curve> {
 
 /// Draws a curve as a picture of its own.
 fn plot(m: &mut Markup, curve: &Curve) {
-    let view = format!("0 0 {WIDTH} {HEIGHT}");
-    let attributes: [(&str, &dyn std::fmt::Display); 3] =
-        [("viewBox", &view), ("role", &"img"), ("aria-label", &"loss over steps")];
-    m.inside("svg", &attributes, |m| line(m, curve));
+    svg::picture(m, "inline", "loss over steps", (WIDTH, HEIGHT), |m| line(m, curve));
 }
 
 /// Draws a curve with a logarithmic loss axis.
@@ -151,9 +145,8 @@ fn line(m: &mut Markup, curve: &Curve) {
     };
     let x = |step: f64| 50.0 + (WIDTH - 60.0) * (step - first) / (last - first).max(1.0);
     let y = |loss: f64| 10.0 + (HEIGHT - 30.0) * (high - height(loss)) / (high - low).max(1e-9);
-    let points: Vec<String> =
-        curve.points.iter().map(|(step, loss)| format!("{:.1},{:.1}", x(*step), y(*loss))).collect();
-    m.void("polyline", &[("points", &points.join(" ")), ("stroke", &"#27639b")]);
+    let points: Vec<(f64, f64)> = curve.points.iter().map(|(step, loss)| (x(*step), y(*loss))).collect();
+    svg::path(m, "loss", &points);
     for bound in [low.exp(), high.exp()] {
         m.leaf("text", &[("x", &2), ("y", &(y(bound) + 4.0))], format!("{bound:.4}"));
     }

@@ -13,8 +13,8 @@ use image::{ImageReader, Limits, Rgb, RgbImage, imageops};
 
 use super::embed;
 use super::markup::Markup;
-use super::place::{self, TILES};
 use super::plot;
+use super::tiles::{self, TILES};
 use super::words;
 
 /// Tiles that are shown.
@@ -61,7 +61,7 @@ struct Pair {
 /// Reads the frames of a case and picks examples; `None` if no pair of frames can be read.
 pub(crate) fn strip(diagnosis: &Diagnosis, folder: &Path) -> Option<Strip> {
     let pairs = pairs(folder);
-    let tiles = place::tiles(diagnosis);
+    let tiles = tiles::tiles(diagnosis);
     let mut order: Vec<[usize; 2]> = tiles.keys().copied().collect();
     order.sort_by(|a, b| tiles[b].0.total_cmp(&tiles[a].0));
     order.truncate(SHOWN);
@@ -180,7 +180,7 @@ fn read(path: &Path) -> Option<RgbImage> {
 
 /// Writes the whole frame, then the tiles.
 pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis, strip: &Strip) {
-    let sizes = place::tiles(diagnosis);
+    let sizes = tiles::tiles(diagnosis);
     m.leaf(
         "p",
         &[("class", &"lead")],
@@ -204,7 +204,7 @@ fn row(m: &mut Markup, triple: &Triple, sizes: &BTreeMap<[usize; 2], (f64, f64)>
     let place = match triple.tile {
         None => words::capital(&frame),
         Some([row, column]) => {
-            let size = sizes.get(&[row, column]).map(|t| format!("{} × floor, ", place::size(t.0))).unwrap_or_default();
+            let size = sizes.get(&[row, column]).map(|t| format!("{} × floor, ", tiles::size(t.0))).unwrap_or_default();
             format!("Tile row {row}, column {column}: {size}{frame}")
         }
     };

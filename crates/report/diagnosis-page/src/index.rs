@@ -9,8 +9,9 @@ use ds_effect::Channel;
 
 use super::headline::{at_floor, chosen, has_estimate, sure, telling, verdict};
 use super::markup::{Markup, link};
-use super::place::{TILES, tiles};
+
 use super::plot;
+use super::tiles::{TILES, tiles};
 use super::words;
 
 const VERDICTS: [Verdict; 4] = [Verdict::None, Verdict::Single, Verdict::Multiple, Verdict::Unknown];

@@ -25,15 +25,14 @@ mod shrink;
 #[cfg(test)]
 mod tests;
 mod text;
+mod tiles;
 mod words;
 
-use ds_page::Markup;
+use ds_page::{Document, Markup, Pictures};
 use material::Material;
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
-const POLICY: &str = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'; \
-    base-uri 'none'; form-action 'none'";
 const INDEX: &str = "What the simulator leaves out, case by case";
 
 /// Returns the page of a diagnosis; the case folder it was made from adds what only the log itself can show.
@@ -43,7 +42,7 @@ pub fn page(diagnosis: &Diagnosis, case: Option<&Path>) -> String {
     let title = format!("{} · gap diagnosis", diagnosis.case);
     document(&title, |m| {
         headline::header(m, diagnosis);
-        sections(m, diagnosis, &material);
+        markup::sections(m, &parts(diagnosis, &material), |m, id| section(m, id, diagnosis, &material));
     })
 }
 
@@ -60,46 +59,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
 }
 
 fn document(title: &str, body: impl FnOnce(&mut Markup)) -> String {
-    let mut m = Markup::default();
-    m.raw("<!DOCTYPE html>\n");
-    m.inside("html", &[("lang", &"en")], |m| {
-        m.inside("head", &[], |m| {
-            m.void("meta", &[("charset", &"utf-8")]);
-            m.void("meta", &[("http-equiv", &"Content-Security-Policy"), ("content", &POLICY)]);
-            m.void("meta", &[("name", &"viewport"), ("content", &"width=device-width, initial-scale=1")]);
-            m.leaf("title", &[], format_args!("{title} · DreamStream"));
-            m.inside("style", &[], |m| m.raw(STYLE));
-        });
-        m.inside("body", &[], |m| {
-            body(m);
-            m.inside("script", &[], |m| {
-                m.raw(markup::SORTING);
-                m.raw(SCRIPT);
-            });
-        });
-    });
-    m.raw("\n");
-    m.finish()
-}
-
-fn sections(m: &mut Markup, diagnosis: &Diagnosis, material: &Material) {
-    let parts = parts(diagnosis, material);
-    m.inside("nav", &[("aria-label", &"Sections")], |m| {
-        m.inside("ul", &[], |m| {
-            for (id, title) in &parts {
-                m.inside("li", &[], |m| m.leaf("a", &[("href", &format_args!("#{id}"))], title));
-            }
-        });
-    });
-    m.inside("main", &[], |m| {
-        for (id, title) in &parts {
-            m.inside("section", &[("id", id), ("aria-labelledby", &format_args!("{id}-title"))], |m| {
-                m.leaf("h2", &[("id", &format_args!("{id}-title"))], title);
-                section(m, id, diagnosis, material);
-            });
-            m.raw("\n");
-        }
-    });
+    Document { title, style: STYLE, script: Some(SCRIPT), pictures: Pictures::Inside }.page(body)
 }
 
 /// The sections that this diagnosis has, by anchor and title.

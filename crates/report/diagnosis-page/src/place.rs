@@ -11,12 +11,11 @@ use ds_effect::Channel;
 use super::markup::Markup;
 use super::material::Material;
 use super::plot::{self, WIDTH};
+use super::tiles::{TILES, size, tiles};
 use super::words;
 
 /// False-discovery rate up to which a cell is significant.
 const SIGNIFICANT: f64 = 0.05;
-/// Rows and columns of the tiles of an image.
-pub(crate) const TILES: (usize, usize) = (4, 6);
 /// Channel of what a camera sees.
 const IMAGE: &str = "camera";
 const LABELS: f64 = 150.0;
@@ -36,19 +35,6 @@ const AXES: [Axis; 4] = [
     ("pedals", ["brake", "coast", "traction"], |r| r.pedal.as_deref()),
     ("steering", ["still", "slow", "fast"], |r| r.steering.as_deref()),
 ];
-
-/// Returns the largest effect size and its q-value per image tile.
-pub(crate) fn tiles(diagnosis: &Diagnosis) -> BTreeMap<[usize; 2], (f64, f64)> {
-    let mut found: BTreeMap<[usize; 2], (f64, f64)> = BTreeMap::new();
-    for cell in &diagnosis.cells {
-        let Some(tile) = cell.regime.tile.filter(|t| t[0] < TILES.0 && t[1] < TILES.1) else { continue };
-        let best = found.entry(tile).or_insert((cell.effect_size, cell.q_value));
-        if cell.effect_size > best.0 {
-            *best = (cell.effect_size, cell.q_value);
-        }
-    }
-    found
-}
 
 /// Writes what there is of both maps.
 pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis, material: &Material) {
@@ -191,11 +177,6 @@ fn square(m: &mut Markup, cell: Option<&Cell>, (x, y): (f64, f64), width: f64, n
         let class = format!("{} in", class.replace("h h", "on o"));
         plot::text(m, &class, (x + inner.0 / 2.0, y + 15.0), &size(cell.effect_size));
     }
-}
-
-/// Returns an effect size with two digits, whole from 10.
-pub(crate) fn size(value: f64) -> String {
-    words::fixed(value, usize::from(value < 9.95))
 }
 
 /// Returns a cell in words.

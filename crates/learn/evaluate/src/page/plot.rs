@@ -1,8 +1,7 @@
 //! A line plot with bands: figures by frame.
 
-use std::fmt::Display;
-
 use ds_page::Markup;
+use ds_page::svg::{joined, path, picture, text};
 
 use crate::estimate::Estimate;
 
@@ -46,24 +45,15 @@ impl Plot<'_> {
         let (low, high) = range(points().flat_map(|(_, e)| [e.low, e.high, 0.0]).collect());
         let x = |at: f64| ROOM[0] + (at - left) / (right - left) * (WIDTH - ROOM[0] - ROOM[1]);
         let y = |at: f64| HEIGHT - ROOM[3] - (at - low) / (high - low) * (HEIGHT - ROOM[2] - ROOM[3]);
-        let view = format!("0 0 {WIDTH} {HEIGHT}");
-        let size: [&dyn Display; 2] = [&WIDTH, &HEIGHT];
-        let attributes: [(&'static str, &dyn Display); 5] = [
-            ("viewBox", &view),
-            ("width", size[0]),
-            ("height", size[1]),
-            ("role", &"img"),
-            ("aria-label", &self.title),
-        ];
-        m.inside("svg", &attributes, |m| {
-            words(m, "title", (8.0, 16.0), self.title);
+        picture(m, "inline", self.title, (WIDTH, HEIGHT), |m| {
+            text(m, "title", (8.0, 16.0), self.title);
             let bottom = y(low);
-            line(m, "axis", &[(x(left), y(high)), (x(left), bottom), (x(right), bottom)]);
-            line(m, "axis", &[(x(left), y(0.0)), (x(right), y(0.0))]);
-            words(m, "", (4.0, y(high) + 4.0), &format!("{high:.2}"));
-            words(m, "", (4.0, bottom + 4.0), &format!("{low:.2}"));
-            words(m, "", (x(left), HEIGHT - 8.0), &format!("frame {left:.0}"));
-            words(m, "", (x(right) - 28.0, HEIGHT - 8.0), &format!("{right:.0}"));
+            path(m, "axis", &[(x(left), y(high)), (x(left), bottom), (x(right), bottom)]);
+            path(m, "axis", &[(x(left), y(0.0)), (x(right), y(0.0))]);
+            text(m, "", (4.0, y(high) + 4.0), &format!("{high:.2}"));
+            text(m, "", (4.0, bottom + 4.0), &format!("{low:.2}"));
+            text(m, "", (x(left), HEIGHT - 8.0), &format!("frame {left:.0}"));
+            text(m, "", (x(right) - 28.0, HEIGHT - 8.0), &format!("{right:.0}"));
             for (index, one) in self.lines.iter().enumerate() {
                 let colour = index % 4;
                 let upper = one.points.iter().map(|(at, e)| (x(*at), y(e.high)));
@@ -71,23 +61,11 @@ impl Plot<'_> {
                 let band = joined(&upper.chain(lower).collect::<Vec<_>>());
                 m.void("polygon", &[("class", &format!("band b{colour}")), ("points", &band)]);
                 let points: Vec<(f64, f64)> = one.points.iter().map(|(at, e)| (x(*at), y(e.value))).collect();
-                line(m, &format!("l{colour}"), &points);
+                path(m, &format!("l{colour}"), &points);
                 let place = (x(left) + 110.0 * index as f64, 32.0);
-                line(m, &format!("l{colour}"), &[(place.0, place.1 - 4.0), (place.0 + 14.0, place.1 - 4.0)]);
-                words(m, "", (place.0 + 18.0, place.1), one.name);
+                path(m, &format!("l{colour}"), &[(place.0, place.1 - 4.0), (place.0 + 14.0, place.1 - 4.0)]);
+                text(m, "", (place.0 + 18.0, place.1), one.name);
             }
         });
     }
-}
-
-fn joined(points: &[(f64, f64)]) -> String {
-    points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect::<Vec<_>>().join(" ")
-}
-
-fn line(m: &mut Markup, class: &str, points: &[(f64, f64)]) {
-    m.void("polyline", &[("class", &class), ("points", &joined(points))]);
-}
-
-fn words(m: &mut Markup, class: &str, at: (f64, f64), text: &str) {
-    m.leaf("text", &[("class", &class), ("x", &at.0), ("y", &at.1)], text);
 }

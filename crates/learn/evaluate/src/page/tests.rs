@@ -19,8 +19,9 @@ fn config() -> EvalConfig {
 #[test]
 fn an_empty_outcome_is_a_page() {
     let page = html(&Outcome::default(), &config());
-    assert!(page.starts_with("<!doctype html>") && page.ends_with("</html>"), "{page}");
+    assert!(page.starts_with("<!DOCTYPE html>") && page.ends_with("</html>\n"), "{page}");
     assert!(!page.contains("Drift"));
+    assert!(page.contains("Content-Security-Policy") && !page.contains("<script"));
 }
 
 #[test]

@@ -22,68 +22,34 @@ mod table;
 mod tests;
 mod worst;
 
-use markup::Markup;
+use markup::{Document, Markup};
 
 const STYLE: &str = include_str!("html/page.css");
 const SCRIPT: &str = include_str!("html/page.js");
-const POLICY: &str = "default-src 'none'; img-src 'self' file: data:; style-src 'unsafe-inline'; \
-    script-src 'unsafe-inline'; base-uri 'none'; form-action 'none'";
 
 /// Returns the page of a report; `runs` are those that it was made from, pictures lie beside the page.
 #[must_use]
 pub fn page(report: &Report, runs: &[Results], pictures: &[Picture]) -> String {
     let pictures = pictures.iter().map(|picture| ((picture.run, picture.episode), picture.path.as_str())).collect();
-    let mut m = Markup::default();
-    m.raw("<!DOCTYPE html>\n");
-    m.inside("html", &[("lang", &"en")], |m| {
-        m.inside("head", &[], |m| head(m, report));
-        m.inside("body", &[], |m| body(m, report, runs, &pictures));
-    });
-    m.raw("\n");
-    m.finish()
+    let document =
+        Document { title: &report.title, style: STYLE, script: Some(SCRIPT), pictures: markup::Pictures::Beside };
+    document.page(|m| body(m, report, runs, &pictures))
 }
 
 type Pictures<'a> = BTreeMap<(usize, usize), &'a str>;
 
-fn head(m: &mut Markup, report: &Report) {
-    m.void("meta", &[("charset", &"utf-8")]);
-    m.void("meta", &[("http-equiv", &"Content-Security-Policy"), ("content", &POLICY)]);
-    m.void("meta", &[("name", &"viewport"), ("content", &"width=device-width, initial-scale=1")]);
-    m.leaf("title", &[], format_args!("{} · DreamStream", report.title));
-    m.inside("style", &[], |m| m.raw(STYLE));
-}
-
 fn body(m: &mut Markup, report: &Report, runs: &[Results], pictures: &Pictures) {
     overview::header(m, report);
-    let parts = parts(report);
-    m.inside("nav", &[("aria-label", &"Sections")], |m| {
-        m.inside("ul", &[], |m| {
-            for (id, title) in &parts {
-                m.inside("li", &[], |m| m.leaf("a", &[("href", &format_args!("#{id}"))], title));
-            }
-        });
-    });
-    m.inside("main", &[], |m| {
-        for (id, title) in &parts {
-            m.inside("section", &[("id", id), ("aria-labelledby", &format_args!("{id}-title"))], |m| {
-                m.leaf("h2", &[("id", &format_args!("{id}-title"))], title);
-                match *id {
-                    "headline" => overview::headline(m, report),
-                    "losses" => overview::losses(m, report),
-                    "categories" => overview::categories(m, report),
-                    "comparisons" => differences::comparisons(m, report),
-                    "bias" => differences::bias(m, report),
-                    "worst" => worst::section(m, report, runs, pictures),
-                    "scenarios" => scenarios::section(m, report),
-                    "unfinished" => worst::unfinished(m, report),
-                    _ => method::section(m, report),
-                }
-            });
-        }
-    });
-    m.inside("script", &[], |m| {
-        m.raw(ds_page::SORTING);
-        m.raw(SCRIPT);
+    markup::sections(m, &parts(report), |m, id| match id {
+        "headline" => overview::headline(m, report),
+        "losses" => overview::losses(m, report),
+        "categories" => overview::categories(m, report),
+        "comparisons" => differences::comparisons(m, report),
+        "bias" => differences::bias(m, report),
+        "worst" => worst::section(m, report, runs, pictures),
+        "scenarios" => scenarios::section(m, report),
+        "unfinished" => worst::unfinished(m, report),
+        _ => method::section(m, report),
     });
 }
 

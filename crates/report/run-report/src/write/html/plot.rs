@@ -3,6 +3,7 @@
 //! Colours are classes, so that light and dark need no second plot; every mark has a title that says it in words.
 
 use super::markup::Markup;
+use super::markup::svg::{self, dot, line, px, text};
 use crate::aggregate::{Estimate, Group};
 use crate::bootstrap::Interval;
 use crate::term;
@@ -43,36 +44,17 @@ pub(crate) struct Change {
     pub(crate) certain: bool,
 }
 
-fn px(value: f64) -> String {
-    format!("{value:.1}")
-}
-
 fn frame(m: &mut Markup, title: &str, rows: usize, content: impl FnOnce(&mut Markup, f64)) {
     let height = TOP + ROW * rows as f64 + 10.0;
-    let view = format!("0 0 {WIDTH} {height}");
-    m.inside("div", &[("class", &"scroll plot"), ("tabindex", &0), ("role", &"region"), ("aria-label", &title)], |m| {
-        m.inside("svg", &[("viewBox", &view), ("role", &"img"), ("aria-label", &title)], |m| {
-            m.leaf("title", &[], title);
-            content(m, height);
-        });
+    svg::wide(m, title, (WIDTH, height), |m| {
+        m.leaf("title", &[], title);
+        content(m, height);
     });
-}
-
-fn line(m: &mut Markup, class: &'static str, from: (f64, f64), to: (f64, f64)) {
-    let [x1, y1, x2, y2] = [from.0, from.1, to.0, to.1].map(px);
-    m.void("line", &[("class", &class), ("x1", &x1), ("y1", &y1), ("x2", &x2), ("y2", &y2)]);
-}
-
-fn text(m: &mut Markup, class: &'static str, at: (f64, f64), words: &str) {
-    m.leaf("text", &[("class", &class), ("x", &px(at.0)), ("y", &px(at.1))], words);
 }
 
 fn label(m: &mut Markup, row: usize, words: &str) {
     let y = TOP + ROW * row as f64 + ROW / 2.0;
-    let short = match words.char_indices().nth(LABEL_CHARS) {
-        Some((end, _)) => format!("{}…", &words[..end]),
-        None => words.to_owned(),
-    };
+    let short = svg::short(words, LABEL_CHARS);
     m.inside("text", &[("class", &"label"), ("x", &px(LABELS - 14.0)), ("y", &px(y + 4.5))], |m| {
         m.leaf("title", &[], words);
         m.text(short);
@@ -108,10 +90,10 @@ pub(crate) fn dots(m: &mut Markup, title: &str, rows: &[Dot]) {
                 let finished =
                     row.finished.mean.filter(|finished| row.headline.mean.is_some_and(|h| (h - finished).abs() > 5e-4));
                 if let Some(finished) = finished {
-                    m.void("circle", &[("class", &"ring"), ("cx", &px(x(finished))), ("cy", &px(y)), ("r", &4.5)]);
+                    dot(m, "ring", (x(finished), y), 4.5);
                 }
                 if let Some(mean) = row.headline.mean {
-                    m.void("circle", &[("class", &"dot"), ("cx", &px(x(mean))), ("cy", &px(y)), ("r", &5.5)]);
+                    dot(m, "dot", (x(mean), y), 5.5);
                 }
             });
             text(m, "value strong", (WIDTH - VALUES + 62.0, y + 4.5), &points(row.headline.mean));
@@ -216,7 +198,7 @@ pub(crate) fn changes(m: &mut Markup, title: &str, rows: &[Change]) {
                     line(m, "whisker", (x(interval.low), y), (x(interval.high), y));
                 }
                 if let Some(mean) = row.difference {
-                    m.void("circle", &[("class", &"dot"), ("cx", &px(x(mean))), ("cy", &px(y)), ("r", &5.5)]);
+                    dot(m, "dot", (x(mean), y), 5.5);
                 }
             });
             text(m, "value strong", (WIDTH - VALUES + 62.0, y + 4.5), &signed(row.difference));
