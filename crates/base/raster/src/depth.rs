@@ -5,8 +5,7 @@
 //! and writes depth. Depth is kept as 1/z (1/m), which is linear on the screen; 0 is infinitely far. A pixel belongs
 //! to a triangle if its centre lies inside; of two triangles that share an edge exactly one takes a pixel on it.
 
-use crate::encode::ImageError;
-use crate::image::MAX_SIDE_PX;
+use crate::image::{ImageError, MAX_SIDE_PX};
 
 /// A projected vertex: pixel coordinates from the top left corner, and 1/z in 1/m.
 #[derive(Debug, Clone, Copy, PartialEq)]

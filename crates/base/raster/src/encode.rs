@@ -5,7 +5,7 @@ use std::io::Cursor;
 use image::codecs::{jpeg, png};
 use image::{ExtendedColorType, ImageDecoder, ImageEncoder};
 
-use crate::image::{MAX_SIDE_PX, RgbImage};
+use crate::image::{ImageError, RgbImage};
 
 /// How the rows of an image are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -17,47 +17,6 @@ pub enum Encoding {
     Png,
     /// JPEG of quality 90, lossy: for viewers only.
     Jpeg,
-}
-
-/// Says why an image is refused.
-#[derive(Debug, thiserror::Error)]
-pub enum ImageError {
-    /// A side is 0 or too large.
-    #[error("image of {width_px}×{height_px} px: each side must be 1 to {MAX_SIDE_PX}")]
-    Side {
-        /// Width.
-        width_px: u32,
-        /// Height.
-        height_px: u32,
-    },
-    /// The number of bytes does not fit the sides.
-    #[error("image rows hold {found} bytes, {expected} expected")]
-    Length {
-        /// Bytes that the sides ask for.
-        expected: usize,
-        /// Bytes that came.
-        found: usize,
-    },
-    /// The stated size is not the one inside the encoded bytes.
-    #[error("image says {stated:?} px, its encoded bytes hold {found:?} px")]
-    Mismatch {
-        /// What the message states.
-        stated: (u32, u32),
-        /// What the bytes hold.
-        found: (u32, u32),
-    },
-    /// The pixels are not 8-bit RGB.
-    #[error("image pixels are {found}, 8-bit RGB expected")]
-    Pixels {
-        /// What was found.
-        found: String,
-    },
-    /// The encoded bytes are broken.
-    #[error("image bytes cannot be decoded")]
-    Decode(#[source] image::ImageError),
-    /// The image cannot be encoded.
-    #[error("image cannot be encoded")]
-    Encode(#[source] image::ImageError),
 }
 
 impl RgbImage {

@@ -2,10 +2,49 @@
 
 use ds_space::DigestWriter;
 
-use crate::encode::ImageError;
-
 /// The largest accepted image side, in pixels.
 pub const MAX_SIDE_PX: u32 = 8_192;
+
+/// Says why an image is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum ImageError {
+    /// A side is 0 or too large.
+    #[error("image of {width_px}×{height_px} px: each side must be 1 to {MAX_SIDE_PX}")]
+    Side {
+        /// Width.
+        width_px: u32,
+        /// Height.
+        height_px: u32,
+    },
+    /// The number of bytes does not fit the sides.
+    #[error("image rows hold {found} bytes, {expected} expected")]
+    Length {
+        /// Bytes that the sides ask for.
+        expected: usize,
+        /// Bytes that came.
+        found: usize,
+    },
+    /// The stated size is not the one inside the encoded bytes.
+    #[error("image says {stated:?} px, its encoded bytes hold {found:?} px")]
+    Mismatch {
+        /// What the message states.
+        stated: (u32, u32),
+        /// What the bytes hold.
+        found: (u32, u32),
+    },
+    /// The pixels are not 8-bit RGB.
+    #[error("image pixels are {found}, 8-bit RGB expected")]
+    Pixels {
+        /// What was found.
+        found: String,
+    },
+    /// The encoded bytes are broken.
+    #[error("image bytes cannot be decoded")]
+    Decode(#[source] ::image::ImageError),
+    /// The image cannot be encoded.
+    #[error("image cannot be encoded")]
+    Encode(#[source] ::image::ImageError),
+}
 
 /// An 8-bit RGB image in sRGB, rows top to bottom, without padding.
 #[derive(Clone, PartialEq, Eq)]

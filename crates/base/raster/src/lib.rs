@@ -14,7 +14,7 @@ pub mod view;
 
 pub use class::PixelClass;
 pub use depth::{DepthRaster, ScreenPoint};
-pub use encode::{Encoding, ImageError};
-pub use image::RgbImage;
+pub use encode::Encoding;
+pub use image::{ImageError, RgbImage};
 pub use lens::Lens;
 pub use view::View;

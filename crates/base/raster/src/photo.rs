@@ -5,8 +5,7 @@ use std::io::Cursor;
 use image::codecs::{jpeg, png};
 use image::{DynamicImage, ImageDecoder};
 
-use crate::encode::ImageError;
-use crate::image::{MAX_SIDE_PX, RgbImage};
+use crate::image::{ImageError, MAX_SIDE_PX, RgbImage};
 
 impl RgbImage {
     /// Decodes a PNG or JPEG of any colour type; its size is checked before anything is allocated.

@@ -13,6 +13,7 @@ use ds_world::{AgentClass, Origin, Scene};
 
 use crate::error::ImportError;
 
+mod column;
 mod feather;
 mod forecast;
 mod map;

@@ -13,8 +13,7 @@ use wgpu::util::DeviceExt;
 
 use crate::colour::{GROUND, Rgb, SKY};
 use crate::error::LayoutError;
-use crate::renderer::Shot;
-use crate::scene::{Solid, StaticMap};
+use crate::scene::{Shot, Solid, StaticMap};
 use device::Device;
 use target::Target;
 

@@ -12,5 +12,5 @@ mod renderer;
 mod scene;
 
 pub use error::LayoutError;
-pub use renderer::{BackendChoice, Renderer, Shot};
-pub use scene::{LayoutScene, RANGE_M, StaticMap};
+pub use renderer::{BackendChoice, Renderer};
+pub use scene::{LayoutScene, RANGE_M, Shot, StaticMap};

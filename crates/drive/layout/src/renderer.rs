@@ -7,7 +7,7 @@ use crate::colour::Rgb;
 use crate::cpu;
 use crate::error::LayoutError;
 use crate::gpu::Gpu;
-use crate::scene::LayoutScene;
+use crate::scene::{LayoutScene, Shot};
 
 /// Which back end to render with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -24,17 +24,6 @@ pub enum BackendChoice {
 enum Backend {
     Cpu,
     Wgpu(Box<Gpu>),
-}
-
-/// One picture to render: what, through which camera, from where.
-#[derive(Debug, Clone, Copy)]
-pub struct Shot<'a> {
-    /// Map and world.
-    pub scene: LayoutScene<'a>,
-    /// The camera.
-    pub camera: &'a CameraModel,
-    /// Where the rig stands.
-    pub world_from_rig: Pose<World, Rig>,
 }
 
 /// Renders layout images.

@@ -3,7 +3,7 @@
 
 use ds_raster::View;
 use ds_raster::shape::{self, Triangle};
-use ds_space::{DVec2, DVec3, Digest, DigestWriter, PoseSe2};
+use ds_space::{CameraModel, DVec2, DVec3, Digest, DigestWriter, Pose, PoseSe2, Rig, World};
 use ds_world::{AgentState, LaneKind, LightState, LineKind, LineMarking, Map, StopLine, TrafficLight, WorldState};
 
 use crate::colour::{self, Face, Rgb};
@@ -131,6 +131,17 @@ pub struct LayoutScene<'a> {
     pub map: &'a StaticMap,
     /// Agents and lights; the ego is not drawn.
     pub world: &'a WorldState,
+}
+
+/// One picture to render: what, through which camera, from where.
+#[derive(Debug, Clone, Copy)]
+pub struct Shot<'a> {
+    /// Map and world.
+    pub scene: LayoutScene<'a>,
+    /// The camera.
+    pub camera: &'a CameraModel,
+    /// Where the rig stands.
+    pub world_from_rig: Pose<World, Rig>,
 }
 
 /// A coloured world triangle.

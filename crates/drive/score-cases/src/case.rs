@@ -1,16 +1,11 @@
 //! One case file: its schema decides who reads and answers it.
 
-use ds_score::VehicleState;
-use ds_space::{DVec2, PoseSe2};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use crate::error::GoldenError;
 use crate::{closed_loop_live, collision_type, comfort, extended_comfort, pdm_score_answer, two_stage};
-
-/// The largest case file that is read, in bytes.
-pub const MAX_CASE_BYTES: u64 = 64 << 20;
 
 #[derive(Deserialize)]
 struct Head {
@@ -40,22 +35,4 @@ fn parse<T: DeserializeOwned>(text: &str) -> Result<T, GoldenError> {
     let mut reader = serde_json::Deserializer::from_str(text);
     serde_path_to_error::deserialize(&mut reader)
         .map_err(|error| GoldenError::Field { field: error.path().to_string(), source: error.into_inner() })
-}
-
-/// A row of state columns.
-pub(crate) type Columns = [f64; 11];
-
-/// Takes rows of columns to states.
-pub(crate) fn states(rows: &[Columns]) -> Vec<VehicleState> {
-    rows.iter().copied().map(VehicleState::from_columns).collect()
-}
-
-/// Takes (x, y) to a point.
-pub(crate) fn point(xy: &[f64; 2]) -> DVec2 {
-    DVec2::new(xy[0], xy[1])
-}
-
-/// Takes (x, y, heading) to a pose.
-pub(crate) fn pose(xyh: &[f64; 3]) -> PoseSe2 {
-    PoseSe2::new(xyh[0], xyh[1], xyh[2])
 }

@@ -14,8 +14,8 @@ use ds_space::{DVec2, Draws, PoseSe2};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use crate::case::point;
 use crate::error::GoldenError;
+use crate::fields::point;
 use crate::pdm_score::class_of;
 
 const COLUMN_NAMES: [&str; TERMS + 1] = ["nc", "dac", "ddc", "tlc", "ttc", "lk", "hc", "ec", "score"];

@@ -6,8 +6,8 @@ use ds_score::constants::horizon::DT_S;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
-use crate::case::{Columns, states};
 use crate::error::GoldenError;
+use crate::fields::{Columns, states};
 
 #[derive(Deserialize)]
 pub(crate) struct Case {

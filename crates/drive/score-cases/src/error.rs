@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use ds_score::ScoreError;
 
-use crate::case::MAX_CASE_BYTES;
+use crate::fields::MAX_CASE_BYTES;
 
 /// Says why a case or a folder of cases cannot be answered.
 #[derive(Debug, thiserror::Error)]

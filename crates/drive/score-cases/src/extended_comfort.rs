@@ -4,8 +4,8 @@ use ds_score::{DIFFERENCE_NAMES, extended_comfort};
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
-use crate::case::{Columns, states};
 use crate::error::GoldenError;
+use crate::fields::{Columns, states};
 
 #[derive(Deserialize)]
 pub(crate) struct Case {

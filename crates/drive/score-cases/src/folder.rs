@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
 
-use crate::case::{MAX_CASE_BYTES, answer_case};
+use crate::case::answer_case;
 use crate::error::GoldenError;
+use crate::fields::MAX_CASE_BYTES;
 
 /// The list of cases beside them, which is no case.
 const INDEX: &str = "index.json";

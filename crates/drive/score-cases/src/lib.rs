@@ -10,11 +10,13 @@ mod collision_type;
 mod comfort;
 mod error;
 mod extended_comfort;
+mod fields;
 mod folder;
 mod pdm_score;
 mod pdm_score_answer;
 mod two_stage;
 
-pub use case::{MAX_CASE_BYTES, answer_case};
+pub use case::answer_case;
 pub use error::GoldenError;
+pub use fields::MAX_CASE_BYTES;
 pub use folder::{Answers, answer, answers};

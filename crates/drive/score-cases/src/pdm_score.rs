@@ -9,8 +9,8 @@ use ds_score::{
 use ds_space::{DVec2, PoseSe2};
 use serde::Deserialize;
 
-use crate::case::{point, pose};
 use crate::error::GoldenError;
+use crate::fields::{point, pose};
 
 #[derive(Deserialize)]
 pub(crate) struct Case {

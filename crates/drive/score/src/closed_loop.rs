@@ -32,8 +32,8 @@ use self::keeping::Keeping;
 use self::moment::Surroundings;
 use self::route::Route;
 use crate::driving_score::{DrivingScore, LoopScore, Summary};
-use crate::ego_area::LaneMarks;
 use crate::error::ScoreError;
+use crate::lane_marks::LaneMarks;
 
 /// Returns 1 if nothing was violated, else 0.
 fn unless(violated: bool) -> f64 {

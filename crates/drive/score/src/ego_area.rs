@@ -4,6 +4,7 @@
 //! off-road and off-route lanes count too.
 
 use crate::constants::horizon::STATES;
+use crate::lane_marks::LaneMarks;
 use crate::proposal::Footsteps;
 use crate::scene::{AreaIndex, AreaKind};
 use ds_space::plane::OrientedBox;
@@ -113,32 +114,5 @@ impl BoxAreas {
             oncoming: !on_route,
             centre_in_intersection: in_intersection,
         }
-    }
-}
-
-/// Which corners lie in which lane, for one step.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct LaneMarks {
-    corners: Vec<u8>,
-    touched: Vec<usize>,
-}
-
-impl LaneMarks {
-    fn clear(&mut self, polygons: usize) {
-        for id in self.touched.drain(..) {
-            self.corners[id] = 0;
-        }
-        self.corners.resize(polygons, 0);
-    }
-
-    fn mark(&mut self, id: usize, corner: usize) {
-        if self.corners[id] == 0 {
-            self.touched.push(id);
-        }
-        self.corners[id] |= 1 << corner;
-    }
-
-    fn in_multiple(&self) -> bool {
-        self.touched.len() > 1 && self.touched.iter().all(|id| self.corners[*id] != 0b1111)
     }
 }

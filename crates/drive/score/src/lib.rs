@@ -15,6 +15,7 @@ mod ego_area;
 mod epdms;
 mod error;
 mod footprint;
+mod lane_marks;
 mod metric;
 mod motion;
 mod oracle;

@@ -6,8 +6,8 @@ use ds_space::plane::{Bounds, OrientedBox};
 use crate::comfort::ComfortSeries;
 use crate::constants::horizon::{DT_S, STATES};
 use crate::constants::navsim::TTC_AHEAD;
-use crate::ego_area::LaneMarks;
 use crate::footprint::Footprint;
+use crate::lane_marks::LaneMarks;
 use crate::motion::{Executed, VehicleState};
 use crate::scene::{Traffic, TrafficAgent};
 

@@ -10,8 +10,8 @@ use ds_world::{AgentClass, LightState, Scene, WorldState};
 use crate::conflict::{self, Placed, Zone};
 use crate::lane_change::{LANE_M, Lanes, Weave};
 use crate::lane_index::LaneIndex;
+use crate::participant::{Motion, Obstructing};
 use crate::signal::SignalStop;
-use crate::traffic::{Motion, Obstructing};
 use crate::ways::Ways;
 
 /// Share of drivers in the last mapped lane who use the one beyond it, where there is one.

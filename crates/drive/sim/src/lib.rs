@@ -17,6 +17,7 @@ mod idm;
 mod lane_change;
 mod lane_index;
 mod lqr;
+mod participant;
 mod plant;
 mod profile;
 mod pursuit;

@@ -9,12 +9,13 @@ use ds_world::{EgoState, Reading, RouteCommand, Scene, Trajectory, WorldState};
 
 use crate::dynamics::{Body, Chassis};
 use crate::error::{SimError, SnapshotError};
+use crate::participant::Obstructing;
 use crate::plant::nominal;
 use crate::readings::Sensing;
 use crate::settings::{SimConfig, check_vehicle};
 use crate::snapshot::{self, Content};
 use crate::tracker::Tracker;
-use crate::traffic::{Obstructing, Traffic};
+use crate::traffic::Traffic;
 use crate::{contact, route, signal};
 
 /// No snapshot is taken later than this many ticks after the log.

@@ -10,7 +10,7 @@ use ds_world::{EgoState, Trajectory, TrajectoryPoint};
 use crate::actuation::{Moment, Past, Sent};
 use crate::dynamics::Body;
 use crate::error::SnapshotError;
-use crate::traffic::Motion;
+use crate::participant::Motion;
 
 const MAGIC: [u8; 4] = *b"DSIM";
 const VERSION: u32 = 2;

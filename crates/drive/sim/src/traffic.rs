@@ -15,25 +15,10 @@ use crate::agent_path::AgentPath;
 use crate::habits::Habits;
 use crate::idm::{IdmParameters, Lead};
 use crate::lane_change::{Changer, Neighbour};
+use crate::participant::{Motion, Obstructing};
 use crate::settings::{AgentMode, IdmScope, SimConfig};
 use crate::signal;
 use crate::ways::Ways;
-
-/// How an agent moves now.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Motion {
-    /// As logged.
-    Replay,
-    /// Along its path.
-    Following {
-        /// Distance of its centre along the path.
-        along_m: f64,
-        /// Its speed along the path.
-        speed_mps: f64,
-    },
-    /// It left at the end of its path.
-    Gone,
-}
 
 /// Agents farther behind the ego than this stay as logged.
 const BEHIND_REACH_M: f64 = 100.0;
@@ -421,14 +406,6 @@ fn in_scope(scope: IdmScope, agent: &AgentState, world: &WorldState) -> bool {
             place.x < 0.0 && place.length() < BEHIND_REACH_M && ego.forward().dot(agent.pose.forward()) > 0.0
         }
     }
-}
-
-/// The ego as followers see it: its centre, its velocity in the world and its size.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Obstructing {
-    pub(crate) centre: ds_space::PoseSe2,
-    pub(crate) velocity_mps: DVec2,
-    pub(crate) size: ds_world::Size,
 }
 
 impl Obstacle {

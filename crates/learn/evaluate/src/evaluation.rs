@@ -226,8 +226,3 @@ impl<'a> Evaluation<'a> {
         Ok(names)
     }
 }
-
-/// Returns the frames after the first that an arm can make at most: whole chunks for a teacher.
-pub(crate) fn whole(kind: ArmKind, frames: u32, per_chunk: u32) -> u32 {
-    if kind.samples_windows() { frames - frames % per_chunk } else { frames }
-}

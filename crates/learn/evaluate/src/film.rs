@@ -8,9 +8,9 @@ use ds_raster::RgbImage;
 use gif::{Encoder, Frame, Repeat};
 
 use crate::arm::Arm;
+use crate::config::ArmKind;
 use crate::drive::Drive;
 use crate::error::AppraisalError;
-use crate::evaluation::whole;
 
 const LEVELS: [u32; 3] = [6, 7, 6];
 const BAYER: [[u32; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
@@ -78,6 +78,11 @@ fn nearest(pixel: [u8; 3], x: u32, y: u32) -> u8 {
     #[expect(clippy::cast_possible_truncation, reason = "there are 252 colours")]
     let index = ((level(0) * LEVELS[1] + level(1)) * LEVELS[2] + level(2)) as u8;
     index
+}
+
+/// Returns the frames after the first that an arm can make at most: whole chunks for a teacher.
+fn whole(kind: ArmKind, frames: u32, per_chunk: u32) -> u32 {
+    if kind.samples_windows() { frames - frames % per_chunk } else { frames }
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use arrow_ipc::{
     Block, BodyCompressionMethod, CompressionType, Field, Precision, RecordBatch, Type, root_as_footer, root_as_message,
 };
 
-use super::table::{Column, MAX_ROWS};
+use super::column::{Column, MAX_ROWS};
 use crate::file::MAX_FILE_BYTES;
 use crate::view::FieldFault;
 

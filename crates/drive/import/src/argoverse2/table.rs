@@ -3,25 +3,16 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use ds_scenario::MAX_STATES;
 use ds_space::{DQuat, DVec3};
 
+use super::column::{Column, MAX_ROWS};
 use super::feather;
 use crate::error::ImportError;
 use crate::file::bytes;
 use crate::view::FieldFault;
 
-/// The most rows of a table.
-pub(super) const MAX_ROWS: usize = MAX_STATES;
 const CONVERT: &str =
     "python3 -c \"import pandas, sys; p = sys.argv[1]; pandas.read_parquet(p).to_csv(p[:-7] + 'csv', index=False)\"";
-
-/// The cells of a column.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) enum Column {
-    Numbers(Vec<f64>),
-    Texts(Vec<String>),
-}
 
 /// Columns of one length.
 #[derive(Debug)]

@@ -9,7 +9,8 @@ use ds_space::Tick;
 use ds_space::plane;
 use ds_world::{LaneId, LaneKind, LineColour, LineKind, VehicleParameters};
 
-use super::table::{Column, Table};
+use super::column::Column;
+use super::table::Table;
 use super::*;
 use crate::format::{Format, files, open};
 

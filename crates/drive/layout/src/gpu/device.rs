@@ -2,7 +2,11 @@
 
 use crate::error::LayoutError;
 use crate::gpu::Vertex;
-use crate::gpu::target::{COLOUR_FORMAT, DEPTH_FORMAT};
+
+/// Colours are written as they are, without any transfer function.
+pub(crate) const COLOUR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+/// Reversed depth.
+pub(crate) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
 /// An open device with its pipelines.
 pub(crate) struct Device {

@@ -4,12 +4,7 @@ use std::sync::mpsc::{Receiver, sync_channel};
 
 use crate::colour::Rgb;
 use crate::error::LayoutError;
-use crate::gpu::device::Device;
-
-/// Colours are written as they are, without any transfer function.
-pub(crate) const COLOUR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-/// Reversed depth.
-pub(crate) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+use crate::gpu::device::{COLOUR_FORMAT, DEPTH_FORMAT, Device};
 
 /// Textures and read-back buffer of one picture size.
 pub(crate) struct Target {

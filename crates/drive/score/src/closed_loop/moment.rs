@@ -7,8 +7,9 @@ use super::lane::IndexedLane;
 use super::profile::{EgoSize, Profile};
 use super::tick::{LoopScene, LoopState};
 use crate::constants::bridgesim::{EGO_LENGTH_M, EGO_WIDTH_M};
-use crate::ego_area::{BoxAreas, LaneMarks};
+use crate::ego_area::BoxAreas;
 use crate::error::{ScoreError, finite};
+use crate::lane_marks::LaneMarks;
 use crate::scene::{AreaIndex, AreaKind, MapArea};
 
 /// What does not change during a drive, indexed.
