@@ -12,7 +12,7 @@ use ds_perception::world::CameraWorld;
 use crate::Progress;
 use crate::arm::Arm;
 use crate::column::Column;
-use crate::config::{ArmKind, EvalConfig};
+use crate::config::EvalConfig;
 use crate::drive::{Drive, Route};
 use crate::error::AppraisalError;
 use crate::estimate::Resamples;

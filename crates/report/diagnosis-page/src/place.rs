@@ -3,7 +3,7 @@
 //! Colour is the size of the effect in units of the noise floor, in doubling levels; a full square is significant, a
 //! small one is not. Numbers stand in the cells of whole drives.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use ds_diagnosis::schema::{Cell, Diagnosis, Regime};
 use ds_effect::Channel;
