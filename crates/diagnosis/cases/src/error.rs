@@ -43,6 +43,12 @@ pub enum CasesError {
         /// The path.
         path: PathBuf,
     },
+    /// There is no diagnosis at a path.
+    #[error("{} holds no diagnosis.json: `gap diagnose` writes them", path.display())]
+    NoDiagnosis {
+        /// The path.
+        path: PathBuf,
+    },
     /// A folder of vehicle logs is empty.
     #[error("{} lists no drives", path.display())]
     NoDrives {

@@ -6,6 +6,7 @@
 pub mod case;
 pub mod closing;
 mod error;
+pub mod finished;
 pub mod logs;
 pub mod message;
 pub mod pairs;

@@ -11,7 +11,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, ensure};
 use ds_cases::case::{Case, Options, Unseen, folders, name, names};
 use ds_cases::pairs::Paired;
-use ds_cases::{RunConfig, logs, pairs, scenes, seal};
+use ds_cases::{RunConfig, finished, logs, pairs, scenes, seal};
 use ds_diagnosis::meta::Kind;
 use ds_diagnosis::score::score_folder;
 use ds_diagnosis::{Diagnosis, json};
@@ -161,7 +161,7 @@ fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
 fn written(folder: &Path, (case, bare): (&Path, bool), options: &Options, bar: &ProgressBar) -> Result<Diagnosis> {
     let diagnosis = one(case, options, bar)?;
     diagnosis.write(folder)?;
-    explain::note_case(folder, case)?;
+    finished::note_case(folder, case)?;
     if !bare {
         let material = Some(case).filter(|case| Kind::of(case) != Kind::Traffic);
         put(&folder.join(PAGE), &ds_diagnosis_page::page(&diagnosis, material))?;

@@ -5,11 +5,11 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
+use ds_cases::finished::{diagnoses, noted_case};
 use ds_cases::message;
 use ds_diagnosis::meta::Kind;
 use ds_diagnosis::schema::Cell;
-use ds_diagnosis::schema::FILE;
 use ds_diagnosis::{Diagnosis, json};
 use ds_dynamics::case::Case;
 use ds_dynamics::traces::{Moment, Series, Traces, traces};
@@ -21,8 +21,6 @@ use crate::cli::ExplainArgs;
 use crate::command::answer;
 use crate::viewer;
 
-/// The note beside a diagnosis: the folder of its case.
-const NOTE: &str = "case.path";
 /// Drives that are drawn for the viewer.
 const DRIVES: usize = 8;
 
@@ -59,32 +57,9 @@ pub(crate) fn run(args: &ExplainArgs) -> Result<()> {
     Ok(())
 }
 
-/// Returns the diagnoses at a path: the file itself, that of the folder, or those of the folders in it.
-fn diagnoses(path: &Path) -> Result<Vec<PathBuf>> {
-    if path.is_file() {
-        return Ok(vec![path.to_path_buf()]);
-    }
-    if path.join(FILE).is_file() {
-        return Ok(vec![path.join(FILE)]);
-    }
-    let entries = std::fs::read_dir(path).with_context(|| format!("read {}", path.display()))?;
-    let mut found: Vec<PathBuf> = entries.flatten().map(|entry| entry.path().join(FILE)).collect();
-    found.retain(|file| file.is_file());
-    ensure!(!found.is_empty(), "{} holds no {FILE}: `gap diagnose` writes them", path.display());
-    found.sort();
-    Ok(found)
-}
-
-/// Notes from which case a diagnosis was made.
-pub(crate) fn note_case(folder: &Path, case: &Path) -> Result<()> {
-    let whole = std::fs::canonicalize(case).with_context(|| format!("path of {}", case.display()))?;
-    put(&folder.join(NOTE), &format!("{}\n", whole.display()))
-}
-
 /// Returns the case that a diagnosis was made from, if it was noted and is there.
 fn noted(diagnosis: &Path) -> Option<PathBuf> {
-    let text = std::fs::read_to_string(diagnosis.with_file_name(NOTE)).ok()?;
-    let case = PathBuf::from(text.trim_end());
+    let case = noted_case(diagnosis)?;
     if case.is_dir() {
         return Some(case);
     }
