@@ -6,6 +6,7 @@ pub mod certs;
 pub mod children;
 pub mod clock;
 pub mod drain;
+pub mod heard;
 pub mod hold;
 pub mod logging;
 pub mod maker;

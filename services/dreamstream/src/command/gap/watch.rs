@@ -4,8 +4,6 @@
 //! reference's log that counts as real, and the running drive stands for the nominal simulator. Each window gives one
 //! message on topic `diagnosis`. A diagnosis runs beside the subscription: a slow one skips windows and holds nothing up.
 
-mod drive;
-
 use std::io::Write as _;
 use std::path::Path;
 use std::time::Duration;
@@ -18,6 +16,7 @@ use ds_cases::reference::{Reference, differences};
 use ds_cases::window::{self, Due, Window};
 use ds_diagnosis::{CaseError, Diagnosis};
 use ds_dynamics::{Options, diagnose};
+use ds_process::heard::HeardDrive;
 use ds_process::onlooker;
 use ds_process::section::ProcessSection;
 use ds_space::{EpisodeId, InstanceId};
@@ -31,7 +30,6 @@ use super::tell;
 use crate::cli::WatchArgs;
 use crate::command::answer;
 use crate::viewer::{self, Onlooker};
-use drive::Drive;
 
 /// Between two looks for a drive: a short one without frames is over in a few tenths of a second.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
@@ -50,14 +48,14 @@ pub(crate) async fn run(args: &WatchArgs) -> Result<()> {
     let named = args.reference.as_deref().filter(|_| log.is_none());
     let refers = |name: &str| named.is_some_and(|part| name.contains(part));
     let episode = under_way(&mut runs, |name| name.contains(&args.episode) && !refers(name)).await?;
-    let drive = Drive::listen(&bus, &episode).await?;
+    let drive = HeardDrive::listen(&bus, &episode).await?;
     answer(&format!("watching {episode}"));
     let other = match named {
         None => None,
         Some(_) => {
             let other = under_way(&mut runs, refers).await?;
             answer(&format!("reference {other}"));
-            Some(Drive::listen(&bus, &other).await?)
+            Some(HeardDrive::listen(&bus, &other).await?)
         }
     };
     let reference = log.or_else(|| other.as_ref().map(|other| Reference::of_drive(other.scene.spec.episode.as_str())));
@@ -85,7 +83,7 @@ async fn under_way(
 }
 
 /// Waits for the next state of a drive that may not be there; `None` at its end.
-async fn next(drive: &mut Option<Drive>) -> Option<Envelope> {
+async fn next(drive: &mut Option<HeardDrive>) -> Option<Envelope> {
     match drive {
         Some(drive) => drive.worlds.recv().await,
         None => std::future::pending().await,
@@ -133,7 +131,7 @@ impl<'a> Watch<'a> {
     }
 
     /// Watches until the drive is over and its last window diagnosed.
-    async fn follow(&mut self, mut drive: Drive, mut other: Option<Drive>) -> Result<()> {
+    async fn follow(&mut self, mut drive: HeardDrive, mut other: Option<HeardDrive>) -> Result<()> {
         let mut over = false;
         while !(over && self.jobs.is_empty()) {
             tokio::select! {
@@ -168,7 +166,7 @@ impl<'a> Watch<'a> {
         Ok(())
     }
 
-    fn end_reference(&mut self, other: &mut Option<Drive>) {
+    fn end_reference(&mut self, other: &mut Option<HeardDrive>) {
         *other = None;
         if let Some(reference) = &self.reference {
             answer(&format!("{} ended at {:.1} s", reference.name, reference.known_to_secs()));

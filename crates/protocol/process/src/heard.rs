@@ -4,11 +4,12 @@ use std::time::Duration;
 
 use anyhow::{Result, ensure};
 use ds_bus::{BusSession, Holder, Subscription};
-use ds_process::onlooker::{ends_drive, scene_of};
 use ds_space::{AttemptId, EpisodeId};
 use ds_topic::{Envelope, SceneMessage, Slot, Topic};
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
+
+use crate::onlooker::{ends_drive, scene_of};
 
 /// How long a drive may be silent before it is taken to be over.
 const SILENT_FOR: Duration = Duration::from_secs(120);
@@ -20,20 +21,20 @@ const PULLS: u32 = 3;
 const PULL_AGAIN: Duration = Duration::from_millis(100);
 
 /// A drive that is listened to; ends when dropped.
-pub(super) struct Drive {
+pub struct HeardDrive {
     /// Its scene.
-    pub(super) scene: SceneMessage,
+    pub scene: SceneMessage,
     /// Its `world` messages in order of attempt and tick; closed at the end of the drive.
-    pub(super) worlds: mpsc::Receiver<Envelope>,
+    pub worlds: mpsc::Receiver<Envelope>,
     _listener: JoinSet<()>,
 }
 
-impl Drive {
+impl HeardDrive {
     /// Listens to a drive.
     ///
     /// # Errors
     /// If nobody drives it, or it has no vehicle log.
-    pub(super) async fn listen(bus: &BusSession, episode: &EpisodeId) -> Result<Self> {
+    pub async fn listen(bus: &BusSession, episode: &EpisodeId) -> Result<Self> {
         let pushes = bus.subscribe(episode, &[Topic::World, Topic::Event]).await?;
         let scene = scene_of(bus, episode).await?;
         ensure!(scene.spec.vehicle_log, "{episode} has no vehicle log to diagnose: submit it with --vehicle-log");
