@@ -25,7 +25,7 @@ viewer:
     cargo build --locked -p dreamstream -p viewer
 # One wheel (command line and Python client) and one tarball, in target/packages.
 packages:
-    cargo build --locked -p dreamstream
+    cargo build --locked -p dreamstream -p viewer
     deploy/packages.sh
 packages-smoke:
     deploy/packages-smoke.sh
