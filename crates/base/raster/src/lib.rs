@@ -10,6 +10,7 @@ pub mod image;
 pub mod lens;
 mod photo;
 pub mod shape;
+mod values;
 pub mod view;
 
 pub use class::PixelClass;
@@ -17,4 +18,5 @@ pub use depth::{DepthRaster, ScreenPoint};
 pub use encode::Encoding;
 pub use image::{ImageError, RgbImage};
 pub use lens::Lens;
+pub use values::value;
 pub use view::View;

@@ -1,6 +1,7 @@
-//! Photographs: PNG or JPEG files of a size that only the file knows, and their reduction to the size of a model.
+//! Photographs: PNG or JPEG files of a size that only the file knows; pictures at the size of a model.
 
 use std::io::Cursor;
+use std::ops::Range;
 
 use image::codecs::{jpeg, png};
 use image::{DynamicImage, ImageDecoder};
@@ -20,16 +21,32 @@ impl RgbImage {
         }
     }
 
-    /// Returns the picture at another size, each pixel the mean of what it covers, sides scaled each by itself.
+    /// Returns the picture at another size, each pixel the mean of all it covers, edges included on both sides.
     #[must_use]
     pub fn reduced(&self, width_px: u32, height_px: u32) -> Self {
-        let (width_px, height_px) = (width_px.clamp(1, MAX_SIDE_PX), height_px.clamp(1, MAX_SIDE_PX));
-        let mut reduced = Self::filled(width_px, height_px, [0; 3]);
-        let span = |i: u32, from: u32, to: u32| {
-            let low = (u64::from(i) * u64::from(from) / u64::from(to)) as u32;
+        self.averaged(width_px, height_px, |i, from, to| {
+            let low = edge(i, from, to);
             let high = ((u64::from(i) + 1) * u64::from(from)).div_ceil(u64::from(to)) as u32;
             low..high.max(low + 1).min(from)
-        };
+        })
+    }
+
+    /// Returns the picture at another size, each source pixel counted once; the same size gives the same picture.
+    #[must_use]
+    pub fn resized(&self, width_px: u32, height_px: u32) -> Self {
+        if (self.width_px(), self.height_px()) == (width_px, height_px) {
+            return self.clone();
+        }
+        self.averaged(width_px, height_px, |i, from, to| {
+            let low = edge(i, from, to);
+            low..edge(i + 1, from, to).max(low + 1).min(from)
+        })
+    }
+
+    /// Averages the rows and columns that `span` names for each pixel, sides scaled each by itself.
+    fn averaged(&self, width_px: u32, height_px: u32, span: impl Fn(u32, u32, u32) -> Range<u32>) -> Self {
+        let (width_px, height_px) = (width_px.clamp(1, MAX_SIDE_PX), height_px.clamp(1, MAX_SIDE_PX));
+        let mut averaged = Self::filled(width_px, height_px, [0; 3]);
         for y in 0..height_px {
             let rows = span(y, self.height_px(), height_px);
             for x in 0..width_px {
@@ -44,11 +61,16 @@ impl RgbImage {
                 }
                 #[expect(clippy::cast_possible_truncation, reason = "a mean of bytes is a byte")]
                 let mean = sum.map(|sum| ((sum + count / 2) / count.max(1)) as u8);
-                reduced.set_pixel(x, y, mean);
+                averaged.set_pixel(x, y, mean);
             }
         }
-        reduced
+        averaged
     }
+}
+
+/// Returns where a pixel of the new size begins in the old one.
+fn edge(index: u32, from: u32, to: u32) -> u32 {
+    (u64::from(index) * u64::from(from) / u64::from(to)) as u32
 }
 
 fn developed(decoder: impl ImageDecoder) -> Result<RgbImage, ImageError> {
@@ -78,5 +100,14 @@ mod tests {
         let jpeg = picture.encode(Encoding::Jpeg).expect("encodes");
         assert_eq!(RgbImage::photo(&jpeg).expect("decodes").width_px(), 6);
         assert!(RgbImage::photo(&png[..40]).is_err() && RgbImage::photo(b"GIF89a").is_err());
+    }
+
+    #[test]
+    fn resizing_keeps_flat_colour_and_identity() {
+        let rgb = (0u32..20 * 10 * 3).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+        let image = RgbImage::new(20, 10, rgb).expect("the size fits");
+        assert_eq!(image.resized(20, 10), image);
+        let flat = RgbImage::filled(33, 7, [9, 8, 7]);
+        assert_eq!(flat.resized(16, 8), RgbImage::filled(16, 8, [9, 8, 7]));
     }
 }

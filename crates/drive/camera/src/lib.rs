@@ -21,6 +21,7 @@ mod surface;
 mod surroundings;
 mod texture;
 mod vehicle;
+mod world;
 
 #[cfg(test)]
 #[path = "../../layout/tests/scenes/street.rs"]
@@ -32,3 +33,4 @@ pub use ds_raster::PixelClass;
 pub use ds_world::{Condition, ConditionError, Lighting, RoadSurface, Weather};
 pub use plain::PlainCamera;
 pub use reference::{ReferenceCamera, Sampling};
+pub use world::{CameraWorld, ReferenceWorld, SceneCamera};

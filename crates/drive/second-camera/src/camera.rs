@@ -22,7 +22,7 @@ use crate::weather::{Ground, Picture};
 const RANGE_M: f64 = 150.0;
 
 /// Renders what a camera of the second world would see.
-pub struct AbroadCamera {
+pub struct SecondCamera {
     scene: Scene,
     layers: Vec<Layer>,
     stands: Vec<Stand>,
@@ -33,7 +33,7 @@ pub struct AbroadCamera {
     draw_seed: u64,
 }
 
-impl AbroadCamera {
+impl SecondCamera {
     /// Prepares a scene in a condition; the seed draws sun, amounts, colours and what stands beside the road.
     #[must_use]
     pub fn new(scene: &Scene, condition: Condition, seed: u64) -> Self {

@@ -1,8 +1,8 @@
 //! A second world, for evaluation only: what a model trained on the reference camera has never seen.
 //!
 //! Other bodies of cars, people, houses and trees, other materials, road styles, sky, sun, tone curve and camera
-//! rig; the same scenes and conditions. Nothing of it is shared with the reference camera but the rasteriser, so that
-//! agreement of results in both worlds is no accident of one renderer. Never used for training.
+//! rig; the same scenes and conditions. Nothing of it is shared with the reference camera but the rasteriser and the trait
+//! that both implement, so that agreement of results in both worlds is no accident of one renderer. Never used for training.
 
 mod body;
 mod camera;
@@ -16,5 +16,7 @@ mod sky;
 mod street;
 mod town;
 mod weather;
+mod world;
 
-pub use camera::AbroadCamera;
+pub use camera::SecondCamera;
+pub use world::SecondWorld;

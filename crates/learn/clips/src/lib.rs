@@ -19,7 +19,6 @@ mod render;
 mod set;
 mod shard;
 mod sheet;
-mod world;
 
 pub use clip::Clip;
 pub use drive::Drive;
@@ -34,4 +33,3 @@ pub use recipe::{AppearanceConfig, EditConfig, Generator, HookConfig, Recipe, Sc
 pub use render::{Progress, Rendered, render};
 pub use set::ClipSet;
 pub use sheet::contact_sheet;
-pub use world::Eye;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use ds_import::{Recorded, nuscenes, openscene};
+use ds_camera::SceneCamera;
 use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap};
 use ds_raster::RgbImage;
 use ds_scenario::{Facts, Warning};
@@ -17,7 +18,6 @@ use crate::index::{CameraInfo, ClipInfo, ConditionInfo};
 use crate::network::network_id;
 use crate::plan::{PlannedClip, ScenarioKey};
 use crate::recipe::{Recipe, Source};
-use crate::world::Eye;
 
 /// Returns the scenario of a key.
 ///
@@ -64,7 +64,7 @@ impl<'a> Studio<'a> {
             let rule = format!("{} has no camera {:?}", scene.name, wanted.unwrap_or("at all"));
             return Err(ClipsError::Recipe { field: "scenarios.camera", rule });
         };
-        let camera = Eye::rig(recipe.source, &scene.cameras[at], size);
+        let camera = recipe.source.world().rig(&resized(&scene.cameras[at], size));
         let photos = if at < pictures.len() { pictures.swap_remove(at) } else { Vec::new() };
         let map = StaticMap::new(&scene.map);
         Ok(Self { recipe, network: network_id(&scene.map), map, camera, scene, photos, warnings })
@@ -140,9 +140,9 @@ impl<'a> Studio<'a> {
 
     /// Renders frames and classes.
     fn shoot(&self, planned: &PlannedClip, worlds: &[WorldState], clip: &mut Clip) {
-        let camera = Eye::new(self.recipe.source, &self.scene, planned.appearance);
+        let camera = self.recipe.source.world().camera(&self.scene, &planned.appearance);
         for world in worlds {
-            clip.frames.push(self.picture(&camera, world));
+            clip.frames.push(self.picture(&*camera, world));
             if self.recipe.classes {
                 let pose = world.ego.pose.world_from_rig(0.0);
                 let classes = camera.classes(world, &self.camera, pose);
@@ -172,7 +172,7 @@ impl<'a> Studio<'a> {
         worlds.iter().map(|world| layout(world).map_err(refuse)).collect()
     }
 
-    fn picture(&self, camera: &Eye, world: &WorldState) -> RgbImage {
+    fn picture(&self, camera: &dyn SceneCamera, world: &WorldState) -> RgbImage {
         camera.render(world, &self.camera, world.ego.pose.world_from_rig(0.0))
     }
 
@@ -196,12 +196,16 @@ impl<'a> Studio<'a> {
         };
         let editor = self.recipe.edit.as_ref().and_then(|edit| edit.editor.as_ref());
         if let Some((editor, original)) = editor.zip(planned.edited.as_ref()) {
-            let camera = Eye::new(self.recipe.source, &self.scene, original.appearance);
-            clip.frames[0] = hook::edit(editor, &self.picture(&camera, first), &brief)?;
+            let camera = self.recipe.source.world().camera(&self.scene, &original.appearance);
+            clip.frames[0] = hook::edit(editor, &self.picture(&*camera, first), &brief)?;
         }
         if let Some(captioner) = &self.recipe.captioner {
             clip.prompt = hook::caption(captioner, &clip.frames[0], &brief)?;
         }
         Ok(())
     }
+}
+
+fn resized(camera: &CameraModel, (width_px, height_px): (u32, u32)) -> CameraModel {
+    CameraModel { intrinsics: camera.intrinsics.resized(width_px, height_px), ..camera.clone() }
 }

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use ds_camera::Condition;
+use ds_camera::{CameraWorld, Condition, ReferenceWorld};
+use ds_second_camera::SecondWorld;
 use ds_space::Digest;
 use ds_video::ModelConfig;
 use serde::{Deserialize, Serialize};
@@ -43,6 +44,15 @@ impl Source {
     #[must_use]
     pub fn is_photographed(self) -> bool {
         matches!(self, Self::Nuscenes | Self::Openscene)
+    }
+
+    /// Returns the world that frames are rendered in; photographs are not rendered, and the reference camera would show
+    /// their drive.
+    pub(crate) fn world(self) -> &'static dyn CameraWorld {
+        match self {
+            Self::Abroad => &SecondWorld,
+            Self::Reference | Self::Imported | Self::Nuscenes | Self::Openscene => &ReferenceWorld,
+        }
     }
 }
 

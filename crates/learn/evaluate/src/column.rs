@@ -3,51 +3,15 @@
 
 use std::sync::Arc;
 
-use ds_camera::{Appearance, Condition, Lighting, PixelClass, RoadSurface, Weather};
-use ds_perception::world::{CameraWorld, SceneCamera};
-use ds_raster::RgbImage;
-use ds_second_camera::AbroadCamera;
-use ds_space::{CameraModel, Draws, Pose, Rig, World};
-use ds_world::{Scene, WorldState};
+use ds_camera::{Appearance, CameraWorld, Condition, Lighting, RoadSurface, Weather};
+use ds_scenario::Family;
+use ds_space::Draws;
+use ds_world::Scene;
 
 use crate::Progress;
 use crate::config::EvalConfig;
 use crate::drive::Route;
 use crate::error::AppraisalError;
-
-/// The second world, with its own roads and rig.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct WorldB;
-
-struct Abroad(AbroadCamera);
-
-impl CameraWorld for WorldB {
-    fn name(&self) -> &'static str {
-        "B"
-    }
-
-    fn rig(&self, model: &CameraModel) -> CameraModel {
-        AbroadCamera::rig(model)
-    }
-
-    fn scenario(&self, first_seed: u64, index: u64) -> Scene {
-        ds_second_camera::roads::scene(first_seed + index)
-    }
-
-    fn camera(&self, scene: &Scene, look: &Appearance) -> Box<dyn SceneCamera> {
-        Box::new(Abroad(AbroadCamera::new(scene, look.condition.unwrap_or(Condition::DAY), look.palette_seed)))
-    }
-}
-
-impl SceneCamera for Abroad {
-    fn render(&self, world: &WorldState, model: &CameraModel, world_from_rig: Pose<World, Rig>) -> RgbImage {
-        self.0.render(world, model, world_from_rig)
-    }
-
-    fn classes(&self, world: &WorldState, model: &CameraModel, world_from_rig: Pose<World, Rig>) -> Vec<PixelClass> {
-        self.0.classes(world, model, world_from_rig)
-    }
-}
 
 /// Scenarios seen by a camera world.
 pub struct Column<'a> {
@@ -106,10 +70,18 @@ fn generated(config: &EvalConfig, world: &dyn CameraWorld) -> Result<Vec<(Arc<Sc
     ];
     let count = rollouts.into_iter().flatten().fold(columns.scenarios, u64::max);
     let scene = |index: u64| {
-        let scene = world.scenario(columns.first_seed, index);
+        let scene = scenario(world, columns.first_seed, index);
         Ok((Arc::new(scene), look(&columns.look, columns.first_seed + index)?))
     };
     (0..count).map(scene).collect()
+}
+
+/// Returns a scenario of a world, counted from a first seed; families take turns where it has no roads of its own.
+fn scenario(world: &dyn CameraWorld, first_seed: u64, index: u64) -> Scene {
+    world.own_scenario(first_seed + index).unwrap_or_else(|| {
+        let count = Family::ALL.len() as u64;
+        ds_scenario::generate(Family::ALL[(index % count) as usize], first_seed + index / count)
+    })
 }
 
 /// Returns the look of a generated scenario.

@@ -2,12 +2,11 @@
 
 use std::sync::Arc;
 
-use ds_camera::Appearance;
+use ds_camera::{Appearance, CameraWorld, SceneCamera};
 use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap};
 use ds_perception::Label;
 use ds_perception::label::Crosswalks;
 use ds_perception::lights::{self, SeenLight};
-use ds_perception::world::{CameraWorld, SceneCamera};
 use ds_raster::RgbImage;
 use ds_scenario::Facts;
 use ds_space::{CameraModel, Digest, Draws};

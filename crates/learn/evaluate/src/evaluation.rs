@@ -7,7 +7,7 @@ pub mod speed;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ds_perception::world::CameraWorld;
+use ds_camera::CameraWorld;
 
 use crate::Progress;
 use crate::arm::Arm;

@@ -3,7 +3,6 @@
 use ds_perception::overlap::Overlaps;
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter};
-use ds_video::pixels;
 
 use crate::arm::Arm;
 use crate::colour::{Colour, difference, psnr_db};
@@ -85,7 +84,7 @@ fn glance(
         overlaps.add(&truth, &eyes.segmenter.labels(seen));
         glance.pixels = Some(overlaps.0.map(|overlap| [overlap.both, overlap.either]));
         let lights = drive.lights(frame, &truth);
-        let values = pixels::to_values(&[seen]).into_values();
+        let values: Vec<f32> = seen.values().collect();
         let crop = |light| ds_perception::lights::crop(&values, seen.width_px() as usize, light);
         let read = eyes.lights.read(&lights.iter().map(crop).collect::<Vec<_>>());
         glance.lights = lights.iter().zip(read).map(|(light, read)| (light.distance_m, read == light.state)).collect();

@@ -7,11 +7,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use ds_camera::Appearance;
+use ds_camera::{Appearance, ReferenceWorld};
 use ds_evaluate::EvalConfig;
 use ds_evaluate::arm::Arm;
 use ds_evaluate::drive::{Drive, Route};
-use ds_perception::world::WorldA;
 use ds_raster::RgbImage;
 use ds_scenario::Family;
 use ds_space::DVec2;
@@ -112,7 +111,8 @@ fn removing_or_moving_a_vehicle_changes_the_frame_there() {
         if removed.full() && moved.full() {
             break;
         }
-        let mut drive = Drive::new(&WorldA, &route(Family::LeadBraking, seed, 20), arm.size_px()).expect("a drive");
+        let mut drive =
+            Drive::new(&ReferenceWorld, &route(Family::LeadBraking, seed, 20), arm.size_px()).expect("a drive");
         let ego = drive.world(0).ego.pose;
         let ahead = |agent: &ds_world::AgentState| {
             let local = ego.to_local(agent.pose.position);
@@ -150,9 +150,9 @@ fn removing_or_moving_lane_lines_changes_the_frame_there() {
             let mut scene = Scene::clone(&route.scene);
             edit(&mut scene);
             let route = Route { scene: Arc::new(scene), ..route.clone() };
-            layouts(&mut Drive::new(&WorldA, &route, arm.size_px()).expect("a drive"), |_| ())
+            layouts(&mut Drive::new(&ReferenceWorld, &route, arm.size_px()).expect("a drive"), |_| ())
         };
-        let drive = Drive::new(&WorldA, &route, arm.size_px()).expect("a drive");
+        let drive = Drive::new(&ReferenceWorld, &route, arm.size_px()).expect("a drive");
         let before = edited(&|_| ());
         let without = edited(&|scene| scene.map.line_markings.clear());
         let aside = edited(&|scene| {

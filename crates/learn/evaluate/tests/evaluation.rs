@@ -4,14 +4,14 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use ds_evaluate::column::WorldB;
+use ds_camera::ReferenceWorld;
 use ds_evaluate::evaluation::{Evaluation, Part};
 use ds_evaluate::outcome::Outcome;
 use ds_evaluate::{EvalConfig, Progress, report};
 use ds_nn::Weights;
 use ds_nn::safetensors::WeightsFile;
-use ds_perception::world::WorldA;
 use ds_perception::{Label, lights, look};
+use ds_second_camera::SecondWorld;
 use ds_space::Digest;
 use ds_video::{ModelConfig, VideoModel};
 
@@ -120,7 +120,7 @@ fn measure(config: &EvalConfig, outcome: &mut Outcome, parts: &[Part]) -> Count 
         ticks.set(ticks.get() + 0.5);
         ticks.get()
     };
-    let mut evaluation = Evaluation::open(config, &[&WorldA, &WorldB], &mut count).expect("opens");
+    let mut evaluation = Evaluation::open(config, &[&ReferenceWorld, &SecondWorld], &mut count).expect("opens");
     evaluation.measure(outcome, &parts.iter().copied().collect::<BTreeSet<_>>(), &seconds).expect("measures");
     count
 }

@@ -4,7 +4,7 @@
 //! activation, gate and residual fused in; attention never leaves its score tile; a 3×3 convolution is a product whose
 //! rows overlap in the image. Work is cut into blocks by shape alone and every row is computed in one order, so that
 //! results have the same bits for any number of threads. Parity with the framework's
-//! graph is held by the tests of `ds_backend`.
+//! graph is held by the tests of `ds_video`.
 
 mod arch;
 mod attention;

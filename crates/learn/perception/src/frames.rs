@@ -3,7 +3,7 @@
 //! Each scenario gives a few frames at drawn ticks; the states of its traffic lights are drawn too, so that all are
 //! seen alike often. Seeds are counted from a first one, so that no other training or measurement shares a scenario.
 
-use ds_camera::{Appearance, Condition};
+use ds_camera::{Appearance, Condition, ReferenceCamera};
 use ds_raster::RgbImage;
 use ds_scenario::Family;
 use ds_space::{DVec2, Draws, PoseSe2, Tick};
@@ -12,7 +12,6 @@ use rayon::prelude::*;
 use crate::error::PerceptionError;
 use crate::label::{Crosswalks, Label};
 use crate::lights::{self, SeenLight};
-use crate::world::CameraWorld;
 
 /// Scenario seeds of training frames begin here.
 pub const FIRST_TRAINING_SEED: u64 = 3_000_000;
@@ -70,23 +69,23 @@ pub struct Labelled {
     pub scenario: u64,
 }
 
-/// Renders frames of a world.
+/// Renders frames of the reference camera.
 ///
 /// # Errors
 /// If a scenario has no camera or its map cannot be rendered.
-pub fn render(world: &dyn CameraWorld, take: &Take) -> Result<Vec<Labelled>, PerceptionError> {
+pub fn render(take: &Take) -> Result<Vec<Labelled>, PerceptionError> {
     let all: Result<Vec<Vec<Labelled>>, _> =
-        (0..take.scenarios).into_par_iter().map(|index| scenario(world, take, index)).collect();
+        (0..take.scenarios).into_par_iter().map(|index| scenario(take, index)).collect();
     Ok(all?.into_iter().flatten().collect())
 }
 
-fn scenario(world: &dyn CameraWorld, take: &Take, index: u64) -> Result<Vec<Labelled>, PerceptionError> {
+fn scenario(take: &Take, index: u64) -> Result<Vec<Labelled>, PerceptionError> {
     let seed = take.first_seed + index;
     let draws = Draws::from_seed(seed, "labelled frames");
     let family = take.families[(index % take.families.len() as u64) as usize];
     let scene = ds_scenario::generate(family, seed);
     let look = take.looks.draw(index / take.families.len() as u64, &draws);
-    let camera = world.camera(&scene, &look);
+    let camera = ReferenceCamera::new(&scene, look);
     let refuse = |source| PerceptionError::Layout { scenario: scene.name.clone(), source };
     let mut crosswalks = Crosswalks::new(&scene.map).map_err(refuse)?;
     let model = scene.cameras.first().cloned();

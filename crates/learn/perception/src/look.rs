@@ -12,11 +12,10 @@ use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
 use ds_space::Digest;
-use ds_video::pixels;
 
 use crate::error::PerceptionError;
 use crate::label::Label;
-use crate::segmenter::highest;
+use crate::segmenter::{highest, values_of};
 
 /// The sizes that frames are brought to, in pixels: width and height.
 pub const SIZE_PX: (u32, u32) = (160, 96);
@@ -94,8 +93,8 @@ impl LookReader {
     /// Says what a frame looks like; a frame of another size is resized first.
     #[must_use]
     pub fn read(&self, frame: &RgbImage) -> Look {
-        let frame = pixels::resized(frame, SIZE_PX.0, SIZE_PX.1);
-        let Answer { features, scores } = self.network.answer(&pixels::to_values(&[&frame]));
+        let frame = frame.resized(SIZE_PX.0, SIZE_PX.1);
+        let Answer { features, scores } = self.network.answer(&values_of(&frame));
         let mut rest = scores.values();
         let axes = AXES.map(|count| {
             let (axis, later) = rest.split_at(count);
@@ -113,8 +112,8 @@ impl LookReader {
     #[must_use]
     pub fn distance(&self, a: &RgbImage, b: &RgbImage) -> f64 {
         let levels = |frame: &RgbImage| {
-            let frame = pixels::resized(frame, SIZE_PX.0, SIZE_PX.1);
-            self.network.levels(&pixels::to_values(&[&frame]))
+            let frame = frame.resized(SIZE_PX.0, SIZE_PX.1);
+            self.network.levels(&values_of(&frame))
         };
         let (a, b) = (levels(a), levels(b));
         let apart = |(a, b): (&Array, &Array)| {

@@ -5,11 +5,10 @@
 use std::path::Path;
 
 use ds_graph::segmenter;
-use ds_nn::Weights;
 use ds_nn::safetensors::WeightsFile;
+use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
 use ds_space::Digest;
-use ds_video::pixels;
 
 use crate::error::PerceptionError;
 use crate::label::Label;
@@ -49,9 +48,14 @@ impl Segmenter {
     /// If a side is no multiple of 16.
     #[must_use]
     pub fn labels(&self, frame: &RgbImage) -> Vec<Label> {
-        let scores = self.network.scores(&pixels::to_values(&[frame]));
+        let scores = self.network.scores(&values_of(frame));
         scores.values().chunks_exact(Label::COUNT).map(|scores| Label::ALL[highest(scores)]).collect()
     }
+}
+
+/// Returns what a network takes: [1, height, width, 3] values, −1 to 1.
+pub(crate) fn values_of(frame: &RgbImage) -> Array {
+    Array::new(&[1, frame.height_px() as usize, frame.width_px() as usize, 3], frame.values().collect())
 }
 
 /// Returns the index of the highest score, the first of equal ones.

@@ -9,7 +9,7 @@ use ds_space::Draws;
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "pixels are single precision")]
 pub fn softened(frame: &RgbImage, draws: &Draws) -> Vec<f32> {
-    let mut values: Vec<f32> = frame.rgb().iter().map(|byte| f32::from(*byte) * (1.0 / 127.5) - 1.0).collect();
+    let mut values: Vec<f32> = frame.values().collect();
     if draws.uniform(0) < 0.2 {
         return values;
     }

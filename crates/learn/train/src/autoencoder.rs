@@ -11,7 +11,7 @@ use ds_nn::tiny_ae::{AeShape, Memory};
 use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter, Draws};
-use ds_video::pixels;
+use ds_video::tokens;
 
 use crate::batch::{self, mean_step};
 use crate::checkpoint::{Member, Run};
@@ -75,8 +75,8 @@ fn batch(
     for (frames, layouts) in
         latent_steps(&clip.frames, shape.stride_t).iter().zip(latent_steps(&clip.layouts, shape.stride_t))
     {
-        folded.extend(pixels::fold(frames));
-        images.extend(pixels::to_values(frames).into_values());
+        folded.extend(tokens::fold(frames));
+        images.extend(tokens::stacked(frames).into_values());
         weights.extend(emphasis::of_pixels(&layouts, config.road_users));
     }
     let steps = folded.len() / (size.0 / 8 * (size.1 / 8) * shape.inputs());
@@ -98,7 +98,7 @@ fn batch(
 pub fn encode(ae: &dyn Autoencoder, shape: &AeShape, frames: &[RgbImage]) -> Array {
     let steps = latent_steps(frames, shape.stride_t);
     let (h, w) = (frames[0].height_px() as usize / 8, frames[0].width_px() as usize / 8);
-    let folded = steps.iter().flat_map(|step| pixels::fold(step)).collect();
+    let folded = steps.iter().flat_map(|step| tokens::fold(step)).collect();
     ae.encode(&Array::new(&[steps.len(), h, w, shape.inputs()], folded), &mut Memory::default())
 }
 
@@ -108,7 +108,7 @@ pub fn decode(ae: &dyn Autoencoder, shape: &AeShape, latents: &Array) -> Vec<Rgb
     let frames = ae.decode(latents, None, &mut Memory::default());
     let (height, width) = (frames.shape()[1], frames.shape()[2]);
     let images = frames.values().chunks_exact(height * width * 3).skip(shape.stride_t - 1);
-    images.map(|values| pixels::to_image(values, width as u32, height as u32)).collect()
+    images.map(|values| RgbImage::of_values(values, width as u32, height as u32)).collect()
 }
 
 /// Measures PSNR on drawn clips, writes a sheet, and stores mean and deviation of the latents.

@@ -4,7 +4,7 @@ use ds_nn::Array;
 use ds_nn::step::ClipBatch;
 use ds_raster::RgbImage;
 use ds_space::{Digest, Draws};
-use ds_video::{ModelConfig, pixels, prompt};
+use ds_video::{ModelConfig, prompt, tokens};
 
 /// What the frames of a clip are conditioned on.
 pub struct Condition<'a> {
@@ -25,7 +25,7 @@ impl Condition<'_> {
     #[must_use]
     pub fn batch(&self, config: &ModelConfig) -> ClipBatch {
         let ((h, w), n, z, frames) = (config.latent_size(), config.dit().tokens(), config.vae.z, self.layouts.len());
-        let layouts = self.layouts.iter().flat_map(|step| pixels::to_tokens(&pixels::fold(step), h, w)).collect();
+        let layouts = self.layouts.iter().flat_map(|step| tokens::to_tokens(&tokens::fold(step), h, w)).collect();
         let mut clean = self.clean.to_vec();
         clean.resize(frames * n * 4 * z, 0.0);
         ClipBatch {

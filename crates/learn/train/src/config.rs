@@ -7,11 +7,10 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use ds_backend::Backend;
 use ds_nn::Weights;
 use ds_nn::optimiser::{AdamWSettings, Schedule, Shape};
 use ds_nn::safetensors::WeightsFile;
-use ds_video::ModelConfig;
+use ds_video::{Backend, ModelConfig};
 use serde::{Deserialize, Serialize};
 
 use crate::error::TrainError;

@@ -9,7 +9,7 @@ use ds_clips::Clip;
 use ds_nn::step::DecoderBatch;
 use ds_nn::{Array, Weights};
 use ds_space::{Digest, DigestWriter, Draws};
-use ds_video::{ModelConfig, Rollout, VideoModel, pixels};
+use ds_video::{ModelConfig, Rollout, VideoModel, tokens};
 
 use crate::batch::mean_step;
 use crate::checkpoint::{Member, Run};
@@ -121,7 +121,7 @@ impl Source<'_> {
         entries.extend(rollout.generate(&clip.layouts[1..])?.committed);
         let frame = h * w * config.vae.z;
         let frames = entries.iter().flat_map(|entry| entry.clean.values.chunks_exact(frame));
-        let values: Vec<f32> = frames.flat_map(|tokens| pixels::from_tokens(tokens, h, w)).collect();
+        let values: Vec<f32> = frames.flat_map(|tokens| tokens::from_tokens(tokens, h, w)).collect();
         let latents = Array::new(&[values.len() / frame, h, w, config.vae.z], values);
         Ok((clip, self.model.denormalised(latents)))
     }
@@ -141,9 +141,9 @@ impl Source<'_> {
         let on = draws.uniform(3) >= LAYOUT_DROPOUT;
         let (mut layouts, mut frames, mut weights) = (Vec::new(), Vec::new(), Vec::new());
         for (step, layout) in latent_steps(&clip.frames, stride).iter().zip(latent_steps(&clip.layouts, stride)) {
-            frames.extend(pixels::to_values(step).into_values());
+            frames.extend(tokens::stacked(step).into_values());
             weights.extend(emphasis::of_pixels(&layout, self.config.road_users));
-            let layout = pixels::to_values(&layout).into_values();
+            let layout = tokens::stacked(&layout).into_values();
             if on { layouts.extend(layout) } else { layouts.resize(layouts.len() + layout.len(), 0.0) }
         }
         let images = latents.shape()[0] * stride;

@@ -9,7 +9,7 @@ use ds_nn::Array;
 use ds_nn::tiny_ae::Memory;
 use ds_raster::RgbImage;
 use ds_space::Digest;
-use ds_video::{ModelConfig, VideoModel, pixels};
+use ds_video::{ModelConfig, VideoModel, tokens};
 
 use crate::condition::Condition;
 use crate::condition::noise;
@@ -47,12 +47,12 @@ pub fn first_frame(config: &ModelConfig, weights: &Path, request: &Request<'_>) 
     let batch = condition.batch(config);
     let noise = noise(&request.key, "first frame", &[], &[1, 1, n, 4, z]);
     let sampled = teacher.sample(&batch, &noise, request.steps, Guidance::by(request.guidance), &mut |_, _| ());
-    let latents = Array::new(&[1, h, w, z], pixels::from_tokens(sampled.values(), h, w));
-    let guide = (config.control.decoder_layers > 0).then(|| pixels::to_values(&still));
+    let latents = Array::new(&[1, h, w, z], tokens::from_tokens(sampled.values(), h, w));
+    let guide = (config.control.decoder_layers > 0).then(|| tokens::stacked(&still));
     let frames = model.autoencoder().decode(&model.denormalised(latents), guide.as_ref(), &mut Memory::default());
     if !frames.is_finite() {
         return Err(TrainError::NotFinite { what: "first frame" });
     }
     let last = frames.values().len() / stride * (stride - 1);
-    Ok(pixels::to_image(&frames.values()[last..], config.video.width_px, config.video.height_px))
+    Ok(RgbImage::of_values(&frames.values()[last..], config.video.width_px, config.video.height_px))
 }

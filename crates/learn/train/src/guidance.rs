@@ -11,10 +11,9 @@
 //! leaves the rest to the plain network (Kynkäänniemi et al. 2024, "Applying Guidance in a Limited Interval Improves Sample
 //! and Distribution Quality in Diffusion Models").
 
-use ds_backend::{Backend, WholeClips};
 use ds_nn::step::ClipBatch;
 use ds_nn::{Array, Weights, WeightsError};
-use ds_video::{ModelConfig, sampler};
+use ds_video::{Backend, ModelConfig, WholeClips, sampler};
 
 use crate::config::Dropout;
 

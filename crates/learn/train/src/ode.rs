@@ -4,13 +4,12 @@
 //! each seeing earlier context within window and sink (video-model.md 3.3). States and ends come from the teacher's
 //! guided trajectories, or from clips with noise (diffusion forcing at the sampler's own levels).
 
-use ds_backend::Backend;
 use ds_nn::Array;
 use ds_nn::dit::DitShape;
 use ds_nn::step::{CausalPlan, ClipBatch, Level, Step};
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::sampling::cache_level;
-use ds_video::{CacheSource, ModelConfig, sampler};
+use ds_video::{Backend, CacheSource, ModelConfig, sampler};
 
 use crate::batch::mean_step;
 use crate::checkpoint::{Member, Run};

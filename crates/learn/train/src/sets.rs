@@ -12,7 +12,7 @@ use ds_nn::tiny_ae::AeShape;
 use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter, Draws};
-use ds_video::{ModelConfig, pixels};
+use ds_video::{ModelConfig, tokens};
 
 use crate::condition::{Condition, latent_steps};
 use crate::config::TrainConfig;
@@ -54,14 +54,14 @@ impl Encoder {
             let statistics = self.mean.iter().zip(&self.std);
             pixel.iter_mut().zip(statistics).for_each(|(value, (mean, std))| *value = (*value - mean) / std);
         }
-        values.chunks_exact(h * w * self.shape.z).flat_map(|frame| pixels::to_tokens(frame, h, w)).collect()
+        values.chunks_exact(h * w * self.shape.z).flat_map(|frame| tokens::to_tokens(frame, h, w)).collect()
     }
 
     /// Decodes the latents of a whole drive, as [`Self::encode`] gives them.
     pub(crate) fn decode(&self, latents: &[f32], (h, w): (usize, usize)) -> Vec<RgbImage> {
         let z = self.shape.z;
         let frames = latents.chunks_exact(h * w * z);
-        let mut values: Vec<f32> = frames.flat_map(|frame| pixels::from_tokens(frame, h, w)).collect();
+        let mut values: Vec<f32> = frames.flat_map(|frame| tokens::from_tokens(frame, h, w)).collect();
         for pixel in values.chunks_exact_mut(z) {
             let statistics = self.mean.iter().zip(&self.std);
             pixel.iter_mut().zip(statistics).for_each(|(value, (mean, std))| *value = *value * std + mean);
@@ -185,7 +185,7 @@ impl Sets {
         };
         let (h, w) = self.model.latent_size();
         let emphasis =
-            steps.iter().flat_map(|step| pixels::to_tokens(&emphasis::of_latents(step, self.road_users), h, w));
+            steps.iter().flat_map(|step| tokens::to_tokens(&emphasis::of_latents(step, self.road_users), h, w));
         let emphasis: Vec<f32> = emphasis.collect();
         let known =
             &latents[(span.from * frame).min(latents.len())..((span.from + span.count) * frame).min(latents.len())];

@@ -9,14 +9,13 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use ds_backend::Backend;
 use ds_kernel::peak::Yardstick;
 use ds_nn::Array;
 use ds_nn::tiny_ae::Memory;
 use ds_nn::work;
 use ds_raster::RgbImage;
 use ds_space::Digest;
-use ds_video::{Denoising, ModelConfig, Rollout, VideoModel, sampler};
+use ds_video::{Backend, Denoising, ModelConfig, Rollout, VideoModel, sampler};
 
 const ROUNDS: usize = 5;
 const LEAST_MS: u128 = 40;

@@ -13,7 +13,7 @@ use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter};
 
 use crate::config::ModelConfig;
-use crate::pixels;
+use crate::tokens;
 
 /// An autoencoder and the statistics of its latents, per channel.
 pub(crate) struct Codec {
@@ -84,13 +84,13 @@ impl Codec {
         match &self.coder {
             Coder::Own(autoencoder) => {
                 let (h, w) = config.latent_size();
-                let folded = pixels::fold(&vec![frame; config.vae.stride_t]);
+                let folded = tokens::fold(&vec![frame; config.vae.stride_t]);
                 let mut memory = Memory::default();
                 let latent = autoencoder.encode(&Array::new(&[1, h, w, config.ae().inputs()], folded), &mut memory);
                 (self.normalised(latent), memory.digest())
             }
             Coder::Wan { vae, .. } => {
-                let latent = self.normalised(vae.encode(&pixels::to_values(&[frame]), &mut WanMemory::default()));
+                let latent = self.normalised(vae.encode(&tokens::stacked(&[frame]), &mut WanMemory::default()));
                 let digest = latent.digest();
                 (latent, digest)
             }
@@ -114,14 +114,14 @@ impl Codec {
                     [single] => vec![vec![*single; config.vae.stride_t]],
                     many => many.chunks(config.vae.stride_t).map(<[&RgbImage]>::to_vec).collect(),
                 };
-                let tokens = |step: &Vec<&RgbImage>| pixels::to_tokens(&pixels::fold(step), h, w);
+                let tokens = |step: &Vec<&RgbImage>| tokens::to_tokens(&tokens::fold(step), h, w);
                 let values = steps.iter().flat_map(tokens).collect();
                 dit.control(&Array::new(&[1, steps.len() * n, 4, config.ae().inputs()], values))
             }
             Coder::Wan { .. } if config.control.channels == 0 => dit.control_of(&Array::zeros(&[steps, n, 4, 0])),
             Coder::Wan { vae, .. } => {
-                let latents = self.normalised(vae.encode(&pixels::to_values(layouts), &mut memory.0));
-                dit.control_of(&pixels::latents_to_tokens(&latents))
+                let latents = self.normalised(vae.encode(&tokens::stacked(layouts), &mut memory.0));
+                dit.control_of(&tokens::latents_to_tokens(&latents))
             }
         }
     }

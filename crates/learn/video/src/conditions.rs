@@ -12,7 +12,7 @@ use ds_raster::RgbImage;
 
 use crate::config::DitConfig;
 use crate::error::VideoError;
-use crate::{pixels, prompt, sampler};
+use crate::{prompt, sampler};
 
 /// The encoders of prompt and first frame.
 pub(crate) enum Conditions {
@@ -58,7 +58,6 @@ impl Conditions {
 
 /// Turns an image into [rows, columns, 3] values of 0 to 1.
 fn unit(image: &RgbImage) -> Array {
-    let values = pixels::to_values(&[image]);
-    let shape = values.shape()[1..].to_vec();
-    Array::new(&shape, values.into_values().into_iter().map(|value| (value + 1.0) * 0.5).collect())
+    let shape = [image.height_px() as usize, image.width_px() as usize, 3];
+    Array::new(&shape, image.values().map(|value| (value + 1.0) * 0.5).collect())
 }

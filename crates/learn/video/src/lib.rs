@@ -4,6 +4,7 @@
 //! episode: a cache of early-timestep keys and values with a permanent sink, and the memory of the streaming decoder.
 //! Everything is a pure function of weights, draw key, prompt, first frame and layouts; no clock, no files but weights.
 
+mod backend;
 mod codec;
 mod conditions;
 pub mod config;
@@ -11,7 +12,6 @@ mod denoising;
 mod entry;
 mod error;
 mod model;
-pub mod pixels;
 pub mod prompt;
 mod published;
 mod rollout;
@@ -19,10 +19,10 @@ pub mod sampler;
 pub mod sampling;
 #[cfg(test)]
 mod tests;
+pub mod tokens;
 pub mod workload;
 
-pub use ds_backend::Backend;
-
+pub use backend::{Backend, WholeClips};
 pub use denoising::Denoising;
 
 pub use config::{CacheSource, ConfigError, ModelConfig};

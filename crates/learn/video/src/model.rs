@@ -6,12 +6,12 @@
 
 use std::path::Path;
 
-use ds_backend::Backend;
 use ds_nn::body::{Autoencoder, Transformer};
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Declared, Initial, Weights, WeightsError};
 use ds_space::{Digest, DigestWriter};
 
+use crate::backend::Backend;
 use crate::codec::Codec;
 use crate::conditions::Conditions;
 use crate::config::ModelConfig;

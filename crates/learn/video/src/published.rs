@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use ds_backend::Backend;
 use ds_graph::clip::Clip;
 use ds_graph::dit::Dit;
 use ds_graph::tae::{self, Tae};
@@ -14,6 +13,7 @@ use ds_nn::checkpoint::{Checkpoint, CheckpointError, Finite, Naming};
 use ds_nn::sentencepiece::Tokeniser;
 use ds_space::{Digest, DigestWriter};
 
+use crate::backend::Backend;
 use crate::codec::Codec;
 use crate::conditions::{Conditions, PromptEncoder};
 use crate::config::{ConfigError, ModelConfig};

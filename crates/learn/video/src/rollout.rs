@@ -19,7 +19,7 @@ use crate::entry::{CacheEntry, Latent};
 use crate::error::VideoError;
 use crate::model::VideoModel;
 use crate::sampling::{self, Sampled, Sampling};
-use crate::{pixels, sampler};
+use crate::{sampler, tokens};
 
 /// What a call of [`Rollout::generate`] gives.
 #[derive(Debug, Clone)]
@@ -110,10 +110,10 @@ impl Rollout {
         first_frame: &RgbImage,
     ) -> Result<(Self, Array), VideoError> {
         let config = model.config();
-        let first_frame = pixels::resized(first_frame, config.video.width_px, config.video.height_px);
+        let first_frame = first_frame.resized(config.video.width_px, config.video.height_px);
         let (n, z) = (config.dit().tokens(), config.vae.z);
         let (latent, encoder_digest) = model.codec.encode_first(config, &first_frame);
-        let clean = pixels::latents_to_tokens(&latent);
+        let clean = tokens::latents_to_tokens(&latent);
         let start = match config.model.start {
             StartConfig::First | StartConfig::None => Array::zeros(&[config.causal.chunk, n, 4, z]),
             StartConfig::Every => {
@@ -336,7 +336,7 @@ impl Rollout {
     /// Brings layouts to the model's video size.
     fn sized(&self, layouts: &[RgbImage]) -> Vec<RgbImage> {
         let video = &self.model.config().video;
-        layouts.iter().map(|layout| pixels::resized(layout, video.width_px, video.height_px)).collect()
+        layouts.iter().map(|layout| layout.resized(video.width_px, video.height_px)).collect()
     }
 
     /// Denoises the chunk under way.
@@ -364,15 +364,15 @@ impl Rollout {
         let config = self.model.config();
         let (h, w) = config.latent_size();
         let guide = (config.control.decoder_layers > 0 && !layouts.is_empty())
-            .then(|| pixels::to_values(&self.sized(layouts).iter().collect::<Vec<_>>()));
-        let latents = pixels::tokens_to_latents(clean, h, w);
+            .then(|| tokens::stacked(&self.sized(layouts).iter().collect::<Vec<_>>()));
+        let latents = tokens::tokens_to_latents(clean, h, w);
         let decoded = self.model.codec.decode(latents, guide.as_ref(), &mut self.decoder);
         if !decoded.is_finite() {
             return Err(VideoError::NotFinite { chunk: self.chunk });
         }
         let (width, height) = (config.video.width_px, config.video.height_px);
         let images = decoded.values().chunks_exact(width as usize * height as usize * 3);
-        Ok(images.map(|values| pixels::to_image(values, width, height)).collect())
+        Ok(images.map(|values| RgbImage::of_values(values, width, height)).collect())
     }
 
     fn commit(&mut self, made: Sampled, control: &Control) -> CacheEntry {

@@ -4,7 +4,6 @@
 //! goes through the autoencoder, a chunk of layouts is encoded. Values mean nothing, sizes and order are those of a
 //! drive. No clock here.
 
-use ds_backend::Backend;
 use ds_graph::device::{self, Product};
 use ds_graph::tae;
 use ds_graph::wan_vae::WanVaeShape;
@@ -15,11 +14,12 @@ use ds_nn::work;
 use ds_raster::RgbImage;
 use ds_space::{Digest, Draws};
 
+use crate::backend::Backend;
 use crate::codec::{DecoderMemory, LayoutMemory};
 use crate::config::{CacheSource, ModelConfig};
 use crate::error::VideoError;
 use crate::model::VideoModel;
-use crate::{pixels, sampler};
+use crate::{sampler, tokens};
 
 /// Floating-point operations of a chunk.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,7 +59,7 @@ impl Workload {
         let model = VideoModel::drawn(backend, config)?;
         let frame = RgbImage::filled(config.video.width_px, config.video.height_px, [128; 3]);
         let (first, _) = model.codec.encode_first(config, &frame);
-        let tokens = pixels::latents_to_tokens(&first);
+        let tokens = tokens::latents_to_tokens(&first);
         let context = model.conditions.context(&*model.dit, &config.model, "a prompt", (&frame, &tokens))?;
         let clean = Array::zeros(&[config.causal.chunk, config.dit().tokens(), 4, config.vae.z]);
         let (cache, decoder) = (KvCache::new(config.cache()), DecoderMemory::default());

@@ -5,14 +5,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
-use ds_camera::Appearance;
-use ds_evaluate::column::WorldB;
+use ds_camera::{Appearance, ReferenceWorld};
 use ds_evaluate::drive::{Drive, Route};
 use ds_evaluate::evaluation::{Evaluation, Part};
 use ds_evaluate::outcome::Outcome;
 use ds_evaluate::{EvalConfig, Progress, report};
-use ds_perception::world::WorldA;
 use ds_raster::Encoding;
+use ds_second_camera::SecondWorld;
 use ds_space::Draws;
 use ds_train::first_frame::{self, Request};
 use ds_video::ModelConfig;
@@ -55,7 +54,7 @@ fn first_frame(args: &FirstFrameArgs) -> Result<()> {
     ensure!(args.weights.exists(), "there are no weights {weights}: `just arms` makes a teacher's (docs/training.md)");
     let preset = ModelConfig::load(&args.model).with_context(|| format!("model {}", args.model.display()))?;
     let route = Route { scene: Arc::new(scene), start: 0, pace: 1.0, look: Appearance::DAY };
-    let mut drive = Drive::new(&WorldA, &route, (preset.video.width_px, preset.video.height_px))?;
+    let mut drive = Drive::new(&ReferenceWorld, &route, (preset.video.width_px, preset.video.height_px))?;
     let layout = drive.layout(0)?;
     let prompt = args.prompt.as_deref().unwrap_or(&drive.prompt);
     let request = Request {
@@ -95,7 +94,7 @@ fn eval(args: &VideoEvalArgs) -> Result<()> {
     let mut progress = Bar(bar(0, "rollouts"));
     for part in parts {
         // A part that is done is written, so that an interruption loses no more than the one under way.
-        let mut evaluation = Evaluation::open(&config, &[&WorldA, &WorldB], &mut progress)?;
+        let mut evaluation = Evaluation::open(&config, &[&ReferenceWorld, &SecondWorld], &mut progress)?;
         evaluation.measure(&mut outcome, &BTreeSet::from([part]), &seconds)?;
         report::write(&outcome, &config)?;
     }

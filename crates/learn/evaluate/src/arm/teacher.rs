@@ -7,7 +7,7 @@ use ds_nn::tiny_ae::Memory;
 use ds_raster::RgbImage;
 use ds_train::condition::{Condition, latent_steps, noise};
 use ds_train::guidance::{Guidance, Teacher};
-use ds_video::{VideoModel, pixels};
+use ds_video::{VideoModel, tokens};
 
 use crate::drive::Drive;
 
@@ -53,11 +53,11 @@ pub(super) fn clip(
     if !(layouts.len() - 1).is_multiple_of(stride) || layouts.len() < 1 + stride {
         return Err(TeacherError::Frames { stride, frames: layouts.len() });
     }
-    let folded = pixels::fold(&vec![first; stride]);
+    let folded = tokens::fold(&vec![first; stride]);
     let encoded =
         model.autoencoder().encode(&Array::new(&[1, h, w, config.ae().inputs()], folded), &mut Memory::default());
     let encoded = model.normalised(encoded);
-    let start = Array::new(&[1, n, 4, z], pixels::to_tokens(encoded.values(), h, w));
+    let start = Array::new(&[1, n, 4, z], tokens::to_tokens(encoded.values(), h, w));
     let layout_steps = latent_steps(layouts, stride);
     let mut made = start.values().to_vec();
     let per_window = sampling.window.max(2) - 1;
@@ -94,15 +94,15 @@ fn decode(
     let latent = h * w * z;
     let (mut memory, mut frames) = (Memory::default(), Vec::new());
     for ((index, step), tokens) in layouts.iter().enumerate().zip(latents.chunks_exact(latent)) {
-        let latents = model.denormalised(Array::new(&[1, h, w, z], pixels::from_tokens(tokens, h, w)));
-        let guide = (config.control.decoder_layers > 0 && index > 0 && shown).then(|| pixels::to_values(step));
+        let latents = model.denormalised(Array::new(&[1, h, w, z], tokens::from_tokens(tokens, h, w)));
+        let guide = (config.control.decoder_layers > 0 && index > 0 && shown).then(|| tokens::stacked(step));
         let decoded = model.autoencoder().decode(&latents, guide.as_ref(), &mut memory);
         if !decoded.is_finite() {
             return Err(TeacherError::NotFinite);
         }
         if index > 0 {
             let images = decoded.values().chunks_exact(width as usize * height as usize * 3).take(stride);
-            frames.extend(images.map(|values| pixels::to_image(values, width, height)));
+            frames.extend(images.map(|values| RgbImage::of_values(values, width, height)));
         }
     }
     Ok(frames)

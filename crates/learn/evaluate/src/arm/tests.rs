@@ -2,9 +2,8 @@
 
 use std::path::Path;
 
-use ds_camera::Appearance;
+use ds_camera::{Appearance, ReferenceWorld};
 use ds_nn::safetensors::WeightsFile;
-use ds_perception::world::WorldA;
 use ds_scenario::Family;
 
 use super::*;
@@ -62,7 +61,7 @@ fn config(folder: &Path) -> EvalConfig {
 fn drive() -> Drive {
     let scene = Arc::new(ds_scenario::generate(Family::LeadBraking, 1));
     let route = Route { scene, start: 0, pace: 1.0, look: Appearance::DAY };
-    Drive::new(&WorldA, &route, (64, 32)).expect("a drive")
+    Drive::new(&ReferenceWorld, &route, (64, 32)).expect("a drive")
 }
 
 #[test]

@@ -4,10 +4,9 @@
 use std::hint::black_box;
 use std::sync::Arc;
 
-use ds_camera::Appearance;
+use ds_camera::{Appearance, ReferenceWorld};
 use ds_kernel::peak::Yardstick;
 use ds_nn::safetensors::WeightsFile;
-use ds_perception::world::WorldA;
 use ds_raster::RgbImage;
 use ds_space::Digest;
 use ds_video::{Denoising, ModelConfig, Rollout, VideoError, VideoModel};
@@ -49,7 +48,7 @@ pub fn measure(
     let scene = ds_scenario::generate(ds_scenario::Family::LeadBraking, config.columns.first_seed + 1);
     let model = Arc::new(model);
     let route = Route { scene: Arc::new(scene), start: 0, pace: 1.0, look: Appearance::DAY };
-    let mut drive = Drive::new(&WorldA, &route, size_px)?;
+    let mut drive = Drive::new(&ReferenceWorld, &route, size_px)?;
     let refuse = |source: VideoError| AppraisalError::Rollout {
         arm: "speed".to_owned(),
         drive: drive_name(&route),

@@ -16,7 +16,6 @@ use crate::error::PerceptionError;
 use crate::frames::{self, Labelled};
 use crate::lights::{CROP_PX, LightReader, SHAPE, STATES, SeenLight, crop};
 use crate::soften::softened;
-use crate::world::WorldA;
 
 /// Families whose junctions have lights.
 pub const FAMILIES: [Family; 1] = [Family::SignalisedCrossing];
@@ -51,7 +50,7 @@ pub fn train(recipe: &Recipe, work: Option<&Path>, progress: &mut dyn Progress) 
     let mut run = Run::open(path, &key, recipe.lights.schedule(), &SHAPE.declare())?;
     if run.unfinished() {
         progress.note("rendering frames");
-        let frames = frames::render(&WorldA, &recipe.training(&FAMILIES, recipe.lights.scenarios))?;
+        let frames = frames::render(&recipe.training(&FAMILIES, recipe.lights.scenarios))?;
         let seen: Vec<(&Labelled, &SeenLight)> =
             frames.iter().flat_map(|frame| frame.lights.iter().map(move |light| (frame, light))).collect();
         progress.note(&format!("{} frames rendered, with {} lights", frames.len(), seen.len()));
@@ -82,10 +81,10 @@ pub fn train(recipe: &Recipe, work: Option<&Path>, progress: &mut dyn Progress) 
 /// # Errors
 /// If frames cannot be rendered.
 pub fn held_out(recipe: &Recipe, reader: &LightReader) -> Result<Vec<Reading>, PerceptionError> {
-    let frames = frames::render(&WorldA, &recipe.held_out(&FAMILIES))?;
+    let frames = frames::render(&recipe.held_out(&FAMILIES))?;
     let mut readings = Vec::new();
     for (index, frame) in (0..).zip(&frames) {
-        let sharp = ds_video::pixels::to_values(&[&frame.image]).into_values();
+        let sharp: Vec<f32> = frame.image.values().collect();
         let soft = softened(&frame.image, &Draws::from_seed(index, "held-out softness"));
         for values in [sharp, soft] {
             let crops: Vec<Vec<f32>> =

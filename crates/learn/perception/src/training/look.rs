@@ -8,9 +8,9 @@ use std::path::Path;
 use ds_graph::classifier;
 use ds_nn::Array;
 use ds_nn::safetensors::WeightsFile;
+use ds_raster::RgbImage;
 use ds_scenario::Family;
 use ds_space::{DigestWriter, Draws};
-use ds_video::pixels;
 use serde_json::json;
 
 use super::run::Run;
@@ -20,7 +20,6 @@ use crate::frames::{self, Labelled, Looks};
 use crate::label::Label;
 use crate::look::{AXES, CELLS, LookReader, SHAPE, SIZE_PX, SOFTNESS, indices, shares};
 use crate::soften::softened;
-use crate::world::WorldA;
 
 /// Weight of the labels of all cells together, that of an axis being 1.
 const CELLS_WEIGHT: f32 = 1.0;
@@ -54,7 +53,7 @@ pub fn train(recipe: &Recipe, work: Option<&Path>, progress: &mut dyn Progress) 
     if run.unfinished() {
         progress.note("rendering frames");
         let take = recipe.training(&Family::ALL, recipe.look.scenarios);
-        let frames = frames::render(&WorldA, &frames::Take { looks: Looks::Conditions, size_px: SIZE_PX, ..take })?;
+        let frames = frames::render(&frames::Take { looks: Looks::Conditions, size_px: SIZE_PX, ..take })?;
         progress.note(&format!("{} frames rendered", frames.len()));
         while run.unfinished() {
             let (mut values, mut tasks) = (Vec::new(), Vec::new());
@@ -83,12 +82,12 @@ pub fn train(recipe: &Recipe, work: Option<&Path>, progress: &mut dyn Progress) 
 /// If frames cannot be rendered.
 pub fn held_out(recipe: &Recipe, reader: &LookReader) -> Result<([f64; 3], [f64; 3]), PerceptionError> {
     let take = frames::Take { looks: Looks::Conditions, size_px: SIZE_PX, ..recipe.held_out(&Family::ALL) };
-    let frames = frames::render(&WorldA, &take)?;
+    let frames = frames::render(&take)?;
     let (mut sharp, mut soft) = ([0.0; 3], [0.0; 3]);
     for (index, frame) in (0..).zip(&frames) {
         let truth = truth(frame);
         let values = softened(&frame.image, &Draws::from_seed(index, "held-out softness"));
-        let image = pixels::to_image(&values, SIZE_PX.0, SIZE_PX.1);
+        let image = RgbImage::of_values(&values, SIZE_PX.0, SIZE_PX.1);
         for (right, image) in [(&mut sharp, &frame.image), (&mut soft, &image)] {
             let look = reader.read(image);
             for (axis, right) in right.iter_mut().enumerate() {
@@ -108,10 +107,10 @@ fn example(frame: &Labelled, draws: &Draws) -> (Vec<f32>, Task) {
     let (width, softness) = (SIZE_PX.0 as usize, draws.below(1_001, SOFTNESS as u64));
     let mut labels = frame.labels.clone();
     let mut image = match softness {
-        0 => pixels::to_values(&[&frame.image]).into_values(),
+        0 => frame.image.values().collect(),
         1 => softened(&frame.image, draws),
         _ => {
-            let once = pixels::to_image(&softened(&frame.image, draws), SIZE_PX.0, SIZE_PX.1);
+            let once = RgbImage::of_values(&softened(&frame.image, draws), SIZE_PX.0, SIZE_PX.1);
             softened(&once, &Draws::from_seed(draws.u64(1_002), "softened twice"))
         }
     };

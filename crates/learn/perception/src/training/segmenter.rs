@@ -9,9 +9,9 @@ use std::path::Path;
 use ds_graph::segmenter;
 use ds_nn::Array;
 use ds_nn::safetensors::WeightsFile;
+use ds_raster::RgbImage;
 use ds_scenario::Family;
 use ds_space::{Digest, DigestWriter, Draws};
-use ds_video::pixels;
 use serde_json::json;
 
 use super::run::Run;
@@ -22,7 +22,6 @@ use crate::label::Label;
 use crate::overlap::Overlaps;
 use crate::segmenter::Segmenter;
 use crate::soften::softened;
-use crate::world::WorldA;
 
 /// How much a pixel of each label counts in the cross-entropy.
 const LABEL_WEIGHTS: [f32; Label::COUNT] = [0.8, 2.0, 1.5, 2.5, 5.0, 0.8, 0.5];
@@ -56,7 +55,7 @@ pub fn train(recipe: &Recipe, work: Option<&Path>, progress: &mut dyn Progress) 
     let mut run = Run::open(path, &key, recipe.segmenter.schedule(), &segmenter::declare(Label::COUNT))?;
     if run.unfinished() {
         progress.note("rendering frames");
-        let frames = frames::render(&WorldA, &recipe.training(&Family::ALL, recipe.segmenter.scenarios))?;
+        let frames = frames::render(&recipe.training(&Family::ALL, recipe.segmenter.scenarios))?;
         let shelves = Shelves::of(&frames);
         progress.note(&format!("{} frames rendered, {}", frames.len(), shelves.describe()));
         while run.unfinished() {
@@ -78,7 +77,7 @@ pub fn train(recipe: &Recipe, work: Option<&Path>, progress: &mut dyn Progress) 
 /// If frames cannot be rendered.
 pub fn held_out(recipe: &Recipe, segmenter: &Segmenter) -> Result<(Overlaps, Overlaps), PerceptionError> {
     let (mut sharp, mut soft) = (Overlaps::default(), Overlaps::default());
-    let frames = frames::render(&WorldA, &recipe.held_out(&Family::ALL))?;
+    let frames = frames::render(&recipe.held_out(&Family::ALL))?;
     for (index, frame) in (0..).zip(&frames) {
         if covered(frame) {
             continue;
@@ -86,7 +85,7 @@ pub fn held_out(recipe: &Recipe, segmenter: &Segmenter) -> Result<(Overlaps, Ove
         sharp.add(&frame.labels, &segmenter.labels(&frame.image));
         let (width, height) = (frame.image.width_px(), frame.image.height_px());
         let values = softened(&frame.image, &Draws::from_seed(index, "held-out softness"));
-        soft.add(&frame.labels, &segmenter.labels(&pixels::to_image(&values, width, height)));
+        soft.add(&frame.labels, &segmenter.labels(&RgbImage::of_values(&values, width, height)));
     }
     Ok((sharp, soft))
 }

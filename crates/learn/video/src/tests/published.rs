@@ -9,7 +9,7 @@ use ds_nn::Declared;
 use ds_nn::safetensors::WeightsFile;
 
 use super::*;
-use crate::pixels;
+use crate::tokens;
 
 const WAN: &str = include_str!("../../../../../configs/models/wan-smoke.toml");
 const CHUNK: u32 = 12;
@@ -185,16 +185,16 @@ fn a_rollout_encodes_and_decodes_as_a_whole_clip() {
     let shape = config.wan_vae().expect("published");
     let weights = Weights::initialised(&shape.declare(), &Digest::of(b"published"));
     let vae = WanVae::new(&shape, &weights).expect("fits");
-    let video: Vec<RgbImage> = layouts(0..37).iter().map(|layout| pixels::resized(layout, 32, 16)).collect();
-    let whole = vae.encode(&pixels::to_values(&video.iter().collect::<Vec<_>>()), &mut WanMemory::default());
-    let control = pixels::latents_to_tokens(&model.normalised(whole));
+    let video: Vec<RgbImage> = layouts(0..37).iter().map(|layout| layout.resized(32, 16)).collect();
+    let whole = vae.encode(&tokens::stacked(&video.iter().collect::<Vec<_>>()), &mut WanMemory::default());
+    let control = tokens::latents_to_tokens(&model.normalised(whole));
     assert!(difference(control.values(), &joined(|entry| &entry.control)) < 1e-4);
     let clean = Array::new(&[10, 2, 4, 16], joined(|entry| &entry.clean));
-    let latents = model.denormalised(pixels::tokens_to_latents(&clean, 2, 4));
+    let latents = model.denormalised(tokens::tokens_to_latents(&clean, 2, 4));
     let decoded = vae.decode(&latents, &mut WanMemory::default());
     let frames: Vec<RgbImage> = decoded.values()[16 * 32 * 3..]
         .chunks_exact(16 * 32 * 3)
-        .map(|values| pixels::to_image(values, 32, 16))
+        .map(|values| RgbImage::of_values(values, 32, 16))
         .collect();
     let pairs = frames.iter().zip(&generated.frames).flat_map(|(a, b)| a.rgb().iter().zip(b.rgb()));
     assert!(frames.len() == 36 && pairs.into_iter().all(|(a, b)| a.abs_diff(*b) <= 1));

@@ -2,7 +2,6 @@
 
 use std::ops::Range;
 
-use ds_backend::Backend;
 use ds_graph::step;
 use ds_kernel::{FastAe, FastDit, FastTeacher};
 use ds_nn::array::{Array, Weights};
@@ -11,6 +10,7 @@ use ds_nn::cache::{CachePolicy, KvCache, Positions, ReadOrder};
 use ds_nn::dit::DitShape;
 use ds_nn::step::{CausalPlan, Level, Prediction};
 use ds_nn::tiny_ae::{AeShape, Memory};
+use ds_video::Backend;
 
 #[path = "made/clips.rs"]
 mod made;

@@ -1,5 +1,5 @@
 //! Milliseconds and GFLOP/s of training steps of the transformer, the framework's beside the processor's path and the
-//! matrix product of the `gemm` crate: `cargo bench -p ds-backend`, or `cargo bench -p ds-backend -- fast` without the framework.
+//! matrix product of the `gemm` crate: `cargo bench -p ds-video --bench step`, or with `-- fast` without the framework.
 //!
 //! One clip on one thread, in processor time, which a shared machine can still tell. The sizes are those of
 //! `configs/models/cpu_train.toml`: six latent frames for the teacher; eleven with six queries for the student; the

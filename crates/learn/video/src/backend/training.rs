@@ -11,7 +11,7 @@ use ds_nn::step::{AeBatch, BidirectionalPlan, CausalPlan, ClipBatch, DecoderBatc
 use ds_nn::team::Team;
 use ds_nn::tiny_ae::AeShape;
 
-use crate::Backend;
+use super::Backend;
 
 /// The bidirectional transformer over whole clips, without gradients.
 pub trait WholeClips: Send + Sync {

@@ -1,7 +1,8 @@
 //! Which body computes the networks: loops of this project (`ds_kernel`) or the framework's graph (`ds_graph`).
 //!
 //! [`Backend`] is the name in settings and the one place that knows both bodies; whoever uses a network holds it behind
-//! the traits of [`ds_nn::body`]. Both bodies give the same numbers up to rounding; this crate's tests hold that.
+//! the traits of [`ds_nn::body`]. Both bodies give the same numbers up to rounding; `tests/bodies.rs` and
+//! `tests/steps.rs` hold that.
 
 mod training;
 

@@ -1,11 +1,11 @@
-//! Between images and the arrays of the networks: space-to-depth frames, latent tokens, decoded frames.
+//! Between images and the arrays of the networks: stacked and space-to-depth frames, latent tokens.
 //!
-//! Pixel values 0 to 255 become −1 to 1. A latent step folds `stride_t` frames: each 8×8 block of all of them becomes
+//! A latent step folds `stride_t` frames: each 8×8 block of all of them becomes
 //! one latent pixel with values ordered (frame, row, column, colour). Tokens are 2×2 latent pixels, row-major.
 
 use ds_nn::Array;
 use ds_nn::tiny_ae::BLOCK_PX;
-use ds_raster::RgbImage;
+use ds_raster::{RgbImage, value};
 
 /// Folds the frames of one latent step into [h, w, frames·192] values.
 #[must_use]
@@ -19,7 +19,7 @@ pub fn fold(frames: &[&RgbImage]) -> Vec<f32> {
                 for row in 0..BLOCK_PX {
                     let at = ((y * BLOCK_PX + row) * width + x * BLOCK_PX) * 3;
                     let pixels = &frame.rgb()[at..at + BLOCK_PX * 3];
-                    values.extend(pixels.iter().map(|byte| f32::from(*byte) * (1.0 / 127.5) - 1.0));
+                    values.extend(pixels.iter().map(|byte| value(*byte)));
                 }
             }
         }
@@ -78,51 +78,12 @@ pub fn tokens_to_latents(tokens: &Array, h: usize, w: usize) -> Array {
     Array::new(&[frames, h, w, c], latents.collect())
 }
 
-/// Turns one frame of [height, width, 3] values, −1 to 1, into an image.
-///
-/// # Panics
-/// If the number of values does not fit the sides.
+/// Stacks images to [frames, height, width, 3] values, −1 to 1.
 #[must_use]
-pub fn to_image(values: &[f32], width_px: u32, height_px: u32) -> RgbImage {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the range of a byte")]
-    let byte = |value: &f32| ((value + 1.0) * 127.5).round().clamp(0.0, 255.0) as u8;
-    RgbImage::new(width_px, height_px, values.iter().map(byte).collect()).expect("the decoder gives whole frames")
-}
-
-/// Turns images into [frames, height, width, 3] values, −1 to 1.
-#[must_use]
-pub fn to_values(frames: &[&RgbImage]) -> Array {
+pub fn stacked(frames: &[&RgbImage]) -> Array {
     let (width, height) = (frames[0].width_px() as usize, frames[0].height_px() as usize);
-    let values = frames.iter().flat_map(|frame| frame.rgb()).map(|byte| f32::from(*byte) * (1.0 / 127.5) - 1.0);
+    let values = frames.iter().flat_map(|frame| frame.values());
     Array::new(&[frames.len(), height, width, 3], values.collect())
-}
-
-/// Resizes an image by averaging the source area of each pixel; the same size gives the same image.
-#[must_use]
-pub fn resized(image: &RgbImage, width_px: u32, height_px: u32) -> RgbImage {
-    if (image.width_px(), image.height_px()) == (width_px, height_px) {
-        return image.clone();
-    }
-    let spans = |from: u32, to: u32| -> Vec<(u32, u32)> {
-        let edge = |index: u32| (u64::from(index) * u64::from(from) / u64::from(to)) as u32;
-        (0..to).map(|index| (edge(index), edge(index + 1).max(edge(index) + 1).min(from))).collect()
-    };
-    let (columns, rows) = (spans(image.width_px(), width_px), spans(image.height_px(), height_px));
-    let mut output = RgbImage::filled(width_px, height_px, [0; 3]);
-    for (y, (top, bottom)) in rows.iter().enumerate() {
-        for (x, (left, right)) in columns.iter().enumerate() {
-            let mut sum = [0u32; 3];
-            for (source_y, source_x) in (*top..*bottom).flat_map(|y| (*left..*right).map(move |x| (y, x))) {
-                let pixel = image.pixel(source_x, source_y);
-                (0..3).for_each(|colour| sum[colour] += u32::from(pixel[colour]));
-            }
-            let count = (bottom - top) * (right - left);
-            #[expect(clippy::cast_possible_truncation, reason = "a mean of bytes is a byte")]
-            let mean = sum.map(|total| ((total + count / 2) / count) as u8);
-            output.set_pixel(x as u32, y as u32, mean);
-        }
-    }
-    output
 }
 
 #[cfg(test)]
@@ -146,27 +107,12 @@ mod tests {
     }
 
     #[test]
-    fn values_and_images_are_inverse() {
-        let image = picture(16, 8);
-        assert_eq!(to_image(to_values(&[&image]).values(), 16, 8), image);
-    }
-
-    #[test]
     fn folding_keeps_every_value_in_its_block() {
         let (a, b) = (picture(16, 8), RgbImage::filled(16, 8, [0, 255, 0]));
         let folded = fold(&[&a, &b]);
         assert_eq!(folded.len(), 2 * 16 * 8 * 3);
-        let value = |byte: u8| f32::from(byte) * (1.0 / 127.5) - 1.0;
         // Latent pixel 1, frame 0, row 2, column 3, green.
         assert_eq!(folded[2 * 192 + (2 * 8 + 3) * 3 + 1], value(a.pixel(8 + 3, 2)[1]));
         assert_eq!(folded[192..195], [-1.0, 1.0, -1.0]);
-    }
-
-    #[test]
-    fn resizing_keeps_flat_colour_and_identity() {
-        let image = picture(20, 10);
-        assert_eq!(resized(&image, 20, 10), image);
-        let flat = RgbImage::filled(33, 7, [9, 8, 7]);
-        assert_eq!(resized(&flat, 16, 8), RgbImage::filled(16, 8, [9, 8, 7]));
     }
 }

@@ -3,11 +3,11 @@
 //! World A is the reference camera, on whose frames everything is trained. A world of other assets, light and lens
 //! implements the same two traits and is looked at in evaluations only.
 
-use ds_camera::{Appearance, PixelClass, ReferenceCamera};
-use ds_raster::RgbImage;
-use ds_scenario::Family;
+use ds_raster::{PixelClass, RgbImage};
 use ds_space::{CameraModel, Pose, Rig, World};
 use ds_world::{Scene, WorldState};
+
+use crate::{Appearance, ReferenceCamera};
 
 /// A way to see scenes.
 pub trait CameraWorld: Sync {
@@ -19,10 +19,9 @@ pub trait CameraWorld: Sync {
         model.clone()
     }
 
-    /// Returns a scenario of this world, counted from a first seed; families take turns.
-    fn scenario(&self, first_seed: u64, index: u64) -> Scene {
-        let count = Family::ALL.len() as u64;
-        ds_scenario::generate(Family::ALL[(index % count) as usize], first_seed + index / count)
+    /// Returns a scenario on roads of this world's own, drawn from a seed, if it has such.
+    fn own_scenario(&self, _seed: u64) -> Option<Scene> {
+        None
     }
 
     /// Prepares a scene in a look.
@@ -38,11 +37,11 @@ pub trait SceneCamera {
     fn classes(&self, world: &WorldState, model: &CameraModel, world_from_rig: Pose<World, Rig>) -> Vec<PixelClass>;
 }
 
-/// The reference camera.
+/// World A, seen by the reference camera.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct WorldA;
+pub struct ReferenceWorld;
 
-impl CameraWorld for WorldA {
+impl CameraWorld for ReferenceWorld {
     fn name(&self) -> &'static str {
         "A"
     }
