@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 use ds_import::Format;
 use ds_process::onlooker::{ControlArgs, OnlookerArgs};
+use ds_world::{AgentMode, LayoutBackend, TrackerKind};
 
 use crate::shipped;
 
@@ -115,19 +116,6 @@ pub(crate) enum Observation {
     Layout,
 }
 
-/// Which agents react.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Agents {
-    /// All follow their log.
-    LogReplay,
-    /// Those behind the ego drive by IDM.
-    IdmBehindEgo,
-    /// All with a route drive by IDM.
-    IdmAll,
-    /// The same; they change lanes, yield by right of way, and people on foot walk by themselves.
-    Interactive,
-}
-
 /// How iterations and the video model's chunks fit together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Align {
@@ -199,14 +187,18 @@ pub(crate) struct RunPlan {
     #[arg(long = "first-frame", value_name = "[CAMERA=]FILE")]
     pub first_frames: Vec<String>,
     /// Which agents react.
-    #[arg(long, value_enum, default_value = "idm-behind-ego")]
-    pub agents: Agents,
-    /// Tracker of the planned trajectory: lqr or pure-pursuit.
-    #[arg(long, default_value = "lqr", value_parser = ["lqr", "pure-pursuit"])]
-    pub tracker: String,
+    #[arg(long, default_value = "idm-behind-ego", value_parser = agents())]
+    pub agents: AgentMode,
+    /// Tracker of the planned trajectory.
+    #[arg(long, default_value = "lqr", value_parser = named(TrackerKind::ALL.map(TrackerKind::name), TrackerKind::from_name))]
+    pub tracker: TrackerKind,
     /// Layout back end.
-    #[arg(long, default_value = "cpu", value_parser = ["auto", "cpu", "wgpu"])]
-    pub layout_backend: String,
+    #[arg(
+        long,
+        default_value = "cpu",
+        value_parser = named(LayoutBackend::ALL.map(LayoutBackend::name), LayoutBackend::from_name)
+    )]
+    pub layout_backend: LayoutBackend,
     /// Configuration of the video model; its weights lie beside it as .safetensors.
     #[arg(long, default_value = "configs/models/cpu_train.toml", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub model: PathBuf,
@@ -294,8 +286,29 @@ Examples:
   dreamstream run out/imported";
 
 fn formats() -> impl TypedValueParser<Value = Format> {
-    let format = |name: String| Format::ALL.into_iter().find(|format| format.name() == name);
-    PossibleValuesParser::new(Format::ALL.map(Format::name)).map(move |name| format(name).expect("a possible value"))
+    named(Format::ALL.map(Format::name), |name| Format::ALL.into_iter().find(|format| format.name() == name))
+}
+
+fn agents() -> impl TypedValueParser<Value = AgentMode> {
+    let told = AgentMode::ALL.map(|mode| {
+        PossibleValue::new(mode.name()).help(match mode {
+            AgentMode::LogReplay => "All follow their log",
+            AgentMode::IdmBehindEgo => "Those behind the ego drive by IDM",
+            AgentMode::IdmAll => "All with a route drive by IDM",
+            AgentMode::Interactive => {
+                "The same; they change lanes, yield by right of way, and people on foot walk by themselves"
+            }
+        })
+    });
+    named(told, AgentMode::from_name)
+}
+
+/// Parses a choice by its name.
+fn named<T: Clone + Send + Sync + 'static>(
+    names: impl Into<PossibleValuesParser>,
+    from_name: fn(&str) -> Option<T>,
+) -> impl TypedValueParser<Value = T> {
+    names.into().map(move |name| from_name(&name).expect("a possible value"))
 }
 
 /// Arguments of `import`.
@@ -364,7 +377,8 @@ pub(crate) struct TrainArgs {
     /// The recipe: configs/train/cpu_train.toml for the video model, configs/train/policy.toml for the policy.
     #[arg(long, value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub config: Option<PathBuf>,
-    /// Where `ship` writes the weights, instead of beside the model's configuration; what `unpack` takes apart.
+    /// Where `ship` writes the weights, instead of beside the model's configuration; what `unpack` takes apart; the
+    /// weights that `policy` measures in closed loop instead of training.
     #[arg(long, value_hint = ValueHint::FilePath)]
     pub weights: Option<PathBuf>,
     /// Whose transformer `ship` writes, instead of the most refined student's: prior, teacher, ode or self_forcing; whose

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use ds_topic::Role;
 use ds_video::Backend;
+use ds_world::LayoutBackend;
 
 use crate::cli::RunPlan;
 
@@ -59,7 +60,7 @@ impl FleetPlan {
             workers: args.workers,
             policy: args.policy.clone(),
             policy_listen: args.policy_listen.clone(),
-            probe_adapter: args.layout_backend != "cpu",
+            probe_adapter: args.layout_backend != LayoutBackend::Cpu,
             drop_pushes: args.drop_pushes,
             stages,
             live: args.live.is_some(),

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap};
+use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap};
 use ds_process::maker::{Fault, Inputs, Maker, MakerFactory, Output, bad, output};
 use ds_raster::Encoding;
 use ds_topic::{Advance, Layout, Role, SceneMessage, Slot, Topic, World};
@@ -21,19 +21,13 @@ impl MakerFactory for LayoutStage {
     }
 
     fn compute_class(&self) -> String {
-        let choice = if self.probe { BackendChoice::Auto } else { BackendChoice::Cpu };
+        let choice = if self.probe { LayoutBackend::Auto } else { LayoutBackend::Cpu };
         let class = Renderer::new(choice).map_or("none".to_owned(), |renderer| renderer.compute_class());
         format!("layout {}, {class}", std::env::consts::ARCH)
     }
 
     fn open(&self, scene: Arc<SceneMessage>) -> Result<Box<dyn Maker>, Fault> {
-        let choice = match scene.spec.layout_backend.as_str() {
-            "auto" => BackendChoice::Auto,
-            "cpu" => BackendChoice::Cpu,
-            "wgpu" => BackendChoice::Wgpu,
-            other => return Err(Fault::deterministic("bad_settings", format!("unknown layout back end {other:?}"))),
-        };
-        let renderer = Renderer::new(choice).map_err(|error| bad("no_renderer", &error))?;
+        let renderer = Renderer::new(scene.spec.layout_backend).map_err(|error| bad("no_renderer", &error))?;
         tracing::info!(backend = renderer.describe(), "layout renderer ready");
         let map = StaticMap::new(&scene.scene.map);
         Ok(Box::new(Drawing { scene, map, renderer }))

@@ -9,7 +9,7 @@ use ds_topic::{
     EpisodeSpec, ObservationSource, ProposalScorer, ReplanAlignment, SceneMessage, ScoreProfile, SwitchedEffect,
 };
 use ds_wire::control as pb;
-use ds_world::Scene;
+use ds_world::{LayoutBackend, Scene, TrackerKind};
 
 use crate::conditioning::{Conditioning, ConditioningError};
 
@@ -80,6 +80,7 @@ fn refuse<T>(field: &'static str, value: impl ToString, why: &'static str) -> Re
 /// [`SubmissionError`] names the field or the file.
 pub(crate) fn jobs(run: &RunId, request: &pb::SubmitRequest, folder: &Path) -> Result<Vec<Job>, SubmissionError> {
     let settings = checked(request.settings.clone().unwrap_or_default())?;
+    let named = named(&settings)?;
     let files = files(request, folder)?;
     let policies = &request.policies;
     if policies.is_empty() || policies.len() > 256 {
@@ -110,7 +111,7 @@ pub(crate) fn jobs(run: &RunId, request: &pb::SubmitRequest, folder: &Path) -> R
                 for appearance in &appearances {
                     for seed in &seeds {
                         let arm = Arm { policy, observation: *observation, appearance, seed: *seed };
-                        let spec = spec(run, &scene, &arm, (&settings, &given))?;
+                        let spec = spec(run, &scene, &arm, (&settings, &named, &given))?;
                         let (file, category) = (file.clone(), scene.family.clone());
                         jobs.push(Job { file, spec, category, given: Arc::clone(&given) });
                     }
@@ -128,29 +129,48 @@ struct Arm<'a> {
     seed: u64,
 }
 
+/// What the settings name; the first of each by default.
+struct Named {
+    tracker: TrackerKind,
+    layout_backend: LayoutBackend,
+    scorer: ProposalScorer,
+    score_profile: ScoreProfile,
+}
+
+fn named(settings: &pb::RunSettings) -> Result<Named, SubmissionError> {
+    let pb::RunSettings { tracker, layout_backend, scorer, score_profile, .. } = settings;
+    let learned = "a known name, such as `learned` or `bridgesim`";
+    Ok(Named {
+        tracker: choice("settings.tracker", tracker, TrackerKind::from_name, "`lqr` or `pure-pursuit`")?,
+        layout_backend: choice(
+            "settings.layout_backend",
+            layout_backend,
+            LayoutBackend::from_name,
+            "`auto`, `cpu` or `wgpu`",
+        )?,
+        scorer: choice("settings.scorer", scorer, ProposalScorer::from_name, learned)?,
+        score_profile: choice("settings.score_profile", score_profile, ScoreProfile::from_name, learned)?,
+    })
+}
+
+fn choice<T: Default>(
+    field: &'static str,
+    name: &str,
+    from_name: fn(&str) -> Option<T>,
+    why: &'static str,
+) -> Result<T, SubmissionError> {
+    if name.is_empty() {
+        return Ok(T::default());
+    }
+    from_name(name).map_or_else(|| refuse(field, name, why), Ok)
+}
+
 fn checked(settings: pb::RunSettings) -> Result<pb::RunSettings, SubmissionError> {
     let mut settings = settings;
     let default = |value: &mut u32, or: u32| *value = if *value == 0 { or } else { *value };
     default(&mut settings.replan_period, 5);
     default(&mut settings.horizon, 80);
     default(&mut settings.history, 1);
-    if settings.tracker.is_empty() {
-        settings.tracker = "lqr".to_owned();
-    }
-    if settings.layout_backend.is_empty() {
-        settings.layout_backend = "auto".to_owned();
-    }
-    for (field, value, known) in [
-        ("settings.scorer", &mut settings.scorer, ProposalScorer::ALL.map(ProposalScorer::name).to_vec()),
-        ("settings.score_profile", &mut settings.score_profile, ScoreProfile::ALL.map(ScoreProfile::name).to_vec()),
-    ] {
-        if value.is_empty() {
-            known[0].clone_into(value);
-        }
-        if !known.contains(&value.as_str()) {
-            return refuse(field, &value, "a known name, such as `learned` or `bridgesim`");
-        }
-    }
     if settings.effects.len() > MAX_EFFECTS {
         return refuse("settings.effects", settings.effects.len(), "at most 64 effects");
     }
@@ -165,12 +185,6 @@ fn checked(settings: pb::RunSettings) -> Result<pb::RunSettings, SubmissionError
     }
     if settings.history > 64 {
         return refuse("settings.history", settings.history, "at most 64 frames");
-    }
-    if !["lqr", "pure-pursuit"].contains(&settings.tracker.as_str()) {
-        return refuse("settings.tracker", &settings.tracker, "`lqr` or `pure-pursuit`");
-    }
-    if !["auto", "cpu", "wgpu"].contains(&settings.layout_backend.as_str()) {
-        return refuse("settings.layout_backend", &settings.layout_backend, "`auto`, `cpu` or `wgpu`");
     }
     Ok(settings)
 }
@@ -226,7 +240,7 @@ fn spec(
     run: &RunId,
     scene: &Scene,
     arm: &Arm<'_>,
-    (settings, given): (&pb::RunSettings, &Conditioning),
+    (settings, named, given): (&pb::RunSettings, &Named, &Conditioning),
 ) -> Result<EpisodeSpec, SubmissionError> {
     let last = scene.last_tick().0;
     let ticks = if settings.ticks == 0 { last } else { settings.ticks.min(last) };
@@ -254,16 +268,16 @@ fn spec(
         warm_up: settings.warm_up,
         last_tick: Tick(ticks),
         agents,
-        tracker: settings.tracker.clone(),
-        layout_backend: settings.layout_backend.clone(),
+        tracker: named.tracker,
+        layout_backend: named.layout_backend,
         alignment,
         chunk_ticks: 0,
         layout_memory_ticks: 0,
         video_model: Digest::default(),
         policy_model: Digest::default(),
         configuration: Digest::default(),
-        scorer: ProposalScorer::from_name(&settings.scorer).unwrap_or_default(),
-        score_profile: ScoreProfile::from_name(&settings.score_profile).unwrap_or_default(),
+        scorer: named.scorer,
+        score_profile: named.score_profile,
         effects: settings.effects.iter().map(switched).collect(),
         vehicle_log: settings.vehicle_log,
         observation_delay: observation_delay(settings, scene.dt.secs()),
@@ -275,7 +289,7 @@ fn spec(
     let mut writer = DigestWriter::new();
     writer.text(run.as_str()).u32(spec.replan_period).u32(spec.horizon).u32(spec.history).u32(spec.warm_up);
     writer.u32(spec.scorer as u32).u32(spec.score_profile as u32).u32(spec.alignment as u32);
-    writer.u32(spec.agents as u32).text(&spec.tracker).text(&spec.layout_backend).u32(spec.last_tick.0);
+    writer.u32(spec.agents as u32).text(spec.tracker.name()).text(spec.layout_backend.name()).u32(spec.last_tick.0);
     for effect in &spec.effects {
         writer.text(&effect.id).f64s(&effect.values);
     }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use ds_policy::{Builtin, EgoView, Observation, Policy, PolicyAnswer, PrivilegedView};
 use ds_process::maker::{Abilities, Fault, Inputs, Maker, MakerFactory, Output, bad, output};
 use ds_space::{Digest, Draws, SimTime, Tick};
-use ds_topic::{Advance, Ego, Frame, Plan, Proposal, Role, SceneMessage, Slot, Topic};
+use ds_topic::{Advance, Ego, Frame, Plan, Role, SceneMessage, Slot, Topic};
 use ds_world::EgoState;
 
 use crate::guest::{External, OutsideBus};
@@ -128,7 +128,5 @@ impl Maker for Hosting {
 }
 
 fn to_plan(answer: PolicyAnswer) -> Plan {
-    let proposal = |made: ds_policy::Proposal| Proposal { trajectory: made.trajectory, score: made.score };
-    let proposals = answer.proposals.into_iter().map(proposal).collect();
-    Plan { trajectory: answer.trajectory, proposals, observed: None }
+    Plan { trajectory: answer.trajectory, proposals: answer.proposals, observed: None }
 }

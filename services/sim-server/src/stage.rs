@@ -5,11 +5,10 @@ use std::sync::Arc;
 use ds_effect::Setting;
 use ds_oracle::{AgentsIn, Oracle};
 use ds_process::maker::{Fault, Inputs, Maker, MakerFactory, Output, bad, output};
-use ds_sim::{Manners, SimConfig, Simulation, TrackerKind};
+use ds_sim::{IdmScope, Manners, SimConfig, Simulation};
 use ds_space::{Digest, Tick};
-use ds_topic::{
-    Advance, AgentMode, Ego, Motion, Proposal, ProposalScorer, Role, SceneMessage, Slot, Topic, Verdict, World,
-};
+use ds_topic::{Advance, Ego, Motion, ProposalScorer, Role, SceneMessage, Slot, Topic, Verdict, World};
+use ds_world::Proposal;
 
 /// Opens a simulator for each episode that the instance is given.
 #[derive(Debug, Default)]
@@ -40,24 +39,20 @@ impl MakerFactory for SimStage {
 /// Translates an episode's settings to the simulator's.
 ///
 /// # Errors
-/// If the tracker is unknown or an effect is refused.
+/// If an effect is refused.
 pub fn sim_config(scene: &SceneMessage) -> Result<SimConfig, Fault> {
-    let tracker = match scene.spec.tracker.as_str() {
-        "lqr" => TrackerKind::Lqr,
-        "pure-pursuit" => TrackerKind::PurePursuit,
-        other => return Err(Fault::deterministic("bad_settings", format!("unknown tracker {other:?}"))),
-    };
-    let agents = match scene.spec.agents {
-        AgentMode::LogReplay => ds_sim::AgentMode::LogReplay,
-        AgentMode::IdmBehindEgo => ds_sim::AgentMode::Idm { scope: ds_sim::IdmScope::BehindEgo },
-        AgentMode::IdmAll | AgentMode::Interactive => ds_sim::AgentMode::Idm { scope: ds_sim::IdmScope::All },
-    };
-    let manners = if scene.spec.agents == AgentMode::Interactive { Manners::ALL } else { Manners::default() };
     let mut effects = Vec::new();
     for effect in scene.spec.effects.iter().filter(|effect| ds_effect::find(&effect.id).is_some()) {
         effects.push(Setting::new(&effect.id, &effect.values).map_err(|error| bad("bad_settings", &error))?);
     }
-    Ok(SimConfig { tracker, agents, manners, effects, vehicle_log: scene.spec.vehicle_log, ..SimConfig::default() })
+    Ok(SimConfig {
+        tracker: scene.spec.tracker,
+        agents: IdmScope::of(scene.spec.agents),
+        manners: Manners::of(scene.spec.agents),
+        effects,
+        vehicle_log: scene.spec.vehicle_log,
+        ..SimConfig::default()
+    })
 }
 
 struct Running {

@@ -5,9 +5,8 @@ use std::sync::Arc;
 use ds_process::maker::{Fault, Inputs, Maker, Output, bad, output};
 use ds_raster::{Encoding, RgbImage};
 use ds_space::Tick;
-use ds_topic::body::Tensor;
 use ds_topic::{Advance, Cache, Frame, Layout, SceneMessage, Slot, Topic};
-use ds_video::{CacheEntry, Generated, Latent, Replay, Rollout, VideoError, VideoModel};
+use ds_video::{Generated, Replay, Rollout, VideoError, VideoModel};
 use rayon::prelude::*;
 
 use crate::lens::Lens;
@@ -46,7 +45,7 @@ impl Rollouts {
             let (rollout, entry) = started.map_err(|error| bad("rollout_refused", &error))?;
             let seen = seen(self.lens.as_ref(), rollout.first_frame().clone(), Tick(0), index)?;
             outputs.push(frame_output(Tick(0), index, seen, 0.0));
-            outputs.push(cache_output(index, entry));
+            outputs.push(cache_output(index, &entry));
             self.cameras.push(rollout);
         }
         Ok(outputs)
@@ -66,44 +65,8 @@ fn frame_output(tick: Tick, camera: u16, image: RgbImage, seam: f64) -> Output {
     output(Slot::of_camera(Topic::Frame, tick.0, camera), tick, &frame)
 }
 
-fn cache_output(camera: u16, entry: CacheEntry) -> Output {
-    let first = Tick(entry.first_tick_offset);
-    let cache = Cache {
-        chunk: entry.chunk,
-        first,
-        ticks: entry.ticks,
-        cached_input: tensor(entry.cached_input),
-        clean: tensor(entry.clean),
-        control: tensor(entry.control),
-        conditioning: entry.conditioning,
-        cache_digest: entry.cache_digest,
-        encoder_digest: entry.encoder_digest,
-        decoder_digest: entry.decoder_digest,
-    };
-    output(Slot::of_camera(Topic::Cache, entry.chunk, camera), first, &cache)
-}
-
-fn tensor(latent: Latent) -> Tensor {
-    Tensor { shape: latent.shape, values: latent.values }
-}
-
-fn latent(tensor: Tensor) -> Latent {
-    Latent { shape: tensor.shape, values: tensor.values }
-}
-
-fn entry(cache: Cache) -> CacheEntry {
-    CacheEntry {
-        chunk: cache.chunk,
-        first_tick_offset: cache.first.0,
-        ticks: cache.ticks,
-        cached_input: latent(cache.cached_input),
-        clean: latent(cache.clean),
-        control: latent(cache.control),
-        conditioning: cache.conditioning,
-        cache_digest: cache.cache_digest,
-        encoder_digest: cache.encoder_digest,
-        decoder_digest: cache.decoder_digest,
-    }
+fn cache_output(camera: u16, cache: &Cache) -> Output {
+    output(Slot::of_camera(Topic::Cache, cache.chunk, camera), cache.first, cache)
 }
 
 impl Maker for Rollouts {
@@ -117,7 +80,7 @@ impl Maker for Rollouts {
         for (index, camera) in (0u16..).zip(&self.scene.scene.cameras) {
             let mut entries = Vec::new();
             for chunk in 0..committed {
-                entries.push(entry(inputs.decode(Slot::of_camera(Topic::Cache, chunk, index))?));
+                entries.push(inputs.decode::<Cache>(Slot::of_camera(Topic::Cache, chunk, index))?);
             }
             let layouts = |ticks: std::ops::Range<u32>| -> Result<Vec<RgbImage>, Fault> {
                 let slots = ticks.map(|tick| Slot::of_camera(Topic::Layout, tick, index));
@@ -164,7 +127,7 @@ impl Maker for Rollouts {
                 let seam = if tick == order.first { f64::from(made.seam) } else { 0.0 };
                 outputs.push(frame_output(tick, index, seen(self.lens.as_ref(), image, tick, index)?, seam));
             }
-            outputs.extend(made.committed.into_iter().map(|committed| cache_output(index, committed)));
+            outputs.extend(made.committed.iter().map(|committed| cache_output(index, committed)));
         }
         Ok(outputs)
     }

@@ -3,6 +3,7 @@
 //! World frame, SI units, radians. No file formats, no messages, no behaviour beyond look-ups.
 
 pub mod agent;
+pub mod choice;
 pub mod condition;
 pub mod ego;
 pub mod map;
@@ -12,6 +13,7 @@ pub mod state;
 pub mod trajectory;
 
 pub use agent::{AgentClass, AgentState, Size, Track, TrackPoint};
+pub use choice::{AgentMode, LayoutBackend, TrackerKind};
 pub use condition::{Condition, ConditionError, Lighting, RoadSurface, Weather};
 pub use ego::{EgoState, RouteCommand, VehicleParameters};
 pub use map::{
@@ -21,4 +23,4 @@ pub use map::{
 pub use reading::Reading;
 pub use scene::{Family, Origin, Scene};
 pub use state::{Contact, ContactKind, WorldState};
-pub use trajectory::{Trajectory, TrajectoryError, TrajectoryPoint};
+pub use trajectory::{Proposal, Trajectory, TrajectoryError, TrajectoryPoint};

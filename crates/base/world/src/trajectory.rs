@@ -22,6 +22,15 @@ pub struct TrajectoryPoint {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trajectory(Vec<TrajectoryPoint>);
 
+/// One candidate of a plan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Proposal {
+    /// The trajectory.
+    pub trajectory: Trajectory,
+    /// The policy's own score; larger is better.
+    pub score: f64,
+}
+
 /// Says why a trajectory is refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TrajectoryError {

@@ -7,8 +7,7 @@ use std::path::{Path, PathBuf};
 use ds_diagnosis::meta::{Drivers, RecordingEntry, TrafficMeta, VehicleMeta};
 use ds_record::vehicle_log::{self, VehicleLog};
 use ds_space::{DVec2, PoseSe2};
-use ds_topic::AgentMode;
-use ds_world::{Reading, VehicleParameters};
+use ds_world::{AgentMode, Reading, VehicleParameters};
 
 use crate::error::{CasesError, at};
 use crate::logs;

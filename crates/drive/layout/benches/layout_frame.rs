@@ -10,7 +10,7 @@ mod street;
 use std::hint::black_box;
 use std::time::Instant;
 
-use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap};
+use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap};
 use ds_space::PoseSe2;
 
 /// Returns milliseconds spent on the processor by this thread, or of wall time where Linux does not say.
@@ -25,7 +25,7 @@ fn now_ms(start: Instant) -> f64 {
 fn main() {
     let began = Instant::now();
     let mut report = String::new();
-    for choice in [BackendChoice::Cpu, BackendChoice::Wgpu] {
+    for choice in [LayoutBackend::Cpu, LayoutBackend::Wgpu] {
         let mut renderer = match Renderer::new(choice) {
             Ok(renderer) => renderer,
             Err(error) => {

@@ -11,6 +11,7 @@ mod gpu;
 mod renderer;
 mod scene;
 
+pub use ds_world::LayoutBackend;
 pub use error::LayoutError;
-pub use renderer::{BackendChoice, Renderer};
+pub use renderer::Renderer;
 pub use scene::{LayoutScene, RANGE_M, Shot, StaticMap};

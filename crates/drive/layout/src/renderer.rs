@@ -2,24 +2,13 @@
 
 use ds_raster::{Lens, RgbImage, View};
 use ds_space::{CameraModel, Intrinsics, Pose, Rig, World};
+use ds_world::LayoutBackend;
 
 use crate::colour::Rgb;
 use crate::cpu;
 use crate::error::LayoutError;
 use crate::gpu::Gpu;
 use crate::scene::{LayoutScene, Shot};
-
-/// Which back end to render with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum BackendChoice {
-    /// A hardware adapter if there is one, else the software rasteriser.
-    #[default]
-    Auto,
-    /// The software rasteriser.
-    Cpu,
-    /// Any Vulkan or GL adapter, software ones too.
-    Wgpu,
-}
 
 enum Backend {
     Cpu,
@@ -41,16 +30,16 @@ impl Renderer {
     /// Opens a back end.
     ///
     /// # Errors
-    /// If [`BackendChoice::Wgpu`] is asked for and no adapter gives a device.
-    pub fn new(choice: BackendChoice) -> Result<Self, LayoutError> {
+    /// If [`LayoutBackend::Wgpu`] is asked for and no adapter gives a device.
+    pub fn new(choice: LayoutBackend) -> Result<Self, LayoutError> {
         let (backend, description) = match choice {
-            BackendChoice::Cpu => (Backend::Cpu, "cpu (chosen)".to_owned()),
-            BackendChoice::Wgpu => {
+            LayoutBackend::Cpu => (Backend::Cpu, "cpu (chosen)".to_owned()),
+            LayoutBackend::Wgpu => {
                 let gpu = Gpu::open()?;
                 let description = format!("wgpu on {} (chosen)", gpu.name());
                 (Backend::Wgpu(Box::new(gpu)), description)
             }
-            BackendChoice::Auto => match Gpu::open() {
+            LayoutBackend::Auto => match Gpu::open() {
                 Ok(gpu) if gpu.is_hardware() => {
                     let description = format!("wgpu on {} (auto: a hardware adapter)", gpu.name());
                     (Backend::Wgpu(Box::new(gpu)), description)

@@ -9,13 +9,13 @@ mod street;
 
 use std::path::{Path, PathBuf};
 
-use ds_layout::{BackendChoice, LayoutScene, Renderer, Shot, StaticMap, colour};
+use ds_layout::{LayoutBackend, LayoutScene, Renderer, Shot, StaticMap, colour};
 use ds_raster::{Encoding, RgbImage};
 use ds_space::{AgentId, CameraModel, DVec2, DVec3, Intrinsics, PoseSe2};
 use ds_world::{AgentClass, AgentState, Size, WorldState};
 
 fn cpu() -> Renderer {
-    Renderer::new(BackendChoice::Cpu).expect("the cpu back end needs nothing")
+    Renderer::new(LayoutBackend::Cpu).expect("the cpu back end needs nothing")
 }
 
 fn render(renderer: &mut Renderer, world: &WorldState, camera: &CameraModel) -> RgbImage {
@@ -63,7 +63,7 @@ fn the_street_looks_as_it_did() {
 
 #[test]
 fn both_back_ends_agree() {
-    let mut wgpu = match Renderer::new(BackendChoice::Wgpu) {
+    let mut wgpu = match Renderer::new(LayoutBackend::Wgpu) {
         Ok(renderer) => renderer,
         Err(error) => {
             eprintln!("skipped: {error}");
@@ -80,7 +80,7 @@ fn both_back_ends_agree() {
 
 #[test]
 fn a_batch_is_the_pictures_one_by_one() {
-    for choice in [BackendChoice::Cpu, BackendChoice::Wgpu] {
+    for choice in [LayoutBackend::Cpu, LayoutBackend::Wgpu] {
         let mut renderer = match Renderer::new(choice) {
             Ok(renderer) => renderer,
             Err(error) => {

@@ -6,10 +6,9 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use ds_oracle::{AgentsIn, Oracle};
-use ds_sim::{AgentMode, IdmScope, SimConfig, Simulation};
+use ds_sim::{IdmScope, SimConfig, Simulation};
 use ds_space::{PoseSe2, SimTime, Tick};
-use ds_topic::Proposal;
-use ds_world::{Trajectory, TrajectoryPoint};
+use ds_world::{Proposal, Trajectory, TrajectoryPoint};
 
 fn fan(speed_mps: f64) -> Vec<Proposal> {
     let arc = |index: u32| {
@@ -44,7 +43,7 @@ fn main() {
     let files = if given.is_empty() { ds_scenario::list(&base).expect("shipped scenarios") } else { given };
     for file in files {
         let (scene, _warnings) = ds_scenario::load(&file).expect("a scenario");
-        let agents = AgentMode::Idm { scope: IdmScope::BehindEgo };
+        let agents = Some(IdmScope::BehindEgo);
         let config = SimConfig { agents, ..SimConfig::default() };
         let mut now = Simulation::new(Arc::new(scene), config, Tick(0)).expect("a simulation");
         for _ in 0..30 {

@@ -17,8 +17,7 @@ use ds_score::{
 };
 use ds_sim::Simulation;
 use ds_space::SimTime;
-use ds_topic::Proposal;
-use ds_world::{Scene, Trajectory, TrajectoryPoint};
+use ds_world::{Proposal, Scene, Trajectory, TrajectoryPoint};
 use rayon::prelude::*;
 
 use moment::Driven;

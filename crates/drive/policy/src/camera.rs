@@ -15,10 +15,11 @@ use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
 use ds_space::CameraModel;
+use ds_world::Proposal;
 
 use crate::error::PolicyError;
 use crate::observation::{Observation, PrivilegedView};
-use crate::plan::{PolicyAnswer, Proposal, evenly_spaced};
+use crate::plan::{PolicyAnswer, evenly_spaced};
 use crate::{Policy, Restart};
 use eye::Eye;
 use proposals::{OUTPUTS, STATE, decode, poses_at_ticks, state_of};

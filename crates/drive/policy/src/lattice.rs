@@ -5,11 +5,11 @@
 //! policy is connected: what the lattice covers, the oracle can find.
 
 use ds_space::PoseSe2;
-use ds_world::RouteCommand;
+use ds_world::{Proposal, RouteCommand};
 
 use crate::error::PolicyError;
 use crate::observation::{Observation, PrivilegedView};
-use crate::plan::{PolicyAnswer, Proposal, evenly_spaced};
+use crate::plan::{PolicyAnswer, evenly_spaced};
 use crate::{Policy, Restart};
 
 /// The policy's name.

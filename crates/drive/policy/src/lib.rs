@@ -20,7 +20,7 @@ pub mod route_follower;
 pub use builtin::{Builtin, builtin};
 pub use error::PolicyError;
 pub use observation::{EgoView, Observation, PrivilegedView};
-pub use plan::{PolicyAnswer, Proposal};
+pub use plan::PolicyAnswer;
 
 /// What a policy needs after its process was replaced in the middle of an episode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,18 +1,9 @@
 //! A policy's answer, and how evenly spaced poses become a checked trajectory.
 
 use ds_space::{PoseSe2, SimTime};
-use ds_world::{Trajectory, TrajectoryPoint};
+use ds_world::{Proposal, Trajectory, TrajectoryPoint};
 
 use crate::error::PolicyError;
-
-/// One candidate trajectory.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Proposal {
-    /// The trajectory, in the rig frame of now.
-    pub trajectory: Trajectory,
-    /// The policy's own score; larger is better.
-    pub score: f64,
-}
 
 /// What a policy answers.
 #[derive(Debug, Clone, PartialEq)]

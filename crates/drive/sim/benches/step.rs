@@ -6,7 +6,7 @@
 
 use std::time::Instant;
 
-use ds_sim::{AgentMode, IdmScope, SimConfig, Simulation};
+use ds_sim::{IdmScope, SimConfig, Simulation};
 use ds_space::Tick;
 
 #[path = "../tests/drive/street.rs"]
@@ -15,7 +15,7 @@ mod street;
 fn main() {
     for (moving, scope) in [(60, IdmScope::BehindEgo), (60, IdmScope::All), (150, IdmScope::All)] {
         let scene = street::shared(street::crowded(moving));
-        let config = SimConfig { agents: AgentMode::Idm { scope }, ..SimConfig::default() };
+        let config = SimConfig { agents: Some(scope), ..SimConfig::default() };
         let start = Simulation::new(scene.clone(), config, Tick(0)).expect("the scene is sound");
         let plans: Vec<_> =
             (0..40).map(|i| street::expert_plan(&scene, Tick(5 * i), &scene.logged_ego(Tick(5 * i)).pose)).collect();

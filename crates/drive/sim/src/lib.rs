@@ -35,12 +35,13 @@ mod ways;
 
 pub use agent_path::{AgentPath, Knot};
 pub use conflict::{Duty, Placed, Zone, lets_pass, wait_ahead};
+pub use ds_world::TrackerKind;
 pub use error::{SimError, SnapshotError};
 pub use idm::{IdmParameters, Lead};
 pub use lane_change::{Changer, Choice, Lanes, Neighbour, THRESHOLD_MPS2};
 pub use plant::nominal;
 pub use readings::LOG_HZ;
-pub use settings::{AgentMode, DynamicsKind, IdmScope, Manners, SimConfig, TrackerKind};
+pub use settings::{DynamicsKind, IdmScope, Manners, SimConfig};
 pub use signal::{SignalStop, stop_ahead};
 pub use simulation::Simulation;
 pub use ways::Ways;

@@ -2,20 +2,10 @@
 
 use ds_effect::{Plant, Setting};
 use ds_space::{Digest, DigestWriter};
-use ds_world::VehicleParameters;
+use ds_world::{AgentMode, TrackerKind, VehicleParameters};
 
 use crate::error::SimError;
 use crate::idm::IdmParameters;
-
-/// The controller that follows the plan.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum TrackerKind {
-    /// Linear-quadratic tracking of speed and lateral error over a 1 s preview, as in NAVSIM and nuPlan.
-    #[default]
-    Lqr,
-    /// Pure pursuit of a point ahead on the plan, speed from its timing.
-    PurePursuit,
-}
 
 /// Which agents react.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -30,22 +20,15 @@ pub enum IdmScope {
     Near,
 }
 
-/// How agents move.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum AgentMode {
-    /// As logged, whatever the ego does.
-    LogReplay,
-    /// Along their own logged path under the intelligent driver model; pedestrians, standing agents and paths
-    /// under 5 m are replayed.
-    Idm {
-        /// Which of them react.
-        scope: IdmScope,
-    },
-}
-
-impl Default for AgentMode {
-    fn default() -> Self {
-        Self::Idm { scope: IdmScope::default() }
+impl IdmScope {
+    /// Returns which agents react in a mode; none if all follow their log.
+    #[must_use]
+    pub fn of(mode: AgentMode) -> Option<Self> {
+        match mode {
+            AgentMode::LogReplay => None,
+            AgentMode::IdmBehindEgo => Some(Self::BehindEgo),
+            AgentMode::IdmAll | AgentMode::Interactive => Some(Self::All),
+        }
     }
 }
 
@@ -63,6 +46,12 @@ pub struct Manners {
 impl Manners {
     /// Every model.
     pub const ALL: Self = Self { lane_change: true, yielding: true, walking: true };
+
+    /// Returns what reactive agents do in a mode.
+    #[must_use]
+    pub fn of(mode: AgentMode) -> Self {
+        if mode == AgentMode::Interactive { Self::ALL } else { Self::default() }
+    }
 
     pub(crate) fn apply(self, plant: &mut Plant) {
         plant.agents.changes_lanes |= self.lane_change;
@@ -87,8 +76,9 @@ pub enum DynamicsKind {
 pub struct SimConfig {
     /// The controller that follows the plan.
     pub tracker: TrackerKind,
-    /// How agents move.
-    pub agents: AgentMode,
+    /// Which agents drive along their own logged path under the intelligent driver model; pedestrians, standing agents
+    /// and paths under 5 m are replayed, and with `None` all are.
+    pub agents: Option<IdmScope>,
     /// How reactive agents drive.
     pub idm: IdmParameters,
     /// What they do besides following.
@@ -107,7 +97,7 @@ impl Default for SimConfig {
     fn default() -> Self {
         Self {
             tracker: TrackerKind::default(),
-            agents: AgentMode::default(),
+            agents: Some(IdmScope::default()),
             idm: IdmParameters::default(),
             manners: Manners::default(),
             dynamics: DynamicsKind::default(),
@@ -141,10 +131,10 @@ impl SimConfig {
     pub fn digest(&self) -> Digest {
         let idm = &self.idm;
         let agents = match self.agents {
-            AgentMode::LogReplay => 0,
-            AgentMode::Idm { scope: IdmScope::All } => 1,
-            AgentMode::Idm { scope: IdmScope::BehindEgo } => 2,
-            AgentMode::Idm { scope: IdmScope::Near } => 3,
+            None => 0,
+            Some(IdmScope::All) => 1,
+            Some(IdmScope::BehindEgo) => 2,
+            Some(IdmScope::Near) => 3,
         };
         let mut writer = DigestWriter::new();
         for setting in &self.effects {
@@ -217,8 +207,8 @@ mod tests {
         let delayed = Setting::new("steer_delay", &[0.1]).expect("a sound setting");
         let others = [
             SimConfig { tracker: TrackerKind::PurePursuit, ..base() },
-            SimConfig { agents: AgentMode::LogReplay, ..base() },
-            SimConfig { agents: AgentMode::Idm { scope: IdmScope::All }, ..base() },
+            SimConfig { agents: None, ..base() },
+            SimConfig { agents: Some(IdmScope::All), ..base() },
             SimConfig { dynamics: DynamicsKind::Kinematic, ..base() },
             SimConfig { substeps: 20, ..base() },
             SimConfig { idm: IdmParameters { headway_secs: 1.0, ..IdmParameters::default() }, ..base() },

@@ -1,13 +1,12 @@
 //! Follows a plan: the reference of the plan and the controller that turns the ego's state into commands.
 
 use ds_space::{PoseSe2, SimTime, Tick};
-use ds_world::{EgoState, Trajectory};
+use ds_world::{EgoState, TrackerKind, Trajectory};
 
 use crate::lqr;
 use crate::profile::Profile;
 use crate::pursuit;
 use crate::reference::Reference;
-use crate::settings::TrackerKind;
 
 /// What a controller asks of the actuators.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -16,7 +16,7 @@ use crate::habits::Habits;
 use crate::idm::{IdmParameters, Lead};
 use crate::lane_change::{Changer, Neighbour};
 use crate::participant::{Motion, Obstructing};
-use crate::settings::{AgentMode, IdmScope, SimConfig};
+use crate::settings::{IdmScope, SimConfig};
 use crate::signal;
 use crate::ways::Ways;
 
@@ -37,7 +37,7 @@ const PACE_DOWN_MPS2: f64 = 2.0;
 /// The agents of a scene.
 #[derive(Debug, Clone)]
 pub(crate) struct Traffic {
-    mode: AgentMode,
+    reacting: Option<IdmScope>,
     idm: IdmParameters,
     /// Shared by all copies.
     ways: Arc<Ways>,
@@ -68,13 +68,13 @@ impl Traffic {
     pub(crate) fn new(scene: &Scene, config: &SimConfig, plant: &Plant) -> Self {
         let (tracks, driver): (usize, Follower) = (scene.tracks.len(), plant.follower);
         let ways = Arc::new(match config.agents {
-            AgentMode::Idm { .. } => Ways::new(scene, &plant.agents, &plant.chart),
-            AgentMode::LogReplay if plant.chart != Chart::default() => Ways::logged(scene),
-            AgentMode::LogReplay => Ways::none(tracks),
+            Some(_) => Ways::new(scene, &plant.agents, &plant.chart),
+            None if plant.chart != Chart::default() => Ways::logged(scene),
+            None => Ways::none(tracks),
         });
         let habits = Habits::new(scene, Arc::clone(&ways), plant);
         Self {
-            mode: config.agents,
+            reacting: config.agents,
             idm: IdmParameters {
                 headway_secs: driver.headway_secs,
                 minimum_gap_m: driver.min_gap_m,
@@ -100,9 +100,7 @@ impl Traffic {
 
     /// Lets agents near the ego react from now on, whatever the scope was; without any if the log is replayed.
     pub(crate) fn react_nearby(&mut self) {
-        if self.mode != AgentMode::LogReplay {
-            self.mode = AgentMode::Idm { scope: IdmScope::Near };
-        }
+        self.reacting = self.reacting.map(|_| IdmScope::Near);
     }
 
     pub(crate) fn motions(&self) -> &[Motion] {
@@ -165,7 +163,7 @@ impl Traffic {
 
     /// Lets those agents react from now on that the scope names at this state.
     pub(crate) fn engage(&mut self, world: &WorldState) {
-        let AgentMode::Idm { scope } = self.mode else { return };
+        let Some(scope) = self.reacting else { return };
         let habits = self.habits.agents;
         if !habits.reactive {
             return;

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use ds_import::{Recorded, nuscenes, openscene};
 use ds_camera::SceneCamera;
-use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap};
+use ds_import::{Recorded, nuscenes, openscene};
+use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap};
 use ds_raster::RgbImage;
 use ds_scenario::{Facts, Warning};
 use ds_space::CameraModel;
@@ -164,7 +164,7 @@ impl<'a> Studio<'a> {
 
     fn layouts(&self, worlds: &[WorldState], index: u64) -> Result<Vec<RgbImage>, ClipsError> {
         let refuse = |error: ds_layout::LayoutError| ClipsError::Clip { index, reason: error.to_string() };
-        let mut renderer = Renderer::new(BackendChoice::Cpu).map_err(refuse)?;
+        let mut renderer = Renderer::new(LayoutBackend::Cpu).map_err(refuse)?;
         let mut layout = |world: &WorldState| {
             let scene = LayoutScene { map: &self.map, world };
             renderer.render(&scene, &self.camera, world.ego.pose.world_from_rig(0.0))

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use ds_clips::{ClipSet, Plan, Progress, Recipe, outline, render};
 use ds_import::{nuscenes, openscene};
-use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap, colour};
+use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap, colour};
 use ds_raster::{Encoding, RgbImage};
 use ds_space::{DMat3, DQuat, DVec3, Tick};
 use ds_world::{AgentClass, LineKind};
@@ -306,7 +306,7 @@ fn lanes_of_a_map_beside_the_drives_are_seen_where_they_lie() {
     let (scene, world) = (&recorded.scene, recorded.scene.logged_world(Tick(2)));
     assert!(scene.map.lanes.len() > 5 && scene.map.traffic_lights.len() > 1, "{:?}", recorded.warnings);
     let map = StaticMap::new(&scene.map);
-    let mut renderer = Renderer::new(BackendChoice::Cpu).expect("the software rasteriser");
+    let mut renderer = Renderer::new(LayoutBackend::Cpu).expect("the software rasteriser");
     let camera = &scene.cameras[0];
     let rig = world.ego.pose.world_from_rig(0.0);
     let layout = renderer.render(&LayoutScene { map: &map, world: &world }, camera, rig).expect("renders");
@@ -460,7 +460,7 @@ fn pictures(recorded: &ds_import::Recorded, out: &PathBuf) {
     std::fs::create_dir_all(out).expect("makes");
     let (scene, world) = (&recorded.scene, recorded.scene.logged_world(Tick(0)));
     let map = StaticMap::new(&scene.map);
-    let mut renderer = Renderer::new(BackendChoice::Cpu).expect("the software rasteriser");
+    let mut renderer = Renderer::new(LayoutBackend::Cpu).expect("the software rasteriser");
     for (camera, pictures) in scene.cameras.iter().zip(&recorded.pictures) {
         let bytes = std::fs::read(pictures[0].as_ref().expect("a picture")).expect("reads");
         let mut photo = RgbImage::photo(&bytes).expect("decodes").reduced(800, 450);

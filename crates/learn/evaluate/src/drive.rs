@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ds_camera::{Appearance, CameraWorld, SceneCamera};
-use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap};
+use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap};
 use ds_perception::Label;
 use ds_perception::label::Crosswalks;
 use ds_perception::lights::{self, SeenLight};
@@ -71,7 +71,7 @@ impl Drive {
             camera: world.camera(scene, &route.look),
             map: StaticMap::new(&scene.map),
             crosswalks: Crosswalks::new(&scene.map)?,
-            renderer: Renderer::new(BackendChoice::Cpu)?,
+            renderer: Renderer::new(LayoutBackend::Cpu)?,
         })
     }
 

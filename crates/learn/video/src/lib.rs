@@ -26,7 +26,6 @@ pub use backend::{Backend, WholeClips};
 pub use denoising::Denoising;
 
 pub use config::{CacheSource, ConfigError, ModelConfig};
-pub use entry::{CacheEntry, Latent};
 pub use error::VideoError;
 pub use model::VideoModel;
 pub use rollout::{Generated, Replay, Rollout};

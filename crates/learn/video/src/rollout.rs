@@ -11,11 +11,13 @@ use ds_nn::Array;
 use ds_nn::body::{Context, Control};
 use ds_nn::cache::{ChunkKv, KvCache, Window};
 use ds_raster::RgbImage;
-use ds_space::{Digest, DigestWriter};
+use ds_space::{Digest, DigestWriter, Tick};
+use ds_topic::Cache;
+use ds_topic::body::Tensor;
 
 use crate::codec::{DecoderMemory, LayoutMemory};
 use crate::config::StartConfig;
-use crate::entry::{CacheEntry, Latent};
+use crate::entry;
 use crate::error::VideoError;
 use crate::model::VideoModel;
 use crate::sampling::{self, Sampled, Sampling};
@@ -27,7 +29,7 @@ pub struct Generated {
     /// One frame per layout, in tick order.
     pub frames: Vec<RgbImage>,
     /// Chunks that were committed by this call.
-    pub committed: Vec<CacheEntry>,
+    pub committed: Vec<Cache>,
     /// Mean absolute difference, 0 to 255, between the frames of the last partial chunk and the same ticks made again
     /// with their true layouts; 0 where no chunk was made again.
     pub seam: f32,
@@ -70,7 +72,7 @@ pub struct Replay<'a> {
     /// The first frame, as given to [`Rollout::new`].
     pub first_frame: &'a RgbImage,
     /// The cache log from entry 0 on.
-    pub entries: &'a [CacheEntry],
+    pub entries: &'a [Cache],
     /// The layouts before those, oldest first, that [`ModelConfig::layout_memory_ticks`] asks for: of the last committed
     /// tick and that many before it, or of all ticks from 0 on if there are fewer. More may be given.
     ///
@@ -94,7 +96,7 @@ impl Rollout {
         prompt: &str,
         first_frame: &RgbImage,
         first_layout: &RgbImage,
-    ) -> Result<(Self, CacheEntry), VideoError> {
+    ) -> Result<(Self, Cache), VideoError> {
         let (mut rollout, clean) = Self::prepare(model, draw_key, camera, prompt, first_frame)?;
         let (control, remembered) = rollout.control(std::slice::from_ref(first_layout));
         rollout.remembered = remembered;
@@ -144,7 +146,7 @@ impl Rollout {
     }
 
     /// Caches the first frame and moves the decoder past it.
-    fn begin(mut self, clean: Array, control: &Control) -> Result<(Self, CacheEntry), VideoError> {
+    fn begin(mut self, clean: Array, control: &Control) -> Result<(Self, Cache), VideoError> {
         let pass = self.write(&clean, &clean, control, 0.0);
         self.decode(&clean, &[])?;
         let made = Sampled { entered: Array::default(), cached: clean.clone(), clean, pass };
@@ -204,7 +206,7 @@ impl Rollout {
             return Err(VideoError::Entry { chunk: 0, field: "entries", reason });
         };
         let (rollout, clean) = Self::prepare(model, draw_key, camera, prompt, first_frame)?;
-        let control = first.control.checked(&rollout.control_shape(1));
+        let control = entry::checked(&first.control, &rollout.control_shape(1));
         let control = control.map_err(|reason| VideoError::Entry { chunk: 0, field: "control", reason })?;
         let control = rollout.model.dit.control_of(&control);
         let (mut rollout, begun) = rollout.begin(clean, &control)?;
@@ -215,9 +217,10 @@ impl Rollout {
                 return Err(refuse("chunk")(format!("is {}, {} expected", entry.chunk, rollout.chunk)));
             }
             let shape = rollout.latent_shape();
-            let cached_input = entry.cached_input.checked(&shape).map_err(refuse("cached_input"))?;
-            let clean = entry.clean.checked(&shape).map_err(refuse("clean"))?;
-            let control = entry.control.checked(&rollout.control_shape(shape[0])).map_err(refuse("control"))?;
+            let cached_input = entry::checked(&entry.cached_input, &shape).map_err(refuse("cached_input"))?;
+            let clean = entry::checked(&entry.clean, &shape).map_err(refuse("clean"))?;
+            let control =
+                entry::checked(&entry.control, &rollout.control_shape(shape[0])).map_err(refuse("control"))?;
             let control = rollout.model.dit.control_of(&control);
             let level = sampling::cache_level(rollout.model.config());
             let pass = rollout.write(&cached_input, &rollout.start, &control, level);
@@ -240,7 +243,7 @@ impl Rollout {
     }
 
     /// Brings the memory of layouts to the last commit, whose control latent must come out again.
-    fn remember(&mut self, past: &[RgbImage], logged: &CacheEntry) -> Result<(), VideoError> {
+    fn remember(&mut self, past: &[RgbImage], logged: &Cache) -> Result<(), VideoError> {
         let config = self.model.config();
         let (chunk, memory) = (config.frames_per_chunk(), config.layout_memory_ticks());
         if memory == 0 {
@@ -251,13 +254,13 @@ impl Rollout {
             return Err(VideoError::Remembered { found: past.len(), expected });
         };
         let (begin, rest) = past[from..].split_at(1);
-        let mut newest = Latent::default();
+        let mut newest = Tensor::default();
         for layouts in std::iter::once(begin).chain(rest.chunks(chunk)) {
             let (control, remembered) = self.control(layouts);
             self.remembered = remembered;
             newest = self.logged(&control, layouts.len().div_ceil(self.model.config().vae.stride_t));
         }
-        let [expected, found] = [&logged.control, &newest].map(Latent::digest);
+        let [expected, found] = [&logged.control, &newest].map(entry::digest);
         if expected == found {
             return Ok(());
         }
@@ -328,9 +331,9 @@ impl Rollout {
     }
 
     /// Reads a control latent of some latent frames back for the log.
-    fn logged(&self, control: &Control, frames: usize) -> Latent {
+    fn logged(&self, control: &Control, frames: usize) -> Tensor {
         let values = self.model.dit.control_values(control).into_values();
-        Latent::of(&Array::new(&self.control_shape(frames), values))
+        entry::tensor(&Array::new(&self.control_shape(frames), values))
     }
 
     /// Brings layouts to the model's video size.
@@ -375,7 +378,7 @@ impl Rollout {
         Ok(images.map(|values| RgbImage::of_values(values, width, height)).collect())
     }
 
-    fn commit(&mut self, made: Sampled, control: &Control) -> CacheEntry {
+    fn commit(&mut self, made: Sampled, control: &Control) -> Cache {
         let config = self.model.config();
         let per_chunk = config.frames_per_chunk() as u32;
         let frames = made.clean.shape()[0];
@@ -385,12 +388,12 @@ impl Rollout {
         } else {
             self.cache.commit(kv)
         }
-        let entry = CacheEntry {
+        let entry = Cache {
             chunk: self.chunk,
-            first_tick_offset: if self.chunk == 0 { 0 } else { 1 + (self.chunk - 1) * per_chunk },
+            first: Tick(if self.chunk == 0 { 0 } else { 1 + (self.chunk - 1) * per_chunk }),
             ticks: if self.chunk == 0 { 1 } else { per_chunk },
-            cached_input: Latent::of(&made.cached),
-            clean: Latent::of(&made.clean),
+            cached_input: entry::tensor(&made.cached),
+            clean: entry::tensor(&made.clean),
             control: self.logged(control, frames),
             conditioning: self.conditioning,
             cache_digest: self.cache.digest(),
@@ -405,7 +408,7 @@ impl Rollout {
 }
 
 /// Compares the digests of a log entry with those of the replay.
-fn compare(logged: &CacheEntry, remade: &CacheEntry) -> Result<(), VideoError> {
+fn compare(logged: &Cache, remade: &Cache) -> Result<(), VideoError> {
     let pairs = [
         ("conditioning", logged.conditioning, remade.conditioning),
         ("cache_digest", logged.cache_digest, remade.cache_digest),

@@ -8,8 +8,10 @@ use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
 use ds_space::Digest;
+use ds_topic::Cache;
+use ds_topic::body::Tensor;
 
-use crate::{Backend, CacheEntry, Latent, ModelConfig, Replay, Rollout, VideoError, VideoModel, prompt, sampler};
+use crate::{Backend, ModelConfig, Replay, Rollout, VideoError, VideoModel, prompt, sampler};
 
 mod published;
 
@@ -45,12 +47,12 @@ fn layouts(ticks: std::ops::Range<u32>) -> Vec<RgbImage> {
     ticks.map(|k| picture(k + 100)).collect()
 }
 
-fn start(model: &Arc<VideoModel>) -> (Rollout, CacheEntry) {
+fn start(model: &Arc<VideoModel>) -> (Rollout, Cache) {
     let key = Digest::of(b"key");
     Rollout::new(Arc::clone(model), key, "front", PROMPT, &picture(0), &picture(100)).expect("starts")
 }
 
-fn replayed(model: &Arc<VideoModel>, log: &[CacheEntry], since: &[RgbImage]) -> Result<Rollout, VideoError> {
+fn replayed(model: &Arc<VideoModel>, log: &[Cache], since: &[RgbImage]) -> Result<Rollout, VideoError> {
     Rollout::replay(Replay {
         model: Arc::clone(model),
         draw_key: Digest::of(b"key"),
@@ -74,7 +76,7 @@ fn a_frame_comes_for_every_layout_however_calls_are_split_at_chunks() {
         frames.extend(rollout.generate(&layouts(part)).expect("generates").frames);
     }
     assert_eq!(frames, whole.frames);
-    let ticks: Vec<(u32, u32)> = whole.committed.iter().map(|e| (e.first_tick_offset, e.ticks)).collect();
+    let ticks: Vec<(u32, u32)> = whole.committed.iter().map(|e| (e.first.0, e.ticks)).collect();
     assert_eq!(ticks, [(1, 4), (5, 4), (9, 4), (13, 4), (17, 4), (21, 4)]);
     assert!(rollout.generate(&[]).is_err());
 }
@@ -146,7 +148,7 @@ fn broken_logs_are_refused_by_field() {
     let (mut rollout, entry) = start(&model);
     let mut log = vec![entry];
     log.extend(rollout.generate(&layouts(1..13)).expect("generates").committed);
-    let check = |change: &dyn Fn(&mut Vec<CacheEntry>), expected: &str| {
+    let check = |change: &dyn Fn(&mut Vec<Cache>), expected: &str| {
         let mut log = log.clone();
         change(&mut log);
         let message = match replayed(&model, &log, &[]) {
@@ -160,7 +162,7 @@ fn broken_logs_are_refused_by_field() {
     check(&|log| drop(log.remove(1)), "entry 2: field \"chunk\" is 2, 1 expected");
     check(&|log| log[2].cached_input.values[7] = f32::NAN, "\"cached_input\" holds NaN at index 7");
     check(&|log| log[2].clean.shape[0] = u32::MAX, "\"clean\" has shape");
-    check(&|log| log[2].control = Latent::default(), "\"control\" has shape []");
+    check(&|log| log[2].control = Tensor::default(), "\"control\" has shape []");
     check(&|log| log[2].cached_input.values[7] += 1.0, "recovery mismatch at chunk 2: cache_digest");
     check(&|log| log[1].clean.values[0] += 1.0, "recovery mismatch at chunk 1: decoder_digest");
     check(&|log| log[0].conditioning = Digest::default(), "recovery mismatch at chunk 0: conditioning");
@@ -248,7 +250,7 @@ fn every_cache_source_rolls_on() {
         let (mut rollout, _) = start(&model_of(&text));
         let generated = rollout.generate(&layouts(1..121)).expect("generates finite values");
         let cached = &generated.committed[29];
-        assert_eq!((generated.frames.len(), cached.first_tick_offset), (120, 117));
+        assert_eq!((generated.frames.len(), cached.first.0), (120, 117));
         // Only the clean source keeps what is decoded.
         assert_eq!(cached.cached_input == cached.clean, source == "clean", "{source}");
         rollout.state_digest()

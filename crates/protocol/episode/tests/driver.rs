@@ -11,9 +11,10 @@ use ds_episode::driver::{Action, Attempt, Driver, EncodedScene, Ending, Event, J
 use ds_episode::{Codec, Fault, FaultClass, Millis, Outline, Timing, due};
 use ds_space::{AttemptId, Digest, EpisodeId, InstanceId, SimTime, Tick};
 use ds_topic::{
-    Advance, AgentMode, Envelope, EpisodeSpec, Header, Motion, ObservationSource, Owner, ReplanAlignment, Role,
-    SCHEMA_VERSION, Slot, Topic,
+    Advance, Envelope, EpisodeSpec, Header, Motion, ObservationSource, Owner, ReplanAlignment, Role, SCHEMA_VERSION,
+    Slot, Topic,
 };
+use ds_world::{AgentMode, LayoutBackend, TrackerKind};
 use toy::{SCENE, ToyCodec, hash};
 
 fn id(text: &str) -> InstanceId {
@@ -35,8 +36,8 @@ fn outline() -> Outline {
         warm_up: 1,
         last_tick: Tick(5),
         agents: AgentMode::LogReplay,
-        tracker: "lqr".to_owned(),
-        layout_backend: "cpu".to_owned(),
+        tracker: TrackerKind::Lqr,
+        layout_backend: LayoutBackend::Cpu,
         alignment: ReplanAlignment::Rollback,
         chunk_ticks: 0,
         video_model: Digest::default(),

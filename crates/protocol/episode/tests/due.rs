@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use ds_episode::{Outline, due};
 use ds_space::{Digest, EpisodeId, SimTime, Tick};
-use ds_topic::{Advance, AgentMode, EpisodeSpec, Motion, ObservationSource, ReplanAlignment, Role, Slot, Topic};
+use ds_topic::{Advance, EpisodeSpec, Motion, ObservationSource, ReplanAlignment, Role, Slot, Topic};
+use ds_world::{AgentMode, LayoutBackend, TrackerKind};
 use proptest::prelude::*;
 
 fn outlines() -> impl Strategy<Value = Outline> {
@@ -25,8 +26,8 @@ fn outlines() -> impl Strategy<Value = Outline> {
                 warm_up,
                 last_tick: Tick(last),
                 agents: AgentMode::LogReplay,
-                tracker: "lqr".to_owned(),
-                layout_backend: "cpu".to_owned(),
+                tracker: TrackerKind::Lqr,
+                layout_backend: LayoutBackend::Cpu,
                 alignment: ReplanAlignment::Rollback,
                 chunk_ticks,
                 video_model: Digest::default(),

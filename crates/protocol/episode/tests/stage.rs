@@ -12,9 +12,10 @@ use ds_episode::stage::{Action, Assignment, Event, Output, PullFrom, Stage, Stop
 use ds_episode::{Codec, Fault, Millis, Outline, Timing, due};
 use ds_space::{AttemptId, Digest, EpisodeId, InstanceId, SimTime, Tick};
 use ds_topic::{
-    Advance, AgentMode, Envelope, EpisodeSpec, Header, Motion, ObservationSource, Owner, ReplanAlignment, Role,
-    SCHEMA_VERSION, Slot, Topic,
+    Advance, Envelope, EpisodeSpec, Header, Motion, ObservationSource, Owner, ReplanAlignment, Role, SCHEMA_VERSION,
+    Slot, Topic,
 };
+use ds_world::{AgentMode, LayoutBackend, TrackerKind};
 use toy::{SCENE, ToyCodec, hash};
 
 const LEASE_UNTIL: Millis = Millis(1_000);
@@ -38,8 +39,8 @@ fn outline() -> Outline {
         warm_up: 0,
         last_tick: Tick(6),
         agents: AgentMode::LogReplay,
-        tracker: "lqr".to_owned(),
-        layout_backend: "cpu".to_owned(),
+        tracker: TrackerKind::Lqr,
+        layout_backend: LayoutBackend::Cpu,
         alignment: ReplanAlignment::Rollback,
         chunk_ticks: 2,
         video_model: Digest::default(),

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ds_raster::{Encoding, RgbImage};
 use ds_space::{Digest, DigestWriter, PoseSe2, SimTime, Tick};
-use ds_world::{EgoState, Reading, RouteCommand, Scene, Trajectory, WorldState};
+use ds_world::{EgoState, Proposal, Reading, RouteCommand, Scene, Trajectory, WorldState};
 
 use crate::spec::EpisodeSpec;
 
@@ -76,15 +76,6 @@ pub struct Frame {
     pub seam: f64,
 }
 
-/// One candidate of a plan.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Proposal {
-    /// The trajectory, in the rig frame at the plan's tick.
-    pub trajectory: Trajectory,
-    /// The policy's own score; larger is better.
-    pub score: f64,
-}
-
 /// Body of `plan`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
@@ -99,25 +90,26 @@ pub struct Plan {
 /// Body of `cache`: the log entry of one committed chunk, opaque to all but the video model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cache {
-    /// The chunk, 0 being the first frame.
+    /// The chunk; 0 is the first frame.
     pub chunk: u32,
     /// The first tick of the chunk.
     pub first: Tick,
-    /// Ticks in the chunk.
+    /// Ticks of the chunk.
     pub ticks: u32,
-    /// The exact tensor that was fed to the cache-writing forward.
+    /// The exact tensor fed to the forward pass that wrote the cache, [frames, tokens, 4, z].
     pub cached_input: Tensor,
-    /// The denoised latent, for the streaming decoder.
+    /// The clean latent that was decoded, [frames, tokens, 4, z], normalised.
     pub clean: Tensor,
-    /// Control latents of the chunk.
+    /// The control latent of the chunk, [frames, tokens, 4, channels].
     pub control: Tensor,
-    /// Digest of prompt and first-frame conditioning.
+    /// Digest of all that does not change during a rollout: draw key, camera, prompt, first frame.
     pub conditioning: Digest,
-    /// Digest of the KV cache after this chunk.
+    /// Digest over all keys and values committed so far; of a published model over the outputs of the passes that made
+    /// them.
     pub cache_digest: Digest,
-    /// Digest of the encoder's state after this chunk.
+    /// Digest of the encoder's memory after the first frame, or of the first frame's latent.
     pub encoder_digest: Digest,
-    /// Digest of the decoder's state after this chunk.
+    /// Digest of the decoder's memory after the chunk; of a published model over the last frame of every chunk.
     pub decoder_digest: Digest,
 }
 
@@ -301,7 +293,11 @@ impl SceneMessage {
         writer.text(spec.episode.as_str()).text(&spec.scenario).digest(&spec.scenario_digest).text(&spec.policy);
         writer.u32(spec.observation as u32).text(&spec.appearance).u64(spec.seed);
         writer.u32(spec.replan_period).u32(spec.horizon).u32(spec.history).u32(spec.warm_up).u32(spec.last_tick.0);
-        writer.u32(spec.agents as u32).text(&spec.tracker).text(&spec.layout_backend).u32(spec.alignment as u32);
+        writer
+            .u32(spec.agents as u32)
+            .text(spec.tracker.name())
+            .text(spec.layout_backend.name())
+            .u32(spec.alignment as u32);
         writer.u32(spec.chunk_ticks).digest(&spec.video_model).digest(&spec.policy_model).digest(&spec.configuration);
         if (spec.scorer, spec.score_profile) != Default::default() {
             writer.u32(spec.scorer as u32).u32(spec.score_profile as u32);

@@ -10,12 +10,12 @@ pub mod order;
 pub mod slot;
 pub mod spec;
 
-pub use body::{Cache, Ego, Event, EventKind, Frame, Layout, Plan, Proposal, SceneMessage, Score, Verdict, World};
+pub use body::{Cache, Ego, Event, EventKind, Frame, Layout, Plan, SceneMessage, Score, Verdict, World};
 pub use diagnosis::{DiagnosedEffect, Diagnosis, GapCell};
 pub use envelope::{Envelope, Header, SCHEMA_VERSION};
 pub use order::{Advance, Motion, Owner, Role};
 pub use slot::{Slot, Topic};
 pub use spec::{
-    AgentMode, EpisodeSpec, MAX_LAYOUT_MEMORY_TICKS, ObservationSource, ProposalScorer, ReplanAlignment, ScoreProfile,
+    EpisodeSpec, MAX_LAYOUT_MEMORY_TICKS, ObservationSource, ProposalScorer, ReplanAlignment, ScoreProfile,
     SwitchedEffect,
 };

@@ -4,9 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use ds_space::{Digest, DigestWriter, InstanceId, Tick};
-use ds_world::Trajectory;
-
-use crate::body::Proposal;
+use ds_world::{Proposal, Trajectory};
 
 /// The stages of the loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]

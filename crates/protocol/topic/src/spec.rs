@@ -1,6 +1,7 @@
 //! The resolved specification of an episode: everything besides the scene that its result depends on.
 
 use ds_space::{Digest, EpisodeId, Tick};
+use ds_world::{AgentMode, LayoutBackend, TrackerKind};
 
 /// Which renderer makes the frames that the policy sees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
@@ -41,42 +42,6 @@ impl ObservationSource {
     #[must_use]
     pub fn needs_world(self) -> bool {
         matches!(self, Self::Reference | Self::SimRgb)
-    }
-}
-
-/// Which agents react, and to whom.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
-pub enum AgentMode {
-    /// All agents follow their log.
-    LogReplay,
-    /// Agents behind the ego follow it by IDM, the others their log.
-    #[default]
-    IdmBehindEgo,
-    /// All agents with a route drive by IDM.
-    IdmAll,
-    /// The same; they change lanes, yield by right of way, and people on foot walk by themselves.
-    Interactive,
-}
-
-impl AgentMode {
-    /// All modes.
-    pub const ALL: [Self; 4] = [Self::LogReplay, Self::IdmBehindEgo, Self::IdmAll, Self::Interactive];
-
-    /// Returns the mode's name on the command line and in results.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::LogReplay => "log-replay",
-            Self::IdmBehindEgo => "idm-behind-ego",
-            Self::IdmAll => "idm-all",
-            Self::Interactive => "interactive",
-        }
-    }
-
-    /// Returns the mode of a name.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|mode| mode.name() == name)
     }
 }
 
@@ -191,10 +156,10 @@ pub struct EpisodeSpec {
     pub last_tick: Tick,
     /// Which agents react.
     pub agents: AgentMode,
-    /// The tracker: `lqr` or `pure-pursuit`.
-    pub tracker: String,
-    /// The layout back end: `auto`, `cpu` or `wgpu`.
-    pub layout_backend: String,
+    /// What follows the plan.
+    pub tracker: TrackerKind,
+    /// What renders layout images.
+    pub layout_backend: LayoutBackend,
     /// Chunk alignment.
     pub alignment: ReplanAlignment,
     /// Ticks per committed chunk of the video model; 0 for sources without a cache.

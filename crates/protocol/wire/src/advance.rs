@@ -54,7 +54,7 @@ impl TryFrom<v1::Advance> for Advance {
                 Motion::Plan(plan.try_into().map_err(|error: FieldError| error.below("plan"))?)
             }
             Some(v1::advance::Motion::Choice(choice)) => {
-                let proposals: Vec<ds_topic::Proposal> =
+                let proposals: Vec<ds_world::Proposal> =
                     list("proposals", choice.proposals, MAX_PROPOSALS).map_err(|error| error.below("choice"))?;
                 if proposals.is_empty() {
                     return Err(FieldError::new("choice.proposals", "is empty"));

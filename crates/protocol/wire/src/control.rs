@@ -24,8 +24,8 @@ pub fn observation_of(value: i32) -> Option<ds_topic::ObservationSource> {
 
 /// Returns the agent mode of a wire value, if it names one.
 #[must_use]
-pub fn agents_of(value: i32) -> Option<ds_topic::AgentMode> {
-    crate::v1::AgentMode::try_from(value).ok().and_then(|mode| ds_topic::AgentMode::try_from(mode).ok())
+pub fn agents_of(value: i32) -> Option<ds_world::AgentMode> {
+    crate::v1::AgentMode::try_from(value).ok().and_then(|mode| ds_world::AgentMode::try_from(mode).ok())
 }
 
 /// Returns the name of a status in results.

@@ -55,6 +55,11 @@ pub(crate) fn text(field: &str, value: String, most: usize) -> Result<String, Fi
     Ok(value)
 }
 
+/// Takes a choice by its name.
+pub(crate) fn named<T>(field: &str, name: &str, from_name: fn(&str) -> Option<T>) -> Result<T, FieldError> {
+    from_name(name).ok_or_else(|| FieldError::new(field, format!("is {name:?}, no known name")))
+}
+
 /// Takes a digest.
 pub(crate) fn digest(field: &str, value: &[u8]) -> Result<Digest, FieldError> {
     let bytes = <[u8; 32]>::try_from(value)

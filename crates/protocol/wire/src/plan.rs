@@ -1,8 +1,8 @@
 //! Topic `plan`: a trajectory and its proposals.
 
 use ds_space::SimTime;
-use ds_topic::{Plan, Proposal};
-use ds_world::{Trajectory, TrajectoryPoint};
+use ds_topic::Plan;
+use ds_world::{Proposal, Trajectory, TrajectoryPoint};
 
 use crate::error::FieldError;
 use crate::field::{list, number, part, whole};

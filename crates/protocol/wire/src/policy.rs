@@ -6,8 +6,8 @@
 use bytes::Bytes;
 use ds_raster::{Encoding, RgbImage};
 use ds_space::{CameraId, CameraModel, DVec2, DVec3, Intrinsics, Pose, PoseSe2, SimTime};
-use ds_topic::{Plan, Proposal};
-use ds_world::{EgoState, RouteCommand, TrajectoryPoint};
+use ds_topic::Plan;
+use ds_world::{EgoState, Proposal, RouteCommand, TrajectoryPoint};
 use prost::Message;
 
 use crate::body::decode;

@@ -2,12 +2,13 @@
 
 use ds_space::{EpisodeId, Tick};
 use ds_topic::{
-    AgentMode, EpisodeSpec, MAX_LAYOUT_MEMORY_TICKS, ObservationSource, ProposalScorer, ReplanAlignment, ScoreProfile,
+    EpisodeSpec, MAX_LAYOUT_MEMORY_TICKS, ObservationSource, ProposalScorer, ReplanAlignment, ScoreProfile,
     SwitchedEffect,
 };
+use ds_world::{AgentMode, LayoutBackend, TrackerKind};
 
 use crate::error::FieldError;
-use crate::field::{checked, choice, digest, enumeration, list, number, text, whole};
+use crate::field::{checked, choice, digest, enumeration, list, named, number, text, whole};
 use crate::scene::{MAX_NAME_BYTES, MAX_TEXT_BYTES, MAX_TICKS};
 use crate::v1;
 
@@ -78,8 +79,8 @@ impl From<&EpisodeSpec> for v1::EpisodeSpec {
             warm_up: value.warm_up,
             last_tick: value.last_tick.0,
             agents: v1::AgentMode::from(value.agents).into(),
-            tracker: value.tracker.clone(),
-            layout_backend: value.layout_backend.clone(),
+            tracker: value.tracker.name().to_owned(),
+            layout_backend: value.layout_backend.name().to_owned(),
             alignment: v1::ReplanAlignment::from(value.alignment).into(),
             chunk_ticks: value.chunk_ticks,
             video_model: bytes(&value.video_model),
@@ -114,8 +115,8 @@ impl TryFrom<v1::EpisodeSpec> for EpisodeSpec {
             warm_up: whole("warm_up", message.warm_up, 0, most)?,
             last_tick: Tick(whole("last_tick", message.last_tick, 0, most)?),
             agents: choice::<v1::AgentMode, _>("agents", message.agents)?,
-            tracker: text("tracker", message.tracker, MAX_NAME_BYTES)?,
-            layout_backend: text("layout_backend", message.layout_backend, MAX_NAME_BYTES)?,
+            tracker: named("tracker", &message.tracker, TrackerKind::from_name)?,
+            layout_backend: named("layout_backend", &message.layout_backend, LayoutBackend::from_name)?,
             alignment: choice::<v1::ReplanAlignment, _>("alignment", message.alignment)?,
             chunk_ticks: whole("chunk_ticks", message.chunk_ticks, 0, most)?,
             video_model: digest("video_model", &message.video_model)?,

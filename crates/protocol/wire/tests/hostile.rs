@@ -7,14 +7,14 @@ use ds_raster::{Encoding, RgbImage};
 use ds_space::{AgentId, CameraId, CameraModel, DVec2, DVec3, Digest, EpisodeId, Intrinsics, PoseSe2, SimTime, Tick};
 use ds_topic::body::Tensor;
 use ds_topic::{
-    Advance, AgentMode, Cache, Ego, EpisodeSpec, Event, EventKind, Frame, Layout, Motion, ObservationSource, Plan,
-    Proposal, ReplanAlignment, SceneMessage, Score, Slot, Topic, World,
+    Advance, Cache, Ego, EpisodeSpec, Event, EventKind, Frame, Layout, Motion, ObservationSource, Plan,
+    ReplanAlignment, SceneMessage, Score, Slot, Topic, World,
 };
 use ds_wire::policy::{Observation, PolicyHello, PolicyMessage, PolicyPlan};
 use ds_wire::{Body, split, v1};
 use ds_world::{
-    AgentClass, AgentState, EgoState, Lane, LaneId, LaneKind, Map, Origin, RouteCommand, Scene, Size, Track,
-    Trajectory, TrajectoryPoint, VehicleParameters, WorldState,
+    AgentClass, AgentMode, AgentState, EgoState, Lane, LaneId, LaneKind, LayoutBackend, Map, Origin, Proposal,
+    RouteCommand, Scene, Size, Track, TrackerKind, Trajectory, TrajectoryPoint, VehicleParameters, WorldState,
 };
 
 /// One key and length in front of content, as protobuf writes it.
@@ -170,8 +170,8 @@ fn spec() -> EpisodeSpec {
         warm_up: 0,
         last_tick: Tick(80),
         agents: AgentMode::LogReplay,
-        tracker: "lqr".to_owned(),
-        layout_backend: "cpu".to_owned(),
+        tracker: TrackerKind::Lqr,
+        layout_backend: LayoutBackend::Cpu,
         alignment: ReplanAlignment::Rollback,
         chunk_ticks: 0,
         video_model: Digest::default(),

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use super::{Agents, Align, Observation, RunPlan};
+use ds_world::{AgentMode, LayoutBackend, TrackerKind};
+
+use super::{Align, Observation, RunPlan};
 use crate::shipped;
 
 impl Default for RunPlan {
@@ -25,9 +27,9 @@ impl Default for RunPlan {
             appearance: "day".to_owned(),
             prompt: None,
             first_frames: Vec::new(),
-            agents: Agents::IdmBehindEgo,
-            tracker: "lqr".to_owned(),
-            layout_backend: "cpu".to_owned(),
+            agents: AgentMode::IdmBehindEgo,
+            tracker: TrackerKind::Lqr,
+            layout_backend: LayoutBackend::Cpu,
             model: shipped::find(Path::new("configs/models/cpu_train.toml")),
             video_backend: "cpu".to_owned(),
             policy_weights: shipped::find(Path::new("configs/models/camera_policy.safetensors")),

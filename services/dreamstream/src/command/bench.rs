@@ -5,15 +5,15 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result};
 use ds_bus::BusSession;
 use ds_camera::{Appearance, ReferenceCamera};
-use ds_layout::{BackendChoice, LayoutScene, Renderer, StaticMap};
+use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap};
 use ds_oracle::{AgentsIn, Oracle};
 use ds_policy::lattice::Lattice;
 use ds_policy::{EgoView, Observation, Policy};
-use ds_sim::{AgentMode, IdmScope, SimConfig, Simulation};
+use ds_sim::{IdmScope, SimConfig, Simulation};
 use ds_space::{AttemptId, Digest, Draws, EpisodeId, InstanceId, PoseSe2, SimTime, Tick};
-use ds_topic::{Envelope, Header, Proposal, SCHEMA_VERSION, Slot, Topic};
+use ds_topic::{Envelope, Header, SCHEMA_VERSION, Slot, Topic};
 use ds_video::{Rollout, VideoModel};
-use ds_world::{Scene, Trajectory, TrajectoryPoint};
+use ds_world::{Proposal, Scene, Trajectory, TrajectoryPoint};
 use std::sync::Arc;
 
 use crate::cli::BenchArgs;
@@ -47,7 +47,7 @@ fn report(what: &str, scenario: &str, mut rounds: Vec<Duration>, count: u32, bud
 }
 
 fn step(scene: &Arc<Scene>) -> Result<()> {
-    let config = SimConfig { agents: AgentMode::Idm { scope: IdmScope::All }, ..SimConfig::default() };
+    let config = SimConfig { agents: Some(IdmScope::All), ..SimConfig::default() };
     let ticks = scene.last_tick().0;
     let mut rounds = Vec::new();
     for _ in 0..ROUNDS {
@@ -107,7 +107,7 @@ fn straight_on(speed_mps: f64) -> Result<Trajectory> {
 
 fn layout(scene: &Scene) -> Result<()> {
     let map = StaticMap::new(&scene.map);
-    let mut renderer = Renderer::new(BackendChoice::Cpu)?;
+    let mut renderer = Renderer::new(LayoutBackend::Cpu)?;
     let Some(camera) = scene.cameras.first() else { return Ok(()) };
     let mut rounds = Vec::new();
     for _ in 0..ROUNDS {
@@ -145,7 +145,7 @@ fn video(args: &BenchArgs, scene: &Scene) -> Result<()> {
     let model = Arc::new(model);
     let Some(camera) = scene.cameras.first() else { return Ok(()) };
     let map = StaticMap::new(&scene.map);
-    let mut renderer = Renderer::new(BackendChoice::Cpu)?;
+    let mut renderer = Renderer::new(LayoutBackend::Cpu)?;
     let mut layouts = Vec::new();
     for tick in Tick(0).to(Tick(60)) {
         let world = scene.logged_world(tick);

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Command;
 
 use anyhow::Result;
-use ds_layout::{BackendChoice, Renderer};
+use ds_layout::{LayoutBackend, Renderer};
 
 use crate::shipped;
 
@@ -32,8 +32,8 @@ pub(crate) fn run() -> Result<()> {
         finding("video model", weights("configs/models/cpu_train.safetensors")),
         finding("camera policy", weights("configs/models/camera_policy.safetensors")),
         finding("scenarios", scenarios()),
-        finding("layout, cpu", renderer(BackendChoice::Cpu)),
-        finding("layout, wgpu", renderer(BackendChoice::Wgpu)),
+        finding("layout, cpu", renderer(LayoutBackend::Cpu)),
+        finding("layout, wgpu", renderer(LayoutBackend::Wgpu)),
         finding("python3", tool("python3", "--version", "the Python client needs it")),
         finding("docker", tool("docker", "--version", "compose needs it")),
         finding("rerun viewer", viewer()),
@@ -88,7 +88,7 @@ fn scenarios() -> Result<String, String> {
     if found.is_empty() { Err("none in scenarios/base".to_owned()) } else { Ok(format!("{} shipped", found.len())) }
 }
 
-fn renderer(choice: BackendChoice) -> Result<String, String> {
+fn renderer(choice: LayoutBackend) -> Result<String, String> {
     Renderer::new(choice).map(|renderer| renderer.describe().to_owned()).map_err(|error| error.to_string())
 }
 

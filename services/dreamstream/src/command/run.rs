@@ -235,7 +235,7 @@ fn results(
             horizon_secs: args.horizon,
             history: args.history,
             agents: format!("{:?}", args.agents),
-            tracker: args.tracker.clone(),
+            tracker: args.tracker.name().to_owned(),
             appearance: args.appearance.clone(),
             mode: mode.to_owned(),
             configuration_digest: configuration.to_string(),

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use ds_process::maker::output;
 use ds_space::{AttemptId, CameraId, CameraModel, DVec3, Digest, EpisodeId, InstanceId, Intrinsics, PoseSe2, SimTime};
-use ds_topic::{AgentMode, Envelope, EpisodeSpec, Header, Motion, ObservationSource, ReplanAlignment, SCHEMA_VERSION};
+use ds_topic::{Envelope, EpisodeSpec, Header, Motion, ObservationSource, ReplanAlignment, SCHEMA_VERSION};
 use ds_video::{Backend, ModelConfig};
+use ds_world::{AgentMode, LayoutBackend, TrackerKind};
 
 use super::*;
 
@@ -53,8 +54,8 @@ fn scene(model: &VideoModel) -> Arc<SceneMessage> {
         warm_up: 0,
         last_tick: Tick(REPLAN * ROUNDS),
         agents: AgentMode::LogReplay,
-        tracker: "lqr".to_owned(),
-        layout_backend: "cpu".to_owned(),
+        tracker: TrackerKind::Lqr,
+        layout_backend: LayoutBackend::Cpu,
         alignment: ReplanAlignment::Rollback,
         chunk_ticks: model.config().frames_per_chunk() as u32,
         video_model: model.digest(),

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ds_effect::{Effect, Insertion, Setting, library};
-use ds_sim::{AgentMode, IdmScope, Manners, SimConfig, Simulation};
+use ds_sim::{IdmScope, Manners, SimConfig, Simulation};
 use ds_space::{DVec2, Digest, PoseSe2, SimTime, Tick};
 use ds_world::{EgoState, Reading, Scene, Trajectory, TrajectoryPoint, WorldState};
 
@@ -21,7 +21,7 @@ struct Drive {
 }
 
 fn config(effects: Vec<Setting>, vehicle_log: bool) -> SimConfig {
-    let agents = AgentMode::Idm { scope: IdmScope::All };
+    let agents = Some(IdmScope::All);
     SimConfig { agents, effects, vehicle_log, ..SimConfig::default() }
 }
 

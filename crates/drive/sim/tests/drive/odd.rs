@@ -1,6 +1,6 @@
 //! Scenes and plans that no one would draw: nothing panics, nothing explodes, no number is lost.
 
-use ds_sim::{AgentMode, DynamicsKind, IdmScope, SimConfig, SimError, Simulation, TrackerKind};
+use ds_sim::{DynamicsKind, IdmScope, SimConfig, SimError, Simulation, TrackerKind};
 use ds_space::{DVec2, PoseSe2, SimTime, Tick};
 use ds_world::{AgentClass, RouteCommand, Trajectory, TrajectoryPoint, WorldState};
 use proptest::prelude::*;
@@ -44,7 +44,7 @@ proptest! {
     fn no_plan_makes_the_world_unsound(plans in proptest::collection::vec(wild_plans(), 4), choice in 0u32..4) {
         let tracker = if choice % 2 == 0 { TrackerKind::Lqr } else { TrackerKind::PurePursuit };
         let dynamics = if choice < 2 { DynamicsKind::SingleTrack } else { DynamicsKind::Kinematic };
-        let agents = AgentMode::Idm { scope: IdmScope::All };
+        let agents = Some(IdmScope::All);
         let config = SimConfig { tracker, dynamics, agents, ..SimConfig::default() };
         let mut simulation = Simulation::new(shared(crowded(9)), config, Tick(0)).expect("the scene is sound");
         for (i, plan) in plans.iter().enumerate() {
@@ -84,7 +84,7 @@ fn odd_scenes_run() {
         ("one tick of log", brief),
     ] {
         for scope in [IdmScope::All, IdmScope::BehindEgo] {
-            let config = SimConfig { agents: AgentMode::Idm { scope }, ..SimConfig::default() };
+            let config = SimConfig { agents: Some(scope), ..SimConfig::default() };
             let mut simulation = Simulation::new(shared(scene.clone()), config, Tick(0)).expect(what);
             assert_eq!(!simulation.state().contacts.is_empty(), matches!(what, "overlapping" | "seen once"), "{what}");
             let point = TrajectoryPoint { after: SimTime::from_secs(4.0), pose: PoseSe2::new(20.0, 0.0, 0.0) };

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ds_sim::{AgentMode, IdmScope, SimConfig, SimError, Simulation, SnapshotError, TrackerKind};
+use ds_sim::{IdmScope, SimConfig, SimError, Simulation, SnapshotError, TrackerKind};
 use ds_space::{PoseSe2, SimTime, Tick};
 use ds_world::{Scene, Trajectory, TrajectoryPoint, WorldState};
 use proptest::prelude::*;
@@ -25,7 +25,7 @@ fn plans() -> impl Strategy<Value = Trajectory> {
 fn config(choice: u32) -> SimConfig {
     let tracker = if choice.is_multiple_of(2) { TrackerKind::Lqr } else { TrackerKind::PurePursuit };
     let scope = if (choice / 2).is_multiple_of(2) { IdmScope::All } else { IdmScope::BehindEgo };
-    SimConfig { tracker, agents: AgentMode::Idm { scope }, ..SimConfig::default() }
+    SimConfig { tracker, agents: Some(scope), ..SimConfig::default() }
 }
 
 /// Warm-up on the log, then both plans in turn every 5 ticks; returns every state, restoring before one tick.

@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use ds_effect::Setting;
-use ds_sim::{AgentMode, IdmScope, Manners, SimConfig, Simulation};
+use ds_sim::{IdmScope, Manners, SimConfig, Simulation};
 use ds_space::{DVec2, PoseSe2, SimTime, Tick};
 use ds_world::{
     AgentClass, AgentState, Crosswalk, Lane, LaneKind, LightState, Map, Scene, Size, Track, TrackPoint, Trajectory,
@@ -94,7 +94,7 @@ pub(crate) fn town() -> Scene {
 
 /// Returns a configuration in which all agents react.
 pub(crate) fn config(manners: Manners, effects: Vec<Setting>) -> SimConfig {
-    SimConfig { agents: AgentMode::Idm { scope: IdmScope::All }, manners, effects, ..SimConfig::default() }
+    SimConfig { agents: Some(IdmScope::All), manners, effects, ..SimConfig::default() }
 }
 
 fn slow_plan() -> Trajectory {

@@ -1,6 +1,6 @@
 //! How closely the ego follows plans: straight, circle, stop, standing start; invariance under rigid motion.
 
-use ds_sim::{AgentMode, DynamicsKind, SimConfig, Simulation, TrackerKind};
+use ds_sim::{DynamicsKind, SimConfig, Simulation, TrackerKind};
 use ds_space::{DVec2, PoseSe2, SimTime, Tick};
 use ds_world::{EgoState, Scene, Trajectory, TrajectoryPoint};
 
@@ -40,7 +40,7 @@ fn configs() -> Vec<SimConfig> {
     let mut all = Vec::new();
     for tracker in [TrackerKind::Lqr, TrackerKind::PurePursuit] {
         for dynamics in [DynamicsKind::SingleTrack, DynamicsKind::Kinematic] {
-            all.push(SimConfig { tracker, dynamics, agents: AgentMode::LogReplay, ..SimConfig::default() });
+            all.push(SimConfig { tracker, dynamics, agents: None, ..SimConfig::default() });
         }
     }
     all

@@ -1,14 +1,13 @@
 //! How agents move: replayed, reacting, stopping at lights, on their path; contacts recorded.
 
-use ds_sim::{AgentMode, IdmScope, SimConfig, Simulation};
+use ds_sim::{IdmScope, SimConfig, Simulation};
 use ds_space::{AgentId, PoseSe2, SimTime, Tick};
 use ds_world::{AgentClass, AgentState, ContactKind, LightState, Scene, Trajectory, TrajectoryPoint};
 
 use crate::street::{CAR, PERSON, add_light, crowded, expert, on_arc, scene, shared, track};
 
 fn config(scope: Option<IdmScope>) -> SimConfig {
-    let agents = scope.map_or(AgentMode::LogReplay, |scope| AgentMode::Idm { scope });
-    SimConfig { agents, ..SimConfig::default() }
+    SimConfig { agents: scope, ..SimConfig::default() }
 }
 
 /// A plan along the ego's own heading at a speed that falls to zero at a deceleration.

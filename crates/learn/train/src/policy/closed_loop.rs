@@ -241,7 +241,7 @@ fn shown(stage: &Stage, elsewhere: &Stage, driven: Driven, world: &WorldState) -
         Driven::Camera => stage.frame(world),
         Driven::CameraSoftened => softened(&stage.frame(world)),
         Driven::CameraElsewhere => {
-            let config = SimConfig { agents: ds_sim::AgentMode::LogReplay, ..SimConfig::default() };
+            let config = SimConfig { agents: None, ..SimConfig::default() };
             elsewhere.frame(elsewhere.simulation(config, world.tick)?.state())
         }
         Driven::ConstantVelocity | Driven::RouteFollower => RgbImage::filled(1, 1, [0; 3]),

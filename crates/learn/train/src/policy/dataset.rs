@@ -12,7 +12,7 @@ use ds_policy::camera::eye::Eye;
 use ds_policy::camera::proposals::{KNOT_SECS, KNOTS, TARGETS};
 use ds_policy::driver::Driver;
 use ds_scenario::{Family, generate};
-use ds_sim::{AgentMode, SimConfig, Simulation};
+use ds_sim::{SimConfig, Simulation};
 use ds_space::{DVec2, Draws, PoseSe2, Tick};
 use ds_world::{EgoState, RouteCommand, Scene, WorldState};
 
@@ -190,7 +190,7 @@ pub(super) fn beside_the_expert(settings: &PolicySettings, shown: Shown) -> Resu
             let draws = Draws::new(&stage.scene.digest, "policy states", &[settings.seed, state]);
             #[expect(clippy::cast_possible_truncation, reason = "below the last start tick")]
             let tick = Tick(draws.below(0, LAST_START_TICK + 1) as u32);
-            let config = SimConfig { agents: AgentMode::LogReplay, ..SimConfig::default() };
+            let config = SimConfig { agents: None, ..SimConfig::default() };
             let simulation = stage.simulation(config, tick)?;
             let mut world = simulation.state().clone();
             world.ego = moved(settings, &stage.driver, &world.ego, &draws);

@@ -179,7 +179,7 @@ fn a_rollout_encodes_and_decodes_as_a_whole_clip() {
     let model = opened(&config);
     let (mut rollout, first) = start(&model);
     let generated = rollout.generate(&layouts(1..37)).expect("generates");
-    let joined = |part: fn(&CacheEntry) -> &Latent| -> Vec<f32> {
+    let joined = |part: fn(&Cache) -> &Tensor| -> Vec<f32> {
         std::iter::once(&first).chain(&generated.committed).flat_map(|entry| part(entry).values.clone()).collect()
     };
     let shape = config.wan_vae().expect("published");

@@ -1,6 +1,7 @@
 //! How a driver moves time: the order of each iteration, its commit, the next.
 
-use ds_topic::{Advance, Envelope, Motion, Plan, Proposal, ProposalScorer, Slot, Topic};
+use ds_topic::{Advance, Envelope, Motion, Plan, ProposalScorer, Slot, Topic};
+use ds_world::Proposal;
 
 use super::{Action, Committed, Current, Driver, Status};
 use crate::clock::Millis;

@@ -2,7 +2,8 @@
 
 use ds_episode::Outline;
 use ds_space::{Digest, EpisodeId, SimTime, Tick};
-use ds_topic::{AgentMode, EpisodeSpec, ObservationSource, ReplanAlignment, Role};
+use ds_topic::{EpisodeSpec, ObservationSource, ReplanAlignment, Role};
+use ds_world::{AgentMode, LayoutBackend, TrackerKind};
 
 /// Deterministic draws, cheap enough for millions of messages (SplitMix64).
 #[derive(Debug, Clone)]
@@ -112,8 +113,8 @@ pub(crate) fn outline(dice: &mut Dice) -> Outline {
         warm_up: dice.range(0, 2) as u32,
         last_tick: Tick(dice.range(4, 9) as u32),
         agents: AgentMode::LogReplay,
-        tracker: "lqr".to_owned(),
-        layout_backend: "cpu".to_owned(),
+        tracker: TrackerKind::Lqr,
+        layout_backend: LayoutBackend::Cpu,
         alignment: ReplanAlignment::Rollback,
         chunk_ticks,
         video_model: Digest::default(),

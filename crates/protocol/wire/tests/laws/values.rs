@@ -9,15 +9,16 @@ use ds_space::{
 };
 use ds_topic::body::Tensor;
 use ds_topic::{
-    Advance, AgentMode, Cache, DiagnosedEffect, Diagnosis, Ego, EpisodeSpec, Frame, GapCell, Layout, Motion,
-    ObservationSource, Owner, Plan, Proposal, ProposalScorer, ReplanAlignment, Role, SceneMessage, Score, ScoreProfile,
-    SwitchedEffect, Verdict, World,
+    Advance, Cache, DiagnosedEffect, Diagnosis, Ego, EpisodeSpec, Frame, GapCell, Layout, Motion, ObservationSource,
+    Owner, Plan, ProposalScorer, ReplanAlignment, Role, SceneMessage, Score, ScoreProfile, SwitchedEffect, Verdict,
+    World,
 };
 use ds_wire::policy::{CameraView, Observation, StampedEgo, StampedImage};
 use ds_world::{
-    AgentClass, AgentState, Contact, ContactKind, Crosswalk, EgoState, Lane, LaneId, LaneKind, LightState, LineColour,
-    LineKind, LineMarking, Map, Origin, Reading, RoadEdge, RouteCommand, Scene, Size, StopLine, Track, TrackPoint,
-    TrafficLight, Trajectory, TrajectoryPoint, VehicleParameters, WorldState,
+    AgentClass, AgentMode, AgentState, Contact, ContactKind, Crosswalk, EgoState, Lane, LaneId, LaneKind,
+    LayoutBackend, LightState, LineColour, LineKind, LineMarking, Map, Origin, Proposal, Reading, RoadEdge,
+    RouteCommand, Scene, Size, StopLine, Track, TrackPoint, TrackerKind, TrafficLight, Trajectory, TrajectoryPoint,
+    VehicleParameters, WorldState,
 };
 use proptest::collection::vec;
 use proptest::option;
@@ -353,8 +354,8 @@ fn spec() -> impl Strategy<Value = EpisodeSpec> {
         warm_up: small - 1,
         last_tick: Tick(large),
         agents: modes.1,
-        tracker: "lqr".to_owned(),
-        layout_backend: "cpu".to_owned(),
+        tracker: TrackerKind::Lqr,
+        layout_backend: LayoutBackend::Cpu,
         alignment: modes.2,
         chunk_ticks: small - 1,
         video_model: digest,

@@ -11,7 +11,7 @@ use ds_topic::ObservationSource;
 use ds_wire::control as pb;
 use orchestrator::Conditioning;
 
-use crate::cli::{Agents, Align, Observation, RunPlan};
+use crate::cli::{Align, Observation, RunPlan};
 
 /// Reads prompt and first frames and checks them against the scenarios.
 ///
@@ -59,12 +59,6 @@ pub(super) fn request(
     let ticks = |secs: f64| (secs / dt_secs).round().clamp(0.0, 100_000.0) as u32;
     ensure!(args.horizon > 0.0 && args.horizon <= 30.0, "--horizon {} is not in (0, 30]", args.horizon);
     ensure!(args.duration >= 0.0, "--duration {} is negative", args.duration);
-    let agents = match args.agents {
-        Agents::LogReplay => pb::AgentMode::LogReplay,
-        Agents::IdmBehindEgo => pb::AgentMode::IdmBehindEgo,
-        Agents::IdmAll => pb::AgentMode::IdmAll,
-        Agents::Interactive => pb::AgentMode::Interactive,
-    };
     Ok(pb::SubmitRequest {
         client_id: format!("run-{}", &configuration.to_string()[..16]),
         scenarios,
@@ -78,9 +72,9 @@ pub(super) fn request(
             history: args.history,
             warm_up: args.warm_up,
             ticks: ticks(args.duration),
-            agents: agents as i32,
-            tracker: args.tracker.clone(),
-            layout_backend: args.layout_backend.clone(),
+            agents: pb::AgentMode::from(args.agents).into(),
+            tracker: args.tracker.name().to_owned(),
+            layout_backend: args.layout_backend.name().to_owned(),
             alignment: match args.align {
                 Align::Rollback => pb::ReplanAlignment::Rollback as i32,
                 Align::Exact => pb::ReplanAlignment::Exact as i32,
@@ -107,12 +101,17 @@ fn scorer(args: &RunPlan) -> &'static str {
 pub(super) fn configuration(args: &RunPlan, world: &RunConfig, given: &pb::RunSettings) -> Digest {
     let mut writer = DigestWriter::new();
     writer.text(&args.policy).u32(args.observation as u32).u32(args.replan).f64(args.horizon).u32(args.history);
-    writer.f64(args.duration).u32(args.warm_up).text(&args.appearance).u32(args.agents as u32).text(&args.tracker);
+    writer
+        .f64(args.duration)
+        .u32(args.warm_up)
+        .text(&args.appearance)
+        .u32(args.agents as u32)
+        .text(args.tracker.name());
     writer
         .text(scorer(args))
         .text(&args.profile)
         .u32(args.align as u32)
-        .text(&args.layout_backend)
+        .text(args.layout_backend.name())
         .text(args.shard.as_deref().unwrap_or_default());
     for seed in &args.seed {
         writer.u64(*seed);
