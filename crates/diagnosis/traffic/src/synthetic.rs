@@ -12,7 +12,7 @@ use ds_diagnosis::CaseError;
 use ds_diagnosis::meta::{RecordingEntry, TrafficMeta};
 use ds_effect::Setting;
 use ds_scenario::{Family, ScenarioError, generate, save};
-use ds_sim::{AgentMode, IdmScope, Manners, SimConfig, SimError, Simulation};
+use ds_sim::{IdmScope, Manners, SimConfig, SimError, Simulation};
 use ds_space::{DVec2, DVec3, Digest, Draws, PoseSe2, SimTime, Tick};
 use ds_world::{
     AgentClass, Crosswalk, EgoState, Lane, LaneId, LaneKind, LightState, Map, Origin, Scene, Size, StopLine, Track,
@@ -198,7 +198,7 @@ fn map([crossing_m, walk_m, light_m]: [f64; 3], green_from: usize) -> Map {
 /// Drives a scene and returns what the car saw as a table.
 fn drive(scene: Arc<Scene>, seed: u64, effects: &[Setting]) -> Result<String, SyntheticError> {
     let config = SimConfig {
-        agents: AgentMode::Idm { scope: IdmScope::All },
+        agents: Some(IdmScope::All),
         manners: Manners::ALL,
         effects: effects.to_vec(),
         ..SimConfig::default()

@@ -4,7 +4,7 @@
 //! camera's own class.
 
 use ds_camera::PixelClass;
-use ds_layout::{BackendChoice, LayoutError, LayoutScene, Renderer, StaticMap, colour};
+use ds_layout::{LayoutBackend, LayoutError, LayoutScene, Renderer, StaticMap, colour};
 use ds_space::{CameraModel, Pose, Rig, World};
 use ds_world::{Map, WorldState};
 
@@ -51,7 +51,7 @@ impl Crosswalks {
     pub fn new(map: &Map) -> Result<Self, LayoutError> {
         let bare = Map { crosswalks: map.crosswalks.clone(), ..Map::default() };
         let map = (!bare.crosswalks.is_empty()).then(|| StaticMap::new(&bare));
-        Ok(Self { map, renderer: Renderer::new(BackendChoice::Cpu)? })
+        Ok(Self { map, renderer: Renderer::new(LayoutBackend::Cpu)? })
     }
 
     /// Returns the truth of a picture whose class map is given.

@@ -1,5 +1,5 @@
 //! A training process that is killed in the middle of a stage and started again ends with the weights of one that was
-//! not, bit for bit.
+//! not, bit for bit. Without the test harness: the process that trains is this program, started again.
 
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::ExitStatusExt;
@@ -7,8 +7,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use ds_nn::safetensors::WeightsFile;
+use ds_train::{Stage, TrainConfig};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../..");
+/// The first argument of the process that trains.
+const TRAIN: &str = "train";
 const STEPS: u32 = 60;
 /// The signal that no process can catch.
 const SIGKILL: i32 = 9;
@@ -35,10 +38,31 @@ fn recipe(folder: &Path, clips: &Path, name: &str) -> PathBuf {
     path
 }
 
+/// Starts this program again as the process that trains.
 fn train(recipe: &Path, stages: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_train-video"));
-    command.arg(recipe).args(stages).stdin(Stdio::null()).stdout(Stdio::null());
+    let mut command = Command::new(std::env::current_exe().expect("this program has a path"));
+    command.arg(TRAIN).arg(recipe).args(stages).stdin(Stdio::null()).stdout(Stdio::null());
     command
+}
+
+struct Lines;
+
+impl ds_train::Progress for Lines {
+    fn step(&mut self, step: u32, total: u32, _loss: f32, _figures: &[(&str, f32)]) {
+        eprintln!("step {step}/{total}");
+    }
+
+    fn note(&mut self, text: &str) {
+        eprintln!("{text}");
+    }
+}
+
+fn work(recipe: &str, stages: &[String]) {
+    let config = TrainConfig::load(Path::new(recipe)).expect("the recipe is valid");
+    for name in stages {
+        let stage = Stage::ALL.into_iter().find(|stage| stage.name() == name).expect("a stage");
+        stage.run(&config, &mut Lines).expect("trains");
+    }
 }
 
 fn finish(recipe: &Path, stages: &[&str]) {
@@ -46,7 +70,14 @@ fn finish(recipe: &Path, stages: &[&str]) {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
-#[test]
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    match arguments.as_slice() {
+        [word, recipe, stages @ ..] if word == TRAIN => work(recipe, stages),
+        _ => a_process_that_was_killed_goes_on_to_the_same_weights(),
+    }
+}
+
 fn a_process_that_was_killed_goes_on_to_the_same_weights() {
     let folder = tempfile::tempdir().expect("a folder");
     let clips = folder.path().join("clips");

@@ -1,4 +1,4 @@
-//! `train`: one stage of training, resumable; the same functions as the training binaries.
+//! `train`: one stage of training, resumable.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -126,6 +126,11 @@ fn policy(args: &TrainArgs) -> Result<()> {
     let path = args.config.clone().unwrap_or_else(|| shipped::find(Path::new(POLICY_CONFIG)));
     let text = std::fs::read_to_string(&path).with_context(|| format!("configuration {}", path.display()))?;
     let settings = PolicySettings::parse(&text).with_context(|| format!("configuration {}", path.display()))?;
+    if let Some(weights) = &args.weights {
+        ds_train::policy::evaluate(&settings, weights, &mut answer)
+            .with_context(|| format!("weights {}", weights.display()))?;
+        return Ok(());
+    }
     let spinner = ProgressBar::new_spinner();
     ds_train::policy::run(&settings, Path::new(&args.out), &mut |line: &str| {
         spinner.set_message(line.to_owned());

@@ -1,6 +1,6 @@
 //! Diagnoses many cases: writes `DIR/<case>/diagnosis.json` and prints one line per case, beside its label if there is one.
 //!
-//! `gap-practice CASES_DIR --out DIR [--quick] [--only NAME] [--without EFFECT] [--score]`; cases run in parallel;
+//! `dynamics-practice CASES_DIR --out DIR [--quick] [--only NAME] [--without EFFECT] [--score]`; cases run in parallel;
 //! `--score` only scores what an earlier run wrote.
 #![allow(clippy::print_stdout, reason = "the table is this command's answer")]
 
@@ -20,7 +20,7 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let after = |flag: &str| arguments.iter().position(|a| a == flag).and_then(|k| arguments.get(k + 1)).cloned();
     let Some(root) = arguments.first().filter(|a| !a.starts_with("--")).map(PathBuf::from) else {
-        println!("usage: gap-practice CASES_DIR [--out DIR] [--quick] [--only NAME] [--without EFFECT] [--score]");
+        println!("usage: dynamics-practice CASES_DIR [--out DIR] [--quick] [--only NAME] [--without EFFECT] [--score]");
         return ExitCode::from(64);
     };
     let options = Options {

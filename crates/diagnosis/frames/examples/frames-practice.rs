@@ -1,7 +1,7 @@
 //! Diagnoses many pairs of frame streams: writes `DIR/<case>/diagnosis.json`, prints one line per case beside its label,
 //! and the figures of all labelled cases.
 //!
-//! `sight-practice CASES_DIR [--out DIR] [--only NAME] [--nuisance DIR]`; cases run in parallel (RAYON_NUM_THREADS=1
+//! `frames-practice CASES_DIR [--out DIR] [--only NAME] [--nuisance DIR]`; cases run in parallel (RAYON_NUM_THREADS=1
 //! for times).
 #![allow(clippy::print_stdout, reason = "the table is this command's answer")]
 
@@ -20,7 +20,7 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let after = |flag: &str| arguments.iter().position(|a| a == flag).and_then(|k| arguments.get(k + 1)).cloned();
     let Some(root) = arguments.first().filter(|a| !a.starts_with("--")).map(PathBuf::from) else {
-        println!("usage: sight-practice CASES_DIR [--out DIR] [--only NAME] [--without EFFECT] [--nuisance DIR]");
+        println!("usage: frames-practice CASES_DIR [--out DIR] [--only NAME] [--without EFFECT] [--nuisance DIR]");
         return ExitCode::from(64);
     };
     let labels: Value = std::fs::read_to_string(root.join("labels.json"))

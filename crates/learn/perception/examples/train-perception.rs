@@ -1,4 +1,5 @@
-//! Trains one perception network: `train-perception segmenter|lights|look --config FILE --out FILE [--work FOLDER]`.
+//! Trains one perception network: `cargo run -p ds-perception --example train-perception -- NETWORK --config FILE
+//! --out FILE [--work FOLDER]`, the network being `segmenter`, `lights` or `look`.
 //!
 //! Checkpoints go to the work folder, from which an interrupted training goes on; what the network scores on frames
 //! that it has not seen is printed at the end.
