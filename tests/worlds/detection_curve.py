@@ -1,8 +1,8 @@
 """Probability of detection against effect size for the ten commonest effects, on the own reference world.
 
-Draws the cases, runs the diagnosis on them and writes a table and a figure. Needs numpy and the `gap-practice` command.
+Draws the cases, runs the diagnosis on them and writes a table and a figure. Needs numpy and the `dynamics-practice` command.
 
-    python tests/worlds/detection_curve.py --work DIR --seed 9001 --gap-practice target/release/gap-practice --figure docs/measurements/detection.svg
+    python tests/worlds/detection_curve.py --work DIR --seed 9001 --practice target/release/examples/dynamics-practice --figure docs/measurements/detection.svg
 """
 
 import argparse
@@ -84,13 +84,13 @@ def main():
     parser.add_argument("--work", type=pathlib.Path, required=True)
     parser.add_argument("--seed", type=int, default=9001)
     parser.add_argument("--draws", type=int, default=2, help="cases per effect and size")
-    parser.add_argument("--gap-practice", default="target/release/gap-practice")
+    parser.add_argument("--practice", default="target/release/examples/dynamics-practice")
     parser.add_argument("--figure", type=pathlib.Path, required=True)
     given = parser.parse_args()
     world, found = given.work / "world", given.work / "diagnoses"
     here = pathlib.Path(__file__).parent
     subprocess.run([sys.executable, here / "own_world.py", "--out", world, "--seed", str(given.seed), "--curve", str(given.draws)], check=True)
-    subprocess.run([given.gap_practice, world, "--out", found, "--quick"], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([given.practice, world, "--out", found, "--quick"], check=True, stdout=subprocess.DEVNULL)
     result = shares(outcomes(given.work))
     given.figure.write_text(figure(result))
     print(table(result))

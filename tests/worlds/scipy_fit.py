@@ -2,9 +2,9 @@
 
 A linear single track in numpy (all windows side by side) is fitted by `scipy.optimize.least_squares` (soft L1), once per
 effect, each with six usual nuisances free; the effects are ranked by the loss left. Prints the ranking and the processor
-time beside that of `gap-practice --quick` and of the full diagnosis on the same case, in one run, each on one core.
+time beside that of `dynamics-practice --quick` and of the full diagnosis on the same case, in one run, each on one core.
 
-    python tests/worlds/scipy_fit.py CASE --gap-practice target/release/gap-practice
+    python tests/worlds/scipy_fit.py CASE --practice target/release/examples/dynamics-practice
 
 Needs numpy and scipy. Leaves out what no smooth residual shows (play, drop-outs, jitter), followers, intervals, pairs,
 `unknown` and everything else that the diagnosis answers: it is the cheapest thing of its kind.
@@ -187,13 +187,13 @@ def ours(program, folder, quick):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("case", type=pathlib.Path)
-    parser.add_argument("--gap-practice", required=True)
+    parser.add_argument("--practice", required=True)
     given = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     rows, secs = general(given.case)
     print(f"scipy, {len(EFFECTS)} effects: {secs:.1f} s; best: " + ", ".join(f"{e} {v:.4g} (loss {c:.0f})" for e, c, v in rows[:3]))
     for quick in (True, False):
-        answer, mine = ours(given.gap_practice, given.case, quick)
+        answer, mine = ours(given.practice, given.case, quick)
         name = "quick" if quick else "full"
         print(f"diagnosis, {name}: {mine:.1f} s; {answer['verdict']} {', '.join(answer['chosen'])}; scipy takes {secs / mine:.1f} times as long")
 

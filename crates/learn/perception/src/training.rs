@@ -133,7 +133,9 @@ impl Recipe {
 /// Returns what a weights file says about how it was made.
 pub(crate) fn metadata(network: &str, recipe: &Recipe) -> BTreeMap<String, String> {
     let note = |key: &str, value: String| (key.to_owned(), value);
-    let command = format!("train-perception {network} --config configs/train/perception.toml");
+    let command = format!(
+        "cargo run -p ds-perception --example train-perception -- {network} --config configs/train/perception.toml"
+    );
     BTreeMap::from([
         note("command", command),
         note("settings", format!("{:#}", serde_json::json!(recipe))),

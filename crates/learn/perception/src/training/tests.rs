@@ -27,7 +27,7 @@ fn training_lowers_the_loss_and_goes_on_where_it_stopped() {
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
     assert!(mean(&losses.0[9..]) < 0.9 * mean(&losses.0[..3]), "{:?}", losses.0);
     assert!(trained.sharp.iou(Target::Road).is_some_and(|iou| (0.0..=1.0).contains(&iou)));
-    assert!(trained.file.metadata["command"].contains("train-perception segmenter"));
+    assert!(trained.file.metadata["command"].contains("--example train-perception -- segmenter"));
     let mut again = Losses::default();
     let resumed = segmenter::train(&recipe, Some(folder.path()), &mut again).expect("trains");
     assert!(again.0.is_empty(), "a finished training does no more steps");
