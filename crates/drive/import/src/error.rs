@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use ds_pickle::PickleError;
 use ds_scenario::ScenarioError;
 
 use crate::nuplan::MapError;
-use crate::pickle::PickleError;
 use crate::view::FieldFault;
 
 /// Says why a log cannot be imported.

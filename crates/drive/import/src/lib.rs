@@ -10,17 +10,19 @@ mod format;
 mod nuplan;
 pub mod nuscenes;
 pub mod openscene;
-mod pickle;
 mod recorded;
 pub mod scenarionet;
 mod scene;
 #[cfg(test)]
 mod tests;
 mod view;
+#[cfg(test)]
+#[path = "../../../base/pickle/tests/made/writer.rs"]
+mod writer;
 
+pub use ds_pickle::PickleError;
 pub use error::ImportError;
 pub use file::MAX_FILE_BYTES;
 pub use format::{Format, Imported, files, import_path, open};
 pub use nuplan::{GeometryError, MapError};
-pub use pickle::PickleError;
 pub use recorded::Recorded;

@@ -7,13 +7,13 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use ds_pickle::AllowList;
 use ds_scenario::Warning;
 use ds_space::{CameraId, CameraModel, DMat3, DQuat, DVec2, DVec3, Intrinsics, Pose};
 use ds_world::{AgentClass, Map, Origin, Scene, VehicleParameters};
 
 use crate::error::ImportError;
 use crate::nuplan::{self, Shown};
-use crate::pickle;
 use crate::recorded::{RawBox, RawDrive, Recorded, Stand};
 use crate::view::{FieldFault, View};
 
@@ -112,7 +112,8 @@ fn parsed(root: &Path, log: &Path) -> Result<(RawDrive, Told), ImportError> {
         return Err(ImportError::TooLarge { path: log.to_owned(), limit: super::MAX_FILE_BYTES });
     }
     let bytes = std::fs::read(log).map_err(unreadable)?;
-    let pickle = pickle::read(&bytes).map_err(|source| ImportError::Pickle { path: log.to_owned(), source })?;
+    let pickle = ds_pickle::read(&bytes, AllowList::Data)
+        .map_err(|source| ImportError::Pickle { path: log.to_owned(), source })?;
     let field = |fault: FieldFault| ImportError::Field { path: log.to_owned(), at: fault.at, problem: fault.problem };
     drive(&View::root(&pickle), root, log).map_err(field)
 }

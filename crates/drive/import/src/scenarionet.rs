@@ -6,12 +6,12 @@
 
 use std::path::Path;
 
+use ds_pickle::AllowList;
 use ds_scenario::{Warning, warnings};
 use ds_space::{DVec2, Digest, SimTime};
 use ds_world::{Origin, Scene};
 
 use crate::error::ImportError;
-use crate::pickle;
 use crate::scene::{checked, safe_name, usual_camera};
 use crate::view::{FieldFault, View};
 
@@ -34,7 +34,8 @@ struct Window {
 /// # Errors
 /// [`ImportError`] names the file and the field.
 pub fn scene(bytes: &[u8], path: &Path) -> Result<(Scene, Vec<Warning>), ImportError> {
-    let pickle = pickle::read(bytes).map_err(|source| ImportError::Pickle { path: path.to_owned(), source })?;
+    let pickle = ds_pickle::read(bytes, AllowList::Data)
+        .map_err(|source| ImportError::Pickle { path: path.to_owned(), source })?;
     let mut notes = Vec::new();
     let scene =
         convert(&View::root(&pickle), path, &mut notes).map_err(|fault: FieldFault| ImportError::field(path, fault))?;

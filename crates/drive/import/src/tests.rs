@@ -4,8 +4,8 @@ use std::path::Path;
 
 use crate::error::ImportError;
 use crate::format::{Format, import_path, open};
-use crate::pickle::tests::Writer;
 use crate::scenarionet;
+use crate::writer::Writer;
 use ds_space::{DVec2, Tick, plane};
 use ds_world::{AgentClass, LaneKind, LightState, Scene, VehicleParameters};
 use serde_json::Value as Json;

@@ -1,8 +1,7 @@
 //! Typed access to the values of a pickle; every refusal names the field, as `tracks["ego"].state.position[3]`.
 
+use ds_pickle::{Array, Data, Node, Pickle, Value};
 use ds_space::DVec2;
-
-use crate::pickle::{Array, Data, Node, Pickle, Value};
 
 /// A value of a pickle and the path to it.
 #[derive(Debug, Clone)]

@@ -10,7 +10,7 @@ use rusqlite::Connection;
 use super::*;
 use crate::format::{Format, import_path};
 use crate::openscene;
-use crate::pickle::tests::Writer;
+use crate::writer::Writer;
 use drawn::{BASE, LOCATION};
 
 mod drawn;

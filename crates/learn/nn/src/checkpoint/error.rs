@@ -1,5 +1,7 @@
 //! What can be wrong with a published checkpoint; every variant names the file or the tensor.
 
+use ds_pickle::PickleError;
+
 use crate::safetensors::FileError;
 
 /// Says why a checkpoint is refused.
@@ -50,12 +52,10 @@ pub enum CheckpointError {
         path: String,
     },
     /// The pickle inside an archive is broken.
-    #[error("pickle at byte {at}: {reason}: {path:?}")]
+    #[error("{refusal}: {path:?}")]
     Pickle {
-        /// What is wrong.
-        reason: String,
-        /// Where in `data.pkl`.
-        at: usize,
+        /// What is wrong, and where in `data.pkl`.
+        refusal: PickleError,
         /// The file.
         path: String,
     },

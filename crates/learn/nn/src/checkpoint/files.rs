@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
+use ds_pickle::{PickleError, Tensor};
 use memmap2::Mmap;
 use serde::Deserialize;
 
@@ -149,15 +150,18 @@ fn of_archive(map: &[u8], path: &Path, file: usize) -> Result<BTreeMap<String, V
     if members.get(&format!("{root}byteorder")).is_some_and(|range| &map[range.clone()] != b"little") {
         return Err(broken("its values are not little-endian".to_owned()));
     }
-    let stored = pickle::tensors(&map[members[&format!("{root}data.pkl")].clone()]).map_err(|fault| match fault {
-        pickle::Fault::Broken { at, reason } => CheckpointError::Pickle { reason, at, path: place() },
-        pickle::Fault::Code(global) => CheckpointError::Code { global, path: place() },
-    })?;
+    let stored =
+        pickle::tensors(&map[members[&format!("{root}data.pkl")].clone()]).map_err(|refusal| match refusal {
+            PickleError::Forbidden { module, name, .. } => {
+                CheckpointError::Code { global: format!("{module}.{name}"), path: place() }
+            }
+            refusal => CheckpointError::Pickle { refusal, path: place() },
+        })?;
     let mut views = BTreeMap::new();
     for (name, tensor) in stored {
         let dtype = tensor.storage.strip_suffix("Storage").unwrap_or_default();
         let Some(format) = Format::named(dtype) else {
-            return Err(CheckpointError::Type { name, dtype: tensor.storage });
+            return Err(CheckpointError::Type { name, dtype: tensor.storage.to_owned() });
         };
         let member = format!("{root}data/{}", tensor.key);
         let range =
@@ -173,7 +177,7 @@ fn of_archive(map: &[u8], path: &Path, file: usize) -> Result<BTreeMap<String, V
 }
 
 /// Says how many values a tensor needs if its storage has fewer, or if it repeats values to appear larger.
-fn beyond(tensor: &pickle::Stored, available: usize) -> Option<String> {
+fn beyond(tensor: &Tensor, available: usize) -> Option<String> {
     let count = tensor.shape.iter().try_fold(1usize, |product, side| product.checked_mul(*side));
     let Some(count) = count else { return Some("more than fit an address".to_owned()) };
     if count == 0 {

@@ -4,44 +4,63 @@ use super::Value;
 
 /// An array; numbers of every width become f64.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Array {
+pub struct Array {
+    /// Extent of each axis.
     pub shape: Vec<usize>,
+    /// The items, row-major.
     pub data: Data,
 }
 
 /// The items of an array.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Data {
+pub enum Data {
+    /// Numbers.
     Numbers(Vec<f64>),
+    /// Texts.
     Texts(Vec<String>),
+    /// Values of the arena.
     Objects(Vec<Value>),
 }
 
 /// The supported kinds of array items; widths in bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Dtype {
+pub enum Dtype {
+    /// Truth values.
     Bool,
+    /// Whole numbers with a sign.
     Signed {
+        /// Width.
         bytes: usize,
+        /// Whether the highest byte comes first.
         big: bool,
     },
+    /// Whole numbers without one.
     Unsigned {
+        /// Width.
         bytes: usize,
+        /// Whether the highest byte comes first.
         big: bool,
     },
+    /// Floating-point numbers.
     Float {
+        /// Width.
         bytes: usize,
+        /// Whether the highest byte comes first.
         big: bool,
     },
     /// UTF-32 text of so many characters.
     Wide {
+        /// Characters.
         chars: usize,
+        /// Whether the highest byte comes first.
         big: bool,
     },
     /// Byte text of so many bytes.
     Narrow {
+        /// Width.
         bytes: usize,
     },
+    /// Values of the arena.
     Object,
 }
 

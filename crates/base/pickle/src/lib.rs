@@ -1,19 +1,24 @@
 //! Reads Python pickles (protocols 0 to 5) as data, without running anything in them.
 //!
-//! A small machine builds dicts, lists, tuples, text, numbers and NumPy arrays in an arena. Only names on an allow-list
-//! may be called, and calling them is done here, in Rust. Depth, memo and total memory are bounded; whatever is not
-//! understood is refused with its byte offset.
+//! A small machine builds dicts, lists, tuples, text, numbers, NumPy arrays and the places of PyTorch's tensors in an
+//! arena. Only names on one of two allow-lists may be called ([`AllowList`]), and calling them is done here, in Rust.
+//! Values lie flat, so nesting costs no stack; memory is counted before it is taken and bounded; what is not understood is
+//! refused with its byte offset.
 
 use std::collections::BTreeMap;
 
 mod array;
 mod call;
+mod names;
 mod scan;
+mod tensor;
+#[cfg(test)]
+mod tests;
 
-pub(crate) use array::{Array, Data};
+pub use array::{Array, Data, Dtype};
+pub use names::{AllowList, Callable};
+pub use tensor::Tensor;
 
-/// The most bytes that the values of one pickle may take, roughly.
-pub(crate) const MAX_BYTES: usize = 512 << 20;
 const NODE_BYTES: usize = 96;
 
 /// Says why a pickle is refused; offsets are bytes from its start.
@@ -79,10 +84,14 @@ pub enum PickleError {
 
 /// A value; what is large lies in the arena.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Value {
+pub enum Value {
+    /// Nothing.
     None,
+    /// A truth value.
     Bool(bool),
+    /// A whole number.
     Int(i64),
+    /// A number.
     Float(f64),
     /// Index of a node.
     Node(usize),
@@ -90,40 +99,40 @@ pub(crate) enum Value {
     Callable(Callable),
 }
 
-/// What may be called.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Callable {
-    Reconstruct,
-    FromBuffer,
-    Scalar,
-    NdArray,
-    Dtype,
-    Encode,
-    Dict,
-    List,
-    Tuple,
-    Set,
-    Bytes,
-    Path,
-    /// A type that is only named, such as the factory of a default dict.
-    Inert,
-}
-
 /// What lies in the arena.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Node {
+pub enum Node {
+    /// Bytes.
     Bytes(Vec<u8>),
+    /// A text.
     Text(String),
+    /// A list.
     List(Vec<Value>),
+    /// A tuple.
     Tuple(Vec<Value>),
+    /// A set, in the order of the pickle.
     Set(Vec<Value>),
+    /// A dict, in the order of the pickle; later entries of a key replace earlier ones.
     Dict(Vec<(Value, Value)>),
-    Dtype(array::Dtype),
+    /// The kind of an array's items.
+    Dtype(Dtype),
+    /// An array; none before its state is given.
     Array(Option<Array>),
+    /// A storage of tensors' values.
+    Storage {
+        /// Name of its member in the archive.
+        key: String,
+        /// Its type.
+        kind: &'static str,
+    },
+    /// A tensor.
+    Tensor(Box<Tensor>),
 }
 
 impl Node {
-    pub(crate) fn kind(&self) -> &'static str {
+    /// Returns the kind of value, as in messages.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
         match self {
             Self::Bytes(_) => "bytes",
             Self::Text(_) => "text",
@@ -133,19 +142,24 @@ impl Node {
             Self::Dict(_) => "dict",
             Self::Dtype(_) => "dtype",
             Self::Array(_) => "array",
+            Self::Storage { .. } => "storage",
+            Self::Tensor(_) => "tensor",
         }
     }
 }
 
-/// A read pickle: the arena and the value at its root.
+/// A read pickle: the arena and the value at its root. No value holds itself.
 #[derive(Debug)]
-pub(crate) struct Pickle {
+pub struct Pickle {
+    /// The arena.
     pub nodes: Vec<Node>,
+    /// The root.
     pub root: Value,
 }
 
 /// The machine that reads a pickle.
 struct Machine<'a> {
+    allowed: AllowList,
     bytes: &'a [u8],
     at: usize,
     stack: Vec<Value>,
@@ -156,8 +170,12 @@ struct Machine<'a> {
 }
 
 /// Reads a pickle.
-pub(crate) fn read(bytes: &[u8]) -> Result<Pickle, PickleError> {
+///
+/// # Errors
+/// If it is cut off or malformed, names what is not allowed, holds itself or takes more memory than its list allows.
+pub fn read(bytes: &[u8], allowed: AllowList) -> Result<Pickle, PickleError> {
     let mut machine = Machine {
+        allowed,
         bytes,
         at: 0,
         stack: Vec::new(),
@@ -237,8 +255,9 @@ impl Machine<'_> {
     /// Counts memory before it is taken.
     fn charge(&mut self, bytes: usize) -> Result<(), PickleError> {
         self.charged = self.charged.saturating_add(bytes);
-        if self.charged > MAX_BYTES {
-            return Err(PickleError::TooLarge { offset: self.at, limit: MAX_BYTES });
+        let limit = self.allowed.memory_bytes();
+        if self.charged > limit {
+            return Err(PickleError::TooLarge { offset: self.at, limit });
         }
         Ok(())
     }
@@ -261,6 +280,8 @@ impl Machine<'_> {
             Node::List(items) | Node::Tuple(items) | Node::Set(items) => 16 * items.len(),
             Node::Dict(items) => 32 * items.len(),
             Node::Dtype(_) | Node::Array(_) => 0,
+            Node::Storage { key, .. } => key.len(),
+            Node::Tensor(tensor) => 128 + tensor.key.len() + 16 * tensor.shape.len(),
         };
         self.charge(NODE_BYTES + inner)?;
         self.nodes.push(node);
@@ -351,6 +372,3 @@ impl Machine<'_> {
         }
     }
 }
-
-#[cfg(test)]
-pub(crate) mod tests;

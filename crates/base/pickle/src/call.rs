@@ -1,37 +1,12 @@
-//! The allow-list and what its members do: rebuild arrays, dtypes and numbers, make containers. All of it is data.
+//! What the names on the allow-lists do: rebuild arrays, dtypes and numbers, make containers. All of it is data.
 
 use super::array::{Array, Data, Dtype};
 use super::{Callable, Machine, Node, PickleError, Value};
 
-/// Returns what a name on the allow-list stands for.
-fn allowed(module: &str, name: &str) -> Option<Callable> {
-    let callable = match (module, name) {
-        ("numpy.core.multiarray" | "numpy._core.multiarray", "_reconstruct") => Callable::Reconstruct,
-        ("numpy.core.multiarray" | "numpy._core.multiarray", "scalar") => Callable::Scalar,
-        ("numpy.core.numeric" | "numpy._core.numeric", "_frombuffer") => Callable::FromBuffer,
-        ("numpy", "ndarray") => Callable::NdArray,
-        ("numpy", "dtype") => Callable::Dtype,
-        ("_codecs", "encode") => Callable::Encode,
-        ("collections", "OrderedDict" | "defaultdict") => Callable::Dict,
-        ("builtins" | "__builtin__", "dict") => Callable::Dict,
-        ("builtins" | "__builtin__", "list") => Callable::List,
-        ("builtins" | "__builtin__", "tuple") => Callable::Tuple,
-        ("builtins" | "__builtin__", "set" | "frozenset") => Callable::Set,
-        ("builtins" | "__builtin__", "bytes" | "bytearray") => Callable::Bytes,
-        ("builtins" | "__builtin__", "int" | "float" | "bool" | "str") => Callable::Inert,
-        ("pathlib" | "pathlib._local", "PosixPath" | "PurePosixPath" | "WindowsPath" | "PureWindowsPath") => {
-            Callable::Path
-        }
-        ("metadrive.scenario.scenario_description" | "metadrive.scenario", "ScenarioDescription") => Callable::Dict,
-        _ => return None,
-    };
-    Some(callable)
-}
-
 impl Machine<'_> {
     pub(super) fn global(&mut self, module: &str, name: &str, offset: usize) -> Result<(), PickleError> {
         let short = |text: &str| text.chars().take(80).collect();
-        match allowed(module, name) {
+        match self.allowed.callable(module, name) {
             Some(callable) => self.push(Value::Callable(callable)),
             None => Err(PickleError::Forbidden { offset, module: short(module), name: short(name) }),
         }
@@ -96,7 +71,12 @@ impl Machine<'_> {
                 let text = parts.join("/");
                 self.push_node(Node::Text(text))
             }
-            Callable::Inert => Err(self.malformed("a plain type is called")),
+            Callable::Size | Callable::Parameter => match arguments.first() {
+                Some(value) => self.push(*value),
+                None => Err(self.malformed("a call has no argument")),
+            },
+            Callable::Tensor => self.tensor(&arguments),
+            Callable::Inert | Callable::Storage(_) => Err(self.malformed("a plain type is called")),
         }
     }
 
@@ -235,7 +215,8 @@ impl Machine<'_> {
                 self.nodes[target] = Node::Array(Some(array));
                 Ok(())
             }
-            (Node::Dict(_), None) => Ok(()),
+            // The state of a dictionary of tensors is the version table of its modules.
+            (Node::Dict(_), None) | (Node::Tensor(_), _) => Ok(()),
             (node, _) => {
                 let kind = node.kind();
                 Err(self.malformed(format!("a state is given to a {kind}")))

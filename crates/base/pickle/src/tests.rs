@@ -1,78 +1,10 @@
-//! Pickles: what Python writes in each protocol, and hostile ones; a writer for tests.
+//! Pickles: what Python writes in each protocol, and hostile ones.
 
 use super::*;
 
-/// Writes pickles of protocol 4 for tests.
-pub(crate) struct Writer(Vec<u8>);
-
-impl Writer {
-    pub(crate) fn new() -> Self {
-        Self(vec![0x80, 4])
-    }
-
-    pub(crate) fn text(&mut self, text: &str) -> &mut Self {
-        self.0.push(b'X');
-        self.0.extend((text.len() as u32).to_le_bytes());
-        self.0.extend(text.as_bytes());
-        self
-    }
-
-    pub(crate) fn int(&mut self, value: i32) -> &mut Self {
-        self.0.push(b'J');
-        self.0.extend(value.to_le_bytes());
-        self
-    }
-
-    pub(crate) fn float(&mut self, value: f64) -> &mut Self {
-        self.0.push(b'G');
-        self.0.extend(value.to_be_bytes());
-        self
-    }
-
-    pub(crate) fn none(&mut self) -> &mut Self {
-        self.0.push(b'N');
-        self
-    }
-
-    pub(crate) fn dict(&mut self, fill: impl FnOnce(&mut Self)) -> &mut Self {
-        self.0.extend(b"}(");
-        fill(self);
-        self.0.push(b'u');
-        self
-    }
-
-    pub(crate) fn list(&mut self, fill: impl FnOnce(&mut Self)) -> &mut Self {
-        self.0.extend(b"](");
-        fill(self);
-        self.0.push(b'e');
-        self
-    }
-
-    /// An array as NumPy writes it, little-endian f8.
-    pub(crate) fn array(&mut self, shape: &[i32], values: &[f64]) -> &mut Self {
-        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
-        self.array_of(shape, "f8", &bytes)
-    }
-
-    pub(crate) fn array_of(&mut self, shape: &[i32], dtype: &str, bytes: &[u8]) -> &mut Self {
-        self.0.extend(b"cnumpy.core.multiarray\n_reconstruct\ncnumpy\nndarray\nK\0\x85C\x01b\x87R(K\x01(");
-        for size in shape {
-            self.int(*size);
-        }
-        self.0.extend(b"tcnumpy\ndtype\n");
-        self.text(dtype);
-        self.0.extend(b"\x89\x88\x87R(K\x03X\x01\0\0\0<NNNJ\xff\xff\xff\xffJ\xff\xff\xff\xffK\0tb\x89B");
-        self.0.extend((bytes.len() as u32).to_le_bytes());
-        self.0.extend(bytes);
-        self.0.extend(b"tb");
-        self
-    }
-
-    pub(crate) fn done(&mut self) -> Vec<u8> {
-        self.0.push(b'.');
-        std::mem::take(&mut self.0)
-    }
-}
+#[path = "../tests/made/writer.rs"]
+mod writer;
+use writer::Writer;
 
 /// Writes a value for comparison with expectations.
 fn shown(pickle: &Pickle, value: Value) -> String {
@@ -99,7 +31,7 @@ fn shown(pickle: &Pickle, value: Value) -> String {
 }
 
 fn check(bytes: &[u8], expected: &str) {
-    let pickle = read(bytes).expect(expected);
+    let pickle = read(bytes, AllowList::Data).expect(expected);
     assert_eq!(shown(&pickle, pickle.root), expected);
 }
 
@@ -143,7 +75,7 @@ fn reads_arrays_of_every_kind() {
 }
 
 fn refused(bytes: &[u8], says: &str) {
-    let error = read(bytes).expect_err(says).to_string();
+    let error = read(bytes, AllowList::Data).expect_err(says).to_string();
     assert!(error.contains(says), "{error:?} does not say {says:?}");
 }
 
@@ -198,7 +130,7 @@ fn bombs_stop_at_the_memory_limit() {
         doubling.extend(b"2\x86");
     }
     doubling.push(b'.');
-    assert_eq!(read(&doubling).expect("sharing is no bomb").nodes.len(), 60);
+    assert_eq!(read(&doubling, AllowList::Data).expect("sharing is no bomb").nodes.len(), 60);
     // A list that is extended by itself over and over through list(): every copy is charged.
     let mut copies = b"](".to_vec();
     copies.extend(vec![b'N'; 1 << 20]);
@@ -215,7 +147,7 @@ proptest::proptest! {
 
     #[test]
     fn no_bytes_break_the_reader(bytes in proptest::collection::vec(proptest::prelude::any::<u8>(), 0..200)) {
-        let _ = read(&bytes);
+        let _ = read(&bytes, AllowList::Data);
     }
 
     #[test]
@@ -227,6 +159,6 @@ proptest::proptest! {
         }).done();
         let at = at % bytes.len();
         bytes[at] = byte;
-        let _ = read(&bytes);
+        let _ = read(&bytes, AllowList::Data);
     }
 }

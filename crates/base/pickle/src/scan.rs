@@ -1,6 +1,6 @@
 //! The opcodes: decodes one after the other and moves the machine.
 
-use super::{Machine, Node, PickleError, Value};
+use super::{AllowList, Machine, Node, PickleError, Value};
 
 /// The longest line of the text opcodes, in bytes.
 const MAX_LINE: usize = 1 << 16;
@@ -134,6 +134,7 @@ impl<'a> Machine<'a> {
             }
             b'R' | 0x81 => self.reduce()?,
             b'b' => self.build()?,
+            b'Q' if self.allowed == AllowList::Tensors => self.persistent()?,
             _ => return Err(PickleError::Opcode { offset, opcode }),
         }
         Ok(None)
