@@ -8,12 +8,12 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-use ds_graph::clip::{Clip as ImageEncoder, ClipShape};
 use ds_graph::device::Precision;
 use ds_graph::dit::{Clip, Dit};
-use ds_graph::tae::{self, Tae, TaeMemory};
-use ds_graph::umt5::{Umt5, Umt5Shape};
-use ds_graph::wan_vae::{WanMemory, WanVae, WanVaeShape};
+use ds_graph::published::clip::{Clip as ImageEncoder, ClipShape};
+use ds_graph::published::tae::{self, Tae, TaeMemory};
+use ds_graph::published::umt5::{Umt5, Umt5Shape};
+use ds_graph::published::wan_vae::{WanMemory, WanVae, WanVaeShape};
 use ds_nn::Array;
 use ds_nn::checkpoint::{Checkpoint, Finite, Naming};
 use ds_nn::dit::{DitShape, Gelu};

@@ -4,8 +4,8 @@
 //! An own autoencoder folds layouts into control inputs; one of Wan takes them as a video, and its tiny companion may
 //! decode in its place. Latents are [frames, h, w, z], channels last.
 
-use ds_graph::tae::{self, Tae, TaeMemory};
-use ds_graph::wan_vae::{WanMemory, WanVae};
+use ds_graph::published::tae::{self, Tae, TaeMemory};
+use ds_graph::published::wan_vae::{WanMemory, WanVae};
 use ds_nn::Array;
 use ds_nn::body::{Autoencoder, Control, Transformer};
 use ds_nn::tiny_ae::Memory;

@@ -3,8 +3,8 @@
 //! Own models take hashed words and the first frame's latent. Published ones take the states of UMT5 and, where they
 //! have layers for them, of CLIP.
 
-use ds_graph::clip::Clip;
-use ds_graph::umt5::Umt5;
+use ds_graph::published::clip::Clip;
+use ds_graph::published::umt5::Umt5;
 use ds_nn::Array;
 use ds_nn::body::{Context, Transformer};
 use ds_nn::sentencepiece::Tokeniser;

@@ -1,7 +1,7 @@
 //! The model's configuration: one TOML file per preset, checked on load, with errors that name the field.
 
 use ds_graph::device::Precision;
-use ds_graph::wan_vae::WanVaeShape;
+use ds_graph::published::wan_vae::WanVaeShape;
 use ds_nn::cache::{CachePolicy, Positions, ReadOrder};
 use ds_nn::dit::{DitShape, Gelu};
 use ds_nn::step::Prediction;

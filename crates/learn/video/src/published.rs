@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use ds_graph::clip::Clip;
 use ds_graph::dit::Dit;
-use ds_graph::tae::{self, Tae};
-use ds_graph::umt5::Umt5;
-use ds_graph::wan_vae::{WanVae, WanVaeShape};
+use ds_graph::published::clip::Clip;
+use ds_graph::published::tae::{self, Tae};
+use ds_graph::published::umt5::Umt5;
+use ds_graph::published::wan_vae::{WanVae, WanVaeShape};
 use ds_nn::WeightsError;
 use ds_nn::body::Transformer;
 use ds_nn::checkpoint::{Checkpoint, CheckpointError, Finite, Naming};

@@ -5,8 +5,8 @@
 //! drive. No clock here.
 
 use ds_graph::device::{self, Product};
-use ds_graph::tae;
-use ds_graph::wan_vae::WanVaeShape;
+use ds_graph::published::tae;
+use ds_graph::published::wan_vae::WanVaeShape;
 use ds_nn::Array;
 use ds_nn::body::{Chunk, Context, Control};
 use ds_nn::cache::{ChunkKv, KvCache};

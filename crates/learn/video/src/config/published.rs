@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use ds_graph::clip::ClipShape;
-use ds_graph::umt5::Umt5Shape;
+use ds_graph::published::clip::ClipShape;
+use ds_graph::published::umt5::Umt5Shape;
 use serde::{Deserialize, Serialize};
 
 use super::check::MAX_WIDTH;

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use ds_graph::clip::ClipShape;
-use ds_graph::tae;
-use ds_graph::wan_vae::{WanMemory, WanVae};
+use ds_graph::published::clip::ClipShape;
+use ds_graph::published::tae;
+use ds_graph::published::wan_vae::{WanMemory, WanVae};
 use ds_nn::Declared;
 use ds_nn::safetensors::WeightsFile;
 
