@@ -40,9 +40,10 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
     runtime.block_on(hop())
 }
 
-fn report(what: &str, scenario: &str, mut rounds: Vec<Duration>, count: u32, budget: &str) {
-    rounds.sort();
-    let median = rounds[rounds.len() / 2].as_secs_f64() / f64::from(count.max(1));
+fn report(what: &str, scenario: &str, rounds: &[Duration], count: u32, budget: &str) {
+    let mut secs: Vec<f64> = rounds.iter().map(Duration::as_secs_f64).collect();
+    let Some(median) = ds_stats::upper_median(&mut secs) else { return };
+    let median = median / f64::from(count.max(1));
     answer(&format!("{what:<28} {scenario:<22} {:>12.4} {:>14.1} {budget:>9}", median * 1e3, 1.0 / median.max(1e-12)));
 }
 
@@ -61,7 +62,7 @@ fn step(scene: &Arc<Scene>) -> Result<()> {
         }
         rounds.push(began.elapsed());
     }
-    report("sim step, all agents IDM", &scene.name, rounds, ticks, "0.2 ms");
+    report("sim step, all agents IDM", &scene.name, &rounds, ticks, "0.2 ms");
     Ok(())
 }
 
@@ -92,7 +93,7 @@ fn oracle(scene: &Arc<Scene>) -> Result<()> {
         oracle.rank(&simulation, &proposals, AgentsIn::Reacting)?;
         rounds.push(began.elapsed());
     }
-    report("oracle, 64 proposals", &scene.name, rounds, 1, "150 ms");
+    report("oracle, 64 proposals", &scene.name, &rounds, 1, "150 ms");
     Ok(())
 }
 
@@ -119,7 +120,7 @@ fn layout(scene: &Scene) -> Result<()> {
         }
         rounds.push(began.elapsed());
     }
-    report("layout frame, cpu", &scene.name, rounds, 20, "3 ms");
+    report("layout frame, cpu", &scene.name, &rounds, 20, "3 ms");
     Ok(())
 }
 
@@ -135,7 +136,7 @@ fn reference(scene: &Scene) {
         }
         rounds.push(began.elapsed());
     }
-    report("reference frame", &scene.name, rounds, 5, "15 ms");
+    report("reference frame", &scene.name, &rounds, 5, "15 ms");
 }
 
 fn video(args: &BenchArgs, scene: &Scene) -> Result<()> {
@@ -162,7 +163,7 @@ fn video(args: &BenchArgs, scene: &Scene) -> Result<()> {
         rollout.generate(chunk)?;
         rounds.push(began.elapsed());
     }
-    report("video frame, 5 per replan", &scene.name, rounds, 5, "200 ms");
+    report("video frame, 5 per replan", &scene.name, &rounds, 5, "200 ms");
     Ok(())
 }
 
@@ -170,7 +171,7 @@ async fn hop() -> Result<()> {
     for (what, bytes) in [("bus hop, 100 B", 100usize), ("bus hop, one frame", 46_080)] {
         let bus = BusSession::embedded().await?;
         let rounds = hops(&bus, bytes).await?;
-        report(what, "embedded", rounds, 1, "1 ms");
+        report(what, "embedded", &rounds, 1, "1 ms");
     }
     Ok(())
 }

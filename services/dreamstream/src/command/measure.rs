@@ -6,6 +6,7 @@
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
+use ds_stats::upper_median;
 use ds_video::workload::{self, Workload};
 use ds_video::{Backend, ModelConfig};
 
@@ -37,7 +38,7 @@ pub(crate) fn run(args: &MeasureArgs) -> Result<()> {
         );
     }
     answer(&format!("device     {device}"));
-    let peak = yardstick(args, &config, backend);
+    let peak = yardstick(args, &config, backend)?;
     let frames = config.frames_per_chunk() as f64;
     answer(&format!(
         "model      {}, {}x{}, chunk {}, window {}, {} steps, cache {}",
@@ -61,7 +62,7 @@ pub(crate) fn run(args: &MeasureArgs) -> Result<()> {
     let counts = [operations.denoise, operations.decode, operations.encode];
     let mut total = 0.0;
     for ((name, count), times) in ["denoise", "decode", "encode"].into_iter().zip(counts).zip(&mut times) {
-        let ms = median(times);
+        let ms = median(times)?;
         total += if count > 0.0 { ms } else { 0.0 };
         if count > 0.0 {
             line(name, ms, frames, count, peak, args.peak_tflops);
@@ -94,13 +95,12 @@ fn once(work: &mut Workload) -> Result<[f64; 3]> {
     Ok([ms(denoised), ms(decoded - denoised), ms(began.elapsed() - decoded)])
 }
 
-fn median(times: &mut [f64]) -> f64 {
-    times.sort_by(f64::total_cmp);
-    times[times.len() / 2]
+fn median(times: &mut [f64]) -> Result<f64> {
+    upper_median(times).context("nothing was timed")
 }
 
 /// Measures the matrix product; returns operations per second.
-fn yardstick(args: &MeasureArgs, config: &ModelConfig, backend: Backend) -> f64 {
+fn yardstick(args: &MeasureArgs, config: &ModelConfig, backend: Backend) -> Result<f64> {
     let side = match (args.yardstick, backend) {
         (0, Backend::Framework) => 1024,
         (0, _) => 8192,
@@ -115,13 +115,13 @@ fn yardstick(args: &MeasureArgs, config: &ModelConfig, backend: Backend) -> f64 
             times.push(began.elapsed().as_secs_f64() * 1e3);
         }
     }
-    let rate = product.operations() / (median(&mut times) * 1e-3);
+    let rate = product.operations() / (median(&mut times)? * 1e-3);
     answer(&format!(
         "yardstick  product of {side}x{side} in {:?}: {:.3} TFLOP/s",
         config.precision.linear,
         rate * 1e-12
     ));
-    rate
+    Ok(rate)
 }
 
 fn line(name: &str, ms: f64, frames: f64, count: f64, peak: f64, maker: Option<f64>) {
