@@ -3,7 +3,7 @@
 mod request;
 
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
 use ds_cases::{RunConfig, logs, seal};
