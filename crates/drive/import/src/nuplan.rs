@@ -62,7 +62,7 @@ struct Stop {
 }
 
 /// What a log says of traffic lights at a time: lane connectors, and whether they show red.
-pub(super) type Shown = (f64, BTreeMap<i64, bool>);
+pub(super) type SignalReading = (f64, BTreeMap<i64, bool>);
 
 /// Returns the map of a location: in the given folder, or else in a folder of maps in or above the root of the data.
 ///

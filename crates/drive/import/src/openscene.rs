@@ -13,7 +13,7 @@ use ds_space::{CameraId, CameraModel, DMat3, DQuat, DVec2, DVec3, Intrinsics, Po
 use ds_world::{AgentClass, Map, Origin, Scene, VehicleParameters};
 
 use crate::error::ImportError;
-use crate::nuplan::{self, Shown};
+use crate::nuplan::{self, SignalReading};
 use crate::recorded::{RawBox, RawDrive, Recorded, Stand};
 use crate::view::{FieldFault, View};
 
@@ -98,14 +98,14 @@ fn mapped(root: &Path, log: &Path, maps: Option<&Path>, tick_secs: Option<f64>) 
 }
 
 /// What a log tells beside the drive.
-struct Told {
+struct LogContext {
     /// The city.
     location: Option<String>,
     /// What traffic lights showed, frame by frame.
-    lights: Vec<Shown>,
+    lights: Vec<SignalReading>,
 }
 
-fn parsed(root: &Path, log: &Path) -> Result<(RawDrive, Told), ImportError> {
+fn parsed(root: &Path, log: &Path) -> Result<(RawDrive, LogContext), ImportError> {
     let unreadable = |source| ImportError::Read { path: log.to_owned(), source };
     let size = std::fs::metadata(log).map_err(unreadable)?.len();
     if size > super::MAX_FILE_BYTES {
@@ -139,7 +139,7 @@ fn matrix(view: &View<'_>) -> Result<DMat3, FieldFault> {
     numbers::<9>(view).map(|values| DMat3::from_cols_array(&values).transpose())
 }
 
-fn drive(root: &View<'_>, folder: &Path, log: &Path) -> Result<(RawDrive, Told), FieldFault> {
+fn drive(root: &View<'_>, folder: &Path, log: &Path) -> Result<(RawDrive, LogContext), FieldFault> {
     let frames = root.items();
     let Some(first) = frames.first() else { return Err(root.fault("holds no frames")) };
     let stamp = |frame: &View<'_>| -> Result<f64, FieldFault> {
@@ -181,7 +181,7 @@ fn drive(root: &View<'_>, folder: &Path, log: &Path) -> Result<(RawDrive, Told),
     order.sort_by_key(|i| (cameras[*i].0 != "CAM_F0", cameras[*i].0.clone()));
     let stem = log.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
     let name = first.get("log_name").and_then(|name| name.text()).filter(|name| !name.is_empty()).unwrap_or(stem);
-    let told = Told { location: first.get("map_location").and_then(|location| location.text()), lights };
+    let told = LogContext { location: first.get("map_location").and_then(|location| location.text()), lights };
     let drive = RawDrive {
         name: name.chars().map(|c| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' }).take(80).collect(),
         stands,

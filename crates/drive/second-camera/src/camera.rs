@@ -186,7 +186,7 @@ impl SecondCamera {
             let hidden = shadows.map_or(0.0, |map| map.hidden(place));
             let away = (place - eye).as_vec3().length();
             let at = (place - self.anchor.extend(0.0)).as_vec3();
-            let spot = Spot { at, direction, away, hidden, pixel_m: away * pixel_rad, ahead };
+            let spot = ShadingPoint { at, direction, away, hidden, pixel_m: away * pixel_rad, ahead };
             self.light.through_air(self.lit(paint, &spot), away)
         };
         // Blocks of one paint are shaded once; thin marks and edges four times.
@@ -205,7 +205,7 @@ impl SecondCamera {
         light
     }
 
-    fn lit(&self, paint: &Paint, spot: &Spot) -> Vec3 {
+    fn lit(&self, paint: &Paint, spot: &ShadingPoint) -> Vec3 {
         let (normal, p) = (paint.normal(), spot.at.truncate());
         if paint.stuff == Stuff::Glow {
             return linear(paint.tint) * (1.2 / self.light.exposure).max(0.05);
@@ -238,7 +238,7 @@ impl SecondCamera {
     }
 
     /// Returns the light of the ego's lamps: two cones that meet ahead, cut off above.
-    fn beam(&self, spot: &Spot) -> Vec3 {
+    fn beam(&self, spot: &ShadingPoint) -> Vec3 {
         if self.light.lamps <= 0.0 {
             return Vec3::ZERO;
         }
@@ -256,7 +256,7 @@ impl SecondCamera {
 }
 
 /// A place that is being shaded.
-struct Spot {
+struct ShadingPoint {
     /// From the scene's anchor, in metres.
     at: Vec3,
     direction: Vec3,

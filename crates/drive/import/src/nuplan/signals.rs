@@ -11,7 +11,7 @@ use ds_space::plane::polygon::long_axis;
 use ds_space::{DVec2, PoseSe2, angle};
 use ds_world::{LaneId, LightState, StopLine, TrafficLight};
 
-use super::{City, Connector, Shown, Stop};
+use super::{City, Connector, SignalReading, Stop};
 use crate::scenarionet::lanes::across;
 
 const HEAD_M: f64 = 4.5;
@@ -22,7 +22,7 @@ const STOP_SIGN: i64 = 1;
 const LIGHT: i64 = 2;
 
 /// Adds the lights with what they show at the given times, and the stop lines.
-pub(crate) fn add(city: &mut City, shown: &[Shown], times_secs: &[f64]) {
+pub(crate) fn add(city: &mut City, shown: &[SignalReading], times_secs: &[f64]) {
     let frames: Vec<Option<&BTreeMap<i64, bool>>> = times_secs.iter().map(|secs| nearest(shown, *secs)).collect();
     let told: BTreeSet<i64> = shown.iter().flat_map(|(_, lights)| lights.keys().copied()).collect();
     // Of each lane that traffic comes from, the connectors with the same lights, in a fixed order.
@@ -67,10 +67,10 @@ fn start(city: &City, connector: LaneId) -> Option<PoseSe2> {
 }
 
 /// Returns what is told in the frame nearest to a time; frames are in order.
-fn nearest(shown: &[Shown], secs: f64) -> Option<&BTreeMap<i64, bool>> {
+fn nearest(shown: &[SignalReading], secs: f64) -> Option<&BTreeMap<i64, bool>> {
     let after = shown.partition_point(|frame| frame.0 < secs);
     let near = [after.checked_sub(1), Some(after)].into_iter().flatten().filter_map(|i| shown.get(i));
-    let apart = |frame: &&Shown| (frame.0 - secs).abs();
+    let apart = |frame: &&SignalReading| (frame.0 - secs).abs();
     let nearest = near.min_by(|a, b| apart(a).total_cmp(&apart(b))).filter(|frame| apart(frame) < APART_SECS);
     nearest.map(|(_, lights)| lights)
 }

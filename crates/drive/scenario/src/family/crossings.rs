@@ -5,7 +5,7 @@ use ds_space::plane::path::Path;
 use ds_world::LightState;
 
 use crate::family::dice::Dice;
-use crate::family::junction::{Junction, Plan, Roundabout, junction, roundabout};
+use crate::family::junction::{Junction, JunctionDesign, Roundabout, junction, roundabout};
 use crate::family::roads::Section;
 use crate::family::stage::{Stage, Start, expert, strollers, vehicle, vehicle_size};
 use crate::family::traffic::{Driver, Hold, Until};
@@ -91,7 +91,7 @@ pub(crate) fn signalised_crossing(dice: &mut Dice) -> Stage {
     let lanes = dice.whole(1, 2) as usize;
     let section = section(dice, lanes, limit);
     let mouth_m = section.right_m() + section.shoulder_m + dice.range(6.0, 10.0);
-    let mut crossing = junction(dice, &Plan { section, mouth_m, present: [true; 4], crosswalks: true });
+    let mut crossing = junction(dice, &JunctionDesign { section, mouth_m, present: [true; 4], crosswalks: true });
     let cycle = {
         let (green, cross_green) = (dice.whole(80, 140), dice.whole(50, 90));
         let cross_start = green + YELLOW + ALL_RED;
@@ -160,7 +160,8 @@ pub(crate) fn unprotected_left(dice: &mut Dice) -> Stage {
     let mouth_m = section.right_m() + section.shoulder_m + dice.range(6.0, 9.0);
     let has_side = dice.chance(0.5);
     let crosswalks = dice.chance(0.5);
-    let crossing = junction(dice, &Plan { section, mouth_m, present: [true, has_side, true, true], crosswalks });
+    let crossing =
+        junction(dice, &JunctionDesign { section, mouth_m, present: [true, has_side, true, true], crosswalks });
     let way = crossing.way(0, 3, 0).expect("arm 0 leads to the left");
     let path = crossing.roads.route(&way);
     let stop_m = crossing.stop_station_m(0, 0);
@@ -218,7 +219,8 @@ pub(crate) fn roundabout_family(dice: &mut Dice) -> Stage {
     let limit = dice.range(8.0, 11.5);
     let section = section(dice, 1, limit);
     let radius_m = dice.range(14.0, 20.0);
-    let plan = Plan { section, mouth_m: radius_m + dice.range(15.0, 18.0), present: [true; 4], crosswalks: false };
+    let plan =
+        JunctionDesign { section, mouth_m: radius_m + dice.range(15.0, 18.0), present: [true; 4], crosswalks: false };
     let circle = roundabout(dice, &plan, radius_m, dice_width(section));
     let hold = |from: usize, secs: f64| {
         let lane = circle.roads.path(circle.arms[from].backward[0]);

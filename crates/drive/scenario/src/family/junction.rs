@@ -31,7 +31,7 @@ pub(crate) struct Junction {
 
 /// What a junction is to look like.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Plan {
+pub(crate) struct JunctionDesign {
     pub section: Section,
     pub mouth_m: f64,
     pub present: [bool; 4],
@@ -40,7 +40,7 @@ pub(crate) struct Plan {
 
 const ARM_M: f64 = 170.0;
 
-fn arms(dice: &mut Dice, plan: &Plan, roads: &mut Roads) -> (Vec<Option<Road>>, Vec<f64>) {
+fn arms(dice: &mut Dice, plan: &JunctionDesign, roads: &mut Roads) -> (Vec<Option<Road>>, Vec<f64>) {
     let mut arms = Vec::new();
     let mut directions = Vec::new();
     for (i, present) in plan.present.iter().enumerate() {
@@ -72,7 +72,7 @@ fn corners(arms: &[Option<Road>]) -> Vec<(usize, Vec<DVec2>)> {
 }
 
 /// Builds a junction.
-pub(crate) fn junction(dice: &mut Dice, plan: &Plan) -> Junction {
+pub(crate) fn junction(dice: &mut Dice, plan: &JunctionDesign) -> Junction {
     let mut roads = Roads::default();
     let (arms, directions_rad) = arms(dice, plan, &mut roads);
     let mut connectors = BTreeMap::new();
@@ -173,7 +173,7 @@ fn arc(radius_m: f64, from_rad: f64, to_rad: f64) -> Vec<DVec2> {
 }
 
 /// Builds a roundabout of single lanes whose centre line has a radius, with a ring of `ring_width_m`.
-pub(crate) fn roundabout(dice: &mut Dice, plan: &Plan, radius_m: f64, ring_width_m: f64) -> Roundabout {
+pub(crate) fn roundabout(dice: &mut Dice, plan: &JunctionDesign, radius_m: f64, ring_width_m: f64) -> Roundabout {
     let mut roads = Roads::default();
     let (arms, directions) = arms(dice, plan, &mut roads);
     let arms: Vec<Road> = arms.into_iter().flatten().collect();
