@@ -84,7 +84,8 @@ impl Children {
     pub async fn stop(mut self) -> Result<()> {
         while let Some(Supervised { name, mut child, .. }) = self.0.pop() {
             if let Some(pid) = child.id() {
-                let killed = Command::new("kill").arg("-TERM").arg(pid.to_string()).status().await;
+                // The shell's own `kill`: a bare system has no program of that name.
+                let killed = Command::new("sh").arg("-c").arg(format!("kill -TERM {pid}")).status().await;
                 killed.with_context(|| format!("signal {name}"))?;
             }
             if tokio::time::timeout(Duration::from_secs(10), child.wait()).await.is_err() {
