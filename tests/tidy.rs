@@ -17,19 +17,10 @@ const MAX_FILE_LINES: usize = 500;
 
 /// Files of one crate that still import each other in a circle.
 const CIRCLES: &[&str] = &[
-    "ds-raster: encode, image",
     "ds-dynamics: choice, search",
-    "ds-frames: align, case, geometry, pairing, scene",
     "ds-frames: search, transport",
     "ds-vehicle-logs: check, check/motion, check/turning, record, stamps",
-    "ds-import: argoverse2/feather, argoverse2/table",
-    "ds-layout: gpu/device, gpu/target",
-    "ds-layout: gpu, renderer",
-    "ds-score-cases: case, closed_loop_live, collision_type, comfort, error, extended_comfort, pdm_score, pdm_score_answer, two_stage",
-    "ds-score: ego_area, proposal",
     "ds-sim: lqr, pursuit, tracker",
-    "ds-sim: habits, traffic",
-    "ds-evaluate: evaluation, film",
     "ds-graph: device, graph",
     "ds-kernel: train/network, train/time",
     "ds-nn: body, cache",
@@ -37,8 +28,6 @@ const CIRCLES: &[&str] = &[
     "ds-train: autoencoder, sets",
     "ds-train: decoder, evaluate",
     "ds-train: policy/closed_loop, policy/dataset",
-    "ds-diagnosis-page: frames, material, place",
-    "dreamstream: command/gap/logs, command/gap/scenes",
 ];
 
 struct Package {
@@ -160,7 +149,7 @@ fn libraries_are_named_by_their_owners_only() {
 
 #[test]
 fn files_of_one_crate_import_each_other_without_circles() {
-    let mut faults = Vec::new();
+    let (mut faults, mut left): (Vec<String>, Vec<&str>) = (Vec::new(), CIRCLES.to_vec());
     for package in packages() {
         let root = package.folder.join("src");
         let mut files = Vec::new();
@@ -180,11 +169,13 @@ fn files_of_one_crate_import_each_other_without_circles() {
         for circle in circles::circles(&texts) {
             let names: Vec<String> = circle.iter().map(|module| module.join("/")).collect();
             let name = format!("{}: {}", package.name, names.join(", "));
-            if !CIRCLES.contains(&name.as_str()) {
-                faults.push(name);
+            match left.iter().position(|known| *known == name) {
+                Some(index) => drop(left.swap_remove(index)),
+                None => faults.push(name),
             }
         }
     }
+    faults.extend(left.into_iter().map(|name| format!("{name}: a circle no more, take it off the list")));
     assert!(faults.is_empty(), "{faults:#?}");
 }
 
