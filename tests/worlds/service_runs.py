@@ -174,10 +174,10 @@ def judge(folder):
     row["estimate"] = first["value"] if first else math.nan
     if answer["service"] == "video" and frames:
         held = [s for s in read(folder / "unseen-frames.json") or [] if s["metric"] == "image_rmse"]
-        row["predicted"], row["realised"] = frames["predicted_share"], held[0]["share_explained"] if held else None
+        row["predicted"], row["realised"] = frames.get("predicted_share"), held[0].get("share_explained") if held else None
     elif answer["service"] == "sim" and row["said"]:
         unseen = [s for s in read(folder / "unseen.json") or [] if s["metric"] == "position_2s"]
-        row["predicted"], row["realised"] = car["predicted_share"], unseen[0]["share_explained"] if unseen else None
+        row["predicted"], row["realised"] = car.get("predicted_share"), unseen[0].get("share_explained") if unseen else None
     mended = "corrected" if (folder / "corrected/results.json").exists() else "nominal"
     row["deviation"] = [deviation(folder, run) for run in ("nominal", mended)]
     world, nominal, corrected = (driving_scores(folder, run) for run in ("world", "nominal", mended))
@@ -193,11 +193,11 @@ def score(out):
     print("|---|---|---|---|---|---|---|---|")
     for r in rows:
         told = ", ".join(f"{k} {v:.3g}" for k, v in r["truth"].items()) or "none"
-        shares = f"{r['predicted']:.2f}, {r['realised']:.2f}" if r.get("realised") is not None else ""
+        shares = f"{r['predicted']:.2f}, {r['realised']:.2f}" if None not in (r.get("predicted"), r.get("realised")) else ""
         said = ", ".join(r["said"]) or f"none (first {r['first']})"
         print(f"| {r['run'][4:]} | {r['service'] or ''}: {told} | {said} | {'yes' if r['right_service'] else 'no'} | {'yes' if r['strict'] else 'no'} | {shares} "
               f"| {r['deviation'][0]:.3f} → {r['deviation'][1]:.3f} | {r['score'][0]:.2f} → {r['score'][1]:.2f} |")
-    gaps = sorted(abs(r["predicted"] - r["realised"]) for r in with_effect if r.get("realised") is not None)
+    gaps = sorted(abs(r["predicted"] - r["realised"]) for r in with_effect if None not in (r.get("predicted"), r.get("realised")))
     print(f"\nright service {share(sum(r['right_service'] for r in with_effect), len(with_effect))}")
     print(f"strict effect {share(sum(r['strict'] for r in with_effect), len(with_effect))}")
     print(f"first suspect is the withheld one {share(sum(r['first'] in r['truth'] for r in with_effect), len(with_effect))}")

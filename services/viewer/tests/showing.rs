@@ -69,7 +69,7 @@ fn effect(id: &str, probability: f64, chosen: bool) -> DiagnosedEffect {
 }
 
 fn diagnosis(tick: Tick) -> Diagnosis {
-    let cell = GapCell { channel: "yaw_rate".to_owned(), bins: Vec::new(), effect_size: 4.0, q_value: 0.001 };
+    let cell = GapCell { channel: "yaw_rate".to_owned(), bins: Vec::new(), effect_size: 4.0, q_value: Some(0.001) };
     Diagnosis {
         window: (SimTime(0), SimTime(100_000_000 * i64::from(tick.0))),
         reference: String::new(),

@@ -70,7 +70,7 @@ pub fn cell(cell: &Cell) -> GapCell {
         channel: cell.channel.clone(),
         bins: axes.into_iter().filter_map(|(axis, bin)| Some((axis.to_owned(), bin?))).collect(),
         effect_size: cell.effect_size.max(0.0),
-        q_value: cell.q_value.clamp(0.0, 1.0),
+        q_value: cell.q_value.map(|q| q.clamp(0.0, 1.0)),
     }
 }
 
@@ -104,13 +104,13 @@ mod tests {
             unit: unit.to_owned(),
             interval90: [0.1, f64::INFINITY],
             group: Vec::new(),
-            heldout_gain: 0.0,
+            heldout_gain: None,
             evidence_gain: 0.0,
             params: std::collections::BTreeMap::new(),
         };
         let nowhere = ds_diagnosis::schema::Regime { drive: 0, ..ds_diagnosis::schema::Regime::default() };
         let regime = ds_diagnosis::schema::Regime { speed: Some("high".to_owned()), tile: Some([1, 2]), ..nowhere };
-        let cell = Cell { channel: "v".to_owned(), regime, effect_size: 2.0, q_value: 1.5, t: Vec::new() };
+        let cell = Cell { channel: "v".to_owned(), regime, effect_size: 2.0, q_value: Some(1.5), t: Vec::new() };
         let found = Found {
             verdict: Verdict::Single,
             effects: vec![finding("steer_rate", f64::INFINITY, "rad/s"), finding("mu", 0.0, "")],
@@ -118,7 +118,6 @@ mod tests {
             p_unknown: -1e-18,
             chosen: vec!["steer_rate".to_owned()],
             cells: vec![cell],
-            predicted_share: f64::NAN,
             floor_source: "self".to_owned(),
             ..Found::blank("e")
         };
@@ -128,7 +127,7 @@ mod tests {
         assert_eq!((body.effects[1].value, body.effects[1].interval90), (None, [None, None]));
         assert_eq!(body.effects.iter().map(|effect| effect.chosen).collect::<Vec<_>>(), [true, false]);
         let bins = [("speed".to_owned(), "high".to_owned()), ("tile".to_owned(), "1,2".to_owned())];
-        assert_eq!((body.cells[0].bins.as_slice(), body.cells[0].q_value), (bins.as_slice(), 1.0));
+        assert_eq!((body.cells[0].bins.as_slice(), body.cells[0].q_value), (bins.as_slice(), Some(1.0)));
         assert_eq!(Diagnosis::from_bytes(&body.to_bytes()), Ok(body));
     }
 }

@@ -29,7 +29,7 @@ pub fn withheld(seed: u64, mass_kg: f64) -> RunConfig {
         }
         index += 1;
     }
-    RunConfig { effects }
+    RunConfig { effects, ..RunConfig::default() }
 }
 
 /// Followers need dense traffic, what others decide and the map a diagnosis with a scene, wind a drag area, and clocks

@@ -72,7 +72,7 @@ pub fn diagnose(case: &str, plans: &[Planned]) -> Diagnosis {
         unit: "s".to_owned(),
         interval90: [low, high],
         group: vec![ID.to_owned()],
-        heldout_gain: 0.0,
+        heldout_gain: None,
         evidence_gain: 0.0,
         params: std::iter::once((ID.to_owned(), secs)).collect(),
     };
@@ -85,7 +85,7 @@ pub fn diagnose(case: &str, plans: &[Planned]) -> Diagnosis {
             channel: "observation age".to_owned(),
             regime: Regime::default(),
             effect_size: secs / USUAL_SECS,
-            q_value: 0.0,
+            q_value: None,
             t: vec![[0.0, last]],
         }],
         corrected_model: Corrected {

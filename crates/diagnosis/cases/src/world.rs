@@ -15,6 +15,9 @@ use crate::error::{CasesError, at};
 pub struct RunConfig {
     /// Effects that the world has beyond the nominal one.
     pub effects: Vec<EffectLine>,
+    /// The ordinary mismatch that was fitted beside them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub nuisance: Vec<EffectLine>,
 }
 
 /// One effect with its values, one per parameter, in reported units.
@@ -47,27 +50,39 @@ impl RunConfig {
         for flag in flags {
             config.effects.push(EffectLine::parse(flag)?);
         }
-        for line in &config.effects {
+        for line in config.lines() {
             ds_effect::check(&line.id, &line.values).map_err(|error| CasesError::Effect(error.to_string()))?;
         }
         Ok(config)
     }
 
-    /// Returns the corrected simulators of some diagnoses, such as that of a car and that of its camera, as one.
+    /// Returns the corrected simulators of some diagnoses, such as that of a car and that of its camera, as one, with the
+    /// ordinary mismatch that was measured with their effects. An effect takes the place of mismatch of its name, which
+    /// counts once.
     ///
     /// # Errors
     /// If an effect has no finite value.
     pub fn corrected(diagnoses: &[Diagnosis]) -> Result<Self, CasesError> {
-        let mut effects = Vec::new();
+        let mut config = Self::default();
         for diagnosis in diagnoses {
-            for effect in &diagnosis.corrected_model.effects {
-                if effect.values.iter().any(|value| !value.is_finite()) {
-                    return Err(CasesError::NoValue { id: effect.id.clone(), case: diagnosis.case.clone() });
+            for (id, values) in diagnosis.corrected_model.added() {
+                if values.iter().any(|value| !value.is_finite()) {
+                    return Err(CasesError::NoValue { id, case: diagnosis.case.clone() });
                 }
-                effects.push(EffectLine { id: effect.id.clone(), values: effect.values.clone() });
+                config.effects.push(EffectLine { id, values });
             }
         }
-        Ok(Self { effects })
+        for (id, values) in diagnoses.iter().flat_map(|diagnosis| diagnosis.corrected_model.mismatch()) {
+            if config.lines().all(|line| line.id != id) {
+                config.nuisance.push(EffectLine { id, values });
+            }
+        }
+        Ok(config)
+    }
+
+    /// Returns all that is switched on, the ordinary mismatch first.
+    pub fn lines(&self) -> impl Iterator<Item = &EffectLine> {
+        self.nuisance.iter().chain(&self.effects)
     }
 
     /// Writes a configuration file that says after which case it was corrected.
@@ -92,7 +107,7 @@ impl RunConfig {
     #[must_use]
     pub fn switched(&self) -> Vec<pb::SwitchedEffect> {
         let switched = |line: &EffectLine| pb::SwitchedEffect { id: line.id.clone(), values: line.values.clone() };
-        self.effects.iter().map(switched).collect()
+        self.lines().map(switched).collect()
     }
 }
 
@@ -116,7 +131,7 @@ impl Component {
 pub fn components(config: &RunConfig, frames_differ: bool) -> Vec<Component> {
     let of = |wanted: &[Insertion]| -> Vec<EffectLine> {
         let inside = |line: &&EffectLine| find(&line.id).is_some_and(|effect| wanted.contains(&effect.insertion));
-        config.effects.iter().filter(inside).cloned().collect()
+        config.lines().filter(inside).cloned().collect()
     };
     let dynamics = [Insertion::CommandPath, Insertion::Actuator, Insertion::Vehicle, Insertion::Road];
     let all = [
@@ -125,7 +140,7 @@ pub fn components(config: &RunConfig, frames_differ: bool) -> Vec<Component> {
         Component { name: "latency and sensors", effects: of(&[Insertion::Clock, Insertion::Sensor]) },
     ];
     // What the car's own library does not know acts on finished frames.
-    let on_frames: Vec<EffectLine> = config.effects.iter().filter(|line| find(&line.id).is_none()).cloned().collect();
+    let on_frames: Vec<EffectLine> = config.lines().filter(|line| find(&line.id).is_none()).cloned().collect();
     let differ = frames_differ || !on_frames.is_empty();
     let frames = differ.then_some(Component { name: Component::FRAMES, effects: on_frames });
     frames.into_iter().chain(all.into_iter().filter(|component| !component.effects.is_empty())).collect()
@@ -138,7 +153,30 @@ fn read(path: &Path) -> Result<RunConfig, CasesError> {
 
 #[cfg(test)]
 mod tests {
+    use ds_diagnosis::schema::CorrectedEffect;
+
     use super::*;
+
+    #[test]
+    fn corrections_carry_their_mismatch_and_are_read_back() {
+        let diagnosis = |effect: (&str, f64), nuisance: &[(&str, f64)]| {
+            let mut found = Diagnosis::blank("case");
+            let (id, value) = (effect.0.to_owned(), effect.1);
+            found.corrected_model.effects = vec![CorrectedEffect { id, value, values: vec![value] }];
+            found.corrected_model.nuisance = nuisance.iter().map(|(id, value)| ((*id).to_owned(), *value)).collect();
+            found
+        };
+        let car = diagnosis(("steer_delay", 0.1), &[("payload", 12.0), ("shift_x_px", 3.0)]);
+        let traffic = diagnosis(("tr_delay", 0.3), &[("steer_delay", 0.01), ("payload", 15.0), ("tr_headway", 1.02)]);
+        let both = RunConfig::corrected(&[car, traffic]).expect("values");
+        let lines: Vec<(&str, f64)> = both.lines().map(|line| (line.id.as_str(), line.values[0])).collect();
+        assert_eq!(lines, [("payload", 12.0), ("tr_headway", 1.02), ("steer_delay", 0.1), ("tr_delay", 0.3)]);
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("corrected.toml");
+        both.write("case", &path).expect("written");
+        let read = RunConfig::gather(Some(&path), &[]).expect("sound");
+        assert_eq!((read.switched().len(), read), (4, both));
+    }
 
     #[test]
     fn flags_are_read_and_refused() {

@@ -1,12 +1,14 @@
 //! The diagnosis as written to `diagnosis.json`; field by field the schema of the specification, section 4.
 //!
-//! JSON has no number for what is not finite (the far end of a limit's interval, seconds needed where no manoeuvre helps):
-//! such a value is written as `null` and read back as NaN.
+//! One rule for what is not there: a field that was not determined is absent, a list that was made and is empty is
+//! written empty. JSON has no number for what is not finite (the far end of a limit's interval, seconds needed where no
+//! manoeuvre helps): such a value is written as `null` and read back as NaN.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use ds_effect::Verdict;
+use ds_effect::{Effect, Verdict, library};
+use ds_stats::{explained, false_discovery};
 use serde::{Deserialize, Serialize};
 
 use crate::error::CaseError;
@@ -44,13 +46,15 @@ pub struct Diagnosis {
     pub cells: Vec<Cell>,
     /// Gap before and after on data not used for the fit.
     pub how_far: Vec<Shrink>,
-    /// What each of several accepted effects contributes.
-    #[serde(default)]
+    /// What each of several accepted effects contributes; absent where there are not several, or it was not asked.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub shares: Vec<EffectShare>,
-    /// Share explained that the fit drives promise for `position_2s`.
-    #[serde(deserialize_with = "null::number")]
-    pub predicted_share: f64,
+    /// Share explained that the fit drives promise for `position_2s` (frames: `image_rmse`); absent where these show no
+    /// gap beyond the floor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub predicted_share: Option<f64>,
     /// What remains, where the verdict is unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unknown_description: Option<Remainder>,
     /// Manoeuvres that would tell the best hypotheses apart.
     pub next_manoeuvre: Vec<Manoeuvre>,
@@ -101,7 +105,7 @@ impl Diagnosis {
             cells: Vec::new(),
             how_far: Vec::new(),
             shares: Vec::new(),
-            predicted_share: 0.0,
+            predicted_share: None,
             unknown_description: None,
             next_manoeuvre: Vec::new(),
             corrected_model: Corrected::default(),
@@ -131,9 +135,9 @@ pub struct Finding {
     pub interval90: [f64; 2],
     /// Effects that these data cannot tell from it, itself included.
     pub group: Vec<String>,
-    /// Predictive log score gained on drives left out.
-    #[serde(deserialize_with = "null::number")]
-    pub heldout_gain: f64,
+    /// Predictive log score gained on data left out of the fit; absent where none was left out for this effect.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heldout_gain: Option<f64>,
     /// Log evidence over the nuisance fit.
     #[serde(deserialize_with = "null::number")]
     pub evidence_gain: f64,
@@ -148,6 +152,7 @@ pub struct DetectionLimit {
     /// Its id.
     pub id: String,
     /// Its least value that would have been found; absent: not testable with this generator.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limit: Option<f64>,
     /// Unit of the value.
     pub unit: String,
@@ -176,11 +181,17 @@ pub struct Cell {
     /// Root mean square in floor units.
     #[serde(deserialize_with = "null::number")]
     pub effect_size: f64,
-    /// False-discovery controlled p-value.
-    #[serde(deserialize_with = "null::number")]
-    pub q_value: f64,
+    /// False-discovery controlled p-value; absent where nothing was tested.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub q_value: Option<f64>,
     /// Time spans, s.
     pub t: Vec<[f64; 2]>,
+}
+
+/// Turns the p-values of cells, some of `tested` that were looked at, into q-values.
+pub fn correct(cells: &mut [Cell], tested: usize) {
+    let p_values: Vec<f64> = cells.iter().map(|cell| cell.q_value.unwrap_or(1.0)).collect();
+    cells.iter_mut().zip(false_discovery(&p_values, tested)).for_each(|(cell, q)| cell.q_value = Some(q));
 }
 
 /// Where in the data a cell lies; an absent bin means all.
@@ -217,7 +228,8 @@ pub struct Regime {
     pub place: Option<[i64; 2]>,
 }
 
-/// A metric before and after.
+/// A metric in three states: the nominal simulator, the one with the ordinary mismatch fitted, and the one with the
+/// effects added as well.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Shrink {
     /// Its name.
@@ -225,20 +237,54 @@ pub struct Shrink {
     /// Root mean square of the nominal simulator.
     #[serde(deserialize_with = "null::number")]
     pub before: f64,
+    /// Root mean square with the ordinary mismatch fitted and no effect added; absent in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nuisance: Option<f64>,
     /// Root mean square of the corrected simulator.
     #[serde(deserialize_with = "null::number")]
     pub after: f64,
     /// What an effect-free world leaves.
     #[serde(deserialize_with = "null::number")]
     pub floor: f64,
-    /// 1 - (after - floor) / (before - floor); 0 where before is not above the floor.
-    #[serde(deserialize_with = "null::number")]
-    pub share_explained: f64,
-    /// 90 % interval of the share.
-    #[serde(deserialize_with = "null::pair")]
-    pub interval90: [f64; 2],
+    /// What the ordinary mismatch alone explains: 1 - (nuisance - floor) / (before - floor); absent where before is not
+    /// two standard errors above the floor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub share_nuisance: Option<f64>,
+    /// What the effects explain of the rest: 1 - (after - floor) / (nuisance - floor), 0 without effects; absent where
+    /// nuisance is not two standard errors above the floor. In files of earlier versions, which have no `nuisance`, it
+    /// stands for before in the formula.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub share_explained: Option<f64>,
+    /// 90 % interval of `share_explained`.
+    #[serde(default, deserialize_with = "null::known_pair", skip_serializing_if = "Option::is_none")]
+    pub interval90: Option<[f64; 2]>,
     /// heldout, fit or unseen.
     pub data: String,
+}
+
+impl Shrink {
+    /// Measures a metric: `all` is (nominal, ordinary mismatch, corrected, floor) of all data, `drawn` the same of each
+    /// resample.
+    #[must_use]
+    pub fn new(metric: &str, all: [f64; 4], drawn: &[[f64; 4]], data: &str) -> Self {
+        let step = |from: usize, to: usize| {
+            let drawn: Vec<[f64; 3]> = drawn.iter().map(|d| [d[from], d[to], d[3]]).collect();
+            explained([all[from], all[to], all[3]], &drawn)
+        };
+        let effects = step(1, 2);
+        let [before, nuisance, after, floor] = all;
+        Self {
+            metric: metric.to_owned(),
+            before,
+            nuisance: Some(nuisance),
+            after,
+            floor,
+            share_nuisance: step(0, 1).map(|found| found.share),
+            share_explained: effects.map(|found| found.share),
+            interval90: effects.map(|found| found.interval90),
+            data: data.to_owned(),
+        }
+    }
 }
 
 /// What no library effect explains.
@@ -252,8 +298,10 @@ pub struct Remainder {
     /// constant, burst or periodic.
     pub time_pattern: String,
     /// Frequency of the strongest line in the residual of the worst channel, Hz.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frequency_hz: Option<f64>,
     /// Commanded or measured quantity whose size goes with the remainder, and the correlation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub goes_with: Option<(String, f64)>,
     /// Library effects that explain most of it.
     pub nearest: Vec<String>,
@@ -284,6 +332,50 @@ pub struct Corrected {
     /// Every other parameter at its estimate, in reported units; several parameters of one effect are numbered.
     #[serde(deserialize_with = "null::table")]
     pub nuisance: BTreeMap<String, f64>,
+    /// The same parameters where the ordinary mismatch is fitted alone, which is the state `nuisance` of `how_far`; absent
+    /// where no effect is added, and where `nuisance` is that of both.
+    #[serde(default, deserialize_with = "null::table", skip_serializing_if = "BTreeMap::is_empty")]
+    pub ordinary: BTreeMap<String, f64>,
+}
+
+/// Effects with a value for each of their parameters, in reported units.
+pub type Lines = Vec<(String, Vec<f64>)>;
+
+impl Corrected {
+    /// Returns the effects that were added.
+    #[must_use]
+    pub fn added(&self) -> Lines {
+        self.effects.iter().map(|effect| (effect.id.clone(), effect.values.clone())).collect()
+    }
+
+    /// Returns the ordinary mismatch of the corrected simulator, without the effects added; what it does not name is neutral.
+    #[must_use]
+    pub fn mismatch(&self) -> Lines {
+        lines(&self.nuisance)
+    }
+
+    /// Returns the ordinary mismatch fitted alone.
+    #[must_use]
+    pub fn mismatch_alone(&self) -> Lines {
+        if self.ordinary.is_empty() { self.mismatch() } else { lines(&self.ordinary) }
+    }
+}
+
+/// Reads parameters by name, `id` or `id.2` or `id.parameter`, as effects of the library; other names are left out.
+fn lines(table: &BTreeMap<String, f64>) -> Lines {
+    let of = |effect: &&'static Effect| {
+        let mut values = effect.neutral();
+        let mut named = false;
+        for (place, (value, parameter)) in values.iter_mut().zip(effect.parameters).enumerate() {
+            let first = if place == 0 { effect.id.to_owned() } else { format!("{}.{}", effect.id, place + 1) };
+            let found = table.get(&first).or_else(|| table.get(&format!("{}.{}", effect.id, parameter.name)));
+            if let Some(found) = found {
+                (*value, named) = (*found, true);
+            }
+        }
+        named.then(|| (effect.id.to_owned(), values))
+    };
+    library().iter().filter_map(of).collect()
 }
 
 /// An effect of the corrected simulator.

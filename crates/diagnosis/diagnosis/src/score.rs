@@ -103,7 +103,8 @@ pub fn score_folder(folder: &Path, labels: &Path) -> Result<Scores, CaseError> {
     Ok(score(&found, &labels))
 }
 
-/// Scores diagnoses against labels.
+/// Scores diagnoses against labels; a case without a diagnosis was refused, and is wrong in every rate (a false alarm where
+/// there is no effect) and as sure as can be.
 #[must_use]
 pub fn score(diagnoses: &BTreeMap<String, Diagnosis>, labels: &BTreeMap<String, Label>) -> Scores {
     let mut scores = Scores::default();
@@ -115,25 +116,22 @@ pub fn score(diagnoses: &BTreeMap<String, Diagnosis>, labels: &BTreeMap<String, 
     };
     let (mut sure, mut relative, mut shares) = (Vec::new(), Vec::new(), Vec::new());
     for (name, label) in labels {
-        let Some(d) = diagnoses.get(name) else {
+        let found = diagnoses.get(name);
+        if found.is_none() {
             scores.absent.push(name.clone());
-            count("answered", false);
-            continue;
-        };
-        count("answered", true);
-        count("verdict", verdict(d) == label.kind);
+        }
+        count("answered", found.is_some());
+        count("verdict", found.is_some_and(|d| verdict(d) == label.kind));
         match label.kind.as_str() {
-            "none" => {
-                count("false alarms", matches!(d.verdict, Verdict::Single | Verdict::Multiple | Verdict::Unknown))
-            }
-            "single" => single(d, &label.effects[0], &mut count, &mut relative),
+            "none" => count("false alarms", found.is_none_or(|d| d.verdict != Verdict::None)),
+            "single" => single(found, &label.effects[0], &mut count, &mut relative),
             "double" => {
-                let both = label.effects.iter().all(|e| d.chosen.contains(&e.id));
-                count("pairs: both", both);
-                count("pairs: one at least", label.effects.iter().any(|e| d.chosen.contains(&e.id)));
+                let chosen = |e: &LabelEffect| found.is_some_and(|d| d.chosen.contains(&e.id));
+                count("pairs: both", label.effects.iter().all(chosen));
+                count("pairs: one at least", label.effects.iter().any(chosen));
             }
             _ => {
-                let called = d.verdict == Verdict::Unknown;
+                let called = found.is_some_and(|d| d.verdict == Verdict::Unknown);
                 count("unknown called so", called);
                 if label.effects.iter().any(|e| e.floor_units.is_some_and(|size| size > FAIR_SIZE)) {
                     count("unknown above 2 floor units called so", called);
@@ -141,15 +139,18 @@ pub fn score(diagnoses: &BTreeMap<String, Diagnosis>, labels: &BTreeMap<String, 
             }
         }
         if label.kind != "out_of_library" {
-            count("known called unknown", d.verdict == Verdict::Unknown);
+            count("known called unknown", found.is_none_or(|d| d.verdict == Verdict::Unknown));
         }
+        let Some(d) = found else {
+            sure.push((1.0, false));
+            continue;
+        };
         sure.push(confidence(d, label));
         // the further unseen drive where there is one, else the held-out one
         let positions = || d.how_far.iter().filter(|s| s.metric == "position_2s");
         let realised = positions().find(|s| s.data == "unseen").or_else(|| positions().next());
-        if let Some(s) = realised.filter(|s| s.before > 2.0 * s.floor) {
-            shares.push((d.predicted_share - s.share_explained).abs());
-        }
+        let realised = realised.filter(|s| s.before > 2.0 * s.floor).and_then(|s| s.share_explained);
+        shares.extend(d.predicted_share.zip(realised).map(|(predicted, realised)| (predicted - realised).abs()));
     }
     scores.brier =
         sure.iter().map(|(p, right)| (p - f64::from(u8::from(*right))).powi(2)).sum::<f64>() / sure.len().max(1) as f64;
@@ -169,19 +170,27 @@ fn verdict(d: &Diagnosis) -> &'static str {
     }
 }
 
-fn single(d: &Diagnosis, truth: &LabelEffect, count: &mut impl FnMut(&'static str, bool), relative: &mut Vec<f64>) {
-    let place = d.effects.iter().position(|e| e.id == truth.id);
+fn single(
+    found: Option<&Diagnosis>,
+    truth: &LabelEffect,
+    count: &mut impl FnMut(&'static str, bool),
+    relative: &mut Vec<f64>,
+) {
+    let effects = found.map_or(&[][..], |d| &d.effects);
+    let chosen = found.map_or(&[][..], |d| &d.chosen);
+    let place = effects.iter().position(|e| e.id == truth.id);
     count("singles: first", place == Some(0));
     count("singles: first or second", place.is_some_and(|p| p < 2));
-    let grouped = d.effects.first().is_some_and(|e| e.group.contains(&truth.id) && e.group.len() <= GROUP_SIZE);
+    let grouped = effects.first().is_some_and(|e| e.group.contains(&truth.id) && e.group.len() <= GROUP_SIZE);
     count("singles: in the group of the first", grouped);
     if truth.floor_units.is_none_or(|size| size > FAIR_SIZE) {
         count("singles above 2 floor units: first", place == Some(0));
         count("singles above 2 floor units: in the group", grouped);
     }
-    count("singles: strict", d.verdict == Verdict::Single && d.chosen == [truth.id.clone()]);
-    if place == Some(0) && d.chosen.contains(&truth.id) {
-        let first = &d.effects[0];
+    let verdict = found.map(|d| d.verdict);
+    count("singles: strict", verdict == Some(Verdict::Single) && chosen == [truth.id.clone()]);
+    if place == Some(0) && chosen.contains(&truth.id) {
+        let first = &effects[0];
         count("intervals cover", first.interval90[0] <= truth.value && truth.value <= first.interval90[1]);
         let neutral = if first.unit == "x" { 1.0 } else { 0.0 };
         relative.push((first.value - truth.value).abs() / (truth.value - neutral).abs().max(1e-9));
@@ -227,5 +236,37 @@ mod tests {
         assert!((share.value - 0.8).abs() < 1e-12);
         assert!((share.interval90[0] - 0.541).abs() < 0.002, "{share:?}");
         assert!((share.interval90[1] - 0.931).abs() < 0.002, "{share:?}");
+    }
+
+    #[test]
+    fn refused_cases_are_wrong_in_every_rate() {
+        let effect = |id: &str| format!(r#"{{"id": "{id}", "value": 0.1, "floor_units": 9.0}}"#);
+        let (a, b) = (effect("steer_delay"), effect("mu"));
+        let labels = format!(
+            r#"{{"n": {{"kind": "none"}}, "s": {{"kind": "single", "effects": [{a}]}},
+                "d": {{"kind": "double", "effects": [{a}, {b}]}},
+                "o": {{"kind": "out_of_library", "effects": [{a}]}}}}"#
+        );
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("labels.json");
+        std::fs::write(&path, labels).expect("labels");
+        let none = |name: &str| {
+            let text = serde_json::to_string(&Diagnosis::blank(name)).expect("a diagnosis");
+            std::fs::create_dir_all(folder.path().join(name)).expect("a folder");
+            std::fs::write(folder.path().join(name).join("diagnosis.json"), text).expect("a diagnosis");
+        };
+        let refused = score_folder(folder.path(), &path).expect("scores");
+        assert_eq!(refused.absent, ["d", "n", "o", "s"]);
+        for (name, share) in &refused.shares {
+            let wrong = ["false alarms", "known called unknown"].contains(name);
+            assert_eq!(share.expect("a share").value, f64::from(u8::from(wrong)), "{name}");
+        }
+        assert_eq!((refused.brier, refused.calibration_error), (1.0, 1.0));
+        none("n");
+        let one = score_folder(folder.path(), &path).expect("scores");
+        let share = |scores: &Scores, name: &str| scores.shares[name].map(|share| (share.hits, share.of));
+        assert_eq!((share(&one, "verdict"), share(&one, "answered")), (Some((1, 4)), Some((1, 4))));
+        assert_eq!((share(&one, "false alarms"), share(&one, "known called unknown")), (Some((0, 1)), Some((2, 3))));
+        assert!((one.brier - 0.75).abs() < 1e-12);
     }
 }

@@ -167,7 +167,13 @@ fn line(name: &str, d: &Diagnosis, label: &serde_json::Value) -> String {
         .map(|e| {
             format!(
                 "{} {:.4} [{:.4}, {:.4}] p {:.3} gain {:.1} held {:.1}",
-                e.id, e.value, e.interval90[0], e.interval90[1], e.probability, e.evidence_gain, e.heldout_gain
+                e.id,
+                e.value,
+                e.interval90[0],
+                e.interval90[1],
+                e.probability,
+                e.evidence_gain,
+                e.heldout_gain.unwrap_or(f64::NAN)
             )
         })
         .collect();
@@ -175,7 +181,11 @@ fn line(name: &str, d: &Diagnosis, label: &serde_json::Value) -> String {
     let share = shrink.map_or("-".to_owned(), |s| {
         format!(
             "{:.3}->{:.3} floor {:.3} share {:.2} (predicted {:.2})",
-            s.before, s.after, s.floor, s.share_explained, d.predicted_share
+            s.before,
+            s.after,
+            s.floor,
+            s.share_explained.unwrap_or(f64::NAN),
+            d.predicted_share.unwrap_or(f64::NAN)
         )
     });
     format!(

@@ -9,7 +9,7 @@
 use std::collections::BTreeMap;
 
 use ds_effect::Channel;
-use ds_stats::{false_discovery, normal_tail};
+use ds_stats::normal_tail;
 
 use crate::bootstrap::weights;
 use crate::case::{Case, PartModel};
@@ -17,7 +17,7 @@ use crate::fit::{Model, point_loss};
 use crate::settings::{CELL_SIZE, DISCOVERY_RATE, KAPPA};
 use crate::space::Part;
 use crate::windows;
-use ds_diagnosis::schema::{Cell, Regime};
+use ds_diagnosis::schema::{Cell, Regime, correct};
 
 /// Mean loss of an effect-free world that the bootstrap is compared with.
 const CLEAN_LEVEL: f64 = 0.55;
@@ -121,16 +121,16 @@ fn test(
             _ => t.push([windows[w].secs, end]),
         }
     }
-    Some(Cell { channel: channel.name().to_owned(), regime: regime.clone(), effect_size, q_value: p, t })
+    Some(Cell { channel: channel.name().to_owned(), regime: regime.clone(), effect_size, q_value: Some(p), t })
 }
 
 /// Turns the p-values of cells into q-values, keeps those that are significant and large enough to matter, and puts the
 /// largest first.
 #[must_use]
 pub fn discover(mut cells: Vec<Cell>) -> Vec<Cell> {
-    let p_values: Vec<f64> = cells.iter().map(|cell| cell.q_value).collect();
-    cells.iter_mut().zip(false_discovery(&p_values, p_values.len())).for_each(|(cell, q)| cell.q_value = q);
-    cells.retain(|c| c.q_value <= DISCOVERY_RATE && c.effect_size >= CELL_SIZE);
+    let tested = cells.len();
+    correct(&mut cells, tested);
+    cells.retain(|c| c.q_value.is_some_and(|q| q <= DISCOVERY_RATE) && c.effect_size >= CELL_SIZE);
     cells.sort_by(|a, b| b.effect_size.total_cmp(&a.effect_size));
     cells
 }

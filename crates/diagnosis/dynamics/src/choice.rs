@@ -143,6 +143,12 @@ impl<'m, 'c> Outcome<'m, 'c> {
         self.accepted.as_ref().map_or(&self.search.null, |h| &h.fit)
     }
 
+    /// Returns the three states: nothing, the ordinary mismatch fitted alone, and the fit with the accepted effects.
+    #[must_use]
+    pub fn vectors(&self) -> [Vec<f64>; 3] {
+        [self.search.model.space.neutral(), self.search.null.vector.clone(), self.fit().vector.clone()]
+    }
+
     /// Returns the model in whose floor units [`Self::fit`] is.
     #[must_use]
     pub fn model(&self) -> &PartModel<'c> {

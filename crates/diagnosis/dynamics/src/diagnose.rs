@@ -2,11 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use ds_stats::explained;
+
+use crate::bootstrap::weights;
 use crate::case::{Case, PartModel};
 use crate::cells::cells;
 use crate::choice::{Candidate, Outcome, rank};
 use crate::fit::Fit;
-use crate::how_far::how_far;
+use crate::how_far::{how_far, position_errors, roots};
 use crate::manoeuvre;
 use crate::remainder::{Left, describe, left};
 use crate::search::{Effort, without_drive};
@@ -15,7 +18,7 @@ use crate::settings::{
 };
 use crate::shapley::split;
 use crate::signature::{cosine, spread};
-use crate::space::{Part, SCATTER};
+use crate::space::{Part, SCATTER, Space};
 use crate::windows::EGO;
 use ds_diagnosis::Verdict;
 use ds_diagnosis::schema::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, SCHEMA};
@@ -66,10 +69,10 @@ pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) ->
         _ => ranking.iter().filter(|c| c.accepted).map(|c| c.id.to_owned()).collect(),
     };
     let plants = [0, 1].map(|k| {
-        let space = &outcomes[k].search.model.space;
-        (space.plant(&space.neutral()), space.plant(&outcomes[k].fit().vector))
+        let outcome: &Outcome<'_, '_> = &outcomes[k];
+        outcome.vectors().map(|vector| outcome.search.model.space.plant(&vector))
     });
-    let pairs = [(&plants[0].0, &plants[0].1), (&plants[1].0, &plants[1].1)];
+    let states = [&plants[0].each_ref(), &plants[1].each_ref()];
     let data = if held.is_empty() { (fit_drives.as_slice(), "fit") } else { (held.as_slice(), "heldout") };
     let unknown_description = (verdict == Verdict::Unknown).then(|| {
         let fits: Vec<_> = outcomes.iter().map(|o| (o.model(), o.fit())).collect();
@@ -84,7 +87,7 @@ pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) ->
         p_unknown,
         chosen,
         cells: map(case, &outcomes, &options.without),
-        how_far: how_far(case, data.0, pairs, data.1),
+        how_far: how_far(case, data.0, states, data.1),
         shares: if options.quick { Vec::new() } else { outcomes.iter().flat_map(|o| split(case, o, data.0)).collect() },
         predicted_share: predicted(case, &outcomes, &fit_drives),
         unknown_description,
@@ -132,7 +135,7 @@ fn finding(
         unit: String::new(),
         interval90: [0.0, 0.0],
         group: vec![candidate.id.to_owned()],
-        heldout_gain: candidate.held_out.unwrap_or(0.0),
+        heldout_gain: candidate.held_out,
         evidence_gain: candidate.gain,
         params: BTreeMap::new(),
     };
@@ -231,26 +234,23 @@ fn map(case: &Case, outcomes: &[Outcome<'_, '_>], without: &[String]) -> Vec<Cel
     found
 }
 
-/// Returns the share of `position_2s` explained on each fit drive by a model fitted without it, on average.
-fn predicted(case: &Case, outcomes: &[Outcome<'_, '_>], drives: &[usize]) -> f64 {
-    let mut errors: Vec<[f64; 3]> = Vec::new();
+/// Returns the share of `position_2s` that the effects explain on the fit drives, each by fits made without it.
+fn predicted(case: &Case, outcomes: &[Outcome<'_, '_>], drives: &[usize]) -> Option<f64> {
+    let (mut rows, mut owners) = (Vec::new(), Vec::new());
+    let car = &outcomes[0];
     for &drive in drives {
-        let fitted: Vec<Vec<f64>> = outcomes
-            .iter()
-            .map(|o| if drives.len() > 1 { without_drive(o, drive) } else { o.fit().vector.clone() })
-            .collect();
-        let spaces = [0, 1].map(|k| &outcomes[k].search.model.space);
-        let plants = [0, 1].map(|k| (spaces[k].plant(&spaces[k].neutral()), spaces[k].plant(&fitted[k])));
-        let found = how_far(case, &[drive], [(&plants[0].0, &plants[0].1), (&plants[1].0, &plants[1].1)], "fit");
-        errors.extend(found.iter().filter(|s| s.metric == "position_2s").map(|s| [s.before, s.after, s.floor]));
+        let vectors = if drives.len() > 1 { without_drive(car, drive) } else { car.vectors() };
+        let plants = vectors.map(|vector| car.search.model.space.plant(&vector));
+        let (errors, of) = position_errors(case, &[drive], &plants.each_ref());
+        rows.extend(errors);
+        owners.extend(of);
     }
-    let root = |k: usize| (errors.iter().map(|e| e[k] * e[k]).sum::<f64>() / errors.len().max(1) as f64).sqrt();
-    let (before, after, floor) = (root(0), root(1), root(2));
-    if before - floor <= 0.05 * floor {
-        0.0
-    } else {
-        (1.0 - (after - floor).max(0.0) / (before - floor)).clamp(-5.0, 1.0)
-    }
+    let states = |draw: Option<&Vec<f64>>| {
+        let [_, nuisance, corrected, floor] = roots(&rows, draw);
+        [nuisance, corrected, floor]
+    };
+    let drawn: Vec<[f64; 3]> = weights(&owners, "predicted").iter().map(|draw| states(Some(draw))).collect();
+    explained(states(None), &drawn).map(|found| found.share)
 }
 
 /// Ranks manoeuvres that separate the two best hypotheses about the ego.
@@ -272,24 +272,33 @@ fn next(case: &Case, outcomes: &[Outcome<'_, '_>], effects: &[Finding]) -> Vec<M
 
 fn corrected(outcomes: &[Outcome<'_, '_>]) -> Corrected {
     let mut out = Corrected::default();
+    let any = outcomes.iter().any(|outcome| outcome.accepted.is_some());
     for outcome in outcomes {
         let space = &outcome.search.model.space;
-        let vector = &outcome.fit().vector;
+        let [_, null, vector] = outcome.vectors();
         let accepted = outcome.accepted.as_ref().map(|h| h.effects.clone()).unwrap_or_default();
         for (effect, e) in space.effects.iter().enumerate() {
-            let own = space.of(effect);
-            let values: Vec<f64> = own.iter().map(|&k| space.reported(k, vector[k])).collect();
             if accepted.contains(&effect) {
+                let values: Vec<f64> = space.of(effect).iter().map(|&k| space.reported(k, vector[k])).collect();
                 out.effects.push(CorrectedEffect { id: e.id.to_owned(), value: values[0], values });
             } else {
-                for (place, (value, k)) in values.iter().zip(&own).enumerate() {
-                    if vector[*k].is_finite() && vector[*k] != space.coordinates[*k].parameter.neutral {
-                        let key = if place == 0 { e.id.to_owned() } else { format!("{}.{}", e.id, place + 1) };
-                        out.nuisance.insert(key, *value);
-                    }
-                }
+                out.nuisance.extend(named(space, effect, &vector));
+            }
+            if any {
+                out.ordinary.extend(named(space, effect, &null));
             }
         }
     }
     out
+}
+
+/// Returns the parameters of an effect that are not neutral, by name and in reported units.
+fn named(space: &Space, effect: usize, vector: &[f64]) -> Vec<(String, f64)> {
+    let id = space.effects[effect].id;
+    let of = |(place, k): (usize, usize)| {
+        let key = if place == 0 { id.to_owned() } else { format!("{id}.{}", place + 1) };
+        let moved = vector[k].is_finite() && vector[k] != space.coordinates[k].parameter.neutral;
+        moved.then(|| (key, space.reported(k, vector[k])))
+    };
+    space.of(effect).into_iter().enumerate().filter_map(of).collect()
 }

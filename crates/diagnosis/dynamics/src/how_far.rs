@@ -1,11 +1,10 @@
-//! How far the gap shrinks: nominal and corrected simulator on drives that the fit never saw, against the floor.
+//! How far the gap shrinks on drives that the fit never saw: the nominal simulator, the one with the ordinary mismatch
+//! fitted and the one with the effects added as well, against the floor.
 //!
 //! Position, heading and speed errors of free rollouts at fixed times, and each channel's residual; root mean squares in
-//! the channel's unit. Share explained is 1 - (after - floor) / (before - floor) with a 90 % block-bootstrap interval.
+//! the channel's unit. Shares are those of `ds_stats::explained`, over a block bootstrap.
 
 use ds_effect::{Channel, Plant};
-
-use ds_stats::quantile;
 
 use crate::bootstrap::weights;
 use crate::case::Case;
@@ -19,23 +18,26 @@ const STRIDE: usize = 40;
 /// Samples of a rollout.
 const SCORED: usize = 100;
 
-/// Squared errors of one metric, window by window: before, after, floor.
+/// A part's simulators: nominal, with the ordinary mismatch, with the effects as well.
+pub type States<'a> = [&'a Plant; 3];
+
+/// Squared errors of one metric, window by window: the three states and the floor.
 struct Errors {
     name: String,
-    rows: Vec<[f64; 3]>,
+    rows: Vec<[f64; 4]>,
     drives: Vec<usize>,
 }
 
-/// Compares two simulators of the ego and of the followers on some drives.
+/// Compares the simulators of the ego and of the followers on some drives.
 #[must_use]
-pub fn how_far(case: &Case, drives: &[usize], plants: [(&Plant, &Plant); 2], data: &str) -> Vec<Shrink> {
+pub fn how_far(case: &Case, drives: &[usize], [car, followers]: [&States<'_>; 2], data: &str) -> Vec<Shrink> {
     let mut all = Vec::new();
-    ego(case, drives, plants[0], &mut all);
-    following(case, drives, plants[1], &mut all);
+    ego(case, drives, car, &mut all);
+    following(case, drives, followers, &mut all);
     all.iter().filter_map(|errors| shrink(errors, data)).collect()
 }
 
-fn ego(case: &Case, drives: &[usize], (before, after): (&Plant, &Plant), all: &mut Vec<Errors>) {
+fn ego(case: &Case, drives: &[usize], plants: &States<'_>, all: &mut Vec<Errors>) {
     let names = ["position_1s", "position_2s", "position_5s", "yaw_2s", "speed_2s"];
     let channels = (0..EGO).map(|c| format!("channel:{}", Channel::ALL[c].name()));
     let first = all.len();
@@ -45,28 +47,32 @@ fn ego(case: &Case, drives: &[usize], (before, after): (&Plant, &Plant), all: &m
         drives: Vec::new(),
     }));
     for record in case.ego.iter().filter(|r| drives.contains(&r.drive)) {
-        let (bare, full) = (rollouts(record, before), rollouts(record, after));
+        let rolled = plants.map(|plant| rollouts(record, plant));
         let noise = &case.noise;
-        for ((anchor, b), a) in record.anchors_every(STRIDE, SCORED).iter().zip(&bare).zip(&full) {
+        for (k, anchor) in record.anchors_every(STRIDE, SCORED).iter().enumerate() {
+            let own = rolled.each_ref().map(|states| &states[k]);
             let blocks = SCORED / BLOCK;
             let floor = |c: usize, k: usize| floor::ego(c, k, &anchor.regime, noise).powi(2);
             let at = |c: usize, secs: f64| c * blocks + (secs / 0.25) as usize - 1;
-            let pair = |f: &dyn Fn(&[f64]) -> f64, floor: f64| [f(b), f(a), floor];
+            let row = |f: &dyn Fn(&[f64]) -> f64, floor: f64| {
+                let [nominal, nuisance, corrected] = own.map(|r| f(r));
+                [nominal, nuisance, corrected, floor]
+            };
             let square = |r: &[f64], i: usize| r[i] * r[i];
             for (k, secs) in [1.0, 2.0, 5.0].into_iter().enumerate() {
                 let block = at(0, secs);
                 let error = |r: &[f64]| square(r, at(0, secs)) + square(r, at(1, secs));
-                push(&mut all[first + k], record.drive, pair(&error, floor(0, block) + floor(1, block)));
+                push(&mut all[first + k], record.drive, row(&error, floor(0, block) + floor(1, block)));
             }
             for (k, channel) in [(3, 2), (4, 3)] {
                 let error = |r: &[f64]| square(r, at(channel, 2.0));
-                push(&mut all[first + k], record.drive, pair(&error, floor(channel, at(0, 2.0))));
+                push(&mut all[first + k], record.drive, row(&error, floor(channel, at(0, 2.0))));
             }
             for channel in 0..EGO {
                 let scored = 8;
                 let error = |r: &[f64]| (0..scored).map(|k| square(r, channel * blocks + k)).sum::<f64>() / 8.0;
                 let clean = (0..scored).map(|k| floor(channel, k)).sum::<f64>() / 8.0;
-                push(&mut all[first + 5 + channel], record.drive, pair(&error, clean));
+                push(&mut all[first + 5 + channel], record.drive, row(&error, clean));
             }
         }
     }
@@ -76,7 +82,7 @@ fn rollouts(record: &EgoRecord, plant: &Plant) -> Vec<Vec<f64>> {
     record.windows(&record.anchors_every(STRIDE, SCORED), &record.inputs, plant)
 }
 
-fn following(case: &Case, drives: &[usize], (before, after): (&Plant, &Plant), all: &mut Vec<Errors>) {
+fn following(case: &Case, drives: &[usize], plants: &States<'_>, all: &mut Vec<Errors>) {
     let first = all.len();
     for channel in [Channel::FollowerSpeed, Channel::FollowerGap] {
         let name = format!("channel:{}", channel.name());
@@ -84,20 +90,21 @@ fn following(case: &Case, drives: &[usize], (before, after): (&Plant, &Plant), a
     }
     let blocks = following::BLOCKS;
     for record in case.following.iter().filter(|r| drives.contains(&r.drive)) {
-        let (bare, full) = (record.residuals(before), record.residuals(after));
-        for (b, a) in bare.chunks(2 * blocks).zip(full.chunks(2 * blocks)) {
+        let rolled = plants.map(|plant| record.residuals(plant));
+        for start in (0..rolled[0].len()).step_by(2 * blocks) {
             for channel in 0..2 {
-                let range = channel * blocks..(channel + 1) * blocks;
+                let range = start + channel * blocks..start + (channel + 1) * blocks;
                 let mean = |r: &[f64]| r[range.clone()].iter().map(|e| e * e).sum::<f64>() / blocks as f64;
+                let [nominal, nuisance, corrected] = rolled.each_ref().map(|r| mean(r));
                 let clean =
                     (0..blocks).map(|k| floor::follower(channel, k, &case.noise).powi(2)).sum::<f64>() / blocks as f64;
-                push(&mut all[first + channel], record.drive, [mean(b), mean(a), clean]);
+                push(&mut all[first + channel], record.drive, [nominal, nuisance, corrected, clean]);
             }
         }
     }
 }
 
-fn push(errors: &mut Errors, drive: usize, row: [f64; 3]) {
+fn push(errors: &mut Errors, drive: usize, row: [f64; 4]) {
     if row.iter().all(|v| v.is_finite()) {
         errors.rows.push(row);
         errors.drives.push(drive);
@@ -108,22 +115,15 @@ fn shrink(errors: &Errors, data: &str) -> Option<Shrink> {
     if errors.rows.len() < 3 {
         return None;
     }
-    let [before, after, floor] = roots(&errors.rows, None);
     let draws = weights(&errors.drives, "shrink");
-    let mut shares: Vec<f64> = draws.iter().map(|d| share_of(&errors.rows, Some(d))).collect();
-    Some(Shrink {
-        metric: errors.name.clone(),
-        before,
-        after,
-        floor,
-        share_explained: share_of(&errors.rows, None),
-        interval90: [quantile(&mut shares, 0.05), quantile(&mut shares, 0.95)],
-        data: data.to_owned(),
-    })
+    let drawn: Vec<[f64; 4]> = draws.iter().map(|d| roots(&errors.rows, Some(d))).collect();
+    Some(Shrink::new(&errors.name, roots(&errors.rows, None), &drawn, data))
 }
 
-fn roots(rows: &[[f64; 3]], draw: Option<&Vec<f64>>) -> [f64; 3] {
-    let mut sums = [0.0; 3];
+/// Returns the root mean squares of rows of squares, each counted as often as a draw says.
+#[must_use]
+pub fn roots<const N: usize>(rows: &[[f64; N]], draw: Option<&Vec<f64>>) -> [f64; N] {
+    let mut sums = [0.0; N];
     let mut total = 0.0;
     for (k, row) in rows.iter().enumerate() {
         let weight = draw.map_or(1.0, |d| d[k]);
@@ -133,22 +133,10 @@ fn roots(rows: &[[f64; 3]], draw: Option<&Vec<f64>>) -> [f64; 3] {
     sums.map(|sum| (sum / f64::max(total, 1e-9)).sqrt())
 }
 
-/// Returns the squared errors of `position_2s` by window (before, after, floor) and the windows' drives.
+/// Returns the squared errors of `position_2s` by window (the three states, the floor) and the windows' drives.
 #[must_use]
-pub fn position_errors(case: &Case, drives: &[usize], plants: (&Plant, &Plant)) -> (Vec<[f64; 3]>, Vec<usize>) {
+pub fn position_errors(case: &Case, drives: &[usize], plants: &States<'_>) -> (Vec<[f64; 4]>, Vec<usize>) {
     let mut all = Vec::new();
     ego(case, drives, plants, &mut all);
     all.into_iter().find(|e| e.name == "position_2s").map(|e| (e.rows, e.drives)).unwrap_or_default()
-}
-
-/// Returns the share explained by squared errors of windows, each counted as often as a draw says.
-#[must_use]
-pub fn share_of(rows: &[[f64; 3]], draw: Option<&Vec<f64>>) -> f64 {
-    share(roots(rows, draw))
-}
-
-/// Returns the share of the gap beyond the floor that is explained, 0 where there is none to explain.
-fn share([before, after, floor]: [f64; 3]) -> f64 {
-    let gap = before - floor;
-    if gap <= 0.05 * floor { 0.0 } else { (1.0 - (after - floor).max(0.0) / gap).clamp(-5.0, 1.0) }
 }

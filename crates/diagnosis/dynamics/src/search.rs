@@ -323,12 +323,16 @@ fn refit_without(model: &PartModel<'_>, fitted: &Fit, priors: &[Prior], drive: u
     (fit(&part, plan), part.keep)
 }
 
-/// Returns the vector of an outcome's model fitted without one drive.
+/// Returns the three states of [`crate::choice::Outcome::vectors`], both fits made without one drive.
 #[must_use]
-pub fn without_drive(outcome: &crate::choice::Outcome<'_, '_>, drive: usize) -> Vec<f64> {
-    let model = outcome.model();
-    let effects = outcome.accepted.as_ref().map(|h| h.effects.clone()).unwrap_or_default();
-    refit_without(model, outcome.fit(), &model.priors_with(&effects), drive).0.vector
+pub fn without_drive(outcome: &crate::choice::Outcome<'_, '_>, drive: usize) -> [Vec<f64>; 3] {
+    let search = &outcome.search;
+    let null = refit_without(search.model, &search.null, &search.model.priors_with(&[]), drive).0.vector;
+    let full = outcome.accepted.as_ref().map_or_else(
+        || null.clone(),
+        |h| refit_without(outcome.model(), &h.fit, &outcome.model().priors_with(&h.effects), drive).0.vector,
+    );
+    [search.model.space.neutral(), null, full]
 }
 
 /// Returns, per drive, the predictive log score that a fit with some effects gains over another: log p(drive | other

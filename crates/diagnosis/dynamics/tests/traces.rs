@@ -1,6 +1,5 @@
 //! Residuals over time: with a neutral model nothing changes, with the true effect the gap closes.
 
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use ds_diagnosis::schema::{Corrected, CorrectedEffect};
@@ -36,7 +35,7 @@ fn the_true_effect_closes_the_gap() {
     let Some(case) = case() else { return };
     // the label of this case: 0.15 s of steering delay, on top of which every vehicle has some
     let effect = CorrectedEffect { id: "steer_delay".to_owned(), value: 0.15, values: vec![0.16] };
-    let model = Corrected { effects: vec![effect], nuisance: BTreeMap::new() };
+    let model = Corrected { effects: vec![effect], ..Corrected::default() };
     let found = traces(&case, &model, 3);
     let [before, after, floor] = found.series[0].roots();
     assert!(before > 5.0 * floor && after < 0.4 * before, "{before} {after} {floor}");

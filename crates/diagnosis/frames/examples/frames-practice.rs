@@ -159,7 +159,7 @@ impl Counts {
             self.overlap.push(both as f64 / (said.len() + tiles.len() - both) as f64);
         }
         if let Some(s) = d.how_far.first().filter(|s| s.before > 1.2 * s.floor) {
-            self.share_error.push((s.share_explained - d.predicted_share).abs());
+            self.share_error.extend(s.share_explained.zip(d.predicted_share).map(|(a, b)| (a - b).abs()));
         }
         self.secs.push(d.secs);
     }
@@ -204,7 +204,11 @@ fn line(name: &str, d: &Diagnosis, label: &Value) -> String {
     let far = d.how_far.first().map_or("-".to_owned(), |s| {
         format!(
             "{:.2}->{:.2} floor {:.2} share {:.2} (predicted {:.2})",
-            s.before, s.after, s.floor, s.share_explained, d.predicted_share
+            s.before,
+            s.after,
+            s.floor,
+            s.share_explained.unwrap_or(f64::NAN),
+            d.predicted_share.unwrap_or(f64::NAN)
         )
     });
     format!(

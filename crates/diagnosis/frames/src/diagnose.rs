@@ -127,7 +127,7 @@ fn findings(scene: &Scene<'_>, found: &Search, mass: f64) -> Vec<Finding> {
                 *sum += share;
             } else if k == 0 || found.chosen.contains(&trial.id) {
                 let mut finding = finding(scene, found, round, trial);
-                finding.heldout_gain = held.get(trial.id).copied().unwrap_or(finding.evidence_gain.min(0.0));
+                finding.heldout_gain = held.get(trial.id).copied();
                 list.push((finding, share));
             }
         }
@@ -159,7 +159,7 @@ fn finding(scene: &Scene<'_>, found: &Search, round: &Round, trial: &Trial) -> F
         unit: effect.parameters[0].unit.to_owned(),
         interval90: interval::of(scene, found, effect, &values),
         group,
-        heldout_gain: gain,
+        heldout_gain: None,
         evidence_gain: gain,
         params: effect.parameters.iter().zip(&values).map(|(p, v)| (p.name.to_owned(), *v)).collect(),
     }
@@ -176,5 +176,6 @@ fn corrected(correction: &Correction) -> Corrected {
     });
     let nuisance =
         [("shift_x_px", correction.shift[0]), ("shift_y_px", correction.shift[1]), ("noise_levels2", correction.noise)];
-    Corrected { effects: effects.collect(), nuisance: nuisance.into_iter().map(|(k, v)| (k.to_owned(), v)).collect() }
+    let nuisance = nuisance.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
+    Corrected { effects: effects.collect(), nuisance, ..Corrected::default() }
 }

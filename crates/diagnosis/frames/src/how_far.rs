@@ -1,5 +1,5 @@
-//! How far the gap shrinks: rms difference and feature distance between real and simulated frames, before and after the
-//! correction, beside what an effect-free twin would leave.
+//! How far the gap shrinks: rms difference and feature distance between real and simulated frames as they are, with the
+//! constant offset corrected alone, and with the effects added as well, beside what an effect-free twin would leave.
 //!
 //! Nothing is fitted to these frames but the nuisance offset of each, which makes the twin: the nominal frame moved by
 //! that offset, with the noise of the case. Frames enter as they are, offsets included. Units grey levels.
@@ -35,12 +35,15 @@ pub struct Correction {
     pub dirt: Option<Map>,
 }
 
-/// Mean squares of one frame.
-struct Row {
-    before: f64,
-    after: f64,
-    floor: f64,
+impl Correction {
+    /// Returns the ordinary mismatch of this correction, without its effects.
+    fn mismatch(&self) -> Self {
+        Self { effects: Vec::new(), shift: self.shift, noise: self.noise, dirt: None }
+    }
 }
+
+/// Mean squares of one frame: nominal, with the ordinary mismatch, corrected, floor.
+type Row = [f64; 4];
 
 /// Measures the frames whose numbers are `wanted`.
 ///
@@ -53,35 +56,38 @@ pub fn how_far(
     data: &str,
 ) -> Result<Vec<Shrink>, SightError> {
     let mut rows = Vec::new();
-    let mut sets: [Vec<Picture>; 4] = Default::default();
-    for (frame, after) in corrected(case, correction, wanted) {
-        let (twin, row) = compared(case, correction, frame, &after);
+    let mut sets: [Vec<Picture>; 5] = Default::default();
+    let shifted = corrected(case, &correction.mismatch(), wanted);
+    for ((frame, after), (_, shifted)) in corrected(case, correction, wanted).into_iter().zip(shifted) {
+        let (twin, row) = compared(case, correction, frame, [&shifted, &after]);
         rows.push(row);
         let twin = noisy(twin, frame.number, correction.noise);
-        for (set, picture) in sets.iter_mut().zip([frame.real.clone(), frame.sim.clone(), after, twin]) {
+        for (set, picture) in sets.iter_mut().zip([frame.real.clone(), frame.sim.clone(), shifted, after, twin]) {
             set.push(picture);
         }
     }
     if rows.is_empty() {
         return Ok(Vec::new());
     }
-    let [real, sim, after, twin] = sets.map(|s| features(&s));
+    let [real, sim, shifted, after, twin] = sets.map(|s| features(&s));
     let floor = distance(&twin, &sim)?;
-    Ok(vec![image(&rows, data), feature([&real, &sim, &after], floor, rows.len(), data)?])
+    Ok(vec![image(&rows, data), feature(&real, [&sim, &shifted, &after], (floor, rows.len()), data)?])
 }
 
-/// Returns the share of the image difference that the correction explains on the wanted frames.
+/// Returns the share of the image difference that the effects explain on the wanted frames.
 #[must_use]
-pub fn image_share(case: &FrameCase, correction: &Correction, wanted: &dyn Fn(u64) -> bool) -> f64 {
+pub fn image_share(case: &FrameCase, correction: &Correction, wanted: &dyn Fn(u64) -> bool) -> Option<f64> {
+    let shifted = corrected(case, &correction.mismatch(), wanted);
     let rows: Vec<Row> = corrected(case, correction, wanted)
         .into_iter()
-        .map(|(frame, after)| compared(case, correction, frame, &after).1)
+        .zip(shifted)
+        .map(|((frame, after), (_, shifted))| compared(case, correction, frame, [&shifted, &after]).1)
         .collect();
-    if rows.is_empty() { 0.0 } else { image(&rows, "fit").share_explained }
+    image((!rows.is_empty()).then_some(&rows)?, "fit").share_explained
 }
 
 /// Measures streams that do not agree pixel by pixel; the floors (rms difference, feature distance) are those of
-/// effect-free pairs.
+/// effect-free pairs. No ordinary mismatch is fitted to these: its state is the nominal one.
 ///
 /// # Errors
 /// If features are not finite.
@@ -100,15 +106,14 @@ pub fn generated(
     let rows: Vec<Row> = frames
         .iter()
         .zip(&after)
-        .map(|(f, after)| Row {
-            before: square(&f.sim, &f.real),
-            after: square(after, &f.real),
-            floor: floors[0] * floors[0],
+        .map(|(f, after)| {
+            let before = square(&f.sim, &f.real);
+            [before, before, square(after, &f.real), floors[0] * floors[0]]
         })
         .collect();
     let set = |of: &dyn Fn(&Frame) -> Picture| features(&frames.iter().map(|f| of(f)).collect::<Vec<_>>());
     let (real, sim) = (set(&|f| f.real.clone()), set(&|f| f.sim.clone()));
-    let feature = feature([&real, &sim, &features(&after)], floors[1], rows.len(), data)?;
+    let feature = feature(&real, [&sim, &sim, &features(&after)], (floors[1], rows.len()), data)?;
     Ok(vec![image(&rows, data), feature])
 }
 
@@ -131,64 +136,43 @@ fn distance(a: &DMatrix<f64>, b: &DMatrix<f64>) -> Result<f64, SightError> {
     Ok(frechet(a, b, settings::SHRINKAGE)?)
 }
 
-/// The feature distance of the real stream to the simulated one before and after, with an interval over frames.
+/// The feature distance of the real stream to the simulated one in its three states, with an interval over frames.
 fn feature(
-    [real, sim, after]: [&DMatrix<f64>; 3],
-    floor: f64,
-    frames: usize,
+    real: &DMatrix<f64>,
+    states: [&DMatrix<f64>; 3],
+    (floor, frames): (f64, usize),
     data: &str,
 ) -> Result<Shrink, SightError> {
-    let (before, left) = (distance(real, sim)?, distance(real, after)?);
+    let figures = |picked: Option<&[usize]>| -> Result<[f64; 4], SightError> {
+        let of = |m: &DMatrix<f64>| picked.map_or_else(|| m.clone(), |rows| m.select_rows(rows.iter()));
+        let real = of(real);
+        let mut found = [0.0, 0.0, 0.0, floor];
+        for (k, state) in states.iter().enumerate() {
+            // one state may be another
+            let known = (0..k).find(|earlier| std::ptr::eq(states[*earlier], *state)).map(|earlier| found[earlier]);
+            found[k] = known.map_or_else(|| distance(&real, &of(state)), Ok)?;
+        }
+        Ok(found)
+    };
     let per_frame = real.nrows() / frames;
-    let mut shares = Vec::new();
     let draws = Draws::from_seed(7, "frame_bootstrap");
-    for picks in resamples(&draws, settings::FEATURE_DRAWS, frames) {
-        let picked: Vec<usize> = picks.into_iter().flat_map(|f| f * per_frame..(f + 1) * per_frame).collect();
-        let [a, b, c] = [real, sim, after].map(|m| m.select_rows(picked.iter()));
-        shares.push(share(distance(&a, &b)?, distance(&a, &c)?, floor));
-    }
-    Ok(Shrink {
-        metric: "feature_distance".to_owned(),
-        before,
-        after: left,
-        floor,
-        share_explained: share(before, left, floor),
-        interval90: interval(shares),
-        data: data.to_owned(),
-    })
+    let drawn: Vec<[f64; 4]> = resamples(&draws, settings::FEATURE_DRAWS, frames)
+        .map(|picks| {
+            let picked: Vec<usize> = picks.into_iter().flat_map(|f| f * per_frame..(f + 1) * per_frame).collect();
+            figures(Some(&picked))
+        })
+        .collect::<Result<_, _>>()?;
+    Ok(Shrink::new("feature_distance", figures(None)?, &drawn, data))
 }
 
 fn image(rows: &[Row], data: &str) -> Shrink {
-    let rms = |of: &dyn Fn(&Row) -> f64, picked: &[usize]| {
-        (picked.iter().map(|k| of(&rows[*k])).sum::<f64>() / picked.len() as f64).sqrt()
+    let figures = |picked: &[usize]| {
+        [0, 1, 2, 3].map(|k| (picked.iter().map(|row| rows[*row][k]).sum::<f64>() / picked.len() as f64).sqrt())
     };
-    let figures = |picked: &[usize]| [rms(&|r| r.before, picked), rms(&|r| r.after, picked), rms(&|r| r.floor, picked)];
-    let all: Vec<usize> = (0..rows.len()).collect();
-    let [before, after, floor] = figures(&all);
     let draws = Draws::from_seed(8, "frame_bootstrap");
-    let shares = resamples(&draws, settings::BOOTSTRAP_DRAWS, rows.len())
-        .map(|picked| {
-            let [b, a, f] = figures(&picked);
-            share(b, a, f)
-        })
-        .collect();
-    Shrink {
-        metric: "image_rmse".to_owned(),
-        before,
-        after,
-        floor,
-        share_explained: share(before, after, floor),
-        interval90: interval(shares),
-        data: data.to_owned(),
-    }
-}
-
-fn share(before: f64, after: f64, floor: f64) -> f64 {
-    if before - floor < 0.02 * floor { 0.0 } else { (1.0 - (after - floor) / (before - floor)).clamp(-1.0, 1.2) }
-}
-
-fn interval(mut values: Vec<f64>) -> [f64; 2] {
-    [ds_stats::quantile(&mut values, 0.05), ds_stats::quantile(&mut values, 0.95)]
+    let drawn: Vec<[f64; 4]> =
+        resamples(&draws, settings::BOOTSTRAP_DRAWS, rows.len()).map(|picked| figures(&picked)).collect();
+    Shrink::new("image_rmse", figures(&(0..rows.len()).collect::<Vec<_>>()), &drawn, data)
 }
 
 /// Returns the corrected frames that are wanted; effects that act by chance, frame by frame, are left out.
@@ -235,7 +219,12 @@ pub fn rendered(case: &FrameCase, correction: &Correction, frames: &[&Frame]) ->
 
 /// Returns what the real frame would be without any effect (the nominal one with this frame's offset, before noise), and
 /// the mean squares of the frame.
-fn compared(case: &FrameCase, correction: &Correction, frame: &Frame, after: &Picture) -> (Picture, Row) {
+fn compared(
+    case: &FrameCase,
+    correction: &Correction,
+    frame: &Frame,
+    [shifted, after]: [&Picture; 2],
+) -> (Picture, Row) {
     let (grey, real) = (after.grey(), frame.real.grey());
     let found = blocks(&grey, &real, settings::BLOCK_PX);
     let (mut m, mut v) = ([1.0, 0.0, 1.0], [0.0; 2]);
@@ -250,8 +239,8 @@ fn compared(case: &FrameCase, correction: &Correction, frame: &Frame, after: &Pi
     let grid = crate::warp::Grid::new(&FrameChain::new(&Vec::new()), &case.context(frame, 1, None), shift);
     let twin = grid.apply(&frame.sim);
     let floor = square(&twin, &frame.sim) + correction.noise.max(0.0);
-    let row = Row { before: square(&frame.sim, &frame.real), after: square(after, &frame.real), floor };
-    (twin, row)
+    let [before, nuisance, after] = [&frame.sim, shifted, after].map(|picture| square(picture, &frame.real));
+    (twin, [before, nuisance, after, floor])
 }
 
 /// Adds the noise of the case.

@@ -3,9 +3,9 @@
 //! A tile counts where its mean square difference exceeds that of the twin by a quarter of (twin + 1 level²), a frame
 //! where some tile does so by half. The twin is the nominal frame at the nuisance offset, with what remains under the model.
 
-use ds_diagnosis::schema::{Cell, Regime};
+use ds_diagnosis::schema::{Cell, Regime, correct};
 use ds_effect::FrameChain;
-use ds_stats::{false_discovery, normal_tail};
+use ds_stats::normal_tail;
 
 use crate::loss::{Loss, TILES, tile};
 use crate::scene::{Model, Scene};
@@ -66,9 +66,6 @@ pub fn cells(scene: &Scene<'_>, differences: &Differences) -> Vec<Cell> {
             continue;
         }
         let over: Vec<f64> = differences.rows.iter().map(|r| r[t][0] - r[t][1]).collect();
-        let (mean_over, count) = (real - twin, n.max(2.0));
-        let variance = over.iter().map(|o| (o - mean_over).powi(2)).sum::<f64>() / (count - 1.0);
-        let p = normal_tail(mean_over / (variance / count).sqrt().max(1e-9));
         let regime = Regime {
             tile: Some([t / settings::TILES[1], t % settings::TILES[1]]),
             distance: scene.case.depth_m.as_ref().map(|d| distance(scene, d, t).to_owned()),
@@ -79,14 +76,21 @@ pub fn cells(scene: &Scene<'_>, differences: &Differences) -> Vec<Cell> {
             channel: "camera".to_owned(),
             regime,
             effect_size: (real / twin.max(1e-9)).sqrt(),
-            q_value: p,
+            q_value: Some(excess(&over)),
             t: spans(scene, differences, t),
         });
     }
-    let p_values: Vec<f64> = found.iter().map(|cell: &Cell| cell.q_value).collect();
-    found.iter_mut().zip(false_discovery(&p_values, TILES)).for_each(|(cell, q)| cell.q_value = q);
+    correct(&mut found, TILES);
     found.sort_by(|a, b| b.effect_size.total_cmp(&a.effect_size));
     found
+}
+
+/// Returns the chance of frames to differ by so much on average if they do not differ.
+#[must_use]
+pub fn excess(over: &[f64]) -> f64 {
+    let (mean, count) = (over.iter().sum::<f64>() / over.len().max(1) as f64, (over.len() as f64).max(2.0));
+    let variance = over.iter().map(|o| (o - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    normal_tail(mean / (variance / count).sqrt().max(1e-9))
 }
 
 /// Times at which a tile exceeds the twin by half, as spans.

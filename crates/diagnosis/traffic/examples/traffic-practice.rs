@@ -126,9 +126,8 @@ impl Score {
             }
         }
         let share = diagnosis.how_far.iter().find(|shrink| shrink.metric == "position_2s");
-        if let (Some(share), true) = (share, strict && effect.is_some()) {
-            self.shares.push((diagnosis.predicted_share, share.share_explained));
-        }
+        let realised = share.filter(|_| strict && effect.is_some()).and_then(|share| share.share_explained);
+        self.shares.extend(diagnosis.predicted_share.zip(realised));
         let told: Vec<String> = diagnosis.effects.iter().take(3).map(tell).collect();
         println!(
             "{index:03} {id} {values:.2?} → {:?} {:?} | {} | none {:.2} unknown {:.2} | {:.2} → {:?}",
@@ -137,7 +136,7 @@ impl Score {
             told.join(", "),
             diagnosis.p_none,
             diagnosis.p_unknown,
-            diagnosis.predicted_share,
+            diagnosis.predicted_share.unwrap_or(f64::NAN),
             share.map(|share| (share.before, share.after)),
         );
     }
@@ -153,10 +152,7 @@ impl Score {
             println!("| {id} | {} |", (0..4).map(|k| cell(counts, k)).collect::<Vec<_>>().join(" | "));
         }
         println!("| all singles | {} |", (0..4).map(|k| cell(&singles, k)).collect::<Vec<_>>().join(" | "));
-        let median = |mut values: Vec<f64>| {
-            values.sort_by(f64::total_cmp);
-            values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
-        };
+        let median = |mut values: Vec<f64>| ds_stats::upper_median(&mut values).unwrap_or(f64::NAN);
         let off = self.shares.iter().map(|(predicted, realised)| (predicted - realised).abs()).collect();
         println!(
             "median relative error {:.3}, median |predicted − realised share| {:.3} over {}",

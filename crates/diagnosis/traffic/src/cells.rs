@@ -111,5 +111,5 @@ fn cell(case: &Case, channel: Channel, key: Key, parts: &[Part]) -> Option<Cell>
             regime.place = Some(tile);
         }
     }
-    Some(Cell { channel: channel.name().to_owned(), regime, effect_size, q_value: p, t })
+    Some(Cell { channel: channel.name().to_owned(), regime, effect_size, q_value: Some(p), t })
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use ds_diagnosis::Verdict;
-use ds_diagnosis::schema::{Corrected, CorrectedEffect, Diagnosis, Finding, Remainder, Shrink};
+use ds_diagnosis::schema::{Corrected, CorrectedEffect, Diagnosis, Finding, Lines, Remainder, Shrink};
 use ds_dynamics::fit::{Model, Prior};
 
 use crate::case::Case;
@@ -68,7 +68,9 @@ fn report(case: &Case, model: &Traffic, found: &Search, held: &[bool]) -> Diagno
     let bare = without(model, &best.vector, &chosen);
     let vectors = [bare.as_slice(), best.vector.as_slice()];
     let counted: Vec<bool> = held.iter().map(|held| !held).collect();
-    let fit = how_far(model, [&model.space.neutral(), &best.vector], &counted, "fit");
+    let neutral = model.space.neutral();
+    let states = [neutral.as_slice(), null.as_slice(), best.vector.as_slice()];
+    let fit = how_far(model, states, &counted, "fit");
     let before = model.residuals(vectors[0]);
     let names = |effects: &[usize]| effects.iter().map(|e| model.space.effects[*e].id.to_owned()).collect::<Vec<_>>();
     let mut warnings = case.warnings.clone();
@@ -82,8 +84,8 @@ fn report(case: &Case, model: &Traffic, found: &Search, held: &[bool]) -> Diagno
         p_unknown,
         chosen: names(&chosen),
         cells: cells(case, model, &tags, [&before, &best.residuals]),
-        how_far: how_far(model, [&model.space.neutral(), &best.vector], held, "heldout"),
-        predicted_share: fit.iter().find(|s| s.metric == "position_2s").map_or(0.0, |s| s.share_explained),
+        how_far: how_far(model, states, held, "heldout"),
+        predicted_share: fit.iter().find(|s| s.metric == "position_2s").and_then(|s| s.share_explained),
         unknown_description: (verdict == Verdict::Unknown).then(|| describe(model, &tags, &best.residuals, strange)),
         corrected_model: corrected(model, &best.vector, &chosen, null),
         warnings,
@@ -184,7 +186,7 @@ fn one(model: &Traffic, found: &Search, round: &[Hypothesis], hypothesis: &Hypot
         unit: effect.parameters[0].unit.to_owned(),
         interval90,
         group,
-        heldout_gain: hypothesis.held_out_gain.unwrap_or(0.0),
+        heldout_gain: hypothesis.held_out_gain,
         evidence_gain: hypothesis.gain,
         params: effect.parameters.iter().zip(&values).map(|(p, v)| (p.name.to_owned(), *v)).collect(),
     }
@@ -195,17 +197,20 @@ fn corrected(model: &Traffic, vector: &[f64], chosen: &[usize], null: &[f64]) ->
         let values = model.space.values(*effect, vector);
         CorrectedEffect { id: model.space.effects[*effect].id.to_owned(), value: values[0], values }
     });
+    let ordinary = if chosen.is_empty() { BTreeMap::new() } else { mismatch(model, null, &[]) };
+    Corrected { effects: effects.collect(), nuisance: mismatch(model, vector, chosen), ordinary }
+}
+
+/// Returns the parameters that every recording has a little of, beside those of some effects.
+fn mismatch(model: &Traffic, vector: &[f64], chosen: &[usize]) -> BTreeMap<String, f64> {
     let priors = model.space.priors(chosen);
-    let mut nuisance = BTreeMap::new();
-    for (k, (effect, parameter)) in model.space.coordinates.iter().enumerate() {
-        if matches!(priors[k], Prior::Normal { .. }) && !chosen.contains(effect) {
-            let own = model.space.of(*effect).len();
-            let id = model.space.effects[*effect].id;
-            let name = if own > 1 { format!("{id}.{}", parameter.name) } else { id.to_owned() };
-            nuisance.insert(name, model.space.reported(k, vector.get(k).copied().unwrap_or(null[k])));
-        }
-    }
-    Corrected { effects: effects.collect(), nuisance }
+    let fitted = |(k, (effect, parameter)): (usize, &(usize, &'static ds_effect::Parameter))| {
+        let (id, own) = (model.space.effects[*effect].id, model.space.of(*effect).len());
+        let name = if own > 1 { format!("{id}.{}", parameter.name) } else { id.to_owned() };
+        let normal = matches!(priors[k], Prior::Normal { .. }) && !chosen.contains(effect);
+        normal.then(|| (name, model.space.reported(k, vector[k])))
+    };
+    model.space.coordinates.iter().enumerate().filter_map(fitted).collect()
 }
 
 fn describe(model: &Traffic, tags: &[Tag], residuals: &[f64], strange: f64) -> Remainder {
@@ -251,17 +256,9 @@ pub fn evaluate(diagnosis: &Diagnosis, case: &Case, recordings: &[usize]) -> Res
     if chosen.iter().filter(|chosen| **chosen).count() < 2 {
         return Err(TrafficError::Nobody { case: case.name.clone(), secs: SECS });
     }
-    let mut vector = model.space.neutral();
-    for (k, (effect, parameter)) in model.space.coordinates.iter().enumerate() {
-        let (id, own) = (model.space.effects[*effect].id, model.space.of(*effect));
-        let named = if own.len() > 1 { format!("{id}.{}", parameter.name) } else { id.to_owned() };
-        let place = own.iter().position(|other| *other == k).unwrap_or(0);
-        let listed = diagnosis.corrected_model.effects.iter().find(|effect| effect.id == id);
-        let value =
-            listed.and_then(|effect| effect.values.get(place)).or(diagnosis.corrected_model.nuisance.get(&named));
-        if let Some(value) = value {
-            vector[k] = parameter.searched(*value, 1.0);
-        }
-    }
-    Ok(how_far(&model, [&model.space.neutral(), &vector], &chosen, "unseen"))
+    let found = &diagnosis.corrected_model;
+    let corrected: Lines = found.mismatch().into_iter().chain(found.added()).collect();
+    let alone = if found.effects.is_empty() { corrected.clone() } else { found.mismatch_alone() };
+    let [nominal, alone, corrected] = [Lines::new(), alone, corrected].map(|lines| model.space.vector(&lines));
+    Ok(how_far(&model, [&nominal, &alone, &corrected], &chosen, "unseen"))
 }

@@ -1,5 +1,6 @@
 //! The search space: every parameter of every effect on agents and on the map, as one vector of search values.
 
+use ds_diagnosis::schema::Lines;
 use ds_dynamics::fit::Prior;
 use ds_effect::{Effect, Insertion, Parameter, Plant, library};
 use ds_sim::{IdmParameters, nominal};
@@ -33,6 +34,17 @@ impl Space {
     #[must_use]
     pub fn neutral(&self) -> Vec<f64> {
         self.coordinates.iter().map(|(_, parameter)| parameter.neutral).collect()
+    }
+
+    /// Returns the vector of some effects with their values, in reported units; what is not named is neutral.
+    #[must_use]
+    pub fn vector(&self, lines: &Lines) -> Vec<f64> {
+        let mut vector = self.neutral();
+        for (id, values) in lines {
+            let own = self.find(id).map_or(Vec::new(), |effect| self.of(effect));
+            own.into_iter().zip(values).for_each(|(k, value)| vector[k] = self.coordinates[k].1.searched(*value, 1.0));
+        }
+        vector
     }
 
     /// Returns the coordinates of an effect.

@@ -125,8 +125,8 @@ pub fn cells(cells: &[GapCell]) -> String {
     for cell in cells.iter().take(LISTED) {
         let bins: Vec<String> = cell.bins.iter().map(|(axis, bin)| format!("{axis} {bin}")).collect();
         let bins = if bins.is_empty() { "everywhere".to_owned() } else { bins.join(", ") };
-        let _infallible =
-            writeln!(text, "| {} | {bins} | {:.1} | {:.3} |", cell.channel, cell.effect_size, cell.q_value);
+        let q = cell.q_value.map_or_else(|| "–".to_owned(), |q| format!("{q:.3}"));
+        let _infallible = writeln!(text, "| {} | {bins} | {:.1} | {q} |", cell.channel, cell.effect_size);
     }
     if cells.len() > LISTED {
         let _infallible = writeln!(text, "\nand {} more", cells.len() - LISTED);

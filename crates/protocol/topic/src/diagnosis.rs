@@ -31,8 +31,8 @@ pub struct GapCell {
     pub bins: Vec<(String, String)>,
     /// Root mean square in units of the noise floor.
     pub effect_size: f64,
-    /// False-discovery controlled p-value.
-    pub q_value: f64,
+    /// False-discovery controlled p-value; absent where nothing was tested.
+    pub q_value: Option<f64>,
 }
 
 /// Body of `diagnosis`.
@@ -74,7 +74,11 @@ impl Diagnosis {
         }
         writer.u64(self.cells.len() as u64);
         for cell in &self.cells {
-            writer.text(&cell.channel).f64(cell.effect_size).f64(cell.q_value).u64(cell.bins.len() as u64);
+            writer
+                .text(&cell.channel)
+                .f64(cell.effect_size)
+                .f64(cell.q_value.unwrap_or(-1.0))
+                .u64(cell.bins.len() as u64);
             for (axis, bin) in &cell.bins {
                 writer.text(axis).text(bin);
             }

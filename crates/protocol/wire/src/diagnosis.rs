@@ -77,7 +77,7 @@ impl From<&GapCell> for v1::GapCell {
             channel: value.channel.clone(),
             bins: value.bins.iter().map(bin).collect(),
             effect_size: Some(value.effect_size),
-            q_value: Some(value.q_value),
+            q_value: value.q_value,
         }
     }
 }
@@ -102,7 +102,7 @@ impl TryFrom<v1::GapCell> for GapCell {
             channel: name("channel", message.channel)?,
             bins,
             effect_size: extent("effect_size", message.effect_size)?,
-            q_value: probability("q_value", message.q_value)?,
+            q_value: message.q_value.map(|q| probability("q_value", Some(q))).transpose()?,
         })
     }
 }

@@ -14,7 +14,7 @@ fn diagnosis() -> Diagnosis {
         interval90: [Some(0.019), Some(0.021)],
         chosen: true,
     };
-    let cell = GapCell { channel: "yaw_rate".to_owned(), bins: Vec::new(), effect_size: 3.0, q_value: 0.01 };
+    let cell = GapCell { channel: "yaw_rate".to_owned(), bins: Vec::new(), effect_size: 3.0, q_value: Some(0.01) };
     Diagnosis {
         window: (SimTime(1_000_000_000), SimTime(7_500_000_000)),
         reference: String::new(),

@@ -110,7 +110,7 @@ fn row(m: &mut Markup, diagnosis: &Diagnosis, finding: &Finding, mass_kg: Option
             }
         }
         m.leaf("td", &[("class", &"n")], gain(finding.heldout_gain));
-        m.leaf("td", &[("class", &"n range")], gain(finding.evidence_gain));
+        m.leaf("td", &[("class", &"n range")], gain(Some(finding.evidence_gain)));
     });
 }
 
@@ -125,10 +125,8 @@ fn other(m: &mut Markup, [title, note, class]: [&'static str; 3], p: f64) {
     });
 }
 
-fn gain(value: f64) -> String {
-    if value == 0.0 {
-        return words::NOTHING.to_owned();
-    }
+fn gain(value: Option<f64>) -> String {
+    let Some(value) = value.filter(|value| *value != 0.0) else { return words::NOTHING.to_owned() };
     let sign = if value > 0.0 { "+" } else { "" };
     format!("{sign}{}", words::fixed(value, usize::from(value.abs() < 9.95)))
 }

@@ -198,7 +198,7 @@ pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis, strip: &Strip) {
     });
 }
 
-fn row(m: &mut Markup, triple: &Triple, sizes: &BTreeMap<[usize; 2], (f64, f64)>, aspect: f64) {
+fn row(m: &mut Markup, triple: &Triple, sizes: &tiles::Tiles, aspect: f64) {
     let time = triple.secs.map(|t| format!(" at {} s", words::fixed(t, 1))).unwrap_or_default();
     let frame = format!("frame {}{time}", triple.frame);
     let place = match triple.tile {
@@ -225,7 +225,7 @@ fn row(m: &mut Markup, triple: &Triple, sizes: &BTreeMap<[usize; 2], (f64, f64)>
     });
 }
 
-fn grid(m: &mut Markup, tiles: &BTreeMap<[usize; 2], (f64, f64)>, aspect: f64) {
+fn grid(m: &mut Markup, tiles: &tiles::Tiles, aspect: f64) {
     let (width, height) = (600.0, 600.0 / aspect.max(0.1));
     let (w, h) = (width / TILES.1 as f64, height / TILES.0 as f64);
     plot::picture(m, "grid", "Tiles with a significant gap", (width, height), |m| {

@@ -31,9 +31,17 @@ pub(crate) fn predicted(diagnosis: &Diagnosis) -> Option<&Shrink> {
     ["position_2s", "image_rmse"].iter().find_map(|name| diagnosis.how_far.iter().find(|s| s.metric == *name))
 }
 
-/// Tells whether a metric is so near its floor that there is nothing to explain.
+/// Tells whether a metric is so near its floor that there is nothing to explain, once the ordinary mismatch is fitted.
 pub(crate) fn at_floor(shrink: &Shrink) -> bool {
-    shrink.before - shrink.floor <= 0.05 * shrink.floor
+    shrink.share_explained.is_none()
+}
+
+/// Returns what a share of effects is a share of.
+pub(crate) fn gap(shrink: &Shrink) -> String {
+    let (metric, _) = words::metric(&shrink.metric);
+    // earlier versions measured against the nominal simulator as it is
+    let rest = if shrink.nuisance.is_some() { " that calibration leaves" } else { "" };
+    format!("the gap in {metric}{rest}")
 }
 
 /// Returns the findings of the corrected model, likeliest first.
@@ -104,23 +112,21 @@ fn count(number: usize) -> String {
     ["no", "one", "two", "three"].get(number).map_or_else(|| number.to_string(), |word| (*word).to_owned())
 }
 
-/// Returns how far the corrected simulator goes; it has the usual mismatch fitted as well, so that the share is not the
-/// effect's alone.
+/// Returns how far the effects go beyond what the ordinary mismatch explains, which every vehicle has.
 fn closes(diagnosis: &Diagnosis, who: &str) -> String {
     let Some(shrink) = telling(diagnosis) else { return "how far the gap shrinks was not measured.".to_owned() };
     let (metric, _) = words::metric(&shrink.metric);
-    if at_floor(shrink) {
-        return format!("but {metric} shows no gap beyond its noise floor {}.", data(shrink));
-    }
-    let interval = words::shares(shrink.interval90);
-    let share = words::share(shrink.share_explained);
-    if shrink.share_explained < 0.0 {
+    let Some(explained) = shrink.share_explained else {
+        return format!("but calibration leaves no gap in {metric} beyond its noise floor {}.", data(shrink));
+    };
+    if explained < 0.0 {
         return format!("yet {metric} becomes worse when it is corrected {}.", data(shrink));
     }
-    if shrink.share_explained > 1.0 {
-        return format!("{who} closes the whole gap in {metric} beyond its noise floor {}.", data(shrink));
+    if explained > 1.0 {
+        return format!("{who} closes {} to below its noise floor {}.", gap(shrink), data(shrink));
     }
-    format!("{who} closes {share} {interval} of the gap in {metric} {}.", data(shrink))
+    let interval = shrink.interval90.map(|ends| format!(" {}", words::shares(ends))).unwrap_or_default();
+    format!("{who} closes {}{interval} of {} {}.", words::share(explained), gap(shrink), data(shrink))
 }
 
 /// Returns where a metric was measured.
@@ -181,10 +187,12 @@ fn tiles(m: &mut Markup, diagnosis: &Diagnosis) {
             tile("", &estimate.value, &format!("{} {}", words::effect(&finding.id), estimate.interval));
         }
     }
-    if let Some(shrink) = telling(diagnosis).filter(|s| !at_floor(s) && !diagnosis.chosen.is_empty()) {
-        let [before, after, _] = words::aligned([shrink.before, shrink.after, shrink.floor]);
+    let told = telling(diagnosis).filter(|_| !diagnosis.chosen.is_empty());
+    if let Some((shrink, explained)) = told.and_then(|shrink| Some((shrink, shrink.share_explained?))) {
+        let from = shrink.nuisance.unwrap_or(shrink.before);
+        let [before, after, _] = words::aligned([from, shrink.after, shrink.floor]);
         let (metric, unit) = words::metric(&shrink.metric);
-        tile("", &words::share(shrink.share_explained.min(1.0)), &format!("of the gap in {metric} closed"));
+        tile("", &words::share(explained.min(1.0)), &format!("of {} closed", gap(shrink)));
         tile("", &format!("{before} → {after}"), &format!("{metric}{}{unit}", if unit.is_empty() { "" } else { ", " }));
     }
     let beyond = diagnosis.cells.len();

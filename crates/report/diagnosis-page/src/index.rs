@@ -112,9 +112,9 @@ fn row(m: &mut Markup, path: &str, diagnosis: &Diagnosis) {
     let sure = sure(diagnosis);
     number(m, Some(sure), &words::chance(sure), "");
     let told = telling(diagnosis).filter(|s| !at_floor(s) && !found.is_empty());
-    let share = told.map_or(words::NOTHING.to_owned(), |s| words::share(s.share_explained));
-    let interval = told.map_or(String::new(), |s| words::shares(s.interval90));
-    number(m, told.map(|s| s.share_explained), &share, &interval);
+    let explained = told.and_then(|s| s.share_explained);
+    let interval = told.and_then(|s| s.interval90).map(words::shares).unwrap_or_default();
+    number(m, explained, &explained.map_or(words::NOTHING.to_owned(), words::share), &interval);
     m.leaf("td", &[], told.map_or(String::new(), |s| words::metric(&s.metric).0));
     m.inside("td", &[("class", &"axis")], |m| spark(m, diagnosis));
 }

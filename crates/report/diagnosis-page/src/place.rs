@@ -167,7 +167,7 @@ fn square(m: &mut Markup, cell: Option<&Cell>, (x, y): (f64, f64), width: f64, n
     };
     let words = told(cell);
     let class = plot::level(cell.effect_size);
-    if cell.q_value <= SIGNIFICANT {
+    if cell.q_value.is_none_or(|q| q <= SIGNIFICANT) {
         plot::area(m, class, (x, y), inner, &words);
     } else {
         plot::area(m, "h", (x, y), inner, "");
@@ -190,9 +190,12 @@ pub(crate) fn told(cell: &Cell) -> String {
     }
     place.extend(cell.regime.agent.iter().cloned());
     place.extend(cell.regime.place.map(|[east, north]| format!("50 m tile {east} east, {north} north")));
-    let q =
-        if cell.q_value < 1e-4 { "q < 0.0001".to_owned() } else { format!("q = {}", words::fixed(cell.q_value, 4)) };
-    format!("{}, {}: {} × floor, {q}", words::channel(&cell.channel), place.join(", "), size(cell.effect_size))
+    let q = match cell.q_value {
+        None => String::new(),
+        Some(q) if q < 1e-4 => ", q < 0.0001".to_owned(),
+        Some(q) => format!(", q = {}", words::fixed(q, 4)),
+    };
+    format!("{}, {}: {} × floor{q}", words::channel(&cell.channel), place.join(", "), size(cell.effect_size))
 }
 
 /// Returns the channels of the map: the ego's, the followers' if any is meant, then what no library knows.
@@ -234,9 +237,9 @@ fn tile_map(m: &mut Markup, diagnosis: &Diagnosis) {
                     continue;
                 };
                 let class = plot::level(*value);
-                let words =
-                    format!("row {row}, column {column}: {} × floor, q = {}", size(*value), words::fixed(*q, 4));
-                if *q <= SIGNIFICANT {
+                let told = q.map(|q| format!(", q = {}", words::fixed(q, 4))).unwrap_or_default();
+                let words = format!("row {row}, column {column}: {} × floor{told}", size(*value));
+                if q.is_none_or(|q| q <= SIGNIFICANT) {
                     plot::area(m, class, (x, y), inner, &words);
                 } else {
                     plot::area(m, "h", (x, y), inner, "");

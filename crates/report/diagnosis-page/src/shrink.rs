@@ -3,7 +3,7 @@
 
 use ds_diagnosis::schema::{Diagnosis, Shrink};
 
-use super::headline::{at_floor, predicted};
+use super::headline::{at_floor, gap, predicted};
 use super::markup::Markup;
 use super::plot;
 use super::words;
@@ -24,8 +24,9 @@ pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis) {
         "p",
         &[("class", &"lead")],
         format_args!(
-            "Measured {}. Left: error of the nominal simulator (ring) and of the corrected one (dot) over the noise floor. \
-             Right: share of the gap beyond the floor that is gone, with its 90 % interval.",
+            "Measured {}. Left: error of the nominal simulator (ring), with the ordinary mismatch of every vehicle fitted \
+             (bar) and with the effects added as well (dot), over the noise floor. Right: share of the gap from bar to \
+             floor that the effects close, with its 90 % interval.",
             super::headline::data(first)
         ),
     );
@@ -33,7 +34,7 @@ pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis) {
         m.leaf(
             "p",
             &[("class", &"lead")],
-            "No effect was added: what shrinks is the usual mismatch, which is always fitted.",
+            "No effect was added: what shrinks from ring to bar is calibration, and the share of effects is 0.",
         );
     }
     promise(m, diagnosis);
@@ -91,6 +92,7 @@ fn axis(m: &mut Markup, scale: &Scale, height: f64) {
 fn metric(m: &mut Markup, shrink: &Shrink, y: f64, scale: &Scale) {
     let (title, unit) = words::metric(&shrink.metric);
     let none = at_floor(shrink) || !shrink.before.is_finite();
+    let calibrated = shrink.nuisance.filter(|_| shrink.floor > 0.0).map(|v| v / shrink.floor).filter(|r| r.is_finite());
     let [before, after, floor] = words::aligned([shrink.before, shrink.after, shrink.floor]);
     let told = format!("{title}: {before} before, {after} after, floor {floor} {unit}");
     m.inside("g", &[("class", &if none { "metric quiet" } else { "metric" })], |m| {
@@ -101,44 +103,42 @@ fn metric(m: &mut Markup, shrink: &Shrink, y: f64, scale: &Scale) {
             let class = if x1 > x0 { "way worse" } else { "way" };
             plot::line(m, class, (x0, y), (x1, y));
             plot::dot(m, "ring", (x0, y), 5.0);
+            if let Some(x) = calibrated.map(|ratio| scale.x(ratio)) {
+                plot::line(m, "whisker", (x, y - 6.0), (x, y + 6.0));
+            }
             plot::dot(m, "dot", (x1, y), 5.0);
         }
         for (x, words) in [(COLUMNS[0], &before), (COLUMNS[1], &after), (COLUMNS[2], &floor)] {
             plot::text(m, if x < COLUMNS[2] { "figure" } else { "value" }, (x, y + 4.5), words);
         }
         plot::text(m, "unit", (COLUMNS[3], y + 4.5), unit);
-        if none {
-            plot::text(m, "unit", (COLUMNS[4], y + 4.5), "no gap beyond the floor");
-        } else {
-            share(m, shrink, y);
+        match shrink.share_explained.filter(|_| !none) {
+            Some(explained) => share(m, explained, shrink.interval90, y),
+            None => plot::text(m, "unit", (COLUMNS[4], y + 4.5), "no gap beyond the floor"),
         }
     });
 }
 
-fn share(m: &mut Markup, shrink: &Shrink, y: f64) {
+fn share(m: &mut Markup, explained: f64, interval90: Option<[f64; 2]>, y: f64) {
     let x = |share: f64| COLUMNS[4] + BAR * share.clamp(0.0, 1.0);
-    let worse = shrink.share_explained < 0.0;
-    plot::area(m, "share", (COLUMNS[4], y - 6.0), (x(shrink.share_explained) - COLUMNS[4], 12.0), "");
-    let [low, high] = shrink.interval90;
-    if low.is_finite() && high.is_finite() && high > 0.0 {
+    let worse = explained < 0.0;
+    plot::area(m, "share", (COLUMNS[4], y - 6.0), (x(explained) - COLUMNS[4], 12.0), "");
+    if let Some([low, high]) = interval90.filter(|[low, high]| low.is_finite() && high.is_finite() && *high > 0.0) {
         plot::line(m, "whisker", (x(low), y), (x(high), y));
         for end in [low, high].into_iter().filter(|end| *end > 0.0) {
             plot::line(m, "whisker", (x(end), y - 4.0), (x(end), y + 4.0));
         }
     }
     let class = if worse { "value strong bad" } else { "value strong" };
-    plot::text(m, class, (COLUMNS[5] - 80.0, y + 4.5), &words::share(shrink.share_explained));
-    plot::text(m, "value", (COLUMNS[5], y + 4.5), &words::shares(shrink.interval90));
+    plot::text(m, class, (COLUMNS[5] - 80.0, y + 4.5), &words::share(explained));
+    plot::text(m, "value", (COLUMNS[5], y + 4.5), &interval90.map(words::shares).unwrap_or_default());
 }
 
 /// Writes what the fit promised for its metric beside what came.
 fn promise(m: &mut Markup, diagnosis: &Diagnosis) {
-    let Some(shrink) = predicted(diagnosis).filter(|s| !at_floor(s)) else { return };
-    if !diagnosis.predicted_share.is_finite() {
-        return;
-    }
+    let Some(shrink) = predicted(diagnosis) else { return };
+    let (Some(explained), Some(promised)) = (shrink.share_explained, diagnosis.predicted_share) else { return };
     m.inside("div", &[("class", &"promise")], |m| {
-        let (name, _) = words::metric(&shrink.metric);
         plot::picture(m, "inline plot", "Promised and realised share", (346.0, 54.0), |m| {
             let x = |share: f64| 14.0 + 300.0 * share.clamp(0.0, 1.0);
             for tick in [0.0, 0.25, 0.5, 0.75, 1.0] {
@@ -146,19 +146,22 @@ fn promise(m: &mut Markup, diagnosis: &Diagnosis) {
                 plot::text(m, "tick", (x(tick), 50.0), &words::share(tick));
             }
             plot::line(m, "grid", (x(0.0), 26.0), (x(1.0), 26.0));
-            let ends = shrink.interval90.map(x);
-            plot::line(m, "whisker realised", (ends[0], 26.0), (ends[1], 26.0));
-            plot::dot(m, "dot", (x(shrink.share_explained), 26.0), 5.0);
-            let at = x(diagnosis.predicted_share);
+            if let Some(ends) =
+                shrink.interval90.map(|ends| ends.map(x)).filter(|ends| ends.iter().all(|x| x.is_finite()))
+            {
+                plot::line(m, "whisker realised", (ends[0], 26.0), (ends[1], 26.0));
+            }
+            plot::dot(m, "dot", (x(explained), 26.0), 5.0);
+            let at = x(promised);
             let corners = [(at, 8.0), (at + 5.5, 13.5), (at, 19.0), (at - 5.5, 13.5)];
             m.void("polygon", &[("class", &"promised"), ("points", &plot::joined(&corners))]);
         });
         m.inside("p", &[], |m| {
-            m.text(format_args!("Of the gap in {name} the fit promised "));
-            m.leaf("b", &[], format_args!("{} (diamond)", words::share(diagnosis.predicted_share)));
+            m.text(format_args!("Of {} the fit promised ", gap(shrink)));
+            m.leaf("b", &[], format_args!("{} (diamond)", words::share(promised)));
             m.text("; realised: ");
-            m.leaf("b", &[], words::share(shrink.share_explained));
-            m.text(format_args!(" {} (dot).", words::shares(shrink.interval90)));
+            m.leaf("b", &[], words::share(explained));
+            m.text(format_args!(" {} (dot).", shrink.interval90.map(words::shares).unwrap_or_default()));
         });
     });
 }

@@ -25,19 +25,29 @@ fn finding(id: &str, probability: f64, value: f64, unit: &str) -> Finding {
         unit: unit.to_owned(),
         interval90: [value - 0.01, value + 0.01],
         group: vec![id.to_owned()],
-        heldout_gain: 12.0,
+        heldout_gain: Some(12.0),
         evidence_gain: 30.0,
         params: BTreeMap::from([("value".to_owned(), value)]),
     }
 }
 
 fn cell(channel: &str, regime: Regime, effect_size: f64) -> Cell {
-    Cell { channel: channel.to_owned(), regime, effect_size, q_value: 0.001, t: vec![[1.0, 4.0]] }
+    Cell { channel: channel.to_owned(), regime, effect_size, q_value: Some(0.001), t: vec![[1.0, 4.0]] }
 }
 
-fn shrink(metric: &str, [before, after, floor]: [f64; 3], share_explained: f64) -> Shrink {
-    let interval90 = [share_explained - 0.1, share_explained + 0.05];
-    Shrink { metric: metric.to_owned(), before, after, floor, share_explained, interval90, data: "heldout".to_owned() }
+/// A metric of which calibration closes a tenth.
+fn shrink(metric: &str, [before, after, floor]: [f64; 3], share: f64) -> Shrink {
+    Shrink {
+        metric: metric.to_owned(),
+        before,
+        nuisance: Some(before - 0.1 * (before - floor)),
+        after,
+        floor,
+        share_nuisance: Some(0.1),
+        share_explained: share.is_finite().then_some(share),
+        interval90: share.is_finite().then_some([share - 0.1, share + 0.05]),
+        data: "heldout".to_owned(),
+    }
 }
 
 /// A diagnosis with nothing in it.
@@ -56,8 +66,11 @@ fn clean() -> Diagnosis {
         p_unknown: 0.05,
         chosen: vec!["steer_delay".to_owned()],
         cells: vec![cell("yaw_rate", Regime { drive: 1, ..Regime::default() }, 12.4), cell("dy", fast, 3.0)],
-        how_far: vec![shrink("position_2s", [0.55, 0.06, 0.05], 0.98), shrink("channel:ax", [0.05, 0.05, 0.055], 0.0)],
-        predicted_share: 0.92,
+        how_far: vec![
+            shrink("position_2s", [0.55, 0.06, 0.05], 0.98),
+            shrink("channel:ax", [0.05, 0.05, 0.055], f64::NAN),
+        ],
+        predicted_share: Some(0.92),
         ..empty()
     }
 }
@@ -82,7 +95,7 @@ fn hostile() -> Diagnosis {
             cell("camera", far, 9.0),
         ],
         how_far: vec![shrink(HOSTILE, [f64::NAN, 1.0, 0.0], f64::NAN), shrink("image_rmse", [9.0, 12.0, 3.0], -0.5)],
-        predicted_share: f64::NAN,
+        predicted_share: None,
         unknown_description: Some(Remainder {
             channels: BTreeMap::from([(HOSTILE.to_owned(), f64::INFINITY), ("dx".to_owned(), 3.0)]),
             drives: vec![1],
@@ -101,6 +114,7 @@ fn hostile() -> Diagnosis {
         corrected_model: Corrected {
             effects: vec![CorrectedEffect { id: HOSTILE.to_owned(), value: 1.0, values: vec![f64::NAN] }],
             nuisance: BTreeMap::from([(HOSTILE.to_owned(), 0.1)]),
+            ordinary: BTreeMap::from([(HOSTILE.to_owned(), 0.2)]),
         },
         floor_source: HOSTILE.to_owned(),
         warnings: vec![HOSTILE.to_owned()],
@@ -194,8 +208,18 @@ fn the_headline_says_it_all() {
     assert_eq!(
         said(&clean()),
         "The simulator leaves out steering delay (0.150 s), 91 % sure; corrected, it closes 98 % [88, 103] of the gap in \
-         position after 2 s on data kept from the fit."
+         position after 2 s that calibration leaves on data kept from the fit."
     );
+    let mut calibrated = clean();
+    calibrated.how_far = vec![shrink("position_2s", [0.55, 0.06, 0.05], f64::NAN)];
+    assert!(
+        said(&calibrated).contains("but calibration leaves no gap in position after 2 s")
+            && !page(&calibrated, None).contains("of the gap in position after 2 s that calibration leaves closed"),
+        "what calibration closes is not told of the effect"
+    );
+    let mut earlier = clean();
+    earlier.how_far[0].nuisance = None;
+    assert!(said(&earlier).ends_with("of the gap in position after 2 s on data kept from the fit."));
     assert_eq!(said(&empty()), "Nothing is missing beyond what every vehicle and sensor has: 97 % sure.");
     let mut two = clean();
     two.verdict = Verdict::Multiple;
@@ -260,7 +284,7 @@ fn the_index_links_every_case() {
 #[test]
 fn text_says_the_same_in_bounded_lines() {
     let said = text(&clean());
-    for part in ["delayed", "91 %", "steering delay", "yaw rate, drive 1: 12 × floor", "no gap", "92 %"] {
+    for part in ["delayed", "91 %", "steering delay", "yaw rate, drive 1: 12 × floor", "no gap", "92 %", "10 %"] {
         assert!(said.contains(part), "{part:?} is missing in\n{said}");
     }
     for said in [said, text(&hostile()), text(&empty())] {

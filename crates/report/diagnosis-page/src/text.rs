@@ -79,13 +79,21 @@ fn where_(out: &mut String, diagnosis: &Diagnosis) {
 fn how_far(out: &mut String, diagnosis: &Diagnosis) {
     let Some(first) = diagnosis.how_far.first() else { return };
     title(out, &format!("How far, {}", data(first)));
-    line(out, &format!("  {:<24} {:>9} {:>9} {:>9} {:<11} {:>8}", "", "before", "after", "floor", "", "share"));
+    let heads = ["before", "after", "floor"];
+    let shares = ["calibrated", "effects"];
+    line(
+        out,
+        &format!(
+            "  {:<24} {:>9} {:>9} {:>9} {:<9} {:>10} {:>8}",
+            "", heads[0], heads[1], heads[2], "", shares[0], shares[1]
+        ),
+    );
     for shrink in &diagnosis.how_far {
         line(out, &metric(shrink));
     }
-    if let Some(shrink) = predicted(diagnosis).filter(|s| !at_floor(s)) {
+    if let (Some(shrink), Some(share)) = (predicted(diagnosis).filter(|s| !at_floor(s)), diagnosis.predicted_share) {
         let (name, _) = words::metric(&shrink.metric);
-        let share = words::share(diagnosis.predicted_share);
+        let share = words::share(share);
         line(out, &format!("  promised by the fit for {name}: {share}"));
     }
 }
@@ -93,12 +101,10 @@ fn how_far(out: &mut String, diagnosis: &Diagnosis) {
 fn metric(shrink: &Shrink) -> String {
     let (name, unit) = words::metric(&shrink.metric);
     let [before, after, floor] = words::aligned([shrink.before, shrink.after, shrink.floor]);
-    let share = if at_floor(shrink) {
-        "  no gap".to_owned()
-    } else {
-        format!("{:>8}  {}", words::share(shrink.share_explained), words::shares(shrink.interval90))
-    };
-    format!("  {name:<24} {before:>9} {after:>9} {floor:>9} {unit:<11} {share}")
+    let calibrated = shrink.share_nuisance.map_or(words::NOTHING.to_owned(), words::share);
+    let interval = shrink.interval90.map(words::shares).unwrap_or_default();
+    let share = shrink.share_explained.map_or("  no gap".to_owned(), |s| format!("{:>8}  {interval}", words::share(s)));
+    format!("  {name:<24} {before:>9} {after:>9} {floor:>9} {unit:<9} {calibrated:>10} {share}")
 }
 
 fn next(out: &mut String, diagnosis: &Diagnosis) {

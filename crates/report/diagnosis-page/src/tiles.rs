@@ -9,9 +9,12 @@ use super::words;
 /// Rows and columns of the tiles of an image.
 pub(crate) const TILES: (usize, usize) = (4, 6);
 
+/// Effect size and q-value by row and column of the image.
+pub(crate) type Tiles = BTreeMap<[usize; 2], (f64, Option<f64>)>;
+
 /// Returns the largest effect size and its q-value per image tile.
-pub(crate) fn tiles(diagnosis: &Diagnosis) -> BTreeMap<[usize; 2], (f64, f64)> {
-    let mut found: BTreeMap<[usize; 2], (f64, f64)> = BTreeMap::new();
+pub(crate) fn tiles(diagnosis: &Diagnosis) -> Tiles {
+    let mut found = Tiles::new();
     for cell in &diagnosis.cells {
         let Some(tile) = cell.regime.tile.filter(|t| t[0] < TILES.0 && t[1] < TILES.1) else { continue };
         let best = found.entry(tile).or_insert((cell.effect_size, cell.q_value));

@@ -145,6 +145,9 @@ pub(crate) struct ApplyArgs {
     /// A diagnosis.json; several, such as that of a car and that of its camera, are put together.
     #[arg(required = true, value_hint = ValueHint::FilePath)]
     pub(crate) diagnoses: Vec<PathBuf>,
+    /// Leave the ordinary mismatch out that was measured with the effects.
+    #[arg(long)]
+    pub(crate) effects_only: bool,
     /// Where the configuration goes.
     #[arg(long, short, default_value = "corrected.toml", value_hint = ValueHint::FilePath)]
     pub(crate) out: PathBuf,

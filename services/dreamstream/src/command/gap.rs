@@ -77,13 +77,19 @@ fn tables(case: &Path, nominal: Option<&Path>, out: &Path) -> Result<Vec<PathBuf
 
 fn apply(args: &ApplyArgs) -> Result<()> {
     let diagnoses: Vec<Diagnosis> = args.diagnoses.iter().map(|path| json::read(path)).collect::<Result<_, _>>()?;
-    let config = RunConfig::corrected(&diagnoses)?;
+    let mut config = RunConfig::corrected(&diagnoses)?;
+    if args.effects_only {
+        config.nuisance.clear();
+    }
     let cases: Vec<&str> = diagnoses.iter().map(|diagnosis| diagnosis.case.as_str()).collect();
     config.write(&cases.join(", "), &args.out)?;
     if config.effects.is_empty() {
-        answer("no effect: the nominal simulator stays as it is");
+        answer("no effect is added");
     }
     config.effects.iter().for_each(|line| answer(&format!("{} = {:?}", line.id, line.values)));
+    if !config.nuisance.is_empty() {
+        answer(&format!("and the ordinary mismatch that was measured with it, {} entries", config.nuisance.len()));
+    }
     answer(&format!("dreamstream run SCENARIOS --config {}", args.out.display()));
     Ok(())
 }
@@ -239,6 +245,13 @@ fn score(args: &GapScoreArgs) -> Result<()> {
             format!("{} of {} = {:.2} [{low:.2}, {high:.2}]", share.hits, share.of, share.value)
         });
         answer(&format!("{name:36} {text}"));
+    }
+    if !scores.absent.is_empty() {
+        answer(&format!(
+            "{} cases have no diagnosis and count as wrong: {}",
+            scores.absent.len(),
+            scores.absent.join(", ")
+        ));
     }
     answer(&format!(
         "Brier {:.3}, calibration error {:.3}, median relative error {:.3}, median |predicted − realised share| {:.3}",

@@ -4,7 +4,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use ds_diagnosis::Verdict;
-use ds_diagnosis::schema::{Cell, Corrected, CorrectedEffect, DetectionLimit, Diagnosis, Finding, Regime, Remainder};
+use ds_diagnosis::schema::{
+    Cell, Corrected, CorrectedEffect, DetectionLimit, Diagnosis, Finding, Regime, Remainder, correct,
+};
 use ds_effect::frame::{Act, FrameEffect};
 use nalgebra::DVector;
 
@@ -15,6 +17,7 @@ use crate::loss::{TILES, tile};
 use crate::pairing::nuisance::{Nuisance, statistics};
 use crate::pairing::paths::{Path, paths};
 use crate::pairing::weigh::{self, Spot};
+use crate::places::excess;
 use crate::scene::Scene;
 use crate::search::known;
 use crate::settings;
@@ -50,7 +53,8 @@ pub fn judged(
         chosen.push(best);
     }
     let remains = weigh::square(&nuisance.precision, &deviation);
-    let late = moved.and_then(|m| m.late.effect);
+    let lateness = moved.and_then(|m| Some((m.late.effect?, m.late.interval90)));
+    let late = lateness.map(|(effect, _)| effect);
     // the stand-in of a strong effect leaves a share of it
     let taken: f64 = chosen.iter().map(|c| c.gain).sum();
     let allowed = settings::STRANGE_REMAINS * (weigh::usual(nuisance) + needed) + settings::STRANGE_SHARE * taken;
@@ -77,7 +81,7 @@ pub fn judged(
     )?;
     let fit =
         generated(scene.case, &correction, &|n| scene.case.fit.iter().any(|f| f.number == n), nuisance.gap, "fit")?;
-    let effects = told.findings(late, 1.0 - p_unknown - p_none);
+    let effects = told.findings(lateness, 1.0 - p_unknown - p_none);
     let limits = told.limits(nuisance);
     Ok(Diagnosis {
         verdict,
@@ -88,11 +92,12 @@ pub fn judged(
         chosen: model.iter().map(|(id, _)| id.clone()).collect(),
         cells: if verdict == Verdict::None { Vec::new() } else { cells(scene, &correction) },
         how_far: held,
-        predicted_share: fit.first().map_or(0.0, |s| s.share_explained),
+        predicted_share: fit.first().and_then(|s| s.share_explained),
         unknown_description: (verdict == Verdict::Unknown).then(|| describe(nuisance, &deviation, &told)),
         corrected_model: Corrected {
             effects: model.into_iter().map(|(id, values)| CorrectedEffect { id, value: values[0], values }).collect(),
             nuisance: FLOORS.iter().zip(nuisance.gap).map(|(name, gap)| ((*name).to_owned(), gap)).collect(),
+            ..Corrected::default()
         },
         floor_source: if nuisance.count > 0 { "effect-free pairs" } else { "practice" }.to_owned(),
         warnings: warnings(scene.case, pairing, nuisance, &limits),
@@ -178,11 +183,11 @@ impl Told<'_> {
         self.paths[spot.path].effect.id
     }
 
-    fn findings(&self, late: Option<(&'static ds_effect::FrameEffect, f64)>, mass: f64) -> Vec<Finding> {
+    fn findings(&self, late: Option<((&'static FrameEffect, f64), [f64; 2])>, mass: f64) -> Vec<Finding> {
         let mut list: Vec<Finding> = Vec::new();
-        if let Some((effect, value)) = late {
+        if let Some(((effect, value), interval90)) = late {
             list.push(Finding {
-                interval90: [value - 0.5, value + 0.5],
+                interval90,
                 params: [(effect.parameters[0].name.to_owned(), value)].into(),
                 ..self.empty(effect.id, value, 4.0 * self.needed)
             });
@@ -206,8 +211,9 @@ impl Told<'_> {
             list.push(finding);
         }
         let top = list.iter().map(|f| f.evidence_gain).fold(0.0, f64::max);
-        let chosen =
-            |f: &Finding| self.chosen.iter().any(|c| self.id(c) == f.id) || late.is_some_and(|l| l.0.id == f.id);
+        let chosen = |f: &Finding| {
+            self.chosen.iter().any(|c| self.id(c) == f.id) || late.is_some_and(|((effect, _), _)| effect.id == f.id)
+        };
         let weights: Vec<f64> =
             list.iter().map(|f| if chosen(f) { 1.0 } else { ((f.evidence_gain - top) / 8.0).exp() }).collect();
         let total: f64 = weights.iter().sum();
@@ -225,7 +231,7 @@ impl Told<'_> {
             unit: known(id).parameters[0].unit.to_owned(),
             interval90: [value; 2],
             group: vec![id.to_owned()],
-            heldout_gain: gain,
+            heldout_gain: None,
             evidence_gain: gain,
             params: BTreeMap::new(),
         }
@@ -310,8 +316,9 @@ fn describe(nuisance: &Nuisance, left: &DVector<f64>, told: &Told<'_>) -> Remain
 fn cells(scene: &Scene<'_>, correction: &Correction) -> Vec<Cell> {
     let frames: Vec<&crate::case::Frame> = scene.frames.clone();
     let changed = crate::how_far::rendered(scene.case, correction, &frames);
-    let mut sums = [[0.0f64; 3]; TILES];
-    for (frame, picture) in frames.iter().zip(&changed) {
+    // by frame and tile: sums of squares to the corrected and to the simulated frame, pixels
+    let mut sums = vec![[[0.0f64; 3]; TILES]; frames.len()];
+    for ((frame, picture), sums) in frames.iter().zip(&changed).zip(&mut sums) {
         let c = picture.channels;
         for (i, ((e, s), r)) in picture.data.iter().zip(&frame.sim.data).zip(&frame.real.data).enumerate() {
             let sum = &mut sums[tile(i / c % picture.width, i / c / picture.width, picture.width, picture.height)];
@@ -321,16 +328,20 @@ fn cells(scene: &Scene<'_>, correction: &Correction) -> Vec<Cell> {
         }
     }
     let mut cells = Vec::new();
-    for (t, [after, before, n]) in sums.into_iter().enumerate() {
+    for t in 0..TILES {
+        let [after, before, n] = [0, 1, 2].map(|k| sums.iter().map(|frame| frame[t][k]).sum::<f64>());
         let (after, before) = (after / n, before / n);
         if before - after > settings::TILE_EXCESS * (after + 1.0) {
             let tile = Some([t / settings::TILES[1], t % settings::TILES[1]]);
             let spans = vec![[frames[0].time_secs, frames[frames.len() - 1].time_secs]];
             let effect_size = (before / after.max(1e-9)).sqrt();
             let regime = Regime { tile, ..Regime::default() };
-            cells.push(Cell { channel: "camera".to_owned(), regime, effect_size, q_value: 0.01, t: spans });
+            let over: Vec<f64> = sums.iter().map(|frame| (frame[t][1] - frame[t][0]) / frame[t][2]).collect();
+            let q_value = Some(excess(&over));
+            cells.push(Cell { channel: "camera".to_owned(), regime, effect_size, q_value, t: spans });
         }
     }
+    correct(&mut cells, TILES);
     cells.sort_by(|a, b| b.effect_size.total_cmp(&a.effect_size));
     cells
 }

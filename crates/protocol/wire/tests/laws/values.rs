@@ -156,12 +156,14 @@ fn diagnosed_effect() -> impl Strategy<Value = DiagnosedEffect> {
 
 fn gap_cell() -> impl Strategy<Value = GapCell> {
     let bins = prop::collection::btree_map("[a-z]{1,8}", "[a-z]{1,8}", 0..4);
-    ("[a-z_]{1,12}", bins, length(), 0.0..=1.0).prop_map(|(channel, bins, effect_size, q_value)| GapCell {
-        channel,
-        bins: bins.into_iter().collect(),
-        effect_size,
-        q_value,
-    })
+    ("[a-z_]{1,12}", bins, length(), proptest::option::of(0.0..=1.0)).prop_map(
+        |(channel, bins, effect_size, q_value)| GapCell {
+            channel,
+            bins: bins.into_iter().collect(),
+            effect_size,
+            q_value,
+        },
+    )
 }
 
 pub(crate) fn diagnosis() -> impl Strategy<Value = Diagnosis> {

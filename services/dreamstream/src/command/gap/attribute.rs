@@ -72,7 +72,7 @@ async fn drive(args: &AttributeArgs, policy: &str, components: &[Component], cel
     let real = inside.iter().any(|component| component.name == Component::FRAMES);
     let effects: Vec<EffectLine> = inside.iter().flat_map(|component| component.effects.clone()).collect();
     let file = out.join("world.toml");
-    RunConfig { effects }.write(&format!("cell {cell:04b}"), &file)?;
+    RunConfig { effects, ..RunConfig::default() }.write(&format!("cell {cell:04b}"), &file)?;
     let plan = RunPlan {
         scenarios: args.scenarios.clone(),
         policy: policy.to_owned(),

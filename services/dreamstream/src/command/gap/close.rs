@@ -21,7 +21,7 @@ struct Report {
     verdict: ds_diagnosis::Verdict,
     chosen: Vec<String>,
     /// Share of `position_2s` that the fit promises, and what held-out logs show.
-    predicted_share: f64,
+    predicted_share: Option<f64>,
     realised_share: Option<f64>,
     closed_loop: Vec<Closing>,
 }
@@ -33,7 +33,7 @@ impl Report {
             verdict: diagnosis.verdict,
             chosen: diagnosis.chosen.clone(),
             predicted_share: diagnosis.predicted_share,
-            realised_share: realised.map(|shrink| shrink.share_explained),
+            realised_share: realised.and_then(|shrink| shrink.share_explained),
             closed_loop,
         }
     }
