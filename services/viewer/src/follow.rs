@@ -13,7 +13,7 @@ use ds_topic::{Slot, Topic};
 use tokio::task::JoinSet;
 
 use crate::stream::connect;
-use crate::{LiveView, Shown};
+use crate::{LiveCounts, LiveView};
 
 /// Messages that wait for the window.
 const QUEUE: usize = 1_024;
@@ -63,7 +63,7 @@ pub async fn follow(fleet: &OnlookerArgs, url: &str, watch: Watch, ready: impl F
     ready();
     let (part, one) = match &watch {
         Watch::Diagnosed(episode) => {
-            let Shown { logged, dropped, .. } = show(bus, episode.clone(), url.to_owned(), true).await?;
+            let LiveCounts { logged, dropped, .. } = show(bus, episode.clone(), url.to_owned(), true).await?;
             tracing::info!(%episode, logged, dropped, "shown");
             return Ok(());
         }
@@ -75,7 +75,7 @@ pub async fn follow(fleet: &OnlookerArgs, url: &str, watch: Watch, ready: impl F
     loop {
         tokio::select! {
             Some(ended) = shown.join_next() => {
-                let Shown { logged, dropped, .. } = ended.context("the view panicked")??;
+                let LiveCounts { logged, dropped, .. } = ended.context("the view panicked")??;
                 tracing::info!(logged, dropped, "shown");
                 if one {
                     return Ok(());
@@ -99,7 +99,7 @@ pub async fn last_words() {
     tokio::time::sleep(LAST_WORDS).await;
 }
 
-async fn show(bus: BusSession, episode: EpisodeId, url: String, diagnosed: bool) -> Result<Shown> {
+async fn show(bus: BusSession, episode: EpisodeId, url: String, diagnosed: bool) -> Result<LiveCounts> {
     let mut pushes = bus.subscribe(&episode, &Topic::ALL).await?;
     let scene = scene_of(&bus, &episode).await?;
     let stream = connect(&scene, &url).with_context(|| format!("viewer at {url}"))?;

@@ -19,5 +19,5 @@ pub mod stream;
 pub mod training;
 
 pub use error::ViewError;
-pub use live::{LiveView, Shown};
+pub use live::{LiveCounts, LiveView};
 pub use logger::Logger;

@@ -16,7 +16,7 @@ use crate::{Logger, ViewError, arrangement};
 
 /// What became of the messages that a live view was fed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Shown {
+pub struct LiveCounts {
     /// Messages that reached the viewer's stream.
     pub logged: u64,
     /// Messages dropped because the view was behind.
@@ -29,7 +29,7 @@ pub struct Shown {
 pub struct LiveView {
     queue: Option<SyncSender<Envelope>>,
     dropped: Arc<AtomicU64>,
-    thread: Option<JoinHandle<Result<Shown, ViewError>>>,
+    thread: Option<JoinHandle<Result<LiveCounts, ViewError>>>,
 }
 
 impl LiveView {
@@ -64,13 +64,13 @@ impl LiveView {
     ///
     /// # Errors
     /// If the viewer's stream broke.
-    pub fn finish(mut self) -> Result<Shown, ViewError> {
+    pub fn finish(mut self) -> Result<LiveCounts, ViewError> {
         self.queue = None;
         let shown = match self.thread.take().map(JoinHandle::join) {
             Some(Ok(shown)) => shown?,
             Some(Err(_)) | None => return Err(ViewError::Flush { reason: "the view's thread broke".to_owned() }),
         };
-        Ok(Shown { dropped: self.dropped.load(Ordering::Relaxed), ..shown })
+        Ok(LiveCounts { dropped: self.dropped.load(Ordering::Relaxed), ..shown })
     }
 }
 
@@ -83,8 +83,8 @@ impl Drop for LiveView {
     }
 }
 
-fn show(mut logger: Logger, inbox: &Receiver<Envelope>, stream: &RecordingStream) -> Result<Shown, ViewError> {
-    let mut shown = Shown::default();
+fn show(mut logger: Logger, inbox: &Receiver<Envelope>, stream: &RecordingStream) -> Result<LiveCounts, ViewError> {
+    let mut shown = LiveCounts::default();
     for envelope in inbox {
         match logger.log(&envelope) {
             Ok(()) => shown.logged += 1,

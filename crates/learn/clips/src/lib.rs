@@ -28,7 +28,7 @@ pub use make::scene_of;
 pub use network::network_id;
 pub use outline::outline;
 pub use pattern::Pattern;
-pub use plan::{Plan, PlannedClip, ScenarioKey};
+pub use plan::{ClipPlan, PlannedClip, ScenarioKey};
 pub use recipe::{AppearanceConfig, EditConfig, Generator, HookConfig, Recipe, ScenarioConfig, Source, Split};
 pub use render::{Progress, Rendered, render};
 pub use set::ClipSet;

@@ -65,14 +65,14 @@ pub struct PlannedClip {
 
 /// All clips of a recipe.
 #[derive(Debug, Clone)]
-pub struct Plan {
+pub struct ClipPlan {
     recipe: Recipe,
     conditions: Vec<Condition>,
     files: Vec<ScenarioKey>,
-    edited: Option<Box<Plan>>,
+    edited: Option<Box<ClipPlan>>,
 }
 
-impl Plan {
+impl ClipPlan {
     /// Lays a recipe out.
     ///
     /// # Errors

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use crate::error::ClipsError;
 use crate::index::{ClipInfo, INDEX_FILE, Index};
 use crate::make::Studio;
-use crate::plan::{Plan, PlannedClip};
+use crate::plan::{ClipPlan, PlannedClip};
 use crate::recipe::Recipe;
 use crate::shard::{self, Packed};
 
@@ -44,7 +44,7 @@ pub struct Rendered {
 /// # Errors
 /// If the folder is of another recipe, or a clip cannot be made or written.
 pub fn render(recipe: &Recipe, folder: &Path, progress: &dyn Progress) -> Result<Rendered, ClipsError> {
-    let plan = Plan::new(recipe)?;
+    let plan = ClipPlan::new(recipe)?;
     let (digest, size) = (recipe.digest()?.to_string(), recipe.size()?);
     std::fs::create_dir_all(folder).map_err(ClipsError::io("folder of clips", folder))?;
     let total = plan.clips();

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use ds_clips::{Plan, Recipe, Source, Split, network_id, scene_of};
+use ds_clips::{ClipPlan, Recipe, Source, Split, network_id, scene_of};
 use rayon::prelude::*;
 
 fn recipes() -> Vec<(PathBuf, Recipe)> {
@@ -24,7 +24,7 @@ fn recipes_are_named_after_their_files_and_have_folders_and_seeds_of_their_own()
     for (path, recipe) in recipes() {
         assert_eq!(path.file_stem().and_then(|stem| stem.to_str()), Some(recipe.name.as_str()));
         assert!(folders.insert(recipe.folder.clone()) && seeds.insert(recipe.seed), "{}", recipe.name);
-        assert!(recipe.digest().is_ok() && Plan::new(&recipe).is_ok(), "{}", recipe.name);
+        assert!(recipe.digest().is_ok() && ClipPlan::new(&recipe).is_ok(), "{}", recipe.name);
     }
 }
 
@@ -42,7 +42,7 @@ fn there_are_enough_scenarios_and_the_conditions_that_are_promised() {
     assert!(held_out.iter().any(|name| name.starts_with("night-fog")), "{held_out:?}");
     assert!(held_out.iter().any(|name| name.contains("sand")), "{held_out:?}");
     // Every clip of a set has a condition of its recipe, and they are even.
-    let plan = Plan::new(&named("test_conditions")).expect("a plan");
+    let plan = ClipPlan::new(&named("test_conditions")).expect("a plan");
     let mut clips = BTreeMap::new();
     for index in 0..plan.clips() {
         *clips.entry(plan.clip(index).appearance.condition.expect("a condition")).or_insert(0) += 1;
@@ -51,7 +51,7 @@ fn there_are_enough_scenarios_and_the_conditions_that_are_promised() {
 }
 
 /// Network ids of a plan's scenarios; all of them, or the first and last sixteen.
-fn networks(plan: &Plan, all: bool) -> Vec<String> {
+fn networks(plan: &ClipPlan, all: bool) -> Vec<String> {
     let count = plan.scenarios();
     let ids = (0..count).filter(|i| all || *i < 16 || *i + 16 >= count).collect::<Vec<_>>();
     ids.into_par_iter().map(|i| network_id(&scene_of(&plan.scenario(i)).expect("generated").map)).collect()
@@ -70,7 +70,7 @@ fn no_two_splits_share_a_road_network_and_no_set_has_one_twice() {
         recipe.edit.is_none() && recipe.source == Source::Reference && recipe.scenarios.generator.is_none()
     };
     for (_, recipe) in recipes().into_iter().filter(|(_, recipe)| own(recipe)) {
-        let plan = Plan::new(&recipe).expect("a plan");
+        let plan = ClipPlan::new(&recipe).expect("a plan");
         let first = recipe.scenarios.first_seed;
         ranges.push((first, first + recipe.scenarios.count.div_ceil(8), recipe.name.clone()));
         for id in networks(&plan, all) {

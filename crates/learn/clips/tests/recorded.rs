@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use ds_clips::{ClipSet, Plan, Progress, Recipe, outline, render};
+use ds_clips::{ClipPlan, ClipSet, Progress, Recipe, outline, render};
 use ds_import::{nuscenes, openscene};
 use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap, colour};
 use ds_raster::{Encoding, RgbImage};
@@ -258,7 +258,7 @@ fn an_openscene_folder_becomes_scene_pictures_and_clips() {
     let short = Recipe { frames: 5, ..recipe };
     let error = render(&short, &folder.path().join("short"), &Quiet).expect_err("two clips of 5 from 9 ticks");
     assert!(error.to_string().contains("9 ticks"), "{error}");
-    assert!(Plan::new(&short).is_ok());
+    assert!(ClipPlan::new(&short).is_ok());
 }
 
 /// Writes a drive eastwards at 8 m/s along the lane of the drawn map of ds-scenario's tests, and the map beside it.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use ds_camera::{PixelClass, ReferenceCamera};
-use ds_clips::{Clip, ClipSet, ClipsError, Drive, Plan, Progress, Recipe, ScenarioKey, render, scene_of};
+use ds_clips::{Clip, ClipPlan, ClipSet, ClipsError, Drive, Progress, Recipe, ScenarioKey, render, scene_of};
 
 fn configs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../configs/data")
@@ -214,7 +214,7 @@ fn broken_recipes_are_named() {
     let check = |from: &str, to: &str, expected: &str| {
         assert!(good.contains(from), "{from:?}");
         std::fs::write(&path, good.replacen(from, to, 1)).expect("writes");
-        let message = Recipe::load(&path).and_then(|recipe| Plan::new(&recipe)).map(|_| String::new());
+        let message = Recipe::load(&path).and_then(|recipe| ClipPlan::new(&recipe)).map(|_| String::new());
         let message = message.unwrap_or_else(|error| error.to_string());
         assert!(message.contains(expected), "{message:?} lacks {expected:?}");
     };

@@ -22,7 +22,7 @@ use crate::outcome::{ArmNote, Outcome};
 use crate::record::Record;
 use crate::store::Store;
 use crate::summary::Rollouts;
-use crate::watch::{Plan, watch};
+use crate::watch::{FrameSelection, watch};
 
 /// A part of an evaluation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -161,7 +161,7 @@ impl<'a> Evaluation<'a> {
         arm: Option<&str>,
         column: usize,
         routes: &[Vec<Route>],
-        (plan, size_px): (&Plan, (u32, u32)),
+        (plan, size_px): (&FrameSelection, (u32, u32)),
     ) -> Result<Rollouts, AppraisalError> {
         if let Some(name) = arm {
             self.load(name)?;
@@ -183,7 +183,7 @@ impl<'a> Evaluation<'a> {
         arm: Option<&str>,
         column: usize,
         route: &Route,
-        (plan, size_px): (&Plan, (u32, u32)),
+        (plan, size_px): (&FrameSelection, (u32, u32)),
     ) -> Result<Record, AppraisalError> {
         let arm = arm.map(|name| &self.arms[name]);
         let column = &self.columns[column];

@@ -13,14 +13,14 @@ use crate::record::{Glance, Record, Seam};
 
 /// Which frames are looked at, and whether they are compared with the truth of the world's own.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Plan {
+pub struct FrameSelection {
     /// Frames to look at, rising.
     pub looked: Vec<u32>,
     /// Whether labels, lights, PSNR and perceptual distance are wanted, or looks and colours alone.
     pub truth: bool,
 }
 
-impl Plan {
+impl FrameSelection {
     /// Returns the last frame that is needed.
     #[must_use]
     pub fn last(&self) -> u32 {
@@ -46,7 +46,12 @@ impl Plan {
 ///
 /// # Errors
 /// If a layout cannot be rendered or the model gives values that are not finite.
-pub fn watch(arm: Option<&Arm>, drive: &mut Drive, plan: &Plan, eyes: &Eyes) -> Result<Record, AppraisalError> {
+pub fn watch(
+    arm: Option<&Arm>,
+    drive: &mut Drive,
+    plan: &FrameSelection,
+    eyes: &Eyes,
+) -> Result<Record, AppraisalError> {
     let made = arm.map(|arm| arm.roll(drive, plan.last())).transpose()?;
     let mut glances = Vec::new();
     for frame in &plan.looked {
@@ -65,7 +70,7 @@ fn glance(
     drive: &mut Drive,
     frame: u32,
     (seen, own): (&RgbImage, Option<&RgbImage>),
-    (plan, eyes): (&Plan, &Eyes),
+    (plan, eyes): (&FrameSelection, &Eyes),
 ) -> Result<Glance, AppraisalError> {
     let look = eyes.look.read(seen);
     let mut glance = Glance {

@@ -21,7 +21,7 @@ use ds_nn::Weights;
 use ds_nn::safetensors::{FileError, WeightsFile};
 use serde_json::json;
 
-pub use closed_loop::{DriveResult, Driven, Shown};
+pub use closed_loop::{DriveResult, Driven, ScenarioSplit};
 pub use loss::Displacement;
 pub use settings::{PolicySettings, Round};
 
@@ -157,9 +157,10 @@ pub fn run(
 ) -> Result<PathBuf, PolicyTrainError> {
     settings.check()?;
     let files = Files::new(folder)?;
-    let held_out = Samples::held(&files.samples("held-out"), || dataset::beside_the_expert(settings, Shown::HeldOut))?;
+    let held_out =
+        Samples::held(&files.samples("held-out"), || dataset::beside_the_expert(settings, ScenarioSplit::HeldOut))?;
     let mut samples =
-        Samples::held(&files.samples("expert"), || dataset::beside_the_expert(settings, Shown::Training))?;
+        Samples::held(&files.samples("expert"), || dataset::beside_the_expert(settings, ScenarioSplit::Training))?;
     files.log(&json!({"samples": samples.len(), "held_out": held_out.len()}), listener)?;
     let mut learner = Learner::resume(settings, &files.checkpoint())?;
     let mut end = 0;

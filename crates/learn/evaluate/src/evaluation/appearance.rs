@@ -11,7 +11,7 @@ use crate::error::AppraisalError;
 use crate::estimate::Resamples;
 use crate::outcome::{AppearanceOutcome, ConditionOutcome};
 use crate::summary::Rollouts;
-use crate::watch::Plan;
+use crate::watch::FrameSelection;
 
 /// A condition with the axes and the values that are to be kept.
 struct Wanted {
@@ -49,7 +49,7 @@ impl Evaluation<'_> {
     pub(super) fn appearance(&mut self, config: &AppearanceConfig) -> Result<AppearanceOutcome, AppraisalError> {
         let arms = Self::named([&config.arms]);
         let size_px = self.size_px(&arms)?;
-        let plan = Plan { looked: (config.at + 1 - config.window..=config.at).collect(), truth: false };
+        let plan = FrameSelection { looked: (config.at + 1 - config.window..=config.at).collect(), truth: false };
         let mut outcome = AppearanceOutcome { arms: config.arms.clone(), at: config.at, columns: BTreeMap::new() };
         for column in 0..self.columns.len() {
             let mut conditions = BTreeMap::new();

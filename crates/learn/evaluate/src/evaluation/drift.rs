@@ -15,7 +15,7 @@ use crate::estimate::{Estimate, Resamples, mean};
 use crate::outcome::{ArmDrift, ColumnDrift, DriftOutcome, LongOutcome};
 use crate::record::Glance;
 use crate::summary::{Features, Rollouts, slope};
-use crate::watch::Plan;
+use crate::watch::FrameSelection;
 
 /// The mark from which a rise is counted.
 const EARLY_MARK: u32 = 50;
@@ -32,7 +32,7 @@ impl Evaluation<'_> {
         let mut looked: Vec<u32> = config.marks.iter().flat_map(|mark| mark + 1 - config.window..=*mark).collect();
         looked.sort_unstable();
         looked.dedup();
-        let plan = Plan { looked, truth: false };
+        let plan = FrameSelection { looked, truth: false };
         let mut columns = BTreeMap::new();
         for column in 0..self.columns.len() {
             let routes = self.columns[column].routes(config.rollouts as usize, &[0], config.pace);
@@ -72,7 +72,7 @@ impl Evaluation<'_> {
         (config, long): (&DriftConfig, &LongConfig),
         size_px: (u32, u32),
     ) -> Result<LongOutcome, AppraisalError> {
-        let plan = Plan { looked: (long.from..=long.frames).step_by(LONG_EVERY).collect(), truth: false };
+        let plan = FrameSelection { looked: (long.from..=long.frames).step_by(LONG_EVERY).collect(), truth: false };
         let routes = self.columns[column].routes(long.rollouts as usize, &[0], config.pace);
         let own = self.rollouts(None, column, &routes, (&plan, size_px))?;
         let made = self.rollouts(Some(arm), column, &routes, (&plan, size_px))?;

@@ -13,7 +13,7 @@ use crate::error::AppraisalError;
 use crate::estimate::{Estimate, Resamples};
 use crate::outcome::{ArmLayout, ColumnLayout, LayoutOutcome, LightBin};
 use crate::summary::{Features, Rollouts};
-use crate::watch::Plan;
+use crate::watch::FrameSelection;
 
 /// Upper ends of the distances of which lights are reported apart, in metres.
 const DISTANCES_M: [f64; 5] = [15.0, 30.0, 45.0, 65.0, 90.0];
@@ -33,7 +33,7 @@ impl Evaluation<'_> {
         let arms = Self::named([&config.iou, &config.feature_distance]);
         let size_px = self.size_px(&arms)?;
         let looked: Vec<u32> = (config.first..=config.frames).step_by(config.every as usize).collect();
-        let mut plan = Plan { looked, truth: true };
+        let mut plan = FrameSelection { looked, truth: true };
         // A rollout is made to the end of the clip, whatever is looked at last.
         if plan.last() < config.frames {
             plan.looked.push(config.frames);

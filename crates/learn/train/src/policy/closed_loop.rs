@@ -28,7 +28,7 @@ const FIRST_DRIVEN: u64 = 40_000;
 
 /// Which scenarios are shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Shown {
+pub enum ScenarioSplit {
     /// Those for training.
     Training,
     /// Those held out.
@@ -124,7 +124,7 @@ pub(super) fn samples_of(
     let mut samples: Vec<Sample> = Vec::new();
     let mut policy = CameraPolicy::new(weights)?;
     for index in 0..u64::from(scenarios) {
-        let mut stage = Stage::new(Shown::Training, FIRST_DRIVEN + 10_000 * round + index);
+        let mut stage = Stage::new(ScenarioSplit::Training, FIRST_DRIVEN + 10_000 * round + index);
         let start = Draws::new(&stage.scene.digest, "policy start", &[round]).below(0, 50);
         #[expect(clippy::cast_possible_truncation, reason = "below 50")]
         let mut simulation = stage.simulation(SimConfig::default(), Tick(start as u32))?;
@@ -157,9 +157,9 @@ pub(super) fn evaluate(
 ) -> Result<Vec<DriveResult>, PolicyTrainError> {
     let mut results = Vec::new();
     for index in 0..u64::from(settings.driven_scenarios) {
-        let stage = Stage::new(Shown::HeldOut, index);
+        let stage = Stage::new(ScenarioSplit::HeldOut, index);
         // Another family and another seed, so that neither the road nor the traffic agrees.
-        let elsewhere = Stage::new(Shown::HeldOut, index + 11);
+        let elsewhere = Stage::new(ScenarioSplit::HeldOut, index + 11);
         for driven in Driven::ALL {
             let mut policy = driven.policy(weights)?;
             let result = drive(settings, &stage, &elsewhere, driven, &mut *policy)?;

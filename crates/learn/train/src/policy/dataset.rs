@@ -16,7 +16,7 @@ use ds_sim::{SimConfig, Simulation};
 use ds_space::{DVec2, Draws, PoseSe2, Tick};
 use ds_world::{EgoState, RouteCommand, Scene, WorldState};
 
-use super::closed_loop::Shown;
+use super::closed_loop::ScenarioSplit;
 use super::settings::PolicySettings;
 use super::{FIRST_HELD_OUT_SEED, PolicyTrainError};
 
@@ -130,11 +130,11 @@ pub(super) struct Stage {
 
 impl Stage {
     /// Makes scenario `index` of the training or the held-out seeds; the families take turns, the look is drawn.
-    pub(super) fn new(shown: Shown, index: u64) -> Self {
+    pub(super) fn new(shown: ScenarioSplit, index: u64) -> Self {
         let families = Family::ALL.len() as u64;
         let first = match shown {
-            Shown::Training => 0,
-            Shown::HeldOut => FIRST_HELD_OUT_SEED,
+            ScenarioSplit::Training => 0,
+            ScenarioSplit::HeldOut => FIRST_HELD_OUT_SEED,
         };
         let seed = first + index / families;
         #[expect(clippy::cast_possible_truncation, reason = "below the number of families")]
@@ -178,10 +178,10 @@ impl Stage {
 }
 
 /// Makes samples of the expert's drives and of states beside them.
-pub(super) fn beside_the_expert(settings: &PolicySettings, shown: Shown) -> Result<Samples, PolicyTrainError> {
+pub(super) fn beside_the_expert(settings: &PolicySettings, shown: ScenarioSplit) -> Result<Samples, PolicyTrainError> {
     let scenarios = match shown {
-        Shown::Training => settings.scenarios,
-        Shown::HeldOut => settings.held_out_scenarios,
+        ScenarioSplit::Training => settings.scenarios,
+        ScenarioSplit::HeldOut => settings.held_out_scenarios,
     };
     let mut samples = Vec::new();
     for index in 0..u64::from(scenarios) {

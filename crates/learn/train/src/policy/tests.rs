@@ -117,10 +117,10 @@ fn a_resumed_run_equals_one_that_was_not_stopped() {
 fn a_step_beside_the_expert_is_labelled_with_the_way_back() {
     let settings =
         PolicySettings { scenarios: 1, states_per_scenario: 4, ..PolicySettings::parse(SHIPPED).expect("sound") };
-    let made = dataset::beside_the_expert(&settings, Shown::Training).expect("the scenario can be simulated");
+    let made = dataset::beside_the_expert(&settings, ScenarioSplit::Training).expect("the scenario can be simulated");
     assert!(!made.0.is_empty() && made.len() <= 4);
-    assert_eq!(dataset::beside_the_expert(&settings, Shown::Training).expect("again"), made);
-    assert_ne!(dataset::beside_the_expert(&settings, Shown::HeldOut).expect("held out"), made);
+    assert_eq!(dataset::beside_the_expert(&settings, ScenarioSplit::Training).expect("again"), made);
+    assert_ne!(dataset::beside_the_expert(&settings, ScenarioSplit::HeldOut).expect("held out"), made);
     for sample in &made.0 {
         let reach_m = sample.poses()[7].position.length();
         assert!(reach_m < 80.0 && sample.speed_mps < 30.0, "{reach_m} m from {} m/s", sample.speed_mps);
