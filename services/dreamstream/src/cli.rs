@@ -133,7 +133,7 @@ pub(crate) struct RunPlan {
     #[arg(required = true, value_parser = shipped::parser(), value_hint = ValueHint::AnyPath)]
     pub scenarios: Vec<PathBuf>,
     /// The policy under test: camera, constant-velocity, lattice, route-follower, log-replay, or the name of an external
-    /// one.
+    /// one, which connects at --policy-listen.
     #[arg(long, default_value = "camera")]
     pub policy: String,
     /// What makes the frames that the policy sees.
@@ -226,12 +226,16 @@ pub(crate) struct RunPlan {
     /// Only the scenarios whose index modulo N is I, written I/N: for job arrays.
     #[arg(long, value_name = "I/N")]
     pub shard: Option<String>,
-    /// Where results, recordings and pictures go.
+    /// Where results, recordings and pictures go. One run at a time holds the folder; results of an earlier one are moved to
+    /// OUT/earlier/1, 2 and so on.
     #[arg(long, short, default_value = "out/run", value_hint = ValueHint::DirPath)]
     pub out: PathBuf,
     /// Go on with an interrupted run in --out: finished episodes stay finished.
     #[arg(long)]
     pub resume: bool,
+    /// Delete the results of an earlier run in --out instead of moving them aside.
+    #[arg(long, conflicts_with = "resume")]
+    pub overwrite: bool,
     /// Show the drives in a running rerun viewer while they go on.
     #[arg(long, value_name = "URL", num_args = 0..=1, require_equals = true, default_missing_value = "")]
     pub live: Option<String>,
@@ -399,7 +403,7 @@ pub(crate) struct TrainArgs {
 /// Arguments of `view`.
 #[derive(Debug, Args)]
 pub(crate) struct ViewArgs {
-    /// A recording (.mcap, or .mcap.partial of a drive that was killed).
+    /// A recording (.mcap, or with --partial .mcap.partial of a drive that was killed).
     #[arg(value_hint = ValueHint::FilePath, required_unless_present = "live", conflicts_with = "live")]
     pub recording: Option<PathBuf>,
     /// Show a drive of a running fleet while it goes on: the episode, or a part of its name; the first one without.
@@ -408,6 +412,9 @@ pub(crate) struct ViewArgs {
     /// The fleet, for --live.
     #[command(flatten)]
     pub fleet: OnlookerArgs,
+    /// Take what is there of a damaged or incomplete recording; the answer says so.
+    #[arg(long)]
+    pub partial: bool,
     /// Write an .rrd file instead of opening a viewer.
     #[arg(long, value_hint = ValueHint::FilePath)]
     pub save: Option<PathBuf>,
@@ -422,6 +429,9 @@ pub(crate) struct ReplayArgs {
     /// A recording.
     #[arg(value_hint = ValueHint::FilePath)]
     pub recording: PathBuf,
+    /// Take what is there of a damaged or incomplete recording; the answer says so.
+    #[arg(long)]
+    pub partial: bool,
     /// The service to run: sim-server, layout-render, vdm-worker or policy-bridge.
     #[arg(long, value_parser = ["sim-server", "layout-render", "vdm-worker", "policy-bridge"])]
     pub service: String,

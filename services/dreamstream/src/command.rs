@@ -7,6 +7,7 @@ pub(crate) mod doctor;
 pub(crate) mod gap;
 pub(crate) mod health;
 pub(crate) mod measure;
+pub(crate) mod recording;
 pub(crate) mod replay;
 pub(crate) mod report;
 pub(crate) mod run;

@@ -1,6 +1,7 @@
 //! The command line: parse, start logging, run one command, exit code.
 //!
-//! Exit codes: 0 done, 1 failed (a drive that did not complete counts), 64 wrong arguments or settings.
+//! Exit codes: 0 done, 1 failed (a drive that did not complete counts), 64 wrong arguments or settings, 74 what must be kept
+//! cannot be written, such as on a full disk.
 
 mod children;
 mod cli;
@@ -40,7 +41,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             command::complain(&error);
-            ExitCode::FAILURE
+            ExitCode::from(ds_process::service::exit_code(&error))
         }
     }
 }

@@ -59,7 +59,11 @@ struct Episode {
 }
 
 impl Episode {
+    /// Changes the episode's result; after a failed write nothing is said of a drive any more.
     fn update(&self, change: impl FnOnce(&mut pb::EpisodeResult)) {
+        if self.stand.storage.has_failed() {
+            return;
+        }
         if let Err(error) = self.registry.update(&self.run, self.index, change) {
             tracing::error!(%error, "result cannot be recorded");
         }
@@ -134,6 +138,7 @@ impl Episode {
     fn conclude(&self, outcome: Result<Outcome, ConductError>) {
         match outcome {
             Ok(outcome) => self.update(|result| fill(result, &outcome)),
+            Err(ConductError::Journal(error)) if error.of_storage() => self.stand.storage.fail(chain(&error)),
             Err(error) => {
                 let text = chain(&error);
                 tracing::error!(episode = self.index, "{text}");

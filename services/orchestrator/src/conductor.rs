@@ -20,6 +20,7 @@ use tokio::task::JoinSet;
 use crate::hub::Hub;
 use crate::journal::{Journal, JournalError};
 use crate::scorer::{Proposals, Scorer};
+use crate::storage::Storage;
 use crate::submission::{self, Job};
 
 /// How often watchers are told what is awaited, and how late it must be, in milliseconds.
@@ -34,6 +35,7 @@ pub(crate) struct Stand {
     pub(crate) term: u64,
     pub(crate) timing: Timing,
     pub(crate) folder: std::path::PathBuf,
+    pub(crate) storage: Storage,
 }
 
 /// What became of an attempt.

@@ -144,6 +144,11 @@ impl Hub {
         }
     }
 
+    /// Cuts all lines: no order follows, members look for another orchestrator until they drain.
+    pub(crate) fn close(&self) {
+        lock(&self.lines).connected.clear();
+    }
+
     pub(crate) fn drain(&self, instance: &InstanceId) {
         lock(&self.fleet).drain(instance);
     }

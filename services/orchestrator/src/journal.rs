@@ -25,6 +25,17 @@ pub(crate) enum JournalError {
     Task(#[from] tokio::task::JoinError),
 }
 
+impl JournalError {
+    /// Tells whether the file system failed, which is no fault of the drive.
+    pub(crate) fn of_storage(&self) -> bool {
+        match self {
+            Self::Record(error) => error.of_storage(),
+            Self::Folder { .. } => true,
+            Self::Lost | Self::Task(_) => false,
+        }
+    }
+}
+
 /// A journal that grows.
 pub(crate) struct Journal {
     recorder: Option<Recorder>,
@@ -82,6 +93,7 @@ impl Journal {
         let resumed = match resumed {
             Ok(resumed) if resumed.scene.header.content == scene => resumed,
             Ok(_) => return Ok(None),
+            Err(error) if error.of_storage() => return Err(error.into()),
             Err(error) => {
                 tracing::warn!(%error, "the interrupted journal is of no use; the attempt begins anew");
                 return Ok(None);

@@ -12,6 +12,7 @@ mod ledger;
 mod registry;
 mod scorer;
 mod settings;
+mod storage;
 mod submission;
 
 use std::net::SocketAddr;
@@ -37,6 +38,7 @@ pub use settings::Settings;
 use conductor::Stand;
 use hub::Hub;
 use registry::Registry;
+use storage::Storage;
 
 /// The largest request, in bytes.
 const MAX_MESSAGE_BYTES: usize = 1 << 30;
@@ -81,7 +83,8 @@ pub async fn start(settings: Settings, bus: BusSession, drain: Drain) -> Result<
     let door = settings.security.door(listen)?;
     let folder = settings.journal.folder.clone();
     std::fs::create_dir_all(&folder).with_context(|| format!("folder {}", folder.display()))?;
-    let ledger = ledger::LedgerFile::open(&folder.join("ledger.redb")).context("ledger.redb")?;
+    let storage = Storage::default();
+    let ledger = ledger::LedgerFile::open(&folder.join("ledger.redb"), storage.clone()).context("ledger.redb")?;
     let fleet = &settings.fleet;
     let leases =
         FleetSettings { lease_ms: fleet.lease_millis, margin_ms: fleet.margin_millis, ..FleetSettings::default() };
@@ -100,6 +103,7 @@ pub async fn start(settings: Settings, bus: BusSession, drain: Drain) -> Result<
             ..Timing::default()
         },
         folder: folder.clone(),
+        storage,
     };
     let limits = admission::Limits {
         episodes: fleet.episodes as usize,
@@ -157,8 +161,9 @@ async fn serve(
     }
     let router = server.add_service(runs).add_service(fleet).add_service(health).add_service(reflection);
     tracing::info!(%address, term = stand.term, "serving");
+    let storage = stand.storage.clone();
     let admission = tokio::spawn(admission::admit(stand, registry, limits, drain.clone()));
-    let expiry = tokio::spawn(expire(hub, drain.clone()));
+    let expiry = tokio::spawn(expire(Arc::clone(&hub), drain.clone()));
     let done = tokio::spawn(async move {
         let stop = drain.clone();
         let served = router.serve_with_incoming_shutdown(incoming, async move {
@@ -172,6 +177,13 @@ async fn serve(
         };
         tokio::select! {
             served = served => served.context("gRPC server")?,
+            error = storage.failure() => {
+                // Nothing is recorded from here on: whoever drives learns of the end, and nothing else.
+                admission.abort();
+                expiry.abort();
+                hub.close();
+                return Err(anyhow::Error::new(error));
+            }
             () = limited => tracing::debug!("open streams were cut"),
         }
         drain.cancel();

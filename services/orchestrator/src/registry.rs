@@ -121,7 +121,7 @@ impl Registry {
         None
     }
 
-    /// Changes an episode's result and wakes the watchers; an ended one is recorded durably.
+    /// Changes an episode's result and wakes the watchers; an ended one is recorded durably before.
     pub(crate) fn update(
         &self,
         run_id: &RunId,
@@ -131,10 +131,12 @@ impl Registry {
         let mut runs = lock(&self.runs);
         let Some(run) = runs.iter_mut().find(|run| run.id == *run_id) else { return Ok(()) };
         let Some(result) = run.results.get_mut(index) else { return Ok(()) };
-        change(result);
-        if pb::has_ended(result.status) {
-            self.hub.commit(&[(key(run_id, index), Some(pb::encode_message(result)))])?;
+        let mut changed = result.clone();
+        change(&mut changed);
+        if pb::has_ended(changed.status) {
+            self.hub.commit(&[(key(run_id, index), Some(pb::encode_message(&changed)))])?;
         }
+        *result = changed;
         run.changed.send_modify(|count| *count += 1);
         Ok(())
     }

@@ -30,9 +30,12 @@ struct Cli {
 enum Show {
     /// A recording; without --save or --connect in a window of its own.
     Recording {
-        /// A recording (.mcap, or .mcap.partial of a drive that was killed).
+        /// A recording (.mcap, or with --partial .mcap.partial of a drive that was killed).
         #[arg(value_hint = ValueHint::FilePath)]
         recording: PathBuf,
+        /// Show what is there of a damaged or incomplete recording.
+        #[arg(long)]
+        partial: bool,
         /// Write an .rrd file instead of opening a window.
         #[arg(long, value_hint = ValueHint::FilePath)]
         save: Option<PathBuf>,
@@ -111,7 +114,10 @@ fn complain(error: &anyhow::Error) {
 
 fn run(command: Show) -> Result<()> {
     match command {
-        Show::Recording { recording, save, connect } => show(&recording, save.as_deref(), connect.as_deref()),
+        Show::Recording { recording, partial, save, connect } => {
+            let drive = if partial { Recording::open_partial(&recording) } else { Recording::open(&recording) };
+            show(&drive?, &recording, save.as_deref(), connect.as_deref())
+        }
         Show::Drives { episode, first, diagnosed, attended, connect, fleet } => {
             let watch = match (diagnosed, first) {
                 (true, _) => Watch::Diagnosed(EpisodeId::new(&episode).context("name of an episode")?),
@@ -165,23 +171,22 @@ async fn left() {
     let _thread_ended = left.await;
 }
 
-fn show(path: &Path, save: Option<&Path>, connect: Option<&str>) -> Result<()> {
-    let drive = Recording::open(path)?;
+fn show(drive: &Recording, path: &Path, save: Option<&Path>, connect: Option<&str>) -> Result<()> {
     for missing in drive.missing()? {
         answer(&format!("missing: {missing}"));
     }
     if let Some(path) = save {
-        recording::save_rrd(&drive, path)?;
+        recording::save_rrd(drive, path)?;
         answer(&format!("written to {}; open it with `rerun {0}`", path.display()));
         return Ok(());
     }
     if let Some(url) = connect {
-        recording::show(&drive, url)?;
+        recording::show(drive, url)?;
         answer(&format!("sent to {url}"));
         return Ok(());
     }
     let path = path.with_extension("rrd");
-    recording::save_rrd(&drive, &path)?;
+    recording::save_rrd(drive, &path)?;
     match std::process::Command::new("rerun").arg("--bind").arg("127.0.0.1").arg(&path).status() {
         Ok(status) if status.success() => Ok(()),
         Ok(status) => bail!("the rerun viewer ended with {status}"),

@@ -33,10 +33,11 @@ impl Renderer {
     /// If [`LayoutBackend::Wgpu`] is asked for and no adapter gives a device.
     pub fn new(choice: LayoutBackend) -> Result<Self, LayoutError> {
         let (backend, description) = match choice {
-            LayoutBackend::Cpu => (Backend::Cpu, "cpu (chosen)".to_owned()),
+            LayoutBackend::Cpu => (Backend::Cpu, "cpu, a software rasteriser".to_owned()),
             LayoutBackend::Wgpu => {
                 let gpu = Gpu::open()?;
-                let description = format!("wgpu on {} (chosen)", gpu.name());
+                let kind = if gpu.is_hardware() { "hardware" } else { "software" };
+                let description = format!("wgpu on {}, a {kind} adapter", gpu.name());
                 (Backend::Wgpu(Box::new(gpu)), description)
             }
             LayoutBackend::Auto => match Gpu::open() {

@@ -63,6 +63,10 @@ impl Children {
                     Ok(Some(status)) => status,
                     Err(error) => return anyhow::anyhow!("process {} cannot be watched: {error}", process.name),
                 };
+                if status.code() == Some(i32::from(crate::service::EXIT_STORAGE)) {
+                    let says = format!("process {} cannot write, its own line says why", process.name);
+                    return anyhow::Error::new(crate::service::StorageError(says));
+                }
                 if process.restarts == MAX_RESTARTS || status.code() == Some(i32::from(crate::service::EXIT_USAGE)) {
                     return anyhow::anyhow!("process {} ended: {status}", process.name);
                 }

@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::future::Future;
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -12,6 +12,7 @@ use anyhow::{Context, Result};
 use clap::Parser;
 use ds_bus::{BusSession, BusSettings, Mode};
 use ds_episode::Timing;
+use ds_episode::fleet::LedgerError;
 use ds_space::InstanceId;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -24,6 +25,39 @@ use crate::{Drain, Member, drain, logging};
 
 /// Exit code for wrong settings or arguments (`EX_USAGE`).
 pub const EXIT_USAGE: u8 = 64;
+/// Exit code where what must be kept cannot be written, such as on a full disk (`EX_IOERR`).
+pub const EXIT_STORAGE: u8 = 74;
+
+/// What must be kept cannot be written; what was kept before stays sound.
+#[derive(Debug, thiserror::Error)]
+#[error("storage failed: {0}")]
+pub struct StorageError(pub String);
+
+/// Arguments or settings that parse and cannot be meant.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct UsageError(pub String);
+
+/// Returns the exit code of a failed process: [`EXIT_USAGE`] for a [`UsageError`], [`EXIT_STORAGE`] where ledger, journal or
+/// file system say that nothing more can be kept, else 1.
+#[must_use]
+pub fn exit_code(error: &anyhow::Error) -> u8 {
+    let full = |error: &std::io::Error| {
+        matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge)
+    };
+    let storage = |cause: &(dyn std::error::Error + 'static)| {
+        cause.is::<StorageError>()
+            || matches!(cause.downcast_ref(), Some(LedgerError::Storage(_)))
+            || cause.downcast_ref().is_some_and(full)
+    };
+    if error.chain().any(|cause| cause.is::<UsageError>()) {
+        EXIT_USAGE
+    } else if error.chain().any(storage) {
+        EXIT_STORAGE
+    } else {
+        1
+    }
+}
 
 /// Arguments that every service takes.
 #[derive(Debug, Parser)]
@@ -37,7 +71,8 @@ struct Arguments {
     set: Vec<String>,
 }
 
-/// The main function of a service: exit code 64 for wrong settings, 1 for a failed run, 0 otherwise.
+/// The main function of a service: exit code 64 for wrong settings, 74 where nothing more can be stored, 1 for another
+/// failure, 0 otherwise.
 pub fn main<S, F>(run: impl FnOnce(S, Drain) -> F) -> ExitCode
 where
     S: Serialize + DeserializeOwned + Default,
@@ -74,7 +109,7 @@ where
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             tracing::error!("{error:#}");
-            ExitCode::FAILURE
+            ExitCode::from(exit_code(&error))
         }
     }
 }

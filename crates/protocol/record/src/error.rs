@@ -36,13 +36,13 @@ pub enum RecordError {
         /// The file.
         path: PathBuf,
     },
-    /// A record before the last commit is broken.
-    #[error("recording is broken at byte {offset}: {what}")]
-    Broken {
-        /// Where the record begins.
-        offset: u64,
-        /// What is wrong.
+    /// The recording is not whole.
+    #[error("recording is damaged or incomplete: {what}, in {path:?}")]
+    Damaged {
+        /// Where it breaks and what is missing.
         what: String,
+        /// The file.
+        path: PathBuf,
     },
     /// The recording is larger than this reader takes.
     #[error("recording holds {found} bytes, the limit is {limit}")]
@@ -118,4 +118,12 @@ pub enum RecordError {
     /// An animation cannot be encoded.
     #[error("animation cannot be encoded")]
     Animation(#[from] gif::EncodingError),
+}
+
+impl RecordError {
+    /// Tells whether the file system failed, such as on a full disk, and not the content.
+    #[must_use]
+    pub fn of_storage(&self) -> bool {
+        matches!(self, Self::File { .. } | Self::Write { .. } | Self::GivenUp { .. })
+    }
 }

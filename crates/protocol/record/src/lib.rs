@@ -1,10 +1,12 @@
 //! Recordings: topics → MCAP file, MCAP file → topics, digests, pictures, and what the process `viewer` is handed.
 //!
 //! A recording is the journal of one attempt. It grows as `….mcap.partial`, closed and synced at every commit, and is
-//! renamed when its completeness record is written; a cut file is read up to its last commit and says what is missing.
+//! renamed when its completeness record is written. A damaged or incomplete file is refused, or read up to its last commit
+//! by who asks for that; it says where it breaks and what is missing.
 //! Times are simulation time; the wall clock never enters. Transport and scores are not made here.
 
 pub mod channel;
+mod checksum;
 pub mod completeness;
 pub mod digests;
 pub mod error;

@@ -91,6 +91,14 @@ impl Recorder {
         Self::create_at(path, partial_path(path), scene)
     }
 
+    fn copy(mut self, iterations: &[Vec<Envelope>]) -> Result<Self, RecordError> {
+        for (iteration, messages) in iterations.iter().enumerate() {
+            self.append(messages)?;
+            self.commit(u32::try_from(iteration).unwrap_or(u32::MAX))?;
+        }
+        Ok(self)
+    }
+
     fn create_at(path: &Path, partial: PathBuf, scene: &Envelope) -> Result<Self, RecordError> {
         let decoded: SceneMessage = message::body(scene)?;
         let cameras: Vec<CameraId> = decoded.scene.cameras.iter().map(|camera| camera.id.clone()).collect();
@@ -127,19 +135,20 @@ impl Recorder {
     /// If there is no partial recording, it is complete, or it cannot be read or written.
     pub fn resume(path: &Path) -> Result<Resumed, RecordError> {
         let partial = partial_path(path);
-        let old = Recording::open(&partial)?;
+        let old = Recording::open_partial(&partial)?;
         if old.completeness().is_some() {
             return Err(RecordError::Complete { path: partial });
         }
         let scene = old.scene_envelope().clone();
         let mut fresh = partial.as_os_str().to_owned();
         fresh.push(".new");
-        let mut recorder = Self::create_at(path, PathBuf::from(fresh), &scene)?;
+        let fresh = PathBuf::from(fresh);
         let iterations: Vec<Vec<Envelope>> = old.iterations().map(|messages| messages.cloned().collect()).collect();
-        for (iteration, messages) in iterations.iter().enumerate() {
-            recorder.append(messages)?;
-            recorder.commit(u32::try_from(iteration).unwrap_or(u32::MAX))?;
-        }
+        let copied = Self::create_at(path, fresh.clone(), &scene).and_then(|recorder| recorder.copy(&iterations));
+        let mut recorder = copied.inspect_err(|_| {
+            // Half a copy is of no use, and its bytes are needed.
+            drop(fs::remove_file(&fresh));
+        })?;
         let error = |source| RecordError::File { action: "replace", path: partial.clone(), source };
         fs::rename(&recorder.partial, &partial).map_err(error)?;
         sync_folder(&partial)?;

@@ -1,7 +1,8 @@
-//! Reads the journal of one attempt, complete or partial: file → messages by slot, bodies, digests, what is missing.
+//! Reads the journal of one attempt: file → messages by slot, bodies, digests, what is missing.
 //!
-//! Only committed messages are given out. The whole file is read into memory (bounded, see
-//! [`MAX_RECORDING_BYTES`](crate::scan::MAX_RECORDING_BYTES)); bodies are decoded when they are asked for.
+//! Only committed messages are given out. A file that is not whole (cut, never completed, or with a byte that a checksum
+//! does not know) is refused, unless the caller asks for what is there and then says so. The whole file is read into
+//! memory (bounded, see [`MAX_RECORDING_BYTES`]); bodies are decoded when they are asked for.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
@@ -13,6 +14,7 @@ use ds_topic::{Advance, Envelope, Frame, Layout, Plan, SceneMessage, Slot, Topic
 use ds_world::WorldState;
 
 use crate::channel::ChannelKey;
+use crate::checksum::{self, Present};
 use crate::completeness::{self, Completeness, Missing};
 use crate::digests::{Digests, StreamDigests};
 use crate::error::RecordError;
@@ -29,6 +31,7 @@ pub struct Recording {
     iterations: Vec<Vec<Slot>>,
     completeness: Option<Completeness>,
     tail: Tail,
+    damage: Option<String>,
 }
 
 /// What came after the last mark of a file.
@@ -41,19 +44,40 @@ pub struct Tail {
 }
 
 impl Recording {
-    /// Reads a file, be it complete (`.mcap`), partial (`.mcap.partial`) or cut anywhere after its scene.
+    /// Reads a whole recording: complete, every checksum right.
     ///
     /// # Errors
-    /// If it cannot be read, is not a recording, or a committed message has no readable header.
+    /// If it cannot be read, is not a recording, or is damaged or incomplete; the error says where and what is missing.
     pub fn open(path: &Path) -> Result<Self, RecordError> {
         Self::from_bytes(&read(path)?, path)
     }
 
-    /// Reads a file that is already in memory; the path only names it in errors.
+    /// Reads what is there of a recording, be it complete (`.mcap`), partial (`.mcap.partial`), damaged or cut anywhere
+    /// after its scene. Whoever shows what comes of it also shows [`Recording::damage`].
+    ///
+    /// # Errors
+    /// If it cannot be read, is not a recording, or a committed message has no readable header.
+    pub fn open_partial(path: &Path) -> Result<Self, RecordError> {
+        Self::from_partial_bytes(&read(path)?, path)
+    }
+
+    /// Reads a whole recording that is already in memory; the path only names it in errors.
     ///
     /// # Errors
     /// As [`Recording::open`].
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<Self, RecordError> {
+        let recording = Self::from_partial_bytes(bytes, path)?;
+        match recording.damage {
+            Some(what) => Err(RecordError::Damaged { what, path: path.to_path_buf() }),
+            None => Ok(recording),
+        }
+    }
+
+    /// Reads what is there of a recording that is already in memory; the path only names it in errors.
+    ///
+    /// # Errors
+    /// As [`Recording::open_partial`].
+    pub fn from_partial_bytes(bytes: &[u8], path: &Path) -> Result<Self, RecordError> {
         let foreign = |what: &str| RecordError::Foreign { what: what.to_owned(), path: path.to_path_buf() };
         let Scan { segments, dropped, stopped } = scan(bytes, path)?;
         let mut messages = BTreeMap::new();
@@ -80,11 +104,31 @@ impl Recording {
             }
         }
         let slot = Slot::new(Topic::Scene, 0);
-        let scene_envelope = messages.get(&slot).cloned().ok_or_else(|| foreign("no scene before the first mark"))?;
+        let scene_envelope = messages.get(&slot).cloned().ok_or_else(|| match &stopped {
+            Some((byte, why)) => foreign(&format!("no scene before byte {byte} ({why})")),
+            None => foreign("no scene before the first mark"),
+        })?;
         let scene: SceneMessage = message::body(&scene_envelope)?;
         let cameras = scene.scene.cameras.iter().map(|camera| camera.id.clone()).collect();
         let tail = Tail { dropped, stopped };
-        Ok(Self { scene_envelope, scene, cameras, messages, iterations, completeness, tail })
+        let mut recording =
+            Self { scene_envelope, scene, cameras, messages, iterations, completeness, tail, damage: None };
+        recording.damage = recording.inspect(checksum::verify(bytes));
+        Ok(recording)
+    }
+
+    /// Says why the file is not whole, given what its checksums say; `None` if it is.
+    fn inspect(&self, checksums: Result<Present, String>) -> Option<String> {
+        let fault = match (&self.tail.stopped, checksums) {
+            (Some((byte, why)), _) => format!("byte {byte}: {why}"),
+            (None, _) if self.completeness.is_none() => "the drive was not recorded to its end".to_owned(),
+            (None, Err(why)) => why,
+            (None, Ok(Present::Some)) => "it has no checksum over all its data".to_owned(),
+            (None, Ok(Present::All)) => return None,
+        };
+        let lacking = if self.completeness.is_none() { self.missing().unwrap_or_default() } else { Vec::new() };
+        let all = std::iter::once(fault).chain(lacking.iter().map(ToString::to_string));
+        Some(all.collect::<Vec<_>>().join("; "))
     }
 
     /// Returns the scene.
@@ -109,6 +153,12 @@ impl Recording {
     #[must_use]
     pub fn completeness(&self) -> Option<&Completeness> {
         self.completeness.as_ref()
+    }
+
+    /// Returns why the file is not whole: where reading stopped, which checksum fails, what is missing; `None` if it is.
+    #[must_use]
+    pub fn damage(&self) -> Option<&str> {
+        self.damage.as_deref()
     }
 
     /// Returns what came after the last mark.

@@ -26,7 +26,7 @@ pub(crate) const CLOSES: &str = "closes";
 /// The most bytes of messages that are read from one file.
 pub const MAX_RECORDING_BYTES: u64 = 4 << 30;
 /// The most bytes of one chunk, compressed or not.
-const MAX_CHUNK_BYTES: usize = 1 << 30;
+pub(crate) const MAX_CHUNK_BYTES: usize = 1 << 30;
 /// Opcode and length.
 const RECORD_HEAD: usize = 9;
 

@@ -20,6 +20,7 @@ use mcap::records::MessageHeader;
 use mcap::{Compression, WriteOptions, Writer};
 use serde::{Deserialize, Serialize};
 
+use crate::checksum;
 use crate::error::RecordError;
 use crate::recording::Recording;
 use crate::scan::MAX_RECORDING_BYTES;
@@ -315,6 +316,7 @@ pub fn inventory(path: &Path) -> Result<Vec<String>, RecordError> {
     Ok(lines)
 }
 
+/// Reads a whole file whose checksums, as far as its writer made them, are right.
 fn bytes_of(path: &Path) -> Result<Vec<u8>, RecordError> {
     let failed = |source| RecordError::File { action: "read", path: path.to_path_buf(), source };
     let mut bytes = Vec::new();
@@ -322,7 +324,13 @@ fn bytes_of(path: &Path) -> Result<Vec<u8>, RecordError> {
     if bytes.len() as u64 > MAX_RECORDING_BYTES {
         return Err(RecordError::TooLarge { found: bytes.len() as u64, limit: MAX_RECORDING_BYTES });
     }
-    Ok(bytes)
+    if !bytes.starts_with(mcap::MAGIC) {
+        return Err(RecordError::Foreign { what: "no MCAP magic bytes".to_owned(), path: path.to_path_buf() });
+    }
+    match checksum::verify(&bytes) {
+        Ok(_) => Ok(bytes),
+        Err(what) => Err(RecordError::Damaged { what, path: path.to_path_buf() }),
+    }
 }
 
 /// Reads a vehicle log, frames left out.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use ds_record::{Outcome, RecordError, Recorder, Recording, partial_path};
-use ds_space::{Digest, DigestWriter, Tick};
+use ds_space::{Digest, DigestWriter, Draws, Tick};
 use ds_topic::{Envelope, Event, EventKind, Frame, Layout, Slot, Topic, World};
 use proptest::prelude::*;
 
@@ -75,7 +75,7 @@ fn marks(bytes: &[u8]) -> Vec<usize> {
 fn check_cut(cut: usize) {
     let files = &*FILES;
     let closed = marks(&files.partial).into_iter().filter(|end| *end <= cut).count();
-    let read = Recording::from_bytes(&files.partial[..cut], Path::new("cut"));
+    let read = Recording::from_partial_bytes(&files.partial[..cut], Path::new("cut"));
     let Some(iterations) = closed.checked_sub(1) else {
         assert!(matches!(read, Err(RecordError::Foreign { .. })), "cut at {cut} was read without a scene");
         return;
@@ -149,11 +149,34 @@ fn a_kill_at_any_record_loses_only_what_was_not_committed() {
 #[test]
 fn a_cut_complete_file_is_read_as_a_partial_one() {
     let data_end = records(&FILES.complete).into_iter().find(|(opcode, _)| *opcode == 0x0f).expect("has an end").1;
-    let whole = Recording::from_bytes(&FILES.complete[..data_end], Path::new("cut")).expect("opens");
+    let whole = Recording::from_partial_bytes(&FILES.complete[..data_end], Path::new("cut")).expect("opens");
     assert!(whole.completeness().is_some(), "the summary is not needed");
     let last_mark = *marks(&FILES.complete).last().expect("has marks");
-    let cut = Recording::from_bytes(&FILES.complete[..last_mark - 1], Path::new("cut")).expect("opens");
+    let cut = Recording::from_partial_bytes(&FILES.complete[..last_mark - 1], Path::new("cut")).expect("opens");
     assert!(cut.completeness().is_none() && cut.tail().stopped.is_some());
+}
+
+#[test]
+fn every_flipped_byte_and_every_cut_is_refused() {
+    let (files, path) = (&*FILES, Path::new("damaged"));
+    let draws = Draws::new(&Digest::of(b"damage"), "flip", &[]);
+    for index in 0..400 {
+        let at = draws.below(2 * index, files.complete.len() as u64) as usize;
+        let mut bytes = files.complete.clone();
+        bytes[at] ^= 1 << draws.below(2 * index + 1, 8);
+        assert!(Recording::from_bytes(&bytes, path).is_err(), "byte {at} was changed without a word");
+        assert!(Recording::from_bytes(&files.complete[..at], path).is_err(), "a cut at {at} was read without a word");
+        if let Ok(recording) = Recording::from_partial_bytes(&bytes, path) {
+            assert!(recording.damage().is_some(), "byte {at} was changed, and what is there does not say so");
+        }
+    }
+    let mut bytes = files.complete.clone();
+    let chunk = records(&bytes).into_iter().filter(|(opcode, _)| *opcode == 0x06).nth(2).expect("a third chunk").1;
+    bytes[chunk - 20] ^= 1;
+    let error = Recording::from_bytes(&bytes, path).err().expect("a broken chunk is refused").to_string();
+    for part in ["byte ", "frame/front: ", "missing"] {
+        assert!(error.contains(part), "no {part:?}: {error}");
+    }
 }
 
 #[test]
@@ -162,8 +185,10 @@ fn what_is_missing_is_named_by_channel_and_range() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("a.mcap");
     drop(write(&drive, &path, 2));
-    let recording = Recording::open(&partial_path(&path)).expect("opens");
+    let recording = Recording::open_partial(&partial_path(&path)).expect("opens");
     let text: Vec<String> = recording.missing().expect("orders decode").iter().map(ToString::to_string).collect();
+    let refused = Recording::open(&partial_path(&path)).err().expect("an incomplete file is refused").to_string();
+    assert!(refused.contains("not recorded to its end; advance: 2 of 4 missing (2 to 3); world: 8"), "{refused}");
     let expected = [
         "advance: 2 of 4 missing (2 to 3)",
         "world: 8 of 14 missing (6 to 13)",
@@ -187,7 +212,7 @@ fn what_was_taken_but_not_committed_is_not_given_out() {
     let mut recorder = write(&drive, &path, 1);
     recorder.append(&drive.iteration(1)).expect("takes the messages");
     drop(recorder);
-    let recording = Recording::open(&partial_path(&path)).expect("opens");
+    let recording = Recording::open_partial(&partial_path(&path)).expect("opens");
     assert_eq!(recording.iterations().count(), 1);
     assert!(!path.exists());
 }
@@ -277,7 +302,7 @@ proptest! {
         let mut bytes = FILES.complete.clone();
         let at = (share * bytes.len() as f64) as usize;
         bytes[at] ^= flip;
-        if let Ok(recording) = Recording::from_bytes(&bytes, Path::new("broken")) {
+        if let Ok(recording) = Recording::from_partial_bytes(&bytes, Path::new("broken")) {
             let truth = messages_of(&drive());
             for envelope in recording.messages() {
                 prop_assert!(truth.contains(envelope), "{} changed", envelope.header.slot);

@@ -63,7 +63,10 @@ pub(crate) fn shown(diagnosis: &Diagnosis) -> Vec<&Finding> {
     let worth = |(place, e): &(usize, &Finding)| {
         diagnosis.chosen.contains(&e.id) || *place < ROWS.0 || (*place < ROWS.1 && e.probability >= SHOWN)
     };
-    diagnosis.effects.iter().enumerate().filter(worth).map(|(_, e)| e).collect()
+    let mut effects: Vec<&Finding> = diagnosis.effects.iter().collect();
+    // What the data cannot show at all, such as followers' effects without a follower, is not the first to be named.
+    effects.sort_by_key(|e| e.probability < SHOWN && !has_estimate(e) && !diagnosis.chosen.contains(&e.id));
+    effects.into_iter().enumerate().filter(worth).map(|(_, e)| e).collect()
 }
 
 fn rows(m: &mut Markup, diagnosis: &Diagnosis, shown: &[&Finding], mass_kg: Option<f64>) {

@@ -70,6 +70,8 @@ pub struct Report {
     pub bias: Option<Bias>,
     /// Failed and aborted drives with their reasons.
     pub unfinished: Vec<Unfinished>,
+    /// What is wrong with recordings that are damaged or incomplete, one line each; the caller looks at them.
+    pub partial: Vec<String>,
 }
 
 /// A run and its name in the report.
@@ -126,7 +128,14 @@ impl Report {
             comparisons,
             bias: (!bias.is_empty()).then_some(bias),
             unfinished: drives.iter().filter_map(unfinished).collect(),
+            partial: Vec::new(),
         }
+    }
+
+    /// Adds what is wrong with recordings of the runs.
+    #[must_use]
+    pub fn with_partial(self, partial: Vec<String>) -> Self {
+        Self { partial, ..self }
     }
 }
 

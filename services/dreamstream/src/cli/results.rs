@@ -13,6 +13,9 @@ pub(crate) struct ScoreArgs {
     /// Definition of the driving score; the recording's own without.
     #[arg(long, value_parser = ["bridgesim", "strict"])]
     pub profile: Option<String>,
+    /// Take what is there of a damaged or incomplete recording; the answer says so.
+    #[arg(long)]
+    pub partial: bool,
     /// A folder of case files of the reference scorers to answer.
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub cases: Option<PathBuf>,
@@ -27,6 +30,9 @@ pub(crate) struct ReportArgs {
     /// Folders of runs, or their results files.
     #[arg(required = true, value_hint = ValueHint::AnyPath)]
     pub runs: Vec<PathBuf>,
+    /// Report also on runs with damaged or incomplete recordings; page, tables and JSON say so.
+    #[arg(long)]
+    pub partial: bool,
     /// The scenario set that others are changes of, for proposal coverage.
     #[arg(long)]
     pub base_set: Option<String>,
@@ -44,6 +50,9 @@ pub(crate) struct CompareArgs {
     /// The run whose gain or loss is told.
     #[arg(value_hint = ValueHint::AnyPath)]
     pub run_b: PathBuf,
+    /// Compare also runs with damaged or incomplete recordings; page, tables and JSON say so.
+    #[arg(long)]
+    pub partial: bool,
     /// Where page and tables go, if they are wanted.
     #[arg(long, short, value_hint = ValueHint::DirPath)]
     pub out: Option<PathBuf>,
@@ -58,6 +67,9 @@ pub(crate) struct MergeArgs {
     /// Merge runs of other versions, weights or settings too.
     #[arg(long)]
     pub force: bool,
+    /// Merge also runs with damaged or incomplete recordings; what comes of them is refused again without `--partial`.
+    #[arg(long)]
+    pub partial: bool,
     /// Where the merged results file goes.
     #[arg(long, short, default_value = "out/merged", value_hint = ValueHint::DirPath)]
     pub out: PathBuf,

@@ -40,6 +40,7 @@ impl Default for RunPlan {
             shard: None,
             out: "out/run".into(),
             resume: false,
+            overwrite: false,
             live: None,
             no_pictures: false,
             config: None,

@@ -11,14 +11,14 @@ use ds_topic::{Advance, Role, SceneMessage, Slot, Topic};
 use ds_wire::{Body, WireCodec};
 
 use crate::cli::ReplayArgs;
-use crate::command::{answer, bar};
+use crate::command::{answer, bar, recording};
 
 /// Replays a service; fails if any output differs from the recorded one.
 ///
 /// # Errors
 /// If the recording lacks an input, the service refuses one, or an output differs.
 pub(crate) fn run(args: &ReplayArgs) -> Result<()> {
-    let recording = Recording::open(&args.recording)?;
+    let recording = recording::open(&args.recording, args.partial)?;
     let factory = factory(args)?;
     let role = factory.role();
     let outline = WireCodec.outline(&recording.scene_envelope().body).context("scene")?;

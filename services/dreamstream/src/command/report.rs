@@ -8,15 +8,19 @@ use ds_run_report::write::markdown;
 use ds_run_report::{Comparison, Dimension, Pairing, Picture, Report, ReportOptions, Results, compare};
 
 use crate::cli::{CompareArgs, MergeArgs, ReportArgs};
-use crate::command::answer;
+use crate::command::{answer, recording};
 
 /// The name of a run's results file in its folder.
 pub(crate) const RESULTS: &str = "results.json";
 
-/// Reads the results of a run, given its folder or the file itself.
-fn load(path: &Path) -> Result<Results> {
+/// Reads the results of a run, given its folder or the file itself, and looks at its recordings; what is wrong with them is
+/// added to `damaged`.
+fn load(path: &Path, partial: bool, damaged: &mut Vec<String>) -> Result<Results> {
     let file = if path.is_dir() { path.join(RESULTS) } else { path.to_path_buf() };
-    Ok(Results::load(&file)?)
+    let results = Results::load(&file)?;
+    let found = recording::inspect(&results, file.parent().unwrap_or(Path::new(".")), partial)?;
+    damaged.extend(found);
+    Ok(results)
 }
 
 /// Writes tables and a page over some runs.
@@ -24,8 +28,9 @@ fn load(path: &Path) -> Result<Results> {
 /// # Errors
 /// If a results file is refused or a file cannot be written.
 pub(crate) fn run(args: &ReportArgs) -> Result<()> {
-    let runs = args.runs.iter().map(|path| load(path)).collect::<Result<Vec<_>>>()?;
-    let report = Report::new(&runs, Vec::new(), &options(args.base_set.as_deref()));
+    let mut damaged = Vec::new();
+    let runs = args.runs.iter().map(|path| load(path, args.partial, &mut damaged)).collect::<Result<Vec<_>>>()?;
+    let report = Report::new(&runs, Vec::new(), &options(args.base_set.as_deref())).with_partial(damaged);
     write(&args.out, &runs, &report, &pictures(&args.out, &args.runs, &runs))?;
     answer(&markdown::report(&report));
     answer(&format!("report: {}", args.out.join("report.html").display()));
@@ -37,7 +42,9 @@ pub(crate) fn run(args: &ReportArgs) -> Result<()> {
 /// # Errors
 /// If a results file is refused or a file cannot be written.
 pub(crate) fn compare_runs(args: &CompareArgs) -> Result<()> {
-    let (a, b) = (load(&args.run_a)?, load(&args.run_b)?);
+    let mut damaged = Vec::new();
+    let a = load(&args.run_a, args.partial, &mut damaged)?;
+    let b = load(&args.run_b, args.partial, &mut damaged)?;
     let policies = |results: &Results| {
         let mut names: Vec<&str> = results.episodes.iter().map(|episode| episode.policy.as_str()).collect();
         names.sort_unstable();
@@ -46,17 +53,28 @@ pub(crate) fn compare_runs(args: &CompareArgs) -> Result<()> {
     };
     let by = if policies(&a) > 1 && policies(&b) > 1 { vec![Dimension::Policy] } else { Vec::new() };
     let comparison = compare(&a, &b, &Pairing { by, ..Pairing::default() }, 0);
+    damaged.iter().for_each(|line| answer(&format!("partial: {line}")));
     answer(&markdown::comparison(&comparison));
     if let Some(out) = &args.out {
         let runs = [a, b];
-        write_compared(out, &runs, comparison, &pictures(out, &[args.run_a.clone(), args.run_b.clone()], &runs))?;
+        write_compared(
+            out,
+            &runs,
+            (comparison, damaged),
+            &pictures(out, &[args.run_a.clone(), args.run_b.clone()], &runs),
+        )?;
         answer(&format!("report: {}", out.join("report.html").display()));
     }
     Ok(())
 }
 
-fn write_compared(out: &Path, runs: &[Results], comparison: Comparison, pictures: &[Picture]) -> Result<()> {
-    let report = Report::new(runs, vec![comparison], &options(None));
+fn write_compared(
+    out: &Path,
+    runs: &[Results],
+    (comparison, damaged): (Comparison, Vec<String>),
+    pictures: &[Picture],
+) -> Result<()> {
+    let report = Report::new(runs, vec![comparison], &options(None)).with_partial(damaged);
     Ok(write(out, runs, &report, pictures)?)
 }
 
@@ -65,8 +83,10 @@ fn write_compared(out: &Path, runs: &[Results], comparison: Comparison, pictures
 /// # Errors
 /// If a results file is refused, settings differ, or a drive is there twice.
 pub(crate) fn merge(args: &MergeArgs) -> Result<()> {
-    let runs = args.runs.iter().map(|path| Ok((path.clone(), load(path)?))).collect::<Result<_>>()?;
-    let merged = Results::merge(runs, args.force)?;
+    let mut damaged = Vec::new();
+    let runs = args.runs.iter().map(|path| Ok((path.clone(), load(path, args.partial, &mut damaged)?)));
+    let merged = Results::merge(runs.collect::<Result<_>>()?, args.force)?;
+    damaged.iter().for_each(|line| answer(&format!("partial: {line}")));
     std::fs::create_dir_all(&args.out).with_context(|| format!("create {}", args.out.display()))?;
     merged.save(&args.out.join(RESULTS))?;
     answer(&merged.table());

@@ -1,5 +1,6 @@
 //! `run`: starts a fleet, submits the scenarios, watches the drives, writes results and pictures.
 
+pub(crate) mod folder;
 mod request;
 
 use std::path::{Path, PathBuf};
@@ -22,6 +23,7 @@ use crate::embed::{self, Fleet};
 use crate::fleet::FleetPlan;
 use crate::viewer::{self, Onlooker};
 use crate::{children, pictures};
+use folder::Earlier;
 
 /// Runs the command; the exit code is 1 if any drive did not complete.
 ///
@@ -37,6 +39,7 @@ pub(crate) async fn run(args: &RunPlan, log: &str) -> Result<()> {
 /// # Errors
 /// If anything is refused or a service dies.
 pub(crate) async fn drive_all(args: &RunPlan, log: &str) -> Result<Results> {
+    request::known(args)?;
     let files = shard(scenario::files(&args.scenarios)?, args.shard.as_deref())?;
     let given = request::given(args, &files)?;
     let world = world_of(args, &files)?;
@@ -44,7 +47,7 @@ pub(crate) async fn drive_all(args: &RunPlan, log: &str) -> Result<Results> {
     let request = request::request((args, &world), given, &configuration, sources(&files, Source::Path)?)?;
     let began = Instant::now();
     args.live.as_deref().map(viewer::reach).transpose()?;
-    prepare(args)?;
+    let _held = folder::take(&args.out, Earlier::of(args))?;
     let plan = FleetPlan::of(args)?;
     let apart = args.processes || !plan.stages.is_empty();
     let mut fleet =
@@ -131,11 +134,11 @@ pub(crate) async fn submit(args: &SubmitArgs) -> Result<()> {
     let files = shard(scenario::files(&run.scenarios)?, run.shard.as_deref())?;
     let given = request::given(run, &files)?;
     let began = Instant::now();
-    std::fs::create_dir_all(&run.out).with_context(|| format!("create {}", run.out.display()))?;
     ensure!(run.seal.is_none(), "a sealed run keeps its answer where it drives: use `run`");
     let world = world_of(run, &files)?;
     let configuration = request::configuration(run, &world, &given);
     let request = request::request((run, &world), given, &configuration, sources(&files, Source::Content)?)?;
+    let _held = folder::take(&run.out, Earlier::of(run))?;
     let ended = drive(request, &args.control.dial()?).await?;
     let results = results((run, &configuration), &files, "fleet", ended, began.elapsed().as_secs_f64())?;
     results.save(&run.out.join(RESULTS))?;
@@ -154,20 +157,6 @@ fn conclude(results: &Results, out: &Path) -> Result<()> {
 
 async fn failed(fleet: &mut Fleet) -> anyhow::Error {
     fleet.failed().await.context("a service ended early")
-}
-
-fn prepare(args: &RunPlan) -> Result<()> {
-    let ledger = args.out.join("ledger.redb");
-    if ledger.exists() && !args.resume {
-        for name in ["recordings", "scenarios", "pictures"] {
-            let folder = args.out.join(name);
-            if folder.exists() {
-                std::fs::remove_dir_all(&folder).with_context(|| format!("remove {}", folder.display()))?;
-            }
-        }
-        std::fs::remove_file(&ledger).with_context(|| format!("remove {}", ledger.display()))?;
-    }
-    std::fs::create_dir_all(&args.out).with_context(|| format!("create {}", args.out.display()))
 }
 
 fn shard(files: Vec<PathBuf>, shard: Option<&str>) -> Result<Vec<PathBuf>> {

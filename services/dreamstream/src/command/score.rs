@@ -12,12 +12,15 @@ use ds_wire::Body;
 use serde::Serialize;
 
 use crate::cli::ScoreArgs;
-use crate::command::{answer, bar};
+use crate::command::{answer, bar, recording};
 
 /// A recording's score as it is written.
 #[derive(Debug, Serialize)]
 struct Scored {
     recording: String,
+    /// Why the recording is not whole; absent if it is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    partial: Option<String>,
     scenario: String,
     policy: String,
     observation: &'static str,
@@ -73,20 +76,20 @@ fn recordings(args: &ScoreArgs) -> Result<()> {
     let bar = bar(args.recordings.len() as u64, "recordings");
     let mut all = Vec::new();
     for path in &args.recordings {
-        all.push(scored(path, args.profile.as_deref()).with_context(|| path.display().to_string())?);
+        all.push(scored(path, args.profile.as_deref(), args.partial).with_context(|| path.display().to_string())?);
         bar.inc(1);
     }
     bar.finish_and_clear();
     let cell = |value: Option<f64>| value.map_or_else(|| "n/a".to_owned(), |value| format!("{value:.4}"));
     answer(&format!(
-        "{:<28} {:<18} {:<10} {:>7} {:>7} {:>7}",
-        "scenario", "policy", "profile", "drive", "route", "mean"
+        "{:<28} {:<18} {:<10} {:>13} {:>16} {:>10}",
+        "scenario", "policy", "profile", "driving score", "route completion", "mean score"
     ));
     for one in &all {
         let values = [one.driving_score, one.route_completion, one.mean_score].map(cell);
         let [drive, route, mean] = &values;
         answer(&format!(
-            "{:<28} {:<18} {:<10} {drive:>7} {route:>7} {mean:>7}",
+            "{:<28} {:<18} {:<10} {drive:>13} {route:>16} {mean:>10}",
             one.scenario, one.policy, one.score_profile
         ));
         for (term, points) in &one.lost {
@@ -95,6 +98,9 @@ fn recordings(args: &ScoreArgs) -> Result<()> {
         }
         if let Some((tick, ending)) = one.ended {
             answer(&format!("  └ scoring ended at tick {tick}: {ending}"));
+        }
+        if one.partial.is_some() {
+            answer("  └ partial: of the part that could be read");
         }
         if !one.driving_score_reason.is_empty() {
             answer(&format!("  └ {}", one.driving_score_reason));
@@ -106,13 +112,14 @@ fn recordings(args: &ScoreArgs) -> Result<()> {
     }
 }
 
-fn scored(path: &Path, profile: Option<&str>) -> Result<Scored> {
-    let recording = Recording::open(path)?;
+fn scored(path: &Path, profile: Option<&str>, partial: bool) -> Result<Scored> {
+    let recording = recording::open(path, partial)?;
     let scene = recording.scene();
     let score = score(&recording, scene, profile)?;
     let spec = &scene.spec;
     Ok(Scored {
         recording: path.display().to_string(),
+        partial: recording.damage().map(str::to_owned),
         scenario: spec.scenario.clone(),
         policy: spec.policy.clone(),
         observation: spec.observation.name(),

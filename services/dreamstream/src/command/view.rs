@@ -5,6 +5,7 @@ use std::ffi::OsString;
 use anyhow::{Context, Result};
 
 use crate::cli::ViewArgs;
+use crate::command::recording;
 use crate::viewer;
 
 /// Shows a drive of a running fleet until it ends, or a recording; without `--save` or `--connect` in a window of its own.
@@ -17,7 +18,12 @@ pub(crate) fn run(args: &ViewArgs) -> Result<()> {
         return viewer::call(viewer::drives(&args.fleet, url, &[episode, "--first"]));
     }
     let recording = args.recording.as_ref().context("a recording")?;
+    // Said here, whether a viewer is built or not.
+    drop(recording::open(recording, args.partial)?);
     let mut words: Vec<OsString> = vec!["recording".into(), recording.into()];
+    if args.partial {
+        words.push("--partial".into());
+    }
     if let Some(path) = &args.save {
         words.extend(["--save".into(), path.into()]);
     }

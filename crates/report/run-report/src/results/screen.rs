@@ -9,12 +9,20 @@ impl Results {
     #[must_use]
     pub fn table(&self) -> String {
         let mut text = format!(
-            "{:<26} {:<18} {:<12} {:>4} {:<9} {:>6} {:>6} {:>6} {:>6}\n",
-            "scenario", "policy", "observation", "seed", "status", "drive", "route", "mean", "fps"
+            "{:<26} {:<18} {:<12} {:>4} {:<9} {:>13} {:>16} {:>10} {:>6}\n",
+            "scenario",
+            "policy",
+            "observation",
+            "seed",
+            "status",
+            "driving score",
+            "route completion",
+            "mean score",
+            "fps"
         );
         for episode in &self.episodes {
             text += &format!(
-                "{:<26} {:<18} {:<12} {:>4} {:<9} {:>6} {:>6} {:>6} {:>6.1}\n",
+                "{:<26} {:<18} {:<12} {:>4} {:<9} {:>13} {:>16} {:>10} {:>6.1}\n",
                 episode.scenario,
                 episode.policy,
                 episode.observation,

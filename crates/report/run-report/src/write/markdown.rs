@@ -21,6 +21,9 @@ pub fn report(report: &Report) -> String {
         "{} scenarios, {} drives: {} completed, {} failed, {} aborted.\n",
         counts.scenarios, counts.episodes, counts.completed, counts.failed, counts.aborted
     );
+    for line in &report.partial {
+        let _ = writeln!(text, "- partial: {}", escaped(line));
+    }
     for (name, value) in &report.constant {
         let _ = writeln!(text, "- {name}: {}", escaped(value));
     }
@@ -166,8 +169,11 @@ fn table(titles: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
 /// Keeps names from ending a cell, a line or from becoming markup.
 fn escaped(text: &str) -> String {
     let mut out = String::new();
-    for c in text.chars() {
+    let mut rest = text.chars().peekable();
+    while let Some(c) = rest.next() {
         match c {
+            // Before a space or at the end it begins no markup, and a terminal shows it as it is.
+            '<' if rest.peek().is_none_or(|next| *next == ' ') => out.push('<'),
             '\\' | '|' | '`' | '*' | '[' | ']' | '#' | '~' => out.extend(['\\', c]),
             '<' => out += "&lt;",
             '>' => out += "&gt;",
@@ -187,6 +193,12 @@ mod tests {
     #[test]
     fn hostile_names_stay_in_their_cell() {
         assert_eq!(escaped("a|b\n<img>`*[x](y)"), "a\\|b &lt;img&gt;\\`\\*\\[x\\](y)");
+    }
+
+    #[test]
+    fn a_small_p_value_reads_as_it_is() {
+        assert_eq!(escaped(&chance(Some(0.0004))), "< 0.001");
+        assert_eq!(escaped("a <b> < c <"), "a &lt;b&gt; < c <");
     }
 
     #[test]

@@ -5,13 +5,35 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, ensure};
+use ds_camera::Appearance;
 use ds_cases::RunConfig;
+use ds_process::service::UsageError;
 use ds_space::{CameraId, Digest, DigestWriter};
 use ds_topic::ObservationSource;
 use ds_wire::control as pb;
 use orchestrator::Conditioning;
 
 use crate::cli::{Align, Observation, RunPlan};
+
+/// Checks the names that the orchestrator or a stage would only refuse once everything is under way.
+///
+/// # Errors
+/// If policy or look of the reference camera is none that can be meant; the error says which there are.
+pub(super) fn known(args: &RunPlan) -> Result<()> {
+    let builtin = ds_policy::builtin::NAMES.map(|(name, _)| name);
+    let outside = args.policy_listen.is_some() || args.stages.iter().any(|stage| stage.trim().starts_with("policy="));
+    if !outside && !builtin.contains(&args.policy.as_str()) {
+        let says = format!(
+            "there is no policy {:?}: built in are {}; an external one connects with --policy-listen ENDPOINT, such as \
+             tcp/127.0.0.1:7448 (`python -m dreamstream run FILE:CLASS --name {0} --connect ENDPOINT`)",
+            args.policy,
+            builtin.join(", ")
+        );
+        return Err(UsageError(says).into());
+    }
+    Appearance::short_name(&args.appearance).map_err(|error| UsageError(format!("--appearance: {error}")))?;
+    Ok(())
+}
 
 /// Reads prompt and first frames and checks them against the scenarios.
 ///

@@ -24,6 +24,9 @@ pub(crate) fn header(m: &mut Markup, report: &Report) {
                 for run in &report.runs {
                     fact(m, "run", &format!("{} (version {})", run.name, run.run.version));
                 }
+                for line in &report.partial {
+                    fact(m, "partial", line);
+                }
                 for (name, value) in &report.constant {
                     let name = if *name == "profile" { "score profile" } else { name };
                     if name != "run" {

@@ -1,0 +1,57 @@
+//! How commands open recordings: whole, or with `--partial` what is there, which is then said.
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use ds_record::{RecordError, Recording, partial_path};
+use ds_run_report::Results;
+use rayon::prelude::*;
+
+use super::answer;
+
+/// What a command says of a recording that it refuses.
+const REFUSED: &str = "`--partial` takes what is there, and says so";
+
+/// Opens a recording; one that is not whole is refused, or with `partial` told on stdout.
+///
+/// # Errors
+/// If it cannot be read, is no recording, or is not whole without `partial`.
+pub(crate) fn open(path: &Path, partial: bool) -> Result<Recording> {
+    let recording = if partial { Recording::open_partial(path) } else { Recording::open(path) };
+    let recording = recording.map_err(|error| match error {
+        RecordError::Damaged { .. } => anyhow::Error::new(error).context(REFUSED),
+        error => anyhow::Error::new(error),
+    })?;
+    if let Some(damage) = recording.damage() {
+        answer(&format!("partial: {}: {damage}", path.display()));
+    }
+    Ok(recording)
+}
+
+/// Looks at the recordings beside a results file and returns what is wrong with them, one line each. One that is not there
+/// at all was moved or stayed with its fleet, which is nothing wrong.
+///
+/// # Errors
+/// If any is not whole, without `partial`.
+pub(crate) fn inspect(results: &Results, folder: &Path, partial: bool) -> Result<Vec<String>> {
+    let named = results.episodes.par_iter().filter(|episode| !episode.recording.is_empty());
+    let lines: Vec<String> = named.filter_map(|episode| damage(&folder.join(&episode.recording))).collect();
+    match lines.first() {
+        Some(first) if !partial => {
+            Err(anyhow::anyhow!("{} recordings are not whole, the first is {first}", lines.len())).context(REFUSED)
+        }
+        _ => Ok(lines),
+    }
+}
+
+fn damage(path: &Path) -> Option<String> {
+    let unfinished = partial_path(path);
+    if path.exists() {
+        Recording::open(path).err().map(|error| error.to_string())
+    } else if unfinished.exists() {
+        let damage = Recording::open(&unfinished).err().map(|error| error.to_string());
+        Some(damage.unwrap_or_else(|| format!("{} bears the name of an unfinished one", unfinished.display())))
+    } else {
+        None
+    }
+}
