@@ -42,7 +42,7 @@ pub enum CaseError {
     /// A log is larger than any real case.
     #[error("log too large: {what} in {file:?}, the limit is {limit}")]
     TooLarge {
-        /// Rows, bytes or columns.
+        /// Rows, bytes, columns or seconds.
         what: &'static str,
         /// The limit.
         limit: usize,
@@ -57,8 +57,8 @@ pub enum CaseError {
         /// The file.
         file: String,
     },
-    /// A cell is not a number.
-    #[error("not a number: row {row} of column {column:?} is {text:?} in {file:?}")]
+    /// A cell is not a number, or none that can be a measurement.
+    #[error("not a number that can be: row {row} of column {column:?} is {text:?} in {file:?}")]
     NotANumber {
         /// Row below the head, from 1.
         row: usize,

@@ -12,6 +12,8 @@ pub const STEP_SECS: f64 = 0.05;
 pub const MAX_ROWS: usize = 144_000;
 /// Most columns a log may have.
 pub const MAX_COLUMNS: usize = 64;
+/// Largest size of a value, in whatever unit: what is beyond is no measurement and overflows when it is squared.
+pub const MAX_VALUE: f64 = 1e15;
 /// Most bytes a log may have.
 pub const MAX_BYTES: usize = 64 << 20;
 
@@ -27,7 +29,8 @@ impl Table {
     /// Reads a file.
     ///
     /// # Errors
-    /// If it cannot be read, is too large, ragged, or holds a cell that is neither empty nor a finite number.
+    /// If it cannot be read, is too large, ragged, or holds a cell that is neither empty nor a number of at most
+    /// [`MAX_VALUE`].
     pub fn read(path: &Path) -> Result<Self, CaseError> {
         let file = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let failed = |source| CaseError::Read { path: path.to_path_buf(), source };
@@ -86,7 +89,7 @@ impl Table {
         for (cell, (name, column)) in line.split(',').zip(self.names.iter().zip(&mut self.columns)) {
             let text = cell.trim();
             let value =
-                if text.is_empty() { Some(f64::NAN) } else { text.parse().ok().filter(|v: &f64| v.is_finite()) };
+                if text.is_empty() { Some(f64::NAN) } else { text.parse().ok().filter(|v: &f64| v.abs() <= MAX_VALUE) };
             column.push(value.ok_or_else(|| CaseError::NotANumber {
                 row,
                 column: name.clone(),

@@ -12,6 +12,8 @@ use ds_diagnosis::table::{STEP_SECS, Table};
 const SHORTEST_SECS: f64 = 6.0;
 /// Longest hole in the stamps that is bridged, s.
 const LONGEST_HOLE_SECS: f64 = 1.0;
+/// Longest log, s: as long as its rows allow at 10 Hz.
+const LONGEST_SECS: usize = 14_400;
 
 /// One drive.
 #[derive(Debug, Clone)]
@@ -195,6 +197,9 @@ fn stamps(table: &Table) -> Result<Vec<f64>, CaseError> {
         }
     }
     let secs = t[t.len() - 1] - t[0];
+    if secs > LONGEST_SECS as f64 {
+        return Err(CaseError::TooLarge { what: "seconds", limit: LONGEST_SECS, file: file() });
+    }
     if secs < SHORTEST_SECS || t.len() < 60 {
         return Err(CaseError::TooShort { samples: t.len(), secs, file: file() });
     }
@@ -251,6 +256,9 @@ fn followers(table: &Table) -> Result<Vec<FollowerLog>, CaseError> {
         if let Some(row) = times.windows(2).position(|pair| pair[1] <= pair[0]) {
             let file = table.file().to_owned();
             return Err(CaseError::TimeGoesBack { row: row + 2, t: times[row + 1], before: times[row], file });
+        }
+        if times[times.len() - 1] - times[0] > LONGEST_SECS as f64 {
+            return Err(CaseError::TooLarge { what: "seconds", limit: LONGEST_SECS, file: table.file().to_owned() });
         }
         let step_secs = 0.1;
         let samples = ((times[times.len() - 1] - times[0]) / step_secs + 1e-6).floor() as usize + 1;

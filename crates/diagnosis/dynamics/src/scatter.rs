@@ -54,10 +54,12 @@ pub fn scatter(drives: &[&Drive]) -> Scatter {
     let grid: Vec<f64> = (0..=120).map(|k| f64::from(k) * 0.00025).collect();
     let values: Vec<f64> = grid.iter().map(|s| likelihood(*s)).collect();
     let best = (0..grid.len()).max_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap_or(0);
-    found.jitter_secs = grid[best];
     let inside: Vec<f64> =
         grid.iter().zip(&values).filter(|(_, v)| **v > values[best] - 0.5).map(|(s, _)| *s).collect();
-    let width = 0.5 * (inside[inside.len() - 1] - inside[0]);
+    // samples that overflow tell nothing
+    let (Some(low), Some(high)) = (inside.first(), inside.last()) else { return found };
+    found.jitter_secs = grid[best];
+    let width = 0.5 * (high - low);
     found.jitter_error_secs = width.max(0.000_25).hypot(SHAPE_ERROR * found.jitter_secs);
     // up to a quarter of a centisecond is what any receiver has
     let usual = values[..=(2.5 * USUAL_SECS / 0.00025) as usize].iter().copied().fold(f64::NEG_INFINITY, f64::max);
