@@ -40,7 +40,7 @@ fn fault(index: u64, read: fn(u64)) -> Option<String> {
     let (sender, receiver) = mpsc::channel();
     let reader = std::thread::spawn(move || {
         read(index);
-        drop(sender.send(()));
+        sender.send(()).unwrap_or_default();
     });
     match receiver.recv_timeout(PATIENCE) {
         Ok(()) => None,

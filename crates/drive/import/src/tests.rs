@@ -1,6 +1,7 @@
 //! Imports: the six nuScenes drives against their JSON siblings, general map features, folders, hostile pickles.
 
 use std::path::Path;
+use std::sync::LazyLock;
 
 use crate::error::ImportError;
 use crate::format::{Format, import_path, open};
@@ -9,6 +10,9 @@ use crate::writer::Writer;
 use ds_space::{DVec2, Tick, plane};
 use ds_world::{AgentClass, LaneKind, LightState, Scene, VehicleParameters};
 use serde_json::Value as Json;
+
+#[path = "../../../../tests/mutation.rs"]
+mod mutation;
 
 const DRIVES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../../shared/data/nuscenes-mini-scenarios");
 const SCENES: [&str; 6] = ["0061", "0103", "0553", "0757", "1077", "1094"];
@@ -328,6 +332,32 @@ fn fields_that_do_not_fit_are_named() {
         w.text("tracks").dict(|_| {});
     });
     refused(&metadata.done(), &["\"tracks\"", "no \"ghost\""]);
+}
+
+static SMALL: LazyLock<Vec<u8>> = LazyLock::new(|| small(|tick| 0.01 * f64::from(tick)));
+
+#[test]
+fn mutated_pickles_are_refused_or_read() {
+    mutation::all_are_borne("tests::mutated_pickles_are_refused_or_read", |index| {
+        drop(scenarionet::scene(&mutation::bytes(&SMALL, "pickle", index), Path::new("mutated.pkl")));
+    });
+}
+
+#[test]
+fn lines_and_places_beyond_any_map_are_refused_by_name() {
+    let far = |from: f64, to: f64| {
+        let mut bytes = SMALL.clone();
+        let place = bytes.windows(8).position(|eight| eight == from.to_le_bytes()).expect("the number is there");
+        bytes[place..place + 8].copy_from_slice(&to.to_le_bytes());
+        scenarionet::scene(&bytes, Path::new("far.pkl")).map(|_| ()).expect_err("refused").to_string()
+    };
+    // the first 60 is the end of a lane, the first 20 that of the drive
+    for (from, to, says) in
+        [(60.0, 1e308, "no place on a map"), (60.0, 9e7, "at most 100000"), (20.0, 9e7, "from the first")]
+    {
+        let error = far(from, to);
+        assert!(error.contains(says) && error.contains("far.pkl"), "{error}");
+    }
 }
 
 #[test]

@@ -3,6 +3,9 @@
 use ds_pickle::{Array, Data, Node, Pickle, Value};
 use ds_space::DVec2;
 
+/// Farthest coordinate of any source, in metres: beyond those of any map projection.
+const FARTHEST_M: f64 = 1e8;
+
 /// A value of a pickle and the path to it.
 #[derive(Debug, Clone)]
 pub(crate) struct View<'a> {
@@ -199,7 +202,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Returns x and y of rows of at least two numbers; all must be finite.
+    /// Returns x and y of rows of at least two numbers; all must lie within [`FARTHEST_M`] of the origin.
     pub(crate) fn points(&self) -> Result<Vec<DVec2>, FieldFault> {
         let table = self.table()?;
         if table.rows > 0 && table.columns < 2 {
@@ -208,7 +211,8 @@ impl<'a> View<'a> {
         (0..table.rows)
             .map(|row| {
                 let point = DVec2::new(table.get(row, 0), table.get(row, 1));
-                if point.is_finite() { Ok(point) } else { Err(self.fault(format!("[{row}] is {point}"))) }
+                let near = point.abs().max_element() <= FARTHEST_M;
+                if near { Ok(point) } else { Err(self.fault(format!("[{row}] is {point}, no place on a map"))) }
             })
             .collect()
     }

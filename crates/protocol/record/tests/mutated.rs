@@ -7,6 +7,7 @@ use ds_record::{Body, Outcome, Recorder, Recording};
 use ds_topic::{Advance, Ego, Envelope, Plan, SceneMessage, Topic, World};
 
 #[path = "fixture/drive.rs"]
+#[expect(dead_code, reason = "each test uses its own part")]
 mod drive;
 #[path = "../../../../tests/mutation.rs"]
 mod mutation;

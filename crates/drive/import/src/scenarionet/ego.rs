@@ -58,6 +58,10 @@ pub(super) fn log(track: &View<'_>, dt_secs: f64, dataset: &str, notes: &mut Vec
         return Err(state.fault(format!("has heading[{}] {}", first + tick, headings[tick])));
     }
     let points: Vec<DVec2> = position[first..=last].iter().map(|point| *point - origin).collect();
+    let way = |tick: usize| position[tick].distance(position[first]);
+    if let Some(tick) = (first..=last).filter(is_valid).find(|tick| way(*tick) > RECENTRE_BEYOND_M) {
+        return Err(state.fault(format!("has position[{tick}] {} m from the first", way(tick))));
+    }
     let gaps: Vec<bool> = (first..=last).map(|tick| !is_valid(&tick)).collect();
     let vehicle = vehicle(&state, dataset, notes);
     let states = Recording { points, headings, gaps, dt_secs }.states(&vehicle, dataset, track.at(), notes);

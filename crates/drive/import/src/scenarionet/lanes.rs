@@ -19,6 +19,8 @@ pub(crate) const HALF_WIDTH_M: f64 = 1.95;
 /// How far apart the ends of linked lanes may lie, in metres.
 const LINK_M: f64 = 1.2;
 const LINK_RAD: f64 = 0.6;
+/// Longest line of a map, in metres; lines are sampled at steps of half a metre.
+const LONGEST_M: f64 = 1e5;
 
 /// The links of a lane as the file names them.
 #[derive(Debug, Default)]
@@ -77,6 +79,10 @@ fn shifted(view: Option<View<'_>>, window: &Window) -> Result<Vec<DVec2>, FieldF
     let Some(view) = view else { return Ok(Vec::new()) };
     let mut points: Vec<DVec2> = view.points()?.into_iter().map(|point| point - window.origin).collect();
     points.dedup_by(|a, b| a.distance(*b) < 1e-3);
+    let length_m: f64 = points.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
+    if length_m > LONGEST_M {
+        return Err(view.fault(format!("is {length_m} m long, at most {LONGEST_M} are read")));
+    }
     Ok(points)
 }
 
