@@ -40,8 +40,10 @@ fn shortened(whole: &str) -> String {
 }
 
 fn read(folder: &Path, index: u64) {
-    if Case::read(folder).is_ok() && index.is_multiple_of(DIAGNOSED) {
-        drop(diagnose(folder, &Options { quick: true, without: Vec::new() }));
+    if let Ok(case) = Case::read(folder)
+        && index.is_multiple_of(DIAGNOSED)
+    {
+        drop(diagnose(&case, &Options { quick: true, without: Vec::new() }));
     }
 }
 
