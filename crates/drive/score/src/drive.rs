@@ -12,7 +12,12 @@ use crate::closed_loop::{LiveScorer, Profile, Window};
 use crate::constants::CLOSED_LOOP_VERSION;
 use crate::driving_score::{DrivingScore, LoopScore, TERMS, Term};
 use crate::error::ScoreError;
-use crate::tracker::ScoreTracker;
+
+use self::collision::Collision;
+use self::progress::Progress;
+
+mod collision;
+mod progress;
 
 /// The score of a drive under names.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,7 +51,8 @@ pub struct DriveScorer {
     /// The tick at which the policy takes over.
     start: Tick,
     scorer: Result<LiveScorer, String>,
-    first: ScoreTracker,
+    collision: Collision,
+    progress: Progress,
     lost: [f64; TERMS],
     scored: u32,
 }
@@ -58,12 +64,14 @@ impl DriveScorer {
         let whole = start == Tick(0) && last >= scene.last_tick();
         let window = (!whole).then_some(Window { start, ticks: last.0.saturating_sub(start.0) });
         let scorer = LiveScorer::new(scene, profile, window).map_err(|error| told(&error));
-        Self { profile, start, scorer, first: ScoreTracker::new(scene), lost: [0.0; TERMS], scored: 0 }
+        let (collision, progress) = (Collision::default(), Progress::new(scene));
+        Self { profile, start, scorer, collision, progress, lost: [0.0; TERMS], scored: 0 }
     }
 
     /// Takes the next state and returns named values in rising order: the terms of this tick and the totals so far.
     pub fn observe(&mut self, world: &WorldState) -> Vec<(String, Option<f64>)> {
-        self.first.observe(world);
+        self.collision.observe(world);
+        self.progress.observe(world.tick, world.ego.pose.position);
         let mut values: BTreeMap<&'static str, Option<f64>> = BTreeMap::new();
         if world.tick >= self.start
             && let Ok(scorer) = &mut self.scorer
@@ -98,7 +106,6 @@ impl DriveScorer {
     /// Returns the score of all states observed so far.
     #[must_use]
     pub fn finish(&self) -> DriveScore {
-        let first = self.first.finish();
         let mut score = DriveScore {
             version: CLOSED_LOOP_VERSION,
             profile: self.profile.label(),
@@ -116,8 +123,8 @@ impl DriveScorer {
             Ok(Err(error)) => score.reason = told(&error),
             Err(reason) => score.reason.clone_from(reason),
         }
-        score.sub_scores.insert("collision", first.collision);
-        score.sub_scores.insert("progress", first.progress);
+        score.sub_scores.insert("collision", self.collision.score());
+        score.sub_scores.insert("progress", self.progress.score());
         score
     }
 

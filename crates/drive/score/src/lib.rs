@@ -26,7 +26,6 @@ mod proposal;
 mod road;
 mod scene;
 mod smoothing;
-mod tracker;
 mod two_stage;
 
 pub use closed_loop::{
@@ -52,5 +51,4 @@ pub use scene::{
     AgentTrack, AreaKind, GovernedLanes, MapArea, MovingBox, ObjectClass, OpenLoopMap, OpenLoopScene, PastState,
     PreparedMap, PreparedScene, SceneNow, Traffic, TrafficAgent, expert_path, log_tracks, open_loop_map, scene_now,
 };
-pub use tracker::{EpisodeScore, ScoreTracker, TickScore};
 pub use two_stage::{StageColumns, StageMapping, StageRow, TwoStage, two_stage};

@@ -267,17 +267,6 @@ impl Rollout {
         Err(VideoError::RecoveryMismatch { chunk: logged.chunk, what: "control", expected, found })
     }
 
-    /// Returns a snapshot, from which [`Self::restore`] continues as if nothing had come after it.
-    #[must_use]
-    pub fn snapshot(&self) -> Self {
-        self.clone()
-    }
-
-    /// Goes back to a snapshot.
-    pub fn restore(&mut self, snapshot: &Self) {
-        self.clone_from(snapshot);
-    }
-
     /// Returns the number of ticks generated so far.
     #[must_use]
     pub fn ticks(&self) -> u32 {
