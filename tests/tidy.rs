@@ -20,7 +20,6 @@ const CIRCLES: &[&str] = &[
     "ds-dynamics: choice, search",
     "ds-frames: search, transport",
     "ds-vehicle-logs: check, check/motion, check/turning, record, stamps",
-    "ds-sim: lqr, pursuit, tracker",
     "ds-graph: device, graph",
     "ds-kernel: train/network, train/time",
     "ds-nn: body, cache",

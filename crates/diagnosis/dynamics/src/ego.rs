@@ -1,12 +1,13 @@
 //! The nominal simulator of the ego vehicle: a single track at 20 ms steps behind its command and actuator chains.
 //!
-//! Slip, side force and yaw are integrated by the implicit midpoint rule with the secant stiffness of the axle (stable
-//! down to standstill); an axle's side force saturates at what drive and brakes leave of friction times static
-//! load. SI units, x forward, y left.
+//! Forces are those of `ds_vehicle`, which the running simulator steps too. Here slip, side force and yaw are integrated by the
+//! implicit midpoint rule with the secant stiffness of the axle and slip angles linear in the speed across (stable down to
+//! standstill, and quick: a fit takes thousands of rollouts). SI units, x forward, y left.
 
 use ds_effect::chain::realise;
-use ds_effect::plant::{Plant, Road, Vehicle};
+use ds_effect::plant::{Plant, Vehicle};
 use ds_effect::signal::Context;
+use ds_vehicle::{GRAVITY_MPS2, Saturation, air_n, axles, built_share, held, rolling_mps2, slope_mps2};
 
 use crate::smooth::between;
 
@@ -14,12 +15,8 @@ use crate::smooth::between;
 pub const FINE_SECS: f64 = 0.01;
 /// Step of the vehicle's integration, s; at half of it the estimate of a practice case (04) was the same.
 pub const ROLL_SECS: f64 = 0.02;
-/// Standard gravity, m/s².
-const GRAVITY: f64 = 9.81;
 /// Below this speed slip angles are computed as if at this speed, m/s.
 const SLOWEST_MPS: f64 = 0.5;
-/// Side area of wind over frontal drag area; a passenger car's side force is about two and a half times its drag.
-const SIDE_WIND: f64 = 2.5;
 
 /// Commands and companions of a drive on the fine grid.
 #[derive(Debug, Clone)]
@@ -45,39 +42,6 @@ pub struct Actuated {
     pub sensor: Vec<f64>,
     /// Realised force over nominal mass, m/s².
     pub accel: Vec<f64>,
-}
-
-/// The factor by which an axle's stiffness falls with its linear force over its limit, (1 + r^n)^(-1/n), tabulated:
-/// the powers would take a third of the time of a rollout.
-pub struct Saturation {
-    knee: f64,
-    table: Vec<f64>,
-}
-
-impl Saturation {
-    const PER_UNIT: f64 = 64.0;
-    const LARGEST: f64 = 4.0;
-
-    /// Tabulates the factor for a sharpness.
-    #[must_use]
-    pub fn new(knee: f64) -> Self {
-        let knee = knee.max(1.0);
-        let count = (Self::LARGEST * Self::PER_UNIT) as usize + 2;
-        Self { knee, table: (0..count).map(|k| Self::exact(k as f64 / Self::PER_UNIT, knee)).collect() }
-    }
-
-    fn exact(ratio: f64, knee: f64) -> f64 {
-        (1.0 + ratio.powf(knee)).powf(-1.0 / knee)
-    }
-
-    fn factor(&self, ratio: f64) -> f64 {
-        if ratio >= Self::LARGEST || ratio.is_nan() {
-            return Self::exact(ratio, self.knee);
-        }
-        let at = ratio * Self::PER_UNIT;
-        let low = at as usize;
-        self.table[low] + (at - low as f64) * (self.table[low + 1] - self.table[low])
-    }
 }
 
 impl Actuated {
@@ -172,17 +136,6 @@ struct State {
     slip_rear: f64,
 }
 
-struct Axle {
-    stiffness: f64,
-    limit: f64,
-}
-
-impl Axle {
-    fn secant(&self, slip: f64, saturation: &Saturation) -> f64 {
-        self.stiffness * saturation.factor((self.stiffness * slip / self.limit).abs())
-    }
-}
-
 /// Integrates one rollout, one instant per step from the start of the warm-up; `saturation` is that of the plant.
 #[must_use]
 pub fn rollout(start: &Start, actuated: &Actuated, plant: &Plant, saturation: &Saturation) -> Vec<Instant> {
@@ -235,37 +188,21 @@ fn advance(
     plant: &Plant,
 ) -> (State, f64, f64) {
     let vehicle = &plant.vehicle;
-    let (drag, side_wind) = wind(state.vx, heading, vehicle, &plant.road);
+    let [drag, side_wind] = air_n(vehicle, &plant.road, state.vx, heading);
     let half = 0.5 * ROLL_SECS;
     let v = state.vx.max(SLOWEST_MPS);
-    let base = vehicle.front_arm_m + vehicle.rear_arm_m;
-    let weight = vehicle.mass_kg * GRAVITY;
     let (a, b) = (vehicle.front_arm_m, vehicle.rear_arm_m);
-    // load moved to the rear, as a share of the static load of each axle
-    let moved = vehicle.nominal_mass_kg * accel * vehicle.load_height_m / base;
-    let (front_load, rear_load) = (weight * b / base, weight * a / base);
-    let lighter = (1.0 - moved / front_load).clamp(0.3, 1.7);
-    let heavier = (1.0 + moved / rear_load).clamp(0.3, 1.7);
-    let grip = vehicle.friction * weight;
-    let traction = (vehicle.nominal_mass_kg * accel).clamp(-grip, grip);
-    let limits = [vehicle.friction * front_load * lighter, vehicle.friction * rear_load * heavier];
-    let left = vehicle.friction_circle.map_or([1.0; 2], |circle| circle.left(traction, limits));
-    let stiffness = [vehicle.front_stiffness_n * lighter, vehicle.rear_stiffness_n * heavier];
-    let [front, rear] = [0, 1].map(|k| Axle { stiffness: left[k] * stiffness[k], limit: left[k] * limits[k] });
-    let (build, build_step) = if vehicle.relaxation_m > 1e-3 {
-        let rate = v / vehicle.relaxation_m;
-        (1.0 - (-rate * half).exp(), 1.0 - (-rate * ROLL_SECS).exp())
-    } else {
-        (1.0, 1.0)
-    };
-    let (cf, cr) = (front.secant(state.slip_front, saturation), rear.secant(state.slip_rear, saturation));
+    let traction = held(vehicle.nominal_mass_kg * accel, vehicle.friction, vehicle.mass_kg * GRAVITY_MPS2);
+    let [front, rear] = axles(vehicle, accel);
+    let [build, build_step] = [half, ROLL_SECS].map(|secs| built_share(vehicle.relaxation_m, v, secs));
+    let (cf, cr) = (front.secant_n(state.slip_front, saturation), rear.secant_n(state.slip_rear, saturation));
     let (sin, cos) = steer.sin_cos();
     // F = c (slip (1 - build) + build (slip in steady state)); steady slip is linear in (vy, yaw rate) at the midpoint
     let f0 = cf * (state.slip_front * (1.0 - build) + build * steer);
     let r0 = cr * state.slip_rear * (1.0 - build);
     let (fk, rk) = (cf * build / v, cr * build / v);
     let (m, i) = (vehicle.mass_kg, vehicle.yaw_inertia_kg_m2);
-    let across = -GRAVITY * plant.road.bank_rad.sin() + side_wind / m;
+    let across = side_wind / m - slope_mps2(plant.road.bank_rad);
     // vy' = (cos F_f + F_r) / m - v r + across ; r' = (a cos F_f - b F_r) / I
     let a11 = 1.0 + half * (cos * fk + rk) / m;
     let a12 = half * ((cos * fk * a - rk * b) / m + state.vx);
@@ -278,10 +215,9 @@ fn advance(
     let (steady_front, steady_rear) = (steer - (vy + a * r) / v, -(vy - b * r) / v);
     let force_front = f0 - cf * build * (steer - steady_front);
     let force_rear = r0 + cr * build * steady_rear;
-    let rolling = if state.vx > 0.05 { vehicle.rolling_mps2 * m } else { 0.0 };
-    let ax = (traction - sin * force_front - drag - rolling) / m;
+    let ax = (traction - sin * force_front - drag - rolling_mps2(vehicle, state.vx) * m) / m;
     let ay = (cos * force_front + force_rear + side_wind) / m;
-    let vx = state.vx + ROLL_SECS * (ax + vy * r - GRAVITY * plant.road.grade_rad.sin());
+    let vx = state.vx + ROLL_SECS * (ax + vy * r - slope_mps2(plant.road.grade_rad));
     let next = State {
         vx: vx.max(0.0),
         vy: 2.0 * vy - state.vy,
@@ -290,15 +226,4 @@ fn advance(
         slip_rear: state.slip_rear + build_step * (steady_rear - state.slip_rear),
     };
     (next, ax, ay)
-}
-
-/// Returns drag against the direction of travel and side force, N, at a heading given as sine and cosine.
-fn wind(speed: f64, (sin, cos): (f64, f64), vehicle: &Vehicle, road: &Road) -> (f64, f64) {
-    if road.wind_x_mps == 0.0 && road.wind_y_mps == 0.0 {
-        return (vehicle.drag_n_s2_m2 * speed * speed, 0.0);
-    }
-    let along = speed - (cos * road.wind_x_mps + sin * road.wind_y_mps);
-    let across = -sin * road.wind_x_mps + cos * road.wind_y_mps;
-    let air = (along * along + across * across).sqrt();
-    (vehicle.drag_n_s2_m2 * along * air, SIDE_WIND * vehicle.drag_n_s2_m2 * across * air)
 }

@@ -1,9 +1,10 @@
-//! The nominal simulator of following vehicles: the intelligent driver model behind its recorded leader.
+//! The nominal simulator of following vehicles: the intelligent driver model of `ds_vehicle` behind its recorded leader.
 //!
 //! A window starts from the smoothed measured speed and gap and lasts 5 s; the leader's recorded speed is given.
 //! Reaction time looks back into the measured history before the window. Residuals are averaged over 0.5 s.
 
 use ds_effect::plant::{Follower, Plant};
+use ds_vehicle::{Above, Exponent, Form, IdmParameters, Lead};
 
 use crate::drive::FollowerLog;
 use crate::smooth::{between, parabola};
@@ -22,6 +23,31 @@ const HISTORY: usize = 14;
 const SUB: usize = 2;
 /// Smallest gap the model is evaluated at, m.
 const CLOSEST_M: f64 = 0.5;
+/// Lowest desired speed, m/s.
+const SLOWEST_DESIRED_MPS: f64 = 0.5;
+
+/// A driver of a plant with the desired speed of its drive.
+pub(crate) struct Driver {
+    idm: IdmParameters,
+    form: Form,
+    desired_mps: f64,
+}
+
+impl Driver {
+    pub(crate) fn new(follower: &Follower, desired_mps: f64) -> Self {
+        let exponent = Exponent::Real(follower.exponent);
+        Self {
+            idm: IdmParameters::default().driven_by(follower),
+            form: Form { exponent, above: Above::Original, closest_m: CLOSEST_M },
+            desired_mps: (desired_mps * follower.desired_speed_factor).max(SLOWEST_DESIRED_MPS),
+        }
+    }
+
+    /// Returns the acceleration that the driver wishes for, m/s².
+    pub(crate) fn wish(&self, speed_mps: f64, lead: Lead) -> f64 {
+        self.idm.acceleration_by(&self.form, speed_mps, self.desired_mps, Some(lead))
+    }
+}
 
 /// One follower's log in one drive, smoothed once.
 pub struct FollowerRecord {
@@ -77,11 +103,15 @@ impl FollowerRecord {
         let mut gap: Vec<f64> = (0..=history).map(|j| past(&self.gap, j)).collect();
         let lead: Vec<f64> = (0..=total).map(|j| past(&self.lead, j)).collect();
         let back = (driver.delay_secs / step).clamp(0.0, (history - 1) as f64);
-        let mut accel = self.wish(driver, [&speed, &gap, &lead], history as f64 - back);
+        let driven = Driver::new(driver, self.desired_mps);
+        let wish = |[speed, gap, lead]: [&[f64]; 3], at: f64| {
+            driven.wish(between(speed, at), Lead { gap_m: between(gap, at), speed_mps: between(lead, at) })
+        };
+        let mut accel = wish([&speed, &gap, &lead], history as f64 - back);
         let decay = if driver.lag_secs > 1e-4 { (-step / driver.lag_secs).exp() } else { 0.0 };
         for j in history..total {
-            let wish = self.wish(driver, [&speed, &gap, &lead], j as f64 - back);
-            accel = wish + (accel - wish) * decay;
+            let wished = wish([&speed, &gap, &lead], j as f64 - back);
+            accel = wished + (accel - wished) * decay;
             let next = (speed[j] + step * accel).max(0.0);
             let closing = 0.5 * (lead[j] + lead[j + 1]) - 0.5 * (speed[j] + next);
             gap.push(gap[j] + step * closing);
@@ -95,14 +125,5 @@ impl FollowerRecord {
             }
         }
         out
-    }
-
-    fn wish(&self, driver: &Follower, [speed, gap, lead]: [&[f64]; 3], at: f64) -> f64 {
-        let (v, s, vl) = (between(speed, at), between(gap, at).max(CLOSEST_M), between(lead, at));
-        let root = 2.0 * (driver.max_accel_mps2 * driver.comfort_decel_mps2).sqrt();
-        let dynamic = v * driver.headway_secs + v * (v - vl) / root;
-        let wanted = driver.min_gap_m + dynamic.max(0.0);
-        let free = (v / (self.desired_mps * driver.desired_speed_factor).max(0.5)).powf(driver.exponent);
-        (driver.max_accel_mps2 * (1.0 - free - (wanted / s).powi(2))).max(-8.0)
     }
 }

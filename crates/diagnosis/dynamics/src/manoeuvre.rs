@@ -4,8 +4,9 @@
 //! difference of what the sensors would report, in floor units, times the effective-sample factor κ.
 
 use ds_effect::Plant;
+use ds_vehicle::Saturation;
 
-use crate::ego::{FINE_SECS, Inputs, Saturation, Start, actuate, rollout};
+use crate::ego::{FINE_SECS, Inputs, Start, actuate, rollout};
 use crate::floor::EGO_FLOOR;
 use crate::settings::KAPPA;
 use crate::windows::{EGO, sense};

@@ -8,8 +8,10 @@ use std::path::Path;
 
 use ds_effect::Plant;
 use ds_space::Draws;
+use ds_vehicle::{Lead, Saturation};
 
-use crate::ego::{FINE_SECS, Inputs, Saturation, Start, actuate, instant_at, rollout};
+use crate::ego::{FINE_SECS, Inputs, Start, actuate, instant_at, rollout};
+use crate::following::Driver;
 use crate::windows::sense;
 use ds_diagnosis::CaseError;
 use ds_diagnosis::meta::{DriveEntry, Idm, Nominal, SINGLE_TRACK, Split, VehicleMeta};
@@ -187,6 +189,7 @@ fn ego_log(drive: usize, plant: &Plant, noise: &Noise) -> (String, Vec<f64>) {
 fn agents_log(desired: f64, plant: &Plant, lead: &[f64], noise: &Noise) -> String {
     let mut text = String::from("t,id,x,y,yaw,v,gap,v_lead\n");
     let driver = &plant.follower;
+    let driven = Driver::new(driver, desired);
     let step = 0.05;
     let mut leader = lead.to_vec();
     for id in 1..=2 {
@@ -197,12 +200,8 @@ fn agents_log(desired: f64, plant: &Plant, lead: &[f64], noise: &Noise) -> Strin
         let decay = if driver.lag_secs > 0.0 { (-step / driver.lag_secs).exp() } else { 0.0 };
         for k in 0..leader.len() - 1 {
             let j = k.saturating_sub(back);
-            let root = 2.0 * (driver.max_accel_mps2 * driver.comfort_decel_mps2).sqrt();
-            let wanted =
-                driver.min_gap_m + (speed[j] * driver.headway_secs + speed[j] * (speed[j] - leader[j]) / root).max(0.0);
-            let free = (speed[j] / (desired * driver.desired_speed_factor)).powf(driver.exponent);
-            let wish = driver.max_accel_mps2 * (1.0 - free - (wanted / gap[j].max(0.5)).powi(2));
-            accel = wish.max(-8.0) + (accel - wish.max(-8.0)) * decay;
+            let wish = driven.wish(speed[j], Lead { gap_m: gap[j], speed_mps: leader[j] });
+            accel = wish + (accel - wish) * decay;
             let next = (speed[k] + step * (accel + noise.normal(0.06))).max(0.0);
             gap.push(gap[k] + step * (0.5 * (leader[k] + leader[k + 1]) - 0.5 * (speed[k] + next)));
             speed.push(next);

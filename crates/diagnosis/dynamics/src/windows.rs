@@ -4,9 +4,10 @@
 //! (measured minus simulated) are averaged over 0.25 s. Displacements are in the heading frame of the anchor.
 
 use ds_effect::{Channel, Plant};
+use ds_vehicle::Saturation;
 
 use crate::drive::Drive;
-use crate::ego::{Actuated, FINE_SECS, Inputs, Instant, Saturation, Start, actuate, instant_at, rollout};
+use crate::ego::{Actuated, FINE_SECS, Inputs, Instant, Start, actuate, instant_at, rollout};
 use crate::smooth::{between, parabola};
 use ds_diagnosis::table::STEP_SECS;
 

@@ -48,13 +48,7 @@ impl Manner {
     pub fn of(plant: &Plant, idm: IdmParameters) -> Self {
         let driver = &plant.follower;
         Self {
-            idm: IdmParameters {
-                headway_secs: driver.headway_secs,
-                minimum_gap_m: driver.min_gap_m.max(0.0),
-                acceleration_mps2: driver.max_accel_mps2,
-                deceleration_mps2: driver.comfort_decel_mps2,
-                ..idm
-            },
+            idm: IdmParameters { minimum_gap_m: driver.min_gap_m.max(0.0), ..idm.driven_by(driver) },
             desired_factor: driver.desired_speed_factor,
             delay_secs: driver.delay_secs.clamp(0.0, BEFORE_SECS + 0.5),
             lag_secs: driver.lag_secs.max(0.0),

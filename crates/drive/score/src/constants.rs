@@ -40,26 +40,14 @@ pub mod navsim_car {
     pub const WHEEL_BASE_M: f64 = 3.089;
 }
 
-/// The LQR tracker (PDM `simulation/batch_lqr.py:60-73`, `batch_lqr_utils.py:73-240`).
-pub mod tracker {
+/// The profiles that the LQR tracker follows (PDM `batch_lqr_utils.py:73-240`); the rest of it is `ds_vehicle::lqr`.
+pub mod profile {
     /// Penalty on accelerations; documented as one on jerk, see `scoring.md` §2.
     pub const ACCELERATION_PENALTY: f64 = 1e-4;
     /// Penalty on the first curvature (`batch_lqr_utils.py:13`).
     pub const FIRST_CURVATURE_PENALTY: f64 = 1e-10;
     /// Penalty on curvature rates.
     pub const CURVATURE_RATE_PENALTY: f64 = 1e-2;
-    /// Steps of preview, and of the lateral horizon.
-    pub const PREVIEW: usize = 10;
-    /// Below this speed, in metres per second, of ego and reference a proportional controller stops.
-    pub const STOPPING_MPS: f64 = 0.2;
-    /// Gain of the stopping controller, per second.
-    pub const STOPPING_GAIN: f64 = 0.5;
-    /// Longitudinal weight q with r = 1 over one step of 1 s.
-    pub const SPEED_WEIGHT: f64 = 10.0;
-    /// Lateral weights of offset, heading and steering angle; the steering rate has weight 1.
-    pub const OFFSET_WEIGHT: f64 = 1.0;
-    /// See [`OFFSET_WEIGHT`].
-    pub const HEADING_WEIGHT: f64 = 10.0;
 }
 
 /// The kinematic bicycle (PDM `simulation/batch_kinematic_bicycle.py:33-51`).

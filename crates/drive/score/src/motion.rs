@@ -1,7 +1,8 @@
 //! How a plan is executed: plan → 41 reference poses → LQR tracker + kinematic bicycle → 41 states (`scoring.md` §2).
 //!
-//! Every plan that is scored runs through here, the reference and the human plan too. World frame, SI units. The
-//! simulator's own tracker is another one on purpose: this one reproduces the reference implementation of the score.
+//! Every plan that is scored runs through here, the reference and the human plan too. World frame, SI units. The control law
+//! is that of `ds_vehicle`, which the simulator's tracker shares; the car is the reference implementation's kinematic
+//! bicycle, and the profiles are solved for its fixed 40 steps.
 
 mod bicycle;
 mod lqr;

@@ -1,23 +1,24 @@
 //! The ego's motion: actuator lags and a dynamic single-track car, kinematic at low speed, in sub-steps.
 //!
-//! Tyre force = clamp(C·slip angle, ±μ·load) per axle, no combined slip; C is proportional to the static load (14 per
-//! radian in front, 20 behind: mild understeer), μ = 1, centre of gravity midway between the axles, yaw inertia of a
-//! uniform box. Lateral speed and yaw rate are stepped with a linearly implicit Euler rule, stable at all speeds.
-//! Lags: 0.2 s for acceleration, 0.05 s for the steering rate. Rig frame; lateral speed is that of the rear axle.
-//! Effects change the car's [`Plant`]; without any, the plant is the car above.
+//! Forces are those of `ds_vehicle`. The nominal tyre force is clamp(C·slip angle, ±μ·load) per axle, no combined slip; C is
+//! proportional to the static load (14 per radian in front, 20 behind: mild understeer), μ = 1, centre of gravity midway
+//! between the axles, yaw inertia of a uniform box. Lateral speed and yaw rate are stepped with a linearly implicit Euler
+//! rule, stable at all speeds. Lags: 0.2 s for acceleration, 0.05 s for the steering rate. Rig frame; lateral speed is that
+//! of the rear axle. Effects change the car's [`Plant`]; without any, the plant is the car above.
 
 use std::sync::Arc;
 
 use ds_effect::plant::Plant;
 use ds_space::angle::wrap;
 use ds_space::{DVec2, PoseSe2};
+use ds_vehicle::{
+    Command, GRAVITY_MPS2, STANDING_MPS, Tyre, UNDERSTEER_S2_PER_M, air_n, axles, built_share, held, rolling_mps2,
+    slip_rad, slope_mps2,
+};
 use ds_world::{EgoState, VehicleParameters};
 
 use crate::actuation::{Moment, Past, Sent};
-use crate::plant::{FRONT_STIFFNESS_PER_RAD, GRAVITY_MPS2, REAR_STIFFNESS_PER_RAD};
 use crate::settings::DynamicsKind;
-use crate::tracker::Command;
-use crate::tyre::{Forces, Tyres};
 
 /// Kinematic up to the first speed, dynamic from the second.
 const BLEND_MPS: [f64; 2] = [2.0, 4.0];
@@ -26,10 +27,6 @@ pub(crate) const MAX_SPEED_MPS: f64 = 70.0;
 pub(crate) const MAX_REVERSE_MPS: f64 = 5.0;
 /// Yaw rate that stability control does not let through.
 const MAX_YAW_RATE_RADPS: f64 = 3.0;
-/// Below this speed nothing rolls.
-const STANDING_MPS: f64 = 0.05;
-/// Side force of wind over its drag; a passenger car's is about two and a half times.
-const SIDE_WIND: f64 = 2.5;
 
 /// The ego's body and what its actuators do.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -82,7 +79,7 @@ impl Chassis {
         plant: Arc<Plant>,
         remembers: bool,
     ) -> Self {
-        let nominal = crate::plant::nominal(&vehicle, &crate::idm::IdmParameters::default());
+        let nominal = ds_vehicle::nominal(&vehicle, &ds_vehicle::IdmParameters::default());
         let same_lags = (plant.steering.lag_secs, plant.traction.lag_secs)
             == (nominal.steering.lag_secs, nominal.traction.lag_secs);
         let chained = !(same_lags && plant.steering.operators.is_empty() && plant.traction.operators.is_empty());
@@ -140,8 +137,7 @@ impl Chassis {
     /// Returns the wheel base of the kinematic car that turns as much at this speed: L + K·v² with the understeer
     /// gradient K. Trackers steer by it; they know the nominal car.
     pub(crate) fn wheel_base_m(&self, speed_mps: f64) -> f64 {
-        let gradient = (1.0 / FRONT_STIFFNESS_PER_RAD - 1.0 / REAR_STIFFNESS_PER_RAD) / GRAVITY_MPS2;
-        self.vehicle.wheel_base_m + self.dynamic_share(speed_mps) * gradient * speed_mps * speed_mps
+        self.vehicle.wheel_base_m + self.dynamic_share(speed_mps) * UNDERSTEER_S2_PER_M * speed_mps * speed_mps
     }
 
     fn dynamic_share(&self, speed_mps: f64) -> f64 {
@@ -285,19 +281,14 @@ impl Chassis {
     /// Returns what drives the car along and what holds it back, both over its mass, and the push of the wind aside.
     fn push(&self, forward_mps: f64, body: &Body) -> Push {
         let (car, road) = (&self.plant.vehicle, &self.plant.road);
-        let held = car.friction * GRAVITY_MPS2;
-        let drive_mps2 = (body.drive_mps2 * (car.nominal_mass_kg / car.mass_kg)).clamp(-held, held);
-        let rolling = if forward_mps.abs() > STANDING_MPS { car.rolling_mps2.copysign(forward_mps) } else { 0.0 };
-        let (forward, left) = (body.ego.pose.forward(), body.ego.pose.left());
-        let wind = DVec2::new(road.wind_x_mps, road.wind_y_mps);
-        let air = DVec2::new(forward_mps - forward.dot(wind), left.dot(wind));
-        let drag_mps2 = car.drag_n_s2_m2 / car.mass_kg * air.length();
-        let slope_mps2 = GRAVITY_MPS2 * road.grade_rad.sin();
+        let drive_mps2 = held(body.drive_mps2 * (car.nominal_mass_kg / car.mass_kg), car.friction, GRAVITY_MPS2);
+        let [drag_n, side_n] = air_n(car, road, forward_mps, body.ego.pose.heading_rad.sin_cos());
+        let slope_mps2 = slope_mps2(road.grade_rad);
         let standing = forward_mps.abs() <= STANDING_MPS && drive_mps2.abs() <= slope_mps2.abs();
         Push {
-            felt_mps2: drive_mps2 - rolling - drag_mps2 * air.x,
+            felt_mps2: drive_mps2 - rolling_mps2(car, forward_mps) - drag_n / car.mass_kg,
             slope_mps2: if standing { 0.0 } else { slope_mps2 },
-            side_mps2: SIDE_WIND * drag_mps2 * air.y,
+            side_mps2: side_n / car.mass_kg,
         }
     }
 
@@ -319,15 +310,14 @@ impl Chassis {
         let (sin, cos) = steering_rad.sin_cos();
         let push = self.push(vx, body);
         let slip_rad =
-            [steering_rad - (centre_mps + front_arm * yaw).atan2(vx), -(centre_mps - rear_arm * yaw).atan2(vx)];
-        let tyres = Tyres::under(car, body.drive_mps2);
-        let Forces { front, rear } = tyres.forces(slip_rad, (vx * h, &mut body.slip_rad));
+            [slip_rad(steering_rad, centre_mps + front_arm * yaw, vx), slip_rad(0.0, centre_mps - rear_arm * yaw, vx)];
+        let [front, rear] = self.side_forces(vx, slip_rad, body);
 
-        let across = push.side_mps2 - GRAVITY_MPS2 * self.plant.road.bank_rad.sin();
+        let across = push.side_mps2 - slope_mps2(self.plant.road.bank_rad);
         let sideways = (front.force_n * cos + rear.force_n) / mass - vx * yaw + across;
         let spin = (front_arm * front.force_n * cos - rear_arm * rear.force_n) / inertia;
         // Jacobian of (sideways, spin) by (centre_mps, yaw), for the linearly implicit step.
-        let (a, b) = (front.stiffness_n * cos / vx, rear.stiffness_n / vx);
+        let (a, b) = (front.tangent_n * cos / vx, rear.tangent_n / vx);
         let sideways_by_centre = -(a + b) / mass;
         let sideways_by_yaw = -(front_arm * a - rear_arm * b) / mass - vx;
         let spin_by_centre = -(front_arm * a - rear_arm * b) / inertia;
@@ -349,6 +339,20 @@ impl Chassis {
             yaw_radps,
             force_mps2: DVec2::new(felt_mps2, felt_across),
         }
+    }
+
+    /// Returns the side forces, front and rear, at slip angles that build up in the body.
+    fn side_forces(&self, forward_mps: f64, slip_rad: [f64; 2], body: &mut Body) -> [Tyre; 2] {
+        let car = &self.plant.vehicle;
+        let share = built_share(car.relaxation_m, forward_mps, self.step_secs);
+        for (built, slip) in body.slip_rad.iter_mut().zip(slip_rad) {
+            *built = if share < 1.0 { *built + share * (slip - *built) } else { slip };
+        }
+        let axles = axles(car, body.drive_mps2);
+        [0, 1].map(|k| {
+            let tyre = axles[k].tyre(body.slip_rad[k], car.tyre_knee);
+            Tyre { tangent_n: share * tyre.tangent_n, ..tyre }
+        })
     }
 }
 

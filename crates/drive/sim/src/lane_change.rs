@@ -5,10 +5,10 @@
 //! right (−1), and so on, each at the distance of its centre line from the path. Metres, left positive.
 
 use ds_space::DVec2;
+use ds_vehicle::{IdmParameters, Lead};
 use ds_world::{LaneId, LaneKind, Map};
 
 use crate::agent_path::{AgentPath, KNOT_M};
-use crate::idm::{IdmParameters, Lead};
 use crate::lane_index::LaneIndex;
 
 /// Slots to either side.

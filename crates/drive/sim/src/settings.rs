@@ -2,10 +2,10 @@
 
 use ds_effect::{Plant, Setting};
 use ds_space::{Digest, DigestWriter};
+use ds_vehicle::IdmParameters;
 use ds_world::{AgentMode, TrackerKind, VehicleParameters};
 
 use crate::error::SimError;
-use crate::idm::IdmParameters;
 
 /// Which agents react.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

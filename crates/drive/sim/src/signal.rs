@@ -3,10 +3,10 @@
 //! A light without a stop line stops traffic where its lanes begin (connectors) or end (roads).
 
 use ds_space::{DVec2, Tick};
+use ds_vehicle::IdmParameters;
 use ds_world::{LaneKind, LightState, Map, StopLine, TrafficLight};
 
 use crate::agent_path::{AgentPath, KNOT_M};
-use crate::idm::IdmParameters;
 use crate::lane_index::LaneIndex;
 
 /// A place on a path at which a light is obeyed.

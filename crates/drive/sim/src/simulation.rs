@@ -5,16 +5,15 @@ use std::sync::Arc;
 use ds_effect::plant::{Clock, Plant, Sensors};
 use ds_space::plane::Polyline;
 use ds_space::{DVec2, Digest, SimTime, Tick};
+use ds_vehicle::{Tracker, nominal};
 use ds_world::{EgoState, Reading, RouteCommand, Scene, Trajectory, WorldState};
 
 use crate::dynamics::{Body, Chassis};
 use crate::error::{SimError, SnapshotError};
 use crate::participant::Obstructing;
-use crate::plant::nominal;
 use crate::readings::Sensing;
 use crate::settings::{SimConfig, check_vehicle};
 use crate::snapshot::{self, Content};
-use crate::tracker::Tracker;
 use crate::traffic::Traffic;
 use crate::{contact, route, signal};
 
@@ -239,7 +238,10 @@ impl Simulation {
         let content = Content {
             tick: self.state.tick,
             body: self.body.clone(),
-            plan: self.tracker.as_ref().map(|tracker| (tracker.plan.clone(), tracker.plan_tick, tracker.anchor)),
+            plan: self.tracker.as_ref().map(|tracker| {
+                let (plan, tick, anchor) = tracker.origin();
+                (plan.clone(), tick, anchor)
+            }),
             motions: self.traffic.motions().to_vec(),
             wishes: self.traffic.wishes().to_vec(),
             weaves: self.traffic.weaves(),

@@ -9,11 +9,11 @@ use std::sync::Arc;
 
 use ds_effect::plant::{Chart, Follower, Plant};
 use ds_space::{AgentId, DVec2, PoseSe2, Tick};
+use ds_vehicle::{IdmParameters, Lead};
 use ds_world::{AgentClass, AgentState, Scene, TrackPoint, WorldState};
 
 use crate::agent_path::AgentPath;
 use crate::habits::Habits;
-use crate::idm::{IdmParameters, Lead};
 use crate::lane_change::{Changer, Neighbour};
 use crate::participant::{Motion, Obstructing};
 use crate::settings::{IdmScope, SimConfig};
@@ -75,13 +75,7 @@ impl Traffic {
         let habits = Habits::new(scene, Arc::clone(&ways), plant);
         Self {
             reacting: config.agents,
-            idm: IdmParameters {
-                headway_secs: driver.headway_secs,
-                minimum_gap_m: driver.min_gap_m,
-                acceleration_mps2: driver.max_accel_mps2,
-                deceleration_mps2: driver.comfort_decel_mps2,
-                ..config.idm
-            },
+            idm: config.idm.driven_by(&driver),
             ways,
             motions: vec![Motion::Replay; tracks],
             wishes: vec![Vec::new(); tracks],

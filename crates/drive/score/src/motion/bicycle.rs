@@ -1,9 +1,9 @@
 //! One explicit Euler step of the kinematic bicycle with lagged commands (PDM `batch_kinematic_bicycle.py:33-51,75-184`).
 
 use ds_space::angle::wrap;
+use ds_vehicle::Command;
 
 use super::VehicleState;
-use super::lqr::Command;
 use crate::constants::bicycle::{ACCELERATION_LAG_S, MAX_STEERING_RAD, STEERING_LAG_S};
 use crate::constants::horizon::DT_S;
 

@@ -9,7 +9,7 @@ use ds_space::angle::wrap;
 use ds_space::{DVec2, PoseSe2};
 
 use crate::constants::horizon::{DT_S, STATES, STEPS};
-use crate::constants::tracker::{ACCELERATION_PENALTY, CURVATURE_RATE_PENALTY, FIRST_CURVATURE_PENALTY};
+use crate::constants::profile::{ACCELERATION_PENALTY, CURVATURE_RATE_PENALTY, FIRST_CURVATURE_PENALTY};
 
 /// Returns the unit vector along each pose.
 pub(crate) fn directions(poses: &[PoseSe2; STATES]) -> [DVec2; STATES] {

@@ -8,7 +8,7 @@ fn body(speed_mps: f64, steering_rad: f64) -> Body {
 }
 
 fn chassis(kind: DynamicsKind, substeps: u32) -> Chassis {
-    let plant = crate::plant::nominal(&VehicleParameters::ZOE, &crate::IdmParameters::default());
+    let plant = crate::nominal(&VehicleParameters::ZOE, &crate::IdmParameters::default());
     Chassis::new(VehicleParameters::ZOE, kind, (substeps, 0.1), Arc::new(plant), false)
 }
 
@@ -25,10 +25,9 @@ fn steady_yaw_rate(kind: DynamicsKind, speed_mps: f64, steering_rad: f64) -> (f6
 #[test]
 fn steady_circles_have_the_analytic_understeer() {
     let wheel_base_m = VehicleParameters::ZOE.wheel_base_m;
-    let gradient = (1.0 / FRONT_STIFFNESS_PER_RAD - 1.0 / REAR_STIFFNESS_PER_RAD) / GRAVITY_MPS2;
     for (speed_mps, steering_rad) in [(5.0, 0.05), (10.0, 0.03), (15.0, -0.02), (25.0, 0.01)] {
         let (yaw_rate, v) = steady_yaw_rate(DynamicsKind::SingleTrack, speed_mps, steering_rad);
-        let expected = v * steering_rad / (wheel_base_m + gradient * v * v);
+        let expected = v * steering_rad / (wheel_base_m + UNDERSTEER_S2_PER_M * v * v);
         assert!((yaw_rate / expected - 1.0).abs() < 0.02, "{speed_mps} m/s: {yaw_rate}, expected {expected}");
         let (yaw_rate, v) = steady_yaw_rate(DynamicsKind::Kinematic, speed_mps, steering_rad);
         assert!((yaw_rate - v * steering_rad.tan() / wheel_base_m).abs() < 1e-9);

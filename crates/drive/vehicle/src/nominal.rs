@@ -1,17 +1,20 @@
-//! The ego as plain values that effects may change: the car of `dynamics` and the drivers of `idm`.
+//! The nominal car and driver as plain values that effects may change.
 
 use ds_effect::plant::{Agents, Chart, Clock, Follower, Plant, Road, Sensors, Steering, Traction, Vehicle};
 use ds_world::VehicleParameters;
 
+use crate::force::GRAVITY_MPS2;
 use crate::idm::{EXPONENT, IdmParameters};
 
-pub(crate) const GRAVITY_MPS2: f64 = 9.81;
 /// Cornering stiffness over static axle load, per radian.
-pub(crate) const FRONT_STIFFNESS_PER_RAD: f64 = 14.0;
-pub(crate) const REAR_STIFFNESS_PER_RAD: f64 = 20.0;
+const FRONT_STIFFNESS_PER_RAD: f64 = 14.0;
+const REAR_STIFFNESS_PER_RAD: f64 = 20.0;
 const FRICTION: f64 = 1.0;
 const ACCELERATION_LAG_SECS: f64 = 0.2;
 const STEERING_LAG_SECS: f64 = 0.05;
+
+/// Understeer gradient K of the nominal car: in steady motion it turns like a kinematic one of wheel base L + K·v².
+pub const UNDERSTEER_S2_PER_M: f64 = (1.0 / FRONT_STIFFNESS_PER_RAD - 1.0 / REAR_STIFFNESS_PER_RAD) / GRAVITY_MPS2;
 
 /// Returns the nominal car and the nominal follower, every effect absent.
 #[must_use]
@@ -46,7 +49,7 @@ pub fn nominal(vehicle: &VehicleParameters, idm: &IdmParameters) -> Plant {
             min_gap_m: idm.minimum_gap_m,
             max_accel_mps2: idm.acceleration_mps2,
             comfort_decel_mps2: idm.deceleration_mps2,
-            exponent: EXPONENT,
+            exponent: f64::from(EXPONENT),
             desired_speed_factor: 1.0,
             delay_secs: 0.0,
             lag_secs: 0.0,

@@ -6,8 +6,8 @@
 
 use ds_space::angle::turn;
 
-use crate::banded::Banded;
-use crate::reference::Reference;
+use super::banded::Banded;
+use super::reference::Reference;
 
 const ACCELERATION_PENALTY: f64 = 1e-4;
 const CURVATURE_PENALTY: f64 = 1e-10;
@@ -15,13 +15,17 @@ const CURVATURE_RATE_PENALTY: f64 = 1e-2;
 
 /// Speed and curvature of each displacement of a reference.
 #[derive(Debug, Clone)]
-pub(crate) struct Profile {
-    pub(crate) speed_mps: Vec<f64>,
-    pub(crate) curvature_per_m: Vec<f64>,
+pub struct Profile {
+    /// In metres per second.
+    pub speed_mps: Vec<f64>,
+    /// Per metre, left positive.
+    pub curvature_per_m: Vec<f64>,
 }
 
 impl Profile {
-    pub(crate) fn of(reference: &Reference) -> Self {
+    /// Fits the profile of a reference.
+    #[must_use]
+    pub fn of(reference: &Reference) -> Self {
         let speed_mps = fit_speed(reference);
         let curvature_per_m = fit_curvature(reference, &speed_mps);
         Self { speed_mps, curvature_per_m }

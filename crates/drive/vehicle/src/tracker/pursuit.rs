@@ -4,39 +4,26 @@
 //! speed (half a second ahead) and of position along the plan.
 
 use ds_space::DVec2;
-use ds_world::EgoState;
 
-use crate::profile::Profile;
-use crate::reference::Reference;
-use crate::tracker::{Command, STOPPING_MPS, stopping};
+use super::{Command, Moment, Reference, STOPPING_MPS};
 
+/// Ticks by which the plan's speed is looked ahead.
+pub(super) const SPEED_PREVIEW: usize = 5;
 const LOOK_AHEAD_SECS: f64 = 0.8;
 const LOOK_AHEAD_M: std::ops::RangeInclusive<f64> = 4.0..=25.0;
-const SPEED_PREVIEW: usize = 5;
 const SPEED_GAIN_PER_SEC: f64 = 2.0;
 const POSITION_GAIN_PER_SEC: f64 = 0.33;
 /// Time in which the steering should reach its target.
 const STEERING_SECS: f64 = 0.1;
 
-/// Returns the command at `step` ticks after the plan.
-pub(crate) fn command(
-    reference: &Reference,
-    profile: &Profile,
-    step: usize,
-    ego: &EgoState,
-    wheel_base_m: f64,
-) -> Command {
+pub(super) fn command(now: &Moment<'_>, reference_mps: f64) -> Command {
+    let (ego, reference) = (now.ego, now.reference);
     let speed_mps = ego.speed_mps();
-    let last = reference.steps() - 1;
-    let reference_mps = if step > last { 0.0 } else { profile.speed_mps[(step + SPEED_PREVIEW).min(last)] };
-    if let Some(command) = stopping(speed_mps, reference_mps) {
-        return command;
-    }
     let look_ahead_m = (LOOK_AHEAD_SECS * speed_mps.abs()).clamp(*LOOK_AHEAD_M.start(), *LOOK_AHEAD_M.end());
-    let target = ego.pose.to_local(target(reference, step, ego.pose.position, look_ahead_m));
+    let target = ego.pose.to_local(target(reference, now.step, ego.pose.position, look_ahead_m));
     let squared = target.length_squared().max(1.0);
-    let steering_rad = if target.x > 0.0 { (2.0 * wheel_base_m * target.y / squared).atan() } else { 0.0 };
-    let behind_m = ego.pose.to_local(reference.pose(step).position).x;
+    let steering_rad = if target.x > 0.0 { (2.0 * now.wheel_base_m * target.y / squared).atan() } else { 0.0 };
+    let behind_m = ego.pose.to_local(reference.pose(now.step).position).x;
     let mut wanted_mps = reference_mps + POSITION_GAIN_PER_SEC * behind_m.clamp(-5.0, 5.0);
     if reference_mps > -STOPPING_MPS {
         // A plan ahead is waited for, never reversed to.

@@ -2,9 +2,10 @@
 
 use ds_space::angle::wrap;
 use ds_space::{DVec2, PoseSe2, SimTime};
-use ds_world::{Trajectory, TrajectoryPoint};
+use ds_world::{EgoState, TrackerKind, Trajectory, TrajectoryPoint};
 
 use super::*;
+use crate::{Profile, Reference};
 
 const WHEEL_BASE_M: f64 = 3.089;
 const DT_SECS: f64 = 0.1;
@@ -36,7 +37,8 @@ fn check(start: (PoseSe2, f64), poses: [[f64; 3]; 8], expected: [[f64; 5]; 2]) {
     let mut ego = EgoState { pose: start.0, velocity_mps: DVec2::new(start.1, 0.0), ..EgoState::default() };
     let mut acceleration_mps2 = 0.0;
     for step in 0..40 {
-        let asked = command(&reference, &profile, step, &ego, WHEEL_BASE_M);
+        let now = Moment { reference: &reference, profile: &profile, step, ego: &ego, wheel_base_m: WHEEL_BASE_M };
+        let asked = now.command(TrackerKind::Lqr);
         acceleration_mps2 = euler(&mut ego, acceleration_mps2, asked);
         if step % 20 == 19 {
             let position = ego.pose.position;

@@ -2,7 +2,7 @@
 
 /// The lower bands of a symmetric matrix: `rows[i]` holds entries (i, i), (i, i−1), (i, i−2).
 #[derive(Debug, Clone)]
-pub(crate) struct Banded {
+pub(super) struct Banded {
     rows: Vec<[f64; 3]>,
 }
 
@@ -11,12 +11,12 @@ const SMALLEST_PIVOT: f64 = 1e-14;
 
 impl Banded {
     /// Makes a zero matrix.
-    pub(crate) fn zeros(size: usize) -> Self {
+    pub(super) fn zeros(size: usize) -> Self {
         Self { rows: vec![[0.0; 3]; size] }
     }
 
     /// Adds `weight · g·gᵀ` where `g` has the given entries from index `first` on (at most three).
-    pub(crate) fn add_square(&mut self, first: usize, entries: &[f64], weight: f64) {
+    pub(super) fn add_square(&mut self, first: usize, entries: &[f64], weight: f64) {
         for (i, a) in entries.iter().enumerate() {
             for (j, b) in entries[..=i].iter().enumerate() {
                 self.rows[first + i][i - j] += weight * a * b;
@@ -25,7 +25,7 @@ impl Banded {
     }
 
     /// Returns the solution for a right-hand side of the same size.
-    pub(crate) fn solve(mut self, mut right: Vec<f64>) -> Vec<f64> {
+    pub(super) fn solve(mut self, mut right: Vec<f64>) -> Vec<f64> {
         let size = self.rows.len();
         // rows[i] becomes [d_i, l_(i,i-1), l_(i,i-2)].
         for i in 0..size {

@@ -5,14 +5,15 @@ use ds_world::Trajectory;
 
 /// The planned poses p_0 (where the ego was) to p_n, one tick apart, world frame.
 #[derive(Debug, Clone)]
-pub(crate) struct Reference {
-    pub(crate) poses: Vec<PoseSe2>,
-    pub(crate) dt_secs: f64,
+pub struct Reference {
+    pub(super) poses: Vec<PoseSe2>,
+    pub(super) dt_secs: f64,
 }
 
 impl Reference {
     /// Samples a plan, anchored at the pose of the ego when it was made, at every tick of its horizon.
-    pub(crate) fn new(plan: &Trajectory, anchor: PoseSe2, dt: SimTime) -> Self {
+    #[must_use]
+    pub fn new(plan: &Trajectory, anchor: PoseSe2, dt: SimTime) -> Self {
         let steps = (plan.horizon().0 / dt.0).max(1);
         let poses = (0..=steps)
             .map(|step| if step == 0 { anchor } else { anchor.compose(&plan.at(SimTime(step * dt.0))) })
@@ -21,12 +22,12 @@ impl Reference {
     }
 
     /// Returns how many displacements there are.
-    pub(crate) fn steps(&self) -> usize {
+    pub(super) fn steps(&self) -> usize {
         self.poses.len() - 1
     }
 
     /// Returns the pose of a step, the last one held.
-    pub(crate) fn pose(&self, step: usize) -> &PoseSe2 {
+    pub(super) fn pose(&self, step: usize) -> &PoseSe2 {
         &self.poses[step.min(self.poses.len() - 1)]
     }
 }
