@@ -124,7 +124,6 @@ fn straight(speed_mps: f64) -> Plan {
     Plan { dt_s: 0.5, poses: (1..=8).map(|i| PoseSe2::new(0.5 * speed_mps * f64::from(i), 0.0, 0.0)).collect() }
 }
 
-/// Largest differences measured: 2e-15 m/s and 2e-12 per metre.
 #[test]
 fn the_simulators_profile_is_the_same_but_for_rounding() {
     let pose = |step: usize| {
