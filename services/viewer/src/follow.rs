@@ -48,7 +48,8 @@ pub async fn reach(url: &str) -> Result<()> {
     let address = address.split('/').next().unwrap_or_default().to_owned();
     let connected = tokio::time::timeout(WINDOW_WITHIN, tokio::net::TcpStream::connect(&address)).await;
     let missing = || format!("no rerun viewer listens at {url}: start `rerun --bind 127.0.0.1` first");
-    connected.map_err(anyhow::Error::new).and_then(|connected| Ok(drop(connected?))).with_context(missing)
+    connected.with_context(missing)?.with_context(missing)?;
+    Ok(())
 }
 
 /// Shows drives in the window at `url` until the watch is over; `ready` is called when nothing more is missed. A watch

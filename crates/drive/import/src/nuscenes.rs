@@ -253,7 +253,7 @@ impl Rig {
             }
         }
         // The front camera first, the others by name.
-        let mut order: Vec<(String, (CameraModel, Vec<(f64, PathBuf)>))> = cameras.into_iter().collect();
+        let mut order: Vec<_> = cameras.into_iter().collect();
         order.sort_by_key(|(channel, _)| (channel != "CAM_FRONT", channel.clone()));
         let (cameras, pictures) = order.into_iter().map(|(_, camera)| camera).unzip();
         Ok(Self { stands, cameras, pictures })

@@ -237,7 +237,7 @@ fn an_openscene_folder_becomes_scene_pictures_and_clips() {
     let log = root.join("navsim_logs/mini/2021.log.pkl");
     std::fs::create_dir_all(log.parent().expect("a folder")).expect("makes");
     std::fs::write(&log, text).expect("writes");
-    assert_eq!(openscene::logs(&root).expect("finds"), [log.clone()]);
+    assert_eq!(openscene::logs(&root).expect("finds"), std::slice::from_ref(&log));
     let recorded = openscene::read(&root, &log, None).expect("reads");
     assert!(recorded.warnings.iter().any(|warning| warning.message.contains("no road")), "{:?}", recorded.warnings);
     let scene = &recorded.scene;

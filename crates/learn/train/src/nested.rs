@@ -46,7 +46,7 @@ impl Sizes {
     /// Returns the lengths of what stands side by side in a dimension of `length`.
     fn parts(&self, name: &str, axis: usize, length: usize) -> Vec<usize> {
         let equal = |count: usize| vec![length / count.max(1); count.max(1)];
-        let grown = |width: usize| if width > 0 { equal(length / width) } else { vec![length] };
+        let grown = |width: usize| length.checked_div(width).map_or_else(|| vec![length], equal);
         match (name, axis) {
             ("time_projection.1.weight" | "time_projection.1.bias", 0) => equal(6),
             ("head.head.weight" | "head.head.bias", 0) | ("img_emb.proj.1.weight", 1) => equal(4),
@@ -112,7 +112,7 @@ mod tests {
     fn check(name: &str, large: &[usize], small: &[usize], sizes: [&[(&str, &[usize])]; 2], expected: &[f32]) {
         let network = |shape: &[usize], first: usize, sizes: &[(&str, &[usize])]| {
             let mut weights = Weights::default();
-            sizes.iter().for_each(|(name, shape)| weights.insert(*name, array(shape, 0)));
+            sizes.iter().for_each(|(name, shape)| weights.insert(name, array(shape, 0)));
             weights.insert(name, array(shape, first));
             weights
         };

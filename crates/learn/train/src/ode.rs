@@ -80,6 +80,7 @@ impl Source {
     }
 
     /// Computes the causal step of one drawn clip.
+    #[expect(clippy::too_many_arguments, reason = "the network, its draws and its seed")]
     pub(crate) fn step(
         &self,
         model: &ModelConfig,

@@ -15,6 +15,7 @@ use crate::error::VideoError;
 use crate::{prompt, sampler};
 
 /// The encoders of prompt and first frame.
+#[expect(clippy::large_enum_variant, reason = "one a model")]
 pub(crate) enum Conditions {
     /// Hashed words and the latent; where a shape asks for states of CLIP, drawn ones.
     Hashed,

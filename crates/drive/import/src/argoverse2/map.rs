@@ -85,7 +85,7 @@ fn convert(archive: &Archive, origin: DVec2, notes: &mut Vec<Warning>) -> Result
         ("drivable_areas", archive.drivable_areas.len()),
         ("pedestrian_crossings", archive.pedestrian_crossings.len()),
     ];
-    for (at, count) in counts.into_iter().filter(|(_, count)| *count > MOST_PARTS) {
+    if let Some((at, count)) = counts.into_iter().find(|(_, count)| *count > MOST_PARTS) {
         return Err(FieldFault {
             at: at.to_owned(),
             problem: format!("has {count} parts, over the limit of {MOST_PARTS}"),

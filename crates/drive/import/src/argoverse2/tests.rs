@@ -204,6 +204,7 @@ fn a_forecasting_scenario_becomes_a_scene() {
 }
 
 #[test]
+#[expect(clippy::too_many_lines, reason = "one row a damage")]
 fn spoiled_logs_are_refused_by_name() {
     let check = |kind: fn(&Path), spoil: &dyn Fn(&Path), expected: &[&str]| {
         let folder = tempfile::tempdir().expect("a folder");

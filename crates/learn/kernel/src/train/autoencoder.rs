@@ -242,7 +242,7 @@ impl<'a> Network<'a> {
         for block in blocks {
             let x = chain.last();
             let (mut inner, mut out) = (sized(x.size()), sized(x.size()));
-            let before = |frame: usize| if frame % per_clip == 0 { &nothing[..] } else { x.frame(frame - 1) };
+            let before = |frame: usize| if frame.is_multiple_of(per_clip) { &nothing[..] } else { x.frame(frame - 1) };
             let pair = |frame: usize| [x.frame(frame), before(frame)];
             block.first.forward(self.arch, pair, &mut inner, |_, _| Finish::Relu);
             let middle = &inner;
@@ -265,12 +265,13 @@ impl<'a> Network<'a> {
             let dy: &Image = dx;
             block.second.back(self.arch, 0, |frame| dy.frame(frame), &mut d_inner, false);
             where_positive(&mut d_inner, inner);
-            let before = |frame: usize| if frame % per_clip == 0 { &nothing[..] } else { x.frame(frame - 1) };
+            let before = |frame: usize| if frame.is_multiple_of(per_clip) { &nothing[..] } else { x.frame(frame - 1) };
             block.first.learn(self.arch, &d_inner, |frame| [x.frame(frame), before(frame)], gradient);
             let d_inner = &d_inner;
             block.first.back(self.arch, 0, |frame| d_inner.frame(frame), dx, true);
-            let later =
-                |frame: usize| if (frame + 1) % per_clip == 0 { &nothing[..] } else { d_inner.frame(frame + 1) };
+            let later = |frame: usize| {
+                if (frame + 1).is_multiple_of(per_clip) { &nothing[..] } else { d_inner.frame(frame + 1) }
+            };
             block.first.back(self.arch, 1, later, dx, true);
         }
     }

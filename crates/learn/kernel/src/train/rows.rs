@@ -181,7 +181,7 @@ vectorised! {
         for ((y, x), d) in y.iter_mut().zip(x).zip(d) {
             let share = 0.5 * (1.0 + erf(*x * std::f32::consts::FRAC_1_SQRT_2));
             // The density of the normal distribution, 2^(−x²·log2(e)/2) / √(2π).
-            let density = 0.398_942_28 * exp2(-0.5 * std::f32::consts::LOG2_E * *x * *x);
+            let density = 0.398_942_3 * exp2(-0.5 * std::f32::consts::LOG2_E * *x * *x);
             *y = *x * share;
             *d *= share + *x * density;
         }

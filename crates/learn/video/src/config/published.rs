@@ -138,7 +138,10 @@ impl ModelConfig {
             return refuse("text_encoder", format!("{:?}", self.text_encoder), rule);
         }
         let ImageEncoderConfig { image_px, patch_px, heads, ffn, layers } = self.image_encoder;
-        if !fit(&[image_px, patch_px, heads, ffn, layers]) || image_px % patch_px != 0 || m.clip_dim % heads != 0 {
+        if !fit(&[image_px, patch_px, heads, ffn, layers])
+            || !image_px.is_multiple_of(patch_px)
+            || m.clip_dim % heads != 0
+        {
             let rule = "sizes must be 1 to 16384 with patches that divide the image and heads that divide clip_dim";
             return refuse("image_encoder", format!("{:?}", self.image_encoder), rule);
         }

@@ -50,13 +50,13 @@ fn lines_are_read_in_both_byte_orders_and_with_further_dimensions() {
     let expected: Vec<DVec2> = (0..3).map(|i| DVec2::new(f64::from(i), f64::from(i) + 100.0)).collect();
     // ISO codes, and the bits of EWKB.
     for (code, dimensions) in [(2, 2), (1_002, 3), (2_002, 3), (3_002, 4), (0x8000_0002, 3), (0xC000_0002, 4)] {
-        assert_eq!(read(&line(code, dimensions)).expect("a line").lines, [expected.clone()], "{code:#x}");
+        assert_eq!(read(&line(code, dimensions)).expect("a line").lines, std::slice::from_ref(&expected), "{code:#x}");
     }
     for (flags, envelope) in [(0b0010, 4), (0b0100, 6), (0b0110, 6), (0b1000, 8)] {
         let mut writer = Writer::header(flags, envelope);
         writer.kind(false, 2);
         writer.points(2, 3);
-        assert_eq!(read(&writer.bytes).expect("a line").lines, [expected.clone()], "flags {flags:#b}");
+        assert_eq!(read(&writer.bytes).expect("a line").lines, std::slice::from_ref(&expected), "flags {flags:#b}");
     }
 }
 
