@@ -8,7 +8,7 @@ use ds_import::Format;
 use ds_process::onlooker::{ControlArgs, OnlookerArgs};
 use ds_world::{AgentMode, LayoutBackend, TrackerKind};
 
-use crate::shipped;
+use ds_process::shipped;
 
 mod data;
 mod fleet;

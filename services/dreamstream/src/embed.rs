@@ -18,7 +18,7 @@ use tokio::task::JoinSet;
 
 use crate::children::Meeting;
 use crate::fleet::FleetPlan;
-use crate::shipped;
+use ds_process::shipped;
 
 /// A started fleet.
 pub(crate) struct Fleet {

@@ -10,7 +10,6 @@ mod embed;
 mod fleet;
 mod pictures;
 mod plain;
-mod shipped;
 mod viewer;
 
 use std::process::ExitCode;

@@ -12,11 +12,13 @@ pub mod logging;
 pub mod maker;
 pub mod member;
 pub mod onlooker;
+pub mod run_folder;
 pub mod runs;
 pub mod section;
 pub mod security;
 pub mod service;
 pub mod settings;
+pub mod shipped;
 pub mod workbench;
 
 pub use member::{Member, MemberError};

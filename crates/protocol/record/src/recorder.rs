@@ -81,6 +81,21 @@ pub fn partial_path(path: &Path) -> PathBuf {
     PathBuf::from(name)
 }
 
+/// Returns what is wrong with the recording of a drive, finished or not; nothing where there is none, which was moved or
+/// stayed with its fleet.
+#[must_use]
+pub fn damage(path: &Path) -> Option<String> {
+    let unfinished = partial_path(path);
+    if path.exists() {
+        Recording::open(path).err().map(|error| error.to_string())
+    } else if unfinished.exists() {
+        let damage = Recording::open(&unfinished).err().map(|error| error.to_string());
+        Some(damage.unwrap_or_else(|| format!("{} bears the name of an unfinished one", unfinished.display())))
+    } else {
+        None
+    }
+}
+
 impl Recorder {
     /// Begins the recording `path` (`….mcap`) with its scene, which is synced to disk before this returns.
     /// A partial recording of the same name is replaced; see [`Recorder::resume`].

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueHint};
 
-use crate::shipped;
+use ds_process::shipped;
 
 const EXAMPLES: &str = "Examples:
   dreamstream data render --config configs/data/smoke.toml       seconds: see what comes out

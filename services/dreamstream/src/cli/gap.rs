@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand, ValueHint};
 
 use super::Observation;
-use crate::shipped;
 use ds_process::onlooker::OnlookerArgs;
+use ds_process::shipped;
 
 /// Commands of `gap`.
 #[derive(Debug, Subcommand)]

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
 
-use crate::shipped;
+use ds_process::shipped;
 
 const EXAMPLES: &str = "Examples:
   dreamstream measure --model configs/models/wan2.1-fun-1.3b-control.toml --backend cuda --peak-tflops 790

@@ -5,7 +5,7 @@ use std::path::Path;
 use ds_world::{AgentMode, LayoutBackend, TrackerKind};
 
 use super::{Align, Observation, RunPlan};
-use crate::shipped;
+use ds_process::shipped;
 
 impl Default for RunPlan {
     fn default() -> Self {

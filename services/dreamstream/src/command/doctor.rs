@@ -6,7 +6,7 @@ use std::process::Command;
 use anyhow::Result;
 use ds_layout::{LayoutBackend, Renderer};
 
-use crate::shipped;
+use ds_process::shipped;
 
 struct Finding {
     subject: &'static str,

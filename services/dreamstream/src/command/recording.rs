@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use ds_record::{RecordError, Recording, partial_path};
+use ds_record::{RecordError, Recording, damage};
 use ds_run_report::Results;
 use rayon::prelude::*;
 
@@ -41,17 +41,5 @@ pub(crate) fn inspect(results: &Results, folder: &Path, partial: bool) -> Result
             Err(anyhow::anyhow!("{} recordings are not whole, the first is {first}", lines.len())).context(REFUSED)
         }
         _ => Ok(lines),
-    }
-}
-
-fn damage(path: &Path) -> Option<String> {
-    let unfinished = partial_path(path);
-    if path.exists() {
-        Recording::open(path).err().map(|error| error.to_string())
-    } else if unfinished.exists() {
-        let damage = Recording::open(&unfinished).err().map(|error| error.to_string());
-        Some(damage.unwrap_or_else(|| format!("{} bears the name of an unfinished one", unfinished.display())))
-    } else {
-        None
     }
 }

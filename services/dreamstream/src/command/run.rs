@@ -1,6 +1,5 @@
 //! `run`: starts a fleet, submits the scenarios, watches the drives, writes results and pictures.
 
-pub(crate) mod folder;
 mod request;
 
 use std::path::{Path, PathBuf};
@@ -8,6 +7,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
 use ds_cases::{RunConfig, logs, seal};
+use ds_process::run_folder::{self, Earlier, Held};
 use ds_process::runs::{self, Ended};
 use ds_process::security::Dial;
 use ds_record::Recording;
@@ -23,7 +23,6 @@ use crate::embed::{self, Fleet};
 use crate::fleet::FleetPlan;
 use crate::viewer::{self, Onlooker};
 use crate::{children, pictures};
-use folder::Earlier;
 
 /// Runs the command; the exit code is 1 if any drive did not complete.
 ///
@@ -47,7 +46,7 @@ pub(crate) async fn drive_all(args: &RunPlan, log: &str) -> Result<Results> {
     let request = request::request((args, &world), given, &configuration, sources(&files, Source::Path)?)?;
     let began = Instant::now();
     args.live.as_deref().map(viewer::reach).transpose()?;
-    let _held = folder::take(&args.out, Earlier::of(args))?;
+    let _held = hold(args)?;
     let plan = FleetPlan::of(args)?;
     let apart = args.processes || !plan.stages.is_empty();
     let mut fleet =
@@ -138,12 +137,26 @@ pub(crate) async fn submit(args: &SubmitArgs) -> Result<()> {
     let world = world_of(run, &files)?;
     let configuration = request::configuration(run, &world, &given);
     let request = request::request((run, &world), given, &configuration, sources(&files, Source::Content)?)?;
-    let _held = folder::take(&run.out, Earlier::of(run))?;
+    let _held = hold(run)?;
     let ended = drive(request, &args.control.dial()?).await?;
     let results = results((run, &configuration), &files, "fleet", ended, began.elapsed().as_secs_f64())?;
     results.save(&run.out.join(RESULTS))?;
     report::write_for(&run.out, &results)?;
     conclude(&results, &run.out)
+}
+
+/// Takes hold of the folder of a run, with earlier results resumed, deleted or kept as the arguments ask.
+fn hold(args: &RunPlan) -> Result<Held> {
+    let earlier = match (args.resume, args.overwrite) {
+        (true, _) => Earlier::Resumed,
+        (_, true) => Earlier::Overwritten,
+        _ => Earlier::Kept,
+    };
+    let held = run_folder::take(&args.out, earlier)?;
+    if let Some(folder) = &held.set_aside {
+        answer(&format!("earlier results: {}", folder.display()));
+    }
+    Ok(held)
 }
 
 /// Prints the table; fails if any drive did not complete.

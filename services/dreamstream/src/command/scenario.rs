@@ -9,7 +9,7 @@ use indicatif::ProgressBar;
 
 use crate::cli::{ImportArgs, ScenarioCommand};
 use crate::command::{answer, complain};
-use crate::shipped;
+use ds_process::shipped;
 
 /// Runs a command of `scenario`.
 ///

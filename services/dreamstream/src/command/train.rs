@@ -12,8 +12,8 @@ use indicatif::ProgressBar;
 
 use crate::cli::TrainArgs;
 use crate::command::{answer, bar, stop_flag};
-use crate::shipped;
 use crate::viewer;
+use ds_process::shipped;
 
 const VIDEO_CONFIG: &str = "configs/train/cpu_train.toml";
 const POLICY_CONFIG: &str = "configs/train/policy.toml";

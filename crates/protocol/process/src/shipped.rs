@@ -6,17 +6,20 @@ use std::path::{Path, PathBuf};
 use clap::builder::{PathBufValueParser, TypedValueParser};
 
 /// Returns the parser of an argument that may name a file that comes with the program.
-pub(crate) fn parser() -> impl TypedValueParser<Value = PathBuf> {
+#[must_use]
+pub fn parser() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().map(|path| find(&path))
 }
 
 /// Returns where a file is; the path as it is if it is nowhere.
-pub(crate) fn find(path: &Path) -> PathBuf {
+#[must_use]
+pub fn find(path: &Path) -> PathBuf {
     find_in(path, share().as_deref())
 }
 
 /// Returns what an error says of a path that is nowhere: the path, and where else it was looked for.
-pub(crate) fn describe(path: &Path) -> String {
+#[must_use]
+pub fn describe(path: &Path) -> String {
     match share() {
         Some(share) if path.is_relative() => format!("{} (nor is it in {})", path.display(), share.display()),
         _ => path.display().to_string(),

@@ -2,11 +2,9 @@
 
 use std::fs::{File, TryLockError};
 use std::io::{Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-
-use crate::cli::RunPlan;
 
 /// The file whose lock says that a run holds the folder.
 const LOCK: &str = "run.lock";
@@ -31,7 +29,7 @@ const WRITTEN: [&str; 13] = [
 
 /// What becomes of an earlier run's results.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Earlier {
+pub enum Earlier {
     /// The run goes on from them.
     Resumed,
     /// They are deleted.
@@ -40,27 +38,19 @@ pub(crate) enum Earlier {
     Kept,
 }
 
-impl Earlier {
-    /// Returns what the arguments ask for.
-    pub(crate) fn of(args: &RunPlan) -> Self {
-        match (args.resume, args.overwrite) {
-            (true, _) => Self::Resumed,
-            (_, true) => Self::Overwritten,
-            _ => Self::Kept,
-        }
-    }
-}
-
 /// A folder that this process holds for as long as the value lives; the system gives it back when the process ends.
-pub(crate) struct Held {
+#[derive(Debug)]
+pub struct Held {
     _lock: File,
+    /// Where the results of an earlier run went, if there were any to keep.
+    pub set_aside: Option<PathBuf>,
 }
 
 /// Makes the folder if need be, takes hold of it and puts earlier results out of the way.
 ///
 /// # Errors
 /// If another run holds it, or the file system refuses.
-pub(crate) fn take(out: &Path, earlier: Earlier) -> Result<Held> {
+pub fn take(out: &Path, earlier: Earlier) -> Result<Held> {
     std::fs::create_dir_all(out).with_context(|| format!("create {}", out.display()))?;
     let path = out.join(LOCK);
     let failed = || format!("lock {}", path.display());
@@ -81,12 +71,12 @@ pub(crate) fn take(out: &Path, earlier: Earlier) -> Result<Held> {
     }
     lock.set_len(0).with_context(failed)?;
     writeln!(lock, "{}", std::process::id()).with_context(failed)?;
-    match earlier {
-        Earlier::Resumed => {}
-        Earlier::Overwritten => delete(out)?,
+    let set_aside = match earlier {
+        Earlier::Resumed => None,
+        Earlier::Overwritten => delete(out).map(|()| None)?,
         Earlier::Kept => set_aside(out)?,
-    }
-    Ok(Held { _lock: lock })
+    };
+    Ok(Held { _lock: lock, set_aside })
 }
 
 fn delete(out: &Path) -> Result<()> {
@@ -104,10 +94,10 @@ fn delete(out: &Path) -> Result<()> {
     Ok(())
 }
 
-fn set_aside(out: &Path) -> Result<()> {
+fn set_aside(out: &Path) -> Result<Option<PathBuf>> {
     let found: Vec<&str> = WRITTEN.into_iter().filter(|name| out.join(name).exists()).collect();
     if found.is_empty() {
-        return Ok(());
+        return Ok(None);
     }
     let all = out.join(EARLIER);
     let free = (1_u32..).map(|number| all.join(number.to_string())).find(|folder| !folder.exists());
@@ -117,8 +107,7 @@ fn set_aside(out: &Path) -> Result<()> {
         let (from, to) = (out.join(name), folder.join(name));
         std::fs::rename(&from, &to).with_context(|| format!("move {} to {}", from.display(), to.display()))?;
     }
-    super::answer(&format!("earlier results: {}", folder.display()));
-    Ok(())
+    Ok(Some(folder))
 }
 
 #[cfg(test)]
