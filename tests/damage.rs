@@ -16,7 +16,8 @@ const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
 const STORAGE: i32 = 74;
 
 /// A sound drive with its vehicle log.
-static WHOLE: LazyLock<Drive> = LazyLock::new(|| drive(&[SCENARIO, "--vehicle-log"]));
+const LOGGED: [&str; 2] = [SCENARIO, "--vehicle-log"];
+static WHOLE: LazyLock<Drive> = LazyLock::new(|| drive(&LOGGED));
 
 fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
@@ -196,15 +197,15 @@ impl Drop for Unmount {
 #[test]
 fn a_folder_holds_one_run_at_a_time_and_keeps_the_earlier_ones() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let mut first = start(&[SCENARIO], folder.path());
+    let mut first = start(&LOGGED, folder.path());
     wait_for("the first run's ledger", 30, || folder.path().join("ledger.redb").exists().then_some(()));
-    let second = command(&[SCENARIO], folder.path()).output().expect("the binary runs");
+    let second = command(&LOGGED, folder.path()).output().expect("the binary runs");
     assert_eq!(second.status.code(), Some(1), "{}", stderr(&second));
     assert!(stderr(&second).contains("in use by another run"), "{}", stderr(&second));
     let status = wait_for("the first run's end", 120, || first.try_wait().expect("a child"));
     assert!(status.success(), "the second run disturbed the first");
 
-    let output = command(&[SCENARIO], folder.path()).output().expect("the binary runs");
+    let output = command(&LOGGED, folder.path()).output().expect("the binary runs");
     assert!(stdout(&output).contains("earlier results: "), "{}", stdout(&output));
     let again = finished(folder, output);
     assert_eq!(again.digests(0), WHOLE.digests(0));
@@ -214,7 +215,8 @@ fn a_folder_holds_one_run_at_a_time_and_keeps_the_earlier_ones() {
     let results: Value = serde_json::from_str(&results).expect("JSON");
     assert!(earlier.join(harness::text(&results["episodes"][0]["recording"])).exists(), "{results}");
 
-    let output = command(&[SCENARIO, "--overwrite"], again.folder.path()).output().expect("the binary runs");
+    let output =
+        command(&[SCENARIO, "--vehicle-log", "--overwrite"], again.folder.path()).output().expect("the binary runs");
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(!again.folder.path().join("earlier/2").exists());
 }
