@@ -20,7 +20,7 @@ pub fn save_rrd(recording: &Recording, path: &Path) -> Result<(), ViewError> {
     log_recording(recording, &stream)
 }
 
-/// Sends a recording to a running viewer, for instance at [`DEFAULT_URL`].
+/// Sends a recording to a running viewer, for instance at `rerun+http://127.0.0.1:9876/proxy`.
 ///
 /// # Errors
 /// If a body cannot be decoded or the viewer does not take it.

@@ -1,7 +1,7 @@
 //! Diagnoses the gap between two paired frame streams, simulated and real: where it lies, which effect on frames of
 //! `ds_effect` causes it, how far it shrinks once that effect is added.
 //!
-//! [`diagnose`] takes a case folder of the practice schema and returns a [`ds_diagnosis::Diagnosis`]; [`evaluate`] applies one
+//! [`diagnose()`] takes a case folder of the practice schema and returns a [`ds_diagnosis::Diagnosis`]; [`evaluate()`] applies one
 //! to frames it never saw. Pairing is `aligned`: the same pixels but for the effect. Method and limits:
 //! `docs/gap-frames.md`.
 

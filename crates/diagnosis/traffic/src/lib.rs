@@ -1,7 +1,7 @@
 //! Diagnoses the gap between recorded traffic and the agents and map of a simulator: where it lies, which effect on
 //! agents or on the map of `ds_effect` causes it, how far it shrinks once that effect is added.
 //!
-//! [`diagnose`] takes a case of recordings with their scenes and returns a [`ds_diagnosis::Diagnosis`]. The models are
+//! [`diagnose()`] takes a case of recordings with their scenes and returns a [`ds_diagnosis::Diagnosis`]. The models are
 //! those of `ds_sim`, run agent by agent among others as recorded. Method and limits: `docs/gap-traffic.md`.
 
 pub mod case;

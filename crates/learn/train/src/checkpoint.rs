@@ -61,7 +61,7 @@ impl Member {
         self
     }
 
-    /// Takes the weights of the same or of a smaller configuration over ([`crate::nested`]).
+    /// Takes the weights of the same or of a smaller configuration over (`nested`).
     #[must_use]
     pub fn grown_from(mut self, weights: &Weights) -> Self {
         nested::copy(&mut self.weights, weights);

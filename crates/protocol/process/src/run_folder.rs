@@ -128,7 +128,7 @@ mod tests {
         write("results.json", "first");
         write("recordings/a.mcap", "recorded");
         write("notes.txt", "mine");
-        let refused = take(&out, Earlier::Overwritten).err().expect("it is held").to_string();
+        let refused = take(&out, Earlier::Overwritten).expect_err("it is held").to_string();
         assert!(refused.contains("in use by another run") && refused.contains(&std::process::id().to_string()));
         assert_eq!(read("results.json").as_deref(), Some("first"));
         drop(held);

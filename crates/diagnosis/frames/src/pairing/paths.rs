@@ -2,7 +2,7 @@
 //! change is interpolated in between. Displacements act on their own statistics directly.
 //!
 //! The effect acts on real frames, whose grain and fine detail differ from the generator's: what is added in quadrature
-//! weighs less where there is more already ([`on_real`]).
+//! weighs less where there is more already (`on_real`).
 
 use ds_effect::FrameChain;
 use ds_effect::frame::{Act, FrameEffect};

@@ -140,7 +140,7 @@ impl ModelConfig {
         let ImageEncoderConfig { image_px, patch_px, heads, ffn, layers } = self.image_encoder;
         if !fit(&[image_px, patch_px, heads, ffn, layers])
             || !image_px.is_multiple_of(patch_px)
-            || m.clip_dim % heads != 0
+            || !m.clip_dim.is_multiple_of(heads)
         {
             let rule = "sizes must be 1 to 16384 with patches that divide the image and heads that divide clip_dim";
             return refuse("image_encoder", format!("{:?}", self.image_encoder), rule);
