@@ -1,7 +1,7 @@
 //! Diagnoses the gap between a reference log and a nominal simulator: where it lies, which unmodelled effect of the
 //! library in `ds_effect` causes it, how far it shrinks once that effect is added.
 //!
-//! [`diagnose`] takes a case of the practice schema, read by [`case::Case`], and returns a [`ds_diagnosis::Diagnosis`]; [`evaluate`] applies one
+//! [`diagnose()`] takes a case of the practice schema, read by [`case::Case`], and returns a [`ds_diagnosis::Diagnosis`]; [`evaluate()`] applies one
 //! to drives it never saw. Method and limits: `docs/gap-diagnosis.md`.
 
 pub mod bootstrap;

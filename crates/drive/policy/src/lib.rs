@@ -1,6 +1,6 @@
 //! Policies: from what a car sees and knows of itself to a trajectory.
 //!
-//! One trait, [`Policy`], with the built-in policies behind [`builtin`]. An unprivileged policy is handed an
+//! One trait, [`Policy`], with the built-in policies behind [`builtin()`]. An unprivileged policy is handed an
 //! [`Observation`] and nothing else: frames, calibration, stamps, its own motion and a route command; never the map, the
 //! boxes of others, the absolute pose or the scenario's name. Privileged policies also get a [`PrivilegedView`]; they
 //! serve as references and are refused in a benchmark.
