@@ -318,7 +318,7 @@ fn fields_that_do_not_fit_are_named() {
     };
     refused(&small(|i| if i == 9 { f64::NAN } else { 0.0 }), &["state.position", "[9]", "NaN"]);
     refused(&small(|i| f64::from(i) * 1e8), &["tracks.7.state.position", "[2]", "no place on a map"]);
-    refused(&small(|i| f64::from(i) * 1e4), &["km"]);
+    refused(&small(|i| f64::from(i) * 1e4), &["tracks.7.state", "position[10]", "from the first"]);
     let mut empty = Writer::new();
     empty.dict(|_| {});
     refused(&empty.done(), &["no \"metadata\""]);
