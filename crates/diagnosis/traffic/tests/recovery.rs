@@ -37,10 +37,10 @@ fn an_effect_is_found_with_its_size_and_explains_other_agents() {
         assert!(!diagnosis.cells.is_empty(), "nowhere");
         let metric = if id == "lane_offset" { "channel:agent_lateral" } else { "position_3s" };
         let shrink = diagnosis.how_far.iter().find(|shrink| shrink.metric == metric).expect("the metric");
-        assert!(
-            shrink.after < 0.5 * shrink.before && shrink.share_explained.is_none_or(|share| share > 0.5),
-            "{shrink:?}"
-        );
+        assert!(shrink.after < 0.5 * shrink.before, "{shrink:?}");
+        // The headway leaves a gap near the floor once calibrated, of which no share is told.
+        let told = shrink.share_explained.map_or(id == "tr_headway", |share| share > 0.5);
+        assert!(told, "{shrink:?}");
     }
 }
 
