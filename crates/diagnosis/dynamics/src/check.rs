@@ -15,6 +15,8 @@ const LARGEST_ACCEL: f64 = 30.0;
 /// Largest yaw rate of a vehicle of the usual wheelbase, rad/s.
 const LARGEST_TURN: f64 = 6.0;
 const USUAL_WHEELBASE_M: f64 = 2.5;
+/// Channels that may keep one value over a drive.
+const COMMANDS: [&str; 2] = ["cmd_steer", "cmd_accel"];
 /// Fastest vehicle, m/s.
 const FASTEST: f64 = 120.0;
 
@@ -40,6 +42,7 @@ pub(crate) fn check(drives: &[Drive], meta: &VehicleMeta) -> Result<Vec<String>,
             warnings.push(format!("{}: channel {name} is absent", drive.file));
         }
     }
+    warnings.extend(dead_commands(drives));
     if drives.iter().all(|d| d.followers.is_empty()) {
         warnings.push("no followers: effects of other drivers cannot be judged".to_owned());
     }
@@ -91,12 +94,14 @@ fn fastest_turn(meta: &VehicleMeta) -> f64 {
     (LARGEST_TURN * USUAL_WHEELBASE_M / wheelbase_m).clamp(LARGEST_TURN, 10.0 * LARGEST_TURN)
 }
 
+fn constant(column: &[f64]) -> bool {
+    column.iter().all(|v| (v - column[0]).abs() < 1e-12)
+}
+
+/// A sensor never repeats itself over a whole drive; a command may (circles, steady speed).
 fn frozen(drive: &Drive) -> Result<(), CaseError> {
-    let moving = drive.speed().is_some_and(|v| typical(v.iter().copied()) > 1.0);
     for (name, column) in drive.columns() {
-        let same = column.iter().all(|v| (v - column[0]).abs() < 1e-12);
-        let command = name == "cmd_steer" || name == "cmd_accel";
-        if same && (moving || !command) {
+        if constant(column) && !COMMANDS.contains(&name) {
             return Err(CaseError::ZeroVariance { column: name.to_owned(), file: drive.file.clone() });
         }
     }
@@ -104,6 +109,21 @@ fn frozen(drive: &Drive) -> Result<(), CaseError> {
         return Err(inconsistent(drive, "neither v, v_wheel nor x and y: no speed to start from".to_owned()));
     }
     Ok(())
+}
+
+/// Names the commands that keep one value over all drives though the vehicle moves: perhaps another column was meant.
+fn dead_commands(drives: &[Drive]) -> Vec<String> {
+    let moving = |drive: &Drive| drive.speed().is_some_and(|v| typical(v.iter().copied()) > 1.0);
+    if !drives.iter().any(moving) {
+        return Vec::new();
+    }
+    let dead = |name: &&str| {
+        let columns = drives.iter().flat_map(Drive::columns).filter(|(n, _)| n == name);
+        let all: Vec<f64> = columns.flat_map(|(_, column)| column.iter().copied()).collect();
+        !all.is_empty() && constant(&all)
+    };
+    let told = |name| format!("{name} keeps one value over all drives: its effects cannot be judged; another column?");
+    COMMANDS.into_iter().filter(dead).map(told).collect()
 }
 
 /// Position must move as fast as the speed says, and along the heading.

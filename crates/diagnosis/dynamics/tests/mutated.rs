@@ -11,7 +11,7 @@ use ds_dynamics::{Options, diagnose, synthetic};
 mod mutation;
 
 /// Of the cases that can be read, one in so many is diagnosed too.
-const DIAGNOSED: u64 = 50;
+const DIAGNOSED: u64 = 10;
 
 static WHOLE: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -229,6 +229,31 @@ fn harmless_differences_change_no_verdict_and_cost_no_minutes() {
 }
 
 #[test]
+fn a_command_that_keeps_one_value_is_no_reason_to_refuse() {
+    let folder = tempfile::tempdir().expect("a folder");
+    case_folder(folder.path());
+    let keep = |drive: usize, name: &str| {
+        let path = folder.path().join(format!("drive_{drive}.csv"));
+        let whole = fs::read_to_string(&path).expect("the drive");
+        let mut rows: Vec<Vec<String>> =
+            whole.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect();
+        column(&mut rows, name, |_, _| "0.02".to_owned());
+        let text: Vec<String> = rows.iter().map(|row| row.join(",")).collect();
+        fs::write(&path, text.join("\n")).expect("the drive can be written");
+    };
+    let told = || -> Vec<String> {
+        let case = Case::read(folder.path()).expect("a constant command is no dead column");
+        case.warnings.into_iter().filter(|w| w.contains("keeps one value")).collect()
+    };
+    keep(0, "cmd_accel");
+    assert_eq!(told(), Vec::<String>::new(), "one drive of steady pedals");
+    (1..4).for_each(|drive| keep(drive, "cmd_accel"));
+    assert!(matches!(&told()[..], [warning] if warning.starts_with("cmd_accel ")), "{:?}", told());
+    let diagnosis = judged(folder.path(), &Options { quick: true, ..Options::default() }).expect("a verdict");
+    assert!(diagnosis.warnings.iter().any(|w| w.starts_with("cmd_accel keeps one value")));
+}
+
+#[test]
 fn noisier_sensors_are_told_from_effects() {
     let folder = tempfile::tempdir().expect("a folder");
     case_folder(folder.path());
