@@ -144,7 +144,7 @@ fn findings(scene: &Scene<'_>, found: &Search, mass: f64) -> Vec<Finding> {
 fn finding(scene: &Scene<'_>, found: &Search, round: &Round, trial: &Trial) -> Finding {
     let chosen = found.chosen.contains(&trial.id);
     let model = if chosen { &found.model } else { &trial.model };
-    let effect = crate::search::known(trial.id);
+    let effect = crate::scene::known(trial.id);
     let values = model.values(trial.id).map_or_else(|| effect.neutral(), <[f64]>::to_vec);
     let gain = round.gain(trial);
     let group = if chosen || round.trials.first().is_some_and(|t| t.id == trial.id) {

@@ -3,9 +3,9 @@
 //! A model is the simulated stream with effects, the nuisance offset of every frame and the age of its content. Ages
 //! and geometry act first ("placing"), values afterwards, so that a search over values resamples nothing.
 
-use ds_effect::FrameChain;
 use ds_effect::frame::{Act, FrameEffect};
 use ds_effect::picture::Picture;
+use ds_effect::{FrameChain, find_frame};
 
 use crate::case::{Frame, FrameCase};
 use crate::geometry::{Chosen, moves};
@@ -26,6 +26,12 @@ pub struct Scene<'a> {
     pub small_depth_m: Option<Vec<f32>>,
     /// Frames looked at in full size.
     pub full: Vec<usize>,
+}
+
+/// Returns the effect of a name that the library must contain.
+#[must_use]
+pub fn known(id: &str) -> &'static FrameEffect {
+    find_frame(id).expect("the library of effects on frames names every effect that this crate names")
 }
 
 /// The simulated stream, corrected.

@@ -7,7 +7,7 @@ use std::cell::OnceCell;
 
 use ds_effect::FrameEffect;
 use ds_effect::frame::Act;
-use ds_effect::{find_frame, frame_library};
+use ds_effect::frame_library;
 
 use crate::align::{self, Ages, Field};
 use crate::dirt::Map;
@@ -16,7 +16,7 @@ use crate::geometry::moves;
 use crate::grain;
 use crate::loss::{self, Loss};
 use crate::objects::{self, Event, Fate};
-use crate::scene::{DETAIL, Model, Placed, Scene};
+use crate::scene::{DETAIL, Model, Placed, Scene, known};
 use crate::settings;
 use crate::transport::Late;
 use crate::{sharp, tone};
@@ -391,10 +391,4 @@ fn with_objects(scene: &Scene<'_>, found: &Search, base: &Base, effect: &'static
     }
     model.set(effect, vec![value]);
     Some(model)
-}
-
-/// Returns the effect of a name that the library must contain.
-#[must_use]
-pub fn known(id: &str) -> &'static FrameEffect {
-    find_frame(id).expect("the library of effects on frames names every effect that the search names")
 }

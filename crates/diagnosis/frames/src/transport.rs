@@ -4,8 +4,7 @@ use ds_effect::FrameEffect;
 use ds_stats::{percentiles, wilson};
 
 use crate::align::Ages;
-use crate::scene::Scene;
-use crate::search::known;
+use crate::scene::{Scene, known};
 use crate::settings;
 
 /// What was found.

@@ -3,6 +3,7 @@
 //! Every finding names the evidence and the change to the mapping that would remove it. A right log gives none.
 
 mod motion;
+mod stamps;
 mod turning;
 
 use std::path::Path;
@@ -12,7 +13,6 @@ use serde::Serialize;
 use crate::error::LogError;
 use crate::mapping::Mapping;
 use crate::record::Record;
-use crate::stamps;
 use ds_diagnosis::table::STEP_SECS;
 
 /// Something that looks wrong.

@@ -12,7 +12,6 @@ mod mapping;
 mod raw;
 mod record;
 mod resample;
-mod stamps;
 
 pub use check::LogFinding;
 pub use error::LogError;

@@ -7,8 +7,7 @@ use crate::channel::{self, CHANNELS, COMMANDS};
 use crate::error::LogError;
 use crate::mapping::{BodyAxes, Column, DriveFile, Mapping, PoseAxes};
 use crate::raw::Sheet;
-use crate::resample::{held, measured, slope, unwrap};
-use crate::stamps::stretches;
+use crate::resample::{held, measured, slope, stretches, unwrap};
 use ds_diagnosis::table::STEP_SECS;
 
 /// Shortest stretch that becomes a drive, s.

@@ -108,7 +108,7 @@ pub struct ArmConfig {
     pub window: Option<usize>,
     /// What a teacher's guidance does without: `layout` (the default) or `all`, as in its training.
     #[serde(default)]
-    pub dropout: Option<ds_train::config::Dropout>,
+    pub dropout: Option<ds_train::guidance::Dropout>,
     /// Whether a teacher's guidance leaves mean and deviation of each latent channel as c∅ has them, as in the training of
     /// clips with an edited first frame; c∅ must keep the first frame.
     #[serde(default)]
@@ -309,7 +309,7 @@ impl EvalConfig {
             if !teacher && (arm.guidance.is_some() || arm.dropout.is_some() || arm.keep_look) {
                 return refuse(&format!("arms.{name}"), "guidance, dropout and keep_look are a teacher's");
             }
-            if arm.keep_look && arm.dropout == Some(ds_train::config::Dropout::All) {
+            if arm.keep_look && arm.dropout == Some(ds_train::guidance::Dropout::All) {
                 return refuse(&format!("arms.{name}"), "keep_look needs dropout = \"layout\"");
             }
             if !sampled && (arm.steps.is_some() || arm.window.is_some()) {

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use burn::tensor::{Tensor, activation, module};
 use ds_nn::array::{Array, Weights, WeightsError};
-use ds_nn::cache::{ChunkKv, Window};
+use ds_nn::body::{ChunkKv, Window};
 use ds_nn::checkpoint::{CheckpointError, Finite, Fitted};
 use ds_nn::dit::{DitShape, Gelu};
 

@@ -190,3 +190,34 @@ pub(crate) fn unfold(x: Tensor<4>, side: usize) -> Tensor<4> {
     let x = x.reshape([n, h, w, side, side, c]).permute([0, 1, 3, 2, 4, 5]);
     x.reshape([n, h * side, w * side, c])
 }
+
+/// A square matrix product on the device: the yardstick of what it attains.
+pub struct Product {
+    a: Tensor<2>,
+    b: Tensor<2>,
+}
+
+impl Product {
+    /// Puts two matrices of drawn values on the device in use.
+    #[must_use]
+    pub fn new(side: usize, precision: Precision) -> Self {
+        let draws = Draws::from_seed(1, "yardstick");
+        let graph = Graph::empty(Mode::Infer, precision);
+        #[expect(clippy::cast_possible_truncation, reason = "values are single precision")]
+        let row: Vec<f32> = (0..side as u64).map(|index| draws.normal(index) as f32).collect();
+        let matrix = || graph.lower(graph.tensor::<2>(&Array::new(&[side, side], row.repeat(side))));
+        Self { a: matrix(), b: matrix() }
+    }
+
+    /// Multiplies once; returns one value of the product, so that nothing is left undone.
+    #[must_use]
+    pub fn run(&self) -> f32 {
+        self.a.clone().matmul(self.b.clone()).slice([0..1, 0..1]).cast(FloatDType::F32).into_scalar::<f32>()
+    }
+
+    /// Returns the operations of a product.
+    #[must_use]
+    pub fn operations(&self) -> f64 {
+        2.0 * (self.a.dims()[0] as f64).powi(3)
+    }
+}

@@ -15,3 +15,5 @@ pub mod published;
 pub mod segmenter;
 pub mod step;
 pub mod tiny_ae;
+
+pub use graph::Product;

@@ -36,6 +36,12 @@ impl Buffer {
         self.lines.resize(len.div_ceil(LINE), Line([0.0; LINE]));
         self.len = len;
     }
+
+    /// Changes the length and returns the values.
+    pub(crate) fn sized(&mut self, len: usize) -> &mut [f32] {
+        self.resize(len);
+        self
+    }
 }
 
 impl Deref for Buffer {

@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use ds_nn::array::digest_values;
-use ds_nn::body::Handle;
-use ds_nn::cache::{Cached, FrameKv};
+use ds_nn::body::{Cached, FrameKv, Handle};
 use ds_space::DigestWriter;
 use rayon::prelude::*;
 

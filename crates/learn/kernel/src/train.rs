@@ -28,7 +28,7 @@ use ds_nn::step::{BidirectionalPlan, CausalPlan, ClipBatch, Group, Level, Predic
 use super::Buffer;
 use super::buffer::Pool;
 use backward::Back;
-use network::{Network, Tape, sized};
+use network::{Network, Tape};
 pub use pixels::{autoencoder, decoder};
 use sequence::Sequence;
 
@@ -148,7 +148,7 @@ pub fn bidirectional(shape: &DitShape, weights: &Weights, batch: &ClipBatch, pla
             text: clip.text,
         };
         network.forward(&sequence, tape);
-        let d_output = sized(d_output, frames * frame);
+        let d_output = d_output.sized(frames * frame);
         d_output[..frame].fill(0.0);
         let scale = match plan.prediction {
             Prediction::Flow => 1.0,
@@ -213,7 +213,7 @@ pub fn causal(shape: &DitShape, weights: &Weights, batch: &ClipBatch, plan: &Cau
             text: clip.text,
         };
         network.forward(&sequence, tape);
-        let d_output = sized(d_output, (all - live) * frame);
+        let d_output = d_output.sized((all - live) * frame);
         d_output.fill(0.0);
         for part in &mut parts {
             let errors = &mut d_output[(part.frames.start - live) * frame..(part.frames.end - live) * frame];

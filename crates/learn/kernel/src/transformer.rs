@@ -4,8 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use ds_nn::array::{Array, Weights, WeightsError};
-use ds_nn::body::{Chunk, Context, Control, Handle, Job, Transformer};
-use ds_nn::cache::{ChunkKv, FrameKv, Window};
+use ds_nn::body::{Chunk, ChunkKv, Context, Control, FrameKv, Handle, Job, Transformer, Window};
 use ds_nn::dit::DitShape;
 
 use super::Buffer;

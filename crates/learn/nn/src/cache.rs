@@ -9,7 +9,7 @@ use std::sync::Arc;
 use ds_space::{Digest, DigestWriter};
 
 use crate::array::Array;
-use crate::body::{Handle, Transformer};
+use crate::body::{ChunkKv, FrameKv, Transformer, Window};
 
 /// Where cached keys stand in time when they are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -44,45 +44,6 @@ pub struct CachePolicy {
     pub positions: Positions,
     /// Reading order.
     pub order: ReadOrder,
-}
-
-/// Keys (un-rotated) and values of one chunk, as a body keeps them.
-pub trait Cached: Send + Sync {
-    /// Returns the frames of the chunk.
-    fn frames(&self) -> usize;
-
-    /// Adds all keys and values to a digest.
-    fn digest_into(&self, writer: &mut DigestWriter);
-
-    /// Returns those of one frame, as [`Transformer::window`] takes them.
-    fn frame(self: Arc<Self>, index: usize) -> FrameKv;
-}
-
-/// Keys and values of one chunk, keys un-rotated.
-#[derive(Clone)]
-pub struct ChunkKv(Arc<dyn Cached>);
-
-/// Keys and values of one frame of a chunk.
-#[derive(Clone)]
-pub struct FrameKv(pub Handle);
-
-/// The rotated keys and the values that a chunk sees, and the rotation of the chunk itself.
-pub struct Window(pub Handle);
-
-impl ChunkKv {
-    /// Wraps what a body keeps of a chunk.
-    #[must_use]
-    pub fn new(kept: impl Cached + 'static) -> Self {
-        Self(Arc::new(kept))
-    }
-
-    /// Returns the digest of all keys and values of the chunk.
-    #[must_use]
-    pub fn digest(&self) -> Digest {
-        let mut writer = DigestWriter::new();
-        self.0.digest_into(&mut writer);
-        writer.finish()
-    }
 }
 
 /// The frames of earlier chunks that a chunk sees.

@@ -11,7 +11,7 @@ use ds_nn::tiny_ae::{AeShape, Memory};
 use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter, Draws};
-use ds_video::tokens;
+use ds_video::{ModelConfig, tokens};
 
 use crate::batch::{self, mean_step};
 use crate::checkpoint::{Member, Run};
@@ -19,7 +19,6 @@ use crate::condition::latent_steps;
 use crate::config::{StageConfig, TrainConfig};
 use crate::error::TrainError;
 use crate::frames::Frames;
-use crate::sets::unguided;
 use crate::{Progress, Report, emphasis, sheet};
 
 const NAME: &str = "autoencoder";
@@ -58,6 +57,11 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
         keep_statistics(config, &initial)?;
     }
     Ok(run.report(figures))
+}
+
+/// Returns the sizes of the autoencoder without the decoder's guidance, as its own stage trains it.
+pub(crate) fn unguided(model: &ModelConfig) -> AeShape {
+    AeShape { guides: 0, ..model.ae() }
 }
 
 /// Draws one clip of a step.

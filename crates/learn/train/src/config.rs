@@ -14,7 +14,7 @@ use ds_video::{Backend, ModelConfig};
 use serde::{Deserialize, Serialize};
 
 use crate::error::TrainError;
-use crate::guidance::Guidance;
+use crate::guidance::{Dropout, Guidance};
 
 /// A training recipe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -142,17 +142,6 @@ fn beta1() -> f32 {
 
 fn beta2() -> f32 {
     0.95
-}
-
-/// What a condition can lack: the teacher learns to do without it, and guidance amplifies it.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Dropout {
-    /// The layout alone; first frame and prompt stay (the paper's traffic-guided arm).
-    #[default]
-    Layout,
-    /// Layout, first frame and prompt together (standard classifier-free guidance).
-    All,
 }
 
 /// The teacher's recipe.

@@ -6,18 +6,20 @@
 use std::sync::Arc;
 
 use ds_clips::Clip;
+use ds_nn::Array;
 use ds_nn::step::DecoderBatch;
-use ds_nn::{Array, Weights};
 use ds_space::{Digest, DigestWriter, Draws};
-use ds_video::{ModelConfig, Rollout, VideoModel, tokens};
+use ds_video::{Rollout, VideoModel, tokens};
 
+use crate::autoencoder::unguided;
 use crate::batch::mean_step;
 use crate::checkpoint::{Member, Run};
 use crate::condition::latent_steps;
 use crate::config::{DecoderConfig, TrainConfig};
 use crate::error::TrainError;
 use crate::frames::Frames;
-use crate::sets::{stored_autoencoder, unguided};
+use crate::sets::stored_autoencoder;
+use crate::ship::{assembled, student_weights};
 use crate::{Progress, Report, autoencoder, emphasis, evaluate};
 
 const NAME: &str = "decoder";
@@ -56,29 +58,6 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     }
     let figures = evaluate::held_out(config, &student, NAME, progress)?;
     Ok(run.report(figures))
-}
-
-/// Returns the weights of the most refined student.
-pub(crate) fn student_weights(config: &TrainConfig) -> Result<Weights, TrainError> {
-    let refined = config.finished("self_forcing.safetensors").exists();
-    config.weights_of(if refined { "self_forcing" } else { "ode" })
-}
-
-/// Puts a student and the autoencoder of a stage together.
-pub(crate) fn assembled(config: &TrainConfig, student: &Weights, stage: &str) -> Result<VideoModel, TrainError> {
-    let mut weights = Weights::default();
-    weights.absorb("vae.", &stored_autoencoder(config, stage)?);
-    weights.absorb("dit.", student);
-    Ok(VideoModel::new_on(config.backend, &preset(config, stage)?, &weights)?)
-}
-
-/// Returns the preset with the decoder's guidance switched as the named stage has it.
-fn preset(config: &TrainConfig, stage: &str) -> Result<ModelConfig, TrainError> {
-    let mut model = config.model()?;
-    if stage != NAME {
-        model.control.decoder_layers = 0;
-    }
-    Ok(model)
 }
 
 struct Source<'a> {

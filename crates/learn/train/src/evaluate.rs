@@ -14,7 +14,7 @@ use ds_video::{Rollout, VideoModel};
 
 use crate::config::TrainConfig;
 use crate::error::TrainError;
-use crate::{Progress, batch, decoder, sheet};
+use crate::{Progress, batch, sheet, ship};
 
 const CLIPS: usize = 8;
 
@@ -45,7 +45,7 @@ pub(crate) fn held_out(
     let Some(name) = &config.held_out else { return Ok(Vec::new()) };
     let clips = ClipSet::open(config.set(name)?)?;
     let decoder = if stage == "decoder" { "decoder" } else { "autoencoder" };
-    let model = Arc::new(decoder::assembled(config, student, decoder)?);
+    let model = Arc::new(ship::assembled(config, student, decoder)?);
     let count = clips.len().min(CLIPS);
     let (mut own, mut other, mut rows) = (0.0, 0.0, Vec::new());
     for index in 0..count {

@@ -13,9 +13,8 @@ use ds_video::{ModelConfig, VideoModel, tokens};
 
 use crate::condition::Condition;
 use crate::condition::noise;
-use crate::config::Dropout;
 use crate::error::TrainError;
-use crate::guidance::{Guidance, Teacher};
+use crate::guidance::{Dropout, Guidance, Teacher};
 
 /// What a first frame is made of.
 pub struct Request<'a> {

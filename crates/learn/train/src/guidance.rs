@@ -14,8 +14,18 @@
 use ds_nn::step::ClipBatch;
 use ds_nn::{Array, Weights, WeightsError};
 use ds_video::{Backend, ModelConfig, WholeClips, sampler};
+use serde::{Deserialize, Serialize};
 
-use crate::config::Dropout;
+/// What a condition can lack: the teacher learns to do without it, and guidance amplifies it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Dropout {
+    /// The layout alone; first frame and prompt stay (the paper's traffic-guided arm).
+    #[default]
+    Layout,
+    /// Layout, first frame and prompt together (standard classifier-free guidance).
+    All,
+}
 
 /// How a network is guided.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -21,7 +21,8 @@ use ds_nn::Weights;
 use ds_nn::safetensors::{FileError, WeightsFile};
 use serde_json::json;
 
-pub use closed_loop::{DriveResult, Driven, ScenarioSplit};
+pub use closed_loop::{DriveResult, Driven};
+pub use dataset::ScenarioSplit;
 pub use loss::Displacement;
 pub use settings::{PolicySettings, Round};
 

@@ -14,12 +14,13 @@ use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::{ModelConfig, tokens};
 
+use crate::autoencoder::{self, unguided};
 use crate::condition::{Condition, latent_steps};
 use crate::config::TrainConfig;
 use crate::error::TrainError;
 use crate::frames::pick;
 use crate::guidance::Guidance;
-use crate::{Progress, autoencoder, emphasis};
+use crate::{Progress, emphasis};
 
 /// The autoencoder as its stage left it, with the statistics of its latents.
 pub(crate) struct Encoder {
@@ -69,11 +70,6 @@ impl Encoder {
         let latents = Array::new(&[values.len() / (h * w * z), h, w, z], values);
         autoencoder::decode(self.ae.as_ref(), &self.shape, &latents)
     }
-}
-
-/// Returns the sizes of the autoencoder without the decoder's guidance, as its own stage trains it.
-pub(crate) fn unguided(model: &ModelConfig) -> AeShape {
-    AeShape { guides: 0, ..model.ae() }
 }
 
 /// One set and its latents.

@@ -1,13 +1,14 @@
-//! Puts the trained parts into one weights file of half precision, next to the model's configuration, and takes such a
+//! Puts the trained parts together: into a model, or into one weights file of half precision, next to the model's configuration, and takes such a
 //! file apart again, so that other recipes can go on from weights that ship.
 
 use std::path::Path;
 
+use ds_nn::Weights;
 use ds_nn::safetensors::WeightsFile;
+use ds_video::{ModelConfig, VideoModel};
 
 use crate::Progress;
 use crate::config::TrainConfig;
-use crate::decoder::student_weights;
 use crate::error::TrainError;
 use crate::sets::stored_autoencoder;
 
@@ -30,7 +31,7 @@ pub fn run(
     file.weights.absorb("vae.", &stored_autoencoder(config, stage)?);
     let transformer = of.map_or_else(|| student_weights(config), |stage| config.weights_of(stage))?;
     file.weights.absorb("dit.", &transformer);
-    file.weights.check(&ds_video::VideoModel::declare(&model))?;
+    file.weights.check(&VideoModel::declare(&model))?;
     let mut note = |key: &str, value: String| file.metadata.insert(key.to_owned(), value);
     note("config_digest", model.digest().to_string());
     note("licence", "Apache-2.0".to_owned());
@@ -40,6 +41,29 @@ pub fn run(
     Ok(())
 }
 
+/// Returns the weights of the most refined student.
+pub(crate) fn student_weights(config: &TrainConfig) -> Result<Weights, TrainError> {
+    let refined = config.finished("self_forcing.safetensors").exists();
+    config.weights_of(if refined { "self_forcing" } else { "ode" })
+}
+
+/// Puts a student and the autoencoder of a stage together.
+pub(crate) fn assembled(config: &TrainConfig, student: &Weights, stage: &str) -> Result<VideoModel, TrainError> {
+    let mut weights = Weights::default();
+    weights.absorb("vae.", &stored_autoencoder(config, stage)?);
+    weights.absorb("dit.", student);
+    Ok(VideoModel::new_on(config.backend, &preset(config, stage)?, &weights)?)
+}
+
+/// Returns the preset with the decoder's guidance switched as the named stage has it.
+fn preset(config: &TrainConfig, stage: &str) -> Result<ModelConfig, TrainError> {
+    let mut model = config.model()?;
+    if stage != "decoder" {
+        model.control.decoder_layers = 0;
+    }
+    Ok(model)
+}
+
 /// Takes a shipped file apart into what its stages leave in the work folder: the autoencoder, without the decoder's
 /// guidance, unless there is one, and the transformer as that of stage `of`.
 ///
@@ -47,8 +71,8 @@ pub fn run(
 /// If the file is of another preset, the stage has weights already or another autoencoder is there.
 pub fn unpack(config: &TrainConfig, of: &str, shipped: &Path, progress: &mut dyn Progress) -> Result<(), TrainError> {
     let model = config.model()?;
-    let weights = ds_video::VideoModel::read(&model, shipped)?;
-    weights.check(&ds_video::VideoModel::declare(&model))?;
+    let weights = VideoModel::read(&model, shipped)?;
+    weights.check(&VideoModel::declare(&model))?;
     let mut autoencoder = weights.part("vae.");
     let guides: Vec<String> =
         autoencoder.iter().map(|(name, _)| name.to_owned()).filter(|name| name.starts_with(GUIDE)).collect();

@@ -12,9 +12,9 @@ use ds_video::{ModelConfig, sampler};
 use crate::batch::mean_step;
 use crate::checkpoint::{Member, Run};
 use crate::condition::noise;
-use crate::config::{Dropout, StageConfig, TeacherConfig, TrainConfig};
+use crate::config::{StageConfig, TeacherConfig, TrainConfig};
 use crate::error::TrainError;
-use crate::guidance::{Guidance, Teacher};
+use crate::guidance::{Dropout, Guidance, Teacher};
 use crate::sets::{Encoder, Sets, Span};
 use crate::{Progress, Report, sheet};
 

@@ -14,7 +14,7 @@ mod recipes;
 mod resuming;
 
 use crate::first_frame::{Request, first_frame};
-use crate::{Progress, Silent, Stage, TrainConfig, TrainError, batch, decoder, evaluate, page};
+use crate::{Progress, Silent, Stage, TrainConfig, TrainError, batch, evaluate, page, ship};
 
 struct StopAt(u32, u32);
 
@@ -75,7 +75,7 @@ fn losses(config: &TrainConfig, stage: &str, network: &str) -> (f64, f64) {
 
 /// How far rollouts with the clips' own layouts are from the true frames, decibels (higher is nearer).
 fn psnr(config: &TrainConfig, student: &ds_nn::Weights, stage: &str) -> f32 {
-    let model = Arc::new(decoder::assembled(config, student, stage).expect("fits"));
+    let model = Arc::new(ship::assembled(config, student, stage).expect("fits"));
     let clips = ClipSet::open(&config.sets["clips"]).expect("opens");
     let each = |index: usize| {
         let clip = clips.whole(index).expect("reads");

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use ds_nn::Array;
-use ds_nn::body::{Chunk, Context, Control};
-use ds_nn::cache::{KvCache, Window};
+use ds_nn::body::{Chunk, Context, Control, Window};
+use ds_nn::cache::KvCache;
 use ds_space::Digest;
 
 use crate::{VideoModel, prompt, sampler};

@@ -8,8 +8,8 @@
 use std::sync::Arc;
 
 use ds_nn::Array;
-use ds_nn::body::{Context, Control};
-use ds_nn::cache::{ChunkKv, KvCache, Window};
+use ds_nn::body::{ChunkKv, Context, Control, Window};
+use ds_nn::cache::KvCache;
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter, Tick};
 use ds_topic::Cache;

@@ -1,8 +1,7 @@
 //! How a chunk is denoised in few steps, and what the cache keeps of it (video-model.md 2.4).
 
 use ds_nn::Array;
-use ds_nn::body::{Chunk, Context, Control, Transformer};
-use ds_nn::cache::{ChunkKv, Window};
+use ds_nn::body::{Chunk, ChunkKv, Context, Control, Transformer, Window};
 use ds_nn::step::Prediction;
 
 use crate::config::{CacheSource, ModelConfig};

@@ -4,12 +4,12 @@
 //! goes through the autoencoder, a chunk of layouts is encoded. Values mean nothing, sizes and order are those of a
 //! drive. No clock here.
 
-use ds_graph::device::{self, Product};
 use ds_graph::published::tae;
 use ds_graph::published::wan_vae::WanVaeShape;
+use ds_graph::{Product, device};
 use ds_nn::Array;
-use ds_nn::body::{Chunk, Context, Control};
-use ds_nn::cache::{ChunkKv, KvCache};
+use ds_nn::body::{Chunk, ChunkKv, Context, Control};
+use ds_nn::cache::KvCache;
 use ds_nn::work;
 use ds_raster::RgbImage;
 use ds_space::{Digest, Draws};

@@ -19,7 +19,7 @@ use crate::pairing::paths::{Path, paths};
 use crate::pairing::weigh::{self, Spot};
 use crate::places::excess;
 use crate::scene::Scene;
-use crate::search::known;
+use crate::scene::known;
 use crate::settings;
 use ds_diagnosis::meta::Pairing;
 

@@ -1,8 +1,7 @@
 //! The transformer on the framework's graph behind the trait that all bodies share.
 
 use ds_nn::array::Array;
-use ds_nn::body::{Chunk, Context, Control, Handle, Transformer};
-use ds_nn::cache::{ChunkKv, FrameKv, Window};
+use ds_nn::body::{Chunk, ChunkKv, Context, Control, FrameKv, Handle, Transformer, Window};
 use ds_nn::dit::DitShape;
 
 use super::window::GraphWindow;

@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use burn::tensor::Tensor;
-use ds_nn::body::Handle;
-use ds_nn::cache::{Cached, FrameKv};
+use ds_nn::body::{Cached, FrameKv, Handle};
 use ds_space::DigestWriter;
 
 use super::Dit;

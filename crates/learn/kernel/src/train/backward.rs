@@ -8,7 +8,7 @@ use std::ops::Range;
 use ds_nn::array::Weights;
 
 use super::linear::sums;
-use super::network::{Attention, AttentionTape, Cross, Layer, LayerTape, Network, Tape, seen, sized, span};
+use super::network::{Attention, AttentionTape, Cross, Layer, LayerTape, Network, Tape, seen, span};
 use super::rows;
 use super::sequence::{Run, Sequence, carve};
 use super::time::TimeTape;
@@ -51,7 +51,7 @@ impl Network<'_> {
     ) {
         let d = self.shape.dim;
         let live = sequence.live * self.shape.tokens()..tape.x.len() / d;
-        sized(&mut back.context, tape.context.len()).fill(0.0);
+        back.context.sized(tape.context.len()).fill(0.0);
         self.leave(&live, d_output, (tape, back), gradient);
         let mut layers = std::mem::take(&mut tape.layers);
         for (at, (layer, kept)) in self.layers.iter().zip(&mut layers).enumerate().rev() {
@@ -77,10 +77,10 @@ impl Network<'_> {
     ) {
         let d = self.shape.dim;
         let Tape { runs, time, normal, scales, y, .. } = tape;
-        let dy = sized(&mut back.y, live.len() * d);
+        let dy = back.y.sized(live.len() * d);
         self.head.learn(self.arch, d_output, &y[span(live, d)], gradient);
         self.head.back(d_output, dy, false);
-        let dx = sized(&mut back.x, live.len() * d);
+        let dx = back.x.sized(live.len() * d);
         dx.fill(0.0);
         for (rows, now, label) in parts(runs, live, d) {
             let factor = time.head_rows(label, d)[1].to_vec();
@@ -105,13 +105,13 @@ impl Network<'_> {
             let out = &kept.out[span(&rows, d)];
             rows::gate_back(self.arch, &dx[now.clone()], &gate, out, &mut dy[now], sums);
         }
-        let dh = sized(&mut back.hidden, live.len() * ffn);
+        let dh = back.hidden.sized(live.len() * ffn);
         second.back(dy, dh, false);
-        let hidden = sized(hidden, live.len() * ffn);
+        let hidden = hidden.sized(live.len() * ffn);
         rows::gelu_back(self.arch, &kept.hidden[span(live, ffn)], hidden, dh);
         second.learn(self.arch, dy, hidden, gradient);
         first.back(dh, dy, false);
-        let y = sized(y, live.len() * d);
+        let y = y.sized(live.len() * d);
         for (rows, now, label) in parts(runs, live, d) {
             let [_, _, _, shift, factor, _] = time.rows(at, label, layer.modulation);
             rows::affine(self.arch, &kept.normal[span(&rows, d)], [factor, shift], &mut y[now]);
@@ -154,7 +154,7 @@ impl Network<'_> {
         let now = span(live, d);
         o.learn(self.arch, dx, &kept.mixed[now.clone()], gradient);
         o.back(dx, dy, false);
-        let (dq, dk, dv) = (sized(dq, now.len()), sized(dk, context.len()), sized(dv, context.len()));
+        let (dq, dk, dv) = (dq.sized(now.len()), dk.sized(context.len()), dv.sized(context.len()));
         dk.fill(0.0);
         dv.fill(0.0);
         let logs = per_head(&kept.logs, kept.logs.len() / heads, live, heads);
@@ -178,12 +178,12 @@ impl Network<'_> {
         v.learn(self.arch, dv, context, gradient);
         k.back(dk, d_context, true);
         v.back(dv, d_context, true);
-        let y = sized(y, now.len());
+        let y = y.sized(now.len());
         rows::affine(self.arch, &kept.normal[now.clone()], cross.norm, y);
         q.learn(self.arch, dq, y, gradient);
         q.back(dq, dy, false);
         let base = name.strip_suffix("cross_attn").expect("so are they named");
-        let sums = sized(weight, 2 * d);
+        let sums = weight.sized(2 * d);
         sums.fill(0.0);
         let (factors, shifts) = sums.split_at_mut(d);
         let saved = [&kept.normal[now], &kept.scales[live.clone()]];
@@ -203,7 +203,7 @@ impl Network<'_> {
         (dq, weight): (&mut [f32], &mut Buffer),
         gradient: &mut Weights,
     ) {
-        let own = sized(weight, norm.len());
+        let own = weight.sized(norm.len());
         own.fill(0.0);
         rows::rms_norm_back(self.arch, dq, norm, saved, own);
         let to = sums(gradient, &format!("{name}.norm_q.weight"));
@@ -229,7 +229,7 @@ impl Network<'_> {
         let d_mixed = &mut kept.out[now.clone()];
         o.back(&back.y, d_mixed, false);
         o.learn(self.arch, &back.y, &kept.mixed[now.clone()], gradient);
-        let y = sized(y, now.len());
+        let y = y.sized(now.len());
         for (rows, now, label) in parts(runs, live, d) {
             let [shift, factor, ..] = time.rows(at, label, layer.modulation);
             rows::affine(self.arch, &kept.normal[span(&rows, d)], [factor, shift], &mut y[now]);
@@ -272,8 +272,8 @@ impl Network<'_> {
         back: &mut Back,
     ) {
         let (d, heads) = (self.shape.dim, self.heads.heads);
-        let (dk, dv) = (sized(&mut back.k, kept.k.len()), sized(&mut back.v, kept.v.len()));
-        let (dq, d_moved) = (sized(&mut back.q, live.len() * d), sized(&mut back.moved, kept.moved.len()));
+        let (dk, dv) = (back.k.sized(kept.k.len()), back.v.sized(kept.v.len()));
+        let (dq, d_moved) = (back.q.sized(live.len() * d), back.moved.sized(kept.moved.len()));
         [&mut *dk, &mut *dv, &mut *d_moved].into_iter().for_each(|d| d.fill(0.0));
         for link in links.iter().filter(|link| link.queries.start >= live.start) {
             let rows = span(&link.queries, d);
@@ -305,7 +305,7 @@ impl Network<'_> {
     ) {
         let (z, c, inputs) = (self.shape.latent_channels, self.shape.control_channels, self.shape.in_dim());
         let (tokens, patch) = (self.shape.tokens(), self.patch());
-        let own = sized(&mut back.weight, self.patch.len());
+        let own = back.weight.sized(self.patch.len());
         own.fill(0.0);
         patch.learn_weight(&back.x, &tape.input[span(live, 4 * inputs)], own);
         let to = sums(gradient, "patch_embedding.weight").chunks_exact_mut(4 * inputs);
@@ -320,7 +320,7 @@ impl Network<'_> {
         let (first, last) = (positions.iter().min(), positions.iter().max());
         let (Some(first), Some(last)) = (first, last) else { return };
         let frame = tokens * 4 * c;
-        let control = sized(&mut back.control, (last + 1 - first) * frame);
+        let control = back.control.sized((last + 1 - first) * frame);
         control.fill(0.0);
         for (position, dx) in positions.iter().zip(back.x.chunks_exact(tokens * self.shape.dim)) {
             let to = &mut control[(position - first) * frame..][..frame];
@@ -341,9 +341,9 @@ impl Network<'_> {
         }
         if let Some([first, second]) = &self.text {
             let ([raw, _], d) = (&tape.prompt, &back.context[split..]);
-            let d_prompt = sized(&mut back.prompt, raw.len());
+            let d_prompt = back.prompt.sized(raw.len());
             second.back(d, d_prompt, false);
-            let hidden = sized(&mut back.hidden, raw.len());
+            let hidden = back.hidden.sized(raw.len());
             rows::gelu_back(self.arch, raw, hidden, d_prompt);
             second.learn(self.arch, d, hidden, gradient);
             first.learn(self.arch, d_prompt, &sequence.text, gradient);

@@ -120,12 +120,6 @@ pub(super) fn span(rows: &Range<usize>, width: usize) -> Range<usize> {
     rows.start * width..rows.end * width
 }
 
-/// Changes the length of a buffer and returns it.
-pub(super) fn sized(buffer: &mut Buffer, len: usize) -> &mut [f32] {
-    buffer.resize(len);
-    buffer
-}
-
 impl<'a> Attention<'a> {
     fn new(weights: &'a Weights, name: String, scale: f32) -> Self {
         let linear = |part: &str| Linear::new(weights, format!("{name}.{part}"));
@@ -199,7 +193,7 @@ impl<'a> Network<'a> {
         };
         tape.moved = moved.iter().map(turned).collect();
         self.gather(sequence, tape);
-        self.patch().forward(&tape.input, sized(&mut tape.x, rows * d));
+        self.patch().forward(&tape.input, tape.x.sized(rows * d));
         self.context(sequence, tape);
         tape.layers.resize_with(self.layers.len(), LayerTape::default);
         let mut layers = std::mem::take(&mut tape.layers);
@@ -211,27 +205,27 @@ impl<'a> Network<'a> {
             self.feed_forward(at, layer, kept, tape);
         }
         tape.layers = layers;
-        sized(&mut tape.normal, rows * d);
-        sized(&mut tape.scales, rows);
+        tape.normal.sized(rows * d);
+        tape.scales.sized(rows);
         for Run { rows, time } in &tape.runs {
             let (now, [shift, factor]) = (span(rows, d), tape.time.head_rows(*time, d));
             let (normal, y) = (&mut tape.normal[now.clone()], &mut tape.y[now.clone()]);
             rows::layer_norm(self.arch, &tape.x[now], [factor, shift], normal, &mut tape.scales[rows.clone()], y);
         }
-        self.head.forward(&tape.y, sized(&mut tape.output, rows * self.head.outputs()));
+        self.head.forward(&tape.y, tape.output.sized(rows * self.head.outputs()));
     }
 
     /// Computes the control latents, and lays states, control and start latents side by side.
     fn gather(&self, sequence: &Sequence<'_>, tape: &mut Tape) {
         let (z, c, pixels) = (self.shape.latent_channels, self.shape.control_channels, 4 * self.shape.tokens());
         let layouts = sequence.layouts;
-        let control = sized(&mut tape.control, layouts.len() / self.control.inputs() * c);
+        let control = tape.control.sized(layouts.len() / self.control.inputs() * c);
         if sequence.layout_on == 0.0 {
             control.fill(0.0);
         } else {
             self.control.forward(layouts, control);
         }
-        let input = sized(&mut tape.input, sequence.times.len() * pixels * (2 * z + c));
+        let input = tape.input.sized(sequence.times.len() * pixels * (2 * z + c));
         for (at, row) in input.chunks_exact_mut(2 * z + c).enumerate() {
             let (frame, pixel) = (at / pixels, at % pixels);
             row[..z].copy_from_slice(&sequence.noisy[at * z..(at + 1) * z]);
@@ -250,14 +244,14 @@ impl<'a> Network<'a> {
     fn context(&self, sequence: &Sequence<'_>, tape: &mut Tape) {
         let (d, tokens) = (self.shape.dim, self.shape.tokens());
         let split = if self.image.is_some() { tokens * d } else { 0 };
-        let context = sized(&mut tape.context, split + self.shape.text_len * d);
+        let context = tape.context.sized(split + self.shape.text_len * d);
         if let Some(image) = &self.image {
             image.forward(&sequence.start, &mut context[..split]);
         }
         if let Some([first, second]) = &self.text {
             let [raw, hidden] = &mut tape.prompt;
-            first.forward(&sequence.text, sized(raw, self.shape.text_len * d));
-            rows::gelu(self.arch, raw, sized(hidden, self.shape.text_len * d));
+            first.forward(&sequence.text, raw.sized(self.shape.text_len * d));
+            rows::gelu(self.arch, raw, hidden.sized(self.shape.text_len * d));
             second.forward(hidden, &mut context[split..]);
         }
     }
@@ -266,22 +260,22 @@ impl<'a> Network<'a> {
         let (d, Attention { q, k, v, o, norm_q, norm_k, .. }) = (self.shape.dim, &layer.own);
         let Tape { runs, links, moved, rotary, time, x, y, tiles, .. } = tape;
         let rows = x.len() / d;
-        sized(&mut kept.normal, rows * d);
-        sized(&mut kept.scales, rows);
-        sized(y, rows * d);
+        kept.normal.sized(rows * d);
+        kept.scales.sized(rows);
+        y.sized(rows * d);
         for Run { rows, time: label } in runs.iter() {
             let (now, [shift, factor, ..]) = (span(rows, d), time.rows(at, *label, layer.modulation));
             let (normal, y) = (&mut kept.normal[now.clone()], &mut y[now.clone()]);
             rows::layer_norm(self.arch, &x[now], [factor, shift], normal, &mut kept.scales[rows.clone()], y);
         }
         let (raw, scales) = (&mut kept.raw, &mut kept.raw_scales);
-        q.forward(y, sized(&mut raw[0], rows * d));
-        k.forward(y, sized(&mut raw[1], rows * d));
-        v.forward(y, sized(&mut kept.v, rows * d));
-        rows::rms_norm(self.arch, &raw[0], norm_q, sized(&mut scales[0], rows), sized(&mut kept.q, rows * d));
-        rows::rms_norm(self.arch, &raw[1], norm_k, sized(&mut scales[1], rows), sized(&mut kept.k, rows * d));
+        q.forward(y, raw[0].sized(rows * d));
+        k.forward(y, raw[1].sized(rows * d));
+        v.forward(y, kept.v.sized(rows * d));
+        rows::rms_norm(self.arch, &raw[0], norm_q, scales[0].sized(rows), kept.q.sized(rows * d));
+        rows::rms_norm(self.arch, &raw[1], norm_k, scales[1].sized(rows), kept.k.sized(rows * d));
         let mut first = 0;
-        sized(&mut kept.moved, moved.iter().map(|(rows, _)| rows * d).sum());
+        kept.moved.sized(moved.iter().map(|(rows, _)| rows * d).sum());
         for (rows, rotary) in moved.iter() {
             let part = &mut kept.moved[first..first + rows * d];
             part.copy_from_slice(&kept.k[..rows * d]);
@@ -290,15 +284,15 @@ impl<'a> Network<'a> {
         }
         rotary.apply(self.arch, &mut kept.q, [0, d, d], 0);
         rotary.apply(self.arch, &mut kept.k, [0, d, d], 0);
-        sized(&mut kept.logs, rows * self.heads.heads);
-        sized(&mut kept.mixed, rows * d);
+        kept.logs.sized(rows * self.heads.heads);
+        kept.mixed.sized(rows * d);
         for link in links.iter() {
             let keys = seen(link, &kept.k, &kept.v, &kept.moved, moved, d);
             let (now, logs) = (span(&link.queries, d), span(&link.queries, self.heads.heads));
             let out = &mut kept.mixed[now.clone()];
             self.heads.forward(&kept.q[now], &keys, tiles, out, &mut kept.logs[logs]);
         }
-        o.forward(&kept.mixed, sized(&mut kept.out, rows * d));
+        o.forward(&kept.mixed, kept.out.sized(rows * d));
         for Run { rows, time: label } in runs.iter() {
             let (now, [.., gate, _, _, _]) = (span(rows, d), time.rows(at, *label, layer.modulation));
             rows::gate(self.arch, &kept.out[now.clone()], gate, &mut x[now]);
@@ -309,17 +303,17 @@ impl<'a> Network<'a> {
         let (d, Attention { q, k, v, o, norm_q, norm_k, .. }) = (self.shape.dim, &cross.attention);
         let Tape { context, x, y, tiles, .. } = tape;
         let rows = x.len() / d;
-        let (normal, scales) = (sized(&mut kept.normal, rows * d), sized(&mut kept.scales, rows));
+        let (normal, scales) = (kept.normal.sized(rows * d), kept.scales.sized(rows));
         rows::layer_norm(self.arch, x, cross.norm, normal, scales, y);
         let (raw, scales) = (&mut kept.raw, &mut kept.raw_scales);
-        q.forward(y, sized(&mut raw[0], rows * d));
-        k.forward(context, sized(&mut raw[1], context.len()));
-        v.forward(context, sized(&mut kept.v, context.len()));
-        rows::rms_norm(self.arch, &raw[0], norm_q, sized(&mut scales[0], rows), sized(&mut kept.q, rows * d));
-        let (scales, keys) = (sized(&mut scales[1], context.len() / d), sized(&mut kept.k, context.len()));
+        q.forward(y, raw[0].sized(rows * d));
+        k.forward(context, raw[1].sized(context.len()));
+        v.forward(context, kept.v.sized(context.len()));
+        rows::rms_norm(self.arch, &raw[0], norm_q, scales[0].sized(rows), kept.q.sized(rows * d));
+        let (scales, keys) = (scales[1].sized(context.len() / d), kept.k.sized(context.len()));
         rows::rms_norm(self.arch, &raw[1], norm_k, scales, keys);
-        let logs = sized(&mut kept.logs, rows * self.heads.heads);
-        let mixed = sized(&mut kept.mixed, rows * d);
+        let logs = kept.logs.sized(rows * self.heads.heads);
+        let mixed = kept.mixed.sized(rows * d);
         self.heads.forward(&kept.q, &[(&kept.k, &kept.v)], tiles, mixed, logs);
         o.forward(mixed, y);
         x.iter_mut().zip(y.iter()).for_each(|(x, y)| *x += y);
@@ -329,16 +323,16 @@ impl<'a> Network<'a> {
         let (d, [first, second]) = (self.shape.dim, &layer.ffn);
         let Tape { runs, time, x, y, hidden, .. } = tape;
         let rows = x.len() / d;
-        sized(&mut kept.normal, rows * d);
-        sized(&mut kept.scales, rows);
+        kept.normal.sized(rows * d);
+        kept.scales.sized(rows);
         for Run { rows, time: label } in runs.iter() {
             let (now, [_, _, _, shift, factor, _]) = (span(rows, d), time.rows(at, *label, layer.modulation));
             let (normal, y) = (&mut kept.normal[now.clone()], &mut y[now.clone()]);
             rows::layer_norm(self.arch, &x[now], [factor, shift], normal, &mut kept.scales[rows.clone()], y);
         }
-        first.forward(y, sized(&mut kept.hidden, rows * self.shape.ffn));
-        rows::gelu(self.arch, &kept.hidden, sized(hidden, rows * self.shape.ffn));
-        second.forward(hidden, sized(&mut kept.out, rows * d));
+        first.forward(y, kept.hidden.sized(rows * self.shape.ffn));
+        rows::gelu(self.arch, &kept.hidden, hidden.sized(rows * self.shape.ffn));
+        second.forward(hidden, kept.out.sized(rows * d));
         for Run { rows, time: label } in runs.iter() {
             let (now, [.., gate]) = (span(rows, d), time.rows(at, *label, layer.modulation));
             rows::gate(self.arch, &kept.out[now.clone()], gate, &mut x[now]);

@@ -4,7 +4,6 @@ use ds_nn::array::Weights;
 use ds_nn::dit::DitShape;
 
 use super::linear::{Linear, sums, values};
-use super::network::sized;
 use super::rows;
 use crate::Buffer;
 use crate::arch::Arch;
@@ -70,7 +69,7 @@ impl<'a> Time<'a> {
         let (half, [first, second, project]) = (self.half, &self.layers);
         let d = first.outputs();
         tape.times = times.len();
-        let waves = sized(&mut tape.waves, times.len() * 2 * half);
+        let waves = tape.waves.sized(times.len() * 2 * half);
         for (time, row) in times.iter().zip(waves.chunks_exact_mut(2 * half)) {
             let angle = |i: usize| f64::from(*time) * 10_000f64.powf(-(i as f64) / half as f64);
             #[expect(clippy::cast_possible_truncation, reason = "the embedding is single precision")]
@@ -79,12 +78,12 @@ impl<'a> Time<'a> {
             }
         }
         let values = times.len() * d;
-        first.forward(waves, sized(&mut tape.raw, values));
-        rows::silu(arch, &tape.raw, sized(&mut tape.hidden, values));
-        second.forward(&tape.hidden, sized(&mut tape.e, values));
-        rows::silu(arch, &tape.e, sized(&mut tape.silu, values));
-        project.forward(&tape.silu, sized(&mut tape.e0, 6 * values));
-        let table = sized(&mut tape.table, self.modulations.len() * 6 * values);
+        first.forward(waves, tape.raw.sized(values));
+        rows::silu(arch, &tape.raw, tape.hidden.sized(values));
+        second.forward(&tape.hidden, tape.e.sized(values));
+        rows::silu(arch, &tape.e, tape.silu.sized(values));
+        project.forward(&tape.silu, tape.e0.sized(6 * values));
+        let table = tape.table.sized(self.modulations.len() * 6 * values);
         for (rows, own) in table.chunks_exact_mut(6 * values).zip(&self.modulations) {
             for (at, (to, e0)) in rows.iter_mut().zip(tape.e0.iter()).enumerate() {
                 // Scales are kept as factors.
@@ -92,13 +91,13 @@ impl<'a> Time<'a> {
                 *to = e0 + own[at % (6 * d)] + one;
             }
         }
-        for (at, to) in sized(&mut tape.head, 2 * values).iter_mut().enumerate() {
+        for (at, to) in tape.head.sized(2 * values).iter_mut().enumerate() {
             let (time, row, column) = (at / (2 * d), at / d % 2, at % d);
             *to = tape.e[time * d + column] + self.head[row * d + column] + if row == 1 { 1.0 } else { 0.0 };
         }
-        sized(&mut tape.d_rows, 6 * values).fill(0.0);
-        sized(&mut tape.d_all, 6 * values).fill(0.0);
-        sized(&mut tape.d_head, 2 * values).fill(0.0);
+        tape.d_rows.sized(6 * values).fill(0.0);
+        tape.d_all.sized(6 * values).fill(0.0);
+        tape.d_head.sized(2 * values).fill(0.0);
     }
 
     /// Takes the gradients of a block's rows over, and clears them.
@@ -119,7 +118,7 @@ impl<'a> Time<'a> {
         let d = first.outputs();
         let TimeTape { waves, raw, hidden, e, silu, d_all, d_head, d: [de, dh], times, .. } = tape;
         project.learn(arch, d_all, silu, gradient);
-        project.back(d_all, sized(de, *times * d), false);
+        project.back(d_all, de.sized(*times * d), false);
         rows::silu_back(arch, e, de);
         let own = sums(gradient, "head.modulation");
         for (rows, de) in d_head.chunks_exact(2 * d).zip(de.chunks_exact_mut(d)) {
@@ -127,7 +126,7 @@ impl<'a> Time<'a> {
             de.iter_mut().zip(&rows[..d]).zip(&rows[d..]).for_each(|((de, a), b)| *de += a + b);
         }
         second.learn(arch, de, hidden, gradient);
-        second.back(de, sized(dh, *times * d), false);
+        second.back(de, dh.sized(*times * d), false);
         rows::silu_back(arch, raw, dh);
         first.learn(arch, dh, waves, gradient);
     }

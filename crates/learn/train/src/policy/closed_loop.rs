@@ -18,22 +18,13 @@ use serde_json::json;
 
 use super::PolicyTrainError;
 use super::augment::softened;
-use super::dataset::{Sample, Samples, Stage};
+use super::dataset::{Sample, Samples, ScenarioSplit, Stage};
 use super::settings::PolicySettings;
 
 /// A drive farther off the route than this has failed, in metres.
 const OFF_ROUTE_M: f64 = 4.0;
 /// Where the training scenarios that the policy itself drives begin, after those of the expert's samples.
 const FIRST_DRIVEN: u64 = 40_000;
-
-/// Which scenarios are shown.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ScenarioSplit {
-    /// Those for training.
-    Training,
-    /// Those held out.
-    HeldOut,
-}
 
 /// Who drove on what.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

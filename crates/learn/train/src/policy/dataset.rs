@@ -16,7 +16,6 @@ use ds_sim::{SimConfig, Simulation};
 use ds_space::{DVec2, Draws, PoseSe2, Tick};
 use ds_world::{EgoState, RouteCommand, Scene, WorldState};
 
-use super::closed_loop::ScenarioSplit;
 use super::settings::PolicySettings;
 use super::{FIRST_HELD_OUT_SEED, PolicyTrainError};
 
@@ -27,6 +26,15 @@ const RECORD_BYTES: usize = PIXELS + 4 + 4 + 4 * TARGETS;
 const MAX_BYTES: u64 = 8 << 30;
 /// The last tick from which the tracks reach to the end of a label.
 const LAST_START_TICK: u64 = 110;
+
+/// Which scenarios are shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ScenarioSplit {
+    /// Those for training.
+    Training,
+    /// Those held out.
+    HeldOut,
+}
 
 /// A state with its label.
 #[derive(Debug, Clone, PartialEq)]

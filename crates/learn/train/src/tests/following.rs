@@ -47,7 +47,7 @@ pub(super) fn improves(config: &TrainConfig) {
     let segmenter = Segmenter::load(&Path::new(ROOT).join("configs/models/segmenter.safetensors")).expect("it ships");
     let foreign = clips.whole(FOREIGN).expect("reads").layouts;
     let stage = |transformer: &str, decoder: &str| {
-        let model = Arc::new(decoder::assembled(config, &weights(config, transformer), decoder).expect("fits"));
+        let model = Arc::new(ship::assembled(config, &weights(config, transformer), decoder).expect("fits"));
         let roll = |clip: &Clip, layouts: &[RgbImage]| {
             evaluate::roll(&model, clip, layouts, &Digest::of(b"key")).expect("rolls")
         };

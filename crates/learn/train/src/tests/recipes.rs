@@ -12,7 +12,7 @@ fn recipes_inherit_table_by_table() {
     std::fs::write(&arm, text).expect("writes");
     let found = TrainConfig::load(&arm).expect("valid");
     let teacher = found.teacher.clone().expect("inherited");
-    assert_eq!(teacher.dropout, [crate::config::Dropout::Layout, crate::config::Dropout::All]);
+    assert_eq!(teacher.dropout, [crate::guidance::Dropout::Layout, crate::guidance::Dropout::All]);
     assert_eq!(Some(&teacher.stage), base.teacher.as_ref().map(|teacher| &teacher.stage));
     assert_eq!((found.folder.as_path(), found.parent.as_deref()), (Path::new("arm"), Some(Path::new("whole"))));
     std::fs::write(&arm, "inherits = \"arm.toml\"").expect("writes");

@@ -1,36 +1,15 @@
-//! Time stamps: what looks wrong with them, and which rows can be used.
+//! Time stamps: what looks wrong with them.
 
+use super::LogFinding;
 use crate::channel;
-use crate::check::LogFinding;
 use crate::mapping::Mapping;
+use crate::resample::LONGEST_HOLE_SECS;
 
-/// Longest hole in the stamps that is bridged, s; a longer one ends a drive.
-pub(crate) const LONGEST_HOLE_SECS: f64 = 0.8;
 /// Steps between samples that any vehicle log has, s: 5 kHz to 2 Hz.
 const USUAL_STEP_SECS: std::ops::RangeInclusive<f64> = 2e-4..=0.5;
 
-/// Returns the rows whose stamps grow, cut where a hole is too long to bridge.
-pub(crate) fn stretches(t: &[f64]) -> Vec<Vec<usize>> {
-    let mut parts: Vec<Vec<usize>> = vec![Vec::new()];
-    let mut last = f64::NAN;
-    for (row, &now) in t.iter().enumerate() {
-        if !now.is_finite() || now <= last {
-            continue;
-        }
-        if now - last > LONGEST_HOLE_SECS {
-            parts.push(Vec::new());
-        }
-        if let Some(part) = parts.last_mut() {
-            part.push(row);
-        }
-        last = now;
-    }
-    parts.retain(|part| part.len() > 1);
-    parts
-}
-
 /// Says what is wrong with the stamps of a file, given in seconds.
-pub(crate) fn findings(file: &str, t: &[f64], mapping: &Mapping) -> Vec<LogFinding> {
+pub(super) fn findings(file: &str, t: &[f64], mapping: &Mapping) -> Vec<LogFinding> {
     let finding = |problem: &str, evidence: String, proposal: String| LogFinding {
         file: file.to_owned(),
         channel: "time".to_owned(),
