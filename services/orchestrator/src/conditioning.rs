@@ -44,6 +44,15 @@ pub enum ConditioningError {
         #[source]
         source: ImageError,
     },
+    /// The first frame of a camera cannot be rendered.
+    #[error("first frame of camera {camera:?} cannot be rendered")]
+    Render {
+        /// The camera.
+        camera: String,
+        /// Why.
+        #[source]
+        source: ImageError,
+    },
     /// A camera has two pictures.
     #[error("first frame of {} is given twice, once is expected", named(.camera))]
     Twice {
@@ -148,10 +157,13 @@ impl Conditioning {
         let renderer = ReferenceCamera::new(scene, appearance);
         let world = scene.logged_world(Tick(0));
         let pose = world.ego.pose.world_from_rig(0.0);
-        let frame = |(given, camera): (Option<RgbImage>, &CameraModel)| {
-            given.unwrap_or_else(|| renderer.render(&world, camera, pose))
+        let frame = |(given, camera): (Option<RgbImage>, &CameraModel)| match given {
+            Some(given) => Ok(given),
+            None => renderer
+                .render(&world, camera, pose)
+                .map_err(|source| ConditioningError::Render { camera: camera.id.to_string(), source }),
         };
-        Ok(given.into_iter().zip(&scene.cameras).map(frame).collect())
+        given.into_iter().zip(&scene.cameras).map(frame).collect()
     }
 
     /// Returns the prompt of a drive up to the tick `last`.

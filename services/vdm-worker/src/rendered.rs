@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ds_camera::{Appearance, PlainCamera, ReferenceCamera};
 use ds_process::maker::{Fault, Inputs, Maker, Output, bad, output};
-use ds_raster::{Encoding, RgbImage};
+use ds_raster::{Encoding, ImageError, RgbImage};
 use ds_space::{CameraModel, Tick};
 use ds_topic::{Advance, Frame, Layout, ObservationSource, SceneMessage, Slot, Topic, World};
 
@@ -43,15 +43,16 @@ impl Rendered {
 
     fn image(&self, inputs: &Inputs, tick: Tick, camera: (u16, &CameraModel)) -> Result<RgbImage, Fault> {
         let world = || inputs.decode::<World>(Slot::new(Topic::World, tick.0));
+        let unseen = |error: ImageError| bad("frame_refused", &error);
         match &self.source {
             Source::Layout => Ok(inputs.decode::<Layout>(Slot::of_camera(Topic::Layout, tick.0, camera.0))?.image),
             Source::Reference(renderer) => {
                 let state = world()?.state;
-                Ok(renderer.render(&state, camera.1, state.ego.pose.world_from_rig(0.0)))
+                renderer.render(&state, camera.1, state.ego.pose.world_from_rig(0.0)).map_err(unseen)
             }
             Source::Plain(renderer) => {
                 let state = world()?.state;
-                Ok(renderer.render(&state, camera.1, state.ego.pose.world_from_rig(0.0)))
+                renderer.render(&state, camera.1, state.ego.pose.world_from_rig(0.0)).map_err(unseen)
             }
         }
     }

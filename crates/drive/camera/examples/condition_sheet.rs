@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for (i, condition) in conditions.iter().enumerate() {
         let appearance = Appearance::condition(*condition, 1);
         let picture =
-            ReferenceCamera::new(&scene, appearance).render(&world, &camera, street::ego().world_from_rig(0.0));
+            ReferenceCamera::new(&scene, appearance).render(&world, &camera, street::ego().world_from_rig(0.0))?;
         let (left, top) = ((i % COLUMNS) * 160, (i / COLUMNS) * 96);
         for (line, row) in picture.rgb().chunks_exact(480).enumerate() {
             let at = ((top + line) * 160 * COLUMNS + left) * 3;

@@ -22,9 +22,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for (name, appearance) in [("day", Appearance::DAY), ("low", low), ("wet", wet), ("night", night)] {
         let camera = ReferenceCamera::new(&scene, appearance);
         for (width, height) in [(160, 96), (640, 384)] {
-            save(format!("{name}_{width}.png"), camera.render(&world, &street::camera(width, height), rig))?;
+            save(format!("{name}_{width}.png"), camera.render(&world, &street::camera(width, height), rig)?)?;
         }
     }
-    save("plain_640.png".to_owned(), PlainCamera::new(&scene).render(&world, &street::camera(640, 384), rig))?;
+    save("plain_640.png".to_owned(), PlainCamera::new(&scene).render(&world, &street::camera(640, 384), rig)?)?;
     Ok(())
 }

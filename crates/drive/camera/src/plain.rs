@@ -1,7 +1,7 @@
 //! The plain camera: the flat look of a simple game engine, from the same geometry without surroundings, textures,
 //! shadows and weather. Stands for `sim-rgb` where observation sources are compared.
 
-use ds_raster::{Lens, RgbImage, View};
+use ds_raster::{ImageError, Lens, RgbImage, View};
 use ds_space::{CameraModel, Pose, Rig, Vec3, World};
 use ds_world::{Scene, WorldState};
 
@@ -23,15 +23,20 @@ impl PlainCamera {
     }
 
     /// Renders the picture of a camera on a rig that stands at a place.
-    #[must_use]
-    pub fn render(&self, world: &WorldState, camera: &CameraModel, world_from_rig: Pose<World, Rig>) -> RgbImage {
+    ///
+    /// # Errors
+    /// If the size of the camera is more than can be rendered.
+    pub fn render(
+        &self,
+        world: &WorldState,
+        camera: &CameraModel,
+        world_from_rig: Pose<World, Rig>,
+    ) -> Result<RgbImage, ImageError> {
         let lens = Lens::new(&camera.intrinsics);
         let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
-        let raster = surfaces(&self.geometry, world, &view, false);
+        let raster = surfaces(&self.geometry, world, &view, false)?;
         let colours = lens.develop(raster.values().iter().map(flat).collect());
-        let (width_px, height_px) = (camera.intrinsics.width_px, camera.intrinsics.height_px);
-        RgbImage::new(width_px, height_px, colours.into_flattened())
-            .unwrap_or_else(|_| RgbImage::filled(width_px, height_px, [0; 3]))
+        RgbImage::new(camera.intrinsics.width_px, camera.intrinsics.height_px, colours.into_flattened())
     }
 }
 

@@ -3,7 +3,7 @@
 //! Surfaces are rastered at twice the size, each 2×2 block is shaded once where it shows one surface and four times
 //! where it does not, and averaged. A pure function of scene, state, camera and appearance: same input, same bits.
 
-use ds_raster::{DepthRaster, Lens, RgbImage, View};
+use ds_raster::{DepthRaster, ImageError, Lens, RgbImage, View};
 use ds_space::{CameraModel, DVec2, DVec3, Draws, Intrinsics, Pose, Rig, Vec2, Vec3, World};
 use ds_world::{Scene, WorldState, agent::corners};
 
@@ -69,13 +69,20 @@ impl ReferenceCamera {
     }
 
     /// Renders the picture of a camera on a rig that stands at a place.
-    #[must_use]
-    pub fn render(&self, world: &WorldState, camera: &CameraModel, world_from_rig: Pose<World, Rig>) -> RgbImage {
+    ///
+    /// # Errors
+    /// If the size of the camera is more than can be rendered.
+    pub fn render(
+        &self,
+        world: &WorldState,
+        camera: &CameraModel,
+        world_from_rig: Pose<World, Rig>,
+    ) -> Result<RgbImage, ImageError> {
         let size = &camera.intrinsics;
         let scale = if self.sampling == Sampling::Smooth { 2 } else { 1 };
         let lens = Lens::new(&size.resized(size.width_px * scale, size.height_px * scale));
         let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
-        let samples = lens.develop(self.expose(world, &view));
+        let samples = lens.develop(self.expose(world, &view)?);
         let mut light = averaged(&samples, size, scale as usize);
         if let Some(fall) = &self.fall {
             fall.draw(
@@ -92,27 +99,28 @@ impl ReferenceCamera {
         }
         let colours: Vec<[u8; 3]> = light.into_iter().map(developed).collect();
         RgbImage::new(size.width_px, size.height_px, colours.into_flattened())
-            .unwrap_or_else(|_| RgbImage::filled(size.width_px, size.height_px, [0; 3]))
     }
 
     /// Returns what each pixel belongs to, rows top to bottom.
-    #[must_use]
+    ///
+    /// # Errors
+    /// As [`Self::render`].
     pub fn classes(
         &self,
         world: &WorldState,
         camera: &CameraModel,
         world_from_rig: Pose<World, Rig>,
-    ) -> Vec<PixelClass> {
+    ) -> Result<Vec<PixelClass>, ImageError> {
         let lens = Lens::new(&camera.intrinsics);
         let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
-        let raster = surfaces(&self.geometry, world, &view, false);
-        lens.develop(raster.values().iter().map(|surface| surface.class).collect())
+        let raster = surfaces(&self.geometry, world, &view, false)?;
+        Ok(lens.develop(raster.values().iter().map(|surface| surface.class).collect()))
     }
 
     /// Returns the light of every pixel of a pinhole picture.
-    fn expose(&self, world: &WorldState, view: &View) -> Vec<Vec3> {
-        let raster = surfaces(&self.geometry, world, view, self.light.lamps_on());
-        let shadows = self.shadow_mask(world, view);
+    fn expose(&self, world: &WorldState, view: &View) -> Result<Vec<Vec3>, ImageError> {
+        let raster = surfaces(&self.geometry, world, view, self.light.lamps_on())?;
+        let shadows = self.shadow_mask(world, view)?;
         let (width, height) = (raster.width(), raster.height());
         let scene = Exposure::new(self, view, &raster, &shadows);
         let mut light = vec![Vec3::ZERO; width * height];
@@ -134,12 +142,12 @@ impl ReferenceCamera {
                 }
             }
         }
-        light
+        Ok(light)
     }
 
-    fn shadow_mask(&self, world: &WorldState, view: &View) -> Vec<u8> {
+    fn shadow_mask(&self, world: &WorldState, view: &View) -> Result<Vec<u8>, ImageError> {
         let (width_px, height_px) = (view.pinhole().width_px, view.pinhole().height_px);
-        let Ok(mut mask) = DepthRaster::new(width_px, height_px, 0u8) else { return Vec::new() };
+        let mut mask = DepthRaster::new(width_px, height_px, 0u8)?;
         let mut paint = |triangles: &[Triangle], value: u8| {
             for triangle in triangles {
                 view.paint(&mut mask, &triangle.map(|corner| corner.extend(0.0)), value);
@@ -167,15 +175,19 @@ impl ReferenceCamera {
             let under = corners(&agent.pose, agent.size.length_m + 0.1, agent.size.width_m + 0.1);
             paint(&shape::triangulate(&under), SUN_SHADOW | CONTACT);
         }
-        mask.values().to_vec()
+        Ok(mask.values().to_vec())
     }
 }
 
 /// Rasters all surfaces of a world.
-pub(crate) fn surfaces(geometry: &Geometry, world: &WorldState, view: &View, lamps_on: bool) -> DepthRaster<Surface> {
+pub(crate) fn surfaces(
+    geometry: &Geometry,
+    world: &WorldState,
+    view: &View,
+    lamps_on: bool,
+) -> Result<DepthRaster<Surface>, ImageError> {
     let pinhole = view.pinhole();
-    let mut raster = DepthRaster::new(pinhole.width_px.clamp(1, 8192), pinhole.height_px.clamp(1, 8192), Surface::SKY)
-        .expect("the sides are clamped to what a raster accepts");
+    let mut raster = DepthRaster::new(pinhole.width_px, pinhole.height_px, Surface::SKY)?;
     let verge = Surface::ground(Material::Verge, PixelClass::Other, [86, 104, 58]);
     let (corner, right, down) = ray_steps(view);
     raster.clear_with(|x, y| {
@@ -183,7 +195,7 @@ pub(crate) fn surfaces(geometry: &Geometry, world: &WorldState, view: &View, lam
         if ray_z < 0.0 { verge } else { Surface::SKY }
     });
     geometry.draw(world, view, lamps_on, &mut raster);
-    raster
+    Ok(raster)
 }
 
 /// Returns the ray of the first pixel's centre and its steps to the right and down.

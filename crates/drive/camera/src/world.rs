@@ -3,7 +3,7 @@
 //! World A is the reference camera, on whose frames everything is trained. A world of other assets, light and lens
 //! implements the same two traits and is looked at in evaluations only.
 
-use ds_raster::{PixelClass, RgbImage};
+use ds_raster::{ImageError, PixelClass, RgbImage};
 use ds_space::{CameraModel, Pose, Rig, World};
 use ds_world::{Scene, WorldState};
 
@@ -31,10 +31,26 @@ pub trait CameraWorld: Sync {
 /// A prepared scene.
 pub trait SceneCamera {
     /// Renders what a camera on a rig sees.
-    fn render(&self, world: &WorldState, model: &CameraModel, world_from_rig: Pose<World, Rig>) -> RgbImage;
+    ///
+    /// # Errors
+    /// If the size of the camera is more than can be rendered.
+    fn render(
+        &self,
+        world: &WorldState,
+        model: &CameraModel,
+        world_from_rig: Pose<World, Rig>,
+    ) -> Result<RgbImage, ImageError>;
 
     /// Returns what each pixel belongs to, rows top to bottom.
-    fn classes(&self, world: &WorldState, model: &CameraModel, world_from_rig: Pose<World, Rig>) -> Vec<PixelClass>;
+    ///
+    /// # Errors
+    /// As [`Self::render`].
+    fn classes(
+        &self,
+        world: &WorldState,
+        model: &CameraModel,
+        world_from_rig: Pose<World, Rig>,
+    ) -> Result<Vec<PixelClass>, ImageError>;
 }
 
 /// World A, seen by the reference camera.
@@ -52,11 +68,21 @@ impl CameraWorld for ReferenceWorld {
 }
 
 impl SceneCamera for ReferenceCamera {
-    fn render(&self, world: &WorldState, model: &CameraModel, world_from_rig: Pose<World, Rig>) -> RgbImage {
+    fn render(
+        &self,
+        world: &WorldState,
+        model: &CameraModel,
+        world_from_rig: Pose<World, Rig>,
+    ) -> Result<RgbImage, ImageError> {
         Self::render(self, world, model, world_from_rig)
     }
 
-    fn classes(&self, world: &WorldState, model: &CameraModel, world_from_rig: Pose<World, Rig>) -> Vec<PixelClass> {
+    fn classes(
+        &self,
+        world: &WorldState,
+        model: &CameraModel,
+        world_from_rig: Pose<World, Rig>,
+    ) -> Result<Vec<PixelClass>, ImageError> {
         Self::classes(self, world, model, world_from_rig)
     }
 }

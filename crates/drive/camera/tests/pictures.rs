@@ -12,7 +12,7 @@ fn reference() -> ReferenceCamera {
 }
 
 fn classes(world: &WorldState, camera: &CameraModel) -> Vec<PixelClass> {
-    reference().classes(world, camera, street::ego().world_from_rig(0.0))
+    reference().classes(world, camera, street::ego().world_from_rig(0.0)).expect("the size is sound")
 }
 
 fn agent(class: AgentClass, [length_m, width_m, height_m]: [f64; 3], x_m: f64, y_m: f64) -> AgentState {
@@ -30,7 +30,9 @@ fn equal_input_gives_equal_bits() {
         for appearance in [Appearance::DAY, Appearance::from_seed(4)] {
             let picture = || {
                 let camera = ReferenceCamera::new(&street::scene(), appearance).with_sampling(sampling);
-                camera.render(&street::world(), &street::camera(160, 96), street::ego().world_from_rig(0.0))
+                camera
+                    .render(&street::world(), &street::camera(160, 96), street::ego().world_from_rig(0.0))
+                    .expect("the size is sound")
             };
             assert_eq!(picture(), picture());
         }
@@ -43,14 +45,15 @@ fn appearances_and_scenes_look_different_and_shapes_stay() {
     let (world, camera) = (street::world(), street::camera(160, 96));
     let night = ReferenceCamera::new(&street::scene(), Appearance { night: 1.0, ..Appearance::DAY });
     let mean = |camera: &ReferenceCamera| {
-        let image = camera.render(&world, &street::camera(160, 96), rig);
+        let image = camera.render(&world, &street::camera(160, 96), rig).expect("the size is sound");
         image.rgb().iter().map(|c| f64::from(*c)).sum::<f64>() / image.rgb().len() as f64
     };
     assert!(mean(&night) < 0.6 * mean(&reference()));
-    assert_eq!(night.classes(&world, &camera, rig), reference().classes(&world, &camera, rig));
+    assert_eq!(night.classes(&world, &camera, rig).expect("the size is sound"), classes(&world, &camera));
     let other = Scene { digest: ds_space::Digest::of(b"another street"), ..street::scene() };
-    let elsewhere = ReferenceCamera::new(&other, Appearance::DAY).render(&world, &camera, rig);
-    assert_ne!(elsewhere, reference().render(&world, &camera, rig));
+    let elsewhere =
+        ReferenceCamera::new(&other, Appearance::DAY).render(&world, &camera, rig).expect("the size is sound");
+    assert_ne!(elsewhere, reference().render(&world, &camera, rig).expect("the size is sound"));
 }
 
 #[test]
@@ -118,7 +121,11 @@ fn the_lit_lamp_shows_the_state() {
     use ds_world::LightState::{Green, Red, Unknown};
     let camera = street::camera(640, 384);
     let rig = street::ego().world_from_rig(0.0);
-    let picture = |state| reference().render(&WorldState { lights: vec![state], ..with_agents(vec![]) }, &camera, rig);
+    let picture = |state| {
+        reference()
+            .render(&WorldState { lights: vec![state], ..with_agents(vec![]) }, &camera, rig)
+            .expect("the size is sound")
+    };
     let (red, green, unknown) = (picture(Red), picture(Green), picture(Unknown));
     let camera_from_world = (rig * camera.rig_from_camera).inverse();
     let lamp = |up_m: f64| {
@@ -137,7 +144,7 @@ fn the_lit_lamp_shows_the_state() {
 fn the_plain_camera_agrees_with_the_class_map_on_the_sky() {
     let camera = street::camera(160, 96);
     let rig = street::ego().world_from_rig(0.0);
-    let image = PlainCamera::new(&street::scene()).render(&street::world(), &camera, rig);
+    let image = PlainCamera::new(&street::scene()).render(&street::world(), &camera, rig).expect("the size is sound");
     let seen = classes(&street::world(), &camera);
     let sky = image.pixel(0, 0);
     for (i, class) in seen.iter().enumerate().filter(|(_, class)| **class == PixelClass::Sky) {
@@ -151,7 +158,7 @@ fn in_condition(name: &str) -> ReferenceCamera {
 
 fn at_tick(camera: &ReferenceCamera, tick: u32) -> ds_raster::RgbImage {
     let world = WorldState { tick: ds_space::Tick(tick), ..street::world() };
-    camera.render(&world, &street::camera(160, 96), street::ego().world_from_rig(0.0))
+    camera.render(&world, &street::camera(160, 96), street::ego().world_from_rig(0.0)).expect("the size is sound")
 }
 
 /// Mean absolute difference of bytes.
@@ -168,10 +175,14 @@ fn every_condition_shows_and_keeps_the_shapes() {
     // One palette and one sun for all: what differs is the condition.
     let look = |condition| Appearance { palette_seed: 1, sun_azimuth_rad: 0.9, ..Appearance::condition(condition, 1) };
     let pictures: Vec<_> = conditions.iter().map(|c| ReferenceCamera::new(&street::scene(), look(*c))).collect();
-    let classes = pictures[0].classes(&world, &camera, rig);
+    let classes = pictures[0].classes(&world, &camera, rig).expect("the size is sound");
     let frames: Vec<_> = pictures.iter().map(|camera| at_tick(camera, 3)).collect();
     for (i, a) in conditions.iter().enumerate() {
-        assert_eq!(pictures[i].classes(&world, &camera, rig), classes, "{a} changes the classes");
+        assert_eq!(
+            pictures[i].classes(&world, &camera, rig).expect("the size is sound"),
+            classes,
+            "{a} changes the classes"
+        );
         for (j, b) in conditions.iter().enumerate().skip(i + 1) {
             let apart = difference(&frames[i], &frames[j]);
             assert!(apart > 1.0, "{a} and {b} differ by {apart:.2} only");
@@ -198,8 +209,8 @@ fn fog_hides_what_is_far_and_leaves_what_is_near() {
         let car = agent(AgentClass::Vehicle, [4.5, 1.8, 1.5], x_m, -1.75);
         let camera = street::camera(160, 96);
         let rig = street::ego().world_from_rig(0.0);
-        let with = in_condition(name).render(&with_agents(vec![car.clone()]), &camera, rig);
-        let without = in_condition(name).render(&with_agents(vec![]), &camera, rig);
+        let with = in_condition(name).render(&with_agents(vec![car.clone()]), &camera, rig).expect("the size is sound");
+        let without = in_condition(name).render(&with_agents(vec![]), &camera, rig).expect("the size is sound");
         let seen = classes(&with_agents(vec![car]), &camera);
         let pixels: Vec<usize> = (0..seen.len()).filter(|i| seen[*i] == PixelClass::Vehicle).collect();
         let change = |i: &usize| {
@@ -217,7 +228,9 @@ fn snow_whitens_sand_yellows_and_puddles_mirror() {
     let mean = |name: &str| {
         let appearance = Appearance { palette_seed: 1, ..Appearance::named(name).expect("a condition") };
         let camera = ReferenceCamera::new(&street::scene(), appearance);
-        let picture = camera.render(&with_agents(vec![]), &street::camera(160, 96), street::ego().world_from_rig(0.0));
+        let picture = camera
+            .render(&with_agents(vec![]), &street::camera(160, 96), street::ego().world_from_rig(0.0))
+            .expect("the size is sound");
         let seen = classes(&with_agents(vec![]), &street::camera(160, 96));
         let road: Vec<usize> = (0..seen.len()).filter(|i| seen[*i] == PixelClass::Road).collect();
         let channel =
@@ -235,4 +248,14 @@ fn snow_whitens_sand_yellows_and_puddles_mirror() {
     assert!(snow.1 > dry.1 + 20.0, "snow {:.0}, dry {:.0}", snow.1, dry.1);
     assert!(sand.0[0] > sand.0[2] + 30.0 && dry.0[0] < dry.0[2] + 15.0, "sand {:?}, dry {:?}", sand.0, dry.0);
     assert!(puddles.2 > 1.5 * dry.2, "puddles {:.1}, dry {:.1}", puddles.2, dry.2);
+}
+
+#[test]
+fn a_camera_too_large_to_render_is_refused_by_its_size() {
+    let (world, rig) = (street::world(), street::ego().world_from_rig(0.0));
+    let wide = street::camera(ds_raster::image::MAX_SIDE_PX + 2, 2);
+    let plain = PlainCamera::new(&street::scene()).render(&world, &wide, rig).expect_err("too wide");
+    assert_eq!(plain.to_string(), "image of 8194×2 px: each side must be 1 to 8192");
+    assert!(reference().render(&world, &wide, rig).is_err(), "four samples a pixel do not make it fit");
+    assert!(reference().classes(&world, &wide, rig).is_err());
 }

@@ -5,7 +5,7 @@
 
 use std::f64::consts::PI;
 
-use ds_raster::{DepthRaster, Lens, PixelClass, RgbImage, View};
+use ds_raster::{DepthRaster, ImageError, Lens, PixelClass, RgbImage, View};
 use ds_space::{CameraModel, DVec2, DVec3, Draws, Intrinsics, Pose, PoseSe2, Rig, Tick, Vec2, Vec3, World};
 use ds_world::{AgentClass, AgentState, Condition, LightState, Scene, TrafficLight, WorldState};
 
@@ -63,12 +63,19 @@ impl SecondCamera {
     }
 
     /// Renders the picture of a camera on a rig that stands at a place.
-    #[must_use]
-    pub fn render(&self, world: &WorldState, camera: &CameraModel, world_from_rig: Pose<World, Rig>) -> RgbImage {
+    ///
+    /// # Errors
+    /// If the size of the camera is more than can be rendered.
+    pub fn render(
+        &self,
+        world: &WorldState,
+        camera: &CameraModel,
+        world_from_rig: Pose<World, Rig>,
+    ) -> Result<RgbImage, ImageError> {
         let size = &camera.intrinsics;
         let lens = Lens::new(&size.resized(2 * size.width_px, 2 * size.height_px));
         let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
-        let (raster, faces) = self.raster(world, &view);
+        let (raster, faces) = self.raster(world, &view)?;
         let shadows = self.shadows(&view, &faces);
         let samples = lens.develop(self.shade(&view, &raster, shadows.as_ref()));
         let (width, height) = (size.width_px as usize, size.height_px as usize);
@@ -84,27 +91,26 @@ impl SecondCamera {
         self.ground.fall(world.tick, &mut picture);
         let rows: Vec<u8> = light.into_iter().flat_map(|light| self.light.print(light)).collect();
         RgbImage::new(size.width_px, size.height_px, rows)
-            .unwrap_or_else(|_| RgbImage::filled(size.width_px, size.height_px, [0; 3]))
     }
 
     /// Returns what each pixel belongs to, rows top to bottom.
-    #[must_use]
+    ///
+    /// # Errors
+    /// As [`Self::render`].
     pub fn classes(
         &self,
         world: &WorldState,
         camera: &CameraModel,
         world_from_rig: Pose<World, Rig>,
-    ) -> Vec<PixelClass> {
+    ) -> Result<Vec<PixelClass>, ImageError> {
         let lens = Lens::new(&camera.intrinsics);
         let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
-        lens.develop(self.raster(world, &view).0.values().iter().map(|paint| paint.class).collect())
+        Ok(lens.develop(self.raster(world, &view)?.0.values().iter().map(|paint| paint.class).collect()))
     }
 
     /// Draws everything; also returns the faces of what moves.
-    fn raster(&self, world: &WorldState, view: &View) -> (DepthRaster<Paint>, Vec<Face>) {
-        let pinhole = view.pinhole();
-        let (width, height) = (pinhole.width_px.clamp(1, 8192), pinhole.height_px.clamp(1, 8192));
-        let mut raster = DepthRaster::new(width, height, Paint::SKY).expect("sides are clamped to what it accepts");
+    fn raster(&self, world: &WorldState, view: &View) -> Result<(DepthRaster<Paint>, Vec<Face>), ImageError> {
+        let mut raster = DepthRaster::new(view.pinhole().width_px, view.pinhole().height_px, Paint::SKY)?;
         let gravel = Paint::new(Stuff::Gravel, PixelClass::Other, [142, 124, 98]);
         raster.clear_with(|x, y| if view.ray(x as f64 + 0.5, y as f64 + 0.5).z < 0.0 { gravel } else { Paint::SKY });
         for layer in self.layers.iter().filter(|layer| layer.may_be_seen(view)) {
@@ -133,7 +139,7 @@ impl SecondCamera {
         for (corners, paint) in &faces {
             view.fill(&mut raster, corners, *paint);
         }
-        (raster, faces)
+        Ok((raster, faces))
     }
 
     fn agent(&self, agent: &AgentState, tick: Tick, faces: &mut Vec<Face>) {

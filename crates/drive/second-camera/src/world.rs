@@ -1,7 +1,7 @@
 //! World B as [`CameraWorld`]: roads, rig and camera of its own.
 
 use ds_camera::{Appearance, CameraWorld, SceneCamera};
-use ds_raster::{PixelClass, RgbImage};
+use ds_raster::{ImageError, PixelClass, RgbImage};
 use ds_space::{CameraModel, Pose, Rig, World};
 use ds_world::{Condition, Scene, WorldState};
 
@@ -30,11 +30,21 @@ impl CameraWorld for SecondWorld {
 }
 
 impl SceneCamera for SecondCamera {
-    fn render(&self, world: &WorldState, model: &CameraModel, world_from_rig: Pose<World, Rig>) -> RgbImage {
+    fn render(
+        &self,
+        world: &WorldState,
+        model: &CameraModel,
+        world_from_rig: Pose<World, Rig>,
+    ) -> Result<RgbImage, ImageError> {
         Self::render(self, world, model, world_from_rig)
     }
 
-    fn classes(&self, world: &WorldState, model: &CameraModel, world_from_rig: Pose<World, Rig>) -> Vec<PixelClass> {
+    fn classes(
+        &self,
+        world: &WorldState,
+        model: &CameraModel,
+        world_from_rig: Pose<World, Rig>,
+    ) -> Result<Vec<PixelClass>, ImageError> {
         Self::classes(self, world, model, world_from_rig)
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use ds_camera::SceneCamera;
 use ds_import::{Recorded, nuscenes, openscene};
 use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap};
-use ds_raster::RgbImage;
+use ds_raster::{ImageError, RgbImage};
 use ds_scenario::{Facts, Warning};
 use ds_space::CameraModel;
 use ds_world::{Scene, WorldState};
@@ -85,7 +85,7 @@ impl<'a> Studio<'a> {
         if self.recipe.source.is_photographed() {
             clip.frames = worlds.iter().map(|world| self.photo(world, planned.index)).collect::<Result<_, _>>()?;
         } else {
-            self.shoot(planned, &worlds[..frames], &mut clip);
+            self.shoot(planned, &worlds[..frames], &mut clip).map_err(unseen(planned.index))?;
         }
         // What a photograph looks like is not ours to choose; the log's own words tell it.
         let photographed = self.recipe.source.is_photographed();
@@ -139,16 +139,17 @@ impl<'a> Studio<'a> {
     }
 
     /// Renders frames and classes.
-    fn shoot(&self, planned: &PlannedClip, worlds: &[WorldState], clip: &mut Clip) {
+    fn shoot(&self, planned: &PlannedClip, worlds: &[WorldState], clip: &mut Clip) -> Result<(), ImageError> {
         let camera = self.recipe.source.world().camera(&self.scene, &planned.appearance);
         for world in worlds {
-            clip.frames.push(self.picture(&*camera, world));
+            clip.frames.push(self.picture(&*camera, world)?);
             if self.recipe.classes {
                 let pose = world.ego.pose.world_from_rig(0.0);
-                let classes = camera.classes(world, &self.camera, pose);
+                let classes = camera.classes(world, &self.camera, pose)?;
                 clip.classes.push(classes.into_iter().map(|class| class as u8).collect());
             }
         }
+        Ok(())
     }
 
     /// Reads the photograph of a tick at the size of the set.
@@ -172,7 +173,7 @@ impl<'a> Studio<'a> {
         worlds.iter().map(|world| layout(world).map_err(refuse)).collect()
     }
 
-    fn picture(&self, camera: &dyn SceneCamera, world: &WorldState) -> RgbImage {
+    fn picture(&self, camera: &dyn SceneCamera, world: &WorldState) -> Result<RgbImage, ImageError> {
         camera.render(world, &self.camera, world.ego.pose.world_from_rig(0.0))
     }
 
@@ -197,7 +198,8 @@ impl<'a> Studio<'a> {
         let editor = self.recipe.edit.as_ref().and_then(|edit| edit.editor.as_ref());
         if let Some((editor, original)) = editor.zip(planned.edited.as_ref()) {
             let camera = self.recipe.source.world().camera(&self.scene, &original.appearance);
-            clip.frames[0] = hook::edit(editor, &self.picture(&*camera, first), &brief)?;
+            clip.frames[0] =
+                hook::edit(editor, &self.picture(&*camera, first).map_err(unseen(planned.index))?, &brief)?;
         }
         if let Some(captioner) = &self.recipe.captioner {
             clip.prompt = hook::caption(captioner, &clip.frames[0], &brief)?;
@@ -208,4 +210,9 @@ impl<'a> Studio<'a> {
 
 fn resized(camera: &CameraModel, (width_px, height_px): (u32, u32)) -> CameraModel {
     CameraModel { intrinsics: camera.intrinsics.resized(width_px, height_px), ..camera.clone() }
+}
+
+/// Says which clip has a frame that cannot be rendered.
+fn unseen(index: u64) -> impl Fn(ImageError) -> ClipsError {
+    move |error| ClipsError::Clip { index, reason: error.to_string() }
 }

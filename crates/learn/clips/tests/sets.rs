@@ -110,8 +110,12 @@ fn clips_are_read_by_spans_and_follow_from_what_is_told_of_them() {
         let (world, camera) = (Drive::from(info.drive).world(&scene, 3), info.camera.model().expect("a camera"));
         let pose = world.ego.pose.world_from_rig(0.0);
         let reference = ReferenceCamera::new(&scene, info.condition.appearance().expect("a look"));
-        assert!(reference.render(&world, &camera, pose) == whole.frames[3], "clip {clip}: index and frame differ");
-        let classes: Vec<u8> = reference.classes(&world, &camera, pose).into_iter().map(|class| class as u8).collect();
+        assert!(
+            reference.render(&world, &camera, pose).expect("renders") == whole.frames[3],
+            "clip {clip}: index and frame differ"
+        );
+        let classes: Vec<u8> =
+            reference.classes(&world, &camera, pose).expect("renders").into_iter().map(|class| class as u8).collect();
         assert_eq!(classes, whole.classes[3]);
         assert!(classes.iter().all(|class| usize::from(*class) < PixelClass::COUNT));
     }

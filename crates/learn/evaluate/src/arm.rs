@@ -140,7 +140,7 @@ impl Arm {
     /// # Errors
     /// If the model gives values that are not finite.
     pub fn roll_with(&self, drive: &Drive, layouts: &[RgbImage]) -> Result<Vec<RgbImage>, AppraisalError> {
-        let first = drive.frame(0);
+        let first = drive.frame(0)?;
         let made = match &self.teacher {
             Some((teacher, sampling)) => {
                 teacher::clip(&self.model, teacher, drive, (&first, layouts), *sampling).map_err(Into::into)

@@ -99,16 +99,12 @@ impl Drive {
     }
 
     /// Renders the world's own frame.
-    #[must_use]
-    pub fn frame(&self, frame: u32) -> RgbImage {
+    ///
+    /// # Errors
+    /// If the size is refused.
+    pub fn frame(&self, frame: u32) -> Result<RgbImage, AppraisalError> {
         let world = self.world(frame);
-        self.camera.render(&world, &self.model, world.ego.pose.world_from_rig(0.0))
-    }
-
-    /// Renders the world's own frame if it is wanted.
-    #[must_use]
-    pub(crate) fn frame_if(&self, wanted: bool, frame: u32) -> Option<RgbImage> {
-        wanted.then(|| self.frame(frame))
+        Ok(self.camera.render(&world, &self.model, world.ego.pose.world_from_rig(0.0))?)
     }
 
     /// Returns what each pixel of the world's own frame shows.
@@ -118,7 +114,7 @@ impl Drive {
     pub fn labels(&mut self, frame: u32) -> Result<Vec<Label>, AppraisalError> {
         let world = self.world(frame);
         let rig = world.ego.pose.world_from_rig(0.0);
-        let classes = self.camera.classes(&world, &self.model, rig);
+        let classes = self.camera.classes(&world, &self.model, rig)?;
         Ok(self.crosswalks.label(&classes, &world, &self.model, rig)?)
     }
 

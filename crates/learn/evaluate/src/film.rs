@@ -25,7 +25,7 @@ pub(crate) fn side_by_side(
     last: u32,
 ) -> Result<Vec<u8>, AppraisalError> {
     let mut strips = Vec::new();
-    strips.push((0..=last).map(|frame| drive.frame(frame)).collect::<Vec<_>>());
+    strips.push((0..=last).map(|frame| drive.frame(frame)).collect::<Result<Vec<_>, _>>()?);
     strips.push((0..=last).map(|frame| drive.layout(frame)).collect::<Result<Vec<_>, _>>()?);
     for name in names {
         let arm = &arms[name];

@@ -55,7 +55,7 @@ pub fn watch(
     let made = arm.map(|arm| arm.roll(drive, plan.last())).transpose()?;
     let mut glances = Vec::new();
     for frame in &plan.looked {
-        let own = drive.frame_if(made.is_none() || plan.truth, *frame);
+        let own = (made.is_none() || plan.truth).then(|| drive.frame(*frame)).transpose()?;
         let seen = made.as_ref().map(|made| &made[*frame as usize]).or(own.as_ref());
         let Some(seen) = seen else { continue };
         let compared = made.is_some().then_some(own.as_ref()).flatten();

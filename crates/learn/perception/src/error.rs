@@ -36,6 +36,15 @@ pub enum PerceptionError {
         /// What is wrong.
         reason: &'static str,
     },
+    /// A frame cannot be rendered.
+    #[error("a frame of scenario {scenario:?} cannot be rendered")]
+    Frame {
+        /// The scenario.
+        scenario: String,
+        /// What the camera says.
+        #[source]
+        source: ds_raster::ImageError,
+    },
     /// The map cannot be rendered.
     #[error("the map of scenario {scenario:?} cannot be rendered")]
     Layout {

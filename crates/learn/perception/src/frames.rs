@@ -87,6 +87,7 @@ fn scenario(take: &Take, index: u64) -> Result<Vec<Labelled>, PerceptionError> {
     let look = take.looks.draw(index / take.families.len() as u64, &draws);
     let camera = ReferenceCamera::new(&scene, look);
     let refuse = |source| PerceptionError::Layout { scenario: scene.name.clone(), source };
+    let unseen = |source| PerceptionError::Frame { scenario: scene.name.clone(), source };
     let mut crosswalks = Crosswalks::new(&scene.map).map_err(refuse)?;
     let model = scene.cameras.first().cloned();
     let mut model = model.ok_or_else(|| PerceptionError::NoCamera { scenario: scene.name.clone() })?;
@@ -105,10 +106,10 @@ fn scenario(take: &Take, index: u64) -> Result<Vec<Labelled>, PerceptionError> {
             *light = states[Draws::from_seed(draws.u64(at(3)), "light").below(index, states.len() as u64) as usize];
         }
         let rig = state.ego.pose.world_from_rig(0.0);
-        let classes = camera.classes(&state, &model, rig);
+        let classes = camera.classes(&state, &model, rig).map_err(unseen)?;
         let labels = crosswalks.label(&classes, &state, &model, rig).map_err(refuse)?;
         let lights = lights::seen(&scene.map.traffic_lights, &state, &labels, &model, rig);
-        let image = camera.render(&state, &model, rig);
+        let image = camera.render(&state, &model, rig).map_err(unseen)?;
         frames.push(Labelled { image, labels, lights, look, scenario: index });
     }
     Ok(frames)

@@ -73,6 +73,15 @@ pub enum PolicyTrainError {
     /// The weights in a file are not those of the network.
     #[error("checkpoint does not fit the network")]
     Fit(#[from] ds_nn::WeightsError),
+    /// A frame of a generated scenario cannot be rendered.
+    #[error("a frame of scenario {name:?} cannot be rendered")]
+    Frame {
+        /// The scenario.
+        name: String,
+        /// Why.
+        #[source]
+        source: ds_raster::ImageError,
+    },
     /// A generated scenario cannot be simulated.
     #[error("scenario {name:?} cannot be simulated")]
     Simulation {

@@ -34,7 +34,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
         step(&scene)?;
         oracle(&scene)?;
         layout(&scene)?;
-        reference(&scene);
+        reference(&scene)?;
     }
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
     runtime.block_on(hop())
@@ -124,19 +124,20 @@ fn layout(scene: &Scene) -> Result<()> {
     Ok(())
 }
 
-fn reference(scene: &Scene) {
+fn reference(scene: &Scene) -> Result<()> {
     let renderer = ReferenceCamera::new(scene, Appearance::DAY);
-    let Some(camera) = scene.cameras.first() else { return };
+    let Some(camera) = scene.cameras.first() else { return Ok(()) };
     let mut rounds = Vec::new();
     for _ in 0..ROUNDS {
         let began = Instant::now();
         for tick in Tick(0).to(Tick(4)) {
             let world = scene.logged_world(tick);
-            std::hint::black_box(renderer.render(&world, camera, world.ego.pose.world_from_rig(0.0)));
+            std::hint::black_box(renderer.render(&world, camera, world.ego.pose.world_from_rig(0.0))?);
         }
         rounds.push(began.elapsed());
     }
     report("reference frame", &scene.name, &rounds, 5, "15 ms");
+    Ok(())
 }
 
 fn video(args: &BenchArgs, scene: &Scene) -> Result<()> {
@@ -154,7 +155,8 @@ fn video(args: &BenchArgs, scene: &Scene) -> Result<()> {
         layouts.push(renderer.render(&described, camera, world.ego.pose.world_from_rig(0.0))?);
     }
     let world = scene.logged_world(Tick(0));
-    let first = ReferenceCamera::new(scene, Appearance::DAY).render(&world, camera, world.ego.pose.world_from_rig(0.0));
+    let first =
+        ReferenceCamera::new(scene, Appearance::DAY).render(&world, camera, world.ego.pose.world_from_rig(0.0))?;
     let key = ds_space::Draws::key(&scene.digest, "day", 0);
     let (mut rollout, _) = Rollout::new(model, key, camera.id.as_str(), &scene.prompt, &first, &layouts[0])?;
     let mut rounds = Vec::new();

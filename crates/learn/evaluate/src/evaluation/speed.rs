@@ -54,7 +54,7 @@ pub fn measure(
         drive: drive_name(&route),
         source: source.into(),
     };
-    let (first, layout) = (drive.frame(0), drive.layout(0)?);
+    let (first, layout) = (drive.frame(0)?, drive.layout(0)?);
     let (mut rollout, _) =
         Rollout::new(Arc::clone(&model), drive.draw_key, "front", &drive.prompt, &first, &layout).map_err(refuse)?;
     let per_chunk = preset.frames_per_chunk() as u32;

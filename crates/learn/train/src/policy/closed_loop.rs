@@ -122,7 +122,7 @@ pub(super) fn samples_of(
         let last = simulation.state().tick.plus(settings.drive_ticks).min(Tick(110));
         while simulation.state().tick < last && !is_over(&stage, simulation.state()) {
             let world = simulation.state().clone();
-            let frame = stage.frame(&world);
+            let frame = stage.frame(&world)?;
             samples.push(stage.sample(&world, &frame, simulation.route_command()));
             let seen = observation(settings, &stage, &simulation, frame);
             let answer = policy.plan(&seen, None).map_err(failed(&stage))?;
@@ -229,11 +229,11 @@ fn drive(
 /// Returns what the first camera is said to show.
 fn shown(stage: &Stage, elsewhere: &Stage, driven: Driven, world: &WorldState) -> Result<RgbImage, PolicyTrainError> {
     Ok(match driven {
-        Driven::Camera => stage.frame(world),
-        Driven::CameraSoftened => softened(&stage.frame(world)),
+        Driven::Camera => stage.frame(world)?,
+        Driven::CameraSoftened => softened(&stage.frame(world)?),
         Driven::CameraElsewhere => {
             let config = SimConfig { agents: None, ..SimConfig::default() };
-            elsewhere.frame(elsewhere.simulation(config, world.tick)?.state())
+            elsewhere.frame(elsewhere.simulation(config, world.tick)?.state())?
         }
         Driven::ConstantVelocity | Driven::RouteFollower => RgbImage::filled(1, 1, [0; 3]),
     })

@@ -154,8 +154,9 @@ impl Stage {
     }
 
     /// Returns the frame of the scene's first camera.
-    pub(super) fn frame(&self, world: &WorldState) -> ds_raster::RgbImage {
-        self.camera.render(world, &self.scene.cameras[0], world.ego.pose.world_from_rig(0.0))
+    pub(super) fn frame(&self, world: &WorldState) -> Result<ds_raster::RgbImage, PolicyTrainError> {
+        let seen = self.camera.render(world, &self.scene.cameras[0], world.ego.pose.world_from_rig(0.0));
+        seen.map_err(|source| PolicyTrainError::Frame { name: self.scene.name.clone(), source })
     }
 
     /// Returns a world of this scene as a labelled sample.
@@ -203,7 +204,7 @@ pub(super) fn beside_the_expert(settings: &PolicySettings, shown: ScenarioSplit)
             let mut world = simulation.state().clone();
             world.ego = moved(settings, &stage.driver, &world.ego, &draws);
             if !touches(&world, &stage.scene) {
-                let frame = stage.frame(&world);
+                let frame = stage.frame(&world)?;
                 samples.push(stage.sample(&world, &frame, simulation.route_command()));
             }
         }
