@@ -10,6 +10,7 @@ be compared with each other and with it. `--lean` writes the few topics and rows
 import argparse
 import pathlib
 import shutil
+import sqlite3
 
 import numpy as np
 from rosbags import rosbag1, rosbag2
@@ -88,7 +89,7 @@ def rows(made, make, lean, hz):
         if lean:
             yield "/pose", "geometry_msgs/msg/PoseStamped", nanos, make("geometry_msgs/msg/PoseStamped", header=make.header(nanos, "map"), pose=pose)
             yield "/twist", "geometry_msgs/msg/TwistStamped", nanos, make("geometry_msgs/msg/TwistStamped", header=make.header(nanos, "base"), twist=twist)
-            if k % 20 == 0:
+            if k % 4 == 0:
                 yield fix(make, nanos, row)
             continue
         yield "/odometry", "nav_msgs/msg/Odometry", nanos, make(
@@ -138,6 +139,10 @@ def ros2(folder, plugin, made, lean, hz):
     shutil.rmtree(folder, ignore_errors=True)
     with rosbag2.Writer(folder, version=9, storage_plugin=plugin) as bag:
         write(bag, lambda topic, kind: bag.add_connection(topic, kind, typestore=store), Maker(store, False), store.serialize_cdr, made, lean, hz)
+    if lean and plugin is rosbag2.StoragePlugin.SQLITE3:
+        base = sqlite3.connect(next(folder.glob("*.db3")))
+        base.executescript("PRAGMA page_size = 512; VACUUM;")
+        base.close()
 
 
 def main():

@@ -13,6 +13,10 @@ pub(crate) enum Quantity {
     Speed,
     /// Metres per second squared.
     Acceleration,
+    /// Newtons.
+    Force,
+    /// Newton metres.
+    Torque,
 }
 
 /// A channel of the practice schema.
@@ -63,6 +67,8 @@ impl Quantity {
             Self::Length => [("m", 1.0), ("cm", 0.01), ("mm", 1e-3), ("km", 1e3)],
             Self::Speed => [("m/s", 1.0), ("km/h", 1.0 / 3.6), ("mph", 0.447_04), ("mm/s", 1e-3)],
             Self::Acceleration => [("m/s2", 1.0), ("m/s^2", 1.0), ("g", 9.806_65), ("mg", 9.806_65e-3)],
+            Self::Force => [("N", 1.0), ("kN", 1e3), ("kgf", 9.806_65), ("lbf", 4.448_222)],
+            Self::Torque => [("N m", 1.0), ("Nm", 1.0), ("kN m", 1e3), ("lbf ft", 1.355_818)],
         };
         // a plain number (normalised command, volts, counts) becomes SI by `scale` alone
         let plain = [("1", 1.0), ("%", 0.01)];
@@ -77,6 +83,8 @@ impl Quantity {
             Self::Length => "m",
             Self::Speed => "m/s",
             Self::Acceleration => "m/s2",
+            Self::Force => "N",
+            Self::Torque => "N m",
         }
     }
 }

@@ -4,12 +4,38 @@ use std::path::PathBuf;
 
 use ds_diagnosis::CaseError;
 
+use crate::finding::LogFinding;
+
 /// A mapping or log that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
     /// A file cannot be read or written, or is larger than any log.
     #[error(transparent)]
     Case(#[from] CaseError),
+    /// A bag cannot be read, or does not hold what is mapped.
+    #[error(transparent)]
+    Bag(#[from] ds_bags::BagError),
+    /// A command has no message.
+    #[error("no value of {what} in {file:?}; the simulator needs every command")]
+    NoMessage {
+        /// What was sought.
+        what: String,
+        /// The file.
+        file: String,
+    },
+    /// The mapped channels were never recorded at the same time.
+    #[error(
+        "mapped channels of {file:?} have no stamps in common: {clocks:?} (if one clock is simulated, map stamp = \"log\" for all)"
+    )]
+    Apart {
+        /// From when to when each was.
+        clocks: Vec<String>,
+        /// The file.
+        file: String,
+    },
+    /// A command is a measurement.
+    #[error("{0}")]
+    Echo(LogFinding),
     /// The mapping is not such a file; the source names line and column.
     #[error("cannot understand mapping {path:?}")]
     Toml {

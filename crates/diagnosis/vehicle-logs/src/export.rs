@@ -4,9 +4,11 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use crate::channel::CHANNELS;
+use crate::echo;
 use crate::error::LogError;
 use crate::mapping::{Mapping, ModelKind, NominalModel};
 use crate::record::{Record, SHORTEST_SECS};
+use crate::strata;
 use ds_diagnosis::CaseError;
 use ds_diagnosis::meta::{DriveEntry, Idm, Nominal, SINGLE_TRACK, Split, VehicleMeta};
 use ds_diagnosis::table::STEP_SECS;
@@ -20,23 +22,48 @@ const NO_SLIP: f64 = 400.0;
 /// Stiffest axle that a case may have, N/rad.
 const STIFFEST: f64 = 4.9e6;
 
+/// Length of the drives into which a log is cut that is too long to be taken whole, s.
+const LONG_PIECE_SECS: f64 = 60.0;
+
+/// What a case was made of.
+#[derive(Debug)]
+pub struct Imported {
+    /// The drives written.
+    pub drives: Vec<Record>,
+    /// How many the logs hold; more than were written where that is more than a diagnosis takes.
+    pub offered: usize,
+}
+
 impl Mapping {
-    /// Writes `drive_k.csv` and `meta.json` into `out` from the logs in a folder; returns the drives written.
+    /// Writes `drive_k.csv` and `meta.json` into `out` from the logs in a folder.
     ///
     /// # Errors
-    /// If a log cannot be read, nothing usable is in the logs, or the folder cannot be written.
-    pub fn case(&self, logs: &Path, out: &Path) -> Result<Vec<Record>, LogError> {
-        let mut drives: Vec<(Record, bool)> = Vec::new();
+    /// If a log cannot be read, a command is a measurement, nothing usable is in the logs, or the folder cannot be written.
+    pub fn case(&self, logs: &Path, out: &Path) -> Result<Imported, LogError> {
+        let mut stretches: Vec<(Record, bool)> = Vec::new();
         for file in &self.drive {
-            for record in self.records(logs, file)? {
-                drives.extend(self.pieces(&record).into_iter().map(|r| (r, file.held_out)));
+            let log = self.open(logs, file)?;
+            if let Some(echo) = echo::findings(&log).pop() {
+                return Err(LogError::Echo(echo));
             }
+            stretches.extend(self.records(&log)?.into_iter().map(|record| (record, file.held_out)));
         }
+        let long = stretches.iter().map(|(record, _)| record.secs()).sum::<f64>() > strata::MOST_SECS;
+        let secs = self.log.piece_secs.or(long.then_some(LONG_PIECE_SECS));
+        let cut = |(record, held): (Record, bool)| pieces(record, secs).into_iter().map(move |r| (r, held));
+        let mut drives: Vec<(Record, bool)> = stretches.into_iter().flat_map(cut).collect();
         drives.retain(|(record, _)| self.moves(record));
         if drives.is_empty() {
             let file = self.drive.first().map(|d| d.file.clone()).unwrap_or_default();
             return Err(LogError::Empty { secs: SHORTEST_SECS, file });
         }
+        let offered = drives.len();
+        let kept = strata::chosen(&drives.iter().map(|(record, _)| record).collect::<Vec<_>>());
+        let mut place = 0;
+        drives.retain(|_| {
+            place += 1;
+            kept.binary_search(&(place - 1)).is_ok()
+        });
         std::fs::create_dir_all(out).map_err(|source| CaseError::Write { path: out.to_path_buf(), source })?;
         let write = |name: &str, text: String| {
             let path = out.join(name);
@@ -46,14 +73,7 @@ impl Mapping {
             write(&format!("drive_{k}.csv"), self.table(record))?;
         }
         self.meta(&drives).write(out)?;
-        Ok(drives.into_iter().map(|(record, _)| record).collect())
-    }
-
-    fn pieces(&self, record: &Record) -> Vec<Record> {
-        let Some(secs) = self.log.piece_secs else { return vec![record.clone()] };
-        let size = ((secs.max(SHORTEST_SECS) + 0.5) / STEP_SECS) as usize;
-        let cuts = (0..record.samples()).step_by(size).map(|k| k..(k + size).min(record.samples()));
-        cuts.filter(|r| r.len() as f64 * STEP_SECS > SHORTEST_SECS).map(|r| record.cut(r)).collect()
+        Ok(Imported { drives: drives.into_iter().map(|(record, _)| record).collect(), offered })
     }
 
     fn moves(&self, record: &Record) -> bool {
@@ -114,6 +134,14 @@ impl Mapping {
             ..VehicleMeta::new(drives.iter().enumerate().map(entry).collect(), self.nominal.entries())
         }
     }
+}
+
+/// Cuts a stretch into drives of so many seconds.
+fn pieces(record: Record, secs: Option<f64>) -> Vec<Record> {
+    let Some(secs) = secs else { return vec![record] };
+    let size = ((secs.max(SHORTEST_SECS) + 0.5) / STEP_SECS) as usize;
+    let cuts = (0..record.samples()).step_by(size).map(|k| k..(k + size).min(record.samples()));
+    cuts.filter(|r| r.len() as f64 * STEP_SECS > SHORTEST_SECS).map(|r| record.cut(r)).collect()
 }
 
 impl NominalModel {

@@ -6,14 +6,22 @@
 
 mod channel;
 mod check;
+mod command;
+mod echo;
 mod error;
 mod export;
+mod finding;
+mod log;
 mod mapping;
 mod raw;
 mod record;
+mod relation;
 mod resample;
+mod stamps;
+mod strata;
 
-pub use check::LogFinding;
 pub use error::LogError;
+pub use export::Imported;
+pub use finding::LogFinding;
 pub use mapping::Mapping;
 pub use record::Record;

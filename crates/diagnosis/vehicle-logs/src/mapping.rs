@@ -8,7 +8,8 @@ use std::path::Path;
 use ds_diagnosis::CaseError;
 use serde::Deserialize;
 
-use crate::channel::{self, CHANNELS, COMMANDS};
+use crate::channel::{self, CHANNELS, COMMANDS, Channel};
+use crate::command::{CommandKind, Declared};
 use crate::error::LogError;
 
 /// A mapping file.
@@ -17,8 +18,9 @@ use crate::error::LogError;
 pub struct Mapping {
     /// Layout of the files.
     pub log: Layout,
-    /// Time stamps.
-    pub time: Time,
+    /// Time stamps of comma-separated files; bags have their own.
+    #[serde(default)]
+    pub time: Option<Time>,
     /// Axes of pose and body.
     #[serde(default)]
     pub frame: Frame,
@@ -36,6 +38,9 @@ pub struct Mapping {
 pub struct Layout {
     /// Name of the case.
     pub name: String,
+    /// Kind of file.
+    #[serde(default)]
+    pub format: LogFormat,
     /// Character between cells: one character, `tab` or `space` (any run of blanks).
     #[serde(default = "comma")]
     pub delimiter: String,
@@ -51,6 +56,21 @@ pub struct Layout {
     /// Drops drives whose median speed is below this, m/s.
     #[serde(default)]
     pub least_speed_mps: f64,
+}
+
+/// Kind of file.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LogFormat {
+    /// Text, one row per sample.
+    #[default]
+    Csv,
+    /// MCAP with messages of ROS 2 or ROS 1.
+    Mcap,
+    /// ROS 1 bag.
+    Rosbag1,
+    /// SQLite file of rosbag2, or the folder of one bag.
+    Rosbag2,
 }
 
 /// Where the names of the columns stand.
@@ -145,7 +165,26 @@ pub struct Source {
     /// Its column.
     #[serde(default)]
     pub column: Option<Column>,
-    /// Further columns whose mean with the first is the channel, such as four wheels.
+    /// Its topic in a bag.
+    #[serde(default)]
+    pub topic: Option<String>,
+    /// Its field in the messages of that topic: `twist.linear.x`; a quaternion gives the heading, `east` and `north` of a
+    /// position fix metres from the first one.
+    #[serde(default)]
+    pub field: Option<String>,
+    /// Which stamp of a message counts.
+    #[serde(default)]
+    pub stamp: Stamp,
+    /// What the drive command asks for; of `cmd_accel` alone.
+    #[serde(default)]
+    pub kind: CommandKind,
+    /// Turns of the motor per turn of the wheel, for a torque.
+    #[serde(default)]
+    pub ratio: Option<f64>,
+    /// Radius of the driven wheels, m, for a torque or the turning of wheels.
+    #[serde(default)]
+    pub radius_m: Option<f64>,
+    /// Further columns whose mean with the first is the channel, such as four wheels; in a bag, fields of the same topic.
     #[serde(default)]
     pub mean_with: Vec<Column>,
     /// Another channel from which it is computed: `cmd_accel` from `v`, `v_wheel` or `ax`; `v` from `x`; `yaw_rate` from
@@ -168,6 +207,19 @@ pub struct Source {
     /// Column that changes whenever this channel has a fresh sample; rows in between repeat an old one.
     #[serde(default)]
     pub fresh_with: Option<Column>,
+}
+
+/// Which stamp of a message counts.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stamp {
+    /// That of its header where its type has one, else when it was received.
+    #[default]
+    Header,
+    /// When it was received.
+    Log,
+    /// When it was sent, as an MCAP says.
+    Publish,
 }
 
 /// How the nominal simulator is written down.
@@ -261,8 +313,15 @@ impl Mapping {
 
     fn consistent(&self) -> Result<(), LogError> {
         let wrong = |entry: &str, problem: String| Err(LogError::Mapping { entry: entry.to_owned(), problem });
-        if channel::seconds(&self.time.unit).is_none() {
-            return wrong("time.unit", format!("is {:?}, expected s, ms, us or ns", self.time.unit));
+        match &self.time {
+            Some(time) if channel::seconds(&time.unit).is_none() => {
+                return wrong("time.unit", format!("is {:?}, expected s, ms, us or ns", time.unit));
+            }
+            None if self.log.format == LogFormat::Csv => return wrong("time", "is absent".to_owned()),
+            Some(_) if self.log.format != LogFormat::Csv => {
+                return wrong("time", "belongs to comma-separated files; messages of a bag have stamps".to_owned());
+            }
+            _ => {}
         }
         if !["tab", "space"].contains(&self.log.delimiter.as_str()) && self.log.delimiter.chars().count() != 1 {
             return wrong("log.delimiter", format!("is {:?}, expected one character", self.log.delimiter));
@@ -281,18 +340,21 @@ impl Mapping {
                 let names: Vec<_> = CHANNELS.iter().map(|c| c.name).collect();
                 return wrong(&entry, format!("is no channel, expected one of {names:?}"));
             };
-            match (&source.column, &source.derived_from) {
-                (Some(_), None) => {}
-                (None, Some(from)) => {
-                    let allowed = DERIVED.iter().find(|(n, _)| n == name).map_or(&[][..], |(_, f)| f);
-                    if !allowed.contains(&from.as_str()) || !self.channels.contains_key(from) {
-                        return wrong(&entry, format!("cannot be derived from {from:?}, only from mapped {allowed:?}"));
-                    }
-                }
-                _ => return wrong(&entry, "needs either column or derived_from".to_owned()),
+            if let Err(problem) = source.origin(self.log.format) {
+                return wrong(&entry, problem);
             }
-            if let Some(unit) = source.unit.as_ref().filter(|u| known.quantity.factor(u).is_none()) {
-                return wrong(&entry, format!("cannot be in {unit:?}; SI is {}", known.quantity.unit()));
+            if let Some(from) = &source.derived_from {
+                let allowed = DERIVED.iter().find(|(n, _)| n == name).map_or(&[][..], |(_, f)| f);
+                if !allowed.contains(&from.as_str()) || !self.channels.contains_key(from) {
+                    return wrong(&entry, format!("cannot be derived from {from:?}, only from mapped {allowed:?}"));
+                }
+            }
+            if let Err(problem) = source.declared().check(name) {
+                return wrong(&entry, problem);
+            }
+            let quantity = source.declared().quantity(known.quantity);
+            if let Some(unit) = source.unit.as_ref().filter(|u| quantity.factor(u).is_none()) {
+                return wrong(&entry, format!("cannot be in {unit:?}; SI is {}", quantity.unit()));
             }
         }
         match (self.nominal.wheelbase, self.nominal.lf, self.nominal.lr) {
@@ -310,11 +372,47 @@ impl NominalModel {
     }
 }
 
+impl Mapping {
+    /// Converts a raw value to SI, a drive command to what it asks of each kilogram or to the speed it asks for.
+    pub(crate) fn convert(&self, known: Channel, source: &Source, raw: f64) -> f64 {
+        let declared = source.declared();
+        let quantity = declared.quantity(known.quantity);
+        let unit = source.unit.as_deref().unwrap_or_else(|| quantity.unit());
+        let value = raw * quantity.factor(unit).unwrap_or(1.0) * declared.factor(self.nominal.mass) * source.scale
+            + source.offset;
+        if source.negate { -value } else { value }
+    }
+
+    /// Tells whether the drive command asks for a speed.
+    pub(crate) fn asks_for_speed(&self) -> bool {
+        self.channels.get("cmd_accel").is_some_and(|source| source.kind == CommandKind::WheelSpeed)
+    }
+}
+
 impl Source {
-    /// Converts a raw cell to SI.
-    pub(crate) fn convert(&self, raw: f64, quantity: channel::Quantity) -> f64 {
-        let unit = self.unit.as_deref().unwrap_or_else(|| quantity.unit());
-        let value = raw * quantity.factor(unit).unwrap_or(1.0) * self.scale + self.offset;
-        if self.negate { -value } else { value }
+    fn declared(&self) -> Declared {
+        Declared { kind: self.kind, ratio: self.ratio, radius_m: self.radius_m }
+    }
+
+    /// Tells whether it says where its values are, as its format needs it.
+    fn origin(&self, format: LogFormat) -> Result<(), String> {
+        let of_text = self.column.is_some() || self.fresh_with.is_some();
+        let of_bag = self.topic.is_some() || self.field.is_some() || self.stamp != Stamp::Header;
+        let by_number = self.mean_with.iter().any(|c| matches!(c, Column::Number(_)));
+        match (format == LogFormat::Csv, self.derived_from.is_some()) {
+            (_, true) if of_text || of_bag => {
+                Err("needs either column (in a bag topic and field) or derived_from".to_owned())
+            }
+            (_, true) => Ok(()),
+            (true, _) if of_bag => Err("topic, field and stamp belong to bags; log.format is csv".to_owned()),
+            (true, _) if self.column.is_none() => Err("needs either column or derived_from".to_owned()),
+            (false, _) if of_text || by_number => {
+                Err("column and fresh_with belong to csv; name topic and field".to_owned())
+            }
+            (false, _) if self.topic.is_none() || self.field.is_none() => {
+                Err("needs either topic and field, or derived_from".to_owned())
+            }
+            _ => Ok(()),
+        }
     }
 }

@@ -9,8 +9,8 @@ use ds_diagnosis::CaseError;
 use crate::error::LogError;
 use crate::mapping::{Column, Header, Layout};
 
-/// Most rows of a log: 5 h at 100 Hz.
-const MAX_ROWS: usize = 1_800_000;
+/// Most rows of a log: 5 h at 200 Hz.
+const MAX_ROWS: usize = 3_600_000;
 
 /// The wanted columns of a file; an absent cell is NaN.
 pub(crate) struct Sheet {

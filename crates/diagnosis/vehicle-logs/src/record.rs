@@ -1,13 +1,13 @@
 //! A stretch of a log on the 20 Hz grid in the channels, units and frames of the practice schema.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use crate::channel::{self, CHANNELS, COMMANDS};
 use crate::error::LogError;
-use crate::mapping::{BodyAxes, Column, DriveFile, Mapping, PoseAxes};
-use crate::raw::Sheet;
-use crate::resample::{held, measured, slope, stretches, unwrap};
+use crate::finding::LogFinding;
+use crate::log::Log;
+use crate::mapping::{BodyAxes, Mapping, PoseAxes};
+use crate::resample::{held, measured, slope, unwrap};
 use ds_diagnosis::table::STEP_SECS;
 
 /// Shortest stretch that becomes a drive, s.
@@ -27,84 +27,45 @@ pub struct Record {
 }
 
 impl Mapping {
-    /// Returns every column that the mapping names.
-    pub(crate) fn columns(&self) -> Vec<Column> {
-        let of = self.channels.values().flat_map(|s| s.column.iter().chain(&s.mean_with).chain(&s.fresh_with));
-        std::iter::once(&self.time.column).chain(of).cloned().collect()
-    }
-
-    /// Reads the columns of one file.
-    pub(crate) fn sheet(&self, logs: &Path, drive: &DriveFile) -> Result<Sheet, LogError> {
-        Sheet::read(&logs.join(&drive.file), &self.log, &self.columns())
-    }
-
-    /// Returns the stamps of a sheet in seconds after its first.
-    pub(crate) fn stamps(&self, sheet: &Sheet) -> Result<Vec<f64>, LogError> {
-        let raw = sheet.required(&self.time.column)?;
-        let first = raw.iter().copied().find(|v| v.is_finite()).unwrap_or(0.0);
-        let unit = channel::seconds(&self.time.unit).unwrap_or(1.0);
-        Ok(raw.iter().map(|v| (v - first) * unit).collect())
-    }
-
-    /// Returns the stretches of one file that can be driven by the simulator.
+    /// Returns the stretches of a log that can be driven by the simulator.
     ///
     /// # Errors
-    /// If the file is unreadable or a command is not in it.
-    pub(crate) fn records(&self, logs: &Path, drive: &DriveFile) -> Result<Vec<Record>, LogError> {
-        let sheet = self.sheet(logs, drive)?;
-        let stamps = self.stamps(&sheet)?;
-        let inside = |t: &f64| (drive.from_secs..drive.to_secs).contains(t);
-        let t: Vec<f64> = stamps.iter().map(|t| if inside(t) { *t } else { f64::NAN }).collect();
-        for name in COMMANDS {
-            if let Some(column) = self.channels[name].column.as_ref() {
-                sheet.required(column)?;
-            }
+    /// If a command is not in it, or its topics were never recorded at the same time.
+    pub(crate) fn records(&self, log: &Log) -> Result<Vec<Record>, LogError> {
+        if log.spans.is_empty() && !log.series.is_empty() {
+            let clocks = log.series.iter().filter_map(|(name, series)| {
+                Some(format!("{name} {:.1} to {:.1} s", series.t.first()?, series.t.last()?))
+            });
+            return Err(LogError::Apart { clocks: clocks.collect(), file: log.file.clone() });
         }
-        let parts = stretches(&t).into_iter();
-        Ok(parts.map(|rows| self.record(&sheet, &t, &rows)).filter(|r| r.secs() > SHORTEST_SECS).collect())
+        let parts = log.spans.iter().map(|span| self.record(log, *span));
+        Ok(parts.filter(|r| r.secs() > SHORTEST_SECS).collect())
     }
 
-    fn record(&self, sheet: &Sheet, t: &[f64], rows: &[usize]) -> Record {
-        let times: Vec<f64> = rows.iter().map(|&k| t[k]).collect();
-        let (start_secs, end) = (times[0], times[times.len() - 1]);
+    fn record(&self, log: &Log, (start_secs, end): (f64, f64)) -> Record {
         let samples = ((end - start_secs) / STEP_SECS + 1e-6).floor() as usize + 1;
-        let mut record =
-            Record { file: sheet.file.clone(), start_secs, channels: BTreeMap::new(), derived: Vec::new() };
+        let mut record = Record { file: log.file.clone(), start_secs, channels: BTreeMap::new(), derived: Vec::new() };
         for known in CHANNELS {
-            let Some(mut column) = self.column(sheet, known, rows) else { continue };
+            let Some(series) = log.series.get(known.name) else { continue };
+            // what was in force at the start, and what a line at the end leads to
+            let first = series.t.partition_point(|t| *t <= start_secs).saturating_sub(1);
+            let last = (series.t.partition_point(|t| *t < end) + 1).min(series.t.len());
+            let (times, mut column) = (&series.t[first..last], series.values[first..last].to_vec());
+            if !column.iter().any(|v| v.is_finite()) {
+                continue;
+            }
             if known.name == "yaw" {
                 unwrap(&mut column);
             }
             let to_grid = if COMMANDS.contains(&known.name) { held } else { measured };
-            let even = to_grid(&times, &column, start_secs, STEP_SECS, samples);
-            record.channels.insert(known.name, even);
+            record.channels.insert(known.name, to_grid(times, &column, start_secs, STEP_SECS, samples));
+        }
+        if let Some(asked) = record.channels.get_mut("cmd_accel").filter(|_| self.asks_for_speed()) {
+            *asked = self.drive_command("v", asked);
         }
         self.turn_axes(&mut record);
         self.derive(&mut record);
         record
-    }
-
-    /// Returns one channel at some rows in SI, before its axes are turned.
-    fn column(&self, sheet: &Sheet, known: channel::Channel, rows: &[usize]) -> Option<Vec<f64>> {
-        let source = self.channels.get(known.name)?;
-        let columns: Vec<&[f64]> =
-            source.column.iter().chain(&source.mean_with).map(|c| sheet.column(c)).collect::<Option<_>>()?;
-        if columns.is_empty() {
-            return None;
-        }
-        let fresh = source.fresh_with.as_ref().and_then(|c| sheet.column(c));
-        let mut before = f64::NAN;
-        let column: Vec<f64> = rows
-            .iter()
-            .map(|&row| {
-                let stamp = fresh.map_or(f64::NAN, |f| f[row]);
-                let repeated = stamp == before;
-                before = stamp;
-                let raw = columns.iter().map(|c| c[row]).sum::<f64>() / columns.len() as f64;
-                if repeated { f64::NAN } else { source.convert(raw, known.quantity) }
-            })
-            .collect();
-        column.iter().any(|v| v.is_finite()).then_some(column)
     }
 
     fn turn_axes(&self, record: &mut Record) {
@@ -166,6 +127,23 @@ impl Mapping {
 }
 
 impl Record {
+    /// Returns a finding about it.
+    pub(crate) fn finding(
+        &self,
+        channel: &str,
+        problem: &str,
+        evidence: impl Into<String>,
+        proposal: impl Into<String>,
+    ) -> LogFinding {
+        LogFinding {
+            file: self.file.clone(),
+            channel: channel.to_owned(),
+            problem: problem.to_owned(),
+            evidence: evidence.into(),
+            proposal: proposal.into(),
+        }
+    }
+
     /// Returns its length, s.
     #[must_use]
     pub fn secs(&self) -> f64 {

@@ -1,27 +1,4 @@
-//! Which rows of a file can be used, and their columns, of any rate, on the 20 Hz grid: measurements without aliasing,
-//! commands as the value in force.
-
-/// Longest hole in the stamps that is bridged, s; a longer one ends a drive.
-pub(crate) const LONGEST_HOLE_SECS: f64 = 0.8;
-/// Returns the rows whose stamps grow, cut where a hole is too long to bridge.
-pub(crate) fn stretches(t: &[f64]) -> Vec<Vec<usize>> {
-    let mut parts: Vec<Vec<usize>> = vec![Vec::new()];
-    let mut last = f64::NAN;
-    for (row, &now) in t.iter().enumerate() {
-        if !now.is_finite() || now <= last {
-            continue;
-        }
-        if now - last > LONGEST_HOLE_SECS {
-            parts.push(Vec::new());
-        }
-        if let Some(part) = parts.last_mut() {
-            part.push(row);
-        }
-        last = now;
-    }
-    parts.retain(|part| part.len() > 1);
-    parts
-}
+//! Brings a column of any rate onto the 20 Hz grid: measurements without aliasing, commands as the value in force.
 
 /// Returns measurements on an even grid: the mean over one step of the grid where the log is faster (so that what lies
 /// above half its rate is not folded down, and nothing is shifted in time), straight lines where it is slower.

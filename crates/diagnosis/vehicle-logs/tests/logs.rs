@@ -240,7 +240,7 @@ fn a_case_of_a_right_log_holds_the_channels_in_si_and_can_be_read() {
         .replace("name = \"test\"", "name = \"test\"\npiece_secs = 10.0")
         .replace("cmd_accel = { column = \"accel\" }", "cmd_accel = { derived_from = \"v\" }");
     let out = folder.path().join("case");
-    let drives = mapping(folder.path(), &text).and_then(|m| m.case(folder.path(), &out)).expect("right log");
+    let drives = mapping(folder.path(), &text).and_then(|m| m.case(folder.path(), &out)).expect("right log").drives;
     assert_eq!(drives.len(), 4);
     assert_eq!(drives[0].derived, vec!["cmd_accel"]);
     let case = ds_dynamics::case::Case::read(&out).expect("a case of the practice schema");

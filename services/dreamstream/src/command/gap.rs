@@ -185,9 +185,14 @@ fn import(args: &GapImportArgs) -> Result<()> {
     found.iter().for_each(|finding| answer(&finding.to_string()));
     answer(&format!("{} findings", found.len()));
     let Some(out) = &args.out else { return Ok(()) };
-    for (number, drive) in mapping.case(&args.logs, out)?.iter().enumerate() {
+    let imported = mapping.case(&args.logs, out)?;
+    for (number, drive) in imported.drives.iter().enumerate() {
         let (file, start, secs) = (&drive.file, drive.start_secs, drive.secs());
         answer(&format!("drive {number}: {file} from {start:.1} s, {secs:.1} s long"));
+    }
+    if imported.offered > imported.drives.len() {
+        let kept = imported.drives.len();
+        answer(&format!("{kept} of {} drives kept, as many of each kind of driving as there are", imported.offered));
     }
     answer(&format!("dreamstream gap diagnose {}", out.display()));
     Ok(())

@@ -1,7 +1,8 @@
 //! Speed, position, heading and forward acceleration must tell of one and the same motion.
 
-use super::{LogFinding, Relation, finding, near, relate};
+use crate::finding::LogFinding;
 use crate::record::Record;
+use crate::relation::{Relation, near, relate};
 use crate::resample::slope;
 use ds_diagnosis::table::STEP_SECS;
 
@@ -43,12 +44,9 @@ fn speeds(record: &Record) -> Vec<LogFinding> {
         let evidence = format!("{what} {ratio:.3} times as fast as {name} says");
         let unit = SPEED_UNITS.iter().find(|(per, _)| near(1.0 / ratio, *per, 1.15));
         found.push(match unit {
-            _ if ratio < 0.0 => finding(record, name, "wrong sign", evidence, format!("channels.{name}.negate = true")),
-            Some((_, unit)) => {
-                finding(record, name, "wrong unit", evidence, format!("channels.{name}.unit = {unit:?}"))
-            }
-            None => finding(
-                record,
+            _ if ratio < 0.0 => record.finding(name, "wrong sign", evidence, format!("channels.{name}.negate = true")),
+            Some((_, unit)) => record.finding(name, "wrong unit", evidence, format!("channels.{name}.unit = {unit:?}")),
+            None => record.finding(
                 name,
                 "speed and position disagree",
                 evidence,
@@ -75,7 +73,7 @@ fn course(record: &Record, speed: &[f64]) -> Vec<LogFinding> {
     }
     if range > 60.0 && record.secs() < 600.0 && degrees_fit(&fast, yaw, &dx, &dy) {
         let evidence = format!("yaw covers {range:.0} rad; as degrees it follows the path");
-        return vec![finding(record, "yaw", "degrees read as radians", evidence, "channels.yaw.unit = \"deg\"")];
+        return vec![record.finding("yaw", "degrees read as radians", evidence, "channels.yaw.unit = \"deg\"")];
     }
     // how closely course minus yaw (same sense of turning) and course plus yaw (opposite sense) keep one value
     let circle = |sense: f64| {
@@ -96,7 +94,7 @@ fn course(record: &Record, speed: &[f64]) -> Vec<LogFinding> {
         let ned = (sum - std::f64::consts::FRAC_PI_2).abs() < 0.35;
         let proposal =
             if ned { "swap the columns of x and y" } else { "channels.y.negate = true, or channels.yaw.negate = true" };
-        return vec![finding(record, "yaw", "mirrored frame", evidence, proposal)];
+        return vec![record.finding("yaw", "mirrored frame", evidence, proposal)];
     }
     if same > 0.9 && offset.abs() < 0.35 {
         return Vec::new();
@@ -109,9 +107,9 @@ fn course(record: &Record, speed: &[f64]) -> Vec<LogFinding> {
         } else {
             format!("channels.yaw.offset = {offset:.3}: yaw counts from another axis")
         };
-        return vec![finding(record, "yaw", "turned frame", evidence, proposal)];
+        return vec![record.finding("yaw", "turned frame", evidence, proposal)];
     }
-    vec![finding(record, "yaw", "the path does not follow the heading", evidence, "check the columns of x, y and yaw")]
+    vec![record.finding("yaw", "the path does not follow the heading", evidence, "check the columns of x, y and yaw")]
 }
 
 fn degrees_fit(fast: &[usize], yaw: &[f64], dx: &[f64], dy: &[f64]) -> bool {
@@ -137,20 +135,20 @@ fn forward(record: &Record, speed: &[f64]) -> Vec<LogFinding> {
         if size(across) > 0.7 && size(along) < 0.4 {
             let evidence =
                 format!("dv/dt goes with ay (r = {:.2}), not with ax (r = {:.2})", size(across), size(along));
-            found.push(finding(record, "ax", "ax and ay swapped", evidence, "swap the columns of ax and ay"));
+            found.push(record.finding("ax", "ax and ay swapped", evidence, "swap the columns of ax and ay"));
         } else if let Some(relation) = along {
             found.extend(accelerometer(record, "ax", "dv/dt", relation));
         }
         let mean = ax.iter().sum::<f64>() / ax.len() as f64;
         if mean.abs() > 5.0 {
             let evidence = format!("its mean is {mean:.2} m/s2");
-            found.push(finding(record, "ax", "holds gravity", evidence, "map the forward axis, not the vertical one"));
+            found.push(record.finding("ax", "holds gravity", evidence, "map the forward axis, not the vertical one"));
         }
     }
     let command = own("cmd_accel").and_then(|c| relate(&change, c, spread)).filter(|r| r.correlation < -0.5);
     if let Some(relation) = command {
         let evidence = format!("it goes against dv/dt (r = {:.2})", relation.correlation);
-        found.push(finding(record, "cmd_accel", "wrong sign", evidence, "channels.cmd_accel.negate = true"));
+        found.push(record.finding("cmd_accel", "wrong sign", evidence, "channels.cmd_accel.negate = true"));
     }
     found
 }
@@ -161,10 +159,10 @@ pub(super) fn accelerometer(record: &Record, name: &str, motion: &str, relation:
     let evidence = format!("{name} is {slope:.2} times {motion} (r = {correlation:.2})");
     if correlation < -0.6 {
         let why = "wrong sign, or gravity's reaction counted the other way";
-        return Some(finding(record, name, why, evidence, format!("turn channels.{name}.negate")));
+        return Some(record.finding(name, why, evidence, format!("turn channels.{name}.negate")));
     }
     if correlation > 0.7 && near(slope, 1.0 / 9.81, 1.6) {
-        return Some(finding(record, name, "wrong unit", evidence, format!("channels.{name}.unit = \"g\"")));
+        return Some(record.finding(name, "wrong unit", evidence, format!("channels.{name}.unit = \"g\"")));
     }
     None
 }

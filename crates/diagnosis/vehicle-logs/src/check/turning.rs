@@ -1,8 +1,9 @@
 //! Steering, gyro, heading and side acceleration must tell of one and the same turn.
 
 use super::motion::accelerometer;
-use super::{LogFinding, finding, near, relate};
+use crate::finding::LogFinding;
 use crate::record::Record;
+use crate::relation::{near, relate, relate_at};
 use crate::resample::slope;
 use ds_diagnosis::table::STEP_SECS;
 
@@ -39,7 +40,7 @@ pub(super) fn findings(record: &Record, speed: &[f64], base_m: f64) -> Vec<LogFi
         let mean = ay.iter().sum::<f64>() / ay.len() as f64;
         if mean.abs() > 6.0 {
             let evidence = format!("its mean is {mean:.2} m/s2");
-            found.push(finding(record, "ay", "holds gravity", evidence, "map the left axis, not the vertical one"));
+            found.push(record.finding("ay", "holds gravity", evidence, "map the left axis, not the vertical one"));
         }
     }
     found
@@ -51,7 +52,7 @@ fn heading(record: &Record, rate: &[f64], gyro: &[f64]) -> Option<LogFinding> {
     let evidence =
         format!("heading turns {:.3} times as fast as yaw_rate says (r = {:.2})", relation.slope, relation.correlation);
     let said = |channel: &str, problem: &str, proposal: &str| {
-        Some(finding(record, channel, problem, evidence.clone(), proposal))
+        Some(record.finding(channel, problem, evidence.clone(), proposal))
     };
     if relation.correlation < -0.6 {
         return said(
@@ -88,7 +89,7 @@ fn steering(record: &Record, name: &str, asked: &[f64], rate: &[f64]) -> Option<
         .max_by(|a, b| a.1.correlation.abs().total_cmp(&b.1.correlation.abs()))?;
     let evidence =
         format!("yaw rate is {:.4} times speed times {name} over wheelbase (r = {:.2})", best.slope, best.correlation);
-    let said = |problem: &str, proposal: String| Some(finding(record, name, problem, evidence.clone(), proposal));
+    let said = |problem: &str, proposal: String| Some(record.finding(name, problem, evidence.clone(), proposal));
     if best.correlation < -0.6 {
         return said("wrong sign", format!("turn channels.{name}.negate"));
     }
@@ -123,23 +124,7 @@ fn steering(record: &Record, name: &str, asked: &[f64], rate: &[f64]) -> Option<
             best.correlation
         );
         let proposal = "stamp the command when it is sent, not when it is logged".to_owned();
-        return Some(finding(record, name, "command behind what it causes", evidence, proposal));
+        return Some(record.finding(name, "command behind what it causes", evidence, proposal));
     }
     None
-}
-
-/// Relates two series sample by sample (unlike block means this keeps the timing); `None` where the second hardly varies.
-fn relate_at(first: &[f64], second: &[f64], least_spread: f64) -> Option<super::Relation> {
-    let count = first.len() as f64;
-    let (ma, mb) = (first.iter().sum::<f64>() / count, second.iter().sum::<f64>() / count);
-    let (mut cross, mut aa, mut bb) = (0.0, 0.0, 0.0);
-    for (x, y) in first.iter().zip(second) {
-        cross += (x - ma) * (y - mb);
-        aa += (x - ma).powi(2);
-        bb += (y - mb).powi(2);
-    }
-    if (bb / count).sqrt() < least_spread || aa <= 0.0 {
-        return None;
-    }
-    Some(super::Relation { slope: cross / aa, correlation: cross / (aa * bb).sqrt() })
 }
