@@ -4,7 +4,7 @@
 //! Reaction time looks back into the measured history before the window. Residuals are averaged over 0.5 s.
 
 use ds_effect::plant::{Follower, Plant};
-use ds_vehicle::{Above, Exponent, Form, IdmParameters, Lead};
+use ds_vehicle::{Above, Exponent, Form, IdmParameters, Lead, Shortest};
 
 use crate::drive::FollowerLog;
 use crate::smooth::{between, parabola};
@@ -38,7 +38,7 @@ impl Driver {
         let exponent = Exponent::Real(follower.exponent);
         Self {
             idm: IdmParameters::default().driven_by(follower),
-            form: Form { exponent, above: Above::Original, closest_m: CLOSEST_M },
+            form: Form { exponent, above: Above::Original, shortest: Shortest::AtStand, closest_m: CLOSEST_M },
             desired_mps: (desired_mps * follower.desired_speed_factor).max(SLOWEST_DESIRED_MPS),
         }
     }

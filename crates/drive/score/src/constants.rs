@@ -223,22 +223,34 @@ pub mod strict {
 
 /// The reference planner (parameters of PDM-Closed, NAV `pdm_closed_planner.yaml`; PDM `proposal/batch_idm_policy.py`).
 pub mod planner {
+    use ds_vehicle::{Above, Exponent, Form, IdmParameters, Shortest};
+
     /// Shares of the speed limit that are proposed.
     pub const SPEED_FRACTIONS: [f64; 5] = [0.2, 0.4, 0.6, 0.8, 1.0];
     /// Offsets from the centreline that are proposed, in metres, left positive.
     pub const LATERAL_OFFSETS_M: [f64; 3] = [0.0, 1.0, -1.0];
     /// Speed limit where the map has none, in metres per second.
     pub const FALLBACK_LIMIT_MPS: f64 = 15.0;
-    /// Least gap to a leader, in metres.
-    pub const LEAST_GAP_M: f64 = 1.0;
-    /// Headway, in seconds.
-    pub const HEADWAY_S: f64 = 1.5;
-    /// Largest acceleration, in metres per second squared.
-    pub const ACCELERATION_MPS2: f64 = 1.5;
-    /// Largest deceleration, in metres per second squared.
-    pub const DECELERATION_MPS2: f64 = 3.0;
-    /// Exponent of the free-road term.
-    pub const EXPONENT: i32 = 10;
+    /// Least gap to a leader, in metres; a shorter one counts as this.
+    const LEAST_GAP_M: f64 = 1.0;
+    /// Largest deceleration, in metres per second squared; comfortable at the same time.
+    const DECELERATION_MPS2: f64 = 3.0;
+    /// How leaders are followed.
+    pub const FOLLOWER: IdmParameters = IdmParameters {
+        desired_speed_mps: None,
+        minimum_gap_m: LEAST_GAP_M,
+        headway_secs: 1.5,
+        acceleration_mps2: 1.5,
+        deceleration_mps2: DECELERATION_MPS2,
+        emergency_deceleration_mps2: DECELERATION_MPS2,
+    };
+    /// The form of the model.
+    pub const FORM: Form = Form {
+        exponent: Exponent::Whole(10),
+        above: Above::Original,
+        shortest: Shortest::Nothing,
+        closest_m: LEAST_GAP_M,
+    };
     /// Own: time in which the offset is taken up, in seconds.
     pub const EASE_S: f64 = 2.0;
     /// Own: what is nearer to the path's side than this, in metres, is on it.

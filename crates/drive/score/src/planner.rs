@@ -10,11 +10,11 @@ use std::f64::consts::PI;
 
 use ds_space::plane::{Line, OrientedBox};
 use ds_space::{DVec2, PoseSe2};
+use ds_vehicle::Lead;
 
 use crate::constants::horizon::{DT_S, STATES, STEPS};
 use crate::constants::planner::{
-    ACCELERATION_MPS2, DECELERATION_MPS2, EASE_S, EXPONENT, FALLBACK_LIMIT_MPS, HEADWAY_S, LATERAL_OFFSETS_M,
-    LEAST_GAP_M, SIDE_CLEARANCE_M, SPEED_FRACTIONS,
+    EASE_S, FALLBACK_LIMIT_MPS, FOLLOWER, FORM, LATERAL_OFFSETS_M, SIDE_CLEARANCE_M, SPEED_FRACTIONS,
 };
 use crate::epdms::{Measured, measure};
 use crate::error::ScoreError;
@@ -129,7 +129,8 @@ impl<'a> Road<'a> {
                     && obstacle.covers_m.1 > aside_m - half_m
             };
             let leader = self.obstacles[step].iter().filter(blocks).min_by(|a, b| a.rear_m.total_cmp(&b.rear_m));
-            let acceleration = follow(speed_mps, target_mps, leader.map(|one| (one.rear_m - nose_m, one.speed_mps)));
+            let leader = leader.map(|one| Lead { gap_m: one.rear_m - nose_m, speed_mps: one.speed_mps });
+            let acceleration = FOLLOWER.acceleration_by(&FORM, speed_mps, target_mps, leader);
             along_m[step + 1] = along_m[step] + speed_mps * DT_S;
             speed_mps = (speed_mps + acceleration * DT_S).max(0.0);
         }
@@ -159,17 +160,6 @@ impl<'a> Road<'a> {
         });
         Plan { dt_s: DT_S, poses: poses.collect() }
     }
-}
-
-/// The intelligent driver model; `leader` is the gap in metres and the leader's speed.
-fn follow(speed_mps: f64, target_mps: f64, leader: Option<(f64, f64)>) -> f64 {
-    let free = 1.0 - (speed_mps / target_mps).powi(EXPONENT);
-    let closing = leader.map_or(0.0, |(gap_m, leader_mps)| {
-        let braking = 2.0 * (ACCELERATION_MPS2 * DECELERATION_MPS2).sqrt();
-        let wanted_m = LEAST_GAP_M + speed_mps * HEADWAY_S + speed_mps * (speed_mps - leader_mps) / braking;
-        (wanted_m.max(0.0) / gap_m.max(LEAST_GAP_M)).powi(2)
-    });
-    (ACCELERATION_MPS2 * (free - closing)).clamp(-DECELERATION_MPS2, ACCELERATION_MPS2)
 }
 
 /// Returns distance along and signed offset of a point, in metres.

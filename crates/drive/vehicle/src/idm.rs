@@ -56,6 +56,8 @@ pub struct Form {
     pub exponent: Exponent,
     /// What a driver does above the desired speed.
     pub above: Above,
+    /// What the wanted gap is at least, behind a leader that draws away.
+    pub shortest: Shortest,
     /// Gaps are taken to be at least this long, in metres.
     pub closest_m: f64,
 }
@@ -78,9 +80,23 @@ pub enum Above {
     Improved,
 }
 
+/// The least that the wanted gap comes to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shortest {
+    /// That kept at a stand.
+    AtStand,
+    /// Nothing.
+    Nothing,
+}
+
 impl Form {
     /// That of simulated traffic.
-    pub const TRAFFIC: Self = Self { exponent: Exponent::Whole(EXPONENT), above: Above::Improved, closest_m: 0.05 };
+    pub const TRAFFIC: Self = Self {
+        exponent: Exponent::Whole(EXPONENT),
+        above: Above::Improved,
+        shortest: Shortest::AtStand,
+        closest_m: 0.05,
+    };
 }
 
 impl Exponent {
@@ -133,7 +149,10 @@ impl IdmParameters {
             let closing_mps = speed_mps - lead.speed_mps;
             let dynamic_m =
                 speed_mps * self.headway_secs + speed_mps * closing_mps / (2.0 * (most * comfortable).sqrt());
-            let wanted_m = self.minimum_gap_m + dynamic_m.max(0.0);
+            let wanted_m = match form.shortest {
+                Shortest::AtStand => self.minimum_gap_m + dynamic_m.max(0.0),
+                Shortest::Nothing => (self.minimum_gap_m + dynamic_m).max(0.0),
+            };
             (wanted_m / lead.gap_m.max(form.closest_m)).powi(2)
         });
         (most * (free - interaction)).max(-self.emergency_deceleration_mps2).min(most)
@@ -176,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn forms_differ_above_the_desired_speed_and_in_nothing_else() {
+    fn forms_differ_above_the_desired_speed_and_behind_a_leader_that_draws_away() {
         let idm = IdmParameters::default();
         let original = Form { above: Above::Original, ..Form::TRAFFIC };
         let fitted = Form { exponent: Exponent::Real(4.0), ..original };
@@ -192,5 +211,10 @@ mod tests {
         // Twice the desired speed: the published power asks for 1 - 2⁴, emergency braking; the improved model for -1.5.
         assert_eq!(idm.acceleration_by(&original, 20.0, 10.0, None), -8.0);
         assert!((idm.acceleration(20.0, 10.0, None) + 1.5).abs() < 1e-12);
+        // 5 m/s, gap 2 m, leader at 10 m/s: 7.5 - 8.84 m more than the 1 m at a stand, so 1 m or nothing.
+        let away = Some(Lead { gap_m: 2.0, speed_mps: 10.0 });
+        assert!((idm.acceleration(5.0, 10.0, away) - (1.0 - 0.0625 - 0.25)).abs() < 1e-12);
+        let nothing = Form { shortest: Shortest::Nothing, ..Form::TRAFFIC };
+        assert!((idm.acceleration_by(&nothing, 5.0, 10.0, away) - (1.0 - 0.0625)).abs() < 1e-12);
     }
 }

@@ -11,7 +11,7 @@ mod tracker;
 mod tyre;
 
 pub use force::{GRAVITY_MPS2, STANDING_MPS, air_n, held, rolling_mps2, slip_rad, slope_mps2};
-pub use idm::{Above, Exponent, Form, IdmParameters, Lead};
+pub use idm::{Above, Exponent, Form, IdmParameters, Lead, Shortest};
 pub use nominal::{UNDERSTEER_S2_PER_M, nominal};
 pub use tracker::lqr;
 pub use tracker::{Command, Profile, Reference, Tracker, stopping};
