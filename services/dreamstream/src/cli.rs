@@ -6,6 +6,8 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 use ds_import::Format;
 use ds_process::onlooker::{ControlArgs, OnlookerArgs};
+use ds_topic::{ProposalScorer, ScoreProfile};
+use ds_video::Backend;
 use ds_world::{AgentMode, LayoutBackend, TrackerKind};
 
 use ds_process::shipped;
@@ -149,14 +151,14 @@ pub(crate) struct RunPlan {
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
     pub history: u32,
     /// Who ranks the policy's proposals: the policy itself, or an oracle that rolls each out in a copy of the world.
-    #[arg(long, default_value = "learned", value_parser = ["learned", "oracle"])]
-    pub scorer: String,
+    #[arg(long, default_value = "learned", value_parser = named(["learned", "oracle"], ProposalScorer::from_name))]
+    pub scorer: ProposalScorer,
     /// How the oracle rolls out: with agents that react to each proposal, or in NAVSIM's open-loop form.
-    #[arg(long, default_value = "reacting", value_parser = ["reacting", "navsim"])]
-    pub oracle: String,
+    #[arg(long, default_value = "reacting", value_parser = named(["reacting", "navsim"], oracle))]
+    pub oracle: ProposalScorer,
     /// Definition of the driving score: as the public benchmark computes it, or as its definition means it.
-    #[arg(long, default_value = "bridgesim", value_parser = ["bridgesim", "strict"])]
-    pub profile: String,
+    #[arg(long, default_value = "bridgesim", value_parser = named(ScoreProfile::ALL.map(ScoreProfile::name), ScoreProfile::from_name))]
+    pub profile: ScoreProfile,
     /// Refuse policies that see more than frames, so that results can be compared.
     #[arg(long)]
     pub benchmark: bool,
@@ -205,8 +207,8 @@ pub(crate) struct RunPlan {
     /// What computes the video model: cpu, the fast path of this project, or framework, the machine-learning framework's
     /// graph, several times slower and equal to 1e-4, or that graph on a graphics processor, in builds with that feature; a
     /// replay needs the one that the recording was made with.
-    #[arg(long, default_value = "cpu", value_parser = ["cpu", "framework", "vulkan", "cuda"])]
-    pub video_backend: String,
+    #[arg(long, default_value = "cpu", value_parser = backend(&Backend::ALL))]
+    pub video_backend: Backend,
     /// Weights of the camera policy.
     #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub policy_weights: PathBuf,
@@ -315,6 +317,16 @@ fn named<T: Clone + Send + Sync + 'static>(
     names.into().map(move |name| from_name(&name).expect("a possible value"))
 }
 
+/// Parses one of some back ends of the video model by its name.
+fn backend(some: &[Backend]) -> impl TypedValueParser<Value = Backend> {
+    named(some.iter().map(|backend| backend.name()).collect::<Vec<_>>(), |name| name.parse().ok())
+}
+
+/// Returns the oracle that rolls out in the named way.
+fn oracle(way: &str) -> Option<ProposalScorer> {
+    Some(if way == "navsim" { ProposalScorer::OracleNavsim } else { ProposalScorer::Oracle })
+}
+
 /// Arguments of `import`.
 #[derive(Debug, Args)]
 #[command(after_help = IMPORT_HELP)]
@@ -390,8 +402,8 @@ pub(crate) struct TrainArgs {
     #[arg(long, value_parser = ["prior", "teacher", "ode", "self_forcing"])]
     pub of: Option<String>,
     /// What computes, instead of the recipe's `backend`; of vulkan and cuda, builds with that feature.
-    #[arg(long, value_parser = ["cpu", "framework", "vulkan", "cuda"])]
-    pub backend: Option<String>,
+    #[arg(long, value_parser = backend(&Backend::ALL))]
+    pub backend: Option<Backend>,
     /// Also write training.rrd, losses and samples for the rerun viewer, beside the page.
     #[arg(long)]
     pub rerun: bool,
@@ -439,8 +451,8 @@ pub(crate) struct ReplayArgs {
     #[arg(long, default_value = "configs/models/cpu_train.toml", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub model: PathBuf,
     /// What computes the video model: the one that the recording was made with, cpu, framework, vulkan or cuda.
-    #[arg(long, default_value = "cpu", value_parser = ["cpu", "framework", "vulkan", "cuda"])]
-    pub video_backend: String,
+    #[arg(long, default_value = "cpu", value_parser = backend(&Backend::ALL))]
+    pub video_backend: Backend,
     /// Weights of the camera policy.
     #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub policy_weights: PathBuf,

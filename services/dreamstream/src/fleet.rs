@@ -55,7 +55,7 @@ impl FleetPlan {
         Ok(Self {
             folder: args.out.clone(),
             model: args.model.clone(),
-            video_backend: args.video_backend.parse().map_err(anyhow::Error::msg)?,
+            video_backend: args.video_backend,
             policy_weights: args.policy_weights.clone(),
             workers: args.workers,
             policy: args.policy.clone(),

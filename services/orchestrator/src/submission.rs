@@ -9,7 +9,7 @@ use ds_topic::{
     EpisodeSpec, ObservationSource, ProposalScorer, ReplanAlignment, SceneMessage, ScoreProfile, SwitchedEffect,
 };
 use ds_wire::control as pb;
-use ds_world::{LayoutBackend, Scene, TrackerKind};
+use ds_world::{AgentMode, LayoutBackend, Scene, TrackerKind};
 
 use crate::conditioning::{Conditioning, ConditioningError};
 
@@ -79,21 +79,21 @@ fn refuse<T>(field: &'static str, value: impl ToString, why: &'static str) -> Re
 /// # Errors
 /// [`SubmissionError`] names the field or the file.
 pub(crate) fn jobs(run: &RunId, request: &pb::SubmitRequest, folder: &Path) -> Result<Vec<Job>, SubmissionError> {
-    let settings = checked(request.settings.clone().unwrap_or_default())?;
-    let named = named(&settings)?;
+    let asked = request.settings.clone().unwrap_or_default();
+    let settings = Settings::of(&asked)?;
     let files = files(request, folder)?;
     let policies = &request.policies;
     if policies.is_empty() || policies.len() > 256 {
         return refuse("policies", policies.len(), "1 to 256 names");
     }
     let privileged = |name: &String| ds_policy::builtin::NAMES.contains(&(name.as_str(), true));
-    if settings.benchmark
+    if asked.benchmark
         && let Some(name) = policies.iter().find(|name| privileged(name))
     {
         return refuse("policies", name, "privileged: it sees more than frames and is refused in a benchmark");
     }
     let observations = observations(request)?;
-    let given = Arc::new(Conditioning::of(&settings, &observations)?);
+    let given = Arc::new(Conditioning::of(&asked, &observations)?);
     let appearances = if request.appearances.is_empty() { vec!["day".to_owned()] } else { request.appearances.clone() };
     let short = |name: &String| Appearance::short_name(name).or_else(|_| refuse("appearances", name, LOOKS));
     let appearances = appearances.iter().map(short).collect::<Result<Vec<_>, _>>()?;
@@ -111,7 +111,7 @@ pub(crate) fn jobs(run: &RunId, request: &pb::SubmitRequest, folder: &Path) -> R
                 for appearance in &appearances {
                     for seed in &seeds {
                         let arm = Arm { policy, observation: *observation, appearance, seed: *seed };
-                        let spec = spec(run, &scene, &arm, (&settings, &named, &given))?;
+                        let spec = spec(run, &scene, &arm, &settings, &given)?;
                         let (file, category) = (file.clone(), scene.family.clone());
                         jobs.push(Job { file, spec, category, given: Arc::clone(&given) });
                     }
@@ -129,30 +129,6 @@ struct Arm<'a> {
     seed: u64,
 }
 
-/// What the settings name; the first of each by default.
-struct Named {
-    tracker: TrackerKind,
-    layout_backend: LayoutBackend,
-    scorer: ProposalScorer,
-    score_profile: ScoreProfile,
-}
-
-fn named(settings: &pb::RunSettings) -> Result<Named, SubmissionError> {
-    let pb::RunSettings { tracker, layout_backend, scorer, score_profile, .. } = settings;
-    let learned = "a known name, such as `learned` or `bridgesim`";
-    Ok(Named {
-        tracker: choice("settings.tracker", tracker, TrackerKind::from_name, "`lqr` or `pure-pursuit`")?,
-        layout_backend: choice(
-            "settings.layout_backend",
-            layout_backend,
-            LayoutBackend::from_name,
-            "`auto`, `cpu` or `wgpu`",
-        )?,
-        scorer: choice("settings.scorer", scorer, ProposalScorer::from_name, learned)?,
-        score_profile: choice("settings.score_profile", score_profile, ScoreProfile::from_name, learned)?,
-    })
-}
-
 fn choice<T: Default>(
     field: &'static str,
     name: &str,
@@ -165,34 +141,84 @@ fn choice<T: Default>(
     from_name(name).map_or_else(|| refuse(field, name, why), Ok)
 }
 
-fn checked(settings: pb::RunSettings) -> Result<pb::RunSettings, SubmissionError> {
-    let mut settings = settings;
-    let default = |value: &mut u32, or: u32| *value = if *value == 0 { or } else { *value };
-    default(&mut settings.replan_period, 5);
-    default(&mut settings.horizon, 80);
-    default(&mut settings.history, 1);
-    if settings.effects.len() > MAX_EFFECTS {
-        return refuse("settings.effects", settings.effects.len(), "at most 64 effects");
+/// What all episodes of a run have in common: its settings, checked, with their defaults.
+struct Settings {
+    replan_period: u32,
+    horizon: u32,
+    history: u32,
+    warm_up: u32,
+    /// Ticks to drive at most; none for the scenario's length.
+    ticks: Option<u32>,
+    agents: AgentMode,
+    tracker: TrackerKind,
+    layout_backend: LayoutBackend,
+    alignment: ReplanAlignment,
+    scorer: ProposalScorer,
+    score_profile: ScoreProfile,
+    effects: Vec<SwitchedEffect>,
+    vehicle_log: bool,
+}
+
+impl Settings {
+    fn of(asked: &pb::RunSettings) -> Result<Self, SubmissionError> {
+        let or = |value: u32, default: u32| if value == 0 { default } else { value };
+        let (replan_period, horizon) = (or(asked.replan_period, 5), or(asked.horizon, 80));
+        let history = or(asked.history, 1);
+        if asked.effects.len() > MAX_EFFECTS {
+            return refuse("settings.effects", asked.effects.len(), "at most 64 effects");
+        }
+        for effect in &asked.effects {
+            ds_effect::check(&effect.id, &effect.values)?;
+        }
+        if replan_period > horizon {
+            return refuse("settings.replan_period", replan_period, "at most the horizon");
+        }
+        if horizon > 300 {
+            return refuse("settings.horizon", horizon, "at most 300 ticks");
+        }
+        if history > 64 {
+            return refuse("settings.history", history, "at most 64 frames");
+        }
+        let layouts = "`auto`, `cpu` or `wgpu`";
+        let scorers = "`learned`, `oracle` or `oracle-navsim`";
+        let profiles = "`bridgesim` or `strict`";
+        Ok(Self {
+            replan_period,
+            horizon,
+            history,
+            warm_up: asked.warm_up,
+            ticks: Some(asked.ticks).filter(|ticks| *ticks > 0),
+            agents: pb::agents_of(asked.agents).unwrap_or_default(),
+            tracker: choice("settings.tracker", &asked.tracker, TrackerKind::from_name, "`lqr` or `pure-pursuit`")?,
+            layout_backend: choice(
+                "settings.layout_backend",
+                &asked.layout_backend,
+                LayoutBackend::from_name,
+                layouts,
+            )?,
+            alignment: match pb::ReplanAlignment::try_from(asked.alignment) {
+                Ok(pb::ReplanAlignment::Exact) => ReplanAlignment::Exact,
+                _ => ReplanAlignment::Rollback,
+            },
+            scorer: choice("settings.scorer", &asked.scorer, ProposalScorer::from_name, scorers)?,
+            score_profile: choice("settings.score_profile", &asked.score_profile, ScoreProfile::from_name, profiles)?,
+            effects: asked.effects.iter().map(switched).collect(),
+            vehicle_log: asked.vehicle_log,
+        })
     }
-    for effect in &settings.effects {
-        ds_effect::check(&effect.id, &effect.values)?;
+
+    /// Returns the age of the frames that a policy sees, in ticks: the world's `obs_latency`.
+    fn observation_delay(&self, dt_secs: f64) -> u32 {
+        let ages = self.effects.iter().filter(|effect| effect.id == "obs_latency");
+        let secs: f64 = ages.filter_map(|effect| effect.values.first()).sum();
+        (secs / dt_secs).round().clamp(0.0, MAX_DELAY_TICKS) as u32
     }
-    if settings.replan_period > settings.horizon {
-        return refuse("settings.replan_period", settings.replan_period, "at most the horizon");
-    }
-    if settings.horizon > 300 {
-        return refuse("settings.horizon", settings.horizon, "at most 300 ticks");
-    }
-    if settings.history > 64 {
-        return refuse("settings.history", settings.history, "at most 64 frames");
-    }
-    Ok(settings)
 }
 
 fn observations(request: &pb::SubmitRequest) -> Result<Vec<ObservationSource>, SubmissionError> {
     let mut found = Vec::new();
     for value in &request.observations {
-        match ds_wire::control::observation_of(*value) {
+        match pb::observation_of(*value) {
             Some(source) => found.push(source),
             None => return refuse("observations", value, "a known source"),
         }
@@ -240,19 +266,15 @@ fn spec(
     run: &RunId,
     scene: &Scene,
     arm: &Arm<'_>,
-    (settings, named, given): (&pb::RunSettings, &Named, &Conditioning),
+    settings: &Settings,
+    given: &Conditioning,
 ) -> Result<EpisodeSpec, SubmissionError> {
     let last = scene.last_tick().0;
-    let ticks = if settings.ticks == 0 { last } else { settings.ticks.min(last) };
+    let ticks = settings.ticks.map_or(last, |ticks| ticks.min(last));
     let name = format!("{}.{}.{}.s{}", scene.name, arm.policy, arm.observation.name(), arm.seed);
     let name = if arm.appearance == "day" { name } else { format!("{name}.{}", arm.appearance) };
     let Ok(episode) = EpisodeId::new(&name) else {
         return refuse("policies", arm.policy, "letters, digits, '_', '-', '.'; scenario and policy at most 60 in all");
-    };
-    let agents = ds_wire::control::agents_of(settings.agents).unwrap_or_default();
-    let alignment = match pb::ReplanAlignment::try_from(settings.alignment) {
-        Ok(pb::ReplanAlignment::Exact) => ReplanAlignment::Exact,
-        _ => ReplanAlignment::Rollback,
     };
     let mut spec = EpisodeSpec {
         episode,
@@ -267,20 +289,20 @@ fn spec(
         history: settings.history,
         warm_up: settings.warm_up,
         last_tick: Tick(ticks),
-        agents,
-        tracker: named.tracker,
-        layout_backend: named.layout_backend,
-        alignment,
+        agents: settings.agents,
+        tracker: settings.tracker,
+        layout_backend: settings.layout_backend,
+        alignment: settings.alignment,
         chunk_ticks: 0,
         layout_memory_ticks: 0,
         video_model: Digest::default(),
         policy_model: Digest::default(),
         configuration: Digest::default(),
-        scorer: named.scorer,
-        score_profile: named.score_profile,
-        effects: settings.effects.iter().map(switched).collect(),
+        scorer: settings.scorer,
+        score_profile: settings.score_profile,
+        effects: settings.effects.clone(),
         vehicle_log: settings.vehicle_log,
-        observation_delay: observation_delay(settings, scene.dt.secs()),
+        observation_delay: settings.observation_delay(scene.dt.secs()),
         prompt: match arm.observation {
             ObservationSource::Dreamstream => given.prompt(scene, Tick(ticks), &look(arm.appearance)?),
             ObservationSource::Reference | ObservationSource::SimRgb | ObservationSource::Layout => String::new(),
@@ -301,13 +323,6 @@ fn spec(
 
 fn switched(effect: &pb::SwitchedEffect) -> SwitchedEffect {
     SwitchedEffect { id: effect.id.clone(), values: effect.values.clone() }
-}
-
-/// Returns the age of the frames that a policy sees, in ticks: the world's `obs_latency`.
-fn observation_delay(settings: &pb::RunSettings, dt_secs: f64) -> u32 {
-    let ages = settings.effects.iter().filter(|effect| effect.id == "obs_latency");
-    let secs: f64 = ages.filter_map(|effect| effect.values.first()).sum();
-    (secs / dt_secs).round().clamp(0.0, MAX_DELAY_TICKS) as u32
 }
 
 /// Loads the scenario of a job and makes what the stages need to begin: the scene and the first frames.

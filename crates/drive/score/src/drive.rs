@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 
 use ds_space::Tick;
 use ds_world::{Scene, WorldState};
+use serde::Serialize;
 
 use crate::closed_loop::{LiveScorer, Profile, Window};
 use crate::constants::CLOSED_LOOP_VERSION;
@@ -19,18 +20,22 @@ use self::progress::Progress;
 mod collision;
 mod progress;
 
-/// The score of a drive under names.
-#[derive(Debug, Clone, PartialEq)]
+/// The score of a drive under names, as files of scores hold it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DriveScore {
-    /// The score definition.
-    pub version: &'static str,
     /// The profile.
+    #[serde(rename = "score_profile")]
     pub profile: &'static str,
+    /// The score definition.
+    #[serde(rename = "score_version")]
+    pub version: &'static str,
     /// Route completion times mean score; `None` with a reason where it does not apply.
     pub driving_score: Option<f64>,
     /// Why there is no driving score, or what is special about it; empty if nothing is.
+    #[serde(rename = "driving_score_reason")]
     pub reason: String,
     /// Mean of the per-tick score.
+    #[serde(rename = "mean_score")]
     pub mean: Option<f64>,
     /// Share of the expert's path that was driven; `None` if the expert stands still.
     pub route_completion: Option<f64>,

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use ds_topic::{ProposalScorer, ScoreProfile};
+use ds_video::Backend;
 use ds_world::{AgentMode, LayoutBackend, TrackerKind};
 
 use super::{Align, Observation, RunPlan};
@@ -16,9 +18,9 @@ impl Default for RunPlan {
             replan: 5,
             horizon: 8.0,
             history: 1,
-            scorer: "learned".to_owned(),
-            oracle: "reacting".to_owned(),
-            profile: "bridgesim".to_owned(),
+            scorer: ProposalScorer::Learned,
+            oracle: ProposalScorer::Oracle,
+            profile: ScoreProfile::Bridgesim,
             benchmark: false,
             align: Align::Rollback,
             duration: 8.0,
@@ -31,7 +33,7 @@ impl Default for RunPlan {
             tracker: TrackerKind::Lqr,
             layout_backend: LayoutBackend::Cpu,
             model: shipped::find(Path::new("configs/models/cpu_train.toml")),
-            video_backend: "cpu".to_owned(),
+            video_backend: Backend::Cpu,
             policy_weights: shipped::find(Path::new("configs/models/camera_policy.safetensors")),
             processes: false,
             stages: Vec::new(),

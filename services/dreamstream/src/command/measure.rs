@@ -25,7 +25,7 @@ pub(crate) fn run(args: &MeasureArgs) -> Result<()> {
     if !config.is_published() {
         bail!("configuration {:?} is of an own model, measure those by `dreamstream bench --model`", args.model);
     }
-    let backend: Backend = args.backend.parse().map_err(anyhow::Error::msg)?;
+    let backend = args.backend;
     let device = backend.ready()?;
     let operations = workload::operations(&config);
     let chunk = operations.denoise + operations.decode + operations.encode;

@@ -52,8 +52,7 @@ fn factory(args: &ReplayArgs) -> Result<Box<dyn MakerFactory>> {
         "sim-server" => Box::new(sim_server::SimStage),
         "layout-render" => Box::new(layout_render::LayoutStage { probe: false }),
         "vdm-worker" => {
-            let backend = args.video_backend.parse().map_err(anyhow::Error::msg)?;
-            Box::new(vdm_worker::VideoStage::new(args.model.clone(), None).with_backend(backend))
+            Box::new(vdm_worker::VideoStage::new(args.model.clone(), None).with_backend(args.video_backend))
         }
         "policy-bridge" => Box::new(policy_bridge::PolicyStage::new(args.policy_weights.clone(), None)),
         other => bail!("unknown service {other:?}"),

@@ -25,16 +25,8 @@ struct Scored {
     policy: String,
     observation: &'static str,
     seed: u64,
-    score_profile: &'static str,
-    score_version: &'static str,
-    driving_score: Option<f64>,
-    driving_score_reason: String,
-    mean_score: Option<f64>,
-    route_completion: Option<f64>,
-    sub_scores: BTreeMap<&'static str, Option<f64>>,
-    lost: BTreeMap<&'static str, f64>,
-    first_violations: BTreeMap<&'static str, u32>,
-    ended: Option<(u32, &'static str)>,
+    #[serde(flatten)]
+    score: DriveScore,
 }
 
 /// Runs the command.
@@ -86,24 +78,26 @@ fn recordings(args: &ScoreArgs) -> Result<()> {
         "scenario", "policy", "profile", "driving score", "route completion", "mean score"
     ));
     for one in &all {
-        let values = [one.driving_score, one.route_completion, one.mean_score].map(cell);
+        let score = &one.score;
+        let values = [score.driving_score, score.route_completion, score.mean].map(cell);
         let [drive, route, mean] = &values;
         answer(&format!(
             "{:<28} {:<18} {:<10} {drive:>13} {route:>16} {mean:>10}",
-            one.scenario, one.policy, one.score_profile
+            one.scenario, one.policy, score.profile
         ));
-        for (term, points) in &one.lost {
-            let since = one.first_violations.get(term).map_or(String::new(), |tick| format!(", first at tick {tick}"));
+        for (term, points) in &score.lost {
+            let since =
+                score.first_violations.get(term).map_or(String::new(), |tick| format!(", first at tick {tick}"));
             answer(&format!("  └ {term} took {points:.4}{since}"));
         }
-        if let Some((tick, ending)) = one.ended {
+        if let Some((tick, ending)) = score.ended {
             answer(&format!("  └ scoring ended at tick {tick}: {ending}"));
         }
         if one.partial.is_some() {
             answer("  └ partial: of the part that could be read");
         }
-        if !one.driving_score_reason.is_empty() {
-            answer(&format!("  └ {}", one.driving_score_reason));
+        if !score.reason.is_empty() {
+            answer(&format!("  └ {}", score.reason));
         }
     }
     match &args.out {
@@ -124,16 +118,7 @@ fn scored(path: &Path, profile: Option<&str>, partial: bool) -> Result<Scored> {
         policy: spec.policy.clone(),
         observation: spec.observation.name(),
         seed: spec.seed,
-        score_profile: score.profile,
-        score_version: score.version,
-        driving_score: score.driving_score,
-        driving_score_reason: score.reason,
-        mean_score: score.mean,
-        route_completion: score.route_completion,
-        sub_scores: score.sub_scores,
-        lost: score.lost,
-        first_violations: score.first_violations,
-        ended: score.ended,
+        score,
     })
 }
 

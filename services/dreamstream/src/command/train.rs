@@ -65,8 +65,8 @@ pub(crate) fn run(args: &TrainArgs) -> Result<()> {
     }
     let path = args.config.clone().unwrap_or_else(|| shipped::find(Path::new(VIDEO_CONFIG)));
     let mut config = TrainConfig::load(&path).with_context(|| format!("configuration {}", path.display()))?;
-    if let Some(backend) = &args.backend {
-        config.backend = backend.parse().map_err(anyhow::Error::msg)?;
+    if let Some(backend) = args.backend {
+        config.backend = backend;
     }
     if args.stage == "plan" {
         return plan(&config);

@@ -9,7 +9,7 @@ use ds_camera::Appearance;
 use ds_cases::RunConfig;
 use ds_process::service::UsageError;
 use ds_space::{CameraId, Digest, DigestWriter};
-use ds_topic::ObservationSource;
+use ds_topic::{ObservationSource, ProposalScorer};
 use ds_wire::control as pb;
 use orchestrator::Conditioning;
 
@@ -102,8 +102,8 @@ pub(super) fn request(
                 Align::Exact => pb::ReplanAlignment::Exact as i32,
             },
             benchmark: args.benchmark,
-            scorer: scorer(args).to_owned(),
-            score_profile: args.profile.clone(),
+            scorer: scorer(args).name().to_owned(),
+            score_profile: args.profile.name().to_owned(),
             effects: world.switched(),
             vehicle_log: args.vehicle_log || args.seal.is_some(),
             ..given
@@ -111,12 +111,8 @@ pub(super) fn request(
     })
 }
 
-fn scorer(args: &RunPlan) -> &'static str {
-    match (args.scorer.as_str(), args.oracle.as_str()) {
-        ("learned", _) => "learned",
-        (_, "navsim") => "oracle-navsim",
-        _ => "oracle",
-    }
+fn scorer(args: &RunPlan) -> ProposalScorer {
+    if args.scorer == ProposalScorer::Learned { args.scorer } else { args.oracle }
 }
 
 /// Returns the digest over all settings that a result depends on, names of scenarios included, folders not.
@@ -130,8 +126,8 @@ pub(super) fn configuration(args: &RunPlan, world: &RunConfig, given: &pb::RunSe
         .u32(args.agents as u32)
         .text(args.tracker.name());
     writer
-        .text(scorer(args))
-        .text(&args.profile)
+        .text(scorer(args).name())
+        .text(args.profile.name())
         .u32(args.align as u32)
         .text(args.layout_backend.name())
         .text(args.shard.as_deref().unwrap_or_default());
