@@ -61,3 +61,8 @@ impl Mapping {
         found
     }
 }
+
+/// Returns the wheelbase that a vehicle without slip would have, m, with the correlation that says so.
+pub(crate) fn wheelbase_m(record: &Record) -> Option<(f64, f64)> {
+    turning::wheelbase_m(record)
+}

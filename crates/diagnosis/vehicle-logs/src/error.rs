@@ -15,6 +15,14 @@ pub enum LogError {
     /// A bag cannot be read, or does not hold what is mapped.
     #[error(transparent)]
     Bag(#[from] ds_bags::BagError),
+    /// A file is no bag, so that nothing can be proposed for it.
+    #[error(
+        "no MCAP, ROS 1 bag or rosbag2 file: {path:?} (for text write the mapping by hand, see docs/gap-real-logs.md)"
+    )]
+    NoBag {
+        /// The file.
+        path: PathBuf,
+    },
     /// A command has no message.
     #[error("no value of {what} in {file:?}; the simulator needs every command")]
     NoMessage {

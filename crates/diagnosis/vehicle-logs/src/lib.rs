@@ -19,9 +19,11 @@ mod relation;
 mod resample;
 mod stamps;
 mod strata;
+mod suggest;
 
 pub use error::LogError;
 pub use export::Imported;
 pub use finding::LogFinding;
 pub use mapping::Mapping;
 pub use record::Record;
+pub use suggest::{Suggestion, suggest};

@@ -305,8 +305,19 @@ impl Mapping {
     pub fn read(path: &Path) -> Result<Self, LogError> {
         let text =
             std::fs::read_to_string(path).map_err(|source| CaseError::Read { path: path.to_path_buf(), source })?;
-        let mapping: Self = toml::from_str(&text)
-            .map_err(|source| LogError::Toml { path: path.to_path_buf(), source: Box::new(source) })?;
+        Self::parse(&text).map_err(|error| match error {
+            LogError::Toml { source, .. } => LogError::Toml { path: path.to_path_buf(), source },
+            other => other,
+        })
+    }
+
+    /// Checks the text of a mapping file.
+    ///
+    /// # Errors
+    /// If it is none, or contradicts itself.
+    pub fn parse(text: &str) -> Result<Self, LogError> {
+        let mapping: Self = toml::from_str(text)
+            .map_err(|source| LogError::Toml { path: "mapping".into(), source: Box::new(source) })?;
         mapping.consistent()?;
         Ok(mapping)
     }

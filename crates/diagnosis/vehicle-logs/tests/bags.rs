@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use ds_vehicle_logs::{LogError, Mapping};
+use ds_vehicle_logs::{LogError, Mapping, suggest};
 
 const BAGS: [(&str, &str); 3] = [("mcap", "drive.mcap"), ("rosbag1", "drive.bag"), ("rosbag2", "drive.db3")];
 
@@ -160,4 +160,58 @@ fn a_measurement_that_calls_itself_a_command_is_refused() {
     assert!(error.contains("cmd_steer") && error.contains("echo") && error.contains("steer_meas"), "{error}");
     let found = mapping(&measured).and_then(|m| m.check(&bags())).expect("a sound bag");
     assert!(found.iter().any(|f| f.channel == "cmd_steer" && f.problem.contains("echo")), "{found:?}");
+}
+
+#[test]
+fn a_proposed_mapping_is_a_right_one_and_says_what_no_log_holds() {
+    for (_, file) in BAGS {
+        let proposed = suggest(&bags().join(file)).expect("a sound bag");
+        assert!(proposed.undecided.iter().any(|sentence| sentence.starts_with("mass: ")), "{:?}", proposed.undecided);
+        let mapping = Mapping::parse(&proposed.text).expect("a right mapping");
+        assert!((mapping.nominal.wheelbase.expect("a wheelbase") - 2.7).abs() < 0.05, "{}", proposed.text);
+        let names: Vec<&str> = mapping.channels.keys().map(String::as_str).collect();
+        assert_eq!(names, ["cmd_accel", "cmd_steer", "v", "x", "y", "yaw", "yaw_rate"]);
+        let found = mapping.check(&bags()).expect("a sound bag");
+        assert!(found.is_empty(), "{file}: {found:?}");
+        assert_eq!(table(&proposed.text).expect("a sound bag"), table(MAPPING).expect("a sound bag"));
+    }
+}
+
+#[test]
+fn what_stands_in_for_a_command_is_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let whole = std::fs::read(bags().join("drive.mcap")).expect("the bag");
+    let proposed = |from: &str, to: &str| {
+        assert_eq!(from.len(), to.len(), "the bytes around keep their places");
+        let mut changed = whole.clone();
+        for at in 0..changed.len() - from.len() {
+            if &changed[at..at + from.len()] == from.as_bytes() {
+                changed[at..at + from.len()].copy_from_slice(to.as_bytes());
+            }
+        }
+        let path = folder.path().join("drive.mcap");
+        std::fs::write(&path, changed).expect("writable");
+        suggest(&path).expect("a sound bag")
+    };
+    // an asked speed in place of the measured one; nothing but the place says how the vehicle moved
+    let asked = proposed("/twist", "/cmd_v");
+    let mapping = Mapping::parse(&asked.text).expect("a right mapping");
+    assert!(!mapping.channels.contains_key("v") && !mapping.channels.contains_key("yaw_rate"), "{}", asked.text);
+    // no command of steering at all
+    let unsteered = proposed("steering_angle", "something_else");
+    assert!(unsteered.undecided.iter().any(|s| s.starts_with("cmd_steer: no")), "{:?}", unsteered.undecided);
+    let error = Mapping::parse(&unsteered.text).expect_err("the simulator needs every command").to_string();
+    assert!(error.contains("cmd_steer"), "{error}");
+    // no drive command but an unused field: the one that the vehicle needs
+    let undriven = proposed("float32 acceleration", "float32 accelerating");
+    assert!(
+        undriven.undecided.iter().any(|s| s.starts_with("cmd_accel: drive.speed of /cmd never")),
+        "{:?}",
+        undriven.undecided
+    );
+    assert!(undriven.text.contains("cmd_accel = { derived_from = \"v\" }"), "{}", undriven.text);
+    Mapping::parse(&undriven.text).expect("a right mapping");
+    let text = folder.path().join("log.csv");
+    std::fs::write(&text, "t,x\n0,1\n").expect("writable");
+    assert!(suggest(&text).expect_err("no bag").to_string().contains("log.csv"));
 }

@@ -110,15 +110,18 @@ pub(crate) struct GapScoreArgs {
 /// Arguments of `gap import`.
 #[derive(Debug, Args)]
 pub(crate) struct GapImportArgs {
-    /// The mapping: which column is which channel, in which unit, frame and sign; see docs/gap-real-logs.md.
-    #[arg(value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
-    pub(crate) mapping: PathBuf,
-    /// The folder of the logs.
+    /// The mapping: which column or field is which channel, in which unit, frame and sign; see docs/gap-real-logs.md.
+    #[arg(value_parser = shipped::parser(), value_hint = ValueHint::FilePath, required_unless_present = "suggest")]
+    pub(crate) mapping: Option<PathBuf>,
+    /// The folder of the logs; that of the mapping without.
     #[arg(value_hint = ValueHint::DirPath)]
-    pub(crate) logs: PathBuf,
-    /// Where the case goes; without, the logs are only checked.
-    #[arg(long, short, value_hint = ValueHint::DirPath)]
+    pub(crate) logs: Option<PathBuf>,
+    /// Where the case goes; without, the logs are only checked. With --suggest the file of the proposed mapping.
+    #[arg(long, short, value_hint = ValueHint::AnyPath)]
     pub(crate) out: Option<PathBuf>,
+    /// Propose a mapping for this bag (MCAP, ROS 1 or rosbag2) by its topics.
+    #[arg(long, value_name = "LOG", value_hint = ValueHint::AnyPath, conflicts_with_all = ["mapping", "logs"])]
+    pub(crate) suggest: Option<PathBuf>,
 }
 
 /// Arguments of `gap explain`.

@@ -16,7 +16,7 @@ use ds_diagnosis::meta::Kind;
 use ds_diagnosis::score::score_folder;
 use ds_diagnosis::{Diagnosis, json};
 use ds_effect::{Channel, Parameter};
-use ds_vehicle_logs::Mapping;
+use ds_vehicle_logs::{Mapping, Suggestion};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
@@ -180,12 +180,17 @@ fn put(path: &Path, text: &str) -> Result<()> {
 }
 
 fn import(args: &GapImportArgs) -> Result<()> {
-    let mapping = Mapping::read(&args.mapping)?;
-    let found = mapping.check(&args.logs)?;
+    if let Some(log) = &args.suggest {
+        return suggest(log, args.out.as_deref());
+    }
+    let path = args.mapping.as_deref().context("a mapping, or --suggest LOG")?;
+    let logs = args.logs.as_deref().unwrap_or_else(|| path.parent().unwrap_or(Path::new(".")));
+    let mapping = Mapping::read(path)?;
+    let found = mapping.check(logs)?;
     found.iter().for_each(|finding| answer(&finding.to_string()));
     answer(&format!("{} findings", found.len()));
     let Some(out) = &args.out else { return Ok(()) };
-    let imported = mapping.case(&args.logs, out)?;
+    let imported = mapping.case(logs, out)?;
     for (number, drive) in imported.drives.iter().enumerate() {
         let (file, start, secs) = (&drive.file, drive.start_secs, drive.secs());
         answer(&format!("drive {number}: {file} from {start:.1} s, {secs:.1} s long"));
@@ -195,6 +200,20 @@ fn import(args: &GapImportArgs) -> Result<()> {
         answer(&format!("{kept} of {} drives kept, as many of each kind of driving as there are", imported.offered));
     }
     answer(&format!("dreamstream gap diagnose {}", out.display()));
+    Ok(())
+}
+
+/// Proposes a mapping and says what is left to decide and what to do next.
+fn suggest(log: &Path, out: Option<&Path>) -> Result<()> {
+    let Suggestion { text, undecided } = ds_vehicle_logs::suggest(log)?;
+    let Some(out) = out else {
+        answer(text.trim_end());
+        return Ok(());
+    };
+    put(out, &text)?;
+    undecided.iter().for_each(|sentence| answer(&format!("not decided: {sentence}")));
+    let folder = log.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    answer(&format!("dreamstream gap import {} {} -o CASE", out.display(), folder.display()));
     Ok(())
 }
 

@@ -3,7 +3,7 @@
 use super::motion::accelerometer;
 use crate::finding::LogFinding;
 use crate::record::Record;
-use crate::relation::{near, relate, relate_at};
+use crate::relation::{Relation, near, relate, relate_at};
 use crate::resample::slope;
 use ds_diagnosis::table::STEP_SECS;
 
@@ -13,6 +13,9 @@ const DEGREES: f64 = 57.3;
 const STEERING_RATIO: std::ops::Range<f64> = 8.0..26.0;
 /// Lead of the measurement over the command from which the stamps are to blame, samples.
 const LEAD: i32 = 3;
+
+/// Least spread of the yaw rate that tells, rad/s.
+const LEAST_TURN: f64 = 0.006;
 
 /// Returns what does not fit; `base_m` is the wheelbase.
 pub(super) fn findings(record: &Record, speed: &[f64], base_m: f64) -> Vec<LogFinding> {
@@ -73,20 +76,34 @@ fn heading(record: &Record, rate: &[f64], gyro: &[f64]) -> Option<LogFinding> {
     None
 }
 
-/// The vehicle must turn as the steering says: yaw rate about speed times angle over wheelbase, after the command.
-fn steering(record: &Record, name: &str, asked: &[f64], rate: &[f64]) -> Option<LogFinding> {
-    let least = 0.006;
+/// Returns by how many samples a turn follows what was asked for, and how.
+fn follows(asked: &[f64], rate: &[f64]) -> Option<(i32, Relation)> {
     let shifted = |lag: i32| {
         let n = asked.len() as i32;
         let (a, b) = (0.max(-lag), n.min(n - lag));
         if b - a < 160 {
             return None;
         }
-        relate_at(&asked[a as usize..b as usize], &rate[(a + lag) as usize..(b + lag) as usize], least)
+        relate_at(&asked[a as usize..b as usize], &rate[(a + lag) as usize..(b + lag) as usize], LEAST_TURN)
     };
-    let (lag, best) = (-20..=20)
+    (-20..=20)
         .filter_map(|lag| shifted(lag).map(|r| (lag, r)))
-        .max_by(|a, b| a.1.correlation.abs().total_cmp(&b.1.correlation.abs()))?;
+        .max_by(|a, b| a.1.correlation.abs().total_cmp(&b.1.correlation.abs()))
+}
+
+/// Returns the wheelbase that a vehicle without slip would have, m, with the correlation.
+pub(super) fn wheelbase_m(record: &Record) -> Option<(f64, f64)> {
+    let (speed, steer) = (record.speed()?, record.channel("cmd_steer")?);
+    let rate =
+        record.channel("yaw_rate").map(<[f64]>::to_vec).or_else(|| Some(slope(record.channel("yaw")?, STEP_SECS)))?;
+    let asked: Vec<f64> = steer.iter().zip(&speed).map(|(angle, v)| v * angle).collect();
+    let (_, best) = follows(&asked, &rate)?;
+    Some((1.0 / best.slope, best.correlation))
+}
+
+/// The vehicle must turn as the steering says: yaw rate about speed times angle over wheelbase, after the command.
+fn steering(record: &Record, name: &str, asked: &[f64], rate: &[f64]) -> Option<LogFinding> {
+    let (lag, best) = follows(asked, rate)?;
     let evidence =
         format!("yaw rate is {:.4} times speed times {name} over wheelbase (r = {:.2})", best.slope, best.correlation);
     let said = |problem: &str, proposal: String| Some(record.finding(name, problem, evidence.clone(), proposal));
@@ -116,7 +133,7 @@ fn steering(record: &Record, name: &str, asked: &[f64], rate: &[f64]) -> Option<
     if near(best.slope, DEGREES, 2.0) {
         return said("radians read as degrees", format!("channels.{name}.unit = \"rad\""));
     }
-    let now = shifted(0)?.correlation;
+    let now = relate_at(asked, rate, LEAST_TURN)?.correlation;
     if lag <= -LEAD && best.correlation > now + 0.02 && name.starts_with("cmd") {
         let secs = f64::from(-lag) * STEP_SECS;
         let evidence = format!(
