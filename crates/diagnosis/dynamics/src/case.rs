@@ -12,6 +12,7 @@ use crate::ego::{Actuated, Inputs, Instant, actuate};
 use crate::fit::{Columns, Model, Prior};
 use crate::floor;
 use crate::following::{self, FollowerRecord};
+use crate::motion::Motion;
 use crate::noise::Noise;
 use crate::scatter::{Scatter, scatter};
 use crate::settings::{HELD, HELD_SHARE, SHAPE_SHARE, SLIDING_SHARE};
@@ -70,6 +71,13 @@ impl Case {
         let noise = Noise::of(&fit, scatter.jitter_secs);
         Ok(Self { meta, drives, ego, following, scatter, noise, warnings })
     }
+
+    /// Returns the case with its car driven by another simulator than the built-in one.
+    #[must_use]
+    pub fn moved_by(mut self, motion: &Arc<dyn Motion>) -> Self {
+        self.ego.iter_mut().for_each(|record| record.move_by(motion.clone()));
+        self
+    }
 }
 
 /// Where one residual belongs.
@@ -103,13 +111,13 @@ pub struct PartModel<'a> {
 /// Command paths and actuators of all drives, by the bits of the values they depend on.
 type Chains = (Vec<u64>, Arc<Vec<Actuated>>);
 /// Rollouts of all windows, by everything they depend on.
-type Motion = (Vec<u64>, Vehicle, Road, [f64; 2], Arc<Vec<Vec<Instant>>>);
+type Rolled = (Vec<u64>, Vehicle, Road, [f64; 2], Arc<Vec<Vec<Instant>>>);
 
 /// The last simulations: most steps of a difference quotient change only a part of the loop.
 #[derive(Default)]
 struct Memory {
     chains: VecDeque<Chains>,
-    motions: VecDeque<Motion>,
+    motions: VecDeque<Rolled>,
 }
 
 /// Simulations kept: the base point of a derivative and its last neighbours.
@@ -215,7 +223,7 @@ impl<'a> PartModel<'a> {
             made
         });
         let clock = [plant.clock.pose_latency_secs, plant.clock.pose_drift];
-        let same = |m: &&Motion| m.0 == key && m.1 == plant.vehicle && m.2 == plant.road && m.3 == clock;
+        let same = |m: &&Rolled| m.0 == key && m.1 == plant.vehicle && m.2 == plant.road && m.3 == clock;
         let known = memory.motions.iter().find(same).map(|m| m.4.clone());
         let rolled = known.unwrap_or_else(|| {
             let pairs = self.ego.iter().zip(actuated.iter());

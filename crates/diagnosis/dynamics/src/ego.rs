@@ -49,6 +49,12 @@ impl Actuated {
         between(signal, (secs - self.start_secs) / FINE_SECS)
     }
 
+    /// Returns the steering angle of the wheels, rad, and the force over nominal mass, m/s², at a time.
+    #[must_use]
+    pub fn asked(&self, secs: f64) -> (f64, f64) {
+        (self.at(&self.wheel, secs), self.at(&self.accel, secs))
+    }
+
     /// Returns the steering angle at the position sensor at a time, rad.
     #[must_use]
     pub fn sensed(&self, secs: f64) -> f64 {
@@ -127,46 +133,87 @@ pub fn instant_at(rollout: &[Instant], start_secs: f64, secs: f64) -> Instant {
     rollout[low].mix(&rollout[high], at - low as f64)
 }
 
-#[derive(Clone, Copy)]
-struct State {
-    vx: f64,
-    vy: f64,
-    yaw_rate: f64,
-    slip_front: f64,
-    slip_rear: f64,
+/// Forces from outside, beside those of the tyres, the drive and the air.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Push {
+    /// Forward at the centre of gravity, over nominal mass, m/s².
+    pub drive_mps2: f64,
+    /// To the left at the front axle, across the wheels, N.
+    pub front_n: f64,
+    /// To the left at the rear axle, N.
+    pub rear_n: f64,
 }
 
-/// Integrates one rollout, one instant per step from the start of the warm-up; `saturation` is that of the plant.
-#[must_use]
-pub fn rollout(start: &Start, actuated: &Actuated, plant: &Plant, saturation: &Saturation) -> Vec<Instant> {
-    let vehicle = &plant.vehicle;
-    let mut state = steady(vehicle, start.speed_mps, start.yaw_rate);
-    let mut pose = (0.0, 0.0, 0.0);
-    let warm = (start.warm_secs / ROLL_SECS).round() as usize;
-    let steps = warm + (start.horizon_secs / ROLL_SECS).ceil() as usize;
-    let mut out = Vec::with_capacity(steps + 1);
-    let anchor = start.heading_rad.sin_cos();
-    let mut heading = anchor;
-    for step in 0..=steps {
-        if step == warm {
-            pose = (0.0, 0.0, 0.0);
-            state.vx = start.anchor_speed_mps;
-        }
-        let middle = start.secs + (step as f64 + 0.5) * ROLL_SECS;
-        let steer = actuated.at(&actuated.wheel, middle);
-        let accel = actuated.at(&actuated.accel, middle);
-        let (next, ax, ay) = advance(&state, (steer, accel), (heading, saturation), plant);
-        out.push(Instant { x: pose.0, y: pose.1, yaw: pose.2, v: state.vx, yaw_rate: state.yaw_rate, ax, ay });
+/// How a car moves in its own frame.
+#[derive(Debug, Clone, Copy)]
+pub struct State {
+    /// Forward, m/s.
+    pub vx: f64,
+    /// To the left, m/s.
+    pub vy: f64,
+    /// rad/s.
+    pub yaw_rate: f64,
+    /// Slip angle that the front tyres have built up, rad.
+    pub slip_front: f64,
+    /// The same of the rear tyres, rad.
+    pub slip_rear: f64,
+}
+
+/// The built-in car between two steps.
+#[derive(Debug, Clone, Copy)]
+pub struct Car {
+    /// Ahead and left of the last mark, m, and heading since then, rad.
+    pub pose: (f64, f64, f64),
+    /// Its motion.
+    pub state: State,
+    /// Sine and cosine of the heading at the mark, and now.
+    mark: (f64, f64),
+    heading: (f64, f64),
+}
+
+impl Car {
+    /// Returns a car in steady motion.
+    #[must_use]
+    pub fn steady(vehicle: &Vehicle, speed_mps: f64, yaw_rate: f64, heading_rad: f64) -> Self {
+        let mark = heading_rad.sin_cos();
+        Self { pose: (0.0, 0.0, 0.0), state: steady(vehicle, speed_mps, yaw_rate), mark, heading: mark }
+    }
+
+    /// Moves on by one step with the inputs of its middle and returns the instant at its start; accelerations are those
+    /// of the step.
+    pub fn step(&mut self, (steer, accel): (f64, f64), push: &Push, plant: &Plant, saturation: &Saturation) -> Instant {
+        let (next, ax, ay) = advance(&self.state, (steer, accel, push), (self.heading, saturation), plant);
+        let (state, pose) = (&self.state, &mut self.pose);
+        let instant = Instant { x: pose.0, y: pose.1, yaw: pose.2, v: state.vx, yaw_rate: state.yaw_rate, ax, ay };
         let yaw = pose.2 + 0.5 * ROLL_SECS * (state.yaw_rate + next.yaw_rate);
         let (sin, cos) = (0.5 * (pose.2 + yaw)).sin_cos();
         let (vx, vy) = (0.5 * (state.vx + next.vx), 0.5 * (state.vy + next.vy));
         pose.0 += ROLL_SECS * (vx * cos - vy * sin);
         pose.1 += ROLL_SECS * (vx * sin + vy * cos);
         pose.2 = yaw;
-        if step >= warm {
-            heading = (anchor.0 * cos + anchor.1 * sin, anchor.1 * cos - anchor.0 * sin);
+        self.state = next;
+        self.heading = (self.mark.0 * cos + self.mark.1 * sin, self.mark.1 * cos - self.mark.0 * sin);
+        instant
+    }
+}
+
+/// Integrates one rollout, one instant per step from the start of the warm-up; `saturation` is that of the plant.
+#[must_use]
+pub fn rollout(start: &Start, actuated: &Actuated, plant: &Plant, saturation: &Saturation) -> Vec<Instant> {
+    let mut car = Car::steady(&plant.vehicle, start.speed_mps, start.yaw_rate, start.heading_rad);
+    let warm = (start.warm_secs / ROLL_SECS).round() as usize;
+    let steps = warm + (start.horizon_secs / ROLL_SECS).ceil() as usize;
+    let mut out = Vec::with_capacity(steps + 1);
+    for step in 0..=steps {
+        if step == warm {
+            car.pose = (0.0, 0.0, 0.0);
+            car.state.vx = start.anchor_speed_mps;
         }
-        state = next;
+        let middle = start.secs + (step as f64 + 0.5) * ROLL_SECS;
+        out.push(car.step(actuated.asked(middle), &Push::default(), plant, saturation));
+        if step < warm {
+            car.heading = car.mark;
+        }
     }
     out
 }
@@ -183,7 +230,7 @@ fn steady(vehicle: &Vehicle, speed: f64, yaw_rate: f64) -> State {
 /// Returns the state one step later and the specific force in between.
 fn advance(
     state: &State,
-    (steer, accel): (f64, f64),
+    (steer, accel, push): (f64, f64, &Push),
     (heading, saturation): ((f64, f64), &Saturation),
     plant: &Plant,
 ) -> (State, f64, f64) {
@@ -192,14 +239,16 @@ fn advance(
     let half = 0.5 * ROLL_SECS;
     let v = state.vx.max(SLOWEST_MPS);
     let (a, b) = (vehicle.front_arm_m, vehicle.rear_arm_m);
-    let traction = held(vehicle.nominal_mass_kg * accel, vehicle.friction, vehicle.mass_kg * GRAVITY_MPS2);
+    let weight_n = vehicle.mass_kg * GRAVITY_MPS2;
+    let traction =
+        held(vehicle.nominal_mass_kg * accel, vehicle.friction, weight_n) + vehicle.nominal_mass_kg * push.drive_mps2;
     let [front, rear] = axles(vehicle, accel);
     let [build, build_step] = [half, ROLL_SECS].map(|secs| built_share(vehicle.relaxation_m, v, secs));
     let (cf, cr) = (front.secant_n(state.slip_front, saturation), rear.secant_n(state.slip_rear, saturation));
     let (sin, cos) = steer.sin_cos();
     // F = c (slip (1 - build) + build (slip in steady state)); steady slip is linear in (vy, yaw rate) at the midpoint
-    let f0 = cf * (state.slip_front * (1.0 - build) + build * steer);
-    let r0 = cr * state.slip_rear * (1.0 - build);
+    let f0 = cf * (state.slip_front * (1.0 - build) + build * steer) + push.front_n;
+    let r0 = cr * state.slip_rear * (1.0 - build) + push.rear_n;
     let (fk, rk) = (cf * build / v, cr * build / v);
     let (m, i) = (vehicle.mass_kg, vehicle.yaw_inertia_kg_m2);
     let across = side_wind / m - slope_mps2(plant.road.bank_rad);

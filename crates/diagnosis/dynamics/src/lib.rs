@@ -21,6 +21,7 @@ pub mod how_far;
 pub mod isolability;
 pub mod leave_out;
 pub mod manoeuvre;
+pub mod motion;
 pub mod noise;
 pub mod remainder;
 pub mod scatter;

@@ -3,11 +3,13 @@
 //! A window warms the simulator up for 0.5 s, anchors it to the measured pose and speed, then scores 2 s. Residuals
 //! (measured minus simulated) are averaged over 0.25 s. Displacements are in the heading frame of the anchor.
 
+use std::sync::Arc;
+
 use ds_effect::{Channel, Plant};
-use ds_vehicle::Saturation;
 
 use crate::drive::Drive;
-use crate::ego::{Actuated, FINE_SECS, Inputs, Instant, Start, actuate, instant_at, rollout};
+use crate::ego::{Actuated, FINE_SECS, Inputs, Instant, Start, actuate, instant_at};
+use crate::motion::{BuiltIn, Motion, Window};
 use crate::smooth::{between, parabola};
 use ds_diagnosis::table::STEP_SECS;
 
@@ -36,6 +38,7 @@ pub struct EgoRecord {
     pub anchors: Vec<Anchor>,
     log: Drive,
     speed: Vec<f64>,
+    motion: Arc<dyn Motion>,
 }
 
 /// A window's anchor: the state the simulator is started from, and the measured blocks.
@@ -94,7 +97,8 @@ impl EgoRecord {
             .collect();
         let inputs =
             Inputs { start_secs: log.start_secs, steer: fine(&log.cmd_steer), accel, speed: fine_speed, brake_work };
-        let mut record = Self { drive, inputs, anchors: Vec::new(), log: log.clone(), speed };
+        let mut record =
+            Self { drive, inputs, anchors: Vec::new(), log: log.clone(), speed, motion: Arc::new(BuiltIn) };
         record.anchors = record.anchors_every(STRIDE, BLOCK * BLOCKS);
         Some(record)
     }
@@ -219,8 +223,19 @@ impl EgoRecord {
     /// Drives the simulator through some windows; what sensors report of it comes later.
     #[must_use]
     pub fn roll(&self, anchors: &[Anchor], actuated: &Actuated, plant: &Plant) -> Vec<Vec<Instant>> {
-        let saturation = Saturation::new(plant.vehicle.tyre_knee);
-        anchors.iter().map(|anchor| rollout(&self.start(anchor, plant), actuated, plant, &saturation)).collect()
+        let windows: Vec<Window> = anchors.iter().map(|anchor| self.window(anchor, plant)).collect();
+        self.motion.roll(&windows, actuated, plant)
+    }
+
+    /// Returns a window as the simulator is to drive it.
+    #[must_use]
+    pub fn window(&self, anchor: &Anchor, plant: &Plant) -> Window {
+        Window { drive: self.drive, sample: anchor.sample, start: self.start(anchor, plant) }
+    }
+
+    /// Has the windows driven by another simulator than the built-in one.
+    pub fn move_by(&mut self, motion: Arc<dyn Motion>) {
+        self.motion = motion;
     }
 
     /// Returns the residuals of some windows when the simulator is given some inputs.

@@ -1,0 +1,38 @@
+//! Where the motion of a window comes from: the built-in car, or a simulator of somebody else.
+//!
+//! Command paths, actuators, sensors and clocks lie outside: what is moved here is a vehicle on its road, by the steering
+//! angle of its wheels and by a force over nominal mass. SI units, x forward, y left.
+
+use ds_effect::Plant;
+use ds_vehicle::Saturation;
+
+use crate::ego::{Actuated, Instant, Start, rollout};
+
+/// One window of a drive to be driven.
+#[derive(Debug, Clone, Copy)]
+pub struct Window {
+    /// Drive of the case.
+    pub drive: usize,
+    /// Sample of the anchor.
+    pub sample: usize,
+    /// Where it starts and how long it lasts.
+    pub start: Start,
+}
+
+/// What moves a car through windows.
+pub trait Motion: Send + Sync {
+    /// Returns the instants of each window, one every [`crate::ego::ROLL_SECS`] from the start of its warm-up, poses
+    /// relative to the anchor; not a number throughout where the simulator did not answer.
+    fn roll(&self, windows: &[Window], actuated: &Actuated, plant: &Plant) -> Vec<Vec<Instant>>;
+}
+
+/// The built-in car.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct BuiltIn;
+
+impl Motion for BuiltIn {
+    fn roll(&self, windows: &[Window], actuated: &Actuated, plant: &Plant) -> Vec<Vec<Instant>> {
+        let saturation = Saturation::new(plant.vehicle.tyre_knee);
+        windows.iter().map(|window| rollout(&window.start, actuated, plant, &saturation)).collect()
+    }
+}
