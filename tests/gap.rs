@@ -44,6 +44,28 @@ fn folders_without_cases_are_refused() {
     assert!(String::from_utf8_lossy(&refused.stderr).contains("meta.json"), "{refused:?}");
 }
 
+#[test]
+fn a_bag_becomes_a_case_without_a_file_written_by_hand() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let bags = workspace().join("crates/diagnosis/bags/tests/data");
+    let [mapping, case] = ["mapping.toml", "case"].map(|name| folder.path().join(name).display().to_string());
+    for name in ["drive.mcap", "drive.bag", "drive.db3"] {
+        let bag = bags.join(name).display().to_string();
+        let proposed =
+            dreamstream(&["gap", "import", "--suggest", &bag, "-o", &mapping]).output().expect("the binary runs");
+        let said = String::from_utf8_lossy(&proposed.stdout).into_owned();
+        assert!(proposed.status.success() && said.contains("not decided: mass"), "{proposed:?}");
+        let arguments = ["gap", "import", &mapping, &bags.display().to_string(), "-o", &case];
+        let imported = dreamstream(&arguments).output().expect("the binary runs");
+        let said = String::from_utf8_lossy(&imported.stdout).into_owned();
+        assert!(imported.status.success() && said.contains("0 findings") && said.contains("drive 0"), "{imported:?}");
+    }
+    let table = std::fs::read_to_string(folder.path().join("case/drive_0.csv")).expect("a drive");
+    assert!(table.starts_with("t,cmd_steer,cmd_accel,x,y,yaw,v,yaw_rate\n"), "{}", &table[..60]);
+    let refused = dreamstream(&["gap", "import", "--suggest", &mapping]).output().expect("the binary runs");
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("no MCAP"), "{refused:?}");
+}
+
 /// Drives a small set of shipped scenarios with frames of the reference camera.
 fn drive(out: &std::path::Path, more: &[&str]) {
     let scenarios = workspace().join("scenarios/base");
