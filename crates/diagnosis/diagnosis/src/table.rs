@@ -8,14 +8,14 @@ use crate::error::CaseError;
 
 /// Step of the common clock on which drives are diagnosed, s.
 pub const STEP_SECS: f64 = 0.05;
-/// Most rows a log may have: 2 h at 20 Hz.
-pub const MAX_ROWS: usize = 144_000;
+/// Most rows a log may have: 2 h at 200 Hz.
+pub const MAX_ROWS: usize = 1_440_000;
 /// Most columns a log may have.
 pub const MAX_COLUMNS: usize = 64;
 /// Largest size of a value, in whatever unit: what is beyond is no measurement and overflows when it is squared.
 pub const MAX_VALUE: f64 = 1e15;
 /// Most bytes a log may have.
-pub const MAX_BYTES: usize = 64 << 20;
+pub const MAX_BYTES: usize = 160 << 20;
 
 /// Columns of numbers by name; an absent cell is NaN.
 #[derive(Debug, Clone, Default)]

@@ -12,7 +12,7 @@ use ds_diagnosis::table::{STEP_SECS, Table};
 const SHORTEST_SECS: f64 = 6.0;
 /// Longest hole in the stamps that is bridged, s.
 const LONGEST_HOLE_SECS: f64 = 1.0;
-/// Longest log, s: as long as its rows allow at 10 Hz.
+/// Longest log, s.
 const LONGEST_SECS: usize = 14_400;
 
 /// One drive.
