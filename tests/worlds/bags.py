@@ -4,7 +4,7 @@ A kinematic vehicle with first-order steering and drive, sensors without bias: w
 be compared with each other and with it. `--lean` writes the few topics and rows of the fixtures of `crates/diagnosis/bags/tests`.
 
     pip install rosbags numpy
-    python tests/worlds/bags.py --out BAGS [--secs 60] [--hz 100] [--lean] [--only mcap|bag|db3]
+    python tests/worlds/bags.py --out BAGS [--secs 60] [--hz 100] [--lean] [--bz2] [--only mcap|bag|db3]
 """
 
 import argparse
@@ -125,11 +125,11 @@ def write(bag, connect, make, serialise, made, lean, hz):
         bag.write(connections[topic], nanos + LATENCY_NANOS, serialise(message, kind))
 
 
-def ros1(path, made, lean, hz):
+def ros1(path, made, lean, hz, bz2):
     store = get_typestore(Stores.ROS1_NOETIC)
     path.unlink(missing_ok=True)
     bag = rosbag1.Writer(path)
-    bag.set_compression(rosbag1.Writer.CompressionFormat.LZ4)
+    bag.set_compression(rosbag1.Writer.CompressionFormat.BZ2 if bz2 else rosbag1.Writer.CompressionFormat.LZ4)
     with bag:
         write(bag, lambda topic, kind: bag.add_connection(topic, kind, typestore=store), Maker(store, True), store.serialize_ros1, made, lean, hz)
 
@@ -151,6 +151,7 @@ def main():
     parser.add_argument("--secs", type=float, default=60.0)
     parser.add_argument("--hz", type=float, default=100.0)
     parser.add_argument("--lean", action="store_true")
+    parser.add_argument("--bz2", action="store_true", help="chunks of the ROS 1 bag by bzip2")
     parser.add_argument("--only", choices=("mcap", "bag", "db3"))
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
@@ -158,7 +159,7 @@ def main():
     if given.only in (None, "mcap"):
         ros2(given.out / "ros2_mcap", rosbag2.StoragePlugin.MCAP, made, given.lean, given.hz)
     if given.only in (None, "bag"):
-        ros1(given.out / "ros1.bag", made, given.lean, given.hz)
+        ros1(given.out / "ros1.bag", made, given.lean, given.hz, given.bz2)
     if given.only in (None, "db3"):
         ros2(given.out / "ros2_sqlite", rosbag2.StoragePlugin.SQLITE3, made, given.lean, given.hz)
 

@@ -1,8 +1,9 @@
 //! The three containers, one file each, as one stream of topics and messages.
 //!
 //! A rosbag2 bag may be a folder of several files, read in the order of their numbers. Messages of topics that nobody
-//! wants are skipped where the container allows it. Index and order of a file are not relied upon.
+//! wants are skipped where the container allows it. Definitions that a bag does not hold are looked for beside it. Index and order of a file are not relied upon.
 
+mod beside;
 mod mcap_file;
 mod rosbag1;
 mod rosbag2;
@@ -63,6 +64,30 @@ pub(crate) trait Sink {
     fn message(&mut self, message: &Message<'_>) -> Result<(), BagError>;
 }
 
+/// A sink whose topics without a definition get that of the `.msg` files beside the bag.
+struct Completed<'a> {
+    sink: &'a mut dyn Sink,
+    folder: &'a Path,
+}
+
+impl Sink for Completed<'_> {
+    fn begin(&mut self, path: &Path) {
+        self.sink.begin(path);
+    }
+
+    fn topic(&mut self, number: u32, mut declared: Declared) -> Result<bool, BagError> {
+        if let Err(why) = &declared.definition {
+            declared.definition =
+                beside::definition(self.folder, &declared.kind).map_err(|lacks| format!("{why}; {lacks}"));
+        }
+        self.sink.topic(number, declared)
+    }
+
+    fn message(&mut self, message: &Message<'_>) -> Result<(), BagError> {
+        self.sink.message(message)
+    }
+}
+
 impl Format {
     /// Returns the format of a file by its first bytes, of a folder by the files in it.
     ///
@@ -86,10 +111,11 @@ impl Format {
     pub(crate) fn read(self, path: &Path, sink: &mut dyn Sink) -> Result<(), BagError> {
         for file in self.files(path)? {
             sink.begin(&file);
+            let mut sink = Completed { sink: &mut *sink, folder: file.parent().unwrap_or(Path::new(".")) };
             match self {
-                Self::Mcap => mcap_file::read(&file, sink)?,
-                Self::Rosbag1 => rosbag1::read(&file, sink)?,
-                Self::Rosbag2 => rosbag2::read(&file, sink)?,
+                Self::Mcap => mcap_file::read(&file, &mut sink)?,
+                Self::Rosbag1 => rosbag1::read(&file, &mut sink)?,
+                Self::Rosbag2 => rosbag2::read(&file, &mut sink)?,
             }
         }
         Ok(())

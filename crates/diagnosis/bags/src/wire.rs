@@ -24,6 +24,9 @@ impl<'a> Bytes<'a> {
             return Ok(Self { data, at: 0, alignment: 1, big: false });
         }
         let (framing, data) = data.split_at_checked(FRAMING).ok_or("shorter than the framing of CDR")?;
+        if framing == [0x28, 0xb5, 0x2f, 0xfd] {
+            return Err("compressed by zstd (`ros2 bag convert` writes a plain bag)".to_owned());
+        }
         let (alignment, big) = match framing[1] {
             0 => (8, true),
             1 => (8, false),
@@ -122,6 +125,50 @@ impl<'a> Bytes<'a> {
             Ok(())
         } else {
             Err(format!("says {count} values at byte {}, {left} bytes are left", self.at))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Reads a byte, a number of eight bytes and one of two.
+    fn read(message: &[u8], wire: Wire) -> Result<[f64; 3], String> {
+        let mut bytes = Bytes::new(message, wire)?;
+        let numbers = [bytes.number(Number::U8)?, bytes.number(Number::F64)?, bytes.number(Number::I16)?];
+        assert_eq!(bytes.left(), 0);
+        Ok(numbers)
+    }
+
+    #[test]
+    fn alignment_and_order_of_bytes_are_those_of_each_writing() {
+        let half = 0.5_f64;
+        let known = Ok([7.0, 0.5, -2.0]);
+        let message = |framing: &[u8], pad: usize, big: bool| {
+            let number = if big { half.to_be_bytes() } else { half.to_le_bytes() };
+            let short = if big { (-2_i16).to_be_bytes() } else { (-2_i16).to_le_bytes() };
+            [framing, &[7], &vec![0; pad], &number, &short].concat()
+        };
+        assert_eq!(read(&message(&[], 0, false), Wire::Ros1), known);
+        assert_eq!(read(&message(&[0, 1, 0, 0], 7, false), Wire::Cdr), known);
+        assert_eq!(read(&message(&[0, 0, 0, 0], 7, true), Wire::Cdr), known);
+        assert_eq!(read(&message(&[0, 7, 0, 0], 3, false), Wire::Cdr), known, "the second version aligns to four");
+        assert_eq!(read(&message(&[0, 6, 0, 0], 3, true), Wire::Cdr), known);
+        for (framing, hint) in [([0, 3, 0, 0], "kind 3"), ([0x28, 0xb5, 0x2f, 0xfd], "zstd")] {
+            assert!(read(&message(&framing, 7, false), Wire::Cdr).expect_err("not plain").contains(hint));
+        }
+        assert!(read(&[0, 1, 0, 0, 7, 0], Wire::Cdr).expect_err("cut").contains("breaks off"));
+    }
+
+    #[test]
+    fn a_count_that_the_bytes_cannot_hold_is_refused_at_once() {
+        let schema = Schema::parse("p/A", "B[] many\nfloat64[] numbers\n===\nMSG: p/B\nstring s", Wire::Ros1);
+        let schema = schema.expect("a definition");
+        let message = u32::MAX.to_le_bytes();
+        for member in &schema.structures[0].members {
+            let mut bytes = Bytes::new(&message, Wire::Ros1).expect("four bytes");
+            assert!(bytes.skip(&schema, member).is_err(), "{member:?}");
         }
     }
 }

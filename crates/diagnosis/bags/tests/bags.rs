@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use ds_bags::{BagError, Clock, Format, Series, Wanted, series, topics};
 
-const BAGS: [&str; 3] = ["drive.mcap", "drive.bag", "drive.db3"];
+const BAGS: [&str; 4] = ["drive.mcap", "drive.bag", "drive-bz2.bag", "drive.db3"];
 const START_NANOS: i64 = 1_700_000_000_123_456_789;
 
 fn path(name: &str) -> PathBuf {
@@ -120,4 +120,55 @@ fn a_bag_cut_off_is_an_error_and_another_file_no_bag() {
     let text = folder.path().join("text.bag");
     std::fs::write(&text, "t,x\n0,1\n").expect("writable");
     assert_eq!(Format::of(&text).expect("readable"), None);
+}
+
+#[test]
+fn compressed_chunks_of_an_mcap_hold_the_same_messages() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let whole = std::fs::read(path("drive.mcap")).expect("the bag");
+    let sought = [wanted("/twist", "twist.linear.x", Clock::Own), wanted("/cmd", "drive.acceleration", Clock::Publish)];
+    let plain = read("drive.mcap", &sought).expect("a sound bag");
+    for compression in [mcap::Compression::Zstd, mcap::Compression::Lz4] {
+        let to = folder.path().join("packed.mcap");
+        let file = std::fs::File::create(&to).expect("writable");
+        let options = mcap::WriteOptions::new().compression(Some(compression)).chunk_size(Some(8_192));
+        let mut writer = options.create(file).expect("a writer");
+        for message in mcap::MessageStream::new(&whole).expect("a sound bag") {
+            writer.write(&message.expect("a sound message")).expect("writable");
+        }
+        writer.finish().expect("writable");
+        drop(writer);
+        let packed = series(&to, Format::Mcap, &sought).expect("a sound bag");
+        for (a, b) in plain.iter().zip(&packed) {
+            assert!(a.nanos == b.nanos && a.values == b.values && a.values.len() == 85);
+        }
+    }
+}
+
+#[test]
+fn a_definition_that_the_bag_does_not_hold_is_taken_from_beside_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut whole = std::fs::read(path("drive.mcap")).expect("the bag");
+    // definitions in a language that is not read
+    let places: Vec<usize> = (0..whole.len() - 7).filter(|at| &whole[*at..at + 7] == b"ros2msg").collect();
+    places.into_iter().for_each(|at| whole[at..at + 7].copy_from_slice(b"ros2idl"));
+    let to = folder.path().join("drive.mcap");
+    std::fs::write(&to, whole).expect("writable");
+    let sought = [wanted("/cmd", "drive.acceleration", Clock::Own)];
+    let error = series(&to, Format::Mcap, &sought).expect_err("no definition").to_string();
+    assert!(error.contains("ros2idl") && error.contains("ackermann_msgs/msg/AckermannDriveStamped.msg"), "{error}");
+    let messages = folder.path().join("ackermann_msgs/msg");
+    std::fs::create_dir_all(&messages).expect("writable");
+    let put = |name: &str, text: &str| std::fs::write(messages.join(name), text).expect("writable");
+    put("AckermannDriveStamped.msg", "std_msgs/Header header # when\nAckermannDrive drive\n");
+    let fields = "float32 steering_angle\nfloat32 steering_angle_velocity\nfloat32 speed\nfloat32 acceleration\n";
+    put("AckermannDrive.msg", fields);
+    let error = series(&to, Format::Mcap, &sought);
+    assert!(error.is_ok(), "four bytes over may be padding: {error:?}");
+    put("AckermannDrive.msg", "float32 steering_angle\nfloat32 acceleration\n");
+    let error = series(&to, Format::Mcap, &sought).expect_err("another version").to_string();
+    assert!(error.contains("left over"), "{error}");
+    put("AckermannDrive.msg", &(fields.to_owned() + "float32 jerk\n"));
+    let found = series(&to, Format::Mcap, &sought).expect("a definition");
+    assert_eq!(found[0].values, read("drive.mcap", &sought).expect("a sound bag")[0].values);
 }

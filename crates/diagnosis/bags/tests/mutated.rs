@@ -30,6 +30,11 @@ fn mutated_ros_1_bags_are_borne() {
 }
 
 #[test]
+fn mutated_bzip2_chunks_are_borne() {
+    mutation::all_are_borne("mutated_bzip2_chunks_are_borne", |i| read_mutated("drive-bz2.bag", Format::Rosbag1, i));
+}
+
+#[test]
 fn mutated_rosbag2_files_are_borne() {
     mutation::all_are_borne("mutated_rosbag2_files_are_borne", |index| {
         read_mutated("drive.db3", Format::Rosbag2, index)

@@ -1,5 +1,5 @@
 //! ROS 1 bag 2.0: records of a header (fields `name=value`, each with its length) and data, in chunks that may be
-//! compressed by LZ4; <http://wiki.ros.org/Bags/Format/2.0>.
+//! compressed by LZ4 or bzip2; <http://wiki.ros.org/Bags/Format/2.0>.
 //!
 //! The index at the end is not read: a bag whose recorder was killed is read up to where it breaks off, which is an error.
 
@@ -153,20 +153,21 @@ fn chunk(fields: &Fields<'_>, data: &[u8]) -> Result<Option<Vec<u8>>, String> {
     if size > MAX_BYTES {
         return Err(format!("a chunk of {size} bytes, more than {MAX_BYTES},"));
     }
-    match fields.get("compression").unwrap_or_default() {
-        b"none" => Ok(None),
-        b"lz4" => {
-            let mut plain = Vec::new();
-            let decoder = lz4_flex::frame::FrameDecoder::new(data);
-            decoder.take(size as u64 + 1).read_to_end(&mut plain).map_err(|e| format!("a damaged LZ4 chunk ({e})"))?;
-            if plain.len() != size {
-                return Err(format!("a chunk that says {size} bytes and holds {}", plain.len()));
-            }
-            Ok(Some(plain))
-        }
+    let mut unpacked: Box<dyn Read> = match fields.get("compression").unwrap_or_default() {
+        b"none" => return Ok(None),
+        b"lz4" => Box::new(lz4_flex::frame::FrameDecoder::new(data)),
+        b"bz2" => Box::new(bzip2_rs::DecoderReader::new(data)),
         other => {
-            let name = String::from_utf8_lossy(other);
-            Err(format!("a chunk compressed by {name:?}; none and lz4 are read (`rosbag decompress` writes none)"))
+            return Err(format!(
+                "a chunk compressed by {:?}; none, lz4 and bz2 are known",
+                String::from_utf8_lossy(other)
+            ));
         }
+    };
+    let mut plain = Vec::new();
+    (&mut unpacked).take(size as u64 + 1).read_to_end(&mut plain).map_err(|e| format!("a damaged chunk ({e})"))?;
+    if plain.len() != size {
+        return Err(format!("a chunk that says {size} bytes and holds {}", plain.len()));
     }
+    Ok(Some(plain))
 }

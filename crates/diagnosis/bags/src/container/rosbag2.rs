@@ -65,7 +65,7 @@ fn declared(base: &Connection) -> rusqlite::Result<Vec<(u32, Declared)>> {
         let (kind, encoding): (String, String) = (row.get(2)?, row.get(3)?);
         let name = definition::plain_name(&kind);
         let definition = if encoding == "cdr" {
-            let none = "the bag holds no definition of it (bags since ROS 2 Iron do; `ros2 bag convert` adds it)";
+            let none = "the bag holds no definition of it (bags since ROS 2 Iron do)";
             let held = own.get(&name).cloned().unwrap_or_else(|| Err(none.to_owned()));
             held.or_else(|why| usual::definition(&name).ok_or(why))
         } else {
