@@ -23,6 +23,24 @@ def draw_ids(r, kind, index, effects, unknown):
     return ids
 
 
+# What a day brings to a vehicle: tyres and road, weather, the zeros of its sensors; its load varies as well.
+DAILY = ("grip", "mu", "steer_zero", "gyro_zero", "ax_zero", "ay_zero", "crown", "wind", "wind_x", "wind_y", "hill", "hill_phase")
+
+
+def draw_car(r, seed, number, fleet, draw):
+    """Draws the vehicle of a case by `draw(rng)`, which gives what its user knows of it and what it is: another one for every
+    case, or, of a fleet of so many, each in turn with a day of its own. Also returns the names of vehicle and day."""
+    if not fleet:
+        return *draw(r), {}
+    member = number % fleet
+    nominal, real = draw(np.random.default_rng([seed, 10**6 + member]))
+    _, other = draw(np.random.default_rng([seed, 2 * 10**6 + number]))
+    real.update({key: other[key] for key in DAILY if key in other})
+    heavy = real if "mass" in real else real["build"]
+    heavy["mass"] *= 1 + r.normal(0, 0.006)
+    return nominal, real, {"vehicle": f"{seed}-{member}", "day": f"{number:03d}"}
+
+
 def write_log(path, t, rows, missing):
     """Writes the log of one drive in the practice schema, missing channels empty."""
     cells = [[f"{v:.3f}" for v in t]] + [[f"{v:.{p}f}" if k not in missing else "" for v in rows[k]] for k, p in DIGITS.items()]

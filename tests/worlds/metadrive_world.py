@@ -17,7 +17,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from labelled_case import Unfit, draw_ids, make_case, write_log
+from labelled_case import Unfit, draw_car, draw_ids, make_case, write_log
 from metadrive_actuators import DT, Actuators, clip
 
 SECONDS, LEAD_IN, G, AIR = 36.5, 3.0, 9.81, 1.2
@@ -417,8 +417,8 @@ def follow(r, world, case, lead_x, lead_v, desired):
     return "t,id,x,y,yaw,v,gap,v_lead\n" + "\n".join(rows) + "\n"
 
 
-def draw_case(r, world, kind, number, index):
-    nominal, real = draw_vehicle(r, world)
+def draw_case(r, world, given, kind, number, index):
+    nominal, real, day = draw_car(r, given.seed, number, given.fleet, lambda r: draw_vehicle(r, world))
     ids = draw_ids(r, kind, index, EFFECTS, UNKNOWN)
     values = {i: float(EFFECTS[i][2](r)) if i in EFFECTS else float(r.uniform(*UNKNOWN[i])) for i in ids}
     told = lambda i: values[i] * nominal["mass"] if i == "payload" else values[i]
@@ -427,7 +427,7 @@ def draw_case(r, world, kind, number, index):
     missing = [m for m in missing if not (m == "v_wheel" and "wheel_scale" in ids) and f"{m}_bias" not in ids]
     label = {"kind": kind, "drive_kinds": kinds, "channels_missing": missing,
              "effects": [{"id": i, "value": told(i), "unit": EFFECTS.get(i, ("",))[0], "group": EFFECTS.get(i, ("", "out_of_library"))[1]} for i in ids]}
-    return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": kinds, "missing": missing, "label": label}
+    return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": kinds, "missing": missing, "label": label, "day": day}
 
 
 def write_case(r, world, case, folder):
@@ -441,7 +441,7 @@ def write_case(r, world, case, folder):
         desired = round(float(log["v"].max() * r.uniform(0.98, 1.12)), 2)
         (folder / f"agents_{d}.csv").write_text(follow(r, world, case, far, log["v"], desired))
         drives.append({"file": f"drive_{d}.csv", "agents": f"agents_{d}.csv", "agents_desired_speed": desired})
-    meta = {"case": case["name"], "vehicle": "metadrive", "rate_hz": 20, "agent_rate_hz": 10, "drives": drives, "channels_missing": case["missing"],
+    meta = {"case": case["name"], "vehicle": "metadrive", **case["day"], "rate_hz": 20, "agent_rate_hz": 10, "drives": drives, "channels_missing": case["missing"],
             "nominal": case["nominal"], "suggested_split": {"fit": [0, 1, 2], "held_out": [3]}}
     (folder / "meta.json").write_text(json.dumps(meta, indent=1))
 
@@ -453,13 +453,14 @@ def main():
     for kind, count in (("singles", len(EFFECTS)), ("none", 16), ("pairs", 10), ("unknown", 8)):
         parser.add_argument(f"--{kind}", type=int, default=count)
     parser.add_argument("--part", default="1/1", help="of several processes that share a draw, which: 2/3 makes every third case from the second on")
+    parser.add_argument("--fleet", type=int, default=0, help="so many vehicles, each of which drives every so manieth case on a day of its own (0: one for each case)")
     given = parser.parse_args()
     part, parts = map(int, given.part.split("/"))
     world, labels = World(), {}
     counts = {"single": given.singles, "none": given.none, "double": given.pairs, "out_of_library": given.unknown}
     wanted = [(kind, k) for kind, count in counts.items() for k in range(count)]
     for number, (kind, index) in list(enumerate(wanted))[part - 1::parts]:
-        case = make_case(given.seed, number, given.out, lambda r: draw_case(r, world, kind, number, index), lambda r, *case: write_case(r, world, *case))
+        case = make_case(given.seed, number, given.out, lambda r: draw_case(r, world, given, kind, number, index), lambda r, *case: write_case(r, world, *case))
         labels[case["name"]] = case["label"]
     # Parts add to what the others wrote.
     path = given.out / "labels.json"

@@ -27,12 +27,14 @@ from vehiclemodels.init_mb import init_mb
 from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
 
 import own_world
-from labelled_case import Unfit, draw_ids, make_case, write_log
+from labelled_case import Unfit, draw_car, draw_ids, make_case, write_log
 from metadrive_actuators import DT, Actuators, clip
 from metadrive_world import AIR, G, KINDS, LEAD_IN, UNKNOWN, draw_plan, read_sensors
 
 # The wheels' spin is stiff at walking pace: fourth order needs a millisecond.
 FINE = 20
+# Tyres with the plysteer and conicity of the single tyre that was measured, all pulling one way.
+AS_DELIVERED = False
 # Without counterpart in this model, whose four tyres are one and act at once.
 EFFECTS = {k: v for k, v in own_world.EFFECTS.items() if k not in ("front_grip", "rear_grip", "tyre_relaxation", "kinematic_only")}
 
@@ -86,7 +88,8 @@ def scaled(build, mass=1.0, inertia=1.0, grip=1.0, shift=0.0):
     p = setup_vehicle_parameters(vehicle_id=build["car"])
     p.tire, p.longitudinal = SimpleNamespace(**vars(p.tire)), SimpleNamespace(**vars(p.longitudinal))
     # left and right tyres are mirror images, so that what pulls a single tyre aside cancels; theirs all pull one way
-    p.tire.p_hy1 = p.tire.p_vy1 = p.tire.r_hy1 = p.tire.r_vy1 = p.tire.r_by3 = p.tire.r_hx1 = 0.0
+    if not AS_DELIVERED:
+        p.tire.p_hy1 = p.tire.p_vy1 = p.tire.r_hy1 = p.tire.r_vy1 = p.tire.r_by3 = p.tire.r_hx1 = 0.0
     p.longitudinal.v_switch = p.longitudinal.v_max  # no engine of theirs: power is limited by an effect alone
     heavier = build["heavier"]
     for key in ("m", "m_s", "m_uf", "m_ur", "I_Phi_s", "I_y_s", "I_z", "I_uf", "I_ur", "K_sf", "K_sr", "K_sdf", "K_sdr", "K_tsf", "K_tsr", "K_zt", "K_ras", "K_rad"):
@@ -219,8 +222,8 @@ def drive(r, case, kind):
     return log
 
 
-def draw_case(r, kind, number, index):
-    nominal, real = draw_vehicle(r)
+def draw_case(r, given, kind, number, index):
+    nominal, real, day = draw_car(r, given.seed, number, given.fleet, draw_vehicle)
     ids = draw_ids(r, kind, index, EFFECTS, UNKNOWN)
     values = {i: float(own_world.draw_value(r, i)) if i in EFFECTS else float(r.uniform(*UNKNOWN[i])) for i in ids}
     told = lambda i: values[i] * nominal["mass"] if i == "payload" else values[i]
@@ -229,7 +232,7 @@ def draw_case(r, kind, number, index):
     missing = [m for m in missing if not any(i in own_world.NEEDS.get(m, []) for i in ids)]
     label = {"kind": kind, "drive_kinds": kinds, "channels_missing": missing,
              "effects": [{"id": i, "value": told(i), "unit": EFFECTS.get(i, ("",))[0], "group": EFFECTS.get(i, ("", "out_of_library"))[1]} for i in ids]}
-    return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": kinds, "missing": missing, "label": label}
+    return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": kinds, "missing": missing, "label": label, "day": day}
 
 
 def write_case(r, case, folder):
@@ -244,7 +247,7 @@ def write_case(r, case, folder):
         desired = round(float(fast.max() * r.uniform(0.98, 1.12)), 2)
         (folder / f"agents_{d}.csv").write_text(own_world.follow(r, case, far, fast, desired))
         drives.append({"file": f"drive_{d}.csv", "agents": f"agents_{d}.csv", "agents_desired_speed": desired})
-    meta = {"case": case["name"], "vehicle": "multibody", "rate_hz": 20, "agent_rate_hz": 10, "drives": drives, "channels_missing": case["missing"],
+    meta = {"case": case["name"], "vehicle": "multibody", **case["day"], "rate_hz": 20, "agent_rate_hz": 10, "drives": drives, "channels_missing": case["missing"],
             "nominal": case["nominal"], "suggested_split": {"fit": [0, 1, 2], "held_out": [3]}}
     (folder / "meta.json").write_text(json.dumps(meta, indent=1))
 
@@ -255,11 +258,14 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     for kind, count in (("singles", len(EFFECTS)), ("none", 16), ("pairs", 10), ("unknown", 8)):
         parser.add_argument(f"--{kind}", type=int, default=count)
+    parser.add_argument("--fleet", type=int, default=0, help="so many vehicles, each of which drives every so manieth case on a day of its own (0: one for each case)")
+    parser.add_argument("--as-delivered", action="store_true", help="leave the side terms of the tyres in")
     given = parser.parse_args()
-    labels = {}
+    global AS_DELIVERED
+    AS_DELIVERED, labels = given.as_delivered, {}
     counts = {"single": given.singles, "none": given.none, "double": given.pairs, "out_of_library": given.unknown}
     for number, (kind, index) in enumerate([(kind, k) for kind, count in counts.items() for k in range(count)]):
-        case = make_case(given.seed, number, given.out, lambda r: draw_case(r, kind, number, index), write_case)
+        case = make_case(given.seed, number, given.out, lambda r: draw_case(r, given, kind, number, index), write_case)
         labels[case["name"]] = case["label"]
     (given.out / "labels.json").write_text(json.dumps(labels, indent=1))
 

@@ -14,6 +14,8 @@ import pathlib
 
 import numpy as np
 
+from labelled_case import draw_car
+
 DT = 0.004
 SECONDS = 36.5
 DRIVES = 5
@@ -406,9 +408,9 @@ def follow(rng, case, lead_x, lead_v, desired):
     return "t,id,x,y,yaw,v,gap,v_lead\n" + "\n".join(rows) + "\n"
 
 
-def draw_case(r, kind, number, index):
+def draw_case(r, given, kind, number, index):
     """Draws one case: vehicle, effects, kinds of drive, missing channel, label."""
-    nominal, real = draw_vehicle(r)
+    nominal, real, day = draw_car(r, given.seed, number, given.fleet, draw_vehicle)
     names = list(EFFECTS)
     if kind == "single":
         ids = [names[index % len(names)]]
@@ -433,7 +435,7 @@ def draw_case(r, kind, number, index):
         missing = []
     label = {"kind": kind, "effects": [{"id": i, "value": told(i), "unit": EFFECTS.get(i, ("",))[0], "group": group(i)} for i in ids],
              "drive_kinds": [str(k) for k in kinds], "channels_missing": missing}
-    return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": [str(k) for k in kinds], "missing": missing, "label": label, "rng": r}
+    return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": [str(k) for k in kinds], "missing": missing, "label": label, "day": day, "rng": r}
 
 
 def write_drive(folder, lanes, run, case, lane, number):
@@ -460,7 +462,7 @@ def write_case(out, lanes, run, case, first):
     for place, numbers in ((folder, range(4)), (apart, range(4, DRIVES))):
         place.mkdir(parents=True, exist_ok=True)
         drives = [write_drive(place, lanes, run, case, first + k, k) for k in numbers]
-        meta = {"case": case["name"], "vehicle": "drawn", "rate_hz": 20, "agent_rate_hz": 10, "drives": drives,
+        meta = {"case": case["name"], "vehicle": "drawn", **case["day"], "rate_hz": 20, "agent_rate_hz": 10, "drives": drives,
                 "channels_missing": case["missing"], "nominal": case["nominal"]}
         if place == folder:
             meta["suggested_split"] = {"fit": [0, 1, 2], "held_out": [3]}
@@ -491,6 +493,7 @@ def main():
     for kind, count in (("singles", 48), ("none", 12), ("pairs", 6), ("unknown", 10)):
         parser.add_argument(f"--{kind}", type=int, default=count)
     parser.add_argument("--curve", type=int, default=0, help="instead: so many draws of each of the common effects at each of their sizes")
+    parser.add_argument("--fleet", type=int, default=0, help="so many vehicles, each of which drives every so manieth case on a day of its own (0: one for each case)")
     given = parser.parse_args()
     if given.spreads or given.out is None:
         print(json.dumps(spreads()))
@@ -502,7 +505,7 @@ def main():
     labels = {}
     for start in range(0, len(wanted), TOGETHER):
         part = list(enumerate(wanted))[start:start + TOGETHER]
-        cases = [draw_case(np.random.default_rng([given.seed, number]), kind, number, index) for number, (kind, index) in part]
+        cases = [draw_case(np.random.default_rng([given.seed, number]), given, kind, number, index) for number, (kind, index) in part]
         lanes = Lanes(cases)
         run = lanes.run()
         for c, case in enumerate(cases):

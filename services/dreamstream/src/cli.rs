@@ -23,7 +23,7 @@ mod video;
 pub(crate) use data::{DataCommand, DataListArgs, DataRenderArgs, DataSheetArgs};
 pub(crate) use fleet::{CertsArgs, HealthArgs, ServeArgs, WhyArgs};
 pub(crate) use gap::{
-    ApplyArgs, AttributeArgs, CloseArgs, DiagnoseArgs, EvaluateArgs, ExplainArgs, GapCommand, GapImportArgs,
+    ApplyArgs, AttributeArgs, BaselineArgs, CloseArgs, DiagnoseArgs, EvaluateArgs, ExplainArgs, GapCommand, GapImportArgs,
     GapScoreArgs, WatchArgs,
 };
 pub(crate) use measure::MeasureArgs;

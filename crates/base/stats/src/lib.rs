@@ -12,6 +12,7 @@ mod permutation;
 mod quantile;
 mod shapley;
 mod share;
+mod student;
 mod wilson;
 
 pub use discovery::{false_discovery, holm};
@@ -21,6 +22,7 @@ pub use permutation::{Chance, EXACT_UP_TO, PATTERNS, sign_flip};
 pub use quantile::{percentiles, quantile, sorted_quantile, upper_median};
 pub use shapley::shapley;
 pub use share::{Explained, explained, share};
+pub use student::{Pooled, student_tail};
 pub use wilson::wilson;
 
 /// Returns the mean in order of the values; nothing for no values.

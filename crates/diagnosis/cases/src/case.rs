@@ -2,10 +2,12 @@
 
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use ds_diagnosis::Diagnosis;
 use ds_diagnosis::meta::{FILE, Kind};
 use ds_diagnosis::schema::Shrink;
+use ds_dynamics::baseline::Baseline;
 use ds_frames::{FrameCase, Nuisance};
 use ds_record::vehicle_log::Planned;
 
@@ -29,6 +31,8 @@ pub struct Options {
     pub quick: bool,
     /// Effects that are left out of the library, to see what is said without them.
     pub without: Vec<String>,
+    /// Logs of a vehicle: what healthy drives of it say.
+    pub baseline: Option<Arc<Baseline>>,
     /// Frames: what the generator does without any effect.
     pub nuisance: Option<Nuisance>,
 }
@@ -52,6 +56,19 @@ impl Case {
             Kind::Traffic => Self::Traffic(Box::new(ds_traffic::Case::read(folder)?)),
             Kind::Frames => Self::Frames(Box::new(FrameCase::read(folder)?)),
             Kind::Vehicle => Self::Vehicle(Box::new(ds_dynamics::case::Case::read(folder)?), stamps::read(folder)?),
+        })
+    }
+
+    /// Returns the case to be diagnosed against a baseline, which speaks of logs of a vehicle alone.
+    ///
+    /// # Errors
+    /// If the baseline is of another vehicle or other channels.
+    pub fn against(self, baseline: Option<&Arc<Baseline>>) -> Result<Self, CasesError> {
+        Ok(match (self, baseline) {
+            (Self::Vehicle(case, plans), Some(baseline)) => {
+                Self::Vehicle(Box::new(case.against(baseline.clone())?), plans)
+            }
+            (other, _) => other,
         })
     }
 }

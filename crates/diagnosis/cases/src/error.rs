@@ -11,6 +11,12 @@ use ds_traffic::TrafficError;
 /// What is wrong with a case or with what it is made of.
 #[derive(Debug, thiserror::Error)]
 pub enum CasesError {
+    /// A case holds no logs of a vehicle, of which alone there are baselines.
+    #[error("no logs of a vehicle in {path:?}")]
+    NoVehicle {
+        /// The case.
+        path: PathBuf,
+    },
     /// A file of the case is refused, or a log of a vehicle makes no sense.
     #[error(transparent)]
     Case(#[from] CaseError),

@@ -29,6 +29,25 @@ pub enum CaseError {
         /// Why.
         source: serde_path_to_error::Error<serde_json::Error>,
     },
+    /// A baseline file is not what it should be.
+    #[error("cannot use baseline: {why}, in {path:?}")]
+    Baseline {
+        /// What is wrong.
+        why: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// A baseline is of another vehicle or other channels.
+    #[error("the baseline is not one for case {case:?}: {why}; make one of healthy logs of this vehicle")]
+    OtherBaseline {
+        /// What differs.
+        why: String,
+        /// The case.
+        case: String,
+    },
+    /// There is no healthy log to learn from.
+    #[error("no healthy log to learn a baseline from")]
+    NoHealthy,
     /// The nominal vehicle is not one that could drive.
     #[error("absurd nominal vehicle: {field} is {value:?}, expected {range}")]
     AbsurdVehicle {

@@ -52,7 +52,7 @@ fn line(folder: &std::path::Path) -> String {
         if std::env::args().any(|a| a == "--nuisances") {
             for (i, &k) in fit.free.iter().enumerate() {
                 let c = model.space.coordinates[k];
-                let z = c.parameter.nuisance.map_or(0.0, |n| (fit.vector[k] - n.mean) / n.sd);
+                let z = c.nuisance.map_or(0.0, |n| (fit.vector[k] - n.mean) / n.sd);
                 text += &format!(
                     "\n    {} {:.4} sd {:.4} z {z:.1}",
                     model.space.effects[c.effect].id,

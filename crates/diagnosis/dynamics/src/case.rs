@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use ds_effect::plant::{Road, Vehicle};
 use ds_effect::{Channel, Insertion, Plant};
 
+use crate::baseline::Baseline;
 use crate::drive::Drive;
 use crate::ego::{Actuated, Inputs, Instant, actuate};
 use crate::fit::{Columns, Model, Prior};
@@ -37,6 +38,8 @@ pub struct Case {
     pub noise: Noise,
     /// What looked odd but could be used.
     pub warnings: Vec<String>,
+    /// What healthy drives of the vehicle say, if that is known.
+    pub baseline: Option<Arc<Baseline>>,
 }
 
 impl Case {
@@ -69,7 +72,17 @@ impl Case {
         let fit: Vec<&Drive> = fit.iter().map(|&d| &drives[d]).collect();
         let scatter = scatter(&fit);
         let noise = Noise::of(&fit, scatter.jitter_secs);
-        Ok(Self { meta, drives, ego, following, scatter, noise, warnings })
+        Ok(Self { meta, drives, ego, following, scatter, noise, warnings, baseline: None })
+    }
+
+    /// Returns the case to be diagnosed against a baseline.
+    ///
+    /// # Errors
+    /// If the baseline is not one for this case.
+    pub fn against(mut self, baseline: Arc<Baseline>) -> Result<Self, CaseError> {
+        baseline.check(&self)?;
+        self.baseline = Some(baseline);
+        Ok(self)
     }
 
     /// Returns the case with its car driven by another simulator than the built-in one.
@@ -105,6 +118,8 @@ pub struct PartModel<'a> {
     ego: Vec<&'a EgoRecord>,
     following: Vec<&'a FollowerRecord>,
     inverse_floor: Vec<f64>,
+    /// What healthy drives have at each residual, in units of the floor; empty without a baseline.
+    expected: Vec<f64>,
     memory: Mutex<Memory>,
 }
 
@@ -124,10 +139,25 @@ struct Memory {
 const KEPT_SIMULATIONS: usize = 3;
 
 impl<'a> PartModel<'a> {
-    /// Builds the model of a part over some drives.
+    /// Builds the model of a part over some drives, with the case's baseline if it has one.
     #[must_use]
     pub fn new(case: &'a Case, part: Part, drives: &[usize], without: &[String]) -> Self {
-        let space = Space::new(part, &case.meta.nominal, without);
+        Self::against(case, part, drives, without, case.baseline.as_deref())
+    }
+
+    /// Builds the model of a part over some drives with the priors, floors and expectations of a baseline.
+    #[must_use]
+    pub fn against(
+        case: &'a Case,
+        part: Part,
+        drives: &[usize],
+        without: &[String],
+        baseline: Option<&Baseline>,
+    ) -> Self {
+        let mut space = Space::new(part, &case.meta.nominal, without);
+        if let Some(baseline) = baseline {
+            baseline.settle(&mut space);
+        }
         let ego: Vec<_> = if part == Part::Ego {
             case.ego.iter().filter(|r| drives.contains(&r.drive)).collect()
         } else {
@@ -138,8 +168,16 @@ impl<'a> PartModel<'a> {
         } else {
             Vec::new()
         };
-        let mut model =
-            Self { space, tags: Vec::new(), part, ego, following, inverse_floor: Vec::new(), memory: Mutex::default() };
+        let mut model = Self {
+            space,
+            tags: Vec::new(),
+            part,
+            ego,
+            following,
+            inverse_floor: Vec::new(),
+            expected: Vec::new(),
+            memory: Mutex::default(),
+        };
         model.label(&case.noise);
         let usual = model.space.usual();
         let spread = model.step_spread(&usual);
@@ -147,7 +185,24 @@ impl<'a> PartModel<'a> {
         for ((inverse, residual), spread) in model.inverse_floor.iter_mut().zip(&raw).zip(spread) {
             *inverse = if residual.is_nan() { 0.0 } else { 1.0 / (1.0 / *inverse).hypot(spread) };
         }
+        if let Some(baseline) = baseline {
+            model.expect(baseline);
+        }
         model
+    }
+
+    /// Takes the floors and the expected residuals of a baseline.
+    fn expect(&mut self, baseline: &Baseline) {
+        let windows = self.ego.iter().flat_map(|record| record.anchors.iter().map(move |anchor| (*record, anchor)));
+        let mut found: Vec<(f64, f64)> = windows.flat_map(|(record, anchor)| baseline.expected(record, anchor)).collect();
+        found.extend(self.tags[found.len()..].iter().map(|tag| (0.0, baseline.factor(tag.channel, tag.block))));
+        self.expected = found.iter().map(|(expected, factor)| expected / factor).collect();
+        self.inverse_floor.iter_mut().zip(&found).for_each(|(inverse, (_, factor))| *inverse /= factor);
+    }
+
+    /// Returns the ego's drives.
+    pub(crate) fn records(&self) -> impl Iterator<Item = &'a EgoRecord> + '_ {
+        self.ego.iter().copied()
     }
 
     /// Returns the standard deviation that the unknown instants of command steps give to every residual: a step may have
@@ -257,14 +312,15 @@ impl<'a> PartModel<'a> {
         let shares: Vec<f64> = pairs.map(|(with, without)| 1.0 / 1.0_f64.hypot(share * (with - without))).collect();
         let scaled = |column: &Arc<Vec<f64>>| Arc::new(column.iter().zip(&shares).map(|(c, s)| c * s).collect());
         let columns = columns.iter().map(|column| column.as_ref().map(scaled)).collect();
-        let inverse_floor = self.inverse_floor.iter().zip(&shares).map(|(inverse, s)| inverse * s).collect();
+        let shared = |all: &[f64]| all.iter().zip(&shares).map(|(value, s)| value * s).collect();
         let model = Self {
             space: self.space.clone(),
             tags: self.tags.clone(),
             part: self.part,
             ego: self.ego.clone(),
             following: self.following.clone(),
-            inverse_floor,
+            inverse_floor: shared(&self.inverse_floor),
+            expected: shared(&self.expected),
             memory: Mutex::default(),
         };
         (model, columns)
@@ -273,7 +329,7 @@ impl<'a> PartModel<'a> {
     /// Returns the priors when no effect is suspected: nuisances free, all else absent.
     #[must_use]
     pub fn null_priors(&self) -> Vec<Prior> {
-        let prior = |c: &crate::space::Coordinate| match c.parameter.nuisance {
+        let prior = |c: &crate::space::Coordinate| match c.nuisance {
             Some(n) => Prior::Normal { mean: n.mean, sd: n.sd },
             None => Prior::Fixed(c.parameter.neutral),
         };
@@ -316,8 +372,9 @@ impl<'a> PartModel<'a> {
 impl Model for PartModel<'_> {
     fn residuals(&self, vector: &[f64]) -> Vec<f64> {
         let mut residuals = self.raw(vector);
-        for (z, inverse) in residuals.iter_mut().zip(&self.inverse_floor) {
-            *z = if *inverse == 0.0 { 0.0 } else { (*z * inverse).clamp(-1e6, 1e6) };
+        let expected = self.expected.iter().chain(std::iter::repeat(&0.0));
+        for ((z, inverse), expected) in residuals.iter_mut().zip(&self.inverse_floor).zip(expected) {
+            *z = if *inverse == 0.0 { 0.0 } else { (*z * inverse - expected).clamp(-1e6, 1e6) };
             if z.is_nan() {
                 *z = 1e6;
             }

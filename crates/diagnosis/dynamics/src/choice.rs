@@ -8,7 +8,7 @@ use crate::fit::Fit;
 use crate::scatter::Scatter;
 use crate::search::{Effort, Hypothesis, Search, extend, held_out_gains, outside, refit};
 use crate::settings::{
-    ALIKE, DISAGREE_COST, DISAGREEMENT, END_SHARE, FURTHER_GAIN, HELD, INSIDE_COST, LIMIT_GAIN, MOST_EFFECTS,
+    ALIKE, DISAGREE_COST, DISAGREEMENT, END_SHARE, HELD, INSIDE_COST, LIMIT_GAIN, MOST_EFFECTS,
     SINGLE_COST, TELLING_SHARE, Thresholds,
 };
 use crate::space::SCATTER;
@@ -23,6 +23,8 @@ pub struct Outcome<'m, 'c> {
     pub held_out: Vec<Vec<f64>>,
     /// The strongest telling change of an accepted effect over a regime, in which the library has it constant.
     pub trend: Option<Trend>,
+    /// What an effect of this part must show.
+    pub thresholds: Thresholds,
     /// The model with the floor widened by the accepted effects' own uncertainty of shape.
     widened: Option<PartModel<'c>>,
 }
@@ -41,13 +43,22 @@ impl<'m, 'c> Outcome<'m, 'c> {
             }
         };
         let held_out: Vec<Vec<f64>> = search.singles.iter().take(count).map(gains).collect();
-        let mut outcome = Self { search, accepted: None, held_out, trend: None, widened: None };
-        outcome.accept(drives, effort, thresholds);
+        let mut outcome =
+            Self { search, accepted: None, held_out, trend: None, thresholds: *thresholds, widened: None };
+        outcome.accept(drives, effort);
         outcome
     }
 
-    fn accept(&mut self, drives: &[usize], effort: Effort, thresholds: &Thresholds) {
-        let search = &self.search;
+    /// Searches a part and accepts nothing.
+    #[must_use]
+    pub fn searched(model: &'m PartModel<'c>, effort: Effort) -> Self {
+        let search = Search::run(model, effort);
+        let thresholds = Thresholds::default();
+        Self { search, accepted: None, held_out: Vec::new(), trend: None, thresholds, widened: None }
+    }
+
+    fn accept(&mut self, drives: &[usize], effort: Effort) {
+        let (search, thresholds) = (&self.search, self.thresholds);
         let good = |k: usize| {
             let h = &search.singles[k];
             h.gain > thresholds.single_gain + further_cost(search.model, &h.fit.vector, h.effects[0])
@@ -81,17 +92,17 @@ impl<'m, 'c> Outcome<'m, 'c> {
                 break;
             }
             let asked = effects.last().map_or(0.0, |e| further_cost(&model, &fit.vector, *e));
-            if adds < FURTHER_GAIN + asked {
+            if adds < thresholds.further_gain + asked {
                 break;
             }
-            if !effects.iter().all(|e| outside(&model, &fit.vector, *e)) || !needed(&model, &fit, &effects, drives) {
+            if !effects.iter().all(|e| outside(&model, &fit.vector, *e)) || !self.needed(&model, &fit, &effects, drives) {
                 break;
             }
             let grown = search.polish(&Hypothesis { effects, fit, gain: 0.0 });
             current = Hypothesis { gain: current.gain + adds, ..grown };
             model = widen(&mut current);
         }
-        if let Some(held) = self.same_delay(&current, thresholds) {
+        if let Some(held) = self.same_delay(&current) {
             current = held;
             model = widen(&mut current);
         }
@@ -102,12 +113,12 @@ impl<'m, 'c> Outcome<'m, 'c> {
 
     /// Returns the held command that makes both commands late by the same time, where the model has a delay or lag of each:
     /// commands held for a time T are late by T / 2 on average, and one cause is likelier than two alike.
-    fn same_delay(&self, model: &Hypothesis, thresholds: &Thresholds) -> Option<Hypothesis> {
+    fn same_delay(&self, model: &Hypothesis) -> Option<Hypothesis> {
         let space = &self.search.model.space;
         let of = |h: &Hypothesis, ids: &[&str]| {
             let found = h.effects.iter().find(|e| ids.contains(&space.effects[**e].id))?;
             let k = space.of(*found)[0];
-            let usual = space.coordinates[k].parameter.nuisance.map_or(0.0, |n| n.mean);
+            let usual = space.coordinates[k].nuisance.map_or(0.0, |n| n.mean);
             Some(space.reported(k, h.fit.vector[k] - usual))
         };
         let steer = of(model, &["steer_delay", "steer_lag"])?;
@@ -115,7 +126,7 @@ impl<'m, 'c> Outcome<'m, 'c> {
         let held = self.search.singles.iter().find(|h| space.effects[h.effects[0]].id == HELD)?;
         let (late, mean) = (0.5 / of(held, &[HELD])?, 0.5 * (steer + accel));
         let alike = (steer - accel).abs() < ALIKE * mean && (late - mean).abs() < ALIKE * mean;
-        let found = held.gain > thresholds.single_gain + LIMIT_GAIN;
+        let found = held.gain > self.thresholds.single_gain + LIMIT_GAIN;
         (model.effects.len() == 2 && alike && found).then(|| held.clone())
     }
 
@@ -130,11 +141,24 @@ impl<'m, 'c> Outcome<'m, 'c> {
         }
         let other = search.singles.iter().find(|h| id(h) != HELD)?;
         let (fit, effects) = extend(search.model, &other.fit, &other.effects)?;
-        let telling = fit.evidence - held.fit.evidence > FURTHER_GAIN
+        let telling = fit.evidence - held.fit.evidence > self.thresholds.further_gain
             && effects.iter().all(|e| search.model.space.effects[*e].id != HELD)
             && effects.iter().all(|e| outside(search.model, &fit.vector, *e))
-            && needed(search.model, &fit, &effects, drives);
+            && self.needed(search.model, &fit, &effects, drives);
         telling.then_some(Hypothesis { gain: fit.evidence - search.null.evidence, effects, fit })
+    }
+
+    /// Tells whether every one of several effects adds evidence over the others and helps on drives left out.
+    fn needed(&self, model: &PartModel<'_>, fit: &Fit, effects: &[usize], drives: &[usize]) -> bool {
+        effects.iter().all(|effect| {
+            let rest: Vec<usize> = effects.iter().copied().filter(|e| e != effect).collect();
+            let usual = model.space.usual();
+            let mut start = fit.vector.clone();
+            model.space.of(*effect).into_iter().for_each(|k| start[k] = usual[k]);
+            let less = refit(model, &start, &rest, fit.columns.clone());
+            let adds = fit.evidence - less.evidence;
+            adds > self.thresholds.further_gain && agrees(&held_out_gains(model, (&less, &rest), (fit, effects), drives), adds)
+        })
     }
 
     /// Returns the fit of the accepted model, else the nuisance fit.
@@ -168,19 +192,6 @@ fn further_cost(model: &PartModel<'_>, vector: &[f64], effect: usize) -> f64 {
         pinned || matches!(parameter.scale, Scale::Limit)
     };
     if model.space.of(effect).into_iter().any(asks) { LIMIT_GAIN } else { 0.0 }
-}
-
-/// Tells whether every one of several effects adds evidence over the others and helps on drives left out.
-fn needed(model: &PartModel<'_>, fit: &Fit, effects: &[usize], drives: &[usize]) -> bool {
-    effects.iter().all(|effect| {
-        let rest: Vec<usize> = effects.iter().copied().filter(|e| e != effect).collect();
-        let usual = model.space.usual();
-        let mut start = fit.vector.clone();
-        model.space.of(*effect).into_iter().for_each(|k| start[k] = usual[k]);
-        let less = refit(model, &start, &rest, fit.columns.clone());
-        let adds = fit.evidence - less.evidence;
-        adds > FURTHER_GAIN && agrees(&held_out_gains(model, (&less, &rest), (fit, effects), drives), adds)
-    })
 }
 
 /// Tells whether held-out gains are compatible with an effect of some evidence gain.
@@ -223,7 +234,7 @@ pub fn rank(case: &Case, outcomes: &[Outcome<'_, '_>], thresholds: &Thresholds) 
         for (k, h) in outcome.search.singles.iter().enumerate() {
             let effect = h.effects[0];
             let gains = outcome.held_out.get(k).filter(|g| !g.is_empty());
-            let mut log_weight = h.gain / thresholds.temperature - SINGLE_COST;
+            let mut log_weight = h.gain / outcome.thresholds.temperature - SINGLE_COST;
             if !outside(outcome.search.model, &h.fit.vector, effect) {
                 log_weight -= INSIDE_COST;
             }
@@ -277,11 +288,12 @@ fn scatter_candidates(scatter: &Scatter, thresholds: &Thresholds) -> Vec<Candida
 /// through the sum of the gains of what was accepted.
 fn weigh(ranking: &mut [Candidate], outcomes: &[Outcome<'_, '_>], thresholds: &Thresholds) {
     let accepted: Vec<usize> = (0..ranking.len()).filter(|&k| ranking[k].accepted).collect();
+    let temperature = outcomes.iter().map(|o| o.thresholds.temperature).fold(thresholds.temperature, f64::max);
     let mut combined = f64::NEG_INFINITY;
     if accepted.len() > 1 {
         let parts: f64 = outcomes.iter().filter_map(|o| o.accepted.as_ref()).map(|h| h.gain).sum();
         let scatter: f64 = accepted.iter().filter(|&&k| ranking[k].part.is_none()).map(|&k| ranking[k].gain).sum();
-        combined = (parts + scatter) / thresholds.temperature - SINGLE_COST * accepted.len() as f64;
+        combined = (parts + scatter) / temperature - SINGLE_COST * accepted.len() as f64;
     }
     let largest = ranking.iter().map(|c| c.log_weight).fold(combined.max(0.0), f64::max);
     let total: f64 = (-largest).exp()

@@ -90,7 +90,7 @@ fn change(model: &PartModel<'_>, fit: &Fit, suspected: &[usize], part: &[f64], v
     }
     let mut hessian = fit.covariance.clone().try_inverse()?;
     for (i, k) in fit.free.iter().enumerate() {
-        if let (false, Some(n)) = (suspected.contains(k), model.space.coordinates[*k].parameter.nuisance) {
+        if let (false, Some(n)) = (suspected.contains(k), model.space.coordinates[*k].nuisance) {
             hessian[(i, i)] -= (1.0 - 1.0 / (LOOSER * LOOSER)) / (n.sd * n.sd);
         }
     }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use ds_stats::explained;
 
+use crate::baseline::nulls;
 use crate::bootstrap::weights;
 use crate::case::{Case, PartModel};
 use crate::cells::cells;
@@ -18,7 +19,7 @@ use crate::settings::{
 };
 use crate::shapley::split;
 use crate::signature::{cosine, spread};
-use crate::space::{Part, SCATTER, Space};
+use crate::space::{Coordinate, Part, SCATTER, Space};
 use crate::windows::EGO;
 use ds_diagnosis::Verdict;
 use ds_diagnosis::schema::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, SCHEMA};
@@ -45,15 +46,20 @@ pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) ->
     let (fit_drives, held) = case.meta.split();
     let effort = if options.quick { Effort::Quick } else { Effort::Full };
     let models = [Part::Ego, Part::Following].map(|part| PartModel::new(case, part, &fit_drives, &options.without));
-    let outcomes: Vec<Outcome<'_, '_>> =
-        models.iter().map(|m| Outcome::run(m, &fit_drives, effort, thresholds)).collect();
+    let baseline = case.baseline.as_deref();
+    let asked = |part: usize| baseline.map_or(*thresholds, |b| b.thresholds(part, thresholds));
+    let run = |(part, model)| Outcome::run(model, &fit_drives, effort, &asked(part));
+    let outcomes: Vec<Outcome<'_, '_>> = models.iter().enumerate().map(run).collect();
     let mut ranking = rank(case, &outcomes, thresholds);
     ranking.retain(|c| !options.without.iter().any(|id| id == c.id));
     let lefts: Vec<Left> = outcomes
         .iter()
         .map(|o| Left { trend: o.trend, ..left(o.model(), o.fit(), &o.search.null, o.accepted.is_some()) })
         .collect();
-    let p_unknown = lefts.iter().map(Left::probability).fold(0.0, f64::max);
+    let p_unknown = match baseline {
+        Some(baseline) if baseline.nulls.len() > 1 => nulls::unknown(&baseline.nulls, &lefts),
+        _ => lefts.iter().map(Left::probability).fold(0.0, f64::max),
+    };
     let verdict = verdict(&ranking, p_unknown);
     let doubt = if outcomes.iter().any(|o| o.accepted.is_some()) { DOUBT } else { 0.0 };
     let p_unknown = doubt + (1.0 - doubt - DOUBT) * p_unknown;
@@ -93,11 +99,20 @@ pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) ->
         unknown_description,
         next_manoeuvre: next(case, &outcomes, &effects),
         corrected_model: corrected(&outcomes),
-        floor_source: if case.noise.is_familiar() { "practice" } else { "self" }.to_owned(),
+        floor_source: floor_source(case).to_owned(),
         warnings: case.warnings.clone(),
         detection_limits: Vec::new(),
         secs: 0.0,
         effects,
+    }
+}
+
+/// Says where the floor comes from.
+fn floor_source(case: &Case) -> &'static str {
+    match (&case.baseline, case.noise.is_familiar()) {
+        (Some(_), _) => "baseline",
+        (None, true) => "practice",
+        (None, false) => "self",
     }
 }
 
@@ -145,13 +160,13 @@ fn finding(
     let model = outcomes[part].search.model;
     let Some(effect) = model.space.find(candidate.id) else { return out };
     for (place, k) in model.space.of(effect).into_iter().enumerate() {
-        let parameter = model.space.coordinates[k].parameter;
+        let Coordinate { parameter, nuisance, .. } = model.space.coordinates[k];
         // what every vehicle has is no part of the effect; a slab that starts beyond neutral is an absolute value
-        let usual = match parameter.nuisance {
+        let usual = match nuisance {
             Some(n) if parameter.slab.0 <= parameter.neutral => n.mean - parameter.neutral,
             _ => 0.0,
         };
-        let own = parameter.nuisance.map_or(0.0, |n| OWN_NUISANCE * n.sd);
+        let own = nuisance.map_or(0.0, |n| OWN_NUISANCE * n.sd);
         let centre = fit.vector[k] - usual;
         let share = if candidate.id == LOOSE_SHAPE.0 { LOOSE_SHAPE.1 } else { SHAPE_ERROR };
         let shape = if parameter.neutral.is_finite() { share * (centre - parameter.neutral) } else { share };

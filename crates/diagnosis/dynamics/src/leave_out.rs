@@ -60,5 +60,5 @@ fn derive(found: &BTreeMap<String, Diagnosis>, labels: &BTreeMap<String, Label>,
         others().map(term).sum()
     };
     let temperature = TEMPERATURES.into_iter().min_by(|a, b| loss(*a).total_cmp(&loss(*b)));
-    Thresholds { single_gain: reached + MARGIN, temperature: temperature.unwrap_or(1.5) }
+    Thresholds { single_gain: reached + MARGIN, temperature: temperature.unwrap_or(1.5), ..Thresholds::default() }
 }

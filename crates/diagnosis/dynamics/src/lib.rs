@@ -4,6 +4,7 @@
 //! [`diagnose()`] takes a case of the practice schema, read by [`case::Case`], and returns a [`ds_diagnosis::Diagnosis`]; [`evaluate()`] applies one
 //! to drives it never saw. Method and limits: `docs/gap-diagnosis.md`.
 
+pub mod baseline;
 pub mod bootstrap;
 pub mod case;
 pub mod cells;

@@ -28,6 +28,8 @@ pub struct Left {
     pub channels: BTreeMap<&'static str, f64>,
     /// Ratio by channel and drive.
     pub drives: BTreeMap<(&'static str, usize), f64>,
+    /// Ratio by channel of its worst window.
+    pub windows: BTreeMap<&'static str, f64>,
     /// Whether the largest ratio is that of a single window.
     pub burst: bool,
     /// How an accepted effect changes over a regime in which the library has it constant.
@@ -73,6 +75,8 @@ pub fn left(model: &PartModel<'_>, fit: &Fit, null: &Fit, accepted: bool) -> Lef
     }
     for ((channel, _), (sum, count)) in windows {
         let ratio = sum / count / CLEAN_WINDOW_LOSS / slack;
+        let worst = found.windows.entry(channel.name()).or_default();
+        *worst = worst.max(ratio);
         let entry = found.channels.entry(channel.name()).or_default();
         *entry = entry.max(ratio);
         if ratio > found.ratio {
@@ -95,10 +99,13 @@ impl Left {
             let explained = ((before - after) / excess).clamp(0.0, 1.0);
             score = score.max((EXPLAINED_SHARE - explained) * 12.0);
         }
-        if let Some(trend) = self.trend {
-            score = score.max((trend.gain - TREND_GAIN) / TREND_WIDTH);
-        }
-        1.0 / (1.0 + (-score).exp())
+        (1.0 / (1.0 + (-score).exp())).max(self.inconstant())
+    }
+
+    /// Returns the probability that an accepted effect is not of one size in every regime.
+    #[must_use]
+    pub fn inconstant(&self) -> f64 {
+        self.trend.map_or(0.0, |trend| 1.0 / (1.0 + (-(trend.gain - TREND_GAIN) / TREND_WIDTH).exp()))
     }
 }
 

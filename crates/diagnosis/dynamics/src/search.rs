@@ -8,6 +8,7 @@ use std::sync::Arc;
 use crate::case::PartModel;
 use crate::fit::{Columns, Fit, Model, Plan, Prior, data_loss, fit, start_loss};
 use crate::settings::{FURTHER_GAIN, KEPT, MARGIN_SDS, NULL_ROUNDS};
+use crate::space::Coordinate;
 
 /// The effect whose wheels do not slip, and those that say how they slip: nonsense together.
 const RIGID: &str = "kinematic_only";
@@ -176,8 +177,8 @@ pub fn extend(model: &PartModel<'_>, base: &Fit, effects: &[usize]) -> Option<(F
     let open = |e: usize| model.space.effects[e].suspect && !effects.contains(&e) && !moot(e);
     // where the slope at the fit is no guide; all else is in the linearisation
     let blind = |e: usize| {
-        let parameters = model.space.of(e).into_iter().map(|k| model.space.coordinates[k].parameter);
-        parameters.into_iter().any(|p| p.on_grid() || p.nuisance.is_none() || p.starts_late())
+        let coordinates = model.space.of(e).into_iter().map(|k| model.space.coordinates[k]);
+        coordinates.into_iter().any(|c| c.parameter.on_grid() || c.nuisance.is_none() || c.parameter.starts_late())
     };
     let count = model.space.effects.len();
     let linear: Vec<f64> =
@@ -215,8 +216,7 @@ pub fn extend(model: &PartModel<'_>, base: &Fit, effects: &[usize]) -> Option<(F
 #[must_use]
 pub fn outside(model: &PartModel<'_>, vector: &[f64], effect: usize) -> bool {
     model.space.of(effect).iter().any(|&k| {
-        let parameter = model.space.coordinates[k].parameter;
-        parameter.nuisance.is_none_or(|n| ((vector[k] - n.mean) / n.sd).abs() > MARGIN_SDS)
+        model.space.coordinates[k].nuisance.is_none_or(|n| ((vector[k] - n.mean) / n.sd).abs() > MARGIN_SDS)
     })
 }
 
@@ -243,8 +243,8 @@ pub fn null_fit(model: &PartModel<'_>, columns: Option<Columns>) -> Fit {
 fn linear_gain(model: &PartModel<'_>, base: &Fit, effect: usize) -> f64 {
     let mut best = f64::NEG_INFINITY;
     for k in model.space.of(effect) {
-        let parameter = model.space.coordinates[k].parameter;
-        let (Some(n), Some(at)) = (parameter.nuisance, base.free.iter().position(|f| *f == k)) else { continue };
+        let Coordinate { parameter, nuisance, .. } = model.space.coordinates[k];
+        let (Some(n), Some(at)) = (nuisance, base.free.iter().position(|f| *f == k)) else { continue };
         let variance = base.covariance[(at, at)];
         let precision = 1.0 / variance - 1.0 / (n.sd * n.sd);
         if precision <= 1e-9 / (n.sd * n.sd) {

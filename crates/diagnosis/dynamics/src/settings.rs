@@ -31,11 +31,13 @@ pub struct Thresholds {
     pub single_gain: f64,
     /// Temperature of the probabilities: model error makes evidences of some tens differ by a few by chance.
     pub temperature: f64,
+    /// Log evidence that a further effect must add.
+    pub further_gain: f64,
 }
 
 impl Default for Thresholds {
     fn default() -> Self {
-        Self { single_gain: 5.5, temperature: 1.5 }
+        Self { single_gain: 5.5, temperature: 1.5, further_gain: FURTHER_GAIN }
     }
 }
 

@@ -42,7 +42,7 @@ pub fn cosine(model: &PartModel<'_>, fit: &Fit, a: usize, b: usize) -> Option<f6
 }
 
 fn prior_sd(model: &PartModel<'_>, k: usize) -> Option<f64> {
-    model.space.coordinates[k].parameter.nuisance.map(|n| n.sd)
+    model.space.coordinates[k].nuisance.map(|n| n.sd)
 }
 
 /// Returns the standard deviation of a coordinate's estimate over a block bootstrap of windows, by one Newton step from

@@ -2,7 +2,7 @@
 //!
 //! Turns a vector into a simulator with those effects switched on, and knows each parameter's priors.
 
-use ds_effect::{Effect, Insertion, Parameter, Plant, Scale, library};
+use ds_effect::{Effect, Insertion, Nuisance, Parameter, Plant, Scale, library};
 
 use ds_diagnosis::meta::Nominal;
 
@@ -33,6 +33,8 @@ pub struct Coordinate {
     pub effect: usize,
     /// The parameter.
     pub parameter: &'static Parameter,
+    /// The mismatch that every vehicle has: the library's, or that which healthy drives showed.
+    pub nuisance: Option<Nuisance>,
 }
 
 /// The parameters of one part.
@@ -63,7 +65,8 @@ impl Space {
         let coordinates = effects
             .iter()
             .enumerate()
-            .flat_map(|(effect, e)| e.parameters.iter().map(move |parameter| Coordinate { effect, parameter }))
+            .flat_map(|(effect, e)| e.parameters.iter().map(move |parameter| (effect, parameter)))
+            .map(|(effect, parameter)| Coordinate { effect, parameter, nuisance: parameter.nuisance })
             .collect();
         Self { effects, coordinates, nominal: nominal.clone() }
     }
@@ -77,7 +80,7 @@ impl Space {
     /// Returns the vector of usual values: the means of the nuisance priors.
     #[must_use]
     pub fn usual(&self) -> Vec<f64> {
-        self.coordinates.iter().map(|c| c.parameter.nuisance.map_or(c.parameter.neutral, |n| n.mean)).collect()
+        self.coordinates.iter().map(|c| c.nuisance.map_or(c.parameter.neutral, |n| n.mean)).collect()
     }
 
     /// Returns the coordinates of an effect.
@@ -120,8 +123,8 @@ impl Space {
     /// Returns a step for a difference quotient: a fifth of the nuisance, else a hundredth of the slab.
     #[must_use]
     pub fn step(&self, coordinate: usize) -> f64 {
-        let p = self.coordinates[coordinate].parameter;
-        p.nuisance.map_or(0.01 * p.width().max(1.0), |n| (0.5 * n.sd).min(0.02 * p.width().max(n.sd)))
+        let Coordinate { parameter: p, nuisance, .. } = self.coordinates[coordinate];
+        nuisance.map_or(0.01 * p.width().max(1.0), |n| (0.5 * n.sd).min(0.02 * p.width().max(n.sd)))
     }
 
     /// Returns values of a coordinate from which a search may start, all within the slab.

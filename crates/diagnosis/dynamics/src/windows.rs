@@ -61,6 +61,21 @@ pub struct Anchor {
     pub regime: Regime,
 }
 
+/// What a sample is like, from the log alone.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Moment {
+    /// Speed, m/s.
+    pub speed_mps: f64,
+    /// Yaw rate, rad/s.
+    pub yaw_rate: f64,
+    /// Commanded steering, rad.
+    pub steer_rad: f64,
+    /// Its rate, rad/s.
+    pub steer_rate: f64,
+    /// Commanded force over mass, m/s².
+    pub accel_mps2: f64,
+}
+
 /// What a window is like, from the log alone.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Regime {
@@ -118,6 +133,21 @@ impl EgoRecord {
     pub fn anchors_every(&self, stride: usize, scored: usize) -> Vec<Anchor> {
         let last = self.log.samples.saturating_sub(scored + 1);
         (WARM..last).step_by(stride).map(|sample| self.anchor(sample, scored)).collect()
+    }
+
+    /// Returns what a sample is like.
+    #[must_use]
+    pub fn moment(&self, sample: usize) -> Moment {
+        let k = sample.min(self.log.samples - 1);
+        let (before, after) = (k.saturating_sub(1), (k + 1).min(self.log.samples - 1));
+        let rate = (self.log.cmd_steer[after] - self.log.cmd_steer[before]) / ((after - before).max(1) as f64 * STEP_SECS);
+        Moment {
+            speed_mps: self.speed[k],
+            yaw_rate: self.yaw_rate_at(k),
+            steer_rad: self.log.cmd_steer[k],
+            steer_rate: rate,
+            accel_mps2: self.log.cmd_accel[k],
+        }
     }
 
     fn yaw_rate_at(&self, sample: usize) -> f64 {

@@ -10,6 +10,7 @@ use ds_diagnosis::Verdict;
 use ds_diagnosis::schema::Diagnosis;
 use ds_page as markup;
 
+mod baseline;
 mod effects;
 mod embed;
 mod frames;
@@ -50,6 +51,12 @@ pub fn page(diagnosis: &Diagnosis, case: Option<&Path>) -> String {
 #[must_use]
 pub fn index(cases: &[(String, Diagnosis)]) -> String {
     document("Gap diagnosis", |m| index::body(m, cases))
+}
+
+/// Returns a baseline as plain text for a terminal.
+#[must_use]
+pub fn baseline(baseline: &ds_dynamics::baseline::Baseline) -> String {
+    baseline::text(baseline)
 }
 
 /// Returns a diagnosis as plain text for a terminal.

@@ -13,6 +13,8 @@ use ds_process::shipped;
 pub(crate) enum GapCommand {
     /// Diagnose cases: folders with meta.json and logs, or folders of such folders.
     Diagnose(DiagnoseArgs),
+    /// Learn from healthy logs of a vehicle what its nominal simulator gets wrong without any fault.
+    Baseline(BaselineArgs),
     /// Measure on drives that a diagnosis never saw how far the gap shrinks with the effects added.
     Evaluate(EvaluateArgs),
     /// Check any CSV logs by a mapping file, say what looks wrong with them, and make a case of them.
@@ -68,11 +70,27 @@ pub(crate) struct DiagnoseArgs {
     /// that do not agree pixel by pixel.
     #[arg(long, value_hint = ValueHint::DirPath)]
     pub(crate) nuisance: Option<PathBuf>,
+    /// What healthy drives of the vehicle say: a file of `gap baseline`, or a case of such drives, with which the others are
+    /// compared.
+    #[arg(long, value_name = "FILE|CASE", value_hint = ValueHint::AnyPath)]
+    pub(crate) baseline: Option<PathBuf>,
     /// Draw no pages.
     #[arg(long)]
     pub(crate) no_pages: bool,
     /// Where `CASE/diagnosis.json`, `CASE/report.html` and `index.html` go.
     #[arg(long, short, default_value = "out/gap", value_hint = ValueHint::DirPath)]
+    pub(crate) out: PathBuf,
+}
+
+/// Arguments of `gap baseline`.
+#[derive(Debug, Args)]
+pub(crate) struct BaselineArgs {
+    /// Cases of healthy drives of one vehicle, on several days if possible; folders of cases are opened. Three hold the rate
+    /// of false alarms, ten see small effects too.
+    #[arg(required = true, value_hint = ValueHint::DirPath)]
+    pub(crate) healthy: Vec<PathBuf>,
+    /// Where the baseline goes, for `gap diagnose --baseline`.
+    #[arg(long, short, default_value = "out/baseline.json", value_hint = ValueHint::FilePath)]
     pub(crate) out: PathBuf,
 }
 

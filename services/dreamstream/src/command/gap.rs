@@ -20,7 +20,7 @@ use ds_vehicle_logs::{Mapping, Suggestion};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
-use crate::cli::{ApplyArgs, DiagnoseArgs, EvaluateArgs, GapCommand, GapImportArgs, GapScoreArgs};
+use crate::cli::{ApplyArgs, BaselineArgs, DiagnoseArgs, EvaluateArgs, GapCommand, GapImportArgs, GapScoreArgs};
 use crate::command::{answer, bar, complain, scenario};
 
 const PAGE: &str = "report.html";
@@ -46,6 +46,7 @@ pub(crate) fn run(command: &GapCommand, log: &str) -> Result<()> {
             answer(seal::unseal(path)?.to_toml().trim_end());
             Ok(())
         }
+        GapCommand::Baseline(args) => learn(args),
         GapCommand::Diagnose(args) => diagnose_all(args),
         GapCommand::Evaluate(args) => evaluate_one(args),
         GapCommand::Score(args) => score(args),
@@ -133,8 +134,9 @@ fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
         cases.extend(made);
         cases.extend(seen.then_some(traffic));
     }
+    let baseline = args.baseline.as_deref().map(ds_cases::baseline::open).transpose()?;
     let nuisance = args.nuisance.as_deref().map(ds_frames::Nuisance::learn).transpose()?;
-    let options = Options { quick: args.quick, without: Vec::new(), nuisance };
+    let options = Options { quick: args.quick, without: Vec::new(), baseline, nuisance };
     let bar = bar(cases.len() as u64, "cases");
     bar.tick();
     let names = names(&cases);
@@ -179,6 +181,18 @@ fn put(path: &Path, text: &str) -> Result<()> {
     std::fs::write(path, text).with_context(|| format!("write {}", path.display()))
 }
 
+/// Learns a baseline and says what can be told with it.
+fn learn(args: &BaselineArgs) -> Result<()> {
+    let healthy = ds_cases::baseline::healthy(&args.healthy)?;
+    let bar = bar(ds_cases::baseline::steps(&healthy), "steps");
+    let baseline = ds_cases::baseline::learn(&healthy, &|| bar.inc(1))?;
+    bar.finish_and_clear();
+    baseline.write(&args.out)?;
+    answer(&ds_diagnosis_page::baseline(&baseline));
+    answer(&format!("dreamstream gap diagnose CASES --baseline {}", args.out.display()));
+    Ok(())
+}
+
 fn import(args: &GapImportArgs) -> Result<()> {
     if let Some(log) = &args.suggest {
         return suggest(log, args.out.as_deref());
@@ -220,7 +234,9 @@ fn suggest(log: &Path, out: Option<&Path>) -> Result<()> {
 /// Reads a case and diagnoses it.
 fn one(case: &Path, options: &Options, bar: &ProgressBar) -> Result<Diagnosis> {
     let began = Instant::now();
-    let diagnosis = Case::read(case).and_then(|case| ds_cases::diagnose(&case, options));
+    let diagnosis = Case::read(case)
+        .and_then(|case| case.against(options.baseline.as_ref()))
+        .and_then(|case| ds_cases::diagnose(&case, options));
     bar.inc(1);
     Ok(Diagnosis { secs: began.elapsed().as_secs_f64(), ..diagnosis? })
 }

@@ -22,6 +22,12 @@ pub struct VehicleMeta {
     /// Name of the case.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub case: String,
+    /// Name of the vehicle.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vehicle: Option<String>,
+    /// Day of the drives, by any name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub day: Option<String>,
     /// Its drives.
     pub drives: Vec<DriveEntry>,
     /// Channels known to be absent.
@@ -169,6 +175,8 @@ impl VehicleMeta {
     pub fn new(drives: Vec<DriveEntry>, nominal: Nominal) -> Self {
         Self {
             case: String::new(),
+            vehicle: None,
+            day: None,
             drives,
             channels_missing: Vec::new(),
             channels_derived: Vec::new(),

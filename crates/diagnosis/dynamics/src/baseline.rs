@@ -1,0 +1,204 @@
+//! What healthy drives of a vehicle say about its nominal simulator: how parameters scatter, what no parameter mends, how
+//! noisy the residuals are, and what each statistic reaches without any effect. A diagnosis against a baseline asks what
+//! differs from those drives, not from the library's passenger car.
+//!
+//! Learned by [`learn()`]; a case that carries one is diagnosed with its priors, floors and nulls. Equations:
+//! `docs/gap-baseline.md`.
+
+mod discrepancy;
+mod features;
+mod learn;
+pub mod nulls;
+mod spread;
+mod study;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use ds_diagnosis::{CaseError, json};
+use ds_effect::{Channel, Nuisance};
+use serde::{Deserialize, Serialize};
+
+use crate::case::Case;
+use crate::settings::Thresholds;
+use crate::space::Space;
+use crate::windows::{Anchor, EgoRecord};
+use discrepancy::Discrepancy;
+pub use features::NAMES;
+pub use learn::{Healthy, Progress, learn, steps};
+use nulls::Null;
+
+/// Version of the file.
+pub const SCHEMA: u32 = 1;
+/// Chance of a healthy log to be given an effect, and of one to be called unknown.
+pub const ALARM: f64 = 0.02;
+
+/// A baseline, as written to a file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Baseline {
+    /// Version of this schema.
+    pub schema_version: u32,
+    /// Digests of the nominal simulators of the healthy cases.
+    pub nominal_hash: Vec<String>,
+    /// Channels that were recorded.
+    pub channels: Vec<String>,
+    /// Samples per second of the residuals.
+    pub rate_hz: f64,
+    /// What was learned from.
+    pub units: Units,
+    /// Factor on the library's floor by channel and block.
+    pub noise: BTreeMap<String, Vec<f64>>,
+    /// Usual value and spread of every parameter by effect, in search units.
+    pub spread: BTreeMap<String, Vec<Option<Usual>>>,
+    /// Residuals that no parameter mends.
+    pub discrepancy: Discrepancy,
+    /// What healthy logs reach of each statistic.
+    pub nulls: Vec<Null>,
+    /// Log evidence from which an effect of a part of the loop is told from a healthy log, and from which size on.
+    pub detection_limits: BTreeMap<String, f64>,
+    /// First and last hundredth of each feature.
+    pub domain: BTreeMap<String, [f64; 2]>,
+    /// How far each unit moves the rest.
+    pub influence: Vec<Influence>,
+    /// What can be told with so few logs, and what cannot.
+    pub warnings: Vec<String>,
+}
+
+/// The names of what a baseline was learned from; a unit is a log, or a drive where there are fewer than three logs.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Units {
+    /// Vehicles.
+    pub vehicle: Vec<String>,
+    /// Days.
+    pub day: Vec<String>,
+    /// Logs or drives.
+    pub drive: Vec<String>,
+}
+
+/// A usual value and its spread.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Usual {
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation from log to log.
+    pub sd: f64,
+}
+
+/// What one unit does to the baseline.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Influence {
+    /// Its name.
+    pub unit: String,
+    /// Chance of a healthy log to lie as far from the others as this one.
+    pub chance: f64,
+    /// The parameter that it moves most, and by how many of its standard deviations.
+    pub moves: Option<(String, f64)>,
+}
+
+impl Baseline {
+    /// Reads a baseline.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is no baseline, or one of another version or another shape.
+    pub fn read(path: &Path) -> Result<Self, CaseError> {
+        let found: Self = json::read(path)?;
+        let refuse = |why: String| Err(CaseError::Baseline { why, path: path.to_path_buf() });
+        if found.schema_version != SCHEMA {
+            return refuse(format!("schema_version is {}, this version reads {SCHEMA}", found.schema_version));
+        }
+        let positive = |table: &Vec<f64>| table.iter().all(|f| *f > 0.0 && f.is_finite());
+        if let Some((channel, _)) = found.noise.iter().find(|(_, table)| !positive(table)) {
+            return refuse(format!("noise of {channel:?} is not positive"));
+        }
+        let sound = |u: &Usual| u.mean.is_finite() && u.sd > 0.0 && u.sd.is_finite();
+        if let Some((effect, _)) = found.spread.iter().find(|(_, all)| !all.iter().flatten().all(sound)) {
+            return refuse(format!("spread of {effect:?} is none"));
+        }
+        if !found.discrepancy.is_sound() {
+            return refuse("discrepancy has another number of coefficients than features".to_owned());
+        }
+        Ok(found)
+    }
+
+    /// Writes the baseline.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<(), CaseError> {
+        json::write(self, path)
+    }
+
+    /// Checks that the baseline is one for a case.
+    ///
+    /// # Errors
+    /// If the case has another nominal simulator than the only one that was learned from, or a channel that no healthy
+    /// drive had.
+    pub fn check(&self, case: &Case) -> Result<(), CaseError> {
+        let own = learn::digest(case);
+        let refuse = |why: String| Err(CaseError::OtherBaseline { why, case: case.meta.case.clone() });
+        if let ([one], false) = (self.nominal_hash.as_slice(), self.nominal_hash.contains(&own)) {
+            return refuse(format!("its nominal simulator is {own:?}, the baseline's is {one:?}"));
+        }
+        let fresh = learn::channels(case).into_iter().find(|name| !self.channels.contains(name));
+        fresh.map_or(Ok(()), |name| refuse(format!("no healthy drive had a channel {name:?}")))
+    }
+
+    /// Sets the usual values of a space to those of the healthy drives.
+    pub(crate) fn settle(&self, space: &mut Space) {
+        for k in 0..space.coordinates.len() {
+            let effect = space.coordinates[k].effect;
+            let place = k - space.of(effect)[0];
+            let found = self.spread.get(space.effects[effect].id).and_then(|all| all.get(place).copied().flatten());
+            if let (Some(usual), Some(nuisance)) = (found, &mut space.coordinates[k].nuisance) {
+                *nuisance = Nuisance { mean: usual.mean, sd: usual.sd };
+            }
+        }
+    }
+
+    /// Returns the factor on the library's floor of a channel and block.
+    pub(crate) fn factor(&self, channel: Channel, block: usize) -> f64 {
+        self.noise.get(channel.name()).and_then(|table| table.get(block).copied()).unwrap_or(1.0)
+    }
+
+    /// Returns, for every channel and block of a window, the residual that healthy drives have there and the factor on the
+    /// library's floor.
+    pub(crate) fn expected(&self, record: &EgoRecord, anchor: &Anchor) -> Vec<(f64, f64)> {
+        let features = features::blocks(record, anchor);
+        let widening: Vec<f64> = features.iter().map(|f| self.discrepancy.widening(f)).collect();
+        let of = |channel: usize| {
+            let name = Channel::ALL[channel];
+            let each = features.iter().zip(&widening).enumerate();
+            each.map(move |(block, (f, w))| (self.discrepancy.at(channel, f), w * self.factor(name, block)))
+        };
+        (0..crate::windows::EGO).flat_map(of).collect()
+    }
+
+    /// Returns the thresholds for a part of the loop: what healthy logs reach by chance raises them.
+    #[must_use]
+    pub fn thresholds(&self, part: usize, library: &Thresholds) -> Thresholds {
+        let asked = nulls::gain_at(&self.nulls, part, ALARM).unwrap_or(0.0).max(library.single_gain);
+        let scale = asked / library.single_gain;
+        Thresholds {
+            single_gain: asked,
+            temperature: library.temperature * scale,
+            further_gain: library.further_gain * scale,
+        }
+    }
+
+    /// Returns the share of the windows of a case in which a feature lies beyond what healthy drives had.
+    #[must_use]
+    pub fn outside_share(&self, case: &Case) -> f64 {
+        let (mut outside, mut all) = (0.0, 0.0);
+        for record in &case.ego {
+            for anchor in &record.anchors {
+                let state = features::state(&record.moment(anchor.sample));
+                let beyond = |(name, value): (&&str, f64)| {
+                    self.domain.get(*name).is_some_and(|[low, high]| value < *low || value > *high)
+                };
+                all += 1.0;
+                outside += f64::from(u8::from(NAMES.iter().zip(state).any(beyond)));
+            }
+        }
+        if all > 0.0 { outside / all } else { 0.0 }
+    }
+}

@@ -1,0 +1,254 @@
+//! Learns a baseline from healthy logs: each studied by itself, then put together, then each judged by the others.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use ds_diagnosis::CaseError;
+use ds_effect::Channel;
+use rayon::prelude::*;
+
+use super::discrepancy::Discrepancy;
+use super::features::{NAMES, STATE};
+use super::nulls::{self, Statistics};
+use super::spread::{Estimate, spread};
+use super::study::Study;
+use super::{Baseline, Influence, SCHEMA, Units, Usual};
+use crate::case::{Case, PartModel};
+use crate::choice::Outcome;
+use crate::fit::point_loss;
+use crate::search::Effort;
+use crate::settings::Thresholds;
+use crate::space::{Part, Space};
+
+/// Mean loss of a residual that is as its floor says.
+const CLEAN_LOSS: f64 = 0.5;
+/// Rows as which the library's floor counts.
+const LIBRARY_ROWS: f64 = 100.0;
+/// Chance below which a healthy log is called unlike the others.
+const UNLIKE: f64 = 0.01;
+/// Logs from which on logs are the units.
+const FEW: usize = 3;
+
+/// A healthy case and what it is called.
+pub struct Healthy {
+    /// Name.
+    pub name: String,
+    /// The case.
+    pub case: Case,
+}
+
+/// Told after each step of the work.
+pub type Progress<'a> = &'a (dyn Fn() + Sync);
+
+/// One unit: some drives of a case.
+struct Unit<'a> {
+    name: String,
+    case: &'a Case,
+    drives: Vec<usize>,
+}
+
+/// Learns a baseline.
+///
+/// # Errors
+/// If there is no log, or logs of the same name.
+pub fn learn(healthy: &[Healthy], progress: Progress<'_>) -> Result<Baseline, CaseError> {
+    let units = units(healthy);
+    if units.is_empty() {
+        return Err(CaseError::NoHealthy);
+    }
+    let studies: Vec<Study> = units
+        .par_iter()
+        .map(|unit| {
+            let study = Study::of(unit.case, &unit.drives);
+            progress();
+            study
+        })
+        .collect();
+    let all: Vec<&Study> = studies.iter().collect();
+    let mut baseline = assemble(&units, &all);
+    let judged: Vec<(Statistics, Option<(String, f64)>)> = (0..units.len())
+        .into_par_iter()
+        .map(|out| {
+            let judged = judge(&units, &studies, &baseline, out);
+            progress();
+            judged
+        })
+        .collect();
+    let logs: Vec<Statistics> = judged.iter().map(|j| j.0.clone()).collect();
+    if units.len() > 1 {
+        baseline.nulls = nulls::gather(&logs);
+    }
+    for (out, unit) in units.iter().enumerate() {
+        let others: Vec<Statistics> = logs.iter().enumerate().filter(|(k, _)| *k != out).map(|(_, s)| s.clone()).collect();
+        let chance = nulls::chance(&nulls::gather(&others), &logs[out]);
+        baseline.influence.push(Influence { unit: unit.name.clone(), chance, moves: judged[out].1.clone() });
+        if chance < UNLIKE {
+            baseline.warnings.push(format!("{} is unlike the other healthy logs (chance {chance:.1e}): is it healthy?", unit.name));
+        }
+    }
+    for (part, name) in nulls::GAIN.iter().enumerate() {
+        let asked = baseline.thresholds(part, &Thresholds::default()).single_gain;
+        baseline.detection_limits.insert((*name).to_owned(), asked);
+    }
+    Ok(baseline)
+}
+
+/// Returns how often the progress of learning from some logs is told.
+#[must_use]
+pub fn steps(healthy: &[Healthy]) -> u64 {
+    2 * units(healthy).len() as u64
+}
+
+/// Returns the units: logs, or the drives of the logs where these are few.
+fn units(healthy: &[Healthy]) -> Vec<Unit<'_>> {
+    let mut out = Vec::new();
+    for h in healthy {
+        let drives: Vec<usize> = (0..h.case.drives.len()).collect();
+        if healthy.len() >= FEW {
+            out.push(Unit { name: h.name.clone(), case: &h.case, drives });
+        } else {
+            out.extend(drives.into_iter().map(|d| Unit {
+                name: format!("{}/{}", h.name, h.case.drives[d].file),
+                case: &h.case,
+                drives: vec![d],
+            }));
+        }
+    }
+    out
+}
+
+/// Puts the studies of some units together.
+fn assemble(units: &[Unit<'_>], studies: &[&Study]) -> Baseline {
+    let cases: Vec<&Case> = units.iter().map(|unit| unit.case).collect();
+    let names = |of: &dyn Fn(&Unit<'_>) -> String| units.iter().map(of).collect::<BTreeSet<_>>().into_iter().collect();
+    let discrepancy = Discrepancy::learn(studies);
+    let noise = noise(studies);
+    let mut warnings = Vec::new();
+    if units.len() < FEW {
+        warnings.push(format!(
+            "{} healthy drive{}: usual values and spreads can be told, how often a healthy log is called faulty cannot; three logs or more are needed",
+            units.len(),
+            if units.len() == 1 { "" } else { "s" }
+        ));
+    }
+    let days: BTreeSet<_> = cases.iter().map(|case| case.meta.day.clone()).collect();
+    if days.len() == 1 && days.iter().all(Option::is_some) {
+        warnings.push("all healthy logs are of one day: what the day brings and what a fault brings cannot be told apart".to_owned());
+    }
+    Baseline {
+        schema_version: SCHEMA,
+        nominal_hash: cases.iter().map(|case| digest(case)).collect::<BTreeSet<_>>().into_iter().collect(),
+        channels: cases.iter().flat_map(|case| channels(case)).collect::<BTreeSet<_>>().into_iter().collect(),
+        rate_hz: 1.0 / ds_diagnosis::table::STEP_SECS,
+        units: Units {
+            vehicle: names(&|unit| unit.case.meta.vehicle.clone().unwrap_or_else(|| digest(unit.case))),
+            day: names(&|unit| unit.case.meta.day.clone().unwrap_or_else(|| unit.name.clone())),
+            drive: units.iter().map(|unit| unit.name.clone()).collect(),
+        },
+        noise,
+        spread: usual_values(cases[0], studies),
+        discrepancy,
+        nulls: Vec::new(),
+        detection_limits: BTreeMap::new(),
+        domain: domain(studies),
+        influence: Vec::new(),
+        warnings,
+    }
+}
+
+fn usual_values(case: &Case, studies: &[&Study]) -> BTreeMap<String, Vec<Option<Usual>>> {
+    let mut out: BTreeMap<String, Vec<Option<Usual>>> = BTreeMap::new();
+    for (part, which) in [Part::Ego, Part::Following].into_iter().enumerate() {
+        let space = Space::new(which, &case.meta.nominal, &[]);
+        for (k, coordinate) in space.coordinates.iter().enumerate() {
+            let estimates: Vec<Estimate> = studies.iter().filter_map(|s| s.estimates[part][k]).collect();
+            let usual = coordinate.nuisance.map(|library| spread(&estimates, library));
+            let line = out.entry(space.effects[coordinate.effect].id.to_owned()).or_default();
+            line.push(usual.map(|n| Usual { mean: n.mean, sd: n.sd }));
+        }
+    }
+    out
+}
+
+/// Returns the factor on the library's floor by channel and block at which the residuals of healthy logs, each predicted
+/// from the others, have the loss of residuals that are as their floor says.
+fn noise(studies: &[&Study]) -> BTreeMap<String, Vec<f64>> {
+    let mut left: BTreeMap<(usize, usize), Vec<f64>> = BTreeMap::new();
+    for (out, study) in studies.iter().enumerate() {
+        let others: Vec<&Study> = studies.iter().enumerate().filter(|(k, _)| *k != out).map(|(_, s)| *s).collect();
+        let discrepancy = Discrepancy::learn(&others);
+        let widening: Vec<f64> = study.features.iter().map(|f| discrepancy.widening(f)).collect();
+        for row in &study.rows {
+            let expected = discrepancy.at(row.channel, &study.features[row.place]);
+            left.entry((row.channel, row.block)).or_default().push((row.residual - expected) / widening[row.place]);
+        }
+        for (channel, block, z) in &study.followers {
+            left.entry((*channel, *block)).or_default().push(*z);
+        }
+    }
+    let mut out: BTreeMap<String, Vec<f64>> = BTreeMap::new();
+    for ((channel, _), residuals) in left {
+        let found = scale(&residuals);
+        let weight = residuals.len() as f64 / (residuals.len() as f64 + LIBRARY_ROWS);
+        out.entry(Channel::ALL[channel].name().to_owned()).or_default().push((weight * found.ln()).exp());
+    }
+    out
+}
+
+/// Returns the factor by which residuals exceed their floor.
+fn scale(residuals: &[f64]) -> f64 {
+    let loss = |factor: f64| residuals.iter().map(|z| point_loss(z / factor)).sum::<f64>() / residuals.len() as f64;
+    let (mut low, mut high): (f64, f64) = (0.3, 50.0);
+    for _ in 0..50 {
+        let middle = (low * high).sqrt();
+        if loss(middle) > CLEAN_LOSS { low = middle } else { high = middle }
+    }
+    (low * high).sqrt()
+}
+
+fn domain(studies: &[&Study]) -> BTreeMap<String, [f64; 2]> {
+    let of = |k: usize| {
+        let mut values: Vec<f64> = studies.iter().flat_map(|s| s.features.iter().map(|f| f[k])).collect();
+        (!values.is_empty()).then(|| [0.01, 0.99].map(|share| ds_stats::quantile(&mut values, share)))
+    };
+    (0..STATE).filter_map(|k| Some((NAMES[k].to_owned(), of(k)?))).collect()
+}
+
+/// Judges a unit by a baseline of the others: the statistics that it reaches, and the parameter that it moves most.
+fn judge(units: &[Unit<'_>], studies: &[Study], whole: &Baseline, out: usize) -> (Statistics, Option<(String, f64)>) {
+    let others: Vec<usize> = (0..units.len()).filter(|k| *k != out).collect();
+    if others.is_empty() {
+        return (Statistics::new(), None);
+    }
+    let kept: Vec<Unit<'_>> = others
+        .iter()
+        .map(|k| Unit { name: units[*k].name.clone(), case: units[*k].case, drives: units[*k].drives.clone() })
+        .collect();
+    let baseline = assemble(&kept, &others.iter().map(|k| &studies[*k]).collect::<Vec<_>>());
+    let unit = &units[out];
+    // a log is judged by the drives that a diagnosis would fit
+    let (fit, _) = unit.case.meta.split();
+    let drives: Vec<usize> = unit.drives.iter().copied().filter(|d| unit.drives.len() == 1 || fit.contains(d)).collect();
+    let models =
+        [Part::Ego, Part::Following].map(|part| PartModel::against(unit.case, part, &drives, &[], Some(&baseline)));
+    let outcomes: Vec<Outcome<'_, '_>> =
+        models.iter().map(|m| Outcome::searched(m, Effort::Quick)).collect();
+    let moves = |(id, all): (&String, &Vec<Option<Usual>>)| {
+        let (now, then) = (all.first().copied().flatten()?, baseline.spread.get(id)?.first().copied().flatten()?);
+        Some((id.clone(), ((now.mean - then.mean) / now.sd).abs()))
+    };
+    let largest = whole.spread.iter().filter_map(moves).max_by(|a, b| a.1.total_cmp(&b.1));
+    (nulls::of_healthy(&outcomes), largest)
+}
+
+/// Returns a short digest of the nominal simulator of a case.
+pub(super) fn digest(case: &Case) -> String {
+    let text = serde_json::to_string(&case.meta.nominal).unwrap_or_default();
+    blake3::hash(text.as_bytes()).to_hex()[..16].to_owned()
+}
+
+/// Returns the channels that a case has.
+pub(super) fn channels(case: &Case) -> Vec<String> {
+    let columns: BTreeSet<&str> = case.drives.iter().flat_map(|drive| drive.columns()).map(|(name, _)| name).collect();
+    let followers = case.drives.iter().any(|drive| !drive.followers.is_empty());
+    columns.into_iter().map(str::to_owned).chain(followers.then(|| "agents".to_owned())).collect()
+}
