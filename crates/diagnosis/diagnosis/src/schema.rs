@@ -56,6 +56,9 @@ pub struct Diagnosis {
     /// What remains, where the verdict is unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unknown_description: Option<Remainder>,
+    /// Of which kind the unknown is, where the verdict is unknown and that was looked at.
+    #[serde(default, flatten, skip_serializing_if = "Option::is_none")]
+    pub unknown: Option<Unknown>,
     /// Manoeuvres that would tell the best hypotheses apart.
     pub next_manoeuvre: Vec<Manoeuvre>,
     /// The simulator with the effects added.
@@ -107,6 +110,7 @@ impl Diagnosis {
             shares: Vec::new(),
             predicted_share: None,
             unknown_description: None,
+            unknown: None,
             next_manoeuvre: Vec::new(),
             corrected_model: Corrected::default(),
             floor_source: "practice".to_owned(),
@@ -284,6 +288,33 @@ impl Shrink {
             interval90: effects.map(|found| found.interval90),
             data: data.to_owned(),
         }
+    }
+}
+
+/// Of which kind the unknown is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Unknown {
+    /// `structure`: no vehicle of any family has such a remainder by nature; `needs_baseline`: healthy drives of this
+    /// vehicle must say what is usual for it.
+    pub unknown_kind: String,
+    /// Part of `p_unknown` for an ordinary trait of a vehicle of another family.
+    pub p_ordinary: f64,
+    /// Part of `p_unknown` for structure.
+    pub p_structure: f64,
+}
+
+impl Unknown {
+    /// The kind of a remainder that is a trait or a fault, which only healthy drives could tell.
+    pub const NEEDS_BASELINE: &str = "needs_baseline";
+    /// The kind of a remainder that no vehicle has by nature.
+    pub const STRUCTURE: &str = "structure";
+
+    /// Splits the probability of something unknown by the share that is structure.
+    #[must_use]
+    pub fn new(p_unknown: f64, share: f64) -> Self {
+        let kind = if share > 0.5 { Self::STRUCTURE } else { Self::NEEDS_BASELINE };
+        let p_structure = p_unknown * share;
+        Self { unknown_kind: kind.to_owned(), p_ordinary: p_unknown - p_structure, p_structure }
     }
 }
 

@@ -330,7 +330,7 @@ impl<'a> PartModel<'a> {
     #[must_use]
     pub fn null_priors(&self) -> Vec<Prior> {
         let prior = |c: &crate::space::Coordinate| match c.nuisance {
-            Some(n) => Prior::Normal { mean: n.mean, sd: n.sd },
+            Some(n) => Prior::Normal { mean: n.mean, sd: n.sd, within: c.within() },
             None => Prior::Fixed(c.parameter.neutral),
         };
         self.space.coordinates.iter().map(prior).collect()

@@ -10,6 +10,7 @@ use crate::case::{Case, PartModel};
 use crate::cells::cells;
 use crate::choice::{Candidate, Outcome, rank};
 use crate::fit::Fit;
+use crate::foreign::structure;
 use crate::how_far::{how_far, position_errors, roots};
 use crate::manoeuvre;
 use crate::remainder::{Left, describe, left};
@@ -22,7 +23,7 @@ use crate::signature::{cosine, spread};
 use crate::space::{Coordinate, Part, SCATTER, Space};
 use crate::windows::EGO;
 use ds_diagnosis::Verdict;
-use ds_diagnosis::schema::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, SCHEMA};
+use ds_diagnosis::schema::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, SCHEMA, Unknown};
 use ds_diagnosis::score::GROUP_SIZE;
 
 /// How to diagnose.
@@ -84,6 +85,9 @@ pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) ->
         let fits: Vec<_> = outcomes.iter().map(|o| (o.model(), o.fit())).collect();
         describe(case, &lefts, &fits, ranking.iter().take(3).map(|c| c.id.to_owned()).collect())
     });
+    let p_structure = (verdict == Verdict::Unknown)
+        .then(|| if baseline.is_some() { 1.0 } else { structure(case, &outcomes, &fit_drives, &options.without) });
+    let unknown = p_structure.map(|share| Unknown::new(p_unknown, share));
     Diagnosis {
         schema_version: SCHEMA,
         case: case.meta.case.clone(),
@@ -97,6 +101,7 @@ pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) ->
         shares: if options.quick { Vec::new() } else { outcomes.iter().flat_map(|o| split(case, o, data.0)).collect() },
         predicted_share: predicted(case, &outcomes, &fit_drives),
         unknown_description,
+        unknown,
         next_manoeuvre: next(case, &outcomes, &effects),
         corrected_model: corrected(&outcomes),
         floor_source: floor_source(case).to_owned(),

@@ -20,12 +20,14 @@ pub trait Model: Sync {
 pub enum Prior {
     /// It has this value.
     Fixed(f64),
-    /// Normal.
+    /// Normal, cut six standard deviations off the mean and at the ends of what makes sense.
     Normal {
         /// Mean.
         mean: f64,
         /// Standard deviation.
         sd: f64,
+        /// Least and largest value that makes sense.
+        within: (f64, f64),
     },
     /// Uniform.
     Slab {
@@ -40,7 +42,7 @@ impl Prior {
     fn log_density(self, value: f64) -> f64 {
         match self {
             Self::Fixed(_) => 0.0,
-            Self::Normal { mean, sd } => {
+            Self::Normal { mean, sd, .. } => {
                 -0.5 * ((value - mean) / sd).powi(2) - (sd * std::f64::consts::TAU.sqrt()).ln()
             }
             Self::Slab { low, high } => -(high - low).max(1e-9).ln(),
@@ -50,7 +52,9 @@ impl Prior {
     fn clip(self, value: f64) -> f64 {
         match self {
             Self::Fixed(fixed) => fixed,
-            Self::Normal { mean, sd } => value.clamp(mean - 6.0 * sd, mean + 6.0 * sd),
+            Self::Normal { mean, sd, within: (low, high) } => {
+                value.clamp(mean - 6.0 * sd, mean + 6.0 * sd).clamp(low, high)
+            }
             Self::Slab { low, high } => value.clamp(low, high),
         }
     }
@@ -143,7 +147,12 @@ pub fn fit(model: &dyn Model, plan: Plan<'_>) -> Fit {
             }
         }
         let (hessian, gradient) = normal_equations(&free, priors, &vector, &residuals, &columns);
-        let Some(step) = solve(&hessian, &gradient) else { break };
+        let Some(step) = inner_step(hessian, gradient, |i, step| {
+            let k = free[i];
+            priors[k].clip(vector[k]) == priors[k].clip(vector[k] - step) && step != 0.0
+        }) else {
+            break;
+        };
         let mut scale = 1.0;
         let mut moved = false;
         for _ in 0..5 {
@@ -208,7 +217,7 @@ fn normal_equations(
     let mut hessian = rows.transpose() * &rows;
     for (i, &k) in free.iter().enumerate() {
         match priors[k] {
-            Prior::Normal { mean, sd } => {
+            Prior::Normal { mean, sd, .. } => {
                 hessian[(i, i)] += 1.0 / (sd * sd);
                 gradient[i] += (vector[k] - mean) / (sd * sd);
             }
@@ -220,6 +229,24 @@ fn normal_equations(
     (hessian, gradient)
 }
 
-fn solve(hessian: &DMatrix<f64>, gradient: &DVector<f64>) -> Option<DVector<f64>> {
-    hessian.clone().cholesky().map(|factor| factor.solve(gradient))
+/// Returns the step to subtract; coordinates that `held` tells to be at the end of their range with a step that leads
+/// outwards stay where they are, and the others step without them.
+fn inner_step(
+    mut hessian: DMatrix<f64>,
+    mut gradient: DVector<f64>,
+    held: impl Fn(usize, f64) -> bool,
+) -> Option<DVector<f64>> {
+    loop {
+        let step = hessian.clone().cholesky()?.solve(&gradient);
+        let outward: Vec<usize> = (0..step.len()).filter(|&i| held(i, step[i])).collect();
+        if outward.is_empty() {
+            return Some(step);
+        }
+        for i in outward {
+            hessian.row_mut(i).fill(0.0);
+            hessian.column_mut(i).fill(0.0);
+            hessian[(i, i)] = 1.0;
+            gradient[i] = 0.0;
+        }
+    }
 }

@@ -18,6 +18,7 @@ pub mod evaluate;
 pub mod fit;
 pub mod floor;
 pub mod following;
+pub mod foreign;
 pub mod how_far;
 pub mod isolability;
 pub mod leave_out;

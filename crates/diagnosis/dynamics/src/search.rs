@@ -6,8 +6,8 @@
 use std::sync::Arc;
 
 use crate::case::PartModel;
-use crate::fit::{Columns, Fit, Model, Plan, Prior, data_loss, fit, start_loss};
-use crate::settings::{FURTHER_GAIN, KEPT, MARGIN_SDS, NULL_ROUNDS};
+use crate::fit::{Columns, Fit, Model, Plan, data_loss, fit, start_loss};
+use crate::settings::{FURTHER_GAIN, KEPT, LEFT_OUT_STEPS, MARGIN_SDS, NULL_ROUNDS, POLISHED, POLISHES};
 use crate::space::Coordinate;
 
 /// The effect whose wheels do not slip, and those that say how they slip: nonsense together.
@@ -150,10 +150,20 @@ impl<'m, 'c> Search<'m, 'c> {
         Some(Hypothesis { effects: vec![effect], fit, gain })
     }
 
-    /// Refits a hypothesis with fresh derivatives of everything.
+    /// Refits a hypothesis with fresh derivatives of everything, until it says no more.
     #[must_use]
     pub fn polish(&self, hypothesis: &Hypothesis) -> Hypothesis {
-        let fit = refit(self.model, &hypothesis.fit.vector, &hypothesis.effects, Vec::new());
+        let mut fit = refit(self.model, &hypothesis.fit.vector, &hypothesis.effects, Vec::new());
+        for _ in 1..POLISHES {
+            let again = refit(self.model, &fit.vector, &hypothesis.effects, Vec::new());
+            let more = again.evidence - fit.evidence;
+            if more > 0.0 {
+                fit = again;
+            }
+            if more < POLISHED {
+                break;
+            }
+        }
         let gain = fit.evidence - self.null.evidence;
         Hypothesis { effects: hypothesis.effects.clone(), fit, gain }
     }
@@ -311,26 +321,28 @@ impl<M: Model> Model for Without<'_, M> {
     }
 }
 
-/// Refits a fitted vector without one drive, from the same start and derivatives.
-fn refit_without(model: &PartModel<'_>, fitted: &Fit, priors: &[Prior], drive: usize) -> (Fit, Vec<bool>) {
+/// Refits a fitted vector without one drive, from the same start; derivatives are the same but for those of the effects, or
+/// taken anew at every step.
+fn refit_without(model: &PartModel<'_>, fitted: &Fit, effects: &[usize], (drive, anew): (usize, bool)) -> Fit {
     let keep: Vec<bool> = model.tags.iter().map(|tag| tag.drive != drive).collect();
     let cut = |column: &Arc<Vec<f64>>| {
         Arc::new(column.iter().zip(&keep).map(|(c, keep)| if *keep { *c } else { 0.0 }).collect::<Vec<f64>>())
     };
     let columns = fitted.columns.iter().map(|column| column.as_ref().map(cut)).collect();
-    let part = Without { model, keep };
-    let plan = Plan { priors, start: &fitted.vector, columns, fresh: Vec::new(), iterations: 2 };
-    (fit(&part, plan), part.keep)
+    let (part, priors) = (Without { model, keep }, model.priors_with(effects));
+    let own = || effects.iter().flat_map(|e| model.space.of(*e)).collect();
+    let fresh = if anew { (0..priors.len()).collect() } else { own() };
+    fit(&part, Plan { priors: &priors, start: &fitted.vector, columns, fresh, iterations: LEFT_OUT_STEPS })
 }
 
 /// Returns the three states of [`crate::choice::Outcome::vectors`], both fits made without one drive.
 #[must_use]
 pub fn without_drive(outcome: &crate::choice::Outcome<'_, '_>, drive: usize) -> [Vec<f64>; 3] {
     let search = &outcome.search;
-    let null = refit_without(search.model, &search.null, &search.model.priors_with(&[]), drive).0.vector;
+    let null = refit_without(search.model, &search.null, &[], (drive, false)).vector;
     let full = outcome.accepted.as_ref().map_or_else(
         || null.clone(),
-        |h| refit_without(outcome.model(), &h.fit, &outcome.model().priors_with(&h.effects), drive).0.vector,
+        |h| refit_without(outcome.model(), &h.fit, &h.effects, (drive, false)).vector,
     );
     [search.model.space.neutral(), null, full]
 }
@@ -347,9 +359,11 @@ pub fn held_out_gains(
     found: (&Fit, &[usize]),
     drives: &[usize],
 ) -> Vec<f64> {
-    let score = |fitted: &Fit, effects: &[usize], drive: usize| {
-        let (refit, _) = refit_without(model, fitted, &model.priors_with(effects), drive);
-        fitted.evidence - refit.evidence
+    let score = |fitted: &Fit, effects: &[usize], out: (usize, bool)| {
+        fitted.evidence - refit_without(model, fitted, effects, out).evidence
     };
-    drives.iter().map(|&drive| score(found.0, found.1, drive) - score(base.0, base.1, drive)).collect()
+    let gain = |out: (usize, bool)| score(found.0, found.1, out) - score(base.0, base.1, out);
+    // where a drive speaks against, it may be that a refit stopped short
+    let sure = |drive: usize| Some(gain((drive, false))).filter(|g| *g > 0.0).unwrap_or_else(|| gain((drive, true)));
+    drives.iter().map(|&drive| sure(drive)).collect()
 }

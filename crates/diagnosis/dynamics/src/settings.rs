@@ -21,6 +21,12 @@ pub const FAMILIAR_NOISE: (f64, f64) = (0.65, 1.35);
 pub const REPEAT_SURPRISE: f64 = 1.0;
 /// Rounds of the nuisance fit, each with fresh derivatives; three leave less than 0.1 of evidence on practice cases.
 pub const NULL_ROUNDS: usize = 3;
+/// Steps of a refit with a drive left out.
+pub const LEFT_OUT_STEPS: usize = 8;
+/// Rounds with fresh derivatives that a hypothesis gets at most, and the log evidence by which one ends them.
+pub const POLISHES: usize = 5;
+/// See [`POLISHES`].
+pub const POLISHED: f64 = 0.3;
 /// Log prior odds of one given effect against none: one in about fifty effects.
 pub const SINGLE_COST: f64 = 4.0;
 /// The thresholds that were set on the labelled practice cases, apart so that they can be derived without one of them.
@@ -106,6 +112,10 @@ pub const CLEAN_WINDOW_LOSS: f64 = 7.0;
 pub const EXPLAINED_SHARE: f64 = 0.5;
 /// Width of the passage from known to unknown, in log units of the clean level.
 pub const UNKNOWN_WIDTH: f64 = 0.12;
+/// What a fit with foreign spreads must leave, in clean levels, to be more than a trait of a foreign vehicle.
+pub const STRUCTURE_RATIO: f64 = 2.1;
+/// Width of the passage from trait to structure, in log units of the clean level.
+pub const STRUCTURE_WIDTH: f64 = 0.1;
 /// False discovery rate over all cells.
 pub const DISCOVERY_RATE: f64 = 0.05;
 /// Draws of every bootstrap.

@@ -37,6 +37,16 @@ pub struct Coordinate {
     pub nuisance: Option<Nuisance>,
 }
 
+impl Coordinate {
+    /// Returns the range of values that make sense: what the library suspects, and six of its usual spreads.
+    #[must_use]
+    pub fn within(&self) -> (f64, f64) {
+        let (low, high) = self.parameter.slab;
+        let usual = self.parameter.nuisance.map_or((low, high), |n| (n.mean - 6.0 * n.sd, n.mean + 6.0 * n.sd));
+        (low.min(usual.0), high.max(usual.1))
+    }
+}
+
 /// The parameters of one part.
 #[derive(Clone)]
 pub struct Space {

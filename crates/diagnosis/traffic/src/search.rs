@@ -192,7 +192,7 @@ pub fn intervals(model: &Traffic, tags: &[Tag], fit: &Fit, priors: &[Prior]) -> 
     let mut prior = (DVector::zeros(count), DMatrix::zeros(count, count));
     for (i, k) in fit.free.iter().enumerate() {
         match priors[*k] {
-            Prior::Normal { mean, sd } => {
+            Prior::Normal { mean, sd, .. } => {
                 prior.0[i] = (fit.vector[*k] - mean) / (sd * sd);
                 prior.1[(i, i)] = 1.0 / (sd * sd);
             }

@@ -100,7 +100,10 @@ impl Space {
                 match parameter.nuisance {
                     _ if present.contains(effect) && high <= low => Prior::Fixed(high),
                     _ if present.contains(effect) => Prior::Slab { low, high },
-                    Some(nuisance) => Prior::Normal { mean: parameter.neutral, sd: nuisance.sd },
+                    Some(nuisance) => {
+                        let within = (f64::NEG_INFINITY, f64::INFINITY);
+                        Prior::Normal { mean: parameter.neutral, sd: nuisance.sd, within }
+                    }
                     None => Prior::Fixed(parameter.neutral),
                 }
             })

@@ -11,6 +11,6 @@ pub(crate) const EFFECT: Effect = Effect {
     suspect: true,
     apply: |values, plant| {
         // the same stage grown slower, as its nominal lag is given
-        plant.traction.lag_secs += values[0];
+        plant.traction.lag_secs = (plant.traction.lag_secs + values[0]).max(0.0);
     },
 };

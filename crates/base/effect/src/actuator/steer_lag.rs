@@ -18,7 +18,7 @@ pub(crate) const EFFECT: Effect = Effect {
                 .operators
                 .push((Place::Command, Box::new(move |signal, context| lag(signal, context.step_secs, secs))));
         } else {
-            plant.steering.lag_secs += secs;
+            plant.steering.lag_secs = (plant.steering.lag_secs + secs).max(0.0);
         }
     },
 };
