@@ -91,7 +91,7 @@ pub struct Influence {
     pub unit: String,
     /// Chance of a healthy log to lie as far from the others as this one.
     pub chance: f64,
-    /// The parameter that it moves most, and by how many of its standard deviations.
+    /// The parameter that it moves most, and by how many of the library's standard deviations.
     pub moves: Option<(String, f64)>,
 }
 

@@ -23,6 +23,8 @@ use crate::space::{Part, Space};
 const CLEAN_LOSS: f64 = 0.5;
 /// Rows as which the library's floor counts.
 const LIBRARY_ROWS: f64 = 100.0;
+/// Least factor on the library's floor: quieter sensors leave what is uncertain about the shape of effects.
+const LEAST_FACTOR: f64 = 0.7;
 /// Chance below which a healthy log is called unlike the others.
 const UNLIKE: f64 = 0.01;
 /// Logs from which on logs are the units.
@@ -161,7 +163,9 @@ fn usual_values(case: &Case, studies: &[&Study]) -> BTreeMap<String, Vec<Option<
         let space = Space::new(which, &case.meta.nominal, &[]);
         for (k, coordinate) in space.coordinates.iter().enumerate() {
             let estimates: Vec<Estimate> = studies.iter().filter_map(|s| s.estimates[part][k]).collect();
-            let usual = coordinate.nuisance.map(|library| spread(&estimates, library));
+            // what shows only past a limit is not measured by drives that stay below it
+            let usual = coordinate.nuisance.filter(|_| !coordinate.parameter.starts_late());
+            let usual = usual.map(|library| spread(&estimates, library));
             let line = out.entry(space.effects[coordinate.effect].id.to_owned()).or_default();
             line.push(usual.map(|n| Usual { mean: n.mean, sd: n.sd }));
         }
@@ -197,7 +201,7 @@ fn noise(studies: &[&Study]) -> BTreeMap<String, Vec<f64>> {
 /// Returns the factor by which residuals exceed their floor.
 fn scale(residuals: &[f64]) -> f64 {
     let loss = |factor: f64| residuals.iter().map(|z| point_loss(z / factor)).sum::<f64>() / residuals.len() as f64;
-    let (mut low, mut high): (f64, f64) = (0.3, 50.0);
+    let (mut low, mut high) = (LEAST_FACTOR, 50.0);
     for _ in 0..50 {
         let middle = (low * high).sqrt();
         if loss(middle) > CLEAN_LOSS { low = middle } else { high = middle }
@@ -234,7 +238,8 @@ fn judge(units: &[Unit<'_>], studies: &[Study], whole: &Baseline, out: usize) ->
         models.iter().map(|m| Outcome::searched(m, Effort::Quick)).collect();
     let moves = |(id, all): (&String, &Vec<Option<Usual>>)| {
         let (now, then) = (all.first().copied().flatten()?, baseline.spread.get(id)?.first().copied().flatten()?);
-        Some((id.clone(), ((now.mean - then.mean) / now.sd).abs()))
+        let library = ds_effect::find(id)?.parameters.first()?.nuisance?;
+        Some((id.clone(), ((now.mean - then.mean) / library.sd).abs()))
     };
     let largest = whole.spread.iter().filter_map(moves).max_by(|a, b| a.1.total_cmp(&b.1));
     (nulls::of_healthy(&outcomes), largest)

@@ -1,0 +1,109 @@
+//! What every healthy drive of a vehicle has is no fault against their baseline, what one of them lacks is; a baseline of
+//! another vehicle, of fewer channels or damaged is refused.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use ds_diagnosis::{CaseError, Diagnosis, Verdict};
+use ds_dynamics::baseline::{Baseline, Healthy, learn};
+use ds_dynamics::case::Case;
+use ds_dynamics::{Options, diagnose, synthetic};
+use ds_effect::find;
+
+/// A trait that all drives of the vehicle have: it pulls to one side.
+const TRAIT: (&str, f64) = ("bank", 0.03);
+
+fn case(folder: &Path, seed: u64, effects: &[(&str, f64)]) -> Case {
+    let edit = |plant: &mut ds_effect::Plant| {
+        for (id, value) in [TRAIT].iter().chain(effects) {
+            let effect = find(id).expect("the effect is in the library");
+            let mut values = effect.neutral();
+            values[0] = *value;
+            (effect.apply)(&values, plant);
+        }
+    };
+    synthetic::write_case(folder, seed, &edit).expect("the case can be written");
+    Case::read(folder).expect("the case can be read")
+}
+
+fn healthy() -> Vec<Healthy> {
+    let root = tempfile::tempdir().expect("a folder");
+    let one = |seed: u64| {
+        let name = format!("day-{seed}");
+        Healthy { case: case(&root.path().join(&name), seed, &[]), name }
+    };
+    [41, 42, 43].map(one).into()
+}
+
+fn against(baseline: &Arc<Baseline>, effects: &[(&str, f64)]) -> Diagnosis {
+    let root = tempfile::tempdir().expect("a folder");
+    let case = case(root.path(), 51, effects).against(baseline.clone()).expect("a baseline of this vehicle");
+    diagnose(&case, &Options { quick: true, ..Options::default() })
+}
+
+#[test]
+fn a_trait_is_no_fault_and_a_fault_beside_it_is_found() {
+    let root = tempfile::tempdir().expect("a folder");
+    let alone = diagnose(&case(root.path(), 51, &[]), &Options { quick: true, ..Options::default() });
+    assert_eq!(alone.chosen, [TRAIT.0], "without a baseline the trait is all there is to find");
+
+    let baseline = learn(&healthy(), &|| ()).expect("three healthy logs");
+    assert!(baseline.warnings.is_empty(), "{:?}", baseline.warnings);
+    let usual = baseline.spread[TRAIT.0][0].expect("a usual value");
+    assert!((usual.mean - TRAIT.1).abs() < 0.005, "{usual:?}");
+    // what is written is read back to the bit
+    let file = root.path().join("baseline.json");
+    baseline.write(&file).expect("it can be written");
+    assert_eq!(Baseline::read(&file).expect("it can be read"), baseline);
+
+    let baseline = Arc::new(baseline);
+    let found = against(&baseline, &[]);
+    assert_eq!((found.verdict, found.floor_source.as_str()), (Verdict::None, "baseline"), "{:?}", found.chosen);
+    let found = against(&baseline, &[("steer_delay", 0.12)]);
+    assert_eq!(found.chosen, ["steer_delay"], "{:?}", found.verdict);
+    assert!((found.effects[0].value - 0.12).abs() < 0.02, "{}", found.effects[0].value);
+    // the effect is told relative to the healthy drives
+    let found = against(&baseline, &[("bank", 0.04)]);
+    assert_eq!(found.chosen, [TRAIT.0]);
+    assert!((found.effects[0].value - 0.04).abs() < 0.01, "{}", found.effects[0].value);
+}
+
+#[test]
+fn a_faulty_log_among_healthy_ones_is_named() {
+    let root = tempfile::tempdir().expect("a folder");
+    let mut logs = healthy();
+    let odd = case(root.path(), 44, &[("wheel_scale", 1.05)]);
+    logs.push(Healthy { name: "odd".to_owned(), case: odd });
+    let baseline = learn(&logs, &|| ()).expect("four logs");
+    let least = baseline.influence.iter().min_by(|a, b| a.chance.total_cmp(&b.chance)).expect("four of them");
+    assert_eq!(least.unit, "odd", "{:?}", baseline.influence);
+    assert!(least.moves.is_some() && baseline.warnings.iter().any(|w| w.starts_with("odd is unlike")), "{:?}", baseline.warnings);
+}
+
+#[test]
+fn other_vehicles_other_channels_and_damaged_files_are_refused() {
+    let root = tempfile::tempdir().expect("a folder");
+    let logs: Vec<Healthy> = healthy().into_iter().take(1).collect();
+    let baseline = Arc::new(learn(&logs, &|| ()).expect("one log of four drives"));
+    let mut other = case(root.path(), 51, &[]);
+    other.meta.nominal.mass += 100.0;
+    assert!(matches!(other.against(baseline.clone()), Err(CaseError::OtherBaseline { .. })));
+    let fewer = Arc::new(Baseline { channels: vec!["x".to_owned()], ..(*baseline).clone() });
+    let refused = Case::read(root.path()).expect("a case").against(fewer);
+    let text = refused.err().expect("it has more channels").to_string();
+    assert!(text.contains("no healthy drive had a channel"), "{text}");
+
+    let file = root.path().join("baseline.json");
+    let text = serde_json::to_string(&*baseline).expect("JSON");
+    for (from, to, why) in [
+        ("\"schema_version\":1", "\"schema_version\":7", "schema_version is 7"),
+        ("\"sd\":0.", "\"sd\":-0.", "spread of"),
+        ("\"noise\":{\"agent_gap\":[", "\"noise\":{\"agent_gap\":[-1.0,", "noise of \"agent_gap\""),
+    ] {
+        assert!(text.contains(from), "{from}");
+        std::fs::write(&file, text.replacen(from, to, 1)).expect("it can be written");
+        let refused = Baseline::read(&file).expect_err("a damaged file").to_string();
+        assert!(refused.contains(why), "{refused}");
+    }
+    assert!(matches!(learn(&[], &|| ()), Err(CaseError::NoHealthy)));
+}
