@@ -23,8 +23,8 @@ mod video;
 pub(crate) use data::{DataCommand, DataListArgs, DataRenderArgs, DataSheetArgs};
 pub(crate) use fleet::{CertsArgs, HealthArgs, ServeArgs, WhyArgs};
 pub(crate) use gap::{
-    ApplyArgs, AttributeArgs, BaselineArgs, CloseArgs, DiagnoseArgs, EvaluateArgs, ExplainArgs, GapCommand, GapImportArgs,
-    GapScoreArgs, WatchArgs,
+    ApplyArgs, AttributeArgs, BaselineArgs, CloseArgs, DiagnoseArgs, EvaluateArgs, ExplainArgs, GapCommand,
+    GapImportArgs, GapScoreArgs, WatchArgs,
 };
 pub(crate) use measure::MeasureArgs;
 pub(crate) use results::{CompareArgs, MergeArgs, ReportArgs, ScoreArgs};

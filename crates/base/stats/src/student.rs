@@ -120,9 +120,11 @@ mod tests {
     /// Values of `scipy.special.digamma` and `polygamma(1, x)`.
     #[test]
     fn gamma_derivatives_equal_scipy() {
-        for (x, first, second) in
-            [(0.5, -1.963_510_026_021_4, 4.934_802_200_544_7), (1.5, 0.036_489_973_978_6, 0.934_802_200_544_7), (9.0, 2.140_641_477_955_6, 0.117_512_014_694)]
-        {
+        for (x, first, second) in [
+            (0.5, -1.963_510_026_021_4, 4.934_802_200_544_7),
+            (1.5, 0.036_489_973_978_6, 0.934_802_200_544_7),
+            (9.0, 2.140_641_477_955_6, 0.117_512_014_694),
+        ] {
             assert!((digamma(x) - first).abs() < 1e-6, "{x}: {}", digamma(x));
             assert!((trigamma(x) - second).abs() < 1e-6, "{x}: {}", trigamma(x));
         }

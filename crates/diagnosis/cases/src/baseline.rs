@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-pub use ds_dynamics::baseline::steps;
-use ds_dynamics::baseline::{Baseline, Healthy, Progress};
+use ds_dynamics::baseline::Baseline;
+pub use ds_dynamics::healthy::steps;
+use ds_dynamics::healthy::{Healthy, Progress};
 
 use crate::case::{Case, folders, names};
 use crate::error::CasesError;
@@ -27,7 +28,7 @@ pub fn healthy(paths: &[PathBuf]) -> Result<Vec<Healthy>, CasesError> {
 /// # Errors
 /// If there is nothing to learn from.
 pub fn learn(healthy: &[Healthy], progress: Progress<'_>) -> Result<Baseline, CasesError> {
-    Ok(ds_dynamics::baseline::learn(healthy, progress)?)
+    Ok(ds_dynamics::healthy::learn(healthy, progress)?)
 }
 
 /// Reads a baseline from its file, or learns one from a folder of healthy cases.
@@ -35,10 +36,6 @@ pub fn learn(healthy: &[Healthy], progress: Progress<'_>) -> Result<Baseline, Ca
 /// # Errors
 /// If it is neither.
 pub fn open(path: &Path) -> Result<Arc<Baseline>, CasesError> {
-    let baseline = if path.is_dir() {
-        learn(&healthy(&[path.to_path_buf()])?, &|| ())?
-    } else {
-        Baseline::read(path)?
-    };
+    let baseline = if path.is_dir() { learn(&healthy(&[path.to_path_buf()])?, &|| ())? } else { Baseline::read(path)? };
     Ok(Arc::new(baseline))
 }

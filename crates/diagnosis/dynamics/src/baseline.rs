@@ -2,30 +2,29 @@
 //! noisy the residuals are, and what each statistic reaches without any effect. A diagnosis against a baseline asks what
 //! differs from those drives, not from the library's passenger car.
 //!
-//! Learned by [`learn()`]; a case that carries one is diagnosed with its priors, floors and nulls. Equations:
+//! Learned by [`crate::healthy::learn`]; a case that carries one is diagnosed with its priors, floors and nulls. Equations:
 //! `docs/gap-baseline.md`.
 
-mod discrepancy;
-mod features;
-mod learn;
+pub(crate) mod discrepancy;
+pub(crate) mod features;
 pub mod nulls;
-mod spread;
-mod study;
+pub(crate) mod spread;
+pub(crate) mod study;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
+use ds_diagnosis::meta::{Nominal, VehicleMeta};
 use ds_diagnosis::{CaseError, json};
 use ds_effect::{Channel, Nuisance};
 use serde::{Deserialize, Serialize};
 
-use crate::case::Case;
+use crate::drive::Drive;
 use crate::settings::Thresholds;
 use crate::space::Space;
 use crate::windows::{Anchor, EgoRecord};
 use discrepancy::Discrepancy;
 pub use features::NAMES;
-pub use learn::{Healthy, Progress, learn, steps};
 use nulls::Null;
 
 /// Version of the file.
@@ -133,13 +132,13 @@ impl Baseline {
     /// # Errors
     /// If the case has another nominal simulator than the only one that was learned from, or a channel that no healthy
     /// drive had.
-    pub fn check(&self, case: &Case) -> Result<(), CaseError> {
-        let own = learn::digest(case);
-        let refuse = |why: String| Err(CaseError::OtherBaseline { why, case: case.meta.case.clone() });
+    pub fn check(&self, meta: &VehicleMeta, drives: &[Drive]) -> Result<(), CaseError> {
+        let own = digest(&meta.nominal);
+        let refuse = |why: String| Err(CaseError::OtherBaseline { why, case: meta.case.clone() });
         if let ([one], false) = (self.nominal_hash.as_slice(), self.nominal_hash.contains(&own)) {
             return refuse(format!("its nominal simulator is {own:?}, the baseline's is {one:?}"));
         }
-        let fresh = learn::channels(case).into_iter().find(|name| !self.channels.contains(name));
+        let fresh = channels(drives).into_iter().find(|name| !self.channels.contains(name));
         fresh.map_or(Ok(()), |name| refuse(format!("no healthy drive had a channel {name:?}")))
     }
 
@@ -187,9 +186,9 @@ impl Baseline {
 
     /// Returns the share of the windows of a case in which a feature lies beyond what healthy drives had.
     #[must_use]
-    pub fn outside_share(&self, case: &Case) -> f64 {
+    pub fn outside_share(&self, records: &[EgoRecord]) -> f64 {
         let (mut outside, mut all) = (0.0, 0.0);
-        for record in &case.ego {
+        for record in records {
             for anchor in &record.anchors {
                 let state = features::state(&record.moment(anchor.sample));
                 let beyond = |(name, value): (&&str, f64)| {
@@ -201,4 +200,17 @@ impl Baseline {
         }
         if all > 0.0 { outside / all } else { 0.0 }
     }
+}
+
+/// Returns a short digest of a nominal simulator.
+pub(crate) fn digest(nominal: &Nominal) -> String {
+    let text = serde_json::to_string(nominal).unwrap_or_default();
+    blake3::hash(text.as_bytes()).to_hex()[..16].to_owned()
+}
+
+/// Returns the channels that some drives have.
+pub(crate) fn channels(drives: &[Drive]) -> Vec<String> {
+    let columns: BTreeSet<&str> = drives.iter().flat_map(|drive| drive.columns()).map(|(name, _)| name).collect();
+    let followers = drives.iter().any(|drive| !drive.followers.is_empty());
+    columns.into_iter().map(str::to_owned).chain(followers.then(|| "agents".to_owned())).collect()
 }

@@ -80,7 +80,7 @@ impl Case {
     /// # Errors
     /// If the baseline is not one for this case.
     pub fn against(mut self, baseline: Arc<Baseline>) -> Result<Self, CaseError> {
-        baseline.check(&self)?;
+        baseline.check(&self.meta, &self.drives)?;
         self.baseline = Some(baseline);
         Ok(self)
     }
@@ -194,7 +194,8 @@ impl<'a> PartModel<'a> {
     /// Takes the floors and the expected residuals of a baseline.
     fn expect(&mut self, baseline: &Baseline) {
         let windows = self.ego.iter().flat_map(|record| record.anchors.iter().map(move |anchor| (*record, anchor)));
-        let mut found: Vec<(f64, f64)> = windows.flat_map(|(record, anchor)| baseline.expected(record, anchor)).collect();
+        let mut found: Vec<(f64, f64)> =
+            windows.flat_map(|(record, anchor)| baseline.expected(record, anchor)).collect();
         found.extend(self.tags[found.len()..].iter().map(|tag| (0.0, baseline.factor(tag.channel, tag.block))));
         self.expected = found.iter().map(|(expected, factor)| expected / factor).collect();
         self.inverse_floor.iter_mut().zip(&found).for_each(|(inverse, (_, factor))| *inverse /= factor);

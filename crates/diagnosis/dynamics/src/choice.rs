@@ -6,10 +6,10 @@ use crate::case::{Case, PartModel};
 use crate::constancy::{Trend, strongest};
 use crate::fit::Fit;
 use crate::scatter::Scatter;
-use crate::search::{Effort, Hypothesis, Search, extend, held_out_gains, outside, refit};
+use crate::search::{Effort, Hypothesis, Search, extend, held_out_gains, outside, refit, refit_without};
 use crate::settings::{
-    ALIKE, DISAGREE_COST, DISAGREEMENT, END_SHARE, HELD, INSIDE_COST, LIMIT_GAIN, MOST_EFFECTS,
-    SINGLE_COST, TELLING_SHARE, Thresholds,
+    ALIKE, DISAGREE_COST, DISAGREEMENT, END_SHARE, HELD, INSIDE_COST, LIMIT_GAIN, MOST_EFFECTS, SINGLE_COST,
+    TELLING_SHARE, Thresholds,
 };
 use crate::space::SCATTER;
 
@@ -95,7 +95,8 @@ impl<'m, 'c> Outcome<'m, 'c> {
             if adds < thresholds.further_gain + asked {
                 break;
             }
-            if !effects.iter().all(|e| outside(&model, &fit.vector, *e)) || !self.needed(&model, &fit, &effects, drives) {
+            if !effects.iter().all(|e| outside(&model, &fit.vector, *e)) || !self.needed(&model, &fit, &effects, drives)
+            {
                 break;
             }
             let grown = search.polish(&Hypothesis { effects, fit, gain: 0.0 });
@@ -157,7 +158,8 @@ impl<'m, 'c> Outcome<'m, 'c> {
             model.space.of(*effect).into_iter().for_each(|k| start[k] = usual[k]);
             let less = refit(model, &start, &rest, fit.columns.clone());
             let adds = fit.evidence - less.evidence;
-            adds > self.thresholds.further_gain && agrees(&held_out_gains(model, (&less, &rest), (fit, effects), drives), adds)
+            adds > self.thresholds.further_gain
+                && agrees(&held_out_gains(model, (&less, &rest), (fit, effects), drives), adds)
         })
     }
 
@@ -171,6 +173,16 @@ impl<'m, 'c> Outcome<'m, 'c> {
     #[must_use]
     pub fn vectors(&self) -> [Vec<f64>; 3] {
         [self.search.model.space.neutral(), self.search.null.vector.clone(), self.fit().vector.clone()]
+    }
+
+    /// Returns the three states of [`Self::vectors`], both fits made without one drive.
+    #[must_use]
+    pub fn without_drive(&self, drive: usize) -> [Vec<f64>; 3] {
+        let (search, out) = (&self.search, (drive, false));
+        let null = refit_without(search.model, &search.null, &[], out).vector;
+        let refit = |h: &Hypothesis| refit_without(self.model(), &h.fit, &h.effects, out).vector;
+        let full = self.accepted.as_ref().map_or_else(|| null.clone(), refit);
+        [search.model.space.neutral(), null, full]
     }
 
     /// Returns the model in whose floor units [`Self::fit`] is.

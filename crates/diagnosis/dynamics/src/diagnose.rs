@@ -4,17 +4,17 @@ use std::collections::BTreeMap;
 
 use ds_stats::explained;
 
-use crate::baseline::nulls;
 use crate::bootstrap::weights;
 use crate::case::{Case, PartModel};
 use crate::cells::cells;
 use crate::choice::{Candidate, Outcome, rank};
 use crate::fit::Fit;
 use crate::foreign::structure;
+use crate::healthy::statistics;
 use crate::how_far::{how_far, position_errors, roots};
 use crate::manoeuvre;
 use crate::remainder::{Left, describe, left};
-use crate::search::{Effort, without_drive};
+use crate::search::Effort;
 use crate::settings::{
     DOUBT, GROUP_COSINE, GROUP_EVIDENCE, LOOSE_SHAPE, OWN_NUISANCE, SHAPE_ERROR, Thresholds, WEAK, WIDTH_SHARE,
 };
@@ -58,7 +58,7 @@ pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) ->
         .map(|o| Left { trend: o.trend, ..left(o.model(), o.fit(), &o.search.null, o.accepted.is_some()) })
         .collect();
     let p_unknown = match baseline {
-        Some(baseline) if baseline.nulls.len() > 1 => nulls::unknown(&baseline.nulls, &lefts),
+        Some(baseline) if baseline.nulls.len() > 1 => statistics::unknown(&baseline.nulls, &lefts),
         _ => lefts.iter().map(Left::probability).fold(0.0, f64::max),
     };
     let verdict = verdict(&ranking, p_unknown);
@@ -259,7 +259,7 @@ fn predicted(case: &Case, outcomes: &[Outcome<'_, '_>], drives: &[usize]) -> Opt
     let (mut rows, mut owners) = (Vec::new(), Vec::new());
     let car = &outcomes[0];
     for &drive in drives {
-        let vectors = if drives.len() > 1 { without_drive(car, drive) } else { car.vectors() };
+        let vectors = if drives.len() > 1 { car.without_drive(drive) } else { car.vectors() };
         let plants = vectors.map(|vector| car.search.model.space.plant(&vector));
         let (errors, of) = position_errors(case, &[drive], &plants.each_ref());
         rows.extend(errors);

@@ -19,6 +19,7 @@ pub mod fit;
 pub mod floor;
 pub mod following;
 pub mod foreign;
+pub mod healthy;
 pub mod how_far;
 pub mod isolability;
 pub mod leave_out;

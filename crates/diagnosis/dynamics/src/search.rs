@@ -225,9 +225,11 @@ pub fn extend(model: &PartModel<'_>, base: &Fit, effects: &[usize]) -> Option<(F
 /// Tells whether an effect's estimate lies outside what every vehicle has.
 #[must_use]
 pub fn outside(model: &PartModel<'_>, vector: &[f64], effect: usize) -> bool {
-    model.space.of(effect).iter().any(|&k| {
-        model.space.coordinates[k].nuisance.is_none_or(|n| ((vector[k] - n.mean) / n.sd).abs() > MARGIN_SDS)
-    })
+    model
+        .space
+        .of(effect)
+        .iter()
+        .any(|&k| model.space.coordinates[k].nuisance.is_none_or(|n| ((vector[k] - n.mean) / n.sd).abs() > MARGIN_SDS))
 }
 
 /// Fits the nuisances alone, optionally with rows taken out by a mask.
@@ -323,7 +325,12 @@ impl<M: Model> Model for Without<'_, M> {
 
 /// Refits a fitted vector without one drive, from the same start; derivatives are the same but for those of the effects, or
 /// taken anew at every step.
-fn refit_without(model: &PartModel<'_>, fitted: &Fit, effects: &[usize], (drive, anew): (usize, bool)) -> Fit {
+pub(crate) fn refit_without(
+    model: &PartModel<'_>,
+    fitted: &Fit,
+    effects: &[usize],
+    (drive, anew): (usize, bool),
+) -> Fit {
     let keep: Vec<bool> = model.tags.iter().map(|tag| tag.drive != drive).collect();
     let cut = |column: &Arc<Vec<f64>>| {
         Arc::new(column.iter().zip(&keep).map(|(c, keep)| if *keep { *c } else { 0.0 }).collect::<Vec<f64>>())
@@ -333,18 +340,6 @@ fn refit_without(model: &PartModel<'_>, fitted: &Fit, effects: &[usize], (drive,
     let own = || effects.iter().flat_map(|e| model.space.of(*e)).collect();
     let fresh = if anew { (0..priors.len()).collect() } else { own() };
     fit(&part, Plan { priors: &priors, start: &fitted.vector, columns, fresh, iterations: LEFT_OUT_STEPS })
-}
-
-/// Returns the three states of [`crate::choice::Outcome::vectors`], both fits made without one drive.
-#[must_use]
-pub fn without_drive(outcome: &crate::choice::Outcome<'_, '_>, drive: usize) -> [Vec<f64>; 3] {
-    let search = &outcome.search;
-    let null = refit_without(search.model, &search.null, &[], (drive, false)).vector;
-    let full = outcome.accepted.as_ref().map_or_else(
-        || null.clone(),
-        |h| refit_without(outcome.model(), &h.fit, &h.effects, (drive, false)).vector,
-    );
-    [search.model.space.neutral(), null, full]
 }
 
 /// Returns, per drive, the predictive log score that a fit with some effects gains over another: log p(drive | other

@@ -140,7 +140,8 @@ impl EgoRecord {
     pub fn moment(&self, sample: usize) -> Moment {
         let k = sample.min(self.log.samples - 1);
         let (before, after) = (k.saturating_sub(1), (k + 1).min(self.log.samples - 1));
-        let rate = (self.log.cmd_steer[after] - self.log.cmd_steer[before]) / ((after - before).max(1) as f64 * STEP_SECS);
+        let rate =
+            (self.log.cmd_steer[after] - self.log.cmd_steer[before]) / ((after - before).max(1) as f64 * STEP_SECS);
         Moment {
             speed_mps: self.speed[k],
             yaw_rate: self.yaw_rate_at(k),

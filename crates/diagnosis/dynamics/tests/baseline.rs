@@ -5,8 +5,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use ds_diagnosis::{CaseError, Diagnosis, Verdict};
-use ds_dynamics::baseline::{Baseline, Healthy, learn};
+use ds_dynamics::baseline::Baseline;
 use ds_dynamics::case::Case;
+use ds_dynamics::healthy::{Healthy, learn};
 use ds_dynamics::{Options, diagnose, synthetic};
 use ds_effect::find;
 
@@ -77,7 +78,11 @@ fn a_faulty_log_among_healthy_ones_is_named() {
     let baseline = learn(&logs, &|| ()).expect("four logs");
     let least = baseline.influence.iter().min_by(|a, b| a.chance.total_cmp(&b.chance)).expect("four of them");
     assert_eq!(least.unit, "odd", "{:?}", baseline.influence);
-    assert!(least.moves.is_some() && baseline.warnings.iter().any(|w| w.starts_with("odd is unlike")), "{:?}", baseline.warnings);
+    assert!(
+        least.moves.is_some() && baseline.warnings.iter().any(|w| w.starts_with("odd is unlike")),
+        "{:?}",
+        baseline.warnings
+    );
 }
 
 #[test]

@@ -19,7 +19,7 @@ const WORTH: f64 = 0.01;
 /// Rows that tell the same: windows overlap and blocks share their noise.
 const SHARED: f64 = 4.0;
 /// Residuals beyond this are cut: a slide is no trait.
-pub(super) const CUT: f64 = 6.0;
+pub(crate) const CUT: f64 = 6.0;
 
 /// The predicted residuals of healthy drives.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -68,7 +68,8 @@ impl Discrepancy {
         }
         let without: Vec<Sums> = (0..studies.len())
             .map(|out| {
-                let others: Vec<&Study> = studies.iter().enumerate().filter(|(k, _)| *k != out).map(|(_, s)| *s).collect();
+                let others: Vec<&Study> =
+                    studies.iter().enumerate().filter(|(k, _)| *k != out).map(|(_, s)| *s).collect();
                 Sums::of(&others)
             })
             .collect();

@@ -5,29 +5,57 @@ use crate::windows::{Anchor, BLOCK, BLOCKS, EgoRecord, Moment};
 use ds_diagnosis::table::STEP_SECS;
 
 /// Names of the quantities of one moment.
-pub const NAMES: [&str; STATE] =
-    ["one", "v", "v2", "ay", "abs_ay", "traction", "brake", "steer", "steer_rate", "v_ay", "ay_abs_ay", "ay_traction", "ay_brake", "abs_steer_rate"];
+pub const NAMES: [&str; STATE] = [
+    "one",
+    "v",
+    "v2",
+    "ay",
+    "abs_ay",
+    "traction",
+    "brake",
+    "steer",
+    "steer_rate",
+    "v_ay",
+    "ay_abs_ay",
+    "ay_traction",
+    "ay_brake",
+    "abs_steer_rate",
+];
 /// Quantities of one moment.
-pub(super) const STATE: usize = 14;
+pub(crate) const STATE: usize = 14;
 /// Features of one block: the moment's, and those added up once and twice over the time since the start.
-pub(super) const FEATURES: usize = 3 * STATE;
+pub(crate) const FEATURES: usize = 3 * STATE;
 
 /// Returns the quantities of a moment: v over 15 m/s, lateral acceleration over 3 m/s², requested acceleration over
 /// 1.5 m/s², steering in tenths of a radian and its rate in fifths of a radian per second.
 #[must_use]
-pub(super) fn state(moment: &Moment) -> [f64; STATE] {
+pub(crate) fn state(moment: &Moment) -> [f64; STATE] {
     let v = moment.speed_mps / 15.0;
     let ay = moment.speed_mps * moment.yaw_rate / 3.0;
     let (traction, brake) = (moment.accel_mps2.max(0.0) / 1.5, (-moment.accel_mps2).max(0.0) / 1.5);
     let (steer, rate) = (10.0 * moment.steer_rad, 5.0 * moment.steer_rate);
-    let all =
-        [1.0, v, v * v, ay, ay.abs(), traction, brake, steer, rate, v * ay, ay * ay.abs(), ay * traction, ay * brake, rate.abs()];
+    let all = [
+        1.0,
+        v,
+        v * v,
+        ay,
+        ay.abs(),
+        traction,
+        brake,
+        steer,
+        rate,
+        v * ay,
+        ay * ay.abs(),
+        ay * traction,
+        ay * brake,
+        rate.abs(),
+    ];
     all.map(|value| value.clamp(-5.0, 5.0))
 }
 
 /// Returns the features of every block of a window.
 #[must_use]
-pub(super) fn blocks(record: &EgoRecord, anchor: &Anchor) -> Vec<[f64; FEATURES]> {
+pub(crate) fn blocks(record: &EgoRecord, anchor: &Anchor) -> Vec<[f64; FEATURES]> {
     let mut sum = [0.0; STATE];
     let mut out = Vec::with_capacity(BLOCKS);
     for block in 0..BLOCKS {

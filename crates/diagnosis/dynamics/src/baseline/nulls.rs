@@ -7,15 +7,9 @@ use std::collections::BTreeMap;
 use ds_stats::{Pooled, holm};
 use serde::{Deserialize, Serialize};
 
-use super::ALARM;
-use crate::choice::Outcome;
-use crate::remainder::{Left, left};
-
 /// What the statistic of evidence scatters on effect-free drives of the library's own vehicles, as a sample worth so many
 /// degrees of freedom.
 const USUAL_GAIN: Pooled = Pooled { freedom: 4.0, variance: 0.36 };
-/// How fast the probability of something unknown rises as the chance falls below the alarm's.
-const STEEPNESS: f64 = 1.0;
 /// Name of the statistic of evidence, for a part of the loop.
 pub const GAIN: [&str; 2] = ["gain:ego", "gain:followers"];
 
@@ -33,40 +27,10 @@ pub struct Null {
 /// Values of statistics by name.
 pub type Statistics = BTreeMap<String, f64>;
 
-/// Returns the statistics of a remainder: the logarithm of loss over clean level by channel, of its worst drive and of its
-/// worst window.
-#[must_use]
-pub fn of_remainder(lefts: &[Left]) -> Statistics {
-    let mut found = Statistics::new();
-    for left in lefts {
-        let mut drives: BTreeMap<&str, f64> = BTreeMap::new();
-        for ((channel, _), ratio) in &left.drives {
-            let worst = drives.entry(channel).or_default();
-            *worst = worst.max(*ratio);
-        }
-        found.extend(drives.iter().map(|(channel, ratio)| (format!("drive:{channel}"), ratio.max(1e-3).ln())));
-        found.extend(left.windows.iter().map(|(channel, ratio)| (format!("window:{channel}"), ratio.max(1e-3).ln())));
-    }
-    found
-}
-
 /// Returns the statistic of a log evidence gain, which grows with the size of an effect.
 #[must_use]
 pub fn of_gain(gain: f64) -> f64 {
     (2.0 * gain.max(0.0)).sqrt()
-}
-
-/// Returns all statistics of a healthy log.
-#[must_use]
-pub fn of_healthy(outcomes: &[Outcome<'_, '_>]) -> Statistics {
-    let lefts: Vec<Left> =
-        outcomes.iter().map(|o| left(o.search.model, &o.search.null, &o.search.null, false)).collect();
-    let mut found = of_remainder(&lefts);
-    for (name, outcome) in GAIN.iter().zip(outcomes) {
-        let best = outcome.search.singles.first().map_or(0.0, |h| h.gain);
-        found.insert((*name).to_owned(), of_gain(best));
-    }
-    found
 }
 
 /// Gathers what healthy logs reached; a statistic that some of them lack counts for those that have it.
@@ -99,15 +63,6 @@ pub fn chances(nulls: &[Null], reached: &Statistics) -> BTreeMap<String, f64> {
 pub fn chance(nulls: &[Null], reached: &Statistics) -> f64 {
     let all: Vec<f64> = chances(nulls, reached).into_values().collect();
     holm(&all).into_iter().fold(1.0, f64::min)
-}
-
-/// Returns the probability that something is at work that no library effect explains, from what an accepted model or the
-/// ordinary mismatch leaves.
-#[must_use]
-pub fn unknown(nulls: &[Null], lefts: &[Left]) -> f64 {
-    let chance = chance(nulls, &of_remainder(lefts)).max(1e-12);
-    let trend = lefts.iter().map(Left::inconstant).fold(0.0, f64::max);
-    (1.0 / (1.0 + (chance / ALARM).powf(STEEPNESS))).max(trend)
 }
 
 /// Returns the log evidence gain of the best effect that a healthy log of a part exceeds with some chance.

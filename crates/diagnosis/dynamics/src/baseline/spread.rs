@@ -23,7 +23,7 @@ pub struct Estimate {
 
 /// Returns what a further log of the same kind will have, from the estimates of others.
 #[must_use]
-pub(super) fn spread(estimates: &[Estimate], library: Nuisance) -> Nuisance {
+pub(crate) fn spread(estimates: &[Estimate], library: Nuisance) -> Nuisance {
     let telling: Vec<&Estimate> = estimates.iter().filter(|e| e.precision > 0.0).collect();
     if telling.is_empty() {
         return library;

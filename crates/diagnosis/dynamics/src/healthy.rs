@@ -1,17 +1,20 @@
 //! Learns a baseline from healthy logs: each studied by itself, then put together, then each judged by the others.
 
+pub(crate) mod statistics;
+mod study;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use ds_diagnosis::CaseError;
 use ds_effect::Channel;
 use rayon::prelude::*;
 
-use super::discrepancy::Discrepancy;
-use super::features::{NAMES, STATE};
-use super::nulls::{self, Statistics};
-use super::spread::{Estimate, spread};
-use super::study::Study;
-use super::{Baseline, Influence, SCHEMA, Units, Usual};
+use crate::baseline::discrepancy::Discrepancy;
+use crate::baseline::features::{NAMES, STATE};
+use crate::baseline::nulls::{self, Statistics};
+use crate::baseline::spread::{Estimate, spread};
+use crate::baseline::study::Study;
+use crate::baseline::{Baseline, Influence, SCHEMA, Units, Usual, channels, digest};
 use crate::case::{Case, PartModel};
 use crate::choice::Outcome;
 use crate::fit::point_loss;
@@ -60,7 +63,7 @@ pub fn learn(healthy: &[Healthy], progress: Progress<'_>) -> Result<Baseline, Ca
     let studies: Vec<Study> = units
         .par_iter()
         .map(|unit| {
-            let study = Study::of(unit.case, &unit.drives);
+            let study = study::study(unit.case, &unit.drives);
             progress();
             study
         })
@@ -80,11 +83,14 @@ pub fn learn(healthy: &[Healthy], progress: Progress<'_>) -> Result<Baseline, Ca
         baseline.nulls = nulls::gather(&logs);
     }
     for (out, unit) in units.iter().enumerate() {
-        let others: Vec<Statistics> = logs.iter().enumerate().filter(|(k, _)| *k != out).map(|(_, s)| s.clone()).collect();
+        let others: Vec<Statistics> =
+            logs.iter().enumerate().filter(|(k, _)| *k != out).map(|(_, s)| s.clone()).collect();
         let chance = nulls::chance(&nulls::gather(&others), &logs[out]);
         baseline.influence.push(Influence { unit: unit.name.clone(), chance, moves: judged[out].1.clone() });
         if chance < UNLIKE {
-            baseline.warnings.push(format!("{} is unlike the other healthy logs (chance {chance:.1e}): is it healthy?", unit.name));
+            baseline
+                .warnings
+                .push(format!("{} is unlike the other healthy logs (chance {chance:.1e}): is it healthy?", unit.name));
         }
     }
     for (part, name) in nulls::GAIN.iter().enumerate() {
@@ -134,15 +140,23 @@ fn assemble(units: &[Unit<'_>], studies: &[&Study]) -> Baseline {
     }
     let days: BTreeSet<_> = cases.iter().map(|case| case.meta.day.clone()).collect();
     if days.len() == 1 && days.iter().all(Option::is_some) {
-        warnings.push("all healthy logs are of one day: what the day brings and what a fault brings cannot be told apart".to_owned());
+        warnings.push(
+            "all healthy logs are of one day: what the day brings and what a fault brings cannot be told apart"
+                .to_owned(),
+        );
     }
     Baseline {
         schema_version: SCHEMA,
-        nominal_hash: cases.iter().map(|case| digest(case)).collect::<BTreeSet<_>>().into_iter().collect(),
-        channels: cases.iter().flat_map(|case| channels(case)).collect::<BTreeSet<_>>().into_iter().collect(),
+        nominal_hash: cases
+            .iter()
+            .map(|case| digest(&case.meta.nominal))
+            .collect::<BTreeSet<_>>()
+            .into_iter()
+            .collect(),
+        channels: cases.iter().flat_map(|case| channels(&case.drives)).collect::<BTreeSet<_>>().into_iter().collect(),
         rate_hz: 1.0 / ds_diagnosis::table::STEP_SECS,
         units: Units {
-            vehicle: names(&|unit| unit.case.meta.vehicle.clone().unwrap_or_else(|| digest(unit.case))),
+            vehicle: names(&|unit| unit.case.meta.vehicle.clone().unwrap_or_else(|| digest(&unit.case.meta.nominal))),
             day: names(&|unit| unit.case.meta.day.clone().unwrap_or_else(|| unit.name.clone())),
             drive: units.iter().map(|unit| unit.name.clone()).collect(),
         },
@@ -163,9 +177,7 @@ fn usual_values(case: &Case, studies: &[&Study]) -> BTreeMap<String, Vec<Option<
         let space = Space::new(which, &case.meta.nominal, &[]);
         for (k, coordinate) in space.coordinates.iter().enumerate() {
             let estimates: Vec<Estimate> = studies.iter().filter_map(|s| s.estimates[part][k]).collect();
-            // what shows only past a limit is not measured by drives that stay below it
-            let usual = coordinate.nuisance.filter(|_| !coordinate.parameter.starts_late());
-            let usual = usual.map(|library| spread(&estimates, library));
+            let usual = coordinate.nuisance.map(|library| spread(&estimates, library));
             let line = out.entry(space.effects[coordinate.effect].id.to_owned()).or_default();
             line.push(usual.map(|n| Usual { mean: n.mean, sd: n.sd }));
         }
@@ -231,29 +243,16 @@ fn judge(units: &[Unit<'_>], studies: &[Study], whole: &Baseline, out: usize) ->
     let unit = &units[out];
     // a log is judged by the drives that a diagnosis would fit
     let (fit, _) = unit.case.meta.split();
-    let drives: Vec<usize> = unit.drives.iter().copied().filter(|d| unit.drives.len() == 1 || fit.contains(d)).collect();
+    let drives: Vec<usize> =
+        unit.drives.iter().copied().filter(|d| unit.drives.len() == 1 || fit.contains(d)).collect();
     let models =
         [Part::Ego, Part::Following].map(|part| PartModel::against(unit.case, part, &drives, &[], Some(&baseline)));
-    let outcomes: Vec<Outcome<'_, '_>> =
-        models.iter().map(|m| Outcome::searched(m, Effort::Quick)).collect();
+    let outcomes: Vec<Outcome<'_, '_>> = models.iter().map(|m| Outcome::searched(m, Effort::Quick)).collect();
     let moves = |(id, all): (&String, &Vec<Option<Usual>>)| {
         let (now, then) = (all.first().copied().flatten()?, baseline.spread.get(id)?.first().copied().flatten()?);
         let library = ds_effect::find(id)?.parameters.first()?.nuisance?;
         Some((id.clone(), ((now.mean - then.mean) / library.sd).abs()))
     };
     let largest = whole.spread.iter().filter_map(moves).max_by(|a, b| a.1.total_cmp(&b.1));
-    (nulls::of_healthy(&outcomes), largest)
-}
-
-/// Returns a short digest of the nominal simulator of a case.
-pub(super) fn digest(case: &Case) -> String {
-    let text = serde_json::to_string(&case.meta.nominal).unwrap_or_default();
-    blake3::hash(text.as_bytes()).to_hex()[..16].to_owned()
-}
-
-/// Returns the channels that a case has.
-pub(super) fn channels(case: &Case) -> Vec<String> {
-    let columns: BTreeSet<&str> = case.drives.iter().flat_map(|drive| drive.columns()).map(|(name, _)| name).collect();
-    let followers = case.drives.iter().any(|drive| !drive.followers.is_empty());
-    columns.into_iter().map(str::to_owned).chain(followers.then(|| "agents".to_owned())).collect()
+    (statistics::of_healthy(&outcomes), largest)
 }
