@@ -25,7 +25,27 @@ pub fn resamples(draws: &Draws, times: u64, count: usize) -> impl Iterator<Item 
 /// contiguous. Blocks of `block` windows are drawn within a drive, round its end, so that every drive keeps its size.
 #[must_use]
 pub fn block_weights(drives: &[usize], block: usize, times: u64, draws: &Draws) -> Vec<Vec<f64>> {
+    let spans = spans(drives);
     let mut counter = 0;
+    (0..times).map(|_| blocks(&spans, drives.len(), block, (draws, &mut counter))).collect()
+}
+
+/// Returns the same in two stages: as many drives as there are, with replacement, and blocks within each of them. A single
+/// drive is all that is drawn of one.
+#[must_use]
+pub fn staged_weights(drives: &[usize], block: usize, times: u64, draws: &Draws) -> Vec<Vec<f64>> {
+    let spans = spans(drives);
+    let mut counter = 0;
+    let one = |_| {
+        let picked: Vec<(usize, usize)> = pick(draws, counter, spans.len()).into_iter().map(|k| spans[k]).collect();
+        counter += spans.len() as u64;
+        blocks(&picked, drives.len(), block, (draws, &mut counter))
+    };
+    (0..times).map(one).collect()
+}
+
+/// Returns first and one past the last window of each drive.
+fn spans(drives: &[usize]) -> Vec<(usize, usize)> {
     let mut spans: Vec<(usize, usize)> = Vec::new();
     for (k, drive) in drives.iter().enumerate() {
         match spans.last_mut() {
@@ -33,24 +53,27 @@ pub fn block_weights(drives: &[usize], block: usize, times: u64, draws: &Draws) 
             _ => spans.push((k, k + 1)),
         }
     }
-    (0..times)
-        .map(|_| {
-            let mut weights = vec![0.0; drives.len()];
-            for &(start, end) in &spans {
-                let count = end - start;
-                let mut drawn = 0;
-                while drawn < count {
-                    let first = (draws.uniform(counter) * count as f64) as usize;
-                    counter += 1;
-                    for k in 0..block.min(count - drawn) {
-                        weights[start + (first + k) % count] += 1.0;
-                    }
-                    drawn += block;
-                }
+    spans
+}
+
+/// Draws blocks within some drives; tells how often each of `count` windows was drawn.
+fn blocks(spans: &[(usize, usize)], count: usize, block: usize, (draws, counter): (&Draws, &mut u64)) -> Vec<f64> {
+    let mut weights = vec![0.0; count];
+    for &(start, end) in spans {
+        let count = end - start;
+        // two blocks at least, or nothing would be drawn anew
+        let block = block.min(count / 2).max(1);
+        let mut drawn = 0;
+        while drawn < count {
+            let first = (draws.uniform(*counter) * count as f64) as usize;
+            *counter += 1;
+            for k in 0..block.min(count - drawn) {
+                weights[start + (first + k) % count] += 1.0;
             }
-            weights
-        })
-        .collect()
+            drawn += block;
+        }
+    }
+    weights
 }
 
 /// How intervals of means are drawn.

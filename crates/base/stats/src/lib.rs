@@ -21,7 +21,7 @@ pub use normal::normal_tail;
 pub use permutation::{Chance, EXACT_UP_TO, PATTERNS, sign_flip};
 pub use quantile::{percentiles, quantile, sorted_quantile, upper_median};
 pub use shapley::shapley;
-pub use share::{Explained, explained, share};
+pub use share::{Explained, explained, explained_elsewhere, share};
 pub use student::{Pooled, student_tail};
 pub use wilson::wilson;
 

@@ -28,6 +28,13 @@ pub fn share([before, after, floor]: [f64; 3]) -> f64 {
 /// floor.
 #[must_use]
 pub fn explained(all: [f64; 3], drawn: &[[f64; 3]]) -> Option<Explained> {
+    explained_elsewhere(all, drawn, drawn)
+}
+
+/// Returns the same with an interval for data that are still to come: `elsewhere` is drawn as they may be, while `drawn`
+/// says whether there is a gap in the data at hand.
+#[must_use]
+pub fn explained_elsewhere(all: [f64; 3], drawn: &[[f64; 3]], elsewhere: &[[f64; 3]]) -> Option<Explained> {
     let [before, after, floor] = all;
     if before.to_bits() == after.to_bits() && before.is_finite() {
         return Some(Explained { share: 0.0, interval90: [0.0; 2] });
@@ -39,7 +46,7 @@ pub fn explained(all: [f64; 3], drawn: &[[f64; 3]]) -> Option<Explained> {
     if !(gap > 0.0 && gap > RESOLVED * error && after.is_finite()) {
         return None;
     }
-    let shares: Vec<f64> = drawn.iter().copied().map(share).filter(|share| share.is_finite()).collect();
+    let shares: Vec<f64> = elsewhere.iter().copied().map(share).filter(|share| share.is_finite()).collect();
     Some(Explained { share: share(all), interval90: percentiles(shares, 0.05)? })
 }
 

@@ -20,11 +20,12 @@ const COLUMNS: [&str; 12] =
     ["t", "cmd_steer", "cmd_accel", "x", "y", "yaw", "v", "yaw_rate", "ax", "ay", "steer_meas", "v_wheel"];
 const ENDING: &str = ".mcap";
 
-/// Extracts the vehicle logs of recorded drives to a folder, with the nominal car beside them.
+/// Extracts the vehicle logs of recorded drives to a folder, with the nominal car beside them; `simulated` where they are of
+/// the built-in simulator.
 ///
 /// # Errors
 /// If a recording is refused or a file cannot be written.
-pub fn extract(recordings: &[PathBuf], folder: &Path) -> Result<(), CasesError> {
+pub fn extract(recordings: &[PathBuf], simulated: bool, folder: &Path) -> Result<(), CasesError> {
     let mut drives = Vec::new();
     let mut described = None;
     for path in recordings {
@@ -35,6 +36,7 @@ pub fn extract(recordings: &[PathBuf], folder: &Path) -> Result<(), CasesError> 
         drives.push(DriveEntry { file, ..DriveEntry::default() });
         let warm_up = message.spec.warm_up * message.spec.replan_period;
         described = Some(VehicleMeta {
+            simulated,
             cameras: message.scene.cameras.iter().map(camera).collect(),
             agents: Some(message.spec.agents.name().to_owned()),
             from_secs: Some(f64::from(warm_up) * message.scene.dt.secs()),

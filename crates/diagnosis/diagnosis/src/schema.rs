@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use ds_effect::{Effect, Verdict, library};
-use ds_stats::{explained, false_discovery};
+use ds_stats::{explained_elsewhere, false_discovery};
 use serde::{Deserialize, Serialize};
 
 use crate::error::CaseError;
@@ -262,7 +262,7 @@ pub struct Shrink {
     /// 90 % interval of `share_explained`.
     #[serde(default, deserialize_with = "null::known_pair", skip_serializing_if = "Option::is_none")]
     pub interval90: Option<[f64; 2]>,
-    /// heldout, fit or unseen.
+    /// heldout, crossfit (every drive by a fit without it), fit or unseen.
     pub data: String,
 }
 
@@ -271,9 +271,15 @@ impl Shrink {
     /// resample.
     #[must_use]
     pub fn new(metric: &str, all: [f64; 4], drawn: &[[f64; 4]], data: &str) -> Self {
+        Self::elsewhere(metric, all, [drawn, drawn], data)
+    }
+
+    /// Measures a metric with an interval for data still to come: resamples of the data at hand, and such as those may be.
+    #[must_use]
+    pub fn elsewhere(metric: &str, all: [f64; 4], drawn: [&[[f64; 4]]; 2], data: &str) -> Self {
         let step = |from: usize, to: usize| {
-            let drawn: Vec<[f64; 3]> = drawn.iter().map(|d| [d[from], d[to], d[3]]).collect();
-            explained([all[from], all[to], all[3]], &drawn)
+            let [here, elsewhere] = drawn.map(|d| d.iter().map(|d| [d[from], d[to], d[3]]).collect::<Vec<_>>());
+            explained_elsewhere([all[from], all[to], all[3]], &here, &elsewhere)
         };
         let effects = step(1, 2);
         let [before, nuisance, after, floor] = all;

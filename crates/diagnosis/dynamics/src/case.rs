@@ -155,6 +155,9 @@ impl<'a> PartModel<'a> {
         baseline: Option<&Baseline>,
     ) -> Self {
         let mut space = Space::new(part, &case.meta.nominal, without);
+        if case.meta.simulated {
+            space.expect_nothing();
+        }
         if let Some(baseline) = baseline {
             baseline.settle(&mut space);
         }

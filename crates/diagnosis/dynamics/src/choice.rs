@@ -169,20 +169,26 @@ impl<'m, 'c> Outcome<'m, 'c> {
         self.accepted.as_ref().map_or(&self.search.null, |h| &h.fit)
     }
 
-    /// Returns the three states: nothing, the ordinary mismatch fitted alone, and the fit with the accepted effects.
+    /// Returns the three states: nothing, the ordinary mismatch as fitted beside the accepted effects, and with them.
     #[must_use]
     pub fn vectors(&self) -> [Vec<f64>; 3] {
-        [self.search.model.space.neutral(), self.search.null.vector.clone(), self.fit().vector.clone()]
+        self.states(self.fit().vector.clone())
+    }
+
+    fn states(&self, full: Vec<f64>) -> [Vec<f64>; 3] {
+        let space = &self.search.model.space;
+        let usual = space.usual();
+        let mut ordinary = full.clone();
+        let effects = self.accepted.iter().flat_map(|h| &h.effects);
+        effects.flat_map(|effect| space.of(*effect)).for_each(|k| ordinary[k] = usual[k]);
+        [space.neutral(), ordinary, full]
     }
 
     /// Returns the three states of [`Self::vectors`], both fits made without one drive.
     #[must_use]
     pub fn without_drive(&self, drive: usize) -> [Vec<f64>; 3] {
-        let (search, out) = (&self.search, (drive, false));
-        let null = refit_without(search.model, &search.null, &[], out).vector;
-        let refit = |h: &Hypothesis| refit_without(self.model(), &h.fit, &h.effects, out).vector;
-        let full = self.accepted.as_ref().map_or_else(|| null.clone(), refit);
-        [search.model.space.neutral(), null, full]
+        let effects = self.accepted.as_ref().map_or(&[][..], |h| &h.effects);
+        self.states(refit_without(self.model(), self.fit(), effects, (drive, false)).vector)
     }
 
     /// Returns the model in whose floor units [`Self::fit`] is.

@@ -11,12 +11,13 @@ use crate::choice::{Candidate, Outcome, rank};
 use crate::fit::Fit;
 use crate::foreign::structure;
 use crate::healthy::statistics;
-use crate::how_far::{how_far, position_errors, roots};
+use crate::how_far::{cross_fitted, how_far, position_errors, roots};
 use crate::manoeuvre;
 use crate::remainder::{Left, describe, left};
 use crate::search::Effort;
 use crate::settings::{
-    DOUBT, GROUP_COSINE, GROUP_EVIDENCE, LOOSE_SHAPE, OWN_NUISANCE, SHAPE_ERROR, Thresholds, WEAK, WIDTH_SHARE,
+    DOUBT, GROUP_COSINE, GROUP_EVIDENCE, LEAST_HELD_OUT, LOOSE_SHAPE, OWN_NUISANCE, SHAPE_ERROR, Thresholds, WEAK,
+    WIDTH_SHARE,
 };
 use crate::shapley::split;
 use crate::signature::{cosine, spread};
@@ -25,6 +26,7 @@ use crate::windows::EGO;
 use ds_diagnosis::Verdict;
 use ds_diagnosis::schema::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, SCHEMA, Unknown};
 use ds_diagnosis::score::GROUP_SIZE;
+use ds_effect::Plant;
 
 /// How to diagnose.
 #[derive(Debug, Clone, Default)]
@@ -80,7 +82,15 @@ pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) ->
         outcome.vectors().map(|vector| outcome.search.model.space.plant(&vector))
     });
     let states = [&plants[0].each_ref(), &plants[1].each_ref()];
-    let data = if held.is_empty() { (fit_drives.as_slice(), "fit") } else { (held.as_slice(), "heldout") };
+    let data = if held.is_empty() { fit_drives.as_slice() } else { held.as_slice() };
+    let kept: usize = held.iter().map(|&d| case.drives[d].samples).sum();
+    let mut shrinks = if kept < LEAST_HELD_OUT { Vec::new() } else { how_far(case, &held, states, "heldout") };
+    if shrinks.is_empty() && case.drives.len() > 1 {
+        shrinks = cross_fitted(case, &crossed(case, &outcomes, &fit_drives));
+    }
+    if shrinks.is_empty() {
+        shrinks = how_far(case, data, states, "fit");
+    }
     let unknown_description = (verdict == Verdict::Unknown).then(|| {
         let fits: Vec<_> = outcomes.iter().map(|o| (o.model(), o.fit())).collect();
         describe(case, &lefts, &fits, ranking.iter().take(3).map(|c| c.id.to_owned()).collect())
@@ -97,8 +107,8 @@ pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) ->
         p_unknown,
         chosen,
         cells: map(case, &outcomes, &options.without),
-        how_far: how_far(case, data.0, states, data.1),
-        shares: if options.quick { Vec::new() } else { outcomes.iter().flat_map(|o| split(case, o, data.0)).collect() },
+        how_far: shrinks,
+        shares: if options.quick { Vec::new() } else { outcomes.iter().flat_map(|o| split(case, o, data)).collect() },
         predicted_share: predicted(case, &outcomes, &fit_drives),
         unknown_description,
         unknown,
@@ -252,6 +262,20 @@ fn map(case: &Case, outcomes: &[Outcome<'_, '_>], without: &[String]) -> Vec<Cel
     found.sort_by(|a, b| b.effect_size.total_cmp(&a.effect_size));
     found.truncate(400);
     found
+}
+
+/// Returns the simulators of both parts for every drive, fitted without it.
+fn crossed(case: &Case, outcomes: &[Outcome<'_, '_>], fitted: &[usize]) -> Vec<(usize, [[Plant; 3]; 2])> {
+    let of = |drive: usize| {
+        let plants = |part: usize| {
+            let outcome = &outcomes[part];
+            let apart = fitted.len() > 1 && fitted.contains(&drive);
+            let vectors = if apart { outcome.without_drive(drive) } else { outcome.vectors() };
+            vectors.map(|vector| outcome.search.model.space.plant(&vector))
+        };
+        (drive, [0, 1].map(plants))
+    };
+    (0..case.drives.len()).map(of).collect()
 }
 
 /// Returns the share of `position_2s` that the effects explain on the fit drives, each by fits made without it.

@@ -2,19 +2,22 @@
 //! fitted and the one with the effects added as well, against the floor.
 //!
 //! Position, heading and speed errors of free rollouts at fixed times, and each channel's residual; root mean squares in
-//! the channel's unit. Shares are those of `ds_stats::explained`, over a block bootstrap.
+//! the channel's unit. Shares are those of `ds_stats::explained`, over a bootstrap of drives and
+//! blocks within them.
 
 use ds_effect::{Channel, Plant};
 
-use crate::bootstrap::weights;
+use crate::bootstrap::{weights, weights_of_drives};
 use crate::case::Case;
 use crate::floor;
 use crate::following;
-use crate::windows::{BLOCK, EGO, EgoRecord};
+use crate::windows::{Anchor, BLOCK, EGO, EgoRecord};
 use ds_diagnosis::schema::Shrink;
 
-/// Samples between starts of the five-second rollouts.
-const STRIDE: usize = 40;
+/// Samples between starts of the five-second rollouts, and in drives shorter than [`SHORT`].
+const STRIDES: [usize; 2] = [40, 10];
+/// Samples of a short drive.
+const SHORT: usize = 400;
 /// Samples of a rollout.
 const SCORED: usize = 100;
 
@@ -37,6 +40,27 @@ pub fn how_far(case: &Case, drives: &[usize], [car, followers]: [&States<'_>; 2]
     all.iter().filter_map(|errors| shrink(errors, data)).collect()
 }
 
+/// Compares the simulators on drives of which each has its own, fitted without it.
+#[must_use]
+pub fn cross_fitted(case: &Case, drives: &[(usize, [[Plant; 3]; 2])]) -> Vec<Shrink> {
+    let mut all: Vec<Errors> = Vec::new();
+    for (drive, [car, followers]) in drives {
+        let mut own = Vec::new();
+        ego(case, &[*drive], &car.each_ref(), &mut own);
+        following(case, &[*drive], &followers.each_ref(), &mut own);
+        for errors in own {
+            match all.iter_mut().find(|other| other.name == errors.name) {
+                Some(other) => {
+                    other.rows.extend(errors.rows);
+                    other.drives.extend(errors.drives);
+                }
+                None => all.push(errors),
+            }
+        }
+    }
+    all.iter().filter_map(|errors| shrink(errors, "crossfit")).collect()
+}
+
 fn ego(case: &Case, drives: &[usize], plants: &States<'_>, all: &mut Vec<Errors>) {
     let names = ["position_1s", "position_2s", "position_5s", "yaw_2s", "speed_2s"];
     let channels = (0..EGO).map(|c| format!("channel:{}", Channel::ALL[c].name()));
@@ -49,7 +73,7 @@ fn ego(case: &Case, drives: &[usize], plants: &States<'_>, all: &mut Vec<Errors>
     for record in case.ego.iter().filter(|r| drives.contains(&r.drive)) {
         let rolled = plants.map(|plant| rollouts(record, plant));
         let noise = &case.noise;
-        for (k, anchor) in record.anchors_every(STRIDE, SCORED).iter().enumerate() {
+        for (k, anchor) in starts(record).iter().enumerate() {
             let own = rolled.each_ref().map(|states| &states[k]);
             let blocks = SCORED / BLOCK;
             let floor = |c: usize, k: usize| floor::ego(c, k, &anchor.regime, noise).powi(2);
@@ -78,8 +102,12 @@ fn ego(case: &Case, drives: &[usize], plants: &States<'_>, all: &mut Vec<Errors>
     }
 }
 
+fn starts(record: &EgoRecord) -> Vec<Anchor> {
+    record.anchors_every(STRIDES[usize::from(record.samples() < SHORT)], SCORED)
+}
+
 fn rollouts(record: &EgoRecord, plant: &Plant) -> Vec<Vec<f64>> {
-    record.windows(&record.anchors_every(STRIDE, SCORED), &record.inputs, plant)
+    record.windows(&starts(record), &record.inputs, plant)
 }
 
 fn following(case: &Case, drives: &[usize], plants: &States<'_>, all: &mut Vec<Errors>) {
@@ -115,9 +143,11 @@ fn shrink(errors: &Errors, data: &str) -> Option<Shrink> {
     if errors.rows.len() < 3 {
         return None;
     }
-    let draws = weights(&errors.drives, "shrink");
-    let drawn: Vec<[f64; 4]> = draws.iter().map(|d| roots(&errors.rows, Some(d))).collect();
-    Some(Shrink::new(&errors.name, roots(&errors.rows, None), &drawn, data))
+    let drawn =
+        |draws: Vec<Vec<f64>>| -> Vec<[f64; 4]> { draws.iter().map(|d| roots(&errors.rows, Some(d))).collect() };
+    let here = drawn(weights(&errors.drives, "shrink"));
+    let elsewhere = drawn(weights_of_drives(&errors.drives, "drives"));
+    Some(Shrink::elsewhere(&errors.name, roots(&errors.rows, None), [&here, &elsewhere], data))
 }
 
 /// Returns the root mean squares of rows of squares, each counted as often as a draw says.

@@ -116,6 +116,8 @@ pub const UNKNOWN_WIDTH: f64 = 0.12;
 pub const STRUCTURE_RATIO: f64 = 2.1;
 /// Width of the passage from trait to structure, in log units of the clean level.
 pub const STRUCTURE_WIDTH: f64 = 0.1;
+/// Samples of drives kept from the fit, 20 s, below which all drives are judged, each by a fit without it.
+pub const LEAST_HELD_OUT: usize = 400;
 /// False discovery rate over all cells.
 pub const DISCOVERY_RATE: f64 = 0.05;
 /// Draws of every bootstrap.

@@ -93,6 +93,14 @@ impl Space {
         self.coordinates.iter().map(|c| c.nuisance.map_or(c.parameter.neutral, |n| n.mean)).collect()
     }
 
+    /// Takes for usual what is neutral, as of a world that has the effects that it was given and no others.
+    pub fn expect_nothing(&mut self) {
+        for coordinate in &mut self.coordinates {
+            let neutral = coordinate.parameter.neutral;
+            coordinate.nuisance.iter_mut().filter(|_| neutral.is_finite()).for_each(|n| n.mean = neutral);
+        }
+    }
+
     /// Returns the coordinates of an effect.
     #[must_use]
     pub fn of(&self, effect: usize) -> Vec<usize> {

@@ -135,6 +135,12 @@ impl EgoRecord {
         (WARM..last).step_by(stride).map(|sample| self.anchor(sample, scored)).collect()
     }
 
+    /// Returns the number of samples of the drive.
+    #[must_use]
+    pub fn samples(&self) -> usize {
+        self.log.samples
+    }
+
     /// Returns what a sample is like.
     #[must_use]
     pub fn moment(&self, sample: usize) -> Moment {

@@ -133,6 +133,7 @@ fn closes(diagnosis: &Diagnosis, who: &str) -> String {
 pub(crate) fn data(shrink: &Shrink) -> &'static str {
     match shrink.data.as_str() {
         "heldout" => "on data kept from the fit",
+        "crossfit" => "on every drive, by a fit without it",
         "unseen" => "on data never seen before",
         _ => "on the data of the fit",
     }

@@ -100,7 +100,8 @@ fn world_of(args: &RunPlan, files: &[PathBuf]) -> Result<RunConfig> {
 fn extract(args: &RunPlan, results: &Results) -> Result<()> {
     let completed = results.episodes.iter().filter(|episode| episode.status == "completed");
     let recordings: Vec<PathBuf> = completed.map(|episode| args.out.join(&episode.recording)).collect();
-    Ok(logs::extract(&recordings, &args.out.join("real"))?)
+    let simulated = !args.stages.iter().any(|stage| stage.starts_with("sim"));
+    Ok(logs::extract(&recordings, simulated, &args.out.join("real"))?)
 }
 
 /// Removes all of a sealed run that tells more than a real vehicle would.

@@ -28,6 +28,9 @@ pub struct VehicleMeta {
     /// Day of the drives, by any name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub day: Option<String>,
+    /// Whether the logs are of this project's own simulator, which has none of the mismatch that real vehicles have.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub simulated: bool,
     /// Its drives.
     pub drives: Vec<DriveEntry>,
     /// Channels known to be absent.
@@ -177,6 +180,7 @@ impl VehicleMeta {
             case: String::new(),
             vehicle: None,
             day: None,
+            simulated: false,
             drives,
             channels_missing: Vec::new(),
             channels_derived: Vec::new(),
