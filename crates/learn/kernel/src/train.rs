@@ -27,7 +27,7 @@ use ds_nn::step::{BidirectionalPlan, CausalPlan, ClipBatch, Group, Level, Predic
 
 use super::Buffer;
 use super::buffer::Pool;
-use backward::Back;
+use backward::{Back, Backward};
 use network::{Network, Tape};
 pub use pixels::{autoencoder, decoder};
 use sequence::Sequence;
@@ -160,7 +160,7 @@ pub fn bidirectional(shape: &DitShape, weights: &Weights, batch: &ClipBatch, pla
             *error = (output - target) * scale;
         }
         loss.add(&mut d_output[frame..], &clip.emphasis[tokens * 4..], z, scale);
-        network.backward(&sequence, d_output, (tape, back), &mut gradient);
+        Backward { network: &network, sequence: &sequence, tape, back, gradient: &mut gradient }.run(d_output);
     }
     Step { loss: loss.value(), parts: Vec::new(), gradient }
 }
@@ -229,7 +229,7 @@ pub fn causal(shape: &DitShape, weights: &Weights, batch: &ClipBatch, plan: &Cau
             let factor = if plan.prediction == Prediction::Flow { -part.level.0 * share } else { share };
             part.loss.add(errors, &clip.emphasis[part.positions.start * tokens * 4..], z, factor);
         }
-        network.backward(&sequence, d_output, (tape, back), &mut gradient);
+        Backward { network: &network, sequence: &sequence, tape, back, gradient: &mut gradient }.run(d_output);
     }
     let parts: Vec<_> = parts.iter().map(|part| (part.name, part.loss.value())).collect();
     Step { loss: parts.iter().map(|(_, loss)| loss).sum::<f32>() * share, parts, gradient }

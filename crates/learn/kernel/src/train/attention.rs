@@ -18,6 +18,12 @@ pub(super) type Seen<'a> = [(&'a [f32], &'a [f32])];
 /// Gradients of keys and values, added to what is there; none where they stop.
 pub(super) type Grown<'a> = [Option<(&'a mut [f32], &'a mut [f32])>];
 
+/// Keys and values that queries saw, and their gradients.
+pub(super) struct Attended<'a, 'g> {
+    pub(super) seen: &'a Seen<'a>,
+    pub(super) grown: &'a mut Grown<'g>,
+}
+
 /// Tiles of attention.
 #[derive(Default)]
 pub(super) struct Tiles {
@@ -84,13 +90,13 @@ impl Heads {
     pub(super) fn backward(
         self,
         [q, out, d_out]: [&[f32]; 3],
-        (seen, grown): (&Seen<'_>, &mut Grown<'_>),
+        mut attended: Attended<'_, '_>,
         logs: &[f32],
         tiles: &mut Tiles,
         dq: &mut [f32],
     ) {
         let dim = self.dim();
-        let width: usize = seen.iter().map(|(keys, _)| keys.len() / dim).sum();
+        let width: usize = attended.seen.iter().map(|(keys, _)| keys.len() / dim).sum();
         for (head, logs) in logs.chunks_exact(q.len() / dim).enumerate() {
             for first in (0..q.len() / dim).step_by(TILE) {
                 let rows = TILE.min(q.len() / dim - first);
@@ -99,22 +105,22 @@ impl Heads {
                 tiles.weights.resize(rows * width);
                 tiles.d.resize(rows * width);
                 tiles.totals.resize(rows);
-                self.scores(head, q, seen, &mut tiles.weights);
+                self.scores(head, q, attended.seen, &mut tiles.weights);
                 rows::softmax_again(self.arch, &mut tiles.weights, width, &logs[first..first + rows]);
                 let at = head * self.width;
                 rows::dots(self.arch, &out[at..], &d_out[at..], [self.width, dim], &mut tiles.totals);
-                self.values(head, d_out, (seen, grown), tiles);
+                self.values(head, d_out, &mut attended, tiles);
                 rows::softmax_back(self.arch, &tiles.weights, width, &tiles.totals, &mut tiles.d);
-                self.keys(head, q, (seen, grown), tiles, &mut dq[now]);
+                self.keys(head, q, &mut attended, tiles, &mut dq[now]);
             }
         }
     }
 
     /// Gradients of weights and values.
-    fn values(self, head: usize, d_out: &[f32], (seen, grown): (&Seen<'_>, &mut Grown<'_>), tiles: &mut Tiles) {
+    fn values(self, head: usize, d_out: &[f32], attended: &mut Attended<'_, '_>, tiles: &mut Tiles) {
         let (dim, rows) = (self.dim(), d_out.len() / self.dim());
         let (width, d_out, mut at) = (tiles.d.len() / rows, self.part(d_out, head), 0);
-        for ((_, values), grown) in seen.iter().zip(grown) {
+        for ((_, values), grown) in attended.seen.iter().zip(attended.grown.iter_mut()) {
             let count = values.len() / dim;
             multiply(&mut tiles.d[at..], width, false, d_out, self.part(values, head).turned());
             if let Some((_, dv)) = grown {
@@ -126,10 +132,10 @@ impl Heads {
     }
 
     /// Gradients of queries and keys.
-    fn keys(self, head: usize, q: &[f32], (seen, grown): (&Seen<'_>, &mut Grown<'_>), tiles: &Tiles, dq: &mut [f32]) {
+    fn keys(self, head: usize, q: &[f32], attended: &mut Attended<'_, '_>, tiles: &Tiles, dq: &mut [f32]) {
         let (dim, rows) = (self.dim(), q.len() / self.dim());
         let (width, mut at) = (tiles.d.len() / rows, 0);
-        for ((keys, _), grown) in seen.iter().zip(grown) {
+        for ((keys, _), grown) in attended.seen.iter().zip(attended.grown.iter_mut()) {
             let count = keys.len() / dim;
             let d = View::new(&tiles.d[at..], rows, count, width);
             multiply(&mut dq[head * self.width..], dim, at > 0, d, self.part(keys, head));

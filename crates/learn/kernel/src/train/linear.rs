@@ -1,5 +1,7 @@
 //! Linear layers over rows and their backward pass: dx = dy·W, dW += dyᵀ·x, db += Σ dy.
 
+use std::ops::Range;
+
 use ds_nn::array::Weights;
 
 use super::matrix::{View, multiply};
@@ -51,9 +53,9 @@ impl<'a> Linear<'a> {
         multiply(dx, self.inputs(), keep, View::all(dy, self.outputs()), View::all(self.weight, self.inputs()));
     }
 
-    /// dx += dy·W for some inputs alone, `count` from `first` on; rows of dx lie `stride` apart.
-    pub(super) fn back_part(&self, dy: &[f32], (first, count): (usize, usize), dx: &mut [f32], stride: usize) {
-        let weight = View::new(&self.weight[first..], self.outputs(), count, self.inputs());
+    /// dx += dy·W for some inputs alone; rows of dx lie `stride` apart.
+    pub(super) fn back_part(&self, dy: &[f32], inputs: Range<usize>, dx: &mut [f32], stride: usize) {
+        let weight = View::new(&self.weight[inputs.start..], self.outputs(), inputs.len(), self.inputs());
         multiply(dx, stride, true, View::all(dy, self.outputs()), weight);
     }
 

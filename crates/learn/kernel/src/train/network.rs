@@ -36,6 +36,8 @@ pub(super) struct Cross<'a> {
 
 /// One layer.
 pub(super) struct Layer<'a> {
+    /// Its place among the layers.
+    pub(super) at: usize,
     pub(super) name: String,
     pub(super) modulation: &'a [f32],
     pub(super) own: Attention<'a>,
@@ -144,6 +146,7 @@ impl<'a> Network<'a> {
                 attention: Attention::new(weights, part("cross_attn"), query_scale),
             };
             Layer {
+                at: layer,
                 modulation: values(weights, &part("modulation")),
                 own: Attention::new(weights, part("self_attn"), query_scale),
                 cross: shape.crosses(layer).then(cross),
@@ -197,12 +200,12 @@ impl<'a> Network<'a> {
         self.context(sequence, tape);
         tape.layers.resize_with(self.layers.len(), LayerTape::default);
         let mut layers = std::mem::take(&mut tape.layers);
-        for (at, (layer, kept)) in self.layers.iter().zip(&mut layers).enumerate() {
-            self.attend(at, layer, &mut kept.own, tape);
+        for (layer, kept) in self.layers.iter().zip(&mut layers) {
+            self.attend(layer, &mut kept.own, tape);
             if let Some(cross) = &layer.cross {
                 self.cross(cross, &mut kept.cross, tape);
             }
-            self.feed_forward(at, layer, kept, tape);
+            self.feed_forward(layer, kept, tape);
         }
         tape.layers = layers;
         tape.normal.sized(rows * d);
@@ -256,7 +259,7 @@ impl<'a> Network<'a> {
         }
     }
 
-    fn attend(&self, at: usize, layer: &Layer<'_>, kept: &mut AttentionTape, tape: &mut Tape) {
+    fn attend(&self, layer: &Layer<'_>, kept: &mut AttentionTape, tape: &mut Tape) {
         let (d, Attention { q, k, v, o, norm_q, norm_k, .. }) = (self.shape.dim, &layer.own);
         let Tape { runs, links, moved, rotary, time, x, y, tiles, .. } = tape;
         let rows = x.len() / d;
@@ -264,7 +267,7 @@ impl<'a> Network<'a> {
         kept.scales.sized(rows);
         y.sized(rows * d);
         for Run { rows, time: label } in runs.iter() {
-            let (now, [shift, factor, ..]) = (span(rows, d), time.rows(at, *label, layer.modulation));
+            let (now, [shift, factor, ..]) = (span(rows, d), time.rows(layer.at, *label, layer.modulation));
             let (normal, y) = (&mut kept.normal[now.clone()], &mut y[now.clone()]);
             rows::layer_norm(self.arch, &x[now], [factor, shift], normal, &mut kept.scales[rows.clone()], y);
         }
@@ -294,7 +297,7 @@ impl<'a> Network<'a> {
         }
         o.forward(&kept.mixed, kept.out.sized(rows * d));
         for Run { rows, time: label } in runs.iter() {
-            let (now, [.., gate, _, _, _]) = (span(rows, d), time.rows(at, *label, layer.modulation));
+            let (now, [.., gate, _, _, _]) = (span(rows, d), time.rows(layer.at, *label, layer.modulation));
             rows::gate(self.arch, &kept.out[now.clone()], gate, &mut x[now]);
         }
     }
@@ -319,14 +322,14 @@ impl<'a> Network<'a> {
         x.iter_mut().zip(y.iter()).for_each(|(x, y)| *x += y);
     }
 
-    fn feed_forward(&self, at: usize, layer: &Layer<'_>, kept: &mut LayerTape, tape: &mut Tape) {
+    fn feed_forward(&self, layer: &Layer<'_>, kept: &mut LayerTape, tape: &mut Tape) {
         let (d, [first, second]) = (self.shape.dim, &layer.ffn);
         let Tape { runs, time, x, y, hidden, .. } = tape;
         let rows = x.len() / d;
         kept.normal.sized(rows * d);
         kept.scales.sized(rows);
         for Run { rows, time: label } in runs.iter() {
-            let (now, [_, _, _, shift, factor, _]) = (span(rows, d), time.rows(at, *label, layer.modulation));
+            let (now, [_, _, _, shift, factor, _]) = (span(rows, d), time.rows(layer.at, *label, layer.modulation));
             let (normal, y) = (&mut kept.normal[now.clone()], &mut y[now.clone()]);
             rows::layer_norm(self.arch, &x[now], [factor, shift], normal, &mut kept.scales[rows.clone()], y);
         }
@@ -334,7 +337,7 @@ impl<'a> Network<'a> {
         rows::gelu(self.arch, &kept.hidden, hidden.sized(rows * self.shape.ffn));
         second.forward(hidden, kept.out.sized(rows * d));
         for Run { rows, time: label } in runs.iter() {
-            let (now, [.., gate]) = (span(rows, d), time.rows(at, *label, layer.modulation));
+            let (now, [.., gate]) = (span(rows, d), time.rows(layer.at, *label, layer.modulation));
             rows::gate(self.arch, &kept.out[now.clone()], gate, &mut x[now]);
         }
     }
