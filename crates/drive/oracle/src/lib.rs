@@ -12,7 +12,7 @@ mod place;
 use std::sync::Arc;
 
 use ds_score::{
-    Executed, OracleRanking, Plan, PreparedScene, Rollout, ScoreError, Traffic, rank_plans, rank_rollouts,
+    Executed, OracleRanking, PlannedPoses, PreparedScene, Rollout, ScoreError, Traffic, rank_plans, rank_rollouts,
     reference_plan,
 };
 use ds_sim::Simulation;
@@ -95,7 +95,8 @@ impl Oracle {
         let reference = reference_plan(&scene, None).map_err(failed)?.plan;
         let ranking = match agents {
             AgentsIn::Open => {
-                let plans: Vec<Plan> = proposals.iter().map(|proposal| Plan::of(&proposal.trajectory)).collect();
+                let plans: Vec<PlannedPoses> =
+                    proposals.iter().map(|proposal| PlannedPoses::of(&proposal.trajectory)).collect();
                 rank_plans(&scene, &reference, &plans).map_err(failed)?
             }
             AgentsIn::Reacting => {
@@ -129,7 +130,7 @@ fn ranked_rollouts(
 }
 
 /// Returns a plan as a trajectory.
-fn trajectory(plan: &Plan) -> Trajectory {
+fn trajectory(plan: &PlannedPoses) -> Trajectory {
     let point = |(index, pose): (u32, &ds_space::PoseSe2)| TrajectoryPoint {
         after: SimTime::from_secs(f64::from(index) * plan.dt_s),
         pose: *pose,

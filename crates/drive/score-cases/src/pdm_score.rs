@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use ds_score::{
-    AgentTrack, AreaKind, Footprint, MapArea, MovingBox, ObjectClass, OpenLoopMap, OpenLoopScene, PastState, Plan,
-    SceneNow, VehicleState,
+    AgentTrack, AreaKind, Footprint, MapArea, MovingBox, ObjectClass, OpenLoopMap, OpenLoopScene, PastState,
+    PlannedPoses, SceneNow, VehicleState,
 };
 use ds_space::{DVec2, PoseSe2};
 use serde::Deserialize;
@@ -97,8 +97,8 @@ pub(crate) struct Candidate {
 }
 
 impl PlanFile {
-    pub(crate) fn plan(&self) -> Plan {
-        Plan { dt_s: self.dt, poses: self.poses.iter().map(pose).collect() }
+    pub(crate) fn plan(&self) -> PlannedPoses {
+        PlannedPoses { dt_s: self.dt, poses: self.poses.iter().map(pose).collect() }
     }
 }
 

@@ -12,8 +12,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use ds_score::{
-    AgentTrack, AreaKind, Footprint, MapArea, MovingBox, ObjectClass, OpenLoopMap, PastState, Plan, PreparedMap,
-    PreparedScene, Rollout, SceneNow, Traffic, VehicleState, Yardstick, rank_plans, rank_rollouts,
+    AgentTrack, AreaKind, Footprint, MapArea, MovingBox, ObjectClass, OpenLoopMap, PastState, PlannedPoses,
+    PreparedMap, PreparedScene, Rollout, SceneNow, Traffic, VehicleState, Yardstick, rank_plans, rank_rollouts,
 };
 use ds_space::{DVec2, PoseSe2};
 use serde_json::Value;
@@ -28,8 +28,8 @@ const PLAN_BAR_MS: f64 = 0.11;
 struct Scene {
     map: OpenLoopMap,
     now: SceneNow,
-    reference: Plan,
-    plans: Vec<Plan>,
+    reference: PlannedPoses,
+    plans: Vec<PlannedPoses>,
 }
 
 fn number(value: &Value) -> f64 {
@@ -48,8 +48,8 @@ fn pose(value: &Value) -> PoseSe2 {
     PoseSe2 { position: point(value), heading_rad: number(&value[2]) }
 }
 
-fn plan(value: &Value) -> Plan {
-    Plan { dt_s: number(&value["dt"]), poses: list(&value["poses"]).map(pose).collect() }
+fn plan(value: &Value) -> PlannedPoses {
+    PlannedPoses { dt_s: number(&value["dt"]), poses: list(&value["poses"]).map(pose).collect() }
 }
 
 fn state(value: &Value) -> VehicleState {
@@ -148,7 +148,7 @@ fn matrix_product_ms() -> f64 {
     })
 }
 
-fn pair(map: &Arc<PreparedMap>, scene: &Scene, plan: &Plan) {
+fn pair(map: &Arc<PreparedMap>, scene: &Scene, plan: &PlannedPoses) {
     let prepared = PreparedScene::on(map, &scene.now).expect("a sound scene");
     let yardstick = Yardstick::new(&prepared, &scene.reference, None).expect("a sound plan");
     black_box(yardstick.score(&prepared, plan).expect("a sound plan"));
@@ -202,7 +202,7 @@ fn main() {
     let mut slowest_ms = 0.0f64;
     let mut batch_sum_ms = 0.0;
     for (scene, map) in scenes.iter().zip(&maps) {
-        let plans: Vec<Plan> = scene.plans.iter().cycle().take(BATCH).cloned().collect();
+        let plans: Vec<PlannedPoses> = scene.plans.iter().cycle().take(BATCH).cloned().collect();
         let ms = median_ms(BATCH, || {
             let prepared = PreparedScene::on(map, &scene.now).expect("a sound scene");
             black_box(rank_plans(&prepared, &scene.reference, &plans).expect("sound plans"));

@@ -15,7 +15,7 @@ use crate::metric::{
     drivable_area, driving_direction, ego_progress, history_comfort, lane_keeping, no_at_fault_collision,
     time_to_collision, traffic_light,
 };
-use crate::motion::{Coverage, Executed, Plan, VehicleState};
+use crate::motion::{Coverage, Executed, PlannedPoses, VehicleState};
 use crate::proposal::{Footsteps, Memory, Violation};
 use crate::scene::{OpenLoopScene, PreparedScene, Traffic};
 
@@ -164,9 +164,9 @@ pub struct NavsimV2 {
 /// [`ScoreError`] names what cannot be scored.
 pub fn navsim_v2(
     scene: &OpenLoopScene,
-    reference: &Plan,
-    human: Option<&Plan>,
-    plan: &Plan,
+    reference: &PlannedPoses,
+    human: Option<&PlannedPoses>,
+    plan: &PlannedPoses,
 ) -> Result<NavsimV2, ScoreError> {
     let scene = PreparedScene::new(scene)?;
     let yardstick = Yardstick::new(&scene, reference, human)?;
@@ -186,7 +186,11 @@ impl Yardstick {
     ///
     /// # Errors
     /// [`ScoreError`] if a plan is refused.
-    pub fn new(scene: &PreparedScene, reference: &Plan, human: Option<&Plan>) -> Result<Self, ScoreError> {
+    pub fn new(
+        scene: &PreparedScene,
+        reference: &PlannedPoses,
+        human: Option<&PlannedPoses>,
+    ) -> Result<Self, ScoreError> {
         let mut memory = Memory::default();
         let states = scene.executor.execute(&scene.ego, reference)?;
         let measured = measure(scene, &[&scene.traffic], scene.past.as_deref(), &states, &mut memory);
@@ -218,7 +222,7 @@ impl Yardstick {
     ///
     /// # Errors
     /// [`ScoreError`] if the plan is refused.
-    pub fn score(&self, scene: &PreparedScene, plan: &Plan) -> Result<NavsimV2, ScoreError> {
+    pub fn score(&self, scene: &PreparedScene, plan: &PlannedPoses) -> Result<NavsimV2, ScoreError> {
         let states = scene.executor.execute(&scene.ego, plan)?;
         self.score_executed(scene, &states, plan.coverage())
     }

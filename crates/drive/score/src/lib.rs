@@ -42,7 +42,7 @@ pub use epdms::{FirstViolations, Measured, NavsimV2, SubScores, Yardstick, navsi
 pub use error::ScoreError;
 pub use footprint::Footprint;
 pub use metric::extended_comfort::{DIFFERENCE_NAMES, ExtendedComfort, extended_comfort};
-pub use motion::{Coverage, Executed, Executor, Plan, VehicleState};
+pub use motion::{Coverage, Executed, Executor, PlannedPoses, VehicleState};
 pub use oracle::{OracleRanking, OracleScore, Rollout, rank_plans, rank_rollouts};
 pub use pdms::{NavsimV1, navsim_v1, navsim_v1_executed};
 pub use planner::{ReferencePlan, reference_plan};

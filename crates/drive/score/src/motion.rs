@@ -10,7 +10,7 @@ mod plan;
 mod profile;
 mod state;
 
-pub use plan::{Coverage, Plan};
+pub use plan::{Coverage, PlannedPoses};
 pub use state::VehicleState;
 
 use ds_space::PoseSe2;
@@ -48,7 +48,7 @@ impl Executor {
     ///
     /// # Errors
     /// [`ScoreError`] if the plan cannot be sampled or holds a number that is not finite.
-    pub fn execute(&self, start: &VehicleState, plan: &Plan) -> Result<Executed, ScoreError> {
+    pub fn execute(&self, start: &VehicleState, plan: &PlannedPoses) -> Result<Executed, ScoreError> {
         let mut states = [VehicleState::default(); STATES];
         self.execute_into(start, plan, &mut states)?;
         Ok(states)
@@ -58,7 +58,12 @@ impl Executor {
     ///
     /// # Errors
     /// As [`Self::execute`].
-    pub fn execute_into(&self, start: &VehicleState, plan: &Plan, states: &mut Executed) -> Result<(), ScoreError> {
+    pub fn execute_into(
+        &self,
+        start: &VehicleState,
+        plan: &PlannedPoses,
+        states: &mut Executed,
+    ) -> Result<(), ScoreError> {
         let mut poses = [PoseSe2::default(); STATES];
         plan.sample(&start.pose(), &mut poses)?;
         let directions = profile::directions(&poses);

@@ -8,7 +8,7 @@ use crate::constants::NAVSIM_V2_VERSION;
 use crate::epdms::{FirstViolations, Measured, SubScores, check_states, measure};
 use crate::error::ScoreError;
 use crate::metric::ego_progress;
-use crate::motion::{Executed, Plan, VehicleState};
+use crate::motion::{Executed, PlannedPoses, VehicleState};
 use crate::proposal::Memory;
 use crate::scene::{PreparedScene, Traffic};
 
@@ -61,10 +61,14 @@ impl OracleRanking {
 ///
 /// # Errors
 /// [`ScoreError`] if a plan is refused.
-pub fn rank_plans(scene: &PreparedScene, reference: &Plan, plans: &[Plan]) -> Result<OracleRanking, ScoreError> {
+pub fn rank_plans(
+    scene: &PreparedScene,
+    reference: &PlannedPoses,
+    plans: &[PlannedPoses],
+) -> Result<OracleRanking, ScoreError> {
     let mut memory = Memory::default();
     let mut states = [VehicleState::default(); crate::constants::horizon::STATES];
-    let mut own = |plan: &Plan| {
+    let mut own = |plan: &PlannedPoses| {
         scene.executor.execute_into(&scene.ego, plan, &mut states)?;
         Ok(measure(scene, &[&scene.traffic], scene.past.as_deref(), &states, &mut memory))
     };

@@ -13,7 +13,7 @@ use crate::metric::lane_keeping::Places;
 use crate::metric::{
     comfort_v1, drivable_area, driving_direction, ego_progress, no_at_fault_collision, time_to_collision,
 };
-use crate::motion::{Executed, Plan};
+use crate::motion::{Executed, PlannedPoses};
 use crate::proposal::{Footsteps, Memory, Violation};
 use crate::scene::{OpenLoopScene, PreparedScene};
 
@@ -54,7 +54,7 @@ pub struct NavsimV1 {
 ///
 /// # Errors
 /// [`ScoreError`] names what cannot be scored.
-pub fn navsim_v1(scene: &OpenLoopScene, reference: &Plan, plan: &Plan) -> Result<NavsimV1, ScoreError> {
+pub fn navsim_v1(scene: &OpenLoopScene, reference: &PlannedPoses, plan: &PlannedPoses) -> Result<NavsimV1, ScoreError> {
     let scene = PreparedScene::new(scene)?;
     let reference = scene.executor.execute(&scene.ego, reference)?;
     let states = scene.executor.execute(&scene.ego, plan)?;

@@ -19,7 +19,7 @@ use crate::constants::planner::{
 use crate::epdms::{Measured, measure};
 use crate::error::ScoreError;
 use crate::metric::ego_progress;
-use crate::motion::Plan;
+use crate::motion::PlannedPoses;
 use crate::proposal::Memory;
 use crate::scene::PreparedScene;
 
@@ -27,7 +27,7 @@ use crate::scene::PreparedScene;
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReferencePlan {
     /// The plan, 40 poses at 0.1 s.
-    pub plan: Plan,
+    pub plan: PlannedPoses,
     /// Its offset from the centreline, in metres, left positive.
     pub offset_m: f64,
     /// Its share of the speed limit.
@@ -143,7 +143,7 @@ impl<'a> Road<'a> {
         self.offset_m + (offset_m - self.offset_m) * eased
     }
 
-    fn plan(&self, along_m: &[f64; STATES], offset_m: f64) -> Plan {
+    fn plan(&self, along_m: &[f64; STATES], offset_m: f64) -> PlannedPoses {
         let points: [DVec2; STATES] = std::array::from_fn(|step| {
             let (point, direction) = on_line(self.line, along_m[step]);
             point + direction.perp() * self.offset_at(step, offset_m)
@@ -158,7 +158,7 @@ impl<'a> Road<'a> {
             }
             ego.relative(&PoseSe2 { position: points[step], heading_rad })
         });
-        Plan { dt_s: DT_S, poses: poses.collect() }
+        PlannedPoses { dt_s: DT_S, poses: poses.collect() }
     }
 }
 

@@ -10,7 +10,7 @@ use ds_world::{
 
 use crate::constants::horizon::{DT_S, STATES, V1_AGENT_STEPS};
 use crate::footprint::Footprint;
-use crate::motion::{Executed, Plan, VehicleState};
+use crate::motion::{Executed, PlannedPoses, VehicleState};
 use crate::scene::{AgentTrack, AreaKind, MapArea, MovingBox, ObjectClass, OpenLoopMap, OpenLoopScene, SceneNow};
 
 /// Makes a rectangle of x and y limits.
@@ -41,8 +41,8 @@ pub(crate) fn scene(speed_mps: f64) -> OpenLoopScene {
 }
 
 /// Makes a plan straight on at a speed.
-pub(crate) fn plan(speed_mps: f64) -> Plan {
-    Plan { dt_s: 0.5, poses: (1..=8).map(|i| PoseSe2::new(0.5 * speed_mps * f64::from(i), 0.0, 0.0)).collect() }
+pub(crate) fn plan(speed_mps: f64) -> PlannedPoses {
+    PlannedPoses { dt_s: 0.5, poses: (1..=8).map(|i| PoseSe2::new(0.5 * speed_mps * f64::from(i), 0.0, 0.0)).collect() }
 }
 
 /// Makes the states of a drive straight on at a speed, beside the centreline.

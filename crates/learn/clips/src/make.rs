@@ -26,7 +26,7 @@ use crate::recipe::{Recipe, Source};
 pub fn scene_of(key: &ScenarioKey) -> Result<Scene, ClipsError> {
     match key {
         ScenarioKey::Generated { family, seed } => Ok(ds_scenario::generate(*family, *seed)),
-        ScenarioKey::Abroad { seed } => Ok(ds_second_camera::roads::scene(*seed)),
+        ScenarioKey::SecondWorld { seed } => Ok(ds_second_camera::roads::scene(*seed)),
         ScenarioKey::File(path) => Ok(ds_import::open(path)?.0),
         ScenarioKey::Photographed { .. } => Ok(recorded(key)?.scene),
     }
@@ -94,7 +94,7 @@ impl<'a> Studio<'a> {
         clip.prompt = ds_scenario::prompt(&facts);
         self.let_others_work(planned, &worlds[0], &facts, &mut clip)?;
         let (seed, file) = match &planned.scenario {
-            ScenarioKey::Generated { seed, .. } | ScenarioKey::Abroad { seed } => (Some(*seed), None),
+            ScenarioKey::Generated { seed, .. } | ScenarioKey::SecondWorld { seed } => (Some(*seed), None),
             ScenarioKey::File(path) => (None, Some(path.clone())),
             ScenarioKey::Photographed { root, .. } => (None, Some(root.clone())),
         };

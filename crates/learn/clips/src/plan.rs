@@ -23,7 +23,7 @@ pub enum ScenarioKey {
         seed: u64,
     },
     /// The generator of the second world.
-    Abroad {
+    SecondWorld {
         /// The seed.
         seed: u64,
     },
@@ -170,8 +170,8 @@ impl ClipPlan {
         if let Some(path) = self.files.get(usize::try_from(index).unwrap_or(usize::MAX)) {
             return path.clone();
         }
-        if self.recipe.scenarios.generator == Some(Generator::Abroad) {
-            return ScenarioKey::Abroad { seed: self.recipe.scenarios.first_seed + index };
+        if self.recipe.scenarios.generator == Some(Generator::SecondWorld) {
+            return ScenarioKey::SecondWorld { seed: self.recipe.scenarios.first_seed + index };
         }
         let families = Family::ALL.len() as u64;
         let family = Family::ALL[usize::try_from(index % families).unwrap_or(0)];

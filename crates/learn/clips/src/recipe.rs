@@ -31,8 +31,9 @@ pub enum Source {
     Reference,
     /// Scenario files and logs seen by the reference camera.
     Imported,
-    /// Scenarios seen in the second world (world B); for evaluation only.
-    Abroad,
+    /// Scenarios seen in the second world (world B), for evaluation only; `second_world` or `abroad`, the name in digests.
+    #[serde(rename = "abroad", alias = "second_world")]
+    SecondWorld,
     /// Drives of the nuScenes folder layout: frames are photographs.
     Nuscenes,
     /// Drives of the OpenScene / NAVSIM folder layout: frames are photographs.
@@ -50,7 +51,7 @@ impl Source {
     /// their drive.
     pub(crate) fn world(self) -> &'static dyn CameraWorld {
         match self {
-            Self::Abroad => &SecondWorld,
+            Self::SecondWorld => &SecondWorld,
             Self::Reference | Self::Imported | Self::Nuscenes | Self::Openscene => &ReferenceWorld,
         }
     }
@@ -109,7 +110,7 @@ pub struct ScenarioConfig {
     /// How many scenarios.
     #[serde(default)]
     pub count: u64,
-    /// Who generates: the project's families without it, or `abroad`, roads of the second world; for tests only.
+    /// Who generates: the project's families without it, or `second_world`, roads of the second world; for tests only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub generator: Option<Generator>,
     /// Scenario files, logs, or folders of them; roots of data sets of photographed drives. Relative to this file.
@@ -129,8 +130,9 @@ pub struct ScenarioConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Generator {
-    /// Roads of the second world.
-    Abroad,
+    /// Roads of the second world; named as its pictures are.
+    #[serde(rename = "abroad", alias = "second_world")]
+    SecondWorld,
 }
 
 /// The conditions of a set.
@@ -257,8 +259,8 @@ impl Recipe {
             return refuse("shard_clips", format!("must be 1 to 4096, not {}", self.shard_clips));
         }
         let scenarios = &self.scenarios;
-        if self.source == Source::Abroad && self.split != Split::Test {
-            return refuse("source", "\"abroad\" is for split \"test\" only".to_owned());
+        if self.source == Source::SecondWorld && self.split != Split::Test {
+            return refuse("source", "\"second_world\" is for split \"test\" only".to_owned());
         }
         let generated = scenarios.files.is_empty();
         if self.edit.is_none() && generated && !(1..=100_000).contains(&scenarios.count) {
@@ -267,12 +269,12 @@ impl Recipe {
         let wrong = match self.source {
             Source::Imported | Source::Nuscenes | Source::Openscene => generated,
             Source::Reference => !generated,
-            Source::Abroad => false,
+            Source::SecondWorld => false,
         };
         if wrong {
             return refuse(
                 "scenarios.files",
-                "are given with \"imported\", \"nuscenes\", \"openscene\" and where wanted \"abroad\", and only there"
+                "are given with \"imported\", \"nuscenes\", \"openscene\" and where wanted \"second_world\", and only there"
                     .to_owned(),
             );
         }
@@ -280,7 +282,7 @@ impl Recipe {
             return refuse("source", "photographs have no classes, no stray ego and no edits".to_owned());
         }
         if scenarios.generator.is_some() && (self.split != Split::Test || !generated) {
-            return refuse("scenarios.generator", "\"abroad\" is for split \"test\", without files".to_owned());
+            return refuse("scenarios.generator", "\"second_world\" is for split \"test\", without files".to_owned());
         }
         if scenarios.camera.is_some() && !self.source.is_photographed() {
             return refuse("scenarios.camera", "is for photographs only".to_owned());

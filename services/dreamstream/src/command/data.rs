@@ -47,7 +47,7 @@ pub(crate) fn run(command: &DataCommand) -> Result<()> {
 fn render(args: &DataRenderArgs) -> Result<()> {
     let mut recipe = Recipe::load(&args.config).with_context(|| format!("recipe {}", args.config.display()))?;
     if let Some(world) = &args.world {
-        let asked = if world == "b" { Source::Abroad } else { Source::Reference };
+        let asked = if world == "b" { Source::SecondWorld } else { Source::Reference };
         if asked != recipe.source {
             ensure!(args.out.is_some(), "--world {world} differs from the recipe's: say with --out where the clips go");
             recipe = recipe.in_world(asked)?;

@@ -132,7 +132,7 @@ fn the_human_is_forgiven_for_zeros_only() {
     let prepared = PreparedScene::new(&scene).expect("a sound scene");
     // The human drives off the road to the right: DAC and LK are 0, and so is DDC as no lane of the route is there.
     let poses = (1..=8).map(|i| PoseSe2::new(5.0 * f64::from(i), -0.9 * f64::from(i).min(4.0), 0.0)).collect();
-    let human = Plan { dt_s: 0.5, poses };
+    let human = PlannedPoses { dt_s: 0.5, poses };
     let yardstick = Yardstick::new(&prepared, &plan(10.0), Some(&human)).expect("sound plans");
     let got = yardstick.score_executed(&prepared, &drive(10.0, -0.7), Coverage::Whole).expect("sound states");
     assert_eq!((got.unfiltered.drivable_area, got.unfiltered.lane_keeping, got.epdms_unfiltered), (0.0, 0.0, 0.0));
@@ -259,7 +259,7 @@ proptest! {
                 let share = (f64::from(i) / 5.0).min(1.0);
                 PoseSe2::new(0.5 * speed * f64::from(i), side * aside * share, 0.0)
             };
-            Plan { dt_s: 0.5, poses: (1..=8).map(at).collect() }
+            PlannedPoses { dt_s: 0.5, poses: (1..=8).map(at).collect() }
         };
         let score = |scene: &OpenLoopScene, side: f64| {
             navsim_v2(scene, &plan(speed), Some(&poses(side)), &poses(side)).expect("a sound scene")

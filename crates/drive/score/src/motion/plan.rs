@@ -15,7 +15,7 @@ const SHORTEST_DT_S: f64 = 1e-3;
 
 /// Poses of the rear axle in the ego's rear-axle frame now; the first one is at `dt_s`.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Plan {
+pub struct PlannedPoses {
     /// Time between poses, in seconds.
     pub dt_s: f64,
     /// The poses, x forward, y left, in metres and radians.
@@ -33,7 +33,7 @@ pub enum Coverage {
     Cut,
 }
 
-impl Plan {
+impl PlannedPoses {
     /// Makes a plan of a checked trajectory, sampled at 10 Hz over the scored 4 s.
     #[must_use]
     pub fn of(trajectory: &Trajectory) -> Self {

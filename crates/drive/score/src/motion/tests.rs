@@ -120,8 +120,8 @@ proptest! {
     }
 }
 
-fn straight(speed_mps: f64) -> Plan {
-    Plan { dt_s: 0.5, poses: (1..=8).map(|i| PoseSe2::new(0.5 * speed_mps * f64::from(i), 0.0, 0.0)).collect() }
+fn straight(speed_mps: f64) -> PlannedPoses {
+    PlannedPoses { dt_s: 0.5, poses: (1..=8).map(|i| PoseSe2::new(0.5 * speed_mps * f64::from(i), 0.0, 0.0)).collect() }
 }
 
 #[test]
@@ -167,7 +167,7 @@ fn braking_from_rest_of_plan_takes_the_worked_first_step() {
 #[test]
 fn sampling_by_table() {
     let ego = PoseSe2::new(100.0, 50.0, std::f64::consts::FRAC_PI_2);
-    let plan = Plan { dt_s: 0.5, poses: vec![PoseSe2::new(5.0, 0.0, 0.5), PoseSe2::new(5.0, 5.0, 1.0)] };
+    let plan = PlannedPoses { dt_s: 0.5, poses: vec![PoseSe2::new(5.0, 0.0, 0.5), PoseSe2::new(5.0, 5.0, 1.0)] };
     let mut poses = [PoseSe2::default(); STATES];
     plan.sample(&ego, &mut poses).expect("a sound plan");
     for (step, x_m, y_m, heading_rad) in [
@@ -182,17 +182,17 @@ fn sampling_by_table() {
     }
     assert_eq!(plan.coverage(), Coverage::Held);
     assert_eq!(straight(1.0).coverage(), Coverage::Whole);
-    assert_eq!(Plan { dt_s: 1.0, ..straight(1.0) }.coverage(), Coverage::Cut);
-    assert_eq!(Plan { dt_s: 0.1, poses: vec![PoseSe2::default(); 40] }.coverage(), Coverage::Whole);
+    assert_eq!(PlannedPoses { dt_s: 1.0, ..straight(1.0) }.coverage(), Coverage::Cut);
+    assert_eq!(PlannedPoses { dt_s: 0.1, poses: vec![PoseSe2::default(); 40] }.coverage(), Coverage::Whole);
 }
 
 #[test]
 fn bad_plans_are_refused_by_name() {
     for (plan, says) in [
-        (Plan { dt_s: 0.5, poses: vec![] }, "plan of 0 poses"),
-        (Plan { dt_s: 0.0, ..straight(1.0) }, "at 0 s"),
-        (Plan { dt_s: f64::NAN, ..straight(1.0) }, "at NaN s"),
-        (Plan { dt_s: 0.5, poses: vec![PoseSe2::new(1.0, f64::NAN, 0.0)] }, "\"poses[0].y\" is NaN"),
+        (PlannedPoses { dt_s: 0.5, poses: vec![] }, "plan of 0 poses"),
+        (PlannedPoses { dt_s: 0.0, ..straight(1.0) }, "at 0 s"),
+        (PlannedPoses { dt_s: f64::NAN, ..straight(1.0) }, "at NaN s"),
+        (PlannedPoses { dt_s: 0.5, poses: vec![PoseSe2::new(1.0, f64::NAN, 0.0)] }, "\"poses[0].y\" is NaN"),
     ] {
         let error = plan.check().expect_err(says).to_string();
         assert!(error.contains(says), "{error}");

@@ -22,12 +22,6 @@ pub enum AreaKind {
 }
 
 impl AreaKind {
-    /// Says whether a corner in it is on drivable surface; lanes and connectors do not count.
-    #[must_use]
-    pub fn is_drivable(self) -> bool {
-        matches!(self, Self::Roadblock | Self::Intersection | Self::CarPark)
-    }
-
     /// Says whether it is a lane or a connector.
     #[must_use]
     pub fn is_lane(self) -> bool {

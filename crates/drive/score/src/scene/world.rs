@@ -145,7 +145,7 @@ pub fn scene_now(scene: &Scene, tick: Tick, history: &[EgoState], agents: Vec<Ag
 mod tests {
     use super::*;
     use crate::epdms::Yardstick;
-    use crate::motion::Plan;
+    use crate::motion::PlannedPoses;
     use crate::planner::reference_plan;
     use crate::road::world;
     use crate::scene::PreparedScene;
@@ -194,7 +194,7 @@ mod tests {
         let prepared = PreparedScene::on(&map, &moment).expect("a sound moment");
         let start = scene.ego_log[30].pose;
         let poses = scene.ego_log[31..=70].iter().map(|ego| start.relative(&ego.pose)).collect();
-        let plan = Plan { dt_s: DT_S, poses };
+        let plan = PlannedPoses { dt_s: DT_S, poses };
         let reference = reference_plan(&prepared, Some(10.0)).expect("a sound scene");
         let score = Yardstick::new(&prepared, &reference.plan, None).expect("a plan").score(&prepared, &plan);
         let score = score.expect("a plan");
