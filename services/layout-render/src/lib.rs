@@ -9,13 +9,15 @@ pub use stage::LayoutStage;
 use std::sync::Arc;
 
 use ds_process::Drain;
+use ds_process::service::{StageSections, run_stage};
 
 /// Runs the process until `drain`.
 ///
 /// # Errors
 /// If the bus or the orchestrator's address is bad.
 pub async fn run(settings: Settings, drain: Drain) -> anyhow::Result<()> {
-    let sections = (&settings.process, &settings.control, &settings.security, &settings.bus);
+    let Settings { process, control, security, bus, .. } = &settings;
+    let sections = StageSections { process, control, security, bus };
     let factory = Arc::new(LayoutStage { probe: settings.layout.probe });
-    ds_process::service::run_stage("layout-render", sections, factory, drain).await
+    run_stage("layout-render", sections, factory, drain).await
 }

@@ -16,6 +16,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use ds_process::Drain;
+use ds_process::service::{StageSections, run_stage};
 
 /// Runs the process until `drain`.
 ///
@@ -32,6 +33,7 @@ pub async fn run(settings: Settings, drain: Drain) -> anyhow::Result<()> {
         }
     };
     let factory = Arc::new(PolicyStage::new(settings.policy.weights.clone(), outside));
-    let sections = (&settings.process, &settings.control, &settings.security, &settings.bus);
-    ds_process::service::run_stage("policy-bridge", sections, factory, drain).await
+    let Settings { process, control, security, bus, .. } = &settings;
+    let sections = StageSections { process, control, security, bus };
+    run_stage("policy-bridge", sections, factory, drain).await
 }

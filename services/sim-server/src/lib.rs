@@ -11,12 +11,14 @@ pub use stage::SimStage;
 use std::sync::Arc;
 
 use ds_process::Drain;
+use ds_process::service::{StageSections, run_stage};
 
 /// Runs the process until `drain`.
 ///
 /// # Errors
 /// If the bus or the orchestrator's address is bad.
 pub async fn run(settings: Settings, drain: Drain) -> anyhow::Result<()> {
-    let sections = (&settings.process, &settings.control, &settings.security, &settings.bus);
-    ds_process::service::run_stage("sim-server", sections, Arc::new(SimStage), drain).await
+    let Settings { process, control, security, bus, .. } = &settings;
+    let sections = StageSections { process, control, security, bus };
+    run_stage("sim-server", sections, Arc::new(SimStage), drain).await
 }

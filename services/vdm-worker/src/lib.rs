@@ -16,13 +16,15 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use ds_process::Drain;
+use ds_process::service::{StageSections, run_stage};
 
 /// Runs the process until `drain`.
 ///
 /// # Errors
 /// If the bus or the orchestrator's address is bad.
 pub async fn run(settings: Settings, drain: Drain) -> anyhow::Result<()> {
-    let sections = (&settings.process, &settings.control, &settings.security, &settings.bus);
+    let Settings { process, control, security, bus, .. } = &settings;
+    let sections = StageSections { process, control, security, bus };
     let weights = Some(settings.video.weights.clone()).filter(|path| *path != PathBuf::new());
     let video = &settings.video;
     let devices = if video.devices.is_empty() { device::detected() } else { video.devices.clone() };
@@ -32,5 +34,5 @@ pub async fn run(settings: Settings, drain: Drain) -> anyhow::Result<()> {
         .with_devices(devices, video.share_device)
         .with_backend(settings.device.backend);
     let factory = Arc::new(factory);
-    ds_process::service::run_stage("vdm-worker", sections, factory, drain).await
+    run_stage("vdm-worker", sections, factory, drain).await
 }

@@ -55,7 +55,12 @@ pub fn fit(case: &FrameCase, frames: &[&Frame], points: &[Vec<Point>], effects: 
     let mut own = vec![[0.0; 2]; frames.len()];
     let mut best: Option<Fit> = None;
     for _ in 0..settings::GEOMETRY_ROUNDS {
-        let system = assemble(case, (frames, points), (effects, &values, &slabs), (constant, &own), loose);
+        let system = assemble(
+            case,
+            frames,
+            points,
+            &Guess { effects, values: &values, slabs: &slabs, constant, own: &own, loose },
+        );
         let shifts = own.iter().map(|o| [o[0] + constant[0], o[1] + constant[1]]).collect();
         if best.as_ref().is_some_and(|b| system.loss > b.loss) {
             break;
@@ -117,13 +122,18 @@ struct System {
     loss: f64,
 }
 
-fn assemble(
-    case: &FrameCase,
-    (frames, points): (&[&Frame], &[Vec<Point>]),
-    (effects, values, slabs): (&Chosen, &[f64], &[(f64, f64)]),
-    (constant, own): ([f64; 2], &[[f64; 2]]),
+/// Where a fit stands: effects with their values and the ranges of those, and offsets.
+struct Guess<'a> {
+    effects: &'a Chosen,
+    values: &'a [f64],
+    slabs: &'a [(f64, f64)],
+    constant: [f64; 2],
+    own: &'a [[f64; 2]],
     loose: Loose,
-) -> System {
+}
+
+fn assemble(case: &FrameCase, frames: &[&Frame], points: &[Vec<Point>], guess: &Guess<'_>) -> System {
+    let Guess { effects, values, slabs, constant, own, loose } = *guess;
     let size = values.len() + 2;
     let chain = FrameChain::new(&nudged(effects, values, None));
     let steps: Vec<f64> = slabs.iter().map(|s| 1e-3 * (s.1 - s.0)).collect();

@@ -124,7 +124,7 @@ impl Site {
     }
 
     /// Lays a crosswalk with a stop line and a light over the lanes between two offsets from a line.
-    fn crossing(&mut self, line: &Polyline, at_m: f64, (left_m, right_m): (f64, f64)) {
+    fn crossing(&mut self, line: &Polyline, at_m: f64, left_m: f64, right_m: f64) {
         let ahead = smooth_direction(line, at_m);
         let place = |along: f64, left: f64| line.at(at_m) + ahead * along + ahead.perp() * left;
         let polygon = vec![place(0.0, left_m), place(0.0, right_m), place(3.2, right_m), place(3.2, left_m)];
@@ -214,7 +214,7 @@ fn boulevard(site: &mut Site) -> (Polyline, f64) {
     let mine = usize::from(site.chance(0.5));
     let reference = Polyline::new(&middle).expect("a drawn line has a length");
     let at = START_M + site.range(25.0, 90.0);
-    site.crossing(&reference, at, (-0.5 * median, -offset(f64::from(lanes))));
+    site.crossing(&reference, at, -0.5 * median, -offset(f64::from(lanes)));
     for (k, lane) in ahead.iter().enumerate() {
         let pace = if k == mine { speed } else { speed * site.range(0.75, 1.15) };
         // In the ego's own lane everyone drives as fast as the ego.
@@ -280,7 +280,7 @@ fn square(site: &mut Site) -> (Polyline, f64) {
     site.edge(shape::shifted(&middle, width));
     site.edge(shape::shifted(&middle, -width - 2.2));
     let reference = Polyline::new(&middle).expect("a drawn line has a length");
-    site.crossing(&reference, side - 6.0, (width, -width));
+    site.crossing(&reference, side - 6.0, width, -width);
     let parked = Polyline::new(&shape::shifted(&middle, -width - 1.1)).expect("a drawn line has a length");
     let mut at = site.range(2.0, 10.0);
     while at < parked.length_m() {

@@ -5,6 +5,7 @@
 //! and parallel paths have no zone (following and lane changes take care). Metres along a path, SI units.
 
 use ds_space::DVec2;
+use ds_space::plane::polygon;
 use ds_world::Map;
 
 use crate::agent_path::{AgentPath, KNOT_M};
@@ -133,7 +134,8 @@ pub(crate) fn zones(a: (usize, &Way<'_>), b: (usize, &Way<'_>), map: &Map, unmar
                 *other = [other[0].min(span_m[0]), other[1].max(span_m[1])];
             }
             (None, Some((own, other, true))) => {
-                found.push(pair((i, a, *own), (j, b, *other), map, unmarked));
+                let (own, other) = (Side { agent: i, way: a, zone_m: *own }, Side { agent: j, way: b, zone_m: *other });
+                found.push(pair(&own, &other, map, unmarked));
                 run = None;
             }
             (None, Some(_)) => run = None,
@@ -162,22 +164,28 @@ fn nearest(point: DVec2, others: &[DVec2], reach_m: f64) -> Option<(f64, [f64; 2
     Some((at as f64 * KNOT_M, [low, high].map(|k| k as f64 * KNOT_M)))
 }
 
-type Side<'a, 'w> = (usize, &'a Way<'w>, [f64; 2]);
+/// One of two ways that meet, and where on it.
+struct Side<'a, 'w> {
+    agent: usize,
+    way: &'a Way<'w>,
+    zone_m: [f64; 2],
+}
 
-fn pair((i, a, own): Side<'_, '_>, (j, b, other): Side<'_, '_>, map: &Map, unmarked: bool) -> [Zone; 2] {
+fn pair(own: &Side<'_, '_>, other: &Side<'_, '_>, map: &Map, unmarked: bool) -> [Zone; 2] {
+    let (a, b) = (own.way, other.way);
     let duties = if a.on_foot || b.on_foot {
-        let (walker, at_m) = if a.on_foot { (a, own) } else { (b, other) };
-        let marked = unmarked || on_crosswalk(walker.path, at_m, map);
+        let walker = if a.on_foot { own } else { other };
+        let marked = unmarked || on_crosswalk(walker.way.path, walker.zone_m, map);
         let vehicle = if marked { Duty::Crosswalk } else { Duty::Go };
         if a.on_foot { [Duty::Step { marked }, vehicle] } else { [vehicle, Duty::Step { marked }] }
-    } else if yields(a, own[0], b, other[0]) {
+    } else if yields(a, own.zone_m[0], b, other.zone_m[0]) {
         [Duty::Yield, Duty::Go]
     } else {
         [Duty::Go, Duty::Yield]
     };
     [
-        Zone { other: j, own_m: own, other_m: other, duty: duties[0] },
-        Zone { other: i, own_m: other, other_m: own, duty: duties[1] },
+        Zone { other: other.agent, own_m: own.zone_m, other_m: other.zone_m, duty: duties[0] },
+        Zone { other: own.agent, own_m: other.zone_m, other_m: own.zone_m, duty: duties[1] },
     ]
 }
 
@@ -195,19 +203,7 @@ fn yields(a: &Way<'_>, own_m: f64, b: &Way<'_>, other_m: f64) -> bool {
 
 fn on_crosswalk(walker: &AgentPath, [from_m, to_m]: [f64; 2], map: &Map) -> bool {
     let places = [from_m, 0.5 * (from_m + to_m), to_m].map(|along_m| walker.at(along_m).pose.position);
-    map.crosswalks.iter().any(|crosswalk| places.iter().any(|place| inside(*place, &crosswalk.polygon)))
-}
-
-/// Tells whether a point lies in a polygon (even-odd rule).
-pub(crate) fn inside(point: DVec2, polygon: &[DVec2]) -> bool {
-    let mut within = false;
-    for (k, a) in polygon.iter().enumerate() {
-        let b = polygon[(k + 1) % polygon.len()];
-        if (a.y > point.y) != (b.y > point.y) && point.x < a.x + (point.y - a.y) / (b.y - a.y) * (b.x - a.x) {
-            within = !within;
-        }
-    }
-    within
+    map.crosswalks.iter().any(|crosswalk| places.iter().any(|place| polygon::holds(&crosswalk.polygon, *place)))
 }
 
 /// Where somebody is on its path.

@@ -7,6 +7,7 @@ use ds_effect::plant::{Agents, Chart, Plant};
 use ds_space::{Draws, Tick};
 use ds_world::{AgentClass, LightState, Scene, WorldState};
 
+use crate::agent_path::AgentPath;
 use crate::conflict::{self, Placed, Zone};
 use crate::lane_change::{LANE_M, Lanes, Weave};
 use crate::lane_index::LaneIndex;
@@ -40,7 +41,11 @@ impl Habits {
             Vec::new()
         } else {
             let index = LaneIndex::new(&scene.map);
-            (0..tracks).map(|track| shift_m(scene, track, (&ways, &index), &plant.chart)).collect()
+            (0..tracks)
+                .map(|track| {
+                    ways.paths[track].as_ref().map_or(0.0, |path| shift_m(scene, track, path, &index, &plant.chart))
+                })
+                .collect()
         };
         let stubborn = |track: usize| {
             let draws = Draws::new(&scene.digest, "non-yielding", &[track as u64]);
@@ -167,8 +172,7 @@ impl Habits {
     }
 }
 
-fn shift_m(scene: &Scene, track: usize, (ways, index): (&Ways, &LaneIndex<'_>), chart: &Chart) -> f64 {
-    let Some(path) = &ways.paths[track] else { return 0.0 };
+fn shift_m(scene: &Scene, track: usize, path: &AgentPath, index: &LaneIndex<'_>, chart: &Chart) -> f64 {
     if scene.tracks[track].class == AgentClass::Pedestrian {
         return 0.0;
     }

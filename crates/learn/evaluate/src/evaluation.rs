@@ -22,7 +22,7 @@ use crate::outcome::{ArmNote, Outcome};
 use crate::record::Record;
 use crate::store::Store;
 use crate::summary::Rollouts;
-use crate::watch::{FrameSelection, watch};
+use crate::watch::{Viewing, watch};
 
 /// A part of an evaluation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -161,7 +161,7 @@ impl<'a> Evaluation<'a> {
         arm: Option<&str>,
         column: usize,
         routes: &[Vec<Route>],
-        (plan, size_px): (&FrameSelection, (u32, u32)),
+        viewing: Viewing<'_>,
     ) -> Result<Rollouts, AppraisalError> {
         if let Some(name) = arm {
             self.load(name)?;
@@ -169,10 +169,8 @@ impl<'a> Evaluation<'a> {
         self.progress.ahead(routes.iter().map(Vec::len).sum::<usize>() as u64);
         let mut rollouts = Rollouts::default();
         for scenario in routes {
-            let records: Vec<Record> = scenario
-                .iter()
-                .map(|route| self.record(arm, column, route, (plan, size_px)))
-                .collect::<Result<_, _>>()?;
+            let records: Vec<Record> =
+                scenario.iter().map(|route| self.record(arm, column, route, viewing)).collect::<Result<_, _>>()?;
             rollouts.0.push(records);
         }
         Ok(rollouts)
@@ -183,18 +181,18 @@ impl<'a> Evaluation<'a> {
         arm: Option<&str>,
         column: usize,
         route: &Route,
-        (plan, size_px): (&FrameSelection, (u32, u32)),
+        viewing: Viewing<'_>,
     ) -> Result<Record, AppraisalError> {
         let arm = arm.map(|name| &self.arms[name]);
         let column = &self.columns[column];
-        let key = plan.key(arm, column.world.name(), route, (&self.eyes, size_px));
+        let key = viewing.key(arm, column.world.name(), route, &self.eyes);
         let what = format!("{} on {} of {}", arm.map_or("the world", |arm| &arm.name), route.scene.name, column.name);
         if let Some(record) = self.store.get(&key)? {
             self.progress.done(&what, true);
             return Ok(record);
         }
-        let mut drive = Drive::new(column.world, route, size_px)?;
-        let record = watch(arm, &mut drive, plan, &self.eyes)?;
+        let mut drive = Drive::new(column.world, route, viewing.size_px)?;
+        let record = watch(arm, &mut drive, viewing.plan, &self.eyes)?;
         self.store.put(&key, &record)?;
         self.progress.done(&what, false);
         Ok(record)

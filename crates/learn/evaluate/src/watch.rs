@@ -26,14 +26,26 @@ impl FrameSelection {
     pub fn last(&self) -> u32 {
         self.looked.last().copied().unwrap_or(0)
     }
+}
 
+/// Frames that are looked at, and their width and height.
+#[derive(Debug, Clone, Copy)]
+pub struct Viewing<'a> {
+    /// Which frames.
+    pub plan: &'a FrameSelection,
+    /// Their size.
+    pub size_px: (u32, u32),
+}
+
+impl Viewing<'_> {
     /// Returns the digest of all that a record depends on.
     #[must_use]
-    pub fn key(&self, arm: Option<&Arm>, world: &str, route: &Route, (eyes, size_px): (&Eyes, (u32, u32))) -> Digest {
+    pub fn key(&self, arm: Option<&Arm>, world: &str, route: &Route, eyes: &Eyes) -> Digest {
+        let Self { plan, size_px } = *self;
         let mut writer = DigestWriter::new();
         writer.text("appraisal record 1").text(world).digest(&eyes.digest()).digest(&route.scene.digest);
         writer.u32(route.start).f64s(&[route.pace]).text(&format!("{:?}", route.look));
-        writer.u32(size_px.0).u32(size_px.1).text(&format!("{self:?}"));
+        writer.u32(size_px.0).u32(size_px.1).text(&format!("{plan:?}"));
         match arm {
             Some(arm) => writer.text("arm").digest(&arm.digest()),
             None => writer.text("the world's own frames"),
@@ -59,21 +71,21 @@ pub fn watch(
         let seen = made.as_ref().map(|made| &made[*frame as usize]).or(own.as_ref());
         let Some(seen) = seen else { continue };
         let compared = made.is_some().then_some(own.as_ref()).flatten();
-        glances.push(glance(drive, *frame, (seen, compared), (plan, eyes))?);
+        let mut glance = glance(*frame, seen, compared, eyes);
+        if plan.truth {
+            judge(&mut glance, drive, seen, eyes)?;
+        }
+        glances.push(glance);
     }
     let per_chunk = arm.map_or(1, Arm::frames_per_chunk);
     let seam = made.as_ref().map_or_else(Seam::default, |made| seam(made, per_chunk));
     Ok(Record { drive: drive.name.clone(), glances, seam })
 }
 
-fn glance(
-    drive: &mut Drive,
-    frame: u32,
-    (seen, own): (&RgbImage, Option<&RgbImage>),
-    (plan, eyes): (&FrameSelection, &Eyes),
-) -> Result<Glance, AppraisalError> {
+/// Looks at a frame, and at the world's own where they are compared.
+fn glance(frame: u32, seen: &RgbImage, own: Option<&RgbImage>, eyes: &Eyes) -> Glance {
     let look = eyes.look.read(seen);
-    let mut glance = Glance {
+    Glance {
         frame,
         pixels: None,
         lights: Vec::new(),
@@ -82,19 +94,21 @@ fn glance(
         colour: Colour::of(seen),
         psnr_db: own.map(|own| psnr_db(own, seen)),
         distance: own.map(|own| eyes.look.distance(own, seen)),
-    };
-    if plan.truth {
-        let truth = drive.labels(frame)?;
-        let mut overlaps = Overlaps::default();
-        overlaps.add(&truth, &eyes.segmenter.labels(seen));
-        glance.pixels = Some(overlaps.0.map(|overlap| [overlap.both, overlap.either]));
-        let lights = drive.lights(frame, &truth);
-        let values: Vec<f32> = seen.values().collect();
-        let crop = |light| ds_perception::lights::crop(&values, seen.width_px() as usize, light);
-        let read = eyes.lights.read(&lights.iter().map(crop).collect::<Vec<_>>());
-        glance.lights = lights.iter().zip(read).map(|(light, read)| (light.distance_m, read == light.state)).collect();
     }
-    Ok(glance)
+}
+
+/// Adds how the pixels and lights of a frame agree with the truth.
+fn judge(glance: &mut Glance, drive: &mut Drive, seen: &RgbImage, eyes: &Eyes) -> Result<(), AppraisalError> {
+    let truth = drive.labels(glance.frame)?;
+    let mut overlaps = Overlaps::default();
+    overlaps.add(&truth, &eyes.segmenter.labels(seen));
+    glance.pixels = Some(overlaps.0.map(|overlap| [overlap.both, overlap.either]));
+    let lights = drive.lights(glance.frame, &truth);
+    let values: Vec<f32> = seen.values().collect();
+    let crop = |light| ds_perception::lights::crop(&values, seen.width_px() as usize, light);
+    let read = eyes.lights.read(&lights.iter().map(crop).collect::<Vec<_>>());
+    glance.lights = lights.iter().zip(read).map(|(light, read)| (light.distance_m, read == light.state)).collect();
+    Ok(())
 }
 
 /// Sums differences between successive frames, apart for the borders of chunks; the given first frame is left out.

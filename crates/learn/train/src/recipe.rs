@@ -76,7 +76,7 @@ impl Stage {
             Self::Ode => ode::run(config, progress).map(Some),
             Self::SelfForcing => self_forcing::run(config, progress).map(Some),
             Self::Decoder => decoder::run(config, progress).map(Some),
-            Self::Ship => ship::run(config, (None, None), progress).map(|()| None),
+            Self::Ship => ship::run(config, None, None, progress).map(|()| None),
         }
     }
 }

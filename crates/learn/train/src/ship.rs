@@ -22,7 +22,8 @@ const GUIDE: &str = "decoder.guide.";
 /// If a part is missing or the file cannot be written.
 pub fn run(
     config: &TrainConfig,
-    (of, out): (Option<&str>, Option<&Path>),
+    of: Option<&str>,
+    out: Option<&Path>,
     progress: &mut dyn Progress,
 ) -> Result<(), TrainError> {
     let model = config.model()?;

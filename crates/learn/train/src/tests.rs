@@ -115,9 +115,9 @@ fn every_stage_runs_improves_and_ships() {
 
 /// What was trained is put into a file, taken apart again, and makes first frames.
 fn ships(config: &TrainConfig, folder: &Path, shipped: &Path) {
-    crate::ship::run(config, (None, Some(shipped)), &mut Silent).expect("ships");
+    crate::ship::run(config, None, Some(shipped), &mut Silent).expect("ships");
     assert!(VideoModel::load(&config.model().expect("valid"), shipped).is_ok());
-    crate::ship::run(config, (Some("teacher"), Some(shipped)), &mut Silent).expect("ships");
+    crate::ship::run(config, Some("teacher"), Some(shipped), &mut Silent).expect("ships");
     let mut other = config.clone();
     other.folder = folder.join("other");
     crate::ship::unpack(&other, "teacher", shipped, &mut Silent).expect("unpacks");
@@ -142,7 +142,7 @@ fn ships(config: &TrainConfig, folder: &Path, shipped: &Path) {
 /// A wider and deeper network that begins with the shipped prior's weights within it is nearer to the data than a drawn
 /// one.
 fn grows(config: &TrainConfig, folder: &Path, shipped: &Path) {
-    crate::ship::run(config, (Some("prior"), Some(shipped)), &mut Silent).expect("ships");
+    crate::ship::run(config, Some("prior"), Some(shipped), &mut Silent).expect("ships");
     let preset = include_str!("../../../../configs/models/smoke.toml");
     let sizes = [
         ("layers = 2", "layers = 3"),

@@ -28,7 +28,7 @@ use crate::due;
 use crate::fault::{Fault, FaultClass};
 use crate::pulls::Pulls;
 use crate::timing::Timing;
-use seats::Seat;
+use seats::{Seat, Tenure};
 
 /// What is driven, and by whom.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -168,8 +168,8 @@ impl Driver {
                 self.finish(Status::Aborted, Some(fault), &mut actions);
             }
             Event::ReadyBy { role, epoch } => self.on_ready(now, role, epoch, &mut actions),
-            Event::Lost { role, epoch, reason } => self.on_lost(now, (role, epoch), &reason, &mut actions),
-            Event::Faulted { role, epoch, fault } => self.on_fault(now, (role, epoch), fault, &mut actions),
+            Event::Lost { role, epoch, reason } => self.on_lost(now, Tenure { role, epoch }, &reason, &mut actions),
+            Event::Faulted { role, epoch, fault } => self.on_fault(now, Tenure { role, epoch }, fault, &mut actions),
             Event::Message(message) => self.on_message(message, &mut actions),
             Event::Pulled { slot, reply } => self.on_pulled(slot, reply, &mut actions),
             Event::Journalled { iteration } => self.on_journalled(now, iteration, &mut actions),

@@ -168,16 +168,30 @@ pub fn instance(section: &ProcessSection, service: &str) -> Result<InstanceId> {
     InstanceId::new(&name).context("setting \"process.instance\"")
 }
 
+/// What a stage's process is told of itself and of who it works with.
+#[derive(Debug, Clone, Copy)]
+pub struct StageSections<'a> {
+    /// Its instance and slots.
+    pub process: &'a ProcessSection,
+    /// Where the orchestrator is.
+    pub control: &'a ControlSection,
+    /// Certificates and tokens.
+    pub security: &'a SecuritySection,
+    /// The bus.
+    pub bus: &'a BusSection,
+}
+
 /// Runs the process of a stage: bus, fleet, makers, until `drain`.
 ///
 /// # Errors
 /// If the bus or the orchestrator's address is bad.
 pub async fn run_stage(
     service: &str,
-    (process, control, security, bus): (&ProcessSection, &ControlSection, &SecuritySection, &BusSection),
+    sections: StageSections<'_>,
     factory: Arc<dyn MakerFactory>,
     drain: Drain,
 ) -> Result<()> {
+    let StageSections { process, control, security, bus } = sections;
     let member = Member {
         instance: instance(process, service)?,
         slots: process.slots,

@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use ds_run_report::write::folder::{all as write, pictures};
 use ds_run_report::write::markdown;
-use ds_run_report::{Comparison, Dimension, Pairing, Picture, Report, ReportOptions, Results, compare};
+use ds_run_report::{Dimension, Pairing, Report, ReportOptions, Results, compare};
 
 use crate::cli::{CompareArgs, MergeArgs, ReportArgs};
 use crate::command::{answer, recording};
@@ -57,25 +57,12 @@ pub(crate) fn compare_runs(args: &CompareArgs) -> Result<()> {
     answer(&markdown::comparison(&comparison));
     if let Some(out) = &args.out {
         let runs = [a, b];
-        write_compared(
-            out,
-            &runs,
-            (comparison, damaged),
-            &pictures(out, &[args.run_a.clone(), args.run_b.clone()], &runs),
-        )?;
+        let pictures = pictures(out, &[args.run_a.clone(), args.run_b.clone()], &runs);
+        let report = Report::new(&runs, vec![comparison], &options(None)).with_partial(damaged);
+        write(out, &runs, &report, &pictures)?;
         answer(&format!("report: {}", out.join("report.html").display()));
     }
     Ok(())
-}
-
-fn write_compared(
-    out: &Path,
-    runs: &[Results],
-    (comparison, damaged): (Comparison, Vec<String>),
-    pictures: &[Picture],
-) -> Result<()> {
-    let report = Report::new(runs, vec![comparison], &options(None)).with_partial(damaged);
-    Ok(write(out, runs, &report, pictures)?)
 }
 
 /// Puts the episodes of several runs, such as the shards of one, into one results file.

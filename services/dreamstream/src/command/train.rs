@@ -84,8 +84,8 @@ pub(crate) fn run(args: &TrainArgs) -> Result<()> {
     for stage in Stage::ALL.into_iter().filter(|stage| named(stage) || whole(stage)) {
         let mut progress = Bar { bar: bar(0, stage.name()), stop: Arc::clone(&stop) };
         let report = if stage == Stage::Ship {
-            let what = (args.of.as_deref(), args.weights.as_deref());
-            ds_train::ship::run(&config, what, &mut progress).map(|()| None)
+            let (of, out) = (args.of.as_deref(), args.weights.as_deref());
+            ds_train::ship::run(&config, of, out, &mut progress).map(|()| None)
         } else {
             stage.run(&config, &mut progress)
         };

@@ -45,7 +45,7 @@ impl Stream {
 
 /// Returns what the second stream has beyond the first, whose own statistics are given; displacements stay 0.
 #[must_use]
-pub fn beyond(scene: &Scene<'_>, (first, known): (&Stream, &[f64; OWN]), second: &Stream, paired: bool) -> [f64; ALL] {
+pub fn beyond(scene: &Scene<'_>, first: &Stream, known: &[f64; OWN], second: &Stream, paired: bool) -> [f64; ALL] {
     let mut out = [0.0; ALL];
     for (out, (a, b)) in out.iter_mut().zip(known.iter().zip(&own(scene, second))) {
         *out = b - a;

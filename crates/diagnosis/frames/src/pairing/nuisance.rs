@@ -93,7 +93,7 @@ pub fn statistics(scene: &Scene<'_>, pairing: Pairing) -> (DVector<f64>, Option<
         Some(moved) => simulated.aged(&moved.late.ages),
         None => simulated,
     };
-    let mut x = beyond(scene, (&simulated, &own(scene, &simulated)), &Stream::of(scene, true), paired);
+    let mut x = beyond(scene, &simulated, &own(scene, &simulated), &Stream::of(scene, true), paired);
     if let Some(moved) = &moved {
         for (x, v) in x[MOVED..].iter_mut().zip(&moved.values) {
             *x = *v;

@@ -70,7 +70,7 @@ pub fn paths(scene: &Scene<'_>, gap: &DVector<f64>, paired: bool, without: &[Str
                 Path { effect, parameter: None, values: vec![effect.neutral()], change: vec![DVector::zeros(ALL)] };
             for values in nodes {
                 let changed = applied(scene, &plain, effect, &values);
-                let mut change = beyond(scene, (&plain, &simulated), &changed, paired);
+                let mut change = beyond(scene, &plain, &simulated, &changed, paired);
                 on_real(&mut change, &simulated, gap);
                 path.change.push(DVector::from_column_slice(&change));
                 path.values.push(values);

@@ -97,7 +97,7 @@ pub(super) fn columns(bytes: &[u8], wanted: &[&str]) -> Result<(usize, BTreeMap<
         let mut first = 0;
         for (index, (name, layout)) in layouts.iter().enumerate() {
             if let Some(column) = columns.get_mut(*name) {
-                body.read(*layout, (index, first), column)
+                body.read(*layout, index, first, column)
                     .map_err(|problem| fault(&format!("{at}, {name}"), &problem))?;
             }
             first += layout.buffers();
@@ -137,7 +137,7 @@ struct Body<'a, 'b> {
 
 impl<'a> Body<'a, '_> {
     /// Adds the cells of a column, whose place among the columns and whose first buffer are given.
-    fn read(&mut self, layout: Layout, (index, first): (usize, usize), column: &mut Column) -> Result<(), String> {
+    fn read(&mut self, layout: Layout, index: usize, first: usize, column: &mut Column) -> Result<(), String> {
         let nodes = self.batch.nodes().filter(|nodes| index < nodes.len()).ok_or("has no node")?;
         if nodes.get(index).length() != self.batch.length() {
             return Err(format!("has {} cells in a batch of {} rows", nodes.get(index).length(), self.batch.length()));

@@ -11,7 +11,7 @@ use crate::error::AppraisalError;
 use crate::estimate::Resamples;
 use crate::outcome::{AppearanceOutcome, ConditionOutcome};
 use crate::summary::Rollouts;
-use crate::watch::FrameSelection;
+use crate::watch::{FrameSelection, Viewing};
 
 /// A condition with the axes and the values that are to be kept.
 struct Wanted {
@@ -59,10 +59,13 @@ impl Evaluation<'_> {
                 for (seed, route) in (0..).zip(routes.iter_mut().flatten()) {
                     route.look = Appearance::condition(wanted.condition, 7_000 + seed);
                 }
-                let own = self.rollouts(None, column, &routes, (&plan, size_px))?;
+                let own = self.rollouts(None, column, &routes, Viewing { plan: &plan, size_px })?;
                 let mut made = BTreeMap::new();
                 for arm in &arms {
-                    made.insert(arm.clone(), self.rollouts(Some(arm), column, &routes, (&plan, size_px))?);
+                    made.insert(
+                        arm.clone(),
+                        self.rollouts(Some(arm), column, &routes, Viewing { plan: &plan, size_px })?,
+                    );
                 }
                 conditions.insert(name.clone(), figures(config, &wanted, &own, &made, self.resamples));
             }

@@ -15,7 +15,7 @@ use crate::estimate::{Estimate, Resamples, mean};
 use crate::outcome::{ArmDrift, ColumnDrift, DriftOutcome, LongOutcome};
 use crate::record::Glance;
 use crate::summary::{Features, Rollouts, slope};
-use crate::watch::FrameSelection;
+use crate::watch::{FrameSelection, Viewing};
 
 /// The mark from which a rise is counted.
 const EARLY_MARK: u32 = 50;
@@ -36,15 +36,15 @@ impl Evaluation<'_> {
         let mut columns = BTreeMap::new();
         for column in 0..self.columns.len() {
             let routes = self.columns[column].routes(config.rollouts as usize, &[0], config.pace);
-            let own = self.rollouts(None, column, &routes, (&plan, size_px))?;
+            let own = self.rollouts(None, column, &routes, Viewing { plan: &plan, size_px })?;
             let principal = Principal::fit(&own.features((0, plan.last())).all(), config.directions)?;
             let own_features = at_marks(&own, config, &principal)?;
             let (mut found, mut features) = (ColumnDrift::default(), BTreeMap::new());
             for arm in &arms {
-                let made = self.rollouts(Some(arm), column, &routes, (&plan, size_px))?;
+                let made = self.rollouts(Some(arm), column, &routes, Viewing { plan: &plan, size_px })?;
                 let made_features = at_marks(&made, config, &principal)?;
-                let mut figures = curve(config, (&made_features, &own_features), self.resamples);
-                figures.colour = colours(config, (&made, &own), self.resamples);
+                let mut figures = curve(config, &made_features, &own_features, self.resamples);
+                figures.colour = colours(config, &made, &own, self.resamples);
                 if let Some(long) = &config.long {
                     figures.long = Some(self.long(arm, column, (config, long), size_px)?);
                 }
@@ -74,8 +74,8 @@ impl Evaluation<'_> {
     ) -> Result<LongOutcome, AppraisalError> {
         let plan = FrameSelection { looked: (long.from..=long.frames).step_by(LONG_EVERY).collect(), truth: false };
         let routes = self.columns[column].routes(long.rollouts as usize, &[0], config.pace);
-        let own = self.rollouts(None, column, &routes, (&plan, size_px))?;
-        let made = self.rollouts(Some(arm), column, &routes, (&plan, size_px))?;
+        let own = self.rollouts(None, column, &routes, Viewing { plan: &plan, size_px })?;
+        let made = self.rollouts(Some(arm), column, &routes, Viewing { plan: &plan, size_px })?;
         let count = own.scenarios();
         let pairs = |picks: &[usize], figure: &dyn Fn(&Glance, &Glance) -> f64| {
             let along = |(made, own): (&Glance, &Glance)| (f64::from(made.frame) / 100.0, figure(made, own));
@@ -109,7 +109,7 @@ fn at_marks(rollouts: &Rollouts, config: &DriftConfig, principal: &Principal) ->
     config.marks.iter().map(reduced).collect()
 }
 
-fn curve(config: &DriftConfig, (made, own): (&AtMarks, &AtMarks), resamples: Resamples) -> ArmDrift {
+fn curve(config: &DriftConfig, made: &AtMarks, own: &AtMarks, resamples: Resamples) -> ArmDrift {
     let count = own.first().map_or(0, |features| features.0.len());
     let at = |index: usize| -> Option<Estimate> {
         resamples.estimate(count, |picks| made[index].distance(&own[index], picks, config.shrinkage))
@@ -130,7 +130,8 @@ fn rise(config: &DriftConfig, made: &AtMarks, own: &AtMarks, picks: &[usize]) ->
 
 fn colours(
     config: &DriftConfig,
-    (made, own): (&Rollouts, &Rollouts),
+    made: &Rollouts,
+    own: &Rollouts,
     resamples: Resamples,
 ) -> BTreeMap<String, Vec<(u32, Option<Estimate>)>> {
     let statistic = |(index, name): (usize, &str)| {

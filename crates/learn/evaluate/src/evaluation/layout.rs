@@ -13,7 +13,7 @@ use crate::error::AppraisalError;
 use crate::estimate::{Estimate, Resamples};
 use crate::outcome::{ArmLayout, ColumnLayout, LayoutOutcome, LightBin};
 use crate::summary::{Features, Rollouts};
-use crate::watch::FrameSelection;
+use crate::watch::{FrameSelection, Viewing};
 
 /// Upper ends of the distances of which lights are reported apart, in metres.
 const DISTANCES_M: [f64; 5] = [15.0, 30.0, 45.0, 65.0, 90.0];
@@ -51,13 +51,13 @@ impl Evaluation<'_> {
         }
         for column in 0..self.columns.len() {
             let routes = self.columns[column].routes(self.columns[column].scenarios, &config.starts, 1.0);
-            let reference = self.rollouts(None, column, &routes, (&plan, size_px))?;
+            let reference = self.rollouts(None, column, &routes, Viewing { plan: &plan, size_px })?;
             let span = (0, config.frames);
             let principal = Principal::fit(&reference.features(span).all(), DIRECTIONS)?;
             let own = Seen { features: reference.features(span).reduced(&principal)?, rollouts: reference };
             let mut seen = BTreeMap::new();
             for arm in &arms {
-                let rollouts = self.rollouts(Some(arm), column, &routes, (&plan, size_px))?;
+                let rollouts = self.rollouts(Some(arm), column, &routes, Viewing { plan: &plan, size_px })?;
                 let features = rollouts.features(span).reduced(&principal)?;
                 seen.insert(arm.clone(), Seen { rollouts, features });
             }

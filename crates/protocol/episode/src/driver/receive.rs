@@ -34,7 +34,7 @@ impl Driver {
             return;
         }
         if let Some((content, epoch)) = self.held(slot) {
-            return self.compare(&message, (content, epoch), actions);
+            return self.compare(&message, content, epoch, actions);
         }
         let Some(current) = self.current.as_mut().filter(|current| current.due.binary_search(&slot).is_ok()) else {
             self.counters.dropped += 1;
@@ -60,7 +60,7 @@ impl Driver {
         accepted.or_else(|| self.committed.get(&slot).map(|committed| (committed.content, committed.epoch)))
     }
 
-    fn compare(&mut self, message: &Envelope, (content, epoch): (Digest, u64), actions: &mut Vec<Action>) {
+    fn compare(&mut self, message: &Envelope, content: Digest, epoch: u64, actions: &mut Vec<Action>) {
         let header = &message.header;
         if header.content == content {
             self.counters.duplicates += 1;

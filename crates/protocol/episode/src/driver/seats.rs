@@ -21,6 +21,13 @@ pub(super) struct Seat {
     pub(super) epoch: u64,
 }
 
+/// A time in which somebody holds a role.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Tenure {
+    pub(super) role: Role,
+    pub(super) epoch: u64,
+}
+
 impl Driver {
     pub(super) fn on_assigned(&mut self, now: Millis, role: Role, owner: Owner, actions: &mut Vec<Action>) {
         let Some(seat) = self.seats.get_mut(&role) else { return };
@@ -62,22 +69,22 @@ impl Driver {
         }
     }
 
-    pub(super) fn on_lost(&mut self, now: Millis, (role, epoch): (Role, u64), why: &str, actions: &mut Vec<Action>) {
-        let held = self.seats.get(&role).and_then(|seat| seat.owner.clone());
-        let Some(owner) = held.filter(|owner| owner.epoch == epoch) else { return };
+    pub(super) fn on_lost(&mut self, now: Millis, tenure: Tenure, why: &str, actions: &mut Vec<Action>) {
+        let Some(owner) = self.owner(tenure) else { return };
+        let Tenure { role, epoch } = tenure;
         self.event(EventKind::Fault, &format!("{role} lost {} epoch {epoch}: {why}", owner.instance), actions);
         self.vacate(now, role, None, actions);
     }
 
-    pub(super) fn on_fault(
-        &mut self,
-        now: Millis,
-        (role, epoch): (Role, u64),
-        fault: Fault,
-        actions: &mut Vec<Action>,
-    ) {
-        let held = self.seats.get(&role).and_then(|seat| seat.owner.clone());
-        let Some(owner) = held.filter(|owner| owner.epoch == epoch) else { return };
+    /// Returns who holds a role still.
+    fn owner(&self, tenure: Tenure) -> Option<Owner> {
+        let held = self.seats.get(&tenure.role).and_then(|seat| seat.owner.clone());
+        held.filter(|owner| owner.epoch == tenure.epoch)
+    }
+
+    pub(super) fn on_fault(&mut self, now: Millis, tenure: Tenure, fault: Fault, actions: &mut Vec<Action>) {
+        let Some(owner) = self.owner(tenure) else { return };
+        let Tenure { role, epoch } = tenure;
         let text = format!("{role} of {} epoch {epoch}: {}", owner.instance, fault.detail);
         if fault.class != FaultClass::Infrastructure {
             return self.fail(Fault { detail: text, ..fault }, actions);

@@ -72,7 +72,8 @@ fn source(args: &RunPlan) -> ObservationSource {
 /// # Errors
 /// If horizon or duration is out of bounds.
 pub(super) fn request(
-    (args, world): (&RunPlan, &RunConfig),
+    args: &RunPlan,
+    world: &RunConfig,
     given: pb::RunSettings,
     configuration: &Digest,
     scenarios: Vec<pb::ScenarioSource>,
