@@ -6,7 +6,7 @@
 //! does not have is NaN.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::container::{Declared, Format, Message, Sink};
 use crate::definition::{Count, Held, Schema, Wire};
@@ -50,12 +50,61 @@ pub struct Series {
     pub values: Vec<f64>,
 }
 
+/// What was found of it, in short.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Glance {
+    /// First stamp in the order of the bag, ns.
+    pub first_nanos: Option<i64>,
+    /// Earliest and latest stamp, ns.
+    pub span_nanos: Option<(i64, i64)>,
+    /// Least and largest value that is a number.
+    pub range: Option<(f64, f64)>,
+}
+
 /// Takes fields out of a bag; one series for each that is wanted.
 ///
 /// # Errors
 /// If the bag is damaged or too large, or a topic or field is not in it.
 pub fn series(path: &Path, format: Format, wanted: &[Wanted]) -> Result<Vec<Series>, BagError> {
-    let mut taker = Taker { wanted, found: vec![Series::default(); wanted.len()], ..Taker::default() };
+    let mut found = vec![Series::default(); wanted.len()];
+    each(path, format, wanted, &mut |place, nanos, value| {
+        let series = &mut found[place];
+        if series.nanos.len() >= MAX_MESSAGES {
+            let what = format!("messages of topic {:?}", wanted[place].topic);
+            return Err(BagError::TooLarge { what, limit: MAX_MESSAGES, path: path.to_path_buf() });
+        }
+        series.nanos.push(nanos);
+        series.values.push(value);
+        Ok(())
+    })?;
+    Ok(found)
+}
+
+/// Looks at fields of a bag without keeping their values.
+///
+/// # Errors
+/// If the bag is damaged, or a topic or field is not in it.
+pub fn glance(path: &Path, format: Format, wanted: &[Wanted]) -> Result<Vec<Glance>, BagError> {
+    let mut found = vec![Glance::default(); wanted.len()];
+    each(path, format, wanted, &mut |place, nanos, value| {
+        let glance = &mut found[place];
+        glance.first_nanos.get_or_insert(nanos);
+        let (low, high) = glance.span_nanos.unwrap_or((nanos, nanos));
+        glance.span_nanos = Some((low.min(nanos), high.max(nanos)));
+        if value.is_finite() {
+            let (low, high) = glance.range.unwrap_or((value, value));
+            glance.range = Some((low.min(value), high.max(value)));
+        }
+        Ok(())
+    })?;
+    Ok(found)
+}
+
+/// Takes the number of what is wanted, a stamp and a value.
+type Take<'a> = &'a mut dyn FnMut(usize, i64, f64) -> Result<(), BagError>;
+
+fn each(path: &Path, format: Format, wanted: &[Wanted], take: Take<'_>) -> Result<(), BagError> {
+    let mut taker = Taker { wanted, take, probes: BTreeMap::new(), seen: Vec::new(), origin: None };
     format.read(path, &mut taker)?;
     for sought in wanted {
         if !taker.seen.iter().any(|(name, _)| *name == sought.topic) {
@@ -63,7 +112,7 @@ pub fn series(path: &Path, format: Format, wanted: &[Wanted]) -> Result<Vec<Seri
             return Err(BagError::NoTopic { topic: sought.topic.clone(), found, path: path.to_path_buf() });
         }
     }
-    Ok(taker.found)
+    Ok(())
 }
 
 /// Fields to be read of a structure, by the place of the member: which element of it, and what of that.
@@ -97,21 +146,18 @@ struct Probe {
     messages: u64,
 }
 
-#[derive(Default)]
 struct Taker<'a> {
     wanted: &'a [Wanted],
-    found: Vec<Series>,
+    take: Take<'a>,
     probes: BTreeMap<u32, Probe>,
     /// Names and types of the topics.
     seen: Vec<(String, String)>,
     /// Latitude and longitude of the first fix, rad.
     origin: Option<[f64; 2]>,
-    path: PathBuf,
 }
 
 impl Sink for Taker<'_> {
-    fn begin(&mut self, path: &Path) {
-        self.path = path.to_path_buf();
+    fn begin(&mut self, _path: &Path) {
         self.probes.clear();
     }
 
@@ -138,13 +184,7 @@ impl Sink for Taker<'_> {
                 Ok(nanos) => nanos,
                 Err(what) => return Err(refused(what.to_owned(), &probe.topic, probe.messages)),
             };
-            let series = &mut self.found[place];
-            if series.nanos.len() >= MAX_MESSAGES {
-                let what = format!("messages of topic {:?}", probe.topic);
-                return Err(BagError::TooLarge { what, limit: MAX_MESSAGES, path: self.path.clone() });
-            }
-            series.nanos.push(nanos);
-            series.values.push(value.of(&probe.numbers, &mut self.origin));
+            (self.take)(place, nanos, value.of(&probe.numbers, &mut self.origin))?;
         }
         Ok(())
     }

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use ds_bags::{Clock, Format, Series, Topic, Wanted};
+use ds_bags::{Clock, Format, Glance, Topic, Wanted};
 use ds_diagnosis::CaseError;
 
 use crate::channel::CHANNELS;
@@ -48,7 +48,7 @@ pub fn suggest(log: &Path) -> Result<Suggestion, LogError> {
     offered.sort_by_key(|c| (c.rank, std::cmp::Reverse(c.messages)));
     offered.truncate(MOST);
     let wanted = |c: &Candidate| Wanted { topic: c.topic.clone(), field: c.field.clone(), clock: Clock::Own };
-    let found = ds_bags::series(log, format, &offered.iter().map(wanted).collect::<Vec<_>>())?;
+    let found = ds_bags::glance(log, format, &offered.iter().map(wanted).collect::<Vec<_>>())?;
     let mut draft =
         Draft { undecided: Vec::new(), lines: BTreeMap::new(), chosen: BTreeMap::new(), foreign_clock: false };
     draft.choose(&offered, &found);
@@ -70,22 +70,20 @@ struct Draft {
     foreign_clock: bool,
 }
 
-/// Tells whether a series changes.
-fn moves(series: &Series) -> bool {
-    let known = series.values.iter().copied().filter(|v| v.is_finite());
-    let (low, high) = known.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
-    high - low > 1e-9
+/// Tells whether a field changes.
+fn moves(found: &Glance) -> bool {
+    found.range.is_some_and(|(low, high)| high - low > 1e-9)
 }
 
-fn span_secs(found: &[Series]) -> f64 {
-    let first = found.iter().filter_map(|s| s.nanos.iter().min()).min();
-    let last = found.iter().filter_map(|s| s.nanos.iter().max()).max();
-    first.zip(last).map_or(0.0, |(first, last)| last.saturating_sub(*first) as f64 * 1e-9)
+fn span_secs(found: &[Glance]) -> f64 {
+    let first = found.iter().filter_map(|glance| Some(glance.span_nanos?.0)).min();
+    let last = found.iter().filter_map(|glance| Some(glance.span_nanos?.1)).max();
+    first.zip(last).map_or(0.0, |(first, last)| last.saturating_sub(first) as f64 * 1e-9)
 }
 
 impl Draft {
     /// Takes the best candidate that moves for every channel.
-    fn choose(&mut self, offered: &[Candidate], found: &[Series]) {
+    fn choose(&mut self, offered: &[Candidate], found: &[Glance]) {
         for known in CHANNELS {
             let all: Vec<(&Candidate, bool)> = offered
                 .iter()
@@ -160,11 +158,11 @@ impl Draft {
     }
 
     /// Takes the time of receipt for all where the stamps of some topics are of another clock.
-    fn compare_clocks(&mut self, topics: &[Topic], offered: &[Candidate], found: &[Series]) {
-        for (candidate, series) in offered.iter().zip(found) {
+    fn compare_clocks(&mut self, topics: &[Topic], offered: &[Candidate], found: &[Glance]) {
+        for (candidate, glance) in offered.iter().zip(found) {
             let used = self.chosen.values().any(|c| c.topic == candidate.topic);
             let received = topics.iter().find(|t| t.name == candidate.topic).and_then(|t| t.received_nanos);
-            let (Some((first, _)), Some(own), true) = (received, series.nanos.first(), used) else { continue };
+            let (Some((first, _)), Some(own), true) = (received, glance.first_nanos, used) else { continue };
             if !self.foreign_clock && own.saturating_sub(first).saturating_abs() > OTHER_CLOCK_NANOS {
                 self.foreign_clock = true;
                 self.undecided.push(format!(
