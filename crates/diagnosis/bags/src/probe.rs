@@ -311,8 +311,8 @@ impl Probe {
         }
         self.numbers.fill(f64::NAN);
         let mut bytes = Bytes::new(data, self.wire)?;
-        let mut left = self.slots;
-        walk(&self.schema, 0, &self.root, &mut bytes, &mut self.numbers, &mut left)
+        let mut out = Found { numbers: &mut self.numbers, left: self.slots };
+        walk(&self.schema, 0, &self.root, &mut bytes, &mut out)
     }
 }
 
@@ -375,17 +375,16 @@ fn steps(schema: &Schema, field: &str) -> Result<Vec<(usize, Option<usize>)>, St
     if place.is_some() { Err(format!("{walked:?} is a structure")) } else { Ok(steps) }
 }
 
+/// Where numbers go, and how many are still to come.
+struct Found<'a> {
+    numbers: &'a mut [f64],
+    left: usize,
+}
+
 /// Reads the wanted numbers of a structure; ends as soon as none is left.
-fn walk(
-    schema: &Schema,
-    place: usize,
-    node: &Node,
-    bytes: &mut Bytes<'_>,
-    numbers: &mut [f64],
-    left: &mut usize,
-) -> Result<(), String> {
+fn walk(schema: &Schema, place: usize, node: &Node, bytes: &mut Bytes<'_>, out: &mut Found<'_>) -> Result<(), String> {
     for (index, member) in schema.structures[place].members.iter().enumerate() {
-        if *left == 0 {
+        if out.left == 0 {
             return Ok(());
         }
         let Some(branches) = node.members.get(&index) else {
@@ -398,11 +397,11 @@ fn walk(
         for element in 0..count {
             let branch = branches.iter().find(|(wanted, _)| wanted.is_none_or(|w| w == element));
             match (branch, &member.held) {
-                (Some((_, inner)), Held::Structure(other)) => walk(schema, *other, inner, bytes, numbers, left)?,
+                (Some((_, inner)), Held::Structure(other)) => walk(schema, *other, inner, bytes, out)?,
                 (Some((_, inner)), Held::Number(kind)) => {
                     let value = bytes.number(*kind)?;
-                    inner.slots.iter().for_each(|slot| numbers[*slot] = value);
-                    *left -= inner.slots.len();
+                    inner.slots.iter().for_each(|slot| out.numbers[*slot] = value);
+                    out.left -= inner.slots.len();
                 }
                 _ => bytes.skip_one(schema, &member.held)?,
             }
@@ -410,7 +409,7 @@ fn walk(
         }
         if met < branches.len() {
             // an element that the list does not have will not come: read on to the end
-            *left = usize::MAX / 2;
+            out.left = usize::MAX / 2;
         }
     }
     Ok(())

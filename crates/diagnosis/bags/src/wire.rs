@@ -102,7 +102,7 @@ impl<'a> Bytes<'a> {
         match &member.held {
             Held::Number(kind) if count > 0 => {
                 self.align(kind.size())?;
-                self.take(count.checked_mul(kind.size()).unwrap_or(usize::MAX)).map(|_| ())
+                self.take(count.saturating_mul(kind.size())).map(|_| ())
             }
             Held::Structure(place) if schema.structures[*place].hollow => Ok(()),
             // every other value takes a byte at least
