@@ -324,7 +324,11 @@ fn backend(some: &[Backend]) -> impl TypedValueParser<Value = Backend> {
 
 /// Returns the oracle that rolls out in the named way.
 fn oracle(way: &str) -> Option<ProposalScorer> {
-    Some(if way == "navsim" { ProposalScorer::OracleNavsim } else { ProposalScorer::Oracle })
+    match way {
+        "reacting" => Some(ProposalScorer::Oracle),
+        "navsim" => Some(ProposalScorer::OracleNavsim),
+        _ => None,
+    }
 }
 
 /// Arguments of `import`.
