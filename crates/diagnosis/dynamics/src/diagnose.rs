@@ -55,9 +55,11 @@ pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) ->
     let outcomes: Vec<Outcome<'_, '_>> = models.iter().enumerate().map(run).collect();
     let mut ranking = rank(case, &outcomes, thresholds);
     ranking.retain(|c| !options.without.iter().any(|id| id == c.id));
+    // scattered samples leave more than the shape of an effect does
+    let scattered = ranking.iter().any(|c| c.accepted && c.part.is_none());
     let lefts: Vec<Left> = outcomes
         .iter()
-        .map(|o| Left { trend: o.trend, ..left(o.model(), o.fit(), &o.search.null, o.accepted.is_some()) })
+        .map(|o| Left { trend: o.trend, ..left(o.model(), o.fit(), &o.search.null, scattered || o.accepted.is_some()) })
         .collect();
     let p_unknown = match baseline {
         Some(baseline) if baseline.nulls.len() > 1 => statistics::unknown(&baseline.nulls, &lefts),
