@@ -61,9 +61,14 @@ pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) ->
         .iter()
         .map(|o| Left { trend: o.trend, ..left(o.model(), o.fit(), &o.search.null, scattered || o.accepted.is_some()) })
         .collect();
+    let p_library = lefts.iter().map(Left::probability).fold(0.0, f64::max);
     let p_unknown = match baseline {
-        Some(baseline) if baseline.nulls.len() > 1 => statistics::unknown(&baseline.nulls, &lefts),
-        _ => lefts.iter().map(Left::probability).fold(0.0, f64::max),
+        Some(baseline) if baseline.nulls.len() > 1 => {
+            let p_healthy = statistics::unknown(&baseline.nulls, &lefts);
+            // healthy drives do not know what the uncertain shape of an effect leaves, the library does
+            if ranking.iter().any(|c| c.accepted) { p_healthy.min(p_library) } else { p_healthy }
+        }
+        _ => p_library,
     };
     let verdict = verdict(&ranking, p_unknown);
     let doubt = if outcomes.iter().any(|o| o.accepted.is_some()) { DOUBT } else { 0.0 };
