@@ -1,7 +1,7 @@
 //! What a diagnosis says in one sentence, and the top of the page that says it.
 
 use ds_diagnosis::Verdict;
-use ds_diagnosis::schema::{Diagnosis, Finding, Shrink};
+use ds_diagnosis::schema::{Diagnosis, Finding, Shrink, Unknown};
 use ds_effect::Channel;
 
 use super::markup::Markup;
@@ -85,7 +85,8 @@ pub(crate) fn sentence(diagnosis: &Diagnosis) -> String {
                 "" => String::new(),
                 names => format!(" The nearest is {names}; {}", closes(diagnosis, "the simulator with it")),
             };
-            format!("Something is missing that no effect of the library explains: {sure} sure.{known}")
+            let what = if needs_baseline(diagnosis) { FOREIGN } else { MISSING };
+            format!("{what}: {sure} sure.{known}")
         }
         Verdict::Single => {
             format!("The simulator leaves out {names}, {sure} sure; {}", closes(diagnosis, "corrected, it"))
@@ -95,6 +96,16 @@ pub(crate) fn sentence(diagnosis: &Diagnosis) -> String {
             closes(diagnosis, "corrected, it")
         ),
     }
+}
+
+/// What is said of a remainder that no vehicle has by nature, and of one that this vehicle may have.
+const MISSING: &str = "Something is missing that no effect of the library explains";
+const FOREIGN: &str = "The vehicle differs from the library's cars, by a trait or by a fault that no effect of the library explains: record three \
+     healthy drives or more and make a baseline of them, which tells them apart";
+
+/// Tells whether only healthy drives of the vehicle can say what is unknown.
+fn needs_baseline(diagnosis: &Diagnosis) -> bool {
+    diagnosis.unknown.as_ref().is_some_and(|unknown| unknown.unknown_kind == Unknown::NEEDS_BASELINE)
 }
 
 /// Returns what the data cannot tell from the chosen effects.

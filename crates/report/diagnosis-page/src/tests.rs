@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use ds_diagnosis::Verdict;
 use ds_diagnosis::schema::{
-    Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, Regime, Remainder, Shrink,
+    Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, Regime, Remainder, Shrink, Unknown,
 };
 
 use super::markup::escaped;
@@ -233,6 +233,8 @@ fn the_headline_says_it_all() {
     assert!(said(&unknown).contains("The nearest is steering delay (0.150 s); the simulator with it closes 98 %"));
     unknown.chosen.clear();
     assert!(said(&unknown).ends_with("no effect of the library explains: 5 % sure."));
+    unknown.unknown = Some(Unknown::new(0.05, 0.1));
+    assert!(said(&unknown).contains("record three healthy drives or more"), "{}", said(&unknown));
     let mut rivals = clean();
     rivals.effects[0].group.push("pose_latency".to_owned());
     assert!(page(&rivals, None).contains("These data cannot tell steering delay from pose latency."));
