@@ -33,6 +33,8 @@ pub struct Options {
     pub without: Vec<String>,
     /// Logs of a vehicle: what healthy drives of it say.
     pub baseline: Option<Arc<Baseline>>,
+    /// Logs of a vehicle: the command that serves the nominal simulator; `{case}` in it is the case's folder.
+    pub simulator: Option<String>,
     /// Frames: what the generator does without any effect.
     pub nuisance: Option<Nuisance>,
 }
@@ -92,6 +94,18 @@ pub fn diagnose(case: &Case, options: &Options) -> Result<Diagnosis, CasesError>
             diagnosis
         }
     })
+}
+
+/// Diagnoses logs of a vehicle with a command as the nominal simulator, see `docs/simulators.md`.
+///
+/// # Errors
+/// If the case is another one, or the simulator cannot be used.
+pub fn diagnose_by(case: Case, command: &str, options: &Options) -> Result<Diagnosis, CasesError> {
+    let Case::Vehicle(case, plans) = case else { return Err(CasesError::SimulatorWithoutVehicle) };
+    let options = ds_dynamics::Options { quick: options.quick, without: options.without.clone() };
+    let mut diagnosis = ds_simulator::diagnose(*case, command, &options)?;
+    diagnosis.join(stamps::diagnose(&diagnosis.case, &plans));
+    Ok(diagnosis)
 }
 
 /// Measures how far a diagnosis shrinks the gap on data that it never saw, without any refit.

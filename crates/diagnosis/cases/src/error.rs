@@ -6,6 +6,7 @@ use ds_diagnosis::CaseError;
 use ds_frames::SightError;
 use ds_record::RecordError;
 use ds_scenario::ScenarioError;
+use ds_simulator::SimulatorError;
 use ds_traffic::TrafficError;
 
 /// What is wrong with a case or with what it is made of.
@@ -20,6 +21,12 @@ pub enum CasesError {
     /// A file of the case is refused, or a log of a vehicle makes no sense.
     #[error(transparent)]
     Case(#[from] CaseError),
+    /// A simulator of somebody else cannot be used.
+    #[error(transparent)]
+    Simulator(#[from] SimulatorError),
+    /// A simulator was given for what is no log of a vehicle.
+    #[error("--simulator is for logs of a vehicle; this case holds frames or traffic")]
+    SimulatorWithoutVehicle,
     /// A pair of frame streams makes no sense.
     #[error(transparent)]
     Frames(#[from] SightError),

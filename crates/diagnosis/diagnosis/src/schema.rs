@@ -71,6 +71,12 @@ pub struct Diagnosis {
     /// do not agree pixel by pixel).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub detection_limits: Vec<DetectionLimit>,
+    /// Rollouts of a simulator of somebody else, where one was the nominal one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rollouts: Option<usize>,
+    /// Effects that such a simulator has neither a parameter nor a port for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not_testable: Vec<String>,
     /// Time spent, s.
     #[serde(deserialize_with = "null::number")]
     pub secs: f64,
@@ -116,6 +122,8 @@ impl Diagnosis {
             floor_source: "practice".to_owned(),
             warnings: Vec::new(),
             detection_limits: Vec::new(),
+            rollouts: None,
+            not_testable: Vec::new(),
             secs: 0.0,
         }
     }

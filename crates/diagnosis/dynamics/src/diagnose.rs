@@ -124,6 +124,8 @@ pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) ->
         floor_source: floor_source(case).to_owned(),
         warnings: case.warnings.clone(),
         detection_limits: Vec::new(),
+        rollouts: None,
+        not_testable: Vec::new(),
         secs: 0.0,
         effects,
     }

@@ -31,6 +31,15 @@ pub(crate) enum GapCommand {
     /// Diagnose a drive of a running fleet while it goes on, in a sliding window, and say so on the bus; it must have a
     /// vehicle log.
     Watch(WatchArgs),
+    /// Serve the built-in car of a case as a simulator, on standard input and output.
+    Serve {
+        /// The case's folder.
+        #[arg(value_hint = ValueHint::DirPath)]
+        case: PathBuf,
+        /// Declare no parameters, so that all goes through the ports.
+        #[arg(long)]
+        ports_only: bool,
+    },
     /// Say which effects share a signature whatever the data, for a set of recorded channels.
     Isolability {
         /// The channels, such as v,yaw_rate,ax; all without.
@@ -74,6 +83,10 @@ pub(crate) struct DiagnoseArgs {
     /// compared.
     #[arg(long, value_name = "FILE|CASE", value_hint = ValueHint::AnyPath)]
     pub(crate) baseline: Option<PathBuf>,
+    /// Logs of a vehicle: a command that serves the nominal simulator, instead of the built-in car; `{case}` in it is the
+    /// case's folder, see docs/simulators.md.
+    #[arg(long, value_name = "COMMAND", conflicts_with = "baseline")]
+    pub(crate) simulator: Option<String>,
     /// Draw no pages.
     #[arg(long)]
     pub(crate) no_pages: bool,

@@ -9,10 +9,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
-use ds_cases::case::{Case, Options, Unseen, folders, name, names};
+use ds_cases::case::{Case, Options, Unseen, diagnose_by, folders, name, names};
 use ds_cases::pairs::Paired;
 use ds_cases::{RunConfig, finished, logs, pairs, scenes, seal};
-use ds_diagnosis::meta::Kind;
+use ds_diagnosis::meta::{Kind, VehicleMeta};
 use ds_diagnosis::score::score_folder;
 use ds_diagnosis::{Diagnosis, json};
 use ds_effect::{Channel, Parameter};
@@ -38,6 +38,10 @@ pub(crate) fn run(command: &GapCommand, log: &str) -> Result<()> {
         GapCommand::Attribute(args) => crate::runtime()?.block_on(attribute::run(args, log)),
         GapCommand::Watch(args) => crate::runtime()?.block_on(watch::run(args)),
         GapCommand::Isolability { channels } => isolability(channels),
+        GapCommand::Serve { case, ports_only } => {
+            let served = ds_simulator::Served::new(&VehicleMeta::read(case)?.nominal, !ports_only);
+            Ok(ds_simulator::serve(served, std::io::stdin().lock(), std::io::stdout().lock())?)
+        }
         GapCommand::Effects => {
             list_effects();
             Ok(())
@@ -136,7 +140,8 @@ fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
     }
     let baseline = args.baseline.as_deref().map(ds_cases::baseline::open).transpose()?;
     let nuisance = args.nuisance.as_deref().map(ds_frames::Nuisance::learn).transpose()?;
-    let options = Options { quick: args.quick, without: Vec::new(), baseline, nuisance };
+    let simulator = args.simulator.clone();
+    let options = Options { quick: args.quick, without: Vec::new(), baseline, simulator, nuisance };
     let bar = bar(cases.len() as u64, "cases");
     bar.tick();
     let names = names(&cases);
@@ -234,9 +239,11 @@ fn suggest(log: &Path, out: Option<&Path>) -> Result<()> {
 /// Reads a case and diagnoses it.
 fn one(case: &Path, options: &Options, bar: &ProgressBar) -> Result<Diagnosis> {
     let began = Instant::now();
-    let diagnosis = Case::read(case)
-        .and_then(|case| case.against(options.baseline.as_ref()))
-        .and_then(|case| ds_cases::diagnose(&case, options));
+    let read = Case::read(case).and_then(|case| case.against(options.baseline.as_ref()));
+    let diagnosis = read.and_then(|read| match &options.simulator {
+        Some(command) => diagnose_by(read, &command.replace("{case}", &case.to_string_lossy()), options),
+        None => ds_cases::diagnose(&read, options),
+    });
     bar.inc(1);
     Ok(Diagnosis { secs: began.elapsed().as_secs_f64(), ..diagnosis? })
 }

@@ -1,0 +1,269 @@
+//! Another simulator's motion of windows, with few rollouts of it: the built-in car's motion and what the other one adds.
+//!
+//! What it adds is known exactly where it was run, for the parameters and inputs of that run, and is taken to change
+//! linearly between such points: the least change that agrees with all of them (Broyden 1965), in a metric of typical
+//! sizes. With one point it is constant.
+
+use std::collections::BTreeMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use ds_diagnosis::meta::Nominal;
+use ds_dynamics::ego::{Actuated, Instant, ROLL_SECS};
+use ds_dynamics::motion::{BuiltIn, Motion, Window};
+use ds_effect::Plant;
+use ds_effect::plant::{Road, Vehicle};
+use nalgebra::{DMatrix, DVector};
+
+use crate::drive::{Rollout, Subject, car_of};
+use crate::error::SimulatorError;
+use crate::fields::FIELDS;
+use crate::message::Hello;
+use crate::process::Process;
+use crate::serve::Served;
+
+/// Most rollouts of a case.
+pub(crate) const BUDGET: usize = 2000;
+/// A rollout is a window of at most so many seconds; a longer one counts for several.
+const ROLLOUT_SECS: f64 = 3.0;
+/// Spacing at which inputs are compared, s.
+const SPACING_SECS: f64 = 0.1;
+/// Typical changes of the inputs, rad and m/s².
+const INPUT_SCALES: (f64, f64) = (0.02, 0.6);
+/// Weights of points beyond which nothing is extrapolated.
+const FARTHEST: f64 = 1.5;
+/// Share of the diagonal that keeps points that nearly coincide from fighting.
+const RIDGE: f64 = 1e-6;
+/// Seeds over which a simulator that draws is averaged.
+const SEEDS: u64 = 2;
+
+/// What one window is told apart by: drive, sample, length in half seconds.
+type Key = (usize, usize, u32);
+
+/// A run of a window: what it was run with, and what the simulator added.
+struct Point {
+    features: Vec<f64>,
+    added: Vec<Instant>,
+}
+
+#[derive(Default)]
+struct Known {
+    points: Vec<Point>,
+    inverse: Option<DMatrix<f64>>,
+}
+
+/// A simulator of somebody else, as a motion of windows.
+pub(crate) struct Foreign {
+    /// What it said of itself.
+    pub(crate) hello: Hello,
+    nominal: Nominal,
+    reference: (Vehicle, Road),
+    inner: Mutex<Inner>,
+}
+
+struct Inner {
+    process: Process,
+    known: BTreeMap<Key, Known>,
+    tally: Tally,
+}
+
+/// What was asked of a simulator.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Tally {
+    /// Rollouts made.
+    pub(crate) rollouts: usize,
+    /// Windows in which it failed or was not run any more.
+    pub(crate) masked: usize,
+    /// Whether it was started anew.
+    pub(crate) restarted: bool,
+    /// The last failure.
+    pub(crate) why: String,
+}
+
+impl Foreign {
+    /// Takes a running simulator for a case; `reference` is the car that it stands for as it is.
+    #[must_use]
+    pub(crate) fn new(process: Process, nominal: &Nominal, reference: &Plant) -> Self {
+        let hello = process.hello.clone();
+        let inner = Inner { process, known: BTreeMap::new(), tally: Tally::default() };
+        let reference = (reference.vehicle, reference.road);
+        Self { hello, nominal: nominal.clone(), reference, inner: Mutex::new(inner) }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Inner> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Returns what was asked so far.
+    #[must_use]
+    pub(crate) fn tally(&self) -> Tally {
+        let inner = self.lock();
+        Tally { restarted: inner.process.restarted(), ..inner.tally.clone() }
+    }
+
+    /// Runs windows and remembers what the simulator adds there.
+    pub(crate) fn learn(&self, windows: &[Window], actuated: &Actuated, plant: &Plant) {
+        let mut inner = self.lock();
+        for window in windows {
+            let added = self.run(&mut inner, window, actuated, plant);
+            self.remember(&mut inner, window, actuated, plant, added);
+        }
+    }
+
+    /// Remembers what the simulator would add in a window, without a run.
+    pub(crate) fn suppose(&self, window: &Window, actuated: &Actuated, plant: &Plant, added: Vec<Instant>) {
+        self.remember(&mut self.lock(), window, actuated, plant, added);
+    }
+
+    fn remember(&self, inner: &mut Inner, window: &Window, actuated: &Actuated, plant: &Plant, added: Vec<Instant>) {
+        let known = inner.known.entry(key(window)).or_default();
+        // a window that once failed is not looked at any more; a later failure says nothing
+        let failed = |added: &[Instant]| added.iter().any(|instant| instant.x.is_nan());
+        if known.points.first().is_none_or(|first| !failed(&first.added))
+            && (known.points.is_empty() || !failed(&added))
+        {
+            known.points.push(Point { features: features(window, actuated, plant), added });
+            known.inverse = None;
+        }
+    }
+
+    /// Returns what the simulator adds to the built-in car in a window; not a number where it fails.
+    fn run(&self, inner: &mut Inner, window: &Window, actuated: &Actuated, plant: &Plant) -> Vec<Instant> {
+        let start = &window.start;
+        let nothing = || {
+            let unknown = Instant { x: f64::NAN, ..Instant::default() };
+            vec![all(&unknown, &unknown, |_, _| f64::NAN)]
+        };
+        let parts = ((start.horizon_secs + start.warm_secs) / ROLLOUT_SECS).ceil().max(1.0) as usize;
+        let seeds = if self.hello.deterministic { 1 } else { SEEDS };
+        if inner.tally.rollouts + parts * seeds as usize > BUDGET {
+            inner.tally.masked += 1;
+            inner.tally.why = format!("all {BUDGET} rollouts were made");
+            return nothing();
+        }
+        inner.tally.rollouts += parts * seeds as usize;
+        let reference = Plant { vehicle: self.reference.0, road: self.reference.1, ..self.nominal.plant() };
+        let rollout = |reference, seed| Rollout { start, actuated, plant, reference, nominal: &self.nominal, seed };
+        let mut twin = Served::new(&self.nominal, true);
+        let own = self.nominal.plant();
+        let built_in = rollout(&own, 0).run(&mut twin as &mut dyn Subject, &Served::new(&self.nominal, true).hello());
+        let driven: Result<Vec<Vec<Instant>>, SimulatorError> =
+            (1..=seeds).map(|seed| rollout(&reference, seed).run(&mut inner.process, &self.hello)).collect();
+        match (driven, built_in) {
+            (Ok(driven), Ok(built_in)) => {
+                let share = 1.0 / driven.len() as f64;
+                let mut added = vec![Instant::default(); built_in.len()];
+                for one in &driven {
+                    for ((sum, theirs), ours) in added.iter_mut().zip(one).zip(&built_in) {
+                        let change = all(theirs, ours, |a, b| a - b);
+                        *sum = all(sum, &change, |a, b| a + share * b);
+                    }
+                }
+                added
+            }
+            (Err(error), _) | (_, Err(error)) => {
+                inner.tally.masked += 1;
+                inner.tally.why = error.to_string();
+                nothing()
+            }
+        }
+    }
+
+    /// Returns what the simulator adds in a window by what is known; the window is run where nothing is.
+    fn added(&self, inner: &mut Inner, window: &Window, actuated: &Actuated, plant: &Plant) -> Vec<Instant> {
+        if !inner.known.contains_key(&key(window)) {
+            let added = self.run(inner, window, actuated, plant);
+            self.remember(inner, window, actuated, plant, added);
+        }
+        let Some(known) = inner.known.get_mut(&key(window)) else { return Vec::new() };
+        let mut sum = known.points[0].added.clone();
+        for (weight, point) in known.weights(&features(window, actuated, plant)).iter().zip(&known.points[1..]) {
+            for ((sum, at), first) in sum.iter_mut().zip(&point.added).zip(&known.points[0].added) {
+                let change = all(at, first, |a, b| a - b);
+                *sum = all(sum, &change, |a, b| a + weight * b);
+            }
+        }
+        sum
+    }
+
+    /// Returns what the simulator adds in windows by what is known.
+    #[must_use]
+    pub(crate) fn adds(&self, windows: &[Window], actuated: &Actuated, plant: &Plant) -> Vec<Vec<Instant>> {
+        let mut inner = self.lock();
+        windows.iter().map(|window| self.added(&mut inner, window, actuated, plant)).collect()
+    }
+
+    /// Returns the built-in car's part of a motion.
+    #[must_use]
+    pub(crate) fn built_in(&self, windows: &[Window], actuated: &Actuated, plant: &Plant) -> Vec<Vec<Instant>> {
+        BuiltIn.roll(windows, actuated, &car_of(plant, &self.nominal))
+    }
+}
+
+impl Motion for Foreign {
+    fn roll(&self, windows: &[Window], actuated: &Actuated, plant: &Plant) -> Vec<Vec<Instant>> {
+        let mut rolled = BuiltIn.roll(windows, actuated, plant);
+        for (motion, added) in rolled.iter_mut().zip(self.adds(windows, actuated, plant)) {
+            let last = added.last().copied().unwrap_or_default();
+            for (instant, added) in motion.iter_mut().zip(added.iter().chain(std::iter::repeat(&last))) {
+                *instant = all(instant, added, |a, b| a + b);
+            }
+        }
+        rolled
+    }
+}
+
+impl Known {
+    /// Returns the weights of all points but the first at some features.
+    fn weights(&mut self, features: &[f64]) -> Vec<f64> {
+        let first = &self.points[0].features;
+        let away = |other: &[f64]| DVector::from_iterator(first.len(), other.iter().zip(first).map(|(a, b)| a - b));
+        if self.points.len() < 2 {
+            return Vec::new();
+        }
+        let count = self.points.len() - 1;
+        let mut rows = DMatrix::zeros(count, first.len());
+        for (k, point) in self.points[1..].iter().enumerate() {
+            rows.set_row(k, &away(&point.features).transpose());
+        }
+        let inverse = self.inverse.get_or_insert_with(|| {
+            let mut gram = &rows * rows.transpose();
+            let ridge = RIDGE * (gram.trace() / count as f64).max(1e-12);
+            (0..count).for_each(|k| gram[(k, k)] += ridge);
+            gram.try_inverse().unwrap_or_else(|| DMatrix::zeros(count, count))
+        });
+        let weights = &*inverse * (&rows * away(features));
+        weights.iter().map(|weight| weight.clamp(-FARTHEST, FARTHEST)).collect()
+    }
+}
+
+/// Joins two instants value by value.
+#[must_use]
+pub(crate) fn all(a: &Instant, b: &Instant, join: impl Fn(f64, f64) -> f64) -> Instant {
+    Instant {
+        x: join(a.x, b.x),
+        y: join(a.y, b.y),
+        yaw: join(a.yaw, b.yaw),
+        v: join(a.v, b.v),
+        yaw_rate: join(a.yaw_rate, b.yaw_rate),
+        ax: join(a.ax, b.ax),
+        ay: join(a.ay, b.ay),
+    }
+}
+
+fn key(window: &Window) -> Key {
+    (window.drive, window.sample, (window.start.horizon_secs * 2.0) as u32)
+}
+
+/// Returns what a motion depends on in units of typical changes: parameters of vehicle and road, inputs of the window.
+fn features(window: &Window, actuated: &Actuated, plant: &Plant) -> Vec<f64> {
+    let start = &window.start;
+    let count = ((f64::from(key(window).2) * 0.5 + start.warm_secs) / SPACING_SECS) as usize;
+    let root = (count as f64).sqrt();
+    let mut found: Vec<f64> = FIELDS.iter().map(|field| (field.get)(plant) / field.scale).collect();
+    for k in 0..count {
+        let (steer, accel) = actuated.asked(start.secs + k as f64 * SPACING_SECS + 0.5 * ROLL_SECS);
+        found.push(steer / INPUT_SCALES.0 / root);
+        found.push(accel / INPUT_SCALES.1 / root);
+    }
+    found
+}
