@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use ds_stats::explained;
 
+use crate::baseline::Baseline;
 use crate::bootstrap::weights;
 use crate::case::{Case, PartModel};
 use crate::cells::cells;
@@ -61,15 +62,7 @@ pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) ->
         .iter()
         .map(|o| Left { trend: o.trend, ..left(o.model(), o.fit(), &o.search.null, scattered || o.accepted.is_some()) })
         .collect();
-    let p_library = lefts.iter().map(Left::probability).fold(0.0, f64::max);
-    let p_unknown = match baseline {
-        Some(baseline) if baseline.nulls.len() > 1 => {
-            let p_healthy = statistics::unknown(&baseline.nulls, &lefts);
-            // healthy drives do not know what the uncertain shape of an effect leaves, the library does
-            if ranking.iter().any(|c| c.accepted) { p_healthy.min(p_library) } else { p_healthy }
-        }
-        _ => p_library,
-    };
+    let p_unknown = unknown(baseline, &lefts, ranking.iter().any(|c| c.accepted));
     let verdict = verdict(&ranking, p_unknown);
     let doubt = if outcomes.iter().any(|o| o.accepted.is_some()) { DOUBT } else { 0.0 };
     let p_unknown = doubt + (1.0 - doubt - DOUBT) * p_unknown;
@@ -128,6 +121,19 @@ pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) ->
         not_testable: Vec::new(),
         secs: 0.0,
         effects,
+    }
+}
+
+/// Returns the probability that something is at work that no library effect explains.
+fn unknown(baseline: Option<&Baseline>, lefts: &[Left], accepted: bool) -> f64 {
+    let p_library = lefts.iter().map(Left::probability).fold(0.0, f64::max);
+    match baseline {
+        Some(baseline) if baseline.nulls.len() > 1 => {
+            let p_healthy = statistics::unknown(&baseline.nulls, lefts);
+            // healthy drives do not know what the uncertain shape of an effect leaves, the library does
+            if accepted { p_healthy.min(p_library) } else { p_healthy }
+        }
+        _ => p_library,
     }
 }
 
