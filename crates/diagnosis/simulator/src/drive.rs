@@ -234,8 +234,8 @@ fn collect(reply: Reply, count: usize, rows: &mut Vec<Row>) -> Result<(), Simula
         })?;
         columns.push(values);
     }
-    for k in 0..count {
-        let mut row: Row = std::array::from_fn(|c| columns[c][k]);
+    let row_at = |k: usize| -> Row { std::array::from_fn(|c| columns[c][k]) };
+    for mut row in (0..count).map(row_at) {
         let turns = ((rows[rows.len() - 1][2] - row[2]) / std::f64::consts::TAU).round();
         row[2] += turns * std::f64::consts::TAU;
         rows.push(row);

@@ -79,6 +79,21 @@ pub(crate) struct Tally {
     pub(crate) why: String,
 }
 
+impl Inner {
+    /// Remembers what the simulator adds at a point of a window, unless either failed.
+    fn remember(&mut self, window: &Window, point: Point) {
+        let known = self.known.entry(key(window)).or_default();
+        // a window that once failed is not looked at any more; a later failure says nothing
+        let failed = |added: &[Instant]| added.iter().any(|instant| instant.x.is_nan());
+        if known.points.first().is_none_or(|first| !failed(&first.added))
+            && (known.points.is_empty() || !failed(&point.added))
+        {
+            known.points.push(point);
+            known.inverse = None;
+        }
+    }
+}
+
 impl Foreign {
     /// Takes a running simulator for a case; `reference` is the car that it stands for as it is.
     #[must_use]
@@ -105,25 +120,13 @@ impl Foreign {
         let mut inner = self.lock();
         for window in windows {
             let added = self.run(&mut inner, window, actuated, plant);
-            self.remember(&mut inner, window, actuated, plant, added);
+            inner.remember(window, Point { features: features(window, actuated, plant), added });
         }
     }
 
     /// Remembers what the simulator would add in a window, without a run.
     pub(crate) fn suppose(&self, window: &Window, actuated: &Actuated, plant: &Plant, added: Vec<Instant>) {
-        self.remember(&mut self.lock(), window, actuated, plant, added);
-    }
-
-    fn remember(&self, inner: &mut Inner, window: &Window, actuated: &Actuated, plant: &Plant, added: Vec<Instant>) {
-        let known = inner.known.entry(key(window)).or_default();
-        // a window that once failed is not looked at any more; a later failure says nothing
-        let failed = |added: &[Instant]| added.iter().any(|instant| instant.x.is_nan());
-        if known.points.first().is_none_or(|first| !failed(&first.added))
-            && (known.points.is_empty() || !failed(&added))
-        {
-            known.points.push(Point { features: features(window, actuated, plant), added });
-            known.inverse = None;
-        }
+        self.lock().remember(window, Point { features: features(window, actuated, plant), added });
     }
 
     /// Returns what the simulator adds to the built-in car in a window; not a number where it fails.
@@ -172,7 +175,7 @@ impl Foreign {
     fn added(&self, inner: &mut Inner, window: &Window, actuated: &Actuated, plant: &Plant) -> Vec<Instant> {
         if !inner.known.contains_key(&key(window)) {
             let added = self.run(inner, window, actuated, plant);
-            self.remember(inner, window, actuated, plant, added);
+            inner.remember(window, Point { features: features(window, actuated, plant), added });
         }
         let Some(known) = inner.known.get_mut(&key(window)) else { return Vec::new() };
         let mut sum = known.points[0].added.clone();
