@@ -158,7 +158,7 @@ pub struct Hello {
 /// A parameter of a simulator.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ParameterEntry {
-    /// One of the names of the single track, see [`crate::fields`].
+    /// One of the names of the single track, see `fields.rs`.
     pub name: String,
     /// Its unit.
     #[serde(default)]
