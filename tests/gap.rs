@@ -37,6 +37,30 @@ fn a_labelled_case_is_named_and_a_broken_one_spoils_no_other() {
 }
 
 #[test]
+fn finished_cases_of_a_folder_are_kept_and_changed_ones_diagnosed_anew() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let [one, two, out] = ["cases/one", "cases/two", "out"].map(|name| folder.path().join(name));
+    for (seed, case) in [(81, &one), (82, &two)] {
+        std::fs::create_dir_all(case).expect("a folder");
+        ds_dynamics::synthetic::write_case(case, seed, &|_| {}).expect("the case can be written");
+    }
+    let (cases, to) = (folder.path().join("cases").display().to_string(), out.display().to_string());
+    let call = |more: &[&str]| {
+        let arguments = [&["gap", "diagnose", &cases, "--quick", "--no-pages", "--out", &to], more].concat();
+        assert!(dreamstream(&arguments).output().expect("the binary runs").status.success());
+        ["one", "two"].map(|name| std::fs::read(out.join(name).join("diagnosis.json")).expect("a diagnosis"))
+    };
+    let first = call(&[]);
+    assert_eq!(call(&["--resume"]), first, "the seconds that it took are those of the first call");
+    let table = two.join("drive_0.csv");
+    let text = std::fs::read_to_string(&table).expect("a table");
+    let cut = text.rsplit_once("\n").and_then(|(rest, _)| rest.rsplit_once("\n")).expect("rows").0;
+    std::fs::write(&table, format!("{cut}\n")).expect("written");
+    let again = call(&["--resume"]);
+    assert!(again[0] == first[0] && again[1] != first[1]);
+}
+
+#[test]
 fn folders_without_cases_are_refused() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let arguments = ["gap", "diagnose", &folder.path().display().to_string()];

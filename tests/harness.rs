@@ -125,20 +125,30 @@ pub(crate) fn signal(pid: u32, name: &str) {
 /// Returns the Python of an environment that holds the client and an independent MCAP reader, made at the first call;
 /// says so and returns `None` where Python cannot make one.
 pub(crate) fn python() -> Option<PathBuf> {
+    python_with("ready", &["./clients/python", "mcap", "mcap-protobuf-support", "pytest"])
+}
+
+/// Returns the Python of [`python`] with further `packages`, installed once under the name `stamp`.
+///
+/// Tests of one binary run at the same time: whoever makes or fills the environment holds its lock.
+pub(crate) fn python_with(stamp: &str, packages: &[&str]) -> Option<PathBuf> {
     let folder = workspace().join("target/test-python");
     let python = folder.join("bin/python");
-    let stamp = folder.join("ready");
-    if !stamp.exists() {
+    let lock = std::fs::File::create(folder.with_extension("lock")).expect("a lock beside the environment");
+    lock.lock().expect("the environment's lock");
+    if !folder.join("ready").exists() {
         let made = Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder).output();
-        let installed = made.ok().filter(|output| output.status.success()).and_then(|_| {
-            let mut command = Command::new(&python);
-            command.args(["-m", "pip", "install", "-q", "./clients/python", "mcap", "mcap-protobuf-support", "pytest"]);
-            command.current_dir(workspace()).output().ok()
-        });
-        match installed {
-            Some(output) if output.status.success() => std::fs::write(&stamp, "").expect("a stamp"),
-            Some(output) => return without_python(&String::from_utf8_lossy(&output.stderr)),
-            None => return without_python("python3 -m venv does not work"),
+        if !made.is_ok_and(|output| output.status.success()) {
+            return without_python("python3 -m venv does not work");
+        }
+    }
+    if !folder.join(stamp).exists() {
+        let mut install = Command::new(&python);
+        let output = install.args(["-m", "pip", "install", "-q"]).args(packages).current_dir(workspace()).output();
+        match output {
+            Ok(output) if output.status.success() => std::fs::write(folder.join(stamp), "").expect("a stamp"),
+            Ok(output) => return without_python(&String::from_utf8_lossy(&output.stderr)),
+            Err(error) => return without_python(&error.to_string()),
         }
     }
     Some(python)

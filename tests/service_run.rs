@@ -5,33 +5,15 @@
 mod harness;
 use std::path::{Path, PathBuf};
 
-use harness::{children, command, finished, python, signal, start, text, wait_for, workspace};
+use harness::{children, command, finished, python, python_with, signal, start, text, wait_for, workspace};
 use serde_json::Value;
 
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
 
 /// Returns a Python with all that a stage needs.
 fn stage_python() -> Option<PathBuf> {
-    let python = python()?;
-    let needed = ["./clients/python[stage]", "pillow"];
-    let stamp = python.with_file_name("stage-extra-ready");
-    if !stamp.exists() {
-        let mut install = std::process::Command::new(&python);
-        let output = install
-            .args(["-m", "pip", "install", "-q"])
-            .args(needed)
-            .current_dir(workspace())
-            .output()
-            .expect("pip runs");
-        if !output.status.success() {
-            let why = String::from_utf8_lossy(&output.stderr).into_owned();
-            assert!(std::env::var_os("DREAMSTREAM_REQUIRE_PYTHON").is_none(), "Python is required here: {why}");
-            eprintln!("skipped: {why}");
-            return None;
-        }
-        std::fs::write(&stamp, "").expect("a stamp");
-    }
-    Some(python)
+    python()?;
+    python_with("ready-for-stages", &["./clients/python[stage]", "pillow"])
 }
 
 /// Returns the flag that puts a Python stage in a role's place.

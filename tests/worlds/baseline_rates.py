@@ -4,7 +4,7 @@ For every vehicle of the fleet its first healthy cases make the baseline, its ot
 a healthy one is called anything, a library effect unknown, the first effect right, the choice right, both of a pair found.
 
     python tests/worlds/own_world.py --out WORLD --seed SEED --fleet 3 --none 45 --singles 48 --pairs 12 --unknown 10
-    python tests/worlds/baseline_rates.py WORLD --logs 3 5 10 --out DIR [--program target/debug/dreamstream] [--full]
+    python tests/worlds/baseline_rates.py WORLD --logs 3 5 10 --out DIR [--program target/debug/dreamstream] [--full | --discover]
 """
 
 import argparse
@@ -48,6 +48,24 @@ def rates(labels, found):
     return lines
 
 
+def law_rates(labels, found):
+    """Counts of `gap discover`: insertion, law and what it explains of each effect outside the library; laws of healthy cases."""
+    strange = {n: label["effects"][0]["insertion"] for n, label in labels.items() if label["kind"] == "out_of_library"}
+    none = [found.get(n) for n, label in labels.items() if label["kind"] == "none"]
+    told = {n: (found.get(n) or {}).get("discovery") or {} for n in strange}
+    first = lambda n: told[n]["insertion"][0]["id"] if told[n].get("insertion") else ""
+    share = lambda n: (told[n].get("share_explained") or {}).get("value", 0.0)
+    alike = lambda n, place: first(n).startswith(place) or (place == "sensor.x" and first(n) == "sensor.y")
+    sensor = lambda place: place.startswith("sensor")
+    return [
+        ("insertion first", sum(alike(n, place) for n, place in strange.items()), len(strange)),
+        ("sensor or physics right", sum(sensor(first(n)) == sensor(place) for n, place in strange.items()), len(strange)),
+        ("a law is offered", sum("law" in told[n] for n in strange), len(strange)),
+        ("law explains half of kept drives", sum(share(n) >= 0.5 for n in strange), len(strange)),
+        ("law on a healthy case", sum("law" in ((d or {}).get("discovery") or {}) for d in none), len(none)),
+    ]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("world", type=pathlib.Path)
@@ -55,6 +73,7 @@ def main():
     parser.add_argument("--logs", type=int, nargs="*", default=[3, 5, 10])
     parser.add_argument("--program", default="target/debug/dreamstream")
     parser.add_argument("--full", action="store_true", help="default effort instead of --quick")
+    parser.add_argument("--discover", action="store_true", help="look for laws, at default effort")
     parser.add_argument("--wrong", action="store_true", help="list what is wrong")
     given = parser.parse_args()
     labels = json.loads((given.world / "labels.json").read_text())
@@ -73,14 +92,14 @@ def main():
                 healthy = [given.world / n for n in pool[vehicle][:count]]
                 subprocess.run([given.program, "gap", "baseline", *healthy, "-o", file], check=True, capture_output=True)
                 baseline = ["--baseline", file]
-            command = [given.program, "gap", "diagnose", *(given.world / n for n in names), "--no-pages", "--out", out, *baseline]
-            subprocess.run(command + ([] if given.full else ["--quick"]), capture_output=True)
+            command = [given.program, "gap", "discover" if given.discover else "diagnose", *(given.world / n for n in names), "--no-pages", "--out", out, *baseline]
+            subprocess.run(command + ([] if given.full or given.discover else ["--quick"]), capture_output=True)
             for n in names:
                 path = out / n / "diagnosis.json"
                 if path.exists():
                     found[n] = json.loads(path.read_text())
         print(f"{given.world.name}: baseline of {count} healthy logs" if count else f"{given.world.name}: no baseline")
-        for what, hits, of in rates(tested, found):
+        for what, hits, of in rates(tested, found) + (law_rates(tested, found) if given.discover else []):
             print(f"  {what:34} {wilson(hits, of)}")
         if given.wrong:
             for n, label in tested.items():

@@ -17,6 +17,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+import own_world
 from labelled_case import Unfit, draw_car, draw_ids, make_case, write_log
 from metadrive_actuators import DT, Actuators, clip
 
@@ -76,6 +77,7 @@ UNKNOWN = {
     "steer_stiction": (0.008, 0.015), "gust_bursts": (1.2, 2.2), "drive_cuts": (0.5, 0.8), "position_jumps": (0.4, 1.0),
     "gyro_wander": (0.012, 0.03), "steer_compliance": (0.03, 0.06), "load_slosh": (0.5, 0.9), "pull_under_power": (0.004, 0.01),
 }
+ACTS_AT = {**own_world.ACTS_AT, "gust_bursts": "drive", "load_slosh": "drive"}
 KINDS = {"urban": (9.0, 3.0, 2.2), "highway": (24.0, 4.0, 1.6), "handling": (15.0, 3.0, 3.0)}
 
 
@@ -426,7 +428,7 @@ def draw_case(r, world, given, kind, number, index):
     missing = [str(r.choice(["steer_meas", "v_wheel", "ay", "ax"]))] if r.random() < 0.15 else []
     missing = [m for m in missing if not (m == "v_wheel" and "wheel_scale" in ids) and f"{m}_bias" not in ids]
     label = {"kind": kind, "drive_kinds": kinds, "channels_missing": missing,
-             "effects": [{"id": i, "value": told(i), "unit": EFFECTS.get(i, ("",))[0], "group": EFFECTS.get(i, ("", "out_of_library"))[1]} for i in ids]}
+             "effects": [{"id": i, "value": told(i), "unit": EFFECTS.get(i, ("",))[0], "group": EFFECTS.get(i, ("", "out_of_library"))[1], **own_world.place(i, ACTS_AT)} for i in ids]}
     return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": kinds, "missing": missing, "label": label, "day": day}
 
 

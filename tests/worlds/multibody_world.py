@@ -231,7 +231,7 @@ def draw_case(r, given, kind, number, index):
     missing = [str(r.choice(["steer_meas", "v_wheel", "ay", "ax"]))] if r.random() < 0.15 else []
     missing = [m for m in missing if not any(i in own_world.NEEDS.get(m, []) for i in ids)]
     label = {"kind": kind, "drive_kinds": kinds, "channels_missing": missing,
-             "effects": [{"id": i, "value": told(i), "unit": EFFECTS.get(i, ("",))[0], "group": EFFECTS.get(i, ("", "out_of_library"))[1]} for i in ids]}
+             "effects": [{"id": i, "value": told(i), "unit": EFFECTS.get(i, ("",))[0], "group": EFFECTS.get(i, ("", "out_of_library"))[1], **own_world.place(i)} for i in ids]}
     return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": kinds, "missing": missing, "label": label, "day": day}
 
 

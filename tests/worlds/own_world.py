@@ -87,6 +87,23 @@ UNKNOWN = {
     "gyro_wander": (0.012, 0.03), "assist_by_speed": (0.12, 0.25), "one_sided_lag": (0.3, 0.6), "pull_under_power": (0.004, 0.01),
     "rough_patches": (0.5, 1.0), "surging": (0.4, 0.8),
 }
+# the point of the loop at which each acts, here and in the worlds by other authors
+ACTS_AT = {
+    "steer_stiction": "steering", "assist_by_speed": "steering", "pull_under_power": "steering", "steer_compliance": "steering",
+    "brake_pulsation": "drive", "one_sided_lag": "drive", "rough_patches": "drive", "surging": "drive", "drive_cuts": "drive",
+    "gust_bursts": "lateral", "load_slosh": "lateral", "gyro_wander": "sensor.yaw_rate", "position_jumps": "sensor.x",
+}
+
+
+def place(i, acts_at=ACTS_AT):
+    """Tells where an effect outside the library acts, for labels."""
+    return {"insertion": acts_at[i]} if i in acts_at else {}
+
+# effects that may begin in the middle of a drive
+SUDDEN = [
+    "steer_delay", "steer_lag", "steer_offset", "steer_gain", "accel_delay", "accel_lag", "brake_gain", "drive_gain", "deadzone_accel", "drag_add",
+    "roll_add", "grade", "bank", "wind_steady", "gyro_bias", "gyro_scale", "ax_bias", "ay_bias", "wheel_scale", "pose_latency", "imu_latency", "lever_arm",
+]
 
 # effects that a missing channel would hide
 NEEDS = {"v_wheel": ["wheel_scale"], "ax": ["ax_bias", "imu_misalignment"], "ay": ["ay_bias", "suspension_roll", "imu_misalignment", "bank"]}
@@ -177,6 +194,13 @@ def magic(slip, load, stiffness, mu):
     return peak * np.sin(1.35 * np.arctan(stiffness * slip / (1.35 * np.maximum(peak, 1.0))))
 
 
+def begin(onset, drive):
+    """When an effect begins in a drive: at its onset, in the drives after it from the start, in those before it never."""
+    if drive == onset["drive"]:
+        return onset["secs"]
+    return -1.0 if drive > onset["drive"] else np.inf
+
+
 class Lanes:
     """All drives of some cases, integrated side by side."""
 
@@ -187,12 +211,24 @@ class Lanes:
         self.real = {k: spread(k) for k in cases[0]["real"] if k != "follow"}
         self.nominal = {k: spread(k, "nominal") for k, v in cases[0]["nominal"].items() if isinstance(v, float)}
         self.e = {k: np.repeat([c["values"].get(k, np.nan) for c in cases], DRIVES) for k in list(EFFECTS) + list(UNKNOWN)}
+        starts = [c["onset"] or {"drive": 0, "secs": -1.0} for c in cases]
+        self.begins = np.array([begin(s, drive) for s in starts for drive in range(DRIVES)])
+        self.now = 0.0
         plans = [draw_plan(c["rng"], kind) for c in cases for kind in c["kinds"]]
         self.want_v, self.want_ay, self.pedal = (np.array([p[i] for p in plans]) for i in range(3))
 
     def on(self, key, neutral):
-        """Value of an effect per lane, neutral where it is absent."""
-        return np.where(np.isnan(self.e[key]), neutral, self.e[key])
+        """Value of an effect per lane, neutral where it is absent and until it begins."""
+        return np.where(np.isnan(self.e[key]) | (self.now < self.begins), neutral, self.e[key])
+
+    def resistance(self):
+        """Rolling resistance and drag as they are now."""
+        return self.real["roll"] + G * self.on("roll_add", 0.0), self.real["drag"] + 0.5 * AIR * self.on("drag_add", 0.0)
+
+    def dead(self):
+        """Dead times of steering and pedals as they are now, in steps."""
+        steer, accel = self.real["steer_dead"] + self.on("steer_delay", 0.0), self.real["accel_dead"] + self.on("accel_delay", 0.0)
+        return np.round(steer / DT).astype(int), np.round(accel / DT).astype(int)
 
     def run(self):
         real, n = self.real, self.n
@@ -206,11 +242,9 @@ class Lanes:
         real["lf"] = real["lf"] + self.on("cg_shift", 0.0)
         real["lr"] = real["lr"] - self.on("cg_shift", 0.0)
         real["relax"] = real["relax"] + self.on("tyre_relaxation", 0.0)
-        roll = real["roll"] + G * self.on("roll_add", 0.0)
-        drag = real["drag"] + 0.5 * AIR * self.on("drag_add", 0.0)
+        roll, drag = self.resistance()
         base = real["lf"] + real["lr"]
-        dead_s = np.round((real["steer_dead"] + self.on("steer_delay", 0.0)) / DT).astype(int)
-        dead_a = np.round((real["accel_dead"] + self.on("accel_delay", 0.0)) / DT).astype(int)
+        dead_s, dead_a = self.dead()
         state = {k: np.zeros(n) for k in ("x", "y", "yaw", "vy", "r", "servo", "rate", "servo2", "play", "acc", "af", "ar", "stick", "heat")}
         state["v"] = self.want_v[:, 0].copy()
         cmd_s, cmd_a = np.zeros((n, steps)), np.zeros((n, steps))
@@ -221,6 +255,9 @@ class Lanes:
         heading = np.zeros(n)
         gust = self.gusts(steps)
         for k in range(steps):
+            self.now = k * DT
+            if np.any(np.abs(self.begins - self.now) < DT):
+                (roll, drag), (dead_s, dead_a) = self.resistance(), self.dead()
             if k % 5 == 0:  # the controller runs at 50 Hz
                 v = np.maximum(state["v"], 3.0)
                 want_r = self.want_ay[:, k] / v
@@ -338,8 +375,10 @@ class Lanes:
 def read_sensors(rng, lanes, log, lane):
     """Samples one lane's truth at 20 Hz with ages, jitter, noise and sensor effects."""
     real = {k: v[lane] for k, v in lanes.real.items()}
-    on = lambda key, neutral: neutral if np.isnan(lanes.e[key][lane]) else lanes.e[key][lane]
     t = 0.5 + 0.05 * np.arange(700)
+    late = np.isfinite(lanes.begins[lane]) and lanes.begins[lane] > 0
+    value = lambda key, neutral: np.where(t < lanes.begins[lane], neutral, lanes.e[key][lane]) if late else lanes.e[key][lane]
+    on = lambda key, neutral: neutral if np.isnan(lanes.e[key][lane]) or lanes.begins[lane] == np.inf else value(key, neutral)
     grid = np.arange(log["x"].shape[1]) * DT
     jitter = rng.normal(0, np.hypot(0.001, on("timestamp_jitter", 0.0)), t.size)
     at = lambda key, age: np.interp(t + jitter - age, grid, log[key][lane])
@@ -416,6 +455,8 @@ def draw_case(r, given, kind, number, index):
         ids = [names[index % len(names)]]
     elif kind == "curve":
         ids = [COMMON[index % len(COMMON)]]
+    elif kind == "onset":
+        ids = [SUDDEN[index % len(SUDDEN)]]
     elif kind == "double":
         first = names[(7 * index + int(r.integers(7))) % len(names)]
         others = [n for n in names if EFFECTS[n][1] != EFFECTS[first][1]]
@@ -425,7 +466,8 @@ def draw_case(r, given, kind, number, index):
     else:
         ids = []
     share = (index // len(COMMON)) / (CURVE_STEPS - 1) if kind == "curve" else None
-    kind = "single" if kind == "curve" else kind
+    onset = {"drive": int(r.integers(3)), "secs": float(r.uniform(8, 28))} if kind == "onset" else None
+    kind = "single" if kind in ("curve", "onset") else kind
     values = {i: draw_value(r, i, share) if i in EFFECTS else float(r.uniform(*UNKNOWN[i])) for i in ids}
     told = lambda i: values[i] * nominal["mass"] if i == "payload" else values[i]
     group = lambda i: EFFECTS[i][1] if i in EFFECTS else "out_of_library"
@@ -433,9 +475,11 @@ def draw_case(r, given, kind, number, index):
     missing = [str(r.choice(["steer_meas", "v_wheel", "ay", "ax"]))] if r.random() < 0.15 else []
     if any(i in NEEDS.get(m, []) for m in missing for i in ids):
         missing = []
-    label = {"kind": kind, "effects": [{"id": i, "value": told(i), "unit": EFFECTS.get(i, ("",))[0], "group": group(i)} for i in ids],
+    label = {"kind": kind, "effects": [{"id": i, "value": told(i), "unit": EFFECTS.get(i, ("",))[0], "group": group(i), **place(i)} for i in ids],
              "drive_kinds": [str(k) for k in kinds], "channels_missing": missing}
-    return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": [str(k) for k in kinds], "missing": missing, "label": label, "day": day, "rng": r}
+    if onset:
+        label["onset"] = onset
+    return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": [str(k) for k in kinds], "missing": missing, "label": label, "day": day, "onset": onset, "rng": r}
 
 
 def write_drive(folder, lanes, run, case, lane, number):
@@ -493,6 +537,7 @@ def main():
     for kind, count in (("singles", 48), ("none", 12), ("pairs", 6), ("unknown", 10)):
         parser.add_argument(f"--{kind}", type=int, default=count)
     parser.add_argument("--curve", type=int, default=0, help="instead: so many draws of each of the common effects at each of their sizes")
+    parser.add_argument("--onset", type=int, default=0, help="instead: so many cases with one effect that begins within a drive and stays")
     parser.add_argument("--fleet", type=int, default=0, help="so many vehicles, each of which drives every so manieth case on a day of its own (0: one for each case)")
     given = parser.parse_args()
     if given.spreads or given.out is None:
@@ -502,6 +547,8 @@ def main():
     wanted += [("double", k) for k in range(given.pairs)] + [("out_of_library", k) for k in range(given.unknown)]
     if given.curve:
         wanted = [("curve", k) for k in range(len(COMMON) * CURVE_STEPS)] * given.curve
+    if given.onset:
+        wanted = [("onset", k) for k in range(given.onset)]
     labels = {}
     for start in range(0, len(wanted), TOGETHER):
         part = list(enumerate(wanted))[start:start + TOGETHER]

@@ -12,22 +12,30 @@ use ds_world::{AgentMode, LayoutBackend, TrackerKind};
 
 use ds_process::shipped;
 
+mod adverse;
+mod benchmark;
 mod data;
 mod fleet;
 mod gap;
 mod measure;
+mod policy;
 mod results;
 mod run_plan;
+mod study;
 mod video;
 
+pub(crate) use adverse::AdverseArgs;
+pub(crate) use benchmark::{BaseArgs, BenchmarkArgs, BenchmarkCommand, BuildCommand, CellArgs, RunArgs};
 pub(crate) use data::{DataCommand, DataListArgs, DataRenderArgs, DataSheetArgs};
 pub(crate) use fleet::{CertsArgs, HealthArgs, ServeArgs, WhyArgs};
 pub(crate) use gap::{
-    ApplyArgs, AttributeArgs, BaselineArgs, CloseArgs, DiagnoseArgs, EvaluateArgs, ExplainArgs, GapCommand,
-    GapImportArgs, GapScoreArgs, WatchArgs,
+    ApplyArgs, AttributeArgs, BaselineArgs, By, CloseArgs, DiagnoseArgs, EvaluateArgs, ExplainArgs, FleetArgs,
+    GapCommand, GapImportArgs, GapScoreArgs, WatchArgs,
 };
 pub(crate) use measure::MeasureArgs;
+pub(crate) use policy::PolicyCommand;
 pub(crate) use results::{CompareArgs, MergeArgs, ReportArgs, ScoreArgs};
+pub(crate) use study::{FidelityArgs, StudyCommand};
 pub(crate) use video::{FirstFrameArgs, VideoCommand, VideoEvalArgs};
 
 const EXAMPLES: &str = "Examples:
@@ -69,6 +77,9 @@ pub(crate) enum Command {
     /// Measure how good the frames of video models are.
     #[command(subcommand)]
     Video(VideoCommand),
+    /// Measure observation sources over held-out scenarios, for policies.
+    #[command(subcommand)]
+    Study(StudyCommand),
     /// Show a recording or a running drive in rerun.
     View(ViewArgs),
     /// Run one service against a recording and compare what it makes.
@@ -77,6 +88,9 @@ pub(crate) enum Command {
     Bench(BenchArgs),
     /// Measure a published video model with drawn weights on a device: time, memory, share of what the device attains.
     Measure(MeasureArgs),
+    /// Say what is wrong with how a policy is wrapped.
+    #[command(subcommand)]
+    Policy(PolicyCommand),
     /// Say what this machine has and lacks.
     Doctor,
     /// Print a completion script for a shell.
@@ -95,6 +109,8 @@ pub(crate) enum Command {
     Compare(CompareArgs),
     /// Put the results of several runs, such as the shards of one, into one file.
     Merge(MergeArgs),
+    /// Build sets of scenarios, drive their cells on any number of machines, merge and report.
+    Benchmark(BenchmarkArgs),
     /// Say what a drive waits for: which message, from whom, since when.
     Why(WhyArgs),
     /// Run one of the five services of a fleet, or the Zenoh router between them, in the foreground.
@@ -250,6 +266,10 @@ pub(crate) struct RunPlan {
     /// An effect of the world, such as steer_delay=0.15; may be given several times. `gap effects` lists them.
     #[arg(long = "effect", value_name = "ID=VALUE")]
     pub effects: Vec<String>,
+    /// Give the world a law that no effect is, such as "steering: 0.02*delta*abs(ay)": a signal added at a port of the loop, see
+    /// docs/gap-discover.md. May be repeated.
+    #[arg(long = "law", value_name = "PORT: TERMS", conflicts_with = "seal")]
+    pub laws: Vec<String>,
     /// Write the log that a real vehicle would have made of each drive to OUT/real.
     #[arg(long)]
     pub vehicle_log: bool,
@@ -379,6 +399,8 @@ pub(crate) enum ScenarioCommand {
         #[arg(long, short, default_value = "out/generated", value_hint = ValueHint::DirPath)]
         out: PathBuf,
     },
+    /// Make variants in which another vehicle collides with the logged ego.
+    Adverse(AdverseArgs),
 }
 
 /// Arguments of `train`.

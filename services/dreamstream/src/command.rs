@@ -1,12 +1,15 @@
 //! The commands, one file each, and how they answer.
 
+pub(crate) mod adverse;
 pub(crate) mod bench;
+pub(crate) mod benchmark;
 pub(crate) mod certs;
 pub(crate) mod data;
 pub(crate) mod doctor;
 pub(crate) mod gap;
 pub(crate) mod health;
 pub(crate) mod measure;
+pub(crate) mod policy;
 pub(crate) mod recording;
 pub(crate) mod replay;
 pub(crate) mod report;
@@ -14,6 +17,7 @@ pub(crate) mod run;
 pub(crate) mod scenario;
 pub(crate) mod score;
 pub(crate) mod serve;
+pub(crate) mod study;
 pub(crate) mod train;
 pub(crate) mod video;
 pub(crate) mod view;

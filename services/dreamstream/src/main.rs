@@ -1,7 +1,7 @@
 //! The command line: parse, start logging, run one command, exit code.
 //!
 //! Exit codes: 0 done, 1 failed (a drive that did not complete counts), 64 wrong arguments or settings, 74 what must be kept
-//! cannot be written, such as on a full disk.
+//! cannot be written, such as on a full disk. `benchmark` has exit codes of its own, see its help.
 
 mod children;
 mod cli;
@@ -32,6 +32,9 @@ fn main() -> ExitCode {
         let asked = said.value_source("log") == Some(ValueSource::CommandLine);
         return command::serve::run(args, asked.then_some(cli.log.as_str()));
     }
+    if let Command::Benchmark(args) = &cli.command {
+        return command::benchmark::run(args, &cli.log);
+    }
     if let Command::Completion { shell } = &cli.command {
         clap_complete::generate(*shell, &mut Cli::command(), "dreamstream", &mut std::io::stdout());
         return ExitCode::SUCCESS;
@@ -54,6 +57,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Data(command) => command::data::run(command),
         Command::Train(args) => command::train::run(args),
         Command::Video(command) => command::video::run(command),
+        Command::Study(command) => command::study::run(command),
         Command::View(args) => command::view::run(args),
         Command::Gap(command) => command::gap::run(command, &cli.log),
         Command::Score(args) => command::score::run(args),
@@ -64,13 +68,15 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Replay(args) => command::replay::run(args),
         Command::Bench(args) => command::bench::run(args),
         Command::Measure(args) => command::measure::run(args),
+        Command::Policy(command) => command::policy::run(command),
         Command::Doctor => command::doctor::run(),
         Command::Health(args) => runtime()?.block_on(command::health::run(args)),
         Command::Certs(args) => command::certs::run(args),
-        Command::Serve(_) | Command::Completion { .. } => Ok(()),
+        Command::Serve(_) | Command::Benchmark(_) | Command::Completion { .. } => Ok(()),
     }
 }
 
-fn runtime() -> anyhow::Result<tokio::runtime::Runtime> {
+/// Returns the runtime of a command that talks to a fleet.
+pub(crate) fn runtime() -> anyhow::Result<tokio::runtime::Runtime> {
     Ok(tokio::runtime::Builder::new_multi_thread().enable_all().worker_threads(4).build()?)
 }

@@ -110,14 +110,15 @@ impl Episode {
         loop {
             let abilities = self.stand.hub.abilities();
             let video = job.spec.observation != ObservationSource::Dreamstream
-                || abilities.video.is_some_and(|(model, ..)| model != Digest::default());
+                || abilities.video.is_some_and(|video| video.model != Digest::default());
             if video && abilities.policy.is_some() && abilities.video.is_some() {
                 if job.spec.observation == ObservationSource::Dreamstream
-                    && let Some((model, chunk_ticks, layout_memory_ticks)) = abilities.video
+                    && let Some(video) = abilities.video
                 {
-                    job.spec.video_model = model;
-                    job.spec.chunk_ticks = chunk_ticks;
-                    job.spec.layout_memory_ticks = layout_memory_ticks;
+                    job.spec.video_model = video.model;
+                    job.spec.chunk_ticks = video.chunk_ticks;
+                    job.spec.layout_memory_ticks = video.layout_memory_ticks;
+                    job.frame_px = Some(video.frame_px).filter(|size| size.iter().all(|side| *side > 0));
                     aligned(&job.spec)?;
                 }
                 if job.spec.policy == "camera" {

@@ -144,28 +144,6 @@ impl Conditioning {
         Ok(pictures)
     }
 
-    /// Returns o_0 of each camera.
-    ///
-    /// # Errors
-    /// As [`Self::pictures`].
-    pub(crate) fn first_frames(
-        &self,
-        scene: &Scene,
-        appearance: Appearance,
-    ) -> Result<Vec<RgbImage>, ConditioningError> {
-        let given = self.pictures(scene)?;
-        let renderer = ReferenceCamera::new(scene, appearance);
-        let world = scene.logged_world(Tick(0));
-        let pose = world.ego.pose.world_from_rig(0.0);
-        let frame = |(given, camera): (Option<RgbImage>, &CameraModel)| match given {
-            Some(given) => Ok(given),
-            None => renderer
-                .render(&world, camera, pose)
-                .map_err(|source| ConditioningError::Render { camera: camera.id.to_string(), source }),
-        };
-        given.into_iter().zip(&scene.cameras).map(frame).collect()
-    }
-
     /// Returns the prompt of a drive up to the tick `last`.
     pub(crate) fn prompt(&self, scene: &Scene, last: Tick, appearance: &Appearance) -> String {
         self.prompt.clone().unwrap_or_else(|| {
@@ -181,6 +159,27 @@ impl Conditioning {
             picture.digest_into(writer);
         }
     }
+}
+
+/// Returns o_0 of each camera: the picture that is given, else what the reference camera sees.
+///
+/// # Errors
+/// If a frame cannot be rendered.
+pub(crate) fn first_frames(
+    scene: &Scene,
+    given: Vec<Option<RgbImage>>,
+    appearance: Appearance,
+) -> Result<Vec<RgbImage>, ConditioningError> {
+    let renderer = ReferenceCamera::new(scene, appearance);
+    let world = scene.logged_world(Tick(0));
+    let pose = world.ego.pose.world_from_rig(0.0);
+    let frame = |(given, camera): (Option<RgbImage>, &CameraModel)| match given {
+        Some(given) => Ok(given),
+        None => renderer
+            .render(&world, camera, pose)
+            .map_err(|source| ConditioningError::Render { camera: camera.id.to_string(), source }),
+    };
+    given.into_iter().zip(&scene.cameras).map(frame).collect()
 }
 
 fn place(scene: &Scene, name: &str) -> Result<usize, ConditioningError> {
@@ -216,9 +215,7 @@ fn middle(picture: &RgbImage, (width_px, height_px): (u32, u32)) -> RgbImage {
     let width = found.0.min(scaled(found.1, width_px, height_px));
     let height = found.1.min(scaled(found.0, height_px, width_px));
     let (left, top) = ((found.0 - width) / 2, (found.1 - height) / 2);
-    let rows = picture.rgb().chunks_exact(3 * found.0 as usize).skip(top as usize).take(height as usize);
-    let part = rows.flat_map(|row| &row[3 * left as usize..3 * (left + width) as usize]);
-    RgbImage::new(width, height, part.copied().collect()).expect("a part of a picture")
+    picture.part([left, top], [width, height])
 }
 
 #[cfg(test)]

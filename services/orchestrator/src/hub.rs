@@ -30,10 +30,23 @@ struct Connected {
 /// What the fleet can do, as its members said.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Abilities {
-    /// Digest of the video model, its ticks per chunk, and those of the layouts that it remembers.
-    pub(crate) video: Option<(Digest, u32, u32)>,
+    /// The video model.
+    pub(crate) video: Option<VideoAbility>,
     /// Digest of the camera policy.
     pub(crate) policy: Option<Digest>,
+}
+
+/// What a worker said of its video model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct VideoAbility {
+    /// Digest; zero without a model.
+    pub(crate) model: Digest,
+    /// Ticks per chunk.
+    pub(crate) chunk_ticks: u32,
+    /// Ticks of the layouts that it remembers.
+    pub(crate) layout_memory_ticks: u32,
+    /// Width and height of its frames, in pixels.
+    pub(crate) frame_px: [u32; 2],
 }
 
 #[derive(Default)]
@@ -315,7 +328,12 @@ impl Hub {
         for hello in lines.connected.values().map(|connected| &connected.hello) {
             match pb::role_of(hello.role) {
                 Some(Role::Video) => {
-                    abilities.video = Some((digest(&hello.video_model), hello.chunk_ticks, hello.layout_memory_ticks));
+                    abilities.video = Some(VideoAbility {
+                        model: digest(&hello.video_model),
+                        chunk_ticks: hello.chunk_ticks,
+                        layout_memory_ticks: hello.layout_memory_ticks,
+                        frame_px: [hello.frame_width_px, hello.frame_height_px],
+                    });
                 }
                 Some(Role::Policy) => abilities.policy = Some(digest(&hello.policy_model)),
                 Some(Role::Sim | Role::Layout) | None => {}

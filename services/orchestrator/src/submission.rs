@@ -4,14 +4,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ds_camera::Appearance;
-use ds_space::{Digest, DigestWriter, EpisodeId, RunId, Tick};
+use ds_raster::RgbImage;
+use ds_space::{Digest, DigestWriter, EpisodeId, Framing, Intrinsics, RunId, Tick};
 use ds_topic::{
     EpisodeSpec, ObservationSource, ProposalScorer, ReplanAlignment, SceneMessage, ScoreProfile, SwitchedEffect,
 };
 use ds_wire::control as pb;
 use ds_world::{AgentMode, LayoutBackend, Scene, TrackerKind};
 
-use crate::conditioning::{Conditioning, ConditioningError};
+use crate::conditioning::{Conditioning, ConditioningError, first_frames};
 
 /// The most episodes that a run may have.
 const MAX_EPISODES: usize = 100_000;
@@ -64,6 +65,9 @@ pub(crate) struct Job {
     pub category: String,
     /// What the video model starts from.
     pub given: Arc<Conditioning>,
+    /// Width and height of the video model's frames, which the cameras are brought to; known once a worker joined, and only
+    /// where frames are generated.
+    pub frame_px: Option<[u32; 2]>,
 }
 
 /// What the name of an appearance may be.
@@ -113,7 +117,7 @@ pub(crate) fn jobs(run: &RunId, request: &pb::SubmitRequest, folder: &Path) -> R
                         let arm = Arm { policy, observation: *observation, appearance, seed: *seed };
                         let spec = spec(run, &scene, &arm, &settings, &given)?;
                         let (file, category) = (file.clone(), scene.family.clone());
-                        jobs.push(Job { file, spec, category, given: Arc::clone(&given) });
+                        jobs.push(Job { file, spec, category, given: Arc::clone(&given), frame_px: None });
                     }
                 }
             }
@@ -330,15 +334,36 @@ fn switched(effect: &pb::SwitchedEffect) -> SwitchedEffect {
 /// # Errors
 /// If the file changed since the submission or is refused.
 pub(crate) fn scene(job: &Job) -> Result<SceneMessage, SubmissionError> {
-    let (scene, _warnings) = ds_scenario::load(&job.file)?;
+    let (mut scene, _warnings) = ds_scenario::load(&job.file)?;
     if scene.digest != job.spec.scenario_digest {
         return refuse("scenarios", job.file.display(), "the file changed since the run was submitted");
     }
+    let given = job.given.pictures(&scene)?;
+    let (framings, originals) = frame(&mut scene, job.frame_px);
     let first_frames = match job.spec.observation {
-        ObservationSource::Dreamstream => job.given.first_frames(&scene, look(&job.spec.appearance)?)?,
+        ObservationSource::Dreamstream => {
+            let part = |picture: RgbImage, to: &Framing| {
+                let part = picture.part([to.left_px, to.top_px], [to.width_px, to.height_px]);
+                part.resized(to.to_px[0], to.to_px[1])
+            };
+            let given = given.into_iter().zip(&framings).map(|(given, to)| given.map(|picture| part(picture, to)));
+            first_frames(&scene, given.collect(), look(&job.spec.appearance)?)?
+        }
         ObservationSource::Reference | ObservationSource::SimRgb | ObservationSource::Layout => Vec::new(),
     };
-    Ok(SceneMessage { spec: job.spec.clone(), scene: Arc::new(scene), first_frames })
+    Ok(SceneMessage { spec: job.spec.clone(), scene: Arc::new(scene), first_frames, originals })
+}
+
+/// Brings the cameras of a scene to a size; returns how, and what they were where any of them changed.
+fn frame(scene: &mut Scene, size: Option<[u32; 2]>) -> (Vec<Framing>, Vec<Intrinsics>) {
+    let originals: Vec<Intrinsics> = scene.cameras.iter().map(|camera| camera.intrinsics).collect();
+    let own = |lens: &Intrinsics| [lens.width_px, lens.height_px];
+    let framings: Vec<Framing> = originals.iter().map(|lens| lens.framing(size.unwrap_or_else(|| own(lens)))).collect();
+    for (camera, framing) in scene.cameras.iter_mut().zip(&framings) {
+        camera.intrinsics = camera.intrinsics.framed(framing);
+    }
+    let changed = scene.cameras.iter().zip(&originals).any(|(camera, original)| camera.intrinsics != *original);
+    (framings, if changed { originals } else { Vec::new() })
 }
 
 fn look(appearance: &str) -> Result<Appearance, SubmissionError> {

@@ -42,7 +42,7 @@ impl MakerFactory for SimStage {
 /// If an effect is refused.
 pub fn sim_config(scene: &SceneMessage) -> Result<SimConfig, Fault> {
     let mut effects = Vec::new();
-    for effect in scene.spec.effects.iter().filter(|effect| ds_effect::find(&effect.id).is_some()) {
+    for effect in scene.spec.effects.iter().filter(|effect| ds_effect::acts_on_the_world(&effect.id)) {
         effects.push(Setting::new(&effect.id, &effect.values).map_err(|error| bad("bad_settings", &error))?);
     }
     Ok(SimConfig {

@@ -31,7 +31,7 @@ impl Lens {
     pub fn of(scene: &Arc<SceneMessage>) -> Option<Self> {
         let known = |id: &str| frame_library().iter().copied().find(|effect| effect.id == id);
         // What the car's own library knows, such as `obs_latency`, is done elsewhere.
-        let here = scene.spec.effects.iter().filter(|effect| ds_effect::find(&effect.id).is_none());
+        let here = scene.spec.effects.iter().filter(|effect| !ds_effect::acts_on_the_world(&effect.id));
         let effects: Vec<_> = here.filter_map(|effect| Some((known(&effect.id)?, effect.values.clone()))).collect();
         if effects.is_empty() {
             return None;

@@ -12,6 +12,7 @@ mod clock;
 mod command;
 mod follower;
 pub mod frame;
+pub mod law;
 mod map;
 mod parameter;
 pub mod picture;
@@ -25,9 +26,10 @@ mod verdict;
 mod video;
 
 pub use frame::{FrameChain, FrameEffect};
+pub use law::{Law, LawError, Port};
 pub use parameter::{Channel, Insertion, Nuisance, Parameter, Scale};
 pub use plant::Plant;
-pub use setting::{Setting, SettingError, check};
+pub use setting::{Setting, SettingError, acts_on_the_world, check};
 pub use verdict::Verdict;
 
 /// One effect: what is known of it beforehand and what it does to the simulator.

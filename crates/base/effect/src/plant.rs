@@ -4,6 +4,7 @@
 //! Effects edit these values at their insertion point; whoever integrates the equations reads them. SI units;
 //! x forward, y left, angles counter-clockwise. Nothing is integrated here.
 
+use crate::law::Law;
 use crate::signal::{Operator, Place};
 
 /// The steering chain, command to road wheel.
@@ -239,6 +240,8 @@ pub struct Plant {
     pub agents: Agents,
     /// How the road differs from the map.
     pub chart: Chart,
+    /// Laws that no effect of the library is.
+    pub laws: Vec<Law>,
 }
 
 impl Default for Sensors {

@@ -1,14 +1,21 @@
-//! An effect switched on: which one and with which values, checked.
+//! An effect switched on: which one and with which values, checked; or a law that no effect is, by its text.
 
 use crate::frame::Needs;
+use crate::law::{Law, LawError};
 use crate::parameter::{Parameter, Scale};
 use crate::{Effect, Plant, find, find_frame};
 
-/// An effect of the library with a value for each of its parameters, in reported units.
+/// An effect of the library with a value for each of its parameters, in reported units, or a law.
 #[derive(Clone)]
 pub struct Setting {
-    effect: &'static Effect,
+    what: What,
     values: Vec<f64>,
+}
+
+#[derive(Clone)]
+enum What {
+    Effect(&'static Effect),
+    Law(Law),
 }
 
 /// Why an effect cannot be switched on.
@@ -16,6 +23,10 @@ pub struct Setting {
 pub enum SettingError {
     /// No effect has this id.
     Unknown(String),
+    /// The text of a law that is none.
+    Law(LawError),
+    /// A law with values beside its text.
+    LawValues(String),
     /// The effect has another number of parameters.
     Count {
         /// The effect.
@@ -49,6 +60,8 @@ impl std::fmt::Display for SettingError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Unknown(id) => write!(f, "no effect is called {id:?}"),
+            Self::Law(error) => error.fmt(f),
+            Self::LawValues(text) => write!(f, "law {text:?} takes no values beside its text"),
             Self::Count { id, given, need } => write!(f, "effect {id} takes {need} values, not {given}"),
             Self::Frames { id, need } => write!(f, "effect {id} cannot be switched on in a run: it needs {need}"),
             Self::Value { id, parameter, value, need } => {
@@ -61,20 +74,37 @@ impl std::fmt::Display for SettingError {
 impl std::error::Error for SettingError {}
 
 impl Setting {
-    /// Checks id and values.
+    /// Checks id and values; the id of a law is its text.
     ///
     /// # Errors
     /// [`SettingError`] names the effect and what is wrong.
     pub fn new(id: &str, values: &[f64]) -> Result<Self, SettingError> {
+        if Law::is_text(id) {
+            let law = Law::parse(id).map_err(SettingError::Law)?;
+            let alone = values.is_empty();
+            return if alone { Ok(law.into()) } else { Err(SettingError::LawValues(id.to_owned())) };
+        }
         let effect = find(id).ok_or_else(|| SettingError::Unknown(id.to_owned()))?;
         check_values(effect.id, effect.parameters, values)?;
-        Ok(Self { effect, values: values.to_vec() })
+        Ok(Self { what: What::Effect(effect), values: values.to_vec() })
     }
 
-    /// Returns the effect.
+    /// Returns the id of the effect or the text of the law.
     #[must_use]
-    pub fn effect(&self) -> &'static Effect {
-        self.effect
+    pub fn id(&self) -> String {
+        match &self.what {
+            What::Effect(effect) => effect.id.to_owned(),
+            What::Law(law) => law.to_string(),
+        }
+    }
+
+    /// Returns the law, if it is one.
+    #[must_use]
+    pub fn law(&self) -> Option<&Law> {
+        match &self.what {
+            What::Effect(_) => None,
+            What::Law(law) => Some(law),
+        }
     }
 
     /// Returns its values, one per parameter.
@@ -83,10 +113,25 @@ impl Setting {
         &self.values
     }
 
-    /// Switches the effect on.
+    /// Switches it on.
     pub fn apply(&self, plant: &mut Plant) {
-        (self.effect.apply)(&self.values, plant);
+        match &self.what {
+            What::Effect(effect) => (effect.apply)(&self.values, plant),
+            What::Law(law) => plant.laws.push(law.clone()),
+        }
     }
+}
+
+impl From<Law> for Setting {
+    fn from(law: Law) -> Self {
+        Self { what: What::Law(law), values: Vec::new() }
+    }
+}
+
+/// Tells whether what has this id acts on the car, others or the map, and not on frames.
+#[must_use]
+pub fn acts_on_the_world(id: &str) -> bool {
+    find(id).is_some() || Law::is_text(id)
 }
 
 /// Checks that an effect, on the car or on frames, can be switched on in a run with these values.
@@ -126,13 +171,13 @@ fn check_values(id: &'static str, parameters: &[Parameter], values: &[f64]) -> R
 
 impl PartialEq for Setting {
     fn eq(&self, other: &Self) -> bool {
-        self.effect.id == other.effect.id && self.values == other.values
+        self.id() == other.id() && self.values == other.values
     }
 }
 
 impl std::fmt::Debug for Setting {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} {:?}", self.effect.id, self.values)
+        write!(f, "{} {:?}", self.id(), self.values)
     }
 }
 
@@ -151,6 +196,9 @@ mod tests {
         assert_eq!(check("defocus", &[1.0]), Ok(()));
         assert!(check("object_dropout", &[0.2]).expect_err("boxes").to_string().contains("boxes"));
         assert!(check("defocus", &[1.0, 2.0]).is_err());
+        assert!(text("steering: 1*speed", &[]).contains("speed"));
+        assert!(text("steering: 1*v", &[1.0]).contains("no values"));
+        assert!(Setting::new("steering: 1*v", &[]).expect("sound").law().is_some());
         assert_eq!(Setting::new("steer_delay", &[0.1]).expect("sound").values(), [0.1]);
     }
 }

@@ -21,6 +21,19 @@ impl RgbImage {
         }
     }
 
+    /// Returns a part of the picture, cut off at its sides.
+    #[must_use]
+    pub fn part(&self, [left_px, top_px]: [u32; 2], [width_px, height_px]: [u32; 2]) -> Self {
+        let (left, top) = (left_px.min(self.width_px() - 1), top_px.min(self.height_px() - 1));
+        let width = width_px.clamp(1, self.width_px() - left);
+        let height = height_px.clamp(1, self.height_px() - top);
+        let mut part = Self::filled(width, height, [0; 3]);
+        for y in 0..height {
+            (0..width).for_each(|x| part.set_pixel(x, y, self.pixel(left + x, top + y)));
+        }
+        part
+    }
+
     /// Returns the picture at another size, each pixel the mean of all it covers, edges included on both sides.
     #[must_use]
     pub fn reduced(&self, width_px: u32, height_px: u32) -> Self {

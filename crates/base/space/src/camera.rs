@@ -29,6 +29,21 @@ pub struct Intrinsics {
     pub k2: f64,
 }
 
+/// The part of an image that is kept, in its pixels, and the size that it is brought to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Framing {
+    /// First column.
+    pub left_px: u32,
+    /// First row.
+    pub top_px: u32,
+    /// Columns.
+    pub width_px: u32,
+    /// Rows.
+    pub height_px: u32,
+    /// Width and height afterwards.
+    pub to_px: [u32; 2],
+}
+
 impl Intrinsics {
     /// Makes a pinhole camera with its principal point at the centre of the image.
     #[must_use]
@@ -60,6 +75,35 @@ impl Intrinsics {
             cy_px: self.cy_px * sy,
             ..*self
         }
+    }
+
+    /// Returns the largest part of the image that has the aspect of another size, as near to the principal point as the image
+    /// allows, to be brought to that size.
+    #[must_use]
+    pub fn framing(&self, to_px: [u32; 2]) -> Framing {
+        let [whole, to] = [[self.width_px, self.height_px], to_px].map(|size| size.map(|side| f64::from(side.max(1))));
+        let part = (whole[0] / to[0]).min(whole[1] / to[1]);
+        let span = |axis: usize, centre: f64| {
+            let size = (part * to[axis]).round().clamp(1.0, whole[axis]);
+            let from = (centre - 0.5 * size).round().clamp(0.0, whole[axis] - size);
+            [from as u32, size as u32]
+        };
+        let ([left_px, width_px], [top_px, height_px]) = (span(0, self.cx_px), span(1, self.cy_px));
+        Framing { left_px, top_px, width_px, height_px, to_px }
+    }
+
+    /// Returns the same camera with only a part of its image kept, brought to another size; distortion goes with the
+    /// direction and stays what it is.
+    #[must_use]
+    pub fn framed(&self, framing: &Framing) -> Self {
+        let part = Self {
+            width_px: framing.width_px,
+            height_px: framing.height_px,
+            cx_px: self.cx_px - f64::from(framing.left_px),
+            cy_px: self.cy_px - f64::from(framing.top_px),
+            ..*self
+        };
+        part.resized(framing.to_px[0], framing.to_px[1])
     }
 
     /// Projects a camera-frame point to a pixel, or `None` at or behind the camera plane.
@@ -101,6 +145,31 @@ impl CameraModel {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_framed_camera_sees_the_same_points_where_its_part_of_the_image_is() {
+        let portrait = Intrinsics { k1: -0.3, k2: 0.08, cy_px: 1100.0, ..Intrinsics::centred(1550, 2048, 0.8) };
+        for (camera, to_px, height_px) in [
+            (portrait, [160, 96], 930),
+            (Intrinsics::centred(3840, 2160, 1.0), [160, 96], 2160),
+            (Intrinsics::centred(80, 48, 1.0), [160, 96], 48),
+        ] {
+            let framing = camera.framing(to_px);
+            assert_eq!(framing.height_px, height_px);
+            assert!(framing.left_px + framing.width_px <= camera.width_px, "{framing:?}");
+            assert!(framing.top_px + framing.height_px <= camera.height_px, "{framing:?}");
+            let framed = camera.framed(&framing);
+            assert_eq!([framed.width_px, framed.height_px], to_px);
+            let point = DVec3::new(0.7, -0.4, 9.0);
+            let (before, after) = (camera.project(point).expect("ahead"), framed.project(point).expect("ahead"));
+            let scale = f64::from(to_px[0]) / f64::from(framing.width_px);
+            let corner = DVec2::new(f64::from(framing.left_px), f64::from(framing.top_px));
+            assert!(((before - corner) * scale - after).length() < 0.2, "{before} {after}");
+        }
+        // what fits already is left alone, to the bit
+        let own = Intrinsics { cx_px: 79.3, k1: 0.1, ..Intrinsics::centred(160, 96, 1.2) };
+        assert_eq!(own.framed(&own.framing([160, 96])), own);
+    }
 
     #[test]
     fn a_point_ahead_left_and_below_lands_left_and_below_the_centre() {

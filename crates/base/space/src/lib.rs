@@ -13,7 +13,7 @@ pub mod plane;
 pub mod pose;
 pub mod time;
 
-pub use camera::{CameraModel, Intrinsics};
+pub use camera::{CameraModel, Framing, Intrinsics};
 pub use digest::{Digest, DigestWriter};
 pub use draw::Draws;
 pub use glam::{DMat3, DMat4, DQuat, DVec2, DVec3, DVec4, Mat4, Vec2, Vec3, Vec4};

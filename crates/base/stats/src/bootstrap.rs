@@ -76,6 +76,22 @@ fn blocks(spans: &[(usize, usize)], count: usize, block: usize, (draws, counter)
     weights
 }
 
+/// Returns the interval of a ratio of sums over units, each a pair of what is summed above and below the line: values and
+/// their count (the mean over clusters that are drawn whole), events and kilometres. `tail` is the share beyond either end.
+///
+/// Resamples whose lower sum is 0 say nothing. Fewer than two units have no interval.
+#[must_use]
+pub fn ratio(units: &[(f64, f64)], picks: &[Vec<usize>], tail: f64) -> Option<[f64; 2]> {
+    if units.len() < 2 {
+        return None;
+    }
+    let sums = |picks: &Vec<usize>| {
+        picks.iter().fold((0.0, 0.0), |(above, below), &unit| (above + units[unit].0, below + units[unit].1))
+    };
+    let ratios = picks.iter().map(sums).filter(|(_, below)| *below > 0.0).map(|(above, below)| above / below);
+    percentiles(ratios.collect(), tail)
+}
+
 /// How intervals of means are drawn.
 #[derive(Debug, Clone, Copy)]
 pub struct Plan {
@@ -161,6 +177,20 @@ mod tests {
         let columns = [vec![Some(0.5), None, None], vec![Some(0.5), None, Some(0.5)]];
         assert_eq!(PLAN.means(&columns, &draws(1)), [None, Some([0.5, 0.5])]);
         assert_eq!(PLAN.difference([&[1.0], &[0.0, 0.0]], &[draws(1), draws(2)]), None);
+    }
+
+    #[test]
+    fn whole_clusters_are_wider_where_their_members_agree() {
+        let picks = |count| resamples(&draws(9), 2000, count).collect::<Vec<_>>();
+        let single: Vec<(f64, f64)> = (0..40).map(|k| (f64::from(k / 4 % 2), 1.0)).collect();
+        let clusters: Vec<(f64, f64)> = (0..10).map(|k| (4.0 * f64::from(k % 2), 4.0)).collect();
+        let [low, high] = ratio(&single, &picks(40), 0.025).expect("40 units");
+        let [wide_low, wide_high] = ratio(&clusters, &picks(10), 0.025).expect("10 units");
+        assert!(wide_high - wide_low > 1.7 * (high - low), "{low} {high} {wide_low} {wide_high}");
+        let values: Vec<f64> = single.iter().map(|(value, _)| *value).collect();
+        let streams: Vec<Vec<usize>> = resamples(&draws(1), 2000, 40).collect();
+        assert_eq!(ratio(&single, &streams, 0.025), one(&values, &draws(1)));
+        assert_eq!(ratio(&single[..1], &picks(1), 0.025), None);
     }
 
     #[test]

@@ -1,10 +1,15 @@
-//! The Fréchet distance between normal distributions fitted to two feature matrices (Dowson and Landau 1982):
-//! |m1 - m2|² + tr(C1 + C2 - 2 (C1^1/2 C2 C1^1/2)^1/2), the symmetric form of the square root.
+//! The Fréchet distance of normal distributions fitted to rows of features (Dowson and Landau 1982):
+//! |m1 - m2|² + tr(C1 + C2 - 2 (C1 C2)^1/2), covariances with divisor n - 1.
 //!
-//! Covariances are shrunk towards their diagonal by a stated share, so that few rows do not make them singular.
-//! Units are those of the features, squared. Rows are observations, columns are features.
+//! Of whole sets the trace of the root is the sum of the singular values of R1 R2ᵀ, where centred rows / √(n - 1) = Q R:
+//! no covariance is formed, so deficient rank costs no digits. Of resamples, which are many, it is taken from moments by
+//! eigenvalues. Units are those of the features, squared. Rows are observations, columns are features.
+
+mod moments;
 
 use nalgebra::{DMatrix, DVector};
+
+pub use moments::{Moments, Rooted};
 
 /// Feature matrices that cannot be compared.
 #[derive(Debug, thiserror::Error, PartialEq)]
@@ -25,51 +30,78 @@ pub enum SampleError {
     },
 }
 
-/// Returns the squared Fréchet distance; `shrinkage` in 0..=1 is the share of each covariance's off-diagonal removed.
+/// A normal distribution fitted to rows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fitted {
+    mean: DVector<f64>,
+    /// R with RᵀR = covariance, at most as many rows as columns.
+    factor: DMatrix<f64>,
+}
+
+impl Fitted {
+    /// Fits; `shrinkage` in 0..=1 is the share of the covariance's off-diagonal that is removed, 0 for the covariance itself.
+    ///
+    /// # Errors
+    /// If there are fewer than two rows or a value is not finite.
+    pub fn of(rows: &DMatrix<f64>, shrinkage: f64) -> Result<Self, SampleError> {
+        if rows.nrows() < 2 {
+            return Err(SampleError::Rows(rows.nrows()));
+        }
+        if let Some(at) = rows.iter().position(|v| !v.is_finite()) {
+            return Err(SampleError::NotFinite { row: at % rows.nrows(), column: at / rows.nrows() });
+        }
+        let mean = rows.row_mean();
+        let mut centred = rows.clone();
+        centred.row_iter_mut().for_each(|mut row| row -= &mean);
+        centred /= (rows.nrows() as f64 - 1.0).sqrt();
+        if shrinkage > 0.0 {
+            // (1 - s) XᵀX + s diag XᵀX is the product of these rows with themselves.
+            let own = DMatrix::from_diagonal(&DVector::from_iterator(
+                rows.ncols(),
+                centred.column_iter().map(|column| (shrinkage * column.norm_squared()).sqrt()),
+            ));
+            let kept = centred.nrows();
+            centred *= (1.0 - shrinkage).sqrt();
+            centred = centred.resize_vertically(kept + own.nrows(), 0.0);
+            centred.rows_mut(kept, own.nrows()).copy_from(&own);
+        }
+        Ok(Self { mean: mean.transpose(), factor: centred.qr().r() })
+    }
+
+    /// Returns the sum of the variances of all features: the trace of the covariance.
+    #[must_use]
+    pub fn variance(&self) -> f64 {
+        self.factor.norm_squared()
+    }
+
+    /// Returns the eigenvalues of the covariance that may differ from zero.
+    #[must_use]
+    pub fn spectrum(&self) -> Vec<f64> {
+        self.factor.singular_values().iter().map(|value| value * value).collect()
+    }
+
+    /// Returns the squared Fréchet distance from another distribution.
+    ///
+    /// # Errors
+    /// If the features differ.
+    pub fn frechet(&self, other: &Self) -> Result<f64, SampleError> {
+        if self.mean.len() != other.mean.len() {
+            return Err(SampleError::Columns(self.mean.len(), other.mean.len()));
+        }
+        let root = (&self.factor * other.factor.transpose()).singular_values().sum();
+        let spread = self.variance() + other.variance() - 2.0 * root;
+        Ok((&self.mean - &other.mean).norm_squared() + spread.max(0.0))
+    }
+}
+
+/// Returns the squared Fréchet distance of two sets of rows; `shrinkage` in 0..=1 is the share of each covariance's
+/// off-diagonal removed.
 ///
 /// # Errors
 /// If the matrices have different columns, fewer than two rows or values that are not finite.
 pub fn frechet(a: &DMatrix<f64>, b: &DMatrix<f64>, shrinkage: f64) -> Result<f64, SampleError> {
-    check(a, b)?;
-    let ((mean_a, cov_a), (mean_b, cov_b)) = (moments(a, shrinkage), moments(b, shrinkage));
-    let root = square_root(&cov_a);
-    let cross = square_root(&(&root * &cov_b * &root));
-    let spread = cov_a.trace() + cov_b.trace() - 2.0 * cross.trace();
-    Ok((mean_a - mean_b).norm_squared() + spread.max(0.0))
-}
-
-fn check(a: &DMatrix<f64>, b: &DMatrix<f64>) -> Result<(), SampleError> {
     if a.ncols() != b.ncols() {
         return Err(SampleError::Columns(a.ncols(), b.ncols()));
     }
-    for m in [a, b] {
-        if m.nrows() < 2 {
-            return Err(SampleError::Rows(m.nrows()));
-        }
-        if let Some(at) = m.iter().position(|v| !v.is_finite()) {
-            return Err(SampleError::NotFinite { row: at % m.nrows(), column: at / m.nrows() });
-        }
-    }
-    Ok(())
-}
-
-fn moments(m: &DMatrix<f64>, shrinkage: f64) -> (DVector<f64>, DMatrix<f64>) {
-    let mean = m.row_mean().transpose();
-    let mut centred = m.clone();
-    for mut row in centred.row_iter_mut() {
-        row -= mean.transpose();
-    }
-    let mut covariance = centred.transpose() * &centred / (m.nrows() as f64 - 1.0);
-    let diagonal = covariance.diagonal();
-    covariance *= 1.0 - shrinkage;
-    covariance.set_diagonal(&diagonal);
-    (mean, covariance)
-}
-
-/// Returns the square root of a symmetric matrix; eigenvalues below zero by rounding count as zero.
-fn square_root(m: &DMatrix<f64>) -> DMatrix<f64> {
-    let symmetric = (m + m.transpose()) * 0.5;
-    let eigen = symmetric.symmetric_eigen();
-    let roots = DMatrix::from_diagonal(&eigen.eigenvalues.map(|v| v.max(0.0).sqrt()));
-    &eigen.eigenvectors * roots * eigen.eigenvectors.transpose()
+    Fitted::of(a, shrinkage)?.frechet(&Fitted::of(b, shrinkage)?)
 }

@@ -16,7 +16,7 @@ mod student;
 mod wilson;
 
 pub use discovery::{false_discovery, holm};
-pub use frechet::{SampleError, frechet};
+pub use frechet::{Fitted, Moments, Rooted, SampleError, frechet};
 pub use normal::normal_tail;
 pub use permutation::{Chance, EXACT_UP_TO, PATTERNS, sign_flip};
 pub use quantile::{percentiles, quantile, sorted_quantile, upper_median};
@@ -30,4 +30,12 @@ pub use wilson::wilson;
 pub fn mean(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.into_iter().fold((0.0, 0u32), |(sum, count), value| (sum + value, count + 1));
     (count > 0).then(|| sum / f64::from(count))
+}
+
+/// Returns the logarithm of the sum of values given by their logarithms; negative infinity for none.
+#[must_use]
+pub fn log_sum(logs: impl IntoIterator<Item = f64>) -> f64 {
+    let logs: Vec<f64> = logs.into_iter().collect();
+    let top = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if top.is_finite() { top + logs.iter().map(|log| (log - top).exp()).sum::<f64>().ln() } else { top }
 }

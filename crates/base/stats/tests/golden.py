@@ -1,4 +1,4 @@
-"""Writes frechet.json with scipy's matrix square root: python crates/base/stats/tests/golden.py > crates/base/stats/tests/frechet.json"""
+"""Writes frechet.json with scipy's matrix square root, more than twice as many rows as features: python crates/base/stats/tests/golden.py > crates/base/stats/tests/frechet.json"""
 
 import json
 

@@ -2,6 +2,7 @@
 //!
 //! World frame, SI units, radians. No file formats, no messages, no behaviour beyond look-ups.
 
+pub mod adversary;
 pub mod agent;
 pub mod choice;
 pub mod condition;
@@ -12,6 +13,7 @@ pub mod scene;
 pub mod state;
 pub mod trajectory;
 
+pub use adversary::{Adversary, AdversaryMode, Budget, CrashClass};
 pub use agent::{AgentClass, AgentState, Size, Track, TrackPoint};
 pub use choice::{AgentMode, LayoutBackend, TrackerKind};
 pub use condition::{Condition, ConditionError, Lighting, RoadSurface, Weather};

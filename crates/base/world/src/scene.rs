@@ -2,6 +2,7 @@
 
 use ds_space::{AgentId, CameraModel, DVec2, Digest, SimTime, Tick};
 
+use crate::adversary::Adversary;
 use crate::agent::{AgentState, Track};
 use crate::ego::{EgoState, VehicleParameters};
 use crate::map::Map;
@@ -48,6 +49,8 @@ pub struct Scene {
     pub prompt: String,
     /// Where it comes from.
     pub origin: Origin,
+    /// The road user that is meant to collide with the ego, if there is one.
+    pub adversary: Option<Adversary>,
 }
 
 impl Scene {

@@ -4,9 +4,9 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use ds_diagnosis::Diagnosis;
 use ds_diagnosis::meta::{FILE, Kind};
 use ds_diagnosis::schema::Shrink;
+use ds_diagnosis::{Diagnosis, Verdict};
 use ds_dynamics::baseline::Baseline;
 use ds_frames::{FrameCase, Nuisance};
 use ds_record::vehicle_log::Planned;
@@ -37,6 +37,8 @@ pub struct Options {
     pub simulator: Option<String>,
     /// Frames: what the generator does without any effect.
     pub nuisance: Option<Nuisance>,
+    /// Logs of a vehicle: look for a law whatever the verdict; without, where it is unknown and the diagnosis is no quick one.
+    pub discover: bool,
 }
 
 /// On what a diagnosis is measured anew; all of the case without.
@@ -88,8 +90,11 @@ pub fn diagnose(case: &Case, options: &Options) -> Result<Diagnosis, CasesError>
             ds_frames::diagnose(case, &ds_frames::Options { without: without(), nuisance })?
         }
         Case::Vehicle(case, plans) => {
-            let options = ds_dynamics::Options { quick: options.quick, without: without() };
-            let mut diagnosis = ds_dynamics::diagnose(case, &options);
+            let own = ds_dynamics::Options { quick: options.quick, without: without() };
+            let mut diagnosis = ds_dynamics::diagnose(case, &own);
+            if options.discover || (diagnosis.verdict == Verdict::Unknown && !options.quick) {
+                ds_discover::discover(case, &mut diagnosis, &own.without);
+            }
             diagnosis.join(stamps::diagnose(&diagnosis.case, plans));
             diagnosis
         }

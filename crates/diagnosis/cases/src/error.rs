@@ -100,6 +100,9 @@ pub enum CasesError {
         /// What was given.
         text: String,
     },
+    /// A law is refused.
+    #[error("{0}; docs/gap-discover.md has the grammar")]
+    Law(String),
     /// There is no such effect, or its values are out of range.
     #[error("{0}; `dreamstream gap effects` lists them")]
     Effect(String),

@@ -8,6 +8,7 @@ pub mod case;
 pub mod closing;
 mod error;
 pub mod finished;
+pub mod fleet;
 pub mod logs;
 pub mod message;
 pub mod pairs;

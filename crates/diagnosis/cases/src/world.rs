@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use ds_diagnosis::Diagnosis;
-use ds_effect::{Insertion, find};
+use ds_effect::{Insertion, Law, Port, find};
 use ds_wire::control as pb;
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +15,9 @@ use crate::error::{CasesError, at};
 pub struct RunConfig {
     /// Effects that the world has beyond the nominal one.
     pub effects: Vec<EffectLine>,
+    /// Laws that no effect of the library is, by their text.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub laws: Vec<String>,
     /// The ordinary mismatch that was fitted beside them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub nuisance: Vec<EffectLine>,
@@ -41,14 +44,21 @@ impl EffectLine {
 }
 
 impl RunConfig {
-    /// Returns the effects of a file, if any, and of flags, checked.
+    /// Returns the effects and laws of a file, if any, and of flags, checked.
     ///
     /// # Errors
-    /// If the file is no configuration, or an effect is refused.
-    pub fn gather(file: Option<&PathBuf>, flags: &[String]) -> Result<Self, CasesError> {
+    /// If the file is no configuration, or an effect or a law is refused.
+    pub fn gather(file: Option<&PathBuf>, (flags, laws): (&[String], &[String])) -> Result<Self, CasesError> {
         let mut config = file.map(|path| read(path)).transpose()?.unwrap_or_default();
         for flag in flags {
             config.effects.push(EffectLine::parse(flag)?);
+        }
+        config.laws.extend_from_slice(laws);
+        for text in &config.laws {
+            let law = Law::parse(text).map_err(|error| CasesError::Law(error.to_string()))?;
+            if law.port() == Port::Follower {
+                return Err(CasesError::Law("a law at \"follower\" acts in diagnoses alone, not in a run".to_owned()));
+            }
         }
         for line in config.lines() {
             ds_effect::check(&line.id, &line.values).map_err(|error| CasesError::Effect(error.to_string()))?;
@@ -71,6 +81,7 @@ impl RunConfig {
                 }
                 config.effects.push(EffectLine { id, values });
             }
+            config.laws.extend(diagnosis.corrected_model.laws.clone());
         }
         for (id, values) in diagnoses.iter().flat_map(|diagnosis| diagnosis.corrected_model.mismatch()) {
             if config.lines().all(|line| line.id != id) {
@@ -107,7 +118,8 @@ impl RunConfig {
     #[must_use]
     pub fn switched(&self) -> Vec<pb::SwitchedEffect> {
         let switched = |line: &EffectLine| pb::SwitchedEffect { id: line.id.clone(), values: line.values.clone() };
-        self.lines().map(switched).collect()
+        let law = |text: &String| pb::SwitchedEffect { id: text.clone(), values: Vec::new() };
+        self.lines().map(switched).chain(self.laws.iter().map(law)).collect()
     }
 }
 
@@ -118,6 +130,8 @@ pub struct Component {
     pub name: &'static str,
     /// Effects that it brings.
     pub effects: Vec<EffectLine>,
+    /// Laws that it brings.
+    pub laws: Vec<String>,
 }
 
 impl Component {
@@ -134,16 +148,24 @@ pub fn components(config: &RunConfig, frames_differ: bool) -> Vec<Component> {
         config.lines().filter(inside).cloned().collect()
     };
     let dynamics = [Insertion::CommandPath, Insertion::Actuator, Insertion::Vehicle, Insertion::Road];
+    let senses = |text: &&String| Law::parse(text).is_ok_and(|law| matches!(law.port(), Port::Sensor(_)));
+    let (sensors, moves): (Vec<&String>, Vec<&String>) = config.laws.iter().partition(senses);
+    let named = |laws: Vec<&String>| laws.into_iter().cloned().collect();
     let all = [
-        Component { name: "dynamics", effects: of(&dynamics) },
-        Component { name: "agents", effects: of(&[Insertion::Agent, Insertion::Map]) },
-        Component { name: "latency and sensors", effects: of(&[Insertion::Clock, Insertion::Sensor]) },
+        Component { name: "dynamics", effects: of(&dynamics), laws: named(moves) },
+        Component { name: "agents", effects: of(&[Insertion::Agent, Insertion::Map]), laws: Vec::new() },
+        Component {
+            name: "latency and sensors",
+            effects: of(&[Insertion::Clock, Insertion::Sensor]),
+            laws: named(sensors),
+        },
     ];
     // What the car's own library does not know acts on finished frames.
     let on_frames: Vec<EffectLine> = config.lines().filter(|line| find(&line.id).is_none()).cloned().collect();
     let differ = frames_differ || !on_frames.is_empty();
-    let frames = differ.then_some(Component { name: Component::FRAMES, effects: on_frames });
-    frames.into_iter().chain(all.into_iter().filter(|component| !component.effects.is_empty())).collect()
+    let frames = differ.then_some(Component { name: Component::FRAMES, effects: on_frames, laws: Vec::new() });
+    let differs = |component: &Component| !(component.effects.is_empty() && component.laws.is_empty());
+    frames.into_iter().chain(all.into_iter().filter(differs)).collect()
 }
 
 fn read(path: &Path) -> Result<RunConfig, CasesError> {
@@ -174,17 +196,25 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("corrected.toml");
         both.write("case", &path).expect("written");
-        let read = RunConfig::gather(Some(&path), &[]).expect("sound");
+        let read = RunConfig::gather(Some(&path), (&[], &[])).expect("sound");
         assert_eq!((read.switched().len(), read), (4, both));
     }
 
     #[test]
     fn flags_are_read_and_refused() {
-        let flags = |text: &str| RunConfig::gather(None, &[text.to_owned()]);
+        let flags = |text: &str| RunConfig::gather(None, (&[text.to_owned()], &[]));
         assert_eq!(flags("steer_delay=0.1").expect("sound").effects[0].values, [0.1]);
         assert_eq!(flags("wind_steady=3,-2").expect("sound").effects[0].values, [3.0, -2.0]);
         for bad in ["steer_delay", "steer_delay=x", "wind_steady=3", "nothing=1"] {
             assert!(flags(bad).is_err(), "{bad} was accepted");
+        }
+        let laws = |text: &str| RunConfig::gather(None, (&[], &[text.to_owned()]));
+        let config = laws("steering: 0.2*delta*v[5;30]").expect("sound");
+        assert_eq!(config.switched()[0].id, "steering: 0.2*delta*v[5;30]");
+        assert_eq!(components(&config, false)[0].name, "dynamics");
+        assert_eq!(components(&laws("sensor.v: 0.1*v").expect("sound"), false)[0].name, "latency and sensors");
+        for bad in ["steering", "steering: delta", "wheel: 1*v", "follower: 1*gap"] {
+            assert!(laws(bad).is_err(), "{bad} was accepted");
         }
     }
 }

@@ -48,6 +48,22 @@ pub enum CaseError {
     /// There is no healthy log to learn from.
     #[error("no healthy log to learn a baseline from")]
     NoHealthy,
+    /// A fleet is too small for members to be told from the others.
+    #[error("{members} members are too few to tell some from the others; {least} or more are needed (see --by)")]
+    SmallFleet {
+        /// Members there are.
+        members: usize,
+        /// Members needed.
+        least: usize,
+    },
+    /// A case does not say which member of a fleet it is of.
+    #[error("case {case:?} does not say of which {by} it is: meta.json needs {by:?}")]
+    NoMember {
+        /// The case.
+        case: String,
+        /// Field of `meta.json`.
+        by: &'static str,
+    },
     /// The nominal vehicle is not one that could drive.
     #[error("absurd nominal vehicle: {field} is {value:?}, expected {range}")]
     AbsurdVehicle {

@@ -4,10 +4,12 @@
 //! A diagnoser reads a case of its kind and returns a [`Diagnosis`]; which kind that is says [`meta`]. Nothing is
 //! diagnosed here. Schema and figures: `docs/gap-diagnosis.md`.
 
+pub mod discovery;
 mod error;
 mod join;
 pub mod json;
 pub mod meta;
+pub mod modulation;
 mod null;
 pub mod schema;
 pub mod score;

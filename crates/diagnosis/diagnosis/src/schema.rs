@@ -7,11 +7,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use ds_effect::{Effect, Verdict, library};
+use ds_effect::{Effect, Law, Verdict, library};
 use ds_stats::{explained_elsewhere, false_discovery};
 use serde::{Deserialize, Serialize};
 
 use crate::error::CaseError;
+use crate::modulation::Modulation;
 use crate::{json, null, verdict};
 
 /// The file in the folder of a diagnosis.
@@ -59,6 +60,9 @@ pub struct Diagnosis {
     /// Of which kind the unknown is, where the verdict is unknown and that was looked at.
     #[serde(default, flatten, skip_serializing_if = "Option::is_none")]
     pub unknown: Option<Unknown>,
+    /// A law outside the library, where one was looked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub discovery: Option<crate::discovery::Discovery>,
     /// Manoeuvres that would tell the best hypotheses apart.
     pub next_manoeuvre: Vec<Manoeuvre>,
     /// The simulator with the effects added.
@@ -74,9 +78,13 @@ pub struct Diagnosis {
     /// Rollouts of a simulator of somebody else, where one was the nominal one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rollouts: Option<usize>,
-    /// Effects that such a simulator has neither a parameter nor a port for.
+    /// Effects that such a simulator has neither a parameter nor a port for, and those that a drive command computed from the
+    /// speed cannot show.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub not_testable: Vec<String>,
+    /// When the accepted effect that changes most acts; absent where none is accepted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub modulation: Option<Modulation>,
     /// Time spent, s.
     #[serde(deserialize_with = "null::number")]
     pub secs: f64,
@@ -117,6 +125,7 @@ impl Diagnosis {
             predicted_share: None,
             unknown_description: None,
             unknown: None,
+            discovery: None,
             next_manoeuvre: Vec::new(),
             corrected_model: Corrected::default(),
             floor_source: "practice".to_owned(),
@@ -124,6 +133,7 @@ impl Diagnosis {
             detection_limits: Vec::new(),
             rollouts: None,
             not_testable: Vec::new(),
+            modulation: None,
             secs: 0.0,
         }
     }
@@ -374,6 +384,9 @@ pub struct Manoeuvre {
 pub struct Corrected {
     /// Effects with their estimates over the neutral value.
     pub effects: Vec<CorrectedEffect>,
+    /// Laws that no effect of the library is, by their text; with them the effects are not added, which they replace.
+    #[serde(default, deserialize_with = "crate::discovery::laws", skip_serializing_if = "Vec::is_empty")]
+    pub laws: Vec<String>,
     /// Every other parameter at its estimate, in reported units; several parameters of one effect are numbered.
     #[serde(deserialize_with = "null::table")]
     pub nuisance: BTreeMap<String, f64>,
@@ -391,6 +404,12 @@ impl Corrected {
     #[must_use]
     pub fn added(&self) -> Lines {
         self.effects.iter().map(|effect| (effect.id.clone(), effect.values.clone())).collect()
+    }
+
+    /// Returns the laws that were added.
+    #[must_use]
+    pub fn obeyed(&self) -> Vec<Law> {
+        self.laws.iter().filter_map(|text| Law::parse(text).ok()).collect()
     }
 
     /// Returns the ordinary mismatch of the corrected simulator, without the effects added; what it does not name is neutral.

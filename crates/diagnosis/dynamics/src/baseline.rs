@@ -32,6 +32,9 @@ pub const SCHEMA: u32 = 1;
 /// Chance of a healthy log to be given an effect, and of one to be called unknown.
 pub const ALARM: f64 = 0.02;
 
+/// Usual value and spread of every parameter by effect, in search units.
+pub type Spread = BTreeMap<String, Vec<Option<Usual>>>;
+
 /// A baseline, as written to a file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Baseline {
@@ -47,8 +50,8 @@ pub struct Baseline {
     pub units: Units,
     /// Factor on the library's floor by channel and block.
     pub noise: BTreeMap<String, Vec<f64>>,
-    /// Usual value and spread of every parameter by effect, in search units.
-    pub spread: BTreeMap<String, Vec<Option<Usual>>>,
+    /// How parameters scatter.
+    pub spread: Spread,
     /// Residuals that no parameter mends.
     pub discrepancy: Discrepancy,
     /// What healthy logs reach of each statistic.
@@ -145,10 +148,10 @@ impl Baseline {
     /// Sets the usual values of a space to those of the healthy drives.
     pub(crate) fn settle(&self, space: &mut Space) {
         for k in 0..space.coordinates.len() {
-            let effect = space.coordinates[k].effect;
-            let place = k - space.of(effect)[0];
-            let found = self.spread.get(space.effects[effect].id).and_then(|all| all.get(place).copied().flatten());
-            if let (Some(usual), Some(nuisance)) = (found, &mut space.coordinates[k].nuisance) {
+            let found = usual(&self.spread, space, k);
+            let coordinate = &mut space.coordinates[k];
+            if let (Some(usual), Some(nuisance)) = (found, &mut coordinate.nuisance) {
+                coordinate.shift = usual.mean - nuisance.mean;
                 *nuisance = Nuisance { mean: usual.mean, sd: usual.sd };
             }
         }
@@ -199,6 +202,23 @@ impl Baseline {
             }
         }
         if all > 0.0 { outside / all } else { 0.0 }
+    }
+}
+
+/// Returns what is usual of a coordinate of a space.
+fn usual(spread: &Spread, space: &Space, k: usize) -> Option<Usual> {
+    let effect = space.coordinates[k].effect;
+    let place = k - space.of(effect)[0];
+    spread.get(space.effects[effect].id)?.get(place).copied().flatten()
+}
+
+/// Moves the usual values of a space to those found, with the library's spread.
+pub(crate) fn centre(space: &mut Space, spread: &Spread) {
+    for k in 0..space.coordinates.len() {
+        let found = usual(spread, space, k);
+        if let (Some(usual), Some(nuisance)) = (found, &mut space.coordinates[k].nuisance) {
+            nuisance.mean = usual.mean;
+        }
     }
 }
 

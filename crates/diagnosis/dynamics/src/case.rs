@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use ds_effect::plant::{Road, Vehicle};
-use ds_effect::{Channel, Insertion, Plant};
+use ds_effect::{Channel, Insertion, Law, Plant};
 
 use crate::baseline::Baseline;
 use crate::drive::Drive;
@@ -158,6 +158,9 @@ impl<'a> PartModel<'a> {
         if case.meta.simulated {
             space.expect_nothing();
         }
+        if case.meta.channels_derived.iter().any(|name| name == "cmd_accel") {
+            space.drive_is_derived();
+        }
         if let Some(baseline) = baseline {
             baseline.settle(&mut space);
         }
@@ -184,7 +187,7 @@ impl<'a> PartModel<'a> {
         model.label(&case.noise);
         let usual = model.space.usual();
         let spread = model.step_spread(&usual);
-        let raw = model.raw(&usual);
+        let raw = model.raw(&usual, &[]);
         for ((inverse, residual), spread) in model.inverse_floor.iter_mut().zip(&raw).zip(spread) {
             *inverse = if residual.is_nan() { 0.0 } else { 1.0 / (1.0 / *inverse).hypot(spread) };
         }
@@ -204,8 +207,21 @@ impl<'a> PartModel<'a> {
         self.inverse_floor.iter_mut().zip(&found).for_each(|(inverse, (_, factor))| *inverse /= factor);
     }
 
+    /// Returns the first stamp of a drive, s.
+    #[must_use]
+    pub fn start_secs(&self, drive: usize) -> f64 {
+        let car = self.ego.iter().find(|record| record.drive == drive).map(|record| record.secs(0));
+        let follower = || self.following.iter().find(|record| record.drive == drive).map(|record| record.secs(0));
+        car.or_else(follower).unwrap_or_default()
+    }
+
+    /// Returns the followers.
+    pub fn followers(&self) -> impl Iterator<Item = &'a FollowerRecord> + '_ {
+        self.following.iter().copied()
+    }
+
     /// Returns the ego's drives.
-    pub(crate) fn records(&self) -> impl Iterator<Item = &'a EgoRecord> + '_ {
+    pub fn records(&self) -> impl Iterator<Item = &'a EgoRecord> + '_ {
         self.ego.iter().copied()
     }
 
@@ -258,10 +274,11 @@ impl<'a> PartModel<'a> {
         }
     }
 
-    fn raw(&self, vector: &[f64]) -> Vec<f64> {
-        let plant = self.space.plant(vector);
+    fn raw(&self, vector: &[f64], laws: &[Law]) -> Vec<f64> {
+        let plant = Plant { laws: laws.to_vec(), ..self.space.plant(vector) };
         match self.part {
-            Part::Ego => self.ego_residuals(vector, &plant),
+            Part::Ego if laws.is_empty() => self.ego_residuals(vector, &plant),
+            Part::Ego => self.ego.iter().flat_map(|record| record.residuals(&plant)).collect(),
             Part::Following => self.following.iter().flat_map(|record| record.residuals(&plant)).collect(),
         }
     }
@@ -346,7 +363,7 @@ impl<'a> PartModel<'a> {
         let mut priors = self.null_priors();
         for &effect in effects {
             for k in self.space.of(effect) {
-                let (low, high) = self.space.coordinates[k].parameter.slab;
+                let (low, high) = self.space.coordinates[k].slab();
                 priors[k] = if high > low { Prior::Slab { low, high } } else { Prior::Fixed(low) };
             }
         }
@@ -373,9 +390,11 @@ impl<'a> PartModel<'a> {
     }
 }
 
-impl Model for PartModel<'_> {
-    fn residuals(&self, vector: &[f64]) -> Vec<f64> {
-        let mut residuals = self.raw(vector);
+impl PartModel<'_> {
+    /// Returns the residuals of the simulator of a vector with laws added to it, in floor units.
+    #[must_use]
+    pub fn residuals_under(&self, vector: &[f64], laws: &[Law]) -> Vec<f64> {
+        let mut residuals = self.raw(vector, laws);
         let expected = self.expected.iter().chain(std::iter::repeat(&0.0));
         for ((z, inverse), expected) in residuals.iter_mut().zip(&self.inverse_floor).zip(expected) {
             *z = if *inverse == 0.0 { 0.0 } else { (*z * inverse - expected).clamp(-1e6, 1e6) };
@@ -384,6 +403,12 @@ impl Model for PartModel<'_> {
             }
         }
         residuals
+    }
+}
+
+impl Model for PartModel<'_> {
+    fn residuals(&self, vector: &[f64]) -> Vec<f64> {
+        self.residuals_under(vector, &[])
     }
 
     fn step(&self, coordinate: usize) -> f64 {

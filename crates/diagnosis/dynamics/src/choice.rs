@@ -5,6 +5,7 @@ use ds_effect::Scale;
 use crate::case::{Case, PartModel};
 use crate::constancy::{Trend, strongest};
 use crate::fit::Fit;
+use crate::modulation::{Timing, course};
 use crate::scatter::Scatter;
 use crate::search::{Effort, Hypothesis, Search, extend, held_out_gains, outside, refit, refit_without};
 use crate::settings::{
@@ -23,6 +24,8 @@ pub struct Outcome<'m, 'c> {
     pub held_out: Vec<Vec<f64>>,
     /// The strongest telling change of an accepted effect over a regime, in which the library has it constant.
     pub trend: Option<Trend>,
+    /// When the accepted effect that is furthest from constant acts.
+    pub timing: Option<Timing>,
     /// What an effect of this part must show.
     pub thresholds: Thresholds,
     /// The model with the floor widened by the accepted effects' own uncertainty of shape.
@@ -43,8 +46,15 @@ impl<'m, 'c> Outcome<'m, 'c> {
             }
         };
         let held_out: Vec<Vec<f64>> = search.singles.iter().take(count).map(gains).collect();
-        let mut outcome =
-            Self { search, accepted: None, held_out, trend: None, thresholds: *thresholds, widened: None };
+        let mut outcome = Self {
+            search,
+            accepted: None,
+            held_out,
+            trend: None,
+            timing: None,
+            thresholds: *thresholds,
+            widened: None,
+        };
         outcome.accept(drives, effort);
         outcome
     }
@@ -54,7 +64,7 @@ impl<'m, 'c> Outcome<'m, 'c> {
     pub fn searched(model: &'m PartModel<'c>, effort: Effort) -> Self {
         let search = Search::run(model, effort);
         let thresholds = Thresholds::default();
-        Self { search, accepted: None, held_out: Vec::new(), trend: None, thresholds, widened: None }
+        Self { search, accepted: None, held_out: Vec::new(), trend: None, timing: None, thresholds, widened: None }
     }
 
     fn accept(&mut self, drives: &[usize], effort: Effort) {
@@ -87,6 +97,10 @@ impl<'m, 'c> Outcome<'m, 'c> {
             }
             let Some((fit, effects)) = found else { break };
             let adds = fit.evidence - current.fit.evidence;
+            // what comes and goes leaves much that another effect could take
+            if course(&model, &current.fit, &current.effects).is_some_and(|t| t.is_telling() && t.gain > adds) {
+                break;
+            }
             // what makes one effect look inconstant is another one only if that says more
             if strongest(&model, &current.fit, &current.effects).is_some_and(|trend| trend.gain > adds) {
                 break;
@@ -108,6 +122,10 @@ impl<'m, 'c> Outcome<'m, 'c> {
             model = widen(&mut current);
         }
         self.trend = strongest(&model, &current.fit, &current.effects);
+        self.timing = course(&model, &current.fit, &current.effects);
+        // what begins or ends is inconstant over many a regime
+        let gain = self.timing.as_ref().filter(|t| t.is_telling()).map_or(f64::NEG_INFINITY, |t| t.gain);
+        self.trend = self.trend.filter(|trend| trend.gain > gain);
         self.accepted = Some(current);
         self.widened = Some(model);
     }
@@ -163,6 +181,14 @@ impl<'m, 'c> Outcome<'m, 'c> {
         })
     }
 
+    /// Returns the fit whose remainder is judged: the accepted one, its effect on the course in time that was found.
+    #[must_use]
+    pub fn judged(&self) -> Fit {
+        let telling = self.timing.as_ref().filter(|t| t.is_telling());
+        let residuals = telling.map_or_else(|| self.fit().residuals.clone(), |t| t.residuals.clone());
+        Fit { residuals, ..self.fit().clone() }
+    }
+
     /// Returns the fit of the accepted model, else the nuisance fit.
     #[must_use]
     pub fn fit(&self) -> &Fit {
@@ -203,11 +229,11 @@ impl<'m, 'c> Outcome<'m, 'c> {
 /// range, which says that something else pulls it there.
 fn further_cost(model: &PartModel<'_>, vector: &[f64], effect: usize) -> f64 {
     let asks = |k: usize| {
-        let parameter = model.space.coordinates[k].parameter;
-        let (low, high) = parameter.slab;
+        let coordinate = model.space.coordinates[k];
+        let (low, high) = coordinate.slab();
         let near = END_SHARE * (high - low);
         let pinned = high > low && ((vector[k] - low).abs() < near || (vector[k] - high).abs() < near);
-        pinned || matches!(parameter.scale, Scale::Limit)
+        pinned || matches!(coordinate.parameter.scale, Scale::Limit)
     };
     if model.space.of(effect).into_iter().any(asks) { LIMIT_GAIN } else { 0.0 }
 }

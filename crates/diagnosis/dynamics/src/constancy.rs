@@ -8,7 +8,7 @@ use nalgebra::DVector;
 
 use crate::case::PartModel;
 use crate::fit::{Fit, Model};
-use crate::settings::{KAPPA, NU, REGIME_SLOPE_SD, TREND_CHANGE, TREND_GAIN};
+use crate::settings::{KAPPA, LOOSER, NU, REGIME_SLOPE_SD, TREND_CHANGE, TREND_GAIN};
 use crate::windows::Regime;
 
 /// How the size of an effect goes with a regime.
@@ -23,9 +23,6 @@ pub struct Trend {
     /// Log evidence of the change.
     pub gain: f64,
 }
-
-/// Factor by which the spread of the nuisances is widened when a trend is sought.
-const LOOSER: f64 = 5.0;
 
 type Pick = fn(&Regime) -> f64;
 

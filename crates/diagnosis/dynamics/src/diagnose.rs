@@ -25,6 +25,7 @@ use crate::signature::{cosine, spread};
 use crate::space::{Coordinate, Part, SCATTER, Space};
 use crate::windows::EGO;
 use ds_diagnosis::Verdict;
+use ds_diagnosis::modulation::Modulation;
 use ds_diagnosis::schema::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, SCHEMA, Unknown};
 use ds_diagnosis::score::GROUP_SIZE;
 use ds_effect::Plant;
@@ -55,12 +56,16 @@ pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) ->
     let run = |(part, model)| Outcome::run(model, &fit_drives, effort, &asked(part));
     let outcomes: Vec<Outcome<'_, '_>> = models.iter().enumerate().map(run).collect();
     let mut ranking = rank(case, &outcomes, thresholds);
-    ranking.retain(|c| !options.without.iter().any(|id| id == c.id));
+    let mute = models[0].space.mute();
+    ranking.retain(|c| !options.without.iter().any(|id| id == c.id) && !mute.contains(&c.id));
     // scattered samples leave more than the shape of an effect does
     let scattered = ranking.iter().any(|c| c.accepted && c.part.is_none());
     let lefts: Vec<Left> = outcomes
         .iter()
-        .map(|o| Left { trend: o.trend, ..left(o.model(), o.fit(), &o.search.null, scattered || o.accepted.is_some()) })
+        .map(|o| Left {
+            trend: o.trend,
+            ..left(o.model(), &o.judged(), &o.search.null, scattered || o.accepted.is_some())
+        })
         .collect();
     let p_unknown = unknown(baseline, &lefts, ranking.iter().any(|c| c.accepted));
     let verdict = verdict(&ranking, p_unknown);
@@ -112,13 +117,15 @@ pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) ->
         predicted_share: predicted(case, &outcomes, &fit_drives),
         unknown_description,
         unknown,
+        discovery: None,
         next_manoeuvre: next(case, &outcomes, &effects),
         corrected_model: corrected(&outcomes),
         floor_source: floor_source(case).to_owned(),
-        warnings: case.warnings.clone(),
+        warnings: warnings(case, &mute),
         detection_limits: Vec::new(),
         rollouts: None,
-        not_testable: Vec::new(),
+        not_testable: mute.iter().map(|id| (*id).to_owned()).collect(),
+        modulation: modulation(&outcomes),
         secs: 0.0,
         effects,
     }
@@ -135,6 +142,13 @@ fn unknown(baseline: Option<&Baseline>, lefts: &[Left], accepted: bool) -> f64 {
         }
         _ => p_library,
     }
+}
+
+/// Returns what is to be known of the case, and which effects its drive command cannot show.
+fn warnings(case: &Case, mute: &[&str]) -> Vec<String> {
+    let of_drive = (!mute.is_empty())
+        .then(|| format!("the drive command was computed from the speed; {} cannot be told from it", mute.join(", ")));
+    case.warnings.iter().cloned().chain(of_drive).collect()
 }
 
 /// Says where the floor comes from.
@@ -329,6 +343,29 @@ fn next(case: &Case, outcomes: &[Outcome<'_, '_>], effects: &[Finding]) -> Vec<M
     manoeuvre::rank([name(0), name(1)], [&first, &second], &missing)
 }
 
+/// Returns when the accepted effect acts that is furthest from constant.
+fn modulation(outcomes: &[Outcome<'_, '_>]) -> Option<Modulation> {
+    let timings = outcomes.iter().filter_map(|o| o.timing.as_ref().map(|timing| (o, timing)));
+    let (outcome, timing) = timings.max_by(|a, b| a.1.gain.total_cmp(&b.1.gain))?;
+    let space = &outcome.search.model.space;
+    let k = space.of(timing.effect)[0];
+    let (neutral, usual) = (space.coordinates[k].parameter.neutral, space.usual()[k]);
+    let value = neutral + timing.size * (outcome.fit().vector[k] - usual);
+    let [secs, from, to] = timing.instant;
+    let told = timing.is_telling();
+    Some(Modulation {
+        effect: space.effects[timing.effect].id.to_owned(),
+        kind: timing.pattern.kind.to_owned(),
+        evidence: if told { timing.gain } else { -timing.gain },
+        onset_s: told.then_some(secs),
+        interval90: told.then_some([from, to]),
+        drive: told.then_some(timing.pattern.drive),
+        scope: told.then(|| timing.pattern.scope.word().to_owned()),
+        value: (told && value.is_finite()).then(|| space.reported(k, value)),
+        sessions: timing.sessions.clone(),
+    })
+}
+
 fn corrected(outcomes: &[Outcome<'_, '_>]) -> Corrected {
     let mut out = Corrected::default();
     let any = outcomes.iter().any(|outcome| outcome.accepted.is_some());
@@ -352,7 +389,8 @@ fn corrected(outcomes: &[Outcome<'_, '_>]) -> Corrected {
 }
 
 /// Returns the parameters of an effect that are not neutral, by name and in reported units.
-fn named(space: &Space, effect: usize, vector: &[f64]) -> Vec<(String, f64)> {
+#[must_use]
+pub fn named(space: &Space, effect: usize, vector: &[f64]) -> Vec<(String, f64)> {
     let id = space.effects[effect].id;
     let of = |(place, k): (usize, usize)| {
         let key = if place == 0 { id.to_owned() } else { format!("{id}.{}", place + 1) };

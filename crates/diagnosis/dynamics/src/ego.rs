@@ -5,6 +5,8 @@
 //! standstill, and quick: a fit takes thousands of rollouts). SI units, x forward, y left.
 
 use ds_effect::chain::realise;
+pub use ds_effect::law::Push;
+use ds_effect::law::{Felt, Law, Port, Sources};
 use ds_effect::plant::{Plant, Vehicle};
 use ds_effect::signal::Context;
 use ds_vehicle::{GRAVITY_MPS2, Saturation, air_n, axles, built_share, held, rolling_mps2, slope_mps2};
@@ -42,6 +44,8 @@ pub struct Actuated {
     pub sensor: Vec<f64>,
     /// Realised force over nominal mass, m/s².
     pub accel: Vec<f64>,
+    /// What is known of each law's terms before the car moves.
+    known: Vec<Vec<Vec<f64>>>,
 }
 
 impl Actuated {
@@ -53,6 +57,26 @@ impl Actuated {
     #[must_use]
     pub fn asked(&self, secs: f64) -> (f64, f64) {
         (self.at(&self.wheel, secs), self.at(&self.accel, secs))
+    }
+
+    /// Returns what the laws of some ports add at a time to a car that feels what it feels; the laws are those of the plant
+    /// that was actuated.
+    #[must_use]
+    pub fn added(&self, laws: &[Law], secs: f64, felt: &Felt, of: impl Fn(Port) -> bool) -> f64 {
+        let here = laws.iter().zip(&self.known).filter(|(law, _)| of(law.port()));
+        let term = |known: &Vec<f64>| if known.is_empty() { 1.0 } else { self.at(known, secs) };
+        here.map(|(law, known)| law.at(|k| term(&known[k]), felt)).sum()
+    }
+
+    /// Returns what steers and drives the car at a time, and what else pushes it.
+    fn pushed(&self, secs: f64, felt: &Felt, plant: &Plant) -> ((f64, f64), Push) {
+        let (steer, accel) = self.asked(secs);
+        if plant.laws.is_empty() {
+            return ((steer, accel), Push::default());
+        }
+        let added = |port: Port| self.added(&plant.laws, secs, felt, |own| own == port);
+        let push = Push::of([plant.vehicle.front_arm_m, plant.vehicle.rear_arm_m], added);
+        ((steer + added(Port::Steering) + added(Port::Linkage), accel), push)
     }
 
     /// Returns the steering angle at the position sensor at a time, rad.
@@ -68,7 +92,10 @@ pub fn actuate(inputs: &Inputs, plant: &Plant) -> Actuated {
     let context = Context { step_secs: FINE_SECS, speed_mps: &inputs.speed, brake_work_mj: &inputs.brake_work };
     let steered = realise(&inputs.steer, plant.steering.lag_secs, &plant.steering.operators, &context);
     let driven = realise(&inputs.accel, plant.traction.lag_secs, &plant.traction.operators, &context);
-    Actuated { start_secs: inputs.start_secs, wheel: steered.wheel, sensor: steered.sensed, accel: driven.wheel }
+    let step_secs = FINE_SECS;
+    let sources = Sources { step_secs, delta: &steered.wheel, accel: &driven.wheel, speed: &inputs.speed };
+    let known = plant.laws.iter().map(|law| law.known(&sources)).collect();
+    Actuated { start_secs: inputs.start_secs, wheel: steered.wheel, sensor: steered.sensed, accel: driven.wheel, known }
 }
 
 /// Where a rollout starts and how long it lasts.
@@ -124,6 +151,13 @@ impl Instant {
     }
 }
 
+impl Instant {
+    /// Returns what the car feels; slip is not recorded.
+    pub(crate) fn felt(&self) -> Felt {
+        Felt { v: self.v, ax: self.ax, ay: self.ay, yaw_rate: self.yaw_rate, ..Felt::default() }
+    }
+}
+
 /// Returns the instant at `secs` of a rollout that began at `start_secs`.
 #[must_use]
 pub fn instant_at(rollout: &[Instant], start_secs: f64, secs: f64) -> Instant {
@@ -131,17 +165,6 @@ pub fn instant_at(rollout: &[Instant], start_secs: f64, secs: f64) -> Instant {
     let low = at as usize;
     let high = (low + 1).min(rollout.len() - 1);
     rollout[low].mix(&rollout[high], at - low as f64)
-}
-
-/// Forces from outside, beside those of the tyres, the drive and the air.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Push {
-    /// Forward at the centre of gravity, over nominal mass, m/s².
-    pub drive_mps2: f64,
-    /// To the left at the front axle, across the wheels, N.
-    pub front_n: f64,
-    /// To the left at the rear axle, N.
-    pub rear_n: f64,
 }
 
 /// How a car moves in its own frame.
@@ -179,6 +202,12 @@ impl Car {
         Self { pose: (0.0, 0.0, 0.0), state: steady(vehicle, speed_mps, yaw_rate), mark, heading: mark }
     }
 
+    /// Returns what it feels, with the specific force of the last step.
+    fn felt(&self, (ax, ay): (f64, f64)) -> Felt {
+        let State { vx, yaw_rate, slip_front, slip_rear, .. } = self.state;
+        Felt { v: vx, ax, ay, yaw_rate, slip_front, slip_rear, ..Felt::default() }
+    }
+
     /// Moves on by one step with the inputs of its middle and returns the instant at its start; accelerations are those
     /// of the step.
     pub fn step(&mut self, (steer, accel): (f64, f64), push: &Push, plant: &Plant, saturation: &Saturation) -> Instant {
@@ -204,13 +233,17 @@ pub fn rollout(start: &Start, actuated: &Actuated, plant: &Plant, saturation: &S
     let warm = (start.warm_secs / ROLL_SECS).round() as usize;
     let steps = warm + (start.horizon_secs / ROLL_SECS).ceil() as usize;
     let mut out = Vec::with_capacity(steps + 1);
+    let mut force = (0.0, start.speed_mps * start.yaw_rate);
     for step in 0..=steps {
         if step == warm {
             car.pose = (0.0, 0.0, 0.0);
             car.state.vx = start.anchor_speed_mps;
         }
         let middle = start.secs + (step as f64 + 0.5) * ROLL_SECS;
-        out.push(car.step(actuated.asked(middle), &Push::default(), plant, saturation));
+        let (asked, push) = actuated.pushed(middle, &car.felt(force), plant);
+        let instant = car.step(asked, &push, plant, saturation);
+        force = (instant.ax, instant.ay);
+        out.push(instant);
         if step < warm {
             car.heading = car.mark;
         }

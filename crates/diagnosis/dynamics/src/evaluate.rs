@@ -4,6 +4,7 @@ use crate::case::Case;
 use crate::how_far::how_far;
 use crate::space::{Part, Space};
 use ds_diagnosis::schema::{Corrected, Diagnosis, Lines, Shrink};
+use ds_effect::Plant;
 
 /// Returns the shrink on some drives of a case (all of them if none are named), as data `unseen`.
 #[must_use]
@@ -12,14 +13,19 @@ pub fn evaluate(diagnosis: &Diagnosis, case: &Case, drives: &[usize]) -> Vec<Shr
     let chosen: Vec<usize> =
         if drives.is_empty() { all } else { all.into_iter().filter(|d| drives.contains(d)).collect() };
     let plants = [Part::Ego, Part::Following].map(|part| {
-        let space = Space::new(part, &case.meta.nominal, &[]);
-        states(&space, &diagnosis.corrected_model, case.meta.nominal.mass).map(|vector| space.plant(&vector))
+        plants(&Space::new(part, &case.meta.nominal, &[]), &diagnosis.corrected_model, case.meta.nominal.mass)
     });
     how_far(case, &chosen, [&plants[0].each_ref(), &plants[1].each_ref()], "unseen")
 }
 
+/// Returns the simulators of a corrected model: nominal, with its ordinary mismatch alone, with its effects and laws as well.
+pub(crate) fn plants(space: &Space, model: &Corrected, mass_kg: f64) -> [Plant; 3] {
+    let [nominal, alone, corrected] = states(space, model, mass_kg).map(|vector| space.plant(&vector));
+    [nominal, alone, Plant { laws: model.obeyed(), ..corrected }]
+}
+
 /// Returns the search vectors of a corrected model: nominal, with its ordinary mismatch alone, with its effects as well.
-pub(crate) fn states(space: &Space, model: &Corrected, mass_kg: f64) -> [Vec<f64>; 3] {
+fn states(space: &Space, model: &Corrected, mass_kg: f64) -> [Vec<f64>; 3] {
     let corrected: Lines = model.mismatch().into_iter().chain(model.added()).collect();
     let alone = if model.effects.is_empty() { corrected.clone() } else { model.mismatch_alone() };
     [vector(space, &Lines::new(), mass_kg), vector(space, &alone, mass_kg), vector(space, &corrected, mass_kg)]
@@ -57,6 +63,7 @@ mod tests {
             effects: vec![CorrectedEffect { id: "steer_delay".to_owned(), value: 0.12, values: vec![0.12] }],
             nuisance: table(&[("payload", 21.0), ("front_grip", 0.97), ("wind_steady.2", -1.5), ("tr_headway", 1.02)]),
             ordinary: table(&[("payload", 30.0)]),
+            laws: vec!["steering: 0.02*delta*abs(ay[-3;3])".to_owned()],
         };
         let nominal: Nominal = serde_json::from_str(NOMINAL).expect("a nominal simulator");
         for part in [Part::Ego, Part::Following] {
@@ -68,7 +75,9 @@ mod tests {
             for (id, values) in lines.iter().filter(|(id, _)| space.find(id).is_some()) {
                 Setting::new(id, values).expect("a sound setting").apply(&mut applied);
             }
-            let plant = space.plant(&measured);
+            model.laws.iter().for_each(|text| Setting::new(text, &[]).expect("a sound law").apply(&mut applied));
+            let [.., plant] = plants(&space, &model, nominal.mass);
+            assert_eq!(applied.laws, plant.laws);
             // logarithms and shares of the mass are searched, so that the last digits may differ
             assert_eq!(format!("{:.9?}", applied.vehicle), format!("{:.9?}", plant.vehicle));
             for (k, coordinate) in space.coordinates.iter().enumerate() {

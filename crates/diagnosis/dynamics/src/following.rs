@@ -3,6 +3,7 @@
 //! A window starts from the smoothed measured speed and gap and lasts 5 s; the leader's recorded speed is given.
 //! Reaction time looks back into the measured history before the window. Residuals are averaged over 0.5 s.
 
+use ds_effect::law::{Felt, Port, Sources};
 use ds_effect::plant::{Follower, Plant};
 use ds_vehicle::{Above, Exponent, Form, IdmParameters, Lead, Shortest};
 
@@ -86,13 +87,25 @@ impl FollowerRecord {
         self.log.start_secs + sample as f64 * self.log.step_secs
     }
 
+    /// Returns what the driver meets at a sample.
+    #[must_use]
+    pub fn felt(&self, sample: usize) -> Felt {
+        let (v, gap, v_lead) = (self.speed[sample], self.gap[sample], self.lead[sample]);
+        Felt { v, gap, dv: v_lead - v, v_lead, ..Felt::default() }
+    }
+
     /// Returns measured minus simulated block means of all windows; per window speed, then gap.
     #[must_use]
     pub fn residuals(&self, plant: &Plant) -> Vec<f64> {
-        self.starts.iter().flat_map(|&start| self.residual(start, &plant.follower)).collect()
+        self.starts.iter().flat_map(|&start| self.residual(start, plant)).collect()
     }
 
-    fn residual(&self, start: usize, driver: &Follower) -> Vec<f64> {
+    fn residual(&self, start: usize, plant: &Plant) -> Vec<f64> {
+        let driver = &plant.follower;
+        let laws: Vec<_> = plant.laws.iter().filter(|law| law.port() == Port::Follower).collect();
+        let still = vec![0.0; if laws.is_empty() { 0 } else { self.log.v.len() }];
+        let sources = Sources { step_secs: self.log.step_secs, delta: &still, accel: &still, speed: &still };
+        let laws: Vec<_> = laws.into_iter().map(|law| (law, law.known(&sources))).collect();
         let mut out = vec![0.0; FOLLOWING * BLOCKS];
         let share = 1.0 / BLOCK as f64;
         let step = self.log.step_secs / SUB as f64;
@@ -110,7 +123,11 @@ impl FollowerRecord {
         let mut accel = wish([&speed, &gap, &lead], history as f64 - back);
         let decay = if driver.lag_secs > 1e-4 { (-step / driver.lag_secs).exp() } else { 0.0 };
         for j in history..total {
-            let wished = wish([&speed, &gap, &lead], j as f64 - back);
+            let felt = Felt { v: speed[j], gap: gap[j], dv: lead[j] - speed[j], v_lead: lead[j], ..Felt::default() };
+            let at = start as f64 + (j as f64 - history as f64) / SUB as f64;
+            let term = |known: &Vec<f64>| if known.is_empty() { 1.0 } else { between(known, at) };
+            let added: f64 = laws.iter().map(|(law, known)| law.at(|k| term(&known[k]), &felt)).sum();
+            let wished = wish([&speed, &gap, &lead], j as f64 - back) + added;
             accel = wished + (accel - wished) * decay;
             let next = (speed[j] + step * accel).max(0.0);
             let closing = 0.5 * (lead[j] + lead[j + 1]) - 0.5 * (speed[j] + next);

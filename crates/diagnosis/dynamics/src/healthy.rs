@@ -14,7 +14,7 @@ use crate::baseline::features::{NAMES, STATE};
 use crate::baseline::nulls::{self, Statistics};
 use crate::baseline::spread::{Estimate, spread};
 use crate::baseline::study::Study;
-use crate::baseline::{Baseline, Influence, SCHEMA, Units, Usual, channels, digest};
+use crate::baseline::{Baseline, Influence, SCHEMA, Spread, Units, Usual, channels, digest};
 use crate::case::{Case, PartModel};
 use crate::choice::Outcome;
 use crate::fit::point_loss;
@@ -30,6 +30,10 @@ const LIBRARY_ROWS: f64 = 100.0;
 const LEAST_FACTOR: f64 = 0.7;
 /// Chance below which a healthy log is called unlike the others.
 const UNLIKE: f64 = 0.01;
+/// Distance of a usual value from the library's, in its standard deviations, from which on the logs are studied again about it.
+const FAR: f64 = 3.0;
+/// How often at most.
+const ROUNDS: usize = 4;
 /// Logs from which on logs are the units.
 const FEW: usize = 3;
 
@@ -60,25 +64,11 @@ pub fn learn(healthy: &[Healthy], progress: Progress<'_>) -> Result<Baseline, Ca
     if units.is_empty() {
         return Err(CaseError::NoHealthy);
     }
-    let studies: Vec<Study> = units
-        .par_iter()
-        .map(|unit| {
-            let study = study::study(unit.case, &unit.drives);
-            progress();
-            study
-        })
-        .collect();
-    let all: Vec<&Study> = studies.iter().collect();
-    let mut baseline = assemble(&units, &all);
-    let judged: Vec<(Statistics, Option<(String, f64)>)> = (0..units.len())
-        .into_par_iter()
-        .map(|out| {
-            let judged = judge(&units, &studies, &baseline, out);
-            progress();
-            judged
-        })
-        .collect();
-    let logs: Vec<Statistics> = judged.iter().map(|j| j.0.clone()).collect();
+    let studies = studies(&units, progress);
+    let all: Vec<usize> = (0..units.len()).collect();
+    let mut baseline = assemble(&units, &studies.iter().collect::<Vec<_>>());
+    let judged = judged(&units, &studies, &all, progress);
+    let logs: Vec<Statistics> = judged.iter().map(|j| j.reached.clone()).collect();
     if units.len() > 1 {
         baseline.nulls = nulls::gather(&logs);
     }
@@ -86,18 +76,98 @@ pub fn learn(healthy: &[Healthy], progress: Progress<'_>) -> Result<Baseline, Ca
         let others: Vec<Statistics> =
             logs.iter().enumerate().filter(|(k, _)| *k != out).map(|(_, s)| s.clone()).collect();
         let chance = nulls::chance(&nulls::gather(&others), &logs[out]);
-        baseline.influence.push(Influence { unit: unit.name.clone(), chance, moves: judged[out].1.clone() });
+        let moves = judged[out].without.as_ref().and_then(|without| most_moved(&baseline.spread, without));
+        baseline.influence.push(Influence { unit: unit.name.clone(), chance, moves });
         if chance < UNLIKE {
             baseline
                 .warnings
                 .push(format!("{} is unlike the other healthy logs (chance {chance:.1e}): is it healthy?", unit.name));
         }
     }
+    limits(&mut baseline);
+    Ok(baseline)
+}
+
+/// Writes down from which evidence on an effect is told from a healthy log.
+fn limits(baseline: &mut Baseline) {
     for (part, name) in nulls::GAIN.iter().enumerate() {
         let asked = baseline.thresholds(part, &Thresholds::default()).single_gain;
         baseline.detection_limits.insert((*name).to_owned(), asked);
     }
-    Ok(baseline)
+}
+
+/// What each of many logs says by itself, from which the baseline of any choice of them is put together.
+pub(crate) struct Reference {
+    studies: Vec<Study>,
+}
+
+impl Reference {
+    /// Studies every log; `progress` is told once for each.
+    pub(crate) fn study(logs: &[Healthy], progress: Progress<'_>) -> Self {
+        Self { studies: studies(&whole(logs), progress) }
+    }
+
+    /// Returns the statistics that some of the logs reach, each judged by the others of them.
+    pub(crate) fn judged(&self, logs: &[Healthy], chosen: &[usize]) -> BTreeMap<usize, Statistics> {
+        let judged = judged(&whole(logs), &self.studies, chosen, &|| ());
+        chosen.iter().copied().zip(judged.into_iter().map(|j| j.reached)).collect()
+    }
+
+    /// Returns the baseline of some of the logs, given what they reach when judged by others.
+    pub(crate) fn baseline(
+        &self,
+        logs: &[Healthy],
+        chosen: &[usize],
+        reached: &BTreeMap<usize, Statistics>,
+    ) -> Baseline {
+        let mut baseline = chosen_of(&whole(logs), &self.studies, chosen);
+        let own: Vec<Statistics> = chosen.iter().filter_map(|k| reached.get(k).cloned()).collect();
+        baseline.nulls = nulls::gather(&own);
+        limits(&mut baseline);
+        baseline
+    }
+}
+
+/// Returns the logs as units, each with all its drives.
+fn whole(logs: &[Healthy]) -> Vec<Unit<'_>> {
+    let of = |h: &'_ Healthy| (0..h.case.drives.len()).collect();
+    logs.iter().map(|h| Unit { name: h.name.clone(), case: &h.case, drives: of(h) }).collect()
+}
+
+/// Studies every unit; again about what was found where that is far from the library's vehicles, whose ranges it would meet.
+fn studies(units: &[Unit<'_>], progress: Progress<'_>) -> Vec<Study> {
+    let all = |about: Option<&Spread>| -> Vec<Study> {
+        units.par_iter().map(|unit| study::study(unit.case, &unit.drives, about)).collect()
+    };
+    let of = |studies: &[Study]| usual_values(units[0].case, &studies.iter().collect::<Vec<_>>());
+    let mut studies = all(None);
+    let mut found = of(&studies);
+    let mut moved = farthest(&found, None);
+    for _ in 0..ROUNDS {
+        if moved < FAR {
+            break;
+        }
+        studies = all(Some(&found));
+        let again = of(&studies);
+        moved = farthest(&again, Some(&found));
+        found = again;
+    }
+    (0..units.len()).for_each(|_| progress());
+    studies
+}
+
+/// Returns how far the usual values lie from others, or from the library's, in the library's standard deviations.
+fn farthest(found: &Spread, from: Option<&Spread>) -> f64 {
+    let far = |(id, all): (&String, &Vec<Option<Usual>>)| {
+        let effect = ds_effect::find(id)?;
+        let each = all.iter().zip(effect.parameters).enumerate().filter_map(|(k, (usual, parameter))| {
+            let library = parameter.nuisance?;
+            let other = from.map_or(Some(library.mean), |f| Some(f.get(id)?.get(k).copied().flatten()?.mean))?;
+            Some(((*usual)?.mean - other).abs() / library.sd)
+        });
+        each.reduce(f64::max)
+    };
+    found.iter().filter_map(far).fold(0.0, f64::max)
 }
 
 /// Returns how often the progress of learning from some logs is told.
@@ -171,8 +241,8 @@ fn assemble(units: &[Unit<'_>], studies: &[&Study]) -> Baseline {
     }
 }
 
-fn usual_values(case: &Case, studies: &[&Study]) -> BTreeMap<String, Vec<Option<Usual>>> {
-    let mut out: BTreeMap<String, Vec<Option<Usual>>> = BTreeMap::new();
+fn usual_values(case: &Case, studies: &[&Study]) -> Spread {
+    let mut out = Spread::new();
     for (part, which) in [Part::Ego, Part::Following].into_iter().enumerate() {
         let space = Space::new(which, &case.meta.nominal, &[]);
         for (k, coordinate) in space.coordinates.iter().enumerate() {
@@ -229,17 +299,30 @@ fn domain(studies: &[&Study]) -> BTreeMap<String, [f64; 2]> {
     (0..STATE).filter_map(|k| Some((NAMES[k].to_owned(), of(k)?))).collect()
 }
 
-/// Judges a unit by a baseline of the others: the statistics that it reaches, and the parameter that it moves most.
-fn judge(units: &[Unit<'_>], studies: &[Study], whole: &Baseline, out: usize) -> (Statistics, Option<(String, f64)>) {
-    let others: Vec<usize> = (0..units.len()).filter(|k| *k != out).collect();
+/// What a log reaches when the others judge it.
+struct Judged {
+    /// Its statistics.
+    reached: Statistics,
+    /// Usual values of the others; none where there are no others.
+    without: Option<Spread>,
+}
+
+/// Judges each of some units by a baseline of the others of them.
+fn judged(units: &[Unit<'_>], studies: &[Study], chosen: &[usize], progress: Progress<'_>) -> Vec<Judged> {
+    let one = |out: &usize| {
+        let judged = judge(units, studies, chosen, *out);
+        progress();
+        judged
+    };
+    chosen.par_iter().map(one).collect()
+}
+
+fn judge(units: &[Unit<'_>], studies: &[Study], chosen: &[usize], out: usize) -> Judged {
+    let others: Vec<usize> = chosen.iter().copied().filter(|k| *k != out).collect();
     if others.is_empty() {
-        return (Statistics::new(), None);
+        return Judged { reached: Statistics::new(), without: None };
     }
-    let kept: Vec<Unit<'_>> = others
-        .iter()
-        .map(|k| Unit { name: units[*k].name.clone(), case: units[*k].case, drives: units[*k].drives.clone() })
-        .collect();
-    let baseline = assemble(&kept, &others.iter().map(|k| &studies[*k]).collect::<Vec<_>>());
+    let baseline = chosen_of(units, studies, &others);
     let unit = &units[out];
     // a log is judged by the drives that a diagnosis would fit
     let (fit, _) = unit.case.meta.split();
@@ -248,11 +331,24 @@ fn judge(units: &[Unit<'_>], studies: &[Study], whole: &Baseline, out: usize) ->
     let models =
         [Part::Ego, Part::Following].map(|part| PartModel::against(unit.case, part, &drives, &[], Some(&baseline)));
     let outcomes: Vec<Outcome<'_, '_>> = models.iter().map(|m| Outcome::searched(m, Effort::Quick)).collect();
+    Judged { reached: statistics::of_healthy(&outcomes), without: Some(baseline.spread) }
+}
+
+/// Puts the studies of a choice of units together.
+fn chosen_of(units: &[Unit<'_>], studies: &[Study], chosen: &[usize]) -> Baseline {
+    let kept: Vec<Unit<'_>> = chosen
+        .iter()
+        .map(|k| Unit { name: units[*k].name.clone(), case: units[*k].case, drives: units[*k].drives.clone() })
+        .collect();
+    assemble(&kept, &chosen.iter().map(|k| &studies[*k]).collect::<Vec<_>>())
+}
+
+/// Returns the parameter whose usual value moves most when a unit is left out, and by how many of the library's spreads.
+fn most_moved(whole: &Spread, without: &Spread) -> Option<(String, f64)> {
     let moves = |(id, all): (&String, &Vec<Option<Usual>>)| {
-        let (now, then) = (all.first().copied().flatten()?, baseline.spread.get(id)?.first().copied().flatten()?);
+        let (now, then) = (all.first().copied().flatten()?, without.get(id)?.first().copied().flatten()?);
         let library = ds_effect::find(id)?.parameters.first()?.nuisance?;
         Some((id.clone(), ((now.mean - then.mean) / library.sd).abs()))
     };
-    let largest = whole.spread.iter().filter_map(moves).max_by(|a, b| a.1.total_cmp(&b.1));
-    (statistics::of_healthy(&outcomes), largest)
+    whole.iter().filter_map(moves).max_by(|a, b| a.1.total_cmp(&b.1))
 }

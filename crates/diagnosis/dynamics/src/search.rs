@@ -8,7 +8,6 @@ use std::sync::Arc;
 use crate::case::PartModel;
 use crate::fit::{Columns, Fit, Model, Plan, data_loss, fit, start_loss};
 use crate::settings::{FURTHER_GAIN, KEPT, LEFT_OUT_STEPS, MARGIN_SDS, NULL_ROUNDS, POLISHED, POLISHES};
-use crate::space::Coordinate;
 
 /// The effect whose wheels do not slip, and those that say how they slip: nonsense together.
 const RIGID: &str = "kinematic_only";
@@ -64,7 +63,7 @@ impl<'m, 'c> Search<'m, 'c> {
         kept.sort_unstable();
         kept.dedup();
         for effect in kept {
-            if !model.space.effects[effect].suspect {
+            if !model.space.suspects(effect) {
                 continue;
             }
             if let Some(hypothesis) = search.single(effect, &grid[effect].1) {
@@ -184,7 +183,7 @@ pub fn refit(model: &PartModel<'_>, start: &[f64], effects: &[usize], columns: C
 pub fn extend(model: &PartModel<'_>, base: &Fit, effects: &[usize]) -> Option<(Fit, Vec<usize>)> {
     let rigid = effects.iter().any(|e| model.space.effects[*e].id == RIGID);
     let moot = |e: usize| rigid && OF_SLIP.contains(&model.space.effects[e].id);
-    let open = |e: usize| model.space.effects[e].suspect && !effects.contains(&e) && !moot(e);
+    let open = |e: usize| model.space.suspects(e) && !effects.contains(&e) && !moot(e);
     // where the slope at the fit is no guide; all else is in the linearisation
     let blind = |e: usize| {
         let coordinates = model.space.of(e).into_iter().map(|k| model.space.coordinates[k]);
@@ -255,8 +254,8 @@ pub fn null_fit(model: &PartModel<'_>, columns: Option<Columns>) -> Fit {
 fn linear_gain(model: &PartModel<'_>, base: &Fit, effect: usize) -> f64 {
     let mut best = f64::NEG_INFINITY;
     for k in model.space.of(effect) {
-        let Coordinate { parameter, nuisance, .. } = model.space.coordinates[k];
-        let (Some(n), Some(at)) = (nuisance, base.free.iter().position(|f| *f == k)) else { continue };
+        let coordinate = model.space.coordinates[k];
+        let (Some(n), Some(at)) = (coordinate.nuisance, base.free.iter().position(|f| *f == k)) else { continue };
         let variance = base.covariance[(at, at)];
         let precision = 1.0 / variance - 1.0 / (n.sd * n.sd);
         if precision <= 1e-9 / (n.sd * n.sd) {
@@ -265,7 +264,7 @@ fn linear_gain(model: &PartModel<'_>, base: &Fit, effect: usize) -> f64 {
         let mean = (base.vector[k] / variance - n.mean / (n.sd * n.sd)) / precision;
         let spread = n.sd * n.sd + 1.0 / precision;
         let null = -0.5 * (mean - n.mean).powi(2) / spread - 0.5 * (std::f64::consts::TAU * spread).ln();
-        best = best.max(-parameter.width().ln() - null);
+        best = best.max(-coordinate.width().ln() - null);
     }
     best
 }
@@ -274,7 +273,7 @@ fn linear_gain(model: &PartModel<'_>, base: &Fit, effect: usize) -> f64 {
 fn best_on_grid(model: &PartModel<'_>, (base, loss): (&[f64], f64), effect: usize) -> (f64, Vec<f64>) {
     let own = model.space.of(effect);
     let mut found = (f64::NEG_INFINITY, own.iter().map(|&k| base[k]).collect::<Vec<f64>>());
-    if !model.space.effects[effect].suspect {
+    if !model.space.suspects(effect) {
         return found;
     }
     for (place, &k) in own.iter().enumerate() {

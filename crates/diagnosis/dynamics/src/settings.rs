@@ -65,6 +65,12 @@ pub const TREND_GAIN: f64 = 10.0;
 pub const TREND_WIDTH: f64 = 2.0;
 /// Least such change: a saturation, which acts in corners alone, reached 0.19 with much evidence.
 pub const TREND_CHANGE: f64 = 0.35;
+/// Factor by which the spread of the nuisances is widened when a trend or a course in time is sought.
+pub const LOOSER: f64 = 5.0;
+/// Spread of the size of an effect while it acts, as a share of its estimate over all data, which may be a small part.
+pub const MODULATION_SD: f64 = 2.0;
+/// Log evidence over a constant effect from which its course in time is told.
+pub const MODULATION_GAIN: f64 = 6.0;
 /// Share of an effect's size, in each residual, by which its true shape may differ from the library's.
 pub const SHAPE_SHARE: f64 = 0.07;
 /// Standard error of an estimate, as a share of it, that comes from the uncertain shape.

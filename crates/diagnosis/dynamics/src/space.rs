@@ -9,6 +9,21 @@ use ds_diagnosis::meta::Nominal;
 /// Effects of the scatter of samples, which no mean shows; see `scatter`.
 pub const SCATTER: [&str; 2] = ["timestamp_jitter", "dropped_frames"];
 
+/// Effects on what the drive command does, which a drive computed from the speed that came of it agrees with whatever they are.
+const OF_DRIVE: [&str; 11] = [
+    "accel_delay",
+    "accel_jerk_limit",
+    "accel_lag",
+    "brake_fade",
+    "brake_gain",
+    "deadzone_accel",
+    "drag_add",
+    "drive_gain",
+    "grade",
+    "power_limit",
+    "roll_add",
+];
+
 /// The two parts of a log that share no parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Part {
@@ -35,13 +50,29 @@ pub struct Coordinate {
     pub parameter: &'static Parameter,
     /// The mismatch that every vehicle has: the library's, or that which healthy drives showed.
     pub nuisance: Option<Nuisance>,
+    /// How far what is usual of healthy drives lies from the library's usual value; 0 without a baseline.
+    pub shift: f64,
 }
 
 impl Coordinate {
-    /// Returns the range of values that make sense: what the library suspects, and six of its usual spreads.
+    /// Returns the range that is searched where the effect is suspected: the library's, and the same about what is usual.
+    #[must_use]
+    pub fn slab(&self) -> (f64, f64) {
+        let (low, high) = self.parameter.slab;
+        if high > low { (low.min(low + self.shift), high.max(high + self.shift)) } else { (low, high) }
+    }
+
+    /// Returns the width of that range.
+    #[must_use]
+    pub fn width(&self) -> f64 {
+        let (low, high) = self.slab();
+        high - low
+    }
+
+    /// Returns the range of values that make sense: what may be suspected, and six of the usual spreads.
     #[must_use]
     pub fn within(&self) -> (f64, f64) {
-        let (low, high) = self.parameter.slab;
+        let (low, high) = self.slab();
         let usual = self.parameter.nuisance.map_or((low, high), |n| (n.mean - 6.0 * n.sd, n.mean + 6.0 * n.sd));
         (low.min(usual.0), high.max(usual.1))
     }
@@ -55,6 +86,7 @@ pub struct Space {
     /// One per parameter, the parameters of an effect side by side.
     pub coordinates: Vec<Coordinate>,
     nominal: Nominal,
+    drive_derived: bool,
 }
 
 impl Space {
@@ -76,9 +108,9 @@ impl Space {
             .iter()
             .enumerate()
             .flat_map(|(effect, e)| e.parameters.iter().map(move |parameter| (effect, parameter)))
-            .map(|(effect, parameter)| Coordinate { effect, parameter, nuisance: parameter.nuisance })
+            .map(|(effect, parameter)| Coordinate { effect, parameter, nuisance: parameter.nuisance, shift: 0.0 })
             .collect();
-        Self { effects, coordinates, nominal: nominal.clone() }
+        Self { effects, coordinates, nominal: nominal.clone(), drive_derived: false }
     }
 
     /// Returns the vector at which every effect is absent.
@@ -99,6 +131,28 @@ impl Space {
             let neutral = coordinate.parameter.neutral;
             coordinate.nuisance.iter_mut().filter(|_| neutral.is_finite()).for_each(|n| n.mean = neutral);
         }
+    }
+
+    /// Takes the drive command for computed from the speed: what acts between both cannot be told, and fits only as a nuisance.
+    pub fn drive_is_derived(&mut self) {
+        self.drive_derived = true;
+    }
+
+    /// Tells whether an effect may be suspected.
+    #[must_use]
+    pub fn suspects(&self, effect: usize) -> bool {
+        self.effects[effect].suspect && !self.is_mute(effect)
+    }
+
+    /// Returns the effects that could be suspected if the drive command had been recorded.
+    #[must_use]
+    pub fn mute(&self) -> Vec<&'static str> {
+        let mute = |e: &usize| self.effects[*e].suspect && self.is_mute(*e);
+        (0..self.effects.len()).filter(mute).map(|e| self.effects[e].id).collect()
+    }
+
+    fn is_mute(&self, effect: usize) -> bool {
+        self.drive_derived && OF_DRIVE.contains(&self.effects[effect].id)
     }
 
     /// Returns the coordinates of an effect.
@@ -148,17 +202,18 @@ impl Space {
     /// Returns values of a coordinate from which a search may start, all within the slab.
     #[must_use]
     pub fn grid(&self, coordinate: usize) -> Vec<f64> {
-        let p = self.coordinates[coordinate].parameter;
-        let at = |u: f64| p.slab.0 + u * p.width();
-        if p.width() <= 0.0 {
-            return vec![p.slab.0];
+        let c = self.coordinates[coordinate];
+        let (p, (low, high)) = (c.parameter, c.slab());
+        let at = |u: f64| low + u * (high - low);
+        if high <= low {
+            return vec![low];
         }
         match p.scale {
             Scale::Limit => (0..10).map(|k| at(f64::from(k) / 9.0)).collect(),
             Scale::Threshold => vec![at(0.06), at(0.12), at(0.25), at(0.4), at(0.6), at(0.85)],
             // friction: nothing happens until the tyres slide
             _ if p.starts_late() => [0.15, 0.3, 0.45, 0.6, 0.8].map(at).to_vec(),
-            _ if p.slab.0 < p.neutral && p.slab.1 > p.neutral => vec![at(0.25), at(0.4), at(0.6), at(0.75)],
+            _ if low < p.neutral && high > p.neutral => vec![at(0.25), at(0.4), at(0.6), at(0.75)],
             _ => vec![at(0.15), at(0.5)],
         }
     }

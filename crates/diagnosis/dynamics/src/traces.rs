@@ -7,7 +7,7 @@
 use ds_effect::{Channel, Plant};
 
 use crate::case::Case;
-use crate::evaluate::states;
+use crate::evaluate;
 use crate::floor;
 use crate::following;
 use crate::noise::Noise;
@@ -92,8 +92,8 @@ pub fn traces(case: &Case, model: &Corrected, drive: usize) -> Traces {
 /// Returns the nominal and the corrected simulator of a part; what the model does not name is neutral.
 fn plants(case: &Case, model: &Corrected, part: Part) -> [Plant; 2] {
     let space = Space::new(part, &case.meta.nominal, &[]);
-    let [nominal, _, corrected] = states(&space, model, case.meta.nominal.mass);
-    [space.plant(&nominal), space.plant(&corrected)]
+    let [nominal, _, corrected] = evaluate::plants(&space, model, case.meta.nominal.mass);
+    [nominal, corrected]
 }
 
 fn ego_series(record: &EgoRecord, plants: &[Plant; 2], stride: usize, noise: &Noise) -> Vec<Series> {

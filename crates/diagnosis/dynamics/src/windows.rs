@@ -5,7 +5,9 @@
 
 use std::sync::Arc;
 
-use ds_effect::{Channel, Plant};
+use ds_effect::law::Felt;
+use ds_effect::plant::Vehicle;
+use ds_effect::{Channel, Plant, Port};
 
 use crate::drive::Drive;
 use crate::ego::{Actuated, FINE_SECS, Inputs, Instant, Start, actuate, instant_at};
@@ -141,6 +143,12 @@ impl EgoRecord {
         self.log.samples
     }
 
+    /// Returns the stamp of a sample, s.
+    #[must_use]
+    pub fn secs(&self, sample: usize) -> f64 {
+        self.log.start_secs + sample as f64 * STEP_SECS
+    }
+
     /// Returns what a sample is like.
     #[must_use]
     pub fn moment(&self, sample: usize) -> Moment {
@@ -155,6 +163,20 @@ impl EgoRecord {
             steer_rate: rate,
             accel_mps2: self.log.cmd_accel[k],
         }
+    }
+
+    /// Returns what the car felt at a sample as far as the log tells: forces as its motion and its request need them, slip
+    /// angles as in a steady turn of the nominal vehicle.
+    #[must_use]
+    pub fn felt(&self, sample: usize, vehicle: &Vehicle) -> Felt {
+        let Moment { speed_mps, yaw_rate, accel_mps2, .. } = self.moment(sample);
+        let ay = speed_mps * yaw_rate;
+        let load_kg = vehicle.mass_kg / (vehicle.front_arm_m + vehicle.rear_arm_m);
+        let [slip_front, slip_rear] = [
+            load_kg * vehicle.rear_arm_m * ay / vehicle.front_stiffness_n,
+            load_kg * vehicle.front_arm_m * ay / vehicle.rear_stiffness_n,
+        ];
+        Felt { v: speed_mps, ax: accel_mps2, ay, yaw_rate, slip_front, slip_rear, ..Felt::default() }
     }
 
     fn yaw_rate_at(&self, sample: usize) -> f64 {
@@ -189,7 +211,7 @@ impl EgoRecord {
         }
         Anchor {
             sample,
-            secs: log.start_secs + sample as f64 * STEP_SECS,
+            secs: self.secs(sample),
             speed_mps,
             position: position.unwrap_or((0.0, 0.0)),
             warm_speed_mps: parabola(&self.speed, sample - WARM, 7).max(0.0),
@@ -298,7 +320,14 @@ impl EgoRecord {
         let share = 1.0 / BLOCK as f64;
         for k in 0..blocks * BLOCK {
             let secs = anchor.secs + (k + 1) as f64 * STEP_SECS;
-            let simulated = sense(secs, (begin, self.age(plant, secs)), rollout, actuated, plant);
+            let mut simulated = sense(secs, (begin, self.age(plant, secs)), rollout, actuated, plant);
+            if !plant.laws.is_empty() {
+                let at = |secs: f64| shifted(secs - self.age(plant, secs), (begin, rollout), actuated, plant);
+                let ([x0, y0], [x, y]) = (at(anchor.secs), at(secs));
+                let (sin, cos) = anchor.heading_rad.sin_cos();
+                simulated[0] += (x - x0) * cos + (y - y0) * sin;
+                simulated[1] += (y - y0) * cos - (x - x0) * sin;
+            }
             for (channel, value) in simulated.into_iter().enumerate() {
                 residual[channel * blocks + k / BLOCK] -= share * value;
             }
@@ -324,6 +353,13 @@ fn shift_steps(command: &[f64], least: f64, share: f64, fine: &mut [f64]) -> boo
     any
 }
 
+/// Returns what laws add to a position at a time, east and north, m.
+fn shifted(secs: f64, (begin, rollout): (f64, &[Instant]), actuated: &Actuated, plant: &Plant) -> [f64; 2] {
+    let felt = instant_at(rollout, begin, secs).felt();
+    let added = |channel| actuated.added(&plant.laws, secs, &felt, |port| port == Port::Sensor(channel));
+    [added(Channel::Dx), added(Channel::Dy)]
+}
+
 /// Returns what the simulated sensors report for the sample stamped `secs`, of a rollout that began at `start_secs` and
 /// with poses of age `age`.
 #[must_use]
@@ -341,7 +377,7 @@ pub fn sense(
     let (sin, cos) = pose.yaw.sin_cos();
     let ay = imu.ay * sensors.roll_factor;
     let (turn_sin, turn_cos) = sensors.misalignment_rad.sin_cos();
-    [
+    let mut readings = [
         pose.x + sensors.lever_arm_m * (cos - 1.0),
         pose.y + sensors.lever_arm_m * sin,
         pose.yaw,
@@ -351,5 +387,23 @@ pub fn sense(
         ay * turn_cos - imu.ax * turn_sin + sensors.ay_bias_mps2,
         actuated.sensed(secs - plant.clock.encoder_latency_secs),
         wheel.v * sensors.wheel_factor * (1.0 + sensors.wheel_slip_s2_m * wheel.ax),
-    ]
+    ];
+    if !plant.laws.is_empty() {
+        let moments = [
+            (2..4, secs - age, pose),
+            (4..7, secs - plant.clock.imu_latency_secs, imu),
+            (7..8, secs - plant.clock.encoder_latency_secs, imu),
+            (8..9, secs - plant.clock.wheel_latency_secs, wheel),
+        ];
+        for (channels, at, instant) in moments {
+            let felt = instant.felt();
+            for channel in channels {
+                let own = Port::Sensor(Channel::ALL[channel]);
+                let seen = Channel::ALL[channel] == Channel::SteerMeas;
+                let here = |port: Port| port == own || (seen && port == Port::Steering);
+                readings[channel] += actuated.added(&plant.laws, at, &felt, here);
+            }
+        }
+    }
+    readings
 }

@@ -52,6 +52,35 @@ fn nothing_is_found_where_nothing_is_missing() {
 }
 
 #[test]
+fn an_effect_that_begins_within_a_drive_is_dated() {
+    let folder = tempfile::tempdir().expect("a folder");
+    synthetic::write_case(folder.path(), 41, &|_| {}).expect("the case can be written");
+    let healthy = read(folder.path());
+    let (meta, mut drives) = (healthy.meta.clone(), healthy.drives.clone());
+    let begins = 15.0;
+    for (number, drive) in drives.iter_mut().enumerate() {
+        let (start, rate) = (drive.start_secs, drive.rate_hz);
+        let late = |k: usize| number > 0 || start + k as f64 / rate >= begins;
+        let column = drive.yaw_rate.iter_mut().flatten().enumerate();
+        column.filter(|(k, _)| late(*k)).for_each(|(_, value)| *value += 0.02);
+    }
+    let found = diagnose(&Case::new(meta, drives).expect("the case is sound"), &quick());
+    assert_eq!(found.chosen, ["gyro_bias"], "{:?}", found.verdict);
+    let course = found.modulation.expect("something was accepted");
+    assert_eq!((course.kind.as_str(), course.drive), ("onset", Some(0)), "{course:?}");
+    let onset = course.onset_s.expect("it has an instant");
+    assert!((onset - begins).abs() < 2.0, "{course:?}");
+    assert!((course.value.expect("it has a size") - 0.02).abs() < 0.003, "{course:?}");
+    assert_eq!(found.verdict, Verdict::Single, "what begins is not unknown for that");
+}
+
+#[test]
+fn constant_effects_are_called_constant() {
+    let found = diagnosed(42, &[("steer_delay", 0.12)], &quick());
+    assert_eq!(found.modulation.expect("something was accepted").kind, "constant");
+}
+
+#[test]
 fn two_effects_in_one_drive_are_both_found() {
     let found = diagnosed(31, &[("steer_delay", 0.12), ("drag_add", 1.2)], &Options::default());
     let mut chosen = found.chosen.clone();

@@ -93,7 +93,7 @@ pub fn diagnose(mut case: Case, command: &str, options: &Options) -> Result<Diag
         let names = untestable.join(", ");
         diagnosis.warnings.push(format!("this simulator has neither a parameter nor a port for {names}: not testable"));
     }
-    diagnosis.not_testable = untestable;
+    diagnosis.not_testable.extend(untestable);
     Ok(diagnosis)
 }
 

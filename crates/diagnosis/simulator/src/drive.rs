@@ -1,8 +1,6 @@
 //! One rollout: a window driven by whatever speaks the protocol, as instants like those of the built-in car.
 //!
-//! What the simulator cannot be told by parameters is pushed through its ports: the difference that it makes to the
-//! accelerations of the built-in car in the simulator's own state, as forces. Accelerometers do not feel the part that is
-//! gravity's. A simulator cannot be given another speed at the anchor without losing its tyres' state: it starts with
+//! What the simulator cannot be told by parameters is pushed through its ports ([`Twins`]). A simulator cannot be given another speed at the anchor without losing its tyres' state: it starts with
 //! the speed that the built-in car needs to be right there, and what is left is shifted.
 
 use std::collections::BTreeMap;
@@ -14,9 +12,10 @@ use ds_vehicle::Saturation;
 
 use crate::error::SimulatorError;
 use crate::fields::{declared, differing, entry};
-use crate::message::{DRIVE, FRONT, Hello, NEEDED, Out, REAR, Reply, Request, Reset, Step};
+use crate::message::{DRIVE, FRONT, Hello, NEEDED, Out, REAR, Reply, Request, Reset, Row, Step};
 use crate::process::Process;
 use crate::serve::Served;
+use crate::twins::Twins;
 
 /// Who answers requests.
 pub(crate) trait Subject {
@@ -64,9 +63,6 @@ pub(crate) fn car_of(plant: &Plant, nominal: &Nominal) -> Plant {
     Plant { vehicle: plant.vehicle, road: plant.road, ..nominal.plant() }
 }
 
-/// Values by channel at one time, in the order of [`NEEDED`].
-type Row = [f64; 7];
-
 impl Rollout<'_> {
     /// Makes it.
     ///
@@ -81,7 +77,7 @@ impl Rollout<'_> {
                 (field.set)(&mut told, (field.get)(self.plant));
             }
         }
-        let first = self.first(&told);
+        let first = self.first();
         let vy = Car::steady(&told.vehicle, first[3], first[4], first[2]).state.vy;
         let names = NEEDED.into_iter().zip(first).chain([("vy", vy)]);
         let state = names.filter(|(name, _)| hello.reset_state.iter().any(|known| known == name));
@@ -103,14 +99,14 @@ impl Rollout<'_> {
         Ok(self.instants(&rows, hello.dt))
     }
 
-    /// Returns the row to start with: the speed such that the built-in car has the anchor's speed at the anchor.
-    fn first(&self, told: &Plant) -> Row {
-        let start = self.start;
-        let mut car = Car::steady(&told.vehicle, start.speed_mps, start.yaw_rate, start.heading_rad);
-        let saturation = Saturation::new(told.vehicle.tyre_knee);
+    /// Returns the row to start with: the speed such that the car that is meant has the anchor's speed at the anchor.
+    fn first(&self) -> Row {
+        let (start, meant) = (self.start, car_of(self.plant, self.nominal));
+        let mut car = Car::steady(&meant.vehicle, start.speed_mps, start.yaw_rate, start.heading_rad);
+        let saturation = Saturation::new(meant.vehicle.tyre_knee);
         for k in 0..(start.warm_secs / ROLL_SECS).round() as usize {
             let middle = start.secs + (k as f64 + 0.5) * ROLL_SECS;
-            car.step(self.actuated.asked(middle), &Push::default(), told, &saturation);
+            car.step(self.actuated.asked(middle), &Push::default(), &meant, &saturation);
         }
         let speed = (start.speed_mps + start.anchor_speed_mps - car.state.vx).max(0.0);
         [0.0, 0.0, start.heading_rad, speed, start.yaw_rate, 0.0, 0.0]
@@ -130,39 +126,23 @@ impl Rollout<'_> {
         (told, count): (&Plant, usize),
         rows: &mut Vec<Row>,
     ) -> Result<(), SimulatorError> {
-        let knees = [told, self.plant].map(|plant| Saturation::new(plant.vehicle.tyre_knee));
-        let first = rows[0];
-        let mut cars = [told, self.plant].map(|_| Car::steady(&told.vehicle, first[3], first[4], first[2]));
+        let mut twins = Twins::new(told, self.plant, &rows[0]);
         let each = ((ROLL_SECS / hello.dt).round() as usize).max(1);
         let fine = ((each as f64 * hello.dt / ROLL_SECS).round() as usize).max(1);
         let mut at = 0;
         while at < count {
-            let now = rows[rows.len() - 1];
             let mut step = self.step(at, each, hello.dt);
             let (mut push, mut unfelt) = (Push::default(), [0.0; 2]);
-            cars.iter_mut().for_each(|car| (car.state.vx, car.state.yaw_rate) = (now[3], now[4]));
+            twins.meet(&rows[rows.len() - 1]);
             for k in 0..fine {
                 let share = 1.0 / fine as f64;
                 let middle = self.start.secs + at as f64 * hello.dt + (k as f64 + 0.5) * ROLL_SECS;
-                let inputs = self.actuated.asked(middle);
-                cars[1].state = ds_dynamics::ego::State {
-                    slip_front: cars[1].state.slip_front,
-                    slip_rear: cars[1].state.slip_rear,
-                    ..cars[0].state
-                };
-                let [a, b] = [(0, told), (1, self.plant)]
-                    .map(|(c, plant)| cars[c].step(inputs, &Push::default(), plant, &knees[c]));
-                let change =
-                    |of: fn(&ds_dynamics::ego::State) -> f64| (of(&cars[1].state) - of(&cars[0].state)) / ROLL_SECS;
-                let (along, across, turn) = (change(|s| s.vx), change(|s| s.vy), change(|s| s.yaw_rate));
-                let car = &told.vehicle;
-                let (side_n, turn_nm) = (car.mass_kg * across, car.yaw_inertia_kg_m2 * turn);
-                let base = car.front_arm_m + car.rear_arm_m;
-                push.drive_mps2 += share * car.mass_kg * along / car.nominal_mass_kg;
-                push.front_n += share * (car.rear_arm_m * side_n + turn_nm) / base;
-                push.rear_n += share * (car.front_arm_m * side_n - turn_nm) / base;
-                unfelt[0] += share * (b.ax - a.ax - along);
-                unfelt[1] += share * (b.ay - a.ay - across);
+                let (needed, felt) = twins.step(self.actuated.asked(middle), |port| hello.port(port));
+                push.drive_mps2 += share * needed.drive_mps2;
+                push.front_n += share * needed.front_n;
+                push.rear_n += share * needed.rear_n;
+                unfelt[0] += share * felt[0];
+                unfelt[1] += share * felt[1];
             }
             let inputs = [(DRIVE, push.drive_mps2), (FRONT, push.front_n), (REAR, push.rear_n)];
             let inputs = inputs.into_iter().filter(|(name, _)| hello.port(name));

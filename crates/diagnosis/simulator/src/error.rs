@@ -43,6 +43,18 @@ pub enum SimulatorError {
         /// What is wrong with it.
         why: String,
     },
+    /// It failed twice.
+    #[error("simulator failed twice and is asked no more; the last failure: {why}")]
+    GivenUp {
+        /// The last failure.
+        why: String,
+    },
+    /// It says other things of itself after a restart.
+    #[error("simulator {command:?} describes itself differently after it was started anew")]
+    Another {
+        /// The command.
+        command: String,
+    },
     /// It refused a request.
     #[error("simulator refused {request}: {text}")]
     Refused {

@@ -13,6 +13,7 @@ mod foreign;
 mod message;
 mod process;
 mod serve;
+mod twins;
 
 pub use diagnose::diagnose;
 pub use error::SimulatorError;

@@ -10,6 +10,8 @@ use crate::error::SimulatorError;
 pub(crate) const VERSION: u32 = 1;
 /// Channels that a diagnosis needs.
 pub(crate) const NEEDED: [&str; 7] = ["x", "y", "yaw", "v", "yaw_rate", "ax", "ay"];
+/// Their values at one time, in this order.
+pub(crate) type Row = [f64; 7];
 /// Forward force over nominal mass at the centre of gravity, m/s².
 pub(crate) const DRIVE: &str = "drive";
 /// Force to the left at the front axle, N.

@@ -1,8 +1,8 @@
 //! A simulator as a process: requests to its standard input, replies from its standard output, one JSON object a line;
 //! the last of its standard error is kept for error texts.
 //!
-//! Its command runs in a shell. A process that dies or keeps silent is started once more; the request that it failed at
-//! is lost.
+//! Its command runs in a shell. A process that dies, keeps silent or talks nonsense is started once more; the request
+//! that it failed at is lost. After a second failure it is asked no more: what it still says answers nothing.
 
 use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -30,8 +30,11 @@ pub struct Process {
     /// What it said of itself.
     pub hello: Hello,
     command: String,
-    running: Running,
+    /// None once it was given up.
+    running: Option<Running>,
     restarted: bool,
+    /// Why it was given up.
+    why: String,
 }
 
 struct Running {
@@ -59,7 +62,8 @@ impl Process {
             return Err(SimulatorError::Fmu { path: command.to_owned() });
         }
         let (running, hello) = Self::greet(command)?;
-        Ok(Self { hello, command: command.to_owned(), running, restarted: false })
+        let command = command.to_owned();
+        Ok(Self { hello, command, running: Some(running), restarted: false, why: String::new() })
     }
 
     fn greet(command: &str) -> Result<(Running, Hello), SimulatorError> {
@@ -76,17 +80,27 @@ impl Process {
         self.restarted
     }
 
-    /// Asks for something. After a failure of the process it is started once more, and the failure returned.
+    /// Asks for something. After a first failure of the process it is started once more, after a second it is ended; the
+    /// failure is returned.
     ///
     /// # Errors
-    /// If it refuses, keeps silent, ends, or answers what is no reply.
+    /// If it refuses, keeps silent, ends, answers what is no reply, or was given up.
     pub fn ask(&mut self, request: &Request) -> Result<Reply, SimulatorError> {
-        let answer = self.running.ask(request, REPLY_SECS, &self.command);
+        let Some(running) = &mut self.running else { return Err(SimulatorError::GivenUp { why: self.why.clone() }) };
+        let answer = running.ask(request, REPLY_SECS, &self.command);
         match answer.and_then(|line| parse::<Reply>(&line, request.name())) {
             Ok(Reply::Error(failure)) => Err(SimulatorError::Refused { request: request.name(), text: failure.text }),
-            Err(error) if !self.restarted => {
-                self.restarted = true;
-                self.running = Self::greet(&self.command)?.0;
+            Err(error) => {
+                self.running = None;
+                self.why = error.to_string();
+                if !self.restarted {
+                    self.restarted = true;
+                    let (running, hello) = Self::greet(&self.command)?;
+                    if hello != self.hello {
+                        return Err(SimulatorError::Another { command: self.command.clone() });
+                    }
+                    self.running = Some(running);
+                }
                 Err(error)
             }
             answer => answer,
@@ -97,7 +111,7 @@ impl Process {
 impl Drop for Process {
     fn drop(&mut self) {
         // who does not listen any more is ended all the same
-        self.running.send(&Request::Bye(VERSION)).ok();
+        self.running.as_mut().and_then(|running| running.send(&Request::Bye(VERSION)).ok());
     }
 }
 

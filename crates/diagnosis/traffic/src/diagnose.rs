@@ -198,7 +198,7 @@ fn corrected(model: &Traffic, vector: &[f64], chosen: &[usize], null: &[f64]) ->
         CorrectedEffect { id: model.space.effects[*effect].id.to_owned(), value: values[0], values }
     });
     let ordinary = if chosen.is_empty() { BTreeMap::new() } else { mismatch(model, null, &[]) };
-    Corrected { effects: effects.collect(), nuisance: mismatch(model, vector, chosen), ordinary }
+    Corrected { effects: effects.collect(), nuisance: mismatch(model, vector, chosen), ordinary, laws: Vec::new() }
 }
 
 /// Returns the parameters that every recording has a little of, beside those of some effects.

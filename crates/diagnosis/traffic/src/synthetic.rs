@@ -125,6 +125,7 @@ fn busy(seed: u64, number: u64) -> Scene {
     }
     let green_from = dice.range(80.0, 150.0) as usize;
     Scene {
+        adversary: None,
         name: format!("busy-{seed}-{number}"),
         family: String::new(),
         digest: Digest::default(),

@@ -91,6 +91,7 @@ impl RawDrive {
         let pictures =
             self.pictures.iter().map(|pictures| times.iter().map(|secs| nearest(pictures, *secs)).collect()).collect();
         let scene = Scene {
+            adversary: None,
             name: self.name.clone(),
             family: String::new(),
             digest: Digest::default(),

@@ -65,6 +65,7 @@ fn convert(root: &View<'_>, path: &Path, notes: &mut Vec<Warning>) -> Result<Sce
     let tracks = tracks::tracks(&all_tracks, &sdc, &window, notes)?;
     let place = metadata.get("map").and_then(|map| map.text()).unwrap_or_default();
     Ok(Scene {
+        adversary: None,
         name: name(root, path),
         family: String::new(),
         digest: Digest::default(),

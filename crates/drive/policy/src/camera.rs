@@ -10,7 +10,7 @@ pub mod proposals;
 
 use std::path::Path;
 
-use ds_graph::planner::{HEIGHT_PX, Planner, PlannerSize, WIDTH_PX};
+use ds_graph::planner::{CONTEXT, HEIGHT_PX, Planner, PlannerSize, WIDTH_PX};
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
@@ -20,7 +20,7 @@ use ds_world::Proposal;
 use crate::error::PolicyError;
 use crate::observation::{Observation, PrivilegedView};
 use crate::plan::{PolicyAnswer, evenly_spaced};
-use crate::{Policy, Restart};
+use crate::{Context, Policy, Restart};
 use eye::Eye;
 use proposals::{OUTPUTS, STATE, decode, poses_at_ticks, state_of};
 
@@ -56,6 +56,20 @@ impl CameraPolicy {
     }
 }
 
+impl CameraPolicy {
+    /// Returns the forward camera's frame as the network sees it: [1, 96, 160, 3].
+    fn images<'a>(
+        &mut self,
+        pairs: impl Iterator<Item = (&'a CameraModel, &'a RgbImage)>,
+    ) -> Result<Array, PolicyError> {
+        let (camera, frame) = forward_frame(pairs)?;
+        let seen = self.eye.look(camera, frame);
+        let mut pixels = Vec::with_capacity(seen.rgb().len());
+        normalise_into(seen.rgb(), &mut pixels);
+        Ok(Array::new(&[1, HEIGHT_PX, WIDTH_PX, 3], pixels))
+    }
+}
+
 impl Policy for CameraPolicy {
     fn name(&self) -> &str {
         NAME
@@ -67,11 +81,8 @@ impl Policy for CameraPolicy {
 
     fn plan(&mut self, observation: &Observation, _: Option<&PrivilegedView>) -> Result<PolicyAnswer, PolicyError> {
         observation.check()?;
-        let (camera, frame) = forward_frame(observation)?;
-        let seen = self.eye.look(camera, frame);
-        let mut pixels = Vec::with_capacity(seen.rgb().len());
-        normalise_into(seen.rgb(), &mut pixels);
-        let images = Array::new(&[1, HEIGHT_PX, WIDTH_PX, 3], pixels);
+        let newest = observation.frames.iter().map(|frames| frames.last().expect("the observation was checked"));
+        let images = self.images(observation.cameras.iter().zip(newest))?;
         let speed_mps = observation.ego.speed_mps;
         let state = Array::new(&[1, STATE], state_of(speed_mps, observation.command).to_vec());
         let outputs = self.network.answer(&images, &state);
@@ -87,6 +98,15 @@ impl Policy for CameraPolicy {
         Ok(PolicyAnswer { trajectory, proposals })
     }
 
+    /// The squeezed map that the hidden layers read, 6×10 places of 24 channels: the deepest features that depend on the
+    /// frame alone.
+    fn context(&mut self, cameras: &[CameraModel], frames: &[RgbImage]) -> Result<Option<Context>, PolicyError> {
+        let images = self.images(cameras.iter().zip(frames))?;
+        let [rows, columns, channels] = CONTEXT;
+        let tokens = Array::new(&[rows * columns, channels], self.network.context(&images).into_values());
+        Ok(Some(Context { tokens, grid: Some([rows, columns]) }))
+    }
+
     fn restart(&self) -> Restart {
         Restart::Stateless
     }
@@ -97,17 +117,17 @@ pub fn normalise_into(rgb: &[u8], pixels: &mut Vec<f32>) {
     pixels.extend(rgb.iter().map(|value| (f32::from(*value) * (1.0 / 255.0) - 0.45) * 4.0));
 }
 
-/// Returns the newest frame of the camera that looks most nearly ahead.
-fn forward_frame(observation: &Observation) -> Result<(&CameraModel, &RgbImage), PolicyError> {
+/// Returns the frame of the camera that looks most nearly ahead.
+fn forward_frame<'a>(
+    pairs: impl Iterator<Item = (&'a CameraModel, &'a RgbImage)>,
+) -> Result<(&'a CameraModel, &'a RgbImage), PolicyError> {
     let ahead = |camera: &CameraModel| (camera.rig_from_camera.rotation * ds_space::DVec3::Z).x;
-    let pairs = observation.cameras.iter().zip(&observation.frames);
     let best = pairs.reduce(|best, next| if ahead(next.0) > ahead(best.0) { next } else { best });
-    let (camera, frames) = best.ok_or(PolicyError::Observation { field: "cameras", problem: "is empty".into() })?;
+    let (camera, frame) = best.ok_or(PolicyError::Observation { field: "cameras", problem: "is empty".into() })?;
     if ahead(camera) < 0.7 {
         let problem = format!("has no camera that looks ahead; the nearest is {:?}", camera.id.as_str());
         return Err(PolicyError::Observation { field: "cameras", problem });
     }
-    let frame = frames.last().expect("the observation was checked to hold frames");
     Ok((camera, frame))
 }
 

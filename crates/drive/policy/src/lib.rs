@@ -8,6 +8,7 @@
 pub mod builtin;
 pub mod camera;
 pub mod constant_velocity;
+pub mod doctor;
 pub mod driver;
 pub mod error;
 pub mod lattice;
@@ -16,6 +17,10 @@ pub mod observation;
 pub mod plan;
 pub mod route;
 pub mod route_follower;
+
+use ds_nn::Array;
+use ds_raster::RgbImage;
+use ds_space::CameraModel;
 
 pub use builtin::{Builtin, builtin};
 pub use error::PolicyError;
@@ -29,6 +34,15 @@ pub enum Restart {
     Stateless,
     /// The episode must begin again.
     FromStart,
+}
+
+/// What a policy attends to of its frames: the keys of FDπ.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Context {
+    /// Tokens and channels: [T, C].
+    pub tokens: Array,
+    /// Rows and columns where the tokens are places of a grid, row by row.
+    pub grid: Option<[usize; 2]>,
 }
 
 /// A driver: answers each observation with a trajectory in the rig frame at the newest frame.
@@ -48,6 +62,15 @@ pub trait Policy: Send {
         observation: &Observation,
         privileged: Option<&PrivilegedView>,
     ) -> Result<PolicyAnswer, PolicyError>;
+
+    /// Returns what the policy attends to of the newest frame of each camera, before state or command enter; none for
+    /// a policy that tells of nothing of the kind.
+    ///
+    /// # Errors
+    /// [`PolicyError`] names what is wrong with cameras or frames.
+    fn context(&mut self, _cameras: &[CameraModel], _frames: &[RgbImage]) -> Result<Option<Context>, PolicyError> {
+        Ok(None)
+    }
 
     /// Says what the policy needs after a restart.
     fn restart(&self) -> Restart;

@@ -1,12 +1,15 @@
 //! Makes a scenario document of a scene; lanes are referred to by name, series of equal values become one value.
 
 use ds_space::DVec2;
-use ds_world::{AgentClass, Lane, LaneId, LaneKind, LightState, LineColour, LineKind, Map, Scene, Track, TrafficLight};
+use ds_world::{
+    Adversary, AgentClass, Lane, LaneId, LaneKind, LightState, LineColour, LineKind, Map, Scene, Track, TrafficLight,
+};
 
 use crate::content::Mounting;
 use crate::document::{
-    CameraPart, ClassPart, ColourPart, Document, EgoPart, FORMAT, FRAME, LaneKindPart, LanePart, LightPart,
-    LineKindPart, LinePart, MapPart, OriginPart, Point, StatePart, StopPart, TrackPart, VERSION, VehiclePart,
+    ADVERSE_VERSION, AdversaryPart, BudgetPart, CameraPart, ClassPart, ColourPart, Document, EgoPart, FORMAT, FRAME,
+    LaneKindPart, LanePart, LightPart, LineKindPart, LinePart, MapPart, OriginPart, Point, StatePart, StopPart,
+    TrackPart, VERSION, VehiclePart,
 };
 
 fn pairs(points: &[DVec2]) -> Vec<Point> {
@@ -26,7 +29,7 @@ pub(crate) fn document(scene: &Scene) -> Document {
     let vehicle = &scene.vehicle;
     Document {
         format: FORMAT.to_owned(),
-        version: VERSION,
+        version: if scene.adversary.is_some() { ADVERSE_VERSION } else { VERSION },
         name: scene.name.clone(),
         family: scene.family.clone(),
         origin: OriginPart {
@@ -53,7 +56,26 @@ pub(crate) fn document(scene: &Scene) -> Document {
         ego_log: ego(scene),
         route_m: pairs(&scene.route),
         tracks: scene.tracks.iter().map(track).collect(),
+        adversary: scene.adversary.as_ref().map(adversary),
         map: map(&scene.map),
+    }
+}
+
+fn adversary(adversary: &Adversary) -> AdversaryPart {
+    let budget = &adversary.budget;
+    AdversaryPart {
+        track: adversary.track.0,
+        class: adversary.class.name().to_owned(),
+        mode: adversary.mode.name().to_owned(),
+        attack_tick: adversary.attack.0,
+        contact_tick: adversary.contact.0,
+        budget: BudgetPart {
+            attack_secs: budget.attack_secs,
+            effort_mps: budget.effort_mps,
+            aside_m: budget.aside_m,
+            reaims: budget.reaims,
+        },
+        corridor_m: pairs(&adversary.corridor),
     }
 }
 

@@ -3,7 +3,7 @@
 //! Positions are kept to 1 mm, angles and rates to 1e-5, pixels to 1e-4, so that a saved scene and a loaded one are equal in every bit.
 
 use ds_space::{CameraModel, DMat3, DQuat, DVec2, DVec3, Digest, DigestWriter, Pose};
-use ds_world::{AgentClass, EgoState, LaneKind, LightState, LineColour, LineKind, Map, Scene, Track};
+use ds_world::{Adversary, AgentClass, EgoState, LaneKind, LightState, LineColour, LineKind, Map, Scene, Track};
 
 /// Rounds to `steps_per_unit`; never gives a negative zero.
 #[must_use]
@@ -87,6 +87,11 @@ pub(crate) fn seal(scene: &mut Scene) {
             *value = rounded(*value, 1e4);
         }
     }
+    if let Some(adversary) = &mut scene.adversary {
+        adversary.corridor.iter_mut().for_each(milli2);
+        let budget = &mut adversary.budget;
+        [&mut budget.attack_secs, &mut budget.effort_mps, &mut budget.aside_m].into_iter().for_each(milli);
+    }
     round_map(&mut scene.map);
     scene.digest = digest(scene);
 }
@@ -161,7 +166,19 @@ pub(crate) fn digest(scene: &Scene) -> Digest {
         writer.f64s(&[lens.fx_px, lens.fy_px, lens.cx_px, lens.cy_px, lens.k1, lens.k2]);
         writer.f64s(&mounting.translation.to_array()).f64s(&mounting.rotation.to_array());
     }
+    // Scenes without one keep the digest that they had before there were any.
+    if let Some(adversary) = &scene.adversary {
+        digest_adversary(&mut writer, adversary);
+    }
     writer.finish()
+}
+
+fn digest_adversary(writer: &mut DigestWriter, adversary: &Adversary) {
+    writer.text("adversary").u32(adversary.track.0).text(adversary.class.name()).text(adversary.mode.name());
+    writer.u32(adversary.attack.0).u32(adversary.contact.0);
+    let budget = &adversary.budget;
+    writer.f64s(&[budget.attack_secs, budget.effort_mps, budget.aside_m]).u32(budget.reaims);
+    points(writer, &adversary.corridor);
 }
 
 fn digest_track(writer: &mut DigestWriter, track: &Track) {

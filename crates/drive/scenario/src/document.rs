@@ -1,4 +1,4 @@
-//! The structs of a scenario file, version 1, as serde reads and writes them; see `scenarios/README.md`.
+//! The structs of a scenario file, versions 1 and 2, as serde reads and writes them; see `scenarios/README.md`.
 //!
 //! Field names carry units; unknown fields are refused. Series run over ticks; a series of one value stands for a
 //! constant. Nothing is checked here beyond shape: `resolve` does that, `compose` makes documents of scenes.
@@ -7,8 +7,10 @@ use serde::{Deserialize, Serialize};
 
 /// What `format` must say.
 pub(crate) const FORMAT: &str = "dreamstream-scenario";
-/// What `version` must say.
+/// What `version` must say; files with an adversary are of [`ADVERSE_VERSION`].
 pub(crate) const VERSION: u32 = 1;
+/// What `version` says where there may be an adversary.
+pub(crate) const ADVERSE_VERSION: u32 = 2;
 /// What `frame` must say.
 pub(crate) const FRAME: &str = "x-east y-north z-up";
 
@@ -31,7 +33,31 @@ pub(crate) struct Document {
     pub ego_log: EgoPart,
     pub route_m: Vec<Point>,
     pub tracks: Vec<TrackPart>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub adversary: Option<AdversaryPart>,
     pub map: MapPart,
+}
+
+/// The track that is meant to collide with the ego, by its index in `tracks`.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct AdversaryPart {
+    pub track: u32,
+    pub class: String,
+    pub mode: String,
+    pub attack_tick: u32,
+    pub contact_tick: u32,
+    pub budget: BudgetPart,
+    pub corridor_m: Vec<Point>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct BudgetPart {
+    pub attack_secs: f64,
+    pub effort_mps: f64,
+    pub aside_m: f64,
+    pub reaims: u32,
 }
 
 #[derive(Debug, Serialize, Deserialize)]

@@ -6,9 +6,12 @@ use ds_space::{CameraId, CameraModel, DQuat, DVec2, DVec3, Digest, Intrinsics, P
 use ds_world::{AgentClass, EgoState, Origin, Scene, Size, Track, TrackPoint, VehicleParameters};
 
 use crate::content::{Mounting, seal};
-use crate::document::{CameraPart, ClassPart, Document, EgoPart, FORMAT, FRAME, TrackPart, VERSION, VehiclePart};
+use crate::document::{
+    ADVERSE_VERSION, CameraPart, ClassPart, Document, EgoPart, FORMAT, FRAME, TrackPart, VERSION, VehiclePart,
+};
 use crate::place::{FAR_M, Fault, Place};
 
+mod adversary;
 mod map;
 
 /// The most ticks that a log may have.
@@ -26,9 +29,7 @@ pub(crate) fn scene(document: &Document) -> Result<Scene, Fault> {
         if value == expected { Ok(()) } else { Err(root.field(name).fault(format!("is {value:?}, not {expected:?}"))) }
     };
     says("format", &document.format, FORMAT)?;
-    if document.version != VERSION {
-        return Err(root.field("version").fault(format!("is {}, this program reads {VERSION}", document.version)));
-    }
+    version(&root, document)?;
     says("frame", &document.frame, FRAME)?;
     file_name(&root.field("name"), &document.name)?;
     if document.prompt.len() > 4096 {
@@ -52,14 +53,31 @@ pub(crate) fn scene(document: &Document) -> Result<Scene, Fault> {
             licence: document.origin.licence.clone(),
             attribution: document.origin.attribution.clone(),
         },
+        adversary: None,
         ego_log,
     };
+    scene.adversary = document
+        .adversary
+        .as_ref()
+        .map(|part| adversary::adversary(&root.field("adversary"), part, &scene))
+        .transpose()?;
     let length_m: f64 = scene.route.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
     root.field("route_m")
         .within(length_m, 0.1, FAR_M)
         .map_err(|fault| Fault { problem: format!("its length {}", fault.problem), ..fault })?;
     seal(&mut scene);
     Ok(scene)
+}
+
+fn version(root: &Place<'_>, document: &Document) -> Result<(), Fault> {
+    let at = root.field("version");
+    match document.version {
+        VERSION if document.adversary.is_some() => {
+            Err(at.fault(format!("is {VERSION}, with an adversary it must be {ADVERSE_VERSION}")))
+        }
+        VERSION | ADVERSE_VERSION => Ok(()),
+        other => Err(at.fault(format!("is {other}, this program reads {VERSION} and {ADVERSE_VERSION}"))),
+    }
 }
 
 fn file_name(at: &Place<'_>, text: &str) -> Result<(), Fault> {

@@ -102,6 +102,7 @@ pub(crate) fn world() -> Scene {
     };
     let red = |tick: i32| if (20..40).contains(&tick) { LightState::Red } else { LightState::Green };
     Scene {
+        adversary: None,
         name: "road".to_owned(),
         family: String::new(),
         digest: Digest::default(),

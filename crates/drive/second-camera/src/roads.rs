@@ -327,6 +327,7 @@ pub fn scene(seed: u64) -> Scene {
     let id = CameraId::new("front").expect("a plain word is an id");
     let lens = Intrinsics::centred(160, 96, 70f64.to_radians());
     Scene {
+        adversary: None,
         name: format!("abroad-{kind}-{seed}"),
         family: format!("abroad-{kind}"),
         digest,

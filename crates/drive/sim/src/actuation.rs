@@ -4,7 +4,9 @@
 //! One entry per sub-step. The command chain is run over the whole memory at each tick, so that every operator is the
 //! one that the gap diagnosis fits. Memory is cut to the last minute or so; nothing of the library looks back further.
 
+use ds_effect::Law;
 use ds_effect::chain::{Realised, realise};
+use ds_effect::law::{Felt, Sources};
 use ds_effect::plant::Plant;
 use ds_effect::signal::Context;
 
@@ -35,6 +37,12 @@ pub(crate) struct Moment {
 
 impl Moment {
     pub(crate) const FIELDS: usize = 9;
+
+    /// Returns what the car feels; slip is not kept.
+    pub(crate) fn felt(&self) -> Felt {
+        let (v, ax, ay, yaw_rate) = (self.speed_mps, self.ax_mps2, self.ay_mps2, self.yaw_rate_radps);
+        Felt { v, ax, ay, yaw_rate, ..Felt::default() }
+    }
 
     pub(crate) fn to_array(self) -> [f64; Self::FIELDS] {
         let Self { x_m, y_m, heading_rad, speed_mps, yaw_rate_radps, ax_mps2, ay_mps2, sensed_rad, drive_mps2 } = self;
@@ -71,16 +79,22 @@ pub(crate) struct Past {
 pub(crate) struct Tick {
     pub(crate) steering: Realised,
     pub(crate) accel: Vec<f64>,
+    /// What is known of each law's terms before the car moves; empty where that is 1.
+    pub(crate) known: Known,
 }
 
+/// By law and term, one entry per sub-step.
+pub(crate) type Known = Vec<Vec<Vec<f64>>>;
+
 impl Past {
-    /// Adds `count` commands that begin where the last one left off and steer at a rate.
-    pub(crate) fn send(&mut self, count: u32, next: impl Fn(&Sent) -> Sent) {
+    /// Adds `count` commands that begin where the last one left off and steer at a rate; laws count time and way from the first
+    /// one, so that with them all are `kept`.
+    pub(crate) fn send(&mut self, (count, kept): (u32, bool), next: impl Fn(&Sent) -> Sent) {
         for _ in 0..count {
             let last = self.sent.last().copied().unwrap_or_default();
             self.sent.push(next(&last));
         }
-        if self.sent.len() > LONGEST {
+        if self.sent.len() > LONGEST && !kept {
             self.sent.drain(..self.sent.len() - KEPT);
         }
     }
@@ -102,7 +116,10 @@ impl Past {
         let (steering, traction) = (&plant.steering, &plant.traction);
         let steered = realise(&column(|sent| sent.steer_rad), steering.lag_secs, &steering.operators, &context);
         let driven = realise(&column(|sent| sent.accel_mps2), traction.lag_secs, &traction.operators, &context);
+        let sources = Sources { step_secs, delta: &steered.wheel, accel: &driven.wheel, speed: &speed };
+        let known = |law: &Law| law.known(&sources).into_iter().map(tail).collect();
         Tick {
+            known: plant.laws.iter().map(known).collect(),
             steering: Realised { sensed: tail(steered.sensed), wheel: tail(steered.wheel) },
             accel: tail(driven.wheel),
         }

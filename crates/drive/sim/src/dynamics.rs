@@ -8,6 +8,7 @@
 
 use std::sync::Arc;
 
+use ds_effect::law::{Felt, Port, Push};
 use ds_effect::plant::Plant;
 use ds_space::angle::wrap;
 use ds_space::{DVec2, PoseSe2};
@@ -82,7 +83,8 @@ impl Chassis {
         let nominal = ds_vehicle::nominal(&vehicle, &ds_vehicle::IdmParameters::default());
         let same_lags = (plant.steering.lag_secs, plant.traction.lag_secs)
             == (nominal.steering.lag_secs, nominal.traction.lag_secs);
-        let chained = !(same_lags && plant.steering.operators.is_empty() && plant.traction.operators.is_empty());
+        let straight = plant.steering.operators.is_empty() && plant.traction.operators.is_empty();
+        let chained = !(same_lags && straight && plant.laws.is_empty());
         let step_secs = dt_secs / f64::from(substeps);
         Self { vehicle, kind, substeps, step_secs, plant, chained, remembers: remembers || chained }
     }
@@ -110,10 +112,8 @@ impl Chassis {
             let (from, mut to) = (from.to_array(), to.to_array());
             to[2] = from[2] + wrap(to[2] - from[2]);
             let sent = self.sent_by_log(&logged);
-            body.past.send(if body.past.sent.is_empty() { 1 } else { self.substeps }, |last| Sent {
-                brake_work_mj: last.brake_work_mj,
-                ..sent
-            });
+            let count = if body.past.sent.is_empty() { 1 } else { self.substeps };
+            body.past.send((count, self.lawful()), |last| Sent { brake_work_mj: last.brake_work_mj, ..sent });
             for k in 1..=self.substeps {
                 let u = f64::from(k) / f64::from(self.substeps);
                 body.past.witness(Moment::from_array(std::array::from_fn(|i| from[i] + u * (to[i] - from[i]))));
@@ -159,6 +159,7 @@ impl Chassis {
     pub(crate) fn step(&self, body: &mut Body, command: Command) {
         let before = body.ego.velocity_mps;
         let realised = self.remembers.then(|| self.send(body, command)).flatten();
+        let mut pushed = Push::default();
         for k in 0..self.substeps as usize {
             match &realised {
                 Some(tick) => {
@@ -167,10 +168,13 @@ impl Chassis {
                     body.ego.steering_rad = steering_rad;
                     body.sensed_rad = tick.steering.sensed[k];
                     body.drive_mps2 = tick.accel[k];
+                    if self.lawful() {
+                        pushed = self.obey(body, (tick, k));
+                    }
                 }
                 None => self.actuate(body, command),
             }
-            let force_mps2 = self.substep(body);
+            let force_mps2 = self.substep(body, &pushed);
             if self.remembers {
                 let moment = self.moment(body, force_mps2);
                 let unwrapped =
@@ -185,6 +189,32 @@ impl Chassis {
         ego.acceleration_mps2 = change + ego.yaw_rate_radps * ego.velocity_mps.perp();
     }
 
+    fn lawful(&self) -> bool {
+        !self.plant.laws.is_empty()
+    }
+
+    /// Turns the wheels by what laws add at the steering in a sub-step, and returns what laws push the car with.
+    fn obey(&self, body: &mut Body, (tick, k): (&crate::actuation::Tick, usize)) -> Push {
+        let last = body.past.moments.last().copied().unwrap_or_default();
+        let [slip_front, slip_rear] = body.slip_rad;
+        let felt = Felt {
+            v: body.ego.velocity_mps.x,
+            yaw_rate: body.ego.yaw_rate_radps,
+            slip_front,
+            slip_rear,
+            ..last.felt()
+        };
+        let known = |(law, term): (usize, usize)| tick.known[law][term].get(k).copied().unwrap_or(1.0);
+        let added = |port: Port| -> f64 {
+            let here = self.plant.laws.iter().enumerate().filter(|(_, law)| law.port() == port);
+            here.map(|(n, law)| law.at(|term| known((n, term)), &felt)).sum()
+        };
+        let (seen, unseen) = (added(Port::Steering), added(Port::Linkage));
+        body.ego.steering_rad += seen + unseen;
+        body.sensed_rad += seen;
+        Push::of([self.plant.vehicle.front_arm_m, self.plant.vehicle.rear_arm_m], added)
+    }
+
     /// Notes the commands of a tick; returns what an altered chain makes of them.
     fn send(&self, body: &mut Body, command: Command) -> Option<crate::actuation::Tick> {
         let (h, vehicle) = (self.step_secs, &self.vehicle);
@@ -196,9 +226,9 @@ impl Chassis {
         let work_mj = self.plant.vehicle.nominal_mass_kg * (-accel_mps2).max(0.0) * speed_mps.abs() * h * 1e-6;
         if body.past.sent.is_empty() {
             let start = self.sent_by_log(body);
-            body.past.send(1, |_| start);
+            body.past.send((1, self.lawful()), |_| start);
         }
-        body.past.send(self.substeps, |last| Sent {
+        body.past.send((self.substeps, self.lawful()), |last| Sent {
             steer_rad: (last.steer_rad + rate * h).clamp(-limit, limit),
             accel_mps2,
             speed_mps,
@@ -223,7 +253,7 @@ impl Chassis {
         }
     }
 
-    fn substep(&self, body: &mut Body) -> DVec2 {
+    fn substep(&self, body: &mut Body, pushed: &Push) -> DVec2 {
         let h = self.step_secs;
         let ego = &body.ego;
         let now = Rates {
@@ -232,10 +262,10 @@ impl Chassis {
             yaw_radps: ego.yaw_rate_radps,
             force_mps2: DVec2::ZERO,
         };
-        let mut next = self.kinematic(now, body);
+        let mut next = self.kinematic(now, body, pushed);
         let share = self.dynamic_share(now.forward_mps);
         if share > 0.0 {
-            let slipping = self.dynamic(now, body);
+            let slipping = self.dynamic(now, body, pushed);
             next.forward_mps += share * (slipping.forward_mps - next.forward_mps);
             next.lateral_mps += share * (slipping.lateral_mps - next.lateral_mps);
             next.yaw_radps += share * (slipping.yaw_radps - next.yaw_radps);
@@ -279,28 +309,29 @@ impl Chassis {
     }
 
     /// Returns what drives the car along and what holds it back, both over its mass, and the push of the wind aside.
-    fn push(&self, forward_mps: f64, body: &Body) -> Push {
+    fn along(&self, forward_mps: f64, body: &Body, pushed: &Push) -> Along {
         let (car, road) = (&self.plant.vehicle, &self.plant.road);
         let drive_mps2 = held(body.drive_mps2 * (car.nominal_mass_kg / car.mass_kg), car.friction, GRAVITY_MPS2);
         let [drag_n, side_n] = air_n(car, road, forward_mps, body.ego.pose.heading_rad.sin_cos());
         let slope_mps2 = slope_mps2(road.grade_rad);
         let standing = forward_mps.abs() <= STANDING_MPS && drive_mps2.abs() <= slope_mps2.abs();
-        Push {
-            felt_mps2: drive_mps2 - rolling_mps2(car, forward_mps) - drag_n / car.mass_kg,
+        let pushed_mps2 = pushed.drive_mps2 * (car.nominal_mass_kg / car.mass_kg);
+        Along {
+            felt_mps2: drive_mps2 - rolling_mps2(car, forward_mps) - drag_n / car.mass_kg + pushed_mps2,
             slope_mps2: if standing { 0.0 } else { slope_mps2 },
             side_mps2: side_n / car.mass_kg,
         }
     }
 
-    fn kinematic(&self, now: Rates, body: &Body) -> Rates {
-        let push = self.push(now.forward_mps, body);
+    fn kinematic(&self, now: Rates, body: &Body, pushed: &Push) -> Rates {
+        let push = self.along(now.forward_mps, body, pushed);
         let forward_mps = now.forward_mps + (push.felt_mps2 - push.slope_mps2) * self.step_secs;
         let yaw_radps = forward_mps * body.ego.steering_rad.tan() / self.vehicle.wheel_base_m;
         let force_mps2 = DVec2::new(push.felt_mps2, forward_mps * yaw_radps);
         Rates { forward_mps, lateral_mps: 0.0, yaw_radps, force_mps2 }
     }
 
-    fn dynamic(&self, now: Rates, body: &mut Body) -> Rates {
+    fn dynamic(&self, now: Rates, body: &mut Body, pushed: &Push) -> Rates {
         let (h, car) = (self.step_secs, &self.plant.vehicle);
         let (mass, inertia) = (car.mass_kg, car.yaw_inertia_kg_m2);
         let (front_arm, rear_arm) = (car.front_arm_m, car.rear_arm_m);
@@ -308,10 +339,12 @@ impl Chassis {
         let centre_mps = now.lateral_mps + rear_arm * yaw;
         let steering_rad = body.ego.steering_rad;
         let (sin, cos) = steering_rad.sin_cos();
-        let push = self.push(vx, body);
+        let push = self.along(vx, body, pushed);
         let slip_rad =
             [slip_rad(steering_rad, centre_mps + front_arm * yaw, vx), slip_rad(0.0, centre_mps - rear_arm * yaw, vx)];
-        let [front, rear] = self.side_forces(vx, slip_rad, body);
+        let [mut front, mut rear] = self.side_forces(vx, slip_rad, body);
+        front.force_n += pushed.front_n;
+        rear.force_n += pushed.rear_n;
 
         let across = push.side_mps2 - slope_mps2(self.plant.road.bank_rad);
         let sideways = (front.force_n * cos + rear.force_n) / mass - vx * yaw + across;
@@ -357,7 +390,7 @@ impl Chassis {
 }
 
 /// Forces along and across the car, over its mass.
-struct Push {
+struct Along {
     /// Drive, rolling resistance and drag: what an accelerometer feels.
     felt_mps2: f64,
     slope_mps2: f64,

@@ -23,6 +23,9 @@ pub enum SimError {
         /// The scene's time step, in seconds.
         dt_secs: f64,
     },
+    /// A law at a port that a run does not have.
+    #[error("a law at port \"follower\" acts in diagnoses alone, not in a run")]
+    FollowerLaw,
     /// A number of the configuration or the vehicle is out of range.
     #[error("field {field:?} is {value}, need {need}")]
     Field {

@@ -7,12 +7,15 @@
 //! are those of `ds_vehicle`, integrated here.
 
 mod actuation;
+mod adversary;
 mod agent_path;
 mod conflict;
 mod contact;
 mod dynamics;
 mod error;
+mod escape;
 mod habits;
+mod hunting_ground;
 mod lane_change;
 mod lane_index;
 mod participant;

@@ -4,10 +4,11 @@
 //! early or late, not always late. Noise of sample `k` is a function of key and `k` alone.
 
 use ds_effect::plant::{Clock, Plant};
+use ds_effect::{Channel, Port};
 use ds_space::{Digest, Draws};
 use ds_world::Reading;
 
-use crate::actuation::{Moment, Past};
+use crate::actuation::{Known, Moment, Past};
 
 /// Samples of the vehicle log per second, where a tick is a multiple of their distance.
 pub const LOG_HZ: f64 = 20.0;
@@ -21,6 +22,8 @@ const MOST_REPEATS: u64 = 20;
 pub(crate) struct Sensing<'a> {
     pub(crate) plant: &'a Plant,
     pub(crate) past: &'a Past,
+    /// What is known of each law's terms, over the whole past.
+    pub(crate) known: Known,
     pub(crate) now_secs: f64,
     pub(crate) step_secs: f64,
 }
@@ -49,16 +52,35 @@ impl Sensing<'_> {
         let inertial = self.moment(secs - clock.imu_latency_secs);
         let (wheel, steering) =
             (self.moment(secs - clock.wheel_latency_secs), self.moment(secs - clock.encoder_latency_secs));
+        let added = |channel: Channel, age_secs: f64, moment: &Moment| -> f64 {
+            let ago = (self.now_secs - secs + age_secs) / self.step_secs;
+            let here = self.plant.laws.iter().zip(&self.known).filter(|(law, _)| law.port() == Port::Sensor(channel));
+            here.map(|(law, known)| law.at(|term| at(&known[term], ago), &moment.felt())).sum()
+        };
         let (sin, cos) = sensors.misalignment_rad.sin_cos();
         let (ax, ay) = (inertial.ax_mps2, inertial.ay_mps2 * sensors.roll_factor);
         let ahead = sensors.lever_arm_m;
+        let pose_age = clock.pose_latency_secs + clock.pose_drift * secs;
+        let of_imu = |channel: Channel| added(channel, clock.imu_latency_secs, &inertial);
+        let at_m = [
+            pose.x_m + ahead * pose.heading_rad.cos() + added(Channel::Dx, pose_age, &pose),
+            pose.y_m + ahead * pose.heading_rad.sin() + added(Channel::Dy, pose_age, &pose),
+        ];
+        let heading_rad = pose.heading_rad + added(Channel::Dyaw, pose_age, &pose);
+        let speed_mps = pose.speed_mps + added(Channel::Speed, pose_age, &pose);
+        let wheel_mps = wheel.speed_mps * sensors.wheel_factor * (1.0 + sensors.wheel_slip_s2_m * wheel.drive_mps2);
         View {
-            pose,
-            at_m: [pose.x_m + ahead * pose.heading_rad.cos(), pose.y_m + ahead * pose.heading_rad.sin()],
-            yaw_rate_radps: inertial.yaw_rate_radps * sensors.gyro_factor + sensors.gyro_bias_rad_s,
-            force_mps2: [cos * ax + sin * ay + sensors.ax_bias_mps2, cos * ay - sin * ax + sensors.ay_bias_mps2],
-            steering_rad: steering.sensed_rad,
-            wheel_mps: wheel.speed_mps * sensors.wheel_factor * (1.0 + sensors.wheel_slip_s2_m * wheel.drive_mps2),
+            pose: Moment { heading_rad, speed_mps, ..pose },
+            at_m,
+            yaw_rate_radps: inertial.yaw_rate_radps * sensors.gyro_factor
+                + sensors.gyro_bias_rad_s
+                + of_imu(Channel::YawRate),
+            force_mps2: [
+                cos * ax + sin * ay + sensors.ax_bias_mps2 + of_imu(Channel::Ax),
+                cos * ay - sin * ax + sensors.ay_bias_mps2 + of_imu(Channel::Ay),
+            ],
+            steering_rad: steering.sensed_rad + added(Channel::SteerMeas, clock.encoder_latency_secs, &steering),
+            wheel_mps: wheel_mps + added(Channel::WheelSpeed, clock.wheel_latency_secs, &wheel),
         }
     }
 
@@ -102,6 +124,12 @@ impl Sensing<'_> {
             wheel_speed_mps: view.wheel_mps + noise(9, wheel),
         }
     }
+}
+
+/// Returns the entry `ago` sub-steps before the last one; 1 where a term has none.
+fn at(known: &[f64], ago: f64) -> f64 {
+    let last = known.len().saturating_sub(1);
+    known.get((last as f64 - ago).round().clamp(0.0, last as f64) as usize).copied().unwrap_or(1.0)
 }
 
 fn repeats(key: &Digest, number: u64, clock: &Clock) -> bool {

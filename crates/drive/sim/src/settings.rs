@@ -1,6 +1,6 @@
 //! What may be chosen about a simulation: tracker, agents, dynamics, sub-steps. Checked once at its start.
 
-use ds_effect::{Plant, Setting};
+use ds_effect::{Plant, Port, Setting};
 use ds_space::{Digest, DigestWriter};
 use ds_vehicle::IdmParameters;
 use ds_world::{AgentMode, TrackerKind, VehicleParameters};
@@ -115,6 +115,9 @@ impl SimConfig {
     /// [`SimError::Field`] names the first bad field.
     pub fn check(&self) -> Result<(), SimError> {
         let idm = &self.idm;
+        if self.effects.iter().filter_map(Setting::law).any(|law| law.port() == Port::Follower) {
+            return Err(SimError::FollowerLaw);
+        }
         in_range("substeps", f64::from(self.substeps), 1.0..=1000.0, "1 to 1000")?;
         if let Some(value) = idm.desired_speed_mps {
             in_range("idm.desired_speed_mps", value, 0.1..=60.0, "0.1 to 60")?;
@@ -138,7 +141,7 @@ impl SimConfig {
         };
         let mut writer = DigestWriter::new();
         for setting in &self.effects {
-            writer.text(setting.effect().id).f64s(setting.values());
+            writer.text(&setting.id()).f64s(setting.values());
         }
         let Manners { lane_change, yielding, walking } = self.manners;
         if self.manners != Manners::default() {

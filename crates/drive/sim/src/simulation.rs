@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use ds_effect::Port;
 use ds_effect::plant::{Clock, Plant, Sensors};
 use ds_space::plane::Polyline;
 use ds_space::{DVec2, Digest, SimTime, Tick};
@@ -91,7 +92,8 @@ impl Simulation {
         config.manners.apply(&mut plant);
         config.effects.iter().for_each(|setting| setting.apply(&mut plant));
         let plant = Arc::new(plant);
-        let distorted = plant.sensors != Sensors::default() || plant.clock != Clock::default();
+        let of_sensors = plant.laws.iter().any(|law| matches!(law.port(), Port::Sensor(_)));
+        let distorted = of_sensors || plant.sensors != Sensors::default() || plant.clock != Clock::default();
         let remembers = distorted || config.vehicle_log;
         let steps = (config.substeps, dt_secs);
         Ok(Self {
@@ -218,12 +220,12 @@ impl Simulation {
     }
 
     fn sensing(&self) -> Sensing<'_> {
-        Sensing {
-            plant: &self.plant,
-            past: &self.body.past,
-            now_secs: self.state.time.secs(),
-            step_secs: self.scene.dt.secs() / f64::from(self.config.substeps),
-        }
+        let step_secs = self.scene.dt.secs() / f64::from(self.config.substeps);
+        let past = &self.body.past;
+        let of_sensors = self.plant.laws.iter().any(|law| matches!(law.port(), Port::Sensor(_)));
+        let whole = past.sent.len() as u32;
+        let known = if of_sensors { past.realise(&self.plant, step_secs, whole).known } else { Vec::new() };
+        Sensing { plant: &self.plant, past, known, now_secs: self.state.time.secs(), step_secs }
     }
 
     /// Returns what the car's navigation says about the next manoeuvre.
@@ -245,6 +247,7 @@ impl Simulation {
             motions: self.traffic.motions().to_vec(),
             wishes: self.traffic.wishes().to_vec(),
             weaves: self.traffic.weaves(),
+            hunter: self.traffic.hunter(),
         };
         snapshot::write(&content, &self.scene.digest, &self.config.digest())
     }
@@ -254,14 +257,16 @@ impl Simulation {
     /// # Errors
     /// [`SimError`] if the bytes are not such a snapshot, or as for [`Simulation::new`].
     pub fn restore(scene: Arc<Scene>, config: SimConfig, bytes: &[u8]) -> Result<Self, SimError> {
-        let content = snapshot::read(bytes, &scene.digest, &config.digest())?;
+        let digests = (scene.digest, config.digest());
         let mut simulation = Self::prepare(scene, config)?;
+        let hunted = simulation.traffic.hunter().is_some();
+        let content = snapshot::read(bytes, (&digests.0, &digests.1), hunted)?;
         if content.tick > simulation.scene.last_tick().plus(MAX_TICKS_AFTER_LOG) {
             return Err(SnapshotError::Field { field: "tick", value: f64::from(content.tick.0) }.into());
         }
         simulation
             .traffic
-            .set_motions(content.motions, content.wishes, &content.weaves)
+            .set_motions(content.motions, content.wishes, &content.weaves, content.hunter.as_ref())
             .map_err(|(field, value)| SnapshotError::Field { field, value })?;
         simulation.tracker = content.plan.map(|(plan, tick, anchor)| simulation.tracker(plan, (tick, anchor)));
         simulation.body = content.body;

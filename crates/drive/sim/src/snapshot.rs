@@ -1,13 +1,14 @@
 //! The bytes of a snapshot: everything that a simulation cannot derive from its scene and configuration.
 //!
 //! Little-endian: "DSIM", version, digests of scene and configuration, tick, ego (by its bits), what the car
-//! remembers, plan, motions, pending reactions, lane changes where there are any, and a BLAKE3 digest of all before it. Lengths are checked before anything is allocated; a changed byte is refused.
+//! remembers, plan, motions, pending reactions, the adversary and lane changes where there are any, and a BLAKE3 digest of all before it. Lengths are checked before anything is allocated; a changed byte is refused.
 
 use ds_space::{DVec2, Digest, PoseSe2, SimTime, Tick};
 use ds_world::trajectory::MAX_POINTS;
 use ds_world::{EgoState, Trajectory, TrajectoryPoint};
 
 use crate::actuation::{Moment, Past, Sent};
+use crate::adversary::NUMBERS;
 use crate::dynamics::Body;
 use crate::error::SnapshotError;
 use crate::participant::Motion;
@@ -30,6 +31,8 @@ pub(crate) struct Content {
     pub(crate) wishes: Vec<Vec<f64>>,
     /// Lane changes of each agent; nothing where nobody changes lanes.
     pub(crate) weaves: Vec<[f64; 3]>,
+    /// The adversary, where there is one that does not only replay its track.
+    pub(crate) hunter: Option<[f64; NUMBERS]>,
 }
 
 /// Writes a snapshot.
@@ -71,6 +74,9 @@ pub(crate) fn write(content: &Content, scene: &Digest, config: &Digest) -> Vec<u
     for wishes in &content.wishes {
         put_all(&mut out, wishes.len(), wishes.iter().copied());
     }
+    if let Some(numbers) = &content.hunter {
+        put_all(&mut out, 1, numbers.iter().copied());
+    }
     if !content.weaves.is_empty() {
         put_all(&mut out, content.weaves.len(), content.weaves.iter().flatten().copied());
     }
@@ -99,7 +105,7 @@ fn put_pose(out: &mut Vec<u8>, pose: &PoseSe2) {
 }
 
 /// Reads a snapshot that was taken of this scene under this configuration.
-pub(crate) fn read(bytes: &[u8], scene: &Digest, config: &Digest) -> Result<Content, SnapshotError> {
+pub(crate) fn read(bytes: &[u8], (scene, config): (&Digest, &Digest), hunted: bool) -> Result<Content, SnapshotError> {
     let length = SnapshotError::Length { bytes: bytes.len() };
     if !bytes.starts_with(&MAGIC) {
         return Err(SnapshotError::Magic);
@@ -126,8 +132,9 @@ pub(crate) fn read(bytes: &[u8], scene: &Digest, config: &Digest) -> Result<Cont
     let plan = reader.plan(tick)?;
     let motions = reader.motions()?;
     let wishes = motions.iter().map(|_| reader.wishes()).collect::<Result<_, _>>()?;
+    let hunter = if hunted { Some(*reader.rows("adversary")?.first().ok_or(length.clone())?) } else { None };
     let weaves = if reader.left.is_empty() { Vec::new() } else { reader.rows("agent.weaves")? };
-    if reader.left.is_empty() { Ok(Content { tick, body, plan, motions, wishes, weaves }) } else { Err(length) }
+    if reader.left.is_empty() { Ok(Content { tick, body, plan, motions, wishes, weaves, hunter }) } else { Err(length) }
 }
 
 struct Reader<'a> {

@@ -12,6 +12,7 @@ use ds_space::{AgentId, DVec2, PoseSe2, Tick};
 use ds_vehicle::{IdmParameters, Lead};
 use ds_world::{AgentClass, AgentState, Scene, TrackPoint, WorldState};
 
+use crate::adversary::{self, Hunter};
 use crate::agent_path::AgentPath;
 use crate::habits::Habits;
 use crate::lane_change::{Changer, Neighbour};
@@ -50,6 +51,9 @@ pub(crate) struct Traffic {
     lag_secs: f64,
     obstacles: Vec<Obstacle>,
     habits: Habits,
+    /// The track that no scope names: it drives as planned, or hunts.
+    adversary: Option<AgentId>,
+    hunter: Option<Hunter>,
 }
 
 /// What a follower may have to stop for.
@@ -84,7 +88,14 @@ impl Traffic {
             lag_secs: driver.lag_secs.max(0.0),
             obstacles: Vec::with_capacity(tracks + 1),
             habits,
+            adversary: scene.adversary.as_ref().map(|adversary| adversary.track),
+            hunter: Hunter::of(scene),
         }
+    }
+
+    /// Returns the state of an adversary that does not only replay its track.
+    pub(crate) fn hunter(&self) -> Option<[f64; adversary::NUMBERS]> {
+        self.hunter.as_ref().map(Hunter::numbers)
     }
 
     /// Returns the state of all lane changes; nothing where nobody changes lanes.
@@ -111,7 +122,11 @@ impl Traffic {
         motions: Vec<Motion>,
         wishes: Vec<Vec<f64>>,
         weaves: &[[f64; 3]],
+        hunter: Option<&[f64; adversary::NUMBERS]>,
     ) -> Result<(), (&'static str, f64)> {
+        if let (Some(mine), Some(numbers)) = (&mut self.hunter, hunter) {
+            mine.set_numbers(numbers)?;
+        }
         if motions.len() != self.motions.len() || wishes.len() != motions.len() {
             return Err(("agents", motions.len() as f64));
         }
@@ -168,6 +183,9 @@ impl Traffic {
                 continue;
             }
             let Some(path) = &self.ways.paths[index] else { continue };
+            if self.adversary == Some(agent.id) {
+                continue;
+            }
             if self.motions[index] != Motion::Replay || !in_scope(scope, agent, world) {
                 continue;
             }
@@ -180,6 +198,9 @@ impl Traffic {
 
     /// Moves all followers one tick on from a world state.
     pub(crate) fn advance(&mut self, world: &WorldState, ego: Obstructing, dt_secs: f64) {
+        if let Some(hunter) = &mut self.hunter {
+            hunter.advance(world);
+        }
         if self.motions.iter().all(|motion| !matches!(motion, Motion::Following { .. })) {
             return;
         }
@@ -347,7 +368,9 @@ impl Traffic {
         let last = scene.last_tick();
         for (index, (track, motion)) in scene.tracks.iter().zip(&self.motions).enumerate() {
             let Ok(id) = u32::try_from(index) else { break };
+            let hunts = self.hunter.as_ref().filter(|hunter| hunter.track() == index).and_then(Hunter::place);
             let place = match (motion, &self.ways.paths[index]) {
+                (Motion::Replay, _) if hunts.is_some() => hunts,
                 (Motion::Replay, _) => track.at(tick.min(last)).map(|point| {
                     // After the log everything stands where it was last seen.
                     let velocity_mps = if tick > last { DVec2::ZERO } else { point.velocity_mps };

@@ -56,5 +56,6 @@ pub fn nominal(vehicle: &VehicleParameters, idm: &IdmParameters) -> Plant {
         },
         agents: Agents::default(),
         chart: Chart::default(),
+        laws: Vec::new(),
     }
 }

@@ -3,7 +3,7 @@
 mod silence;
 mod teacher;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ds_nn::Weights;
@@ -64,6 +64,21 @@ impl Arm {
         Self::open(config, name, arm).map_err(wrap)
     }
 
+    /// Loads the student of a preset and its weights.
+    ///
+    /// # Errors
+    /// If a file is broken or weights do not fit the preset.
+    pub fn student(name: &str, preset: &Path, weights: &Path) -> Result<Self, AppraisalError> {
+        let open = || {
+            let preset = ModelConfig::load(preset)?;
+            let model = VideoModel::new(&preset, &VideoModel::read(&preset, weights)?)?;
+            let (name, digest) = (name.to_owned(), model.digest());
+            let (kind, remark, model) = (ArmKind::Student, String::new(), Arc::new(model));
+            Ok(Self { name, kind, remark, model, teacher: None, digest })
+        };
+        open().map_err(|source: Cause| AppraisalError::Arm { arm: name.to_owned(), source })
+    }
+
     fn open(config: &EvalConfig, name: &str, arm: &ArmConfig) -> Result<Self, Cause> {
         let mut preset = ModelConfig::load(&config.path(&arm.model))?;
         let mut weights = VideoModel::read(&preset, &config.path(&arm.weights))?;
@@ -100,7 +115,9 @@ impl Arm {
         });
         let model = match arm.kind {
             ArmKind::NoLayout => VideoModel::new(preset, &silence::silenced(weights))?,
-            ArmKind::Student | ArmKind::Teacher | ArmKind::Prior => VideoModel::new(preset, weights)?,
+            ArmKind::Student | ArmKind::Teacher | ArmKind::Prior | ArmKind::Autoencoder => {
+                VideoModel::new(preset, weights)?
+            }
         };
         let digest = DigestWriter::new().digest(&model.digest()).text(settings).finish();
         let (name, remark) = (name.to_owned(), arm.remark.clone());
@@ -120,10 +137,10 @@ impl Arm {
         (video.width_px, video.height_px)
     }
 
-    /// Returns the frames of a chunk.
+    /// Returns the frames of a chunk; what is encoded and decoded at once has none.
     #[must_use]
     pub fn frames_per_chunk(&self) -> u32 {
-        self.model.config().frames_per_chunk() as u32
+        if self.kind == ArmKind::Autoencoder { u32::MAX } else { self.model.config().frames_per_chunk() as u32 }
     }
 
     /// Makes frames 0 to `last` of a drive, frame 0 being the world's own.
@@ -141,6 +158,11 @@ impl Arm {
     /// If the model gives values that are not finite.
     pub fn roll_with(&self, drive: &Drive, layouts: &[RgbImage]) -> Result<Vec<RgbImage>, AppraisalError> {
         let first = drive.frame(0)?;
+        if self.kind == ArmKind::Autoencoder {
+            let own: Vec<RgbImage> =
+                (0..layouts.len() as u32).map(|frame| drive.frame(frame)).collect::<Result<_, _>>()?;
+            return Ok(ds_train::autoencoder::reconstructed(&self.model, &own, layouts));
+        }
         let made = match &self.teacher {
             Some((teacher, sampling)) => {
                 teacher::clip(&self.model, teacher, drive, (&first, layouts), *sampling).map_err(Into::into)

@@ -3,6 +3,7 @@
 //! Luma is 0.299 R + 0.587 G + 0.114 B, chroma its differences from blue and red (BT.601), all 0 to 255. High-frequency
 //! energy is the mean absolute difference of luma from the mean of its four neighbours.
 
+use ds_nn::tiny_ae::BLOCK_PX;
 use ds_raster::RgbImage;
 use serde::{Deserialize, Serialize};
 
@@ -28,11 +29,7 @@ impl Colour {
     /// Measures a frame.
     #[must_use]
     pub fn of(frame: &RgbImage) -> Self {
-        let luma: Vec<f64> = frame
-            .rgb()
-            .chunks_exact(3)
-            .map(|p| 0.299 * f64::from(p[0]) + 0.587 * f64::from(p[1]) + 0.114 * f64::from(p[2]))
-            .collect();
+        let luma = luma(frame);
         let count = luma.len().max(1) as f64;
         let mean = luma.iter().sum::<f64>() / count;
         let variance = luma.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / count;
@@ -64,6 +61,43 @@ impl Colour {
     pub fn values(&self) -> [f64; 5] {
         [self.luma, self.contrast, self.blue, self.red, self.detail]
     }
+}
+
+/// Mean absolute steps of luma between neighbouring pixels of a row or column, 0 to 255.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Steps {
+    /// Across the borders of blocks of 8×8 pixels.
+    pub across: f64,
+    /// Inside them.
+    pub inside: f64,
+}
+
+impl Steps {
+    /// Measures a frame.
+    #[must_use]
+    pub fn of(frame: &RgbImage) -> Self {
+        let luma = luma(frame);
+        let width = frame.width_px() as usize;
+        let (mut sums, mut counts) = ([0.0; 2], [0.0; 2]);
+        for (at, value) in luma.iter().enumerate() {
+            let (x, y) = (at % width, at / width);
+            for (place, back) in [(x, 1), (y, width)] {
+                if place > 0 {
+                    let kind = usize::from(!place.is_multiple_of(BLOCK_PX));
+                    sums[kind] += (value - luma[at - back]).abs();
+                    counts[kind] += 1.0;
+                }
+            }
+        }
+        let mean = |kind: usize| sums[kind] / f64::max(counts[kind], 1.0);
+        Self { across: mean(0), inside: mean(1) }
+    }
+}
+
+/// Returns the luma of every pixel.
+fn luma(frame: &RgbImage) -> Vec<f64> {
+    let pixels = frame.rgb().chunks_exact(3);
+    pixels.map(|p| 0.299 * f64::from(p[0]) + 0.587 * f64::from(p[1]) + 0.114 * f64::from(p[2])).collect()
 }
 
 /// Returns the peak signal-to-noise ratio of a frame, in decibels; at most 99.
@@ -105,6 +139,22 @@ mod tests {
         }
         let colour = Colour::of(&board);
         assert!((colour.detail - 255.0).abs() < 1e-9 && (colour.contrast - 127.5).abs() < 1e-9, "{colour:?}");
+    }
+
+    #[test]
+    fn steps_at_borders_of_blocks_are_told_from_those_inside() {
+        // Blocks of grey that rise by 20 from left to right, on a slope of 2 a pixel.
+        let mut blocks = RgbImage::filled(24, 16, [0; 3]);
+        for y in 0..16 {
+            for x in 0..24u32 {
+                blocks.set_pixel(x, y, [u8::try_from(2 * x + 20 * (x / 8)).expect("below 256"); 3]);
+            }
+        }
+        let steps = Steps::of(&blocks);
+        // Across: 2 columns of 16 rows by 22, one row of 24 columns by 0; inside: 21 columns of 16 by 2, 14 rows of 24.
+        assert!((steps.across - 32.0 * 22.0 / 56.0).abs() < 1e-9, "{steps:?}");
+        assert!((steps.inside - 336.0 * 2.0 / 672.0).abs() < 1e-9, "{steps:?}");
+        assert_eq!(Steps::of(&RgbImage::filled(24, 16, [9; 3])), Steps::default());
     }
 
     #[test]

@@ -65,6 +65,7 @@ impl<'a> Column<'a> {
 fn generated(config: &EvalConfig, world: &dyn CameraWorld) -> Result<Vec<(Arc<Scene>, Appearance)>, AppraisalError> {
     let columns = &config.columns;
     let rollouts = [
+        config.sharpness.as_ref().map(|sharpness| sharpness.rollouts),
         config.drift.as_ref().map(|drift| drift.rollouts),
         config.appearance.as_ref().map(|appearance| appearance.rollouts),
     ];
@@ -77,7 +78,7 @@ fn generated(config: &EvalConfig, world: &dyn CameraWorld) -> Result<Vec<(Arc<Sc
 }
 
 /// Returns a scenario of a world, counted from a first seed; families take turns where it has no roads of its own.
-fn scenario(world: &dyn CameraWorld, first_seed: u64, index: u64) -> Scene {
+pub(crate) fn scenario(world: &dyn CameraWorld, first_seed: u64, index: u64) -> Scene {
     world.own_scenario(first_seed + index).unwrap_or_else(|| {
         let count = Family::ALL.len() as u64;
         ds_scenario::generate(Family::ALL[(index % count) as usize], first_seed + index / count)
@@ -85,7 +86,7 @@ fn scenario(world: &dyn CameraWorld, first_seed: u64, index: u64) -> Scene {
 }
 
 /// Returns the look of a generated scenario.
-fn look(name: &str, seed: u64) -> Result<Appearance, AppraisalError> {
+pub(crate) fn look(name: &str, seed: u64) -> Result<Appearance, AppraisalError> {
     let refuse = |error: String| AppraisalError::config("columns.look", error);
     match name {
         "drawn" => {

@@ -27,6 +27,9 @@ pub struct EvalConfig {
     /// Resamples of an interval.
     #[serde(default = "default_resamples")]
     pub resamples: u64,
+    /// Whether frames are as sharp as the world's own.
+    #[serde(default)]
+    pub sharpness: Option<SharpnessConfig>,
     /// Layout, fidelity, colour and seam figures.
     #[serde(default)]
     pub layout: Option<LayoutConfig>,
@@ -71,6 +74,8 @@ pub enum ArmKind {
     Teacher,
     /// The same without layouts: the first frame and the prompt alone.
     Prior,
+    /// The world's own frames, encoded and decoded again beside their layouts: the most that the others can reach.
+    Autoencoder,
 }
 
 impl ArmKind {
@@ -132,6 +137,22 @@ pub struct ColumnsConfig {
     /// Scenario files, logs or folders of them for the column `real`; absent ones are skipped with a note.
     #[serde(default)]
     pub real: Vec<PathBuf>,
+}
+
+/// Whether frames are as sharp as the world's own: along whole drives, as a policy sees them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SharpnessConfig {
+    /// Arm per key of `sharpness`: autoencoder, student.
+    pub arms: BTreeMap<String, String>,
+    /// Scenarios, one rollout each.
+    pub rollouts: u64,
+    /// The first frame that is looked at.
+    pub first: u32,
+    /// The last.
+    pub last: u32,
+    /// Every how many frames it is looked.
+    pub every: u32,
 }
 
 /// Layout, fidelity, colour and seam figures.
@@ -235,6 +256,8 @@ fn default_resamples() -> u64 {
     400
 }
 
+/// The keys of `sharpness`.
+pub const SHARPNESS_ARMS: [&str; 2] = ["autoencoder", "student"];
 /// The keys of the tables of `eval.json`.
 pub const LAYOUT_ARMS: [&str; 3] = ["student", "teacher", "no_layout"];
 /// The keys of `feature_distance`.
@@ -270,6 +293,9 @@ impl EvalConfig {
     pub fn quick(mut self) -> Self {
         self.columns.scenarios = self.columns.scenarios.min(4);
         self.resamples = self.resamples.min(100);
+        if let Some(sharpness) = &mut self.sharpness {
+            sharpness.rollouts = sharpness.rollouts.min(4);
+        }
         if let Some(layout) = &mut self.layout {
             layout.starts.truncate(1);
         }
@@ -317,6 +343,12 @@ impl EvalConfig {
             }
             if sampled && arm.cache_source.is_some() {
                 return refuse(&format!("arms.{name}"), "a teacher has no cache");
+            }
+        }
+        if let Some(sharpness) = &self.sharpness {
+            self.table("sharpness.arms", &sharpness.arms, &SHARPNESS_ARMS)?;
+            if sharpness.rollouts == 0 || sharpness.every == 0 || sharpness.first > sharpness.last {
+                return refuse("sharpness", "needs a rollout, every of at least 1, and first no later than last");
             }
         }
         if let Some(layout) = &self.layout {

@@ -103,8 +103,15 @@ impl Drive {
     /// # Errors
     /// If the size is refused.
     pub fn frame(&self, frame: u32) -> Result<RgbImage, AppraisalError> {
-        let world = self.world(frame);
-        Ok(self.camera.render(&world, &self.model, world.ego.pose.world_from_rig(0.0))?)
+        self.frame_of(&self.world(frame))
+    }
+
+    /// Renders what the world's camera sees of any state of the world, from its ego.
+    ///
+    /// # Errors
+    /// If the size is refused.
+    pub fn frame_of(&self, world: &WorldState) -> Result<RgbImage, AppraisalError> {
+        Ok(self.camera.render(world, &self.model, world.ego.pose.world_from_rig(0.0))?)
     }
 
     /// Returns what each pixel of the world's own frame shows.

@@ -50,12 +50,33 @@ pub enum AppraisalError {
     /// A perception network cannot be used.
     #[error("a perception network cannot be used")]
     Perception(#[from] ds_perception::PerceptionError),
+    /// Stills cannot be written.
+    #[error("stills beside a video cannot be written")]
+    Stills {
+        /// Why.
+        #[source]
+        source: ds_train::TrainError,
+    },
     /// A layout cannot be rendered.
     #[error("a layout cannot be rendered")]
     Layout(#[from] ds_layout::LayoutError),
     /// Features cannot be compared.
     #[error("features cannot be compared")]
     Fidelity(#[from] ds_stats::SampleError),
+    /// Features of a policy cannot be compared.
+    #[error(transparent)]
+    Panel(#[from] ds_fidelity::FidelityError),
+    /// A policy cannot look at a frame.
+    #[error("policy {policy:?} cannot look at {frames}")]
+    Policy {
+        /// The policy.
+        policy: String,
+        /// Whose frames.
+        frames: String,
+        /// Why.
+        #[source]
+        source: ds_policy::PolicyError,
+    },
     /// A scenario has no camera.
     #[error("scenario {scenario:?} has no camera")]
     NoCamera {

@@ -3,6 +3,7 @@
 mod appearance;
 mod drift;
 mod layout;
+mod sharpness;
 pub mod speed;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -27,6 +28,8 @@ use crate::watch::{Viewing, watch};
 /// A part of an evaluation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Part {
+    /// Whether frames are as sharp as the world's own.
+    Sharpness,
     /// Layout, fidelity, colour and seam figures.
     Layout,
     /// The drift curve and the long run.
@@ -41,12 +44,14 @@ pub enum Part {
 
 impl Part {
     /// All parts, in the order of the report.
-    pub const ALL: [Self; 5] = [Self::Layout, Self::Drift, Self::Appearance, Self::Speed, Self::Videos];
+    pub const ALL: [Self; 6] =
+        [Self::Sharpness, Self::Layout, Self::Drift, Self::Appearance, Self::Speed, Self::Videos];
 
     /// Returns the name on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
+            Self::Sharpness => "sharpness",
             Self::Layout => "layout",
             Self::Drift => "drift",
             Self::Appearance => "appearance",
@@ -100,6 +105,9 @@ impl<'a> Evaluation<'a> {
         seconds: Seconds<'_>,
     ) -> Result<(), AppraisalError> {
         outcome.perception = self.eyes.digest().to_string();
+        if let Some(config) = self.config.sharpness.as_ref().filter(|_| parts.contains(&Part::Sharpness)) {
+            outcome.sharpness = Some(self.sharpness(config)?);
+        }
         if let Some(config) = self.config.layout.as_ref().filter(|_| parts.contains(&Part::Layout)) {
             outcome.layout = Some(self.layout(config)?);
         }
@@ -198,7 +206,7 @@ impl<'a> Evaluation<'a> {
         Ok(record)
     }
 
-    /// Writes side-by-side videos; those that are there already stay.
+    /// Writes side-by-side stills and videos; those that are there already stay.
     fn videos(&mut self) -> Result<Vec<String>, AppraisalError> {
         let Some(videos) = self.config.videos.as_ref() else { return Ok(Vec::new()) };
         let arms: BTreeSet<String> = videos.arms.iter().cloned().collect();
@@ -216,7 +224,10 @@ impl<'a> Evaluation<'a> {
                 if !path.exists() {
                     self.progress.note(&format!("video {name}"));
                     let film = film::side_by_side(&mut drive, &videos.arms, &self.arms, videos.frames)?;
-                    std::fs::write(&path, film).map_err(AppraisalError::io("video", &path))?;
+                    let stills = path.with_extension("png");
+                    ds_train::sheet::write(&stills, &film.stills())
+                        .map_err(|source| AppraisalError::Stills { source })?;
+                    std::fs::write(&path, film.animation()?).map_err(AppraisalError::io("video", &path))?;
                 }
                 names.push(name);
             }

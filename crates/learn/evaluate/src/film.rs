@@ -1,6 +1,6 @@
-//! Side-by-side videos: the world's own frames, the layouts and each arm's frames, in one animated GIF.
+//! Side by side: the world's own frames, the layouts and each arm's frames, as stills in one picture and as an animated GIF.
 //!
-//! One fixed palette of 6×7×6 levels with an ordered dither, so that frames can be written one after the other.
+//! The film has one fixed palette of 6×7×6 levels with an ordered dither, so that frames can be written one after the other.
 
 use std::collections::BTreeMap;
 
@@ -17,13 +17,22 @@ const BAYER: [[u32; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15,
 /// Hundredths of a second per frame.
 const DELAY: u16 = 10;
 
-/// Rolls arms out over a drive and returns the animation; an arm whose clip is shorter stands still at its end.
+/// Frames of which stills are made.
+pub(crate) const STILLS: [u32; 3] = [10, 40, 80];
+
+/// Frames of the world, its layouts and of arms.
+pub(crate) struct Film {
+    strips: Vec<Vec<RgbImage>>,
+    last: u32,
+}
+
+/// Rolls arms out over a drive; an arm whose clip is shorter stands still at its end.
 pub(crate) fn side_by_side(
     drive: &mut Drive,
     names: &[String],
     arms: &BTreeMap<String, Arm>,
     last: u32,
-) -> Result<Vec<u8>, AppraisalError> {
+) -> Result<Film, AppraisalError> {
     let mut strips = Vec::new();
     strips.push((0..=last).map(|frame| drive.frame(frame)).collect::<Result<Vec<_>, _>>()?);
     strips.push((0..=last).map(|frame| drive.layout(frame)).collect::<Result<Vec<_>, _>>()?);
@@ -31,7 +40,22 @@ pub(crate) fn side_by_side(
         let arm = &arms[name];
         strips.push(arm.roll(drive, whole(arm.kind, last, arm.frames_per_chunk()))?);
     }
-    encode(&strips, last)
+    Ok(Film { strips, last })
+}
+
+impl Film {
+    /// Returns the animation.
+    pub(crate) fn animation(&self) -> Result<Vec<u8>, AppraisalError> {
+        encode(&self.strips, self.last)
+    }
+
+    /// Returns a row of pictures for each still that the film is long enough for.
+    pub(crate) fn stills(&self) -> Vec<Vec<RgbImage>> {
+        let row = |at: &u32| {
+            self.strips.iter().map(|strip| strip[(*at as usize).min(strip.len() - 1)].clone()).collect::<Vec<_>>()
+        };
+        STILLS.iter().filter(|at| **at <= self.last).map(row).collect()
+    }
 }
 
 fn encode(strips: &[Vec<RgbImage>], last: u32) -> Result<Vec<u8>, AppraisalError> {

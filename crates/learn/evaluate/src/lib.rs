@@ -21,6 +21,7 @@ mod page;
 pub mod record;
 pub mod report;
 pub mod store;
+pub mod study;
 pub mod summary;
 pub mod watch;
 

@@ -15,6 +15,9 @@ pub struct Outcome {
     pub arms: BTreeMap<String, ArmNote>,
     /// Digest of the perception networks.
     pub perception: String,
+    /// Whether frames are as sharp as the world's own.
+    #[serde(default)]
+    pub sharpness: Option<SharpnessOutcome>,
     /// Layout, fidelity, colour and seam figures.
     pub layout: Option<LayoutOutcome>,
     /// The drift curve.
@@ -36,6 +39,32 @@ pub struct ArmNote {
     pub digest: String,
     /// What the configuration remarks on it.
     pub remark: String,
+}
+
+/// Whether frames are as sharp as the world's own.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct SharpnessOutcome {
+    /// Arm per key of `sharpness`.
+    pub arms: BTreeMap<String, String>,
+    /// The first and the last frame of looks, and their stride.
+    pub frames: (u32, u32, u32),
+    /// By column, by arm.
+    pub columns: BTreeMap<String, BTreeMap<String, Sharpness>>,
+}
+
+/// How sharp the frames of an arm are.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Sharpness {
+    /// Peak signal-to-noise ratio against the world's own frames, in decibels.
+    pub psnr_db: Option<Estimate>,
+    /// Mean absolute Laplacian over that of the world's own frames.
+    pub laplacian_ratio: Option<Estimate>,
+    /// Mean step at borders of 8×8 blocks over that inside.
+    pub border_ratio: Option<Estimate>,
+    /// The same of the world's own frames.
+    pub reference_border_ratio: Option<Estimate>,
+    /// Difference of successive frames across borders of chunks over that inside; absent of what has no chunks.
+    pub seam: Option<Estimate>,
 }
 
 /// Layout, fidelity, colour and seam figures.

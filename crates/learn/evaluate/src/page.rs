@@ -1,4 +1,4 @@
-//! The page of an evaluation: tables with intervals, plots and videos, in one file beside the videos.
+//! The page of an evaluation: pictures first, then plots and tables with intervals, in one file beside the videos.
 
 mod plot;
 
@@ -9,7 +9,8 @@ use ds_page::{Document, Markup, Pictures, link};
 use crate::colour::Colour;
 use crate::config::EvalConfig;
 use crate::estimate::Estimate;
-use crate::outcome::{ArmDrift, ArmLayout, ColumnLayout, Outcome};
+use crate::film::STILLS;
+use crate::outcome::{ArmDrift, ArmLayout, ColumnLayout, Outcome, Sharpness};
 use plot::{Line, Plot};
 
 const STYLE: &str = include_str!("page/page.css");
@@ -32,12 +33,13 @@ fn body(m: &mut Markup, outcome: &Outcome, config: &EvalConfig) {
     if outcome.quick {
         m.leaf("p", &[("class", &"warn")], "A quick look: too few scenarios for a judgement.");
     }
-    arms(m, outcome);
+    pictures(m, outcome, config);
+    sharpness(m, outcome);
     layout(m, outcome);
     drift(m, outcome);
     appearance(m, outcome);
     speed(m, outcome);
-    videos(m, outcome, config);
+    arms(m, outcome);
 }
 
 /// A figure as people read it: value and interval.
@@ -46,7 +48,7 @@ fn shown(estimate: Option<Estimate>, digits: usize) -> String {
         .map_or_else(|| "–".to_owned(), |e| format!("{:.digits$} ({:.digits$} to {:.digits$})", e.value, e.low, e.high))
 }
 
-fn table(m: &mut Markup, head: &[&str], rows: &[Vec<String>]) {
+pub(crate) fn table(m: &mut Markup, head: &[&str], rows: &[Vec<String>]) {
     m.inside("div", &[("class", &"scroll")], |m| {
         m.inside("table", &[], |m| {
             m.inside("thead", &[], |m| m.inside("tr", &[], |m| head.iter().for_each(|cell| m.leaf("th", &[], cell))));
@@ -65,6 +67,36 @@ fn arms(m: &mut Markup, outcome: &Outcome) {
     };
     m.leaf("h2", &[], "Arms");
     table(m, &["arm", "frames are made as", "weights", "remark"], &outcome.arms.iter().map(row).collect::<Vec<_>>());
+}
+
+fn sharpness(m: &mut Markup, outcome: &Outcome) {
+    let Some(part) = &outcome.sharpness else { return };
+    m.leaf("h2", &[], "Sharpness");
+    let (first, last, every) = part.frames;
+    m.leaf(
+        "p",
+        &[],
+        format_args!(
+            "Frames {first} to {last} of whole drives, every {every}. Detail: mean absolute Laplacian over that of the \
+             world's own frames. Blocks: steps at the borders of 8×8 pixels over those inside, beside those of the world's \
+             own frames. Seam: change between chunks over that within."
+        ),
+    );
+    for (name, column) in &part.columns {
+        m.leaf("h3", &[], format_args!("Column {name}"));
+        let row = |(arm, found): (&String, &Sharpness)| {
+            vec![
+                arm.clone(),
+                shown(found.laplacian_ratio, 2),
+                shown(found.border_ratio, 2),
+                shown(found.reference_border_ratio, 2),
+                shown(found.seam, 2),
+                shown(found.psnr_db, 1),
+            ]
+        };
+        let head = ["arm", "detail", "blocks", "blocks of the world's own", "seam", "PSNR dB"];
+        table(m, &head, &column.iter().map(row).collect::<Vec<_>>());
+    }
 }
 
 fn layout(m: &mut Markup, outcome: &Outcome) {
@@ -227,18 +259,25 @@ fn speed(m: &mut Markup, outcome: &Outcome) {
     table(m, &head, &[row]);
 }
 
-fn videos(m: &mut Markup, outcome: &Outcome, config: &EvalConfig) {
-    if outcome.videos.is_empty() {
-        return;
-    }
-    m.leaf("h2", &[], "Videos");
-    let arms = config.videos.as_ref().map(|videos| videos.arms.join(", ")).unwrap_or_default();
-    m.leaf("p", &[], format_args!("From left to right: the world's own frames, layouts, {arms}."));
+fn pictures(m: &mut Markup, outcome: &Outcome, config: &EvalConfig) {
+    let Some(videos) = config.videos.as_ref().filter(|_| !outcome.videos.is_empty()) else { return };
+    let stills: Vec<String> = STILLS.iter().filter(|at| **at <= videos.frames).map(u32::to_string).collect();
+    let (stills, arms) = (stills.join(", "), videos.arms.join(", "));
+    m.leaf(
+        "p",
+        &[],
+        format_args!(
+            "From left to right: the world's own frames, layouts, {arms}. Stills are of frames {stills}, from top to bottom; \
+             the film is below them."
+        ),
+    );
     for name in &outcome.videos {
-        let path = link(&format!("videos/{name}"));
         m.inside("figure", &[], |m| {
-            m.void("img", &[("src", &path), ("alt", name), ("loading", &"lazy")]);
-            m.leaf("figcaption", &[], name);
+            for file in [name.replace(".gif", ".png"), name.clone()] {
+                let path = link(&format!("videos/{file}"));
+                m.void("img", &[("src", &path), ("alt", &file), ("loading", &"lazy")]);
+            }
+            m.leaf("figcaption", &[], name.trim_end_matches(".gif"));
         });
     }
 }

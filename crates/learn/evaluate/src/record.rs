@@ -3,7 +3,7 @@
 use ds_perception::overlap::{Overlap, Overlaps, Target};
 use serde::{Deserialize, Serialize};
 
-use crate::colour::Colour;
+use crate::colour::{Colour, Steps};
 
 /// Pixels of every target: in both maps, in either.
 pub type Pixels = [[u64; 2]; Target::ALL.len()];
@@ -23,6 +23,8 @@ pub struct Glance {
     pub axes: [Vec<f32>; 3],
     /// Colour statistics.
     pub colour: Colour,
+    /// Steps of luma at borders of blocks and inside them.
+    pub steps: Steps,
     /// Peak signal-to-noise ratio against the world's own frame, in decibels.
     pub psnr_db: Option<f64>,
     /// Perceptual distance from the world's own frame.

@@ -4,10 +4,10 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use crate::config::{DIVERSE_ARMS, DRIFT_ARMS, EvalConfig, GUIDANCE_ARMS, LAYOUT_ARMS};
+use crate::config::{DIVERSE_ARMS, DRIFT_ARMS, EvalConfig, GUIDANCE_ARMS, LAYOUT_ARMS, SHARPNESS_ARMS};
 use crate::error::AppraisalError;
 use crate::estimate::{CONFIDENCE, Estimate};
-use crate::outcome::Outcome;
+use crate::outcome::{Outcome, Sharpness};
 use crate::page;
 
 /// The targets of `layout_iou`.
@@ -89,6 +89,7 @@ pub fn eval_json(outcome: &Outcome, config: &EvalConfig) -> Value {
 /// Lists the columns of all parts, A first.
 pub(crate) fn column_names(outcome: &Outcome) -> Vec<String> {
     let mut names = std::collections::BTreeSet::new();
+    names.extend(outcome.sharpness.iter().flat_map(|part| part.columns.keys().cloned()));
     names.extend(outcome.layout.iter().flat_map(|part| part.columns.keys().cloned()));
     names.extend(outcome.drift.iter().flat_map(|part| part.columns.keys().cloned()));
     names.extend(outcome.appearance.iter().flat_map(|part| part.columns.keys().cloned()));
@@ -122,12 +123,30 @@ fn column_json(outcome: &Outcome, config: &EvalConfig, column: &str) -> Value {
         .map(|(name, estimate)| (name.clone(), value(*estimate)))
         .collect();
     json!({
+        "sharpness": sharpness_json(outcome, column),
         "layout_iou": layout_iou,
         "feature_distance": feature_distance,
         "drift": drift_json(outcome, column),
         "appearance_at_100": appearance_json(outcome, config, column),
         "comparisons": comparisons,
     })
+}
+
+fn sharpness_json(outcome: &Outcome, column: &str) -> Value {
+    let part = outcome.sharpness.as_ref();
+    let arm = |key: &&str| {
+        let found = part.and_then(|part| part.columns.get(column)?.get(part.arms.get(*key)?));
+        let figure = |of: fn(&Sharpness) -> Option<Estimate>| value(found.and_then(of));
+        let figures = json!({
+            "psnr_db": figure(|found| found.psnr_db),
+            "laplacian_ratio": figure(|found| found.laplacian_ratio),
+            "border_ratio": figure(|found| found.border_ratio),
+            "reference_border_ratio": figure(|found| found.reference_border_ratio),
+            "seam": figure(|found| found.seam),
+        });
+        ((*key).to_owned(), figures)
+    };
+    SHARPNESS_ARMS.iter().map(arm).collect::<Map<String, Value>>().into()
 }
 
 fn drift_json(outcome: &Outcome, column: &str) -> Value {

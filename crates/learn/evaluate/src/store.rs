@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use ds_space::Digest;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use crate::error::AppraisalError;
-use crate::record::Record;
 
 /// A folder of records.
 #[derive(Debug, Clone)]
@@ -31,7 +32,7 @@ impl Store {
     ///
     /// # Errors
     /// If the file is there and broken.
-    pub fn get(&self, key: &Digest) -> Result<Option<Record>, AppraisalError> {
+    pub fn get<T: DeserializeOwned>(&self, key: &Digest) -> Result<Option<T>, AppraisalError> {
         let path = self.path(key);
         let text = match std::fs::read_to_string(&path) {
             Ok(text) => text,
@@ -46,7 +47,7 @@ impl Store {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn put(&self, key: &Digest, record: &Record) -> Result<(), AppraisalError> {
+    pub fn put(&self, key: &Digest, record: &impl Serialize) -> Result<(), AppraisalError> {
         let path = self.path(key);
         let broken = |source| AppraisalError::Record { path: path.display().to_string(), source };
         let text = serde_json::to_string(record).map_err(broken)?;
@@ -59,7 +60,7 @@ impl Store {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::Seam;
+    use crate::record::{Record, Seam};
 
     #[test]
     fn records_come_back_and_broken_ones_are_named() {
@@ -67,11 +68,11 @@ mod tests {
         let store = Store::open(folder.path()).expect("opens");
         let (key, record) =
             (Digest::of(b"a"), Record { drive: "x@0".to_owned(), glances: Vec::new(), seam: Seam::default() });
-        assert_eq!(store.get(&key).expect("reads"), None);
+        assert_eq!(store.get::<Record>(&key).expect("reads"), None);
         store.put(&key, &record).expect("writes");
         assert_eq!(store.get(&key).expect("reads"), Some(record));
         std::fs::write(folder.path().join(format!("{key}.json")), "{").expect("spoils");
-        let error = store.get(&key).expect_err("it is broken").to_string();
+        let error = store.get::<Record>(&key).expect_err("it is broken").to_string();
         assert!(error.contains("remove it"), "{error}");
     }
 }

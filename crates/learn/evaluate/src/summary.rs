@@ -1,8 +1,7 @@
 //! Figures from records: pooled over the scenarios that are drawn, each as often as it is drawn.
 
-use ds_fidelity::Principal;
+use ds_fidelity::Features;
 use ds_perception::overlap::{Overlaps, Target};
-use ds_stats::{SampleError, frechet};
 use nalgebra::DMatrix;
 
 use crate::estimate::mean;
@@ -81,47 +80,6 @@ impl Rollouts {
     }
 }
 
-/// Features, one matrix per scenario.
-#[derive(Debug, Clone)]
-pub struct Features(pub Vec<DMatrix<f64>>);
-
-impl Features {
-    /// Stacks the rows of the scenarios drawn.
-    #[must_use]
-    pub fn stacked(&self, picks: &[usize]) -> DMatrix<f64> {
-        let rows: usize = picks.iter().map(|pick| self.0[*pick].nrows()).sum();
-        let columns = self.0.iter().map(DMatrix::ncols).max().unwrap_or(0);
-        let mut all = DMatrix::zeros(rows, columns);
-        let mut at = 0;
-        for pick in picks {
-            let part = &self.0[*pick];
-            all.view_mut((at, 0), part.shape()).copy_from(part);
-            at += part.nrows();
-        }
-        all
-    }
-
-    /// Stacks the rows of all scenarios.
-    #[must_use]
-    pub fn all(&self) -> DMatrix<f64> {
-        self.stacked(&(0..self.0.len()).collect::<Vec<_>>())
-    }
-
-    /// Brings all rows to the directions of a reduction.
-    ///
-    /// # Errors
-    /// If the number of features differs.
-    pub fn reduced(&self, principal: &Principal) -> Result<Self, SampleError> {
-        self.0.iter().map(|part| principal.project(part)).collect::<Result<_, _>>().map(Self)
-    }
-
-    /// Returns the Fréchet distance from other features over the same scenarios; none where there are too few rows.
-    #[must_use]
-    pub fn distance(&self, other: &Self, picks: &[usize], shrinkage: f64) -> Option<f64> {
-        frechet(&self.stacked(picks), &other.stacked(picks), shrinkage).ok()
-    }
-}
-
 /// Returns the slope of values over places by least squares, none of fewer than two places.
 #[must_use]
 pub fn slope(points: &[(f64, f64)]) -> Option<f64> {
@@ -135,7 +93,7 @@ pub fn slope(points: &[(f64, f64)]) -> Option<f64> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::colour::Colour;
+    use crate::colour::{Colour, Steps};
 
     /// A look with given pixels of lanes and vehicles, and features.
     pub(crate) fn glance(frame: u32, lane: [u64; 2], vehicle: [u64; 2], features: &[f32]) -> Glance {
@@ -146,6 +104,7 @@ pub(crate) mod tests {
             features: features.to_vec(),
             axes: [vec![1.0], vec![1.0], vec![1.0]],
             colour: Colour::default(),
+            steps: Steps::default(),
             psnr_db: Some(20.0),
             distance: None,
         }

@@ -5,7 +5,7 @@ use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter};
 
 use crate::arm::Arm;
-use crate::colour::{Colour, difference, psnr_db};
+use crate::colour::{Colour, Steps, difference, psnr_db};
 use crate::drive::{Drive, Route};
 use crate::error::AppraisalError;
 use crate::eyes::Eyes;
@@ -43,7 +43,7 @@ impl Viewing<'_> {
     pub fn key(&self, arm: Option<&Arm>, world: &str, route: &Route, eyes: &Eyes) -> Digest {
         let Self { plan, size_px } = *self;
         let mut writer = DigestWriter::new();
-        writer.text("appraisal record 1").text(world).digest(&eyes.digest()).digest(&route.scene.digest);
+        writer.text("appraisal record 2").text(world).digest(&eyes.digest()).digest(&route.scene.digest);
         writer.u32(route.start).f64s(&[route.pace]).text(&format!("{:?}", route.look));
         writer.u32(size_px.0).u32(size_px.1).text(&format!("{plan:?}"));
         match arm {
@@ -92,6 +92,7 @@ fn glance(frame: u32, seen: &RgbImage, own: Option<&RgbImage>, eyes: &Eyes) -> G
         features: look.features,
         axes: look.axes,
         colour: Colour::of(seen),
+        steps: Steps::of(seen),
         psnr_db: own.map(|own| psnr_db(own, seen)),
         distance: own.map(|own| eyes.look.distance(own, seen)),
     }

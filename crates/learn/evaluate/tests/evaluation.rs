@@ -37,11 +37,21 @@ cache_source = "clean"
 kind = "no_layout"
 model = "smoke.toml"
 weights = "model.safetensors"
+[arms.mirror]
+kind = "autoencoder"
+model = "smoke.toml"
+weights = "model.safetensors"
 [columns]
 first_seed = 20_000_000
 scenarios = 2
 look = "daylight"
 real = ["absent"]
+[sharpness]
+arms = { autoencoder = "mirror", student = "one" }
+rollouts = 1
+first = 3
+last = 7
+every = 2
 [layout]
 iou = { student = "one", no_layout = "blind" }
 feature_distance = { layout_guidance = "one", no_guidance = "two" }
@@ -71,7 +81,7 @@ frames = 8
 [videos]
 arms = ["one"]
 scenarios = 1
-frames = 4
+frames = 12
 "#;
 
 #[derive(Default)]
@@ -147,6 +157,10 @@ fn every_key_is_there_and_a_repetition_rolls_nothing_out() {
         "/feature_distance/no_guidance",
         "/appearance_at_100/snow/with",
         "/appearance_at_100/night/without",
+        "/sharpness/autoencoder/psnr_db",
+        "/sharpness/student/laplacian_ratio",
+        "/sharpness/student/border_ratio",
+        "/sharpness/student/seam",
         "/frames_per_second",
         "/gemm_share",
         "/columns/B/layout_iou/lane/student",
@@ -157,7 +171,7 @@ fn every_key_is_there_and_a_repetition_rolls_nothing_out() {
         let [value, low, high] = ["value", "low", "high"].map(|key| figure[key].as_f64());
         assert!(value.is_some() && low <= high && figure["samples"].as_u64() >= Some(1), "{path}: {figure}");
     }
-    for path in ["/feature_distance/standard_cfg", "/drift/clean/at_200"] {
+    for path in ["/feature_distance/standard_cfg", "/drift/clean/at_200", "/sharpness/autoencoder/seam"] {
         assert!(json.pointer(path).is_some_and(serde_json::Value::is_null), "{path}");
     }
     // Two chunks of four frames took half a second each by the clock that was handed in.
@@ -167,9 +181,13 @@ fn every_key_is_there_and_a_repetition_rolls_nothing_out() {
     assert_eq!(outcome.videos.len(), 2);
     let gif = std::fs::read(config.out.join("videos").join(&outcome.videos[0])).expect("is there");
     assert_eq!(&gif[..6], b"GIF89a");
+    assert!(
+        config.out.join("videos").join(outcome.videos[0].replace(".gif", ".png")).exists() && page.contains(".png")
+    );
 
     let mut again = Outcome::default();
-    let second = measure(&config, &mut again, &[Part::Layout, Part::Drift, Part::Appearance, Part::Videos]);
+    let second =
+        measure(&config, &mut again, &[Part::Sharpness, Part::Layout, Part::Drift, Part::Appearance, Part::Videos]);
     assert_eq!((second.rolled, second.kept), (0, first.rolled + first.kept));
     again.speed.clone_from(&outcome.speed);
     assert_eq!(again, outcome, "the same inputs give the same figures");

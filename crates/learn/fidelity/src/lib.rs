@@ -1,9 +1,20 @@
-//! What pictures are compared by: a fixed bank of features, and principal directions of any feature matrix.
+//! What sets of pictures are compared by: features, their reductions, and distances between their distributions.
 //!
-//! The bank is multi-scale gradients and colour, documented in [`features`]; no trained network. [`Principal`] reduces
-//! feature matrices of many columns, those of trained networks too, to what [`ds_stats::frechet`] compares.
+//! [`features`] is a fixed bank of gradients and colour, no trained network. [`Principal`] reduces features of many
+//! columns. [`Compared`] is FDπ of one policy: the Fréchet distance of what the policy attends to, over paired frames of
+//! a real set and of other sources, with what belongs beside it: bias, bound, intervals over scenarios.
 
+mod compared;
+mod error;
 pub mod features;
+mod interval;
+mod pool;
 mod principal;
+mod scenarios;
 
+pub use compared::{Compared, Distance};
+pub use error::FidelityError;
+pub use interval::{CONFIDENCE, Interval, mean_of, ratio, recentred};
+pub use pool::{mean_pooled, placed};
 pub use principal::Principal;
+pub use scenarios::Features;

@@ -21,6 +21,9 @@ const SQUEEZED: usize = 24;
 const HIDDEN: usize = 192;
 const LAST: [usize; 2] = [HEIGHT_PX / 16, WIDTH_PX / 16];
 
+/// Rows, columns and channels of what the network knows of an image before state and command enter.
+pub const CONTEXT: [usize; 3] = [LAST[0], LAST[1], SQUEEZED];
+
 /// The sizes that a caller chooses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PlannerSize {
@@ -65,6 +68,15 @@ impl Planner {
         Ok(Self { graph: Graph::new(weights, Mode::Infer) })
     }
 
+    /// Returns what the network knows of images [N, 96, 160, 3] before any state enters: [N, rows × columns, channels],
+    /// places row by row, see [`CONTEXT`].
+    #[must_use]
+    pub fn context(&self, images: &Array) -> Array {
+        let x = look(&self.graph, images);
+        let [batch, height, width, channels] = x.dims();
+        array_of(x.reshape([batch, height * width, channels]))
+    }
+
     /// Answers a batch: images [N, 96, 160, 3], state [N, S] to outputs [N, O].
     #[must_use]
     pub fn answer(&self, images: &Array, state: &Array) -> Array {
@@ -92,7 +104,8 @@ pub fn gradient(
     Ok((loss, graph.gradients(surrogate.backward())))
 }
 
-fn forward(graph: &Graph, images: &Array, state: &Array) -> Tensor<2> {
+/// The image alone, to the places that the hidden layers read.
+fn look(graph: &Graph, images: &Array) -> Tensor<4> {
     let mut x = fold(graph.tensor::<4>(images), PATCH_PX);
     for stage in 0..WIDTHS.len() {
         if stage > 0 {
@@ -101,7 +114,11 @@ fn forward(graph: &Graph, images: &Array, state: &Array) -> Tensor<2> {
         x = relu(graph.linear(&format!("stage{stage}.fold")).apply(x));
         x = x.clone() + relu(graph.linear(&format!("stage{stage}.convolution")).convolve(x));
     }
-    let x = relu(graph.linear("squeeze").apply(x));
+    relu(graph.linear("squeeze").apply(x))
+}
+
+fn forward(graph: &Graph, images: &Array, state: &Array) -> Tensor<2> {
+    let x = look(graph, images);
     let [batch, height, width, channels] = x.dims();
     let x = Tensor::cat(vec![x.reshape([batch, height * width * channels]), graph.tensor::<2>(state)], 1);
     let x = relu(graph.linear("hidden0").apply(x));

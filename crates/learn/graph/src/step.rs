@@ -1,6 +1,7 @@
 //! One training step of each network on the framework's graph: the loss of a batch and the gradient of every weight.
 //! What goes in and comes out is described in [`ds_nn::step`].
 
+mod adversarial;
 mod bidirectional;
 mod causal;
 mod pixels;
@@ -12,6 +13,7 @@ use ds_nn::step::{ClipBatch, Step};
 use crate::dit::{Context, Dit};
 use crate::graph::Graph;
 
+pub use adversarial::adversarial;
 pub use bidirectional::{bidirectional, bidirectional_clean, clean_by};
 pub use causal::{causal, causal_output};
 pub use pixels::{autoencoder, decoder};

@@ -85,7 +85,7 @@ pub struct TinyAe {
     stages: Vec<(Vec<MemoryBlock>, Option<Linear>)>,
     guides: Vec<Linear>,
     decoder_head: Linear,
-    decoder_skip: Linear,
+    decoder_skip: Option<Linear>,
 }
 
 impl TinyAe {
@@ -116,7 +116,7 @@ impl TinyAe {
             stages: (0..3).map(stage).collect(),
             guides: (0..shape.guides).map(|index| graph.linear(&format!("decoder.guide.{index}"))).collect(),
             decoder_head: graph.linear("decoder.head"),
-            decoder_skip: graph.linear("decoder.skip"),
+            decoder_skip: shape.decoder_skip.then(|| graph.linear("decoder.skip")),
             shape: shape.clone(),
             graph,
         }
@@ -156,7 +156,7 @@ impl TinyAe {
         memory: &mut Memory,
     ) -> Tensor<4> {
         let mut walk = Walk { memory: memory.of(), at: 0, batch };
-        let skip = unfold(self.decoder_skip.apply(z.clone()), self.shape.stride_t);
+        let skip = self.decoder_skip.as_ref().map(|skip| unfold(skip.apply(z.clone()), self.shape.stride_t));
         let mut x = activation::relu(self.stem.convolve(z));
         for (stage, (blocks, grow)) in self.stages.iter().enumerate() {
             for block in blocks {
@@ -172,7 +172,11 @@ impl TinyAe {
         for guide in &self.guides {
             x = x.clone() + activation::relu(guide.convolve(Tensor::cat(vec![x, layouts.clone()], 3)));
         }
-        shuffle(self.decoder_head.convolve(x), 1) + skip
+        let frames = shuffle(self.decoder_head.convolve(x), 1);
+        match skip {
+            Some(skip) => frames + skip,
+            None => frames,
+        }
     }
 }
 

@@ -72,7 +72,7 @@ pub struct FastAe {
     stages: Vec<Stage>,
     guides: Vec<Convolution>,
     decoder_head: Convolution,
-    decoder_skip: Packed,
+    decoder_skip: Option<Packed>,
     scratch: Arc<Pool<Scratch>>,
 }
 
@@ -123,7 +123,7 @@ impl FastAe {
                 .map(|index| convolution(&format!("decoder.guide.{index}"), &[widths[2], 12]))
                 .collect(),
             decoder_head: convolution("decoder.head", &[widths[2]]),
-            decoder_skip: linear("decoder.skip"),
+            decoder_skip: shape.decoder_skip.then(|| linear("decoder.skip")),
             scratch: Arc::default(),
             shape: shape.clone(),
         })
@@ -179,8 +179,8 @@ impl FastAe {
         });
     }
 
-    /// Writes frames of 8h×8w pixels: the head's shuffled pixels plus the linear map of the latents.
-    fn paint(&self, x: &Image, skip: &[f32]) -> Array {
+    /// Writes frames of 8h×8w pixels: the head's shuffled pixels plus the linear map of the latents, if there is one.
+    fn paint(&self, x: &Image, skip: Option<&[f32]>) -> Array {
         let (w, inputs, strides) = (x.w, self.shape.inputs(), self.shape.stride_t);
         let mut frames = Array::zeros(&[x.frames, 2 * x.h, 2 * w, 3]);
         let (columns, rows) = (2 * w / BLOCK_PX, 2 * x.h / BLOCK_PX);
@@ -191,13 +191,16 @@ impl FastAe {
             let target = Target::rows(shuffled, 12);
             self.decoder_head.row(self.arch, &[x.frame(frame)], (y, w), target, Finish::Plain);
             for (dy, line) in lines.chunks_exact_mut(2 * w * 3).enumerate() {
+                for (pair, head) in line.chunks_exact_mut(6).zip(shuffled.chunks_exact(12)) {
+                    pair.copy_from_slice(&head[dy * 6..][..6]);
+                }
+                let Some(skip) = skip else { continue };
                 let pixel_y = 2 * y + dy;
                 let first = (frame / strides * rows + pixel_y / BLOCK_PX) * columns;
                 let inside = (frame % strides * BLOCK_PX + pixel_y % BLOCK_PX) * BLOCK_PX * 3;
                 for (at, pair) in line.chunks_exact_mut(6).enumerate() {
                     let skip = &skip[(first + 2 * at / BLOCK_PX) * inputs + inside + 2 * at % BLOCK_PX * 3..][..6];
-                    let head = &shuffled[at * 12 + dy * 6..][..6];
-                    pair.iter_mut().zip(head).zip(skip).for_each(|((to, a), b)| *to = a + b);
+                    pair.iter_mut().zip(skip).for_each(|(to, value)| *to += value);
                 }
             }
         });
@@ -235,8 +238,10 @@ impl Autoencoder for FastAe {
         let memory = memory.of::<Frames>();
         let mut scratch = self.scratch.take(Scratch::default);
         let Scratch { stages, latent, layouts: guide, skip } = &mut *scratch;
-        skip.resize(frames * h * w * self.shape.inputs());
-        self.pixels(&self.decoder_skip, latents.values(), skip);
+        if let Some(packed) = &self.decoder_skip {
+            skip.resize(frames * h * w * self.shape.inputs());
+            self.pixels(packed, latents.values(), skip);
+        }
         latent.reset([frames, h, w, z]);
         latent.fill(latents.values());
         stages[0][0].reset([frames, h, w, self.stem.outputs()]);
@@ -263,7 +268,7 @@ impl Autoencoder for FastAe {
             convolution.apply(self.arch, both, out, |frame, y| Finish::SumWithRelu(input.row(frame, y)));
             std::mem::swap(x, out);
         }
-        self.paint(x, skip)
+        self.paint(x, self.decoder_skip.is_some().then_some(&**skip))
     }
 }
 

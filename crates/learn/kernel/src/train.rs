@@ -10,6 +10,7 @@ mod attention;
 mod autoencoder;
 mod backward;
 mod convolution;
+mod discriminator;
 mod linear;
 mod matrix;
 mod network;
@@ -28,6 +29,7 @@ use ds_nn::step::{BidirectionalPlan, CausalPlan, ClipBatch, Group, Level, Predic
 use super::Buffer;
 use super::buffer::Pool;
 use backward::{Back, Backward};
+pub use discriminator::adversarial;
 use network::{Network, Tape};
 pub use pixels::{autoencoder, decoder};
 use sequence::Sequence;

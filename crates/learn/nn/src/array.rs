@@ -118,6 +118,13 @@ impl Declared {
         Self { name: name.into(), shape: shape.to_vec(), initial }
     }
 
+    /// Declares weight and bias of a 3×3 convolution, stored as [outputs, 3, 3, inputs].
+    pub fn convolution(list: &mut Vec<Self>, name: &str, inputs: usize, outputs: usize, gain: f32) {
+        let std = gain / ((9 * inputs) as f32).sqrt();
+        list.push(Self::new(format!("{name}.weight"), &[outputs, 3, 3, inputs], Initial::Normal(std)));
+        list.push(Self::new(format!("{name}.bias"), &[outputs], Initial::Constant(0.0)));
+    }
+
     /// Declares weight and bias of a linear layer, stored as [outputs, inputs].
     pub fn linear(list: &mut Vec<Self>, name: &str, inputs: usize, outputs: usize, gain: f32) {
         let std = gain / (inputs as f32).sqrt();

@@ -13,6 +13,7 @@ pub mod array;
 pub mod body;
 pub mod cache;
 pub mod checkpoint;
+pub mod discriminator;
 pub mod dit;
 pub mod optimiser;
 pub mod safetensors;

@@ -9,6 +9,7 @@ use std::ops::Range;
 
 use crate::array::{Array, Weights};
 use crate::cache::{CachePolicy, Positions, Visible};
+use crate::discriminator::DiscriminatorShape;
 
 /// What the transformer's output stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -196,6 +197,24 @@ pub struct DecoderBatch {
     pub layouts: Array,
     /// The frames, in the same shape.
     pub frames: Array,
+    /// Whether the latents are those of the frames, so that all of a frame can be told.
+    pub told: bool,
     /// How much each pixel counts, [clips·steps·stride_t, 8h, 8w, 1].
     pub emphasis: Array,
+}
+
+/// What a decoder is trained against.
+pub struct Adversary<'a> {
+    /// Sizes of the discriminator.
+    pub shape: DiscriminatorShape,
+    /// Its weights.
+    pub weights: &'a Weights,
+    /// Noise around true frames within which its verdict is to stay, in the shape of the frames.
+    pub noise: Array,
+    /// Weight of the square of what that noise changes.
+    pub smoothness: f32,
+    /// Size of the adversarial gradient in units of the reconstruction's, at the frames.
+    pub share: f32,
+    /// Weight of the distance of features beside the verdict.
+    pub features: f32,
 }

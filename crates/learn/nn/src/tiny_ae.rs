@@ -2,15 +2,16 @@
 //!
 //! A latent step stands for `stride_t` frames. The encoder takes space-to-depth frames [steps, h, w, stride_t·192]
 //! (frame, row, column, colour inside an 8×8 block, values −1 to 1) and gives [steps, h, w, z]. The decoder grows
-//! space three times and time twice: the last stage runs at half resolution and ends in a pixel shuffle. Beside both
-//! runs a linear map between block and latent pixel, so that training begins at principal components. The first
+//! space three times and time twice: the last stage runs at half resolution and ends in a pixel shuffle. Beside the
+//! encoder runs a linear map from block to latent pixel, so that training begins at principal components; beside the
+//! decoder one back, where it is asked for: it paints blocks, whose borders show. The first
 //! stride_t − 1 frames of a rollout are for the caller to drop.
 
 use std::any::Any;
 
 use ds_space::{Digest, DigestWriter};
 
-use crate::array::{Declared, Initial};
+use crate::array::Declared;
 
 /// Side of the pixel block that a latent pixel stands for.
 pub const BLOCK_PX: usize = 8;
@@ -30,6 +31,8 @@ pub struct AeShape {
     pub decoder_widths: [usize; 3],
     /// Memory blocks of each stage.
     pub decoder_blocks: [usize; 3],
+    /// Whether a linear map from latent pixel to block runs beside the decoder.
+    pub decoder_skip: bool,
     /// Convolutions after the decoder's last stage that also see the layout of each frame; 0 for none.
     pub guides: usize,
 }
@@ -51,11 +54,7 @@ impl AeShape {
     #[must_use]
     pub fn declare(&self) -> Vec<Declared> {
         let mut list = Vec::new();
-        let convolution = |list: &mut Vec<Declared>, name: &str, inputs: usize, outputs: usize, gain: f32| {
-            let std = gain / ((9 * inputs) as f32).sqrt();
-            list.push(Declared::new(format!("{name}.weight"), &[outputs, 3, 3, inputs], Initial::Normal(std)));
-            list.push(Declared::new(format!("{name}.bias"), &[outputs], Initial::Constant(0.0)));
-        };
+        let convolution = Declared::convolution;
         let block = |list: &mut Vec<Declared>, name: &str, width: usize| {
             convolution(list, &format!("{name}.conv.0"), 2 * width, width, 1.4);
             convolution(list, &format!("{name}.conv.2"), width, width, 0.7);
@@ -82,7 +81,9 @@ impl AeShape {
             convolution(&mut list, &format!("decoder.guide.{index}"), widths[2] + 12, widths[2], 0.5);
         }
         convolution(&mut list, "decoder.head", widths[2], 12, 0.1);
-        Declared::linear(&mut list, "decoder.skip", self.z, self.inputs(), 0.5);
+        if self.decoder_skip {
+            Declared::linear(&mut list, "decoder.skip", self.z, self.inputs(), 0.5);
+        }
         list
     }
 }

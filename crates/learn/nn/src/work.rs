@@ -1,6 +1,7 @@
 //! Floating-point operations of the networks, counted as two per multiply-add of products, attention and
 //! convolutions; padding, norms and activations are not counted.
 
+use crate::discriminator::DiscriminatorShape;
 use crate::dit::{CLIP_STATES, DitShape};
 use crate::tiny_ae::AeShape;
 
@@ -51,7 +52,8 @@ pub fn encode(shape: &AeShape, steps: usize, h: usize, w: usize) -> f64 {
 pub fn decode(shape: &AeShape, steps: usize, h: usize, w: usize) -> f64 {
     let [growth, last] = shape.growth();
     let frames = [1, growth, growth * last];
-    let (widths, mut total) = (shape.decoder_widths, 9 * shape.z * shape.decoder_widths[0] + shape.z * shape.inputs());
+    let skip = if shape.decoder_skip { shape.z * shape.inputs() } else { 0 };
+    let (widths, mut total) = (shape.decoder_widths, 9 * shape.z * shape.decoder_widths[0] + skip);
     for stage in 0..3 {
         let pixels = frames[stage] << (2 * stage);
         total += pixels * shape.decoder_blocks[stage] * 9 * 3 * widths[stage] * widths[stage];
@@ -62,4 +64,13 @@ pub fn decode(shape: &AeShape, steps: usize, h: usize, w: usize) -> f64 {
     let guide = shape.guides * (widths[2] + 12) * widths[2];
     total += (frames[2] << 4) * 9 * (guide + widths[2] * 12);
     2.0 * (steps * h * w * total) as f64
+}
+
+/// Counts the verdict of a discriminator on `frames` frames of 8h×8w pixels.
+#[must_use]
+pub fn judge(shape: &DiscriminatorShape, frames: usize, h: usize, w: usize) -> f64 {
+    let outputs = shape.widths.into_iter().chain([1]);
+    let layers = shape.inputs().into_iter().zip(outputs).zip([16, 4, 1, 1]);
+    let total: usize = layers.map(|((inputs, outputs), pixels)| 9 * inputs * outputs * pixels).sum();
+    2.0 * (frames * h * w * total) as f64
 }

@@ -11,7 +11,7 @@ use ds_nn::tiny_ae::{AeShape, Memory};
 use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter, Draws};
-use ds_video::{ModelConfig, tokens};
+use ds_video::{ModelConfig, VideoModel, tokens};
 
 use crate::batch::{self, mean_step};
 use crate::checkpoint::{Member, Run};
@@ -81,7 +81,7 @@ fn batch(
     {
         folded.extend(tokens::fold(frames));
         images.extend(tokens::stacked(frames).into_values());
-        weights.extend(emphasis::of_pixels(&layouts, config.road_users));
+        weights.extend(emphasis::of_pixels(&layouts, config.road_users, 1.0));
     }
     let steps = folded.len() / (size.0 / 8 * (size.1 / 8) * shape.inputs());
     let (h, w) = (size.0 / 8, size.1 / 8);
@@ -106,10 +106,28 @@ pub fn encode(ae: &dyn Autoencoder, shape: &AeShape, frames: &[RgbImage]) -> Arr
     ae.encode(&Array::new(&[steps.len(), h, w, shape.inputs()], folded), &mut Memory::default())
 }
 
-/// Decodes a whole clip of latents; the copies before the first frame are dropped.
+/// Encodes frames that begin a drive and decodes them beside their layouts.
 #[must_use]
-pub fn decode(ae: &dyn Autoencoder, shape: &AeShape, latents: &Array) -> Vec<RgbImage> {
-    let frames = ae.decode(latents, None, &mut Memory::default());
+pub fn reconstructed(model: &VideoModel, frames: &[RgbImage], layouts: &[RgbImage]) -> Vec<RgbImage> {
+    let shape = model.config().ae();
+    let whole = |images: &[RgbImage]| {
+        let (steps, last) = ((images.len() - 1).div_ceil(shape.stride_t), images.len() - 1);
+        (0..=steps * shape.stride_t).map(|at| images[at.min(last)].clone()).collect::<Vec<_>>()
+    };
+    let (own, layouts) = (whole(frames), whole(layouts));
+    let latents = encode(model.autoencoder(), &shape, &own);
+    let guides = latent_steps(&layouts, shape.stride_t).concat();
+    let guides = (shape.guides > 0).then(|| tokens::stacked(&guides));
+    let mut made = decode(model.autoencoder(), &shape, &latents, guides.as_ref());
+    made.truncate(frames.len());
+    made
+}
+
+/// Decodes a whole clip of latents, beside layouts in the shape of its frames; the copies before the first frame are
+/// dropped.
+#[must_use]
+pub fn decode(ae: &dyn Autoencoder, shape: &AeShape, latents: &Array, layouts: Option<&Array>) -> Vec<RgbImage> {
+    let frames = ae.decode(latents, layouts, &mut Memory::default());
     let (height, width) = (frames.shape()[1], frames.shape()[2]);
     let images = frames.values().chunks_exact(height * width * 3).skip(shape.stride_t - 1);
     images.map(|values| RgbImage::of_values(values, width as u32, height as u32)).collect()
@@ -136,7 +154,7 @@ fn evaluate(
                 squares[channel] += f64::from(*value).powi(2);
             }
         }
-        let decoded = decode(ae.as_ref(), shape, &latents);
+        let decoded = decode(ae.as_ref(), shape, &latents, None);
         psnr += batch::psnr_db(&clip.frames, &decoded) / EVALUATION_CLIPS as f32;
         if index < SHOWN_CLIPS {
             rows.extend([every_third(&clip.frames), every_third(&decoded)]);

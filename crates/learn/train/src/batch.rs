@@ -15,17 +15,27 @@ pub(crate) fn mean_step(
     stage: &StageConfig,
     step: impl Fn(u64) -> Result<Step, TrainError> + Sync,
 ) -> Result<Step, TrainError> {
-    let mut sum: Option<Step> = None;
+    let [step] = mean_steps(team, stage, |clip| Ok([step(clip)?]))?;
+    Ok(step)
+}
+
+/// Computes the steps of several networks that learn from the same clips, as [`mean_step`] does of one.
+pub(crate) fn mean_steps<const N: usize>(
+    team: &Team,
+    stage: &StageConfig,
+    steps: impl Fn(u64) -> Result<[Step; N], TrainError> + Sync,
+) -> Result<[Step; N], TrainError> {
+    let mut sums: Option<[Step; N]> = None;
     for part in 0..stage.accumulate {
-        for made in team.run(stage.clips, |clip| step((part * stage.clips + clip) as u64)) {
+        for made in team.run(stage.clips, |clip| steps((part * stage.clips + clip) as u64)) {
             let made = made?;
-            match &mut sum {
-                None => sum = Some(made),
-                Some(sum) => sum.gather(&made),
+            match &mut sums {
+                None => sums = Some(made),
+                Some(sums) => sums.iter_mut().zip(&made).for_each(|(sum, made)| sum.gather(made)),
             }
         }
     }
-    Ok(sum.expect("an update has at least one clip").over(stage.batch()))
+    Ok(sums.expect("an update has at least one clip").map(|sum| sum.over(stage.batch())))
 }
 
 /// Returns the peak signal-to-noise ratio over all frames, in decibels.

@@ -4,6 +4,8 @@
 //! `self_forcing`, `decoder`. What a folder lacks is taken from `parent`, another recipe's work folder. A recipe may
 //! say `inherits = FILE` (relative to it) and name only what differs; tables are merged key by key.
 
+mod decoder;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -15,6 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::TrainError;
 use crate::guidance::{Dropout, Guidance};
+pub use decoder::{AdversarialConfig, DecoderConfig};
 
 /// A training recipe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -233,16 +236,6 @@ pub struct SelfForcingConfig {
     pub regression: f32,
 }
 
-/// The recipe of the guided decoder.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct DecoderConfig {
-    /// What all stages have.
-    pub stage: StageConfig,
-    /// Clips of the sets that the student is rolled out over.
-    pub rollouts: u64,
-}
-
 impl StageConfig {
     /// Returns the learning rate of update `step`, counted from 0.
     pub(crate) fn rate(&self, step: u32) -> f32 {
@@ -422,6 +415,9 @@ impl TrainConfig {
             if let Some(set) = made.sets.iter().find(|set| !self.sets.contains_key(*set)) {
                 return refuse("trajectories", &format!("clip set {set:?} is not among [sets]"));
             }
+        }
+        if let Some(decoder) = &self.decoder {
+            decoder.check()?;
         }
         if let Some(stage) = &self.self_forcing {
             let critic = stage.critic_learning_rate > 0.0 && stage.critic_learning_rate < 1.0;

@@ -73,7 +73,14 @@ pub fn costs(config: &TrainConfig) -> Result<Vec<Cost>, TrainError> {
     }
     if let Some(decoder) = &config.decoder {
         let stage = &decoder.stage;
-        let clip = 3.0 * counter.decode(stage.latents, model.control.decoder_layers);
+        let decoded = 3.0 * counter.decode(stage.latents, model.control.decoder_layers);
+        // Verdicts on made, true and noisy frames, their backward passes, and that of the decoder through the first.
+        let judged = decoder.adversarial.as_ref().map_or(0.0, |against| {
+            10.0 * work::judge(&against.shape(), stage.latents * model.vae.stride_t, counter.h, counter.w)
+        });
+        let whole = f64::from(model.video.width_px * model.video.height_px);
+        let drawn = decoder.crop_px.map_or(1.0, |[width, height]| ((width * height) as f64 / whole).min(1.0));
+        let clip = drawn * (decoded + judged);
         add("decoder", stage.steps.into(), clip * stage.batch() as f64, logged("decoder"));
     }
     Ok(list)

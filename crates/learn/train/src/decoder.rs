@@ -1,21 +1,26 @@
 //! The guided decoder learns to draw from what the student generates, guided by the layouts.
 //!
-//! Encoder and student stay as they are. Most clips of a batch are latents of the student's own rollouts over training
-//! clips, the rest are encoded frames; the target is always the true frame. Layouts are dropped now and then.
+//! Encoder and student stay as they are. Some clips of a batch are latents of the student's own rollouts over training
+//! clips, the rest are encoded frames. What the layout tells is to look as in the true frame; what stands beside the
+//! road a rollout cannot know, and regression onto the true frame would make it mush: there the pixels of a rollout
+//! count less, and a discriminator says what frames look like. Layouts are dropped now and then.
 
 use std::sync::Arc;
 
 use ds_clips::Clip;
-use ds_nn::Array;
-use ds_nn::step::DecoderBatch;
+use ds_nn::discriminator::DiscriminatorShape;
+use ds_nn::optimiser::AdamWSettings;
+use ds_nn::step::{Adversary, DecoderBatch, Step};
+use ds_nn::tiny_ae::AeShape;
+use ds_nn::{Array, Weights};
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::{Rollout, VideoModel, tokens};
 
 use crate::autoencoder::unguided;
-use crate::batch::mean_step;
-use crate::checkpoint::{Member, Run};
+use crate::batch::{mean_step, mean_steps};
+use crate::checkpoint::{Member, Run, Update};
 use crate::condition::latent_steps;
-use crate::config::{DecoderConfig, TrainConfig};
+use crate::config::{AdversarialConfig, DecoderConfig, TrainConfig};
 use crate::error::TrainError;
 use crate::frames::Frames;
 use crate::sets::stored_autoencoder;
@@ -24,8 +29,8 @@ use crate::{Progress, Report, autoencoder, emphasis, evaluate};
 
 const NAME: &str = "decoder";
 const LAYOUT_DROPOUT: f64 = 0.1;
-/// Share of clips that are the student's rollouts.
-const ROLLED: f64 = 0.7;
+const DECODER: usize = 0;
+const DISCRIMINATOR: usize = 1;
 
 /// Trains the guided decoder to its configured number of steps.
 ///
@@ -39,19 +44,33 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     let member = Member::new("model", &model.ae().declare(), recipe.stage.optimiser(), &seed)
         .starting_from(&stored_autoencoder(config, "autoencoder")?)
         .starting_from(&config.initial("vae.")?);
-    let mut run = Run::open(config, NAME, &recipe.stage, vec![member])?;
+    let against = recipe.adversarial.as_ref().map(|against| {
+        // Without inertia: what is learned from changes with every update.
+        let settings = AdamWSettings { beta1: 0.0, beta2: 0.99, ..recipe.stage.optimiser() };
+        Member::new("discriminator", &against.shape().declare(), settings, &seed)
+    });
+    let mut run = Run::open(config, NAME, &recipe.stage, std::iter::once(member).chain(against).collect())?;
     let student = student_weights(config)?;
     if run.unfinished() {
         let drawn = Arc::new(assembled(config, &student, "autoencoder")?);
-        let source = Source { config, recipe, frames, rolled: Vec::new(), model: drawn };
+        let source = Source { config, recipe, frames, rolled: Vec::new(), model: drawn, shape: model.ae(), seed };
         let source = Source { rolled: source.roll(progress)?, ..source };
         let team = config.backend.team();
         while run.unfinished() {
-            let (weights, at) = (run.weights(), run.step);
-            let step = mean_step(&team, &recipe.stage, |clip| {
-                Ok(config.backend.decoding(&model.ae(), weights, &source.batch(&seed, at, clip)?))
-            })?;
-            if !run.apply(step, progress)? {
+            let (at, rate) = (run.step, recipe.stage.rate(run.step));
+            let updates = if let Some(against) = &recipe.adversarial {
+                let weights = [DECODER, DISCRIMINATOR].map(|member| &run.members[member].weights);
+                let steps = mean_steps(&team, &recipe.stage, |clip| source.opposed(against, weights, at, clip))?;
+                let rates = [rate, against.learning_rate];
+                let updates = steps.into_iter().zip(rates).enumerate();
+                updates.map(|(member, (step, rate))| Update { member, step, rate }).collect()
+            } else {
+                let step = mean_step(&team, &recipe.stage, |clip| {
+                    Ok(config.backend.decoding(&model.ae(), run.weights(), &source.batch(at, clip)?))
+                })?;
+                vec![Update { member: DECODER, step, rate }]
+            };
+            if !run.iterate(updates, progress)? {
                 break;
             }
         }
@@ -60,18 +79,34 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     Ok(run.report(figures))
 }
 
+impl AdversarialConfig {
+    /// Returns the sizes of the discriminator.
+    pub(crate) fn shape(&self) -> DiscriminatorShape {
+        DiscriminatorShape { widths: self.widths }
+    }
+}
+
 struct Source<'a> {
     config: &'a TrainConfig,
     recipe: &'a DecoderConfig,
     frames: Frames,
     /// Clips and the student's latents for them.
     rolled: Vec<(Clip, Array)>,
+    /// Draws the rollouts, unguided.
     model: Arc<VideoModel>,
+    /// The guided autoencoder.
+    shape: AeShape,
+    seed: Digest,
 }
 
 impl Source<'_> {
+    /// Latent frames of what windows are drawn from.
+    fn latents(&self) -> usize {
+        self.recipe.rollout.max(self.recipe.stage.latents)
+    }
+
     fn length(&self) -> usize {
-        1 + (self.recipe.stage.latents - 1) * self.model.config().vae.stride_t
+        1 + (self.latents() - 1) * self.model.config().vae.stride_t
     }
 
     /// Rolls the student out over drawn clips; latents [latents, h, w, z] as the decoder takes them.
@@ -105,33 +140,111 @@ impl Source<'_> {
         Ok((clip, self.model.denormalised(latents)))
     }
 
+    /// Computes the steps of decoder and discriminator for one drawn clip.
+    fn opposed(
+        &self,
+        against: &AdversarialConfig,
+        [weights, judge]: [&Weights; 2],
+        step: u32,
+        clip: u64,
+    ) -> Result<[Step; 2], TrainError> {
+        let batch = self.batch(step, clip)?;
+        let draws = Draws::new(&self.seed, "noise", &[u64::from(step), clip]);
+        let count = batch.frames.values().len() as u64;
+        #[expect(clippy::cast_possible_truncation, reason = "noise is single precision")]
+        let noise = (0..count).map(|index| against.noise * draws.normal(index) as f32).collect();
+        let adversary = Adversary {
+            shape: against.shape(),
+            weights: judge,
+            noise: Array::new(batch.frames.shape(), noise),
+            smoothness: against.smoothness,
+            share: if step < against.after { 0.0 } else { against.share },
+            features: against.features,
+        };
+        Ok(self.config.backend.adversarial(&self.shape, weights, &batch, &adversary))
+    }
+
     /// Makes the batch of one drawn clip.
-    fn batch(&self, seed: &Digest, step: u32, clip: u64) -> Result<DecoderBatch, TrainError> {
-        let config = self.model.config();
-        let (shape, stride, (h, w)) = (unguided(config), config.vae.stride_t, config.latent_size());
-        let draws = Draws::new(seed, "batch", &[u64::from(step), clip]);
-        let (clip, latents) = if draws.uniform(2) < ROLLED && !self.rolled.is_empty() {
-            self.rolled[draws.below(0, self.rolled.len() as u64) as usize].clone()
-        } else {
+    fn batch(&self, step: u32, clip: u64) -> Result<DecoderBatch, TrainError> {
+        let (shape, stride) = (unguided(self.model.config()), self.model.config().vae.stride_t);
+        let draws = Draws::new(&self.seed, "batch", &[u64::from(step), clip]);
+        let encoded = draws.uniform(2) >= self.recipe.rolled || self.rolled.is_empty();
+        let (clip, latents) = if encoded {
             let clip = self.frames.first(&draws, self.length())?;
             let latents = autoencoder::encode(self.model.autoencoder(), &shape, &clip.frames);
             (clip, latents)
+        } else {
+            self.rolled[draws.below(0, self.rolled.len() as u64) as usize].clone()
         };
+        let count = self.recipe.stage.latents.min(latents.shape()[0]);
+        let from = draws.below(4, (latents.shape()[0] - count + 1) as u64) as usize;
+        let window = Window::drawn(self.recipe.crop_px, from..from + count, latents.shape(), &draws);
         let on = draws.uniform(3) >= LAYOUT_DROPOUT;
         let (mut layouts, mut frames, mut weights) = (Vec::new(), Vec::new(), Vec::new());
-        for (step, layout) in latent_steps(&clip.frames, stride).iter().zip(latent_steps(&clip.layouts, stride)) {
-            frames.extend(tokens::stacked(step).into_values());
-            weights.extend(emphasis::of_pixels(&layout, self.config.road_users));
-            let layout = tokens::stacked(&layout).into_values();
-            if on { layouts.extend(layout) } else { layouts.resize(layouts.len() + layout.len(), 0.0) }
+        let untold = if encoded { 1.0 } else { self.recipe.untold };
+        let steps = latent_steps(&clip.frames, stride).into_iter().zip(latent_steps(&clip.layouts, stride));
+        for (step, layout) in steps.skip(from).take(count) {
+            frames.extend(tokens::stacked(&step).into_values());
+            weights.extend(emphasis::of_pixels(&layout, self.config.road_users, untold));
+            layouts.extend(tokens::stacked(&layout).into_values());
         }
-        let images = latents.shape()[0] * stride;
+        if !on {
+            layouts.fill(0.0);
+        }
+        let [images, height, width] = [count * stride, 8 * latents.shape()[1], 8 * latents.shape()[2]];
+        let pixels =
+            |values: Vec<f32>, channels| window.pixels(&Array::new(&[images, height, width, channels], values));
         Ok(DecoderBatch {
             clips: 1,
-            latents,
-            layouts: Array::new(&[images, 8 * h, 8 * w, 3], layouts),
-            frames: Array::new(&[images, 8 * h, 8 * w, 3], frames),
-            emphasis: Array::new(&[images, 8 * h, 8 * w, 1], weights),
+            latents: window.latents(&latents),
+            layouts: pixels(layouts, 3),
+            frames: pixels(frames, 3),
+            told: encoded,
+            emphasis: pixels(weights, 1),
         })
+    }
+}
+
+/// A part of a clip: latent frames, rows and columns.
+struct Window {
+    frames: std::ops::Range<usize>,
+    rows: std::ops::Range<usize>,
+    columns: std::ops::Range<usize>,
+}
+
+impl Window {
+    /// Draws rows and columns of latents [steps, h, w, z].
+    fn drawn(crop_px: Option<[usize; 2]>, frames: std::ops::Range<usize>, shape: &[usize], draws: &Draws) -> Self {
+        let [width, height] = crop_px.unwrap_or([8 * shape[2], 8 * shape[1]]).map(|px| px / 8);
+        let place = |draw, whole: usize, part: usize| {
+            let part = part.min(whole);
+            let first = draws.below(draw, (whole - part + 1) as u64) as usize;
+            first..first + part
+        };
+        Self { frames, rows: place(5, shape[1], height), columns: place(6, shape[2], width) }
+    }
+
+    fn latents(&self, latents: &Array) -> Array {
+        self.cut(latents, self.frames.clone(), 1)
+    }
+
+    /// Cuts the window out of images, which begin with it.
+    fn pixels(&self, images: &Array) -> Array {
+        self.cut(images, 0..images.shape()[0], 8)
+    }
+
+    fn cut(&self, images: &Array, frames: std::ops::Range<usize>, scale: usize) -> Array {
+        let [_, height, width, channels]: [usize; 4] = images.shape().try_into().expect("images have four axes");
+        let [rows, columns] = [&self.rows, &self.columns].map(|range| scale * range.start..scale * range.end);
+        let mut values = Vec::with_capacity(frames.len() * rows.len() * columns.len() * channels);
+        for frame in frames.clone() {
+            for row in rows.clone() {
+                let line = (frame * height + row) * width;
+                values.extend_from_slice(
+                    &images.values()[(line + columns.start) * channels..(line + columns.end) * channels],
+                );
+            }
+        }
+        Array::new(&[frames.len(), rows.len(), columns.len(), channels], values)
     }
 }

@@ -1,13 +1,18 @@
 //! Where a loss counts more: the pixels whose layout shows vehicles, pedestrians or cyclists.
 //!
-//! Road users cover a few per cent of a frame, yet they are what a policy must see. Every other pixel counts 1.
+//! Road users cover a few per cent of a frame, yet they are what a policy must see. Every other pixel counts 1, but
+//! where a layout tells nothing but ground and the frame is one of many that it allows.
 
 use ds_layout::colour;
 use ds_raster::RgbImage;
 
-/// Returns the weight of every pixel of some layouts, [images, height, width].
-pub(crate) fn of_pixels(layouts: &[&RgbImage], road_users: f32) -> Vec<f32> {
-    let weight = |rgb: &[u8]| if colour::is_road_user([rgb[0], rgb[1], rgb[2]]) { road_users } else { 1.0 };
+/// Returns the weight of every pixel of some layouts, [images, height, width]; bare ground weighs `ground`.
+pub(crate) fn of_pixels(layouts: &[&RgbImage], road_users: f32, ground: f32) -> Vec<f32> {
+    let weight = |rgb: &[u8]| match [rgb[0], rgb[1], rgb[2]] {
+        colour::GROUND => ground,
+        rgb if colour::is_road_user(rgb) => road_users,
+        _ => 1.0,
+    };
     layouts.iter().flat_map(|layout| layout.rgb().chunks_exact(3).map(weight)).collect()
 }
 
@@ -16,7 +21,7 @@ pub(crate) fn of_latents(layouts: &[&RgbImage], road_users: f32) -> Vec<f32> {
     let (width, height) = (layouts[0].width_px() as usize, layouts[0].height_px() as usize);
     let (h, w) = (height / 8, width / 8);
     let mut sums = vec![0.0; h * w];
-    for (at, weight) in of_pixels(layouts, road_users).into_iter().enumerate() {
+    for (at, weight) in of_pixels(layouts, road_users, 1.0).into_iter().enumerate() {
         let (y, x) = (at / width % height, at % width);
         if y < 8 * h && x < 8 * w {
             sums[y / 8 * w + x / 8] += weight;
@@ -41,7 +46,7 @@ mod tests {
         }
         let (layout, empty) =
             (RgbImage::new(16, 8, rgb).expect("the size fits"), RgbImage::filled(16, 8, colour::LANE));
-        let pixels = of_pixels(&[&layout], 5.0);
+        let pixels = of_pixels(&[&layout], 5.0, 1.0);
         assert_eq!(pixels.iter().filter(|weight| **weight > 1.0).count(), 4);
         assert_eq!(pixels[8..13], [5.0, 5.0, 5.0, 5.0, 1.0]);
         // 4 of 128 pixels of the right block weigh 4 more.

@@ -27,7 +27,7 @@ pub mod policy;
 mod recipe;
 pub mod self_forcing;
 mod sets;
-mod sheet;
+pub mod sheet;
 pub mod ship;
 pub mod teacher;
 #[cfg(test)]

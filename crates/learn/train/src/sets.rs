@@ -68,7 +68,7 @@ impl Encoder {
             pixel.iter_mut().zip(statistics).for_each(|(value, (mean, std))| *value = *value * std + mean);
         }
         let latents = Array::new(&[values.len() / (h * w * z), h, w, z], values);
-        autoencoder::decode(self.ae.as_ref(), &self.shape, &latents)
+        autoencoder::decode(self.ae.as_ref(), &self.shape, &latents, None)
     }
 }
 

@@ -12,7 +12,10 @@ pub(crate) fn excerpt(images: &[RgbImage]) -> Vec<RgbImage> {
 }
 
 /// Writes rows of equally large images as one PNG.
-pub(crate) fn write(path: &Path, rows: &[Vec<RgbImage>]) -> Result<(), TrainError> {
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn write(path: &Path, rows: &[Vec<RgbImage>]) -> Result<(), TrainError> {
     let Some(first) = rows.first().and_then(|row| row.first()) else { return Ok(()) };
     let (width, height) = (first.width_px(), first.height_px());
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0) as u32;

@@ -223,6 +223,13 @@ pub struct VaeConfig {
     /// Memory blocks of the decoder's stages.
     #[serde(default)]
     pub decoder_blocks: [usize; 3],
+    /// Whether a linear map from latent to block runs beside the decoder.
+    #[serde(default = "yes", skip_serializing_if = "Clone::clone")]
+    pub decoder_skip: bool,
+}
+
+fn yes() -> bool {
+    true
 }
 
 /// The layout path.
@@ -416,6 +423,7 @@ impl ModelConfig {
             encoder_blocks: self.vae.encoder_blocks,
             decoder_widths: self.vae.decoder_widths,
             decoder_blocks: self.vae.decoder_blocks,
+            decoder_skip: self.vae.decoder_skip,
             guides: self.control.decoder_layers,
         }
     }

@@ -256,6 +256,7 @@ fn autoencoders() -> [AeShape; 3] {
         encoder_blocks: 1,
         decoder_widths: [24, 16, 16],
         decoder_blocks: [1, 1, 0],
+        decoder_skip: true,
         guides: 1,
     };
     let cpu_train = AeShape { z: 12, encoder_width: 96, decoder_widths: [96, 48, 24], guides: 2, ..smoke.clone() };
@@ -266,6 +267,7 @@ fn autoencoders() -> [AeShape; 3] {
         encoder_blocks: 2,
         decoder_widths: [20, 7, 5],
         decoder_blocks: [2, 1, 1],
+        decoder_skip: false,
         guides: 0,
     };
     [smoke, cpu_train, odd]

@@ -2,10 +2,13 @@
 
 use ds_graph::step;
 use ds_kernel::train;
-use ds_nn::array::Array;
+use ds_nn::array::{Array, Weights};
 use ds_nn::cache::{CachePolicy, Positions, ReadOrder};
+use ds_nn::discriminator::DiscriminatorShape;
 use ds_nn::dit::DitShape;
-use ds_nn::step::{AeBatch, BidirectionalPlan, CausalPlan, ClipBatch, DecoderBatch, Level, Prediction, Step};
+use ds_nn::step::{
+    Adversary, AeBatch, BidirectionalPlan, CausalPlan, ClipBatch, DecoderBatch, Level, Prediction, Step,
+};
 use ds_nn::team::Team;
 use ds_nn::tiny_ae::AeShape;
 
@@ -27,7 +30,7 @@ fn check(found: &Step, expected: &Step, case: &str) {
     assert!((found.loss - expected.loss).abs() < 1e-5 * expected.loss.abs(), "{case}: loss");
     assert_eq!(found.parts.len(), expected.parts.len(), "{case}");
     for ((name, a), (other, b)) in found.parts.iter().zip(&expected.parts) {
-        assert!(name == other && (a - b).abs() < 1e-5 * b.abs(), "{case}: part {name}");
+        assert!(name == other && (a - b).abs() <= 1e-5 * b.abs(), "{case}: part {name}");
     }
     assert_eq!(found.gradient.iter().count(), expected.gradient.iter().count());
     for ((name, found), (_, expected)) in found.gradient.iter().zip(expected.gradient.iter()) {
@@ -132,9 +135,10 @@ fn autoencoders() -> [AeShape; 3] {
         encoder_blocks: 2,
         decoder_widths: [20, 7, 5],
         decoder_blocks: [2, 1, 1],
+        decoder_skip: true,
         guides: 2,
     };
-    let two = AeShape { stride_t: 2, decoder_blocks: [1, 0, 2], guides: 1, ..narrow.clone() };
+    let two = AeShape { stride_t: 2, decoder_blocks: [1, 0, 2], decoder_skip: false, guides: 1, ..narrow.clone() };
     let bare =
         AeShape { z: 16, stride_t: 1, encoder_blocks: 0, decoder_blocks: [0, 0, 0], guides: 0, ..narrow.clone() };
     [narrow, two, bare]
@@ -160,8 +164,100 @@ fn reconstruction_steps_equal_the_framework() {
         check(&train::autoencoder(&shape, &weights, &batch), &step::autoencoder(&shape, &weights, &batch), &case);
         let latents = draw("latents", &[steps, h, w, shape.z]);
         let layouts = image("layouts", 3);
-        let batch = DecoderBatch { clips, latents, layouts, frames: image("frames", 3), emphasis };
+        let batch = DecoderBatch { clips, latents, layouts, frames: image("frames", 3), told: true, emphasis };
         check(&train::decoder(&shape, &weights, &batch), &step::decoder(&shape, &weights, &batch), &case);
+    }
+}
+
+/// A decoder's batch of two clips with a discriminator's sizes.
+fn opposed(shape: &AeShape, told: bool) -> (DecoderBatch, DiscriminatorShape) {
+    let image = |name: &str, c: usize| draw(name, &[4 * shape.stride_t, 16, 24, c]);
+    let emphasis = Array::new(&[4 * shape.stride_t, 16, 24, 1], vec![1.0; 4 * shape.stride_t * 16 * 24]);
+    let latents = draw("latents", &[4, 2, 3, shape.z]);
+    let (layouts, frames) = (image("layouts", 3), image("frames", 3));
+    (DecoderBatch { clips: 2, latents, layouts, frames, told, emphasis }, DiscriminatorShape { widths: [6, 5, 7] })
+}
+
+/// A discriminator whose verdicts lie on both sides of the hinges.
+fn judge(shape: DiscriminatorShape) -> Weights {
+    let mut weights = weights(&shape.declare());
+    weights.get_mut("layer.3.weight").expect("declared").values_mut().iter_mut().for_each(|value| *value *= 8.0);
+    weights
+}
+
+fn against<'a>(shape: DiscriminatorShape, weights: &'a Weights, batch: &DecoderBatch, share: f32) -> Adversary<'a> {
+    let noise = draw("noise", batch.frames.shape());
+    Adversary { shape, weights, noise, smoothness: 0.7, share, features: 2.0 }
+}
+
+/// Returns weights of which one value is moved.
+fn moved(weights: &Weights, name: &str, at: usize, by: f32) -> Weights {
+    let mut weights = weights.clone();
+    weights.get_mut(name).expect("declared").values_mut()[at] += by;
+    weights
+}
+
+#[test]
+fn adversarial_steps_equal_the_framework() {
+    for (shape, told) in autoencoders().into_iter().zip([true, false, true]) {
+        let (batch, sizes) = opposed(&shape, told);
+        let (decoder, judge) = (weights(&shape.declare()), judge(sizes));
+        let against = against(sizes, &judge, &batch, 0.8);
+        let own = train::adversarial(&shape, &decoder, &batch, &against);
+        let graph = step::adversarial(&shape, &decoder, &batch, &against);
+        for ((own, graph), network) in own.iter().zip(&graph).zip(["decoder", "discriminator"]) {
+            check(own, graph, &format!("{network} of {shape:?}"));
+        }
+    }
+}
+
+#[test]
+fn the_discriminator_learns_along_its_gradient() {
+    let shape = AeShape { guides: 1, ..autoencoders()[0].clone() };
+    let (batch, sizes) = opposed(&shape, true);
+    let (decoder, judge) = (weights(&shape.declare()), judge(sizes));
+    let step = |judge: &Weights| {
+        let [_, step] = train::adversarial(&shape, &decoder, &batch, &against(sizes, judge, &batch, 1.0));
+        step
+    };
+    let gradient = step(&judge).gradient;
+    for name in ["layer.0.weight", "layer.1.bias", "layer.2.weight", "layer.3.weight", "layer.3.bias"] {
+        let along = gradient.get(name).expect("declared").values();
+        let at = (0..along.len()).max_by(|a, b| along[*a].abs().total_cmp(&along[*b].abs())).expect("not empty");
+        let by = 2e-3;
+        let slope = (step(&moved(&judge, name, at, by)).loss - step(&moved(&judge, name, at, -by)).loss) / (2.0 * by);
+        assert!((slope - along[at]).abs() < 0.03 * along[at].abs() + 1e-4, "{name}: {slope} is not {}", along[at]);
+    }
+}
+
+#[test]
+fn the_decoder_learns_to_be_taken_for_true() {
+    for (told, features) in [(false, 0.0), (true, 2.0)] {
+        let shape = AeShape { guides: 1, ..autoencoders()[0].clone() };
+        let (batch, sizes) = opposed(&shape, told);
+        let (decoder, judge) = (weights(&shape.declare()), judge(sizes));
+        let step = |decoder: &Weights, share: f32| {
+            let [step, _] = train::adversarial(&shape, decoder, &batch, &against(sizes, &judge, &batch, share));
+            step
+        };
+        let (with, without) = (step(&decoder, 1.0), step(&decoder, 0.0));
+        assert_eq!(without.gradient, train::decoder(&shape, &decoder, &batch).gradient);
+        let name = "decoder.head.bias";
+        let of = |step: &Step| step.gradient.get(name).expect("declared").values().to_vec();
+        let pull: Vec<f32> = of(&with).iter().zip(of(&without)).map(|(a, b)| a - b).collect();
+        let told_of = |step: &Step| {
+            let part = |name: &str| step.parts.iter().find(|(part, _)| *part == name).expect("told").1;
+            features * part("features") - part("fake")
+        };
+        let slope = |at: usize| {
+            let by = 2e-3;
+            (told_of(&step(&moved(&decoder, name, at, by), 0.0)) - told_of(&step(&moved(&decoder, name, at, -by), 0.0)))
+                / (2.0 * by)
+        };
+        let slopes: Vec<f32> = (0..12).map(slope).collect();
+        let norm = |values: &[f32]| values.iter().map(|x| x * x).sum::<f32>().sqrt();
+        let both: f32 = pull.iter().zip(&slopes).map(|(a, b)| a * b).sum();
+        assert!(both / norm(&pull) / norm(&slopes) > 0.999, "{told}: {pull:?} is not along {slopes:?}");
     }
 }
 

@@ -55,6 +55,8 @@ pub struct Abilities {
     pub chunk_ticks: u32,
     /// Ticks before the last committed one whose layouts the video model remembers.
     pub layout_memory_ticks: u32,
+    /// Width and height of the video model's frames, in pixels; 0 without one.
+    pub frame_px: [u32; 2],
     /// Digest of the camera policy; zero without one.
     pub policy_model: Digest,
     /// Devices that it sees.

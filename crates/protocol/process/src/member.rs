@@ -129,6 +129,8 @@ impl Member {
             video_model: abilities.video_model.0.to_vec().into(),
             chunk_ticks: abilities.chunk_ticks,
             layout_memory_ticks: abilities.layout_memory_ticks,
+            frame_width_px: abilities.frame_px[0],
+            frame_height_px: abilities.frame_px[1],
             policy_model: abilities.policy_model.0.to_vec().into(),
         }
     }

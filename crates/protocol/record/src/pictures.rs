@@ -1,7 +1,7 @@
 //! Pictures of a drive: what the policy saw next to the layout and a top-down view, as animation and contact sheet.
 //!
-//! Small images are enlarged by whole factors, pixel by pixel, so that nothing is invented. One camera is a column:
-//! frame above layout; the top-down view stands beside the columns. No wall clock: the caption is simulation time.
+//! Small images are enlarged by whole factors, pixel by pixel, so that nothing is invented; large ones are reduced. One
+//! camera is a column: frame above layout, both of one size; the top-down view stands beside the columns. No wall clock: the caption is simulation time.
 
 pub mod animation;
 pub mod canvas;
@@ -22,6 +22,8 @@ use top_view::TopView;
 
 /// Columns are made at least this wide, in pixels, by whole enlargement.
 const COLUMN_PX: u32 = 300;
+/// No side of an image is longer, in pixels.
+const PANEL_PX: u32 = 480;
 /// The narrowest top-down view, in pixels.
 const TOP_VIEW_PX: u32 = 320;
 /// The most cameras that are shown.
@@ -108,10 +110,10 @@ fn top_caption(moment: &Moment) -> String {
 
 /// Stacks the images of a camera, each under its caption.
 fn column(camera: &str, images: &[(&str, Option<&RgbImage>)]) -> RgbImage {
-    let parts: Vec<RgbImage> = images
-        .iter()
-        .filter_map(|(name, image)| image.map(|image| with_caption(&format!("{name} {camera}"), &enlarged(image))))
-        .collect();
+    let shown = || images.iter().filter_map(|(name, image)| image.map(|image| (name, image)));
+    let size = shown().next().map_or([1, 1], |(_, image)| panel(image));
+    let parts: Vec<RgbImage> =
+        shown().map(|(name, image)| with_caption(&format!("{name} {camera}"), &at(image, size))).collect();
     let width = parts.iter().map(RgbImage::width_px).max().unwrap_or(1);
     let mut whole = RgbImage::filled(width, parts.iter().map(RgbImage::height_px).sum(), BACKGROUND);
     let mut y = 0;
@@ -122,8 +124,22 @@ fn column(camera: &str, images: &[(&str, Option<&RgbImage>)]) -> RgbImage {
     whole
 }
 
-fn enlarged(image: &RgbImage) -> RgbImage {
-    canvas::enlarged(image, COLUMN_PX.div_ceil(image.width_px()))
+/// Returns the size at which an image is shown.
+fn panel(image: &RgbImage) -> [u32; 2] {
+    let (width, height) = (image.width_px(), image.height_px());
+    let longest = width.max(height);
+    if longest > PANEL_PX {
+        return [width, height].map(|side| (u64::from(side) * u64::from(PANEL_PX) / u64::from(longest)).max(1) as u32);
+    }
+    let factor = COLUMN_PX.div_ceil(width).min(PANEL_PX / longest).max(1);
+    [factor * width, factor * height]
+}
+
+/// Returns an image at a size: pixels as squares where that is a whole multiple, else means.
+fn at(image: &RgbImage, [width, height]: [u32; 2]) -> RgbImage {
+    let factor = width / image.width_px();
+    let whole = [image.width_px(), image.height_px()].map(|side| factor * side) == [width, height];
+    if whole { canvas::enlarged(image, factor) } else { image.resized(width, height) }
 }
 
 fn with_caption(text: &str, image: &RgbImage) -> RgbImage {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ds_raster::{Encoding, RgbImage};
-use ds_space::{Digest, DigestWriter, PoseSe2, SimTime, Tick};
+use ds_space::{Digest, DigestWriter, Intrinsics, PoseSe2, SimTime, Tick};
 use ds_world::{EgoState, Proposal, Reading, RouteCommand, Scene, Trajectory, WorldState};
 
 use crate::spec::EpisodeSpec;
@@ -17,6 +17,9 @@ pub struct SceneMessage {
     pub scene: Arc<Scene>,
     /// The first frame o_0 of each camera, in camera order; empty where no video model runs.
     pub first_frames: Vec<RgbImage>,
+    /// Lens and image size that each camera has in the scenario, in camera order, where those of `scene` are a part of these
+    /// images brought to the size of the video model's frames; empty where they are the scenario's own.
+    pub originals: Vec<Intrinsics>,
 }
 
 /// Body of `world`.
@@ -317,6 +320,17 @@ impl SceneMessage {
         writer.digest(&self.scene.digest).u64(self.first_frames.len() as u64);
         for frame in &self.first_frames {
             frame.digest_into(writer);
+        }
+        if !self.originals.is_empty() {
+            let lens = |of: &Intrinsics, writer: &mut DigestWriter| {
+                writer.u32(of.width_px).u32(of.height_px);
+                writer.f64s(&[of.fx_px, of.fy_px, of.cx_px, of.cy_px, of.k1, of.k2]);
+            };
+            writer.text("original_intrinsics");
+            for (original, camera) in self.originals.iter().zip(&self.scene.cameras) {
+                lens(original, writer);
+                lens(&camera.intrinsics, writer);
+            }
         }
     }
 }

@@ -7,6 +7,7 @@
 //! is committed and compared with `proto/` by a test. No transport here.
 
 pub mod advance;
+mod adversary;
 pub mod body;
 pub mod cache;
 pub mod codec;

@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use ds_raster::Encoding;
-use ds_space::SimTime;
+use ds_space::{Intrinsics, SimTime};
 use ds_topic::SceneMessage;
 use ds_world::{Origin, Scene, Track, TrackPoint, VehicleParameters};
 
+use crate::adversary::adversary;
 use crate::error::FieldError;
 use crate::field::{choice, digest, list, number, part, positive, text};
 use crate::geometry::points;
@@ -125,6 +126,7 @@ impl From<&Scene> for v1::Scenario {
                 licence: value.origin.licence.clone(),
                 attribution: value.origin.attribution.clone(),
             }),
+            adversary: value.adversary.as_ref().map(Into::into),
         }
     }
 }
@@ -142,7 +144,10 @@ impl TryFrom<v1::Scenario> for Scene {
             return Err(FieldError::new("cameras", "is empty"));
         }
         let origin = message.origin.unwrap_or_default();
+        let tracks: Vec<Track> = list("tracks", message.tracks, MAX_AGENTS)?;
+        let adversary = message.adversary.map(|part| adversary(part, &tracks)).transpose();
         let scene = Self {
+            adversary: adversary.map_err(|error| error.below("adversary"))?,
             name: text("name", message.name, MAX_NAME_BYTES)?,
             family: text("family", message.family, MAX_NAME_BYTES)?,
             digest: digest("digest", &message.digest)?,
@@ -151,7 +156,7 @@ impl TryFrom<v1::Scenario> for Scene {
             vehicle: part("vehicle", message.vehicle)?,
             ego_log: list("ego_log", message.ego_log, MAX_TICKS)?,
             route: points("route", message.route, 0)?,
-            tracks: list("tracks", message.tracks, MAX_AGENTS)?,
+            tracks,
             cameras: list("cameras", message.cameras, MAX_CAMERAS)?,
             prompt: text("prompt", message.prompt, MAX_TEXT_BYTES)?,
             origin: Origin {
@@ -171,6 +176,7 @@ impl From<&SceneMessage> for v1::Scene {
             spec: Some((&value.spec).into()),
             scenario: Some((&*value.scene).into()),
             first_frames: value.first_frames.iter().map(|frame| to_message(frame, Encoding::Png)).collect(),
+            original_intrinsics: value.originals.iter().map(Into::into).collect(),
         }
     }
 }
@@ -188,10 +194,16 @@ impl TryFrom<v1::Scene> for SceneMessage {
             }
         }
         let frames: Vec<Lossless> = list("first_frames", message.first_frames, MAX_CAMERAS)?;
+        let originals: Vec<Intrinsics> = list("original_intrinsics", message.original_intrinsics, MAX_CAMERAS)?;
+        if !originals.is_empty() && originals.len() != scene.cameras.len() {
+            let problem = format!("hold {} lenses of {} cameras", originals.len(), scene.cameras.len());
+            return Err(FieldError::new("original_intrinsics", problem));
+        }
         Ok(Self {
             spec: part("spec", message.spec)?,
             scene: Arc::new(scene),
             first_frames: frames.into_iter().map(|frame| frame.0).collect(),
+            originals,
         })
     }
 }

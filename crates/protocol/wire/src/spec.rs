@@ -37,6 +37,8 @@ where
 /// Bounds on the effects of an episode.
 pub(crate) const MAX_EFFECTS: usize = 64;
 const MAX_VALUES: usize = 16;
+/// Longest id of an effect, which may be the text of a law.
+const MAX_EFFECT_BYTES: usize = 1024;
 const MAX_DELAY_TICKS: u32 = 100;
 
 impl From<&SwitchedEffect> for v1::SwitchedEffect {
@@ -56,7 +58,7 @@ impl TryFrom<v1::SwitchedEffect> for SwitchedEffect {
         }
         let values = message.values.into_iter().enumerate();
         Ok(Self {
-            id: text("id", message.id, MAX_NAME_BYTES)?,
+            id: text("id", message.id, MAX_EFFECT_BYTES)?,
             values: values.map(|(i, value)| number(&format!("values[{i}]"), Some(value))).collect::<Result<_, _>>()?,
         })
     }

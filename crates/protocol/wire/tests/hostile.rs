@@ -139,6 +139,7 @@ fn scene() -> SceneMessage {
     let id = CameraId::new("front").expect("an id");
     let track = Track { name: "t".to_owned(), class: AgentClass::Cone, size: agent(0).size, points: vec![None; 2] };
     let scene = Scene {
+        adversary: None,
         name: "s".to_owned(),
         family: String::new(),
         digest: Digest::of(b"scene"),
@@ -152,7 +153,7 @@ fn scene() -> SceneMessage {
         prompt: String::new(),
         origin: Origin::default(),
     };
-    SceneMessage { spec: spec(), scene: Arc::new(scene), first_frames: vec![image()] }
+    SceneMessage { spec: spec(), scene: Arc::new(scene), first_frames: vec![image()], originals: Vec::new() }
 }
 
 fn spec() -> EpisodeSpec {

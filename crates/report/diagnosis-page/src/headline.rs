@@ -4,6 +4,7 @@ use ds_diagnosis::Verdict;
 use ds_diagnosis::schema::{Diagnosis, Finding, Shrink, Unknown};
 use ds_effect::Channel;
 
+use super::law;
 use super::markup::Markup;
 use super::words;
 
@@ -80,6 +81,10 @@ pub(crate) fn sentence(diagnosis: &Diagnosis) -> String {
     let sure = words::chance(sure(diagnosis));
     match diagnosis.verdict {
         Verdict::None => format!("Nothing is missing beyond what every vehicle and sensor has: {sure} sure."),
+        Verdict::Unknown if diagnosis.discovery.as_ref().is_some_and(|found| found.law.is_some()) => {
+            let found = diagnosis.discovery.as_ref().map(law::sentence).unwrap_or_default();
+            format!("{MISSING}: {sure} sure. {found}")
+        }
         Verdict::Unknown => {
             let known = match names.as_str() {
                 "" => String::new(),

@@ -44,7 +44,8 @@ pub(crate) fn body(m: &mut Markup, cases: &[(String, Diagnosis)]) {
     });
 }
 
-fn tile(m: &mut Markup, count: usize, what: &str, class: &str) {
+/// Writes a count and what is counted.
+pub(crate) fn tile(m: &mut Markup, count: usize, what: &str, class: &str) {
     m.inside("li", &[("class", &class)], |m| {
         m.leaf("b", &[], count);
         m.leaf("span", &[], what);

@@ -13,10 +13,12 @@ use ds_page as markup;
 mod baseline;
 mod effects;
 mod embed;
+mod fleet;
 mod frames;
 mod further;
 mod headline;
 mod index;
+mod law;
 mod material;
 mod over_time;
 mod place;
@@ -27,6 +29,7 @@ mod shrink;
 mod tests;
 mod text;
 mod tiles;
+mod when;
 mod words;
 
 use ds_page::{Document, Markup, Pictures};
@@ -59,6 +62,18 @@ pub fn baseline(baseline: &ds_dynamics::baseline::Baseline) -> String {
     baseline::text(baseline)
 }
 
+/// Returns the page of a fleet: who differs and by what; pages of cases are linked as `CASE/report.html`.
+#[must_use]
+pub fn fleet(fleet: &ds_dynamics::fleet::Fleet, cases: &[Diagnosis]) -> String {
+    document("Fleet", |m| fleet::body(m, fleet, cases))
+}
+
+/// Returns a fleet as plain text for a terminal.
+#[must_use]
+pub fn fleet_text(fleet: &ds_dynamics::fleet::Fleet) -> String {
+    fleet::text(fleet)
+}
+
 /// Returns a diagnosis as plain text for a terminal.
 #[must_use]
 pub fn text(diagnosis: &Diagnosis) -> String {
@@ -74,7 +89,9 @@ fn parts(diagnosis: &Diagnosis, material: &Material) -> Vec<(&'static str, &'sta
     let next = !diagnosis.next_manoeuvre.is_empty() || !diagnosis.indistinguishable.is_empty();
     let all = [
         (true, "which", "Which effect"),
+        (when::changing(diagnosis).is_some(), "when", "When it acts"),
         (diagnosis.unknown_description.is_some(), "unknown", "What no effect explains"),
+        (diagnosis.discovery.is_some(), "law", "A law outside the library"),
         (true, "where", "Where the gap lies"),
         (material.strip.is_some(), "frames", "In the frames"),
         (!diagnosis.how_far.is_empty(), "shrink", "How far it shrinks"),
@@ -89,7 +106,9 @@ fn parts(diagnosis: &Diagnosis, material: &Material) -> Vec<(&'static str, &'sta
 fn section(m: &mut Markup, id: &str, diagnosis: &Diagnosis, material: &Material) {
     match (id, &diagnosis.unknown_description, &material.strip) {
         ("which", ..) => effects::section(m, diagnosis, material.mass_kg),
+        ("when", ..) => when::changing(diagnosis).into_iter().for_each(|course| when::section(m, diagnosis, course)),
         ("unknown", Some(left), _) => further::remainder(m, left),
+        ("law", ..) => diagnosis.discovery.iter().for_each(|found| law::section(m, found)),
         ("where", ..) => place::section(m, diagnosis, material),
         ("frames", _, Some(strip)) => frames::section(m, diagnosis, strip),
         ("shrink", ..) => shrink::section(m, diagnosis),

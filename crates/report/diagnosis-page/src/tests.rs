@@ -6,6 +6,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use ds_diagnosis::Verdict;
+use ds_diagnosis::discovery::{Discovery, FoundLaw, FoundTerm, LawKind, LawShare, Place};
+use ds_diagnosis::modulation::{Modulation, Session};
 use ds_diagnosis::schema::{
     Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, Regime, Remainder, Shrink, Unknown,
 };
@@ -112,6 +114,7 @@ fn hostile() -> Diagnosis {
             secs_needed: f64::INFINITY,
         }],
         corrected_model: Corrected {
+            laws: Vec::new(),
             effects: vec![CorrectedEffect { id: HOSTILE.to_owned(), value: 1.0, values: vec![f64::NAN] }],
             nuisance: BTreeMap::from([(HOSTILE.to_owned(), 0.1)]),
             ordinary: BTreeMap::from([(HOSTILE.to_owned(), 0.2)]),
@@ -183,6 +186,78 @@ fn data(folder: &str) -> Option<PathBuf> {
         return None;
     }
     Some(folder)
+}
+
+fn law(text: &str, expression: &str) -> Discovery {
+    let term = FoundTerm { expression: expression.to_owned(), coefficient: -0.0357, interval90: [-0.041, f64::NAN] };
+    let found = FoundLaw {
+        text: text.to_owned(),
+        terms: vec![term],
+        kind: LawKind::Expression,
+        port: "steering.linkage".to_owned(),
+        unit: "rad".to_owned(),
+        equivalent: vec![text.to_owned()],
+        stable: false,
+    };
+    Discovery {
+        insertion: vec![Place { id: "steering".to_owned(), probability: 0.97 }],
+        law: Some(found),
+        share_explained: Some(LawShare {
+            metric: "position_2s".to_owned(),
+            value: 0.83,
+            interval90: None,
+            on: "heldout".to_owned(),
+        }),
+        p_none: 0.03,
+        ..Discovery::default()
+    }
+}
+
+#[test]
+fn a_law_is_told_with_its_place_and_drawn_over_its_signal() {
+    let text = "steering.linkage: -0.0357*delta[-0.07;0.05]*abs(ay[-2.7;2.3])";
+    let found = Diagnosis {
+        verdict: Verdict::Unknown,
+        p_unknown: 0.95,
+        discovery: Some(law(text, "delta*abs(ay)")),
+        ..clean()
+    };
+    let page = page(&found, None);
+    checked(&page);
+    assert!(has(&page, "law") && page.contains("--law") && page.contains("class=\"whisker curve\""));
+    assert!(page.contains("steering angle, rad"), "the signal along which it changes most");
+    let said = super::text(&found);
+    assert!(said.contains("u = −0.0357·delta·abs(ay) rad") && said.contains("83 %"), "{said}");
+    // a text that is no law is shown and not drawn
+    let hostile = Diagnosis { discovery: Some(law(HOSTILE, HOSTILE)), ..hostile() };
+    let shown = super::page(&hostile, None);
+    checked(&shown);
+    assert!(!shown.contains("class=\"whisker curve\""));
+    let none = Discovery { note: Some("no law holds".to_owned()), p_none: 1.0, ..Discovery::default() };
+    let said = super::text(&Diagnosis { discovery: Some(none), ..clean() });
+    assert!(said.contains("No law holds."), "{said}");
+}
+
+#[test]
+fn an_onset_is_told() {
+    let modulation = Modulation {
+        effect: "steer_delay".to_owned(),
+        kind: "onset".to_owned(),
+        evidence: 41.3,
+        onset_s: Some(18.5),
+        interval90: Some([17.75, 19.25]),
+        drive: Some(1),
+        scope: Some("later".to_owned()),
+        value: Some(0.15),
+        sessions: vec![Session { drive: 1, size: 0.9, error: 0.1 }],
+    };
+    let onset = Diagnosis { modulation: Some(modulation.clone()), ..clean() };
+    let html = page(&onset, None);
+    assert!(html.contains("When it acts") && html.contains("18.5 s (90 %: 17.8 to 19.2 s) of drive 1"), "{html}");
+    let told = text(&onset).split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(told.contains("of drive 1, and stays in the drives after it"), "{told}");
+    let constant = Modulation { kind: "constant".to_owned(), onset_s: None, ..modulation };
+    assert!(!page(&Diagnosis { modulation: Some(constant), ..clean() }, None).contains("When it acts"));
 }
 
 #[test]

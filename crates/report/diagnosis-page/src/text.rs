@@ -8,7 +8,9 @@ use ds_diagnosis::schema::{Diagnosis, Shrink};
 
 use super::effects::shown;
 use super::headline::{at_floor, data, has_estimate, predicted, sentence};
+use super::law;
 use super::place;
+use super::when;
 use super::words;
 
 const WIDTH: usize = 100;
@@ -25,9 +27,21 @@ pub(crate) fn text(diagnosis: &Diagnosis) -> String {
         wrap(&mut out, &format!("warning: {warning}"), "  ");
     }
     which(&mut out, diagnosis);
+    if let Some(course) = when::changing(diagnosis) {
+        title(&mut out, "When");
+        wrap(&mut out, &when::sentence(diagnosis, course), "  ");
+    }
     if let Some(left) = &diagnosis.unknown_description {
         title(&mut out, "Not explained");
         wrap(&mut out, &left.text, "  ");
+    }
+    if let Some(found) = &diagnosis.discovery {
+        title(&mut out, "A law outside the library");
+        wrap(&mut out, &law::sentence(found), "  ");
+        let places = found.insertion.iter().take(3);
+        let told: Vec<String> =
+            places.map(|p| format!("{} {}", law::place_name(&p.id), words::chance(p.probability))).collect();
+        wrap(&mut out, &format!("where it acts: {}", told.join(", ")), "  ");
     }
     where_(&mut out, diagnosis);
     how_far(&mut out, diagnosis);

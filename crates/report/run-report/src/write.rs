@@ -19,12 +19,14 @@ pub fn json(report: &Report) -> serde_json::Result<String> {
 }
 
 /// Points of 100 with one digit, as people read scores.
-pub(crate) fn points(value: Option<f64>) -> String {
+#[must_use]
+pub fn points(value: Option<f64>) -> String {
     value.map_or_else(|| "n/a".to_owned(), |value| number(100.0 * value, 1))
 }
 
 /// Points with their sign, for differences.
-pub(crate) fn signed(value: Option<f64>) -> String {
+#[must_use]
+pub fn signed(value: Option<f64>) -> String {
     let text = points(value);
     let unsigned = value.is_none() || text.starts_with('−') || text.chars().all(|c| matches!(c, '0' | '.'));
     if unsigned { text } else { format!("+{text}") }
@@ -36,7 +38,8 @@ pub(crate) fn range(interval: Option<crate::bootstrap::Interval>) -> String {
 }
 
 /// A p-value as far as it can be told.
-pub(crate) fn chance(p: Option<f64>) -> String {
+#[must_use]
+pub fn chance(p: Option<f64>) -> String {
     match p {
         None => "—".to_owned(),
         Some(p) if p < 0.001 => "< 0.001".to_owned(),
@@ -45,7 +48,8 @@ pub(crate) fn chance(p: Option<f64>) -> String {
 }
 
 /// A number with a fixed count of digits and a real minus sign; never "-0".
-pub(crate) fn number(value: f64, digits: usize) -> String {
+#[must_use]
+pub fn number(value: f64, digits: usize) -> String {
     let text = format!("{value:.digits$}");
     match text.strip_prefix('-') {
         Some(rest) if rest.chars().all(|c| matches!(c, '0' | '.')) => rest.to_owned(),

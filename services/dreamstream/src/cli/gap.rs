@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand, ValueHint};
+use clap::{Args, Subcommand, ValueEnum, ValueHint};
 
 use super::Observation;
 use ds_process::onlooker::OnlookerArgs;
@@ -13,8 +13,14 @@ use ds_process::shipped;
 pub(crate) enum GapCommand {
     /// Diagnose cases: folders with meta.json and logs, or folders of such folders.
     Diagnose(DiagnoseArgs),
+    /// Diagnose cases and look for a law where no effect of the library explains them: at which point of the loop a signal is
+    /// added, and which (docs/gap-discover.md). `gap diagnose` does so by itself where its verdict is unknown.
+    Discover(DiagnoseArgs),
     /// Learn from healthy logs of a vehicle what its nominal simulator gets wrong without any fault.
     Baseline(BaselineArgs),
+    /// Say which vehicles of a fleet differ from the others, by which effect, and how common each effect is: nobody has to
+    /// know which are healthy.
+    Fleet(FleetArgs),
     /// Measure on drives that a diagnosis never saw how far the gap shrinks with the effects added.
     Evaluate(EvaluateArgs),
     /// Check any CSV logs by a mapping file, say what looks wrong with them, and make a case of them.
@@ -87,6 +93,12 @@ pub(crate) struct DiagnoseArgs {
     /// case's folder, see docs/simulators.md.
     #[arg(long, value_name = "COMMAND", conflicts_with = "baseline")]
     pub(crate) simulator: Option<String>,
+    /// Effects to leave out of the library, to see what is said without them.
+    #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
+    pub(crate) without: Vec<String>,
+    /// Keep the diagnoses of an earlier call into this folder whose case, options and program are the same.
+    #[arg(long)]
+    pub(crate) resume: bool,
     /// Draw no pages.
     #[arg(long)]
     pub(crate) no_pages: bool,
@@ -104,6 +116,32 @@ pub(crate) struct BaselineArgs {
     pub(crate) healthy: Vec<PathBuf>,
     /// Where the baseline goes, for `gap diagnose --baseline`.
     #[arg(long, short, default_value = "out/baseline.json", value_hint = ValueHint::FilePath)]
+    pub(crate) out: PathBuf,
+}
+
+/// What a member of a fleet is.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum By {
+    /// A vehicle, by `vehicle` in meta.json.
+    Vehicle,
+    /// A day of drives, by `day` in meta.json.
+    Day,
+}
+
+/// Arguments of `gap fleet`.
+#[derive(Debug, Args)]
+pub(crate) struct FleetArgs {
+    /// Cases of at least four members; folders of cases are opened.
+    #[arg(required = true, value_hint = ValueHint::DirPath)]
+    pub(crate) cases: Vec<PathBuf>,
+    /// What a member is.
+    #[arg(long, value_enum, default_value_t = By::Vehicle)]
+    pub(crate) by: By,
+    /// Fast pass and single fits only.
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Where `fleet.json`, `fleet.html`, `CASE/diagnosis.json` and `CASE/report.html` go.
+    #[arg(long, short, default_value = "out/fleet", value_hint = ValueHint::DirPath)]
     pub(crate) out: PathBuf,
 }
 

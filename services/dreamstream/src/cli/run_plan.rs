@@ -47,6 +47,7 @@ impl Default for RunPlan {
             no_pictures: false,
             config: None,
             effects: Vec::new(),
+            laws: Vec::new(),
             vehicle_log: false,
             seal: None,
             seal_seed: None,

@@ -76,6 +76,8 @@ pub(crate) struct VideoEvalArgs {
 /// A part of an evaluation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum PartName {
+    /// Detail, blocks and seams along whole drives
+    Sharpness,
     /// Layout IoU, traffic lights, PSNR, perceptual and feature distance, colours, seams.
     Layout,
     /// Feature distance along long rollouts.
@@ -92,6 +94,7 @@ impl PartName {
     /// Returns the part.
     pub(crate) fn part(self) -> Part {
         match self {
+            Self::Sharpness => Part::Sharpness,
             Self::Layout => Part::Layout,
             Self::Drift => Part::Drift,
             Self::Appearance => Part::Appearance,

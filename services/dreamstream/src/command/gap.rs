@@ -16,11 +16,14 @@ use ds_diagnosis::meta::{Kind, VehicleMeta};
 use ds_diagnosis::score::score_folder;
 use ds_diagnosis::{Diagnosis, json};
 use ds_effect::{Channel, Parameter};
+use ds_space::Digest;
 use ds_vehicle_logs::{Mapping, Suggestion};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
-use crate::cli::{ApplyArgs, BaselineArgs, DiagnoseArgs, EvaluateArgs, GapCommand, GapImportArgs, GapScoreArgs};
+use crate::cli::{
+    ApplyArgs, BaselineArgs, By, DiagnoseArgs, EvaluateArgs, FleetArgs, GapCommand, GapImportArgs, GapScoreArgs,
+};
 use crate::command::{answer, bar, complain, scenario};
 
 const PAGE: &str = "report.html";
@@ -51,7 +54,9 @@ pub(crate) fn run(command: &GapCommand, log: &str) -> Result<()> {
             Ok(())
         }
         GapCommand::Baseline(args) => learn(args),
-        GapCommand::Diagnose(args) => diagnose_all(args),
+        GapCommand::Fleet(args) => fleet(args),
+        GapCommand::Diagnose(args) => diagnose_all(args, false),
+        GapCommand::Discover(args) => diagnose_all(args, true),
         GapCommand::Evaluate(args) => evaluate_one(args),
         GapCommand::Score(args) => score(args),
     }
@@ -88,9 +93,10 @@ fn apply(args: &ApplyArgs) -> Result<()> {
     }
     let cases: Vec<&str> = diagnoses.iter().map(|diagnosis| diagnosis.case.as_str()).collect();
     config.write(&cases.join(", "), &args.out)?;
-    if config.effects.is_empty() {
+    if config.effects.is_empty() && config.laws.is_empty() {
         answer("no effect is added");
     }
+    config.laws.iter().for_each(|law| answer(law));
     config.effects.iter().for_each(|line| answer(&format!("{} = {:?}", line.id, line.values)));
     if !config.nuisance.is_empty() {
         answer(&format!("and the ordinary mismatch that was measured with it, {} entries", config.nuisance.len()));
@@ -128,7 +134,9 @@ fn list_effects() {
     }
 }
 
-fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
+fn diagnose_all(args: &DiagnoseArgs, discover: bool) -> Result<()> {
+    let both = discover && args.simulator.is_some();
+    ensure!(!both, "laws are looked for with the built-in car alone: leave --simulator out, or use gap diagnose");
     let mut cases = Vec::new();
     let driven = scenario::files(&args.scenes)?;
     for case in folders(&args.cases)? {
@@ -141,11 +149,22 @@ fn diagnose_all(args: &DiagnoseArgs) -> Result<()> {
     let baseline = args.baseline.as_deref().map(ds_cases::baseline::open).transpose()?;
     let nuisance = args.nuisance.as_deref().map(ds_frames::Nuisance::learn).transpose()?;
     let simulator = args.simulator.clone();
-    let options = Options { quick: args.quick, without: Vec::new(), baseline, simulator, nuisance };
+    let without = args.without.clone();
+    let options = Options { quick: args.quick, without, baseline, simulator, nuisance, discover };
     let bar = bar(cases.len() as u64, "cases");
     bar.tick();
     let names = names(&cases);
-    let one = |(case, name): (&PathBuf, &String)| written(&args.out.join(name), (case, args.no_pages), &options, &bar);
+    let program = Digest::of(&std::fs::read(std::env::current_exe()?).context("read this program")?);
+    let one = |(case, name): (&PathBuf, &String)| {
+        let (folder, inputs) = (args.out.join(name), finished::inputs(case, &options, &program)?);
+        if let Some(kept) = args.resume.then(|| finished::finished(&folder, &inputs)).flatten() {
+            bar.inc(1);
+            return Ok(kept);
+        }
+        let made = written(&folder, (case, args.no_pages), &options, &bar)?;
+        finished::note_inputs(&folder, &inputs)?;
+        Ok(made)
+    };
     let results: Vec<Result<Diagnosis>> = cases.par_iter().zip(&names).map(one).collect();
     bar.finish_and_clear();
     let mut made = Vec::new();
@@ -195,6 +214,31 @@ fn learn(args: &BaselineArgs) -> Result<()> {
     baseline.write(&args.out)?;
     answer(&ds_diagnosis_page::baseline(&baseline));
     answer(&format!("dreamstream gap diagnose CASES --baseline {}", args.out.display()));
+    Ok(())
+}
+
+/// Diagnoses a fleet, member by member against the others.
+fn fleet(args: &FleetArgs) -> Result<()> {
+    let by = match args.by {
+        By::Vehicle => ds_cases::fleet::By::Vehicle,
+        By::Day => ds_cases::fleet::By::Day,
+    };
+    let paths = folders(&args.cases)?;
+    let logs = ds_cases::fleet::read(&args.cases)?;
+    let bar = bar(ds_cases::fleet::steps(logs.len()), "steps");
+    bar.tick();
+    let (fleet, diagnoses) = ds_cases::fleet::diagnose(logs, by, args.quick, &|| bar.inc(1))?;
+    bar.finish_and_clear();
+    for (path, diagnosis) in paths.iter().zip(&diagnoses) {
+        let folder = args.out.join(&diagnosis.case);
+        diagnosis.write(&folder)?;
+        finished::note_case(&folder, path)?;
+        put(&folder.join(PAGE), &ds_diagnosis_page::page(diagnosis, Some(path)))?;
+    }
+    json::write(&fleet, &args.out.join("fleet.json"))?;
+    put(&args.out.join("fleet.html"), &ds_diagnosis_page::fleet(&fleet, &diagnoses))?;
+    answer(&ds_diagnosis_page::fleet_text(&fleet));
+    answer(&format!("written to {}", args.out.display()));
     Ok(())
 }
 

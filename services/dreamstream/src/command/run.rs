@@ -1,6 +1,6 @@
 //! `run`: starts a fleet, submits the scenarios, watches the drives, writes results and pictures.
 
-mod request;
+pub(crate) mod request;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -14,6 +14,7 @@ use ds_record::Recording;
 use ds_run_report::results::hex;
 use ds_run_report::{Episode, Results, Run};
 use ds_space::Digest;
+use ds_topic::Role;
 use ds_wire::control as pb;
 
 use crate::cli::{RunPlan, SubmitArgs};
@@ -49,6 +50,7 @@ pub(crate) async fn drive_all(args: &RunPlan, log: &str) -> Result<Results> {
     let _held = hold(args)?;
     let plan = FleetPlan::of(args)?;
     let apart = args.processes || !plan.stages.is_empty();
+    let simulated = !plan.stages.contains_key(&Role::Sim);
     let mut fleet =
         if apart { Fleet::of_children(children::start(&plan, log).await?) } else { embed::start(&plan).await? };
     let control = Dial::local(&fleet.control)?;
@@ -74,7 +76,7 @@ pub(crate) async fn drive_all(args: &RunPlan, log: &str) -> Result<Results> {
     stopped?;
     let mut results = results((args, &configuration), &files, mode, ended, began.elapsed().as_secs_f64())?;
     if args.vehicle_log || args.seal.is_some() {
-        extract(args, &results)?;
+        extract(args, &results, simulated)?;
     }
     if args.seal.is_some() {
         withdraw(args, &mut results)?;
@@ -89,18 +91,17 @@ pub(crate) async fn drive_all(args: &RunPlan, log: &str) -> Result<Results> {
 /// Returns the effects of a run: named ones, or withheld ones whose answer is sealed.
 fn world_of(args: &RunPlan, files: &[PathBuf]) -> Result<RunConfig> {
     let Some(answer) = &args.seal else {
-        return Ok(RunConfig::gather(args.config.as_ref(), &args.effects)?);
+        return Ok(RunConfig::gather(args.config.as_ref(), (&args.effects, &args.laws))?);
     };
     let first = files.first().context("no scenario to drive")?;
     let (scene, _warnings) = ds_scenario::load(first)?;
     Ok(seal::draw_and_seal(answer, scene.vehicle.mass_kg, args.seal_seed)?)
 }
 
-/// Writes the vehicle logs of all completed drives.
-fn extract(args: &RunPlan, results: &Results) -> Result<()> {
+/// Writes the vehicle logs of all completed drives, `simulated` by the built-in simulator or by somebody else's.
+fn extract(args: &RunPlan, results: &Results, simulated: bool) -> Result<()> {
     let completed = results.episodes.iter().filter(|episode| episode.status == "completed");
     let recordings: Vec<PathBuf> = completed.map(|episode| args.out.join(&episode.recording)).collect();
-    let simulated = !args.stages.iter().any(|stage| stage.starts_with("sim"));
     Ok(logs::extract(&recordings, simulated, &args.out.join("real"))?)
 }
 
@@ -195,14 +196,18 @@ async fn drive(request: pb::SubmitRequest, control: &Dial) -> Result<Ended> {
 
 /// How scenarios are handed to the orchestrator.
 #[derive(Clone, Copy)]
-enum Source {
+pub(crate) enum Source {
     /// It sees the same files.
     Path,
     /// It may be elsewhere.
     Content,
 }
 
-fn sources(files: &[PathBuf], how: Source) -> Result<Vec<pb::ScenarioSource>> {
+/// Returns scenario files as a request names them.
+///
+/// # Errors
+/// If one cannot be found or read, or its path is not UTF-8.
+pub(crate) fn sources(files: &[PathBuf], how: Source) -> Result<Vec<pb::ScenarioSource>> {
     let source = |file: &PathBuf| {
         let source = match how {
             Source::Path => {

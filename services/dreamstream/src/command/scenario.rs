@@ -8,7 +8,7 @@ use ds_process::maker::chain;
 use indicatif::ProgressBar;
 
 use crate::cli::{ImportArgs, ScenarioCommand};
-use crate::command::{answer, complain};
+use crate::command::{adverse, answer, complain};
 use ds_process::shipped;
 
 /// Runs a command of `scenario`.
@@ -17,6 +17,7 @@ use ds_process::shipped;
 /// If a file is refused or nothing is found.
 pub(crate) fn run(command: &ScenarioCommand) -> Result<()> {
     match command {
+        ScenarioCommand::Adverse(args) => adverse::run(args, &files(&args.paths)?, &files(&args.fit)?),
         ScenarioCommand::List { paths } => list(paths),
         ScenarioCommand::Show { path } => {
             let (scene, warnings) = ds_scenario::load(path)?;

@@ -20,7 +20,8 @@ use indicatif::ProgressBar;
 use crate::cli::{FirstFrameArgs, VideoCommand, VideoEvalArgs};
 use crate::command::{answer, bar};
 
-struct Bar(ProgressBar);
+/// A bar of rollouts or sets done.
+pub(crate) struct Bar(pub(crate) ProgressBar);
 
 impl Progress for Bar {
     fn ahead(&mut self, rollouts: u64) {

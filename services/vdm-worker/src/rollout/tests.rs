@@ -70,7 +70,7 @@ fn scene(model: &VideoModel) -> Arc<SceneMessage> {
         prompt: "a road by day".to_owned(),
     };
     let first_frames = (0u16..).take(CAMERAS.len()).map(|camera| picture(camera, 0)).collect();
-    Arc::new(SceneMessage { spec, scene: Arc::new(scene), first_frames })
+    Arc::new(SceneMessage { spec, scene: Arc::new(scene), first_frames, originals: Vec::new() })
 }
 
 fn envelope(made: Output) -> Envelope {

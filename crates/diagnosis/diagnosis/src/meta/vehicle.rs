@@ -340,6 +340,7 @@ impl Nominal {
             },
             agents: Agents::default(),
             chart: Chart::default(),
+            laws: Vec::new(),
         }
     }
 }

@@ -10,7 +10,7 @@ const FREEDOM: f64 = 4.0;
 /// Part of the library's variance from log to log of one vehicle; the rest is from vehicle to vehicle.
 const WITHIN: f64 = 0.5;
 /// How much farther than the library's vehicles one of another family may lie from their mean, and how likely that is.
-const FOREIGN: [(f64, f64); 4] = [(1.0, 0.7), (2.0, 0.15), (4.0, 0.1), (8.0, 0.05)];
+const FOREIGN: [(f64, f64); 6] = [(1.0, 0.7), (2.0, 0.15), (4.0, 0.1), (8.0, 0.05), (16.0, 0.02), (32.0, 0.01)];
 
 /// An estimate from one log, freed of the prior under which it was made.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,8 +1,8 @@
 //! Studies one healthy log by itself: every parameter fitted under wide priors, and the residuals that are left.
 
-use crate::baseline::features;
 use crate::baseline::spread::Estimate;
 use crate::baseline::study::{Row, Study};
+use crate::baseline::{Spread, centre, features};
 use crate::case::{Case, PartModel};
 use crate::search::null_fit;
 use crate::space::{Coordinate, Part};
@@ -11,10 +11,13 @@ use crate::windows::BLOCKS;
 /// Factor on the library's spread under which a healthy log is fitted.
 const WIDE: f64 = 3.0;
 
-/// Studies some drives of a healthy case.
-pub(super) fn study(case: &Case, drives: &[usize]) -> Study {
+/// Studies some drives of a healthy case, about the library's usual values or about those found before.
+pub(super) fn study(case: &Case, drives: &[usize], about: Option<&Spread>) -> Study {
     let fits = [Part::Ego, Part::Following].map(|part| {
         let mut model = PartModel::against(case, part, drives, &[], None);
+        if let Some(spread) = about {
+            centre(&mut model.space, spread);
+        }
         for coordinate in &mut model.space.coordinates {
             coordinate.nuisance.iter_mut().for_each(|n| n.sd *= WIDE);
         }

@@ -63,6 +63,7 @@ pub(super) fn scene(log: &Path, path: &Path, notes: &mut Vec<Warning>) -> Result
     let ego_log =
         Recording { points, headings, gaps, dt_secs: TICK_SECS }.states(&vehicle, "argoverse", &driven, notes);
     let scene = Scene {
+        adversary: None,
         name: safe_name(&first_of("scenario_id").unwrap_or_default()),
         family: String::new(),
         digest: Digest::default(),

@@ -137,6 +137,7 @@ pub(crate) fn scene() -> Scene {
     let ego_log =
         (0..80).map(|i| EgoState { pose: PoseSe2::new(f64::from(i), -1.75, 0.0), ..EgoState::default() }).collect();
     Scene {
+        adversary: None,
         name: "street".to_owned(),
         family: String::new(),
         digest: Digest::of(b"street"),

@@ -125,3 +125,20 @@ fn the_shipped_weights_are_this_networks() {
     assert_eq!(answer.trajectory.points().len(), 80);
     assert!(std::fs::metadata(path).expect("the file is there").len() < 5 << 20, "weights over 5 MB");
 }
+
+#[test]
+fn the_context_is_of_the_frame_alone() {
+    let mut policy = CameraPolicy::new(&weights()).expect("the weights fit");
+    let context = |policy: &mut CameraPolicy, frame: RgbImage| {
+        policy.context(&[known_camera()], &[frame]).expect("a frame").expect("the policy has a context")
+    };
+    let before = context(&mut policy, pattern());
+    assert_eq!((before.tokens.shape(), before.grid), ([60, 24].as_slice(), Some([6, 10])));
+    // Whatever it is told of state and command in between, the same frame has the same context.
+    let mut told = observation(known_camera(), pattern());
+    (told.ego.speed_mps, told.command) = (0.0, RouteCommand::Left);
+    policy.plan(&told, None).expect("plans");
+    assert_eq!(context(&mut policy, pattern()), before);
+    assert_ne!(context(&mut policy, RgbImage::filled(160, 96, [90; 3])), before);
+    assert!(policy.context(&[], &[]).is_err());
+}

@@ -14,6 +14,7 @@ fn scene(tracks: Vec<Track>, map: Map) -> Scene {
         ..EgoState::default()
     });
     Scene {
+        adversary: None,
         name: "straight".into(),
         family: String::new(),
         digest: Digest::default(),

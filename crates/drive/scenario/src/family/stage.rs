@@ -185,6 +185,7 @@ pub(crate) fn play(mut stage: Stage, dice: &mut Dice, world_from_stage: PoseSe2)
     let intrinsics = Intrinsics::centred(160, 96, 70f64.to_radians());
     let id = CameraId::new("front").expect("a plain word is an id");
     let mut scene = Scene {
+        adversary: None,
         name: String::new(),
         family: String::new(),
         digest: Digest::default(),

@@ -195,3 +195,34 @@ fn a_delayed_command_reaches_the_wheel_later() {
     };
     assert_eq!(best(&delayed) - best(&nominal), 4, "0.2 s are four samples");
 }
+
+/// Laws with memory and without, at every port of a run: each is felt where it acts, and resumes to the bit.
+#[test]
+fn laws_are_felt_where_they_act_and_resume_to_the_bit() {
+    let scene = shared(crowded(12));
+    // a law that is nil passes the commands along the same chain
+    let still = drive(&scene, &config(vec![Setting::new("drive: 0*1", &[]).expect("sound")], true), None);
+    for (text, of_sensors) in [
+        ("steering: 0.5*slack(delta,0.004) + 0.002*sin(0.8)", false),
+        ("steering.linkage: 0.4*late(delta,0.2)", false),
+        ("drive: 0.5*slow(accel,0.4) - 0.01*v*t", false),
+        ("lateral.front: 400*sign(delta_rate)", false),
+        ("lateral.rear: 3000*slip_rear", false),
+        ("lateral.body.yaw: 300*sin(0.3)", false),
+        ("lateral.body.side: 2*s", false),
+        ("sensor.x: 0.2*sin(0.5)", true),
+        ("sensor.yaw_rate: 0.001*t + 0.02*late(delta,0.3)", true),
+        ("sensor.v_wheel: 0.03*v", true),
+    ] {
+        let config = config(vec![Setting::new(text, &[]).expect("a sound law")], true);
+        let obeyed = drive(&scene, &config, None);
+        assert!(obeyed.readings != still.readings, "{text} is not felt");
+        assert_eq!(obeyed.worlds == still.worlds, of_sensors, "{text}: sensors move nothing, all else does");
+        for at in [3, 31, 55] {
+            assert!(drive(&scene, &config, Some(at)) == obeyed, "{text} restored at {at}");
+        }
+    }
+    let follower = config(vec![Setting::new("follower: 0.1*gap", &[]).expect("a sound law")], true);
+    let refused = follower.check().expect_err("a run has no such port").to_string();
+    assert!(refused.contains("follower"), "{refused}");
+}

@@ -80,6 +80,7 @@ pub(crate) fn scene(curvature_per_m: f64, ego_log: Vec<EgoState>, tracks: Vec<Tr
         right: None,
     };
     Scene {
+        adversary: None,
         name: "street".to_owned(),
         family: String::new(),
         digest: Digest::of(b"street"),

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use ds_fidelity::Principal;
+use ds_fidelity::{Features, Principal};
 
 use super::Evaluation;
 use crate::colour::Colour;
@@ -14,7 +14,7 @@ use crate::error::AppraisalError;
 use crate::estimate::{Estimate, Resamples, mean};
 use crate::outcome::{ArmDrift, ColumnDrift, DriftOutcome, LongOutcome};
 use crate::record::Glance;
-use crate::summary::{Features, Rollouts, slope};
+use crate::summary::{Rollouts, slope};
 use crate::watch::{FrameSelection, Viewing};
 
 /// The mark from which a rise is counted.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use ds_fidelity::Principal;
+use ds_fidelity::{Features, Principal};
 use ds_perception::lights::two_pixel_distance_m;
 use ds_perception::overlap::Target;
 
@@ -12,7 +12,7 @@ use crate::config::LayoutConfig;
 use crate::error::AppraisalError;
 use crate::estimate::{Estimate, Resamples};
 use crate::outcome::{ArmLayout, ColumnLayout, LayoutOutcome, LightBin};
-use crate::summary::{Features, Rollouts};
+use crate::summary::Rollouts;
 use crate::watch::{FrameSelection, Viewing};
 
 /// Upper ends of the distances of which lights are reported apart, in metres.

@@ -28,7 +28,7 @@ pub fn autoencoder(shape: &AeShape, weights: &Weights, batch: &AeBatch) -> Step 
 }
 
 /// L1 + 0.1·L1 of the image gradients of an error of frames whose values span −1 to 1; means are weighted by `emphasis`.
-fn reconstruction(error: Tensor<4>, emphasis: Tensor<4>) -> (Tensor<1>, Vec<(&'static str, f32)>) {
+pub(super) fn reconstruction(error: Tensor<4>, emphasis: Tensor<4>) -> (Tensor<1>, Vec<(&'static str, f32)>) {
     let [n, h, w, c] = error.dims();
     let part = |y: Range<usize>, x: Range<usize>| error.clone().slice([0..n, y, x, 0..c]);
     let weight = |y: Range<usize>, x: Range<usize>| emphasis.clone().slice([0..n, y, x, 0..1]);

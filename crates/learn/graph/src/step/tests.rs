@@ -267,6 +267,7 @@ fn ae() -> (AeShape, AeBatch) {
         encoder_blocks: 1,
         decoder_widths: [8, 6, 4],
         decoder_blocks: [1, 1, 1],
+        decoder_skip: true,
         guides: 0,
     };
     let frames = draw("frames", &[2 * 2 * 4, 16, 24, 3]);
@@ -333,6 +334,7 @@ fn a_guided_decoder_learns_from_layouts_and_leaves_the_encoder_alone() {
         latents: draw("latents", &[4, 2, 3, 3]),
         layouts: batch.frames.clone(),
         frames: batch.frames,
+        told: true,
         emphasis: batch.emphasis,
     };
     let encoder = weights.part("encoder.");

@@ -82,7 +82,7 @@ pub(super) struct Network<'a> {
     stages: Vec<(Vec<Block>, Option<Linear<'a>>)>,
     guides: Vec<Layer>,
     head: Layer,
-    skip: Linear<'a>,
+    skip: Option<Linear<'a>>,
 }
 
 /// Images [steps, h, w] of a batch of clips.
@@ -107,7 +107,7 @@ impl<'a> Network<'a> {
             stages: (0..3).map(stage).collect(),
             guides: (0..shape.guides).map(guide).collect(),
             head: Layer::new(weights, "decoder.head", &[widths[2]], 1),
-            skip: Linear::new(weights, "decoder.skip"),
+            skip: shape.decoder_skip.then(|| Linear::new(weights, "decoder.skip")),
             shape,
         }
     }
@@ -146,8 +146,6 @@ impl<'a> Network<'a> {
     pub(super) fn decode(&self, latents: &[f32], layouts: Option<&[f32]>, size: Size, clips: usize) -> Decoded {
         let [steps, h, w] = size;
         let mut run = Decoded { latents: latents.to_vec(), ..Decoded::default() };
-        let mut skip = vec![0.0; steps * h * w * self.shape.inputs()];
-        self.skip.forward(latents, &mut skip);
         run.image = filled([steps, h, w, self.shape.z], latents);
         let mut x = sized([steps, h, w, self.stem.outputs()]);
         let image = &run.image;
@@ -182,7 +180,11 @@ impl<'a> Network<'a> {
         let input = run.after(self.guides.len());
         self.head.forward(self.arch, |frame| [input.frame(frame), &[]], &mut head, |_, _| Finish::Plain);
         run.frames = shuffled(&head.dense(), &head, 1).dense().to_vec();
-        unfold(&mut run.frames, &mut skip, size, true);
+        if let Some(layer) = &self.skip {
+            let mut skip = vec![0.0; steps * h * w * self.shape.inputs()];
+            layer.forward(latents, &mut skip);
+            unfold(&mut run.frames, &mut skip, size, true);
+        }
         run
     }
 
@@ -196,11 +198,13 @@ impl<'a> Network<'a> {
         gradient: &mut Weights,
     ) -> Vec<f32> {
         let [steps, h, w] = size;
-        let mut d_skip = vec![0.0; steps * h * w * self.shape.inputs()];
-        unfold(d, &mut d_skip, size, false);
-        self.skip.learn(self.arch, &d_skip, &run.latents, gradient);
         let mut d_latents = vec![0.0; run.latents.len()];
-        self.skip.back(&d_skip, &mut d_latents, false);
+        if let Some(layer) = &self.skip {
+            let mut d_skip = vec![0.0; steps * h * w * self.shape.inputs()];
+            unfold(d, &mut d_skip, size, false);
+            layer.learn(self.arch, &d_skip, &run.latents, gradient);
+            layer.back(&d_skip, &mut d_latents, false);
+        }
         let last = run.after(self.guides.len());
         let [images, height, width, _] = last.size();
         let d_head = filled([images, height, width, 12], &unshuffled(d, last, 1));
@@ -277,13 +281,13 @@ impl<'a> Network<'a> {
     }
 }
 
-fn sized(size: [usize; 4]) -> Image {
+pub(super) fn sized(size: [usize; 4]) -> Image {
     let mut image = Image::default();
     image.reset(size);
     image
 }
 
-fn filled(size: [usize; 4], values: &[f32]) -> Image {
+pub(super) fn filled(size: [usize; 4], values: &[f32]) -> Image {
     let mut image = sized(size);
     image.fill(values);
     image
@@ -299,7 +303,7 @@ fn where_positive(d: &mut Image, out: &Image) {
 }
 
 /// Unfolds channels (frame, row, column, channel) of pixels of `small`'s size into an image twice as large.
-fn shuffled(values: &[f32], small: &Image, frames: usize) -> Image {
+pub(super) fn shuffled(values: &[f32], small: &Image, frames: usize) -> Image {
     let (h, w) = (small.h, small.w);
     let c = values.len() / (small.frames * h * w * frames * 4);
     let mut out = sized([small.frames * frames, 2 * h, 2 * w, c]);
@@ -314,7 +318,7 @@ fn shuffled(values: &[f32], small: &Image, frames: usize) -> Image {
 }
 
 /// Folds values [frames, 2h, 2w, c] into the pixels of `small`'s size: the inverse of [`shuffled`].
-fn unshuffled(values: &[f32], small: &Image, frames: usize) -> Buffer {
+pub(super) fn unshuffled(values: &[f32], small: &Image, frames: usize) -> Buffer {
     let (h, w) = (small.h, small.w);
     let c = values.len() / (small.frames * h * w * frames * 4);
     let mut out = Buffer::zeros(values.len());

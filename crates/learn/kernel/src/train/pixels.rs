@@ -53,7 +53,7 @@ pub fn decoder(shape: &AeShape, weights: &Weights, batch: &DecoderBatch) -> Step
 
 /// Turns frames into the gradient of the reconstruction loss, and returns the loss with its parts.
 #[expect(clippy::cast_possible_truncation, reason = "sums are taken in double precision")]
-fn reconstruction(frames: &mut [f32], target: &Array, emphasis: &Array) -> (f32, Vec<(&'static str, f32)>) {
+pub(super) fn reconstruction(frames: &mut [f32], target: &Array, emphasis: &Array) -> (f32, Vec<(&'static str, f32)>) {
     let [images, h, w, c]: [usize; 4] = target.shape().try_into().expect("frames have four axes");
     let error: Vec<f32> = frames.iter().zip(target.values()).map(|(found, wanted)| found - wanted).collect();
     let weight = emphasis.values();

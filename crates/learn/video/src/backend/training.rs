@@ -7,7 +7,7 @@ use ds_graph::{device, step};
 use ds_kernel::{FastTeacher, train};
 use ds_nn::array::{Array, Weights, WeightsError};
 use ds_nn::dit::DitShape;
-use ds_nn::step::{AeBatch, BidirectionalPlan, CausalPlan, ClipBatch, DecoderBatch, Prediction, Step};
+use ds_nn::step::{Adversary, AeBatch, BidirectionalPlan, CausalPlan, ClipBatch, DecoderBatch, Prediction, Step};
 use ds_nn::team::Team;
 use ds_nn::tiny_ae::AeShape;
 
@@ -92,5 +92,18 @@ impl Backend {
     pub fn decoding(self, shape: &AeShape, weights: &Weights, batch: &DecoderBatch) -> Step {
         let compute = if self.graph() { step::decoder } else { train::decoder };
         compute(shape, weights, batch)
+    }
+
+    /// Computes the guided decoder's step against a discriminator, and the discriminator's against it.
+    #[must_use]
+    pub fn adversarial(
+        self,
+        shape: &AeShape,
+        weights: &Weights,
+        batch: &DecoderBatch,
+        against: &Adversary<'_>,
+    ) -> [Step; 2] {
+        let compute = if self.graph() { step::adversarial } else { train::adversarial };
+        compute(shape, weights, batch, against)
     }
 }

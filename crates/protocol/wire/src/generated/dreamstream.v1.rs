@@ -811,6 +811,11 @@ pub struct Hello {
     /// Ticks before the last committed one whose layouts its video model remembers, at most 512.
     #[prost(uint32, tag = "15")]
     pub layout_memory_ticks: u32,
+    /// Size of the frames that its video model makes, in pixels; 0 without one.
+    #[prost(uint32, tag = "16")]
+    pub frame_width_px: u32,
+    #[prost(uint32, tag = "17")]
+    pub frame_height_px: u32,
 }
 /// The instance has subscribed, restored its state and can take orders under this epoch.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -1732,10 +1737,10 @@ impl ContactKind {
 /// An effect switched on in the service that owns its insertion point.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct SwitchedEffect {
-    /// Its id in the library, at most 256 bytes.
+    /// Its id in the library, or the text of a law that no effect is, at most 1024 bytes.
     #[prost(string, tag = "1")]
     pub id: ::prost::alloc::string::String,
-    /// One value per parameter, in reported units, at most 16.
+    /// One value per parameter, in reported units, at most 16; a law has none.
     #[prost(double, repeated, tag = "2")]
     pub values: ::prost::alloc::vec::Vec<f64>,
 }
@@ -2038,6 +2043,43 @@ pub struct Scenario {
     /// Where it comes from.
     #[prost(message, optional, tag = "12")]
     pub origin: ::core::option::Option<Origin>,
+    /// The road user that is meant to collide with the ego; absent in ordinary scenarios.
+    #[prost(message, optional, tag = "13")]
+    pub adversary: ::core::option::Option<Adversary>,
+}
+/// A track that is meant to collide with the ego. Hidden from policies.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Adversary {
+    /// Index of its track; the track is a vehicle that is seen at every tick.
+    #[prost(uint32, tag = "1")]
+    pub track: u32,
+    /// The planned kind of collision.
+    #[prost(enumeration = "CrashClass", tag = "2")]
+    pub class: i32,
+    /// What it does about an ego that leaves its log.
+    #[prost(enumeration = "AdversaryMode", tag = "3")]
+    pub mode: i32,
+    /// The tick from which it aims anew.
+    #[prost(uint32, tag = "4")]
+    pub attack_tick: u32,
+    /// The tick of the planned contact, after the attack.
+    #[prost(uint32, tag = "5")]
+    pub contact_tick: u32,
+    /// How long it attacks at most, in seconds, 0 to 60.
+    #[prost(double, optional, tag = "6")]
+    pub attack_secs: ::core::option::Option<f64>,
+    /// The most of the integral of |a - planned a| over time, in metres per second, 0 to 1000.
+    #[prost(double, optional, tag = "7")]
+    pub effort_mps: ::core::option::Option<f64>,
+    /// The farthest that it leaves its corridor sideways, in metres, 0 to 20.
+    #[prost(double, optional, tag = "8")]
+    pub aside_m: ::core::option::Option<f64>,
+    /// How often it aims anew at most.
+    #[prost(uint32, tag = "9")]
+    pub reaims: u32,
+    /// The line along which it attacks, in the world, at least two points.
+    #[prost(message, optional, tag = "10")]
+    pub corridor: ::core::option::Option<Polyline>,
 }
 /// Body of `scene`.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -2054,6 +2096,10 @@ pub struct Scene {
     /// The first frame of each camera, in camera order; empty where no video model runs.
     #[prost(message, repeated, tag = "4")]
     pub first_frames: ::prost::alloc::vec::Vec<Image>,
+    /// Lens and image size that each camera has in the scenario, in camera order, where the cameras of `scenario` are a part of
+    /// these images brought to the size of the video model's frames; empty where they are the scenario's own.
+    #[prost(message, repeated, tag = "5")]
+    pub original_intrinsics: ::prost::alloc::vec::Vec<Intrinsics>,
 }
 /// Which renderer makes the frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
@@ -2333,6 +2379,81 @@ impl LineColour {
             "LINE_COLOUR_UNSPECIFIED" => Some(Self::Unspecified),
             "LINE_COLOUR_WHITE" => Some(Self::White),
             "LINE_COLOUR_YELLOW" => Some(Self::Yellow),
+            _ => None,
+        }
+    }
+}
+/// What kind of collision an adversary plans; see `docs/adversaries.md`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum CrashClass {
+    Unspecified = 0,
+    RearEnd = 1,
+    ChangingLanes = 2,
+    OppositeDirection = 3,
+    StraightCrossingPaths = 4,
+    LeftTurnAcrossPath = 5,
+}
+impl CrashClass {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "CRASH_CLASS_UNSPECIFIED",
+            Self::RearEnd => "CRASH_CLASS_REAR_END",
+            Self::ChangingLanes => "CRASH_CLASS_CHANGING_LANES",
+            Self::OppositeDirection => "CRASH_CLASS_OPPOSITE_DIRECTION",
+            Self::StraightCrossingPaths => "CRASH_CLASS_STRAIGHT_CROSSING_PATHS",
+            Self::LeftTurnAcrossPath => "CRASH_CLASS_LEFT_TURN_ACROSS_PATH",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "CRASH_CLASS_UNSPECIFIED" => Some(Self::Unspecified),
+            "CRASH_CLASS_REAR_END" => Some(Self::RearEnd),
+            "CRASH_CLASS_CHANGING_LANES" => Some(Self::ChangingLanes),
+            "CRASH_CLASS_OPPOSITE_DIRECTION" => Some(Self::OppositeDirection),
+            "CRASH_CLASS_STRAIGHT_CROSSING_PATHS" => Some(Self::StraightCrossingPaths),
+            "CRASH_CLASS_LEFT_TURN_ACROSS_PATH" => Some(Self::LeftTurnAcrossPath),
+            _ => None,
+        }
+    }
+}
+/// What an adversary does about an ego that leaves its log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum AdversaryMode {
+    Unspecified = 0,
+    /// Nothing.
+    Replay = 1,
+    /// It aims anew as long as the ego can avoid the contact.
+    Reactive = 2,
+    /// It aims anew whether or not the ego can avoid the contact.
+    Unshielded = 3,
+}
+impl AdversaryMode {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "ADVERSARY_MODE_UNSPECIFIED",
+            Self::Replay => "ADVERSARY_MODE_REPLAY",
+            Self::Reactive => "ADVERSARY_MODE_REACTIVE",
+            Self::Unshielded => "ADVERSARY_MODE_UNSHIELDED",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "ADVERSARY_MODE_UNSPECIFIED" => Some(Self::Unspecified),
+            "ADVERSARY_MODE_REPLAY" => Some(Self::Replay),
+            "ADVERSARY_MODE_REACTIVE" => Some(Self::Reactive),
+            "ADVERSARY_MODE_UNSHIELDED" => Some(Self::Unshielded),
             _ => None,
         }
     }

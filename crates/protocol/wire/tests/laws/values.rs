@@ -378,6 +378,7 @@ pub(crate) fn scene() -> impl Strategy<Value = SceneMessage> {
     (spec(), parts, vec(image(), 0..3), "\\PC{0,40}").prop_map(|(spec, parts, first_frames, prompt)| {
         let (map, ego_log, route, tracks, cameras) = parts;
         let scene = Scene {
+            adversary: None,
             name: "cut-in-7".to_owned(),
             family: "cut-in".to_owned(),
             digest: spec.scenario_digest,
@@ -395,7 +396,7 @@ pub(crate) fn scene() -> impl Strategy<Value = SceneMessage> {
                 attribution: String::new(),
             },
         };
-        SceneMessage { spec, scene: Arc::new(scene), first_frames }
+        SceneMessage { spec, scene: Arc::new(scene), first_frames, originals: Vec::new() }
     })
 }
 

@@ -24,8 +24,10 @@ mod worst;
 
 use markup::{Document, Markup};
 
-const STYLE: &str = include_str!("html/page.css");
-const SCRIPT: &str = include_str!("html/page.js");
+/// The rules of a page of drives.
+pub const STYLE: &str = include_str!("html/page.css");
+/// The script of a page of drives.
+pub const SCRIPT: &str = include_str!("html/page.js");
 
 /// Returns the page of a report; `runs` are those that it was made from, pictures lie beside the page.
 #[must_use]

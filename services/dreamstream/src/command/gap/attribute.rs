@@ -28,7 +28,7 @@ struct PolicyReport {
 /// # Errors
 /// If the configuration is refused, nothing differs between the worlds, or a drive fails.
 pub(crate) async fn run(args: &AttributeArgs, log: &str) -> Result<()> {
-    let config = RunConfig::gather(Some(&args.config), &[])?;
+    let config = RunConfig::gather(Some(&args.config), (&[], &[]))?;
     let components = components(&config, args.real_frames != args.nominal_frames);
     ensure!(
         !components.is_empty(),
@@ -71,8 +71,9 @@ async fn drive(args: &AttributeArgs, policy: &str, components: &[Component], cel
     std::fs::create_dir_all(&out).with_context(|| format!("create {}", out.display()))?;
     let real = inside.iter().any(|component| component.name == Component::FRAMES);
     let effects: Vec<EffectLine> = inside.iter().flat_map(|component| component.effects.clone()).collect();
+    let laws: Vec<String> = inside.iter().flat_map(|component| component.laws.clone()).collect();
     let file = out.join("world.toml");
-    RunConfig { effects, ..RunConfig::default() }.write(&format!("cell {cell:04b}"), &file)?;
+    RunConfig { effects, laws, ..RunConfig::default() }.write(&format!("cell {cell:04b}"), &file)?;
     let plan = RunPlan {
         scenarios: args.scenarios.clone(),
         policy: policy.to_owned(),

@@ -19,7 +19,7 @@ use crate::cli::{Align, Observation, RunPlan};
 ///
 /// # Errors
 /// If policy or look of the reference camera is none that can be meant; the error says which there are.
-pub(super) fn known(args: &RunPlan) -> Result<()> {
+pub(crate) fn known(args: &RunPlan) -> Result<()> {
     let builtin = ds_policy::builtin::NAMES.map(|(name, _)| name);
     let outside = args.policy_listen.is_some() || args.stages.iter().any(|stage| stage.trim().starts_with("policy="));
     if !outside && !builtin.contains(&args.policy.as_str()) {
@@ -39,7 +39,7 @@ pub(super) fn known(args: &RunPlan) -> Result<()> {
 ///
 /// # Errors
 /// If a file cannot be read, or is refused for one of the scenarios.
-pub(super) fn given(args: &RunPlan, files: &[PathBuf]) -> Result<pb::RunSettings> {
+pub(crate) fn given(args: &RunPlan, files: &[PathBuf]) -> Result<pb::RunSettings> {
     let first_frames = args.first_frames.iter().map(|text| first_frame(text)).collect::<Result<_>>()?;
     let settings = pb::RunSettings { prompt: args.prompt.clone(), first_frames, ..pb::RunSettings::default() };
     let given = Conditioning::of(&settings, &[source(args)])?;
@@ -71,7 +71,7 @@ fn source(args: &RunPlan) -> ObservationSource {
 ///
 /// # Errors
 /// If horizon or duration is out of bounds.
-pub(super) fn request(
+pub(crate) fn request(
     args: &RunPlan,
     world: &RunConfig,
     given: pb::RunSettings,
@@ -117,7 +117,7 @@ fn scorer(args: &RunPlan) -> ProposalScorer {
 }
 
 /// Returns the digest over all settings that a result depends on, names of scenarios included, folders not.
-pub(super) fn configuration(args: &RunPlan, world: &RunConfig, given: &pb::RunSettings) -> Digest {
+pub(crate) fn configuration(args: &RunPlan, world: &RunConfig, given: &pb::RunSettings) -> Digest {
     let mut writer = DigestWriter::new();
     writer.text(&args.policy).u32(args.observation as u32).u32(args.replan).f64(args.horizon).u32(args.history);
     writer
@@ -145,6 +145,9 @@ pub(super) fn configuration(args: &RunPlan, world: &RunConfig, given: &pb::RunSe
         for effect in &world.effects {
             writer.text(&effect.id).f64s(&effect.values);
         }
+        world.laws.iter().for_each(|law| {
+            writer.text(law);
+        });
     }
     for stage in &args.stages {
         writer.text(stage);

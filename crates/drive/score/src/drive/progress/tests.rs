@@ -9,6 +9,7 @@ use super::*;
 /// A straight road 200 m long; the expert drives 10 m/s from the origin for 10 s.
 fn scene() -> Scene {
     Scene {
+        adversary: None,
         name: "road".to_owned(),
         family: String::new(),
         digest: Digest::default(),

@@ -1,0 +1,183 @@
+//! Whether a variant can be survived: an expert that may try its plans in copies of the world, and a driver who only brakes.
+//!
+//! The expert keeps to the log until 0.5 s after the threat tick; then, every half second, it takes the mildest of 9 lateral
+//! offsets × 9 accelerations that stays clear and on the road for 4 s in a copy with the live adversary. The careful
+//! driver brakes along the logged way from 0.75 s after the threat tick with the jerk and deceleration of UN R157's model.
+
+use std::sync::Arc;
+
+use ds_sim::{SimConfig, Simulation};
+use ds_space::plane::Path;
+use ds_space::{PoseSe2, SimTime, Tick, angle};
+use ds_world::{Scene, Trajectory, TrajectoryPoint};
+
+use crate::road::Road;
+
+const REACTION_TICKS: u32 = 5;
+const CAREFUL_TICKS: u32 = 8;
+const CAREFUL_MPS2: f64 = 7.59;
+const CAREFUL_MPS3: f64 = 12.65;
+const REPLAN_TICKS: u32 = 5;
+const LOOK_TICKS: u32 = 40;
+/// Mildest first.
+const LATERALS_M: [f64; 9] = [0.0, 0.9, -0.9, 1.8, -1.8, 2.7, -2.7, 3.6, -3.6];
+const ACCELERATIONS_MPS2: [f64; 9] = [0.0, -1.0, 1.0, -2.0, 2.0, -3.5, -5.0, -6.3, -7.6];
+const SIDEWAYS_SECS: f64 = 2.0;
+const PLAN_POINTS: u32 = 30;
+const POINT_SECS: f64 = 0.2;
+
+/// A drive that meets nobody and stays on the road.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Solution {
+    /// The first tick at which the ego is not on its log.
+    pub from: Tick,
+    /// The rear axle of each tick from then on.
+    pub poses: Vec<PoseSe2>,
+}
+
+/// A variant as a world in which an ego can be tried.
+pub(crate) struct Trial<'a> {
+    pub scene: &'a Arc<Scene>,
+    pub road: &'a Road<'a>,
+    pub threat: Tick,
+    pub last: Tick,
+}
+
+/// How the ego is to move from now on: sideways to an offset from the logged way, and at an acceleration.
+#[derive(Debug, Clone, Copy)]
+struct Wish {
+    left_m: f64,
+    acceleration_mps2: f64,
+    /// Time until the acceleration is reached.
+    ramp_secs: f64,
+}
+
+impl Trial<'_> {
+    fn begin(&self, until: Tick) -> Option<Simulation> {
+        let config = SimConfig { agents: None, ..SimConfig::default() };
+        let mut simulation = Simulation::new(Arc::clone(self.scene), config, Tick(0)).ok()?;
+        while simulation.state().tick < until {
+            simulation.step();
+            if !self.clear(&simulation) {
+                return None;
+            }
+        }
+        Some(simulation)
+    }
+
+    /// Says whether the ego touches nobody and stands on the road.
+    fn clear(&self, simulation: &Simulation) -> bool {
+        let state = simulation.state();
+        let vehicle = &self.scene.vehicle;
+        state.contacts.is_empty() && self.road.holds(&state.ego.corners(vehicle), &state.ego.centre(vehicle))
+    }
+
+    fn way(&self) -> Option<Path> {
+        let points: Vec<_> = self.scene.ego_log.iter().map(|ego| ego.pose.position).collect();
+        Path::new(&points)
+    }
+
+    /// Returns the expert's drive, if it finds one that is clear to the end.
+    pub(crate) fn expert(&self) -> Option<Solution> {
+        let way = self.way()?;
+        let from = self.threat.plus(REACTION_TICKS);
+        let mut simulation = self.begin(from)?;
+        let mut poses = vec![simulation.state().ego.pose];
+        while simulation.state().tick < self.last {
+            let plan = self.choose(&simulation, &way)?;
+            simulation.begin_plan(&plan);
+            for _ in 0..REPLAN_TICKS {
+                simulation.step();
+                if !self.clear(&simulation) {
+                    return None;
+                }
+                poses.push(simulation.state().ego.pose);
+            }
+        }
+        Some(Solution { from, poses })
+    }
+
+    /// Returns the mildest plan that stays clear; else the one that stays clear longest.
+    fn choose(&self, simulation: &Simulation, way: &Path) -> Option<Trajectory> {
+        let mut wishes: Vec<(f64, Wish)> = Vec::new();
+        for acceleration_mps2 in ACCELERATIONS_MPS2 {
+            for left_m in LATERALS_M {
+                let wish = Wish { left_m, acceleration_mps2, ramp_secs: 0.3 };
+                wishes.push((left_m.abs() + acceleration_mps2.abs(), wish));
+            }
+        }
+        wishes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut longest: Option<(u32, Trajectory)> = None;
+        for (_, wish) in wishes {
+            let plan = planned(simulation, way, wish)?;
+            let ticks = self.clear_ticks(simulation, &plan);
+            if ticks >= LOOK_TICKS {
+                return Some(plan);
+            }
+            if longest.as_ref().is_none_or(|(most, _)| ticks > *most) {
+                longest = Some((ticks, plan));
+            }
+        }
+        longest.map(|(_, plan)| plan)
+    }
+
+    fn clear_ticks(&self, simulation: &Simulation, plan: &Trajectory) -> u32 {
+        let mut copy = simulation.clone();
+        copy.begin_plan(plan);
+        (0..LOOK_TICKS)
+            .find(|_| {
+                copy.step();
+                !self.clear(&copy)
+            })
+            .unwrap_or(LOOK_TICKS)
+    }
+
+    /// Says whether a driver who only brakes meets nobody.
+    pub(crate) fn careful(&self) -> bool {
+        let drive = || {
+            let way = self.way()?;
+            let mut simulation = self.begin(self.threat.plus(CAREFUL_TICKS))?;
+            let ramp_secs = CAREFUL_MPS2 / CAREFUL_MPS3;
+            let here = way.nearest(simulation.state().ego.pose.position).left_m;
+            let wish = Wish { left_m: here, acceleration_mps2: -CAREFUL_MPS2, ramp_secs };
+            simulation.begin_plan(&planned(&simulation, &way, wish)?);
+            while simulation.state().tick < self.last {
+                simulation.step();
+                if !simulation.state().contacts.is_empty() {
+                    return None;
+                }
+            }
+            Some(())
+        };
+        drive().is_some()
+    }
+}
+
+/// Returns the plan of a wish from now on, in the rig of now.
+fn planned(simulation: &Simulation, way: &Path, wish: Wish) -> Option<Trajectory> {
+    let ego = &simulation.state().ego;
+    let foot = way.nearest(ego.pose.position);
+    let mut speed_mps = ego.speed_mps().max(0.0);
+    let (mut along_m, mut secs) = (foot.station_m, 0.0);
+    let mut points = Vec::new();
+    let mut before = ego.pose;
+    for i in 1..=PLAN_POINTS {
+        let end_secs = f64::from(i) * POINT_SECS;
+        while secs < end_secs - 1e-9 {
+            let share = (secs / wish.ramp_secs).min(1.0);
+            let next_mps = (speed_mps + share * wish.acceleration_mps2 * 0.05).max(0.0);
+            along_m += 0.5 * (speed_mps + next_mps) * 0.05;
+            speed_mps = next_mps;
+            secs += 0.05;
+        }
+        let share = (end_secs / SIDEWAYS_SECS).min(1.0);
+        let eased = share * share * (3.0 - 2.0 * share);
+        let on = way.pose(along_m);
+        let position = on.position + on.left() * (foot.left_m + eased * (wish.left_m - foot.left_m));
+        let step = position - before.position;
+        let heading_rad = if step.length() > 0.1 { step.to_angle() } else { before.heading_rad };
+        before = PoseSe2 { position, heading_rad: angle::wrap(heading_rad) };
+        points.push(TrajectoryPoint { after: SimTime::from_secs(end_secs), pose: ego.pose.relative(&before) });
+    }
+    Trajectory::new(points).ok()
+}

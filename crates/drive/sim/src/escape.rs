@@ -1,0 +1,108 @@
+//! Where the ego is going, and whether it can still get away: a sample of what a point mass reaches after 0.5 s.
+//!
+//! Each escape holds a longitudinal and a lateral acceleration in the ego's frame of now; the body keeps its heading. A
+//! sample can only miss ways out, so what it leaves open is open. World frame, ticks of 0.1 s.
+
+use ds_space::plane::OrientedBox;
+use ds_space::{DVec2, PoseSe2};
+use ds_vehicle::{Control, Rolling};
+use ds_world::{VehicleParameters, WorldState};
+
+const REACTION_TICKS: usize = 5;
+/// How far it is looked ahead.
+pub(crate) const TICKS: usize = 30;
+const DT_SECS: f64 = 0.1;
+const LONGITUDINAL_MPS2: [f64; 5] = [-7.6, -5.0, -2.5, 0.0, 2.5];
+const LATERAL_MPS2: [f64; 5] = [-4.0, -2.0, 0.0, 2.0, 4.0];
+/// How long the lateral acceleration lasts before it is taken back as long.
+const SIDEWAYS_TICKS: usize = 8;
+
+/// The ways out that are on the road and clear of others.
+pub(crate) struct Escapes {
+    bodies: Vec<Vec<OrientedBox>>,
+}
+
+impl Escapes {
+    /// Samples the ways out of a world.
+    pub(crate) fn of(
+        world: &WorldState,
+        vehicle: &VehicleParameters,
+        others: &[Vec<OrientedBox>],
+        on_road: &dyn Fn(&OrientedBox) -> bool,
+    ) -> Self {
+        let mut bodies = Vec::new();
+        for longitudinal in LONGITUDINAL_MPS2 {
+            for lateral in LATERAL_MPS2 {
+                let way = way_out(world, vehicle, (longitudinal, lateral));
+                let clear = way
+                    .iter()
+                    .zip(others)
+                    .skip(REACTION_TICKS)
+                    .step_by(3)
+                    .all(|(body, others)| on_road(body) && !others.iter().any(|other| other.touches(body)));
+                if clear {
+                    bodies.push(way);
+                }
+            }
+        }
+        Self { bodies }
+    }
+
+    /// Says whether one of them stays clear of a body that moves so.
+    pub(crate) fn remain(&self, threat: &[OrientedBox]) -> bool {
+        self.bodies.iter().any(|way| !way.iter().zip(threat).any(|(body, threat)| body.touches(threat)))
+    }
+}
+
+/// Returns the ego's body of the next ticks: as it moves now for the reaction, then with two held accelerations.
+fn way_out(world: &WorldState, vehicle: &VehicleParameters, (ahead, aside): (f64, f64)) -> Vec<OrientedBox> {
+    let ego = &world.ego;
+    let centre = ego.centre(vehicle);
+    let body = OrientedBox::new(&centre, vehicle.size.length_m, vehicle.size.width_m);
+    let (mut offset, mut aside_mps, mut speed) = (DVec2::ZERO, 0.0, ego.speed_mps().max(0.0));
+    let mut forward = centre.forward();
+    let step = |i: usize| {
+        let mut turned = forward;
+        if i < REACTION_TICKS {
+            turned = DVec2::from_angle(forward.to_angle() + ego.yaw_rate_radps * DT_SECS);
+        } else {
+            let since = i - REACTION_TICKS;
+            let push = if since < SIDEWAYS_TICKS {
+                aside
+            } else if since < 2 * SIDEWAYS_TICKS {
+                -aside
+            } else {
+                0.0
+            };
+            // A car that stands goes nowhere sideways.
+            aside_mps = if speed < 0.5 { 0.0 } else { aside_mps + push * DT_SECS };
+            speed = (speed + ahead * DT_SECS).max(0.0);
+        }
+        forward = turned;
+        offset += forward * (speed * DT_SECS) + forward.perp() * (aside_mps * DT_SECS);
+        OrientedBox { centre: body.centre + offset, forward, ..body }
+    };
+    (0..TICKS).map(step).collect()
+}
+
+/// Returns the ego's bodies of the next ticks at constant acceleration and turn rate, from its executed state.
+pub(crate) fn forecast_ego(world: &WorldState, vehicle: &VehicleParameters, dt_secs: f64) -> Vec<OrientedBox> {
+    let ego = &world.ego;
+    let mut car = Rolling { pose: ego.pose, speed_mps: ego.speed_mps().max(0.0) };
+    let bend_pm = if car.speed_mps > 0.5 { ego.yaw_rate_radps / car.speed_mps } else { 0.0 };
+    let step = |i: usize| {
+        // Acceleration fades: nobody brakes for three seconds because of one moment.
+        let fade = (1.0 - i as f64 * dt_secs / 1.5).max(0.0);
+        let control = Control {
+            acceleration_mps2: ego.acceleration_mps2.x.clamp(-8.0, 3.0) * fade,
+            curvature_pm: bend_pm.clamp(-0.2, 0.2),
+        };
+        car = car.forwards(control, dt_secs);
+        let centre = PoseSe2 {
+            position: car.pose.position + car.pose.forward() * vehicle.rear_axle_to_centre_m,
+            heading_rad: car.pose.heading_rad,
+        };
+        OrientedBox::new(&centre, vehicle.size.length_m, vehicle.size.width_m)
+    };
+    (0..TICKS).map(step).collect()
+}

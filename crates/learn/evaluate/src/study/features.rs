@@ -1,0 +1,115 @@
+//! What is kept of one scenario as one source shows it: features of every policy and of the look network.
+
+use ds_fidelity::{mean_pooled, placed};
+use ds_perception::look::LookReader;
+use ds_raster::RgbImage;
+use ds_space::{Digest, DigestWriter};
+use serde::{Deserialize, Serialize};
+
+use super::config::{FidelityConfig, Source};
+use super::frames::Take;
+use super::panel::Member;
+use crate::arm::Arm;
+use crate::drive::Drive;
+use crate::error::AppraisalError;
+
+/// Rows of one feature matrix.
+pub(crate) type Rows = Vec<Vec<f64>>;
+
+/// Features of one scenario from one source.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Seen {
+    /// Per policy: mean over tokens, a row per frame.
+    pub(crate) mean: Vec<Rows>,
+    /// Per policy: means of four groups of tokens.
+    pub(crate) placed: Vec<Rows>,
+    /// Features of the look network, a row per frame.
+    pub(crate) look: Rows,
+    /// Their mean and deviation over clips, a row per clip.
+    pub(crate) clips: Rows,
+}
+
+/// The networks that look.
+pub(crate) struct Lookers {
+    pub(crate) panel: Vec<Member>,
+    pub(crate) look: LookReader,
+}
+
+/// Returns the digest of all that the features of a scenario depend on.
+pub(crate) fn key(
+    config: &FidelityConfig,
+    lookers: &Lookers,
+    take: &Take,
+    source: (Source, Option<&Arm>),
+    size_px: (u32, u32),
+) -> Digest {
+    let mut writer = DigestWriter::new();
+    writer.text("fidelity features 1").digest(&take.scene.digest).text(&format!("{:?}", take.look));
+    writer.f64s(&take.displaced).u32(size_px.0).u32(size_px.1);
+    writer.u32(config.frames).u32(config.every).u32(config.clip).text(source.0.name());
+    if let (Source::Dreamstream, Some(arm)) = source {
+        writer.digest(&arm.digest());
+    }
+    for member in &lookers.panel {
+        writer.digest(&member.digest);
+    }
+    writer.digest(&lookers.look.digest()).finish()
+}
+
+/// Looks at the frames of a scenario.
+///
+/// # Errors
+/// If a policy cannot look at a frame or tells of nothing that it attends to.
+pub(crate) fn look(
+    config: &FidelityConfig,
+    lookers: &mut Lookers,
+    drive: &Drive,
+    frames: &[RgbImage],
+) -> Result<Seen, AppraisalError> {
+    let looked: Vec<&RgbImage> = config.looked().map(|at| &frames[at as usize]).collect();
+    let mut seen = Seen { mean: Vec::new(), placed: Vec::new(), look: Vec::new(), clips: Vec::new() };
+    for member in &mut lookers.panel {
+        let (mut mean, mut places) = (Vec::new(), Vec::new());
+        for frame in &looked {
+            let refuse =
+                |source| AppraisalError::Policy { policy: member.name.clone(), frames: drive.name.clone(), source };
+            let cameras = std::slice::from_ref(&drive.model);
+            let context = member.policy.context(cameras, std::slice::from_ref(*frame)).map_err(refuse)?;
+            let context = context.ok_or_else(|| {
+                AppraisalError::config(format!("panel.{}", member.name), "the policy tells of no features")
+            })?;
+            let channels = context.tokens.shape()[1];
+            mean.push(mean_pooled(context.tokens.values(), channels));
+            places.push(placed(context.tokens.values(), channels, context.grid));
+        }
+        seen.mean.push(mean);
+        seen.placed.push(places);
+    }
+    let rows: Rows = frames[1..].iter().map(|frame| wide(&lookers.look.read(frame).features)).collect();
+    seen.look = config.looked().map(|at| rows[at as usize - 1].clone()).collect();
+    seen.clips = rows.chunks_exact(config.clip as usize).map(clip).collect();
+    Ok(seen)
+}
+
+fn wide(row: &[f32]) -> Vec<f64> {
+    row.iter().map(|value| f64::from(*value)).collect()
+}
+
+/// Returns mean and deviation of every feature over the frames of a clip.
+fn clip(rows: &[Vec<f64>]) -> Vec<f64> {
+    let count = rows.len() as f64;
+    let mean = |of: &dyn Fn(usize, f64) -> f64| -> Vec<f64> {
+        (0..rows[0].len()).map(|at| rows.iter().map(|row| of(at, row[at])).sum::<f64>() / count).collect()
+    };
+    let means = mean(&|_, value| value);
+    let squares = mean(&|at, value| (value - means[at]).powi(2));
+    means.iter().copied().chain(squares.iter().map(|square| square.sqrt())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_clip_is_mean_and_deviation() {
+        assert_eq!(super::clip(&[vec![1.0, 4.0], vec![3.0, 4.0]]), [2.0, 4.0, 1.0, 0.0]);
+    }
+}

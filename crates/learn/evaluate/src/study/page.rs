@@ -1,0 +1,133 @@
+//! The page of the study `fidelity`: what the figures are, FDπ with its intervals, every table, the scenes that differ.
+
+use ds_page::svg::{dot, line, text, wide};
+use ds_page::{Document, Markup, Pictures, link};
+
+use super::outcome::{Figure, Outcome, Row, Scene, Table};
+use crate::page::table;
+
+const STYLE: &str = include_str!("../page/page.css");
+
+/// Returns the page.
+pub(super) fn html(outcome: &Outcome) -> String {
+    let document = Document { title: "Fidelity of frames", style: STYLE, script: None, pictures: Pictures::Beside };
+    document.page(|m| m.inside("main", &[], |m| body(m, outcome)))
+}
+
+fn body(m: &mut Markup, outcome: &Outcome) {
+    m.leaf("h1", &[], "Fidelity of frames for policies");
+    m.leaf(
+        "p",
+        &[("class", &"lead")],
+        format_args!(
+            "{} held-out scenarios from seed {}, half of them beside the log. The real set is the project's own reference \
+             camera: every figure is {}, not sim-to-real; no anchor of recorded frames was measured. Distances × 100, \
+             95 % intervals over scenarios, the same draws for all.",
+            outcome.scenarios, outcome.first_seed, outcome.kind
+        ),
+    );
+    if outcome.quick {
+        m.leaf("p", &[("class", &"warn")], "A quick look: too few scenarios for a judgement.");
+    }
+    let panel = outcome.policies.values().filter(|table| !table.control).count();
+    m.leaf("h2", &[], format_args!("FDπ, the mean over {panel} {}", if panel == 1 { "policy" } else { "policies" }));
+    plot(m, outcome);
+    let rows: Vec<Vec<String>> =
+        outcome.fd_pi.iter().map(|(name, figure)| vec![name.clone(), shown(*figure)]).collect();
+    table(m, &["source", "FDπ"], &rows);
+    let rows: Vec<Vec<String>> = outcome
+        .ratios
+        .iter()
+        .map(|r| vec![format!("{} / {}", r.above, r.below), r.ratio.map_or_else(|| "–".to_owned(), shown)])
+        .collect();
+    if !rows.is_empty() {
+        table(m, &["ratio", "value"], &rows);
+    }
+    for (name, found) in &outcome.policies {
+        let kind = if found.control { "control, outside the mean" } else { "panel" };
+        network(m, &format!("{name}: {kind}"), found);
+    }
+    for (name, found) in &outcome.others {
+        network(m, &format!("{name}: the look network's distance, no FID and no FVD"), found);
+    }
+    m.leaf("h2", &[], "Where frames differ");
+    m.leaf(
+        "p",
+        &[],
+        "Mean |φ − φ̃|²/Tr Σ × 100 of a scene's frames over the panel. Above the real frame, below the source's.",
+    );
+    for (source, scenes) in &outcome.worst {
+        differ(m, source, scenes);
+    }
+}
+
+/// A value with its interval, as people read it.
+pub(super) fn shown(figure: Figure) -> String {
+    format!("{:.2} [{:.2}, {:.2}]", figure.value, figure.low, figure.high)
+}
+
+fn network(m: &mut Markup, title: &str, found: &Table) {
+    m.leaf("h3", &[], title);
+    m.leaf(
+        "p",
+        &[],
+        format_args!(
+            "{} frames or clips of {} features; two halves of the real set: {:.2}.",
+            found.frames, found.features, found.halves
+        ),
+    );
+    let row = |(name, row): (&String, &Row)| {
+        vec![
+            name.clone(),
+            shown(row.fd),
+            format!("{:.2}", row.bias),
+            format!("{:.2}", row.extrapolated),
+            format!("{:.2}", row.bound),
+            row.placed.map_or_else(|| "–".to_owned(), |placed| format!("{placed:.2}")),
+            row.warnings.join("; "),
+        ]
+    };
+    let head = ["source", "FD", "b(n)", "at 1/n → 0", "mean of pairs", "placed (ranks only)", "doubts"];
+    table(m, &head, &found.sources.iter().map(row).collect::<Vec<_>>());
+}
+
+fn differ(m: &mut Markup, source: &str, scenes: &[Scene]) {
+    m.leaf("h3", &[], source);
+    m.inside("div", &[("class", &"plots")], |m| {
+        for scene in scenes {
+            let Some(picture) = &scene.picture else { continue };
+            m.inside("figure", &[], |m| {
+                let path = link(&format!("scenes/{picture}"));
+                m.void("img", &[("src", &path), ("alt", picture), ("loading", &"lazy")]);
+                m.leaf("figcaption", &[], format_args!("{}: {:.1}, frame {}", scene.name, scene.apart, scene.frame));
+            });
+        }
+    });
+}
+
+/// Dots with bars on a scale of logarithms.
+fn plot(m: &mut Markup, outcome: &Outcome) {
+    let shown: Vec<(&String, &Figure)> = outcome.fd_pi.iter().filter(|(_, figure)| figure.value > 1e-6).collect();
+    if shown.is_empty() {
+        return;
+    }
+    let floor = |figure: &Figure| figure.low.max(0.2 * figure.value);
+    let low = shown.iter().map(|(_, figure)| floor(figure)).fold(f64::INFINITY, f64::min).log10().floor();
+    let high = shown.iter().map(|(_, figure)| figure.high.max(figure.value)).fold(1e-6, f64::max).log10().ceil();
+    let x = |value: f64| 130.0 + 480.0 * (value.log10() - low) / (high - low).max(1.0);
+    let height = 40.0 + 26.0 * shown.len() as f64;
+    wide(m, "FDπ by source", (640.0, height), |m| {
+        #[expect(clippy::cast_possible_truncation, reason = "a few powers of ten")]
+        for power in low as i32..=high as i32 {
+            let at = x(10f64.powi(power));
+            line(m, "axis", (at, 8.0), (at, height - 24.0));
+            text(m, "", (at - 8.0, height - 8.0), &format!("{}", 10f64.powi(power)));
+        }
+        for (row, (name, figure)) in shown.iter().enumerate() {
+            let y = 24.0 + 26.0 * row as f64;
+            text(m, "", (8.0, y + 4.0), name);
+            line(m, "l0", (x(floor(figure)), y), (x(figure.high.max(figure.value)), y));
+            dot(m, "b0", (x(figure.value), y), 4.0);
+        }
+    });
+}

@@ -1,0 +1,45 @@
+//! The panel: policies that say what they attend to, with the digest of their weights.
+
+use ds_nn::Weights;
+use ds_nn::safetensors::WeightsFile;
+use ds_policy::Policy;
+use ds_policy::camera::{self, CameraPolicy};
+use ds_space::Digest;
+
+use super::config::FidelityConfig;
+use crate::error::AppraisalError;
+
+/// A policy of the panel.
+pub(crate) struct Member {
+    pub(crate) name: String,
+    pub(crate) control: bool,
+    pub(crate) policy: Box<dyn Policy>,
+    pub(crate) digest: Digest,
+}
+
+/// Loads the panel of a study.
+///
+/// # Errors
+/// If a policy has no features of frames alone, or its weights cannot be used.
+pub(crate) fn load(config: &FidelityConfig) -> Result<Vec<Member>, AppraisalError> {
+    let one = |member: &super::config::MemberConfig| {
+        if member.policy != camera::NAME {
+            let rule = format!("policy {:?} tells of no features; {:?} does", member.policy, camera::NAME);
+            return Err(AppraisalError::config(format!("panel.{}", member.name), rule));
+        }
+        let refuse = |error: &dyn std::fmt::Display| {
+            AppraisalError::config(format!("panel.{}.weights", member.name), error.to_string())
+        };
+        let weights = match &member.weights {
+            Some(path) => {
+                let path = config.path(path);
+                WeightsFile::read(&path).map_err(|error| refuse(&format!("{}: {error}", path.display())))?.weights
+            }
+            None => Weights::initialised(&camera::SIZE.declared(), &Digest::of(member.name.as_bytes())),
+        };
+        let policy = CameraPolicy::new(&weights).map_err(|error| refuse(&error))?;
+        let (name, control) = (member.name.clone(), member.control);
+        Ok(Member { name, control, policy: Box::new(policy), digest: weights.digest() })
+    };
+    config.panel.iter().map(one).collect()
+}

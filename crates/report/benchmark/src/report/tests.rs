@@ -1,0 +1,195 @@
+//! Reports of made-up results: what is averaged, paired, withheld.
+
+use std::path::Path;
+
+use super::*;
+use crate::cell::{Cell, Shard};
+use crate::manifest;
+use crate::record::tests::driven;
+use crate::record::{Record, Writer};
+use crate::sheet::{self, Sheet};
+
+/// Writes a folder of results over sets, each cell as `drive` says, and reads it.
+fn results(folder: &Path, sets: &[Manifest], drive: impl Fn(&Cell) -> Option<Record>) -> Results {
+    results_of(folder, (&sheet::tests::sheet(sets), sets), drive)
+}
+
+fn results_of(folder: &Path, (sheet, sets): (&Sheet, &[Manifest]), drive: impl Fn(&Cell) -> Option<Record>) -> Results {
+    let sheet = Sheet { shard: Shard::ALL, ..sheet.clone() };
+    sheet.save(sets, folder).expect("written");
+    let (mut writer, _) = Writer::open(folder, |_| ()).expect("fresh");
+    for (cell, _) in sheet.cells(sets).expect("sound").into_values() {
+        if let Some(record) = drive(&cell) {
+            writer.append(&record).expect("written");
+        }
+    }
+    Results::load(folder).expect("sound")
+}
+
+fn table<'a>(report: &'a Report, id: &str) -> &'a Table {
+    report.tables.iter().find(|table| table.id == id).expect(id)
+}
+
+/// Returns the estimate of a row that begins with some words.
+fn found(table: &Table, words: &[&str], column: &str) -> f64 {
+    let place = table.columns.iter().position(|name| *name == column).expect(column);
+    let fits = |row: &&Vec<Value>| words.iter().all(|word| row.iter().any(|value| value.told() == *word));
+    let rows: Vec<_> = table.rows.iter().filter(fits).collect();
+    assert_eq!(rows.len(), 1, "{words:?} in {}", table.markdown());
+    let Value::Estimate(estimate, _) = &rows[0][place] else { panic!("{column} is no estimate") };
+    estimate.value.expect("a value")
+}
+
+const SIX: [&str; 6] = ["a", "b", "c", "d", "e", "f"];
+
+#[test]
+fn seeds_are_averaged_and_policies_are_paired() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let sets = [manifest::tests::set(&SIX)];
+    let drive = |cell: &Cell| {
+        let base = f64::from(cell.scenario.as_bytes()[0] - b'a') / 10.0;
+        let gain = if cell.policy.name == "camera" { 0.2 } else { 0.0 };
+        let status = if cell.scenario == "f" && cell.policy.name == "lattice" { "failed" } else { "completed" };
+        Some(driven(cell.clone(), status, base + gain + 0.1 * (cell.seed as f64 - 1.0)))
+    };
+    let results = results(folder.path(), &sets, drive);
+    let report = Report::new(&results, &|name| name == "camera", &Published::default());
+    assert!(report.complete && report.warnings.is_empty());
+    let policies = table(&report, "policies");
+    // Seeds 1 and 2 add 0.05: lattice (0.05 + … + 0.45 + 0)/6 with one failed scenario, camera (0.25 + … + 0.75)/6.
+    assert!((found(policies, &["lattice", "strict"], "DS") - 1.25 / 6.0).abs() < 1e-12);
+    assert!((found(policies, &["camera (anchor)", "bridgesim"], "DS") - 0.5).abs() < 1e-12);
+    let differences = table(&report, "differences");
+    let expected = (5.0 * 0.2 + 0.75) / 6.0;
+    assert!((found(differences, &["DS strict"], "difference") - expected).abs() < 1e-12);
+    let outcomes = table(&report, "outcomes");
+    // Drives above 0.5 arrive: of the camera's those of d with seed 2, of e and f with both seeds.
+    let success = found(outcomes, &["camera (anchor)"], "success");
+    assert!((success - 2.5 / 6.0).abs() < 1e-12, "{success}");
+    assert!(table(&report, "faults").markdown().contains("| failed by the policy | 2 |"));
+    crate::page::write(&report, folder.path()).expect("written");
+    let json: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("report.json")).expect("there")).expect("JSON");
+    assert_eq!(json["complete"], true);
+    assert!(json["tables"]["policies"]["rows"][0]["DS"]["interval"][1].is_number(), "{json}");
+    for file in ["report.html", "report.md", "tables/policies.csv", "tables/policies.arrow", "tables/faults.csv"] {
+        assert!(std::fs::metadata(folder.path().join(file)).is_ok_and(|file| file.len() > 100), "{file}");
+    }
+}
+
+#[test]
+fn incomplete_and_mixed_results_have_no_headline_and_say_so() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let sets = [manifest::tests::set(&SIX)];
+    let drive = |cell: &Cell| match cell.scenario.as_str() {
+        "a" => None,
+        "b" => Some(driven(cell.clone(), "aborted", 0.5)),
+        _ => Some(driven(cell.clone(), "completed", 0.5)),
+    };
+    let mut results = results(folder.path(), &sets, drive);
+    results.sheet.mixed = true;
+    let report = Report::new(&results, &|_| false, &Published::default());
+    assert!(!report.complete && report.warnings[0].contains("16 of 24") && report.warnings[1].contains("Mixed"));
+    let ids: Vec<&str> = report.tables.iter().map(|table| table.id).collect();
+    assert_eq!(ids, ["faults", "sets"]);
+    let faults = table(&report, "faults").markdown();
+    assert!(
+        faults.contains("| never driven | 4 |") && faults.contains("| aborted and not driven since | 4 |"),
+        "{faults}"
+    );
+}
+
+#[test]
+fn conditions_are_compared_with_their_own_base() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let base = manifest::tests::set(&SIX);
+    let weather: Vec<_> = base.entries.iter().flat_map(crate::Entry::under_conditions).collect();
+    let weather = Manifest::new("some-weather", Kind::Weather, crate::Recipe::default(), weather);
+    let drive = |cell: &Cell| {
+        let loss = match cell.appearance.as_str() {
+            "day" => 0.0,
+            "snow" => 0.2,
+            _ => 0.1,
+        };
+        Some(driven(cell.clone(), "completed", 0.9 - loss))
+    };
+    let results = results(folder.path(), &[base, weather], drive);
+    let report = Report::new(&results, &|_| false, &Published::default());
+    let weather = table(&report, "weather");
+    assert_eq!(weather.rows.len(), 2 * 2 * 16);
+    let of = |condition: &str, axis: &str| found(weather, &["camera", "strict", axis, condition], "difference");
+    assert!((of("snow", "weather") + 0.2).abs() < 1e-9 && (of("fog", "weather") + 0.1).abs() < 1e-9);
+    assert!((of("mean", "weather") + 0.125).abs() < 1e-9 && (of("mean", "lighting") + 0.1).abs() < 1e-9);
+    assert!(weather.note.contains("appearance alone"));
+}
+
+#[test]
+fn an_oracle_is_compared_with_the_policy_and_adversaries_with_their_base() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let base = manifest::tests::set(&SIX);
+    let variant = |entry: &crate::Entry| crate::Entry {
+        name: format!("{}__rear-end", entry.name),
+        scenario: format!("{}__rear-end", entry.scenario),
+        base: Some(entry.name.clone()),
+        category: "rear-end".to_owned(),
+        ..entry.clone()
+    };
+    let entries = base.entries.iter().take(5).map(variant).collect();
+    let adversaries = Manifest::new("some-behavior", Kind::Behavior, crate::Recipe::default(), entries);
+    let sets = [base, adversaries];
+    let scorers = ["learned", "oracle"].map(str::to_owned).to_vec();
+    let sheet = Sheet { scorers, ..sheet::tests::sheet(&sets) };
+    let drive = |cell: &Cell| {
+        let (oracle, hit) = (cell.scorer == "oracle", cell.scenario.ends_with("rear-end"));
+        let gain = if oracle { 0.1 } else { 0.0 };
+        let loss = if hit { 0.3 } else { 0.0 };
+        let mut record = driven(cell.clone(), "completed", 0.5 + gain - loss);
+        let stats = ds_run_report::ProposalStats { best_mean: 0.75, ticks_without_positive: 4, ticks: 16 };
+        record.episode.proposals = oracle.then_some(stats);
+        Some(record)
+    };
+    let results = results_of(folder.path(), (&sheet, &sets), drive);
+    let report = Report::new(&results, &|_| false, &Published::default());
+    let bias = table(&report, "bias");
+    let of = |column: &str| found(bias, &["camera", "some", "strict"], column);
+    assert!((of("difference") - 0.1).abs() < 1e-9 && (of("best proposal") - 0.75).abs() < 1e-9);
+    assert!(
+        (of("ticks without positive") - 0.25).abs() < 1e-9 && (of("scenarios without positive") - 1.0).abs() < 1e-9
+    );
+    let behavior = table(&report, "behavior");
+    let words = ["camera", "some-behavior", "layout · idm-all · oracle", "strict", "rear-end"];
+    assert!((found(behavior, &words, "difference") + 0.3).abs() < 1e-9);
+    assert!((found(behavior, &words, "DS") - 0.3).abs() < 1e-9);
+}
+
+#[test]
+fn declared_endpoints_are_tested_together() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let base = manifest::tests::set(&SIX);
+    let weather: Vec<_> = base.entries.iter().flat_map(crate::Entry::under_conditions).collect();
+    let sets = [base, Manifest::new("some-weather", Kind::Weather, crate::Recipe::default(), weather)];
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../configs/benchmark/plan.toml");
+    let endpoints = crate::endpoint::load(&shipped).expect("sound");
+    let mut sheet = Sheet { endpoints, ..sheet::tests::sheet(&sets) };
+    sheet.policies[0].name = "constant-velocity".to_owned();
+    let drive = |cell: &Cell| {
+        let gain = if cell.policy.name == "camera" { 0.2 } else { 0.0 };
+        let loss = match cell.appearance.as_str() {
+            "puddles" | "snow_covered" | "sand_covered" => 0.2,
+            "day" | "snow" | "rain" => 0.0,
+            _ => 0.1,
+        };
+        Some(driven(cell.clone(), "completed", 0.6 + gain - loss))
+    };
+    let results = results_of(folder.path(), (&sheet, &sets), drive);
+    let report = Report::new(&results, &|_| false, &Published::default());
+    let table = table(&report, "endpoints");
+    let conclusions: Vec<String> = table.rows.iter().map(|row| row.last().expect("a cell").told()).collect();
+    // Six scenarios of one sign: p = 1/32, times the rows that are left: above 5 % until all but one are told.
+    assert_eq!(conclusions, ["not found", "not found", "not tested", "not found", "not found"]);
+    let of = |endpoint: &str| found(table, &[endpoint], "difference");
+    assert!((of("a camera helps: camera above constant velocity") - 0.2).abs() < 1e-9);
+    // Weather loses (0 + 0 + 0.1 + 0.1)/4, lighting 0.1, the surface 0.2.
+    assert!((of("the road surface costs more than the weather") + 0.15).abs() < 1e-9);
+    assert!((of("the weather costs more than the lighting") - 0.05).abs() < 1e-9);
+}

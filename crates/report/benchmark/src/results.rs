@@ -1,0 +1,172 @@
+//! A folder of results as values: what was asked for, and of every cell what tables need.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use ds_run_report::ProposalStats;
+use ds_run_report::results::Outcome as Ending;
+use serde::de::DeserializeOwned;
+
+use crate::estimate::Unit;
+use crate::file::{self, FileError};
+use crate::judge::{Judged, Outcome, Scores};
+use crate::manifest::{Entry, Manifest};
+use crate::merge::{self, Merged};
+use crate::record::{self, Record, Torn};
+use crate::session::Sessions;
+use crate::sheet::{Arm, Sheet};
+
+/// What is known of a cell.
+#[derive(Debug, Clone)]
+pub struct Drive {
+    /// How it ended.
+    pub ending: Ending,
+    /// Why, if not as planned.
+    pub reason: String,
+    /// Attempts that it took.
+    pub attempts: u32,
+    /// How often it was aborted before.
+    pub round: u32,
+    /// Scores and outcome.
+    pub judged: Option<Judged>,
+    /// What an oracle says of the policy's proposals.
+    pub proposals: Option<ProposalStats>,
+    /// Wall time, in seconds.
+    pub wall_s: f64,
+}
+
+/// A folder of results.
+#[derive(Debug)]
+pub struct Results {
+    /// What was asked for.
+    pub sheet: Sheet,
+    /// The sets.
+    pub sets: Vec<Manifest>,
+    /// What was merged, if this is a merged folder.
+    pub merged: Option<Merged>,
+    /// The last line of the cells, if it is torn.
+    pub torn: Option<Torn>,
+    /// How often the folders were worked on.
+    pub sessions: Sessions,
+    /// Cells of the benchmark.
+    pub cells: usize,
+    /// Records of cells that another record of the same folder repeats.
+    pub repeated: usize,
+    drives: BTreeMap<String, Drive>,
+}
+
+impl Results {
+    /// Reads a folder.
+    ///
+    /// # Errors
+    /// [`FileError`] if a file is damaged; a cell that is told twice counts by its drive that ended.
+    pub fn load(folder: &Path) -> Result<Self, FileError> {
+        let (sheet, sets) = Sheet::load(folder)?;
+        let mut drives: BTreeMap<String, Drive> = BTreeMap::new();
+        let mut repeated = 0;
+        let torn = record::read(folder, |_, record: Record| {
+            let Record { key, round, episode, judged, .. } = record;
+            let ending = episode.outcome();
+            let (reason, attempts, wall_s) = (episode.reason, episode.attempts, episode.wall_s);
+            let drive = Drive { ending, reason, attempts, round, judged, proposals: episode.proposals, wall_s };
+            match drives.get(&key) {
+                Some(there) if there.ending != Ending::Aborted => repeated += 1,
+                _ => drop(drives.insert(key, drive)),
+            }
+        })?;
+        let cells = sheet.cells(&sets).map_err(|error| FileError::Shape {
+            at: "sets".to_owned(),
+            problem: error.to_string(),
+            path: folder.join(crate::sheet::FILE),
+        })?;
+        let merged: Option<Merged> = optional(&folder.join(merge::FILE))?;
+        let sessions = merged.as_ref().map_or_else(|| Sessions::load(folder), |merged| Ok(merged.sessions))?;
+        Ok(Self { sheet, sets, merged, torn, sessions, cells: cells.len(), repeated, drives })
+    }
+
+    /// Returns all drives, in order of their keys.
+    pub fn drives(&self) -> impl Iterator<Item = &Drive> {
+        self.drives.values()
+    }
+
+    /// Counts the cells that ended.
+    #[must_use]
+    pub fn ended(&self) -> usize {
+        self.drives().filter(|drive| drive.ending != Ending::Aborted).count()
+    }
+
+    /// Says whether every cell has ended.
+    #[must_use]
+    pub fn complete(&self) -> bool {
+        self.ended() == self.cells
+    }
+
+    /// Returns the drives of an entry by an arm, one per seed that was driven.
+    #[must_use]
+    pub fn of(&self, arm: &Arm, entry: &Entry) -> Vec<&Drive> {
+        let key = |seed: &u64| self.sheet.cell(arm, entry, *seed).key().to_string();
+        self.sheet.seeds.iter().filter_map(|seed| self.drives.get(&key(seed))).collect()
+    }
+
+    /// Returns one unit per entry that has a value: the mean over its seeds.
+    #[must_use]
+    pub fn units(&self, arm: &Arm, set: &Manifest, value: &dyn Fn(&Drive) -> Option<f64>) -> Vec<Unit> {
+        let one = |entry: &Entry| Some(unit(entry, self.mean(arm, entry, value)?, 1.0));
+        set.entries.iter().filter_map(one).collect()
+    }
+
+    /// Returns the mean of a value over the seeds of an entry.
+    #[must_use]
+    pub fn mean(&self, arm: &Arm, entry: &Entry, value: &dyn Fn(&Drive) -> Option<f64>) -> Option<f64> {
+        ds_stats::mean(self.of(arm, entry).into_iter().filter_map(value))
+    }
+}
+
+/// Returns a unit of an entry.
+#[must_use]
+pub fn unit(entry: &Entry, above: f64, below: f64) -> Unit {
+    Unit { scenario: entry.scenario.clone(), log: entry.log.clone(), above, below }
+}
+
+impl Drive {
+    /// Returns a score in a profile: 0 for a drive that the policy failed, nothing for an aborted one or where it does not
+    /// apply.
+    #[must_use]
+    pub fn score(&self, profile: &str, score: fn(&Scores) -> Option<f64>) -> Option<f64> {
+        match self.ending {
+            Ending::Completed => score(self.judged.as_ref()?.scores.get(profile)?),
+            Ending::Failed => Some(0.0),
+            Ending::Aborted => None,
+        }
+    }
+
+    /// Returns whether something happened, as 1 or 0; of a drive that failed before it could be judged nothing did.
+    #[must_use]
+    pub fn happened(&self, said: fn(&Outcome) -> bool) -> Option<f64> {
+        let outcome = self.judged.as_ref().map(|judged| judged.outcome);
+        match self.ending {
+            Ending::Aborted => None,
+            _ => Some(f64::from(u8::from(outcome.is_some_and(|outcome| said(&outcome))))),
+        }
+    }
+
+    /// Returns 1 for a success, 0 otherwise; a failed drive is none.
+    #[must_use]
+    pub fn success(&self) -> Option<f64> {
+        match self.ending {
+            Ending::Completed => self.happened(Outcome::success),
+            Ending::Failed => Some(0.0),
+            Ending::Aborted => None,
+        }
+    }
+
+    /// Returns how far the ego drove, in kilometres.
+    #[must_use]
+    pub fn driven_km(&self) -> f64 {
+        self.judged.as_ref().map_or(0.0, |judged| judged.outcome.driven_m / 1000.0)
+    }
+}
+
+fn optional<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, FileError> {
+    if path.exists() { file::read_json(path).map(Some) } else { Ok(None) }
+}

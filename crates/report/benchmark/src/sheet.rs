@@ -1,0 +1,321 @@
+//! What a folder of results was asked for, `benchmark.json`: sets, policies, settings, shard. From it and the manifests
+//! follow all cells; `resume` goes on with it, `merge` compares it, `report` names it.
+
+use std::path::{Path, PathBuf};
+
+use ds_space::{Digest, DigestWriter};
+use serde::{Deserialize, Serialize};
+
+use crate::cell::{Cell, Cells, Named, Settings, Shard};
+use crate::endpoint::Endpoint;
+use crate::file::{self, FileError};
+use crate::manifest::{Entry, Manifest, SUFFIX};
+
+/// The format's name in files.
+const FORMAT: &str = "dreamstream-benchmark";
+/// The format's version.
+const VERSION: u32 = 1;
+/// The file's name in its folder.
+pub const FILE: &str = "benchmark.json";
+/// The folder with the manifests.
+const SETS: &str = "sets";
+
+/// Which recordings stay when their cell has ended.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Keep {
+    /// All.
+    All,
+    /// Those of drives without success.
+    Failures,
+    /// None.
+    #[default]
+    None,
+}
+
+/// What belongs to the machine, not to the benchmark.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Place {
+    /// Folder of each set's manifest, from which its files are named.
+    pub folders: Vec<PathBuf>,
+    /// Configuration of the video model.
+    pub model: PathBuf,
+    /// Weights of the camera policy.
+    pub policy_weights: PathBuf,
+    /// Episodes at a time.
+    pub workers: u32,
+    /// Which recordings stay.
+    pub keep: Keep,
+    /// Where an external policy connects to.
+    pub policy_listen: Option<String>,
+}
+
+/// What was asked for.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sheet {
+    /// `dreamstream-benchmark`.
+    pub format: String,
+    /// The format's version.
+    pub version: u32,
+    /// Version of the program.
+    pub program: String,
+    /// Names and digests of the sets.
+    pub sets: Vec<Named>,
+    /// Who drives.
+    pub policies: Vec<Named>,
+    /// What makes the frames.
+    pub observations: Vec<Named>,
+    /// Which agents react.
+    pub agents: Vec<String>,
+    /// Who ranks the proposals.
+    pub scorers: Vec<String>,
+    /// All seeds.
+    pub seeds: Vec<u64>,
+    /// What all cells share.
+    pub settings: Settings,
+    /// What it is to show, declared before it is driven.
+    #[serde(default)]
+    pub endpoints: Vec<Endpoint>,
+    /// Which part of the cells.
+    pub shard: Shard,
+    /// Whether parts of other benchmarks were merged in by force.
+    pub mixed: bool,
+    /// What belongs to the machine.
+    pub place: Place,
+}
+
+/// Where a cell was met: index of the set and of the entry in it.
+pub type At = (usize, usize);
+
+/// Two scenarios of one name.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "scenario {scenario:?} has digest {first} in one set and {second} in another: sets of one benchmark must agree"
+)]
+pub struct Ambiguous {
+    /// The scenario.
+    scenario: String,
+    /// One digest.
+    first: String,
+    /// The other.
+    second: String,
+}
+
+impl Sheet {
+    /// Returns an empty sheet of this program's format.
+    #[must_use]
+    pub fn new(program: &str) -> Self {
+        Self {
+            format: FORMAT.to_owned(),
+            version: VERSION,
+            program: program.to_owned(),
+            sets: Vec::new(),
+            policies: Vec::new(),
+            observations: Vec::new(),
+            agents: Vec::new(),
+            scorers: Vec::new(),
+            seeds: Vec::new(),
+            settings: Settings::default(),
+            endpoints: Vec::new(),
+            shard: Shard::ALL,
+            mixed: false,
+            place: Place::default(),
+        }
+    }
+
+    /// Reads the sheet of a folder and its manifests.
+    ///
+    /// # Errors
+    /// [`FileError`] if one cannot be read, is of another format, or a manifest is not the one that the sheet names.
+    pub fn load(folder: &Path) -> Result<(Self, Vec<Manifest>), FileError> {
+        let path = folder.join(FILE);
+        let sheet: Self = file::read_json(&path)?;
+        if sheet.format != FORMAT || sheet.version != VERSION {
+            let value = format!("{} {}", sheet.format, sheet.version);
+            let rule = "not a format that this program reads";
+            return Err(FileError::Value { field: "format".to_owned(), value, rule, path });
+        }
+        if sheet.shard.index >= sheet.shard.count || sheet.place.folders.len() != sheet.sets.len() {
+            let (field, value) = ("shard".to_owned(), sheet.shard.to_string());
+            return Err(FileError::Value { field, value, rule: "not I/N with I < N, or folders are missing", path });
+        }
+        let mut sets = Vec::new();
+        for named in &sheet.sets {
+            let path = folder.join(SETS).join(format!("{}{SUFFIX}", named.name));
+            let set = Manifest::load(&path)?;
+            if set.digest != named.digest {
+                let rule = "not the digest in benchmark.json";
+                return Err(FileError::Value { field: "digest".to_owned(), value: set.digest, rule, path });
+            }
+            sets.push(set);
+        }
+        Ok((sheet, sets))
+    }
+
+    /// Writes the sheet and its manifests; the sheet comes last.
+    ///
+    /// # Errors
+    /// [`FileError`] if a file cannot be written.
+    pub fn save(&self, sets: &[Manifest], folder: &Path) -> Result<(), FileError> {
+        for set in sets {
+            file::write_json(set, &folder.join(SETS).join(format!("{}{SUFFIX}", set.name)))?;
+        }
+        file::write_json(self, &folder.join(FILE))
+    }
+
+    /// Returns what must agree where results are merged, part by part.
+    #[must_use]
+    pub fn identity(&self) -> Vec<(&'static str, String)> {
+        let named =
+            |all: &[Named]| all.iter().map(|n| format!("{} {}", n.name, n.digest)).collect::<Vec<_>>().join(", ");
+        vec![
+            ("program", self.program.clone()),
+            ("sets", named(&self.sets)),
+            ("policies", named(&self.policies)),
+            ("observations", named(&self.observations)),
+            ("agents", self.agents.join(", ")),
+            ("scorers", self.scorers.join(", ")),
+            ("seeds", format!("{:?}", self.seeds)),
+            ("settings", format!("{:?}", self.settings)),
+            ("endpoints", format!("{:?}", self.endpoints)),
+        ]
+    }
+
+    /// Returns the digest over what must agree.
+    #[must_use]
+    pub fn digest(&self) -> Digest {
+        let mut writer = DigestWriter::new();
+        for (part, value) in self.identity() {
+            writer.text(part).text(&value);
+        }
+        writer.finish()
+    }
+
+    /// Returns all cells, of every shard, each once.
+    ///
+    /// # Errors
+    /// [`Ambiguous`] if two sets hold different scenarios of one name.
+    pub fn cells(&self, sets: &[Manifest]) -> Result<Cells<At>, Ambiguous> {
+        let mut cells = Cells::new();
+        let mut digests: std::collections::BTreeMap<&str, &str> = std::collections::BTreeMap::new();
+        for (s, set) in sets.iter().enumerate() {
+            for (e, entry) in set.entries.iter().enumerate() {
+                let first = *digests.entry(&entry.scenario).or_insert(&entry.scenario_digest);
+                if first != entry.scenario_digest {
+                    let (scenario, first) = (entry.scenario.clone(), first.to_owned());
+                    return Err(Ambiguous { scenario, first, second: entry.scenario_digest.clone() });
+                }
+                for arm in self.arms() {
+                    for seed in &self.seeds {
+                        let cell = self.cell(&arm, entry, *seed);
+                        cells.entry(cell.key()).or_insert((cell, (s, e)));
+                    }
+                }
+            }
+        }
+        Ok(cells)
+    }
+
+    /// Returns every combination of policy, observation, agents and scorer.
+    #[must_use]
+    pub fn arms(&self) -> Vec<Arm> {
+        let mut arms = Vec::new();
+        for policy in &self.policies {
+            for observation in &self.observations {
+                for agents in &self.agents {
+                    for scorer in &self.scorers {
+                        let (policy, observation) = (policy.clone(), observation.clone());
+                        arms.push(Arm { policy, observation, agents: agents.clone(), scorer: scorer.clone() });
+                    }
+                }
+            }
+        }
+        arms
+    }
+
+    /// Returns the cell of an arm, an entry and a seed.
+    #[must_use]
+    pub fn cell(&self, arm: &Arm, entry: &Entry, seed: u64) -> Cell {
+        Cell {
+            scenario: entry.scenario.clone(),
+            scenario_digest: entry.scenario_digest.clone(),
+            policy: arm.policy.clone(),
+            observation: arm.observation.clone(),
+            appearance: entry.appearance.clone(),
+            agents: arm.agents.clone(),
+            scorer: arm.scorer.clone(),
+            seed,
+            hand_over: entry.hand_over,
+            last: entry.last,
+            settings: self.settings.clone(),
+        }
+    }
+}
+
+/// Who drives, seeing what, among whom, ranked by whom: a row of a table.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Arm {
+    /// Who drives.
+    pub policy: Named,
+    /// What makes the frames.
+    pub observation: Named,
+    /// Which agents react.
+    pub agents: String,
+    /// Who ranks the proposals.
+    pub scorer: String,
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::manifest::tests::{entry, set};
+    use crate::manifest::{Kind, Recipe};
+
+    fn named(name: &str) -> Named {
+        Named { name: name.to_owned(), digest: String::new() }
+    }
+
+    pub(crate) fn sheet(sets: &[Manifest]) -> Sheet {
+        Sheet {
+            sets: sets.iter().map(|set| Named { name: set.name.clone(), digest: set.digest.clone() }).collect(),
+            policies: vec![named("lattice"), named("camera")],
+            observations: vec![named("layout")],
+            agents: vec!["idm-all".to_owned()],
+            scorers: vec!["learned".to_owned()],
+            seeds: vec![1, 2],
+            place: Place { folders: vec![PathBuf::from("."); sets.len()], ..Place::default() },
+            ..Sheet::new("0")
+        }
+    }
+
+    #[test]
+    fn cells_are_all_combinations_each_once() {
+        let sets = [set(&["a", "b", "c"])];
+        let sheet = sheet(&sets);
+        assert_eq!(sheet.cells(&sets).expect("sound").len(), 3 * 2 * 2);
+        let doubled = [sets[0].clone(), set(&["a"])];
+        assert_eq!(sheet.cells(&doubled).expect("sound").len(), 3 * 2 * 2);
+        let mut other = entry("a", "MIT");
+        other.scenario_digest = Digest::of(b"other").to_string();
+        let other = Manifest::new("other", Kind::Base, Recipe::default(), vec![other]);
+        let error = sheet.cells(&[sets[0].clone(), other]).expect_err("ambiguous").to_string();
+        assert!(error.contains("\"a\""), "{error}");
+    }
+
+    #[test]
+    fn a_sheet_comes_back_with_its_sets() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let sets = vec![set(&["a", "b"])];
+        let sheet = sheet(&sets);
+        sheet.save(&sets, folder.path()).expect("written");
+        assert_eq!(Sheet::load(folder.path()).expect("sound"), (sheet.clone(), sets));
+        file::write_json(&set(&["a"]), &folder.path().join("sets/some.set.json")).expect("written");
+        let error = Sheet::load(folder.path()).expect_err("another set").to_string();
+        assert!(error.contains("some.set.json") && error.contains("benchmark.json"), "{error}");
+        let moved = Sheet { shard: Shard { index: 1, count: 2 }, ..sheet.clone() };
+        assert_eq!(moved.digest(), sheet.digest());
+        assert_ne!(Sheet { program: "1".to_owned(), ..sheet.clone() }.digest(), sheet.digest());
+    }
+}

@@ -1,0 +1,252 @@
+//! Arguments of `benchmark`: sets, the drives of their cells on any number of machines, one result, its report.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand, ValueEnum, ValueHint};
+use ds_benchmark::Keep;
+use ds_process::shipped;
+use ds_topic::{ObservationSource, ProposalScorer};
+use ds_video::Backend;
+use ds_world::{AgentMode, TrackerKind};
+
+use super::{agents, backend, named};
+
+const HELP: &str =
+    "Exit codes: 0 every cell ended, failing policies included; 1 cells are left, go on with `resume`; 2 refused, \
+trying again helps nothing; 130 interrupted.
+
+Examples:
+  dreamstream benchmark build base --out sets                           the set `town`: generated scenarios, filtered
+  dreamstream benchmark build weather sets/town.set.json --out sets     its thirteen conditions
+  dreamstream benchmark run sets/town.set.json --policy camera --policy lattice --shard 0/2 --out out/0
+  dreamstream benchmark resume out/0                                    after a kill, a preemption, a full disk
+  dreamstream benchmark merge out/0 out/1 -o out/all && dreamstream benchmark report out/all";
+
+/// Arguments of `benchmark`.
+#[derive(Debug, Args)]
+#[command(after_help = HELP)]
+pub(crate) struct BenchmarkArgs {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: BenchmarkCommand,
+}
+
+/// Commands of `benchmark`.
+#[derive(Debug, Subcommand)]
+pub(crate) enum BenchmarkCommand {
+    /// Make a set of scenarios: its manifest says what is in it, under which licence, and what was left out why.
+    #[command(subcommand)]
+    Build(BuildCommand),
+    /// Check manifests: digests, licences, and that every scenario is to be had and is the one that is meant.
+    Check {
+        /// Manifests (NAME.set.json).
+        #[arg(required = true, value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
+        manifests: Vec<PathBuf>,
+    },
+    /// Say how many cells, frames and hours a benchmark has.
+    Plan {
+        /// What to drive.
+        #[command(flatten)]
+        what: CellArgs,
+        /// Frames a second that one machine makes.
+        #[arg(long, default_value_t = 105.0)]
+        rate: f64,
+        /// Machines, one shard each.
+        #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+        machines: u32,
+    },
+    /// Drive the cells of one shard; each is written to OUT/cells.jsonl when it ends.
+    Run(RunArgs),
+    /// Go on with an interrupted run: ended cells stay ended, half-driven ones continue from their last commit.
+    Resume {
+        /// The folder of the run.
+        #[arg(value_hint = ValueHint::DirPath)]
+        out: PathBuf,
+        /// Another part of the cells than before, written I/N, or `auto`.
+        #[arg(long, value_name = "I/N|auto")]
+        shard: Option<String>,
+        /// Episodes at a time; as before without it.
+        #[arg(long)]
+        workers: Option<u32>,
+        /// Skip cells that ended in these folders.
+        #[arg(long, value_hint = ValueHint::DirPath, num_args = 1..)]
+        done: Vec<PathBuf>,
+    },
+    /// Put the results of several runs into one, in any order; missing cells are listed.
+    Merge {
+        /// Folders of runs, or of merged runs.
+        #[arg(required = true, value_hint = ValueHint::DirPath)]
+        folders: Vec<PathBuf>,
+        /// Merge results of other sets, versions, weights or settings too; the result is stamped mixed.
+        #[arg(long)]
+        force: bool,
+        /// Where the result goes.
+        #[arg(long, short, value_hint = ValueHint::DirPath)]
+        out: PathBuf,
+    },
+    /// Put results into tables and a page, with intervals over scenarios and over logs.
+    Report {
+        /// The folder of a run or of merged runs; tables and page go there.
+        #[arg(value_hint = ValueHint::DirPath)]
+        folder: PathBuf,
+        /// Results that others have published, which stand in a block of their own.
+        #[arg(long, default_value = "configs/benchmark/published.toml", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
+        published: PathBuf,
+    },
+}
+
+/// Commands of `benchmark build`.
+#[derive(Debug, Subcommand)]
+pub(crate) enum BuildCommand {
+    /// A base set: generated scenarios, or imported logs.
+    Base(BaseArgs),
+    /// The thirteen conditions of a base set.
+    Weather {
+        /// The manifest of the base set.
+        #[arg(value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
+        base: PathBuf,
+        /// The set's name; `BASE-weather` without it.
+        #[arg(long)]
+        name: Option<String>,
+        /// Only every so many-th scenario.
+        #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+        every: u32,
+        /// The folder that the manifest goes to.
+        #[arg(long, short, default_value = "sets", value_hint = ValueHint::DirPath)]
+        out: PathBuf,
+    },
+}
+
+/// Arguments of `benchmark build base`.
+#[derive(Debug, Args)]
+pub(crate) struct BaseArgs {
+    /// Scenario files, or folders of them, such as `import` writes; scenarios of the generator (`town`) without.
+    #[arg(value_parser = shipped::parser(), value_hint = ValueHint::AnyPath)]
+    pub scenarios: Vec<PathBuf>,
+    /// The set's name; `town` or `logs` without it.
+    #[arg(long)]
+    pub name: Option<String>,
+    /// Of `town`: how many scenarios to look at; the families take turns.
+    #[arg(long, default_value_t = 320, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub candidates: u32,
+    /// Of `town`: the first seed.
+    #[arg(long, default_value_t = 20_000)]
+    pub seed: u64,
+    /// Of logs: take only the scenarios that this file names, one a line.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub names: Option<PathBuf>,
+    /// Take all candidates: drive none of them to see which tell policies apart.
+    #[arg(long)]
+    pub unfiltered: bool,
+    /// The policy that must solve what stays.
+    #[arg(long, default_value = "log-replay", value_parser = ["log-replay", "route-follower"])]
+    pub expert: String,
+    /// Episodes at a time; as many as there are processors without it.
+    #[arg(long)]
+    pub workers: Option<u32>,
+    /// The folder that the manifest goes to; the drives of the filter go to NAME.filter in it.
+    #[arg(long, short, default_value = "sets", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+}
+
+/// Which cells a benchmark has.
+#[derive(Debug, Args)]
+pub(crate) struct CellArgs {
+    /// Manifests (NAME.set.json).
+    #[arg(required = true, value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
+    pub manifests: Vec<PathBuf>,
+    /// The policies, as `run` takes them; privileged ones are anchors in rows of their own.
+    #[arg(long = "policy", required = true, num_args = 1..)]
+    pub policies: Vec<String>,
+    /// What makes the frames: dreamstream, reference, sim-rgb or layout.
+    #[arg(
+        long = "observation",
+        default_values = ["dreamstream"],
+        num_args = 1..,
+        value_parser = named(ObservationSource::ALL.map(ObservationSource::name), ObservationSource::from_name)
+    )]
+    pub observations: Vec<ObservationSource>,
+    /// Which agents react.
+    #[arg(long = "agents", default_values = ["idm-all"], num_args = 1.., value_parser = agents())]
+    pub agents: Vec<AgentMode>,
+    /// Who ranks the policy's proposals.
+    #[arg(
+        long = "scorer",
+        default_values = ["learned"],
+        num_args = 1..,
+        value_parser = named(["learned", "oracle", "oracle-navsim"], ProposalScorer::from_name)
+    )]
+    pub scorers: Vec<ProposalScorer>,
+    /// Seeds of all draws; those of a report are not those that were used to select.
+    #[arg(long = "seed", default_values_t = [1], num_args = 1..)]
+    pub seeds: Vec<u64>,
+    /// Ticks executed of each plan (Δr).
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100))]
+    pub replan: u32,
+    /// Length of a plan, in ticks (H).
+    #[arg(long, default_value_t = 80, value_parser = clap::value_parser!(u32).range(1..=300))]
+    pub horizon: u32,
+    /// Frames that the policy sees (K).
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub history: u32,
+    /// Tracker of the planned trajectory.
+    #[arg(long, default_value = "lqr", value_parser = named(TrackerKind::ALL.map(TrackerKind::name), TrackerKind::from_name))]
+    pub tracker: TrackerKind,
+    /// Configuration of the video model; its weights lie beside it as .safetensors.
+    #[arg(long, default_value = "configs/models/cpu_train.toml", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
+    pub model: PathBuf,
+    /// What computes the video model.
+    #[arg(long, default_value = "cpu", value_parser = backend(&Backend::ALL))]
+    pub video_backend: Backend,
+    /// Weights of the camera policy.
+    #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
+    pub policy_weights: PathBuf,
+}
+
+/// Arguments of `benchmark run`.
+#[derive(Debug, Args)]
+pub(crate) struct RunArgs {
+    /// What to drive.
+    #[command(flatten)]
+    pub what: CellArgs,
+    /// What the benchmark is to show, declared before it is driven: endpoints that the report corrects together.
+    #[arg(long, value_name = "FILE", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
+    pub endpoints: Option<PathBuf>,
+    /// Which part of the cells, written I/N; `auto` reads SLURM_ARRAY_TASK_ID and SLURM_ARRAY_TASK_COUNT, or
+    /// JOB_COMPLETION_INDEX and DREAMSTREAM_SHARDS.
+    #[arg(long, default_value = "0/1", value_name = "I/N|auto")]
+    pub shard: String,
+    /// Episodes at a time; as many as there are processors without it.
+    #[arg(long)]
+    pub workers: Option<u32>,
+    /// Which recordings stay: of a drive of 8 s some megabytes; frames can be made again to the bit.
+    #[arg(long, value_enum, default_value = "none")]
+    pub keep: Kept,
+    /// Where an external policy connects to, such as tcp/127.0.0.1:7447.
+    #[arg(long, value_name = "ENDPOINT")]
+    pub policy_listen: Option<String>,
+    /// Where results go; a folder that holds some is refused.
+    #[arg(long, short, default_value = "out/benchmark", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+}
+
+/// Which recordings stay.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Kept {
+    /// All.
+    All,
+    /// Those of drives without success.
+    Failures,
+    /// None.
+    None,
+}
+
+impl From<Kept> for Keep {
+    fn from(kept: Kept) -> Self {
+        match kept {
+            Kept::All => Self::All,
+            Kept::Failures => Self::Failures,
+            Kept::None => Self::None,
+        }
+    }
+}

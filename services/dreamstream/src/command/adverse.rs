@@ -1,0 +1,217 @@
+//! `scenario adverse`: scenarios → variants with an adversary, their files, and one report of what came out and why not.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+use ds_adverse::{Built, MotionModel, Options, Refusal, Variant, variants};
+use ds_space::Tick;
+use ds_world::{CrashClass, Scene};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::cli::AdverseArgs;
+use crate::command::{answer, bar};
+
+/// The name of the report.
+const REPORT: &str = "adverse.json";
+
+#[derive(Debug, Serialize)]
+struct Report {
+    format: &'static str,
+    version: u32,
+    seed: u64,
+    hand_over: u32,
+    mode: &'static str,
+    model_transitions: u64,
+    scenarios: Vec<ScenarioPart>,
+    /// Sums over all scenarios, by class.
+    classes: BTreeMap<&'static str, ClassPart>,
+}
+
+#[derive(Debug, Serialize)]
+struct ScenarioPart {
+    name: String,
+    digest: String,
+    /// Why nothing was searched.
+    refused: Option<String>,
+    variants: Vec<VariantPart>,
+}
+
+#[derive(Debug, Serialize)]
+struct VariantPart {
+    name: String,
+    file: String,
+    digest: String,
+    class: &'static str,
+    planned_contact_tick: u32,
+    contact_tick: u32,
+    face: &'static str,
+    closing_mps: f64,
+    delta_v_mps: f64,
+    threat_tick: u32,
+    least_ttc_secs: Option<f64>,
+    required_deceleration_mps2: f64,
+    surprise_nats_per_step: f64,
+    /// Whether a driver who only brakes meets nobody.
+    careful_avoids: bool,
+    solution: Option<SolutionPart>,
+}
+
+/// The expert's drive: the rear axle of each tick.
+#[derive(Debug, Serialize)]
+struct SolutionPart {
+    from_tick: u32,
+    x_m: Vec<f64>,
+    y_m: Vec<f64>,
+    heading_rad: Vec<f64>,
+}
+
+#[derive(Debug, Default, Serialize)]
+struct ClassPart {
+    variants: usize,
+    candidates: usize,
+    rejected: BTreeMap<&'static str, usize>,
+}
+
+/// Runs the command on scenario files, with those on which the motion model is fitted; the shipped one without any.
+///
+/// # Errors
+/// If a scenario or the fit's scenarios cannot be read, a name comes twice, or a file cannot be written.
+pub(crate) fn run(args: &AdverseArgs, paths: &[PathBuf], fit: &[PathBuf]) -> Result<()> {
+    let model = model(fit, paths)?;
+    let options = Options {
+        hand_over: Tick(args.hand_over),
+        seed: args.seed,
+        mode: args.mode,
+        solve: !args.unsolved,
+        classes: if args.class.is_empty() { CrashClass::ALL.to_vec() } else { args.class.clone() },
+        ..Options::default()
+    };
+    let progress = bar(paths.len() as u64, "scenarios");
+    let search = |path: &PathBuf| -> Result<(Scene, Result<Built, Refusal>)> {
+        let (scene, _) = ds_scenario::load(path)?;
+        let built = variants(&scene, &model, &options);
+        progress.inc(1);
+        Ok((scene, built))
+    };
+    let found: Vec<(Scene, Result<Built, Refusal>)> = paths.par_iter().map(search).collect::<Result<_>>()?;
+    progress.finish_and_clear();
+    let mut report = Report {
+        format: "dreamstream-adverse",
+        version: 1,
+        seed: args.seed,
+        hand_over: args.hand_over,
+        mode: args.mode.name(),
+        model_transitions: model.transitions(),
+        scenarios: Vec::new(),
+        classes: options.classes.iter().map(|class| (class.name(), ClassPart::default())).collect(),
+    };
+    for (scene, built) in &found {
+        let twice = report.scenarios.iter().any(|part| part.name == scene.name);
+        ensure!(!twice, "two of the scenarios are named {:?}", scene.name);
+        report.scenarios.push(written(scene, built, &args.out, &mut report.classes)?);
+    }
+    std::fs::create_dir_all(&args.out).with_context(|| format!("cannot make {}", args.out.display()))?;
+    let path = args.out.join(REPORT);
+    let text = serde_json::to_string_pretty(&report).context("report as JSON")? + "\n";
+    std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+    tell(&report, &args.out);
+    Ok(())
+}
+
+/// Returns the shipped model, or one fitted on scenarios of which none is varied.
+fn model(fit: &[PathBuf], varied: &[PathBuf]) -> Result<MotionModel> {
+    if fit.is_empty() {
+        return Ok(MotionModel::town());
+    }
+    if let Some(both) = fit.iter().find(|path| varied.contains(path)) {
+        anyhow::bail!("the motion model may not be fitted on a scenario that is varied: {}", both.display());
+    }
+    let scenes: Vec<Scene> = fit.iter().map(|path| Ok(ds_scenario::load(path)?.0)).collect::<Result<_>>()?;
+    let model = MotionModel::fit(&scenes);
+    ensure!(model.transitions() > 0, "no vehicle moves in the {} scenarios of --fit", scenes.len());
+    Ok(model)
+}
+
+fn written(
+    scene: &Scene,
+    built: &Result<Built, Refusal>,
+    out: &Path,
+    classes: &mut BTreeMap<&'static str, ClassPart>,
+) -> Result<ScenarioPart> {
+    let mut part = ScenarioPart {
+        name: scene.name.clone(),
+        digest: scene.digest.to_string(),
+        refused: None,
+        variants: Vec::new(),
+    };
+    match built {
+        Err(refusal) => part.refused = Some(refusal.to_string()),
+        Ok(built) => {
+            for variant in &built.variants {
+                let file = format!("{}{}", variant.scene.name, ds_scenario::store::SUFFIX);
+                ds_scenario::save(&variant.scene, &out.join(&file))?;
+                part.variants.push(described(variant, file));
+                classes.entry(variant.class.name()).or_default().variants += 1;
+            }
+            for ((class, reason), count) in &built.rejected {
+                *classes.entry(class.name()).or_default().rejected.entry(reason.name()).or_default() += count;
+            }
+            for (class, count) in &built.candidates {
+                classes.entry(class.name()).or_default().candidates += count;
+            }
+        }
+    }
+    Ok(part)
+}
+
+fn described(variant: &Variant, file: String) -> VariantPart {
+    let measures = &variant.measures;
+    VariantPart {
+        name: variant.scene.name.clone(),
+        file,
+        digest: variant.scene.digest.to_string(),
+        class: variant.class.name(),
+        planned_contact_tick: variant.planned.0,
+        contact_tick: measures.met.tick.0,
+        face: match measures.met.face {
+            ds_world::ContactKind::Front => "front",
+            ds_world::ContactKind::Side => "side",
+            ds_world::ContactKind::Rear => "rear",
+        },
+        closing_mps: measures.met.closing_mps,
+        delta_v_mps: measures.delta_v_mps,
+        threat_tick: measures.threat.0,
+        least_ttc_secs: measures.least_ttc_secs(),
+        required_deceleration_mps2: measures.required_mps2,
+        surprise_nats_per_step: variant.surprise,
+        careful_avoids: variant.careful,
+        solution: variant.solution.as_ref().map(|solution| SolutionPart {
+            from_tick: solution.from.0,
+            x_m: solution.poses.iter().map(|pose| pose.position.x).collect(),
+            y_m: solution.poses.iter().map(|pose| pose.position.y).collect(),
+            heading_rad: solution.poses.iter().map(|pose| pose.heading_rad).collect(),
+        }),
+    }
+}
+
+fn tell(report: &Report, out: &Path) {
+    for part in &report.scenarios {
+        let classes: Vec<&str> = part.variants.iter().map(|variant| variant.class).collect();
+        let said = part.refused.clone().unwrap_or_else(|| classes.join(", "));
+        answer(&format!("{:<34} {}", part.name, if said.is_empty() { "no variant" } else { &said }));
+    }
+    for (class, part) in &report.classes {
+        let reasons: Vec<String> = part.rejected.iter().map(|(reason, count)| format!("{reason} {count}")).collect();
+        let why = if reasons.is_empty() { "nothing".to_owned() } else { reasons.join(", ") };
+        answer(&format!("{class}: {} variants of {} candidates; rejected: {why}", part.variants, part.candidates));
+    }
+    let with = report.scenarios.iter().filter(|part| !part.variants.is_empty()).count();
+    let refused = report.scenarios.iter().filter(|part| part.refused.is_some()).count();
+    let count = report.scenarios.len();
+    answer(&format!(
+        "{with} of {count} scenarios have a variant, {refused} were not searched; {}",
+        out.join(REPORT).display()
+    ));
+}

@@ -1,0 +1,66 @@
+//! An ended drive → the record of its cell: scores in both profiles and the outcome, read from the recording.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use ds_benchmark::{Cell, Judged, Keep, Record};
+use ds_record::Recording;
+use ds_run_report::Episode;
+use ds_run_report::results::Outcome;
+use ds_space::Tick;
+use ds_topic::{Topic, World};
+use ds_wire::{Body, control as pb};
+
+/// Makes the record of a cell that was driven in `folder`; the recording is named there only if it stays.
+///
+/// # Errors
+/// If the recording of a completed drive cannot be read or is not whole.
+pub(super) fn record(
+    (cell, round): (Cell, u32),
+    result: &pb::EpisodeResult,
+    folder: &Path,
+    keep: Keep,
+) -> Result<Record> {
+    let mut episode = Episode::driven(result, "", folder);
+    let path = folder.join(&episode.recording);
+    let judged = match episode.outcome() {
+        Outcome::Completed => Some(Recording::open(&path).map_err(anyhow::Error::new).and_then(|r| judged(&r))?),
+        Outcome::Failed => Recording::open_partial(&path).ok().map(|recording| judged(&recording)).transpose()?,
+        Outcome::Aborted => None,
+    };
+    let success = judged.as_ref().is_some_and(|judged| judged.outcome.success());
+    let stays = match keep {
+        Keep::All => true,
+        Keep::Failures => !success,
+        Keep::None => false,
+    };
+    if !stays {
+        episode.recording.clear();
+    }
+    Ok(Record::new(cell, round, episode, judged))
+}
+
+fn judged(recording: &Recording) -> Result<Judged> {
+    let message = recording.scene();
+    let mut states: BTreeMap<Tick, World> = BTreeMap::new();
+    for envelope in recording.messages().filter(|envelope| envelope.header.slot.topic == Topic::World) {
+        let world = World::from_bytes(&envelope.body).context("a recorded world")?;
+        states.insert(world.state.tick, world);
+    }
+    let states: Vec<_> = states.values().map(|world| &world.state).collect();
+    let spec = &message.spec;
+    Ok(ds_benchmark::judge(&message.scene, (spec.taken_over_at(), spec.last_tick), &states))
+}
+
+/// Deletes the recording of a drive, if it is there.
+///
+/// # Errors
+/// If it cannot be deleted.
+pub(super) fn delete(result: &pb::EpisodeResult) -> Result<()> {
+    let path = Path::new(&result.recording);
+    if !result.recording.is_empty() && path.exists() {
+        std::fs::remove_file(path).with_context(|| format!("remove {}", path.display()))?;
+    }
+    Ok(())
+}

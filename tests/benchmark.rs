@@ -1,0 +1,289 @@
+//! `benchmark` by the real binary: shards that are killed and resumed against one undisturbed process, job arrays, and what is
+//! refused.
+
+#[path = "harness.rs"]
+mod harness;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+
+use harness::{dreamstream, signal, text, wait_for};
+use serde_json::Value;
+
+/// What every run of these tests drives: six scenarios × two policies, seeing layouts.
+const WHAT: [&str; 5] = ["--policy", "constant-velocity", "route-follower", "--observation", "layout"];
+
+fn utf8(path: &Path) -> &str {
+    path.to_str().expect("UTF-8")
+}
+
+fn benchmark(arguments: &[&str]) -> Command {
+    dreamstream(&[&["benchmark"], arguments].concat())
+}
+
+fn said(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+/// Runs a command that must end with a code without a panic, and returns what it says.
+fn ends(command: Command, code: i32) -> String {
+    let told = exits(command, code);
+    assert!(!told.contains("panicked"), "{told}");
+    told
+}
+
+/// Runs a command that must end with a code, and returns what it says.
+fn exits(mut command: Command, code: i32) -> String {
+    let output = command.output().expect("the binary runs");
+    assert_eq!(output.status.code(), Some(code), "{command:?}: {}", said(&output));
+    said(&output)
+}
+
+/// Makes a set of six generated scenarios in a folder.
+fn set(folder: &Path) -> PathBuf {
+    let build = ["build", "base", "--unfiltered", "--candidates", "6", "--seed", "11", "--out"];
+    ends(benchmark(&[&build[..], &[utf8(folder)]].concat()), 0);
+    folder.join("town.set.json")
+}
+
+/// Returns the command that drives a shard, told by variables as a job array tells it.
+fn shard(set: &Path, out: &Path, variables: &[(&str, &str)]) -> Command {
+    shard_of(&WHAT, set, out, variables)
+}
+
+fn shard_of(what: &[&str], set: &Path, out: &Path, variables: &[(&str, &str)]) -> Command {
+    let mut command = benchmark(&["run", utf8(set)]);
+    command.args(what).args(["--shard", "auto", "--workers", "1", "--out", utf8(out)]).envs(variables.iter().copied());
+    command.stdout(Stdio::null()).stderr(Stdio::piped());
+    command
+}
+
+/// Returns the digest of every cell of a folder, by key; a torn last line is none.
+fn cells(folder: &Path) -> BTreeMap<String, String> {
+    let text_of = std::fs::read_to_string(folder.join("cells.jsonl")).unwrap_or_default();
+    let whole = text_of.split_inclusive('\n').filter(|line| line.ends_with('\n'));
+    let record = |line: &str| serde_json::from_str::<Value>(line).expect("a whole line is JSON");
+    let records: Vec<Value> = whole.map(record).collect();
+    let found: BTreeMap<_, _> = records.iter().map(|record| (text(&record["key"]), text(&record["digest"]))).collect();
+    assert_eq!(found.len(), records.len(), "a cell is there twice in {}", folder.display());
+    found
+}
+
+/// Waits until a process has written some cells, then ends it by a signal and returns its exit code.
+fn cut(mut child: Child, out: &Path, written: usize, name: &str) -> Option<i32> {
+    wait_for("an ended cell", 120, || (cells(out).len() >= written).then_some(()));
+    signal(child.id(), name);
+    wait_for("the end of a process", 60, || child.try_wait().expect("a child")).code()
+}
+
+#[test]
+fn killed_shards_are_resumed_and_equal_one_undisturbed_process() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| folder.path().join(name);
+    let set = set(folder.path());
+    let whole = path("whole");
+    let mut command = benchmark(&["run", utf8(&set)]);
+    command.args(WHAT).args(["--workers", "2", "--out", utf8(&whole)]);
+    ends(command, 0);
+    assert_eq!(cells(&whole).len(), 12);
+
+    let slurm = |index| [("SLURM_ARRAY_TASK_ID", index), ("SLURM_ARRAY_TASK_COUNT", "3")];
+    let kubernetes = [("JOB_COMPLETION_INDEX", "2"), ("DREAMSTREAM_SHARDS", "3")];
+    let parts = ["0", "1", "2"].map(path);
+    let first = shard(&set, &parts[0], &slurm("0")).spawn().expect("it starts");
+    let second = shard(&set, &parts[1], &slurm("1")).spawn().expect("it starts");
+    assert_eq!(cut(first, &parts[0], 1, "KILL"), None);
+    assert_eq!(cut(second, &parts[1], 2, "TERM"), Some(130));
+    let lost = cells(&parts[0]).len();
+    assert!(lost < 4, "the first shard was over before it was killed");
+    let merged = path("early");
+    let told = ends(benchmark(&["merge", utf8(&parts[0]), utf8(&parts[1]), "-o", utf8(&merged)]), 1);
+    assert!(told.contains("missing: "), "{told}");
+
+    // A line that was being written when the power failed.
+    let file = parts[0].join("cells.jsonl");
+    let torn = std::fs::read_to_string(&file).expect("cells") + "{\"key\":\"0";
+    std::fs::write(&file, torn).expect("written");
+    let told = ends(benchmark(&["resume", utf8(&parts[0])]), 0);
+    assert!(told.contains("torn last line") && told.contains("cells.jsonl"), "{told}");
+    ends(benchmark(&["resume", utf8(&parts[1])]), 0);
+    ends(shard(&set, &parts[2], &kubernetes), 0);
+    ends(benchmark(&["resume", utf8(&parts[2])]), 0);
+    for (k, order) in [[0, 1, 2], [2, 0, 1]].into_iter().enumerate() {
+        let merged = path(&format!("merged{k}"));
+        let folders = order.map(|index| utf8(&parts[index]));
+        let told = ends(benchmark(&[&["merge"], &folders[..], &["-o", utf8(&merged)]].concat()), 0);
+        assert!(told.contains("12 of 12 cells ended"), "{told}");
+        assert_eq!(cells(&merged), cells(&whole));
+    }
+    let merged = path("merged0");
+    ends(benchmark(&["report", utf8(&merged)]), 0);
+    let read = |name: &str| std::fs::read_to_string(merged.join(name)).expect("a file of the report");
+    let report: Value = serde_json::from_str(&read("report.json")).expect("JSON");
+    let rows = report["tables"]["policies"]["rows"].as_array().expect("rows");
+    assert_eq!((&report["complete"], rows.len()), (&Value::Bool(true), 4));
+    let score = |row: &Value| row["DS"]["value"].as_f64().expect("a score");
+    let low = |row: &Value| row["DS"]["interval"][0].as_f64().expect("an interval");
+    assert!(rows.iter().all(|row| (0.0..=1.0).contains(&score(row)) && low(row) <= score(row)), "{rows:?}");
+    for part in ["route-follower (anchor)", "DrivoR", "Outcomes by drive", "town"] {
+        assert!(read("report.html").contains(part) && read("report.md").contains(part), "{part} is missing");
+    }
+    let faults = report["tables"]["faults"]["rows"].as_array().expect("rows");
+    let count = |what: &str| faults.iter().find(|row| row["what"] == what).map(|row| row["count"].clone());
+    assert_eq!(count("sessions that were killed"), Some(1.into()));
+    assert_eq!(count("sessions that a signal ended"), Some(1.into()));
+    assert_eq!(count("sessions that found a torn last line"), Some(1.into()));
+    let told = ends(benchmark(&["report", utf8(&path("early"))]), 1);
+    assert!(told.contains("Incomplete") && !told.contains("Outcomes"), "{told}");
+}
+
+#[test]
+fn a_task_of_a_slurm_array_is_queued_again_and_goes_on() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (set, out) = (set(folder.path()), folder.path().join("out"));
+    // Stands for the scheduler: writes down what it is asked.
+    let scheduler = folder.path().join("scontrol");
+    std::fs::write(&scheduler, "#!/bin/sh\necho \"$@\" >> \"$0.asked\"\n").expect("written");
+    succeeds(&["chmod", "+x", utf8(&scheduler)]);
+    let path = format!("{}:{}", utf8(folder.path()), std::env::var_os("PATH").unwrap_or_default().display());
+    let task = || {
+        let mut command = Command::new("bash");
+        let script = harness::workspace().join("deploy/benchmark/slurm.sh");
+        command.arg(script).args([utf8(&set), "constant-velocity", "--observation", "layout"]).env("PATH", &path);
+        command.env("DREAMSTREAM_BIN", env!("CARGO_BIN_EXE_dreamstream")).env("DREAMSTREAM_OUT", &out);
+        let variables = [("TASK_ID", "1"), ("TASK_COUNT", "2"), ("JOB_ID", "77")];
+        command.envs(variables.map(|(name, value)| (format!("SLURM_ARRAY_{name}"), value)));
+        command.env("SLURM_CPUS_PER_TASK", "1").current_dir(harness::workspace());
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        command
+    };
+    let first = task().spawn().expect("it starts");
+    assert_eq!(cut(first, &out.join("1"), 1, "TERM"), Some(130));
+    let asked = std::fs::read_to_string(folder.path().join("scontrol.asked")).expect("the scheduler was asked");
+    assert_eq!(asked, "requeue 77_1\n");
+    assert_eq!(task().status().expect("it runs").code(), Some(0));
+    assert_eq!(cells(&out.join("1")).len(), 3);
+}
+
+/// Runs a command that must succeed.
+fn succeeds(command: &[&str]) {
+    let status = Command::new(command[0]).args(&command[1..]).status().expect("it runs");
+    assert!(status.success(), "{command:?}");
+}
+
+#[test]
+fn the_thirteen_conditions_of_a_base_set_are_driven_and_compared() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (set, out) = (set(folder.path()), folder.path().join("out"));
+    let weather = ["build", "weather", utf8(&set), "--every", "6", "--out", utf8(folder.path())];
+    ends(benchmark(&weather), 0);
+    let weather = folder.path().join("town-weather.set.json");
+    let what = ["--policy", "constant-velocity", "--observation", "layout"];
+    let plan = ends(benchmark(&[&["plan", utf8(&set), utf8(&weather)], &what[..]].concat()), 0);
+    assert!(plan.contains("19 cells"), "{plan}");
+    let told = ["--endpoints", "configs/benchmark/plan.toml", "--out", utf8(&out)];
+    ends(benchmark(&[&["run", utf8(&set), utf8(&weather)], &what[..], &told].concat()), 0);
+    ends(benchmark(&["report", utf8(&out)]), 0);
+    let report = std::fs::read_to_string(out.join("report.json")).expect("a report");
+    let report: Value = serde_json::from_str(&report).expect("JSON");
+    let rows = report["tables"]["weather"]["rows"].as_array().expect("rows");
+    let endpoints = report["tables"]["endpoints"]["rows"].as_array().expect("rows");
+    assert!(endpoints.len() == 5 && endpoints.iter().all(|row| row["conclusion"] == "not tested"), "{endpoints:?}");
+    // Thirteen conditions and three means, in two profiles; who drives blind drives alike in all of them.
+    assert_eq!(rows.len(), 32);
+    assert!(rows.iter().all(|row| row["difference"]["value"] == 0.0 && row["p"].is_null()), "{}", rows[0]);
+}
+
+/// Changes a manifest and returns its path beside the sound one.
+fn changed(set: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
+    let mut value: Value = serde_json::from_slice(&std::fs::read(set).expect("a manifest")).expect("JSON");
+    change(&mut value);
+    let path = set.with_file_name("changed.set.json");
+    std::fs::write(&path, value.to_string()).expect("written");
+    path
+}
+
+#[test]
+fn what_cannot_be_meant_is_refused_by_name_and_nothing_is_overwritten() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let set = set(folder.path());
+    let out = folder.path().join("out");
+    let run = |set: &Path| {
+        let mut command = benchmark(&["run", utf8(set)]);
+        command.args(WHAT).args(["--out", utf8(&out)]);
+        command
+    };
+    let digest = changed(&set, |value| value["entries"][0]["category"] = "other".into());
+    let told = ends(run(&digest), 2);
+    assert!(told.contains("changed.set.json") && told.contains("\"digest\""), "{told}");
+    let licence = changed(&set, |value| value["entries"][0]["licence"] = "CC-BY-NC-SA-4.0".into());
+    let told = ends(benchmark(&["check", utf8(&licence)]), 2);
+    assert!(told.contains("\"licence\"") && told.contains("strictest"), "{told}");
+    let told = ends(run(&folder.path().join("absent.set.json")), 2);
+    assert!(told.contains("absent.set.json"), "{told}");
+    let told = ends(benchmark(&["run", utf8(&set), "--policy", "nobody", "--out", utf8(&out)]), 2);
+    assert!(told.contains("\"nobody\"") && told.contains("lattice"), "{told}");
+    let mut alone = run(&set);
+    alone.args(["--shard", "auto"]).env_remove("SLURM_ARRAY_TASK_ID").env_remove("JOB_COMPLETION_INDEX");
+    assert!(ends(alone, 2).contains("SLURM_ARRAY_TASK_ID"));
+    assert!(!out.exists(), "a refused benchmark left files");
+    ends(benchmark(&["check", utf8(&set)]), 0);
+
+    ends(benchmark(&["check", "configs/benchmark/town.set.json"]), 0);
+    let mut lost = set_of_files(folder.path());
+    std::fs::remove_file(lost.1.pop().expect("a file")).expect("removed");
+    let told = ends(benchmark(&["check", utf8(&lost.0)]), 2);
+    assert!(told.contains("cannot read") && told.contains(".scenario.json"), "{told}");
+
+    let there = std::fs::read(&set).expect("a manifest");
+    let other = ["build", "base", "--unfiltered", "--candidates", "7", "--out", utf8(folder.path())];
+    let told = ends(benchmark(&other), 2);
+    assert!(told.contains("town.set.json") && told.contains("stays"), "{told}");
+    assert_eq!(std::fs::read(&set).expect("a manifest"), there);
+}
+
+/// Makes a set of two scenario files and returns it with the files.
+fn set_of_files(folder: &Path) -> (PathBuf, Vec<PathBuf>) {
+    let generate = ["scenario", "generate", "--family", "cut-in", "--count", "2", "--out"];
+    let files = folder.join("files");
+    ends(dreamstream(&[&generate[..], &[utf8(&files)]].concat()), 0);
+    ends(benchmark(&["build", "base", utf8(&files), "--unfiltered", "--name", "mine", "--out", utf8(folder)]), 0);
+    let files = ["cut-in-0", "cut-in-1"].map(|name| files.join(format!("{name}.scenario.json")));
+    (folder.join("mine.set.json"), files.to_vec())
+}
+
+#[test]
+fn one_writer_at_a_time_and_a_full_disk_loses_nothing() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let set = set(folder.path());
+    let out = folder.path().join("out");
+    let variables = [("JOB_COMPLETION_INDEX", "0"), ("DREAMSTREAM_SHARDS", "6")];
+    let what = ["--policy", "constant-velocity", "route-follower", "--observation", "reference"];
+    // Less than a recording takes, more than the ledger takes when it is made.
+    let mut limited = Command::new("sh");
+    let run = shard_of(&what, &set, &out, &variables);
+    limited
+        .args(["-c", "trap '' XFSZ; ulimit -f 5000; exec \"$0\" \"$@\""])
+        .arg(run.get_program())
+        .args(run.get_args());
+    limited.current_dir(harness::workspace()).stdin(Stdio::null());
+    limited.envs(variables);
+    // The bus may complain of its own end when a fleet is taken down at once.
+    let told = exits(limited, 2);
+    assert!(told.contains("storage failed"), "{told}");
+    let before = cells(&out);
+
+    let mut first = benchmark(&["resume", utf8(&out)]).stdout(Stdio::null()).spawn().expect("it starts");
+    let lock =
+        || std::fs::read_to_string(out.join("run.lock")).ok().filter(|text| text.trim() == first.id().to_string());
+    wait_for("the lock", 60, lock);
+    let told = ends(benchmark(&["resume", utf8(&out)]), 2);
+    assert!(told.contains("in use by another run"), "{told}");
+    assert!(first.wait().expect("it ends").success());
+    let after = cells(&out);
+    assert_eq!(after.len(), 2);
+    assert!(before.iter().all(|(key, digest)| after.get(key) == Some(digest)));
+    let told = ends(shard(&set, &out, &variables), 2);
+    assert!(told.contains("benchmark resume"), "{told}");
+    assert_eq!(cells(&out), after);
+}

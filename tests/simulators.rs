@@ -1,0 +1,131 @@
+//! A command as the nominal simulator: the built-in car served through the protocol is diagnosed as itself, one that dies is
+//! started once more and its windows are left out, and what is no simulator is refused by what is wrong with it.
+
+#[path = "harness.rs"]
+mod harness;
+use std::path::Path;
+
+use ds_effect::{Plant, find};
+use harness::dreamstream;
+use serde_json::Value;
+
+fn case(folder: &Path, seed: u64, injected: &[(&str, f64)]) -> String {
+    let edit = |plant: &mut Plant| {
+        for (id, value) in injected {
+            let effect = find(id).expect("the effect is in the library");
+            let mut values = effect.neutral();
+            values[0] = *value;
+            (effect.apply)(&values, plant);
+        }
+    };
+    ds_dynamics::synthetic::write_case(folder, seed, &edit).expect("the case can be written");
+    folder.display().to_string()
+}
+
+/// Diagnoses a case with a command; returns the diagnosis, or what was said on standard error.
+fn diagnosed(case: &str, simulator: Option<&str>) -> Result<Value, String> {
+    let out = tempfile::tempdir().expect("a folder");
+    let mut arguments = vec!["gap", "diagnose", case, "--quick", "--no-pages", "--out"];
+    let path = out.path().display().to_string();
+    arguments.push(&path);
+    arguments.extend(simulator.iter().flat_map(|command| ["--simulator", command]));
+    let ended = dreamstream(&arguments).output().expect("the binary runs");
+    if !ended.status.success() {
+        return Err(String::from_utf8_lossy(&ended.stderr).into_owned());
+    }
+    let name = Path::new(case).file_name().expect("a name");
+    let text = std::fs::read_to_string(out.path().join(name).join("diagnosis.json")).expect("a diagnosis");
+    Ok(serde_json::from_str(&text).expect("JSON"))
+}
+
+fn program() -> String {
+    format!("'{}'", env!("CARGO_BIN_EXE_dreamstream"))
+}
+
+#[test]
+fn the_built_in_car_behind_the_protocol_is_diagnosed_as_itself() {
+    for (seed, injected) in [(71, &[("steer_delay", 0.12)][..]), (72, &[]), (73, &[("drag_add", 1.2)])] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let case = case(folder.path(), seed, injected);
+        let served = format!("{} gap serve {{case}}", program());
+        let (own, other) = (diagnosed(&case, None).expect("a verdict"), diagnosed(&case, Some(&served)).expect("one"));
+        assert_eq!((&own["verdict"], &own["chosen"]), (&other["verdict"], &other["chosen"]), "{injected:?}");
+        let rollouts = other["rollouts"].as_u64().expect("rollouts are counted");
+        assert!(rollouts > 50 && rollouts <= 2000 && own.get("rollouts").is_none(), "{rollouts}");
+        if let Some((id, value)) = injected.first() {
+            let found = other["effects"][0]["value"].as_f64().expect("a value");
+            assert_eq!(other["effects"][0]["id"], *id);
+            assert!((found - value).abs() < 0.15 * value, "{id}: {found} instead of {value}");
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_declared_is_pushed_through_the_ports() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let case = case(folder.path(), 77, &[("payload", 250.0)]);
+    let served = format!("{} gap serve {{case}} --ports-only", program());
+    let (own, other) = (diagnosed(&case, None).expect("a verdict"), diagnosed(&case, Some(&served)).expect("one"));
+    assert_eq!((&own["verdict"], &own["chosen"]), (&other["verdict"], &other["chosen"]));
+    let gain = |said: &Value| said["effects"][0]["evidence_gain"].as_f64().expect("a gain");
+    assert_eq!(own["effects"][0]["id"], other["effects"][0]["id"]);
+    assert!((gain(&own) - gain(&other)).abs() < 1.0, "{} behind ports, {} declared", gain(&other), gain(&own));
+}
+
+#[test]
+fn one_that_dies_is_started_once_more_and_what_it_misses_is_said() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let case = case(folder.path(), 74, &[("steer_delay", 0.12)]);
+    // the hello and so many resets and steps, then the end; and the same once more
+    let once = |requests: u32| format!("sh -c \"sed -u {requests}q | {} gap serve {{case}}\"", program());
+    let said = diagnosed(&case, Some(&once(401))).expect("a verdict");
+    let warnings = said["warnings"].to_string();
+    assert!(warnings.contains("started anew") && warnings.contains("did not answer in"), "{warnings}");
+    let refused = diagnosed(&case, Some(&once(1))).expect_err("no window is answered");
+    assert!(refused.contains("answered in none of") && refused.contains("ended when asked for"), "{refused}");
+}
+
+/// What a simulator without parameters says of itself.
+const HELLO: &str = r#"{"hello":1,"dt":0.01,"parameters":[],"ports":["drive"],"channels":["x","y","yaw","v","yaw_rate","ax","ay"],"deterministic":true,"snapshot":false,"reset_state":["x","y","yaw","v","yaw_rate"],"instances":1}"#;
+
+/// A simulator in a shell: its hello, and what is then done with the requests.
+fn shell(hello: &str, then: &str) -> String {
+    format!("sh -c 'printf \"%s\\\\n\" \"$0\"; {then}' '{hello}'")
+}
+
+#[test]
+fn one_that_fails_twice_is_asked_no_more() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let case = case(folder.path(), 76, &[]);
+    for (then, failure) in
+        [("cat >/dev/null", "gave no answer"), ("while read line; do echo what; done", "no such reply")]
+    {
+        let refused = diagnosed(&case, Some(&shell(HELLO, then))).expect_err("no window is answered");
+        let said = ["answered in none of", "failed twice", failure];
+        assert!(said.iter().all(|words| refused.contains(words)), "{refused}");
+    }
+}
+
+#[test]
+fn what_is_no_simulator_is_refused_by_what_is_wrong() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let case = case(folder.path(), 75, &[]);
+    let hello = |changed: &str| {
+        shell(&HELLO.replace(r#""instances":1"#, &format!(r#""instances":1{changed}"#)), "cat >/dev/null")
+    };
+    let rows = [
+        ("false".to_owned(), "ended when asked for hello"),
+        ("sh -c 'echo tyres are cold >&2'".to_owned(), "tyres are cold"),
+        ("sh -c 'echo ready; cat'".to_owned(), "no such reply"),
+        ("./no/such/program".to_owned(), "ended when asked for hello"),
+        ("car.fmu".to_owned(), "is an FMU"),
+        (hello("").replace("0.01", "3.0"), "dt"),
+        (hello("").replace("\"v\",", ""), "channels"),
+        (hello("").replace("\"hello\":1", "\"hello\":9"), "hello"),
+        (hello(",\"includes\":[\"wings\"]"), "wings"),
+    ];
+    for (command, named) in rows {
+        let refused = diagnosed(&case, Some(&command)).expect_err(&command);
+        assert!(refused.contains(named), "{command}: {refused}");
+    }
+}
