@@ -409,7 +409,7 @@ pub(crate) struct TrainArgs {
     /// The stage, or all that the recipe describes, in this order: autoencoder; prior (all looks, no layout); teacher
     /// (follows layouts, sees whole clips); trajectories (what the teacher makes under guidance); ode (the causal
     /// student learns from them); self-forcing (the student learns from its own rollouts); decoder (guided by
-    /// layouts); ship (writes the weights). Apart from these: policy, the camera policy; plan, what the recipe costs and
+    /// layouts); ship (writes the weights). Apart from these: policy, a driving policy (--kind); plan, what the recipe costs and
     /// how far it is; unpack, which takes a shipped file apart so that a recipe can go on from it.
     #[arg(value_parser = [
         "all", "autoencoder", "prior", "teacher", "trajectories", "ode", "self-forcing", "decoder", "ship", "policy", "plan",
@@ -433,6 +433,9 @@ pub(crate) struct TrainArgs {
     /// Also write training.rrd, losses and samples for the rerun viewer, beside the page.
     #[arg(long)]
     pub rerun: bool,
+    /// Which policy `policy` trains: camera, or one of the panel.
+    #[arg(long, default_value = "camera", value_parser = ["camera", "drivor", "ltf"])]
+    pub kind: String,
     /// Work folder of the policy's training; the video model's is named by its recipe. Training there is resumed.
     #[arg(long, short, default_value = "training", value_hint = ValueHint::DirPath)]
     pub out: PathBuf,

@@ -44,7 +44,7 @@ impl MakerFactory for PolicyStage {
         let name = scene.spec.policy.as_str();
         let builtin = ds_policy::builtin::NAMES.iter().any(|(known, _)| *known == name);
         let guest = if builtin {
-            let needs = Builtin { camera_weights: Some(self.weights.clone()) };
+            let needs = Builtin { weights: Some(self.weights.clone()) };
             Guest::Builtin(ds_policy::builtin(name, &needs).map_err(|error| bad("no_policy", &error))?)
         } else {
             let outside = self.outside.as_ref().ok_or_else(|| {

@@ -14,6 +14,7 @@ pub mod error;
 pub mod lattice;
 pub mod log_replay;
 pub mod observation;
+pub mod panel;
 pub mod plan;
 pub mod route;
 pub mod route_follower;

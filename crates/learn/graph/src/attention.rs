@@ -67,22 +67,26 @@ impl Heads {
 
     /// Softmax attention of q [B, N, d] over k and v [B, M, d].
     pub(crate) fn attend(&self, mode: Mode, q: Tensor<3>, k: Tensor<3>, v: Tensor<3>) -> Tensor<3> {
-        let [b, n, d] = q.dims();
-        let split = |x: Tensor<3>| {
-            let m = x.dims()[1];
-            x.reshape([b, m, self.heads, self.head_dim]).swap_dims(1, 2)
-        };
-        let (q, k, v) = (split(q), split(k), split(v));
-        let y = match mode {
-            Mode::Infer => module::attention(q, k, v, None, None, AttentionModuleOptions::default()),
-            Mode::Train => {
-                let scale = 1.0 / (self.head_dim as f64).sqrt();
-                let scores = q.mul_scalar(scale).matmul(k.swap_dims(2, 3));
-                activation::softmax(scores, 3).matmul(v)
-            }
-        };
-        y.swap_dims(1, 2).reshape([b, n, d]).cast(FloatDType::F32)
+        attend(mode, self.heads, [q, k, v])
     }
+}
+
+/// Softmax attention of q [B, N, d] over k and v [B, M, d], in heads of equal width.
+pub(crate) fn attend(mode: Mode, heads: usize, qkv: [Tensor<3>; 3]) -> Tensor<3> {
+    let [b, n, d] = qkv[0].dims();
+    let [q, k, v] = qkv.map(|x| {
+        let m = x.dims()[1];
+        x.reshape([b, m, heads, d / heads]).swap_dims(1, 2)
+    });
+    let y = match mode {
+        Mode::Infer => module::attention(q, k, v, None, None, AttentionModuleOptions::default()),
+        Mode::Train => {
+            let scale = 1.0 / ((d / heads) as f64).sqrt();
+            let scores = q.mul_scalar(scale).matmul(k.swap_dims(2, 3));
+            activation::softmax(scores, 3).matmul(v)
+        }
+    };
+    y.swap_dims(1, 2).reshape([b, n, d]).cast(FloatDType::F32)
 }
 
 /// Rotary tables of some frames.

@@ -10,6 +10,7 @@ pub mod classifier;
 pub mod device;
 pub mod dit;
 mod graph;
+pub mod panel;
 pub mod planner;
 pub mod published;
 pub mod segmenter;

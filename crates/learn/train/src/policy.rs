@@ -1,4 +1,4 @@
-//! Trains the `camera` policy on reference-camera frames of generated scenarios, and measures it.
+//! Trains the `camera` policy, or one of the panel, on reference-camera frames of generated scenarios, and measures it.
 //!
 //! The teacher is the privileged [`ds_policy::driver::Driver`]. The first samples show the expert's drive and states
 //! beside it (shifted, turned, faster, slower) with the way back as their label. Then, round by round, the policy drives
@@ -9,22 +9,26 @@
 mod augment;
 mod closed_loop;
 mod dataset;
+mod judge;
 mod learner;
 mod loss;
+mod panel_loss;
 mod settings;
+mod student;
 
 use std::fs::{self, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use ds_nn::Weights;
 use ds_nn::safetensors::{FileError, WeightsFile};
+use ds_policy::Policy;
 use serde_json::json;
 
 pub use closed_loop::{DriveResult, Driven};
 pub use dataset::ScenarioSplit;
 pub use loss::Displacement;
 pub use settings::{PolicySettings, Round};
+pub use student::Student;
 
 use dataset::Samples;
 use learner::Learner;
@@ -100,6 +104,15 @@ pub enum PolicyTrainError {
         #[source]
         source: ds_policy::PolicyError,
     },
+    /// Plans of a training sample cannot be scored.
+    #[error("plans in scenario {name:?} cannot be scored")]
+    Score {
+        /// The scenario.
+        name: String,
+        /// Why.
+        #[source]
+        source: ds_score::ScoreError,
+    },
     /// The loss is no longer a number.
     #[error("loss at step {step} is {loss}")]
     Diverged {
@@ -110,25 +123,32 @@ pub enum PolicyTrainError {
     },
 }
 
-/// The files of a training run.
+/// The files of a training run: samples of the expert serve every student, the rest is the student's own.
 #[derive(Debug, Clone)]
 struct Files {
+    shared: PathBuf,
     folder: PathBuf,
+    weights: String,
 }
 
 impl Files {
-    fn new(folder: &Path) -> Result<Self, PolicyTrainError> {
-        let folder = folder.to_owned();
+    fn new(folder: &Path, student: Student) -> Result<Self, PolicyTrainError> {
+        let shared = folder.to_owned();
+        let folder = if student == Student::Camera { shared.clone() } else { shared.join(student.name()) };
         fs::create_dir_all(&folder).map_err(|source| PolicyTrainError::Io {
             doing: "created",
             path: folder.display().to_string(),
             source,
         })?;
-        Ok(Self { folder })
+        Ok(Self { shared, folder, weights: student.file_name() })
     }
 
     fn samples(&self, name: &str) -> PathBuf {
-        self.folder.join(format!("{name}.samples"))
+        self.shared.join(format!("{name}.samples"))
+    }
+
+    fn driven(&self, round: u64) -> PathBuf {
+        self.folder.join(format!("round{round}.samples"))
     }
 
     fn checkpoint(&self) -> PathBuf {
@@ -136,7 +156,7 @@ impl Files {
     }
 
     fn weights(&self) -> PathBuf {
-        self.folder.join("camera_policy.safetensors")
+        self.folder.join(&self.weights)
     }
 
     /// Appends a line of JSON to the log and hands it to the listener.
@@ -161,23 +181,24 @@ impl Files {
 /// # Errors
 /// [`PolicyTrainError`] says what is wrong.
 pub fn run(
+    student: Student,
     settings: &PolicySettings,
     folder: &Path,
     listener: &mut dyn FnMut(&str),
 ) -> Result<PathBuf, PolicyTrainError> {
     settings.check()?;
-    let files = Files::new(folder)?;
+    let files = Files::new(folder, student)?;
     let held_out =
         Samples::held(&files.samples("held-out"), || dataset::beside_the_expert(settings, ScenarioSplit::HeldOut))?;
     let mut samples =
         Samples::held(&files.samples("expert"), || dataset::beside_the_expert(settings, ScenarioSplit::Training))?;
     files.log(&json!({"samples": samples.len(), "held_out": held_out.len()}), listener)?;
-    let mut learner = Learner::resume(settings, &files.checkpoint())?;
+    let mut learner = Learner::resume(student, settings, &files.checkpoint())?;
     let mut end = 0;
     for (index, round) in (0u64..).zip(&settings.rounds) {
         if round.scenarios > 0 {
-            let driven = Samples::held(&files.samples(&format!("round{index}")), || {
-                closed_loop::samples_of(settings, index, round.scenarios, learner.average())
+            let driven = Samples::held(&files.driven(index), || {
+                closed_loop::samples_of(settings, index, round.scenarios, &mut *student.policy(learner.average())?)
             })?;
             samples.append(driven);
             files.log(&json!({"round": index, "samples": samples.len()}), listener)?;
@@ -190,16 +211,21 @@ pub fn run(
             }
             if learner.steps() % settings.save_every == 0 || learner.steps() == end {
                 learner.save(&files.checkpoint())?;
-                write_weights(settings, &learner, &files.weights())?;
-                files.log(&open_loop_line(learner.steps(), learner.average(), &held_out)?, listener)?;
+                write_weights(student, settings, &learner, &files.weights())?;
+                let mut policy = student.policy(learner.average())?;
+                files.log(&open_loop_line(learner.steps(), &mut *policy, &held_out)?, listener)?;
             }
         }
     }
     Ok(files.weights())
 }
 
-fn open_loop_line(step: u32, weights: &Weights, held_out: &Samples) -> Result<serde_json::Value, PolicyTrainError> {
-    let found = loss::displacement(weights, held_out)?;
+fn open_loop_line(
+    step: u32,
+    policy: &mut dyn Policy,
+    held_out: &Samples,
+) -> Result<serde_json::Value, PolicyTrainError> {
+    let found = loss::displacement(policy, held_out)?;
     Ok(json!({
         "step": step,
         "held_out_ade_m": found.policy_m,
@@ -210,10 +236,15 @@ fn open_loop_line(step: u32, weights: &Weights, held_out: &Samples) -> Result<se
     }))
 }
 
-fn write_weights(settings: &PolicySettings, learner: &Learner, path: &Path) -> Result<(), PolicyTrainError> {
+fn write_weights(
+    student: Student,
+    settings: &PolicySettings,
+    learner: &Learner,
+    path: &Path,
+) -> Result<(), PolicyTrainError> {
     let metadata = [
         ("steps".to_owned(), learner.steps().to_string()),
-        ("model".to_owned(), "camera policy 1".to_owned()),
+        ("model".to_owned(), format!("{} policy 1", student.name())),
         ("settings".to_owned(), settings.digest().to_string()),
         ("licence".to_owned(), "Apache-2.0".to_owned()),
     ];
@@ -226,13 +257,14 @@ fn write_weights(settings: &PolicySettings, learner: &Learner, path: &Path) -> R
 /// # Errors
 /// [`PolicyTrainError`] says what is wrong.
 pub fn evaluate(
+    student: Student,
     settings: &PolicySettings,
     weights: &Path,
     listener: &mut dyn FnMut(&str),
 ) -> Result<Vec<DriveResult>, PolicyTrainError> {
     settings.check()?;
     let weights = WeightsFile::read(weights)?.weights;
-    closed_loop::evaluate(settings, &weights, listener)
+    closed_loop::evaluate(student, settings, &weights, listener)
 }
 
 #[cfg(test)]

@@ -31,7 +31,7 @@ const KINDS: [&str; 6] = ["straight", "left", "right", "curve", "stopped at red"
 /// If the policy cannot be made, or anything is wrong with it.
 pub(crate) fn run(command: &PolicyCommand) -> Result<()> {
     let PolicyCommand::Doctor { policy: name, policy_weights: weights, json } = command;
-    let mut policy = ds_policy::builtin(name, &Builtin { camera_weights: Some(weights.clone()) })?;
+    let mut policy = ds_policy::builtin(name, &Builtin { weights: Some(weights.clone()) })?;
     if policy.privileged() {
         bail!("policy {name:?} is privileged: it plans from the scenario, not from what the fixtures show");
     }

@@ -5,8 +5,12 @@
 //! that stand up are distorted where mountings differ. The same camera gives the same pixels back.
 
 use ds_graph::planner::{HEIGHT_PX, WIDTH_PX};
+use ds_nn::Array;
 use ds_raster::RgbImage;
 use ds_space::{CameraId, CameraModel, DVec3, Intrinsics};
+
+use crate::error::PolicyError;
+use crate::observation::Observation;
 
 /// What is shown where the source camera does not reach.
 const UNSEEN: [f32; 3] = [115.0; 3];
@@ -35,6 +39,33 @@ pub struct Eye {
 }
 
 impl Eye {
+    /// Returns the newest frame of the forward camera as networks see it: [1, 96, 160, 3].
+    ///
+    /// # Errors
+    /// [`PolicyError::Observation`] if no camera looks ahead.
+    ///
+    /// # Panics
+    /// If the observation was not checked and a camera has no frame.
+    pub fn newest(&mut self, observation: &Observation) -> Result<Array, PolicyError> {
+        let newest = observation.frames.iter().map(|frames| frames.last().expect("the observation was checked"));
+        self.images(observation.cameras.iter().zip(newest))
+    }
+
+    /// Returns the forward camera's frame as networks see it: [1, 96, 160, 3].
+    ///
+    /// # Errors
+    /// [`PolicyError::Observation`] if no camera looks ahead.
+    pub fn images<'a>(
+        &mut self,
+        pairs: impl Iterator<Item = (&'a CameraModel, &'a RgbImage)>,
+    ) -> Result<Array, PolicyError> {
+        let (camera, frame) = forward_frame(pairs)?;
+        let seen = self.look(camera, frame);
+        let mut pixels = Vec::with_capacity(seen.rgb().len());
+        normalise_into(seen.rgb(), &mut pixels);
+        Ok(Array::new(&[1, HEIGHT_PX, WIDTH_PX, 3], pixels))
+    }
+
     /// Returns the frame as the known camera would have seen it.
     pub fn look(&mut self, camera: &CameraModel, frame: &RgbImage) -> RgbImage {
         let intrinsics = camera.intrinsics.resized(frame.width_px(), frame.height_px());
@@ -108,4 +139,23 @@ fn sample(frame: &RgbImage, [x, y]: [f32; 2]) -> [f32; 3] {
     let top = mix(frame.pixel(x0, y0), frame.pixel(x1, y0), u);
     let bottom = mix(frame.pixel(x0, y1), frame.pixel(x1, y1), u);
     [0, 1, 2].map(|c| top[c] + v * (bottom[c] - top[c]))
+}
+
+/// Appends 8-bit values as the network sees them.
+pub fn normalise_into(rgb: &[u8], pixels: &mut Vec<f32>) {
+    pixels.extend(rgb.iter().map(|value| (f32::from(*value) * (1.0 / 255.0) - 0.45) * 4.0));
+}
+
+/// Returns the frame of the camera that looks most nearly ahead.
+fn forward_frame<'a>(
+    pairs: impl Iterator<Item = (&'a CameraModel, &'a RgbImage)>,
+) -> Result<(&'a CameraModel, &'a RgbImage), PolicyError> {
+    let ahead = |camera: &CameraModel| (camera.rig_from_camera.rotation * DVec3::Z).x;
+    let best = pairs.reduce(|best, next| if ahead(next.0) > ahead(best.0) { next } else { best });
+    let (camera, frame) = best.ok_or(PolicyError::Observation { field: "cameras", problem: "is empty".into() })?;
+    if ahead(camera) < 0.7 {
+        let problem = format!("has no camera that looks ahead; the nearest is {:?}", camera.id.as_str());
+        return Err(PolicyError::Observation { field: "cameras", problem });
+    }
+    Ok((camera, frame))
 }

@@ -4,7 +4,11 @@
 //! that grow with time, so that all outputs are of order one. Rig frame of now, metres, radians.
 
 use ds_space::{DVec2, PoseSe2, SimTime, angle};
-use ds_world::RouteCommand;
+use ds_world::{Proposal, RouteCommand};
+
+use crate::error::PolicyError;
+use crate::observation::Observation;
+use crate::plan::{PolicyAnswer, evenly_spaced};
 
 /// Candidates per answer.
 pub const MODES: usize = 4;
@@ -29,7 +33,7 @@ const MOST_YAW_RATE_RADPS: f64 = 0.6;
 pub struct Candidate {
     /// Poses at 0.5 s, 1.0 s, … 4.0 s.
     pub knots: [PoseSe2; KNOTS],
-    /// The network's probability that this one is right.
+    /// The network's probability that this one is right, or the score that it expects of it.
     pub probability: f64,
 }
 
@@ -82,16 +86,40 @@ pub fn decode(speed_mps: f64, outputs: &[f32]) -> Vec<Candidate> {
     let highest = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let weights: Vec<f64> = logits.iter().map(|logit| f64::from(logit - highest).exp()).collect();
     let sum: f64 = weights.iter().sum();
-    let knots = |targets: &[f32]| {
-        std::array::from_fn(|knot| {
-            let [x, y, heading] = units(knot);
-            let at = |field: usize| f64::from(targets[3 * knot + field]);
-            let forward = straight_on(speed_mps, knot) + at(0) * x;
-            PoseSe2 { position: DVec2::new(forward, at(1) * y), heading_rad: angle::wrap(at(2) * heading) }
-        })
-    };
     let candidates = targets.chunks_exact(TARGETS).zip(weights);
-    candidates.map(|(targets, weight)| Candidate { knots: knots(targets), probability: weight / sum }).collect()
+    let candidate = |(targets, weight)| Candidate { knots: knots_of(speed_mps, targets), probability: weight / sum };
+    candidates.map(candidate).collect()
+}
+
+/// Returns the poses that the numbers of one candidate stand for; the inverse of [`encode`].
+///
+/// # Panics
+/// If there are fewer than [`TARGETS`] numbers.
+#[must_use]
+pub fn knots_of(speed_mps: f64, targets: &[f32]) -> [PoseSe2; KNOTS] {
+    std::array::from_fn(|knot| {
+        let [x, y, heading] = units(knot);
+        let at = |field: usize| f64::from(targets[3 * knot + field]);
+        let forward = straight_on(speed_mps, knot) + at(0) * x;
+        PoseSe2 { position: DVec2::new(forward, at(1) * y), heading_rad: angle::wrap(at(2) * heading) }
+    })
+}
+
+/// Makes the answer of a network: every candidate continued to the asked horizon, the most probable one first of equals.
+pub(crate) fn answer(
+    name: &'static str,
+    observation: &Observation,
+    candidates: &[Candidate],
+) -> Result<PolicyAnswer, PolicyError> {
+    let mut proposals = Vec::with_capacity(candidates.len());
+    for candidate in candidates {
+        let (horizon_ticks, dt) = (observation.horizon_ticks, observation.dt);
+        let poses = poses_at_ticks(observation.ego.speed_mps, &candidate.knots, horizon_ticks, dt);
+        proposals.push(Proposal { trajectory: evenly_spaced(name, &poses, dt)?, score: candidate.probability });
+    }
+    let best = proposals.iter().reduce(|best, next| if next.score > best.score { next } else { best });
+    let trajectory = best.expect("the network always makes proposals").trajectory.clone();
+    Ok(PolicyAnswer { trajectory, proposals })
 }
 
 /// Returns the poses after each of `ticks` ticks: a smooth curve through the knots, then constant speed and curvature.

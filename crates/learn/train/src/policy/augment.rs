@@ -3,7 +3,7 @@
 //! Works on values as the network sees them; every change is a function of the draws. Pixels never move.
 
 use ds_graph::planner::{HEIGHT_PX, WIDTH_PX};
-use ds_policy::camera::normalise_into;
+use ds_policy::camera::eye::normalise_into;
 use ds_raster::RgbImage;
 use ds_space::Draws;
 

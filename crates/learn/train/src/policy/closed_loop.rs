@@ -6,7 +6,6 @@
 //! route, and of the whole drive whatever happens, as shares of the route to the end of the log. These figures steer training; they are no scores.
 
 use ds_nn::Weights;
-use ds_policy::camera::CameraPolicy;
 use ds_policy::constant_velocity::ConstantVelocity;
 use ds_policy::route_follower::RouteFollower;
 use ds_policy::{EgoView, Observation, Policy, PolicyError, PrivilegedView};
@@ -20,6 +19,7 @@ use super::PolicyTrainError;
 use super::augment::softened;
 use super::dataset::{Sample, Samples, ScenarioSplit, Stage};
 use super::settings::PolicySettings;
+use super::student::Student;
 
 /// A drive farther off the route than this has failed, in metres.
 const OFF_ROUTE_M: f64 = 4.0;
@@ -29,12 +29,14 @@ const FIRST_DRIVEN: u64 = 40_000;
 /// Who drove on what.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Driven {
-    /// The camera policy on its own frames.
-    Camera,
-    /// The camera policy on its own frames at a quarter of their resolution: a stand-in for soft generated frames.
-    CameraSoftened,
-    /// The camera policy on frames of another scenario.
-    CameraElsewhere,
+    /// The trained policy on its own frames.
+    Trained,
+    /// The trained policy on its own frames at a quarter of their resolution: a stand-in for soft generated frames.
+    Softened,
+    /// The trained policy on frames of another scenario.
+    Elsewhere,
+    /// The trained policy on the first frame for ever.
+    Frozen,
     /// Constant velocity.
     ConstantVelocity,
     /// The privileged teacher.
@@ -42,24 +44,25 @@ pub enum Driven {
 }
 
 impl Driven {
-    const ALL: [Self; 5] =
-        [Self::Camera, Self::CameraSoftened, Self::CameraElsewhere, Self::ConstantVelocity, Self::RouteFollower];
+    const ALL: [Self; 6] =
+        [Self::Trained, Self::Softened, Self::Elsewhere, Self::Frozen, Self::ConstantVelocity, Self::RouteFollower];
 
     /// Returns the name in reports.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::Camera => "camera",
-            Self::CameraSoftened => "camera-softened",
-            Self::CameraElsewhere => "camera-elsewhere",
+            Self::Trained => "trained",
+            Self::Softened => "trained-softened",
+            Self::Elsewhere => "trained-elsewhere",
+            Self::Frozen => "trained-frozen",
             Self::ConstantVelocity => "constant-velocity",
             Self::RouteFollower => "route-follower",
         }
     }
 
-    fn policy(self, weights: &Weights) -> Result<Box<dyn Policy>, PolicyTrainError> {
+    fn policy(self, student: Student, weights: &Weights) -> Result<Box<dyn Policy>, PolicyTrainError> {
         Ok(match self {
-            Self::Camera | Self::CameraSoftened | Self::CameraElsewhere => Box::new(CameraPolicy::new(weights)?),
+            Self::Trained | Self::Softened | Self::Elsewhere | Self::Frozen => student.policy(weights)?,
             Self::ConstantVelocity => Box::new(ConstantVelocity),
             Self::RouteFollower => Box::new(RouteFollower::default()),
         })
@@ -110,10 +113,9 @@ pub(super) fn samples_of(
     settings: &PolicySettings,
     round: u64,
     scenarios: u32,
-    weights: &Weights,
+    policy: &mut dyn Policy,
 ) -> Result<Samples, PolicyTrainError> {
     let mut samples: Vec<Sample> = Vec::new();
-    let mut policy = CameraPolicy::new(weights)?;
     for index in 0..u64::from(scenarios) {
         let mut stage = Stage::new(ScenarioSplit::Training, FIRST_DRIVEN + 10_000 * round + index);
         let start = Draws::new(&stage.scene.digest, "policy start", &[round]).below(0, 50);
@@ -142,6 +144,7 @@ fn is_over(stage: &Stage, world: &WorldState) -> bool {
 
 /// Drives all held-out scenarios with everyone.
 pub(super) fn evaluate(
+    student: Student,
     settings: &PolicySettings,
     weights: &Weights,
     listener: &mut dyn FnMut(&str),
@@ -152,7 +155,7 @@ pub(super) fn evaluate(
         // Another family and another seed, so that neither the road nor the traffic agrees.
         let elsewhere = Stage::new(ScenarioSplit::HeldOut, index + 11);
         for driven in Driven::ALL {
-            let mut policy = driven.policy(weights)?;
+            let mut policy = driven.policy(student, weights)?;
             let result = drive(settings, &stage, &elsewhere, driven, &mut *policy)?;
             listener(&line(&result).to_string());
             results.push(result);
@@ -229,9 +232,13 @@ fn drive(
 /// Returns what the first camera is said to show.
 fn shown(stage: &Stage, elsewhere: &Stage, driven: Driven, world: &WorldState) -> Result<RgbImage, PolicyTrainError> {
     Ok(match driven {
-        Driven::Camera => stage.frame(world)?,
-        Driven::CameraSoftened => softened(&stage.frame(world)?),
-        Driven::CameraElsewhere => {
+        Driven::Trained => stage.frame(world)?,
+        Driven::Softened => softened(&stage.frame(world)?),
+        Driven::Frozen => {
+            let config = SimConfig { agents: None, ..SimConfig::default() };
+            stage.frame(stage.simulation(config, Tick(0))?.state())?
+        }
+        Driven::Elsewhere => {
             let config = SimConfig { agents: None, ..SimConfig::default() };
             elsewhere.frame(elsewhere.simulation(config, world.tick)?.state())?
         }

@@ -19,9 +19,11 @@ use ds_world::{EgoState, RouteCommand, Scene, WorldState};
 use super::settings::PolicySettings;
 use super::{FIRST_HELD_OUT_SEED, PolicyTrainError};
 
-const MAGIC: &[u8; 16] = b"ds policy data 1";
+const MAGIC: &[u8; 16] = b"ds policy data 2";
 const PIXELS: usize = WIDTH_PX * HEIGHT_PX * 3;
-const RECORD_BYTES: usize = PIXELS + 4 + 4 + 4 * TARGETS;
+/// Numbers of a record: speed, yaw rate, acceleration, then the teacher's poses.
+const NUMBERS: usize = 4 + TARGETS;
+const RECORD_BYTES: usize = PIXELS + 4 * NUMBERS + 4 + 8 + 4 + 8 * 3;
 /// The longest file of samples that is read, in bytes.
 const MAX_BYTES: u64 = 8 << 30;
 /// The last tick from which the tracks reach to the end of a label.
@@ -36,18 +38,58 @@ pub enum ScenarioSplit {
     HeldOut,
 }
 
+/// Where a sample was taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Place {
+    /// The scenario, as in [`Stage::new`].
+    pub(super) scenario: u64,
+    pub(super) tick: Tick,
+    pub(super) pose: PoseSe2,
+}
+
 /// A state with its label.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Sample {
     /// The frame as the network's own camera sees it, rows of 8-bit RGB.
     pub(super) rgb: Vec<u8>,
     pub(super) speed_mps: f32,
+    pub(super) yaw_rate_radps: f32,
+    pub(super) acceleration_mps2: [f32; 2],
     pub(super) command: RouteCommand,
+    pub(super) place: Place,
     /// The teacher's poses in the rig at now: x, y, heading of each knot.
     pub(super) knots: [f32; TARGETS],
 }
 
 impl Sample {
+    /// Reads one record; says what it holds that it must not.
+    fn parse(record: &[u8]) -> Result<Self, String> {
+        let (rgb, rest) = record.split_at(PIXELS);
+        let (numbers, rest) = rest.split_at(4 * NUMBERS);
+        let number = |k: usize| f32::from_le_bytes(numbers[4 * k..4 * k + 4].try_into().expect("four bytes"));
+        let bits = |at: usize| u64::from_le_bytes(rest[at..at + 8].try_into().expect("eight bytes"));
+        let word = |at: usize| u32::from_le_bytes(rest[at..at + 4].try_into().expect("four bytes"));
+        let command = match word(0) {
+            0 => RouteCommand::Straight,
+            1 => RouteCommand::Left,
+            2 => RouteCommand::Right,
+            other => return Err(format!("command {other}")),
+        };
+        let pose = [16, 24, 32].map(|at| f64::from_bits(bits(at)));
+        if (0..NUMBERS).any(|k| !number(k).is_finite()) || pose.iter().any(|value| !value.is_finite()) {
+            return Err("a number that is not finite".to_owned());
+        }
+        Ok(Self {
+            rgb: rgb.to_vec(),
+            speed_mps: number(0),
+            yaw_rate_radps: number(1),
+            acceleration_mps2: [number(2), number(3)],
+            knots: std::array::from_fn(|k| number(4 + k)),
+            command,
+            place: Place { scenario: bits(4), tick: Tick(word(12)), pose: PoseSe2::new(pose[0], pose[1], pose[2]) },
+        })
+    }
+
     /// Returns the teacher's poses.
     pub(super) fn poses(&self) -> [PoseSe2; KNOTS] {
         let at = |k: usize| f64::from(self.knots[k]);
@@ -86,9 +128,13 @@ impl Samples {
         bytes.extend((self.0.len() as u64).to_le_bytes());
         for sample in &self.0 {
             bytes.extend_from_slice(&sample.rgb);
-            bytes.extend(sample.speed_mps.to_le_bytes());
+            let motion = [sample.speed_mps, sample.yaw_rate_radps].into_iter().chain(sample.acceleration_mps2);
+            bytes.extend(motion.chain(sample.knots).flat_map(f32::to_le_bytes));
             bytes.extend((sample.command as u32).to_le_bytes());
-            bytes.extend(sample.knots.iter().flat_map(|value| value.to_le_bytes()));
+            let Place { scenario, tick, pose } = sample.place;
+            bytes.extend(scenario.to_le_bytes());
+            bytes.extend(tick.0.to_le_bytes());
+            bytes.extend([pose.position.x, pose.position.y, pose.heading_rad].into_iter().flat_map(f64::to_le_bytes));
         }
         let partial = path.with_extension("partial");
         let written = fs::write(&partial, bytes).and_then(|()| fs::rename(&partial, path));
@@ -110,26 +156,30 @@ impl Samples {
             return Err(bad(format!("claims {count} samples and holds {} bytes of them", records.len())));
         }
         let parse = |(index, record): (usize, &[u8])| {
-            let number = |at: usize| [record[at], record[at + 1], record[at + 2], record[at + 3]];
-            let command = match u32::from_le_bytes(number(PIXELS + 4)) {
-                0 => RouteCommand::Straight,
-                1 => RouteCommand::Left,
-                2 => RouteCommand::Right,
-                other => return Err(bad(format!("holds command {other} in sample {index}"))),
-            };
-            let knots: [f32; TARGETS] = std::array::from_fn(|k| f32::from_le_bytes(number(PIXELS + 8 + 4 * k)));
-            let speed_mps = f32::from_le_bytes(number(PIXELS));
-            if !speed_mps.is_finite() || knots.iter().any(|value| !value.is_finite()) {
-                return Err(bad(format!("holds a number that is not finite in sample {index}")));
-            }
-            Ok(Sample { rgb: record[..PIXELS].to_vec(), speed_mps, command, knots })
+            Sample::parse(record).map_err(|problem| bad(format!("holds {problem} in sample {index}")))
         };
         records.chunks_exact(RECORD_BYTES).enumerate().map(parse).collect::<Result<_, _>>().map(Self)
     }
 }
 
+fn seed_of(shown: ScenarioSplit, index: u64) -> u64 {
+    let first = match shown {
+        ScenarioSplit::Training => 0,
+        ScenarioSplit::HeldOut => FIRST_HELD_OUT_SEED,
+    };
+    first + index / Family::ALL.len() as u64
+}
+
+/// Makes the scene of scenario `index`.
+pub(super) fn scene(shown: ScenarioSplit, index: u64) -> Scene {
+    #[expect(clippy::cast_possible_truncation, reason = "below the number of families")]
+    let family = Family::ALL[(index % Family::ALL.len() as u64) as usize];
+    generate(family, seed_of(shown, index))
+}
+
 /// A generated scenario with its teacher and its camera.
 pub(super) struct Stage {
+    index: u64,
     pub(super) scene: Arc<Scene>,
     pub(super) driver: Driver,
     camera: ReferenceCamera,
@@ -139,18 +189,11 @@ pub(super) struct Stage {
 impl Stage {
     /// Makes scenario `index` of the training or the held-out seeds; the families take turns, the look is drawn.
     pub(super) fn new(shown: ScenarioSplit, index: u64) -> Self {
+        let scene = Arc::new(scene(shown, index));
         let families = Family::ALL.len() as u64;
-        let first = match shown {
-            ScenarioSplit::Training => 0,
-            ScenarioSplit::HeldOut => FIRST_HELD_OUT_SEED,
-        };
-        let seed = first + index / families;
-        #[expect(clippy::cast_possible_truncation, reason = "below the number of families")]
-        let family = Family::ALL[(index % families) as usize];
-        let scene = Arc::new(generate(family, seed));
-        let look = Draws::from_seed(seed, "policy appearance").u64(index % families);
+        let look = Draws::from_seed(seed_of(shown, index), "policy appearance").u64(index % families);
         let camera = ReferenceCamera::new(&scene, Appearance::from_seed(look));
-        Self { driver: Driver::new(&scene), camera, scene, eye: Eye::default() }
+        Self { index, driver: Driver::new(&scene), camera, scene, eye: Eye::default() }
     }
 
     /// Returns the frame of the scene's first camera.
@@ -175,7 +218,16 @@ impl Stage {
             knot.iter_mut().zip(numbers).for_each(|(knot, number)| *knot = number as f32);
         }
         let rgb = self.eye.look(&self.scene.cameras[0], frame).rgb().to_vec();
-        Sample { rgb, speed_mps: world.ego.speed_mps() as f32, command, knots }
+        let acceleration = world.ego.acceleration_mps2;
+        Sample {
+            rgb,
+            speed_mps: world.ego.speed_mps() as f32,
+            yaw_rate_radps: world.ego.yaw_rate_radps as f32,
+            acceleration_mps2: [acceleration.x as f32, acceleration.y as f32],
+            command,
+            place: Place { scenario: self.index, tick: world.tick, pose: world.ego.pose },
+            knots,
+        }
     }
 
     /// Starts a simulation at a tick of the log.

@@ -2,22 +2,23 @@
 
 use std::path::Path;
 
-use ds_graph::planner::{self, HEIGHT_PX, WIDTH_PX};
+use ds_graph::planner::{HEIGHT_PX, WIDTH_PX};
 use ds_nn::optimiser::{AdamW, AdamWSettings, Schedule, Shape, move_average};
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Weights};
-use ds_policy::camera::SIZE;
-use ds_policy::camera::proposals::{STATE, state_of};
 use ds_space::{DigestWriter, Draws};
 
 use super::PolicyTrainError;
 use super::augment::augment_into;
 use super::dataset::Samples;
-use super::loss;
+use super::judge::Judge;
 use super::settings::PolicySettings;
+use super::student::{Shown, Student};
 
 /// Weights under training.
 pub(super) struct Learner {
+    student: Student,
+    judge: Judge,
     weights: Weights,
     average: Weights,
     optimiser: AdamW,
@@ -26,15 +27,20 @@ pub(super) struct Learner {
 
 impl Learner {
     /// Goes on from a checkpoint, or starts anew where there is none.
-    pub(super) fn resume(settings: &PolicySettings, checkpoint: &Path) -> Result<Self, PolicyTrainError> {
+    pub(super) fn resume(
+        student: Student,
+        settings: &PolicySettings,
+        checkpoint: &Path,
+    ) -> Result<Self, PolicyTrainError> {
         let adam = AdamWSettings { weight_decay: settings.weight_decay, ..AdamWSettings::default() };
         let (peak, warm_up) = (settings.learning_rate, settings.warm_up);
         let schedule = Schedule { peak, warm_up, total: settings.steps(), shape: Shape::Cosine };
         if !checkpoint.exists() {
-            let seed = DigestWriter::new().text("camera policy").u64(settings.seed).finish();
-            let weights = Weights::initialised(&SIZE.declared(), &seed);
+            let seed = DigestWriter::new().text(&format!("{} policy", student.name())).u64(settings.seed).finish();
+            let weights = Weights::initialised(&student.declared(), &seed);
             let optimiser = AdamW::new(adam, &weights);
-            return Ok(Self { average: weights.clone(), weights, optimiser, schedule });
+            let judge = Judge::default();
+            return Ok(Self { student, judge, average: weights.clone(), weights, optimiser, schedule });
         }
         let file = WeightsFile::read(checkpoint)?;
         let path = || checkpoint.display().to_string();
@@ -43,10 +49,11 @@ impl Learner {
             steps.ok_or_else(|| PolicyTrainError::Samples { path: path(), problem: "has no step count".into() })?;
         let part = |prefix: &str| {
             let weights = file.weights.part(prefix);
-            weights.check(&SIZE.declared()).map(|()| weights)
+            weights.check(&student.declared()).map(|()| weights)
         };
         let optimiser = AdamW::resumed(adam, steps, part("first.")?, part("second.")?);
-        Ok(Self { weights: part("weights.")?, average: part("average.")?, optimiser, schedule })
+        let (weights, average) = (part("weights.")?, part("average.")?);
+        Ok(Self { student, judge: Judge::default(), weights, average, optimiser, schedule })
     }
 
     /// Writes the whole state.
@@ -80,7 +87,7 @@ impl Learner {
         let step = self.steps();
         let batch = settings.batch as usize;
         let mut pixels = Vec::with_capacity(batch * HEIGHT_PX * WIDTH_PX * 3);
-        let (mut state, mut targets, mut speeds) = (Vec::new(), Vec::new(), Vec::new());
+        let mut shown = Vec::with_capacity(batch);
         for slot in 0..batch as u64 {
             let seed = DigestWriter::new().u64(settings.seed).finish();
             let draws = Draws::new(&seed, "policy batch", &[u64::from(step), slot]);
@@ -88,14 +95,10 @@ impl Learner {
             let sample = &samples.0[draws.below(100, samples.len() as u64) as usize];
             augment_into(&sample.rgb, &draws, &mut pixels);
             let speed_mps = (f64::from(sample.speed_mps) + 0.15 * draws.normal(101)).max(0.0);
-            state.extend(state_of(speed_mps, sample.command));
-            targets.push(loss::target_of(sample, speed_mps));
-            speeds.push(speed_mps);
+            shown.push(Shown { sample, speed_mps, motion: draws.uniform(102) < 0.5 });
         }
         let images = Array::new(&[batch, HEIGHT_PX, WIDTH_PX, 3], pixels);
-        let state = Array::new(&[batch, STATE], state);
-        let grade = |outputs: &Array| loss::grade(outputs, &targets, &speeds);
-        let (loss, gradient) = planner::gradient(SIZE, &self.weights, &images, &state, grade)?;
+        let (loss, gradient) = self.student.gradient(&self.weights, &images, &shown, &mut self.judge)?;
         let norm = self.optimiser.update(&mut self.weights, &gradient, self.schedule.rate(step));
         if !loss.is_finite() || !norm.is_finite() {
             return Err(PolicyTrainError::Diverged { step, loss });

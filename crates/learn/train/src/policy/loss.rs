@@ -3,11 +3,13 @@
 //! Winner takes all: the candidate nearest to the teacher in metres is drawn to it, the others a little; the logits learn
 //! which one was nearest (cross entropy). Distances are smooth L1 in the units of the outputs.
 
-use ds_graph::planner::Planner;
-use ds_nn::{Array, Weights};
-use ds_policy::camera::proposals::{KNOTS, MODES, OUTPUTS, STATE, TARGETS, decode, encode, state_of};
-use ds_policy::camera::{SIZE, normalise_into};
-use ds_space::PoseSe2;
+use ds_nn::Array;
+use ds_policy::camera::eye::known_camera;
+use ds_policy::camera::proposals::{KNOT_SECS, KNOTS, MODES, OUTPUTS, TARGETS, decode, encode};
+use ds_policy::{EgoView, Observation, Policy};
+use ds_raster::RgbImage;
+use ds_space::{DVec2, Draws, PoseSe2, SimTime};
+use ds_world::Trajectory;
 
 use super::PolicyTrainError;
 use super::dataset::{Sample, Samples};
@@ -47,11 +49,7 @@ fn grade_row(row: &[f32], slope: &mut [f32], target: &[f32; TARGETS], speed_mps:
         let weight = if mode == nearest { 1.0 } else { OTHERS_SHARE / (MODES - 1) as f32 } / TARGETS as f32;
         for k in 0..TARGETS {
             let error = row[mode * TARGETS + k] - target[k];
-            let (value, by_error) = if error.abs() < SMOOTH {
-                (0.5 * error * error / SMOOTH, error / SMOOTH)
-            } else {
-                (error.abs() - 0.5 * SMOOTH, error.signum())
-            };
+            let (value, by_error) = smooth(error);
             loss += weight * value;
             slope[mode * TARGETS + k] = weight * by_error;
         }
@@ -62,6 +60,15 @@ fn grade_row(row: &[f32], slope: &mut [f32], target: &[f32; TARGETS], speed_mps:
         loss -= CHOICE_WEIGHT * is_nearest * probability.max(1e-9).ln();
     }
     loss
+}
+
+/// Returns the smooth L1 of an error in units of the outputs, and its slope.
+pub(super) fn smooth(error: f32) -> (f32, f32) {
+    if error.abs() < SMOOTH {
+        (0.5 * error * error / SMOOTH, error / SMOOTH)
+    } else {
+        (error.abs() - 0.5 * SMOOTH, error.signum())
+    }
 }
 
 /// Returns the mean distance between the poses of two plans.
@@ -84,23 +91,21 @@ pub struct Displacement {
     pub constant_velocity_lateral_m: f64,
 }
 
-/// Measures weights on samples, without any change of the frames.
-pub(super) fn displacement(weights: &Weights, samples: &Samples) -> Result<Displacement, PolicyTrainError> {
-    let planner = Planner::new(SIZE, weights)?;
+/// Measures a policy on samples, without any change of the frames.
+pub(super) fn displacement(policy: &mut dyn Policy, samples: &Samples) -> Result<Displacement, PolicyTrainError> {
     let mut sum = Displacement::default();
     for sample in &samples.0 {
-        let speed_mps = f64::from(sample.speed_mps);
         let teacher = sample.poses();
-        let candidates = decode(speed_mps, &answer(&planner, sample));
-        let best = candidates.iter().reduce(|a, b| if b.probability > a.probability { b } else { a });
-        let best = &best.expect("there are candidates").knots;
-        let straight = decode(speed_mps, &[0.0; OUTPUTS])[0].knots;
-        let nearest = candidates.iter().map(|c| displacement_m(&c.knots, &teacher)).fold(f64::INFINITY, f64::min);
+        let failed = |source| PolicyTrainError::Policy { name: "held-out samples".to_owned(), source };
+        let answer = policy.plan(&observation(sample), None).map_err(failed)?;
+        let best = knots(&answer.trajectory);
+        let straight = decode(f64::from(sample.speed_mps), &[0.0; OUTPUTS])[0].knots;
+        let distances = answer.proposals.iter().map(|one| displacement_m(&knots(&one.trajectory), &teacher));
         let lateral = |plan: &[PoseSe2; KNOTS]| teacher[KNOTS - 1].to_local(plan[KNOTS - 1].position).y.abs();
-        sum.policy_m += displacement_m(best, &teacher);
-        sum.best_mode_m += nearest;
+        sum.policy_m += displacement_m(&best, &teacher);
+        sum.best_mode_m += distances.fold(f64::INFINITY, f64::min);
         sum.constant_velocity_m += displacement_m(&straight, &teacher);
-        sum.lateral_m += lateral(best);
+        sum.lateral_m += lateral(&best);
         sum.constant_velocity_lateral_m += lateral(&straight);
     }
     let share = 1.0 / samples.len().max(1) as f64;
@@ -113,12 +118,31 @@ pub(super) fn displacement(weights: &Weights, samples: &Samples) -> Result<Displ
     })
 }
 
-fn answer(planner: &Planner, sample: &Sample) -> Vec<f32> {
-    let mut pixels = Vec::with_capacity(sample.rgb.len());
-    normalise_into(&sample.rgb, &mut pixels);
-    let images = Array::new(&[1, ds_graph::planner::HEIGHT_PX, ds_graph::planner::WIDTH_PX, 3], pixels);
-    let state = state_of(f64::from(sample.speed_mps), sample.command).to_vec();
-    planner.answer(&images, &Array::new(&[1, STATE], state)).into_values()
+/// Returns the poses of a plan that the labels speak of.
+fn knots(plan: &Trajectory) -> [PoseSe2; KNOTS] {
+    std::array::from_fn(|knot| plan.at(SimTime::from_secs(KNOT_SECS * (knot + 1) as f64)))
+}
+
+fn observation(sample: &Sample) -> Observation {
+    let camera = known_camera();
+    let (width_px, height_px) = (camera.intrinsics.width_px, camera.intrinsics.height_px);
+    let frame = RgbImage::new(width_px, height_px, sample.rgb.clone()).expect("samples are of the known camera's size");
+    let [along, across] = sample.acceleration_mps2.map(f64::from);
+    Observation {
+        frames: vec![vec![frame]],
+        cameras: vec![camera],
+        ego: EgoView {
+            speed_mps: f64::from(sample.speed_mps),
+            yaw_rate_radps: f64::from(sample.yaw_rate_radps),
+            acceleration_mps2: DVec2::new(along, across),
+            ..EgoView::default()
+        },
+        command: sample.command,
+        stamps: vec![SimTime(0)],
+        horizon_ticks: 40,
+        dt: SimTime::from_secs(0.1),
+        draw: Draws::from_seed(0, "policy"),
+    }
 }
 
 /// Returns the numbers that a sample's network should answer at a speed.

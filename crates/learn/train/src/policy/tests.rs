@@ -1,12 +1,15 @@
 //! Training without rendering: settings, sample files, the loss and resuming; then one real sample of a scenario.
 
+use ds_graph::panel::{Answer, Kind};
 use ds_graph::planner::{HEIGHT_PX, WIDTH_PX};
 use ds_nn::Array;
-use ds_policy::camera::proposals::{MODES, OUTPUTS, TARGETS};
-use ds_space::Draws;
+use ds_policy::camera::proposals::{MODES, OUTPUTS, TARGETS, knots_of};
+use ds_space::{Draws, PoseSe2, Tick};
 use ds_world::RouteCommand;
 
-use super::dataset::Sample;
+use super::dataset::{Place, Sample};
+use super::judge::Judge;
+use super::student::Shown;
 use super::*;
 
 const SHIPPED: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../configs/train/policy.toml"));
@@ -18,7 +21,10 @@ fn samples(count: u64) -> Samples {
         Sample {
             rgb: (0..(WIDTH_PX * HEIGHT_PX * 3) as u64).map(|i| draws.u64(i) as u8).collect(),
             speed_mps: draws.range(0, 0.0, 12.0) as f32,
+            yaw_rate_radps: 0.1,
+            acceleration_mps2: [0.4, -0.3],
             command: RouteCommand::Left,
+            place: Place { scenario: index, tick: Tick(10), pose: PoseSe2::new(1.0, -2.0, 0.3) },
             knots: std::array::from_fn(|k| draws.normal(k as u64) as f32),
         }
     };
@@ -71,11 +77,11 @@ fn samples_come_back_from_their_file_and_broken_files_are_named() {
     made.write(&path).expect("the file can be written");
     assert_eq!(Samples::read(&path).expect("the file is whole"), made);
     let whole = fs::read(&path).expect("the file was written");
-    let command_at = 16 + 8 + WIDTH_PX * HEIGHT_PX * 3 + 4;
+    let numbers_at = 16 + 8 + WIDTH_PX * HEIGHT_PX * 3;
     let mut wrong_command = whole.clone();
-    wrong_command[command_at] = 9;
+    wrong_command[numbers_at + 4 * (4 + TARGETS)] = 9;
     let mut wrong_number = whole.clone();
-    wrong_number[command_at + 4..command_at + 8].copy_from_slice(&f32::NAN.to_le_bytes());
+    wrong_number[numbers_at + 4..numbers_at + 8].copy_from_slice(&f32::NAN.to_le_bytes());
     let mut wrong_count = whole.clone();
     wrong_count[16..24].copy_from_slice(&u64::MAX.to_le_bytes());
     for (bytes, says) in [
@@ -95,22 +101,52 @@ fn samples_come_back_from_their_file_and_broken_files_are_named() {
 #[test]
 fn a_resumed_run_equals_one_that_was_not_stopped() {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
-    let checkpoint = folder.path().join("checkpoint.safetensors");
     let settings =
         PolicySettings { batch: 2, ..PolicySettings::parse(SHIPPED).expect("the shipped settings are sound") };
     let samples = samples(4);
-    let mut straight = Learner::resume(&settings, &checkpoint).expect("starts anew");
-    let mut stopped = Learner::resume(&settings, &checkpoint).expect("starts anew");
-    for step in 0..4 {
-        straight.step(&settings, &samples).expect("learns");
-        if step == 2 {
-            stopped.save(&checkpoint).expect("saves");
-            stopped = Learner::resume(&settings, &checkpoint).expect("goes on");
+    for student in [Student::Camera, Student::Panel(Kind::Ltf)] {
+        let checkpoint = folder.path().join(student.file_name());
+        let mut straight = Learner::resume(student, &settings, &checkpoint).expect("starts anew");
+        let mut stopped = Learner::resume(student, &settings, &checkpoint).expect("starts anew");
+        for step in 0..4 {
+            straight.step(&settings, &samples).expect("learns");
+            if step == 2 {
+                stopped.save(&checkpoint).expect("saves");
+                stopped = Learner::resume(student, &settings, &checkpoint).expect("goes on");
+            }
+            stopped.step(&settings, &samples).expect("learns");
         }
-        stopped.step(&settings, &samples).expect("learns");
+        assert_eq!(straight.average().digest(), stopped.average().digest(), "{}", student.name());
+        assert_eq!(straight.steps(), 4);
     }
-    assert_eq!(straight.average().digest(), stopped.average().digest());
-    assert_eq!(straight.steps(), 4);
+}
+
+#[test]
+fn the_judge_tells_good_plans_from_bad_and_the_gradient_of_the_panel_is_its_slope() {
+    let settings =
+        PolicySettings { scenarios: 1, states_per_scenario: 4, ..PolicySettings::parse(SHIPPED).expect("sound") };
+    let made = dataset::beside_the_expert(&settings, ScenarioSplit::Training).expect("the scenario can be simulated");
+    let sample = &made.0[0];
+    let mut judge = Judge::default();
+    let shown = [Shown { sample, speed_mps: f64::from(sample.speed_mps), motion: true }];
+    let target = shown[0].target();
+    // The teacher's plan, and one that leaves the road.
+    let aside: Vec<f32> = target.iter().enumerate().map(|(k, v)| if k % 3 == 1 { v + 8.0 } else { *v }).collect();
+    let knots = |numbers: &[f32]| knots_of(shown[0].speed_mps, numbers);
+    let terms = judge.terms(sample, &[knots(&target), knots(&aside)]).expect("scored");
+    let total = |terms: [f32; 8]| ds_policy::panel::total(terms.map(f64::from));
+    assert!(total(terms[0]) > 0.3 && total(terms[1]) < 0.1, "{terms:?}");
+    let plans = Array::new(&[1, 2, TARGETS], [target.as_slice(), &aside].concat());
+    let scores = Array::new(&[1, 2, 8], (0..16).map(|k| 0.1 * k as f32 - 0.7).collect());
+    let answer = Answer { plans: vec![plans], scores: Some(scores) };
+    let (loss, slope) = panel_loss::grade(&answer, &shown, &mut judge).expect("graded");
+    for index in [0, 5, 9, 15] {
+        let mut moved = answer.clone();
+        moved.scores.as_mut().expect("it has scores").values_mut()[index] += 1e-2;
+        let numeric = (panel_loss::grade(&moved, &shown, &mut judge).expect("graded").0 - loss) / 1e-2;
+        let analytic = f64::from(slope.scores.as_ref().expect("it has scores").values()[index]);
+        assert!((numeric - analytic).abs() < 1e-3, "score {index}: {numeric} by difference, {analytic} by formula");
+    }
 }
 
 #[test]

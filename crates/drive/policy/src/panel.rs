@@ -1,0 +1,113 @@
+//! The policies of the panel: networks of different architectures over the same frame, state and plans.
+//!
+//! As the `camera` policy, each brings the newest frame of the forward camera to one known camera and answers with plans
+//! of eight poses at 0.5 s, offsets from going straight on. A plan's score is what its scorer expects: NC · DAC · DDC ·
+//! TLC · (5 TTC + 5 EP + 2 LK + 2 HC) / 14 of the predicted sub-scores; a network without a scorer has one plan, of
+//! score 1.
+
+use std::path::Path;
+
+use ds_graph::panel::{Inputs, Kind, Network, PLAN, STATE, TERMS};
+use ds_nn::safetensors::WeightsFile;
+use ds_nn::{Array, Weights};
+use ds_raster::RgbImage;
+use ds_space::CameraModel;
+use ds_world::RouteCommand;
+
+use crate::camera::eye::Eye;
+use crate::camera::proposals::{self, Candidate, TARGETS, knots_of};
+use crate::error::PolicyError;
+use crate::observation::{EgoView, Observation, PrivilegedView};
+use crate::plan::PolicyAnswer;
+use crate::{Context, Policy, Restart};
+
+const _: () = assert!(PLAN == TARGETS, "networks and policies speak of the same plans");
+
+/// Returns the state inputs of a network.
+#[must_use]
+#[expect(clippy::cast_possible_truncation, reason = "inputs are single precision")]
+pub fn state_of(ego: &EgoView, command: RouteCommand) -> [f32; STATE] {
+    let [speed, standing, straight, left, right] = proposals::state_of(ego.speed_mps, command);
+    let acceleration = ego.acceleration_mps2 / 3.0;
+    let turning = (ego.yaw_rate_radps / 0.5) as f32;
+    [speed, standing, turning, acceleration.x as f32, acceleration.y as f32, straight, left, right]
+}
+
+/// Returns the total score that sub-scores 0 to 1 amount to, in the order NC, DAC, DDC, TLC, EP, TTC, LK, HC.
+#[must_use]
+pub fn total(terms: [f64; TERMS]) -> f64 {
+    let [collision, area, direction, light, progress, time, lane, comfort] = terms;
+    collision * area * direction * light * (5.0 * time + 5.0 * progress + 2.0 * lane + 2.0 * comfort) / 14.0
+}
+
+/// Drives by one network of the panel.
+pub struct PanelPolicy {
+    network: Network,
+    eye: Eye,
+}
+
+impl PanelPolicy {
+    /// Makes the policy of weights.
+    ///
+    /// # Errors
+    /// If a weight is missing, surplus, not finite or has a wrong shape.
+    pub fn new(kind: Kind, weights: &Weights) -> Result<Self, ds_nn::WeightsError> {
+        Ok(Self { network: Network::new(kind, weights)?, eye: Eye::default() })
+    }
+
+    /// Makes the policy of a safetensors file.
+    ///
+    /// # Errors
+    /// [`PolicyError::Weights`] names the file and what is wrong with it.
+    pub fn load(kind: Kind, path: &Path) -> Result<Self, PolicyError> {
+        let refuse = |source| PolicyError::Weights { path: path.display().to_string(), source };
+        let file = WeightsFile::read(path).map_err(|error| refuse(error.into()))?;
+        Self::new(kind, &file.weights).map_err(|error| refuse(error.into()))
+    }
+}
+
+impl Policy for PanelPolicy {
+    fn name(&self) -> &str {
+        self.network.kind().name()
+    }
+
+    fn privileged(&self) -> bool {
+        false
+    }
+
+    fn plan(&mut self, observation: &Observation, _: Option<&PrivilegedView>) -> Result<PolicyAnswer, PolicyError> {
+        observation.check()?;
+        let images = self.eye.newest(observation)?;
+        let state = Array::new(&[1, STATE], state_of(&observation.ego, observation.command).to_vec());
+        let answer = self.network.answer(&Inputs { images: &images, state: &state });
+        let plans = answer.plans.last().expect("every network has plans").values().chunks_exact(PLAN);
+        let expected = |plan: usize| match &answer.scores {
+            None => 1.0,
+            Some(scores) => total(std::array::from_fn(|term| sigmoid(scores.values()[plan * TERMS + term]))),
+        };
+        let candidate = |(plan, numbers): (usize, &[f32])| Candidate {
+            knots: knots_of(observation.ego.speed_mps, numbers),
+            probability: expected(plan),
+        };
+        let candidates: Vec<Candidate> = plans.enumerate().map(candidate).collect();
+        proposals::answer(self.network.kind().name(), observation, &candidates)
+    }
+
+    fn context(&mut self, cameras: &[CameraModel], frames: &[RgbImage]) -> Result<Option<Context>, PolicyError> {
+        let images = self.eye.images(cameras.iter().zip(frames))?;
+        let context = self.network.context(&images);
+        let shape = context.shape()[1..].to_vec();
+        Ok(Some(Context { tokens: Array::new(&shape, context.into_values()), grid: self.network.kind().grid() }))
+    }
+
+    fn restart(&self) -> Restart {
+        Restart::Stateless
+    }
+}
+
+fn sigmoid(logit: f32) -> f64 {
+    1.0 / (1.0 + (-f64::from(logit)).exp())
+}
+
+#[cfg(test)]
+mod tests;

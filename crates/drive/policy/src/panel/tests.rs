@@ -1,0 +1,61 @@
+//! Policies of the panel around their networks: scored proposals, a context of the frame alone, the total of sub-scores.
+
+use ds_space::{DVec2, Digest, Draws, SimTime};
+
+use super::*;
+use crate::camera::eye::known_camera;
+
+fn observation(grey: u8) -> Observation {
+    Observation {
+        frames: vec![vec![RgbImage::filled(160, 96, [grey, 90, 40])]],
+        cameras: vec![known_camera()],
+        ego: EgoView { speed_mps: 8.0, acceleration_mps2: DVec2::new(0.3, -0.2), ..EgoView::default() },
+        command: RouteCommand::Left,
+        stamps: vec![SimTime(0)],
+        horizon_ticks: 80,
+        dt: SimTime::from_secs(0.1),
+        draw: Draws::from_seed(0, "test"),
+    }
+}
+
+fn fresh(kind: Kind) -> Weights {
+    Weights::initialised(&kind.declared(), &Digest::of(kind.name().as_bytes()))
+}
+
+#[test]
+fn the_answer_is_the_proposal_with_the_highest_score() {
+    for kind in Kind::ALL {
+        let mut policy = PanelPolicy::new(kind, &fresh(kind)).expect("the weights fit");
+        let answer = policy.plan(&observation(60), None).expect("plans");
+        assert!((1..=64).contains(&answer.proposals.len()), "{}", kind.name());
+        let best = answer.proposals.iter().map(|proposal| proposal.score).fold(f64::NEG_INFINITY, f64::max);
+        let chosen = answer.proposals.iter().find(|proposal| proposal.trajectory == answer.trajectory);
+        assert!((0.0..=1.0).contains(&best), "{}: {best}", kind.name());
+        assert!((chosen.expect("the answer is proposed").score - best).abs() < 1e-12);
+        let again = PanelPolicy::new(kind, &fresh(kind)).expect("fits").plan(&observation(60), None).expect("plans");
+        assert_eq!(answer, again, "{}", kind.name());
+        assert_eq!(answer.trajectory.points().len(), 80);
+    }
+}
+
+#[test]
+fn the_context_is_of_the_frame_alone() {
+    for kind in Kind::ALL {
+        let mut policy = PanelPolicy::new(kind, &fresh(kind)).expect("the weights fit");
+        let seen = |policy: &mut PanelPolicy, grey| {
+            let frames = observation(grey).frames.concat();
+            policy.context(&[known_camera()], &frames).expect("a frame").expect("a context")
+        };
+        let before = seen(&mut policy, 60);
+        policy.plan(&observation(60), None).expect("plans");
+        assert_eq!(before, seen(&mut policy, 60), "{}", kind.name());
+        assert_ne!(before, seen(&mut policy, 200), "{}", kind.name());
+    }
+}
+
+#[test]
+fn the_total_weighs_sub_scores_as_the_benchmark_does() {
+    assert!((total([1.0; TERMS]) - 1.0).abs() < 1e-12);
+    assert!(total([1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]).abs() < 1e-12);
+    assert!((total([1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0]) - 9.0 / 14.0).abs() < 1e-12);
+}

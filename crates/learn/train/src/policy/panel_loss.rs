@@ -1,0 +1,96 @@
+//! The loss of the panel's networks with its gradient: the nearest plan is drawn to the teacher's, sub-scores to what the
+//! plans earn.
+
+use ds_graph::panel::{Answer, PLAN, TERMS};
+use ds_nn::Array;
+use ds_policy::camera::proposals::{TARGETS, knots_of};
+
+use super::PolicyTrainError;
+use super::judge::Judge;
+use super::loss::smooth;
+use super::student::Shown;
+
+/// Weight of read-outs before the last.
+const EARLIER: f32 = 0.1;
+/// How much plans that were not nearest are drawn to the teacher, in sum.
+const OTHERS_SHARE: f32 = 0.06;
+/// Weight of the cross entropy of one sub-score, mean over the plans.
+const SCORE_WEIGHT: f32 = 0.25;
+
+/// Returns the mean loss of a batch and its gradient by the answer.
+pub(super) fn grade(
+    answer: &Answer,
+    batch: &[Shown<'_>],
+    judge: &mut Judge,
+) -> Result<(f64, Answer), PolicyTrainError> {
+    let targets: Vec<[f32; TARGETS]> = batch.iter().map(Shown::target).collect();
+    let (mut loss, last) = (0.0, answer.plans.len() - 1);
+    let mut plans = Vec::with_capacity(answer.plans.len());
+    for (index, read) in answer.plans.iter().enumerate() {
+        let weight = if index == last { 1.0 } else { EARLIER } / batch.len() as f32;
+        let mut slope = Array::zeros(read.shape());
+        let row = read.shape()[1] * PLAN;
+        let rows = read.values().chunks_exact(row).zip(slope.values_mut().chunks_exact_mut(row));
+        for ((row, slope), target) in rows.zip(&targets) {
+            loss += f64::from(weight * draw_nearest(row, slope, target));
+            slope.iter_mut().for_each(|value| *value *= weight);
+        }
+        plans.push(slope);
+    }
+    let scores = match &answer.scores {
+        None => None,
+        Some(logits) => {
+            let mut slope = Array::zeros(logits.shape());
+            loss += judge_all(answer, logits, &mut slope, batch, judge)?;
+            Some(slope)
+        }
+    };
+    Ok((loss, Answer { plans, scores }))
+}
+
+/// Returns the distance of the plans of one sample to the teacher's and fills in its slope: of the nearest whole, of the
+/// others a little.
+fn draw_nearest(plans: &[f32], slope: &mut [f32], target: &[f32; TARGETS]) -> f32 {
+    let count = plans.len() / PLAN;
+    let distance = |plan: &[f32]| plan.iter().zip(target).map(|(a, b)| (a - b).abs()).sum::<f32>();
+    let nearest = (0..count)
+        .min_by(|a, b| distance(&plans[a * PLAN..][..PLAN]).total_cmp(&distance(&plans[b * PLAN..][..PLAN])))
+        .expect("there are plans");
+    let mut loss = 0.0;
+    for (index, (plan, slope)) in plans.chunks_exact(PLAN).zip(slope.chunks_exact_mut(PLAN)).enumerate() {
+        let share = if index == nearest { 1.0 } else { OTHERS_SHARE / (count - 1) as f32 } / PLAN as f32;
+        for ((value, slope), target) in plan.iter().zip(slope).zip(target) {
+            let (error, by_error) = smooth(value - target);
+            loss += share * error;
+            *slope = share * by_error;
+        }
+    }
+    loss
+}
+
+/// Returns the mean cross entropy of the sub-scores of a batch's last plans and fills in its slope.
+fn judge_all(
+    answer: &Answer,
+    logits: &Array,
+    slope: &mut Array,
+    batch: &[Shown<'_>],
+    judge: &mut Judge,
+) -> Result<f64, PolicyTrainError> {
+    let plans = answer.plans.last().expect("every network has plans");
+    let count = plans.shape()[1];
+    let weight = SCORE_WEIGHT / (batch.len() * count) as f32;
+    let rows = plans.values().chunks_exact(count * PLAN).zip(logits.values().chunks_exact(count * TERMS));
+    let rows = rows.zip(slope.values_mut().chunks_exact_mut(count * TERMS));
+    let mut loss = 0.0;
+    for (((plans, logits), slope), shown) in rows.zip(batch) {
+        let knots: Vec<_> = plans.chunks_exact(PLAN).map(|plan| knots_of(shown.speed_mps, plan)).collect();
+        let terms = judge.terms(shown.sample, &knots)?;
+        for ((logit, slope), label) in logits.iter().zip(slope).zip(terms.iter().flatten()) {
+            // Cross entropy of a logit: max(x, 0) − x·y + ln(1 + e^−|x|).
+            let entropy = logit.max(0.0) - logit * label + (-logit.abs()).exp().ln_1p();
+            loss += f64::from(weight * entropy);
+            *slope = weight * (1.0 / (1.0 + (-logit).exp()) - label);
+        }
+    }
+    Ok(loss)
+}
