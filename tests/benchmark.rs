@@ -194,6 +194,42 @@ fn the_thirteen_conditions_of_a_base_set_are_driven_and_compared() {
     assert!(rows.iter().all(|row| row["difference"]["value"] == 0.0 && row["p"].is_null()), "{}", rows[0]);
 }
 
+#[test]
+fn a_set_with_adversaries_is_the_same_again_and_its_solutions_are_driven_again() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let set = set(folder.path());
+    let build = |out: &str| {
+        let out = folder.path().join(out);
+        ends(benchmark(&["build", "behavior", utf8(&set), "--every", "2", "--out", utf8(&out)]), 0);
+        out.join("town-behavior.set.json")
+    };
+    let (one, other) = (build("one"), build("other"));
+    let read = |path: &Path| std::fs::read_to_string(path).expect("a file");
+    assert_eq!(read(&one), read(&other));
+    let told = ends(benchmark(&["check", utf8(&one)]), 0);
+    assert!(told.contains("every solution was driven again"), "{told}");
+
+    let manifest: Value = serde_json::from_str(&read(&one)).expect("JSON");
+    let entries = manifest["entries"].as_array().expect("entries");
+    let bases: Vec<String> = entries.iter().map(|entry| text(&entry["base"])).collect();
+    assert!(!bases.is_empty() && bases.windows(2).all(|pair| pair[0] < pair[1]), "one for each base: {bases:?}");
+    let entry = &entries[0];
+    assert_eq!(text(&entry["name"]), format!("{}__{}", bases[0], text(&entry["category"])));
+
+    let out = folder.path().join("driven");
+    ends(benchmark(&[&["run", utf8(&one)], &WHAT[..], &["--out", utf8(&out)]].concat()), 0);
+    assert_eq!(cells(&out).len(), 2 * entries.len());
+
+    let solution = other.with_file_name(text(&entry["file"]).replace(".scenario.json", ".solution.json"));
+    let mut value: Value = serde_json::from_str(&read(&solution)).expect("JSON");
+    value["x_m"][3] = 0.into();
+    std::fs::write(&solution, value.to_string()).expect("written");
+    let told = ends(benchmark(&["check", utf8(&other)]), 2);
+    assert!(told.contains(&text(&entry["name"])) && told.contains(".solution.json"), "{told}");
+    let told = ends(benchmark(&["build", "behavior", utf8(&one), "--out", utf8(folder.path())]), 2);
+    assert!(told.contains("not base"), "{told}");
+}
+
 /// Changes a manifest and returns its path beside the sound one.
 fn changed(set: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
     let mut value: Value = serde_json::from_slice(&std::fs::read(set).expect("a manifest")).expect("JSON");

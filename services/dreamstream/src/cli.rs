@@ -25,7 +25,7 @@ mod study;
 mod video;
 
 pub(crate) use adverse::AdverseArgs;
-pub(crate) use benchmark::{BaseArgs, BenchmarkArgs, BenchmarkCommand, BuildCommand, CellArgs, RunArgs};
+pub(crate) use benchmark::{BaseArgs, BehaviorArgs, BenchmarkArgs, BenchmarkCommand, BuildCommand, CellArgs, RunArgs};
 pub(crate) use data::{DataCommand, DataListArgs, DataRenderArgs, DataSheetArgs};
 pub(crate) use fleet::{CertsArgs, HealthArgs, ServeArgs, WhyArgs};
 pub(crate) use gap::{

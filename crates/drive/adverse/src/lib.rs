@@ -20,6 +20,6 @@ mod variant;
 pub use class::{Encounter, Moment, Relation, WINDOW_TICKS, classify};
 pub use measure::Measures;
 pub use model::{ModelError, MotionModel, Step};
-pub use solve::Solution;
+pub use solve::{Solution, solved_again};
 pub use validity::{Met, Rejection};
-pub use variant::{Built, Options, Refusal, Variant, variants};
+pub use variant::{Built, Options, Refusal, Variant, adversary_digest, variants};

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use ds_sim::{SimConfig, Simulation};
 use ds_space::plane::Path;
-use ds_space::{PoseSe2, SimTime, Tick, angle};
+use ds_space::{Digest, DigestWriter, PoseSe2, SimTime, Tick, angle};
 use ds_world::{Scene, Trajectory, TrajectoryPoint};
 
 use crate::road::Road;
@@ -33,6 +33,28 @@ pub struct Solution {
     pub from: Tick,
     /// The rear axle of each tick from then on.
     pub poses: Vec<PoseSe2>,
+}
+
+impl Solution {
+    /// Returns the digest over its first tick and its poses.
+    #[must_use]
+    pub fn digest(&self) -> Digest {
+        let mut writer = DigestWriter::new();
+        writer.u32(self.from.0).u64(self.poses.len() as u64);
+        for pose in &self.poses {
+            writer.f64s(&[pose.position.x, pose.position.y, pose.heading_rad]);
+        }
+        writer.finish()
+    }
+}
+
+/// Lets the expert drive a variant again that leaves its log at tick `from`, to tick `last`; nothing if it meets anybody or
+/// leaves the road.
+#[must_use]
+pub fn solved_again(scene: &Arc<Scene>, from: Tick, last: Tick) -> Option<Solution> {
+    let road = Road::new(&scene.map);
+    let threat = Tick(from.0.checked_sub(REACTION_TICKS)?);
+    Trial { scene, road: &road, threat, last }.expert()
 }
 
 /// A variant as a world in which an ego can be tried.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use ds_space::{AgentId, DVec2, Draws, Tick};
+use ds_space::{AgentId, DVec2, Digest, DigestWriter, Draws, Tick};
 use ds_vehicle::Rolling;
 use ds_world::{Adversary, AdversaryMode, AgentClass, Budget, CrashClass, Scene, Track, TrackPoint};
 
@@ -130,6 +130,25 @@ pub fn variants(scene: &Scene, model: &MotionModel, options: &Options) -> Result
         search(scene, model, options, *class, &mut built);
     }
     Ok(built)
+}
+
+/// Returns the digest over a scene's adversary: class, mode, ticks, corridor, body and track; nothing if it has none.
+#[must_use]
+pub fn adversary_digest(scene: &Scene) -> Option<Digest> {
+    let adversary = scene.adversary.as_ref()?;
+    let track = scene.tracks.get(adversary.track.0 as usize)?;
+    let mut writer = DigestWriter::new();
+    writer.text(adversary.class.name()).text(adversary.mode.name());
+    writer.u32(adversary.attack.0).u32(adversary.contact.0).u64(adversary.corridor.len() as u64);
+    adversary.corridor.iter().for_each(|point| {
+        writer.f64s(&[point.x, point.y]);
+    });
+    writer.f64s(&[track.size.length_m, track.size.width_m]).u64(track.points.len() as u64);
+    for point in track.points.iter().flatten() {
+        writer.f64s(&[point.pose.position.x, point.pose.position.y, point.pose.heading_rad]);
+        writer.f64s(&[point.velocity_mps.x, point.velocity_mps.y]);
+    }
+    Some(writer.finish())
 }
 
 fn check_scene(scene: &Scene, options: &Options) -> Result<(), Refusal> {

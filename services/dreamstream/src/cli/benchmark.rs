@@ -7,7 +7,7 @@ use ds_benchmark::Keep;
 use ds_process::shipped;
 use ds_topic::{ObservationSource, ProposalScorer};
 use ds_video::Backend;
-use ds_world::{AgentMode, TrackerKind};
+use ds_world::{AdversaryMode, AgentMode, TrackerKind};
 
 use super::{agents, backend, named};
 
@@ -18,6 +18,7 @@ trying again helps nothing; 130 interrupted.
 Examples:
   dreamstream benchmark build base --out sets                           the set `town`: generated scenarios, filtered
   dreamstream benchmark build weather sets/town.set.json --out sets     its thirteen conditions
+  dreamstream benchmark build behavior sets/town.set.json --out sets    variants with an adversary
   dreamstream benchmark run sets/town.set.json --policy camera --policy lattice --shard 0/2 --out out/0
   dreamstream benchmark resume out/0                                    after a kill, a preemption, a full disk
   dreamstream benchmark merge out/0 out/1 -o out/all && dreamstream benchmark report out/all";
@@ -100,6 +101,8 @@ pub(crate) enum BenchmarkCommand {
 pub(crate) enum BuildCommand {
     /// A base set: generated scenarios, or imported logs.
     Base(BaseArgs),
+    /// A base set's variants with an adversary that an expert survives.
+    Behavior(BehaviorArgs),
     /// The thirteen conditions of a base set.
     Weather {
         /// The manifest of the base set.
@@ -145,6 +148,29 @@ pub(crate) struct BaseArgs {
     #[arg(long)]
     pub workers: Option<u32>,
     /// The folder that the manifest goes to; the drives of the filter go to NAME.filter in it.
+    #[arg(long, short, default_value = "sets", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+}
+
+/// Arguments of `benchmark build behavior`.
+#[derive(Debug, Args)]
+pub(crate) struct BehaviorArgs {
+    /// The manifest of the base set.
+    #[arg(value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
+    pub base: PathBuf,
+    /// The set's name; `BASE-behavior` without it. Further variants of a scenario go to NAME-extended.
+    #[arg(long)]
+    pub name: Option<String>,
+    /// Seed of the search.
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// What the adversaries do about an ego that leaves its log: replay, reactive or reactive-unshielded.
+    #[arg(long, default_value = "reactive", value_parser = named(AdversaryMode::ALL.map(AdversaryMode::name), AdversaryMode::from_name))]
+    pub mode: AdversaryMode,
+    /// Only every so many-th scenario.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    pub every: u32,
+    /// The folder that the manifests go to; scenarios and solutions go to NAME in it.
     #[arg(long, short, default_value = "sets", value_hint = ValueHint::DirPath)]
     pub out: PathBuf,
 }

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use ds_adverse::{Built, MotionModel, Options, Refusal, Variant, variants};
+use ds_adverse::{Built, MotionModel, Options, Refusal, Solution, Variant, variants};
 use ds_space::Tick;
 use ds_world::{CrashClass, Scene};
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::cli::AdverseArgs;
 use crate::command::{answer, bar};
@@ -58,13 +58,37 @@ struct VariantPart {
     solution: Option<SolutionPart>,
 }
 
-/// The expert's drive: the rear axle of each tick.
-#[derive(Debug, Serialize)]
-struct SolutionPart {
-    from_tick: u32,
+/// The expert's drive: the rear axle of each tick, world frame, in metres and radians.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct SolutionPart {
+    /// The first tick at which the ego is not on its log.
+    pub from_tick: u32,
     x_m: Vec<f64>,
     y_m: Vec<f64>,
     heading_rad: Vec<f64>,
+}
+
+impl SolutionPart {
+    /// Returns what a file holds of a solution.
+    pub(crate) fn of(solution: &Solution) -> Self {
+        Self {
+            from_tick: solution.from.0,
+            x_m: solution.poses.iter().map(|pose| pose.position.x).collect(),
+            y_m: solution.poses.iter().map(|pose| pose.position.y).collect(),
+            heading_rad: solution.poses.iter().map(|pose| pose.heading_rad).collect(),
+        }
+    }
+
+    /// Says whether it is this drive, to a nanometre: files hold decimals.
+    pub(crate) fn tells(&self, solution: &Solution) -> bool {
+        let other = Self::of(solution);
+        let near = |a: &[f64], b: &[f64]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-9);
+        self.from_tick == other.from_tick
+            && near(&self.x_m, &other.x_m)
+            && near(&self.y_m, &other.y_m)
+            && near(&self.heading_rad, &other.heading_rad)
+    }
 }
 
 #[derive(Debug, Default, Serialize)]
@@ -187,12 +211,7 @@ fn described(variant: &Variant, file: String) -> VariantPart {
         required_deceleration_mps2: measures.required_mps2,
         surprise_nats_per_step: variant.surprise,
         careful_avoids: variant.careful,
-        solution: variant.solution.as_ref().map(|solution| SolutionPart {
-            from_tick: solution.from.0,
-            x_m: solution.poses.iter().map(|pose| pose.position.x).collect(),
-            y_m: solution.poses.iter().map(|pose| pose.position.y).collect(),
-            heading_rad: solution.poses.iter().map(|pose| pose.heading_rad).collect(),
-        }),
+        solution: variant.solution.as_ref().map(SolutionPart::of),
     }
 }
 

@@ -1,6 +1,7 @@
 //! `benchmark`: sets, drives of their cells, one result, its report; and what the exit code says.
 
 mod ask;
+mod behavior;
 mod build;
 mod drive;
 mod ended;

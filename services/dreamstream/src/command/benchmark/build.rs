@@ -11,7 +11,7 @@ use ds_scenario::Family;
 use ds_space::DigestWriter;
 use rayon::prelude::*;
 
-use super::{Ended, ask, describe, drive};
+use super::{Ended, ask, behavior, describe, drive};
 use crate::cli::{BaseArgs, BuildCommand, CellArgs};
 use crate::command::{answer, bar, scenario};
 use ds_process::shipped;
@@ -26,6 +26,7 @@ const BLIND: &str = "constant-velocity";
 pub(super) fn run(command: &BuildCommand) -> Result<Ended> {
     match command {
         BuildCommand::Base(args) => base(args),
+        BuildCommand::Behavior(args) => behavior::build(args),
         BuildCommand::Weather { base, name, every, out } => weather(base, name.as_deref(), *every, out),
     }
 }
@@ -216,7 +217,7 @@ fn weather(base: &Path, name: Option<&str>, every: u32, out: &Path) -> Result<En
 /// Runs `check`.
 ///
 /// # Errors
-/// The first entry whose scenario is not to be had, or is another one.
+/// The first entry whose scenario is not to be had or is another one, or whose solution does not come out again.
 pub(super) fn check(manifests: &[PathBuf]) -> Result<Ended> {
     let (sets, folders) = ask::manifests(manifests)?;
     for (set, folder) in sets.iter().zip(folders) {
@@ -226,11 +227,15 @@ pub(super) fn check(manifests: &[PathBuf]) -> Result<Ended> {
         let entries: Vec<&Entry> = distinct.into_values().collect();
         entries.into_par_iter().try_for_each(|entry| {
             bar.inc(1);
-            entry.scene(&folder).map(drop)
+            let scene = entry.scene(&folder)?;
+            if set.kind == Kind::Behavior { behavior::check(entry, scene, &folder) } else { Ok(()) }
         })?;
         bar.finish_and_clear();
         describe(set);
         answer("  every scenario is the one that is meant");
+        if set.kind == Kind::Behavior {
+            answer("  every solution was driven again, to the bit");
+        }
     }
     Ok(Ended::Complete)
 }
