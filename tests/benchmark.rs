@@ -230,6 +230,38 @@ fn a_set_with_adversaries_is_the_same_again_and_its_solutions_are_driven_again()
     assert!(told.contains("not base"), "{told}");
 }
 
+#[test]
+fn states_that_are_kept_score_as_the_whole_recording_does() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let set = set(folder.path());
+    let drive = |keep: &str| {
+        let out = folder.path().join(keep);
+        ends(benchmark(&[&["run", utf8(&set)], &WHAT[..], &["--keep", keep, "--out", utf8(&out)]].concat()), 0);
+        let lines = std::fs::read_to_string(out.join("cells.jsonl")).expect("cells");
+        let record = |line: &str| serde_json::from_str::<Value>(line).expect("a whole line is JSON");
+        let path = |record: &Value| out.join(text(&record["episode"]["recording"]));
+        let records = lines.lines().map(record);
+        let found: BTreeMap<String, PathBuf> = records.map(|record| (text(&record["key"]), path(&record))).collect();
+        (cells(&out), found)
+    };
+    let ((whole, all), (thin, states)) = (drive("all"), drive("states"));
+    assert_eq!((whole.len(), &whole), (12, &thin));
+    for (key, path) in &states {
+        let (size, of) = (|path: &Path| std::fs::metadata(path).expect("a recording").len(), &all[key]);
+        assert!(size(path) < size(of), "{} is not smaller than {}", path.display(), of.display());
+        let score = |path: &Path| {
+            let file = folder.path().join("score.json");
+            ends(dreamstream(&["score", utf8(path), "--out", utf8(&file)]), 0);
+            let told = std::fs::read_to_string(&file).expect("scores");
+            told.replace(utf8(path), "")
+        };
+        assert_eq!(score(path), score(of));
+    }
+    let (_, path) = states.first_key_value().expect("a drive");
+    let told = ends(dreamstream(&["replay", utf8(path), "--service", "vdm-worker"]), 1);
+    assert!(told.contains("advance"), "what it lacks is named: {told}");
+}
+
 /// Changes a manifest and returns its path beside the sound one.
 fn changed(set: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
     let mut value: Value = serde_json::from_slice(&std::fs::read(set).expect("a manifest")).expect("JSON");

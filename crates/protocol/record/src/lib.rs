@@ -25,5 +25,5 @@ pub use digests::{Digests, StreamDigests};
 pub use error::RecordError;
 pub use message::Body;
 pub use pictures::{Moment, Reel};
-pub use recorder::{Outcome, Recorder, Resumed, damage, partial_path};
+pub use recorder::{Outcome, Recorder, Resumed, damage, partial_path, thin};
 pub use recording::{Recording, Tail};

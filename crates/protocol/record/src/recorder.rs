@@ -16,7 +16,7 @@ use mcap::{Compression, WriteOptions, Writer};
 
 use crate::channel::ChannelKey;
 use crate::completeness::Completeness;
-use crate::digests::StreamDigests;
+use crate::digests::{Digests, StreamDigests};
 use crate::error::RecordError;
 use crate::message;
 use crate::recording::Recording;
@@ -94,6 +94,25 @@ pub fn damage(path: &Path) -> Option<String> {
     } else {
         None
     }
+}
+
+/// Leaves only the scene and the messages of some topics in a finished recording, in one step. Status, iterations and the
+/// digests of its streams stay those of the whole drive.
+///
+/// # Errors
+/// If the recording is damaged or not finished, or cannot be written; then it stays as it is.
+pub fn thin(path: &Path, topics: &[Topic]) -> Result<(), RecordError> {
+    let whole = Recording::open(path)?;
+    let unfinished = || RecordError::Foreign { what: "no completeness record".to_owned(), path: path.to_path_buf() };
+    let told = whole.completeness().ok_or_else(unfinished)?;
+    let outcome = Outcome { status: told.status.clone(), reason: told.reason.clone() };
+    let stays = |envelope: &&Envelope| topics.contains(&envelope.header.slot.topic);
+    let iterations: Vec<Vec<Envelope>> =
+        whole.iterations().map(|messages| messages.filter(stays).cloned().collect()).collect();
+    let mut recorder = Recorder::create(path, whole.scene_envelope())?.copy(&iterations)?;
+    let all: Vec<Envelope> = whole.messages().filter(stays).cloned().collect();
+    recorder.append(&all)?;
+    recorder.end(&outcome, Some(told.digests)).map(drop)
 }
 
 impl Recorder {
@@ -220,7 +239,12 @@ impl Recorder {
     ///
     /// # Errors
     /// If a message cannot be decoded or the file not be written.
-    pub fn finish(mut self, outcome: &Outcome) -> Result<Completeness, RecordError> {
+    pub fn finish(self, outcome: &Outcome) -> Result<Completeness, RecordError> {
+        self.end(outcome, None)
+    }
+
+    /// Finishes; the completeness record tells other digests than those of the messages where some are given.
+    fn end(mut self, outcome: &Outcome, told: Option<Digests>) -> Result<Completeness, RecordError> {
         let written = self.write_pending()?;
         let messages = self.counts.iter().map(|(channel, count)| (channel.name(&self.cameras), *count)).collect();
         let completeness = Completeness {
@@ -228,7 +252,7 @@ impl Recorder {
             reason: outcome.reason.clone(),
             iterations: self.next,
             messages,
-            digests: self.digests.finish(),
+            digests: told.unwrap_or_else(|| self.digests.finish()),
         };
         self.mark(COMPLETE, completeness.to_metadata(), written)?;
         self.with_sink(Sink::end)?;

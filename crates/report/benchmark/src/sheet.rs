@@ -28,6 +28,8 @@ pub enum Keep {
     All,
     /// Those of drives without success.
     Failures,
+    /// Scene, world states, plans and scores of all.
+    States,
     /// None.
     #[default]
     None,

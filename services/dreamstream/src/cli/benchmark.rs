@@ -263,6 +263,9 @@ pub(crate) enum Kept {
     All,
     /// Those of drives without success.
     Failures,
+    /// World states, plans and scores of all: enough to score again. The same command with `--keep all` and another
+    /// folder makes the frames again.
+    States,
     /// None.
     None,
 }
@@ -272,6 +275,7 @@ impl From<Kept> for Keep {
         match kept {
             Kept::All => Self::All,
             Kept::Failures => Self::Failures,
+            Kept::States => Self::States,
             Kept::None => Self::None,
         }
     }

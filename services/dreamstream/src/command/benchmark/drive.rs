@@ -11,7 +11,7 @@ use std::time::Duration;
 use anyhow::{Context, Result, bail, ensure};
 use ds_benchmark::session::{self, Event};
 use ds_benchmark::sheet::{At, FILE};
-use ds_benchmark::{Cell, Manifest, Record, Sheet, Torn, Writer, record};
+use ds_benchmark::{Cell, Keep, Manifest, Record, Sheet, Torn, Writer, record};
 use ds_cases::RunConfig;
 use ds_process::drain::on_signals;
 use ds_process::run_folder::{self, Earlier, Held};
@@ -277,6 +277,8 @@ impl Group<'_> {
             writer.append(&record)?;
             if record.episode.recording.is_empty() {
                 ended::delete(&result)?;
+            } else if keep == Keep::States {
+                tokio::task::spawn_blocking(move || ended::thin(&result)).await.context("thinning a recording")??;
             }
             if !record.ended() {
                 aborted += 1;

@@ -31,7 +31,7 @@ pub(super) fn record(
     };
     let success = judged.as_ref().is_some_and(|judged| judged.outcome.success());
     let stays = match keep {
-        Keep::All => true,
+        Keep::All | Keep::States => true,
         Keep::Failures => !success,
         Keep::None => false,
     };
@@ -61,6 +61,18 @@ pub(super) fn delete(result: &pb::EpisodeResult) -> Result<()> {
     let path = Path::new(&result.recording);
     if !result.recording.is_empty() && path.exists() {
         std::fs::remove_file(path).with_context(|| format!("remove {}", path.display()))?;
+    }
+    Ok(())
+}
+
+/// Leaves world states, plans and scores in the recording of a drive; one that is not whole stays as it is.
+///
+/// # Errors
+/// If it cannot be written.
+pub(super) fn thin(result: &pb::EpisodeResult) -> Result<()> {
+    let path = Path::new(&result.recording);
+    if path.exists() && ds_record::damage(path).is_none() {
+        ds_record::thin(path, &[Topic::World, Topic::Plan, Topic::Score])?;
     }
     Ok(())
 }
