@@ -150,7 +150,7 @@ pub(crate) struct RunPlan {
     /// Scenario files, or folders of them.
     #[arg(required = true, value_parser = shipped::parser(), value_hint = ValueHint::AnyPath)]
     pub scenarios: Vec<PathBuf>,
-    /// The policy under test: camera, constant-velocity, lattice, route-follower, log-replay, or the name of an external
+    /// The policy under test: camera, drivor, ltf, constant-velocity, lattice, route-follower, log-replay, or the name of an external
     /// one, which connects at --policy-listen.
     #[arg(long, default_value = "camera")]
     pub policy: String,
@@ -225,7 +225,8 @@ pub(crate) struct RunPlan {
     /// replay needs the one that the recording was made with.
     #[arg(long, default_value = "cpu", value_parser = backend(&Backend::ALL))]
     pub video_backend: Backend,
-    /// Weights of the camera policy.
+    /// Weights of the camera policy; those of a policy of the panel are in panel/NAME.safetensors beside it, or this file
+    /// if it is called after the policy.
     #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub policy_weights: PathBuf,
     /// Start the five services as processes of their own over Zenoh on loopback.
@@ -482,7 +483,8 @@ pub(crate) struct ReplayArgs {
     /// What computes the video model: the one that the recording was made with, cpu, framework, vulkan or cuda.
     #[arg(long, default_value = "cpu", value_parser = backend(&Backend::ALL))]
     pub video_backend: Backend,
-    /// Weights of the camera policy.
+    /// Weights of the camera policy; those of a policy of the panel are in panel/NAME.safetensors beside it, or this file
+    /// if it is called after the policy.
     #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub policy_weights: PathBuf,
     /// Start from the committed cache or snapshot of this iteration instead of from the beginning.

@@ -248,7 +248,11 @@ fn write_weights(
         ("settings".to_owned(), settings.digest().to_string()),
         ("licence".to_owned(), "Apache-2.0".to_owned()),
     ];
-    Ok(WeightsFile { weights: learner.average().clone(), metadata: metadata.into() }.write(path)?)
+    let file = WeightsFile { weights: learner.average().clone(), metadata: metadata.into() };
+    Ok(match student {
+        Student::Camera => file.write(path)?,
+        Student::Panel(_) => file.write_half(path)?,
+    })
 }
 
 /// Drives held-out scenarios in closed loop with the weights of a file, with constant velocity, and with frames of

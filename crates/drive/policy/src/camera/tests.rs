@@ -5,7 +5,7 @@ use ds_space::{CameraId, DVec3, Digest, Draws, Intrinsics, PoseSe2, SimTime};
 use ds_world::RouteCommand;
 
 use super::eye::known_camera;
-use super::proposals::{KNOTS, MODES, TARGETS, encode};
+use super::proposals::{KNOTS, MODES, TARGETS, encode, poses_at_ticks};
 use super::*;
 use crate::observation::EgoView;
 
