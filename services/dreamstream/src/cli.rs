@@ -225,8 +225,7 @@ pub(crate) struct RunPlan {
     /// replay needs the one that the recording was made with.
     #[arg(long, default_value = "cpu", value_parser = backend(&Backend::ALL))]
     pub video_backend: Backend,
-    /// Weights of the camera policy; those of a policy of the panel are in panel/NAME.safetensors beside it, or this file
-    /// if it is called after the policy.
+    /// Weights of the camera policy; a policy of the panel has panel/NAME.safetensors beside it, or a file of its name.
     #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub policy_weights: PathBuf,
     /// Start the five services as processes of their own over Zenoh on loopback.
@@ -420,12 +419,10 @@ pub(crate) struct TrainArgs {
     /// The recipe: configs/train/cpu_train.toml for the video model, configs/train/policy.toml for the policy.
     #[arg(long, value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub config: Option<PathBuf>,
-    /// Where `ship` writes the weights, instead of beside the model's configuration; what `unpack` takes apart; the
-    /// weights that `policy` measures in closed loop instead of training.
+    /// Where `ship` writes (else beside the model's configuration), what `unpack` takes apart, what `policy` measures.
     #[arg(long, value_hint = ValueHint::FilePath)]
     pub weights: Option<PathBuf>,
-    /// Whose transformer `ship` writes, instead of the most refined student's: prior, teacher, ode or self_forcing; whose
-    /// `unpack` finds.
+    /// Whose transformer `ship` writes, instead of the most refined student's, or `unpack` finds.
     #[arg(long, value_parser = ["prior", "teacher", "ode", "self_forcing"])]
     pub of: Option<String>,
     /// What computes, instead of the recipe's `backend`; of vulkan and cuda, builds with that feature.
@@ -483,8 +480,7 @@ pub(crate) struct ReplayArgs {
     /// What computes the video model: the one that the recording was made with, cpu, framework, vulkan or cuda.
     #[arg(long, default_value = "cpu", value_parser = backend(&Backend::ALL))]
     pub video_backend: Backend,
-    /// Weights of the camera policy; those of a policy of the panel are in panel/NAME.safetensors beside it, or this file
-    /// if it is called after the policy.
+    /// Weights of the camera policy; a policy of the panel has panel/NAME.safetensors beside it, or a file of its name.
     #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub policy_weights: PathBuf,
     /// Start from the committed cache or snapshot of this iteration instead of from the beginning.

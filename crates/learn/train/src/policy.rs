@@ -14,6 +14,7 @@ mod learner;
 mod loss;
 mod panel_loss;
 mod settings;
+mod shown;
 mod student;
 
 use std::fs::{self, OpenOptions};
@@ -249,10 +250,11 @@ fn write_weights(
         ("licence".to_owned(), "Apache-2.0".to_owned()),
     ];
     let file = WeightsFile { weights: learner.average().clone(), metadata: metadata.into() };
-    Ok(match student {
+    match student {
         Student::Camera => file.write(path)?,
         Student::Panel(_) => file.write_half(path)?,
-    })
+    }
+    Ok(())
 }
 
 /// Drives held-out scenarios in closed loop with the weights of a file, with constant velocity, and with frames of

@@ -18,8 +18,7 @@ pub(crate) enum PolicyCommand {
     Doctor {
         /// The name of a built-in policy that is not privileged.
         policy: String,
-        /// Weights of the camera policy; those of a policy of the panel are in panel/NAME.safetensors beside it, or this
-        /// file if it is called after the policy.
+        /// Weights of the camera policy; a policy of the panel has panel/NAME.safetensors beside it, or a file of its name.
         #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
         policy_weights: PathBuf,
         /// Print JSON.

@@ -13,7 +13,8 @@ use super::augment::augment_into;
 use super::dataset::Samples;
 use super::judge::Judge;
 use super::settings::PolicySettings;
-use super::student::{Shown, Student};
+use super::shown::Shown;
+use super::student::Student;
 
 /// Weights under training.
 pub(super) struct Learner {

@@ -8,7 +8,7 @@ use ds_policy::camera::proposals::{TARGETS, knots_of};
 use super::PolicyTrainError;
 use super::judge::Judge;
 use super::loss::smooth;
-use super::student::Shown;
+use super::shown::Shown;
 
 /// Weight of read-outs before the last.
 const EARLIER: f32 = 0.1;

@@ -4,15 +4,13 @@ use ds_graph::panel::{self, Inputs, Kind};
 use ds_graph::planner;
 use ds_nn::Array;
 use ds_nn::array::{Declared, Weights};
-use ds_policy::camera::proposals::TARGETS;
+use ds_policy::Policy;
 use ds_policy::camera::{self, CameraPolicy, SIZE, proposals};
 use ds_policy::panel::{PanelPolicy, state_of};
-use ds_policy::{EgoView, Policy};
-use ds_space::DVec2;
 
 use super::PolicyTrainError;
-use super::dataset::Sample;
 use super::judge::Judge;
+use super::shown::Shown;
 use super::{loss, panel_loss};
 
 /// A policy that is trained.
@@ -22,33 +20,6 @@ pub enum Student {
     Camera,
     /// A policy of the panel.
     Panel(Kind),
-}
-
-/// A sample as a step shows it: at a speed of its own.
-pub(super) struct Shown<'a> {
-    pub(super) sample: &'a Sample,
-    pub(super) speed_mps: f64,
-    /// Whether the network is told how the car turns and accelerates.
-    pub(super) motion: bool,
-}
-
-impl Shown<'_> {
-    /// Returns the numbers that the network should answer.
-    pub(super) fn target(&self) -> [f32; TARGETS] {
-        loss::target_of(self.sample, self.speed_mps)
-    }
-
-    /// Returns what the car knows of its motion.
-    fn ego(&self) -> EgoView {
-        let told = f64::from(u8::from(self.motion));
-        let [along, across] = self.sample.acceleration_mps2.map(f64::from);
-        EgoView {
-            speed_mps: self.speed_mps,
-            yaw_rate_radps: told * f64::from(self.sample.yaw_rate_radps),
-            acceleration_mps2: told * DVec2::new(along, across),
-            ..EgoView::default()
-        }
-    }
 }
 
 impl Student {

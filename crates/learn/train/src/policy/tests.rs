@@ -9,7 +9,7 @@ use ds_world::RouteCommand;
 
 use super::dataset::{Place, Sample};
 use super::judge::Judge;
-use super::student::Shown;
+use super::shown::Shown;
 use super::*;
 
 const SHIPPED: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../configs/train/policy.toml"));
