@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 use ds_import::Format;
+use ds_policy::Learned;
 use ds_process::onlooker::{ControlArgs, OnlookerArgs};
+use ds_process::shipped;
 use ds_topic::{ProposalScorer, ScoreProfile};
 use ds_video::Backend;
 use ds_world::{AgentMode, LayoutBackend, TrackerKind};
-
-use ds_process::shipped;
 
 mod adverse;
 mod benchmark;
@@ -29,8 +29,8 @@ pub(crate) use benchmark::{BaseArgs, BehaviorArgs, BenchmarkArgs, BenchmarkComma
 pub(crate) use data::{DataCommand, DataListArgs, DataRenderArgs, DataSheetArgs};
 pub(crate) use fleet::{CertsArgs, HealthArgs, ServeArgs, WhyArgs};
 pub(crate) use gap::{
-    ApplyArgs, AttributeArgs, BaselineArgs, By, CloseArgs, DiagnoseArgs, EvaluateArgs, ExplainArgs, FleetArgs,
-    GapCommand, GapImportArgs, GapScoreArgs, WatchArgs,
+    ApplyArgs, AttributeArgs, BaselineArgs, CloseArgs, DiagnoseArgs, EvaluateArgs, ExplainArgs, FleetArgs, GapCommand,
+    GapImportArgs, GapScoreArgs, WatchArgs,
 };
 pub(crate) use measure::MeasureArgs;
 pub(crate) use policy::PolicyCommand;
@@ -431,9 +431,9 @@ pub(crate) struct TrainArgs {
     /// Also write training.rrd, losses and samples for the rerun viewer, beside the page.
     #[arg(long)]
     pub rerun: bool,
-    /// Which policy `policy` trains: camera, or one of the panel.
-    #[arg(long, default_value = "camera", value_parser = ["camera", "drivor", "ltf"])]
-    pub kind: String,
+    /// Which policy `policy` trains.
+    #[arg(long, default_value = "camera", value_parser = named(Learned::ALL.map(Learned::name), Learned::of))]
+    pub kind: Learned,
     /// Work folder of the policy's training; the video model's is named by its recipe. Training there is resumed.
     #[arg(long, short, default_value = "training", value_hint = ValueHint::DirPath)]
     pub out: PathBuf,

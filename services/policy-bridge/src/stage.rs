@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use ds_policy::{Builtin, EgoView, Observation, Policy, PolicyAnswer, PrivilegedView};
+use ds_policy::builtin::is_builtin;
+use ds_policy::{Builtin, EgoView, Learned, Observation, Policy, PolicyAnswer, PrivilegedView};
 use ds_process::maker::{Abilities, Fault, Inputs, Maker, MakerFactory, Output, bad, output};
-use ds_space::{Digest, Draws, SimTime, Tick};
+use ds_space::{Digest, DigestWriter, Draws, SimTime, Tick};
 use ds_topic::{Advance, Ego, Frame, Plan, Role, SceneMessage, Slot, Topic};
 use ds_world::EgoState;
 
@@ -36,14 +37,17 @@ impl MakerFactory for PolicyStage {
     }
 
     fn abilities(&self) -> Abilities {
-        let policy_model = std::fs::read(&self.weights).map_or(Digest::default(), |bytes| Digest::of(&bytes));
-        Abilities { policy_model, ..Abilities::default() }
+        let mut models = DigestWriter::new();
+        for learned in Learned::ALL {
+            let file = learned.weights_file(&self.weights);
+            models.digest(&std::fs::read(file).map_or(Digest::default(), |bytes| Digest::of(&bytes)));
+        }
+        Abilities { policy_model: models.finish(), ..Abilities::default() }
     }
 
     fn open(&self, scene: Arc<SceneMessage>) -> Result<Box<dyn Maker>, Fault> {
         let name = scene.spec.policy.as_str();
-        let builtin = ds_policy::builtin::NAMES.iter().any(|(known, _)| *known == name);
-        let guest = if builtin {
+        let guest = if is_builtin(name) {
             let needs = Builtin { weights: Some(self.weights.clone()) };
             Guest::Builtin(ds_policy::builtin(name, &needs).map_err(|error| bad("no_policy", &error))?)
         } else {

@@ -20,6 +20,15 @@ pub enum By {
 }
 
 impl By {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Vehicle, Self::Day];
+
+    /// Finds what a field of `meta.json` names.
+    #[must_use]
+    pub fn from_field(field: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|by| by.field() == field)
+    }
+
     /// Returns the field of `meta.json` that names it.
     #[must_use]
     pub fn field(self) -> &'static str {

@@ -119,9 +119,9 @@ pub fn fleet(
     let mut warnings = Vec::new();
     let mut out = BTreeSet::new();
     let reference = Reference::study(&cases, progress);
-    let mut last = None;
     let mut shown = cases;
-    for round in 0..ROUNDS {
+    let mut round = 0;
+    let (diagnoses, factors, affected) = loop {
         let baselines = against(&shown, &reference, (&group, names.len()), &out);
         let done: Progress<'_> = if round == 0 { progress } else { &|| () };
         let diagnoses = diagnosed(&mut shown, (&baselines, &group), options, done);
@@ -129,20 +129,17 @@ pub fn fleet(
         let e_values: Vec<f64> = factors.iter().map(log_e).collect();
         let affected = discovered(&e_values);
         let settled = affected == out;
-        last = Some((diagnoses, factors, affected.clone()));
-        if settled {
-            break;
-        }
-        if 2 * affected.len() >= names.len() {
+        let divided = !settled && 2 * affected.len() >= names.len();
+        if divided {
             warnings.push("half of the members or more differ from the rest: there is no majority to go by".to_owned());
-            break;
+        }
+        round += 1;
+        if settled || divided || round == ROUNDS {
+            break (diagnoses, factors, affected);
         }
         // members that share a fault hide each other: at first the likeliest stay out whether or not they were called
-        let careful = if round == 0 { names.len().div_ceil(HIDING) } else { 0 };
+        let careful = if round == 1 { names.len().div_ceil(HIDING) } else { 0 };
         out = affected.into_iter().chain(largest(&e_values).into_iter().take(careful)).collect();
-    }
-    let Some((diagnoses, factors, affected)) = last else {
-        return Err(CaseError::SmallFleet { members: names.len(), least: LEAST });
     };
     let told = Told { names: &names, group: &group, cases: &shown, diagnoses: &diagnoses, factors: &factors };
     let fleet = told.fleet(by, &affected, warnings);

@@ -1,21 +1,18 @@
 //! The built-in policies by name.
 
-use std::path::{Path, PathBuf};
-
-use ds_graph::panel::Kind;
+use std::path::PathBuf;
 
 use crate::Policy;
-use crate::camera::{self, CameraPolicy};
 use crate::constant_velocity::{self, ConstantVelocity};
 use crate::error::PolicyError;
 use crate::lattice::{self, Lattice};
+use crate::learned::Learned;
 use crate::log_replay::{self, LogReplay};
-use crate::panel::PanelPolicy;
 use crate::route_follower::{self, RouteFollower};
 
 /// The built-in policies' names, and whether each is privileged.
 pub const NAMES: [(&str, bool); 7] = [
-    (camera::NAME, false),
+    ("camera", false),
     (constant_velocity::NAME, false),
     ("drivor", false),
     (lattice::NAME, false),
@@ -24,21 +21,17 @@ pub const NAMES: [(&str, bool); 7] = [
     (route_follower::NAME, true),
 ];
 
+/// Says whether a policy of this name is built in.
+#[must_use]
+pub fn is_builtin(name: &str) -> bool {
+    NAMES.iter().any(|(known, _)| *known == name)
+}
+
 /// What a built-in policy may need besides its name.
 #[derive(Debug, Clone, Default)]
 pub struct Builtin {
-    /// The safetensors file of the policy, or of the `camera` policy: see [`weights_file`].
+    /// The safetensors file of the policy, or of the `camera` policy: see [`Learned::weights_file`].
     pub weights: Option<PathBuf>,
-}
-
-/// Returns where the weights of a policy of the panel are, `given` being the file that was named: that file if it is called
-/// after the policy (`drivor.safetensors`), else `panel/NAME.safetensors` beside it.
-#[must_use]
-pub fn weights_file(kind: Kind, given: &Path) -> PathBuf {
-    if given.file_stem().is_some_and(|stem| stem == kind.name()) {
-        return given.to_owned();
-    }
-    given.with_file_name("panel").join(kind.name()).with_extension("safetensors")
 }
 
 /// Makes a built-in policy.
@@ -46,12 +39,11 @@ pub fn weights_file(kind: Kind, given: &Path) -> PathBuf {
 /// # Errors
 /// [`PolicyError`] lists the known names, or says what is wrong with the weights.
 pub fn builtin(name: &str, needs: &Builtin) -> Result<Box<dyn Policy>, PolicyError> {
-    let weights = |name| needs.weights.as_deref().ok_or(PolicyError::NeedsWeights { name });
-    if let Some(kind) = Kind::of(name) {
-        return Ok(Box::new(PanelPolicy::load(kind, &weights_file(kind, weights(kind.name())?))?));
+    if let Some(learned) = Learned::of(name) {
+        let given = needs.weights.as_deref().ok_or(PolicyError::NeedsWeights { name: learned.name() })?;
+        return learned.load(&learned.weights_file(given));
     }
     match name {
-        camera::NAME => Ok(Box::new(CameraPolicy::load(weights(camera::NAME)?)?)),
         constant_velocity::NAME => Ok(Box::new(ConstantVelocity)),
         lattice::NAME => Ok(Box::new(Lattice)),
         log_replay::NAME => Ok(Box::new(LogReplay)),
@@ -75,18 +67,8 @@ mod tests {
                 Err(error) => assert!(matches!(error, PolicyError::NeedsWeights { name: asked } if asked == name)),
             }
         }
-        assert!(Kind::ALL.iter().all(|kind| NAMES.contains(&(kind.name(), false))));
+        assert!(Learned::ALL.iter().all(|learned| NAMES.contains(&(learned.name(), false))));
         let error = builtin("camra", &Builtin::default()).err().expect("no such policy").to_string();
         assert!(error.contains("camra") && error.contains("constant-velocity"), "{error}");
-    }
-
-    #[test]
-    fn weights_of_the_panel_lie_beside_those_of_the_camera_policy() {
-        let beside = weights_file(Kind::Drivor, Path::new("models/camera_policy.safetensors"));
-        assert_eq!(beside, Path::new("models/panel/drivor.safetensors"));
-        assert_eq!(
-            weights_file(Kind::Drivor, Path::new("mine/drivor.safetensors")),
-            Path::new("mine/drivor.safetensors")
-        );
     }
 }

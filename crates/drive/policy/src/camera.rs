@@ -8,10 +8,7 @@
 pub mod eye;
 pub mod proposals;
 
-use std::path::Path;
-
 use ds_graph::planner::{CONTEXT, Planner, PlannerSize};
-use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
 use ds_space::CameraModel;
@@ -42,16 +39,6 @@ impl CameraPolicy {
     /// If a weight is missing, surplus, not finite or has a wrong shape.
     pub fn new(weights: &Weights) -> Result<Self, ds_nn::WeightsError> {
         Ok(Self { network: Planner::new(SIZE, weights)?, eye: Eye::default() })
-    }
-
-    /// Makes the policy of a safetensors file.
-    ///
-    /// # Errors
-    /// [`PolicyError::Weights`] names the file and what is wrong with it.
-    pub fn load(path: &Path) -> Result<Self, PolicyError> {
-        let refuse = |source| PolicyError::Weights { path: path.display().to_string(), source };
-        let file = WeightsFile::read(path).map_err(|error| refuse(error.into()))?;
-        Self::new(&file.weights).map_err(|error| refuse(error.into()))
     }
 }
 

@@ -12,6 +12,7 @@ pub mod doctor;
 pub mod driver;
 pub mod error;
 pub mod lattice;
+pub mod learned;
 pub mod log_replay;
 pub mod observation;
 pub mod panel;
@@ -25,6 +26,7 @@ use ds_space::CameraModel;
 
 pub use builtin::{Builtin, builtin};
 pub use error::PolicyError;
+pub use learned::Learned;
 pub use observation::{EgoView, Observation, PrivilegedView};
 pub use plan::PolicyAnswer;
 

@@ -5,10 +5,7 @@
 //! TLC · (5 TTC + 5 EP + 2 LK + 2 HC) / 14 of the predicted sub-scores; a network without a scorer has one plan, of
 //! score 1.
 
-use std::path::Path;
-
 use ds_graph::panel::{Inputs, Kind, Network, PLAN, STATE, TERMS};
-use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
 use ds_space::CameraModel;
@@ -53,16 +50,6 @@ impl PanelPolicy {
     /// If a weight is missing, surplus, not finite or has a wrong shape.
     pub fn new(kind: Kind, weights: &Weights) -> Result<Self, ds_nn::WeightsError> {
         Ok(Self { network: Network::new(kind, weights)?, eye: Eye::default() })
-    }
-
-    /// Makes the policy of a safetensors file.
-    ///
-    /// # Errors
-    /// [`PolicyError::Weights`] names the file and what is wrong with it.
-    pub fn load(kind: Kind, path: &Path) -> Result<Self, PolicyError> {
-        let refuse = |source| PolicyError::Weights { path: path.display().to_string(), source };
-        let file = WeightsFile::read(path).map_err(|error| refuse(error.into()))?;
-        Self::new(kind, &file.weights).map_err(|error| refuse(error.into()))
     }
 }
 

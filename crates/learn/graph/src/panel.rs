@@ -38,7 +38,7 @@ impl Kind {
 
     /// Returns the name, as in `run --policy`.
     #[must_use]
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Drivor => "drivor",
             Self::Ltf => "ltf",

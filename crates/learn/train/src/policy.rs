@@ -9,27 +9,26 @@
 mod augment;
 mod closed_loop;
 mod dataset;
+mod gradient;
 mod judge;
 mod learner;
 mod loss;
 mod panel_loss;
 mod settings;
 mod shown;
-mod student;
 
 use std::fs::{self, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use ds_nn::safetensors::{FileError, WeightsFile};
-use ds_policy::Policy;
+use ds_policy::{Learned, Policy};
 use serde_json::json;
 
 pub use closed_loop::{DriveResult, Driven};
 pub use dataset::ScenarioSplit;
 pub use loss::Displacement;
 pub use settings::{PolicySettings, Round};
-pub use student::Student;
 
 use dataset::Samples;
 use learner::Learner;
@@ -133,9 +132,9 @@ struct Files {
 }
 
 impl Files {
-    fn new(folder: &Path, student: Student) -> Result<Self, PolicyTrainError> {
+    fn new(folder: &Path, student: Learned) -> Result<Self, PolicyTrainError> {
         let shared = folder.to_owned();
-        let folder = if student == Student::Camera { shared.clone() } else { shared.join(student.name()) };
+        let folder = if student == Learned::Camera { shared.clone() } else { shared.join(student.name()) };
         fs::create_dir_all(&folder).map_err(|source| PolicyTrainError::Io {
             doing: "created",
             path: folder.display().to_string(),
@@ -182,7 +181,7 @@ impl Files {
 /// # Errors
 /// [`PolicyTrainError`] says what is wrong.
 pub fn run(
-    student: Student,
+    student: Learned,
     settings: &PolicySettings,
     folder: &Path,
     listener: &mut dyn FnMut(&str),
@@ -238,7 +237,7 @@ fn open_loop_line(
 }
 
 fn write_weights(
-    student: Student,
+    student: Learned,
     settings: &PolicySettings,
     learner: &Learner,
     path: &Path,
@@ -251,8 +250,8 @@ fn write_weights(
     ];
     let file = WeightsFile { weights: learner.average().clone(), metadata: metadata.into() };
     match student {
-        Student::Camera => file.write(path)?,
-        Student::Panel(_) => file.write_half(path)?,
+        Learned::Camera => file.write(path)?,
+        Learned::Panel(_) => file.write_half(path)?,
     }
     Ok(())
 }
@@ -263,7 +262,7 @@ fn write_weights(
 /// # Errors
 /// [`PolicyTrainError`] says what is wrong.
 pub fn evaluate(
-    student: Student,
+    student: Learned,
     settings: &PolicySettings,
     weights: &Path,
     listener: &mut dyn FnMut(&str),

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand, ValueEnum, ValueHint};
+use clap::{Args, Subcommand, ValueHint};
 
-use super::Observation;
+use super::{Observation, named};
+use ds_cases::fleet::By;
 use ds_process::onlooker::OnlookerArgs;
 use ds_process::shipped;
 
@@ -119,23 +120,14 @@ pub(crate) struct BaselineArgs {
     pub(crate) out: PathBuf,
 }
 
-/// What a member of a fleet is.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub(crate) enum By {
-    /// A vehicle, by `vehicle` in meta.json.
-    Vehicle,
-    /// A day of drives, by `day` in meta.json.
-    Day,
-}
-
 /// Arguments of `gap fleet`.
 #[derive(Debug, Args)]
 pub(crate) struct FleetArgs {
     /// Cases of at least four members; folders of cases are opened.
     #[arg(required = true, value_hint = ValueHint::DirPath)]
     pub(crate) cases: Vec<PathBuf>,
-    /// What a member is.
-    #[arg(long, value_enum, default_value_t = By::Vehicle)]
+    /// What a member is: a vehicle or a day of drives, by the field of that name in meta.json.
+    #[arg(long, default_value = "vehicle", value_parser = named(By::ALL.map(By::field), By::from_field))]
     pub(crate) by: By,
     /// Fast pass and single fits only.
     #[arg(long)]

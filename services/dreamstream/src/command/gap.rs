@@ -22,7 +22,7 @@ use indicatif::ProgressBar;
 use rayon::prelude::*;
 
 use crate::cli::{
-    ApplyArgs, BaselineArgs, By, DiagnoseArgs, EvaluateArgs, FleetArgs, GapCommand, GapImportArgs, GapScoreArgs,
+    ApplyArgs, BaselineArgs, DiagnoseArgs, EvaluateArgs, FleetArgs, GapCommand, GapImportArgs, GapScoreArgs,
 };
 use crate::command::{answer, bar, complain, scenario};
 
@@ -219,15 +219,11 @@ fn learn(args: &BaselineArgs) -> Result<()> {
 
 /// Diagnoses a fleet, member by member against the others.
 fn fleet(args: &FleetArgs) -> Result<()> {
-    let by = match args.by {
-        By::Vehicle => ds_cases::fleet::By::Vehicle,
-        By::Day => ds_cases::fleet::By::Day,
-    };
     let paths = folders(&args.cases)?;
     let logs = ds_cases::fleet::read(&args.cases)?;
     let bar = bar(ds_cases::fleet::steps(logs.len()), "steps");
     bar.tick();
-    let (fleet, diagnoses) = ds_cases::fleet::diagnose(logs, by, args.quick, &|| bar.inc(1))?;
+    let (fleet, diagnoses) = ds_cases::fleet::diagnose(logs, args.by, args.quick, &|| bar.inc(1))?;
     bar.finish_and_clear();
     for (path, diagnosis) in paths.iter().zip(&diagnoses) {
         let folder = args.out.join(&diagnosis.case);

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, bail};
 use ds_record::viewing::{TrainedStage, Training};
-use ds_train::policy::{PolicySettings, Student};
+use ds_train::policy::PolicySettings;
 use ds_train::{Progress, Stage, TrainConfig};
 use indicatif::ProgressBar;
 
@@ -126,14 +126,13 @@ fn policy(args: &TrainArgs) -> Result<()> {
     let path = args.config.clone().unwrap_or_else(|| shipped::find(Path::new(POLICY_CONFIG)));
     let text = std::fs::read_to_string(&path).with_context(|| format!("configuration {}", path.display()))?;
     let settings = PolicySettings::parse(&text).with_context(|| format!("configuration {}", path.display()))?;
-    let student = Student::of(&args.kind).with_context(|| format!("there is no network {:?} to train", args.kind))?;
     if let Some(weights) = &args.weights {
-        ds_train::policy::evaluate(student, &settings, weights, &mut answer)
+        ds_train::policy::evaluate(args.kind, &settings, weights, &mut answer)
             .with_context(|| format!("weights {}", weights.display()))?;
         return Ok(());
     }
     let spinner = ProgressBar::new_spinner();
-    ds_train::policy::run(student, &settings, Path::new(&args.out), &mut |line: &str| {
+    ds_train::policy::run(args.kind, &settings, Path::new(&args.out), &mut |line: &str| {
         spinner.set_message(line.to_owned());
         spinner.tick();
     })?;

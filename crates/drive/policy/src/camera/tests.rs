@@ -1,5 +1,7 @@
 //! The camera policy around its network: what it looks at, what its numbers mean, what it refuses.
 
+use std::path::Path;
+
 use ds_nn::Initial;
 use ds_space::{CameraId, DVec3, Digest, Draws, Intrinsics, PoseSe2, SimTime};
 use ds_world::RouteCommand;
@@ -7,6 +9,7 @@ use ds_world::RouteCommand;
 use super::eye::known_camera;
 use super::proposals::{KNOTS, MODES, TARGETS, encode, poses_at_ticks};
 use super::*;
+use crate::Learned;
 use crate::observation::EgoView;
 
 fn weights() -> Weights {
@@ -105,7 +108,7 @@ fn refuses_what_it_cannot_use_by_name() {
         let error = policy.plan(&observation, None).expect_err(says).to_string();
         assert!(error.contains(says), "{error:?} does not say {says:?}");
     }
-    let error = CameraPolicy::load(Path::new("no/such.safetensors")).err().expect("the file is absent").to_string();
+    let error = Learned::Camera.load(Path::new("no/such.safetensors")).err().expect("the file is absent").to_string();
     assert!(error.contains("no/such.safetensors"), "{error}");
     let mut short = weights();
     short.insert("hidden1.bias", ds_nn::Array::zeros(&[1]));
@@ -120,7 +123,7 @@ fn the_shipped_weights_are_this_networks() {
         eprintln!("skipped: {} is not there", path.display());
         return;
     }
-    let mut policy = CameraPolicy::load(path).expect("the shipped weights fit");
+    let mut policy = Learned::Camera.load(path).expect("the shipped weights fit");
     let answer = policy.plan(&observation(known_camera(), pattern()), None).expect("plans");
     assert_eq!(answer.trajectory.points().len(), 80);
     assert!(std::fs::metadata(path).expect("the file is there").len() < 5 << 20, "weights over 5 MB");

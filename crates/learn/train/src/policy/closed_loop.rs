@@ -8,7 +8,7 @@
 use ds_nn::Weights;
 use ds_policy::constant_velocity::ConstantVelocity;
 use ds_policy::route_follower::RouteFollower;
-use ds_policy::{EgoView, Observation, Policy, PolicyError, PrivilegedView};
+use ds_policy::{EgoView, Learned, Observation, Policy, PolicyError, PrivilegedView};
 use ds_raster::RgbImage;
 use ds_sim::{SimConfig, Simulation};
 use ds_space::{Draws, Tick};
@@ -19,7 +19,6 @@ use super::PolicyTrainError;
 use super::augment::softened;
 use super::dataset::{Sample, Samples, ScenarioSplit, Stage};
 use super::settings::PolicySettings;
-use super::student::Student;
 
 /// A drive farther off the route than this has failed, in metres.
 const OFF_ROUTE_M: f64 = 4.0;
@@ -60,7 +59,7 @@ impl Driven {
         }
     }
 
-    fn policy(self, student: Student, weights: &Weights) -> Result<Box<dyn Policy>, PolicyTrainError> {
+    fn policy(self, student: Learned, weights: &Weights) -> Result<Box<dyn Policy>, PolicyTrainError> {
         Ok(match self {
             Self::Trained | Self::Softened | Self::Elsewhere | Self::Frozen => student.policy(weights)?,
             Self::ConstantVelocity => Box::new(ConstantVelocity),
@@ -144,7 +143,7 @@ fn is_over(stage: &Stage, world: &WorldState) -> bool {
 
 /// Drives all held-out scenarios with everyone.
 pub(super) fn evaluate(
-    student: Student,
+    student: Learned,
     settings: &PolicySettings,
     weights: &Weights,
     listener: &mut dyn FnMut(&str),

@@ -6,19 +6,20 @@ use ds_graph::planner::{HEIGHT_PX, WIDTH_PX};
 use ds_nn::optimiser::{AdamW, AdamWSettings, Schedule, Shape, move_average};
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Weights};
+use ds_policy::Learned;
 use ds_space::{DigestWriter, Draws};
 
 use super::PolicyTrainError;
 use super::augment::augment_into;
 use super::dataset::Samples;
+use super::gradient::gradient;
 use super::judge::Judge;
 use super::settings::PolicySettings;
 use super::shown::Shown;
-use super::student::Student;
 
 /// Weights under training.
 pub(super) struct Learner {
-    student: Student,
+    student: Learned,
     judge: Judge,
     weights: Weights,
     average: Weights,
@@ -29,7 +30,7 @@ pub(super) struct Learner {
 impl Learner {
     /// Goes on from a checkpoint, or starts anew where there is none.
     pub(super) fn resume(
-        student: Student,
+        student: Learned,
         settings: &PolicySettings,
         checkpoint: &Path,
     ) -> Result<Self, PolicyTrainError> {
@@ -99,7 +100,7 @@ impl Learner {
             shown.push(Shown { sample, speed_mps, motion: draws.uniform(102) < 0.5 });
         }
         let images = Array::new(&[batch, HEIGHT_PX, WIDTH_PX, 3], pixels);
-        let (loss, gradient) = self.student.gradient(&self.weights, &images, &shown, &mut self.judge)?;
+        let (loss, gradient) = gradient(self.student, &self.weights, &images, &shown, &mut self.judge)?;
         let norm = self.optimiser.update(&mut self.weights, &gradient, self.schedule.rate(step));
         if !loss.is_finite() || !norm.is_finite() {
             return Err(PolicyTrainError::Diverged { step, loss });

@@ -104,7 +104,7 @@ fn a_resumed_run_equals_one_that_was_not_stopped() {
     let settings =
         PolicySettings { batch: 2, ..PolicySettings::parse(SHIPPED).expect("the shipped settings are sound") };
     let samples = samples(4);
-    for student in [Student::Camera, Student::Panel(Kind::Ltf)] {
+    for student in [Learned::Camera, Learned::Panel(Kind::Ltf)] {
         let checkpoint = folder.path().join(student.file_name());
         let mut straight = Learner::resume(student, &settings, &checkpoint).expect("starts anew");
         let mut stopped = Learner::resume(student, &settings, &checkpoint).expect("starts anew");

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use ds_benchmark::{Manifest, Named, Place, Settings, Shard, Sheet};
+use ds_policy::Learned;
 use ds_space::{Digest, DigestWriter};
 use ds_topic::ObservationSource;
 
@@ -38,7 +39,8 @@ pub(super) fn manifests(paths: &[PathBuf]) -> Result<(Vec<Manifest>, Vec<PathBuf
 pub(super) fn sheet(args: &CellArgs) -> Result<(Sheet, Vec<Manifest>)> {
     let (sets, folders) = manifests(&args.manifests)?;
     let policy = |name: &String| -> Result<Named> {
-        let digest = if name == "camera" { of_files(&[&args.policy_weights])? } else { String::new() };
+        let weights = Learned::of(name).map(|learned| learned.weights_file(&args.policy_weights));
+        let digest = weights.map(|weights| of_files(&[&weights])).transpose()?.unwrap_or_default();
         Ok(Named { name: name.clone(), digest })
     };
     let model = [args.model.as_path(), &args.model.with_extension("safetensors")].map(Path::to_path_buf);

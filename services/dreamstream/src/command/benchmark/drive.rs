@@ -13,6 +13,7 @@ use ds_benchmark::session::{self, Event};
 use ds_benchmark::sheet::{At, FILE};
 use ds_benchmark::{Cell, Keep, Manifest, Record, Sheet, Torn, Writer, record};
 use ds_cases::RunConfig;
+use ds_policy::builtin::{NAMES, is_builtin};
 use ds_process::drain::on_signals;
 use ds_process::run_folder::{self, Earlier, Held};
 use ds_process::runs::{self, Ended as Run};
@@ -99,14 +100,13 @@ pub(super) fn workers(asked: Option<u32>) -> u32 {
 
 /// Refuses what a fleet would only refuse once it is under way.
 fn check(sheet: &Sheet) -> Result<()> {
-    let builtin = |name: &str| ds_policy::builtin::NAMES.iter().any(|(known, _)| *known == name);
     let outside: Vec<&str> =
-        sheet.policies.iter().map(|policy| policy.name.as_str()).filter(|name| !builtin(name)).collect();
+        sheet.policies.iter().map(|policy| policy.name.as_str()).filter(|name| !is_builtin(name)).collect();
     match (outside.as_slice(), &sheet.place.policy_listen) {
         ([], None) | ([_], Some(_)) => Ok(()),
         ([], Some(listen)) => bail!("--policy-listen {listen} is for an external policy, and all are built in"),
         ([name, ..], None) => {
-            let names: Vec<&str> = ds_policy::builtin::NAMES.iter().map(|(name, _)| *name).collect();
+            let names: Vec<&str> = NAMES.iter().map(|(name, _)| *name).collect();
             bail!(
                 "there is no policy {name:?}: built in are {}; an external one needs --policy-listen",
                 names.join(", ")
@@ -230,9 +230,8 @@ impl Group<'_> {
     async fn drive(&self, due: Vec<Due>, writer: &mut Writer) -> Result<Option<usize>> {
         let Some(first) = due.first() else { return Ok(Some(0)) };
         let mut whole = self.plan(first)?;
-        let external = |name: &&str| !ds_policy::builtin::NAMES.iter().any(|(known, _)| known == name);
-        let names = self.sheet.policies.iter().map(|policy| policy.name.as_str());
-        if let Some(name) = names.into_iter().find(external) {
+        let mut names = self.sheet.policies.iter().map(|policy| policy.name.as_str());
+        if let Some(name) = names.find(|name| !is_builtin(name)) {
             name.clone_into(&mut whole.policy);
         }
         let mut fleet = embed::start(&FleetPlan::of(&whole)?).await?;

@@ -7,6 +7,8 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, ensure};
 use ds_camera::Appearance;
 use ds_cases::RunConfig;
+use ds_policy::Learned;
+use ds_policy::builtin::{NAMES, is_builtin};
 use ds_process::service::UsageError;
 use ds_space::{CameraId, Digest, DigestWriter};
 use ds_topic::{ObservationSource, ProposalScorer};
@@ -15,21 +17,25 @@ use orchestrator::Conditioning;
 
 use crate::cli::{Align, Observation, RunPlan};
 
-/// Checks the names that the orchestrator or a stage would only refuse once everything is under way.
+/// Checks the names, and the policy's weights, that the orchestrator or a stage would only refuse once everything is under
+/// way.
 ///
 /// # Errors
-/// If policy or look of the reference camera is none that can be meant; the error says which there are.
+/// If policy or look of the reference camera is none that can be meant; the error says which there are. If the weights of
+/// the policy cannot be used.
 pub(crate) fn known(args: &RunPlan) -> Result<()> {
-    let builtin = ds_policy::builtin::NAMES.map(|(name, _)| name);
     let outside = args.policy_listen.is_some() || args.stages.iter().any(|stage| stage.trim().starts_with("policy="));
-    if !outside && !builtin.contains(&args.policy.as_str()) {
+    if !outside && !is_builtin(&args.policy) {
         let says = format!(
             "there is no policy {:?}: built in are {}; an external one connects with --policy-listen ENDPOINT, such as \
              tcp/127.0.0.1:7448 (`python -m dreamstream run FILE:CLASS --name {0} --connect ENDPOINT`)",
             args.policy,
-            builtin.join(", ")
+            NAMES.map(|(name, _)| name).join(", ")
         );
         return Err(UsageError(says).into());
+    }
+    if let Some(learned) = Learned::of(&args.policy).filter(|_| !outside) {
+        learned.load(&learned.weights_file(&args.policy_weights))?;
     }
     Appearance::short_name(&args.appearance).map_err(|error| UsageError(format!("--appearance: {error}")))?;
     Ok(())

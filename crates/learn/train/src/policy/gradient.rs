@@ -1,0 +1,48 @@
+//! A step of training by who is trained: the `camera` policy's network or one of the panel, each with its own inputs and
+//! loss.
+
+use ds_graph::panel::{self, Inputs};
+use ds_graph::planner;
+use ds_nn::{Array, Weights};
+use ds_policy::Learned;
+use ds_policy::camera::{SIZE, proposals};
+use ds_policy::panel::state_of;
+
+use super::PolicyTrainError;
+use super::judge::Judge;
+use super::shown::Shown;
+use super::{loss, panel_loss};
+
+/// Returns the loss of a batch and its gradient by the weights; `images` are [N, 96, 160, 3].
+pub(super) fn gradient(
+    student: Learned,
+    weights: &Weights,
+    images: &Array,
+    batch: &[Shown<'_>],
+    judge: &mut Judge,
+) -> Result<(f64, Weights), PolicyTrainError> {
+    match student {
+        Learned::Camera => {
+            let rows = batch.iter().flat_map(|shown| proposals::state_of(shown.speed_mps, shown.sample.command));
+            let state = Array::new(&[batch.len(), proposals::STATE], rows.collect());
+            let targets: Vec<_> = batch.iter().map(Shown::target).collect();
+            let speeds: Vec<f64> = batch.iter().map(|shown| shown.speed_mps).collect();
+            let grade = |outputs: &Array| loss::grade(outputs, &targets, &speeds);
+            Ok(planner::gradient(SIZE, weights, images, &state, grade)?)
+        }
+        Learned::Panel(kind) => {
+            let rows = batch.iter().flat_map(|shown| state_of(&shown.ego(), shown.sample.command));
+            let state = Array::new(&[batch.len(), panel::STATE], rows.collect());
+            let mut refused = None;
+            let grade = |answer: &panel::Answer| match panel_loss::grade(answer, batch, judge) {
+                Ok(found) => found,
+                Err(error) => {
+                    refused = Some(error);
+                    (f64::NAN, answer.clone())
+                }
+            };
+            let found = panel::gradient(kind, weights, &Inputs { images, state: &state }, grade)?;
+            refused.map_or(Ok(found), Err)
+        }
+    }
+}
