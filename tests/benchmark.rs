@@ -291,6 +291,9 @@ fn what_cannot_be_meant_is_refused_by_name_and_nothing_is_overwritten() {
     assert!(told.contains("absent.set.json"), "{told}");
     let told = ends(benchmark(&["run", utf8(&set), "--policy", "nobody", "--out", utf8(&out)]), 2);
     assert!(told.contains("\"nobody\"") && told.contains("lattice"), "{told}");
+    let mut weights = benchmark(&["run", utf8(&set), "--policy", "drivor", "--out", utf8(&out)]);
+    weights.args(["--policy-weights", "no/such.safetensors"]);
+    assert!(ends(weights, 2).contains("no/panel/drivor.safetensors"), "cells are keyed by the policy's own weights");
     let mut alone = run(&set);
     alone.args(["--shard", "auto"]).env_remove("SLURM_ARRAY_TASK_ID").env_remove("JOB_COMPLETION_INDEX");
     assert!(ends(alone, 2).contains("SLURM_ARRAY_TASK_ID"));

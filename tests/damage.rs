@@ -229,6 +229,12 @@ fn a_policy_that_is_not_there_is_named_before_anything_starts() {
     for part in ["\"nobody\"", "camera", "lattice", "route-follower", "--policy-listen"] {
         assert!(says.contains(part), "no {part:?}: {says}");
     }
+    let absent = folder.path().join("absent.safetensors");
+    for (policy, file) in [("camera", "absent.safetensors"), ("drivor", "panel/drivor.safetensors")] {
+        let weights = ["--policy", policy, "--policy-weights", utf8(&absent)];
+        let says = refused(&[["run", SCENARIO].as_slice(), &weights, &["--out", utf8(&out)]].concat(), 64);
+        assert!(says.contains(file), "no {file:?}: {says}");
+    }
     let says = refused(&["run", SCENARIO, "--appearance", "plaid", "--out", utf8(&out)], 64);
     assert!(says.contains("plaid"), "{says}");
     assert!(!out.exists(), "nothing is begun");

@@ -35,7 +35,8 @@ pub(crate) fn known(args: &RunPlan) -> Result<()> {
         return Err(UsageError(says).into());
     }
     if let Some(learned) = Learned::of(&args.policy).filter(|_| !outside) {
-        learned.load(&learned.weights_file(&args.policy_weights))?;
+        let loaded = learned.load(&learned.weights_file(&args.policy_weights));
+        loaded.map_err(|error| UsageError(format!("--policy-weights: {:#}", anyhow::Error::from(error))))?;
     }
     Appearance::short_name(&args.appearance).map_err(|error| UsageError(format!("--appearance: {error}")))?;
     Ok(())
