@@ -116,9 +116,9 @@ pub(crate) fn children(parent: u32, word: &str) -> Vec<u32> {
     found
 }
 
-/// Sends a signal such as `KILL` to a process.
+/// Sends a signal such as `KILL` to a process, by the shell's own `kill`: a bare Debian has no program of that name.
 pub(crate) fn signal(pid: u32, name: &str) {
-    let status = Command::new("kill").arg(format!("-{name}")).arg(pid.to_string()).status();
+    let status = Command::new("sh").args(["-c", &format!("kill -{name} {pid}")]).status();
     assert!(status.is_ok_and(|status| status.success()), "kill -{name} {pid} failed");
 }
 
