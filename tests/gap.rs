@@ -36,6 +36,42 @@ fn a_labelled_case_is_named_and_a_broken_one_spoils_no_other() {
     assert!(share > 0.5, "{shrinks}");
 }
 
+/// One real car on two floors: against a log of the rubber floor the other log of it lacks nothing, tape and tiles lack grip.
+#[test]
+fn another_floor_is_named_and_the_same_floor_is_not() {
+    let Some(logs) = shared("data/dart-jetracer") else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let run = |arguments: &[&str]| {
+        let output = dreamstream(arguments).output().expect("the binary runs");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    };
+    let stems = [
+        "81_throttle_ramps/car_1_Datarecording_09_09_2024_16_05_28steer015_ramp",
+        "81_throttle_ramps/car_1_Datarecording_09_09_2024_16_53_03steering_neg03_ramp",
+        "81_circles_tape_and_tiles/car_1_Datarecording_09_09_2024_17_58_23steer_neg03_ramp",
+    ];
+    let files = stems.map(|stem| logs.join(format!("{stem}.csv")).display().to_string());
+    let cases = path("cases");
+    run(&["gap", "import", "configs/gap/dart-jetracer-floor.toml", &files[0], &files[1], &files[2], "-o", &cases]);
+    let case = |index: usize| {
+        let name = stems[index].rsplit('/').next().unwrap_or_default();
+        (format!("{cases}/{name}"), name)
+    };
+    let judged = |healthy: usize, index: usize| -> Value {
+        let (baseline, out) = (path("baseline.json"), path("out"));
+        run(&["gap", "baseline", &case(healthy).0, "-o", &baseline]);
+        run(&["gap", "diagnose", &case(index).0, "--baseline", &baseline, "--quick", "--no-pages", "--out", &out]);
+        let path = folder.path().join("out").join(case(index).1).join("diagnosis.json");
+        serde_json::from_str(&std::fs::read_to_string(path).expect("a diagnosis")).expect("JSON")
+    };
+    for (healthy, same) in [(0, 1), (1, 0)] {
+        assert_eq!(judged(healthy, same)["verdict"], "none");
+        let tiles = judged(healthy, 2);
+        assert_eq!((&tiles["verdict"], &tiles["effects"][0]["id"]), (&"single".into(), &"mu".into()), "{tiles}");
+    }
+}
+
 #[test]
 fn finished_cases_of_a_folder_are_kept_and_changed_ones_diagnosed_anew() {
     let folder = tempfile::tempdir().expect("a temporary folder");

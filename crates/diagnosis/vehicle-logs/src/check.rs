@@ -21,7 +21,7 @@ impl Mapping {
     /// If a file cannot be read at all.
     pub fn check(&self, logs: &Path) -> Result<Vec<LogFinding>, LogError> {
         let mut found = Vec::new();
-        for drive in &self.drive {
+        for drive in self.listed()? {
             let log = self.open(logs, drive)?;
             let unit = self.time.as_ref().map(|time| time.unit.as_str());
             let of_stamps: Vec<LogFinding> =

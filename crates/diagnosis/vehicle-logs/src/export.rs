@@ -41,7 +41,7 @@ impl Mapping {
     /// If a log cannot be read, a command is a measurement, nothing usable is in the logs, or the folder cannot be written.
     pub fn case(&self, logs: &Path, out: &Path) -> Result<Imported, LogError> {
         let mut stretches: Vec<(Record, bool)> = Vec::new();
-        for file in &self.drive {
+        for file in self.listed()? {
             let log = self.open(logs, file)?;
             if let Some(echo) = echo::findings(&log).pop() {
                 return Err(LogError::Echo(echo));

@@ -24,7 +24,8 @@ pub struct Mapping {
     /// Axes of pose and body.
     #[serde(default)]
     pub frame: Frame,
-    /// The files, each one drive or more.
+    /// The files, each one drive or more; none where logs are named one by one ([`Mapping::for_log`]).
+    #[serde(default)]
     pub drive: Vec<DriveFile>,
     /// Channels by name of the practice schema.
     pub channels: BTreeMap<String, Source>,
@@ -337,9 +338,6 @@ impl Mapping {
         if !["tab", "space"].contains(&self.log.delimiter.as_str()) && self.log.delimiter.chars().count() != 1 {
             return wrong("log.delimiter", format!("is {:?}, expected one character", self.log.delimiter));
         }
-        if self.drive.is_empty() {
-            return wrong("drive", "is empty".to_owned());
-        }
         for name in COMMANDS {
             if !self.channels.contains_key(name) {
                 return wrong(&format!("channels.{name}"), "is absent; the simulator needs every command".to_owned());
@@ -372,6 +370,35 @@ impl Mapping {
             (Some(_), None, None) | (None, Some(_), Some(_)) => Ok(()),
             _ => wrong("nominal", "needs either wheelbase, or lf and lr".to_owned()),
         }
+    }
+}
+
+impl Mapping {
+    /// Returns this mapping for one log alone, as a case of the log's name: the stretches of it that `drive` lists, or all
+    /// of it where that does not name it. Its folder is that of the log.
+    #[must_use]
+    pub fn for_log(&self, log: &Path) -> Self {
+        let text = |part: Option<&std::ffi::OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
+        let (file, name) = (text(log.file_name()), text(log.file_stem()));
+        let of_it = |drive: &&DriveFile| Path::new(&drive.file).file_name() == log.file_name();
+        let mut drive: Vec<DriveFile> = self.drive.iter().filter(of_it).cloned().collect();
+        drive.iter_mut().for_each(|drive| drive.file.clone_from(&file));
+        if drive.is_empty() {
+            drive.push(DriveFile { file, from_secs: 0.0, to_secs: forever(), held_out: false });
+        }
+        Self { drive, log: Layout { name, ..self.log.clone() }, ..self.clone() }
+    }
+
+    /// Returns the files that are listed.
+    ///
+    /// # Errors
+    /// If none is.
+    pub(crate) fn listed(&self) -> Result<&[DriveFile], LogError> {
+        if self.drive.is_empty() {
+            let problem = "is empty: list the files, or name logs instead of their folder".to_owned();
+            return Err(LogError::Mapping { entry: "drive".to_owned(), problem });
+        }
+        Ok(&self.drive)
     }
 }
 

@@ -254,6 +254,25 @@ fn a_case_of_a_right_log_holds_the_channels_in_si_and_can_be_read() {
 }
 
 #[test]
+fn one_mapping_serves_logs_that_it_does_not_list() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    write(folder.path(), &rows());
+    let listed = "[[drive]]\nfile = \"log.csv\"\n";
+    let unlisted = mapping(folder.path(), &MAPPING.replace(listed, "")).expect("right mapping");
+    let error = unlisted.check(folder.path()).expect_err("no log is named");
+    assert!(error.to_string().contains("drive"), "{error}");
+    let log = folder.path().join("log.csv");
+    let one = unlisted.for_log(&log);
+    assert_eq!(one.log.name, "log");
+    let imported = one.case(folder.path(), &folder.path().join("case")).expect("a case");
+    assert!((imported.drives[0].secs() - 39.95).abs() < 0.1, "{}", imported.drives[0].secs());
+    let part = "[[drive]]\nfile = \"log.csv\"\nfrom_secs = 20.0\n";
+    let part = mapping(folder.path(), &MAPPING.replace(listed, part)).expect("right mapping").for_log(&log);
+    let imported = part.case(folder.path(), &folder.path().join("part")).expect("a case");
+    assert!((imported.drives[0].secs() - 19.95).abs() < 0.1, "{}", imported.drives[0].secs());
+}
+
+#[test]
 fn errors_name_file_line_and_column() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let check = |csv: &str, map: (&str, &str), wanted: &[&str]| {

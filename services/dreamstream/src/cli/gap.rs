@@ -174,10 +174,11 @@ pub(crate) struct GapImportArgs {
     /// The mapping: which column or field is which channel, in which unit, frame and sign; see docs/gap-real-logs.md.
     #[arg(value_parser = shipped::parser(), value_hint = ValueHint::FilePath, required_unless_present = "suggest")]
     pub(crate) mapping: Option<PathBuf>,
-    /// The folder of the logs; that of the mapping without.
-    #[arg(value_hint = ValueHint::DirPath)]
-    pub(crate) logs: Option<PathBuf>,
-    /// Where the case goes; without, the logs are only checked. With --suggest the file of the proposed mapping.
+    /// The folder of the logs that the mapping lists; that of the mapping without. Or log files of the same layout: each
+    /// becomes a case of its own name below --out, whether the mapping lists it or not.
+    #[arg(value_hint = ValueHint::AnyPath)]
+    pub(crate) logs: Vec<PathBuf>,
+    /// Where the case goes, or the cases of several logs; without, the logs are only checked. With --suggest the file of the proposed mapping.
     #[arg(long, short, value_hint = ValueHint::AnyPath)]
     pub(crate) out: Option<PathBuf>,
     /// Propose a mapping for this bag (MCAP, ROS 1 or rosbag2) by its topics.

@@ -8,7 +8,7 @@ pub(crate) mod watch;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use ds_cases::case::{Case, Options, Unseen, diagnose_by, folders, name, names};
 use ds_cases::pairs::Paired;
 use ds_cases::{RunConfig, finished, logs, pairs, scenes, seal};
@@ -243,12 +243,29 @@ fn import(args: &GapImportArgs) -> Result<()> {
         return suggest(log, args.out.as_deref());
     }
     let path = args.mapping.as_deref().context("a mapping, or --suggest LOG")?;
-    let logs = args.logs.as_deref().unwrap_or_else(|| path.parent().unwrap_or(Path::new(".")));
     let mapping = Mapping::read(path)?;
+    let folder = |path: &Path| path.parent().unwrap_or(Path::new(".")).to_path_buf();
+    match args.logs.as_slice() {
+        [] => import_one(&mapping, &folder(path), args.out.as_deref()),
+        [logs] if logs.is_dir() => import_one(&mapping, logs, args.out.as_deref()),
+        logs => logs.iter().enumerate().try_for_each(|(place, log)| {
+            let twin = logs[..place].iter().find(|other| other.file_stem() == log.file_stem());
+            if let Some(twin) = twin {
+                bail!("{} and {} would be one case", twin.display(), log.display());
+            }
+            let mapping = mapping.for_log(log);
+            let out = args.out.as_ref().map(|out| out.join(&mapping.log.name));
+            import_one(&mapping, &folder(log), out.as_deref()).with_context(|| format!("{}", log.display()))
+        }),
+    }
+}
+
+/// Checks the logs of a mapping in a folder and makes a case of them.
+fn import_one(mapping: &Mapping, logs: &Path, out: Option<&Path>) -> Result<()> {
     let found = mapping.check(logs)?;
     found.iter().for_each(|finding| answer(&finding.to_string()));
     answer(&format!("{} findings", found.len()));
-    let Some(out) = &args.out else { return Ok(()) };
+    let Some(out) = out else { return Ok(()) };
     let imported = mapping.case(logs, out)?;
     for (number, drive) in imported.drives.iter().enumerate() {
         let (file, start, secs) = (&drive.file, drive.start_secs, drive.secs());
