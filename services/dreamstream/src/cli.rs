@@ -150,8 +150,8 @@ pub(crate) struct RunPlan {
     /// Scenario files, or folders of them.
     #[arg(required = true, value_parser = shipped::parser(), value_hint = ValueHint::AnyPath)]
     pub scenarios: Vec<PathBuf>,
-    /// The policy under test: camera, drivor, ltf, constant-velocity, lattice, route-follower, log-replay, or the name of an external
-    /// one, which connects at --policy-listen.
+    /// The policy under test: camera, drivor, ltf, constant-velocity or lattice; privileged, as references: log-replay,
+    /// route-follower, idm, careful or expert; or the name of an external one, which connects at --policy-listen.
     #[arg(long, default_value = "camera")]
     pub policy: String,
     /// What makes the frames that the policy sees.
@@ -235,9 +235,9 @@ pub(crate) struct RunPlan {
     /// It learns where to join from the environment; may be given for several stages. Implies --processes.
     #[arg(long = "stage", value_name = "ROLE=COMMAND")]
     pub stages: Vec<String>,
-    /// Video workers to start, and episodes to drive at a time.
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
-    pub workers: u32,
+    /// Video workers to start, and episodes to drive at a time: as many as cores serve; one for external policies and devices.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub workers: Option<u32>,
     /// Where an external policy connects to, such as tcp/127.0.0.1:7447; its name is given by --policy.
     #[arg(long, value_name = "ENDPOINT")]
     pub policy_listen: Option<String>,
@@ -257,7 +257,7 @@ pub(crate) struct RunPlan {
     /// Show the drives in a running rerun viewer while they go on.
     #[arg(long, value_name = "URL", num_args = 0..=1, require_equals = true, default_missing_value = "")]
     pub live: Option<String>,
-    /// Make no pictures.
+    /// Make no pictures; else each drive's are made as it ends, beside those that go on.
     #[arg(long)]
     pub no_pictures: bool,
     /// Effects of the world beyond the nominal one, and other settings of a run, as `gap apply` writes them.

@@ -10,6 +10,9 @@ use ds_world::LayoutBackend;
 
 use crate::cli::RunPlan;
 
+/// No run has more workers.
+const MOST_WORKERS: u32 = 64;
+
 /// How the fleet of one run is made up.
 #[derive(Debug, Clone)]
 pub(crate) struct FleetPlan {
@@ -38,11 +41,11 @@ pub(crate) struct FleetPlan {
 }
 
 impl FleetPlan {
-    /// Returns the fleet that the arguments of a run ask for.
+    /// Returns the fleet that the arguments of a run of so many drives ask for.
     ///
     /// # Errors
     /// If a stage is none, has no command, or is named twice.
-    pub(crate) fn of(args: &RunPlan) -> Result<Self> {
+    pub(crate) fn of(args: &RunPlan, drives: usize) -> Result<Self> {
         let mut stages = BTreeMap::new();
         for text in &args.stages {
             let named =
@@ -52,12 +55,15 @@ impl FleetPlan {
             };
             anyhow::ensure!(stages.insert(role, command.to_owned()).is_none(), "--stage names {role} twice");
         }
+        // One at a time where others drive along, or all workers would share one device.
+        let own = args.policy_listen.is_none() && stages.is_empty() && args.video_backend == Backend::Cpu;
+        let asked = args.workers.or((!own).then_some(1));
         Ok(Self {
             folder: args.out.clone(),
             model: args.model.clone(),
             video_backend: args.video_backend,
             policy_weights: args.policy_weights.clone(),
-            workers: args.workers,
+            workers: workers(asked, drives),
             policy: args.policy.clone(),
             policy_listen: args.policy_listen.clone(),
             probe_adapter: args.layout_backend != LayoutBackend::Cpu,
@@ -65,5 +71,24 @@ impl FleetPlan {
             stages,
             live: args.live.is_some(),
         })
+    }
+}
+
+/// Returns how many episodes of so many to drive at a time: as asked, else one for each core that serves this process.
+#[must_use]
+pub(crate) fn workers(asked: Option<u32>, drives: usize) -> u32 {
+    let served = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get).min(drives);
+    asked.unwrap_or_else(|| u32::try_from(served()).unwrap_or(1)).clamp(1, MOST_WORKERS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn as_many_as_asked_else_as_cores_serve_and_drives_need() {
+        assert_eq!([workers(Some(3), 1), workers(Some(0), 9), workers(Some(1000), 9)], [3, 1, 64]);
+        assert_eq!([workers(None, 0), workers(None, 1)], [1, 1]);
+        assert!((1..=64).contains(&workers(None, 1000)));
     }
 }

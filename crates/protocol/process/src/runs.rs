@@ -23,6 +23,9 @@ pub struct Ended {
     pub compute_classes: BTreeMap<String, String>,
 }
 
+/// The episodes of a run under way as last told, by their ids.
+pub type Told = BTreeMap<String, pb::EpisodeResult>;
+
 /// What came of talking to the orchestrator once.
 enum Talk {
     Ended(Ended),
@@ -30,11 +33,11 @@ enum Talk {
     Cut(tonic::Status),
 }
 
-/// Submits a run and follows it to its end; `progress` is told the ticks driven and the ticks due.
+/// Submits a run and follows it to its end; `progress` is shown all episodes whenever one changes.
 ///
 /// # Errors
 /// If the orchestrator refuses the run, or stays away.
-pub async fn drive(request: &pb::SubmitRequest, control: &Dial, progress: &mut impl FnMut(u64, u64)) -> Result<Ended> {
+pub async fn drive(request: &pb::SubmitRequest, control: &Dial, progress: &mut impl FnMut(&Told)) -> Result<Ended> {
     let mut tries = 0;
     loop {
         match talk(request, control, progress).await? {
@@ -49,7 +52,7 @@ pub async fn drive(request: &pb::SubmitRequest, control: &Dial, progress: &mut i
     }
 }
 
-async fn talk(request: &pb::SubmitRequest, control: &Dial, progress: &mut impl FnMut(u64, u64)) -> Result<Talk> {
+async fn talk(request: &pb::SubmitRequest, control: &Dial, progress: &mut impl FnMut(&Told)) -> Result<Talk> {
     let channel = match control.connect(Duration::from_secs(5)).await {
         Ok(channel) => channel,
         Err(error) => return Ok(Talk::Cut(tonic::Status::unavailable(error.to_string()))),
@@ -66,20 +69,19 @@ async fn talk(request: &pb::SubmitRequest, control: &Dial, progress: &mut impl F
 async fn follow(
     request: &pb::SubmitRequest,
     channel: Control,
-    progress: &mut impl FnMut(u64, u64),
+    progress: &mut impl FnMut(&Told),
 ) -> Result<Ended, tonic::Status> {
     let mut runs = RunsClient::new(channel.clone())
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
     let run_id = runs.submit(request.clone()).await?.into_inner().run_id;
     let mut stream = runs.watch(pb::WatchRequest { run_id: run_id.clone() }).await?.into_inner();
-    let mut seen: BTreeMap<String, (u64, u64)> = BTreeMap::new();
+    let mut seen = Told::new();
     let mut ended = false;
     while let Some(told) = stream.message().await? {
         ended = pb::has_ended(told.status);
-        let ticks = |episode: &pb::EpisodeResult| (u64::from(episode.ticks), u64::from(episode.ticks_due));
-        seen.extend(told.episodes.into_iter().map(|episode| (episode.episode.clone(), ticks(&episode))));
-        progress(seen.values().map(|(ticks, _)| ticks).sum(), seen.values().map(|(_, due)| due).sum());
+        seen.extend(told.episodes.into_iter().map(|episode| (episode.episode.clone(), episode)));
+        progress(&seen);
     }
     if !ended {
         return Err(tonic::Status::unavailable("the progress stream was cut"));

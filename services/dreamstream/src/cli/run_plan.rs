@@ -37,7 +37,7 @@ impl Default for RunPlan {
             policy_weights: shipped::find(Path::new("configs/models/camera_policy.safetensors")),
             processes: false,
             stages: Vec::new(),
-            workers: 1,
+            workers: None,
             policy_listen: None,
             shard: None,
             out: "out/run".into(),

@@ -8,22 +8,22 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail, ensure};
 use ds_cases::{RunConfig, logs, seal};
 use ds_process::run_folder::{self, Earlier, Held};
-use ds_process::runs::{self, Ended};
+use ds_process::runs::{self, Ended, Told};
 use ds_process::security::Dial;
-use ds_record::Recording;
 use ds_run_report::results::hex;
 use ds_run_report::{Episode, Results, Run};
 use ds_space::Digest;
 use ds_topic::Role;
 use ds_wire::control as pb;
 
+use crate::children;
 use crate::cli::{RunPlan, SubmitArgs};
 use crate::command::report::{self, RESULTS};
 use crate::command::{answer, bar, scenario};
 use crate::embed::{self, Fleet};
 use crate::fleet::FleetPlan;
+use crate::pictures::Painter;
 use crate::viewer::{self, Onlooker};
-use crate::{children, pictures};
 
 /// Runs the command; the exit code is 1 if any drive did not complete.
 ///
@@ -48,7 +48,7 @@ pub(crate) async fn drive_all(args: &RunPlan, log: &str) -> Result<Results> {
     let began = Instant::now();
     args.live.as_deref().map(viewer::reach).transpose()?;
     let _held = hold(args)?;
-    let plan = FleetPlan::of(args)?;
+    let plan = FleetPlan::of(args, files.len() * args.seed.len())?;
     let apart = args.processes || !plan.stages.is_empty();
     let simulated = !plan.stages.contains_key(&Role::Sim);
     let mut fleet =
@@ -58,8 +58,9 @@ pub(crate) async fn drive_all(args: &RunPlan, log: &str) -> Result<Results> {
         Some(url) => Some(Onlooker::start(viewer::drives(&fleet.seat()?, url, &[])).await?),
         None => None,
     };
+    let mut painter = (!args.no_pictures && args.seal.is_none()).then(|| Painter::new(&args.out));
     let outcome = tokio::select! {
-        outcome = drive(request, &control) => outcome,
+        outcome = drive(request, &control, painter.as_mut()) => outcome,
         error = failed(&mut fleet) => Err(error),
         _ = tokio::signal::ctrl_c() => Err(anyhow::anyhow!(
             "interrupted; `--resume` goes on: finished drives stay finished, the others continue from the last commit"
@@ -80,10 +81,11 @@ pub(crate) async fn drive_all(args: &RunPlan, log: &str) -> Result<Results> {
     }
     if args.seal.is_some() {
         withdraw(args, &mut results)?;
-    } else if !args.no_pictures {
-        draw(args, &results)?;
     }
     results.save(&args.out.join(RESULTS))?;
+    if let Some(painter) = painter {
+        painter.finish().await?;
+    }
     report::write_for(&args.out, &results)?;
     Ok(results)
 }
@@ -140,7 +142,7 @@ pub(crate) async fn submit(args: &SubmitArgs) -> Result<()> {
     let configuration = request::configuration(run, &world, &given);
     let request = request::request(run, &world, given, &configuration, sources(&files, Source::Content)?)?;
     let _held = hold(run)?;
-    let ended = drive(request, &args.control.dial()?).await?;
+    let ended = drive(request, &args.control.dial()?, None).await?;
     let results = results((run, &configuration), &files, "fleet", ended, began.elapsed().as_secs_f64())?;
     results.save(&run.out.join(RESULTS))?;
     report::write_for(&run.out, &results)?;
@@ -183,11 +185,14 @@ fn shard(files: Vec<PathBuf>, shard: Option<&str>) -> Result<Vec<PathBuf>> {
     Ok(files.into_iter().enumerate().filter(|(i, _)| i % count == index).map(|(_, file)| file).collect())
 }
 
-async fn drive(request: pb::SubmitRequest, control: &Dial) -> Result<Ended> {
+async fn drive(request: pb::SubmitRequest, control: &Dial, mut painter: Option<&mut Painter>) -> Result<Ended> {
     let bar = bar(0, "ticks");
-    let mut progress = |ticks, due| {
-        bar.set_length(due);
-        bar.set_position(ticks);
+    let mut progress = |told: &Told| {
+        bar.set_length(told.values().map(|episode| u64::from(episode.ticks_due)).sum());
+        bar.set_position(told.values().map(|episode| u64::from(episode.ticks)).sum());
+        if let Some(painter) = &mut painter {
+            painter.look(told);
+        }
     };
     let ended = runs::drive(&request, control, &mut progress).await?;
     bar.finish_and_clear();
@@ -270,17 +275,6 @@ fn sets(files: &[PathBuf], args: &RunPlan) -> Vec<String> {
         folder.map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
     };
     files.iter().flat_map(|file| std::iter::repeat_n(set(file), args.seed.len().max(1))).collect()
-}
-
-fn draw(args: &RunPlan, results: &Results) -> Result<()> {
-    let bar = bar(results.episodes.len() as u64, "pictures");
-    for episode in results.episodes.iter().filter(|episode| !episode.recording.is_empty()) {
-        let recording = Recording::open(&args.out.join(&episode.recording))?;
-        pictures::draw(&recording, &episode.recording, &args.out.join("pictures"))?;
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
-    Ok(())
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use super::{Ended, ask, behavior, describe, drive};
 use crate::cli::{BaseArgs, BuildCommand, CellArgs};
 use crate::command::{answer, bar, scenario};
+use crate::fleet::workers;
 use ds_process::shipped;
 
 /// The policy that solves a scenario without looking.
@@ -148,7 +149,7 @@ fn filtered(args: &BaseArgs, all: Manifest) -> Result<Option<Manifest>> {
     };
     let (mut sheet, sets) = ask::sheet(&what)?;
     sheet.place.keep = Keep::None;
-    sheet.place.workers = drive::workers(args.workers);
+    sheet.place.workers = workers(args.workers, usize::MAX);
     let ended = if folder.join(ds_benchmark::sheet::FILE).exists() {
         drive::resume(&folder, (None, args.workers), &[])?
     } else {

@@ -32,7 +32,7 @@ use crate::cli::{Observation, RunArgs, RunPlan};
 use crate::command::run::{Source, request, sources};
 use crate::command::{answer, bar};
 use crate::embed::{self, Fleet};
-use crate::fleet::FleetPlan;
+use crate::fleet::{FleetPlan, workers};
 
 /// How long the services of a fleet may take to end.
 const DRAIN_WITHIN: Duration = Duration::from_secs(5);
@@ -55,7 +55,7 @@ pub(super) fn run(args: &RunArgs) -> Result<Ended> {
     let (mut sheet, sets) = ask::sheet(&args.what)?;
     sheet.shard = ask::shard(&args.shard)?;
     sheet.endpoints = args.endpoints.as_deref().map_or(Ok(Vec::new()), ds_benchmark::endpoint::load)?;
-    sheet.place.workers = workers(args.workers);
+    sheet.place.workers = workers(args.workers, usize::MAX);
     sheet.place.keep = args.keep.into();
     sheet.place.policy_listen.clone_from(&args.policy_listen);
     begin(&args.out, &sheet, &sets)
@@ -86,16 +86,10 @@ pub(super) fn resume(out: &Path, (shard, by): (Option<&str>, Option<u32>), done:
     let held = run_folder::take(out, Earlier::Resumed)?;
     let (mut sheet, sets) = Sheet::load(out)?;
     sheet.shard = shard.map_or(Ok(sheet.shard), ask::shard)?;
-    sheet.place.workers = by.map_or(sheet.place.workers, |by| workers(Some(by)));
+    sheet.place.workers = by.map_or(sheet.place.workers, |by| workers(Some(by), usize::MAX));
     check(&sheet)?;
     sheet.save(&sets, out)?;
     go_on(&held, out, (&sheet, &sets), done)
-}
-
-/// Returns how many episodes to drive at a time.
-pub(super) fn workers(asked: Option<u32>) -> u32 {
-    let served = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    asked.unwrap_or(u32::try_from(served).unwrap_or(1)).clamp(1, 64)
 }
 
 /// Refuses what a fleet would only refuse once it is under way.
@@ -234,7 +228,7 @@ impl Group<'_> {
         if let Some(name) = names.find(|name| !is_builtin(name)) {
             name.clone_into(&mut whole.policy);
         }
-        let mut fleet = embed::start(&FleetPlan::of(&whole)?).await?;
+        let mut fleet = embed::start(&FleetPlan::of(&whole, due.len())?).await?;
         let control = Dial::local(&fleet.control)?;
         let outcome = tokio::select! {
             outcome = self.feed(due, &control, writer) => outcome.map(Some),
@@ -260,7 +254,7 @@ impl Group<'_> {
             {
                 let (request, control) = (self.request(&due)?, control.clone());
                 under_way.spawn(async move {
-                    let run = runs::drive(&request, &control, &mut |_, _| ()).await;
+                    let run = runs::drive(&request, &control, &mut |_| ()).await;
                     (due, run)
                 });
             }
@@ -317,7 +311,7 @@ impl Group<'_> {
             model: place.model.clone(),
             video_backend: backend.with_context(|| format!("video back end {:?}", settings.video_backend))?,
             policy_weights: place.policy_weights.clone(),
-            workers: place.workers,
+            workers: Some(place.workers),
             policy_listen: place.policy_listen.clone(),
             out: self.folder.clone(),
             ..RunPlan::default()
