@@ -18,10 +18,20 @@ fn all(extra: &[&str]) -> Vec<[String; 3]> {
 fn digests_do_not_depend_on_workers_wiring_or_lost_pushes() {
     let first = all(&[]);
     assert_eq!(first, all(&[]), "two runs");
+    assert_eq!(first, all(&["--workers", "1"]), "one worker, not as many as cores serve");
     assert_eq!(first, all(&["--workers", "3"]), "three workers");
     assert_eq!(first, all(&["--processes", "--workers", "2"]), "processes");
     assert_eq!(first, all(&["--drop-pushes", "0.3"]), "30 % of all pushes lost");
     assert_eq!(first, all(&["--drop-pushes", "1"]), "all pushes lost");
+}
+
+#[test]
+fn policies_that_see_the_live_world_drive_alike_as_processes() {
+    for policy in ["idm", "careful", "expert"] {
+        let settings = ["--policy", policy, "--observation", "layout", "--agents", "idm-all", "--warm-up", "4"];
+        let first = all(&settings);
+        assert_eq!(first, all(&[&settings[..], &["--processes", "--drop-pushes", "0.3"]].concat()), "{policy}");
+    }
 }
 
 #[test]

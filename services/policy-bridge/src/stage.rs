@@ -3,12 +3,14 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use ds_adverse::Expert;
 use ds_policy::builtin::is_builtin;
-use ds_policy::{Builtin, EgoView, Learned, Observation, Policy, PolicyAnswer, PrivilegedView};
+use ds_policy::{Builtin, EgoView, Learned, Live, Observation, Policy, PolicyAnswer, PrivilegedView};
 use ds_process::maker::{Abilities, Fault, Inputs, Maker, MakerFactory, Output, bad, output};
+use ds_sim::SimConfig;
 use ds_space::{Digest, DigestWriter, Draws, SimTime, Tick};
-use ds_topic::{Advance, Ego, Frame, Plan, Role, SceneMessage, Slot, Topic};
-use ds_world::EgoState;
+use ds_topic::{Advance, Ego, Frame, Plan, Role, SceneMessage, Slot, Topic, World};
+use ds_world::{Anchor, EgoState};
 
 use crate::guest::{External, OutsideBus};
 
@@ -47,7 +49,10 @@ impl MakerFactory for PolicyStage {
 
     fn open(&self, scene: Arc<SceneMessage>) -> Result<Box<dyn Maker>, Fault> {
         let name = scene.spec.policy.as_str();
-        let guest = if is_builtin(name) {
+        let guest = if Anchor::from_name(name) == Some(Anchor::Expert) {
+            let config = SimConfig::of_episode(&scene.spec).map_err(|error| bad("bad_settings", &error))?;
+            Guest::Builtin(Box::new(Expert::new(config)))
+        } else if is_builtin(name) {
             let needs = Builtin { weights: Some(self.weights.clone()) };
             Guest::Builtin(ds_policy::builtin(name, &needs).map_err(|error| bad("no_policy", &error))?)
         } else {
@@ -102,6 +107,18 @@ impl Hosting {
         };
         Ok((observation, states))
     }
+
+    /// Returns the world as a policy sees it that sees it live.
+    fn live(&self, now: Tick, inputs: &Inputs) -> Result<Option<Live>, Fault> {
+        let Some((first, last)) = self.scene.spec.witnessed_at(now) else { return Ok(None) };
+        let mut live = Live::default();
+        for tick in first.to(last) {
+            let world: World = inputs.decode(Slot::new(Topic::World, tick.0))?;
+            live.snapshot = world.snapshot.unwrap_or_default();
+            live.states.push(world.state);
+        }
+        Ok(Some(live))
+    }
 }
 
 impl Maker for Hosting {
@@ -114,10 +131,11 @@ impl Maker for Hosting {
             return Ok(Vec::new());
         }
         let (observation, states) = self.observation(order.last, inputs)?;
+        let live = self.live(order.last, inputs)?;
         let answer = match &mut self.guest {
             Guest::Builtin(policy) => {
                 let ego = states.last().copied().unwrap_or_default();
-                let view = PrivilegedView { scene: Arc::clone(&self.scene.scene), tick: order.last, ego };
+                let view = PrivilegedView { scene: Arc::clone(&self.scene.scene), tick: order.last, ego, live };
                 let privileged = policy.privileged().then_some(&view);
                 policy
                     .plan(&observation, privileged)

@@ -2,10 +2,9 @@
 
 use std::sync::Arc;
 
-use ds_effect::Setting;
 use ds_oracle::{AgentsIn, Oracle};
 use ds_process::maker::{Fault, Inputs, Maker, MakerFactory, Output, bad, output};
-use ds_sim::{IdmScope, Manners, SimConfig, Simulation};
+use ds_sim::{SimConfig, Simulation};
 use ds_space::{Digest, Tick};
 use ds_topic::{Advance, Ego, Motion, ProposalScorer, Role, SceneMessage, Slot, Topic, Verdict, World};
 use ds_world::Proposal;
@@ -24,7 +23,7 @@ impl MakerFactory for SimStage {
     }
 
     fn open(&self, scene: Arc<SceneMessage>) -> Result<Box<dyn Maker>, Fault> {
-        let config = sim_config(&scene)?;
+        let config = SimConfig::of_episode(&scene.spec).map_err(|error| bad("bad_settings", &error))?;
         Ok(Box::new(Running {
             scene,
             config,
@@ -34,25 +33,6 @@ impl MakerFactory for SimStage {
             oracle: None,
         }))
     }
-}
-
-/// Translates an episode's settings to the simulator's.
-///
-/// # Errors
-/// If an effect is refused.
-pub fn sim_config(scene: &SceneMessage) -> Result<SimConfig, Fault> {
-    let mut effects = Vec::new();
-    for effect in scene.spec.effects.iter().filter(|effect| ds_effect::acts_on_the_world(&effect.id)) {
-        effects.push(Setting::new(&effect.id, &effect.values).map_err(|error| bad("bad_settings", &error))?);
-    }
-    Ok(SimConfig {
-        tracker: scene.spec.tracker,
-        agents: IdmScope::of(scene.spec.agents),
-        manners: Manners::of(scene.spec.agents),
-        effects,
-        vehicle_log: scene.spec.vehicle_log,
-        ..SimConfig::default()
-    })
 }
 
 struct Running {

@@ -37,6 +37,50 @@ impl AgentMode {
     }
 }
 
+/// A built-in policy that sees the truth: it serves as a reference, and is refused where policies compete.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Anchor {
+    /// Repeats the expert's recorded drive.
+    LogReplay,
+    /// Follows the route among others as they were recorded.
+    RouteFollower,
+    /// Follows the route behind whoever is in its way now.
+    Idm,
+    /// The same; where a collision comes nearer it brakes hard, 0.8 s late.
+    Careful,
+    /// Tries its plans in copies of the world.
+    Expert,
+}
+
+impl Anchor {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::LogReplay, Self::RouteFollower, Self::Idm, Self::Careful, Self::Expert];
+
+    /// Returns the policy's name on the command line, in messages and in results.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::LogReplay => "log-replay",
+            Self::RouteFollower => "route-follower",
+            Self::Idm => "idm",
+            Self::Careful => "careful",
+            Self::Expert => "expert",
+        }
+    }
+
+    /// Returns the anchor of a name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|anchor| anchor.name() == name)
+    }
+
+    /// Says whether it sees others as they are, not only as they were recorded.
+    #[must_use]
+    pub const fn sees_live(self) -> bool {
+        matches!(self, Self::Idm | Self::Careful | Self::Expert)
+    }
+}
+
 /// The controller that follows the plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum TrackerKind {

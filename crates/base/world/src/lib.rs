@@ -15,7 +15,7 @@ pub mod trajectory;
 
 pub use adversary::{Adversary, AdversaryMode, Budget, CrashClass};
 pub use agent::{AgentClass, AgentState, Size, Track, TrackPoint};
-pub use choice::{AgentMode, LayoutBackend, TrackerKind};
+pub use choice::{AgentMode, Anchor, LayoutBackend, TrackerKind};
 pub use condition::{Condition, ConditionError, Lighting, RoadSurface, Weather};
 pub use ego::{EgoState, RouteCommand, VehicleParameters};
 pub use map::{

@@ -8,6 +8,7 @@
 mod beam;
 mod class;
 mod collision;
+mod expert;
 mod limits;
 mod measure;
 mod model;
@@ -18,6 +19,7 @@ mod validity;
 mod variant;
 
 pub use class::{Encounter, Moment, Relation, WINDOW_TICKS, classify};
+pub use expert::Expert;
 pub use measure::Measures;
 pub use model::{ModelError, MotionModel, Step};
 pub use solve::{Solution, solved_again};

@@ -1,6 +1,6 @@
 //! Whether a variant can be survived: an expert that may try its plans in copies of the world, and a driver who only brakes.
 //!
-//! The expert keeps to the log until 0.5 s after the threat tick; then, every half second, it takes the mildest of 9 lateral
+//! The expert, here as the proof of a solution, keeps to the log until 0.5 s after the threat tick; then, every half second, it takes the mildest of 9 lateral
 //! offsets × 9 accelerations that stays clear and on the road for 4 s in a copy with the live adversary. The careful
 //! driver brakes along the logged way from 0.75 s after the threat tick with the jerk and deceleration of UN R157's model.
 
@@ -80,37 +80,25 @@ impl Trial<'_> {
         let mut simulation = Simulation::new(Arc::clone(self.scene), config, Tick(0)).ok()?;
         while simulation.state().tick < until {
             simulation.step();
-            if !self.clear(&simulation) {
+            if !clear(self.road, &simulation) {
                 return None;
             }
         }
         Some(simulation)
     }
 
-    /// Says whether the ego touches nobody and stands on the road.
-    fn clear(&self, simulation: &Simulation) -> bool {
-        let state = simulation.state();
-        let vehicle = &self.scene.vehicle;
-        state.contacts.is_empty() && self.road.holds(&state.ego.corners(vehicle), &state.ego.centre(vehicle))
-    }
-
-    fn way(&self) -> Option<Path> {
-        let points: Vec<_> = self.scene.ego_log.iter().map(|ego| ego.pose.position).collect();
-        Path::new(&points)
-    }
-
     /// Returns the expert's drive, if it finds one that is clear to the end.
     pub(crate) fn expert(&self) -> Option<Solution> {
-        let way = self.way()?;
+        let way = logged_way(self.scene)?;
         let from = self.threat.plus(REACTION_TICKS);
         let mut simulation = self.begin(from)?;
         let mut poses = vec![simulation.state().ego.pose];
         while simulation.state().tick < self.last {
-            let plan = self.choose(&simulation, &way)?;
+            let plan = choose(self.road, &simulation, wishes(&simulation, &way))?;
             simulation.begin_plan(&plan);
             for _ in 0..REPLAN_TICKS {
                 simulation.step();
-                if !self.clear(&simulation) {
+                if !clear(self.road, &simulation) {
                     return None;
                 }
                 poses.push(simulation.state().ego.pose);
@@ -119,45 +107,10 @@ impl Trial<'_> {
         Some(Solution { from, poses })
     }
 
-    /// Returns the mildest plan that stays clear; else the one that stays clear longest.
-    fn choose(&self, simulation: &Simulation, way: &Path) -> Option<Trajectory> {
-        let mut wishes: Vec<(f64, Wish)> = Vec::new();
-        for acceleration_mps2 in ACCELERATIONS_MPS2 {
-            for left_m in LATERALS_M {
-                let wish = Wish { left_m, acceleration_mps2, ramp_secs: 0.3 };
-                wishes.push((left_m.abs() + acceleration_mps2.abs(), wish));
-            }
-        }
-        wishes.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut longest: Option<(u32, Trajectory)> = None;
-        for (_, wish) in wishes {
-            let plan = planned(simulation, way, wish)?;
-            let ticks = self.clear_ticks(simulation, &plan);
-            if ticks >= LOOK_TICKS {
-                return Some(plan);
-            }
-            if longest.as_ref().is_none_or(|(most, _)| ticks > *most) {
-                longest = Some((ticks, plan));
-            }
-        }
-        longest.map(|(_, plan)| plan)
-    }
-
-    fn clear_ticks(&self, simulation: &Simulation, plan: &Trajectory) -> u32 {
-        let mut copy = simulation.clone();
-        copy.begin_plan(plan);
-        (0..LOOK_TICKS)
-            .find(|_| {
-                copy.step();
-                !self.clear(&copy)
-            })
-            .unwrap_or(LOOK_TICKS)
-    }
-
     /// Says whether a driver who only brakes meets nobody.
     pub(crate) fn careful(&self) -> bool {
         let drive = || {
-            let way = self.way()?;
+            let way = logged_way(self.scene)?;
             let mut simulation = self.begin(self.threat.plus(CAREFUL_TICKS))?;
             let ramp_secs = CAREFUL_MPS2 / CAREFUL_MPS3;
             let here = way.nearest(simulation.state().ego.pose.position).left_m;
@@ -173,6 +126,62 @@ impl Trial<'_> {
         };
         drive().is_some()
     }
+}
+
+/// Returns the line that the ego was logged on.
+pub(crate) fn logged_way(scene: &Scene) -> Option<Path> {
+    let points: Vec<_> = scene.ego_log.iter().map(|ego| ego.pose.position).collect();
+    Path::new(&points)
+}
+
+/// Says whether the ego touches nobody and stands on the road.
+fn clear(road: &Road<'_>, simulation: &Simulation) -> bool {
+    let state = simulation.state();
+    let vehicle = &simulation.scene().vehicle;
+    state.contacts.is_empty() && road.holds(&state.ego.corners(vehicle), &state.ego.centre(vehicle))
+}
+
+/// Returns the plans of all wishes from now on, the mildest first.
+pub(crate) fn wishes(simulation: &Simulation, way: &Path) -> impl Iterator<Item = Trajectory> {
+    let mut wishes: Vec<(f64, Wish)> = Vec::new();
+    for acceleration_mps2 in ACCELERATIONS_MPS2 {
+        for left_m in LATERALS_M {
+            let wish = Wish { left_m, acceleration_mps2, ramp_secs: 0.3 };
+            wishes.push((left_m.abs() + acceleration_mps2.abs(), wish));
+        }
+    }
+    wishes.sort_by(|a, b| a.0.total_cmp(&b.0));
+    wishes.into_iter().map_while(|(_, wish)| planned(simulation, way, wish))
+}
+
+/// Returns the first plan that stays clear for 4 s in a copy of the world; else the one that stays clear longest.
+pub(crate) fn choose(
+    road: &Road<'_>,
+    simulation: &Simulation,
+    plans: impl Iterator<Item = Trajectory>,
+) -> Option<Trajectory> {
+    let mut longest: Option<(u32, Trajectory)> = None;
+    for plan in plans {
+        let ticks = clear_ticks(road, simulation, &plan);
+        if ticks >= LOOK_TICKS {
+            return Some(plan);
+        }
+        if longest.as_ref().is_none_or(|(most, _)| ticks > *most) {
+            longest = Some((ticks, plan));
+        }
+    }
+    longest.map(|(_, plan)| plan)
+}
+
+fn clear_ticks(road: &Road<'_>, simulation: &Simulation, plan: &Trajectory) -> u32 {
+    let mut copy = simulation.clone();
+    copy.begin_plan(plan);
+    (0..LOOK_TICKS)
+        .find(|_| {
+            copy.step();
+            !clear(road, &copy)
+        })
+        .unwrap_or(LOOK_TICKS)
 }
 
 /// Returns the plan of a wish from now on, in the rig of now.

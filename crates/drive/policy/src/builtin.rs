@@ -2,23 +2,30 @@
 
 use std::path::PathBuf;
 
+use ds_world::Anchor;
+
 use crate::Policy;
+use crate::careful::Careful;
 use crate::constant_velocity::{self, ConstantVelocity};
 use crate::error::PolicyError;
+use crate::idm::Idm;
 use crate::lattice::{self, Lattice};
 use crate::learned::Learned;
-use crate::log_replay::{self, LogReplay};
-use crate::route_follower::{self, RouteFollower};
+use crate::log_replay::LogReplay;
+use crate::route_follower::RouteFollower;
 
 /// The built-in policies' names, and whether each is privileged.
-pub const NAMES: [(&str, bool); 7] = [
+pub const NAMES: [(&str, bool); 10] = [
     ("camera", false),
+    (Anchor::Careful.name(), true),
     (constant_velocity::NAME, false),
     ("drivor", false),
+    (Anchor::Expert.name(), true),
+    (Anchor::Idm.name(), true),
     (lattice::NAME, false),
-    (log_replay::NAME, true),
+    (Anchor::LogReplay.name(), true),
     ("ltf", false),
-    (route_follower::NAME, true),
+    (Anchor::RouteFollower.name(), true),
 ];
 
 /// Says whether a policy of this name is built in.
@@ -43,11 +50,14 @@ pub fn builtin(name: &str, needs: &Builtin) -> Result<Box<dyn Policy>, PolicyErr
         let given = needs.weights.as_deref().ok_or(PolicyError::NeedsWeights { name: learned.name() })?;
         return learned.load(&learned.weights_file(given));
     }
-    match name {
-        constant_velocity::NAME => Ok(Box::new(ConstantVelocity)),
-        lattice::NAME => Ok(Box::new(Lattice)),
-        log_replay::NAME => Ok(Box::new(LogReplay)),
-        route_follower::NAME => Ok(Box::new(RouteFollower::default())),
+    match (name, Anchor::from_name(name)) {
+        (constant_velocity::NAME, _) => Ok(Box::new(ConstantVelocity)),
+        (lattice::NAME, _) => Ok(Box::new(Lattice)),
+        (_, Some(Anchor::LogReplay)) => Ok(Box::new(LogReplay)),
+        (_, Some(Anchor::RouteFollower)) => Ok(Box::new(RouteFollower::default())),
+        (_, Some(Anchor::Idm)) => Ok(Box::new(Idm::default())),
+        (_, Some(Anchor::Careful)) => Ok(Box::new(Careful::default())),
+        (_, Some(expert @ Anchor::Expert)) => Err(PolicyError::NeedsSimulator { name: expert.name() }),
         _ => {
             let known = NAMES.map(|(name, _)| format!("{name:?}")).join(", ");
             Err(PolicyError::Unknown { name: name.to_owned(), known })
@@ -64,9 +74,13 @@ mod tests {
         for (name, privileged) in NAMES {
             match builtin(name, &Builtin::default()) {
                 Ok(policy) => assert_eq!((policy.name(), policy.privileged()), (name, privileged)),
-                Err(error) => assert!(matches!(error, PolicyError::NeedsWeights { name: asked } if asked == name)),
+                Err(PolicyError::NeedsWeights { name: asked } | PolicyError::NeedsSimulator { name: asked }) => {
+                    assert_eq!(asked, name);
+                }
+                Err(error) => panic!("{name}: {error}"),
             }
         }
+        assert!(Anchor::ALL.iter().all(|anchor| NAMES.contains(&(anchor.name(), true))));
         assert!(Learned::ALL.iter().all(|learned| NAMES.contains(&(learned.name(), false))));
         let error = builtin("camra", &Builtin::default()).err().expect("no such policy").to_string();
         assert!(error.contains("camra") && error.contains("constant-velocity"), "{error}");

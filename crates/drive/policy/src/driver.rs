@@ -3,11 +3,12 @@
 //! Steering: a point on the rear axle at offset e and angle ψ to a route of curvature κ follows κ − 2e/L² − 2 sin ψ / L,
 //! which takes both to zero without overshoot over the length L (0.8 s of way). Speed: IDM (Treiber et al. 2000) behind
 //! whoever is, or by its recorded track will be, in the way when the ego gets there; before red lights; within a lateral
-//! acceleration in curves. It serves as the `route-follower` policy and as the teacher of the `camera` policy. Others
-//! are taken from their recorded tracks: it does not know how reactive agents will move.
+//! acceleration in curves. It serves as the `route-follower` policy and as the teacher of the `camera` policy; these take
+//! others from their recorded tracks and do not know how reactive agents will move. The `idm` and `careful` policies take
+//! them as they are now, and look at those alone who are in the way.
 
 use ds_space::{DVec2, Digest, PoseSe2, Tick};
-use ds_world::{EgoState, LightState, Scene, Track, TrafficLight, VehicleParameters};
+use ds_world::{AgentState, EgoState, LightState, Scene, Size, TrackPoint, TrafficLight, VehicleParameters};
 
 use crate::route::{Projection, Route};
 
@@ -19,7 +20,7 @@ const STANDSTILL_GAP_M: f64 = 2.5;
 const CURVE_ACCELERATION_MPS2: f64 = 2.5;
 const SIDE_MARGIN_M: f64 = 0.25;
 /// How far ahead, and in which steps, the tracks of others are looked at, in seconds.
-const OUTLOOK_SECS: [f64; 7] = [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0];
+const OUTLOOK_SECS: &[f64] = [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0];
 /// Others are in conflict if they are in the way within this time of the ego's arrival, in seconds.
 const CONFLICT_SECS: f64 = 1.2;
 const SLOWEST_CRUISE_MPS: f64 = 5.0;
@@ -30,6 +31,28 @@ struct Obstacle {
     rear_m: f64,
     front_m: f64,
     speed_mps: f64,
+}
+
+/// Who is in the way when.
+#[derive(Debug, Clone)]
+pub struct Traffic {
+    /// The tick of the first entry.
+    from: Tick,
+    by_tick: Vec<Vec<Obstacle>>,
+    /// How far ahead others are looked at, in seconds.
+    outlook_secs: &'static [f64],
+}
+
+/// A driver that is kept between requests because preparing is dear; it holds no state of the drive.
+#[derive(Debug, Default)]
+pub struct Kept(Option<Driver>);
+
+impl Kept {
+    /// Returns the driver of a scenario, prepared if another one was kept.
+    pub fn of(&mut self, scene: &Scene) -> &Driver {
+        let prepared = self.0.take().filter(|driver| driver.scenario() == scene.digest);
+        self.0.insert(prepared.unwrap_or_else(|| Driver::new(scene)))
+    }
 }
 
 /// A stop line on the route with its light.
@@ -49,8 +72,10 @@ pub struct Driver {
     /// Speed allowed by curves, one entry per metre of the route.
     curve_limit_mps: Vec<f64>,
     cruise_mps: f64,
-    /// What is in the way, by tick.
-    obstacles: Vec<Vec<Obstacle>>,
+    /// Half of what the car needs of the road's width, in metres.
+    half_width_m: f64,
+    /// The recorded traffic.
+    recorded: Traffic,
     signals: Vec<Signal>,
 }
 
@@ -66,7 +91,8 @@ impl Driver {
         let mut obstacles = vec![Vec::new(); ticks];
         for track in &scene.tracks {
             for (tick, found) in obstacles.iter_mut().enumerate() {
-                found.extend(in_the_way(&route, track, tick, half_width));
+                let point = track.points.get(tick).and_then(Option::as_ref);
+                found.extend(point.and_then(|point| in_the_way(&route, (point, track.size), half_width)));
             }
         }
         Self {
@@ -77,7 +103,8 @@ impl Driver {
             vehicle: scene.vehicle,
             dt_secs: scene.dt.secs(),
             cruise_mps: fastest,
-            obstacles,
+            half_width_m: half_width,
+            recorded: Traffic { from: Tick(0), by_tick: obstacles, outlook_secs: OUTLOOK_SECS },
         }
     }
 
@@ -93,15 +120,51 @@ impl Driver {
         &self.route
     }
 
-    /// Drives on from a state and returns the world poses after each of the next `steps` ticks.
+    /// Returns who is in the way at the next `steps` ticks if all agents keep their velocity; later is not looked ahead.
+    #[must_use]
+    pub fn live(&self, agents: &[AgentState], tick: Tick, steps: u32) -> Traffic {
+        let at = |step: u32| {
+            let secs = f64::from(step) * self.dt_secs;
+            let found = agents.iter().filter_map(|agent| {
+                let position = agent.pose.position + agent.velocity_mps * secs;
+                let pose = PoseSe2 { position, ..agent.pose };
+                let point = TrackPoint { pose, z_m: agent.z_m, velocity_mps: agent.velocity_mps };
+                in_the_way(&self.route, (&point, agent.size), self.half_width_m)
+            });
+            found.collect()
+        };
+        Traffic { from: tick, by_tick: (0..steps).map(at).collect(), outlook_secs: &[0.0] }
+    }
+
+    /// Drives on among recorded traffic and returns the world poses after each of the next `steps` ticks.
     #[must_use]
     pub fn drive(&self, ego: &EgoState, tick: Tick, steps: u32) -> Vec<PoseSe2> {
+        self.drive_among(&self.recorded, ego, tick, steps)
+    }
+
+    /// Drives on among traffic and returns the world poses after each of the next `steps` ticks.
+    #[must_use]
+    pub fn drive_among(&self, traffic: &Traffic, ego: &EgoState, tick: Tick, steps: u32) -> Vec<PoseSe2> {
+        self.go(ego, steps, |along_m, speed_mps, step| self.acceleration(traffic, along_m, speed_mps, tick.plus(step)))
+    }
+
+    /// Brakes on the way back to the route, from the present deceleration by a jerk to the hardest one (m/s³, m/s²).
+    #[must_use]
+    pub fn brake(&self, ego: &EgoState, (jerk_mps3, hardest_mps2): (f64, f64), steps: u32) -> Vec<PoseSe2> {
+        let from_mps2 = ego.acceleration_mps2.x.min(0.0);
+        self.go(ego, steps, |_, _, step| {
+            (from_mps2 - jerk_mps3 * f64::from(step + 1) * self.dt_secs).max(-hardest_mps2)
+        })
+    }
+
+    /// Drives on with an acceleration of the distance along the route, the speed and the step.
+    fn go(&self, ego: &EgoState, steps: u32, acceleration: impl Fn(f64, f64, u32) -> f64) -> Vec<PoseSe2> {
         let mut pose = ego.pose;
         let mut speed_mps = ego.speed_mps().max(0.0);
         let mut at = self.route.project_pose(&pose);
         let mut driven = Vec::with_capacity(steps as usize);
         for step in 0..steps {
-            let acceleration = self.acceleration(at.along_m, speed_mps, tick.plus(step));
+            let acceleration = acceleration(at.along_m, speed_mps, step);
             let curvature = self.steer(&pose, at, speed_mps);
             let next_mps = (speed_mps + acceleration * self.dt_secs).max(0.0);
             let way_m = 0.5 * (speed_mps + next_mps) * self.dt_secs;
@@ -127,14 +190,14 @@ impl Driver {
         wanted.clamp(-most, most)
     }
 
-    fn acceleration(&self, along_m: f64, speed_mps: f64, tick: Tick) -> f64 {
+    fn acceleration(&self, traffic: &Traffic, along_m: f64, speed_mps: f64, tick: Tick) -> f64 {
         let front_m = along_m + self.vehicle.rear_axle_to_centre_m + 0.5 * self.vehicle.size.length_m;
         let wanted_mps = self.curve_limit(along_m).min(self.cruise_mps);
         let free =
             (COMFORT_ACCELERATION_MPS2 * (1.0 - (speed_mps / wanted_mps).powi(4))).max(-COMFORT_DECELERATION_MPS2);
         let mut least = free;
         for (gap_m, leader_mps) in
-            self.leaders(front_m, speed_mps, tick).into_iter().chain(self.red(front_m, speed_mps, tick))
+            self.leaders(traffic, front_m, speed_mps, tick).into_iter().chain(self.red(front_m, speed_mps, tick))
         {
             let approach = speed_mps * (speed_mps - leader_mps)
                 / (2.0 * (COMFORT_ACCELERATION_MPS2 * COMFORT_DECELERATION_MPS2).sqrt());
@@ -145,11 +208,11 @@ impl Driver {
     }
 
     /// Returns gap and speed of everyone in the way, now or when the ego gets there.
-    fn leaders(&self, front_m: f64, speed_mps: f64, tick: Tick) -> Vec<(f64, f64)> {
+    fn leaders(&self, traffic: &Traffic, front_m: f64, speed_mps: f64, tick: Tick) -> Vec<(f64, f64)> {
         let mut leaders = Vec::new();
-        for ahead_secs in OUTLOOK_SECS {
-            let later = tick.plus(ticks_in(ahead_secs, self.dt_secs));
-            let Some(found) = self.obstacles.get((later.0 as usize).min(self.obstacles.len().wrapping_sub(1))) else {
+        for ahead_secs in traffic.outlook_secs.iter().copied() {
+            let later = tick.plus(ticks_in(ahead_secs, self.dt_secs)).0.saturating_sub(traffic.from.0) as usize;
+            let Some(found) = traffic.by_tick.get(later.min(traffic.by_tick.len().wrapping_sub(1))) else {
                 continue;
             };
             for obstacle in found {
@@ -189,20 +252,19 @@ impl Driver {
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few seconds, never negative")]
-fn ticks_in(secs: f64, dt_secs: f64) -> u32 {
+pub(crate) fn ticks_in(secs: f64, dt_secs: f64) -> u32 {
     (secs / dt_secs).round() as u32
 }
 
-/// Returns the interval of the route that a track covers at a tick, if it is within the ego's width.
-fn in_the_way(route: &Route, track: &Track, tick: usize, half_width_m: f64) -> Option<Obstacle> {
-    let point = track.points.get(tick)?.as_ref()?;
+/// Returns the interval of the route that a body covers, if it is within the ego's width.
+fn in_the_way(route: &Route, (point, size): (&TrackPoint, Size), half_width_m: f64) -> Option<Obstacle> {
     let at = route.project(point.pose.position);
-    let reach = 0.5 * track.size.length_m.hypot(track.size.width_m);
+    let reach = 0.5 * size.length_m.hypot(size.width_m);
     if at.left_m.abs() > half_width_m + reach || at.along_m < -reach || at.along_m > route.length_m() + 50.0 {
         return None;
     }
     let on_route = PoseSe2 { position: route.point(at.along_m), heading_rad: route.heading_rad(at.along_m) };
-    let corners = ds_world::agent::corners(&point.pose, track.size.length_m, track.size.width_m);
+    let corners = ds_world::agent::corners(&point.pose, size.length_m, size.width_m);
     let local = corners.map(|corner| on_route.to_local(corner));
     let lowest = |pick: fn(&DVec2) -> f64| local.iter().map(pick).fold(f64::INFINITY, f64::min);
     let highest = |pick: fn(&DVec2) -> f64| local.iter().map(pick).fold(f64::NEG_INFINITY, f64::max);

@@ -19,6 +19,21 @@ pub enum PolicyError {
         /// The policy.
         name: &'static str,
     },
+    /// The policy tries its plans in copies of the world, and was asked for where there is no simulator.
+    #[error("policy {name:?} needs a simulator, it is made by the policy stage")]
+    NeedsSimulator {
+        /// The policy.
+        name: &'static str,
+    },
+    /// The snapshot of the world cannot be used.
+    #[error("policy {name:?} cannot copy the world")]
+    World {
+        /// The policy.
+        name: &'static str,
+        /// Why.
+        #[source]
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
     /// A field of the observation is unusable.
     #[error("observation field {field:?} {problem}")]
     Observation {

@@ -7,10 +7,12 @@
 
 pub mod builtin;
 pub mod camera;
+pub mod careful;
 pub mod constant_velocity;
 pub mod doctor;
 pub mod driver;
 pub mod error;
+pub mod idm;
 pub mod lattice;
 pub mod learned;
 pub mod log_replay;
@@ -27,7 +29,7 @@ use ds_space::CameraModel;
 pub use builtin::{Builtin, builtin};
 pub use error::PolicyError;
 pub use learned::Learned;
-pub use observation::{EgoView, Observation, PrivilegedView};
+pub use observation::{EgoView, Live, Observation, PrivilegedView};
 pub use plan::PolicyAnswer;
 
 /// What a policy needs after its process was replaced in the middle of an episode.

@@ -8,7 +8,7 @@ use crate::plan::{PolicyAnswer, evenly_spaced};
 use crate::{Policy, Restart};
 
 /// The policy's name.
-pub const NAME: &str = "log-replay";
+pub const NAME: &str = ds_world::Anchor::LogReplay.name();
 
 /// Repeats the expert's drive.
 #[derive(Debug, Clone, Copy, Default)]

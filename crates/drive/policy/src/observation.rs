@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ds_raster::RgbImage;
 use ds_space::{CameraModel, DVec2, Draws, PoseSe2, SimTime, Tick};
-use ds_world::{EgoState, RouteCommand, Scene};
+use ds_world::{EgoState, RouteCommand, Scene, WorldState};
 
 use crate::error::PolicyError;
 
@@ -105,4 +105,26 @@ pub struct PrivilegedView {
     pub tick: Tick,
     /// The true state of the ego.
     pub ego: EgoState,
+    /// The world as it goes; only for policies whose [`ds_world::Anchor`] sees it live.
+    pub live: Option<Live>,
+}
+
+/// The live world with all agents.
+#[derive(Debug, Clone, Default)]
+pub struct Live {
+    /// Its states of the last second, oldest first, that of now last.
+    pub states: Vec<WorldState>,
+    /// The simulator's snapshot of now, from which a copy goes on to the bit.
+    pub snapshot: Vec<u8>,
+}
+
+impl PrivilegedView {
+    /// Returns the live world.
+    ///
+    /// # Errors
+    /// [`PolicyError::NeedsPrivilege`] if it was not given.
+    pub fn live(&self, name: &'static str) -> Result<(&Live, &WorldState), PolicyError> {
+        let live = self.live.as_ref().and_then(|live| Some((live, live.states.last()?)));
+        live.ok_or(PolicyError::NeedsPrivilege { name })
+    }
 }

@@ -2,20 +2,19 @@
 
 use ds_space::PoseSe2;
 
-use crate::driver::Driver;
+use crate::driver::Kept;
 use crate::error::PolicyError;
 use crate::observation::{Observation, PrivilegedView};
 use crate::plan::{PolicyAnswer, evenly_spaced};
 use crate::{Policy, Restart};
 
 /// The policy's name.
-pub const NAME: &str = "route-follower";
+pub const NAME: &str = ds_world::Anchor::RouteFollower.name();
 
 /// Follows the route behind others and stops at red lights.
 #[derive(Debug, Default)]
 pub struct RouteFollower {
-    /// The prepared scenario, kept between requests because preparing is dear; it holds no state of the drive.
-    driver: Option<Driver>,
+    driver: Kept,
 }
 
 impl Policy for RouteFollower {
@@ -34,9 +33,7 @@ impl Policy for RouteFollower {
     ) -> Result<PolicyAnswer, PolicyError> {
         observation.check()?;
         let view = privileged.ok_or(PolicyError::NeedsPrivilege { name: NAME })?;
-        let prepared = self.driver.take().filter(|driver| driver.scenario() == view.scene.digest);
-        let driver = self.driver.insert(prepared.unwrap_or_else(|| Driver::new(&view.scene)));
-        let driven = driver.drive(&view.ego, view.tick, observation.horizon_ticks);
+        let driven = self.driver.of(&view.scene).drive(&view.ego, view.tick, observation.horizon_ticks);
         let poses: Vec<PoseSe2> = driven.iter().map(|pose| view.ego.pose.relative(pose)).collect();
         Ok(PolicyAnswer::single(evenly_spaced(NAME, &poses, observation.dt)?))
     }

@@ -1,7 +1,8 @@
 //! What may be chosen about a simulation: tracker, agents, dynamics, sub-steps. Checked once at its start.
 
-use ds_effect::{Plant, Port, Setting};
+use ds_effect::{Plant, Port, Setting, SettingError};
 use ds_space::{Digest, DigestWriter};
+use ds_topic::EpisodeSpec;
 use ds_vehicle::IdmParameters;
 use ds_world::{AgentMode, TrackerKind, VehicleParameters};
 
@@ -109,6 +110,22 @@ impl Default for SimConfig {
 }
 
 impl SimConfig {
+    /// Returns the choices that the settings of an episode are.
+    ///
+    /// # Errors
+    /// If an effect is refused.
+    pub fn of_episode(spec: &EpisodeSpec) -> Result<Self, SettingError> {
+        let effects = spec.effects.iter().filter(|effect| ds_effect::acts_on_the_world(&effect.id));
+        Ok(Self {
+            tracker: spec.tracker,
+            agents: IdmScope::of(spec.agents),
+            manners: Manners::of(spec.agents),
+            effects: effects.map(|effect| Setting::new(&effect.id, &effect.values)).collect::<Result<_, _>>()?,
+            vehicle_log: spec.vehicle_log,
+            ..Self::default()
+        })
+    }
+
     /// Checks all numbers.
     ///
     /// # Errors

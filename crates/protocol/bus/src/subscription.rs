@@ -22,7 +22,7 @@ pub fn topics_of(role: Role) -> &'static [Topic] {
         Role::Sim => &[Topic::Scene, Topic::Advance],
         Role::Layout => &[Topic::Scene, Topic::Advance, Topic::World],
         Role::Video => &[Topic::Scene, Topic::Advance, Topic::World, Topic::Layout],
-        Role::Policy => &[Topic::Scene, Topic::Advance, Topic::Ego, Topic::Frame],
+        Role::Policy => &[Topic::Scene, Topic::Advance, Topic::World, Topic::Ego, Topic::Frame],
     }
 }
 

@@ -27,7 +27,10 @@ pub fn takes(role: Role, topic: Topic, spec: &EpisodeSpec) -> bool {
         Role::Sim => false,
         Role::Layout => topic == Topic::World,
         Role::Video => topic == Topic::Layout || (topic == Topic::World && spec.observation.needs_world()),
-        Role::Policy => matches!(topic, Topic::Frame | Topic::Ego),
+        Role::Policy => {
+            matches!(topic, Topic::Frame | Topic::Ego)
+                || (topic == Topic::World && spec.witnessed_at(spec.last_tick).is_some())
+        }
     }
 }
 
@@ -70,10 +73,19 @@ pub fn inputs(outline: &Outline, role: Role, advance: &Advance) -> Vec<Slot> {
         Role::Policy if advance.plan_due => {
             let seen = outline.spec.seen_at(advance.last);
             let egos = (seen.0, advance.last);
-            [of_ticks(Topic::Ego, egos), of_cameras(Topic::Frame, seen, outline.cameras)].concat()
+            let worlds = outline.spec.witnessed_at(advance.last).map(|ticks| of_ticks(Topic::World, ticks));
+            let frames = of_cameras(Topic::Frame, seen, outline.cameras);
+            [worlds.unwrap_or_default(), of_ticks(Topic::Ego, egos), frames].concat()
         }
         Role::Policy => Vec::new(),
     }
+}
+
+/// Returns the first tick of which messages may be due again after an order that ends at `last`.
+#[must_use]
+pub fn remembered_from(spec: &EpisodeSpec, last: Tick) -> Tick {
+    let seen = spec.seen_at(last).0;
+    spec.witnessed_at(last).map_or(seen, |(first, _)| seen.min(first))
 }
 
 /// Returns what a fresh instance of a role needs from the journal before it can work on an order; empty in iteration 0.

@@ -116,7 +116,7 @@ fn topics(role: Role) -> Vec<Topic> {
         Role::Sim => &[],
         Role::Layout => &[Topic::World],
         Role::Video => &[Topic::World, Topic::Layout],
-        Role::Policy => &[Topic::Frame, Topic::Ego],
+        Role::Policy => &[Topic::World, Topic::Frame, Topic::Ego],
     };
     debug_assert!(inputs.iter().all(|topic| due::maker(*topic).is_some()), "inputs are made by roles");
     [&[Topic::Scene, Topic::Advance], inputs].concat()

@@ -1,7 +1,7 @@
 //! The resolved specification of an episode: everything besides the scene that its result depends on.
 
 use ds_space::{Digest, EpisodeId, Tick};
-use ds_world::{AgentMode, LayoutBackend, TrackerKind};
+use ds_world::{AgentMode, Anchor, LayoutBackend, TrackerKind};
 
 /// Which renderer makes the frames that the policy sees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
@@ -186,6 +186,8 @@ pub struct EpisodeSpec {
     pub prompt: String,
 }
 
+/// How far back a policy that sees the world remembers it, in ticks.
+const WITNESSED_TICKS: u32 = 10;
 /// The most that a spec may say of `layout_memory_ticks`.
 pub const MAX_LAYOUT_MEMORY_TICKS: u32 = 512;
 
@@ -207,6 +209,14 @@ impl EpisodeSpec {
     pub fn seen_at(&self, now: Tick) -> (Tick, Tick) {
         let last = now.0.saturating_sub(self.observation_delay);
         (Tick((last + 1).saturating_sub(self.history.max(1))), Tick(last))
+    }
+
+    /// Returns the first and last tick of the worlds that the policy sees for a plan made at a tick; none for all policies
+    /// but the few privileged ones that see others live.
+    #[must_use]
+    pub fn witnessed_at(&self, now: Tick) -> Option<(Tick, Tick)> {
+        let live = Anchor::from_name(&self.policy).is_some_and(Anchor::sees_live);
+        live.then(|| (Tick(now.0.saturating_sub(WITNESSED_TICKS)), now))
     }
 
     /// Returns the last tick of the warm-up, from which on the policy drives.

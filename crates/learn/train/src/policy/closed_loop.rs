@@ -199,7 +199,7 @@ fn drive(
         let frame = shown(stage, elsewhere, driven, simulation.state())?;
         let seen = observation(settings, stage, &simulation, frame);
         let world = simulation.state();
-        let view = PrivilegedView { scene: stage.scene.clone(), tick: world.tick, ego: world.ego };
+        let view = PrivilegedView { scene: stage.scene.clone(), tick: world.tick, ego: world.ego, live: None };
         let answer = policy.plan(&seen, policy.privileged().then_some(&view)).map_err(failed(stage))?;
         simulation.begin_plan(&answer.trajectory);
         for _ in 0..settings.replan_ticks {
