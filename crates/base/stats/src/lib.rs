@@ -1,9 +1,10 @@
 //! Statistics that more than one crate needs, each defined once: quantiles, bootstrap, tails, corrections for many
-//! tests, permutation test, Shapley values, shares of an error explained, the Fréchet distance.
+//! tests, permutation test, Shapley values, shares of an error explained, the Fréchet distance, agreement of two judges.
 //!
 //! Values in, values out. Levels, numbers of draws and random streams are arguments; what a figure means is said by who
 //! asks for it.
 
+mod agreement;
 pub mod bootstrap;
 mod discovery;
 mod frechet;
@@ -15,6 +16,7 @@ mod share;
 mod student;
 mod wilson;
 
+pub use agreement::kappa;
 pub use discovery::{false_discovery, holm};
 pub use frechet::{Fitted, Moments, Rooted, SampleError, frechet};
 pub use normal::normal_tail;

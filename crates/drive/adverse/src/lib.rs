@@ -8,6 +8,7 @@
 mod beam;
 mod class;
 mod collision;
+mod course;
 mod expert;
 mod limits;
 mod measure;
@@ -19,6 +20,7 @@ mod validity;
 mod variant;
 
 pub use class::{Encounter, Moment, Relation, WINDOW_TICKS, classify};
+pub use course::Course;
 pub use expert::Expert;
 pub use measure::Measures;
 pub use model::{ModelError, MotionModel, Step};

@@ -1,6 +1,7 @@
 //! What is recorded of a variant along the logged drive: when it threatens, how close it comes, how hard it meets.
 
-use ds_space::Tick;
+use ds_space::plane::OrientedBox;
+use ds_space::{DVec2, Tick};
 use ds_vehicle::Rolling;
 
 use crate::stage::{Stage, gap_m};
@@ -61,7 +62,12 @@ pub(crate) fn measured(stage: &Stage<'_>, states: &[Rolling], met: Met, hand_ove
 fn ttc(stage: &Stage<'_>, car: &Rolling, tick: u32) -> Option<f64> {
     let other = stage.body.grown(&stage.body.centre(car), 0.0);
     let relative_mps = car.pose.forward() * car.speed_mps - stage.ego_velocity(tick);
+    time_to_touch(stage.ego(tick), &other, relative_mps)
+}
+
+/// Returns when two bodies touch at constant velocities, in seconds; nothing beyond 4 s.
+pub(crate) fn time_to_touch(ego: &OrientedBox, other: &OrientedBox, relative_mps: DVec2) -> Option<f64> {
     let steps = (HORIZON_SECS / STEP_SECS).round() as u32;
     let after = |i: u32| f64::from(i) * STEP_SECS;
-    (0..=steps).find(|i| stage.ego(tick).touches(&other.moved(relative_mps * after(*i)))).map(after)
+    (0..=steps).find(|i| ego.touches(&other.moved(relative_mps * after(*i)))).map(after)
 }

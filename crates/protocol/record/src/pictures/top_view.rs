@@ -5,7 +5,7 @@
 
 use ds_raster::shape::{self, Triangle};
 use ds_raster::{DepthRaster, RgbImage, ScreenPoint};
-use ds_space::{DVec2, PoseSe2};
+use ds_space::{AgentId, DVec2, PoseSe2};
 use ds_world::agent::AgentClass;
 use ds_world::map::{LightState, LineColour, LineKind};
 use ds_world::{Scene, Trajectory};
@@ -31,6 +31,7 @@ const ROUTE: [u8; 3] = [58, 98, 122];
 const PATH: [u8; 3] = [44, 150, 92];
 const PLAN: [u8; 3] = [255, 150, 40];
 const PROPOSAL: [u8; 3] = [150, 112, 160];
+const ADVERSARY: [u8; 3] = [214, 84, 214];
 const EGO: [u8; 3] = [64, 222, 128];
 const CONTACT: [u8; 3] = [240, 40, 40];
 const WINDSCREEN: [u8; 3] = [24, 28, 32];
@@ -63,6 +64,7 @@ pub struct TopView {
     ground: Vec<Patch>,
     stop_lines: Vec<(Option<u32>, Vec<Triangle>)>,
     vehicle: ds_world::VehicleParameters,
+    adversary: Option<AgentId>,
 }
 
 /// Triangles of one colour, and the circle around them.
@@ -105,7 +107,8 @@ impl TopView {
             ground.push(Patch::new(colour, triangles));
         }
         let stop_lines = map.stop_lines.iter().map(|line| (line.light, shape::ribbon(&line.points, 0.5))).collect();
-        Self { ground, stop_lines, vehicle: scene.vehicle }
+        let adversary = scene.adversary.as_ref().map(|adversary| adversary.track);
+        Self { ground, stop_lines, vehicle: scene.vehicle, adversary }
     }
 
     /// Draws a moment; `past` is the way driven so far, in world metres.
@@ -135,7 +138,7 @@ impl TopView {
             sheet.paint(&shape::ribbon(&in_world(made_at, &plan.trajectory), 0.5), PLAN);
         }
         for agent in &moment.state.agents {
-            let colour = class_colour(agent.class);
+            let colour = if self.adversary == Some(agent.id) { ADVERSARY } else { class_colour(agent.class) };
             sheet.body(&agent.pose, agent.size.length_m.max(SMALLEST_M), agent.size.width_m.max(SMALLEST_M), colour);
         }
         let colour = if moment.state.contacts.is_empty() { EGO } else { CONTACT };
