@@ -25,7 +25,9 @@ mod study;
 mod video;
 
 pub(crate) use adverse::AdverseArgs;
-pub(crate) use benchmark::{BaseArgs, BehaviorArgs, BenchmarkArgs, BenchmarkCommand, BuildCommand, CellArgs, RunArgs};
+pub(crate) use benchmark::{
+    BaseArgs, BehaviorArgs, BenchmarkArgs, BenchmarkCommand, BuildCommand, CellArgs, ReviewArgs, RunArgs,
+};
 pub(crate) use data::{DataCommand, DataListArgs, DataRenderArgs, DataSheetArgs};
 pub(crate) use fleet::{CertsArgs, HealthArgs, ServeArgs, WhyArgs};
 pub(crate) use gap::{
@@ -35,6 +37,7 @@ pub(crate) use gap::{
 pub(crate) use measure::MeasureArgs;
 pub(crate) use policy::PolicyCommand;
 pub(crate) use results::{CompareArgs, MergeArgs, ReportArgs, ScoreArgs};
+pub(crate) use run_plan::Align;
 pub(crate) use study::{FidelityArgs, StudyCommand};
 pub(crate) use video::{FirstFrameArgs, VideoCommand, VideoEvalArgs};
 
@@ -132,15 +135,6 @@ pub(crate) enum Observation {
     SimRgb,
     /// The condition image itself.
     Layout,
-}
-
-/// How iterations and the video model's chunks fit together.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Align {
-    /// A cut chunk is made, shown, rolled back and made again with the true layouts.
-    Rollback,
-    /// Refuse the drive.
-    Exact,
 }
 
 /// What to drive, with which world, policy and observation, on which fleet, and where the results go: what `run` is told,

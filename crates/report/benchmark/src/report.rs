@@ -8,8 +8,10 @@ use std::collections::BTreeMap;
 use ds_run_report::results::Outcome as Ending;
 
 mod endpoints;
+mod reviews;
 mod rows;
 mod studies;
+mod subset;
 
 use self::rows::{INTERVALS, counted, named};
 use crate::estimate::{Bootstrap, Unit};
@@ -55,11 +57,12 @@ impl Report {
             let bootstrap = &mut maker.bootstrap;
             tables.insert(2, endpoints::endpoints(results, bootstrap));
             tables.push(studies::differences(results, bootstrap));
-            for study in [studies::behavior, studies::weather, studies::bias, studies::terms] {
+            for study in [studies::behavior, studies::weather, subset::subset, studies::bias, studies::terms] {
                 tables.push(study(results, anchor, bootstrap));
             }
             tables.retain(|table| !table.rows.is_empty());
         }
+        tables.extend((!results.reviews.is_empty()).then(|| reviews::reviews(results)));
         tables.extend([faults(results), sets(results)]);
         if !published.result.is_empty() {
             tables.push(published.table());
@@ -97,6 +100,7 @@ fn facts(results: &Results) -> Vec<(&'static str, String)> {
         ("program", sheet.program.clone()),
         ("cells", format!("{} of {} ended", results.ended(), results.cells)),
         ("seeds", format!("{:?}", sheet.seeds)),
+        ("selection seeds", format!("{:?}", sheet.selection)),
         ("replan period", format!("{} ticks", settings.replan)),
         ("horizon", format!("{} ticks", settings.horizon)),
         ("history", format!("{} frames", settings.history)),

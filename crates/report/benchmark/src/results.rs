@@ -13,6 +13,7 @@ use crate::judge::{Judged, Outcome, Scores};
 use crate::manifest::{Entry, Manifest};
 use crate::merge::{self, Merged};
 use crate::record::{self, Record, Torn};
+use crate::review::Review;
 use crate::session::Sessions;
 use crate::sheet::{Arm, Sheet};
 
@@ -48,6 +49,8 @@ pub struct Results {
     pub torn: Option<Torn>,
     /// How often the folders were worked on.
     pub sessions: Sessions,
+    /// What people say of the variants; of each set that somebody reviewed.
+    pub reviews: Vec<Review>,
     /// Cells of the benchmark.
     pub cells: usize,
     /// Records of cells that another record of the same folder repeats.
@@ -81,7 +84,18 @@ impl Results {
         })?;
         let merged: Option<Merged> = optional(&folder.join(merge::FILE))?;
         let sessions = merged.as_ref().map_or_else(|| Sessions::load(folder), |merged| Ok(merged.sessions))?;
-        Ok(Self { sheet, sets, merged, torn, sessions, cells: cells.len(), repeated, drives })
+        let (cells, reviews) = (cells.len(), Vec::new());
+        Ok(Self { sheet, sets, merged, torn, sessions, reviews, cells, repeated, drives })
+    }
+
+    /// Takes what people say of the sets: their accepted variants stand as sets of their own beside the whole.
+    #[must_use]
+    pub fn reviewed(mut self, reviews: Vec<Review>) -> Self {
+        self.reviews = reviews.into_iter().filter(|review| !review.by.is_empty()).collect();
+        let of = |review: &Review| review.accepted(self.sets.iter().find(|set| set.name == review.set)?);
+        let accepted: Vec<Manifest> = self.reviews.iter().filter_map(of).collect();
+        self.sets.extend(accepted);
+        self
     }
 
     /// Returns all drives, in order of their keys.
@@ -104,8 +118,18 @@ impl Results {
     /// Returns the drives of an entry by an arm, one per seed that was driven.
     #[must_use]
     pub fn of(&self, arm: &Arm, entry: &Entry) -> Vec<&Drive> {
+        self.on(&self.sheet.seeds, arm, entry)
+    }
+
+    /// Returns the drives of an entry by an arm that only select, one per seed that was driven.
+    #[must_use]
+    pub fn selecting(&self, arm: &Arm, entry: &Entry) -> Vec<&Drive> {
+        self.on(&self.sheet.selection, arm, entry)
+    }
+
+    fn on(&self, seeds: &[u64], arm: &Arm, entry: &Entry) -> Vec<&Drive> {
         let key = |seed: &u64| self.sheet.cell(arm, entry, *seed).key().to_string();
-        self.sheet.seeds.iter().filter_map(|seed| self.drives.get(&key(seed))).collect()
+        seeds.iter().filter_map(|seed| self.drives.get(&key(seed))).collect()
     }
 
     /// Returns one unit per entry that has a value: the mean over its seeds.

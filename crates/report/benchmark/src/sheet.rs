@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::cell::{Cell, Cells, Named, Settings, Shard};
 use crate::endpoint::Endpoint;
 use crate::file::{self, FileError};
-use crate::manifest::{Entry, Manifest, SUFFIX};
+use crate::manifest::{Entry, Kind, Manifest, SUFFIX};
 
 /// The format's name in files.
 const FORMAT: &str = "dreamstream-benchmark";
@@ -73,8 +73,11 @@ pub struct Sheet {
     pub agents: Vec<String>,
     /// Who ranks the proposals.
     pub scorers: Vec<String>,
-    /// All seeds.
+    /// Seeds that results are reported on.
     pub seeds: Vec<u64>,
+    /// Seeds that base sets are driven on besides, only to select scenarios by.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub selection: Vec<u64>,
     /// What all cells share.
     pub settings: Settings,
     /// What it is to show, declared before it is driven.
@@ -119,6 +122,7 @@ impl Sheet {
             agents: Vec::new(),
             scorers: Vec::new(),
             seeds: Vec::new(),
+            selection: Vec::new(),
             settings: Settings::default(),
             endpoints: Vec::new(),
             shard: Shard::ALL,
@@ -142,6 +146,10 @@ impl Sheet {
         if sheet.shard.index >= sheet.shard.count || sheet.place.folders.len() != sheet.sets.len() {
             let (field, value) = ("shard".to_owned(), sheet.shard.to_string());
             return Err(FileError::Value { field, value, rule: "not I/N with I < N, or folders are missing", path });
+        }
+        if let Some(seed) = sheet.overlap() {
+            let (field, value) = ("selection".to_owned(), seed.to_string());
+            return Err(FileError::Value { field, value, rule: "a seed that results are reported on", path });
         }
         let mut sets = Vec::new();
         for named in &sheet.sets {
@@ -180,6 +188,7 @@ impl Sheet {
             ("agents", self.agents.join(", ")),
             ("scorers", self.scorers.join(", ")),
             ("seeds", format!("{:?}", self.seeds)),
+            ("selection seeds", format!("{:?}", self.selection)),
             ("settings", format!("{:?}", self.settings)),
             ("endpoints", format!("{:?}", self.endpoints)),
         ]
@@ -210,7 +219,7 @@ impl Sheet {
                     return Err(Ambiguous { scenario, first, second: entry.scenario_digest.clone() });
                 }
                 for arm in self.arms() {
-                    for seed in &self.seeds {
+                    for seed in self.seeds.iter().chain(self.selecting(set)) {
                         let cell = self.cell(&arm, entry, *seed);
                         cells.entry(cell.key()).or_insert((cell, (s, e)));
                     }
@@ -218,6 +227,17 @@ impl Sheet {
             }
         }
         Ok(cells)
+    }
+
+    /// Returns a seed that both selects and is reported on, which would let luck select itself.
+    #[must_use]
+    pub fn overlap(&self) -> Option<u64> {
+        self.selection.iter().copied().find(|seed| self.seeds.contains(seed))
+    }
+
+    /// Returns the seeds that a set is driven on only to select by.
+    fn selecting(&self, set: &Manifest) -> &[u64] {
+        if set.kind == Kind::Base { &self.selection } else { &[] }
     }
 
     /// Returns every combination of policy, observation, agents and scorer.
@@ -272,8 +292,8 @@ pub struct Arm {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::manifest::Recipe;
     use crate::manifest::tests::{entry, set};
-    use crate::manifest::{Kind, Recipe};
 
     fn named(name: &str) -> Named {
         Named { name: name.to_owned(), digest: String::new() }
@@ -297,6 +317,9 @@ pub(crate) mod tests {
         let sets = [set(&["a", "b", "c"])];
         let sheet = sheet(&sets);
         assert_eq!(sheet.cells(&sets).expect("sound").len(), 3 * 2 * 2);
+        let selecting = Sheet { selection: vec![0], ..sheet.clone() };
+        assert_eq!(selecting.cells(&sets).expect("sound").len(), 3 * 2 * 3);
+        assert_eq!(Sheet { selection: vec![0, 2], ..sheet.clone() }.overlap(), Some(2));
         let doubled = [sets[0].clone(), set(&["a"])];
         assert_eq!(sheet.cells(&doubled).expect("sound").len(), 3 * 2 * 2);
         let mut other = entry("a", "MIT");

@@ -19,6 +19,7 @@ Examples:
   dreamstream benchmark build base --out sets                           the set `town`: generated scenarios, filtered
   dreamstream benchmark build weather sets/town.set.json --out sets     its thirteen conditions
   dreamstream benchmark build behavior sets/town.set.json --out sets    variants with an adversary
+  dreamstream benchmark review sets/town-behavior.set.json              see them from above; accept and reject
   dreamstream benchmark run sets/town.set.json --policy camera --policy lattice --shard 0/2 --out out/0
   dreamstream benchmark resume out/0                                    after a kill, a preemption, a full disk
   dreamstream benchmark merge out/0 out/1 -o out/all && dreamstream benchmark report out/all";
@@ -44,6 +45,8 @@ pub(crate) enum BenchmarkCommand {
         #[arg(required = true, value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
         manifests: Vec<PathBuf>,
     },
+    /// Look at variants: a page with each encounter from above, and verdicts of people beside the manifest.
+    Review(ReviewArgs),
     /// Say how many cells, frames and hours a benchmark has.
     Plan {
         /// What to drive.
@@ -175,6 +178,32 @@ pub(crate) struct BehaviorArgs {
     pub out: PathBuf,
 }
 
+/// Arguments of `benchmark review`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Verdicts go to SET.REVIEWER.verdicts.json beside the manifest, under the digest of the adversary: a \
+variant that is made anew is unreviewed again. Who is accepted by somebody and rejected by nobody is reported as a set of \
+its own; with two reviewers `review`, `check` and `report` tell kappa.
+
+Examples:
+  dreamstream benchmark review sets/town-behavior.set.json
+  dreamstream benchmark review sets/town-behavior.set.json --accept cut-in-1__rear-end --reject 'cut-in-2__rear-end=no road'"
+)]
+pub(crate) struct ReviewArgs {
+    /// The manifest of a set of kind behavior.
+    #[arg(value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
+    pub manifest: PathBuf,
+    /// Variants that may stay.
+    #[arg(long, value_name = "NAME", num_args = 1..)]
+    pub accept: Vec<String>,
+    /// Variants that may not, with the reason.
+    #[arg(long, value_name = "NAME=REASON", num_args = 1..)]
+    pub reject: Vec<String>,
+    /// Who says so: letters, digits, - and _.
+    #[arg(long, default_value = "reviewer", value_name = "WHO")]
+    pub reviewer: String,
+}
+
 /// Which cells a benchmark has.
 #[derive(Debug, Args)]
 pub(crate) struct CellArgs {
@@ -206,6 +235,10 @@ pub(crate) struct CellArgs {
     /// Seeds of all draws; those of a report are not those that were used to select.
     #[arg(long = "seed", default_values_t = [1], num_args = 1..)]
     pub seeds: Vec<u64>,
+    /// Seeds that base sets are driven on only to select by: the report then follows the scenarios of a high score there
+    /// through all conditions, on the seeds of --seed.
+    #[arg(long = "selection-seed", num_args = 1..)]
+    pub selection: Vec<u64>,
     /// Ticks executed of each plan (Δr).
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100))]
     pub replan: u32,

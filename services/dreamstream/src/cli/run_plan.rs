@@ -1,13 +1,23 @@
-//! The plan of a run of which nothing is said but what to drive.
+//! The plan of a run of which nothing is said but what to drive; how its iterations fit the video model's chunks.
 
 use std::path::Path;
 
+use clap::ValueEnum;
 use ds_topic::{ProposalScorer, ScoreProfile};
 use ds_video::Backend;
 use ds_world::{AgentMode, LayoutBackend, TrackerKind};
 
-use super::{Align, Observation, RunPlan};
+use super::{Observation, RunPlan};
 use ds_process::shipped;
+
+/// How iterations and the video model's chunks fit together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Align {
+    /// A cut chunk is made, shown, rolled back and made again with the true layouts.
+    Rollback,
+    /// Refuse the drive.
+    Exact,
+}
 
 impl Default for RunPlan {
     fn default() -> Self {

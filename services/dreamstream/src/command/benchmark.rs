@@ -5,6 +5,7 @@ mod behavior;
 mod build;
 mod drive;
 mod ended;
+mod review;
 mod tables;
 
 use std::process::ExitCode;
@@ -62,6 +63,7 @@ fn dispatch(command: &BenchmarkCommand) -> Result<Ended> {
     match command {
         BenchmarkCommand::Build(command) => build::run(command),
         BenchmarkCommand::Check { manifests } => build::check(manifests),
+        BenchmarkCommand::Review(args) => review::run(args),
         BenchmarkCommand::Plan { what, rate, machines } => ask::plan(what, *rate, *machines),
         BenchmarkCommand::Run(args) => drive::run(args),
         BenchmarkCommand::Resume { out, shard, workers, done } => {

@@ -96,14 +96,19 @@ fn proposals(results: &Results, (arm, set): (&Arm, &Manifest), bootstrap: &mut B
     [estimate(&best), estimate(&bare), estimate(&any)]
 }
 
-/// Returns DS under each condition and its difference to the base.
-pub(super) fn weather(results: &Results, anchor: Anchor, bootstrap: &mut Bootstrap) -> Table {
-    let mut rows = Vec::new();
+/// Returns every condition and the mean of every axis: axis, name, conditions.
+pub(super) fn axes() -> Vec<(&'static str, &'static str, Vec<&'static str>)> {
     let axes = CONDITIONS.iter().flat_map(|(axis, conditions)| {
         let one = |condition: &'static str| (*axis, condition, vec![condition]);
         conditions.iter().map(move |condition| one(condition)).chain([(*axis, "mean", conditions.to_vec())])
     });
-    let axes: Vec<(&str, &str, Vec<&str>)> = axes.collect();
+    axes.collect()
+}
+
+/// Returns DS under each condition and its difference to the base.
+pub(super) fn weather(results: &Results, anchor: Anchor, bootstrap: &mut Bootstrap) -> Table {
+    let mut rows = Vec::new();
+    let axes = axes();
     for set in results.sets.iter().filter(|set| set.kind == Kind::Weather) {
         let parts: Vec<Part> = axes
             .iter()

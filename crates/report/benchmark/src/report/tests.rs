@@ -193,3 +193,63 @@ fn declared_endpoints_are_tested_together() {
     assert!((of("the road surface costs more than the weather") + 0.15).abs() < 1e-9);
     assert!((of("the weather costs more than the lighting") - 0.05).abs() < 1e-9);
 }
+
+#[test]
+fn a_subset_is_selected_on_seeds_of_its_own_and_its_own_fall_is_told() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let base = manifest::tests::set(&SIX);
+    let rain = base.entries.iter().map(|entry| manifest::Entry {
+        name: format!("{}@rain", entry.name),
+        base: Some(entry.name.clone()),
+        appearance: "rain".to_owned(),
+        ..entry.clone()
+    });
+    let weather = Manifest::new("rainy", Kind::Weather, manifest::Recipe::default(), rain.collect());
+    let sets = [base, weather];
+    let sheet = Sheet { selection: vec![0], ..sheet::tests::sheet(&sets) };
+    // On the selection seed the first four score 0.9; driven anew 0.7, in rain 0.6. The camera's do not move.
+    let drive = |cell: &Cell| {
+        let high = cell.scenario.as_str() < "e";
+        let score = match (cell.policy.name.as_str(), high, cell.seed, cell.appearance.as_str()) {
+            ("camera", true, ..) | (_, true, 0, _) => 0.9,
+            (_, true, _, "rain") => 0.6,
+            (_, true, ..) => 0.7,
+            _ => 0.5,
+        };
+        Some(driven(cell.clone(), "completed", score))
+    };
+    let results = results_of(folder.path(), (&sheet, &sets), drive);
+    assert_eq!(results.cells, 2 * 6 * (3 + 2));
+    let report = Report::new(&results, &|_| false, &Published::default());
+    let subset = table(&report, "subset");
+    assert!((found(subset, &["lattice", "strict", "own fall"], "difference") + 0.2).abs() < 1e-12);
+    assert!((found(subset, &["lattice", "strict", "rain"], "difference") + 0.1).abs() < 1e-12);
+    assert!((found(subset, &["lattice", "strict", "rain"], "DS") - 0.6).abs() < 1e-12);
+    assert!(found(subset, &["camera", "strict", "own fall"], "difference").abs() < 1e-12);
+    let seedless = |policy: &str| {
+        let row = subset.rows.iter().find(|row| row[0].told() == policy).expect("a row");
+        [row[4].told(), row[5].told()]
+    };
+    assert_eq!([seedless("lattice"), seedless("camera")], [["4", "0"], ["4", "4"]].map(|pair| pair.map(String::from)));
+}
+
+#[test]
+fn accepted_variants_are_a_set_of_their_own() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut set = manifest::tests::set(&SIX);
+    set.kind = Kind::Behavior;
+    set.entries.iter_mut().for_each(|entry| entry.adversary_digest = Some(entry.scenario_digest.clone()));
+    let set = Manifest::new("hard", Kind::Behavior, set.recipe, set.entries);
+    let sets = [set];
+    let drive = |cell: &Cell| Some(driven(cell.clone(), "completed", if cell.scenario == "a" { 1.0 } else { 0.4 }));
+    let results = results(folder.path(), &sets, drive);
+    let mut verdicts = crate::Verdicts::of(folder.path(), &sets[0], "anna").expect("none yet");
+    verdicts.take(&sets[0], &["a".to_owned()], &[("b".to_owned(), "no road".to_owned())]).expect("sound");
+    verdicts.save(folder.path(), &sets[0]).expect("written");
+    let review = crate::Review::beside(folder.path(), &sets[0]).expect("sound");
+    let report = Report::new(&results.reviewed(vec![review]), &|_| false, &Published::default());
+    let policies = table(&report, "policies");
+    assert!((found(policies, &["camera", "hard", "strict"], "DS") - 0.5).abs() < 1e-12);
+    assert!((found(policies, &["camera", "hard (accepted)", "strict"], "DS") - 1.0).abs() < 1e-12);
+    assert!(table(&report, "reviews").markdown().contains("| hard | 6 | 1 | 1 | 4 | anna |"));
+}

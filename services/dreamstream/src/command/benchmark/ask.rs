@@ -56,6 +56,7 @@ pub(super) fn sheet(args: &CellArgs) -> Result<(Sheet, Vec<Manifest>)> {
         agents: args.agents.iter().map(|mode| mode.name().to_owned()).collect(),
         scorers: args.scorers.iter().map(|scorer| scorer.name().to_owned()).collect(),
         seeds: args.seeds.clone(),
+        selection: args.selection.clone(),
         settings: Settings {
             replan: args.replan,
             horizon: args.horizon,
@@ -72,6 +73,9 @@ pub(super) fn sheet(args: &CellArgs) -> Result<(Sheet, Vec<Manifest>)> {
         },
         ..Sheet::new(env!("CARGO_PKG_VERSION"))
     };
+    if let Some(seed) = sheet.overlap() {
+        bail!("seed {seed} is given to --seed and to --selection-seed: what selects may not be reported on");
+    }
     for entry in sets.iter().flat_map(|set| &set.entries) {
         if entry.hand_over % sheet.settings.replan != 0 {
             bail!(

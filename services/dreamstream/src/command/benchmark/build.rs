@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use ds_benchmark::filter::left_out;
 use ds_benchmark::manifest::SUFFIX;
-use ds_benchmark::{Entry, Judged, Keep, Kind, Manifest, Recipe, Record, Sheet, record, source};
+use ds_benchmark::{Entry, Judged, Keep, Kind, Manifest, Recipe, Record, Review, Sheet, record, source};
 use ds_scenario::Family;
 use ds_space::DigestWriter;
 use rayon::prelude::*;
@@ -139,6 +139,7 @@ fn filtered(args: &BaseArgs, all: Manifest) -> Result<Option<Manifest>> {
         agents: vec![ds_world::AgentMode::IdmAll],
         scorers: vec![ds_topic::ProposalScorer::Learned],
         seeds: vec![0],
+        selection: Vec::new(),
         replan: 5,
         horizon: 80,
         history: 1,
@@ -236,6 +237,7 @@ pub(super) fn check(manifests: &[PathBuf]) -> Result<Ended> {
         answer("  every scenario is the one that is meant");
         if set.kind == Kind::Behavior {
             answer("  every solution was driven again, to the bit");
+            answer(&format!("  {}", Review::beside(&folder, set)?.told(set)));
         }
     }
     Ok(Ended::Complete)

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
-use ds_benchmark::{Published, Report, Results, page};
+use ds_benchmark::{Kind, Published, Report, Results, Review, page};
 
 use super::Ended;
 use crate::command::answer;
@@ -15,6 +15,10 @@ use crate::command::answer;
 pub(super) fn run(folder: &Path, published: &Path) -> Result<Ended> {
     let published = Published::load(published)?;
     let results = Results::load(folder)?;
+    let reviewable =
+        results.sets.iter().zip(&results.sheet.place.folders).filter(|(set, _)| set.kind == Kind::Behavior);
+    let reviews = reviewable.map(|(set, folder)| Review::beside(folder, set)).collect::<Result<_, _>>()?;
+    let results = results.reviewed(reviews);
     let anchor = |policy: &str| ds_policy::builtin::NAMES.contains(&(policy, true));
     let report = Report::new(&results, &anchor, &published);
     page::write(&report, folder)?;
