@@ -20,7 +20,7 @@ const STANDSTILL_GAP_M: f64 = 2.5;
 const CURVE_ACCELERATION_MPS2: f64 = 2.5;
 const SIDE_MARGIN_M: f64 = 0.25;
 /// How far ahead, and in which steps, the tracks of others are looked at, in seconds.
-const OUTLOOK_SECS: &[f64] = [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0];
+const OUTLOOK_SECS: &[f64] = &[0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0];
 /// Others are in conflict if they are in the way within this time of the ego's arrival, in seconds.
 const CONFLICT_SECS: f64 = 1.2;
 const SLOWEST_CRUISE_MPS: f64 = 5.0;

@@ -1,7 +1,7 @@
 //! The driver on a straight road: returns to the route, keeps behind others, stops at red.
 
 use ds_space::{DVec3, SimTime};
-use ds_world::{AgentClass, Map, Size, StopLine, TrackPoint, TrafficLight};
+use ds_world::{AgentClass, Map, Size, StopLine, Track, TrackPoint, TrafficLight};
 
 use super::*;
 

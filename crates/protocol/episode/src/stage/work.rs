@@ -113,7 +113,7 @@ impl Stage {
         let iteration = order.advance.iteration;
         self.state = Some(Some(iteration));
         self.outbox.forget_before(iteration.saturating_sub(1));
-        let oldest = due::remembered_from(spec, order.advance.last).0;
+        let oldest = due::remembered_from(&spec, order.advance.last).0;
         self.inbox.retain(|message| due::tick_of(&spec, message.header.slot).0 >= oldest);
     }
 

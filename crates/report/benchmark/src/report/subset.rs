@@ -89,7 +89,7 @@ fn of(
     let anew = |entry: &Entry| results.mean(arm, entry, &score);
     let shown = members.iter().filter_map(|entry| Some(unit(entry, anew(entry)?, 1.0))).collect();
     let fall = |entry: &&Entry| Some(unit(entry, anew(entry)? - selected(results, arm, entry, profile)?, 1.0));
-    let falls: Vec<Unit> = members.iter().filter_map(|entry| fall(entry)).collect();
+    let falls: Vec<Unit> = members.iter().filter_map(fall).collect();
     let mut rows = vec![Row { words: ["original", "own fall"], shown, found: bootstrap.difference(&falls) }];
     let names: BTreeSet<&str> = members.iter().map(|entry| entry.name.as_str()).collect();
     let weather = results.sets.iter().filter(|set| set.kind == Kind::Weather).flat_map(|set| &set.entries);

@@ -40,12 +40,12 @@ pub(super) fn run(args: &ReviewArgs) -> Result<Ended> {
     let out = folder.join(format!("{}.review", set.name));
     std::fs::create_dir_all(&out).with_context(|| format!("create {}", out.display()))?;
     let bar = bar(set.entries.len() as u64, "variants");
-    let shown = |entry| {
+    let cards = set.entries.par_iter().map(|entry| {
         let card = card(entry, folder, &out).with_context(|| format!("entry {:?}", entry.name));
         bar.inc(1);
         card
-    };
-    let cards: Vec<Card> = set.entries.par_iter().map(shown).collect::<Result<_>>()?;
+    });
+    let cards: Vec<Card> = cards.collect::<Result<_>>()?;
     bar.finish_and_clear();
     let path = out.join("review.html");
     let manifest = args.manifest.file_name().unwrap_or_default().to_string_lossy();
