@@ -53,7 +53,7 @@ impl Policy for Expert {
         let simulation = restored.map_err(|error| PolicyError::World { name: NAME, source: Box::new(error) })?;
         let idm = self.idm.plan(observation, privileged)?.trajectory;
         let logged = LogReplay.plan(observation, privileged)?.trajectory;
-        let keeps = keeps(&now.ego, &view.scene.logged_ego(now.tick));
+        let keeps = keeps(&now.ego, view.scene.logged_ego(now.tick));
         let known: Vec<Trajectory> = keeps.then_some(logged).into_iter().chain([idm.clone()]).collect();
         let way = logged_way(&view.scene);
         let aside = way.iter().flat_map(|way| wishes(&simulation, way));
