@@ -371,9 +371,7 @@ impl Mapping {
             _ => wrong("nominal", "needs either wheelbase, or lf and lr".to_owned()),
         }
     }
-}
 
-impl Mapping {
     /// Returns this mapping for one log alone, as a case of the log's name: the stretches of it that `drive` lists, or all
     /// of it where that does not name it. Its folder is that of the log.
     #[must_use]

@@ -10,7 +10,7 @@ use ds_world::{AgentState, Anchor, EgoState, Scene, WorldState};
 use crate::driver::{Driver, Kept, ticks_in};
 use crate::error::PolicyError;
 use crate::observation::{Observation, PrivilegedView};
-use crate::plan::{PolicyAnswer, evenly_spaced};
+use crate::plan::PolicyAnswer;
 use crate::{Policy, Restart};
 
 /// The policy's name.
@@ -51,13 +51,9 @@ impl Policy for Careful {
         let feared = noticed
             .zip(live.states.first())
             .is_some_and(|(noticed, before)| collides(driver, &view.scene, before, noticed));
-        let driven = if feared {
-            driver.brake(&view.ego, BRAKING, steps)
-        } else {
-            driver.drive_among(&driver.live(&now.agents, now.tick, steps), &view.ego, view.tick, steps)
-        };
-        let poses: Vec<PoseSe2> = driven.iter().map(|pose| view.ego.pose.relative(pose)).collect();
-        Ok(PolicyAnswer::single(evenly_spaced(NAME, &poses, observation.dt)?))
+        let driven =
+            if feared { driver.brake(&view.ego, BRAKING, steps) } else { driver.drive_live(now, &view.ego, steps) };
+        view.answer(NAME, &driven, observation.dt)
     }
 
     fn restart(&self) -> Restart {
@@ -69,7 +65,7 @@ impl Policy for Careful {
 fn collides(driver: &Driver, scene: &Scene, before: &WorldState, state: &WorldState) -> bool {
     let dt_secs = scene.dt.secs();
     let steps = ticks_in(FEARED_SECS, dt_secs);
-    let way = driver.drive_among(&driver.live(&state.agents, state.tick, steps), &state.ego, state.tick, steps);
+    let way = driver.drive_live(state, &state.ego, steps);
     let size = scene.vehicle.size;
     let body = |pose: PoseSe2| {
         let ego = EgoState { pose, ..state.ego };

@@ -8,7 +8,9 @@
 //! them as they are now, and look at those alone who are in the way.
 
 use ds_space::{DVec2, Digest, PoseSe2, Tick};
-use ds_world::{AgentState, EgoState, LightState, Scene, Size, TrackPoint, TrafficLight, VehicleParameters};
+use ds_world::{
+    AgentState, EgoState, LightState, Scene, Size, TrackPoint, TrafficLight, VehicleParameters, WorldState,
+};
 
 use crate::route::{Projection, Route};
 
@@ -35,7 +37,7 @@ struct Obstacle {
 
 /// Who is in the way when.
 #[derive(Debug, Clone)]
-pub struct Traffic {
+struct Traffic {
     /// The tick of the first entry.
     from: Tick,
     by_tick: Vec<Vec<Obstacle>>,
@@ -121,8 +123,7 @@ impl Driver {
     }
 
     /// Returns who is in the way at the next `steps` ticks if all agents keep their velocity; later is not looked ahead.
-    #[must_use]
-    pub fn live(&self, agents: &[AgentState], tick: Tick, steps: u32) -> Traffic {
+    fn live(&self, agents: &[AgentState], tick: Tick, steps: u32) -> Traffic {
         let at = |step: u32| {
             let secs = f64::from(step) * self.dt_secs;
             let found = agents.iter().filter_map(|agent| {
@@ -142,9 +143,13 @@ impl Driver {
         self.drive_among(&self.recorded, ego, tick, steps)
     }
 
-    /// Drives on among traffic and returns the world poses after each of the next `steps` ticks.
+    /// Drives on among the agents of a state, each of which keeps its velocity, as [`Driver::drive`].
     #[must_use]
-    pub fn drive_among(&self, traffic: &Traffic, ego: &EgoState, tick: Tick, steps: u32) -> Vec<PoseSe2> {
+    pub fn drive_live(&self, now: &WorldState, ego: &EgoState, steps: u32) -> Vec<PoseSe2> {
+        self.drive_among(&self.live(&now.agents, now.tick, steps), ego, now.tick, steps)
+    }
+
+    fn drive_among(&self, traffic: &Traffic, ego: &EgoState, tick: Tick, steps: u32) -> Vec<PoseSe2> {
         self.go(ego, steps, |along_m, speed_mps, step| self.acceleration(traffic, along_m, speed_mps, tick.plus(step)))
     }
 

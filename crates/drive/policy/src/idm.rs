@@ -2,13 +2,12 @@
 //!
 //! It foresees nobody: who is not in the way yet does not count.
 
-use ds_space::PoseSe2;
 use ds_world::Anchor;
 
 use crate::driver::Kept;
 use crate::error::PolicyError;
 use crate::observation::{Observation, PrivilegedView};
-use crate::plan::{PolicyAnswer, evenly_spaced};
+use crate::plan::PolicyAnswer;
 use crate::{Policy, Restart};
 
 /// The policy's name.
@@ -37,10 +36,8 @@ impl Policy for Idm {
         observation.check()?;
         let view = privileged.ok_or(PolicyError::NeedsPrivilege { name: NAME })?;
         let (_, now) = view.live(NAME)?;
-        let (driver, steps) = (self.driver.of(&view.scene), observation.horizon_ticks);
-        let driven = driver.drive_among(&driver.live(&now.agents, now.tick, steps), &view.ego, view.tick, steps);
-        let poses: Vec<PoseSe2> = driven.iter().map(|pose| view.ego.pose.relative(pose)).collect();
-        Ok(PolicyAnswer::single(evenly_spaced(NAME, &poses, observation.dt)?))
+        let driven = self.driver.of(&view.scene).drive_live(now, &view.ego, observation.horizon_ticks);
+        view.answer(NAME, &driven, observation.dt)
     }
 
     fn restart(&self) -> Restart {

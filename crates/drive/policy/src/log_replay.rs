@@ -4,7 +4,7 @@ use ds_space::{PoseSe2, Tick};
 
 use crate::error::PolicyError;
 use crate::observation::{Observation, PrivilegedView};
-use crate::plan::{PolicyAnswer, evenly_spaced};
+use crate::plan::PolicyAnswer;
 use crate::{Policy, Restart};
 
 /// The policy's name.
@@ -30,9 +30,8 @@ impl Policy for LogReplay {
     ) -> Result<PolicyAnswer, PolicyError> {
         observation.check()?;
         let view = privileged.ok_or(PolicyError::NeedsPrivilege { name: NAME })?;
-        let poses: Vec<PoseSe2> =
-            (1..=observation.horizon_ticks).map(|k| view.ego.pose.relative(&logged(view, view.tick.plus(k)))).collect();
-        Ok(PolicyAnswer::single(evenly_spaced(NAME, &poses, observation.dt)?))
+        let driven: Vec<PoseSe2> = (1..=observation.horizon_ticks).map(|k| logged(view, view.tick.plus(k))).collect();
+        view.answer(NAME, &driven, observation.dt)
     }
 
     fn restart(&self) -> Restart {

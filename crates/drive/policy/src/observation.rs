@@ -7,6 +7,7 @@ use ds_space::{CameraModel, DVec2, Draws, PoseSe2, SimTime, Tick};
 use ds_world::{EgoState, RouteCommand, Scene, WorldState};
 
 use crate::error::PolicyError;
+use crate::plan::{PolicyAnswer, evenly_spaced};
 
 /// The longest horizon that may be asked for, in ticks.
 pub const MAX_HORIZON_TICKS: u32 = 256;
@@ -119,6 +120,15 @@ pub struct Live {
 }
 
 impl PrivilegedView {
+    /// Returns the answer of a policy that drives through world poses, one a tick from the next.
+    ///
+    /// # Errors
+    /// [`PolicyError::Plan`] if they are no plan.
+    pub fn answer(&self, name: &'static str, driven: &[PoseSe2], dt: SimTime) -> Result<PolicyAnswer, PolicyError> {
+        let poses: Vec<PoseSe2> = driven.iter().map(|pose| self.ego.pose.relative(pose)).collect();
+        Ok(PolicyAnswer::single(evenly_spaced(name, &poses, dt)?))
+    }
+
     /// Returns the live world.
     ///
     /// # Errors

@@ -1,11 +1,9 @@
 //! Privileged: follows the route with the speed of a careful driver (see [`crate::driver`]).
 
-use ds_space::PoseSe2;
-
 use crate::driver::Kept;
 use crate::error::PolicyError;
 use crate::observation::{Observation, PrivilegedView};
-use crate::plan::{PolicyAnswer, evenly_spaced};
+use crate::plan::PolicyAnswer;
 use crate::{Policy, Restart};
 
 /// The policy's name.
@@ -34,8 +32,7 @@ impl Policy for RouteFollower {
         observation.check()?;
         let view = privileged.ok_or(PolicyError::NeedsPrivilege { name: NAME })?;
         let driven = self.driver.of(&view.scene).drive(&view.ego, view.tick, observation.horizon_ticks);
-        let poses: Vec<PoseSe2> = driven.iter().map(|pose| view.ego.pose.relative(pose)).collect();
-        Ok(PolicyAnswer::single(evenly_spaced(NAME, &poses, observation.dt)?))
+        view.answer(NAME, &driven, observation.dt)
     }
 
     fn restart(&self) -> Restart {

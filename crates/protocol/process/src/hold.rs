@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use ds_bus::{Ask, BusSession, Holder as PullHolder};
+use ds_bus::{Ask, BusSession, Holder as PullHolder, topics_of};
 use ds_episode::stage::{Action, Assignment, Event, PullFrom, StopReason};
 use ds_episode::{Codec, Fault, Millis, Stage, Timing, due};
 use ds_space::EpisodeId;
-use ds_topic::{Envelope, Role, Slot, Topic};
+use ds_topic::{Envelope, Slot, Topic};
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 
@@ -67,8 +67,11 @@ pub(crate) async fn hold(
     reports: mpsc::Sender<Report>,
 ) -> Result<(), ds_bus::BusError> {
     let episode = assignment.episode.clone();
-    let topics = topics(assignment.role);
-    let mut pushes = tools.bus.subscribe(&episode, &topics).await?;
+    // What the role does not take in this episode, the stage ignores.
+    let topics = topics_of(assignment.role);
+    let made = |topic: &Topic| matches!(topic, Topic::Scene | Topic::Advance) || due::maker(*topic).is_some();
+    debug_assert!(topics.iter().all(made), "inputs are made by roles");
+    let mut pushes = tools.bus.subscribe(&episode, topics).await?;
     let own = PullHolder::Instance(assignment.owner.instance.clone());
     let mut questions = tools.bus.serve_pulls(&own, &episode).await?;
     let (done_sender, mut done) = mpsc::channel(4);
@@ -108,18 +111,6 @@ pub(crate) async fn hold(
             return Ok(());
         }
     }
-}
-
-/// Returns the topics that a role may need; what it does not take, the stage ignores.
-fn topics(role: Role) -> Vec<Topic> {
-    let inputs: &[Topic] = match role {
-        Role::Sim => &[],
-        Role::Layout => &[Topic::World],
-        Role::Video => &[Topic::World, Topic::Layout],
-        Role::Policy => &[Topic::World, Topic::Frame, Topic::Ego],
-    };
-    debug_assert!(inputs.iter().all(|topic| due::maker(*topic).is_some()), "inputs are made by roles");
-    [&[Topic::Scene, Topic::Advance], inputs].concat()
 }
 
 struct Holder {

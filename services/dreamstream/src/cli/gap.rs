@@ -178,7 +178,8 @@ pub(crate) struct GapImportArgs {
     /// becomes a case of its own name below --out, whether the mapping lists it or not.
     #[arg(value_hint = ValueHint::AnyPath)]
     pub(crate) logs: Vec<PathBuf>,
-    /// Where the case goes, or the cases of several logs; without, the logs are only checked. With --suggest the file of the proposed mapping.
+    /// Where the case goes, or the cases of several logs; without, the logs are only checked. With --suggest the file of
+    /// the proposed mapping.
     #[arg(long, short, value_hint = ValueHint::AnyPath)]
     pub(crate) out: Option<PathBuf>,
     /// Propose a mapping for this bag (MCAP, ROS 1 or rosbag2) by its topics.
