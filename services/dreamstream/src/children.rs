@@ -84,7 +84,10 @@ fn settings_of(role: Role, plan: &FleetPlan) -> Result<(&'static str, Vec<String
         Role::Policy => {
             let weights = set("policy.weights", &path(&plan.policy_weights)?);
             let listen = set("policy.listen", plan.policy_listen.as_deref().unwrap_or_default());
-            ("policy-bridge", vec![slots, weights, set("policy.name", &plan.policy), listen])
+            let manifests = plan.manifests.iter().map(|manifest| Ok(toml::Value::String(path(manifest)?)));
+            let manifests = toml::Value::Array(manifests.collect::<Result<_>>()?);
+            let own = format!("policy.manifests={manifests}");
+            ("policy-bridge", vec![slots, weights, own, set("policy.name", &plan.policy), listen])
         }
     })
 }

@@ -145,7 +145,8 @@ pub(crate) struct RunPlan {
     #[arg(required = true, value_parser = shipped::parser(), value_hint = ValueHint::AnyPath)]
     pub scenarios: Vec<PathBuf>,
     /// The policy under test: camera, drivor, ltf, constant-velocity or lattice; privileged, as references: log-replay,
-    /// route-follower, idm, careful or expert; or the name of an external one, which connects at --policy-listen.
+    /// route-follower, idm, careful or expert; an ONNX network by its manifest, such as mine.toml; or the name of an external policy,
+    /// which connects at --policy-listen.
     #[arg(long, default_value = "camera")]
     pub policy: String,
     /// What makes the frames that the policy sees.
@@ -477,6 +478,9 @@ pub(crate) struct ReplayArgs {
     /// Weights of the camera policy; a policy of the panel has panel/NAME.safetensors beside it, or a file of its name.
     #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub policy_weights: PathBuf,
+    /// Manifests of policies of one's own, one of which made the recording.
+    #[arg(long = "policy", value_name = "FILE.toml", value_hint = ValueHint::FilePath)]
+    pub manifests: Vec<PathBuf>,
     /// Start from the committed cache or snapshot of this iteration instead of from the beginning.
     #[arg(long, default_value_t = 0)]
     pub from_iteration: u32,

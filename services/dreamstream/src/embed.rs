@@ -112,7 +112,7 @@ pub(crate) async fn start(plan: &FleetPlan) -> Result<Fleet> {
     let mut factories: Vec<Arc<dyn MakerFactory>> = vec![
         Arc::new(sim_server::SimStage),
         Arc::new(layout_render::LayoutStage { probe: plan.probe_adapter }),
-        Arc::new(policy_bridge::PolicyStage::new(plan.policy_weights.clone(), outside)),
+        Arc::new(policy_bridge::PolicyStage::new(plan.policy_weights.clone(), outside).with_own(&plan.manifests)?),
     ];
     factories.extend((0..plan.workers).map(|_| Arc::clone(&video) as Arc<dyn MakerFactory>));
     for (index, factory) in factories.into_iter().enumerate() {

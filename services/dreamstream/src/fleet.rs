@@ -9,6 +9,7 @@ use ds_video::Backend;
 use ds_world::LayoutBackend;
 
 use crate::cli::RunPlan;
+use crate::own;
 
 /// No run has more workers.
 const MOST_WORKERS: u32 = 64;
@@ -24,6 +25,8 @@ pub(crate) struct FleetPlan {
     pub video_backend: Backend,
     /// Weights of the camera policy.
     pub policy_weights: PathBuf,
+    /// Manifests of policies of one's own.
+    pub manifests: Vec<PathBuf>,
     /// Video workers, and episodes under way at a time.
     pub workers: u32,
     /// The policy under test.
@@ -44,7 +47,7 @@ impl FleetPlan {
     /// Returns the fleet that the arguments of a run of so many drives ask for.
     ///
     /// # Errors
-    /// If a stage is none, has no command, or is named twice.
+    /// If a stage is none, has no command, or is named twice; if the manifest of a policy is refused.
     pub(crate) fn of(args: &RunPlan, drives: usize) -> Result<Self> {
         let mut stages = BTreeMap::new();
         for text in &args.stages {
@@ -63,8 +66,9 @@ impl FleetPlan {
             model: args.model.clone(),
             video_backend: args.video_backend,
             policy_weights: args.policy_weights.clone(),
+            manifests: own::manifest(&args.policy).into_iter().collect(),
             workers: workers(asked, drives),
-            policy: args.policy.clone(),
+            policy: own::name(&args.policy)?,
             policy_listen: args.policy_listen.clone(),
             probe_adapter: args.layout_backend != LayoutBackend::Cpu,
             drop_pushes: args.drop_pushes,

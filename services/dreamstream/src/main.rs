@@ -8,6 +8,7 @@ mod cli;
 mod command;
 mod embed;
 mod fleet;
+mod own;
 mod pictures;
 mod plain;
 mod viewer;

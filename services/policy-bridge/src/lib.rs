@@ -1,6 +1,6 @@
 //! frame, ego → plan: shows the policy under test its observation and carries its answer back.
 //!
-//! Built-in policies run inside; external ones connect to a second Zenoh session that knows no episode, scenario or
+//! Built-in policies and networks of others with a manifest run inside; external ones connect to a second Zenoh session that knows no episode, scenario or
 //! seed (`dreamstream-policy/v1/{policy}/{session}/…`). A policy that is late, dies or answers nonsense ends its
 //! episode by a named rule, never the service.
 
@@ -32,7 +32,8 @@ pub async fn run(settings: Settings, drain: Drain) -> anyhow::Result<()> {
             Some(Arc::new(OutsideBus::open(&settings.policy.name, listen, security.files(), deadline).await?))
         }
     };
-    let factory = Arc::new(PolicyStage::new(settings.policy.weights.clone(), outside));
+    let stage = PolicyStage::new(settings.policy.weights.clone(), outside).with_own(&settings.policy.manifests)?;
+    let factory = Arc::new(stage);
     let Settings { process, control, security, bus, .. } = &settings;
     let sections = StageSections { process, control, security, bus };
     run_stage("policy-bridge", sections, factory, drain).await

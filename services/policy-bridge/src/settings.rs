@@ -11,6 +11,8 @@ use serde::{Deserialize, Serialize};
 pub struct PolicySection {
     /// Weights of the camera policy.
     pub weights: PathBuf,
+    /// Manifests of policies of one's own that run inside.
+    pub manifests: Vec<PathBuf>,
     /// The external policy that may connect, by its name.
     pub name: String,
     /// Where it connects to, such as `tcp/127.0.0.1:7448`; empty for none.
@@ -23,6 +25,7 @@ impl Default for PolicySection {
     fn default() -> Self {
         Self {
             weights: PathBuf::from("configs/models/camera_policy.safetensors"),
+            manifests: Vec::new(),
             name: "mine".to_owned(),
             listen: String::new(),
             deadline_millis: 10_000,

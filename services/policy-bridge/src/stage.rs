@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use ds_adverse::Expert;
 use ds_policy::builtin::is_builtin;
-use ds_policy::{Builtin, EgoView, Learned, Live, Observation, Policy, PolicyAnswer, PrivilegedView};
+use ds_policy::{Builtin, EgoView, Learned, Live, Observation, Own, Policy, PolicyAnswer, PolicyError, PrivilegedView};
 use ds_process::maker::{Abilities, Fault, Inputs, Maker, MakerFactory, Output, bad, output};
 use ds_sim::SimConfig;
 use ds_space::{Digest, DigestWriter, Draws, SimTime, Tick};
@@ -18,6 +18,7 @@ use crate::guest::{External, OutsideBus};
 #[derive(Debug)]
 pub struct PolicyStage {
     weights: PathBuf,
+    own: Vec<Own>,
     outside: Option<Arc<OutsideBus>>,
 }
 
@@ -25,7 +26,16 @@ impl PolicyStage {
     /// Names the weights of the camera policy and the bus on which external policies live, if there is one.
     #[must_use]
     pub fn new(weights: PathBuf, outside: Option<Arc<OutsideBus>>) -> Self {
-        Self { weights, outside }
+        Self { weights, own: Vec::new(), outside }
+    }
+
+    /// Adds policies of one's own, by their manifests.
+    ///
+    /// # Errors
+    /// If a manifest or a network is refused.
+    pub fn with_own(mut self, manifests: &[PathBuf]) -> Result<Self, PolicyError> {
+        self.own = manifests.iter().map(|manifest| Own::read(manifest)).collect::<Result<_, _>>()?;
+        Ok(self)
     }
 }
 
@@ -44,6 +54,9 @@ impl MakerFactory for PolicyStage {
             let file = learned.weights_file(&self.weights);
             models.digest(&std::fs::read(file).map_or(Digest::default(), |bytes| Digest::of(&bytes)));
         }
+        for own in &self.own {
+            models.digest(own.digest());
+        }
         Abilities { policy_model: models.finish(), ..Abilities::default() }
     }
 
@@ -51,10 +64,12 @@ impl MakerFactory for PolicyStage {
         let name = scene.spec.policy.as_str();
         let guest = if Anchor::from_name(name) == Some(Anchor::Expert) {
             let config = SimConfig::of_episode(&scene.spec).map_err(|error| bad("bad_settings", &error))?;
-            Guest::Builtin(Box::new(Expert::new(config)))
+            Guest::Inside(Box::new(Expert::new(config)))
+        } else if let Some(own) = self.own.iter().find(|own| own.name() == name) {
+            Guest::Inside(Box::new(own.clone()))
         } else if is_builtin(name) {
             let needs = Builtin { weights: Some(self.weights.clone()) };
-            Guest::Builtin(ds_policy::builtin(name, &needs).map_err(|error| bad("no_policy", &error))?)
+            Guest::Inside(ds_policy::builtin(name, &needs).map_err(|error| bad("no_policy", &error))?)
         } else {
             let outside = self.outside.as_ref().ok_or_else(|| {
                 Fault::policy("policy_unknown", format!("{name:?} is not built in and no policy bus is open"))
@@ -66,7 +81,7 @@ impl MakerFactory for PolicyStage {
 }
 
 enum Guest {
-    Builtin(Box<dyn Policy>),
+    Inside(Box<dyn Policy>),
     External(External),
 }
 
@@ -133,7 +148,7 @@ impl Maker for Hosting {
         let (observation, states) = self.observation(order.last, inputs)?;
         let live = self.live(order.last, inputs)?;
         let answer = match &mut self.guest {
-            Guest::Builtin(policy) => {
+            Guest::Inside(policy) => {
                 let ego = states.last().copied().unwrap_or_default();
                 let view = PrivilegedView { scene: Arc::clone(&self.scene.scene), tick: order.last, ego, live };
                 let privileged = policy.privileged().then_some(&view);

@@ -4,8 +4,10 @@
 //! wrong convention (axes, unit, rate, origin, colour order) explains most of the distance between the two, that is,
 //! where undoing it leaves less than [`EXPLAINED`] of it. Poses are in the rig frame of now, metres and radians.
 
+use ds_nn::Array;
+use ds_raster::RgbImage;
 use ds_space::{DVec2, PoseSe2, SimTime};
-use ds_world::TrajectoryError;
+use ds_world::{Trajectory, TrajectoryError};
 
 use crate::error::PolicyError;
 use crate::observation::Observation;
@@ -63,7 +65,89 @@ pub fn examine(policy: &mut dyn Policy, fixtures: &[Fixture]) -> Vec<Finding> {
     if findings.is_empty() {
         findings.extend(colours(policy, fixtures, &first));
     }
+    findings.extend(proposals(policy, fixtures));
+    findings.extend(feature(policy, fixtures));
     findings
+}
+
+/// Returns what is no error but worth knowing: plans that end early, and plans that do not depend on the frames.
+///
+/// Nothing is said of a policy that does not answer; [`examine`] does.
+#[must_use]
+pub fn remarks(policy: &mut dyn Policy, fixtures: &[Fixture]) -> Vec<Finding> {
+    let Ok(plans) = answers(policy, fixtures, 0) else { return Vec::new() };
+    let mut remarks = Vec::new();
+    let covered = fixtures.iter().zip(&plans).find(|(fixture, plan)| plan.len() < fixture.expert.len());
+    if let Some((fixture, plan)) = covered {
+        let secs = |ticks: usize| SimTime(fixture.observation.dt.0 * ticks as i64).secs();
+        let (covers, asked) = (secs(plan.len()), secs(fixture.expert.len()));
+        let says = format!(
+            "fixture {:?}: the plan covers {covers:.1} s of {asked:.1} s, then its last pose is held",
+            fixture.name
+        );
+        remarks.push(Finding { check: "horizon", says });
+    }
+    // Each state with the frames of the next one.
+    let mut exchanged = fixtures.to_vec();
+    for (index, fixture) in exchanged.iter_mut().enumerate() {
+        fixture.observation.frames.clone_from(&fixtures[(index + 1) % fixtures.len()].observation.frames);
+    }
+    let Ok(others) = answers(policy, &exchanged, 0) else { return remarks };
+    if fixtures.len() > 1 && plans.iter().zip(&others).all(|(one, other)| distance_m(one, other) < 1e-6) {
+        let says = "plans are the same with the frames of another fixture: the policy does not look at them".to_owned();
+        remarks.push(Finding { check: "image", says });
+    }
+    remarks
+}
+
+/// Says whether a policy's answer is missing among its proposals.
+fn proposals(policy: &mut dyn Policy, fixtures: &[Fixture]) -> Option<Finding> {
+    fixtures.iter().find_map(|fixture| {
+        let answer = policy.plan(&fixture.observation, None).ok().filter(|answer| !answer.proposals.is_empty())?;
+        let poses = |trajectory: &Trajectory| trajectory.points().iter().map(|point| point.pose).collect::<Vec<_>>();
+        let given = poses(&answer.trajectory);
+        let apart = answer.proposals.iter().map(|proposal| distance_m(&given, &poses(&proposal.trajectory)));
+        let nearest_m = apart.fold(f64::INFINITY, f64::min);
+        let number = answer.proposals.len();
+        (nearest_m > NEAR_M).then(|| Finding {
+            check: "proposals",
+            says: format!(
+                "fixture {:?}: the answer is none of its {number} proposals, the nearest is {nearest_m:.2} m away",
+                fixture.name
+            ),
+        })
+    })
+}
+
+/// Says what is wrong with what a policy attends to, if it tells.
+fn feature(policy: &mut dyn Policy, fixtures: &[Fixture]) -> Option<Finding> {
+    let found = |says: String| Some(Finding { check: "feature", says });
+    let mut first: Option<(&Fixture, Array)> = None;
+    let mut varies = fixtures.len() < 2;
+    for fixture in fixtures {
+        let newest: Option<Vec<RgbImage>> =
+            fixture.observation.frames.iter().map(|frames| frames.last().cloned()).collect();
+        let tokens = match policy.context(&fixture.observation.cameras, &newest?) {
+            Ok(context) => context?.tokens,
+            Err(error) => return found(format!("fixture {:?}: {error}", fixture.name)),
+        };
+        if !tokens.is_finite() {
+            return found(format!("fixture {:?}: a number of the feature is not finite", fixture.name));
+        }
+        match &first {
+            Some((before, other)) if other.shape() != tokens.shape() => {
+                let (one, two) = (other.shape(), tokens.shape());
+                return found(format!("has shape {one:?} for {:?} and {two:?} for {:?}", before.name, fixture.name));
+            }
+            Some((_, other)) => varies |= *other != tokens,
+            None => first = Some((fixture, tokens)),
+        }
+    }
+    if varies {
+        None
+    } else {
+        found("the feature is the same for every frame: FDπ would be 0 for any source".to_owned())
+    }
 }
 
 /// Returns the plans of all fixtures, in their order or backwards in odd rounds, each at the expert's stamps.
@@ -126,13 +210,16 @@ fn distance_m(one: &[PoseSe2], other: &[PoseSe2]) -> f64 {
 type Undo = fn(&[PoseSe2]) -> Vec<PoseSe2>;
 
 /// Check, cause, and how the convention is undone.
-const CONVENTIONS: [(&str, &str, Undo); 8] = [
+const CONVENTIONS: [(&str, &str, Undo); 9] = [
     ("axes", "y points right: a left turn has y < 0", |plan| each(plan, |x, y, h| (x, -y, -h))),
     ("axes", "x and y swapped", |plan| each(plan, |x, y, h| (y, x, h))),
     ("units", "headings are degrees, not radians", |plan| each(plan, |x, y, h| (x, y, h.to_radians()))),
     ("units", "positions are centimetres, not metres", |plan| each(plan, |x, y, h| (0.01 * x, 0.01 * y, h))),
     ("units", "positions are feet, not metres", |plan| each(plan, |x, y, h| (0.3048 * x, 0.3048 * y, h))),
     ("rate", "poses are 0.5 s apart but declared 0.1 s apart", slower),
+    ("rate", "poses are 0.1 s apart but declared 0.5 s apart", |plan| {
+        plan.iter().skip(4).step_by(5).copied().collect()
+    }),
     ("origin", "poses are of the car's centre, not its rear axle (1.4 m)", |plan| {
         each(plan, |x, y, h| (x - CENTRE_M * (h.cos() - 1.0), y - CENTRE_M * h.sin(), h))
     }),
@@ -164,14 +251,19 @@ fn relative(plan: &[PoseSe2]) -> Vec<PoseSe2> {
 }
 
 fn convention(fixtures: &[Fixture], plans: &[Vec<PoseSe2>]) -> Option<Finding> {
+    // As given and undone, over the time that both cover.
     let apart = |undo: Undo| {
-        let each = fixtures.iter().zip(plans).map(|(fixture, plan)| distance_m(&undo(plan), &fixture.expert));
-        each.sum::<f64>() / fixtures.len().max(1) as f64
+        let each = fixtures.iter().zip(plans).map(|(fixture, plan)| {
+            let undone = undo(plan);
+            let given = &plan[..undone.len().min(plan.len())];
+            [distance_m(given, &fixture.expert), distance_m(&undone, &fixture.expert)]
+        });
+        each.fold([0.0; 2], |[given, undone], [g, u]| [given + g, undone + u]).map(|m| m / fixtures.len().max(1) as f64)
     };
-    let given_m = apart(<[PoseSe2]>::to_vec);
-    let best = CONVENTIONS.iter().map(|(check, cause, undo)| (check, cause, apart(*undo)));
-    let (check, cause, undone_m) = best.reduce(|best, next| if next.2 < best.2 { next } else { best })?;
-    (given_m > NEAR_M && undone_m < EXPLAINED * given_m).then(|| Finding {
+    let all = CONVENTIONS.iter().map(|(check, cause, undo)| (check, cause, apart(*undo)));
+    let named = all.filter(|(_, _, [given_m, undone_m])| *given_m > NEAR_M && *undone_m < EXPLAINED * given_m);
+    let best = named.reduce(|best, next| if next.2[1] * best.2[0] < best.2[1] * next.2[0] { next } else { best });
+    best.map(|(check, cause, [given_m, undone_m])| Finding {
         check,
         says: format!("{cause}: plans are {given_m:.2} m from the expert's, {undone_m:.2} m without that"),
     })

@@ -57,11 +57,22 @@ pub enum PolicyError {
         #[source]
         source: Box<dyn std::error::Error + Send + Sync>,
     },
+    /// The manifest or the network of a policy of one's own is refused, or the network failed.
+    #[error("policy of one's own")]
+    Own(#[from] ds_onnx::OnnxError),
+    /// A number of the answer is unusable.
+    #[error("answer of policy {name:?} {problem}")]
+    Answer {
+        /// The policy.
+        name: String,
+        /// What is wrong with it, with the value.
+        problem: String,
+    },
     /// The plan breaks the rules of a trajectory.
     #[error("plan of policy {name:?} refused")]
     Plan {
         /// The policy.
-        name: &'static str,
+        name: String,
         /// Why.
         #[source]
         source: TrajectoryError,

@@ -17,6 +17,7 @@ pub mod lattice;
 pub mod learned;
 pub mod log_replay;
 pub mod observation;
+pub mod own;
 pub mod panel;
 pub mod plan;
 pub mod route;
@@ -30,6 +31,7 @@ pub use builtin::{Builtin, builtin};
 pub use error::PolicyError;
 pub use learned::Learned;
 pub use observation::{EgoView, Live, Observation, PrivilegedView};
+pub use own::Own;
 pub use plan::PolicyAnswer;
 
 /// What a policy needs after its process was replaced in the middle of an episode.

@@ -26,8 +26,8 @@ impl PolicyAnswer {
 ///
 /// # Errors
 /// [`PolicyError::Plan`] if a pose is not finite or there are too many.
-pub fn evenly_spaced(name: &'static str, poses: &[PoseSe2], dt: SimTime) -> Result<Trajectory, PolicyError> {
+pub fn evenly_spaced(name: &str, poses: &[PoseSe2], dt: SimTime) -> Result<Trajectory, PolicyError> {
     let points =
         poses.iter().zip(1i64..).map(|(pose, index)| TrajectoryPoint { after: SimTime(dt.0 * index), pose: *pose });
-    Trajectory::new(points.collect()).map_err(|source| PolicyError::Plan { name, source })
+    Trajectory::new(points.collect()).map_err(|source| PolicyError::Plan { name: name.to_owned(), source })
 }

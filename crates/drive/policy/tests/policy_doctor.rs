@@ -1,12 +1,13 @@
 //! The doctor names each wrong wrapping of a policy by its cause, and finds nothing wrong with a sound one.
 
+use ds_nn::Array;
 use ds_policy::camera::eye::known_camera;
-use ds_policy::doctor::{Fixture, examine};
+use ds_policy::doctor::{Fixture, examine, remarks};
 use ds_policy::plan::evenly_spaced;
-use ds_policy::{EgoView, Observation, Policy, PolicyAnswer, PolicyError, PrivilegedView, Restart};
+use ds_policy::{Context, EgoView, Observation, Policy, PolicyAnswer, PolicyError, PrivilegedView, Restart};
 use ds_raster::RgbImage;
-use ds_space::{Draws, PoseSe2, SimTime};
-use ds_world::RouteCommand;
+use ds_space::{CameraModel, Draws, PoseSe2, SimTime};
+use ds_world::{Proposal, RouteCommand};
 
 const DT: SimTime = SimTime(100_000_000);
 const TICKS: u32 = 40;
@@ -53,6 +54,17 @@ fn each(plan: &[PoseSe2], change: impl Fn(f64, f64, f64) -> (f64, f64, f64)) -> 
     plan.iter().map(changed).collect()
 }
 
+/// Spreads a tick over half a second, with straight lines between.
+fn stretched(plan: &[PoseSe2]) -> Vec<PoseSe2> {
+    let at = |index: usize| if index == 0 { PoseSe2::default() } else { plan[index - 1] };
+    let between = |tick: usize| {
+        let (from, to, share) = (at(tick / 5), at(tick / 5 + 1), (tick % 5) as f64 / 5.0);
+        let position = from.position.lerp(to.position, share);
+        PoseSe2::new(position.x, position.y, from.heading_rad + share * (to.heading_rad - from.heading_rad))
+    };
+    (1..plan.len()).map(between).collect()
+}
+
 fn curvature(red: u8) -> f64 {
     (f64::from(red) - 128.0) / 1000.0
 }
@@ -88,12 +100,13 @@ impl Policy for Wrapped {
 fn a_sound_wrapping_has_no_findings_and_each_wrong_one_is_named_by_its_cause() {
     type Wrong = fn(u32, Vec<PoseSe2>) -> Vec<PoseSe2>;
     let sound: Wrong = |_, plan| plan;
-    let rows: [(&str, usize, Wrong, &str, &str); 9] = [
+    let rows: [(&str, usize, Wrong, &str, &str); 10] = [
         ("sound", 0, sound, "", ""),
         ("axes swapped", 0, |_, plan| each(&plan, |x, y, h| (y, x, h)), "axes", "x and y swapped"),
         ("y right", 0, |_, plan| each(&plan, |x, y, h| (x, -y, -h)), "axes", "y points right"),
         ("degrees", 0, |_, plan| each(&plan, |x, y, h| (x, y, h.to_degrees())), "units", "degrees"),
         ("2 Hz as 10 Hz", 0, |_, plan| plan.into_iter().skip(4).step_by(5).collect(), "rate", "0.5 s apart"),
+        ("10 Hz as 2 Hz", 0, |_, plan| stretched(&plan), "rate", "0.1 s apart but declared 0.5 s"),
         (
             "centre",
             0,
@@ -133,4 +146,63 @@ fn a_sound_wrapping_has_no_findings_and_each_wrong_one_is_named_by_its_cause() {
     }
     let found = examine(&mut Wrapped { channel: 2, calls: 0, wrong: sound }, &fixtures());
     assert!(found.len() == 1 && found[0].check == "image" && found[0].says.contains("BGR"), "{found:?}");
+}
+
+/// A sound policy with proposals and a feature, and what is wrong with them.
+struct Told {
+    sideways_m: f64,
+    feature: fn(u8) -> Vec<f32>,
+    ticks: usize,
+    looks: bool,
+}
+
+impl Policy for Told {
+    fn name(&self) -> &str {
+        "told"
+    }
+
+    fn privileged(&self) -> bool {
+        false
+    }
+
+    fn plan(&mut self, seen: &Observation, _: Option<&PrivilegedView>) -> Result<PolicyAnswer, PolicyError> {
+        let red = if self.looks { seen.frames[0][0].rgb()[0] } else { 128 };
+        let plan = &arc(seen.ego.speed_mps, curvature(red))[..self.ticks];
+        let trajectory = evenly_spaced("told", plan, DT)?;
+        let beside = evenly_spaced("told", &each(plan, |x, y, h| (x, y + self.sideways_m, h)), DT)?;
+        Ok(PolicyAnswer { trajectory, proposals: vec![Proposal { trajectory: beside, score: 1.0 }] })
+    }
+
+    fn context(&mut self, _: &[CameraModel], frames: &[RgbImage]) -> Result<Option<Context>, PolicyError> {
+        let values = (self.feature)(frames[0].rgb()[0]);
+        Ok(Some(Context { tokens: Array::new(&[1, values.len()], values), grid: None }))
+    }
+
+    fn restart(&self) -> Restart {
+        Restart::Stateless
+    }
+}
+
+#[test]
+fn proposals_features_and_what_is_worth_a_remark_are_told() {
+    let sound = || Told { sideways_m: 0.0, feature: |red| vec![f32::from(red), 1.0], ticks: 40, looks: true };
+    assert_eq!(examine(&mut sound(), &fixtures()), []);
+    assert_eq!(remarks(&mut sound(), &fixtures()), []);
+    let rows: [(Told, &str, &str); 4] = [
+        (Told { sideways_m: 2.0, ..sound() }, "proposals", "nearest is 2.00 m away"),
+        (Told { feature: |_| vec![1.0], ..sound() }, "feature", "same for every frame"),
+        (Told { feature: |red| vec![1.0; usize::from(red)], ..sound() }, "feature", "has shape [1, 128]"),
+        (Told { feature: |_| vec![f32::NAN], ..sound() }, "feature", "not finite"),
+    ];
+    for (mut policy, check, says) in rows {
+        let found = examine(&mut policy, &fixtures());
+        assert!(found.len() == 1 && found[0].check == check && found[0].says.contains(says), "{check}: {found:?}");
+    }
+    for (mut policy, check, says) in [
+        (Told { ticks: 20, ..sound() }, "horizon", "covers 2.0 s of 4.0 s"),
+        (Told { looks: false, ..sound() }, "image", "does not look at them"),
+    ] {
+        let found = remarks(&mut policy, &fixtures());
+        assert!(found.len() == 1 && found[0].check == check && found[0].says.contains(says), "{check}: {found:?}");
+    }
 }

@@ -1,6 +1,7 @@
 //! What a folder of results was asked for, `benchmark.json`: sets, policies, settings, shard. From it and the manifests
 //! follow all cells; `resume` goes on with it, `merge` compares it, `report` names it.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use ds_space::{Digest, DigestWriter};
@@ -45,6 +46,9 @@ pub struct Place {
     pub model: PathBuf,
     /// Weights of the camera policy.
     pub policy_weights: PathBuf,
+    /// Manifests of policies of one's own, by their names.
+    #[serde(default)]
+    pub manifests: BTreeMap<String, PathBuf>,
     /// Episodes at a time.
     pub workers: u32,
     /// Which recordings stay.

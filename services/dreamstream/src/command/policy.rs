@@ -1,12 +1,13 @@
 //! `policy doctor`: asks a policy about generated states whose expert plan is known, and says what its wrapping gets wrong.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use ds_camera::{Appearance, ReferenceCamera};
-use ds_policy::doctor::{Fixture, examine};
+use ds_policy::doctor::{Finding, Fixture, examine, remarks};
 use ds_policy::driver::Driver;
-use ds_policy::{Builtin, EgoView, Observation};
+use ds_policy::{Builtin, EgoView, Observation, Policy};
 use ds_raster::RgbImage;
 use ds_scenario::{Family, generate};
 use ds_sim::{SimConfig, Simulation};
@@ -15,6 +16,7 @@ use serde_json::json;
 
 use crate::cli::PolicyCommand;
 use crate::command::answer;
+use crate::own;
 
 /// The expert's plan reaches so far, in ticks.
 const HORIZON_TICKS: u32 = 40;
@@ -22,6 +24,8 @@ const HORIZON_TICKS: u32 = 40;
 const FIRST_SEED: u64 = 40_000_000;
 /// So many seeds of each family are looked through for a state of each kind.
 const SEEDS: u64 = 6;
+/// So many calls are timed.
+const TIMED_CALLS: usize = 57;
 /// What the fixtures show.
 const KINDS: [&str; 6] = ["straight", "left", "right", "curve", "stopped at red", "lead braking"];
 
@@ -31,18 +35,35 @@ const KINDS: [&str; 6] = ["straight", "left", "right", "curve", "stopped at red"
 /// If the policy cannot be made, or anything is wrong with it.
 pub(crate) fn run(command: &PolicyCommand) -> Result<()> {
     let PolicyCommand::Doctor { policy: name, policy_weights: weights, json } = command;
-    let mut policy = ds_policy::builtin(name, &Builtin { weights: Some(weights.clone()) })?;
+    let mut policy = match own::manifest(name) {
+        Some(manifest) => Box::new(own::read(&manifest)?) as Box<dyn Policy>,
+        None => ds_policy::builtin(name, &Builtin { weights: Some(weights.clone()) })?,
+    };
     if policy.privileged() {
         bail!("policy {name:?} is privileged: it plans from the scenario, not from what the fixtures show");
     }
     let fixtures = fixtures()?;
     let findings = examine(&mut *policy, &fixtures);
+    let remarks = remarks(&mut *policy, &fixtures);
+    let millis = latency(&mut *policy, &fixtures);
     if *json {
-        let found: Vec<_> = findings.iter().map(|one| json!({ "check": one.check, "says": one.says })).collect();
+        let list =
+            |all: &[Finding]| all.iter().map(|one| json!({ "check": one.check, "says": one.says })).collect::<Vec<_>>();
         let names: Vec<_> = fixtures.iter().map(|fixture| fixture.name.as_str()).collect();
-        answer(&json!({ "policy": name, "fixtures": names, "findings": found }).to_string());
+        let told = json!({
+            "policy": name,
+            "fixtures": names,
+            "findings": list(&findings),
+            "remarks": list(&remarks),
+            "latency_ms": millis.map(|[first, median, longest]| json!({ "first": first, "median": median, "longest": longest })),
+        });
+        answer(&told.to_string());
     } else {
-        findings.iter().for_each(|one| answer(&format!("{:<8} {}", one.check, one.says)));
+        findings.iter().for_each(|one| answer(&format!("{:<9} {}", one.check, one.says)));
+        remarks.iter().for_each(|one| answer(&format!("{:<9} {} (no error)", one.check, one.says)));
+        if let Some([first, median, longest]) = millis {
+            answer(&format!("latency   first call {first:.1} ms, then median {median:.1} ms, longest {longest:.1} ms"));
+        }
         let names: Vec<&str> = fixtures.iter().map(|fixture| fixture.name.as_str()).collect();
         answer(&format!("{} states ({}): {} findings", fixtures.len(), names.join(", "), findings.len()));
     }
@@ -50,6 +71,21 @@ pub(crate) fn run(command: &PolicyCommand) -> Result<()> {
         bail!("policy {name:?}: {} findings", findings.len());
     }
     Ok(())
+}
+
+/// Returns the time of the first call, and the median and longest of those after it, in milliseconds; none for a policy that
+/// does not answer.
+fn latency(policy: &mut dyn Policy, fixtures: &[Fixture]) -> Option<[f64; 3]> {
+    let mut millis = Vec::new();
+    for fixture in fixtures.iter().cycle().take(TIMED_CALLS) {
+        let began = Instant::now();
+        policy.plan(&fixture.observation, None).ok()?;
+        millis.push(began.elapsed().as_secs_f64() * 1e3);
+    }
+    let first = *millis.first()?;
+    let rest = &mut millis[1..];
+    rest.sort_by(f64::total_cmp);
+    Some([first, rest[rest.len() / 2], *rest.last()?])
 }
 
 /// Makes one state of each kind from generated scenarios, with the expert's plan, and the first one in black.

@@ -54,7 +54,10 @@ fn factory(args: &ReplayArgs) -> Result<Box<dyn MakerFactory>> {
         "vdm-worker" => {
             Box::new(vdm_worker::VideoStage::new(args.model.clone(), None).with_backend(args.video_backend))
         }
-        "policy-bridge" => Box::new(policy_bridge::PolicyStage::new(args.policy_weights.clone(), None)),
+        "policy-bridge" => {
+            let stage = policy_bridge::PolicyStage::new(args.policy_weights.clone(), None);
+            Box::new(stage.with_own(&args.manifests)?)
+        }
         other => bail!("unknown service {other:?}"),
     })
 }

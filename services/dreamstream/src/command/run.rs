@@ -43,7 +43,7 @@ pub(crate) async fn drive_all(args: &RunPlan, log: &str) -> Result<Results> {
     let files = shard(scenario::files(&args.scenarios)?, args.shard.as_deref())?;
     let given = request::given(args, &files)?;
     let world = world_of(args, &files)?;
-    let configuration = request::configuration(args, &world, &given);
+    let configuration = request::configuration(args, &world, &given)?;
     let request = request::request(args, &world, given, &configuration, sources(&files, Source::Path)?)?;
     let began = Instant::now();
     args.live.as_deref().map(viewer::reach).transpose()?;
@@ -139,7 +139,7 @@ pub(crate) async fn submit(args: &SubmitArgs) -> Result<()> {
     let began = Instant::now();
     ensure!(run.seal.is_none(), "a sealed run keeps its answer where it drives: use `run`");
     let world = world_of(run, &files)?;
-    let configuration = request::configuration(run, &world, &given);
+    let configuration = request::configuration(run, &world, &given)?;
     let request = request::request(run, &world, given, &configuration, sources(&files, Source::Content)?)?;
     let _held = hold(run)?;
     let ended = drive(request, &args.control.dial()?, None).await?;

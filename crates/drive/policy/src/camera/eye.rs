@@ -30,7 +30,7 @@ pub fn known_camera() -> CameraModel {
 }
 
 /// Looks up frames of a source camera; keeps the look-up table of the last one.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Eye {
     source: Option<CameraModel>,
     /// For each pixel, `samples` source positions (x, y), in pixels; NaN where unseen.
@@ -59,11 +59,22 @@ impl Eye {
         &mut self,
         pairs: impl Iterator<Item = (&'a CameraModel, &'a RgbImage)>,
     ) -> Result<Array, PolicyError> {
-        let (camera, frame) = forward_frame(pairs)?;
-        let seen = self.look(camera, frame);
+        let seen = self.ahead(pairs)?;
         let mut pixels = Vec::with_capacity(seen.rgb().len());
         normalise_into(seen.rgb(), &mut pixels);
         Ok(Array::new(&[1, HEIGHT_PX, WIDTH_PX, 3], pixels))
+    }
+
+    /// Returns the forward camera's frame as the known camera would have seen it.
+    ///
+    /// # Errors
+    /// [`PolicyError::Observation`] if no camera looks ahead.
+    pub fn ahead<'a>(
+        &mut self,
+        pairs: impl Iterator<Item = (&'a CameraModel, &'a RgbImage)>,
+    ) -> Result<RgbImage, PolicyError> {
+        let (camera, frame) = forward_frame(pairs)?;
+        Ok(self.look(camera, frame))
     }
 
     /// Returns the frame as the known camera would have seen it.

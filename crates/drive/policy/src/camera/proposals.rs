@@ -134,7 +134,7 @@ pub fn poses_at_ticks(speed_mps: f64, knots: &[PoseSe2; KNOTS], ticks: u32, dt: 
 fn pose_at(speed_mps: f64, knots: &[PoseSe2; KNOTS], after_secs: f64) -> PoseSe2 {
     let end_secs = KNOT_SECS * KNOTS as f64;
     if after_secs > end_secs {
-        return continued(&knots[KNOTS - 2], &knots[KNOTS - 1], after_secs - end_secs);
+        return continued((&knots[KNOTS - 2], &knots[KNOTS - 1]), KNOT_SECS, after_secs - end_secs);
     }
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and the number of knots")]
     let segment = ((after_secs / KNOT_SECS - 1e-9) as usize).min(KNOTS - 1);
@@ -155,9 +155,10 @@ fn pose_at(speed_mps: f64, knots: &[PoseSe2; KNOTS], after_secs: f64) -> PoseSe2
     PoseSe2 { position, heading_rad: angle::wrap(from.heading_rad + share * turn) }
 }
 
-fn continued(before: &PoseSe2, last: &PoseSe2, beyond_secs: f64) -> PoseSe2 {
-    let speed_mps = before.position.distance(last.position) / KNOT_SECS;
-    let rate = angle::turn(before.heading_rad, last.heading_rad) / KNOT_SECS;
+/// Returns the pose some time after the last of two, which lie `spacing_secs` apart, at their speed and curvature.
+pub(crate) fn continued((before, last): (&PoseSe2, &PoseSe2), spacing_secs: f64, beyond_secs: f64) -> PoseSe2 {
+    let speed_mps = before.position.distance(last.position) / spacing_secs;
+    let rate = angle::turn(before.heading_rad, last.heading_rad) / spacing_secs;
     let most = MOST_YAW_RATE_RADPS.min(speed_mps * 0.2);
     let turn = rate.clamp(-most, most) * beyond_secs;
     let way_m = speed_mps * beyond_secs;

@@ -1,16 +1,18 @@
 //! From arguments to the sheet of a benchmark: names with the digests of what stands behind them, and how much it is.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use ds_benchmark::{Manifest, Named, Place, Settings, Shard, Sheet};
-use ds_policy::Learned;
+use ds_policy::{Learned, Policy};
 use ds_space::{Digest, DigestWriter};
 use ds_topic::ObservationSource;
 
 use super::Ended;
 use crate::cli::CellArgs;
 use crate::command::answer;
+use crate::own;
 use ds_process::shipped;
 
 /// Reads manifests, with the folder of each.
@@ -35,10 +37,17 @@ pub(super) fn manifests(paths: &[PathBuf]) -> Result<(Vec<Manifest>, Vec<PathBuf
 /// Returns the sheet that arguments ask for, over all shards, and its sets.
 ///
 /// # Errors
-/// If a manifest or a file of weights is refused.
+/// If a manifest, of a set or of a policy, or a file of weights is refused.
 pub(super) fn sheet(args: &CellArgs) -> Result<(Sheet, Vec<Manifest>)> {
     let (sets, folders) = manifests(&args.manifests)?;
+    let mut manifests = BTreeMap::new();
     let policy = |name: &String| -> Result<Named> {
+        if let Some(manifest) = own::manifest(name) {
+            let own = own::seeing(&manifest, args.history)?;
+            let path = std::fs::canonicalize(&manifest).with_context(|| format!("path of {name}"))?;
+            manifests.insert(own.name().to_owned(), path);
+            return Ok(Named { name: own.name().to_owned(), digest: own.digest().to_string() });
+        }
         let weights = Learned::of(name).map(|learned| learned.weights_file(&args.policy_weights));
         let digest = weights.map(|weights| of_files(&[&weights])).transpose()?.unwrap_or_default();
         Ok(Named { name: name.clone(), digest })
@@ -49,9 +58,10 @@ pub(super) fn sheet(args: &CellArgs) -> Result<(Sheet, Vec<Manifest>)> {
         let shown = *source == ObservationSource::Dreamstream;
         Ok(Named { name: source.name().to_owned(), digest: if shown { of_files(&existing)? } else { String::new() } })
     };
+    let policies = args.policies.iter().map(policy).collect::<Result<_>>()?;
     let sheet = Sheet {
         sets: sets.iter().map(|set| Named { name: set.name.clone(), digest: set.digest.clone() }).collect(),
-        policies: args.policies.iter().map(policy).collect::<Result<_>>()?,
+        policies,
         observations: args.observations.iter().map(observation).collect::<Result<_>>()?,
         agents: args.agents.iter().map(|mode| mode.name().to_owned()).collect(),
         scorers: args.scorers.iter().map(|scorer| scorer.name().to_owned()).collect(),
@@ -69,6 +79,7 @@ pub(super) fn sheet(args: &CellArgs) -> Result<(Sheet, Vec<Manifest>)> {
             folders,
             model: args.model.clone(),
             policy_weights: args.policy_weights.clone(),
+            manifests,
             ..Place::default()
         },
         ..Sheet::new(env!("CARGO_PKG_VERSION"))

@@ -33,6 +33,7 @@ use crate::command::run::{Source, request, sources};
 use crate::command::{answer, bar};
 use crate::embed::{self, Fleet};
 use crate::fleet::{FleetPlan, workers};
+use crate::own;
 
 /// How long the services of a fleet may take to end.
 const DRAIN_WITHIN: Duration = Duration::from_secs(5);
@@ -92,10 +93,20 @@ pub(super) fn resume(out: &Path, (shard, by): (Option<&str>, Option<u32>), done:
     go_on(&held, out, (&sheet, &sets), done)
 }
 
+/// Returns the policies that connect from outside.
+fn outside(sheet: &Sheet) -> impl Iterator<Item = &str> {
+    let names = sheet.policies.iter().map(|policy| policy.name.as_str());
+    names.filter(|name| !is_builtin(name) && !sheet.place.manifests.contains_key(*name))
+}
+
 /// Refuses what a fleet would only refuse once it is under way.
 fn check(sheet: &Sheet) -> Result<()> {
-    let outside: Vec<&str> =
-        sheet.policies.iter().map(|policy| policy.name.as_str()).filter(|name| !is_builtin(name)).collect();
+    for (name, manifest) in &sheet.place.manifests {
+        let found = own::read(manifest)?.digest().to_string();
+        let meant = sheet.policies.iter().any(|policy| policy.name == *name && policy.digest == found);
+        ensure!(meant, "policy {name:?}: {} or its network is not what the benchmark began with", manifest.display());
+    }
+    let outside: Vec<&str> = outside(sheet).collect();
     match (outside.as_slice(), &sheet.place.policy_listen) {
         ([], None) | ([_], Some(_)) => Ok(()),
         ([], Some(listen)) => bail!("--policy-listen {listen} is for an external policy, and all are built in"),
@@ -224,11 +235,11 @@ impl Group<'_> {
     async fn drive(&self, due: Vec<Due>, writer: &mut Writer) -> Result<Option<usize>> {
         let Some(first) = due.first() else { return Ok(Some(0)) };
         let mut whole = self.plan(first)?;
-        let mut names = self.sheet.policies.iter().map(|policy| policy.name.as_str());
-        if let Some(name) = names.find(|name| !is_builtin(name)) {
+        if let Some(name) = outside(self.sheet).next() {
             name.clone_into(&mut whole.policy);
         }
-        let mut fleet = embed::start(&FleetPlan::of(&whole, due.len())?).await?;
+        let manifests = self.sheet.place.manifests.values().cloned().collect();
+        let mut fleet = embed::start(&FleetPlan { manifests, ..FleetPlan::of(&whole, due.len())? }).await?;
         let control = Dial::local(&fleet.control)?;
         let outcome = tokio::select! {
             outcome = self.feed(due, &control, writer) => outcome.map(Some),

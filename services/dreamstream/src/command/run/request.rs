@@ -16,6 +16,7 @@ use ds_wire::control as pb;
 use orchestrator::Conditioning;
 
 use crate::cli::{Align, Observation, RunPlan};
+use crate::own;
 
 /// Checks the names, and the policy's weights, that the orchestrator or a stage would only refuse once everything is under
 /// way.
@@ -25,10 +26,13 @@ use crate::cli::{Align, Observation, RunPlan};
 /// the policy cannot be used.
 pub(crate) fn known(args: &RunPlan) -> Result<()> {
     let outside = args.policy_listen.is_some() || args.stages.iter().any(|stage| stage.trim().starts_with("policy="));
-    if !outside && !is_builtin(&args.policy) {
+    if let Some(manifest) = own::manifest(&args.policy) {
+        own::check(&manifest, args)?;
+    } else if !outside && !is_builtin(&args.policy) {
         let says = format!(
-            "there is no policy {:?}: built in are {}; an external one connects with --policy-listen ENDPOINT, such as \
-             tcp/127.0.0.1:7448 (`python -m dreamstream run FILE:CLASS --name {0} --connect ENDPOINT`)",
+            "there is no policy {:?}: built in are {}; an ONNX network is named by its manifest, such as mine.toml; an \
+             external policy connects with --policy-listen ENDPOINT, such as tcp/127.0.0.1:7448 (`python -m dreamstream run \
+             FILE:CLASS --name {0} --connect ENDPOINT`)",
             args.policy,
             NAMES.map(|(name, _)| name).join(", ")
         );
@@ -92,7 +96,7 @@ pub(crate) fn request(
     Ok(pb::SubmitRequest {
         client_id: format!("run-{}", &configuration.to_string()[..16]),
         scenarios,
-        policies: vec![args.policy.clone()],
+        policies: vec![own::name(&args.policy)?],
         observations: vec![pb::ObservationSource::from(source(args)).into()],
         appearances: vec![args.appearance.clone()],
         seeds: args.seed.clone(),
@@ -124,8 +128,14 @@ fn scorer(args: &RunPlan) -> ProposalScorer {
 }
 
 /// Returns the digest over all settings that a result depends on, names of scenarios included, folders not.
-pub(crate) fn configuration(args: &RunPlan, world: &RunConfig, given: &pb::RunSettings) -> Digest {
+///
+/// # Errors
+/// If the manifest of a policy is refused.
+pub(crate) fn configuration(args: &RunPlan, world: &RunConfig, given: &pb::RunSettings) -> Result<Digest> {
     let mut writer = DigestWriter::new();
+    if let Some(manifest) = own::manifest(&args.policy) {
+        writer.digest(own::read(&manifest)?.digest());
+    }
     writer.text(&args.policy).u32(args.observation as u32).u32(args.replan).f64(args.horizon).u32(args.history);
     writer
         .f64(args.duration)
@@ -163,5 +173,5 @@ pub(crate) fn configuration(args: &RunPlan, world: &RunConfig, given: &pb::RunSe
     for frame in &given.first_frames {
         writer.text(&frame.camera).digest(&Digest::of(&frame.image));
     }
-    writer.bool(args.vehicle_log).finish()
+    Ok(writer.bool(args.vehicle_log).finish())
 }

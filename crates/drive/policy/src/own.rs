@@ -1,0 +1,279 @@
+//! A policy of one's own: a network of others, wrapped as its manifest says.
+//!
+//! Frames, motion and command become the inputs that [`ds_onnx::Manifest`] names, and its outputs poses of the rear axle in
+//! the rig frame of now: metres and radians, x forward, y left. A plan is handed on as the network gave it, pose by pose;
+//! where it ends before the asked horizon it goes on as the manifest says.
+
+use std::path::Path;
+
+use ds_nn::Array;
+use ds_onnx::manifest::{Angle, Axes, Beyond, Camera, Colour, Direction, Layout, Resize, StateField};
+use ds_onnx::manifest::{ImageSection, PlanSection};
+use ds_onnx::{Manifest, Network, OnnxError};
+use ds_raster::RgbImage;
+use ds_space::{CameraModel, DVec2, Digest, PoseSe2, SimTime};
+use ds_world::{Proposal, RouteCommand, Trajectory, TrajectoryPoint};
+
+use crate::camera::eye::Eye;
+use crate::camera::proposals::continued;
+use crate::error::PolicyError;
+use crate::observation::{EgoView, Observation, PrivilegedView};
+use crate::plan::PolicyAnswer;
+use crate::{Context, Policy, Restart};
+
+/// Shorter steps than this do not say where a car points, in metres.
+const STEP_M: f64 = 0.02;
+
+/// Drives by a network of others; copies share it.
+#[derive(Debug, Clone)]
+pub struct Own {
+    manifest: Manifest,
+    network: Network,
+    digest: Digest,
+    eye: Eye,
+}
+
+impl Own {
+    /// Reads a manifest and its network.
+    ///
+    /// # Errors
+    /// [`OnnxError`] names what is wrong with either.
+    pub fn read(manifest: &Path) -> Result<Self, OnnxError> {
+        let manifest = Manifest::read(manifest)?;
+        let network = manifest.network()?;
+        let digest = manifest.digest(&network)?;
+        Ok(Self { manifest, network, digest, eye: Eye::default() })
+    }
+
+    /// Returns the digest of manifest and network.
+    #[must_use]
+    pub fn digest(&self) -> &Digest {
+        &self.digest
+    }
+
+    /// Returns how many frames the network sees.
+    #[must_use]
+    pub fn history(&self) -> u32 {
+        self.manifest.image.as_ref().map_or(1, |image| image.history)
+    }
+
+    fn ask(
+        &mut self,
+        views: &[(&CameraModel, &[RgbImage])],
+        ego: &EgoView,
+        command: RouteCommand,
+    ) -> Result<Vec<Array>, PolicyError> {
+        let mut inputs = Vec::new();
+        if let Some(image) = &self.manifest.image {
+            inputs.push(pixels(image, &frames(image, &mut self.eye, views)?));
+        }
+        if let Some(state) = &self.manifest.state {
+            let scales = state.scale.iter().copied().chain(std::iter::repeat(1.0));
+            let values = state.fields.iter().zip(scales).map(|(field, scale)| scale * number(*field, ego, command));
+            inputs.push(Array::new(&[1, state.fields.len()], values.collect()));
+        }
+        if let Some(section) = &self.manifest.command {
+            let values = section.one_hot.iter().map(|direction| f32::from(u8::from(is(*direction, command))));
+            inputs.push(Array::new(&[1, section.one_hot.len()], values.collect()));
+        }
+        Ok(self.network.answer(&inputs)?)
+    }
+
+    fn trajectory(&self, poses: &[f32], columns: usize, observation: &Observation) -> Result<Trajectory, PolicyError> {
+        let plan = &self.manifest.plan;
+        let horizon = SimTime(observation.dt.0 * i64::from(observation.horizon_ticks));
+        let points = points(plan, &poses_of(plan, poses, columns), horizon);
+        Trajectory::new(points).map_err(|source| PolicyError::Plan { name: self.manifest.policy.name.clone(), source })
+    }
+}
+
+impl Policy for Own {
+    fn name(&self) -> &str {
+        &self.manifest.policy.name
+    }
+
+    fn privileged(&self) -> bool {
+        false
+    }
+
+    fn plan(&mut self, observation: &Observation, _: Option<&PrivilegedView>) -> Result<PolicyAnswer, PolicyError> {
+        observation.check()?;
+        let views: Vec<_> = observation.cameras.iter().zip(observation.frames.iter().map(Vec::as_slice)).collect();
+        let outputs = self.ask(&views, &observation.ego, observation.command)?;
+        let columns = |output: &Array| output.shape().last().copied().unwrap_or(1);
+        let trajectory = self.trajectory(outputs[0].values(), columns(&outputs[0]), observation)?;
+        let mut proposals = Vec::new();
+        if self.manifest.proposals.is_some() {
+            let (poses, scores) = (&outputs[1], &outputs[2]);
+            let size = poses.values().len() / scores.values().len();
+            for (poses, score) in outputs[1].values().chunks_exact(size).zip(scores.values()) {
+                if !score.is_finite() {
+                    let problem = format!("gives a score of {score}");
+                    return Err(PolicyError::Answer { name: self.manifest.policy.name.clone(), problem });
+                }
+                let trajectory = self.trajectory(poses, columns(&outputs[1]), observation)?;
+                proposals.push(Proposal { trajectory, score: f64::from(*score) });
+            }
+        }
+        Ok(PolicyAnswer { trajectory, proposals })
+    }
+
+    /// The feature that the manifest names; the state is that of a car that stands still.
+    fn context(&mut self, cameras: &[CameraModel], frames: &[RgbImage]) -> Result<Option<Context>, PolicyError> {
+        if self.manifest.feature.is_none() {
+            return Ok(None);
+        }
+        let views: Vec<_> = cameras.iter().zip(frames.iter().map(std::slice::from_ref)).collect();
+        let outputs = self.ask(&views, &EgoView::default(), RouteCommand::Straight)?;
+        let feature = outputs.into_iter().next_back().unwrap_or_default();
+        let channels = feature.shape().last().copied().unwrap_or(1).max(1);
+        let tokens = feature.values().len() / channels;
+        Ok(Some(Context { tokens: Array::new(&[tokens, channels], feature.into_values()), grid: None }))
+    }
+
+    fn restart(&self) -> Restart {
+        Restart::Stateless
+    }
+}
+
+/// Returns the frames that a network sees, oldest first, the oldest again where there are too few.
+fn frames(
+    image: &ImageSection,
+    eye: &mut Eye,
+    views: &[(&CameraModel, &[RgbImage])],
+) -> Result<Vec<RgbImage>, PolicyError> {
+    let seen = views.iter().map(|(_, frames)| frames.len()).min().unwrap_or_default();
+    let wanted = image.history as usize;
+    let mut shown = Vec::with_capacity(wanted);
+    for place in 0..wanted {
+        // The newest comes last.
+        let index = (seen + place).saturating_sub(wanted).min(seen.saturating_sub(1));
+        let frame = match &image.camera {
+            Camera::Known => eye.ahead(views.iter().map(|(camera, frames)| (*camera, &frames[index])))?,
+            Camera::Raw(id) => {
+                let view = views.iter().find(|(camera, _)| camera.id.as_str() == id);
+                view.map(|(_, frames)| frames[index].clone()).ok_or_else(|| absent(id, views))?
+            }
+        };
+        shown.push(sized(image, &frame));
+    }
+    Ok(shown)
+}
+
+fn absent(id: &str, views: &[(&CameraModel, &[RgbImage])]) -> PolicyError {
+    let known: Vec<&str> = views.iter().map(|(camera, _)| camera.id.as_str()).collect();
+    let problem = format!("has no camera {id:?}, which the manifest names; there are {}", known.join(", "));
+    PolicyError::Observation { field: "cameras", problem }
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "sides are at most 4096")]
+fn sized(image: &ImageSection, frame: &RgbImage) -> RgbImage {
+    let [width_px, height_px] = image.size_px.map(|side| side as u32);
+    if image.resize == Resize::Area {
+        return frame.resized(width_px, height_px);
+    }
+    let (across, down) = (f64::from(frame.width_px()), f64::from(frame.height_px()));
+    let scale = (across / f64::from(width_px)).min(down / f64::from(height_px));
+    let size = [width_px, height_px].map(|side| ((f64::from(side) * scale).round() as u32).max(1));
+    let [left_px, top_px] =
+        [(frame.width_px(), size[0]), (frame.height_px(), size[1])].map(|(all, part)| all.saturating_sub(part) / 2);
+    frame.part([left_px, top_px], size).resized(width_px, height_px)
+}
+
+/// Returns the image input.
+fn pixels(image: &ImageSection, frames: &[RgbImage]) -> Array {
+    let colours: [usize; 3] = if image.colour == Colour::Rgb { [0, 1, 2] } else { [2, 1, 0] };
+    let value = |frame: &RgbImage, pixel: usize, place: usize| {
+        let byte = f32::from(frame.rgb()[3 * pixel + colours[place]]);
+        (byte * image.scale - image.mean[place]) / image.std[place]
+    };
+    let [width, height] = image.size_px;
+    let mut values = Vec::with_capacity(3 * frames.len() * width * height);
+    if image.layout == Layout::Nhwc {
+        for pixel in 0..width * height {
+            values.extend(frames.iter().flat_map(|frame| [0, 1, 2].map(|place| value(frame, pixel, place))));
+        }
+    } else {
+        for frame in frames {
+            for place in 0..3 {
+                values.extend((0..width * height).map(|pixel| value(frame, pixel, place)));
+            }
+        }
+    }
+    Array::new(&image.shape(), values)
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "inputs are single precision")]
+fn number(field: StateField, ego: &EgoView, command: RouteCommand) -> f32 {
+    let says = |wanted| f64::from(u8::from(command == wanted));
+    let number = match field {
+        StateField::SpeedMps => ego.speed_mps,
+        StateField::AccelerationForwardMps2 => ego.acceleration_mps2.x,
+        StateField::AccelerationLeftMps2 => ego.acceleration_mps2.y,
+        StateField::YawRateRadps => ego.yaw_rate_radps,
+        StateField::SteeringRad => ego.steering_rad,
+        StateField::CommandLeft => says(RouteCommand::Left),
+        StateField::CommandStraight => says(RouteCommand::Straight),
+        StateField::CommandRight => says(RouteCommand::Right),
+        StateField::Zero => 0.0,
+    };
+    number as f32
+}
+
+fn is(direction: Direction, command: RouteCommand) -> bool {
+    match direction {
+        Direction::Left => command == RouteCommand::Left,
+        Direction::Straight => command == RouteCommand::Straight,
+        Direction::Right => command == RouteCommand::Right,
+        Direction::Unknown => false,
+    }
+}
+
+/// Returns the poses of a plan's numbers, in the rig frame of now.
+fn poses_of(plan: &PlanSection, numbers: &[f32], columns: usize) -> Vec<PoseSe2> {
+    let ahead_m = plan.origin_ahead_m;
+    let (mut before, mut pointing) = (DVec2::new(ahead_m, 0.0), 0.0);
+    let pose = |numbers: &[f32]| {
+        let [a, b] = [0, 1].map(|column| f64::from(numbers[column]));
+        let (position, hand) = match plan.axes {
+            Axes::ForwardLeft => (DVec2::new(a, b), 1.0),
+            Axes::ForwardRight => (DVec2::new(a, -b), -1.0),
+            Axes::LeftForward => (DVec2::new(b, a), 1.0),
+            Axes::RightForward => (DVec2::new(b, -a), -1.0),
+        };
+        let position = position + DVec2::new(ahead_m, 0.0);
+        let step = position - before;
+        let heading_rad = match numbers.get(2) {
+            Some(third) if plan.angle == Angle::Degrees => hand * f64::from(*third).to_radians(),
+            Some(third) => hand * f64::from(*third),
+            None if step.length() > STEP_M => step.y.atan2(step.x),
+            None => pointing,
+        };
+        (before, pointing) = (position, heading_rad);
+        let axle = position - ahead_m * DVec2::from_angle(heading_rad);
+        // As given: a heading that is wrapped would hide a wrong unit.
+        PoseSe2 { position: axle, heading_rad }
+    };
+    numbers.chunks_exact(columns).map(pose).collect()
+}
+
+/// Returns the points of a plan, gone on to the horizon.
+fn points(plan: &PlanSection, poses: &[PoseSe2], horizon: SimTime) -> Vec<TrajectoryPoint> {
+    let spacing = SimTime::from_secs(plan.spacing_s);
+    // A pose at now says nothing.
+    let ahead = if plan.first_s == 0.0 { &poses[1.min(poses.len())..] } else { poses };
+    let point = |(index, pose): (i64, &PoseSe2)| TrajectoryPoint { after: SimTime(spacing.0 * index), pose: *pose };
+    let mut points: Vec<TrajectoryPoint> = (1..).zip(ahead).map(point).collect();
+    let (Some(last), Beyond::Curvature) = (points.last().copied(), plan.beyond) else { return points };
+    let before = points.len().checked_sub(2).map_or(PoseSe2::default(), |index| points[index].pose);
+    let steps = (1..).map(|step| SimTime(spacing.0 * step));
+    let due = steps.take_while(|beyond| last.after + *beyond < horizon + spacing);
+    points.extend(due.map(|beyond| TrajectoryPoint {
+        after: last.after + beyond,
+        pose: continued((&before, &last.pose), plan.spacing_s, beyond.secs()),
+    }));
+    points
+}
+
+#[cfg(test)]
+mod tests;

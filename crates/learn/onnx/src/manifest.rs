@@ -1,0 +1,454 @@
+//! What a network of others takes and gives: names, shapes, units and axes, read from TOML and checked.
+
+use std::path::{Path, PathBuf};
+
+use ds_space::Digest;
+use serde::Deserialize;
+
+use crate::error::OnnxError;
+use crate::network::{Named, Network};
+
+/// The form that this reader knows.
+const VERSION: u32 = 1;
+/// No frame has a longer side, in pixels.
+const MOST_SIDE_PX: usize = 4096;
+/// No network sees more frames.
+const MOST_HISTORY: u32 = 64;
+
+/// A policy of one's own.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    version: u32,
+    /// Name and file.
+    pub policy: PolicySection,
+    /// The frames, if the network sees any.
+    pub image: Option<ImageSection>,
+    /// What the car knows of its motion.
+    pub state: Option<StateSection>,
+    /// What the navigation says.
+    pub command: Option<CommandSection>,
+    /// The answer.
+    pub plan: PlanSection,
+    /// All candidates.
+    pub proposals: Option<ProposalsSection>,
+    /// What the network attends to.
+    pub feature: Option<FeatureSection>,
+    /// Where it was read from.
+    #[serde(skip)]
+    path: PathBuf,
+}
+
+/// `[policy]`
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PolicySection {
+    /// The policy's name in results.
+    pub name: String,
+    /// The network's file, beside the manifest.
+    pub file: PathBuf,
+    /// The digest of the network, if it is to be no other: see [`Network::digest`].
+    pub digest: Option<String>,
+}
+
+/// `[image]`
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ImageSection {
+    /// The input's name.
+    pub input: String,
+    /// Width and height, in pixels.
+    pub size_px: [usize; 2],
+    /// Order of the axes.
+    #[serde(default)]
+    pub layout: Layout,
+    /// Order of the colours.
+    #[serde(default)]
+    pub colour: Colour,
+    /// What 8-bit values are multiplied with.
+    #[serde(default = "unit")]
+    pub scale: f32,
+    /// Taken off after that, by colour in the order of the network.
+    #[serde(default)]
+    pub mean: [f32; 3],
+    /// Divided by after that, by colour in the order of the network.
+    #[serde(default = "ones")]
+    pub std: [f32; 3],
+    /// How many frames, the newest last.
+    #[serde(default = "one")]
+    pub history: u32,
+    /// Which camera.
+    #[serde(default)]
+    pub camera: Camera,
+    /// How a frame is brought to the size.
+    #[serde(default)]
+    pub resize: Resize,
+}
+
+/// The order of an image's axes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+pub enum Layout {
+    /// [1, frames · 3, height, width]
+    #[default]
+    #[serde(rename = "NCHW")]
+    Nchw,
+    /// [1, height, width, frames · 3]
+    #[serde(rename = "NHWC")]
+    Nhwc,
+    /// [1, frames, 3, height, width]
+    #[serde(rename = "NTCHW")]
+    Ntchw,
+}
+
+/// The order of an image's colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+pub enum Colour {
+    /// Red first.
+    #[default]
+    #[serde(rename = "RGB")]
+    Rgb,
+    /// Blue first.
+    #[serde(rename = "BGR")]
+    Bgr,
+}
+
+/// The camera that a network looks through.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Camera {
+    /// The one known camera of the built-in policies, into which the forward camera is brought.
+    #[default]
+    Known,
+    /// A camera of the scenario by its id, as it is.
+    Raw(String),
+}
+
+/// How a frame is brought to the size of the network.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Resize {
+    /// Means over areas, width and height each for itself.
+    #[default]
+    Area,
+    /// The largest part of the middle that has the network's proportions, then means over areas.
+    Crop,
+}
+
+/// `[state]`
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StateSection {
+    /// The input's name; [1, fields].
+    pub input: String,
+    /// What stands in it.
+    pub fields: Vec<StateField>,
+    /// What each is multiplied with; 1 where the list is left out.
+    #[serde(default)]
+    pub scale: Vec<f32>,
+}
+
+/// One number of the state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StateField {
+    /// Forward speed, in metres per second.
+    SpeedMps,
+    /// Forward acceleration, in metres per second squared.
+    AccelerationForwardMps2,
+    /// Acceleration to the left, in metres per second squared.
+    AccelerationLeftMps2,
+    /// Yaw rate, left positive, in radians per second.
+    YawRateRadps,
+    /// Road-wheel angle, left positive, in radians.
+    SteeringRad,
+    /// 1 if the command is to turn left.
+    CommandLeft,
+    /// 1 if the command is to follow the road.
+    CommandStraight,
+    /// 1 if the command is to turn right.
+    CommandRight,
+    /// 0: what the network asks for and no car knows.
+    Zero,
+}
+
+/// `[command]`
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CommandSection {
+    /// The input's name; [1, directions].
+    pub input: String,
+    /// Which direction each place stands for.
+    pub one_hot: Vec<Direction>,
+}
+
+/// A direction of the navigation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Direction {
+    /// To the left.
+    Left,
+    /// Along the road.
+    Straight,
+    /// To the right.
+    Right,
+    /// Never said here.
+    Unknown,
+}
+
+/// `[plan]`
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlanSection {
+    /// The output's name; its last side holds 2 or 3 numbers, the one before it the poses, all others are 1.
+    pub output: String,
+    /// When the first pose is due, in seconds: 0, or `spacing_s`.
+    pub first_s: f64,
+    /// Time between poses, in seconds.
+    pub spacing_s: f64,
+    /// What the first two numbers of a pose are.
+    #[serde(default)]
+    pub axes: Axes,
+    /// The unit of the third.
+    #[serde(default)]
+    pub angle: Angle,
+    /// How far before the rear axle the poses lie, in metres: 0 for poses of the rear axle.
+    #[serde(default)]
+    pub origin_ahead_m: f64,
+    /// How a plan goes on that ends before the asked horizon.
+    #[serde(default)]
+    pub beyond: Beyond,
+}
+
+/// What the first two numbers of a pose are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Axes {
+    /// Forward, left.
+    #[default]
+    ForwardLeft,
+    /// Forward, right; headings turn right.
+    ForwardRight,
+    /// Left, forward; headings from straight on, left positive.
+    LeftForward,
+    /// Right, forward; headings from straight on, right positive.
+    RightForward,
+}
+
+/// The unit of headings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+pub enum Angle {
+    /// Radians.
+    #[default]
+    #[serde(rename = "rad")]
+    Radians,
+    /// Degrees.
+    #[serde(rename = "deg")]
+    Degrees,
+}
+
+/// How a plan goes on that ends early.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Beyond {
+    /// At the last speed and curvature.
+    #[default]
+    Curvature,
+    /// Not at all: the last pose is held.
+    Hold,
+}
+
+/// `[proposals]`
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProposalsSection {
+    /// The output with the poses, as of the plan, with one more side before them: [.., proposals, poses, 2 or 3].
+    pub poses: String,
+    /// The output with a score each, larger being better: [.., proposals].
+    pub scores: String,
+}
+
+/// `[feature]`
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FeatureSection {
+    /// The output: [.., tokens, channels] or [1, channels].
+    pub output: String,
+}
+
+const fn unit() -> f32 {
+    1.0
+}
+
+const fn ones() -> [f32; 3] {
+    [1.0; 3]
+}
+
+const fn one() -> u32 {
+    1
+}
+
+impl Manifest {
+    /// Reads a manifest; the network is not touched.
+    ///
+    /// # Errors
+    /// [`OnnxError`] names the field and its value.
+    pub fn read(path: &Path) -> Result<Self, OnnxError> {
+        let name = path.display().to_string();
+        let text = std::fs::read_to_string(path).map_err(|source| OnnxError::Read { path: name.clone(), source })?;
+        let manifest: Self =
+            toml::from_str(&text).map_err(|source| OnnxError::Form { path: name, source: Box::new(source) })?;
+        let manifest = Self { path: path.to_path_buf(), ..manifest };
+        manifest.check().map_err(|(field, problem)| OnnxError::Field { field: field.to_owned(), problem })?;
+        Ok(manifest)
+    }
+
+    fn check(&self) -> Result<(), (&'static str, String)> {
+        let (policy, plan) = (&self.policy, &self.plan);
+        let word = |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || "-_.".contains(letter);
+        let plain = (1..=64).contains(&policy.name.len()) && policy.name.chars().all(word);
+        let whole = |positive: f64| positive.is_finite() && positive > 0.0;
+        let rules = [
+            (self.version == VERSION, "version", format!("is {}, known is {VERSION}", self.version)),
+            (plain, "policy.name", format!("is {:?}: 1 to 64 of a-z, 0-9, - _ . are allowed", policy.name)),
+            (whole(plan.spacing_s), "plan.spacing_s", format!("is {}, it must be positive", plan.spacing_s)),
+            (
+                plan.first_s == 0.0 || (plan.first_s - plan.spacing_s).abs() < 1e-9,
+                "plan.first_s",
+                format!("is {}, it must be 0 (poses start at now) or plan.spacing_s", plan.first_s),
+            ),
+            (
+                plan.origin_ahead_m.abs() < 10.0,
+                "plan.origin_ahead_m",
+                format!("is {}, it must be within 10 m of the rear axle", plan.origin_ahead_m),
+            ),
+        ];
+        if let Some((_, field, problem)) = rules.into_iter().find(|(kept, ..)| !kept) {
+            return Err((field, problem));
+        }
+        self.image.as_ref().map_or(Ok(()), ImageSection::check)?;
+        self.state.as_ref().map_or(Ok(()), StateSection::check)?;
+        let directions = self.command.as_ref().is_none_or(|command| !command.one_hot.is_empty());
+        if directions { Ok(()) } else { Err(("command.one_hot", "is empty".to_owned())) }
+    }
+
+    /// Returns where the manifest was read from.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Returns the inputs of the network: image, state and command, those that there are.
+    #[must_use]
+    pub fn inputs(&self) -> Vec<Named> {
+        let image = self.image.as_ref().map(|image| Named { name: image.input.clone(), shape: image.shape() });
+        let state = self.state.as_ref();
+        let state = state.map(|state| Named { name: state.input.clone(), shape: vec![1, state.fields.len()] });
+        let command = self.command.as_ref();
+        let command = command.map(|of| Named { name: of.input.clone(), shape: vec![1, of.one_hot.len()] });
+        image.into_iter().chain(state).chain(command).collect()
+    }
+
+    /// Reads the network and checks that its outputs are what the manifest says: the plan, then poses and scores of the
+    /// proposals, then the feature, those that there are.
+    ///
+    /// # Errors
+    /// [`OnnxError`] names what does not fit.
+    pub fn network(&self) -> Result<Network, OnnxError> {
+        let proposals = self.proposals.iter().flat_map(|proposals| [&proposals.poses, &proposals.scores]);
+        let feature = self.feature.iter().map(|feature| &feature.output);
+        let names: Vec<String> = std::iter::once(&self.plan.output).chain(proposals).chain(feature).cloned().collect();
+        let path = self.path.with_file_name(&self.policy.file);
+        let network = Network::read(&path, &self.inputs(), &names)?;
+        let found = network.digest().to_string();
+        if let Some(expected) = self.policy.digest.clone().filter(|expected| *expected != found) {
+            return Err(OnnxError::Digest { path: path.display().to_string(), found, expected });
+        }
+        self.check_outputs(network.outputs()).map_err(|(output, problem)| OnnxError::Shape {
+            path: path.display().to_string(),
+            problem: format!("output {output:?} {problem}"),
+        })?;
+        Ok(network)
+    }
+
+    /// Returns the digest of manifest and network, by which a result says what made it.
+    ///
+    /// # Errors
+    /// If the manifest's file is gone.
+    pub fn digest(&self, network: &Network) -> Result<Digest, OnnxError> {
+        let read = std::fs::read(&self.path);
+        let bytes = read.map_err(|source| OnnxError::Read { path: self.path.display().to_string(), source })?;
+        let mut writer = ds_space::DigestWriter::new();
+        writer.digest(&Digest::of(&bytes)).digest(network.digest());
+        Ok(writer.finish())
+    }
+
+    fn check_outputs(&self, shapes: &[Vec<usize>]) -> Result<(), (String, String)> {
+        let plan = &shapes[0];
+        let poses = |shape: &[usize], before: usize| match shape {
+            [outer @ .., poses, 2 | 3] if *poses > 0 => outer.iter().product::<usize>() == before,
+            _ => false,
+        };
+        if !poses(plan, 1) {
+            let says = format!("has shape {plan:?}; a plan is [.., poses, 2 or 3] with sides of 1 before");
+            return Err((self.plan.output.clone(), says));
+        }
+        if let Some(proposals) = &self.proposals {
+            let (candidates, scores) = (&shapes[1], &shapes[2]);
+            let number: usize = scores.iter().product();
+            if number == 0 || !poses(candidates, number) {
+                let says =
+                    format!("has shape {candidates:?}, for {number} scores [.., {number}, poses, 2 or 3] is due");
+                return Err((proposals.poses.clone(), says));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl ImageSection {
+    /// Returns the shape of the input.
+    #[must_use]
+    pub fn shape(&self) -> Vec<usize> {
+        let ([width, height], frames) = (self.size_px, self.history as usize);
+        match self.layout {
+            Layout::Nchw => vec![1, 3 * frames, height, width],
+            Layout::Nhwc => vec![1, height, width, 3 * frames],
+            Layout::Ntchw => vec![1, frames, 3, height, width],
+        }
+    }
+
+    fn check(&self) -> Result<(), (&'static str, String)> {
+        let sound = self.size_px.iter().all(|side| (1..=MOST_SIDE_PX).contains(side));
+        if !sound {
+            return Err(("image.size_px", format!("is {:?}, sides are 1 to {MOST_SIDE_PX}", self.size_px)));
+        }
+        if !(1..=MOST_HISTORY).contains(&self.history) {
+            return Err(("image.history", format!("is {}, it must be 1 to {MOST_HISTORY}", self.history)));
+        }
+        let numbers = [self.scale].into_iter().chain(self.mean).chain(self.std);
+        if !numbers.clone().all(f32::is_finite) || self.std.contains(&0.0) {
+            let numbers: Vec<f32> = numbers.collect();
+            return Err(("image.std", format!("is refused: {numbers:?} must be finite, a divisor not 0")));
+        }
+        Ok(())
+    }
+}
+
+impl StateSection {
+    fn check(&self) -> Result<(), (&'static str, String)> {
+        if self.fields.is_empty() {
+            return Err(("state.fields", "is empty".to_owned()));
+        }
+        if !self.scale.is_empty() && self.scale.len() != self.fields.len() {
+            let lengths = format!("has {} numbers for {} fields", self.scale.len(), self.fields.len());
+            return Err(("state.scale", lengths));
+        }
+        if self.scale.iter().all(|scale| scale.is_finite()) {
+            return Ok(());
+        }
+        Err(("state.scale", format!("is {:?}, it must be finite", self.scale)))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,62 @@
+//! Policies of one's own on the command line: `--policy FILE.toml` names a manifest instead of a policy.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+use ds_policy::builtin::is_builtin;
+use ds_policy::{Own, Policy};
+use ds_process::service::UsageError;
+
+use crate::cli::RunPlan;
+
+/// Returns the manifest that a policy is named by, if it is.
+#[must_use]
+pub(crate) fn manifest(policy: &str) -> Option<PathBuf> {
+    let path = Path::new(policy);
+    path.extension().is_some_and(|extension| extension == "toml").then(|| path.to_path_buf())
+}
+
+/// Reads manifest and network.
+///
+/// # Errors
+/// If either is refused, or another policy has the name.
+pub(crate) fn read(manifest: &Path) -> Result<Own> {
+    let own = Own::read(manifest).map_err(|error| UsageError(format!("{:#}", anyhow::Error::from(error))))?;
+    let taken = is_builtin(own.name());
+    ensure!(!taken, UsageError(format!("a built-in policy is called {:?}, give yours another name", own.name())));
+    Ok(own)
+}
+
+/// Returns the name of a policy that is named by itself or by its manifest.
+///
+/// # Errors
+/// If the manifest is refused.
+pub(crate) fn name(policy: &str) -> Result<String> {
+    manifest(policy).map_or_else(
+        || Ok(policy.to_owned()),
+        |path| Ok(read(&path).with_context(|| format!("--policy {policy}"))?.name().to_owned()),
+    )
+}
+
+/// Reads manifest and network of a policy that is shown so many frames.
+///
+/// # Errors
+/// If either is refused, or it sees more frames.
+pub(crate) fn seeing(manifest: &Path, shown: u32) -> Result<Own> {
+    let own = read(manifest).with_context(|| format!("--policy {}", manifest.display()))?;
+    let says = format!("{} sees {} frames, --history is {shown}", manifest.display(), own.history());
+    ensure!(own.history() <= shown, UsageError(says));
+    Ok(own)
+}
+
+/// Checks what is asked of a policy that is named by its manifest.
+///
+/// # Errors
+/// If it is refused, sees more frames than it is shown, or is to connect from outside.
+pub(crate) fn check(manifest: &Path, args: &RunPlan) -> Result<()> {
+    ensure!(
+        args.policy_listen.is_none(),
+        UsageError("--policy-listen is for external policies: a manifest needs none".to_owned())
+    );
+    seeing(manifest, args.history).map(|_| ())
+}

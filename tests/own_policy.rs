@@ -1,0 +1,97 @@
+//! A network of others as an ONNX file drives as the same network in a process of its own; bad ones are refused by name.
+
+#[path = "harness.rs"]
+mod harness;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+use harness::{Drive, command, finished, free_port, python_with, workspace};
+
+const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
+
+/// Returns a Python that writes ONNX files, and a folder with the exported network.
+fn exported() -> Option<(PathBuf, tempfile::TempDir)> {
+    harness::python()?;
+    let python = python_with("onnx", &["onnx"])?;
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    say(Command::new(&python).arg(script()).arg("export").arg(folder.path()));
+    Some((python, folder))
+}
+
+fn script() -> PathBuf {
+    workspace().join("tests/own_policy.py")
+}
+
+fn say(command: &mut Command) -> String {
+    let output = command.output().expect("python runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+fn drive(policy: &str, further: &[&str]) -> Drive {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let shared = [SCENARIO, "--policy", policy, "--duration", "2"];
+    let output = command(&[&shared, further].concat(), folder.path()).output().expect("runs");
+    finished(folder, output)
+}
+
+#[test]
+fn an_onnx_file_drives_as_the_same_network_in_a_process_of_its_own() {
+    let Some((python, folder)) = exported() else { return };
+    let manifest = folder.path().join("numpy.toml");
+    let manifest = manifest.to_str().expect("a plain path");
+    let inside = drive(manifest, &[]);
+    let endpoint = format!("tcp/127.0.0.1:{}", free_port());
+    let class = format!("{}:Twin", script().display());
+    let mut guest = Command::new(&python)
+        .args(["-m", "dreamstream", "run", &class, "--name", "numpy", "--connect", &endpoint])
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("python starts");
+    let outside = drive("numpy", &["--policy-listen", &endpoint]);
+    guest.kill().expect("the guest runs");
+    guest.wait().expect("the guest ends");
+    let said =
+        say(Command::new(&python).arg(script()).arg("compare").arg(inside.recording(0)).arg(outside.recording(0)));
+    let numbers: Vec<f64> = said.split_whitespace().map(|number| number.parse().expect("a number")).collect();
+    assert!(numbers[0] < 1e-4, "plans lie {} apart", numbers[0]);
+    assert!(numbers[1] > 1e-3, "plans of different moments differ");
+    let apart = drive(manifest, &["--processes"]);
+    let same = say(Command::new(&python).arg(script()).arg("compare").arg(inside.recording(0)).arg(apart.recording(0)));
+    assert!(same.starts_with("0.0 "), "separate processes plan the same to the bit: {same}");
+}
+
+#[test]
+fn manifests_and_networks_that_do_not_fit_are_refused_before_anything_starts() {
+    let Some((_, folder)) = exported() else { return };
+    let sound = std::fs::read_to_string(folder.path().join("numpy.toml")).expect("the manifest");
+    let refused = |name: &str, text: &str, says: &str| {
+        let manifest = folder.path().join(name);
+        std::fs::write(&manifest, text).expect("write");
+        let policy = manifest.to_str().expect("a plain path");
+        let output = command(&[SCENARIO, "--policy", policy], &folder.path().join("out")).output().expect("runs");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(64), "{says}: {said}");
+        assert!(said.contains(says), "{said:?} does not say {says:?}");
+    };
+    refused(
+        "a.toml",
+        &sound.replace("name = \"numpy\"", "name = \"camera\""),
+        "a built-in policy is called \"camera\"",
+    );
+    refused(
+        "b.toml",
+        &sound.replace("[160, 96]", "[80, 48]"),
+        "has shape [?, 3, 96, 160], the manifest gives [1, 3, 48, 80]",
+    );
+    refused(
+        "c.toml",
+        &sound.replace("output = \"plan\"", "output = \"way\""),
+        "has no output \"way\", it gives \"plan\"",
+    );
+    refused("d.toml", &sound.replace("file = \"numpy.onnx\"", "file = \"none.onnx\""), "none.onnx");
+    refused("e.toml", &sound.replace("size_px", "history = 3\nsize_px"), "the manifest gives [1, 9, 96, 160]");
+    refused("f.toml", &sound.replace("beyond = \"hold\"", "beyond = \"hope\""), "hope");
+    let digest = format!("file = \"numpy.onnx\"\ndigest = \"{}\"", "0".repeat(64));
+    refused("g.toml", &sound.replace("file = \"numpy.onnx\"", &digest), "the manifest says 000");
+}
