@@ -1,5 +1,5 @@
-//! `gap watch` on a running fleet: what it puts on the bus, what it says where there is nothing to diagnose, and that
-//! topic `diagnosis` never gets in a drive's way.
+//! Looking on at a running fleet. `gap watch`: what it puts on the bus, what it says where there is nothing to diagnose, and
+//! that topic `diagnosis` never gets in a drive's way. `top`: who works, who was killed.
 
 #[path = "harness.rs"]
 mod harness;
@@ -12,7 +12,7 @@ use ds_record::Recording;
 use ds_space::{EpisodeId, InstanceId, SimTime, Tick};
 use ds_topic::{DiagnosedEffect, Diagnosis, Envelope, Slot, Topic};
 use ds_wire::{Body, verify};
-use harness::{dreamstream, drive, free_port, wait_for};
+use harness::{dreamstream, drive, free_port, text, wait_for};
 use tokio::runtime::Runtime;
 
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
@@ -194,6 +194,40 @@ fn a_drive_is_diagnosed_on_the_bus_while_it_goes_on() {
     assert!(driven.status.success(), "{}", String::from_utf8_lossy(&driven.stderr));
     let (status, said) = (ended(&mut watch), fleet.log("bare.log"));
     assert!(!status.success() && said.contains("no vehicle log") && said.contains("--vehicle-log"), "{said}");
+}
+
+#[test]
+fn top_sees_who_works_and_who_was_killed() {
+    let mut fleet = Fleet::start();
+    let orchestrator = format!("http://127.0.0.1:{}", fleet.control);
+    let top = || {
+        let output = dreamstream(&["top", "--once", "--json", "--orchestrator", &orchestrator]).output().expect("runs");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice::<serde_json::Value>(&output.stdout).expect("JSON")
+    };
+    let states = |told: &serde_json::Value| {
+        let members = told["members"].as_array().expect("members").iter();
+        members.map(|member| (text(&member["role"]), text(&member["state"]))).collect::<Vec<_>>()
+    };
+    wait_for("four members", 60, || (states(&top()).len() == 4).then_some(()));
+    let out = fleet.path("out").display().to_string();
+    let submit = ["submit", "--orchestrator", &orchestrator, "--out", &out];
+    let mut driven =
+        fleet.spawn(&[&submit[..], &DRIVE, &["--seed", "5", "--seed", "6", "--seed", "7"]].concat(), "submit.log");
+    wait_for("a member at work", 60, || states(&top()).iter().any(|(_, state)| state == "works").then_some(()));
+    assert!(driven.wait().expect("it ends").success(), "{}", fleet.log("submit.log"));
+    let told = top();
+    assert_eq!(told["runs"][0]["by_status"]["completed"], 3, "{told}");
+    let video = 4;
+    fleet.children[video].kill().expect("it runs");
+    let seen = wait_for("the kill", 5, || {
+        let of_video: Vec<_> = states(&top()).into_iter().filter(|(role, _)| role == "video").collect();
+        of_video.iter().all(|(_, state)| state != "works" && state != "idle").then_some(of_video)
+    });
+    assert!(seen.iter().all(|(_, state)| state == "lost its line" || state == "silent"), "{seen:?}");
+    let shown = dreamstream(&["top", "--once", "--orchestrator", &orchestrator]).output().expect("runs");
+    let shown = String::from_utf8_lossy(&shown.stdout).into_owned();
+    assert!(shown.contains("layout") && shown.contains("3 completed"), "{shown}");
 }
 
 #[test]

@@ -29,7 +29,7 @@ pub(crate) use benchmark::{
     BaseArgs, BehaviorArgs, BenchmarkArgs, BenchmarkCommand, BuildCommand, CellArgs, ReviewArgs, RunArgs,
 };
 pub(crate) use data::{DataCommand, DataListArgs, DataRenderArgs, DataSheetArgs};
-pub(crate) use fleet::{CertsArgs, HealthArgs, ServeArgs, WhyArgs};
+pub(crate) use fleet::{CertsArgs, HealthArgs, ServeArgs, TopArgs, WhyArgs};
 pub(crate) use gap::{
     ApplyArgs, AttributeArgs, BaselineArgs, CloseArgs, DiagnoseArgs, EvaluateArgs, ExplainArgs, FleetArgs, GapCommand,
     GapImportArgs, GapScoreArgs, WatchArgs,
@@ -116,6 +116,8 @@ pub(crate) enum Command {
     Benchmark(BenchmarkArgs),
     /// Say what a drive waits for: which message, from whom, since when.
     Why(WhyArgs),
+    /// Show members and runs of a fleet, again each second: who works, who fell silent, what is driven.
+    Top(TopArgs),
     /// Run one of the five services of a fleet, or the Zenoh router between them, in the foreground.
     Serve(ServeArgs),
     /// Ask a service whether it is well; exit code 0 if so.

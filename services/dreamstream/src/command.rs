@@ -18,6 +18,7 @@ pub(crate) mod scenario;
 pub(crate) mod score;
 pub(crate) mod serve;
 pub(crate) mod study;
+pub(crate) mod top;
 pub(crate) mod train;
 pub(crate) mod video;
 pub(crate) mod view;

@@ -65,6 +65,7 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Report(args) => command::report::run(args),
         Command::Compare(args) => command::report::compare_runs(args),
         Command::Merge(args) => command::report::merge(args),
+        Command::Top(args) => runtime()?.block_on(command::top::run(args)),
         Command::Why(args) => runtime()?.block_on(command::why::run(args)),
         Command::Replay(args) => command::replay::run(args),
         Command::Bench(args) => command::bench::run(args),

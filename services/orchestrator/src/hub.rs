@@ -347,13 +347,25 @@ impl Hub {
         let fleet = lock(&self.fleet);
         let lines = lock(&self.lines);
         let at = now();
-        let instance = |member: &ds_episode::fleet::Member| pb::Instance {
-            hello: lines.connected.get(&member.hello.instance).map(|connected| connected.hello.clone()),
-            holds: Vec::new(),
-            cordoned: member.cordoned,
-            draining: member.draining,
-            silent_millis: at.since(member.heard),
-            device: member.device.clone().unwrap_or_default(),
+        let instance = |member: &ds_episode::fleet::Member| {
+            let ds_episode::fleet::Hello { instance, role, slots, .. } = &member.hello;
+            let connected = lines.connected.get(instance);
+            let named = || pb::Hello {
+                instance: instance.to_string(),
+                role: pb::role(*role),
+                slots: *slots,
+                ..pb::Hello::default()
+            };
+            let holds = fleet.held(instance);
+            pb::Instance {
+                hello: Some(connected.map_or_else(named, |connected| connected.hello.clone())),
+                holds: holds.map(|(episode, epoch)| pb::Ready { episode: episode.to_string(), epoch }).collect(),
+                cordoned: member.cordoned,
+                draining: member.draining,
+                silent_millis: at.since(member.heard),
+                device: member.device.clone().unwrap_or_default(),
+                connected: connected.is_some(),
+            }
         };
         fleet.members().map(instance).collect()
     }

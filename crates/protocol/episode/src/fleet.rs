@@ -165,6 +165,12 @@ impl<L: Ledger> Fleet<L> {
         self.members.values()
     }
 
+    /// Returns what an instance holds: episodes, each with the epoch of its lease.
+    pub fn held(&self, instance: &InstanceId) -> impl Iterator<Item = (&EpisodeId, u64)> {
+        let held = self.leases.iter().filter(move |(_, lease)| lease.owner.instance == *instance);
+        held.map(|((episode, _), lease)| (episode, lease.owner.epoch))
+    }
+
     /// Returns the holder of a role.
     #[must_use]
     pub fn owner(&self, episode: &EpisodeId, role: Role) -> Option<&Owner> {

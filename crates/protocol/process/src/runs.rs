@@ -94,7 +94,8 @@ async fn follow(
 
 fn classes(members: &pb::ListInstancesResponse) -> BTreeMap<String, String> {
     let mut classes: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
-    for hello in members.instances.iter().filter_map(|instance| instance.hello.as_ref()) {
+    let connected = members.instances.iter().filter(|instance| instance.connected);
+    for hello in connected.filter_map(|instance| instance.hello.as_ref()) {
         let Some(role) = pb::role_of(hello.role) else { continue };
         classes.entry(role.name().to_owned()).or_default().insert(hello.compute_class_name.clone());
     }

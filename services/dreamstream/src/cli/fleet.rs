@@ -15,6 +15,20 @@ pub(crate) struct WhyArgs {
     pub control: ControlArgs,
 }
 
+/// Arguments of `top`.
+#[derive(Debug, Args)]
+pub(crate) struct TopArgs {
+    /// Look once.
+    #[arg(long)]
+    pub once: bool,
+    /// Print JSON, one object a look.
+    #[arg(long)]
+    pub json: bool,
+    /// The fleet.
+    #[command(flatten)]
+    pub control: ControlArgs,
+}
+
 /// Arguments of `certs`.
 #[derive(Debug, Args)]
 pub(crate) struct CertsArgs {

@@ -25,6 +25,7 @@ pub(crate) async fn run(args: &HealthArgs) -> Result<()> {
     };
     let found = members.iter().find(|member| member.hello.as_ref().is_some_and(|hello| hello.instance == *wanted));
     let member = found.with_context(|| format!("{wanted:?} is not a member"))?;
+    ensure!(member.connected, "{wanted:?} is not connected, silent for {} ms", member.silent_millis);
     ensure!(!member.cordoned, "{wanted:?} is cordoned");
     answer(&format!("{wanted} is well, silent for {} ms, holds {}", member.silent_millis, member.holds.len()));
     Ok(())

@@ -1026,7 +1026,7 @@ pub struct ListInstancesRequest {}
 /// One instance as the orchestrator sees it.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Instance {
-    /// What it said of itself.
+    /// What it said of itself; without an open stream only instance, role and slots.
     #[prost(message, optional, tag = "1")]
     pub hello: ::core::option::Option<Hello>,
     /// Episodes that it holds, with the epoch of each.
@@ -1044,6 +1044,9 @@ pub struct Instance {
     /// The device that it was given.
     #[prost(string, tag = "6")]
     pub device: ::prost::alloc::string::String,
+    /// Whether its stream is open; a broken one proves nothing, its leases run on.
+    #[prost(bool, tag = "7")]
+    pub connected: bool,
 }
 /// All instances, sorted by id.
 #[derive(Clone, PartialEq, ::prost::Message)]
