@@ -37,6 +37,8 @@ output = "plan"
 first_s = 0.5
 spacing_s = 0.5
 beyond = "hold"
+[feature]
+output = "seen"
 """
 
 
@@ -65,8 +67,8 @@ def export(folder: Path) -> None:
         node("Transpose", ["a"], ["b"], perm=[1, 3, 0, 2, 4]),
         node("Reshape", ["b", "cells"], ["c"]),
         node("MatMul", ["c", "eye"], ["d"]),
-        node("Tanh", ["d"], ["e"]),
-        node("Reshape", ["e", "flat"], ["f"]),
+        node("Tanh", ["d"], ["seen"]),
+        node("Reshape", ["seen", "flat"], ["f"]),
         node("Concat", ["f", "command"], ["g"], axis=1),
         node("Gemm", ["g", "head"], ["h"]),
         node("Tanh", ["h"], ["i"]),
@@ -79,7 +81,8 @@ def export(folder: Path) -> None:
     values = [helper.make_tensor_value_info(name, TensorProto.FLOAT, shape) for name, shape in inputs.items()]
     plan = helper.make_tensor_value_info("plan", TensorProto.FLOAT, [1, POSES, 3])
     initializers = [numpy_helper.from_array(value, name) for name, value in weights.items()]
-    graph = helper.make_graph(nodes, "twin", values, [plan], initializers)
+    seen = helper.make_tensor_value_info("seen", TensorProto.FLOAT, [rows * columns, 6])
+    graph = helper.make_graph(nodes, "twin", values, [plan, seen], initializers)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
     onnx.checker.check_model(model)
     onnx.save(model, folder / "numpy.onnx")

@@ -95,3 +95,25 @@ fn manifests_and_networks_that_do_not_fit_are_refused_before_anything_starts() {
     let digest = format!("file = \"numpy.onnx\"\ndigest = \"{}\"", "0".repeat(64));
     refused("g.toml", &sound.replace("file = \"numpy.onnx\"", &digest), "the manifest says 000");
 }
+
+#[test]
+fn the_study_looks_at_frames_through_an_onnx_network() {
+    let Some((_, folder)) = exported() else { return };
+    let config = |member: &str| {
+        let path = folder.path().join("study.toml");
+        let shared = "version = 1\nout = \"study\"\nfirst_seed = 31_600_000\nscenarios = 6\nframes = 16\nevery = 8\nlook = \"daylight\"\n\
+            draws = 20\nclip = 16\nsize_px = [160, 96]\nsources = [\"reference\", \"sim-rgb\"]\nratios = []\n";
+        let weights = workspace().join("configs/models/look.safetensors");
+        let text = format!("{shared}look_weights = {weights:?}\n[[panel]]\nname = \"twin\"\n{member}");
+        std::fs::write(&path, text).expect("write");
+        let study = ["study", "fidelity", "--config", path.to_str().expect("a plain path")];
+        harness::dreamstream(&study).current_dir(folder.path()).output().expect("runs")
+    };
+    let done = config("policy = \"numpy.toml\"\n");
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let said = String::from_utf8_lossy(&done.stdout).into_owned();
+    assert!(said.contains("twin"), "{said}");
+    let refused = config("policy = \"numpy.toml\"\nweights = \"numpy.onnx\"\n");
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(!refused.status.success() && said.contains("a manifest names its network"), "{said}");
+}

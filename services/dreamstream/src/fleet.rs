@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::Result;
+use ds_policy::Own;
 use ds_topic::Role;
 use ds_video::Backend;
 use ds_world::LayoutBackend;
@@ -66,7 +67,7 @@ impl FleetPlan {
             model: args.model.clone(),
             video_backend: args.video_backend,
             policy_weights: args.policy_weights.clone(),
-            manifests: own::manifest(&args.policy).into_iter().collect(),
+            manifests: Own::named(&args.policy).into_iter().collect(),
             workers: workers(asked, drives),
             policy: own::name(&args.policy)?,
             policy_listen: args.policy_listen.clone(),

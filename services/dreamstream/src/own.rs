@@ -1,6 +1,6 @@
 //! Policies of one's own on the command line: `--policy FILE.toml` names a manifest instead of a policy.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use ds_policy::builtin::is_builtin;
@@ -8,13 +8,6 @@ use ds_policy::{Own, Policy};
 use ds_process::service::UsageError;
 
 use crate::cli::RunPlan;
-
-/// Returns the manifest that a policy is named by, if it is.
-#[must_use]
-pub(crate) fn manifest(policy: &str) -> Option<PathBuf> {
-    let path = Path::new(policy);
-    path.extension().is_some_and(|extension| extension == "toml").then(|| path.to_path_buf())
-}
 
 /// Reads manifest and network.
 ///
@@ -32,7 +25,7 @@ pub(crate) fn read(manifest: &Path) -> Result<Own> {
 /// # Errors
 /// If the manifest is refused.
 pub(crate) fn name(policy: &str) -> Result<String> {
-    manifest(policy).map_or_else(
+    Own::named(policy).map_or_else(
         || Ok(policy.to_owned()),
         |path| Ok(read(&path).with_context(|| format!("--policy {policy}"))?.name().to_owned()),
     )

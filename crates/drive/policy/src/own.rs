@@ -4,7 +4,7 @@
 //! the rig frame of now: metres and radians, x forward, y left. A plan is handed on as the network gave it, pose by pose;
 //! where it ends before the asked horizon it goes on as the manifest says.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use ds_nn::Array;
 use ds_onnx::manifest::{Angle, Axes, Beyond, Camera, Colour, Direction, Layout, Resize, StateField};
@@ -34,6 +34,13 @@ pub struct Own {
 }
 
 impl Own {
+    /// Returns the manifest that a policy is named by, if it is: a file `.toml` in a policy's place.
+    #[must_use]
+    pub fn named(policy: &str) -> Option<PathBuf> {
+        let path = Path::new(policy);
+        path.extension().is_some_and(|extension| extension == "toml").then(|| path.to_path_buf())
+    }
+
     /// Reads a manifest and its network.
     ///
     /// # Errors
@@ -55,6 +62,12 @@ impl Own {
     #[must_use]
     pub fn history(&self) -> u32 {
         self.manifest.image.as_ref().map_or(1, |image| image.history)
+    }
+
+    /// Says whether the manifest names what the network attends to.
+    #[must_use]
+    pub fn has_feature(&self) -> bool {
+        self.manifest.feature.is_some()
     }
 
     fn ask(
@@ -106,12 +119,12 @@ impl Policy for Own {
         if self.manifest.proposals.is_some() {
             let (poses, scores) = (&outputs[1], &outputs[2]);
             let size = poses.values().len() / scores.values().len();
-            for (poses, score) in outputs[1].values().chunks_exact(size).zip(scores.values()) {
+            for (poses_of_one, score) in poses.values().chunks_exact(size).zip(scores.values()) {
                 if !score.is_finite() {
                     let problem = format!("gives a score of {score}");
                     return Err(PolicyError::Answer { name: self.manifest.policy.name.clone(), problem });
                 }
-                let trajectory = self.trajectory(poses, columns(&outputs[1]), observation)?;
+                let trajectory = self.trajectory(poses_of_one, columns(poses), observation)?;
                 proposals.push(Proposal { trajectory, score: f64::from(*score) });
             }
         }
@@ -120,7 +133,7 @@ impl Policy for Own {
 
     /// The feature that the manifest names; the state is that of a car that stands still.
     fn context(&mut self, cameras: &[CameraModel], frames: &[RgbImage]) -> Result<Option<Context>, PolicyError> {
-        if self.manifest.feature.is_none() {
+        if !self.has_feature() {
             return Ok(None);
         }
         let views: Vec<_> = cameras.iter().zip(frames.iter().map(std::slice::from_ref)).collect();

@@ -12,6 +12,8 @@ use crate::network::{Named, Network};
 const VERSION: u32 = 1;
 /// No frame has a longer side, in pixels.
 const MOST_SIDE_PX: usize = 4096;
+/// No answer has more candidates.
+const MOST_PROPOSALS: usize = 1_024;
 /// No network sees more frames.
 const MOST_HISTORY: u32 = 64;
 
@@ -325,6 +327,12 @@ impl Manifest {
         if let Some((_, field, problem)) = rules.into_iter().find(|(kept, ..)| !kept) {
             return Err((field, problem));
         }
+        let names: Vec<String> = self.inputs().into_iter().map(|input| input.name).collect();
+        if let Some(twice) =
+            names.iter().enumerate().find_map(|(index, name)| names[..index].contains(name).then_some(name))
+        {
+            return Err(("input", format!("{twice:?} stands in two tables")));
+        }
         self.image.as_ref().map_or(Ok(()), ImageSection::check)?;
         self.state.as_ref().map_or(Ok(()), StateSection::check)?;
         let directions = self.command.as_ref().is_none_or(|command| !command.one_hot.is_empty());
@@ -395,6 +403,12 @@ impl Manifest {
         if let Some(proposals) = &self.proposals {
             let (candidates, scores) = (&shapes[1], &shapes[2]);
             let number: usize = scores.iter().product();
+            if number > MOST_PROPOSALS {
+                return Err((
+                    proposals.scores.clone(),
+                    format!("has {number} numbers, {MOST_PROPOSALS} proposals are allowed"),
+                ));
+            }
             if number == 0 || !poses(candidates, number) {
                 let says =
                     format!("has shape {candidates:?}, for {number} scores [.., {number}, poses, 2 or 3] is due");

@@ -54,12 +54,12 @@ impl Network {
         if let Some(operators) = operators::problem(&model) {
             return Err(OnnxError::Operators { path: name, operators });
         }
-        let order = check_inputs(&name, graph, inputs)?;
+        check_inputs(&name, graph, inputs)?;
         check_outputs(&name, graph, outputs)?;
         let folder = path.parent().unwrap_or(Path::new("."));
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
         let digest = digest(&name, &bytes, graph, folder)?;
-        let plan = guarded(&name, "cannot be prepared", || prepare(&onnx, &model, folder, &order, outputs))?;
+        let plan = guarded(&name, "cannot be prepared", || prepare(&onnx, &model, folder, inputs, outputs))?;
         let sides = |index: usize| {
             let fact = plan.model().output_fact(index)?;
             if fact.datum_type != f32::datum_type() {
@@ -125,15 +125,18 @@ fn guarded<T, E: Display>(
     }
 }
 
-/// Makes the plan; `inputs` in the order of the graph, given as (place in the order of the caller, input).
+/// Makes the plan, with inputs and outputs in the order of the caller.
 fn prepare(
     onnx: &tract_onnx::Onnx,
     model: &ModelProto,
     folder: &Path,
-    inputs: &[&Named],
+    inputs: &[Named],
     outputs: &[String],
 ) -> TractResult<Arc<TypedRunnableModel>> {
     let parsed = onnx.parse(model, folder.to_str())?;
+    if let Some(name) = parsed.unresolved_inputs.first() {
+        return Err(TractError::msg(format!("nothing makes {name:?}")));
+    }
     let mut network = parsed.model;
     let place = |name: &String| parsed.outlets_by_name.get(name).copied();
     let placed = |name: &String| place(name).ok_or_else(|| TractError::msg(format!("{name:?} is nowhere")));
@@ -145,8 +148,8 @@ fn prepare(
     network.into_optimized()?.into_runnable()
 }
 
-/// Checks that the graph takes these inputs and returns them in the order of the caller.
-fn check_inputs<'a>(path: &str, graph: &GraphProto, inputs: &'a [Named]) -> Result<Vec<&'a Named>, OnnxError> {
+/// Checks that the graph takes these inputs and no others.
+fn check_inputs(path: &str, graph: &GraphProto, inputs: &[Named]) -> Result<(), OnnxError> {
     let weights = |name: &str| graph.initializer.iter().any(|tensor| tensor.name == name);
     let taken: Vec<&ValueInfoProto> = graph.input.iter().filter(|input| !weights(&input.name)).collect();
     let names = || taken.iter().map(|input| format!("{:?}", input.name)).collect::<Vec<_>>().join(", ");
@@ -158,7 +161,7 @@ fn check_inputs<'a>(path: &str, graph: &GraphProto, inputs: &'a [Named]) -> Resu
         let found = found.ok_or_else(|| shape(path, format!("has no input {:?}, it takes {}", input.name, names())))?;
         check_input(found, input).map_err(|problem| shape(path, format!("input {:?} {problem}", input.name)))?;
     }
-    Ok(inputs.iter().collect())
+    Ok(())
 }
 
 /// Says what of an input differs from what the manifest gives.

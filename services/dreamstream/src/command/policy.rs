@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 use ds_camera::{Appearance, ReferenceCamera};
 use ds_policy::doctor::{Finding, Fixture, examine, remarks};
 use ds_policy::driver::Driver;
-use ds_policy::{Builtin, EgoView, Observation, Policy};
+use ds_policy::{Builtin, EgoView, Observation, Own, Policy};
 use ds_raster::RgbImage;
 use ds_scenario::{Family, generate};
 use ds_sim::{SimConfig, Simulation};
@@ -35,7 +35,7 @@ const KINDS: [&str; 6] = ["straight", "left", "right", "curve", "stopped at red"
 /// If the policy cannot be made, or anything is wrong with it.
 pub(crate) fn run(command: &PolicyCommand) -> Result<()> {
     let PolicyCommand::Doctor { policy: name, policy_weights: weights, json } = command;
-    let mut policy = match own::manifest(name) {
+    let mut policy = match Own::named(name) {
         Some(manifest) => Box::new(own::read(&manifest)?) as Box<dyn Policy>,
         None => ds_policy::builtin(name, &Builtin { weights: Some(weights.clone()) })?,
     };

@@ -1,11 +1,13 @@
 //! The panel: policies that say what they attend to, with the digest of their weights.
 
+use std::path::Path;
+
 use ds_nn::Weights;
 use ds_nn::safetensors::WeightsFile;
-use ds_policy::{Learned, Policy};
+use ds_policy::{Learned, Own, Policy};
 use ds_space::Digest;
 
-use super::config::FidelityConfig;
+use super::config::{FidelityConfig, MemberConfig};
 use crate::error::AppraisalError;
 
 /// A policy of the panel.
@@ -21,10 +23,16 @@ pub(crate) struct Member {
 /// # Errors
 /// If a policy has no features of frames alone, or its weights cannot be used.
 pub(crate) fn load(config: &FidelityConfig) -> Result<Vec<Member>, AppraisalError> {
-    let one = |member: &super::config::MemberConfig| {
+    let one = |member: &MemberConfig| {
+        if let Some(manifest) = Own::named(&member.policy) {
+            return own(config, member, &manifest);
+        }
         let learned = Learned::of(&member.policy).ok_or_else(|| {
             let known = Learned::ALL.map(Learned::name).join(", ");
-            let rule = format!("policy {:?} tells of no features; {known} do", member.policy);
+            let rule = format!(
+                "policy {:?} tells of no features; {known} do, and an ONNX network by its manifest",
+                member.policy
+            );
             AppraisalError::config(format!("panel.{}", member.name), rule)
         })?;
         let refuse = |error: &dyn std::fmt::Display| {
@@ -42,4 +50,21 @@ pub(crate) fn load(config: &FidelityConfig) -> Result<Vec<Member>, AppraisalErro
         Ok(Member { name, control, policy, digest: weights.digest() })
     };
     config.panel.iter().map(one).collect()
+}
+
+/// Loads a network of others.
+fn own(config: &FidelityConfig, member: &MemberConfig, manifest: &Path) -> Result<Member, AppraisalError> {
+    let refuse = |field: &str, rule: &str| {
+        Err(AppraisalError::config(format!("panel.{}.{field}", member.name), format!("{}: {rule}", manifest.display())))
+    };
+    if member.weights.is_some() {
+        return refuse("weights", "a manifest names its network");
+    }
+    let own = match Own::read(&config.path(manifest)) {
+        Ok(own) if own.has_feature() => own,
+        Ok(_) => return refuse("policy", "tells of no features: its manifest has no [feature]"),
+        Err(error) => return refuse("policy", &error.to_string()),
+    };
+    let (name, control, digest) = (member.name.clone(), member.control, *own.digest());
+    Ok(Member { name, control, policy: Box::new(own), digest })
 }

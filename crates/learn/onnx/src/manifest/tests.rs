@@ -53,6 +53,7 @@ fn what_cannot_be_is_named_with_its_field() {
         ("first_s = 0.5", "first_s = 0.1", "plan.first_s"),
         ("spacing_s = 0.5", "spacing_s = -1.0", "plan.spacing_s"),
         ("[320, 160]", "[0, 160]", "image.size_px"),
+        ("input = \"state\"", "input = \"image\"", "\"image\" stands in two tables"),
         ("history = 2", "history = 0", "image.history"),
         ("history = 2", "std = [1.0, 0.0, 1.0]", "image.std"),
         ("\"zero\"]", "\"zero\"]\nscale = [1.0]", "state.scale"),

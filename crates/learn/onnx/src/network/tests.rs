@@ -106,6 +106,7 @@ fn inputs_and_outputs_that_do_not_fit_are_named() {
             "has no output \"plan\", it gives \"answer\"",
             refused(|graph| graph.output[0].name = "answer".to_owned(), &STATE),
         ),
+        ("nothing makes \"nowhere\"", refused(|graph| graph.node[1].input[1] = "nowhere".to_owned(), &STATE)),
         ("graph has no node", refused(|graph| graph.node.clear(), &STATE)),
     ] {
         assert!(error.contains(says), "{error:?} does not say {says:?}");

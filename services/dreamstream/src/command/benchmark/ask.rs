@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use ds_benchmark::{Manifest, Named, Place, Settings, Shard, Sheet};
-use ds_policy::{Learned, Policy};
+use ds_policy::{Learned, Own, Policy};
 use ds_space::{Digest, DigestWriter};
 use ds_topic::ObservationSource;
 
@@ -42,7 +42,7 @@ pub(super) fn sheet(args: &CellArgs) -> Result<(Sheet, Vec<Manifest>)> {
     let (sets, folders) = manifests(&args.manifests)?;
     let mut manifests = BTreeMap::new();
     let policy = |name: &String| -> Result<Named> {
-        if let Some(manifest) = own::manifest(name) {
+        if let Some(manifest) = Own::named(name) {
             let own = own::seeing(&manifest, args.history)?;
             let path = std::fs::canonicalize(&manifest).with_context(|| format!("path of {name}"))?;
             manifests.insert(own.name().to_owned(), path);

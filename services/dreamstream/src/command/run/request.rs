@@ -7,8 +7,8 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, ensure};
 use ds_camera::Appearance;
 use ds_cases::RunConfig;
-use ds_policy::Learned;
 use ds_policy::builtin::{NAMES, is_builtin};
+use ds_policy::{Learned, Own};
 use ds_process::service::UsageError;
 use ds_space::{CameraId, Digest, DigestWriter};
 use ds_topic::{ObservationSource, ProposalScorer};
@@ -26,7 +26,7 @@ use crate::own;
 /// the policy cannot be used.
 pub(crate) fn known(args: &RunPlan) -> Result<()> {
     let outside = args.policy_listen.is_some() || args.stages.iter().any(|stage| stage.trim().starts_with("policy="));
-    if let Some(manifest) = own::manifest(&args.policy) {
+    if let Some(manifest) = Own::named(&args.policy) {
         own::check(&manifest, args)?;
     } else if !outside && !is_builtin(&args.policy) {
         let says = format!(
@@ -133,7 +133,7 @@ fn scorer(args: &RunPlan) -> ProposalScorer {
 /// If the manifest of a policy is refused.
 pub(crate) fn configuration(args: &RunPlan, world: &RunConfig, given: &pb::RunSettings) -> Result<Digest> {
     let mut writer = DigestWriter::new();
-    if let Some(manifest) = own::manifest(&args.policy) {
+    if let Some(manifest) = Own::named(&args.policy) {
         writer.digest(own::read(&manifest)?.digest());
     }
     writer.text(&args.policy).u32(args.observation as u32).u32(args.replan).f64(args.horizon).u32(args.history);
