@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
-use ds_policy::builtin::is_builtin;
-use ds_policy::{Own, Policy};
+use ds_policy::Own;
 use ds_process::service::UsageError;
 
 use crate::cli::RunPlan;
@@ -14,10 +13,7 @@ use crate::cli::RunPlan;
 /// # Errors
 /// If either is refused, or another policy has the name.
 pub(crate) fn read(manifest: &Path) -> Result<Own> {
-    let own = Own::read(manifest).map_err(|error| UsageError(format!("{:#}", anyhow::Error::from(error))))?;
-    let taken = is_builtin(own.name());
-    ensure!(!taken, UsageError(format!("a built-in policy is called {:?}, give yours another name", own.name())));
-    Ok(own)
+    Ok(Own::read(manifest).map_err(|error| UsageError(format!("{:#}", anyhow::Error::from(error))))?)
 }
 
 /// Returns the name of a policy that is named by itself or by its manifest.
@@ -25,10 +21,7 @@ pub(crate) fn read(manifest: &Path) -> Result<Own> {
 /// # Errors
 /// If the manifest is refused.
 pub(crate) fn name(policy: &str) -> Result<String> {
-    Own::named(policy).map_or_else(
-        || Ok(policy.to_owned()),
-        |path| Ok(read(&path).with_context(|| format!("--policy {policy}"))?.name().to_owned()),
-    )
+    Ok(Own::named(policy).map_or_else(|| Ok(policy.to_owned()), |manifest| Own::name_in(&manifest))?)
 }
 
 /// Reads manifest and network of a policy that is shown so many frames.
@@ -42,14 +35,13 @@ pub(crate) fn seeing(manifest: &Path, shown: u32) -> Result<Own> {
     Ok(own)
 }
 
-/// Checks what is asked of a policy that is named by its manifest.
+/// Reads the policy that a run asks for, if it is named by a manifest.
 ///
 /// # Errors
 /// If it is refused, sees more frames than it is shown, or is to connect from outside.
-pub(crate) fn check(manifest: &Path, args: &RunPlan) -> Result<()> {
-    ensure!(
-        args.policy_listen.is_none(),
-        UsageError("--policy-listen is for external policies: a manifest needs none".to_owned())
-    );
-    seeing(manifest, args.history).map(|_| ())
+pub(crate) fn asked(args: &RunPlan) -> Result<Option<Own>> {
+    let Some(manifest) = Own::named(&args.policy) else { return Ok(None) };
+    let inside = args.policy_listen.is_none();
+    ensure!(inside, UsageError("--policy-listen is for external policies: a manifest needs none".to_owned()));
+    seeing(&manifest, args.history).map(Some)
 }

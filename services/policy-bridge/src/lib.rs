@@ -1,8 +1,8 @@
 //! frame, ego → plan: shows the policy under test its observation and carries its answer back.
 //!
-//! Built-in policies and networks of others with a manifest run inside; external ones connect to a second Zenoh session that knows no episode, scenario or
-//! seed (`dreamstream-policy/v1/{policy}/{session}/…`). A policy that is late, dies or answers nonsense ends its
-//! episode by a named rule, never the service.
+//! Built-in policies and networks of others with a manifest run inside; external ones connect to a second Zenoh session
+//! that knows no episode, scenario or seed (`dreamstream-policy/v1/{policy}/{session}/…`). A policy that is late, dies or
+//! answers nonsense ends its episode by a named rule, never the service.
 
 pub mod guest;
 pub mod settings;

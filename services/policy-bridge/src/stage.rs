@@ -6,7 +6,7 @@ use std::sync::Arc;
 use ds_adverse::Expert;
 use ds_policy::builtin::is_builtin;
 use ds_policy::{Builtin, EgoView, Learned, Live, Observation, Own, Policy, PolicyAnswer, PolicyError, PrivilegedView};
-use ds_process::maker::{Abilities, Fault, Inputs, Maker, MakerFactory, Output, bad, output};
+use ds_process::maker::{Abilities, Fault, Inputs, Maker, MakerFactory, Output, bad, chain, output};
 use ds_sim::SimConfig;
 use ds_space::{Digest, DigestWriter, Draws, SimTime, Tick};
 use ds_topic::{Advance, Ego, Frame, Plan, Role, SceneMessage, Slot, Topic, World};
@@ -32,9 +32,15 @@ impl PolicyStage {
     /// Adds policies of one's own, by their manifests.
     ///
     /// # Errors
-    /// If a manifest or a network is refused.
+    /// If a manifest or a network is refused, or two policies have one name.
     pub fn with_own(mut self, manifests: &[PathBuf]) -> Result<Self, PolicyError> {
-        self.own = manifests.iter().map(|manifest| Own::read(manifest)).collect::<Result<_, _>>()?;
+        for manifest in manifests {
+            let own = Own::read(manifest)?;
+            if self.own.iter().any(|other| other.name() == own.name()) {
+                return Err(PolicyError::Taken { name: own.name().to_owned(), by: "the policy of another manifest" });
+            }
+            self.own.push(own);
+        }
         Ok(self)
     }
 }
@@ -152,10 +158,8 @@ impl Maker for Hosting {
                 let ego = states.last().copied().unwrap_or_default();
                 let view = PrivilegedView { scene: Arc::clone(&self.scene.scene), tick: order.last, ego, live };
                 let privileged = policy.privileged().then_some(&view);
-                policy
-                    .plan(&observation, privileged)
-                    .map(to_plan)
-                    .map_err(|error| Fault::policy("policy_error", error))?
+                let answer = policy.plan(&observation, privileged);
+                answer.map(to_plan).map_err(|error| Fault::policy("policy_error", chain(&error)))?
             }
             Guest::External(policy) => policy.plan(&observation, &states)?,
         };

@@ -58,8 +58,16 @@ pub enum PolicyError {
         source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// The manifest or the network of a policy of one's own is refused, or the network failed.
-    #[error("policy of one's own")]
+    #[error(transparent)]
     Own(#[from] ds_onnx::OnnxError),
+    /// A manifest gives its policy a name that another one has.
+    #[error("{by} is called {name:?}, give yours another name")]
+    Taken {
+        /// The name.
+        name: String,
+        /// Who has it.
+        by: &'static str,
+    },
     /// A number of the answer is unusable.
     #[error("answer of policy {name:?} {problem}")]
     Answer {

@@ -9,11 +9,12 @@ use std::path::{Path, PathBuf};
 use ds_nn::Array;
 use ds_onnx::manifest::{Angle, Axes, Beyond, Camera, Colour, Direction, Layout, Resize, StateField};
 use ds_onnx::manifest::{ImageSection, PlanSection};
-use ds_onnx::{Manifest, Network, OnnxError};
+use ds_onnx::{Manifest, Network};
 use ds_raster::RgbImage;
 use ds_space::{CameraModel, DVec2, Digest, PoseSe2, SimTime};
 use ds_world::{Proposal, RouteCommand, Trajectory, TrajectoryPoint};
 
+use crate::builtin::is_builtin;
 use crate::camera::eye::Eye;
 use crate::camera::proposals::continued;
 use crate::error::PolicyError;
@@ -41,14 +42,25 @@ impl Own {
         path.extension().is_some_and(|extension| extension == "toml").then(|| path.to_path_buf())
     }
 
+    /// Returns the name that a manifest gives its policy; the network is not touched.
+    ///
+    /// # Errors
+    /// If the manifest is refused.
+    pub fn name_in(manifest: &Path) -> Result<String, PolicyError> {
+        Ok(Manifest::read(manifest)?.policy.name)
+    }
+
     /// Reads a manifest and its network.
     ///
     /// # Errors
-    /// [`OnnxError`] names what is wrong with either.
-    pub fn read(manifest: &Path) -> Result<Self, OnnxError> {
+    /// [`PolicyError::Own`] names what is wrong with either, [`PolicyError::Taken`] a built-in policy of the same name.
+    pub fn read(manifest: &Path) -> Result<Self, PolicyError> {
         let manifest = Manifest::read(manifest)?;
+        if is_builtin(&manifest.policy.name) {
+            return Err(PolicyError::Taken { name: manifest.policy.name, by: "a built-in policy" });
+        }
         let network = manifest.network()?;
-        let digest = manifest.digest(&network)?;
+        let digest = manifest.digest(&network);
         Ok(Self { manifest, network, digest, eye: Eye::default() })
     }
 

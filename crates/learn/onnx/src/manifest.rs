@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use ds_space::Digest;
+use ds_space::{Digest, DigestWriter};
 use serde::Deserialize;
 
 use crate::error::OnnxError;
@@ -36,9 +36,11 @@ pub struct Manifest {
     pub proposals: Option<ProposalsSection>,
     /// What the network attends to.
     pub feature: Option<FeatureSection>,
-    /// Where it was read from.
+    /// Where it was read from, and what was there.
     #[serde(skip)]
     path: PathBuf,
+    #[serde(skip)]
+    digest: Digest,
 }
 
 /// `[policy]`
@@ -299,7 +301,7 @@ impl Manifest {
         let text = std::fs::read_to_string(path).map_err(|source| OnnxError::Read { path: name.clone(), source })?;
         let manifest: Self =
             toml::from_str(&text).map_err(|source| OnnxError::Form { path: name, source: Box::new(source) })?;
-        let manifest = Self { path: path.to_path_buf(), ..manifest };
+        let manifest = Self { path: path.to_path_buf(), digest: Digest::of(text.as_bytes()), ..manifest };
         manifest.check().map_err(|(field, problem)| OnnxError::Field { field: field.to_owned(), problem })?;
         Ok(manifest)
     }
@@ -339,12 +341,6 @@ impl Manifest {
         if directions { Ok(()) } else { Err(("command.one_hot", "is empty".to_owned())) }
     }
 
-    /// Returns where the manifest was read from.
-    #[must_use]
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
     /// Returns the inputs of the network: image, state and command, those that there are.
     #[must_use]
     pub fn inputs(&self) -> Vec<Named> {
@@ -379,15 +375,11 @@ impl Manifest {
     }
 
     /// Returns the digest of manifest and network, by which a result says what made it.
-    ///
-    /// # Errors
-    /// If the manifest's file is gone.
-    pub fn digest(&self, network: &Network) -> Result<Digest, OnnxError> {
-        let read = std::fs::read(&self.path);
-        let bytes = read.map_err(|source| OnnxError::Read { path: self.path.display().to_string(), source })?;
-        let mut writer = ds_space::DigestWriter::new();
-        writer.digest(&Digest::of(&bytes)).digest(network.digest());
-        Ok(writer.finish())
+    #[must_use]
+    pub fn digest(&self, network: &Network) -> Digest {
+        let mut writer = DigestWriter::new();
+        writer.digest(&self.digest).digest(network.digest());
+        writer.finish()
     }
 
     fn check_outputs(&self, shapes: &[Vec<usize>]) -> Result<(), (String, String)> {

@@ -18,6 +18,8 @@ use crate::command::answer;
 const SILENT_MILLIS: u64 = 2_500;
 /// How long a member that went is still shown.
 const GONE_FOR: Duration = Duration::from_secs(60);
+/// The newest runs are shown, and no more.
+const MOST_RUNS: u32 = 20;
 /// Puts the cursor to the upper left and clears what is there.
 const CLEAR: &str = "\u{1b}[H\u{1b}[2J";
 
@@ -34,11 +36,11 @@ fn state(member: &pb::Instance) -> &'static str {
 }
 
 /// A run with its episodes counted.
+#[derive(Clone)]
 struct Counted {
     id: String,
     status: &'static str,
-    total: usize,
-    running: usize,
+    episodes: usize,
     by_status: BTreeMap<&'static str, usize>,
     frames_per_second: f64,
     /// What drives under way wait for.
@@ -47,30 +49,17 @@ struct Counted {
 
 impl Counted {
     fn of(run: pb::Run) -> Self {
-        let name = |status: i32| pb::Status::try_from(status).map_or("unknown", word);
         let mut by_status = BTreeMap::new();
-        let (mut running, mut frames_per_second, mut awaits) = (0, 0.0, Vec::new());
+        let (mut frames_per_second, mut awaits) = (0.0, Vec::new());
         for episode in &run.episodes {
-            *by_status.entry(name(episode.status)).or_default() += 1;
+            *by_status.entry(pb::status_name(episode.status)).or_default() += 1;
             if episode.status == i32::from(pb::Status::Running) {
-                running += 1;
                 frames_per_second += episode.frames_per_second;
                 awaits.extend((!episode.awaits.is_empty()).then(|| format!("{}: {}", episode.episode, episode.awaits)));
             }
         }
-        let total = run.episodes.len();
-        Self { id: run.run_id, status: name(run.status), total, running, by_status, frames_per_second, awaits }
-    }
-}
-
-fn word(status: pb::Status) -> &'static str {
-    match status {
-        pb::Status::Queued => "queued",
-        pb::Status::Running => "running",
-        pb::Status::Completed => "completed",
-        pb::Status::Failed => "failed",
-        pb::Status::Aborted => "aborted",
-        pb::Status::Unspecified => "unknown",
+        let (status, episodes) = (pb::status_name(run.status), run.episodes.len());
+        Self { id: run.run_id, status, episodes, by_status, frames_per_second, awaits }
     }
 }
 
@@ -80,14 +69,24 @@ struct Look {
     runs: Vec<Counted>,
 }
 
-async fn look(channel: &Control) -> Result<Look> {
+/// Looks at a fleet; `ended` keeps runs that change no more, so that each is asked for once.
+async fn look(channel: &Control, ended: &mut BTreeMap<String, Counted>) -> Result<Look> {
     let mut fleet = FleetClient::new(channel.clone());
     let mut runs = RunsClient::new(channel.clone());
     let members = fleet.list(pb::ListInstancesRequest {}).await.context("orchestrator")?.into_inner().instances;
     let mut counted = Vec::new();
-    for run in runs.list(pb::ListRequest { limit: 0 }).await.context("orchestrator")?.into_inner().runs {
-        let whole = runs.get(pb::GetRequest { run_id: run.run_id }).await.context("orchestrator")?.into_inner();
-        counted.push(Counted::of(whole));
+    for run in runs.list(pb::ListRequest { limit: MOST_RUNS }).await.context("orchestrator")?.into_inner().runs {
+        if let Some(known) = ended.get(&run.run_id) {
+            counted.push(known.clone());
+            continue;
+        }
+        let whole = runs.get(pb::GetRequest { run_id: run.run_id.clone() }).await.context("orchestrator")?.into_inner();
+        let over = pb::has_ended(whole.status);
+        let one = Counted::of(whole);
+        if over {
+            ended.insert(run.run_id, one.clone());
+        }
+        counted.push(one);
     }
     Ok(Look { members, runs: counted })
 }
@@ -101,10 +100,11 @@ pub(crate) async fn run(args: &TopArgs) -> Result<()> {
     let channel = channel.with_context(|| format!("orchestrator does not answer: {}", args.control.orchestrator))?;
     let mut gone: BTreeMap<String, Instant> = BTreeMap::new();
     let mut before: BTreeSet<String> = BTreeSet::new();
+    let mut ended = BTreeMap::new();
     let mut second = tokio::time::interval(Duration::from_secs(1));
     loop {
         second.tick().await;
-        let look = look(&channel).await?;
+        let look = look(&channel, &mut ended).await?;
         let here: BTreeSet<String> = look.members.iter().map(|member| hello(member).0.to_owned()).collect();
         gone.extend(before.difference(&here).map(|name| (name.clone(), Instant::now())));
         gone.retain(|name, since| !here.contains(name) && since.elapsed() < GONE_FOR);
@@ -135,7 +135,7 @@ fn told(look: &Look, gone: &BTreeMap<String, Instant>) -> serde_json::Value {
             "silent_ms": member.silent_millis, "state": state(member) })
     };
     let run = |run: &Counted| {
-        json!({ "run": run.id, "status": run.status, "episodes": run.total, "by_status": run.by_status,
+        json!({ "run": run.id, "status": run.status, "episodes": run.episodes, "by_status": run.by_status,
             "frames_per_second": run.frames_per_second, "awaits": run.awaits })
     };
     json!({
@@ -171,7 +171,8 @@ fn table(look: &Look, gone: &BTreeMap<String, Instant>) -> String {
     for run in &look.runs {
         let ended = run.by_status.iter().filter(|(status, _)| !["queued", "running"].contains(*status));
         let ended: Vec<String> = ended.map(|(status, number)| format!("{number} {status}")).collect();
-        let (total, running, rate) = (run.total, run.running, run.frames_per_second);
+        let running = run.by_status.get("running").copied().unwrap_or_default();
+        let (total, rate) = (run.episodes, run.frames_per_second);
         lines.push(format!(
             "{:<40} {:<10} {total:>8} {running:>8} {rate:>9.1}  {}",
             run.id,

@@ -1,5 +1,6 @@
 //! The panel: policies that say what they attend to, with the digest of their weights.
 
+use std::error::Error;
 use std::path::Path;
 
 use ds_nn::Weights;
@@ -63,7 +64,10 @@ fn own(config: &FidelityConfig, member: &MemberConfig, manifest: &Path) -> Resul
     let own = match Own::read(&config.path(manifest)) {
         Ok(own) if own.has_feature() => own,
         Ok(_) => return refuse("policy", "tells of no features: its manifest has no [feature]"),
-        Err(error) => return refuse("policy", &error.to_string()),
+        Err(error) => {
+            let cause = error.source().map(|source| format!(": {source}")).unwrap_or_default();
+            return refuse("policy", &format!("{error}{cause}"));
+        }
     };
     let (name, control, digest) = (member.name.clone(), member.control, *own.digest());
     Ok(Member { name, control, policy: Box::new(own), digest })

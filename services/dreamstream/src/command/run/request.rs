@@ -26,9 +26,8 @@ use crate::own;
 /// the policy cannot be used.
 pub(crate) fn known(args: &RunPlan) -> Result<()> {
     let outside = args.policy_listen.is_some() || args.stages.iter().any(|stage| stage.trim().starts_with("policy="));
-    if let Some(manifest) = Own::named(&args.policy) {
-        own::check(&manifest, args)?;
-    } else if !outside && !is_builtin(&args.policy) {
+    // A manifest is read with the configuration, which tells runs of different networks apart.
+    if !outside && Own::named(&args.policy).is_none() && !is_builtin(&args.policy) {
         let says = format!(
             "there is no policy {:?}: built in are {}; an ONNX network is named by its manifest, such as mine.toml; an \
              external policy connects with --policy-listen ENDPOINT, such as tcp/127.0.0.1:7448 (`python -m dreamstream run \
@@ -133,8 +132,8 @@ fn scorer(args: &RunPlan) -> ProposalScorer {
 /// If the manifest of a policy is refused.
 pub(crate) fn configuration(args: &RunPlan, world: &RunConfig, given: &pb::RunSettings) -> Result<Digest> {
     let mut writer = DigestWriter::new();
-    if let Some(manifest) = Own::named(&args.policy) {
-        writer.digest(own::read(&manifest)?.digest());
+    if let Some(own) = own::asked(args)? {
+        writer.digest(own.digest());
     }
     writer.text(&args.policy).u32(args.observation as u32).u32(args.replan).f64(args.horizon).u32(args.history);
     writer
