@@ -7,7 +7,7 @@ use ds_nn::body::Autoencoder;
 use ds_nn::tiny_ae::{AeShape, BLOCK_PX, Memory, Remembered};
 use ds_space::DigestWriter;
 
-use crate::graph::{Graph, Linear, Mode, array_of};
+use crate::graph::{Graph, Linear, Mode, array_of, fold};
 
 /// The memories of all blocks.
 #[derive(Clone, Default)]
@@ -83,6 +83,8 @@ pub struct TinyAe {
     encoder_skip: Linear,
     stem: Linear,
     stages: Vec<(Vec<MemoryBlock>, Option<Linear>)>,
+    /// Convolutions of the sketch's levels, each with what grows from it into the next.
+    sketch: Vec<(Linear, Option<Linear>)>,
     guides: Vec<Linear>,
     decoder_head: Linear,
     decoder_skip: Option<Linear>,
@@ -114,6 +116,12 @@ impl TinyAe {
             encoder_skip: graph.linear("encoder.skip"),
             stem: graph.linear("decoder.stem"),
             stages: (0..3).map(stage).collect(),
+            sketch: (0..shape.sketch().len())
+                .map(|index| {
+                    let name = format!("decoder.guide.sketch.{index}");
+                    (graph.linear(&name), (index < 2).then(|| graph.linear(&format!("{name}.grow"))))
+                })
+                .collect(),
             guides: (0..shape.guides).map(|index| graph.linear(&format!("decoder.guide.{index}"))).collect(),
             decoder_head: graph.linear("decoder.head"),
             decoder_skip: shape.decoder_skip.then(|| graph.linear("decoder.skip")),
@@ -168,15 +176,34 @@ impl TinyAe {
         }
         let [n, h, w, _] = x.dims();
         let none = || Tensor::zeros([n, h, w, 12], &x.device());
-        let layouts = layouts.map_or_else(none, unshuffle);
+        let layouts = layouts.map_or_else(none, |layouts| fold(layouts, 2));
+        let seen = if self.sketch.is_empty() { layouts } else { self.sketched(layouts) };
         for guide in &self.guides {
-            x = x.clone() + activation::relu(guide.convolve(Tensor::cat(vec![x, layouts.clone()], 3)));
+            x = x.clone() + activation::relu(guide.convolve(Tensor::cat(vec![x, seen.clone()], 3)));
         }
         let frames = shuffle(self.decoder_head.convolve(x), 1);
         match skip {
             Some(skip) => frames + skip,
             None => frames,
         }
+    }
+
+    /// Makes a sketch of layouts at 1/2 resolution.
+    fn sketched(&self, layouts: Tensor<4>) -> Tensor<4> {
+        let quarter = fold(layouts.clone(), 2);
+        let mut grown: Option<Tensor<4>> = None;
+        for ((level, grow), layout) in self.sketch.iter().zip([fold(quarter.clone(), 2), quarter, layouts.clone()]) {
+            let seen = match grown {
+                Some(grown) => Tensor::cat(vec![grown, layout], 3),
+                None => layout,
+            };
+            let drawn = activation::relu(level.convolve(seen));
+            grown = Some(match grow {
+                Some(grow) => activation::relu(shuffle(grow.apply(drawn), 1)),
+                None => drawn,
+            });
+        }
+        grown.unwrap_or(layouts)
     }
 }
 
@@ -193,13 +220,6 @@ fn unfold(x: Tensor<4>, frames: usize) -> Tensor<4> {
     let [n, h, w, _] = x.dims();
     let x: Tensor<7> = x.reshape([n, h, w, frames, BLOCK_PX, BLOCK_PX, 3]);
     x.permute([0, 3, 1, 4, 2, 5, 6]).reshape([n * frames, h * BLOCK_PX, w * BLOCK_PX, 3])
-}
-
-/// Folds [N, 2h, 2w, 3] into [N, h, w, 12], the inverse of [`shuffle`] for one frame.
-fn unshuffle(x: Tensor<4>) -> Tensor<4> {
-    let [n, height, width, c] = x.dims();
-    let x: Tensor<6> = x.reshape([n, height / 2, 2, width / 2, 2, c]);
-    x.permute([0, 1, 3, 2, 4, 5]).reshape([n, height / 2, width / 2, 4 * c])
 }
 
 impl Autoencoder for TinyAe {

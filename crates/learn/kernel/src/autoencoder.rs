@@ -1,7 +1,6 @@
 //! The tiny autoencoder on padded images: the counterpart of `ds_graph::tiny_ae::TinyAe`, one rollout at a time.
 //!
-//! A memory is the last input frame of a block with its border. Growing steps write each output row as two products,
-//! one per column parity, so that nothing is shuffled afterwards.
+//! A memory is the last input frame of a block with its border.
 
 use std::sync::Arc;
 
@@ -15,6 +14,8 @@ use super::Buffer;
 use super::arch::Arch;
 use super::buffer::Pool;
 use super::convolution::Convolution;
+use super::growth::Growth;
+use super::guide::{Guides, Seen};
 use super::image::Image;
 use super::network::Named;
 use super::panels::Packed;
@@ -46,8 +47,7 @@ struct MemoryBlock {
 
 struct Stage {
     blocks: Vec<MemoryBlock>,
-    /// Per frame, row and column of the grown pixel one matrix.
-    grow: Vec<Packed>,
+    grow: Option<Growth>,
 }
 
 /// Buffers of one encoding or decoding.
@@ -56,7 +56,7 @@ struct Scratch {
     /// Input, inner and output images of each stage.
     stages: [[Image; 3]; 3],
     latent: Image,
-    layouts: Image,
+    seen: Seen,
     skip: Buffer,
 }
 
@@ -70,7 +70,7 @@ pub struct FastAe {
     encoder_skip: Packed,
     stem: Convolution,
     stages: Vec<Stage>,
-    guides: Vec<Convolution>,
+    guides: Guides,
     decoder_head: Convolution,
     decoder_skip: Option<Packed>,
     scratch: Arc<Pool<Scratch>>,
@@ -85,10 +85,7 @@ impl FastAe {
         weights.check(&shape.declare())?;
         let named = Named(weights);
         let linear = |name: &str| named.linear(&[name.to_owned()]);
-        let convolution = |name: &str, inputs: &[usize]| {
-            let (weight, bias) = (named.values(&format!("{name}.weight")), named.values(&format!("{name}.bias")));
-            Convolution::new(weight, bias, inputs)
-        };
+        let convolution = |name: &str, inputs: &[usize]| named.convolution(name, inputs);
         let blocks = |name: &str, count: usize, width: usize| -> Vec<MemoryBlock> {
             let block = |index: usize| MemoryBlock {
                 first: convolution(&format!("{name}.block.{index}.conv.0"), &[width, width]),
@@ -99,16 +96,10 @@ impl FastAe {
         let widths = shape.decoder_widths;
         let stage = |stage: usize| {
             let name = format!("decoder.stage.{stage}");
-            let grow = || {
-                let (weight, bias) =
-                    (named.values(&format!("{name}.grow.weight")), named.values(&format!("{name}.grow.bias")));
-                let (depth, columns) = (widths[stage], widths[stage + 1]);
-                let parts = weight.chunks_exact(columns * depth).zip(bias.chunks_exact(columns));
-                parts.map(|(weight, bias)| Packed::linear(weight, Some(bias), depth)).collect()
-            };
+            let grow = |next: &usize| Growth::new(&named, &format!("{name}.grow"), widths[stage], *next);
             Stage {
                 blocks: blocks(&name, shape.decoder_blocks[stage], widths[stage]),
-                grow: if stage < 2 { grow() } else { Vec::new() },
+                grow: widths.get(stage + 1).map(grow),
             }
         };
         Ok(Self {
@@ -119,9 +110,7 @@ impl FastAe {
             encoder_skip: linear("encoder.skip"),
             stem: convolution("decoder.stem", &[shape.z]),
             stages: (0..3).map(stage).collect(),
-            guides: (0..shape.guides)
-                .map(|index| convolution(&format!("decoder.guide.{index}"), &[widths[2], 12]))
-                .collect(),
+            guides: Guides::new(shape, &named),
             decoder_head: convolution("decoder.head", &[widths[2]]),
             decoder_skip: shape.decoder_skip.then(|| linear("decoder.skip")),
             scratch: Arc::default(),
@@ -163,19 +152,6 @@ impl FastAe {
             let source = Source::rows(x, packed.depth);
             let rows = x.len() / packed.depth;
             product(self.arch, rows, &[source], packed, Target::rows(y, packed.columns), Finish::Plain);
-        });
-    }
-
-    /// Grows frames, rows and columns of an image.
-    fn grow(&self, grow: &[Packed], frames: usize, x: &Image, out: &mut Image) {
-        out.reset([x.frames * frames, 2 * x.h, 2 * x.w, grow[0].columns]);
-        let c = out.c;
-        out.each_row(|frame, y, row| {
-            for dx in 0..2 {
-                let packed = &grow[(frame % frames * 2 + y % 2) * 2 + dx];
-                let target = Target { data: row, offset: c * (1 + dx), stride: 2 * c };
-                product(self.arch, x.w, &[x.row(frame / frames, y / 2)], packed, target, Finish::Relu);
-            }
         });
     }
 
@@ -237,7 +213,7 @@ impl Autoencoder for FastAe {
         let [frames, h, w, z]: [usize; 4] = latents.shape().try_into().expect("latents have four axes");
         let memory = memory.of::<Frames>();
         let mut scratch = self.scratch.take(Scratch::default);
-        let Scratch { stages, latent, layouts: guide, skip } = &mut *scratch;
+        let Scratch { stages, latent, seen, skip } = &mut *scratch;
         if let Some(packed) = &self.decoder_skip {
             skip.resize(frames * h * w * self.shape.inputs());
             self.pixels(packed, latents.values(), skip);
@@ -250,39 +226,12 @@ impl Autoencoder for FastAe {
         let mut at = 0;
         for (index, stage) in self.stages.iter().enumerate() {
             self.blocks(&stage.blocks, &mut stages[index], memory, &mut at);
-            if let [now, next, ..] = &mut stages[index..]
-                && !stage.grow.is_empty()
-            {
-                self.grow(&stage.grow, self.shape.growth()[index], &now[0], &mut next[0]);
+            if let ([now, next, ..], Some(grow)) = (&mut stages[index..], &stage.grow) {
+                grow.apply(self.arch, self.shape.growth()[index], &now[0], &mut next[0]);
             }
         }
         let [x, _, out] = &mut stages[2];
-        if !self.guides.is_empty() {
-            guide.reset([x.frames, x.h, x.w, 12]);
-            unshuffle(layouts, guide);
-        }
-        for convolution in &self.guides {
-            out.reset(x.size());
-            let (input, guide): (&Image, &Image) = (x, guide);
-            let both = |frame: usize| [input.frame(frame), guide.frame(frame)];
-            convolution.apply(self.arch, both, out, |frame, y| Finish::SumWithRelu(input.row(frame, y)));
-            std::mem::swap(x, out);
-        }
+        self.guides.apply(self.arch, layouts, [x, out], seen);
         self.paint(x, self.decoder_skip.is_some().then_some(&**skip))
     }
-}
-
-/// Folds layouts [frames, 2h, 2w, 3] into twelve channels; none gives zeros.
-fn unshuffle(layouts: Option<&Array>, image: &mut Image) {
-    let (h, w) = (image.h, image.w);
-    image.each_row(|frame, y, row| {
-        let row = &mut row[12..12 * (w + 1)];
-        let Some(layouts) = layouts else { return row.fill(0.0) };
-        for dy in 0..2 {
-            let line = &layouts.values()[(frame * 2 * h + 2 * y + dy) * 2 * w * 3..][..2 * w * 3];
-            for (pixel, pair) in row.chunks_exact_mut(12).zip(line.chunks_exact(6)) {
-                pixel[dy * 6..dy * 6 + 6].copy_from_slice(pair);
-            }
-        }
-    });
 }

@@ -16,6 +16,8 @@ mod buffer;
 mod cache;
 mod clip;
 mod convolution;
+mod growth;
+mod guide;
 mod image;
 mod lanes;
 mod network;

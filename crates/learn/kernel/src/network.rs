@@ -17,6 +17,7 @@ use super::attention::{Keys, Seen};
 use super::block::{Attention, Block, Cross, Layer, Modulation};
 use super::buffer::Pool;
 use super::cache::Sight;
+use super::convolution::Convolution;
 use super::norm::rms_norm;
 use super::panels::Packed;
 use super::product::{Finish, Source, Target, product};
@@ -86,6 +87,11 @@ impl Named<'_> {
 
     pub(crate) fn buffer(&self, name: &str) -> Buffer {
         Buffer::of(self.values(name))
+    }
+
+    /// Packs a convolution whose inputs come from images of these channels.
+    pub(crate) fn convolution(&self, name: &str, inputs: &[usize]) -> Convolution {
+        Convolution::new(self.values(&format!("{name}.weight")), self.values(&format!("{name}.bias")), inputs)
     }
 
     /// Packs linear layers side by side.

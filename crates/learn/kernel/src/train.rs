@@ -11,6 +11,8 @@ mod autoencoder;
 mod backward;
 mod convolution;
 mod discriminator;
+mod guide;
+mod images;
 mod linear;
 mod matrix;
 mod network;

@@ -6,6 +6,10 @@
 //! encoder runs a linear map from block to latent pixel, so that training begins at principal components; beside the
 //! decoder one back, where it is asked for: it paints blocks, whose borders show. The first
 //! stride_t − 1 frames of a rollout are for the caller to drop.
+//!
+//! Guides are convolutions behind the decoder's last stage that see the layout of each frame beside what is there. What they see may be
+//! a sketch: features of the layout that begin at 1/8 resolution, where a convolution spans a whole vehicle, and grow twice, seeing the
+//! layout again at 1/4 and 1/2. Nothing of it is remembered, so that memories do not depend on layouts.
 
 use std::any::Any;
 
@@ -35,6 +39,22 @@ pub struct AeShape {
     pub decoder_skip: bool,
     /// Convolutions after the decoder's last stage that also see the layout of each frame; 0 for none.
     pub guides: usize,
+    /// Widths at 1/8, 1/4 and 1/2 resolution of the sketch that the guides see; without it they see the layout itself.
+    pub sketch_widths: Option<[usize; 3]>,
+}
+
+/// Channels of a layout at 1/2 resolution: two by two pixels of three colours.
+pub const LAYOUT_CHANNELS: usize = 12;
+
+/// A level of the sketch: what goes in and comes out of its convolution.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SketchLevel {
+    /// Channels that grew from the level above; 0 for the first.
+    pub grown: usize,
+    /// Channels of the layout, folded.
+    pub layout: usize,
+    /// Channels that come out.
+    pub width: usize,
 }
 
 impl AeShape {
@@ -48,6 +68,24 @@ impl AeShape {
     #[must_use]
     pub fn growth(&self) -> [usize; 2] {
         [if self.stride_t == 4 { 2 } else { 1 }, if self.stride_t >= 2 { 2 } else { 1 }]
+    }
+
+    /// Returns the levels of the sketch, from 1/8 to 1/2 resolution; none where the guides see the layout itself.
+    #[must_use]
+    pub fn sketch(&self) -> Vec<SketchLevel> {
+        let widths = self.sketch_widths.filter(|_| self.guides > 0);
+        let level = |(index, width)| SketchLevel {
+            grown: if index == 0 { 0 } else { width },
+            layout: LAYOUT_CHANNELS << (2 * (2 - index)),
+            width,
+        };
+        widths.into_iter().flatten().enumerate().map(level).collect()
+    }
+
+    /// Returns the channels that a guide sees beside the image.
+    #[must_use]
+    pub fn seen(&self) -> usize {
+        self.sketch().last().map_or(LAYOUT_CHANNELS, |level| level.width)
     }
 
     /// Lists the weights, under `encoder.` and `decoder.`.
@@ -77,10 +115,18 @@ impl AeShape {
                 Declared::linear(&mut list, &format!("decoder.stage.{stage}.grow"), widths[stage], outputs, 1.4);
             }
         }
-        for index in 0..self.guides {
-            convolution(&mut list, &format!("decoder.guide.{index}"), widths[2] + 12, widths[2], 0.5);
+        let sketch = self.sketch();
+        for (index, level) in sketch.iter().enumerate() {
+            let name = format!("decoder.guide.sketch.{index}");
+            convolution(&mut list, &name, level.grown + level.layout, level.width, 1.4);
+            if let Some(next) = sketch.get(index + 1) {
+                Declared::linear(&mut list, &format!("{name}.grow"), level.width, 4 * next.width, 1.4);
+            }
         }
-        convolution(&mut list, "decoder.head", widths[2], 12, 0.1);
+        for index in 0..self.guides {
+            convolution(&mut list, &format!("decoder.guide.{index}"), widths[2] + self.seen(), widths[2], 0.5);
+        }
+        convolution(&mut list, "decoder.head", widths[2], LAYOUT_CHANNELS, 0.1);
         if self.decoder_skip {
             Declared::linear(&mut list, "decoder.skip", self.z, self.inputs(), 0.5);
         }

@@ -61,8 +61,13 @@ pub fn decode(shape: &AeShape, steps: usize, h: usize, w: usize) -> f64 {
             total += pixels * widths[stage] * shape.growth()[stage] * 4 * widths[stage + 1];
         }
     }
-    let guide = shape.guides * (widths[2] + 12) * widths[2];
+    let guide = shape.guides * (widths[2] + shape.seen()) * widths[2];
     total += (frames[2] << 4) * 9 * (guide + widths[2] * 12);
+    let sketch = shape.sketch();
+    for (index, level) in sketch.iter().enumerate() {
+        let grow = sketch.get(index + 1).map_or(0, |next| level.width * 4 * next.width);
+        total += (frames[2] << (2 * index)) * (9 * (level.grown + level.layout) * level.width + grow);
+    }
     2.0 * (steps * h * w * total) as f64
 }
 

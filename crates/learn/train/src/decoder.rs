@@ -181,11 +181,13 @@ impl Source<'_> {
         let window = Window::drawn(self.recipe.crop_px, from..from + count, latents.shape(), &draws);
         let on = draws.uniform(3) >= LAYOUT_DROPOUT;
         let (mut layouts, mut frames, mut weights) = (Vec::new(), Vec::new(), Vec::new());
-        let untold = if encoded { 1.0 } else { self.recipe.untold };
+        let all = self.config.road_users;
+        let (road_users, untold) =
+            if encoded { (all, 1.0) } else { (self.recipe.rolled_road_users.unwrap_or(all), self.recipe.untold) };
         let steps = latent_steps(&clip.frames, stride).into_iter().zip(latent_steps(&clip.layouts, stride));
         for (step, layout) in steps.skip(from).take(count) {
             frames.extend(tokens::stacked(&step).into_values());
-            weights.extend(emphasis::of_pixels(&layout, self.config.road_users, untold));
+            weights.extend(emphasis::of_pixels(&layout, road_users, untold));
             layouts.extend(tokens::stacked(&layout).into_values());
         }
         if !on {

@@ -1,15 +1,15 @@
 //! Where a loss counts more: the pixels whose layout shows vehicles, pedestrians or cyclists.
 //!
 //! Road users cover a few per cent of a frame, yet they are what a policy must see. Every other pixel counts 1, but
-//! where a layout tells nothing but ground and the frame is one of many that it allows.
+//! where a layout tells nothing but ground or sky and the frame is one of many that it allows: houses and trees stand in both.
 
 use ds_layout::colour;
 use ds_raster::RgbImage;
 
-/// Returns the weight of every pixel of some layouts, [images, height, width]; bare ground weighs `ground`.
-pub(crate) fn of_pixels(layouts: &[&RgbImage], road_users: f32, ground: f32) -> Vec<f32> {
+/// Returns the weight of every pixel of some layouts, [images, height, width]; bare ground and what stands before the sky weigh `untold`.
+pub(crate) fn of_pixels(layouts: &[&RgbImage], road_users: f32, untold: f32) -> Vec<f32> {
     let weight = |rgb: &[u8]| match [rgb[0], rgb[1], rgb[2]] {
-        colour::GROUND => ground,
+        colour::GROUND | colour::SKY => untold,
         rgb if colour::is_road_user(rgb) => road_users,
         _ => 1.0,
     };

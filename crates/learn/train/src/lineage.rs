@@ -106,7 +106,8 @@ fn depends(stage: &str, key: &str) -> bool {
         "autoencoder" => preset.starts_with("video.") || preset.starts_with("vae."),
         // Whole clips are neither cached nor made in few steps.
         "prior" | "teacher" => {
-            !(preset.starts_with("causal.") || preset == "sampler.steps" || preset == "control.decoder_layers")
+            let later = ["sampler.steps", "control.decoder_layers", "control.sketch_widths"];
+            !(preset.starts_with("causal.") || later.contains(&preset))
         }
         _ => true,
     }

@@ -244,6 +244,9 @@ pub struct ControlConfig {
     /// Convolutions of the decoder that see the layouts too, so that lines and boxes stay sharp at this size.
     #[serde(default)]
     pub decoder_layers: usize,
+    /// Widths at 1/8, 1/4 and 1/2 resolution of the sketch of the layout that these convolutions see; without it, the layout itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sketch_widths: Option<[usize; 3]>,
 }
 
 /// The few-step sampler.
@@ -425,6 +428,7 @@ impl ModelConfig {
             decoder_blocks: self.vae.decoder_blocks,
             decoder_skip: self.vae.decoder_skip,
             guides: self.control.decoder_layers,
+            sketch_widths: self.control.sketch_widths,
         }
     }
 

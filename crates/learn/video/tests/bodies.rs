@@ -258,6 +258,7 @@ fn autoencoders() -> [AeShape; 3] {
         decoder_blocks: [1, 1, 0],
         decoder_skip: true,
         guides: 1,
+        sketch_widths: None,
     };
     let cpu_train = AeShape { z: 12, encoder_width: 96, decoder_widths: [96, 48, 24], guides: 2, ..smoke.clone() };
     let odd = AeShape {
@@ -268,7 +269,8 @@ fn autoencoders() -> [AeShape; 3] {
         decoder_widths: [20, 7, 5],
         decoder_blocks: [2, 1, 1],
         decoder_skip: false,
-        guides: 0,
+        guides: 1,
+        sketch_widths: Some([9, 6, 5]),
     };
     [smoke, cpu_train, odd]
 }

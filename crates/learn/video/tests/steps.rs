@@ -137,8 +137,15 @@ fn autoencoders() -> [AeShape; 3] {
         decoder_blocks: [2, 1, 1],
         decoder_skip: true,
         guides: 2,
+        sketch_widths: None,
     };
-    let two = AeShape { stride_t: 2, decoder_blocks: [1, 0, 2], decoder_skip: false, guides: 1, ..narrow.clone() };
+    let two = AeShape {
+        stride_t: 2,
+        decoder_blocks: [1, 0, 2],
+        decoder_skip: false,
+        sketch_widths: Some([6, 4, 3]),
+        ..narrow.clone()
+    };
     let bare =
         AeShape { z: 16, stride_t: 1, encoder_blocks: 0, decoder_blocks: [0, 0, 0], guides: 0, ..narrow.clone() };
     [narrow, two, bare]

@@ -269,6 +269,7 @@ fn ae() -> (AeShape, AeBatch) {
         decoder_blocks: [1, 1, 1],
         decoder_skip: true,
         guides: 0,
+        sketch_widths: None,
     };
     let frames = draw("frames", &[2 * 2 * 4, 16, 24, 3]);
     let batch = AeBatch {

@@ -3,11 +3,12 @@
 //! Clips lie one after the other in an image's frames; a block's memory of the frame before begins anew with each clip.
 
 use ds_nn::array::Weights;
-use ds_nn::tiny_ae::{AeShape, BLOCK_PX};
+use ds_nn::tiny_ae::{AeShape, BLOCK_PX, LAYOUT_CHANNELS};
 
 use super::convolution::Layer;
+use super::guide::{Guided, Guides};
+use super::images::{add, filled, shuffled, sized, unshuffled, where_positive};
 use super::linear::Linear;
-use crate::Buffer;
 use crate::arch::Arch;
 use crate::image::Image;
 use crate::product::Finish;
@@ -46,20 +47,9 @@ pub(super) struct Decoded {
     latents: Vec<f32>,
     image: Image,
     stages: Vec<Chain>,
-    layouts: Image,
-    /// What comes out of each guide.
-    guided: Vec<Image>,
-    /// What each guide adds.
-    added: Vec<Image>,
+    guided: Guided,
     /// Frames [images, 8h, 8w, 3].
     pub(super) frames: Vec<f32>,
-}
-
-impl Decoded {
-    /// Returns the image that a number of guides have worked on.
-    fn after(&self, guides: usize) -> &Image {
-        if guides == 0 { self.stages[2].last() } else { &self.guided[guides - 1] }
-    }
 }
 
 /// What the backward pass of an encoding needs.
@@ -80,7 +70,7 @@ pub(super) struct Network<'a> {
     encoder_skip: Linear<'a>,
     stem: Layer,
     stages: Vec<(Vec<Block>, Option<Linear<'a>>)>,
-    guides: Vec<Layer>,
+    guides: Guides<'a>,
     head: Layer,
     skip: Option<Linear<'a>>,
 }
@@ -96,7 +86,6 @@ impl<'a> Network<'a> {
             let blocks = Block::all(weights, &name, shape.decoder_blocks[stage], widths[stage]);
             (blocks, (stage < 2).then(|| Linear::new(weights, format!("{name}.grow"))))
         };
-        let guide = |index: usize| Layer::new(weights, format!("decoder.guide.{index}"), &[widths[2], 12], 1);
         Self {
             arch: Arch::new(),
             fold: Linear::new(weights, "encoder.fold"),
@@ -105,7 +94,7 @@ impl<'a> Network<'a> {
             encoder_skip: Linear::new(weights, "encoder.skip"),
             stem: Layer::new(weights, "decoder.stem", &[shape.z], 1),
             stages: (0..3).map(stage).collect(),
-            guides: (0..shape.guides).map(guide).collect(),
+            guides: Guides::new(shape, weights),
             head: Layer::new(weights, "decoder.head", &[widths[2]], 1),
             skip: shape.decoder_skip.then(|| Linear::new(weights, "decoder.skip")),
             shape,
@@ -162,22 +151,9 @@ impl<'a> Network<'a> {
             }
             run.stages.push(chain);
         }
-        let [images, height, width, c] = run.after(0).size();
-        if let Some(layouts) = layouts {
-            run.layouts = filled([images, height, width, 12], &unshuffled(layouts, run.after(0), 1));
-        }
-        for (index, guide) in self.guides.iter().enumerate() {
-            let (mut added, mut sum) = (sized([images, height, width, c]), sized([images, height, width, c]));
-            let (x, layouts) = (run.after(index), &run.layouts);
-            let both = |frame: usize| [x.frame(frame), layouts.frame(frame)];
-            guide.forward(self.arch, both, &mut added, |_, _| Finish::Relu);
-            sum.values_mut().copy_from_slice(x.values());
-            add(sum.values_mut(), added.values());
-            run.guided.push(sum);
-            run.added.push(added);
-        }
-        let mut head = sized([images, height, width, 12]);
-        let input = run.after(self.guides.len());
+        run.guided = self.guides.forward(self.arch, run.stages[2].last(), layouts);
+        let input = run.guided.last(run.stages[2].last());
+        let mut head = sized([input.frames, input.h, input.w, LAYOUT_CHANNELS]);
         self.head.forward(self.arch, |frame| [input.frame(frame), &[]], &mut head, |_, _| Finish::Plain);
         run.frames = shuffled(&head.dense(), &head, 1).dense().to_vec();
         if let Some(layer) = &self.skip {
@@ -205,19 +181,12 @@ impl<'a> Network<'a> {
             layer.learn(self.arch, &d_skip, &run.latents, gradient);
             layer.back(&d_skip, &mut d_latents, false);
         }
-        let last = run.after(self.guides.len());
-        let [images, height, width, _] = last.size();
-        let d_head = filled([images, height, width, 12], &unshuffled(d, last, 1));
+        let last = run.guided.last(run.stages[2].last());
+        let d_head = filled([last.frames, last.h, last.w, LAYOUT_CHANNELS], &unshuffled(d, last, 1));
         self.head.learn(self.arch, &d_head, |frame| [last.frame(frame), &[]], gradient);
         let mut dx = sized(last.size());
         self.head.back(self.arch, 0, |frame| d_head.frame(frame), &mut dx, false);
-        for (index, guide) in self.guides.iter().enumerate().rev() {
-            let (x, mut dy) = (run.after(index), sized(dx.size()));
-            dy.values_mut().copy_from_slice(dx.values());
-            where_positive(&mut dy, &run.added[index]);
-            guide.learn(self.arch, &dy, |frame| [x.frame(frame), run.layouts.frame(frame)], gradient);
-            guide.back(self.arch, 0, |frame| dy.frame(frame), &mut dx, true);
-        }
+        self.guides.back(self.arch, &run.guided, run.stages[2].last(), &mut dx, gradient);
         for (stage, (blocks, grow)) in self.stages.iter().enumerate().rev() {
             let chain = &run.stages[stage];
             if let Some(grow) = grow {
@@ -279,58 +248,6 @@ impl<'a> Network<'a> {
             block.first.back(self.arch, 1, later, dx, true);
         }
     }
-}
-
-pub(super) fn sized(size: [usize; 4]) -> Image {
-    let mut image = Image::default();
-    image.reset(size);
-    image
-}
-
-pub(super) fn filled(size: [usize; 4], values: &[f32]) -> Image {
-    let mut image = sized(size);
-    image.fill(values);
-    image
-}
-
-fn add(to: &mut [f32], values: &[f32]) {
-    to.iter_mut().zip(values).for_each(|(to, value)| *to += value);
-}
-
-/// The backward pass of relu, from its output.
-fn where_positive(d: &mut Image, out: &Image) {
-    d.values_mut().iter_mut().zip(out.values()).for_each(|(d, out)| *d = if *out > 0.0 { *d } else { 0.0 });
-}
-
-/// Unfolds channels (frame, row, column, channel) of pixels of `small`'s size into an image twice as large.
-pub(super) fn shuffled(values: &[f32], small: &Image, frames: usize) -> Image {
-    let (h, w) = (small.h, small.w);
-    let c = values.len() / (small.frames * h * w * frames * 4);
-    let mut out = sized([small.frames * frames, 2 * h, 2 * w, c]);
-    out.each_row(|frame, y, row| {
-        let line = &values[(frame / frames * h + y / 2) * w * frames * 4 * c..];
-        let part = (frame % frames * 2 + y % 2) * 2 * c;
-        for (to, from) in row[c..].chunks_exact_mut(2 * c).zip(line.chunks_exact(frames * 4 * c)).take(w) {
-            to.copy_from_slice(&from[part..part + 2 * c]);
-        }
-    });
-    out
-}
-
-/// Folds values [frames, 2h, 2w, c] into the pixels of `small`'s size: the inverse of [`shuffled`].
-pub(super) fn unshuffled(values: &[f32], small: &Image, frames: usize) -> Buffer {
-    let (h, w) = (small.h, small.w);
-    let c = values.len() / (small.frames * h * w * frames * 4);
-    let mut out = Buffer::zeros(values.len());
-    for (index, line) in values.chunks_exact(2 * w * c).enumerate() {
-        let (frame, y) = (index / (2 * h), index % (2 * h));
-        let at = (frame / frames * h + y / 2) * w * frames * 4 * c;
-        let part = (frame % frames * 2 + y % 2) * 2 * c;
-        for (to, from) in out[at..].chunks_exact_mut(frames * 4 * c).zip(line.chunks_exact(2 * c)) {
-            to[part..part + 2 * c].copy_from_slice(from);
-        }
-    }
-    out
 }
 
 /// Adds blocks (frame, row, column, colour) of latent pixels to frames, or copies frames into blocks.

@@ -11,8 +11,9 @@ use ds_nn::discriminator::{DiscriminatorShape, SEEN};
 use ds_nn::step::{Adversary, DecoderBatch, Step};
 use ds_nn::tiny_ae::AeShape;
 
-use super::autoencoder::{Network, filled, shuffled, sized, unshuffled};
+use super::autoencoder::Network;
 use super::convolution::Layer;
+use super::images::{copied, filled, folded, shuffled, sized, unfolded, unshuffled};
 use super::pixels::reconstruction;
 use crate::arch::Arch;
 use crate::image::Image;
@@ -230,19 +231,4 @@ fn parted(d: &Image, batch: &DecoderBatch) -> Vec<f32> {
         }
     }
     parts
-}
-
-/// Folds blocks of two by two pixels into channels.
-fn folded(image: &Image) -> Image {
-    let small = sized([image.frames, image.h / 2, image.w / 2, 4 * image.c]);
-    filled(small.size(), &unshuffled(&image.dense(), &small, 1))
-}
-
-/// The inverse of [`folded`].
-fn unfolded(image: &Image) -> Image {
-    shuffled(&image.dense(), image, 1)
-}
-
-fn copied(image: &Image) -> Image {
-    filled(image.size(), &image.dense())
 }

@@ -20,9 +20,13 @@ pub struct DecoderConfig {
     /// The share of clips that are rollouts.
     #[serde(default = "most")]
     pub rolled: f64,
-    /// How much a pixel of a rollout counts where the layout tells nothing but ground.
+    /// How much a pixel of a rollout counts where the layout tells nothing but ground or sky.
     #[serde(default = "super::alike")]
     pub untold: f32,
+    /// How much a pixel of a road user counts in a rollout, which cannot know what paint one wears that was not seen yet; as in all
+    /// stages without it.
+    #[serde(default)]
+    pub rolled_road_users: Option<f32>,
     /// Width and height of the part of a clip that is drawn, multiples of 8; all without it.
     #[serde(default)]
     pub crop_px: Option<[usize; 2]>,
@@ -61,6 +65,9 @@ impl DecoderConfig {
         let refuse = |field, rule: &str| Err(TrainError::Config { field, rule: rule.to_owned() });
         if !(0.0..=1.0).contains(&self.rolled) || !(0.0..=1.0).contains(&self.untold) {
             return refuse("decoder", "rolled and untold must lie within 0 to 1");
+        }
+        if self.rolled_road_users.is_some_and(|weight| !(0.0..=1e3).contains(&weight)) {
+            return refuse("decoder.rolled_road_users", "must lie within 0 to 1000");
         }
         if self.crop_px.is_some_and(|crop| crop.iter().any(|side| *side == 0 || !side.is_multiple_of(BLOCK_PX))) {
             return refuse("decoder.crop_px", "must be multiples of 8 pixels");

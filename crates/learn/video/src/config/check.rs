@@ -88,6 +88,11 @@ impl ModelConfig {
         if v.encoder_blocks.max(*v.decoder_blocks.iter().max().unwrap_or(&0)) > 16 {
             return refuse("vae.encoder_blocks", v.encoder_blocks.to_string(), "at most 16 memory blocks");
         }
+        let (sketch, layers) = (self.control.sketch_widths, self.control.decoder_layers);
+        if sketch.is_some_and(|widths| layers == 0 || widths.iter().any(|width| *width == 0 || *width > MAX_WIDTH)) {
+            let rule = "three sizes of 1 to 16384, beside decoder_layers above 0";
+            return refuse("control.sketch_widths", format!("{sketch:?}"), rule);
+        }
         if !matches!(v.stride_t, 1 | 2 | 4) || v.stride_s != BLOCK_PX || v.z > 64 {
             return refuse("vae.stride_t", v.stride_t.to_string(), "must be 1, 2 or 4, with stride_s 8 and z up to 64");
         }
@@ -110,7 +115,7 @@ impl ModelConfig {
         if v.encoder_width + v.encoder_blocks + v.decoder_widths.iter().chain(&v.decoder_blocks).sum::<usize>() > 0 {
             return refuse("vae.encoder_width", v.encoder_width.to_string(), "widths and blocks belong to kind tiny");
         }
-        if self.control.decoder_layers > 0 {
+        if self.control.decoder_layers > 0 || self.control.sketch_widths.is_some() {
             return refuse(
                 "control.decoder_layers",
                 self.control.decoder_layers.to_string(),
