@@ -1,12 +1,16 @@
-//! A policy of ten lines in Python drives over the policy bus from another process; bad ones end their drive by name.
+//! Policies in Python drive over the policy bus from another process: alone, several sessions at once, as an agent of
+//! NAVSIM's interface, and as a ROS 2 node; bad ones end their drive by name.
 
 #[path = "harness.rs"]
 mod harness;
+use std::io::Read;
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-use harness::{command, finished, free_port, python, text, workspace};
+use harness::{Drive, command, finished, free_port, python, python_with, text, workspace};
 
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
+const OTHER: &str = "scenarios/base/cut-in.scenario.json";
 
 struct Guest(Child);
 
@@ -17,30 +21,35 @@ impl Drop for Guest {
     }
 }
 
+/// Starts a Python module that connects to a drive as policy `mine`.
+fn guest(python: &Path, module: &[&str], endpoint: &str) -> Guest {
+    let mut guest = Command::new(python);
+    guest.arg("-m").args(module).args(["--name", "mine", "--connect", endpoint]).current_dir(workspace());
+    guest.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::inherit());
+    Guest(guest.spawn().expect("python starts"))
+}
+
+fn endpoint() -> String {
+    format!("tcp/127.0.0.1:{}", free_port())
+}
+
+/// Drives with whoever connects as `mine`.
+fn drive_by(endpoint: &str, further: &[&str]) -> Drive {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let shared = ["--policy", "mine", "--policy-listen", endpoint, "--observation", "layout", "--duration", "2"];
+    let output = command(&[further, &shared].concat(), folder.path()).output().expect("runs");
+    finished(folder, output)
+}
+
 /// Drives with a Python class; returns the episode.
 fn drive_with(source: &str, class: &str) -> Option<serde_json::Value> {
     let python = python()?;
     let folder = tempfile::tempdir().expect("a temporary folder");
     let script = folder.path().join("mine.py");
     std::fs::write(&script, source).expect("a script");
-    let endpoint = format!("tcp/127.0.0.1:{}", free_port());
-    let mut guest = Command::new(python);
-    guest.args(["-m", "dreamstream", "run"]).arg(format!("{}:{class}", script.display()));
-    guest.args(["--name", "mine", "--connect", &endpoint]).current_dir(workspace());
-    guest.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::inherit());
-    let out = folder.path().join("out");
-    std::fs::create_dir(&out).expect("a folder");
-    let mut drive = command(
-        &[SCENARIO, "--policy", "mine", "--policy-listen", &endpoint, "--observation", "layout", "--duration", "2"],
-        &out,
-    );
-    let child = drive.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the binary starts");
-    let _guest = Guest(guest.spawn().expect("python starts"));
-    let output = child.wait_with_output().expect("the drive ends");
-    let results = std::fs::read_to_string(out.join("results.json"))
-        .unwrap_or_else(|error| panic!("no results ({error}): {}", String::from_utf8_lossy(&output.stderr)));
-    let results: serde_json::Value = serde_json::from_str(&results).expect("results are JSON");
-    Some(results["episodes"][0].clone())
+    let endpoint = endpoint();
+    let _guest = guest(&python, &["dreamstream", "run", &format!("{}:{class}", script.display())], &endpoint);
+    Some(drive_by(&endpoint, &[SCENARIO]).episode(0).clone())
 }
 
 #[test]
@@ -70,6 +79,113 @@ fn bad_answers_end_the_drive_with_a_named_reason() {
         assert!(reason.starts_with("policy") || reason.starts_with("plan"), "{answer}: {reason:?}");
         assert!(reason.contains(says), "{answer}: {reason:?} does not say {says:?}");
     }
+}
+
+/// Plans from the frames by a matrix product, notes how many different observations came together.
+const TOGETHER: &str = "import time
+from pathlib import Path
+import numpy as np
+from dreamstream import Policy
+
+class Together(Policy):
+    batch = 4
+    gather_s = 5.0
+    weights = np.random.default_rng(0).standard_normal((480, 24)).astype(np.float32)
+
+    def plan_batch(self, observations):
+        assert len(observations) == self.batch
+        if not Path(__file__).with_name('met').exists():
+            time.sleep(3)  # until the other drive has begun
+        with Path(__file__).with_name('met').open('a') as met:
+            print(len({id(seen) for seen in observations}), file=met)
+        seen = np.stack([seen.frames['front'][-1][40, :160].reshape(-1) for seen in observations]).astype(np.float32)
+        offsets = (seen @ self.weights).reshape(self.batch, 8, 3) * np.float32(1e-6)
+        way_m = np.array([seen.ego.speed_mps for seen in observations])[:, None] * 0.5 * np.arange(1, 9)
+        return list(offsets + np.stack([way_m, 0 * way_m, 0 * way_m], axis=-1))
+";
+
+#[test]
+fn two_drives_at_once_through_one_process_are_as_each_alone() {
+    let Some(python) = python() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let script = folder.path().join("mine.py");
+    std::fs::write(&script, TOGETHER).expect("a script");
+    let class = format!("{}:Together", script.display());
+    let drive = |scenarios: &[&str]| {
+        let endpoint = endpoint();
+        let _guest = guest(&python, &["dreamstream", "run", &class], &endpoint);
+        let drive = drive_by(&endpoint, &[scenarios, &["--workers", "2"]].concat());
+        let met = std::fs::read_to_string(folder.path().join("met")).expect("the policy was asked");
+        std::fs::remove_file(folder.path().join("met")).expect("removed");
+        let most = met.lines().map(|line| line.parse::<usize>().expect("a number")).max();
+        (drive, most.expect("a call"))
+    };
+    let (both, most) = drive(&[SCENARIO, OTHER]);
+    assert_eq!(most, 2, "both sessions met in one call");
+    for (index, scenario) in [SCENARIO, OTHER].into_iter().enumerate() {
+        let (alone, most) = drive(&[scenario]);
+        assert_eq!(most, 1);
+        assert_eq!(alone.episode(0)["status"], "completed", "{}", alone.episode(0));
+        let same =
+            (0..2).find(|other| both.episode(*other)["scenario"] == alone.episode(0)["scenario"]).unwrap_or(index);
+        assert_eq!(both.digests(same), alone.digests(0), "{scenario}");
+    }
+}
+
+#[test]
+fn an_agent_of_navsims_interface_drives() {
+    let Some(python) = python() else { return };
+    let class = format!("{}:Mine", workspace().join("clients/python/examples/navsim_agent.py").display());
+    let endpoint = endpoint();
+    let _guest = guest(&python, &["dreamstream", "run", &class], &endpoint);
+    let drive = drive_by(&endpoint, &[SCENARIO, "--history", "16", "--scorer", "oracle"]);
+    assert_eq!(drive.episode(0)["status"], "completed", "{}", drive.episode(0));
+}
+
+/// Reads how far the plans of two recordings lie apart, and those of different moments of one.
+fn compared(python: &Path, one: &Drive, other: &Drive) -> String {
+    let script = workspace().join("tests/own_policy.py");
+    let mut compare = Command::new(python);
+    let read = compare.arg(script).arg("compare").arg(one.recording(0)).arg(other.recording(0)).output();
+    let read = read.expect("python runs");
+    assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
+    String::from_utf8_lossy(&read.stdout).into_owned()
+}
+
+#[test]
+fn a_ros_2_node_behind_the_bridge_drives_as_the_same_driver_connected_directly() {
+    let Some(python) = python().and_then(|_| python_with("ros2", &["./clients/python[ros2]"])) else { return };
+    let script = workspace().join("tests/ros2_node.py");
+    let (here, ros) = (endpoint(), endpoint());
+    let mut node = Command::new(&python);
+    node.arg(&script).arg(&ros).stdin(Stdio::piped()).stdout(Stdio::piped());
+    let mut node = Guest(node.spawn().expect("python starts"));
+    let by_ros = {
+        let _guest = guest(&python, &["dreamstream.ros2", "--ros", &ros], &here);
+        drive_by(&here, &[SCENARIO, "--history", "3"])
+    };
+    drop(node.0.stdin.take());
+    let mut said = String::new();
+    node.0.stdout.take().expect("a pipe").read_to_string(&mut said).expect("the node's last words");
+    let heard: serde_json::Value = serde_json::from_str(&said).expect("JSON");
+
+    let directly = endpoint();
+    let _guest = guest(&python, &["dreamstream", "run", &format!("{}:Direct", script.display())], &directly);
+    let direct = drive_by(&directly, &[SCENARIO, "--history", "3"]);
+    assert_eq!(direct.episode(0)["status"], "completed", "{}", direct.episode(0));
+    assert_eq!(by_ros.digests(0), direct.digests(0), "{heard}");
+    let said = compared(&python, &by_ros, &direct);
+    assert!(said.starts_with("0.0 ") && !said.ends_with(" 0.0\n"), "{said}");
+
+    // A plan each half second, the three frames before it that were not told yet.
+    let counts = &heard["counts"];
+    for topic in ["clock", "dreamstream/odom", "dreamstream/accel", "dreamstream/camera/front/image_raw"] {
+        assert!(counts[topic].as_u64() >= Some(8), "{topic}: {heard}");
+    }
+    assert!(counts["tf_static"].as_u64() >= Some(1) && heard["clock_rises"] == true, "{heard}");
+    let token = "MP/dreamstream§camera§front§image_raw/sensor_msgs§msg§Image/:1:0:0,10";
+    let tokens = heard["tokens"].as_array().expect("tokens");
+    assert!(tokens.iter().any(|one| one == token) && tokens.len() == 8, "{heard}");
 }
 
 #[test]

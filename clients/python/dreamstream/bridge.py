@@ -2,7 +2,7 @@
 
 The bridge puts `hello`, `observation` and `goodbye`, and repeats what is not answered; this side puts `ready`, `plan`
 and `leave`, and answers the same question the same way. A policy that fails leaves its session and says why; the
-other sessions go on.
+other sessions go on. Observations for `plan_batch` wait a few milliseconds for those of other sessions.
 """
 
 from __future__ import annotations
@@ -11,11 +11,15 @@ import json
 import logging
 import queue
 import re
+import time
 from dataclasses import dataclass
-from typing import Callable, Optional, Type
+from typing import Callable, Mapping, Optional, Type, Union
+
+import numpy as np
+import zenoh
 
 from . import messages
-from .policy import Plan, Policy
+from .policy import Observation, Plan, Policy
 
 ROOT = "dreamstream-policy/v1"
 MAX_WAITING = 256
@@ -44,10 +48,29 @@ class Sessions:
         self._put = put
         self._drives: dict[str, _Drive] = {}
         self._left: dict[str, bytes] = {}
+        self._due: dict[str, Observation] = {}
         self.ended = 0
+        self._together = policy.plan_batch is not Policy.plan_batch
+        if self._together and not 1 <= policy.batch <= MAX_SESSIONS:
+            raise ValueError(f"{policy.__name__}.plan_batch needs batch = 1 to {MAX_SESSIONS}, found {policy.batch!r}")
 
     def __len__(self) -> int:
         return len(self._drives)
+
+    @property
+    def due(self) -> int:
+        """How many observations wait for `plan_due`."""
+        return len(self._due)
+
+    @property
+    def full(self) -> bool:
+        """Whether waiting longer is of no use: the batch is full, or every session waits."""
+        return bool(self._due) and len(self._due) >= min(self._make.batch, len(self._drives))
+
+    def plan_due(self) -> None:
+        """Answers what waits, up to one batch."""
+        taken = list(self._due)[: self._make.batch]
+        self._plan_together({session: self._due.pop(session) for session in taken})
 
     def take(self, *, session: str, leaf: str, data: bytes) -> None:
         """Handles one message; a policy's fault ends its session only."""
@@ -63,8 +86,7 @@ class Sessions:
             elif leaf == "goodbye":
                 self._goodbye(session=session, data=data)
         except Exception as error:
-            _log.exception("policy leaves session %s", session)
-            self._leave(session=session, reason=f"{type(error).__name__}: {error}")
+            self._fail(session, error)
 
     def close(self, *, reason: str) -> None:
         """Leaves every session."""
@@ -87,15 +109,43 @@ class Sessions:
         if drive is None:
             return
         seen = messages.observation(data)
-        if seen.sequence > drive.sequence:
-            answer = Plan.of(drive.policy.plan(seen), spacing_s=drive.policy.spacing_s)
-            drive.answer = messages.plan(answer, for_sequence=seen.sequence)
-            drive.sequence = seen.sequence
         if seen.sequence == drive.sequence:
             self._put(session, "plan", drive.answer)
+        elif seen.sequence > drive.sequence and self._together:
+            self._due[session] = seen
+        elif seen.sequence > drive.sequence:
+            self._answer(session, seen, drive.policy.plan(seen))
+
+    def _plan_together(self, seen: Mapping[str, Observation]) -> None:
+        """Asks for all at once, filled up to the batch; each by itself where that fails, so that only the guilty leave."""
+        shown = [*seen.values(), *[list(seen.values())[-1]] * (self._make.batch - len(seen))]
+        try:
+            answers = list(self._drives[next(iter(seen))].policy.plan_batch(shown))
+            if len(answers) != len(shown):
+                raise ValueError(f"plan_batch returned {len(answers)} answers for {len(shown)} observations")
+        except Exception as error:
+            if len(seen) > 1:
+                for session in seen:
+                    self._plan_together({session: seen[session]})
+                return
+            self._fail(next(iter(seen)), error)
+            return
+        for session, answer in zip(seen, answers):
+            try:
+                self._answer(session, seen[session], answer)
+            except Exception as error:
+                self._fail(session, error)
+
+    def _answer(self, session: str, seen: Observation, answer: Union[Plan, np.ndarray]) -> None:
+        drive = self._drives[session]
+        checked = Plan.of(answer, spacing_s=drive.policy.spacing_s)
+        drive.answer = messages.plan(checked, for_sequence=seen.sequence)
+        drive.sequence = seen.sequence
+        self._put(session, "plan", drive.answer)
 
     def _goodbye(self, *, session: str, data: bytes) -> None:
         drive = self._drives.pop(session, None)
+        self._due.pop(session, None)
         if drive is None:
             return
         self.ended += 1
@@ -103,8 +153,13 @@ class Sessions:
         _log.info("session %s ends: %s", session, reason)
         drive.policy.end(reason=reason)
 
+    def _fail(self, session: str, error: Exception) -> None:
+        _log.error("policy leaves session %s", session, exc_info=error)
+        self._leave(session=session, reason=f"{type(error).__name__}: {error}")
+
     def _leave(self, *, session: str, reason: str) -> None:
         drive = self._drives.pop(session, None)
+        self._due.pop(session, None)
         if len(self._left) >= MAX_SESSIONS:
             self._left.pop(next(iter(self._left)))
         self._left[session] = messages.leave(reason=reason)
@@ -112,6 +167,24 @@ class Sessions:
         self.ended += 1
         if drive is not None:
             drive.policy.end(reason=reason)
+
+
+def opened(connect: str, *, wait_s: float, config_file: Optional[str] = None) -> zenoh.Session:
+    """Connects to a Zenoh router as a client; it may open up to `wait_s` later."""
+    config = zenoh.Config.from_file(config_file) if config_file else zenoh.Config()
+    for key, value in (
+        ("mode", "client"),
+        ("connect/endpoints", [connect]),
+        ("connect/timeout_ms", round(1000 * wait_s)),
+        ("connect/exit_on_failure", True),
+        ("connect/retry", {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5}),
+        ("scouting/multicast/enabled", False),
+    ):
+        config.insert_json5(key, json.dumps(value))
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        raise ConnectionError(f"no bridge at {connect} within {wait_s:.0f} s: {error}") from error
 
 
 def run(
@@ -130,18 +203,6 @@ def run(
     """
     if not _WORD.fullmatch(name):
         raise ValueError(f"policy name {name!r} may hold only letters, digits, '_', '-' and '.'")
-    import zenoh
-
-    config = zenoh.Config.from_file(config_file) if config_file else zenoh.Config()
-    for key, value in (
-        ("mode", "client"),
-        ("connect/endpoints", [connect]),
-        ("connect/timeout_ms", round(1000 * wait_s)),
-        ("connect/exit_on_failure", True),
-        ("connect/retry", {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5}),
-        ("scouting/multicast/enabled", False),
-    ):
-        config.insert_json5(key, json.dumps(value))
     waiting: "queue.Queue[tuple[str, str, bytes]]" = queue.Queue(maxsize=MAX_WAITING)
 
     def enqueue(sample) -> None:
@@ -151,25 +212,26 @@ def run(
         except queue.Full:
             _log.warning("queue full, message dropped; the bridge will repeat it")
 
-    try:
-        opened = zenoh.open(config)
-    except zenoh.ZError as error:
-        raise ConnectionError(f"no bridge at {connect} within {wait_s:.0f} s: {error}") from error
-    with opened as bus:
+    with opened(connect, wait_s=wait_s, config_file=config_file) as bus:
 
         def put(session: str, leaf: str, data: bytes) -> None:
             bus.put(f"{ROOT}/{name}/{session}/{leaf}", data)
 
         served = Sessions(policy, put=put)
         listening = [bus.declare_subscriber(f"{ROOT}/{name}/*/{leaf}", enqueue) for leaf in ("hello", "observation", "goodbye")]
+        until = 0.0
         _log.info("policy %r waits as %r at %s", policy.__name__, name, connect)
         try:
             while sessions is None or served.ended < sessions:
                 try:
-                    session, leaf, data = waiting.get(timeout=0.2)
+                    session, leaf, data = waiting.get(timeout=max(0.0, until - time.monotonic()) if served.due else 0.2)
+                    if not served.due:
+                        until = time.monotonic() + policy.gather_s
+                    served.take(session=session, leaf=leaf, data=data)
                 except queue.Empty:
-                    continue
-                served.take(session=session, leaf=leaf, data=data)
+                    pass
+                while served.full or (served.due and time.monotonic() >= until):
+                    served.plan_due()
         finally:
             served.close(reason="the policy's process ends")
             for subscriber in listening:

@@ -192,20 +192,34 @@ def _proposals(proposals: Sequence[tuple[Plan, float]]) -> tuple[tuple[Plan, flo
 class Policy:
     """A driver. One instance is made per session, so an instance may remember what it has seen.
 
-    Keep what is dear to load (network weights) in a class attribute or behind `functools.cache`.
+    Keep what is dear to load (network weights) in a class attribute or behind `functools.cache`. A policy writes `plan`, or
+    `plan_batch` to answer several sessions at once.
     """
 
     #: What the policy calls itself, with its version.
     name = "python-policy"
     #: Spacing of the poses when `plan` returns a bare N x 3 array, in seconds.
     spacing_s = 0.5
+    #: How many observations `plan_batch` is given, always.
+    batch = 0
+    #: How long an observation waits for those of other sessions before `plan_batch` is called, in seconds.
+    gather_s = 0.005
 
     def begin(self, *, session: Session) -> None:
         """Called once, before the first observation."""
 
     def plan(self, observation: Observation) -> Union[Plan, np.ndarray]:
         """Returns where to drive: a `Plan`, or an N x 3 array of (x, y, heading) `spacing_s` apart."""
-        raise NotImplementedError("subclass dreamstream.Policy and write plan()")
+        raise NotImplementedError("subclass dreamstream.Policy and write plan() or plan_batch()")
+
+    def plan_batch(self, observations: Sequence[Observation]) -> Sequence[Union[Plan, np.ndarray]]:
+        """Returns an answer for each of exactly `batch` observations, in their order.
+
+        Called instead of `plan` where it is written: with the newest observations of several sessions, and the last one
+        again where there are fewer. `batch` is fixed since libraries choose kernels by it, and those round otherwise. It
+        is called on any session's instance, so an answer may depend on nothing but its observation.
+        """
+        raise NotImplementedError("write plan_batch() and set batch")
 
     def end(self, *, reason: str) -> None:
         """Called once, after the last observation."""

@@ -68,6 +68,69 @@ def test_sessions_do_not_share_a_policy():
     assert (len(served), Straight.made - before) == (2, 2)
 
 
+class Together(Policy):
+    """A matrix product: libraries choose its kernel, and with it the rounding, by the number of rows."""
+
+    batch = 4
+    asked = []
+    weights = np.random.default_rng(0).standard_normal((64, 24)).astype(np.float32)
+
+    def plan_batch(self, observations):
+        self.asked.append(len(observations))
+        if any(seen.ego.speed_mps < 0 for seen in observations):
+            raise RuntimeError("a car that drives backwards")
+        seen = np.stack([seen.frames["front"][-1].reshape(-1)[:64] for seen in observations]).astype(np.float32)
+        return list((seen @ self.weights).reshape(len(observations), 8, 3) / 1000)
+
+
+def together(speeds_mps):
+    served, sent = serve(Together)
+    for session in speeds_mps:
+        served.take(session=session, leaf="hello", data=observed.hello())
+    for number, (session, speed_mps) in enumerate(speeds_mps.items()):
+        assert not served.full
+        data = observed.observation(sequence=number, speed_mps=speed_mps)
+        served.take(session=session, leaf="observation", data=data)
+        served.take(session=session, leaf="observation", data=data)
+    assert served.full and served.due == len(speeds_mps)
+    while served.due:
+        served.plan_due()
+    assert not served.full
+    return {session: (leaf, data) for session, leaf, data in sent if leaf != "ready"}
+
+
+def test_sessions_are_planned_in_one_call_of_fixed_size_and_each_as_if_alone():
+    Together.asked.clear()
+    answers = together({"a": 1.0, "b": 2.0, "c": 3.0})
+    assert Together.asked == [4]
+    assert together({"a": 1.0})["a"] == answers["a"]
+    assert len({data for _, data in answers.values()}) == 3
+
+
+def test_more_sessions_than_a_batch_are_planned_in_turn():
+    served, sent = serve(Together)
+    for session in "abcdef":
+        served.take(session=session, leaf="hello", data=observed.hello())
+        served.take(session=session, leaf="observation", data=observed.observation())
+    assert served.full
+    served.plan_due()
+    assert (served.due, served.full) == (2, False)
+    served.take(session="e", leaf="goodbye", data=observed.goodbye())
+    served.plan_due()
+    assert [session for session, leaf, _ in sent if leaf == "plan"] == ["a", "b", "c", "d", "f"]
+
+
+def test_who_fails_in_a_batch_leaves_alone():
+    answers = together({"a": 1.0, "backwards": -1.0, "c": 3.0})
+    assert [answers[session][0] for session in ("a", "backwards", "c")] == ["plan", "leave", "plan"]
+    assert "backwards" in observed.reason(answers["backwards"][1])
+
+
+def test_a_batch_has_a_size():
+    with pytest.raises(ValueError, match="batch = 1 to 64, found 0"):
+        serve(type("Sizeless", (Together,), {"batch": 0}))
+
+
 @pytest.mark.parametrize("leaf, data, says", [
     ("observation", observed.observation(), "poses[0].x_m"),
     ("observation", b"\xff", "cannot be decoded"),
