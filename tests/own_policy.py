@@ -15,6 +15,7 @@ DRAWN = np.random.default_rng(7)
 EYE = DRAWN.normal(0, 0.05, (3 * PATCH * PATCH, 6)).astype(np.float32)
 HEAD = DRAWN.normal(0, 0.05, (CELLS[0] * CELLS[1] * 6 + 3, 3 * POSES)).astype(np.float32)
 UNIT = np.stack([[0.2 * k, 0.2 * k, 0.01 * k] for k in range(1, POSES + 1)]).reshape(1, -1).astype(np.float32)
+PICK = np.float32([[0.01]] + 8 * [[0]])
 AHEAD = np.stack([[0.5 * k, 0.0, 0.0] for k in range(1, POSES + 1)]).reshape(1, -1).astype(np.float32)
 
 MANIFEST = """version = 1
@@ -32,6 +33,8 @@ fields = ["speed_mps"]
 [command]
 input = "command"
 one_hot = ["left", "straight", "right"]
+[calibration]
+intrinsics = "lens"
 [plan]
 output = "plan"
 first_s = 0.5
@@ -49,7 +52,8 @@ class Twin(Policy):
         patches = image.transpose(2, 0, 1).reshape(3, rows, PATCH, columns, PATCH).transpose(1, 3, 0, 2, 4)
         seen = np.tanh(patches.reshape(rows * columns, -1) @ EYE).reshape(1, -1)
         said = np.float32([[observation.command is way for way in (Command.LEFT, Command.STRAIGHT, Command.RIGHT)]])
-        offsets = np.tanh(np.concatenate([seen, said], axis=1) @ HEAD) * UNIT
+        lens = observation.cameras["front"].intrinsics.reshape(1, 9).astype(np.float32) @ PICK
+        offsets = np.tanh(np.concatenate([seen, said], axis=1) @ HEAD) * UNIT * lens
         return (offsets + np.float32(observation.ego.speed_mps) * AHEAD).reshape(POSES, 3)
 
 
@@ -58,13 +62,14 @@ def export(folder: Path) -> None:
     from onnx import TensorProto, helper, numpy_helper
 
     rows, columns = CELLS
-    shapes = {"apart": [3, rows, PATCH, columns, PATCH], "cells": [rows * columns, -1], "flat": [1, -1], "poses": [1, POSES, 3]}
-    weights = {"eye": EYE, "head": HEAD, "unit": UNIT, "ahead": AHEAD}
+    shapes = {"apart": [-1, 3, rows, PATCH, columns, PATCH], "cells": [-1, 3 * PATCH * PATCH], "flat": [-1, rows * columns * 6]}
+    shapes |= {"nine": [-1, 9], "poses": [-1, POSES, 3]}
+    weights = {"eye": EYE, "head": HEAD, "unit": UNIT, "ahead": AHEAD, "pick": PICK}
     weights |= {name: np.array(shape, dtype=np.int64) for name, shape in shapes.items()}
     node = helper.make_node
     nodes = [
         node("Reshape", ["image", "apart"], ["a"]),
-        node("Transpose", ["a"], ["b"], perm=[1, 3, 0, 2, 4]),
+        node("Transpose", ["a"], ["b"], perm=[0, 2, 4, 1, 3, 5]),
         node("Reshape", ["b", "cells"], ["c"]),
         node("MatMul", ["c", "eye"], ["d"]),
         node("Tanh", ["d"], ["seen"]),
@@ -72,16 +77,19 @@ def export(folder: Path) -> None:
         node("Concat", ["f", "command"], ["g"], axis=1),
         node("Gemm", ["g", "head"], ["h"]),
         node("Tanh", ["h"], ["i"]),
-        node("Mul", ["i", "unit"], ["j"]),
+        node("Reshape", ["lens", "nine"], ["n"]),
+        node("MatMul", ["n", "pick"], ["o"]),
+        node("Mul", ["i", "unit"], ["p"]),
+        node("Mul", ["p", "o"], ["j"]),
         node("Mul", ["speed", "ahead"], ["k"]),
         node("Add", ["j", "k"], ["l"]),
         node("Reshape", ["l", "poses"], ["plan"]),
     ]
-    inputs = {"image": ["batch", 3, 96, 160], "speed": ["batch", 1], "command": ["batch", 3]}
+    inputs = {"image": ["batch", 3, 96, 160], "speed": ["batch", 1], "command": ["batch", 3], "lens": ["batch", 3, 3]}
     values = [helper.make_tensor_value_info(name, TensorProto.FLOAT, shape) for name, shape in inputs.items()]
-    plan = helper.make_tensor_value_info("plan", TensorProto.FLOAT, [1, POSES, 3])
+    plan = helper.make_tensor_value_info("plan", TensorProto.FLOAT, ["batch", POSES, 3])
     initializers = [numpy_helper.from_array(value, name) for name, value in weights.items()]
-    seen = helper.make_tensor_value_info("seen", TensorProto.FLOAT, [rows * columns, 6])
+    seen = helper.make_tensor_value_info("seen", TensorProto.FLOAT, ["tokens", 6])
     graph = helper.make_graph(nodes, "twin", values, [plan, seen], initializers)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
     onnx.checker.check_model(model)

@@ -4,6 +4,8 @@
 //! the rig frame of now: metres and radians, x forward, y left. A plan is handed on as the network gave it, pose by pose;
 //! where it ends before the asked horizon it goes on as the manifest says.
 
+mod calibration;
+
 use std::path::{Path, PathBuf};
 
 use ds_nn::Array;
@@ -11,7 +13,7 @@ use ds_onnx::manifest::{Angle, Axes, Beyond, Camera, Colour, Direction, Layout, 
 use ds_onnx::manifest::{ImageSection, PlanSection};
 use ds_onnx::{Manifest, Network};
 use ds_raster::RgbImage;
-use ds_space::{CameraModel, DVec2, Digest, PoseSe2, SimTime};
+use ds_space::{CameraModel, DVec2, Digest, Framing, PoseSe2, SimTime};
 use ds_world::{Proposal, RouteCommand, Trajectory, TrajectoryPoint};
 
 use crate::builtin::is_builtin;
@@ -82,12 +84,8 @@ impl Own {
         self.manifest.feature.is_some()
     }
 
-    fn ask(
-        &mut self,
-        views: &[(&CameraModel, &[RgbImage])],
-        ego: &EgoView,
-        command: RouteCommand,
-    ) -> Result<Vec<Array>, PolicyError> {
+    /// Makes the inputs of the network.
+    fn inputs(&mut self, views: &Views<'_>, ego: &EgoView, command: RouteCommand) -> Result<Vec<Array>, PolicyError> {
         let mut inputs = Vec::new();
         if let Some(image) = &self.manifest.image {
             inputs.push(pixels(image, &frames(image, &mut self.eye, views)?));
@@ -101,7 +99,16 @@ impl Own {
             let values = section.one_hot.iter().map(|direction| f32::from(u8::from(is(*direction, command))));
             inputs.push(Array::new(&[1, section.one_hot.len()], values.collect()));
         }
-        Ok(self.network.answer(&inputs)?)
+        if let (Some(section), Some(image)) = (&self.manifest.calibration, &self.manifest.image) {
+            inputs.extend(calibration::arrays(section, &calibration::seen(image, views)?));
+        }
+        Ok(inputs)
+    }
+
+    fn inputs_of(&mut self, observation: &Observation) -> Result<Vec<Array>, PolicyError> {
+        observation.check()?;
+        let views: Vec<_> = observation.cameras.iter().zip(observation.frames.iter().map(Vec::as_slice)).collect();
+        self.inputs(&views, &observation.ego, observation.command)
     }
 
     fn trajectory(&self, poses: &[f32], columns: usize, observation: &Observation) -> Result<Trajectory, PolicyError> {
@@ -122,10 +129,8 @@ impl Policy for Own {
     }
 
     fn plan(&mut self, observation: &Observation, _: Option<&PrivilegedView>) -> Result<PolicyAnswer, PolicyError> {
-        observation.check()?;
-        let views: Vec<_> = observation.cameras.iter().zip(observation.frames.iter().map(Vec::as_slice)).collect();
-        let outputs = self.ask(&views, &observation.ego, observation.command)?;
-        let columns = |output: &Array| output.shape().last().copied().unwrap_or(1);
+        let inputs = self.inputs_of(observation)?;
+        let outputs = self.network.answer(&inputs)?;
         let trajectory = self.trajectory(outputs[0].values(), columns(&outputs[0]), observation)?;
         let mut proposals = Vec::new();
         if self.manifest.proposals.is_some() {
@@ -149,7 +154,8 @@ impl Policy for Own {
             return Ok(None);
         }
         let views: Vec<_> = cameras.iter().zip(frames.iter().map(std::slice::from_ref)).collect();
-        let outputs = self.ask(&views, &EgoView::default(), RouteCommand::Straight)?;
+        let inputs = self.inputs(&views, &EgoView::default(), RouteCommand::Straight)?;
+        let outputs = self.network.answer(&inputs)?;
         let feature = outputs.into_iter().next_back().unwrap_or_default();
         let channels = feature.shape().last().copied().unwrap_or(1).max(1);
         let tokens = feature.values().len() / channels;
@@ -161,12 +167,15 @@ impl Policy for Own {
     }
 }
 
+fn columns(output: &Array) -> usize {
+    output.shape().last().copied().unwrap_or(1)
+}
+
+/// Cameras with their frames, oldest first.
+type Views<'a> = [(&'a CameraModel, &'a [RgbImage])];
+
 /// Returns the frames that a network sees, oldest first, the oldest again where there are too few.
-fn frames(
-    image: &ImageSection,
-    eye: &mut Eye,
-    views: &[(&CameraModel, &[RgbImage])],
-) -> Result<Vec<RgbImage>, PolicyError> {
+fn frames(image: &ImageSection, eye: &mut Eye, views: &Views<'_>) -> Result<Vec<RgbImage>, PolicyError> {
     let seen = views.iter().map(|(_, frames)| frames.len()).min().unwrap_or_default();
     let wanted = image.history as usize;
     let mut shown = Vec::with_capacity(wanted);
@@ -175,34 +184,42 @@ fn frames(
         let index = (seen + place).saturating_sub(wanted).min(seen.saturating_sub(1));
         let frame = match &image.camera {
             Camera::Known => eye.ahead(views.iter().map(|(camera, frames)| (*camera, &frames[index])))?,
-            Camera::Raw(id) => {
-                let view = views.iter().find(|(camera, _)| camera.id.as_str() == id);
-                view.map(|(_, frames)| frames[index].clone()).ok_or_else(|| absent(id, views))?
-            }
+            Camera::Raw(id) => raw(id, views)?.1[index].clone(),
         };
         shown.push(sized(image, &frame));
     }
     Ok(shown)
 }
 
-fn absent(id: &str, views: &[(&CameraModel, &[RgbImage])]) -> PolicyError {
-    let known: Vec<&str> = views.iter().map(|(camera, _)| camera.id.as_str()).collect();
-    let problem = format!("has no camera {id:?}, which the manifest names; there are {}", known.join(", "));
-    PolicyError::Observation { field: "cameras", problem }
+/// Returns a camera by its name, with its frames.
+fn raw<'a>(id: &str, views: &Views<'a>) -> Result<(&'a CameraModel, &'a [RgbImage]), PolicyError> {
+    views.iter().find(|(camera, _)| camera.id.as_str() == id).copied().ok_or_else(|| {
+        let known: Vec<&str> = views.iter().map(|(camera, _)| camera.id.as_str()).collect();
+        let problem = format!("has no camera {id:?}, which the manifest names; there are {}", known.join(", "));
+        PolicyError::Observation { field: "cameras", problem }
+    })
 }
 
+/// Returns which part of a frame of some size the network is shown.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "sides are at most 4096")]
-fn sized(image: &ImageSection, frame: &RgbImage) -> RgbImage {
-    let [width_px, height_px] = image.size_px.map(|side| side as u32);
+fn framing(image: &ImageSection, [across_px, down_px]: [u32; 2]) -> Framing {
+    let to_px = image.size_px.map(|side| side as u32);
     if image.resize == Resize::Area {
-        return frame.resized(width_px, height_px);
+        return Framing { left_px: 0, top_px: 0, width_px: across_px, height_px: down_px, to_px };
     }
-    let (across, down) = (f64::from(frame.width_px()), f64::from(frame.height_px()));
-    let scale = (across / f64::from(width_px)).min(down / f64::from(height_px));
-    let size = [width_px, height_px].map(|side| ((f64::from(side) * scale).round() as u32).max(1));
+    let scale = (f64::from(across_px) / f64::from(to_px[0])).min(f64::from(down_px) / f64::from(to_px[1]));
+    let [width_px, height_px] = to_px.map(|side| ((f64::from(side) * scale).round() as u32).max(1));
     let [left_px, top_px] =
-        [(frame.width_px(), size[0]), (frame.height_px(), size[1])].map(|(all, part)| all.saturating_sub(part) / 2);
-    frame.part([left_px, top_px], size).resized(width_px, height_px)
+        [(across_px, width_px), (down_px, height_px)].map(|(all, part)| all.saturating_sub(part) / 2);
+    Framing { left_px, top_px, width_px, height_px, to_px }
+}
+
+fn sized(image: &ImageSection, frame: &RgbImage) -> RgbImage {
+    let Framing { left_px, top_px, width_px, height_px, to_px } = framing(image, [frame.width_px(), frame.height_px()]);
+    if [width_px, height_px] == [frame.width_px(), frame.height_px()] {
+        return frame.resized(to_px[0], to_px[1]);
+    }
+    frame.part([left_px, top_px], [width_px, height_px]).resized(to_px[0], to_px[1])
 }
 
 /// Returns the image input.

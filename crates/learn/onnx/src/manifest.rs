@@ -1,9 +1,13 @@
 //! What a network of others takes and gives: names, shapes, units and axes, read from TOML and checked.
 
+mod calibration;
+
 use std::path::{Path, PathBuf};
 
 use ds_space::{Digest, DigestWriter};
 use serde::Deserialize;
+
+pub use calibration::CalibrationSection;
 
 use crate::error::OnnxError;
 use crate::network::{Named, Network};
@@ -30,6 +34,8 @@ pub struct Manifest {
     pub state: Option<StateSection>,
     /// What the navigation says.
     pub command: Option<CommandSection>,
+    /// How the camera of the frames sees.
+    pub calibration: Option<CalibrationSection>,
     /// The answer.
     pub plan: PlanSection,
     /// All candidates.
@@ -337,11 +343,14 @@ impl Manifest {
         }
         self.image.as_ref().map_or(Ok(()), ImageSection::check)?;
         self.state.as_ref().map_or(Ok(()), StateSection::check)?;
+        if self.calibration.is_some() && self.image.is_none() {
+            return Err(("calibration", "is of the camera of [image], and there is none".to_owned()));
+        }
         let directions = self.command.as_ref().is_none_or(|command| !command.one_hot.is_empty());
         if directions { Ok(()) } else { Err(("command.one_hot", "is empty".to_owned())) }
     }
 
-    /// Returns the inputs of the network: image, state and command, those that there are.
+    /// Returns the inputs of the network: image, state, command and calibration, those that there are.
     #[must_use]
     pub fn inputs(&self) -> Vec<Named> {
         let image = self.image.as_ref().map(|image| Named { name: image.input.clone(), shape: image.shape() });
@@ -349,7 +358,25 @@ impl Manifest {
         let state = state.map(|state| Named { name: state.input.clone(), shape: vec![1, state.fields.len()] });
         let command = self.command.as_ref();
         let command = command.map(|of| Named { name: of.input.clone(), shape: vec![1, of.one_hot.len()] });
-        image.into_iter().chain(state).chain(command).collect()
+        let calibration = self.calibration.iter().flat_map(CalibrationSection::inputs);
+        image.into_iter().chain(state).chain(command).chain(calibration).collect()
+    }
+
+    /// Returns the outputs that are asked for: the plan, then poses and scores of the proposals, then the feature.
+    fn outputs(&self) -> Vec<String> {
+        let proposals = self.proposals.iter().flat_map(|proposals| [&proposals.poses, &proposals.scores]);
+        let feature = self.feature.iter().map(|feature| &feature.output);
+        std::iter::once(&self.plan.output).chain(proposals).chain(feature).cloned().collect()
+    }
+
+    /// Reads the network for several observations at once, the first side of each input.
+    ///
+    /// # Errors
+    /// [`OnnxError`] if it takes no such batch.
+    pub fn network_of(&self, batch: usize) -> Result<Network, OnnxError> {
+        let mut inputs = self.inputs();
+        inputs.iter_mut().for_each(|input| input.shape[0] = batch);
+        Network::read(&self.path.with_file_name(&self.policy.file), &inputs, &self.outputs())
     }
 
     /// Reads the network and checks that its outputs are what the manifest says: the plan, then poses and scores of the
@@ -358,11 +385,8 @@ impl Manifest {
     /// # Errors
     /// [`OnnxError`] names what does not fit.
     pub fn network(&self) -> Result<Network, OnnxError> {
-        let proposals = self.proposals.iter().flat_map(|proposals| [&proposals.poses, &proposals.scores]);
-        let feature = self.feature.iter().map(|feature| &feature.output);
-        let names: Vec<String> = std::iter::once(&self.plan.output).chain(proposals).chain(feature).cloned().collect();
         let path = self.path.with_file_name(&self.policy.file);
-        let network = Network::read(&path, &self.inputs(), &names)?;
+        let network = self.network_of(1)?;
         let found = network.digest().to_string();
         if let Some(expected) = self.policy.digest.clone().filter(|expected| *expected != found) {
             return Err(OnnxError::Digest { path: path.display().to_string(), found, expected });

@@ -43,6 +43,8 @@ fn inputs_have_the_shapes_that_the_manifest_gives() {
     let image = |layout: &str| SOUND.replace("history = 2", &format!("history = 2\nlayout = {layout:?}"));
     assert_eq!(shapes(&image("NHWC"))[0], [1, 160, 320, 6]);
     assert_eq!(shapes(&image("NTCHW"))[0], [1, 2, 3, 160, 320]);
+    let calibrated = shapes(&format!("{SOUND}\n[calibration]\nimage_from_rig = \"P\"\nintrinsics = \"K\""));
+    assert_eq!(calibrated[3..], [vec![1, 3, 3], vec![1, 4, 4]]);
 }
 
 #[test]
@@ -58,10 +60,14 @@ fn what_cannot_be_is_named_with_its_field() {
         ("history = 2", "std = [1.0, 0.0, 1.0]", "image.std"),
         ("\"zero\"]", "\"zero\"]\nscale = [1.0]", "state.scale"),
         ("\"speed_mps\"", "\"speed_kmh\"", "speed_kmh"),
+        ("[plan]", "[calibration]\nintrinsics = \"state\"\n[plan]", "\"state\" stands in two tables"),
+        ("[plan]", "[calibration]\nextrinsics = \"E\"\n[plan]", "extrinsics"),
         ("spacing_s = 0.5", "spacing_s = 0.5\nrate_hz = 2", "rate_hz"),
         ("output = \"plan\"", "", "output"),
     ] {
         let error = read(&SOUND.replace(from, to)).expect_err(says);
         assert!(error.contains(says), "{error:?} does not say {says:?}");
     }
+    let blind = SOUND.replace("[image]\ninput = \"image\"\nsize_px = [320, 160]\nhistory = 2", "[calibration]");
+    assert!(read(&blind).expect_err("no image").contains("of the camera of [image]"));
 }
