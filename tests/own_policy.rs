@@ -62,6 +62,24 @@ fn an_onnx_file_drives_as_the_same_network_in_a_process_of_its_own() {
 }
 
 #[test]
+fn the_doctor_asks_for_batches_and_in_new_processes() {
+    let Some((_, folder)) = exported() else { return };
+    let manifest = folder.path().join("numpy.toml");
+    let doctor = ["policy", "doctor", manifest.to_str().expect("a plain path"), "--json"];
+    let output = harness::dreamstream(&doctor).output().expect("runs");
+    let told: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(told["fixtures"].as_array().map(Vec::len), Some(8), "{told}");
+    assert_eq!(told["findings"], serde_json::json!([]), "{told}");
+    let remarks = told["remarks"].as_array().expect("remarks");
+    let batch = remarks.iter().find(|remark| remark["check"] == "batch").expect("a remark of batches");
+    assert!(harness::text(&batch["says"]).starts_with("answers to 2 and 8 at once"), "{told}");
+    assert!(
+        remarks.iter().all(|remark| remark["check"] != "determinism"),
+        "new processes plan the same to the bit: {told}"
+    );
+}
+
+#[test]
 fn manifests_and_networks_that_do_not_fit_are_refused_before_anything_starts() {
     let Some((_, folder)) = exported() else { return };
     let sound = std::fs::read_to_string(folder.path().join("numpy.toml")).expect("the manifest");

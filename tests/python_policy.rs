@@ -188,6 +188,105 @@ fn a_ros_2_node_behind_the_bridge_drives_as_the_same_driver_connected_directly()
     assert!(tokens.iter().any(|one| one == token) && tokens.len() == 8, "{heard}");
 }
 
+/// Drives as the expert does, known by its frame, and wraps that wrongly.
+const EXAMINED: &str = "import hashlib, json
+from pathlib import Path
+import numpy as np
+from dreamstream import Policy
+
+HERE = Path(__file__).parent
+key = lambda seen: hashlib.sha256(seen.frames['front'][-1].tobytes()).hexdigest()
+
+class Note(Policy):
+    def plan(self, observation):
+        with (HERE / 'seen').open('a') as seen:
+            print(key(observation), file=seen)
+        return [[0.1, 0.0, 0.0]]
+
+class Sound(Policy):
+    spacing_s, known, calls = 0.1, {}, 0
+
+    def plan(self, observation):
+        Sound.calls += 1
+        if not self.known:
+            asked = (HERE / 'seen').read_text().split()[1:9]
+            self.known.update(zip(asked, json.loads((HERE / 'told').read_text())['experts']))
+        return self.wrap(*np.array(self.known[key(observation)]).T)
+
+    def wrap(self, x, y, turned):
+        return np.stack([x, y, turned], axis=1)
+
+class Swapped(Sound):
+    wrap = lambda self, x, y, turned: np.stack([y, x, turned], axis=1)
+
+class Degrees(Sound):
+    wrap = lambda self, x, y, turned: np.stack([x, y, np.degrees(turned)], axis=1)
+
+class Rate(Sound):
+    wrap = lambda self, x, y, turned: np.stack([x, y, turned], axis=1)[4::5]
+
+class Centre(Sound):
+    wrap = lambda self, x, y, turned: np.stack([x + 1.4 * (np.cos(turned) - 1), y + 1.4 * np.sin(turned), turned], axis=1)
+
+class Absolute(Sound):
+    wrap = lambda self, x, y, turned: np.stack([x + 31, y - 8, turned], axis=1)
+
+class Shared(Sound):
+    wrap = lambda self, x, y, turned: np.stack([x, y + 0.01 * Sound.calls, turned], axis=1)
+
+class Once(Sound):
+    wrap = lambda self, x, y, turned: np.stack([x, np.where(Sound.calls == 99, np.nan, y), turned], axis=1)
+
+class Mixed(Sound):
+    batch, gather_s = 8, 2.0
+
+    def plan_batch(self, observations):
+        plans = [self.plan(seen) for seen in observations]
+        return [plan + [0, 0.1 * (len({id(seen) for seen in observations}) - 1), 0] for plan in plans]
+";
+
+#[test]
+fn the_doctor_names_what_is_wrong_with_a_python_policy() {
+    let Some(python) = python() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let script = folder.path().join("mine.py");
+    std::fs::write(&script, EXAMINED).expect("a script");
+    let doctor = |class: &str| {
+        let policy = format!("{}:{class}", script.display());
+        let mut doctor = harness::dreamstream(&["policy", "doctor", &policy, "--json", "--python"]);
+        let output = doctor.arg(&python).output().expect("runs");
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        let told = serde_json::from_str::<serde_json::Value>(&said);
+        (told.unwrap_or_else(|error| panic!("{class}: {error}: {}", String::from_utf8_lossy(&output.stderr))), output)
+    };
+    let (told, _) = doctor("Note");
+    std::fs::write(folder.path().join("told"), told.to_string()).expect("write");
+    let (told, output) = doctor("Sound");
+    assert!(output.status.success() && told["findings"] == serde_json::json!([]), "{told}");
+    let remark = &told["remarks"][0];
+    assert_eq!(remark["says"], "answers to 2 and 8 at once are those alone", "{told}");
+    let rows = [
+        ("Swapped", "axes", "x and y swapped"),
+        ("Degrees", "units", "degrees"),
+        ("Rate", "rate", "0.5 s apart but declared 0.1 s"),
+        ("Centre", "origin", "centre"),
+        ("Absolute", "origin", "absolute"),
+        ("Shared", "state", "keeps state"),
+        ("Once", "finite", "is nan"),
+        ("Mixed", "batch", "rows of a batch are mixed"),
+    ];
+    for (class, check, says) in rows {
+        let (told, output) = doctor(class);
+        assert_eq!(output.status.code(), Some(1), "{class}: {told}");
+        let first = &told["findings"][0];
+        assert!(first["check"] == check && text(&first["says"]).contains(says), "{class}: {told}");
+    }
+    let mut doctor = harness::dreamstream(&["policy", "doctor", "none.py:Mine", "--python"]);
+    let said = doctor.arg(&python).output().expect("runs").stderr;
+    let said = String::from_utf8_lossy(&said).into_owned();
+    assert!(said.contains("there is no file") && said.contains("ended before it answered"), "{said}");
+}
+
 #[test]
 fn an_independent_reader_opens_the_recording() {
     let Some(python) = python() else { return };

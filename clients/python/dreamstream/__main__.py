@@ -1,10 +1,12 @@
-"""`python -m dreamstream run FILE.py:CLASS --connect tcp/HOST:PORT` serves a policy."""
+"""`python -m dreamstream run FILE.py:CLASS --connect tcp/HOST:PORT` serves a policy; `doctor FILE.py:CLASS` examines it."""
 
 from __future__ import annotations
 
 import argparse
 import importlib.util
 import logging
+import os
+import shutil
 import sys
 from pathlib import Path
 from typing import Optional, Sequence, Type
@@ -35,6 +37,17 @@ def load(target: str) -> Type[Policy]:
     return found
 
 
+def examine(policy: str, *, json: bool) -> int:
+    """Has the program `dreamstream` ask the policy, in a process of this Python."""
+    beside = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    program = shutil.which("dreamstream", path=beside)
+    if program is None:
+        raise SystemExit("the program dreamstream is not on the PATH: it draws the states that the policy is asked about")
+    load(policy)
+    words = [program, "policy", "doctor", policy, "--python", sys.executable, *(["--json"] if json else [])]
+    os.execv(program, words)
+
+
 def main(arguments: Optional[Sequence[str]] = None) -> int:
     """The command line."""
     parser = argparse.ArgumentParser(prog="python -m dreamstream", description="Connect a driving policy to DreamStream.")
@@ -47,7 +60,12 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     serve.add_argument("--wait", type=float, default=120.0, help="seconds to wait for the bridge (default %(default)s)")
     serve.add_argument("--config", default=None, help="a Zenoh configuration file, for certificates")
     serve.add_argument("--quiet", action="store_true", help="say only what goes wrong")
+    doctor = commands.add_parser("doctor", help="name what is wrong with how a policy is wrapped: axes, units, rate, origin, state")
+    doctor.add_argument("policy", metavar="FILE.py:CLASS", help="a subclass of dreamstream.Policy")
+    doctor.add_argument("--json", action="store_true", help="print JSON")
     given = parser.parse_args(arguments)
+    if given.command == "doctor":
+        return examine(given.policy, json=given.json)
     logging.basicConfig(level=logging.WARNING if given.quiet else logging.INFO, format="%(levelname)s %(message)s")
     try:
         run(

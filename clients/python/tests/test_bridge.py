@@ -13,7 +13,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 import observed
 from dreamstream import Policy
-from dreamstream.__main__ import load
+from dreamstream.__main__ import load, main
 from dreamstream.bridge import Sessions
 
 EXAMPLE = Path(__file__).resolve().parents[1] / "examples" / "constant_velocity.py"
@@ -153,6 +153,20 @@ def test_files_and_classes_are_named_when_absent(tmp_path):
         with pytest.raises(SystemExit) as refused:
             load(target)
         assert says in str(refused.value)
+
+
+def test_the_doctor_is_the_program_beside_this_python(tmp_path, monkeypatch):
+    program = tmp_path / "dreamstream"
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o755)
+    started = []
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr("os.execv", lambda program, words: started.append(words) or 0)
+    main(["doctor", f"{EXAMPLE}:ConstantVelocity", "--json"])
+    assert started[0][1:] == ["policy", "doctor", f"{EXAMPLE}:ConstantVelocity", "--python", sys.executable, "--json"]
+    monkeypatch.setattr("shutil.which", lambda *_, **__: None)
+    with pytest.raises(SystemExit, match="not on the PATH"):
+        main(["doctor", f"{EXAMPLE}:ConstantVelocity"])
 
 
 def test_the_example_drives_over_a_real_bus():

@@ -42,6 +42,24 @@ impl OutsideBus {
         tracing::info!(policy, listens = ?bus.listens(), "waiting for an external policy");
         Ok(Self { bus, policy: policy.to_owned(), deadline, runtime: Handle::current() })
     }
+
+    /// Returns the endpoints that it listens on, ports filled in.
+    #[must_use]
+    pub fn listens(&self) -> &[String] {
+        self.bus.listens()
+    }
+
+    /// Returns the name of the policy that may connect.
+    #[must_use]
+    pub fn policy(&self) -> &str {
+        &self.policy
+    }
+
+    /// Returns the time that the policy has for each answer, in milliseconds.
+    #[must_use]
+    pub fn deadline_millis(&self) -> u64 {
+        u64::try_from(self.deadline.as_millis()).unwrap_or(u64::MAX)
+    }
 }
 
 /// A session with an external policy, under a random name.
@@ -75,16 +93,24 @@ impl External {
             let detail = format!("{:?} may connect here, the episode asks for {:?}", outside.policy, spec.policy);
             return Err(Fault::policy("policy_unknown", detail));
         }
-        let session = outside.runtime.block_on(outside.bus.begin());
-        let session = session.map_err(|error| Fault::infrastructure("policy_bus", error))?;
         let dt = scene.scene.dt;
         let hello = SessionHello {
             cameras: scene.scene.cameras.clone(),
             history: spec.history,
             horizon: SimTime(dt.0 * i64::from(spec.horizon)),
             step: dt,
-            deadline_millis: u64::try_from(outside.deadline.as_millis()).unwrap_or(u64::MAX),
+            deadline_millis: outside.deadline_millis(),
         };
+        Self::begin(outside, hello)
+    }
+
+    /// Begins a session in which the policy is told this at first.
+    ///
+    /// # Errors
+    /// If the bus is closed.
+    pub fn begin(outside: Arc<OutsideBus>, hello: SessionHello) -> Result<Self, Fault> {
+        let session = outside.runtime.block_on(outside.bus.begin());
+        let session = session.map_err(|error| Fault::infrastructure("policy_bus", error))?;
         Ok(Self { outside, session, hello, greeted: false, sequence: 0, start: None })
     }
 

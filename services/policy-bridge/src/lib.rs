@@ -5,10 +5,12 @@
 //! answers nonsense ends its episode by a named rule, never the service.
 
 pub mod guest;
+pub mod outsider;
 pub mod settings;
 pub mod stage;
 
 pub use guest::OutsideBus;
+pub use outsider::Outsider;
 pub use settings::Settings;
 pub use stage::PolicyStage;
 

@@ -20,7 +20,13 @@ const NEAR_M: f64 = 0.05;
 /// How far the centre of a car is before its rear axle, in metres.
 const CENTRE_M: f64 = 1.4;
 /// How often each fixture is asked.
-const ROUNDS: u32 = 24;
+pub const ROUNDS: u32 = 24;
+/// Plans that lie closer together are the same but for rounding, in metres.
+const SAME_M: f64 = 1e-4;
+/// With another camera a plan may be so much farther from the expert's without a remark, in metres.
+const OTHER_CAMERA_M: f64 = 1.0;
+/// How many are asked at once.
+const BATCHES: [usize; 2] = [2, 8];
 
 /// A state with the expert's answer.
 #[derive(Debug, Clone)]
@@ -31,6 +37,8 @@ pub struct Fixture {
     pub observation: Observation,
     /// The expert's poses one, two, … ticks from now, in the rig frame of now.
     pub expert: Vec<PoseSe2>,
+    /// The place of the same state as the car's own camera sees it, where this one is seen by another camera.
+    pub twin: Option<usize>,
 }
 
 /// One thing that is wrong with how a policy is wrapped.
@@ -42,62 +50,140 @@ pub struct Finding {
     pub says: String,
 }
 
-/// Asks a policy for plans of all fixtures, several times over, and returns what is wrong; nothing if all is well.
+/// What the doctor says of a policy.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Examination {
+    /// What is wrong; empty if all is well.
+    pub findings: Vec<Finding>,
+    /// What is no error but worth knowing.
+    pub remarks: Vec<Finding>,
+    /// The plans of the fixtures at the expert's stamps; empty if the policy does not answer.
+    pub plans: Vec<Vec<PoseSe2>>,
+}
+
+/// Asks a policy for plans of all fixtures, several times over, and says what is wrong; `asked` is called after each answer.
 #[must_use]
-pub fn examine(policy: &mut dyn Policy, fixtures: &[Fixture]) -> Vec<Finding> {
-    let mut findings = Vec::new();
-    let first = match answers(policy, fixtures, 0) {
+pub fn examine(policy: &mut dyn Policy, fixtures: &[Fixture], asked: &dyn Fn()) -> Examination {
+    let fatal = |finding| Examination { findings: vec![finding], ..Examination::default() };
+    let first = match answers(policy, fixtures, 0, asked) {
         Ok(plans) => plans,
-        Err(finding) => return vec![finding],
+        Err(finding) => return fatal(finding),
     };
     for round in 1..ROUNDS {
-        match answers(policy, fixtures, round) {
-            Err(finding) => return vec![finding],
+        match answers(policy, fixtures, round, asked) {
+            Err(finding) => return fatal(finding),
             Ok(again) if policy.restart() == Restart::Stateless => {
-                if let Some(finding) = stateful(fixtures, &first, &again, round) {
-                    return vec![finding];
+                let how = format!("in round {round}");
+                if let Some((finding, true)) = differing("state", fixtures, [&first, &again], &how) {
+                    return fatal(finding);
                 }
             }
             Ok(_) => {}
         }
     }
-    findings.extend(convention(fixtures, &first));
-    if findings.is_empty() {
-        findings.extend(colours(policy, fixtures, &first));
+    let mut found = Examination::default();
+    found.findings.extend(convention(fixtures, &first));
+    if found.findings.is_empty() {
+        found.findings.extend(colours(policy, fixtures, &first));
     }
-    findings.extend(proposals(policy, fixtures));
-    findings.extend(feature(policy, fixtures));
-    findings
+    found.findings.extend(proposals(policy, fixtures));
+    found.findings.extend(feature(policy, fixtures));
+    match batch(policy, fixtures, &first) {
+        Ok(remark) => found.remarks.extend(remark),
+        Err(finding) => found.findings.push(finding),
+    }
+    found.remarks.extend(horizon(fixtures, &first));
+    found.remarks.extend(blind(policy, fixtures, &first));
+    found.remarks.extend(calibration(fixtures, &first));
+    Examination { plans: first, ..found }
 }
 
-/// Returns what is no error but worth knowing: plans that end early, and plans that do not depend on the frames.
+/// Asks a policy for the plans of all fixtures once, at the expert's stamps.
 ///
-/// Nothing is said of a policy that does not answer; [`examine`] does.
+/// # Errors
+/// The finding that says which fixture is not answered, and why.
+pub fn plans(policy: &mut dyn Policy, fixtures: &[Fixture]) -> Result<Vec<Vec<PoseSe2>>, Finding> {
+    answers(policy, fixtures, 0, &|| ())
+}
+
+/// Says how far the plans of a policy that was asked elsewhere, such as `in a new process`, lie from those it gave here: a
+/// finding, or a remark where they differ in rounding only.
 #[must_use]
-pub fn remarks(policy: &mut dyn Policy, fixtures: &[Fixture]) -> Vec<Finding> {
-    let Ok(plans) = answers(policy, fixtures, 0) else { return Vec::new() };
-    let mut remarks = Vec::new();
-    let covered = fixtures.iter().zip(&plans).find(|(fixture, plan)| plan.len() < fixture.expert.len());
-    if let Some((fixture, plan)) = covered {
-        let secs = |ticks: usize| SimTime(fixture.observation.dt.0 * ticks as i64).secs();
-        let (covers, asked) = (secs(plan.len()), secs(fixture.expert.len()));
-        let says = format!(
-            "fixture {:?}: the plan covers {covers:.1} s of {asked:.1} s, then its last pose is held",
-            fixture.name
-        );
-        remarks.push(Finding { check: "horizon", says });
+pub fn determinism(fixtures: &[Fixture], pair: [&[Vec<PoseSe2>]; 2], how: &str) -> Examination {
+    let mut said = Examination::default();
+    if let Some((finding, grave)) = differing("determinism", fixtures, pair, how) {
+        if grave { &mut said.findings } else { &mut said.remarks }.push(finding);
     }
-    // Each state with the frames of the next one.
+    said
+}
+
+/// Says whether a plan ends before the asked horizon.
+fn horizon(fixtures: &[Fixture], plans: &[Vec<PoseSe2>]) -> Option<Finding> {
+    let (fixture, plan) = fixtures.iter().zip(plans).find(|(fixture, plan)| plan.len() < fixture.expert.len())?;
+    let secs = |ticks: usize| SimTime(fixture.observation.dt.0 * ticks as i64).secs();
+    let (covers, asked) = (secs(plan.len()), secs(fixture.expert.len()));
+    let says = format!(
+        "fixture {:?}: the plan covers {covers:.1} s of {asked:.1} s, then its last pose is held",
+        fixture.name
+    );
+    Some(Finding { check: "horizon", says })
+}
+
+/// Says whether plans stay the same with the frames of another fixture.
+fn blind(policy: &mut dyn Policy, fixtures: &[Fixture], plans: &[Vec<PoseSe2>]) -> Option<Finding> {
     let mut exchanged = fixtures.to_vec();
     for (index, fixture) in exchanged.iter_mut().enumerate() {
         fixture.observation.frames.clone_from(&fixtures[(index + 1) % fixtures.len()].observation.frames);
     }
-    let Ok(others) = answers(policy, &exchanged, 0) else { return remarks };
-    if fixtures.len() > 1 && plans.iter().zip(&others).all(|(one, other)| distance_m(one, other) < 1e-6) {
-        let says = "plans are the same with the frames of another fixture: the policy does not look at them".to_owned();
-        remarks.push(Finding { check: "image", says });
+    let others = answers(policy, &exchanged, 0, &|| ()).ok()?;
+    let same = fixtures.len() > 1 && plans.iter().zip(&others).all(|(one, other)| distance_m(one, other) < 1e-6);
+    let says = "plans are the same with the frames of another fixture: the policy does not look at them".to_owned();
+    same.then_some(Finding { check: "image", says })
+}
+
+/// Says how much farther from the expert a policy drives with another camera than its own.
+fn calibration(fixtures: &[Fixture], plans: &[Vec<PoseSe2>]) -> Option<Finding> {
+    let (index, twin) = fixtures.iter().enumerate().find_map(|(index, fixture)| Some((index, fixture.twin?)))?;
+    let [other_m, own_m] = [index, twin].map(|place| distance_m(&plans[place], &fixtures[place].expert));
+    (other_m > own_m + OTHER_CAMERA_M).then(|| Finding {
+        check: "camera",
+        says: format!(
+            "fixture {:?}: {other_m:.2} m from the expert's plan, with the car's own camera {own_m:.2} m: the policy drives by \
+             one camera and does not look at the calibration",
+            fixtures[index].name
+        ),
+    })
+}
+
+/// Says what is wrong with answers to several fixtures at once, or how far they lie from those to each alone.
+fn batch(policy: &mut dyn Policy, fixtures: &[Fixture], alone: &[Vec<PoseSe2>]) -> Result<Option<Finding>, Finding> {
+    let (mut most_m, mut taken): (f64, Vec<String>) = (0.0, Vec::new());
+    for size in BATCHES {
+        for start in (0..fixtures.len()).step_by(size) {
+            let places: Vec<usize> = (start..start + size).map(|place| place % fixtures.len()).collect();
+            let shown: Vec<&Observation> = places.iter().map(|place| &fixtures[*place].observation).collect();
+            let wrong = |says: String| Finding { check: "batch", says: format!("{size} at once: {says}") };
+            let answers = policy.plan_together(&shown).map_err(|error| wrong(error.to_string()))?;
+            let Some(answers) = answers else { break };
+            for (answer, place) in answers.iter().zip(&places) {
+                let fixture = &fixtures[*place];
+                let apart_m = distance_m(&sampled(fixture, &answer.trajectory), &alone[*place]);
+                most_m = most_m.max(apart_m);
+                if apart_m > SAME_M {
+                    return Err(wrong(format!(
+                        "fixture {:?} is answered {apart_m:.3} m from its answer alone: rows of a batch are mixed",
+                        fixture.name
+                    )));
+                }
+            }
+            if start == 0 {
+                taken.push(size.to_string());
+            }
+        }
     }
-    remarks
+    let apart = if most_m > 0.0 { format!("lie within {most_m:.1e} m of") } else { "are".to_owned() };
+    let says = format!("answers to {} at once {apart} those alone", taken.join(" and "));
+    Ok((!taken.is_empty()).then_some(Finding { check: "batch", says }))
 }
 
 /// Says whether a policy's answer is missing among its proposals.
@@ -151,7 +237,12 @@ fn feature(policy: &mut dyn Policy, fixtures: &[Fixture]) -> Option<Finding> {
 }
 
 /// Returns the plans of all fixtures, in their order or backwards in odd rounds, each at the expert's stamps.
-fn answers(policy: &mut dyn Policy, fixtures: &[Fixture], round: u32) -> Result<Vec<Vec<PoseSe2>>, Finding> {
+fn answers(
+    policy: &mut dyn Policy,
+    fixtures: &[Fixture],
+    round: u32,
+    after_each: &dyn Fn(),
+) -> Result<Vec<Vec<PoseSe2>>, Finding> {
     let mut plans = vec![Vec::new(); fixtures.len()];
     let mut order: Vec<usize> = (0..fixtures.len()).collect();
     if round % 2 == 1 {
@@ -161,41 +252,64 @@ fn answers(policy: &mut dyn Policy, fixtures: &[Fixture], round: u32) -> Result<
         let fixture = &fixtures[index];
         let answer = policy.plan(&fixture.observation, None).map_err(|error| {
             let call = round as usize * fixtures.len() + asked as usize + 1;
-            let (check, cause) = match &error {
-                PolicyError::Plan { source: source @ TrajectoryError::TooFar { .. }, .. } => {
-                    ("origin", format!(": {source}: poses are absolute, or not in metres"))
-                }
-                PolicyError::Plan { source, .. } => ("finite", format!(": {source}")),
-                _ => ("answer", String::new()),
-            };
+            let (check, cause) = cause(&error);
             Finding { check, says: format!("call {call}, fixture {:?}: {error}{cause}", fixture.name) }
         })?;
-        let dt = fixture.observation.dt;
-        let ends = answer.trajectory.horizon();
-        let stamps = (1i64..).map(|k| SimTime(dt.0 * k)).take_while(|after| *after <= ends);
-        // As given where there is a point: between points headings are wrapped, which would hide degrees.
-        let points = answer.trajectory.points();
-        let pose = |after| match points.binary_search_by_key(&after, |point| point.after) {
-            Ok(found) => points[found].pose,
-            Err(_) => answer.trajectory.at(after),
-        };
-        plans[index] = stamps.take(fixture.expert.len()).map(pose).collect();
+        plans[index] = sampled(fixture, &answer.trajectory);
+        after_each();
     }
     Ok(plans)
 }
 
-fn stateful(fixtures: &[Fixture], first: &[Vec<PoseSe2>], again: &[Vec<PoseSe2>], round: u32) -> Option<Finding> {
+/// Returns the check that an answer fails, and the likely cause.
+fn cause(error: &PolicyError) -> (&'static str, String) {
+    let far = "poses are absolute, or not in metres";
+    match error {
+        PolicyError::Plan { source: source @ TrajectoryError::TooFar { .. }, .. } => {
+            ("origin", format!(": {source}: {far}"))
+        }
+        PolicyError::Plan { source, .. } => ("finite", format!(": {source}")),
+        // Another process says it in its own words.
+        PolicyError::Outside { detail, .. } => {
+            let detail = detail.to_lowercase();
+            match ["is nan", "is inf", "is -inf"].iter().any(|words| detail.contains(words)) {
+                true => ("finite", String::new()),
+                false if detail.contains("m away, limit") => ("origin", format!(": {far}")),
+                false => ("answer", String::new()),
+            }
+        }
+        _ => ("answer", String::new()),
+    }
+}
+
+/// Returns a plan at the expert's stamps, until it ends.
+fn sampled(fixture: &Fixture, trajectory: &Trajectory) -> Vec<PoseSe2> {
+    let dt = fixture.observation.dt;
+    let stamps = (1i64..).map(|k| SimTime(dt.0 * k)).take_while(|after| *after <= trajectory.horizon());
+    // As given where there is a point: between points headings are wrapped, which would hide degrees.
+    let points = trajectory.points();
+    let pose = |after| match points.binary_search_by_key(&after, |point| point.after) {
+        Ok(found) => points[found].pose,
+        Err(_) => trajectory.at(after),
+    };
+    stamps.take(fixture.expert.len()).map(pose).collect()
+}
+
+/// Says which fixture's two answers differ most, if any do, and whether by more than rounding.
+fn differing(
+    check: &'static str,
+    fixtures: &[Fixture],
+    [first, again]: [&[Vec<PoseSe2>]; 2],
+    how: &str,
+) -> Option<(Finding, bool)> {
     let pairs = fixtures.iter().zip(first.iter().zip(again));
     let (name, apart_m) = pairs
         .map(|(fixture, (one, other))| (&fixture.name, distance_m(one, other)))
         .reduce(|most, next| if next.1 > most.1 { next } else { most })?;
-    (apart_m > 1e-4).then(|| Finding {
-        check: "state",
-        says: format!(
-            "fixture {name:?} in round {round} is answered {apart_m:.3} m from its first answer: the policy keeps state \
-             or draws outside its seed, but says restart = \"stateless\""
-        ),
-    })
+    let grave = apart_m > SAME_M;
+    let cause = if grave { "the policy keeps state, or draws outside its seed" } else { "rounding" };
+    let says = format!("fixture {name:?} {how} is answered {apart_m:.1e} m from its first answer: {cause}");
+    (apart_m > 0.0).then_some((Finding { check, says }, grave))
 }
 
 /// Returns the mean distance of the positions, and of the points 5 m ahead of them, so that headings count.
@@ -250,15 +364,24 @@ fn relative(plan: &[PoseSe2]) -> Vec<PoseSe2> {
     plan.iter().map(|pose| plan[0].relative(pose)).collect()
 }
 
+/// Returns the fixtures that the car's own camera sees, with their plans.
+fn own_camera<'a>(
+    fixtures: &'a [Fixture],
+    plans: &'a [Vec<PoseSe2>],
+) -> impl Iterator<Item = (&'a Fixture, &'a Vec<PoseSe2>)> {
+    fixtures.iter().zip(plans).filter(|(fixture, _)| fixture.twin.is_none())
+}
+
 fn convention(fixtures: &[Fixture], plans: &[Vec<PoseSe2>]) -> Option<Finding> {
     // As given and undone, over the time that both cover.
     let apart = |undo: Undo| {
-        let each = fixtures.iter().zip(plans).map(|(fixture, plan)| {
+        let each = own_camera(fixtures, plans).map(|(fixture, plan)| {
             let undone = undo(plan);
             let given = &plan[..undone.len().min(plan.len())];
             [distance_m(given, &fixture.expert), distance_m(&undone, &fixture.expert)]
         });
-        each.fold([0.0; 2], |[given, undone], [g, u]| [given + g, undone + u]).map(|m| m / fixtures.len().max(1) as f64)
+        let number = own_camera(fixtures, plans).count().max(1) as f64;
+        each.fold([0.0; 2], |[given, undone], [g, u]| [given + g, undone + u]).map(|m| m / number)
     };
     let all = CONVENTIONS.iter().map(|(check, cause, undo)| (check, cause, apart(*undo)));
     let named = all.filter(|(_, _, [given_m, undone_m])| *given_m > NEAR_M && *undone_m < EXPLAINED * given_m);
@@ -272,10 +395,10 @@ fn convention(fixtures: &[Fixture], plans: &[Vec<PoseSe2>]) -> Option<Finding> {
 /// Says whether the plans come nearer to the expert if red and blue change places in the frames.
 fn colours(policy: &mut dyn Policy, fixtures: &[Fixture], plans: &[Vec<PoseSe2>]) -> Option<Finding> {
     let swapped: Vec<Fixture> = fixtures.iter().cloned().map(bgr).collect();
-    let other = answers(policy, &swapped, 0).ok()?;
+    let other = answers(policy, &swapped, 0, &|| ()).ok()?;
     let apart = |plans: &[Vec<PoseSe2>]| {
-        let each = fixtures.iter().zip(plans).map(|(fixture, plan)| distance_m(plan, &fixture.expert));
-        each.sum::<f64>() / fixtures.len().max(1) as f64
+        let each = own_camera(fixtures, plans).map(|(fixture, plan)| distance_m(plan, &fixture.expert));
+        each.sum::<f64>() / own_camera(fixtures, plans).count().max(1) as f64
     };
     let (given_m, swapped_m) = (apart(plans), apart(&other));
     (given_m > NEAR_M && swapped_m < EXPLAINED * given_m).then(|| Finding {

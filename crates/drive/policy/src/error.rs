@@ -68,6 +68,14 @@ pub enum PolicyError {
         /// Who has it.
         by: &'static str,
     },
+    /// A policy in another process did not answer, or not as it should.
+    #[error("{fault}: {detail}")]
+    Outside {
+        /// What went wrong, such as `policy_left`.
+        fault: String,
+        /// Its words.
+        detail: String,
+    },
     /// A number of the answer is unusable.
     #[error("answer of policy {name:?} {problem}")]
     Answer {

@@ -70,6 +70,14 @@ pub trait Policy: Send {
         privileged: Option<&PrivilegedView>,
     ) -> Result<PolicyAnswer, PolicyError>;
 
+    /// Plans from several observations at once; none from a policy that is not made for it, or not for so many.
+    ///
+    /// # Errors
+    /// As of [`Policy::plan`].
+    fn plan_together(&mut self, _observations: &[&Observation]) -> Result<Option<Vec<PolicyAnswer>>, PolicyError> {
+        Ok(None)
+    }
+
     /// Returns what the policy attends to of the newest frame of each camera, before state or command enter; none for
     /// a policy that tells of nothing of the kind.
     ///

@@ -148,6 +148,23 @@ impl Policy for Own {
         Ok(PolicyAnswer { trajectory, proposals })
     }
 
+    /// Asks the network for a batch, where it takes one of that size.
+    fn plan_together(&mut self, observations: &[&Observation]) -> Result<Option<Vec<PolicyAnswer>>, PolicyError> {
+        let each = observations.iter().map(|seen| self.inputs_of(seen)).collect::<Result<Vec<_>, _>>()?;
+        let Ok(network) = self.manifest.network_of(observations.len()) else { return Ok(None) };
+        let places = each.first().map_or(0, Vec::len);
+        let batch: Vec<Array> = (0..places).map(|place| stacked(each.iter().map(|inputs| &inputs[place]))).collect();
+        let Ok(mut answers) = network.answer(&batch) else { return Ok(None) };
+        let answer = answers.swap_remove(0);
+        let size = answer.values().len() / observations.len();
+        if size != self.network.outputs()[0].iter().product::<usize>() {
+            return Ok(None);
+        }
+        let rows = answer.values().chunks_exact(size).zip(observations);
+        let plans = rows.map(|(row, seen)| Ok(PolicyAnswer::single(self.trajectory(row, columns(&answer), seen)?)));
+        plans.collect::<Result<_, PolicyError>>().map(Some)
+    }
+
     /// The feature that the manifest names; the state is that of a car that stands still.
     fn context(&mut self, cameras: &[CameraModel], frames: &[RgbImage]) -> Result<Option<Context>, PolicyError> {
         if !self.has_feature() {
@@ -169,6 +186,18 @@ impl Policy for Own {
 
 fn columns(output: &Array) -> usize {
     output.shape().last().copied().unwrap_or(1)
+}
+
+/// Puts rows below each other.
+fn stacked<'a>(rows: impl Iterator<Item = &'a Array>) -> Array {
+    let (mut shape, mut values) = (Vec::new(), Vec::new());
+    for row in rows {
+        let rows_before = shape.first().copied().unwrap_or_default();
+        shape = row.shape().to_vec();
+        shape[0] += rows_before;
+        values.extend_from_slice(row.values());
+    }
+    Array::new(&shape, values)
 }
 
 /// Cameras with their frames, oldest first.

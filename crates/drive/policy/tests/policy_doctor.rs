@@ -2,7 +2,7 @@
 
 use ds_nn::Array;
 use ds_policy::camera::eye::known_camera;
-use ds_policy::doctor::{Fixture, examine, remarks};
+use ds_policy::doctor::{Examination, Fixture, determinism};
 use ds_policy::plan::evenly_spaced;
 use ds_policy::{Context, EgoView, Observation, Policy, PolicyAnswer, PolicyError, PrivilegedView, Restart};
 use ds_raster::RgbImage;
@@ -42,8 +42,13 @@ fn fixtures() -> Vec<Fixture> {
             draw: Draws::from_seed(0, "doctor"),
         },
         expert: arc(speed_mps, curvature(red)),
+        twin: None,
     };
     shown.map(of).to_vec()
+}
+
+fn examine(policy: &mut dyn Policy, fixtures: &[Fixture]) -> Examination {
+    ds_policy::doctor::examine(policy, fixtures, &|| ())
 }
 
 fn each(plan: &[PoseSe2], change: impl Fn(f64, f64, f64) -> (f64, f64, f64)) -> Vec<PoseSe2> {
@@ -137,14 +142,14 @@ fn a_sound_wrapping_has_no_findings_and_each_wrong_one_is_named_by_its_cause() {
         ),
     ];
     for (name, channel, wrong, check, says) in rows {
-        let found = examine(&mut Wrapped { channel, calls: 0, wrong }, &fixtures());
+        let found = examine(&mut Wrapped { channel, calls: 0, wrong }, &fixtures()).findings;
         if check.is_empty() {
             assert_eq!(found, [], "{name}");
         } else {
             assert!(found.len() == 1 && found[0].check == check && found[0].says.contains(says), "{name}: {found:?}");
         }
     }
-    let found = examine(&mut Wrapped { channel: 2, calls: 0, wrong: sound }, &fixtures());
+    let found = examine(&mut Wrapped { channel: 2, calls: 0, wrong: sound }, &fixtures()).findings;
     assert!(found.len() == 1 && found[0].check == "image" && found[0].says.contains("BGR"), "{found:?}");
 }
 
@@ -186,8 +191,8 @@ impl Policy for Told {
 #[test]
 fn proposals_features_and_what_is_worth_a_remark_are_told() {
     let sound = || Told { sideways_m: 0.0, feature: |red| vec![f32::from(red), 1.0], ticks: 40, looks: true };
-    assert_eq!(examine(&mut sound(), &fixtures()), []);
-    assert_eq!(remarks(&mut sound(), &fixtures()), []);
+    let Examination { findings, remarks, plans } = examine(&mut sound(), &fixtures());
+    assert_eq!((findings, remarks, plans.len()), (vec![], vec![], 5));
     let rows: [(Told, &str, &str); 4] = [
         (Told { sideways_m: 2.0, ..sound() }, "proposals", "nearest is 2.00 m away"),
         (Told { feature: |_| vec![1.0], ..sound() }, "feature", "same for every frame"),
@@ -195,14 +200,89 @@ fn proposals_features_and_what_is_worth_a_remark_are_told() {
         (Told { feature: |_| vec![f32::NAN], ..sound() }, "feature", "not finite"),
     ];
     for (mut policy, check, says) in rows {
-        let found = examine(&mut policy, &fixtures());
+        let found = examine(&mut policy, &fixtures()).findings;
         assert!(found.len() == 1 && found[0].check == check && found[0].says.contains(says), "{check}: {found:?}");
     }
     for (mut policy, check, says) in [
         (Told { ticks: 20, ..sound() }, "horizon", "covers 2.0 s of 4.0 s"),
         (Told { looks: false, ..sound() }, "image", "does not look at them"),
     ] {
-        let found = remarks(&mut policy, &fixtures());
+        let found = examine(&mut policy, &fixtures()).remarks;
         assert!(found.len() == 1 && found[0].check == check && found[0].says.contains(says), "{check}: {found:?}");
     }
+}
+
+/// Answers several at once, and lets the first row of a batch of many lean on the others.
+struct Many {
+    most: usize,
+    leans_m: f64,
+}
+
+impl Policy for Many {
+    fn name(&self) -> &str {
+        "many"
+    }
+
+    fn privileged(&self) -> bool {
+        false
+    }
+
+    fn plan(&mut self, seen: &Observation, _: Option<&PrivilegedView>) -> Result<PolicyAnswer, PolicyError> {
+        Wrapped { channel: 0, calls: 0, wrong: |_, plan| plan }.plan(seen, None)
+    }
+
+    fn plan_together(&mut self, seen: &[&Observation]) -> Result<Option<Vec<PolicyAnswer>>, PolicyError> {
+        if seen.len() > self.most {
+            return Ok(None);
+        }
+        let mut answers = seen.iter().map(|one| self.plan(one, None)).collect::<Result<Vec<_>, _>>()?;
+        let plan = arc(seen[0].ego.speed_mps, curvature(seen[0].frames[0][0].rgb()[0]));
+        let leaning = each(&plan, |x, y, h| (x, y + self.leans_m, h));
+        answers[0] = PolicyAnswer::single(evenly_spaced("many", &leaning, DT)?);
+        Ok(Some(answers))
+    }
+
+    fn restart(&self) -> Restart {
+        Restart::Stateless
+    }
+}
+
+#[test]
+fn batches_are_compared_with_answers_alone() {
+    let of = |most, leans_m| examine(&mut Many { most, leans_m }, &fixtures());
+    assert_eq!((of(1, 0.3).findings, of(1, 0.3).remarks), (vec![], vec![]), "takes no batch");
+    let sound = of(8, 1e-6);
+    assert_eq!(sound.findings, []);
+    assert!(sound.remarks[0].says.contains("2 and 8 at once lie within 1.0e-6 m"), "{sound:?}");
+    assert!(of(2, 0.0).remarks[0].says.contains("to 2 at once are those alone"));
+    let mixed = of(8, 0.3).findings;
+    assert!(mixed[0].check == "batch" && mixed[0].says.starts_with("2 at once: fixture \"straight\""), "{mixed:?}");
+}
+
+#[test]
+fn answers_of_another_process_are_compared_and_rounding_is_a_remark() {
+    let fixtures = fixtures();
+    let plans = examine(&mut Many { most: 1, leans_m: 0.0 }, &fixtures).plans;
+    let moved = |by_m: f64| -> Vec<_> { plans.iter().map(|plan| each(plan, |x, y, h| (x, y + by_m, h))).collect() };
+    assert_eq!(determinism(&fixtures, [&plans, &plans], "in a new process"), Examination::default());
+    let rounded = determinism(&fixtures, [&plans, &moved(1e-7)], "in a new process");
+    assert!(rounded.findings.is_empty() && rounded.remarks[0].says.contains("in a new process"), "{rounded:?}");
+    let other = determinism(&fixtures, [&plans, &moved(0.1)], "in a new process");
+    assert!(other.remarks.is_empty() && other.findings[0].check == "determinism", "{other:?}");
+}
+
+#[test]
+fn a_camera_that_the_policy_does_not_know_is_a_remark_and_hides_no_convention() {
+    let mut fixtures = fixtures();
+    // The same state, but the pixel means something else there.
+    let mut other = fixtures[1].clone();
+    other.name = "other camera".to_owned();
+    other.observation.frames = vec![vec![RgbImage::filled(1, 1, [38, 0, 128])]];
+    other.twin = Some(1);
+    fixtures.push(other);
+    let wrapped = |wrong| Wrapped { channel: 0, calls: 0, wrong };
+    let found = examine(&mut wrapped(|_, plan| plan), &fixtures);
+    assert!(found.findings.is_empty() && found.remarks[0].check == "camera", "{found:?}");
+    let found = examine(&mut wrapped(|_, plan| each(&plan, |x, y, h| (x, -y, -h))), &fixtures);
+    assert!(found.findings.len() == 1 && found.findings[0].says.contains("y points right"), "{found:?}");
 }

@@ -341,7 +341,11 @@ fn observation(message: p1::Observation) -> Result<Observation, FieldError> {
 impl TryFrom<p1::PlanPose> for TrajectoryPoint {
     type Error = FieldError;
     fn try_from(message: p1::PlanPose) -> Result<Self, FieldError> {
-        Ok(Self { after: SimTime(message.after_ns), pose: part("pose", message.pose)? })
+        let given = message.pose.as_ref().and_then(|pose| pose.heading_rad);
+        let pose: PoseSe2 = part("pose", message.pose)?;
+        // As given: a heading that is wrapped would hide a wrong unit.
+        let heading_rad = given.unwrap_or(pose.heading_rad);
+        Ok(Self { after: SimTime(message.after_ns), pose: PoseSe2 { heading_rad, ..pose } })
     }
 }
 

@@ -1,21 +1,25 @@
 //! `policy doctor`: asks a policy about generated states whose expert plan is known, and says what its wrapping gets wrong.
 
+use std::process::Stdio;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use ds_camera::{Appearance, ReferenceCamera};
-use ds_policy::doctor::{Finding, Fixture, examine, remarks};
+use ds_policy::doctor::{self, Examination, Finding, Fixture, determinism, examine};
 use ds_policy::driver::Driver;
 use ds_policy::{Builtin, EgoView, Observation, Own, Policy};
 use ds_raster::RgbImage;
 use ds_scenario::{Family, generate};
 use ds_sim::{SimConfig, Simulation};
-use ds_space::{Draws, PoseSe2, Tick};
+use ds_space::{CameraModel, DVec2, DVec3, Draws, Intrinsics, PoseSe2, Tick};
+use policy_bridge::{OutsideBus, Outsider};
 use serde_json::json;
+use tokio::process::{Child, Command};
+use tokio::runtime::Runtime;
 
 use crate::cli::PolicyCommand;
-use crate::command::answer;
+use crate::command::{answer, bar};
 use crate::own;
 
 /// The expert's plan reaches so far, in ticks.
@@ -26,6 +30,14 @@ const FIRST_SEED: u64 = 40_000_000;
 const SEEDS: u64 = 6;
 /// So many calls are timed.
 const TIMED_CALLS: usize = 57;
+/// An external policy has so long for each answer.
+const ANSWER_WITHIN: Duration = Duration::from_secs(60);
+/// The name on the bus of a policy whose process is started here.
+const NAME: &str = "examined";
+/// Where libraries read how many threads they may have.
+const THREADS: [&str; 4] = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS"];
+/// The state that another camera sees too, as an index of [`KINDS`].
+const SEEN_TWICE: usize = 1;
 /// What the fixtures show.
 const KINDS: [&str; 6] = ["straight", "left", "right", "curve", "stopped at red", "lead braking"];
 
@@ -34,43 +46,158 @@ const KINDS: [&str; 6] = ["straight", "left", "right", "curve", "stopped at red"
 /// # Errors
 /// If the policy cannot be made, or anything is wrong with it.
 pub(crate) fn run(command: &PolicyCommand) -> Result<()> {
-    let PolicyCommand::Doctor { policy: name, policy_weights: weights, json } = command;
-    let mut policy = match Own::named(name) {
-        Some(manifest) => Box::new(own::read(&manifest)?) as Box<dyn Policy>,
-        None => ds_policy::builtin(name, &Builtin { weights: Some(weights.clone()) })?,
-    };
-    if policy.privileged() {
-        bail!("policy {name:?} is privileged: it plans from the scenario, not from what the fixtures show");
-    }
+    let PolicyCommand::Doctor { policy: name, json, plans, .. } = command;
+    // Until the process ends: a thread may still wait for a policy that does not answer.
+    let runtime: &'static Runtime = Box::leak(Box::new(crate::runtime()?));
     let fixtures = fixtures()?;
-    let findings = examine(&mut *policy, &fixtures);
-    let remarks = remarks(&mut *policy, &fixtures);
-    let millis = latency(&mut *policy, &fixtures);
+    let mut patient = Patient::start(command, runtime, &fixtures, None)?;
+    if *plans {
+        answer(
+            &json!(
+                doctor::plans(&mut *patient.policy, &fixtures).map_err(told)?.iter().map(numbers).collect::<Vec<_>>()
+            )
+            .to_string(),
+        );
+        return Ok(());
+    }
+    let bar = bar(u64::from(doctor::ROUNDS) * fixtures.len() as u64, "answers");
+    let mut found = examine(&mut *patient.policy, &fixtures, &|| bar.inc(1));
+    bar.finish_and_clear();
+    let millis = latency(&mut *patient.policy, &fixtures);
+    drop(patient);
+    if found.findings.is_empty() {
+        for threads in [1, 2] {
+            let Some(anew) = plans_anew(command, runtime, &fixtures, threads)? else { break };
+            let how = format!("in a new process with {threads} thread{}", if threads == 1 { "" } else { "s" });
+            let said = determinism(&fixtures, [&found.plans, &anew], &how);
+            found.findings.extend(said.findings);
+            found.remarks.extend(said.remarks);
+        }
+    }
     if *json {
-        let list =
-            |all: &[Finding]| all.iter().map(|one| json!({ "check": one.check, "says": one.says })).collect::<Vec<_>>();
-        let names: Vec<_> = fixtures.iter().map(|fixture| fixture.name.as_str()).collect();
-        let told = json!({
-            "policy": name,
-            "fixtures": names,
-            "findings": list(&findings),
-            "remarks": list(&remarks),
-            "latency_ms": millis.map(|[first, median, longest]| json!({ "first": first, "median": median, "longest": longest })),
-        });
-        answer(&told.to_string());
+        answer(&as_json(name, &fixtures, &found, millis).to_string());
     } else {
-        findings.iter().for_each(|one| answer(&format!("{:<9} {}", one.check, one.says)));
-        remarks.iter().for_each(|one| answer(&format!("{:<9} {} (no error)", one.check, one.says)));
+        found.findings.iter().for_each(|one| answer(&format!("{:<11} {}", one.check, one.says)));
+        found.remarks.iter().for_each(|one| answer(&format!("{:<11} {} (no error)", one.check, one.says)));
         if let Some([first, median, longest]) = millis {
-            answer(&format!("latency   first call {first:.1} ms, then median {median:.1} ms, longest {longest:.1} ms"));
+            answer(&format!(
+                "latency     first call {first:.1} ms, then median {median:.1} ms, longest {longest:.1} ms"
+            ));
         }
         let names: Vec<&str> = fixtures.iter().map(|fixture| fixture.name.as_str()).collect();
-        answer(&format!("{} states ({}): {} findings", fixtures.len(), names.join(", "), findings.len()));
+        answer(&format!("{} states ({}): {} findings", fixtures.len(), names.join(", "), found.findings.len()));
     }
-    if !findings.is_empty() {
-        bail!("policy {name:?}: {} findings", findings.len());
+    if !found.findings.is_empty() {
+        bail!("policy {name:?}: {} findings", found.findings.len());
     }
     Ok(())
+}
+
+fn as_json(name: &str, fixtures: &[Fixture], found: &Examination, millis: Option<[f64; 3]>) -> serde_json::Value {
+    let list =
+        |all: &[Finding]| all.iter().map(|one| json!({ "check": one.check, "says": one.says })).collect::<Vec<_>>();
+    let names: Vec<_> = fixtures.iter().map(|fixture| fixture.name.as_str()).collect();
+    let experts: Vec<_> = fixtures.iter().map(|fixture| numbers(&fixture.expert)).collect();
+    json!({
+        "policy": name,
+        "fixtures": names,
+        "findings": list(&found.findings),
+        "remarks": list(&found.remarks),
+        "latency_ms": millis.map(|[first, median, longest]| json!({ "first": first, "median": median, "longest": longest })),
+        "experts": experts,
+        "plans": found.plans.iter().map(numbers).collect::<Vec<_>>(),
+    })
+}
+
+/// Returns poses as `[x, y, heading]`, in metres and radians.
+fn numbers(plan: &Vec<PoseSe2>) -> Vec<[f64; 3]> {
+    plan.iter().map(|pose| [pose.position.x, pose.position.y, pose.heading_rad]).collect()
+}
+
+fn told(finding: Finding) -> anyhow::Error {
+    anyhow::anyhow!("{}: {}", finding.check, finding.says)
+}
+
+/// A policy that is examined, with the process that it lives in if it is none of this one's.
+struct Patient {
+    policy: Box<dyn Policy>,
+    _process: Option<Child>,
+}
+
+impl Patient {
+    /// Makes the policy, or waits until it has connected; a process of its own may have so many threads.
+    fn start(command: &PolicyCommand, runtime: &Runtime, fixtures: &[Fixture], threads: Option<u32>) -> Result<Self> {
+        let PolicyCommand::Doctor { policy: name, policy_weights: weights, policy_listen, together, python, .. } =
+            command;
+        if let Some(listen) = policy_listen {
+            let outside = runtime.block_on(OutsideBus::open(name, listen, None, ANSWER_WITHIN))?;
+            return Ok(Self { policy: Box::new(Outsider::new(Arc::new(outside), *together)), _process: None });
+        }
+        if name.contains(".py:") {
+            let process = |endpoint: &str| {
+                let mut process = Command::new(python);
+                process.args(["-m", "dreamstream", "run", name, "--quiet", "--name", NAME, "--connect", endpoint]);
+                for key in THREADS {
+                    process.envs(threads.map(|number| (key, number.to_string())));
+                }
+                process
+            };
+            return Self::of_process(process, runtime, &fixtures[0]);
+        }
+        let policy = match Own::named(name) {
+            Some(manifest) => Box::new(own::read(&manifest)?) as Box<dyn Policy>,
+            None => ds_policy::builtin(name, &Builtin { weights: Some(weights.clone()) })?,
+        };
+        if policy.privileged() {
+            bail!("policy {name:?} is privileged: it plans from the scenario, not from what the fixtures show");
+        }
+        Ok(Self { policy, _process: None })
+    }
+
+    /// Starts a process that connects to an endpoint, and waits until it has answered once.
+    fn of_process(process: impl Fn(&str) -> Command, runtime: &Runtime, first: &Fixture) -> Result<Self> {
+        let outside = Arc::new(runtime.block_on(OutsideBus::open(NAME, "tcp/127.0.0.1:0", None, ANSWER_WITHIN))?);
+        let mut process = process(outside.listens().first().context("an endpoint is open")?);
+        process.stdin(Stdio::null()).stdout(Stdio::null()).kill_on_drop(true);
+        let _in = runtime.enter();
+        let mut process = process.spawn().context("start the policy's process")?;
+        let policy = Outsider::new(outside, true);
+        let (mut asked, seen) = (policy.clone(), first.observation.clone());
+        // What is wrong with the answer is found when it is asked again.
+        let answered = std::thread::spawn(move || asked.plan(&seen, None).is_ok());
+        while !answered.is_finished() {
+            if let Some(status) = process.try_wait().context("watch the policy's process")? {
+                bail!("the policy's process ended before it answered: {status}");
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        Ok(Self { policy: Box::new(policy), _process: Some(process) })
+    }
+}
+
+/// Returns the plans of a new process with so many threads; none where the process is not started here.
+fn plans_anew(
+    command: &PolicyCommand,
+    runtime: &Runtime,
+    fixtures: &[Fixture],
+    threads: u32,
+) -> Result<Option<Vec<Vec<PoseSe2>>>> {
+    let PolicyCommand::Doctor { policy: name, policy_weights, policy_listen, .. } = command;
+    if policy_listen.is_some() {
+        return Ok(None);
+    }
+    if name.contains(".py:") {
+        let mut patient = Patient::start(command, runtime, fixtures, Some(threads))?;
+        return doctor::plans(&mut *patient.policy, fixtures).map(Some).map_err(told);
+    }
+    let mut process = std::process::Command::new(std::env::current_exe().context("path of this binary")?);
+    process.args(["policy", "doctor", name, "--plans", "--policy-weights"]).arg(policy_weights);
+    process.envs(THREADS.map(|key| (key, threads.to_string()))).stderr(Stdio::inherit());
+    let output = process.output().context("start this binary anew")?;
+    ensure!(output.status.success(), "this policy in a new process ended with {}", output.status);
+    let numbers: Vec<Vec<[f64; 3]>> = serde_json::from_slice(&output.stdout).context("plans of a new process")?;
+    let pose = |[x, y, heading_rad]: [f64; 3]| PoseSe2 { position: DVec2::new(x, y), heading_rad };
+    Ok(Some(numbers.into_iter().map(|plan| plan.into_iter().map(pose).collect()).collect()))
 }
 
 /// Returns the time of the first call, and the median and longest of those after it, in milliseconds; none for a policy that
@@ -88,9 +215,11 @@ fn latency(policy: &mut dyn Policy, fixtures: &[Fixture]) -> Option<[f64; 3]> {
     Some([first, rest[rest.len() / 2], *rest.last()?])
 }
 
-/// Makes one state of each kind from generated scenarios, with the expert's plan, and the first one in black.
+/// Makes one state of each kind from generated scenarios, with the expert's plan, one of them as another camera sees it, and
+/// the first one in black.
 fn fixtures() -> Result<Vec<Fixture>> {
     let mut found: Vec<Option<Fixture>> = vec![None; KINDS.len()];
+    let mut other = None;
     'search: for seed in FIRST_SEED..FIRST_SEED + SEEDS {
         for family in Family::ALL {
             let scene = Arc::new(generate(family, seed));
@@ -100,9 +229,15 @@ fn fixtures() -> Result<Vec<Fixture>> {
                 let expert = plan(&driver, &simulation);
                 let speed_mps = simulation.state().ego.speed_mps();
                 let Some(kind) = kind_of(family, speed_mps, &expert) else { continue };
-                if found[kind].is_none() {
-                    found[kind] = Some(fixture(KINDS[kind], &simulation, &scene, expert)?);
+                if found[kind].is_some() {
+                    continue;
                 }
+                let camera = scene.cameras.first().context("a generated scenario has a camera")?;
+                if kind == SEEN_TWICE {
+                    let seen = fixture("other camera", &simulation, &scene, &other_than(camera), &expert)?;
+                    other = Some(Fixture { twin: Some(SEEN_TWICE), ..seen });
+                }
+                found[kind] = Some(fixture(KINDS[kind], &simulation, &scene, camera, &expert)?);
                 if found.iter().all(Option::is_some) {
                     break 'search;
                 }
@@ -113,7 +248,7 @@ fn fixtures() -> Result<Vec<Fixture>> {
     if let Some((kind, _)) = missing {
         bail!("no generated scenario shows {kind:?} within {SEEDS} seeds of each family from {FIRST_SEED}");
     }
-    let mut fixtures: Vec<Fixture> = found.into_iter().flatten().collect();
+    let mut fixtures: Vec<Fixture> = found.into_iter().flatten().chain(other).collect();
     let mut black = fixtures.first().cloned().context("there is a straight fixture")?;
     black.name = "black".to_owned();
     for image in black.observation.frames.iter_mut().flatten() {
@@ -146,9 +281,21 @@ fn kind_of(family: Family, speed_mps: f64, expert: &[PoseSe2]) -> Option<usize> 
     }
 }
 
-fn fixture(name: &str, simulation: &Simulation, scene: &Arc<ds_world::Scene>, expert: Vec<PoseSe2>) -> Result<Fixture> {
+/// Returns a camera of the same name and size with another lens, lower, farther back and less inclined.
+fn other_than(camera: &CameraModel) -> CameraModel {
+    let lens = &camera.intrinsics;
+    let wide = Intrinsics::centred(lens.width_px, lens.height_px, 95f64.to_radians());
+    CameraModel::mounted(camera.id.clone(), wide, DVec3::new(0.9, 0.0, 1.3), 0.0, 0.0)
+}
+
+fn fixture(
+    name: &str,
+    simulation: &Simulation,
+    scene: &Arc<ds_world::Scene>,
+    camera: &CameraModel,
+    expert: &[PoseSe2],
+) -> Result<Fixture> {
     let world = simulation.state();
-    let camera = scene.cameras.first().context("a generated scenario has a camera")?;
     let drawn = ReferenceCamera::new(scene, Appearance::from_seed(0));
     let frame = drawn.render(world, camera, world.ego.pose.world_from_rig(0.0))?;
     let observation = Observation {
@@ -161,5 +308,5 @@ fn fixture(name: &str, simulation: &Simulation, scene: &Arc<ds_world::Scene>, ex
         dt: scene.dt,
         draw: Draws::from_seed(0, "policy doctor"),
     };
-    Ok(Fixture { name: name.to_owned(), observation, expert })
+    Ok(Fixture { name: name.to_owned(), observation, expert: expert.to_vec(), twin: None })
 }
