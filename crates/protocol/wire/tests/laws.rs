@@ -4,13 +4,14 @@
 #[path = "laws/values.rs"]
 mod values;
 
-use ds_space::{AttemptId, Digest, EpisodeId, InstanceId, SimTime, Tick};
+use ds_space::{AttemptId, DVec2, Digest, EpisodeId, InstanceId, PoseSe2, SimTime, Tick};
 use ds_topic::{
     Advance, Cache, Diagnosis, Ego, Envelope, Event, EventKind, Frame, Header, Layout, Plan, SCHEMA_VERSION,
     SceneMessage, Score, Slot, Topic, World,
 };
 use ds_wire::policy::{Observation, PolicyMessage, PolicyPlan, SessionHello};
 use ds_wire::{Body, encode, message_name, split, v1, verify};
+use ds_world::{Trajectory, TrajectoryPoint};
 use proptest::prelude::*;
 use prost::Message;
 
@@ -127,6 +128,16 @@ proptest! {
         let _ = Diagnosis::from_bytes(&bytes);
         let _ = PolicyPlan::from_bytes(&bytes);
     }
+}
+
+#[test]
+fn headings_of_a_guests_plan_are_as_given() {
+    let given = PoseSe2 { position: DVec2::new(4.0, 1.0), heading_rad: 57.3 };
+    let trajectory =
+        Trajectory::new(vec![TrajectoryPoint { after: SimTime(500_000_000), pose: given }]).expect("a plan");
+    let plan = Plan { trajectory, proposals: Vec::new(), observed: None };
+    let read = PolicyPlan::from_bytes(&PolicyPlan { for_sequence: 0, plan }.to_bytes()).expect("read");
+    assert_eq!(read.plan.trajectory.points()[0].pose, given, "wrapped, it would hide that it is in degrees");
 }
 
 #[test]
