@@ -132,6 +132,39 @@ fn two_drives_at_once_through_one_process_are_as_each_alone() {
     }
 }
 
+/// Takes one session at a time, notes its beginning, and is slow.
+const ALONE: &str = "import time
+from pathlib import Path
+from dreamstream import Policy
+
+class Alone(Policy):
+    at_once = 1
+
+    def begin(self, *, session):
+        Path(__file__).with_name('began').touch()
+
+    def plan(self, observation):
+        time.sleep(0.3)
+        return [[observation.ego.speed_mps * k, 0, 0] for k in range(1, 9)]
+";
+
+#[test]
+fn a_drive_that_was_killed_leaves_room_for_the_next_one() {
+    let Some(python) = python() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let script = folder.path().join("mine.py");
+    std::fs::write(&script, ALONE).expect("a script");
+    let endpoint = endpoint();
+    let _guest = guest(&python, &["dreamstream", "run", &format!("{}:Alone", script.display())], &endpoint);
+    let shared = [SCENARIO, "--policy", "mine", "--policy-listen", &endpoint, "--observation", "layout"];
+    let mut killed = harness::start(&shared, folder.path());
+    harness::wait_for("the session to begin", 60, || folder.path().join("began").exists().then_some(()));
+    killed.kill().expect("the drive runs");
+    killed.wait().expect("the drive ends");
+    let drive = drive_by(&endpoint, &[SCENARIO]);
+    assert_eq!(drive.episode(0)["status"], "completed", "{}", drive.episode(0));
+}
+
 #[test]
 fn an_agent_of_navsims_interface_drives() {
     let Some(python) = python() else { return };

@@ -23,7 +23,7 @@ from .policy import Observation, Plan, Policy
 
 ROOT = "dreamstream-policy/v1"
 MAX_WAITING = 256
-MAX_SESSIONS = 64
+MAX_LEFT = 64
 _WORD = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,95}")
 _log = logging.getLogger("dreamstream")
 
@@ -51,8 +51,8 @@ class Sessions:
         self._due: dict[str, Observation] = {}
         self.ended = 0
         self._together = policy.plan_batch is not Policy.plan_batch
-        if self._together and not 1 <= policy.batch <= MAX_SESSIONS:
-            raise ValueError(f"{policy.__name__}.plan_batch needs batch = 1 to {MAX_SESSIONS}, found {policy.batch!r}")
+        if self._together and not 1 <= policy.batch <= policy.at_once:
+            raise ValueError(f"{policy.__name__}.plan_batch needs batch = 1 to {policy.at_once}, found {policy.batch!r}")
 
     def __len__(self) -> int:
         return len(self._drives)
@@ -91,13 +91,14 @@ class Sessions:
     def close(self, *, reason: str) -> None:
         """Leaves every session."""
         for session in list(self._drives):
+            _log.info("session %s is left: %s", session, reason)
             self._leave(session=session, reason=reason)
 
     def _hello(self, *, session: str, data: bytes) -> None:
         shown = messages.session(data)
         if session not in self._drives:
-            if len(self._drives) >= MAX_SESSIONS:
-                raise RuntimeError(f"{MAX_SESSIONS} sessions are under way, no more are taken")
+            if len(self._drives) >= self._make.at_once:
+                return  # the bridge greets again
             policy = self._make()
             policy.begin(session=shown)
             self._drives[session] = _Drive(policy=policy)
@@ -160,7 +161,7 @@ class Sessions:
     def _leave(self, *, session: str, reason: str) -> None:
         drive = self._drives.pop(session, None)
         self._due.pop(session, None)
-        if len(self._left) >= MAX_SESSIONS:
+        if len(self._left) >= MAX_LEFT:
             self._left.pop(next(iter(self._left)))
         self._left[session] = messages.leave(reason=reason)
         self._put(session, "leave", self._left[session])
@@ -219,12 +220,15 @@ def run(
 
         served = Sessions(policy, put=put)
         listening = [bus.declare_subscriber(f"{ROOT}/{name}/*/{leaf}", enqueue) for leaf in ("hello", "observation", "goodbye")]
-        until = 0.0
+        until, bridge = 0.0, None
         _log.info("policy %r waits as %r at %s", policy.__name__, name, connect)
         try:
             while sessions is None or served.ended < sessions:
                 try:
                     session, leaf, data = waiting.get(timeout=max(0.0, until - time.monotonic()) if served.due else 0.2)
+                    if leaf == "hello" and bridge != (there := [str(zid) for zid in bus.info.routers_zid()]):
+                        served.close(reason="another bridge took the place of this one")
+                        bridge = there
                     if not served.due:
                         until = time.monotonic() + policy.gather_s
                     served.take(session=session, leaf=leaf, data=data)

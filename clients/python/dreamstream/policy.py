@@ -200,6 +200,8 @@ class Policy:
     name = "python-policy"
     #: Spacing of the poses when `plan` returns a bare N x 3 array, in seconds.
     spacing_s = 0.5
+    #: How many sessions it takes at a time; further ones wait for their turn, a minute at most.
+    at_once = 64
     #: How many observations `plan_batch` is given, always.
     batch = 0
     #: How long an observation waits for those of other sessions before `plan_batch` is called, in seconds.

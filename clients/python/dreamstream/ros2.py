@@ -276,21 +276,18 @@ class Ros:
 
 
 class Ros2Policy(Policy):
-    """Drives as a ROS 2 node says; one session at a time."""
+    """Drives as a ROS 2 node says; the topics have room for one session at a time."""
 
     name = "ros2"
+    at_once = 1
     ros: Ros
-    _driving: Optional["Ros2Policy"] = None
     _last_ns = 0
 
     def begin(self, *, session: Session) -> None:
-        """Begins where no other session is under way."""
-        if Ros2Policy._driving is not None:
-            raise RuntimeError("topics of ROS have room for one drive at a time: run with --workers 1")
+        """Begins after the last session's time."""
         self._start_ns = (Ros2Policy._last_ns // SECOND_NS + 1) * SECOND_NS
         self._told_ns = self._start_ns - 1
         self.ros.mount(list(session.cameras.values()), time_ns=self._start_ns)
-        Ros2Policy._driving = self
 
     def plan(self, seen: Observation) -> Plan:
         """Tells the observation and waits for the path."""
@@ -301,11 +298,6 @@ class Ros2Policy(Policy):
         stamp_ns = self._start_ns + round(newest_s * SECOND_NS)
         path = self.ros.ask(messages, stamp_ns=stamp_ns, within_s=0.9 * seen.deadline_s)
         return plan(path, now_ns=now_ns)
-
-    def end(self, *, reason: str) -> None:
-        """Lets the next session begin."""
-        if Ros2Policy._driving is self:
-            Ros2Policy._driving = None
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:

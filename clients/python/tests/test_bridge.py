@@ -68,6 +68,14 @@ def test_sessions_do_not_share_a_policy():
     assert (len(served), Straight.made - before) == (2, 2)
 
 
+def test_a_session_waits_for_its_turn():
+    served, sent = serve(type("OneAtATime", (Straight,), {"at_once": 1}))
+    for session, leaf, data in [("a", "hello", observed.hello()), ("b", "hello", observed.hello()), ("a", "goodbye", observed.goodbye()),
+                                ("b", "hello", observed.hello())]:
+        served.take(session=session, leaf=leaf, data=data)
+    assert [(session, leaf) for session, leaf, _ in sent] == [("a", "ready"), ("b", "ready")]
+
+
 class Together(Policy):
     """A matrix product: libraries choose its kernel, and with it the rounding, by the number of rows."""
 
