@@ -19,6 +19,7 @@ use tokio::task::JoinSet;
 
 use crate::hub::Hub;
 use crate::journal::{Journal, JournalError};
+use crate::pace::Pace;
 use crate::scorer::{Proposals, Scorer};
 use crate::storage::Storage;
 use crate::submission::{self, Job};
@@ -49,6 +50,7 @@ pub(crate) struct Outcome {
     pub(crate) wall: Duration,
     pub(crate) work_secs: [f64; 4],
     pub(crate) journal_secs: f64,
+    pub(crate) overhead_micros: Vec<u32>,
 }
 
 /// What a watcher may know of a drive under way.
@@ -109,6 +111,7 @@ pub(crate) async fn conduct(
         questions: BTreeMap::new(),
         next_query: 0,
         journal_time: Duration::ZERO,
+        pace: Pace::default(),
         told: None,
     };
     let mut next = Some(Event::Start);
@@ -174,6 +177,7 @@ struct Conductor {
     questions: BTreeMap<u64, Ask>,
     next_query: u64,
     journal_time: Duration,
+    pace: Pace,
     /// When the watchers were last told what is awaited.
     told: Option<Millis>,
 }
@@ -240,6 +244,8 @@ impl Conductor {
                 let began = Instant::now();
                 self.journal.commit(iteration, messages).await?;
                 self.journal_time += began.elapsed();
+                let [_, _, video_secs, _] = self.stand.hub.work_secs(&self.episode);
+                self.pace.committed(Instant::now(), video_secs);
                 let outline = self.driver.outline();
                 let ticks = outline.spec.ticks_of(iteration).1.0;
                 let _full = progress.try_send(Progress { ticks: Some(ticks), awaits: String::new() });
@@ -336,6 +342,7 @@ impl Conductor {
             wall: began.elapsed(),
             work_secs,
             journal_secs: self.journal_time.as_secs_f64(),
+            overhead_micros: self.pace.overhead_micros,
         })
     }
 }

@@ -55,20 +55,18 @@ impl pb::runs_server::Runs for RunsService {
 
     async fn watch(&self, request: Request<pb::WatchRequest>) -> Answer<Self::WatchStream> {
         let id = request.into_inner().run_id;
-        let (first, mut changed) = self.registry.watch(&id).ok_or_else(|| unknown(&id))?;
+        let (first, mut seen, mut changed) = self.registry.watch(&id).ok_or_else(|| unknown(&id))?;
         let registry = Arc::clone(&self.registry);
         let (sender, receiver) = mpsc::channel(16);
         tokio::spawn(async move {
-            let mut shown = first.clone();
-            let mut next = Some(progress(&first, None));
+            let mut next = Some(first);
             while let Some(message) = next.take() {
                 let ended = pb::has_ended(message.status);
                 if sender.send(Ok(message)).await.is_err() || ended || changed.changed().await.is_err() {
                     break;
                 }
-                if let Some(run) = registry.get(&id) {
-                    next = Some(progress(&run, Some(&shown)));
-                    shown = run;
+                if let Some((progress, number)) = registry.since(&id, seen) {
+                    (next, seen) = (Some(progress), number);
                 }
             }
         });
@@ -94,13 +92,6 @@ impl pb::runs_server::Runs for RunsService {
         let reason: String = request.reason.chars().take(500).collect();
         self.registry.cancel(&request.run_id, &reason).map(Response::new).ok_or_else(|| unknown(&request.run_id))
     }
-}
-
-fn progress(run: &pb::Run, shown: Option<&pb::Run>) -> pb::RunProgress {
-    let before = |index: usize| shown.and_then(|run| run.episodes.get(index));
-    let changed = run.episodes.iter().enumerate().filter(|(index, episode)| before(*index) != Some(*episode));
-    let episodes = changed.map(|(_, episode)| episode.clone()).collect();
-    pb::RunProgress { run_id: run.run_id.clone(), status: run.status, episodes }
 }
 
 /// `Fleet`.
@@ -136,7 +127,8 @@ impl pb::fleet_server::Fleet for FleetService {
     }
 
     async fn list(&self, _request: Request<pb::ListInstancesRequest>) -> Answer<pb::ListInstancesResponse> {
-        Ok(Response::new(pb::ListInstancesResponse { instances: self.hub.list() }))
+        let (instances, ledger_commits) = (self.hub.list(), self.hub.ledger_commits());
+        Ok(Response::new(pb::ListInstancesResponse { instances, ledger_commits }))
     }
 }
 

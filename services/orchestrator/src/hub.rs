@@ -106,6 +106,11 @@ impl Hub {
         fleet.ledger_mut().commit(term, writes)
     }
 
+    /// Returns how often the ledger was written to.
+    pub(crate) fn ledger_commits(&self) -> u64 {
+        lock(&self.fleet).ledger_mut().commits()
+    }
+
     /// Takes an instance in and returns the number of its stream.
     pub(crate) fn join(&self, hello: &pb::Hello, line: Line) -> Result<u64, tonic::Status> {
         let instance = InstanceId::new(&hello.instance).map_err(invalid)?;

@@ -16,6 +16,8 @@ const TERM_KEY: &str = "term";
 pub(crate) struct LedgerFile {
     database: Database,
     storage: Storage,
+    /// Durable writes since it was opened.
+    commits: u64,
 }
 
 fn failed(error: impl Into<redb::Error>) -> LedgerError {
@@ -33,7 +35,12 @@ impl LedgerFile {
         transaction.open_table(TERM).map_err(failed)?;
         transaction.open_table(ENTRIES).map_err(failed)?;
         transaction.commit().map_err(failed)?;
-        Ok(Self { database, storage })
+        Ok(Self { database, storage, commits: 0 })
+    }
+
+    /// Returns how often it was written to since it was opened.
+    pub(crate) fn commits(&self) -> u64 {
+        self.commits
     }
 
     /// Says so if the storage failed.
@@ -106,6 +113,7 @@ impl Ledger for LedgerFile {
     }
 
     fn commit(&mut self, term: u64, writes: &[Write]) -> Result<(), LedgerError> {
+        self.commits += 1;
         self.told(self.write(term, writes))
     }
 }

@@ -9,6 +9,7 @@ mod grpc;
 mod hub;
 mod journal;
 mod ledger;
+mod pace;
 mod registry;
 mod scorer;
 mod settings;

@@ -1054,6 +1054,9 @@ pub struct ListInstancesResponse {
     /// The instances.
     #[prost(message, repeated, tag = "1")]
     pub instances: ::prost::alloc::vec::Vec<Instance>,
+    /// Durable writes to the ledger since the orchestrator started.
+    #[prost(uint64, tag = "2")]
+    pub ledger_commits: u64,
 }
 /// How bad a fault is and what follows from it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
@@ -2701,6 +2704,9 @@ pub struct EpisodeResult {
     /// Why a score is absent; empty if none is.
     #[prost(string, tag = "33")]
     pub score_reason: ::prost::alloc::string::String,
+    /// Of each iteration after the first, its wall time without the video model's own work, in microseconds.
+    #[prost(uint32, repeated, tag = "34")]
+    pub overhead_micros: ::prost::alloc::vec::Vec<u32>,
 }
 /// How good a policy's proposals are under the oracle scorer.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
