@@ -44,6 +44,20 @@ pub fn indices(condition: Condition) -> [usize; 3] {
     [lighting, weather, surface].map(|index| index.expect("every value is one of its axis"))
 }
 
+/// Returns what of a condition is out of the ordinary, as axis and index on it: its lighting if that is not day and its
+/// weather if that is not clear, else its road surface.
+#[must_use]
+pub fn sought(condition: Condition) -> Vec<(usize, usize)> {
+    let axes: &[usize] = match (condition.lighting(), condition.weather()) {
+        (Lighting::Day, Weather::Clear) => &[2],
+        (Lighting::Day, _) => &[1],
+        (_, Weather::Clear) => &[0],
+        _ => &[0, 1],
+    };
+    let values = indices(condition);
+    axes.iter().map(|axis| (*axis, values[*axis])).collect()
+}
+
 /// What a frame looks like.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Look {
@@ -58,6 +72,12 @@ impl Look {
     #[must_use]
     pub fn likeliest(&self, axis: usize) -> usize {
         highest(&self.axes[axis])
+    }
+
+    /// Says whether what is out of the ordinary in a condition is the likeliest on its axes.
+    #[must_use]
+    pub fn shows(&self, condition: Condition) -> bool {
+        sought(condition).into_iter().all(|(axis, value)| self.likeliest(axis) == value)
     }
 }
 
@@ -187,6 +207,24 @@ mod tests {
         let (there, back) = (reader.distance(&large, &other), reader.distance(&other, &large));
         assert!(there > 0.0 && (there - back).abs() < 1e-9, "{there} {back}");
         assert!(SHAPE.declare().iter().map(|d| d.shape.iter().product::<usize>()).sum::<usize>() < 200_000);
+    }
+
+    #[test]
+    fn what_counts_of_a_condition_is_what_is_not_ordinary() {
+        let check = |name: &str, expected: &[usize]| {
+            let condition: Condition = name.parse().expect("a condition");
+            assert_eq!(sought(condition).iter().map(|(axis, _)| *axis).collect::<Vec<_>>(), expected, "{name}");
+            let mut look = Look { axes: AXES.map(|count| vec![0.0; count]), features: Vec::new() };
+            sought(condition).into_iter().for_each(|(axis, value)| look.axes[axis][value] = 1.0);
+            assert!(look.shows(condition));
+            look.axes[expected[0]].iter_mut().for_each(|chance| *chance = 1.0 - *chance);
+            assert!(!look.shows(condition), "{name}");
+        };
+        check("night", &[0]);
+        check("snow", &[1]);
+        check("rain", &[1]);
+        check("night-fog", &[0, 1]);
+        check("sand", &[2]);
     }
 
     #[test]

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use ds_camera::{Appearance, Condition, Lighting, Weather};
-use ds_perception::look::indices;
+use ds_camera::{Appearance, Condition};
+use ds_perception::look::sought;
 
 use super::Evaluation;
 use crate::config::AppearanceConfig;
@@ -20,19 +20,11 @@ struct Wanted {
 }
 
 impl Wanted {
-    /// Reads the name of a condition; what counts is its lighting if that is not day and its weather if that is not
-    /// clear, else its road surface.
+    /// Reads the name of a condition.
     fn parse(name: &str) -> Result<Self, AppraisalError> {
         let condition: Condition =
             name.parse().map_err(|error| AppraisalError::config("appearance.conditions", format!("{error}")))?;
-        let axes: &[usize] = match (condition.lighting(), condition.weather()) {
-            (Lighting::Day, Weather::Clear) => &[2],
-            (Lighting::Day, _) => &[1],
-            (_, Weather::Clear) => &[0],
-            _ => &[0, 1],
-        };
-        let values = indices(condition);
-        Ok(Self { condition, kept: axes.iter().map(|axis| (*axis, values[*axis])).collect() })
+        Ok(Self { condition, kept: sought(condition) })
     }
 
     /// Returns the share of looks in which each value is the likeliest of its axis.
@@ -97,16 +89,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_counts_of_a_condition_is_what_is_not_ordinary() {
-        let check = |name: &str, expected: &[usize]| {
-            let kept = Wanted::parse(name).expect("a condition").kept;
-            assert_eq!(kept.iter().map(|(axis, _)| *axis).collect::<Vec<_>>(), expected, "{name}");
-        };
-        check("night", &[0]);
-        check("snow", &[1]);
-        check("rain", &[1]);
-        check("night-fog", &[0, 1]);
-        check("sand", &[2]);
+    fn a_condition_that_is_none_is_named() {
+        assert_eq!(Wanted::parse("night-fog").expect("a condition").kept.len(), 2);
         let error = Wanted::parse("hail").err().expect("no condition").to_string();
         assert!(error.contains("hail"), "{error}");
     }
