@@ -30,7 +30,7 @@ pub use judge::{Judged, Outcome, Scores, judge};
 pub use manifest::{Entry, Kind, Manifest, Recipe};
 pub use merge::{MergeError, Merged, merge};
 pub use published::Published;
-pub use record::{Record, Torn, Writer};
+pub use record::{Record, Shown, Torn, Writer};
 pub use report::Report;
 pub use results::Results;
 pub use review::{Review, VerdictError, Verdicts};

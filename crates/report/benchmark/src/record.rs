@@ -22,6 +22,16 @@ pub const FILE: &str = "cells.jsonl";
 /// The longest line that is read, in bytes.
 const MAX_LINE_BYTES: u64 = 1 << 20;
 
+/// Whether the look network names the condition of a drive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Shown {
+    /// On a frame that the policy was shown.
+    pub frame: bool,
+    /// On the reference camera's frame of the same state.
+    pub reference: bool,
+}
+
 /// A cell that ended.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -38,13 +48,18 @@ pub struct Record {
     pub episode: Episode,
     /// Scores and outcome; nothing of an aborted drive.
     pub judged: Option<Judged>,
+    /// Whether its condition was on a generated frame; nothing where frames are not generated, or it has none. It follows
+    /// from the frames and is no part of the digest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shown: Option<Shown>,
 }
 
 impl Record {
     /// Makes the record of an ended cell.
     #[must_use]
     pub fn new(cell: Cell, round: u32, episode: Episode, judged: Option<Judged>) -> Self {
-        let mut record = Self { key: cell.key().to_string(), digest: String::new(), cell, round, episode, judged };
+        let (key, digest) = (cell.key().to_string(), String::new());
+        let mut record = Self { key, digest, cell, round, episode, judged, shown: None };
         record.digest = record.content().to_string();
         record
     }

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use ds_run_report::results::Outcome as Ending;
 
 mod endpoints;
+mod gate;
 mod reviews;
 mod rows;
 mod studies;
@@ -62,6 +63,7 @@ impl Report {
             }
             tables.retain(|table| !table.rows.is_empty());
         }
+        tables.extend(Some(gate::shown(results)).filter(|table| !table.rows.is_empty()));
         tables.extend((!results.reviews.is_empty()).then(|| reviews::reviews(results)));
         tables.extend([faults(results), sets(results)]);
         if !published.result.is_empty() {

@@ -12,7 +12,7 @@ use crate::file::{self, FileError};
 use crate::judge::{Judged, Outcome, Scores};
 use crate::manifest::{Entry, Manifest};
 use crate::merge::{self, Merged};
-use crate::record::{self, Record, Torn};
+use crate::record::{self, Record, Shown, Torn};
 use crate::review::Review;
 use crate::session::Sessions;
 use crate::sheet::{Arm, Sheet};
@@ -32,6 +32,8 @@ pub struct Drive {
     pub judged: Option<Judged>,
     /// What an oracle says of the policy's proposals.
     pub proposals: Option<ProposalStats>,
+    /// Whether its condition was on a generated frame.
+    pub shown: Option<Shown>,
     /// Wall time, in seconds.
     pub wall_s: f64,
 }
@@ -68,10 +70,11 @@ impl Results {
         let mut drives: BTreeMap<String, Drive> = BTreeMap::new();
         let mut repeated = 0;
         let torn = record::read(folder, |_, record: Record| {
-            let Record { key, round, episode, judged, .. } = record;
+            let Record { key, round, episode, judged, shown, .. } = record;
             let ending = episode.outcome();
             let (reason, attempts, wall_s) = (episode.reason, episode.attempts, episode.wall_s);
-            let drive = Drive { ending, reason, attempts, round, judged, proposals: episode.proposals, wall_s };
+            let proposals = episode.proposals;
+            let drive = Drive { ending, reason, attempts, round, judged, proposals, shown, wall_s };
             match drives.get(&key) {
                 Some(there) if there.ending != Ending::Aborted => repeated += 1,
                 _ => drop(drives.insert(key, drive)),

@@ -6,6 +6,7 @@ mod build;
 mod drive;
 mod ended;
 mod review;
+mod shown;
 mod tables;
 
 use std::process::ExitCode;

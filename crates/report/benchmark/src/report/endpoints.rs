@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::rows::{INTERVALS, TESTED, corrected, driving_score, how, tested};
+use super::gate;
+use super::rows::{INTERVALS, TESTED, behind, corrected, driving_score, how, tested_behind};
 use super::studies::{changed, paired};
 use crate::endpoint::{Claim, Direction, Endpoint};
 use crate::estimate::{Bootstrap, Difference, Unit};
@@ -15,25 +16,26 @@ use crate::table::{Table, Value};
 
 /// Returns the declared endpoints; a table without rows where none was.
 pub(super) fn endpoints(results: &Results, bootstrap: &mut Bootstrap) -> Table {
-    let found: Vec<(&Endpoint, String, Difference)> = results
+    let found: Vec<(&Endpoint, Compared, Difference)> = results
         .sheet
         .endpoints
         .iter()
         .map(|endpoint| {
-            let (arm, units) = units(results, endpoint).unwrap_or_default();
-            (endpoint, arm, bootstrap.difference(&units))
+            let compared = compared(results, endpoint).unwrap_or_default();
+            let found = behind(compared.fault, bootstrap.difference(&compared.units));
+            (endpoint, compared, found)
         })
         .collect();
     let holm = corrected(found.iter().map(|(.., found)| found));
     let mut rows = Vec::new();
-    for ((endpoint, arm, found), p_holm) in found.into_iter().zip(holm) {
+    for ((endpoint, Compared { arm, fault, .. }, found), p_holm) in found.into_iter().zip(holm) {
         let claimed = match endpoint.direction {
             Direction::Up => "above 0",
             Direction::Down => "below 0",
         };
         let mut row = [&endpoint.name, &told(&endpoint.claim), &arm, &endpoint.profile].map(Value::text).to_vec();
         row.push(Value::text(claimed));
-        row.extend(tested(&found, p_holm));
+        row.extend(tested_behind(fault, &found, p_holm));
         row.push(Value::text(conclusion(endpoint.direction, &found, p_holm)));
         rows.push(row);
     }
@@ -65,8 +67,16 @@ fn conclusion(direction: Direction, found: &Difference, p_holm: Option<f64>) -> 
     }
 }
 
-/// Returns how an endpoint was driven and its paired differences; nothing where it was not.
-fn units(results: &Results, endpoint: &Endpoint) -> Option<(String, Vec<Unit>)> {
+/// How an endpoint was driven, its paired differences, and what forbids a claim.
+#[derive(Default)]
+struct Compared {
+    arm: String,
+    units: Vec<Unit>,
+    fault: Option<&'static str>,
+}
+
+/// Returns what an endpoint compares; nothing where it was not driven.
+fn compared(results: &Results, endpoint: &Endpoint) -> Option<Compared> {
     let profile = PROFILES.into_iter().find(|profile| *profile == endpoint.profile)?;
     let arms = results.sheet.arms();
     let of = |policy: &str, oracle: bool| {
@@ -78,37 +88,39 @@ fn units(results: &Results, endpoint: &Endpoint) -> Option<(String, Vec<Unit>)> 
         Claim::Policies { first, second } => {
             let [a, b] = [of(first, false)?, of(second, false)?];
             let all = sets(Kind::Base).flat_map(|set| paired(results, set, [&a, &b], &driving_score(profile)));
-            Some((how(&b), all.collect()))
+            Some(Compared { arm: how(&b), units: all.collect(), fault: None })
         }
         Claim::Coverage { policy } => {
             let arm = of(policy, true)?;
             let entries: Vec<&Entry> = sets(Kind::Behavior).flat_map(|set| &set.entries).collect();
-            Some((how(&arm), changed(results, &arm, &entries, profile).1))
+            let units = changed(results, &arm, &entries, profile).1;
+            Some(Compared { arm: how(&arm), units, fault: None })
         }
         Claim::Axes { policy, first, second } => {
             let arm = of(policy, false)?;
             let weather: Vec<&Manifest> = sets(Kind::Weather).collect();
-            let [a, b] = [first, second].map(|axis| on_axis(results, (&arm, profile), &weather, axis));
+            let [first, second] = [first, second].map(|axis| of_axis(&weather, axis));
+            let fault = gate::fault(results, &arm, &[first.clone(), second.clone()].concat());
+            let [a, b] = [first, second].map(|entries| by_scenario(results, (&arm, profile), &entries));
             let both = b.into_iter().filter_map(|(name, unit)| {
                 let before = a.get(&name)?;
                 Some(Unit { above: unit.above - before.above, ..unit })
             });
-            Some((how(&arm), both.collect()))
+            Some(Compared { arm: how(&arm), units: both.collect(), fault })
         }
     }
 }
 
-/// Returns the mean difference to the base of each scenario under the conditions of an axis.
-fn on_axis(
-    results: &Results,
-    (arm, profile): (&Arm, &'static str),
-    weather: &[&Manifest],
-    axis: &str,
-) -> BTreeMap<String, Unit> {
+/// Returns the entries under the conditions of an axis.
+fn of_axis<'a>(weather: &[&'a Manifest], axis: &str) -> Vec<&'a Entry> {
     let conditions: Vec<&str> =
         CONDITIONS.iter().filter(|(name, _)| *name == axis).flat_map(|(_, names)| names.iter().copied()).collect();
     let these = |entry: &&Entry| conditions.contains(&entry.appearance.as_str());
-    let entries: Vec<&Entry> = weather.iter().flat_map(|set| &set.entries).filter(these).collect();
-    let units = changed(results, arm, &entries, profile).1;
+    weather.iter().flat_map(|set| &set.entries).filter(these).collect()
+}
+
+/// Returns the mean difference to the base of each scenario over some of its conditions.
+fn by_scenario(results: &Results, (arm, profile): (&Arm, &'static str), entries: &[&Entry]) -> BTreeMap<String, Unit> {
+    let units = changed(results, arm, entries, profile).1;
     units.into_iter().map(|unit| (unit.scenario.clone(), unit)).collect()
 }

@@ -68,3 +68,17 @@ pub(super) fn tested(found: &Difference, p_holm: Option<f64>) -> [Value; 6] {
         Value::text(verdict),
     ]
 }
+
+/// Returns a difference without its test where a fault forbids every claim, so that it is no part of the correction.
+pub(super) fn behind(fault: Option<&str>, found: Difference) -> Difference {
+    if fault.is_some() { Difference { p: None, ..found } } else { found }
+}
+
+/// Returns the cells of a paired difference; the verdict is the fault, if there is one.
+pub(super) fn tested_behind(fault: Option<&str>, found: &Difference, p_holm: Option<f64>) -> [Value; 6] {
+    let mut cells = tested(found, p_holm);
+    if let Some(fault) = fault {
+        cells[5] = Value::text(fault);
+    }
+    cells
+}

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use ds_score::Term;
 
-use super::rows::{Anchor, INTERVALS, TESTED, corrected, driving_score, how, named, tested};
+use super::gate;
+use super::rows::{Anchor, INTERVALS, TESTED, behind, corrected, driving_score, how, named, tested, tested_behind};
 use crate::estimate::{Bootstrap, Difference, Estimate, Unit};
 use crate::judge::PROFILES;
 use crate::manifest::{Entry, Kind, Manifest};
@@ -121,8 +122,8 @@ pub(super) fn weather(results: &Results, anchor: Anchor, bootstrap: &mut Bootstr
     }
     let note = format!(
         "DS under each condition, and its difference to the same scenarios on a clear, dry day where their base set is \
-         among the sets. Grip stays dry: appearance alone changes. Whether the generator shows the condition is not \
-         measured here. Holm over the rows of a policy and profile. {INTERVALS}"
+         among the sets. Grip stays dry: appearance alone changes. Of generated frames a row counts only where they show its \
+         conditions (table of conditions shown). Holm over the rows of a policy and profile that count. {INTERVALS}"
     );
     Table { id: "weather", title: "Weather", note, columns: headings(["axis", "condition"]), rows }
 }
@@ -168,20 +169,21 @@ fn against_base(
     let mut rows = Vec::new();
     for arm in results.sheet.arms() {
         for profile in PROFILES {
-            let found: Vec<(&Part, Estimate, Difference)> = parts
+            let found: Vec<(&Part, Option<&str>, Estimate, Difference)> = parts
                 .iter()
                 .map(|part| {
                     let (shown, differences) = changed(results, &arm, &part.entries, profile);
-                    (part, bootstrap.estimate(&shown), bootstrap.difference(&differences))
+                    let fault = gate::fault(results, &arm, &part.entries);
+                    (part, fault, bootstrap.estimate(&shown), behind(fault, bootstrap.difference(&differences)))
                 })
                 .collect();
             let holm = corrected(found.iter().map(|(.., found)| found));
-            for ((part, shown, found), p_holm) in found.into_iter().zip(holm) {
+            for ((part, fault, shown, found), p_holm) in found.into_iter().zip(holm) {
                 let mut row = named(anchor, set, &arm);
                 row.push(Value::text(profile));
                 row.extend(part.words.map(Value::text));
                 row.push(Value::Estimate(shown, Shown::Points));
-                row.extend(tested(&found, p_holm));
+                row.extend(tested_behind(fault, &found, p_holm));
                 rows.push(row);
             }
         }

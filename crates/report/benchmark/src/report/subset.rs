@@ -5,7 +5,8 @@
 
 use std::collections::BTreeSet;
 
-use super::rows::{Anchor, INTERVALS, TESTED, corrected, driving_score, named, tested};
+use super::gate;
+use super::rows::{Anchor, INTERVALS, TESTED, behind, corrected, driving_score, named, tested_behind};
 use super::studies::{axes, changed};
 use crate::estimate::{Bootstrap, Difference, Unit};
 use crate::judge::PROFILES;
@@ -17,9 +18,10 @@ use crate::table::{Shown, Table, Value};
 /// From this driving score on, over the selection seeds, a scenario is of the subset.
 const HIGH: f64 = 0.8;
 
-/// One row before it is corrected: axis, condition, DS on the report seeds, difference.
+/// One row before it is corrected: axis, condition, what forbids a claim, DS on the report seeds, difference.
 struct Row {
     words: [&'static str; 2],
+    fault: Option<&'static str>,
     shown: Vec<Unit>,
     found: Difference,
 }
@@ -37,12 +39,12 @@ pub(super) fn subset(results: &Results, anchor: Anchor, bootstrap: &mut Bootstra
                 let fixed = members.iter().filter(|entry| unmoved(results, &arm, entry, profile)).count();
                 let found = of(results, (&arm, &members), profile, bootstrap);
                 let holm = corrected(found.iter().map(|row| &row.found));
-                for (Row { words, shown, found }, p_holm) in found.into_iter().zip(holm) {
+                for (Row { words, fault, shown, found }, p_holm) in found.into_iter().zip(holm) {
                     let mut row = named(anchor, set, &arm);
                     row.extend([Value::text(profile), Value::count(members.len()), Value::count(fixed)]);
                     row.extend(words.map(Value::text));
                     row.push(Value::Estimate(bootstrap.estimate(&shown), Shown::Points));
-                    row.extend(tested(&found, p_holm));
+                    row.extend(tested_behind(fault, &found, p_holm));
                     rows.push(row);
                 }
             }
@@ -90,7 +92,8 @@ fn of(
     let shown = members.iter().filter_map(|entry| Some(unit(entry, anew(entry)?, 1.0))).collect();
     let fall = |entry: &&Entry| Some(unit(entry, anew(entry)? - selected(results, arm, entry, profile)?, 1.0));
     let falls: Vec<Unit> = members.iter().filter_map(fall).collect();
-    let mut rows = vec![Row { words: ["original", "own fall"], shown, found: bootstrap.difference(&falls) }];
+    let words = ["original", "own fall"];
+    let mut rows = vec![Row { words, fault: None, shown, found: bootstrap.difference(&falls) }];
     let names: BTreeSet<&str> = members.iter().map(|entry| entry.name.as_str()).collect();
     let weather = results.sets.iter().filter(|set| set.kind == Kind::Weather).flat_map(|set| &set.entries);
     let theirs: Vec<&Entry> =
@@ -100,7 +103,9 @@ fn of(
             theirs.iter().filter(|entry| conditions.contains(&entry.appearance.as_str())).copied().collect();
         if !these.is_empty() {
             let (shown, differences) = changed(results, arm, &these, profile);
-            rows.push(Row { words: [axis, name], shown, found: bootstrap.difference(&differences) });
+            let fault = gate::fault(results, arm, &these);
+            let found = behind(fault, bootstrap.difference(&differences));
+            rows.push(Row { words: [axis, name], fault, shown, found });
         }
     }
     rows

@@ -124,6 +124,56 @@ fn conditions_are_compared_with_their_own_base() {
 }
 
 #[test]
+fn a_condition_that_is_not_shown_supports_no_claim() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let base = manifest::tests::set(&SIX);
+    let weather: Vec<_> = base.entries.iter().flat_map(crate::Entry::under_conditions).collect();
+    let sets = [base, Manifest::new("some-weather", Kind::Weather, crate::Recipe::default(), weather)];
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../configs/benchmark/plan.toml");
+    let endpoints = crate::endpoint::load(&shipped).expect("sound");
+    let mut sheet = Sheet { endpoints, seeds: vec![1], ..sheet::tests::sheet(&sets) };
+    sheet.observations[0].name = "dreamstream".to_owned();
+    // Rain is named on half of the frames on which the reference camera shows it, snow on five of six, fog was not looked
+    // at, and nobody can tell puddles even on reference frames.
+    let drive = |cell: &Cell| {
+        let index = usize::from(cell.scenario.as_bytes()[0] - b'a');
+        let (frame, reference) = match cell.appearance.as_str() {
+            "rain" => (index < 3, true),
+            "snow" => (index < 5, true),
+            "puddles" => (false, false),
+            _ => (true, true),
+        };
+        let looked = !["day", "fog"].contains(&cell.appearance.as_str());
+        let shown = looked.then_some(crate::Shown { frame, reference });
+        let score = if cell.appearance == "day" { 0.9 } else { 0.7 };
+        Some(Record { shown, ..driven(cell.clone(), "completed", score) })
+    };
+    let results = results_of(folder.path(), (&sheet, &sets), drive);
+    let report = Report::new(&results, &|_| false, &Published::default());
+    let weather = table(&report, "weather");
+    let row = |axis: &str, condition: &str| {
+        let words = ["camera", "strict", axis, condition];
+        let fits = |row: &&Vec<Value>| words.iter().all(|word| row.iter().any(|value| value.told() == *word));
+        let row = weather.rows.iter().find(fits).expect("a row");
+        [9, 12].map(|column| row[column].told())
+    };
+    assert_eq!(row("weather", "rain"), ["—", "condition not shown"]);
+    assert_eq!(row("weather", "fog"), ["—", "condition not measured"]);
+    assert_eq!(row("surface", "puddles")[1], "condition not shown");
+    assert!(
+        row("weather", "mean")[1].starts_with("condition not") && row("surface", "mean")[1].starts_with("condition")
+    );
+    assert!(row("weather", "snow")[1].ends_with("at 5 %") && row("lighting", "mean")[1].ends_with("at 5 %"));
+    assert_ne!(row("weather", "snow")[0], "—");
+    let shown = table(&report, "shown").markdown();
+    assert!(shown.contains("| weather | rain | 12 | 50.0 | 100.0 | 50.0 | condition not shown |"), "{shown}");
+    assert!(shown.contains("| weather | snow | 12 | 83.3 | 100.0 | 83.3 | shown |"), "{shown}");
+    let endpoints = table(&report, "endpoints");
+    let axes = endpoints.rows.iter().find(|row| row[0].told().contains("than the lighting")).expect("declared");
+    assert_eq!(axes.last().map(Value::told).as_deref(), Some("not tested"));
+}
+
+#[test]
 fn an_oracle_is_compared_with_the_policy_and_adversaries_with_their_base() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let base = manifest::tests::set(&SIX);

@@ -13,6 +13,7 @@ use ds_benchmark::session::{self, Event};
 use ds_benchmark::sheet::{At, FILE};
 use ds_benchmark::{Cell, Keep, Manifest, Record, Sheet, Torn, Writer, record};
 use ds_cases::RunConfig;
+use ds_perception::look::LookReader;
 use ds_policy::builtin::{NAMES, is_builtin};
 use ds_process::drain::on_signals;
 use ds_process::run_folder::{self, Earlier, Held};
@@ -27,7 +28,7 @@ use indicatif::ProgressBar;
 use rayon::prelude::*;
 use tokio::task::JoinSet;
 
-use super::{Ended, FleetLost, ask, ended};
+use super::{Ended, FleetLost, ask, ended, shown};
 use crate::cli::{Observation, RunArgs, RunPlan};
 use crate::command::run::{Source, request, sources};
 use crate::command::{answer, bar};
@@ -157,6 +158,7 @@ fn go_on(_held: &Held, out: &Path, (sheet, sets): (&Sheet, &[Manifest]), done: &
         let folder = format!("{}.{}.{round}", cell.agents, cell.scorer);
         groups.entry(folder).or_default().push(Due { cell: cell.clone(), round, file });
     }
+    let look = left.iter().any(|(_, (cell, _))| shown::concerns(cell)).then(shown::reader).transpose()?.map(Arc::new);
     let bar = bar(mine.len() as u64, "cells");
     bar.set_position((mine.len() - left.len()) as u64);
     bar.reset_eta();
@@ -165,7 +167,8 @@ fn go_on(_held: &Held, out: &Path, (sheet, sets): (&Sheet, &[Manifest]), done: &
         let drain = on_signals()?;
         let mut aborted = 0;
         for (name, due) in groups {
-            let group = Group { sheet, out, folder: out.join("work").join(name), bar: &bar, drain: &drain };
+            let (folder, look) = (out.join("work").join(name), look.clone());
+            let group = Group { sheet, out, folder, look, bar: &bar, drain: &drain };
             match group.drive(due, &mut writer).await? {
                 Some(more) => aborted += more,
                 None => return Ok(None),
@@ -223,6 +226,8 @@ struct Group<'a> {
     sheet: &'a Sheet,
     out: &'a Path,
     folder: PathBuf,
+    /// Says whether conditions are on generated frames, where some are to be.
+    look: Option<Arc<LookReader>>,
     bar: &'a ProgressBar,
     drain: &'a Drain,
 }
@@ -276,7 +281,8 @@ impl Group<'_> {
             let result = run.episodes.into_iter().next().context("a run without episodes")?;
             let result = Arc::new(result);
             let (made, out, keep) = (Arc::clone(&result), self.out.to_path_buf(), self.sheet.place.keep);
-            let record = tokio::task::spawn_blocking(move || ended::record((due.cell, due.round), &made, &out, keep));
+            let (cell, look) = ((due.cell, due.round), self.look.clone());
+            let record = tokio::task::spawn_blocking(move || ended::record(cell, &made, &out, keep, look.as_deref()));
             let record = record.await.context("judging a drive")?.with_context(|| format!("cell {told}"))?;
             writer.append(&record)?;
             if record.episode.recording.is_empty() {

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use ds_benchmark::{Cell, Judged, Keep, Record};
+use ds_perception::look::LookReader;
 use ds_record::Recording;
 use ds_run_report::Episode;
 use ds_run_report::results::Outcome;
@@ -12,7 +13,10 @@ use ds_space::Tick;
 use ds_topic::{Topic, World};
 use ds_wire::{Body, control as pb};
 
-/// Makes the record of a cell that was driven in `folder`; the recording is named there only if it stays.
+use super::shown;
+
+/// Makes the record of a cell that was driven in `folder`; the recording is named there only if it stays. `look` is needed
+/// where cells are driven on generated frames under a condition.
 ///
 /// # Errors
 /// If the recording of a completed drive cannot be read or is not whole.
@@ -21,14 +25,18 @@ pub(super) fn record(
     result: &pb::EpisodeResult,
     folder: &Path,
     keep: Keep,
+    look: Option<&LookReader>,
 ) -> Result<Record> {
     let mut episode = Episode::driven(result, "", folder);
     let path = folder.join(&episode.recording);
-    let judged = match episode.outcome() {
-        Outcome::Completed => Some(Recording::open(&path).map_err(anyhow::Error::new).and_then(|r| judged(&r))?),
-        Outcome::Failed => Recording::open_partial(&path).ok().map(|recording| judged(&recording)).transpose()?,
+    let recording = match episode.outcome() {
+        Outcome::Completed => Some(Recording::open(&path)?),
+        Outcome::Failed => Recording::open_partial(&path).ok(),
         Outcome::Aborted => None,
     };
+    let judged = recording.as_ref().map(judged).transpose()?;
+    let seen =
+        look.zip(recording.as_ref()).map(|(look, recording)| shown::shown(look, &cell, recording)).transpose()?;
     let success = judged.as_ref().is_some_and(|judged| judged.outcome.success());
     let stays = match keep {
         Keep::All | Keep::States => true,
@@ -38,7 +46,7 @@ pub(super) fn record(
     if !stays {
         episode.recording.clear();
     }
-    Ok(Record::new(cell, round, episode, judged))
+    Ok(Record { shown: seen.flatten(), ..Record::new(cell, round, episode, judged) })
 }
 
 fn judged(recording: &Recording) -> Result<Judged> {

@@ -1,0 +1,96 @@
+//! Whether generated frames show a condition: the look network names it on them at least 0.7 times as often as on the
+//! reference camera's frames of the same states. Else a row about it supports no claim, and is tested by nobody.
+
+use std::collections::BTreeSet;
+
+use crate::manifest::{Entry, Kind};
+use crate::results::Results;
+use crate::sheet::Arm;
+use crate::source::CONDITIONS;
+use crate::table::{Table, Value};
+
+/// What share of the hit rate on reference frames is enough.
+const ENOUGH: f64 = 0.7;
+/// The observation source whose frames are generated; the others show what they are told.
+const GENERATED: &str = "dreamstream";
+/// Why a row supports no claim.
+const NOT_SHOWN: &str = "condition not shown";
+/// Why nothing is known of a row.
+const NOT_MEASURED: &str = "condition not measured";
+
+/// How often a condition is named.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+struct Hits {
+    /// Frames that were looked at.
+    of: usize,
+    /// On generated frames.
+    frames: usize,
+    /// On reference frames.
+    reference: usize,
+}
+
+impl Hits {
+    /// Counts over all policies: whether a condition is shown is the generator's doing.
+    fn count(results: &Results, condition: &str) -> Self {
+        let sets = results.sets.iter().filter(|set| set.kind == Kind::Weather);
+        let entries: Vec<&Entry> =
+            sets.flat_map(|set| &set.entries).filter(|entry| entry.appearance == condition).collect();
+        let mut hits = Self::default();
+        for arm in results.sheet.arms().iter().filter(|arm| arm.observation.name == GENERATED) {
+            let drives = entries.iter().flat_map(|entry| results.of(arm, entry));
+            for shown in drives.filter_map(|drive| drive.shown) {
+                hits.of += 1;
+                hits.frames += usize::from(shown.frame);
+                hits.reference += usize::from(shown.reference);
+            }
+        }
+        hits
+    }
+
+    /// Returns the hit rate on generated frames of that on reference frames.
+    fn share(self) -> Option<f64> {
+        (self.reference > 0).then(|| self.frames as f64 / self.reference as f64)
+    }
+
+    fn fault(self) -> Option<&'static str> {
+        match self.share() {
+            _ if self.of == 0 => Some(NOT_MEASURED),
+            Some(share) if share >= ENOUGH => None,
+            _ => Some(NOT_SHOWN),
+        }
+    }
+}
+
+/// Returns why the drives of an arm under the conditions of some entries support no claim; nothing where they do.
+pub(super) fn fault(results: &Results, arm: &Arm, entries: &[&Entry]) -> Option<&'static str> {
+    if arm.observation.name != GENERATED {
+        return None;
+    }
+    let conditions: BTreeSet<&str> = entries.iter().map(|entry| entry.appearance.as_str()).collect();
+    let known = |name: &&str| CONDITIONS.iter().any(|(_, names)| names.contains(name));
+    conditions.into_iter().filter(known).find_map(|condition| Hits::count(results, condition).fault())
+}
+
+/// Returns which conditions generated frames show.
+pub(super) fn shown(results: &Results) -> Table {
+    let mut rows = Vec::new();
+    for (axis, conditions) in CONDITIONS {
+        for condition in conditions {
+            let hits = Hits::count(results, condition);
+            if hits.of > 0 {
+                let rate = |count: usize| Value::Score(Some(count as f64 / hits.of as f64));
+                let mut row = vec![Value::text(axis), Value::text(*condition), Value::count(hits.of)];
+                row.extend([rate(hits.frames), rate(hits.reference), Value::Score(hits.share())]);
+                row.push(Value::text(hits.fault().unwrap_or("shown")));
+                rows.push(row);
+            }
+        }
+    }
+    let columns = vec!["axis", "condition", "frames", "generated %", "reference %", "share %", "gate"];
+    let note = format!(
+        "How often the look network names the condition on frame 80 of a drive, as generated and as the reference camera \
+         renders the same state. A condition counts as shown where the first is at least {ENOUGH} of the second; else rows \
+         about it support no claim."
+    );
+    Table { id: "shown", title: "Conditions shown", note, columns, rows }
+}
