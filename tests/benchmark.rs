@@ -313,6 +313,40 @@ fn what_cannot_be_meant_is_refused_by_name_and_nothing_is_overwritten() {
     assert_eq!(std::fs::read(&set).expect("a manifest"), there);
 }
 
+/// Returns the rows of a measurement of scale, and its warnings.
+fn scaled(arguments: &[&str], out: &Path) -> (Vec<Value>, String) {
+    let scenarios = ["free-curve", "cut-in"].map(|name| format!("scenarios/base/{name}.scenario.json"));
+    let mut command = benchmark(&["scale", &scenarios[0], &scenarios[1], "--duration", "1", "--out", utf8(out)]);
+    command.args(arguments);
+    ends(command, 0);
+    let report = std::fs::read_to_string(out.join("report.json")).expect("a report");
+    let report: Value = serde_json::from_str(&report).expect("JSON");
+    (report["tables"]["scaling"]["rows"].as_array().expect("rows").clone(), report["warnings"].to_string())
+}
+
+#[test]
+fn a_worker_is_killed_while_scale_is_measured_and_nothing_is_lost_or_different() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("simulated");
+    // Eight drives of two iterations of two chunks: four at a time for four seconds, then a kill and the end of its lease.
+    let what = ["--workers", "2", "--episodes", "8", "--simulated", "0.5", "--kill-every", "5"];
+    let (rows, warnings) = scaled(&what, &out);
+    let count = |row: &Value, name: &str| row[name].as_u64().expect("a count");
+    assert_eq!((count(&rows[0], "workers"), count(&rows[0], "episodes")), (2, 8));
+    assert!(count(&rows[0], "killed") >= 1, "{rows:?}");
+    assert_eq!([count(&rows[0], "lost"), count(&rows[0], "different")], [0, 0]);
+    assert!(rows[0]["generation ms"].as_f64().is_some_and(|ms| (1_000.0..1_500.0).contains(&ms)), "{rows:?}");
+    assert!(rows[0]["commits/s"].as_f64().is_some_and(|rate| rate > 0.0), "{rows:?}");
+    assert!(warnings.contains("Simulated") && !out.join("fleets").join("2").exists(), "{warnings}");
+
+    let out = folder.path().join("real");
+    let (rows, warnings) = scaled(&["--workers", "1", "--episodes", "2"], &out);
+    assert_eq!([count(&rows[0], "lost"), count(&rows[0], "different"), count(&rows[0], "killed")], [0; 3]);
+    assert!(rows[0]["efficiency %"] == 1.0 && warnings == "[]", "{rows:?} {warnings}");
+    let told = ends(benchmark(&["scale", "--workers", "2,1,2", "--out", utf8(&out)]), 2);
+    assert!(told.contains("names 2 twice"), "{told}");
+}
+
 /// Makes a set of two scenario files and returns it with the files.
 fn set_of_files(folder: &Path) -> (PathBuf, Vec<PathBuf>) {
     let generate = ["scenario", "generate", "--family", "cut-in", "--count", "2", "--out"];

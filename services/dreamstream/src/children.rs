@@ -79,7 +79,9 @@ fn settings_of(role: Role, plan: &FleetPlan) -> Result<(&'static str, Vec<String
         Role::Layout => ("layout-render", vec![slots, format!("layout.probe={}", plan.probe_adapter)]),
         Role::Video => {
             let backend = set("device.backend", plan.video_backend.name());
-            ("vdm-worker", vec!["process.slots=1".to_owned(), set("video.model", &path(&plan.model)?), backend])
+            let simulated = format!("video.simulated_secs={:?}", plan.simulated_secs);
+            let model = set("video.model", &path(&plan.model)?);
+            ("vdm-worker", vec!["process.slots=1".to_owned(), model, backend, simulated])
         }
         Role::Policy => {
             let weights = set("policy.weights", &path(&plan.policy_weights)?);

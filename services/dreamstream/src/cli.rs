@@ -26,7 +26,7 @@ mod video;
 
 pub(crate) use adverse::AdverseArgs;
 pub(crate) use benchmark::{
-    BaseArgs, BehaviorArgs, BenchmarkArgs, BenchmarkCommand, BuildCommand, CellArgs, ReviewArgs, RunArgs,
+    BaseArgs, BehaviorArgs, BenchmarkArgs, BenchmarkCommand, BuildCommand, CellArgs, ReviewArgs, RunArgs, ScaleArgs,
 };
 pub(crate) use data::{DataCommand, DataListArgs, DataRenderArgs, DataSheetArgs};
 pub(crate) use fleet::{CertsArgs, HealthArgs, ServeArgs, TopArgs, WhyArgs};

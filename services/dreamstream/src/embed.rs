@@ -50,6 +50,11 @@ impl Fleet {
         Ok(OnlookerArgs::local(bus, &self.control))
     }
 
+    /// Returns its processes, if it has some.
+    pub(crate) fn children(&mut self) -> Option<&mut Children> {
+        self.children.as_mut()
+    }
+
     /// Returns the first service that ended though nobody asked it to.
     ///
     /// # Errors

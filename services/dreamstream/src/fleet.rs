@@ -42,6 +42,8 @@ pub(crate) struct FleetPlan {
     pub stages: BTreeMap<Role, String>,
     /// Whether somebody looks on from another process.
     pub live: bool,
+    /// Seconds that video workers only wait for each chunk; 0 where they generate. Only processes can be such.
+    pub simulated_secs: f64,
 }
 
 impl FleetPlan {
@@ -75,6 +77,7 @@ impl FleetPlan {
             drop_pushes: args.drop_pushes,
             stages,
             live: args.live.is_some(),
+            simulated_secs: 0.0,
         })
     }
 }

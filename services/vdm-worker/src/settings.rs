@@ -19,6 +19,8 @@ pub struct VideoSection {
     pub devices: Vec<String>,
     /// Whether it may be given a device that another worker holds.
     pub share_device: bool,
+    /// Generate nothing: wait so many seconds for each chunk and return a grey frame; 0 to generate.
+    pub simulated_secs: f64,
 }
 
 impl Default for VideoSection {
@@ -28,6 +30,7 @@ impl Default for VideoSection {
             weights: PathBuf::new(),
             devices: Vec::new(),
             share_device: false,
+            simulated_secs: 0.0,
         }
     }
 }

@@ -81,22 +81,84 @@ impl Children {
         }
     }
 
-    /// Sends SIGTERM to all, the last started first, and waits for their end.
+    /// Returns the id of a process that runs.
+    #[must_use]
+    pub fn pid(&self, name: &str) -> Option<u32> {
+        self.0.iter().find(|process| process.name == name)?.child.id()
+    }
+
+    /// Kills one of the copies of a process, the next one each turn; [`Children::supervise`] starts it again, which does not
+    /// count as a death.
+    ///
+    /// # Errors
+    /// If there is none, or it cannot be killed.
+    pub fn kill(&mut self, kind: &str, turn: usize) -> Result<()> {
+        let mut copies: Vec<&mut Supervised> =
+            self.0.iter_mut().filter(|process| of_kind(&process.name) == kind).collect();
+        let count = copies.len().max(1);
+        let copy = copies.get_mut(turn % count).with_context(|| format!("no {kind} runs"))?;
+        tracing::info!(name = copy.name, "killed on purpose");
+        copy.restarts = copy.restarts.saturating_sub(1);
+        copy.child.start_kill().with_context(|| format!("kill {}", copy.name))
+    }
+
+    /// Sends SIGTERM to all, the last started first and copies of one process together, and waits for their end.
     ///
     /// # Errors
     /// If a process cannot be signalled or does not end.
     pub async fn stop(mut self) -> Result<()> {
-        while let Some(Supervised { name, mut child, .. }) = self.0.pop() {
-            if let Some(pid) = child.id() {
+        while let Some(last) = self.0.last() {
+            let kind = of_kind(&last.name).to_owned();
+            let from = self.0.iter().rposition(|process| of_kind(&process.name) != kind).map_or(0, |before| before + 1);
+            let copies = self.0.split_off(from);
+            let pids: Vec<String> = copies.iter().filter_map(|copy| Some(copy.child.id()?.to_string())).collect();
+            if !pids.is_empty() {
                 // The shell's own `kill`: a bare system has no program of that name.
-                let killed = Command::new("sh").arg("-c").arg(format!("kill -TERM {pid}")).status().await;
-                killed.with_context(|| format!("signal {name}"))?;
+                let killed = Command::new("sh").arg("-c").arg(format!("kill -TERM {}", pids.join(" "))).status().await;
+                killed.with_context(|| format!("signal {kind}"))?;
             }
-            if tokio::time::timeout(Duration::from_secs(10), child.wait()).await.is_err() {
-                tracing::warn!(name, "did not drain in 10 s, killed");
-                child.kill().await.with_context(|| format!("kill {name}"))?;
+            let until = tokio::time::Instant::now() + Duration::from_secs(10);
+            for Supervised { name, mut child, .. } in copies {
+                if tokio::time::timeout_at(until, child.wait()).await.is_err() {
+                    tracing::warn!(name, "did not drain in 10 s, killed");
+                    child.kill().await.with_context(|| format!("kill {name}"))?;
+                }
             }
         }
         Ok(())
+    }
+}
+
+/// Returns the name of a process without the number of its copy.
+fn of_kind(name: &str) -> &str {
+    name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end_matches('-')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sleeper() -> Launch {
+        Launch { program: "sleep".into(), arguments: vec!["60".to_owned()], environment: Vec::new() }
+    }
+
+    #[tokio::test]
+    async fn a_killed_copy_is_started_again_and_all_end_together() {
+        let mut children = Children::default();
+        for name in ["orchestrator", "worker-0", "worker-1"] {
+            children.add(name, sleeper()).expect("it starts");
+        }
+        let [first, second] = ["worker-0", "worker-1"].map(|name| children.pid(name));
+        children.kill("worker", 3).expect("it runs");
+        assert!(children.kill("sim", 0).is_err());
+        let again = async {
+            while children.pid("worker-1") == second || children.pid("worker-1").is_none() {
+                let watched = children.supervise();
+                drop(tokio::time::timeout(Duration::from_millis(20), watched).await);
+            }
+        };
+        tokio::time::timeout(Duration::from_secs(20), again).await.expect("started again");
+        assert_eq!(children.pid("worker-0"), first);
+        tokio::time::timeout(Duration::from_secs(20), children.stop()).await.expect("in time").expect("all end");
     }
 }

@@ -11,7 +11,7 @@ const LOCK: &str = "run.lock";
 /// Where earlier results go.
 const EARLIER: &str = "earlier";
 /// Everything that a run writes to its folder; other files there are not touched.
-const WRITTEN: [&str; 13] = [
+const WRITTEN: [&str; 14] = [
     "ledger.redb",
     "recordings",
     "scenarios",
@@ -21,6 +21,7 @@ const WRITTEN: [&str; 13] = [
     "report.html",
     "report.json",
     "report.md",
+    "tables",
     "episodes.csv",
     "episodes.arrow",
     "aggregate.csv",

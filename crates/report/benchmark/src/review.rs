@@ -44,7 +44,7 @@ pub struct Verdicts {
     /// The format's version.
     version: u32,
     /// The set's name.
-    set: String,
+    pub set: String,
     /// Who says it.
     pub reviewer: String,
     /// By digest of the adversary.
@@ -87,18 +87,29 @@ impl Verdicts {
             let (format, set, reviewer) = (FORMAT.to_owned(), set.name.clone(), reviewer.to_owned());
             return Ok(Self { format, version: VERSION, set, reviewer, verdicts: BTreeMap::new() });
         }
-        let told: Self = file::read_json(&path)?;
+        let told = Self::load(&path)?;
         let refuse = |field: &str, value: &str, rule| {
             Err(FileError::Value { field: field.to_owned(), value: format!("{value:?}"), rule, path: path.clone() })
         };
-        if told.format != FORMAT || told.version != VERSION {
-            return refuse("format", &told.format, "not a format that this program reads");
-        }
         if told.set != set.name {
             return refuse("set", &told.set, "not the set that the file is named after");
         }
         if told.reviewer != reviewer {
             return refuse("reviewer", &told.reviewer, "not whom the file is named after");
+        }
+        Ok(told)
+    }
+
+    /// Reads a file of verdicts, wherever it lies.
+    ///
+    /// # Errors
+    /// [`FileError`] if the file is damaged or is of another format.
+    pub fn load(path: &Path) -> Result<Self, FileError> {
+        let told: Self = file::read_json(path)?;
+        if told.format != FORMAT || told.version != VERSION {
+            let (field, value) = ("format".to_owned(), format!("{:?} {}", told.format, told.version));
+            let rule = "not a format that this program reads";
+            return Err(FileError::Value { field, value, rule, path: path.to_owned() });
         }
         Ok(told)
     }
@@ -186,6 +197,13 @@ impl Review {
         }
         let by = reviewers.iter().map(|who| Verdicts::of(folder, set, who)).collect::<Result<_, _>>()?;
         Ok(Self { set: set.name.clone(), by })
+    }
+
+    /// Takes what a reviewer says, in the place of what the same one was known to say.
+    pub fn hear(&mut self, said: Verdicts) {
+        self.by.retain(|by| by.reviewer != said.reviewer);
+        self.by.push(said);
+        self.by.sort_by(|a, b| a.reviewer.cmp(&b.reviewer));
     }
 
     /// Returns where a variant stands.
@@ -288,6 +306,17 @@ mod tests {
         let agreement = review.agreement(&set_a);
         assert_eq!((agreement[0].0, agreement[0].1), (["anna", "ben"], 3));
         assert!(agreement[0].2.is_some_and(|kappa| (kappa - 0.4).abs() < 1e-12), "{agreement:?}");
+        // Verdicts from elsewhere stand beside those of others, and in the place of the same reviewer's.
+        let elsewhere = tempfile::tempdir().expect("a temporary folder");
+        give(elsewhere.path(), &set_a, "ben", &["a", "b"], &[]);
+        let path = Verdicts::path(elsewhere.path(), &set_a, "ben");
+        let mut heard = review.clone();
+        heard.hear(Verdicts::load(&path).expect("sound"));
+        assert_eq!((heard.by.len(), heard.counts(&set_a)), (2, [2, 1, 1]));
+        let foreign = std::fs::read_to_string(&path).expect("readable").replace("dreamstream-verdicts", "letters");
+        std::fs::write(&path, foreign).expect("written");
+        let error = Verdicts::load(&path).expect_err("foreign").to_string();
+        assert!(error.contains("letters") && error.contains("ben.verdicts.json"), "{error}");
         // Made anew, all are unreviewed again.
         let anew = set(&["a", "b", "c", "d"], "anew");
         assert_eq!(Review::beside(folder.path(), &anew).expect("sound").counts(&anew), [0, 0, 4]);

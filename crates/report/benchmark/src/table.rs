@@ -32,6 +32,8 @@ pub enum Value {
     Score(Option<f64>),
     /// A p-value.
     Chance(Option<f64>),
+    /// A measured number, shown with one digit; nothing where it was not measured.
+    Number(Option<f64>),
 }
 
 impl Value {
@@ -56,6 +58,7 @@ impl Value {
             Self::Estimate(estimate, shown) => told(estimate, *shown),
             Self::Score(value) => points(*value),
             Self::Chance(p) => chance(*p),
+            Self::Number(value) => value.map_or("n/a".to_owned(), |value| number(value, 1)),
         }
     }
 
@@ -67,7 +70,7 @@ impl Value {
                 json!({"value": estimate.value, "interval": estimate.interval(), "by_scenario": estimate.by_scenario,
                     "by_log": estimate.by_log, "scenarios": estimate.scenarios, "logs": estimate.logs})
             }
-            Self::Score(value) | Self::Chance(value) => json!(value),
+            Self::Score(value) | Self::Chance(value) | Self::Number(value) => json!(value),
         }
     }
 
@@ -77,7 +80,7 @@ impl Value {
             Self::Text(_) => None,
             Self::Count(count) => Some(*count as f64),
             Self::Estimate(estimate, _) => estimate.value,
-            Self::Score(value) | Self::Chance(value) => *value,
+            Self::Score(value) | Self::Chance(value) | Self::Number(value) => *value,
         }
     }
 }
@@ -206,7 +209,7 @@ fn column(name: &str, cells: &[&Value]) -> Vec<Column> {
             numbers("_low_by_log", &|e| e.by_log.map(|i| i[0])),
             numbers("_high_by_log", &|e| e.by_log.map(|i| i[1])),
         ],
-        Some(Value::Score(_) | Value::Chance(_)) => {
+        Some(Value::Score(_) | Value::Chance(_) | Value::Number(_)) => {
             let values = cells.iter().map(|cell| cell.sort()).collect();
             vec![Column { name, values: Values::Number(values) }]
         }

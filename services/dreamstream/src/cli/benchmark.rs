@@ -22,7 +22,8 @@ Examples:
   dreamstream benchmark review sets/town-behavior.set.json              see them from above; accept and reject
   dreamstream benchmark run sets/town.set.json --policy camera --policy lattice --shard 0/2 --out out/0
   dreamstream benchmark resume out/0                                    after a kill, a preemption, a full disk
-  dreamstream benchmark merge out/0 out/1 -o out/all && dreamstream benchmark report out/all";
+  dreamstream benchmark merge out/0 out/1 -o out/all && dreamstream benchmark report out/all
+  dreamstream benchmark scale --workers 1,2                             how frames/s grow with workers";
 
 /// Arguments of `benchmark`.
 #[derive(Debug, Args)]
@@ -96,7 +97,64 @@ pub(crate) enum BenchmarkCommand {
         /// Results that others have published, which stand in a block of their own.
         #[arg(long, default_value = "configs/benchmark/published.toml", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
         published: PathBuf,
+        /// Verdicts on variants, in files as `review` writes them, wherever they lie: beside those beside the manifests, or in
+        /// the place of one of the same set and reviewer.
+        #[arg(long, value_name = "FILE", num_args = 1.., value_hint = ValueHint::FilePath)]
+        verdicts: Vec<PathBuf>,
     },
+    /// Measure how frames per second grow with video workers, and what the fleet around them costs.
+    Scale(ScaleArgs),
+}
+
+/// Arguments of `benchmark scale`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Every count of workers is driven on a fleet of its own, one process for each service and worker. \
+Real and simulated rows never stand in one table. With simulated workers the generation of frames is taken out: what is \
+left is what orchestrator, simulator and bus can serve.
+
+Examples:
+  dreamstream benchmark scale --workers 1,2
+  dreamstream benchmark scale --workers 1,16,64 --simulated 0.5 --kill-every 60 --episodes 640"
+)]
+pub(crate) struct ScaleArgs {
+    /// Scenario files, or folders of them.
+    #[arg(default_values = ["scenarios/base"], value_parser = shipped::parser(), value_hint = ValueHint::AnyPath)]
+    pub scenarios: Vec<PathBuf>,
+    /// Counts of video workers, a row each; efficiency is against the first.
+    #[arg(long, value_delimiter = ',', default_values_t = [1, 2], value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub workers: Vec<u32>,
+    /// Workers generate nothing: they wait so long for each chunk and return a grey frame.
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub simulated: Option<f64>,
+    /// Kill a worker each so many seconds, where a row has several; it is started again, and nothing may be lost or
+    /// different.
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub kill_every: Option<f64>,
+    /// Episodes of the row with the most workers, eight per worker without it; other rows drive as many per worker.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub episodes: Option<u32>,
+    /// Length of a drive, in seconds.
+    #[arg(long, value_name = "SECONDS", default_value_t = 8.0, value_parser = seconds)]
+    pub duration: f64,
+    /// The policy; it is not what is measured.
+    #[arg(long, default_value = "constant-velocity")]
+    pub policy: String,
+    /// Configuration of the video model; its weights lie beside it as .safetensors.
+    #[arg(long, default_value = "configs/models/cpu_train.toml", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
+    pub model: PathBuf,
+    /// What computes the video model.
+    #[arg(long, default_value = "cpu", value_parser = backend(&Backend::ALL))]
+    pub video_backend: Backend,
+    /// Where table and page go; those of an earlier measurement are moved to OUT/earlier.
+    #[arg(long, short, default_value = "out/scale", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+}
+
+/// Reads a length of time above 0.
+fn seconds(text: &str) -> Result<f64, String> {
+    let secs = text.parse::<f64>().ok().filter(|secs| *secs > 0.0 && *secs <= 86_400.0);
+    secs.ok_or_else(|| "not a number of seconds above 0, at most 86400".to_owned())
 }
 
 /// Commands of `benchmark build`.

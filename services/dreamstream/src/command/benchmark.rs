@@ -6,6 +6,7 @@ mod build;
 mod drive;
 mod ended;
 mod review;
+mod scale;
 mod shown;
 mod tables;
 
@@ -47,7 +48,7 @@ impl std::fmt::Display for FleetLost {
 
 /// Runs the command and returns its exit code.
 pub(crate) fn run(args: &BenchmarkArgs, log: &str) -> ExitCode {
-    match ds_process::logging::start(log).and_then(|()| dispatch(&args.command)) {
+    match ds_process::logging::start(log).and_then(|()| dispatch(&args.command, log)) {
         Ok(Ended::Complete) => ExitCode::SUCCESS,
         Ok(Ended::Left) => ExitCode::from(LEFT),
         Ok(Ended::Interrupted) => ExitCode::from(INTERRUPTED),
@@ -60,7 +61,7 @@ pub(crate) fn run(args: &BenchmarkArgs, log: &str) -> ExitCode {
     }
 }
 
-fn dispatch(command: &BenchmarkCommand) -> Result<Ended> {
+fn dispatch(command: &BenchmarkCommand, log: &str) -> Result<Ended> {
     match command {
         BenchmarkCommand::Build(command) => build::run(command),
         BenchmarkCommand::Check { manifests } => build::check(manifests),
@@ -76,7 +77,8 @@ fn dispatch(command: &BenchmarkCommand) -> Result<Ended> {
             answer(&format!("results: {}", out.display()));
             Ok(if merged.complete() { Ended::Complete } else { Ended::Left })
         }
-        BenchmarkCommand::Report { folder, published } => tables::run(folder, published),
+        BenchmarkCommand::Report { folder, published, verdicts } => tables::run(folder, published, verdicts),
+        BenchmarkCommand::Scale(args) => scale::run(args, log),
     }
 }
 
