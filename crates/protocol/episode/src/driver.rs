@@ -11,7 +11,7 @@ mod receive;
 mod resume;
 mod seats;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use bytes::Bytes;
@@ -26,7 +26,7 @@ use crate::codec::{Codec, CodecError, Outline};
 use crate::counters::Counters;
 use crate::due;
 use crate::fault::{Fault, FaultClass};
-use crate::pulls::Pulls;
+use crate::pulls::{self, Pulls};
 use crate::timing::Timing;
 use seats::{Seat, Tenure};
 
@@ -63,6 +63,8 @@ struct Current {
     accepted: BTreeMap<Slot, Envelope>,
     /// When it was ordered, or when all seats were last taken.
     since: Millis,
+    /// How often its order might have been repeated.
+    patience: u32,
     committing: bool,
 }
 
@@ -268,13 +270,24 @@ impl Driver {
             }
             _ => Vec::new(),
         };
-        for (slot, _) in self.pulls.due(now, self.timing.pull_after_ms, &missing) {
+        let worth = self.worthwhile(&missing);
+        for (slot, _) in self.pulls.due(now, self.timing.pull_after_ms, &missing, &worth) {
             let seat = due::maker(slot.topic).map(|role| &self.seats[&role]);
             if let Some(owner) = seat.filter(|seat| seat.ready).and_then(|seat| seat.owner.clone()) {
                 self.counters.pulls += 1;
                 actions.push(Action::Pull { slot, owner });
             }
         }
+    }
+
+    /// Returns what is worth asking for: what the first role lacks, for those behind it may not have begun.
+    fn worthwhile(&self, missing: &[Slot]) -> BTreeSet<Slot> {
+        let maker = |slot: &Slot| due::maker(slot.topic);
+        let Some(first) = missing.iter().filter_map(maker).min() else { return BTreeSet::new() };
+        let of_first: Vec<Slot> = missing.iter().filter(|slot| maker(slot) == Some(first)).copied().collect();
+        let accepted = self.current.as_ref().map(|current| &current.accepted);
+        let begun = accepted.is_some_and(|accepted| accepted.keys().any(|slot| maker(slot) == Some(first)));
+        pulls::worthwhile(&of_first, |_, _| begun)
     }
 
     fn repeat(&mut self, now: Millis, actions: &mut Vec<Action>) {
@@ -288,7 +301,13 @@ impl Driver {
         if self.seats.values().any(|seat| seat.owner.is_some() && !seat.ready) {
             actions.push(Action::Publish(self.scene.clone()));
         }
-        if self.current.as_ref().is_some_and(|current| current.order.is_some() && !current.committing) {
+        // Each repeat has all stages publish again what they made: in an iteration that takes long they become rare.
+        let sent = self.current.as_mut().filter(|current| current.order.is_some() && !current.committing);
+        let again = sent.is_some_and(|current| {
+            current.patience += 1;
+            current.patience.is_power_of_two() || current.patience.is_multiple_of(8)
+        });
+        if again {
             self.counters.repeats += 1;
             self.send_order(actions);
         }

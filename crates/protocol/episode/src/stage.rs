@@ -25,7 +25,7 @@ use crate::codec::{Codec, Outline};
 use crate::counters::Counters;
 use crate::due;
 use crate::fault::Fault;
-use crate::pulls::Pulls;
+use crate::pulls::{self, Pulls};
 use crate::timing::Timing;
 use inbox::Inbox;
 use outbox::Outbox;
@@ -206,7 +206,8 @@ impl Stage {
             self.repeat(actions);
         }
         let missing = self.missing();
-        for (slot, tries) in self.pulls.due(now, self.timing.pull_after_ms, &missing) {
+        let worth = pulls::worthwhile(&missing, |slot, role| self.is_committed(slot) || self.begun(role));
+        for (slot, tries) in self.pulls.due(now, self.timing.pull_after_ms, &missing, &worth) {
             self.counters.pulls += 1;
             actions.push(Action::Pull { slot, from: self.pull_from(slot, tries) });
         }
@@ -235,15 +236,25 @@ impl Stage {
         slots
     }
 
+    /// Says whether a message belongs to an iteration before the current order's, and so is in the journal.
+    fn is_committed(&self, slot: Slot) -> bool {
+        let (Some(order), Some((_, outline))) = (&self.order, &self.scene) else { return false };
+        due::tick_of(&outline.spec, slot) < order.advance.first
+    }
+
+    /// Says whether a role has published something of the current order.
+    fn begun(&self, role: Role) -> bool {
+        let (Some(order), Some((_, outline))) = (&self.order, &self.scene) else { return true };
+        let inputs = due::inputs(outline, self.role(), &order.advance).into_iter();
+        let mut of_order = inputs.filter(|slot| due::tick_of(&outline.spec, *slot) >= order.advance.first);
+        of_order.any(|slot| due::maker(slot.topic) == Some(role) && self.inbox.has(slot))
+    }
+
     /// Asks the owner first for what this iteration makes, the journal first for what is committed; then in turn.
     fn pull_from(&self, slot: Slot, tries: u32) -> PullFrom {
-        let Some((role, (_, outline))) = due::maker(slot.topic).zip(self.scene.as_ref()) else {
-            return PullFrom::Journal;
-        };
-        let committed =
-            self.order.as_ref().is_some_and(|order| due::tick_of(&outline.spec, slot) < order.advance.first);
+        let Some(role) = due::maker(slot.topic).filter(|_| self.scene.is_some()) else { return PullFrom::Journal };
         match self.owners.get(&role) {
-            Some(owner) if tries.is_multiple_of(2) != committed => PullFrom::Owner(owner.clone()),
+            Some(owner) if tries.is_multiple_of(2) != self.is_committed(slot) => PullFrom::Owner(owner.clone()),
             _ => PullFrom::Journal,
         }
     }

@@ -35,7 +35,8 @@ impl Driver {
         let mut due = due::all_outputs(&self.outline, &advance);
         due.sort_unstable();
         let accepted = std::collections::BTreeMap::new();
-        self.current = Some(Current { advance, order: None, due, accepted, since: now, committing: false });
+        self.current =
+            Some(Current { advance, order: None, due, accepted, since: now, patience: 0, committing: false });
     }
 
     /// Sends the current order, with the seated owners, once all seats are ready.

@@ -60,7 +60,7 @@ impl Driver {
         }
         self.pulls.restart(now.plus(self.timing.pull_after_ms), |slot| due::maker(slot.topic) == Some(role));
         if let Some(current) = &mut self.current {
-            current.since = now;
+            (current.since, current.patience) = (now, 0);
         } else {
             self.begin_iteration(now);
         }
