@@ -4,18 +4,24 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 macro_rules! counters {
-    ($($(#[$doc:meta])* $name:ident),+ $(,)?) => {
+    ($(#[doc = $doc:literal] $name:ident),+ $(,)?) => {
         /// Counts of one session; never reset.
         #[derive(Debug, Default)]
         pub struct Counters {
-            $($(#[$doc])* pub(crate) $name: AtomicU64,)+
+            $(#[doc = $doc] pub(crate) $name: AtomicU64,)+
         }
 
         impl Counters {
             /// Returns all counts, sorted by name.
             #[must_use]
             pub fn snapshot(&self) -> BTreeMap<&'static str, u64> {
-                BTreeMap::from([$((stringify!($name), self.$name.load(Ordering::Relaxed)),)+])
+                self.list().into_iter().map(|(name, _, value)| (name, value)).collect()
+            }
+
+            /// Lists all counts: name, meaning, value.
+            #[must_use]
+            pub fn list(&self) -> Vec<(&'static str, &'static str, u64)> {
+                vec![$((stringify!($name), $doc.trim_ascii(), self.$name.load(Ordering::Relaxed)),)+]
             }
         }
     };

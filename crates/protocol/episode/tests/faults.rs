@@ -20,7 +20,7 @@ use ds_episode::driver::Status;
 use ds_episode::{Codec, Counters, due};
 use ds_space::Digest;
 use ds_topic::{Advance, Envelope, Motion, Role, Slot, Topic};
-use faultsim::cluster::{Cluster, Outcome, add};
+use faultsim::cluster::{Cluster, Outcome};
 use faultsim::script::{Mishap, Moment, Network, Script};
 use faultsim::toy::{ToyCodec, ToyMaker};
 
@@ -72,8 +72,8 @@ fn any_mishaps_end_with_the_digests_of_the_fault_free_run_or_a_named_status() {
         let Ok(outcome) = run else { panic!("seed {seed} failed, see above; script: {script:?}") };
         let name = outcome.ending.reason.split(':').next().unwrap_or_default();
         *endings.entry(format!("{} {name}", outcome.ending.status.name())).or_default() += 1;
-        add(&mut totals, outcome.totals);
-        add(&mut totals, outcome.driver);
+        totals += outcome.totals;
+        totals += outcome.driver;
     }
     let completed = endings.get("completed ").copied().unwrap_or(0);
     eprintln!("{count} seeds: {endings:?}, {totals:?}");

@@ -66,7 +66,7 @@ pub enum LossCause {
 impl LossCause {
     /// Returns the cause's name.
     #[must_use]
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Died => "died",
             Self::Left => "left",

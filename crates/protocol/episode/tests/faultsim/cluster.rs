@@ -150,7 +150,7 @@ impl Cluster {
         }
         for worker in &mut self.workers {
             if let Some(held) = worker.held.take() {
-                add(&mut self.totals, held.stage.counters());
+                self.totals += held.stage.counters();
             }
         }
         let term = ds_episode::fleet::Ledger::term(&self.store).expect("the store cannot fail");
@@ -340,18 +340,4 @@ fn time_of(mishap: Mishap) -> Option<u64> {
 /// Names an instance of a worker's life or of an orchestrator's start.
 pub(crate) fn instance(kind: &str, index: usize, life: u32) -> InstanceId {
     InstanceId::new(&format!("{kind}-{index}.{life}")).expect("letters, digits, '-' and '.'")
-}
-
-pub(crate) fn add(totals: &mut Counters, counters: Counters) {
-    totals.pulls += counters.pulls;
-    totals.gaps += counters.gaps;
-    totals.duplicates += counters.duplicates;
-    totals.refused_epochs += counters.refused_epochs;
-    totals.refused_terms += counters.refused_terms;
-    totals.repeats += counters.repeats;
-    totals.dropped += counters.dropped;
-    totals.foreign += counters.foreign;
-    totals.withheld += counters.withheld;
-    totals.superseded_plans += counters.superseded_plans;
-    totals.reassignments += counters.reassignments;
 }

@@ -10,7 +10,7 @@ use ds_episode::{Codec, Millis};
 use ds_space::InstanceId;
 use ds_topic::{Advance, Envelope, Role, Slot, Topic};
 
-use super::cluster::{Cluster, Control, LEASE_MS, Made, Node, Occurrence, POLL_MS, TIMING, add, instance};
+use super::cluster::{Cluster, Control, LEASE_MS, Made, Node, Occurrence, POLL_MS, TIMING, instance};
 use super::script::{Mishap, Moment};
 use super::toy::{ToyMaker, hash};
 
@@ -215,7 +215,7 @@ impl Cluster {
 
     fn drop_stage(&mut self, index: usize) {
         if let Some(held) = self.workers[index].held.take() {
-            add(&mut self.totals, held.stage.counters());
+            self.totals += held.stage.counters();
         }
         self.workers[index].queries.clear();
     }
