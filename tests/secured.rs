@@ -164,6 +164,7 @@ fn in_clear_beyond_loopback_is_refused() {
         ("orchestrator", "control.listen=\"0.0.0.0:0\""),
         ("sim-server", "control.orchestrator=\"http://192.0.2.1:4710\""),
         ("policy-bridge", "policy.listen=\"tcp/0.0.0.0:0\""),
+        ("layout-render", "metrics.listen=\"0.0.0.0:0\""),
     ] {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let journal = format!("journal.folder={:?}", folder.path().display().to_string());

@@ -1,90 +1,32 @@
 //! Looking on at a running fleet. `gap watch`: what it puts on the bus, what it says where there is nothing to diagnose, and
 //! that topic `diagnosis` never gets in a drive's way. `top`: who works, who was killed.
 
+#[path = "fleet.rs"]
+mod fleet;
 #[path = "harness.rs"]
 mod harness;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Output};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::LazyLock;
 
 use ds_bus::{BusSession, BusSettings, Mode, Subscription};
 use ds_record::Recording;
 use ds_space::{EpisodeId, InstanceId, SimTime, Tick};
 use ds_topic::{DiagnosedEffect, Diagnosis, Envelope, Slot, Topic};
 use ds_wire::{Body, verify};
-use harness::{dreamstream, drive, free_port, text, wait_for};
+use fleet::{Fleet, WORKER};
+use harness::{dreamstream, drive, text, wait_for};
 use tokio::runtime::Runtime;
 
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
 const DRIVE: [&str; 5] = [SCENARIO, "--policy", "lattice", "--observation", "reference"];
 
-/// One fleet at a time: each is six processes.
-static ALONE: Mutex<()> = Mutex::new(());
-
-/// A fleet of child processes on loopback; killed when dropped.
-struct Fleet {
-    folder: tempfile::TempDir,
-    bus: u16,
-    control: u16,
-    children: Vec<Child>,
-    runtime: Runtime,
-    _alone: MutexGuard<'static, ()>,
-}
-
-impl Drop for Fleet {
-    fn drop(&mut self) {
-        for child in &mut self.children {
-            let _gone = child.kill();
-            let _waited = child.wait();
-        }
-    }
-}
+/// What the bus of a test runs on.
+static RUNTIME: LazyLock<Runtime> = LazyLock::new(|| Runtime::new().expect("a runtime"));
 
 impl Fleet {
-    fn start() -> Self {
-        let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        let runtime = Runtime::new().expect("a runtime");
-        let (bus, control) = (free_port(), free_port());
-        let mut fleet = Self { folder, bus, control, children: Vec::new(), runtime, _alone: alone };
-        let router = fleet.endpoint();
-        let listen = format!("bus.listen=[\"{router}\"]");
-        fleet.serve("router", &["bus.mode=\"router\"", "bus.connect=[]", &listen]);
-        wait_for_port(bus);
-        let connect = format!("bus.connect=[\"{router}\"]");
-        let journal = format!("journal.folder={:?}", fleet.path("runs").display().to_string());
-        fleet.serve("orchestrator", &[&connect, &journal, &format!("control.listen=\"127.0.0.1:{control}\"")]);
-        wait_for_port(control);
-        let orchestrator = format!("control.orchestrator=\"http://127.0.0.1:{control}\"");
-        for service in ["sim-server", "layout-render", "vdm-worker", "policy-bridge"] {
-            fleet.serve(service, &[&connect, &orchestrator]);
-        }
-        fleet
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn endpoint(&self) -> String {
-        format!("tcp/127.0.0.1:{}", self.bus)
-    }
-
-    fn serve(&mut self, service: &str, settings: &[&str]) {
-        let mut arguments = vec!["serve", service];
-        settings.iter().for_each(|setting| arguments.extend(["--set", setting]));
-        self.children.push(self.spawn(&arguments, &format!("{service}.log")));
-    }
-
-    /// Starts the binary; what it says goes to a file.
-    fn spawn(&self, arguments: &[&str], log: &str) -> Child {
-        let log = std::fs::File::create(self.path(log)).expect("a log file");
-        let out = log.try_clone().expect("a second handle");
-        dreamstream(arguments).stderr(log).stdout(out).spawn().expect("the binary starts")
-    }
-
     fn watch(&self, more: &[&str], log: &str) -> Child {
-        let (router, orchestrator) = (self.endpoint(), format!("http://127.0.0.1:{}", self.control));
+        let (router, orchestrator) = (self.endpoint(), self.orchestrator());
         let reach = ["gap", "watch", "--bus", &router, "--orchestrator", &orchestrator];
         let child = self.spawn(&[&reach[..], more].concat(), log);
         // a drive that is over before the watch looks for it is never seen
@@ -93,33 +35,24 @@ impl Fleet {
     }
 
     fn submit(&self, more: &[&str]) -> Output {
-        let (orchestrator, out) =
-            (format!("http://127.0.0.1:{}", self.control), self.path("out").display().to_string());
+        let (orchestrator, out) = (self.orchestrator(), self.path("out").display().to_string());
         let to = ["submit", "--orchestrator", &orchestrator, "--out", &out];
         dreamstream(&[&to[..], &DRIVE, more].concat()).output().expect("the binary runs")
     }
 
     fn join(&self) -> BusSession {
         let settings = BusSettings { mode: Mode::Client, connect: vec![self.endpoint()], ..BusSettings::default() };
-        self.runtime.block_on(BusSession::open(&settings)).expect("the router answers")
+        RUNTIME.block_on(BusSession::open(&settings)).expect("the router answers")
     }
 
     fn listen(&self, bus: &BusSession, episode: &EpisodeId, topic: Topic) -> Subscription {
-        self.runtime.block_on(bus.subscribe(episode, &[topic])).expect("the session is open")
+        RUNTIME.block_on(bus.subscribe(episode, &[topic])).expect("the session is open")
     }
 
     fn recording(&self, episode: &EpisodeId) -> Recording {
         let path = self.path("runs").join("recordings").join(format!("{episode}.a1.mcap"));
         Recording::open(&path).expect("a recording")
     }
-
-    fn log(&self, name: &str) -> String {
-        std::fs::read_to_string(self.path(name)).unwrap_or_default()
-    }
-}
-
-fn wait_for_port(port: u16) {
-    wait_for("a port", 60, || std::net::TcpStream::connect(("127.0.0.1", port)).ok());
 }
 
 fn episode(seed: u32) -> EpisodeId {
@@ -163,7 +96,7 @@ fn named(heard: &[(Envelope, Diagnosis)]) -> &DiagnosedEffect {
 
 #[test]
 fn a_drive_is_diagnosed_on_the_bus_while_it_goes_on() {
-    let fleet = Fleet::start();
+    let fleet = Fleet::start(1);
     let bus = fleet.join();
     let mut diagnoses = fleet.listen(&bus, &episode(3), Topic::Diagnosis);
     let file = fleet.path("lines.json");
@@ -198,8 +131,8 @@ fn a_drive_is_diagnosed_on_the_bus_while_it_goes_on() {
 
 #[test]
 fn top_sees_who_works_and_who_was_killed() {
-    let mut fleet = Fleet::start();
-    let orchestrator = format!("http://127.0.0.1:{}", fleet.control);
+    let mut fleet = Fleet::start(1);
+    let orchestrator = fleet.orchestrator();
     let top = || {
         let output = dreamstream(&["top", "--once", "--json", "--orchestrator", &orchestrator]).output().expect("runs");
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -218,8 +151,7 @@ fn top_sees_who_works_and_who_was_killed() {
     assert!(driven.wait().expect("it ends").success(), "{}", fleet.log("submit.log"));
     let told = top();
     assert_eq!(told["runs"][0]["by_status"]["completed"], 3, "{told}");
-    let video = 4;
-    fleet.children[video].kill().expect("it runs");
+    fleet.children[WORKER].kill().expect("it runs");
     let seen = wait_for("the kill", 5, || {
         let of_video: Vec<_> = states(&top()).into_iter().filter(|(role, _)| role == "video").collect();
         of_video.iter().all(|(_, state)| state != "works" && state != "idle").then_some(of_video)
@@ -235,7 +167,7 @@ fn a_reference_log_counts_as_real() {
     let real = drive(&[&DRIVE[..], &["--effect", "gyro_bias=0.02", "--vehicle-log"]].concat());
     assert!(real.output.status.success(), "{}", String::from_utf8_lossy(&real.output.stderr));
     let log = real.folder.path().join("real/free-curve.mcap").display().to_string();
-    let fleet = Fleet::start();
+    let fleet = Fleet::start(1);
     let bus = fleet.join();
     let mut diagnoses = fleet.listen(&bus, &episode(0), Topic::Diagnosis);
     let file = fleet.path("lines.json");
@@ -269,10 +201,10 @@ fn made_up(tick: u32, p_none: f64) -> Diagnosis {
 #[test]
 fn what_is_put_beside_a_drive_is_recorded_and_costs_it_nothing() {
     let alone = drive(&[&DRIVE[..], &["--duration", "4"]].concat());
-    let fleet = Fleet::start();
+    let fleet = Fleet::start(1);
     let bus = fleet.join();
     let mut worlds = fleet.listen(&bus, &episode(0), Topic::World);
-    let putting = fleet.runtime.spawn(async move {
+    let putting = RUNTIME.spawn(async move {
         let world = worlds.recv().await.header;
         let put = |tick: u32, body: &Diagnosis, spoil: bool| {
             let mut message = Envelope { header: world.clone(), body: body.to_bytes() };
@@ -299,7 +231,7 @@ fn what_is_put_beside_a_drive_is_recorded_and_costs_it_nothing() {
     });
     let driven = fleet.submit(&["--duration", "4"]);
     assert!(driven.status.success(), "{}", String::from_utf8_lossy(&driven.stderr));
-    let _bus = fleet.runtime.block_on(putting).expect("all were put");
+    let _bus = RUNTIME.block_on(putting).expect("all were put");
     let results = std::fs::read_to_string(fleet.path("out/results.json")).expect("results");
     let results: serde_json::Value = serde_json::from_str(&results).expect("JSON");
     let digest = |episode: &serde_json::Value| episode["world_digest"].clone();

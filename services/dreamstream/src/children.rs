@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use ds_process::children::{Children, Launch};
+use ds_process::service::metrics_setting;
 use ds_topic::Role;
 
 use crate::fleet::FleetPlan;
@@ -51,7 +52,10 @@ pub(crate) async fn start(plan: &FleetPlan, log: &str) -> Result<Meeting> {
     let listen = set("control.listen", &format!("127.0.0.1:{control_port}"));
     let folder = set("journal.folder", &path(&plan.folder)?);
     let episodes = format!("fleet.episodes={}", plan.workers);
-    spawn(&mut children, "orchestrator", "orchestrator", &[&log, &connect, &drop_share, &listen, &folder, &episodes])?;
+    let metrics = metrics_setting(plan.metrics);
+    let settings = [&log, &connect, &drop_share, &listen, &folder, &episodes].map(String::as_str);
+    let settings: Vec<&str> = settings.into_iter().chain(metrics.iter().map(String::as_str)).collect();
+    spawn(&mut children, "orchestrator", "orchestrator", &settings)?;
     wait_for_port(control_port).await?;
     let common = [log, connect, drop_share, set("control.orchestrator", &control)];
     for role in Role::ALL {

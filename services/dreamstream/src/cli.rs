@@ -1,12 +1,13 @@
 //! The command line: every command, flag, default and example; parsing only.
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 use ds_import::Format;
 use ds_policy::Learned;
-use ds_process::onlooker::{ControlArgs, OnlookerArgs};
+use ds_process::onlooker::OnlookerArgs;
 use ds_process::shipped;
 use ds_topic::{ProposalScorer, ScoreProfile};
 use ds_video::Backend;
@@ -29,7 +30,7 @@ pub(crate) use benchmark::{
     BaseArgs, BehaviorArgs, BenchmarkArgs, BenchmarkCommand, BuildCommand, CellArgs, ReviewArgs, RunArgs, ScaleArgs,
 };
 pub(crate) use data::{DataCommand, DataListArgs, DataRenderArgs, DataSheetArgs};
-pub(crate) use fleet::{CertsArgs, HealthArgs, ServeArgs, TopArgs, WhyArgs};
+pub(crate) use fleet::{CertsArgs, HealthArgs, ServeArgs, SubmitArgs, TopArgs, WhyArgs};
 pub(crate) use gap::{
     ApplyArgs, AttributeArgs, BaselineArgs, CloseArgs, DiagnoseArgs, EvaluateArgs, ExplainArgs, FleetArgs, GapCommand,
     GapImportArgs, GapScoreArgs, WatchArgs,
@@ -274,23 +275,16 @@ pub(crate) struct RunPlan {
     /// keeps of the drives only what a real vehicle logs.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["config", "effects", "resume"], value_hint = ValueHint::FilePath)]
     pub seal: Option<PathBuf>,
+    /// Answer Prometheus at this address of loopback, such as 127.0.0.1:9464, while the drives go on; with --processes the
+    /// orchestrator does. See docs/metrics.md.
+    #[arg(long, value_name = "ADDRESS")]
+    pub metrics: Option<SocketAddr>,
     /// Test aid: draw the withheld effects by this seed.
     #[arg(long, hide = true, requires = "seal")]
     pub seal_seed: Option<u64>,
     /// Test aid: drop this share of all pushes on the bus (0 to 1).
     #[arg(long, default_value_t = 0.0, hide = true)]
     pub drop_pushes: f64,
-}
-
-/// Arguments of `submit`.
-#[derive(Debug, Args)]
-pub(crate) struct SubmitArgs {
-    /// The fleet.
-    #[command(flatten)]
-    pub control: ControlArgs,
-    /// What to drive; the settings of the fleet itself are ignored.
-    #[command(flatten)]
-    pub run: RunPlan,
 }
 
 const IMPORT_HELP: &str = "Formats:

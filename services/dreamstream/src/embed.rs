@@ -8,7 +8,9 @@ use ds_bus::{BusSession, BusSettings, Mode};
 use ds_episode::Timing;
 use ds_process::children::Children;
 use ds_process::maker::MakerFactory;
+use ds_process::metrics::Metrics;
 use ds_process::onlooker::OnlookerArgs;
+use ds_process::section::{MetricsSection, SecuritySection};
 use ds_process::security::Dial;
 use ds_process::{Drain, Member};
 use ds_space::InstanceId;
@@ -107,7 +109,11 @@ pub(crate) async fn start(plan: &FleetPlan) -> Result<Fleet> {
     settings.control.listen = "127.0.0.1:0".to_owned();
     settings.journal.folder.clone_from(&plan.folder);
     settings.fleet.episodes = plan.workers;
-    let running = orchestrator::start(settings, bus.clone(), drain.clone()).await?;
+    let metrics = Metrics::default();
+    metrics.add_process("run", &bus);
+    let section = MetricsSection { listen: plan.metrics.map(|address| address.to_string()).unwrap_or_default() };
+    tasks.spawn(metrics.open(&section, &SecuritySection::default(), drain.clone())?);
+    let running = orchestrator::start(settings, bus.clone(), &metrics, drain.clone()).await?;
     let control = format!("http://{}", running.address);
     tasks.spawn(async move { running.ended().await });
     let outside = match &plan.policy_listen {
@@ -130,6 +136,7 @@ pub(crate) async fn start(plan: &FleetPlan) -> Result<Fleet> {
             factory,
             codec: Arc::new(ds_wire::WireCodec),
             timing: Timing::default(),
+            metrics: metrics.clone(),
         };
         let drain = drain.clone();
         tasks.spawn(async move {

@@ -1,6 +1,7 @@
 //! What fleet a run asks for.
 
 use std::collections::BTreeMap;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use anyhow::Result;
@@ -44,6 +45,8 @@ pub(crate) struct FleetPlan {
     pub live: bool,
     /// Seconds that video workers only wait for each chunk; 0 where they generate. Only processes can be such.
     pub simulated_secs: f64,
+    /// Where Prometheus asks.
+    pub metrics: Option<SocketAddr>,
 }
 
 impl FleetPlan {
@@ -78,6 +81,7 @@ impl FleetPlan {
             stages,
             live: args.live.is_some(),
             simulated_secs: 0.0,
+            metrics: args.metrics,
         })
     }
 }

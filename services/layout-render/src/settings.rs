@@ -1,6 +1,6 @@
 //! Settings of layout-render: typed and checked; the default suits a fleet on one host.
 
-use ds_process::section::{BusSection, ControlSection, ProcessSection, SecuritySection};
+use ds_process::section::{BusSection, ControlSection, MetricsSection, ProcessSection, SecuritySection};
 use serde::{Deserialize, Serialize};
 
 /// `[layout]`: the renderers.
@@ -29,6 +29,8 @@ pub struct Settings {
     pub security: SecuritySection,
     /// The bus.
     pub bus: BusSection,
+    /// Where Prometheus asks.
+    pub metrics: MetricsSection,
     /// The renderers.
     pub layout: LayoutSection,
 }

@@ -11,7 +11,7 @@ use ds_episode::{Driver, Fault, Millis, Timing};
 use ds_process::clock::millis;
 use ds_process::hold::{answer, publish, pull};
 use ds_score::DriveScore;
-use ds_space::{AttemptId, Digest, EpisodeId, InstanceId};
+use ds_space::{AttemptId, Digest, EpisodeId, InstanceId, Tick};
 use ds_topic::{Envelope, Owner, Role, SceneMessage, Slot, Topic};
 use ds_wire::{Body, WireCodec};
 use tokio::sync::mpsc;
@@ -19,6 +19,7 @@ use tokio::task::JoinSet;
 
 use crate::hub::Hub;
 use crate::journal::{Journal, JournalError};
+use crate::metrics::{Follower, Tally};
 use crate::pace::Pace;
 use crate::scorer::{Proposals, Scorer};
 use crate::storage::Storage;
@@ -37,6 +38,7 @@ pub(crate) struct Stand {
     pub(crate) timing: Timing,
     pub(crate) folder: std::path::PathBuf,
     pub(crate) storage: Storage,
+    pub(crate) tally: Tally,
 }
 
 /// What became of an attempt.
@@ -100,6 +102,7 @@ pub(crate) async fn conduct(
     stand.hub.drive(&episode, news.clone());
     let mut beat = tokio::time::interval(Duration::from_millis((stand.timing.pull_after_ms / 2).max(5)));
     let mut conductor = Conductor {
+        follower: stand.tally.follow(),
         stand: stand.clone(),
         episode: episode.clone(),
         attempt,
@@ -166,6 +169,7 @@ async fn open(
 }
 
 struct Conductor {
+    follower: Follower,
     stand: Stand,
     episode: EpisodeId,
     attempt: AttemptId,
@@ -211,7 +215,9 @@ impl Conductor {
         while self.tasks.try_join_next().is_some() {}
         let mut events = VecDeque::from([event]);
         while let Some(event) = events.pop_front() {
-            for action in self.driver.handle(Millis(millis()), event) {
+            let actions = self.driver.handle(Millis(millis()), event);
+            self.follower.look(&self.driver);
+            for action in actions {
                 match action {
                     Action::Finish(ending) => return Ok(Some(ending)),
                     Action::StepDown { term } => return Ok(Some(stepped_down(term, &self.driver))),
@@ -230,6 +236,9 @@ impl Conductor {
         match action {
             Action::Publish(envelope) => {
                 publish(&self.stand.bus, &envelope).await;
+                if envelope.header.slot.topic == Topic::Advance {
+                    self.follower.ordered();
+                }
                 if matches!(envelope.header.slot.topic, Topic::Event | Topic::Score) {
                     self.journal.note(envelope);
                 }
@@ -243,11 +252,14 @@ impl Conductor {
             Action::Commit { iteration, messages } => {
                 let began = Instant::now();
                 self.journal.commit(iteration, messages).await?;
-                self.journal_time += began.elapsed();
-                let [_, _, video_secs, _] = self.stand.hub.work_secs(&self.episode);
+                let took = began.elapsed();
+                self.journal_time += took;
+                let work = self.stand.hub.work_secs(&self.episode);
+                let [_, _, video_secs, _] = work;
                 self.pace.committed(Instant::now(), video_secs);
-                let outline = self.driver.outline();
-                let ticks = outline.spec.ticks_of(iteration).1.0;
+                let (first, Tick(ticks)) = self.driver.outline().spec.ticks_of(iteration);
+                let driven = if iteration == 0 { 0 } else { ticks + 1 - first.0 };
+                self.follower.committed(driven, took.as_secs_f64(), work.iter().sum());
                 let _full = progress.try_send(Progress { ticks: Some(ticks), awaits: String::new() });
                 return Ok(Some(Event::Journalled { iteration }));
             }
@@ -320,6 +332,7 @@ impl Conductor {
     }
 
     async fn finish(mut self, ending: Ending, began: Instant) -> Result<Outcome, ConductError> {
+        self.follower.ended(&ending);
         let work_secs = self.stand.hub.work_secs(&self.episode);
         if let Err(error) = self.stand.hub.finish(&self.episode) {
             tracing::error!(%error, "leases cannot be ended");

@@ -6,7 +6,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use ds_episode::Fault;
 use ds_episode::driver::Event;
 use ds_episode::fleet::{
-    AssignError, ComputeClass, Fleet, FleetSettings, Granted, Hello, JoinError, LedgerError, Lost, Request,
+    AssignError, ComputeClass, Fleet, FleetSettings, Granted, Hello, JoinError, LedgerError, LossCause, Lost, Request,
 };
 use ds_episode::{FaultClass, Millis};
 use ds_process::clock::millis;
@@ -55,7 +55,23 @@ struct Lines {
     drivers: BTreeMap<EpisodeId, mpsc::Sender<Event>>,
     work_micros: BTreeMap<(EpisodeId, Role), BTreeMap<InstanceId, u64>>,
     streams: u64,
+    leases: Leases,
 }
+
+/// Leases that were given and that ended before their episode did.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Leases {
+    /// By role.
+    pub(crate) given: BTreeMap<Role, u64>,
+    /// By role and cause, as [`LOSSES`] lists them.
+    pub(crate) lost: BTreeMap<(Role, &'static str), u64>,
+}
+
+/// What a holder was dismissed for: it reported a fault.
+const DISMISSED: &str = "dismissed";
+/// Why leases end before their episode does.
+pub(crate) const LOSSES: [&str; 4] =
+    [LossCause::Died.name(), LossCause::Left.name(), LossCause::Rejoined.name(), DISMISSED];
 
 /// The fleet and its lines.
 pub(crate) struct Hub {
@@ -214,12 +230,14 @@ impl Hub {
             offer: String::new(),
         };
         self.send(&granted.owner.instance, pb::to_instance::Message::Assign(assign));
+        *lock(&self.lines).leases.given.entry(granted.request.role).or_default() += 1;
         Ok(granted)
     }
 
     /// Takes a role away from an instance that failed in it.
     pub(crate) fn dismiss(&self, episode: &EpisodeId, role: Role, owner: &Owner) -> Result<(), LedgerError> {
         lock(&self.fleet).dismiss(episode, role, owner)?;
+        *lock(&self.lines).leases.lost.entry((role, DISMISSED)).or_default() += 1;
         self.release(episode, owner, "dismissed");
         Ok(())
     }
@@ -257,6 +275,7 @@ impl Hub {
 
     fn tell_lost(&self, lost: Vec<Lost>) {
         for loss in lost {
+            *lock(&self.lines).leases.lost.entry((loss.role, loss.cause.name())).or_default() += 1;
             let reason = format!("{} {}", loss.owner.instance, loss.cause.name());
             self.tell(&loss.episode, Event::Lost { role: loss.role, epoch: loss.owner.epoch, reason });
         }
@@ -322,6 +341,11 @@ impl Hub {
             let of_role = lines.work_micros.get(&(episode.clone(), role));
             of_role.map_or(0.0, |work| work.values().sum::<u64>() as f64 * 1e-6)
         })
+    }
+
+    /// Returns how many leases were given and lost.
+    pub(crate) fn leases(&self) -> Leases {
+        lock(&self.lines).leases.clone()
     }
 
     /// Returns the models that connected members have; `None` where no member of the role is connected.

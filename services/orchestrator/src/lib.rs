@@ -9,6 +9,7 @@ mod grpc;
 mod hub;
 mod journal;
 mod ledger;
+mod metrics;
 mod pace;
 mod registry;
 mod scorer;
@@ -25,6 +26,7 @@ use ds_bus::BusSession;
 use ds_episode::Timing;
 use ds_episode::fleet::FleetSettings;
 use ds_process::Drain;
+use ds_process::metrics::Metrics;
 use ds_process::security::Door;
 use ds_space::InstanceId;
 use ds_wire::control as pb;
@@ -64,24 +66,29 @@ impl Running {
 /// Runs the process until `drain`.
 ///
 /// # Errors
-/// If a setting, the ledger, the bus or the port is refused.
+/// If a setting, the ledger, the bus or a port is refused.
 pub async fn run(settings: Settings, drain: Drain) -> Result<()> {
+    let metrics = Metrics::default();
+    let answered = metrics.open(&settings.metrics, &settings.security, drain.clone())?;
     let bus = ds_process::service::open_bus(&settings.bus, &settings.security).await?;
-    start(settings, bus, drain).await?.ended().await
+    metrics.add_process("orchestrator", &bus);
+    let running = start(settings, bus, &metrics, drain).await?;
+    tokio::try_join!(answered, running.ended())?;
+    Ok(())
 }
 
-/// Opens ledger and port, takes up unfinished runs and serves until `drain`.
+/// Opens ledger and port, takes up unfinished runs and serves until `drain`; `metrics` learns what comes of it.
 ///
 /// # Errors
 /// If a setting, the ledger or the port is refused.
-pub async fn start(settings: Settings, bus: BusSession, drain: Drain) -> Result<Running> {
+pub async fn start(settings: Settings, bus: BusSession, metrics: &Metrics, drain: Drain) -> Result<Running> {
     settings.check()?;
     let listen: SocketAddr = settings
         .control
         .listen
         .parse()
         .with_context(|| format!("setting \"control.listen\" is {:?}, not an address", settings.control.listen))?;
-    let door = settings.security.door(listen)?;
+    let door = settings.security.door("control.listen", listen)?;
     let folder = settings.journal.folder.clone();
     std::fs::create_dir_all(&folder).with_context(|| format!("folder {}", folder.display()))?;
     let storage = Storage::default();
@@ -92,6 +99,9 @@ pub async fn start(settings: Settings, bus: BusSession, drain: Drain) -> Result<
     let hub = Arc::new(Hub::open(ledger, leases, fleet.heartbeat_millis).context("ledger.redb")?);
     let registry = Arc::new(Registry::new(Arc::clone(&hub)));
     take_up(&registry, &folder)?;
+    let tally = metrics::Tally::default();
+    let told = (tally.clone(), Arc::clone(&hub), Arc::clone(&registry));
+    metrics.add(move |page| told.0.tell(&told.1, &told.2, page));
     let stand = Stand {
         bus,
         hub: Arc::clone(&hub),
@@ -105,6 +115,7 @@ pub async fn start(settings: Settings, bus: BusSession, drain: Drain) -> Result<
         },
         folder: folder.clone(),
         storage,
+        tally,
     };
     let limits = admission::Limits {
         episodes: fleet.episodes as usize,

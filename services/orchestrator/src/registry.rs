@@ -136,6 +136,9 @@ pub(crate) struct Registry {
     runs: Mutex<Runs>,
 }
 
+/// All that an episode may be.
+const STATUSES: [pb::Status; 5] =
+    [pb::Status::Queued, pb::Status::Running, pb::Status::Completed, pb::Status::Failed, pb::Status::Aborted];
 const REQUEST: &str = "run/";
 const RESULT: &str = "result/";
 
@@ -235,6 +238,15 @@ impl Registry {
     /// Lists the newest runs.
     pub(crate) fn list(&self, limit: usize) -> Vec<pb::Run> {
         lock(&self.runs).all.iter().rev().take(limit).map(|run| run.message(false)).collect()
+    }
+
+    /// Counts the episodes of all runs by their status.
+    pub(crate) fn episodes(&self) -> BTreeMap<&'static str, u64> {
+        let mut counts: BTreeMap<_, _> = STATUSES.map(|status| (pb::status_name(status.into()), 0)).into();
+        for result in lock(&self.runs).all.iter().flat_map(|run| &run.results) {
+            *counts.entry(pb::status_name(result.status)).or_default() += 1;
+        }
+        counts
     }
 
     /// Returns where a run stands, with all its episodes, the number of the last change, and a receiver that wakes at

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use ds_process::section::{BusSection, ProcessSection, SecuritySection};
+use ds_process::section::{BusSection, MetricsSection, ProcessSection, SecuritySection};
 use ds_process::settings::SettingsError;
 use serde::{Deserialize, Serialize};
 
@@ -83,6 +83,8 @@ pub struct Settings {
     pub security: SecuritySection,
     /// The bus.
     pub bus: BusSection,
+    /// Where Prometheus asks.
+    pub metrics: MetricsSection,
     /// Everything durable.
     pub journal: JournalSection,
     /// Leases and limits.

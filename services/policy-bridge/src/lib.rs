@@ -36,7 +36,7 @@ pub async fn run(settings: Settings, drain: Drain) -> anyhow::Result<()> {
     };
     let stage = PolicyStage::new(settings.policy.weights.clone(), outside).with_own(&settings.policy.manifests)?;
     let factory = Arc::new(stage);
-    let Settings { process, control, security, bus, .. } = &settings;
-    let sections = StageSections { process, control, security, bus };
+    let Settings { process, control, security, bus, metrics, .. } = &settings;
+    let sections = StageSections { process, control, security, bus, metrics };
     run_stage("policy-bridge", sections, factory, drain).await
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use ds_process::section::{BusSection, ControlSection, ProcessSection, SecuritySection};
+use ds_process::section::{BusSection, ControlSection, MetricsSection, ProcessSection, SecuritySection};
 use serde::{Deserialize, Serialize};
 
 /// `[policy]`: the guests.
@@ -45,6 +45,8 @@ pub struct Settings {
     pub security: SecuritySection,
     /// The bus.
     pub bus: BusSection,
+    /// Where Prometheus asks.
+    pub metrics: MetricsSection,
     /// The guests.
     pub policy: PolicySection,
 }

@@ -18,7 +18,7 @@ use ds_process::service::{StageSections, run_stage};
 /// # Errors
 /// If the bus or the orchestrator's address is bad.
 pub async fn run(settings: Settings, drain: Drain) -> anyhow::Result<()> {
-    let Settings { process, control, security, bus, .. } = &settings;
-    let sections = StageSections { process, control, security, bus };
+    let Settings { process, control, security, bus, metrics } = &settings;
+    let sections = StageSections { process, control, security, bus, metrics };
     run_stage("sim-server", sections, Arc::new(SimStage), drain).await
 }

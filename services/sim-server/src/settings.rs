@@ -1,6 +1,6 @@
 //! Settings of sim-server: typed and checked; the default suits a fleet on one host.
 
-use ds_process::section::{BusSection, ControlSection, ProcessSection, SecuritySection};
+use ds_process::section::{BusSection, ControlSection, MetricsSection, ProcessSection, SecuritySection};
 use serde::{Deserialize, Serialize};
 
 /// All settings of sim-server.
@@ -15,4 +15,6 @@ pub struct Settings {
     pub security: SecuritySection,
     /// The bus.
     pub bus: BusSection,
+    /// Where Prometheus asks.
+    pub metrics: MetricsSection,
 }

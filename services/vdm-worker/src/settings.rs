@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use ds_process::section::{BusSection, ControlSection, ProcessSection, SecuritySection};
+use ds_process::section::{BusSection, ControlSection, MetricsSection, ProcessSection, SecuritySection};
 use ds_video::Backend;
 use serde::{Deserialize, Serialize};
 
@@ -56,6 +56,8 @@ pub struct Settings {
     pub security: SecuritySection,
     /// The bus.
     pub bus: BusSection,
+    /// Where Prometheus asks.
+    pub metrics: MetricsSection,
     /// The model.
     pub video: VideoSection,
     /// What computes.

@@ -14,7 +14,8 @@ use tokio::task::JoinSet;
 
 use crate::clock::millis;
 use crate::maker::MakerFactory;
-use crate::workbench::{self, Done, Job};
+use crate::tally::{Follower, Tally};
+use crate::workbench::{self, Job};
 
 /// What an instance brings to every role that it holds.
 #[derive(Clone)]
@@ -27,6 +28,8 @@ pub(crate) struct Tools {
     pub(crate) codec: Arc<dyn Codec>,
     /// Delays.
     pub(crate) timing: Timing,
+    /// What all holders count.
+    pub(crate) tally: Tally,
 }
 
 /// What a holder tells the fleet.
@@ -81,6 +84,7 @@ pub(crate) async fn hold(
     let epoch = assignment.owner.epoch;
     let stage = Stage::new(assignment, tools.timing, Arc::clone(&tools.codec), Millis(millis()));
     let mut holder = Holder {
+        follower: tools.tally.follow(),
         tools,
         episode,
         epoch,
@@ -97,9 +101,10 @@ pub(crate) async fn hold(
             envelope = pushes.recv() => Event::Message(envelope),
             question = questions.recv() => holder.asked(question),
             Some(event) = pulled.recv() => event,
-            Some(Done { event, micros }) = done.recv() => {
-                holder.report(Report::Worked { episode: holder.episode.clone(), micros }).await;
-                event
+            Some(done) = done.recv() => {
+                holder.follower.done(&done);
+                holder.report(Report::Worked { episode: holder.episode.clone(), micros: done.micros }).await;
+                done.event
             }
             order = orders.recv() => match order {
                 Some(event) => event,
@@ -114,6 +119,7 @@ pub(crate) async fn hold(
 }
 
 struct Holder {
+    follower: Follower,
     tools: Tools,
     episode: EpisodeId,
     epoch: u64,
@@ -142,7 +148,9 @@ impl Holder {
 
     async fn handle(&mut self, event: Event) -> Option<StopReason> {
         while self.pulls.try_join_next().is_some() {}
-        for action in self.stage.handle(Millis(millis()), event) {
+        let actions = self.stage.handle(Millis(millis()), event);
+        self.follower.look(&self.stage);
+        for action in actions {
             if let Action::Stop(reason) = action {
                 tracing::debug!(episode = %self.episode, ?reason, "role ended");
                 return Some(reason);

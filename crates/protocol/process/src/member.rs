@@ -20,7 +20,9 @@ use crate::Drain;
 use crate::clock::millis;
 use crate::hold::{self, Report, Tools};
 use crate::maker::MakerFactory;
+use crate::metrics::Metrics;
 use crate::security::Dial;
+use crate::tally::Tally;
 
 /// The control stream broke or an order could not be read.
 #[derive(Debug, thiserror::Error)]
@@ -64,6 +66,8 @@ pub struct Member {
     pub codec: Arc<dyn Codec>,
     /// Delays of the protocol.
     pub timing: Timing,
+    /// Where it tells what it has done.
+    pub metrics: Metrics,
 }
 
 /// How long the orchestrator may take to answer.
@@ -74,8 +78,11 @@ const REJOIN_AFTER: Duration = Duration::from_millis(500);
 impl Member {
     /// Works until `drain`, joining again whenever the stream breaks.
     pub async fn run(self, drain: Drain) {
+        let (tally, role, slots) = (Tally::default(), self.factory.role(), self.slots);
+        let told = tally.clone();
+        self.metrics.add(move |page| told.tell(role, slots, page));
         while !drain.is_cancelled() {
-            match self.session(&drain).await {
+            match self.session(&tally, &drain).await {
                 Ok(()) => break,
                 Err(error) => tracing::warn!(instance = %self.instance, %error, "joining again"),
             }
@@ -86,7 +93,7 @@ impl Member {
         }
     }
 
-    async fn session(&self, drain: &Drain) -> Result<(), MemberError> {
+    async fn session(&self, tally: &Tally, drain: &Drain) -> Result<(), MemberError> {
         let connected = self.orchestrator.connect(CONNECT_WITHIN).await;
         let address = self.orchestrator.address().to_owned();
         let channel = connected.map_err(|source| MemberError::Connect { address, source })?;
@@ -99,6 +106,7 @@ impl Member {
         let (reports, reported) = mpsc::channel(256);
         let session = Session {
             member: self,
+            tally,
             say,
             reports,
             holders: BTreeMap::new(),
@@ -142,6 +150,7 @@ async fn send(say: &mpsc::Sender<pb::FromInstance>, message: pb::from_instance::
 
 struct Session<'a> {
     member: &'a Member,
+    tally: &'a Tally,
     say: mpsc::Sender<pb::FromInstance>,
     reports: mpsc::Sender<Report>,
     holders: BTreeMap<(EpisodeId, u64), mpsc::Sender<Event>>,
@@ -226,6 +235,7 @@ impl Session<'_> {
             factory: Arc::clone(&self.member.factory),
             codec: Arc::clone(&self.member.codec),
             timing: self.member.timing,
+            tally: self.tally.clone(),
         };
         let key = (episode, assign.epoch);
         self.holders.insert(key.clone(), holder);

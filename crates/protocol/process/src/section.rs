@@ -81,3 +81,11 @@ impl Default for BusSection {
         }
     }
 }
+
+/// `[metrics]`: where Prometheus asks.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MetricsSection {
+    /// Where `GET /metrics` is answered, such as `127.0.0.1:9464`; empty for nowhere.
+    pub listen: String,
+}

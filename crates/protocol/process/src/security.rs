@@ -45,15 +45,15 @@ impl SecuritySection {
         Ok(())
     }
 
-    /// Returns how the control server opens.
+    /// Returns how the server of a setting opens, such as `control.listen`.
     ///
     /// # Errors
     /// If a file cannot be read, or the server would be reached from beyond loopback in clear.
-    pub fn door(&self, listen: SocketAddr) -> Result<Door> {
+    pub fn door(&self, key: &str, listen: SocketAddr) -> Result<Door> {
         let secured = self.files().is_some() && given(&self.token);
         ensure!(
             listen.ip().is_loopback() || secured || self.insecure,
-            "setting \"control.listen\" is {listen}: beyond loopback only with \"security.certificate\", \"key\", \"ca\" and \
+            "setting \"{key}\" is {listen}: beyond loopback only with \"security.certificate\", \"key\", \"ca\" and \
              \"token\" (see `dreamstream certs`), or with \"security.insecure = true\""
         );
         let shown = |files: TlsFiles| {
@@ -96,7 +96,7 @@ fn on_loopback(endpoint: &str) -> bool {
     host == "localhost" || host.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
 }
 
-/// How the control server opens: where, with what certificate, to whom.
+/// How a server opens: where, with what certificate, to whom.
 #[derive(Debug)]
 pub struct Door {
     /// Where it listens.
@@ -230,8 +230,8 @@ mod tests {
         ] {
             assert_eq!(Dial::new(address, &plain).is_ok(), sound, "{address}");
         }
-        assert!(plain.door("0.0.0.0:1".parse().expect("an address")).is_err());
-        assert!(insecure.door("0.0.0.0:1".parse().expect("an address")).is_ok());
+        assert!(plain.door("control.listen", "0.0.0.0:1".parse().expect("an address")).is_err());
+        assert!(insecure.door("metrics.listen", "0.0.0.0:1".parse().expect("an address")).is_ok());
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::future::Future;
 use std::io::{ErrorKind, Read};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -18,7 +19,8 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::maker::MakerFactory;
-use crate::section::{BusSection, ControlSection, ProcessSection, SecuritySection};
+use crate::metrics::Metrics;
+use crate::section::{BusSection, ControlSection, MetricsSection, ProcessSection, SecuritySection};
 use crate::security::Dial;
 use crate::settings::{self, Sources};
 use crate::{Drain, Member, drain, logging};
@@ -69,6 +71,9 @@ struct Arguments {
     /// A setting as section.key=value, stronger than file and environment.
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     set: Vec<String>,
+    /// Answer Prometheus at this address, such as 127.0.0.1:9464; the same as the setting metrics.listen.
+    #[arg(long, value_name = "ADDRESS")]
+    metrics: Option<SocketAddr>,
 }
 
 /// The main function of a service: exit code 64 for wrong settings, 74 where nothing more can be stored, 1 for another
@@ -79,7 +84,14 @@ where
     F: Future<Output = Result<()>>,
 {
     let arguments = Arguments::parse();
-    start(arguments.config.as_deref(), &arguments.set, run)
+    let set = [arguments.set, metrics_setting(arguments.metrics)].concat();
+    start(arguments.config.as_deref(), &set, run)
+}
+
+/// Returns what the flag `--metrics` sets.
+#[must_use]
+pub fn metrics_setting(address: Option<SocketAddr>) -> Vec<String> {
+    address.map(|address| format!("metrics.listen=\"{address}\"")).into_iter().collect()
 }
 
 /// Loads the settings and runs a service until SIGINT or SIGTERM.
@@ -179,29 +191,40 @@ pub struct StageSections<'a> {
     pub security: &'a SecuritySection,
     /// The bus.
     pub bus: &'a BusSection,
+    /// Where Prometheus asks.
+    pub metrics: &'a MetricsSection,
 }
 
 /// Runs the process of a stage: bus, fleet, makers, until `drain`.
 ///
 /// # Errors
-/// If the bus or the orchestrator's address is bad.
+/// If the bus, the orchestrator's address or that of the metrics is bad.
 pub async fn run_stage(
-    service: &str,
+    service: &'static str,
     sections: StageSections<'_>,
     factory: Arc<dyn MakerFactory>,
     drain: Drain,
 ) -> Result<()> {
-    let StageSections { process, control, security, bus } = sections;
+    let StageSections { process, control, security, bus, metrics: section } = sections;
+    let metrics = Metrics::default();
+    let answered = metrics.open(section, security, drain.clone())?;
+    let bus = open_bus(bus, security).await?;
+    metrics.add_process(service, &bus);
     let member = Member {
         instance: instance(process, service)?,
         slots: process.slots,
         orchestrator: Dial::new(&control.orchestrator, security)?,
-        bus: open_bus(bus, security).await?,
+        bus,
         factory,
         codec: Arc::new(ds_wire::WireCodec),
         timing: Timing::default(),
+        metrics,
     };
     tracing::info!(instance = %member.instance, orchestrator = member.orchestrator.address(), "started");
-    member.run(drain).await;
+    let worked = async {
+        member.run(drain).await;
+        Ok(())
+    };
+    tokio::try_join!(answered, worked)?;
     Ok(())
 }

@@ -40,6 +40,8 @@ pub(crate) enum Job {
 pub(crate) struct Done {
     /// To be handed to the stage.
     pub(crate) event: Event,
+    /// The iteration that it was for.
+    pub(crate) iteration: u32,
     /// The maker's own time.
     pub(crate) micros: u64,
 }
@@ -51,10 +53,11 @@ pub(crate) fn start(factory: Arc<dyn MakerFactory>, done: mpsc::Sender<Done>) ->
     let run = move || {
         let mut maker: Option<Box<dyn Maker>> = None;
         while let Ok(job) = inbox.recv() {
-            let began = Instant::now();
+            let (Job::Restore { advance, .. } | Job::Work { advance, .. }) = &job;
+            let (iteration, began) = (advance.iteration, Instant::now());
             let event = carry_out(&*factory, &mut maker, job);
             let micros = u64::try_from(began.elapsed().as_micros()).unwrap_or(u64::MAX);
-            if done.blocking_send(Done { event, micros }).is_err() {
+            if done.blocking_send(Done { event, iteration, micros }).is_err() {
                 break;
             }
         }

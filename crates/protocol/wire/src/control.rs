@@ -41,6 +41,26 @@ pub fn status_name(value: i32) -> &'static str {
     }
 }
 
+/// A member without a heartbeat for longer is called silent: twice the longest pause of one that is well.
+const SILENT_MILLIS: u64 = 2_500;
+
+/// What members are up to, the worst first.
+pub const MEMBER_STATES: [&str; 6] = ["lost its line", "silent", "cordoned", "draining", "idle", "works"];
+
+/// Returns what a member is up to, one of [`MEMBER_STATES`].
+#[must_use]
+pub fn member_state(member: &Instance) -> &'static str {
+    let [lost, silent, cordoned, draining, idle, works] = MEMBER_STATES;
+    match member {
+        Instance { connected: false, .. } => lost,
+        Instance { silent_millis, .. } if *silent_millis > SILENT_MILLIS => silent,
+        Instance { cordoned: true, .. } => cordoned,
+        Instance { draining: true, .. } => draining,
+        Instance { holds, .. } if holds.is_empty() => idle,
+        Instance { .. } => works,
+    }
+}
+
 /// Says whether an episode or run with this status has ended.
 #[must_use]
 pub fn has_ended(value: i32) -> bool {

@@ -1,9 +1,23 @@
 //! Arguments of the commands about a fleet: how to reach it, its services, certificates, health.
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
 use ds_process::onlooker::ControlArgs;
+
+use super::RunPlan;
+
+/// Arguments of `submit`.
+#[derive(Debug, Args)]
+pub(crate) struct SubmitArgs {
+    /// The fleet.
+    #[command(flatten)]
+    pub control: ControlArgs,
+    /// What to drive; the settings of the fleet itself are ignored.
+    #[command(flatten)]
+    pub run: RunPlan,
+}
 
 /// Arguments of `why`.
 #[derive(Debug, Args)]
@@ -58,6 +72,9 @@ pub(crate) struct ServeArgs {
     /// A setting as section.key=value, stronger than file and environment.
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub set: Vec<String>,
+    /// Answer Prometheus at this address, such as 127.0.0.1:9464: the setting metrics.listen. The router counts nothing.
+    #[arg(long, value_name = "ADDRESS")]
+    pub metrics: Option<SocketAddr>,
 }
 
 /// Arguments of `health`.

@@ -61,6 +61,7 @@ impl Default for RunPlan {
             vehicle_log: false,
             seal: None,
             seal_seed: None,
+            metrics: None,
             drop_pushes: 0.0,
         }
     }

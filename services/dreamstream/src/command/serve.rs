@@ -20,7 +20,7 @@ struct RouterSettings {
 /// Runs the service until SIGINT or SIGTERM; a log filter of the command line is its setting `process.log`.
 pub(crate) fn run(args: &ServeArgs, log: Option<&str>) -> ExitCode {
     let log = log.map(|filter| format!("process.log={filter:?}"));
-    let set: Vec<String> = log.into_iter().chain(args.set.iter().cloned()).collect();
+    let set = [Vec::from_iter(log), args.set.clone(), service::metrics_setting(args.metrics)].concat();
     let (config, set) = (args.config.as_deref(), set.as_slice());
     match args.service.as_str() {
         "router" => service::start(config, set, route),

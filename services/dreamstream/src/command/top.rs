@@ -14,26 +14,12 @@ use serde_json::json;
 use crate::cli::TopArgs;
 use crate::command::answer;
 
-/// Longer without a heartbeat is worth a word: twice the longest pause of a member that is well.
-const SILENT_MILLIS: u64 = 2_500;
 /// How long a member that went is still shown.
 const GONE_FOR: Duration = Duration::from_secs(60);
 /// The newest runs are shown, and no more.
 const MOST_RUNS: u32 = 20;
 /// Puts the cursor to the upper left and clears what is there.
 const CLEAR: &str = "\u{1b}[H\u{1b}[2J";
-
-/// What a member is up to.
-fn state(member: &pb::Instance) -> &'static str {
-    match member {
-        pb::Instance { connected: false, .. } => "lost its line",
-        pb::Instance { silent_millis, .. } if *silent_millis > SILENT_MILLIS => "silent",
-        pb::Instance { cordoned: true, .. } => "cordoned",
-        pb::Instance { draining: true, .. } => "draining",
-        pb::Instance { holds, .. } if holds.is_empty() => "idle",
-        pb::Instance { .. } => "works",
-    }
-}
 
 /// A run with its episodes counted.
 #[derive(Clone)]
@@ -132,7 +118,7 @@ fn told(look: &Look, gone: &BTreeMap<String, Instant>) -> serde_json::Value {
         let (instance, role, slots) = hello(member);
         let holds: Vec<&str> = member.holds.iter().map(|held| held.episode.as_str()).collect();
         json!({ "instance": instance, "role": role, "slots": slots, "holds": holds, "device": member.device,
-            "silent_ms": member.silent_millis, "state": state(member) })
+            "silent_ms": member.silent_millis, "state": pb::member_state(member) })
     };
     let run = |run: &Counted| {
         json!({ "run": run.id, "status": run.status, "episodes": run.episodes, "by_status": run.by_status,
@@ -153,7 +139,7 @@ fn table(look: &Look, gone: &BTreeMap<String, Instant>) -> String {
         let (holds, silent_secs) = (format!("{} of {slots}", member.holds.len()), member.silent_millis as f64 / 1e3);
         lines.push(format!(
             "{instance:<36} {role:<8} {holds:>9} {silent_secs:>9.1}  {:<14} {}",
-            state(member),
+            pb::member_state(member),
             member.device
         ));
     }
