@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Brings the fleet up with docker-compose, drives one scenario through it with two video workers, kills one of them in
-# mid-drive, drives again, and takes everything down. Fails if a drive does not complete or a guest without token gets in.
+# mid-drive, drives again, and takes everything down. Fails if a drive does not complete, a guest without token gets in, or
+# `top` and the metrics do not see the kill within 5 s.
 #
 #   deploy/compose-smoke.sh            images are built as in docker-compose.yml (a registry is needed for the bases)
 #   OFFLINE=1 deploy/compose-smoke.sh  the base is made by debootstrap under the same tag, and the binary is built here
@@ -42,8 +43,18 @@ grep -q '"insecure": false' "$work/first/results.json"
 
 dreamstream submit scenarios/base/cut-in.scenario.json --duration 8 --out "$work/second" "${fleet[@]}" &
 drive=$!
+address=$(docker inspect -f '{{range .NetworkSettings.Networks}}{{.IPAddress}}{{end}}' "$orchestrator")
+scrape() { curl -sS --cacert "$work/certs/ca.pem" --resolve "orchestrator:9464:$address" "$@" https://orchestrator:9464/metrics; }
+in_metrics() { scrape -H "authorization: Bearer $(cat "$work/certs/token")" | grep -q '^dreamstream_instances{role="video",state="lost its line"} 1$'; }
+in_top() { dreamstream top --once --json "${fleet[@]}" | grep -q '"lost its line"'; }
+within_5s() { until "$1"; do ((SECONDS < killed + 5)) || { echo "$1: the kill was not seen within 5 s" >&2; exit 1; }; done; }
+scrape | grep -q 'a token is asked for' || { echo "the metrics were told to somebody without a token" >&2; exit 1; }
+
 sleep 3
 docker kill "$(docker-compose ps -q vdm-worker | head -n 1)" >/dev/null
+killed=$SECONDS
+within_5s in_metrics
+within_5s in_top
 wait "$drive"
 
 docker-compose ps
