@@ -62,6 +62,16 @@ fn ten_lines_drive_an_episode() {
 }
 
 #[test]
+fn the_clients_own_tests_pass() {
+    let Some(python) = python().and_then(|_| python_with("client", &["./clients/python[test]"])) else { return };
+    // From here, so that the installed client is tested.
+    let tests =
+        Command::new(python.with_file_name("pytest")).args(["-q", "clients/python"]).current_dir(workspace()).output();
+    let tests = tests.expect("pytest runs");
+    assert!(tests.status.success(), "{}", String::from_utf8_lossy(&tests.stdout));
+}
+
+#[test]
 fn bad_answers_end_the_drive_with_a_named_reason() {
     let cases = [
         ("np.full((4, 3), np.nan)", "nan"),
@@ -187,7 +197,7 @@ fn compared(python: &Path, one: &Drive, other: &Drive) -> String {
 
 #[test]
 fn a_ros_2_node_behind_the_bridge_drives_as_the_same_driver_connected_directly() {
-    let Some(python) = python().and_then(|_| python_with("ros2", &["./clients/python[ros2]"])) else { return };
+    let Some(python) = python().and_then(|_| python_with("client", &["./clients/python[test]"])) else { return };
     let script = workspace().join("tests/ros2_node.py");
     let (here, ros) = (endpoint(), endpoint());
     let mut node = Command::new(&python);

@@ -272,10 +272,12 @@ fn cause(error: &PolicyError) -> (&'static str, String) {
         // Another process says it in its own words.
         PolicyError::Outside { detail, .. } => {
             let detail = detail.to_lowercase();
-            match ["is nan", "is inf", "is -inf"].iter().any(|words| detail.contains(words)) {
-                true => ("finite", String::new()),
-                false if detail.contains("m away, limit") => ("origin", format!(": {far}")),
-                false => ("answer", String::new()),
+            if ["is nan", "is inf", "is -inf"].iter().any(|words| detail.contains(words)) {
+                ("finite", String::new())
+            } else if detail.contains("m away, limit") {
+                ("origin", format!(": {far}"))
+            } else {
+                ("answer", String::new())
             }
         }
         _ => ("answer", String::new()),

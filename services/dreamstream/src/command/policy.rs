@@ -52,12 +52,8 @@ pub(crate) fn run(command: &PolicyCommand) -> Result<()> {
     let fixtures = fixtures()?;
     let mut patient = Patient::start(command, runtime, &fixtures, None)?;
     if *plans {
-        answer(
-            &json!(
-                doctor::plans(&mut *patient.policy, &fixtures).map_err(told)?.iter().map(numbers).collect::<Vec<_>>()
-            )
-            .to_string(),
-        );
+        let plans = doctor::plans(&mut *patient.policy, &fixtures).map_err(told)?;
+        answer(&json!(plans.iter().map(|plan| numbers(plan)).collect::<Vec<_>>()).to_string());
         return Ok(());
     }
     let bar = bar(u64::from(doctor::ROUNDS) * fixtures.len() as u64, "answers");
@@ -105,12 +101,12 @@ fn as_json(name: &str, fixtures: &[Fixture], found: &Examination, millis: Option
         "remarks": list(&found.remarks),
         "latency_ms": millis.map(|[first, median, longest]| json!({ "first": first, "median": median, "longest": longest })),
         "experts": experts,
-        "plans": found.plans.iter().map(numbers).collect::<Vec<_>>(),
+        "plans": found.plans.iter().map(|plan| numbers(plan)).collect::<Vec<_>>(),
     })
 }
 
 /// Returns poses as `[x, y, heading]`, in metres and radians.
-fn numbers(plan: &Vec<PoseSe2>) -> Vec<[f64; 3]> {
+fn numbers(plan: &[PoseSe2]) -> Vec<[f64; 3]> {
     plan.iter().map(|pose| [pose.position.x, pose.position.y, pose.heading_rad]).collect()
 }
 
