@@ -251,11 +251,15 @@ class Ros:
     def ask(self, messages: Sequence[Told], *, stamp_ns: int, within_s: float) -> Any:
         """Tells messages until a `nav_msgs/Path` with this stamp comes, and returns it."""
         ends, again, heard = time.monotonic() + within_s, 0.0, "none came"
+        # What is told again is told at the present time: clocks do not go back.
+        clocks = [message for message in messages if message.topic == "clock"]
+        repeated = [*clocks[-1:], *[message for message in messages if message.topic != "clock"]]
         while (now := time.monotonic()) < ends:
             if now >= again:
                 again = now + self.repeat_s
                 for message in messages:
                     self.tell(message)
+                messages = repeated
             try:
                 data = self.answers.get(timeout=max(0.0, min(again, ends) - now))
             except queue.Empty:

@@ -70,11 +70,11 @@ def test_only_what_is_new_is_told():
     assert clocks == [2 * 10**8, 3 * 10**8]
 
 
-def path(*, frame="base_link", quaternion=(0.0, 0.0, np.sin(0.1), np.cos(0.1))):
+def path(*, second=7, frame="base_link", quaternion=(0.0, 0.0, np.sin(0.1), np.cos(0.1))):
     """The CDR bytes of a nav_msgs/Path of one pose, half a second after 7.25 s, written from the specification."""
     aligned = lambda data, size: data + b"\x00" * (-len(data) % size)
     text = lambda word: struct.pack("<I", len(word) + 1) + word.encode() + b"\x00"
-    data = aligned(struct.pack("<iI", 7, 250_000_000) + text(frame), 4) + struct.pack("<I", 1)
+    data = aligned(struct.pack("<iI", second, 250_000_000) + text(frame), 4) + struct.pack("<I", 1)
     data = aligned(data + struct.pack("<iI", 7, 750_000_000) + text(frame), 8)
     return b"\x00\x01\x00\x00" + data + struct.pack("<7d", 4.0, -0.5, 0.0, *quaternion)
 
@@ -84,6 +84,54 @@ def test_a_path_becomes_a_plan():
     plan = ros2.plan(read, now_ns=7_250_000_000)
     assert plan.times_s.tolist() == [0.5] and plan.poses[0, :2].tolist() == [4.0, -0.5]
     assert plan.poses[0, 2] == pytest.approx(0.2, abs=1e-15)
+
+
+class Bus:
+    """A bus whose node answers when it is told an image for the second time, first for another moment."""
+
+    def __init__(self):
+        self.told, self.tokens = [], []
+
+    def declare_subscriber(self, key, callback):
+        self.answer = callback
+        return self
+
+    def liveliness(self):
+        return self
+
+    def declare_token(self, key):
+        self.tokens.append(key)
+        return self
+
+    def zid(self):
+        return "5f1d"
+
+    def undeclare(self):
+        pass
+
+    def put(self, key, data):
+        self.told.append((key, data))
+        if [key for key, _ in self.told].count("dreamstream/command") == 2 and key.endswith("image_raw"):
+            for payload in (path(second=6), path()):
+                self.answer(type("Sample", (), {"payload": type("Payload", (), {"to_bytes": lambda self: payload})()}))
+
+
+def test_what_is_not_answered_is_told_again_and_the_clock_does_not_go_back():
+    images = [wire.Image(time_ns=k * 10**8, width_px=observed.WIDTH_PX, height_px=observed.HEIGHT_PX, encoding=wire.ENCODING_RAW,
+                         data=observed.picture(k).tobytes()) for k in range(3)]
+    view = wire.CameraView(calibration=observed.calibration(), images=images)
+    seen = messages.observation(observed.observation(cameras=[view]))
+    bus = Bus()
+    ros = ros2.Ros(bus, repeat_s=0.05)
+    sent = list(ros2.observation(seen, start_ns=7 * 10**9, after_ns=0))
+    found = ros.ask(sent, stamp_ns=7_250_000_000, within_s=20.0)
+    assert found.header.stamp.nanosec == 250_000_000
+    clocks = [STORE.deserialize_cdr(data, "rosgraph_msgs/msg/Clock").clock.nanosec for key, data in bus.told if key == "clock"]
+    assert clocks == [0, 10**8, 2 * 10**8, 2 * 10**8]
+    with pytest.raises(TimeoutError, match="stamped 9.000000000 s .* the last one is stamped 7.250000000 s"):
+        ros.ask([], stamp_ns=9 * 10**9, within_s=0.1)
+    ros.close()
+    assert "@/5f1d/@ros2_lv/MS/dreamstream§plan/nav_msgs§msg§Path/:1:0:0,10" in bus.tokens
 
 
 @pytest.mark.parametrize("changes, says", [({"frame": "map"}, '"map"'.replace('"', "'")), ({"quaternion": (0.0, 0.0, 0.0, 0.0)}, "length 0")])
