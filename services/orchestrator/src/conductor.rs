@@ -215,15 +215,18 @@ impl Conductor {
         while self.tasks.try_join_next().is_some() {}
         let mut events = VecDeque::from([event]);
         while let Some(event) = events.pop_front() {
+            let mut wanted = Vec::new();
             let actions = self.driver.handle(Millis(millis()), event);
             self.follower.look(&self.driver);
             for action in actions {
                 match action {
                     Action::Finish(ending) => return Ok(Some(ending)),
                     Action::StepDown { term } => return Ok(Some(stepped_down(term, &self.driver))),
+                    Action::Want { role, exclude } => wanted.push((role, exclude)),
                     action => events.extend(self.carry_out(action, progress).await?),
                 }
             }
+            events.extend(self.want(wanted));
         }
         Ok(None)
     }
@@ -263,7 +266,6 @@ impl Conductor {
                 let _full = progress.try_send(Progress { ticks: Some(ticks), awaits: String::new() });
                 return Ok(Some(Event::Journalled { iteration }));
             }
-            Action::Want { role, exclude } => return Ok(self.want(role, exclude)),
             Action::Dismiss { role, owner, fault } => {
                 tracing::warn!(episode = %self.episode, %role, instance = %owner.instance, %fault, "dismissed");
                 if let Err(error) = self.stand.hub.dismiss(&self.episode, role, &owner) {
@@ -271,7 +273,7 @@ impl Conductor {
                 }
             }
             Action::Observe(envelope) => return Ok(self.observe(&envelope)),
-            Action::Finish(_) | Action::StepDown { .. } => {}
+            Action::Want { .. } | Action::Finish(_) | Action::StepDown { .. } => {}
         }
         Ok(None)
     }
@@ -305,19 +307,31 @@ impl Conductor {
         }
     }
 
-    fn want(&self, role: Role, exclude: Option<InstanceId>) -> Option<Event> {
-        let request = Request { episode: self.episode.clone(), attempt: self.attempt, role, exclude };
-        match self.stand.hub.assign(request) {
+    /// Asks the fleet for holders of all wanted roles at once.
+    fn want(&self, wanted: Vec<(Role, Option<InstanceId>)>) -> Vec<Event> {
+        if wanted.is_empty() {
+            return Vec::new();
+        }
+        let roles: Vec<Role> = wanted.iter().map(|(role, _)| *role).collect();
+        let (episode, attempt) = (&self.episode, self.attempt);
+        let request = |(role, exclude)| Request { episode: episode.clone(), attempt, role, exclude };
+        let unassignable = |role, why: &dyn std::fmt::Display| Event::Unassignable {
+            role,
+            fault: Fault::infrastructure("unassignable", why),
+        };
+        let answers = match self.stand.hub.assign(wanted.into_iter().map(request).collect()) {
+            Ok(answers) => answers,
+            Err(error) => return roles.into_iter().map(|role| unassignable(role, &error)).collect(),
+        };
+        let told = roles.into_iter().zip(answers).filter_map(|(role, answer)| match answer {
             Ok(granted) => Some(Event::Assigned { role, owner: granted.owner }),
-            Err(error) if error.lasting() => {
-                let fault = Fault::infrastructure("unassignable", &error);
-                Some(Event::Unassignable { role, fault })
-            }
+            Err(error) if error.lasting() => Some(unassignable(role, &error)),
             Err(error) => {
-                tracing::debug!(episode = %self.episode, %error, "not yet");
+                tracing::debug!(%episode, %error, "not yet");
                 None
             }
-        }
+        });
+        told.collect()
     }
 
     fn pull(&mut self, slot: Slot, owner: Owner) {

@@ -216,9 +216,14 @@ impl Hub {
         }
     }
 
-    /// Gives a role to somebody and tells them.
-    pub(crate) fn assign(&self, request: Request) -> Result<Granted, AssignError> {
-        let granted = lock(&self.fleet).assign(now(), request)?;
+    /// Gives roles to somebody and tells them; all epochs go to the ledger in one write.
+    pub(crate) fn assign(&self, requests: Vec<Request>) -> Result<Vec<Result<Granted, AssignError>>, LedgerError> {
+        let answers = lock(&self.fleet).assign_all(now(), requests)?;
+        answers.iter().flatten().for_each(|granted| self.tell_holder(granted));
+        Ok(answers)
+    }
+
+    fn tell_holder(&self, granted: &Granted) {
         let assign = pb::Assign {
             episode: granted.request.episode.to_string(),
             attempt: granted.request.attempt.0,
@@ -231,7 +236,6 @@ impl Hub {
         };
         self.send(&granted.owner.instance, pb::to_instance::Message::Assign(assign));
         *lock(&self.lines).leases.given.entry(granted.request.role).or_default() += 1;
-        Ok(granted)
     }
 
     /// Takes a role away from an instance that failed in it.

@@ -247,7 +247,45 @@ impl<L: Ledger> Fleet<L> {
     /// # Errors
     /// [`AssignError`]; see [`AssignError::lasting`].
     pub fn assign(&mut self, now: Millis, request: Request) -> Result<Granted, AssignError> {
+        self.assign_all(now, vec![request])?.pop().expect("one request has one answer")
+    }
+
+    /// Gives roles as [`Fleet::assign`] does, with one write to the ledger for all that somebody takes.
+    ///
+    /// # Errors
+    /// [`LedgerError`] if the ledger fails; nothing is given then.
+    pub fn assign_all(
+        &mut self,
+        now: Millis,
+        requests: Vec<Request>,
+    ) -> Result<Vec<Result<Granted, AssignError>>, LedgerError> {
         self.check_term()?;
+        let seated: Vec<Result<(Request, Seat), AssignError>> =
+            requests.into_iter().map(|request| self.seat(now, request)).collect();
+        let key = |request: &Request| (request.episode.clone(), request.role);
+        let taken = || seated.iter().flatten();
+        let writes: Vec<_> = taken().map(|(request, seat)| entry::write_seat(&key(request), seat)).collect();
+        if !writes.is_empty()
+            && let Err(error) = self.ledger.commit(self.term, &writes)
+        {
+            for (_, seat) in taken() {
+                self.hold(&seat.owner.instance, -1);
+            }
+            return Err(error);
+        }
+        let granted = seated.into_iter().map(|seated| {
+            let (request, seat) = seated?;
+            let owner = seat.owner.clone();
+            self.seats.insert(key(&request), seat);
+            let until = now.plus(self.settings.lease_ms);
+            self.leases.insert(key(&request), Lease { owner: owner.clone(), until });
+            Ok(Granted { request, owner, term: self.term, lease_ms: self.settings.lease_ms })
+        });
+        Ok(granted.collect())
+    }
+
+    /// Chooses who takes a role and counts it as held.
+    fn seat(&mut self, now: Millis, request: Request) -> Result<(Request, Seat), AssignError> {
         let key = (request.episode.clone(), request.role);
         let dead: Vec<InstanceId> = self.deaths.get(&key).into_iter().flatten().cloned().collect();
         if dead.len() >= self.settings.deaths_to_quarantine {
@@ -260,17 +298,17 @@ impl<L: Ledger> Fleet<L> {
         }
         let before = self.seats.get(&key);
         let class = before.filter(|seat| seat.attempt == request.attempt).map(|seat| seat.class.clone());
-        let (instance, class) = self.choose(now, &request, class)?;
         let epoch = before.map_or(0, |seat| seat.owner.epoch) + 1;
-        let owner = Owner { instance: instance.clone(), epoch };
-        let seat = Seat { owner: owner.clone(), attempt: request.attempt, class, held: true };
-        self.ledger.commit(self.term, &[entry::write_seat(&key, &seat)])?;
-        self.seats.insert(key.clone(), seat);
-        self.leases.insert(key, Lease { owner: owner.clone(), until: now.plus(self.settings.lease_ms) });
-        if let Some(member) = self.members.get_mut(&instance) {
-            member.held += 1;
+        let (instance, class) = self.choose(now, &request, class)?;
+        self.hold(&instance, 1);
+        let seat = Seat { owner: Owner { instance, epoch }, attempt: request.attempt, class, held: true };
+        Ok((request, seat))
+    }
+
+    fn hold(&mut self, instance: &InstanceId, more: i32) {
+        if let Some(member) = self.members.get_mut(instance) {
+            member.held = member.held.saturating_add_signed(more);
         }
-        Ok(Granted { request, owner, term: self.term, lease_ms: self.settings.lease_ms })
     }
 
     fn choose(

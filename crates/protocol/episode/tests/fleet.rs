@@ -64,6 +64,22 @@ fn waits_for_lease_and_margin_and_raises_the_epoch() {
 }
 
 #[test]
+fn several_roles_are_given_at_once_or_none() {
+    let store = SharedStore::default();
+    let mut fleet = fleet(&store, &["a"]);
+    let sim = |episode: &str| Request { role: Role::Sim, ..request(episode) };
+    fleet.join(Millis(0), Hello { role: Role::Sim, slots: 2, ..hello("s") }).expect("it may join");
+    let answers = fleet.assign_all(Millis(0), vec![sim("e"), request("e"), request("f")]).expect("in charge");
+    let given: Vec<_> = answers.iter().map(|answer| answer.as_ref().ok().map(|given| given.owner.epoch)).collect();
+    assert_eq!(given, [Some(1), Some(1), None], "one video worker has one slot");
+    assert!(matches!(answers[2], Err(AssignError::NoFreeSlot { role: Role::Video, members: 1 })));
+    // Fenced, nothing is given, and nobody counts as busy.
+    Fleet::open(store.clone(), SETTINGS, Millis(0)).expect("the ledger opens again");
+    assert!(fleet.assign_all(Millis(1), vec![sim("f")]).is_err());
+    assert_eq!(fleet.members().find(|member| member.hello.role == Role::Sim).map(|member| member.held), Some(1));
+}
+
+#[test]
 fn a_renewed_lease_holds() {
     let mut fleet = fleet(&SharedStore::default(), &["a"]);
     assign(&mut fleet, 0, "e").expect("one is free");

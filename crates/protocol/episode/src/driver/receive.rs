@@ -10,7 +10,10 @@ use crate::fault::Fault;
 impl Driver {
     pub(super) fn on_pulled(&mut self, slot: Slot, reply: Option<Envelope>, actions: &mut Vec<Action>) {
         match reply {
-            Some(message) if message.header.slot == slot => self.on_message(message, actions),
+            Some(message) if message.header.slot == slot => {
+                self.pulls.answered(slot);
+                self.on_message(message, actions);
+            }
             Some(_) => self.counters.foreign += 1,
             None => {}
         }

@@ -51,6 +51,7 @@ impl Stage {
             self.counters.foreign += 1;
             return;
         }
+        self.pulls.answered(slot);
         let via = if from == PullFrom::Journal { Via::Journal } else { Via::Owner };
         self.on_message(now, message, via, actions);
     }
