@@ -87,6 +87,39 @@ fn stop(why: impl ToString) -> Fault {
     Fault::Stop(why.to_string())
 }
 
+/// Parses a record whose texts end inside it: the library allocates what a text's length says before it reads.
+fn parse(opcode: u8, body: &[u8]) -> Result<Record<'_>, Fault> {
+    texts_fit(opcode, body).ok_or_else(|| stop("a text is longer than its record"))?;
+    mcap::parse_record(opcode, body).map_err(stop)
+}
+
+fn texts_fit(opcode: u8, body: &[u8]) -> Option<()> {
+    // Bytes of ids, then texts (the data of a schema as one), then a map of texts.
+    let (ids, texts, maps) = match opcode {
+        op::SCHEMA => (2, 3, 0),
+        op::CHANNEL => (4, 2, 1),
+        op::METADATA => (0, 1, 1),
+        _ => return Some(()),
+    };
+    let mut rest = body.get(ids..)?;
+    for _ in 0..texts {
+        rest = text(rest)?.1;
+    }
+    for _ in 0..maps {
+        let mut entries = text(rest)?.0;
+        while !entries.is_empty() {
+            entries = text(entries)?.1;
+        }
+    }
+    Some(())
+}
+
+/// Divides bytes into the text at their start and the rest.
+fn text(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let (length, rest) = bytes.split_at_checked(4)?;
+    rest.split_at_checked(u32::from_le_bytes(length.try_into().ok()?) as usize)
+}
+
 #[derive(Default)]
 struct Walk {
     channels: BTreeMap<u16, ChannelKey>,
@@ -108,8 +141,7 @@ impl Walk {
             op::DATA_END | op::FOOTER => return Ok(Step::End),
             op::CHUNK => self.chunk(&rest[..RECORD_HEAD + body.len()])?,
             op::METADATA | op::SCHEMA | op::CHANNEL | op::MESSAGE => {
-                let record = mcap::parse_record(head[0], body).map_err(stop)?;
-                self.take(record)?;
+                self.take(parse(head[0], body)?)?;
             }
             0 => return Err(stop("a record of kind 0")),
             _ => {}
@@ -134,8 +166,7 @@ impl Walk {
                     rest = later;
                 }
                 LinearReadEvent::Record { opcode, data } => {
-                    let record = mcap::parse_record(opcode, data).map_err(stop)?;
-                    self.take(record)?;
+                    self.take(parse(opcode, data)?)?;
                 }
             }
         }
