@@ -239,6 +239,10 @@ pub(crate) struct RunPlan {
     /// Where an external policy connects to, such as tcp/127.0.0.1:7447; its name is given by --policy.
     #[arg(long, value_name = "ENDPOINT")]
     pub policy_listen: Option<String>,
+    /// Give the external policy the time of the wall clock for each plan, and drive no faster: for hardware in the loop. Who is
+    /// late is not waited for; see docs/wall-clock.md. Results depend on the machine and are never mixed with others.
+    #[arg(long, conflicts_with_all = ["benchmark", "seal"])]
+    pub wall_clock: bool,
     /// Only the scenarios whose index modulo N is I, written I/N: for job arrays.
     #[arg(long, value_name = "I/N")]
     pub shard: Option<String>,

@@ -192,6 +192,7 @@ fn fill(result: &mut pb::EpisodeResult, outcome: &Outcome) {
     result.reason.clone_from(&outcome.ending.reason);
     result.awaits.clear();
     result.ticks = outcome.ticks;
+    result.wall_clock.clone_from(&outcome.wall_clock);
     fill_scores(result, outcome);
     let wall = outcome.wall.as_secs_f64();
     result.wall_secs = wall;

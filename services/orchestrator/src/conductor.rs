@@ -12,7 +12,8 @@ use ds_process::clock::millis;
 use ds_process::hold::{answer, publish, pull};
 use ds_score::DriveScore;
 use ds_space::{AttemptId, Digest, EpisodeId, InstanceId, Tick};
-use ds_topic::{Envelope, Owner, Role, SceneMessage, Slot, Topic};
+use ds_topic::{Envelope, Owner, Plan, Role, SceneMessage, Slot, Topic};
+use ds_wire::control as pb;
 use ds_wire::{Body, WireCodec};
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
@@ -53,6 +54,8 @@ pub(crate) struct Outcome {
     pub(crate) work_secs: [f64; 4],
     pub(crate) journal_secs: f64,
     pub(crate) overhead_micros: Vec<u32>,
+    /// How the plans came about, in wall-clock mode.
+    pub(crate) wall_clock: Option<pb::WallClock>,
 }
 
 /// What a watcher may know of a drive under way.
@@ -254,6 +257,7 @@ impl Conductor {
             }
             Action::Commit { iteration, messages } => {
                 let began = Instant::now();
+                self.note_answers(&messages);
                 self.journal.commit(iteration, messages).await?;
                 let took = began.elapsed();
                 self.journal_time += took;
@@ -276,6 +280,13 @@ impl Conductor {
             Action::Want { .. } | Action::Finish(_) | Action::StepDown { .. } => {}
         }
         Ok(None)
+    }
+
+    /// Counts plans for which no answer came in time.
+    fn note_answers(&self, messages: &[Envelope]) {
+        if self.driver.outline().spec.wall_clock {
+            self.follower.late(kept_time(messages.iter()).late);
+        }
     }
 
     /// Tells the watchers now and then what a slow iteration waits for.
@@ -358,6 +369,8 @@ impl Conductor {
             0 => 0,
             committed => self.driver.outline().spec.ticks_of(committed - 1).1.0,
         };
+        let by_the_clock = self.driver.outline().spec.wall_clock;
+        let wall_clock = by_the_clock.then(|| kept_time(self.journal.plans()));
         let finished = self.journal.finish(&ending).await?;
         self.journal_time += closing.elapsed();
         Ok(Outcome {
@@ -370,8 +383,21 @@ impl Conductor {
             work_secs,
             journal_secs: self.journal_time.as_secs_f64(),
             overhead_micros: self.pace.overhead_micros,
+            wall_clock,
         })
     }
+}
+
+/// Sums up how plans of wall-clock mode came about.
+fn kept_time<'a>(messages: impl Iterator<Item = &'a Envelope>) -> pb::WallClock {
+    let mut kept = pb::WallClock::default();
+    for envelope in messages.filter(|envelope| envelope.header.slot.topic == Topic::Plan) {
+        let Some(answered) = Plan::from_bytes(&envelope.body).ok().and_then(|plan| plan.answered) else { continue };
+        kept.plans += 1;
+        kept.late += u32::from(answered.iterations_late > 0);
+        kept.latency_secs.extend(answered.latency_nanos.iter().map(|nanos| *nanos as f64 * 1e-9));
+    }
+    kept
 }
 
 /// Says in words which messages or holders an iteration has lacked for some time, from whom, since when.

@@ -163,6 +163,11 @@ impl Journal {
         self.committed.get(&slot).cloned()
     }
 
+    /// Lists the committed plans, in order.
+    pub(crate) fn plans(&self) -> impl Iterator<Item = &Envelope> {
+        self.committed.values().filter(|message| message.header.slot.topic == Topic::Plan)
+    }
+
     /// Writes the completeness record and gives the file its final name.
     pub(crate) async fn finish(mut self, ending: &Ending) -> Result<Finished, JournalError> {
         let mut recorder = self.recorder.take().ok_or(JournalError::Lost)?;

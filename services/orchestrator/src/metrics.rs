@@ -15,8 +15,11 @@ use ds_wire::control as pb;
 use crate::hub::{Hub, LOSSES, Leases};
 use crate::registry::Registry;
 
+/// The deadline of a plan in wall-clock mode, which ends nothing.
+const ANSWER: &str = "answer";
 /// Deadlines, and the faults that say that one was missed.
-const DEADLINES: [(&str, &[&str]); 3] = [
+const DEADLINES: [(&str, &[&str]); 4] = [
+    (ANSWER, &[]),
     ("iteration", &["iteration_deadline"]),
     ("holder", &["no_instance"]),
     ("policy", &["policy_deadline", "policy_absent"]),
@@ -90,7 +93,7 @@ impl Tally {
         counter("dreamstream_ticks_total", "Ticks driven and committed, as in results.", &[], counts.ticks);
         for (deadline, _) in DEADLINES {
             let count = counts.deadline_misses.get(deadline).copied().unwrap_or_default();
-            let help = "Attempts that ended because a deadline was missed.";
+            let help = "Deadlines missed: each ended an attempt, but for answers in wall-clock mode.";
             counter("dreamstream_deadline_misses_total", help, &[("deadline", deadline)], count);
         }
         for status in [Status::Completed, Status::Failed, Status::Aborted] {
@@ -172,6 +175,11 @@ impl Follower {
         if let Some(interrupted) = self.interrupted.take() {
             counts.recoveries.observe(now.duration_since(interrupted).as_secs_f64());
         }
+    }
+
+    /// Notes that answers came late in wall-clock mode.
+    pub(crate) fn late(&self, answers: u32) {
+        *self.tally.lock().deadline_misses.entry(ANSWER).or_default() += u64::from(answers);
     }
 
     /// Notes how the attempt ended.

@@ -96,6 +96,15 @@ pub(crate) fn jobs(run: &RunId, request: &pb::SubmitRequest, folder: &Path) -> R
     {
         return refuse("policies", name, "privileged: it sees more than frames and is refused in a benchmark");
     }
+    if asked.wall_clock
+        && let Some(name) = policies.iter().find(|name| asked.benchmark || ds_policy::builtin::is_builtin(name))
+    {
+        return refuse(
+            "policies",
+            name,
+            "not to be driven by the wall clock: only one that connects is, in no benchmark",
+        );
+    }
     let observations = observations(request)?;
     let given = Arc::new(Conditioning::of(&asked, &observations)?);
     let appearances = if request.appearances.is_empty() { vec!["day".to_owned()] } else { request.appearances.clone() };
@@ -161,6 +170,7 @@ struct Settings {
     score_profile: ScoreProfile,
     effects: Vec<SwitchedEffect>,
     vehicle_log: bool,
+    wall_clock: bool,
 }
 
 impl Settings {
@@ -208,6 +218,7 @@ impl Settings {
             score_profile: choice("settings.score_profile", &asked.score_profile, ScoreProfile::from_name, profiles)?,
             effects: asked.effects.iter().map(switched).collect(),
             vehicle_log: asked.vehicle_log,
+            wall_clock: asked.wall_clock,
         })
     }
 
@@ -306,6 +317,7 @@ fn spec(
         score_profile: settings.score_profile,
         effects: settings.effects.clone(),
         vehicle_log: settings.vehicle_log,
+        wall_clock: settings.wall_clock,
         observation_delay: settings.observation_delay(scene.dt.secs()),
         prompt: match arm.observation {
             ObservationSource::Dreamstream => given.prompt(scene, Tick(ticks), &look(arm.appearance)?),
@@ -321,6 +333,9 @@ fn spec(
     }
     writer.bool(spec.vehicle_log).text(&spec.prompt);
     given.digest_into(&mut writer);
+    if spec.wall_clock {
+        writer.text("wall_clock");
+    }
     spec.configuration = writer.finish();
     Ok(spec)
 }

@@ -16,6 +16,10 @@ use ds_wire::policy::{self as outside, CameraView, SessionGoodbye, SessionHello,
 use ds_world::EgoState;
 use tokio::runtime::Handle;
 
+mod paced;
+
+use paced::Pace;
+
 /// How often a greeting or an observation is repeated.
 const REPEAT_AFTER: Duration = Duration::from_millis(200);
 /// How long a policy may take to connect at all.
@@ -71,6 +75,8 @@ pub struct External {
     sequence: u64,
     /// Pose and time of the first observation: what the guest's coordinates are relative to.
     start: Option<(PoseSe2, SimTime)>,
+    /// In wall-clock mode, its clock.
+    pace: Option<Pace>,
 }
 
 impl Drop for External {
@@ -94,14 +100,19 @@ impl External {
             return Err(Fault::policy("policy_unknown", detail));
         }
         let dt = scene.scene.dt;
+        let period = Duration::from_secs_f64(dt.secs() * f64::from(spec.replan_period));
+        let pace = spec.wall_clock.then(|| Pace::new(period));
+        let deadline = if spec.wall_clock { period } else { outside.deadline };
         let hello = SessionHello {
             cameras: scene.scene.cameras.clone(),
             history: spec.history,
             horizon: SimTime(dt.0 * i64::from(spec.horizon)),
             step: dt,
-            deadline_millis: outside.deadline_millis(),
+            deadline_millis: u64::try_from(deadline.as_millis()).unwrap_or(u64::MAX),
         };
-        Self::begin(outside, hello)
+        let mut session = Self::begin(outside, hello)?;
+        session.pace = pace;
+        Ok(session)
     }
 
     /// Begins a session in which the policy is told this at first.
@@ -111,20 +122,27 @@ impl External {
     pub fn begin(outside: Arc<OutsideBus>, hello: SessionHello) -> Result<Self, Fault> {
         let session = outside.runtime.block_on(outside.bus.begin());
         let session = session.map_err(|error| Fault::infrastructure("policy_bus", error))?;
-        Ok(Self { outside, session, hello, greeted: false, sequence: 0, start: None })
+        Ok(Self { outside, session, hello, greeted: false, sequence: 0, start: None, pace: None })
     }
 
-    /// Shows an observation and waits for the plan.
+    /// Shows an observation and waits for the plan that begins at `now`; in wall-clock mode no longer than real time allows.
     ///
     /// # Errors
     /// `policy_absent`, `policy_deadline`, `policy_left` or `plan_refused`; `policy_bus` if the bus is closed.
-    pub fn plan(&mut self, observation: &Observation, states: &[EgoState]) -> Result<Plan, Fault> {
+    pub fn plan(&mut self, observation: &Observation, states: &[EgoState], now: SimTime) -> Result<Plan, Fault> {
         let runtime = self.outside.runtime.clone();
         runtime.block_on(async {
             if !self.greeted {
                 self.greet().await?;
             }
-            self.ask(observation, states).await
+            match self.pace.take() {
+                Some(mut pace) => {
+                    let plan = self.ask_by_the_clock(observation, states, now, &mut pace).await;
+                    self.pace = Some(pace);
+                    plan
+                }
+                None => self.ask(observation, states).await,
+            }
         })
     }
 

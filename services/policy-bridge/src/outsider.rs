@@ -37,7 +37,9 @@ impl Outsider {
         };
         let failed = |fault: Fault| PolicyError::Outside { fault: fault.name, detail: fault.detail };
         let mut session = External::begin(Arc::clone(&self.outside), hello).map_err(failed)?;
-        let plan = session.plan(observation, &states(observation)).map_err(failed)?;
+        let plan = session
+            .plan(observation, &states(observation), observation.stamps.last().copied().unwrap_or_default())
+            .map_err(failed)?;
         Ok(PolicyAnswer { trajectory: plan.trajectory, proposals: plan.proposals })
     }
 }

@@ -82,6 +82,11 @@ impl MakerFactory for PolicyStage {
             })?;
             Guest::External(External::attach(Arc::clone(outside), &scene)?)
         };
+        if scene.spec.wall_clock && matches!(guest, Guest::Inside(_)) {
+            let detail =
+                format!("{name:?} runs inside: only a policy that connects is given the time of the wall clock");
+            return Err(Fault::deterministic("bad_settings", detail));
+        }
         Ok(Box::new(Hosting { scene, guest }))
     }
 }
@@ -161,13 +166,15 @@ impl Maker for Hosting {
                 let answer = policy.plan(&observation, privileged);
                 answer.map(to_plan).map_err(|error| Fault::policy("policy_error", chain(&error)))?
             }
-            Guest::External(policy) => policy.plan(&observation, &states)?,
+            Guest::External(policy) => {
+                policy.plan(&observation, &states, SimTime::at(order.last, self.scene.scene.dt))?
+            }
         };
-        let plan = Plan { observed: observation.stamps.last().copied(), ..answer };
+        let plan = Plan { observed: answer.observed.or(observation.stamps.last().copied()), ..answer };
         Ok(vec![output(Slot::new(Topic::Plan, order.iteration), order.last, &plan)])
     }
 }
 
 fn to_plan(answer: PolicyAnswer) -> Plan {
-    Plan { trajectory: answer.trajectory, proposals: answer.proposals, observed: None }
+    Plan { trajectory: answer.trajectory, proposals: answer.proposals, observed: None, answered: None }
 }

@@ -15,7 +15,7 @@ use ds_topic::{
     Slot, Topic,
 };
 use ds_world::{AgentMode, LayoutBackend, TrackerKind};
-use toy::{SCENE, ToyCodec, hash};
+use toy::{LATE, SCENE, ToyCodec, hash};
 
 fn id(text: &str) -> InstanceId {
     InstanceId::new(text).expect("a valid id")
@@ -47,6 +47,7 @@ fn outline() -> Outline {
         score_profile: Default::default(),
         effects: Vec::new(),
         vehicle_log: false,
+        wall_clock: false,
         observation_delay: 0,
         layout_memory_ticks: 0,
         prompt: String::new(),
@@ -72,7 +73,11 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        let codec = Arc::new(ToyCodec::new(outline()));
+        Self::of(outline())
+    }
+
+    fn of(outline: Outline) -> Self {
+        let codec = Arc::new(ToyCodec::new(outline));
         let driver = Driver::new(attempt(3), Timing::default(), codec.clone(), scene()).expect("the scene is readable");
         Self { driver, codec, journal: Vec::new() }
     }
@@ -238,6 +243,25 @@ fn an_unreadable_plan_ends_the_episode_by_rule() {
     let actions = bench.tell(Event::Message(plan));
     ends(&actions, Status::Failed, Fault::PLAN_REFUSED);
     assert_eq!(ending(&actions).and_then(|ending| ending.class), Some(FaultClass::Policy));
+}
+
+#[test]
+fn a_plan_that_tells_of_the_wall_clock_is_of_wall_clock_mode() {
+    for by_the_clock in [false, true] {
+        let mut outline = outline();
+        outline.spec.wall_clock = by_the_clock;
+        let mut bench = Bench::of(outline);
+        bench.seat(1);
+        bench.complete(0);
+        bench.tell(Event::Journalled { iteration: 0 });
+        let mut plan = bench.message(Slot::new(Topic::Plan, 1), 1, hash("plan", &[], &[]));
+        plan.body = [&plan.body[..], LATE].concat().into();
+        let actions = bench.tell(Event::Message(plan));
+        match by_the_clock {
+            true => assert!(ending(&actions).is_none(), "{actions:?}"),
+            false => ends(&actions, Status::Failed, Fault::BAD_MESSAGE),
+        }
+    }
 }
 
 #[test]

@@ -37,6 +37,7 @@ fn outlines() -> impl Strategy<Value = Outline> {
                 score_profile: Default::default(),
                 effects: Vec::new(),
                 vehicle_log: false,
+                wall_clock: false,
                 observation_delay: 0,
                 layout_memory_ticks,
                 prompt: String::new(),

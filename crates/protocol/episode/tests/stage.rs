@@ -50,6 +50,7 @@ fn outline() -> Outline {
         score_profile: Default::default(),
         effects: Vec::new(),
         vehicle_log: false,
+        wall_clock: false,
         observation_delay: 0,
         layout_memory_ticks: 0,
         prompt: String::new(),

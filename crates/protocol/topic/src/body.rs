@@ -88,6 +88,17 @@ pub struct Plan {
     pub proposals: Vec<Proposal>,
     /// Time of the newest frame that the policy was shown, if the bridge says so.
     pub observed: Option<SimTime>,
+    /// How the answer came about, in episodes that are driven by the wall clock alone.
+    pub answered: Option<Answered>,
+}
+
+/// How the answer of a plan came about by the wall clock.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Answered {
+    /// How long the policy took for each answer that came since the plan before, whether it is driven or not.
+    pub latency_nanos: Vec<u64>,
+    /// Iterations by which the observation that this plan answers is older than the plan; 0 if the answer came in time.
+    pub iterations_late: u32,
 }
 
 /// Body of `cache`: the log entry of one committed chunk, opaque to all but the video model.
@@ -230,7 +241,7 @@ impl Frame {
 }
 
 impl Plan {
-    /// Adds the payload fields to a digest; the stamp, being derived, is left out.
+    /// Adds the payload fields to a digest; stamp and latency, being derived and measured, are left out.
     pub fn digest_into(&self, writer: &mut DigestWriter) {
         digest_trajectory(writer, &self.trajectory);
         writer.u64(self.proposals.len() as u64);
@@ -316,6 +327,9 @@ impl SceneMessage {
         }
         if !spec.prompt.is_empty() {
             writer.text("prompt").text(&spec.prompt);
+        }
+        if spec.wall_clock {
+            writer.text("wall_clock");
         }
         writer.digest(&self.scene.digest).u64(self.first_frames.len() as u64);
         for frame in &self.first_frames {

@@ -184,6 +184,8 @@ pub struct EpisodeSpec {
     pub layout_memory_ticks: u32,
     /// What the video model is told in words; empty where no video model runs.
     pub prompt: String,
+    /// Whether the policy has the time of the wall clock for each plan: the result then depends on the machine.
+    pub wall_clock: bool,
 }
 
 /// How far back a policy that sees the world remembers it, in ticks.

@@ -1,7 +1,7 @@
 //! Topic `plan`: a trajectory and its proposals.
 
 use ds_space::SimTime;
-use ds_topic::Plan;
+use ds_topic::{Answered, Plan};
 use ds_world::{Proposal, Trajectory, TrajectoryPoint};
 
 use crate::error::FieldError;
@@ -10,6 +10,12 @@ use crate::v1;
 
 /// The most proposals of a plan.
 pub const MAX_PROPOSALS: usize = 1_024;
+/// The most iterations of an episode.
+const MAX_ITERATIONS: u32 = 20_000;
+/// The most answers between two plans.
+const MAX_ANSWERS: usize = 64;
+/// The longest time that a policy takes: an hour.
+const MAX_LATENCY_NANOS: i64 = 3_600_000_000_000;
 
 impl From<&Trajectory> for v1::Trajectory {
     fn from(value: &Trajectory) -> Self {
@@ -58,7 +64,29 @@ impl From<&Plan> for v1::Plan {
             trajectory: Some((&value.trajectory).into()),
             proposals: value.proposals.iter().map(Into::into).collect(),
             observed_ns: value.observed.map(|time| time.0),
+            answered: value.answered.as_ref().map(Into::into),
         }
+    }
+}
+
+impl From<&Answered> for v1::Answered {
+    fn from(value: &Answered) -> Self {
+        let latency_ns = value.latency_nanos.iter().map(|nanos| i64::try_from(*nanos).unwrap_or(i64::MAX)).collect();
+        Self { latency_ns, iterations_late: value.iterations_late }
+    }
+}
+
+impl TryFrom<v1::Answered> for Answered {
+    type Error = FieldError;
+    fn try_from(message: v1::Answered) -> Result<Self, FieldError> {
+        let answers = message.latency_ns.len();
+        if answers > MAX_ANSWERS {
+            return Err(FieldError::new("latency_ns", format!("has {answers} elements, the limit is {MAX_ANSWERS}")));
+        }
+        let nanos = |latency: i64| Ok(whole("latency_ns", latency, 0, MAX_LATENCY_NANOS)?.unsigned_abs());
+        let latency_nanos = message.latency_ns.into_iter().map(nanos).collect::<Result<_, FieldError>>()?;
+        let iterations_late = whole("iterations_late", message.iterations_late, 0, MAX_ITERATIONS)?;
+        Ok(Self { latency_nanos, iterations_late })
     }
 }
 
@@ -72,6 +100,7 @@ impl TryFrom<v1::Plan> for Plan {
                 .observed_ns
                 .map(|time| whole("observed_ns", time, 0, i64::MAX).map(SimTime))
                 .transpose()?,
+            answered: message.answered.map(|answered| part("answered", Some(answered))).transpose()?,
         })
     }
 }

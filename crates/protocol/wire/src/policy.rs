@@ -386,7 +386,10 @@ impl PolicyMessage for PolicyPlan {
             let points = list("poses", message.poses, ds_world::trajectory::MAX_POINTS)?;
             let trajectory = crate::plan::trajectory(points)?;
             let proposals = list("proposals", message.proposals, MAX_PROPOSALS)?;
-            Ok(Self { for_sequence: message.for_sequence, plan: Plan { trajectory, proposals, observed: None } })
+            Ok(Self {
+                for_sequence: message.for_sequence,
+                plan: Plan { trajectory, proposals, observed: None, answered: None },
+            })
         };
         convert(message).map_err(|error: FieldError| error.of("plan"))
     }

@@ -95,6 +95,7 @@ impl From<&EpisodeSpec> for v1::EpisodeSpec {
             observation_delay: value.observation_delay,
             layout_memory_ticks: value.layout_memory_ticks,
             prompt: value.prompt.clone(),
+            wall_clock: value.wall_clock,
         }
     }
 }
@@ -131,6 +132,7 @@ impl TryFrom<v1::EpisodeSpec> for EpisodeSpec {
             observation_delay: whole("observation_delay", message.observation_delay, 0, MAX_DELAY_TICKS)?,
             layout_memory_ticks: whole("layout_memory_ticks", message.layout_memory_ticks, 0, MAX_LAYOUT_MEMORY_TICKS)?,
             prompt: text("prompt", message.prompt, MAX_TEXT_BYTES)?,
+            wall_clock: message.wall_clock,
         })
     }
 }

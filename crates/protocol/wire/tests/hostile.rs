@@ -66,7 +66,7 @@ fn trajectory() -> Trajectory {
 
 fn plan() -> Plan {
     let proposals = vec![Proposal { trajectory: trajectory(), score: 0.5 }];
-    Plan { trajectory: trajectory(), proposals, observed: Some(SimTime(0)) }
+    Plan { trajectory: trajectory(), proposals, observed: Some(SimTime(0)), answered: None }
 }
 
 fn advance() -> Advance {
@@ -182,6 +182,7 @@ fn spec() -> EpisodeSpec {
         score_profile: Default::default(),
         effects: Vec::new(),
         vehicle_log: false,
+        wall_clock: false,
         observation_delay: 0,
         layout_memory_ticks: 0,
         prompt: String::new(),

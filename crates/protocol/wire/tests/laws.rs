@@ -107,7 +107,7 @@ proptest! {
     #[test]
     fn an_answer_is_read_as_written(plan in values::plan(), for_sequence: u64) {
         // when the frames were observed is the bridge's to say, not the policy's
-        let answer = PolicyPlan { for_sequence, plan: Plan { observed: None, ..plan } };
+        let answer = PolicyPlan { for_sequence, plan: Plan { observed: None, answered: None, ..plan } };
         prop_assert_eq!(PolicyPlan::from_bytes(&answer.to_bytes()), Ok(answer));
     }
 

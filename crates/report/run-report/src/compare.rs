@@ -163,6 +163,11 @@ pub fn compare(a: &Results, b: &Results, pairing: &Pairing, seed: u64) -> Compar
         let text = "score profiles differ, so differences mix the definition of the score with the drives";
         notes.push(format!("{text}: {:?} and {:?}", profiles[0], profiles[1]));
     }
+    if a.by_wall_clock() != b.by_wall_clock() {
+        let text =
+            "only one of the runs was driven by the wall clock, so differences hold the latency of a machine too";
+        notes.push(text.to_owned());
+    }
     Comparison {
         a: names[0].clone(),
         b: names[1].clone(),

@@ -121,7 +121,7 @@ impl Report {
                 .map(|(name, results)| RunHead { name, run: results.run.clone() })
                 .collect(),
             counts: counts(&drives),
-            constant: constant(&drives),
+            constant: constant(&drives, runs.iter().any(Results::by_wall_clock)),
             headline: aggregate(&drives, &by, options.seed),
             categories: (Dimension::Category.values(&drives).len() > 1).then(|| split(Dimension::Category)),
             scenarios: split(Dimension::Scenario),
@@ -170,8 +170,11 @@ fn extended(by: &[Dimension], dimension: Dimension) -> Vec<Dimension> {
     by
 }
 
-fn constant(drives: &[Drive]) -> BTreeMap<&'static str, String> {
+fn constant(drives: &[Drive], by_wall_clock: bool) -> BTreeMap<&'static str, String> {
     let mut constant = BTreeMap::new();
+    if by_wall_clock {
+        constant.insert("clock", "wall clock: depends on the machine".to_owned());
+    }
     for dimension in HEADLINE_BY.into_iter().chain([Dimension::Profile, Dimension::Category]) {
         let mut values = dimension.values(drives);
         if let (1, Some(value)) = (values.len(), values.pop_first()) {

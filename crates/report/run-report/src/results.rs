@@ -28,6 +28,14 @@ pub struct Results {
     pub episodes: Vec<Episode>,
 }
 
+impl Results {
+    /// Says whether any of it was driven by the wall clock: such results are never mixed with others.
+    #[must_use]
+    pub fn by_wall_clock(&self) -> bool {
+        self.run.wall_clock || self.episodes.iter().any(|episode| episode.wall_clock.is_some())
+    }
+}
+
 /// What was run, with which versions, weights and settings.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Run {
@@ -63,6 +71,9 @@ pub struct Run {
     pub compute_classes: BTreeMap<String, String>,
     /// Whether the fleet ran without TLS and tokens on more than loopback.
     pub insecure: bool,
+    /// Whether the policy had the time of the wall clock for each plan; what it drove then depends on the machine.
+    #[serde(default)]
+    pub wall_clock: bool,
     /// Wall time of the whole run, in seconds.
     pub wall_s: f64,
 }
@@ -124,6 +135,9 @@ pub struct Episode {
     /// What the oracle says of the policy's proposals; null where none were scored.
     #[serde(default)]
     pub proposals: Option<ProposalStats>,
+    /// How the policy kept the time of the wall clock; absent where it was not driven by it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wall_clock: Option<WallClock>,
     /// Simulated frames per second of wall time, set-up left out.
     pub frames_per_second: f64,
     /// Wall time, in seconds.
@@ -149,6 +163,32 @@ pub struct ProposalStats {
     pub ticks_without_positive: u32,
     /// Ticks at which proposals were scored.
     pub ticks: u32,
+}
+
+/// How a policy kept the time of the wall clock.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct WallClock {
+    /// Plans that were due.
+    pub plans: u32,
+    /// Plans for which no answer came in time: an earlier one was driven on.
+    pub late: u32,
+    /// Median time from an observation to its answer, in seconds; 0 without any.
+    pub latency_median_s: f64,
+    /// The 99th percentile.
+    pub latency_p99_s: f64,
+    /// The longest.
+    pub latency_max_s: f64,
+}
+
+impl std::fmt::Display for WallClock {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { plans, late, latency_median_s, latency_p99_s, latency_max_s } = self;
+        write!(
+            f,
+            "by the wall clock: {late} of {plans} plans late; answers took {latency_median_s:.3} s in the median, \
+             {latency_p99_s:.3} s at 99 %, {latency_max_s:.3} s at most"
+        )
+    }
 }
 
 /// Where the wall time of a drive went.

@@ -53,6 +53,9 @@ pub(crate) struct CompareArgs {
     /// Compare also runs with damaged or incomplete recordings; page, tables and JSON say so.
     #[arg(long)]
     pub partial: bool,
+    /// Compare a run that was driven by the wall clock with one that was not; the tables say so.
+    #[arg(long)]
+    pub force: bool,
     /// Where page and tables go, if they are wanted.
     #[arg(long, short, value_hint = ValueHint::DirPath)]
     pub out: Option<PathBuf>,

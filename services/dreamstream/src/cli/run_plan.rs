@@ -49,6 +49,7 @@ impl Default for RunPlan {
             stages: Vec::new(),
             workers: None,
             policy_listen: None,
+            wall_clock: false,
             shard: None,
             out: "out/run".into(),
             resume: false,

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use ds_process::service::UsageError;
 use ds_run_report::write::folder::{all as write, pictures};
 use ds_run_report::write::markdown;
 use ds_run_report::{Dimension, Pairing, Report, ReportOptions, Results, compare};
@@ -30,6 +31,12 @@ fn load(path: &Path, partial: bool, damaged: &mut Vec<String>) -> Result<Results
 pub(crate) fn run(args: &ReportArgs) -> Result<()> {
     let mut damaged = Vec::new();
     let runs = args.runs.iter().map(|path| load(path, args.partial, &mut damaged)).collect::<Result<Vec<_>>>()?;
+    let by_wall_clock = runs.iter().filter(|results| results.by_wall_clock()).count();
+    if by_wall_clock != 0 && by_wall_clock != runs.len() {
+        let says =
+            format!("{by_wall_clock} of {} runs were driven by the wall clock: report on them apart", runs.len());
+        return Err(UsageError(says).into());
+    }
     let report = Report::new(&runs, Vec::new(), &options(args.base_set.as_deref())).with_partial(damaged);
     write(&args.out, &runs, &report, &pictures(&args.out, &args.runs, &runs))?;
     answer(&markdown::report(&report));
@@ -45,6 +52,12 @@ pub(crate) fn compare_runs(args: &CompareArgs) -> Result<()> {
     let mut damaged = Vec::new();
     let a = load(&args.run_a, args.partial, &mut damaged)?;
     let b = load(&args.run_b, args.partial, &mut damaged)?;
+    if a.by_wall_clock() != b.by_wall_clock() && !args.force {
+        let (a, b) = (args.run_a.display(), args.run_b.display());
+        let says =
+            format!("only one of {a} and {b} was driven by the wall clock; `--force` compares them all the same");
+        return Err(UsageError(says).into());
+    }
     let policies = |results: &Results| {
         let mut names: Vec<&str> = results.episodes.iter().map(|episode| episode.policy.as_str()).collect();
         names.sort_unstable();

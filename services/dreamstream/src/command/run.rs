@@ -256,6 +256,7 @@ fn results(
             policy_model_digest: hex(&first.policy_model),
             compute_classes,
             insecure: run.insecure,
+            wall_clock: args.wall_clock,
             wall_s,
         },
         episodes: run

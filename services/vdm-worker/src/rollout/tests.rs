@@ -65,6 +65,7 @@ fn scene(model: &VideoModel) -> Arc<SceneMessage> {
         score_profile: Default::default(),
         effects: Vec::new(),
         vehicle_log: false,
+        wall_clock: false,
         observation_delay: 0,
         layout_memory_ticks: model.config().layout_memory_ticks() as u32,
         prompt: "a road by day".to_owned(),

@@ -45,6 +45,10 @@ impl Driver {
         };
         if slot.topic == Topic::Plan {
             match self.codec.decode_plan(&message.body) {
+                Ok(plan) if plan.answered.is_some() && !self.outline.spec.wall_clock => {
+                    let detail = format!("{slot}: tells of the wall clock in an episode that is not driven by it");
+                    return self.fail(Fault::deterministic(Fault::BAD_MESSAGE, detail), actions);
+                }
                 Ok(plan) => self.plan = Some(plan),
                 Err(error) => {
                     let fault = Fault::policy(Fault::PLAN_REFUSED, format!("{slot}: {error}"));

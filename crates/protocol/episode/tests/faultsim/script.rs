@@ -124,6 +124,7 @@ pub(crate) fn outline(dice: &mut Dice) -> Outline {
         score_profile: Default::default(),
         effects: Vec::new(),
         vehicle_log: false,
+        wall_clock: false,
         observation_delay: 0,
         layout_memory_ticks: 2 * chunk_ticks,
         prompt: String::new(),

@@ -13,6 +13,8 @@ use ds_world::{Trajectory, TrajectoryPoint};
 
 /// The body of the toy scene.
 pub(crate) const SCENE: &[u8] = b"scene";
+/// What a plan that tells of the wall clock ends with.
+pub(crate) const LATE: &[u8] = b"late";
 
 /// Keeps outline and orders in memory; bodies are indices.
 pub(crate) struct ToyCodec {
@@ -51,13 +53,15 @@ impl Codec for ToyCodec {
     }
 
     fn decode_plan(&self, body: &Bytes) -> Result<Plan, CodecError> {
-        let digest = body_digest(body)?;
+        // A body with a tail tells of the wall clock.
+        let answered = body.ends_with(LATE).then(Default::default);
+        let digest = body_digest(&body.slice(..body.len() - answered.as_ref().map_or(0, |_| LATE.len())))?;
         let x = u32::from_le_bytes([digest.0[0], digest.0[1], digest.0[2], digest.0[3]]);
         let mut pose = PoseSe2::default();
         pose.position.x = f64::from(x) * 1e-7;
         let trajectory = Trajectory::new(vec![TrajectoryPoint { after: SimTime(1), pose }])
             .map_err(|error| CodecError(error.to_string()))?;
-        Ok(Plan { trajectory, proposals: Vec::new(), observed: None })
+        Ok(Plan { trajectory, proposals: Vec::new(), observed: None, answered })
     }
 
     fn encode_event(&self, event: &Event) -> Bytes {

@@ -319,6 +319,16 @@ pub struct Proposal {
     #[prost(double, optional, tag = "2")]
     pub score: ::core::option::Option<f64>,
 }
+/// How the answer of a plan came about by the wall clock.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct Answered {
+    /// How long the policy took for each answer that came since the plan before, in nanoseconds, each at most an hour; at most 64.
+    #[prost(int64, repeated, tag = "1")]
+    pub latency_ns: ::prost::alloc::vec::Vec<i64>,
+    /// Iterations by which the observation that this plan answers is older than the plan; 0 if the answer came in time.
+    #[prost(uint32, tag = "2")]
+    pub iterations_late: u32,
+}
 /// Body of `plan`.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Plan {
@@ -335,6 +345,9 @@ pub struct Plan {
     /// Absent if the bridge does not say. No part of the content digest.
     #[prost(int64, optional, tag = "4")]
     pub observed_ns: ::core::option::Option<i64>,
+    /// Only in episodes that are driven by the wall clock. No part of the content digest.
+    #[prost(message, optional, tag = "5")]
+    pub answered: ::core::option::Option<Answered>,
 }
 /// Who holds a role of the episode.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -1834,6 +1847,9 @@ pub struct EpisodeSpec {
     /// What the video model is told in words, at most 4096 bytes; empty where no video model runs.
     #[prost(string, tag = "27")]
     pub prompt: ::prost::alloc::string::String,
+    /// Whether the policy has the time of the wall clock for each plan: what it then drives depends on the machine.
+    #[prost(bool, tag = "28")]
+    pub wall_clock: bool,
 }
 /// A lane.
 #[derive(Clone, PartialEq, ::prost::Message)]
@@ -2524,6 +2540,9 @@ pub struct RunSettings {
     /// Pictures that the video model starts from, at most one per camera; the reference camera makes the others.
     #[prost(message, repeated, tag = "19")]
     pub first_frames: ::prost::alloc::vec::Vec<FirstFrame>,
+    /// Whether the policy has the time of the wall clock for each plan; only for policies that connect from outside.
+    #[prost(bool, tag = "20")]
+    pub wall_clock: bool,
 }
 /// A picture that the video model starts from.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -2707,6 +2726,22 @@ pub struct EpisodeResult {
     /// Of each iteration after the first, its wall time without the video model's own work, in microseconds.
     #[prost(uint32, repeated, tag = "34")]
     pub overhead_micros: ::prost::alloc::vec::Vec<u32>,
+    /// How the policy kept the time of the wall clock; absent where it was not driven by it.
+    #[prost(message, optional, tag = "35")]
+    pub wall_clock: ::core::option::Option<WallClock>,
+}
+/// How a policy kept the time of the wall clock.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct WallClock {
+    /// Plans that were due.
+    #[prost(uint32, tag = "1")]
+    pub plans: u32,
+    /// Plans for which no answer came in time: an earlier one was driven on.
+    #[prost(uint32, tag = "2")]
+    pub late: u32,
+    /// How long the policy took for each of its answers, in seconds, in order.
+    #[prost(double, repeated, tag = "3")]
+    pub latency_secs: ::prost::alloc::vec::Vec<f64>,
 }
 /// How good a policy's proposals are under the oracle scorer.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]

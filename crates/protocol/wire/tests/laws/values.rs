@@ -9,9 +9,9 @@ use ds_space::{
 };
 use ds_topic::body::Tensor;
 use ds_topic::{
-    Advance, Cache, DiagnosedEffect, Diagnosis, Ego, EpisodeSpec, Frame, GapCell, Layout, Motion, ObservationSource,
-    Owner, Plan, ProposalScorer, ReplanAlignment, Role, SceneMessage, Score, ScoreProfile, SwitchedEffect, Verdict,
-    World,
+    Advance, Answered, Cache, DiagnosedEffect, Diagnosis, Ego, EpisodeSpec, Frame, GapCell, Layout, Motion,
+    ObservationSource, Owner, Plan, ProposalScorer, ReplanAlignment, Role, SceneMessage, Score, ScoreProfile,
+    SwitchedEffect, Verdict, World,
 };
 use ds_wire::policy::{CameraView, Observation, StampedEgo, StampedImage};
 use ds_world::{
@@ -103,11 +103,10 @@ fn trajectory() -> impl Strategy<Value = Trajectory> {
 pub(crate) fn plan() -> impl Strategy<Value = Plan> {
     let proposal = (trajectory(), finite()).prop_map(|(trajectory, score)| Proposal { trajectory, score });
     let observed = option::of((0..i64::MAX).prop_map(SimTime));
-    (trajectory(), vec(proposal, 0..4), observed).prop_map(|(trajectory, proposals, observed)| Plan {
-        trajectory,
-        proposals,
-        observed,
-    })
+    let answered = (vec(0_u64..3_600_000_000_000, 0..4), 0_u32..20_000)
+        .prop_map(|(latency_nanos, iterations_late)| Answered { latency_nanos, iterations_late });
+    (trajectory(), vec(proposal, 0..4), observed, option::of(answered))
+        .prop_map(|(trajectory, proposals, observed, answered)| Plan { trajectory, proposals, observed, answered })
 }
 
 fn tensor() -> impl Strategy<Value = Tensor> {
@@ -367,6 +366,7 @@ fn spec() -> impl Strategy<Value = EpisodeSpec> {
         score_profile: modes.4,
         effects: vec![SwitchedEffect { id: "steer_delay".to_owned(), values: vec![f64::from(small) * 0.01] }],
         vehicle_log: small % 2 == 1,
+        wall_clock: small % 3 == 1,
         observation_delay: small,
         layout_memory_ticks: 3 * small,
         prompt: ["", "by day"][small as usize % 2].to_owned(),

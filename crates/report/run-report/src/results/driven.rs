@@ -3,14 +3,23 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use ds_stats::quantile;
 use ds_wire::control as pb;
 
-use super::{Episode, ProposalStats, TimeShare};
+use super::{Episode, ProposalStats, TimeShare, WallClock};
 
 /// Writes bytes as hexadecimal digits.
 #[must_use]
 pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Sums up how a policy kept the time.
+fn kept_time(told: &pb::WallClock) -> WallClock {
+    let mut latencies = told.latency_secs.clone();
+    let mut quantile = |share| if told.latency_secs.is_empty() { 0.0 } else { quantile(&mut latencies, share) };
+    let [latency_median_s, latency_p99_s, latency_max_s] = [0.5, 0.99, 1.0].map(&mut quantile);
+    WallClock { plans: told.plans, late: told.late, latency_median_s, latency_p99_s, latency_max_s }
 }
 
 impl Episode {
@@ -51,6 +60,7 @@ impl Episode {
                 ticks_without_positive: stats.ticks_without_positive,
                 ticks: stats.ticks,
             }),
+            wall_clock: result.wall_clock.as_ref().map(kept_time),
             route_completion: result.route_completion,
             sub_scores,
             frames_per_second: result.frames_per_second,

@@ -215,6 +215,18 @@ impl Episode {
                 return fault(&field, proposals.ticks_without_positive, "more than proposals.ticks");
             }
         }
+        if let Some(kept) = &self.wall_clock {
+            for (name, secs) in [
+                ("latency_median_s", kept.latency_median_s),
+                ("latency_p99_s", kept.latency_p99_s),
+                ("latency_max_s", kept.latency_max_s),
+            ] {
+                finite(&at(&format!("wall_clock.{name}")), secs)?;
+            }
+            if kept.late > kept.plans {
+                return fault(&at("wall_clock.late"), kept.late, "more than wall_clock.plans");
+            }
+        }
         let TimeShare { sim, layout, video, policy, bus, other } = self.time_share;
         if let Some(share) = [sim, layout, video, policy, bus, other].into_iter().find(|share| !share.is_finite()) {
             return fault(&at("time_share"), share, "not a finite number");

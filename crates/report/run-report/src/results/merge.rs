@@ -22,6 +22,14 @@ pub enum MergeError {
         /// The run that differs from it.
         second: PathBuf,
     },
+    /// One run was driven by the wall clock, the other was not.
+    #[error("{} and {}: one was driven by the wall clock, the other was not; they are never one result", first.display(), second.display())]
+    Clocks {
+        /// The first run.
+        first: PathBuf,
+        /// The run that differs from it.
+        second: PathBuf,
+    },
     /// A folder has no path.
     #[error("path of {}", path.display())]
     Path {
@@ -37,11 +45,15 @@ impl Results {
     /// paths.
     ///
     /// # Errors
-    /// If there is none, or versions, weights or settings differ and are not forced together.
+    /// If there is none, versions, weights or settings differ and are not forced together, or only some were driven by the
+    /// wall clock.
     pub fn merge(runs: Vec<(PathBuf, Self)>, force: bool) -> Result<Self, MergeError> {
         let mut runs = runs.into_iter();
         let (first, mut merged) = runs.next().ok_or(MergeError::Nothing)?;
         for (path, results) in runs {
+            if results.by_wall_clock() != merged.by_wall_clock() {
+                return Err(MergeError::Clocks { first, second: path });
+            }
             if !force && settings(&results.run) != settings(&merged.run) {
                 return Err(MergeError::Differ { first, second: path });
             }

@@ -33,6 +33,9 @@ impl Results {
                 cell(episode.mean_score),
                 episode.frames_per_second
             );
+            if let Some(kept) = &episode.wall_clock {
+                text += &format!("  └ {kept}\n");
+            }
             if !episode.reason.is_empty() {
                 text += &format!("  └ {}\n", episode.reason);
             }

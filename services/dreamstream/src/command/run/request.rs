@@ -26,6 +26,11 @@ use crate::own;
 /// the policy cannot be used.
 pub(crate) fn known(args: &RunPlan) -> Result<()> {
     let outside = args.policy_listen.is_some() || args.stages.iter().any(|stage| stage.trim().starts_with("policy="));
+    let inside = Own::named(&args.policy).is_some() || is_builtin(&args.policy);
+    if args.wall_clock && (inside || args.stages.iter().any(|stage| stage.trim().starts_with("policy="))) {
+        let says = "--wall-clock is for a policy that connects: name one by --policy and give --policy-listen ENDPOINT";
+        return Err(UsageError(says.to_owned()).into());
+    }
     // A manifest is read with the configuration, which tells runs of different networks apart.
     if !outside && Own::named(&args.policy).is_none() && !is_builtin(&args.policy) {
         let says = format!(
@@ -117,6 +122,7 @@ pub(crate) fn request(
             score_profile: args.profile.name().to_owned(),
             effects: world.switched(),
             vehicle_log: args.vehicle_log || args.seal.is_some(),
+            wall_clock: args.wall_clock,
             ..given
         }),
     })
@@ -171,6 +177,9 @@ pub(crate) fn configuration(args: &RunPlan, world: &RunConfig, given: &pb::RunSe
     writer.bool(given.prompt.is_some()).text(given.prompt());
     for frame in &given.first_frames {
         writer.text(&frame.camera).digest(&Digest::of(&frame.image));
+    }
+    if args.wall_clock {
+        writer.text("wall_clock");
     }
     Ok(writer.bool(args.vehicle_log).finish())
 }

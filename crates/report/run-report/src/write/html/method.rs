@@ -68,6 +68,11 @@ fn settings(head: &RunHead) -> Vec<(String, String)> {
         ("policy model".to_owned(), run.policy_model_digest.clone()),
     ];
     settings.extend(run.compute_classes.iter().map(|(role, class)| (format!("compute class, {role}"), class.clone())));
+    if run.wall_clock {
+        let words =
+            "the policy had the time of the wall clock: not to be compared with drives that do not depend on a machine";
+        settings.push(("clock".to_owned(), words.to_owned()));
+    }
     if run.insecure {
         settings.push(("security".to_owned(), "ran without TLS and tokens on more than loopback".to_owned()));
     }
