@@ -48,6 +48,16 @@ pub enum CaseError {
     /// There is no healthy log to learn from.
     #[error("no healthy log to learn a baseline from")]
     NoHealthy,
+    /// A baseline says too little of single windows.
+    #[error(
+        "the baseline holds windows of {logs} healthy logs, a watch needs {least}: learn it again by `gap baseline` of this version"
+    )]
+    Unwatched {
+        /// Logs there are.
+        logs: usize,
+        /// Logs needed.
+        least: usize,
+    },
     /// A fleet is too small for members to be told from the others.
     #[error("{members} members are too few to tell some from the others; {least} or more are needed (see --by)")]
     SmallFleet {

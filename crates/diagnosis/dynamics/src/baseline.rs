@@ -10,6 +10,7 @@ pub(crate) mod features;
 pub mod nulls;
 pub(crate) mod spread;
 pub(crate) mod study;
+pub mod windows;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -26,6 +27,7 @@ use crate::windows::{Anchor, EgoRecord};
 use discrepancy::Discrepancy;
 pub use features::NAMES;
 use nulls::Null;
+use windows::Windows;
 
 /// Version of the file.
 pub const SCHEMA: u32 = 1;
@@ -56,6 +58,9 @@ pub struct Baseline {
     pub discrepancy: Discrepancy,
     /// What healthy logs reach of each statistic.
     pub nulls: Vec<Null>,
+    /// What healthy logs leave in single windows, for a watch; absent in files of earlier versions and of one log.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub windows: Option<Windows>,
     /// Log evidence from which an effect of a part of the loop is told from a healthy log, and from which size on.
     pub detection_limits: BTreeMap<String, f64>,
     /// First and last hundredth of each feature.

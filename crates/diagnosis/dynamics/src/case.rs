@@ -23,6 +23,7 @@ use ds_diagnosis::CaseError;
 use ds_diagnosis::meta::VehicleMeta;
 
 /// A case, read and checked.
+#[derive(Clone)]
 pub struct Case {
     /// Its description.
     pub meta: VehicleMeta,
@@ -83,6 +84,13 @@ impl Case {
         baseline.check(&self.meta, &self.drives)?;
         self.baseline = Some(baseline);
         Ok(self)
+    }
+
+    /// Returns the car of the case in windows that share no sample, measured with sensors of some noise.
+    #[must_use]
+    pub(crate) fn apart(&self, noise: Noise) -> Self {
+        let ego = self.ego.iter().map(EgoRecord::apart).collect();
+        Self { ego, following: Vec::new(), noise, ..self.clone() }
     }
 
     /// Returns the case with its car driven by another simulator than the built-in one.

@@ -134,6 +134,38 @@ impl Drive {
         })
     }
 
+    /// Returns the last stamp, s.
+    #[must_use]
+    pub fn end_secs(&self) -> f64 {
+        self.start_secs + (self.samples - 1) as f64 * STEP_SECS
+    }
+
+    /// Returns the ego between two stamps, s, without followers.
+    #[must_use]
+    pub fn between(&self, from_secs: f64, to_secs: f64) -> Self {
+        let at = |secs: f64| (((secs - self.start_secs) / STEP_SECS).round().max(0.0) as usize).min(self.samples - 1);
+        let (first, last) = (at(from_secs), at(to_secs));
+        let cut = |column: &[f64]| column[first..=last].to_vec();
+        let some = |column: &Option<Vec<f64>>| column.as_deref().map(cut);
+        Self {
+            start_secs: self.start_secs + first as f64 * STEP_SECS,
+            samples: last - first + 1,
+            cmd_steer: cut(&self.cmd_steer),
+            cmd_accel: cut(&self.cmd_accel),
+            x: some(&self.x),
+            y: some(&self.y),
+            yaw: some(&self.yaw),
+            v: some(&self.v),
+            yaw_rate: some(&self.yaw_rate),
+            ax: some(&self.ax),
+            ay: some(&self.ay),
+            steer_meas: some(&self.steer_meas),
+            v_wheel: some(&self.v_wheel),
+            followers: Vec::new(),
+            ..self.clone()
+        }
+    }
+
     /// Returns the ego's channels by column name.
     #[must_use]
     pub fn columns(&self) -> Vec<(&'static str, &[f64])> {

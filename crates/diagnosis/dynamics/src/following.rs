@@ -51,6 +51,7 @@ impl Driver {
 }
 
 /// One follower's log in one drive, smoothed once.
+#[derive(Clone)]
 pub struct FollowerRecord {
     /// Index of the drive in the case.
     pub drive: usize,

@@ -14,13 +14,16 @@ use crate::baseline::features::{NAMES, STATE};
 use crate::baseline::nulls::{self, Statistics};
 use crate::baseline::spread::{Estimate, spread};
 use crate::baseline::study::Study;
+use crate::baseline::windows::{Scored, Sensors, Windows};
 use crate::baseline::{Baseline, Influence, SCHEMA, Spread, Units, Usual, channels, digest};
 use crate::case::{Case, PartModel};
 use crate::choice::Outcome;
 use crate::fit::point_loss;
+use crate::noise::Noise;
 use crate::search::Effort;
 use crate::settings::Thresholds;
 use crate::space::{Part, Space};
+use crate::watch::scores::scores;
 
 /// Mean loss of a residual that is as its floor says.
 const CLEAN_LOSS: f64 = 0.5;
@@ -71,6 +74,8 @@ pub fn learn(healthy: &[Healthy], progress: Progress<'_>) -> Result<Baseline, Ca
     let logs: Vec<Statistics> = judged.iter().map(|j| j.reached.clone()).collect();
     if units.len() > 1 {
         baseline.nulls = nulls::gather(&logs);
+        let logs = judged.iter().map(|j| j.windows.clone()).collect();
+        baseline.windows = Some(Windows { sensors: sensors(&units), logs });
     }
     for (out, unit) in units.iter().enumerate() {
         let others: Vec<Statistics> =
@@ -234,6 +239,7 @@ fn assemble(units: &[Unit<'_>], studies: &[&Study]) -> Baseline {
         spread: usual_values(cases[0], studies),
         discrepancy,
         nulls: Vec::new(),
+        windows: None,
         detection_limits: BTreeMap::new(),
         domain: domain(studies),
         influence: Vec::new(),
@@ -303,6 +309,8 @@ fn domain(studies: &[&Study]) -> BTreeMap<String, [f64; 2]> {
 struct Judged {
     /// Its statistics.
     reached: Statistics,
+    /// What it leaves in its windows.
+    windows: Vec<Scored>,
     /// Usual values of the others; none where there are no others.
     without: Option<Spread>,
 }
@@ -320,7 +328,7 @@ fn judged(units: &[Unit<'_>], studies: &[Study], chosen: &[usize], progress: Pro
 fn judge(units: &[Unit<'_>], studies: &[Study], chosen: &[usize], out: usize) -> Judged {
     let others: Vec<usize> = chosen.iter().copied().filter(|k| *k != out).collect();
     if others.is_empty() {
-        return Judged { reached: Statistics::new(), without: None };
+        return Judged { reached: Statistics::new(), windows: Vec::new(), without: None };
     }
     let baseline = chosen_of(units, studies, &others);
     let unit = &units[out];
@@ -331,7 +339,13 @@ fn judge(units: &[Unit<'_>], studies: &[Study], chosen: &[usize], out: usize) ->
     let models =
         [Part::Ego, Part::Following].map(|part| PartModel::against(unit.case, part, &drives, &[], Some(&baseline)));
     let outcomes: Vec<Outcome<'_, '_>> = models.iter().map(|m| Outcome::searched(m, Effort::Quick)).collect();
-    Judged { reached: statistics::of_healthy(&outcomes), without: Some(baseline.spread) }
+    let windows = scores(unit.case, &unit.drives, &baseline, &sensors(units));
+    Judged { reached: statistics::of_healthy(&outcomes), windows, without: Some(baseline.spread) }
+}
+
+/// Returns the sensors of the middle one of some units.
+fn sensors(units: &[Unit<'_>]) -> Sensors {
+    Noise::middle(&units.iter().map(|unit| &unit.case.noise).collect::<Vec<_>>())
 }
 
 /// Puts the studies of a choice of units together.

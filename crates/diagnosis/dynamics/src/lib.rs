@@ -39,6 +39,7 @@ pub mod smooth;
 pub mod space;
 pub mod synthetic;
 pub mod traces;
+pub mod watch;
 pub mod windows;
 
 pub use diagnose::{Options, diagnose};

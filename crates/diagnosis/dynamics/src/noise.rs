@@ -3,6 +3,7 @@
 //! The floor of `floor` was measured with sensors of known noise; other sensors scale it. Across the path only, because
 //! errors of the stamps move positions along it.
 
+use crate::baseline::windows::Sensors;
 use crate::drive::Drive;
 use crate::scatter::across_noise;
 use crate::settings::{FAMILIAR_NOISE, SENSOR_NOISE};
@@ -22,7 +23,24 @@ pub struct Noise {
     pub jitter_secs: f64,
 }
 
+impl From<&Sensors> for Noise {
+    fn from(sensors: &Sensors) -> Self {
+        let of = |k: usize| sensors.noise.get(k).copied().unwrap_or(1.0);
+        let follower = [of(EGO), of(EGO + 1)];
+        Self { ego: std::array::from_fn(of), follower, jitter_secs: sensors.jitter_secs }
+    }
+}
+
 impl Noise {
+    /// Returns the sensors of the middle one of several logs, channel by channel.
+    #[must_use]
+    pub(crate) fn middle(of: &[&Self]) -> Sensors {
+        let middle = |value: &dyn Fn(&Self) -> f64| median(of.iter().map(|noise| value(noise)).collect());
+        let ego = (0..EGO).map(|k| middle(&|noise| noise.ego[k]));
+        let noise = ego.chain((0..2).map(|k| middle(&|noise| noise.follower[k]))).map(|n| n.unwrap_or(1.0));
+        Sensors { noise: noise.collect(), jitter_secs: middle(&|noise| noise.jitter_secs).unwrap_or(0.0) }
+    }
+
     /// Measures the noise of some drives whose sampling instants scatter by `jitter_secs`. Samples that were lost and
     /// bridged leave fewer to start a window from.
     #[must_use]

@@ -31,6 +31,7 @@ const ACCEL_STEP: f64 = 0.1;
 const STRIDE: usize = 25;
 
 /// The part of a drive the ego simulator needs, with its windows.
+#[derive(Clone)]
 pub struct EgoRecord {
     /// Index of the drive in the case.
     pub drive: usize,
@@ -135,6 +136,13 @@ impl EgoRecord {
     pub fn anchors_every(&self, stride: usize, scored: usize) -> Vec<Anchor> {
         let last = self.log.samples.saturating_sub(scored + 1);
         (WARM..last).step_by(stride).map(|sample| self.anchor(sample, scored)).collect()
+    }
+
+    /// Returns the same drive in windows that share no sample.
+    #[must_use]
+    pub(crate) fn apart(&self) -> Self {
+        let anchors = self.anchors_every(BLOCK * BLOCKS, BLOCK * BLOCKS);
+        Self { anchors, ..self.clone() }
     }
 
     /// Returns the number of samples of the drive.

@@ -35,8 +35,8 @@ pub(crate) enum GapCommand {
     Close(CloseArgs),
     /// Split a policy's loss of score between the nominal and the real world over frames, dynamics, agents and transport.
     Attribute(AttributeArgs),
-    /// Diagnose a drive of a running fleet while it goes on, in a sliding window, and say so on the bus; it must have a
-    /// vehicle log.
+    /// Watch a vehicle: recorded cases against a baseline for alarms, so many false ones an hour; or a drive of a running
+    /// fleet with a vehicle log while it goes on, diagnosed in a sliding window (with a baseline: from an alarm on), on the bus.
     Watch(WatchArgs),
     /// Serve the built-in car of a case as a simulator, on standard input and output.
     Serve {
@@ -280,10 +280,23 @@ pub(crate) struct AttributeArgs {
 /// Arguments of `gap watch`.
 #[derive(Debug, Args)]
 pub(crate) struct WatchArgs {
-    /// The episode, or a part of its name; the first one without.
-    #[arg(default_value = "")]
-    pub(crate) episode: String,
-    /// How much of the drive is looked at, in seconds.
+    /// Case folders, watched one after another as logs of one vehicle; or the episode of a running fleet or a part of its
+    /// name, the first one without.
+    #[arg(value_name = "CASE|EPISODE", value_hint = ValueHint::DirPath)]
+    pub(crate) watched: Vec<String>,
+    /// What healthy drives of the vehicle leave: a file of `gap baseline`. Nothing is diagnosed before an alarm.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(crate) baseline: Option<PathBuf>,
+    /// False alarms allowed an hour of driving.
+    #[arg(long, default_value_t = 1.0, value_name = "R", requires = "baseline")]
+    pub(crate) alarms_per_hour: f64,
+    /// Recorded cases: fast pass and single fits only at the first alarm.
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Recorded cases: alarms only, no diagnosis.
+    #[arg(long)]
+    pub(crate) alarms_only: bool,
+    /// How much of the drive is looked at by one diagnosis, in seconds.
     #[arg(long, default_value_t = 20.0, value_name = "SECONDS")]
     pub(crate) window: f64,
     /// What counts as real: a vehicle log or recording (.mcap), or another drive of the fleet by a part of its name; the
@@ -299,7 +312,14 @@ pub(crate) struct WatchArgs {
     /// The fleet.
     #[command(flatten)]
     pub(crate) fleet: OnlookerArgs,
-    /// Where diagnoses go, one line of JSON each.
+    /// Where alarms and diagnosis of recorded cases go as JSON; of a drive that goes on, one line of JSON each.
     #[arg(long, short, value_hint = ValueHint::FilePath)]
     pub(crate) out: Option<PathBuf>,
+}
+
+impl WatchArgs {
+    /// Returns the part of an episode's name that is wanted.
+    pub(crate) fn episode(&self) -> &str {
+        self.watched.first().map_or("", String::as_str)
+    }
 }

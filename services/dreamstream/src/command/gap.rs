@@ -39,6 +39,7 @@ pub(crate) fn run(command: &GapCommand, log: &str) -> Result<()> {
         GapCommand::Apply(args) => apply(args),
         GapCommand::Close(args) => crate::runtime()?.block_on(close::run(args, log)),
         GapCommand::Attribute(args) => crate::runtime()?.block_on(attribute::run(args, log)),
+        GapCommand::Watch(args) if watch::recorded::are_cases(args) => watch::recorded::run(args),
         GapCommand::Watch(args) => crate::runtime()?.block_on(watch::run(args)),
         GapCommand::Isolability { channels } => isolability(channels),
         GapCommand::Serve { case, ports_only } => {

@@ -4,6 +4,8 @@
 //! reference's log that counts as real, and the running drive stands for the nominal simulator. Each window gives one
 //! message on topic `diagnosis`. A diagnosis runs beside the subscription: a slow one skips windows and holds nothing up.
 
+pub(super) mod recorded;
+
 use std::io::Write as _;
 use std::path::Path;
 use std::time::Duration;
@@ -39,15 +41,16 @@ const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// # Errors
 /// If router, orchestrator or viewer cannot be reached, a drive has no vehicle log, or the reference cannot be read.
 pub(crate) async fn run(args: &WatchArgs) -> Result<()> {
+    ensure!(args.baseline.is_none(), "a baseline is for recorded cases, and none of the arguments is a folder");
     args.connect.as_deref().map(viewer::reach).transpose()?;
     let log = args.reference.as_deref().filter(|given| Path::new(given).is_file());
     let log = log.map(|path| Reference::read(Path::new(path))).transpose()?;
     let bus = args.fleet.join().await?;
     let mut runs = args.fleet.runs().await?;
-    answer(&format!("waiting for {}", if args.episode.is_empty() { "a drive" } else { &args.episode }));
+    answer(&format!("waiting for {}", if args.episode().is_empty() { "a drive" } else { args.episode() }));
     let named = args.reference.as_deref().filter(|_| log.is_none());
     let refers = |name: &str| named.is_some_and(|part| name.contains(part));
-    let episode = under_way(&mut runs, |name| name.contains(&args.episode) && !refers(name)).await?;
+    let episode = under_way(&mut runs, |name| name.contains(args.episode()) && !refers(name)).await?;
     let drive = HeardDrive::listen(&bus, &episode).await?;
     answer(&format!("watching {episode}"));
     let other = match named {
