@@ -260,9 +260,20 @@ impl<L: Ledger> Fleet<L> {
         requests: Vec<Request>,
     ) -> Result<Vec<Result<Granted, AssignError>>, LedgerError> {
         self.check_term()?;
-        let seated: Vec<Result<(Request, Seat), AssignError>> =
-            requests.into_iter().map(|request| self.seat(now, request)).collect();
         let key = |request: &Request| (request.episode.clone(), request.role);
+        let mut seated: Vec<Result<(Request, Seat), AssignError>> = Vec::with_capacity(requests.len());
+        for request in requests {
+            // A role that is asked for twice is given once.
+            let twin = seated.iter().flatten().find(|(other, _)| key(other) == key(&request));
+            seated.push(match twin {
+                Some((_, seat)) => {
+                    let Owner { instance, epoch } = seat.owner.clone();
+                    let until = now.plus(self.settings.lease_ms + self.settings.margin_ms);
+                    Err(AssignError::Held { instance, epoch, until })
+                }
+                None => self.seat(now, request),
+            });
+        }
         let taken = || seated.iter().flatten();
         let writes: Vec<_> = taken().map(|(request, seat)| entry::write_seat(&key(request), seat)).collect();
         if !writes.is_empty()

@@ -69,9 +69,14 @@ fn several_roles_are_given_at_once_or_none() {
     let mut fleet = fleet(&store, &["a"]);
     let sim = |episode: &str| Request { role: Role::Sim, ..request(episode) };
     fleet.join(Millis(0), Hello { role: Role::Sim, slots: 2, ..hello("s") }).expect("it may join");
-    let answers = fleet.assign_all(Millis(0), vec![sim("e"), request("e"), request("f")]).expect("in charge");
+    let all = vec![sim("e"), request("e"), request("f"), sim("e")];
+    let answers = fleet.assign_all(Millis(0), all).expect("in charge");
     let given: Vec<_> = answers.iter().map(|answer| answer.as_ref().ok().map(|given| given.owner.epoch)).collect();
-    assert_eq!(given, [Some(1), Some(1), None], "one video worker has one slot");
+    assert_eq!(given, [Some(1), Some(1), None, None], "one video worker has one slot");
+    assert!(
+        matches!(answers[3], Err(AssignError::Held { epoch: 1, .. })),
+        "a role that is asked for twice is given once"
+    );
     assert!(matches!(answers[2], Err(AssignError::NoFreeSlot { role: Role::Video, members: 1 })));
     // Fenced, nothing is given, and nobody counts as busy.
     Fleet::open(store.clone(), SETTINGS, Millis(0)).expect("the ledger opens again");
