@@ -80,7 +80,7 @@ impl MakerFactory for PolicyStage {
             let outside = self.outside.as_ref().ok_or_else(|| {
                 Fault::policy("policy_unknown", format!("{name:?} is not built in and no policy bus is open"))
             })?;
-            Guest::External(External::attach(Arc::clone(outside), &scene)?)
+            Guest::External(Box::new(External::attach(Arc::clone(outside), &scene)?))
         };
         if scene.spec.wall_clock && matches!(guest, Guest::Inside(_)) {
             let detail =
@@ -93,7 +93,7 @@ impl MakerFactory for PolicyStage {
 
 enum Guest {
     Inside(Box<dyn Policy>),
-    External(External),
+    External(Box<External>),
 }
 
 struct Hosting {

@@ -114,7 +114,7 @@ impl Arm {
             Ok::<_, Cause>((Teacher::new(preset, &weights.part("dit."), arm.dropout.unwrap_or_default())?, sampling))
         });
         let model = match arm.kind {
-            ArmKind::NoLayout => VideoModel::new(preset, &silence::silenced(weights))?,
+            ArmKind::NoLayout => VideoModel::new(preset, &silence::silenced(&preset.ae(), weights))?,
             ArmKind::Student | ArmKind::Teacher | ArmKind::Prior | ArmKind::Autoencoder => {
                 VideoModel::new(preset, weights)?
             }

@@ -88,6 +88,17 @@ impl AeShape {
         self.sketch().last().map_or(LAYOUT_CHANNELS, |level| level.width)
     }
 
+    /// Lists the convolutions that see layouts themselves, with how many of their last input channels are of the layout.
+    #[must_use]
+    pub fn layout_inputs(&self) -> Vec<(String, usize)> {
+        let sketch = self.sketch();
+        if sketch.is_empty() {
+            return (0..self.guides).map(|index| (format!("decoder.guide.{index}"), LAYOUT_CHANNELS)).collect();
+        }
+        let level = |(index, level): (usize, &SketchLevel)| (format!("decoder.guide.sketch.{index}"), level.layout);
+        sketch.iter().enumerate().map(level).collect()
+    }
+
     /// Lists the weights, under `encoder.` and `decoder.`.
     #[must_use]
     pub fn declare(&self) -> Vec<Declared> {
