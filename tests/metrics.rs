@@ -129,6 +129,25 @@ fn names(text: &str) -> BTreeSet<String> {
     text.split(PREFIX).skip(1).map(|rest| format!("{PREFIX}{}", tail(rest))).collect()
 }
 
+/// All names that are told stand in the manual, and the other way round; the dashboard asks for no other.
+fn names_agree(pages: &[Page]) {
+    let told: BTreeSet<String> = pages.iter().flat_map(|page| page.kinds.keys().cloned()).collect();
+    let read = |path: &str| std::fs::read_to_string(workspace().join(path)).expect("a file");
+    let family = |name: String| {
+        let base = ["_bucket", "_sum", "_count"].iter().find_map(|suffix| name.strip_suffix(suffix));
+        base.filter(|base| told.contains(*base)).map_or(name.clone(), str::to_owned)
+    };
+    let in_manual: BTreeSet<String> = names(&read("docs/metrics.md")).into_iter().map(family).collect();
+    assert_eq!(told, in_manual, "docs/metrics.md and the exposition differ");
+    let dashboard: Value = serde_json::from_str(&read("deploy/metrics/dashboard.json")).expect("JSON");
+    let panels = dashboard["panels"].as_array().expect("panels").iter();
+    let queries = panels.flat_map(|panel| panel["targets"].as_array().into_iter().flatten());
+    let asked: Vec<&str> = queries.map(|target| target["expr"].as_str().expect("a query")).collect();
+    let unknown: Vec<String> =
+        names(&asked.join(" ")).into_iter().map(family).filter(|name| !told.contains(name)).collect();
+    assert!(unknown.is_empty() && asked.len() > 20, "nobody tells {unknown:?}, {} queries", asked.len());
+}
+
 #[test]
 fn counts_agree_with_results_and_a_killed_worker_is_seen() {
     let mut fleet = Fleet::start(2);
@@ -175,22 +194,7 @@ fn counts_agree_with_results_and_a_killed_worker_is_seen() {
     let overhead = orchestrated.sum("dreamstream_iteration_overhead_seconds_sum", &[]);
     assert!(0.0 < overhead && overhead < took && took < wall, "{overhead} of {took} of {wall} s");
 
-    // All names that are told stand in the manual, and the other way round; the dashboard asks for no other.
-    let told: BTreeSet<String> = pages.iter().flat_map(|page| page.kinds.keys().cloned()).collect();
-    let read = |path: &str| std::fs::read_to_string(workspace().join(path)).expect("a file");
-    let family = |name: String| {
-        let base = ["_bucket", "_sum", "_count"].iter().find_map(|suffix| name.strip_suffix(suffix));
-        base.filter(|base| told.contains(*base)).map_or(name.clone(), str::to_owned)
-    };
-    let in_manual: BTreeSet<String> = names(&read("docs/metrics.md")).into_iter().map(family).collect();
-    assert_eq!(told, in_manual, "docs/metrics.md and the exposition differ");
-    let dashboard: Value = serde_json::from_str(&read("deploy/metrics/dashboard.json")).expect("JSON");
-    let panels = dashboard["panels"].as_array().expect("panels").iter();
-    let queries = panels.flat_map(|panel| panel["targets"].as_array().into_iter().flatten());
-    let asked: Vec<&str> = queries.map(|target| target["expr"].as_str().expect("a query")).collect();
-    let unknown: Vec<String> =
-        names(&asked.join(" ")).into_iter().map(family).filter(|name| !told.contains(name)).collect();
-    assert!(unknown.is_empty() && asked.len() > 20, "nobody tells {unknown:?}, {} queries", asked.len());
+    names_agree(&pages);
 
     // A worker that holds a role is killed: the next looks see it, its page is gone, the drives are driven to their end.
     let mut second = submit(&fleet, "second", 6..26);

@@ -346,7 +346,7 @@ fn asks_owner_and_journal_in_turn_for_what_does_not_come() {
     assert!(asked(bench.tell_at(219, Event::Now)).is_empty());
     let owner = PullFrom::Owner(Owner { instance: id("sim"), epoch: 5 });
     // One question while nothing has come; the other message is asked for as soon as the first is there.
-    assert_eq!(asked(bench.tell_at(220, Event::Now)), [owner.clone()]);
+    assert_eq!(asked(bench.tell_at(220, Event::Now)), std::slice::from_ref(&owner));
     assert!(asked(bench.tell_at(300, Event::Now)).is_empty());
     assert_eq!(asked(bench.tell_at(420, Event::Now)), [PullFrom::Journal]);
     let first = bench.input(Slot::new(Topic::World, 1), 5, hash("w", &[], &[1]));
