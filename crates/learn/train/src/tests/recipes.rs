@@ -38,7 +38,7 @@ fn broken_recipes_are_named() {
     check("rollout = 4", "rollout = 2", "self_forcing");
     check("reject = 0.2", "reject = 1.0", "trajectories");
     check("crop_px = [32, 24]", "crop_px = [30, 24]", "crop_px");
-    check("untold = 0.1", "untold = 2.0", "untold");
+    check("untold = 0.5", "untold = 2.0", "untold");
     check("share = 0.3", "share = -1.0", "adversarial");
     check("seed = 1", "sed = 1", "cannot be read");
     check("dropout = [\"layout\"]", "dropout = [\"layout\"]\ndropped = 1", "cannot be read");
