@@ -126,10 +126,11 @@ impl<'a> Guides<'a> {
             layer.back(arch, 0, |frame| d_seen.frame(frame), &mut d_grown, false);
             where_positive(&mut d_grown, &run.grown[above]);
             let drawn = &run.drawn[above];
-            let mut dense = vec![0.0; drawn.dense().len()];
+            let below = drawn.dense();
+            let mut dense = vec![0.0; below.len()];
             if let (_, Some(grow)) = &self.sketch[above] {
                 let dy = unshuffled(&d_grown.dense(), drawn, 1);
-                grow.learn(arch, &dy, &drawn.dense(), gradient);
+                grow.learn(arch, &dy, &below, gradient);
                 grow.back(&dy, &mut dense, false);
             }
             d_seen = filled(drawn.size(), &dense);

@@ -99,12 +99,21 @@ fn incomplete_and_mixed_results_have_no_headline_and_say_so() {
     );
 }
 
+/// Returns a set and the same under all conditions.
+fn under_conditions() -> [Manifest; 2] {
+    let base = manifest::tests::set(&SIX);
+    let weather: Vec<_> = base.entries.iter().flat_map(crate::Entry::under_conditions).collect();
+    [base, Manifest::new("some-weather", Kind::Weather, crate::Recipe::default(), weather)]
+}
+
+fn shipped_endpoints() -> Vec<crate::endpoint::Endpoint> {
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../configs/benchmark/plan.toml");
+    crate::endpoint::load(&shipped).expect("sound")
+}
+
 #[test]
 fn conditions_are_compared_with_their_own_base() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let base = manifest::tests::set(&SIX);
-    let weather: Vec<_> = base.entries.iter().flat_map(crate::Entry::under_conditions).collect();
-    let weather = Manifest::new("some-weather", Kind::Weather, crate::Recipe::default(), weather);
     let drive = |cell: &Cell| {
         let loss = match cell.appearance.as_str() {
             "day" => 0.0,
@@ -113,7 +122,7 @@ fn conditions_are_compared_with_their_own_base() {
         };
         Some(driven(cell.clone(), "completed", 0.9 - loss))
     };
-    let results = results(folder.path(), &[base, weather], drive);
+    let results = results(folder.path(), &under_conditions(), drive);
     let report = Report::new(&results, &|_| false, &Published::default());
     let weather = table(&report, "weather");
     assert_eq!(weather.rows.len(), 2 * 2 * 16);
@@ -126,11 +135,7 @@ fn conditions_are_compared_with_their_own_base() {
 #[test]
 fn a_condition_that_is_not_shown_supports_no_claim() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let base = manifest::tests::set(&SIX);
-    let weather: Vec<_> = base.entries.iter().flat_map(crate::Entry::under_conditions).collect();
-    let sets = [base, Manifest::new("some-weather", Kind::Weather, crate::Recipe::default(), weather)];
-    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../configs/benchmark/plan.toml");
-    let endpoints = crate::endpoint::load(&shipped).expect("sound");
+    let (sets, endpoints) = (under_conditions(), shipped_endpoints());
     let mut sheet = Sheet { endpoints, seeds: vec![1], ..sheet::tests::sheet(&sets) };
     sheet.observations[0].name = "dreamstream".to_owned();
     // Rain is named on half of the frames on which the reference camera shows it, snow on five of six, fog was not looked
@@ -215,11 +220,7 @@ fn an_oracle_is_compared_with_the_policy_and_adversaries_with_their_base() {
 #[test]
 fn declared_endpoints_are_tested_together() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let base = manifest::tests::set(&SIX);
-    let weather: Vec<_> = base.entries.iter().flat_map(crate::Entry::under_conditions).collect();
-    let sets = [base, Manifest::new("some-weather", Kind::Weather, crate::Recipe::default(), weather)];
-    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../configs/benchmark/plan.toml");
-    let endpoints = crate::endpoint::load(&shipped).expect("sound");
+    let (sets, endpoints) = (under_conditions(), shipped_endpoints());
     let mut sheet = Sheet { endpoints, ..sheet::tests::sheet(&sets) };
     sheet.policies[0].name = "constant-velocity".to_owned();
     let drive = |cell: &Cell| {
