@@ -91,7 +91,7 @@ impl ModelConfig {
         let (sketch, layers) = (self.control.sketch_widths, self.control.decoder_layers);
         if sketch.is_some_and(|widths| layers == 0 || widths.iter().any(|width| *width == 0 || *width > MAX_WIDTH)) {
             let rule = "three sizes of 1 to 16384, beside decoder_layers above 0";
-            return refuse("control.sketch_widths", format!("{sketch:?}"), rule);
+            return refuse("control.sketch_widths", format!("{:?}", sketch.unwrap_or_default()), rule);
         }
         if !matches!(v.stride_t, 1 | 2 | 4) || v.stride_s != BLOCK_PX || v.z > 64 {
             return refuse("vae.stride_t", v.stride_t.to_string(), "must be 1, 2 or 4, with stride_s 8 and z up to 64");
