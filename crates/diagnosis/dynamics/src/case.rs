@@ -20,7 +20,7 @@ use crate::settings::{HELD, HELD_SHARE, SHAPE_SHARE, SLIDING_SHARE};
 use crate::space::{Part, Space};
 use crate::windows::{BLOCKS, EGO, EgoRecord};
 use ds_diagnosis::CaseError;
-use ds_diagnosis::meta::VehicleMeta;
+use ds_diagnosis::meta::{DriveEntry, Split, VehicleMeta};
 
 /// A case, read and checked.
 #[derive(Clone)]
@@ -84,6 +84,28 @@ impl Case {
         baseline.check(&self.meta, &self.drives)?;
         self.baseline = Some(baseline);
         Ok(self)
+    }
+
+    /// Returns a case of one drive of the same car, with the sensors and the baseline of this one; the drive is not checked.
+    #[must_use]
+    pub fn driving(&self, drive: Drive) -> Self {
+        let ego = EgoRecord::new(0, &drive, self.meta.nominal.mass).into_iter().collect();
+        let meta = VehicleMeta { drives: self.meta.drives[..1].to_vec(), suggested_split: None, ..self.meta.clone() };
+        let (scatter, noise, baseline) = (self.scatter, self.noise, self.baseline.clone());
+        Self { meta, drives: vec![drive], ego, following: Vec::new(), scatter, noise, warnings: Vec::new(), baseline }
+    }
+
+    /// Returns the case with a further drive to fit.
+    ///
+    /// # Errors
+    /// If the drive cannot be what its columns say.
+    pub fn joined(&self, entry: DriveEntry, drive: Drive) -> Result<Self, CaseError> {
+        let (mut fit, held_out) = self.meta.split();
+        fit.push(self.drives.len());
+        let mut meta = VehicleMeta { suggested_split: Some(Split { fit, held_out }), ..self.meta.clone() };
+        meta.drives.push(entry);
+        let made = Self::new(meta, self.drives.iter().cloned().chain([drive]).collect())?;
+        Ok(Self { baseline: self.baseline.clone(), ..made })
     }
 
     /// Returns the car of the case in windows that share no sample, measured with sensors of some noise.

@@ -268,6 +268,8 @@ pub struct Candidate {
     pub accepted: bool,
     /// Probability.
     pub probability: f64,
+    /// Probability of this effect and no other.
+    pub alone: f64,
 }
 
 /// Ranks every fitted effect of all parts and the scatter effects.
@@ -296,6 +298,7 @@ pub fn rank(case: &Case, outcomes: &[Outcome<'_, '_>], thresholds: &Thresholds) 
                 log_weight,
                 accepted,
                 probability: 0.0,
+                alone: 0.0,
             });
         }
         // an effect found only together with another is not among the singles
@@ -316,7 +319,7 @@ pub fn rank(case: &Case, outcomes: &[Outcome<'_, '_>], thresholds: &Thresholds) 
 
 fn scatter_candidate(id: &'static str, gain: f64, accepted: bool, thresholds: &Thresholds) -> Candidate {
     let log_weight = gain / thresholds.temperature - SINGLE_COST;
-    Candidate { id, part: None, single: 0, gain, held_out: None, log_weight, accepted, probability: 0.0 }
+    Candidate { id, part: None, single: 0, gain, held_out: None, log_weight, accepted, probability: 0.0, alone: 0.0 }
 }
 
 fn scatter_candidates(scatter: &Scatter, thresholds: &Thresholds) -> Vec<Candidate> {
@@ -345,7 +348,8 @@ fn weigh(ranking: &mut [Candidate], outcomes: &[Outcome<'_, '_>], thresholds: &T
         + ranking.iter().map(|c| (c.log_weight - largest).exp()).sum::<f64>();
     let share = (combined - largest).exp() / total / accepted.len().max(1) as f64;
     for candidate in ranking.iter_mut() {
-        candidate.probability = (candidate.log_weight - largest).exp() / total;
+        candidate.alone = (candidate.log_weight - largest).exp() / total;
+        candidate.probability = candidate.alone;
         if candidate.accepted && combined > f64::NEG_INFINITY {
             candidate.probability += share;
         }

@@ -23,6 +23,7 @@ use crate::settings::{
 use crate::shapley::split;
 use crate::signature::{cosine, spread};
 use crate::space::{Coordinate, Part, SCATTER, Space};
+use crate::standing::{Standing, standing};
 use crate::windows::EGO;
 use ds_diagnosis::Verdict;
 use ds_diagnosis::modulation::Modulation;
@@ -48,6 +49,16 @@ pub fn diagnose(case: &Case, options: &Options) -> Diagnosis {
 /// Diagnoses a case with other thresholds than the built-in ones.
 #[must_use]
 pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) -> Diagnosis {
+    diagnosed(case, options, thresholds).0
+}
+
+/// Diagnoses a case and returns as well which explanations of its car it leaves, likeliest first.
+#[must_use]
+pub fn diagnose_leaving(case: &Case, options: &Options) -> (Diagnosis, Vec<Standing>) {
+    diagnosed(case, options, &Thresholds::default())
+}
+
+fn diagnosed(case: &Case, options: &Options, thresholds: &Thresholds) -> (Diagnosis, Vec<Standing>) {
     let (fit_drives, held) = case.meta.split();
     let effort = if options.quick { Effort::Quick } else { Effort::Full };
     let models = [Part::Ego, Part::Following].map(|part| PartModel::new(case, part, &fit_drives, &options.without));
@@ -58,6 +69,7 @@ pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) ->
     let mut ranking = rank(case, &outcomes, thresholds);
     let mute = models[0].space.mute();
     ranking.retain(|c| !options.without.iter().any(|id| id == c.id) && !mute.contains(&c.id));
+    let standing = standing(&outcomes[0], &ranking);
     // scattered samples leave more than the shape of an effect does
     let scattered = ranking.iter().any(|c| c.accepted && c.part.is_none());
     let lefts: Vec<Left> = outcomes
@@ -103,7 +115,7 @@ pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) ->
     let p_structure = (verdict == Verdict::Unknown)
         .then(|| if baseline.is_some() { 1.0 } else { structure(case, &outcomes, &fit_drives, &options.without) });
     let unknown = p_structure.map(|share| Unknown::new(p_unknown, share));
-    Diagnosis {
+    let diagnosis = Diagnosis {
         schema_version: SCHEMA,
         case: case.meta.case.clone(),
         verdict,
@@ -128,7 +140,8 @@ pub fn diagnose_with(case: &Case, options: &Options, thresholds: &Thresholds) ->
         modulation: modulation(&outcomes),
         secs: 0.0,
         effects,
-    }
+    };
+    (diagnosis, standing)
 }
 
 /// Returns the probability that something is at work that no library effect explains.

@@ -37,11 +37,12 @@ pub mod signature;
 pub mod size;
 pub mod smooth;
 pub mod space;
+pub mod standing;
 pub mod synthetic;
 pub mod traces;
 pub mod watch;
 pub mod windows;
 
-pub use diagnose::{Options, diagnose};
+pub use diagnose::{Options, diagnose, diagnose_leaving};
 pub use evaluate::evaluate;
 pub use isolability::isolability;

@@ -45,7 +45,13 @@ pub fn write_case(folder: &Path, seed: u64, edit: &dyn Fn(&mut Plant)) -> Result
 /// Returns the nominal simulator of these cases.
 #[must_use]
 pub fn ordinary() -> Plant {
-    meta().nominal.plant()
+    nominal().plant()
+}
+
+/// Returns its description.
+#[must_use]
+pub fn nominal() -> Nominal {
+    meta().nominal
 }
 
 fn meta() -> VehicleMeta {
@@ -79,8 +85,9 @@ fn meta() -> VehicleMeta {
     }
 }
 
-/// The nominal simulator with the mismatch that every vehicle has.
-fn usual(nominal: &Nominal) -> Plant {
+/// Returns the nominal simulator with the mismatch that every vehicle has.
+#[must_use]
+pub fn usual(nominal: &Nominal) -> Plant {
     let mut plant = nominal.plant();
     for effect in ds_effect::library() {
         let values: Vec<f64> = effect
