@@ -201,3 +201,52 @@ fn an_effect_of_a_run_is_diagnosed_from_its_vehicle_log_and_applied() {
     drive(&again, &["--config", &corrected, "--vehicle-log"]);
     assert_eq!(self::logs(&again).len(), self::logs(&real).len());
 }
+
+#[test]
+fn the_next_run_is_proposed_driven_and_added_to_a_copy_of_the_case() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let grip = |plant: &mut ds_effect::Plant| (ds_effect::find("front_grip").expect("it is known").apply)(&[0.8], plant);
+    ds_dynamics::synthetic::write_case(&folder.path().join("whole"), 61, &grip).expect("the case can be written");
+    // ten seconds of one drive leave more than one effect open
+    std::fs::create_dir(folder.path().join("short")).expect("a folder");
+    let text = std::fs::read_to_string(path("whole/drive_1.csv")).expect("a table");
+    let rows: Vec<&str> = text.lines().collect();
+    std::fs::write(path("short/drive_1.csv"), format!("{}\n{}\n", rows[0], rows[190..391].join("\n"))).expect("written");
+    let meta = std::fs::read_to_string(path("whole/meta.json")).expect("a description");
+    let mut meta: Value = serde_json::from_str(&meta).expect("JSON");
+    meta["drives"] = serde_json::json!([{ "file": "drive_1.csv" }]);
+    meta.as_object_mut().expect("an object").remove("suggested_split");
+    std::fs::write(path("short/meta.json"), meta.to_string()).expect("written");
+    let served = format!("'{}' gap serve {{case}}", env!("CARGO_BIN_EXE_dreamstream"));
+    let next = |more: &[&str], out: &str| {
+        let arguments = [&["gap", "next", &path("short"), "--quick", "-o", &path(out)], more].concat();
+        let output = dreamstream(&arguments).output().expect("the binary runs");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let text = std::fs::read_to_string(path(&format!("{out}/short/next.json"))).expect("an experiment");
+        (serde_json::from_str::<Value>(&text).expect("JSON"), String::from_utf8_lossy(&output.stdout).into_owned())
+    };
+    let (proposed, said) = next(&[], "proposed");
+    assert!(proposed["planned"]["nats"].as_f64().expect("a number") > 0.05 && said.contains("drive: "), "{said}");
+    let commands = std::fs::read_to_string(path("proposed/short/commands.csv")).expect("commands");
+    assert!(commands.starts_with("t,cmd_steer,cmd_accel,planned_v\n") && commands.lines().count() > 300);
+    assert!(std::fs::read_to_string(path("proposed/short/next.html")).expect("a page").contains("curve c1"));
+    for (more, out) in [(&["--run", "--effect", "front_grip=0.8"][..], "own"), (&["--run", "--simulator", &served], "served")] {
+        let (driven, said) = next(more, out);
+        let runs = driven["runs"].as_array().expect("runs");
+        assert!(!runs.is_empty() && runs.len() <= 5 && driven["ended"].is_string(), "{said}");
+        assert!(runs.iter().all(|run| run["left_envelope"] == false), "{said}");
+        let grown = std::fs::read_to_string(path(&format!("{out}/short/case/meta.json"))).expect("a case");
+        let grown: Value = serde_json::from_str(&grown).expect("JSON");
+        assert_eq!(grown["drives"].as_array().map(Vec::len), Some(1 + runs.len()));
+        assert!(folder.path().join(out).join("short/case/run_1.csv").exists());
+        if out == "own" {
+            assert_eq!(runs[runs.len() - 1]["effects"], serde_json::json!(["front_grip"]), "{said}");
+        }
+    }
+    std::fs::write(path("envelope.toml"), "tyre_share = 3.0\n").expect("written");
+    let arguments = ["gap", "next", &path("short"), "--envelope", &path("envelope.toml"), "-o", &path("no")];
+    let refused = dreamstream(&arguments).output().expect("the binary runs");
+    let error = String::from_utf8_lossy(&refused.stderr);
+    assert!(refused.status.code() == Some(64) && error.contains("tyre_share"), "{error}");
+}

@@ -33,7 +33,7 @@ pub(crate) use data::{DataCommand, DataListArgs, DataRenderArgs, DataSheetArgs};
 pub(crate) use fleet::{CertsArgs, HealthArgs, ServeArgs, SubmitArgs, TopArgs, WhyArgs};
 pub(crate) use gap::{
     ApplyArgs, AttributeArgs, BaselineArgs, CloseArgs, DiagnoseArgs, EvaluateArgs, ExplainArgs, FleetArgs, GapCommand,
-    GapImportArgs, GapScoreArgs, WatchArgs,
+    GapImportArgs, GapScoreArgs, NextArgs, WatchArgs,
 };
 pub(crate) use measure::MeasureArgs;
 pub(crate) use policy::PolicyCommand;

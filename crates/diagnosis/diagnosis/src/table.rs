@@ -100,6 +100,17 @@ impl Table {
         Ok(())
     }
 
+    /// Returns the text of the table's file, every value to the bit.
+    #[must_use]
+    pub fn to_csv(&self) -> String {
+        let mut text = self.names.join(",") + "\n";
+        for row in 0..self.rows() {
+            let cells: Vec<String> = self.columns.iter().map(|column| column[row].to_string()).collect();
+            text += &(cells.join(",") + "\n");
+        }
+        text
+    }
+
     /// Returns a column, `None` if it is not there or wholly empty.
     #[must_use]
     pub fn column(&self, name: &str) -> Option<&[f64]> {

@@ -16,7 +16,7 @@ use ds_space::Draws;
 use rayon::prelude::*;
 
 /// Length of the log that is there beforehand, s.
-const LOG_SECS: f64 = 14.0;
+const LOG_SECS: f64 = 9.0;
 /// Probability below which a case is ambiguous.
 const AMBIGUOUS: f64 = 0.7;
 
@@ -76,7 +76,7 @@ fn one(seed: u64) -> Option<Driven> {
     let k = space.of(effect)[0];
     let parameter = space.coordinates[k].parameter;
     let (low, high) = parameter.slab;
-    let size = draws.range(1, 0.1, 0.5);
+    let size = draws.range(1, 0.08, 0.4);
     let both = low < parameter.neutral && parameter.scale != Scale::Limit && parameter.neutral.is_finite();
     let side = if both && draws.uniform(2) < 0.5 { low } else { high };
     vector[k] = if parameter.neutral.is_finite() {
@@ -90,7 +90,7 @@ fn one(seed: u64) -> Option<Driven> {
     synthetic::write_case(folder.path(), seed, &|plant| *plant = world()).expect("the case can be written");
     let whole = Case::read(folder.path()).expect("the case can be read");
     let log = (draws.below(3, 4)) as usize;
-    let start = whole.drives[log].start_secs + draws.range(4, 0.0, 18.0);
+    let start = whole.drives[log].start_secs + draws.range(4, 0.0, 24.0);
     let part = whole.drives[log].between(start, start + LOG_SECS);
     let entry = whole.meta.drives[log].clone();
     let meta = VehicleMeta { drives: vec![entry], suggested_split: None, ..whole.meta.clone() };

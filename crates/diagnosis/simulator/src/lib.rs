@@ -12,6 +12,7 @@ mod fields;
 mod foreign;
 mod message;
 mod process;
+mod reality;
 mod serve;
 mod twins;
 
@@ -19,4 +20,5 @@ pub use diagnose::diagnose;
 pub use error::SimulatorError;
 pub use message::{Hello, ParameterEntry, Reply, Request};
 pub use process::Process;
+pub use reality::Reality;
 pub use serve::{Served, serve};

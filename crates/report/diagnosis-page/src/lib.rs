@@ -13,6 +13,7 @@ use ds_page as markup;
 mod baseline;
 mod effects;
 mod embed;
+mod experiment;
 mod fleet;
 mod frames;
 mod further;
@@ -72,6 +73,18 @@ pub fn fleet(fleet: &ds_dynamics::fleet::Fleet, cases: &[Diagnosis]) -> String {
 #[must_use]
 pub fn fleet_text(fleet: &ds_dynamics::fleet::Fleet) -> String {
     fleet::text(fleet)
+}
+
+/// Returns the page of the next experiment.
+#[must_use]
+pub fn experiment(next: &ds_experiment::Next) -> String {
+    document(&format!("{} · what to drive next", next.case), |m| experiment::body(m, next))
+}
+
+/// Returns the next experiment as plain text for a terminal.
+#[must_use]
+pub fn experiment_text(next: &ds_experiment::Next) -> String {
+    experiment::text(next)
 }
 
 /// Returns a diagnosis as plain text for a terminal.

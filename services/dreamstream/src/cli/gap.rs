@@ -22,6 +22,9 @@ pub(crate) enum GapCommand {
     /// Say which vehicles of a fleet differ from the others, by which effect, and how common each effect is: nobody has to
     /// know which are healthy.
     Fleet(FleetArgs),
+    /// Design the run to drive next: the manoeuvre whose log would tell most of the effects apart that a diagnosis leaves open,
+    /// within an envelope; with --run drive it in a simulator that stands for reality, until one effect is sure.
+    Next(NextArgs),
     /// Measure on drives that a diagnosis never saw how far the gap shrinks with the effects added.
     Evaluate(EvaluateArgs),
     /// Check any CSV logs by a mapping file, say what looks wrong with them, and make a case of them.
@@ -134,6 +137,42 @@ pub(crate) struct FleetArgs {
     pub(crate) quick: bool,
     /// Where `fleet.json`, `fleet.html`, `CASE/diagnosis.json` and `CASE/report.html` go.
     #[arg(long, short, default_value = "out/fleet", value_hint = ValueHint::DirPath)]
+    pub(crate) out: PathBuf,
+}
+
+/// Arguments of `gap next`.
+#[derive(Debug, Args)]
+pub(crate) struct NextArgs {
+    /// Case folders with logs of a vehicle; folders of cases are opened.
+    #[arg(required = true, value_hint = ValueHint::DirPath)]
+    pub(crate) cases: Vec<PathBuf>,
+    /// What healthy drives of the vehicle say: a file of `gap baseline`, or a case of such drives.
+    #[arg(long, value_name = "FILE|CASE", value_hint = ValueHint::AnyPath)]
+    pub(crate) baseline: Option<PathBuf>,
+    /// Limits of accelerations, speed, tyres and place, as TOML (docs/gap-next.md); the built-in ones without.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(crate) envelope: Option<PathBuf>,
+    /// Drive it, add its log to a copy of the case, diagnose again, and so on: at most five runs.
+    #[arg(long)]
+    pub(crate) run: bool,
+    /// With --run: an effect of the car that stands for reality, beside the mismatch that every car has.
+    #[arg(long, value_name = "ID=VALUE", requires = "run")]
+    pub(crate) effect: Vec<String>,
+    /// With --run: its effects and its mismatch as a configuration of a run; the usual mismatch is then left out.
+    #[arg(long, value_name = "FILE", requires = "run", value_hint = ValueHint::FilePath)]
+    pub(crate) config: Option<PathBuf>,
+    /// With --run: a command that serves the car that stands for reality, see docs/simulators.md; `{case}` in it is the case's
+    /// folder. Actuators and sensors stay the built-in ones.
+    #[arg(long, value_name = "COMMAND", requires = "run")]
+    pub(crate) simulator: Option<String>,
+    /// Fast pass and single fits only.
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Seed of the search, of the draws of the envelope and of the noise of runs.
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Where `CASE/next.json`, `CASE/next.html` and `CASE/commands.csv` go, with --run the grown case as `CASE/case`.
+    #[arg(long, short, default_value = "out/next", value_hint = ValueHint::DirPath)]
     pub(crate) out: PathBuf,
 }
 

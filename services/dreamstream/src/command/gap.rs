@@ -3,6 +3,7 @@
 pub(crate) mod attribute;
 pub(crate) mod close;
 pub(crate) mod explain;
+pub(crate) mod next;
 pub(crate) mod watch;
 
 use std::path::{Path, PathBuf};
@@ -58,6 +59,7 @@ pub(crate) fn run(command: &GapCommand, log: &str) -> Result<()> {
         GapCommand::Fleet(args) => fleet(args),
         GapCommand::Diagnose(args) => diagnose_all(args, false),
         GapCommand::Discover(args) => diagnose_all(args, true),
+        GapCommand::Next(args) => next::run(args),
         GapCommand::Evaluate(args) => evaluate_one(args),
         GapCommand::Score(args) => score(args),
     }
