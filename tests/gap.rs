@@ -206,13 +206,15 @@ fn an_effect_of_a_run_is_diagnosed_from_its_vehicle_log_and_applied() {
 fn the_next_run_is_proposed_driven_and_added_to_a_copy_of_the_case() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = |name: &str| folder.path().join(name).display().to_string();
-    let grip = |plant: &mut ds_effect::Plant| (ds_effect::find("front_grip").expect("it is known").apply)(&[0.8], plant);
+    let grip =
+        |plant: &mut ds_effect::Plant| (ds_effect::find("front_grip").expect("it is known").apply)(&[0.8], plant);
     ds_dynamics::synthetic::write_case(&folder.path().join("whole"), 61, &grip).expect("the case can be written");
     // ten seconds of one drive leave more than one effect open
     std::fs::create_dir(folder.path().join("short")).expect("a folder");
     let text = std::fs::read_to_string(path("whole/drive_1.csv")).expect("a table");
     let rows: Vec<&str> = text.lines().collect();
-    std::fs::write(path("short/drive_1.csv"), format!("{}\n{}\n", rows[0], rows[190..391].join("\n"))).expect("written");
+    std::fs::write(path("short/drive_1.csv"), format!("{}\n{}\n", rows[0], rows[190..391].join("\n")))
+        .expect("written");
     let meta = std::fs::read_to_string(path("whole/meta.json")).expect("a description");
     let mut meta: Value = serde_json::from_str(&meta).expect("JSON");
     meta["drives"] = serde_json::json!([{ "file": "drive_1.csv" }]);
@@ -231,7 +233,9 @@ fn the_next_run_is_proposed_driven_and_added_to_a_copy_of_the_case() {
     let commands = std::fs::read_to_string(path("proposed/short/commands.csv")).expect("commands");
     assert!(commands.starts_with("t,cmd_steer,cmd_accel,planned_v\n") && commands.lines().count() > 300);
     assert!(std::fs::read_to_string(path("proposed/short/next.html")).expect("a page").contains("curve c1"));
-    for (more, out) in [(&["--run", "--effect", "front_grip=0.8"][..], "own"), (&["--run", "--simulator", &served], "served")] {
+    for (more, out) in
+        [(&["--run", "--effect", "front_grip=0.8"][..], "own"), (&["--run", "--simulator", &served], "served")]
+    {
         let (driven, said) = next(more, out);
         let runs = driven["runs"].as_array().expect("runs");
         assert!(!runs.is_empty() && runs.len() <= 5 && driven["ended"].is_string(), "{said}");

@@ -3,6 +3,7 @@
 //!
 //! [`Case::read`] tells the kinds apart, [`diagnose`] and [`evaluate`] are the one place that knows all diagnosers.
 
+pub mod alarms;
 pub mod baseline;
 pub mod case;
 pub mod closing;

@@ -137,12 +137,26 @@ pub fn window(
     vehicle: &VehicleParameters,
     case: &str,
 ) -> Result<ds_dynamics::case::Case, CaseError> {
+    case_of(readings, meta(vehicle, case))
+}
+
+/// Returns the description of a drive of a car, under the name of the case, without the drive.
+#[must_use]
+pub fn meta(vehicle: &VehicleParameters, case: &str) -> VehicleMeta {
+    VehicleMeta { case: case.to_owned(), ..VehicleMeta::new(Vec::new(), nominal(vehicle)) }
+}
+
+/// Makes a case of readings of one drive, as described.
+///
+/// # Errors
+/// If the readings make no sense.
+pub fn case_of(readings: &[Reading], meta: VehicleMeta) -> Result<ds_dynamics::case::Case, CaseError> {
     let rows: Vec<[f64; 12]> = readings.iter().map(Reading::to_array).collect();
     let column = |k: usize| rows.iter().map(|row| row[k]).collect();
     let columns = COLUMNS.iter().enumerate().map(|(k, name)| ((*name).to_owned(), column(k))).collect();
     let entry = DriveEntry { file: "drive.csv".to_owned(), ..DriveEntry::default() };
     let drive = Drive::new(&Table::new(&entry.file, columns)?, None, &entry)?;
-    let meta = VehicleMeta { case: case.to_owned(), ..VehicleMeta::new(vec![entry], nominal(vehicle)) };
+    let meta = VehicleMeta { drives: vec![entry], ..meta };
     meta.check()?;
     ds_dynamics::case::Case::new(meta, vec![drive])
 }

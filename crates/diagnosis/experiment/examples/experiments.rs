@@ -53,11 +53,14 @@ fn main() {
     println!("{drawn} drawn, {} ambiguous, truth among the hypotheses in {}", found.len(), known.len());
     println!("right and {ENOUGH} within 2 runs: {}", share(early(&all), found.len()));
     println!("the same where the truth was among the hypotheses: {}", share(early(&known), known.len()));
-    let fewer = |d: &&Driven| d.designed.1 && d.designed.2 && (!d.library.1 || !d.library.2 || d.designed.0 < d.library.0);
-    let worse = |d: &&Driven| d.library.1 && d.library.2 && (!d.designed.1 || !d.designed.2 || d.library.0 < d.designed.0);
+    let fewer =
+        |d: &&Driven| d.designed.1 && d.designed.2 && (!d.library.1 || !d.library.2 || d.designed.0 < d.library.0);
+    let worse =
+        |d: &&Driven| d.library.1 && d.library.2 && (!d.designed.1 || !d.designed.2 || d.library.0 < d.designed.0);
     println!("fewer runs than the library's order: {}", share(all.iter().filter(|d| fewer(d)).count(), found.len()));
     println!("more runs: {}", share(all.iter().filter(|d| worse(d)).count(), found.len()));
-    let (runs, violations) = (all.iter().map(|d| d.runs).sum::<usize>(), all.iter().map(|d| d.violations).sum::<usize>());
+    let (runs, violations) =
+        (all.iter().map(|d| d.runs).sum::<usize>(), all.iter().map(|d| d.violations).sum::<usize>());
     println!("runs that left the envelope: {}", share(violations, runs));
 }
 

@@ -57,9 +57,8 @@ struct Small {
 impl Small {
     fn of(normal: &Normal) -> Self {
         let count = normal.columns.len();
-        let over = |a: &[f64], b: &[f64]| {
-            a.iter().zip(b).zip(&normal.diagonal).map(|((a, b), d)| a * b / d).sum::<f64>()
-        };
+        let over =
+            |a: &[f64], b: &[f64]| a.iter().zip(b).zip(&normal.diagonal).map(|((a, b), d)| a * b / d).sum::<f64>();
         let mut matrix: DMatrix<f64> = DMatrix::identity(count, count);
         for i in 0..count {
             for j in 0..=i {

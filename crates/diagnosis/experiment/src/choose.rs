@@ -83,7 +83,8 @@ pub fn choose(
     let considered = considered.collect();
     let (from, best) = &tried[place];
     if best.nats < LEAST_NATS {
-        let text = format!("no manoeuvre within the envelope tells {LEAST_NATS} nat or more; the best tells {:.3}", best.nats);
+        let text =
+            format!("no manoeuvre within the envelope tells {LEAST_NATS} nat or more; the best tells {:.3}", best.nats);
         next.ended = Some(text);
     }
     next.planned = Some(Planned {
@@ -114,10 +115,7 @@ fn kept(standings: &[Standing]) -> Vec<Standing> {
 }
 
 /// Tries the library, then what an evolution strategy makes of its best, as long as simulated drives are left.
-fn search(
-    predictor: &mut Predictor<'_>,
-    settings: &Settings,
-) -> Result<Vec<(String, Expected)>, ExperimentError> {
+fn search(predictor: &mut Predictor<'_>, settings: &Settings) -> Result<Vec<(String, Expected)>, ExperimentError> {
     let heading = settings.envelope.site.and_then(|site| site.heading_rad);
     let turned = |design: Design| heading.map_or(design, |heading| design.pointing(heading));
     let mut tried = Vec::new();
@@ -259,7 +257,10 @@ fn curves(predictor: &Predictor<'_>, design: &Design) -> Vec<Curves> {
         each: driven
             .iter()
             .zip(predictor.standings)
-            .map(|(d, s)| Curve { effects: s.effects.clone(), values: thin(d.readings.iter().map(|r| r[channel]).collect()) })
+            .map(|(d, s)| Curve {
+                effects: s.effects.clone(),
+                values: thin(d.readings.iter().map(|r| r[channel]).collect()),
+            })
             .collect(),
         noise: noise(channel),
     };

@@ -62,8 +62,8 @@ impl Search {
         let damping = 1.0 + rate_step + 2.0 * (((effective - 1.0) / (count + 1.0)).sqrt() - 1.0).max(0.0);
         let rate_path = (4.0 + effective / count) / (count + 4.0 + 2.0 * effective / count);
         let rate_one = 2.0 / ((count + 1.3).powi(2) + effective);
-        let rate_rank = (1.0 - rate_one)
-            .min(2.0 * (effective - 2.0 + 1.0 / effective) / ((count + 2.0).powi(2) + effective));
+        let rate_rank =
+            (1.0 - rate_one).min(2.0 * (effective - 2.0 + 1.0 / effective) / ((count + 2.0).powi(2) + effective));
         let length = count.sqrt() * (1.0 - 0.25 / count + 1.0 / (21.0 * count * count));
         let steps: Vec<DVector<f64>> = best_first
             .iter()

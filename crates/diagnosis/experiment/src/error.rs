@@ -16,7 +16,9 @@ pub enum ExperimentError {
         expected: &'static str,
     },
     /// Nothing that was designed stays within the envelope.
-    #[error("none of {tried} manoeuvres stays within the envelope in all of {draws} draws; the last left it by {worst}")]
+    #[error(
+        "none of {tried} manoeuvres stays within the envelope in all of {draws} draws; the last left it by {worst}"
+    )]
     NoneHolds {
         /// Manoeuvres that were drawn.
         tried: usize,

@@ -64,11 +64,7 @@ impl<'a> Predictor<'a> {
     ///
     /// # Errors
     /// If a drive comes to nothing.
-    pub(crate) fn new(
-        case: &'a Case,
-        standings: &'a [Standing],
-        envelope: &Envelope,
-    ) -> Result<Self, ExperimentError> {
+    pub(crate) fn new(case: &'a Case, standings: &'a [Standing], envelope: &Envelope) -> Result<Self, ExperimentError> {
         let space = PartModel::new(case, Part::Ego, &[], &[]).space;
         let rest = [0.0; EGO];
         let mut made = Self { case, standings, space, envelope: *envelope, directions: Vec::new(), rest, rollouts: 0 };
@@ -97,7 +93,10 @@ impl<'a> Predictor<'a> {
                 let step = model.step(k);
                 moved[k] += step;
                 let shifted = model.residuals(&moved);
-                rows.column_mut(i).iter_mut().zip(shifted.iter().zip(&base)).for_each(|(c, (a, b))| *c = (a - b) / step);
+                rows.column_mut(i)
+                    .iter_mut()
+                    .zip(shifted.iter().zip(&base))
+                    .for_each(|(c, (a, b))| *c = (a - b) / step);
                 // a sensor reports the same drive otherwise
                 let sensor = self.space.effects[self.space.coordinates[k].effect].insertion == Insertion::Sensor;
                 self.rollouts += usize::from(!sensor);

@@ -98,7 +98,11 @@ pub fn run(
     let (mut runs, mut logs): (Vec<Run>, Vec<Table>) = (Vec::new(), Vec::new());
     let mut found: (Diagnosis, Vec<Standing>) = diagnose_leaving(&grown, &options);
     loop {
-        let mut next = choose(&grown, (&found.0, &found.1), &Settings { seed: settings.seed + runs.len() as u64, ..settings.clone() })?;
+        let mut next = choose(
+            &grown,
+            (&found.0, &found.1),
+            &Settings { seed: settings.seed + runs.len() as u64, ..settings.clone() },
+        )?;
         next.seed = settings.seed;
         if runs.len() == MOST_RUNS && next.ended.is_none() {
             next.ended = Some(format!("{MOST_RUNS} runs were driven"));

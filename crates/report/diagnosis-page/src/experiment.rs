@@ -158,9 +158,8 @@ fn manoeuvre(m: &mut Markup, next: &Next, planned: &Planned) {
                 Some(false) => "leaves it",
                 None => words::NOTHING,
             };
-            let row = |c: &ds_experiment::Considered| {
-                vec![c.from.clone(), words::figure(c.nats), holds(c.holds).to_owned()]
-            };
+            let row =
+                |c: &ds_experiment::Considered| vec![c.from.clone(), words::figure(c.nats), holds(c.holds).to_owned()];
             let rows: Vec<Vec<String>> = planned.considered.iter().map(row).collect();
             table(m, "Considered", &["manoeuvre", "nat", "envelope"], &rows);
         });
@@ -204,7 +203,12 @@ fn picture(m: &mut Markup, curves: &Curves) {
             let points: Vec<(f64, f64)> = curves.t.iter().zip(&curve.values).map(|(t, v)| (x(*t), y(*v))).collect();
             plot::path(m, &format!("curve {class}"), &points);
         }
-        plot::text(m, "tick begin", (RIGHT + 14.0, 60.0), &format!("noise of the sensor {}", words::figure(curves.noise)));
+        plot::text(
+            m,
+            "tick begin",
+            (RIGHT + 14.0, 60.0),
+            &format!("noise of the sensor {}", words::figure(curves.noise)),
+        );
         plot::text(m, "tick begin", (RIGHT + 14.0, HEIGHT - 12.0), "seconds");
     });
 }
@@ -291,7 +295,9 @@ mod tests {
     fn page_and_text_say_what_to_drive_and_what_it_tells_apart() {
         let next = next();
         let page = crate::experiment(&next);
-        for needed in ["van &lt;7&gt;", "Slalom, changed", "steering delay", "curve c0", "curve c1", "demand on the tyres"] {
+        for needed in
+            ["van &lt;7&gt;", "Slalom, changed", "steering delay", "curve c0", "curve c1", "demand on the tyres"]
+        {
             assert!(page.contains(needed), "{needed} is not on the page");
         }
         let said = text(&next);

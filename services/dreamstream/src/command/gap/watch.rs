@@ -1,30 +1,36 @@
 //! `gap watch`: diagnoses a drive while it goes on, in a sliding window, and says so on the bus and in a running viewer.
 //!
 //! What the car recorded is diagnosed against the nominal car of its scenario; with a reference stream it is the
-//! reference's log that counts as real, and the running drive stands for the nominal simulator. Each window gives one
+//! reference's log that counts as real, and the running drive stands for the nominal simulator; with a baseline the detector
+//! of recorded logs looks on, and windows are diagnosed from its first alarm on, against the baseline. Each window gives one
 //! message on topic `diagnosis`. A diagnosis runs beside the subscription: a slow one skips windows and holds nothing up.
 
 pub(super) mod recorded;
 
 use std::io::Write as _;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use ds_bus::BusSession;
+use ds_cases::alarms::Alarms;
 use ds_cases::logs;
 use ds_cases::message::{self, Against};
 use ds_cases::reference::{Reference, differences};
 use ds_cases::window::{self, Due, Window};
 use ds_diagnosis::{CaseError, Diagnosis};
+use ds_dynamics::baseline::Baseline;
+use ds_dynamics::watch::Alarm;
 use ds_dynamics::{Options, diagnose};
 use ds_process::heard::HeardDrive;
 use ds_process::onlooker;
 use ds_process::section::ProcessSection;
-use ds_space::{EpisodeId, InstanceId};
+use ds_space::{AttemptId, EpisodeId, InstanceId};
 use ds_topic::{Envelope, SceneMessage, World};
 use ds_wire::Body;
 use ds_wire::control as pb;
+use ds_world::Reading;
 use pb::runs_client::RunsClient;
 use tokio::task::JoinSet;
 
@@ -41,7 +47,9 @@ const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// # Errors
 /// If router, orchestrator or viewer cannot be reached, a drive has no vehicle log, or the reference cannot be read.
 pub(crate) async fn run(args: &WatchArgs) -> Result<()> {
-    ensure!(args.baseline.is_none(), "a baseline is for recorded cases, and none of the arguments is a folder");
+    let both = args.baseline.is_some() && args.reference.is_some();
+    ensure!(!both, "a baseline judges the drive's own log: leave --reference out");
+    let baseline = args.baseline.as_deref().map(|path| recorded::baseline(args, path)).transpose()?;
     args.connect.as_deref().map(viewer::reach).transpose()?;
     let log = args.reference.as_deref().filter(|given| Path::new(given).is_file());
     let log = log.map(|path| Reference::read(Path::new(path))).transpose()?;
@@ -67,6 +75,9 @@ pub(crate) async fn run(args: &WatchArgs) -> Result<()> {
         None => None,
     };
     let mut watch = Watch::new(args, &bus, &drive.scene, reference, shown)?;
+    if let Some(baseline) = baseline {
+        watch.against(baseline)?;
+    }
     let done = watch.follow(drive, other).await;
     watch.close(done).await
 }
@@ -111,6 +122,15 @@ struct Watch<'a> {
     shown: Option<Onlooker>,
     jobs: JoinSet<Made>,
     published: u64,
+    guard: Option<Guard>,
+}
+
+/// What healthy drives say of the drive: nothing is diagnosed before an alarm.
+struct Guard {
+    alarms: Alarms,
+    baseline: Arc<Baseline>,
+    raised: bool,
+    attempt: Option<AttemptId>,
 }
 
 impl<'a> Watch<'a> {
@@ -130,7 +150,16 @@ impl<'a> Watch<'a> {
         let publisher = ds_process::service::instance(&ProcessSection::default(), "gap")?;
         let window = Window::new(args.window, args.every);
         let jobs = JoinSet::new();
-        Ok(Self { args, bus, scene: scene.clone(), publisher, window, reference, shown, jobs, published: 0 })
+        let scene = scene.clone();
+        Ok(Self { args, bus, scene, publisher, window, reference, shown, jobs, published: 0, guard: None })
+    }
+
+    /// Watches for alarms against a baseline.
+    fn against(&mut self, baseline: Arc<Baseline>) -> Result<()> {
+        let meta = logs::meta(&self.scene.scene.vehicle, self.scene.spec.episode.as_str());
+        let alarms = Alarms::new(baseline.clone(), self.args.alarms_per_hour, meta)?;
+        self.guard = Some(Guard { alarms, baseline, raised: false, attempt: None });
+        Ok(())
     }
 
     /// Watches until the drive is over and its last window diagnosed.
@@ -157,6 +186,16 @@ impl<'a> Watch<'a> {
 
     fn take(&mut self, world: Envelope) -> Result<()> {
         let readings = World::from_bytes(&world.body).context("world")?.readings;
+        let found = match &mut self.guard {
+            // a window costs more than a task may hold its thread up for
+            Some(guard) => tokio::task::block_in_place(|| guard.take(world.header.attempt, &readings))?,
+            None => Vec::new(),
+        };
+        for alarm in found {
+            answer(&recorded::line(&alarm));
+            let line = serde_json::json!({ "t": alarm.secs, "alarm": alarm });
+            self.args.out.as_deref().map_or(Ok(()), |path| append(path, &line))?;
+        }
         self.window.take(world.header, readings);
         Ok(())
     }
@@ -178,7 +217,7 @@ impl<'a> Watch<'a> {
 
     /// Diagnoses the window in the background where one is due and none is under way.
     fn begin(&mut self, over: bool) {
-        if !self.jobs.is_empty() {
+        if !self.jobs.is_empty() || self.guard.as_ref().is_some_and(|guard| !guard.raised) {
             return;
         }
         let known_to = self.reference.as_ref().map_or(f64::INFINITY, Reference::known_to_secs);
@@ -194,9 +233,15 @@ impl<'a> Watch<'a> {
         let car = self.scene.scene.vehicle;
         let case =
             if against.reference.is_empty() { self.scene.spec.episode.to_string() } else { against.reference.clone() };
+        let baseline = self.guard.as_ref().map(|guard| guard.baseline.clone());
         self.jobs.spawn_blocking(move || {
             let options = Options { quick: true, without: Vec::new() };
-            Made { due, against, result: logs::window(&log, &car, &case).map(|case| diagnose(&case, &options)) }
+            let made = logs::window(&log, &car, &case);
+            let made = made.and_then(|case| match baseline {
+                Some(baseline) => case.against(baseline),
+                None => Ok(case),
+            });
+            Made { due, against, result: made.map(|case| diagnose(&case, &options)) }
         });
     }
 
@@ -215,12 +260,20 @@ impl<'a> Watch<'a> {
         self.bus.publish(&envelope).await?;
         self.published += 1;
         tell(&format!("{:.1} s", due.span.1), &found);
-        self.args.out.as_deref().map_or(Ok(()), |path| append(path, due.span.1, &found))
+        let line = serde_json::json!({ "t": due.span.1, "diagnosis": found });
+        self.args.out.as_deref().map_or(Ok(()), |path| append(path, &line))
     }
 
     /// Says what was shown.
     async fn close(self, done: Result<()>) -> Result<()> {
         done?;
+        if let Some(Guard { alarms: Alarms { watch, .. }, .. }) = &self.guard {
+            let rate = self.args.alarms_per_hour;
+            answer(&format!(
+                "{} windows judged against the baseline, {rate} false alarms an hour allowed",
+                watch.windows
+            ));
+        }
         answer(&format!("{} windows diagnosed", self.published));
         // What was put last is on its way before the session closes.
         self.bus.close().await.context("leave the bus")?;
@@ -231,10 +284,21 @@ impl<'a> Watch<'a> {
     }
 }
 
+impl Guard {
+    /// Takes what was recorded up to a state; another attempt at the episode begins anew.
+    fn take(&mut self, attempt: AttemptId, readings: &[Reading]) -> Result<Vec<Alarm>> {
+        if self.attempt.replace(attempt).is_some_and(|last| last != attempt) {
+            self.alarms.restart();
+        }
+        let found = self.alarms.take(readings)?;
+        self.raised |= !found.is_empty();
+        Ok(found)
+    }
+}
+
 /// Adds one line of JSON.
-fn append(path: &Path, now_secs: f64, diagnosis: &Diagnosis) -> Result<()> {
+fn append(path: &Path, line: &serde_json::Value) -> Result<()> {
     let failed = || format!("write {}", path.display());
     let mut file = std::fs::OpenOptions::new().create(true).append(true).open(path).with_context(failed)?;
-    let line = serde_json::json!({ "t": now_secs, "diagnosis": diagnosis });
     writeln!(file, "{line}").with_context(failed)
 }

@@ -1,12 +1,14 @@
 //! Recorded cases watched for alarms against a baseline: when, in which channels, and what a diagnosis says of the first.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
+use ds_cases::CasesError;
 use ds_cases::case::{Case, folders, names};
-use ds_cases::{CasesError, baseline};
 use ds_diagnosis::{Diagnosis, json};
 use ds_dynamics::Options;
+use ds_dynamics::baseline::Baseline;
 use ds_dynamics::watch::detector::STEPS_AN_HOUR;
 use ds_dynamics::watch::{Alarm, Watch};
 use ds_process::service::UsageError;
@@ -52,13 +54,10 @@ pub(in crate::command::gap) fn run(args: &WatchArgs) -> Result<()> {
     let path = args.baseline.as_deref();
     let path =
         path.ok_or_else(|| usage("recorded cases are watched against healthy ones: --baseline FILE".to_owned()))?;
-    let rate = args.alarms_per_hour;
-    if !(rate > 0.0 && rate < STEPS_AN_HOUR) {
-        return Err(usage(format!("--alarms-per-hour {rate} is not above 0 and below {STEPS_AN_HOUR}")));
-    }
+    let (rate, baseline) = (args.alarms_per_hour, baseline(args, path)?);
     let paths: Vec<PathBuf> = args.watched.iter().map(PathBuf::from).collect();
     let cases = folders(&paths)?;
-    let mut watch = Watch::new(baseline::open(path)?, rate)?;
+    let mut watch = Watch::new(baseline, rate)?;
     let bar = bar(cases.len() as u64, "cases");
     let (mut alarms, mut diagnosed): (Vec<Alarm>, Option<Diagnosed>) = (Vec::new(), None);
     let names = names(&cases);
@@ -90,7 +89,17 @@ pub(in crate::command::gap) fn run(args: &WatchArgs) -> Result<()> {
     args.out.as_deref().map_or(Ok(()), |path| Ok(json::write(&report, path)?))
 }
 
-fn line(alarm: &Alarm) -> String {
+/// Reads the baseline of a watch, whose rate of alarms must be one.
+pub(super) fn baseline(args: &WatchArgs, path: &Path) -> Result<Arc<Baseline>> {
+    let rate = args.alarms_per_hour;
+    if !(rate > 0.0 && rate < STEPS_AN_HOUR) {
+        return Err(UsageError(format!("--alarms-per-hour {rate} is not above 0 and below {STEPS_AN_HOUR}")).into());
+    }
+    Ok(ds_cases::baseline::open(path)?)
+}
+
+/// Returns an alarm in words.
+pub(super) fn line(alarm: &Alarm) -> String {
     let Alarm { case, file, secs, since_secs, hours, .. } = alarm;
     let channels: Vec<&str> = alarm.channels.iter().map(|(name, _)| name.as_str()).collect();
     let channels = channels.join(", ");
