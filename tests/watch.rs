@@ -130,6 +130,50 @@ fn a_drive_is_diagnosed_on_the_bus_while_it_goes_on() {
 }
 
 #[test]
+fn a_drive_is_watched_against_a_baseline_and_diagnosed_from_an_alarm_on() {
+    let fleet = Fleet::start(1);
+    let path = |name: &str| fleet.path(name).display().to_string();
+    let orchestrator = fleet.orchestrator();
+    let run = |arguments: &[&str]| {
+        let output = dreamstream(arguments).output().expect("the binary runs");
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    };
+    let names = ["11", "12", "13"].map(|seed| (seed, path(&format!("day-{seed}"))));
+    for (seed, out) in &names {
+        let to = ["submit", "--orchestrator", &orchestrator, "--out", out, "--seed", seed, "--vehicle-log"];
+        run(&[&to[..], &DRIVE].concat());
+    }
+    let logs = names.each_ref().map(|(_, out)| format!("{out}/real"));
+    let [cases, baseline, lines_at] = ["cases", "baseline.json", "lines.json"].map(path);
+    run(&["gap", "diagnose", &logs[0], &logs[1], &logs[2], "--quick", "--no-pages", "--out", &cases]);
+    let tables = names.each_ref().map(|(seed, _)| format!("{cases}/cases/day-{seed}"));
+    run(&["gap", "baseline", &tables[0], &tables[1], &tables[2], "-o", &baseline]);
+
+    // eight seconds hold few windows: the rate is one that they can reach, or one that they cannot
+    let watched = |seed: &str, rate: &str, effects: &[&str]| {
+        let log = format!("watch-{seed}.log");
+        let more = [&format!("s{seed}"), "--baseline", &baseline, "--alarms-per-hour", rate, "-o", &lines_at];
+        let mut watch = fleet.watch(&more, &log);
+        let driven = fleet.submit(&[&["--seed", seed, "--vehicle-log"][..], effects].concat());
+        assert!(driven.status.success(), "{}", String::from_utf8_lossy(&driven.stderr));
+        let (status, said) = (ended(&mut watch), fleet.log(&log));
+        assert!(status.success() && said.contains("windows judged against the baseline"), "{said}");
+        (lines(fleet.path("lines.json").as_path()), said)
+    };
+    let (told, said) = watched("14", "1", &[]);
+    assert!(told.is_empty() && said.contains("0 windows diagnosed"), "{said}");
+    let (told, said) = watched("15", "890", &["--effect", "gyro_bias=0.1", "--effect", "steer_delay=0.3"]);
+    let channels = told[0]["alarm"]["channels"].as_array().expect("an alarm");
+    assert!(
+        channels.iter().any(|c| text(&c[0]) == "yaw_rate") && told.last().is_some_and(|l| l["diagnosis"].is_object()),
+        "{said}"
+    );
+    let refused = ["gap", "watch", "s1", "--baseline", &baseline, "--reference", "s2"];
+    let refused = dreamstream(&refused).output().expect("the binary runs");
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("leave --reference out"), "{refused:?}");
+}
+
+#[test]
 fn top_sees_who_works_and_who_was_killed() {
     let mut fleet = Fleet::start(1);
     let orchestrator = fleet.orchestrator();
