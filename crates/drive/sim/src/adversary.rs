@@ -169,7 +169,7 @@ impl Hunter {
         if self.state.planned && ground.as_logged(world) {
             return;
         }
-        let ego = forecast_ego(world, &ground.vehicle, ground.dt_secs);
+        let ego = forecast_ego(world, &ground.vehicle, (ground.dt_secs, ground.route.as_ref()));
         let others = ground.forecast_others(world);
         let aims = ground.aims();
         let now = Aim { acceleration_mps2: self.state.control.acceleration_mps2, ..self.state.aim };
@@ -177,6 +177,11 @@ impl Hunter {
         let held = if self.state.planned { ground.planned_ahead(world.tick) } else { ground.driven(moving, now) };
         let held_is_sound = self.state.planned || ground.sound(&held, &others);
         let cost = |boxes: &[OrientedBox], effort: f64| ground.cost(boxes, &ego, (world.tick, effort));
+        // What it last chose left the ego a way out. If none is left now, the ego has let it pass: it goes on.
+        let shield = (ground.adversary.mode == AdversaryMode::Reactive)
+            .then(|| Escapes::of(world, &ground.vehicle, &others, &|body| ground.on_road(body)));
+        let allowed = |boxes: &[OrientedBox]| shield.as_ref().is_none_or(|escapes| escapes.remain(boxes));
+        let due = allowed(&held);
         let mut choices: Vec<(f64, Option<Aim>, Vec<OrientedBox>)> = vec![(cost(&held, 0.0), None, held)];
         if self.state.reaims < ground.adversary.budget.reaims {
             for aim in aims {
@@ -189,12 +194,7 @@ impl Hunter {
         }
         // Sorting is stable: going on as before goes first among equals.
         choices.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let chosen = if ground.adversary.mode == AdversaryMode::Reactive {
-            let escapes = Escapes::of(world, &ground.vehicle, &others, &|body| ground.on_road(body));
-            choices.iter().find(|(.., boxes)| escapes.remain(boxes))
-        } else {
-            choices.first()
-        };
+        let chosen = choices.iter().find(|(.., boxes)| due && allowed(boxes));
         if let Some((_, Some(aim), _)) = chosen {
             self.state.aim = *aim;
             self.state.planned = false;

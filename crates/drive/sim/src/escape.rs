@@ -3,8 +3,8 @@
 //! Each escape holds a longitudinal and a lateral acceleration in the ego's frame of now; the body keeps its heading. A
 //! sample can only miss ways out, so what it leaves open is open. World frame, ticks of 0.1 s.
 
-use ds_space::plane::OrientedBox;
-use ds_space::{DVec2, PoseSe2};
+use ds_space::plane::{OrientedBox, Path};
+use ds_space::{DVec2, PoseSe2, angle};
 use ds_vehicle::{Control, Rolling};
 use ds_world::{VehicleParameters, WorldState};
 
@@ -16,6 +16,10 @@ const LONGITUDINAL_MPS2: [f64; 5] = [-7.6, -5.0, -2.5, 0.0, 2.5];
 const LATERAL_MPS2: [f64; 5] = [-4.0, -2.0, 0.0, 2.0, 4.0];
 /// How long the lateral acceleration lasts before it is taken back as long.
 const SIDEWAYS_TICKS: usize = 8;
+/// An ego that is farther from its route, or more turned from it, is not on it, in metres and radians.
+const ON_ROUTE: (f64, f64) = (4.0, 1.0);
+/// After so long the forecast ego is on its route, in seconds.
+const ROUTE_SECS: f64 = 2.0;
 
 /// The ways out that are on the road and clear of others.
 pub(crate) struct Escapes {
@@ -85,11 +89,22 @@ fn way_out(world: &WorldState, vehicle: &VehicleParameters, (ahead, aside): (f64
     (0..TICKS).map(step).collect()
 }
 
-/// Returns the ego's bodies of the next ticks at constant acceleration and turn rate, from its executed state.
-pub(crate) fn forecast_ego(world: &WorldState, vehicle: &VehicleParameters, dt_secs: f64) -> Vec<OrientedBox> {
+/// Returns the ego's bodies of the next ticks from its executed state: at constant acceleration and turn rate, which go over
+/// into its route.
+pub(crate) fn forecast_ego(
+    world: &WorldState,
+    vehicle: &VehicleParameters,
+    (dt_secs, route): (f64, Option<&Path>),
+) -> Vec<OrientedBox> {
     let ego = &world.ego;
     let mut car = Rolling { pose: ego.pose, speed_mps: ego.speed_mps().max(0.0) };
     let bend_pm = if car.speed_mps > 0.5 { ego.yaw_rate_radps / car.speed_mps } else { 0.0 };
+    let on_route = route.and_then(|route| {
+        let foot = route.nearest(ego.pose.position);
+        let turned_rad = angle::turn(route.heading_rad(foot.station_m), ego.pose.heading_rad);
+        (foot.left_m.abs() < ON_ROUTE.0 && turned_rad.abs() < ON_ROUTE.1).then_some((route, foot))
+    });
+    let mut way_m = 0.0;
     let step = |i: usize| {
         // Acceleration fades: nobody brakes for three seconds because of one moment.
         let fade = (1.0 - i as f64 * dt_secs / 1.5).max(0.0);
@@ -97,10 +112,22 @@ pub(crate) fn forecast_ego(world: &WorldState, vehicle: &VehicleParameters, dt_s
             acceleration_mps2: ego.acceleration_mps2.x.clamp(-8.0, 3.0) * fade,
             curvature_pm: bend_pm.clamp(-0.2, 0.2),
         };
+        let before_mps = car.speed_mps;
         car = car.forwards(control, dt_secs);
+        way_m += 0.5 * (before_mps + car.speed_mps) * dt_secs;
+        let share = ((i + 1) as f64 * dt_secs / ROUTE_SECS).min(1.0);
+        let pose = on_route.as_ref().map_or(car.pose, |(route, foot)| {
+            let on = route.pose(foot.station_m + way_m);
+            let beside = on.position + on.left() * (foot.left_m * (1.0 - share));
+            let turn_rad = angle::turn(car.pose.heading_rad, on.heading_rad);
+            PoseSe2 {
+                position: car.pose.position.lerp(beside, share),
+                heading_rad: angle::wrap(car.pose.heading_rad + share * turn_rad),
+            }
+        });
         let centre = PoseSe2 {
-            position: car.pose.position + car.pose.forward() * vehicle.rear_axle_to_centre_m,
-            heading_rad: car.pose.heading_rad,
+            position: pose.position + pose.forward() * vehicle.rear_axle_to_centre_m,
+            heading_rad: pose.heading_rad,
         };
         OrientedBox::new(&centre, vehicle.size.length_m, vehicle.size.width_m)
     };

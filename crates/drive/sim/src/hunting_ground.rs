@@ -2,7 +2,7 @@
 //!
 //! Made once of a scene and shared by all copies of a simulation. World frame, SI units.
 
-use ds_space::plane::{Grid, IndexedPolygon, Line, OrientedBox};
+use ds_space::plane::{Grid, IndexedPolygon, Line, OrientedBox, Path};
 use ds_space::{DVec2, PoseSe2, Tick, angle};
 use ds_vehicle::{Control, Rolling};
 use ds_world::{Adversary, AgentState, Scene, TrackPoint, VehicleParameters, WorldState};
@@ -36,6 +36,8 @@ pub(crate) struct Ground {
     pub(crate) points: Vec<TrackPoint>,
     /// Where the ego was logged: the plan is made for that.
     logged: Vec<DVec2>,
+    /// Where the ego is to go.
+    pub(crate) route: Option<Path>,
     length_m: f64,
     width_m: f64,
     corridor: Line,
@@ -72,6 +74,7 @@ impl Ground {
             adversary: adversary.clone(),
             vehicle: scene.vehicle,
             logged: scene.ego_log.iter().map(|ego| ego.pose.position).collect(),
+            route: Path::new(&scene.route),
             length_m: track.size.length_m,
             width_m: track.size.width_m,
             corridor: Line::new(&adversary.corridor)?,

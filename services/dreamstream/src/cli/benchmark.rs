@@ -1,5 +1,6 @@
 //! Arguments of `benchmark`: sets, the drives of their cells on any number of machines, one result, its report.
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum, ValueHint};
@@ -76,6 +77,9 @@ pub(crate) enum BenchmarkCommand {
         /// Skip cells that ended in these folders.
         #[arg(long, value_hint = ValueHint::DirPath, num_args = 1..)]
         done: Vec<PathBuf>,
+        /// Answer Prometheus at this address of loopback while the drives go on. See docs/metrics.md.
+        #[arg(long, value_name = "ADDRESS")]
+        metrics: Option<SocketAddr>,
     },
     /// Put the results of several runs into one, in any order; missing cells are listed.
     Merge {
@@ -342,6 +346,9 @@ pub(crate) struct RunArgs {
     /// Where an external policy connects to, such as tcp/127.0.0.1:7447.
     #[arg(long, value_name = "ENDPOINT")]
     pub policy_listen: Option<String>,
+    /// Answer Prometheus at this address of loopback, such as 127.0.0.1:9464, while the drives go on. See docs/metrics.md.
+    #[arg(long, value_name = "ADDRESS")]
+    pub metrics: Option<SocketAddr>,
     /// Where results go; a folder that holds some is refused.
     #[arg(long, short, default_value = "out/benchmark", value_hint = ValueHint::DirPath)]
     pub out: PathBuf,

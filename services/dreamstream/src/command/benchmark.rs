@@ -68,8 +68,8 @@ fn dispatch(command: &BenchmarkCommand, log: &str) -> Result<Ended> {
         BenchmarkCommand::Review(args) => review::run(args),
         BenchmarkCommand::Plan { what, rate, machines } => ask::plan(what, *rate, *machines),
         BenchmarkCommand::Run(args) => drive::run(args),
-        BenchmarkCommand::Resume { out, shard, workers, done } => {
-            drive::resume(out, (shard.as_deref(), *workers), done)
+        BenchmarkCommand::Resume { out, shard, workers, done, metrics } => {
+            drive::resume(out, (shard.as_deref(), *workers), &drive::Now { done, metrics: *metrics })
         }
         BenchmarkCommand::Merge { folders, force, out } => {
             let merged = ds_benchmark::merge(folders, out, *force)?;

@@ -152,9 +152,9 @@ fn filtered(args: &BaseArgs, all: Manifest) -> Result<Option<Manifest>> {
     sheet.place.keep = Keep::None;
     sheet.place.workers = workers(args.workers, usize::MAX);
     let ended = if folder.join(ds_benchmark::sheet::FILE).exists() {
-        drive::resume(&folder, (None, args.workers), &[])?
+        drive::resume(&folder, (None, args.workers), &drive::Now::default())?
     } else {
-        drive::begin(&folder, &sheet, &sets)?
+        drive::begin(&folder, &sheet, &sets, &drive::Now::default())?
     };
     if ended == Ended::Interrupted {
         return Ok(None);

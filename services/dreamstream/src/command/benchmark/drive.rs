@@ -4,6 +4,7 @@
 //! whatever shard it is then. Cells whose episodes bear one name (other agents, other scorer) never share a folder.
 
 use std::collections::BTreeMap;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -49,6 +50,15 @@ struct Due {
     file: PathBuf,
 }
 
+/// What holds for this process alone and is no part of the benchmark.
+#[derive(Debug, Default)]
+pub(super) struct Now<'a> {
+    /// Folders of cells that ended elsewhere.
+    pub done: &'a [PathBuf],
+    /// Where Prometheus asks.
+    pub metrics: Option<SocketAddr>,
+}
+
 /// Runs `run`.
 ///
 /// # Errors
@@ -60,14 +70,14 @@ pub(super) fn run(args: &RunArgs) -> Result<Ended> {
     sheet.place.workers = workers(args.workers, usize::MAX);
     sheet.place.keep = args.keep.into();
     sheet.place.policy_listen.clone_from(&args.policy_listen);
-    begin(&args.out, &sheet, &sets)
+    begin(&args.out, &sheet, &sets, &Now { metrics: args.metrics, ..Now::default() })
 }
 
 /// Drives a sheet in a folder that holds no results yet.
 ///
 /// # Errors
 /// If anything is refused, or the fleet is lost.
-pub(super) fn begin(out: &Path, sheet: &Sheet, sets: &[Manifest]) -> Result<Ended> {
+pub(super) fn begin(out: &Path, sheet: &Sheet, sets: &[Manifest], now: &Now<'_>) -> Result<Ended> {
     check(sheet)?;
     let held = run_folder::take(out, Earlier::Resumed)?;
     ensure!(
@@ -76,14 +86,14 @@ pub(super) fn begin(out: &Path, sheet: &Sheet, sets: &[Manifest]) -> Result<Ende
         out.display()
     );
     sheet.save(sets, out)?;
-    go_on(&held, out, (sheet, sets), &[])
+    go_on(&held, out, (sheet, sets), now)
 }
 
 /// Runs `resume`.
 ///
 /// # Errors
 /// As for [`run`], and if the folder holds no benchmark.
-pub(super) fn resume(out: &Path, (shard, by): (Option<&str>, Option<u32>), done: &[PathBuf]) -> Result<Ended> {
+pub(super) fn resume(out: &Path, (shard, by): (Option<&str>, Option<u32>), now: &Now<'_>) -> Result<Ended> {
     ensure!(out.join(FILE).exists(), "{} holds no benchmark: there is no {FILE}", out.display());
     let held = run_folder::take(out, Earlier::Resumed)?;
     let (mut sheet, sets) = Sheet::load(out)?;
@@ -91,7 +101,7 @@ pub(super) fn resume(out: &Path, (shard, by): (Option<&str>, Option<u32>), done:
     sheet.place.workers = by.map_or(sheet.place.workers, |by| workers(Some(by), usize::MAX));
     check(&sheet)?;
     sheet.save(&sets, out)?;
-    go_on(&held, out, (&sheet, &sets), done)
+    go_on(&held, out, (&sheet, &sets), now)
 }
 
 /// Returns the policies that connect from outside.
@@ -123,7 +133,7 @@ fn check(sheet: &Sheet) -> Result<()> {
 }
 
 /// Drives what is left; the folder is held.
-fn go_on(_held: &Held, out: &Path, (sheet, sets): (&Sheet, &[Manifest]), done: &[PathBuf]) -> Result<Ended> {
+fn go_on(_held: &Held, out: &Path, (sheet, sets): (&Sheet, &[Manifest]), now: &Now<'_>) -> Result<Ended> {
     let mut seen: BTreeMap<String, (bool, u32)> = BTreeMap::new();
     let mut note = |record: &Record| {
         let (ended, rounds) = seen.entry(record.key.clone()).or_default();
@@ -135,7 +145,7 @@ fn go_on(_held: &Held, out: &Path, (sheet, sets): (&Sheet, &[Manifest]), done: &
     if let Some(Torn { path, from }) = torn {
         answer(&format!("torn last line cut off at byte {from}: {}", path.display()));
     }
-    for folder in done {
+    for folder in now.done {
         record::read(folder, |_, record| {
             if record.ended() {
                 note(&record);
@@ -168,7 +178,7 @@ fn go_on(_held: &Held, out: &Path, (sheet, sets): (&Sheet, &[Manifest]), done: &
         let mut aborted = 0;
         for (name, due) in groups {
             let (folder, look) = (out.join("work").join(name), look.clone());
-            let group = Group { sheet, out, folder, look, bar: &bar, drain: &drain };
+            let group = Group { sheet, out, folder, look, metrics: now.metrics, bar: &bar, drain: &drain };
             match group.drive(due, &mut writer).await? {
                 Some(more) => aborted += more,
                 None => return Ok(None),
@@ -228,6 +238,7 @@ struct Group<'a> {
     folder: PathBuf,
     /// Says whether conditions are on generated frames, where some are to be.
     look: Option<Arc<LookReader>>,
+    metrics: Option<SocketAddr>,
     bar: &'a ProgressBar,
     drain: &'a Drain,
 }
@@ -330,6 +341,7 @@ impl Group<'_> {
             policy_weights: place.policy_weights.clone(),
             workers: Some(place.workers),
             policy_listen: place.policy_listen.clone(),
+            metrics: self.metrics,
             out: self.folder.clone(),
             ..RunPlan::default()
         })
