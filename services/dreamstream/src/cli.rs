@@ -25,7 +25,7 @@ mod run_plan;
 mod study;
 mod video;
 
-pub(crate) use adverse::AdverseArgs;
+pub(crate) use adverse::{AdverseArgs, Arm};
 pub(crate) use benchmark::{
     BaseArgs, BehaviorArgs, BenchmarkArgs, BenchmarkCommand, BuildCommand, CellArgs, ReviewArgs, RunArgs, ScaleArgs,
 };

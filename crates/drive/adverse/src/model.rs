@@ -27,6 +27,8 @@ const OFFSET_M: [f64; OFFSETS - 1] = [-0.8, -0.25, 0.25, 0.8];
 const ERROR_RAD: [f64; OFFSETS - 1] = [-0.08, -0.02, 0.02, 0.08];
 /// Accelerations that stand for the bins, in metres per second squared.
 pub(crate) const ACCELERATIONS_MPS2: [f64; RATES] = [-5.5, -3.4, -1.8, -0.7, 0.0, 0.55, 1.1, 1.9, 2.8];
+/// Yaw rates that stand for the bins, in radians per second.
+const YAW_RATES_RADPS: [f64; RATES] = [-0.6, -0.3, -0.13, -0.045, 0.0, 0.045, 0.13, 0.3, 0.6];
 /// The prior: so many transitions, spread over all moves.
 const PRIOR: f64 = 8.0;
 const FORMAT: &str = "dreamstream-motion-model 1";
@@ -200,6 +202,22 @@ impl MotionModel {
         let count = f64::from(self.counts[state * MOVES + moves]);
         let sum = f64::from(self.before[state / MOVES * MOVES + moves]);
         -((count + PRIOR / MOVES as f64) / (sum + PRIOR)).ln()
+    }
+
+    /// Returns a step before another by its backward chance and a number between 0 and 1, the speed between them given.
+    pub(crate) fn drawn_before(&self, speed_mps: f64, after: &Step, uniform: f64) -> Step {
+        let mut step = Step { speed_mps, acceleration_mps2: 0.0, yaw_rate_radps: 0.0 };
+        let mut left = uniform;
+        for acceleration_mps2 in ACCELERATIONS_MPS2 {
+            for yaw_rate_radps in YAW_RATES_RADPS {
+                step = Step { speed_mps, acceleration_mps2, yaw_rate_radps };
+                left -= (-self.backwards(&step, after)).exp();
+                if left < 0.0 {
+                    return step;
+                }
+            }
+        }
+        step
     }
 
     /// Returns −ln of the chance of a yaw rate beyond that of the lane, at a place in the lane.

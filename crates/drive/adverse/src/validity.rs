@@ -23,6 +23,8 @@ const START_TURNED_DEG: f64 = 30.0;
 const LATE_TICKS: u32 = 3;
 const CLOSING_MPS: f64 = 2.0;
 const OTHERS_M: f64 = 0.2;
+/// Where no lane says how fast.
+const FASTEST_MPS: f64 = 25.0;
 
 /// Why a candidate is no variant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -76,7 +78,8 @@ impl fmt::Display for Rejection {
 
 /// A drive from the first tick to the last, with what it is meant for.
 pub(crate) struct Candidate<'a> {
-    pub way: &'a Way,
+    /// The way that it follows, if it follows one.
+    pub way: Option<&'a Way>,
     pub states: &'a [Rolling],
     pub controls: &'a [Control],
     pub contact: u32,
@@ -96,7 +99,8 @@ pub(crate) fn check_drive(stage: &Stage<'_>, candidate: &Candidate<'_>, hand_ove
         }
     }
     let most_mps = |car: &Rolling| {
-        Limits::SPEEDING * candidate.way.limit_mps(candidate.way.beside(car.pose.position, 0).station_m)
+        let limit_mps = |way: &Way| way.limit_mps(way.beside(car.pose.position, 0).station_m);
+        candidate.way.map_or(FASTEST_MPS, |way| Limits::SPEEDING * limit_mps(way))
     };
     let base = (stage.body.wheel_base_m(), stage.dt_secs);
     if limits::beyond(candidate.states, candidate.controls, base, &most_mps).is_some() {

@@ -17,7 +17,7 @@ use crate::stage::Stage;
 use crate::validity::{Candidate, Rejection, check_contact, check_drive};
 
 /// Ticks after hand-over that are scored: contact lies within.
-const SCORED_TICKS: u32 = 80;
+pub(crate) const SCORED_TICKS: u32 = 80;
 const LEAST_WAY_M: f64 = 20.0;
 /// The attack begins so long before the contact.
 const ATTACK_TICKS: u32 = 30;
@@ -151,7 +151,7 @@ pub fn adversary_digest(scene: &Scene) -> Option<Digest> {
     Some(writer.finish())
 }
 
-fn check_scene(scene: &Scene, options: &Options) -> Result<(), Refusal> {
+pub(crate) fn check_scene(scene: &Scene, options: &Options) -> Result<(), Refusal> {
     let dt_secs = scene.dt.secs();
     if (dt_secs - 0.1).abs() > 1e-9 {
         return Err(Refusal::TimeStep { dt_secs });
@@ -219,13 +219,14 @@ fn complete(
 ) -> Result<Vec<Rolling>, Rejection> {
     let mut states = beam::driven(stage, drive);
     let controls = beam::brake(stage, way, drive, &mut states);
-    let candidate = Candidate { way, states: &states, controls: &controls, contact: target.tick };
+    let candidate = Candidate { way: Some(way), states: &states, controls: &controls, contact: target.tick };
     check_drive(stage, &candidate, hand_over)?;
     Ok(states)
 }
 
 fn finish(stage: &Stage<'_>, found: &Found<'_>, class: CrashClass, options: &Options) -> Result<Variant, Rejection> {
-    let (scene, agent) = with_track(stage, found, class, options)?;
+    let attack = Attack { contact: found.target.tick, corridor: corridor(found), states: &found.states };
+    let (scene, agent) = with_track(stage, &attack, class, options)?;
     let scene = Arc::new(scene);
     let planned = Tick(found.target.tick);
     let met = check_contact(stage, &scene, agent, (class, planned))?;
@@ -258,10 +259,17 @@ fn corridor(found: &Found<'_>) -> Vec<DVec2> {
     points
 }
 
+/// A drive that is to be an adversary's.
+pub(crate) struct Attack<'a> {
+    pub contact: u32,
+    pub corridor: Vec<DVec2>,
+    pub states: &'a [Rolling],
+}
+
 /// Adds the adversary to the scene as a track, as its file would be loaded.
-fn with_track(
+pub(crate) fn with_track(
     stage: &Stage<'_>,
-    found: &Found<'_>,
+    attack: &Attack<'_>,
     class: CrashClass,
     options: &Options,
 ) -> Result<(Scene, AgentId), Rejection> {
@@ -274,7 +282,7 @@ fn with_track(
         name: "adversary".to_owned(),
         class: AgentClass::Vehicle,
         size: stage.body.size,
-        points: found.states.iter().map(point).collect(),
+        points: attack.states.iter().map(point).collect(),
     });
     scene.name = format!("{}__{}", scene.name, class.name());
     if scene.name.len() > LONGEST_NAME {
@@ -282,7 +290,7 @@ fn with_track(
     }
     class.name().clone_into(&mut scene.family);
     scene.origin.source = format!("{}; adversary {}, seed {}", scene.origin.source, class.name(), options.seed);
-    let contact = Tick(found.target.tick);
+    let contact = Tick(attack.contact);
     scene.adversary = Some(Adversary {
         track: agent,
         class,
@@ -290,7 +298,7 @@ fn with_track(
         attack: Tick(contact.0.saturating_sub(ATTACK_TICKS).max(options.hand_over.0)),
         contact,
         budget: options.budget,
-        corridor: corridor(found),
+        corridor: attack.corridor.clone(),
     });
     let checked = ds_scenario::checked(&scene).map_err(|_| Rejection::Format)?;
     Ok((checked, agent))

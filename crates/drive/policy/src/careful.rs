@@ -1,6 +1,6 @@
 //! Privileged: drives as `idm`, and brakes hard where a collision comes nearer.
 //!
-//! It acts on the world of 0.8 s ago. If what `idm` would have driven from there touches anybody ahead within 4 s, all others
+//! It acts on the world of 0.8 s ago. If what `idm` would have driven from there touches anybody ahead within 2.8 s, all others
 //! keeping speed and turn rate, it brakes by 12.65 m/s³ to 7.59 m/s², the model driver of UN R157; it never steers aside.
 
 use ds_space::plane::OrientedBox;
@@ -18,8 +18,8 @@ pub const NAME: &str = Anchor::Careful.name();
 
 /// How late it acts, in ticks.
 const REACTION_TICKS: u32 = 8;
-/// How far ahead a collision is feared, in seconds.
-const FEARED_SECS: f64 = 4.0;
+/// How far ahead a collision is feared, in seconds: 2 s from when it acts, the time to collision of a real danger in UN R157.
+const FEARED_SECS: f64 = 2.8;
 /// Jerk and deceleration of its braking, in m/s³ and m/s².
 const BRAKING: (f64, f64) = (12.65, 7.59);
 

@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{Args, ValueHint};
+use clap::{Args, ValueEnum, ValueHint};
+use ds_adverse::{Built, MotionModel, Options, Refusal, published, variants};
 use ds_process::shipped;
-use ds_world::{AdversaryMode, CrashClass};
+use ds_world::{AdversaryMode, CrashClass, Scene};
 
 const EXAMPLES: &str = "Examples:
   dreamstream scenario adverse scenarios/base -o out/adverse      all classes, motion model fitted on generated traffic
@@ -36,6 +37,10 @@ pub(crate) struct AdverseArgs {
     #[arg(long, default_value = "reactive", value_parser = PossibleValuesParser::new(AdversaryMode::ALL.map(AdversaryMode::name))
         .map(|name| AdversaryMode::from_name(&name).expect("only names of modes pass")))]
     pub mode: AdversaryMode,
+    /// How adversaries are found: `own`, or `advbmt-default`, an arm for comparison with the collision states and the filter that
+    /// Adv-BMT is released with, and mode replay.
+    #[arg(long, value_enum, default_value = "own")]
+    pub arm: Arm,
     /// Do not ask whether an expert can avoid the contact.
     #[arg(long)]
     pub unsolved: bool,
@@ -45,4 +50,39 @@ pub(crate) struct AdverseArgs {
     /// The tick at which the policy takes over; contact is planned 30 to 70 ticks later.
     #[arg(long, default_value_t = 20)]
     pub hand_over: u32,
+}
+
+/// How adversaries are found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Arm {
+    /// This project's search: checked and solved by an expert.
+    Own,
+    /// Collision states and filter of Adv-BMT as it is released: neither checked nor solved.
+    AdvbmtDefault,
+}
+
+impl Arm {
+    /// Returns the name on the command line.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Own => "own",
+            Self::AdvbmtDefault => "advbmt-default",
+        }
+    }
+
+    /// Returns the mode that adversaries of this arm have where another one is asked for.
+    pub(crate) fn mode(self, asked: AdversaryMode) -> AdversaryMode {
+        if self == Self::Own { asked } else { AdversaryMode::Replay }
+    }
+
+    /// Searches the variants of a scenario.
+    ///
+    /// # Errors
+    /// As for [`variants`].
+    pub(crate) fn search(self, scene: &Scene, model: &MotionModel, options: &Options) -> Result<Built, Refusal> {
+        match self {
+            Self::Own => variants(scene, model, options),
+            Self::AdvbmtDefault => published(scene, model, options),
+        }
+    }
 }

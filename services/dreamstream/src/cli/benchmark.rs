@@ -10,6 +10,7 @@ use ds_topic::{ObservationSource, ProposalScorer};
 use ds_video::Backend;
 use ds_world::{AdversaryMode, AgentMode, TrackerKind};
 
+use super::adverse::Arm;
 use super::{agents, backend, named};
 
 const HELP: &str =
@@ -232,6 +233,10 @@ pub(crate) struct BehaviorArgs {
     /// What the adversaries do about an ego that leaves its log: replay, reactive or reactive-unshielded.
     #[arg(long, default_value = "reactive", value_parser = named(AdversaryMode::ALL.map(AdversaryMode::name), AdversaryMode::from_name))]
     pub mode: AdversaryMode,
+    /// How adversaries are found: `own`, or `advbmt-default`, an arm for comparison with the collision states and the filter that
+    /// Adv-BMT is released with, and mode replay; nobody has to solve it.
+    #[arg(long, value_enum, default_value = "own")]
+    pub arm: Arm,
     /// Only every so many-th scenario.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub every: u32,

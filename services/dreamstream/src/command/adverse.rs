@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use ds_adverse::{Built, MotionModel, Options, Refusal, Solution, Variant, variants};
+use ds_adverse::{Built, MotionModel, Options, Refusal, Solution, Variant};
 use ds_space::Tick;
 use ds_world::{CrashClass, Scene};
 use rayon::prelude::*;
@@ -23,6 +23,7 @@ struct Report {
     seed: u64,
     hand_over: u32,
     mode: &'static str,
+    arm: &'static str,
     model_transitions: u64,
     scenarios: Vec<ScenarioPart>,
     /// Sums over all scenarios, by class.
@@ -107,7 +108,7 @@ pub(crate) fn run(args: &AdverseArgs, paths: &[PathBuf], fit: &[PathBuf]) -> Res
     let options = Options {
         hand_over: Tick(args.hand_over),
         seed: args.seed,
-        mode: args.mode,
+        mode: args.arm.mode(args.mode),
         solve: !args.unsolved,
         classes: if args.class.is_empty() { CrashClass::ALL.to_vec() } else { args.class.clone() },
         ..Options::default()
@@ -115,7 +116,7 @@ pub(crate) fn run(args: &AdverseArgs, paths: &[PathBuf], fit: &[PathBuf]) -> Res
     let progress = bar(paths.len() as u64, "scenarios");
     let search = |path: &PathBuf| -> Result<(Scene, Result<Built, Refusal>)> {
         let (scene, _) = ds_scenario::load(path)?;
-        let built = variants(&scene, &model, &options);
+        let built = args.arm.search(&scene, &model, &options);
         progress.inc(1);
         Ok((scene, built))
     };
@@ -126,7 +127,8 @@ pub(crate) fn run(args: &AdverseArgs, paths: &[PathBuf], fit: &[PathBuf]) -> Res
         version: 1,
         seed: args.seed,
         hand_over: args.hand_over,
-        mode: args.mode.name(),
+        mode: options.mode.name(),
+        arm: args.arm.name(),
         model_transitions: model.transitions(),
         scenarios: Vec::new(),
         classes: options.classes.iter().map(|class| (class.name(), ClassPart::default())).collect(),

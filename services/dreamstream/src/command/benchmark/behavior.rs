@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
-use ds_adverse::{Built, MotionModel, Options, Refusal, Variant, adversary_digest, solved_again, variants};
+use ds_adverse::{Built, MotionModel, Options, Refusal, Variant, adversary_digest, solved_again};
 use ds_benchmark::manifest::SUFFIX;
 use ds_benchmark::{Entry, Kind, Manifest, Recipe, file, source};
 use ds_scenario::store;
@@ -17,7 +17,7 @@ use ds_world::{CrashClass, Scene};
 use rayon::prelude::*;
 
 use super::{Ended, describe};
-use crate::cli::BehaviorArgs;
+use crate::cli::{Arm, BehaviorArgs};
 use crate::command::adverse::SolutionPart;
 use crate::command::{answer, bar};
 
@@ -81,14 +81,18 @@ pub(super) fn build(args: &BehaviorArgs) -> Result<Ended> {
 /// Returns what makes the same set again.
 fn command(args: &BehaviorArgs, base: &str, name: &str) -> String {
     let (seed, mode, every) = (args.seed, args.mode.name(), args.every);
+    let arm = if args.arm == Arm::Own { String::new() } else { format!(" --arm {}", args.arm.name()) };
     format!(
-        "dreamstream benchmark build behavior {base}{SUFFIX} --name {name} --seed {seed} --mode {mode} --every {every}"
+        "dreamstream benchmark build behavior {base}{SUFFIX} --name {name} --seed {seed} --mode {mode} --every {every}{arm}"
     )
 }
 
 fn settings(args: &BehaviorArgs, base: &str) -> String {
     let mut writer = DigestWriter::new();
     writer.text(base).u64(args.seed).text(args.mode.name()).u32(args.every).u32(source::HAND_OVER);
+    if args.arm != Arm::Own {
+        writer.text(args.arm.name());
+    }
     writer.finish().to_string()
 }
 
@@ -96,11 +100,15 @@ fn settings(args: &BehaviorArgs, base: &str) -> String {
 fn searched(args: &BehaviorArgs, bases: &[&Entry]) -> Result<Vec<Searched>> {
     let folder = args.base.parent().unwrap_or(Path::new("."));
     let model = MotionModel::town();
-    let options =
-        Options { hand_over: Tick(source::HAND_OVER), seed: args.seed, mode: args.mode, ..Options::default() };
+    let options = Options {
+        hand_over: Tick(source::HAND_OVER),
+        seed: args.seed,
+        mode: args.arm.mode(args.mode),
+        ..Options::default()
+    };
     let bar = bar(bases.len() as u64, "scenarios");
     let search = |entry: &&Entry| -> Result<Searched> {
-        let built = variants(&entry.scene(folder)?, &model, &options);
+        let built = args.arm.search(&entry.scene(folder)?, &model, &options);
         bar.inc(1);
         Ok(built)
     };
@@ -124,9 +132,11 @@ fn none(built: &Searched) -> Option<&'static str> {
 fn written(args: &BehaviorArgs, set: &str, base: &Entry, variant: &Variant) -> Result<Entry> {
     let scene = &variant.scene;
     let path = Path::new(set).join(format!("{}{}", scene.name, store::SUFFIX));
-    let solution = variant.solution.as_ref().context("a variant without a solution")?;
+    ensure!(variant.solution.is_some() || args.arm != Arm::Own, "{:?}: a variant without a solution", scene.name);
     ds_scenario::save(scene, &args.out.join(&path))?;
-    file::write_json(&SolutionPart::of(solution), &args.out.join(solution_file(&path)))?;
+    if let Some(solution) = &variant.solution {
+        file::write_json(&SolutionPart::of(solution), &args.out.join(solution_file(&path)))?;
+    }
     Ok(Entry {
         name: scene.name.clone(),
         file: Some(path),
@@ -135,7 +145,7 @@ fn written(args: &BehaviorArgs, set: &str, base: &Entry, variant: &Variant) -> R
         base: Some(base.name.clone()),
         category: variant.class.name().to_owned(),
         adversary_digest: adversary_digest(scene).map(|digest| digest.to_string()),
-        solution_digest: Some(solution.digest().to_string()),
+        solution_digest: variant.solution.as_ref().map(|solution| solution.digest().to_string()),
         ..base.clone()
     })
 }
@@ -146,7 +156,8 @@ fn solution_file(scenario: &Path) -> PathBuf {
     scenario.with_file_name(format!("{}{SOLUTION}", name.strip_suffix(store::SUFFIX).unwrap_or(&name)))
 }
 
-/// Compares the adversary of an entry with the manifest and lets the expert drive its solution again.
+/// Compares the adversary of an entry with the manifest and lets the expert drive its solution again; an entry without one, as
+/// the arm `advbmt-default` has them, is only compared.
 ///
 /// # Errors
 /// If the scenario has another adversary or none, or the drive is not the one that is stored.
@@ -160,13 +171,14 @@ pub(super) fn check(entry: &Entry, scene: Scene, folder: &Path) -> Result<()> {
     );
     let is = scene.adversary.as_ref().map(|adversary| adversary.class.name());
     ensure!(is == Some(class), "entry {name:?}: field \"category\" is {class:?}, the adversary's class is {is:?}");
+    let Some(said) = entry.solution_digest.as_deref() else { return Ok(()) };
     let path = Manifest::file_of(folder, entry).with_context(|| format!("entry {name:?} names no file"))?;
     let path = solution_file(&path);
     let stored: SolutionPart = file::read_json(&path)?;
     let last = Tick(entry.last);
     let driven = solved_again(&Arc::new(scene), Tick(stored.from_tick), last)
         .with_context(|| format!("entry {name:?}: the expert does not survive it: {}", path.display()))?;
-    let (digest, said) = (driven.digest().to_string(), entry.solution_digest.as_deref().unwrap_or("none"));
+    let digest = driven.digest().to_string();
     ensure!(
         stored.tells(&driven) && digest == said,
         "entry {name:?}: the solution driven again has digest {digest}, the manifest says {said}: {}",

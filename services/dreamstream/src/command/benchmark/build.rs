@@ -236,7 +236,13 @@ pub(super) fn check(manifests: &[PathBuf]) -> Result<Ended> {
         describe(set);
         answer("  every scenario is the one that is meant");
         if set.kind == Kind::Behavior {
-            answer("  every solution was driven again, to the bit");
+            let unsolved = set.entries.iter().filter(|entry| entry.solution_digest.is_none()).count();
+            let but = if unsolved == 0 {
+                String::new()
+            } else {
+                format!("; {unsolved} entries have none: an arm for comparison")
+            };
+            answer(&format!("  every solution was driven again, to the bit{but}"));
             answer(&format!("  {}", Review::beside(&folder, set)?.told(set)));
         }
     }
