@@ -259,3 +259,27 @@ fn a_run_in_one_process_tells_of_all_roles_and_drives_the_same() {
     let watched = harness::finished(folder, output);
     assert_eq!([0, 1].map(|index| alone.digests(index)), [0, 1].map(|index| watched.digests(index)));
 }
+
+#[test]
+fn a_benchmark_tells_while_it_drives() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| folder.path().join(name).to_str().expect("UTF-8").to_owned();
+    let build = ["benchmark", "build", "base", "--unfiltered", "--candidates", "3", "--seed", "11", "--out"];
+    assert!(
+        harness::dreamstream(&[&build[..], &[&path("sets")]].concat()).status().expect("the binary runs").success()
+    );
+    let (port, set) = (free_port(), path("sets/town.set.json"));
+    let address = format!("127.0.0.1:{port}");
+    let run =
+        ["benchmark", "run", &set, "--policy", "lattice", "--observation", "layout", "--metrics", &address, "--out"];
+    let mut child = harness::dreamstream(&[&run[..], &[&path("out")]].concat()).spawn().expect("the binary runs");
+    let (mut watcher, mut last) = (Watcher::default(), None);
+    let status = wait_for("the end of the benchmark", 120, || {
+        last = watcher.look(port).or(last.take());
+        child.try_wait().expect("a child")
+    });
+    assert!(status.success());
+    let page = last.expect("it answered");
+    assert_eq!(page.sum("dreamstream_build_info", &["service=\"run\""]), 1.0);
+    page.sum("dreamstream_protocol_pulls_total", &["role=\"orchestrator\""]);
+}

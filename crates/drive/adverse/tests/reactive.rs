@@ -75,6 +75,21 @@ fn it_resumes_at_any_tick_to_the_bit() {
 }
 
 #[test]
+fn it_meets_an_ego_that_brakes_no_less_often_than_one_that_only_replays() {
+    let met = |mode| {
+        let meets = |variant: &Variant| {
+            let mut scene = variant.scene.clone();
+            scene.adversary.as_mut().expect("it has one").mode = mode;
+            let mut simulation = logged(&scene);
+            (0..100).any(|_| step(&mut simulation).contacts.iter().any(|contact| contact.agent == variant.agent))
+        };
+        built(AdversaryMode::Reactive).iter().filter(|variant| meets(variant)).count()
+    };
+    let (reactive, replayed) = (met(AdversaryMode::Reactive), met(AdversaryMode::Replay));
+    assert!(reactive >= replayed && reactive > 0, "{reactive} against {replayed}");
+}
+
+#[test]
 fn it_aims_anew_at_an_ego_that_brakes_and_never_leaves_the_road() {
     for mode in [AdversaryMode::Reactive, AdversaryMode::Unshielded] {
         let mut differed = 0;

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use ds_adverse::{MotionModel, Options, Refusal, Rejection, variants};
+use ds_adverse::{MotionModel, Options, Refusal, Rejection, published, variants};
 use ds_scenario::{Family, generate};
 use ds_sim::{SimConfig, Simulation};
 use ds_space::Tick;
-use ds_world::CrashClass;
+use ds_world::{AdversaryMode, CrashClass};
 
 #[test]
 fn every_variant_meets_the_logged_ego_as_planned_and_nobody_before() {
@@ -62,6 +62,38 @@ fn the_same_seed_gives_the_same_variants_and_another_seed_others() {
     };
     assert_eq!(of(0), of(0));
     assert_ne!(of(0), of(1));
+}
+
+#[test]
+fn the_published_arm_meets_the_ego_in_its_own_shape_and_asks_for_no_way_out() {
+    let model = MotionModel::town();
+    let options = Options { mode: AdversaryMode::Replay, ..Options::default() };
+    let mut fallen = std::collections::BTreeSet::new();
+    let mut met = 0;
+    for seed in 1000..1012 {
+        let scene = generate(Family::FreeCurve, seed);
+        let built = published(&scene, &model, &options).expect("the ego drives");
+        let again = published(&scene, &model, &options).expect("the ego drives");
+        fallen.extend(built.rejected.keys().map(|(_, reason)| *reason));
+        assert_eq!(built.rejected, again.rejected);
+        assert_eq!(built.candidates.values().sum::<usize>(), 1);
+        for (variant, again) in built.variants.into_iter().zip(again.variants) {
+            met += 1;
+            assert_eq!(variant.scene.digest, again.scene.digest);
+            assert!(variant.planned.0 >= 90, "at the end of a window of 91 frames");
+            assert_eq!(variant.scene.tracks[variant.agent.0 as usize].size, scene.vehicle.size);
+            let unsolved = built.rejected.contains_key(&(variant.class, Rejection::Unavoidable));
+            assert_eq!(variant.solution.is_none(), unsolved);
+            let config = SimConfig { agents: None, ..SimConfig::default() };
+            let mut simulation = Simulation::new(Arc::new(variant.scene), config, Tick(0)).expect("a sound scene");
+            while simulation.state().contacts.is_empty() && simulation.state().tick < variant.planned {
+                simulation.step();
+            }
+            let contacts = &simulation.state().contacts;
+            assert!(contacts.iter().any(|contact| contact.agent == variant.agent), "{}", variant.planned);
+        }
+    }
+    assert!(met > 0 && fallen.contains(&Rejection::OffRoad), "{met} {fallen:?}");
 }
 
 #[test]

@@ -97,3 +97,71 @@ fn later(agent: &AgentState, turn_radps: f64, secs: f64) -> OrientedBox {
     let pose = PoseSe2 { position, heading_rad: angle::wrap(agent.pose.heading_rad + turned) };
     OrientedBox::new(&pose, agent.size.length_m, agent.size.width_m)
 }
+
+#[cfg(test)]
+mod tests {
+    use ds_space::{AgentId, Digest, SimTime, Tick};
+    use ds_world::{AgentClass, Map, Origin, Size, VehicleParameters};
+
+    use super::*;
+
+    /// A straight route along x, driven at 10 m/s.
+    fn scene() -> Scene {
+        let at = |tick: u32| EgoState { pose: PoseSe2::new(f64::from(tick), 0.0, 0.0), ..ego() };
+        Scene {
+            adversary: None,
+            name: "straight".into(),
+            family: String::new(),
+            digest: Digest::default(),
+            dt: SimTime::from_secs(0.1),
+            map: Map::default(),
+            vehicle: VehicleParameters::PACIFICA,
+            ego_log: (0..150).map(at).collect(),
+            route: vec![DVec2::new(-20.0, 0.0), DVec2::new(300.0, 0.0)],
+            tracks: vec![],
+            cameras: vec![],
+            prompt: String::new(),
+            origin: Origin::default(),
+        }
+    }
+
+    fn ego() -> EgoState {
+        EgoState { velocity_mps: DVec2::new(10.0, 0.0), ..EgoState::default() }
+    }
+
+    fn world(tick: u32, pose: PoseSe2, speed_mps: f64) -> WorldState {
+        let size = Size { length_m: 4.5, width_m: 1.9, height_m: 1.5 };
+        let velocity_mps = pose.forward() * speed_mps;
+        let agent = AgentState { id: AgentId(0), class: AgentClass::Vehicle, size, pose, z_m: 0.0, velocity_mps };
+        WorldState {
+            tick: Tick(tick),
+            time: SimTime::from_secs(0.1 * f64::from(tick)),
+            ego: ego(),
+            agents: vec![agent],
+            lights: vec![],
+            contacts: vec![],
+        }
+    }
+
+    #[test]
+    fn fears_whose_path_crosses_its_own_soon_and_nobody_else() {
+        let scene = scene();
+        let driver = Driver::new(&scene);
+        let (east, west, north) = (0.0, std::f64::consts::PI, std::f64::consts::FRAC_PI_2);
+        for (said, pose, speed_mps, turned_rad, feared) in [
+            ("crosses when the ego is there", PoseSe2::new(22.0, -10.0, north), 6.0, 0.0, true),
+            ("crosses after it", PoseSe2::new(22.0, -30.0, north), 6.0, 0.0, false),
+            ("comes towards it in its lane", PoseSe2::new(40.0, 0.0, west), 10.0, 0.0, true),
+            ("comes beside its lane", PoseSe2::new(40.0, 3.5, west), 10.0, 0.0, false),
+            ("comes beside its lane and turns into it", PoseSe2::new(36.0, 3.5, west), 10.0, 0.03, true),
+            ("comes towards it from far away", PoseSe2::new(90.0, 0.0, west), 10.0, 0.0, false),
+            ("drives on before it", PoseSe2::new(20.0, 0.0, east), 10.0, 0.0, false),
+            ("stands beside its lane", PoseSe2::new(15.0, 3.0, east), 0.0, 0.0, false),
+            ("drives up behind it", PoseSe2::new(-12.0, 0.0, east), 20.0, 0.0, false),
+        ] {
+            let was = PoseSe2 { heading_rad: pose.heading_rad - turned_rad, ..pose };
+            let (before, state) = (world(10, was, speed_mps), world(12, pose, speed_mps));
+            assert_eq!(collides(&driver, &scene, &before, &state), feared, "one who {said}");
+        }
+    }
+}

@@ -133,3 +133,31 @@ pub(crate) fn forecast_ego(
     };
     (0..TICKS).map(step).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use ds_space::{SimTime, Tick};
+    use ds_world::EgoState;
+
+    use super::*;
+
+    #[test]
+    fn an_ego_on_its_route_is_forecast_onto_it_and_one_that_left_it_is_not() {
+        let route = Path::new(&[DVec2::new(-50.0, 0.0), DVec2::new(0.0, 0.0), DVec2::new(40.0, 40.0)]);
+        let forecast = |left_m: f64, route: Option<&Path>| {
+            let pose = PoseSe2::new(-10.0, left_m, 0.0);
+            let ego = EgoState { pose, velocity_mps: DVec2::new(10.0, 0.0), ..EgoState::default() };
+            let (tick, time) = (Tick(0), SimTime::default());
+            let world = WorldState { tick, time, ego, agents: vec![], lights: vec![], contacts: vec![] };
+            let boxes = forecast_ego(&world, &VehicleParameters::PACIFICA, (0.1, route));
+            assert_eq!(boxes.len(), TICKS);
+            (boxes[TICKS - 1].centre, boxes[TICKS - 1].forward.to_angle())
+        };
+        let (on, heading_rad) = forecast(0.5, route.as_ref());
+        assert!((on.x - on.y).abs() < 1.5 && on.y > 8.0 && (heading_rad - 0.785).abs() < 0.2, "{on} {heading_rad}");
+        for (left_m, route) in [(0.5, None), (5.0, route.as_ref())] {
+            let (straight, heading_rad) = forecast(left_m, route);
+            assert!((straight.y - left_m).abs() < 1e-9 && heading_rad.abs() < 1e-9, "{straight} {heading_rad}");
+        }
+    }
+}
