@@ -1,6 +1,6 @@
 //! A reactive adversary in the simulator: it meets the logged ego as planned, resumes to the bit, keeps to the road.
 
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use ds_adverse::{MotionModel, Options, Variant, variants};
 use ds_scenario::{Family, generate};
@@ -9,15 +9,23 @@ use ds_space::plane::polygon::holds;
 use ds_space::{DVec2, PoseSe2, SimTime, Tick};
 use ds_world::{AdversaryMode, Scene, Trajectory, TrajectoryPoint, WorldState};
 
+/// Returns variants with reactive adversaries, searched once, in a mode.
 fn built(mode: AdversaryMode) -> Vec<Variant> {
-    let model = MotionModel::town();
-    [(Family::CutIn, 1000), (Family::FreeCurve, 1001), (Family::UnprotectedLeft, 1000)]
-        .into_iter()
-        .flat_map(|(family, seed)| {
-            let options = Options { mode, ..Options::default() };
-            variants(&generate(family, seed), &model, &options).expect("the ego drives").variants
-        })
-        .collect()
+    static SEARCHED: LazyLock<Vec<Variant>> = LazyLock::new(|| {
+        let model = MotionModel::town();
+        [(Family::CutIn, 1000), (Family::FreeCurve, 1001), (Family::UnprotectedLeft, 1000)]
+            .into_iter()
+            .flat_map(|(family, seed)| {
+                variants(&generate(family, seed), &model, &Options::default()).expect("the ego drives").variants
+            })
+            .collect()
+    });
+    let in_mode = |variant: &Variant| {
+        let mut variant = variant.clone();
+        variant.scene.adversary.as_mut().expect("it has one").mode = mode;
+        variant
+    };
+    SEARCHED.iter().map(in_mode).collect()
 }
 
 fn logged(scene: &Scene) -> Simulation {
@@ -78,12 +86,10 @@ fn it_resumes_at_any_tick_to_the_bit() {
 fn it_meets_an_ego_that_brakes_no_less_often_than_one_that_only_replays() {
     let met = |mode| {
         let meets = |variant: &Variant| {
-            let mut scene = variant.scene.clone();
-            scene.adversary.as_mut().expect("it has one").mode = mode;
-            let mut simulation = logged(&scene);
+            let mut simulation = logged(&variant.scene);
             (0..100).any(|_| step(&mut simulation).contacts.iter().any(|contact| contact.agent == variant.agent))
         };
-        built(AdversaryMode::Reactive).iter().filter(|variant| meets(variant)).count()
+        built(mode).iter().filter(|variant| meets(variant)).count()
     };
     let (reactive, replayed) = (met(AdversaryMode::Reactive), met(AdversaryMode::Replay));
     assert!(reactive >= replayed && reactive > 0, "{reactive} against {replayed}");
