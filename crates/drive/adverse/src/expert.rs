@@ -1,7 +1,8 @@
 //! Privileged: the expert as a policy, which tries its plans in copies of the live world.
 //!
 //! Of the logged drive (while the ego keeps to it), what `idm` would do, and 9 lateral offsets × 9 accelerations, mildest
-//! first, it takes the first that touches nobody and stays on the road for 4 s; if none does, the one that stays so longest.
+//! first, it takes the first that touches nobody and stays on the road for 6 s; if none does, the one that stays so longest.
+//! With the 4 s of the proof it put off what was to be done until an oncoming adversary left it nothing to do.
 
 use std::sync::Arc;
 
@@ -15,6 +16,8 @@ use crate::road::Road;
 use crate::solve::{choose, logged_way, wishes};
 
 const NAME: &str = Anchor::Expert.name();
+/// How far ahead a plan is tried: to its end.
+const LOOK_TICKS: u32 = 60;
 /// An ego this near to its log, in metres and metres per second, may go on by it.
 const ON_LOG: (f64, f64) = (1.0, 1.0);
 
@@ -57,7 +60,7 @@ impl Policy for Expert {
         let known: Vec<Trajectory> = keeps.then_some(logged).into_iter().chain([idm.clone()]).collect();
         let way = logged_way(&view.scene);
         let aside = way.iter().flat_map(|way| wishes(&simulation, way));
-        let chosen = choose(&Road::new(&view.scene.map), &simulation, known.into_iter().chain(aside));
+        let chosen = choose(&Road::new(&view.scene.map), &simulation, LOOK_TICKS, known.into_iter().chain(aside));
         Ok(PolicyAnswer::single(chosen.unwrap_or(idm)))
     }
 

@@ -95,7 +95,7 @@ impl Trial<'_> {
         let mut simulation = self.begin(from)?;
         let mut poses = vec![simulation.state().ego.pose];
         while simulation.state().tick < self.last {
-            let plan = choose(self.road, &simulation, wishes(&simulation, &way))?;
+            let plan = choose(self.road, &simulation, LOOK_TICKS, wishes(&simulation, &way))?;
             simulation.begin_plan(&plan);
             for _ in 0..REPLAN_TICKS {
                 simulation.step();
@@ -155,16 +155,17 @@ pub(crate) fn wishes(simulation: &Simulation, way: &Path) -> impl Iterator<Item 
     wishes.into_iter().map_while(|(_, wish)| planned(simulation, way, wish))
 }
 
-/// Returns the first plan that stays clear for 4 s in a copy of the world; else the one that stays clear longest.
+/// Returns the first plan that stays clear for so many ticks in a copy of the world; else the one that stays clear longest.
 pub(crate) fn choose(
     road: &Road<'_>,
     simulation: &Simulation,
+    look_ticks: u32,
     plans: impl Iterator<Item = Trajectory>,
 ) -> Option<Trajectory> {
     let mut longest: Option<(u32, Trajectory)> = None;
     for plan in plans {
-        let ticks = clear_ticks(road, simulation, &plan);
-        if ticks >= LOOK_TICKS {
+        let ticks = clear_ticks(road, simulation, look_ticks, &plan);
+        if ticks >= look_ticks {
             return Some(plan);
         }
         if longest.as_ref().is_none_or(|(most, _)| ticks > *most) {
@@ -174,15 +175,15 @@ pub(crate) fn choose(
     longest.map(|(_, plan)| plan)
 }
 
-fn clear_ticks(road: &Road<'_>, simulation: &Simulation, plan: &Trajectory) -> u32 {
+fn clear_ticks(road: &Road<'_>, simulation: &Simulation, look_ticks: u32, plan: &Trajectory) -> u32 {
     let mut copy = simulation.clone();
     copy.begin_plan(plan);
-    (0..LOOK_TICKS)
+    (0..look_ticks)
         .find(|_| {
             copy.step();
             !clear(road, &copy)
         })
-        .unwrap_or(LOOK_TICKS)
+        .unwrap_or(look_ticks)
 }
 
 /// Returns the plan of a wish from now on, in the rig of now.
