@@ -5,6 +5,7 @@
 //! Learned by [`crate::healthy::learn`]; a case that carries one is diagnosed with its priors, floors and nulls. Equations:
 //! `docs/gap-baseline.md`.
 
+pub mod correlation;
 pub(crate) mod discrepancy;
 pub(crate) mod features;
 pub mod nulls;
@@ -24,6 +25,7 @@ use crate::drive::Drive;
 use crate::settings::Thresholds;
 use crate::space::Space;
 use crate::windows::{Anchor, EgoRecord};
+use correlation::Correlation;
 use discrepancy::Discrepancy;
 pub use features::NAMES;
 use nulls::Null;
@@ -52,6 +54,9 @@ pub struct Baseline {
     pub units: Units,
     /// Factor on the library's floor by channel and block.
     pub noise: BTreeMap<String, Vec<f64>>,
+    /// How the residuals of a window go together; absent in files of earlier versions.
+    #[serde(default)]
+    pub correlation: Correlation,
     /// How parameters scatter.
     pub spread: Spread,
     /// Residuals that no parameter mends.
@@ -123,6 +128,9 @@ impl Baseline {
         }
         if !found.discrepancy.is_sound() {
             return refuse("discrepancy has another number of coefficients than features".to_owned());
+        }
+        if !found.correlation.is_sound() {
+            return refuse("correlation is none of the rows that it names".to_owned());
         }
         Ok(found)
     }

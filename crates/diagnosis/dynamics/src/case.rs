@@ -8,6 +8,7 @@ use ds_effect::plant::{Road, Vehicle};
 use ds_effect::{Channel, Insertion, Law, Plant};
 
 use crate::baseline::Baseline;
+use crate::baseline::correlation::Whitening;
 use crate::drive::Drive;
 use crate::ego::{Actuated, Inputs, Instant, actuate};
 use crate::fit::{Columns, Model, Prior};
@@ -150,6 +151,8 @@ pub struct PartModel<'a> {
     inverse_floor: Vec<f64>,
     /// What healthy drives have at each residual, in units of the floor; empty without a baseline.
     expected: Vec<f64>,
+    /// What takes out how the residuals of a window of healthy drives go together; none without a baseline.
+    whitening: Option<Arc<Whitening>>,
     memory: Mutex<Memory>,
 }
 
@@ -212,6 +215,7 @@ impl<'a> PartModel<'a> {
             following,
             inverse_floor: Vec::new(),
             expected: Vec::new(),
+            whitening: None,
             memory: Mutex::default(),
         };
         model.label(&case.noise);
@@ -235,6 +239,10 @@ impl<'a> PartModel<'a> {
         found.extend(self.tags[found.len()..].iter().map(|tag| (0.0, baseline.factor(tag.channel, tag.block))));
         self.expected = found.iter().map(|(expected, factor)| expected / factor).collect();
         self.inverse_floor.iter_mut().zip(&found).for_each(|(inverse, (_, factor))| *inverse /= factor);
+        if self.part == Part::Ego && !baseline.correlation.is_none() {
+            let present: Vec<bool> = self.inverse_floor.iter().map(|inverse| *inverse > 0.0).collect();
+            self.whitening = Some(Arc::new(Whitening::new(&baseline.correlation, &present)));
+        }
     }
 
     /// Returns the first stamp of a drive, s.
@@ -359,9 +367,15 @@ impl<'a> PartModel<'a> {
         let share = if held { HELD_SHARE } else { SHAPE_SHARE };
         let mut bare = vector.to_vec();
         effects.iter().flat_map(|e| self.space.of(*e)).for_each(|k| bare[k] = usual[k]);
-        let pairs = self.residuals(vector).into_iter().zip(self.residuals(&bare));
+        let pairs = self.in_floor_units(vector, &[]).into_iter().zip(self.in_floor_units(&bare, &[]));
         let shares: Vec<f64> = pairs.map(|(with, without)| 1.0 / 1.0_f64.hypot(share * (with - without))).collect();
-        let scaled = |column: &Arc<Vec<f64>>| Arc::new(column.iter().zip(&shares).map(|(c, s)| c * s).collect());
+        let scaled = |column: &Arc<Vec<f64>>| {
+            let mut moved = column.to_vec();
+            self.whitening.iter().for_each(|w| w.back(&mut moved));
+            moved.iter_mut().zip(&shares).for_each(|(c, s)| *c *= s);
+            self.whitening.iter().for_each(|w| w.out(&mut moved));
+            Arc::new(moved)
+        };
         let columns = columns.iter().map(|column| column.as_ref().map(scaled)).collect();
         let shared = |all: &[f64]| all.iter().zip(&shares).map(|(value, s)| value * s).collect();
         let model = Self {
@@ -372,6 +386,7 @@ impl<'a> PartModel<'a> {
             following: self.following.clone(),
             inverse_floor: shared(&self.inverse_floor),
             expected: shared(&self.expected),
+            whitening: self.whitening.clone(),
             memory: Mutex::default(),
         };
         (model, columns)
@@ -421,9 +436,16 @@ impl<'a> PartModel<'a> {
 }
 
 impl PartModel<'_> {
-    /// Returns the residuals of the simulator of a vector with laws added to it, in floor units.
+    /// Returns the residuals of the simulator of a vector with laws added to it, in floor units; against a baseline without
+    /// what goes together in healthy drives.
     #[must_use]
     pub fn residuals_under(&self, vector: &[f64], laws: &[Law]) -> Vec<f64> {
+        let mut residuals = self.in_floor_units(vector, laws);
+        self.whitening.iter().for_each(|whitening| whitening.out(&mut residuals));
+        residuals
+    }
+
+    fn in_floor_units(&self, vector: &[f64], laws: &[Law]) -> Vec<f64> {
         let mut residuals = self.raw(vector, laws);
         let expected = self.expected.iter().chain(std::iter::repeat(&0.0));
         for ((z, inverse), expected) in residuals.iter_mut().zip(&self.inverse_floor).zip(expected) {

@@ -9,11 +9,12 @@ use ds_diagnosis::CaseError;
 use ds_effect::Channel;
 use rayon::prelude::*;
 
+use crate::baseline::correlation::{Correlation, ROWS};
 use crate::baseline::discrepancy::Discrepancy;
 use crate::baseline::features::{NAMES, STATE};
 use crate::baseline::nulls::{self, Statistics};
 use crate::baseline::spread::{Estimate, spread};
-use crate::baseline::study::Study;
+use crate::baseline::study::{Row, Study};
 use crate::baseline::windows::{Scored, Sensors, Windows};
 use crate::baseline::{Baseline, Influence, SCHEMA, Spread, Units, Usual, channels, digest};
 use crate::case::{Case, PartModel};
@@ -24,6 +25,7 @@ use crate::search::Effort;
 use crate::settings::Thresholds;
 use crate::space::{Part, Space};
 use crate::watch::scores::scores;
+use crate::windows::BLOCKS;
 
 /// Mean loss of a residual that is as its floor says.
 const CLEAN_LOSS: f64 = 0.5;
@@ -204,7 +206,9 @@ fn assemble(units: &[Unit<'_>], studies: &[&Study]) -> Baseline {
     let cases: Vec<&Case> = units.iter().map(|unit| unit.case).collect();
     let names = |of: &dyn Fn(&Unit<'_>) -> String| units.iter().map(of).collect::<BTreeSet<_>>().into_iter().collect();
     let discrepancy = Discrepancy::learn(studies);
-    let noise = noise(studies);
+    let unexplained = unexplained(studies);
+    let noise = noise(studies, &unexplained);
+    let correlation = correlation(studies, &unexplained, &noise);
     let mut warnings = Vec::new();
     if units.len() < FEW {
         warnings.push(format!(
@@ -236,6 +240,7 @@ fn assemble(units: &[Unit<'_>], studies: &[&Study]) -> Baseline {
             drive: units.iter().map(|unit| unit.name.clone()).collect(),
         },
         noise,
+        correlation,
         spread: usual_values(cases[0], studies),
         discrepancy,
         nulls: Vec::new(),
@@ -261,17 +266,26 @@ fn usual_values(case: &Case, studies: &[&Study]) -> Spread {
     out
 }
 
-/// Returns the factor on the library's floor by channel and block at which the residuals of healthy logs, each predicted
-/// from the others, have the loss of residuals that are as their floor says.
-fn noise(studies: &[&Study]) -> BTreeMap<String, Vec<f64>> {
-    let mut left: BTreeMap<(usize, usize), Vec<f64>> = BTreeMap::new();
-    for (out, study) in studies.iter().enumerate() {
+/// Returns what the residuals of healthy logs leave, each predicted from the others, in the order of their rows.
+fn unexplained(studies: &[&Study]) -> Vec<Vec<f64>> {
+    let of = |(out, study): (usize, &&Study)| {
         let others: Vec<&Study> = studies.iter().enumerate().filter(|(k, _)| *k != out).map(|(_, s)| *s).collect();
         let discrepancy = Discrepancy::learn(&others);
         let widening: Vec<f64> = study.features.iter().map(|f| discrepancy.widening(f)).collect();
-        for row in &study.rows {
-            let expected = discrepancy.at(row.channel, &study.features[row.place]);
-            left.entry((row.channel, row.block)).or_default().push((row.residual - expected) / widening[row.place]);
+        let left =
+            |row: &Row| (row.residual - discrepancy.at(row.channel, &study.features[row.place])) / widening[row.place];
+        study.rows.iter().map(left).collect()
+    };
+    studies.iter().enumerate().map(of).collect()
+}
+
+/// Returns the factor on the library's floor by channel and block at which what healthy logs leave has the loss of
+/// residuals that are as their floor says.
+fn noise(studies: &[&Study], unexplained: &[Vec<f64>]) -> BTreeMap<String, Vec<f64>> {
+    let mut left: BTreeMap<(usize, usize), Vec<f64>> = BTreeMap::new();
+    for (study, unexplained) in studies.iter().zip(unexplained) {
+        for (row, z) in study.rows.iter().zip(unexplained) {
+            left.entry((row.channel, row.block)).or_default().push(*z);
         }
         for (channel, block, z) in &study.followers {
             left.entry((*channel, *block)).or_default().push(*z);
@@ -284,6 +298,21 @@ fn noise(studies: &[&Study]) -> BTreeMap<String, Vec<f64>> {
         out.entry(Channel::ALL[channel].name().to_owned()).or_default().push((weight * found.ln()).exp());
     }
     out
+}
+
+/// Returns how what healthy logs leave in a window goes together.
+fn correlation(studies: &[&Study], unexplained: &[Vec<f64>], noise: &BTreeMap<String, Vec<f64>>) -> Correlation {
+    let mut windows = Vec::new();
+    for (study, unexplained) in studies.iter().zip(unexplained) {
+        let mut own: BTreeMap<usize, Vec<Option<f64>>> = BTreeMap::new();
+        for (row, z) in study.rows.iter().zip(unexplained) {
+            let window = own.entry(row.place / BLOCKS).or_insert_with(|| vec![None; ROWS]);
+            let factor = noise.get(Channel::ALL[row.channel].name()).and_then(|table| table.get(row.block));
+            window[row.channel * BLOCKS + row.block] = Some(z / factor.copied().unwrap_or(1.0));
+        }
+        windows.extend(own.into_values());
+    }
+    Correlation::learn(&windows)
 }
 
 /// Returns the factor by which residuals exceed their floor.
