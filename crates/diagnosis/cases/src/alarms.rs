@@ -20,7 +20,7 @@ const LEAST_SECS: f64 = 6.5;
 /// Before the first window the simulator warms up, s.
 const LEAD_SECS: f64 = 0.5;
 /// How much must be known beyond the end of a window, s.
-const BEYOND_SECS: f64 = 0.06;
+const BEYOND_SECS: f64 = 0.045;
 /// Difference below which stamps are equal, s.
 const SAME_SECS: f64 = 0.01;
 

@@ -18,7 +18,7 @@ use crate::envelope::{Envelope, Margin, holds, tightest};
 use crate::error::ExperimentError;
 use crate::predict::{Expected, Predictor};
 use crate::report::{Checked, Considered, Curve, Curves, Hypothesis, Next, Pair, Planned, SCHEMA};
-use crate::run::{ENOUGH, LEAST_NATS, Settings};
+use crate::settings::{ENOUGH, LEAST_NATS, Settings};
 
 /// Most simulated drives of a search; the draws of the envelope come on top.
 const ROLLOUTS: usize = 600;

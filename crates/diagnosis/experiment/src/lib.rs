@@ -14,6 +14,7 @@ mod error;
 mod predict;
 mod report;
 mod run;
+mod settings;
 
 pub use choose::choose;
 pub use design::{Design, LIBRARY, NAMES};
@@ -21,4 +22,5 @@ pub use drive::{Driven, World};
 pub use envelope::{Envelope, Margin, Site};
 pub use error::ExperimentError;
 pub use report::{Checked, Considered, Curve, Curves, Hypothesis, Next, Pair, Planned, Run};
-pub use run::{ENOUGH, LEAST_NATS, Logged, MOST_RUNS, Settings, drive, join, run};
+pub use run::{Logged, drive, join, run};
+pub use settings::{ENOUGH, LEAST_NATS, MOST_RUNS, Settings};

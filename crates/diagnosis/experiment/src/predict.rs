@@ -39,6 +39,8 @@ pub(crate) struct Predictor<'a> {
     pub(crate) standings: &'a [Standing],
     pub(crate) space: Space,
     envelope: Envelope,
+    /// Place of the ordinary mismatch among the explanations.
+    bare: usize,
     /// Moves of the vector by one standard deviation each.
     directions: Vec<Vec<f64>>,
     /// Variance by channel that those leave out.
@@ -67,29 +69,29 @@ impl<'a> Predictor<'a> {
     pub(crate) fn new(case: &'a Case, standings: &'a [Standing], envelope: &Envelope) -> Result<Self, ExperimentError> {
         let space = PartModel::new(case, Part::Ego, &[], &[]).space;
         let rest = [0.0; EGO];
-        let mut made = Self { case, standings, space, envelope: *envelope, directions: Vec::new(), rest, rollouts: 0 };
+        let bare = standings.iter().position(|s| s.effects.is_empty()).unwrap_or(0);
+        let envelope = *envelope;
+        let mut made = Self { case, standings, space, envelope, bare, directions: Vec::new(), rest, rollouts: 0 };
         made.study()?;
         Ok(made)
     }
 
     fn study(&mut self) -> Result<(), ExperimentError> {
-        let lead = &self.standings[0];
-        let own: Vec<usize> = lead.effects.iter().filter_map(|id| self.space.find(id)).collect();
-        let usual = |k: &usize| !own.contains(&self.space.coordinates[*k].effect);
-        let places: Vec<usize> = (0..lead.free.len()).filter(|i| usual(&lead.free[*i])).collect();
-        let free: Vec<usize> = places.iter().map(|i| lead.free[*i]).collect();
+        // of the ordinary mismatch alone every parameter is open, also those that are another explanation's effect
+        let standings = self.standings;
+        let bare = &standings[self.bare];
+        let free = bare.free.clone();
         let count = free.len();
-        let covariance = DMatrix::from_fn(count, count, |i, j| lead.covariance[(places[i], places[j])]);
-        let eigen = covariance.symmetric_eigen();
+        let eigen = bare.covariance.clone().symmetric_eigen();
         let root = &eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues.map(|value| value.max(0.0).sqrt()));
         let (mut gram, mut columns, mut channels) = (DMatrix::zeros(count, count), Vec::new(), Vec::new());
         for place in STUDIED {
             let (seen, _) = self.seen(&LIBRARY[place].1)?;
             let model = self.model(&seen);
-            let base = model.residuals(&self.standings[0].vector);
+            let base = model.residuals(&bare.vector);
             let mut rows = DMatrix::zeros(base.len(), count);
             for (i, &k) in free.iter().enumerate() {
-                let mut moved = self.standings[0].vector.clone();
+                let mut moved = bare.vector.clone();
                 let step = model.step(k);
                 moved[k] += step;
                 let shifted = model.residuals(&moved);
@@ -153,14 +155,14 @@ impl<'a> Predictor<'a> {
         let (case, (instants, friction)) = self.seen(design)?;
         let model = self.model(&case);
         let means: Vec<Vec<f64>> = self.standings.iter().map(|s| model.residuals(&s.vector)).collect();
-        let lead = &self.standings[0].vector;
+        let (bare, standings) = (self.bare, self.standings);
+        let base = &standings[bare].vector;
         let along = |direction: &Vec<f64>| -> Vec<f64> {
-            let moved: Vec<f64> = lead.iter().zip(direction).map(|(a, b)| a + b).collect();
-            model.residuals(&moved).iter().zip(&means[0]).map(|(a, b)| a - b).collect()
+            let moved: Vec<f64> = base.iter().zip(direction).map(|(a, b)| a + b).collect();
+            model.residuals(&moved).iter().zip(&means[bare]).map(|(a, b)| a - b).collect()
         };
         let shared: Vec<Vec<f64>> = self.directions.iter().map(along).collect();
         self.rollouts += means.len() + shared.len();
-        let bare = self.standings.iter().position(|s| s.effects.is_empty()).unwrap_or(0);
         let floor = Thresholds::default().temperature / KAPPA;
         let normal = |(standing, mean): (&Standing, &Vec<f64>)| {
             let effect: Vec<f64> = mean.iter().zip(&means[bare]).map(|(a, b)| a - b).collect();
