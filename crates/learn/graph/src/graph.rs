@@ -72,7 +72,9 @@ impl Graph {
         for weight in declared {
             let count = weight.shape.iter().product();
             let values = match weight.initial {
-                Initial::Normal(std) => table.iter().map(|value| std * value).cycle().take(count).collect(),
+                Initial::Normal(std) | Initial::Folded(std) | Initial::Grown { std, .. } => {
+                    table.iter().map(|value| std * value).cycle().take(count).collect()
+                }
                 Initial::Constant(constant) => vec![constant; count],
                 Initial::Gates => table.iter().map(|value| 0.02 * value).cycle().take(count).collect(),
             };

@@ -77,8 +77,8 @@ impl MemoryBlock {
 pub struct TinyAe {
     shape: AeShape,
     pub(crate) graph: Graph,
-    fold: Linear,
-    encoder: Vec<MemoryBlock>,
+    /// The stages of the encoder: what folds into each, and its blocks.
+    encoder: Vec<(Linear, Vec<MemoryBlock>)>,
     encoder_head: Linear,
     encoder_skip: Linear,
     stem: Linear,
@@ -110,8 +110,11 @@ impl TinyAe {
             (blocks(&name, shape.decoder_blocks[stage]), (stage < 2).then(|| graph.linear(&format!("{name}.grow"))))
         };
         Self {
-            fold: graph.linear("encoder.fold"),
-            encoder: blocks("encoder", shape.encoder_blocks),
+            encoder: shape
+                .encoder()
+                .iter()
+                .map(|stage| (graph.linear(&format!("{}.fold", stage.name)), blocks(&stage.name, stage.blocks)))
+                .collect(),
             encoder_head: graph.linear("encoder.head"),
             encoder_skip: graph.linear("encoder.skip"),
             stem: graph.linear("decoder.stem"),
@@ -149,9 +152,12 @@ impl TinyAe {
     pub(crate) fn encode_tensor(&self, x: Tensor<4>, batch: usize, memory: &mut Memory) -> Tensor<4> {
         let mut walk = Walk { memory: memory.of(), at: 0, batch };
         let skip = self.encoder_skip.apply(x.clone());
-        let mut x = activation::relu(self.fold.apply(x));
-        for block in &self.encoder {
-            x = block.apply(x, &mut walk);
+        let mut x = cut(x, self.shape.stride_t, 1 << (self.encoder.len() - 1));
+        for (index, (layer, blocks)) in self.encoder.iter().enumerate() {
+            x = activation::relu(layer.apply(if index == 0 { x } else { fold(x, 2) }));
+            for block in blocks {
+                x = block.apply(x, &mut walk);
+            }
         }
         self.encoder_head.convolve(x) + skip
     }
@@ -213,6 +219,14 @@ fn shuffle(x: Tensor<4>, frames: usize) -> Tensor<4> {
     let c = channels / (4 * frames);
     let x: Tensor<7> = x.reshape([n, h, w, frames, 2, 2, c]);
     x.permute([0, 3, 1, 4, 2, 5, 6]).reshape([n * frames, 2 * h, 2 * w, c])
+}
+
+/// Cuts blocks (frame, row, column, colour) of [N, h, w, frames·192] into smaller ones, `cuts` times as many in rows and columns.
+fn cut(x: Tensor<4>, frames: usize, cuts: usize) -> Tensor<4> {
+    let [n, h, w, inputs] = x.dims();
+    let side = BLOCK_PX / cuts;
+    let x: Tensor<7> = x.reshape([n * h, w, frames, cuts, side, cuts, side * 3]);
+    x.permute([0, 3, 1, 5, 2, 4, 6]).reshape([n, h * cuts, w * cuts, inputs / (cuts * cuts)])
 }
 
 /// Unfolds blocks (frame, row, column, colour) of [N, h, w, frames·192] into [N·frames, 8h, 8w, 3].

@@ -14,7 +14,7 @@ use super::Buffer;
 use super::arch::Arch;
 use super::buffer::Pool;
 use super::convolution::Convolution;
-use super::growth::Growth;
+use super::growth::{Growth, folded};
 use super::guide::{Guides, Seen};
 use super::image::Image;
 use super::network::Named;
@@ -45,6 +45,12 @@ struct MemoryBlock {
     second: Convolution,
 }
 
+/// A stage of the encoder: what folds into it, and its blocks.
+struct Folding {
+    layer: Packed,
+    blocks: Vec<MemoryBlock>,
+}
+
 struct Stage {
     blocks: Vec<MemoryBlock>,
     grow: Option<Growth>,
@@ -64,8 +70,7 @@ struct Scratch {
 pub struct FastAe {
     shape: AeShape,
     arch: Arch,
-    fold: Packed,
-    encoder: Vec<MemoryBlock>,
+    encoder: Vec<Folding>,
     encoder_head: Convolution,
     encoder_skip: Packed,
     stem: Convolution,
@@ -104,9 +109,15 @@ impl FastAe {
         };
         Ok(Self {
             arch: Arch::new(),
-            fold: linear("encoder.fold"),
-            encoder: blocks("encoder", shape.encoder_blocks, shape.encoder_width),
-            encoder_head: convolution("encoder.head", &[shape.encoder_width]),
+            encoder_head: convolution("encoder.head", &shape.encoder_widths[shape.encoder_widths.len() - 1..]),
+            encoder: shape
+                .encoder()
+                .iter()
+                .map(|stage| Folding {
+                    layer: linear(&format!("{}.fold", stage.name)),
+                    blocks: blocks(&stage.name, stage.blocks, stage.width),
+                })
+                .collect(),
             encoder_skip: linear("encoder.skip"),
             stem: convolution("decoder.stem", &[shape.z]),
             stages: (0..3).map(stage).collect(),
@@ -188,19 +199,23 @@ impl Autoencoder for FastAe {
     fn encode(&self, steps: &Array, memory: &mut Memory) -> Array {
         let [frames, h, w, inputs]: [usize; 4] = steps.shape().try_into().expect("steps have four axes");
         let mut scratch = self.scratch.take(Scratch::default);
-        let Scratch { stages: [images, ..], skip, .. } = &mut *scratch;
-        let [x, ..] = images;
-        x.reset([frames, h, w, self.fold.columns]);
-        let (c, values) = (x.c, steps.values());
-        x.each_row(|frame, y, row| {
-            let source = Source { data: values, offset: (frame * h + y) * w * inputs, stride: inputs, depth: inputs };
-            let target = Target { data: row, offset: c, stride: c };
-            product(self.arch, w, &[source], &self.fold, target, Finish::Relu);
-        });
-        self.blocks(&self.encoder, images, memory.of(), &mut 0);
+        let Scratch { stages, latent, skip, .. } = &mut *scratch;
+        let (memory, mut at, last) = (memory.of(), 0, self.encoder.len() - 1);
+        latent.reset([frames, h << last, w << last, inputs >> (2 * last)]);
+        latent.fill(&self.shape.cut(steps.values(), w));
+        // The images of the finest stage come last, as in the decoder.
+        for (index, stage) in self.encoder.iter().enumerate() {
+            let (coarse, fine) = stages.split_at_mut(last - index + 1);
+            let now = &mut coarse[last - index];
+            match fine.first().filter(|_| index > 0) {
+                Some([below, ..]) => folded(self.arch, &stage.layer, 2, below, &mut now[0]),
+                None => folded(self.arch, &stage.layer, 1, latent, &mut now[0]),
+            }
+            self.blocks(&stage.blocks, now, memory, &mut at);
+        }
         skip.resize(frames * h * w * self.shape.z);
-        self.pixels(&self.encoder_skip, values, skip);
-        let (x, z) = (&images[0], self.shape.z);
+        self.pixels(&self.encoder_skip, steps.values(), skip);
+        let (x, z) = (&stages[0][0], self.shape.z);
         let mut latents = Array::new(&[frames, h, w, z], skip.to_vec());
         latents.values_mut().par_chunks_mut(w * z).enumerate().for_each(|(index, row)| {
             let image = x.frame(index / h);

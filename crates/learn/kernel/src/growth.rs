@@ -1,4 +1,5 @@
-//! A linear layer whose outputs unfold into frames, rows and columns: an image grows twofold in space, and in time where asked for.
+//! A linear layer whose outputs unfold into frames, rows and columns: an image grows twofold in space, and in time where asked for; and
+//! the way back in space.
 //!
 //! Each output row is written as two products, one per column parity, so that nothing is shuffled afterwards.
 
@@ -6,7 +7,7 @@ use super::arch::Arch;
 use super::image::Image;
 use super::network::Named;
 use super::panels::Packed;
-use super::product::{Finish, Target, product};
+use super::product::{Finish, Source, Target, product};
 
 /// Per frame, row and column of the grown pixel one matrix.
 pub(crate) struct Growth {
@@ -33,4 +34,18 @@ impl Growth {
             }
         });
     }
+}
+
+/// Writes an image of which each pixel is a linear layer of `side` by `side` (row, column, channel) of another's, 1 or 2.
+pub(crate) fn folded(arch: Arch, layer: &Packed, side: usize, x: &Image, out: &mut Image) {
+    out.reset([x.frames, x.h / side, x.w / side, layer.columns]);
+    let (c, w) = (out.c, out.w);
+    out.each_row(|frame, y, row| {
+        let line = |dy: usize| {
+            let pixels = x.row(frame, y * side + dy.min(side - 1));
+            Source { stride: side * pixels.stride, depth: side * pixels.depth, ..pixels }
+        };
+        let target = Target { data: row, offset: c, stride: c };
+        product(arch, w, &[line(0), line(1)][..side], layer, target, Finish::Relu);
+    });
 }

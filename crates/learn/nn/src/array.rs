@@ -98,6 +98,30 @@ pub enum Initial {
     Normal(f32),
     /// Modulation rows: zeros, with ones in the rows that gate a residual branch (rows 2 and 5 of 6).
     Gates,
+    /// A linear layer from two by two pixels (row, column, channel): normal draws of this deviation added to a
+    /// shortcut, in which each output is the mean of a group of inputs, channel after channel.
+    Folded(f32),
+    /// A linear layer to two by two pixels, or to those of several frames (frame, row, column, channel): normal draws
+    /// of this deviation added to a shortcut, in which groups of outputs copy an input, channel after channel.
+    Grown {
+        /// Frames for each of the input.
+        frames: usize,
+        /// Deviation.
+        std: f32,
+    },
+}
+
+/// The parameter-free shortcut from inputs to outputs that stand for one line cut into equal parts (DC-AE, arXiv
+/// 2410.10733): an output is the mean of the inputs within it, or a copy of the one that it lies within.
+fn shortcut((output, outputs): (usize, usize), (input, inputs): (usize, usize)) -> f32 {
+    let met = if inputs < outputs { output * inputs / outputs == input } else { input * outputs / inputs == output };
+    if met { (outputs as f32 / inputs as f32).min(1.0) } else { 0.0 }
+}
+
+/// Returns the place of a value (row, column, channel) of two by two pixels among all, channel after channel.
+fn by_channel(at: usize, count: usize) -> usize {
+    let channels = (count / 4).max(1);
+    at % channels * 4 + at / channels
 }
 
 /// A weight that a network asks for.
@@ -127,9 +151,13 @@ impl Declared {
 
     /// Declares weight and bias of a linear layer, stored as [outputs, inputs].
     pub fn linear(list: &mut Vec<Self>, name: &str, inputs: usize, outputs: usize, gain: f32) {
-        let std = gain / (inputs as f32).sqrt();
-        list.push(Self::new(format!("{name}.weight"), &[outputs, inputs], Initial::Normal(std)));
-        list.push(Self::new(format!("{name}.bias"), &[outputs], Initial::Constant(0.0)));
+        Self::layer(list, name, [outputs, inputs], Initial::Normal(gain / (inputs as f32).sqrt()));
+    }
+
+    /// Declares weight [outputs, inputs] and bias of a linear layer, of other first values than [`Self::linear`].
+    pub fn layer(list: &mut Vec<Self>, name: &str, shape: [usize; 2], initial: Initial) {
+        list.push(Self::new(format!("{name}.weight"), &shape, initial));
+        list.push(Self::new(format!("{name}.bias"), &shape[..1], Initial::Constant(0.0)));
     }
 }
 
@@ -197,6 +225,18 @@ impl Weights {
                     #[expect(clippy::cast_possible_truncation, reason = "weights are single precision")]
                     Initial::Normal(std) => std * draws.normal(index as u64) as f32,
                     Initial::Gates => f32::from(u8::from((index * 6 / count) % 3 == 2)),
+                    #[expect(clippy::cast_possible_truncation, reason = "weights are single precision")]
+                    Initial::Folded(std) => {
+                        let [outputs, inputs] = [weight.shape[0], weight.shape[1]];
+                        let input = (by_channel(index % inputs, inputs), inputs);
+                        shortcut((index / inputs, outputs), input) + std * draws.normal(index as u64) as f32
+                    }
+                    #[expect(clippy::cast_possible_truncation, reason = "weights are single precision")]
+                    Initial::Grown { frames, std } => {
+                        let [outputs, inputs] = [weight.shape[0] / frames, weight.shape[1]];
+                        let output = (by_channel(index / inputs % outputs, outputs), outputs);
+                        shortcut(output, (index % inputs, inputs)) + std * draws.normal(index as u64) as f32
+                    }
                 };
             }
             weights.insert(&weight.name, array);
@@ -293,5 +333,30 @@ impl Weights {
             array.digest_into(&mut writer);
         }
         writer.finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Draws nothing beside the shortcut, whose weights are told row by row.
+    fn check(shape: &[usize], initial: Initial, expected: &[f32]) {
+        let made = Weights::initialised(&[Declared::new("w", shape, initial)], &Digest::of(b"any"));
+        assert_eq!(made.get("w").expect("declared").values(), expected);
+    }
+
+    #[test]
+    fn shortcuts_average_and_copy_channel_after_channel() {
+        // Two channels of two by two pixels, side by side: the first output is the mean of the first channel.
+        let means = [0.25, 0.0, 0.25, 0.0, 0.25, 0.0, 0.25, 0.0, 0.0, 0.25, 0.0, 0.25, 0.0, 0.25, 0.0, 0.25];
+        check(&[2, 8], Initial::Folded(0.0), &means);
+        // More outputs than inputs: each pixel of the only channel twice.
+        let twice: Vec<f32> =
+            (0..8).flat_map(|row| (0..4).map(move |pixel| f32::from(u8::from(row / 2 == pixel)))).collect();
+        check(&[8, 4], Initial::Folded(0.0), &twice);
+        // Two channels to one of two by two pixels of two frames: the first to the upper row, the second to the lower.
+        let copies = [1.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0];
+        check(&[8, 2], Initial::Grown { frames: 2, std: 0.0 }, &copies.repeat(2));
     }
 }

@@ -1,11 +1,16 @@
 //! The tiny causal video autoencoder as values: its sizes, the weights that they ask for, and the memory of a rollout.
 //!
 //! A latent step stands for `stride_t` frames. The encoder takes space-to-depth frames [steps, h, w, stride_t·192]
-//! (frame, row, column, colour inside an 8×8 block, values −1 to 1) and gives [steps, h, w, z]. The decoder grows
-//! space three times and time twice: the last stage runs at half resolution and ends in a pixel shuffle. Beside the
-//! encoder runs a linear map from block to latent pixel, so that training begins at principal components; beside the
-//! decoder one back, where it is asked for: it paints blocks, whose borders show. The first
+//! (frame, row, column, colour inside an 8×8 block, values −1 to 1) and gives [steps, h, w, z]. It works at 1/8
+//! resolution alone, or in stages: at 1/2 resolution, where detail still is, then folded to 1/4 and 1/8. The decoder
+//! grows space three times and time twice: the last stage runs at half resolution and ends in a pixel shuffle. Beside
+//! the encoder runs a linear map from block to latent pixel, so that training begins at principal components; beside
+//! the decoder one back, where it is asked for: it paints blocks, whose borders show. The first
 //! stride_t − 1 frames of a rollout are for the caller to drop.
+//!
+//! Beside what folds two by two pixels between the stages of an encoder, and beside what grows them in its decoder,
+//! runs a shortcut without weights that averages or copies channels (DC-AE, arXiv 2410.10733). Both are linear in the
+//! same values, so that their sum is one layer, which begins at the shortcut.
 //!
 //! Guides are convolutions behind the decoder's last stage that see the layout of each frame beside what is there. What they see may be
 //! a sketch: features of the layout that begin at 1/8 resolution, where a convolution spans a whole vehicle, and grow twice, seeing the
@@ -15,7 +20,7 @@ use std::any::Any;
 
 use ds_space::{Digest, DigestWriter};
 
-use crate::array::Declared;
+use crate::array::{Declared, Initial};
 
 /// Side of the pixel block that a latent pixel stands for.
 pub const BLOCK_PX: usize = 8;
@@ -27,10 +32,10 @@ pub struct AeShape {
     pub z: usize,
     /// Frames per latent step: 1, 2 or 4.
     pub stride_t: usize,
-    /// Width of the encoder.
-    pub encoder_width: usize,
-    /// Memory blocks of the encoder.
-    pub encoder_blocks: usize,
+    /// Widths of the encoder's stages, one or three, of which the last is at 1/8 resolution.
+    pub encoder_widths: Vec<usize>,
+    /// Memory blocks of each stage.
+    pub encoder_blocks: Vec<usize>,
     /// Widths of the decoder's three stages (1/8, 1/4 and 1/2 resolution).
     pub decoder_widths: [usize; 3],
     /// Memory blocks of each stage.
@@ -43,8 +48,26 @@ pub struct AeShape {
     pub sketch_widths: Option<[usize; 3]>,
 }
 
+/// Gain of what is drawn beside a shortcut.
+const SHORTCUT_GAIN: f32 = 0.5;
+
 /// Channels of a layout at 1/2 resolution: two by two pixels of three colours.
 pub const LAYOUT_CHANNELS: usize = 12;
+
+/// A stage of the encoder: a linear layer to `width` channels, and memory blocks.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct EncoderStage {
+    /// What the names of its layers begin with.
+    pub name: String,
+    /// Values that its linear layer sees: a block of the frames, or two by two pixels of the stage before.
+    pub inputs: usize,
+    /// Channels.
+    pub width: usize,
+    /// Memory blocks.
+    pub blocks: usize,
+    /// Its pixels for each side of a latent pixel: 4, 2 or 1.
+    pub scale: usize,
+}
 
 /// A level of the sketch: what goes in and comes out of its convolution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,6 +85,38 @@ impl AeShape {
     #[must_use]
     pub fn inputs(&self) -> usize {
         self.stride_t * BLOCK_PX * BLOCK_PX * 3
+    }
+
+    /// Returns the stages of the encoder, in order.
+    #[must_use]
+    pub fn encoder(&self) -> Vec<EncoderStage> {
+        let last = self.encoder_widths.len() - 1;
+        let stage = |(index, (width, blocks)): (usize, (&usize, &usize))| EncoderStage {
+            name: if last == 0 { "encoder".to_owned() } else { format!("encoder.stage.{index}") },
+            inputs: if index == 0 { self.inputs() >> (2 * last) } else { 4 * self.encoder_widths[index - 1] },
+            width: *width,
+            blocks: *blocks,
+            scale: 1 << (last - index),
+        };
+        self.encoder_widths.iter().zip(&self.encoder_blocks).enumerate().map(stage).collect()
+    }
+
+    /// Cuts the 8×8 blocks of latent pixels, `w` to a row, into the smaller blocks that the encoder's first stage takes:
+    /// [steps, h, w, inputs] to [steps, s·h, s·w, inputs / s²], each (frame, row, column, colour).
+    #[must_use]
+    pub fn cut(&self, blocks: &[f32], w: usize) -> Vec<f32> {
+        let (cuts, inputs) = (1 << (self.encoder_widths.len() - 1), self.inputs());
+        let side = BLOCK_PX / cuts;
+        let (run, small) = (3 * side, inputs / (cuts * cuts));
+        let mut out = vec![0.0; blocks.len()];
+        for (at, part) in blocks.chunks_exact(run).enumerate() {
+            let (cut_x, y, frame) = (at % cuts, at / cuts % BLOCK_PX, at / cuts / BLOCK_PX % self.stride_t);
+            let pixel = at * run / inputs;
+            let (line, x) = (pixel / w * cuts + y / side, pixel % w * cuts + cut_x);
+            let to = (line * w * cuts + x) * small + (frame * side + y % side) * run;
+            out[to..to + run].copy_from_slice(part);
+        }
+        out
     }
 
     /// Returns by how much each of the two growing steps multiplies frames.
@@ -108,12 +163,16 @@ impl AeShape {
             convolution(list, &format!("{name}.conv.0"), 2 * width, width, 1.4);
             convolution(list, &format!("{name}.conv.2"), width, width, 0.7);
         };
-        let width = self.encoder_width;
-        Declared::linear(&mut list, "encoder.fold", self.inputs(), width, 1.4);
-        for index in 0..self.encoder_blocks {
-            block(&mut list, &format!("encoder.block.{index}"), width);
+        let encoder = self.encoder();
+        for (index, stage) in encoder.iter().enumerate() {
+            let std = |gain: f32| gain / (stage.inputs as f32).sqrt();
+            let initial = if index == 0 { Initial::Normal(std(1.4)) } else { Initial::Folded(std(SHORTCUT_GAIN)) };
+            Declared::layer(&mut list, &format!("{}.fold", stage.name), [stage.width, stage.inputs], initial);
+            for index in 0..stage.blocks {
+                block(&mut list, &format!("{}.block.{index}", stage.name), stage.width);
+            }
         }
-        convolution(&mut list, "encoder.head", width, self.z, 0.3);
+        convolution(&mut list, "encoder.head", self.encoder_widths[encoder.len() - 1], self.z, 0.3);
         Declared::linear(&mut list, "encoder.skip", self.inputs(), self.z, 1.0);
         let widths = self.decoder_widths;
         convolution(&mut list, "decoder.stem", self.z, widths[0], 1.4);
@@ -122,8 +181,12 @@ impl AeShape {
                 block(&mut list, &format!("decoder.stage.{stage}.block.{index}"), widths[stage]);
             }
             if stage < 2 {
-                let outputs = self.growth()[stage] * 4 * widths[stage + 1];
-                Declared::linear(&mut list, &format!("decoder.stage.{stage}.grow"), widths[stage], outputs, 1.4);
+                let (frames, inputs) = (self.growth()[stage], widths[stage]);
+                let std = |gain: f32| gain / (inputs as f32).sqrt();
+                let grown = Initial::Grown { frames, std: std(SHORTCUT_GAIN) };
+                let initial = if encoder.len() == 1 { Initial::Normal(std(1.4)) } else { grown };
+                let name = format!("decoder.stage.{stage}.grow");
+                Declared::layer(&mut list, &name, [frames * 4 * widths[stage + 1], inputs], initial);
             }
         }
         let sketch = self.sketch();

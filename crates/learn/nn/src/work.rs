@@ -3,7 +3,7 @@
 
 use crate::discriminator::DiscriminatorShape;
 use crate::dit::{CLIP_STATES, DitShape};
-use crate::tiny_ae::AeShape;
+use crate::tiny_ae::{AeShape, EncoderStage};
 
 /// Counts denoising a chunk of `frames` frames against `cached` frames, without the control latent.
 #[must_use]
@@ -42,9 +42,12 @@ pub fn control(shape: &DitShape, frames: usize) -> f64 {
 /// Counts encoding `steps` latent frames of `h`×`w` pixels.
 #[must_use]
 pub fn encode(shape: &AeShape, steps: usize, h: usize, w: usize) -> f64 {
-    let (width, inputs) = (shape.encoder_width, shape.inputs());
-    let blocks = shape.encoder_blocks * 9 * 3 * width * width;
-    2.0 * (steps * h * w * (inputs * (width + shape.z) + blocks + 9 * width * shape.z)) as f64
+    let stages = shape.encoder();
+    let stage = |stage: &EncoderStage| {
+        stage.scale * stage.scale * stage.width * (stage.inputs + stage.blocks * 9 * 3 * stage.width)
+    };
+    let head = stages.last().map_or(0, |last| 9 * last.width * shape.z);
+    2.0 * (steps * h * w * (stages.iter().map(stage).sum::<usize>() + shape.inputs() * shape.z + head)) as f64
 }
 
 /// Counts decoding `steps` latent frames of `h`×`w` pixels.

@@ -10,8 +10,10 @@ use ds_space::{Digest, DigestWriter};
 use serde::{Deserialize, Serialize};
 
 mod check;
+mod encoder;
 mod published;
 
+pub use encoder::BlocksConfig;
 pub use published::{ImageEncoderConfig, TextEncoderConfig, WeightsConfig};
 
 /// Says why a configuration is refused.
@@ -211,12 +213,15 @@ pub struct VaeConfig {
     /// Base width of both halves of Wan's autoencoder; 0 for the published one.
     #[serde(default, skip_serializing_if = "is_default")]
     pub width: usize,
-    /// Width of the encoder; this and what follows belong to `tiny`.
+    /// Width of an encoder at 1/8 resolution alone; this and what follows belong to `tiny`.
     #[serde(default)]
     pub encoder_width: usize,
-    /// Memory blocks of the encoder.
+    /// Widths of an encoder in stages, at 1/2, 1/4 and 1/8 resolution, in place of `encoder_width`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub encoder_widths: Option<[usize; 3]>,
+    /// Memory blocks of the encoder, or of each of its stages.
     #[serde(default)]
-    pub encoder_blocks: usize,
+    pub encoder_blocks: BlocksConfig,
     /// Widths of the decoder's stages.
     #[serde(default)]
     pub decoder_widths: [usize; 3],
@@ -422,8 +427,8 @@ impl ModelConfig {
         AeShape {
             z: self.vae.z,
             stride_t: self.vae.stride_t,
-            encoder_width: self.vae.encoder_width,
-            encoder_blocks: self.vae.encoder_blocks,
+            encoder_widths: self.vae.encoder().to_vec(),
+            encoder_blocks: self.vae.encoder_blocks.each().to_vec(),
             decoder_widths: self.vae.decoder_widths,
             decoder_blocks: self.vae.decoder_blocks,
             decoder_skip: self.vae.decoder_skip,

@@ -248,31 +248,33 @@ fn a_head_of_zeros_gives_its_bias() {
     assert!(rows.fold(0.0f32, |w, (a, b)| w.max((a - b).abs())) < 1e-6);
 }
 
-fn autoencoders() -> [AeShape; 3] {
+fn autoencoders() -> [AeShape; 4] {
     let smoke = AeShape {
         z: 4,
         stride_t: 4,
-        encoder_width: 24,
-        encoder_blocks: 1,
+        encoder_widths: vec![24],
+        encoder_blocks: vec![1],
         decoder_widths: [24, 16, 16],
         decoder_blocks: [1, 1, 0],
         decoder_skip: true,
         guides: 1,
         sketch_widths: None,
     };
-    let cpu_train = AeShape { z: 12, encoder_width: 96, decoder_widths: [96, 48, 24], guides: 2, ..smoke.clone() };
+    let cpu_train =
+        AeShape { z: 12, encoder_widths: vec![96], decoder_widths: [96, 48, 24], guides: 2, ..smoke.clone() };
     let odd = AeShape {
         z: 3,
         stride_t: 2,
-        encoder_width: 10,
-        encoder_blocks: 2,
+        encoder_widths: vec![10],
+        encoder_blocks: vec![2],
         decoder_widths: [20, 7, 5],
         decoder_blocks: [2, 1, 1],
         decoder_skip: false,
         guides: 1,
         sketch_widths: Some([9, 6, 5]),
     };
-    [smoke, cpu_train, odd]
+    let staged = AeShape { encoder_widths: vec![12, 16, 20], encoder_blocks: vec![1, 2, 0], ..odd.clone() };
+    [smoke, cpu_train, odd, staged]
 }
 
 #[test]
@@ -306,7 +308,7 @@ fn the_autoencoder_equals_the_graph_and_streams() {
 /// Equivalence 2 and 3 to the bit: parts, snapshots and threads change nothing.
 #[test]
 fn streaming_equals_whole_clip_work_to_the_bit() {
-    let [_, shape, _] = autoencoders();
+    let [_, shape, ..] = autoencoders();
     let fast = FastAe::new(&shape, &weights(&shape.declare())).expect("fits");
     let latents = draw("latents", &[4, 4, 6, shape.z]);
     let whole = fast.decode(&latents, None, &mut Memory::default());

@@ -127,12 +127,12 @@ fn what_is_not_given_does_not_count() {
     }
 }
 
-fn autoencoders() -> [AeShape; 3] {
+fn autoencoders() -> [AeShape; 4] {
     let narrow = AeShape {
         z: 3,
         stride_t: 4,
-        encoder_width: 10,
-        encoder_blocks: 2,
+        encoder_widths: vec![10],
+        encoder_blocks: vec![2],
         decoder_widths: [20, 7, 5],
         decoder_blocks: [2, 1, 1],
         decoder_skip: true,
@@ -147,8 +147,40 @@ fn autoencoders() -> [AeShape; 3] {
         ..narrow.clone()
     };
     let bare =
-        AeShape { z: 16, stride_t: 1, encoder_blocks: 0, decoder_blocks: [0, 0, 0], guides: 0, ..narrow.clone() };
-    [narrow, two, bare]
+        AeShape { z: 16, stride_t: 1, encoder_blocks: vec![0], decoder_blocks: [0, 0, 0], guides: 0, ..narrow.clone() };
+    let staged = AeShape { encoder_widths: vec![6, 5, 9], encoder_blocks: vec![1, 0, 2], guides: 0, ..two.clone() };
+    [narrow, two, bare, staged]
+}
+
+/// The loss falls along the gradient by as much as the gradient says, in every layer of an encoder in stages.
+#[test]
+fn a_staged_encoder_learns_along_its_gradient() {
+    let [.., shape] = autoencoders();
+    let (weights, [steps, h, w]) = (weights(&shape.declare()), [4, 2, 3]);
+    let frames = [steps * shape.stride_t, 8 * h, 8 * w];
+    let batch = AeBatch {
+        clips: 2,
+        folded: draw("folded", &[steps, h, w, shape.inputs()]),
+        frames: draw("frames", &[frames[0], frames[1], frames[2], 3]),
+        emphasis: Array::new(&[frames[0], frames[1], frames[2], 1], vec![1.0; frames.iter().product()]),
+        noise: Array::zeros(&[steps, h, w, shape.z]),
+        latent_penalty: 0.3,
+    };
+    let step = |weights: &Weights| train::autoencoder(&shape, weights, &batch);
+    let gradient = step(&weights).gradient;
+    for name in weights.iter().map(|(name, _)| name).filter(|name| name.starts_with("encoder.")) {
+        let along = gradient.get(name).expect("declared").values();
+        let length = along.iter().map(|d| d * d).sum::<f32>().sqrt();
+        let by = 1e-2;
+        let shifted = |by: f32| {
+            let mut weights = weights.clone();
+            let values = weights.get_mut(name).expect("declared").values_mut();
+            values.iter_mut().zip(along).for_each(|(value, d)| *value += by * d / length);
+            step(&weights).loss
+        };
+        let slope = (shifted(by) - shifted(-by)) / (2.0 * by);
+        assert!((slope - length).abs() < 0.03 * length + 1e-4, "{name}: {slope} is not {length}");
+    }
 }
 
 #[test]
@@ -206,7 +238,7 @@ fn moved(weights: &Weights, name: &str, at: usize, by: f32) -> Weights {
 
 #[test]
 fn adversarial_steps_equal_the_framework() {
-    for (shape, told) in autoencoders().into_iter().zip([true, false, true]) {
+    for (shape, told) in autoencoders().into_iter().zip([true, false, true, false]) {
         let (batch, sizes) = opposed(&shape, told);
         let (decoder, judge) = (weights(&shape.declare()), judge(sizes));
         let against = against(sizes, &judge, &batch, 0.8);

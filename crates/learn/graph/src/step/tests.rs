@@ -263,8 +263,8 @@ fn ae() -> (AeShape, AeBatch) {
     let shape = AeShape {
         z: 3,
         stride_t: 4,
-        encoder_width: 8,
-        encoder_blocks: 1,
+        encoder_widths: vec![8],
+        encoder_blocks: vec![1],
         decoder_widths: [8, 6, 4],
         decoder_blocks: [1, 1, 1],
         decoder_skip: true,

@@ -3,11 +3,11 @@
 //! Clips lie one after the other in an image's frames; a block's memory of the frame before begins anew with each clip.
 
 use ds_nn::array::Weights;
-use ds_nn::tiny_ae::{AeShape, BLOCK_PX, LAYOUT_CHANNELS};
+use ds_nn::tiny_ae::{AeShape, BLOCK_PX, EncoderStage, LAYOUT_CHANNELS};
 
 use super::convolution::Layer;
 use super::guide::{Guided, Guides};
-use super::images::{add, filled, shuffled, sized, unshuffled, where_positive};
+use super::images::{add, filled, folded, shuffled, sized, unshuffled, where_positive};
 use super::linear::Linear;
 use crate::arch::Arch;
 use crate::image::Image;
@@ -54,18 +54,25 @@ pub(super) struct Decoded {
 
 /// What the backward pass of an encoding needs.
 pub(super) struct Encoded {
-    folded: Vec<f32>,
-    chain: Chain,
+    blocks: Vec<f32>,
+    /// What each stage's linear layer takes in, and its blocks.
+    stages: Vec<(Vec<f32>, Chain)>,
     /// Latents [steps, h, w, z].
     pub(super) latents: Vec<f32>,
+}
+
+impl Encoded {
+    /// Returns what comes out of the last stage.
+    fn encoded(&self) -> &Image {
+        self.stages.last().expect("an encoder has a stage").1.last()
+    }
 }
 
 /// The autoencoder's layers with their weights packed.
 pub(super) struct Network<'a> {
     shape: &'a AeShape,
     arch: Arch,
-    fold: Linear<'a>,
-    encoder: Vec<Block>,
+    encoder: Vec<(Linear<'a>, Vec<Block>)>,
     encoder_head: Layer,
     encoder_skip: Linear<'a>,
     stem: Layer,
@@ -86,11 +93,15 @@ impl<'a> Network<'a> {
             let blocks = Block::all(weights, &name, shape.decoder_blocks[stage], widths[stage]);
             (blocks, (stage < 2).then(|| Linear::new(weights, format!("{name}.grow"))))
         };
+        let fold = |stage: &EncoderStage| {
+            let layer = Linear::new(weights, format!("{}.fold", stage.name));
+            (layer, Block::all(weights, &stage.name, stage.blocks, stage.width))
+        };
+        let last = shape.encoder_widths.len() - 1;
         Self {
             arch: Arch::new(),
-            fold: Linear::new(weights, "encoder.fold"),
-            encoder: Block::all(weights, "encoder", shape.encoder_blocks, shape.encoder_width),
-            encoder_head: Layer::new(weights, "encoder.head", &[shape.encoder_width], 1),
+            encoder: shape.encoder().iter().map(fold).collect(),
+            encoder_head: Layer::new(weights, "encoder.head", &shape.encoder_widths[last..], 1),
             encoder_skip: Linear::new(weights, "encoder.skip"),
             stem: Layer::new(weights, "decoder.stem", &[shape.z], 1),
             stages: (0..3).map(stage).collect(),
@@ -102,33 +113,49 @@ impl<'a> Network<'a> {
     }
 
     /// Encodes space-to-depth frames [steps, h, w, inputs].
-    pub(super) fn encode(&self, folded: &[f32], [steps, h, w]: Size, clips: usize) -> Encoded {
-        let rows = steps * h * w;
-        let mut hidden = vec![0.0; rows * self.fold.outputs()];
-        self.fold.forward(folded, &mut hidden);
-        hidden.iter_mut().for_each(|x| *x = x.max(0.0));
-        let chain = self.blocks(&self.encoder, filled([steps, h, w, self.fold.outputs()], &hidden), clips);
+    pub(super) fn encode(&self, blocks: &[f32], [steps, h, w]: Size, clips: usize) -> Encoded {
+        let mut run = Encoded { blocks: blocks.to_vec(), stages: Vec::new(), latents: Vec::new() };
+        for (index, (layer, blocks)) in self.encoder.iter().enumerate() {
+            let input = match run.stages.last() {
+                Some((_, below)) => folded(below.last()).dense().to_vec(),
+                None => self.shape.cut(&run.blocks, w),
+            };
+            let scale = self.encoder.len() - 1 - index;
+            let size = [steps, h << scale, w << scale, layer.outputs()];
+            let mut hidden = vec![0.0; size.iter().product()];
+            layer.forward(&input, &mut hidden);
+            hidden.iter_mut().for_each(|x| *x = x.max(0.0));
+            run.stages.push((input, self.blocks(blocks, filled(size, &hidden), clips)));
+        }
         let mut head = sized([steps, h, w, self.shape.z]);
-        let x = chain.last();
+        let x = run.encoded();
         self.encoder_head.forward(self.arch, |frame| [x.frame(frame), &[]], &mut head, |_, _| Finish::Plain);
-        let mut latents = vec![0.0; rows * self.shape.z];
-        self.encoder_skip.forward(folded, &mut latents);
+        let mut latents = vec![0.0; steps * h * w * self.shape.z];
+        self.encoder_skip.forward(blocks, &mut latents);
         head.inside().zip(latents.chunks_exact_mut(w * self.shape.z)).for_each(|(head, latents)| add(latents, head));
-        Encoded { folded: folded.to_vec(), chain, latents }
+        Encoded { latents, ..run }
     }
 
     /// Adds the gradients of the encoder's weights, given that of the latents.
     pub(super) fn encode_back(&self, run: &Encoded, size: Size, clips: usize, d: &[f32], gradient: &mut Weights) {
         let [steps, h, w] = size;
-        self.encoder_skip.learn(self.arch, d, &run.folded, gradient);
+        self.encoder_skip.learn(self.arch, d, &run.blocks, gradient);
         let d_head = filled([steps, h, w, self.shape.z], d);
-        let x = run.chain.last();
+        let x = run.encoded();
         self.encoder_head.learn(self.arch, &d_head, |frame| [x.frame(frame), &[]], gradient);
         let mut dx = sized(x.size());
         self.encoder_head.back(self.arch, 0, |frame| d_head.frame(frame), &mut dx, false);
-        self.blocks_back(&self.encoder, &run.chain, &mut dx, clips, gradient);
-        where_positive(&mut dx, &run.chain.images[0]);
-        self.fold.learn(self.arch, &dx.dense(), &run.folded, gradient);
+        for (index, ((layer, blocks), (input, chain))) in self.encoder.iter().zip(&run.stages).enumerate().rev() {
+            self.blocks_back(blocks, chain, &mut dx, clips, gradient);
+            where_positive(&mut dx, &chain.images[0]);
+            let d = dx.dense();
+            layer.learn(self.arch, &d, input, gradient);
+            if index > 0 {
+                let mut below = vec![0.0; input.len()];
+                layer.back(&d, &mut below, false);
+                dx = shuffled(&below, &dx, 1);
+            }
+        }
     }
 
     /// Decodes latents [steps, h, w, z], with layouts in the shape of the frames if the decoder is guided.

@@ -78,15 +78,24 @@ impl ModelConfig {
     /// The rules of the own autoencoder.
     fn check_tiny(&self) -> Result<(), ConfigError> {
         let v = &self.vae;
-        let widths = [v.encoder_width, v.decoder_widths[0], v.decoder_widths[1], v.decoder_widths[2]];
+        if v.encoder_widths.is_some() && v.encoder_width != 0 {
+            let rule = "belongs to an encoder at 1/8 resolution alone, not beside encoder_widths";
+            return refuse("vae.encoder_width", v.encoder_width.to_string(), rule);
+        }
+        if v.encoder().len() != v.encoder_blocks.each().len() {
+            let rule = "must be one number beside encoder_width and three beside encoder_widths";
+            return refuse("vae.encoder_blocks", format!("{:?}", v.encoder_blocks.each()), rule);
+        }
+        let widths = [v.encoder(), &v.decoder_widths].concat();
         if widths.iter().any(|width| *width == 0 || *width > MAX_WIDTH) {
             return refuse("vae", format!("{widths:?}"), "sizes must be 1 to 16384");
         }
         if v.width != 0 {
             return refuse("vae.width", v.width.to_string(), "belongs to published autoencoders");
         }
-        if v.encoder_blocks.max(*v.decoder_blocks.iter().max().unwrap_or(&0)) > 16 {
-            return refuse("vae.encoder_blocks", v.encoder_blocks.to_string(), "at most 16 memory blocks");
+        let blocks = [v.encoder_blocks.each(), &v.decoder_blocks].concat();
+        if blocks.iter().any(|blocks| *blocks > 16) {
+            return refuse("vae.encoder_blocks", format!("{blocks:?}"), "at most 16 memory blocks");
         }
         let (sketch, layers) = (self.control.sketch_widths, self.control.decoder_layers);
         if sketch.is_some_and(|widths| layers == 0 || widths.iter().any(|width| *width == 0 || *width > MAX_WIDTH)) {
@@ -112,8 +121,9 @@ impl ModelConfig {
         if v.width > MAX_WIDTH {
             return refuse("vae.width", v.width.to_string(), "at most 16384");
         }
-        if v.encoder_width + v.encoder_blocks + v.decoder_widths.iter().chain(&v.decoder_blocks).sum::<usize>() > 0 {
-            return refuse("vae.encoder_width", v.encoder_width.to_string(), "widths and blocks belong to kind tiny");
+        let sizes = [v.encoder(), v.encoder_blocks.each(), &v.decoder_widths, &v.decoder_blocks].concat();
+        if sizes.iter().any(|size| *size > 0) {
+            return refuse("vae.encoder_width", format!("{:?}", v.encoder()), "widths and blocks belong to kind tiny");
         }
         if self.control.decoder_layers > 0 || self.control.sketch_widths.is_some() {
             return refuse(

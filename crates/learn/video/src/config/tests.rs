@@ -43,6 +43,14 @@ fn broken_rules_are_named() {
     check(("steps = 2", "steps = 2\nstep = 3"), "unknown field");
     check(("shift = 5.0", "shift = nan"), "sampler.steps");
     check(("encoder_width = 24", "encoder_width = 24\nwidth = 4"), "vae.width");
+    check(("encoder_width = 24", "encoder_widths = [8, 16, 24]"), "vae.encoder_blocks");
+    check(("encoder_width = 24", "encoder_width = 24\nencoder_widths = [8, 16, 24]"), "vae.encoder_width");
+    check(
+        ("encoder_width = 24\nencoder_blocks = 1", "encoder_widths = [8, 16, 24]\nencoder_blocks = [1, 1, 99]"),
+        "at most 16",
+    );
+    check(("encoder_blocks = 1", "encoder_blocks = [1, 1, 1]"), "vae.encoder_blocks");
+    check(("encoder_blocks = 1", "encoder_blocks = [1, 1]"), "three in brackets");
     check(("first_frame_independent = true", "first_frame_independent = true\n[weights]\nvae = \"a\""), "weights");
 }
 
@@ -52,6 +60,7 @@ fn all_presets_are_valid() {
         SMOKE,
         include_str!("../../../../../configs/models/cpu_train.toml"),
         include_str!("../../../../../configs/models/embedded.toml"),
+        include_str!("../../../../../configs/models/road.toml"),
         WAN,
         FUN,
         LARGE,
@@ -112,7 +121,7 @@ fn places_of_files_are_not_part_of_the_digest() {
 #[test]
 fn later_fields_leave_the_digest_of_older_presets_alone() {
     let text = toml::to_string(&ModelConfig::parse(SMOKE).expect("valid")).expect("it came from TOML");
-    for key in ["clip_dim", "reference", "gelu", "precision", "weights", "_encoder]", "\nwidth ="] {
+    for key in ["encoder_widths", "clip_dim", "reference", "gelu", "precision", "weights", "_encoder]", "\nwidth ="] {
         assert!(!text.contains(key), "{key:?} is part of the digest of weights that were trained before it");
     }
 }
