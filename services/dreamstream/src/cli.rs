@@ -417,8 +417,9 @@ pub(crate) struct TrainArgs {
     /// Where `ship` writes (else beside the model's configuration), what `unpack` takes apart, what `policy` measures.
     #[arg(long, value_hint = ValueHint::FilePath)]
     pub weights: Option<PathBuf>,
-    /// Whose transformer `ship` writes, instead of the most refined student's, or `unpack` finds.
-    #[arg(long, value_parser = ["prior", "teacher", "ode", "self_forcing"])]
+    /// Whose transformer `ship` writes, instead of the most refined student's, or `unpack` finds; `autoencoder` for that
+    /// alone, without a transformer.
+    #[arg(long, value_parser = ["autoencoder", "prior", "teacher", "ode", "self_forcing"])]
     pub of: Option<String>,
     /// What computes, instead of the recipe's `backend`; of vulkan and cuda, builds with that feature.
     #[arg(long, value_parser = backend(&Backend::ALL))]

@@ -6,7 +6,6 @@
 //! repeated one only sums up. Every figure carries an interval from resampled scenarios ([`estimate`]).
 
 pub mod arm;
-pub mod colour;
 pub mod column;
 pub mod config;
 pub mod course;

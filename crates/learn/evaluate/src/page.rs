@@ -6,11 +6,11 @@ use std::collections::BTreeMap;
 
 use ds_page::{Document, Markup, Pictures, link};
 
-use crate::colour::Colour;
 use crate::config::EvalConfig;
 use crate::estimate::Estimate;
 use crate::film::STILLS;
 use crate::outcome::{ArmDrift, ArmLayout, ColumnLayout, Outcome, Sharpness};
+use ds_train::colour::Colour;
 use plot::{Line, Plot};
 
 const STYLE: &str = include_str!("page/page.css");

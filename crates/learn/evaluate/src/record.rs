@@ -3,7 +3,7 @@
 use ds_perception::overlap::{Overlap, Overlaps, Target};
 use serde::{Deserialize, Serialize};
 
-use crate::colour::{Colour, Steps};
+use ds_train::colour::{Colour, Steps};
 
 /// Pixels of every target: in both maps, in either.
 pub type Pixels = [[u64; 2]; Target::ALL.len()];

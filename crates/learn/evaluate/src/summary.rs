@@ -93,7 +93,7 @@ pub fn slope(points: &[(f64, f64)]) -> Option<f64> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::colour::{Colour, Steps};
+    use ds_train::colour::{Colour, Steps};
 
     /// A look with given pixels of lanes and vehicles, and features.
     pub(crate) fn glance(frame: u32, lane: [u64; 2], vehicle: [u64; 2], features: &[f32]) -> Glance {

@@ -5,11 +5,11 @@ use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter};
 
 use crate::arm::Arm;
-use crate::colour::{Colour, Steps, difference, psnr_db};
 use crate::drive::{Drive, Route};
 use crate::error::AppraisalError;
 use crate::eyes::Eyes;
 use crate::record::{Glance, Record, Seam};
+use ds_train::colour::{Colour, Steps, difference, psnr_db};
 
 /// Which frames are looked at, and whether they are compared with the truth of the world's own.
 #[derive(Debug, Clone, PartialEq, Eq)]

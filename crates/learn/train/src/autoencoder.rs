@@ -4,6 +4,7 @@
 //! decoder forgives the errors of a generator. After training, mean and deviation per latent channel are measured and
 //! stored beside the weights (`latent.mean`, `latent.std`).
 
+use ds_clips::Clip;
 use ds_nn::body::Autoencoder;
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::step::AeBatch;
@@ -15,6 +16,7 @@ use ds_video::{ModelConfig, VideoModel, tokens};
 
 use crate::batch::{self, mean_step};
 use crate::checkpoint::{Member, Run};
+use crate::colour::{Colour, Steps};
 use crate::condition::latent_steps;
 use crate::config::{StageConfig, TrainConfig};
 use crate::error::TrainError;
@@ -26,6 +28,8 @@ const LATENT_NOISE: f32 = 0.05;
 const LATENT_PENALTY: f32 = 1e-4;
 /// Clips that statistics and PSNR are measured on.
 const EVALUATION_CLIPS: u64 = 48;
+/// Frames of a held-out clip that are measured.
+const HELD_OUT_FRAMES: usize = 41;
 /// Clips of the contact sheet.
 const SHOWN_CLIPS: u64 = 8;
 
@@ -52,7 +56,8 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
             break;
         }
     }
-    let figures = evaluate(config, &frames, &shape, run.average())?;
+    let mut figures = evaluate(config, &frames, &shape, run.average())?;
+    figures.extend(held_out(config, &shape, run.average())?);
     if run.step == 0 {
         keep_statistics(config, &initial)?;
     }
@@ -73,7 +78,16 @@ fn batch(
     (seed, step, clip): (&Digest, u32, u64),
 ) -> Result<AeBatch, TrainError> {
     let draws = Draws::new(seed, "batch", &[u64::from(step), clip]);
-    let clip = sets.draw(&draws, 1 + (stage.latents - 1) * shape.stride_t)?;
+    let mut clip = sets.draw(&draws, 1 + (stage.latents - 1) * shape.stride_t)?;
+    if let Some(crop_px) = stage.crop_px {
+        let whole = [clip.frames[0].width_px(), clip.frames[0].height_px()];
+        let place =
+            |draw: u64, axis: usize| draws.below(draw, u64::from(whole[axis].saturating_sub(crop_px[axis])) + 1);
+        let corner_px = [place(2, 0) as u32, place(3, 1) as u32];
+        for image in clip.frames.iter_mut().chain(&mut clip.layouts) {
+            *image = image.part(corner_px, crop_px);
+        }
+    }
     let size = (clip.frames[0].height_px() as usize, clip.frames[0].width_px() as usize);
     let (mut folded, mut images, mut weights) = (Vec::new(), Vec::new(), Vec::new());
     for (frames, layouts) in
@@ -172,6 +186,43 @@ fn evaluate(
     file.metadata.insert("psnr_db".to_owned(), psnr.to_string());
     file.write(&config.folder.join("autoencoder.safetensors"))?;
     Ok(vec![("psnr_db".to_owned(), psnr)])
+}
+
+/// Measures reconstructions of the first frames of every held-out clip, a guided decoder's beside their layouts: PSNR,
+/// detail as a ratio of the true frames', and of both the steps at the borders of 8×8 blocks over those inside (1 is free
+/// of blocks). Nothing without such a set.
+pub(crate) fn held_out(
+    config: &TrainConfig,
+    shape: &AeShape,
+    weights: &Weights,
+) -> Result<Vec<(String, f32)>, TrainError> {
+    let Some(set) = &config.held_out else { return Ok(Vec::new()) };
+    let ae = config.backend.autoencoder(shape, weights)?;
+    let (mut psnr, mut detail, mut steps, mut count) = (0.0, [0.0; 2], [Steps::default(); 2], 0.0);
+    for clip in Frames::open(config, std::slice::from_ref(set))?.beginnings(HELD_OUT_FRAMES) {
+        let Clip { frames, layouts, .. } = clip?;
+        let layouts = (shape.guides > 0).then(|| tokens::stacked(&latent_steps(&layouts, shape.stride_t).concat()));
+        let decoded = decode(ae.as_ref(), shape, &encode(ae.as_ref(), shape, &frames), layouts.as_ref());
+        let frames = &frames[..decoded.len()];
+        psnr += f64::from(batch::psnr_db(frames, &decoded));
+        count += 1.0;
+        for (of, images) in [frames, &decoded].into_iter().enumerate() {
+            for image in images {
+                let Steps { across, inside } = Steps::of(image);
+                detail[of] += Colour::of(image).detail;
+                steps[of] = Steps { across: steps[of].across + across, inside: steps[of].inside + inside };
+            }
+        }
+    }
+    let border = steps.map(|steps| steps.across / steps.inside);
+    let figures = [
+        ("held_out_psnr_db", psnr / count),
+        ("held_out_laplacian_ratio", detail[1] / detail[0]),
+        ("held_out_border_ratio", border[1]),
+        ("held_out_reference_border_ratio", border[0]),
+    ];
+    #[expect(clippy::cast_possible_truncation, reason = "figures for people")]
+    Ok(figures.map(|(name, value)| (name.to_owned(), value as f32)).to_vec())
 }
 
 /// Gives an autoencoder that was taken over as it is the statistics that came with it: they belong to its latents.

@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use ds_nn::Weights;
 use ds_nn::optimiser::{AdamWSettings, Schedule, Shape};
 use ds_nn::safetensors::WeightsFile;
+use ds_nn::tiny_ae::BLOCK_PX;
 use ds_video::{Backend, ModelConfig};
 use serde::{Deserialize, Serialize};
 
@@ -109,6 +110,9 @@ pub struct StageConfig {
     pub accumulate: usize,
     /// Latent frames of a clip.
     pub latents: usize,
+    /// Width and height of the part of a clip that is drawn, multiples of 8; all without it. Of the autoencoder alone.
+    #[serde(default)]
+    pub crop_px: Option<[u32; 2]>,
     /// Highest learning rate.
     pub learning_rate: f32,
     /// Updates until the highest rate.
@@ -262,6 +266,16 @@ impl StageConfig {
         }
         if self.clips == 0 || self.clips > 256 || self.latents < 2 || self.latents > 256 {
             return refuse("clips must be 1 to 256 and latents 2 to 256".to_owned());
+        }
+        if let Some(crop) = self.crop_px {
+            if name != "autoencoder" {
+                return refuse(
+                    "crop_px belongs to the autoencoder and, outside of its stage, to the decoder".to_owned(),
+                );
+            }
+            if crop.iter().any(|side| *side == 0 || !side.is_multiple_of(BLOCK_PX as u32)) {
+                return refuse(format!("crop_px {crop:?} must be multiples of 8 pixels"));
+            }
         }
         if self.accumulate == 0 || self.accumulate > 4096 {
             return refuse("accumulate must be 1 to 4096".to_owned());

@@ -36,7 +36,8 @@ pub fn costs(config: &TrainConfig) -> Result<Vec<Cost>, TrainError> {
         text.map_or(0, |text| text.lines().count() as u64)
     };
     if let Some(stage) = &config.autoencoder {
-        let clip = 3.0 * (counter.encode(stage.latents) + counter.decode(stage.latents, 0));
+        let drawn = counter.drawn(stage.crop_px.map(|crop| crop.map(|side| side as usize)));
+        let clip = 3.0 * drawn * (counter.encode(stage.latents) + counter.decode(stage.latents, 0));
         add("autoencoder", stage.steps.into(), clip * stage.batch() as f64, logged("autoencoder"));
     }
     for (name, stage) in
@@ -73,14 +74,13 @@ pub fn costs(config: &TrainConfig) -> Result<Vec<Cost>, TrainError> {
     }
     if let Some(decoder) = &config.decoder {
         let stage = &decoder.stage;
-        let decoded = 3.0 * counter.decode(stage.latents, model.control.decoder_layers);
+        let guides = if decoder.rollouts > 0 { model.control.decoder_layers } else { 0 };
+        let decoded = 3.0 * counter.decode(stage.latents, guides);
         // Verdicts on made, true and noisy frames, their backward passes, and that of the decoder through the first.
         let judged = decoder.adversarial.as_ref().map_or(0.0, |against| {
             10.0 * work::judge(&against.shape(), stage.latents * model.vae.stride_t, counter.h, counter.w)
         });
-        let whole = f64::from(model.video.width_px * model.video.height_px);
-        let drawn = decoder.crop_px.map_or(1.0, |[width, height]| ((width * height) as f64 / whole).min(1.0));
-        let clip = drawn * (decoded + judged);
+        let clip = counter.drawn(decoder.crop_px) * (decoded + judged);
         add("decoder", stage.steps.into(), clip * stage.batch() as f64, logged("decoder"));
     }
     Ok(list)
@@ -97,6 +97,12 @@ impl<'a> Counter<'a> {
     fn new(model: &'a ModelConfig) -> Self {
         let (h, w) = model.latent_size();
         Self { model, h, w, n: model.dit().tokens() }
+    }
+
+    /// Returns the share of a frame that is drawn.
+    fn drawn(&self, crop_px: Option<[usize; 2]>) -> f64 {
+        let whole = f64::from(self.model.video.width_px * self.model.video.height_px);
+        crop_px.map_or(1.0, |[width, height]| ((width * height) as f64 / whole).min(1.0))
     }
 
     fn encode(&self, latents: usize) -> f64 {
@@ -132,6 +138,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::config::StageConfig;
 
     #[test]
     fn every_stage_of_the_shipped_recipe_has_a_cost() {
@@ -141,6 +148,14 @@ mod tests {
         let names: Vec<&str> = costs.iter().map(|cost| cost.stage).collect();
         assert_eq!(names, ["autoencoder", "prior", "teacher", "trajectories", "ode", "self_forcing", "decoder"]);
         assert!(costs.iter().all(|cost| cost.updates > 0 && cost.operations > 1e9), "{costs:?}");
+        let road = TrainConfig::load(&path.with_file_name("road.toml")).expect("the recipe is valid");
+        let drawn = super::costs(&road).expect("the preset is valid")[0].operations;
+        let whole = TrainConfig {
+            autoencoder: road.autoencoder.clone().map(|stage| StageConfig { crop_px: None, ..stage }),
+            ..road
+        };
+        let share = drawn / super::costs(&whole).expect("the preset is valid")[0].operations;
+        assert!((share - 1.0 / 9.0).abs() < 1e-9, "64×64 of 256×144 pixels are a ninth, not {share}");
         // One frame more is seen by all others: more than its share.
         let model = config.model().expect("valid");
         let counter = Counter::new(&model);

@@ -3,7 +3,8 @@
 //! Encoder and student stay as they are. Some clips of a batch are latents of the student's own rollouts over training
 //! clips, the rest are encoded frames. What the layout tells is to look as in the true frame; what stands beside the
 //! road a rollout cannot know, and regression onto the true frame would make it mush: there the pixels of a rollout
-//! count less, and a discriminator says what frames look like. Layouts are dropped now and then.
+//! count less, and a discriminator says what frames look like. Layouts are dropped now and then. Without rollouts there is
+//! no need of a student: all clips are encoded frames then, the decoder is not guided, and what comes out is an autoencoder.
 
 use std::sync::Arc;
 
@@ -41,7 +42,8 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     let model = config.model()?;
     let frames = Frames::open(config, &recipe.stage.sets)?;
     let seed = DigestWriter::new().text(NAME).u64(config.seed).finish();
-    let member = Member::new("model", &model.ae().declare(), recipe.stage.optimiser(), &seed)
+    let shape = if recipe.rollouts > 0 { model.ae() } else { unguided(&model) };
+    let member = Member::new("model", &shape.declare(), recipe.stage.optimiser(), &seed)
         .starting_from(&stored_autoencoder(config, "autoencoder")?)
         .starting_from(&config.initial("vae.")?);
     let against = recipe.adversarial.as_ref().map(|against| {
@@ -50,10 +52,11 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
         Member::new("discriminator", &against.shape().declare(), settings, &seed)
     });
     let mut run = Run::open(config, NAME, &recipe.stage, std::iter::once(member).chain(against).collect())?;
-    let student = student_weights(config)?;
+    let student = if recipe.rollouts > 0 { Some(student_weights(config)?) } else { None };
     if run.unfinished() {
-        let drawn = Arc::new(assembled(config, &student, "autoencoder")?);
-        let source = Source { config, recipe, frames, rolled: Vec::new(), model: drawn, shape: model.ae(), seed };
+        let unused = || Weights::initialised(&model.dit().declare(), &seed);
+        let drawn = Arc::new(assembled(config, &student.clone().unwrap_or_else(unused), "autoencoder")?);
+        let source = Source { config, recipe, frames, rolled: Vec::new(), model: drawn, shape: shape.clone(), seed };
         let source = Source { rolled: source.roll(progress)?, ..source };
         let team = config.backend.team();
         while run.unfinished() {
@@ -66,7 +69,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
                 updates.map(|(member, (step, rate))| Update { member, step, rate }).collect()
             } else {
                 let step = mean_step(&team, &recipe.stage, |clip| {
-                    Ok(config.backend.decoding(&model.ae(), run.weights(), &source.batch(at, clip)?))
+                    Ok(config.backend.decoding(&shape, run.weights(), &source.batch(at, clip)?))
                 })?;
                 vec![Update { member: DECODER, step, rate }]
             };
@@ -75,7 +78,10 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
             }
         }
     }
-    let figures = evaluate::held_out(config, &student, NAME, progress)?;
+    let figures = match &student {
+        Some(student) => evaluate::held_out(config, student, NAME, progress)?,
+        None => autoencoder::held_out(config, &shape, run.average())?,
+    };
     Ok(run.report(figures))
 }
 

@@ -44,6 +44,12 @@ impl Frames {
         Ok(set.read(clip, draws.below(1, (frames - count + 1) as u64) as usize, count)?)
     }
 
+    /// Reads the first `count` frames, or all if there are fewer, of every clip.
+    pub(crate) fn beginnings(&self, count: usize) -> impl Iterator<Item = Result<Clip, TrainError>> {
+        let of = move |set: &ClipSet, clip| Ok(set.read(clip, 0, count.min(set.info(clip).frames))?);
+        self.0.iter().flat_map(move |set| (0..set.len()).map(move |clip| of(set, clip)))
+    }
+
     /// Draws a clip and its first `count` frames, or all if it has fewer.
     pub(crate) fn first(&self, draws: &Draws, count: usize) -> Result<Clip, TrainError> {
         let (set, clip) = self.pick(draws)?;

@@ -9,6 +9,7 @@
 pub mod autoencoder;
 mod batch;
 pub mod checkpoint;
+pub mod colour;
 pub mod condition;
 pub mod config;
 pub mod cost;

@@ -49,7 +49,8 @@ impl Sizes {
         let grown = |width: usize| length.checked_div(width).map_or_else(|| vec![length], equal);
         match (name, axis) {
             ("time_projection.1.weight" | "time_projection.1.bias", 0) => equal(6),
-            ("head.head.weight" | "head.head.bias", 0) | ("img_emb.proj.1.weight", 1) => equal(4),
+            ("head.head.weight" | "head.head.bias", 0)
+            | ("img_emb.proj.1.weight" | "encoder.stage.1.fold.weight" | "encoder.stage.2.fold.weight", 1) => equal(4),
             ("patch_embedding.weight", 1) if length > 2 * self.latent => {
                 vec![self.latent, length - 2 * self.latent, self.latent]
             }

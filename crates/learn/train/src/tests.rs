@@ -108,9 +108,27 @@ fn every_stage_runs_improves_and_ships() {
     let shipped = folder.path().join("shipped.safetensors");
     ships(&config, folder.path(), &shipped);
     grows(&config, folder.path(), &shipped);
+    sharpens(&config, folder.path());
     let page = std::fs::read_to_string(page::write(&config).expect("writes")).expect("reads");
     assert!(page.contains("self forcing") && page.matches("<polyline").count() >= 7, "{}", page.len());
     assert_eq!(page.matches("<img").count(), 6, "every stage shows samples");
+}
+
+/// The decoder meets its discriminator before there is a student, if no rollouts are asked for.
+fn sharpens(config: &TrainConfig, folder: &Path) {
+    let mut alone = config.clone();
+    alone.folder = folder.join("sharp");
+    std::fs::create_dir(&alone.folder).expect("makes a folder");
+    std::fs::copy(config.folder.join("autoencoder.safetensors"), alone.folder.join("autoencoder.safetensors"))
+        .expect("copies");
+    let decoder = alone.decoder.as_mut().expect("a stage");
+    decoder.rollouts = 0;
+    decoder.stage.steps = 6;
+    let report = Stage::Decoder.run(&alone, &mut Silent).expect("trains").expect("reports");
+    let figure = |name: &str| report.figures.iter().find(|(found, _)| found == name).expect("measured").1;
+    assert!(figure("held_out_psnr_db") > 10.0 && figure("held_out_laplacian_ratio") > 0.0, "{:?}", report.figures);
+    alone.decoder.as_mut().expect("a stage").rollouts = 1;
+    assert!(Stage::Decoder.run(&alone, &mut Silent).is_err(), "there is no student to roll out");
 }
 
 /// What was trained is put into a file, taken apart again, and makes first frames.
@@ -129,7 +147,19 @@ fn ships(config: &TrainConfig, folder: &Path, shipped: &Path) {
     crate::ship::unpack(&other, "teacher", shipped, &mut Silent).expect("the same once more");
     let taken = crate::ship::unpack(config, "teacher", shipped, &mut Silent).expect_err("the stage has been trained");
     assert!(taken.to_string().contains("already"), "{taken}");
+    let alone = folder.join("alone.safetensors");
+    crate::ship::run(config, Some("autoencoder"), Some(&alone), &mut Silent).expect("ships");
     let model = config.model().expect("valid");
+    assert!(VideoModel::load(&model, &alone).is_err(), "no transformer is in it");
+    let refused = crate::ship::unpack(&other, "teacher", &alone, &mut Silent).expect_err("no transformer is in it");
+    assert!(refused.to_string().contains("dit."), "{refused}");
+    for file in [&alone, shipped] {
+        other.folder = folder.join("another");
+        crate::ship::unpack(&other, "autoencoder", file, &mut Silent).expect("unpacks");
+        assert!(
+            !other.folder.join("teacher.safetensors").exists() && other.folder.join("autoencoder.safetensors").exists()
+        );
+    }
     let layout = RgbImage::filled(model.video.width_px, model.video.height_px, ds_layout::colour::LANE);
     let first = |seed: &[u8]| {
         let (key, prompt) = (Digest::of(seed), "driving at night");

@@ -8,7 +8,6 @@ use std::collections::BTreeMap;
 use ds_fidelity::{Features, Principal};
 
 use super::Evaluation;
-use crate::colour::Colour;
 use crate::config::{DriftConfig, LongConfig};
 use crate::error::AppraisalError;
 use crate::estimate::{Estimate, Resamples, mean};
@@ -16,6 +15,7 @@ use crate::outcome::{ArmDrift, ColumnDrift, DriftOutcome, LongOutcome};
 use crate::record::Glance;
 use crate::summary::{Rollouts, slope};
 use crate::watch::{FrameSelection, Viewing};
+use ds_train::colour::Colour;
 
 /// The mark from which a rise is counted.
 const EARLY_MARK: u32 = 50;

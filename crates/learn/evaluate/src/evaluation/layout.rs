@@ -7,13 +7,13 @@ use ds_perception::lights::two_pixel_distance_m;
 use ds_perception::overlap::Target;
 
 use super::Evaluation;
-use crate::colour::Colour;
 use crate::config::LayoutConfig;
 use crate::error::AppraisalError;
 use crate::estimate::{Estimate, Resamples};
 use crate::outcome::{ArmLayout, ColumnLayout, LayoutOutcome, LightBin};
 use crate::summary::Rollouts;
 use crate::watch::{FrameSelection, Viewing};
+use ds_train::colour::Colour;
 
 /// Upper ends of the distances of which lights are reported apart, in metres.
 const DISTANCES_M: [f64; 5] = [15.0, 30.0, 45.0, 65.0, 90.0];

@@ -12,7 +12,8 @@ use crate::error::TrainError;
 pub struct DecoderConfig {
     /// What all stages have.
     pub stage: StageConfig,
-    /// Clips of the sets that the student is rolled out over.
+    /// Clips of the sets that the student is rolled out over; 0 trains an unguided decoder on encoded frames
+    /// alone, before there is a student.
     pub rollouts: u64,
     /// Latent frames of such a rollout, of which windows of the stage's length are drawn.
     #[serde(default)]

@@ -35,6 +35,8 @@ fn broken_recipes_are_named() {
     check("sets = [\"clips\"]", "sets = [\"clip\"]", "\"clip\" is not among");
     check("clips = 4", "clips = 4\naccumulate = 0", "accumulate must be");
     check("warm_up = 5", "warm_up = 5\nschedule = \"step\"", "cannot be read");
+    check("latents = 3", "latents = 3\ncrop_px = [30, 24]", "must be multiples of 8");
+    check("sets = [\"broad\"]", "sets = [\"broad\"]\ncrop_px = [32, 24]", "belongs to the autoencoder");
     check("rollout = 4", "rollout = 2", "self_forcing");
     check("reject = 0.2", "reject = 1.0", "trajectories");
     check("crop_px = [32, 24]", "crop_px = [30, 24]", "crop_px");
