@@ -65,10 +65,21 @@ fn no_two_splits_share_a_road_network_and_no_set_has_one_twice() {
     }
     let mut owners: BTreeMap<String, (String, Split)> = BTreeMap::new();
     let mut ranges: Vec<(u64, u64, String)> = Vec::new();
-    // The second world shows the scenarios of the tests again.
+    // The second world shows the scenarios of the tests again, and what is for `road` shows others in its size.
+    let again = |recipe: &Recipe| recipe.name.starts_with("road_");
     let own = |recipe: &Recipe| {
-        recipe.edit.is_none() && recipe.source == Source::Reference && recipe.scenarios.generator.is_none()
+        recipe.edit.is_none()
+            && recipe.source == Source::Reference
+            && recipe.scenarios.generator.is_none()
+            && !again(recipe)
     };
+    for (_, recipe) in recipes().into_iter().filter(|(_, recipe)| again(recipe) && recipe.edit.is_none()) {
+        let shown = |of: &Recipe| {
+            let (all, part) = (&of.scenarios, &recipe.scenarios);
+            all.first_seed == part.first_seed && part.count <= all.count && of.split == recipe.split
+        };
+        assert!(recipes().iter().any(|(_, of)| own(of) && shown(of)), "{} has scenarios of its own", recipe.name);
+    }
     for (_, recipe) in recipes().into_iter().filter(|(_, recipe)| own(recipe)) {
         let plan = ClipPlan::new(&recipe).expect("a plan");
         let first = recipe.scenarios.first_seed;
