@@ -152,9 +152,10 @@ fn ships(config: &TrainConfig, folder: &Path, shipped: &Path) {
     let model = config.model().expect("valid");
     assert!(VideoModel::load(&model, &alone).is_err(), "no transformer is in it");
     let refused = crate::ship::unpack(&other, "teacher", &alone, &mut Silent).expect_err("no transformer is in it");
-    assert!(refused.to_string().contains("dit."), "{refused}");
-    for file in [&alone, shipped] {
-        other.folder = folder.join("another");
+    let inner = std::error::Error::source(&refused).map(ToString::to_string).unwrap_or_default();
+    assert!(inner.contains("dit."), "{refused}: {inner}");
+    for (file, name) in [(&*alone, "of one"), (shipped, "of all")] {
+        other.folder = folder.join(name);
         crate::ship::unpack(&other, "autoencoder", file, &mut Silent).expect("unpacks");
         assert!(
             !other.folder.join("teacher.safetensors").exists() && other.folder.join("autoencoder.safetensors").exists()
