@@ -25,13 +25,51 @@ fn check_episode(episode: &serde_json::Value, ticks: u64) {
 }
 
 #[test]
-fn every_observation_source_drives() {
-    for observation in ["layout", "sim-rgb", "reference", "dreamstream"] {
+fn every_observation_source_drives_on_frames_of_its_own() {
+    let sources = ["layout", "sim-rgb", "reference", "dreamstream", "logged", "reprojected", "abroad"];
+    let ablated = ["per-frame", "dreamstream-clean-cache", "dreamstream-no-layout"];
+    let (mut frames, mut models) = (std::collections::BTreeSet::new(), std::collections::BTreeSet::new());
+    for observation in sources.into_iter().chain(ablated) {
         let drive = drive(&[TINY, "--observation", observation, "--policy", "constant-velocity", "--duration", "2"]);
         check_episode(drive.episode(0), 20);
         assert_eq!(drive.episode(0)["observation"], observation);
         assert!(drive.recording(0).exists());
+        assert!(
+            frames.insert(text(&drive.episode(0)["frame_digest"]).to_owned()),
+            "{observation} has frames of another"
+        );
+        let model = text(&drive.results["run"]["video_model_digest"]).to_owned();
+        let generated = observation == "dreamstream" || ablated.contains(&observation);
+        assert_eq!(model.chars().any(|digit| digit != '0'), generated, "{observation}: {model:?}");
+        assert!(!generated || models.insert(model), "{observation} has the model of another");
     }
+}
+
+#[test]
+fn ablations_are_the_same_in_processes_and_replay_from_their_log() {
+    for observation in ["per-frame", "dreamstream-clean-cache", "dreamstream-no-layout", "reprojected"] {
+        let settings = [TINY, "--observation", observation, "--policy", "constant-velocity", "--duration", "2"];
+        let (embedded, processes) = (drive(&settings), drive(&[&settings[..], &["--processes"]].concat()));
+        for key in ["world_digest", "frame_digest", "driving_score"] {
+            assert_eq!(embedded.episode(0)[key], processes.episode(0)[key], "{observation}: {key}");
+        }
+        let recording = embedded.recording(0);
+        let replay = ["replay", recording.to_str().expect("UTF-8"), "--service", "vdm-worker", "--from-iteration", "2"];
+        let output = dreamstream(&replay).output().expect("the binary runs");
+        let told = String::from_utf8_lossy(&output.stdout);
+        assert!(output.status.success() && told.contains(" 0 differ"), "{observation}: {told}");
+    }
+}
+
+#[test]
+fn a_source_whose_weights_do_not_ship_is_refused_with_the_command_that_makes_them() {
+    if std::path::Path::new("configs/models/arms/no_guidance.safetensors").exists() {
+        return;
+    }
+    let output = dreamstream(&["run", TINY, "--observation", "dreamstream-no-guidance"]).output().expect("runs");
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(64), "{told}");
+    assert!(told.contains("no_guidance.safetensors") && told.contains("just arms"), "{told}");
 }
 
 #[test]

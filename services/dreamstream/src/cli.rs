@@ -4,12 +4,12 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
+use clap::{Args, Parser, Subcommand, ValueHint};
 use ds_import::Format;
 use ds_policy::Learned;
 use ds_process::onlooker::OnlookerArgs;
 use ds_process::shipped;
-use ds_topic::{ProposalScorer, ScoreProfile};
+use ds_topic::{ObservationSource, ProposalScorer, ScoreProfile};
 use ds_video::Backend;
 use ds_world::{AgentMode, LayoutBackend, TrackerKind};
 
@@ -27,7 +27,8 @@ mod video;
 
 pub(crate) use adverse::{AdverseArgs, Arm};
 pub(crate) use benchmark::{
-    BaseArgs, BehaviorArgs, BenchmarkArgs, BenchmarkCommand, BuildCommand, CellArgs, ReviewArgs, RunArgs, ScaleArgs,
+    BaseArgs, BehaviorArgs, BenchmarkArgs, BenchmarkCommand, BuildCommand, CellArgs, Kept, ReviewArgs, RunArgs,
+    ScaleArgs,
 };
 pub(crate) use data::{DataCommand, DataListArgs, DataRenderArgs, DataSheetArgs};
 pub(crate) use fleet::{CertsArgs, HealthArgs, ServeArgs, SubmitArgs, TopArgs, WhyArgs};
@@ -39,7 +40,7 @@ pub(crate) use measure::MeasureArgs;
 pub(crate) use policy::PolicyCommand;
 pub(crate) use results::{CompareArgs, MergeArgs, ReportArgs, ScoreArgs};
 pub(crate) use run_plan::Align;
-pub(crate) use study::{FidelityArgs, StudyCommand};
+pub(crate) use study::{StudyArgs, StudyCommand};
 pub(crate) use video::{FirstFrameArgs, VideoCommand, VideoEvalArgs};
 
 const EXAMPLES: &str = "Examples:
@@ -127,19 +128,6 @@ pub(crate) enum Command {
     Certs(CertsArgs),
 }
 
-/// What makes the frames that the policy sees.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Observation {
-    /// The autoregressive video model.
-    Dreamstream,
-    /// The reference camera: a rich renderer in place of a real camera.
-    Reference,
-    /// A plain game-engine look.
-    SimRgb,
-    /// The condition image itself.
-    Layout,
-}
-
 /// What to drive, with which world, policy and observation, on which fleet, and where the results go: what `run` is told,
 /// and what `gap close` and `gap attribute` plan.
 #[derive(Debug, Clone, PartialEq, Args)]
@@ -152,9 +140,17 @@ pub(crate) struct RunPlan {
     /// which connects at --policy-listen.
     #[arg(long, default_value = "camera")]
     pub policy: String,
-    /// What makes the frames that the policy sees.
-    #[arg(long, value_enum, default_value = "dreamstream")]
-    pub observation: Observation,
+    /// What makes the frames that the policy sees: dreamstream, the video model; reference, a rich renderer in place of a
+    /// real camera; sim-rgb, a plain game-engine look; layout, the condition image; per-frame, dreamstream-clean-cache,
+    /// dreamstream-no-layout and dreamstream-no-guidance, the video model with a part taken away; logged, the log's frames
+    /// whatever the ego does; reprojected, the same half a second old and warped to where the ego is; abroad, a second
+    /// world's camera. docs/observation-sources.md says what each is.
+    #[arg(
+        long,
+        default_value = "dreamstream",
+        value_parser = named(ObservationSource::ALL.map(ObservationSource::name), ObservationSource::from_name)
+    )]
+    pub observation: ObservationSource,
     /// Ticks executed of each plan (Δr).
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub replan: u32,

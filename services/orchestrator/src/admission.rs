@@ -8,8 +8,8 @@ use ds_episode::FaultClass;
 use ds_episode::driver::Status;
 use ds_process::Drain;
 use ds_process::maker::chain;
-use ds_space::{AttemptId, Digest, RunId};
-use ds_topic::{EpisodeSpec, ObservationSource, ReplanAlignment};
+use ds_space::{AttemptId, RunId};
+use ds_topic::{EpisodeSpec, ReplanAlignment};
 use ds_wire::control as pb;
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
@@ -109,15 +109,19 @@ impl Episode {
         let began = Instant::now();
         loop {
             let abilities = self.stand.hub.abilities();
-            let video = job.spec.observation != ObservationSource::Dreamstream
-                || abilities.video.is_some_and(|video| video.model != Digest::default());
-            if video && abilities.policy.is_some() && abilities.video.is_some() {
-                if job.spec.observation == ObservationSource::Dreamstream
-                    && let Some(video) = abilities.video
-                {
-                    job.spec.video_model = video.model;
-                    job.spec.chunk_ticks = video.chunk_ticks;
-                    job.spec.layout_memory_ticks = video.layout_memory_ticks;
+            let source = job.spec.observation;
+            let model = abilities.video.as_ref().and_then(|video| video.model_of(source));
+            let ready = model.is_some() || !source.is_generated();
+            if ready
+                && abilities.policy.is_some()
+                && let Some(video) = &abilities.video
+            {
+                if let Some(model) = model.filter(|_| source.is_generated()) {
+                    job.spec.video_model = model;
+                    if source.has_cache() {
+                        job.spec.chunk_ticks = video.chunk_ticks;
+                        job.spec.layout_memory_ticks = video.layout_memory_ticks;
+                    }
                     job.frame_px = Some(video.frame_px).filter(|size| size.iter().all(|side| *side > 0));
                     aligned(&job.spec)?;
                 }

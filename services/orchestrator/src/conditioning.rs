@@ -106,7 +106,7 @@ impl Conditioning {
     /// twice, and for either where no source has a use for it.
     pub fn of(settings: &pb::RunSettings, sources: &[ObservationSource]) -> Result<Self, ConditioningError> {
         let given = settings.prompt.is_some() || !settings.first_frames.is_empty();
-        if given && !sources.contains(&ObservationSource::Dreamstream) {
+        if given && !sources.iter().any(|source| source.is_generated()) {
             return Err(ConditioningError::Unused);
         }
         if let Some(prompt) = &settings.prompt {

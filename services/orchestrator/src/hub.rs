@@ -11,7 +11,7 @@ use ds_episode::fleet::{
 use ds_episode::{FaultClass, Millis};
 use ds_process::clock::millis;
 use ds_space::{Digest, EpisodeId, InstanceId};
-use ds_topic::{Owner, Role};
+use ds_topic::{ObservationSource, Owner, Role};
 use ds_wire::control as pb;
 use tokio::sync::mpsc;
 
@@ -37,16 +37,29 @@ pub(crate) struct Abilities {
 }
 
 /// What a worker said of its video model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct VideoAbility {
     /// Digest; zero without a model.
     pub(crate) model: Digest,
+    /// Digests of the models of the other sources, by their name.
+    pub(crate) source_models: BTreeMap<String, Digest>,
     /// Ticks per chunk.
     pub(crate) chunk_ticks: u32,
     /// Ticks of the layouts that it remembers.
     pub(crate) layout_memory_ticks: u32,
     /// Width and height of its frames, in pixels.
     pub(crate) frame_px: [u32; 2],
+}
+
+impl VideoAbility {
+    /// Returns the digest of what a source is generated with; none where the worker has no such model.
+    pub(crate) fn model_of(&self, source: ObservationSource) -> Option<Digest> {
+        let model = match source {
+            ObservationSource::Dreamstream => Some(self.model),
+            source => self.source_models.get(source.name()).copied(),
+        };
+        model.filter(|model| *model != Digest::default())
+    }
 }
 
 #[derive(Default)]
@@ -356,6 +369,7 @@ impl Hub {
     pub(crate) fn abilities(&self) -> Abilities {
         // Empty is as good as zero: there is no model.
         let digest = |bytes: &[u8]| <[u8; 32]>::try_from(bytes).map_or(Digest::default(), Digest);
+        let of_source = |model: &pb::SourceModel| (model.source.clone(), digest(&model.digest));
         let lines = lock(&self.lines);
         let mut abilities = Abilities::default();
         for hello in lines.connected.values().map(|connected| &connected.hello) {
@@ -363,6 +377,7 @@ impl Hub {
                 Some(Role::Video) => {
                     abilities.video = Some(VideoAbility {
                         model: digest(&hello.video_model),
+                        source_models: hello.source_models.iter().take(16).map(of_source).collect(),
                         chunk_ticks: hello.chunk_ticks,
                         layout_memory_ticks: hello.layout_memory_ticks,
                         frame_px: [hello.frame_width_px, hello.frame_height_px],

@@ -319,9 +319,10 @@ fn spec(
         vehicle_log: settings.vehicle_log,
         wall_clock: settings.wall_clock,
         observation_delay: settings.observation_delay(scene.dt.secs()),
-        prompt: match arm.observation {
-            ObservationSource::Dreamstream => given.prompt(scene, Tick(ticks), &look(arm.appearance)?),
-            ObservationSource::Reference | ObservationSource::SimRgb | ObservationSource::Layout => String::new(),
+        prompt: if arm.observation.is_generated() {
+            given.prompt(scene, Tick(ticks), &look(arm.appearance)?)
+        } else {
+            String::new()
         },
     };
     let mut writer = DigestWriter::new();
@@ -355,16 +356,15 @@ pub(crate) fn scene(job: &Job) -> Result<SceneMessage, SubmissionError> {
     }
     let given = job.given.pictures(&scene)?;
     let (framings, originals) = frame(&mut scene, job.frame_px);
-    let first_frames = match job.spec.observation {
-        ObservationSource::Dreamstream => {
-            let part = |picture: RgbImage, to: &Framing| {
-                let part = picture.part([to.left_px, to.top_px], [to.width_px, to.height_px]);
-                part.resized(to.to_px[0], to.to_px[1])
-            };
-            let given = given.into_iter().zip(&framings).map(|(given, to)| given.map(|picture| part(picture, to)));
-            first_frames(&scene, given.collect(), look(&job.spec.appearance)?)?
-        }
-        ObservationSource::Reference | ObservationSource::SimRgb | ObservationSource::Layout => Vec::new(),
+    let first_frames = if job.spec.observation.is_generated() {
+        let part = |picture: RgbImage, to: &Framing| {
+            let part = picture.part([to.left_px, to.top_px], [to.width_px, to.height_px]);
+            part.resized(to.to_px[0], to.to_px[1])
+        };
+        let given = given.into_iter().zip(&framings).map(|(given, to)| given.map(|picture| part(picture, to)));
+        first_frames(&scene, given.collect(), look(&job.spec.appearance)?)?
+    } else {
+        Vec::new()
     };
     Ok(SceneMessage { spec: job.spec.clone(), scene: Arc::new(scene), first_frames, originals })
 }

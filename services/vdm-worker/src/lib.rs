@@ -4,12 +4,15 @@
 
 pub mod device;
 pub mod lens;
+mod models;
+pub mod per_frame;
 pub mod rendered;
 pub mod rollout;
 pub mod settings;
 pub mod simulated;
 pub mod stage;
 
+pub use models::load_config;
 pub use settings::Settings;
 pub use simulated::SimulatedStage;
 pub use stage::VideoStage;
@@ -44,6 +47,7 @@ fn factory(settings: &Settings) -> anyhow::Result<Arc<dyn MakerFactory>> {
     tracing::info!(?devices, shares = video.share_device, "accelerators");
     tracing::info!(backend = settings.device.backend.name(), "the video model's back end");
     let factory = VideoStage::new(video.model.clone(), weights)
+        .with_no_guidance(Some(video.no_guidance.clone()).filter(|path| *path != PathBuf::new()))
         .with_devices(devices, video.share_device)
         .with_backend(settings.device.backend);
     Ok(Arc::new(factory))

@@ -1,12 +1,15 @@
-//! The observation sources without a video model: reference camera, plain game-engine look, the layout itself.
+//! The observation sources without a video model: reference camera, plain game-engine look, the layout itself, the log as
+//! the reference camera saw it (as it is, or warped to where the ego stands), the second world's camera.
 
 use std::sync::Arc;
 
-use ds_camera::{Appearance, PlainCamera, ReferenceCamera};
+use ds_camera::{Appearance, Condition, PlainCamera, ReferenceCamera, ReprojectedCamera};
 use ds_process::maker::{Fault, Inputs, Maker, Output, bad, output};
 use ds_raster::{Encoding, ImageError, RgbImage};
-use ds_space::{CameraModel, Tick};
+use ds_second_camera::SecondCamera;
+use ds_space::{CameraModel, Pose, Rig, Tick};
 use ds_topic::{Advance, Frame, Layout, ObservationSource, SceneMessage, Slot, Topic, World};
+use ds_world::WorldState;
 
 use crate::lens::{Lens, Motion};
 
@@ -20,6 +23,9 @@ pub struct Rendered {
 enum Source {
     Reference(Box<ReferenceCamera>),
     Plain(Box<PlainCamera>),
+    Logged(Box<ReferenceCamera>),
+    Reprojected(Box<ReprojectedCamera>),
+    Abroad(Box<SecondCamera>),
     Layout,
 }
 
@@ -29,31 +35,42 @@ impl Rendered {
     /// # Errors
     /// If the appearance is unknown.
     pub fn new(scene: Arc<SceneMessage>) -> Result<Self, Fault> {
+        let look = || Appearance::named(&scene.spec.appearance).map_err(|error| bad("bad_settings", &error));
+        let reference = || Ok::<_, Fault>(Box::new(ReferenceCamera::new(&scene.scene, look()?)));
         let source = match scene.spec.observation {
-            ObservationSource::Reference => {
-                let appearance =
-                    Appearance::named(&scene.spec.appearance).map_err(|error| bad("bad_settings", &error))?;
-                Source::Reference(Box::new(ReferenceCamera::new(&scene.scene, appearance)))
+            ObservationSource::Reference => Source::Reference(reference()?),
+            ObservationSource::Logged => Source::Logged(reference()?),
+            ObservationSource::Reprojected => {
+                Source::Reprojected(Box::new(ReprojectedCamera::new(Arc::clone(&scene.scene), look()?)))
+            }
+            ObservationSource::Abroad => {
+                let look = look()?;
+                let condition = look.condition.unwrap_or(Condition::DAY);
+                Source::Abroad(Box::new(SecondCamera::new(&scene.scene, condition, look.palette_seed)))
             }
             ObservationSource::SimRgb => Source::Plain(Box::new(PlainCamera::new(&scene.scene))),
-            ObservationSource::Layout | ObservationSource::Dreamstream => Source::Layout,
+            ObservationSource::Layout => Source::Layout,
+            source => return Err(Fault::deterministic("not_rendered", format!("{} is generated", source.name()))),
         };
         Ok(Self { lens: Lens::of(&scene), scene, source })
     }
 
     fn image(&self, inputs: &Inputs, tick: Tick, camera: (u16, &CameraModel)) -> Result<RgbImage, Fault> {
-        let world = || inputs.decode::<World>(Slot::new(Topic::World, tick.0));
         let unseen = |error: ImageError| bad("frame_refused", &error);
+        let at = |render: &dyn Fn(&WorldState, Pose<ds_space::World, Rig>) -> Result<RgbImage, ImageError>| {
+            let state = inputs.decode::<World>(Slot::new(Topic::World, tick.0))?.state;
+            render(&state, state.ego.pose.world_from_rig(0.0)).map_err(unseen)
+        };
         match &self.source {
             Source::Layout => Ok(inputs.decode::<Layout>(Slot::of_camera(Topic::Layout, tick.0, camera.0))?.image),
-            Source::Reference(renderer) => {
-                let state = world()?.state;
+            Source::Logged(renderer) => {
+                let state = self.scene.scene.logged_world(tick);
                 renderer.render(&state, camera.1, state.ego.pose.world_from_rig(0.0)).map_err(unseen)
             }
-            Source::Plain(renderer) => {
-                let state = world()?.state;
-                renderer.render(&state, camera.1, state.ego.pose.world_from_rig(0.0)).map_err(unseen)
-            }
+            Source::Reference(renderer) => at(&|state, rig| renderer.render(state, camera.1, rig)),
+            Source::Plain(renderer) => at(&|state, rig| renderer.render(state, camera.1, rig)),
+            Source::Reprojected(renderer) => at(&|state, rig| renderer.render(state, camera.1, rig)),
+            Source::Abroad(renderer) => at(&|state, rig| renderer.render(state, camera.1, rig)),
         }
     }
 }

@@ -15,6 +15,8 @@ pub struct VideoSection {
     /// Its weights; empty for the file beside the configuration that ends in `.safetensors`, or, of a published model, the
     /// folder of the configuration's name.
     pub weights: PathBuf,
+    /// The transformer of source `dreamstream-no-guidance`; empty for `arms/no_guidance.safetensors` beside the model.
+    pub no_guidance: PathBuf,
     /// Accelerators that it may be given, by any names; empty to list those of the host.
     pub devices: Vec<String>,
     /// Whether it may be given a device that another worker holds.
@@ -28,6 +30,7 @@ impl Default for VideoSection {
         Self {
             model: PathBuf::from("configs/models/cpu_train.toml"),
             weights: PathBuf::new(),
+            no_guidance: PathBuf::new(),
             devices: Vec::new(),
             share_device: false,
             simulated_secs: 0.0,

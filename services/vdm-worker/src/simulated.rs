@@ -14,7 +14,7 @@ use ds_topic::body::Tensor;
 use ds_topic::{Advance, Cache, Frame, Layout, ObservationSource, Role, SceneMessage, Slot, Topic};
 use ds_video::ModelConfig;
 
-use crate::stage::load_config;
+use crate::models::load_config;
 
 /// What every pixel shows.
 const GREY: [u8; 3] = [128; 3];

@@ -1,46 +1,43 @@
 //! The video stage: picks the episode's observation source.
 
-use std::path::{Path, PathBuf};
-use std::sync::{Arc, OnceLock};
+use std::path::PathBuf;
+use std::sync::Arc;
 
-use ds_process::maker::{Abilities, Fault, Maker, MakerFactory, chain};
+use ds_process::maker::{Abilities, Fault, Maker, MakerFactory};
 use ds_topic::{ObservationSource, Role, SceneMessage};
-use ds_video::{Backend, ModelConfig, VideoModel};
+use ds_video::{Backend, VideoModel};
 
+use crate::models::Models;
+use crate::per_frame::OneByOne;
 use crate::rendered::Rendered;
 use crate::rollout::Rollouts;
 
-/// Reads and checks a model's configuration.
-///
-/// # Errors
-/// The text names the file and what is wrong with it.
-pub fn load_config(path: &Path) -> Result<ModelConfig, String> {
-    let text = std::fs::read_to_string(path).map_err(|error| format!("{error}: {path:?}"))?;
-    ModelConfig::parse(&text).map_err(|error| format!("{error}: {path:?}"))
-}
-
 /// Opens an observation source for each episode that the instance is given; the weights are loaded once.
 pub struct VideoStage {
-    config: PathBuf,
-    weights: Option<PathBuf>,
+    models: Models,
     devices: Vec<String>,
     shares_device: bool,
-    backend: Backend,
-    model: OnceLock<Result<Arc<VideoModel>, String>>,
 }
 
 impl VideoStage {
-    /// Names the model's configuration; its weights lie where [`ModelConfig::weights_beside`] says unless named.
+    /// Names the model's configuration; its weights lie where [`ds_video::ModelConfig::weights_beside`] says unless named.
     #[must_use]
     pub fn new(config: PathBuf, weights: Option<PathBuf>) -> Self {
-        let backend = Backend::default();
-        Self { config, weights, devices: Vec::new(), shares_device: false, backend, model: OnceLock::new() }
+        Self { models: Models::new(config, weights), devices: Vec::new(), shares_device: false }
     }
 
     /// Names what computes.
     #[must_use]
-    pub fn with_backend(self, backend: Backend) -> Self {
-        Self { backend, ..self }
+    pub fn with_backend(mut self, backend: Backend) -> Self {
+        self.models.backend = backend;
+        self
+    }
+
+    /// Names the transformer of the source without guidance; without it `arms/no_guidance.safetensors` beside the model.
+    #[must_use]
+    pub fn with_no_guidance(mut self, file: Option<PathBuf>) -> Self {
+        self.models.no_guidance = file;
+        self
     }
 
     /// Names the accelerators that it may be given, and whether it takes one that another worker holds.
@@ -54,16 +51,15 @@ impl VideoStage {
     /// # Errors
     /// If configuration or weights are refused.
     pub fn model(&self) -> Result<Arc<VideoModel>, Fault> {
-        let load = || {
-            let config = load_config(&self.config)?;
-            let weights = self.weights.clone().unwrap_or_else(|| config.weights_beside(&self.config));
-            if config.weights.drawn {
-                tracing::warn!(model = config.name, "the weights are drawn, frames mean nothing");
-            }
-            let loaded = VideoModel::load_on(self.backend, &config, &weights);
-            loaded.map(Arc::new).map_err(|error| format!("weights {weights:?}: {}", chain(&error)))
-        };
-        self.model.get_or_init(load).clone().map_err(|text| Fault::infrastructure("no_model", text))
+        self.models.own()
+    }
+
+    /// Loads what the frames of a source are generated with, at the first call.
+    ///
+    /// # Errors
+    /// If configuration or weights are refused or not there; the text says what makes them.
+    pub fn model_of(&self, source: ObservationSource) -> Result<Arc<VideoModel>, Fault> {
+        Ok(self.models.of(source)?.0)
     }
 }
 
@@ -81,7 +77,7 @@ impl MakerFactory for VideoStage {
 
     fn compute_class(&self) -> String {
         let wide = if avx512() { "avx512" } else { "baseline" };
-        let how = match self.backend {
+        let how = match self.models.backend {
             // Its results are the same for any number of threads.
             Backend::Cpu => "backend cpu".to_owned(),
             Backend::Framework => {
@@ -89,7 +85,7 @@ impl MakerFactory for VideoStage {
                 let threads = threads.map_or("all".to_owned(), |n| n.to_string_lossy().into_owned());
                 format!("backend framework, threads {threads}")
             }
-            Backend::Vulkan | Backend::Cuda => format!("backend {}", self.backend.name()),
+            Backend::Vulkan | Backend::Cuda => format!("backend {}", self.models.backend.name()),
         };
         format!("video {} {wide}, {how}, model {}", std::env::consts::ARCH, self.abilities().video_model)
     }
@@ -98,6 +94,7 @@ impl MakerFactory for VideoStage {
         match self.model() {
             Ok(model) => Abilities {
                 video_model: model.digest(),
+                source_models: self.models.digests().iter().map(|(source, digest)| (source.name(), *digest)).collect(),
                 chunk_ticks: u32::try_from(model.config().frames_per_chunk()).unwrap_or(u32::MAX),
                 frame_px: [model.config().video.width_px, model.config().video.height_px],
                 layout_memory_ticks: u32::try_from(model.config().layout_memory_ticks()).unwrap_or(u32::MAX),
@@ -111,24 +108,20 @@ impl MakerFactory for VideoStage {
     }
 
     fn open(&self, scene: Arc<SceneMessage>) -> Result<Box<dyn Maker>, Fault> {
-        match scene.spec.observation {
-            ObservationSource::Dreamstream => {
-                let model = self.model()?;
-                if model.digest() != scene.spec.video_model {
-                    return Err(Fault::infrastructure(
-                        "other_model",
-                        format!(
-                            "the episode asks for video model {:?}, this worker has {:?}",
-                            scene.spec.video_model,
-                            model.digest()
-                        ),
-                    ));
-                }
-                Ok(Box::new(Rollouts::new(model, scene)))
-            }
-            ObservationSource::Reference | ObservationSource::SimRgb | ObservationSource::Layout => {
-                Ok(Box::new(Rendered::new(scene)?))
-            }
+        let source = scene.spec.observation;
+        if !source.is_generated() {
+            return Ok(Box::new(Rendered::new(scene)?));
+        }
+        let (model, digest) = self.models.of(source)?;
+        let asked = scene.spec.video_model;
+        if digest != asked {
+            let text = format!("the episode asks for video model {asked:?}, this worker has {digest:?}");
+            return Err(Fault::infrastructure("other_model", text));
+        }
+        if source.has_cache() {
+            Ok(Box::new(Rollouts::new(model, scene)))
+        } else {
+            Ok(Box::new(OneByOne::new(&model, scene)?))
         }
     }
 }

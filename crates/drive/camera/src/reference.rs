@@ -117,6 +117,11 @@ impl ReferenceCamera {
         Ok(lens.develop(raster.values().iter().map(|surface| surface.class).collect()))
     }
 
+    /// Returns what is drawn.
+    pub(crate) fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+
     /// Returns the light of every pixel of a pinhole picture.
     fn expose(&self, world: &WorldState, view: &View) -> Result<Vec<Vec3>, ImageError> {
         let raster = surfaces(&self.geometry, world, view, self.light.lamps_on())?;

@@ -3,9 +3,11 @@
 #[path = "../../layout/tests/scenes/street.rs"]
 mod street;
 
-use ds_camera::{Appearance, PixelClass, PlainCamera, ReferenceCamera, Sampling};
+use std::sync::Arc;
+
+use ds_camera::{Appearance, PixelClass, PlainCamera, ReferenceCamera, ReprojectedCamera, Sampling};
 use ds_space::{AgentId, CameraModel, DVec2, DVec3, Intrinsics, PoseSe2};
-use ds_world::{AgentClass, AgentState, Scene, Size, WorldState};
+use ds_world::{AgentClass, AgentState, Scene, Size, Track, TrackPoint, WorldState};
 
 fn reference() -> ReferenceCamera {
     ReferenceCamera::new(&street::scene(), Appearance::DAY)
@@ -258,4 +260,51 @@ fn a_camera_too_large_to_render_is_refused_by_its_size() {
     assert_eq!(plain.to_string(), "image of 8194×2 px: each side must be 1 to 8192");
     assert!(reference().render(&world, &wide, rig).is_err(), "four samples a pixel do not make it fit");
     assert!(reference().classes(&world, &wide, rig).is_err());
+}
+
+/// Mean difference of two pictures, 0 to 255.
+fn apart(a: &ds_raster::RgbImage, b: &ds_raster::RgbImage) -> f64 {
+    let sum: f64 = a.rgb().iter().zip(b.rgb()).map(|(a, b)| f64::from(a.abs_diff(*b))).sum();
+    sum / a.rgb().len() as f64
+}
+
+#[test]
+fn a_picture_of_the_log_is_warped_to_where_the_ego_is() {
+    let mut scene = street::scene();
+    let (agents, ticks) = (street::world().agents, scene.ego_log.len());
+    let track = |agent: &AgentState| {
+        let AgentState { class, size, pose, z_m, velocity_mps, .. } = *agent;
+        let points = vec![Some(TrackPoint { pose, z_m, velocity_mps }); ticks];
+        Track { name: format!("{}", agent.id.0), class, size, points }
+    };
+    scene.tracks = agents.iter().map(track).collect();
+    let scene = Arc::new(scene);
+    let reference = ReferenceCamera::new(&scene, Appearance::DAY);
+    let (camera, rig) = (street::camera(160, 96), |pose: &PoseSe2| pose.world_from_rig(0.0));
+    let warp = ReprojectedCamera::new(Arc::clone(&scene), Appearance::DAY);
+    let logged = scene.logged_world(ds_space::Tick(0));
+    let here = reference.render(&logged, &camera, rig(&logged.ego.pose)).expect("the size is sound");
+    // From the log's own place the picture is nearly the camera's own.
+    let same = warp.render(&logged, &camera, rig(&logged.ego.pose)).expect("the size is sound");
+    assert_eq!(same, warp.render(&logged, &camera, rig(&logged.ego.pose)).expect("the size is sound"));
+    assert!(apart(&same, &here) < 4.0, "{}", apart(&same, &here));
+    // Beside it, the warped picture is nearer to what a camera there sees than to what the log saw.
+    let moved = logged.ego.pose.compose(&PoseSe2::new(0.0, 1.0, 0.09));
+    let there = reference.render(&logged, &camera, rig(&moved)).expect("the size is sound");
+    let warped = warp.render(&logged, &camera, rig(&moved)).expect("the size is sound");
+    assert!(apart(&warped, &there) < 0.5 * apart(&here, &there), "{} {}", apart(&warped, &there), apart(&here, &there));
+    // Who moved meanwhile is shown where he is now, and who is gone is not shown.
+    let (mut gone, mut aside) = (logged.clone(), logged.clone());
+    gone.agents.clear();
+    for agent in &mut aside.agents {
+        agent.pose.position += DVec2::new(0.5, 1.5);
+    }
+    let [there, warped, empty] = [
+        reference.render(&aside, &camera, rig(&logged.ego.pose)),
+        warp.render(&aside, &camera, rig(&logged.ego.pose)),
+        warp.render(&gone, &camera, rig(&logged.ego.pose)),
+    ]
+    .map(|picture| picture.expect("the size is sound"));
+    assert!(apart(&empty, &same) > 0.5, "{}", apart(&empty, &same));
+    assert!(apart(&warped, &there) < apart(&same, &there), "{} {}", apart(&warped, &there), apart(&same, &there));
 }

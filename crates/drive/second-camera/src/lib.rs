@@ -2,7 +2,8 @@
 //!
 //! Other bodies of cars, people, houses and trees, other materials, road styles, sky, sun, tone curve and camera
 //! rig; the same scenes and conditions. Nothing of it is shared with the reference camera but the rasteriser and the trait
-//! that both implement, so that agreement of results in both worlds is no accident of one renderer. Never used for training.
+//! that both implement, so that agreement of results in both worlds is no accident of one renderer. Never used for
+//! training; a source of frames for runs and studies.
 
 mod body;
 mod camera;

@@ -1,6 +1,5 @@
 //! An arm: weights and the way frames are made of them.
 
-mod silence;
 mod teacher;
 
 use std::path::{Path, PathBuf};
@@ -9,9 +8,11 @@ use std::sync::Arc;
 use ds_nn::Weights;
 use ds_nn::safetensors::WeightsFile;
 use ds_raster::RgbImage;
-use ds_space::{Digest, DigestWriter};
+use ds_space::{Digest, DigestWriter, Tick};
+use ds_topic::ObservationSource;
 use ds_train::guidance::{Guidance, Teacher};
-use ds_video::{ModelConfig, Rollout, VideoModel};
+use ds_video::ablation::{per_frame_digest, replace_transformer, silenced};
+use ds_video::{Ablated, Ablation, Backend, ModelConfig, PerFrame, Rollout, VideoModel};
 
 use teacher::Sampling;
 
@@ -64,19 +65,37 @@ impl Arm {
         Self::open(config, name, arm).map_err(wrap)
     }
 
-    /// Loads the student of a preset and its weights.
+    /// Loads what makes the frames of a generated source: a preset's own weights, or, without guidance, another
+    /// transformer.
     ///
     /// # Errors
-    /// If a file is broken or weights do not fit the preset.
-    pub fn student(name: &str, preset: &Path, weights: &Path) -> Result<Self, AppraisalError> {
+    /// If a file is absent or broken or weights do not fit the preset.
+    pub fn of_source(
+        source: ObservationSource,
+        (preset, weights, no_guidance): (&Path, &Path, &Path),
+    ) -> Result<Self, AppraisalError> {
+        let ablation = match source {
+            ObservationSource::DreamstreamCleanCache => Some(Ablation::CleanCache),
+            ObservationSource::DreamstreamNoLayout => Some(Ablation::NoLayout),
+            ObservationSource::DreamstreamNoGuidance => Some(Ablation::Transformer(no_guidance.to_path_buf())),
+            _ => None,
+        };
         let open = || {
+            if ablation.as_ref() == Some(&Ablation::Transformer(no_guidance.to_path_buf())) && !no_guidance.is_file() {
+                return Err(Cause::from(Absent(no_guidance.to_path_buf())));
+            }
             let preset = ModelConfig::load(preset)?;
-            let model = VideoModel::new(&preset, &VideoModel::read(&preset, weights)?)?;
-            let (name, digest) = (name.to_owned(), model.digest());
-            let (kind, remark, model) = (ArmKind::Student, String::new(), Arc::new(model));
+            let model = match &ablation {
+                None => VideoModel::load(&preset, weights)?,
+                Some(ablation) => Ablated::read(&preset, weights, ablation)?.model(Backend::default())?,
+            };
+            let per_frame = source == ObservationSource::PerFrame;
+            let digest = if per_frame { per_frame_digest(&model.digest()) } else { model.digest() };
+            let kind = if per_frame { ArmKind::PerFrame } else { ArmKind::Student };
+            let (name, remark, model) = (source.name().to_owned(), String::new(), Arc::new(model));
             Ok(Self { name, kind, remark, model, teacher: None, digest })
         };
-        open().map_err(|source: Cause| AppraisalError::Arm { arm: name.to_owned(), source })
+        open().map_err(|cause: Cause| AppraisalError::Arm { arm: source.name().to_owned(), source: cause })
     }
 
     fn open(config: &EvalConfig, name: &str, arm: &ArmConfig) -> Result<Self, Cause> {
@@ -114,8 +133,8 @@ impl Arm {
             Ok::<_, Cause>((Teacher::new(preset, &weights.part("dit."), arm.dropout.unwrap_or_default())?, sampling))
         });
         let model = match arm.kind {
-            ArmKind::NoLayout => VideoModel::new(preset, &silence::silenced(&preset.ae(), weights))?,
-            ArmKind::Student | ArmKind::Teacher | ArmKind::Prior | ArmKind::Autoencoder => {
+            ArmKind::NoLayout => VideoModel::new(preset, &silenced(&preset.ae(), weights))?,
+            ArmKind::Student | ArmKind::Teacher | ArmKind::Prior | ArmKind::Autoencoder | ArmKind::PerFrame => {
                 VideoModel::new(preset, weights)?
             }
         };
@@ -157,13 +176,28 @@ impl Arm {
     /// # Errors
     /// If the model gives values that are not finite.
     pub fn roll_with(&self, drive: &Drive, layouts: &[RgbImage]) -> Result<Vec<RgbImage>, AppraisalError> {
-        let first = drive.frame(0)?;
+        self.roll_from(drive, drive.frame(0)?, layouts)
+    }
+
+    /// Makes a frame per layout, frame 0 being given.
+    ///
+    /// # Errors
+    /// As [`Self::roll_with`].
+    pub fn roll_from(
+        &self,
+        drive: &Drive,
+        first: RgbImage,
+        layouts: &[RgbImage],
+    ) -> Result<Vec<RgbImage>, AppraisalError> {
         if self.kind == ArmKind::Autoencoder {
             let own: Vec<RgbImage> =
                 (0..layouts.len() as u32).map(|frame| drive.frame(frame)).collect::<Result<_, _>>()?;
             return Ok(ds_train::autoencoder::reconstructed(&self.model, &own, layouts));
         }
         let made = match &self.teacher {
+            None if self.kind == ArmKind::PerFrame => {
+                one_by_one(&self.model, drive, &first, layouts).map_err(Into::into)
+            }
             Some((teacher, sampling)) => {
                 teacher::clip(&self.model, teacher, drive, (&first, layouts), *sampling).map_err(Into::into)
             }
@@ -177,6 +211,16 @@ impl Arm {
     }
 }
 
+fn one_by_one(
+    model: &Arc<VideoModel>,
+    drive: &Drive,
+    first: &RgbImage,
+    layouts: &[RgbImage],
+) -> Result<Vec<RgbImage>, ds_video::VideoError> {
+    let frames = PerFrame::new(Arc::clone(model), drive.draw_key, "front", &drive.prompt, first)?;
+    (0..).zip(layouts).skip(1).map(|(tick, layout)| frames.frame(Tick(tick), layout)).collect()
+}
+
 fn student(
     model: &Arc<VideoModel>,
     drive: &Drive,
@@ -185,15 +229,6 @@ fn student(
 ) -> Result<Vec<RgbImage>, ds_video::VideoError> {
     let (mut rollout, _) = Rollout::new(Arc::clone(model), drive.draw_key, "front", &drive.prompt, first, &layouts[0])?;
     Ok(rollout.generate(&layouts[1..])?.frames)
-}
-
-/// Puts another transformer's weights, with or without their prefix, in the place of the model's.
-fn replace_transformer(weights: &mut Weights, dit: &Weights) {
-    let names: Vec<String> =
-        weights.iter().map(|(name, _)| name.to_owned()).filter(|name| name.starts_with("dit.")).collect();
-    names.iter().for_each(|name| drop(weights.remove(name)));
-    let prefixed = dit.part("dit.");
-    weights.absorb("dit.", if prefixed.iter().next().is_some() { &prefixed } else { dit });
 }
 
 #[cfg(test)]

@@ -70,6 +70,8 @@ pub enum ArmKind {
     Student,
     /// The same with the layout dropped from the start.
     NoLayout,
+    /// Each frame anew, without cache and decoder memory.
+    PerFrame,
     /// Sampled over a window of latents at once with guidance.
     Teacher,
     /// The same without layouts: the first frame and the prompt alone.

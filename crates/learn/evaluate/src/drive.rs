@@ -75,6 +75,12 @@ impl Drive {
         })
     }
 
+    /// Returns the scene.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        self.course.scene()
+    }
+
     /// Returns the world that a frame shows.
     #[must_use]
     pub fn world(&self, frame: u32) -> WorldState {

@@ -1,6 +1,6 @@
 //! The page of an evaluation: pictures first, then plots and tables with intervals, in one file beside the videos.
 
-mod plot;
+pub(crate) mod plot;
 
 use std::collections::BTreeMap;
 

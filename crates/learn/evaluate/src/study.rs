@@ -1,12 +1,24 @@
 //! Studies: tables of the fidelity of frames for policies, over held-out scenarios.
+//!
+//! All studies over frames share one engine: declared sources ([`config`]), features that are kept, distances with
+//! resamples. `closed_loop` asks of drives what the others ask of frames.
 
+pub mod closed_loop;
 pub mod config;
+mod correlation;
+mod engine;
 mod features;
-mod fidelity;
+mod found;
 mod frames;
 pub mod outcome;
 mod page;
 mod panel;
+mod plans;
+mod rank;
+mod rollout;
+mod sensitivity;
+mod source;
 
-pub use config::FidelityConfig;
-pub use fidelity::{fidelity, write};
+pub use config::{Study, StudyConfig};
+pub use engine::{run, write};
+pub use page::closed::write_drives;

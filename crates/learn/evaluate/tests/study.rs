@@ -4,17 +4,18 @@
 use std::path::{Path, PathBuf};
 
 use ds_evaluate::Progress;
-use ds_evaluate::study::{self, FidelityConfig, outcome::Outcome};
+use ds_evaluate::study::{self, Study, StudyConfig, outcome::Outcome};
 
 fn configs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../configs")
 }
 
 /// The shipped study, small and without the video model.
-fn config(out: &Path) -> FidelityConfig {
-    let mut config = FidelityConfig::load(&configs().join("study/fidelity.toml")).expect("the shipped study");
-    config.sources.retain(|source| source.name() != "dreamstream");
-    config.ratios.retain(|pair| pair.iter().all(|source| source.name() != "dreamstream"));
+fn config(out: &Path) -> StudyConfig {
+    let mut config = StudyConfig::load(&configs().join("study/fidelity.toml")).expect("the shipped study");
+    config.sources.retain(|source| ["reference", "sim-rgb", "layout"].contains(&source.name()));
+    let left: Vec<String> = config.sources.iter().map(|source| source.name().to_owned()).collect();
+    config.ratios.retain(|pair| pair.iter().all(|name| left.contains(name)));
     config.video = None;
     (config.size_px, config.scenarios, config.frames, config.draws) = ((160, 96), 6, 16, 50);
     config.out = out.to_path_buf();
@@ -36,9 +37,9 @@ impl Progress for Counted {
     fn note(&mut self, _text: &str) {}
 }
 
-fn study(config: &FidelityConfig) -> (Outcome, Counted) {
+fn study(config: &StudyConfig) -> (Outcome, Counted) {
     let mut progress = Counted::default();
-    let outcome = study::fidelity(config, &mut progress, &|| 0.0).expect("the study runs");
+    let outcome = study::run(Study::Fidelity, config, &mut progress, &|| 0.0).expect("the study runs");
     (outcome, progress)
 }
 
@@ -47,7 +48,7 @@ fn the_reference_is_at_zero_and_what_was_looked_at_is_kept() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let config = config(folder.path());
     let (found, first) = study(&config);
-    assert_eq!((first.made, first.kept), (18, 0), "6 scenarios × 3 sets");
+    assert_eq!((first.made, first.kept), (18, 6), "6 scenarios × 3 sets; the reference as a source is the real set");
     let row = |policy: &str, source: &str| &found.policies[policy].sources[source];
     let panel = ["camera", "drivor", "ltf"];
     for policy in panel.into_iter().chain(["camera-drawn"]) {
@@ -71,15 +72,82 @@ fn the_reference_is_at_zero_and_what_was_looked_at_is_kept() {
     let picture = found.worst["layout"][0].picture.as_ref().expect("the worst scene is shown");
     assert!(folder.path().join("scenes").join(picture).exists());
     let (again, second) = study(&config);
-    assert_eq!((second.made, second.kept), (0, 18));
+    assert_eq!((second.made, second.kept), (0, 24));
     assert_eq!(again, found);
+}
+
+fn source(text: &str) -> study::config::Source {
+    let value = if text.starts_with('{') {
+        toml::from_str::<toml::Table>(&format!("it = {text}")).expect("readable")["it"].clone()
+    } else {
+        toml::Value::String(text.to_owned())
+    };
+    study::config::Source::try_from(value).expect("a sound source")
+}
+
+#[test]
+fn far_sources_are_correlated_with_plans() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut config = config(folder.path());
+    config.sources.extend([
+        source("{ name = \"blurred\", from = \"reference\", blur_px = 3.0 }"),
+        source("logged"),
+        source("reprojected"),
+        source("abroad"),
+    ]);
+    let found = study::run(Study::Correlation, &config, &mut Counted::default(), &|| 0.0).expect("the study runs");
+    let correlation = found.correlation.as_ref().expect("asked for");
+    assert_eq!(correlation.sources, 6, "the real set is none");
+    let metric = &correlation.metrics["fd_pi"];
+    assert!(metric.r.value.abs() <= 1.0 && metric.points.len() == 18 && metric.each.len() == 3, "{metric:?}");
+    // By hand: r of one policy with the mean distance of the other two.
+    let fd = |policy: &str, source: &str| found.policies[policy].sources[source].fd.value;
+    for point in metric.points.iter().filter(|point| point.policy == "ltf") {
+        let mean = 0.5 * (fd("camera", &point.source) + fd("drivor", &point.source));
+        assert!((point.distance - mean).abs() < 1e-9);
+        assert!((0.0..=1.0).contains(&point.pdms) && point.pdms == correlation.pdms["ltf"][&point.source]);
+    }
+    assert!(correlation.apart.contains_key("fd_look") && correlation.apart.contains_key("camera-drawn"));
+    assert!(fd("camera", "blurred") > 0.1 && fd("camera", "logged") > 0.1, "displaced frames are not the log's");
+    study::write(&config, &found).expect("writes");
+    let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
+    assert!(page.contains("look-abroad.png") && folder.path().join("correlation.json").exists());
+}
+
+#[test]
+fn edits_are_answered_and_drift_is_measured() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut config = config(folder.path());
+    config.sources.push(source("{ name = \"bare\", from = \"sim-rgb\", no_lines = true }"));
+    config.sources.push(source("{ name = \"aside\", from = \"reference\", aside_m = 2.0 }"));
+    config.edits = [["sim-rgb", "bare"], ["reference", "aside"]].map(|pair| pair.map(str::to_owned)).to_vec();
+    let found = study::run(Study::Sensitivity, &config, &mut Counted::default(), &|| 0.0).expect("the study runs");
+    let sensitivity = found.sensitivity.expect("asked for");
+    let [bare, aside] = sensitivity.responses.as_slice() else { panic!("two edits") };
+    let own = found.fd_pi["bare"].value / found.fd_pi["sim-rgb"].value - 1.0;
+    assert!(!bare.in_deviations && (bare.answers["fd_pi"].response.value - own).abs() < 1e-9);
+    assert!(aside.in_deviations && aside.answers["fd_pi"].response.value > 0.0);
+    assert_eq!((sensitivity.hard.len(), sensitivity.hard[0].scenarios), (4, 2));
+    assert!(sensitivity.hard.iter().all(|hard| hard.value > 0.0 && hard.p > 0.0 && hard.p <= 1.0));
+
+    config.edits.clear();
+    (config.marks, config.ratios) = (vec![10, 16], vec![["layout", "sim-rgb"].map(str::to_owned)]);
+    let found = study::run(Study::Rollout, &config, &mut Counted::default(), &|| 0.0).expect("the study runs");
+    let rollout = found.rollout.expect("asked for");
+    let curve = rollout.curves.iter().find(|curve| curve.source == "layout").expect("a source");
+    assert_eq!(curve.marks.iter().map(|mark| mark.frame).collect::<Vec<_>>(), [10, 16]);
+    assert!((curve.marks[1].fd_pi.value - curve.marks[0].fd_pi.value - curve.rise.value).abs() < 1e-9);
+    assert_eq!(rollout.removed.len(), 1);
+    // What a study does not find in its configuration is named.
+    let error = study::run(Study::Sensitivity, &config, &mut Counted::default(), &|| 0.0).expect_err("no edits");
+    assert!(error.to_string().contains("edits"), "{error}");
 }
 
 #[test]
 fn wrong_studies_are_named() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let base = config(folder.path());
-    let check = |change: fn(&mut FidelityConfig), words: &str| {
+    let check = |change: fn(&mut StudyConfig), words: &str| {
         let mut config = base.clone();
         change(&mut config);
         let error = config.check().expect_err(words).to_string();
@@ -88,11 +156,13 @@ fn wrong_studies_are_named() {
     check(|config| config.every = 4, "every");
     check(|config| config.scenarios = 1, "scenarios");
     check(|config| config.panel.iter_mut().for_each(|member| member.control = true), "panel");
-    check(|config| config.sources.push(study::config::Source::Layout), "twice");
-    check(|config| config.sources.push(study::config::Source::Dreamstream), "video");
-    check(|config| config.ratios.push([study::config::Source::Dreamstream; 2]), "ratios");
+    check(|config| config.sources.push(source("layout")), "twice");
+    check(|config| config.sources.push(source("dreamstream")), "video");
+    check(|config| config.ratios.push(["dreamstream", "layout"].map(str::to_owned)), "ratios");
+    check(|config| config.marks = vec![5, 16], "marks");
     let mut config = base.clone();
     config.panel[0].policy = "lattice".to_owned();
-    let error = study::fidelity(&config, &mut Counted::default(), &|| 0.0).expect_err("no features").to_string();
+    let error =
+        study::run(Study::Fidelity, &config, &mut Counted::default(), &|| 0.0).expect_err("no features").to_string();
     assert!(error.contains("lattice") && error.contains("no features"), "{error}");
 }

@@ -121,8 +121,17 @@ impl Compared {
         Ok(raw / self.variance())
     }
 
-    /// Returns the distance of each of `times` resamples of scenarios, for each source; the same scenarios are drawn for
-    /// both sets, all sources and all policies over as many scenarios. Moments and eigenvalues (`ds_stats::Moments`).
+    /// Returns the distance over some of the scenarios, in units of the variance of the whole real set.
+    ///
+    /// # Errors
+    /// If the frames are not paired or the scenarios hold fewer than two.
+    pub fn over(&self, set: &str, other: &Features, scenarios: &[usize]) -> Result<f64, FidelityError> {
+        self.paired(set, other)?;
+        self.part(set, other, scenarios)
+    }
+
+    /// Returns the distance of each of `times` resamples of scenarios, for each source, no number where the drawn ones
+    /// hold no variance; the scenarios of [`picks`] are drawn for both sets, all sources and all policies. Moments and eigenvalues (`ds_stats::Moments`).
     ///
     /// # Errors
     /// If the frames of a source are not paired.
@@ -135,13 +144,13 @@ impl Compared {
         let real = parts(&self.real);
         let others: Vec<Vec<Moments>> = sources.iter().map(|(_, other)| parts(other)).collect();
         let mut found = vec![Vec::new(); sources.len()];
-        let draws = Draws::from_seed(0, "fd pi bootstrap");
-        for picks in resamples(&draws, times, real.len()) {
-            let Some(rooted) = Moments::drawn(&real, &picks).and_then(|all| all.rooted()) else { continue };
+        for picks in picks(times, real.len()) {
+            let rooted = Moments::drawn(&real, &picks).and_then(|all| all.rooted());
             for (found, other) in found.iter_mut().zip(&others) {
-                let raw = Moments::drawn(other, &picks).and_then(|all| rooted.frechet(&all));
+                let raw = Moments::drawn(other, &picks).zip(rooted.as_ref());
+                let raw = raw.and_then(|(all, rooted)| Some(rooted.frechet(&all)? / rooted.variance()));
                 // A draw of one scenario over and over may hold no variance: it has no distance for any source.
-                found.extend(raw.map(|raw| raw / rooted.variance()).filter(|value| value.is_finite()));
+                found.push(raw.filter(|value| value.is_finite()).unwrap_or(f64::NAN));
             }
         }
         Ok(found)
@@ -202,6 +211,11 @@ impl Compared {
             }),
         }
     }
+}
+
+/// Draws the scenarios of each resample: the same for every policy over as many scenarios.
+pub fn picks(times: u64, scenarios: usize) -> impl Iterator<Item = Vec<usize>> {
+    resamples(&Draws::from_seed(0, "fd pi bootstrap"), times, scenarios).collect::<Vec<_>>().into_iter()
 }
 
 fn sample(policy: &str, set: &str) -> impl FnOnce(ds_stats::SampleError) -> FidelityError {

@@ -19,9 +19,11 @@ pub struct Interval {
     pub high: f64,
 }
 
-/// Returns a value with its re-centred interval; that of no resamples is the value.
+/// Returns a value with its re-centred interval; that of no resamples is the value. Resamples that are no number do not
+/// count.
 #[must_use]
-pub fn recentred(value: f64, drawn: Vec<f64>) -> Interval {
+pub fn recentred(value: f64, mut drawn: Vec<f64>) -> Interval {
+    drawn.retain(|value| !value.is_nan());
     let [low, high] = percentiles(drawn, 0.5 * (1.0 - CONFIDENCE)).unwrap_or([value; 2]);
     Interval { value, low: 2.0 * value - high, high: 2.0 * value - low }
 }
@@ -32,7 +34,8 @@ pub fn recentred(value: f64, drawn: Vec<f64>) -> Interval {
 pub fn ratio((above, below): (f64, f64), drawn: (&[f64], &[f64])) -> Option<Interval> {
     let log = |a: f64, b: f64| (a > 0.0 && b > 0.0).then(|| (a / b).ln());
     let value = log(above, below)?;
-    let drawn: Option<Vec<f64>> = drawn.0.iter().zip(drawn.1).map(|(a, b)| log(*a, *b)).collect();
+    let numbers = drawn.0.iter().zip(drawn.1).filter(|(a, b)| !a.is_nan() && !b.is_nan());
+    let drawn: Option<Vec<f64>> = numbers.map(|(a, b)| log(*a, *b)).collect();
     let found = recentred(value, drawn?);
     Some(Interval { value: found.value.exp(), low: found.low.exp(), high: found.high.exp() })
 }

@@ -12,7 +12,7 @@ mod pool;
 mod principal;
 mod scenarios;
 
-pub use compared::{Compared, Distance};
+pub use compared::{Compared, Distance, picks};
 pub use error::FidelityError;
 pub use interval::{CONFIDENCE, Interval, mean_of, ratio, recentred};
 pub use pool::{mean_pooled, placed};

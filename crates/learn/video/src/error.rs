@@ -16,6 +16,9 @@ pub enum VideoError {
     /// The weights do not fit the configuration.
     #[error("the weights do not fit the configuration")]
     Weights(#[from] ds_nn::WeightsError),
+    /// Only own models can do without a part.
+    #[error("nothing can be taken from a published model")]
+    Ablation,
     /// The device is not there.
     #[error("the device is refused")]
     Device(#[from] ds_graph::device::DeviceError),

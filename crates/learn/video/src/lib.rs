@@ -4,6 +4,7 @@
 //! episode: a cache of early-timestep keys and values with a permanent sink, and the memory of the streaming decoder.
 //! Everything is a pure function of weights, draw key, prompt, first frame and layouts; no clock, no files but weights.
 
+pub mod ablation;
 mod backend;
 mod codec;
 mod conditions;
@@ -12,6 +13,7 @@ mod denoising;
 mod entry;
 mod error;
 mod model;
+mod per_frame;
 pub mod prompt;
 mod published;
 mod rollout;
@@ -22,10 +24,12 @@ mod tests;
 pub mod tokens;
 pub mod workload;
 
+pub use ablation::{Ablated, Ablation};
 pub use backend::{Backend, WholeClips};
 pub use denoising::Denoising;
 
 pub use config::{CacheSource, ConfigError, ModelConfig};
 pub use error::VideoError;
 pub use model::VideoModel;
+pub use per_frame::PerFrame;
 pub use rollout::{Generated, Replay, Rollout};

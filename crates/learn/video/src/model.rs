@@ -80,8 +80,18 @@ impl VideoModel {
             return Ok(Self::of(backend, config, published::drawn(backend, config)?));
         }
         backend.ready()?;
+        Ok(Self::new_on(backend, config, &Self::drawn_weights(config))?)
+    }
+
+    /// Draws the weights of an own model.
+    pub(crate) fn drawn_weights(config: &ModelConfig) -> Weights {
         let seed = DigestWriter::new().text("drawn").finish();
-        Ok(Self::new_on(backend, config, &Weights::initialised(&Self::declare(config), &seed))?)
+        Weights::initialised(&Self::declare(config), &seed)
+    }
+
+    /// Returns the digest of an own model of these weights.
+    pub(crate) fn digest_of(config: &ModelConfig, weights: &Weights) -> Digest {
+        DigestWriter::new().digest(&config.digest()).digest(&weights.digest()).finish()
     }
 
     fn of(backend: Backend, config: &ModelConfig, parts: Parts) -> Self {
@@ -130,7 +140,7 @@ impl VideoModel {
         let mut vae = weights.part("vae.");
         vae.remove("latent.mean");
         vae.remove("latent.std");
-        let digest = DigestWriter::new().digest(&config.digest()).digest(&weights.digest()).finish();
+        let digest = Self::digest_of(config, weights);
         let dit = backend.transformer(&config.dit(), &weights.part("dit."))?;
         let codec = Codec::own(backend.autoencoder(&config.ae(), &vae)?, mean, std);
         Ok(Self::of(backend, config, Parts { dit, codec, conditions: Conditions::Hashed, digest }))

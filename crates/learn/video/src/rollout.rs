@@ -145,6 +145,26 @@ impl Rollout {
         Ok((rollout, clean))
     }
 
+    /// Prepares frames of which none knows another.
+    pub(crate) fn remembering_nothing(
+        model: Arc<VideoModel>,
+        draw_key: Digest,
+        camera: &str,
+        prompt: &str,
+        first_frame: &RgbImage,
+    ) -> Result<Self, VideoError> {
+        Ok(Self::prepare(model, draw_key, camera, prompt, first_frame)?.0)
+    }
+
+    /// Makes the frame of a tick with what was prepared alone: the last one of a chunk that shows its layout throughout.
+    pub(crate) fn alone(&self, tick: Tick, layout: &RgbImage) -> Result<RgbImage, VideoError> {
+        let layouts = vec![layout.clone(); self.model.config().frames_per_chunk()];
+        let mut alone = Self { chunk: tick.0, ..self.clone() };
+        let made = alone.make(&alone.control(&layouts).0)?;
+        let mut frames = alone.decode(&made.clean, &layouts)?;
+        Ok(frames.pop().expect("a chunk holds at least one frame"))
+    }
+
     /// Caches the first frame and moves the decoder past it.
     fn begin(mut self, clean: Array, control: &Control) -> Result<(Self, Cache), VideoError> {
         let pass = self.write(&clean, &clean, control, 0.0);

@@ -51,6 +51,8 @@ pub trait MakerFactory: Send + Sync + 'static {
 pub struct Abilities {
     /// Digest of the video model; zero without one.
     pub video_model: Digest,
+    /// Digests of the models of the other sources that it generates frames for, by the source's name.
+    pub source_models: Vec<(&'static str, Digest)>,
     /// Ticks per chunk of the video model; 0 without one.
     pub chunk_ticks: u32,
     /// Ticks before the last committed one whose layouts the video model remembers.

@@ -135,6 +135,7 @@ impl Member {
             schema_version: SCHEMA_VERSION,
             offers: Vec::new(),
             video_model: abilities.video_model.0.to_vec().into(),
+            source_models: abilities.source_models.iter().map(source_model).collect(),
             chunk_ticks: abilities.chunk_ticks,
             layout_memory_ticks: abilities.layout_memory_ticks,
             frame_width_px: abilities.frame_px[0],
@@ -142,6 +143,10 @@ impl Member {
             policy_model: abilities.policy_model.0.to_vec().into(),
         }
     }
+}
+
+fn source_model((source, digest): &(&'static str, ds_space::Digest)) -> pb::SourceModel {
+    pb::SourceModel { source: (*source).to_owned(), digest: digest.0.to_vec().into() }
 }
 
 async fn send(say: &mpsc::Sender<pb::FromInstance>, message: pb::from_instance::Message) -> Result<(), MemberError> {

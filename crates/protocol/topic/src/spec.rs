@@ -15,11 +15,37 @@ pub enum ObservationSource {
     SimRgb,
     /// The condition image itself.
     Layout,
+    /// The video model with the transformer of a student whose teacher was not guided.
+    DreamstreamNoGuidance,
+    /// The video model with the clean latents of each chunk cached, not the noisy ones that it was trained with.
+    DreamstreamCleanCache,
+    /// The video model to which no layout is shown.
+    DreamstreamNoLayout,
+    /// The video model making each frame anew, without cache and decoder memory.
+    PerFrame,
+    /// The reference camera's frame of the log half a second ago, warped into the present view by its depth.
+    Reprojected,
+    /// The reference camera's frame of the log, whatever the ego does.
+    Logged,
+    /// The camera of the second world, which no training has seen.
+    Abroad,
 }
 
 impl ObservationSource {
     /// All sources.
-    pub const ALL: [Self; 4] = [Self::Dreamstream, Self::Reference, Self::SimRgb, Self::Layout];
+    pub const ALL: [Self; 11] = [
+        Self::Dreamstream,
+        Self::Reference,
+        Self::SimRgb,
+        Self::Layout,
+        Self::DreamstreamNoGuidance,
+        Self::DreamstreamCleanCache,
+        Self::DreamstreamNoLayout,
+        Self::PerFrame,
+        Self::Reprojected,
+        Self::Logged,
+        Self::Abroad,
+    ];
 
     /// Returns the source's name on the command line and in results.
     #[must_use]
@@ -29,6 +55,13 @@ impl ObservationSource {
             Self::Reference => "reference",
             Self::SimRgb => "sim-rgb",
             Self::Layout => "layout",
+            Self::DreamstreamNoGuidance => "dreamstream-no-guidance",
+            Self::DreamstreamCleanCache => "dreamstream-clean-cache",
+            Self::DreamstreamNoLayout => "dreamstream-no-layout",
+            Self::PerFrame => "per-frame",
+            Self::Reprojected => "reprojected",
+            Self::Logged => "logged",
+            Self::Abroad => "abroad",
         }
     }
 
@@ -41,7 +74,22 @@ impl ObservationSource {
     /// Says whether frames are made from the world state, not from the layout alone.
     #[must_use]
     pub fn needs_world(self) -> bool {
-        matches!(self, Self::Reference | Self::SimRgb)
+        matches!(self, Self::Reference | Self::SimRgb | Self::Reprojected | Self::Logged | Self::Abroad)
+    }
+
+    /// Says whether a video model makes the frames.
+    #[must_use]
+    pub fn is_generated(self) -> bool {
+        self.has_cache() || self == Self::PerFrame
+    }
+
+    /// Says whether a video model makes the frames of what it made before, and keeps a `cache` log.
+    #[must_use]
+    pub fn has_cache(self) -> bool {
+        matches!(
+            self,
+            Self::Dreamstream | Self::DreamstreamNoGuidance | Self::DreamstreamCleanCache | Self::DreamstreamNoLayout
+        )
     }
 }
 

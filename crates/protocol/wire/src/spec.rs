@@ -14,6 +14,9 @@ use crate::v1;
 
 enumeration!(v1::ObservationSource, ObservationSource, {
     Dreamstream = Dreamstream, Reference = Reference, SimRgb = SimRgb, Layout = Layout,
+    DreamstreamNoGuidance = DreamstreamNoGuidance, DreamstreamCleanCache = DreamstreamCleanCache,
+    DreamstreamNoLayout = DreamstreamNoLayout, PerFrame = PerFrame, Reprojected = Reprojected, Logged = Logged,
+    Abroad = Abroad,
 });
 enumeration!(v1::AgentMode, AgentMode, {
     LogReplay = LogReplay, IdmBehindEgo = IdmBehindEgo, IdmAll = IdmAll, Interactive = Interactive,

@@ -280,7 +280,7 @@ pub(crate) struct CellArgs {
     /// The policies, as `run` takes them; privileged ones are anchors in rows of their own.
     #[arg(long = "policy", required = true, num_args = 1..)]
     pub policies: Vec<String>,
-    /// What makes the frames: dreamstream, reference, sim-rgb or layout.
+    /// What makes the frames, as `run --observation` takes it.
     #[arg(
         long = "observation",
         default_values = ["dreamstream"],

@@ -4,10 +4,11 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueHint};
 
-use super::{Observation, named};
+use super::named;
 use ds_cases::fleet::By;
 use ds_process::onlooker::OnlookerArgs;
 use ds_process::shipped;
+use ds_topic::ObservationSource;
 
 /// Commands of `gap`.
 #[derive(Debug, Subcommand)]
@@ -271,8 +272,8 @@ pub(crate) struct CloseArgs {
     #[arg(long, default_value = "camera")]
     pub(crate) policy: String,
     /// What made the frames.
-    #[arg(long, value_enum, default_value = "reference")]
-    pub(crate) observation: Observation,
+    #[arg(long, default_value = "reference", value_parser = named(ObservationSource::ALL.map(ObservationSource::name), ObservationSource::from_name))]
+    pub(crate) observation: ObservationSource,
     /// How much of each scenario was driven, in seconds; 0 for all.
     #[arg(long, default_value_t = 8.0, value_name = "SECONDS")]
     pub(crate) duration: f64,
@@ -297,11 +298,11 @@ pub(crate) struct AttributeArgs {
     #[arg(long, value_delimiter = ',', default_value = "camera")]
     pub(crate) policy: Vec<String>,
     /// What makes the frames of the real world.
-    #[arg(long, value_enum, default_value = "reference")]
-    pub(crate) real_frames: Observation,
+    #[arg(long, default_value = "reference", value_parser = named(ObservationSource::ALL.map(ObservationSource::name), ObservationSource::from_name))]
+    pub(crate) real_frames: ObservationSource,
     /// What makes the frames of the nominal world.
-    #[arg(long, value_enum, default_value = "dreamstream")]
-    pub(crate) nominal_frames: Observation,
+    #[arg(long, default_value = "dreamstream", value_parser = named(ObservationSource::ALL.map(ObservationSource::name), ObservationSource::from_name))]
+    pub(crate) nominal_frames: ObservationSource,
     /// How much of each scenario to drive, in seconds; 0 for all.
     #[arg(long, default_value_t = 8.0, value_name = "SECONDS")]
     pub(crate) duration: f64,

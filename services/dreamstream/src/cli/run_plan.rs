@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use clap::ValueEnum;
-use ds_topic::{ProposalScorer, ScoreProfile};
+use ds_topic::{ObservationSource, ProposalScorer, ScoreProfile};
 use ds_video::Backend;
 use ds_world::{AgentMode, LayoutBackend, TrackerKind};
 
-use super::{Observation, RunPlan};
+use super::RunPlan;
 use ds_process::shipped;
 
 /// How iterations and the video model's chunks fit together.
@@ -24,7 +24,7 @@ impl Default for RunPlan {
         Self {
             scenarios: Vec::new(),
             policy: "camera".to_owned(),
-            observation: Observation::Dreamstream,
+            observation: ObservationSource::Dreamstream,
             replan: 5,
             horizon: 8.0,
             history: 1,

@@ -4,34 +4,60 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueHint};
 
+use ds_evaluate::study::Study;
 use ds_process::shipped;
 
 const EXAMPLES: &str = "Examples:
-  dreamstream study fidelity --config configs/study/fidelity.toml --quick   minutes: see what comes out
-  dreamstream study fidelity --config configs/study/fidelity.toml           the figures of docs/measurements/fidelity.md";
+  dreamstream study fidelity --quick                  minutes: see what comes out
+  dreamstream study correlation --quick
+  dreamstream study sensitivity --scenarios 64
+  dreamstream study closed-loop --quick               drives; Ctrl-C, then the same command, goes on";
 
 /// Measure observation sources over held-out scenarios.
+///
+/// Each writes STUDY.json and index.html (pictures, plots and tables) into the configuration's folder; what was done is
+/// kept, so that the same command goes on after Ctrl-C. docs/fidelity.md says what figures and keys mean.
 #[derive(Debug, Subcommand)]
 #[command(after_help = EXAMPLES)]
 pub(crate) enum StudyCommand {
     /// How near the frames of each source are to the reference camera's, for policies: FDπ.
-    ///
-    /// Writes fidelity.json (figures × 100 with intervals and bias) and index.html with tables, a plot and the scenes
-    /// whose frames differ most. Features are kept per scenario and source: Ctrl-C, then the same command, goes on.
-    /// docs/fidelity.md says what the figures mean.
-    Fidelity(FidelityArgs),
+    Fidelity(StudyArgs),
+    /// Whether sources that are far are those on which policies plan badly: r of FDπ with PDMS over sources.
+    Correlation(StudyArgs),
+    /// How much FDπ answers to edits of the world, beside other distances; hard scenarios.
+    Sensitivity(StudyArgs),
+    /// How FDπ grows along a drive, with and without a part of the video model.
+    Rollout(StudyArgs),
+    /// The video model without one of its parts.
+    Ablation(StudyArgs),
+    /// How far driving scores lie from those of the same drives on the reference camera's frames.
+    ClosedLoop(StudyArgs),
 }
 
-/// Arguments of `study fidelity`.
+impl StudyCommand {
+    /// Returns the study over frames, none for that over drives, with its arguments.
+    pub(crate) fn parts(&self) -> (Option<Study>, &StudyArgs) {
+        match self {
+            Self::Fidelity(args) => (Some(Study::Fidelity), args),
+            Self::Correlation(args) => (Some(Study::Correlation), args),
+            Self::Sensitivity(args) => (Some(Study::Sensitivity), args),
+            Self::Rollout(args) => (Some(Study::Rollout), args),
+            Self::Ablation(args) => (Some(Study::Ablation), args),
+            Self::ClosedLoop(args) => (None, args),
+        }
+    }
+}
+
+/// Arguments of a study.
 #[derive(Debug, Args)]
-pub(crate) struct FidelityArgs {
-    /// Sources, panel and amounts; `docs/fidelity.md` explains every key.
-    #[arg(long, value_name = "FILE", default_value = "configs/study/fidelity.toml", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
-    pub config: PathBuf,
+pub(crate) struct StudyArgs {
+    /// Sources, panel and amounts; configs/study/STUDY.toml without it.
+    #[arg(long, value_name = "FILE", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
+    pub config: Option<PathBuf>,
     /// A look in minutes: few scenarios, into OUT/quick; the figures are no judgement.
     #[arg(long)]
     pub quick: bool,
-    /// Number of scenarios, instead of the configuration's.
+    /// Number of scenarios, instead of the configuration's; of closed-loop all or, with --quick, every eighth.
     #[arg(long)]
     pub scenarios: Option<u64>,
     /// Where results go; the configuration's own folder without it.

@@ -141,7 +141,7 @@ fn reference(scene: &Scene) -> Result<()> {
 }
 
 fn video(args: &BenchArgs, scene: &Scene) -> Result<()> {
-    let config = vdm_worker::stage::load_config(&args.model).map_err(anyhow::Error::msg)?;
+    let config = vdm_worker::load_config(&args.model).map_err(anyhow::Error::msg)?;
     let weights = config.weights_beside(&args.model);
     let model = VideoModel::load(&config, &weights).with_context(|| format!("weights {}", weights.display()))?;
     let model = Arc::new(model);

@@ -15,7 +15,7 @@ use std::process::ExitCode;
 use anyhow::Result;
 use ds_benchmark::{Manifest, Merged};
 
-use crate::cli::{BenchmarkArgs, BenchmarkCommand};
+use crate::cli::{BenchmarkArgs, BenchmarkCommand, RunArgs};
 use crate::command::{answer, complain};
 
 /// Exit code where cells are left that another try may drive.
@@ -59,6 +59,14 @@ pub(crate) fn run(args: &BenchmarkArgs, log: &str) -> ExitCode {
             ExitCode::from(if again { LEFT } else { REFUSED })
         }
     }
+}
+
+/// Drives every so many-th entry of each set of a benchmark, or goes on with them; says whether all of it is done.
+///
+/// # Errors
+/// If anything is refused, the folder holds other cells, or the fleet is lost.
+pub(crate) fn drives(args: &RunArgs, every: usize) -> Result<bool> {
+    Ok(drive::part(args, every)? == Ended::Complete)
 }
 
 fn dispatch(command: &BenchmarkCommand, log: &str) -> Result<Ended> {

@@ -49,6 +49,7 @@ fn config(folder: &Path) -> EvalConfig {
         arm("clean", "kind = \"student\"\ncache_source = \"clean\""),
         arm("other", "kind = \"student\"\ndit = \"teacher.safetensors\""),
         arm("blind", "kind = \"no_layout\""),
+        arm("alone", "kind = \"per_frame\""),
         arm("teacher", "kind = \"teacher\"\ndit = \"teacher.safetensors\"\nguidance = 2.0\nsteps = 2"),
         arm("prior", "kind = \"prior\"\ndit = \"teacher.safetensors\"\nsteps = 2"),
         arm("windows", "kind = \"teacher\"\ndit = \"teacher.safetensors\"\nguidance = 2.0\nsteps = 2\nwindow = 2"),
@@ -84,7 +85,8 @@ fn arms_differ_in_what_their_configuration_says() {
     let windows = roll("windows");
     assert_eq!((windows.len(), windows == teacher), (9, false));
     assert_eq!(windows[..5], arm("windows").roll(&mut self::drive(), 4).expect("rolls out"));
-    let names = ["student", "clean", "other", "blind", "teacher", "prior", "windows", "keeper"];
+    assert_ne!(student, roll("alone"));
+    let names = ["student", "clean", "other", "blind", "alone", "teacher", "prior", "windows", "keeper"];
     let digests: std::collections::BTreeSet<_> = names.map(|name| arm(name).digest()).into_iter().collect();
     assert_eq!(digests.len(), names.len());
     let error = Arm::load(&config, "broken").err().expect("no weights").to_string();
@@ -103,6 +105,39 @@ fn without_a_layout_layouts_do_not_matter() {
         let roll = |layouts: &[RgbImage]| arm.roll_with(&drive, layouts).expect("rolls out");
         assert_eq!(roll(&layouts) == roll(&black), same, "{name}");
     }
+}
+
+#[test]
+fn frames_made_one_by_one_know_no_other() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let config = config(folder.path());
+    let mut drive = drive();
+    let layouts: Vec<RgbImage> = (0..=6).map(|frame| drive.layout(frame).expect("renders")).collect();
+    let mut others = vec![RgbImage::filled(64, 32, [0; 3]); 7];
+    others[5] = layouts[5].clone();
+    let roll = |arm: &Arm, layouts: &[RgbImage]| arm.roll_with(&drive, layouts).expect("rolls out");
+    for (name, same) in [("alone", true), ("student", false)] {
+        let arm = Arm::load(&config, name).expect("loads");
+        let (frames, again) = (roll(&arm, &layouts), roll(&arm, &others));
+        assert_eq!(frames[5] == again[5], same, "{name}");
+        assert_ne!(frames[4], again[4], "{name} follows its layout");
+    }
+    // What `run` makes of a preset's own weights is what the arm of that kind makes.
+    let (preset, weights) = (folder.path().join("smoke.toml"), folder.path().join("model.safetensors"));
+    let other = folder.path().join("teacher.safetensors");
+    for (source, name) in [
+        (ObservationSource::PerFrame, "alone"),
+        (ObservationSource::DreamstreamCleanCache, "clean"),
+        (ObservationSource::DreamstreamNoLayout, "blind"),
+        (ObservationSource::DreamstreamNoGuidance, "other"),
+        (ObservationSource::Dreamstream, "student"),
+    ] {
+        let own = Arm::of_source(source, (&preset, &weights, &other)).expect("loads");
+        assert!(roll(&own, &layouts) == roll(&Arm::load(&config, name).expect("loads"), &layouts), "{name}");
+    }
+    let absent = Arm::of_source(ObservationSource::DreamstreamNoGuidance, (&preset, &weights, Path::new("none")));
+    let cause = std::error::Error::source(&absent.err().expect("there is no file")).map(ToString::to_string);
+    assert!(cause.is_some_and(|cause| cause.contains("`just arms`")));
 }
 
 #[test]

@@ -11,27 +11,27 @@ const HEIGHT: f64 = 230.0;
 const ROOM: [f64; 4] = [52.0, 12.0, 42.0, 26.0];
 
 /// A line with its band.
-pub(super) struct Line<'a> {
+pub(crate) struct Line<'a> {
     name: &'a str,
     points: Vec<(f64, Estimate)>,
 }
 
 impl<'a> Line<'a> {
     /// Takes the points that are known.
-    pub(super) fn of(name: &'a str, points: &[(u32, Option<Estimate>)]) -> Self {
+    pub(crate) fn of(name: &'a str, points: &[(u32, Option<Estimate>)]) -> Self {
         Self { name, points: points.iter().filter_map(|(at, e)| e.map(|e| (f64::from(*at), e))).collect() }
     }
 }
 
 /// A plot of lines.
-pub(super) struct Plot<'a> {
-    pub(super) title: &'a str,
-    pub(super) lines: &'a [Line<'a>],
+pub(crate) struct Plot<'a> {
+    pub(crate) title: &'a str,
+    pub(crate) lines: &'a [Line<'a>],
 }
 
 impl Plot<'_> {
     /// Draws the plot; nothing where no point is known.
-    pub(super) fn draw(&self, m: &mut Markup) {
+    pub(crate) fn draw(&self, m: &mut Markup) {
         let points = || self.lines.iter().flat_map(|line| &line.points);
         let range = |values: Vec<f64>| {
             let low = values.iter().copied().fold(f64::INFINITY, f64::min);

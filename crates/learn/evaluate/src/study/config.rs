@@ -1,15 +1,68 @@
-//! The configuration of the study `fidelity`: sources, panel, amounts. Paths are relative to the configuration file.
+//! The configuration of a study: sources, panel, amounts. Paths are relative to the configuration file.
 
 use std::path::{Path, PathBuf};
 
+use ds_camera::{CameraWorld, ReferenceWorld};
+use ds_second_camera::SecondWorld;
+use ds_topic::ObservationSource;
 use serde::{Deserialize, Serialize};
 
+pub use super::source::Source;
 use crate::error::AppraisalError;
 
-/// A study of how near the frames of sources are to those of the reference camera, for policies.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// What a study asks of the same frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Study {
+    /// How near the frames of sources are to those of the reference camera, for policies.
+    Fidelity,
+    /// Whether sources that are far are those on which policies plan badly.
+    Correlation,
+    /// How much edits of the world are answered to, and hard scenarios.
+    Sensitivity,
+    /// How distances grow along a drive.
+    Rollout,
+    /// The video model without one of its parts.
+    Ablation,
+}
+
+impl Study {
+    /// Returns its name: of the command, its files and its shipped configuration.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fidelity => "fidelity",
+            Self::Correlation => "correlation",
+            Self::Sensitivity => "sensitivity",
+            Self::Rollout => "rollout",
+            Self::Ablation => "ablation",
+        }
+    }
+}
+
+/// The world whose camera makes the real set.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum WorldName {
+    /// The reference camera's, in which everything is trained.
+    #[default]
+    A,
+    /// The second world, with roads and a rig of its own.
+    B,
+}
+
+impl WorldName {
+    /// Returns the world.
+    pub(crate) fn world(self) -> &'static dyn CameraWorld {
+        match self {
+            Self::A => &ReferenceWorld,
+            Self::B => &SecondWorld,
+        }
+    }
+}
+
+/// A study over declared sources.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct FidelityConfig {
+pub struct StudyConfig {
     /// Schema version, 1.
     pub version: u32,
     /// Where results go, relative to the current folder.
@@ -28,9 +81,21 @@ pub struct FidelityConfig {
     pub draws: u64,
     /// The sources that are measured.
     pub sources: Vec<Source>,
-    /// Pairs of sources whose ratio is stated.
+    /// The world whose camera makes the real set.
     #[serde(default)]
-    pub ratios: Vec<[Source; 2]>,
+    pub world: WorldName,
+    /// Ticks of the log per frame; the log's own pace without it.
+    #[serde(default = "one")]
+    pub pace: f64,
+    /// Pairs of sources whose ratio is stated, by name.
+    #[serde(default)]
+    pub ratios: Vec<[String; 2]>,
+    /// Of study `sensitivity`: pairs of a source and the same with an edit.
+    #[serde(default)]
+    pub edits: Vec<[String; 2]>,
+    /// Of study `rollout`: the frames at which distances are stated, over the ten frames up to each.
+    #[serde(default)]
+    pub marks: Vec<u32>,
     /// The policies; FDπ is the mean over those that are no control.
     pub panel: Vec<MemberConfig>,
     /// Weights of the look network, for `fd_look` and `fd_look_clip`.
@@ -47,32 +112,12 @@ pub struct FidelityConfig {
     pub base: PathBuf,
 }
 
-/// An observation source, by the names of `run --observation`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Source {
-    /// The reference camera: the real set itself, at distance 0.
-    Reference,
-    /// The plain game-engine look.
-    SimRgb,
-    /// The condition image.
-    Layout,
-    /// The autoregressive video model.
-    Dreamstream,
+fn one() -> f64 {
+    1.0
 }
 
-impl Source {
-    /// Returns the name.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Reference => "reference",
-            Self::SimRgb => "sim-rgb",
-            Self::Layout => "layout",
-            Self::Dreamstream => "dreamstream",
-        }
-    }
-}
+/// Frames up to a mark whose distance is stated there.
+pub(crate) const WINDOW: u32 = 10;
 
 /// A policy of the panel.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -98,9 +143,12 @@ pub struct VideoFiles {
     pub model: PathBuf,
     /// Weights.
     pub weights: PathBuf,
+    /// The transformer of source `dreamstream-no-guidance`.
+    #[serde(default)]
+    pub no_guidance: PathBuf,
 }
 
-impl FidelityConfig {
+impl StudyConfig {
     /// Reads and checks a configuration.
     ///
     /// # Errors
@@ -129,8 +177,37 @@ impl FidelityConfig {
     }
 
     /// Returns the frames that policies look at.
-    pub fn looked(&self) -> impl Iterator<Item = u32> {
-        (self.every..=self.frames).step_by(self.every as usize)
+    pub fn looked(&self) -> Vec<u32> {
+        if self.marks.is_empty() {
+            return (self.every..=self.frames).step_by(self.every as usize).collect();
+        }
+        self.marks.iter().flat_map(|mark| mark + 1 - WINDOW..=*mark).collect()
+    }
+
+    /// Returns the sources besides the real set itself.
+    pub(crate) fn others(&self) -> impl Iterator<Item = (usize, &Source)> {
+        self.sources.iter().enumerate().filter(|(_, source)| !source.is_real())
+    }
+
+    /// Returns the place of a source of a name.
+    pub(crate) fn place(&self, name: &str) -> Option<usize> {
+        self.sources.iter().position(|source| source.name() == name)
+    }
+
+    /// Checks that a study finds what it asks for.
+    ///
+    /// # Errors
+    /// If it does not; names the field.
+    pub fn check_for(&self, study: Study) -> Result<(), AppraisalError> {
+        let rules = [
+            ("sources", study != Study::Correlation || self.others().count() >= 4, "must name 4 besides the reference"),
+            ("edits", (study == Study::Sensitivity) == !self.edits.is_empty(), "are of sensitivity, which needs one"),
+            ("marks", (study == Study::Rollout) == (self.marks.len() > 1), "are of rollout, which needs two"),
+        ];
+        match rules.iter().find(|(_, held, _)| !held) {
+            Some((field, _, rule)) => Err(AppraisalError::config(*field, *rule)),
+            None => self.check(),
+        }
     }
 
     /// Checks all values.
@@ -143,6 +220,12 @@ impl FidelityConfig {
             ("scenarios", (2..=100_000).contains(&self.scenarios), "must be 2 to 100000"),
             ("every", (8..=self.frames).contains(&self.every), "must be 8 to frames"),
             ("frames", self.frames <= 2_000, "must be 2000 at most"),
+            ("pace", self.pace > 0.0 && self.pace <= 4.0, "must be above 0, at most 4"),
+            (
+                "marks",
+                self.marks.iter().all(|mark| (WINDOW..=self.frames).contains(mark)) && self.marks.is_sorted(),
+                "must rise, from 10 to frames",
+            ),
             ("draws", (1..=100_000).contains(&self.draws), "must be 1 to 100000"),
             ("clip", (2..=self.frames).contains(&self.clip), "must be 2 to frames"),
             (
@@ -157,18 +240,24 @@ impl FidelityConfig {
             return Err(AppraisalError::config(*field, *rule));
         }
         for (field, names) in [
-            ("sources", self.sources.iter().map(|source| source.name()).collect::<Vec<_>>()),
+            ("sources", self.sources.iter().map(Source::name).collect::<Vec<_>>()),
             ("panel", self.panel.iter().map(|member| member.name.as_str()).collect()),
         ] {
             if let Some(twice) = (1..names.len()).find(|at| names[..*at].contains(&names[*at])) {
                 return Err(AppraisalError::config(field, format!("{:?} stands twice", names[twice])));
             }
         }
-        if let Some(absent) = self.ratios.iter().flatten().find(|source| !self.sources.contains(source)) {
-            return Err(AppraisalError::config("ratios", format!("{:?} is not among sources", absent.name())));
+        for (field, pairs) in [("ratios", &self.ratios), ("edits", &self.edits)] {
+            if let Some(absent) = pairs.iter().flatten().find(|name| self.place(name).is_none()) {
+                return Err(AppraisalError::config(field, format!("{absent:?} is not among sources")));
+            }
         }
-        if self.sources.contains(&Source::Dreamstream) && self.video.is_none() {
-            return Err(AppraisalError::config("video", "is needed by source \"dreamstream\""));
+        if let Some(generated) = self.sources.iter().find(|source| source.from.is_generated() && self.video.is_none()) {
+            return Err(AppraisalError::config("video", format!("is needed by source {:?}", generated.name())));
+        }
+        let made_in_a = [ObservationSource::Reprojected, ObservationSource::Abroad];
+        if let Some(source) = self.sources.iter().find(|s| self.world == WorldName::B && made_in_a.contains(&s.from)) {
+            return Err(AppraisalError::config("sources", format!("{:?} is of world A alone", source.name())));
         }
         Ok(())
     }

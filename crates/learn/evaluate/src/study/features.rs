@@ -6,9 +6,11 @@ use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter};
 use serde::{Deserialize, Serialize};
 
-use super::config::{FidelityConfig, Source};
+use super::config::StudyConfig;
 use super::frames::Take;
 use super::panel::Member;
+use super::plans::Scorer;
+use super::source::Source;
 use crate::arm::Arm;
 use crate::drive::Drive;
 use crate::error::AppraisalError;
@@ -27,6 +29,9 @@ pub(crate) struct Seen {
     pub(crate) look: Rows,
     /// Their mean and deviation over clips, a row per clip.
     pub(crate) clips: Rows,
+    /// Per policy: PDMS of its plan on each frame; empty where no plans were asked for.
+    #[serde(default)]
+    pub(crate) pdms: Vec<Vec<f64>>,
 }
 
 /// The networks that look.
@@ -37,17 +42,21 @@ pub(crate) struct Lookers {
 
 /// Returns the digest of all that the features of a scenario depend on.
 pub(crate) fn key(
-    config: &FidelityConfig,
+    (config, plans): (&StudyConfig, bool),
     lookers: &Lookers,
     take: &Take,
-    source: (Source, Option<&Arm>),
+    source: (&Source, Option<&Arm>),
     size_px: (u32, u32),
 ) -> Digest {
     let mut writer = DigestWriter::new();
-    writer.text("fidelity features 1").digest(&take.scene.digest).text(&format!("{:?}", take.look));
-    writer.f64s(&take.displaced).u32(size_px.0).u32(size_px.1);
-    writer.u32(config.frames).u32(config.every).u32(config.clip).text(source.0.name());
-    if let (Source::Dreamstream, Some(arm)) = source {
+    writer.text("study features 2").digest(&take.scene.digest).text(&format!("{:?} {:?}", take.look, config.world));
+    writer.f64s(&take.displaced).u32(size_px.0).u32(size_px.1).f64(config.pace).bool(plans);
+    writer.u32(config.frames).u32(config.clip);
+    config.looked().iter().for_each(|frame| {
+        writer.u32(*frame);
+    });
+    source.0.digest_into(&mut writer);
+    if let Some(arm) = source.1.filter(|_| source.0.from.is_generated()) {
         writer.digest(&arm.digest());
     }
     for member in &lookers.panel {
@@ -61,13 +70,15 @@ pub(crate) fn key(
 /// # Errors
 /// If a policy cannot look at a frame or tells of nothing that it attends to.
 pub(crate) fn look(
-    config: &FidelityConfig,
+    (config, plans): (&StudyConfig, bool),
     lookers: &mut Lookers,
-    drive: &Drive,
+    (take, drive): (&Take, &Drive),
     frames: &[RgbImage],
 ) -> Result<Seen, AppraisalError> {
-    let looked: Vec<&RgbImage> = config.looked().map(|at| &frames[at as usize]).collect();
-    let mut seen = Seen { mean: Vec::new(), placed: Vec::new(), look: Vec::new(), clips: Vec::new() };
+    let looked: Vec<&RgbImage> = config.looked().iter().map(|at| &frames[*at as usize]).collect();
+    let mut seen = Seen { mean: Vec::new(), placed: Vec::new(), look: Vec::new(), clips: Vec::new(), pdms: Vec::new() };
+    let worlds = || config.looked().iter().map(|frame| take.world(drive, *frame)).collect();
+    let scorer = plans.then(|| Scorer::new(&take.scene, worlds())).transpose()?;
     for member in &mut lookers.panel {
         let (mut mean, mut places) = (Vec::new(), Vec::new());
         for frame in &looked {
@@ -84,9 +95,12 @@ pub(crate) fn look(
         }
         seen.mean.push(mean);
         seen.placed.push(places);
+        if let Some(scorer) = &scorer {
+            seen.pdms.push(scorer.pdms(member, &drive.model, &looked)?);
+        }
     }
     let rows: Rows = frames[1..].iter().map(|frame| wide(&lookers.look.read(frame).features)).collect();
-    seen.look = config.looked().map(|at| rows[at as usize - 1].clone()).collect();
+    seen.look = config.looked().iter().map(|at| rows[*at as usize - 1].clone()).collect();
     seen.clips = rows.chunks_exact(config.clip as usize).map(clip).collect();
     Ok(seen)
 }

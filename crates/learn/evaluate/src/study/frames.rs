@@ -5,12 +5,15 @@
 
 use std::sync::Arc;
 
-use ds_camera::{Appearance, PlainCamera, ReferenceWorld};
+use ds_camera::{Appearance, CameraWorld, Condition, PlainCamera, ReprojectedCamera};
 use ds_raster::RgbImage;
+use ds_second_camera::SecondCamera;
 use ds_space::{Draws, PoseSe2};
+use ds_topic::ObservationSource;
 use ds_world::{Scene, WorldState};
 
-use super::config::Source;
+use super::config::StudyConfig;
+use super::source::Source;
 use crate::arm::Arm;
 use crate::drive::{Drive, Route};
 use crate::error::AppraisalError;
@@ -24,25 +27,31 @@ pub(crate) struct Take {
     pub(crate) look: Appearance,
     /// To the left in metres, to the left in radians.
     pub(crate) displaced: [f64; 2],
+    world_of: &'static dyn CameraWorld,
+    /// Ticks of the log per frame.
+    pace: f64,
 }
 
 impl Take {
     /// Displaces every second scenario.
-    pub(crate) fn new(index: u64, scene: Arc<Scene>, look: Appearance) -> Self {
+    pub(crate) fn new(config: &StudyConfig, index: u64, scene: Arc<Scene>, look: Appearance) -> Self {
         let draws = Draws::new(&scene.digest, "fidelity displacement", &[]);
         let most = if index.is_multiple_of(2) { [1.0, 5f64.to_radians()] } else { [0.0, 0.0] };
         let displaced = [draws.range(0, -most[0], most[0]), draws.range(1, -most[1], most[1])];
-        Self { scene, look, displaced }
+        Self { scene, look, displaced, world_of: config.world.world(), pace: config.pace }
     }
 
-    /// Prepares the drive.
-    pub(crate) fn drive(&self, size_px: (u32, u32)) -> Result<Drive, AppraisalError> {
-        let route = Route { scene: Arc::clone(&self.scene), start: 0, pace: 1.0, look: self.look };
-        Drive::new(&ReferenceWorld, &route, size_px)
+    /// Prepares the drive as a source shows it.
+    pub(crate) fn drive(&self, source: &Source, size_px: (u32, u32)) -> Result<Drive, AppraisalError> {
+        let scene = Arc::new(source.scene(&self.scene));
+        let look = source.altered.look.as_deref().map_or(Ok(self.look), Appearance::named);
+        let look = look.map_err(|error| AppraisalError::config("sources.look", error.to_string()))?;
+        let route = Route { scene, start: 0, pace: self.pace, look };
+        Drive::new(self.world_of, &route, size_px)
     }
 
     /// Returns the world of a frame with its car displaced.
-    fn world(&self, drive: &Drive, frame: u32) -> WorldState {
+    pub(crate) fn world(&self, drive: &Drive, frame: u32) -> WorldState {
         let mut world = drive.world(frame);
         let share = f64::from(frame.min(REACHED)) / f64::from(REACHED);
         let share = share * share * (3.0 - 2.0 * share);
@@ -51,31 +60,61 @@ impl Take {
         world
     }
 
-    /// Makes frames 0 to `last` as a source shows them.
+    /// Makes frames 0 to `last` as a source shows them, of the drive that it prepared.
     ///
     /// # Errors
     /// If a frame cannot be rendered or the video model gives values that are not finite.
     pub(crate) fn frames(
         &self,
-        source: Source,
+        source: &Source,
         arm: Option<&Arm>,
         drive: &mut Drive,
         last: u32,
     ) -> Result<Vec<RgbImage>, AppraisalError> {
-        let worlds: Vec<WorldState> = (0..=last).map(|frame| self.world(drive, frame)).collect();
-        match (source, arm) {
-            (Source::Reference, _) => worlds.iter().map(|world| drive.frame_of(world)).collect(),
-            (Source::SimRgb, _) => {
-                let camera = PlainCamera::new(&self.scene);
-                let rig = |world: &WorldState| world.ego.pose.world_from_rig(0.0);
+        let told = drive.model.clone();
+        drive.model = source.camera(&told);
+        let made = self.made(source, arm, drive, last);
+        drive.model = told;
+        let picture = |(frame, image)| source.picture(&self.scene, frame, image);
+        Ok((0..).zip(made?).map(picture).collect())
+    }
+
+    fn made(
+        &self,
+        source: &Source,
+        arm: Option<&Arm>,
+        drive: &mut Drive,
+        last: u32,
+    ) -> Result<Vec<RgbImage>, AppraisalError> {
+        let age = source.altered.old_ticks;
+        let worlds: Vec<WorldState> =
+            (0..=last).map(|frame| source.world(&self.scene, self.world(drive, frame.saturating_sub(age)))).collect();
+        let rig = |world: &WorldState| world.ego.pose.world_from_rig(0.0);
+        match source.from {
+            ObservationSource::Reference => worlds.iter().map(|world| drive.frame_of(world)).collect(),
+            // The log's own frame, whatever the car does.
+            ObservationSource::Logged => (0..=last).map(|frame| drive.frame(frame)).collect(),
+            ObservationSource::SimRgb => {
+                let camera = PlainCamera::new(drive.scene());
                 worlds.iter().map(|world| Ok(camera.render(world, &drive.model, rig(world))?)).collect()
             }
-            (Source::Layout, _) => worlds.iter().map(|world| drive.layout_of(world)).collect(),
-            (Source::Dreamstream, arm) => {
-                let arm = arm.ok_or_else(|| AppraisalError::config("video", "is needed by source \"dreamstream\""))?;
+            ObservationSource::Reprojected => {
+                let camera = ReprojectedCamera::new(Arc::new(drive.scene().clone()), self.look);
+                worlds.iter().map(|world| Ok(camera.render(world, &drive.model, rig(world))?)).collect()
+            }
+            ObservationSource::Abroad => {
+                let condition = self.look.condition.unwrap_or(Condition::DAY);
+                let camera = SecondCamera::new(drive.scene(), condition, self.look.palette_seed);
+                worlds.iter().map(|world| Ok(camera.render(world, &drive.model, rig(world))?)).collect()
+            }
+            ObservationSource::Layout => worlds.iter().map(|world| drive.layout_of(world)).collect(),
+            generated => {
+                let arm = arm.ok_or_else(|| {
+                    AppraisalError::config("video", format!("is needed by source {:?}", generated.name()))
+                })?;
                 let layouts: Vec<RgbImage> =
                     worlds.iter().map(|world| drive.layout_of(world)).collect::<Result<_, _>>()?;
-                arm.roll_with(drive, &layouts)
+                arm.roll_from(drive, drive.frame_of(&worlds[0])?, &layouts)
             }
         }
     }

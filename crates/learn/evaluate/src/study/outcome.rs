@@ -1,4 +1,4 @@
-//! What the study `fidelity` found, as written to `fidelity.json`. All distances are × 100.
+//! What a study found, as written to `STUDY.json`. All distances are × 100.
 
 use std::collections::BTreeMap;
 
@@ -21,6 +21,12 @@ impl Figure {
     #[must_use]
     pub fn of(interval: Interval, times: f64) -> Self {
         Self { value: interval.value * times, low: interval.low * times, high: interval.high * times }
+    }
+
+    /// Takes a value that has no interval.
+    #[must_use]
+    pub fn exact(value: f64) -> Self {
+        Self { value, low: value, high: value }
     }
 }
 
@@ -82,9 +88,144 @@ pub struct Scene {
     pub picture: Option<String>,
 }
 
+/// One source as one policy meets it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Point {
+    /// The policy whose plans are scored.
+    pub policy: String,
+    /// The source.
+    pub source: String,
+    /// The distance × 100.
+    pub distance: f64,
+    /// Mean PDMS, 0 to 1.
+    pub pdms: f64,
+}
+
+/// How a metric goes with PDMS over sources.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Metric {
+    /// Mean over policies of Pearson's r; the interval is over scenarios.
+    pub r: Figure,
+    /// 95 % interval over as many independent sources.
+    pub of_sources: Option<[f64; 2]>,
+    /// r of each policy.
+    pub each: BTreeMap<String, f64>,
+    /// Mean over policies of Spearman's.
+    pub spearman: f64,
+    /// Least and greatest r with one source left out.
+    pub without_one: [f64; 2],
+    /// What is correlated.
+    pub points: Vec<Point>,
+}
+
+/// What study `correlation` found.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Correlation {
+    /// Sources that are correlated over.
+    pub sources: usize,
+    /// Mean PDMS by policy and source.
+    pub pdms: BTreeMap<String, BTreeMap<String, f64>>,
+    /// By metric: `fd_pi` (the mean of the other policies), `own features`, controls and the look network's.
+    pub metrics: BTreeMap<String, Metric>,
+    /// r of `fd_pi` less that of another metric, the same draws for both.
+    pub apart: BTreeMap<String, Figure>,
+}
+
+/// How much a metric answers to an edit.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Answer {
+    /// m(edited)/m(true) - 1, or m(edited) in bootstrap deviations.
+    pub response: Figure,
+    /// FDπ's response over this one's; none where this one is not above zero.
+    pub times: Option<Figure>,
+}
+
+/// What an edit of the world does.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Response {
+    /// The source of the true world.
+    pub before: String,
+    /// The source of the edited world.
+    pub after: String,
+    /// Whether responses are in bootstrap deviations.
+    pub in_deviations: bool,
+    /// By metric.
+    pub answers: BTreeMap<String, Answer>,
+}
+
+/// A source on the hard scenarios.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Hard {
+    /// The source.
+    pub source: String,
+    /// Hard scenarios.
+    pub scenarios: usize,
+    /// FDπ × 100 on them, in units of the variance of the whole real set.
+    pub value: f64,
+    /// Its mean over random subsets as large.
+    pub random: f64,
+    /// By which share it is more than that.
+    pub more: f64,
+    /// The share of random subsets, the hard one counted among them, that are as far.
+    pub p: f64,
+}
+
+/// What study `sensitivity` found.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Sensitivity {
+    /// By edit.
+    pub responses: Vec<Response>,
+    /// By source.
+    pub hard: Vec<Hard>,
+}
+
+/// FDπ at a mark.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Mark {
+    /// The last of its ten frames.
+    pub frame: u32,
+    /// FDπ × 100.
+    pub fd_pi: Figure,
+}
+
+/// The drift of a source.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Curve {
+    /// The source.
+    pub source: String,
+    /// Along the drive.
+    pub marks: Vec<Mark>,
+    /// FDπ at the last mark less that at the first.
+    pub rise: Figure,
+}
+
+/// What share of a rise is taken away.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Removed {
+    /// The source that rises.
+    pub without: String,
+    /// The source that is meant to rise less.
+    pub with: String,
+    /// The share; none where the first does not rise.
+    pub share: Option<Figure>,
+}
+
+/// What study `rollout` found.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Rollout {
+    /// By source.
+    pub curves: Vec<Curve>,
+    /// By pair.
+    pub removed: Vec<Removed>,
+}
+
 /// What was found.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Outcome {
+    /// The study.
+    pub study: String,
+    /// The world whose camera makes the real set: `A`, in which everything is trained, or `B`.
+    pub world: String,
     /// Whether amounts were cut down for a look.
     pub quick: bool,
     /// What the real set is: `sim-to-reference` where it is the project's own camera.
@@ -105,4 +246,15 @@ pub struct Outcome {
     pub others: BTreeMap<String, Table>,
     /// The scenes of each source that differ most for the panel.
     pub worst: BTreeMap<String, Vec<Scene>>,
+    /// One moment as each source shows it: names of source and picture.
+    pub looks: Vec<(String, String)>,
+    /// Of study `correlation`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub correlation: Option<Correlation>,
+    /// Of study `sensitivity`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensitivity: Option<Sensitivity>,
+    /// Of study `rollout`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rollout: Option<Rollout>,
 }

@@ -1,4 +1,8 @@
-//! The page of the study `fidelity`: what the figures are, FDπ with its intervals, every table, the scenes that differ.
+//! The page of a study over frames: what its sources show, what it found, FDπ with its intervals, every table, the scenes
+//! that differ.
+
+pub(crate) mod closed;
+mod findings;
 
 use ds_page::svg::{dot, line, text, wide};
 use ds_page::{Document, Markup, Pictures, link};
@@ -10,25 +14,28 @@ const STYLE: &str = include_str!("../page/page.css");
 
 /// Returns the page.
 pub(super) fn html(outcome: &Outcome) -> String {
-    let document = Document { title: "Fidelity of frames", style: STYLE, script: None, pictures: Pictures::Beside };
+    let title = title(&outcome.study);
+    let document = Document { title, style: STYLE, script: None, pictures: Pictures::Beside };
     document.page(|m| m.inside("main", &[], |m| body(m, outcome)))
 }
 
 fn body(m: &mut Markup, outcome: &Outcome) {
-    m.leaf("h1", &[], "Fidelity of frames for policies");
+    m.leaf("h1", &[], title(&outcome.study));
     m.leaf(
         "p",
         &[("class", &"lead")],
         format_args!(
-            "{} held-out scenarios from seed {}, half of them beside the log. The real set is the project's own reference \
-             camera: every figure is {}, not sim-to-real; no anchor of recorded frames was measured. Distances × 100, \
+            "{} held-out scenarios from seed {}, half of them beside the log. The real set is the camera of the project's \
+             own world {}: every figure is {}, not sim-to-real; no anchor of recorded frames was measured. Distances × 100, \
              95 % intervals over scenarios, the same draws for all.",
-            outcome.scenarios, outcome.first_seed, outcome.kind
+            outcome.scenarios, outcome.first_seed, outcome.world, outcome.kind
         ),
     );
     if outcome.quick {
         m.leaf("p", &[("class", &"warn")], "A quick look: too few scenarios for a judgement.");
     }
+    looks(m, &outcome.looks);
+    findings::write(m, outcome);
     let panel = outcome.policies.values().filter(|table| !table.control).count();
     m.leaf("h2", &[], format_args!("FDπ, the mean over {panel} {}", if panel == 1 { "policy" } else { "policies" }));
     plot(m, outcome);
@@ -59,6 +66,29 @@ fn body(m: &mut Markup, outcome: &Outcome) {
     for (source, scenes) in &outcome.worst {
         differ(m, source, scenes);
     }
+}
+
+fn title(study: &str) -> &'static str {
+    match study {
+        "correlation" => "Do far sources make bad plans?",
+        "sensitivity" => "What distances answer to",
+        "rollout" => "Drift along the drive",
+        "ablation" => "The video model without its parts",
+        _ => "Fidelity of frames for policies",
+    }
+}
+
+/// One moment as every source shows it.
+fn looks(m: &mut Markup, looks: &[(String, String)]) {
+    m.inside("div", &[("class", &"looks")], |m| {
+        for (source, picture) in looks {
+            m.inside("figure", &[], |m| {
+                let path = link(&format!("scenes/{picture}"));
+                m.void("img", &[("src", &path), ("alt", source), ("loading", &"lazy")]);
+                m.leaf("figcaption", &[], source);
+            });
+        }
+    });
 }
 
 /// A value with its interval, as people read it.
@@ -114,7 +144,7 @@ fn plot(m: &mut Markup, outcome: &Outcome) {
     let floor = |figure: &Figure| figure.low.max(0.2 * figure.value);
     let low = shown.iter().map(|(_, figure)| floor(figure)).fold(f64::INFINITY, f64::min).log10().floor();
     let high = shown.iter().map(|(_, figure)| figure.high.max(figure.value)).fold(1e-6, f64::max).log10().ceil();
-    let x = |value: f64| 130.0 + 480.0 * (value.log10() - low) / (high - low).max(1.0);
+    let x = |value: f64| 170.0 + 440.0 * (value.log10() - low) / (high - low).max(1.0);
     let height = 40.0 + 26.0 * shown.len() as f64;
     wide(m, "FDπ by source", (640.0, height), |m| {
         #[expect(clippy::cast_possible_truncation, reason = "a few powers of ten")]

@@ -8,7 +8,7 @@ use ds_nn::safetensors::WeightsFile;
 use ds_policy::{Learned, Own, Policy};
 use ds_space::Digest;
 
-use super::config::{FidelityConfig, MemberConfig};
+use super::config::{MemberConfig, StudyConfig};
 use crate::error::AppraisalError;
 
 /// A policy of the panel.
@@ -23,7 +23,7 @@ pub(crate) struct Member {
 ///
 /// # Errors
 /// If a policy has no features of frames alone, or its weights cannot be used.
-pub(crate) fn load(config: &FidelityConfig) -> Result<Vec<Member>, AppraisalError> {
+pub(crate) fn load(config: &StudyConfig) -> Result<Vec<Member>, AppraisalError> {
     let one = |member: &MemberConfig| {
         if let Some(manifest) = Own::named(&member.policy) {
             return own(config, member, &manifest);
@@ -54,7 +54,7 @@ pub(crate) fn load(config: &FidelityConfig) -> Result<Vec<Member>, AppraisalErro
 }
 
 /// Loads a network of others.
-fn own(config: &FidelityConfig, member: &MemberConfig, manifest: &Path) -> Result<Member, AppraisalError> {
+fn own(config: &StudyConfig, member: &MemberConfig, manifest: &Path) -> Result<Member, AppraisalError> {
     let refuse = |field: &str, rule: &str| {
         Err(AppraisalError::config(format!("panel.{}.{field}", member.name), format!("{}: {rule}", manifest.display())))
     };

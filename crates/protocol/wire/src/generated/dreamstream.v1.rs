@@ -777,7 +777,7 @@ impl EventKind {
     }
 }
 /// Who an instance is and what it can hold.
-#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+#[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Hello {
     /// The instance; a restart is a new one. 1 to 96 letters, digits, '_', '-', '.'.
     #[prost(string, tag = "1")]
@@ -829,6 +829,19 @@ pub struct Hello {
     pub frame_width_px: u32,
     #[prost(uint32, tag = "17")]
     pub frame_height_px: u32,
+    /// Models of the other sources that it generates frames for, ablations of `video_model`; at most 16.
+    #[prost(message, repeated, tag = "18")]
+    pub source_models: ::prost::alloc::vec::Vec<SourceModel>,
+}
+/// What a worker generates the frames of a source with.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct SourceModel {
+    /// The source, such as `per-frame`.
+    #[prost(string, tag = "1")]
+    pub source: ::prost::alloc::string::String,
+    /// Digest of configuration, weights and way of making frames, 32 bytes.
+    #[prost(bytes = "bytes", tag = "2")]
+    pub digest: ::prost::bytes::Bytes,
 }
 /// The instance has subscribed, restored its state and can take orders under this epoch.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -2136,6 +2149,20 @@ pub enum ObservationSource {
     SimRgb = 3,
     /// The condition image itself.
     Layout = 4,
+    /// The video model with the transformer of a student whose teacher was not guided.
+    DreamstreamNoGuidance = 5,
+    /// The video model with the clean latents of each chunk cached.
+    DreamstreamCleanCache = 6,
+    /// The video model to which no layout is shown.
+    DreamstreamNoLayout = 7,
+    /// The video model making each frame anew, without memory.
+    PerFrame = 8,
+    /// The reference camera's frame of the log half a second ago, warped into the present view by its depth.
+    Reprojected = 9,
+    /// The reference camera's frame of the log, whatever the ego does.
+    Logged = 10,
+    /// The camera of the second world.
+    Abroad = 11,
 }
 impl ObservationSource {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -2149,6 +2176,13 @@ impl ObservationSource {
             Self::Reference => "OBSERVATION_SOURCE_REFERENCE",
             Self::SimRgb => "OBSERVATION_SOURCE_SIM_RGB",
             Self::Layout => "OBSERVATION_SOURCE_LAYOUT",
+            Self::DreamstreamNoGuidance => "OBSERVATION_SOURCE_DREAMSTREAM_NO_GUIDANCE",
+            Self::DreamstreamCleanCache => "OBSERVATION_SOURCE_DREAMSTREAM_CLEAN_CACHE",
+            Self::DreamstreamNoLayout => "OBSERVATION_SOURCE_DREAMSTREAM_NO_LAYOUT",
+            Self::PerFrame => "OBSERVATION_SOURCE_PER_FRAME",
+            Self::Reprojected => "OBSERVATION_SOURCE_REPROJECTED",
+            Self::Logged => "OBSERVATION_SOURCE_LOGGED",
+            Self::Abroad => "OBSERVATION_SOURCE_ABROAD",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -2159,6 +2193,17 @@ impl ObservationSource {
             "OBSERVATION_SOURCE_REFERENCE" => Some(Self::Reference),
             "OBSERVATION_SOURCE_SIM_RGB" => Some(Self::SimRgb),
             "OBSERVATION_SOURCE_LAYOUT" => Some(Self::Layout),
+            "OBSERVATION_SOURCE_DREAMSTREAM_NO_GUIDANCE" => {
+                Some(Self::DreamstreamNoGuidance)
+            }
+            "OBSERVATION_SOURCE_DREAMSTREAM_CLEAN_CACHE" => {
+                Some(Self::DreamstreamCleanCache)
+            }
+            "OBSERVATION_SOURCE_DREAMSTREAM_NO_LAYOUT" => Some(Self::DreamstreamNoLayout),
+            "OBSERVATION_SOURCE_PER_FRAME" => Some(Self::PerFrame),
+            "OBSERVATION_SOURCE_REPROJECTED" => Some(Self::Reprojected),
+            "OBSERVATION_SOURCE_LOGGED" => Some(Self::Logged),
+            "OBSERVATION_SOURCE_ABROAD" => Some(Self::Abroad),
             _ => None,
         }
     }

@@ -53,9 +53,13 @@ pub(super) fn sheet(args: &CellArgs) -> Result<(Sheet, Vec<Manifest>)> {
         Ok(Named { name: name.clone(), digest })
     };
     let model = [args.model.as_path(), &args.model.with_extension("safetensors")].map(Path::to_path_buf);
+    let unguided = model[0].with_file_name("arms").join("no_guidance.safetensors");
     let observation = |source: &ObservationSource| -> Result<Named> {
-        let existing: Vec<&PathBuf> = model.iter().filter(|file| file.exists()).collect();
-        let shown = *source == ObservationSource::Dreamstream;
+        let mut existing: Vec<&PathBuf> = model.iter().filter(|file| file.exists()).collect();
+        let shown = source.is_generated();
+        if *source == ObservationSource::DreamstreamNoGuidance {
+            existing.push(&unguided);
+        }
         Ok(Named { name: source.name().to_owned(), digest: if shown { of_files(&existing)? } else { String::new() } })
     };
     let policies = args.policies.iter().map(policy).collect::<Result<_>>()?;

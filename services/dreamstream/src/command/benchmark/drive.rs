@@ -30,7 +30,7 @@ use rayon::prelude::*;
 use tokio::task::JoinSet;
 
 use super::{Ended, FleetLost, ask, ended, shown};
-use crate::cli::{Observation, RunArgs, RunPlan};
+use crate::cli::{RunArgs, RunPlan};
 use crate::command::run::{Source, request, sources};
 use crate::command::{answer, bar};
 use crate::embed::{self, Fleet};
@@ -64,13 +64,44 @@ pub(super) struct Now<'a> {
 /// # Errors
 /// If anything is refused, or the fleet is lost.
 pub(super) fn run(args: &RunArgs) -> Result<Ended> {
+    let (sheet, sets) = asked(args)?;
+    begin(&args.out, &sheet, &sets, &Now { metrics: args.metrics, ..Now::default() })
+}
+
+/// Drives every so many-th entry of each set, or goes on with them where the folder holds just these cells.
+///
+/// # Errors
+/// As for [`run`], and if the folder holds other cells.
+pub(super) fn part(args: &RunArgs, every: usize) -> Result<Ended> {
+    let (mut sheet, mut sets) = asked(args)?;
+    if every > 1 {
+        for (set, named) in sets.iter_mut().zip(&mut sheet.sets) {
+            let entries = set.entries.iter().step_by(every).cloned().collect();
+            *set = Manifest::new(&format!("{}-every-{every}", set.name), set.kind, set.recipe.clone(), entries);
+            (named.name, named.digest) = (set.name.clone(), set.digest.clone());
+        }
+    }
+    if !args.out.join(FILE).exists() {
+        return begin(&args.out, &sheet, &sets, &Now::default());
+    }
+    let (held, held_sets) = Sheet::load(&args.out)?;
+    let cells = |sheet: &Sheet, sets: &[Manifest]| anyhow::Ok(sheet.cells(sets)?.into_keys().collect::<Vec<_>>());
+    ensure!(
+        cells(&held, &held_sets)? == cells(&sheet, &sets)?,
+        "{} holds drives of another configuration: remove it or name another folder",
+        args.out.display()
+    );
+    resume(&args.out, (None, args.workers), &Now::default())
+}
+
+fn asked(args: &RunArgs) -> Result<(Sheet, Vec<Manifest>)> {
     let (mut sheet, sets) = ask::sheet(&args.what)?;
     sheet.shard = ask::shard(&args.shard)?;
     sheet.endpoints = args.endpoints.as_deref().map_or(Ok(Vec::new()), ds_benchmark::endpoint::load)?;
     sheet.place.workers = workers(args.workers, usize::MAX);
     sheet.place.keep = args.keep.into();
     sheet.place.policy_listen.clone_from(&args.policy_listen);
-    begin(&args.out, &sheet, &sets, &Now { metrics: args.metrics, ..Now::default() })
+    Ok((sheet, sets))
 }
 
 /// Drives a sheet in a folder that holds no results yet.
@@ -324,7 +355,8 @@ impl Group<'_> {
         Ok(RunPlan {
             scenarios: vec![due.file.clone()],
             policy: cell.policy.name.clone(),
-            observation: observation(&cell.observation.name)?,
+            observation: ObservationSource::from_name(&cell.observation.name)
+                .with_context(|| format!("observation {:?}", cell.observation.name))?,
             replan: settings.replan,
             horizon: DT_SECS * f64::from(settings.horizon),
             history: settings.history,
@@ -346,15 +378,6 @@ impl Group<'_> {
             ..RunPlan::default()
         })
     }
-}
-
-fn observation(name: &str) -> Result<Observation> {
-    Ok(match ObservationSource::from_name(name).with_context(|| format!("observation {name:?}"))? {
-        ObservationSource::Dreamstream => Observation::Dreamstream,
-        ObservationSource::Reference => Observation::Reference,
-        ObservationSource::SimRgb => Observation::SimRgb,
-        ObservationSource::Layout => Observation::Layout,
-    })
 }
 
 /// Waits for a service that ends early; where nothing more can be stored, that is the error.

@@ -20,7 +20,7 @@ const WEIGHTS: &str = "configs/models/look.safetensors";
 /// Says whether a cell is driven on generated frames under a condition.
 pub(super) fn concerns(cell: &Cell) -> bool {
     let condition = Appearance::named(&cell.appearance).is_ok_and(|look| look.condition.is_some());
-    cell.observation.name == ObservationSource::Dreamstream.name() && condition
+    ObservationSource::from_name(&cell.observation.name).is_some_and(ObservationSource::is_generated) && condition
 }
 
 /// Loads the look network.

@@ -15,7 +15,7 @@ use ds_topic::{ObservationSource, ProposalScorer};
 use ds_wire::control as pb;
 use orchestrator::Conditioning;
 
-use crate::cli::{Align, Observation, RunPlan};
+use crate::cli::{Align, RunPlan};
 use crate::own;
 
 /// Checks the names, and the policy's weights, that the orchestrator or a stage would only refuse once everything is under
@@ -46,6 +46,12 @@ pub(crate) fn known(args: &RunPlan) -> Result<()> {
         let loaded = learned.load(&learned.weights_file(&args.policy_weights));
         loaded.map_err(|error| UsageError(format!("--policy-weights: {:#}", anyhow::Error::from(error))))?;
     }
+    let video = !args.stages.iter().any(|stage| stage.trim().starts_with("video="));
+    if args.observation == ObservationSource::DreamstreamNoGuidance && video {
+        // Another training's transformer, which need not be there; a worker without it would only be waited for.
+        let stage = vdm_worker::VideoStage::new(args.model.clone(), None);
+        stage.model_of(args.observation).map_err(|fault| UsageError(format!("--observation: {fault}")))?;
+    }
     Appearance::short_name(&args.appearance).map_err(|error| UsageError(format!("--appearance: {error}")))?;
     Ok(())
 }
@@ -57,7 +63,7 @@ pub(crate) fn known(args: &RunPlan) -> Result<()> {
 pub(crate) fn given(args: &RunPlan, files: &[PathBuf]) -> Result<pb::RunSettings> {
     let first_frames = args.first_frames.iter().map(|text| first_frame(text)).collect::<Result<_>>()?;
     let settings = pb::RunSettings { prompt: args.prompt.clone(), first_frames, ..pb::RunSettings::default() };
-    let given = Conditioning::of(&settings, &[source(args)])?;
+    let given = Conditioning::of(&settings, &[args.observation])?;
     for file in files.iter().filter(|_| !settings.first_frames.is_empty()) {
         let (scene, _warnings) = ds_scenario::load(file)?;
         given.pictures(&scene)?;
@@ -71,15 +77,6 @@ fn first_frame(text: &str) -> Result<pb::FirstFrame> {
     let (camera, path) = named.unwrap_or(("", text));
     let image = std::fs::read(path).with_context(|| format!("--first-frame: read {path}"))?;
     Ok(pb::FirstFrame { camera: camera.to_owned(), image: image.into() })
-}
-
-fn source(args: &RunPlan) -> ObservationSource {
-    match args.observation {
-        Observation::Dreamstream => ObservationSource::Dreamstream,
-        Observation::Reference => ObservationSource::Reference,
-        Observation::SimRgb => ObservationSource::SimRgb,
-        Observation::Layout => ObservationSource::Layout,
-    }
 }
 
 /// Returns what the orchestrator is asked; `given` is what the video model starts from.
@@ -101,7 +98,7 @@ pub(crate) fn request(
         client_id: format!("run-{}", &configuration.to_string()[..16]),
         scenarios,
         policies: vec![own::name(&args.policy)?],
-        observations: vec![pb::ObservationSource::from(source(args)).into()],
+        observations: vec![pb::ObservationSource::from(args.observation).into()],
         appearances: vec![args.appearance.clone()],
         seeds: args.seed.clone(),
         settings: Some(pb::RunSettings {

@@ -1,0 +1,108 @@
+//! How well a policy plans on the frames of a source: PDMS of NAVSIM v1.1 of its plan, in open loop, against the true world.
+//!
+//! The plan is made of one frame, the car's own motion and the route command at a moment of the log (displaced with the
+//! car); agents of the log go on as they did. The reference plan is the scorer's own planner.
+
+use std::sync::Arc;
+
+use ds_policy::{EgoView, Observation};
+use ds_raster::RgbImage;
+use ds_score::{
+    Executed, PlannedPoses, PreparedMap, PreparedScene, ScoreError, log_tracks, navsim_v1_executed, open_loop_map,
+    reference_plan, scene_now,
+};
+use ds_sim::{SimConfig, Simulation};
+use ds_space::{CameraModel, Draws, SimTime};
+use ds_world::{RouteCommand, Scene, WorldState};
+
+use super::panel::Member;
+use crate::error::AppraisalError;
+
+/// States of a rollout: now and 40 steps of 0.1 s.
+const STATES: usize = 41;
+/// H, in ticks.
+const HORIZON_TICKS: u32 = 80;
+
+/// Scores plans of one scenario at some moments.
+pub(crate) struct Scorer {
+    scene: Arc<Scene>,
+    moments: Vec<Moment>,
+}
+
+/// What a plan at one moment is scored against.
+struct Moment {
+    world: WorldState,
+    command: RouteCommand,
+    prepared: PreparedScene,
+    reference: Executed,
+}
+
+impl Scorer {
+    /// Prepares the moments of some worlds of a scenario.
+    pub(crate) fn new(scene: &Arc<Scene>, worlds: Vec<WorldState>) -> Result<Self, AppraisalError> {
+        let map = PreparedMap::new(&open_loop_map(scene)).map_err(|source| refused(scene, &source))?;
+        let map = Arc::new(map);
+        let moment = |world: WorldState| {
+            let config = SimConfig { agents: None, ..SimConfig::default() };
+            let simulation = Simulation::new(Arc::clone(scene), config, world.tick);
+            let command = simulation.map_err(|error| refused(scene, &error))?.route_command();
+            let agents = log_tracks(scene, world.tick, STATES);
+            let now = scene_now(scene, world.tick, &[world.ego], agents).expect("there is a state of the ego");
+            let prepare = || {
+                let prepared = PreparedScene::on(&map, &now)?;
+                let reference = reference_plan(&prepared, None)?.plan;
+                let reference = prepared.executor().execute(prepared.ego(), &reference)?;
+                Ok((prepared, reference))
+            };
+            let (prepared, reference) = prepare().map_err(|source: ScoreError| refused(scene, &source))?;
+            Ok(Moment { world, command, prepared, reference })
+        };
+        let moments = worlds.into_iter().map(moment).collect::<Result<_, AppraisalError>>()?;
+        Ok(Self { scene: Arc::clone(scene), moments })
+    }
+
+    /// Returns the PDMS of a policy's plans on the frames that are shown for the moments.
+    pub(crate) fn pdms(
+        &self,
+        member: &mut Member,
+        camera: &CameraModel,
+        frames: &[&RgbImage],
+    ) -> Result<Vec<f64>, AppraisalError> {
+        self.moments.iter().zip(frames).map(|(moment, frame)| self.score(member, camera, (moment, frame))).collect()
+    }
+
+    fn score(
+        &self,
+        member: &mut Member,
+        camera: &CameraModel,
+        (moment, frame): (&Moment, &RgbImage),
+    ) -> Result<f64, AppraisalError> {
+        let tick = moment.world.tick;
+        let observation = Observation {
+            frames: vec![vec![frame.clone()]],
+            cameras: vec![camera.clone()],
+            ego: EgoView::of(&[moment.world.ego]),
+            command: moment.command,
+            stamps: vec![SimTime::at(tick, self.scene.dt)],
+            horizon_ticks: HORIZON_TICKS,
+            dt: self.scene.dt,
+            draw: Draws::new(&self.scene.digest, "study plan", &[u64::from(tick.0)]),
+        };
+        let answer = member.policy.plan(&observation, None).map_err(|source| AppraisalError::Policy {
+            policy: member.name.clone(),
+            frames: self.scene.name.clone(),
+            source,
+        })?;
+        let score = || {
+            let prepared = &moment.prepared;
+            let plan = PlannedPoses::of(&answer.trajectory);
+            let states = prepared.executor().execute(prepared.ego(), &plan)?;
+            navsim_v1_executed(prepared, &moment.reference, &states)
+        };
+        Ok(score().map_err(|source| refused(&self.scene, &source))?.pdms)
+    }
+}
+
+fn refused(scene: &Scene, source: &dyn std::error::Error) -> AppraisalError {
+    AppraisalError::config("scenarios", format!("{} cannot be scored: {source}", scene.name))
+}
