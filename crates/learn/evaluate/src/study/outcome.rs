@@ -136,7 +136,7 @@ pub struct Correlation {
 pub struct Answer {
     /// m(edited)/m(true) - 1, or m(edited) in bootstrap deviations.
     pub response: Figure,
-    /// FDπ's response over this one's; none where this one is not above zero.
+    /// FDπ's response over this one's; none where this one's interval is not above zero.
     pub times: Option<Figure>,
 }
 

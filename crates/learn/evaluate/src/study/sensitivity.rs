@@ -51,9 +51,11 @@ fn response(found: &Found<'_>, [before, after]: &[String; 2]) -> Option<Response
         }
         let ((mine, my_draws), (value, drawn)) = (relative(own), relative(pair));
         let ratios = my_draws.iter().zip(&drawn).map(|(a, b)| a / b).collect();
+        let response = Figure::of(recentred(value, drawn), 1.0);
         // A ratio to an answer that is not apart from none says nothing.
-        let times = (name != "fd_pi" && value > 0.0).then(|| Figure::of(recentred(mine / value, ratios), 1.0));
-        (name.clone(), Answer { response: Figure::of(recentred(value, drawn), 1.0), times })
+        let told = name != "fd_pi" && response.low > 0.0;
+        let times = told.then(|| Figure::of(recentred(mine / value, ratios), 1.0));
+        (name.clone(), Answer { response, times })
     };
     let answers: BTreeMap<String, Answer> = metrics.iter().map(answer).collect();
     Some(Response { before: before.clone(), after: after.clone(), in_deviations, answers })
