@@ -88,6 +88,7 @@ pub(super) fn run(args: &StudyArgs) -> Result<()> {
         workers: None,
         keep: Kept::None,
         policy_listen: None,
+        metrics: None,
         out: out.join("drives"),
     };
     let complete = benchmark::drives(&drives, if args.quick { QUICK } else { 1 })?;
