@@ -222,7 +222,8 @@ fn the_next_run_is_proposed_driven_and_added_to_a_copy_of_the_case() {
     std::fs::write(path("short/meta.json"), meta.to_string()).expect("written");
     let served = format!("'{}' gap serve {{case}}", env!("CARGO_BIN_EXE_dreamstream"));
     let next = |more: &[&str], out: &str| {
-        let arguments = [&["gap", "next", &path("short"), "--quick", "-o", &path(out)], more].concat();
+        let (short, out) = (path("short"), path(out));
+        let arguments = [&["gap", "next", &short, "--quick", "-o", &out], more].concat();
         let output = dreamstream(&arguments).output().expect("the binary runs");
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         let text = std::fs::read_to_string(path(&format!("{out}/short/next.json"))).expect("an experiment");
