@@ -84,11 +84,7 @@ fn diagnosed(case: &Case, options: &Options, thresholds: &Thresholds) -> (Diagno
     let doubt = if outcomes.iter().any(|o| o.accepted.is_some()) { DOUBT } else { 0.0 };
     let p_unknown = doubt + (1.0 - doubt - DOUBT) * p_unknown;
     let known = 1.0 - p_unknown;
-    let none = (1.0 - ranking.iter().map(|c| c.probability).sum::<f64>()).max(0.0);
-    let weak = if ranking.is_empty() { 0.0 } else { WEAK * none };
-    let each = weak / ranking.len().max(1) as f64;
-    ranking.iter_mut().for_each(|c| c.probability += each);
-    let p_none = known * (none - weak);
+    let p_none = known * without_any(&mut ranking);
     let effects: Vec<Finding> = ranking.iter().map(|c| finding(case, &outcomes, &ranking, c, known)).collect();
     let chosen: Vec<String> = match verdict {
         Verdict::None => Vec::new(),
@@ -142,6 +138,15 @@ fn diagnosed(case: &Case, options: &Options, thresholds: &Thresholds) -> (Diagno
         effects,
     };
     (diagnosis, standing)
+}
+
+/// Gives every candidate its part of what is kept back for an effect too weak for the data; returns the probability of none.
+fn without_any(ranking: &mut [Candidate]) -> f64 {
+    let none = (1.0 - ranking.iter().map(|c| c.probability).sum::<f64>()).max(0.0);
+    let weak = if ranking.is_empty() { 0.0 } else { WEAK * none };
+    let each = weak / ranking.len().max(1) as f64;
+    ranking.iter_mut().for_each(|c| c.probability += each);
+    none - weak
 }
 
 /// Returns the probability that something is at work that no library effect explains.

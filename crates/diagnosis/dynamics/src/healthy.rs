@@ -208,7 +208,10 @@ fn assemble(units: &[Unit<'_>], studies: &[&Study]) -> Baseline {
     let discrepancy = Discrepancy::learn(studies);
     let unexplained = unexplained(studies);
     let noise = noise(studies, &unexplained);
-    let correlation = correlation(studies, &unexplained, &noise);
+    // drives of one log share what is its own: only logs tell what further ones will have in common
+    let whole = units.iter().all(|unit| unit.drives.len() == unit.case.drives.len());
+    let several = whole && units.len() > 1;
+    let correlation = if several { correlation(studies, &unexplained, &noise) } else { Correlation::default() };
     let mut warnings = Vec::new();
     if units.len() < FEW {
         warnings.push(format!(

@@ -103,7 +103,7 @@ fn other_vehicles_other_channels_and_damaged_files_are_refused() {
     for (from, to, why) in [
         ("\"schema_version\":1", "\"schema_version\":7", "schema_version is 7"),
         ("\"sd\":0.", "\"sd\":-0.", "spread of"),
-        ("\"correlation\":{\"rows\":[0", "\"correlation\":{\"rows\":[1", "correlation is none"),
+        ("\"correlation\":{\"rows\":[", "\"correlation\":{\"rows\":[99", "correlation is none"),
         ("\"noise\":{\"agent_gap\":[", "\"noise\":{\"agent_gap\":[-1.0,", "noise of \"agent_gap\""),
     ] {
         assert!(text.contains(from), "{from}");
