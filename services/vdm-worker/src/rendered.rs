@@ -7,9 +7,8 @@ use ds_camera::{Appearance, Condition, PlainCamera, ReferenceCamera, Reprojected
 use ds_process::maker::{Fault, Inputs, Maker, Output, bad, output};
 use ds_raster::{Encoding, ImageError, RgbImage};
 use ds_second_camera::SecondCamera;
-use ds_space::{CameraModel, Pose, Rig, Tick};
+use ds_space::{CameraModel, Tick};
 use ds_topic::{Advance, Frame, Layout, ObservationSource, SceneMessage, Slot, Topic, World};
-use ds_world::WorldState;
 
 use crate::lens::{Lens, Motion};
 
@@ -57,9 +56,10 @@ impl Rendered {
 
     fn image(&self, inputs: &Inputs, tick: Tick, camera: (u16, &CameraModel)) -> Result<RgbImage, Fault> {
         let unseen = |error: ImageError| bad("frame_refused", &error);
-        let at = |render: &dyn Fn(&WorldState, Pose<ds_space::World, Rig>) -> Result<RgbImage, ImageError>| {
+        let seen = || {
             let state = inputs.decode::<World>(Slot::new(Topic::World, tick.0))?.state;
-            render(&state, state.ego.pose.world_from_rig(0.0)).map_err(unseen)
+            let rig = state.ego.pose.world_from_rig(0.0);
+            Ok::<_, Fault>((state, rig))
         };
         match &self.source {
             Source::Layout => Ok(inputs.decode::<Layout>(Slot::of_camera(Topic::Layout, tick.0, camera.0))?.image),
@@ -67,10 +67,22 @@ impl Rendered {
                 let state = self.scene.scene.logged_world(tick);
                 renderer.render(&state, camera.1, state.ego.pose.world_from_rig(0.0)).map_err(unseen)
             }
-            Source::Reference(renderer) => at(&|state, rig| renderer.render(state, camera.1, rig)),
-            Source::Plain(renderer) => at(&|state, rig| renderer.render(state, camera.1, rig)),
-            Source::Reprojected(renderer) => at(&|state, rig| renderer.render(state, camera.1, rig)),
-            Source::Abroad(renderer) => at(&|state, rig| renderer.render(state, camera.1, rig)),
+            Source::Reference(renderer) => {
+                let (state, rig) = seen()?;
+                renderer.render(&state, camera.1, rig).map_err(unseen)
+            }
+            Source::Plain(renderer) => {
+                let (state, rig) = seen()?;
+                renderer.render(&state, camera.1, rig).map_err(unseen)
+            }
+            Source::Reprojected(renderer) => {
+                let (state, rig) = seen()?;
+                renderer.render(&state, camera.1, rig).map_err(unseen)
+            }
+            Source::Abroad(renderer) => {
+                let (state, rig) = seen()?;
+                renderer.render(&state, camera.1, rig).map_err(unseen)
+            }
         }
     }
 }

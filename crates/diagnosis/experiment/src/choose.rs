@@ -179,8 +179,8 @@ fn within(
     envelope: &Envelope,
 ) -> Result<(usize, Vec<Margin>), ExperimentError> {
     let mut last = Vec::new();
-    for place in 0..tried.len().min(DRAWN) {
-        last = margins(predictor, &tried[place].1.design, worlds, envelope)?;
+    for (place, (_, expected)) in tried.iter().take(DRAWN).enumerate() {
+        last = margins(predictor, &expected.design, worlds, envelope)?;
         if holds(&last) {
             return Ok((place, last));
         }

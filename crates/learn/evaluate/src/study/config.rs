@@ -201,7 +201,7 @@ impl StudyConfig {
     pub fn check_for(&self, study: Study) -> Result<(), AppraisalError> {
         let rules = [
             ("sources", study != Study::Correlation || self.others().count() >= 4, "must name 4 besides the reference"),
-            ("edits", (study == Study::Sensitivity) == !self.edits.is_empty(), "are of sensitivity, which needs one"),
+            ("edits", (study == Study::Sensitivity) != self.edits.is_empty(), "are of sensitivity, which needs one"),
             ("marks", (study == Study::Rollout) == (self.marks.len() > 1), "are of rollout, which needs two"),
         ];
         match rules.iter().find(|(_, held, _)| !held) {

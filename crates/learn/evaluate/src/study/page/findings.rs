@@ -90,10 +90,8 @@ fn scatter(m: &mut Markup, title: &str, metric: &Metric) {
     let points: Vec<(&str, f64, f64)> =
         sources.iter().map(|(name, (x, y, count))| (*name, (x / count).max(1e-3).log10(), y / count)).collect();
     let range = |of: &dyn Fn(&(&str, f64, f64)) -> f64| {
-        let (low, high) = points
-            .iter()
-            .map(|point| of(point))
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+        let (low, high) =
+            points.iter().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
         if high > low { (low, high) } else { (low - 0.5, low + 0.5) }
     };
     let ((left, right), (low, high)) = (range(&|p| p.1), range(&|p| p.2));
