@@ -58,6 +58,8 @@ struct Unit<'a> {
     name: String,
     case: &'a Case,
     drives: Vec<usize>,
+    /// Whether it is known to be healthy.
+    known: bool,
 }
 
 /// Learns a baseline.
@@ -135,10 +137,10 @@ impl Reference {
     }
 }
 
-/// Returns the logs as units, each with all its drives.
+/// Returns the logs of a fleet, of which nobody knows which are healthy, as units, each with all its drives.
 fn whole(logs: &[Healthy]) -> Vec<Unit<'_>> {
     let of = |h: &'_ Healthy| (0..h.case.drives.len()).collect();
-    logs.iter().map(|h| Unit { name: h.name.clone(), case: &h.case, drives: of(h) }).collect()
+    logs.iter().map(|h| Unit { name: h.name.clone(), case: &h.case, drives: of(h), known: false }).collect()
 }
 
 /// Studies every unit; again about what was found where that is far from the library's vehicles, whose ranges it would meet.
@@ -189,12 +191,13 @@ fn units(healthy: &[Healthy]) -> Vec<Unit<'_>> {
     for h in healthy {
         let drives: Vec<usize> = (0..h.case.drives.len()).collect();
         if healthy.len() >= FEW {
-            out.push(Unit { name: h.name.clone(), case: &h.case, drives });
+            out.push(Unit { name: h.name.clone(), case: &h.case, drives, known: true });
         } else {
             out.extend(drives.into_iter().map(|d| Unit {
                 name: format!("{}/{}", h.name, h.case.drives[d].file),
                 case: &h.case,
                 drives: vec![d],
+                known: true,
             }));
         }
     }
@@ -208,8 +211,8 @@ fn assemble(units: &[Unit<'_>], studies: &[&Study]) -> Baseline {
     let discrepancy = Discrepancy::learn(studies);
     let unexplained = unexplained(studies);
     let noise = noise(studies, &unexplained);
-    // drives of one log share what is its own: only logs tell what further ones will have in common
-    let whole = units.iter().all(|unit| unit.drives.len() == unit.case.drives.len());
+    // drives of one log share what is its own, and a fault that some have is nothing that healthy ones have in common
+    let whole = units.iter().all(|unit| unit.known && unit.drives.len() == unit.case.drives.len());
     let several = whole && units.len() > 1;
     let correlation = if several { correlation(studies, &unexplained, &noise) } else { Correlation::default() };
     let mut warnings = Vec::new();
@@ -384,7 +387,10 @@ fn sensors(units: &[Unit<'_>]) -> Sensors {
 fn chosen_of(units: &[Unit<'_>], studies: &[Study], chosen: &[usize]) -> Baseline {
     let kept: Vec<Unit<'_>> = chosen
         .iter()
-        .map(|k| Unit { name: units[*k].name.clone(), case: units[*k].case, drives: units[*k].drives.clone() })
+        .map(|k| {
+            let Unit { name, case, drives, known } = &units[*k];
+            Unit { name: name.clone(), case, drives: drives.clone(), known: *known }
+        })
         .collect();
     assemble(&kept, &chosen.iter().map(|k| &studies[*k]).collect::<Vec<_>>())
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use ds_benchmark::record;
-use ds_evaluate::study::closed_loop::{self, Drive, REFERENCE};
+use ds_evaluate::study::closed_loop::{self, ClosedLoop, Drive, REFERENCE};
 use ds_evaluate::study::write_drives;
 use ds_topic::{ObservationSource, ProposalScorer};
 use ds_video::Backend;
@@ -109,6 +109,15 @@ pub(super) fn run(args: &StudyArgs) -> Result<()> {
     found.sets =
         config.sets.iter().map(|set| set.file_name().unwrap_or_default().to_string_lossy().into_owned()).collect();
     write_drives(&out, &found)?;
+    tell(&found);
+    for name in ["closed-loop.json", "index.html"] {
+        answer(&out.join(name).display().to_string());
+    }
+    Ok(())
+}
+
+/// Says what was found in the terminal.
+fn tell(found: &ClosedLoop) {
     for (policy, gaps) in &found.gaps {
         for (source, gap) in gaps {
             answer(&format!(
@@ -130,8 +139,4 @@ pub(super) fn run(args: &StudyArgs) -> Result<()> {
             nearer.p_holm
         ));
     }
-    for name in ["closed-loop.json", "index.html"] {
-        answer(&out.join(name).display().to_string());
-    }
-    Ok(())
 }
