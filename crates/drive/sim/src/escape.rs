@@ -154,7 +154,8 @@ mod tests {
             (boxes[TICKS - 1].centre, boxes[TICKS - 1].forward.to_angle())
         };
         let (on, heading_rad) = forecast(0.5, route.as_ref());
-        assert!((on.x - on.y).abs() < 1.5 && on.y > 8.0 && (heading_rad - 0.785).abs() < 0.2, "{on} {heading_rad}");
+        // a path's heading goes over from corner to corner
+        assert!((on.x - on.y).abs() < 1.5 && on.y > 8.0 && (0.4..0.8).contains(&heading_rad), "{on} {heading_rad}");
         for (left_m, route) in [(0.5, None), (5.0, route.as_ref())] {
             let (straight, heading_rad) = forecast(left_m, route);
             assert!((straight.y - left_m).abs() < 1e-9 && heading_rad.abs() < 1e-9, "{straight} {heading_rad}");
