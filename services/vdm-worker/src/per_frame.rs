@@ -11,7 +11,6 @@ use crate::lens::Lens;
 
 /// All cameras of one episode.
 pub struct OneByOne {
-    scene: Arc<SceneMessage>,
     cameras: Vec<PerFrame>,
     lens: Option<Lens>,
 }
@@ -21,7 +20,7 @@ impl OneByOne {
     ///
     /// # Errors
     /// If a first frame is missing or the prompt is refused.
-    pub fn new(model: &Arc<VideoModel>, scene: Arc<SceneMessage>) -> Result<Self, Fault> {
+    pub fn new(model: &Arc<VideoModel>, scene: &Arc<SceneMessage>) -> Result<Self, Fault> {
         let camera = |(index, camera): (usize, &ds_space::CameraModel)| {
             let first = scene.first_frames.get(index);
             let first = first
@@ -31,7 +30,7 @@ impl OneByOne {
                 .map_err(|error| bad("rollout_refused", &error))
         };
         let cameras = scene.scene.cameras.iter().enumerate().map(camera).collect::<Result<_, _>>()?;
-        Ok(Self { lens: Lens::of(&scene), cameras, scene })
+        Ok(Self { lens: Lens::of(scene), cameras })
     }
 }
 
@@ -43,7 +42,7 @@ impl Maker for OneByOne {
     fn work(&mut self, order: &Advance, inputs: &Inputs) -> Result<Vec<Output>, Fault> {
         let mut outputs = Vec::new();
         for tick in order.first.to(order.last) {
-            for (index, camera) in (0u16..).zip(&self.cameras).take(self.scene.scene.cameras.len()) {
+            for (index, camera) in (0u16..).zip(&self.cameras) {
                 let layout: Layout = inputs.decode(Slot::of_camera(Topic::Layout, tick.0, index))?;
                 let mut image = camera.frame(tick, &layout.image).map_err(|error| bad("generation_failed", &error))?;
                 if let Some(lens) = &self.lens {

@@ -3,12 +3,13 @@
 
 use std::sync::Arc;
 
-use ds_camera::{Appearance, Condition, PlainCamera, ReferenceCamera, ReprojectedCamera};
+use ds_camera::{Appearance, PlainCamera, ReferenceCamera, ReprojectedCamera};
 use ds_process::maker::{Fault, Inputs, Maker, Output, bad, output};
 use ds_raster::{Encoding, ImageError, RgbImage};
 use ds_second_camera::SecondCamera;
 use ds_space::{CameraModel, Tick};
 use ds_topic::{Advance, Frame, Layout, ObservationSource, SceneMessage, Slot, Topic, World};
+use ds_world::WorldState;
 
 use crate::lens::{Lens, Motion};
 
@@ -19,13 +20,35 @@ pub struct Rendered {
     source: Source,
 }
 
+/// Where frames come from.
 enum Source {
+    /// The layout, as it is.
+    Layout,
+    /// A camera in the log, whatever the ego does.
+    Log(Camera),
+    /// A camera in the world that is driven.
+    World(Camera),
+}
+
+/// What renders.
+enum Camera {
     Reference(Box<ReferenceCamera>),
     Plain(Box<PlainCamera>),
-    Logged(Box<ReferenceCamera>),
     Reprojected(Box<ReprojectedCamera>),
-    Abroad(Box<SecondCamera>),
-    Layout,
+    Second(Box<SecondCamera>),
+}
+
+impl Camera {
+    /// Renders what a camera on the ego sees.
+    fn render(&self, state: &WorldState, model: &CameraModel) -> Result<RgbImage, ImageError> {
+        let rig = state.ego.pose.world_from_rig(0.0);
+        match self {
+            Self::Reference(camera) => camera.render(state, model, rig),
+            Self::Plain(camera) => camera.render(state, model, rig),
+            Self::Reprojected(camera) => camera.render(state, model, rig),
+            Self::Second(camera) => camera.render(state, model, rig),
+        }
+    }
 }
 
 impl Rendered {
@@ -35,59 +58,33 @@ impl Rendered {
     /// If the appearance is unknown.
     pub fn new(scene: Arc<SceneMessage>) -> Result<Self, Fault> {
         let look = || Appearance::named(&scene.spec.appearance).map_err(|error| bad("bad_settings", &error));
-        let reference = || Ok::<_, Fault>(Box::new(ReferenceCamera::new(&scene.scene, look()?)));
+        let reference = || Ok::<_, Fault>(Camera::Reference(Box::new(ReferenceCamera::new(&scene.scene, look()?))));
         let source = match scene.spec.observation {
-            ObservationSource::Reference => Source::Reference(reference()?),
-            ObservationSource::Logged => Source::Logged(reference()?),
+            ObservationSource::Layout => Source::Layout,
+            ObservationSource::Logged => Source::Log(reference()?),
+            ObservationSource::Reference => Source::World(reference()?),
+            ObservationSource::SimRgb => Source::World(Camera::Plain(Box::new(PlainCamera::new(&scene.scene)))),
             ObservationSource::Reprojected => {
-                Source::Reprojected(Box::new(ReprojectedCamera::new(Arc::clone(&scene.scene), look()?)))
+                let camera = ReprojectedCamera::new(Arc::clone(&scene.scene), look()?);
+                Source::World(Camera::Reprojected(Box::new(camera)))
             }
             ObservationSource::Abroad => {
-                let look = look()?;
-                let condition = look.condition.unwrap_or(Condition::DAY);
-                Source::Abroad(Box::new(SecondCamera::new(&scene.scene, condition, look.palette_seed)))
+                Source::World(Camera::Second(Box::new(SecondCamera::new(&scene.scene, &look()?))))
             }
-            ObservationSource::SimRgb => Source::Plain(Box::new(PlainCamera::new(&scene.scene))),
-            ObservationSource::Layout => Source::Layout,
             source => return Err(Fault::deterministic("not_rendered", format!("{} is generated", source.name()))),
         };
         Ok(Self { lens: Lens::of(&scene), scene, source })
     }
 
-    fn image(&self, inputs: &Inputs, tick: Tick, camera: (u16, &CameraModel)) -> Result<RgbImage, Fault> {
-        let unseen = |error: ImageError| bad("frame_refused", &error);
-        let seen = || {
-            let state = inputs.decode::<World>(Slot::new(Topic::World, tick.0))?.state;
-            let rig = state.ego.pose.world_from_rig(0.0);
-            Ok::<_, Fault>((state, rig))
+    fn image(&self, inputs: &Inputs, tick: Tick, (index, model): (u16, &CameraModel)) -> Result<RgbImage, Fault> {
+        let (camera, state) = match &self.source {
+            Source::Layout => return Ok(inputs.decode::<Layout>(Slot::of_camera(Topic::Layout, tick.0, index))?.image),
+            Source::Log(camera) => (camera, self.scene.scene.logged_world(tick)),
+            Source::World(camera) => (camera, inputs.decode::<World>(Slot::new(Topic::World, tick.0))?.state),
         };
-        match &self.source {
-            Source::Layout => Ok(inputs.decode::<Layout>(Slot::of_camera(Topic::Layout, tick.0, camera.0))?.image),
-            Source::Logged(renderer) => {
-                let state = self.scene.scene.logged_world(tick);
-                renderer.render(&state, camera.1, state.ego.pose.world_from_rig(0.0)).map_err(unseen)
-            }
-            Source::Reference(renderer) => {
-                let (state, rig) = seen()?;
-                renderer.render(&state, camera.1, rig).map_err(unseen)
-            }
-            Source::Plain(renderer) => {
-                let (state, rig) = seen()?;
-                renderer.render(&state, camera.1, rig).map_err(unseen)
-            }
-            Source::Reprojected(renderer) => {
-                let (state, rig) = seen()?;
-                renderer.render(&state, camera.1, rig).map_err(unseen)
-            }
-            Source::Abroad(renderer) => {
-                let (state, rig) = seen()?;
-                renderer.render(&state, camera.1, rig).map_err(unseen)
-            }
-        }
+        camera.render(&state, model).map_err(|error| bad("frame_refused", &error))
     }
-}
 
-impl Rendered {
     /// Returns the ego's motion where this source sees the world.
     fn motion(&self, inputs: &Inputs, tick: Tick) -> Result<Option<Motion>, Fault> {
         if matches!(self.source, Source::Layout) {

@@ -121,7 +121,7 @@ impl MakerFactory for VideoStage {
         if source.has_cache() {
             Ok(Box::new(Rollouts::new(model, scene)))
         } else {
-            Ok(Box::new(OneByOne::new(&model, scene)?))
+            Ok(Box::new(OneByOne::new(&model, &scene)?))
         }
     }
 }

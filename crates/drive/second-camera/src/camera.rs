@@ -5,6 +5,7 @@
 
 use std::f64::consts::PI;
 
+use ds_camera::Appearance;
 use ds_raster::{DepthRaster, ImageError, Lens, PixelClass, RgbImage, View};
 use ds_space::{CameraModel, DVec2, DVec3, Draws, Intrinsics, Pose, PoseSe2, Rig, Tick, Vec2, Vec3, World};
 use ds_world::{AgentClass, AgentState, Condition, LightState, Scene, TrafficLight, WorldState};
@@ -34,9 +35,11 @@ pub struct SecondCamera {
 }
 
 impl SecondCamera {
-    /// Prepares a scene in a condition; the seed draws sun, amounts, colours and what stands beside the road.
+    /// Prepares a scene in a look: its condition, daylight without one, and its seed, which draws sun, amounts, colours and
+    /// what stands beside the road.
     #[must_use]
-    pub fn new(scene: &Scene, condition: Condition, seed: u64) -> Self {
+    pub fn new(scene: &Scene, look: &Appearance) -> Self {
+        let (condition, seed) = (look.condition.unwrap_or(Condition::DAY), look.palette_seed);
         let draws = Draws::new(&scene.digest, "abroad", &[seed]);
         #[expect(clippy::cast_possible_truncation, reason = "any bits of the draw will do")]
         let texture = draws.u64(30) as u32;

@@ -3,7 +3,7 @@
 use ds_camera::{Appearance, CameraWorld, SceneCamera};
 use ds_raster::{ImageError, PixelClass, RgbImage};
 use ds_space::{CameraModel, Pose, Rig, World};
-use ds_world::{Condition, Scene, WorldState};
+use ds_world::{Scene, WorldState};
 
 use crate::{SecondCamera, roads};
 
@@ -25,7 +25,7 @@ impl CameraWorld for SecondWorld {
     }
 
     fn camera(&self, scene: &Scene, look: &Appearance) -> Box<dyn SceneCamera> {
-        Box::new(SecondCamera::new(scene, look.condition.unwrap_or(Condition::DAY), look.palette_seed))
+        Box::new(SecondCamera::new(scene, look))
     }
 }
 

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use ds_camera::{Appearance, CameraWorld, Condition, PlainCamera, ReprojectedCamera};
+use ds_camera::{Appearance, CameraWorld, PlainCamera, ReprojectedCamera};
 use ds_raster::RgbImage;
 use ds_second_camera::SecondCamera;
 use ds_space::{Draws, PoseSe2};
@@ -103,8 +103,7 @@ impl Take {
                 worlds.iter().map(|world| Ok(camera.render(world, &drive.model, rig(world))?)).collect()
             }
             ObservationSource::Abroad => {
-                let condition = self.look.condition.unwrap_or(Condition::DAY);
-                let camera = SecondCamera::new(drive.scene(), condition, self.look.palette_seed);
+                let camera = SecondCamera::new(drive.scene(), &self.look);
                 worlds.iter().map(|world| Ok(camera.render(world, &drive.model, rig(world))?)).collect()
             }
             ObservationSource::Layout => worlds.iter().map(|world| drive.layout_of(world)).collect(),
