@@ -1,11 +1,12 @@
 //! Statistics that more than one crate needs, each defined once: quantiles, bootstrap, tails, corrections for many
-//! tests, permutation test, Shapley values, shares of an error explained, the Fréchet distance, agreement of two judges.
+//! tests, permutation test, Shapley values, shares of an error explained, the Fréchet distance, agreement of two judges, correlations.
 //!
 //! Values in, values out. Levels, numbers of draws and random streams are arguments; what a figure means is said by who
 //! asks for it.
 
 mod agreement;
 pub mod bootstrap;
+mod correlation;
 mod discovery;
 mod frechet;
 mod normal;
@@ -17,6 +18,7 @@ mod student;
 mod wilson;
 
 pub use agreement::kappa;
+pub use correlation::{fisher, pearson, ranks, spearman};
 pub use discovery::{false_discovery, holm};
 pub use frechet::{Fitted, Moments, Rooted, SampleError, frechet};
 pub use normal::normal_tail;

@@ -3,7 +3,7 @@
 //!
 //! A relation that only a wrong unit or column can break is an error; one that a strong effect could break is a warning.
 
-use crate::drive::Drive;
+use crate::drive::{Drive, MEASURED};
 use ds_diagnosis::CaseError;
 use ds_diagnosis::meta::VehicleMeta;
 use ds_diagnosis::table::STEP_SECS;
@@ -244,7 +244,6 @@ fn centred_turns(rate: &[f64], speed: &[f64]) -> Vec<f64> {
 
 fn missing(drive: &Drive, meta: &VehicleMeta) -> Vec<&'static str> {
     let there: Vec<&str> = drive.columns().iter().map(|c| c.0).collect();
-    let all = ["x", "y", "yaw", "v", "yaw_rate", "ax", "ay", "steer_meas", "v_wheel"];
     let told = |name: &str| meta.channels_missing.iter().any(|m| m == name);
-    all.into_iter().filter(|name| !there.contains(name) && !told(name)).collect()
+    MEASURED.into_iter().filter(|name| !there.contains(name) && !told(name)).collect()
 }

@@ -9,6 +9,7 @@ use crate::bootstrap::weights;
 use crate::case::{Case, PartModel};
 use crate::cells::cells;
 use crate::choice::{Candidate, Outcome, rank};
+use crate::drive::MEASURED;
 use crate::fit::Fit;
 use crate::foreign::structure;
 use crate::healthy::statistics;
@@ -354,8 +355,7 @@ fn next(case: &Case, outcomes: &[Outcome<'_, '_>], effects: &[Finding]) -> Vec<M
     }
     let log = &case.drives[0];
     let present = log.columns().iter().map(|c| c.0).collect::<Vec<_>>();
-    let columns = ["x", "y", "yaw", "v", "yaw_rate", "ax", "ay", "steer_meas", "v_wheel"];
-    let missing: [bool; EGO] = columns.map(|c| !present.contains(&c));
+    let missing: [bool; EGO] = MEASURED.map(|c| !present.contains(&c));
     let second = space.plant(&singles[1].fit.vector);
     let first = space.plant(&singles[0].fit.vector);
     manoeuvre::rank([name(0), name(1)], [&first, &second], &missing)

@@ -201,6 +201,8 @@ impl Drive {
     }
 }
 
+/// What is measured of the car, in the order of its channels.
+pub const MEASURED: [&str; 9] = ["x", "y", "yaw", "v", "yaw_rate", "ax", "ay", "steer_meas", "v_wheel"];
 const POSE: [&str; 4] = ["x", "y", "yaw", "v"];
 const IMU: [&str; 3] = ["yaw_rate", "ax", "ay"];
 

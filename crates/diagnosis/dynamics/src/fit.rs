@@ -110,7 +110,7 @@ pub struct Plan<'a> {
 }
 
 /// Returns the derivative of the residuals by a coordinate, by a difference quotient.
-pub(crate) fn column(model: &dyn Model, vector: &[f64], residuals: &[f64], k: usize, prior: Prior) -> Vec<f64> {
+pub fn column(model: &dyn Model, vector: &[f64], residuals: &[f64], k: usize, prior: Prior) -> Vec<f64> {
     let mut step = model.step(k);
     if let Prior::Slab { high, .. } = prior
         && vector[k] + step > high

@@ -17,7 +17,7 @@ use crate::settings::{
 };
 use ds_diagnosis::schema::Remainder;
 use ds_diagnosis::table::STEP_SECS;
-use ds_stats::quantile;
+use ds_stats::{pearson, quantile};
 
 /// The remainder of one part.
 #[derive(Debug, Clone, Default)]
@@ -211,27 +211,16 @@ fn companion(case: &Case, series: &[(f64, f64)], drive: usize) -> Option<(String
         ("acceleration request", Box::new(|k| log.cmd_accel[k].abs())),
         ("change of acceleration request", Box::new(|k| rate(&log.cmd_accel, k))),
     ];
+    let left: Vec<f64> = series.iter().map(|(_, z)| z.abs().min(20.0)).collect();
     for (name, quantity) in &quantities {
-        let pairs: Vec<(f64, f64)> = series
-            .iter()
-            .map(|(t, z)| {
-                let k = ((t - log.start_secs) / STEP_SECS).max(0.0) as usize;
-                (quantity(k.min(log.samples - 1)), z.abs().min(20.0))
-            })
-            .collect();
-        let r = correlation(&pairs);
+        let sizes = series.iter().map(|(t, _)| {
+            let k = ((t - log.start_secs) / STEP_SECS).max(0.0) as usize;
+            quantity(k.min(log.samples - 1))
+        });
+        let r = pearson(&sizes.collect::<Vec<f64>>(), &left).unwrap_or(0.0);
         if r.abs() > best.as_ref().map_or(0.3, |b| b.1.abs()) {
             best = Some(((*name).to_owned(), r));
         }
     }
     best
-}
-
-fn correlation(pairs: &[(f64, f64)]) -> f64 {
-    let n = pairs.len().max(1) as f64;
-    let (ma, mb) = (pairs.iter().map(|p| p.0).sum::<f64>() / n, pairs.iter().map(|p| p.1).sum::<f64>() / n);
-    let cov: f64 = pairs.iter().map(|p| (p.0 - ma) * (p.1 - mb)).sum();
-    let (va, vb): (f64, f64) =
-        (pairs.iter().map(|p| (p.0 - ma).powi(2)).sum(), pairs.iter().map(|p| (p.1 - mb).powi(2)).sum());
-    if va * vb > 0.0 { cov / (va * vb).sqrt() } else { 0.0 }
 }

@@ -30,6 +30,13 @@ impl Standing {
         let (vector, free) = (fit.vector.clone(), fit.free.clone());
         Self { effects, probability, vector, free, covariance: fit.covariance.clone() }
     }
+
+    /// Returns a root of the covariance: its product with normal draws scatters as the fitted coordinates do.
+    #[must_use]
+    pub fn root(&self) -> DMatrix<f64> {
+        let eigen = self.covariance.clone().symmetric_eigen();
+        &eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues.map(|value| value.max(0.0).sqrt()))
+    }
 }
 
 /// Returns the explanations that a ranking leaves of the car, likeliest first.

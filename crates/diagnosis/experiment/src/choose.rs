@@ -2,6 +2,7 @@
 
 use ds_diagnosis::Diagnosis;
 use ds_dynamics::case::Case;
+use ds_dynamics::drive::MEASURED;
 use ds_dynamics::motion::BuiltIn;
 use ds_dynamics::settings::SENSOR_NOISE;
 use ds_dynamics::standing::Standing;
@@ -142,12 +143,7 @@ fn search(predictor: &mut Predictor<'_>, settings: &Settings) -> Result<Vec<(Str
 /// Draws vectors of the car: a hypothesis by its probability, all that was fitted by its covariance.
 fn worlds(predictor: &Predictor<'_>, seed: u64) -> Vec<Vec<f64>> {
     let draws = Draws::from_seed(seed, "envelope");
-    let root = |s: &Standing| -> DMatrix<f64> {
-        let eigen = s.covariance.clone().symmetric_eigen();
-        let values = eigen.eigenvalues.map(|value| value.max(0.0).sqrt());
-        &eigen.eigenvectors * DMatrix::from_diagonal(&values)
-    };
-    let roots: Vec<DMatrix<f64>> = predictor.standings.iter().map(root).collect();
+    let roots: Vec<DMatrix<f64>> = predictor.standings.iter().map(Standing::root).collect();
     let space = &predictor.space;
     let width = space.coordinates.len() as u64 + 1;
     let one = |draw: usize| {
@@ -245,9 +241,8 @@ fn curves(predictor: &Predictor<'_>, design: &Design) -> Vec<Curves> {
         };
         driven.iter().zip(predictor.standings).skip(1).map(against).sum::<f64>()
     };
-    let names = ["x", "y", "yaw", "v", "yaw_rate", "ax", "ay", "steer_meas", "v_wheel"];
     let present = predictor.case.drives[0].columns();
-    let mut channels: Vec<usize> = (0..EGO).filter(|c| present.iter().any(|column| column.0 == names[*c])).collect();
+    let mut channels: Vec<usize> = (0..EGO).filter(|c| present.iter().any(|column| column.0 == MEASURED[*c])).collect();
     channels.sort_by(|a, b| differs(*b).total_cmp(&differs(*a)));
     channels.truncate(DRAWN_CHANNELS);
     let thin = |values: Vec<f64>| values.into_iter().step_by(THINNED).collect::<Vec<f64>>();

@@ -4,7 +4,7 @@ use ds_diagnosis::meta::DriveEntry;
 use ds_diagnosis::table::{STEP_SECS, Table};
 use ds_diagnosis::{CaseError, meta::Nominal};
 use ds_dynamics::case::Case;
-use ds_dynamics::drive::Drive;
+use ds_dynamics::drive::{Drive, MEASURED};
 use ds_dynamics::ego::{Actuated, FINE_SECS, Inputs, Instant, Start, actuate};
 use ds_dynamics::motion::{Motion, Window};
 use ds_dynamics::settings::SENSOR_NOISE;
@@ -15,8 +15,6 @@ use ds_space::Draws;
 
 use crate::design::{Design, SECS};
 
-/// What the sensors tell, as columns of a log.
-const COLUMNS: [&str; EGO] = ["x", "y", "yaw", "v", "yaw_rate", "ax", "ay", "steer_meas", "v_wheel"];
 /// Spare time at both ends of a log, for samples that are late, s.
 const SPARE_SECS: f64 = 0.5;
 
@@ -92,7 +90,7 @@ impl Driven {
         ];
         let present: Vec<&str> = case.drives[0].columns().iter().map(|column| column.0).collect();
         let (sin, cos) = self.heading_rad.sin_cos();
-        for (channel, name) in COLUMNS.iter().enumerate().filter(|(_, name)| present.contains(*name)) {
+        for (channel, name) in MEASURED.iter().enumerate().filter(|(_, name)| present.contains(*name)) {
             let sd = SENSOR_NOISE[channel] * case.noise.ego[channel];
             let value = |(k, r): (usize, &[f64; EGO])| {
                 let truth = match channel {

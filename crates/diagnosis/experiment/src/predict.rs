@@ -7,7 +7,7 @@
 
 use ds_dynamics::case::{Case, PartModel};
 use ds_dynamics::ego::Instant;
-use ds_dynamics::fit::Model;
+use ds_dynamics::fit::{Model, column};
 use ds_dynamics::motion::BuiltIn;
 use ds_dynamics::settings::{KAPPA, SHAPE_SHARE, Thresholds};
 use ds_dynamics::space::{Part, Space};
@@ -82,23 +82,16 @@ impl<'a> Predictor<'a> {
         let bare = &standings[self.bare];
         let free = bare.free.clone();
         let count = free.len();
-        let eigen = bare.covariance.clone().symmetric_eigen();
-        let root = &eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues.map(|value| value.max(0.0).sqrt()));
+        let root = bare.root();
         let (mut gram, mut columns, mut channels) = (DMatrix::zeros(count, count), Vec::new(), Vec::new());
         for place in STUDIED {
             let (seen, _) = self.seen(&LIBRARY[place].1)?;
             let model = self.model(&seen);
             let base = model.residuals(&bare.vector);
+            let priors = model.null_priors();
             let mut rows = DMatrix::zeros(base.len(), count);
             for (i, &k) in free.iter().enumerate() {
-                let mut moved = bare.vector.clone();
-                let step = model.step(k);
-                moved[k] += step;
-                let shifted = model.residuals(&moved);
-                rows.column_mut(i)
-                    .iter_mut()
-                    .zip(shifted.iter().zip(&base))
-                    .for_each(|(c, (a, b))| *c = (a - b) / step);
+                rows.set_column(i, &DVector::from_vec(column(&model, &bare.vector, &base, k, priors[k])));
                 // a sensor reports the same drive otherwise
                 let sensor = self.space.effects[self.space.coordinates[k].effect].insertion == Insertion::Sensor;
                 self.rollouts += usize::from(!sensor);

@@ -14,7 +14,6 @@ pub mod outcome;
 mod page;
 mod panel;
 mod plans;
-mod rank;
 mod rollout;
 mod sensitivity;
 mod source;

@@ -8,11 +8,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use ds_fidelity::recentred;
 use ds_space::Draws;
 use ds_stats::bootstrap::resamples;
-use ds_stats::{holm, sign_flip};
+use ds_stats::{holm, sign_flip, spearman};
 use serde::{Deserialize, Serialize};
 
 use super::outcome::Figure;
-use super::rank::spearman;
 
 /// The source that others are compared with.
 pub const REFERENCE: &str = "reference";

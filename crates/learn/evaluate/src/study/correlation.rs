@@ -7,10 +7,10 @@
 use std::collections::BTreeMap;
 
 use ds_fidelity::{picks, recentred};
+use ds_stats::{fisher, pearson, spearman};
 
 use super::found::Found;
 use super::outcome::{Correlation, Figure, Metric, Point};
-use super::rank::{fisher, pearson, spearman};
 
 /// The distance of one metric to each source, for each policy of the panel.
 type Columns = Vec<Vec<f64>>;

@@ -10,12 +10,12 @@ use std::collections::BTreeMap;
 use ds_fidelity::{Compared, recentred};
 use ds_space::plane::polygon::holds;
 use ds_space::{Draws, Tick};
+use ds_stats::ranks;
 use ds_world::WorldState;
 
 use super::found::Found;
 use super::frames::Take;
 use super::outcome::{Answer, Figure, Hard, Response, Sensitivity};
-use super::rank::ranks;
 use crate::error::AppraisalError;
 
 /// Random subsets that the hard one is compared with.

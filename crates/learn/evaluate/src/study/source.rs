@@ -189,15 +189,16 @@ fn blurred(levels: &[f64], (width, height): (usize, usize), deviation_px: f64) -
     let reach = (3.0 * deviation_px).ceil() as isize;
     let weight = |at: isize| (-0.5 * (at as f64 / deviation_px).powi(2)).exp();
     let sum: f64 = (-reach..=reach).map(weight).sum();
+    let weights: Vec<f64> = (-reach..=reach).map(|at| weight(at) / sum).collect();
     let pass = |from: &[f64], along_x: bool| {
         let mut to = vec![0.0; from.len()];
         for y in 0..height {
             for x in 0..width {
-                for by in -reach..=reach {
+                for (by, weight) in (-reach..=reach).zip(&weights) {
                     let held = |at: usize, side: usize| (at as isize + by).clamp(0, side as isize - 1) as usize;
                     let (x0, y0) = if along_x { (held(x, width), y) } else { (x, held(y, height)) };
                     for colour in 0..3 {
-                        to[3 * (y * width + x) + colour] += weight(by) / sum * from[3 * (y0 * width + x0) + colour];
+                        to[3 * (y * width + x) + colour] += weight * from[3 * (y0 * width + x0) + colour];
                     }
                 }
             }

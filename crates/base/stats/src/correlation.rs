@@ -1,7 +1,8 @@
 //! Correlations of two columns, and ranks with ties shared.
 
 /// Returns Pearson's r; none where a column is constant or has a value that is no number.
-pub(crate) fn pearson(a: &[f64], b: &[f64]) -> Option<f64> {
+#[must_use]
+pub fn pearson(a: &[f64], b: &[f64]) -> Option<f64> {
     let count = a.len() as f64;
     let mean = |values: &[f64]| values.iter().sum::<f64>() / count;
     let (over, under) = (mean(a), mean(b));
@@ -11,19 +12,22 @@ pub(crate) fn pearson(a: &[f64], b: &[f64]) -> Option<f64> {
 }
 
 /// Returns Spearman's rank correlation.
-pub(crate) fn spearman(a: &[f64], b: &[f64]) -> Option<f64> {
+#[must_use]
+pub fn spearman(a: &[f64], b: &[f64]) -> Option<f64> {
     pearson(&ranks(a), &ranks(b))
 }
 
 /// Returns ranks from 0, those of equal values being their mean.
-pub(crate) fn ranks(values: &[f64]) -> Vec<f64> {
+#[must_use]
+pub fn ranks(values: &[f64]) -> Vec<f64> {
     let below = |value: f64| values.iter().filter(|other| **other < value).count() as f64;
     let equal = |value: f64| values.iter().filter(|other| **other == value).count() as f64;
     values.iter().map(|value| below(*value) + 0.5 * (equal(*value) - 1.0)).collect()
 }
 
 /// Returns the 95 % interval of a correlation over so many independent units (Fisher's z).
-pub(crate) fn fisher(r: f64, units: usize) -> Option<[f64; 2]> {
+#[must_use]
+pub fn fisher(r: f64, units: usize) -> Option<[f64; 2]> {
     let spread = 1.959_964 / ((units as f64) - 3.0).sqrt();
     let z = r.clamp(-0.999_999, 0.999_999).atanh();
     (units > 3).then(|| [(z - spread).tanh(), (z + spread).tanh()])
