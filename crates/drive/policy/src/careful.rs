@@ -100,30 +100,11 @@ fn later(agent: &AgentState, turn_radps: f64, secs: f64) -> OrientedBox {
 
 #[cfg(test)]
 mod tests {
-    use ds_space::{AgentId, Digest, SimTime, Tick};
-    use ds_world::{AgentClass, Map, Origin, Size, VehicleParameters};
+    use ds_space::{AgentId, SimTime, Tick};
+    use ds_world::{AgentClass, Map, Size};
 
     use super::*;
-
-    /// A straight route along x, driven at 10 m/s.
-    fn scene() -> Scene {
-        let at = |tick: u32| EgoState { pose: PoseSe2::new(f64::from(tick), 0.0, 0.0), ..ego() };
-        Scene {
-            adversary: None,
-            name: "straight".into(),
-            family: String::new(),
-            digest: Digest::default(),
-            dt: SimTime::from_secs(0.1),
-            map: Map::default(),
-            vehicle: VehicleParameters::PACIFICA,
-            ego_log: (0..150).map(at).collect(),
-            route: vec![DVec2::new(-20.0, 0.0), DVec2::new(300.0, 0.0)],
-            tracks: vec![],
-            cameras: vec![],
-            prompt: String::new(),
-            origin: Origin::default(),
-        }
-    }
+    use crate::driver::tests::scene;
 
     fn ego() -> EgoState {
         EgoState { velocity_mps: DVec2::new(10.0, 0.0), ..EgoState::default() }
@@ -145,7 +126,7 @@ mod tests {
 
     #[test]
     fn fears_whose_path_crosses_its_own_soon_and_nobody_else() {
-        let scene = scene();
+        let scene = scene(vec![], Map::default());
         let driver = Driver::new(&scene);
         let (east, west, north) = (0.0, std::f64::consts::PI, std::f64::consts::FRAC_PI_2);
         for (said, pose, speed_mps, turned_rad, feared) in [

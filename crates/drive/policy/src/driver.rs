@@ -309,4 +309,4 @@ fn curve_limits(route: &Route, fastest_mps: f64) -> Vec<f64> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

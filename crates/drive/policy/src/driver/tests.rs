@@ -7,7 +7,8 @@ use super::*;
 
 const TICKS: u32 = 150;
 
-fn scene(tracks: Vec<Track>, map: Map) -> Scene {
+/// A straight route along x, driven at 10 m/s.
+pub(crate) fn scene(tracks: Vec<Track>, map: Map) -> Scene {
     let log = (0..TICKS).map(|tick| EgoState {
         pose: PoseSe2::new(f64::from(tick), 0.0, 0.0),
         velocity_mps: DVec2::new(10.0, 0.0),
