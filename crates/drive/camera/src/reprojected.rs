@@ -1,7 +1,8 @@
-//! The log's own picture of half a second ago, warped into the present view: what a reconstruction without a model shows.
+//! A picture of the log of half a second ago or more, warped into the present view: what a reconstruction without a model
+//! shows.
 //!
-//! The reference camera's picture of the log at tick t − 5, from where the log's ego stood, is splatted by its true depth
-//! to where the ego stands now; what belongs to a vehicle or person moves with it, and is left out where it is gone. Of
+//! The reference camera's picture of the log at the last tick up to t − 5 at which the log's ego was not ahead of where the ego
+//! stands now (from ahead the road between both is not seen) is splatted by its true depth to that place; what belongs to a vehicle or person moves with it, and is left out where it is gone. Of
 //! the samples that fall on a pixel the nearest count; pixels that none falls on are filled from their neighbours.
 
 use std::sync::Arc;
@@ -15,7 +16,7 @@ use crate::appearance::Appearance;
 use crate::reference::{ReferenceCamera, Sampling, surfaces};
 use crate::surface::Surface;
 
-/// How much older the log's picture is, in ticks.
+/// How much older the log's picture is at least, in ticks.
 const AGE_TICKS: u32 = 5;
 /// Depth of the sky, in metres.
 const SKY_M: f64 = 5_000.0;
@@ -65,9 +66,16 @@ impl ReprojectedCamera {
         RgbImage::new(camera.intrinsics.width_px, camera.intrinsics.height_px, colours.into_flattened())
     }
 
+    /// Returns the world of the log whose picture is taken.
+    fn past(&self, world: &WorldState) -> WorldState {
+        let ahead = |tick: &u32| world.ego.pose.to_local(self.scene.logged_ego(Tick(*tick)).pose.position).x > 0.0;
+        let latest = world.tick.0.saturating_sub(AGE_TICKS);
+        self.scene.logged_world(Tick((0..=latest).rev().find(|tick| !ahead(tick)).unwrap_or(0)))
+    }
+
     /// Takes every sample of the log's picture to the present view.
     fn samples(&self, world: &WorldState, camera: &CameraModel, view: &View) -> Result<Vec<Sample>, ImageError> {
-        let past = self.scene.logged_world(Tick(world.tick.0.saturating_sub(AGE_TICKS)));
+        let past = self.past(world);
         let size = view.pinhole();
         let fine = size.resized(DENSITY * size.width_px, DENSITY * size.height_px);
         let model = CameraModel { intrinsics: fine, ..camera.clone() };

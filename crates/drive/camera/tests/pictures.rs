@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use ds_camera::{Appearance, PixelClass, PlainCamera, ReferenceCamera, ReprojectedCamera, Sampling};
 use ds_space::{AgentId, CameraModel, DVec2, DVec3, Intrinsics, PoseSe2};
-use ds_world::{AgentClass, AgentState, Scene, Size, Track, TrackPoint, WorldState};
+use ds_world::{AgentClass, AgentState, EgoState, Scene, Size, Track, TrackPoint, WorldState};
 
 fn reference() -> ReferenceCamera {
     ReferenceCamera::new(&street::scene(), Appearance::DAY)
@@ -307,4 +307,20 @@ fn a_picture_of_the_log_is_warped_to_where_the_ego_is() {
     .map(|picture| picture.expect("the size is sound"));
     assert!(apart(&empty, &same) > 0.5, "{}", apart(&empty, &same));
     assert!(apart(&warped, &there) < apart(&same, &there), "{} {}", apart(&warped, &there), apart(&same, &there));
+}
+
+#[test]
+fn an_ego_that_falls_behind_its_log_is_still_shown_the_road() {
+    let mut scene = street::scene();
+    let start = scene.ego_log[0];
+    let along = |tick: u32| PoseSe2::new(f64::from(tick), 0.0, 0.0);
+    scene.ego_log = (0..60).map(|tick| EgoState { pose: start.pose.compose(&along(tick)), ..start }).collect();
+    let scene = Arc::new(scene);
+    let (camera, late) = (street::camera(160, 96), ds_space::Tick(50));
+    let world = WorldState { ego: scene.ego_log[20], ..scene.logged_world(late) };
+    let rig = world.ego.pose.world_from_rig(0.0);
+    let warp = ReprojectedCamera::new(Arc::clone(&scene), Appearance::DAY);
+    let warped = warp.render(&world, &camera, rig).expect("the size is sound");
+    let there = ReferenceCamera::new(&scene, Appearance::DAY).render(&world, &camera, rig).expect("the size is sound");
+    assert!(apart(&warped, &there) < 6.0, "{}", apart(&warped, &there));
 }
