@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 
-use ds_experiment::{Curves, Margin, Next, Planned};
+use ds_experiment::{Curve, Curves, Margin, Next, Planned};
 
 use super::index::tile;
 use super::markup::Markup;
@@ -52,7 +52,8 @@ pub(crate) fn text(next: &Next) -> String {
     }
     for m in &planned.envelope.margins {
         let (reached, limit) = (words::figure(m.reached), words::figure(m.limit));
-        let _infallible = write!(text, "\n  {}: {reached} of {limit} {}", m.name, words::unit(&m.unit));
+        let line = format!("{}: {reached} of {limit} {}", m.name, words::unit(&m.unit));
+        let _infallible = write!(text, "\n  {}", line.trim_end());
     }
     text
 }
@@ -181,16 +182,21 @@ fn predictions(m: &mut Markup, planned: &Planned) {
     });
 }
 
+/// Draws by how much each hypothesis differs from the likeliest: beside the way of the car itself nobody would see it.
 fn picture(m: &mut Markup, curves: &Curves) {
     let (title, unit) = words::metric(&format!("channel:{}", curves.channel));
-    let values = || curves.each.iter().flat_map(|c| c.values.iter().copied());
-    let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+    let Some(likeliest) = curves.each.first() else { return };
+    let less = |c: &Curve| c.values.iter().zip(&likeliest.values).map(|(a, b)| a - b).collect::<Vec<f64>>();
+    let each: Vec<Vec<f64>> = curves.each.iter().map(less).collect();
+    let values = || each.iter().flatten().copied();
+    let (low, high) = values().fold((-curves.noise, curves.noise), |(a, b), v| (a.min(v), b.max(v)));
     let (Some(from), Some(to)) = (curves.t.first(), curves.t.last()) else { return };
     let (low, high) = if high > low { (low, high) } else { (low - 1.0, low + 1.0) };
     let x = |t: f64| LEFT + (RIGHT - LEFT) * (t - from) / (to - from).max(1e-9);
     let y = |v: f64| HEIGHT - 34.0 - (HEIGHT - 66.0) * (v - low) / (high - low);
     plot::wide(m, &format!("Predicted {title}"), HEIGHT, |m| {
-        plot::text(m, "name", (LEFT, 18.0), &format!("{}, {unit}", words::capital(&title)));
+        let named = format!("{} less that of {}, {unit}", words::capital(&title), name(&likeliest.effects));
+        plot::text(m, "name", (LEFT, 18.0), &named);
         for value in [low, 0.5 * (low + high), high] {
             plot::line(m, "grid", (LEFT, y(value)), (RIGHT, y(value)));
             plot::text(m, "tick end", (LEFT - 7.0, y(value) + 4.0), &words::figure(value));
@@ -199,8 +205,8 @@ fn picture(m: &mut Markup, curves: &Curves) {
             let t = from + 3.0 * k as f64;
             plot::text(m, "tick", (x(t), HEIGHT - 12.0), &words::plain(t));
         }
-        for (curve, class) in curves.each.iter().zip(CLASSES).rev() {
-            let points: Vec<(f64, f64)> = curves.t.iter().zip(&curve.values).map(|(t, v)| (x(*t), y(*v))).collect();
+        for (values, class) in each.iter().zip(CLASSES).rev() {
+            let points: Vec<(f64, f64)> = curves.t.iter().zip(values).map(|(t, v)| (x(*t), y(*v))).collect();
             plot::path(m, &format!("curve {class}"), &points);
         }
         plot::text(
@@ -249,7 +255,7 @@ fn runs(m: &mut Markup, next: &Next) {
 mod tests {
     use std::collections::BTreeMap;
 
-    use ds_experiment::{Checked, Curve, Envelope, Hypothesis, Pair};
+    use ds_experiment::{Checked, Envelope, Hypothesis, Pair};
 
     use super::*;
 
