@@ -475,6 +475,7 @@ def draw_case(r, given, kind, number, index):
     missing = [str(r.choice(["steer_meas", "v_wheel", "ay", "ax"]))] if r.random() < 0.15 else []
     if any(i in NEEDS.get(m, []) for m in missing for i in ids):
         missing = []
+    values = {**dict(given.trait), **values}
     label = {"kind": kind, "effects": [{"id": i, "value": told(i), "unit": EFFECTS.get(i, ("",))[0], "group": group(i), **place(i)} for i in ids],
              "drive_kinds": [str(k) for k in kinds], "channels_missing": missing}
     if onset:
@@ -539,6 +540,8 @@ def main():
     parser.add_argument("--curve", type=int, default=0, help="instead: so many draws of each of the common effects at each of their sizes")
     parser.add_argument("--onset", type=int, default=0, help="instead: so many cases with one effect that begins within a drive and stays")
     parser.add_argument("--fleet", type=int, default=0, help="so many vehicles, each of which drives every so manieth case on a day of its own (0: one for each case)")
+    trait = lambda text: (text.split("=")[0], float(text.split("=")[1]))
+    parser.add_argument("--trait", type=trait, default=[], nargs="*", metavar="ID=VALUE", help="what every car has, healthy or not, such as steer_backlash=0.02")
     given = parser.parse_args()
     if given.spreads or given.out is None:
         print(json.dumps(spreads()))

@@ -161,12 +161,10 @@ impl Baseline {
     /// Sets the usual values of a space to those of the healthy drives.
     pub(crate) fn settle(&self, space: &mut Space) {
         for k in 0..space.coordinates.len() {
-            let found = usual(&self.spread, space, k);
+            let Some(usual) = usual(&self.spread, space, k) else { continue };
             let coordinate = &mut space.coordinates[k];
-            if let (Some(usual), Some(nuisance)) = (found, &mut coordinate.nuisance) {
-                coordinate.shift = usual.mean - nuisance.mean;
-                *nuisance = Nuisance { mean: usual.mean, sd: usual.sd };
-            }
+            coordinate.shift = coordinate.nuisance.map_or(0.0, |library| usual.mean - library.mean);
+            coordinate.nuisance = Some(Nuisance { mean: usual.mean, sd: usual.sd });
         }
     }
 
@@ -225,13 +223,13 @@ fn usual(spread: &Spread, space: &Space, k: usize) -> Option<Usual> {
     spread.get(space.effects[effect].id)?.get(place).copied().flatten()
 }
 
-/// Moves the usual values of a space to those found, with the library's spread.
+/// Moves the usual values of a space to those found, with the library's spread where it has one.
 pub(crate) fn centre(space: &mut Space, spread: &Spread) {
     for k in 0..space.coordinates.len() {
-        let found = usual(spread, space, k);
-        if let (Some(usual), Some(nuisance)) = (found, &mut space.coordinates[k].nuisance) {
-            nuisance.mean = usual.mean;
-        }
+        let Some(usual) = usual(spread, space, k) else { continue };
+        let library = space.coordinates[k].nuisance;
+        space.coordinates[k].nuisance =
+            Some(Nuisance { mean: usual.mean, sd: library.map_or(usual.sd, |library| library.sd) });
     }
 }
 

@@ -2,6 +2,7 @@
 
 pub(crate) mod statistics;
 mod study;
+mod traits;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,7 +17,7 @@ use crate::baseline::nulls::{self, Statistics};
 use crate::baseline::spread::{Estimate, spread};
 use crate::baseline::study::{Row, Study};
 use crate::baseline::windows::{Scored, Sensors, Windows};
-use crate::baseline::{Baseline, Influence, SCHEMA, Spread, Units, Usual, channels, digest};
+use crate::baseline::{Baseline, Influence, SCHEMA, Spread, Units, Usual, centre, channels, digest};
 use crate::case::{Case, PartModel};
 use crate::choice::Outcome;
 use crate::fit::point_loss;
@@ -26,6 +27,7 @@ use crate::settings::Thresholds;
 use crate::space::{Part, Space};
 use crate::watch::scores::scores;
 use crate::windows::BLOCKS;
+use traits::Asked;
 
 /// Mean loss of a residual that is as its floor says.
 const CLEAN_LOSS: f64 = 0.5;
@@ -39,6 +41,8 @@ const UNLIKE: f64 = 0.01;
 const FAR: f64 = 3.0;
 /// How often at most.
 const ROUNDS: usize = 4;
+/// Effects without a usual spread that may be a trait of some vehicles.
+const MOST_TRAITS: usize = 3;
 /// Logs from which on logs are the units.
 const FEW: usize = 3;
 
@@ -71,10 +75,16 @@ pub fn learn(healthy: &[Healthy], progress: Progress<'_>) -> Result<Baseline, Ca
     if units.is_empty() {
         return Err(CaseError::NoHealthy);
     }
-    let studies = studies(&units, progress);
     let all: Vec<usize> = (0..units.len()).collect();
-    let mut baseline = assemble(&units, &studies.iter().collect::<Vec<_>>());
-    let judged = judged(&units, &studies, &all, progress);
+    let mut studies = Studies::of(&units, Spread::new(), progress);
+    let mut judged = judged(&units, &studies, &all, progress);
+    for _ in 0..MOST_TRAITS {
+        let asked: Vec<&[Asked]> = judged.iter().map(|j| j.asked.as_slice()).collect();
+        let Some(traits) = traits::further(&studies.traits, &asked) else { break };
+        studies = Studies::of(&units, traits, &|| ());
+        judged = self::judged(&units, &studies, &all, &|| ());
+    }
+    let mut baseline = assemble(&units, &studies.chosen(&all), &studies.traits);
     let logs: Vec<Statistics> = judged.iter().map(|j| j.reached.clone()).collect();
     if units.len() > 1 {
         baseline.nulls = nulls::gather(&logs);
@@ -105,15 +115,50 @@ fn limits(baseline: &mut Baseline) {
     }
 }
 
+/// What each of some units says by itself.
+struct Studies {
+    each: Vec<Study>,
+    /// What is usual of these vehicles though the library knows no usual spread of it.
+    traits: Spread,
+}
+
+impl Studies {
+    /// Studies every unit; again about what was found where that is far from the library's vehicles, whose ranges it would meet.
+    fn of(units: &[Unit<'_>], traits: Spread, progress: Progress<'_>) -> Self {
+        let all = |about: &Spread| -> Vec<Study> {
+            units.par_iter().map(|unit| study::study(unit.case, &unit.drives, about)).collect()
+        };
+        let usual = |each: &[Study]| usual_values(units[0].case, &each.iter().collect::<Vec<_>>(), &traits);
+        let mut each = all(&traits);
+        let mut found = usual(&each);
+        let mut moved = farthest(&found, None);
+        for _ in 0..ROUNDS {
+            if moved < FAR {
+                break;
+            }
+            each = all(&found);
+            let again = usual(&each);
+            moved = farthest(&again, Some(&found));
+            found = again;
+        }
+        (0..units.len()).for_each(|_| progress());
+        Self { each, traits }
+    }
+
+    fn chosen(&self, chosen: &[usize]) -> Vec<&Study> {
+        chosen.iter().map(|k| &self.each[*k]).collect()
+    }
+}
+
 /// What each of many logs says by itself, from which the baseline of any choice of them is put together.
 pub(crate) struct Reference {
-    studies: Vec<Study>,
+    studies: Studies,
 }
 
 impl Reference {
     /// Studies every log; `progress` is told once for each.
     pub(crate) fn study(logs: &[Healthy], progress: Progress<'_>) -> Self {
-        Self { studies: studies(&whole(logs), progress) }
+        Self { studies: Studies::of(&whole(logs), Spread::new(), progress) }
     }
 
     /// Returns the statistics that some of the logs reach, each judged by the others of them.
@@ -141,28 +186,6 @@ impl Reference {
 fn whole(logs: &[Healthy]) -> Vec<Unit<'_>> {
     let of = |h: &'_ Healthy| (0..h.case.drives.len()).collect();
     logs.iter().map(|h| Unit { name: h.name.clone(), case: &h.case, drives: of(h), known: false }).collect()
-}
-
-/// Studies every unit; again about what was found where that is far from the library's vehicles, whose ranges it would meet.
-fn studies(units: &[Unit<'_>], progress: Progress<'_>) -> Vec<Study> {
-    let all = |about: Option<&Spread>| -> Vec<Study> {
-        units.par_iter().map(|unit| study::study(unit.case, &unit.drives, about)).collect()
-    };
-    let of = |studies: &[Study]| usual_values(units[0].case, &studies.iter().collect::<Vec<_>>());
-    let mut studies = all(None);
-    let mut found = of(&studies);
-    let mut moved = farthest(&found, None);
-    for _ in 0..ROUNDS {
-        if moved < FAR {
-            break;
-        }
-        studies = all(Some(&found));
-        let again = of(&studies);
-        moved = farthest(&again, Some(&found));
-        found = again;
-    }
-    (0..units.len()).for_each(|_| progress());
-    studies
 }
 
 /// Returns how far the usual values lie from others, or from the library's, in the library's standard deviations.
@@ -205,7 +228,7 @@ fn units(healthy: &[Healthy]) -> Vec<Unit<'_>> {
 }
 
 /// Puts the studies of some units together.
-fn assemble(units: &[Unit<'_>], studies: &[&Study]) -> Baseline {
+fn assemble(units: &[Unit<'_>], studies: &[&Study], traits: &Spread) -> Baseline {
     let cases: Vec<&Case> = units.iter().map(|unit| unit.case).collect();
     let names = |of: &dyn Fn(&Unit<'_>) -> String| units.iter().map(of).collect::<BTreeSet<_>>().into_iter().collect();
     let discrepancy = Discrepancy::learn(studies);
@@ -247,7 +270,7 @@ fn assemble(units: &[Unit<'_>], studies: &[&Study]) -> Baseline {
         },
         noise,
         correlation,
-        spread: usual_values(cases[0], studies),
+        spread: usual_values(cases[0], studies, traits),
         discrepancy,
         nulls: Vec::new(),
         windows: None,
@@ -258,10 +281,11 @@ fn assemble(units: &[Unit<'_>], studies: &[&Study]) -> Baseline {
     }
 }
 
-fn usual_values(case: &Case, studies: &[&Study]) -> Spread {
+fn usual_values(case: &Case, studies: &[&Study], traits: &Spread) -> Spread {
     let mut out = Spread::new();
     for (part, which) in [Part::Ego, Part::Following].into_iter().enumerate() {
-        let space = Space::new(which, &case.meta.nominal, &[]);
+        let mut space = Space::new(which, &case.meta.nominal, &[]);
+        centre(&mut space, traits);
         for (k, coordinate) in space.coordinates.iter().enumerate() {
             let estimates: Vec<Estimate> = studies.iter().filter_map(|s| s.estimates[part][k]).collect();
             let usual = coordinate.nuisance.map(|library| spread(&estimates, library));
@@ -348,10 +372,12 @@ struct Judged {
     windows: Vec<Scored>,
     /// Usual values of the others; none where there are no others.
     without: Option<Spread>,
+    /// Effects without a usual spread that it asks for all the same.
+    asked: Vec<Asked>,
 }
 
 /// Judges each of some units by a baseline of the others of them.
-fn judged(units: &[Unit<'_>], studies: &[Study], chosen: &[usize], progress: Progress<'_>) -> Vec<Judged> {
+fn judged(units: &[Unit<'_>], studies: &Studies, chosen: &[usize], progress: Progress<'_>) -> Vec<Judged> {
     let one = |out: &usize| {
         let judged = judge(units, studies, chosen, *out);
         progress();
@@ -360,10 +386,10 @@ fn judged(units: &[Unit<'_>], studies: &[Study], chosen: &[usize], progress: Pro
     chosen.par_iter().map(one).collect()
 }
 
-fn judge(units: &[Unit<'_>], studies: &[Study], chosen: &[usize], out: usize) -> Judged {
+fn judge(units: &[Unit<'_>], studies: &Studies, chosen: &[usize], out: usize) -> Judged {
     let others: Vec<usize> = chosen.iter().copied().filter(|k| *k != out).collect();
     if others.is_empty() {
-        return Judged { reached: Statistics::new(), windows: Vec::new(), without: None };
+        return Judged { reached: Statistics::new(), windows: Vec::new(), without: None, asked: Vec::new() };
     }
     let baseline = chosen_of(units, studies, &others);
     let unit = &units[out];
@@ -375,7 +401,8 @@ fn judge(units: &[Unit<'_>], studies: &[Study], chosen: &[usize], out: usize) ->
         [Part::Ego, Part::Following].map(|part| PartModel::against(unit.case, part, &drives, &[], Some(&baseline)));
     let outcomes: Vec<Outcome<'_, '_>> = models.iter().map(|m| Outcome::searched(m, Effort::Quick)).collect();
     let windows = scores(unit.case, &unit.drives, &baseline, &sensors(units));
-    Judged { reached: statistics::of_healthy(&outcomes), windows, without: Some(baseline.spread) }
+    let asked = outcomes.iter().flat_map(|outcome| traits::asked(&outcome.search)).collect();
+    Judged { reached: statistics::of_healthy(&outcomes), windows, without: Some(baseline.spread), asked }
 }
 
 /// Returns the sensors of the middle one of some units.
@@ -384,7 +411,7 @@ fn sensors(units: &[Unit<'_>]) -> Sensors {
 }
 
 /// Puts the studies of a choice of units together.
-fn chosen_of(units: &[Unit<'_>], studies: &[Study], chosen: &[usize]) -> Baseline {
+fn chosen_of(units: &[Unit<'_>], studies: &Studies, chosen: &[usize]) -> Baseline {
     let kept: Vec<Unit<'_>> = chosen
         .iter()
         .map(|k| {
@@ -392,7 +419,7 @@ fn chosen_of(units: &[Unit<'_>], studies: &[Study], chosen: &[usize]) -> Baselin
             Unit { name: name.clone(), case, drives: drives.clone(), known: *known }
         })
         .collect();
-    assemble(&kept, &chosen.iter().map(|k| &studies[*k]).collect::<Vec<_>>())
+    assemble(&kept, &studies.chosen(chosen), &studies.traits)
 }
 
 /// Returns the parameter whose usual value moves most when a unit is left out, and by how many of the library's spreads.

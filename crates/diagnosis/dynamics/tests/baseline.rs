@@ -27,11 +27,11 @@ fn case(folder: &Path, seed: u64, effects: &[(&str, f64)]) -> Case {
     Case::read(folder).expect("the case can be read")
 }
 
-fn healthy() -> Vec<Healthy> {
+fn healthy(traits: &[(&str, f64)]) -> Vec<Healthy> {
     let root = tempfile::tempdir().expect("a folder");
     let one = |seed: u64| {
         let name = format!("day-{seed}");
-        Healthy { case: case(&root.path().join(&name), seed, &[]), name }
+        Healthy { case: case(&root.path().join(&name), seed, traits), name }
     };
     [41, 42, 43].map(one).into()
 }
@@ -48,7 +48,7 @@ fn a_trait_is_no_fault_and_a_fault_beside_it_is_found() {
     let alone = diagnose(&case(root.path(), 51, &[]), &Options { quick: true, ..Options::default() });
     assert_eq!(alone.chosen, [TRAIT.0], "without a baseline the trait is all there is to find");
 
-    let baseline = learn(&healthy(), &|| ()).expect("three healthy logs");
+    let baseline = learn(&healthy(&[]), &|| ()).expect("three healthy logs");
     assert!(baseline.warnings.is_empty(), "{:?}", baseline.warnings);
     let usual = baseline.spread[TRAIT.0][0].expect("a usual value");
     assert!((usual.mean - TRAIT.1).abs() < 0.005, "{usual:?}");
@@ -70,9 +70,21 @@ fn a_trait_is_no_fault_and_a_fault_beside_it_is_found() {
 }
 
 #[test]
+fn what_the_library_takes_for_a_fault_is_none_where_every_healthy_log_has_it() {
+    const DEAD: (&str, f64) = ("deadzone_accel", 0.3);
+    let baseline = Arc::new(learn(&healthy(&[DEAD]), &|| ()).expect("three healthy logs"));
+    let usual = baseline.spread[DEAD.0][0].expect("a usual value");
+    assert!((usual.mean - DEAD.1).abs() < 0.05, "{usual:?}");
+    let found = against(&baseline, &[DEAD]);
+    assert_eq!(found.verdict, Verdict::None, "{:?}", found.chosen);
+    let found = against(&baseline, &[DEAD, ("steer_delay", 0.12)]);
+    assert_eq!(found.chosen, ["steer_delay"], "{:?}", found.verdict);
+}
+
+#[test]
 fn a_faulty_log_among_healthy_ones_is_named() {
     let root = tempfile::tempdir().expect("a folder");
-    let mut logs = healthy();
+    let mut logs = healthy(&[]);
     let odd = case(root.path(), 44, &[("wheel_scale", 1.05)]);
     logs.push(Healthy { name: "odd".to_owned(), case: odd });
     let baseline = learn(&logs, &|| ()).expect("four logs");
@@ -88,7 +100,7 @@ fn a_faulty_log_among_healthy_ones_is_named() {
 #[test]
 fn other_vehicles_other_channels_and_damaged_files_are_refused() {
     let root = tempfile::tempdir().expect("a folder");
-    let logs: Vec<Healthy> = healthy().into_iter().take(1).collect();
+    let logs: Vec<Healthy> = healthy(&[]).into_iter().take(1).collect();
     let baseline = Arc::new(learn(&logs, &|| ()).expect("one log of four drives"));
     let mut other = case(root.path(), 51, &[]);
     other.meta.nominal.mass += 100.0;

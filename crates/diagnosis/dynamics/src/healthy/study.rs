@@ -12,12 +12,10 @@ use crate::windows::BLOCKS;
 const WIDE: f64 = 3.0;
 
 /// Studies some drives of a healthy case, about the library's usual values or about those found before.
-pub(super) fn study(case: &Case, drives: &[usize], about: Option<&Spread>) -> Study {
+pub(super) fn study(case: &Case, drives: &[usize], about: &Spread) -> Study {
     let fits = [Part::Ego, Part::Following].map(|part| {
         let mut model = PartModel::against(case, part, drives, &[], None);
-        if let Some(spread) = about {
-            centre(&mut model.space, spread);
-        }
+        centre(&mut model.space, about);
         for coordinate in &mut model.space.coordinates {
             coordinate.nuisance.iter_mut().for_each(|n| n.sd *= WIDE);
         }
