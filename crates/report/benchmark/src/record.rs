@@ -216,6 +216,8 @@ pub(crate) mod tests {
             driving_score: Some(score),
             mean_score: Some(score),
             route_completion: Some(1.0),
+            terms: [("no_at_fault_collision".to_owned(), Some(1.0)), ("extended_comfort".to_owned(), Some(score))]
+                .into(),
             ..Scores::default()
         };
         let scores = crate::judge::PROFILES.map(|profile| (profile.to_owned(), scores.clone())).into();

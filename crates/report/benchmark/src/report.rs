@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 
 use ds_run_report::results::Outcome as Ending;
 
+mod conditions;
 mod endpoints;
 mod gate;
 mod reviews;
@@ -58,7 +59,14 @@ impl Report {
             let bootstrap = &mut maker.bootstrap;
             tables.insert(2, endpoints::endpoints(results, bootstrap));
             tables.push(studies::differences(results, bootstrap));
-            for study in [studies::behavior, studies::weather, subset::subset, studies::bias, studies::terms] {
+            for study in [
+                studies::behavior,
+                studies::weather,
+                conditions::conditions,
+                subset::subset,
+                studies::bias,
+                studies::terms,
+            ] {
                 tables.push(study(results, anchor, bootstrap));
             }
             tables.retain(|table| !table.rows.is_empty());

@@ -93,7 +93,7 @@ fn compared(results: &Results, endpoint: &Endpoint) -> Option<Compared> {
         Claim::Coverage { policy } => {
             let arm = of(policy, true)?;
             let entries: Vec<&Entry> = sets(Kind::Behavior).flat_map(|set| &set.entries).collect();
-            let units = changed(results, &arm, &entries, profile).1;
+            let units = changed(results, &arm, &entries, &driving_score(profile)).1;
             Some(Compared { arm: how(&arm), units, fault: None })
         }
         Claim::Axes { policy, first, second } => {
@@ -121,6 +121,6 @@ fn of_axis<'a>(weather: &[&'a Manifest], axis: &str) -> Vec<&'a Entry> {
 
 /// Returns the mean difference to the base of each scenario over some of its conditions.
 fn by_scenario(results: &Results, (arm, profile): (&Arm, &'static str), entries: &[&Entry]) -> BTreeMap<String, Unit> {
-    let units = changed(results, arm, entries, profile).1;
+    let units = changed(results, arm, entries, &driving_score(profile)).1;
     units.into_iter().map(|unit| (unit.scenario.clone(), unit)).collect()
 }

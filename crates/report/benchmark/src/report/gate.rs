@@ -3,6 +3,7 @@
 
 use std::collections::BTreeSet;
 
+use crate::cell::Named;
 use crate::manifest::{Entry, Kind};
 use crate::results::Results;
 use crate::sheet::Arm;
@@ -11,8 +12,6 @@ use crate::table::{Table, Value};
 
 /// What share of the hit rate on reference frames is enough.
 const ENOUGH: f64 = 0.7;
-/// The observation source whose frames are generated; the others show what they are told.
-const GENERATED: &str = "dreamstream";
 /// Why a row supports no claim.
 const NOT_SHOWN: &str = "condition not shown";
 /// Why nothing is known of a row.
@@ -30,13 +29,13 @@ struct Hits {
 }
 
 impl Hits {
-    /// Counts over all policies: whether a condition is shown is the generator's doing.
-    fn count(results: &Results, condition: &str) -> Self {
+    /// Counts on the frames of a source, over all policies: whether a condition is shown is the generator's doing.
+    fn count(results: &Results, source: &Named, condition: &str) -> Self {
         let sets = results.sets.iter().filter(|set| set.kind == Kind::Weather);
         let entries: Vec<&Entry> =
             sets.flat_map(|set| &set.entries).filter(|entry| entry.appearance == condition).collect();
         let mut hits = Self::default();
-        for arm in results.sheet.arms().iter().filter(|arm| arm.observation.name == GENERATED) {
+        for arm in results.sheet.arms().iter().filter(|arm| arm.observation == *source) {
             let drives = entries.iter().flat_map(|entry| results.of(arm, entry));
             for shown in drives.filter_map(|drive| drive.shown) {
                 hits.of += 1;
@@ -61,34 +60,42 @@ impl Hits {
     }
 }
 
+/// Says whether a video model makes the frames of a source; the others show what they are told.
+fn generated(source: &Named) -> bool {
+    !source.digest.is_empty()
+}
+
 /// Returns why the drives of an arm under the conditions of some entries support no claim; nothing where they do.
 pub(super) fn fault(results: &Results, arm: &Arm, entries: &[&Entry]) -> Option<&'static str> {
-    if arm.observation.name != GENERATED {
+    if !generated(&arm.observation) {
         return None;
     }
     let conditions: BTreeSet<&str> = entries.iter().map(|entry| entry.appearance.as_str()).collect();
     let known = |name: &&str| CONDITIONS.iter().any(|(_, names)| names.contains(name));
-    conditions.into_iter().filter(known).find_map(|condition| Hits::count(results, condition).fault())
+    let hits = |condition| Hits::count(results, &arm.observation, condition);
+    conditions.into_iter().filter(known).find_map(|condition| hits(condition).fault())
 }
 
 /// Returns which conditions generated frames show.
 pub(super) fn shown(results: &Results) -> Table {
     let mut rows = Vec::new();
-    for (axis, conditions) in CONDITIONS {
-        for condition in conditions {
-            let hits = Hits::count(results, condition);
+    for source in results.sheet.observations.iter().filter(|source| generated(source)) {
+        for (axis, condition) in CONDITIONS.iter().flat_map(|(axis, all)| all.iter().map(move |one| (*axis, *one))) {
+            let hits = Hits::count(results, source, condition);
             if hits.of > 0 {
                 let rate = |count: usize| Value::Score(Some(count as f64 / hits.of as f64));
-                let mut row = vec![Value::text(axis), Value::text(*condition), Value::count(hits.of)];
+                let mut row = [source.name.as_str(), axis, condition].map(Value::text).to_vec();
+                row.extend([hits.of, hits.frames, hits.reference].map(Value::count));
                 row.extend([rate(hits.frames), rate(hits.reference), Value::Score(hits.share())]);
                 row.push(Value::text(hits.fault().unwrap_or("shown")));
                 rows.push(row);
             }
         }
     }
-    let columns = vec!["axis", "condition", "frames", "generated %", "reference %", "share %", "gate"];
+    let mut columns = vec!["source", "axis", "condition", "frames", "named", "named on reference"];
+    columns.extend(["generated %", "reference %", "share %", "gate"]);
     let note = format!(
-        "How often the look network names the condition on frame 80 of a drive, as generated and as the reference camera \
+        "On how many frames 80 of a drive the look network names the condition, as generated and as the reference camera \
          renders the same state. A condition counts as shown where the first is at least {ENOUGH} of the second; else rows \
          about it support no claim."
     );

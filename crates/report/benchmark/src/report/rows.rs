@@ -12,6 +12,8 @@ use crate::table::{Shown, Value};
 pub(super) const LEVEL: f64 = 0.05;
 /// Headings of [`tested`].
 pub(super) const TESTED: [&str; 6] = ["difference", "scenarios", "p", "p Holm", "detectable", "verdict"];
+/// Headings of the terms, in their order.
+pub(super) const TERM_HEADINGS: [&str; 8] = ["NC", "DAC", "DDC", "TLC", "TTC", "LK", "HC", "EC"];
 /// How the intervals of a table are made.
 pub(super) const INTERVALS: &str = "Intervals: 95 % percentile bootstrap, 10,000 draws, over scenarios and over whole logs; \
                                     the wider one is shown, both are in the files.";
@@ -34,6 +36,11 @@ pub(super) fn how(arm: &Arm) -> String {
 /// Returns the driving score in a profile.
 pub(super) fn driving_score(profile: &'static str) -> impl Fn(&Drive) -> Option<f64> {
     move |drive| drive.score(profile, |scores| scores.driving_score)
+}
+
+/// Returns the mean of a term over the ticks of a drive in which it applies.
+pub(super) fn mean_of(term: &'static str, profile: &'static str) -> impl Fn(&Drive) -> Option<f64> {
+    move |drive| *drive.judged.as_ref()?.scores.get(profile)?.terms.get(term)?
 }
 
 /// Counts scenarios, logs, failed and aborted drives.

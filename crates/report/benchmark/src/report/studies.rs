@@ -5,7 +5,10 @@ use std::collections::BTreeMap;
 use ds_score::Term;
 
 use super::gate;
-use super::rows::{Anchor, INTERVALS, TESTED, behind, corrected, driving_score, how, named, tested, tested_behind};
+use super::rows::{
+    Anchor, INTERVALS, TERM_HEADINGS, TESTED, behind, corrected, driving_score, how, mean_of, named, tested,
+    tested_behind,
+};
 use crate::estimate::{Bootstrap, Difference, Estimate, Unit};
 use crate::judge::PROFILES;
 use crate::manifest::{Entry, Kind, Manifest};
@@ -29,8 +32,7 @@ pub(super) fn terms(results: &Results, anchor: Anchor, bootstrap: &mut Bootstrap
                 let mut row = named(anchor, set, &arm);
                 row.push(Value::text(profile));
                 for term in Term::ALL.map(Term::name) {
-                    let value = |drive: &Drive| *drive.judged.as_ref()?.scores.get(profile)?.terms.get(term)?;
-                    let estimate = bootstrap.estimate(&results.units(&arm, set, &value));
+                    let estimate = bootstrap.estimate(&results.units(&arm, set, &mean_of(term, profile)));
                     row.push(Value::Estimate(estimate, Shown::Points));
                 }
                 rows.push(row);
@@ -38,7 +40,7 @@ pub(super) fn terms(results: &Results, anchor: Anchor, bootstrap: &mut Bootstrap
         }
     }
     let mut columns = vec!["policy", "set", "how", "profile"];
-    columns.extend(["NC", "DAC", "DDC", "TLC", "TTC", "LK", "HC", "EC"]);
+    columns.extend(TERM_HEADINGS);
     let note = format!(
         "Mean of each term over the ticks in which it applies, in points: where the score is lost. {INTERVALS}"
     );
@@ -172,7 +174,7 @@ fn against_base(
             let found: Vec<(&Part, Option<&str>, Estimate, Difference)> = parts
                 .iter()
                 .map(|part| {
-                    let (shown, differences) = changed(results, &arm, &part.entries, profile);
+                    let (shown, differences) = changed(results, &arm, &part.entries, &driving_score(profile));
                     let fault = gate::fault(results, &arm, &part.entries);
                     (part, fault, bootstrap.estimate(&shown), behind(fault, bootstrap.difference(&differences)))
                 })
@@ -191,23 +193,22 @@ fn against_base(
     rows
 }
 
-/// Returns DS of changed scenarios and its differences to the base, averaged over the changes of each base scenario.
+/// Returns a value of changed scenarios and its differences to the base, averaged over the changes of each base scenario.
 pub(super) fn changed(
     results: &Results,
     arm: &Arm,
     entries: &[&Entry],
-    profile: &'static str,
+    value: &dyn Fn(&Drive) -> Option<f64>,
 ) -> (Vec<Unit>, Vec<Unit>) {
-    let score = driving_score(profile);
     let mut values: BTreeMap<&str, (&Entry, Vec<f64>)> = BTreeMap::new();
     for entry in entries {
         let Some(base) = entry.base.as_deref() else { continue };
-        values.entry(base).or_insert_with(|| (entry, Vec::new())).1.extend(results.mean(arm, entry, &score));
+        values.entry(base).or_insert_with(|| (entry, Vec::new())).1.extend(results.mean(arm, entry, value));
     }
     let bases = results.sets.iter().filter(|set| set.kind == Kind::Base).flat_map(|set| &set.entries);
     let known: BTreeMap<&str, f64> = bases
         .filter(|entry| values.contains_key(entry.name.as_str()))
-        .filter_map(|entry| Some((entry.name.as_str(), results.mean(arm, entry, &score)?)))
+        .filter_map(|entry| Some((entry.name.as_str(), results.mean(arm, entry, value)?)))
         .collect();
     let (mut shown, mut differences) = (Vec::new(), Vec::new());
     for (base, (entry, values)) in values {

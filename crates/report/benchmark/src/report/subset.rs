@@ -102,7 +102,7 @@ fn of(
         let these: Vec<&Entry> =
             theirs.iter().filter(|entry| conditions.contains(&entry.appearance.as_str())).copied().collect();
         if !these.is_empty() {
-            let (shown, differences) = changed(results, arm, &these, profile);
+            let (shown, differences) = changed(results, arm, &these, &score);
             let fault = gate::fault(results, arm, &these);
             let found = behind(fault, bootstrap.difference(&differences));
             rows.push(Row { words: [axis, name], fault, shown, found });

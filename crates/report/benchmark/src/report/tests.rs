@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::*;
-use crate::cell::{Cell, Shard};
+use crate::cell::{Cell, Named, Shard};
 use crate::manifest;
 use crate::record::tests::driven;
 use crate::record::{Record, Writer};
@@ -130,6 +130,10 @@ fn conditions_are_compared_with_their_own_base() {
     assert!((of("snow", "weather") + 0.2).abs() < 1e-9 && (of("fog", "weather") + 0.1).abs() < 1e-9);
     assert!((of("mean", "weather") + 0.125).abs() < 1e-9 && (of("mean", "lighting") + 0.1).abs() < 1e-9);
     assert!(weather.note.contains("appearance alone"));
+    let parts = table(&report, "conditions");
+    let part = |condition: &str, column: &str| found(parts, &["camera", "strict", "weather", condition], column);
+    assert!((part("snow", "EPDMS") + 0.2).abs() < 1e-9 && part("snow", "RC").abs() < 1e-9);
+    assert!((part("mean", "EC") + 0.125).abs() < 1e-9 && part("fog", "NC").abs() < 1e-9);
 }
 
 #[test]
@@ -137,7 +141,8 @@ fn a_condition_that_is_not_shown_supports_no_claim() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (sets, endpoints) = (under_conditions(), shipped_endpoints());
     let mut sheet = Sheet { endpoints, seeds: vec![1], ..sheet::tests::sheet(&sets) };
-    sheet.observations[0].name = "dreamstream".to_owned();
+    let source = |name: &str, digest: &str| Named { name: name.to_owned(), digest: digest.to_owned() };
+    sheet.observations = vec![source("dreamstream", "a model"), source("reference", "")];
     // Rain is named on half of the frames on which the reference camera shows it, snow on five of six, fog was not looked
     // at, and nobody can tell puddles even on reference frames.
     let drive = |cell: &Cell| {
@@ -148,7 +153,8 @@ fn a_condition_that_is_not_shown_supports_no_claim() {
             "puddles" => (false, false),
             _ => (true, true),
         };
-        let looked = !["day", "fog"].contains(&cell.appearance.as_str());
+        let generated = cell.observation.name == "dreamstream";
+        let looked = generated && !["day", "fog"].contains(&cell.appearance.as_str());
         let shown = looked.then_some(crate::Shown { frame, reference });
         let score = if cell.appearance == "day" { 0.9 } else { 0.7 };
         Some(Record { shown, ..driven(cell.clone(), "completed", score) })
@@ -156,12 +162,13 @@ fn a_condition_that_is_not_shown_supports_no_claim() {
     let results = results_of(folder.path(), (&sheet, &sets), drive);
     let report = Report::new(&results, &|_| false, &Published::default());
     let weather = table(&report, "weather");
-    let row = |axis: &str, condition: &str| {
-        let words = ["camera", "strict", axis, condition];
+    let row_of = |how: &str, axis: &str, condition: &str| {
+        let words = ["camera", how, "strict", axis, condition];
         let fits = |row: &&Vec<Value>| words.iter().all(|word| row.iter().any(|value| value.told() == *word));
         let row = weather.rows.iter().find(fits).expect("a row");
         [9, 12].map(|column| row[column].told())
     };
+    let row = |axis: &str, condition: &str| row_of("dreamstream · idm-all · learned", axis, condition);
     assert_eq!(row("weather", "rain"), ["—", "condition not shown"]);
     assert_eq!(row("weather", "fog"), ["—", "condition not measured"]);
     assert_eq!(row("surface", "puddles")[1], "condition not shown");
@@ -171,8 +178,15 @@ fn a_condition_that_is_not_shown_supports_no_claim() {
     assert!(row("weather", "snow")[1].ends_with("at 5 %") && row("lighting", "mean")[1].ends_with("at 5 %"));
     assert_ne!(row("weather", "snow")[0], "—");
     let shown = table(&report, "shown").markdown();
-    assert!(shown.contains("| weather | rain | 12 | 50.0 | 100.0 | 50.0 | condition not shown |"), "{shown}");
-    assert!(shown.contains("| weather | snow | 12 | 83.3 | 100.0 | 83.3 | shown |"), "{shown}");
+    assert!(
+        row_of("reference · idm-all · learned", "weather", "rain")[1].ends_with("at 5 %"),
+        "it renders what it is told"
+    );
+    let parts = table(&report, "conditions").markdown();
+    let of_rain = parts.lines().filter(|line| line.contains("| dreamstream · ") && line.contains("| rain |"));
+    assert!(of_rain.count() == 4 && parts.matches("| condition not shown |").count() > 4, "{parts}");
+    assert!(shown.contains("| weather | rain | 12 | 6 | 12 | 50.0 | 100.0 | 50.0 | condition not shown |"), "{shown}");
+    assert!(shown.contains("| weather | snow | 12 | 10 | 12 | 83.3 | 100.0 | 83.3 | shown |"), "{shown}");
     let endpoints = table(&report, "endpoints");
     let axes = endpoints.rows.iter().find(|row| row[0].told().contains("than the lighting")).expect("declared");
     assert_eq!(axes.last().map(Value::told).as_deref(), Some("not tested"));
