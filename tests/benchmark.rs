@@ -195,6 +195,37 @@ fn the_thirteen_conditions_of_a_base_set_are_driven_and_compared() {
 }
 
 #[test]
+fn what_generated_frames_show_of_a_condition_gates_its_rows() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| folder.path().join(name);
+    let build = ["build", "base", "--unfiltered", "--candidates", "1", "--seed", "11", "--out", utf8(folder.path())];
+    ends(benchmark(&build), 0);
+    let [base, weather, out] = ["town.set.json", "town-weather.set.json", "out"].map(path);
+    ends(benchmark(&["build", "weather", utf8(&base), "--out", utf8(folder.path())]), 0);
+    let what = ["--policy", "constant-velocity", "--observation", "dreamstream", "reference", "--out", utf8(&out)];
+    ends(benchmark(&[&["run", utf8(&base), utf8(&weather)], &what[..]].concat()), 0);
+    ends(benchmark(&["report", utf8(&out)]), 0);
+    let report = std::fs::read_to_string(out.join("report.json")).expect("a report");
+    let report: Value = serde_json::from_str(&report).expect("JSON");
+    let rows = |table: &str| report["tables"][table]["rows"].as_array().expect("rows").clone();
+    let shown = rows("shown");
+    assert_eq!(shown.len(), 13);
+    assert!(shown.iter().all(|row| row["source"] == "dreamstream" && row["frames"] == 1), "{shown:?}");
+    let gates: BTreeMap<String, String> =
+        shown.iter().map(|row| (text(&row["condition"]), text(&row["gate"]))).collect();
+    for row in rows("weather").iter().filter(|row| row["condition"] != "mean") {
+        let gate = &gates[&text(&row["condition"])];
+        let objected = text(&row["verdict"]) == "condition not shown";
+        let generated = text(&row["how"]).starts_with("dreamstream");
+        assert_eq!(objected, generated && gate == "condition not shown", "{row}");
+    }
+    let parts = rows("conditions");
+    assert_eq!(parts.len(), 2 * 2 * 16);
+    // Who looks at nothing drives alike under every condition, so no part of the score changes.
+    assert!(parts.iter().all(|row| row["NC"]["value"] == 0.0 && row["RC"]["value"] == 0.0), "{}", parts[0]);
+}
+
+#[test]
 fn a_set_with_adversaries_is_the_same_again_and_its_solutions_are_driven_again() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let set = set(folder.path());

@@ -149,7 +149,8 @@ fn finished(stage: &Stage<'_>, attack: &Attack<'_>, surprise: f64, options: &Opt
     let measures = measured(stage, attack.states, met, options.hand_over);
     let trial = Trial { scene: &scene, road: &stage.road, threat: measures.threat, last };
     let (solution, careful) = (if options.solve { trial.expert() } else { None }, trial.careful());
+    let margin_ticks = solution.as_ref().and_then(|_| trial.margin_ticks(met.tick));
     let scene = Arc::unwrap_or_clone(scene);
     let planned = Tick(attack.contact);
-    Ok(Variant { scene, agent, class, planned, surprise, measures, solution, careful })
+    Ok(Variant { scene, agent, class, planned, surprise, measures, solution, margin_ticks, careful })
 }

@@ -2,7 +2,7 @@
 //!
 //! World frame, metres. A vehicle is in a lane if it is within 2.5 m of its centre line and heads within 45° of it.
 
-use std::f64::consts::FRAC_PI_4;
+use std::f64::consts::{FRAC_PI_4, PI};
 
 use ds_space::plane::{Bounds, Grid, IndexedPolygon, Line, Polyline};
 use ds_space::{DVec2, PoseSe2, angle};
@@ -145,6 +145,13 @@ impl<'a> Road<'a> {
             }
         }
         best.map(|(_, lane)| lane)
+    }
+
+    /// Says whether a pose outside junctions is nearer to a lane that runs the other way than to any that runs its way.
+    pub(crate) fn against(&self, pose: &PoseSe2) -> bool {
+        let back = PoseSe2 { heading_rad: angle::wrap(pose.heading_rad + PI), ..*pose };
+        let away_m = |lane: Option<InLane>| lane.map_or(f64::INFINITY, |lane| lane.left_m.abs());
+        !self.in_junction(pose.position) && away_m(self.lane_at(&back)) < away_m(self.lane_at(pose))
     }
 
     /// Returns all lanes whose centre lines pass within a reach of a point, with the pose of the line there.

@@ -59,6 +59,7 @@ pub fn solved_again(scene: &Arc<Scene>, from: Tick, last: Tick) -> Option<Soluti
 }
 
 /// A variant as a world in which an ego can be tried.
+#[derive(Clone, Copy)]
 pub(crate) struct Trial<'a> {
     pub scene: &'a Arc<Scene>,
     pub road: &'a Road<'a>,
@@ -106,6 +107,14 @@ impl Trial<'_> {
             }
         }
         Some(Solution { from, poses })
+    }
+
+    /// Returns how many ticks after the threat tick the expert may begin at the latest and still find a drive; `contact` is
+    /// when the log meets the adversary.
+    pub(crate) fn margin_ticks(&self, contact: Tick) -> Option<u32> {
+        let begins = (self.threat.0 + REACTION_TICKS)..contact.0;
+        let solves = |from: &u32| Trial { threat: Tick(from - REACTION_TICKS), ..*self }.expert().is_some();
+        begins.rev().find(solves).map(|from| from - self.threat.0)
     }
 
     /// Says whether a driver who only brakes meets nobody.

@@ -22,7 +22,8 @@ const START_TTC_SECS: f64 = 3.0;
 const START_TURNED_DEG: f64 = 30.0;
 const LATE_TICKS: u32 = 3;
 const CLOSING_MPS: f64 = 2.0;
-const OTHERS_M: f64 = 0.2;
+/// Nearer than this to another road user is a hit.
+pub(crate) const OTHERS_M: f64 = 0.2;
 /// Where no lane says how fast.
 const FASTEST_MPS: f64 = 25.0;
 

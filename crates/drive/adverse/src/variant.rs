@@ -11,10 +11,11 @@ use crate::beam::{self, Drive};
 use crate::collision::{Target, Targets};
 use crate::measure::{Measures, measured};
 use crate::model::{MotionModel, STEP_TICKS};
+use crate::reacting::keeps_clear;
 use crate::road::Way;
 use crate::solve::{Solution, Trial};
 use crate::stage::Stage;
-use crate::validity::{Candidate, Rejection, check_contact, check_drive};
+use crate::validity::{Candidate, OTHERS_M, Rejection, check_contact, check_drive};
 
 /// Ticks after hand-over that are scored: contact lies within.
 pub(crate) const SCORED_TICKS: u32 = 80;
@@ -102,6 +103,9 @@ pub struct Variant {
     pub measures: Measures,
     /// The expert's drive that meets nobody; none only where it was not asked for.
     pub solution: Option<Solution>,
+    /// Ticks from the threat tick to the last one from which the expert still finds a drive; none where it finds none, or was
+    /// not asked for.
+    pub margin_ticks: Option<u32>,
     /// Whether a driver who only brakes meets nobody.
     pub careful: bool,
 }
@@ -230,13 +234,17 @@ fn finish(stage: &Stage<'_>, found: &Found<'_>, class: CrashClass, options: &Opt
     let scene = Arc::new(scene);
     let planned = Tick(found.target.tick);
     let met = check_contact(stage, &scene, agent, (class, planned))?;
+    if !keeps_clear(&scene, agent, (options.hand_over, met.tick), OTHERS_M) {
+        return Err(Rejection::HitsOther);
+    }
     let measures = measured(stage, &found.states, met, options.hand_over);
     let last = options.hand_over.plus(SCORED_TICKS);
     let trial = Trial { scene: &scene, road: &stage.road, threat: measures.threat, last };
     let solution = if options.solve { Some(trial.expert().ok_or(Rejection::Unavoidable)?) } else { None };
+    let margin_ticks = solution.as_ref().and_then(|_| trial.margin_ticks(met.tick));
     let careful = trial.careful();
-    let scene = Arc::unwrap_or_clone(scene);
-    Ok(Variant { scene, agent, class, planned, surprise: found.surprise, measures, solution, careful })
+    let (scene, surprise) = (Arc::unwrap_or_clone(scene), found.surprise);
+    Ok(Variant { scene, agent, class, planned, surprise, measures, solution, margin_ticks, careful })
 }
 
 /// Returns the line along which the adversary attacks: its own drive, every half second, and the way beyond.

@@ -24,6 +24,8 @@ fn every_variant_meets_the_logged_ego_as_planned_and_nobody_before() {
             assert!(track.points.iter().all(Option::is_some), "it neither appears nor vanishes");
             let solution = variant.solution.as_ref().expect("an expert was asked for");
             assert_eq!(solution.from, variant.measures.threat.plus(5));
+            let margin = variant.margin_ticks.expect("it is solved from the first tick on at least");
+            assert!(margin >= 5 && variant.measures.threat.plus(margin) < variant.measures.met.tick, "{margin}");
             assert!(solution.poses.len() as u32 > 100 - solution.from.0, "it goes to the end of the scored window");
             let met = variant.measures.met.tick.0.saturating_sub(solution.from.0) as usize;
             let logged = scene.ego_log[variant.measures.met.tick.0 as usize].pose.position;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use ds_adverse::{Built, MotionModel, Options, Refusal, Solution, Variant};
+use ds_adverse::{Built, MotionModel, Options, Refusal, Solution, Variant, broken_rules};
 use ds_space::Tick;
 use ds_world::{CrashClass, Scene};
 use rayon::prelude::*;
@@ -54,6 +54,12 @@ struct VariantPart {
     least_ttc_secs: Option<f64>,
     required_deceleration_mps2: f64,
     surprise_nats_per_step: f64,
+    /// The first tick at which it crosses a stop line at red.
+    red_light_tick: Option<u32>,
+    /// How far it drives against the traffic.
+    wrong_way_m: f64,
+    /// Ticks from the threat tick to the last one from which the expert still finds a drive.
+    reaction_margin_ticks: Option<u32>,
     /// Whether a driver who only brakes meets nobody.
     careful_avoids: bool,
     solution: Option<SolutionPart>,
@@ -194,6 +200,7 @@ fn written(
 
 fn described(variant: &Variant, file: String) -> VariantPart {
     let measures = &variant.measures;
+    let broken = broken_rules(&variant.scene).unwrap_or_default();
     VariantPart {
         name: variant.scene.name.clone(),
         file,
@@ -212,6 +219,9 @@ fn described(variant: &Variant, file: String) -> VariantPart {
         least_ttc_secs: measures.least_ttc_secs(),
         required_deceleration_mps2: measures.required_mps2,
         surprise_nats_per_step: variant.surprise,
+        red_light_tick: broken.red_light.map(|tick| tick.0),
+        wrong_way_m: broken.wrong_way_m,
+        reaction_margin_ticks: variant.margin_ticks,
         careful_avoids: variant.careful,
         solution: variant.solution.as_ref().map(SolutionPart::of),
     }

@@ -27,6 +27,8 @@ pub struct Card<'a> {
     pub contact: Option<(u32, f64)>,
     /// Time to collision of each tick, in seconds; none beyond 4 s.
     pub ttc_secs: Vec<Option<f64>>,
+    /// Which traffic rules the adversary breaks, in words.
+    pub broken: String,
 }
 
 impl Card<'_> {
@@ -97,6 +99,7 @@ fn write_card(m: &mut Markup, card: &Card, standing: &Standing) {
                     ("attack", attack.as_str()),
                     ("contact", contact.as_str()),
                     ("least time to collision", least.as_str()),
+                    ("rules that it breaks", card.broken.as_str()),
                     ("adversary", svg::short(digest, 16).as_str()),
                 ] {
                     m.leaf("dt", &[], name);
@@ -184,12 +187,14 @@ mod tests {
             attack: 40,
             contact: Some((70, 3.21)),
             ttc_secs,
+            broken: "crosses a red light".to_owned(),
         };
         let page = page(&set, &review, &[card], "some.set.json");
         for part in [
             "a&lt;b&gt;",
             "unreviewed",
             "closing at 3.2 m/s",
+            "crosses a red light",
             "5.0 s after the hand-over",
             "src=\"./a.gif\"",
             "0123456789abcdef…",

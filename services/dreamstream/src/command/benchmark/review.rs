@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
-use ds_adverse::Course;
+use ds_adverse::{BrokenRules, Course, broken_rules};
 use ds_benchmark::review::page::{Card, page};
 use ds_benchmark::{Entry, Kind, Review, Verdicts, file};
 use ds_record::{Moment, Reel};
@@ -73,7 +73,19 @@ fn card<'a>(entry: &'a Entry, folder: &Path, out: &Path) -> Result<Card<'a>> {
         animate(&scene, &course, entry, &path)?;
     }
     let contact = course.contact.map(|(tick, contact)| (tick.0, contact.closing_speed_mps));
-    Ok(Card { entry, picture, dt_secs: scene.dt.secs(), attack, contact, ttc_secs: course.ttc_secs })
+    let broken = broken(&broken_rules(&scene).unwrap_or_default(), scene.dt.secs(), entry);
+    Ok(Card { entry, picture, dt_secs: scene.dt.secs(), attack, contact, ttc_secs: course.ttc_secs, broken })
+}
+
+/// Returns which traffic rules an adversary breaks, in words.
+fn broken(rules: &BrokenRules, dt_secs: f64, entry: &Entry) -> String {
+    let red = rules.red_light.map(|tick| {
+        let secs = (f64::from(tick.0) - f64::from(entry.hand_over)) * dt_secs;
+        format!("crosses a red light {secs:.1} s after the hand-over")
+    });
+    let wrong = (rules.wrong_way_m > 0.0).then(|| format!("drives {:.0} m against the traffic", rules.wrong_way_m));
+    let words: Vec<String> = red.into_iter().chain(wrong).collect();
+    if words.is_empty() { "none".to_owned() } else { words.join(", ") }
 }
 
 /// Draws the course from the hand-over to a while after the contact.

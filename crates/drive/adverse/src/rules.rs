@@ -1,0 +1,89 @@
+//! Which traffic rules an adversary breaks on its planned way to the contact: red lights and driving against the traffic.
+//!
+//! Recorded, not forbidden: what breaks rules happens on roads, and a reader should see where it does. A light is obeyed
+//! where the simulator's own followers obey it: at the stop lines that the path crosses in the governed direction.
+
+use ds_sim::{IdmParameters, Ways, nominal};
+use ds_space::Tick;
+use ds_world::{LightState, Scene, TrackPoint};
+
+use crate::road::Road;
+
+/// What an adversary breaks from the first tick to its planned contact.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct BrokenRules {
+    /// The first tick at which its front is over a stop line whose light is red.
+    pub red_light: Option<Tick>,
+    /// How far its centre drives nearer to a lane of the other direction than to one of its own, outside junctions, in metres.
+    pub wrong_way_m: f64,
+}
+
+/// Returns what the adversary of a scene breaks; nothing without an adversary.
+#[must_use]
+pub fn broken_rules(scene: &Scene) -> Option<BrokenRules> {
+    let adversary = scene.adversary.as_ref()?;
+    let index = adversary.track.0 as usize;
+    let contact = adversary.contact;
+    let points: Vec<(Tick, &TrackPoint)> =
+        Tick(0).to(contact).filter_map(|tick| Some((tick, scene.tracks.get(index)?.at(tick)?))).collect();
+    Some(BrokenRules { red_light: first_red(scene, index, contact), wrong_way_m: wrong_way_m(scene, &points) })
+}
+
+fn first_red(scene: &Scene, index: usize, last: Tick) -> Option<Tick> {
+    let plant = nominal(&scene.vehicle, &IdmParameters::default());
+    let ways = Ways::new(scene, &plant.agents, &plant.chart);
+    let path = ways.paths.get(index)?.as_ref()?;
+    let half_m = 0.5 * scene.tracks[index].size.length_m;
+    let nose_m = |tick: Tick| Some(path.along_at(tick)? + half_m);
+    let crosses_red = |tick: &Tick| {
+        let (Some(before), Some(now)) = (nose_m(Tick(tick.0 - 1)), nose_m(*tick)) else { return false };
+        let red = |light: usize| scene.map.traffic_lights.get(light).map(|it| it.at(*tick)) == Some(LightState::Red);
+        ways.stops[index].iter().any(|stop| before < stop.along_m && stop.along_m <= now && red(stop.light))
+    };
+    Tick(1).to(last).find(crosses_red)
+}
+
+fn wrong_way_m(scene: &Scene, points: &[(Tick, &TrackPoint)]) -> f64 {
+    let road = Road::new(&scene.map);
+    let steps = points.windows(2).filter(|pair| road.against(&pair[1].1.pose));
+    steps.map(|pair| pair[0].1.pose.position.distance(pair[1].1.pose.position)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{MotionModel, Options, variants};
+    use ds_scenario::{Family, generate};
+    use ds_world::CrashClass;
+
+    /// Returns the first variant of a class among some scenarios of a family.
+    fn variant(family: Family, class: CrashClass) -> Scene {
+        let model = MotionModel::town();
+        let options = Options { classes: vec![class], solve: false, ..Options::default() };
+        let built = |seed| variants(&generate(family, seed), &model, &options).ok()?.variants.pop();
+        (1000..1012).find_map(built).expect("one of the class").scene
+    }
+
+    #[test]
+    fn a_light_counts_where_it_is_red_when_its_line_is_crossed() {
+        let mut scene = variant(Family::SignalisedCrossing, CrashClass::StraightCrossingPaths);
+        let contact = scene.adversary.as_ref().expect("an adversary").contact;
+        let mut crossed = |shown: LightState| {
+            scene.map.traffic_lights.iter_mut().for_each(|light| light.states = vec![shown]);
+            broken_rules(&scene).expect("an adversary").red_light
+        };
+        let red = crossed(LightState::Red).expect("it drives into the junction");
+        assert!(red <= contact);
+        assert_eq!(crossed(LightState::Green), None);
+    }
+
+    #[test]
+    fn who_comes_towards_the_ego_in_its_lane_drives_against_the_traffic() {
+        let oncoming = variant(Family::FreeCurve, CrashClass::OppositeDirection);
+        let ahead = variant(Family::FreeCurve, CrashClass::RearEnd);
+        let [oncoming, ahead] = [oncoming, ahead].map(|scene| broken_rules(&scene).expect("an adversary"));
+        assert!(oncoming.wrong_way_m > 1.0, "{oncoming:?}");
+        assert_eq!(ahead, BrokenRules::default());
+        assert_eq!(broken_rules(&generate(Family::FreeCurve, 1000)), None);
+    }
+}
