@@ -1,5 +1,5 @@
 //! Statistics that more than one crate needs, each defined once: quantiles, bootstrap, tails, corrections for many
-//! tests, permutation test, Shapley values, shares of an error explained, the Fréchet distance, agreement of two judges, correlations.
+//! tests, permutation test, Shapley values, shares of an error explained, the Fréchet distance, divergence of histograms, agreement of two judges, correlations.
 //!
 //! Values in, values out. Levels, numbers of draws and random streams are arguments; what a figure means is said by who
 //! asks for it.
@@ -8,6 +8,7 @@ mod agreement;
 pub mod bootstrap;
 mod correlation;
 mod discovery;
+mod divergence;
 mod frechet;
 mod normal;
 mod permutation;
@@ -20,6 +21,7 @@ mod wilson;
 pub use agreement::kappa;
 pub use correlation::{fisher, pearson, ranks, spearman};
 pub use discovery::{false_discovery, holm};
+pub use divergence::jensen_shannon;
 pub use frechet::{Fitted, Moments, Rooted, SampleError, frechet};
 pub use normal::normal_tail;
 pub use permutation::{Chance, EXACT_UP_TO, PATTERNS, sign_flip};

@@ -46,7 +46,7 @@ fn first_red(scene: &Scene, index: usize, last: Tick) -> Option<Tick> {
 fn wrong_way_m(scene: &Scene, points: &[(Tick, &TrackPoint)]) -> f64 {
     let road = Road::new(&scene.map);
     let steps = points.windows(2).filter(|pair| road.against(&pair[1].1.pose));
-    steps.map(|pair| pair[0].1.pose.position.distance(pair[1].1.pose.position)).sum()
+    steps.map(|pair| pair[0].1.pose.position.distance(pair[1].1.pose.position)).fold(0.0, |sum, step_m| sum + step_m)
 }
 
 #[cfg(test)]

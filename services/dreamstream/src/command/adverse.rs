@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use ds_adverse::{Built, MotionModel, Options, Refusal, Solution, Variant, broken_rules};
+use ds_adverse::{
+    Apart, Built, MotionModel, Options, Quality, Refusal, Resemblance, Solution, Variant, broken_rules, quality,
+};
 use ds_space::Tick;
 use ds_world::{CrashClass, Scene};
 use rayon::prelude::*;
@@ -28,6 +30,51 @@ struct Report {
     scenarios: Vec<ScenarioPart>,
     /// Sums over all scenarios, by class.
     classes: BTreeMap<&'static str, ClassPart>,
+    /// How adversaries compare with the logged vehicles beside them.
+    quality: QualityPart,
+}
+
+#[derive(Debug, Serialize)]
+struct QualityPart {
+    noise_m: f64,
+    motion: BTreeMap<&'static str, [Option<ApartPart>; 2]>,
+    telling_area: Option<f64>,
+    telling_interval: Option<[f64; 2]>,
+    starts_apart_m: Option<f64>,
+    start_sectors: usize,
+    contact_sectors: usize,
+}
+
+/// How far a quantity of motion is from the logged one: before the attack, then in it.
+#[derive(Debug, Clone, Copy, Serialize)]
+struct ApartPart {
+    values: usize,
+    divergence_nats: f64,
+    floor_nats: f64,
+    shift: f64,
+    outside: f64,
+}
+
+impl QualityPart {
+    fn of(quality: &Quality) -> Self {
+        let part = |apart: Apart| ApartPart {
+            values: apart.values,
+            divergence_nats: apart.divergence_nats,
+            floor_nats: apart.floor_nats,
+            shift: apart.shift,
+            outside: apart.outside,
+        };
+        let of = |it: &Resemblance| (it.quantity, [it.before.map(part), it.attack.map(part)]);
+        Self {
+            noise_m: quality.noise_m,
+            motion: quality.resemblances.iter().map(of).collect(),
+            telling_area: quality.telling.map(|telling| telling.area),
+            telling_interval: quality.telling.map(|telling| telling.interval),
+            starts_apart_m: quality.spread.starts_apart_m,
+            start_sectors: quality.spread.start_sectors,
+            contact_sectors: quality.spread.contact_sectors,
+        }
+    }
 }
 
 #[derive(Debug, Serialize)]
@@ -138,6 +185,7 @@ pub(crate) fn run(args: &AdverseArgs, paths: &[PathBuf], fit: &[PathBuf]) -> Res
         model_transitions: model.transitions(),
         scenarios: Vec::new(),
         classes: options.classes.iter().map(|class| (class.name(), ClassPart::default())).collect(),
+        quality: QualityPart::of(&compared(&found)),
     };
     for (scene, built) in &found {
         let twice = report.scenarios.iter().any(|part| part.name == scene.name);
@@ -150,6 +198,15 @@ pub(crate) fn run(args: &AdverseArgs, paths: &[PathBuf], fit: &[PathBuf]) -> Res
     std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
     tell(&report, &args.out);
     Ok(())
+}
+
+/// Compares what was found with the logged vehicles of all scenarios.
+fn compared(found: &[(Scene, Result<Built, Refusal>)]) -> Quality {
+    let all: Vec<(&Scene, &[Variant])> = found
+        .iter()
+        .map(|(scene, built)| (scene, built.as_ref().map_or(&[][..], |built| &built.variants[..])))
+        .collect();
+    quality(&all)
 }
 
 /// Returns the shipped model, or one fitted on scenarios of which none is varied.
@@ -238,11 +295,32 @@ fn tell(report: &Report, out: &Path) {
         let why = if reasons.is_empty() { "nothing".to_owned() } else { reasons.join(", ") };
         answer(&format!("{class}: {} variants of {} candidates; rejected: {why}", part.variants, part.candidates));
     }
+    tell_quality(&report.quality);
     let with = report.scenarios.iter().filter(|part| !part.variants.is_empty()).count();
     let refused = report.scenarios.iter().filter(|part| part.refused.is_some()).count();
     let count = report.scenarios.len();
     answer(&format!(
         "{with} of {count} scenarios have a variant, {refused} were not searched; {}",
         out.join(REPORT).display()
+    ));
+}
+
+fn tell_quality(quality: &QualityPart) {
+    let against = |apart: &Option<ApartPart>| {
+        apart.map_or("none".to_owned(), |apart| {
+            let (divergence, floor, outside) = (apart.divergence_nats, apart.floor_nats, 100.0 * apart.outside);
+            format!("{divergence:.3} nats (floor {floor:.3}), {outside:.1} % outside")
+        })
+    };
+    for (quantity, [before, attack]) in &quality.motion {
+        answer(&format!("{quantity}: before the attack {}; in it {}", against(before), against(attack)));
+    }
+    let number = |value: Option<f64>| value.map_or("none".to_owned(), |value| format!("{value:.2}"));
+    answer(&format!(
+        "told from logged vehicles: area {}; starts {} m apart; {} of 8 sectors at the start, {} at the contact",
+        number(quality.telling_area),
+        number(quality.starts_apart_m),
+        quality.start_sectors,
+        quality.contact_sectors,
     ));
 }
