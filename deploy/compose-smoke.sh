@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Brings the fleet up with docker-compose, drives one scenario through it with two video workers, kills one of them in
-# mid-drive, drives again, and takes everything down. Fails if a drive does not complete, a guest without token gets in, or
-# `top` and the metrics do not see the kill within 5 s.
+# Brings the fleet up with docker-compose, drives one scenario through it with two video workers, then eight, kills one of both
+# while they work, and takes everything down. Fails if a drive does not complete, a guest without token gets in, `top` and the
+# metrics do not see the kill within 5 s, or the killed worker held no drive.
 #
 #   deploy/compose-smoke.sh            images are built as in docker-compose.yml (a registry is needed for the bases)
 #   OFFLINE=1 deploy/compose-smoke.sh  the base is made by debootstrap under the same tag, and the binary is built here
@@ -41,21 +41,26 @@ fi
 dreamstream submit scenarios/base/free-curve.scenario.json --duration 3 --out "$work/first" "${fleet[@]}"
 grep -q '"insecure": false' "$work/first/results.json"
 
-dreamstream submit scenarios/base/cut-in.scenario.json --duration 8 --out "$work/second" "${fleet[@]}" &
+dreamstream submit scenarios/base --duration 8 --out "$work/second" "${fleet[@]}" &
 drive=$!
 address=$(docker inspect -f '{{range .NetworkSettings.Networks}}{{.IPAddress}}{{end}}' "$orchestrator")
 scrape() { curl -sS --cacert "$work/certs/ca.pem" --resolve "orchestrator:9464:$address" "$@" https://orchestrator:9464/metrics; }
-in_metrics() { scrape -H "authorization: Bearer $(cat "$work/certs/token")" | grep -q '^dreamstream_instances{role="video",state="lost its line"} 1$'; }
+told() { scrape -H "authorization: Bearer $(cat "$work/certs/token")" | grep -q "^dreamstream_$1\$"; }
+working() { told 'instances{role="video",state="works"} 2'; }
+in_metrics() { told 'instances{role="video",state="lost its line"} 1'; }
+taken_over() { told 'lost_leases_total{role="video",cause="died"} [1-9][0-9]*'; }
 in_top() { dreamstream top --once --json "${fleet[@]}" | grep -q '"lost its line"'; }
 within_5s() { until "$1"; do ((SECONDS < killed + 5)) || { echo "$1: the kill was not seen within 5 s" >&2; exit 1; }; done; }
 scrape | grep -q 'a token is asked for' || { echo "the metrics were told to somebody without a token" >&2; exit 1; }
 
-sleep 3
+began=$SECONDS
+until working; do ((SECONDS < began + 60)) || { echo "two video workers were never at work at once" >&2; exit 1; }; done
 docker kill "$(docker-compose ps -q vdm-worker | head -n 1)" >/dev/null
 killed=$SECONDS
 within_5s in_metrics
 within_5s in_top
 wait "$drive"
+taken_over || { echo "the killed worker held no drive" >&2; exit 1; }
 
 docker-compose ps
 docker images --format '{{.Repository}} {{.Size}}' | grep '^dreamstream/'
