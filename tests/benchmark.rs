@@ -172,6 +172,17 @@ fn succeeds(command: &[&str]) {
 }
 
 #[test]
+fn a_filtered_set_is_all_that_lies_there_under_the_name_of_a_set() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let build = ["build", "base", "--candidates", "8", "--seed", "20000", "--out", utf8(folder.path())];
+    let told = ends(benchmark(&build), 0);
+    assert!(told.contains("solved_by_constant_velocity"), "{told}");
+    let files = std::fs::read_dir(folder.path()).expect("a folder").map(|file| file.expect("a file").file_name());
+    let sets: Vec<_> = files.filter(|name| name.to_string_lossy().ends_with(".set.json")).collect();
+    assert_eq!(sets, ["town.set.json"]);
+}
+
+#[test]
 fn the_thirteen_conditions_of_a_base_set_are_driven_and_compared() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (set, out) = (set(folder.path()), folder.path().join("out"));
@@ -250,6 +261,11 @@ fn a_set_with_adversaries_is_the_same_again_and_its_solutions_are_driven_again()
     let out = folder.path().join("driven");
     ends(benchmark(&[&["run", utf8(&one)], &WHAT[..], &["--out", utf8(&out)]].concat()), 0);
     assert_eq!(cells(&out).len(), 2 * entries.len());
+    ends(benchmark(&["report", utf8(&out)]), 0);
+    let report: Value = serde_json::from_str(&read(&out.join("report.json"))).expect("JSON");
+    let figures = report["tables"]["quality"]["rows"].as_array().expect("figures of the search");
+    let solved = figures.iter().find(|row| row["measure"] == "variants that an expert solves").expect("a bar");
+    assert!(solved["met"] == "met" && solved["figure"]["value"] == 1.0, "{solved}");
 
     let solution = other.with_file_name(text(&entry["file"]).replace(".scenario.json", ".solution.json"));
     let mut value: Value = serde_json::from_str(&read(&solution)).expect("JSON");

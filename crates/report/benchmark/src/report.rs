@@ -10,6 +10,7 @@ use ds_run_report::results::Outcome as Ending;
 mod conditions;
 mod endpoints;
 mod gate;
+mod quality;
 mod reviews;
 mod rows;
 mod studies;
@@ -72,6 +73,7 @@ impl Report {
             tables.retain(|table| !table.rows.is_empty());
         }
         tables.extend(Some(gate::shown(results)).filter(|table| !table.rows.is_empty()));
+        tables.extend((!results.quality.is_empty()).then(|| quality::quality(results)));
         tables.extend((!results.reviews.is_empty()).then(|| reviews::reviews(results)));
         tables.extend([faults(results), sets(results)]);
         if !published.result.is_empty() {

@@ -12,6 +12,7 @@ use crate::file::{self, FileError};
 use crate::judge::{Judged, Outcome, Scores};
 use crate::manifest::{Entry, Manifest};
 use crate::merge::{self, Merged};
+use crate::quality::Quality;
 use crate::record::{self, Record, Shown, Torn};
 use crate::review::Review;
 use crate::session::Sessions;
@@ -53,6 +54,8 @@ pub struct Results {
     pub sessions: Sessions,
     /// What people say of the variants; of each set that somebody reviewed.
     pub reviews: Vec<Review>,
+    /// What the searches of adversaries came to; of each set that has figures beside its manifest.
+    pub quality: Vec<Quality>,
     /// Cells of the benchmark.
     pub cells: usize,
     /// Records of cells that another record of the same folder repeats.
@@ -87,8 +90,8 @@ impl Results {
         })?;
         let merged: Option<Merged> = optional(&folder.join(merge::FILE))?;
         let sessions = merged.as_ref().map_or_else(|| Sessions::load(folder), |merged| Ok(merged.sessions))?;
-        let (cells, reviews) = (cells.len(), Vec::new());
-        Ok(Self { sheet, sets, merged, torn, sessions, reviews, cells, repeated, drives })
+        let (cells, reviews, quality) = (cells.len(), Vec::new(), Vec::new());
+        Ok(Self { sheet, sets, merged, torn, sessions, reviews, quality, cells, repeated, drives })
     }
 
     /// Takes what people say of the sets: their accepted variants stand as sets of their own beside the whole.

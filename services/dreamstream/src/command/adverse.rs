@@ -201,7 +201,7 @@ pub(crate) fn run(args: &AdverseArgs, paths: &[PathBuf], fit: &[PathBuf]) -> Res
 }
 
 /// Compares what was found with the logged vehicles of all scenarios.
-fn compared(found: &[(Scene, Result<Built, Refusal>)]) -> Quality {
+pub(crate) fn compared(found: &[(Scene, Result<Built, Refusal>)]) -> Quality {
     let all: Vec<(&Scene, &[Variant])> = found
         .iter()
         .map(|(scene, built)| (scene, built.as_ref().map_or(&[][..], |built| &built.variants[..])))

@@ -5,6 +5,7 @@ mod behavior;
 mod build;
 mod drive;
 mod ended;
+mod quality;
 mod review;
 mod scale;
 mod shown;
@@ -117,7 +118,8 @@ fn describe(set: &Manifest) {
     ));
     let mut categories: std::collections::BTreeMap<&str, usize> = std::collections::BTreeMap::new();
     set.entries.iter().for_each(|entry| *categories.entry(&entry.category).or_default() += 1);
-    let shares: Vec<String> = categories.iter().map(|(name, count)| format!("{name} {count}")).collect();
+    let named = |name: &str| if name.is_empty() { "of no category" } else { name }.to_owned();
+    let shares: Vec<String> = categories.iter().map(|(name, count)| format!("{} {count}", named(name))).collect();
     answer(&format!("  {}", shares.join(", ")));
     if left_out > 0 {
         answer(&format!("  of {} candidates {left_out} are left out:", set.recipe.candidates));

@@ -8,14 +8,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
-use ds_adverse::{Built, MotionModel, Options, Refusal, Variant, adversary_digest, solved_again};
+use ds_adverse::{MotionModel, Options, Refusal, Variant, adversary_digest, solved_again};
 use ds_benchmark::manifest::SUFFIX;
-use ds_benchmark::{Entry, Kind, Manifest, Recipe, file, source};
+use ds_benchmark::{Entry, Kind, Manifest, Quality, Recipe, file, source};
 use ds_scenario::store;
 use ds_space::{DigestWriter, Tick};
 use ds_world::{CrashClass, Scene};
 use rayon::prelude::*;
 
+use super::quality::{self, Searched};
 use super::{Ended, describe};
 use crate::cli::{Arm, BehaviorArgs};
 use crate::command::adverse::SolutionPart;
@@ -23,9 +24,6 @@ use crate::command::{answer, bar};
 
 /// How solutions end.
 const SOLUTION: &str = ".solution.json";
-
-/// What came of one base scenario.
-type Searched = Result<Built, Refusal>;
 
 /// Runs `build behavior`.
 ///
@@ -38,11 +36,12 @@ pub(super) fn build(args: &BehaviorArgs) -> Result<Ended> {
     let bases: Vec<&Entry> = base.entries.iter().step_by(args.every as usize).collect();
     let found = searched(args, &bases)?;
     let mut counts: BTreeMap<CrashClass, usize> = BTreeMap::new();
-    let classes = found.iter().flatten().flat_map(|built| &built.variants).map(|variant| variant.class);
+    let built = found.iter().filter_map(|(_, built)| built.as_ref().ok());
+    let classes = built.flat_map(|built| &built.variants).map(|variant| variant.class);
     classes.for_each(|class| *counts.entry(class).or_default() += 1);
     let (mut entries, mut further) = (Vec::new(), Vec::new());
     let mut rejected: BTreeMap<String, u64> = BTreeMap::new();
-    for (entry, built) in bases.iter().zip(&found) {
+    for (entry, (_, built)) in bases.iter().zip(&found) {
         let all = built.as_ref().map_or(&[][..], |built| &built.variants);
         let first = all.iter().min_by_key(|variant| (counts[&variant.class], variant.class));
         if let Some(reason) = none(built) {
@@ -64,18 +63,24 @@ pub(super) fn build(args: &BehaviorArgs) -> Result<Ended> {
         candidates: bases.len() as u64,
         rejected,
     };
+    let figures = quality::figures(&found, &entries);
     let extended = Recipe { candidates: further.len() as u64, rejected: BTreeMap::new(), ..recipe.clone() };
-    for (name, recipe, entries) in [(name.clone(), recipe, entries), (format!("{name}-extended"), extended, further)] {
-        if entries.is_empty() {
-            continue;
-        }
-        let set = Manifest::new(&name, Kind::Behavior, recipe, entries);
-        let path = args.out.join(format!("{name}{SUFFIX}"));
-        set.save(&path)?;
-        describe(&set);
-        answer(&format!("set: {}", path.display()));
+    let set = saved(args, &name, recipe, entries)?;
+    if !further.is_empty() {
+        saved(args, &format!("{name}-extended"), extended, further)?;
     }
+    Quality { set: name, digest: set.digest, figures }.save(&args.out)?;
     Ok(Ended::Complete)
+}
+
+/// Writes the manifest of a set and tells of it.
+fn saved(args: &BehaviorArgs, name: &str, recipe: Recipe, entries: Vec<Entry>) -> Result<Manifest> {
+    let set = Manifest::new(name, Kind::Behavior, recipe, entries);
+    let path = args.out.join(format!("{name}{SUFFIX}"));
+    set.save(&path)?;
+    describe(&set);
+    answer(&format!("set: {}", path.display()));
+    Ok(set)
 }
 
 /// Returns what makes the same set again.
@@ -96,8 +101,8 @@ fn settings(args: &BehaviorArgs, base: &str) -> String {
     writer.finish().to_string()
 }
 
-/// Searches the variants of each entry, in their order whatever the number of threads.
-fn searched(args: &BehaviorArgs, bases: &[&Entry]) -> Result<Vec<Searched>> {
+/// Searches the variants of each entry and returns them with their scenes, in their order whatever the number of threads.
+fn searched(args: &BehaviorArgs, bases: &[&Entry]) -> Result<Vec<(Scene, Searched)>> {
     let folder = args.base.parent().unwrap_or(Path::new("."));
     let model = MotionModel::town();
     let options = Options {
@@ -107,10 +112,11 @@ fn searched(args: &BehaviorArgs, bases: &[&Entry]) -> Result<Vec<Searched>> {
         ..Options::default()
     };
     let bar = bar(bases.len() as u64, "scenarios");
-    let search = |entry: &&Entry| -> Result<Searched> {
-        let built = args.arm.search(&entry.scene(folder)?, &model, &options);
+    let search = |entry: &&Entry| -> Result<(Scene, Searched)> {
+        let scene = entry.scene(folder)?;
+        let built = args.arm.search(&scene, &model, &options);
         bar.inc(1);
-        Ok(built)
+        Ok((scene, built))
     };
     let found = bases.par_iter().map(search).collect::<Result<_>>()?;
     bar.finish_and_clear();

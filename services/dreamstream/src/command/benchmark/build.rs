@@ -130,7 +130,8 @@ fn names(file: &Path) -> Result<Vec<String>> {
 /// Lets expert and constant velocity drive all candidates and keeps what tells policies apart; nothing after a signal.
 fn filtered(args: &BaseArgs, all: Manifest) -> Result<Option<Manifest>> {
     let folder = args.out.join(format!("{}.filter", all.name));
-    let candidates = args.out.join(format!("{}.candidates{SUFFIX}", all.name));
+    // Not called as sets are: `*.set.json` names what was built.
+    let candidates = args.out.join(format!("{}.candidates.json", all.name));
     all.save(&candidates)?;
     let what = CellArgs {
         manifests: vec![candidates],
