@@ -13,7 +13,7 @@ use crate::table::{Table, Value};
 /// Height of a row of the plot, in pixels.
 const ROW_PX: f64 = 26.0;
 /// Where the scale of the plot begins and ends, in pixels.
-const SCALE_PX: (f64, f64) = (330.0, 900.0);
+const SCALE_PX: (f64, f64) = (420.0, 930.0);
 
 /// Writes the report into a folder.
 ///
@@ -93,11 +93,29 @@ pub fn page(report: &Report) -> String {
     })
 }
 
+/// Returns what each row is called: its policy, and of set, profile and how it was driven what differs between rows.
+fn labels(table: &Table) -> Vec<String> {
+    let words = |row: &Vec<Value>| -> Vec<String> {
+        let how = row[2].told();
+        let parts = [row[0].told(), row[1].told(), row[3].told()].into_iter();
+        parts.chain(how.split(" · ").map(str::to_owned)).collect()
+    };
+    let rows: Vec<Vec<String>> = table.rows.iter().map(words).collect();
+    let differs = |place: usize| place == 0 || rows.iter().any(|row| row.get(place) != rows[0].get(place));
+    let label = |row: &Vec<String>| {
+        let told: Vec<&str> =
+            row.iter().enumerate().filter(|(place, _)| differs(*place)).map(|(_, word)| word.as_str()).collect();
+        told.join(" · ")
+    };
+    rows.iter().map(label).collect()
+}
+
 /// Draws a dot with whiskers for the driving score of every row.
 fn plot(m: &mut Markup, table: &Table) {
     let Some(place) = table.columns.iter().position(|name| *name == "DS") else { return };
     let height = ROW_PX * (table.rows.len() as f64 + 1.5);
     let at = |value: f64| SCALE_PX.0 + (SCALE_PX.1 - SCALE_PX.0) * value.clamp(0.0, 1.0);
+    let labels = labels(table);
     svg::wide(m, "Driving score with its interval", (980.0, height), |m| {
         for tenth in [0.0, 0.2, 0.4, 0.6, 0.8, 1.0] {
             svg::line(m, "grid", (at(tenth), 0.0), (at(tenth), height - ROW_PX));
@@ -105,13 +123,7 @@ fn plot(m: &mut Markup, table: &Table) {
         }
         for (index, row) in table.rows.iter().enumerate() {
             let y = ROW_PX * (index as f64 + 0.7);
-            let [policy, set, profile] = [0, 1, 3].map(|column| row[column].told());
-            svg::text(
-                m,
-                "label",
-                (SCALE_PX.0 - 12.0, y + 4.0),
-                &svg::short(&format!("{policy} · {set} · {profile}"), 46),
-            );
+            svg::text(m, "label", (SCALE_PX.0 - 12.0, y + 4.0), &svg::short(&labels[index], 58));
             let Value::Estimate(estimate, _) = &row[place] else { continue };
             m.inside("g", &[("class", &format_args!("p{}", index % 6))], |m| {
                 if let Some([low, high]) = estimate.interval() {

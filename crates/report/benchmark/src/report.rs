@@ -102,6 +102,7 @@ fn warnings(results: &Results) -> Vec<String> {
     for set in results.sets.iter().filter(|set| !set.redistributable) {
         warnings.push(format!("Set {} is under {}: its scenarios may not be passed on.", set.name, set.licence));
     }
+    warnings.extend(gate::warnings(results));
     warnings
 }
 

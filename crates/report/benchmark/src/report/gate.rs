@@ -76,6 +76,27 @@ pub(super) fn fault(results: &Results, arm: &Arm, entries: &[&Entry]) -> Option<
     conditions.into_iter().filter(known).find_map(|condition| hits(condition).fault())
 }
 
+/// Returns what a reader has to know of sets whose conditions are not all shown, or not known to be.
+pub(super) fn warnings(results: &Results) -> Vec<String> {
+    let mut warnings = Vec::new();
+    for set in results.sets.iter().filter(|set| set.kind == Kind::Weather) {
+        let driven: BTreeSet<&str> = set.entries.iter().map(|entry| entry.appearance.as_str()).collect();
+        for source in results.sheet.observations.iter().filter(|source| generated(source)) {
+            let hidden = |condition: &&str| Hits::count(results, source, condition).fault().is_some();
+            let all = CONDITIONS.iter().flat_map(|(_, all)| all.iter().copied());
+            let hidden: Vec<&str> = all.filter(|condition| driven.contains(condition)).filter(hidden).collect();
+            if !hidden.is_empty() {
+                let (set, source, hidden) = (&set.name, &source.name, hidden.join(", "));
+                warnings.push(format!(
+                    "Frames of {source} do not show, or were not looked at for, conditions of set {set}: {hidden}. Rows over all of the \
+                     set rank nobody by them, and its pairs are not tested."
+                ));
+            }
+        }
+    }
+    warnings
+}
+
 /// Returns which conditions generated frames show.
 pub(super) fn shown(results: &Results) -> Table {
     let mut rows = Vec::new();

@@ -241,18 +241,21 @@ pub(super) fn differences(results: &Results, bootstrap: &mut Bootstrap) -> Table
             metrics.push((format!("DS {profile}"), Box::new(driving_score(profile))));
         }
         metrics.push(("success".to_owned(), Box::new(Drive::success)));
+        let entries: Vec<&Entry> = set.entries.iter().collect();
         for (name, value) in &metrics {
             let mut family = Vec::new();
             for (k, a) in arms.iter().enumerate() {
                 for b in &arms[k + 1..] {
-                    family.push((a, b, bootstrap.difference(&paired(results, set, [a, b], value.as_ref()))));
+                    let fault = [a, b].into_iter().find_map(|arm| gate::fault(results, arm, &entries));
+                    let found = bootstrap.difference(&paired(results, set, [a, b], value.as_ref()));
+                    family.push((a, b, fault, behind(fault, found)));
                 }
             }
             let holm = corrected(family.iter().map(|(.., found)| found));
-            for ((a, b, found), p_holm) in family.into_iter().zip(holm) {
+            for ((a, b, fault, found), p_holm) in family.into_iter().zip(holm) {
                 let [a, b] = [a, b].map(|arm| Value::text(format!("{} · {}", arm.policy.name, how(arm))));
                 let mut row = vec![a, b, Value::text(&set.name), Value::text(name)];
-                row.extend(tested(&found, p_holm));
+                row.extend(tested_behind(fault, &found, p_holm));
                 rows.push(row);
             }
         }

@@ -187,6 +187,16 @@ fn a_condition_that_is_not_shown_supports_no_claim() {
     assert!(of_rain.count() == 4 && parts.matches("| condition not shown |").count() > 4, "{parts}");
     assert!(shown.contains("| weather | rain | 12 | 6 | 12 | 50.0 | 100.0 | 50.0 | condition not shown |"), "{shown}");
     assert!(shown.contains("| weather | snow | 12 | 10 | 12 | 83.3 | 100.0 | 83.3 | shown |"), "{shown}");
+    let differences = table(&report, "differences").markdown();
+    let pairs = |set: &str| differences.lines().filter(|line| line.contains(&format!("| {set} |"))).collect::<Vec<_>>();
+    let of_weather = pairs("some-weather");
+    let untested = |line: &&&str| line.contains("condition not");
+    assert!(of_weather.iter().all(|line| untested(&line) == line.contains("dreamstream ·")), "{differences}");
+    assert!(!pairs("some").iter().any(|line| untested(&line)), "by day there is nothing to show");
+    let warned = |said: &&String| said.contains("dreamstream") && said.contains("rain, fog, puddles");
+    assert_eq!(report.warnings.iter().filter(warned).count(), 1, "{:?}", report.warnings);
+    let page = crate::page::page(&report);
+    assert!(page.contains("camera · some-weather · strict · dreamstream<"), "dots are told apart by what differs");
     let endpoints = table(&report, "endpoints");
     let axes = endpoints.rows.iter().find(|row| row[0].told().contains("than the lighting")).expect("declared");
     assert_eq!(axes.last().map(Value::told).as_deref(), Some("not tested"));

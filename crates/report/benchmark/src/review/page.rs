@@ -36,6 +36,13 @@ impl Card<'_> {
     fn since(&self, tick: u32) -> f64 {
         (f64::from(tick) - f64::from(self.entry.hand_over)) * self.dt_secs
     }
+
+    /// Returns the least time to collision from the hand-over on before the contact, in seconds; nothing if it stays over 4 s.
+    fn least_ttc_secs(&self) -> Option<f64> {
+        let end = self.contact.map_or(self.ttc_secs.len(), |(tick, _)| tick as usize);
+        let before = self.ttc_secs.get(self.entry.hand_over as usize..end.min(self.ttc_secs.len()))?;
+        before.iter().flatten().copied().reduce(f64::min)
+    }
 }
 
 /// Returns the page; `manifest` is how the command names the manifest.
@@ -91,8 +98,7 @@ fn write_card(m: &mut Markup, card: &Card, standing: &Standing) {
                 let contact = card.contact.map_or("none".to_owned(), |(tick, closing_mps)| {
                     format!("{:.1} s after the hand-over, closing at {closing_mps:.1} m/s", card.since(tick))
                 });
-                let least = card.ttc_secs.iter().flatten().copied().fold(f64::INFINITY, f64::min);
-                let least = if least.is_finite() { format!("{least:.1} s") } else { "over 4 s".to_owned() };
+                let least = card.least_ttc_secs().map_or("over 4 s".to_owned(), |least| format!("{least:.1} s"));
                 let attack = format!("{:.1} s after the hand-over", card.since(card.attack));
                 for (name, value) in [
                     ("class", entry.category.as_str()),
@@ -195,6 +201,7 @@ mod tests {
             "unreviewed",
             "closing at 3.2 m/s",
             "crosses a red light",
+            "1.6 s",
             "5.0 s after the hand-over",
             "src=\"./a.gif\"",
             "0123456789abcdef…",

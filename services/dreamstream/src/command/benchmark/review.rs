@@ -83,7 +83,7 @@ fn broken(rules: &BrokenRules, dt_secs: f64, entry: &Entry) -> String {
         let secs = (f64::from(tick.0) - f64::from(entry.hand_over)) * dt_secs;
         format!("crosses a red light {secs:.1} s after the hand-over")
     });
-    let wrong = (rules.wrong_way_m > 0.0).then(|| format!("drives {:.0} m against the traffic", rules.wrong_way_m));
+    let wrong = (rules.wrong_way_m > 0.0).then(|| format!("drives {:.1} m against the traffic", rules.wrong_way_m));
     let words: Vec<String> = red.into_iter().chain(wrong).collect();
     if words.is_empty() { "none".to_owned() } else { words.join(", ") }
 }
