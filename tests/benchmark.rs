@@ -266,6 +266,9 @@ fn a_set_with_adversaries_is_the_same_again_and_its_solutions_are_driven_again()
     let figures = report["tables"]["quality"]["rows"].as_array().expect("figures of the search");
     let solved = figures.iter().find(|row| row["measure"] == "variants that an expert solves").expect("a bar");
     assert!(solved["met"] == "met" && solved["figure"]["value"] == 1.0, "{solved}");
+    let margins = report["tables"]["margins"]["rows"].as_array().expect("rows by reaction margin");
+    let counted: u64 = margins.iter().map(|row| row["variants"].as_u64().expect("a count")).sum();
+    assert_eq!(counted, 2 * entries.len() as u64, "every variant has a margin, for each of two policies");
 
     let solution = other.with_file_name(text(&entry["file"]).replace(".scenario.json", ".solution.json"));
     let mut value: Value = serde_json::from_str(&read(&solution)).expect("JSON");

@@ -1,5 +1,6 @@
 //! What the search of a set's adversaries came to: figures beside its manifest, each with the bar that it is held against.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -20,6 +21,28 @@ pub struct Quality {
     pub digest: String,
     /// The figures, in the order of the table.
     pub figures: Vec<Figure>,
+    /// How hard each entry is, by its name.
+    pub variants: BTreeMap<String, Severity>,
+}
+
+/// How hard a variant is, measured along the logged drive.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Severity {
+    /// Speed of approach at the contact, in metres per second.
+    pub closing_mps: f64,
+    /// Change of velocity of equal masses that stay together, in metres per second.
+    pub delta_v_mps: f64,
+    /// Deceleration that the threat asks for, in metres per second squared.
+    pub required_mps2: f64,
+    /// Least time to collision before the contact, in seconds; none beyond 4 s.
+    pub least_ttc_secs: Option<f64>,
+    /// Time from the threat to the last tick from which an expert still finds a drive, in seconds; none without a solution.
+    pub margin_secs: Option<f64>,
+    /// Whether the adversary crosses a red light.
+    pub red_light: bool,
+    /// How far it drives against the traffic, in metres.
+    pub wrong_way_m: f64,
 }
 
 /// A figure with its bar.
@@ -99,7 +122,8 @@ mod tests {
         let set = crate::manifest::tests::set(&["a"]);
         assert_eq!(Quality::beside(folder.path(), &set).expect("nothing there"), None);
         let figures = vec![figure(Some(0.5), None, None)];
-        let quality = Quality { set: set.name.clone(), digest: set.digest.clone(), figures };
+        let variants = [("a".to_owned(), Severity::default())].into();
+        let quality = Quality { set: set.name.clone(), digest: set.digest.clone(), figures, variants };
         quality.save(folder.path()).expect("written");
         assert_eq!(Quality::beside(folder.path(), &set).expect("sound").as_ref(), Some(&quality));
         let error =

@@ -62,6 +62,7 @@ impl Report {
             tables.push(studies::differences(results, bootstrap));
             for study in [
                 studies::behavior,
+                quality::margins,
                 studies::weather,
                 conditions::conditions,
                 subset::subset,
@@ -73,7 +74,7 @@ impl Report {
             tables.retain(|table| !table.rows.is_empty());
         }
         tables.extend(Some(gate::shown(results)).filter(|table| !table.rows.is_empty()));
-        tables.extend((!results.quality.is_empty()).then(|| quality::quality(results)));
+        tables.extend(Some(quality::quality(results)).filter(|table| !table.rows.is_empty()));
         tables.extend((!results.reviews.is_empty()).then(|| reviews::reviews(results)));
         tables.extend([faults(results), sets(results)]);
         if !published.result.is_empty() {

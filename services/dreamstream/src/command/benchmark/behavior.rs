@@ -10,6 +10,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, ensure};
 use ds_adverse::{MotionModel, Options, Refusal, Variant, adversary_digest, solved_again};
 use ds_benchmark::manifest::SUFFIX;
+use ds_benchmark::quality::{Figure, Severity};
 use ds_benchmark::{Entry, Kind, Manifest, Quality, Recipe, file, source};
 use ds_scenario::store;
 use ds_space::{DigestWriter, Tick};
@@ -65,22 +66,30 @@ pub(super) fn build(args: &BehaviorArgs) -> Result<Ended> {
     };
     let figures = quality::figures(&found, &entries);
     let extended = Recipe { candidates: further.len() as u64, rejected: BTreeMap::new(), ..recipe.clone() };
-    let set = saved(args, &name, recipe, entries)?;
+    let severities = quality::severities(&found);
+    saved(args, Manifest::new(&name, Kind::Behavior, recipe, entries), figures, &severities)?;
     if !further.is_empty() {
-        saved(args, &format!("{name}-extended"), extended, further)?;
+        let set = Manifest::new(&format!("{name}-extended"), Kind::Behavior, extended, further);
+        saved(args, set, Vec::new(), &severities)?;
     }
-    Quality { set: name, digest: set.digest, figures }.save(&args.out)?;
     Ok(Ended::Complete)
 }
 
-/// Writes the manifest of a set and tells of it.
-fn saved(args: &BehaviorArgs, name: &str, recipe: Recipe, entries: Vec<Entry>) -> Result<Manifest> {
-    let set = Manifest::new(name, Kind::Behavior, recipe, entries);
-    let path = args.out.join(format!("{name}{SUFFIX}"));
+/// Writes the manifest of a set and what the search came to, and tells of it.
+fn saved(
+    args: &BehaviorArgs,
+    set: Manifest,
+    figures: Vec<Figure>,
+    severities: &BTreeMap<String, Severity>,
+) -> Result<()> {
+    let path = args.out.join(format!("{}{SUFFIX}", set.name));
     set.save(&path)?;
     describe(&set);
     answer(&format!("set: {}", path.display()));
-    Ok(set)
+    let severity = |entry: &Entry| Some((entry.name.clone(), *severities.get(&entry.name)?));
+    let variants = set.entries.iter().filter_map(severity).collect();
+    Quality { set: set.name, digest: set.digest, figures, variants }.save(&args.out)?;
+    Ok(())
 }
 
 /// Returns what makes the same set again.

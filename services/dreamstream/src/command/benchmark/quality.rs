@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use ds_adverse::{Apart, Built, Refusal, Rejection, Variant};
-use ds_benchmark::{Entry, quality::Figure};
+use ds_adverse::{Apart, Built, Refusal, Rejection, Variant, broken_rules};
+use ds_benchmark::Entry;
+use ds_benchmark::quality::{Figure, Severity};
 use ds_stats::wilson;
 use ds_world::{CrashClass, Scene};
 
@@ -14,6 +15,25 @@ pub(super) type Searched = Result<Built, Refusal>;
 
 /// The normal quantile of a 95 % interval.
 const NORMAL: f64 = 1.96;
+
+/// Returns how hard each variant of a search is, by name.
+pub(super) fn severities(found: &[(Scene, Searched)]) -> BTreeMap<String, Severity> {
+    let variants = found.iter().filter_map(|(_, built)| built.as_ref().ok()).flat_map(|built| &built.variants);
+    let one = |variant: &Variant| {
+        let (measures, broken) = (&variant.measures, broken_rules(&variant.scene).unwrap_or_default());
+        let severity = Severity {
+            closing_mps: measures.met.closing_mps,
+            delta_v_mps: measures.delta_v_mps,
+            required_mps2: measures.required_mps2,
+            least_ttc_secs: measures.least_ttc_secs(),
+            margin_secs: variant.margin_ticks.map(|ticks| f64::from(ticks) * variant.scene.dt.secs()),
+            red_light: broken.red_light.is_some(),
+            wrong_way_m: broken.wrong_way_m,
+        };
+        (variant.scene.name.clone(), severity)
+    };
+    variants.map(one).collect()
+}
 
 /// Returns the figures of a search; `entries` are those that the set took.
 pub(super) fn figures(found: &[(Scene, Searched)], entries: &[Entry]) -> Vec<Figure> {
