@@ -47,16 +47,17 @@ def write_log(path, t, rows, missing):
     path.write_text("t," + ",".join(DIGITS) + "\n" + "\n".join(",".join(row) for row in zip(*cells)) + "\n")
 
 
-def make_case(seed, number, out, draw, write):
+def make_case(seed, number, out, draw, write, twins=False):
     """Draws and drives one case by `draw(rng)` and `write(rng, case, folder)`; again with another vehicle if this one is
-    unfit. What no library contains is driven a second time without it into `without`, so that its size can be told."""
+    unfit. What no library contains is driven a second time without it into `without`, so that its size can be told; with
+    `twins` every effect is, so that the cells in which it shows can be told."""
     for attempt in range(50):
         rng = np.random.default_rng([seed, number, attempt])
         case = draw(rng)
         again = copy.deepcopy(rng)
         try:
             write(rng, case, out / case["name"])
-            if case["label"]["kind"] == "out_of_library":
+            if case["label"]["kind"] == "out_of_library" or (twins and case["values"]):
                 write(again, {**case, "values": {}}, out / "without" / case["name"])
             return case
         except Unfit:

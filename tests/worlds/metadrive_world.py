@@ -456,13 +456,14 @@ def main():
         parser.add_argument(f"--{kind}", type=int, default=count)
     parser.add_argument("--part", default="1/1", help="of several processes that share a draw, which: 2/3 makes every third case from the second on")
     parser.add_argument("--fleet", type=int, default=0, help="so many vehicles, each of which drives every so manieth case on a day of its own (0: one for each case)")
+    parser.add_argument("--twins", action="store_true", help="drive each case with effects a second time without them, into `without`: the truth about cells")
     given = parser.parse_args()
     part, parts = map(int, given.part.split("/"))
     world, labels = World(), {}
     counts = {"single": given.singles, "none": given.none, "double": given.pairs, "out_of_library": given.unknown}
     wanted = [(kind, k) for kind, count in counts.items() for k in range(count)]
     for number, (kind, index) in list(enumerate(wanted))[part - 1::parts]:
-        case = make_case(given.seed, number, given.out, lambda r: draw_case(r, world, given, kind, number, index), lambda r, *case: write_case(r, world, *case))
+        case = make_case(given.seed, number, given.out, lambda r: draw_case(r, world, given, kind, number, index), lambda r, *case: write_case(r, world, *case), given.twins)
         labels[case["name"]] = case["label"]
     # Parts add to what the others wrote.
     path = given.out / "labels.json"

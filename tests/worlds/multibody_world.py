@@ -260,12 +260,13 @@ def main():
         parser.add_argument(f"--{kind}", type=int, default=count)
     parser.add_argument("--fleet", type=int, default=0, help="so many vehicles, each of which drives every so manieth case on a day of its own (0: one for each case)")
     parser.add_argument("--as-delivered", action="store_true", help="leave the side terms of the tyres in")
+    parser.add_argument("--twins", action="store_true", help="drive each case with effects a second time without them, into `without`: the truth about cells")
     given = parser.parse_args()
     global AS_DELIVERED
     AS_DELIVERED, labels = given.as_delivered, {}
     counts = {"single": given.singles, "none": given.none, "double": given.pairs, "out_of_library": given.unknown}
     for number, (kind, index) in enumerate([(kind, k) for kind, count in counts.items() for k in range(count)]):
-        case = make_case(given.seed, number, given.out, lambda r: draw_case(r, given, kind, number, index), write_case)
+        case = make_case(given.seed, number, given.out, lambda r: draw_case(r, given, kind, number, index), write_case, given.twins)
         labels[case["name"]] = case["label"]
     (given.out / "labels.json").write_text(json.dumps(labels, indent=1))
 

@@ -9,6 +9,7 @@ schema can show.
 """
 
 import argparse
+import copy
 import json
 import pathlib
 
@@ -388,7 +389,7 @@ def read_sensors(rng, lanes, log, lane):
     wander = np.cumsum(rng.normal(0, 1, (2, t.size)), axis=1)
     wander = 0.03 * (wander - wander.mean(axis=1, keepdims=True)) / np.maximum(wander.std(axis=1, keepdims=True), 1e-9)
     jump = np.zeros((2, t.size))
-    if on("position_jumps", 0.0) > 0:
+    if not np.isnan(lanes.e["position_jumps"][lane]):
         for start in rng.uniform(3, 33, 6):
             inside = (t > start) & (t < start + rng.uniform(0.6, 1.5))
             jump[:, inside] += on("position_jumps", 0.0) * rng.normal(0, 1, (2, 1))
@@ -514,6 +515,22 @@ def write_case(out, lanes, run, case, first):
         (place / "meta.json").write_text(json.dumps(meta, indent=1))
 
 
+def write_cases(out, cases):
+    """Drives cases side by side and writes them."""
+    if cases:
+        lanes = Lanes(cases)
+        run = lanes.run()
+        for c, case in enumerate(cases):
+            write_case(out, lanes, run, case, c * DRIVES)
+
+
+def without(case):
+    """The twin of a case: the same vehicle, plans and noise in a world without its effects. What no library contains is there
+    with size zero, because drawing it takes numbers from the generator."""
+    values = {i: 0.0 for i in case["values"] if i in UNKNOWN}
+    return {**case, "values": values, "onset": None, "rng": copy.deepcopy(case["rng"])}
+
+
 def spreads():
     """Standard deviation of every drawn mismatch relative to the nominal, over two thousand vehicles."""
     r = np.random.default_rng(0)
@@ -542,6 +559,7 @@ def main():
     parser.add_argument("--fleet", type=int, default=0, help="so many vehicles, each of which drives every so manieth case on a day of its own (0: one for each case)")
     trait = lambda text: (text.split("=")[0], float(text.split("=")[1]))
     parser.add_argument("--trait", type=trait, default=[], nargs="*", metavar="ID=VALUE", help="what every car has, healthy or not, such as steer_backlash=0.02")
+    parser.add_argument("--twins", action="store_true", help="drive each case with effects a second time without them, into `without`: the truth about cells")
     given = parser.parse_args()
     if given.spreads or given.out is None:
         print(json.dumps(spreads()))
@@ -556,11 +574,10 @@ def main():
     for start in range(0, len(wanted), TOGETHER):
         part = list(enumerate(wanted))[start:start + TOGETHER]
         cases = [draw_case(np.random.default_rng([given.seed, number]), given, kind, number, index) for number, (kind, index) in part]
-        lanes = Lanes(cases)
-        run = lanes.run()
-        for c, case in enumerate(cases):
-            write_case(given.out, lanes, run, case, c * DRIVES)
-            labels[case["name"]] = case["label"]
+        twins = [without(case) for case in cases if given.twins and case["values"]]
+        for out, driven in ((given.out, cases), (given.out / "without", twins)):
+            write_cases(out, driven)
+        labels.update({case["name"]: case["label"] for case in cases})
     (given.out / "labels.json").write_text(json.dumps(labels, indent=1))
 
 
