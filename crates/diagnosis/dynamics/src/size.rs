@@ -91,9 +91,10 @@ mod tests {
         let twin = case(&|_| {});
         let biased = case(&|plant| plant.sensors.gyro_bias_rad_s += 0.02);
         let sizes = twin_cells(&biased, &twin).expect("equal windows");
-        let beyond: Vec<&(Channel, usize)> = sizes.iter().filter(|(_, size)| **size > 1.0).map(|(cell, _)| cell).collect();
+        let beyond: Vec<&(Channel, usize)> =
+            sizes.iter().filter(|(_, size)| **size > 1.0).map(|(cell, _)| cell).collect();
         let gyro: Vec<(Channel, usize)> = (0..twin.drives.len()).map(|drive| (Channel::YawRate, drive)).collect();
-        assert!(beyond.iter().all(|cell| cell.0 != Channel::V), "{sizes:?}");
+        assert!(beyond.iter().all(|cell| cell.0 != Channel::Speed), "{sizes:?}");
         assert!(gyro.iter().all(|cell| beyond.contains(&cell)), "{sizes:?}");
         let alike = twin_cells(&twin, &twin).expect("equal windows");
         assert!(alike.len() > gyro.len() && alike.values().all(|size| *size == 0.0), "{alike:?}");
