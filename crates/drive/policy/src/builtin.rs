@@ -15,10 +15,11 @@ use crate::log_replay::LogReplay;
 use crate::route_follower::RouteFollower;
 
 /// The built-in policies' names, and whether each is privileged.
-pub const NAMES: [(&str, bool); 10] = [
+pub const NAMES: [(&str, bool); 11] = [
     ("camera", false),
     (Anchor::Careful.name(), true),
     (constant_velocity::NAME, false),
+    ("diffusiondrive", false),
     ("drivor", false),
     (Anchor::Expert.name(), true),
     (Anchor::Idm.name(), true),

@@ -23,7 +23,8 @@ pub enum Learned {
 
 impl Learned {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Camera, Self::Panel(Kind::Drivor), Self::Panel(Kind::Ltf)];
+    pub const ALL: [Self; 4] =
+        [Self::Camera, Self::Panel(Kind::Drivor), Self::Panel(Kind::Ltf), Self::Panel(Kind::Diffusiondrive)];
 
     /// Finds a policy by its name.
     #[must_use]

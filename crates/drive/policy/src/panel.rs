@@ -2,13 +2,13 @@
 //!
 //! As the `camera` policy, each brings the newest frame of the forward camera to one known camera and answers with plans
 //! of eight poses at 0.5 s, offsets from going straight on. A plan's score is what its scorer expects: NC · DAC · DDC ·
-//! TLC · (5 TTC + 5 EP + 2 LK + 2 HC) / 14 of the predicted sub-scores; a network without a scorer has one plan, of
-//! score 1.
+//! TLC · (5 TTC + 5 EP + 2 LK + 2 HC) / 14 of the predicted sub-scores; where a network only says how likely each plan is,
+//! the logit of that; the one plan of a network without either has score 1. Noise comes from the observation's draws.
 
-use ds_graph::panel::{Inputs, Kind, Network, PLAN, STATE, TERMS};
+use ds_graph::panel::{Answer, Inputs, Kind, Network, PLAN, STATE, Scoring, TERMS};
 use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
-use ds_space::CameraModel;
+use ds_space::{CameraModel, Draws};
 use ds_world::RouteCommand;
 
 use crate::camera::eye::Eye;
@@ -35,6 +35,13 @@ pub fn state_of(ego: &EgoView, command: RouteCommand) -> [f32; STATE] {
 pub fn total(terms: [f64; TERMS]) -> f64 {
     let [collision, area, direction, light, progress, time, lane, comfort] = terms;
     collision * area * direction * light * (5.0 * time + 5.0 * progress + 2.0 * lane + 2.0 * comfort) / 14.0
+}
+
+/// Returns the noise that a network needs for one sample: normal numbers of the draws, from index `first` on.
+#[must_use]
+#[expect(clippy::cast_possible_truncation, reason = "inputs are single precision")]
+pub fn noise_of(kind: Kind, draws: &Draws, first: u64) -> Vec<f32> {
+    (0..kind.noise() as u64).map(|index| draws.normal(first + index) as f32).collect()
 }
 
 /// Drives by one network of the panel.
@@ -66,15 +73,13 @@ impl Policy for PanelPolicy {
         observation.check()?;
         let images = self.eye.newest(observation)?;
         let state = Array::new(&[1, STATE], state_of(&observation.ego, observation.command).to_vec());
-        let answer = self.network.answer(&Inputs { images: &images, state: &state });
+        let noise = noise_of(self.network.kind(), &observation.draw, 0);
+        let noise = Array::new(&[1, noise.len()], noise);
+        let answer = self.network.answer(&Inputs { images: &images, state: &state, noise: &noise, times: None });
         let plans = answer.plans.last().expect("every network has plans").values().chunks_exact(PLAN);
-        let expected = |plan: usize| match &answer.scores {
-            None => 1.0,
-            Some(scores) => total(std::array::from_fn(|term| sigmoid(scores.values()[plan * TERMS + term]))),
-        };
         let candidate = |(plan, numbers): (usize, &[f32])| Candidate {
             knots: knots_of(observation.ego.speed_mps, numbers),
-            probability: expected(plan),
+            score: score(self.network.kind(), &answer, plan),
         };
         let candidates: Vec<Candidate> = plans.enumerate().map(candidate).collect();
         proposals::answer(self.network.kind().name(), observation, &candidates)
@@ -89,6 +94,16 @@ impl Policy for PanelPolicy {
 
     fn restart(&self) -> Restart {
         Restart::Stateless
+    }
+}
+
+/// Returns the score of a plan of an answer of one sample.
+fn score(kind: Kind, answer: &Answer, plan: usize) -> f64 {
+    let logits = answer.scores.last().map(Array::values).unwrap_or_default();
+    match kind.scoring() {
+        Scoring::Single => 1.0,
+        Scoring::Terms => total(std::array::from_fn(|term| sigmoid(logits[plan * TERMS + term]))),
+        Scoring::Confidence => f64::from(logits[plan]),
     }
 }
 

@@ -1,13 +1,18 @@
 //! The networks of the policy panel: one frame of the known camera and a few numbers of state to scored plans.
 //!
 //! Each has an architecture of its own, after a published policy, shrunk to about a million parameters: [`Kind`] names
-//! them. A plan is [`PLAN`] numbers: x, y and heading of eight poses in the units of the caller. What a planner attends
-//! to of the frame, before state or command enter, is its context; everything that reads the state reads the frame
-//! through it. The loss lives with the caller, who is shown the answer and returns its gradient.
+//! them. A plan is [`PLAN`] numbers: x, y and heading of eight poses, as offsets from going straight on in [`units`]. What
+//! a planner attends to of the frame, before state or command enter, is its context; everything that reads the state reads
+//! the frame through it. The loss lives with the caller, who is shown the answer and returns its gradient. Networks draw
+//! nothing: one that needs noise is handed it.
 
+mod diffusion;
+mod diffusiondrive;
 mod drivor;
 mod layers;
 mod ltf;
+mod sampling;
+mod trunk;
 
 use burn::tensor::Tensor;
 use ds_nn::array::{Array, Declared, Weights, WeightsError};
@@ -18,10 +23,28 @@ pub use crate::planner::{HEIGHT_PX, WIDTH_PX};
 
 /// Numbers of one plan: x, y, heading of eight poses.
 pub const PLAN: usize = 24;
+/// Time between poses, in seconds; the first is so far from now.
+pub const POSE_SECS: f64 = 0.5;
 /// Numbers of state: speed twice, yaw rate, acceleration along and across, command one-hot.
 pub const STATE: usize = 8;
+/// The unit of the first number of state, in metres per second.
+pub const SPEED_MPS: f64 = 10.0;
 /// Sub-scores that a scorer predicts of a plan: NC, DAC, DDC, TLC, EP, TTC, LK, HC.
 pub const TERMS: usize = 8;
+
+/// Returns the units of x and y, in metres, and heading, in radians, of a pose: they grow with time, so that all numbers
+/// of plans are of order one.
+#[must_use]
+pub fn units(pose: usize) -> [f64; 3] {
+    let after_secs = POSE_SECS * (pose + 1) as f64;
+    [0.3 + 1.2 * after_secs, 0.2 + 0.8 * after_secs, 0.05 + 0.15 * after_secs]
+}
+
+/// Returns how far a car has come at a pose that goes straight on, in metres; backwards it stands.
+#[must_use]
+pub fn straight_on_m(speed_mps: f64, pose: usize) -> f64 {
+    speed_mps.max(0.0) * POSE_SECS * (pose + 1) as f64
+}
 
 /// A network of the panel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -30,11 +53,24 @@ pub enum Kind {
     Drivor,
     /// Convolutions fused with a learned latent grid; one plan, no scorer (after Latent `TransFuser`).
     Ltf,
+    /// Truncated diffusion from anchored plans over the trunk of `ltf`; 20 plans with a logit each (after `DiffusionDrive`).
+    Diffusiondrive,
+}
+
+/// What the logits of plans say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scoring {
+    /// Nothing: there is one plan and no logit.
+    Single,
+    /// The sub-scores of each plan, [`TERMS`] of the last read-out.
+    Terms,
+    /// How likely each plan is the right one, one number of each read-out.
+    Confidence,
 }
 
 impl Kind {
     /// All networks.
-    pub const ALL: [Self; 2] = [Self::Drivor, Self::Ltf];
+    pub const ALL: [Self; 3] = [Self::Drivor, Self::Ltf, Self::Diffusiondrive];
 
     /// Returns the name, as in `run --policy`.
     #[must_use]
@@ -42,6 +78,7 @@ impl Kind {
         match self {
             Self::Drivor => "drivor",
             Self::Ltf => "ltf",
+            Self::Diffusiondrive => "diffusiondrive",
         }
     }
 
@@ -57,7 +94,39 @@ impl Kind {
         match self {
             Self::Drivor => drivor::declared(),
             Self::Ltf => ltf::declared(),
+            Self::Diffusiondrive => diffusiondrive::declared(),
         }
+    }
+
+    /// Returns what its logits say.
+    #[must_use]
+    pub fn scoring(self) -> Scoring {
+        match self {
+            Self::Drivor => Scoring::Terms,
+            Self::Ltf => Scoring::Single,
+            Self::Diffusiondrive => Scoring::Confidence,
+        }
+    }
+
+    /// Returns how many normal numbers a sample needs as noise.
+    #[must_use]
+    pub fn noise(self) -> usize {
+        match self {
+            Self::Drivor | Self::Ltf => 0,
+            Self::Diffusiondrive => diffusiondrive::PLANS * diffusion::POINTS,
+        }
+    }
+
+    /// Returns below which number times are drawn in training; none for a network without noise.
+    #[must_use]
+    pub fn times(self) -> Option<u32> {
+        (self.noise() > 0).then_some(diffusion::TIMES)
+    }
+
+    /// Returns the name of the weight that holds x and y of the plans it starts from, which are given to it and not trained.
+    #[must_use]
+    pub fn anchors(self) -> Option<&'static str> {
+        (self == Self::Diffusiondrive).then_some(diffusiondrive::ANCHORS)
     }
 
     /// Rows and columns of the context where its tokens are places, row by row.
@@ -65,7 +134,8 @@ impl Kind {
     pub fn grid(self) -> Option<[usize; 2]> {
         match self {
             Self::Drivor => None,
-            Self::Ltf => Some(ltf::LATENT),
+            Self::Ltf => Some(trunk::LATENT),
+            Self::Diffusiondrive => Some(sampling::MAP),
         }
     }
 
@@ -73,6 +143,7 @@ impl Kind {
         match self {
             Self::Drivor => drivor::context(graph, images),
             Self::Ltf => ltf::context(graph, images),
+            Self::Diffusiondrive => diffusiondrive::context(graph, images),
         }
     }
 
@@ -81,7 +152,8 @@ impl Kind {
         let state = graph.tensor::<2>(inputs.state);
         match self {
             Self::Drivor => drivor::plan(graph, &context, &state),
-            Self::Ltf => ltf::plan(graph, &context, &state),
+            Self::Ltf => ltf::plan(graph, context, state),
+            Self::Diffusiondrive => diffusiondrive::plan(graph, context, state, inputs),
         }
     }
 }
@@ -93,6 +165,17 @@ pub struct Inputs<'a> {
     pub images: &'a Array,
     /// [N, 8].
     pub state: &'a Array,
+    /// Normal numbers, [N, [`Kind::noise`]].
+    pub noise: &'a Array,
+    /// In training how strongly each sample's noise is mixed in, below [`Kind::times`]; none to answer in all steps.
+    pub times: Option<&'a [u32]>,
+}
+
+impl Inputs<'_> {
+    #[expect(clippy::cast_possible_truncation, reason = "inputs are single precision")]
+    fn speeds_mps(&self) -> Vec<f32> {
+        self.state.values().chunks_exact(STATE).map(|state| SPEED_MPS as f32 * state[0]).collect()
+    }
 }
 
 /// What a network answers, or the gradient of a loss by it.
@@ -100,21 +183,21 @@ pub struct Inputs<'a> {
 pub struct Answer {
     /// Read-outs of the plans, the last being the answer: [N, M, 24] each.
     pub plans: Vec<Array>,
-    /// Logits of the sub-scores of each plan, [N, M, 8]; none without a scorer.
-    pub scores: Option<Array>,
+    /// Logits of each plan, as [`Kind::scoring`] says: [N, M, 8] of the last read-out or [N, M, 1] of each.
+    pub scores: Vec<Array>,
 }
 
 /// An answer on the device.
 struct Heads {
     plans: Vec<Tensor<3>>,
-    scores: Option<Tensor<3>>,
+    scores: Vec<Tensor<3>>,
 }
 
 impl Heads {
     fn answer(&self) -> Answer {
         Answer {
             plans: self.plans.iter().map(|plans| array_of(plans.clone())).collect(),
-            scores: self.scores.clone().map(array_of),
+            scores: self.scores.iter().map(|scores| array_of(scores.clone())).collect(),
         }
     }
 
@@ -161,7 +244,7 @@ impl Network {
     }
 }
 
-/// Returns a loss and the gradient of every weight; `grade` is shown the answer and returns the loss and its gradient by
+/// Returns a loss and the gradient of every weight that is trained; `grade` is shown the answer and returns the loss and its gradient by
 /// the answer.
 ///
 /// # Errors
@@ -177,7 +260,11 @@ pub fn gradient(
     let heads = kind.forward(&graph, inputs);
     let (loss, slope) = grade(&heads.answer());
     let surrogate = heads.surrogate(&graph, &slope);
-    Ok((loss, graph.gradients(surrogate.backward())))
+    let mut gradients = graph.gradients(surrogate.backward());
+    if let Some(anchors) = kind.anchors() {
+        gradients.remove(anchors);
+    }
+    Ok((loss, gradients))
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@
 //! [`FIRST_HELD_OUT_SEED`], held-out seeds at or above it. Everything is a function of the settings; each round's
 //! samples, and the state of training every so many steps, are files in the work folder from which a run goes on.
 
+mod anchors;
 mod augment;
 mod closed_loop;
 mod dataset;
@@ -193,7 +194,7 @@ pub fn run(
     let mut samples =
         Samples::held(&files.samples("expert"), || dataset::beside_the_expert(settings, ScenarioSplit::Training))?;
     files.log(&json!({"samples": samples.len(), "held_out": held_out.len()}), listener)?;
-    let mut learner = Learner::resume(student, settings, &files.checkpoint())?;
+    let mut learner = Learner::resume(student, settings, &samples, &files.checkpoint())?;
     let mut end = 0;
     for (index, round) in (0u64..).zip(&settings.rounds) {
         if round.scenarios > 0 {

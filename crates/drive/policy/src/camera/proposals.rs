@@ -3,6 +3,7 @@
 //! Each mode has 8 × (x, y, heading) and a logit. Poses are offsets from going straight on at the present speed, in units
 //! that grow with time, so that all outputs are of order one. Rig frame of now, metres, radians.
 
+use ds_graph::panel::{POSE_SECS, SPEED_MPS, straight_on_m, units};
 use ds_space::{DVec2, PoseSe2, SimTime, angle};
 use ds_world::{Proposal, RouteCommand};
 
@@ -15,7 +16,7 @@ pub const MODES: usize = 4;
 /// Poses per candidate.
 pub const KNOTS: usize = 8;
 /// Time between poses, in seconds.
-pub const KNOT_SECS: f64 = 0.5;
+pub const KNOT_SECS: f64 = POSE_SECS;
 /// Numbers of one candidate: three per pose.
 pub const TARGETS: usize = KNOTS * 3;
 /// Numbers of output: each candidate, then one logit each.
@@ -33,8 +34,8 @@ const MOST_YAW_RATE_RADPS: f64 = 0.6;
 pub struct Candidate {
     /// Poses at 0.5 s, 1.0 s, … 4.0 s.
     pub knots: [PoseSe2; KNOTS],
-    /// The network's probability that this one is right, or the score that it expects of it.
-    pub probability: f64,
+    /// The network's probability that this one is right, the score that it expects of it, or its logit: more is better.
+    pub score: f64,
 }
 
 /// Returns the state inputs.
@@ -43,22 +44,12 @@ pub struct Candidate {
 pub fn state_of(speed_mps: f64, command: RouteCommand) -> [f32; STATE] {
     let is = |wanted| f32::from(u8::from(command == wanted));
     [
-        (speed_mps / 10.0) as f32,
+        (speed_mps / SPEED_MPS) as f32,
         (-speed_mps.max(0.0)).exp() as f32,
         is(RouteCommand::Straight),
         is(RouteCommand::Left),
         is(RouteCommand::Right),
     ]
-}
-
-/// Returns the units of x, y and heading at a knot.
-fn units(knot: usize) -> [f64; 3] {
-    let after_secs = KNOT_SECS * (knot + 1) as f64;
-    [0.3 + 1.2 * after_secs, 0.2 + 0.8 * after_secs, 0.05 + 0.15 * after_secs]
-}
-
-fn straight_on(speed_mps: f64, knot: usize) -> f64 {
-    speed_mps.max(0.0) * KNOT_SECS * (knot + 1) as f64
 }
 
 /// Returns the numbers that stand for eight poses, in the layout of one candidate.
@@ -68,7 +59,7 @@ pub fn encode(speed_mps: f64, knots: &[PoseSe2; KNOTS]) -> [f32; TARGETS] {
     let mut targets = [0.0; TARGETS];
     for (knot, pose) in knots.iter().enumerate() {
         let [x, y, heading] = units(knot);
-        targets[3 * knot] = ((pose.position.x - straight_on(speed_mps, knot)) / x) as f32;
+        targets[3 * knot] = ((pose.position.x - straight_on_m(speed_mps, knot)) / x) as f32;
         targets[3 * knot + 1] = (pose.position.y / y) as f32;
         targets[3 * knot + 2] = (pose.heading_rad / heading) as f32;
     }
@@ -87,7 +78,7 @@ pub fn decode(speed_mps: f64, outputs: &[f32]) -> Vec<Candidate> {
     let weights: Vec<f64> = logits.iter().map(|logit| f64::from(logit - highest).exp()).collect();
     let sum: f64 = weights.iter().sum();
     let candidates = targets.chunks_exact(TARGETS).zip(weights);
-    let candidate = |(targets, weight)| Candidate { knots: knots_of(speed_mps, targets), probability: weight / sum };
+    let candidate = |(targets, weight)| Candidate { knots: knots_of(speed_mps, targets), score: weight / sum };
     candidates.map(candidate).collect()
 }
 
@@ -100,7 +91,7 @@ pub fn knots_of(speed_mps: f64, targets: &[f32]) -> [PoseSe2; KNOTS] {
     std::array::from_fn(|knot| {
         let [x, y, heading] = units(knot);
         let at = |field: usize| f64::from(targets[3 * knot + field]);
-        let forward = straight_on(speed_mps, knot) + at(0) * x;
+        let forward = straight_on_m(speed_mps, knot) + at(0) * x;
         PoseSe2 { position: DVec2::new(forward, at(1) * y), heading_rad: angle::wrap(at(2) * heading) }
     })
 }
@@ -115,7 +106,7 @@ pub(crate) fn answer(
     for candidate in candidates {
         let (horizon_ticks, dt) = (observation.horizon_ticks, observation.dt);
         let poses = poses_at_ticks(observation.ego.speed_mps, &candidate.knots, horizon_ticks, dt);
-        proposals.push(Proposal { trajectory: evenly_spaced(name, &poses, dt)?, score: candidate.probability });
+        proposals.push(Proposal { trajectory: evenly_spaced(name, &poses, dt)?, score: candidate.score });
     }
     let best = proposals.iter().reduce(|best, next| if next.score > best.score { next } else { best });
     let trajectory = best.expect("the network always makes proposals").trajectory.clone();

@@ -85,7 +85,7 @@ fn encoded_poses_are_decoded_and_continued_on_their_circle() {
     outputs[TARGETS..2 * TARGETS].copy_from_slice(&encode(speed_mps, &knots));
     outputs[MODES * TARGETS + 1] = 5.0;
     let candidates = decode(speed_mps, &outputs);
-    assert!(candidates[1].probability > 0.97);
+    assert!(candidates[1].score > 0.97);
     let poses = poses_at_ticks(speed_mps, &candidates[1].knots, 80, SimTime::from_secs(0.1));
     for (pose, tick) in poses.iter().zip(1..) {
         let expected = on_circle(0.1 * f64::from(tick));

@@ -80,5 +80,5 @@ pub(super) fn plan(graph: &Graph, context: &Tensor<3>, state: &Tensor<2>) -> Hea
         y = block(graph, &format!("scorer{index}"), DECODER_HEADS, y, Some(context));
     }
     let scores = pair(graph, "scores", norm(graph, "scores.norm", y));
-    Heads { plans, scores: Some(scores) }
+    Heads { plans, scores: vec![scores] }
 }

@@ -70,34 +70,54 @@ pub(super) fn pair<const D: usize>(graph: &Graph, name: &str, x: Tensor<D>) -> T
 
 /// Declares a pre-norm transformer block of a width; `cross` adds attention to a context of the same width.
 pub(super) fn declare_block(list: &mut Vec<Declared>, name: &str, width: usize, ratio: usize, cross: bool) {
-    for attention in ["self", "cross"].into_iter().take(1 + usize::from(cross)) {
-        let name = format!("{name}.{attention}");
-        declare_norm(list, &format!("{name}.norm"), width);
-        for part in ["q", "k", "v"] {
-            Declared::linear(list, &format!("{name}.{part}"), width, width, 1.0);
-        }
-        Declared::linear(list, &format!("{name}.out"), width, width, BRANCH_GAIN);
+    declare_attention(list, &format!("{name}.self"), width);
+    if cross {
+        declare_attention(list, &format!("{name}.cross"), width);
     }
-    declare_norm(list, &format!("{name}.mlp.norm"), width);
-    declare_pair(list, &format!("{name}.mlp"), [width, ratio * width, width], BRANCH_GAIN);
+    declare_hidden(list, &format!("{name}.mlp"), width, ratio);
 }
 
 /// A pre-norm transformer block: attention among the tokens, attention to the context if there is one, two layers.
 pub(super) fn block(graph: &Graph, name: &str, heads: usize, x: Tensor<3>, context: Option<&Tensor<3>>) -> Tensor<3> {
-    let normed = norm(graph, &format!("{name}.self.norm"), x.clone());
-    let mut x = x + attention(graph, &format!("{name}.self"), heads, normed.clone(), normed);
-    if let Some(context) = context {
-        let name = format!("{name}.cross");
-        let normed = norm(graph, &format!("{name}.norm"), x.clone());
-        x = x + attention(graph, &name, heads, normed, context.clone());
+    let mut x = attended(graph, &format!("{name}.self"), heads, x, None);
+    if context.is_some() {
+        x = attended(graph, &format!("{name}.cross"), heads, x, context);
     }
-    let name = format!("{name}.mlp");
-    let y = graph.linear(&format!("{name}.0")).apply(norm(graph, &format!("{name}.norm"), x.clone()));
-    x + graph.linear(&format!("{name}.1")).apply(gelu(y))
+    hidden(graph, &format!("{name}.mlp"), x)
 }
 
-fn attention(graph: &Graph, name: &str, heads: usize, queries: Tensor<3>, keys: Tensor<3>) -> Tensor<3> {
+/// Declares attention with a norm before it.
+pub(super) fn declare_attention(list: &mut Vec<Declared>, name: &str, width: usize) {
+    declare_norm(list, &format!("{name}.norm"), width);
+    for part in ["q", "k", "v"] {
+        Declared::linear(list, &format!("{name}.{part}"), width, width, 1.0);
+    }
+    Declared::linear(list, &format!("{name}.out"), width, width, BRANCH_GAIN);
+}
+
+/// Adds attention to a context, or among the tokens without one.
+pub(super) fn attended(
+    graph: &Graph,
+    name: &str,
+    heads: usize,
+    x: Tensor<3>,
+    context: Option<&Tensor<3>>,
+) -> Tensor<3> {
     let layer = |part: &str| graph.linear(&format!("{name}.{part}"));
+    let queries = norm(graph, &format!("{name}.norm"), x.clone());
+    let keys = context.unwrap_or(&queries).clone();
     let (q, k, v) = (layer("q").apply(queries), layer("k").apply(keys.clone()), layer("v").apply(keys));
-    layer("out").apply(attend(graph.mode, heads, [q, k, v]))
+    x + layer("out").apply(attend(graph.mode, heads, [q, k, v]))
+}
+
+/// Declares two layers with a norm before them, the hidden one `ratio` times as wide.
+pub(super) fn declare_hidden(list: &mut Vec<Declared>, name: &str, width: usize, ratio: usize) {
+    declare_norm(list, &format!("{name}.norm"), width);
+    declare_pair(list, name, [width, ratio * width, width], BRANCH_GAIN);
+}
+
+/// Adds two layers over each token.
+pub(super) fn hidden(graph: &Graph, name: &str, x: Tensor<3>) -> Tensor<3> {
+    let y = graph.linear(&format!("{name}.0")).apply(norm(graph, &format!("{name}.norm"), x.clone()));
+    x + graph.linear(&format!("{name}.1")).apply(gelu(y))
 }

@@ -11,7 +11,7 @@ use ds_policy::panel::state_of;
 use super::PolicyTrainError;
 use super::judge::Judge;
 use super::shown::Shown;
-use super::{loss, panel_loss};
+use super::{anchors, loss, panel_loss};
 
 /// Returns the loss of a batch and its gradient by the weights; `images` are [N, 96, 160, 3].
 pub(super) fn gradient(
@@ -33,6 +33,16 @@ pub(super) fn gradient(
         Learned::Panel(kind) => {
             let rows = batch.iter().flat_map(|shown| state_of(&shown.ego(), shown.sample.command));
             let state = Array::new(&[batch.len(), panel::STATE], rows.collect());
+            let noise = batch.iter().flat_map(|shown| shown.noise(kind));
+            let noise = Array::new(&[batch.len(), kind.noise()], noise.collect());
+            let times: Option<Vec<u32>> = batch.iter().map(|shown| shown.time(kind)).collect();
+            let inputs = Inputs { images, state: &state, noise: &noise, times: times.as_deref() };
+            if let Some(anchors) = kind.anchors().and_then(|name| weights.get(name)) {
+                let targets: Vec<_> = batch.iter().map(Shown::target).collect();
+                return Ok(panel::gradient(kind, weights, &inputs, |answer| {
+                    anchors::grade(answer, anchors, &targets)
+                })?);
+            }
             let mut refused = None;
             let grade = |answer: &panel::Answer| match panel_loss::grade(answer, batch, judge) {
                 Ok(found) => found,
@@ -41,7 +51,7 @@ pub(super) fn gradient(
                     (f64::NAN, answer.clone())
                 }
             };
-            let found = panel::gradient(kind, weights, &Inputs { images, state: &state }, grade)?;
+            let found = panel::gradient(kind, weights, &inputs, grade)?;
             refused.map_or(Ok(found), Err)
         }
     }

@@ -10,6 +10,7 @@ use ds_policy::Learned;
 use ds_space::{DigestWriter, Draws};
 
 use super::PolicyTrainError;
+use super::anchors;
 use super::augment::augment_into;
 use super::dataset::Samples;
 use super::gradient::gradient;
@@ -28,10 +29,12 @@ pub(super) struct Learner {
 }
 
 impl Learner {
-    /// Goes on from a checkpoint, or starts anew where there is none.
+    /// Goes on from a checkpoint, or starts anew where there is none, with anchors of the expert's samples where the
+    /// network has some.
     pub(super) fn resume(
         student: Learned,
         settings: &PolicySettings,
+        expert: &Samples,
         checkpoint: &Path,
     ) -> Result<Self, PolicyTrainError> {
         let adam = AdamWSettings { weight_decay: settings.weight_decay, ..AdamWSettings::default() };
@@ -39,7 +42,8 @@ impl Learner {
         let schedule = Schedule { peak, warm_up, total: settings.steps(), shape: Shape::Cosine };
         if !checkpoint.exists() {
             let seed = DigestWriter::new().text(&format!("{} policy", student.name())).u64(settings.seed).finish();
-            let weights = Weights::initialised(&student.declared(), &seed);
+            let mut weights = Weights::initialised(&student.declared(), &seed);
+            anchors::give(student, &mut weights, expert, settings.seed);
             let optimiser = AdamW::new(adam, &weights);
             let judge = Judge::default();
             return Ok(Self { student, judge, average: weights.clone(), weights, optimiser, schedule });
@@ -97,7 +101,7 @@ impl Learner {
             let sample = &samples.0[draws.below(100, samples.len() as u64) as usize];
             augment_into(&sample.rgb, &draws, &mut pixels);
             let speed_mps = (f64::from(sample.speed_mps) + 0.15 * draws.normal(101)).max(0.0);
-            shown.push(Shown { sample, speed_mps, motion: draws.uniform(102) < 0.5 });
+            shown.push(Shown { sample, speed_mps, motion: draws.uniform(102) < 0.5, draws });
         }
         let images = Array::new(&[batch, HEIGHT_PX, WIDTH_PX, 3], pixels);
         let (loss, gradient) = gradient(self.student, &self.weights, &images, &shown, &mut self.judge)?;

@@ -54,7 +54,7 @@ fn grade_row(row: &[f32], slope: &mut [f32], target: &[f32; TARGETS], speed_mps:
             slope[mode * TARGETS + k] = weight * by_error;
         }
         #[expect(clippy::cast_possible_truncation, reason = "gradients are single precision")]
-        let probability = candidates[mode].probability as f32;
+        let probability = candidates[mode].score as f32;
         let is_nearest = f32::from(u8::from(mode == nearest));
         slope[MODES * TARGETS + mode] = CHOICE_WEIGHT * (probability - is_nearest);
         loss -= CHOICE_WEIGHT * is_nearest * probability.max(1e-9).ln();

@@ -1,5 +1,5 @@
-//! The loss of the panel's networks with its gradient: the nearest plan is drawn to the teacher's, sub-scores to what the
-//! plans earn.
+//! The loss of the panel's networks without anchors, with its gradient: the nearest plan is drawn to the teacher's,
+//! sub-scores to what the plans earn.
 
 use ds_graph::panel::{Answer, PLAN, TERMS};
 use ds_nn::Array;
@@ -37,14 +37,12 @@ pub(super) fn grade(
         }
         plans.push(slope);
     }
-    let scores = match &answer.scores {
-        None => None,
-        Some(logits) => {
-            let mut slope = Array::zeros(logits.shape());
-            loss += judge_all(answer, logits, &mut slope, batch, judge)?;
-            Some(slope)
-        }
-    };
+    let mut scores = Vec::with_capacity(answer.scores.len());
+    for logits in &answer.scores {
+        let mut slope = Array::zeros(logits.shape());
+        loss += judge_all(answer, logits, &mut slope, batch, judge)?;
+        scores.push(slope);
+    }
     Ok((loss, Answer { plans, scores }))
 }
 

@@ -104,15 +104,15 @@ fn a_resumed_run_equals_one_that_was_not_stopped() {
     let settings =
         PolicySettings { batch: 2, ..PolicySettings::parse(SHIPPED).expect("the shipped settings are sound") };
     let samples = samples(4);
-    for student in [Learned::Camera, Learned::Panel(Kind::Ltf)] {
+    for student in [Learned::Camera, Learned::Panel(Kind::Ltf), Learned::Panel(Kind::Diffusiondrive)] {
         let checkpoint = folder.path().join(student.file_name());
-        let mut straight = Learner::resume(student, &settings, &checkpoint).expect("starts anew");
-        let mut stopped = Learner::resume(student, &settings, &checkpoint).expect("starts anew");
+        let mut straight = Learner::resume(student, &settings, &samples, &checkpoint).expect("starts anew");
+        let mut stopped = Learner::resume(student, &settings, &samples, &checkpoint).expect("starts anew");
         for step in 0..4 {
             straight.step(&settings, &samples).expect("learns");
             if step == 2 {
                 stopped.save(&checkpoint).expect("saves");
-                stopped = Learner::resume(student, &settings, &checkpoint).expect("goes on");
+                stopped = Learner::resume(student, &settings, &samples, &checkpoint).expect("goes on");
             }
             stopped.step(&settings, &samples).expect("learns");
         }
@@ -128,7 +128,12 @@ fn the_judge_tells_good_plans_from_bad_and_the_gradient_of_the_panel_is_its_slop
     let made = dataset::beside_the_expert(&settings, ScenarioSplit::Training).expect("the scenario can be simulated");
     let sample = &made.0[0];
     let mut judge = Judge::default();
-    let shown = [Shown { sample, speed_mps: f64::from(sample.speed_mps), motion: true }];
+    let shown = [Shown {
+        sample,
+        speed_mps: f64::from(sample.speed_mps),
+        motion: true,
+        draws: Draws::from_seed(1, "shown in a test"),
+    }];
     let target = shown[0].target();
     // The teacher's plan, and one that leaves the road.
     let aside: Vec<f32> = target.iter().enumerate().map(|(k, v)| if k % 3 == 1 { v + 8.0 } else { *v }).collect();
@@ -138,13 +143,13 @@ fn the_judge_tells_good_plans_from_bad_and_the_gradient_of_the_panel_is_its_slop
     assert!(total(terms[0]) > 0.3 && total(terms[1]) < 0.1, "{terms:?}");
     let plans = Array::new(&[1, 2, TARGETS], [target.as_slice(), &aside].concat());
     let scores = Array::new(&[1, 2, 8], (0..16).map(|k| 0.1 * k as f32 - 0.7).collect());
-    let answer = Answer { plans: vec![plans], scores: Some(scores) };
+    let answer = Answer { plans: vec![plans], scores: vec![scores] };
     let (loss, slope) = panel_loss::grade(&answer, &shown, &mut judge).expect("graded");
     for index in [0, 5, 9, 15] {
         let mut moved = answer.clone();
-        moved.scores.as_mut().expect("it has scores").values_mut()[index] += 1e-2;
+        moved.scores[0].values_mut()[index] += 1e-2;
         let numeric = (panel_loss::grade(&moved, &shown, &mut judge).expect("graded").0 - loss) / 1e-2;
-        let analytic = f64::from(slope.scores.as_ref().expect("it has scores").values()[index]);
+        let analytic = f64::from(slope.scores[0].values()[index]);
         assert!((numeric - analytic).abs() < 1e-3, "score {index}: {numeric} by difference, {analytic} by formula");
     }
 }
