@@ -33,8 +33,8 @@ pub fn closed(
             Ok::<_, CasesError>(vehicle_log::read(&logs::file(&run.folder.join("real"), name))?.readings)
         };
         let truth = readings(real)?;
-        let [before, after] = [readings(nominal)?, readings(corrected)?].map(|log| deviation(&truth, &log));
-        columns.add("route_deviation", before, after);
+        let off = [readings(nominal)?, readings(corrected)?].map(|log| deviation(&truth, &log));
+        columns.add("route_deviation", name, off);
         columns.add_scores(name, real.results, [nominal.results, corrected.results]);
     }
     Ok(closings(columns))

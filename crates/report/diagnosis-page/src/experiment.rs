@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 
 use ds_experiment::{Curve, Curves, Margin, Next, Planned};
 
+use super::blocks::{head, section, table};
 use super::index::tile;
 use super::markup::Markup;
 use super::plot;
@@ -73,20 +74,16 @@ fn name(effects: &[String]) -> String {
 
 /// Writes the body of the page.
 pub(crate) fn body(m: &mut Markup, next: &Next) {
-    m.inside("header", &[], |m| {
-        m.inside("div", &[], |m| {
-            m.leaf("p", &[("class", &"brand")], "DreamStream gap diagnosis");
-            m.leaf("h1", &[], format_args!("What to drive next: {}", next.case));
-            m.inside("ul", &[("class", &"tiles")], |m| {
-                tile(m, next.hypotheses.len(), "hypotheses", "");
-                tile(m, next.runs.len(), "runs driven", "");
-                let left = next.runs.iter().filter(|run| run.left_envelope).count();
-                tile(m, left, "left the envelope", if left > 0 { "alarm" } else { "" });
-            });
-            if let Some(ended) = &next.ended {
-                m.leaf("p", &[("class", &"said")], format_args!("{}.", words::capital(ended)));
-            }
+    head(m, &format!("What to drive next: {}", next.case), |m| {
+        m.inside("ul", &[("class", &"tiles")], |m| {
+            tile(m, next.hypotheses.len(), "hypotheses", "");
+            tile(m, next.runs.len(), "runs driven", "");
+            let left = next.runs.iter().filter(|run| run.left_envelope).count();
+            tile(m, left, "left the envelope", if left > 0 { "alarm" } else { "" });
         });
+        if let Some(ended) = &next.ended {
+            m.leaf("p", &[("class", &"said")], format_args!("{}.", words::capital(ended)));
+        }
     });
     m.inside("main", &[], |m| {
         told(m, next);
@@ -97,29 +94,6 @@ pub(crate) fn body(m: &mut Markup, next: &Next) {
             section(m, &title, |m| margins(m, &planned.envelope.margins));
         }
         runs(m, next);
-    });
-}
-
-fn section(m: &mut Markup, title: &str, content: impl FnOnce(&mut Markup)) {
-    m.inside("section", &[], |m| {
-        m.leaf("h2", &[], title);
-        content(m);
-    });
-}
-
-/// Writes a table.
-fn table(m: &mut Markup, title: &str, columns: &[&str], rows: &[Vec<String>]) {
-    m.inside("div", &[("class", &"scroll"), ("tabindex", &0), ("role", &"region"), ("aria-label", &title)], |m| {
-        m.inside("table", &[], |m| {
-            m.inside("thead", &[], |m| {
-                m.inside("tr", &[], |m| columns.iter().for_each(|c| m.leaf("th", &[("scope", &"col")], c)));
-            });
-            m.inside("tbody", &[], |m| {
-                for row in rows {
-                    m.inside("tr", &[], |m| row.iter().for_each(|cell| m.leaf("td", &[], cell)));
-                }
-            });
-        });
     });
 }
 

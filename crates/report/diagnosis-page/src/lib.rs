@@ -9,8 +9,12 @@ use std::path::Path;
 use ds_diagnosis::Verdict;
 use ds_diagnosis::schema::Diagnosis;
 use ds_page as markup;
+use ds_run_report::closing::Closing;
 
+mod attribution;
 mod baseline;
+mod blocks;
+mod closing;
 mod effects;
 mod embed;
 mod experiment;
@@ -33,6 +37,7 @@ mod tiles;
 mod when;
 mod words;
 
+pub use attribution::Attributed;
 use ds_page::{Document, Markup, Pictures};
 use material::Material;
 
@@ -85,6 +90,19 @@ pub fn experiment(next: &ds_experiment::Next) -> String {
 #[must_use]
 pub fn experiment_text(next: &ds_experiment::Next) -> String {
     experiment::text(next)
+}
+
+/// Returns the page of what costs policies their score; `asked` says over what, line by line.
+#[must_use]
+pub fn attribution(policies: &[Attributed<'_>], asked: &[(&str, String)]) -> String {
+    document("What costs the score", |m| attribution::body(m, policies, asked))
+}
+
+/// Returns the page of what a correction closes; `asked` says over what, line by line, `report` is the diagnosis' page beside it.
+#[must_use]
+pub fn closing(diagnosis: &Diagnosis, closings: &[Closing], asked: &[(&str, String)], report: &str) -> String {
+    let title = format!("{} · what the correction closes", diagnosis.case);
+    document(&title, |m| closing::body(m, diagnosis, closings, asked, report))
 }
 
 /// Returns a diagnosis as plain text for a terminal.

@@ -58,7 +58,7 @@ fn empty() -> Diagnosis {
 }
 
 /// One effect, cleanly found.
-fn clean() -> Diagnosis {
+pub(crate) fn clean() -> Diagnosis {
     let fast = Regime { drive: 1, steering: Some("fast".to_owned()), ..Regime::default() };
     Diagnosis {
         case: "delayed".to_owned(),

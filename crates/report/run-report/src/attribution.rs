@@ -42,6 +42,15 @@ pub struct Lead {
     pub scenarios_needed: Option<u64>,
 }
 
+/// What the components take in one scenario.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct InScenario {
+    /// The scenario.
+    pub scenario: String,
+    /// One share per component; they sum to the scenario's difference.
+    pub shares: Vec<f64>,
+}
+
 /// A score's difference between the real and the nominal world, split.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Attribution {
@@ -61,18 +70,25 @@ pub struct Attribution {
     pub lead: Option<Lead>,
     /// Scenarios with a value in every cell.
     pub scenarios: usize,
+    /// The split of each of them.
+    pub each: Vec<InScenario>,
 }
 
 /// Splits the difference of a metric; `cells[c][s]` is its value in cell `c` for scenario `s`. Scenarios that lack a
 /// value in any cell are left out. Nothing if none is left or the cells are not 2^n.
 #[must_use]
-pub fn attribute(metric: &str, components: &[&str], cells: &[Vec<Option<f64>>], seed: u64) -> Option<Attribution> {
+pub fn attribute(
+    metric: &str,
+    components: &[&str],
+    (scenarios, cells): (&[&str], &[Vec<Option<f64>>]),
+    seed: u64,
+) -> Option<Attribution> {
     if components.len() > MOST_COMPONENTS || cells.len() != 1 << components.len() {
         return None;
     }
-    let scenarios = cells.iter().map(Vec::len).min()?;
-    let complete = (0..scenarios).filter_map(|s| cells.iter().map(|cell| cell[s]).collect::<Option<Vec<f64>>>());
-    let complete: Vec<Vec<f64>> = complete.collect();
+    let values = |s: usize| cells.iter().map(|cell| *cell.get(s)?).collect::<Option<Vec<f64>>>();
+    let complete = scenarios.iter().enumerate().filter_map(|(s, name)| Some((*name, values(s)?)));
+    let (named, complete): (Vec<&str>, Vec<Vec<f64>>) = complete.unzip();
     let per_scenario: Vec<Vec<f64>> = complete.iter().map(|values| shapley(values)).collect();
     let totals: Vec<f64> = per_scenario.iter().map(|shares| shares.iter().sum()).collect();
     let draws = bootstrap::draws(seed);
@@ -91,6 +107,11 @@ pub fn attribute(metric: &str, components: &[&str], cells: &[Vec<Option<f64>>], 
         lead: lead(&shares, &column, &draws),
         shares,
         scenarios: complete.len(),
+        each: named
+            .into_iter()
+            .zip(per_scenario)
+            .map(|(scenario, shares)| InScenario { scenario: scenario.to_owned(), shares })
+            .collect(),
     })
 }
 
@@ -101,10 +122,11 @@ pub fn split(components: &[&str], cells: &[Results]) -> Vec<Attribution> {
     let scenarios: BTreeSet<&str> = cells.iter().flat_map(|cell| &cell.episodes).map(|e| e.scenario.as_str()).collect();
     let terms: BTreeSet<&str> =
         cells.iter().flat_map(|cell| &cell.episodes).flat_map(|e| e.sub_scores.keys()).map(String::as_str).collect();
+    let named: Vec<&str> = scenarios.iter().copied().collect();
     let whole = ["driving_score", "route_completion"];
     let split = |metric: &str| {
         let column = |cell: &Results| scenarios.iter().map(|scenario| of_scenario(cell, scenario, metric)).collect();
-        attribute(metric, components, &cells.iter().map(column).collect::<Vec<_>>(), 0)
+        attribute(metric, components, (&named, &cells.iter().map(column).collect::<Vec<_>>()), 0)
     };
     whole.into_iter().chain(terms).filter_map(split).collect()
 }
@@ -178,17 +200,19 @@ mod tests {
         let cell = |set: usize| (0..6).map(|s| Some(0.9 - 0.1 * set as f64 + 0.01 * (s * set * set) as f64)).collect();
         let mut cells: Vec<Vec<Option<f64>>> = (0..4).map(cell).collect();
         cells[2][5] = None;
-        let split = attribute("driving_score", &["frames", "dynamics"], &cells, 1).expect("an attribution");
+        let names = ["a", "b", "c", "d", "e", "f"];
+        let split = attribute("driving_score", &["frames", "dynamics"], (&names, &cells), 1).expect("an attribution");
         let sum: f64 = split.shares.iter().map(|share| share.value).sum();
         assert!((sum - split.total).abs() < 1e-12 && (split.real - split.nominal - split.total).abs() < 1e-12);
         assert_eq!(split.scenarios, 5);
+        assert!(split.each.iter().map(|one| one.scenario.as_str()).eq(["a", "b", "c", "d", "e"]), "{:?}", split.each);
         assert!(split.shares.iter().all(|share| {
             share.interval.is_some_and(|range| range.low <= share.value && share.value <= range.high)
         }));
         assert!(split.sentence().starts_with("of "), "{}", split.sentence());
         let lead = split.lead.as_ref().expect("two components");
         assert!(lead.component == "dynamics" && lead.apart && lead.scenarios_needed.is_none(), "{lead:?}");
-        assert!(attribute("x", &["frames"], &cells, 1).is_none());
+        assert!(attribute("x", &["frames"], (&names, &cells), 1).is_none());
     }
 
     #[test]
@@ -218,7 +242,9 @@ mod tests {
             (0..24).map(|s| Some(1.0 - cost(s))).collect()
         };
         let cells: Vec<Vec<Option<f64>>> = (0..4).map(cell).collect();
-        let split = attribute("driving_score", &["frames", "dynamics"], &cells, 1).expect("an attribution");
+        let names: Vec<String> = (0..24).map(|s| s.to_string()).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let split = attribute("driving_score", &["frames", "dynamics"], (&names, &cells), 1).expect("an attribution");
         let lead = split.lead.as_ref().expect("two components");
         assert!(lead.component == "frames" && !lead.apart, "{lead:?}");
         assert!(lead.scenarios_needed.is_some_and(|needed| needed > 1000), "{lead:?}");

@@ -24,16 +24,29 @@ pub struct Closing {
     pub gain: Option<Interval>,
     /// Number of drives.
     pub drives: usize,
+    /// Each of them.
+    pub each: Vec<Drive>,
+}
+
+/// One drive's absolute difference to the real drive.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Drive {
+    /// Its scenario.
+    pub scenario: String,
+    /// Nominal simulator.
+    pub before: f64,
+    /// Corrected simulator.
+    pub after: f64,
 }
 
 /// Absolute differences to the real drives before and after, by metric.
 #[derive(Debug, Clone, Default)]
-pub struct Columns(BTreeMap<&'static str, Vec<(f64, f64)>>);
+pub struct Columns(BTreeMap<&'static str, Vec<Drive>>);
 
 impl Columns {
     /// Adds the differences of one drive.
-    pub fn add(&mut self, metric: &'static str, before: f64, after: f64) {
-        self.0.entry(metric).or_default().push((before, after));
+    pub fn add(&mut self, metric: &'static str, scenario: &str, [before, after]: [f64; 2]) {
+        self.0.entry(metric).or_default().push(Drive { scenario: scenario.to_owned(), before, after });
     }
 
     /// Adds the differences of a scenario's scores, where all three runs have them.
@@ -44,7 +57,7 @@ impl Columns {
         for (metric, field) in scores {
             let of = |results: &Results| results.episodes.iter().find(|e| e.scenario == scenario).and_then(field);
             if let (Some(truth), Some(before), Some(after)) = (of(real), of(nominal), of(corrected)) {
-                self.add(metric, (before - truth).abs(), (after - truth).abs());
+                self.add(metric, scenario, [before, after].map(|score| (score - truth).abs()));
             }
         }
     }
@@ -53,17 +66,18 @@ impl Columns {
 /// Returns what was closed, metric by metric.
 #[must_use]
 pub fn closings(columns: Columns) -> Vec<Closing> {
-    let closing = |(metric, pairs): (&str, Vec<(f64, f64)>)| {
-        let before = mean(pairs.iter().map(|pair| pair.0)).unwrap_or_default();
-        let after = mean(pairs.iter().map(|pair| pair.1)).unwrap_or_default();
-        let gains: Vec<f64> = pairs.iter().map(|(before, after)| before - after).collect();
+    let closing = |(metric, each): (&str, Vec<Drive>)| {
+        let before = mean(each.iter().map(|drive| drive.before)).unwrap_or_default();
+        let after = mean(each.iter().map(|drive| drive.after)).unwrap_or_default();
+        let gains: Vec<f64> = each.iter().map(|drive| drive.before - drive.after).collect();
         Closing {
             metric: metric.to_owned(),
             before,
             after,
             share_closed: if before > 0.0 { 1.0 - after / before } else { 0.0 },
             gain: mean_interval(&gains, &bootstrap::draws(0)),
-            drives: pairs.len(),
+            drives: each.len(),
+            each,
         }
     };
     columns.0.into_iter().map(closing).collect()
@@ -80,8 +94,8 @@ mod tests {
             episodes: vec![Episode { scenario: "a".to_owned(), driving_score: Some(score), ..Episode::default() }],
         };
         let mut columns = Columns::default();
-        columns.add("route_deviation", 2.0, 1.0);
-        columns.add("route_deviation", 4.0, 2.0);
+        columns.add("route_deviation", "a", [2.0, 1.0]);
+        columns.add("route_deviation", "b", [4.0, 2.0]);
         columns.add_scores("a", &run(0.8), [&run(0.4), &run(0.9)]);
         columns.add_scores("b", &run(0.8), [&run(0.4), &run(0.9)]);
         let found = closings(columns);

@@ -7,10 +7,12 @@ use anyhow::{Context, Result, ensure};
 use ds_cases::world::{Component, components};
 use ds_cases::{EffectLine, RunConfig};
 use ds_diagnosis::json;
+use ds_diagnosis_page::Attributed;
 use ds_run_report::attribution::split;
 use ds_run_report::{Attribution, Results};
 use serde::Serialize;
 
+use super::put;
 use crate::cli::{AttributeArgs, RunPlan};
 use crate::command::report::RESULTS;
 use crate::command::{answer, bar, run};
@@ -21,6 +23,12 @@ struct PolicyReport {
     policy: String,
     sentence: String,
     metrics: Vec<Attribution>,
+}
+
+impl PolicyReport {
+    fn attributed(&self) -> Attributed<'_> {
+        Attributed { policy: &self.policy, sentence: &self.sentence, metrics: &self.metrics }
+    }
 }
 
 /// Runs the command.
@@ -51,13 +59,44 @@ pub(crate) async fn run(args: &AttributeArgs, log: &str) -> Result<()> {
         reports.push(PolicyReport { policy: policy.clone(), sentence, metrics });
     }
     bar.finish_and_clear();
-    let path = args.out.join("attribution.json");
-    json::write(&reports, &path)?;
+    json::write(&reports, &args.out.join("attribution.json"))?;
+    put(&args.out.join("attribution.html"), &page(args, &components, &reports))?;
     for report in &reports {
         answer(&format!("{}: {}", report.policy, report.sentence));
     }
-    answer(&format!("written to {}", path.display()));
+    answer(&format!("written to {}", args.out.join("attribution.html").display()));
     Ok(())
+}
+
+/// Writes values as people read them.
+fn joined(values: &[f64]) -> String {
+    values
+        .iter()
+        .map(|value| format!("{value:.3e}").parse().map_or_else(|_| value.to_string(), |v: f64| v.to_string()))
+        .collect::<Vec<_>>()
+        .join(",")
+}
+
+fn page(args: &AttributeArgs, components: &[Component], reports: &[PolicyReport]) -> String {
+    let effects = |component: &Component| {
+        let named = component.effects.iter().map(|effect| format!("{}={}", effect.id, joined(&effect.values)));
+        let all: Vec<String> = named.chain(component.laws.iter().cloned()).collect();
+        let frames = component.name == Component::FRAMES && args.real_frames != args.nominal_frames;
+        let swapped = frames.then(|| format!("{} for {}", args.real_frames.name(), args.nominal_frames.name()));
+        format!("{}: {}", component.name, swapped.into_iter().chain(all).collect::<Vec<_>>().join(", "))
+    };
+    let asked = [
+        ("real world", args.config.display().to_string()),
+        ("its parts", components.iter().map(effects).collect::<Vec<_>>().join("; ")),
+        ("scenarios", args.scenarios.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ")),
+        ("seeds", args.seed.iter().map(u64::to_string).collect::<Vec<_>>().join(", ")),
+        (
+            "duration",
+            if args.duration > 0.0 { format!("{} s", args.duration) } else { "the whole scenario".to_owned() },
+        ),
+    ];
+    let policies: Vec<Attributed<'_>> = reports.iter().map(PolicyReport::attributed).collect();
+    ds_diagnosis_page::attribution(&policies, &asked)
 }
 
 async fn drive(args: &AttributeArgs, policy: &str, components: &[Component], cell: u64, log: &str) -> Result<Results> {

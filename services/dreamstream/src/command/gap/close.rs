@@ -10,7 +10,7 @@ use ds_run_report::Results;
 use ds_run_report::closing::Closing;
 use serde::Serialize;
 
-use super::tell;
+use super::{PAGE, put, tell};
 use crate::cli::{CloseArgs, RunPlan};
 use crate::command::report::RESULTS;
 use crate::command::{answer, run, scenario};
@@ -80,6 +80,18 @@ pub(crate) async fn run(args: &CloseArgs, log: &str) -> Result<()> {
     let [real, before, after] = [0, 1, 2].map(|k| LoggedRun { folder: folders[k], results: &results[k] });
     let report = Report::new(&diagnosis, closed(&held, &real, [&before, &after])?);
     json::write(&report, &args.out.join("close.json"))?;
+    let asked = [
+        ("real drives", args.real.display().to_string()),
+        ("kept from the fit", held.join(", ")),
+        (
+            "fitted",
+            format!("{} drives, {} effort", logged.len() - held.len(), if args.quick { "quick" } else { "full" }),
+        ),
+        ("policy", format!("{} on {} frames", args.policy, args.observation.name())),
+        ("corrected simulator", "corrected.toml".to_owned()),
+    ];
+    put(&args.out.join(PAGE), &ds_diagnosis_page::page(&diagnosis, Some(&case)))?;
+    put(&args.out.join("close.html"), &ds_diagnosis_page::closing(&diagnosis, &report.closed_loop, &asked, PAGE))?;
     for closing in &report.closed_loop {
         let gain = closing.gain.map_or(String::new(), |gain| format!(", gain {:.3} to {:.3}", gain.low, gain.high));
         answer(&format!(
@@ -91,6 +103,6 @@ pub(crate) async fn run(args: &CloseArgs, log: &str) -> Result<()> {
             closing.drives
         ));
     }
-    answer(&format!("written to {}", args.out.display()));
+    answer(&format!("written to {}", args.out.join("close.html").display()));
     Ok(())
 }
