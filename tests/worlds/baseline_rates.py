@@ -2,6 +2,7 @@
 
 For every vehicle of the fleet its first healthy cases make the baseline, its other cases are diagnosed with it: how often
 a healthy one is called anything, a library effect unknown, the first effect right, the choice right, both of a pair found.
+Labels of the cases that were diagnosed lie beside the diagnoses, for `gap score DIR/logs-N --others OTHER/logs-N/labels.json`.
 
     python tests/worlds/own_world.py --out WORLD --seed SEED --fleet 3 --none 45 --singles 48 --pairs 12 --unknown 10
     python tests/worlds/baseline_rates.py WORLD --logs 3 5 10 --out DIR [--program target/debug/dreamstream] [--full | --discover]
@@ -98,6 +99,7 @@ def main():
                 path = out / n / "diagnosis.json"
                 if path.exists():
                     found[n] = json.loads(path.read_text())
+        (out / "labels.json").write_text(json.dumps(tested, indent=1))
         print(f"{given.world.name}: baseline of {count} healthy logs" if count else f"{given.world.name}: no baseline")
         for what, hits, of in rates(tested, found) + (law_rates(tested, found) if given.discover else []):
             print(f"  {what:34} {wilson(hits, of)}")

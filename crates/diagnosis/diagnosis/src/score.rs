@@ -1,7 +1,9 @@
 //! Scores diagnoses against labels: the figures of the specification, section 5, each with its count.
 
+pub mod skill;
+
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use ds_effect::Verdict;
 use serde::{Deserialize, Serialize};
@@ -9,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::CaseError;
 use crate::json;
 use crate::schema::{self, Diagnosis};
+use skill::{Reliability, Skill};
 
 /// Most members of a group that is worth reporting.
 pub const GROUP_SIZE: usize = 4;
@@ -69,6 +72,10 @@ pub struct Scores {
     pub shares: BTreeMap<&'static str, Option<Share>>,
     /// Mean Brier score of the first probability being right.
     pub brier: f64,
+    /// The same over all answers at once, beside a constant.
+    pub skill: Option<Skill>,
+    /// How often answers are right by how sure they are.
+    pub reliability: Vec<Reliability>,
     /// Expected calibration error of the first probability, up to ten bins of equal mass.
     pub calibration_error: f64,
     /// Median of |estimate - truth| over |truth - neutral|, right singles only.
@@ -87,11 +94,12 @@ pub fn read_labels(path: &Path) -> Result<BTreeMap<String, Label>, CaseError> {
     json::read(path)
 }
 
-/// Reads the diagnoses `DIR/<case>/diagnosis.json` of all labelled cases and scores them.
+/// Reads the diagnoses `DIR/<case>/diagnosis.json` of all labelled cases and scores them; labels of cases of other engines say
+/// how often what occurs.
 ///
 /// # Errors
 /// If labels or a diagnosis cannot be understood.
-pub fn score_folder(folder: &Path, labels: &Path) -> Result<Scores, CaseError> {
+pub fn score_folder(folder: &Path, labels: &Path, others: &[PathBuf]) -> Result<Scores, CaseError> {
     let labels = read_labels(labels)?;
     let mut found = BTreeMap::new();
     for name in labels.keys() {
@@ -100,7 +108,9 @@ pub fn score_folder(folder: &Path, labels: &Path) -> Result<Scores, CaseError> {
             found.insert(name.clone(), json::read(&path)?);
         }
     }
-    Ok(score(&found, &labels))
+    let others = others.iter().map(|path| read_labels(path)).collect::<Result<Vec<_>, _>>()?;
+    let others: Vec<&Label> = others.iter().flat_map(BTreeMap::values).collect();
+    Ok(Scores { skill: Some(skill::skill(&found, &labels, &others)), ..score(&found, &labels) })
 }
 
 /// Scores diagnoses against labels; a case without a diagnosis was refused, and is wrong in every rate (a false alarm where
@@ -154,6 +164,7 @@ pub fn score(diagnoses: &BTreeMap<String, Diagnosis>, labels: &BTreeMap<String, 
     }
     scores.brier =
         sure.iter().map(|(p, right)| (p - f64::from(u8::from(*right))).powi(2)).sum::<f64>() / sure.len().max(1) as f64;
+    scores.reliability = skill::reliability(&sure);
     scores.calibration_error = calibration(&mut sure);
     scores.relative_error = ds_stats::quantile(&mut relative, 0.5);
     scores.share_error = ds_stats::quantile(&mut shares, 0.5);
@@ -255,7 +266,7 @@ mod tests {
             std::fs::create_dir_all(folder.path().join(name)).expect("a folder");
             std::fs::write(folder.path().join(name).join("diagnosis.json"), text).expect("a diagnosis");
         };
-        let refused = score_folder(folder.path(), &path).expect("scores");
+        let refused = score_folder(folder.path(), &path, &[]).expect("scores");
         assert_eq!(refused.absent, ["d", "n", "o", "s"]);
         for (name, share) in &refused.shares {
             let wrong = ["false alarms", "known called unknown"].contains(name);
@@ -263,7 +274,7 @@ mod tests {
         }
         assert_eq!((refused.brier, refused.calibration_error), (1.0, 1.0));
         none("n");
-        let one = score_folder(folder.path(), &path).expect("scores");
+        let one = score_folder(folder.path(), &path, &[]).expect("scores");
         let share = |scores: &Scores, name: &str| scores.shares[name].map(|share| (share.hits, share.of));
         assert_eq!((share(&one, "verdict"), share(&one, "answered")), (Some((1, 4)), Some((1, 4))));
         assert_eq!((share(&one, "false alarms"), share(&one, "known called unknown")), (Some((0, 1)), Some((2, 3))));

@@ -206,6 +206,9 @@ pub(crate) struct GapScoreArgs {
     /// The labels; `labels.json` in the folder without.
     #[arg(long, value_hint = ValueHint::FilePath)]
     pub(crate) labels: Option<PathBuf>,
+    /// Labels of cases of other engines: how often what occurs there is the constant beside which probabilities have skill.
+    #[arg(long, value_name = "LABELS", num_args = 1.., value_hint = ValueHint::FilePath)]
+    pub(crate) others: Vec<PathBuf>,
 }
 
 /// Arguments of `gap import`.

@@ -15,6 +15,7 @@ use ds_cases::pairs::Paired;
 use ds_cases::{RunConfig, finished, logs, pairs, scenes, seal};
 use ds_diagnosis::meta::{Kind, VehicleMeta};
 use ds_diagnosis::score::score_folder;
+use ds_diagnosis::score::skill::{Reliability, Skill};
 use ds_diagnosis::{Diagnosis, json};
 use ds_effect::{Channel, Parameter};
 use ds_space::Digest;
@@ -345,7 +346,7 @@ fn evaluate_one(args: &EvaluateArgs) -> Result<()> {
 
 fn score(args: &GapScoreArgs) -> Result<()> {
     let labels = args.labels.clone().unwrap_or_else(|| args.diagnoses.join("labels.json"));
-    let scores = score_folder(&args.diagnoses, &labels)?;
+    let scores = score_folder(&args.diagnoses, &labels, &args.others)?;
     for (name, share) in &scores.shares {
         let text = share.as_ref().map_or("no such case".to_owned(), |share| {
             let [low, high] = share.interval90;
@@ -364,5 +365,17 @@ fn score(args: &GapScoreArgs) -> Result<()> {
         "Brier {:.3}, calibration error {:.3}, median relative error {:.3}, median |predicted − realised share| {:.3}",
         scores.brier, scores.calibration_error, scores.relative_error, scores.share_error
     ));
+    if let Some(Skill { brier, constant, skill, .. }) = scores.skill {
+        let beside =
+            constant.zip(skill).map_or("; --others LABELS says beside which constant".to_owned(), |(b, skill)| {
+                format!(", of the constant {b:.3}: skill {skill:.2}")
+            });
+        answer(&format!("Brier over all answers {brier:.3}{beside}"));
+    }
+    let row = |row: &Reliability| format!("{:.2} stated {:.2} right ({})", row.stated, row.right, row.cases);
+    answer(&format!("reliability: {}", scores.reliability.iter().map(row).collect::<Vec<_>>().join(", ")));
+    let path = args.diagnoses.join("scores.json");
+    json::write(&scores, &path)?;
+    answer(&format!("written to {}", path.display()));
     Ok(())
 }
