@@ -10,6 +10,7 @@ pub mod closing;
 mod error;
 pub mod finished;
 pub mod fleet;
+pub mod localised;
 pub mod logs;
 pub mod message;
 pub mod pairs;

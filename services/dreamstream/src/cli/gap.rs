@@ -209,6 +209,10 @@ pub(crate) struct GapScoreArgs {
     /// Labels of cases of other engines: how often what occurs there is the constant beside which probabilities have skill.
     #[arg(long, value_name = "LABELS", num_args = 1.., value_hint = ValueHint::FilePath)]
     pub(crate) others: Vec<PathBuf>,
+    /// The folder of the cases with their twins without effects (`WORLD/without`): says how well diagnoses tell where the
+    /// gap lies.
+    #[arg(long, value_name = "WORLD", value_hint = ValueHint::DirPath)]
+    pub(crate) twins: Option<PathBuf>,
 }
 
 /// Arguments of `gap import`.

@@ -11,11 +11,12 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
 use ds_cases::case::{Case, Options, Unseen, diagnose_by, folders, name, names};
+use ds_cases::localised::localisation;
 use ds_cases::pairs::Paired;
 use ds_cases::{RunConfig, finished, logs, pairs, scenes, seal};
 use ds_diagnosis::meta::{Kind, VehicleMeta};
-use ds_diagnosis::score::score_folder;
 use ds_diagnosis::score::skill::{Reliability, Skill};
+use ds_diagnosis::score::{Share, score_folder};
 use ds_diagnosis::{Diagnosis, json};
 use ds_effect::{Channel, Parameter};
 use ds_space::Digest;
@@ -348,10 +349,7 @@ fn score(args: &GapScoreArgs) -> Result<()> {
     let labels = args.labels.clone().unwrap_or_else(|| args.diagnoses.join("labels.json"));
     let scores = score_folder(&args.diagnoses, &labels, &args.others)?;
     for (name, share) in &scores.shares {
-        let text = share.as_ref().map_or("no such case".to_owned(), |share| {
-            let [low, high] = share.interval90;
-            format!("{} of {} = {:.2} [{low:.2}, {high:.2}]", share.hits, share.of, share.value)
-        });
+        let text = share.as_ref().map_or("no such case".to_owned(), share_text);
         answer(&format!("{name:36} {text}"));
     }
     if !scores.absent.is_empty() {
@@ -376,6 +374,30 @@ fn score(args: &GapScoreArgs) -> Result<()> {
     answer(&format!("reliability: {}", scores.reliability.iter().map(row).collect::<Vec<_>>().join(", ")));
     let path = args.diagnoses.join("scores.json");
     json::write(&scores, &path)?;
+    answer(&format!("written to {}", path.display()));
+    args.twins.as_deref().map_or(Ok(()), |world| localise(&args.diagnoses, &labels, world))
+}
+
+fn share_text(share: &Share) -> String {
+    let [low, high] = share.interval90;
+    format!("{} of {} = {:.2} [{low:.2}, {high:.2}]", share.hits, share.of, share.value)
+}
+
+/// Prints how well diagnoses tell where the gap lies.
+fn localise(diagnoses: &Path, labels: &Path, world: &Path) -> Result<()> {
+    let found = localisation(diagnoses, labels, world)?;
+    ensure!(!found.cases.is_empty(), "{} has no twin of a diagnosed case (without/CASE)", world.display());
+    answer(&format!("{:36} {}", "located: overlap of a half or more", share_text(&found.located)));
+    answer(&format!("{:36} {}", "named cells in which nothing shows", share_text(&found.wrong)));
+    answer(&format!("{:36} {}", "cells that show an effect, named", share_text(&found.found)));
+    if let Some(overlap) = found.median_overlap {
+        answer(&format!("median overlap {overlap:.2}"));
+    }
+    if !found.left_out.is_empty() {
+        answer(&format!("without a diagnosis or comparable twin, not counted: {}", found.left_out.join(", ")));
+    }
+    let path = diagnoses.join("localisation.json");
+    json::write(&found, &path)?;
     answer(&format!("written to {}", path.display()));
     Ok(())
 }
