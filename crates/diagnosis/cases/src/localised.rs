@@ -7,6 +7,7 @@ use std::path::Path;
 use ds_diagnosis::schema::{self, Cell, Regime};
 use ds_diagnosis::score::{Share, read_labels};
 use ds_diagnosis::{Diagnosis, json};
+use ds_dynamics::settings::CELL_SIZE;
 use ds_dynamics::size::{CellSizes, twin_cells};
 use ds_stats::quantile;
 use serde::Serialize;
@@ -15,8 +16,6 @@ use crate::error::CasesError;
 
 /// Folder of the twins within that of the cases.
 const TWINS: &str = "without";
-/// Size in floor units beyond which an effect shows in a cell.
-const SHOWS: f64 = 1.0;
 /// Overlap from which on a case counts as located.
 const LOCATED: f64 = 0.5;
 
@@ -36,7 +35,7 @@ pub struct Located {
 
 impl Located {
     /// Compares the cells of a diagnosis with the sizes of what its case's effects change. Cells of a part of a drive count for
-    /// nothing here: sizes are of whole ones.
+    /// nothing here: sizes are of whole ones. An effect shows from the size on from which diagnoses name a cell.
     #[must_use]
     pub fn new(cells: &[Cell], sizes: &CellSizes) -> Self {
         let whole = |regime: &Regime| {
@@ -46,7 +45,7 @@ impl Located {
         let named =
             cells.iter().filter(|cell| whole(&cell.regime)).map(|cell| (cell.channel.clone(), cell.regime.drive));
         let named: BTreeSet<Place> = named.collect();
-        let shown = sizes.iter().filter(|(_, size)| **size > SHOWS);
+        let shown = sizes.iter().filter(|(_, size)| **size >= CELL_SIZE);
         let shown: BTreeSet<Place> = shown.map(|((channel, drive), _)| (channel.name().to_owned(), *drive)).collect();
         Self { right: &named & &shown, wrong: &named - &shown, missed: &shown - &named }
     }
