@@ -8,14 +8,12 @@ use ds_diagnosis::schema::{self, Cell, Regime};
 use ds_diagnosis::score::{Share, read_labels};
 use ds_diagnosis::{Diagnosis, json};
 use ds_dynamics::settings::CELL_SIZE;
-use ds_dynamics::size::{CellSizes, twin_cells};
+use ds_dynamics::size::{CellSizes, twin_cells, with_twin};
 use ds_stats::quantile;
 use serde::Serialize;
 
 use crate::error::CasesError;
 
-/// Folder of the twins within that of the cases.
-const TWINS: &str = "without";
 /// Overlap from which on a case counts as located.
 const LOCATED: f64 = 0.5;
 
@@ -38,10 +36,7 @@ impl Located {
     /// nothing here: sizes are of whole ones. An effect shows from the size on from which diagnoses name a cell.
     #[must_use]
     pub fn new(cells: &[Cell], sizes: &CellSizes) -> Self {
-        let whole = |regime: &Regime| {
-            let Regime { speed, lateral, pedal, steering, agent, place, .. } = regime;
-            [speed, lateral, pedal, steering, agent].iter().all(|bin| bin.is_none()) && place.is_none()
-        };
+        let whole = |regime: &Regime| *regime == Regime { drive: regime.drive, ..Regime::default() };
         let named =
             cells.iter().filter(|cell| whole(&cell.regime)).map(|cell| (cell.channel.clone(), cell.regime.drive));
         let named: BTreeSet<Place> = named.collect();
@@ -82,14 +77,9 @@ pub struct Localisation {
 pub fn localisation(diagnoses: &Path, labels: &Path, world: &Path) -> Result<Localisation, CasesError> {
     let (mut cases, mut left_out) = (BTreeMap::new(), Vec::new());
     for name in read_labels(labels)?.into_keys() {
-        let (diagnosis, twin) = (diagnoses.join(&name).join(schema::FILE), world.join(TWINS).join(&name));
-        let sizes = if diagnosis.exists() && twin.join(ds_diagnosis::meta::FILE).exists() {
-            let read = |folder: &Path| ds_dynamics::case::Case::read(folder);
-            twin_cells(&read(&world.join(&name))?, &read(&twin)?)
-        } else {
-            None
-        };
-        match sizes {
+        let diagnosis = diagnoses.join(&name).join(schema::FILE);
+        let pair = if diagnosis.exists() { with_twin(world, &name)? } else { None };
+        match pair.and_then(|[case, twin]| twin_cells(&case, &twin)) {
             Some(sizes) => {
                 let found: Diagnosis = json::read(&diagnosis)?;
                 cases.insert(name, Located::new(&found.cells, &sizes));

@@ -217,7 +217,7 @@ pub fn correct(cells: &mut [Cell], tested: usize) {
 }
 
 /// Where in the data a cell lies; an absent bin means all.
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Regime {
     /// Drive.
     pub drive: usize,

@@ -3,6 +3,7 @@
 pub mod skill;
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 use ds_effect::Verdict;
@@ -62,6 +63,13 @@ impl Share {
     pub fn new(hits: usize, of: usize) -> Self {
         let value = if of == 0 { 0.0 } else { hits as f64 / of as f64 };
         Self { hits, of, value, interval90: ds_stats::wilson(hits, of, 1.645) }
+    }
+}
+
+impl fmt::Display for Share {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [low, high] = self.interval90;
+        write!(f, "{} of {} = {:.2} [{low:.2}, {high:.2}]", self.hits, self.of, self.value)
     }
 }
 

@@ -12,7 +12,7 @@ use std::time::Instant;
 use ds_diagnosis::score::{Scores, confidence, read_labels, score};
 use ds_diagnosis::{CaseError, Diagnosis};
 use ds_dynamics::case::Case;
-use ds_dynamics::size::{effect_size, twin_size};
+use ds_dynamics::size::{effect_size, twin_size, with_twin};
 use ds_dynamics::{Options, diagnose};
 use rayon::prelude::*;
 
@@ -130,8 +130,7 @@ fn scores(results: &[(String, Result<Diagnosis, CaseError>)], root: &Path) {
     }
     // what no library contains has a size where the world wrote the same drives without it
     for (name, label) in labels.iter_mut().filter(|(_, label)| label.kind == "out_of_library") {
-        let twin = root.join("without").join(name);
-        if let (Ok(case), Ok(twin)) = (Case::read(&root.join(name)), Case::read(&twin)) {
+        if let Ok(Some([case, twin])) = with_twin(root, name) {
             let size = twin_size(&case, &twin);
             println!("{name}: {:.1} floor units", size.unwrap_or(f64::NAN));
             label.effects.iter_mut().for_each(|e| e.floor_units = size);

@@ -6,8 +6,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use ds_diagnosis::json;
-use ds_dynamics::case::Case;
-use ds_dynamics::size::{CellSizes, twin_cells};
+use ds_dynamics::size::{CellSizes, twin_cells, with_twin};
 
 /// Sizes of a case's cells by channel, one per drive.
 type Cells = BTreeMap<&'static str, BTreeMap<usize, f64>>;
@@ -18,10 +17,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let labels: BTreeMap<String, serde_json::Value> = json::read(&folder.join("labels.json"))?;
     let mut found: BTreeMap<String, Option<Cells>> = BTreeMap::new();
     for name in labels.keys() {
-        let twin = folder.join("without").join(name);
-        if twin.join("meta.json").exists() {
-            let sizes = twin_cells(&Case::read(&folder.join(name))?, &Case::read(&twin)?);
-            found.insert(name.clone(), sizes.map(by_channel));
+        if let Some([case, twin]) = with_twin(folder, name)? {
+            found.insert(name.clone(), twin_cells(&case, &twin).map(by_channel));
         }
     }
     println!("{}", serde_json::to_string(&found)?);

@@ -2,7 +2,9 @@
 //! the effect shows.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
+use ds_diagnosis::{CaseError, meta};
 use ds_effect::Channel;
 
 use crate::case::{Case, PartModel};
@@ -22,6 +24,21 @@ pub fn effect_size(case: &Case, id: &str, value: f64) -> Option<f64> {
     let searched = parameter.searched(value, case.meta.nominal.mass);
     with[k] = if parameter.neutral.is_finite() { usual[k] + searched - parameter.neutral } else { searched };
     largest(&model, &model.residuals(&usual), &model.residuals(&with))
+}
+
+/// Folder of a world's twins: the same drives with the same noise without the effects.
+const TWINS: &str = "without";
+
+/// Reads a case of a world with its twin; `None` where it has none.
+///
+/// # Errors
+/// If the case or its twin cannot be read.
+pub fn with_twin(world: &Path, name: &str) -> Result<Option<[Case; 2]>, CaseError> {
+    let twin = world.join(TWINS).join(name);
+    if !twin.join(meta::FILE).exists() {
+        return Ok(None);
+    }
+    Ok(Some([Case::read(&world.join(name))?, Case::read(&twin)?]))
 }
 
 /// Returns the same of a case against its twin, the same drives with the same noise in a world without the effect: the size

@@ -15,8 +15,8 @@ use ds_cases::localised::localisation;
 use ds_cases::pairs::Paired;
 use ds_cases::{RunConfig, finished, logs, pairs, scenes, seal};
 use ds_diagnosis::meta::{Kind, VehicleMeta};
+use ds_diagnosis::score::score_folder;
 use ds_diagnosis::score::skill::{Reliability, Skill};
-use ds_diagnosis::score::{Share, score_folder};
 use ds_diagnosis::{Diagnosis, json};
 use ds_effect::{Channel, Parameter};
 use ds_space::Digest;
@@ -349,7 +349,7 @@ fn score(args: &GapScoreArgs) -> Result<()> {
     let labels = args.labels.clone().unwrap_or_else(|| args.diagnoses.join("labels.json"));
     let scores = score_folder(&args.diagnoses, &labels, &args.others)?;
     for (name, share) in &scores.shares {
-        let text = share.as_ref().map_or("no such case".to_owned(), share_text);
+        let text = share.as_ref().map_or("no such case".to_owned(), ToString::to_string);
         answer(&format!("{name:36} {text}"));
     }
     if !scores.absent.is_empty() {
@@ -378,18 +378,17 @@ fn score(args: &GapScoreArgs) -> Result<()> {
     args.twins.as_deref().map_or(Ok(()), |world| localise(&args.diagnoses, &labels, world))
 }
 
-fn share_text(share: &Share) -> String {
-    let [low, high] = share.interval90;
-    format!("{} of {} = {:.2} [{low:.2}, {high:.2}]", share.hits, share.of, share.value)
-}
-
 /// Prints how well diagnoses tell where the gap lies.
 fn localise(diagnoses: &Path, labels: &Path, world: &Path) -> Result<()> {
     let found = localisation(diagnoses, labels, world)?;
     ensure!(!found.cases.is_empty(), "{} has no twin of a diagnosed case (without/CASE)", world.display());
-    answer(&format!("{:36} {}", "located: overlap of a half or more", share_text(&found.located)));
-    answer(&format!("{:36} {}", "named cells in which nothing shows", share_text(&found.wrong)));
-    answer(&format!("{:36} {}", "cells that show an effect, named", share_text(&found.found)));
+    for (name, share) in [
+        ("located: overlap of a half or more", &found.located),
+        ("named cells in which nothing shows", &found.wrong),
+        ("cells that show an effect, named", &found.found),
+    ] {
+        answer(&format!("{name:36} {share}"));
+    }
     if let Some(overlap) = found.median_overlap {
         answer(&format!("median overlap {overlap:.2}"));
     }
