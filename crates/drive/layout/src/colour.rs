@@ -68,6 +68,12 @@ pub fn light(state: LightState) -> Rgb {
     }
 }
 
+/// Says whether a colour is that of a light head, or of its stop line, which is red, yellow or green.
+#[must_use]
+pub fn is_lit(colour: Rgb) -> bool {
+    [LightState::Red, LightState::Yellow, LightState::Green].map(light).contains(&colour)
+}
+
 /// Returns the colour of an agent's class.
 #[must_use]
 pub fn agent(class: AgentClass) -> Rgb {

@@ -19,9 +19,10 @@ use crate::checkpoint::{Member, Run};
 use crate::colour::{Colour, Steps};
 use crate::condition::latent_steps;
 use crate::config::{StageConfig, TrainConfig};
+use crate::emphasis::Emphasis;
 use crate::error::TrainError;
 use crate::frames::Frames;
-use crate::{Progress, Report, emphasis, sheet};
+use crate::{Progress, Report, sheet};
 
 const NAME: &str = "autoencoder";
 const LATENT_NOISE: f32 = 0.05;
@@ -95,7 +96,7 @@ fn batch(
     {
         folded.extend(tokens::fold(frames));
         images.extend(tokens::stacked(frames).into_values());
-        weights.extend(emphasis::of_pixels(&layouts, config.road_users, 1.0));
+        weights.extend(Emphasis::of(config).of_pixels(&layouts));
     }
     let steps = folded.len() / (size.0 / 8 * (size.1 / 8) * shape.inputs());
     let (h, w) = (size.0 / 8, size.1 / 8);

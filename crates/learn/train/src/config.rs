@@ -52,6 +52,9 @@ pub struct TrainConfig {
     /// How much more than others a pixel counts whose layout shows a vehicle, a pedestrian or a cyclist.
     #[serde(default = "alike")]
     pub road_users: f32,
+    /// How much more a pixel counts whose layout shows a red, yellow or green light, or its stop line.
+    #[serde(default = "alike")]
+    pub lights: f32,
     /// The share of clips of prior and teacher that show no first frame, so that one can be made from layout and prompt.
     #[serde(default)]
     pub without_first: f64,
@@ -383,8 +386,10 @@ impl TrainConfig {
         if self.version != 2 {
             return refuse("version", "must be 2");
         }
-        if !(1.0..=1_000.0).contains(&self.road_users) {
-            return refuse("road_users", "must be 1 to 1000");
+        for (field, weight) in [("road_users", self.road_users), ("lights", self.lights)] {
+            if !(1.0..=1_000.0).contains(&weight) {
+                return refuse(field, "must be 1 to 1000");
+            }
         }
         let stages = [
             ("autoencoder", self.autoencoder.as_ref()),

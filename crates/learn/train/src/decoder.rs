@@ -22,11 +22,12 @@ use crate::batch::{mean_step, mean_steps};
 use crate::checkpoint::{Member, Run, Update};
 use crate::condition::latent_steps;
 use crate::config::{AdversarialConfig, DecoderConfig, TrainConfig};
+use crate::emphasis::Emphasis;
 use crate::error::TrainError;
 use crate::frames::Frames;
 use crate::sets::stored_autoencoder;
 use crate::ship::{assembled, student_weights};
-use crate::{Progress, Report, autoencoder, emphasis, evaluate};
+use crate::{Progress, Report, autoencoder, evaluate};
 
 const NAME: &str = "decoder";
 const LAYOUT_DROPOUT: f64 = 0.1;
@@ -187,13 +188,17 @@ impl Source<'_> {
         let window = Window::drawn(self.recipe.crop_px, from..from + count, latents.shape(), &draws);
         let on = draws.uniform(3) >= LAYOUT_DROPOUT;
         let (mut layouts, mut frames, mut weights) = (Vec::new(), Vec::new(), Vec::new());
-        let all = self.config.road_users;
-        let (road_users, untold) =
-            if encoded { (all, 1.0) } else { (self.recipe.rolled_road_users.unwrap_or(all), self.recipe.untold) };
+        let all = Emphasis::of(self.config);
+        let emphasis = if encoded {
+            all
+        } else {
+            let road_users = self.recipe.rolled_road_users.unwrap_or(all.road_users);
+            Emphasis { road_users, untold: self.recipe.untold, ..all }
+        };
         let steps = latent_steps(&clip.frames, stride).into_iter().zip(latent_steps(&clip.layouts, stride));
         for (step, layout) in steps.skip(from).take(count) {
             frames.extend(tokens::stacked(&step).into_values());
-            weights.extend(emphasis::of_pixels(&layout, road_users, untold));
+            weights.extend(emphasis.of_pixels(&layout));
             layouts.extend(tokens::stacked(&layout).into_values());
         }
         if !on {

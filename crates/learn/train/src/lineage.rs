@@ -29,6 +29,7 @@ impl Lineage {
         let mut add = |key: &str, value: Value| flatten(key, value, &mut keys);
         add("seed", told(&config.seed));
         add("road_users", told(&config.road_users));
+        add("lights", told(&config.lights));
         add("preset", told(&config.model()?));
         add(stage, stage_recipe(config, stage));
         match stage {

@@ -14,13 +14,14 @@ use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::{ModelConfig, tokens};
 
+use crate::Progress;
 use crate::autoencoder::{self, unguided};
 use crate::condition::{Condition, latent_steps};
 use crate::config::TrainConfig;
+use crate::emphasis::Emphasis;
 use crate::error::TrainError;
 use crate::frames::pick;
 use crate::guidance::Guidance;
-use crate::{Progress, emphasis};
 
 /// The autoencoder as its stage left it, with the statistics of its latents.
 pub(crate) struct Encoder {
@@ -82,7 +83,7 @@ struct Encoded {
 /// The sets of a stage.
 pub(crate) struct Sets {
     model: ModelConfig,
-    road_users: f32,
+    emphasis: Emphasis,
     sets: Vec<Encoded>,
 }
 
@@ -118,7 +119,7 @@ impl Sets {
             let latents = encoded(config, &encoder, name, &clips, progress)?;
             sets.push(Encoded { clips, latents });
         }
-        Ok(Self { road_users: config.road_users, model, sets })
+        Ok(Self { emphasis: Emphasis::of(config), model, sets })
     }
 
     /// Draws a clip, each of all sets alike.
@@ -180,8 +181,7 @@ impl Sets {
             clip.layouts.chunks_exact(stride).map(|step| step.iter().collect()).collect()
         };
         let (h, w) = self.model.latent_size();
-        let emphasis =
-            steps.iter().flat_map(|step| tokens::to_tokens(&emphasis::of_latents(step, self.road_users), h, w));
+        let emphasis = steps.iter().flat_map(|step| tokens::to_tokens(&self.emphasis.of_latents(step), h, w));
         let emphasis: Vec<f32> = emphasis.collect();
         let known =
             &latents[(span.from * frame).min(latents.len())..((span.from + span.count) * frame).min(latents.len())];
