@@ -23,9 +23,12 @@ compose-smoke:
 # The viewer beside the command line: rerun, for `view`, `--live` and `gap watch --connect`.
 viewer:
     cargo build --locked -p dreamstream -p viewer
+# The trainer beside it, for `data`, `train`, `video` and `study`.
+trainer:
+    cargo build --locked -p dreamstream -p trainer
 # One wheel (command line and Python client) and one tarball, in target/packages.
 packages:
-    cargo build --locked -p dreamstream -p viewer
+    cargo build --locked -p dreamstream -p viewer -p trainer
     deploy/packages.sh
 packages-smoke:
     deploy/packages-smoke.sh
@@ -33,10 +36,10 @@ packages-smoke:
 arms:
     #!/usr/bin/env bash
     set -euo pipefail
-    train() { cargo run --locked -- train "$@"; }
+    train() { cargo run --locked -p trainer -- train "$@"; }
     arms=configs/models/arms
     mkdir -p $arms
-    for set in broad narrow diverse test; do cargo run --locked -- data render --config configs/data/$set.toml; done
+    for set in broad narrow diverse test; do cargo run --locked -p trainer -- data render --config configs/data/$set.toml; done
     train all --config configs/train/cpu_train.toml
     for stage in prior teacher; do train ship --config configs/train/cpu_train.toml --of $stage --weights $arms/$stage.safetensors; done
     for arm in no_guidance standard_cfg; do train trajectories --config configs/train/arms/$arm.toml; done

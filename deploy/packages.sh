@@ -2,14 +2,14 @@
 # Lays out the built programs with the files that they ship with, and makes of them one wheel (command line and Python client)
 # and one tarball (command line), in target/packages. Nothing is published.
 #
-#   deploy/packages.sh [FOLDER]        the folder of dreamstream and, where it is built, viewer; target/debug without
+#   deploy/packages.sh [FOLDER]        the folder of dreamstream and, where they are built, viewer and trainer; target/debug without
 #
 # Needs git, binutils and python3 with venv and pip.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 built=${1:-${CARGO_TARGET_DIR:-target}/debug}
 programs=("$built/dreamstream")
-[ ! -x "$built/viewer" ] || programs+=("$built/viewer")
+for beside in viewer trainer; do [ ! -x "$built/$beside" ] || programs+=("$built/$beside"); done
 out=target/packages
 version=$(sed -n 's/^version = "\(.*\)"$/\1/p' Cargo.toml | head -n 1)
 

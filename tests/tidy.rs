@@ -229,7 +229,7 @@ fn licences_are_allowed_and_sources_known() {
 fn one_build_serves_run_view_and_test() {
     let edges = ["--edges", "normal,build"];
     let all = built(&["--workspace", "--edges", "normal,build,dev"], "{p} {f}");
-    for packages in [&["-p", "dreamstream"][..], &["-p", "dreamstream", "-p", "viewer"]] {
+    for packages in [&["-p", "dreamstream"][..], &["-p", "dreamstream", "-p", "viewer"], &["-p", "trainer"]] {
         let again: Vec<String> = built(&[packages, &edges].concat(), "{p} {f}").difference(&all).cloned().collect();
         assert!(again.is_empty(), "`cargo test --workspace` builds these again with other features: {again:#?}");
     }

@@ -1,77 +1,17 @@
-//! The commands, one file each, and how they answer.
+//! The commands, one file each.
 
-pub(crate) mod adverse;
 pub(crate) mod bench;
-pub(crate) mod benchmark;
 pub(crate) mod certs;
-pub(crate) mod data;
 pub(crate) mod doctor;
-pub(crate) mod gap;
 pub(crate) mod health;
 pub(crate) mod measure;
 pub(crate) mod policy;
 pub(crate) mod recording;
 pub(crate) mod replay;
 pub(crate) mod report;
-pub(crate) mod run;
 pub(crate) mod scenario;
 pub(crate) mod score;
 pub(crate) mod serve;
-pub(crate) mod study;
 pub(crate) mod top;
-pub(crate) mod train;
-pub(crate) mod video;
 pub(crate) mod view;
 pub(crate) mod why;
-
-use std::io::IsTerminal;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-
-use crate::plain;
-
-/// Prints a line of the answer on stdout; logs and progress go to stderr.
-#[expect(clippy::print_stdout, reason = "stdout belongs to the command line's answer")]
-pub(crate) fn answer(line: &str) {
-    println!("{line}");
-}
-
-/// Returns a progress bar with an estimate of the time left; a line every half minute where stderr is no terminal.
-#[must_use]
-pub(crate) fn bar(length: u64, unit: &'static str) -> ProgressBar {
-    let terminal = std::io::stderr().is_terminal();
-    let front = if terminal { "{bar:32}" } else { plain::MARK };
-    let style = ProgressStyle::with_template(&format!(
-        "{front} {{pos}}/{{len}} {{msg}} [{{elapsed_precise}} < {{eta_precise}}]"
-    ))
-    .unwrap_or_else(|_| ProgressStyle::default_bar());
-    let bar = ProgressBar::new(length);
-    if !terminal {
-        bar.set_draw_target(ProgressDrawTarget::term_like(Box::new(plain::Lines::new(std::io::stderr()))));
-    }
-    bar.with_style(style).with_message(unit)
-}
-
-/// Prints an error and its causes on stderr.
-#[expect(clippy::print_stderr, reason = "the command line's own error")]
-pub(crate) fn complain(error: &anyhow::Error) {
-    eprintln!("error: {error:#}");
-}
-
-/// Returns a flag that SIGINT raises.
-///
-/// # Errors
-/// If the signal cannot be listened to.
-pub(crate) fn stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
-    let flag = Arc::new(AtomicBool::new(false));
-    let raised = Arc::clone(&flag);
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
-        if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {
-            raised.store(true, Ordering::Relaxed);
-        }
-    })?;
-    Ok(flag)
-}

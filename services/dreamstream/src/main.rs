@@ -3,21 +3,18 @@
 //! Exit codes: 0 done, 1 failed (a drive that did not complete counts), 64 wrong arguments or settings, 74 what must be kept
 //! cannot be written, such as on a full disk. `benchmark` has exit codes of its own, see its help.
 
-mod children;
 mod cli;
 mod command;
-mod embed;
-mod fleet;
-mod own;
-mod pictures;
-mod plain;
-mod viewer;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::parser::ValueSource;
 use clap::{CommandFactory, FromArgMatches};
-use cli::{Cli, Command};
+use cli::{Cli, Command, Handed};
+use ds_launch::{run, runtime};
+use ds_process::beside::{self, TRAINER};
+use ds_process::terminal::complain;
 
 fn main() -> ExitCode {
     let parsed = Cli::command().try_get_matches().and_then(|said| Ok((Cli::from_arg_matches(&said)?, said)));
@@ -34,33 +31,34 @@ fn main() -> ExitCode {
         return command::serve::run(args, asked.then_some(cli.log.as_str()));
     }
     if let Command::Benchmark(args) = &cli.command {
-        return command::benchmark::run(args, &cli.log);
+        return ds_campaign::run(args, &cli.log);
+    }
+    if let Some((command, Handed { words })) = cli.command.of_trainer() {
+        let words = ["--log", &cli.log, command].map(OsString::from).into_iter().chain(words.iter().cloned());
+        complain(&beside::replaced_by(TRAINER, words));
+        return ExitCode::FAILURE;
     }
     if let Command::Completion { shell } = &cli.command {
         clap_complete::generate(*shell, &mut Cli::command(), "dreamstream", &mut std::io::stdout());
         return ExitCode::SUCCESS;
     }
-    match ds_process::logging::start(&cli.log).and_then(|()| run(&cli)) {
+    match ds_process::logging::start(&cli.log).and_then(|()| answered(&cli)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            command::complain(&error);
+            complain(&error);
             ExitCode::from(ds_process::service::exit_code(&error))
         }
     }
 }
 
-fn run(cli: &Cli) -> anyhow::Result<()> {
+fn answered(cli: &Cli) -> anyhow::Result<()> {
     match &cli.command {
-        Command::Run(args) => runtime()?.block_on(command::run::run(args, &cli.log)),
-        Command::Submit(args) => runtime()?.block_on(command::run::submit(args)),
+        Command::Run(args) => runtime()?.block_on(run::run(args, &cli.log)),
+        Command::Submit(args) => runtime()?.block_on(run::submit(args)),
         Command::Import(args) => command::scenario::import(args),
         Command::Scenario(command) => command::scenario::run(command),
-        Command::Data(command) => command::data::run(command),
-        Command::Train(args) => command::train::run(args),
-        Command::Video(command) => command::video::run(command),
-        Command::Study(command) => command::study::run(command),
         Command::View(args) => command::view::run(args),
-        Command::Gap(command) => command::gap::run(command, &cli.log),
+        Command::Gap(command) => ds_gap::run(command, &cli.log),
         Command::Score(args) => command::score::run(args),
         Command::Report(args) => command::report::run(args),
         Command::Compare(args) => command::report::compare_runs(args),
@@ -75,10 +73,6 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Health(args) => runtime()?.block_on(command::health::run(args)),
         Command::Certs(args) => command::certs::run(args),
         Command::Serve(_) | Command::Benchmark(_) | Command::Completion { .. } => Ok(()),
+        Command::Data(_) | Command::Train(_) | Command::Video(_) | Command::Study(_) => Ok(()),
     }
-}
-
-/// Returns the runtime of a command that talks to a fleet.
-pub(crate) fn runtime() -> anyhow::Result<tokio::runtime::Runtime> {
-    Ok(tokio::runtime::Builder::new_multi_thread().enable_all().worker_threads(4).build()?)
 }

@@ -2,6 +2,7 @@
 //!
 //! A service of a stage is a [`maker::MakerFactory`]; everything between it and the bus is here, once.
 
+pub mod beside;
 pub mod certs;
 pub mod children;
 pub mod clock;
@@ -22,6 +23,7 @@ pub mod service;
 pub mod settings;
 pub mod shipped;
 pub mod tally;
+pub mod terminal;
 pub mod workbench;
 
 pub use member::{Member, MemberError};

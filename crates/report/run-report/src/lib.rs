@@ -28,4 +28,4 @@ pub use compare::{Comparison, Difference, Pairing, Verdict, compare};
 pub use dimension::{Dimension, Drive, drives};
 pub use metric::Metric;
 pub use report::{Picture, Report, ReportOptions};
-pub use results::{Episode, Outcome, ProposalStats, Results, ResultsError, Run, TimeShare, WallClock};
+pub use results::{Episode, Outcome, ProposalStats, RESULTS, Results, ResultsError, Run, TimeShare, WallClock};

@@ -19,6 +19,9 @@ pub use load::{MAX_EPISODES, MAX_FILE_BYTES, MAX_TERMS, ResultsError};
 pub use merge::MergeError;
 pub(crate) use merge::folder_of;
 
+/// The name of a run's results file in its folder.
+pub const RESULTS: &str = "results.json";
+
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Results {

@@ -6,19 +6,6 @@ use std::path::PathBuf;
 use clap::{Args, ValueHint};
 use ds_process::onlooker::ControlArgs;
 
-use super::RunPlan;
-
-/// Arguments of `submit`.
-#[derive(Debug, Args)]
-pub(crate) struct SubmitArgs {
-    /// The fleet.
-    #[command(flatten)]
-    pub control: ControlArgs,
-    /// What to drive; the settings of the fleet itself are ignored.
-    #[command(flatten)]
-    pub run: RunPlan,
-}
-
 /// Arguments of `why`.
 #[derive(Debug, Args)]
 pub(crate) struct WhyArgs {

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueHint};
 
+use ds_launch::choice::backend;
 use ds_process::shipped;
 use ds_video::Backend;
 
@@ -23,7 +24,7 @@ pub(crate) struct MeasureArgs {
     #[arg(long, default_value = "configs/models/wan-tiny.toml", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub model: PathBuf,
     /// What computes.
-    #[arg(long, default_value = "framework", value_parser = super::backend(&Backend::ALL[1..]))]
+    #[arg(long, default_value = "framework", value_parser = backend(&Backend::ALL[1..]))]
     pub backend: Backend,
     /// Chunks that are measured after one that is not; the median counts.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]

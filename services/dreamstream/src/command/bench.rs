@@ -17,7 +17,8 @@ use ds_world::{Proposal, Scene, Trajectory, TrajectoryPoint};
 use std::sync::Arc;
 
 use crate::cli::BenchArgs;
-use crate::command::{answer, scenario};
+use ds_launch::scenarios;
+use ds_process::terminal::answer;
 
 const ROUNDS: usize = 7;
 
@@ -26,10 +27,10 @@ const ROUNDS: usize = 7;
 /// # Errors
 /// If a scenario or the model cannot be loaded.
 pub(crate) fn run(args: &BenchArgs) -> Result<()> {
-    let first = scenario::files(&args.scenarios)?.into_iter().next().context("no scenario")?;
+    let first = scenarios::files(&args.scenarios)?.into_iter().next().context("no scenario")?;
     answer(&format!("{:<28} {:<22} {:>12} {:>14} {:>9}", "what", "scenario", "median ms", "per second", "budget"));
     video(args, &ds_scenario::load(&first)?.0)?;
-    for file in scenario::files(&args.scenarios)? {
+    for file in scenarios::files(&args.scenarios)? {
         let scene = Arc::new(ds_scenario::load(&file)?.0);
         step(&scene)?;
         oracle(&scene)?;

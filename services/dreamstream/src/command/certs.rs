@@ -4,7 +4,7 @@ use anyhow::Result;
 use ds_process::certs::{Wanted, make};
 
 use crate::cli::CertsArgs;
-use crate::command::answer;
+use ds_process::terminal::answer;
 
 /// Makes what is missing in the folder.
 ///

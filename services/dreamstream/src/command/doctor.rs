@@ -5,8 +5,9 @@ use std::process::Command;
 
 use anyhow::Result;
 use ds_layout::{LayoutBackend, Renderer};
-
-use ds_process::shipped;
+use ds_process::beside::{TRAINER, VIEWER};
+use ds_process::terminal::answer;
+use ds_process::{beside, shipped};
 
 struct Finding {
     subject: &'static str,
@@ -37,9 +38,10 @@ pub(crate) fn run() -> Result<()> {
         finding("python3", tool("python3", "--version", "the Python client needs it")),
         finding("docker", tool("docker", "--version", "compose needs it")),
         finding("rerun viewer", viewer()),
+        finding("trainer", program(TRAINER)),
     ];
     for Finding { subject, well, says } in &findings {
-        super::answer(&format!("{} {subject:<14} {says}", if *well { "✓" } else { "✗" }));
+        answer(&format!("{} {subject:<14} {says}", if *well { "✓" } else { "✗" }));
     }
     let needed = ["video model", "camera policy", "scenarios", "layout, cpu"];
     let missing: Vec<&str> =
@@ -49,8 +51,13 @@ pub(crate) fn run() -> Result<()> {
 }
 
 fn viewer() -> Result<String, String> {
-    crate::viewer::program().map_err(|error| error.to_string())?;
+    program(VIEWER)?;
     tool("rerun", "--version", "`dreamstream view` can still save .rrd files")
+}
+
+/// Looks for a program that lies beside this one.
+fn program(name: &str) -> Result<String, String> {
+    beside::program(name).map(|path| path.display().to_string()).map_err(|error| error.to_string())
 }
 
 fn cpu() -> Result<String, String> {

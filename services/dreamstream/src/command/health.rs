@@ -6,7 +6,7 @@ use anyhow::{Context, Result, ensure};
 use ds_wire::control as pb;
 
 use crate::cli::HealthArgs;
-use crate::command::answer;
+use ds_process::terminal::answer;
 
 /// Asks; succeeds if all is well.
 ///

@@ -11,7 +11,7 @@ use ds_video::workload::{self, Workload};
 use ds_video::{Backend, ModelConfig};
 
 use crate::cli::MeasureArgs;
-use crate::command::answer;
+use ds_process::terminal::answer;
 
 /// The most operations of a chunk that a processor is asked for: some minutes of its time.
 const MAX_ON_PROCESSOR: f64 = 4e12;

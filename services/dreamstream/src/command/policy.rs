@@ -19,8 +19,8 @@ use tokio::process::{Child, Command};
 use tokio::runtime::Runtime;
 
 use crate::cli::PolicyCommand;
-use crate::command::{answer, bar};
-use crate::own;
+use ds_launch::own;
+use ds_process::terminal::{answer, bar};
 
 /// The expert's plan reaches so far, in ticks.
 const HORIZON_TICKS: u32 = 40;
@@ -48,7 +48,7 @@ const KINDS: [&str; 6] = ["straight", "left", "right", "curve", "stopped at red"
 pub(crate) fn run(command: &PolicyCommand) -> Result<()> {
     let PolicyCommand::Doctor { policy: name, json, plans, .. } = command;
     // Until the process ends: a thread may still wait for a policy that does not answer.
-    let runtime: &'static Runtime = Box::leak(Box::new(crate::runtime()?));
+    let runtime: &'static Runtime = Box::leak(Box::new(ds_launch::runtime()?));
     let fixtures = fixtures()?;
     let mut patient = Patient::start(command, runtime, &fixtures, None)?;
     if *plans {

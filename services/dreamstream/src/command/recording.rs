@@ -7,7 +7,7 @@ use ds_record::{RecordError, Recording, damage};
 use ds_run_report::Results;
 use rayon::prelude::*;
 
-use super::answer;
+use ds_process::terminal::answer;
 
 /// What a command says of a recording that it refuses.
 const REFUSED: &str = "`--partial` takes what is there, and says so";

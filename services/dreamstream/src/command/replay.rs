@@ -11,7 +11,8 @@ use ds_topic::{Advance, Role, SceneMessage, Slot, Topic};
 use ds_wire::{Body, WireCodec};
 
 use crate::cli::ReplayArgs;
-use crate::command::{answer, bar, recording};
+use crate::command::recording;
+use ds_process::terminal::{answer, bar};
 
 /// Replays a service; fails if any output differs from the recorded one.
 ///

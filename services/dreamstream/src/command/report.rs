@@ -4,15 +4,13 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use ds_process::service::UsageError;
+use ds_process::terminal::answer;
 use ds_run_report::write::folder::{all as write, pictures};
 use ds_run_report::write::markdown;
-use ds_run_report::{Dimension, Pairing, Report, ReportOptions, Results, compare};
+use ds_run_report::{Dimension, Pairing, RESULTS, Report, ReportOptions, Results, compare};
 
 use crate::cli::{CompareArgs, MergeArgs, ReportArgs};
-use crate::command::{answer, recording};
-
-/// The name of a run's results file in its folder.
-pub(crate) const RESULTS: &str = "results.json";
+use crate::command::recording;
 
 /// Reads the results of a run, given its folder or the file itself, and looks at its recordings; what is wrong with them is
 /// added to `damaged`.
@@ -92,16 +90,6 @@ pub(crate) fn merge(args: &MergeArgs) -> Result<()> {
     answer(&merged.table());
     answer(&format!("results: {}", args.out.display()));
     Ok(())
-}
-
-/// Writes the tables and the page of one run into its folder.
-///
-/// # Errors
-/// If a file cannot be written.
-pub(crate) fn write_for(out: &Path, results: &Results) -> Result<()> {
-    let runs = std::slice::from_ref(results);
-    let report = Report::new(runs, Vec::new(), &options(None));
-    Ok(write(out, runs, &report, &pictures(out, &[out.to_path_buf()], runs))?)
 }
 
 fn options(base_set: Option<&str>) -> ReportOptions {

@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
+use ds_campaign::adverse;
 use ds_import::Format;
+use ds_launch::scenarios::files;
 use ds_process::maker::chain;
+use ds_process::terminal::{answer, complain};
 use indicatif::ProgressBar;
 
 use crate::cli::{ImportArgs, ScenarioCommand};
-use crate::command::{adverse, answer, complain};
-use ds_process::shipped;
 
 /// Runs a command of `scenario`.
 ///
@@ -35,25 +36,6 @@ pub(crate) fn run(command: &ScenarioCommand) -> Result<()> {
             Ok(())
         }
     }
-}
-
-/// Returns the scenario files of paths and folders, sorted within each folder.
-///
-/// # Errors
-/// If a path does not exist or a folder holds no scenario.
-pub(crate) fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    for path in paths {
-        if path.is_dir() {
-            let found = ds_scenario::list(path)?;
-            ensure!(!found.is_empty(), "no *.scenario.json in {}", path.display());
-            files.extend(found);
-        } else {
-            ensure!(path.exists(), "no such file or folder: {}", shipped::describe(path));
-            files.push(path.clone());
-        }
-    }
-    Ok(files)
 }
 
 fn list(paths: &[PathBuf]) -> Result<()> {

@@ -12,7 +12,8 @@ use ds_wire::Body;
 use serde::Serialize;
 
 use crate::cli::ScoreArgs;
-use crate::command::{answer, bar, recording};
+use crate::command::recording;
+use ds_process::terminal::{answer, bar, complain};
 
 /// A recording's score as it is written.
 #[derive(Debug, Serialize)]
@@ -48,7 +49,7 @@ fn cases(folder: &Path, out: Option<&Path>) -> Result<()> {
         None => answer(text.trim_end()),
     }
     for (file, error) in &answers.failures {
-        super::complain(&anyhow::anyhow!("{}: {error}", file.display()));
+        complain(&anyhow::anyhow!("{}: {error}", file.display()));
     }
     ensure!(answers.failures.is_empty(), "{} cases could not be answered", answers.failures.len());
     Ok(())

@@ -12,7 +12,7 @@ use pb::runs_client::RunsClient;
 use serde_json::json;
 
 use crate::cli::TopArgs;
-use crate::command::answer;
+use ds_process::terminal::answer;
 
 /// How long a member that went is still shown.
 const GONE_FOR: Duration = Duration::from_secs(60);

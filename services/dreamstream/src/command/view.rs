@@ -6,7 +6,8 @@ use anyhow::{Context, Result};
 
 use crate::cli::ViewArgs;
 use crate::command::recording;
-use crate::viewer;
+use ds_launch::onlooker as viewer;
+use ds_process::beside::{self, VIEWER};
 
 /// Shows a drive of a running fleet until it ends, or a recording; without `--save` or `--connect` in a window of its own.
 ///
@@ -15,7 +16,7 @@ use crate::viewer;
 pub(crate) fn run(args: &ViewArgs) -> Result<()> {
     if let Some(episode) = &args.live {
         let url = args.connect.as_deref().unwrap_or_default();
-        return viewer::call(viewer::drives(&args.fleet, url, &[episode, "--first"]));
+        return beside::call(VIEWER, viewer::drives(&args.fleet, url, &[episode, "--first"]));
     }
     let recording = args.recording.as_ref().context("a recording")?;
     // Said here, whether a viewer is built or not.
@@ -30,5 +31,5 @@ pub(crate) fn run(args: &ViewArgs) -> Result<()> {
     if let Some(url) = &args.connect {
         words.extend(["--connect".into(), url.into()]);
     }
-    viewer::call(words)
+    beside::call(VIEWER, words)
 }

@@ -8,7 +8,7 @@ use ds_wire::control as pb;
 use pb::runs_client::RunsClient;
 
 use crate::cli::WhyArgs;
-use crate::command::answer;
+use ds_process::terminal::answer;
 
 /// Prints one line per drive under way: ticks, and which message or holder is awaited, from whom, since when.
 ///

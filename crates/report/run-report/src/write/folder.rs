@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::{arrow, csv, html, json, markdown};
-use crate::report::{Picture, Report};
+use crate::report::{Picture, Report, ReportOptions};
 use crate::results::{Results, folder_of};
 
 /// Why a report cannot be written.
@@ -46,6 +46,16 @@ pub fn all(out: &Path, runs: &[Results], report: &Report, pictures: &[Picture]) 
         std::fs::write(&path, bytes).map_err(|source| failed(&path, source))?;
     }
     Ok(())
+}
+
+/// Writes tables and page of one run into its folder.
+///
+/// # Errors
+/// If a file cannot be written.
+pub fn of_run(out: &Path, results: &Results) -> Result<(), WriteError> {
+    let runs = std::slice::from_ref(results);
+    let report = Report::new(runs, Vec::new(), &ReportOptions::default());
+    all(out, runs, &report, &pictures(out, &[out.to_path_buf()], runs))
 }
 
 /// Finds the animations beside the recordings of runs, given their folders or results files, as paths that a page in `out`

@@ -1,0 +1,53 @@
+//! How commands speak to people: answers on stdout, progress and errors on stderr, and the flag that Ctrl-C raises.
+
+mod plain;
+
+use std::io::IsTerminal;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// Prints a line of the answer on stdout; logs and progress go to stderr.
+#[expect(clippy::print_stdout, reason = "stdout belongs to the command line's answer")]
+pub fn answer(line: &str) {
+    println!("{line}");
+}
+
+/// Returns a progress bar with an estimate of the time left; a line every half minute where stderr is no terminal.
+#[must_use]
+pub fn bar(length: u64, unit: &'static str) -> ProgressBar {
+    let terminal = std::io::stderr().is_terminal();
+    let front = if terminal { "{bar:32}" } else { plain::MARK };
+    let style = ProgressStyle::with_template(&format!(
+        "{front} {{pos}}/{{len}} {{msg}} [{{elapsed_precise}} < {{eta_precise}}]"
+    ))
+    .unwrap_or_else(|_| ProgressStyle::default_bar());
+    let bar = ProgressBar::new(length);
+    if !terminal {
+        bar.set_draw_target(ProgressDrawTarget::term_like(Box::new(plain::Lines::new(std::io::stderr()))));
+    }
+    bar.with_style(style).with_message(unit)
+}
+
+/// Prints an error and its causes on stderr.
+#[expect(clippy::print_stderr, reason = "the command line's own error")]
+pub fn complain(error: &anyhow::Error) {
+    eprintln!("error: {error:#}");
+}
+
+/// Returns a flag that SIGINT raises.
+///
+/// # Errors
+/// If the signal cannot be listened to.
+pub fn stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
+    let flag = Arc::new(AtomicBool::new(false));
+    let raised = Arc::clone(&flag);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
+        if runtime.block_on(tokio::signal::ctrl_c()).is_ok() {
+            raised.store(true, Ordering::Relaxed);
+        }
+    })?;
+    Ok(flag)
+}

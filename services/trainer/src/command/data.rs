@@ -1,0 +1,91 @@
+//! `data`: renders, lists and shows clips for training and evaluation.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::{Context, Result, ensure};
+use ds_clips::{ClipSet, Progress, Recipe, Source};
+use ds_raster::Encoding;
+use indicatif::ProgressBar;
+
+use crate::cli::{DataCommand, DataListArgs, DataRenderArgs, DataSheetArgs};
+use ds_process::terminal::{answer, bar, stop_flag};
+
+struct Bar {
+    bar: ProgressBar,
+    stop: Arc<AtomicBool>,
+}
+
+impl Progress for Bar {
+    fn made(&self, clips: u64, of: u64) {
+        self.bar.set_length(of);
+        self.bar.set_position(self.bar.position().max(clips));
+    }
+
+    fn noted(&self, line: &str) {
+        self.bar.suspend(|| answer(&format!("warning: {line}")));
+    }
+
+    fn stop(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
+
+/// Runs a command on clips.
+///
+/// # Errors
+/// If a recipe or set is refused or files cannot be written.
+pub(crate) fn run(command: &DataCommand) -> Result<()> {
+    match command {
+        DataCommand::Render(args) => render(args),
+        DataCommand::Sheet(args) => sheet(args),
+        DataCommand::List(args) => list(args),
+    }
+}
+
+fn render(args: &DataRenderArgs) -> Result<()> {
+    let mut recipe = Recipe::load(&args.config).with_context(|| format!("recipe {}", args.config.display()))?;
+    if let Some(world) = &args.world {
+        let asked = if world == "b" { Source::SecondWorld } else { Source::Reference };
+        if asked != recipe.source {
+            ensure!(args.out.is_some(), "--world {world} differs from the recipe's: say with --out where the clips go");
+            recipe = recipe.in_world(asked)?;
+        }
+    }
+    let folder = args.out.clone().unwrap_or_else(|| recipe.folder.clone());
+    let progress = Bar { bar: bar(0, "clips"), stop: stop_flag()? };
+    let rendered = ds_clips::render(&recipe, &folder, &progress)?;
+    progress.bar.finish_and_clear();
+    let place = rendered.folder.display();
+    if rendered.clips < rendered.of {
+        answer(&format!("stopped at {} of {} clips in {place}; the same command goes on", rendered.clips, rendered.of));
+        return Ok(());
+    }
+    answer(&format!("{} clips in {place}, {} of them made now", rendered.clips, rendered.made));
+    save_sheet(&ClipSet::open(&folder)?, 24, folder.join("sheet.png"))
+}
+
+fn sheet(args: &DataSheetArgs) -> Result<()> {
+    let set = ClipSet::open(&args.set).with_context(|| format!("set of clips {}", args.set.display()))?;
+    let path = args.out.clone().unwrap_or_else(|| args.set.join("sheet.png"));
+    save_sheet(&set, usize::from(args.clips), path)
+}
+
+fn save_sheet(set: &ClipSet, clips: usize, path: PathBuf) -> Result<()> {
+    let bytes = ds_clips::contact_sheet(set, clips)?.encode(Encoding::Png)?;
+    std::fs::write(&path, bytes).with_context(|| format!("contact sheet {}", path.display()))?;
+    answer(&format!("contact sheet {}", path.display()));
+    Ok(())
+}
+
+fn list(args: &DataListArgs) -> Result<()> {
+    let set = ClipSet::open(&args.set).with_context(|| format!("set of clips {}", args.set.display()))?;
+    for clip in &set.index().clips {
+        answer(&format!(
+            "{:5} {} network {} {} {} frames, {} ticks: {}",
+            clip.index, clip.scenario, clip.network, clip.appearance, clip.frames, clip.ticks, clip.prompt
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,115 @@
+//! `study`: tables over held-out scenarios, with a bar of what is done.
+
+mod closed_loop;
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use ds_evaluate::study::outcome::{Figure, Outcome};
+use ds_evaluate::study::{self, Study, StudyConfig};
+use ds_process::shipped;
+
+use crate::cli::{StudyArgs, StudyCommand};
+use crate::command::video::Bar;
+use ds_process::terminal::{answer, bar};
+
+/// Runs a command of `study`.
+///
+/// # Errors
+/// If a file cannot be used or frames cannot be made.
+pub(crate) fn run(command: &StudyCommand) -> Result<()> {
+    match command.parts() {
+        (Some(study), args) => of_frames(study, args),
+        (None, args) => closed_loop::run(args),
+    }
+}
+
+/// Returns the configuration that is meant.
+fn config_of(args: &StudyArgs, name: &str) -> PathBuf {
+    args.config.clone().unwrap_or_else(|| shipped::find(Path::new(&format!("configs/study/{name}.toml"))))
+}
+
+fn of_frames(study: Study, args: &StudyArgs) -> Result<()> {
+    let path = config_of(args, study.name());
+    let mut config = StudyConfig::load(&path).with_context(|| format!("configuration {}", path.display()))?;
+    if let Some(out) = &args.out {
+        config.out.clone_from(out);
+    }
+    if args.quick {
+        config = config.quick();
+    }
+    config.scenarios = args.scenarios.unwrap_or(config.scenarios);
+    config.check_for(study)?;
+    let began = Instant::now();
+    let mut progress = Bar(bar(0, "sets"));
+    let mut outcome = study::run(study, &config, &mut progress, &|| began.elapsed().as_secs_f64())?;
+    outcome.quick = args.quick;
+    study::write(&config, &outcome)?;
+    progress.0.finish_and_clear();
+    said(&outcome);
+    findings(&outcome);
+    for name in [format!("{}.json", study.name()), "index.html".to_owned()] {
+        answer(&config.out.join(name).display().to_string());
+    }
+    Ok(())
+}
+
+/// A value with its interval.
+fn shown(figure: Figure) -> String {
+    format!("{:.2} [{:.2}, {:.2}]", figure.value, figure.low, figure.high)
+}
+
+fn findings(outcome: &Outcome) {
+    for (name, metric) in outcome.correlation.iter().flat_map(|found| &found.metrics) {
+        answer(&format!("r of PDMS with {name}: {}, Spearman {:.2}", shown(metric.r), metric.spearman));
+    }
+    for response in outcome.sensitivity.iter().flat_map(|found| &found.responses) {
+        for (name, found) in &response.answers {
+            let times = found.times.map_or_else(String::new, |times| format!("; FDpi answers {} times", shown(times)));
+            answer(&format!(
+                "{} against {}, {name}: {}{times}",
+                response.after,
+                response.before,
+                shown(found.response)
+            ));
+        }
+    }
+    for hard in outcome.sensitivity.iter().flat_map(|found| &found.hard) {
+        answer(&format!("hard scenarios, {}: {:+.0} %, p {:.3}", hard.source, 100.0 * hard.more, hard.p));
+    }
+    for curve in outcome.rollout.iter().flat_map(|found| &found.curves) {
+        answer(&format!("rise of {}: {}", curve.source, shown(curve.rise)));
+    }
+    for removed in outcome.rollout.iter().flat_map(|found| &found.removed) {
+        let share = removed.share.map_or_else(|| "none".to_owned(), shown);
+        answer(&format!("share of the rise of {} that {} takes away: {share}", removed.without, removed.with));
+    }
+}
+
+fn said(outcome: &Outcome) {
+    answer(&format!("× 100, 95 % intervals over {} scenarios; {}", outcome.scenarios, outcome.kind));
+    for (name, figure) in &outcome.fd_pi {
+        answer(&format!("FDpi {name}: {:.2} [{:.2}, {:.2}]", figure.value, figure.low, figure.high));
+    }
+    for (name, table) in outcome.policies.iter().chain(&outcome.others) {
+        for (source, row) in &table.sources {
+            let figure = row.fd;
+            answer(&format!(
+                "  {name} {source}: {:.2} [{:.2}, {:.2}], bias of independent sets {:.2}{}",
+                figure.value,
+                figure.low,
+                figure.high,
+                row.bias,
+                row.warnings.iter().map(|warning| format!("; {warning}")).collect::<String>()
+            ));
+        }
+    }
+    for ratio in &outcome.ratios {
+        let text = ratio.ratio.map_or_else(
+            || "none, a value is not above zero".to_owned(),
+            |r| format!("{:.2} [{:.2}, {:.2}]", r.value, r.low, r.high),
+        );
+        answer(&format!("{} / {}: {text}", ratio.above, ratio.below));
+    }
+}

@@ -1,0 +1,143 @@
+//! `study closed-loop`: drives of a benchmark's cells on every source, then how far they lie from those on the reference.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+use ds_benchmark::record;
+use ds_evaluate::study::closed_loop::{self, ClosedLoop, Drive, REFERENCE};
+use ds_evaluate::study::write_drives;
+use ds_topic::{ObservationSource, ProposalScorer};
+use ds_video::Backend;
+use ds_world::{AgentMode, TrackerKind};
+use serde::Deserialize;
+
+use super::{config_of, shown};
+use crate::cli::StudyArgs;
+use ds_campaign::cli::{CellArgs, Kept, RunArgs};
+use ds_process::terminal::answer;
+
+/// Only every so many-th scenario is driven for a look.
+const QUICK: usize = 8;
+
+/// What is driven and asked. Paths are relative to the configuration file, `out` to the current folder.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Config {
+    version: u32,
+    out: PathBuf,
+    /// Manifests of scenario sets (NAME.set.json).
+    sets: Vec<PathBuf>,
+    policies: Vec<String>,
+    /// Observation sources; the reference is driven too.
+    sources: Vec<String>,
+    /// Pairs of sources: is the first nearer to the reference than the second?
+    #[serde(default)]
+    nearer: Vec<[String; 2]>,
+    seeds: Vec<u64>,
+    draws: u64,
+    model: PathBuf,
+    policy_weights: PathBuf,
+}
+
+/// Drives and compares.
+///
+/// # Errors
+/// If the configuration is refused or drives fail.
+pub(super) fn run(args: &StudyArgs) -> Result<()> {
+    let path = config_of(args, "closed-loop");
+    let text = std::fs::read_to_string(&path).with_context(|| format!("configuration {}", path.display()))?;
+    let config: Config = toml::from_str(&text).with_context(|| format!("configuration {}", path.display()))?;
+    ensure!(config.version == 1, "{}: version is {}, it must be 1", path.display(), config.version);
+    ensure!((1..=100_000).contains(&config.draws), "{}: draws must be 1 to 100000", path.display());
+    if args.scenarios.is_some() {
+        bail!("--scenarios is of studies over frames: the sets of {} say what is driven", path.display());
+    }
+    let mut observations = vec![ObservationSource::Reference];
+    for name in &config.sources {
+        let Some(source) = ObservationSource::from_name(name) else {
+            bail!("{}: there is no source {name:?}", path.display());
+        };
+        observations.extend((!observations.contains(&source)).then_some(source));
+    }
+    if let Some(name) = config.nearer.iter().flatten().find(|name| !config.sources.contains(name)) {
+        bail!("{}: nearer asks about {name:?}, which is not among sources", path.display());
+    }
+    let mut out = args.out.clone().unwrap_or(config.out);
+    if args.quick {
+        out = out.join("quick");
+    }
+    let base = path.parent().unwrap_or(Path::new("."));
+    let drives = RunArgs {
+        what: CellArgs {
+            manifests: config.sets.iter().map(|set| base.join(set)).collect(),
+            policies: config.policies,
+            observations,
+            agents: vec![AgentMode::IdmAll],
+            scorers: vec![ProposalScorer::Learned],
+            seeds: config.seeds,
+            selection: Vec::new(),
+            replan: 5,
+            horizon: 80,
+            history: 1,
+            tracker: TrackerKind::Lqr,
+            model: base.join(&config.model),
+            video_backend: Backend::Cpu,
+            policy_weights: base.join(&config.policy_weights),
+        },
+        endpoints: None,
+        shard: "0/1".to_owned(),
+        workers: None,
+        keep: Kept::None,
+        policy_listen: None,
+        metrics: None,
+        out: out.join("drives"),
+    };
+    let complete = ds_campaign::drives(&drives, if args.quick { QUICK } else { 1 })?;
+    ensure!(complete, "not all drives have ended: the same command goes on");
+    let (mut all, mut unscored) = (Vec::new(), 0);
+    record::read(&drives.out, |_, record| match record.episode.driving_score.filter(|_| record.ended()) {
+        Some(score) => all.push(Drive {
+            policy: record.cell.policy.name.clone(),
+            source: record.cell.observation.name.clone(),
+            unit: format!("{} {}", record.cell.scenario, record.cell.seed),
+            driving_score: 100.0 * score,
+        }),
+        None => unscored += usize::from(record.ended()),
+    })?;
+    let mut found = closed_loop::compare(&all, &config.nearer, config.draws);
+    found.quick = args.quick;
+    found.left_out += unscored;
+    found.sets =
+        config.sets.iter().map(|set| set.file_name().unwrap_or_default().to_string_lossy().into_owned()).collect();
+    write_drives(&out, &found)?;
+    tell(&found);
+    for name in ["closed-loop.json", "index.html"] {
+        answer(&out.join(name).display().to_string());
+    }
+    Ok(())
+}
+
+/// Says what was found in the terminal.
+fn tell(found: &ClosedLoop) {
+    for (policy, gaps) in &found.gaps {
+        for (source, gap) in gaps {
+            answer(&format!(
+                "{policy} on {source}: {} drives, |DS - DS on {REFERENCE}| {}, difference {}",
+                gap.drives,
+                shown(gap.distance),
+                shown(gap.difference)
+            ));
+        }
+    }
+    for nearer in &found.nearer {
+        answer(&format!(
+            "{}: {} less {}: {}, p {:.4}, Holm {:.4}",
+            nearer.policy,
+            nearer.source,
+            nearer.than,
+            shown(nearer.apart),
+            nearer.p,
+            nearer.p_holm
+        ));
+    }
+}

@@ -1,0 +1,142 @@
+//! `train`: one stage of training, resumable.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::{Context, Result, bail};
+use ds_record::viewing::{TrainedStage, Training};
+use ds_train::policy::PolicySettings;
+use ds_train::{Progress, Stage, TrainConfig};
+use indicatif::ProgressBar;
+
+use crate::cli::TrainArgs;
+use ds_launch::onlooker as viewer;
+use ds_process::shipped;
+use ds_process::terminal::{answer, bar, stop_flag};
+
+const VIDEO_CONFIG: &str = "configs/train/cpu_train.toml";
+const POLICY_CONFIG: &str = "configs/train/policy.toml";
+
+struct Bar {
+    bar: ProgressBar,
+    stop: Arc<AtomicBool>,
+}
+
+impl Progress for Bar {
+    fn step(&mut self, step: u32, total: u32, loss: f32, _figures: &[(&str, f32)]) {
+        self.bar.set_length(u64::from(total));
+        self.bar.set_position(u64::from(step));
+        self.bar.set_message(format!("loss {loss:.5}"));
+    }
+
+    fn note(&mut self, text: &str) {
+        self.bar.println(text);
+    }
+
+    fn stop(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
+
+/// Prints what each stage costs and how far it is.
+fn plan(config: &TrainConfig) -> Result<()> {
+    answer(&format!("{:<14} {:>8} {:>12} {:>10} {:>8}", "stage", "updates", "GFLOP each", "TFLOP", "done"));
+    let mut total = [0.0; 2];
+    for cost in ds_train::cost::costs(config)? {
+        #[expect(clippy::cast_precision_loss, reason = "figures for people")]
+        let (all, done) = (cost.updates as f64 * cost.operations, cost.done as f64 * cost.operations);
+        total = [total[0] + all, total[1] + done];
+        let (each, all) = (cost.operations * 1e-9, all * 1e-12);
+        answer(&format!("{:<14} {:>8} {each:>12.2} {all:>10.2} {:>8}", cost.stage, cost.updates, cost.done));
+    }
+    answer(&format!("planned {:.1} TFLOP, of which {:.1} are logged as done", total[0] * 1e-12, total[1] * 1e-12));
+    Ok(())
+}
+
+/// Runs a stage, or all that the recipe describes, until its last step; Ctrl-C stores a checkpoint from which the same
+/// command goes on.
+///
+/// # Errors
+/// If the configuration is refused or files cannot be written.
+pub(crate) fn run(args: &TrainArgs) -> Result<()> {
+    if args.stage == "policy" {
+        return policy(args);
+    }
+    let path = args.config.clone().unwrap_or_else(|| shipped::find(Path::new(VIDEO_CONFIG)));
+    let mut config = TrainConfig::load(&path).with_context(|| format!("configuration {}", path.display()))?;
+    if let Some(backend) = args.backend {
+        config.backend = backend;
+    }
+    if args.stage == "plan" {
+        return plan(&config);
+    }
+    if args.stage == "unpack" {
+        let (Some(of), Some(weights)) = (&args.of, &args.weights) else {
+            bail!("unpack needs --of STAGE and --weights FILE")
+        };
+        let mut progress = Bar { bar: bar(0, "unpack"), stop: stop_flag()? };
+        return Ok(ds_train::ship::unpack(&config, of, weights, &mut progress)?);
+    }
+    let stop = stop_flag()?;
+    let named = |stage: &Stage| args.stage == stage.name();
+    let whole = |stage: &Stage| args.stage == "all" && stage.described(&config);
+    for stage in Stage::ALL.into_iter().filter(|stage| named(stage) || whole(stage)) {
+        let mut progress = Bar { bar: bar(0, stage.name()), stop: Arc::clone(&stop) };
+        let report = if stage == Stage::Ship {
+            let (of, out) = (args.of.as_deref(), args.weights.as_deref());
+            ds_train::ship::run(&config, of, out, &mut progress).map(|()| None)
+        } else {
+            stage.run(&config, &mut progress)
+        };
+        progress.bar.finish_and_clear();
+        if let Some(report) = report.with_context(|| format!("stage {}", stage.name()))? {
+            let (steps, loss, weights) = (report.steps, report.loss, report.weights.display());
+            answer(&format!("{}: {steps} steps, loss {loss:.5}, weights {weights}", stage.name()));
+            report.figures.iter().for_each(|(name, value)| answer(&format!("  {name} {value:.4}")));
+        }
+        let page = ds_train::page::write(&config)?;
+        answer(&format!("losses and samples: {}", page.display()));
+        if args.rerun {
+            answer(&format!("in the viewer: rerun {}", view(&config)?.display()));
+        }
+        if stop.load(Ordering::Relaxed) {
+            answer("stopped; the same command goes on from here");
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// Writes `training.rrd` beside the page.
+fn view(config: &TrainConfig) -> Result<PathBuf> {
+    let path = config.folder.join("training.rrd");
+    let stages = ds_train::page::stages(config).into_iter().map(|(name, curves, sheet)| TrainedStage {
+        name: name.to_owned(),
+        curves: curves.into_iter().map(|curve| (curve.name, curve.points)).collect(),
+        sheet: sheet.filter(|path| path.is_file()),
+    });
+    let stages = stages.collect();
+    let name = config.folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    viewer::hand(["training".into(), (&path).into()], &Training { name, stages })?;
+    Ok(path)
+}
+
+fn policy(args: &TrainArgs) -> Result<()> {
+    let path = args.config.clone().unwrap_or_else(|| shipped::find(Path::new(POLICY_CONFIG)));
+    let text = std::fs::read_to_string(&path).with_context(|| format!("configuration {}", path.display()))?;
+    let settings = PolicySettings::parse(&text).with_context(|| format!("configuration {}", path.display()))?;
+    if let Some(weights) = &args.weights {
+        ds_train::policy::evaluate(args.kind, &settings, weights, &mut answer)
+            .with_context(|| format!("weights {}", weights.display()))?;
+        return Ok(());
+    }
+    let spinner = ProgressBar::new_spinner();
+    ds_train::policy::run(args.kind, &settings, Path::new(&args.out), &mut |line: &str| {
+        spinner.set_message(line.to_owned());
+        spinner.tick();
+    })?;
+    spinner.finish_and_clear();
+    answer(&format!("policy trained; checkpoints in {}", args.out.display()));
+    Ok(())
+}
