@@ -1,9 +1,9 @@
 """`python -m dreamstream.ros2` lets a ROS 2 node drive: it is a guest of DreamStream and speaks CDR on Zenoh keys.
 
 Between those keys and ROS 2 stands `zenoh-bridge-ros2dds`. Told under `/dreamstream`: `camera/ID/image_raw` (rgb8),
-`camera/ID/camera_info`, `odom`, `accel`, `command` (1 straight, 2 left, 3 right); besides `/clock`, and `/tf_static` before
-each observation. The answer comes on `plan`: a `nav_msgs/Path` in `base_link` with the header stamp of the newest image; its
-poses carry their own times. `base_link` is the rig (x forward, y left, on the ground under the rear axle), `odom` the rig at the
+`camera/ID/camera_info`, `odom`, `accel`, `command` (1 straight, 2 left, 3 right); besides `/clock`, and
+`/tf_static` each second and before each observation. The answer comes on `plan`: a `nav_msgs/Path` in `base_link` with the
+header stamp of the newest image; its poses carry their own times. `base_link` is the rig (x forward, y left, on the ground under the rear axle), `odom` the rig at the
 session's start, `ID_optical` a camera (x right, y down, z forward). Time never goes back: a later session begins at the
 next full second. An observation that is not answered is told again. Needs `pip install 'dreamstream[ros2]'`.
 """
@@ -15,6 +15,7 @@ import logging
 import queue
 import re
 import sys
+import threading
 import time
 from dataclasses import dataclass
 from typing import Any, Iterator, Optional, Sequence
@@ -208,10 +209,13 @@ class Ros:
         self._bus = bus
         self.repeat_s = repeat_s
         self._known: dict[str, Any] = {}
-        self._mounted: list[Told] = []
+        self._static: Optional[Told] = None
+        self._ending = threading.Event()
         self.answers: "queue.Queue[bytes]" = queue.Queue(maxsize=16)
         self._plans = bus.declare_subscriber(f"{SPACE}/plan", self._hear)
         self._announce("MS", f"{SPACE}/plan", "nav_msgs/msg/Path")
+        self._telling = threading.Thread(target=self._tell_static, daemon=True)
+        self._telling.start()
 
     def _hear(self, sample: Any) -> None:
         try:
@@ -232,11 +236,16 @@ class Ros:
         self._bus.put(message.topic, message.data)
 
     def mount(self, cameras: Sequence[Camera], *, time_ns: int) -> None:
-        """Sets the mounting of the cameras, which is told before all that is asked."""
+        """Sets the mounting of the cameras, which is told each second and before all that is asked."""
         words = [word(camera.name) for camera in cameras]
         if len(set(words)) < len(words):
             raise ValueError(f"cameras have the same name in ROS: {words}")
-        self._mounted = [static_transforms(cameras, time_ns=time_ns)]
+        self._static = static_transforms(cameras, time_ns=time_ns)
+
+    def _tell_static(self) -> None:
+        while not self._ending.wait(1.0):
+            if self._static is not None:
+                self.tell(self._static)
 
     def ask(self, messages: Sequence[Told], *, stamp_ns: int, within_s: float) -> Any:
         """Tells the mounting and messages until a `nav_msgs/Path` with this stamp comes, and returns it."""
@@ -247,7 +256,7 @@ class Ros:
         while (now := time.monotonic()) < ends:
             if now >= again:
                 again = now + self.repeat_s
-                for message in (*self._mounted, *messages):
+                for message in (*([self._static] if self._static else []), *messages):
                     self.tell(message)
                 messages = repeated
             try:
@@ -262,6 +271,8 @@ class Ros:
 
     def close(self) -> None:
         """Takes back what was announced."""
+        self._ending.set()
+        self._telling.join()
         self._plans.undeclare()
         for token in self._known.values():
             token.undeclare()

@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ds_nn::Weights;
-use ds_nn::safetensors::WeightsFile;
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter, Tick};
 use ds_topic::ObservationSource;
@@ -101,13 +100,13 @@ impl Arm {
     fn open(config: &EvalConfig, name: &str, arm: &ArmConfig) -> Result<Self, Cause> {
         let mut preset = ModelConfig::load(&config.path(&arm.model))?;
         let mut weights = VideoModel::read(&preset, &config.path(&arm.weights))?;
-        if let Some(dit) = &arm.dit {
-            replace_transformer(&mut weights, &WeightsFile::read(&config.path(dit))?.weights);
-        }
         if let Some(source) = &arm.cache_source {
             preset.causal.cache_source.clone_from(source);
-            preset.causal.ablation = true;
         }
+        if let Some(dit) = &arm.dit {
+            replace_transformer(&mut weights, &preset, &config.path(dit))?;
+        }
+        preset.causal.ablation |= arm.cache_source.is_some();
         let (steps, keep_look) = (&arm.steps, &arm.keep_look);
         let settings = [&arm.kind as &dyn std::fmt::Debug, &arm.guidance, steps, &arm.dropout, &arm.window, keep_look]
             .map(|part| format!("{part:?}"));

@@ -6,7 +6,6 @@
 use std::path::{Path, PathBuf};
 
 use ds_nn::Weights;
-use ds_nn::safetensors::WeightsFile;
 use ds_nn::tiny_ae::AeShape;
 use ds_space::{Digest, DigestWriter};
 
@@ -54,7 +53,7 @@ impl Ablated {
                 config.causal.ablation = true;
             }
             Ablation::NoLayout => weights = silenced(&config.ae(), &weights),
-            Ablation::Transformer(path) => replace_transformer(&mut weights, &WeightsFile::read(path)?.weights),
+            Ablation::Transformer(path) => replace_transformer(&mut weights, &config, path)?,
         }
         Ok(Self { config, weights })
     }
@@ -81,13 +80,18 @@ pub fn per_frame_digest(model: &Digest) -> Digest {
     DigestWriter::new().text("per frame").digest(model).finish()
 }
 
-/// Puts another transformer's weights, with or without their prefix, in the place of the model's.
-pub fn replace_transformer(weights: &mut Weights, dit: &Weights) {
+/// Puts the transformer of a file, with or without its prefix, in the place of the model's; `config` is that of its training.
+///
+/// # Errors
+/// If the file is broken or names another configuration.
+pub fn replace_transformer(weights: &mut Weights, config: &ModelConfig, file: &Path) -> Result<(), VideoError> {
+    let dit = VideoModel::read(config, file)?;
     let names: Vec<String> =
         weights.iter().map(|(name, _)| name.to_owned()).filter(|name| name.starts_with("dit.")).collect();
     names.iter().for_each(|name| drop(weights.remove(name)));
     let prefixed = dit.part("dit.");
-    weights.absorb("dit.", if prefixed.iter().next().is_some() { &prefixed } else { dit });
+    weights.absorb("dit.", if prefixed.iter().next().is_some() { &prefixed } else { &dit });
+    Ok(())
 }
 
 /// Returns weights whose control latents are zero, and to which a guided decoder's view of the layout is zero.

@@ -38,6 +38,9 @@ fn config(folder: &Path) -> EvalConfig {
     };
     save("model.safetensors", weights(b"a"));
     save("teacher.safetensors", weights(b"b").part("dit."));
+    let metadata = [("config_digest".to_owned(), "another".to_owned())].into();
+    let elsewhere = WeightsFile { weights: weights(b"b"), metadata };
+    elsewhere.write(&folder.join("elsewhere.safetensors")).expect("writes");
     std::fs::write(folder.join("smoke.toml"), PRESET).expect("writes");
     let arm = |name: &str, more: &str| {
         format!("[arms.{name}]\nmodel = \"smoke.toml\"\nweights = \"model.safetensors\"\n{more}\n")
@@ -54,6 +57,7 @@ fn config(folder: &Path) -> EvalConfig {
         arm("prior", "kind = \"prior\"\ndit = \"teacher.safetensors\"\nsteps = 2"),
         arm("windows", "kind = \"teacher\"\ndit = \"teacher.safetensors\"\nguidance = 2.0\nsteps = 2\nwindow = 2"),
         arm("keeper", "kind = \"teacher\"\ndit = \"teacher.safetensors\"\nguidance = 2.0\nsteps = 2\nkeep_look = true"),
+        arm("elsewhere", "kind = \"student\"\ndit = \"elsewhere.safetensors\""),
         arm("broken", "kind = \"student\"\ndit = \"smoke.toml\""),
     ];
     EvalConfig::parse(&text.concat(), folder).expect("the configuration is right")
@@ -89,8 +93,11 @@ fn arms_differ_in_what_their_configuration_says() {
     let names = ["student", "clean", "other", "blind", "alone", "teacher", "prior", "windows", "keeper"];
     let digests: std::collections::BTreeSet<_> = names.map(|name| arm(name).digest()).into_iter().collect();
     assert_eq!(digests.len(), names.len());
-    let error = Arm::load(&config, "broken").err().expect("no weights").to_string();
-    assert!(error.contains("broken"), "{error}");
+    for (name, says) in [("broken", "broken"), ("elsewhere", "another")] {
+        let error = Arm::load(&config, name).err().expect("no fitting weights");
+        let whole = format!("{error}: {}", std::error::Error::source(&error).map(ToString::to_string).unwrap_or_default());
+        assert!(whole.contains(says), "{whole}");
+    }
 }
 
 #[test]
