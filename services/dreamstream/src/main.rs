@@ -14,17 +14,13 @@ use clap::{CommandFactory, FromArgMatches};
 use cli::{Cli, Command, Handed};
 use ds_launch::{run, runtime};
 use ds_process::beside::{self, TRAINER};
-use ds_process::terminal::complain;
+use ds_process::terminal::{complain, ended, parsed};
 
 fn main() -> ExitCode {
-    let parsed = Cli::command().try_get_matches().and_then(|said| Ok((Cli::from_arg_matches(&said)?, said)));
-    let (cli, said) = match parsed {
+    let arguments = Cli::command().try_get_matches().and_then(|said| Ok((Cli::from_arg_matches(&said)?, said)));
+    let (cli, said) = match parsed(arguments) {
         Ok(parsed) => parsed,
-        Err(error) => {
-            let code = if error.use_stderr() { ds_process::service::EXIT_USAGE } else { 0 };
-            let _closed_pipe = error.print();
-            return ExitCode::from(code);
-        }
+        Err(code) => return code,
     };
     if let Command::Serve(args) = &cli.command {
         let asked = said.value_source("log") == Some(ValueSource::CommandLine);
@@ -42,13 +38,7 @@ fn main() -> ExitCode {
         clap_complete::generate(*shell, &mut Cli::command(), "dreamstream", &mut std::io::stdout());
         return ExitCode::SUCCESS;
     }
-    match ds_process::logging::start(&cli.log).and_then(|()| answered(&cli)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            complain(&error);
-            ExitCode::from(ds_process::service::exit_code(&error))
-        }
-    }
+    ended(ds_process::logging::start(&cli.log).and_then(|()| answered(&cli)))
 }
 
 fn answered(cli: &Cli) -> anyhow::Result<()> {

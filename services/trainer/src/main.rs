@@ -10,23 +10,12 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use cli::{Cli, Command};
-use ds_process::terminal::complain;
+use ds_process::terminal::{ended, parsed};
 
 fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
-        Err(error) => {
-            let code = if error.use_stderr() { ds_process::service::EXIT_USAGE } else { 0 };
-            let _closed_pipe = error.print();
-            return ExitCode::from(code);
-        }
-    };
-    match ds_process::logging::start(&cli.log).and_then(|()| run(&cli.command)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            complain(&error);
-            ExitCode::from(ds_process::service::exit_code(&error))
-        }
+    match parsed(Cli::try_parse()) {
+        Ok(cli) => ended(ds_process::logging::start(&cli.log).and_then(|()| run(&cli.command))),
+        Err(code) => code,
     }
 }
 

@@ -8,6 +8,7 @@ use std::process::ExitCode;
 use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand, ValueHint};
 use ds_process::onlooker::OnlookerArgs;
+use ds_process::terminal::{answer, ended, parsed};
 use ds_record::Recording;
 use ds_space::EpisodeId;
 use serde::de::DeserializeOwned;
@@ -85,31 +86,10 @@ enum Show {
 }
 
 fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
-        Err(error) => {
-            let code = if error.use_stderr() { ds_process::service::EXIT_USAGE } else { 0 };
-            let _closed_pipe = error.print();
-            return ExitCode::from(code);
-        }
-    };
-    match ds_process::logging::start(&cli.log).and_then(|()| run(cli.command)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            complain(&error);
-            ExitCode::FAILURE
-        }
+    match parsed(Cli::try_parse()) {
+        Ok(cli) => ended(ds_process::logging::start(&cli.log).and_then(|()| run(cli.command))),
+        Err(code) => code,
     }
-}
-
-#[expect(clippy::print_stdout, reason = "stdout belongs to the process's answer")]
-fn answer(line: &str) {
-    println!("{line}");
-}
-
-#[expect(clippy::print_stderr, reason = "the process's own error")]
-fn complain(error: &anyhow::Error) {
-    eprintln!("error: {error:#}");
 }
 
 fn run(command: Show) -> Result<()> {

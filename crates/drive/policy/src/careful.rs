@@ -7,14 +7,10 @@ use ds_space::plane::OrientedBox;
 use ds_space::{DVec2, PoseSe2, angle};
 use ds_world::{AgentState, Anchor, EgoState, Scene, WorldState};
 
+use crate::anchor::Anchored;
 use crate::driver::{Driver, Kept, ticks_in};
 use crate::error::PolicyError;
-use crate::observation::{Observation, PrivilegedView};
-use crate::plan::PolicyAnswer;
-use crate::{Policy, Restart};
-
-/// The policy's name.
-pub const NAME: &str = Anchor::Careful.name();
+use crate::observation::PrivilegedView;
 
 /// How late it acts, in ticks.
 const REACTION_TICKS: u32 = 8;
@@ -29,35 +25,21 @@ pub struct Careful {
     driver: Kept,
 }
 
-impl Policy for Careful {
-    fn name(&self) -> &str {
-        NAME
-    }
+impl Anchored for Careful {
+    const NAME: &'static str = Anchor::Careful.name();
 
-    fn privileged(&self) -> bool {
-        true
-    }
-
-    fn plan(
-        &mut self,
-        observation: &Observation,
-        privileged: Option<&PrivilegedView>,
-    ) -> Result<PolicyAnswer, PolicyError> {
-        observation.check()?;
-        let view = privileged.ok_or(PolicyError::NeedsPrivilege { name: NAME })?;
-        let (live, now) = view.live(NAME)?;
-        let (driver, steps) = (self.driver.of(&view.scene), observation.horizon_ticks);
+    fn driven(&mut self, view: &PrivilegedView, horizon_ticks: u32) -> Result<Vec<PoseSe2>, PolicyError> {
+        let (live, now) = view.live(Self::NAME)?;
+        let driver = self.driver.of(&view.scene);
         let noticed = live.states.iter().rev().find(|state| state.tick.plus(REACTION_TICKS) <= view.tick);
         let feared = noticed
             .zip(live.states.first())
             .is_some_and(|(noticed, before)| collides(driver, &view.scene, before, noticed));
-        let driven =
-            if feared { driver.brake(&view.ego, BRAKING, steps) } else { driver.drive_live(now, &view.ego, steps) };
-        view.answer(NAME, &driven, observation.dt)
-    }
-
-    fn restart(&self) -> Restart {
-        Restart::Stateless
+        Ok(if feared {
+            driver.brake(&view.ego, BRAKING, horizon_ticks)
+        } else {
+            driver.drive_live(now, &view.ego, horizon_ticks)
+        })
     }
 }
 

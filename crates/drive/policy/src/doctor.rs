@@ -1,7 +1,7 @@
 //! Asks a policy about states whose good answer is known, and names what its wrapping gets wrong.
 //!
 //! A plan is held against the expert's of the same state. It is not asked to be as good: an error is named where one
-//! wrong convention (axes, unit, rate, origin, colour order) explains most of the distance between the two, that is,
+//! wrong convention (axes, unit, rate, origin, colours or sides of the frame) explains most of the distance between the two, that is,
 //! where undoing it leaves less than [`EXPLAINED`] of it. Poses are in the rig frame of now, metres and radians.
 
 use ds_nn::Array;
@@ -84,7 +84,7 @@ pub fn examine(policy: &mut dyn Policy, fixtures: &[Fixture], asked: &dyn Fn()) 
     let mut found = Examination::default();
     found.findings.extend(convention(fixtures, &first));
     if found.findings.is_empty() {
-        found.findings.extend(colours(policy, fixtures, &first));
+        found.findings.extend(image(policy, fixtures, &first));
     }
     found.findings.extend(proposals(policy, fixtures));
     found.findings.extend(feature(policy, fixtures));
@@ -394,23 +394,49 @@ fn convention(fixtures: &[Fixture], plans: &[Vec<PoseSe2>]) -> Option<Finding> {
     })
 }
 
-/// Says whether the plans come nearer to the expert if red and blue change places in the frames.
-fn colours(policy: &mut dyn Policy, fixtures: &[Fixture], plans: &[Vec<PoseSe2>]) -> Option<Finding> {
-    let swapped: Vec<Fixture> = fixtures.iter().cloned().map(bgr).collect();
-    let other = answers(policy, &swapped, 0, &|| ()).ok()?;
+/// What a wrapping does to a frame, what it is called where a plan is better without it, and how it is undone.
+type Unsee = (&'static str, &'static str, fn(&mut RgbImage));
+
+const SEEN_WRONGLY: [Unsee; 3] = [
+    ("colour order is BGR, not RGB", "red and blue swapped", |image| {
+        image.rgb_mut().chunks_exact_mut(3).for_each(|pixel| pixel.swap(0, 2));
+    }),
+    ("frames are mirrored: left is right", "columns reversed", |image| {
+        let row = 3 * image.width_px() as usize;
+        image.rgb_mut().chunks_exact_mut(row).for_each(reversed);
+    }),
+    ("frames are upside down", "rows reversed", |image| {
+        let row = 3 * image.width_px() as usize;
+        reversed(image.rgb_mut());
+        image.rgb_mut().chunks_exact_mut(row).for_each(reversed);
+    }),
+];
+
+/// Reverses the order of pixels.
+fn reversed(pixels: &mut [u8]) {
+    pixels.reverse();
+    pixels.chunks_exact_mut(3).for_each(|pixel| pixel.swap(0, 2));
+}
+
+/// Says which wrong way of handing frames over explains most of the distance to the expert, if one does.
+fn image(policy: &mut dyn Policy, fixtures: &[Fixture], plans: &[Vec<PoseSe2>]) -> Option<Finding> {
     let apart = |plans: &[Vec<PoseSe2>]| {
         let each = own_camera(fixtures, plans).map(|(fixture, plan)| distance_m(plan, &fixture.expert));
         each.sum::<f64>() / own_camera(fixtures, plans).count().max(1) as f64
     };
-    let (given_m, swapped_m) = (apart(plans), apart(&other));
-    (given_m > NEAR_M && swapped_m < EXPLAINED * given_m).then(|| Finding {
+    let given_m = apart(plans);
+    if given_m <= NEAR_M {
+        return None;
+    }
+    let mut undone = |unsee: fn(&mut RgbImage)| {
+        let mut other = fixtures.to_vec();
+        other.iter_mut().flat_map(|fixture| fixture.observation.frames.iter_mut().flatten()).for_each(unsee);
+        answers(policy, &other, 0, &|| ()).ok().map(|plans| apart(&plans))
+    };
+    let all = SEEN_WRONGLY.into_iter().filter_map(|(cause, undo, unsee)| Some((cause, undo, undone(unsee)?)));
+    let (cause, undo, left_m) = all.min_by(|one, other| one.2.total_cmp(&other.2))?;
+    (left_m < EXPLAINED * given_m).then(|| Finding {
         check: "image",
-        says: format!("colour order is BGR, not RGB: plans are {given_m:.2} m from the expert's, {swapped_m:.2} m with red and blue swapped"),
+        says: format!("{cause}: plans are {given_m:.2} m from the expert's, {left_m:.2} m with {undo}"),
     })
-}
-
-fn bgr(mut fixture: Fixture) -> Fixture {
-    let images = fixture.observation.frames.iter_mut().flatten();
-    images.for_each(|image| image.rgb_mut().chunks_exact_mut(3).for_each(|pixel| pixel.swap(0, 2)));
-    fixture
 }

@@ -2,16 +2,13 @@
 //!
 //! It foresees nobody: who is not in the way yet does not count.
 
+use ds_space::PoseSe2;
 use ds_world::Anchor;
 
+use crate::anchor::Anchored;
 use crate::driver::Kept;
 use crate::error::PolicyError;
-use crate::observation::{Observation, PrivilegedView};
-use crate::plan::PolicyAnswer;
-use crate::{Policy, Restart};
-
-/// The policy's name.
-pub const NAME: &str = Anchor::Idm.name();
+use crate::observation::PrivilegedView;
 
 /// Follows the route behind others as they are.
 #[derive(Debug, Default)]
@@ -19,28 +16,11 @@ pub struct Idm {
     driver: Kept,
 }
 
-impl Policy for Idm {
-    fn name(&self) -> &str {
-        NAME
-    }
+impl Anchored for Idm {
+    const NAME: &'static str = Anchor::Idm.name();
 
-    fn privileged(&self) -> bool {
-        true
-    }
-
-    fn plan(
-        &mut self,
-        observation: &Observation,
-        privileged: Option<&PrivilegedView>,
-    ) -> Result<PolicyAnswer, PolicyError> {
-        observation.check()?;
-        let view = privileged.ok_or(PolicyError::NeedsPrivilege { name: NAME })?;
-        let (_, now) = view.live(NAME)?;
-        let driven = self.driver.of(&view.scene).drive_live(now, &view.ego, observation.horizon_ticks);
-        view.answer(NAME, &driven, observation.dt)
-    }
-
-    fn restart(&self) -> Restart {
-        Restart::Stateless
+    fn driven(&mut self, view: &PrivilegedView, horizon_ticks: u32) -> Result<Vec<PoseSe2>, PolicyError> {
+        let (_, now) = view.live(Self::NAME)?;
+        Ok(self.driver.of(&view.scene).drive_live(now, &view.ego, horizon_ticks))
     }
 }

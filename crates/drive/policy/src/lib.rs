@@ -5,6 +5,7 @@
 //! boxes of others, the absolute pose or the scenario's name. Privileged policies also get a [`PrivilegedView`]; they
 //! serve as references and are refused in a benchmark.
 
+pub mod anchor;
 pub mod builtin;
 pub mod camera;
 pub mod careful;

@@ -1,41 +1,21 @@
 //! Privileged: plans the recorded drive of the expert, seen from where the ego is now.
 
 use ds_space::{PoseSe2, Tick};
+use ds_world::Anchor;
 
+use crate::anchor::Anchored;
 use crate::error::PolicyError;
-use crate::observation::{Observation, PrivilegedView};
-use crate::plan::PolicyAnswer;
-use crate::{Policy, Restart};
-
-/// The policy's name.
-pub const NAME: &str = ds_world::Anchor::LogReplay.name();
+use crate::observation::PrivilegedView;
 
 /// Repeats the expert's drive.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct LogReplay;
 
-impl Policy for LogReplay {
-    fn name(&self) -> &str {
-        NAME
-    }
+impl Anchored for LogReplay {
+    const NAME: &'static str = Anchor::LogReplay.name();
 
-    fn privileged(&self) -> bool {
-        true
-    }
-
-    fn plan(
-        &mut self,
-        observation: &Observation,
-        privileged: Option<&PrivilegedView>,
-    ) -> Result<PolicyAnswer, PolicyError> {
-        observation.check()?;
-        let view = privileged.ok_or(PolicyError::NeedsPrivilege { name: NAME })?;
-        let driven: Vec<PoseSe2> = (1..=observation.horizon_ticks).map(|k| logged(view, view.tick.plus(k))).collect();
-        view.answer(NAME, &driven, observation.dt)
-    }
-
-    fn restart(&self) -> Restart {
-        Restart::Stateless
+    fn driven(&mut self, view: &PrivilegedView, horizon_ticks: u32) -> Result<Vec<PoseSe2>, PolicyError> {
+        Ok((1..=horizon_ticks).map(|k| logged(view, view.tick.plus(k))).collect())
     }
 }
 

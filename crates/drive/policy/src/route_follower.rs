@@ -1,13 +1,12 @@
 //! Privileged: follows the route with the speed of a careful driver (see [`crate::driver`]).
 
+use ds_space::PoseSe2;
+use ds_world::Anchor;
+
+use crate::anchor::Anchored;
 use crate::driver::Kept;
 use crate::error::PolicyError;
-use crate::observation::{Observation, PrivilegedView};
-use crate::plan::PolicyAnswer;
-use crate::{Policy, Restart};
-
-/// The policy's name.
-pub const NAME: &str = ds_world::Anchor::RouteFollower.name();
+use crate::observation::PrivilegedView;
 
 /// Follows the route behind others and stops at red lights.
 #[derive(Debug, Default)]
@@ -15,27 +14,10 @@ pub struct RouteFollower {
     driver: Kept,
 }
 
-impl Policy for RouteFollower {
-    fn name(&self) -> &str {
-        NAME
-    }
+impl Anchored for RouteFollower {
+    const NAME: &'static str = Anchor::RouteFollower.name();
 
-    fn privileged(&self) -> bool {
-        true
-    }
-
-    fn plan(
-        &mut self,
-        observation: &Observation,
-        privileged: Option<&PrivilegedView>,
-    ) -> Result<PolicyAnswer, PolicyError> {
-        observation.check()?;
-        let view = privileged.ok_or(PolicyError::NeedsPrivilege { name: NAME })?;
-        let driven = self.driver.of(&view.scene).drive(&view.ego, view.tick, observation.horizon_ticks);
-        view.answer(NAME, &driven, observation.dt)
-    }
-
-    fn restart(&self) -> Restart {
-        Restart::Stateless
+    fn driven(&mut self, view: &PrivilegedView, horizon_ticks: u32) -> Result<Vec<PoseSe2>, PolicyError> {
+        Ok(self.driver.of(&view.scene).drive(&view.ego, view.tick, horizon_ticks))
     }
 }

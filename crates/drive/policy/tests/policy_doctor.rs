@@ -25,14 +25,14 @@ fn arc(speed_mps: f64, curvature: f64) -> Vec<PoseSe2> {
     driven
 }
 
-/// Fixtures whose one pixel shows the curvature in red, and none in blue.
+/// Fixtures whose first pixel of four shows the curvature in red; blue and the others show none.
 fn fixtures() -> Vec<Fixture> {
     let shown =
         [("straight", 8.0, 128), ("left", 6.0, 218), ("right", 6.0, 38), ("curve", 9.0, 158), ("red", 0.0, 128)];
     let of = |(name, speed_mps, red): (&str, f64, u8)| Fixture {
         name: name.to_owned(),
         observation: Observation {
-            frames: vec![vec![RgbImage::filled(1, 1, [red, 0, 128])]],
+            frames: vec![vec![shows(red)]],
             cameras: vec![known_camera()],
             ego: EgoView { speed_mps, ..EgoView::default() },
             command: RouteCommand::Straight,
@@ -45,6 +45,12 @@ fn fixtures() -> Vec<Fixture> {
         twin: None,
     };
     shown.map(of).to_vec()
+}
+
+fn shows(red: u8) -> RgbImage {
+    let mut image = RgbImage::filled(2, 2, [128, 0, 128]);
+    image.rgb_mut()[0] = red;
+    image
 }
 
 fn examine(policy: &mut dyn Policy, fixtures: &[Fixture]) -> Examination {
@@ -76,6 +82,7 @@ fn curvature(red: u8) -> f64 {
 
 /// A network that would drive as the expert does, and what its wrapping does to the answer.
 struct Wrapped {
+    /// Which byte of the frame it goes by.
     channel: usize,
     calls: u32,
     wrong: fn(u32, Vec<PoseSe2>) -> Vec<PoseSe2>,
@@ -149,8 +156,10 @@ fn a_sound_wrapping_has_no_findings_and_each_wrong_one_is_named_by_its_cause() {
             assert!(found.len() == 1 && found[0].check == check && found[0].says.contains(says), "{name}: {found:?}");
         }
     }
-    let found = examine(&mut Wrapped { channel: 2, calls: 0, wrong: sound }, &fixtures()).findings;
-    assert!(found.len() == 1 && found[0].check == "image" && found[0].says.contains("BGR"), "{found:?}");
+    for (channel, says) in [(2, "BGR"), (3, "mirrored"), (6, "upside down")] {
+        let found = examine(&mut Wrapped { channel, calls: 0, wrong: sound }, &fixtures()).findings;
+        assert!(found.len() == 1 && found[0].check == "image" && found[0].says.contains(says), "{found:?}");
+    }
 }
 
 /// A sound policy with proposals and a feature, and what is wrong with them.

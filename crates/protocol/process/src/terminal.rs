@@ -3,10 +3,13 @@
 mod plain;
 
 use std::io::IsTerminal;
+use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::service::{EXIT_USAGE, exit_code};
 
 /// Prints a line of the answer on stdout; logs and progress go to stderr.
 #[expect(clippy::print_stdout, reason = "stdout belongs to the command line's answer")]
@@ -34,6 +37,30 @@ pub fn bar(length: u64, unit: &'static str) -> ProgressBar {
 #[expect(clippy::print_stderr, reason = "the command line's own error")]
 pub fn complain(error: &anyhow::Error) {
     eprintln!("error: {error:#}");
+}
+
+/// Returns the arguments of a process, or, once help or what is wrong with them is printed, its exit code.
+///
+/// # Errors
+/// The exit code: 0 for help, [`EXIT_USAGE`] for wrong arguments.
+pub fn parsed<C>(arguments: Result<C, clap::Error>) -> Result<C, ExitCode> {
+    arguments.map_err(|error| {
+        let code = if error.use_stderr() { EXIT_USAGE } else { 0 };
+        let _closed_pipe = error.print();
+        ExitCode::from(code)
+    })
+}
+
+/// Returns the exit code of a command that ended, and says why it failed.
+#[must_use]
+pub fn ended(result: anyhow::Result<()>) -> ExitCode {
+    result.map_or_else(
+        |error| {
+            complain(&error);
+            ExitCode::from(exit_code(&error))
+        },
+        |()| ExitCode::SUCCESS,
+    )
 }
 
 /// Returns a flag that SIGINT raises.

@@ -16,7 +16,7 @@ const DOCTOR_EXAMPLES: &str = "Examples:
 #[derive(Debug, Subcommand)]
 pub(crate) enum PolicyCommand {
     /// Ask a policy about eight generated states whose expert plan is known, 192 times in all, and name wrong axes, units,
-    /// rate, origin, colour order, hidden state and answers that are not finite. Exit code 1 if anything is wrong.
+    /// rate, origin, colour order, mirrored frames, hidden state and answers that are not finite. Exit code 1 if anything is wrong.
     #[command(after_help = DOCTOR_EXAMPLES)]
     Doctor {
         /// The name of a built-in policy that is not privileged, the manifest of an ONNX network, FILE.py:CLASS, or with

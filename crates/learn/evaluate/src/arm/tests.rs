@@ -95,7 +95,8 @@ fn arms_differ_in_what_their_configuration_says() {
     assert_eq!(digests.len(), names.len());
     for (name, says) in [("broken", "broken"), ("elsewhere", "another")] {
         let error = Arm::load(&config, name).err().expect("no fitting weights");
-        let whole = format!("{error}: {}", std::error::Error::source(&error).map(ToString::to_string).unwrap_or_default());
+        let whole =
+            format!("{error}: {}", std::error::Error::source(&error).map(ToString::to_string).unwrap_or_default());
         assert!(whole.contains(says), "{whole}");
     }
 }
