@@ -200,6 +200,20 @@ fn an_effect_of_a_run_is_diagnosed_from_its_vehicle_log_and_applied() {
     let again = folder.path().join("again");
     drive(&again, &["--config", &corrected, "--vehicle-log"]);
     assert_eq!(self::logs(&again).len(), self::logs(&real).len());
+
+    let (real, close) = (real.display().to_string(), folder.path().join("close"));
+    let kept = workspace().join("scenarios/base/free-curve.scenario.json").display().to_string();
+    let out = close.display().to_string();
+    let words =
+        ["gap", "close", &real, &kept, "--policy", "lattice", "--observation", "layout", "--quick", "--out", &out];
+    let closed = dreamstream(&words).output().expect("the binary runs");
+    assert!(closed.status.success(), "{}", String::from_utf8_lossy(&closed.stderr));
+    let text = std::fs::read_to_string(close.join("close.json")).expect("a comparison");
+    let comparison: Value = serde_json::from_str(&text).expect("JSON");
+    let deviation = comparison["closed_loop"].as_array().expect("metrics").iter();
+    let deviation = deviation.clone().find(|one| one["metric"] == "route_deviation").expect("deviations of the route");
+    assert!(deviation["chance"].as_f64().is_some_and(|chance| chance > 0.0), "{text}");
+    assert!(std::fs::read_to_string(close.join("close.html")).is_ok_and(|page| page.contains("By chance")));
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! `gap close`: diagnose → apply → drive again → before and after, on scenarios that the fit never saw.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
 use ds_cases::closing::{LoggedRun, closed};
@@ -61,7 +61,8 @@ pub(crate) async fn run(args: &CloseArgs, log: &str) -> Result<()> {
     diagnosis.write(&args.out)?;
     tell("diagnosis", &diagnosis);
     let config = args.out.join("corrected.toml");
-    RunConfig::corrected(std::slice::from_ref(&diagnosis))?.write(&diagnosis.case, &config)?;
+    let corrected = RunConfig::corrected(std::slice::from_ref(&diagnosis))?;
+    corrected.write(&diagnosis.case, &config)?;
     let plan = |name: &str, config: Option<PathBuf>| RunPlan {
         scenarios: args.scenarios.clone(),
         policy: args.policy.clone(),
@@ -73,15 +74,17 @@ pub(crate) async fn run(args: &CloseArgs, log: &str) -> Result<()> {
         config,
         ..RunPlan::default()
     };
-    let (nominal, corrected) = (plan("nominal", None), plan("corrected", Some(config)));
-    let results = [
-        Results::load(&args.real.join(RESULTS))?,
-        run::drive_all(&nominal, log).await?,
-        run::drive_all(&corrected, log).await?,
-    ];
-    let folders: [&Path; 3] = [&args.real, &nominal.out, &corrected.out];
-    let [real, before, after] = [0, 1, 2].map(|k| LoggedRun { folder: folders[k], results: &results[k] });
-    let report = Report::new(&diagnosis, closed(&held, &real, [&before, &after])?);
+    let hair = args.out.join("hair_apart.toml");
+    corrected.hair_apart().write(&diagnosis.case, &hair)?;
+    let runs = [plan("nominal", None), plan("corrected", Some(config)), plan("hair-apart", Some(hair))];
+    let real = Results::load(&args.real.join(RESULTS))?;
+    let mut driven = Vec::new();
+    for plan in &runs {
+        driven.push(run::drive_all(plan, log).await?);
+    }
+    let real = LoggedRun { folder: &args.real, results: &real };
+    let [before, after, apart] = [0, 1, 2].map(|k| LoggedRun { folder: &runs[k].out, results: &driven[k] });
+    let report = Report::new(&diagnosis, closed(&held, &real, [&before, &after, &apart])?);
     json::write(&report, &args.out.join("close.json"))?;
     let asked = [
         ("real drives", args.real.display().to_string()),
@@ -98,12 +101,13 @@ pub(crate) async fn run(args: &CloseArgs, log: &str) -> Result<()> {
     for closing in &report.closed_loop {
         let gain = closing.gain.map_or(String::new(), |gain| format!(", gain {:.3} to {:.3}", gain.low, gain.high));
         answer(&format!(
-            "{:16} off by {:.3} → {:.3}: {:.0} % closed over {} drives{gain}",
+            "{:16} off by {:.3} → {:.3}: {:.0} % closed over {} drives{gain}; by chance {:.3}",
             closing.metric,
             closing.before,
             closing.after,
             100.0 * closing.share_closed,
-            closing.drives
+            closing.drives,
+            closing.chance
         ));
     }
     answer(&format!("written to {}", args.out.join("close.html").display()));

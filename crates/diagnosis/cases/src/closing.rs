@@ -18,14 +18,15 @@ pub struct LoggedRun<'a> {
     pub results: &'a Results,
 }
 
-/// Compares drives of a nominal and of a corrected simulator with the real ones.
+/// Compares drives of a nominal and of a corrected simulator with the real ones, and those of the corrected one with those of
+/// one a hair apart ([`crate::RunConfig::hair_apart`]).
 ///
 /// # Errors
 /// If a vehicle log cannot be read.
 pub fn closed(
     drives: &[String],
     real: &LoggedRun<'_>,
-    [nominal, corrected]: [&LoggedRun<'_>; 2],
+    [nominal, corrected, apart]: [&LoggedRun<'_>; 3],
 ) -> Result<Vec<Closing>, CasesError> {
     let mut columns = Columns::default();
     for name in drives {
@@ -33,9 +34,10 @@ pub fn closed(
             Ok::<_, CasesError>(vehicle_log::read(&logs::file(&run.folder.join("real"), name))?.readings)
         };
         let truth = readings(real)?;
-        let off = [readings(nominal)?, readings(corrected)?].map(|log| deviation(&truth, &log));
-        columns.add("route_deviation", name, off);
-        columns.add_scores(name, real.results, [nominal.results, corrected.results]);
+        let (before, after, other) = (readings(nominal)?, readings(corrected)?, readings(apart)?);
+        let pairs = [(&truth, &before), (&truth, &after), (&after, &other)];
+        columns.add("route_deviation", name, pairs.map(|(one, other)| deviation(one, other)));
+        columns.add_scores(name, real.results, [nominal.results, corrected.results, apart.results]);
     }
     Ok(closings(columns))
 }

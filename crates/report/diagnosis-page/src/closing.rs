@@ -37,8 +37,8 @@ pub(crate) fn body(
                 &[],
                 "The scenarios below were kept from the fit. Each was driven again with the same policy in the nominal simulator and in \
                  the corrected one. A ring says how far the nominal drive lies from the real one, a dot how far the corrected one does: \
-                 route deviation is the root mean square distance in metres at equal times, scores go from 0 to 1. Drives of a policy that sees frames part at the smallest difference, so that \
-                 a single one tells little. The gain is \
+                 route deviation is the root mean square distance in metres at equal times, scores go from 0 to 1. Drives of a policy that sees frames part at the smallest difference: the bar at zero says how far two \
+                 corrected simulators lie apart that differ by a millionth of a radian of steering, and no correction can be told to come closer. The gain is \
                  ring minus dot, its interval covers 95 % over drives; where it holds zero, these drives do not show that the correction helps.",
             );
         });
@@ -64,7 +64,8 @@ fn said(diagnosis: &Diagnosis, closings: &[Closing]) -> String {
         Some(_) => "which these drives do not tell from no change",
         None => "one drive, hence no interval",
     };
-    format!("{what}: {name} {before} → {after} {unit} over {} drives ({proven}).", first.drives)
+    let near = if first.chance >= first.after { ", as near as chance lets one tell" } else { "" };
+    format!("{what}: {name} {before} → {after} {unit} over {} drives ({proven}{near}).", first.drives)
 }
 
 fn title(closing: &Closing) -> (String, &'static str) {
@@ -81,8 +82,9 @@ fn metric(m: &mut Markup, closing: &Closing) {
             .map_or(String::new(), |g| format!(" Gain {} to {} {unit}.", words::figure(g.low), words::figure(g.high)));
         let closed = words::share(closing.share_closed);
         let lead = format!(
-            "Off by {before} → {after} {unit} in the mean of {} drives: {closed} closed.{gain}",
-            closing.drives
+            "Off by {before} → {after} {unit} in the mean of {} drives: {closed} closed.{gain} By chance {} {unit}.",
+            closing.drives,
+            words::figure(closing.chance)
         );
         m.leaf("p", &[("class", &"lead")], lead);
         picture(m, &name, unit, &closing.each);
@@ -94,17 +96,18 @@ fn metric(m: &mut Markup, closing: &Closing) {
                     words::figure(d.before),
                     words::figure(d.after),
                     words::figure(d.before - d.after),
+                    words::figure(d.chance),
                 ]
             };
             let rows: Vec<Vec<String>> = closing.each.iter().map(row).collect();
-            table(m, &name, &["scenario", "nominal", "corrected", "gain"], &rows);
+            table(m, &name, &["scenario", "nominal", "corrected", "gain", "by chance"], &rows);
         });
     });
 }
 
 /// Draws each drive's way from the nominal to the corrected simulator; 0 is the real drive.
 fn picture(m: &mut Markup, name: &str, unit: &str, drives: &[Drive]) {
-    let most = drives.iter().flat_map(|d| [d.before, d.after]).filter(|v| v.is_finite()).fold(1e-6, f64::max);
+    let most = drives.iter().flat_map(|d| [d.before, d.after, d.chance]).filter(|v| v.is_finite()).fold(1e-6, f64::max);
     let x = |value: f64| LEFT + (RIGHT - LEFT) * value / (1.05 * most);
     let height = TOP + ROW * drives.len() as f64 + 14.0;
     plot::wide(m, &format!("{name}, drive by drive"), height, |m| {
@@ -124,6 +127,7 @@ fn picture(m: &mut Markup, name: &str, unit: &str, drives: &[Drive]) {
                     format!("{}: {} → {}", drive.scenario, words::figure(drive.before), words::figure(drive.after));
                 m.leaf("title", &[], told);
                 plot::text(m, "label", (LEFT - 16.0, y + 4.5), &plot::short(&drive.scenario, 30));
+                plot::line(m, "chance", (x(0.0), y), (x(drive.chance), y));
                 let class = if drive.after > drive.before { "way worse" } else { "way" };
                 plot::line(m, class, (x(drive.before), y), (x(drive.after), y));
                 plot::dot(m, "ring", (x(drive.before), y), 5.0);
@@ -141,13 +145,14 @@ mod tests {
     fn the_page_says_what_came_closer_and_whether_it_is_proven() {
         let mut columns = Columns::default();
         for (scenario, before, after) in [("a <1>", 2.0, 0.5), ("b", 3.0, 1.0), ("c", 2.5, 0.7)] {
-            columns.add("route_deviation", scenario, [before, after]);
+            columns.add("route_deviation", scenario, [before, after, 0.9]);
         }
         let mut diagnosis = crate::tests::clean();
         diagnosis.chosen = vec!["steer_delay".to_owned()];
         let page = crate::closing(&diagnosis, &closings(columns), &[("policy", "camera".to_owned())], "report.html");
         for needed in [
-            "With steering delay added: route deviation 2.50 → 0.733 m over 3 drives (closer",
+            "With steering delay added: route deviation 2.50 → 0.733 m over 3 drives (closer, its interval above zero, as near as chance lets one tell)",
+            "By chance 0.9",
             "a &lt;1&gt;",
             "./report.html",
             "way",

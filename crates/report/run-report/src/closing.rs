@@ -18,6 +18,9 @@ pub struct Closing {
     pub before: f64,
     /// The same of the corrected simulator.
     pub after: f64,
+    /// Mean over drives of the absolute difference between two corrected simulators that differ by nothing that could be
+    /// measured: no correction can be told to come closer than this.
+    pub chance: f64,
     /// 1 - after / before; 0 where nothing was to be closed.
     pub share_closed: f64,
     /// 95 % interval over drives of before minus after.
@@ -37,6 +40,8 @@ pub struct Drive {
     pub before: f64,
     /// Corrected simulator.
     pub after: f64,
+    /// The corrected simulator against one that differs by nothing that could be measured.
+    pub chance: f64,
 }
 
 /// Absolute differences to the real drives before and after, by metric.
@@ -44,20 +49,23 @@ pub struct Drive {
 pub struct Columns(BTreeMap<&'static str, Vec<Drive>>);
 
 impl Columns {
-    /// Adds the differences of one drive.
-    pub fn add(&mut self, metric: &'static str, scenario: &str, [before, after]: [f64; 2]) {
-        self.0.entry(metric).or_default().push(Drive { scenario: scenario.to_owned(), before, after });
+    /// Adds the differences of one drive: before, after, and by chance.
+    pub fn add(&mut self, metric: &'static str, scenario: &str, [before, after, chance]: [f64; 3]) {
+        self.0.entry(metric).or_default().push(Drive { scenario: scenario.to_owned(), before, after, chance });
     }
 
-    /// Adds the differences of a scenario's scores, where all three runs have them.
-    pub fn add_scores(&mut self, scenario: &str, real: &Results, [nominal, corrected]: [&Results; 2]) {
+    /// Adds the differences of a scenario's scores, where all runs have them; the last is the corrected one a hair apart.
+    pub fn add_scores(&mut self, scenario: &str, real: &Results, [nominal, corrected, apart]: [&Results; 3]) {
         type Field = fn(&Episode) -> Option<f64>;
         let scores: [(&'static str, Field); 2] =
             [("driving_score", |e| e.driving_score), ("route_completion", |e| e.route_completion)];
         for (metric, field) in scores {
             let of = |results: &Results| results.episodes.iter().find(|e| e.scenario == scenario).and_then(field);
-            if let (Some(truth), Some(before), Some(after)) = (of(real), of(nominal), of(corrected)) {
-                self.add(metric, scenario, [before, after].map(|score| (score - truth).abs()));
+            if let (Some(truth), Some(before), Some(after), Some(apart)) =
+                (of(real), of(nominal), of(corrected), of(apart))
+            {
+                let pairs = [(before, truth), (after, truth), (apart, after)];
+                self.add(metric, scenario, pairs.map(|(one, other)| (one - other).abs()));
             }
         }
     }
@@ -69,11 +77,13 @@ pub fn closings(columns: Columns) -> Vec<Closing> {
     let closing = |(metric, each): (&str, Vec<Drive>)| {
         let before = mean(each.iter().map(|drive| drive.before)).unwrap_or_default();
         let after = mean(each.iter().map(|drive| drive.after)).unwrap_or_default();
+        let chance = mean(each.iter().map(|drive| drive.chance)).unwrap_or_default();
         let gains: Vec<f64> = each.iter().map(|drive| drive.before - drive.after).collect();
         Closing {
             metric: metric.to_owned(),
             before,
             after,
+            chance,
             share_closed: if before > 0.0 { 1.0 - after / before } else { 0.0 },
             gain: mean_interval(&gains, &bootstrap::draws(0)),
             drives: each.len(),
@@ -94,13 +104,16 @@ mod tests {
             episodes: vec![Episode { scenario: "a".to_owned(), driving_score: Some(score), ..Episode::default() }],
         };
         let mut columns = Columns::default();
-        columns.add("route_deviation", "a", [2.0, 1.0]);
-        columns.add("route_deviation", "b", [4.0, 2.0]);
-        columns.add_scores("a", &run(0.8), [&run(0.4), &run(0.9)]);
-        columns.add_scores("b", &run(0.8), [&run(0.4), &run(0.9)]);
+        columns.add("route_deviation", "a", [2.0, 1.0, 0.1]);
+        columns.add("route_deviation", "b", [4.0, 2.0, 0.3]);
+        columns.add_scores("a", &run(0.8), [&run(0.4), &run(0.9), &run(0.85)]);
+        columns.add_scores("b", &run(0.8), [&run(0.4), &run(0.9), &run(0.85)]);
         let found = closings(columns);
         let of = |metric: &str| found.iter().find(|one| one.metric == metric).expect("a metric");
         assert!((of("route_deviation").share_closed - 0.5).abs() < 1e-12 && of("route_deviation").drives == 2);
+        assert!(
+            (of("route_deviation").chance - 0.2).abs() < 1e-12 && (of("driving_score").chance - 0.05).abs() < 1e-12
+        );
         assert!((of("driving_score").share_closed - 0.75).abs() < 1e-12 && of("driving_score").drives == 1);
         assert_eq!(found.len(), 2);
     }
