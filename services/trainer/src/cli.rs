@@ -14,7 +14,7 @@ pub(crate) use video::{FirstFrameArgs, VideoCommand, VideoEvalArgs};
 
 /// Renders clips, trains, and measures what was trained: what happens away from a drive. `dreamstream` starts it.
 #[derive(Debug, Parser)]
-#[command(name = "dreamstream", version, propagate_version = true)]
+#[command(name = "dreamstream", bin_name = "dreamstream", version, propagate_version = true)]
 pub(crate) struct Cli {
     /// Log filter, such as `info` or `ds_bus=trace`.
     #[arg(long, global = true, env = "DREAMSTREAM_LOG", default_value = "warn,zenoh=error")]
