@@ -68,12 +68,6 @@ pub fn light(state: LightState) -> Rgb {
     }
 }
 
-/// Says whether a colour is that of a light head, or of its stop line, which is red, yellow or green.
-#[must_use]
-pub fn is_lit(colour: Rgb) -> bool {
-    [LightState::Red, LightState::Yellow, LightState::Green].map(light).contains(&colour)
-}
-
 /// Returns the colour of an agent's class.
 #[must_use]
 pub fn agent(class: AgentClass) -> Rgb {
@@ -115,12 +109,25 @@ pub fn face(colour: Rgb, face: Face) -> Rgb {
 /// Says whether a colour is that of a face of a vehicle, a pedestrian or a cyclist.
 #[must_use]
 pub fn is_road_user(colour: Rgb) -> bool {
+    static SHADES: LazyLock<Vec<Rgb>> =
+        LazyLock::new(|| shades([AgentClass::Vehicle, AgentClass::Pedestrian, AgentClass::Cyclist].map(agent)));
+    SHADES.contains(&colour)
+}
+
+/// Says whether a colour is that of a face of a light head which is red, yellow or green, or of its stop line.
+#[must_use]
+pub fn is_lit(colour: Rgb) -> bool {
     static SHADES: LazyLock<Vec<Rgb>> = LazyLock::new(|| {
-        let classes = [AgentClass::Vehicle, AgentClass::Pedestrian, AgentClass::Cyclist];
-        let sides = [Face::Front, Face::Rear, Face::Side, Face::Top];
-        classes.into_iter().flat_map(|class| sides.map(|side| face(agent(class), side))).collect()
+        let lit = [LightState::Red, LightState::Yellow, LightState::Green].map(light);
+        lit.into_iter().chain(shades(lit)).collect()
     });
     SHADES.contains(&colour)
+}
+
+/// Returns the shades of the faces of boxes of some colours.
+fn shades(colours: [Rgb; 3]) -> Vec<Rgb> {
+    let sides = [Face::Front, Face::Rear, Face::Side, Face::Top];
+    colours.into_iter().flat_map(|colour| sides.map(|side| face(colour, side))).collect()
 }
 
 /// Goes one part in `part` of the way to white.
@@ -153,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn road_users_are_told_from_all_else() {
+    fn road_users_and_lit_lights_are_told_from_all_else() {
         let ground = [SKY, GROUND, DRIVABLE, JUNCTION, LANE, CROSSWALK, ROAD_EDGE, CENTRE_LINE];
         let lines = [LineColour::White, LineColour::Yellow].map(line);
         let lights = [LightState::Unknown, LightState::Red, LightState::Yellow, LightState::Green].map(light);
@@ -161,6 +168,11 @@ mod tests {
         assert!(!ground.into_iter().chain(lines).chain(lights).chain([cone]).any(is_road_user));
         assert!(is_road_user(face(agent(AgentClass::Vehicle), Face::Rear)));
         assert!(is_road_user(face(agent(AgentClass::Pedestrian), Face::Top)));
+        let of_light = |state| [light(state), face(light(state), Face::Rear), face(light(state), Face::Front)];
+        assert!([LightState::Red, LightState::Yellow, LightState::Green].into_iter().flat_map(of_light).all(is_lit));
+        assert!(!ground.into_iter().chain(lines).chain(of_light(LightState::Unknown)).any(is_lit));
+        let users = [AgentClass::Vehicle, AgentClass::Pedestrian, AgentClass::Cyclist].map(agent);
+        assert!(!shades(users).into_iter().any(is_lit));
     }
 
     #[test]
