@@ -1,11 +1,12 @@
 """`python -m dreamstream.ros2` lets a ROS 2 node drive: it is a guest of DreamStream and speaks CDR on Zenoh keys.
 
 Between those keys and ROS 2 stands `zenoh-bridge-ros2dds`. Told under `/dreamstream`: `camera/ID/image_raw` (rgb8),
-`camera/ID/camera_info`, `odom`, `accel`, `command` (1 straight, 2 left, 3 right); besides `/clock`, and
-`/tf_static` each second and before each observation. The answer comes on `plan`: a `nav_msgs/Path` in `base_link` with the
-header stamp of the newest image; its poses carry their own times. `base_link` is the rig (x forward, y left, on the ground under the rear axle), `odom` the rig at the
-session's start, `ID_optical` a camera (x right, y down, z forward). Time never goes back: a later session begins at the
-next full second. An observation that is not answered is told again. Needs `pip install 'dreamstream[ros2]'`.
+`camera/ID/camera_info`, `odom`, `accel`, `command` (1 straight, 2 left, 3 right); besides `/clock`, and `/tf_static`
+each second and before each observation. The answer comes on `plan`: a `nav_msgs/Path` in `base_link` with the header
+stamp of the newest image; its poses carry their own times. `base_link` is the rig (x forward, y left, on the ground
+under the rear axle), `odom` the rig at the session's start, `ID_optical` a camera (x right, y down, z forward). Time
+never goes back: a later session begins at the next full second. An observation that is not answered is told again.
+Needs `pip install 'dreamstream[ros2]'`.
 """
 
 from __future__ import annotations
@@ -256,7 +257,7 @@ class Ros:
         while (now := time.monotonic()) < ends:
             if now >= again:
                 again = now + self.repeat_s
-                for message in (*([self._static] if self._static else []), *messages):
+                for message in filter(None, (self._static, *messages)):
                     self.tell(message)
                 messages = repeated
             try:

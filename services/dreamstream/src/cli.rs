@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand, ValueHint};
-use ds_campaign::arm::AdverseArgs;
 use ds_campaign::cli::BenchmarkArgs;
+use ds_campaign::cli::adverse::AdverseArgs;
 use ds_gap::cli::GapCommand;
 use ds_import::Format;
 use ds_launch::choice::{backend, named};

@@ -7,13 +7,13 @@ use anyhow::{Context, Result, ensure};
 use ds_adverse::{
     Apart, Built, MotionModel, Options, Quality, Refusal, Resemblance, Solution, Variant, broken_rules, quality,
 };
+use ds_process::terminal::{answer, bar};
 use ds_space::Tick;
 use ds_world::{CrashClass, Scene};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::arm::AdverseArgs;
-use ds_process::terminal::{answer, bar};
+use crate::cli::adverse::AdverseArgs;
 
 /// The name of the report.
 const REPORT: &str = "adverse.json";

@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use ds_benchmark::{Manifest, Named, Place, Settings, Shard, Sheet};
+use ds_launch::own;
 use ds_policy::{Learned, Own, Policy};
+use ds_process::shipped;
+use ds_process::terminal::answer;
 use ds_space::{Digest, DigestWriter};
 use ds_topic::ObservationSource;
 
 use crate::Ended;
 use crate::cli::CellArgs;
-use ds_launch::own;
-use ds_process::shipped;
-use ds_process::terminal::answer;
 
 /// Reads manifests, with the folder of each.
 ///

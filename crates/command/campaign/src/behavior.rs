@@ -12,17 +12,17 @@ use ds_adverse::{MotionModel, Options, Refusal, Variant, adversary_digest, solve
 use ds_benchmark::manifest::SUFFIX;
 use ds_benchmark::quality::{Figure, Severity};
 use ds_benchmark::{Entry, Kind, Manifest, Quality, Recipe, file, source};
+use ds_process::terminal::{answer, bar};
 use ds_scenario::store;
 use ds_space::{DigestWriter, Tick};
 use ds_world::{CrashClass, Scene};
 use rayon::prelude::*;
 
 use crate::adverse::SolutionPart;
-use crate::arm::Arm;
 use crate::cli::BehaviorArgs;
+use crate::cli::adverse::Arm;
 use crate::quality::{self, Searched};
 use crate::{Ended, describe};
-use ds_process::terminal::{answer, bar};
 
 /// How solutions end.
 const SOLUTION: &str = ".solution.json";

@@ -7,16 +7,16 @@ use anyhow::{Context, Result, bail, ensure};
 use ds_benchmark::filter::left_out;
 use ds_benchmark::manifest::SUFFIX;
 use ds_benchmark::{Entry, Judged, Keep, Kind, Manifest, Recipe, Record, Review, Sheet, record, source};
+use ds_launch::fleet_plan::workers;
+use ds_launch::scenarios;
+use ds_process::shipped;
+use ds_process::terminal::{answer, bar};
 use ds_scenario::Family;
 use ds_space::DigestWriter;
 use rayon::prelude::*;
 
 use crate::cli::{BaseArgs, BuildCommand, CellArgs};
 use crate::{Ended, ask, behavior, describe, drive};
-use ds_launch::fleet_plan::workers;
-use ds_launch::scenarios;
-use ds_process::shipped;
-use ds_process::terminal::{answer, bar};
 
 /// The policy that solves a scenario without looking.
 const BLIND: &str = "constant-velocity";

@@ -5,13 +5,15 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum, ValueHint};
 use ds_benchmark::Keep;
+use ds_launch::choice::{agents, backend, named};
 use ds_process::shipped;
 use ds_topic::{ObservationSource, ProposalScorer};
 use ds_video::Backend;
 use ds_world::{AdversaryMode, AgentMode, TrackerKind};
 
-use crate::arm::Arm;
-use ds_launch::choice::{agents, backend, named};
+use crate::cli::adverse::Arm;
+
+pub mod adverse;
 
 const HELP: &str =
     "Exit codes: 0 every cell ended, failing policies included; 1 cells are left, go on with `resume`; 2 refused, \

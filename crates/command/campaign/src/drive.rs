@@ -14,12 +14,17 @@ use ds_benchmark::session::{self, Event};
 use ds_benchmark::sheet::{At, FILE};
 use ds_benchmark::{Cell, Keep, Manifest, Record, Sheet, Torn, Writer, record};
 use ds_cases::RunConfig;
+use ds_launch::embed::{self, Fleet};
+use ds_launch::fleet_plan::workers;
+use ds_launch::run::{Source, sources};
+use ds_launch::{FleetPlan, RunPlan, own, request};
 use ds_perception::look::LookReader;
 use ds_policy::builtin::{NAMES, is_builtin};
 use ds_process::drain::on_signals;
 use ds_process::run_folder::{self, Earlier, Held};
 use ds_process::runs::{self, Ended as Run};
 use ds_process::security::Dial;
+use ds_process::terminal::{answer, bar};
 use ds_process::{Drain, service};
 use ds_space::Digest;
 use ds_topic::{ObservationSource, ProposalScorer};
@@ -31,14 +36,6 @@ use tokio::task::JoinSet;
 
 use crate::cli::RunArgs;
 use crate::{Ended, FleetLost, ask, ended, shown};
-use ds_launch::FleetPlan;
-use ds_launch::RunPlan;
-use ds_launch::embed::{self, Fleet};
-use ds_launch::fleet_plan::workers;
-use ds_launch::own;
-use ds_launch::request;
-use ds_launch::run::{Source, sources};
-use ds_process::terminal::{answer, bar};
 
 /// How long the services of a fleet may take to end.
 const DRAIN_WITHIN: Duration = Duration::from_secs(5);

@@ -2,7 +2,6 @@
 //! report; and what the exit code says.
 
 pub mod adverse;
-pub mod arm;
 mod ask;
 mod behavior;
 mod build;
@@ -19,9 +18,9 @@ use std::process::ExitCode;
 
 use anyhow::Result;
 use ds_benchmark::{Manifest, Merged};
+use ds_process::terminal::{answer, complain};
 
 use cli::{BenchmarkArgs, BenchmarkCommand, RunArgs};
-use ds_process::terminal::{answer, complain};
 
 /// Exit code where cells are left that another try may drive.
 const LEFT: u8 = 1;

@@ -7,6 +7,7 @@ use anyhow::{Context, Result, ensure};
 use ds_adverse::{BrokenRules, Course, broken_rules};
 use ds_benchmark::review::page::{Card, page};
 use ds_benchmark::{Entry, Kind, Review, Verdicts, file};
+use ds_process::terminal::{answer, bar};
 use ds_record::{Moment, Reel};
 use ds_space::Tick;
 use ds_world::Scene;
@@ -14,7 +15,6 @@ use rayon::prelude::*;
 
 use crate::cli::ReviewArgs;
 use crate::{Ended, ask};
-use ds_process::terminal::{answer, bar};
 
 /// How long an animation goes on after the contact, in ticks.
 const AFTER_TICKS: u32 = 15;

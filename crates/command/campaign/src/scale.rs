@@ -10,11 +10,15 @@ use anyhow::{Context, Result, bail, ensure};
 use ds_benchmark::scale::{Completed, Row};
 use ds_benchmark::{Scaling, page, sheet};
 use ds_cases::RunConfig;
+use ds_launch::embed::Fleet;
+use ds_launch::run::{Source, sources};
+use ds_launch::{FleetPlan, RunPlan, children, request, scenarios};
 use ds_process::Drain;
 use ds_process::drain::on_signals;
 use ds_process::run_folder::{self, Earlier};
 use ds_process::runs::{self, Told};
 use ds_process::security::{Control, Dial};
+use ds_process::terminal::{answer, bar};
 use ds_run_report::results::hex;
 use ds_topic::Role;
 use ds_wire::control as pb;
@@ -23,14 +27,6 @@ use pb::fleet_client::FleetClient;
 
 use crate::Ended;
 use crate::cli::ScaleArgs;
-use ds_launch::FleetPlan;
-use ds_launch::RunPlan;
-use ds_launch::children;
-use ds_launch::embed::Fleet;
-use ds_launch::request;
-use ds_launch::run::{Source, sources};
-use ds_launch::scenarios;
-use ds_process::terminal::{answer, bar};
 
 /// Where the fleets of the rows work; what they leave goes with the row.
 const WORK: &str = "fleets";

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use ds_benchmark::{Kind, Published, Quality, Report, Results, Review, Verdicts, page};
+use ds_process::terminal::answer;
 
 use crate::Ended;
-use ds_process::terminal::answer;
 
 /// Runs `report`.
 ///

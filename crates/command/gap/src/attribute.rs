@@ -8,16 +8,15 @@ use ds_cases::world::{Component, components};
 use ds_cases::{EffectLine, RunConfig};
 use ds_diagnosis::json;
 use ds_diagnosis_page::Attributed;
+use ds_launch::{RunPlan, run};
+use ds_process::terminal::{answer, bar};
+use ds_run_report::RESULTS;
 use ds_run_report::attribution::split;
 use ds_run_report::{Attribution, Results};
 use serde::Serialize;
 
 use crate::cli::AttributeArgs;
 use crate::put;
-use ds_launch::RunPlan;
-use ds_launch::run;
-use ds_process::terminal::{answer, bar};
-use ds_run_report::RESULTS;
 
 /// The split of every metric for one policy.
 #[derive(Debug, Serialize)]

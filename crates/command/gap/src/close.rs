@@ -6,17 +6,15 @@ use anyhow::{Result, ensure};
 use ds_cases::closing::{LoggedRun, closed};
 use ds_cases::{Case, Options, RunConfig, logs};
 use ds_diagnosis::{Diagnosis, json};
+use ds_launch::{RunPlan, run, scenarios};
+use ds_process::terminal::answer;
+use ds_run_report::RESULTS;
 use ds_run_report::Results;
 use ds_run_report::closing::Closing;
 use serde::Serialize;
 
 use crate::cli::CloseArgs;
 use crate::{PAGE, put, tell};
-use ds_launch::RunPlan;
-use ds_launch::run;
-use ds_launch::scenarios;
-use ds_process::terminal::answer;
-use ds_run_report::RESULTS;
 
 #[derive(Debug, Serialize)]
 struct Report {

@@ -13,13 +13,13 @@ use ds_diagnosis::schema::Cell;
 use ds_diagnosis::{Diagnosis, json};
 use ds_dynamics::case::Case;
 use ds_dynamics::traces::{Moment, Series, Traces, traces};
+use ds_launch::onlooker as viewer;
+use ds_process::terminal::answer;
 use ds_record::viewing::{Along, Curve, Explained};
 use ds_topic::GapCell;
 
 use crate::cli::ExplainArgs;
 use crate::{PAGE, put};
-use ds_launch::onlooker as viewer;
-use ds_process::terminal::answer;
 
 /// Drives that are drawn for the viewer.
 const DRIVES: usize = 8;

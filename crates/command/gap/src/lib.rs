@@ -20,14 +20,14 @@ use ds_diagnosis::score::score_folder;
 use ds_diagnosis::score::skill::{Reliability, Skill};
 use ds_diagnosis::{Diagnosis, json};
 use ds_effect::{Channel, Parameter};
+use ds_launch::scenarios;
+use ds_process::terminal::{answer, bar, complain};
 use ds_space::Digest;
 use ds_vehicle_logs::{Mapping, Suggestion};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
 use cli::{ApplyArgs, BaselineArgs, DiagnoseArgs, EvaluateArgs, FleetArgs, GapCommand, GapImportArgs, GapScoreArgs};
-use ds_launch::scenarios;
-use ds_process::terminal::{answer, bar, complain};
 
 const PAGE: &str = "report.html";
 

@@ -19,11 +19,11 @@ use ds_dynamics::{Options, diagnose_leaving};
 use ds_effect::{Plant, Setting};
 use ds_experiment::{Design, Envelope, Next, Run, Settings, World};
 use ds_process::service::UsageError;
+use ds_process::terminal::answer;
 use ds_simulator::Reality;
 
 use crate::cli::NextArgs;
 use crate::put;
-use ds_process::terminal::answer;
 
 /// Seconds between rows of the commands.
 const COMMAND_STEPS: usize = 5;

@@ -23,9 +23,11 @@ use ds_diagnosis::{CaseError, Diagnosis};
 use ds_dynamics::baseline::Baseline;
 use ds_dynamics::watch::Alarm;
 use ds_dynamics::{Options, diagnose};
+use ds_launch::onlooker::{self as viewer, Onlooker};
 use ds_process::heard::HeardDrive;
 use ds_process::onlooker;
 use ds_process::section::ProcessSection;
+use ds_process::terminal::answer;
 use ds_space::{AttemptId, EpisodeId, InstanceId};
 use ds_topic::{Envelope, SceneMessage, World};
 use ds_wire::Body;
@@ -36,8 +38,6 @@ use tokio::task::JoinSet;
 
 use crate::cli::WatchArgs;
 use crate::tell;
-use ds_launch::onlooker::{self as viewer, Onlooker};
-use ds_process::terminal::answer;
 
 /// Between two looks for a drive: a short one without frames is over in a few tenths of a second.
 const LOOK_EVERY: Duration = Duration::from_millis(20);

@@ -12,6 +12,7 @@ use ds_process::metrics::Metrics;
 use ds_process::onlooker::OnlookerArgs;
 use ds_process::section::{MetricsSection, SecuritySection};
 use ds_process::security::Dial;
+use ds_process::shipped;
 use ds_process::{Drain, Member};
 use ds_space::InstanceId;
 use ds_topic::Role;
@@ -20,7 +21,6 @@ use tokio::task::JoinSet;
 
 use crate::children::Meeting;
 use crate::fleet_plan::FleetPlan;
-use ds_process::shipped;
 
 /// A started fleet.
 pub struct Fleet {

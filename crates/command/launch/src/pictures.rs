@@ -6,13 +6,13 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use ds_process::runs::Told;
+use ds_process::terminal::bar;
 use ds_record::Recording;
 use ds_wire::control as pb;
 use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 
 use crate::fleet_plan::workers;
-use ds_process::terminal::bar;
 
 /// Draws drives as they end, as many at a time as cores serve.
 pub(crate) struct Painter {

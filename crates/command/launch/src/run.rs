@@ -8,6 +8,7 @@ use ds_cases::{RunConfig, logs, seal};
 use ds_process::run_folder::{self, Earlier, Held};
 use ds_process::runs::{self, Ended, Told};
 use ds_process::security::Dial;
+use ds_process::terminal::{answer, bar};
 use ds_run_report::results::hex;
 use ds_run_report::write::folder;
 use ds_run_report::{Episode, RESULTS, Results, Run};
@@ -23,7 +24,6 @@ use crate::pictures::Painter;
 use crate::request;
 use crate::run_plan::{RunPlan, SubmitArgs};
 use crate::scenarios;
-use ds_process::terminal::{answer, bar};
 
 /// Runs the command; the exit code is 1 if any drive did not complete.
 ///

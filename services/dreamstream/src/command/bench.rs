@@ -5,10 +5,12 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result};
 use ds_bus::BusSession;
 use ds_camera::{Appearance, ReferenceCamera};
+use ds_launch::scenarios;
 use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap};
 use ds_oracle::{AgentsIn, Oracle};
 use ds_policy::lattice::Lattice;
 use ds_policy::{EgoView, Observation, Policy};
+use ds_process::terminal::answer;
 use ds_sim::{IdmScope, SimConfig, Simulation};
 use ds_space::{AttemptId, Digest, Draws, EpisodeId, InstanceId, PoseSe2, SimTime, Tick};
 use ds_topic::{Envelope, Header, SCHEMA_VERSION, Slot, Topic};
@@ -17,8 +19,6 @@ use ds_world::{Proposal, Scene, Trajectory, TrajectoryPoint};
 use std::sync::Arc;
 
 use crate::cli::BenchArgs;
-use ds_launch::scenarios;
-use ds_process::terminal::answer;
 
 const ROUNDS: usize = 7;
 

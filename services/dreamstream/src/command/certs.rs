@@ -2,9 +2,9 @@
 
 use anyhow::Result;
 use ds_process::certs::{Wanted, make};
+use ds_process::terminal::answer;
 
 use crate::cli::CertsArgs;
-use ds_process::terminal::answer;
 
 /// Makes what is missing in the folder.
 ///

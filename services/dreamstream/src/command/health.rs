@@ -3,10 +3,10 @@
 use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
+use ds_process::terminal::answer;
 use ds_wire::control as pb;
 
 use crate::cli::HealthArgs;
-use ds_process::terminal::answer;
 
 /// Asks; succeeds if all is well.
 ///

@@ -6,12 +6,12 @@
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
+use ds_process::terminal::answer;
 use ds_stats::upper_median;
 use ds_video::workload::{self, Workload};
 use ds_video::{Backend, ModelConfig};
 
 use crate::cli::MeasureArgs;
-use ds_process::terminal::answer;
 
 /// The most operations of a chunk that a processor is asked for: some minutes of its time.
 const MAX_ON_PROCESSOR: f64 = 4e12;

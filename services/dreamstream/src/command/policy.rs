@@ -6,9 +6,11 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail, ensure};
 use ds_camera::{Appearance, ReferenceCamera};
+use ds_launch::own;
 use ds_policy::doctor::{self, Examination, Finding, Fixture, determinism, examine};
 use ds_policy::driver::Driver;
 use ds_policy::{Builtin, EgoView, Observation, Own, Policy};
+use ds_process::terminal::{answer, bar};
 use ds_raster::RgbImage;
 use ds_scenario::{Family, generate};
 use ds_sim::{SimConfig, Simulation};
@@ -19,8 +21,6 @@ use tokio::process::{Child, Command};
 use tokio::runtime::Runtime;
 
 use crate::cli::PolicyCommand;
-use ds_launch::own;
-use ds_process::terminal::{answer, bar};
 
 /// The expert's plan reaches so far, in ticks.
 const HORIZON_TICKS: u32 = 40;

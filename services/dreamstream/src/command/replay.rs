@@ -6,13 +6,13 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail, ensure};
 use ds_episode::{Codec, Outline, due};
 use ds_process::maker::{Inputs, MakerFactory};
+use ds_process::terminal::{answer, bar};
 use ds_record::Recording;
 use ds_topic::{Advance, Role, SceneMessage, Slot, Topic};
 use ds_wire::{Body, WireCodec};
 
 use crate::cli::ReplayArgs;
 use crate::command::recording;
-use ds_process::terminal::{answer, bar};
 
 /// Replays a service; fails if any output differs from the recorded one.
 ///

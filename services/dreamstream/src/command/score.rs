@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
+use ds_process::terminal::{answer, bar, complain};
 use ds_record::Recording;
 use ds_score::{DriveScore, DriveScorer, Profile};
 use ds_space::Tick;
@@ -13,7 +14,6 @@ use serde::Serialize;
 
 use crate::cli::ScoreArgs;
 use crate::command::recording;
-use ds_process::terminal::{answer, bar, complain};
 
 /// A recording's score as it is written.
 #[derive(Debug, Serialize)]

@@ -6,13 +6,13 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use ds_process::security::Control;
+use ds_process::terminal::answer;
 use ds_wire::control as pb;
 use pb::fleet_client::FleetClient;
 use pb::runs_client::RunsClient;
 use serde_json::json;
 
 use crate::cli::TopArgs;
-use ds_process::terminal::answer;
 
 /// How long a member that went is still shown.
 const GONE_FOR: Duration = Duration::from_secs(60);

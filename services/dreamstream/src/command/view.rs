@@ -3,11 +3,11 @@
 use std::ffi::OsString;
 
 use anyhow::{Context, Result};
+use ds_launch::onlooker as viewer;
+use ds_process::beside::{self, VIEWER};
 
 use crate::cli::ViewArgs;
 use crate::command::recording;
-use ds_launch::onlooker as viewer;
-use ds_process::beside::{self, VIEWER};
 
 /// Shows a drive of a running fleet until it ends, or a recording; without `--save` or `--connect` in a window of its own.
 ///

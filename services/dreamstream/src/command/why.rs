@@ -4,11 +4,11 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use ds_process::onlooker::under_way;
+use ds_process::terminal::answer;
 use ds_wire::control as pb;
 use pb::runs_client::RunsClient;
 
 use crate::cli::WhyArgs;
-use ds_process::terminal::answer;
 
 /// Prints one line per drive under way: ticks, and which message or holder is awaited, from whom, since when.
 ///

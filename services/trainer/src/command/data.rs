@@ -6,11 +6,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, ensure};
 use ds_clips::{ClipSet, Progress, Recipe, Source};
+use ds_process::terminal::{answer, bar, stop_flag};
 use ds_raster::Encoding;
 use indicatif::ProgressBar;
 
 use crate::cli::{DataCommand, DataListArgs, DataRenderArgs, DataSheetArgs};
-use ds_process::terminal::{answer, bar, stop_flag};
 
 struct Bar {
     bar: ProgressBar,

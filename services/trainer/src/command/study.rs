@@ -9,10 +9,10 @@ use anyhow::{Context, Result};
 use ds_evaluate::study::outcome::{Figure, Outcome};
 use ds_evaluate::study::{self, Study, StudyConfig};
 use ds_process::shipped;
+use ds_process::terminal::{answer, bar};
 
 use crate::cli::{StudyArgs, StudyCommand};
 use crate::command::video::Bar;
-use ds_process::terminal::{answer, bar};
 
 /// Runs a command of `study`.
 ///

@@ -5,15 +5,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, bail};
+use ds_launch::onlooker as viewer;
+use ds_process::shipped;
+use ds_process::terminal::{answer, bar, stop_flag};
 use ds_record::viewing::{TrainedStage, Training};
 use ds_train::policy::PolicySettings;
 use ds_train::{Progress, Stage, TrainConfig};
 use indicatif::ProgressBar;
 
 use crate::cli::TrainArgs;
-use ds_launch::onlooker as viewer;
-use ds_process::shipped;
-use ds_process::terminal::{answer, bar, stop_flag};
 
 const VIDEO_CONFIG: &str = "configs/train/cpu_train.toml";
 const POLICY_CONFIG: &str = "configs/train/policy.toml";

@@ -10,6 +10,7 @@ use ds_evaluate::drive::{Drive, Route};
 use ds_evaluate::evaluation::{Evaluation, Part};
 use ds_evaluate::outcome::Outcome;
 use ds_evaluate::{EvalConfig, Progress, report};
+use ds_process::terminal::{answer, bar};
 use ds_raster::Encoding;
 use ds_second_camera::SecondWorld;
 use ds_space::Draws;
@@ -18,7 +19,6 @@ use ds_video::ModelConfig;
 use indicatif::ProgressBar;
 
 use crate::cli::{FirstFrameArgs, VideoCommand, VideoEvalArgs};
-use ds_process::terminal::{answer, bar};
 
 /// A bar of rollouts or sets done.
 pub(crate) struct Bar(pub(crate) ProgressBar);

@@ -12,10 +12,10 @@ use ds_dynamics::baseline::Baseline;
 use ds_dynamics::watch::detector::STEPS_AN_HOUR;
 use ds_dynamics::watch::{Alarm, Watch};
 use ds_process::service::UsageError;
+use ds_process::terminal::{answer, bar};
 use serde::Serialize;
 
 use crate::cli::WatchArgs;
-use ds_process::terminal::{answer, bar};
 
 /// What a watch of recorded cases says.
 #[derive(Debug, Serialize)]

@@ -4,8 +4,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use ds_benchmark::record;
+use ds_campaign::cli::{CellArgs, Kept, RunArgs};
 use ds_evaluate::study::closed_loop::{self, ClosedLoop, Drive, REFERENCE};
 use ds_evaluate::study::write_drives;
+use ds_process::terminal::answer;
 use ds_topic::{ObservationSource, ProposalScorer};
 use ds_video::Backend;
 use ds_world::{AgentMode, TrackerKind};
@@ -13,8 +15,6 @@ use serde::Deserialize;
 
 use super::{config_of, shown};
 use crate::cli::StudyArgs;
-use ds_campaign::cli::{CellArgs, Kept, RunArgs};
-use ds_process::terminal::answer;
 
 /// Only every so many-th scenario is driven for a look.
 const QUICK: usize = 8;
