@@ -201,6 +201,8 @@ pub struct DecoderBatch {
     pub told: bool,
     /// How much each pixel counts, [clips·steps·stride_t, 8h, 8w, 1].
     pub emphasis: Array,
+    /// Weight of the error of what changes from frame to frame, beside that of the frames.
+    pub change: f32,
 }
 
 /// What a decoder is trained against.
@@ -217,4 +219,6 @@ pub struct Adversary<'a> {
     pub share: f32,
     /// Weight of the distance of features beside the verdict.
     pub features: f32,
+    /// The share of its gradient's colour that reaches pixels which count less than 1; their brightness gets all of it.
+    pub colour: f32,
 }

@@ -167,6 +167,7 @@ impl Source<'_> {
             smoothness: against.smoothness,
             share: if step < against.after { 0.0 } else { against.share },
             features: against.features,
+            colour: against.colour,
         };
         Ok(self.config.backend.adversarial(&self.shape, weights, &batch, &adversary))
     }
@@ -214,6 +215,7 @@ impl Source<'_> {
             frames: pixels(frames, 3),
             told: encoded,
             emphasis: pixels(weights, 1),
+            change: self.recipe.change,
         })
     }
 }

@@ -203,7 +203,8 @@ fn reconstruction_steps_equal_the_framework() {
         check(&train::autoencoder(&shape, &weights, &batch), &step::autoencoder(&shape, &weights, &batch), &case);
         let latents = draw("latents", &[steps, h, w, shape.z]);
         let layouts = image("layouts", 3);
-        let batch = DecoderBatch { clips, latents, layouts, frames: image("frames", 3), told: true, emphasis };
+        let batch =
+            DecoderBatch { clips, latents, layouts, frames: image("frames", 3), told: true, emphasis, change: 0.4 };
         check(&train::decoder(&shape, &weights, &batch), &step::decoder(&shape, &weights, &batch), &case);
     }
 }
@@ -214,7 +215,10 @@ fn opposed(shape: &AeShape, told: bool) -> (DecoderBatch, DiscriminatorShape) {
     let emphasis = Array::new(&[4 * shape.stride_t, 16, 24, 1], vec![1.0; 4 * shape.stride_t * 16 * 24]);
     let latents = draw("latents", &[4, 2, 3, shape.z]);
     let (layouts, frames) = (image("layouts", 3), image("frames", 3));
-    (DecoderBatch { clips: 2, latents, layouts, frames, told, emphasis }, DiscriminatorShape { widths: [6, 5, 7] })
+    (
+        DecoderBatch { clips: 2, latents, layouts, frames, told, emphasis, change: 0.0 },
+        DiscriminatorShape { widths: [6, 5, 7] },
+    )
 }
 
 /// A discriminator whose verdicts lie on both sides of the hinges.
@@ -226,7 +230,7 @@ fn judge(shape: DiscriminatorShape) -> Weights {
 
 fn against<'a>(shape: DiscriminatorShape, weights: &'a Weights, batch: &DecoderBatch, share: f32) -> Adversary<'a> {
     let noise = draw("noise", batch.frames.shape());
-    Adversary { shape, weights, noise, smoothness: 0.7, share, features: 2.0 }
+    Adversary { shape, weights, noise, smoothness: 0.7, share, features: 2.0, colour: 1.0 }
 }
 
 /// Returns weights of which one value is moved.
@@ -239,9 +243,11 @@ fn moved(weights: &Weights, name: &str, at: usize, by: f32) -> Weights {
 #[test]
 fn adversarial_steps_equal_the_framework() {
     for (shape, told) in autoencoders().into_iter().zip([true, false, true, false]) {
-        let (batch, sizes) = opposed(&shape, told);
+        let (mut batch, sizes) = opposed(&shape, told);
+        batch.emphasis.values_mut().iter_mut().step_by(3).for_each(|weight| *weight = 0.2);
+        batch.change = 0.4;
         let (decoder, judge) = (weights(&shape.declare()), judge(sizes));
-        let against = against(sizes, &judge, &batch, 0.8);
+        let against = Adversary { colour: 0.3, ..against(sizes, &judge, &batch, 0.8) };
         let own = train::adversarial(&shape, &decoder, &batch, &against);
         let graph = step::adversarial(&shape, &decoder, &batch, &against);
         for ((own, graph), network) in own.iter().zip(&graph).zip(["decoder", "discriminator"]) {
@@ -267,6 +273,28 @@ fn the_discriminator_learns_along_its_gradient() {
         let slope = (step(&moved(&judge, name, at, by)).loss - step(&moved(&judge, name, at, -by)).loss) / (2.0 * by);
         assert!((slope - along[at]).abs() < 0.03 * along[at].abs() + 1e-4, "{name}: {slope} is not {}", along[at]);
     }
+}
+
+#[test]
+fn where_nothing_is_told_the_discriminator_moves_brightness_alone() {
+    let shape = AeShape { guides: 1, ..autoencoders()[0].clone() };
+    let (mut batch, sizes) = opposed(&shape, false);
+    let (decoder, judge) = (weights(&shape.declare()), judge(sizes));
+    let mut pulls = |weight: f32, colour: f32| {
+        batch.emphasis.values_mut().fill(weight);
+        let [with, without] = [1.0, 0.0].map(|share| {
+            let against = Adversary { colour, ..against(sizes, &judge, &batch, share) };
+            let [step, _] = train::adversarial(&shape, &decoder, &batch, &against);
+            step.gradient.get("decoder.head.bias").expect("declared").values().to_vec()
+        });
+        with.iter().zip(&without).map(|(with, without)| with - without).collect::<Vec<f32>>()
+    };
+    let grey = |pull: &[f32]| {
+        pull.chunks_exact(3).all(|rgb| rgb.iter().all(|d| (d - rgb[0]).abs() < 1e-5 * d.abs().max(1e-3)))
+    };
+    assert!(grey(&pulls(0.5, 0.0)));
+    assert!(!grey(&pulls(0.5, 1.0)));
+    assert!(!grey(&pulls(1.0, 0.0)), "what is told keeps its colour");
 }
 
 #[test]

@@ -73,9 +73,14 @@ pub fn adversarial(shape: &AeShape, weights: &Weights, batch: &DecoderBatch, aga
     let real = seen(&pleased, &truth);
     let told_of = fooling(&seen(&pleased, &frames.clone().detach()), &real, batch, against).1;
     let pull = slope_of(&|frames| fooling(&pleased.look(&frames), &real, batch, against).0);
+    let grey = pull.clone().mean_dim(3);
+    let kept = ae.graph.tensor::<4>(&batch.emphasis).lower_elem(1.0).float() * (against.colour - 1.0) + 1.0;
+    let pull = (pull - grey.clone()) * kept + grey;
     let target = truth.clone();
-    let mut parts = reconstruction(frames.clone().detach() - truth.clone(), ae.graph.tensor(&batch.emphasis)).1;
-    let loss = |frames: Tensor<4>| reconstruction(frames - target.clone(), ae.graph.tensor(&batch.emphasis)).0;
+    let mut parts =
+        reconstruction(frames.clone().detach() - truth.clone(), ae.graph.tensor(&batch.emphasis), Some(batch)).1;
+    let loss =
+        |frames: Tensor<4>| reconstruction(frames - target.clone(), ae.graph.tensor(&batch.emphasis), Some(batch)).0;
     let slope = slope_of(&loss);
     let size = |x: &Tensor<4>| scalar(&x.clone().powi_scalar(2).sum().sqrt());
     let share = against.share * size(&slope) / size(&pull).max(1e-30);

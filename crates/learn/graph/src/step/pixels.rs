@@ -21,24 +21,40 @@ pub fn autoencoder(shape: &AeShape, weights: &Weights, batch: &AeBatch) -> Step 
     let noisy = z.clone() + ae.graph.tensor::<4>(&batch.noise) * size.reshape([1, 1, 1, 1]);
     let frames = ae.decode_tensor(noisy, None, batch.clips, &mut Memory::default());
     let emphasis = ae.graph.tensor(&batch.emphasis);
-    let (loss, mut parts) = reconstruction(frames - ae.graph.tensor(&batch.frames), emphasis);
+    let (loss, mut parts) = reconstruction(frames - ae.graph.tensor(&batch.frames), emphasis, None);
     let square = z.powi_scalar(2).mean();
     parts.push(("z2", scalar(&square)));
     finish(&ae.graph, &(loss + square * batch.latent_penalty), parts)
 }
 
-/// L1 + 0.1·L1 of the image gradients of an error of frames whose values span −1 to 1; means are weighted by `emphasis`.
-pub(super) fn reconstruction(error: Tensor<4>, emphasis: Tensor<4>) -> (Tensor<1>, Vec<(&'static str, f32)>) {
+/// L1 + 0.1·L1 of the image gradients of an error of frames whose values span −1 to 1, and of its change from frame to frame as much as
+/// `changing` asks for; means are weighted by `emphasis`.
+pub(super) fn reconstruction(
+    error: Tensor<4>,
+    emphasis: Tensor<4>,
+    changing: Option<&DecoderBatch>,
+) -> (Tensor<1>, Vec<(&'static str, f32)>) {
     let [n, h, w, c] = error.dims();
     let part = |y: Range<usize>, x: Range<usize>| error.clone().slice([0..n, y, x, 0..c]);
     let weight = |y: Range<usize>, x: Range<usize>| emphasis.clone().slice([0..n, y, x, 0..1]);
     let across = weighted(part(0..h, 1..w) - part(0..h, 0..w - 1), Tensor::abs, weight(0..h, 1..w));
     let down = weighted(part(1..h, 0..w) - part(0..h - 1, 0..w), Tensor::abs, weight(1..h, 0..w));
-    let absolute = weighted(error.clone(), Tensor::abs, emphasis);
+    let absolute = weighted(error.clone(), Tensor::abs, emphasis.clone());
+    let change = changing.filter(|batch| batch.change > 0.0).map(|batch| {
+        let frames = |images: &Tensor<4>, skipped: usize| {
+            let [_, _, _, channels] = images.dims();
+            let clip = n / batch.clips;
+            let clips = images.clone().reshape([batch.clips, clip, h, w * channels]);
+            let part = clips.slice([0..batch.clips, skipped..clip + skipped - 1, 0..h, 0..w * channels]);
+            part.reshape([batch.clips * (clip - 1), h, w, channels])
+        };
+        weighted(frames(&error, 1) - frames(&error, 0), Tensor::abs, frames(&emphasis, 1)) * batch.change
+    });
     let mse = scalar(&error.powi_scalar(2).mean());
     // The peak-to-peak range is 2.
     let parts = vec![("l1", scalar(&absolute)), ("psnr_db", 10.0 * (4.0 / mse).log10())];
-    (absolute + (across + down) * 0.1, parts)
+    let still = absolute + (across + down) * 0.1;
+    (change.into_iter().fold(still, Tensor::add), parts)
 }
 
 /// Decoder step: the reconstruction loss, with gradients for the decoder's weights alone.
@@ -48,7 +64,7 @@ pub fn decoder(shape: &AeShape, weights: &Weights, batch: &DecoderBatch) -> Step
     let layouts = (shape.guides > 0).then(|| ae.graph.tensor(&batch.layouts));
     let frames = ae.decode_tensor(ae.graph.tensor(&batch.latents), layouts, batch.clips, &mut Memory::default());
     let emphasis = ae.graph.tensor(&batch.emphasis);
-    let (loss, parts) = reconstruction(frames - ae.graph.tensor(&batch.frames), emphasis);
+    let (loss, parts) = reconstruction(frames - ae.graph.tensor(&batch.frames), emphasis, Some(batch));
     let mut step = finish(&ae.graph, &loss, parts);
     for name in weights.iter().map(|(name, _)| name).filter(|name| name.starts_with("encoder.")) {
         step.gradient.remove(name);

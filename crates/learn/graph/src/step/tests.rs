@@ -337,6 +337,7 @@ fn a_guided_decoder_learns_from_layouts_and_leaves_the_encoder_alone() {
         frames: batch.frames,
         told: true,
         emphasis: batch.emphasis,
+        change: 0.3,
     };
     let encoder = weights.part("encoder.");
     let mut adam = AdamW::new(AdamWSettings::default(), &weights);

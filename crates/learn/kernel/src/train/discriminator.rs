@@ -14,7 +14,7 @@ use ds_nn::tiny_ae::AeShape;
 use super::autoencoder::Network;
 use super::convolution::Layer;
 use super::images::{copied, filled, folded, shuffled, sized, unfolded, unshuffled};
-use super::pixels::reconstruction;
+use super::pixels::{changing, reconstruction};
 use crate::arch::Arch;
 use crate::image::Image;
 use crate::product::Finish;
@@ -116,8 +116,9 @@ pub fn adversarial(shape: &AeShape, weights: &Weights, batch: &DecoderBatch, aga
     let discriminator = Discriminator::new(against.shape, against.weights);
     let (fake, real) = (discriminator.look(&frames, batch), discriminator.look(batch.frames.values(), batch));
     let (told, mut pull) = fooling(&discriminator, &fake, &real, batch, against);
+    greyed(&mut pull, batch, against);
     let judged = telling_apart(&discriminator, [&fake, &real], batch, against);
-    let (loss, mut parts) = reconstruction(&mut frames, &batch.frames, &batch.emphasis);
+    let (loss, mut parts) = reconstruction(&mut frames, &batch.frames, &batch.emphasis, changing(batch));
     let size_of = |values: &[f32]| values.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
     let share = (f64::from(against.share) * size_of(&frames) / size_of(&pull).max(1e-30)) as f32;
     pull.iter_mut().for_each(|d| *d *= share);
@@ -128,6 +129,14 @@ pub fn adversarial(shape: &AeShape, weights: &Weights, batch: &DecoderBatch, aga
     }
     parts.extend(told);
     [Step { loss, parts, gradient }, judged]
+}
+
+/// Takes colour from the gradient of pixels that count less than 1: specks of colour please a discriminator sooner than they please an eye.
+fn greyed(pull: &mut [f32], batch: &DecoderBatch, against: &Adversary<'_>) {
+    for (pixel, _) in pull.chunks_exact_mut(3).zip(batch.emphasis.values()).filter(|(_, weight)| **weight < 1.0) {
+        let grey = pixel.iter().sum::<f32>() / 3.0;
+        pixel.iter_mut().for_each(|d| *d = grey + against.colour * (*d - grey));
+    }
 }
 
 /// Returns what a pass tells of the decoder, and the gradient of the frames that makes them look truer.

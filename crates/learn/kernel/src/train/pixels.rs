@@ -26,7 +26,7 @@ pub fn autoencoder(shape: &AeShape, weights: &Weights, batch: &AeBatch) -> Step 
     let none = (shape.guides > 0).then(|| vec![0.0; batch.frames.values().len()]);
     let mut decoded = network.decode(&noisy, none.as_deref(), size, batch.clips);
     let mut frames = std::mem::take(&mut decoded.frames);
-    let (loss, mut parts) = reconstruction(&mut frames, &batch.frames, &batch.emphasis);
+    let (loss, mut parts) = reconstruction(&mut frames, &batch.frames, &batch.emphasis, None);
     let mut d = network.decode_back(&decoded, size, batch.clips, &mut frames, &mut gradient);
     let penalty = 2.0 * batch.latent_penalty / count as f32;
     d.iter_mut().zip(&encoded.latents).for_each(|(d, z)| *d += penalty * z);
@@ -43,7 +43,7 @@ pub fn decoder(shape: &AeShape, weights: &Weights, batch: &DecoderBatch) -> Step
     let (size, layouts) = ([steps, h, w], (shape.guides > 0).then(|| batch.layouts.values()));
     let mut decoded = network.decode(batch.latents.values(), layouts, size, batch.clips);
     let mut frames = std::mem::take(&mut decoded.frames);
-    let (loss, parts) = reconstruction(&mut frames, &batch.frames, &batch.emphasis);
+    let (loss, parts) = reconstruction(&mut frames, &batch.frames, &batch.emphasis, changing(batch));
     network.decode_back(&decoded, size, batch.clips, &mut frames, &mut gradient);
     for name in weights.iter().map(|(name, _)| name).filter(|name| name.starts_with("encoder.")) {
         gradient.remove(name);
@@ -51,18 +51,42 @@ pub fn decoder(shape: &AeShape, weights: &Weights, batch: &DecoderBatch) -> Step
     Step { loss, parts, gradient }
 }
 
+/// The error of what changes from one frame of a clip to the next.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Changing {
+    /// Frames of a clip.
+    clip: usize,
+    weight: f64,
+}
+
+/// Returns what a batch asks of the change between frames, if anything.
+pub(super) fn changing(batch: &DecoderBatch) -> Option<Changing> {
+    let clip = batch.frames.shape()[0] / batch.clips;
+    (batch.change > 0.0).then(|| Changing { clip, weight: f64::from(batch.change) })
+}
+
 /// Turns frames into the gradient of the reconstruction loss, and returns the loss with its parts.
 #[expect(clippy::cast_possible_truncation, reason = "sums are taken in double precision")]
-pub(super) fn reconstruction(frames: &mut [f32], target: &Array, emphasis: &Array) -> (f32, Vec<(&'static str, f32)>) {
+pub(super) fn reconstruction(
+    frames: &mut [f32],
+    target: &Array,
+    emphasis: &Array,
+    changing: Option<Changing>,
+) -> (f32, Vec<(&'static str, f32)>) {
     let [images, h, w, c]: [usize; 4] = target.shape().try_into().expect("frames have four axes");
     let error: Vec<f32> = frames.iter().zip(target.values()).map(|(found, wanted)| found - wanted).collect();
     let weight = emphasis.values();
-    // The pixel a difference is taken to, counted back, and the first column and row that have one.
-    let terms = [(0, 0, 0, 1.0), (1, 1, 0, GRADIENTS), (w, 0, 1, GRADIENTS)];
-    let mut losses = [0.0; 3];
+    let clip = changing.map_or(images, |it| it.clip);
+    // The pixel a difference is taken to, counted back, the first column, row and frame that have one, and how much it counts.
+    let mut terms = vec![(0, [0, 0, 0], 1.0), (1, [1, 0, 0], GRADIENTS), (w, [0, 1, 0], GRADIENTS)];
+    terms.extend(changing.map(|it| (h * w, [0, 0, 1], it.weight)));
+    let mut losses = vec![0.0; terms.len()];
     frames.fill(0.0);
-    for ((back, left, top, share), loss) in terms.into_iter().zip(&mut losses) {
-        let pixels = || (0..images * h * w).filter(|at| at % w >= left && at / w % h >= top);
+    for ((back, [left, top, first], share), loss) in terms.into_iter().zip(&mut losses) {
+        let pixels = || {
+            let inside = move |at: &usize| at % w >= left && at / w % h >= top && at / (w * h) % clip >= first;
+            (0..images * h * w).filter(inside)
+        };
         let total = c as f64 * pixels().map(|at| f64::from(weight[at])).sum::<f64>();
         let mut sum = 0.0;
         for at in pixels() {

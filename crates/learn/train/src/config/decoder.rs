@@ -28,6 +28,9 @@ pub struct DecoderConfig {
     /// stages without it.
     #[serde(default)]
     pub rolled_road_users: Option<f32>,
+    /// How much the error of what changes from frame to frame counts beside that of the frames.
+    #[serde(default)]
+    pub change: f32,
     /// Width and height of the part of a clip that is drawn, multiples of 8; all without it.
     #[serde(default)]
     pub crop_px: Option<[usize; 2]>,
@@ -55,6 +58,10 @@ pub struct AdversarialConfig {
     pub share: f32,
     /// Weight of the distance of features beside the verdict, for encoded frames.
     pub features: f32,
+    /// The share of its gradient's colour that reaches pixels which count less than 1, as `untold` makes them; their brightness gets
+    /// all of it.
+    #[serde(default = "super::alike")]
+    pub colour: f32,
     /// Deviation of the noise around true frames within which its verdict is to stay; frames reach from −1 to 1.
     pub noise: f32,
     /// Weight of the square of what that noise changes.
@@ -74,7 +81,10 @@ impl DecoderConfig {
             return refuse("decoder.crop_px", "must be multiples of 8 pixels");
         }
         let Some(against) = &self.adversarial else { return Ok(()) };
-        let weights = [against.share, against.features, against.noise, against.smoothness];
+        let weights = [against.share, against.features, against.noise, against.smoothness, self.change];
+        if !(0.0..=1.0).contains(&against.colour) {
+            return refuse("decoder.adversarial.colour", "must lie within 0 to 1");
+        }
         let rate = against.learning_rate > 0.0 && against.learning_rate < 1.0;
         if against.widths.contains(&0) || !rate || weights.iter().any(|weight| !(0.0..=1e3).contains(weight)) {
             let rule = "widths must be positive, learning_rate within (0, 1), the others within 0 to 1000";
