@@ -2,6 +2,7 @@
 
 use ds_effect::Scale;
 
+use crate::carried::carried;
 use crate::case::{Case, PartModel};
 use crate::constancy::{Trend, strongest};
 use crate::fit::Fit;
@@ -195,18 +196,18 @@ impl<'m, 'c> Outcome<'m, 'c> {
         self.accepted.as_ref().map_or(&self.search.null, |h| &h.fit)
     }
 
-    /// Returns the three states: nothing, the ordinary mismatch as fitted beside the accepted effects, and with them.
+    /// Returns the three states: nothing, the ordinary mismatch that the logs carry beside the accepted effects, and with them.
     #[must_use]
     pub fn vectors(&self) -> [Vec<f64>; 3] {
-        self.states(self.fit().vector.clone())
+        self.states(self.fit())
     }
 
-    fn states(&self, full: Vec<f64>) -> [Vec<f64>; 3] {
+    fn states(&self, fit: &Fit) -> [Vec<f64>; 3] {
         let space = &self.search.model.space;
-        let usual = space.usual();
+        let (usual, effects) = (space.usual(), self.accepted.as_ref().map_or(&[][..], |h| &h.effects));
+        let full = carried(space, fit, effects);
         let mut ordinary = full.clone();
-        let effects = self.accepted.iter().flat_map(|h| &h.effects);
-        effects.flat_map(|effect| space.of(*effect)).for_each(|k| ordinary[k] = usual[k]);
+        effects.iter().flat_map(|effect| space.of(*effect)).for_each(|k| ordinary[k] = usual[k]);
         [space.neutral(), ordinary, full]
     }
 
@@ -214,7 +215,7 @@ impl<'m, 'c> Outcome<'m, 'c> {
     #[must_use]
     pub fn without_drive(&self, drive: usize) -> [Vec<f64>; 3] {
         let effects = self.accepted.as_ref().map_or(&[][..], |h| &h.effects);
-        self.states(refit_without(self.model(), self.fit(), effects, (drive, false)).vector)
+        self.states(&refit_without(self.model(), self.fit(), effects, (drive, false)))
     }
 
     /// Returns the model in whose floor units [`Self::fit`] is.

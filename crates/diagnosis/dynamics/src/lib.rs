@@ -6,6 +6,7 @@
 
 pub mod baseline;
 pub mod bootstrap;
+mod carried;
 pub mod case;
 pub mod cells;
 mod check;
