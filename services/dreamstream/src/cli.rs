@@ -9,11 +9,10 @@ use ds_campaign::cli::BenchmarkArgs;
 use ds_campaign::cli::adverse::AdverseArgs;
 use ds_gap::cli::GapCommand;
 use ds_import::Format;
-use ds_launch::choice::{backend, named};
-use ds_launch::{RunPlan, SubmitArgs};
+use ds_launch::choice::named;
+use ds_launch::{Networks, RunPlan, SubmitArgs};
 use ds_process::onlooker::OnlookerArgs;
 use ds_process::shipped;
-use ds_video::Backend;
 
 mod fleet;
 mod measure;
@@ -238,15 +237,9 @@ pub(crate) struct ReplayArgs {
     /// The service to run: sim-server, layout-render, vdm-worker or policy-bridge.
     #[arg(long, value_parser = ["sim-server", "layout-render", "vdm-worker", "policy-bridge"])]
     pub service: String,
-    /// Configuration of the video model.
-    #[arg(long, default_value = "configs/models/cpu_train.toml", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
-    pub model: PathBuf,
-    /// What computes the video model: the one that the recording was made with, cpu, framework, vulkan or cuda.
-    #[arg(long, default_value = "cpu", value_parser = backend(&Backend::ALL))]
-    pub video_backend: Backend,
-    /// Weights of the camera policy; a policy of the panel has panel/NAME.safetensors beside it, or a file of its name.
-    #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
-    pub policy_weights: PathBuf,
+    /// What makes frames and plans.
+    #[command(flatten)]
+    pub networks: Networks,
     /// Manifests of policies of one's own, one of which made the recording.
     #[arg(long = "policy", value_name = "FILE.toml", value_hint = ValueHint::FilePath)]
     pub manifests: Vec<PathBuf>,

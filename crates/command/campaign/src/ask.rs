@@ -48,11 +48,12 @@ pub(crate) fn sheet(args: &CellArgs) -> Result<(Sheet, Vec<Manifest>)> {
             manifests.insert(own.name().to_owned(), path);
             return Ok(Named { name: own.name().to_owned(), digest: own.digest().to_string() });
         }
-        let weights = Learned::of(name).map(|learned| learned.weights_file(&args.policy_weights));
+        let weights = Learned::of(name).map(|learned| learned.weights_file(&args.networks.policy_weights));
         let digest = weights.map(|weights| of_files(&[&weights])).transpose()?.unwrap_or_default();
         Ok(Named { name: name.clone(), digest })
     };
-    let model = [args.model.as_path(), &args.model.with_extension("safetensors")].map(Path::to_path_buf);
+    let model =
+        [args.networks.model.as_path(), &args.networks.model.with_extension("safetensors")].map(Path::to_path_buf);
     let unguided = model[0].with_file_name("arms").join("no_guidance.safetensors");
     let observation = |source: &ObservationSource| -> Result<Named> {
         let mut existing: Vec<&PathBuf> = model.iter().filter(|file| file.exists()).collect();
@@ -76,13 +77,13 @@ pub(crate) fn sheet(args: &CellArgs) -> Result<(Sheet, Vec<Manifest>)> {
             horizon: args.horizon,
             history: args.history,
             tracker: args.tracker.name().to_owned(),
-            video_backend: args.video_backend.name().to_owned(),
+            video_backend: args.networks.video_backend.name().to_owned(),
         },
         shard: Shard::ALL,
         place: Place {
             folders,
-            model: args.model.clone(),
-            policy_weights: args.policy_weights.clone(),
+            model: args.networks.model.clone(),
+            policy_weights: args.networks.policy_weights.clone(),
             manifests,
             ..Place::default()
         },

@@ -8,8 +8,7 @@ use ds_benchmark::filter::left_out;
 use ds_benchmark::manifest::SUFFIX;
 use ds_benchmark::{Entry, Judged, Keep, Kind, Manifest, Recipe, Record, Review, Sheet, record, source};
 use ds_launch::fleet_plan::workers;
-use ds_launch::scenarios;
-use ds_process::shipped;
+use ds_launch::{Networks, scenarios};
 use ds_process::terminal::{answer, bar};
 use ds_scenario::Family;
 use ds_space::DigestWriter;
@@ -146,9 +145,7 @@ fn filtered(args: &BaseArgs, all: Manifest) -> Result<Option<Manifest>> {
         horizon: 80,
         history: 1,
         tracker: ds_world::TrackerKind::Lqr,
-        model: shipped::find(Path::new("configs/models/cpu_train.toml")),
-        video_backend: ds_video::Backend::Cpu,
-        policy_weights: shipped::find(Path::new("configs/models/camera_policy.safetensors")),
+        networks: Networks::default(),
     };
     let (mut sheet, sets) = ask::sheet(&what)?;
     sheet.place.keep = Keep::None;

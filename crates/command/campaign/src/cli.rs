@@ -5,10 +5,10 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum, ValueHint};
 use ds_benchmark::Keep;
-use ds_launch::choice::{agents, backend, named};
+use ds_launch::Networks;
+use ds_launch::choice::{agents, named};
 use ds_process::shipped;
 use ds_topic::{ObservationSource, ProposalScorer};
-use ds_video::Backend;
 use ds_world::{AdversaryMode, AgentMode, TrackerKind};
 
 use crate::cli::adverse::Arm;
@@ -147,12 +147,9 @@ pub struct ScaleArgs {
     /// The policy; it is not what is measured.
     #[arg(long, default_value = "constant-velocity")]
     pub policy: String,
-    /// Configuration of the video model; its weights lie beside it as .safetensors.
-    #[arg(long, default_value = "configs/models/cpu_train.toml", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
-    pub model: PathBuf,
-    /// What computes the video model.
-    #[arg(long, default_value = "cpu", value_parser = backend(&Backend::ALL))]
-    pub video_backend: Backend,
+    /// What makes frames and plans.
+    #[command(flatten)]
+    pub networks: Networks,
     /// Where table and page go; those of an earlier measurement are moved to OUT/earlier.
     #[arg(long, short, default_value = "out/scale", value_hint = ValueHint::DirPath)]
     pub out: PathBuf,
@@ -320,15 +317,9 @@ pub struct CellArgs {
     /// Tracker of the planned trajectory.
     #[arg(long, default_value = "lqr", value_parser = named(TrackerKind::ALL.map(TrackerKind::name), TrackerKind::from_name))]
     pub tracker: TrackerKind,
-    /// Configuration of the video model; its weights lie beside it as .safetensors.
-    #[arg(long, default_value = "configs/models/cpu_train.toml", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
-    pub model: PathBuf,
-    /// What computes the video model.
-    #[arg(long, default_value = "cpu", value_parser = backend(&Backend::ALL))]
-    pub video_backend: Backend,
-    /// Weights of the camera policy.
-    #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
-    pub policy_weights: PathBuf,
+    /// What makes frames and plans.
+    #[command(flatten)]
+    pub networks: Networks,
 }
 
 /// Arguments of `benchmark run`.

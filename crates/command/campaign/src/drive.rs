@@ -17,7 +17,7 @@ use ds_cases::RunConfig;
 use ds_launch::embed::{self, Fleet};
 use ds_launch::fleet_plan::workers;
 use ds_launch::run::{Source, sources};
-use ds_launch::{FleetPlan, RunPlan, own, request};
+use ds_launch::{FleetPlan, Networks, RunPlan, own, request};
 use ds_perception::look::LookReader;
 use ds_policy::builtin::{NAMES, is_builtin};
 use ds_process::drain::on_signals;
@@ -368,9 +368,11 @@ impl Group<'_> {
             appearance: cell.appearance.clone(),
             agents: AgentMode::from_name(&cell.agents).with_context(|| format!("agents {:?}", cell.agents))?,
             tracker: TrackerKind::from_name(&settings.tracker).context("tracker of the benchmark")?,
-            model: place.model.clone(),
-            video_backend: backend.with_context(|| format!("video back end {:?}", settings.video_backend))?,
-            policy_weights: place.policy_weights.clone(),
+            networks: Networks {
+                model: place.model.clone(),
+                video_backend: backend.with_context(|| format!("video back end {:?}", settings.video_backend))?,
+                policy_weights: place.policy_weights.clone(),
+            },
             workers: Some(place.workers),
             policy_listen: place.policy_listen.clone(),
             metrics: self.metrics,

@@ -51,8 +51,7 @@ pub(crate) fn run(args: &ScaleArgs, log: &str) -> Result<Ended> {
         scenarios: files.clone(),
         policy: args.policy.clone(),
         duration: args.duration,
-        model: args.model.clone(),
-        video_backend: args.video_backend,
+        networks: args.networks.clone(),
         ..RunPlan::default()
     };
     request::known(&plan)?;

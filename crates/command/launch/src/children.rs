@@ -82,13 +82,13 @@ fn settings_of(role: Role, plan: &FleetPlan) -> Result<(&'static str, Vec<String
         Role::Sim => ("sim-server", vec![slots]),
         Role::Layout => ("layout-render", vec![slots, format!("layout.probe={}", plan.probe_adapter)]),
         Role::Video => {
-            let backend = set("device.backend", plan.video_backend.name());
+            let backend = set("device.backend", plan.networks.video_backend.name());
             let simulated = format!("video.simulated_secs={:?}", plan.simulated_secs);
-            let model = set("video.model", &path(&plan.model)?);
+            let model = set("video.model", &path(&plan.networks.model)?);
             ("vdm-worker", vec!["process.slots=1".to_owned(), model, backend, simulated])
         }
         Role::Policy => {
-            let weights = set("policy.weights", &path(&plan.policy_weights)?);
+            let weights = set("policy.weights", &path(&plan.networks.policy_weights)?);
             let listen = set("policy.listen", plan.policy_listen.as_deref().unwrap_or_default());
             let manifests = plan.manifests.iter().map(|manifest| Ok(toml::Value::String(path(manifest)?)));
             let manifests = toml::Value::Array(manifests.collect::<Result<_>>()?);

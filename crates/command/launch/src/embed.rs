@@ -95,9 +95,9 @@ impl Fleet {
 /// # Errors
 /// If a port, the ledger or the policy bus cannot be opened.
 pub async fn start(plan: &FleetPlan) -> Result<Fleet> {
-    let video = Arc::new(vdm_worker::VideoStage::new(plan.model.clone(), None).with_backend(plan.video_backend));
+    let video = Arc::new(plan.networks.video());
     // Now, for a worker without a model would only be waited for.
-    video.model().with_context(|| format!("the video model {}", shipped::describe(&plan.model)))?;
+    video.model().with_context(|| format!("the video model {}", shipped::describe(&plan.networks.model)))?;
     let mut settings = BusSettings { drop_share: plan.drop_pushes, ..BusSettings::default() };
     if plan.live {
         settings = BusSettings { mode: Mode::Router, listen: vec!["tcp/127.0.0.1:0".to_owned()], ..settings };
@@ -123,7 +123,9 @@ pub async fn start(plan: &FleetPlan) -> Result<Fleet> {
     let mut factories: Vec<Arc<dyn MakerFactory>> = vec![
         Arc::new(sim_server::SimStage),
         Arc::new(layout_render::LayoutStage { probe: plan.probe_adapter }),
-        Arc::new(policy_bridge::PolicyStage::new(plan.policy_weights.clone(), outside).with_own(&plan.manifests)?),
+        Arc::new(
+            policy_bridge::PolicyStage::new(plan.networks.policy_weights.clone(), outside).with_own(&plan.manifests)?,
+        ),
     ];
     factories.extend((0..plan.workers).map(|_| Arc::clone(&video) as Arc<dyn MakerFactory>));
     for (index, factory) in factories.into_iter().enumerate() {

@@ -10,6 +10,7 @@ use ds_topic::Role;
 use ds_video::Backend;
 use ds_world::LayoutBackend;
 
+use crate::networks::Networks;
 use crate::own;
 use crate::run_plan::RunPlan;
 
@@ -21,12 +22,8 @@ const MOST_WORKERS: u32 = 64;
 pub struct FleetPlan {
     /// Ledger and recordings.
     pub folder: PathBuf,
-    /// Configuration of the video model.
-    pub model: PathBuf,
-    /// What computes it.
-    pub video_backend: Backend,
-    /// Weights of the camera policy.
-    pub policy_weights: PathBuf,
+    /// What makes frames and plans.
+    pub networks: Networks,
     /// Manifests of policies of one's own.
     pub manifests: Vec<PathBuf>,
     /// Video workers, and episodes under way at a time.
@@ -65,13 +62,11 @@ impl FleetPlan {
             anyhow::ensure!(stages.insert(role, command.to_owned()).is_none(), "--stage names {role} twice");
         }
         // One at a time where others drive along, or all workers would share one device.
-        let own = args.policy_listen.is_none() && stages.is_empty() && args.video_backend == Backend::Cpu;
+        let own = args.policy_listen.is_none() && stages.is_empty() && args.networks.video_backend == Backend::Cpu;
         let asked = args.workers.or((!own).then_some(1));
         Ok(Self {
             folder: args.out.clone(),
-            model: args.model.clone(),
-            video_backend: args.video_backend,
-            policy_weights: args.policy_weights.clone(),
+            networks: args.networks.clone(),
             manifests: Own::named(&args.policy).into_iter().collect(),
             workers: workers(asked, drives),
             policy: own::name(&args.policy)?,

@@ -4,6 +4,7 @@ pub mod children;
 pub mod choice;
 pub mod embed;
 pub mod fleet_plan;
+pub mod networks;
 pub mod onlooker;
 pub mod own;
 mod pictures;
@@ -13,6 +14,7 @@ pub mod run_plan;
 pub mod scenarios;
 
 pub use fleet_plan::FleetPlan;
+pub use networks::Networks;
 pub use run_plan::{Align, RunPlan, SubmitArgs};
 
 /// Returns the runtime of a command that talks to a fleet.

@@ -43,14 +43,16 @@ pub fn known(args: &RunPlan) -> Result<()> {
         return Err(UsageError(says).into());
     }
     if let Some(learned) = Learned::of(&args.policy).filter(|_| !outside) {
-        let loaded = learned.load(&learned.weights_file(&args.policy_weights));
+        let loaded = learned.load(&learned.weights_file(&args.networks.policy_weights));
         loaded.map_err(|error| UsageError(format!("--policy-weights: {:#}", anyhow::Error::from(error))))?;
     }
     let video = !args.stages.iter().any(|stage| stage.trim().starts_with("video="));
     if args.observation == ObservationSource::DreamstreamNoGuidance && video {
         // Another training's transformer, which need not be there; a worker without it would only be waited for.
-        let stage = vdm_worker::VideoStage::new(args.model.clone(), None);
-        stage.model_of(args.observation).map_err(|fault| UsageError(format!("--observation: {fault}")))?;
+        args.networks
+            .video()
+            .model_of(args.observation)
+            .map_err(|fault| UsageError(format!("--observation: {fault}")))?;
     }
     Appearance::short_name(&args.appearance).map_err(|error| UsageError(format!("--appearance: {error}")))?;
     Ok(())

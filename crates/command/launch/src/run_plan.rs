@@ -1,16 +1,16 @@
 //! The plan of a run: what is driven how, as arguments and as a value; how its iterations fit the video model's chunks.
 
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum, ValueHint};
 use ds_process::onlooker::ControlArgs;
 use ds_process::shipped;
 use ds_topic::{ObservationSource, ProposalScorer, ScoreProfile};
-use ds_video::Backend;
 use ds_world::{AgentMode, LayoutBackend, TrackerKind};
 
-use crate::choice::{agents, backend, named, oracle};
+use crate::choice::{agents, named, oracle};
+use crate::networks::Networks;
 
 /// How iterations and the video model's chunks fit together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -104,17 +104,9 @@ pub struct RunPlan {
         value_parser = named(LayoutBackend::ALL.map(LayoutBackend::name), LayoutBackend::from_name)
     )]
     pub layout_backend: LayoutBackend,
-    /// Configuration of the video model; its weights lie beside it as .safetensors.
-    #[arg(long, default_value = "configs/models/cpu_train.toml", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
-    pub model: PathBuf,
-    /// What computes the video model: cpu, the fast path of this project, or framework, the machine-learning framework's
-    /// graph, several times slower and equal to 1e-4, or that graph on a graphics processor, in builds with that feature; a
-    /// replay needs the one that the recording was made with.
-    #[arg(long, default_value = "cpu", value_parser = backend(&Backend::ALL))]
-    pub video_backend: Backend,
-    /// Weights of the camera policy; a policy of the panel has panel/NAME.safetensors beside it, or a file of its name.
-    #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
-    pub policy_weights: PathBuf,
+    /// What makes frames and plans.
+    #[command(flatten)]
+    pub networks: Networks,
     /// Start the five services as processes of their own over Zenoh on loopback.
     #[arg(long)]
     pub processes: bool,
@@ -214,9 +206,7 @@ impl Default for RunPlan {
             agents: AgentMode::IdmBehindEgo,
             tracker: TrackerKind::Lqr,
             layout_backend: LayoutBackend::Cpu,
-            model: shipped::find(Path::new("configs/models/cpu_train.toml")),
-            video_backend: Backend::Cpu,
-            policy_weights: shipped::find(Path::new("configs/models/camera_policy.safetensors")),
+            networks: Networks::default(),
             processes: false,
             stages: Vec::new(),
             workers: None,

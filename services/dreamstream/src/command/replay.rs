@@ -52,11 +52,9 @@ fn factory(args: &ReplayArgs) -> Result<Box<dyn MakerFactory>> {
     Ok(match args.service.as_str() {
         "sim-server" => Box::new(sim_server::SimStage),
         "layout-render" => Box::new(layout_render::LayoutStage { probe: false }),
-        "vdm-worker" => {
-            Box::new(vdm_worker::VideoStage::new(args.model.clone(), None).with_backend(args.video_backend))
-        }
+        "vdm-worker" => Box::new(args.networks.video()),
         "policy-bridge" => {
-            let stage = policy_bridge::PolicyStage::new(args.policy_weights.clone(), None);
+            let stage = policy_bridge::PolicyStage::new(args.networks.policy_weights.clone(), None);
             Box::new(stage.with_own(&args.manifests)?)
         }
         other => bail!("unknown service {other:?}"),

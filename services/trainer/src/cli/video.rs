@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand, ValueEnum, ValueHint};
+use clap::builder::{PossibleValue, TypedValueParser};
+use clap::{Args, Subcommand, ValueHint};
 use ds_evaluate::evaluation::Part;
-
+use ds_launch::choice::named;
 use ds_process::shipped;
 
 const EXAMPLES: &str = "Examples:
@@ -63,8 +64,8 @@ pub(crate) struct VideoEvalArgs {
     #[arg(long, value_name = "FILE", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub config: PathBuf,
     /// Measure these parts only; the others stay as an earlier run left them.
-    #[arg(long, value_enum, value_delimiter = ',')]
-    pub only: Vec<PartName>,
+    #[arg(long, value_delimiter = ',', value_parser = part())]
+    pub only: Vec<Part>,
     /// A look in minutes: few scenarios and short rollouts, into OUT/quick; the figures are no judgement.
     #[arg(long)]
     pub quick: bool,
@@ -73,33 +74,17 @@ pub(crate) struct VideoEvalArgs {
     pub out: Option<PathBuf>,
 }
 
-/// A part of an evaluation.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum PartName {
-    /// Detail, blocks and seams along whole drives
-    Sharpness,
-    /// Layout IoU, traffic lights, PSNR, perceptual and feature distance, colours, seams.
-    Layout,
-    /// Feature distance along long rollouts.
-    Drift,
-    /// Whether snow, rain, night and fog are still there at frame 100.
-    Appearance,
-    /// Frames a second.
-    Speed,
-    /// Side-by-side videos.
-    Videos,
-}
-
-impl PartName {
-    /// Returns the part.
-    pub(crate) fn part(self) -> Part {
-        match self {
-            Self::Sharpness => Part::Sharpness,
-            Self::Layout => Part::Layout,
-            Self::Drift => Part::Drift,
-            Self::Appearance => Part::Appearance,
-            Self::Speed => Part::Speed,
-            Self::Videos => Part::Videos,
-        }
-    }
+/// Parses a part of an evaluation.
+fn part() -> impl TypedValueParser<Value = Part> {
+    let told = Part::ALL.map(|part| {
+        PossibleValue::new(part.name()).help(match part {
+            Part::Sharpness => "Detail, blocks and seams along whole drives",
+            Part::Layout => "Layout IoU, traffic lights, PSNR, perceptual and feature distance, colours, seams",
+            Part::Drift => "Feature distance along long rollouts",
+            Part::Appearance => "Whether snow, rain, night and fog are still there at frame 100",
+            Part::Speed => "Frames a second",
+            Part::Videos => "Side-by-side videos",
+        })
+    });
+    named(told, |name| Part::ALL.into_iter().find(|part| part.name() == name))
 }

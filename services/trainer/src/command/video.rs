@@ -86,7 +86,7 @@ fn eval(args: &VideoEvalArgs) -> Result<()> {
     }
     let parts: BTreeSet<Part> = match args.only.as_slice() {
         [] => Part::ALL.into_iter().collect(),
-        only => only.iter().map(|name| name.part()).collect(),
+        only => only.iter().copied().collect(),
     };
     let mut outcome = if args.only.is_empty() { Outcome::default() } else { report::earlier(&config.out)? };
     outcome.quick = args.quick;

@@ -7,9 +7,9 @@ use ds_benchmark::record;
 use ds_campaign::cli::{CellArgs, Kept, RunArgs};
 use ds_evaluate::study::closed_loop::{self, ClosedLoop, Drive, REFERENCE};
 use ds_evaluate::study::write_drives;
+use ds_launch::Networks;
 use ds_process::terminal::answer;
 use ds_topic::{ObservationSource, ProposalScorer};
-use ds_video::Backend;
 use ds_world::{AgentMode, TrackerKind};
 use serde::Deserialize;
 
@@ -80,9 +80,11 @@ pub(super) fn run(args: &StudyArgs) -> Result<()> {
             horizon: 80,
             history: 1,
             tracker: TrackerKind::Lqr,
-            model: base.join(&config.model),
-            video_backend: Backend::Cpu,
-            policy_weights: base.join(&config.policy_weights),
+            networks: Networks {
+                model: base.join(&config.model),
+                policy_weights: base.join(&config.policy_weights),
+                ..Networks::default()
+            },
         },
         endpoints: None,
         shard: "0/1".to_owned(),
