@@ -94,6 +94,25 @@ impl Fitted {
     }
 }
 
+/// Returns the share of the covariance's off-diagonal that its own scatter asks to remove, 0 to 1: what of its square is scatter of
+/// the entries (Ledoit and Wolf 2004, towards the diagonal as in Schäfer and Strimmer 2005).
+#[must_use]
+pub fn shrinkage(rows: &DMatrix<f64>) -> f64 {
+    let (count, mean) = (rows.nrows() as f64, rows.row_mean());
+    let centred = DMatrix::from_fn(rows.nrows(), rows.ncols(), |row, column| rows[(row, column)] - mean[column]);
+    let (mut scattered, mut squared) = (0.0, 0.0);
+    for a in 0..rows.ncols() {
+        for b in 0..a {
+            let products: Vec<f64> =
+                centred.column(a).iter().zip(centred.column(b).iter()).map(|(x, y)| x * y).collect();
+            let middle = products.iter().sum::<f64>() / count;
+            scattered += count / (count - 1.0).powi(3) * products.iter().map(|p| (p - middle).powi(2)).sum::<f64>();
+            squared += (middle * count / (count - 1.0)).powi(2);
+        }
+    }
+    if squared > 0.0 { (scattered / squared).clamp(0.0, 1.0) } else { 0.0 }
+}
+
 /// Returns the squared Fréchet distance of two sets of rows; `shrinkage` in 0..=1 is the share of each covariance's
 /// off-diagonal removed.
 ///
@@ -104,4 +123,21 @@ pub fn frechet(a: &DMatrix<f64>, b: &DMatrix<f64>, shrinkage: f64) -> Result<f64
         return Err(SampleError::Columns(a.ncols(), b.ncols()));
     }
     Fitted::of(a, shrinkage)?.frechet(&Fitted::of(b, shrinkage)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use ds_space::Draws;
+
+    use super::*;
+
+    #[test]
+    fn scatter_is_removed_and_what_goes_together_is_kept() {
+        let draws = Draws::from_seed(5, "shrinkage");
+        let normal = |row: usize, column: usize| draws.normal((row * 8 + column) as u64);
+        let apart = shrinkage(&DMatrix::from_fn(40, 6, normal));
+        let together = shrinkage(&DMatrix::from_fn(400, 6, |row, column| normal(row, 7) + 0.1 * normal(row, column)));
+        assert!(apart > 0.6 && together < 0.02, "{apart} {together}");
+        assert_eq!(shrinkage(&DMatrix::from_element(5, 3, 2.0)), 0.0);
+    }
 }

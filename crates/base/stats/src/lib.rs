@@ -22,7 +22,7 @@ pub use agreement::kappa;
 pub use correlation::{fisher, pearson, ranks, spearman};
 pub use discovery::{false_discovery, holm};
 pub use divergence::jensen_shannon;
-pub use frechet::{Fitted, Moments, Rooted, SampleError, frechet};
+pub use frechet::{Fitted, Moments, Rooted, SampleError, frechet, shrinkage};
 pub use normal::normal_tail;
 pub use permutation::{Chance, EXACT_UP_TO, PATTERNS, sign_flip};
 pub use quantile::{percentiles, quantile, sorted_quantile, upper_median};

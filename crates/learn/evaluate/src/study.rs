@@ -3,6 +3,7 @@
 //! All studies over frames share one engine: declared sources ([`config`]), features that are kept, distances with
 //! resamples. `closed_loop` asks of drives what the others ask of frames.
 
+mod anchor;
 pub mod closed_loop;
 pub mod config;
 mod correlation;

@@ -166,3 +166,53 @@ fn wrong_studies_are_named() {
         study::run(Study::Fidelity, &config, &mut Counted::default(), &|| 0.0).expect_err("no features").to_string();
     assert!(error.contains("lattice") && error.contains("no features"), "{error}");
 }
+
+/// Writes pictures of stripes, wider in one folder than in the other, and names them as recorded sets.
+fn recorded(folder: &Path, size_px: (u32, u32), widths: [u32; 2]) -> Vec<study::config::Recorded> {
+    let mut text = String::new();
+    for (name, width) in ["near", "far"].into_iter().zip(widths) {
+        std::fs::create_dir_all(folder.join(name)).expect("a folder");
+        for frame in 0..6 {
+            let level = |x: u32, y: u32| (((x + 7 * frame) / width + y / (width + frame)) * 53 % 256) as u8;
+            let rgb =
+                (0..size_px.1).flat_map(|y| (0..size_px.0).flat_map(move |x| [level(x, y), level(y, x), 90])).collect();
+            let image = ds_raster::RgbImage::new(size_px.0, size_px.1, rgb).expect("the size fits");
+            let bytes = image.encode(ds_raster::Encoding::Png).expect("encodes");
+            std::fs::write(folder.join(format!("{name}/{frame}.png")), bytes).expect("writes");
+        }
+        text += &format!(
+            "[[recorded]]\nname = {name:?}\nframes = {name:?}\nfocal_px = [90.0, 90.0]\ncentre_px = [48.0, 32.0]\n"
+        );
+    }
+    std::fs::write(folder.join("frames.toml"), text).expect("writes");
+    study::config::Recorded::load(&folder.join("frames.toml")).expect("recorded sets")
+}
+
+#[test]
+fn recorded_frames_are_the_unit() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut config = config(folder.path());
+    config.scenarios = 4;
+    let run =
+        |config: &StudyConfig| study::run(Study::Anchor, config, &mut Counted::default(), &|| 0.0).map_err(Box::new);
+    assert!(run(&config).expect_err("no recorded sets").to_string().contains("recorded"));
+    config.recorded = recorded(folder.path(), (96, 64), [5, 17]);
+    let found = run(&config).expect("the study runs");
+    study::write(&config, &found).expect("writes");
+    let anchor = found.anchor.expect("an anchor");
+    assert_eq!(anchor.unit, ["near", "far"]);
+    assert!((anchor.recorded_to["far"] - 1.0).abs() < 1e-9, "{anchor:?}");
+    assert!(anchor.reference_to["reference"].abs() < 1e-6 && anchor.reference_to["layout"] > 0.0, "{anchor:?}");
+    assert!(anchor.policies.values().all(|policy| (0.0..=1.0).contains(&policy.shrinkage) && policy.unit > 0.0));
+    let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
+    assert!(page.find("Real frames as unit") < page.find("FDπ, the mean"));
+
+    config.recorded = recorded(folder.path(), (96, 64), [5, 5]);
+    assert!(run(&config).expect_err("equal sets").to_string().contains("look the same"));
+    std::fs::write(folder.path().join("near/3.png"), b"no picture").expect("writes");
+    assert!(run(&config).expect_err("a damaged picture").to_string().contains("3.png"));
+    config.recorded[0].focal_px[1] = f64::NAN;
+    assert!(run(&config).expect_err("no lens").to_string().contains("focal_px"));
+    config.recorded.truncate(1);
+    assert!(run(&config).expect_err("one set").to_string().contains("two sets"));
+}

@@ -11,6 +11,7 @@ const EXAMPLES: &str = "Examples:
   dreamstream study fidelity --quick                  minutes: see what comes out
   dreamstream study correlation --quick
   dreamstream study sensitivity --scenarios 64
+  dreamstream study anchor --recorded frames.toml     in units of two folders of real frames
   dreamstream study closed-loop --quick               drives; Ctrl-C, then the same command, goes on";
 
 /// Measure observation sources over held-out scenarios.
@@ -30,6 +31,8 @@ pub(crate) enum StudyCommand {
     Rollout(StudyArgs),
     /// The video model without one of its parts.
     Ablation(StudyArgs),
+    /// How far sources are from frames that real cameras recorded, in units of two such sets: --recorded FILE.
+    Anchor(StudyArgs),
     /// How far driving scores lie from those of the same drives on the reference camera's frames.
     ClosedLoop(StudyArgs),
 }
@@ -43,6 +46,7 @@ impl StudyCommand {
             Self::Sensitivity(args) => (Some(Study::Sensitivity), args),
             Self::Rollout(args) => (Some(Study::Rollout), args),
             Self::Ablation(args) => (Some(Study::Ablation), args),
+            Self::Anchor(args) => (Some(Study::Anchor), args),
             Self::ClosedLoop(args) => (None, args),
         }
     }
@@ -60,6 +64,10 @@ pub(crate) struct StudyArgs {
     /// Number of scenarios, instead of the configuration's; of closed-loop all or, with --quick, every eighth.
     #[arg(long)]
     pub scenarios: Option<u64>,
+    /// Folders of frames that real cameras recorded, with their calibration: the distance of the first two becomes the unit of
+    /// a table that stands first. docs/fidelity.md shows such a file. Not of closed-loop.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub recorded: Option<PathBuf>,
     /// Where results go; the configuration's own folder without it.
     #[arg(long, short, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub out: Option<PathBuf>,

@@ -2,10 +2,12 @@
 
 mod closed_loop;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result};
+use ds_evaluate::study::config::Recorded;
 use ds_evaluate::study::outcome::{Figure, Outcome};
 use ds_evaluate::study::{self, Study, StudyConfig};
 use ds_process::shipped;
@@ -40,6 +42,9 @@ fn of_frames(study: Study, args: &StudyArgs) -> Result<()> {
         config = config.quick();
     }
     config.scenarios = args.scenarios.unwrap_or(config.scenarios);
+    if let Some(file) = &args.recorded {
+        config.recorded = Recorded::load(file).with_context(|| format!("recorded sets of {}", file.display()))?;
+    }
     config.check_for(study)?;
     let began = Instant::now();
     let mut progress = Bar(bar(0, "sets"));
@@ -89,6 +94,14 @@ fn findings(outcome: &Outcome) {
 
 fn said(outcome: &Outcome) {
     answer(&format!("× 100, 95 % intervals over {} scenarios; {}", outcome.scenarios, outcome.kind));
+    if let Some(anchor) = &outcome.anchor {
+        let [first, second] = &anchor.unit;
+        let says = |table: &BTreeMap<String, f64>| {
+            table.iter().map(|(name, value)| format!("{name} {value:.2}")).collect::<Vec<_>>().join(", ")
+        };
+        answer(&format!("in units of {first} to {second}, from {first}: {}", says(&anchor.recorded_to)));
+        answer(&format!("in units of {first} to {second}, from the study's real set: {}", says(&anchor.reference_to)));
+    }
     for (name, figure) in &outcome.fd_pi {
         answer(&format!("FDpi {name}: {:.2} [{:.2}, {:.2}]", figure.value, figure.low, figure.high));
     }

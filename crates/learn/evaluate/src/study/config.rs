@@ -7,6 +7,7 @@ use ds_second_camera::SecondWorld;
 use ds_topic::ObservationSource;
 use serde::{Deserialize, Serialize};
 
+pub use super::anchor::Recorded;
 pub use super::source::Source;
 use crate::error::AppraisalError;
 
@@ -23,6 +24,8 @@ pub enum Study {
     Rollout,
     /// The video model without one of its parts.
     Ablation,
+    /// How far sources are from frames that real cameras recorded.
+    Anchor,
 }
 
 impl Study {
@@ -35,6 +38,7 @@ impl Study {
             Self::Sensitivity => "sensitivity",
             Self::Rollout => "rollout",
             Self::Ablation => "ablation",
+            Self::Anchor => "anchor",
         }
     }
 }
@@ -96,6 +100,9 @@ pub struct StudyConfig {
     /// Of study `rollout`: the frames at which distances are stated, over the ten frames up to each.
     #[serde(default)]
     pub marks: Vec<u32>,
+    /// Frames that real cameras recorded: the distance of the first two sets becomes a unit.
+    #[serde(default)]
+    pub recorded: Vec<Recorded>,
     /// The policies; FDπ is the mean over those that are no control.
     pub panel: Vec<MemberConfig>,
     /// Weights of the look network, for `fd_look` and `fd_look_clip`.
@@ -202,6 +209,7 @@ impl StudyConfig {
         let rules = [
             ("sources", study != Study::Correlation || self.others().count() >= 4, "must name 4 besides the reference"),
             ("edits", (study == Study::Sensitivity) != self.edits.is_empty(), "are of sensitivity, which needs one"),
+            ("recorded", study != Study::Anchor || self.recorded.len() > 1, "must name two sets of recorded frames"),
             ("marks", (study == Study::Rollout) == (self.marks.len() > 1), "are of rollout, which needs two"),
         ];
         match rules.iter().find(|(_, held, _)| !held) {
@@ -234,6 +242,7 @@ impl StudyConfig {
                 "must be 16 to 2048",
             ),
             ("sources", !self.sources.is_empty(), "must name one"),
+            ("recorded", self.recorded.len() != 1, "must name two sets or none: one alone has no unit"),
             ("panel", self.panel.iter().any(|member| !member.control), "must name a policy that is no control"),
         ];
         if let Some((field, _, rule)) = rules.iter().find(|(_, held, _)| !held) {
@@ -242,6 +251,14 @@ impl StudyConfig {
         for (field, names) in [
             ("sources", self.sources.iter().map(Source::name).collect::<Vec<_>>()),
             ("panel", self.panel.iter().map(|member| member.name.as_str()).collect()),
+            (
+                "recorded and sources",
+                self.recorded
+                    .iter()
+                    .map(|set| set.name.as_str())
+                    .chain(self.sources.iter().map(Source::name))
+                    .collect(),
+            ),
         ] {
             if let Some(twice) = (1..names.len()).find(|at| names[..*at].contains(&names[*at])) {
                 return Err(AppraisalError::config(field, format!("{:?} stands twice", names[twice])));
@@ -254,6 +271,9 @@ impl StudyConfig {
         }
         if let Some(generated) = self.sources.iter().find(|source| source.from.is_generated() && self.video.is_none()) {
             return Err(AppraisalError::config("video", format!("is needed by source {:?}", generated.name())));
+        }
+        if let Some((set, rule)) = self.recorded.iter().find_map(|set| Some((set, set.wrong()?))) {
+            return Err(AppraisalError::config(format!("recorded.{}", set.name), rule));
         }
         let made_in_a = [ObservationSource::Reprojected, ObservationSource::Abroad];
         if let Some(source) = self.sources.iter().find(|s| self.world == WorldName::B && made_in_a.contains(&s.from)) {

@@ -18,7 +18,7 @@ use super::found::{Found, Measured, Sets};
 use super::frames::Take;
 use super::outcome::{Figure, Outcome, Ratio, Row, Scene, Table};
 use super::source::Source;
-use super::{correlation, page, panel, rollout, sensitivity};
+use super::{anchor, correlation, page, panel, rollout, sensitivity};
 use crate::Progress;
 use crate::arm::Arm;
 use crate::column;
@@ -44,6 +44,7 @@ pub fn run(
 ) -> Result<Outcome, AppraisalError> {
     config.check_for(study)?;
     let mut under_way = UnderWay::open(study, config)?;
+    let recorded = anchor::look(config, &mut under_way.lookers.panel)?;
     let seen = under_way.look(progress, seconds)?;
     let sets = under_way.sets(&seen);
     progress.note("distances and intervals");
@@ -61,6 +62,7 @@ pub fn run(
         ..Outcome::default()
     };
     distances(&found, &mut outcome);
+    outcome.anchor = (!recorded.is_empty()).then(|| anchor::of(&found, &recorded)).transpose()?;
     let panel: Vec<&Measured> = found.panel().iter().map(|at| &found.measured[*at]).collect();
     for (at, source) in config.others() {
         let scenes = under_way.worst(&panel, at, source)?;
@@ -68,7 +70,7 @@ pub fn run(
     }
     outcome.looks = under_way.looks(&config.sources)?;
     match study {
-        Study::Fidelity | Study::Ablation => {}
+        Study::Fidelity | Study::Ablation | Study::Anchor => {}
         Study::Correlation => outcome.correlation = Some(correlation::of(&found)),
         Study::Sensitivity => outcome.sensitivity = Some(sensitivity::of(&found)?),
         Study::Rollout => outcome.rollout = Some(rollout::of(&found)?),
@@ -309,6 +311,7 @@ impl<'a> UnderWay<'a> {
     }
 }
 
-fn matrix(rows: &Rows) -> DMatrix<f64> {
+/// Lays rows of features out as a matrix.
+pub(super) fn matrix(rows: &Rows) -> DMatrix<f64> {
     DMatrix::from_fn(rows.len(), rows.first().map_or(0, Vec::len), |row, column| rows[row][column])
 }

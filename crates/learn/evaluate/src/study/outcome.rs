@@ -219,6 +219,38 @@ pub struct Rollout {
     pub removed: Vec<Removed>,
 }
 
+/// Distances in units of that of two recorded sets.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Anchor {
+    /// The two recorded sets whose distance is 1.
+    pub unit: [String; 2],
+    /// Frames by recorded set.
+    pub frames: BTreeMap<String, usize>,
+    /// From the first recorded set to every other one, to the study's real set and to its sources: mean over the panel.
+    pub recorded_to: BTreeMap<String, f64>,
+    /// From the study's real set.
+    pub reference_to: BTreeMap<String, f64>,
+    /// By policy.
+    pub policies: BTreeMap<String, AnchorOf>,
+}
+
+/// The same to one policy.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AnchorOf {
+    /// Whether it stands outside the mean.
+    pub control: bool,
+    /// Features of a frame.
+    pub features: usize,
+    /// By which share all covariances are drawn to their diagonals.
+    pub shrinkage: f64,
+    /// The unit over the variance of the first recorded set.
+    pub unit: f64,
+    /// From the first recorded set.
+    pub recorded_to: BTreeMap<String, f64>,
+    /// From the study's real set.
+    pub reference_to: BTreeMap<String, f64>,
+}
+
 /// What was found.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Outcome {
@@ -236,6 +268,9 @@ pub struct Outcome {
     pub scenarios: usize,
     /// Seconds that the frames took to be made and looked at, kept ones not counted.
     pub seconds: f64,
+    /// Distances from frames that real cameras recorded, where some were given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub anchor: Option<Anchor>,
     /// FDπ × 100 by source: the mean over the panel.
     pub fd_pi: BTreeMap<String, Figure>,
     /// Ratios of FDπ.

@@ -4,10 +4,12 @@
 pub(crate) mod closed;
 mod findings;
 
+use std::collections::BTreeMap;
+
 use ds_page::svg::{dot, line, text, wide};
 use ds_page::{Document, Markup, Pictures, link};
 
-use super::outcome::{Figure, Outcome, Row, Scene, Table};
+use super::outcome::{Anchor, Figure, Outcome, Row, Scene, Table};
 use crate::page::table;
 
 const STYLE: &str = include_str!("../page/page.css");
@@ -26,14 +28,23 @@ fn body(m: &mut Markup, outcome: &Outcome) {
         &[("class", &"lead")],
         format_args!(
             "{} held-out scenarios from seed {}, half of them beside the log. The real set is the camera of the project's \
-             own world {}: every figure is {}, not sim-to-real; no anchor of recorded frames was measured. Distances × 100, \
+             own world {}: every figure is {}, not sim-to-real; {}. Distances × 100, \
              95 % intervals over scenarios, the same draws for all.",
-            outcome.scenarios, outcome.first_seed, outcome.world, outcome.kind
+            outcome.scenarios,
+            outcome.first_seed,
+            outcome.world,
+            outcome.kind,
+            if outcome.anchor.is_some() {
+                "how far it is from recorded frames stands first"
+            } else {
+                "no anchor of recorded frames was measured"
+            }
         ),
     );
     if outcome.quick {
         m.leaf("p", &[("class", &"warn")], "A quick look: too few scenarios for a judgement.");
     }
+    outcome.anchor.iter().for_each(|anchor| anchored(m, anchor));
     looks(m, &outcome.looks);
     findings::write(m, outcome);
     let panel = outcome.policies.values().filter(|table| !table.control).count();
@@ -74,7 +85,39 @@ fn title(study: &str) -> &'static str {
         "sensitivity" => "What distances answer to",
         "rollout" => "Drift along the drive",
         "ablation" => "The video model without its parts",
+        "anchor" => "How far from recorded frames?",
         _ => "Fidelity of frames for policies",
+    }
+}
+
+/// Distances from recorded frames.
+fn anchored(m: &mut Markup, anchor: &Anchor) {
+    let [first, second] = &anchor.unit;
+    m.leaf("h2", &[], "Real frames as unit");
+    let frames: Vec<String> = anchor.frames.iter().map(|(name, count)| format!("{count} of {name}")).collect();
+    m.leaf(
+        "p",
+        &[],
+        format_args!(
+            "For the same policies the frames of {second} are 1 from those of {first} ({} frames). Covariances are shrunk, for recorded \
+             frames are few; few consecutive frames are no sample of drives, so there are no intervals.",
+            frames.join(", ")
+        ),
+    );
+    let from_first = format!("from {first}");
+    let value =
+        |table: &BTreeMap<String, f64>, name: &str| table.get(name).map_or("–".to_owned(), |v| format!("{v:.2}"));
+    let head = ["frames", from_first.as_str(), "from the study's real set"];
+    let rows = |of: &BTreeMap<String, f64>, reference: &BTreeMap<String, f64>| -> Vec<Vec<String>> {
+        of.keys().map(|name| vec![name.clone(), value(of, name), value(reference, name)]).collect()
+    };
+    table(m, &head, &rows(&anchor.recorded_to, &anchor.reference_to));
+    for (name, found) in &anchor.policies {
+        let kind = if found.control { ", control" } else { "" };
+        let told =
+            format!("{name}{kind}: {} features, drawn to the diagonal by {:.2}", found.features, found.shrinkage);
+        m.leaf("h3", &[], told);
+        table(m, &head, &rows(&found.recorded_to, &found.reference_to));
     }
 }
 

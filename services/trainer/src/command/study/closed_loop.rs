@@ -44,6 +44,7 @@ struct Config {
 /// # Errors
 /// If the configuration is refused or drives fail.
 pub(super) fn run(args: &StudyArgs) -> Result<()> {
+    ensure!(args.recorded.is_none(), "--recorded is of studies over frames");
     let path = config_of(args, "closed-loop");
     let text = std::fs::read_to_string(&path).with_context(|| format!("configuration {}", path.display()))?;
     let config: Config = toml::from_str(&text).with_context(|| format!("configuration {}", path.display()))?;
