@@ -15,6 +15,7 @@ pub mod outcome;
 mod page;
 mod panel;
 mod plans;
+mod recorded;
 mod rollout;
 mod sensitivity;
 mod source;

@@ -7,7 +7,7 @@ use ds_second_camera::SecondWorld;
 use ds_topic::ObservationSource;
 use serde::{Deserialize, Serialize};
 
-pub use super::anchor::Recorded;
+pub use super::recorded::Recorded;
 pub use super::source::Source;
 use crate::error::AppraisalError;
 

@@ -10,10 +10,9 @@ use ds_fidelity::{Compared, Features, Interval, ratio, recentred};
 use ds_perception::look::LookReader;
 use ds_raster::RgbImage;
 use ds_topic::ObservationSource;
-use nalgebra::DMatrix;
 
 use super::config::{Study, StudyConfig};
-use super::features::{Lookers, Rows, Seen, key, look};
+use super::features::{Lookers, Rows, Seen, key, look, matrix};
 use super::found::{Found, Measured, Sets};
 use super::frames::Take;
 use super::outcome::{Figure, Outcome, Ratio, Row, Scene, Table};
@@ -309,9 +308,4 @@ impl<'a> UnderWay<'a> {
         };
         sources.iter().map(one).collect()
     }
-}
-
-/// Lays rows of features out as a matrix.
-pub(super) fn matrix(rows: &Rows) -> DMatrix<f64> {
-    DMatrix::from_fn(rows.len(), rows.first().map_or(0, Vec::len), |row, column| rows[row][column])
 }

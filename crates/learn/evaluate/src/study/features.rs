@@ -4,6 +4,7 @@ use ds_fidelity::{mean_pooled, placed};
 use ds_perception::look::LookReader;
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter};
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 use super::config::StudyConfig;
@@ -103,6 +104,11 @@ pub(crate) fn look(
     seen.look = config.looked().iter().map(|at| rows[*at as usize - 1].clone()).collect();
     seen.clips = rows.chunks_exact(config.clip as usize).map(clip).collect();
     Ok(seen)
+}
+
+/// Lays rows of features out as a matrix.
+pub(super) fn matrix(rows: &Rows) -> DMatrix<f64> {
+    DMatrix::from_fn(rows.len(), rows.first().map_or(0, Vec::len), |row, column| rows[row][column])
 }
 
 fn wide(row: &[f32]) -> Vec<f64> {
