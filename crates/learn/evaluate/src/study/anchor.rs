@@ -21,6 +21,7 @@ use crate::error::AppraisalError;
 
 /// Distances below this share of a set's variance are rounding.
 const LEAST_UNIT: f64 = 1e-9;
+
 /// Looks at all recorded sets: features by set and policy.
 ///
 /// # Errors
@@ -34,15 +35,7 @@ pub(super) fn look(config: &StudyConfig, panel: &mut [Member]) -> Result<Vec<Vec
         for member in panel.iter_mut() {
             let mut rows: Rows = Vec::new();
             for frame in &frames {
-                let refuse = |source| AppraisalError::Policy {
-                    policy: member.name.clone(),
-                    frames: recorded.name.clone(),
-                    source,
-                };
-                let seen = member.policy.context(std::slice::from_ref(&camera), std::slice::from_ref(frame));
-                let context = seen.map_err(refuse)?.ok_or_else(|| {
-                    AppraisalError::config(format!("panel.{}", member.name), "the policy tells of no features")
-                })?;
+                let context = member.context(&camera, frame, &recorded.name)?;
                 rows.push(mean_pooled(context.tokens.values(), context.tokens.shape()[1]));
             }
             found.push(matrix(&rows));

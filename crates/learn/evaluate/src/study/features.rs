@@ -83,13 +83,7 @@ pub(crate) fn look(
     for member in &mut lookers.panel {
         let (mut mean, mut places) = (Vec::new(), Vec::new());
         for frame in &looked {
-            let refuse =
-                |source| AppraisalError::Policy { policy: member.name.clone(), frames: drive.name.clone(), source };
-            let cameras = std::slice::from_ref(&drive.model);
-            let context = member.policy.context(cameras, std::slice::from_ref(*frame)).map_err(refuse)?;
-            let context = context.ok_or_else(|| {
-                AppraisalError::config(format!("panel.{}", member.name), "the policy tells of no features")
-            })?;
+            let context = member.context(&drive.model, frame, &drive.name)?;
             let channels = context.tokens.shape()[1];
             mean.push(mean_pooled(context.tokens.values(), channels));
             places.push(placed(context.tokens.values(), channels, context.grid));

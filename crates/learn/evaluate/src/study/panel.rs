@@ -5,8 +5,9 @@ use std::path::Path;
 
 use ds_nn::Weights;
 use ds_nn::safetensors::WeightsFile;
-use ds_policy::{Learned, Own, Policy};
-use ds_space::Digest;
+use ds_policy::{Context, Learned, Own, Policy};
+use ds_raster::RgbImage;
+use ds_space::{CameraModel, Digest};
 
 use super::config::{MemberConfig, StudyConfig};
 use crate::error::AppraisalError;
@@ -17,6 +18,24 @@ pub(crate) struct Member {
     pub(crate) control: bool,
     pub(crate) policy: Box<dyn Policy>,
     pub(crate) digest: Digest,
+}
+
+impl Member {
+    /// Returns what the policy attends to in one frame; `whose` names the frames in errors.
+    ///
+    /// # Errors
+    /// If it cannot look at the frame or tells of nothing that it attends to.
+    pub(crate) fn context(
+        &mut self,
+        camera: &CameraModel,
+        frame: &RgbImage,
+        whose: &str,
+    ) -> Result<Context, AppraisalError> {
+        let seen = self.policy.context(std::slice::from_ref(camera), std::slice::from_ref(frame));
+        let refuse = |source| AppraisalError::Policy { policy: self.name.clone(), frames: whose.to_owned(), source };
+        seen.map_err(refuse)?
+            .ok_or_else(|| AppraisalError::config(format!("panel.{}", self.name), "the policy tells of no features"))
+    }
 }
 
 /// Loads the panel of a study.
