@@ -104,10 +104,9 @@ impl Recorded {
         paths.sort();
         let mut frames: Vec<RgbImage> = Vec::new();
         for path in &paths {
-            let decoded = image::open(path).map_err(|error| refuse(format!("{}: {error}", path.display())))?;
-            let (width, height) = (decoded.width(), decoded.height());
-            let frame = RgbImage::new(width, height, decoded.into_rgb8().into_raw());
-            let frame = frame.map_err(|error| refuse(format!("{}: {error}", path.display())))?;
+            let bytes = std::fs::read(path).map_err(AppraisalError::io("recorded frame", path))?;
+            let frame = RgbImage::photo(&bytes).map_err(|error| refuse(format!("{}: {error}", path.display())))?;
+            let (width, height) = (frame.width_px(), frame.height_px());
             if let Some(first) = frames.first().filter(|first| (first.width_px(), first.height_px()) != (width, height))
             {
                 let size = format!("{}×{}", first.width_px(), first.height_px());
