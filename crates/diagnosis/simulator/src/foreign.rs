@@ -5,6 +5,7 @@
 //! sizes. With one point it is constant.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use ds_diagnosis::meta::Nominal;
@@ -45,10 +46,27 @@ struct Point {
     added: Vec<Instant>,
 }
 
-#[derive(Default)]
+impl Point {
+    /// Returns how it differs from another.
+    fn less(&self, other: &Point) -> Point {
+        let features = self.features.iter().zip(&other.features).map(|(a, b)| a - b).collect();
+        let added = self.added.iter().zip(&other.added).map(|(a, b)| all(a, b, |a, b| a - b)).collect();
+        Point { features, added }
+    }
+
+    /// Returns whether the simulator failed there.
+    fn failed(&self) -> bool {
+        self.added.iter().any(|instant| instant.x.is_nan())
+    }
+}
+
+/// What is known of a window.
 struct Known {
-    points: Vec<Point>,
-    inverse: Option<DMatrix<f64>>,
+    first: Point,
+    /// The other points less the first.
+    others: Vec<Point>,
+    /// Weights of the others by features less those of the first.
+    weights: DMatrix<f64>,
 }
 
 /// A simulator of somebody else, as a motion of windows.
@@ -82,14 +100,11 @@ pub(crate) struct Tally {
 impl Inner {
     /// Remembers what the simulator adds at a point of a window, unless either failed.
     fn remember(&mut self, window: &Window, point: Point) {
-        let known = self.known.entry(key(window)).or_default();
-        // a window that once failed is not looked at any more; a later failure says nothing
-        let failed = |added: &[Instant]| added.iter().any(|instant| instant.x.is_nan());
-        if known.points.first().is_none_or(|first| !failed(&first.added))
-            && (known.points.is_empty() || !failed(&point.added))
-        {
-            known.points.push(point);
-            known.inverse = None;
+        match self.known.entry(key(window)) {
+            Entry::Vacant(place) => _ = place.insert(Known::new(point)),
+            // a window that once failed is not looked at any more; a later failure says nothing
+            Entry::Occupied(known) if known.get().first.failed() || point.failed() => {}
+            Entry::Occupied(known) => known.into_mut().add(&point),
         }
     }
 }
@@ -177,15 +192,11 @@ impl Foreign {
             let added = self.run(inner, window, actuated, plant);
             inner.remember(window, Point { features: features(window, actuated, plant), added });
         }
-        let Some(known) = inner.known.get_mut(&key(window)) else { return Vec::new() };
-        let mut sum = known.points[0].added.clone();
-        for (weight, point) in known.weights(&features(window, actuated, plant)).iter().zip(&known.points[1..]) {
-            for ((sum, at), first) in sum.iter_mut().zip(&point.added).zip(&known.points[0].added) {
-                let change = all(at, first, |a, b| a - b);
-                *sum = all(sum, &change, |a, b| a + weight * b);
-            }
+        let Some(known) = inner.known.get(&key(window)) else { return Vec::new() };
+        if known.others.is_empty() {
+            return known.first.added.clone();
         }
-        sum
+        known.added(&features(window, actuated, plant))
     }
 
     /// Returns what the simulator adds in windows by what is known.
@@ -216,26 +227,32 @@ impl Motion for Foreign {
 }
 
 impl Known {
-    /// Returns the weights of all points but the first at some features.
-    fn weights(&mut self, features: &[f64]) -> Vec<f64> {
-        let first = &self.points[0].features;
-        let away = |other: &[f64]| DVector::from_iterator(first.len(), other.iter().zip(first).map(|(a, b)| a - b));
-        if self.points.len() < 2 {
-            return Vec::new();
+    fn new(first: Point) -> Self {
+        Self { first, others: Vec::new(), weights: DMatrix::zeros(0, 0) }
+    }
+
+    fn add(&mut self, point: &Point) {
+        self.others.push(point.less(&self.first));
+        let count = self.others.len();
+        let rows = DMatrix::from_fn(count, self.first.features.len(), |k, at| self.others[k].features[at]);
+        let mut gram = &rows * rows.transpose();
+        let ridge = RIDGE * (gram.trace() / count as f64).max(1e-12);
+        (0..count).for_each(|k| gram[(k, k)] += ridge);
+        self.weights = gram.try_inverse().unwrap_or_else(|| DMatrix::zeros(count, count)) * rows;
+    }
+
+    /// Returns what the simulator adds at some features.
+    fn added(&self, features: &[f64]) -> Vec<Instant> {
+        let away = features.iter().zip(&self.first.features).map(|(a, b)| a - b);
+        let weights = &self.weights * DVector::from_iterator(self.first.features.len(), away);
+        let mut sum = self.first.added.clone();
+        for (weight, other) in weights.iter().zip(&self.others) {
+            let weight = weight.clamp(-FARTHEST, FARTHEST);
+            for (sum, change) in sum.iter_mut().zip(&other.added) {
+                *sum = all(sum, change, |a, b| a + weight * b);
+            }
         }
-        let count = self.points.len() - 1;
-        let mut rows = DMatrix::zeros(count, first.len());
-        for (k, point) in self.points[1..].iter().enumerate() {
-            rows.set_row(k, &away(&point.features).transpose());
-        }
-        let inverse = self.inverse.get_or_insert_with(|| {
-            let mut gram = &rows * rows.transpose();
-            let ridge = RIDGE * (gram.trace() / count as f64).max(1e-12);
-            (0..count).for_each(|k| gram[(k, k)] += ridge);
-            gram.try_inverse().unwrap_or_else(|| DMatrix::zeros(count, count))
-        });
-        let weights = &*inverse * (&rows * away(features));
-        weights.iter().map(|weight| weight.clamp(-FARTHEST, FARTHEST)).collect()
+        sum
     }
 }
 
