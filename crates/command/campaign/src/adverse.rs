@@ -99,6 +99,8 @@ struct VariantPart {
     delta_v_mps: f64,
     threat_tick: u32,
     least_ttc_secs: Option<f64>,
+    /// Time to collision of each tick from hand-over to contact, null beyond 4 s.
+    ttc_secs: Vec<Option<f64>>,
     required_deceleration_mps2: f64,
     surprise_nats_per_step: f64,
     /// The first tick at which it crosses a stop line at red.
@@ -107,6 +109,8 @@ struct VariantPart {
     wrong_way_m: f64,
     /// Ticks from the threat tick to the last one from which the expert still finds a drive.
     reaction_margin_ticks: Option<u32>,
+    /// Ticks between the expert and the adversary at a place where both come, at the least.
+    post_encroachment_ticks: Option<u32>,
     /// Whether a driver who only brakes meets nobody.
     careful_avoids: bool,
     solution: Option<SolutionPart>,
@@ -274,11 +278,13 @@ fn described(variant: &Variant, file: String) -> VariantPart {
         delta_v_mps: measures.delta_v_mps,
         threat_tick: measures.threat.0,
         least_ttc_secs: measures.least_ttc_secs(),
+        ttc_secs: measures.ttc_secs.clone(),
         required_deceleration_mps2: measures.required_mps2,
         surprise_nats_per_step: variant.surprise,
         red_light_tick: broken.red_light.map(|tick| tick.0),
         wrong_way_m: broken.wrong_way_m,
         reaction_margin_ticks: variant.margin_ticks,
+        post_encroachment_ticks: variant.solution.as_ref().and_then(|solution| solution.post_encroachment_ticks),
         careful_avoids: variant.careful,
         solution: variant.solution.as_ref().map(SolutionPart::of),
     }

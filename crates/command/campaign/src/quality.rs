@@ -21,12 +21,14 @@ pub(crate) fn severities(found: &[(Scene, Searched)]) -> BTreeMap<String, Severi
     let variants = found.iter().filter_map(|(_, built)| built.as_ref().ok()).flat_map(|built| &built.variants);
     let one = |variant: &Variant| {
         let (measures, broken) = (&variant.measures, broken_rules(&variant.scene).unwrap_or_default());
+        let (solution, secs) = (variant.solution.as_ref(), |ticks| f64::from(ticks) * variant.scene.dt.secs());
         let severity = Severity {
             closing_mps: measures.met.closing_mps,
             delta_v_mps: measures.delta_v_mps,
             required_mps2: measures.required_mps2,
             least_ttc_secs: measures.least_ttc_secs(),
-            margin_secs: variant.margin_ticks.map(|ticks| f64::from(ticks) * variant.scene.dt.secs()),
+            margin_secs: variant.margin_ticks.map(secs),
+            post_encroachment_secs: solution.and_then(|solution| solution.post_encroachment_ticks).map(secs),
             red_light: broken.red_light.is_some(),
             wrong_way_m: broken.wrong_way_m,
         };

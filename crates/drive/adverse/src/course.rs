@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use ds_sim::{SimConfig, Simulation};
 use ds_space::Tick;
-use ds_space::plane::OrientedBox;
 use ds_world::{Contact, Scene, WorldState};
 
 use crate::measure::time_to_touch;
+use crate::stage::{body, pair};
 
 /// What happens if the ego drives its log.
 #[derive(Debug, Clone)]
@@ -43,11 +43,8 @@ impl Course {
 }
 
 fn ttc(scene: &Scene, state: &WorldState) -> Option<f64> {
-    let adversary = scene.adversary.as_ref()?.track;
-    let other = state.agents.iter().find(|agent| agent.id == adversary)?;
-    let (ego, size) = (&state.ego, scene.vehicle.size);
+    let (ego_body, other) = pair(scene, state)?;
+    let ego = &state.ego;
     let ego_mps = ego.pose.forward() * ego.velocity_mps.x + ego.pose.left() * ego.velocity_mps.y;
-    let body = OrientedBox::new(&ego.centre(&scene.vehicle), size.length_m, size.width_m);
-    let other_body = OrientedBox::new(&other.pose, other.size.length_m, other.size.width_m);
-    time_to_touch(&body, &other_body, other.velocity_mps - ego_mps)
+    time_to_touch(&ego_body, &body(other), other.velocity_mps - ego_mps)
 }

@@ -9,6 +9,7 @@ mod beam;
 mod class;
 mod collision;
 mod course;
+mod encroachment;
 mod expert;
 mod limits;
 mod measure;

@@ -12,6 +12,7 @@ use ds_space::plane::Path;
 use ds_space::{Digest, DigestWriter, PoseSe2, SimTime, Tick, angle};
 use ds_world::{Scene, Trajectory, TrajectoryPoint};
 
+use crate::encroachment::Passing;
 use crate::road::Road;
 
 const REACTION_TICKS: u32 = 5;
@@ -34,6 +35,8 @@ pub struct Solution {
     pub from: Tick,
     /// The rear axle of each tick from then on.
     pub poses: Vec<PoseSe2>,
+    /// Ticks between ego and adversary at a place where both come, at the least; none if there is no such place.
+    pub post_encroachment_ticks: Option<u32>,
 }
 
 impl Solution {
@@ -95,6 +98,8 @@ impl Trial<'_> {
         let from = self.threat.plus(REACTION_TICKS);
         let mut simulation = self.begin(from)?;
         let mut poses = vec![simulation.state().ego.pose];
+        let mut passing = Passing::default();
+        passing.see(&simulation);
         while simulation.state().tick < self.last {
             let plan = choose(self.road, &simulation, LOOK_TICKS, wishes(&simulation, &way))?;
             simulation.begin_plan(&plan);
@@ -104,9 +109,10 @@ impl Trial<'_> {
                     return None;
                 }
                 poses.push(simulation.state().ego.pose);
+                passing.see(&simulation);
             }
         }
-        Some(Solution { from, poses })
+        Some(Solution { from, poses, post_encroachment_ticks: passing.post_encroachment_ticks() })
     }
 
     /// Returns how many ticks after the threat tick the expert may begin at the latest and still find a drive; `contact` is

@@ -3,7 +3,7 @@
 use ds_space::plane::OrientedBox;
 use ds_space::{DVec2, Draws, PoseSe2, Tick};
 use ds_vehicle::Rolling;
-use ds_world::{AgentClass, Scene, Size};
+use ds_world::{AgentClass, AgentState, Scene, Size, WorldState};
 
 use crate::model::MotionModel;
 use crate::road::Road;
@@ -36,6 +36,19 @@ impl Body {
     pub(crate) fn grown(&self, centre: &PoseSe2, margin_m: f64) -> OrientedBox {
         OrientedBox::new(centre, self.size.length_m + 2.0 * margin_m, self.size.width_m + 2.0 * margin_m)
     }
+}
+
+/// Returns the box of an agent.
+pub(crate) fn body(agent: &AgentState) -> OrientedBox {
+    OrientedBox::new(&agent.pose, agent.size.length_m, agent.size.width_m)
+}
+
+/// Returns the box of the ego, and the adversary.
+pub(crate) fn pair<'a>(scene: &Scene, state: &'a WorldState) -> Option<(OrientedBox, &'a AgentState)> {
+    let track = scene.adversary.as_ref()?.track;
+    let adversary = state.agents.iter().find(|agent| agent.id == track)?;
+    let size = scene.vehicle.size;
+    Some((OrientedBox::new(&state.ego.centre(&scene.vehicle), size.length_m, size.width_m), adversary))
 }
 
 /// A scene made ready for the search.

@@ -26,6 +26,7 @@ fn every_variant_meets_the_logged_ego_as_planned_and_nobody_before() {
             assert_eq!(solution.from, variant.measures.threat.plus(5));
             let margin = variant.margin_ticks.expect("it is solved from the first tick on at least");
             assert!(margin >= 5 && variant.measures.threat.plus(margin) < variant.measures.met.tick, "{margin}");
+            assert!(solution.post_encroachment_ticks != Some(0), "they are at no place at once");
             assert!(solution.poses.len() as u32 > 100 - solution.from.0, "it goes to the end of the scored window");
             let met = variant.measures.met.tick.0.saturating_sub(solution.from.0) as usize;
             let logged = scene.ego_log[variant.measures.met.tick.0 as usize].pose.position;

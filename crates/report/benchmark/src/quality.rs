@@ -39,6 +39,9 @@ pub struct Severity {
     pub least_ttc_secs: Option<f64>,
     /// Time from the threat to the last tick from which an expert still finds a drive, in seconds; none without a solution.
     pub margin_secs: Option<f64>,
+    /// Time between the expert and the adversary at a place where both come, at the least, in seconds; none without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub post_encroachment_secs: Option<f64>,
     /// Whether the adversary crosses a red light.
     pub red_light: bool,
     /// How far it drives against the traffic, in metres.
