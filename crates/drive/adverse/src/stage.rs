@@ -3,7 +3,7 @@
 use ds_space::plane::OrientedBox;
 use ds_space::{DVec2, Draws, PoseSe2, Tick};
 use ds_vehicle::Rolling;
-use ds_world::{AgentClass, AgentState, Scene, Size, WorldState};
+use ds_world::{AgentClass, AgentState, EgoState, Scene, Size, WorldState};
 
 use crate::model::MotionModel;
 use crate::road::Road;
@@ -47,8 +47,13 @@ pub(crate) fn body(agent: &AgentState) -> OrientedBox {
 pub(crate) fn pair<'a>(scene: &Scene, state: &'a WorldState) -> Option<(OrientedBox, &'a AgentState)> {
     let track = scene.adversary.as_ref()?.track;
     let adversary = state.agents.iter().find(|agent| agent.id == track)?;
+    Some((ego_body(scene, &state.ego), adversary))
+}
+
+/// Returns the box of an ego of the scene's vehicle.
+fn ego_body(scene: &Scene, ego: &EgoState) -> OrientedBox {
     let size = scene.vehicle.size;
-    Some((OrientedBox::new(&state.ego.centre(&scene.vehicle), size.length_m, size.width_m), adversary))
+    OrientedBox::new(&ego.centre(&scene.vehicle), size.length_m, size.width_m)
 }
 
 /// A scene made ready for the search.
@@ -73,10 +78,7 @@ impl<'a> Stage<'a> {
             };
             scene.tracks.iter().filter_map(seen).collect()
         };
-        let ego = |tick: Tick| {
-            let size = scene.vehicle.size;
-            OrientedBox::new(&scene.logged_ego(tick).centre(&scene.vehicle), size.length_m, size.width_m)
-        };
+        let ego = |tick: Tick| ego_body(scene, scene.logged_ego(tick));
         let ticks = Tick(0).to(scene.last_tick());
         Self {
             scene,
