@@ -13,11 +13,11 @@ use ds_sim::{SimConfig, Simulation};
 use ds_world::{Anchor, EgoState, Trajectory};
 
 use crate::road::Road;
-use crate::solve::{choose, logged_way, wishes};
+use crate::solve::{Look, choose, logged_way, wishes};
 
 const NAME: &str = Anchor::Expert.name();
-/// How far ahead a plan is tried: to its end.
-const LOOK_TICKS: u32 = 60;
+/// A plan is tried to its end. Keeping a distance in time as the proof of a solution does costs the anchor its progress.
+const LOOK: Look = Look { ticks: 60, apart_ticks: 0 };
 /// An ego this near to its log, in metres and metres per second, may go on by it.
 const ON_LOG: (f64, f64) = (1.0, 1.0);
 
@@ -60,7 +60,7 @@ impl Policy for Expert {
         let known: Vec<Trajectory> = keeps.then_some(logged).into_iter().chain([idm.clone()]).collect();
         let way = logged_way(&view.scene);
         let aside = way.iter().flat_map(|way| wishes(&simulation, way));
-        let chosen = choose(&Road::new(&view.scene.map), &simulation, LOOK_TICKS, known.into_iter().chain(aside));
+        let chosen = choose(&Road::new(&view.scene.map), &simulation, LOOK, known.into_iter().chain(aside));
         Ok(PolicyAnswer::single(chosen.unwrap_or(idm)))
     }
 

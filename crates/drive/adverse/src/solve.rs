@@ -2,7 +2,7 @@
 //!
 //! The expert, here as the proof of a solution, keeps to the log until 0.5 s after the threat tick; then, every half
 //! second, it takes the mildest of 9 lateral offsets × 9 accelerations that stays clear and on the road for 4 s in a copy
-//! with the live adversary. The careful driver brakes along the logged way from 0.75 s after the threat tick with the
+//! with the live adversary and misses it by 0.5 s at least where both come, or the one that misses it by most. The careful driver brakes along the logged way from 0.75 s after the threat tick with the
 //! jerk and deceleration of UN R157's model.
 
 use std::sync::Arc;
@@ -20,7 +20,7 @@ const CAREFUL_TICKS: u32 = 8;
 const CAREFUL_MPS2: f64 = 7.59;
 const CAREFUL_MPS3: f64 = 12.65;
 const REPLAN_TICKS: u32 = 5;
-const LOOK_TICKS: u32 = 40;
+const LOOK: Look = Look { ticks: 40, apart_ticks: 5 };
 /// Mildest first.
 const LATERALS_M: [f64; 9] = [0.0, 0.9, -0.9, 1.8, -1.8, 2.7, -2.7, 3.6, -3.6];
 const ACCELERATIONS_MPS2: [f64; 9] = [0.0, -1.0, 1.0, -2.0, 2.0, -3.5, -5.0, -6.3, -7.6];
@@ -79,6 +79,15 @@ struct Wish {
     ramp_secs: f64,
 }
 
+/// What a plan is to hold in a copy of the world.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Look {
+    /// For so long it touches nobody and stays on the road.
+    pub ticks: u32,
+    /// The time it leaves, if one does, between ego and adversary at a place where both come.
+    pub apart_ticks: u32,
+}
+
 impl Trial<'_> {
     fn begin(&self, until: Tick) -> Option<Simulation> {
         let config = SimConfig { agents: None, ..SimConfig::default() };
@@ -101,7 +110,7 @@ impl Trial<'_> {
         let mut passing = Passing::default();
         passing.see(&simulation);
         while simulation.state().tick < self.last {
-            let plan = choose(self.road, &simulation, LOOK_TICKS, wishes(&simulation, &way))?;
+            let plan = choose(self.road, &simulation, LOOK, wishes(&simulation, &way))?;
             simulation.begin_plan(&plan);
             for _ in 0..REPLAN_TICKS {
                 simulation.step();
@@ -170,35 +179,44 @@ pub(crate) fn wishes(simulation: &Simulation, way: &Path) -> impl Iterator<Item 
     wishes.into_iter().map_while(|(_, wish)| planned(simulation, way, wish))
 }
 
-/// Returns the first plan that stays clear for so many ticks in a copy of the world; else the one that stays clear longest.
+/// Returns the first plan that stays clear for as long as is looked and misses the adversary by as much as is asked; of those
+/// that are clear and miss it by less the one that does so by most, and if none is clear, the one that stays so longest.
 pub(crate) fn choose(
     road: &Road<'_>,
     simulation: &Simulation,
-    look_ticks: u32,
+    look: Look,
     plans: impl Iterator<Item = Trajectory>,
 ) -> Option<Trajectory> {
-    let mut longest: Option<(u32, Trajectory)> = None;
+    let mut best: Option<([u32; 2], Trajectory)> = None;
     for plan in plans {
-        let ticks = clear_ticks(road, simulation, look_ticks, &plan);
-        if ticks >= look_ticks {
+        let found = look.at(road, simulation, &plan);
+        if found == [look.ticks, look.apart_ticks] {
             return Some(plan);
         }
-        if longest.as_ref().is_none_or(|(most, _)| ticks > *most) {
-            longest = Some((ticks, plan));
+        if best.as_ref().is_none_or(|(most, _)| found > *most) {
+            best = Some((found, plan));
         }
     }
-    longest.map(|(_, plan)| plan)
+    best.map(|(_, plan)| plan)
 }
 
-fn clear_ticks(road: &Road<'_>, simulation: &Simulation, look_ticks: u32, plan: &Trajectory) -> u32 {
-    let mut copy = simulation.clone();
-    copy.begin_plan(plan);
-    (0..look_ticks)
-        .find(|_| {
+impl Look {
+    /// Returns for how many ticks a plan stays clear in a copy of the world and, if for all of them, by how many it misses the
+    /// adversary, up to what is asked.
+    fn at(self, road: &Road<'_>, simulation: &Simulation, plan: &Trajectory) -> [u32; 2] {
+        let mut copy = simulation.clone();
+        copy.begin_plan(plan);
+        let mut passing = Passing::default();
+        for tick in 0..self.ticks {
             copy.step();
-            !clear(road, &copy)
-        })
-        .unwrap_or(look_ticks)
+            if !clear(road, &copy) {
+                return [tick, 0];
+            }
+            passing.see(&copy);
+        }
+        let apart = if self.apart_ticks > 0 { passing.post_encroachment_ticks() } else { None };
+        [self.ticks, apart.unwrap_or(self.apart_ticks).min(self.apart_ticks)]
+    }
 }
 
 /// Returns the plan of a wish from now on, in the rig of now.
