@@ -81,9 +81,9 @@ pub(crate) fn attend(mode: Mode, heads: usize, qkv: [Tensor<3>; 3]) -> Tensor<3>
     let y = match mode {
         Mode::Infer => module::attention(q, k, v, None, None, AttentionModuleOptions::default()),
         Mode::Train => {
-            let scale = 1.0 / ((d / heads) as f64).sqrt();
-            let scores = q.mul_scalar(scale).matmul(k.swap_dims(2, 3));
-            activation::softmax(scores, 3).matmul(v)
+            let (scale, format) = (1.0 / ((d / heads) as f64).sqrt(), v.dtype());
+            let scores = q.matmul(k.swap_dims(2, 3)).cast(FloatDType::F32).mul_scalar(scale);
+            activation::softmax(scores, 3).cast(format).matmul(v)
         }
     };
     y.swap_dims(1, 2).reshape([b, n, d]).cast(FloatDType::F32)

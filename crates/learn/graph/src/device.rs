@@ -108,6 +108,26 @@ pub(crate) fn current() -> Device {
     CHOSEN.get_or_init(|| Place::Processor).device()
 }
 
+/// Returns what large layers of training steps are computed in: bf16 on a graphics processor that has units for it, f32 elsewhere.
+#[must_use]
+pub fn training_precision() -> Precision {
+    let place = *CHOSEN.get_or_init(|| Place::Processor);
+    if place != Place::Processor && multiplies_bf16() { Precision::Bf16 } else { Precision::F32 }
+}
+
+#[cfg(any(feature = "vulkan", feature = "cuda"))]
+fn multiplies_bf16() -> bool {
+    use burn::backend::{Backend, DTypeUsage, Dispatch};
+
+    let usage = Dispatch::dtype_usage(current().as_dispatch(), burn::tensor::DType::BF16);
+    usage.contains(DTypeUsage::Storage) && usage.contains(DTypeUsage::Accelerated)
+}
+
+#[cfg(not(any(feature = "vulkan", feature = "cuda")))]
+fn multiplies_bf16() -> bool {
+    false
+}
+
 /// Waits until the device has done all that was asked of it.
 ///
 /// # Errors

@@ -44,7 +44,7 @@ struct Attention {
 
 impl Attention {
     fn new(graph: &Graph, name: &str, dim: usize) -> Self {
-        let linear = |part: &str| graph.linear(&format!("{name}.{part}"));
+        let linear = |part: &str| graph.large(&format!("{name}.{part}"));
         Self {
             q: linear("q"),
             k: linear("k"),
@@ -172,7 +172,11 @@ impl Dit {
     }
 
     pub(crate) fn bind(shape: &DitShape, weights: &Weights, mode: Mode) -> Self {
-        Self::of(shape, Graph::new(weights, mode))
+        Self::bind_in(Precision::F32, shape, weights, mode)
+    }
+
+    pub(crate) fn bind_in(precision: Precision, shape: &DitShape, weights: &Weights, mode: Mode) -> Self {
+        Self::of(shape, Graph::new_in(precision, weights, mode))
     }
 
     /// Builds the layers of weights that were put on the device and fit the declarations.
@@ -194,7 +198,7 @@ impl Dit {
                 modulation: graph.weight(&name("modulation"), [1, 6, d]),
                 self_attn: Attention::new(&graph, &name("self_attn"), d),
                 cross: shape.crosses(layer).then(cross),
-                ffn: [graph.linear(&name("ffn.0")), graph.linear(&name("ffn.2"))],
+                ffn: [graph.large(&name("ffn.0")), graph.large(&name("ffn.2"))],
             }
         };
         Self {

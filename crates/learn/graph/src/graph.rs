@@ -3,7 +3,7 @@
 //! Linear weights are stored as [outputs, inputs]; a 3×3 convolution is a linear layer over the nine shifted copies
 //! of an image in channels-last order [N, H, W, C], zero-padded.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
 
 use burn::tensor::{DType, Device, FloatDType, Gradients, Tensor, TensorData, module};
@@ -36,7 +36,12 @@ pub(crate) struct Graph {
 
 impl Graph {
     pub(crate) fn new(weights: &Weights, mode: Mode) -> Self {
-        let mut graph = Self::empty(mode, Precision::F32);
+        Self::new_in(Precision::F32, weights, mode)
+    }
+
+    /// Puts weights on the device as f32, whatever large layers are computed in: what is trained is not rounded.
+    pub(crate) fn new_in(precision: Precision, weights: &Weights, mode: Mode) -> Self {
+        let mut graph = Self::empty(mode, precision);
         for (name, array) in weights.iter() {
             graph.bind(name, array, Precision::F32);
         }
@@ -106,8 +111,14 @@ impl Graph {
         let (outputs, inputs) = (shape[0], shape[1..].iter().product());
         let weight = self.weight::<2>(&format!("{name}.weight"), [outputs, inputs]).transpose();
         let bias = self.weights.contains_key(&format!("{name}.bias"));
-        let bias = bias.then(|| self.weight::<1>(&format!("{name}.bias"), [outputs]).cast(weight.dtype()));
+        let bias = bias.then(|| self.weight::<1>(&format!("{name}.bias"), [outputs]));
         Linear { weight, bias }
+    }
+
+    /// A layer whose product is computed in the number format of large layers, whatever its weight is kept in.
+    pub(crate) fn large(&self, name: &str) -> Linear {
+        let Linear { weight, bias } = self.linear(name);
+        Linear { weight: self.lower(weight), bias }
     }
 
     pub(crate) fn tensor<const D: usize>(&self, array: &Array) -> Tensor<D> {
@@ -121,13 +132,26 @@ impl Graph {
         constants.entry(name.to_owned()).or_insert_with(|| self.tensor(&make())).clone()
     }
 
-    /// Collects the gradient of every weight; weights without influence get zeros.
+    /// Collects the gradient of every weight, read back at once; weights without influence get zeros.
     pub(crate) fn gradients(&self, mut gradients: Gradients) -> Weights {
+        let (mut found, mut parts) = (BTreeSet::new(), Vec::new());
+        for (name, (leaf, _)) in &self.weights {
+            if let Some(gradient) = leaf.grad_remove(&mut gradients) {
+                found.insert(name);
+                parts.push(gradient);
+            }
+        }
+        let values = if parts.is_empty() { Vec::new() } else { array_of(Tensor::cat(parts, 0)).into_values() };
+        let mut rest = values.as_slice();
         let mut collected = Weights::default();
-        for (name, (leaf, shape)) in &self.weights {
-            let array = match leaf.grad_remove(&mut gradients) {
-                Some(gradient) => array_of(gradient.reshape([shape.iter().product::<usize>()])).into_values(),
-                None => vec![0.0; shape.iter().product()],
+        for (name, (_, shape)) in &self.weights {
+            let count = shape.iter().product();
+            let array = if found.contains(name) {
+                let (values, others) = rest.split_at(count);
+                rest = others;
+                values.to_vec()
+            } else {
+                vec![0.0; count]
             };
             collected.insert(name, Array::new(shape, array));
         }
@@ -160,7 +184,16 @@ impl Linear {
         let inputs = shape[D - 1];
         let rows = shape.iter().product::<usize>() / inputs;
         let x = x.reshape([rows, inputs]).cast(self.weight.dtype());
-        let y = module::linear(x, self.weight.clone(), self.bias.clone()).cast(FloatDType::F32);
+        let y = if self.weight.dtype() == DType::BF16 {
+            // Devices multiply bf16 and convert it, not all add it.
+            let y = x.matmul(self.weight.clone()).cast(FloatDType::F32);
+            match &self.bias {
+                Some(bias) => y + bias.clone().cast(FloatDType::F32).unsqueeze(),
+                None => y,
+            }
+        } else {
+            module::linear(x, self.weight.clone(), self.bias.clone())
+        };
         shape[D - 1] = y.dims()[1];
         y.reshape(shape)
     }

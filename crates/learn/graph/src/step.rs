@@ -14,8 +14,8 @@ use crate::dit::{Context, Dit};
 use crate::graph::Graph;
 
 pub use adversarial::adversarial;
-pub use bidirectional::{bidirectional, bidirectional_clean, clean_by};
-pub use causal::{causal, causal_output};
+pub use bidirectional::{bidirectional, bidirectional_clean, bidirectional_in, clean_by};
+pub use causal::{causal, causal_in, causal_output};
 pub use pixels::{autoencoder, decoder};
 
 fn scalar(tensor: &Tensor<1>) -> f32 {
@@ -73,6 +73,10 @@ impl Given {
 }
 
 fn control(dit: &Dit, batch: &ClipBatch) -> Tensor<4> {
+    let [clips, rows, pixels, _]: [usize; 4] = batch.layouts.shape().try_into().expect("layouts have four axes");
+    if batch.layout_on.iter().all(|on| *on == 0.0) {
+        return Tensor::zeros([clips, rows, pixels, dit.shape.control_channels], &dit.graph.device);
+    }
     let control = dit.control(&batch.layouts).0;
     let on = dit.graph.tensor::<4>(&Array::new(&[batch.layout_on.len(), 1, 1, 1], batch.layout_on.clone()));
     control * on

@@ -31,6 +31,22 @@ impl Array {
         Self { shape: shape.to_vec(), values: vec![0.0; shape.iter().product()] }
     }
 
+    /// Joins arrays that differ in their first side alone.
+    ///
+    /// # Panics
+    /// If there are none, or their other sides differ.
+    #[must_use]
+    pub fn joined<'a>(parts: impl IntoIterator<Item = &'a Self>) -> Self {
+        let mut parts = parts.into_iter();
+        let mut all = parts.next().expect("something is joined").clone();
+        for part in parts {
+            assert_eq!(all.shape[1..], part.shape[1..], "joined arrays have the same sides but for the first");
+            all.shape[0] += part.shape[0];
+            all.values.extend_from_slice(&part.values);
+        }
+        all
+    }
+
     /// Returns the shape.
     #[must_use]
     pub fn shape(&self) -> &[usize] {

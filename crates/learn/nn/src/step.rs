@@ -53,9 +53,15 @@ impl Step {
 
     /// Returns the mean of so many gathered steps.
     #[must_use]
-    pub fn over(mut self, count: usize) -> Self {
+    pub fn over(self, count: usize) -> Self {
         #[expect(clippy::cast_precision_loss, reason = "a batch has few parts")]
         let share = 1.0 / count as f32;
+        self.shared(share)
+    }
+
+    /// Returns the share of the step that its clips have in a batch.
+    #[must_use]
+    pub fn shared(mut self, share: f32) -> Self {
         self.parts.iter_mut().for_each(|(_, value)| *value *= share);
         self.scaled(share)
     }
@@ -94,6 +100,83 @@ pub struct ClipBatch {
     pub text: Array,
     /// How much each latent pixel counts, [B, F, tokens, 4, 1].
     pub emphasis: Array,
+}
+
+/// Clips and what one step asks of them, that can be computed beside others as one.
+pub trait Joins: Sized {
+    /// Says whether another can be joined to it.
+    fn joins(&self, other: &Self) -> bool;
+
+    /// Joins several; the step of all is the mean of their steps.
+    fn joined(parts: &[Self]) -> Self;
+}
+
+impl ClipBatch {
+    /// Joins clips of one length. Emphasis is brought to a mean of 1 over the frames of each clip that are not given, so
+    /// that each clip counts alike.
+    ///
+    /// # Panics
+    /// If there are none, or their lengths differ.
+    #[must_use]
+    pub fn joined<'a>(clips: impl Iterator<Item = &'a Self> + Clone) -> Self {
+        let emphasis: Vec<Array> = clips.clone().map(|clip| level(&clip.emphasis)).collect();
+        let all = |array: fn(&'a Self) -> &'a Array| Array::joined(clips.clone().map(array));
+        Self {
+            clean: all(|clip| &clip.clean),
+            start: all(|clip| &clip.start),
+            layouts: all(|clip| &clip.layouts),
+            layout_on: clips.clone().flat_map(|clip| clip.layout_on.iter().copied()).collect(),
+            given_on: clips.clone().flat_map(|clip| clip.given_on.iter().copied()).collect(),
+            text: all(|clip| &clip.text),
+            emphasis: Array::joined(&emphasis),
+        }
+    }
+}
+
+/// Divides the emphasis of one clip by its mean over frames 1..F.
+fn level(emphasis: &Array) -> Array {
+    let frame = emphasis.values().len() / emphasis.shape()[1];
+    let later = &emphasis.values()[frame..];
+    #[expect(clippy::cast_precision_loss, reason = "a mean over a clip")]
+    let mean = later.iter().sum::<f32>() / later.len().max(1) as f32;
+    Array::new(emphasis.shape(), emphasis.values().iter().map(|value| value / mean).collect())
+}
+
+impl Joins for (ClipBatch, BidirectionalPlan) {
+    fn joins(&self, other: &Self) -> bool {
+        self.0.clean.shape() == other.0.clean.shape() && self.1.prediction == other.1.prediction
+    }
+
+    fn joined(parts: &[Self]) -> Self {
+        let plan = BidirectionalPlan {
+            levels: parts.iter().flat_map(|(_, plan)| plan.levels.iter().copied()).collect(),
+            noise: Array::joined(parts.iter().map(|(_, plan)| &plan.noise)),
+            prediction: parts[0].1.prediction,
+        };
+        (ClipBatch::joined(parts.iter().map(|(batch, _)| batch)), plan)
+    }
+}
+
+impl Joins for (ClipBatch, CausalPlan) {
+    fn joins(&self, (batch, other): &Self) -> bool {
+        let plan = &self.1;
+        self.0.clean.shape() == batch.clean.shape()
+            && plan.cache == other.cache
+            && (plan.context_trained, plan.context_detached) == (other.context_trained, other.context_detached)
+            && (plan.context_level, plan.query_level) == (other.context_level, other.query_level)
+            && (&plan.queries, plan.prediction) == (&other.queries, other.prediction)
+    }
+
+    fn joined(parts: &[Self]) -> Self {
+        let all = |array: fn(&CausalPlan) -> &Array| Array::joined(parts.iter().map(|(_, plan)| array(plan)));
+        let plan = CausalPlan {
+            context: all(|plan| &plan.context),
+            query: all(|plan| &plan.query),
+            target: all(|plan| &plan.target),
+            ..parts[0].1.clone()
+        };
+        (ClipBatch::joined(parts.iter().map(|(batch, _)| batch)), plan)
+    }
 }
 
 /// A noise level: σ, and the timestep 1000·σ that labels it.

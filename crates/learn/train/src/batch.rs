@@ -1,8 +1,9 @@
 //! What the stages share: the step of a batch, PSNR.
 
-use ds_nn::step::Step;
+use ds_nn::step::{Joins, Step};
 use ds_nn::team::Team;
 use ds_raster::RgbImage;
+use ds_video::Backend;
 
 use crate::config::StageConfig;
 use crate::error::TrainError;
@@ -36,6 +37,78 @@ pub(crate) fn mean_steps<const N: usize>(
         }
     }
     Ok(sums.expect("an update has at least one clip").map(|sum| sum.over(stage.batch())))
+}
+
+/// Clips drawn for micro-batches, and the steps that are computed from them: on a processor clip by clip, each by a
+/// worker, as [`mean_step`]; on a device all clips of a micro-batch at once, while the processor draws the next ones.
+pub(crate) struct Drawn<'a, T> {
+    backend: Backend,
+    team: Team,
+    stage: &'a StageConfig,
+    /// The micro-batch after the last one that was taken, by its number since the first step.
+    ahead: Option<(u64, Result<Joined<T>, TrainError>)>,
+}
+
+/// Clips that were joined, with each how many.
+type Joined<T> = Vec<(usize, T)>;
+
+impl<'a, T: Joins + Send + Sync> Drawn<'a, T> {
+    pub(crate) fn new(backend: Backend, stage: &'a StageConfig) -> Self {
+        Self { backend, team: Team::of_all_cores(), stage, ahead: None }
+    }
+
+    /// Computes the step of update `at`: the mean over its clips. `draw` makes a clip by the update and its number.
+    pub(crate) fn step(
+        &mut self,
+        at: u32,
+        draw: impl Fn(u32, u64) -> Result<T, TrainError> + Sync,
+        compute: impl Fn(&T) -> Step + Sync,
+    ) -> Result<Step, TrainError> {
+        if !self.backend.joins() {
+            return mean_step(&self.team, self.stage, |clip| Ok(compute(&draw(at, clip)?)));
+        }
+        let (clips, parts) = (self.stage.clips, self.stage.accumulate as u64);
+        let drawn = |number: u64| -> Result<Joined<T>, TrainError> {
+            let (at, part) = ((number / parts) as u32, number % parts);
+            let drawn = self.team.run(clips, |clip| draw(at, part * clips as u64 + clip as u64));
+            Ok(joined(drawn.into_iter().collect::<Result<_, _>>()?))
+        };
+        let mut sum: Option<Step> = None;
+        let mut ahead = self.ahead.take();
+        for number in u64::from(at) * parts..(u64::from(at) + 1) * parts {
+            let made = match ahead.take() {
+                Some((known, made)) if known == number => made?,
+                _ => drawn(number)?,
+            };
+            std::thread::scope(|scope| {
+                let next = scope.spawn(|| drawn(number + 1));
+                for (count, joined) in &made {
+                    #[expect(clippy::cast_precision_loss, reason = "a batch has few clips")]
+                    let step = compute(joined).shared(*count as f32 / clips as f32);
+                    match &mut sum {
+                        None => sum = Some(step),
+                        Some(sum) => sum.gather(&step),
+                    }
+                }
+                ahead = Some((number + 1, next.join().expect("a draw does not panic")));
+            });
+        }
+        self.ahead = ahead;
+        Ok(sum.expect("an update has at least one clip").over(self.stage.accumulate))
+    }
+}
+
+/// Joins the clips that join, in the order of their first ones.
+fn joined<T: Joins>(mut clips: Vec<T>) -> Joined<T> {
+    let mut made = Vec::new();
+    while let Some(first) = clips.first() {
+        let fits: Vec<bool> = clips.iter().map(|clip| first.joins(clip)).collect();
+        let mut fits = fits.into_iter();
+        let (together, others): (Vec<T>, Vec<T>) = clips.into_iter().partition(|_| fits.next() == Some(true));
+        made.push((together.len(), T::joined(&together)));
+        clips = others;
+    }
+    made
 }
 
 /// Returns the peak signal-to-noise ratio over all frames, in decibels.

@@ -86,19 +86,20 @@ impl Teacher {
         Ok(Self { model: model.clone(), network: backend.whole_clips(&model.dit(), weights)?, unconditional })
     }
 
-    /// Predicts the clean latents of noisy frames [1, F − 1, tokens, 4, z] of one clip at level σ under guidance.
+    /// Predicts the clean latents of noisy frames [B, F − 1, tokens, 4, z] at one level σ under guidance.
     #[must_use]
     pub fn clean(&self, batch: &ClipBatch, noisy: &Array, sigma: f32, guidance: Guidance) -> Array {
-        let w = guidance.weight;
-        let predict = |batch: &ClipBatch| self.network.clean(batch, noisy, &[sigma], self.model.prediction());
+        let (w, clips) = (guidance.weight, batch.layout_on.len());
+        let levels = vec![sigma; clips];
+        let predict = |batch: &ClipBatch| self.network.clean(batch, noisy, &levels, self.model.prediction());
         let with = predict(batch);
         if !guidance.acts(sigma) {
             return with;
         }
         let mut without = batch.clone();
-        without.layout_on = vec![0.0];
+        without.layout_on = vec![0.0; clips];
         if self.unconditional == Dropout::All {
-            without.given_on = vec![0.0];
+            without.given_on = vec![0.0; clips];
         }
         let without = predict(&without);
         let guided = without.values().iter().zip(with.values()).map(|(without, with)| without + w * (with - without));
@@ -112,7 +113,7 @@ impl Teacher {
         Array::new(noisy.shape(), guided)
     }
 
-    /// Samples frames 1..F of one clip from noise by Euler steps of the guided flow; `visit` sees the state at each
+    /// Samples frames 1..F from noise by Euler steps of the guided flow; `visit` sees the state at each
     /// level before its step, counted from 0.
     #[must_use]
     #[expect(clippy::too_many_arguments, reason = "what is sampled, how, and who looks on")]

@@ -5,13 +5,12 @@
 //! guided trajectories, or from clips with noise (diffusion forcing at the sampler's own levels).
 
 use ds_nn::Array;
-use ds_nn::dit::DitShape;
-use ds_nn::step::{CausalPlan, ClipBatch, Level, Step};
+use ds_nn::step::{CausalPlan, ClipBatch, Level};
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::sampling::cache_level;
-use ds_video::{Backend, CacheSource, ModelConfig, sampler};
+use ds_video::{CacheSource, ModelConfig, sampler};
 
-use crate::batch::mean_step;
+use crate::batch::Drawn;
 use crate::checkpoint::{Member, Run};
 use crate::condition::noise;
 use crate::config::{OdeSource, TrainConfig};
@@ -39,12 +38,12 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     let mut run = Run::open(config, "ode", &recipe.stage, vec![member])?;
     if run.unfinished() {
         let source = Source::open(config, progress)?;
-        let team = config.backend.team();
+        let mut drawn = Drawn::new(config.backend, &recipe.stage);
         while run.unfinished() {
-            let (weights, at) = (run.weights(), run.step);
-            let step = mean_step(&team, &recipe.stage, |clip| {
-                source.step(&model, &shape, weights, &Draws::new(&seed, "batch", &[u64::from(at), clip]), &seed)
-            })?;
+            let weights = run.weights();
+            let draw = |at: u32, clip| source.clip(&model, &Draws::new(&seed, "batch", &[u64::from(at), clip]), &seed);
+            let compute = |(batch, plan): &_| config.backend.causal(&shape, weights, batch, plan);
+            let step = drawn.step(run.step, draw, compute)?;
             if !run.apply(step, progress)? {
                 break;
             }
@@ -59,7 +58,6 @@ pub(crate) struct Source {
     sets: Sets,
     trajectories: Option<Trajectories>,
     latents: usize,
-    backend: Backend,
 }
 
 impl Source {
@@ -75,20 +73,16 @@ impl Source {
             OdeSource::Data => None,
         };
         let names = trajectories.as_ref().map_or(recipe.stage.sets.as_slice(), Trajectories::sets);
-        let (sets, backend) = (Sets::open(config, names, progress)?, config.backend);
-        Ok(Self { sets, trajectories, latents: recipe.stage.latents, backend })
+        Ok(Self { sets: Sets::open(config, names, progress)?, trajectories, latents: recipe.stage.latents })
     }
 
-    /// Computes the causal step of one drawn clip.
-    #[expect(clippy::too_many_arguments, reason = "the network, its draws and its seed")]
-    pub(crate) fn step(
+    /// Draws a clip and the causal step that is asked of it.
+    pub(crate) fn clip(
         &self,
         model: &ModelConfig,
-        shape: &DitShape,
-        weights: &ds_nn::Weights,
         draws: &Draws,
         seed: &Digest,
-    ) -> Result<Step, TrainError> {
+    ) -> Result<(ClipBatch, CausalPlan), TrainError> {
         let sigmas = sampler::sigmas(model.sampler.steps, model.sampler.shift);
         let key = [draws.u64(8)];
         let (batch, state) = match &self.trajectories {
@@ -140,7 +134,7 @@ impl Source {
             target,
             prediction: model.prediction(),
         };
-        Ok(self.backend.causal(shape, weights, &batch, &plan))
+        Ok((batch, plan))
     }
 }
 

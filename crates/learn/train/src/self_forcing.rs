@@ -159,7 +159,8 @@ impl Trainer<'_> {
         let Some(source) = &self.regression else { return Ok((step, None)) };
         let regression = mean_step(&self.team, stage, |clip| {
             let draws = Draws::new(&self.seed, "regression", &[u64::from(at), clip]);
-            source.step(self.model, &self.shape, weights, &draws, &self.seed)
+            let (batch, plan) = source.clip(self.model, &draws, &self.seed)?;
+            Ok(self.config.backend.causal(&self.shape, weights, &batch, &plan))
         })?;
         Ok((step, Some(regression)))
     }

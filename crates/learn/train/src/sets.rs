@@ -44,7 +44,7 @@ impl Encoder {
             let reason = "it has no latent statistics: its stage did not end".to_owned();
             return Err(TrainError::Checkpoint { path, reason });
         }
-        Ok(Self { ae: config.backend.autoencoder(&shape, &weights)?, shape, mean, std, digest })
+        Ok(Self { ae: config.backend.for_single_clips().autoencoder(&shape, &weights)?, shape, mean, std, digest })
     }
 
     /// Encodes frames that begin a drive: [latents, tokens, 4, z], normalised.
@@ -211,7 +211,7 @@ fn encoded(
         return Ok(known);
     }
     std::fs::create_dir_all(&config.folder).map_err(TrainError::io("work folder", &config.folder))?;
-    let team = config.backend.team();
+    let team = config.backend.for_single_clips().team();
     let mut latents = Vec::new();
     let indices: Vec<usize> = (0..clips.len()).collect();
     for part in indices.chunks(64) {

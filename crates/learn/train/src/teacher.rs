@@ -9,7 +9,7 @@ use ds_nn::step::{BidirectionalPlan, ClipBatch};
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::{ModelConfig, sampler};
 
-use crate::batch::mean_step;
+use crate::batch::Drawn;
 use crate::checkpoint::{Member, Run};
 use crate::condition::noise;
 use crate::config::{StageConfig, TeacherConfig, TrainConfig};
@@ -75,14 +75,11 @@ impl Trainer<'_> {
             own: Sets::open(self.config, &self.stage.sets, progress)?,
             replay: replay.map(|replay| Sets::open(self.config, replay, progress)).transpose()?,
         };
-        let (shape, team) = (self.model.dit(), self.config.backend.team());
-        let shape = &shape;
+        let (shape, mut drawn) = (self.model.dit(), Drawn::new(self.config.backend, self.stage));
         while run.unfinished() {
-            let (weights, at) = (run.weights(), run.step);
-            let step = mean_step(&team, self.stage, |clip| {
-                let (batch, plan) = self.clip(&sets, at, clip)?;
-                Ok(self.config.backend.bidirectional(shape, weights, &batch, &plan))
-            })?;
+            let weights = run.weights();
+            let compute = |(batch, plan): &_| self.config.backend.bidirectional(&shape, weights, batch, plan);
+            let step = drawn.step(run.step, |at, clip| self.clip(&sets, at, clip), compute)?;
             if !run.apply(step, progress)? {
                 break;
             }

@@ -15,6 +15,7 @@ use std::path::PathBuf;
 
 use ds_nn::Array;
 use ds_nn::step::ClipBatch;
+use ds_nn::team::Team;
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::ModelConfig;
 
@@ -22,7 +23,7 @@ use crate::Progress;
 use crate::condition::noise;
 use crate::config::{TrainConfig, TrajectoryConfig};
 use crate::error::TrainError;
-use crate::guidance::Teacher;
+use crate::guidance::{Guidance, Teacher};
 use crate::lineage;
 use crate::sets::{ClipRef, Sets, Span};
 use crate::teacher::later;
@@ -73,9 +74,17 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<(), Trai
     let mut output = OpenOptions::new().create(true).append(true).open(&file.path).map_err(io())?;
     output.set_len(file.count() * file.record_bytes()).map_err(io())?;
     let indices: Vec<u64> = (file.count()..total).collect();
-    for part in indices.chunks(8) {
-        for record in team.run(part.len(), |at| record(&sets, &teacher, (config, recipe), &seed, part[at])) {
-            output.write_all(&record?).map_err(io())?;
+    let sampler = Sampler { config, recipe, sets: &sets, teacher: &teacher, seed };
+    for part in indices.chunks(if config.backend.joins() { 32 } else { 8 }) {
+        let drawn = Team::of_all_cores().run(part.len(), |at| sampler.draw(part[at]));
+        let drawn = drawn.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let records = if config.backend.joins() {
+            sampler.records(drawn)
+        } else {
+            team.run(drawn.len(), |at| sampler.record(&drawn[at]))
+        };
+        for record in records {
+            output.write_all(&record).map_err(io())?;
         }
         let made = part.last().map_or(0, |index| index + 1);
         progress.step(made.min(u64::from(u32::MAX)) as u32, total as u32, 0.0, &[]);
@@ -100,28 +109,76 @@ fn condition(sets: &Sets, recipe: &TrajectoryConfig, index: u64) -> ClipRef {
     ClipRef { set, clip: (index / recipe.sets.len() as u64) as usize % sets.count(set).max(1) }
 }
 
-fn record(
-    sets: &Sets,
-    teacher: &Teacher,
-    (config, recipe): (&TrainConfig, &TrajectoryConfig),
-    seed: &Digest,
-    index: u64,
-) -> Result<Vec<u8>, TrainError> {
-    let at = condition(sets, recipe, index);
-    let count = recipe.latents.min(sets.latents(at));
-    let batch = sets.batch(at, Span { from: 0, count })?;
-    let noise = noise(seed, "noise", &[index], &later(&batch));
-    let every = recipe.steps / teacher.model.sampler.steps;
-    let mut values = Vec::new();
-    let end =
-        teacher.sample(&batch, &noise, recipe.steps, sets.guidance(config, recipe.guidance, at), &mut |step, state| {
+/// What a trajectory begins with.
+struct Start {
+    batch: ClipBatch,
+    noise: Array,
+    guidance: Guidance,
+}
+
+struct Sampler<'a> {
+    config: &'a TrainConfig,
+    recipe: &'a TrajectoryConfig,
+    sets: &'a Sets,
+    teacher: &'a Teacher,
+    seed: Digest,
+}
+
+impl Sampler<'_> {
+    fn draw(&self, index: u64) -> Result<Start, TrainError> {
+        let at = condition(self.sets, self.recipe, index);
+        let count = self.recipe.latents.min(self.sets.latents(at));
+        let batch = self.sets.batch(at, Span { from: 0, count })?;
+        let noise = noise(&self.seed, "noise", &[index], &later(&batch));
+        Ok(Start { batch, noise, guidance: self.sets.guidance(self.config, self.recipe.guidance, at) })
+    }
+
+    /// Samples the trajectories of starts, those of one guidance and length at once; in their order.
+    fn records(&self, starts: Vec<Start>) -> Vec<Vec<u8>> {
+        let mut records = vec![Vec::new(); starts.len()];
+        let mut left: Vec<usize> = (0..starts.len()).collect();
+        while let Some(first) = left.first().map(|at| &starts[*at]) {
+            let same =
+                |at: &usize| starts[*at].guidance == first.guidance && starts[*at].noise.shape() == first.noise.shape();
+            let (joined, others): (Vec<usize>, Vec<usize>) = left.iter().partition(|at| same(at));
+            let all = Start {
+                batch: ClipBatch::joined(joined.iter().map(|at| &starts[*at].batch)),
+                noise: Array::joined(joined.iter().map(|at| &starts[*at].noise)),
+                guidance: first.guidance,
+            };
+            joined.iter().zip(self.sampled(&all)).for_each(|(at, record)| records[*at] = record);
+            left = others;
+        }
+        records
+    }
+
+    fn record(&self, start: &Start) -> Vec<u8> {
+        self.sampled(start).pop().expect("one clip gives one record")
+    }
+
+    /// Samples and writes out each clip's record.
+    fn sampled(&self, Start { batch, noise, guidance }: &Start) -> Vec<Vec<u8>> {
+        let (steps, z) = (self.recipe.steps, self.teacher.model.vae.z);
+        let every = steps / self.teacher.model.sampler.steps;
+        let mut states = Vec::new();
+        let end = self.teacher.sample(batch, noise, steps, *guidance, &mut |step, state| {
             if step % every == 0 {
-                values.extend_from_slice(state.values());
+                states.push(state.clone());
             }
         });
-    values.extend_from_slice(end.values());
-    let moved = moved(batch.start.values(), end.values(), teacher.model.vae.z);
-    Ok(std::iter::once(moved).chain(values).flat_map(f32::to_le_bytes).collect())
+        states.push(end);
+        let clips = batch.layout_on.len();
+        let part = |array: &Array, clip: usize| {
+            let size = array.values().len() / clips;
+            array.values()[clip * size..(clip + 1) * size].to_vec()
+        };
+        let record = |clip: usize| {
+            let states: Vec<Vec<f32>> = states.iter().map(|state| part(state, clip)).collect();
+            let moved = moved(&part(&batch.start, clip), states.last().expect("the end is among them"), z);
+            std::iter::once(moved).chain(states.into_iter().flatten()).flat_map(f32::to_le_bytes).collect()
+        };
+        (0..clips).map(record).collect()
+    }
 }
 
 /// Returns how far the mean of each latent channel moved from the first frame to the last ones, root mean square.

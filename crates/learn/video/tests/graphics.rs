@@ -1,11 +1,18 @@
-//! A graphics processor gives the processor's frames up to rounding; in a process of its own, which may hold one device.
+//! A graphics processor gives the processor's frames and training steps up to rounding; in a process of its own, which may
+//! hold one device.
 
 use std::sync::Arc;
 
-use ds_nn::Weights;
+use ds_nn::cache::{CachePolicy, Positions, ReadOrder};
+use ds_nn::step::{BidirectionalPlan, CausalPlan, ClipBatch, Level, Prediction, Step};
+use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
 use ds_space::Digest;
 use ds_video::{Backend, ModelConfig, Rollout, VideoModel};
+
+#[path = "made/clips.rs"]
+mod made;
+use made::{FRAMES, clips, distance, draw, shapes, weights};
 
 const SMOKE: &str = include_str!("../../../../configs/models/smoke.toml");
 const WAN: &str = include_str!("../../../../configs/models/wan-smoke.toml");
@@ -47,7 +54,62 @@ fn a_graphics_processor_gives_the_frames_of_the_processor() {
     let pairs = || cpu.iter().zip(&found).flat_map(|(a, b)| a.rgb().iter().zip(b.rgb()));
     assert!(pairs().all(|(a, b)| a.abs_diff(*b) <= 1), "rounding to a byte may fall either way, no more");
     assert!(pairs().filter(|(a, b)| a != b).count() < pairs().count() / 100);
+    steps_are_those_of_the_processor(backend);
     // A published model of drawn weights runs there too.
     let wan = ModelConfig::parse(WAN).expect("the preset is valid");
     assert_eq!(frames(VideoModel::drawn(backend, &wan).expect("draws"), 12).len(), 12);
+}
+
+fn steps_are_those_of_the_processor(backend: Backend) {
+    for shape in shapes() {
+        let (weights, n, z) = (weights(&shape.declare()), shape.tokens(), shape.latent_channels);
+        let batch = ClipBatch {
+            emphasis: Array::new(&[3, FRAMES, n, 4, 1], vec![1.0; 3 * FRAMES * n * 4]),
+            ..clips(&shape, 3)
+        };
+        let whole = BidirectionalPlan {
+            levels: vec![0.9, 0.4, 0.2],
+            noise: draw("noise", &[3, FRAMES - 1, n, 4, z]),
+            prediction: Prediction::Clean,
+        };
+        let causal = CausalPlan {
+            cache: CachePolicy {
+                window: 3,
+                sink: 1,
+                chunk: 1,
+                positions: Positions::CacheRelative,
+                order: ReadOrder::Slot,
+            },
+            context: draw("context", &[3, FRAMES - 1, n, 4, z]),
+            context_level: Level(0.6),
+            context_trained: true,
+            context_detached: false,
+            queries: 1..FRAMES,
+            query: draw("query", &[3, FRAMES - 1, n, 4, z]),
+            query_level: Level(0.95),
+            target: draw("target", &[3, FRAMES - 1, n, 4, z]),
+            prediction: Prediction::Clean,
+        };
+        let both = |backend: Backend| {
+            let whole = backend.bidirectional(&shape, &weights, &batch, &whole);
+            [whole, backend.causal(&shape, &weights, &batch, &causal)]
+        };
+        for (found, expected) in both(backend).iter().zip(&both(Backend::Cpu)) {
+            near(found, expected, shape.dim);
+        }
+    }
+}
+
+fn near(found: &Step, expected: &Step, width: usize) {
+    let off = (found.loss - expected.loss).abs() / expected.loss.abs();
+    // Large layers and attention are bf16 where the device multiplies it: 8 bits of significance.
+    assert!(off < 1e-2, "width {width}: loss {} is not {}", found.loss, expected.loss);
+    for ((name, found), (_, expected)) in found.gradient.iter().zip(expected.gradient.iter()) {
+        let worst = if expected.values().iter().all(|value| *value == 0.0) {
+            found.values().iter().fold(0.0f32, |worst, value| worst.max(value.abs()))
+        } else {
+            distance(found.values(), expected.values())
+        };
+        assert!(worst < 6e-2, "width {width}: gradient of {name} is {worst} off");
+    }
 }

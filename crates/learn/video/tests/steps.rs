@@ -7,7 +7,7 @@ use ds_nn::cache::{CachePolicy, Positions, ReadOrder};
 use ds_nn::discriminator::DiscriminatorShape;
 use ds_nn::dit::DitShape;
 use ds_nn::step::{
-    Adversary, AeBatch, BidirectionalPlan, CausalPlan, ClipBatch, DecoderBatch, Level, Prediction, Step,
+    Adversary, AeBatch, BidirectionalPlan, CausalPlan, ClipBatch, DecoderBatch, Joins, Level, Prediction, Step,
 };
 use ds_nn::team::Team;
 use ds_nn::tiny_ae::AeShape;
@@ -106,6 +106,39 @@ fn causal_steps_equal_the_framework() {
             }
         }
     }
+}
+
+#[test]
+fn the_step_of_joined_clips_is_the_mean_of_their_steps() {
+    let [shape, ..] = shapes();
+    let (weights, n, z) = (weights(&shape.declare()), shape.tokens(), shape.latent_channels);
+    let alone = |clip: usize| {
+        let named = |what: &str| format!("{what} of clip {clip}");
+        let emphasis = draw(&named("emphasis"), &[1, FRAMES, n, 4, 1]);
+        let emphasis = Array::new(emphasis.shape(), emphasis.values().iter().map(|x| 0.2 + x * x).collect());
+        let batch = ClipBatch {
+            clean: draw(&named("clean"), &[1, FRAMES, n, 4, z]),
+            layout_on: vec![if clip == 1 { 0.0 } else { 1.0 }],
+            emphasis,
+            ..clips(&shape, 1)
+        };
+        let noise = draw(&named("noise"), &[1, FRAMES - 1, n, 4, z]);
+        let whole = BidirectionalPlan { levels: vec![0.9 / (1 + clip) as f32], noise, prediction: Prediction::Clean };
+        let causal = plan(&shape, 1, &(1, 3, 1..FRAMES, true, false), Positions::CacheRelative, Prediction::Clean);
+        ((batch.clone(), whole), (batch, causal))
+    };
+    let (whole, causal): (Vec<_>, Vec<_>) = (0..3).map(alone).unzip();
+    assert!(whole[0].joins(&whole[2]) && causal[0].joins(&causal[2]));
+    let apart =
+        Step::mean(whole.iter().map(|(batch, plan)| train::bidirectional(&shape, &weights, batch, plan)).collect());
+    let (batch, plan) = Joins::joined(&whole);
+    check(&train::bidirectional(&shape, &weights, &batch, &plan), &apart, "whole clips");
+    check(&step::bidirectional(&shape, &weights, &batch, &plan), &apart, "whole clips, framework");
+    let apart = Step::mean(causal.iter().map(|(batch, plan)| train::causal(&shape, &weights, batch, plan)).collect());
+    let (batch, mut plan) = Joins::joined(&causal);
+    check(&train::causal(&shape, &weights, &batch, &plan), &apart, "sequences");
+    plan.query_level = Level(0.5);
+    assert!(!causal[0].joins(&(batch, plan)), "what is seen at another level is another step");
 }
 
 #[test]

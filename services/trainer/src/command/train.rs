@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use ds_launch::onlooker as viewer;
@@ -21,10 +22,29 @@ const POLICY_CONFIG: &str = "configs/train/policy.toml";
 struct Bar {
     bar: ProgressBar,
     stop: Arc<AtomicBool>,
+    /// When the first update of this run was made and which it was, and the last one: a device prepares itself in the first.
+    made: Option<[(Instant, u32); 2]>,
+}
+
+impl Bar {
+    fn new(what: &'static str, stop: Arc<AtomicBool>) -> Self {
+        Self { bar: bar(0, what), stop, made: None }
+    }
+
+    /// Says how fast the updates after the first were made, in operations as [`ds_train::cost`] counts them.
+    fn rate(&self, operations: f64) -> Option<String> {
+        let [(began, first), (ended, last)] = self.made?;
+        let (updates, seconds) = (f64::from(last - first), (ended - began).as_secs_f64());
+        let rate = updates * operations / seconds;
+        (updates > 0.0 && seconds > 0.0)
+            .then(|| format!("  {updates} updates after the first in {seconds:.1} s, {:.3} TFLOP/s", rate * 1e-12))
+    }
 }
 
 impl Progress for Bar {
     fn step(&mut self, step: u32, total: u32, loss: f32, _figures: &[(&str, f32)]) {
+        let now = (Instant::now(), step);
+        self.made = Some([self.made.map_or(now, |[first, _]| first), now]);
         self.bar.set_length(u64::from(total));
         self.bar.set_position(u64::from(step));
         self.bar.set_message(format!("loss {loss:.5}"));
@@ -75,14 +95,14 @@ pub(crate) fn run(args: &TrainArgs) -> Result<()> {
         let (Some(of), Some(weights)) = (&args.of, &args.weights) else {
             bail!("unpack needs --of STAGE and --weights FILE")
         };
-        let mut progress = Bar { bar: bar(0, "unpack"), stop: stop_flag()? };
+        let mut progress = Bar::new("unpack", stop_flag()?);
         return Ok(ds_train::ship::unpack(&config, of, weights, &mut progress)?);
     }
     let stop = stop_flag()?;
     let named = |stage: &Stage| args.stage == stage.name();
     let whole = |stage: &Stage| args.stage == "all" && stage.described(&config);
     for stage in Stage::ALL.into_iter().filter(|stage| named(stage) || whole(stage)) {
-        let mut progress = Bar { bar: bar(0, stage.name()), stop: Arc::clone(&stop) };
+        let mut progress = Bar::new(stage.name(), Arc::clone(&stop));
         let report = if stage == Stage::Ship {
             let (of, out) = (args.of.as_deref(), args.weights.as_deref());
             ds_train::ship::run(&config, of, out, &mut progress).map(|()| None)
@@ -94,6 +114,11 @@ pub(crate) fn run(args: &TrainArgs) -> Result<()> {
             let (steps, loss, weights) = (report.steps, report.loss, report.weights.display());
             answer(&format!("{}: {steps} steps, loss {loss:.5}, weights {weights}", stage.name()));
             report.figures.iter().for_each(|(name, value)| answer(&format!("  {name} {value:.4}")));
+        }
+        let costs = ds_train::cost::costs(&config)?;
+        let cost = costs.iter().find(|cost| cost.stage == stage.name().replace('-', "_"));
+        if let Some(rate) = cost.and_then(|cost| progress.rate(cost.operations)) {
+            answer(&rate);
         }
         let page = ds_train::page::write(&config)?;
         answer(&format!("losses and samples: {}", page.display()));

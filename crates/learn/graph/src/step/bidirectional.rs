@@ -8,6 +8,7 @@ use ds_nn::array::{Array, Weights};
 use ds_nn::dit::DitShape;
 use ds_nn::step::{BidirectionalPlan, ClipBatch, Prediction, SMALLEST_SIGMA, Step};
 
+use crate::device::Precision;
 use crate::dit::{Dit, Qkv, Tokens};
 use crate::graph::{Mode, array_of};
 use crate::step::{Given, control, finish, weighted};
@@ -15,7 +16,19 @@ use crate::step::{Given, control, finish, weighted};
 /// Computes a flow-matching step.
 #[must_use]
 pub fn bidirectional(shape: &DitShape, weights: &Weights, batch: &ClipBatch, plan: &BidirectionalPlan) -> Step {
-    let dit = Dit::bind(shape, weights, Mode::Train);
+    bidirectional_in(Precision::F32, shape, weights, batch, plan)
+}
+
+/// As [`bidirectional`], large layers and attention in a number format.
+#[must_use]
+pub fn bidirectional_in(
+    precision: Precision,
+    shape: &DitShape,
+    weights: &Weights,
+    batch: &ClipBatch,
+    plan: &BidirectionalPlan,
+) -> Step {
+    let dit = Dit::bind_in(precision, shape, weights, Mode::Train);
     let clean = dit.graph.tensor::<5>(&batch.clean);
     let [b, frames, n, _, z] = clean.dims();
     let clean = clean.slice([0..b, 1..frames, 0..n, 0..4, 0..z]);
@@ -49,7 +62,8 @@ fn forward(dit: &Dit, batch: &ClipBatch, noisy: Tensor<5>, levels: &[f32]) -> Te
     let heads = dit.heads();
     let rotation = heads.rotation(&dit.graph, &(0..frames).collect::<Vec<_>>());
     let output = dit.forward(tokens, &given.context, &mut |_, Qkv { q, k, v }| {
-        heads.attend(dit.graph.mode, rotation.apply(q), rotation.apply(k), v)
+        let lower = |x| dit.graph.lower(x);
+        heads.attend(dit.graph.mode, lower(rotation.apply(q)), lower(rotation.apply(k)), lower(v))
     });
     output.reshape([b, frames, n, 4, z]).slice([0..b, 1..frames, 0..n, 0..4, 0..z])
 }

@@ -13,6 +13,7 @@ use ds_nn::array::{Array, Weights};
 use ds_nn::dit::DitShape;
 use ds_nn::step::{CausalPlan, ClipBatch, Group, Level, Prediction, Step, groups};
 
+use crate::device::Precision;
 use crate::dit::{Dit, Qkv, Tokens};
 use crate::graph::{Mode, array_of};
 use crate::step::{Given, control, finish, scalar, weighted};
@@ -55,7 +56,19 @@ fn sequence(dit: &Dit, batch: &ClipBatch, plan: &CausalPlan) -> Sequence {
 /// trained, context frames, weighted by the batch's emphasis; half the mean of both where both carry loss.
 #[must_use]
 pub fn causal(shape: &DitShape, weights: &Weights, batch: &ClipBatch, plan: &CausalPlan) -> Step {
-    let dit = Dit::bind(shape, weights, Mode::Train);
+    causal_in(Precision::F32, shape, weights, batch, plan)
+}
+
+/// As [`causal`], large layers and attention in a number format.
+#[must_use]
+pub fn causal_in(
+    precision: Precision,
+    shape: &DitShape,
+    weights: &Weights,
+    batch: &ClipBatch,
+    plan: &CausalPlan,
+) -> Step {
+    let dit = Dit::bind_in(precision, shape, weights, Mode::Train);
     let Sequence { context, query, output } = sequence(&dit, batch, plan);
     let [b, all, n, _, z] = output.dims();
     let frames = all - plan.queries.len();
@@ -122,7 +135,9 @@ fn grouped(dit: &Dit, groups: &[Group], positions: &[usize], qkv: Qkv, detached:
         }
         ks.push(part(&k, &group.own));
         vs.push(part(&qkv.v, &group.own));
-        heads.attend(dit.graph.mode, part(&q, &group.queries), Tensor::cat(ks, 1), Tensor::cat(vs, 1))
+        let lower = |x| dit.graph.lower(x);
+        let (k, v) = (lower(Tensor::cat(ks, 1)), lower(Tensor::cat(vs, 1)));
+        heads.attend(dit.graph.mode, lower(part(&q, &group.queries)), k, v)
     };
     Tensor::cat(groups.iter().map(attend).collect(), 1)
 }

@@ -32,6 +32,18 @@ impl WholeClips for Dit {
 }
 
 impl Backend {
+    /// Says whether the clips of a batch are joined: a device computes many at once, while a core computes one.
+    #[must_use]
+    pub fn joins(self) -> bool {
+        matches!(self, Self::Vulkan | Self::Cuda)
+    }
+
+    /// Returns what computes small networks that clips pass one by one: a device leaves them to the processor.
+    #[must_use]
+    pub fn for_single_clips(self) -> Self {
+        if self.joins() { Self::Cpu } else { self }
+    }
+
     /// Gathers workers for the clips of a batch: one per core of a processor; a device computes clip after clip.
     #[must_use]
     pub fn team(self) -> Team {
@@ -69,15 +81,19 @@ impl Backend {
         batch: &ClipBatch,
         plan: &BidirectionalPlan,
     ) -> Step {
-        let compute = if self.graph() { step::bidirectional } else { train::bidirectional };
-        compute(shape, weights, batch, plan)
+        if self.graph() {
+            return step::bidirectional_in(device::training_precision(), shape, weights, batch, plan);
+        }
+        train::bidirectional(shape, weights, batch, plan)
     }
 
     /// Computes loss and gradient of a causal step.
     #[must_use]
     pub fn causal(self, shape: &DitShape, weights: &Weights, batch: &ClipBatch, plan: &CausalPlan) -> Step {
-        let compute = if self.graph() { step::causal } else { train::causal };
-        compute(shape, weights, batch, plan)
+        if self.graph() {
+            return step::causal_in(device::training_precision(), shape, weights, batch, plan);
+        }
+        train::causal(shape, weights, batch, plan)
     }
 
     /// Computes loss and gradient of the autoencoder.
