@@ -15,6 +15,8 @@ pub(crate) type Searched = Result<Built, Refusal>;
 
 /// The normal quantile of a 95 % interval.
 const NORMAL: f64 = 1.96;
+/// A solution that misses the adversary by less is a narrow one.
+const NARROW_SECS: f64 = 0.5 - 1e-9;
 
 /// Returns how hard each variant of a search is, by name.
 pub(crate) fn severities(found: &[(Scene, Searched)]) -> BTreeMap<String, Severity> {
@@ -54,6 +56,11 @@ pub(crate) fn figures(found: &[(Scene, Searched)], entries: &[Entry]) -> Vec<Fig
     let solved = variants.iter().filter(|variant| variant.solution.is_some()).count();
     let meet = variants.len() + fallen(Rejection::Unavoidable);
     let careful = variants.iter().filter(|variant| variant.careful).count();
+    let narrow = |variant: &&&Variant| {
+        let ticks = variant.solution.as_ref().and_then(|solution| solution.post_encroachment_ticks);
+        ticks.is_some_and(|ticks| f64::from(ticks) * variant.scene.dt.secs() < NARROW_SECS)
+    };
+    let narrow = variants.iter().filter(narrow).count();
     let mut figures = vec![
         share("bases with a moving ego that have a variant", with, moving, (Some(0.77), None)),
         share(
@@ -64,6 +71,7 @@ pub(crate) fn figures(found: &[(Scene, Searched)], entries: &[Entry]) -> Vec<Fig
         ),
         share("candidates that an expert solves, of those that meet as intended", solved, meet, (Some(0.6), None)),
         share("variants that an expert solves", solved, variants.len(), (Some(1.0), None)),
+        share("solutions that miss the adversary by less than 0.5 s where both come", narrow, solved, (None, None)),
         share("variants that a driver who only brakes survives", careful, variants.len(), (Some(0.5), Some(0.95))),
     ];
     figures.extend(classes(entries));

@@ -61,7 +61,8 @@ fn a_graphics_processor_gives_the_frames_of_the_processor() {
 }
 
 fn steps_are_those_of_the_processor(backend: Backend) {
-    for shape in shapes() {
+    let [smoke, _, odd] = shapes();
+    for shape in [smoke, odd] {
         let (weights, n, z) = (weights(&shape.declare()), shape.tokens(), shape.latent_channels);
         let batch = ClipBatch {
             emphasis: Array::new(&[3, FRAMES, n, 4, 1], vec![1.0; 3 * FRAMES * n * 4]),
