@@ -23,20 +23,28 @@ pub(crate) fn severities(found: &[(Scene, Searched)]) -> BTreeMap<String, Severi
     let variants = found.iter().filter_map(|(_, built)| built.as_ref().ok()).flat_map(|built| &built.variants);
     let one = |variant: &Variant| {
         let (measures, broken) = (&variant.measures, broken_rules(&variant.scene).unwrap_or_default());
-        let (solution, secs) = (variant.solution.as_ref(), |ticks| f64::from(ticks) * variant.scene.dt.secs());
         let severity = Severity {
             closing_mps: measures.met.closing_mps,
             delta_v_mps: measures.delta_v_mps,
             required_mps2: measures.required_mps2,
             least_ttc_secs: measures.least_ttc_secs(),
-            margin_secs: variant.margin_ticks.map(secs),
-            post_encroachment_secs: solution.and_then(|solution| solution.post_encroachment_ticks).map(secs),
+            margin_secs: variant.margin_ticks.map(|ticks| secs(variant, ticks)),
+            post_encroachment_secs: missed_by_secs(variant),
             red_light: broken.red_light.is_some(),
             wrong_way_m: broken.wrong_way_m,
         };
         (variant.scene.name.clone(), severity)
     };
     variants.map(one).collect()
+}
+
+fn secs(variant: &Variant, ticks: u32) -> f64 {
+    f64::from(ticks) * variant.scene.dt.secs()
+}
+
+/// Returns the post-encroachment time of the expert's drive; none without a drive or a place where both come.
+fn missed_by_secs(variant: &Variant) -> Option<f64> {
+    variant.solution.as_ref()?.post_encroachment_ticks.map(|ticks| secs(variant, ticks))
 }
 
 /// Returns the figures of a search; `entries` are those that the set took.
@@ -56,11 +64,8 @@ pub(crate) fn figures(found: &[(Scene, Searched)], entries: &[Entry]) -> Vec<Fig
     let solved = variants.iter().filter(|variant| variant.solution.is_some()).count();
     let meet = variants.len() + fallen(Rejection::Unavoidable);
     let careful = variants.iter().filter(|variant| variant.careful).count();
-    let narrow = |variant: &&&Variant| {
-        let ticks = variant.solution.as_ref().and_then(|solution| solution.post_encroachment_ticks);
-        ticks.is_some_and(|ticks| f64::from(ticks) * variant.scene.dt.secs() < NARROW_SECS)
-    };
-    let narrow = variants.iter().filter(narrow).count();
+    let narrow =
+        variants.iter().filter(|variant| missed_by_secs(variant).is_some_and(|secs| secs < NARROW_SECS)).count();
     let mut figures = vec![
         share("bases with a moving ego that have a variant", with, moving, (Some(0.77), None)),
         share(

@@ -2,8 +2,8 @@
 //!
 //! The expert, here as the proof of a solution, keeps to the log until 0.5 s after the threat tick; then, every half
 //! second, it takes the mildest of 9 lateral offsets × 9 accelerations that stays clear and on the road for 4 s in a copy
-//! with the live adversary and misses it by 0.5 s at least where both come, or the one that misses it by most. The careful driver brakes along the logged way from 0.75 s after the threat tick with the
-//! jerk and deceleration of UN R157's model.
+//! with the live adversary and misses it by 0.5 s at least where both come, or the one that misses it by most. The careful
+//! driver brakes along the logged way from 0.75 s after the threat tick with the jerk and deceleration of UN R157's model.
 
 use std::sync::Arc;
 

@@ -50,7 +50,7 @@ pub(crate) struct Drawn<'a, T> {
 }
 
 /// Clips that were joined, with each how many.
-type Joined<T> = Vec<(usize, T)>;
+pub(crate) type Joined<T> = Vec<(usize, T)>;
 
 impl<'a, T: Joins + Send + Sync> Drawn<'a, T> {
     pub(crate) fn new(backend: Backend, stage: &'a StageConfig) -> Self {
@@ -99,7 +99,7 @@ impl<'a, T: Joins + Send + Sync> Drawn<'a, T> {
 }
 
 /// Joins the clips that join, in the order of their first ones.
-fn joined<T: Joins>(mut clips: Vec<T>) -> Joined<T> {
+pub(crate) fn joined<T: Joins>(mut clips: Vec<T>) -> Joined<T> {
     let mut made = Vec::new();
     while let Some(first) = clips.first() {
         let fits: Vec<bool> = clips.iter().map(|clip| first.joins(clip)).collect();

@@ -14,12 +14,13 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::PathBuf;
 
 use ds_nn::Array;
-use ds_nn::step::ClipBatch;
+use ds_nn::step::{ClipBatch, Joins};
 use ds_nn::team::Team;
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::ModelConfig;
 
 use crate::Progress;
+use crate::batch::joined;
 use crate::condition::noise;
 use crate::config::{TrainConfig, TrajectoryConfig};
 use crate::error::TrainError;
@@ -69,19 +70,18 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<(), Trai
     let file = Trajectories::layout(config.folder.join(FILE), &model, recipe);
     let teacher = Teacher::new_on(config.backend, &model, &weights, config.unconditional)?;
     let seed = DigestWriter::new().text("trajectories").u64(config.seed).finish();
-    let (total, team) = (recipe.count * recipe.sets.len() as u64, config.backend.team());
+    let (total, team) = (recipe.count * recipe.sets.len() as u64, Team::of_all_cores());
     let io = || TrainError::io("trajectories", &file.path);
     let mut output = OpenOptions::new().create(true).append(true).open(&file.path).map_err(io())?;
     output.set_len(file.count() * file.record_bytes()).map_err(io())?;
     let indices: Vec<u64> = (file.count()..total).collect();
     let sampler = Sampler { config, recipe, sets: &sets, teacher: &teacher, seed };
     for part in indices.chunks(if config.backend.joins() { 32 } else { 8 }) {
-        let drawn = Team::of_all_cores().run(part.len(), |at| sampler.draw(part[at]));
-        let drawn = drawn.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let drawn = team.run(part.len(), |at| sampler.draw(at, part[at])).into_iter().collect::<Result<Vec<_>, _>>()?;
         let records = if config.backend.joins() {
             sampler.records(drawn)
         } else {
-            team.run(drawn.len(), |at| sampler.record(&drawn[at]))
+            team.run(drawn.len(), |at| sampler.sampled(&drawn[at])).into_iter().flatten().collect()
         };
         for record in records {
             output.write_all(&record).map_err(io())?;
@@ -109,11 +109,28 @@ fn condition(sets: &Sets, recipe: &TrajectoryConfig, index: u64) -> ClipRef {
     ClipRef { set, clip: (index / recipe.sets.len() as u64) as usize % sets.count(set).max(1) }
 }
 
-/// What a trajectory begins with.
+/// What trajectories begin with.
 struct Start {
+    /// Where their records stand among those that are made together.
+    places: Vec<usize>,
     batch: ClipBatch,
     noise: Array,
     guidance: Guidance,
+}
+
+impl Joins for Start {
+    fn joins(&self, other: &Self) -> bool {
+        self.guidance == other.guidance && self.noise.shape() == other.noise.shape()
+    }
+
+    fn joined(parts: &[Self]) -> Self {
+        Self {
+            places: parts.iter().flat_map(|start| start.places.iter().copied()).collect(),
+            batch: ClipBatch::joined(parts.iter().map(|start| &start.batch)),
+            noise: Array::joined(parts.iter().map(|start| &start.noise)),
+            guidance: parts[0].guidance,
+        }
+    }
 }
 
 struct Sampler<'a> {
@@ -125,39 +142,26 @@ struct Sampler<'a> {
 }
 
 impl Sampler<'_> {
-    fn draw(&self, index: u64) -> Result<Start, TrainError> {
+    fn draw(&self, place: usize, index: u64) -> Result<Start, TrainError> {
         let at = condition(self.sets, self.recipe, index);
         let count = self.recipe.latents.min(self.sets.latents(at));
         let batch = self.sets.batch(at, Span { from: 0, count })?;
         let noise = noise(&self.seed, "noise", &[index], &later(&batch));
-        Ok(Start { batch, noise, guidance: self.sets.guidance(self.config, self.recipe.guidance, at) })
+        let places = vec![place];
+        Ok(Start { places, batch, noise, guidance: self.sets.guidance(self.config, self.recipe.guidance, at) })
     }
 
-    /// Samples the trajectories of starts, those of one guidance and length at once; in their order.
+    /// Samples the trajectories of starts, those that join at once; in their order.
     fn records(&self, starts: Vec<Start>) -> Vec<Vec<u8>> {
         let mut records = vec![Vec::new(); starts.len()];
-        let mut left: Vec<usize> = (0..starts.len()).collect();
-        while let Some(first) = left.first().map(|at| &starts[*at]) {
-            let same =
-                |at: &usize| starts[*at].guidance == first.guidance && starts[*at].noise.shape() == first.noise.shape();
-            let (joined, others): (Vec<usize>, Vec<usize>) = left.iter().partition(|at| same(at));
-            let all = Start {
-                batch: ClipBatch::joined(joined.iter().map(|at| &starts[*at].batch)),
-                noise: Array::joined(joined.iter().map(|at| &starts[*at].noise)),
-                guidance: first.guidance,
-            };
-            joined.iter().zip(self.sampled(&all)).for_each(|(at, record)| records[*at] = record);
-            left = others;
+        for (_, start) in joined(starts) {
+            start.places.iter().zip(self.sampled(&start)).for_each(|(place, record)| records[*place] = record);
         }
         records
     }
 
-    fn record(&self, start: &Start) -> Vec<u8> {
-        self.sampled(start).pop().expect("one clip gives one record")
-    }
-
     /// Samples and writes out each clip's record.
-    fn sampled(&self, Start { batch, noise, guidance }: &Start) -> Vec<Vec<u8>> {
+    fn sampled(&self, Start { batch, noise, guidance, .. }: &Start) -> Vec<Vec<u8>> {
         let (steps, z) = (self.recipe.steps, self.teacher.model.vae.z);
         let every = steps / self.teacher.model.sampler.steps;
         let mut states = Vec::new();

@@ -3,8 +3,8 @@
 
 use std::sync::Arc;
 
-use ds_nn::cache::{CachePolicy, Positions, ReadOrder};
-use ds_nn::step::{BidirectionalPlan, CausalPlan, ClipBatch, Level, Prediction, Step};
+use ds_nn::cache::Positions;
+use ds_nn::step::{BidirectionalPlan, ClipBatch, Prediction, Step};
 use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
 use ds_space::Digest;
@@ -12,7 +12,7 @@ use ds_video::{Backend, ModelConfig, Rollout, VideoModel};
 
 #[path = "made/clips.rs"]
 mod made;
-use made::{FRAMES, clips, distance, draw, shapes, weights};
+use made::{FRAMES, clips, distance, draw, plan, shapes, weights};
 
 const SMOKE: &str = include_str!("../../../../configs/models/smoke.toml");
 const WAN: &str = include_str!("../../../../configs/models/wan-smoke.toml");
@@ -73,24 +73,8 @@ fn steps_are_those_of_the_processor(backend: Backend) {
             noise: draw("noise", &[3, FRAMES - 1, n, 4, z]),
             prediction: Prediction::Clean,
         };
-        let causal = CausalPlan {
-            cache: CachePolicy {
-                window: 3,
-                sink: 1,
-                chunk: 1,
-                positions: Positions::CacheRelative,
-                order: ReadOrder::Slot,
-            },
-            context: draw("context", &[3, FRAMES - 1, n, 4, z]),
-            context_level: Level(0.6),
-            context_trained: true,
-            context_detached: false,
-            queries: 1..FRAMES,
-            query: draw("query", &[3, FRAMES - 1, n, 4, z]),
-            query_level: Level(0.95),
-            target: draw("target", &[3, FRAMES - 1, n, 4, z]),
-            prediction: Prediction::Clean,
-        };
+        let case = (1, 3, 1..FRAMES, true, false);
+        let causal = plan(&shape, 3, &case, Positions::CacheRelative, Prediction::Clean);
         let both = |backend: Backend| {
             let whole = backend.bidirectional(&shape, &weights, &batch, &whole);
             [whole, backend.causal(&shape, &weights, &batch, &causal)]

@@ -3,18 +3,16 @@
 use ds_graph::step;
 use ds_kernel::train;
 use ds_nn::array::{Array, Weights};
-use ds_nn::cache::{CachePolicy, Positions, ReadOrder};
+use ds_nn::cache::Positions;
 use ds_nn::discriminator::DiscriminatorShape;
 use ds_nn::dit::DitShape;
-use ds_nn::step::{
-    Adversary, AeBatch, BidirectionalPlan, CausalPlan, ClipBatch, DecoderBatch, Joins, Level, Prediction, Step,
-};
+use ds_nn::step::{Adversary, AeBatch, BidirectionalPlan, ClipBatch, DecoderBatch, Joins, Level, Prediction, Step};
 use ds_nn::team::Team;
 use ds_nn::tiny_ae::AeShape;
 
 #[path = "made/clips.rs"]
 mod made;
-use made::{FRAMES, clips, distance, draw, shapes, weights};
+use made::{Case, FRAMES, clips, distance, draw, plan, shapes, weights};
 
 const PREDICTIONS: [Prediction; 2] = [Prediction::Clean, Prediction::Flow];
 
@@ -55,26 +53,6 @@ fn bidirectional_steps_equal_the_framework() {
             let found = train::bidirectional(&shape, &weights, &batch, &plan);
             check(&found, &expected, &format!("width {}, {prediction:?}", shape.dim));
         }
-    }
-}
-
-/// Chunk, window, queries, whether context is trained, whether it is detached.
-type Case = (usize, usize, std::ops::Range<usize>, bool, bool);
-
-fn plan(shape: &DitShape, count: usize, case: &Case, positions: Positions, prediction: Prediction) -> CausalPlan {
-    let (chunk, window, queries, trained, detached) = case.clone();
-    let (n, z) = (shape.tokens(), shape.latent_channels);
-    CausalPlan {
-        cache: CachePolicy { window, sink: 1, chunk, positions, order: ReadOrder::Slot },
-        context: draw("context", &[count, FRAMES - 1, n, 4, z]),
-        context_level: Level(0.6),
-        context_trained: trained,
-        context_detached: detached,
-        query: draw("query", &[count, queries.len(), n, 4, z]),
-        query_level: Level(0.95),
-        queries,
-        target: draw("target", &[count, FRAMES - 1, n, 4, z]),
-        prediction,
     }
 }
 

@@ -3,8 +3,9 @@
 #![allow(dead_code, reason = "each test binary uses a part")]
 
 use ds_nn::array::{Array, Declared, Initial, Weights};
+use ds_nn::cache::{CachePolicy, Positions, ReadOrder};
 use ds_nn::dit::{DitShape, Gelu};
-use ds_nn::step::ClipBatch;
+use ds_nn::step::{CausalPlan, ClipBatch, Level, Prediction};
 use ds_space::{Digest, Draws};
 
 pub(crate) fn draw(name: &str, shape: &[usize]) -> Array {
@@ -100,5 +101,32 @@ pub(crate) fn clips(shape: &DitShape, clips: usize) -> ClipBatch {
         layout_on: (0..clips).map(|clip| if clip == 1 { 0.0 } else { 1.0 }).collect(),
         text: draw("text", &[clips, shape.text_len, shape.text_dim]),
         emphasis: Array::new(&[clips, FRAMES, n, 4, 1], vec![1.0; clips * FRAMES * n * 4]),
+    }
+}
+
+/// Chunk, window, queries, whether context is trained, whether it is detached.
+pub(crate) type Case = (usize, usize, std::ops::Range<usize>, bool, bool);
+
+/// A causal step of a case.
+pub(crate) fn plan(
+    shape: &DitShape,
+    count: usize,
+    case: &Case,
+    positions: Positions,
+    prediction: Prediction,
+) -> CausalPlan {
+    let (chunk, window, queries, trained, detached) = case.clone();
+    let (n, z) = (shape.tokens(), shape.latent_channels);
+    CausalPlan {
+        cache: CachePolicy { window, sink: 1, chunk, positions, order: ReadOrder::Slot },
+        context: draw("context", &[count, FRAMES - 1, n, 4, z]),
+        context_level: Level(0.6),
+        context_trained: trained,
+        context_detached: detached,
+        query: draw("query", &[count, queries.len(), n, 4, z]),
+        query_level: Level(0.95),
+        queries,
+        target: draw("target", &[count, FRAMES - 1, n, 4, z]),
+        prediction,
     }
 }
