@@ -1,5 +1,6 @@
 //! Other road users: their class, size, recorded track and state.
 
+use ds_space::plane::OrientedBox;
 use ds_space::{AgentId, DVec2, PoseSe2, Tick};
 
 /// What kind of road user or object an agent is.
@@ -34,6 +35,14 @@ pub struct Size {
     pub width_m: f64,
     /// Upwards.
     pub height_m: f64,
+}
+
+impl Size {
+    /// Returns what a box of this size covers of the ground, standing around a centre.
+    #[must_use]
+    pub fn footprint(&self, centre: &PoseSe2) -> OrientedBox {
+        OrientedBox::new(centre, self.length_m, self.width_m)
+    }
 }
 
 /// One recorded state of a track.
@@ -86,6 +95,12 @@ pub struct AgentState {
 }
 
 impl AgentState {
+    /// Returns what the box covers of the ground.
+    #[must_use]
+    pub fn footprint(&self) -> OrientedBox {
+        self.size.footprint(&self.pose)
+    }
+
     /// Returns the four corners of the box in the world, counter-clockwise from front left.
     #[must_use]
     pub fn corners(&self) -> [DVec2; 4] {

@@ -1,16 +1,20 @@
 //! The scene and the states that live in it: map, tracks, lights, agents, ego, trajectory. Values only.
 //!
-//! World frame, SI units, radians. No file formats, no messages, no behaviour beyond look-ups.
+//! World frame, SI units, radians. No file formats, no messages; no behaviour beyond look-ups
+//! and the houses and trees of scenes that name none.
 
 pub mod adversary;
 pub mod agent;
 pub mod choice;
 pub mod condition;
+mod distance;
 pub mod ego;
 pub mod map;
 pub mod reading;
 pub mod scene;
 pub mod state;
+pub mod structure;
+pub mod surroundings;
 pub mod trajectory;
 
 pub use adversary::{Adversary, AdversaryMode, Budget, CrashClass};
@@ -25,4 +29,5 @@ pub use map::{
 pub use reading::Reading;
 pub use scene::{Family, Origin, Scene};
 pub use state::{Contact, ContactKind, WorldState};
+pub use structure::{Structure, StructureKind};
 pub use trajectory::{Proposal, Trajectory, TrajectoryError, TrajectoryPoint};

@@ -2,6 +2,8 @@
 
 use ds_space::{DVec2, DVec3};
 
+use crate::structure::Structure;
+
 /// The index of a lane in [`Map::lanes`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct LaneId(pub u32);
@@ -149,6 +151,8 @@ pub struct Map {
     pub stop_lines: Vec<StopLine>,
     /// Traffic lights.
     pub traffic_lights: Vec<TrafficLight>,
+    /// What stands beside the road; empty where the source does not say.
+    pub structures: Vec<Structure>,
 }
 
 impl Map {

@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
 use ds_adverse::{BrokenRules, Course, broken_rules};
+use ds_benchmark::quality::Severity;
 use ds_benchmark::review::page::{Card, page};
-use ds_benchmark::{Entry, Kind, Review, Verdicts, file};
+use ds_benchmark::{Entry, Kind, Quality, Review, Verdicts, file};
 use ds_process::terminal::{answer, bar};
 use ds_record::{Moment, Reel};
 use ds_space::Tick;
@@ -40,8 +41,10 @@ pub(crate) fn run(args: &ReviewArgs) -> Result<Ended> {
     let out = folder.join(format!("{}.review", set.name));
     std::fs::create_dir_all(&out).with_context(|| format!("create {}", out.display()))?;
     let bar = bar(set.entries.len() as u64, "variants");
+    let quality = Quality::beside(folder, set)?;
+    let severity = |entry: &Entry| quality.as_ref().and_then(|quality| quality.variants.get(&entry.name).copied());
     let cards = set.entries.par_iter().map(|entry| {
-        let card = card(entry, folder, &out).with_context(|| format!("entry {:?}", entry.name));
+        let card = card(entry, severity(entry), (folder, &out)).with_context(|| format!("entry {:?}", entry.name));
         bar.inc(1);
         card
     });
@@ -62,7 +65,7 @@ fn named(text: &str) -> (String, String) {
 }
 
 /// Drives the log of a variant and draws it, unless that adversary was drawn before.
-fn card<'a>(entry: &'a Entry, folder: &Path, out: &Path) -> Result<Card<'a>> {
+fn card<'a>(entry: &'a Entry, severity: Option<Severity>, (folder, out): (&Path, &Path)) -> Result<Card<'a>> {
     let scene = Arc::new(entry.scene(folder)?);
     let course = Course::of(&scene, Tick(entry.last)).context("the scenario has no adversary")?;
     let attack = scene.adversary.as_ref().map_or(0, |adversary| adversary.attack.0);
@@ -74,7 +77,7 @@ fn card<'a>(entry: &'a Entry, folder: &Path, out: &Path) -> Result<Card<'a>> {
     }
     let contact = course.contact.map(|(tick, contact)| (tick.0, contact.closing_speed_mps));
     let broken = broken(&broken_rules(&scene).unwrap_or_default(), scene.dt.secs(), entry);
-    Ok(Card { entry, picture, dt_secs: scene.dt.secs(), attack, contact, ttc_secs: course.ttc_secs, broken })
+    Ok(Card { entry, picture, dt_secs: scene.dt.secs(), attack, contact, ttc_secs: course.ttc_secs, broken, severity })
 }
 
 /// Returns which traffic rules an adversary breaks, in words.

@@ -7,7 +7,7 @@ use ds_space::Tick;
 use ds_world::{Contact, Scene, WorldState};
 
 use crate::measure::time_to_touch;
-use crate::stage::{body, pair};
+use crate::stage::pair;
 
 /// What happens if the ego drives its log.
 #[derive(Debug, Clone)]
@@ -46,5 +46,5 @@ fn ttc(scene: &Scene, state: &WorldState) -> Option<f64> {
     let (ego_body, other) = pair(scene, state)?;
     let ego = &state.ego;
     let ego_mps = ego.pose.forward() * ego.velocity_mps.x + ego.pose.left() * ego.velocity_mps.y;
-    time_to_touch(&ego_body, &body(other), other.velocity_mps - ego_mps)
+    time_to_touch(&ego_body, &other.footprint(), other.velocity_mps - ego_mps)
 }

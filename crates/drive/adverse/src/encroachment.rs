@@ -3,7 +3,7 @@
 use ds_sim::Simulation;
 use ds_space::plane::OrientedBox;
 
-use crate::stage::{body, pair};
+use crate::stage::pair;
 
 /// Ego and adversary of each tick of a drive.
 #[derive(Debug, Default)]
@@ -17,7 +17,7 @@ impl Passing {
     pub(crate) fn see(&mut self, simulation: &Simulation) {
         if let Some((ego, adversary)) = pair(simulation.scene(), simulation.state()) {
             self.ego.push(ego);
-            self.adversary.push(body(adversary));
+            self.adversary.push(adversary.footprint());
         }
     }
 

@@ -10,8 +10,6 @@ use ds_space::plane::OrientedBox;
 use ds_space::{AgentId, SimTime, Tick};
 use ds_world::{Adversary, AdversaryMode, AgentMode, Scene, Trajectory, TrajectoryPoint, WorldState};
 
-use crate::stage::body;
-
 /// Ticks between two plans of the ego.
 const REPLAN_TICKS: u32 = 5;
 /// Ticks of a plan.
@@ -54,7 +52,7 @@ fn logged_plan(scene: &Scene, state: &WorldState) -> Option<Trajectory> {
 fn near(state: &WorldState, agent: AgentId, margin_m: f64) -> bool {
     let Some(car) = state.agents.iter().find(|it| it.id == agent) else { return false };
     let grown = OrientedBox::new(&car.pose, car.size.length_m + 2.0 * margin_m, car.size.width_m + 2.0 * margin_m);
-    state.agents.iter().filter(|it| it.id != agent).any(|it| body(it).touches(&grown))
+    state.agents.iter().filter(|it| it.id != agent).any(|it| it.footprint().touches(&grown))
 }
 
 #[cfg(test)]

@@ -38,11 +38,6 @@ impl Body {
     }
 }
 
-/// Returns the box of an agent.
-pub(crate) fn body(agent: &AgentState) -> OrientedBox {
-    OrientedBox::new(&agent.pose, agent.size.length_m, agent.size.width_m)
-}
-
 /// Returns the box of the ego, and the adversary.
 pub(crate) fn pair<'a>(scene: &Scene, state: &'a WorldState) -> Option<(OrientedBox, &'a AgentState)> {
     let track = scene.adversary.as_ref()?.track;
@@ -52,8 +47,7 @@ pub(crate) fn pair<'a>(scene: &Scene, state: &'a WorldState) -> Option<(Oriented
 
 /// Returns the box of an ego of the scene's vehicle.
 fn ego_body(scene: &Scene, ego: &EgoState) -> OrientedBox {
-    let size = scene.vehicle.size;
-    OrientedBox::new(&ego.centre(&scene.vehicle), size.length_m, size.width_m)
+    scene.vehicle.size.footprint(&ego.centre(&scene.vehicle))
 }
 
 /// A scene made ready for the search.
@@ -73,9 +67,7 @@ pub(crate) struct Stage<'a> {
 impl<'a> Stage<'a> {
     pub(crate) fn new(scene: &'a Scene, model: &'a MotionModel, draws: &Draws) -> Self {
         let boxes = |tick: Tick| {
-            let seen = |track: &ds_world::Track| {
-                track.at(tick).map(|point| OrientedBox::new(&point.pose, track.size.length_m, track.size.width_m))
-            };
+            let seen = |track: &ds_world::Track| track.at(tick).map(|point| track.size.footprint(&point.pose));
             scene.tracks.iter().filter_map(seen).collect()
         };
         let ego = |tick: Tick| ego_body(scene, scene.logged_ego(tick));

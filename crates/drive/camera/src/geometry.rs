@@ -55,9 +55,9 @@ impl Geometry {
         }
     }
 
-    /// Places houses and trees of a scene.
+    /// Returns what stands in a scene.
     pub(crate) fn surroundings(scene: &Scene, palette_seed: u64) -> Vec<Standing> {
-        surroundings::place(scene, palette_seed)
+        surroundings::dress(scene, palette_seed)
     }
 
     /// Draws the world into a raster whose background is ready.

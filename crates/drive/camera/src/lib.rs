@@ -5,7 +5,6 @@
 
 mod appearance;
 mod cover;
-mod distance;
 mod fall;
 mod figure;
 mod geometry;

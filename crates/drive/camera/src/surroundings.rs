@@ -1,19 +1,17 @@
-//! Houses and trees beside the road: placed by draws keyed with the scene's digest, never on or near the road.
-//!
-//! A grid of distances to the road (and to every recorded track and the ego's own drive) says where there is room;
-//! houses stand back from the road and face it, trees line it. World frame, metres.
+//! Houses, trees and what else stands beside the road: the scene says where and how large, colours and roofs are draws
+//! keyed with its digest. World frame, metres.
 
+use ds_raster::shape;
 use ds_space::{DVec2, DVec3, Draws, PoseSe2};
-use ds_world::Scene;
+use ds_world::{Scene, Structure, StructureKind, surroundings};
 
-use crate::distance::DistanceGrid;
 use crate::solid::{Builder, Facet, Skin, Slab};
 use crate::surface::{Material, PixelClass, Rgb, Surface};
 
-/// How far from the drive things are placed.
-const REACH_M: f64 = 150.0;
-const HOUSE_CELL_M: f64 = 15.0;
-const TREE_CELL_M: f64 = 8.0;
+/// Lower rectangular buildings have gable roofs.
+const GABLED_BELOW_M: f64 = 11.5;
+/// Height over radius of a crown from which it is a conifer's.
+const SLENDER: f64 = 2.8;
 const WALLS: [Rgb; 8] = [
     [196, 178, 150],
     [158, 92, 74],
@@ -38,46 +36,37 @@ pub(crate) struct Standing {
     pub(crate) shadow_to_m: f64,
 }
 
-/// Places houses and trees.
-pub(crate) fn place(scene: &Scene, palette_seed: u64) -> Vec<Standing> {
-    let Some(grid) = DistanceGrid::new(scene, REACH_M) else { return Vec::new() };
-    let theme = Draws::new(&scene.digest, "surroundings", &[palette_seed]);
-    let (houses, trees) = (theme.range(0, 0.15, 0.8), theme.range(1, 0.25, 0.7));
-    let mut placed = Vec::new();
-    for (x, y) in cells(&grid, HOUSE_CELL_M) {
-        let draws = Draws::new(&scene.digest, "house", &[key(x), key(y), palette_seed]);
-        if draws.uniform(0) < houses {
-            placed.extend(house(&grid, jittered(x, y, HOUSE_CELL_M, &draws), &draws));
+/// Dresses all that stands in a scene; where it names nothing, houses and trees are placed by draws.
+pub(crate) fn dress(scene: &Scene, palette_seed: u64) -> Vec<Standing> {
+    let placed;
+    let structures = if scene.map.structures.is_empty() {
+        placed = surroundings::place(scene, palette_seed);
+        &placed
+    } else {
+        &scene.map.structures
+    };
+    let dress = |structure: &Structure| {
+        // By place, not by number: what is taken away changes nothing else.
+        let [x, y] = structure.centre().to_array().map(|at| (10.0 * at).round().to_bits());
+        let draws = Draws::new(&scene.digest, "dress", &[x, y, palette_seed]);
+        let (facets, shadow_from_m) = match structure.kind {
+            StructureKind::Building => (building(structure, &draws), 0.0),
+            StructureKind::Vegetation => (tree(structure, &draws), structure.bottom_m),
+            StructureKind::Pole => (prism(structure, matte([112, 116, 118])), structure.bottom_m),
+            StructureKind::Fence => (prism(structure, matte([134, 112, 84])), structure.bottom_m),
+            StructureKind::Wall => (prism(structure, matte(pick(&draws, 7, &WALLS))), structure.bottom_m),
+        };
+        let (middle, radius_m) = structure.ball();
+        Standing {
+            middle,
+            radius_m: radius_m + 1.0,
+            facets,
+            shadow_base: structure.outline.clone(),
+            shadow_from_m,
+            shadow_to_m: structure.top_m,
         }
-    }
-    for (x, y) in cells(&grid, TREE_CELL_M) {
-        let draws = Draws::new(&scene.digest, "tree", &[key(x), key(y), palette_seed]);
-        let at = jittered(x, y, TREE_CELL_M, &draws);
-        let room_m = grid.at(at);
-        let near = (3.4..12.0).contains(&room_m) && draws.uniform(0) < trees;
-        let far = (12.0..60.0).contains(&room_m) && draws.uniform(0) < 0.25 * trees;
-        if near || far {
-            placed.push(tree(at, room_m, &draws));
-        }
-    }
-    placed
-}
-
-/// Returns all cells of a width that lie in the grid.
-fn cells(grid: &DistanceGrid, cell_m: f64) -> impl Iterator<Item = (i64, i64)> + use<> {
-    #[expect(clippy::cast_possible_truncation, reason = "the grid is bounded to some thousand metres")]
-    let index = |at: f64| (at / cell_m).floor() as i64;
-    let (low, high) = grid.bounds();
-    let (columns, rows) = (index(low.x)..=index(high.x), index(low.y)..=index(high.y));
-    columns.flat_map(move |x| rows.clone().map(move |y| (x, y)))
-}
-
-fn key(cell: i64) -> u64 {
-    u64::from_le_bytes(cell.to_le_bytes())
-}
-
-fn jittered(x: i64, y: i64, cell_m: f64, draws: &Draws) -> DVec2 {
-    DVec2::new(x as f64 + draws.range(1, 0.15, 0.85), y as f64 + draws.range(2, 0.15, 0.85)) * cell_m
+    };
+    structures.iter().map(dress).collect()
 }
 
 fn pick(draws: &Draws, index: u64, colours: &[Rgb]) -> Rgb {
@@ -91,80 +80,75 @@ fn varied(colour: Rgb, draws: &Draws, index: u64) -> Rgb {
     scaled
 }
 
-fn house(grid: &DistanceGrid, at: DVec2, draws: &Draws) -> Option<Standing> {
-    let (deep, wide) = (draws.range(3, 4.0, 7.0), draws.range(4, 4.5, 9.0));
-    let room_m = grid.at(at);
-    let away = grid.gradient(at)?;
-    if room_m < DVec2::new(deep, wide).length() + 4.0 || room_m > 70.0 {
-        return None;
-    }
-    let pose = PoseSe2 { position: at, heading_rad: (-away).to_angle() };
-    let storeys = 1 + draws.below(5, if room_m > 25.0 { 7 } else { 4 });
-    let height = 3.0 * storeys as f64 + draws.range(6, 0.6, 1.4);
-    let wall = varied(pick(draws, 7, &WALLS), draws, 8);
-    let facade = Surface::solid(Material::Facade, PixelClass::Other, wall);
-    let roof = Surface::solid(
-        Material::Matte,
-        PixelClass::Other,
-        pick(draws, 9, &[[120, 62, 48], [84, 80, 78], [104, 96, 90]]),
-    );
-    let mut facets = Vec::new();
-    let mut builder = Builder::new(pose, 0.0, &mut facets);
-    let base = Slab::new(0.0, -deep, deep, wide);
-    builder.frustum(base, Slab { z: height, ..base }, &Skin { top: roof, ..Skin::all(facade) });
-    if storeys <= 3 {
-        let eaves = Slab::new(height, -deep - 0.4, deep + 0.4, wide + 0.4);
-        let ridge = Slab::new(height + 0.55 * deep, -0.15, 0.15, wide - 0.3);
-        builder.frustum(eaves, ridge, &Skin { side: facade_plain(wall), ..Skin::all(roof) });
-    }
-    Some(Standing {
-        middle: at.extend(0.5 * height),
-        radius_m: DVec3::new(deep + 1.0, wide + 1.0, 0.8 * height).length(),
-        facets,
-        shadow_base: [(deep, wide), (-deep, wide), (-deep, -wide), (deep, -wide)]
-            .map(|(x, y)| pose.to_outer(DVec2::new(x, y)))
-            .to_vec(),
-        shadow_from_m: 0.0,
-        shadow_to_m: height,
-    })
+/// Returns an outline raised between two heights, without its bottom.
+fn prism(structure: &Structure, surface: Surface) -> Vec<Facet> {
+    walls(structure, structure.top_m, surface, surface)
 }
 
-fn facade_plain(colour: Rgb) -> Surface {
+fn walls(structure: &Structure, top_m: f64, wall: Surface, top: Surface) -> Vec<Facet> {
+    let mut facets = Vec::new();
+    let pose = PoseSe2 { position: structure.centre(), heading_rad: 0.0 };
+    let outline: Vec<DVec2> = structure.outline.iter().map(|corner| pose.to_local(*corner)).collect();
+    let mut builder = Builder::new(pose, 0.0, &mut facets);
+    let turn = shape::signed_area(&outline).signum();
+    for (i, a) in outline.iter().enumerate() {
+        let b = outline[(i + 1) % outline.len()];
+        let (low, high) = (structure.bottom_m, top_m);
+        let quad = [a.extend(low), b.extend(low), b.extend(high), a.extend(high)];
+        // Outward is to the right of an edge that goes round to the left.
+        let inside = a.midpoint(b) + (b - *a).perp() * turn;
+        builder.polygon(&quad, inside.extend(0.5 * (low + high)), wall);
+    }
+    for triangle in shape::triangulate(&outline) {
+        builder.polygon(&triangle.map(|corner| corner.extend(top_m)), DVec3::ZERO, top);
+    }
+    facets
+}
+
+/// A low rectangular building has a gable roof within its height, any other a flat one.
+fn building(structure: &Structure, draws: &Draws) -> Vec<Facet> {
+    let wall = varied(pick(draws, 7, &WALLS), draws, 8);
+    let facade = Surface::solid(Material::Facade, PixelClass::Other, wall);
+    let roof = matte(pick(draws, 9, &[[120, 62, 48], [84, 80, 78], [104, 96, 90]]));
+    let [a, b, c, _] = structure.outline[..] else { return walls(structure, structure.top_m, facade, roof) };
+    let (wide, deep) = (0.5 * a.distance(b), 0.5 * b.distance(c));
+    let eaves_m = structure.top_m - 0.55 * deep;
+    if structure.top_m >= GABLED_BELOW_M || eaves_m < 2.2 {
+        return walls(structure, structure.top_m, facade, roof);
+    }
+    let mut facets = walls(structure, eaves_m, facade, roof);
+    let pose = PoseSe2 { position: structure.centre(), heading_rad: (b - c).to_angle() };
+    let eaves = Slab::new(eaves_m, -deep - 0.4, deep + 0.4, wide + 0.4);
+    let ridge = Slab::new(structure.top_m, -0.15, 0.15, wide - 0.3);
+    Builder::new(pose, 0.0, &mut facets).frustum(eaves, ridge, &Skin { side: matte(wall), ..Skin::all(roof) });
+    facets
+}
+
+fn matte(colour: Rgb) -> Surface {
     Surface::solid(Material::Matte, PixelClass::Other, colour)
 }
 
-fn tree(at: DVec2, room_m: f64, draws: &Draws) -> Standing {
-    let bark = Surface::solid(Material::Matte, PixelClass::Other, [86, 68, 52]);
+/// A crown that is much taller than wide is a conifer's.
+fn tree(structure: &Structure, draws: &Draws) -> Vec<Facet> {
+    let bark = matte([86, 68, 52]);
     let leaves = Surface::solid(Material::Foliage, PixelClass::Other, varied(pick(draws, 3, &LEAVES), draws, 4));
-    let reach = draws.range(5, 1.3, 2.6).min(0.75 * room_m);
-    let trunk = draws.range(6, 1.8, 3.0);
-    let pose = PoseSe2 { position: at, heading_rad: draws.range(7, 0.0, 6.3) };
+    let (reach, trunk, tall) = (structure.reach_m(), structure.bottom_m, structure.top_m - structure.bottom_m);
+    let pose = PoseSe2 { position: structure.centre(), heading_rad: draws.range(7, 0.0, 6.3) };
     let mut facets = Vec::new();
     let mut builder = Builder::new(pose, 0.0, &mut facets);
-    let conifer = draws.uniform(8) < 0.2;
     builder.frustum(Slab::new(0.0, -0.2, 0.2, 0.2), Slab::new(trunk + 0.8, -0.11, 0.11, 0.11), &Skin::all(bark));
-    let top = if conifer {
-        let height = 2.8 * reach + 2.0;
-        builder.cone(DVec3::Z * (0.5 * trunk), 0.75 * reach, 0.7 * height, leaves);
-        builder.cone(DVec3::Z * (0.5 * trunk + 0.4 * height), 0.55 * reach, 0.6 * height, leaves);
-        0.5 * trunk + height
+    if tall > SLENDER * reach {
+        builder.cone(DVec3::Z * trunk, reach, 0.7 * tall, leaves);
+        builder.cone(DVec3::Z * (trunk + 0.4 * tall), 0.73 * reach, 0.6 * tall, leaves);
     } else {
-        let tall = reach * draws.range(9, 0.8, 1.3);
-        builder.ball(DVec3::Z * (trunk + 0.8 * tall), DVec3::new(reach, reach, tall), leaves);
-        let side = DVec3::new(0.55 * reach, 0.2 * reach, trunk + 0.5 * tall);
-        builder.ball(side, DVec3::splat(0.62 * reach), leaves);
-        builder.ball(DVec3::new(-0.5 * reach, 0.35 * reach, trunk + 0.7 * tall), DVec3::splat(0.6 * reach), leaves);
-        trunk + 1.8 * tall
-    };
-    let ring = |i: u8| DVec2::from_angle(f64::from(i) * 0.785) * (0.9 * reach);
-    Standing {
-        middle: at.extend(0.5 * top),
-        radius_m: 0.5 * top + reach,
-        facets,
-        shadow_base: (0..8).map(|i| at + ring(i)).collect(),
-        shadow_from_m: trunk,
-        shadow_to_m: top - 0.4,
+        let half = tall / 1.8;
+        builder.ball(DVec3::Z * (trunk + 0.8 * half), DVec3::new(reach, reach, half), leaves);
+        let side = DVec3::new(0.55 * reach, 0.2 * reach, trunk + 0.5 * half);
+        let lump = DVec3::new(reach, reach, reach.min(half));
+        builder.ball(side, 0.62 * lump, leaves);
+        builder.ball(DVec3::new(-0.5 * reach, 0.35 * reach, trunk + 0.7 * half), 0.6 * lump, leaves);
     }
+    facets
 }
 
 #[cfg(test)]
@@ -173,19 +157,28 @@ mod tests {
     use crate::street;
 
     #[test]
-    fn houses_and_trees_stand_beside_the_road_and_the_same_ones_each_time() {
-        let scene = street::scene();
-        let grid = DistanceGrid::new(&scene, REACH_M).expect("the scene has a drive");
-        let placed = place(&scene, 3);
+    fn what_a_scene_names_stands_where_it_says_and_nothing_else_does() {
+        let mut scene = street::scene();
+        let placed = dress(&scene, 3);
         assert!(placed.len() > 50, "only {} things stand", placed.len());
-        for standing in &placed {
-            let low = standing.facets.iter().flat_map(|(corners, _)| corners).filter(|corner| corner.z < 0.1);
-            for corner in low {
-                assert!(grid.at(corner.truncate()) > 2.0, "{corner:?} stands on or near the road");
-            }
+        let outline = [(40.0, 20.0), (40.0, 30.0), (52.0, 30.0), (52.0, 20.0)].map(DVec2::from).to_vec();
+        for (kind, top_m) in StructureKind::ALL.into_iter().flat_map(|kind| [(kind, 6.0), (kind, 20.0)]) {
+            scene.map.structures = vec![Structure { kind, outline: outline.clone(), bottom_m: 0.0, top_m }];
+            let named = dress(&scene, 3);
+            assert_eq!(named.len(), 1);
+            let corners = || named[0].facets.iter().flat_map(|(corners, _)| corners);
+            let reach_m = 1.25 * scene.map.structures[0].reach_m();
+            let away_m = |corner: &DVec3| corner.truncate().distance(DVec2::new(46.0, 25.0));
+            assert!(corners().all(|corner| away_m(corner) < reach_m), "{kind:?} reaches too far");
+            let top = corners().map(|corner| corner.z).fold(0.0, f64::max);
+            assert!((top - top_m).abs() < 1e-9, "{kind:?} ends at {top} m");
+            // Walls look outwards: each lies on the far side of its own normal.
+            let middle = named[0].middle;
+            let inward = named[0].facets.iter().filter(|(corners, surface)| {
+                let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
+                surface.normal[2] == 0 && DVec3::from(surface.normal.map(f64::from)).dot(centre - middle) < 0.0
+            });
+            assert!(kind == StructureKind::Vegetation || inward.count() == 0, "{kind:?}");
         }
-        let middles = |placed: &[Standing]| placed.iter().map(|standing| standing.middle).collect::<Vec<_>>();
-        assert_eq!(middles(&placed), middles(&place(&scene, 3)));
-        assert_ne!(middles(&placed), middles(&place(&scene, 4)));
     }
 }

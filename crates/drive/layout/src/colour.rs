@@ -21,12 +21,20 @@
 //! | cyclist | 170 230 50 |
 //! | cone | 255 110 20 |
 //! | barrier | 160 60 40 |
+//! | building | 130 60 150 |
+//! | vegetation | 60 150 60 |
+//! | pole | 200 200 100 |
+//! | fence | 80 160 170 |
+//! | wall | 170 130 90 |
 //!
-//! The faces of a box are shades of its class: front half way to white, top a quarter, sides ¾, rear ⅖ of the colour.
+//! The faces of a box are shades of its class: front half way to white, top a quarter, sides ¾, rear ⅖ of the colour. Of a
+//! structure's walls the first has its colour, the others ¾ of it and the colour in turn; all of it is the darker the farther away
+//! it stands.
 
+use std::collections::HashSet;
 use std::sync::LazyLock;
 
-use ds_world::{AgentClass, LightState, LineColour};
+use ds_world::{AgentClass, LightState, LineColour, StructureKind};
 
 /// Red, green and blue in sRGB.
 pub type Rgb = [u8; 3];
@@ -80,6 +88,26 @@ pub fn agent(class: AgentClass) -> Rgb {
     }
 }
 
+/// Returns the colour of a kind of structure.
+#[must_use]
+pub fn structure(kind: StructureKind) -> Rgb {
+    match kind {
+        StructureKind::Building => [130, 60, 150],
+        StructureKind::Vegetation => [60, 150, 60],
+        StructureKind::Pole => [200, 200, 100],
+        StructureKind::Fence => [80, 160, 170],
+        StructureKind::Wall => [170, 130, 90],
+    }
+}
+
+/// Returns a structure's colour at a share of the distance at which none is drawn any more: the farther, the darker.
+#[must_use]
+pub(crate) fn dimmed(colour: Rgb, away: f64) -> Rgb {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 40 to 100")]
+    let percent = (100.0 - 60.0 * away).round().clamp(40.0, 100.0) as u16;
+    colour.map(|c| scaled(c, percent))
+}
+
 /// The visible faces of a box.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Face {
@@ -124,6 +152,20 @@ pub fn is_lit(colour: Rgb) -> bool {
     SHADES.contains(&colour)
 }
 
+/// Says whether a colour is that of a structure at any distance.
+#[must_use]
+pub fn is_structure(colour: Rgb) -> bool {
+    static SHADES: LazyLock<HashSet<Rgb>> =
+        LazyLock::new(|| StructureKind::ALL.map(structure).into_iter().flat_map(shades_of_structure).collect());
+    SHADES.contains(&colour)
+}
+
+fn shades_of_structure(colour: Rgb) -> impl Iterator<Item = Rgb> {
+    let faces = [colour, face(colour, Face::Side), face(colour, Face::Top)];
+    let dims = |colour| (0..=60u8).map(move |step| dimmed(colour, f64::from(step) / 60.0));
+    faces.into_iter().flat_map(dims)
+}
+
 /// Returns the shades of the faces of boxes of some colours.
 fn shades(colours: [Rgb; 3]) -> Vec<Rgb> {
     let sides = [Face::Front, Face::Rear, Face::Side, Face::Top];
@@ -151,6 +193,7 @@ mod tests {
         all.extend([LineColour::White, LineColour::Yellow].map(line));
         all.extend([Unknown, Red, Yellow, Green].map(light));
         all.extend([Vehicle, Pedestrian, Cyclist, Cone, Barrier].map(agent));
+        all.extend(StructureKind::ALL.map(structure));
         for (i, a) in all.iter().enumerate() {
             for b in &all[i + 1..] {
                 let apart: u32 = a.iter().zip(b).map(|(x, y)| u32::from(x.abs_diff(*y))).sum();
@@ -165,7 +208,10 @@ mod tests {
         let lines = [LineColour::White, LineColour::Yellow].map(line);
         let lights = [LightState::Unknown, LightState::Red, LightState::Yellow, LightState::Green].map(light);
         let cone = face(agent(AgentClass::Cone), Face::Rear);
-        assert!(!ground.into_iter().chain(lines).chain(lights).chain([cone]).any(is_road_user));
+        let standing = StructureKind::ALL.map(structure);
+        let standing = || standing.into_iter().flat_map(shades_of_structure);
+        assert!(!ground.into_iter().chain(lines).chain(lights).chain([cone]).chain(standing()).any(is_road_user));
+        assert!(!standing().any(is_lit) && standing().all(is_structure));
         assert!(is_road_user(face(agent(AgentClass::Vehicle), Face::Rear)));
         assert!(is_road_user(face(agent(AgentClass::Pedestrian), Face::Top)));
         let of_light = |state| [light(state), face(light(state), Face::Rear), face(light(state), Face::Front)];

@@ -20,7 +20,7 @@ pub(crate) fn render(scene: &LayoutScene, view: &View) -> Result<Vec<Rgb>, Layou
     for (corners, colour) in scene.ground(view) {
         view.paint(&mut raster, &corners, colour);
     }
-    for (corners, colour) in scene.boxes(view) {
+    for (corners, colour) in scene.solids(view) {
         view.fill(&mut raster, &corners, colour);
     }
     Ok(raster.values().to_vec())

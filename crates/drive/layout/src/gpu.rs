@@ -131,7 +131,7 @@ impl Gpu {
         let plane = count(&moving);
         moving.extend(corners(&shot.scene.ground(view)));
         let ground = count(&moving);
-        moving.extend(corners(&shot.scene.boxes(view)));
+        moving.extend(corners(&shot.scene.solids(view)));
         let all = count(&moving);
         let moving = self.device.vertices(&moving);
         let mut encoder = self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());

@@ -1,15 +1,20 @@
-//! The scene description that both back ends draw: the map's ground layers as triangles, made once, and per tick the
-//! stop lines, light heads and boxes. World frame, metres.
+//! The scene description that both back ends draw: the map's ground layers and structures as triangles, made once, and
+//! per tick the stop lines, light heads and boxes. World frame, metres.
 
 use ds_raster::View;
 use ds_raster::shape::{self, Triangle};
 use ds_space::{CameraModel, DVec2, DVec3, Digest, DigestWriter, Pose, PoseSe2, Rig, World};
-use ds_world::{AgentState, LaneKind, LightState, LineKind, LineMarking, Map, StopLine, TrafficLight, WorldState};
+use ds_world::{
+    AgentState, LaneKind, LightState, LineKind, LineMarking, Map, StopLine, Structure, StructureKind, TrafficLight,
+    WorldState,
+};
 
 use crate::colour::{self, Face, Rgb};
 
 /// How far from the camera map and boxes are drawn, in metres.
 pub const RANGE_M: f64 = 100.0;
+/// How far from the camera structures are drawn, in metres: they rise above what lies before them.
+const STRUCTURE_RANGE_M: f64 = 160.0;
 
 const LINE_WIDTH_M: f64 = 0.18;
 const DOUBLE_LINE_OFFSET_M: f64 = 0.16;
@@ -42,7 +47,39 @@ pub struct StaticMap {
     pub(crate) pieces: Vec<Piece>,
     pub(crate) stop_lines: Vec<StopLine>,
     pub(crate) heads: Vec<TrafficLight>,
+    standing: Vec<Standing>,
     pub(crate) digest: Digest,
+}
+
+/// A structure as triangles, with the ball that holds it.
+#[derive(Debug, Clone)]
+struct Standing {
+    middle: DVec3,
+    radius_m: f64,
+    solids: Vec<Solid>,
+}
+
+impl Standing {
+    fn new(structure: &Structure) -> Self {
+        let colour = colour::structure(structure.kind);
+        let (top, side) = (colour::face(colour, Face::Top), colour::face(colour, Face::Side));
+        let (low, high) = (structure.bottom_m, structure.top_m);
+        let mut solids = Vec::new();
+        for (i, a) in structure.outline.iter().enumerate() {
+            let b = structure.outline[(i + 1) % structure.outline.len()];
+            let shade = if i % 2 == 1 || structure.kind == StructureKind::Vegetation { side } else { colour };
+            let [a, b, c, d] = [a.extend(low), b.extend(low), b.extend(high), a.extend(high)];
+            solids.extend([([a, b, c], shade), ([a, c, d], shade)]);
+        }
+        for triangle in shape::triangulate(&structure.outline) {
+            solids.push((triangle.map(|corner| corner.extend(high)), top));
+            if low > 0.0 {
+                solids.push((triangle.map(|corner| corner.extend(low)), side));
+            }
+        }
+        let (middle, radius_m) = structure.ball();
+        Self { middle, radius_m, solids }
+    }
 }
 
 impl StaticMap {
@@ -72,7 +109,13 @@ impl StaticMap {
             layers.marking(marking);
         }
         let digest = digest(&layers.0);
-        Self { pieces: layers.0, stop_lines: map.stop_lines.clone(), heads: map.traffic_lights.clone(), digest }
+        Self {
+            pieces: layers.0,
+            stop_lines: map.stop_lines.clone(),
+            heads: map.traffic_lights.clone(),
+            standing: map.structures.iter().map(Standing::new).collect(),
+            digest,
+        }
     }
 }
 
@@ -162,9 +205,16 @@ impl LayoutScene<'_> {
         solids
     }
 
-    /// Returns the triangles of boxes and light heads.
-    pub(crate) fn boxes(&self, view: &View) -> Vec<Solid> {
+    /// Returns the triangles of structures, light heads and boxes.
+    pub(crate) fn solids(&self, view: &View) -> Vec<Solid> {
         let mut solids = Vec::new();
+        for standing in &self.map.standing {
+            if view.may_see(standing.middle, standing.radius_m, STRUCTURE_RANGE_M) {
+                let away = standing.middle.distance(view.origin()) / STRUCTURE_RANGE_M;
+                let dimmed = |(corners, colour): &Solid| (*corners, colour::dimmed(*colour, away));
+                solids.extend(standing.solids.iter().map(dimmed));
+            }
+        }
         for (i, head) in self.map.heads.iter().enumerate() {
             if view.may_see(head.position, 1.0, RANGE_M) {
                 let pose = PoseSe2 { position: head.position.truncate(), heading_rad: head.facing_rad };

@@ -12,14 +12,34 @@ use std::path::{Path, PathBuf};
 use ds_layout::{LayoutBackend, LayoutScene, Renderer, Shot, StaticMap, colour};
 use ds_raster::{Encoding, RgbImage};
 use ds_space::{AgentId, CameraModel, DVec2, DVec3, Intrinsics, PoseSe2};
-use ds_world::{AgentClass, AgentState, Size, WorldState};
+use ds_world::{AgentClass, AgentState, Map, Size, Structure, StructureKind, WorldState};
 
 fn cpu() -> Renderer {
     Renderer::new(LayoutBackend::Cpu).expect("the cpu back end needs nothing")
 }
 
 fn render(renderer: &mut Renderer, world: &WorldState, camera: &CameraModel) -> RgbImage {
-    let map = StaticMap::new(&street::map());
+    render_map(renderer, &street::map(), world, camera)
+}
+
+/// Returns the street with a house on its left, a tree on its right and a wall across it, 70 m ahead.
+fn built_up() -> Map {
+    let stand = |kind, corners: &[(f64, f64)], (bottom_m, top_m)| {
+        let outline = corners.iter().map(|corner| DVec2::from(*corner)).collect();
+        Structure { kind, outline, bottom_m, top_m }
+    };
+    let crown: Vec<(f64, f64)> =
+        (0..6).map(|i| (f64::from(i) * 1.047).sin_cos()).map(|(s, c)| (16.0 + c, s - 7.0)).collect();
+    let structures = vec![
+        stand(StructureKind::Building, &[(14.0, 6.0), (24.0, 6.0), (24.0, 14.0), (14.0, 14.0)], (0.0, 9.0)),
+        stand(StructureKind::Vegetation, &crown, (2.0, 5.0)),
+        stand(StructureKind::Wall, &[(70.0, -8.0), (71.0, -8.0), (71.0, 8.0), (70.0, 8.0)], (0.0, 3.0)),
+    ];
+    Map { structures, ..street::map() }
+}
+
+fn render_map(renderer: &mut Renderer, map: &Map, world: &WorldState, camera: &CameraModel) -> RgbImage {
+    let map = StaticMap::new(map);
     let scene = LayoutScene { map: &map, world };
     renderer.render(&scene, camera, street::ego().world_from_rig(0.0)).expect("the picture's size is sound")
 }
@@ -75,7 +95,29 @@ fn both_back_ends_agree() {
         let (a, b) = (render(&mut cpu(), &street::world(), &camera), render(&mut wgpu, &street::world(), &camera));
         let apart = share_apart(&a, &b, 8);
         assert!(apart <= 0.01, "{}×{}: {:.2} % differ", a.width_px(), a.height_px(), 100.0 * apart);
+        let mut built = |renderer: &mut Renderer| render_map(renderer, &built_up(), &street::world(), &camera);
+        let apart = share_apart(&built(&mut cpu()), &built(&mut wgpu), 8);
+        assert!(apart <= 0.01, "built up: {:.2} % differ", 100.0 * apart);
     }
+}
+
+#[test]
+fn structures_cover_what_is_behind_them_and_change_nothing_else() {
+    let camera = street::camera(160, 96);
+    let truck = |x_m: f64| with_agents(vec![agent(AgentClass::Vehicle, x_m, -1.75)]);
+    let seen = |map: &Map, x_m: f64| {
+        let image = render_map(&mut cpu(), map, &truck(x_m), &camera);
+        let pixels: Vec<[u8; 3]> = image.rgb().as_chunks::<3>().0.to_vec();
+        pixels
+    };
+    let users = |pixels: &[[u8; 3]]| pixels.iter().filter(|rgb| colour::is_road_user(**rgb)).count();
+    let (bare, built) = (seen(&street::map(), 60.0), seen(&built_up(), 60.0));
+    let covered = built.iter().filter(|rgb| colour::is_structure(**rgb)).count();
+    assert!((1_000..8_000).contains(&covered), "{covered} pixels show structures");
+    assert!(bare.iter().zip(&built).all(|(bare, built)| bare == built || colour::is_structure(*built)));
+    assert_eq!(users(&built), users(&bare), "nothing stands before a vehicle at 60 m");
+    let (bare, built) = (seen(&street::map(), 80.0), seen(&built_up(), 80.0));
+    assert!(users(&bare) > 0 && users(&built) == 0, "the wall at 70 m hides a vehicle at 80 m");
 }
 
 #[test]

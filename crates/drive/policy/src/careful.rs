@@ -51,12 +51,12 @@ fn collides(driver: &Driver, scene: &Scene, before: &WorldState, state: &WorldSt
     let size = scene.vehicle.size;
     let body = |pose: PoseSe2| {
         let ego = EgoState { pose, ..state.ego };
-        OrientedBox::new(&ego.centre(&scene.vehicle), size.length_m, size.width_m)
+        scene.vehicle.size.footprint(&ego.centre(&scene.vehicle))
     };
     let (here, since_secs) = (body(state.ego.pose), dt_secs * f64::from(state.tick.0 - before.tick.0));
     let others = state.agents.iter().filter(|agent| {
         let ahead = state.ego.centre(&scene.vehicle).to_local(agent.pose.position).x > -0.5 * size.length_m;
-        ahead && !here.touches(&OrientedBox::new(&agent.pose, agent.size.length_m, agent.size.width_m))
+        ahead && !here.touches(&agent.footprint())
     });
     for agent in others {
         let was = before.agents.iter().find(|was| was.id == agent.id && since_secs > 0.0);
@@ -77,7 +77,7 @@ fn later(agent: &AgentState, turn_radps: f64, secs: f64) -> OrientedBox {
     let chord = if turned.abs() < 1e-6 { 1.0 } else { (0.5 * turned).sin() / (0.5 * turned) };
     let position = agent.pose.position + DVec2::from_angle(0.5 * turned).rotate(agent.velocity_mps) * (secs * chord);
     let pose = PoseSe2 { position, heading_rad: angle::wrap(agent.pose.heading_rad + turned) };
-    OrientedBox::new(&pose, agent.size.length_m, agent.size.width_m)
+    agent.size.footprint(&pose)
 }
 
 #[cfg(test)]

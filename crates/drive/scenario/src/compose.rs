@@ -2,14 +2,15 @@
 
 use ds_space::DVec2;
 use ds_world::{
-    Adversary, AgentClass, Lane, LaneId, LaneKind, LightState, LineColour, LineKind, Map, Scene, Track, TrafficLight,
+    Adversary, AgentClass, Lane, LaneId, LaneKind, LightState, LineColour, LineKind, Map, Scene, Structure,
+    StructureKind, Track, TrafficLight,
 };
 
 use crate::content::Mounting;
 use crate::document::{
-    ADVERSE_VERSION, AdversaryPart, BudgetPart, CameraPart, ClassPart, ColourPart, Document, EgoPart, FORMAT, FRAME,
-    LaneKindPart, LanePart, LightPart, LineKindPart, LinePart, MapPart, OriginPart, Point, StatePart, StopPart,
-    TrackPart, VERSION, VehiclePart,
+    AdversaryPart, BudgetPart, CameraPart, ClassPart, ColourPart, Document, EgoPart, FORMAT, FRAME, LaneKindPart,
+    LanePart, LightPart, LineKindPart, LinePart, MapPart, OriginPart, Point, RICHER_VERSION, StatePart, StopPart,
+    StructureKindPart, StructurePart, TrackPart, VERSION, VehiclePart,
 };
 
 fn pairs(points: &[DVec2]) -> Vec<Point> {
@@ -29,7 +30,7 @@ pub(crate) fn document(scene: &Scene) -> Document {
     let vehicle = &scene.vehicle;
     Document {
         format: FORMAT.to_owned(),
-        version: if scene.adversary.is_some() { ADVERSE_VERSION } else { VERSION },
+        version: if scene.adversary.is_none() && scene.map.structures.is_empty() { VERSION } else { RICHER_VERSION },
         name: scene.name.clone(),
         family: scene.family.clone(),
         origin: OriginPart {
@@ -188,6 +189,22 @@ fn map(map: &Map) -> MapPart {
             .map(|stop| StopPart { light: stop.light, points_m: stop.points.map(|point| point.to_array()) })
             .collect(),
         traffic_lights: map.traffic_lights.iter().map(|part| light(map, part)).collect(),
+        structures: map.structures.iter().map(structure).collect(),
+    }
+}
+
+fn structure(structure: &Structure) -> StructurePart {
+    StructurePart {
+        kind: match structure.kind {
+            StructureKind::Building => StructureKindPart::Building,
+            StructureKind::Vegetation => StructureKindPart::Vegetation,
+            StructureKind::Pole => StructureKindPart::Pole,
+            StructureKind::Fence => StructureKindPart::Fence,
+            StructureKind::Wall => StructureKindPart::Wall,
+        },
+        bottom_m: structure.bottom_m,
+        top_m: structure.top_m,
+        outline_m: pairs(&structure.outline),
     }
 }
 

@@ -3,7 +3,10 @@
 //! Positions are kept to 1 mm, angles and rates to 1e-5, pixels to 1e-4, so that a saved scene and a loaded one are equal in every bit.
 
 use ds_space::{CameraModel, DMat3, DQuat, DVec2, DVec3, Digest, DigestWriter, Pose};
-use ds_world::{Adversary, AgentClass, EgoState, LaneKind, LightState, LineColour, LineKind, Map, Scene, Track};
+use ds_world::{
+    Adversary, AgentClass, EgoState, LaneKind, LightState, LineColour, LineKind, Map, Scene, Structure, StructureKind,
+    Track,
+};
 
 /// Rounds to `steps_per_unit`; never gives a negative zero.
 #[must_use]
@@ -127,6 +130,10 @@ fn round_map(map: &mut Map) {
         }
         fine(&mut light.facing_rad);
     }
+    for structure in &mut map.structures {
+        structure.outline.iter_mut().for_each(milli2);
+        [&mut structure.bottom_m, &mut structure.top_m].into_iter().for_each(milli);
+    }
 }
 
 fn points(writer: &mut DigestWriter, points: &[DVec2]) {
@@ -166,11 +173,29 @@ pub(crate) fn digest(scene: &Scene) -> Digest {
         writer.f64s(&[lens.fx_px, lens.fy_px, lens.cx_px, lens.cy_px, lens.k1, lens.k2]);
         writer.f64s(&mounting.translation.to_array()).f64s(&mounting.rotation.to_array());
     }
-    // Scenes without one keep the digest that they had before there were any.
+    // Scenes without adversary or structures keep the digest that they had before there were any.
     if let Some(adversary) = &scene.adversary {
         digest_adversary(&mut writer, adversary);
     }
+    if !scene.map.structures.is_empty() {
+        digest_structures(&mut writer, &scene.map.structures);
+    }
     writer.finish()
+}
+
+fn digest_structures(writer: &mut DigestWriter, structures: &[Structure]) {
+    writer.text("structures").u64(structures.len() as u64);
+    for structure in structures {
+        let kind = match structure.kind {
+            StructureKind::Building => 0,
+            StructureKind::Vegetation => 1,
+            StructureKind::Pole => 2,
+            StructureKind::Fence => 3,
+            StructureKind::Wall => 4,
+        };
+        writer.u32(kind).f64s(&[structure.bottom_m, structure.top_m]);
+        points(writer, &structure.outline);
+    }
 }
 
 fn digest_adversary(writer: &mut DigestWriter, adversary: &Adversary) {

@@ -7,10 +7,10 @@ use serde::{Deserialize, Serialize};
 
 /// What `format` must say.
 pub(crate) const FORMAT: &str = "dreamstream-scenario";
-/// What `version` must say; files with an adversary are of [`ADVERSE_VERSION`].
+/// What `version` must say; files with an adversary or structures are of [`RICHER_VERSION`].
 pub(crate) const VERSION: u32 = 1;
-/// What `version` says where there may be an adversary.
-pub(crate) const ADVERSE_VERSION: u32 = 2;
+/// What `version` says where there may be an adversary or structures.
+pub(crate) const RICHER_VERSION: u32 = 2;
 /// What `frame` must say.
 pub(crate) const FRAME: &str = "x-east y-north z-up";
 
@@ -162,6 +162,29 @@ pub(crate) struct MapPart {
     pub crosswalks_m: Vec<Vec<Point>>,
     pub stop_lines: Vec<StopPart>,
     pub traffic_lights: Vec<LightPart>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub structures: Vec<StructurePart>,
+}
+
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum StructureKindPart {
+    Building,
+    Vegetation,
+    Pole,
+    Fence,
+    Wall,
+}
+
+/// A prism over an outline; heights are over the ground.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct StructurePart {
+    pub kind: StructureKindPart,
+    #[serde(default)]
+    pub bottom_m: f64,
+    pub top_m: f64,
+    pub outline_m: Vec<Point>,
 }
 
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]

@@ -9,7 +9,7 @@ use std::path::{Path as FilePath, PathBuf};
 use std::str::FromStr;
 
 use ds_space::{Draws, PoseSe2};
-use ds_world::{Origin, Scene};
+use ds_world::{Origin, Scene, surroundings};
 
 mod check;
 mod crossings;
@@ -141,20 +141,28 @@ fn attempt(family: Family, seed: u64, attempt: u64) -> Scene {
 #[must_use]
 pub fn generate(family: Family, seed: u64) -> Scene {
     let mut scenes = (0..ATTEMPTS).map(|n| attempt(family, seed, n));
-    if let Some(mut scene) = scenes.find(|scene| check::fault(scene).is_none()) {
-        content::seal(&mut scene);
-        return scene;
-    }
+    let scene = scenes.find(|scene| check::fault(scene).is_none());
+    surrounded(scene.unwrap_or_else(|| emptied(family, seed)))
+}
+
+/// Returns the scene with what stands beside its roads.
+fn surrounded(mut scene: Scene) -> Scene {
+    content::seal(&mut scene);
+    scene.map.structures = surroundings::place(&scene, 0);
+    content::seal(&mut scene);
+    scene
+}
+
+/// Plays layouts of a family and seed with vehicles left out.
+fn emptied(family: Family, seed: u64) -> Scene {
     let emptied = (0..ATTEMPTS).map(|n| attempt(family, seed, n)).map(|mut scene| {
         check::thin_out(&mut scene);
         scene
     });
-    let mut scene = emptied
+    emptied
         .into_iter()
         .find(|scene| check::fault(scene).is_none())
-        .expect("one of many layouts lets the expert drive alone");
-    content::seal(&mut scene);
-    scene
+        .expect("one of many layouts lets the expert drive alone")
 }
 
 /// The seeds of the shipped scenarios.
@@ -178,11 +186,12 @@ pub fn shipped(family: Family, seed: u64) -> Scene {
     scene
 }
 
-/// Returns the small scenario for tests: a free road without traffic, 3 s.
+/// Returns the small scenario for tests: a free road without traffic and structures, 3 s.
 #[must_use]
 pub fn tiny() -> Scene {
     let mut scene = generate(Family::FreeCurve, 2);
     scene.name = "straight".to_owned();
+    scene.map.structures.clear();
     scene.ego_log.truncate(31);
     scene.tracks.truncate(1);
     for track in &mut scene.tracks {

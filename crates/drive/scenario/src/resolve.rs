@@ -7,7 +7,7 @@ use ds_world::{AgentClass, EgoState, Origin, Scene, Size, Track, TrackPoint, Veh
 
 use crate::content::{Mounting, seal};
 use crate::document::{
-    ADVERSE_VERSION, CameraPart, ClassPart, Document, EgoPart, FORMAT, FRAME, TrackPart, VERSION, VehiclePart,
+    CameraPart, ClassPart, Document, EgoPart, FORMAT, FRAME, RICHER_VERSION, TrackPart, VERSION, VehiclePart,
 };
 use crate::place::{FAR_M, Fault, Place};
 
@@ -73,10 +73,13 @@ fn version(root: &Place<'_>, document: &Document) -> Result<(), Fault> {
     let at = root.field("version");
     match document.version {
         VERSION if document.adversary.is_some() => {
-            Err(at.fault(format!("is {VERSION}, with an adversary it must be {ADVERSE_VERSION}")))
+            Err(at.fault(format!("is {VERSION}, with an adversary it must be {RICHER_VERSION}")))
         }
-        VERSION | ADVERSE_VERSION => Ok(()),
-        other => Err(at.fault(format!("is {other}, this program reads {VERSION} and {ADVERSE_VERSION}"))),
+        VERSION if !document.map.structures.is_empty() => {
+            Err(at.fault(format!("is {VERSION}, with structures it must be {RICHER_VERSION}")))
+        }
+        VERSION | RICHER_VERSION => Ok(()),
+        other => Err(at.fault(format!("is {other}, this program reads {VERSION} and {RICHER_VERSION}"))),
     }
 }
 

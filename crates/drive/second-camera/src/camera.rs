@@ -45,7 +45,7 @@ impl SecondCamera {
         let texture = draws.u64(30) as u32;
         Self {
             layers: street::layers(&scene.map),
-            stands: town::place(scene, seed),
+            stands: town::build(scene, seed),
             light: Light::new(condition, &draws, texture),
             ground: Ground::new(condition, &draws, scene.digest, texture),
             anchor: scene.ego_log.first().map_or(DVec2::ZERO, |ego| ego.pose.position),

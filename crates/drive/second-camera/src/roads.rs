@@ -13,6 +13,8 @@ use ds_world::{
     RoadEdge, Scene, Size, StopLine, Track, TrackPoint, TrafficLight, VehicleParameters,
 };
 
+use crate::town;
+
 const TICKS: u32 = 151;
 const DT_SECS: f64 = 0.1;
 /// Where along its lane the ego starts.
@@ -304,7 +306,7 @@ fn square(site: &mut Site) -> (Polyline, f64) {
 /// Never: every drawn line has a length.
 #[must_use]
 pub fn scene(seed: u64) -> Scene {
-    let digest = DigestWriter::new().text("abroad roads 1").u64(seed).finish();
+    let digest = DigestWriter::new().text("abroad roads 2").u64(seed).finish();
     let draws = Draws::new(&digest, "roads", &[]);
     let mut site = Site { map: Map::default(), tracks: Vec::new(), draws, next: 0 };
     let (kind, (lane, speed)) = match seed % 3 {
@@ -326,7 +328,7 @@ pub fn scene(seed: u64) -> Scene {
     });
     let id = CameraId::new("front").expect("a plain word is an id");
     let lens = Intrinsics::centred(160, 96, 70f64.to_radians());
-    Scene {
+    let mut scene = Scene {
         adversary: None,
         name: format!("abroad-{kind}-{seed}"),
         family: format!("abroad-{kind}"),
@@ -340,11 +342,13 @@ pub fn scene(seed: u64) -> Scene {
         cameras: vec![CameraModel::mounted(id, lens, DVec3::new(1.5, 0.0, 1.6), 0.0, 0.05)],
         prompt: format!("front camera view of a {kind} road"),
         origin: Origin {
-            source: format!("dreamstream roads abroad 1, seed {seed}"),
+            source: format!("dreamstream roads abroad 2, seed {seed}"),
             licence: "Apache-2.0".to_owned(),
             attribution: "The DreamStream authors".to_owned(),
         },
-    }
+    };
+    scene.map.structures = town::place(&scene, 0);
+    scene
 }
 
 #[cfg(test)]

@@ -3,12 +3,12 @@
 //! Places follow a low-discrepancy sequence around the drive and are kept where nothing drives, walks or crosses; all
 //! choices are drawn from the scene's digest. World frame, metres.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use ds_raster::PixelClass;
 use ds_raster::shape;
 use ds_space::{DVec2, DVec3, Draws, PoseSe2};
-use ds_world::Scene;
+use ds_world::{Scene, Structure, StructureKind};
 
 use crate::material::{Paint, Stuff};
 use crate::mesh::{Face, Mould};
@@ -16,6 +16,9 @@ use crate::mesh::{Face, Mould};
 const REACH_M: f64 = 130.0;
 const BUCKET_M: f64 = 12.0;
 const CANDIDATES: u32 = 2_600;
+/// Lower rectangular buildings are brick houses, higher ones flats.
+const BRICK_BELOW_M: f64 = 12.0;
+const STEEL: [u8; 3] = [70, 84, 80];
 
 /// Something that stands.
 #[derive(Debug, Clone)]
@@ -39,8 +42,12 @@ fn square(at: DVec2) -> (i64, i64) {
 impl Busy {
     fn of(scene: &Scene, low: DVec2, high: DVec2) -> Self {
         let mut busy = Self { squares: BTreeMap::new() };
+        let mut noted = BTreeSet::new();
         let mut note = |at: DVec2| {
-            if at.is_finite() && at.cmpge(low).all() && at.cmple(high).all() {
+            // One point a square metre is enough.
+            #[expect(clippy::cast_possible_truncation, reason = "float casts saturate")]
+            let place = (at.x.floor() as i64, at.y.floor() as i64);
+            if at.is_finite() && at.cmpge(low).all() && at.cmple(high).all() && noted.insert(place) {
                 busy.squares.entry(square(at)).or_default().push(at);
             }
         };
@@ -85,8 +92,31 @@ fn halton(mut index: u32, base: u32) -> f64 {
     value
 }
 
-/// Places everything.
-pub(crate) fn place(scene: &Scene, seed: u64) -> Vec<Stand> {
+/// Builds what a scene names in the manner of this world, as wide and high as told; where it names nothing, what is placed by draws.
+pub(crate) fn build(scene: &Scene, seed: u64) -> Vec<Stand> {
+    let placed;
+    let structures = if scene.map.structures.is_empty() {
+        placed = place(scene, seed);
+        &placed
+    } else {
+        &scene.map.structures
+    };
+    let stand = |structure: &Structure| {
+        let [x, y] = structure.centre().to_array().map(|at| (10.0 * at).round().to_bits());
+        let draws = Draws::new(&scene.digest, "abroad-stand", &[x, y, seed]);
+        match structure.kind {
+            StructureKind::Building => building(structure, &draws),
+            StructureKind::Vegetation => tree(structure, &draws),
+            StructureKind::Pole if structure.top_m > 4.0 => lamp(structure),
+            StructureKind::Pole | StructureKind::Fence => prism(structure, thing(Stuff::Plain, STEEL)),
+            StructureKind::Wall => prism(structure, thing(Stuff::Brick, [150, 118, 96])),
+        }
+    };
+    structures.iter().map(stand).collect()
+}
+
+/// Places houses, trees and lamp posts.
+pub(crate) fn place(scene: &Scene, seed: u64) -> Vec<Structure> {
     let path = || scene.ego_log.iter().map(|ego| ego.pose.position).filter(|p| p.is_finite());
     let (Some(low), Some(high)) = (path().reduce(DVec2::min), path().reduce(DVec2::max)) else { return Vec::new() };
     let (low, high) = (low - REACH_M, high + REACH_M);
@@ -97,30 +127,62 @@ pub(crate) fn place(scene: &Scene, seed: u64) -> Vec<Stand> {
     let theme = Draws::new(&scene.digest, "abroad-town", &[seed]);
     let (houses, trees) = (theme.range(0, 0.3, 0.9), theme.range(1, 0.2, 0.8));
     let mut taken: Vec<(DVec2, f64)> = Vec::new();
-    let mut stands = Vec::new();
+    let mut placed = Vec::new();
     for i in 1..CANDIDATES {
         let at = low + (high - low) * DVec2::new(halton(i, 2), halton(i, 3));
-        let draws = Draws::new(&scene.digest, "abroad-stand", &[u64::from(i), seed]);
+        let draws = Draws::new(&scene.digest, "abroad-place", &[u64::from(i), seed]);
         let Some((room_m, road)) = busy.nearest(at) else { continue };
+        let pose = PoseSe2 { position: at, heading_rad: (road - at).to_angle() };
         let kind = draws.uniform(0);
-        let stand = if room_m > 9.0 && kind < houses {
+        let (structure, radius_m) = if room_m > 9.0 && kind < houses {
             let reach = (room_m - 4.5).min(11.0);
-            let facing = (road - at).to_angle();
-            Some((house(at, facing, reach, &draws), reach + 1.0))
+            (house_at(pose, reach, &draws), reach + 1.0)
         } else if room_m > 3.2 && kind < houses + trees * (1.0 - houses) {
-            Some((tree(at, (room_m - 1.6).min(2.6), &draws), 2.4))
+            (tree_at(pose, (room_m - 1.6).clamp(0.8, 2.6), &draws), 2.4)
         } else if room_m > 1.6 && room_m < 3.2 && kind > 0.5 {
-            Some((lamp(at, (road - at).to_angle()), 1.0))
+            (prism_at(StructureKind::Pole, pose, [0.15, 0.15], (0.0, 6.4)), 1.0)
         } else {
-            None
+            continue;
         };
-        let Some((stand, radius_m)) = stand else { continue };
         if taken.iter().all(|(other, reach)| other.distance(at) > reach + radius_m) {
             taken.push((at, radius_m));
-            stands.push(stand);
+            placed.push(structure);
         }
     }
-    stands
+    placed
+}
+
+/// Returns a box with half its depth and half its width, in metres, its first edge in front.
+fn prism_at(kind: StructureKind, pose: PoseSe2, [deep, wide]: [f64; 2], (bottom_m, top_m): (f64, f64)) -> Structure {
+    let corners = [(deep, -wide), (deep, wide), (-deep, wide), (-deep, -wide)];
+    Structure { kind, outline: corners.map(|(x, y)| pose.to_outer(DVec2::new(x, y))).to_vec(), bottom_m, top_m }
+}
+
+fn house_at(pose: PoseSe2, reach_m: f64, draws: &Draws) -> Structure {
+    let (deep, wide) = (0.6 * reach_m * draws.range(2, 0.8, 1.0), 0.75 * reach_m * draws.range(3, 0.7, 1.0));
+    let top_m = if draws.uniform(5) < 0.55 {
+        // Flats: more than a brick house with its roof.
+        (3.4 * draws.range(6, 2.0, 6.0).floor()).max(BRICK_BELOW_M)
+    } else {
+        3.4 * draws.range(6, 1.0, 3.0).floor() + hip_m(deep, wide)
+    };
+    prism_at(StructureKind::Building, pose, [deep, wide], (0.0, top_m))
+}
+
+fn tree_at(pose: PoseSe2, reach_m: f64, draws: &Draws) -> Structure {
+    // Slim columns and tall stems with layers of leaves.
+    let (radius_m, bottom_m, tall_m) = if draws.uniform(4) < 0.45 {
+        (0.55 * reach_m, 0.8, draws.range(5, 4.2, 8.2))
+    } else {
+        (reach_m, draws.range(5, 2.4, 4.2), 3.0)
+    };
+    let corner = |i: u8| pose.position + DVec2::from_angle(f64::from(i) * std::f64::consts::FRAC_PI_4) * radius_m;
+    Structure {
+        kind: StructureKind::Vegetation,
+        outline: (0..8).map(corner).collect(),
+        bottom_m,
+        top_m: bottom_m + tall_m,
+    }
 }
 
 fn thing(stuff: Stuff, tint: [u8; 3]) -> Paint {
@@ -131,94 +193,123 @@ fn pick(draws: &Draws, index: u64, tints: &[[u8; 3]]) -> [u8; 3] {
     tints[usize::try_from(draws.below(index, tints.len() as u64)).unwrap_or(0)]
 }
 
-fn house(at: DVec2, facing_rad: f64, reach_m: f64, draws: &Draws) -> Stand {
-    let (deep, wide) = (0.6 * reach_m * draws.range(2, 0.8, 1.0), 0.75 * reach_m * draws.range(3, 0.7, 1.0));
+fn roof(draws: &Draws) -> Paint {
+    thing(Stuff::Plain, pick(draws, 4, &[[74, 84, 92], [96, 62, 52], [132, 128, 118]]))
+}
+
+fn plaster(draws: &Draws) -> Paint {
+    thing(Stuff::Plaster, pick(draws, 7, &[[206, 204, 198], [184, 160, 136], [150, 170, 172], [120, 124, 134]]))
+}
+
+fn ring(x: f64, y: f64, z: f64) -> Vec<DVec3> {
+    vec![DVec3::new(x, y, z), DVec3::new(-x, y, z), DVec3::new(-x, -y, z), DVec3::new(x, -y, z)]
+}
+
+/// A block of flats: flat roof with a parapet, balconies in front. Half depth, half width and height in metres.
+fn flats(pose: PoseSe2, [deep, wide, height]: [f64; 3], draws: &Draws) -> Stand {
     let mut faces = Vec::new();
-    let mut mould = Mould { pose: PoseSe2 { position: at, heading_rad: facing_rad }, bottom_m: 0.0, faces: &mut faces };
-    let ring = |x: f64, y: f64, z: f64| {
-        vec![DVec3::new(x, y, z), DVec3::new(-x, y, z), DVec3::new(-x, -y, z), DVec3::new(x, -y, z)]
-    };
-    let roof = thing(Stuff::Plain, pick(draws, 4, &[[74, 84, 92], [96, 62, 52], [132, 128, 118]]));
-    let height = if draws.uniform(5) < 0.55 {
-        // A block of flats: flat roof with a parapet, balconies in front.
-        let height = 3.4 * draws.range(6, 2.0, 6.0).floor();
-        let wall = thing(
-            Stuff::Plaster,
-            pick(draws, 7, &[[206, 204, 198], [184, 160, 136], [150, 170, 172], [120, 124, 134]]),
-        );
-        mould.loft(&[ring(deep, wide, 0.0), ring(deep, wide, height)], roof, |_, _| wall);
-        let slab = thing(Stuff::Plain, [176, 176, 172]);
-        let mut z = 3.4;
-        while z < height {
-            mould.cuboid(DVec3::new(deep, -0.7 * wide, z - 0.1), DVec3::new(deep + 1.2, 0.7 * wide, z + 0.1), slab);
-            z += 3.4;
-        }
-        mould.cuboid(DVec3::new(-deep, -wide, height), DVec3::new(deep, wide, height + 0.5), slab);
-        height
-    } else {
-        // A brick house with a hipped roof and a chimney.
-        let height = 3.4 * draws.range(6, 1.0, 3.0).floor();
-        let wall =
-            thing(Stuff::Brick, pick(draws, 7, &[[150, 78, 60], [170, 108, 78], [126, 84, 74], [190, 170, 140]]));
-        mould.loft(&[ring(deep, wide, 0.0), ring(deep, wide, height)], roof, |_, _| wall);
-        let top = height + 0.7 * deep.min(wide);
-        mould.loft(&[ring(deep + 0.5, wide + 0.5, height), ring(0.1, 0.4 * wide, top)], roof, |_, _| roof);
-        let chimney = thing(Stuff::Plain, [120, 66, 52]);
-        mould.cuboid(
-            DVec3::new(-0.4 * deep, 0.2 * wide, height),
-            DVec3::new(-0.2 * deep, 0.4 * wide, top + 0.7),
-            chimney,
-        );
-        top
-    };
+    let mut mould = Mould { pose, bottom_m: 0.0, faces: &mut faces };
+    let wall = plaster(draws);
+    mould.loft(&[ring(deep, wide, 0.0), ring(deep, wide, height)], roof(draws), |_, _| wall);
+    let slab = thing(Stuff::Plain, [176, 176, 172]);
+    let mut z = 3.4;
+    while z < height {
+        mould.cuboid(DVec3::new(deep, -0.7 * wide, z - 0.1), DVec3::new(deep + 1.2, 0.7 * wide, z + 0.1), slab);
+        z += 3.4;
+    }
+    mould.cuboid(DVec3::new(-deep, -wide, height), DVec3::new(deep, wide, height + 0.5), slab);
+    standing(pose, [deep, wide, height], faces)
+}
+
+/// A brick house with a hipped roof and a chimney; its height is that of the eaves.
+fn brick_house(pose: PoseSe2, [deep, wide, height]: [f64; 3], draws: &Draws) -> Stand {
+    let mut faces = Vec::new();
+    let mut mould = Mould { pose, bottom_m: 0.0, faces: &mut faces };
+    let roof = roof(draws);
+    let wall = thing(Stuff::Brick, pick(draws, 7, &[[150, 78, 60], [170, 108, 78], [126, 84, 74], [190, 170, 140]]));
+    mould.loft(&[ring(deep, wide, 0.0), ring(deep, wide, height)], roof, |_, _| wall);
+    let top = height + hip_m(deep, wide);
+    mould.loft(&[ring(deep + 0.5, wide + 0.5, height), ring(0.1, 0.4 * wide, top)], roof, |_, _| roof);
+    let chimney = thing(Stuff::Plain, [120, 66, 52]);
+    mould.cuboid(DVec3::new(-0.4 * deep, 0.2 * wide, height), DVec3::new(-0.2 * deep, 0.4 * wide, top + 0.7), chimney);
+    standing(pose, [deep, wide, top], faces)
+}
+
+/// Height of a hipped roof.
+fn hip_m(deep: f64, wide: f64) -> f64 {
+    0.7 * deep.min(wide)
+}
+
+fn standing(pose: PoseSe2, [deep, wide, height]: [f64; 3], faces: Vec<Face>) -> Stand {
     Stand {
-        middle: at.extend(0.5 * height),
+        middle: pose.position.extend(0.5 * height),
         radius_m: DVec3::new(deep + 1.2, wide, 0.5 * height + 1.0).length(),
         faces,
     }
 }
 
-fn tree(at: DVec2, reach_m: f64, draws: &Draws) -> Stand {
+/// A building of a told size: low rectangles are brick houses, high ones flats, other outlines plain blocks.
+fn building(structure: &Structure, draws: &Draws) -> Stand {
+    let [a, b, c, _] = structure.outline[..] else { return prism(structure, plaster(draws)) };
+    let pose = PoseSe2 { position: structure.centre(), heading_rad: (b - c).to_angle() };
+    let (wide, deep, top) = (0.5 * a.distance(b), 0.5 * b.distance(c), structure.top_m);
+    let eaves = top - hip_m(deep, wide);
+    if top < BRICK_BELOW_M && eaves > 2.2 {
+        brick_house(pose, [deep, wide, eaves], draws)
+    } else {
+        flats(pose, [deep, wide, top], draws)
+    }
+}
+
+/// A tree of a told size: a column of leaves where it is slim, layers where it is broad.
+fn tree(structure: &Structure, draws: &Draws) -> Stand {
+    let (reach, low, top) = (structure.reach_m(), structure.bottom_m, structure.top_m);
+    let pose = PoseSe2 { position: structure.centre(), heading_rad: draws.range(2, 0.0, 6.0) };
     let mut faces = Vec::new();
-    let pose = PoseSe2 { position: at, heading_rad: draws.range(2, 0.0, 6.0) };
     let mut mould = Mould { pose, bottom_m: 0.0, faces: &mut faces };
     let bark = thing(Stuff::Plain, [110, 96, 82]);
     let leaves = thing(Stuff::Leaves, pick(draws, 3, &[[74, 96, 74], [112, 126, 60], [150, 118, 52], [60, 84, 46]]));
-    let r = reach_m.max(0.8);
-    let top = if draws.uniform(4) < 0.45 {
-        // A slim column.
-        let h = draws.range(5, 5.0, 9.0);
-        mould.turned(DVec2::ZERO, 5, &[(0.0, 0.14), (1.0, 0.12)], bark);
-        let profile = [(0.8, 0.3 * r), (0.25 * h, 0.55 * r), (0.6 * h, 0.45 * r), (0.9 * h, 0.2 * r), (h, 0.02)];
+    mould.turned(DVec2::ZERO, 6, &[(0.0, 0.2), (low + 0.5, 0.1)], bark);
+    let at = |share: f64| low + share * (top - low);
+    if top - low > 2.8 * reach {
+        let profile =
+            [(low, 0.5 * reach), (at(0.2), reach), (at(0.6), 0.8 * reach), (at(0.9), 0.35 * reach), (top, 0.02)];
         mould.turned(DVec2::ZERO, 7, &profile, leaves);
-        h
     } else {
-        // A tall stem with layers of leaves.
-        let stem = draws.range(5, 2.4, 4.2);
-        mould.turned(DVec2::ZERO, 6, &[(0.0, 0.2), (stem + 1.0, 0.1)], bark);
-        for (k, share) in [(0.0, 1.0), (1.0, 0.8), (2.0, 0.5)] {
-            let z = stem + 0.95 * k;
-            let shift = DVec2::from_angle(2.1 * k) * (0.2 * r);
-            mould.turned(
-                shift,
-                8,
-                &[(z, 0.2 * r), (z + 0.35, share * r), (z + 0.8, 0.75 * share * r), (z + 1.1, 0.05)],
-                leaves,
-            );
+        for (from, to, share) in [(0.0, 0.5, 0.9), (0.25, 0.75, 1.0), (0.55, 1.0, 0.7)] {
+            let middle = at(0.4 * from + 0.6 * to);
+            let profile = [(at(from), 0.3 * reach), (middle, share * reach), (at(to), 0.05)];
+            mould.turned(DVec2::ZERO, 8, &profile, leaves);
         }
-        stem + 3.1
-    };
-    Stand { middle: at.extend(0.5 * top), radius_m: 0.5 * top + r, faces }
+    }
+    let (middle, radius_m) = structure.ball();
+    Stand { middle, radius_m, faces }
 }
 
-fn lamp(at: DVec2, facing_rad: f64) -> Stand {
+fn prism(structure: &Structure, paint: Paint) -> Stand {
     let mut faces = Vec::new();
-    let mut mould = Mould { pose: PoseSe2 { position: at, heading_rad: facing_rad }, bottom_m: 0.0, faces: &mut faces };
-    let steel = thing(Stuff::Plain, [70, 84, 80]);
-    mould.turned(DVec2::ZERO, 5, &[(0.0, 0.12), (0.6, 0.09), (6.2, 0.06)], steel);
-    mould.limb(DVec3::new(0.0, 0.0, 6.1), DVec3::new(1.4, 0.0, 6.4), 0.05, steel);
-    mould.cuboid(DVec3::new(1.1, -0.12, 6.32), DVec3::new(1.7, 0.12, 6.42), steel);
-    Stand { middle: at.extend(3.2), radius_m: 3.8, faces }
+    let pose = PoseSe2 { position: structure.centre(), heading_rad: 0.0 };
+    let ring = |z: f64| structure.outline.iter().map(|corner| pose.to_local(*corner).extend(z)).collect();
+    Mould { pose, bottom_m: 0.0, faces: &mut faces }.loft(
+        &[ring(structure.bottom_m), ring(structure.top_m)],
+        paint,
+        |_, _| paint,
+    );
+    let (middle, radius_m) = structure.ball();
+    Stand { middle, radius_m, faces }
+}
+
+fn lamp(structure: &Structure) -> Stand {
+    let mut faces = Vec::new();
+    let [a, b] = [structure.outline[0], structure.outline[1]];
+    let pose = PoseSe2 { position: structure.centre(), heading_rad: (b - a).to_angle() - std::f64::consts::FRAC_PI_2 };
+    let mut mould = Mould { pose, bottom_m: 0.0, faces: &mut faces };
+    let steel = thing(Stuff::Plain, STEEL);
+    let top = structure.top_m;
+    mould.turned(DVec2::ZERO, 5, &[(0.0, 0.12), (0.6, 0.09), (top - 0.2, 0.06)], steel);
+    mould.limb(DVec3::new(0.0, 0.0, top - 0.3), DVec3::new(1.4, 0.0, top), 0.05, steel);
+    mould.cuboid(DVec3::new(1.1, -0.12, top - 0.08), DVec3::new(1.7, 0.12, top + 0.02), steel);
+    Stand { middle: pose.position.extend(0.5 * top), radius_m: 0.5 * top + 2.0, faces }
 }
 
 #[cfg(test)]

@@ -62,7 +62,7 @@ impl Escapes {
 fn way_out(world: &WorldState, vehicle: &VehicleParameters, (ahead, aside): (f64, f64)) -> Vec<OrientedBox> {
     let ego = &world.ego;
     let centre = ego.centre(vehicle);
-    let body = OrientedBox::new(&centre, vehicle.size.length_m, vehicle.size.width_m);
+    let body = vehicle.size.footprint(&centre);
     let (mut offset, mut aside_mps, mut speed) = (DVec2::ZERO, 0.0, ego.speed_mps().max(0.0));
     let mut forward = centre.forward();
     let step = |i: usize| {
@@ -129,7 +129,7 @@ pub(crate) fn forecast_ego(
             position: pose.position + pose.forward() * vehicle.rear_axle_to_centre_m,
             heading_rad: pose.heading_rad,
         };
-        OrientedBox::new(&centre, vehicle.size.length_m, vehicle.size.width_m)
+        vehicle.size.footprint(&centre)
     };
     (0..TICKS).map(step).collect()
 }

@@ -199,9 +199,7 @@ impl Ground {
         let agents: Vec<&AgentState> = world.agents.iter().filter(near).collect();
         let at = |i: usize| {
             let after = (i + 1) as f64 * self.dt_secs;
-            let moved = |agent: &&AgentState| {
-                OrientedBox::new(&agent.pose, agent.size.length_m, agent.size.width_m).moved(agent.velocity_mps * after)
-            };
+            let moved = |agent: &&AgentState| agent.footprint().moved(agent.velocity_mps * after);
             agents.iter().map(moved).collect()
         };
         (0..FORECAST_TICKS).map(at).collect()

@@ -8,7 +8,7 @@ use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap};
 use ds_raster::{ImageError, RgbImage};
 use ds_scenario::{Facts, Warning};
 use ds_space::CameraModel;
-use ds_world::{Scene, WorldState};
+use ds_world::{Map, Scene, WorldState};
 
 use crate::clip::Clip;
 use crate::drive::Drive;
@@ -48,6 +48,8 @@ pub(crate) struct Studio<'a> {
     scene: Scene,
     network: String,
     map: StaticMap,
+    /// The same without what stands beside the road.
+    bare: StaticMap,
     camera: CameraModel,
     /// Of a photographed drive, the pictures of the camera, one a tick.
     photos: Vec<Option<PathBuf>>,
@@ -67,7 +69,8 @@ impl<'a> Studio<'a> {
         let camera = recipe.source.world().rig(&resized(&scene.cameras[at], size));
         let photos = if at < pictures.len() { pictures.swap_remove(at) } else { Vec::new() };
         let map = StaticMap::new(&scene.map);
-        Ok(Self { recipe, network: network_id(&scene.map), map, camera, scene, photos, warnings })
+        let bare = StaticMap::new(&Map { structures: Vec::new(), ..scene.map.clone() });
+        Ok(Self { recipe, network: network_id(&scene.map), map, bare, camera, scene, photos, warnings })
     }
 
     /// Returns what is odd about the drive, a line each.
@@ -81,7 +84,7 @@ impl<'a> Studio<'a> {
         let drive = self.drive(planned)?;
         let frames = if planned.edited.is_some() { 1 } else { ticks };
         let worlds: Vec<WorldState> = (0..ticks).map(|frame| drive.world(&self.scene, frame)).collect();
-        let mut clip = Clip { layouts: self.layouts(&worlds, planned.index)?, ..Clip::default() };
+        let mut clip = Clip { layouts: self.layouts(&worlds, planned)?, ..Clip::default() };
         if self.recipe.source.is_photographed() {
             clip.frames = worlds.iter().map(|world| self.photo(world, planned.index)).collect::<Result<_, _>>()?;
         } else {
@@ -163,11 +166,13 @@ impl<'a> Studio<'a> {
         Ok(photo.reduced(self.camera.intrinsics.width_px, self.camera.intrinsics.height_px))
     }
 
-    fn layouts(&self, worlds: &[WorldState], index: u64) -> Result<Vec<RgbImage>, ClipsError> {
+    fn layouts(&self, worlds: &[WorldState], planned: &PlannedClip) -> Result<Vec<RgbImage>, ClipsError> {
+        let index = planned.index;
         let refuse = |error: ds_layout::LayoutError| ClipsError::Clip { index, reason: error.to_string() };
+        let map = if planned.bare { &self.bare } else { &self.map };
         let mut renderer = Renderer::new(LayoutBackend::Cpu).map_err(refuse)?;
         let mut layout = |world: &WorldState| {
-            let scene = LayoutScene { map: &self.map, world };
+            let scene = LayoutScene { map, world };
             renderer.render(&scene, &self.camera, world.ego.pose.world_from_rig(0.0))
         };
         worlds.iter().map(|world| layout(world).map_err(refuse)).collect()

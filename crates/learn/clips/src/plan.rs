@@ -42,6 +42,9 @@ pub enum ScenarioKey {
     },
 }
 
+/// Which of a clip's draws says whether it is a bare one; [`crate::drive`] takes those before.
+const BARE: u64 = 8;
+
 /// One clip to make.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlannedClip {
@@ -57,6 +60,8 @@ pub struct PlannedClip {
     pub draws: Draws,
     /// Whether the ego strays from its log.
     pub stray: bool,
+    /// Whether its layouts leave out what stands beside the road.
+    pub bare: bool,
     /// Which of the clips of its scenario it is.
     pub part: u64,
     /// The clip of the edited recipe whose first frame is edited.
@@ -142,6 +147,7 @@ impl ClipPlan {
                 look,
                 draws,
                 stray: self.recipe.stray,
+                bare: draws.uniform(BARE) < self.recipe.bare,
                 part,
                 edited: None,
             };
@@ -159,6 +165,7 @@ impl ClipPlan {
             look,
             draws: original.draws,
             stray: original.stray,
+            bare: original.bare,
             part: original.part,
             edited: Some(Box::new(original)),
         }

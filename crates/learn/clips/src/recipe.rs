@@ -85,6 +85,9 @@ pub struct Recipe {
     /// Whether the ego strays from its log; without, clips start with the log and stretch it where it is too short.
     #[serde(default)]
     pub stray: bool,
+    /// Share of the clips whose layouts leave out what stands beside the road, as those of most logs do.
+    #[serde(default)]
+    pub bare: f64,
     /// Which scenarios.
     pub scenarios: ScenarioConfig,
     /// Which conditions.
@@ -258,6 +261,9 @@ impl Recipe {
         if !(1..=4_096).contains(&self.shard_clips) {
             return refuse("shard_clips", format!("must be 1 to 4096, not {}", self.shard_clips));
         }
+        if !(0.0..=1.0).contains(&self.bare) {
+            return refuse("bare", format!("must be 0 to 1, not {}", self.bare));
+        }
         let scenarios = &self.scenarios;
         if self.source == Source::SecondWorld && self.split != Split::Test {
             return refuse("source", "\"second_world\" is for split \"test\" only".to_owned());
@@ -307,4 +313,4 @@ impl Recipe {
 }
 
 /// Changes whenever the same recipe gives other clips.
-const MAKER: &str = "clips 1";
+const MAKER: &str = "clips 2";

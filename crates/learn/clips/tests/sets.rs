@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use ds_camera::{PixelClass, ReferenceCamera};
 use ds_clips::{Clip, ClipPlan, ClipSet, ClipsError, Drive, Progress, Recipe, ScenarioKey, render, scene_of};
+use ds_layout::colour;
 
 fn configs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../configs/data")
@@ -149,6 +150,26 @@ fn edits_keep_the_layouts_and_change_the_first_frame_alone() {
 }
 
 #[test]
+fn bare_clips_show_the_same_frames_beside_layouts_without_structures() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let told = recipe(folder.path(), "smoke", SMALL);
+    let bare = Recipe { bare: 1.0, ..told.clone() };
+    let (told, bare) = (all(&told, &folder.path().join("told")), all(&bare, &folder.path().join("bare")));
+    let mut shown = 0;
+    for clip in 0..told.len() {
+        let (told, bare) = (told.whole(clip).expect("reads"), bare.whole(clip).expect("reads"));
+        assert!(told.frames == bare.frames && told.classes == bare.classes);
+        for (told, bare) in told.layouts.iter().zip(&bare.layouts) {
+            for (told, bare) in told.rgb().as_chunks::<3>().0.iter().zip(bare.rgb().as_chunks::<3>().0) {
+                assert!(!colour::is_structure(*bare) && (told == bare || colour::is_structure(*told)));
+                shown += usize::from(told != bare);
+            }
+        }
+    }
+    assert!(shown > 1_000, "{shown} pixels of structures");
+}
+
+#[test]
 fn foreign_and_broken_folders_are_named() {
     let folder = tempfile::tempdir().expect("a folder");
     let first = recipe(folder.path(), "smoke", &[SMALL, &[("clips_each = 2", "clips_each = 1")]].concat());
@@ -227,6 +248,7 @@ fn broken_recipes_are_named() {
     check("count = 8", "count = 0", "scenarios.count");
     check("clips_each = 3", "clips_each = 0", "clips_each");
     check("frames = 21", "frames = 0", "frames");
+    check("seed = 7", "seed = 7\nbare = 1.5", "bare");
     check("lighting=day,weather=clear,surface=dry", "lighting=dawn", "\"lighting=dawn\" is none of");
     check("[appearance]", "[appearance]\nheld_out = [\"any\"]", "no condition is left");
     check("source = \"reference\"", "source = \"imported\"", "scenarios.files");

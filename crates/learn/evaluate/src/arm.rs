@@ -42,6 +42,8 @@ pub struct Arm {
     pub kind: ArmKind,
     /// What the configuration remarks on it.
     pub remark: String,
+    /// Whether its layouts leave out what stands beside the road.
+    bare: bool,
     model: Arc<VideoModel>,
     /// The network of a teacher or prior and how it is sampled.
     teacher: Option<(Teacher, Sampling)>,
@@ -92,7 +94,7 @@ impl Arm {
             let digest = if per_frame { per_frame_digest(&model.digest()) } else { model.digest() };
             let kind = if per_frame { ArmKind::PerFrame } else { ArmKind::Student };
             let (name, remark, model) = (source.name().to_owned(), String::new(), Arc::new(model));
-            Ok(Self { name, kind, remark, model, teacher: None, digest })
+            Ok(Self { name, kind, remark, bare: false, model, teacher: None, digest })
         };
         open().map_err(|cause: Cause| AppraisalError::Arm { arm: source.name().to_owned(), source: cause })
     }
@@ -137,9 +139,10 @@ impl Arm {
                 VideoModel::new(preset, weights)?
             }
         };
-        let digest = DigestWriter::new().digest(&model.digest()).text(settings).finish();
+        let digest = DigestWriter::new().digest(&model.digest()).text(settings).bool(arm.bare).finish();
         let (name, remark) = (name.to_owned(), arm.remark.clone());
-        Ok(Self { name, kind: arm.kind, remark, model: Arc::new(model), teacher: teacher.transpose()?, digest })
+        let (kind, bare) = (arm.kind, arm.bare);
+        Ok(Self { name, kind, remark, bare, model: Arc::new(model), teacher: teacher.transpose()?, digest })
     }
 
     /// Returns the digest of preset, weights and way of making frames.
@@ -166,7 +169,8 @@ impl Arm {
     /// # Errors
     /// If a layout cannot be rendered or the model gives values that are not finite.
     pub fn roll(&self, drive: &mut Drive, last: u32) -> Result<Vec<RgbImage>, AppraisalError> {
-        let layouts: Vec<RgbImage> = (0..=last).map(|frame| drive.layout(frame)).collect::<Result<_, _>>()?;
+        let layout = |frame| if self.bare { drive.bare_layout(frame) } else { drive.layout(frame) };
+        let layouts: Vec<RgbImage> = (0..=last).map(layout).collect::<Result<_, _>>()?;
         self.roll_with(drive, &layouts)
     }
 

@@ -23,6 +23,8 @@ pub struct Column<'a> {
     pub scenes: Vec<(Arc<Scene>, Appearance)>,
     /// How many of them, from the first, all tables use that name no number of rollouts.
     pub scenarios: usize,
+    /// How far the camera is turned to the left, in degrees.
+    pub turned_deg: f64,
 }
 
 impl<'a> Column<'a> {
@@ -36,15 +38,16 @@ impl<'a> Column<'a> {
         progress: &mut dyn Progress,
     ) -> Result<Vec<Self>, AppraisalError> {
         let mut columns = Vec::new();
+        let turned_deg = config.columns.turned_deg;
         for world in worlds {
             let (scenes, scenarios) = (generated(config, *world)?, config.columns.scenarios as usize);
-            columns.push(Self { name: world.name().to_owned(), world: *world, scenes, scenarios });
+            columns.push(Self { name: world.name().to_owned(), world: *world, scenes, scenarios, turned_deg });
         }
         if let (Some(world), false) = (worlds.first(), config.columns.real.is_empty()) {
             let scenes = logged(config, progress)?;
             if !scenes.is_empty() {
                 let scenarios = scenes.len();
-                columns.push(Self { name: "real".to_owned(), world: *world, scenes, scenarios });
+                columns.push(Self { name: "real".to_owned(), world: *world, scenes, scenarios, turned_deg });
             }
         }
         Ok(columns)
@@ -54,7 +57,13 @@ impl<'a> Column<'a> {
     #[must_use]
     pub fn routes(&self, scenarios: usize, starts: &[u32], pace: f64) -> Vec<Vec<Route>> {
         let route = |(scene, look): &(Arc<Scene>, Appearance)| {
-            let at = |start: &u32| Route { scene: Arc::clone(scene), start: *start, pace, look: *look };
+            let at = |start: &u32| Route {
+                scene: Arc::clone(scene),
+                start: *start,
+                pace,
+                look: *look,
+                turned_deg: self.turned_deg,
+            };
             starts.iter().map(at).collect()
         };
         self.scenes.iter().take(scenarios).map(route).collect()

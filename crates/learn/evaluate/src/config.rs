@@ -120,6 +120,9 @@ pub struct ArmConfig {
     /// clips with an edited first frame; c∅ must keep the first frame.
     #[serde(default)]
     pub keep_look: bool,
+    /// Whether its layouts leave out what stands beside the road.
+    #[serde(default)]
+    pub bare: bool,
     /// A remark for the report, such as what the arm stands in for.
     #[serde(default)]
     pub remark: String,
@@ -136,6 +139,9 @@ pub struct ColumnsConfig {
     /// The look of generated scenarios: `daylight` (clear and overcast in turn), `drawn` (any condition), or the name of an
     /// appearance such as `day` or `snow`.
     pub look: String,
+    /// How far the camera is turned to the left of the rig's own front camera, in degrees.
+    #[serde(default)]
+    pub turned_deg: f64,
     /// Scenario files, logs or folders of them for the column `real`; absent ones are skipped with a note.
     #[serde(default)]
     pub real: Vec<PathBuf>,
@@ -145,7 +151,7 @@ pub struct ColumnsConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SharpnessConfig {
-    /// Arm per key of `sharpness`: autoencoder, student.
+    /// Arm per key of `sharpness`: autoencoder, student; where structures are asked about, `bare`, which has never seen any, and `untold`.
     pub arms: BTreeMap<String, String>,
     /// Scenarios, one rollout each.
     pub rollouts: u64,
@@ -259,7 +265,7 @@ fn default_resamples() -> u64 {
 }
 
 /// The keys of `sharpness`.
-pub const SHARPNESS_ARMS: [&str; 2] = ["autoencoder", "student"];
+pub const SHARPNESS_ARMS: [&str; 4] = ["autoencoder", "student", "bare", "untold"];
 /// The keys of the tables of `eval.json`.
 pub const LAYOUT_ARMS: [&str; 3] = ["student", "teacher", "no_layout"];
 /// The keys of `feature_distance`.

@@ -9,8 +9,8 @@ use ds_perception::label::Crosswalks;
 use ds_perception::lights::{self, SeenLight};
 use ds_raster::RgbImage;
 use ds_scenario::Facts;
-use ds_space::{CameraModel, Digest, Draws};
-use ds_world::{Scene, WorldState};
+use ds_space::{CameraModel, DQuat, Digest, Draws};
+use ds_world::{Map, Scene, WorldState};
 
 use crate::course::Course;
 use crate::error::AppraisalError;
@@ -29,6 +29,8 @@ pub struct Route {
     pub pace: f64,
     /// The look.
     pub look: Appearance,
+    /// How far the camera is turned to the left, in degrees.
+    pub turned_deg: f64,
 }
 
 /// A drive, ready to be looked at.
@@ -44,6 +46,7 @@ pub struct Drive {
     course: Course,
     camera: Box<dyn SceneCamera>,
     map: StaticMap,
+    bare: StaticMap,
     crosswalks: Crosswalks,
     renderer: Renderer,
 }
@@ -58,6 +61,8 @@ impl Drive {
         let model = scene.cameras.first().cloned();
         let mut model = model.ok_or_else(|| AppraisalError::NoCamera { scenario: scene.name.clone() })?;
         model.intrinsics = model.intrinsics.resized(size_px.0, size_px.1);
+        let turned = DQuat::from_rotation_z(route.turned_deg.to_radians());
+        model.rig_from_camera.rotation = turned * model.rig_from_camera.rotation;
         let model = world.rig(&model);
         let course = Course::new(Arc::clone(scene), route.start, route.pace);
         let facts = Facts::of(scene, &course.world(0), &course.world(TOLD_FRAMES), route.look.prompt());
@@ -70,6 +75,7 @@ impl Drive {
             course,
             camera: world.camera(scene, &route.look),
             map: StaticMap::new(&scene.map),
+            bare: StaticMap::new(&Map { structures: Vec::new(), ..scene.map.clone() }),
             crosswalks: Crosswalks::new(&scene.map)?,
             renderer: Renderer::new(LayoutBackend::Cpu)?,
         })
@@ -93,6 +99,16 @@ impl Drive {
     /// If the size is refused.
     pub fn layout(&mut self, frame: u32) -> Result<RgbImage, AppraisalError> {
         self.layout_of(&self.world(frame))
+    }
+
+    /// Renders the layout of a frame without what stands beside the road.
+    ///
+    /// # Errors
+    /// If the size is refused.
+    pub fn bare_layout(&mut self, frame: u32) -> Result<RgbImage, AppraisalError> {
+        let world = self.world(frame);
+        let scene = LayoutScene { map: &self.bare, world: &world };
+        Ok(self.renderer.render(&scene, &self.model, world.ego.pose.world_from_rig(0.0))?)
     }
 
     /// Renders the layout of any state of the world, seen from its ego.

@@ -50,6 +50,9 @@ pub struct SharpnessOutcome {
     pub frames: (u32, u32, u32),
     /// By column, by arm.
     pub columns: BTreeMap<String, BTreeMap<String, Sharpness>>,
+    /// By column, the share of the distance beside the road that goes once layouts show structures: student against `bare`.
+    #[serde(default)]
+    pub structures_gain: BTreeMap<String, Estimate>,
 }
 
 /// How sharp the frames of an arm are.
@@ -65,6 +68,9 @@ pub struct Sharpness {
     pub reference_border_ratio: Option<Estimate>,
     /// Difference of successive frames across borders of chunks over that inside; absent of what has no chunks.
     pub seam: Option<Estimate>,
+    /// Perceptual distance from the world's own frames beside the road, around frame 50.
+    #[serde(default)]
+    pub off_road_distance: Option<Estimate>,
 }
 
 /// Layout, fidelity, colour and seam figures.

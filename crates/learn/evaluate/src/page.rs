@@ -79,7 +79,8 @@ fn sharpness(m: &mut Markup, outcome: &Outcome) {
         format_args!(
             "Frames {first} to {last} of whole drives, every {every}. Detail: mean absolute Laplacian over that of the \
              world's own frames. Blocks: steps at the borders of 8×8 pixels over those inside, beside those of the world's \
-             own frames. Seam: change between chunks over that within."
+             own frames. Seam: change between chunks over that within. Distance beside the road: perceptual, from the world's own \
+             frames 45 to 55, where they show neither road nor road users nor sky."
         ),
     );
     for (name, column) in &part.columns {
@@ -92,10 +93,20 @@ fn sharpness(m: &mut Markup, outcome: &Outcome) {
                 shown(found.reference_border_ratio, 2),
                 shown(found.seam, 2),
                 shown(found.psnr_db, 1),
+                shown(found.off_road_distance, 3),
             ]
         };
-        let head = ["arm", "detail", "blocks", "blocks of the world's own", "seam", "PSNR dB"];
+        let head =
+            ["arm", "detail", "blocks", "blocks of the world's own", "seam", "PSNR dB", "distance beside the road"];
         table(m, &head, &column.iter().map(row).collect::<Vec<_>>());
+        if let Some(gain) = part.structures_gain.get(name) {
+            let gain = shown(Some(*gain), 2);
+            m.leaf(
+                "p",
+                &[],
+                format_args!("Share of the distance beside the road that goes with structures in the layout: {gain}."),
+            );
+        }
     }
 }
 

@@ -29,6 +29,8 @@ pub struct Glance {
     pub psnr_db: Option<f64>,
     /// Perceptual distance from the world's own frame.
     pub distance: Option<f64>,
+    /// The same where the truth shows neither road nor road users nor sky: houses, trees, verges.
+    pub off_road: Option<f64>,
 }
 
 impl Glance {

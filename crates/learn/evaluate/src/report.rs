@@ -143,10 +143,14 @@ fn sharpness_json(outcome: &Outcome, column: &str) -> Value {
             "border_ratio": figure(|found| found.border_ratio),
             "reference_border_ratio": figure(|found| found.reference_border_ratio),
             "seam": figure(|found| found.seam),
+            "off_road_distance": figure(|found| found.off_road_distance),
         });
         ((*key).to_owned(), figures)
     };
-    SHARPNESS_ARMS.iter().map(arm).collect::<Map<String, Value>>().into()
+    let mut figures: Map<String, Value> = SHARPNESS_ARMS.iter().map(arm).collect();
+    let gain = part.and_then(|part| part.structures_gain.get(column).copied());
+    figures.insert("structures_gain".to_owned(), value(gain));
+    figures.into()
 }
 
 fn drift_json(outcome: &Outcome, column: &str) -> Value {

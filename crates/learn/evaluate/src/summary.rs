@@ -107,6 +107,7 @@ pub(crate) mod tests {
             steps: Steps::default(),
             psnr_db: Some(20.0),
             distance: None,
+            off_road: None,
         }
     }
 

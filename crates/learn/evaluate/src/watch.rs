@@ -1,5 +1,6 @@
 //! Watching a rollout: an arm makes the frames of a drive, the networks look at the chosen ones.
 
+use ds_perception::Label;
 use ds_perception::overlap::Overlaps;
 use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter};
@@ -43,8 +44,8 @@ impl Viewing<'_> {
     pub fn key(&self, arm: Option<&Arm>, world: &str, route: &Route, eyes: &Eyes) -> Digest {
         let Self { plan, size_px } = *self;
         let mut writer = DigestWriter::new();
-        writer.text("appraisal record 2").text(world).digest(&eyes.digest()).digest(&route.scene.digest);
-        writer.u32(route.start).f64s(&[route.pace]).text(&format!("{:?}", route.look));
+        writer.text("appraisal record 3").text(world).digest(&eyes.digest()).digest(&route.scene.digest);
+        writer.u32(route.start).f64s(&[route.pace, route.turned_deg]).text(&format!("{:?}", route.look));
         writer.u32(size_px.0).u32(size_px.1).text(&format!("{plan:?}"));
         match arm {
             Some(arm) => writer.text("arm").digest(&arm.digest()),
@@ -73,7 +74,7 @@ pub fn watch(
         let compared = made.is_some().then_some(own.as_ref()).flatten();
         let mut glance = glance(*frame, seen, compared, eyes);
         if plan.truth {
-            judge(&mut glance, drive, seen, eyes)?;
+            judge(&mut glance, drive, (seen, compared), eyes)?;
         }
         glances.push(glance);
     }
@@ -95,12 +96,20 @@ fn glance(frame: u32, seen: &RgbImage, own: Option<&RgbImage>, eyes: &Eyes) -> G
         steps: Steps::of(seen),
         psnr_db: own.map(|own| psnr_db(own, seen)),
         distance: own.map(|own| eyes.look.distance(own, seen)),
+        off_road: None,
     }
 }
 
 /// Adds how the pixels and lights of a frame agree with the truth.
-fn judge(glance: &mut Glance, drive: &mut Drive, seen: &RgbImage, eyes: &Eyes) -> Result<(), AppraisalError> {
+fn judge(
+    glance: &mut Glance,
+    drive: &mut Drive,
+    (seen, own): (&RgbImage, Option<&RgbImage>),
+    eyes: &Eyes,
+) -> Result<(), AppraisalError> {
     let truth = drive.labels(glance.frame)?;
+    let beside: Vec<bool> = truth.iter().map(|label| *label == Label::Other).collect();
+    glance.off_road = own.and_then(|own| eyes.look.distance_where(own, seen, &beside));
     let mut overlaps = Overlaps::default();
     overlaps.add(&truth, &eyes.segmenter.labels(seen));
     glance.pixels = Some(overlaps.0.map(|overlap| [overlap.both, overlap.either]));

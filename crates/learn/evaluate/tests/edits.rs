@@ -28,7 +28,7 @@ fn student() -> Arm {
 
 fn route(family: Family, seed: u64, start: u32) -> Route {
     let scene = Arc::new(ds_scenario::generate(family, seed));
-    Route { scene, start, pace: 1.0, look: Appearance::DAY }
+    Route { scene, start, pace: 1.0, look: Appearance::DAY, turned_deg: 0.0 }
 }
 
 /// Drives that count for a mean.

@@ -131,18 +131,42 @@ impl LookReader {
     /// 0 for equal frames, at most 2, for activations are never below zero.
     #[must_use]
     pub fn distance(&self, a: &RgbImage, b: &RgbImage) -> f64 {
+        self.mean_distance(a, b, |_, _, _| true).unwrap_or(0.0)
+    }
+
+    /// Returns the same over places most of whose pixels are chosen, rows top to bottom as in the frames; `None` without any.
+    #[must_use]
+    pub fn distance_where(&self, a: &RgbImage, b: &RgbImage, chosen: &[bool]) -> Option<f64> {
+        let (width, height) = (a.width_px() as usize, a.height_px() as usize);
+        self.mean_distance(a, b, |[rows, columns], y, x| {
+            let span =
+                |at: usize, of: usize, size: usize| at * size / of..((at + 1) * size / of).max(at * size / of + 1);
+            let (span_y, span_x) = (span(y, rows, height), span(x, columns, width));
+            let all = span_y.len() * span_x.len();
+            2 * span_y.flat_map(|y| span_x.clone().map(move |x| chosen[y * width + x])).filter(|c| *c).count() > all
+        })
+    }
+
+    /// Averages over levels the mean over the places of each that are wanted: rows and columns of the level, row, column.
+    fn mean_distance(
+        &self,
+        a: &RgbImage,
+        b: &RgbImage,
+        wanted: impl Fn([usize; 2], usize, usize) -> bool,
+    ) -> Option<f64> {
         let levels = |frame: &RgbImage| {
             let frame = frame.resized(SIZE_PX.0, SIZE_PX.1);
             self.network.levels(&values_of(&frame))
         };
         let (a, b) = (levels(a), levels(b));
         let apart = |(a, b): (&Array, &Array)| {
-            let width = a.shape()[3];
-            let pairs = a.values().chunks_exact(width).zip(b.values().chunks_exact(width));
-            let (sum, count) = pairs.fold((0.0, 0.0), |(sum, count), (a, b)| (sum + unit_distance(a, b), count + 1.0));
-            sum / f64::max(count, 1.0)
+            let [rows, columns, width] = [1, 2, 3].map(|axis| a.shape()[axis]);
+            let pairs = a.values().chunks_exact(width).zip(b.values().chunks_exact(width)).enumerate();
+            let there = pairs.filter(|(at, _)| wanted([rows, columns], at / columns, at % columns));
+            ds_stats::mean(there.map(|(_, (a, b))| unit_distance(a, b)))
         };
-        a.iter().zip(&b).map(apart).sum::<f64>() / a.len() as f64
+        let levels: Option<Vec<f64>> = a.iter().zip(&b).map(apart).collect();
+        ds_stats::mean(levels?)
     }
 }
 

@@ -194,7 +194,7 @@ impl Source<'_> {
             all
         } else {
             let road_users = self.recipe.rolled_road_users.unwrap_or(all.road_users);
-            Emphasis { road_users, untold: self.recipe.untold, ..all }
+            Emphasis { road_users, untold: self.recipe.untold, structures: self.recipe.structures, ..all }
         };
         let steps = latent_steps(&clip.frames, stride).into_iter().zip(latent_steps(&clip.layouts, stride));
         for (step, layout) in steps.skip(from).take(count) {

@@ -97,6 +97,7 @@ const SCENE_LIMITS: &[Limit] = &[
     Limit { path: &[3, 5, 6], field: "scenario.map.crosswalks", most: MAX_LINES },
     Limit { path: &[3, 5, 7], field: "scenario.map.stop_lines", most: MAX_LANES },
     Limit { path: &[3, 5, 8], field: "scenario.map.traffic_lights", most: MAX_LIGHTS },
+    Limit { path: &[3, 5, 9], field: "scenario.map.structures", most: MAX_LINES },
     Limit { path: &[3, 7], field: "scenario.ego_log", most: scene::MAX_TICKS },
     Limit { path: &[3, 9], field: "scenario.tracks", most: world::MAX_AGENTS },
     Limit { path: &[3, 9, 4], field: "scenario.tracks.ticks", most: 1_000_000 },

@@ -3,7 +3,7 @@
 use ds_space::DVec2;
 use ds_world::{
     Crosswalk, Lane, LaneId, LaneKind, LightState, LineColour, LineKind, LineMarking, Map, RoadEdge, StopLine,
-    TrafficLight,
+    Structure, StructureKind, TrafficLight,
 };
 
 use crate::error::FieldError;
@@ -22,6 +22,9 @@ pub(crate) const MAX_LIGHTS: usize = 4_096;
 enumeration!(v1::LaneKind, LaneKind, { Road = Road, Connector = Connector });
 enumeration!(v1::LineKind, LineKind, { Solid = Solid, Dashed = Dashed, Double = Double });
 enumeration!(v1::LineColour, LineColour, { White = White, Yellow = Yellow });
+enumeration!(v1::StructureKind, StructureKind, {
+    Building = Building, Vegetation = Vegetation, Pole = Pole, Fence = Fence, Wall = Wall
+});
 
 impl From<&Lane> for v1::Lane {
     fn from(value: &Lane) -> Self {
@@ -118,6 +121,29 @@ impl TryFrom<v1::TrafficLight> for TrafficLight {
     }
 }
 
+impl From<&Structure> for v1::Structure {
+    fn from(value: &Structure) -> Self {
+        Self {
+            kind: v1::StructureKind::from(value.kind).into(),
+            outline: Some(value.outline.as_slice().into()),
+            bottom_m: Some(value.bottom_m),
+            top_m: Some(value.top_m),
+        }
+    }
+}
+
+impl TryFrom<v1::Structure> for Structure {
+    type Error = FieldError;
+    fn try_from(message: v1::Structure) -> Result<Self, FieldError> {
+        Ok(Self {
+            kind: choice::<v1::StructureKind, _>("kind", message.kind)?,
+            outline: points("outline", message.outline, 3)?,
+            bottom_m: number("bottom_m", message.bottom_m)?,
+            top_m: number("top_m", message.top_m)?,
+        })
+    }
+}
+
 /// An outline or line, taken from a list of polylines.
 struct Points(Vec<DVec2>);
 
@@ -145,6 +171,7 @@ impl From<&Map> for v1::Map {
             crosswalks: value.crosswalks.iter().map(|crossing| crossing.polygon.as_slice().into()).collect(),
             stop_lines: value.stop_lines.iter().map(Into::into).collect(),
             traffic_lights: value.traffic_lights.iter().map(Into::into).collect(),
+            structures: value.structures.iter().map(Into::into).collect(),
         }
     }
 }
@@ -161,6 +188,7 @@ impl TryFrom<v1::Map> for Map {
             crosswalks: lines("crosswalks", message.crosswalks, |polygon| Crosswalk { polygon })?,
             stop_lines: list("stop_lines", message.stop_lines, MAX_LANES)?,
             traffic_lights: list("traffic_lights", message.traffic_lights, MAX_LIGHTS)?,
+            structures: list("structures", message.structures, MAX_LINES)?,
         };
         check_indices(&map)?;
         Ok(map)

@@ -54,7 +54,7 @@ fn first_frame(args: &FirstFrameArgs) -> Result<()> {
     let weights = args.weights.display();
     ensure!(args.weights.exists(), "there are no weights {weights}: `just arms` makes a teacher's (docs/training.md)");
     let preset = ModelConfig::load(&args.model).with_context(|| format!("model {}", args.model.display()))?;
-    let route = Route { scene: Arc::new(scene), start: 0, pace: 1.0, look: Appearance::DAY };
+    let route = Route { scene: Arc::new(scene), start: 0, pace: 1.0, look: Appearance::DAY, turned_deg: 0.0 };
     let mut drive = Drive::new(&ReferenceWorld, &route, (preset.video.width_px, preset.video.height_px))?;
     let layout = drive.layout(0)?;
     let prompt = args.prompt.as_deref().unwrap_or(&drive.prompt);

@@ -79,6 +79,7 @@ pub(crate) fn map() -> Map {
             lanes: vec![LaneId(0)],
             states: vec![LightState::Red],
         }],
+        structures: Vec::new(),
         lanes,
     }
 }

@@ -243,8 +243,17 @@ fn route(path: &Path, motions: &[Motion]) -> Vec<DVec2> {
 fn place(scene: &mut Scene, world_from_stage: &PoseSe2) {
     let shift =
         |points: &mut Vec<DVec2>| points.iter_mut().for_each(|point| *point = world_from_stage.to_outer(*point));
-    let Map { lanes, junctions, drivable, road_edges, line_markings, crosswalks, stop_lines, traffic_lights } =
-        &mut scene.map;
+    let Map {
+        lanes,
+        junctions,
+        drivable,
+        road_edges,
+        line_markings,
+        crosswalks,
+        stop_lines,
+        traffic_lights,
+        structures,
+    } = &mut scene.map;
     for lane in lanes {
         shift(&mut lane.centre_line);
         shift(&mut lane.polygon);
@@ -256,6 +265,7 @@ fn place(scene: &mut Scene, world_from_stage: &PoseSe2) {
     for stop in stop_lines {
         stop.points = stop.points.map(|point| world_from_stage.to_outer(point));
     }
+    structures.iter_mut().map(|structure| &mut structure.outline).for_each(shift);
     for light in traffic_lights {
         light.position = world_from_stage.to_outer(light.position.truncate()).extend(light.position.z);
         light.facing_rad = angle::wrap(light.facing_rad + world_from_stage.heading_rad);

@@ -3,6 +3,7 @@
 use super::*;
 use crate::store::{load, to_text, warnings};
 use ds_space::Tick;
+use ds_space::plane::IndexedPolygon;
 use proptest::prelude::*;
 
 /// Where the shipped scenarios lie.
@@ -22,7 +23,7 @@ proptest! {
         prop_assert_eq!(scene.ego_log.len(), stage::TICKS as usize);
         prop_assert!(warnings(&scene).is_empty(), "{:?}", warnings(&scene));
         let text = to_text(&scene, FilePath::new("generated"));
-        prop_assert!(text.is_ok_and(|text| text.len() < 400_000));
+        prop_assert!(text.is_ok_and(|text| text.len() < 500_000));
     }
 }
 
@@ -65,6 +66,27 @@ fn families_show_what_they_are_named_for() {
         })
     });
     some(Family::CutIn, |scene| scene.ego_log.len() == 151 && scene.tracks.len() > 2);
+}
+
+#[test]
+fn houses_and_trees_stand_clear_of_the_road_and_of_all_that_moves() {
+    for family in Family::ALL {
+        let scene = generate(family, 7);
+        let structures = &scene.map.structures;
+        let buildings =
+            structures.iter().filter(|structure| structure.kind == ds_world::StructureKind::Building).count();
+        assert!(buildings > 5 && structures.len() > 50, "{family}: {buildings} buildings of {}", structures.len());
+        let tracked =
+            scene.tracks.iter().flat_map(|track| track.points.iter().flatten()).map(|point| point.pose.position);
+        let moved: Vec<_> = tracked.chain(scene.ego_log.iter().map(|ego| ego.pose.position)).collect();
+        let roads: Vec<_> = scene.map.drivable.iter().filter_map(|area| IndexedPolygon::new(area, &[])).collect();
+        for structure in structures {
+            let clear = |corner| !roads.iter().any(|road| road.holds(corner));
+            assert!(structure.outline.iter().copied().all(clear), "{family}: {structure:?} stands on the road");
+            let outline = IndexedPolygon::new(&structure.outline, &[]).expect("an outline is a polygon");
+            assert!(!moved.iter().any(|place| outline.holds(*place)), "{family}: {structure:?} is driven through");
+        }
+    }
 }
 
 #[test]

@@ -5,13 +5,17 @@ use std::collections::BTreeMap;
 use ds_space::DVec3;
 use ds_world::{
     Crosswalk, Lane, LaneId, LaneKind, LightState, LineColour, LineKind, LineMarking, Map, Polygon, RoadEdge, StopLine,
-    TrafficLight,
+    Structure, StructureKind, TrafficLight,
 };
 
 use crate::document::{
     ColourPart, LaneKindPart, LanePart, LightPart, LineKindPart, LinePart, MapPart, Point, StatePart, StopPart,
+    StructureKindPart, StructurePart,
 };
 use crate::place::{FAR_M, Fault, Place};
+
+/// The highest that a structure may be, in metres.
+const HIGH_M: f64 = 1_000.0;
 
 type Names<'a> = BTreeMap<&'a str, LaneId>;
 
@@ -44,6 +48,7 @@ pub(crate) fn map(at: &Place<'_>, part: &MapPart, ticks: usize) -> Result<Map, F
         traffic_lights: each(&at.field("traffic_lights"), &part.traffic_lights, |here, part| {
             light(here, part, (&names, ticks))
         })?,
+        structures: each(&at.field("structures"), &part.structures, structure)?,
     })
 }
 
@@ -104,6 +109,26 @@ fn stop_line(at: &Place<'_>, part: &StopPart, lights: usize) -> Result<StopLine,
     Ok(StopLine {
         points: [ends.item(0).point(part.points_m[0])?, ends.item(1).point(part.points_m[1])?],
         light: part.light,
+    })
+}
+
+fn structure(at: &Place<'_>, part: &StructurePart) -> Result<Structure, Fault> {
+    let bottom_m = at.field("bottom_m").within(part.bottom_m, 0.0, HIGH_M)?;
+    let top_m = at.field("top_m").within(part.top_m, 0.0, HIGH_M)?;
+    if top_m <= bottom_m {
+        return Err(at.field("top_m").fault(format!("is {top_m}, not above bottom_m, which is {bottom_m}")));
+    }
+    Ok(Structure {
+        kind: match part.kind {
+            StructureKindPart::Building => StructureKind::Building,
+            StructureKindPart::Vegetation => StructureKind::Vegetation,
+            StructureKindPart::Pole => StructureKind::Pole,
+            StructureKindPart::Fence => StructureKind::Fence,
+            StructureKindPart::Wall => StructureKind::Wall,
+        },
+        outline: at.field("outline_m").points(&part.outline_m, 3)?,
+        bottom_m,
+        top_m,
     })
 }
 

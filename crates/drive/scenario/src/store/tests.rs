@@ -58,6 +58,10 @@ fn refuses_hostile_files_with_place_and_value() {
     refused("[".repeat(100_000).as_bytes(), &["scenario refused"]);
     refused(&with("/format", json!("other")), &["\"format\"", "other"]);
     refused(&with("/version", json!(9)), &["\"version\"", "9"]);
+    refused(&with("/version", json!(1)), &["version", "structures", "2"]);
+    refused(&with("/map/structures/3/top_m", json!(0.0)), &["map.structures[3].top_m", "bottom_m"]);
+    refused(&with("/map/structures/3/outline_m", json!([[0.0, 0.0], [1.0, 0.0]])), &["structures[3].outline_m", "3"]);
+    refused(&with("/map/structures/3/kind", json!("castle")), &["castle", "building"]);
     refused(&with("/frame", json!("x-north")), &["\"frame\"", "x-north"]);
     refused(&with("/name", json!("../../etc/passwd")), &["\"name\"", "../../etc/passwd"]);
     refused(&with("/surprise", json!(1)), &["surprise"]);

@@ -65,7 +65,7 @@ fn config(folder: &Path) -> EvalConfig {
 
 fn drive() -> Drive {
     let scene = Arc::new(ds_scenario::generate(Family::LeadBraking, 1));
-    let route = Route { scene, start: 0, pace: 1.0, look: Appearance::DAY };
+    let route = Route { scene, start: 0, pace: 1.0, look: Appearance::DAY, turned_deg: 0.0 };
     Drive::new(&ReferenceWorld, &route, (64, 32)).expect("a drive")
 }
 

@@ -22,14 +22,28 @@ impl Evaluation<'_> {
             let routes = self.columns[column].routes(config.rollouts as usize, &[0], 1.0);
             let own = self.rollouts(None, column, &routes, Viewing { plan: &plan, size_px })?;
             let mut found = BTreeMap::new();
+            let mut beside = BTreeMap::new();
             for arm in &arms {
                 let made = self.rollouts(Some(arm), column, &routes, Viewing { plan: &plan, size_px })?;
                 found.insert(arm.clone(), figures(&made, &own, self.resamples));
+                beside.insert(arm, made);
             }
-            outcome.columns.insert(self.columns[column].name.clone(), found);
+            let name = &self.columns[column].name;
+            let of = |key: &str| config.arms.get(key).and_then(|arm| beside.get(arm));
+            if let Some((told, bare)) = of("student").zip(of("bare")) {
+                let gain = |picks: &[usize]| Some(1.0 - off_road(told, picks)? / off_road(bare, picks)?);
+                let gain = self.resamples.estimate(told.scenarios(), gain);
+                outcome.structures_gain.extend(gain.map(|gain| (name.clone(), gain)));
+            }
+            outcome.columns.insert(name.clone(), found);
         }
         Ok(outcome)
     }
+}
+
+/// The distance beside the road around frame 50.
+fn off_road(made: &Rollouts, picks: &[usize]) -> Option<f64> {
+    made.mean(picks, |glance| glance.off_road.filter(|_| glance.frame.abs_diff(50) <= 5))
 }
 
 fn figures(made: &Rollouts, own: &Rollouts, resamples: Resamples) -> Sharpness {
@@ -44,5 +58,6 @@ fn figures(made: &Rollouts, own: &Rollouts, resamples: Resamples) -> Sharpness {
         border_ratio: resamples.estimate(count, |picks| borders(made, picks)),
         reference_border_ratio: resamples.estimate(count, |picks| borders(own, picks)),
         seam: resamples.estimate(count, |picks| made.seam(picks)),
+        off_road_distance: resamples.estimate(count, |picks| off_road(made, picks)),
     }
 }

@@ -47,7 +47,7 @@ pub fn measure(
     let size_px = (preset.video.width_px, preset.video.height_px);
     let scene = ds_scenario::generate(ds_scenario::Family::LeadBraking, config.columns.first_seed + 1);
     let model = Arc::new(model);
-    let route = Route { scene: Arc::new(scene), start: 0, pace: 1.0, look: Appearance::DAY };
+    let route = Route { scene: Arc::new(scene), start: 0, pace: 1.0, look: Appearance::DAY, turned_deg: 0.0 };
     let mut drive = Drive::new(&ReferenceWorld, &route, size_px)?;
     let refuse = |source: VideoError| AppraisalError::Rollout {
         arm: "speed".to_owned(),

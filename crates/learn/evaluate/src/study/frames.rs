@@ -46,7 +46,7 @@ impl Take {
         let scene = Arc::new(source.scene(&self.scene));
         let look = source.altered.look.as_deref().map_or(Ok(self.look), Appearance::named);
         let look = look.map_err(|error| AppraisalError::config("sources.look", error.to_string()))?;
-        let route = Route { scene, start: 0, pace: self.pace, look };
+        let route = Route { scene, start: 0, pace: self.pace, look, turned_deg: 0.0 };
         Drive::new(self.world_of, &route, size_px)
     }
 

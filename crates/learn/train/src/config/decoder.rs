@@ -24,6 +24,9 @@ pub struct DecoderConfig {
     /// How much a pixel of a rollout counts where the layout tells nothing but ground or sky.
     #[serde(default = "super::alike")]
     pub untold: f32,
+    /// How much a pixel of a rollout counts where the layout tells that something stands, but not what it looks like.
+    #[serde(default = "super::alike")]
+    pub structures: f32,
     /// How much a pixel of a road user counts in a rollout, which cannot know what paint one wears that was not seen yet; as in all
     /// stages without it.
     #[serde(default)]
@@ -71,8 +74,8 @@ pub struct AdversarialConfig {
 impl DecoderConfig {
     pub(super) fn check(&self) -> Result<(), TrainError> {
         let refuse = |field, rule: &str| Err(TrainError::Config { field, rule: rule.to_owned() });
-        if !(0.0..=1.0).contains(&self.rolled) || !(0.0..=1.0).contains(&self.untold) {
-            return refuse("decoder", "rolled and untold must lie within 0 to 1");
+        if ![self.rolled, f64::from(self.untold), f64::from(self.structures)].iter().all(|v| (0.0..=1.0).contains(v)) {
+            return refuse("decoder", "rolled, untold and structures must lie within 0 to 1");
         }
         if self.rolled_road_users.is_some_and(|weight| !(0.0..=1e3).contains(&weight)) {
             return refuse("decoder.rolled_road_users", "must lie within 0 to 1000");

@@ -1934,6 +1934,22 @@ pub struct TrafficLight {
     #[prost(enumeration = "LightState", repeated, tag = "4")]
     pub states: ::prost::alloc::vec::Vec<i32>,
 }
+/// What stands beside the road and never moves: a prism over an outline.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Structure {
+    /// What it is.
+    #[prost(enumeration = "StructureKind", tag = "1")]
+    pub kind: i32,
+    /// Its outline in the world; at least three points.
+    #[prost(message, optional, tag = "2")]
+    pub outline: ::core::option::Option<Polyline>,
+    /// Height of its lower end over the ground, in metres.
+    #[prost(double, optional, tag = "3")]
+    pub bottom_m: ::core::option::Option<f64>,
+    /// Height of its upper end over the ground, in metres.
+    #[prost(double, optional, tag = "4")]
+    pub top_m: ::core::option::Option<f64>,
+}
 /// The road map, in the world. Lane and light indices refer to the lists here and must lie inside them.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Map {
@@ -1961,6 +1977,9 @@ pub struct Map {
     /// Traffic lights, at most 4096.
     #[prost(message, repeated, tag = "8")]
     pub traffic_lights: ::prost::alloc::vec::Vec<TrafficLight>,
+    /// What stands beside the road, at most 65536.
+    #[prost(message, repeated, tag = "9")]
+    pub structures: ::prost::alloc::vec::Vec<Structure>,
 }
 /// Dimensions and dynamics of the ego vehicle.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
@@ -2446,6 +2465,50 @@ impl LineColour {
             "LINE_COLOUR_UNSPECIFIED" => Some(Self::Unspecified),
             "LINE_COLOUR_WHITE" => Some(Self::White),
             "LINE_COLOUR_YELLOW" => Some(Self::Yellow),
+            _ => None,
+        }
+    }
+}
+/// What a structure is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum StructureKind {
+    Unspecified = 0,
+    /// A house or hall.
+    Building = 1,
+    /// A tree, bush or hedge.
+    Vegetation = 2,
+    /// A pole, post or mast.
+    Pole = 3,
+    /// A fence or guard rail.
+    Fence = 4,
+    /// A free-standing wall.
+    Wall = 5,
+}
+impl StructureKind {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "STRUCTURE_KIND_UNSPECIFIED",
+            Self::Building => "STRUCTURE_KIND_BUILDING",
+            Self::Vegetation => "STRUCTURE_KIND_VEGETATION",
+            Self::Pole => "STRUCTURE_KIND_POLE",
+            Self::Fence => "STRUCTURE_KIND_FENCE",
+            Self::Wall => "STRUCTURE_KIND_WALL",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "STRUCTURE_KIND_UNSPECIFIED" => Some(Self::Unspecified),
+            "STRUCTURE_KIND_BUILDING" => Some(Self::Building),
+            "STRUCTURE_KIND_VEGETATION" => Some(Self::Vegetation),
+            "STRUCTURE_KIND_POLE" => Some(Self::Pole),
+            "STRUCTURE_KIND_FENCE" => Some(Self::Fence),
+            "STRUCTURE_KIND_WALL" => Some(Self::Wall),
             _ => None,
         }
     }

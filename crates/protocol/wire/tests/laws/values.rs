@@ -17,8 +17,8 @@ use ds_wire::policy::{CameraView, Observation, StampedEgo, StampedImage};
 use ds_world::{
     AgentClass, AgentMode, AgentState, Contact, ContactKind, Crosswalk, EgoState, Lane, LaneId, LaneKind,
     LayoutBackend, LightState, LineColour, LineKind, LineMarking, Map, Origin, Proposal, Reading, RoadEdge,
-    RouteCommand, Scene, Size, StopLine, Track, TrackPoint, TrackerKind, TrafficLight, Trajectory, TrajectoryPoint,
-    VehicleParameters, WorldState,
+    RouteCommand, Scene, Size, StopLine, Structure, StructureKind, Track, TrackPoint, TrackerKind, TrafficLight,
+    Trajectory, TrajectoryPoint, VehicleParameters, WorldState,
 };
 use proptest::collection::vec;
 use proptest::option;
@@ -309,17 +309,27 @@ fn map() -> impl Strategy<Value = Map> {
             lanes,
             drivable: areas.clone(),
             crosswalks: areas.iter().cloned().map(|polygon| Crosswalk { polygon }).collect(),
-            junctions: areas,
+            junctions: areas.clone(),
             line_markings: vec![
                 marking(LineKind::Solid, LineColour::White),
                 marking(LineKind::Dashed, LineColour::Yellow),
                 marking(LineKind::Double, LineColour::White),
             ],
+            structures: structures(&areas),
             road_edges: vec![RoadEdge { points }],
             stop_lines: vec![StopLine { points: [end, -end], light }],
             traffic_lights,
         }
     })
+}
+
+/// Stands one structure of each kind on each area that is one.
+fn structures(areas: &[Vec<DVec2>]) -> Vec<Structure> {
+    let on = |outline: &Vec<DVec2>| {
+        let stand = |kind| Structure { kind, outline: outline.clone(), bottom_m: 1.5, top_m: 4.0 };
+        StructureKind::ALL.map(stand)
+    };
+    areas.iter().filter(|outline| outline.len() >= 3).flat_map(on).collect()
 }
 
 fn track() -> impl Strategy<Value = Track> {

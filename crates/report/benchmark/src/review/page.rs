@@ -4,6 +4,7 @@ use ds_page::{Document, Markup, Pictures, link, svg};
 
 use super::{Review, Standing};
 use crate::manifest::{Entry, Manifest};
+use crate::quality::Severity;
 
 /// Size of a plot, in pixels.
 const PLOT_PX: (f64, f64) = (420.0, 130.0);
@@ -29,6 +30,8 @@ pub struct Card<'a> {
     pub ttc_secs: Vec<Option<f64>>,
     /// Which traffic rules the adversary breaks, in words.
     pub broken: String,
+    /// How hard it is to survive, where the set's figures lie beside its manifest.
+    pub severity: Option<Severity>,
 }
 
 impl Card<'_> {
@@ -100,11 +103,16 @@ fn write_card(m: &mut Markup, card: &Card, standing: &Standing) {
                 });
                 let least = card.least_ttc_secs().map_or("over 4 s".to_owned(), |least| format!("{least:.1} s"));
                 let attack = format!("{:.1} s after the hand-over", card.since(card.attack));
+                let seconds = |secs: Option<f64>| secs.map_or("unknown".to_owned(), |secs| format!("{secs:.1} s"));
+                let margin = seconds(card.severity.and_then(|severity| severity.margin_secs));
+                let missed = seconds(card.severity.and_then(|severity| severity.post_encroachment_secs));
                 for (name, value) in [
                     ("class", entry.category.as_str()),
                     ("attack", attack.as_str()),
                     ("contact", contact.as_str()),
                     ("least time to collision", least.as_str()),
+                    ("an expert may still react after the threat for", margin.as_str()),
+                    ("the expert's drive misses it by", missed.as_str()),
                     ("rules that it breaks", card.broken.as_str()),
                     ("adversary", svg::short(digest, 16).as_str()),
                 ] {
@@ -194,6 +202,11 @@ mod tests {
             contact: Some((70, 3.21)),
             ttc_secs,
             broken: "crosses a red light".to_owned(),
+            severity: Some(Severity {
+                margin_secs: Some(2.25),
+                post_encroachment_secs: Some(0.52),
+                ..Severity::default()
+            }),
         };
         let page = page(&set, &review, &[card], "some.set.json");
         for part in [
@@ -202,6 +215,8 @@ mod tests {
             "closing at 3.2 m/s",
             "crosses a red light",
             "1.6 s",
+            "<dd>2.2 s</dd>",
+            "<dd>0.5 s</dd>",
             "5.0 s after the hand-over",
             "src=\"./a.gif\"",
             "0123456789abcdef…",

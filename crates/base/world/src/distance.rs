@@ -2,9 +2,9 @@
 //!
 //! Two-pass chamfer transform (3-4 weights); world frame, metres. Bounded: cells grow until at most two million remain.
 
-use ds_raster::shape;
 use ds_space::DVec2;
-use ds_world::Scene;
+
+use crate::scene::Scene;
 
 const MOST_CELLS: f64 = 2e6;
 
@@ -38,7 +38,7 @@ impl DistanceGrid {
         let map = &scene.map;
         let lanes = map.lanes.iter().map(|lane| &lane.polygon);
         for polygon in map.drivable.iter().chain(lanes).chain(&map.junctions) {
-            shape::triangulate(polygon).iter().for_each(|triangle| grid.mark(triangle));
+            grid.mark(polygon);
         }
         let tracks = scene.tracks.iter().flat_map(|track| track.points.iter().flatten());
         let walked = tracks.map(|point| point.pose.position).chain(path()).chain(scene.route.iter().copied());
@@ -74,28 +74,33 @@ impl DistanceGrid {
         inside.then(|| at.y as usize * self.columns + at.x as usize)
     }
 
-    /// Marks all cells whose centres lie in a triangle, and those of its corners.
-    fn mark(&mut self, triangle: &shape::Triangle) {
-        let [a, b, c] = *triangle;
-        let within = |value: f64, limit: usize| value.clamp(0.0, limit as f64 - 1.0);
-        let (low, high) = ((a.min(b).min(c) - self.low) / self.cell_m, (a.max(b).max(c) - self.low) / self.cell_m);
-        if high.x < 0.0 || high.y < 0.0 || low.x > self.columns as f64 || low.y > self.rows as f64 {
-            return;
-        }
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the grid")]
-        let span = |from: f64, to: f64, limit: usize| within(from, limit) as usize..=within(to, limit) as usize;
-        for row in span(low.y, high.y, self.rows) {
-            for column in span(low.x, high.x, self.columns) {
-                let p = self.low + (DVec2::new(column as f64, row as f64) + 0.5) * self.cell_m;
-                let sides = [(b - a).perp_dot(p - a), (c - b).perp_dot(p - b), (a - c).perp_dot(p - c)];
-                if sides.iter().all(|s| *s >= 0.0) || sides.iter().all(|s| *s <= 0.0) {
-                    self.thirds[row * self.columns + column] = 0;
+    /// Marks all cells whose centres lie in a polygon, and those along its edges.
+    fn mark(&mut self, polygon: &[DVec2]) {
+        let edges = || (0..polygon.len()).map(|i| (polygon[i], polygon[(i + 1) % polygon.len()]));
+        for (a, b) in edges() {
+            // Not farther apart than half a cell, and never endlessly many.
+            let steps = (2.0 * a.distance(b) / self.cell_m).ceil().clamp(1.0, 10_000.0);
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bounded above")]
+            let steps = steps as u32;
+            for i in 0..steps {
+                if let Some(cell) = self.index(a.lerp(b, f64::from(i) / f64::from(steps))) {
+                    self.thirds[cell] = 0;
                 }
             }
         }
-        for corner in triangle {
-            if let Some(i) = self.index(*corner) {
-                self.thirds[i] = 0;
+        for row in 0..self.rows {
+            let y = self.low.y + (row as f64 + 0.5) * self.cell_m;
+            let crossing = |(a, b): (DVec2, DVec2)| {
+                ((a.y > y) != (b.y > y))
+                    .then(|| (a.x + (y - a.y) / (b.y - a.y) * (b.x - a.x) - self.low.x) / self.cell_m)
+            };
+            let mut crossings: Vec<f64> = edges().filter_map(crossing).filter(|x| x.is_finite()).collect();
+            crossings.sort_by(f64::total_cmp);
+            for pair in crossings.chunks_exact(2) {
+                let bound = |x: f64| (x - 0.5).ceil().clamp(0.0, self.columns as f64);
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the grid")]
+                let (from, to) = (bound(pair[0]) as usize, bound(pair[1]) as usize);
+                self.thirds[row * self.columns + from..row * self.columns + to.max(from)].fill(0);
             }
         }
     }
