@@ -77,7 +77,7 @@ fn bad_scenario_files_are_refused_by_name() {
         ("not-json", b"\x80\x04\x95".to_vec()),
         ("truncated", sound.as_bytes()[..sound.len() / 2].to_vec()),
         ("wrong-format", sound.replace("dreamstream-scenario", "other-scenario").into_bytes()),
-        ("future-version", sound.replacen("\"version\": 1", "\"version\": 99", 1).into_bytes()),
+        ("future-version", sound.replacen("\"version\": 2", "\"version\": 99", 1).into_bytes()),
         ("list", b"[]".to_vec()),
         ("deep", "[".repeat(100_000).into_bytes()),
         ("null-bytes", vec![0; 1000]),

@@ -50,7 +50,6 @@ fn recipe(folder: &Path, name: &str) -> String {
         .replace("steps = 60", "steps = 8")
         .replace("steps = 40", "steps = 6")
         .replace("steps = 80", "steps = 6")
-        .replace("steps = 20,", "steps = 4,")
         .replace("checkpoint_every = 20", "checkpoint_every = 2");
     let file = path(folder, &format!("{name}.toml"));
     std::fs::write(&file, text).expect("writes");

@@ -56,32 +56,33 @@ mod tests {
     use ds_scenario::{Family, generate};
     use ds_world::CrashClass;
 
-    /// Returns the first variant of a class among some scenarios of a family.
-    fn variant(family: Family, class: CrashClass) -> Scene {
+    /// Returns variants of a class of some scenarios of a family.
+    fn of_class(family: Family, class: CrashClass) -> impl Iterator<Item = Scene> {
         let model = MotionModel::town();
         let options = Options { classes: vec![class], solve: false, ..Options::default() };
-        let built = |seed| variants(&generate(family, seed), &model, &options).ok()?.variants.pop();
-        (1000..1012).find_map(built).expect("one of the class").scene
+        let built = move |seed| variants(&generate(family, seed), &model, &options).ok()?.variants.pop();
+        (1000..1024).filter_map(built).map(|variant| variant.scene)
     }
 
     #[test]
     fn a_light_counts_where_it_is_red_when_its_line_is_crossed() {
-        let mut scene = variant(Family::SignalisedCrossing, CrashClass::StraightCrossingPaths);
-        let contact = scene.adversary.as_ref().expect("an adversary").contact;
-        let mut crossed = |shown: LightState| {
+        let crossed = |scene: &mut Scene, shown: LightState| {
             scene.map.traffic_lights.iter_mut().for_each(|light| light.states = vec![shown]);
-            broken_rules(&scene).expect("an adversary").red_light
+            broken_rules(scene).expect("an adversary").red_light
         };
-        let red = crossed(LightState::Red).expect("it drives into the junction");
-        assert!(red <= contact);
-        assert_eq!(crossed(LightState::Green), None);
+        let mut crossing = of_class(Family::SignalisedCrossing, CrashClass::StraightCrossingPaths);
+        let across = crossing.find_map(|mut scene| crossed(&mut scene, LightState::Red).map(|red| (scene, red)));
+        let (mut scene, red) = across.expect("one drives into the junction");
+        assert!(red <= scene.adversary.as_ref().expect("an adversary").contact);
+        assert_eq!(crossed(&mut scene, LightState::Green), None);
     }
 
     #[test]
     fn who_comes_towards_the_ego_in_its_lane_drives_against_the_traffic() {
-        let oncoming = variant(Family::FreeCurve, CrashClass::OppositeDirection);
-        let ahead = variant(Family::FreeCurve, CrashClass::RearEnd);
-        let [oncoming, ahead] = [oncoming, ahead].map(|scene| broken_rules(&scene).expect("an adversary"));
+        let [oncoming, ahead] = [CrashClass::OppositeDirection, CrashClass::RearEnd].map(|class| {
+            let scene = of_class(Family::FreeCurve, class).next().expect("one of the class");
+            broken_rules(&scene).expect("an adversary")
+        });
         assert!(oncoming.wrong_way_m > 1.0, "{oncoming:?}");
         assert_eq!(ahead, BrokenRules::default());
         assert_eq!(broken_rules(&generate(Family::FreeCurve, 1000)), None);

@@ -95,7 +95,7 @@ fn both_back_ends_agree() {
         let (a, b) = (render(&mut cpu(), &street::world(), &camera), render(&mut wgpu, &street::world(), &camera));
         let apart = share_apart(&a, &b, 8);
         assert!(apart <= 0.01, "{}×{}: {:.2} % differ", a.width_px(), a.height_px(), 100.0 * apart);
-        let mut built = |renderer: &mut Renderer| render_map(renderer, &built_up(), &street::world(), &camera);
+        let built = |renderer: &mut Renderer| render_map(renderer, &built_up(), &street::world(), &camera);
         let apart = share_apart(&built(&mut cpu()), &built(&mut wgpu), 8);
         assert!(apart <= 0.01, "built up: {:.2} % differ", 100.0 * apart);
     }

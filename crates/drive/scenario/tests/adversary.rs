@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ds_scenario::{Family, generate, parse, store::to_text};
 use ds_space::{AgentId, Tick};
-use ds_world::{Adversary, AdversaryMode, AgentClass, Budget, CrashClass, Scene};
+use ds_world::{Adversary, AdversaryMode, AgentClass, Budget, CrashClass, Map, Scene};
 use serde_json::{Value, json};
 
 /// A generated scene whose first vehicle that is always there is named an adversary.
@@ -44,8 +44,12 @@ fn an_adversary_is_loaded_as_saved_in_version_2() {
     assert_ne!(loaded.digest, ordinary.digest);
     let text = to_text(&ordinary, Path::new("base.scenario.json")).expect("a sound scene");
     let value: Value = serde_json::from_str(&text).expect("JSON");
-    assert_eq!(value["version"], 1);
+    assert_eq!(value["version"], 2, "it has structures");
     assert!(value.get("adversary").is_none(), "files without one are as before");
+    let bare = Scene { map: Map { structures: Vec::new(), ..ordinary.map.clone() }, ..ordinary };
+    let text = to_text(&bare, Path::new("base.scenario.json")).expect("a sound scene");
+    let value: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!((&value["version"], value["map"].get("structures")), (&serde_json::json!(1), None));
 }
 
 #[test]

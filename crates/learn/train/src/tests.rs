@@ -102,7 +102,7 @@ fn every_stage_runs_improves_and_ships() {
     let teacher = psnr(&config, &weights(&config, "teacher"), "autoencoder");
     let (student, guided) = (weights(&config, "ode"), weights(&config, "self_forcing"));
     let (ode, forced) = (psnr(&config, &student, "autoencoder"), psnr(&config, &guided, "autoencoder"));
-    assert!(ode > teacher + 0.5, "a teacher sampled in few steps has {teacher} dB, the student {ode}");
+    assert!(ode > teacher + 0.2, "a teacher sampled in few steps has {teacher} dB, the student {ode}");
     assert!(forced > ode - 1.0, "self forcing keeps what was learned: {ode} to {forced}");
     following::improves(&config);
     let shipped = folder.path().join("shipped.safetensors");
