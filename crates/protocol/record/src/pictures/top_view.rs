@@ -8,7 +8,7 @@ use ds_raster::{DepthRaster, RgbImage, ScreenPoint};
 use ds_space::{AgentId, DVec2, PoseSe2};
 use ds_world::agent::AgentClass;
 use ds_world::map::{LightState, LineColour, LineKind};
-use ds_world::{Scene, Trajectory};
+use ds_world::{Scene, StructureKind, Trajectory};
 
 use crate::error::RecordError;
 use crate::pictures::Moment;
@@ -59,6 +59,15 @@ pub fn light_colour(state: LightState) -> [u8; 3] {
     }
 }
 
+/// Returns the colour of what stands beside the road: little more than the ground, for it is not what a drive is about.
+fn structure_colour(kind: StructureKind) -> [u8; 3] {
+    match kind {
+        StructureKind::Building => [60, 54, 66],
+        StructureKind::Vegetation => [42, 60, 42],
+        StructureKind::Pole | StructureKind::Fence | StructureKind::Wall => [92, 90, 82],
+    }
+}
+
 /// The still part of a scene as triangles, in painting order.
 pub struct TopView {
     ground: Vec<Patch>,
@@ -91,6 +100,8 @@ impl TopView {
     pub fn new(scene: &Scene) -> Self {
         let map = &scene.map;
         let mut ground: Vec<Patch> = Vec::new();
+        let standing = map.structures.iter();
+        ground.extend(standing.map(|s| Patch::new(structure_colour(s.kind), shape::triangulate(&s.outline))));
         let areas = map.drivable.iter().chain(&map.junctions);
         ground.extend(areas.map(|area| Patch::new(ROAD, shape::triangulate(area))));
         ground.extend(map.crosswalks.iter().map(|walk| Patch::new(CROSSWALK, shape::triangulate(&walk.polygon))));
