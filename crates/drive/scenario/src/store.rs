@@ -211,11 +211,12 @@ pub fn describe(scene: &Scene) -> String {
         format!("  {ticks} ticks, {secs:.1} s; the expert drives {driven_m:.1} m, at most {top_mps:.1} m/s"),
         format!("  tracks: {}", if classes.is_empty() { "none".to_owned() } else { classes.join(", ") }),
         format!(
-            "  map: {} lanes, {connectors} of them connectors, {} crosswalks, {} stop lines, {} lights",
+            "  map: {} lanes, {connectors} of them connectors, {} crosswalks, {} stop lines, {} lights, {} structures",
             map.lanes.len(),
             map.crosswalks.len(),
             map.stop_lines.len(),
-            map.traffic_lights.len()
+            map.traffic_lights.len(),
+            map.structures.len()
         ),
         format!("  cameras: {}", cameras.join(", ")),
         format!("  prompt: {}", scene.prompt),
