@@ -3,7 +3,7 @@
 //! Rotary pairs are adjacent elements (2i, 2i+1). A head of D elements has c = D/2 pairs: c − 2⌊c/3⌋ temporal ones,
 //! then ⌊c/3⌋ by row and ⌊c/3⌋ by column, each axis with its own table (θ = 10000). Angles are computed in f64.
 
-use burn::tensor::{FloatDType, Tensor, activation, module, ops::AttentionModuleOptions};
+use burn::tensor::{DType, FloatDType, Tensor, activation, module, ops::AttentionModuleOptions};
 use ds_nn::array::Array;
 
 use crate::graph::{Graph, Mode};
@@ -79,14 +79,35 @@ pub(crate) fn attend(mode: Mode, heads: usize, qkv: [Tensor<3>; 3]) -> Tensor<3>
         x.reshape([b, m, heads, d / heads]).swap_dims(1, 2)
     });
     let y = match mode {
-        Mode::Infer => module::attention(q, k, v, None, None, AttentionModuleOptions::default()),
-        Mode::Train => {
-            let (scale, format) = (1.0 / ((d / heads) as f64).sqrt(), v.dtype());
-            let scores = q.matmul(k.swap_dims(2, 3)).cast(FloatDType::F32).mul_scalar(scale);
-            activation::softmax(scores, 3).cast(format).matmul(v)
-        }
+        Mode::Infer => inferred([q, k, v]),
+        Mode::Train => softened(q, k, v),
     };
     y.swap_dims(1, 2).reshape([b, n, d]).cast(FloatDType::F32)
+}
+
+/// Scores of so many queries are held at once.
+const SCORES: usize = 1 << 28;
+
+/// Softmax attention of heads [B, heads, N, D] without gradients. The framework's own softens scores in the format of what it is
+/// given, and devices that multiply bf16 need not compile its exponentials; so those go by blocks of queries, softened in f32.
+pub(crate) fn inferred([q, k, v]: [Tensor<4>; 3]) -> Tensor<4> {
+    if v.dtype() == DType::F32 {
+        return module::attention(q, k, v, None, None, AttentionModuleOptions::default());
+    }
+    let ([b, heads, n, d], seen) = (q.dims(), k.dims()[2]);
+    let rows = (SCORES / (b * heads * seen)).clamp(1, n);
+    let block = |from: usize| {
+        let q = q.clone().slice([0..b, 0..heads, from..(from + rows).min(n), 0..d]);
+        softened(q, k.clone(), v.clone())
+    };
+    Tensor::cat((0..n).step_by(rows).map(block).collect(), 2)
+}
+
+/// Softmax attention of heads [B, heads, N, D] by separate operations, scores in f32.
+fn softened(q: Tensor<4>, k: Tensor<4>, v: Tensor<4>) -> Tensor<4> {
+    let (scale, format) = (1.0 / (q.dims()[3] as f64).sqrt(), v.dtype());
+    let scores = q.matmul(k.swap_dims(2, 3)).cast(FloatDType::F32).mul_scalar(scale);
+    activation::softmax(scores, 3).cast(format).matmul(v)
 }
 
 /// Rotary tables of some frames.

@@ -112,20 +112,40 @@ pub(crate) fn current() -> Device {
 #[must_use]
 pub fn training_precision() -> Precision {
     let place = *CHOSEN.get_or_init(|| Place::Processor);
-    if place != Place::Processor && multiplies_bf16() { Precision::Bf16 } else { Precision::F32 }
+    if place != Place::Processor && Bf16::of_device().multiplied { Precision::Bf16 } else { Precision::F32 }
 }
 
-#[cfg(any(feature = "vulkan", feature = "cuda"))]
-fn multiplies_bf16() -> bool {
-    use burn::backend::{Backend, DTypeUsage, Dispatch};
-
-    let usage = Dispatch::dtype_usage(current().as_dispatch(), burn::tensor::DType::BF16);
-    usage.contains(DTypeUsage::Storage) && usage.contains(DTypeUsage::Accelerated)
+/// Returns what convolutions are computed in that should be in a format: a device that only multiplies bf16, as most do through
+/// Vulkan, computes them in f32.
+pub(crate) fn convolution_precision(wanted: Precision) -> Precision {
+    let place = *CHOSEN.get_or_init(|| Place::Processor);
+    if place == Place::Processor || Bf16::of_device().added { wanted } else { Precision::F32 }
 }
 
-#[cfg(not(any(feature = "vulkan", feature = "cuda")))]
-fn multiplies_bf16() -> bool {
-    false
+/// What a graphics processor does with bf16.
+#[derive(Default)]
+struct Bf16 {
+    multiplied: bool,
+    added: bool,
+}
+
+impl Bf16 {
+    #[cfg(any(feature = "vulkan", feature = "cuda"))]
+    fn of_device() -> Self {
+        use burn::backend::{Backend, DTypeUsage, Dispatch};
+
+        let usage = Dispatch::dtype_usage(current().as_dispatch(), burn::tensor::DType::BF16);
+        let stored = usage.contains(DTypeUsage::Storage);
+        Self {
+            multiplied: stored && usage.contains(DTypeUsage::Accelerated),
+            added: stored && usage.contains(DTypeUsage::Arithmetic),
+        }
+    }
+
+    #[cfg(not(any(feature = "vulkan", feature = "cuda")))]
+    fn of_device() -> Self {
+        Self::default()
+    }
 }
 
 /// Waits until the device has done all that was asked of it.

@@ -251,10 +251,9 @@ impl Dit {
     /// embedding the argument is the control latent itself.
     #[must_use]
     pub fn control(&self, layouts: &Array) -> Control {
-        let layouts = self.graph.tensor::<4>(layouts);
         Control(match &self.control {
-            Some(embedding) => embedding.apply(layouts),
-            None => layouts,
+            Some(embedding) => embedding.apply(self.graph.coarse::<4>(layouts)),
+            None => self.graph.tensor::<4>(layouts),
         })
     }
 

@@ -6,7 +6,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
 
-use burn::tensor::{DType, Device, FloatDType, Gradients, Tensor, TensorData, module};
+use burn::tensor::{DType, Device, FloatDType, Gradients, Tensor, TensorData, bf16, module};
 use ds_nn::array::{Array, Declared, Initial, Weights};
 use ds_space::Draws;
 
@@ -126,6 +126,17 @@ impl Graph {
         Tensor::from_data(TensorData::new(array.values().to_vec(), shape), &self.device)
     }
 
+    /// Puts values on the device in the number format of large layers: for many values of which few bits count, such as colours.
+    pub(crate) fn coarse<const D: usize>(&self, array: &Array) -> Tensor<D> {
+        match self.precision {
+            Precision::F32 => self.tensor(array),
+            Precision::Bf16 => {
+                let shape: [usize; D] = array.shape().try_into().expect("the caller fixes the rank");
+                Tensor::from_data(TensorData::new(rounded(array.values()), shape), (&self.device, DType::BF16))
+            }
+        }
+    }
+
     /// Returns a constant matrix, made once.
     pub(crate) fn constant(&self, name: &str, make: impl FnOnce() -> Array) -> Tensor<2> {
         let mut constants = self.constants.lock().unwrap_or_else(PoisonError::into_inner);
@@ -157,6 +168,20 @@ impl Graph {
         }
         collected
     }
+}
+
+/// Values of one thread's share in [`rounded`].
+const SHARE: usize = 1 << 21;
+
+/// Rounds values to the nearest bf16; many of them on several cores.
+fn rounded(values: &[f32]) -> Vec<bf16> {
+    let mut made = vec![bf16::ZERO; values.len()];
+    std::thread::scope(|scope| {
+        for (values, made) in values.chunks(SHARE).zip(made.chunks_mut(SHARE)) {
+            scope.spawn(|| values.iter().zip(made).for_each(|(value, made)| *made = bf16::from_f32(*value)));
+        }
+    });
+    made
 }
 
 /// Reads a tensor back.

@@ -51,22 +51,17 @@ pub(crate) fn run(args: &MeasureArgs) -> Result<()> {
         config.causal.cache_source,
     ));
     let mut work = Workload::new(backend, &config)?;
-    let mut times = [Vec::new(), Vec::new(), Vec::new()];
-    for round in 0..=args.rounds {
-        let spent = once(&mut work)?;
-        if round > 0 {
-            times.iter_mut().zip(spent).for_each(|(times, spent)| times.push(spent));
-        }
-    }
     answer("part        ms per chunk  ms per frame       GFLOP    GFLOP/s  of yardstick  of maker's figure");
-    let counts = [operations.denoise, operations.decode, operations.encode];
+    let parts: [(&str, f64, Part); 3] = [
+        ("denoise", operations.denoise, Workload::denoise),
+        ("decode", operations.decode, |work| work.decode().map(drop)),
+        ("encode", operations.encode, Workload::encode),
+    ];
     let mut total = 0.0;
-    for ((name, count), times) in ["denoise", "decode", "encode"].into_iter().zip(counts).zip(&mut times) {
-        let ms = median(times)?;
-        total += if count > 0.0 { ms } else { 0.0 };
-        if count > 0.0 {
-            line(name, ms, frames, count, peak, args.peak_tflops);
-        }
+    for (name, count, part) in parts.into_iter().filter(|(_, count, _)| *count > 0.0) {
+        let ms = timed(&mut work, part, args.rounds)?;
+        total += ms;
+        line(name, ms, frames, count, peak, args.peak_tflops);
     }
     line("all", total, frames, chunk, peak, args.peak_tflops);
     match workload::memory() {
@@ -82,17 +77,20 @@ pub(crate) fn run(args: &MeasureArgs) -> Result<()> {
     Ok(())
 }
 
-/// Times one chunk: denoising, decoding, encoding, in milliseconds.
-fn once(work: &mut Workload) -> Result<[f64; 3]> {
-    let fault = |fault: String| anyhow::anyhow!("the device reports a fault: {fault}");
-    let began = Instant::now();
-    work.denoise().map_err(fault)?;
-    let denoised = began.elapsed();
-    work.decode().map_err(fault)?;
-    let decoded = began.elapsed();
-    work.encode().map_err(fault)?;
-    let ms = |duration: std::time::Duration| duration.as_secs_f64() * 1e3;
-    Ok([ms(denoised), ms(decoded - denoised), ms(began.elapsed() - decoded)])
+/// What is timed of a chunk.
+type Part = fn(&mut Workload) -> Result<(), String>;
+
+/// Returns the median time of one part of a chunk in milliseconds, over so many rounds after one that is not counted.
+fn timed(work: &mut Workload, part: Part, rounds: u32) -> Result<f64> {
+    let mut times = Vec::new();
+    for round in 0..=rounds {
+        let began = Instant::now();
+        part(work).map_err(|fault| anyhow::anyhow!("the device reports a fault: {fault}"))?;
+        if round > 0 {
+            times.push(began.elapsed().as_secs_f64() * 1e3);
+        }
+    }
+    median(&mut times)
 }
 
 fn median(times: &mut [f64]) -> Result<f64> {

@@ -3,11 +3,11 @@
 //! Frames of 0 to 1 are resized to 224×224 by bicubic interpolation without cropping, as the published pipelines do,
 //! and brought to CLIP's mean and deviation. The last block is not run.
 
-use burn::tensor::ops::AttentionModuleOptions;
-use burn::tensor::{Tensor, activation, module};
+use burn::tensor::{FloatDType, Tensor, activation, module};
 use ds_nn::array::{Array, Declared, Initial};
 use ds_nn::checkpoint::{CheckpointError, Finite, Fitted};
 
+use crate::attention::inferred;
 use crate::device::Precision;
 use crate::graph::{Graph, Linear, Mode, array_of};
 
@@ -159,7 +159,7 @@ impl Clip {
                 let y = y.clone().slice([0..1, 0..n, index * d..(index + 1) * d]);
                 self.graph.lower(y.reshape([1, n, self.shape.heads, d / self.shape.heads]).swap_dims(1, 2))
             };
-            let y = module::attention(part(0), part(1), part(2), None, None, AttentionModuleOptions::default());
+            let y = inferred([part(0), part(1), part(2)]).cast(FloatDType::F32);
             x = x + block.proj.apply(y.swap_dims(1, 2).reshape([1, n, d]));
             let y = activation::gelu(block.mlp[0].apply(norm(x.clone(), &block.norms[1])));
             x = x + block.mlp[1].apply(y);

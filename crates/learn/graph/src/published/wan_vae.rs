@@ -9,7 +9,7 @@ use ds_nn::array::{Array, Weights, WeightsError};
 use ds_nn::checkpoint::{CheckpointError, Finite, Fitted};
 use ds_space::{Digest, DigestWriter};
 
-use crate::device::Precision;
+use crate::device::{Precision, convolution_precision};
 use crate::graph::{Graph, Mode, array_of};
 
 mod layers;
@@ -81,6 +81,7 @@ impl WanVae {
         finite: Finite,
         decoder: Precision,
     ) -> Result<Self, CheckpointError> {
+        let decoder = convolution_precision(decoder);
         let mut graph = Graph::empty(Mode::Infer, decoder);
         fitted.each(finite, |name, array| graph.bind(name, &array, format(name, array.shape(), decoder)))?;
         Ok(Self::of(shape, graph))
@@ -89,6 +90,7 @@ impl WanVae {
     /// Binds drawn weights, for measurements.
     #[must_use]
     pub fn drawn(shape: &WanVaeShape, decoder: Precision) -> Self {
+        let decoder = convolution_precision(decoder);
         let mut graph = Graph::empty(Mode::Infer, decoder);
         graph.bind_drawn(&shape.declare(), |weight| format(&weight.name, &weight.shape, decoder));
         Self::of(shape, graph)
