@@ -141,6 +141,20 @@ mod tests {
     }
 
     #[test]
+    fn attention_in_bf16_is_that_in_f32_up_to_its_rounding() {
+        let device = crate::device::current();
+        let drawn = |seed: f32, n: usize| {
+            let values: Vec<f32> = (0..2 * 3 * n * 8).map(|i| (i as f32 * seed).sin()).collect();
+            Tensor::<1>::from_floats(values.as_slice(), &device).reshape([2, 3, n, 8])
+        };
+        let exact = [drawn(0.37, 5), drawn(0.61, 9), drawn(0.83, 9)];
+        let lowered = exact.clone().map(|x| x.cast(FloatDType::BF16));
+        let (exact, lowered) = (inferred(exact), inferred(lowered).cast(FloatDType::F32));
+        let apart = (exact - lowered).abs().max().into_scalar::<f32>();
+        assert!(apart < 0.02 && apart > 0.0, "{apart}");
+    }
+
+    #[test]
     fn rotation_keeps_lengths_and_depends_on_differences_alone() {
         let heads = Heads { heads: 1, head_dim: 12, grid_h: 1, grid_w: 1 };
         let graph = Graph::new(&ds_nn::Weights::default(), Mode::Infer);
