@@ -1,5 +1,6 @@
 //! The page of an evaluation: pictures first, then plots and tables with intervals, in one file beside the videos.
 
+mod brief;
 pub(crate) mod plot;
 
 use std::collections::BTreeMap;
@@ -34,6 +35,7 @@ fn body(m: &mut Markup, outcome: &Outcome, config: &EvalConfig) {
         m.leaf("p", &[("class", &"warn")], "A quick look: too few scenarios for a judgement.");
     }
     pictures(m, outcome, config);
+    brief::write(m, outcome);
     sharpness(m, outcome);
     layout(m, outcome);
     drift(m, outcome);
@@ -44,8 +46,10 @@ fn body(m: &mut Markup, outcome: &Outcome, config: &EvalConfig) {
 
 /// A figure as people read it: value and interval.
 fn shown(estimate: Option<Estimate>, digits: usize) -> String {
-    estimate
-        .map_or_else(|| "–".to_owned(), |e| format!("{:.digits$} ({:.digits$} to {:.digits$})", e.value, e.low, e.high))
+    estimate.map_or_else(
+        || "–".to_owned(),
+        |e| format!("{:.digits$} ({:.digits$}\u{a0}to\u{a0}{:.digits$})", e.value, e.low, e.high),
+    )
 }
 
 pub(crate) fn table(m: &mut Markup, head: &[&str], rows: &[Vec<String>]) {
@@ -128,9 +132,11 @@ fn layout(m: &mut Markup, outcome: &Outcome) {
         iou(m, column);
         fidelity(m, column);
         lights(m, column);
-        let rows: Vec<Vec<String>> =
-            column.comparisons.iter().map(|(name, e)| vec![name.replace('_', " "), shown(*e, 3)]).collect();
-        table(m, &["over the same scenarios", "value"], &rows);
+        let made = column.comparisons.iter().filter(|(_, found)| found.is_some());
+        let rows: Vec<Vec<String>> = made.map(|(name, e)| vec![name.replace('_', " "), shown(*e, 3)]).collect();
+        if !rows.is_empty() {
+            table(m, &["over the same scenarios", "value"], &rows);
+        }
     }
 }
 
@@ -167,6 +173,10 @@ fn fidelity(m: &mut Markup, column: &ColumnLayout) {
 }
 
 fn lights(m: &mut Markup, column: &ColumnLayout) {
+    if column.reference.lights.iter().all(|bin| bin.seen == 0) {
+        m.leaf("p", &[], "No traffic light was seen.");
+        return;
+    }
     let bins: Vec<String> =
         column.reference.lights.iter().map(|bin| format!("{:.0} to {:.0} m", bin.from_m, bin.to_m)).collect();
     let mut head = vec!["traffic lights read right"];

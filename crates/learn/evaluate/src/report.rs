@@ -10,8 +10,10 @@ use crate::estimate::{CONFIDENCE, Estimate};
 use crate::outcome::{Outcome, Sharpness};
 use crate::page;
 
+/// The key of the student among the arms of a part.
+pub(crate) const STUDENT: &str = "student";
 /// The targets of `layout_iou`.
-const TARGETS: [&str; 4] = ["lane", "crosswalk", "vehicle", "pedestrian"];
+pub(crate) const TARGETS: [&str; 4] = ["lane", "crosswalk", "vehicle", "pedestrian"];
 /// The column that `eval.json` shows at its top.
 pub const FIRST_COLUMN: &str = "A";
 

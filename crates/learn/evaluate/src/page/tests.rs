@@ -41,7 +41,14 @@ fn figures_and_plots_are_shown_and_names_escaped() {
     drift.columns.insert("A".to_owned(), column);
     outcome.drift = Some(drift);
     let page = html(&outcome, &config());
-    for part in ["A quick look", "&lt;b&gt;", "0.250 (-0.750 to 1.250)", "<svg", "polyline", "5.50 (4.50 to 6.50)"] {
+    for part in [
+        "A quick look",
+        "&lt;b&gt;",
+        "0.250 (-0.750\u{a0}to\u{a0}1.250)",
+        "<svg",
+        "polyline",
+        "5.50 (4.50\u{a0}to\u{a0}6.50)",
+    ] {
         assert!(page.contains(part), "{part} is missing");
     }
     assert!(!page.contains("<b>"));

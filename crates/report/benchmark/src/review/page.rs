@@ -67,6 +67,12 @@ pub fn page(set: &Manifest, review: &Review, cards: &[Card], manifest: &str) -> 
                     "Each variant along the logged drive, all others as logged. Accept what could happen on a road; reject \
                      what could not, with a reason. Verdicts belong to the adversary: one that is made anew is unreviewed.",
                 );
+                m.leaf(
+                    "p",
+                    &[("class", &"lead")],
+                    "The curves are the time to collision in seconds over the seconds since the hand-over; dotted is the attack, \
+                     red the contact.",
+                );
                 m.leaf("p", &[], review.told(set));
             });
         });
@@ -103,9 +109,14 @@ fn write_card(m: &mut Markup, card: &Card, standing: &Standing) {
                 });
                 let least = card.least_ttc_secs().map_or("over 4 s".to_owned(), |least| format!("{least:.1} s"));
                 let attack = format!("{:.1} s after the hand-over", card.since(card.attack));
-                let seconds = |secs: Option<f64>| secs.map_or("unknown".to_owned(), |secs| format!("{secs:.1} s"));
-                let margin = seconds(card.severity.and_then(|severity| severity.margin_secs));
-                let missed = seconds(card.severity.and_then(|severity| severity.post_encroachment_secs));
+                let told = |secs: Option<f64>, none: &str| secs.map_or(none.to_owned(), |secs| format!("{secs:.1} s"));
+                let margin = told(card.severity.and_then(|severity| severity.margin_secs), "unknown");
+                let missed = card.severity.map_or("unknown".to_owned(), |severity| {
+                    told(
+                        severity.post_encroachment_secs,
+                        "nothing told: their ways do not cross, or the set is an old one",
+                    )
+                });
                 for (name, value) in [
                     ("class", entry.category.as_str()),
                     ("attack", attack.as_str()),
