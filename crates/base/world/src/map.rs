@@ -1,5 +1,7 @@
 //! The road map: lanes, junctions, edges, markings, crosswalks, stop lines and traffic lights.
 
+use std::borrow::Cow;
+
 use ds_space::{DVec2, DVec3};
 
 use crate::structure::Structure;
@@ -43,7 +45,7 @@ pub struct Lane {
     pub right: Option<LaneId>,
 }
 
-/// The pattern of a lane line.
+/// The pattern of a lane line. The order stays: digests of scenes count by it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LineKind {
     /// An unbroken line.
@@ -97,7 +99,7 @@ pub struct StopLine {
     pub light: Option<u32>,
 }
 
-/// What a traffic light shows.
+/// What a traffic light shows. The order stays: digests of scenes count by it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LightState {
     /// Not known.
@@ -160,5 +162,11 @@ impl Map {
     #[must_use]
     pub fn lane(&self, id: LaneId) -> Option<&Lane> {
         self.lanes.get(id.0 as usize)
+    }
+
+    /// Returns what stands beside the road; where the source does not say, what is placed there.
+    #[must_use]
+    pub fn structures_or(&self, place: impl FnOnce() -> Vec<Structure>) -> Cow<'_, [Structure]> {
+        if self.structures.is_empty() { Cow::Owned(place()) } else { Cow::Borrowed(&self.structures) }
     }
 }

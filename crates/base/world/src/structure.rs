@@ -1,8 +1,8 @@
 //! What stands beside the road and never moves: extruded outlines with a kind, without any look.
 
-use ds_space::{DVec2, DVec3};
+use ds_space::{DVec2, DVec3, PoseSe2};
 
-/// What a structure is.
+/// What a structure is. The order stays: digests of scenes count by it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum StructureKind {
     /// A house or hall.
@@ -36,6 +36,19 @@ pub struct Structure {
 }
 
 impl Structure {
+    /// Raises a box around a place, half as deep and half as wide as told in metres, its first edge in front.
+    #[must_use]
+    pub fn cuboid(kind: StructureKind, place: PoseSe2, [deep, wide]: [f64; 2], [bottom_m, top_m]: [f64; 2]) -> Self {
+        let corners = [(deep, -wide), (deep, wide), (-deep, wide), (-deep, -wide)];
+        Self { kind, outline: corners.map(|(x, y)| place.to_outer(DVec2::new(x, y))).to_vec(), bottom_m, top_m }
+    }
+
+    /// Returns what keys its draws: its place to a decimetre, not its number, so that what is taken away changes nothing else.
+    #[must_use]
+    pub fn key(&self) -> [u64; 2] {
+        self.centre().to_array().map(|at| (10.0 * at).round().to_bits())
+    }
+
     /// Returns the middle of the outline's corners.
     #[must_use]
     pub fn centre(&self) -> DVec2 {

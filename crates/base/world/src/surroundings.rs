@@ -67,15 +67,9 @@ fn house(grid: &DistanceGrid, at: DVec2, draws: &Draws) -> Option<Structure> {
     let pose = PoseSe2 { position: at, heading_rad: (-away).to_angle() };
     let storeys = 1 + draws.below(5, if room_m > 25.0 { 7 } else { 4 });
     let eaves_m = 3.0 * storeys as f64 + draws.range(6, 0.6, 1.4);
-    Some(Structure {
-        kind: StructureKind::Building,
-        outline: [(deep, -wide), (deep, wide), (-deep, wide), (-deep, -wide)]
-            .map(|(x, y)| pose.to_outer(DVec2::new(x, y)))
-            .to_vec(),
-        bottom_m: 0.0,
-        // The roof of a low house is a gable.
-        top_m: if storeys <= 2 { eaves_m + 0.55 * deep } else { eaves_m },
-    })
+    // The roof of a low house is a gable.
+    let top_m = if storeys <= 2 { eaves_m + 0.55 * deep } else { eaves_m };
+    Some(Structure::cuboid(StructureKind::Building, pose, [deep, wide], [0.0, top_m]))
 }
 
 fn tree(at: DVec2, room_m: f64, draws: &Draws) -> Structure {

@@ -38,16 +38,8 @@ pub(crate) struct Standing {
 
 /// Dresses all that stands in a scene; where it names nothing, houses and trees are placed by draws.
 pub(crate) fn dress(scene: &Scene, palette_seed: u64) -> Vec<Standing> {
-    let placed;
-    let structures = if scene.map.structures.is_empty() {
-        placed = surroundings::place(scene, palette_seed);
-        &placed
-    } else {
-        &scene.map.structures
-    };
     let dress = |structure: &Structure| {
-        // By place, not by number: what is taken away changes nothing else.
-        let [x, y] = structure.centre().to_array().map(|at| (10.0 * at).round().to_bits());
+        let [x, y] = structure.key();
         let draws = Draws::new(&scene.digest, "dress", &[x, y, palette_seed]);
         let (facets, shadow_from_m) = match structure.kind {
             StructureKind::Building => (building(structure, &draws), 0.0),
@@ -66,7 +58,7 @@ pub(crate) fn dress(scene: &Scene, palette_seed: u64) -> Vec<Standing> {
             shadow_to_m: structure.top_m,
         }
     };
-    structures.iter().map(dress).collect()
+    scene.map.structures_or(|| surroundings::place(scene, palette_seed)).iter().map(dress).collect()
 }
 
 fn pick(draws: &Draws, index: u64, colours: &[Rgb]) -> Rgb {

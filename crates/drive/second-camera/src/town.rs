@@ -94,15 +94,8 @@ fn halton(mut index: u32, base: u32) -> f64 {
 
 /// Builds what a scene names in the manner of this world, as wide and high as told; where it names nothing, what is placed by draws.
 pub(crate) fn build(scene: &Scene, seed: u64) -> Vec<Stand> {
-    let placed;
-    let structures = if scene.map.structures.is_empty() {
-        placed = place(scene, seed);
-        &placed
-    } else {
-        &scene.map.structures
-    };
     let stand = |structure: &Structure| {
-        let [x, y] = structure.centre().to_array().map(|at| (10.0 * at).round().to_bits());
+        let [x, y] = structure.key();
         let draws = Draws::new(&scene.digest, "abroad-stand", &[x, y, seed]);
         match structure.kind {
             StructureKind::Building => building(structure, &draws),
@@ -112,7 +105,7 @@ pub(crate) fn build(scene: &Scene, seed: u64) -> Vec<Stand> {
             StructureKind::Wall => prism(structure, thing(Stuff::Brick, [150, 118, 96])),
         }
     };
-    structures.iter().map(stand).collect()
+    scene.map.structures_or(|| place(scene, seed)).iter().map(stand).collect()
 }
 
 /// Places houses, trees and lamp posts.
@@ -140,7 +133,7 @@ pub(crate) fn place(scene: &Scene, seed: u64) -> Vec<Structure> {
         } else if room_m > 3.2 && kind < houses + trees * (1.0 - houses) {
             (tree_at(pose, (room_m - 1.6).clamp(0.8, 2.6), &draws), 2.4)
         } else if room_m > 1.6 && room_m < 3.2 && kind > 0.5 {
-            (prism_at(StructureKind::Pole, pose, [0.15, 0.15], (0.0, 6.4)), 1.0)
+            (Structure::cuboid(StructureKind::Pole, pose, [0.15, 0.15], [0.0, 6.4]), 1.0)
         } else {
             continue;
         };
@@ -152,12 +145,6 @@ pub(crate) fn place(scene: &Scene, seed: u64) -> Vec<Structure> {
     placed
 }
 
-/// Returns a box with half its depth and half its width, in metres, its first edge in front.
-fn prism_at(kind: StructureKind, pose: PoseSe2, [deep, wide]: [f64; 2], (bottom_m, top_m): (f64, f64)) -> Structure {
-    let corners = [(deep, -wide), (deep, wide), (-deep, wide), (-deep, -wide)];
-    Structure { kind, outline: corners.map(|(x, y)| pose.to_outer(DVec2::new(x, y))).to_vec(), bottom_m, top_m }
-}
-
 fn house_at(pose: PoseSe2, reach_m: f64, draws: &Draws) -> Structure {
     let (deep, wide) = (0.6 * reach_m * draws.range(2, 0.8, 1.0), 0.75 * reach_m * draws.range(3, 0.7, 1.0));
     let top_m = if draws.uniform(5) < 0.55 {
@@ -166,7 +153,7 @@ fn house_at(pose: PoseSe2, reach_m: f64, draws: &Draws) -> Structure {
     } else {
         3.4 * draws.range(6, 1.0, 3.0).floor() + hip_m(deep, wide)
     };
-    prism_at(StructureKind::Building, pose, [deep, wide], (0.0, top_m))
+    Structure::cuboid(StructureKind::Building, pose, [deep, wide], [0.0, top_m])
 }
 
 fn tree_at(pose: PoseSe2, reach_m: f64, draws: &Draws) -> Structure {
