@@ -2,6 +2,8 @@
 //!
 //! Two-pass chamfer transform (3-4 weights); world frame, metres. Bounded: cells grow until at most two million remain.
 
+use std::ops::Range;
+
 use ds_space::DVec2;
 
 use crate::scene::Scene;
@@ -88,7 +90,7 @@ impl DistanceGrid {
                 }
             }
         }
-        for row in 0..self.rows {
+        for row in self.rows_of(polygon) {
             let y = self.low.y + (row as f64 + 0.5) * self.cell_m;
             let crossing = |(a, b): (DVec2, DVec2)| {
                 ((a.y > y) != (b.y > y))
@@ -103,6 +105,17 @@ impl DistanceGrid {
                 self.thirds[row * self.columns + from..row * self.columns + to.max(from)].fill(0);
             }
         }
+    }
+
+    /// Returns the rows that a polygon may reach into.
+    fn rows_of(&self, polygon: &[DVec2]) -> Range<usize> {
+        let span = polygon
+            .iter()
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], corner| [low.min(corner.y), high.max(corner.y)]);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the grid")]
+        let row = |y: f64| ((y - self.low.y) / self.cell_m).clamp(0.0, self.rows as f64) as usize;
+        let [from, to] = span.map(row);
+        from..self.rows.min(to + 1)
     }
 
     fn spread(&mut self) {
@@ -127,5 +140,46 @@ impl DistanceGrid {
                 self.thirds[here] = self.thirds[here].min(self.thirds[y * self.columns + x] + cost);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ds_space::Draws;
+    use ds_space::plane::IndexedPolygon;
+
+    #[test]
+    fn a_polygon_marks_what_lies_in_it_and_its_edges_wherever_it_lies() {
+        let empty = || DistanceGrid {
+            low: DVec2::new(-7.0, 3.0),
+            cell_m: 1.5,
+            columns: 30,
+            rows: 20,
+            thirds: vec![u32::MAX / 2; 600],
+        };
+        for seed in 0..200 {
+            let draws = Draws::from_seed(seed, "polygon");
+            let polygon: Vec<DVec2> =
+                (0..3).map(|i| DVec2::new(draws.range(i, -20.0, 50.0), draws.range(8 + i, -10.0, 45.0))).collect();
+            let mut grid = empty();
+            grid.mark(&polygon);
+            let Some(area) = IndexedPolygon::new(&polygon, &[]) else { continue };
+            for (i, thirds) in grid.thirds.iter().enumerate() {
+                let centre = grid.low + (DVec2::new((i % 30) as f64, (i / 30) as f64) + 0.5) * grid.cell_m;
+                // An edge marks the cells that it passes, whose centres are no farther off than half a diagonal.
+                let beside = (0..3).any(|k| {
+                    let (a, along) = (polygon[k], polygon[(k + 1) % 3] - polygon[k]);
+                    let at = (along.dot(centre - a) / along.length_squared()).clamp(0.0, 1.0);
+                    centre.distance(a + along * at) < 0.71 * grid.cell_m
+                });
+                let (marked, inside) = (*thirds == 0, area.holds(centre));
+                assert!(if marked { inside || beside } else { !inside }, "seed {seed}: {centre} is marked: {marked}");
+            }
+        }
+        let mut grid = empty();
+        grid.mark(&[]);
+        grid.mark(&[DVec2::NAN, DVec2::NAN, DVec2::NAN]);
+        assert!(grid.thirds.iter().all(|thirds| *thirds > 0));
     }
 }
