@@ -86,6 +86,12 @@ impl StaticMap {
     /// Triangulates a map.
     #[must_use]
     pub fn new(map: &Map) -> Self {
+        Self { standing: map.structures.iter().map(Standing::new).collect(), ..Self::bare(map) }
+    }
+
+    /// Triangulates a map without what stands beside the road.
+    #[must_use]
+    pub fn bare(map: &Map) -> Self {
         let mut layers = Layers(Vec::new());
         for polygon in &map.drivable {
             layers.add(colour::DRIVABLE, shape::triangulate(polygon));
@@ -113,7 +119,7 @@ impl StaticMap {
             pieces: layers.0,
             stop_lines: map.stop_lines.clone(),
             heads: map.traffic_lights.clone(),
-            standing: map.structures.iter().map(Standing::new).collect(),
+            standing: Vec::new(),
             digest,
         }
     }

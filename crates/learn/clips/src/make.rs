@@ -1,5 +1,6 @@
 //! Makes planned clips: generates the scenario, drives through it, renders frames, layouts and classes.
 
+use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 
 use ds_camera::SceneCamera;
@@ -8,7 +9,7 @@ use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap};
 use ds_raster::{ImageError, RgbImage};
 use ds_scenario::{Facts, Warning};
 use ds_space::CameraModel;
-use ds_world::{Map, Scene, WorldState};
+use ds_world::{Scene, WorldState};
 
 use crate::clip::Clip;
 use crate::drive::Drive;
@@ -48,8 +49,8 @@ pub(crate) struct Studio<'a> {
     scene: Scene,
     network: String,
     map: StaticMap,
-    /// The same without what stands beside the road.
-    bare: StaticMap,
+    /// The same without what stands beside the road, made for the first clip that asks for it.
+    bare: OnceCell<StaticMap>,
     camera: CameraModel,
     /// Of a photographed drive, the pictures of the camera, one a tick.
     photos: Vec<Option<PathBuf>>,
@@ -69,8 +70,8 @@ impl<'a> Studio<'a> {
         let camera = recipe.source.world().rig(&resized(&scene.cameras[at], size));
         let photos = if at < pictures.len() { pictures.swap_remove(at) } else { Vec::new() };
         let map = StaticMap::new(&scene.map);
-        let bare = StaticMap::new(&Map { structures: Vec::new(), ..scene.map.clone() });
-        Ok(Self { recipe, network: network_id(&scene.map), map, bare, camera, scene, photos, warnings })
+        let network = network_id(&scene.map);
+        Ok(Self { recipe, network, map, bare: OnceCell::new(), camera, scene, photos, warnings })
     }
 
     /// Returns what is odd about the drive, a line each.
@@ -169,7 +170,8 @@ impl<'a> Studio<'a> {
     fn layouts(&self, worlds: &[WorldState], planned: &PlannedClip) -> Result<Vec<RgbImage>, ClipsError> {
         let index = planned.index;
         let refuse = |error: ds_layout::LayoutError| ClipsError::Clip { index, reason: error.to_string() };
-        let map = if planned.bare { &self.bare } else { &self.map };
+        let bare = || self.bare.get_or_init(|| StaticMap::bare(&self.scene.map));
+        let map = if planned.bare { bare() } else { &self.map };
         let mut renderer = Renderer::new(LayoutBackend::Cpu).map_err(refuse)?;
         let mut layout = |world: &WorldState| {
             let scene = LayoutScene { map, world };

@@ -10,7 +10,7 @@ use ds_perception::lights::{self, SeenLight};
 use ds_raster::RgbImage;
 use ds_scenario::Facts;
 use ds_space::{CameraModel, DQuat, Digest, Draws};
-use ds_world::{Map, Scene, WorldState};
+use ds_world::{Scene, WorldState};
 
 use crate::course::Course;
 use crate::error::AppraisalError;
@@ -46,7 +46,8 @@ pub struct Drive {
     course: Course,
     camera: Box<dyn SceneCamera>,
     map: StaticMap,
-    bare: StaticMap,
+    /// The same without what stands beside the road, once an arm has asked for it.
+    bare: Option<StaticMap>,
     crosswalks: Crosswalks,
     renderer: Renderer,
 }
@@ -75,7 +76,7 @@ impl Drive {
             course,
             camera: world.camera(scene, &route.look),
             map: StaticMap::new(&scene.map),
-            bare: StaticMap::new(&Map { structures: Vec::new(), ..scene.map.clone() }),
+            bare: None,
             crosswalks: Crosswalks::new(&scene.map)?,
             renderer: Renderer::new(LayoutBackend::Cpu)?,
         })
@@ -107,8 +108,8 @@ impl Drive {
     /// If the size is refused.
     pub fn bare_layout(&mut self, frame: u32) -> Result<RgbImage, AppraisalError> {
         let world = self.world(frame);
-        let scene = LayoutScene { map: &self.bare, world: &world };
-        Ok(self.renderer.render(&scene, &self.model, world.ego.pose.world_from_rig(0.0))?)
+        let map = self.bare.get_or_insert_with(|| StaticMap::bare(&self.course.scene().map));
+        from_ego(&mut self.renderer, &LayoutScene { map, world: &world }, &self.model)
     }
 
     /// Renders the layout of any state of the world, seen from its ego.
@@ -116,8 +117,7 @@ impl Drive {
     /// # Errors
     /// If the size is refused.
     pub fn layout_of(&mut self, world: &WorldState) -> Result<RgbImage, AppraisalError> {
-        let rig = world.ego.pose.world_from_rig(0.0);
-        Ok(self.renderer.render(&LayoutScene { map: &self.map, world }, &self.model, rig)?)
+        from_ego(&mut self.renderer, &LayoutScene { map: &self.map, world }, &self.model)
     }
 
     /// Renders the world's own frame.
@@ -154,4 +154,8 @@ impl Drive {
         let rig = world.ego.pose.world_from_rig(0.0);
         lights::seen(&self.course.scene().map.traffic_lights, &world, labels, &self.model, rig)
     }
+}
+
+fn from_ego(renderer: &mut Renderer, scene: &LayoutScene, camera: &CameraModel) -> Result<RgbImage, AppraisalError> {
+    Ok(renderer.render(scene, camera, scene.world.ego.pose.world_from_rig(0.0))?)
 }
