@@ -3,7 +3,7 @@
 use ds_space::plane::OrientedBox;
 use ds_space::{AgentId, DVec2, PoseSe2, Tick};
 
-/// What kind of road user or object an agent is.
+/// What kind of road user or object an agent is. The order stays: digests of scenes count by it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum AgentClass {
     /// Cars, trucks, buses.

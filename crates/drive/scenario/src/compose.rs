@@ -1,16 +1,12 @@
 //! Makes a scenario document of a scene; lanes are referred to by name, series of equal values become one value.
 
 use ds_space::DVec2;
-use ds_world::{
-    Adversary, AgentClass, Lane, LaneId, LaneKind, LightState, LineColour, LineKind, Map, Scene, Structure,
-    StructureKind, Track, TrafficLight,
-};
+use ds_world::{Adversary, Lane, LaneId, Map, Scene, Structure, Track, TrafficLight};
 
 use crate::content::Mounting;
 use crate::document::{
-    AdversaryPart, BudgetPart, CameraPart, ClassPart, ColourPart, Document, EgoPart, FORMAT, FRAME, LaneKindPart,
-    LanePart, LightPart, LineKindPart, LinePart, MapPart, OriginPart, Point, RICHER_VERSION, StatePart, StopPart,
-    StructureKindPart, StructurePart, TrackPart, VERSION, VehiclePart,
+    AdversaryPart, BudgetPart, CameraPart, Document, EgoPart, FORMAT, FRAME, LanePart, LastingPart, LightPart,
+    LinePart, MapPart, OriginPart, Point, RICHER_VERSION, StopPart, StructurePart, TrackPart, VERSION, VehiclePart,
 };
 
 fn pairs(points: &[DVec2]) -> Vec<Point> {
@@ -131,13 +127,7 @@ fn track(track: &Track) -> TrackPart {
     let column = |value: fn(&ds_world::TrackPoint) -> f64| series(track.points.iter().flatten().map(value));
     TrackPart {
         name: track.name.clone(),
-        class: match track.class {
-            AgentClass::Vehicle => ClassPart::Vehicle,
-            AgentClass::Pedestrian => ClassPart::Pedestrian,
-            AgentClass::Cyclist => ClassPart::Cyclist,
-            AgentClass::Cone => ClassPart::Cone,
-            AgentClass::Barrier => ClassPart::Barrier,
-        },
+        class: track.class,
         length_m: track.size.length_m,
         width_m: track.size.width_m,
         height_m: track.size.height_m,
@@ -169,18 +159,7 @@ fn map(map: &Map) -> MapPart {
         lane_lines: map
             .line_markings
             .iter()
-            .map(|line| LinePart {
-                kind: match line.kind {
-                    LineKind::Solid => LineKindPart::Solid,
-                    LineKind::Dashed => LineKindPart::Dashed,
-                    LineKind::Double => LineKindPart::Double,
-                },
-                colour: match line.colour {
-                    LineColour::White => ColourPart::White,
-                    LineColour::Yellow => ColourPart::Yellow,
-                },
-                points_m: pairs(&line.points),
-            })
+            .map(|line| LinePart { kind: line.kind, colour: line.colour, points_m: pairs(&line.points) })
             .collect(),
         crosswalks_m: map.crosswalks.iter().map(|crosswalk| pairs(&crosswalk.polygon)).collect(),
         stop_lines: map
@@ -195,13 +174,7 @@ fn map(map: &Map) -> MapPart {
 
 fn structure(structure: &Structure) -> StructurePart {
     StructurePart {
-        kind: match structure.kind {
-            StructureKind::Building => StructureKindPart::Building,
-            StructureKind::Vegetation => StructureKindPart::Vegetation,
-            StructureKind::Pole => StructureKindPart::Pole,
-            StructureKind::Fence => StructureKindPart::Fence,
-            StructureKind::Wall => StructureKindPart::Wall,
-        },
+        kind: structure.kind,
         bottom_m: structure.bottom_m,
         top_m: structure.top_m,
         outline_m: pairs(&structure.outline),
@@ -211,10 +184,7 @@ fn structure(structure: &Structure) -> StructurePart {
 fn lane(map: &Map, lane: &Lane) -> LanePart {
     LanePart {
         name: lane.name.clone(),
-        kind: match lane.kind {
-            LaneKind::Road => LaneKindPart::Road,
-            LaneKind::Connector => LaneKindPart::Connector,
-        },
+        kind: lane.kind,
         speed_limit_mps: lane.speed_limit_mps,
         successors: names(map, &lane.successors),
         predecessors: names(map, &lane.predecessors),
@@ -226,17 +196,11 @@ fn lane(map: &Map, lane: &Lane) -> LanePart {
 }
 
 fn light(map: &Map, light: &TrafficLight) -> LightPart {
-    let mut states: Vec<(StatePart, u32)> = Vec::new();
+    let mut states: Vec<LastingPart> = Vec::new();
     for state in &light.states {
-        let state = match state {
-            LightState::Unknown => StatePart::Unknown,
-            LightState::Red => StatePart::Red,
-            LightState::Yellow => StatePart::Yellow,
-            LightState::Green => StatePart::Green,
-        };
         match states.last_mut() {
-            Some(last) if last.0 == state => last.1 += 1,
-            _ => states.push((state, 1)),
+            Some(last) if last.0 == *state => last.1 += 1,
+            _ => states.push(LastingPart(*state, 1)),
         }
     }
     LightPart {

@@ -3,10 +3,7 @@
 //! Positions are kept to 1 mm, angles and rates to 1e-5, pixels to 1e-4, so that a saved scene and a loaded one are equal in every bit.
 
 use ds_space::{CameraModel, DMat3, DQuat, DVec2, DVec3, Digest, DigestWriter, Pose};
-use ds_world::{
-    Adversary, AgentClass, EgoState, LaneKind, LightState, LineColour, LineKind, Map, Scene, Structure, StructureKind,
-    Track,
-};
+use ds_world::{Adversary, EgoState, LaneKind, LineColour, Map, Scene, Structure, Track};
 
 /// Rounds to `steps_per_unit`; never gives a negative zero.
 #[must_use]
@@ -144,6 +141,7 @@ fn points(writer: &mut DigestWriter, points: &[DVec2]) {
 }
 
 /// Returns the digest of all that a scene holds, in the order of the format; how a file is laid out has no part in it.
+/// Kinds count by their place in their enums.
 pub(crate) fn digest(scene: &Scene) -> Digest {
     let mut writer = DigestWriter::new();
     writer.text("dreamstream-scenario/1").text(&scene.name).text(&scene.family).i64(scene.dt.0).text(&scene.prompt);
@@ -186,14 +184,7 @@ pub(crate) fn digest(scene: &Scene) -> Digest {
 fn digest_structures(writer: &mut DigestWriter, structures: &[Structure]) {
     writer.text("structures").u64(structures.len() as u64);
     for structure in structures {
-        let kind = match structure.kind {
-            StructureKind::Building => 0,
-            StructureKind::Vegetation => 1,
-            StructureKind::Pole => 2,
-            StructureKind::Fence => 3,
-            StructureKind::Wall => 4,
-        };
-        writer.u32(kind).f64s(&[structure.bottom_m, structure.top_m]);
+        writer.u32(structure.kind as u32).f64s(&[structure.bottom_m, structure.top_m]);
         points(writer, &structure.outline);
     }
 }
@@ -207,14 +198,8 @@ fn digest_adversary(writer: &mut DigestWriter, adversary: &Adversary) {
 }
 
 fn digest_track(writer: &mut DigestWriter, track: &Track) {
-    let class = match track.class {
-        AgentClass::Vehicle => 0,
-        AgentClass::Pedestrian => 1,
-        AgentClass::Cyclist => 2,
-        AgentClass::Cone => 3,
-        AgentClass::Barrier => 4,
-    };
-    writer.text(&track.name).u32(class).f64s(&[track.size.length_m, track.size.width_m, track.size.height_m]);
+    writer.text(&track.name).u32(track.class as u32);
+    writer.f64s(&[track.size.length_m, track.size.width_m, track.size.height_m]);
     writer.u64(track.points.len() as u64);
     for point in &track.points {
         writer.bool(point.is_some());
@@ -250,12 +235,7 @@ fn digest_map(writer: &mut DigestWriter, map: &Map) {
     map.road_edges.iter().for_each(|edge| points(writer, &edge.points));
     writer.u64(map.line_markings.len() as u64);
     for line in &map.line_markings {
-        let kind = match line.kind {
-            LineKind::Solid => 0,
-            LineKind::Dashed => 1,
-            LineKind::Double => 2,
-        };
-        writer.u32(kind).bool(line.colour == LineColour::Yellow);
+        writer.u32(line.kind as u32).bool(line.colour == LineColour::Yellow);
         points(writer, &line.points);
     }
     writer.u64(map.crosswalks.len() as u64);
@@ -273,13 +253,7 @@ fn digest_map(writer: &mut DigestWriter, map: &Map) {
         });
         writer.u64(light.states.len() as u64);
         for state in &light.states {
-            let state = match state {
-                LightState::Unknown => 0,
-                LightState::Red => 1,
-                LightState::Yellow => 2,
-                LightState::Green => 3,
-            };
-            writer.u32(state);
+            writer.u32(*state as u32);
         }
     }
 }

@@ -1,8 +1,10 @@
 //! The structs of a scenario file, versions 1 and 2, as serde reads and writes them; see `scenarios/README.md`.
 //!
 //! Field names carry units; unknown fields are refused. Series run over ticks; a series of one value stands for a
-//! constant. Nothing is checked here beyond shape: `resolve` does that, `compose` makes documents of scenes.
+//! constant. Nothing is checked here beyond shape: `resolve` does that, `compose` makes documents of scenes. Kinds are those of
+//! the scene; the enums here say what they are called in files.
 
+use ds_world::{AgentClass, LaneKind, LightState, LineColour, LineKind, StructureKind};
 use serde::{Deserialize, Serialize};
 
 /// What `format` must say.
@@ -123,9 +125,9 @@ pub(crate) struct EgoPart {
 }
 
 /// The class of a track.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum ClassPart {
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "AgentClass", rename_all = "snake_case")]
+enum ClassPart {
     Vehicle,
     Pedestrian,
     Cyclist,
@@ -138,7 +140,8 @@ pub(crate) enum ClassPart {
 #[serde(deny_unknown_fields)]
 pub(crate) struct TrackPart {
     pub name: String,
-    pub class: ClassPart,
+    #[serde(with = "ClassPart")]
+    pub class: AgentClass,
     pub length_m: f64,
     pub width_m: f64,
     pub height_m: f64,
@@ -166,9 +169,9 @@ pub(crate) struct MapPart {
     pub structures: Vec<StructurePart>,
 }
 
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum StructureKindPart {
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "StructureKind", rename_all = "snake_case")]
+enum StructureKindPart {
     Building,
     Vegetation,
     Pole,
@@ -180,16 +183,17 @@ pub(crate) enum StructureKindPart {
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct StructurePart {
-    pub kind: StructureKindPart,
+    #[serde(with = "StructureKindPart")]
+    pub kind: StructureKind,
     #[serde(default)]
     pub bottom_m: f64,
     pub top_m: f64,
     pub outline_m: Vec<Point>,
 }
 
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum LaneKindPart {
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "LaneKind", rename_all = "snake_case")]
+enum LaneKindPart {
     Road,
     Connector,
 }
@@ -198,7 +202,8 @@ pub(crate) enum LaneKindPart {
 #[serde(deny_unknown_fields)]
 pub(crate) struct LanePart {
     pub name: String,
-    pub kind: LaneKindPart,
+    #[serde(with = "LaneKindPart")]
+    pub kind: LaneKind,
     pub speed_limit_mps: Option<f64>,
     pub successors: Vec<String>,
     pub predecessors: Vec<String>,
@@ -208,17 +213,17 @@ pub(crate) struct LanePart {
     pub polygon_m: Vec<Point>,
 }
 
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum LineKindPart {
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "LineKind", rename_all = "snake_case")]
+enum LineKindPart {
     Solid,
     Dashed,
     Double,
 }
 
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum ColourPart {
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "LineColour", rename_all = "snake_case")]
+enum ColourPart {
     White,
     Yellow,
 }
@@ -226,8 +231,10 @@ pub(crate) enum ColourPart {
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct LinePart {
-    pub kind: LineKindPart,
-    pub colour: ColourPart,
+    #[serde(with = "LineKindPart")]
+    pub kind: LineKind,
+    #[serde(with = "ColourPart")]
+    pub colour: LineColour,
     pub points_m: Vec<Point>,
 }
 
@@ -239,9 +246,9 @@ pub(crate) struct StopPart {
     pub points_m: [Point; 2],
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum StatePart {
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "LightState", rename_all = "snake_case")]
+enum StatePart {
     Unknown,
     Red,
     Yellow,
@@ -257,5 +264,9 @@ pub(crate) struct LightPart {
     pub facing_rad: f64,
     pub lanes: Vec<String>,
     /// Each state with the number of ticks that it lasts; the last one holds on.
-    pub states: Vec<(StatePart, u32)>,
+    pub states: Vec<LastingPart>,
 }
+
+/// What a light shows and for how many ticks.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct LastingPart(#[serde(with = "StatePart")] pub LightState, pub u32);

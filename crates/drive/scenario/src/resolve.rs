@@ -3,12 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use ds_space::{CameraId, CameraModel, DQuat, DVec2, DVec3, Digest, Intrinsics, Pose, PoseSe2, SimTime};
-use ds_world::{AgentClass, EgoState, Origin, Scene, Size, Track, TrackPoint, VehicleParameters};
+use ds_world::{EgoState, Origin, Scene, Size, Track, TrackPoint, VehicleParameters};
 
 use crate::content::{Mounting, seal};
-use crate::document::{
-    CameraPart, ClassPart, Document, EgoPart, FORMAT, FRAME, RICHER_VERSION, TrackPart, VERSION, VehiclePart,
-};
+use crate::document::{CameraPart, Document, EgoPart, FORMAT, FRAME, RICHER_VERSION, TrackPart, VERSION, VehiclePart};
 use crate::place::{FAR_M, Fault, Place};
 
 mod adversary;
@@ -239,14 +237,8 @@ fn track(at: &Place<'_>, part: &TrackPart, ticks: usize) -> Result<Track, Fault>
             velocity_mps: DVec2::new(value(&part.vx_mps, i), value(&part.vy_mps, i)),
         });
     }
-    let class = match part.class {
-        ClassPart::Vehicle => AgentClass::Vehicle,
-        ClassPart::Pedestrian => AgentClass::Pedestrian,
-        ClassPart::Cyclist => AgentClass::Cyclist,
-        ClassPart::Cone => AgentClass::Cone,
-        ClassPart::Barrier => AgentClass::Barrier,
-    };
-    Ok(Track { name: part.name.clone(), class, size: size(at, part.length_m, part.width_m, part.height_m)?, points })
+    let size = size(at, part.length_m, part.width_m, part.height_m)?;
+    Ok(Track { name: part.name.clone(), class: part.class, size, points })
 }
 
 fn valid_ticks(at: &Place<'_>, stretches: &[[u32; 2]], ticks: usize) -> Result<Vec<usize>, Fault> {

@@ -3,15 +3,9 @@
 use std::collections::BTreeMap;
 
 use ds_space::DVec3;
-use ds_world::{
-    Crosswalk, Lane, LaneId, LaneKind, LightState, LineColour, LineKind, LineMarking, Map, Polygon, RoadEdge, StopLine,
-    Structure, StructureKind, TrafficLight,
-};
+use ds_world::{Crosswalk, Lane, LaneId, LineMarking, Map, Polygon, RoadEdge, StopLine, Structure, TrafficLight};
 
-use crate::document::{
-    ColourPart, LaneKindPart, LanePart, LightPart, LineKindPart, LinePart, MapPart, Point, StatePart, StopPart,
-    StructureKindPart, StructurePart,
-};
+use crate::document::{LanePart, LastingPart, LightPart, LinePart, MapPart, Point, StopPart, StructurePart};
 use crate::place::{FAR_M, Fault, Place};
 
 /// The highest that a structure may be, in metres.
@@ -72,10 +66,7 @@ fn lane(at: &Place<'_>, part: &LanePart, names: &Names<'_>) -> Result<Lane, Faul
     let outline = at.field("polygon_m");
     Ok(Lane {
         name: part.name.clone(),
-        kind: match part.kind {
-            LaneKindPart::Road => LaneKind::Road,
-            LaneKindPart::Connector => LaneKind::Connector,
-        },
+        kind: part.kind,
         centre_line: at.field("centre_line_m").points(&part.centre_line_m, 2)?,
         polygon: outline.points(&part.polygon_m, if part.polygon_m.is_empty() { 0 } else { 3 })?,
         speed_limit_mps: limit,
@@ -87,18 +78,7 @@ fn lane(at: &Place<'_>, part: &LanePart, names: &Names<'_>) -> Result<Lane, Faul
 }
 
 fn line(at: &Place<'_>, part: &LinePart) -> Result<LineMarking, Fault> {
-    Ok(LineMarking {
-        kind: match part.kind {
-            LineKindPart::Solid => LineKind::Solid,
-            LineKindPart::Dashed => LineKind::Dashed,
-            LineKindPart::Double => LineKind::Double,
-        },
-        colour: match part.colour {
-            ColourPart::White => LineColour::White,
-            ColourPart::Yellow => LineColour::Yellow,
-        },
-        points: at.field("points_m").points(&part.points_m, 2)?,
-    })
+    Ok(LineMarking { kind: part.kind, colour: part.colour, points: at.field("points_m").points(&part.points_m, 2)? })
 }
 
 fn stop_line(at: &Place<'_>, part: &StopPart, lights: usize) -> Result<StopLine, Fault> {
@@ -118,18 +98,7 @@ fn structure(at: &Place<'_>, part: &StructurePart) -> Result<Structure, Fault> {
     if top_m <= bottom_m {
         return Err(at.field("top_m").fault(format!("is {top_m}, not above bottom_m, which is {bottom_m}")));
     }
-    Ok(Structure {
-        kind: match part.kind {
-            StructureKindPart::Building => StructureKind::Building,
-            StructureKindPart::Vegetation => StructureKind::Vegetation,
-            StructureKindPart::Pole => StructureKind::Pole,
-            StructureKindPart::Fence => StructureKind::Fence,
-            StructureKindPart::Wall => StructureKind::Wall,
-        },
-        outline: at.field("outline_m").points(&part.outline_m, 3)?,
-        bottom_m,
-        top_m,
-    })
+    Ok(Structure { kind: part.kind, outline: at.field("outline_m").points(&part.outline_m, 3)?, bottom_m, top_m })
 }
 
 fn light(at: &Place<'_>, part: &LightPart, scene: (&Names<'_>, usize)) -> Result<TrafficLight, Fault> {
@@ -141,18 +110,12 @@ fn light(at: &Place<'_>, part: &LightPart, scene: (&Names<'_>, usize)) -> Result
     );
     let states_at = at.field("states");
     let mut states = Vec::new();
-    for (i, (state, count)) in part.states.iter().enumerate() {
+    for (i, LastingPart(state, count)) in part.states.iter().enumerate() {
         if *count == 0 || states.len() + *count as usize > ticks {
             let problem = format!("lasts {count} ticks; states last 1 tick or more and {ticks} in all at most");
             return Err(states_at.item(i).fault(problem));
         }
-        let state = match state {
-            StatePart::Unknown => LightState::Unknown,
-            StatePart::Red => LightState::Red,
-            StatePart::Yellow => LightState::Yellow,
-            StatePart::Green => LightState::Green,
-        };
-        states.extend(std::iter::repeat_n(state, *count as usize));
+        states.extend(std::iter::repeat_n(*state, *count as usize));
     }
     Ok(TrafficLight {
         position,
