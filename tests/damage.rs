@@ -1,5 +1,5 @@
 //! Nothing is lost and nothing silently wrong: damaged recordings, a full disk, two runs in one folder, a policy that is not
-//! there.
+//! there, a reader who leaves.
 
 #[path = "harness.rs"]
 mod harness;
@@ -249,4 +249,34 @@ fn tables_say_what_they_show() {
     }
     let doctor = stdout(&run(&["doctor"]));
     assert!(doctor.contains("software rasteriser") && !doctor.contains("chosen"), "{doctor}");
+}
+
+/// Lets nobody read what a command says, and returns its exit code.
+fn unread(mut command: Command) -> Option<i32> {
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    let status = command.stdout(writer.try_clone().expect("a second end")).stderr(writer).status();
+    status.expect("the binary runs").code()
+}
+
+#[test]
+fn a_reader_who_leaves_changes_no_exit_code() {
+    for (arguments, code) in [
+        (&["--help"][..], 0),
+        (&["completion", "bash"], 0),
+        (&["gap", "effects"], 0),
+        (&["scenario", "show", SCENARIO], 0),
+        (&["scenario", "show", "none.scenario.json"], 1),
+        (&["run", SCENARIO, "--policy", "none"], 64),
+        (&["benchmark", "check", "none.set.json"], 2),
+    ] {
+        assert_eq!(unread(dreamstream(arguments)), Some(code), "{arguments:?}");
+    }
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    assert_eq!(unread(command(&["--log", "debug", SCENARIO], folder.path())), Some(0));
+    assert!(folder.path().join("results.json").exists(), "the work goes on");
+    let Ok(full) = std::fs::File::create("/dev/full") else { return eprintln!("skipped: no /dev/full") };
+    let lost = dreamstream(&["gap", "effects"]).stdout(full).output().expect("the binary runs");
+    assert_eq!(lost.status.code(), Some(STORAGE), "{}", stderr(&lost));
+    assert!(stderr(&lost).contains("stdout"), "{}", stderr(&lost));
 }

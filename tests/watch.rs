@@ -202,6 +202,10 @@ fn top_sees_who_works_and_who_was_killed() {
     let shown = dreamstream(&["top", "--once", "--orchestrator", &orchestrator]).output().expect("runs");
     let shown = String::from_utf8_lossy(&shown.stdout).into_owned();
     assert!(shown.contains("layout") && shown.contains("3 completed"), "{shown}");
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    let unread = dreamstream(&["top", "--orchestrator", &orchestrator]).stdout(writer).status();
+    assert!(unread.expect("runs").success(), "it ends where nobody reads on");
 }
 
 #[test]

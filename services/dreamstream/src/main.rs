@@ -14,7 +14,7 @@ use clap::{CommandFactory, FromArgMatches};
 use cli::{Cli, Command, Handed};
 use ds_launch::{run, runtime};
 use ds_process::beside::{self, TRAINER};
-use ds_process::terminal::{complain, ended, parsed};
+use ds_process::terminal::{answer, complain, ended, parsed};
 
 fn main() -> ExitCode {
     let arguments = Cli::command().try_get_matches().and_then(|said| Ok((Cli::from_arg_matches(&said)?, said)));
@@ -35,7 +35,9 @@ fn main() -> ExitCode {
         return ExitCode::FAILURE;
     }
     if let Command::Completion { shell } = &cli.command {
-        clap_complete::generate(*shell, &mut Cli::command(), "dreamstream", &mut std::io::stdout());
+        let mut script = Vec::new();
+        clap_complete::generate(*shell, &mut Cli::command(), "dreamstream", &mut script);
+        answer(String::from_utf8_lossy(&script).trim_end());
         return ExitCode::SUCCESS;
     }
     ended(ds_process::logging::start(&cli.log).and_then(|()| answered(&cli)))

@@ -33,3 +33,12 @@ fn what_is_not_meant_is_refused_by_name() {
         assert_eq!((status.code(), said.contains(says)), (Some(code), true), "{words:?}: {said}");
     }
 }
+
+#[test]
+fn a_reader_who_leaves_changes_no_exit_code() {
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    let mut plan = Command::new(env!("CARGO_BIN_EXE_trainer"));
+    plan.args(["train", "plan", "--config", "../../configs/train/cpu_train.toml"]).stdout(writer.try_clone().expect("a second end")).stderr(writer);
+    assert!(plan.status().expect("the process runs").success());
+}

@@ -1,6 +1,6 @@
 //! Logs go to stderr; stdout belongs to the command line's answer.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 
 use tracing_subscriber::EnvFilter;
 
@@ -14,9 +14,16 @@ pub fn start(filter: &str) -> anyhow::Result<()> {
         .with_env_filter(filter)
         .with_ansi(std::io::stderr().is_terminal())
         .with_writer(std::io::stderr)
+        // It would tell of a closed stderr on stderr, and panic.
+        .log_internal_errors(false)
         .finish();
     if tracing::subscriber::set_global_default(subscriber).is_err() {
         tracing::debug!("logging was started before");
     }
     Ok(())
+}
+
+/// Prints an error and its causes on stderr, whether or not logging has started.
+pub fn complain(error: &anyhow::Error) {
+    let _closed_pipe = writeln!(std::io::stderr(), "error: {error:#}");
 }

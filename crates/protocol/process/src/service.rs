@@ -130,9 +130,8 @@ fn log_filter(settings: &toml::Table) -> Option<String> {
     Some(settings.get("process")?.get("log")?.as_str()?.to_owned())
 }
 
-#[expect(clippy::print_stderr, reason = "logging has not started yet")]
 fn refuse(error: &anyhow::Error) -> ExitCode {
-    eprintln!("error: {error:#}");
+    logging::complain(error);
     ExitCode::from(EXIT_USAGE)
 }
 

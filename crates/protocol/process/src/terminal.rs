@@ -2,19 +2,38 @@
 
 mod plain;
 
-use std::io::IsTerminal;
+use std::io::{ErrorKind, IsTerminal, Write};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::service::{EXIT_USAGE, exit_code};
+pub use crate::logging::complain;
+use crate::service::{EXIT_STORAGE, EXIT_USAGE, exit_code};
+
+/// Raised when whoever read the answer has left.
+static UNREAD: AtomicBool = AtomicBool::new(false);
 
 /// Prints a line of the answer on stdout; logs and progress go to stderr.
-#[expect(clippy::print_stdout, reason = "stdout belongs to the command line's answer")]
+///
+/// A reader may leave, as `head` does: the work goes on, and its exit code is the usual one. An answer that is lost for any other
+/// reason, such as a full disk, ends the process with [`EXIT_STORAGE`].
 pub fn answer(line: &str) {
-    println!("{line}");
+    match writeln!(std::io::stdout(), "{line}") {
+        Ok(()) => {}
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => UNREAD.store(true, Ordering::Relaxed),
+        Err(error) => {
+            complain(&anyhow::Error::new(error).context("the answer cannot be written to stdout"));
+            std::process::exit(EXIT_STORAGE.into());
+        }
+    }
+}
+
+/// Says whether whoever read the answer has left, so that what only answers, again and again, may end.
+#[must_use]
+pub fn unread() -> bool {
+    UNREAD.load(Ordering::Relaxed)
 }
 
 /// Returns a progress bar with an estimate of the time left; a line every half minute where stderr is no terminal.
@@ -31,12 +50,6 @@ pub fn bar(length: u64, unit: &'static str) -> ProgressBar {
         bar.set_draw_target(ProgressDrawTarget::term_like(Box::new(plain::Lines::new(std::io::stderr()))));
     }
     bar.with_style(style).with_message(unit)
-}
-
-/// Prints an error and its causes on stderr.
-#[expect(clippy::print_stderr, reason = "the command line's own error")]
-pub fn complain(error: &anyhow::Error) {
-    eprintln!("error: {error:#}");
 }
 
 /// Returns the arguments of a process, or, once help or what is wrong with them is printed, its exit code.

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use ds_process::security::Control;
-use ds_process::terminal::answer;
+use ds_process::terminal::{answer, unread};
 use ds_wire::control as pb;
 use pb::fleet_client::FleetClient;
 use pb::runs_client::RunsClient;
@@ -101,7 +101,7 @@ pub(crate) async fn run(args: &TopArgs) -> Result<()> {
             let clear = if !args.once && std::io::stdout().is_terminal() { CLEAR } else { "" };
             answer(&format!("{clear}{}", table(&look, &gone)));
         }
-        if args.once {
+        if args.once || unread() {
             return Ok(());
         }
     }
