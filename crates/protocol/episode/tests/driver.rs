@@ -10,11 +10,7 @@ use bytes::Bytes;
 use ds_episode::driver::{Action, Attempt, Driver, EncodedScene, Ending, Event, Journal, ResumeError, Status};
 use ds_episode::{Codec, Fault, FaultClass, Millis, Outline, Timing, due};
 use ds_space::{AttemptId, Digest, EpisodeId, InstanceId, SimTime, Tick};
-use ds_topic::{
-    Advance, Envelope, EpisodeSpec, Header, Motion, ObservationSource, Owner, ReplanAlignment, Role, SCHEMA_VERSION,
-    Slot, Topic,
-};
-use ds_world::{AgentMode, LayoutBackend, TrackerKind};
+use ds_topic::{Advance, Envelope, EpisodeSpec, Header, Motion, Owner, Role, SCHEMA_VERSION, Slot, Topic};
 use toy::{LATE, SCENE, ToyCodec, hash};
 
 fn id(text: &str) -> InstanceId {
@@ -23,34 +19,11 @@ fn id(text: &str) -> InstanceId {
 
 fn outline() -> Outline {
     let spec = EpisodeSpec {
-        episode: EpisodeId::new("e").expect("a valid id"),
-        scenario: "toy".to_owned(),
-        scenario_digest: Digest::default(),
         policy: "toy".to_owned(),
-        observation: ObservationSource::Layout,
-        appearance: "day".to_owned(),
-        seed: 1,
         replan_period: 2,
         horizon: 8,
-        history: 1,
         warm_up: 1,
-        last_tick: Tick(5),
-        agents: AgentMode::LogReplay,
-        tracker: TrackerKind::Lqr,
-        layout_backend: LayoutBackend::Cpu,
-        alignment: ReplanAlignment::Rollback,
-        chunk_ticks: 0,
-        video_model: Digest::default(),
-        policy_model: Digest::default(),
-        configuration: Digest::default(),
-        scorer: Default::default(),
-        score_profile: Default::default(),
-        effects: Vec::new(),
-        vehicle_log: false,
-        wall_clock: false,
-        observation_delay: 0,
-        layout_memory_ticks: 0,
-        prompt: String::new(),
+        ..EpisodeSpec::replay(EpisodeId::new("e").expect("a valid id"), "toy", Tick(5))
     };
     Outline { spec, cameras: 1, dt: SimTime(100_000_000) }
 }

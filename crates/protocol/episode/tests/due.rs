@@ -4,8 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use ds_episode::{Outline, due};
 use ds_space::{Digest, EpisodeId, SimTime, Tick};
-use ds_topic::{Advance, EpisodeSpec, Motion, ObservationSource, ReplanAlignment, Role, Slot, Topic};
-use ds_world::{AgentMode, LayoutBackend, TrackerKind};
+use ds_topic::{Advance, EpisodeSpec, Motion, ObservationSource, Role, Slot, Topic};
 use proptest::prelude::*;
 
 fn outlines() -> impl Strategy<Value = Outline> {
@@ -13,34 +12,15 @@ fn outlines() -> impl Strategy<Value = Outline> {
         |(replan_period, history, warm_up, last, chunk_ticks, cameras, layout_memory_ticks)| {
             let video = chunk_ticks > 0;
             let spec = EpisodeSpec {
-                episode: EpisodeId::new("e").expect("a valid id"),
-                scenario: "toy".to_owned(),
-                scenario_digest: Digest::default(),
                 policy: "toy".to_owned(),
                 observation: if video { ObservationSource::Dreamstream } else { ObservationSource::SimRgb },
-                appearance: "day".to_owned(),
-                seed: 1,
                 replan_period,
                 horizon: 8,
                 history,
                 warm_up,
-                last_tick: Tick(last),
-                agents: AgentMode::LogReplay,
-                tracker: TrackerKind::Lqr,
-                layout_backend: LayoutBackend::Cpu,
-                alignment: ReplanAlignment::Rollback,
                 chunk_ticks,
-                video_model: Digest::default(),
-                policy_model: Digest::default(),
-                configuration: Digest::default(),
-                scorer: Default::default(),
-                score_profile: Default::default(),
-                effects: Vec::new(),
-                vehicle_log: false,
-                wall_clock: false,
-                observation_delay: 0,
                 layout_memory_ticks,
-                prompt: String::new(),
+                ..EpisodeSpec::replay(EpisodeId::new("e").expect("a valid id"), "toy", Tick(last))
             };
             Outline { spec, cameras, dt: SimTime(100_000_000) }
         },

@@ -12,10 +12,8 @@ use ds_episode::stage::{Action, Assignment, Event, Output, PullFrom, Stage, Stop
 use ds_episode::{Codec, Fault, Millis, Outline, Timing, due};
 use ds_space::{AttemptId, Digest, EpisodeId, InstanceId, SimTime, Tick};
 use ds_topic::{
-    Advance, Envelope, EpisodeSpec, Header, Motion, ObservationSource, Owner, ReplanAlignment, Role, SCHEMA_VERSION,
-    Slot, Topic,
+    Advance, Envelope, EpisodeSpec, Header, Motion, ObservationSource, Owner, Role, SCHEMA_VERSION, Slot, Topic,
 };
-use ds_world::{AgentMode, LayoutBackend, TrackerKind};
 use toy::{SCENE, ToyCodec, hash};
 
 const LEASE_UNTIL: Millis = Millis(1_000);
@@ -26,34 +24,12 @@ fn id(text: &str) -> InstanceId {
 
 fn outline() -> Outline {
     let spec = EpisodeSpec {
-        episode: EpisodeId::new("e").expect("a valid id"),
-        scenario: "toy".to_owned(),
-        scenario_digest: Digest::default(),
         policy: "toy".to_owned(),
         observation: ObservationSource::Dreamstream,
-        appearance: "day".to_owned(),
-        seed: 1,
         replan_period: 2,
         horizon: 8,
-        history: 1,
-        warm_up: 0,
-        last_tick: Tick(6),
-        agents: AgentMode::LogReplay,
-        tracker: TrackerKind::Lqr,
-        layout_backend: LayoutBackend::Cpu,
-        alignment: ReplanAlignment::Rollback,
         chunk_ticks: 2,
-        video_model: Digest::default(),
-        policy_model: Digest::default(),
-        configuration: Digest::default(),
-        scorer: Default::default(),
-        score_profile: Default::default(),
-        effects: Vec::new(),
-        vehicle_log: false,
-        wall_clock: false,
-        observation_delay: 0,
-        layout_memory_ticks: 0,
-        prompt: String::new(),
+        ..EpisodeSpec::replay(EpisodeId::new("e").expect("a valid id"), "toy", Tick(6))
     };
     Outline { spec, cameras: 1, dt: SimTime(100_000_000) }
 }

@@ -242,6 +242,42 @@ const WITNESSED_TICKS: u32 = 10;
 pub const MAX_LAYOUT_MEMORY_TICKS: u32 = 512;
 
 impl EpisodeSpec {
+    /// Returns the settings of an episode that replays a scenario's log among recorded agents and shows layouts, all else as
+    /// plain as can be: what others differ from.
+    #[must_use]
+    pub fn replay(episode: EpisodeId, scenario: &str, last_tick: Tick) -> Self {
+        Self {
+            episode,
+            scenario: scenario.to_owned(),
+            scenario_digest: Digest::default(),
+            policy: Anchor::LogReplay.name().to_owned(),
+            observation: ObservationSource::Layout,
+            appearance: "day".to_owned(),
+            seed: 1,
+            replan_period: 5,
+            horizon: 80,
+            history: 1,
+            warm_up: 0,
+            last_tick,
+            agents: AgentMode::LogReplay,
+            tracker: TrackerKind::Lqr,
+            layout_backend: LayoutBackend::Cpu,
+            alignment: ReplanAlignment::Rollback,
+            chunk_ticks: 0,
+            video_model: Digest::default(),
+            policy_model: Digest::default(),
+            configuration: Digest::default(),
+            scorer: ProposalScorer::default(),
+            score_profile: ScoreProfile::default(),
+            effects: Vec::new(),
+            vehicle_log: false,
+            observation_delay: 0,
+            layout_memory_ticks: 0,
+            prompt: String::new(),
+            wall_clock: false,
+        }
+    }
+
     /// Returns the key of the episode's random draws: never the id, the policy or the observation source.
     #[must_use]
     pub fn draw_key(&self) -> Digest {

@@ -7,14 +7,14 @@ use ds_raster::{Encoding, RgbImage};
 use ds_space::{AgentId, CameraId, CameraModel, DVec2, DVec3, Digest, EpisodeId, Intrinsics, PoseSe2, SimTime, Tick};
 use ds_topic::body::Tensor;
 use ds_topic::{
-    Advance, Cache, Ego, EpisodeSpec, Event, EventKind, Frame, Layout, Motion, ObservationSource, Plan,
-    ReplanAlignment, SceneMessage, Score, Slot, Topic, World,
+    Advance, Cache, Ego, EpisodeSpec, Event, EventKind, Frame, Layout, Motion, Plan, SceneMessage, Score, Slot, Topic,
+    World,
 };
 use ds_wire::policy::{Observation, PolicyHello, PolicyMessage, PolicyPlan};
 use ds_wire::{Body, split, v1};
 use ds_world::{
-    AgentClass, AgentMode, AgentState, EgoState, Lane, LaneId, LaneKind, LayoutBackend, Map, Origin, Proposal,
-    RouteCommand, Scene, Size, Track, TrackerKind, Trajectory, TrajectoryPoint, VehicleParameters, WorldState,
+    AgentClass, AgentState, EgoState, Lane, LaneId, LaneKind, Map, Origin, Proposal, RouteCommand, Scene, Size, Track,
+    Trajectory, TrajectoryPoint, VehicleParameters, WorldState,
 };
 
 /// One key and length in front of content, as protobuf writes it.
@@ -158,34 +158,9 @@ fn scene() -> SceneMessage {
 
 fn spec() -> EpisodeSpec {
     EpisodeSpec {
-        episode: EpisodeId::new("e").expect("an id"),
-        scenario: "s".to_owned(),
-        scenario_digest: Digest::default(),
         policy: "camera".to_owned(),
-        observation: ObservationSource::Layout,
         appearance: String::new(),
-        seed: 1,
-        replan_period: 5,
-        horizon: 80,
-        history: 1,
-        warm_up: 0,
-        last_tick: Tick(80),
-        agents: AgentMode::LogReplay,
-        tracker: TrackerKind::Lqr,
-        layout_backend: LayoutBackend::Cpu,
-        alignment: ReplanAlignment::Rollback,
-        chunk_ticks: 0,
-        video_model: Digest::default(),
-        policy_model: Digest::default(),
-        configuration: Digest::default(),
-        scorer: Default::default(),
-        score_profile: Default::default(),
-        effects: Vec::new(),
-        vehicle_log: false,
-        wall_clock: false,
-        observation_delay: 0,
-        layout_memory_ticks: 0,
-        prompt: String::new(),
+        ..EpisodeSpec::replay(EpisodeId::new("e").expect("an id"), "s", Tick(80))
     }
 }
 

@@ -4,9 +4,8 @@ use std::path::Path;
 
 use ds_process::maker::output;
 use ds_space::{AttemptId, CameraId, CameraModel, DVec3, Digest, EpisodeId, InstanceId, Intrinsics, PoseSe2, SimTime};
-use ds_topic::{Envelope, EpisodeSpec, Header, Motion, ObservationSource, ReplanAlignment, SCHEMA_VERSION};
+use ds_topic::{Envelope, EpisodeSpec, Header, Motion, ObservationSource, SCHEMA_VERSION};
 use ds_video::{Backend, ModelConfig};
-use ds_world::{AgentMode, LayoutBackend, TrackerKind};
 
 use super::*;
 
@@ -41,34 +40,14 @@ fn scene(model: &VideoModel) -> Arc<SceneMessage> {
     };
     scene.cameras = CAMERAS.iter().map(|name| mounted(name)).collect();
     let spec = EpisodeSpec {
-        episode: EpisodeId::new("rig").expect("a plain word"),
-        scenario: scene.name.clone(),
         scenario_digest: scene.digest,
-        policy: "log-replay".to_owned(),
         observation: ObservationSource::Dreamstream,
-        appearance: "day".to_owned(),
-        seed: 1,
         replan_period: REPLAN,
-        horizon: 80,
-        history: 1,
-        warm_up: 0,
-        last_tick: Tick(REPLAN * ROUNDS),
-        agents: AgentMode::LogReplay,
-        tracker: TrackerKind::Lqr,
-        layout_backend: LayoutBackend::Cpu,
-        alignment: ReplanAlignment::Rollback,
         chunk_ticks: model.config().frames_per_chunk() as u32,
         video_model: model.digest(),
-        policy_model: Digest::default(),
-        configuration: Digest::default(),
-        scorer: Default::default(),
-        score_profile: Default::default(),
-        effects: Vec::new(),
-        vehicle_log: false,
-        wall_clock: false,
-        observation_delay: 0,
         layout_memory_ticks: model.config().layout_memory_ticks() as u32,
         prompt: "a road by day".to_owned(),
+        ..EpisodeSpec::replay(EpisodeId::new("rig").expect("a plain word"), &scene.name, Tick(REPLAN * ROUNDS))
     };
     let first_frames = (0u16..).take(CAMERAS.len()).map(|camera| picture(camera, 0)).collect();
     Arc::new(SceneMessage { spec, scene: Arc::new(scene), first_frames, originals: Vec::new() })

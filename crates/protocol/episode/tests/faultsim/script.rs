@@ -1,9 +1,8 @@
 //! What goes wrong in a simulated run: how the network treats messages, and what happens to processes when.
 
 use ds_episode::Outline;
-use ds_space::{Digest, EpisodeId, SimTime, Tick};
-use ds_topic::{EpisodeSpec, ObservationSource, ReplanAlignment, Role};
-use ds_world::{AgentMode, LayoutBackend, TrackerKind};
+use ds_space::{EpisodeId, SimTime, Tick};
+use ds_topic::{EpisodeSpec, ObservationSource, Role};
 
 /// Deterministic draws, cheap enough for millions of messages (SplitMix64).
 #[derive(Debug, Clone)]
@@ -100,34 +99,15 @@ pub(crate) fn outline(dice: &mut Dice) -> Outline {
     let chunk_ticks = dice.range(0, 3) as u32;
     let observation = if chunk_ticks == 0 { ObservationSource::Reference } else { ObservationSource::Dreamstream };
     let spec = EpisodeSpec {
-        episode: EpisodeId::new("toy").expect("a valid id"),
-        scenario: "toy".to_owned(),
-        scenario_digest: Digest::default(),
         policy: "toy".to_owned(),
         observation,
-        appearance: "day".to_owned(),
-        seed: 1,
         replan_period: dice.range(1, 4) as u32,
         horizon: 8,
         history: dice.range(1, 3) as u32,
         warm_up: dice.range(0, 2) as u32,
-        last_tick: Tick(dice.range(4, 9) as u32),
-        agents: AgentMode::LogReplay,
-        tracker: TrackerKind::Lqr,
-        layout_backend: LayoutBackend::Cpu,
-        alignment: ReplanAlignment::Rollback,
         chunk_ticks,
-        video_model: Digest::default(),
-        policy_model: Digest::default(),
-        configuration: Digest::default(),
-        scorer: Default::default(),
-        score_profile: Default::default(),
-        effects: Vec::new(),
-        vehicle_log: false,
-        wall_clock: false,
-        observation_delay: 0,
         layout_memory_ticks: 2 * chunk_ticks,
-        prompt: String::new(),
+        ..EpisodeSpec::replay(EpisodeId::new("toy").expect("a valid id"), "toy", Tick(dice.range(4, 9) as u32))
     };
     Outline { spec, cameras: dice.range(1, 2) as u16, dt: SimTime(100_000_000) }
 }
