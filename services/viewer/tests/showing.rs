@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 
 use ds_effect::Verdict;
 use ds_record::viewing::{Along, Curve, Explained};
-use ds_record::{Outcome, Recorder, Recording};
+use ds_record::{Recorder, Recording};
 use ds_space::{SimTime, Tick};
 use ds_topic::{DiagnosedEffect, Diagnosis, GapCell, Slot, Topic};
 use viewer::LiveView;
@@ -17,7 +17,7 @@ use viewer::recording::save_rrd;
 
 #[path = "../../../crates/protocol/record/tests/fixture/drive.rs"]
 mod drive;
-use drive::Drive;
+use drive::{Drive, completed};
 
 const LAST_TICK: u32 = 30;
 
@@ -31,13 +31,7 @@ fn folder() -> PathBuf {
 static RECORDING: LazyLock<PathBuf> = LazyLock::new(|| {
     let drive = Drive::new(&["front"], LAST_TICK);
     let path = folder().join("drive.mcap");
-    let mut recorder = Recorder::create(&path, &drive.scene()).expect("creates");
-    for iteration in 0..drive.iterations() {
-        recorder.append(&drive.iteration(iteration)).expect("takes the messages");
-        recorder.commit(iteration).expect("commits");
-    }
-    let outcome = Outcome { status: "completed".to_owned(), reason: String::new() };
-    recorder.finish(&outcome).expect("finishes");
+    drive.record(&path, drive.iterations()).finish(&completed()).expect("finishes");
     path
 });
 
@@ -94,7 +88,7 @@ fn diagnoses_beside_a_drive_are_recorded_and_shown() {
         recorder.append(&[drive.envelope(slot, tick, iteration, &diagnosis(tick))]).expect("takes a diagnosis");
         recorder.commit(iteration).expect("commits");
     }
-    recorder.finish(&Outcome { status: "completed".to_owned(), reason: String::new() }).expect("finishes");
+    recorder.finish(&completed()).expect("finishes");
     let recording = Recording::open(&path).expect("opens");
     assert!(recording.missing().expect("orders decode").is_empty());
     assert_eq!(recording.topic(Topic::Diagnosis).count(), drive.iterations() as usize);

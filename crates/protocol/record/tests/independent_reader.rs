@@ -7,12 +7,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use ds_record::{Outcome, Recorder, Recording};
+use ds_record::Recording;
 use ds_topic::{Topic, World};
 
 #[path = "fixture/drive.rs"]
 mod drive;
-use drive::Drive;
+use drive::{Drive, completed};
 
 const PACKAGES: [&str; 2] = ["mcap==1.6.0", "mcap-protobuf-support==0.6.0"];
 
@@ -78,13 +78,7 @@ fn python_decodes_every_message_with_the_embedded_schemas() {
     let drive = Drive::new(&["front", "rear"], 13);
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("a.mcap");
-    let mut recorder = Recorder::create(&path, &drive.scene()).expect("creates");
-    for iteration in 0..drive.iterations() {
-        recorder.append(&drive.iteration(iteration)).expect("takes the messages");
-        recorder.commit(iteration).expect("commits");
-    }
-    let outcome = Outcome { status: "completed".to_owned(), reason: String::new() };
-    let record = recorder.finish(&outcome).expect("finishes");
+    let record = drive.record(&path, drive.iterations()).finish(&completed()).expect("finishes");
     let program = folder.path().join("read.py");
     fs::write(&program, PROGRAM).expect("writes");
     let said = run(Command::new(&python).arg(&program).arg(&path)).expect("Python reads the recording");

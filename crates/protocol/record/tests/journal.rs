@@ -11,13 +11,9 @@ use proptest::prelude::*;
 
 #[path = "fixture/drive.rs"]
 mod drive;
-use drive::Drive;
+use drive::{Drive, completed};
 
 const CAMERAS: [&str; 2] = ["front", "rear"];
-
-fn outcome() -> Outcome {
-    Outcome { status: "completed".to_owned(), reason: String::new() }
-}
 
 fn drive() -> Drive {
     Drive::new(&CAMERAS, 13)
@@ -30,15 +26,6 @@ fn messages_of(drive: &Drive) -> Vec<Envelope> {
     all
 }
 
-fn write(drive: &Drive, path: &Path, iterations: u32) -> Recorder {
-    let mut recorder = Recorder::create(path, &drive.scene()).expect("creates");
-    for iteration in 0..iterations {
-        recorder.append(&drive.iteration(iteration)).expect("takes the messages");
-        recorder.commit(iteration).expect("commits");
-    }
-    recorder
-}
-
 /// The bytes of a partial and of the finished recording of one drive.
 struct Files {
     partial: Vec<u8>,
@@ -48,9 +35,9 @@ struct Files {
 static FILES: LazyLock<Files> = LazyLock::new(|| {
     let (drive, folder) = (drive(), tempfile::tempdir().expect("a temporary folder"));
     let path = folder.path().join("a.mcap");
-    let recorder = write(&drive, &path, drive.iterations());
+    let recorder = drive.record(&path, drive.iterations());
     let partial = fs::read(partial_path(&path)).expect("the partial file is there");
-    recorder.finish(&outcome()).expect("finishes");
+    recorder.finish(&completed()).expect("finishes");
     Files { partial, complete: fs::read(&path).expect("the file is there") }
 });
 
@@ -184,7 +171,7 @@ fn what_is_missing_is_named_by_channel_and_range() {
     let drive = drive();
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("a.mcap");
-    drop(write(&drive, &path, 2));
+    drop(drive.record(&path, 2));
     let recording = Recording::open_partial(&partial_path(&path)).expect("opens");
     let text: Vec<String> = recording.missing().expect("orders decode").iter().map(ToString::to_string).collect();
     let refused = Recording::open(&partial_path(&path)).err().expect("an incomplete file is refused").to_string();
@@ -209,7 +196,7 @@ fn what_was_taken_but_not_committed_is_not_given_out() {
     let drive = drive();
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("a.mcap");
-    let mut recorder = write(&drive, &path, 1);
+    let mut recorder = drive.record(&path, 1);
     recorder.append(&drive.iteration(1)).expect("takes the messages");
     drop(recorder);
     let recording = Recording::open_partial(&partial_path(&path)).expect("opens");
@@ -221,7 +208,7 @@ fn what_was_taken_but_not_committed_is_not_given_out() {
 fn messages_are_checked_against_what_is_there() {
     let drive = drive();
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let mut recorder = write(&drive, &folder.path().join("a.mcap"), 1);
+    let mut recorder = drive.record(&folder.path().join("a.mcap"), 1);
     recorder.append(&drive.iteration(0)).expect("equal messages are passed over");
     let mut other = drive.iteration(0)[1].clone();
     other.header.content = Digest::of(b"other");
@@ -256,7 +243,7 @@ fn resumed(cut: usize, folder: &Path) -> Vec<u8> {
         recorder.append(&drive.iteration(iteration)).expect("takes the messages");
         recorder.commit(iteration).expect("commits");
     }
-    recorder.finish(&outcome()).expect("finishes");
+    recorder.finish(&completed()).expect("finishes");
     assert!(!partial_path(&path).exists());
     fs::read(&path).expect("the file is there")
 }
@@ -267,8 +254,8 @@ fn a_recorder_may_move_to_another_thread() {
     let drive = drive();
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("a.mcap");
-    let recorder = write(&drive, &path, 1);
-    let finished = std::thread::spawn(move || recorder.finish(&outcome()).is_ok()).join();
+    let recorder = drive.record(&path, 1);
+    let finished = std::thread::spawn(move || recorder.finish(&completed()).is_ok()).join();
     assert!(finished.expect("the thread ends") && path.exists());
 }
 
@@ -277,7 +264,7 @@ fn the_last_events_come_with_the_completeness_record() {
     let drive = drive();
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("a.mcap");
-    let mut recorder = write(&drive, &path, 2);
+    let mut recorder = drive.record(&path, 2);
     let event = Event { kind: EventKind::Failed, reason: "policy_deadline".to_owned() };
     let envelope = drive.envelope(Slot::new(Topic::Event, 1), Tick(5), 1, &event);
     recorder.append(&[envelope]).expect("takes the event");

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::LazyLock;
 
-use ds_record::{Body, Outcome, Recorder, Recording};
+use ds_record::{Body, Recorder, Recording};
 use ds_topic::{Advance, Ego, Envelope, Plan, SceneMessage, Topic, World};
 
 #[path = "fixture/drive.rs"]
@@ -11,7 +11,7 @@ use ds_topic::{Advance, Ego, Envelope, Plan, SceneMessage, Topic, World};
 mod drive;
 #[path = "../../../../tests/mutation.rs"]
 mod mutation;
-use drive::Drive;
+use drive::{Drive, completed};
 
 /// Writes a drive with some messages changed; nothing if the recorder refuses them.
 fn record(drive: &Drive, change: &dyn Fn(&mut Envelope)) -> Option<Vec<u8>> {
@@ -26,7 +26,7 @@ fn record(drive: &Drive, change: &dyn Fn(&mut Envelope)) -> Option<Vec<u8>> {
         recorder.append(&messages).ok()?;
         recorder.commit(iteration).ok()?;
     }
-    recorder.finish(&Outcome { status: "completed".to_owned(), reason: String::new() }).ok()?;
+    recorder.finish(&completed()).ok()?;
     std::fs::read(&path).ok()
 }
 

@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use ds_raster::{Encoding, RgbImage};
-use ds_record::{Outcome, Recorder, Recording};
+use ds_record::Recording;
 
 #[path = "fixture/drive.rs"]
 #[expect(dead_code, reason = "each test uses its own part of the fixture")]
 mod drive;
-use drive::Drive;
+use drive::{Drive, completed};
 
 const LAST_TICK: u32 = 30;
 const EGO: [u8; 3] = [64, 222, 128];
@@ -26,13 +26,7 @@ fn folder() -> PathBuf {
 static RECORDING: LazyLock<Recording> = LazyLock::new(|| {
     let drive = Drive::new(&["front"], LAST_TICK);
     let path = folder().join("drive.mcap");
-    let mut recorder = Recorder::create(&path, &drive.scene()).expect("creates");
-    for iteration in 0..drive.iterations() {
-        recorder.append(&drive.iteration(iteration)).expect("takes the messages");
-        recorder.commit(iteration).expect("commits");
-    }
-    let outcome = Outcome { status: "completed".to_owned(), reason: String::new() };
-    recorder.finish(&outcome).expect("finishes");
+    drive.record(&path, drive.iterations()).finish(&completed()).expect("finishes");
     Recording::open(&path).expect("opens")
 });
 
