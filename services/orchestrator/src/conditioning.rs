@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use ds_camera::{Appearance, ReferenceCamera};
+use ds_camera::{Appearance, ReferenceCamera, SceneCamera};
 use ds_raster::{ImageError, RgbImage};
 use ds_scenario::Facts;
 use ds_space::{CameraModel, DigestWriter, Tick};
@@ -172,11 +172,10 @@ pub(crate) fn first_frames(
 ) -> Result<Vec<RgbImage>, ConditioningError> {
     let renderer = ReferenceCamera::new(scene, appearance);
     let world = scene.logged_world(Tick(0));
-    let pose = world.ego.pose.world_from_rig(0.0);
     let frame = |(given, camera): (Option<RgbImage>, &CameraModel)| match given {
         Some(given) => Ok(given),
         None => renderer
-            .render(&world, camera, pose)
+            .on_ego(&world, camera)
             .map_err(|source| ConditioningError::Render { camera: camera.id.to_string(), source }),
     };
     given.into_iter().zip(&scene.cameras).map(frame).collect()

@@ -3,13 +3,12 @@
 
 use std::sync::Arc;
 
-use ds_camera::{Appearance, PlainCamera, ReferenceCamera, ReprojectedCamera};
+use ds_camera::{Appearance, PlainCamera, ReferenceCamera, ReprojectedCamera, SceneCamera};
 use ds_process::maker::{Fault, Inputs, Maker, Output, bad, output};
-use ds_raster::{Encoding, ImageError, RgbImage};
+use ds_raster::{Encoding, RgbImage};
 use ds_second_camera::SecondCamera;
 use ds_space::{CameraModel, Tick};
 use ds_topic::{Advance, Frame, Layout, ObservationSource, SceneMessage, Slot, Topic, World};
-use ds_world::WorldState;
 
 use crate::lens::{Lens, Motion};
 
@@ -31,25 +30,7 @@ enum Source {
 }
 
 /// What renders.
-enum Camera {
-    Reference(Box<ReferenceCamera>),
-    Plain(Box<PlainCamera>),
-    Reprojected(Box<ReprojectedCamera>),
-    Second(Box<SecondCamera>),
-}
-
-impl Camera {
-    /// Renders what a camera on the ego sees.
-    fn render(&self, state: &WorldState, model: &CameraModel) -> Result<RgbImage, ImageError> {
-        let rig = state.ego.pose.world_from_rig(0.0);
-        match self {
-            Self::Reference(camera) => camera.render(state, model, rig),
-            Self::Plain(camera) => camera.render(state, model, rig),
-            Self::Reprojected(camera) => camera.render(state, model, rig),
-            Self::Second(camera) => camera.render(state, model, rig),
-        }
-    }
-}
+type Camera = Box<dyn SceneCamera + Send>;
 
 impl Rendered {
     /// Prepares the renderer that the episode asks for.
@@ -58,19 +39,16 @@ impl Rendered {
     /// If the appearance is unknown.
     pub fn new(scene: Arc<SceneMessage>) -> Result<Self, Fault> {
         let look = || Appearance::named(&scene.spec.appearance).map_err(|error| bad("bad_settings", &error));
-        let reference = || Ok::<_, Fault>(Camera::Reference(Box::new(ReferenceCamera::new(&scene.scene, look()?))));
+        let reference = || Ok::<_, Fault>(Box::new(ReferenceCamera::new(&scene.scene, look()?)));
         let source = match scene.spec.observation {
             ObservationSource::Layout => Source::Layout,
             ObservationSource::Logged => Source::Log(reference()?),
             ObservationSource::Reference => Source::World(reference()?),
-            ObservationSource::SimRgb => Source::World(Camera::Plain(Box::new(PlainCamera::new(&scene.scene)))),
+            ObservationSource::SimRgb => Source::World(Box::new(PlainCamera::new(&scene.scene))),
             ObservationSource::Reprojected => {
-                let camera = ReprojectedCamera::new(Arc::clone(&scene.scene), look()?);
-                Source::World(Camera::Reprojected(Box::new(camera)))
+                Source::World(Box::new(ReprojectedCamera::new(Arc::clone(&scene.scene), look()?)))
             }
-            ObservationSource::Abroad => {
-                Source::World(Camera::Second(Box::new(SecondCamera::new(&scene.scene, &look()?))))
-            }
+            ObservationSource::Abroad => Source::World(Box::new(SecondCamera::new(&scene.scene, &look()?))),
             source => return Err(Fault::deterministic("not_rendered", format!("{} is generated", source.name()))),
         };
         Ok(Self { lens: Lens::of(&scene), scene, source })
@@ -82,7 +60,7 @@ impl Rendered {
             Source::Log(camera) => (camera, self.scene.scene.logged_world(tick)),
             Source::World(camera) => (camera, inputs.decode::<World>(Slot::new(Topic::World, tick.0))?.state),
         };
-        camera.render(&state, model).map_err(|error| bad("frame_refused", &error))
+        camera.on_ego(&state, model).map_err(|error| bad("frame_refused", &error))
     }
 
     /// Returns the ego's motion where this source sees the world.

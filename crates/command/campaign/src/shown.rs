@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use ds_benchmark::{Cell, Shown};
-use ds_camera::{Appearance, ReferenceCamera};
+use ds_camera::{Appearance, ReferenceCamera, SceneCamera};
 use ds_perception::look::LookReader;
 use ds_process::shipped;
 use ds_record::Recording;
@@ -45,7 +45,7 @@ pub(crate) fn shown(reader: &LookReader, cell: &Cell, recording: &Recording) -> 
     let scene = &recording.scene().scene;
     let camera = scene.cameras.first().context("a scene without cameras")?;
     let state = recording.world(AT)?;
-    let reference = ReferenceCamera::new(scene, look).render(&state, camera, state.ego.pose.world_from_rig(0.0))?;
+    let reference = ReferenceCamera::new(scene, look).on_ego(&state, camera)?;
     let named = |image| reader.read(image).shows(condition);
     Ok(Some(Shown { frame: named(&frame.image), reference: named(&reference) }))
 }

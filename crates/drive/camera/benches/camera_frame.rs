@@ -9,7 +9,7 @@ mod street;
 use std::hint::black_box;
 use std::time::Instant;
 
-use ds_camera::{Appearance, PlainCamera, ReferenceCamera, Sampling};
+use ds_camera::{Appearance, LabelledCamera, PlainCamera, ReferenceCamera, Sampling, SceneCamera};
 use ds_space::PoseSe2;
 use ds_world::Scene;
 

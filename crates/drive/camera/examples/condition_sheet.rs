@@ -4,7 +4,7 @@
 #[path = "../../layout/tests/scenes/street.rs"]
 mod street;
 
-use ds_camera::{Appearance, Condition, ReferenceCamera};
+use ds_camera::{Appearance, Condition, ReferenceCamera, SceneCamera};
 use ds_raster::{Encoding, RgbImage};
 
 const COLUMNS: usize = 15;

@@ -5,7 +5,7 @@ mod street;
 
 use std::path::PathBuf;
 
-use ds_camera::{Appearance, PlainCamera, ReferenceCamera};
+use ds_camera::{Appearance, PlainCamera, ReferenceCamera, SceneCamera};
 use ds_raster::{Encoding, RgbImage};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -7,6 +7,7 @@ use ds_world::{Scene, WorldState};
 
 use crate::geometry::Geometry;
 use crate::reference::surfaces;
+use crate::scene_camera::SceneCamera;
 use crate::surface::{Material, Rgb, Surface};
 
 /// Renders a scene with one flat colour per face.
@@ -21,12 +22,10 @@ impl PlainCamera {
     pub fn new(scene: &Scene) -> Self {
         Self { geometry: Geometry::new(scene, 0, Vec::new()) }
     }
+}
 
-    /// Renders the picture of a camera on a rig that stands at a place.
-    ///
-    /// # Errors
-    /// If the size of the camera is more than can be rendered.
-    pub fn render(
+impl SceneCamera for PlainCamera {
+    fn render(
         &self,
         world: &WorldState,
         camera: &CameraModel,

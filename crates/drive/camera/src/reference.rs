@@ -11,6 +11,7 @@ use crate::appearance::Appearance;
 use crate::fall::{Canvas, Fall};
 use crate::geometry::Geometry;
 use crate::light::Light;
+use crate::scene_camera::{LabelledCamera, SceneCamera};
 use crate::shade::{CONTACT, Point, SUN_SHADOW, Shader, developed};
 use crate::surface::{Material, PixelClass, Surface};
 use ds_raster::shape::{self, Triangle};
@@ -66,55 +67,6 @@ impl ReferenceCamera {
     #[must_use]
     pub fn with_sampling(self, sampling: Sampling) -> Self {
         Self { sampling, ..self }
-    }
-
-    /// Renders the picture of a camera on a rig that stands at a place.
-    ///
-    /// # Errors
-    /// If the size of the camera is more than can be rendered.
-    pub fn render(
-        &self,
-        world: &WorldState,
-        camera: &CameraModel,
-        world_from_rig: Pose<World, Rig>,
-    ) -> Result<RgbImage, ImageError> {
-        let size = &camera.intrinsics;
-        let scale = if self.sampling == Sampling::Smooth { 2 } else { 1 };
-        let lens = Lens::new(&size.resized(size.width_px * scale, size.height_px * scale));
-        let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
-        let samples = lens.develop(self.expose(world, &view)?);
-        let mut light = averaged(&samples, size, scale as usize);
-        if let Some(fall) = &self.fall {
-            fall.draw(
-                world.tick,
-                &mut Canvas {
-                    light: &mut light,
-                    width: size.width_px as usize,
-                    height: size.height_px as usize,
-                    focal_px: size.fx_px,
-                    bright: self.light.ambient * 1.1 + self.light.sun * 0.3,
-                    headlight: self.light.headlight,
-                },
-            );
-        }
-        let colours: Vec<[u8; 3]> = light.into_iter().map(developed).collect();
-        RgbImage::new(size.width_px, size.height_px, colours.into_flattened())
-    }
-
-    /// Returns what each pixel belongs to, rows top to bottom.
-    ///
-    /// # Errors
-    /// As [`Self::render`].
-    pub fn classes(
-        &self,
-        world: &WorldState,
-        camera: &CameraModel,
-        world_from_rig: Pose<World, Rig>,
-    ) -> Result<Vec<PixelClass>, ImageError> {
-        let lens = Lens::new(&camera.intrinsics);
-        let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
-        let raster = surfaces(&self.geometry, world, &view, false)?;
-        Ok(lens.develop(raster.values().iter().map(|surface| surface.class).collect()))
     }
 
     /// Returns what is drawn.
@@ -181,6 +133,51 @@ impl ReferenceCamera {
             paint(&shape::triangulate(&under), SUN_SHADOW | CONTACT);
         }
         Ok(mask.values().to_vec())
+    }
+}
+
+impl SceneCamera for ReferenceCamera {
+    fn render(
+        &self,
+        world: &WorldState,
+        camera: &CameraModel,
+        world_from_rig: Pose<World, Rig>,
+    ) -> Result<RgbImage, ImageError> {
+        let size = &camera.intrinsics;
+        let scale = if self.sampling == Sampling::Smooth { 2 } else { 1 };
+        let lens = Lens::new(&size.resized(size.width_px * scale, size.height_px * scale));
+        let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
+        let samples = lens.develop(self.expose(world, &view)?);
+        let mut light = averaged(&samples, size, scale as usize);
+        if let Some(fall) = &self.fall {
+            fall.draw(
+                world.tick,
+                &mut Canvas {
+                    light: &mut light,
+                    width: size.width_px as usize,
+                    height: size.height_px as usize,
+                    focal_px: size.fx_px,
+                    bright: self.light.ambient * 1.1 + self.light.sun * 0.3,
+                    headlight: self.light.headlight,
+                },
+            );
+        }
+        let colours: Vec<[u8; 3]> = light.into_iter().map(developed).collect();
+        RgbImage::new(size.width_px, size.height_px, colours.into_flattened())
+    }
+}
+
+impl LabelledCamera for ReferenceCamera {
+    fn classes(
+        &self,
+        world: &WorldState,
+        camera: &CameraModel,
+        world_from_rig: Pose<World, Rig>,
+    ) -> Result<Vec<PixelClass>, ImageError> {
+        let lens = Lens::new(&camera.intrinsics);
+        let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
+        let raster = surfaces(&self.geometry, world, &view, false)?;
+        Ok(lens.develop(raster.values().iter().map(|surface| surface.class).collect()))
     }
 }
 

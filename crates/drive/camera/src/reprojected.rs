@@ -14,6 +14,7 @@ use ds_world::{AgentState, Scene, WorldState};
 
 use crate::appearance::Appearance;
 use crate::reference::{ReferenceCamera, Sampling, surfaces};
+use crate::scene_camera::SceneCamera;
 use crate::surface::Surface;
 
 /// How much older the log's picture is at least, in ticks.
@@ -49,23 +50,6 @@ impl ReprojectedCamera {
         Self { scene, camera }
     }
 
-    /// Renders the picture of a camera on a rig that stands at a place.
-    ///
-    /// # Errors
-    /// If the size of the camera is more than can be rendered.
-    pub fn render(
-        &self,
-        world: &WorldState,
-        camera: &CameraModel,
-        world_from_rig: Pose<World, Rig>,
-    ) -> Result<RgbImage, ImageError> {
-        let lens = Lens::new(&camera.intrinsics);
-        let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
-        let samples = self.samples(world, camera, &view)?;
-        let colours = lens.develop(filled(view.pinhole().width_px as usize, mixed(&view, &samples)));
-        RgbImage::new(camera.intrinsics.width_px, camera.intrinsics.height_px, colours.into_flattened())
-    }
-
     /// Returns the world of the log whose picture is taken.
     fn past(&self, world: &WorldState) -> WorldState {
         let ahead = |tick: &u32| world.ego.pose.to_local(self.scene.logged_ego(Tick(*tick)).pose.position).x > 0.0;
@@ -80,7 +64,7 @@ impl ReprojectedCamera {
         let fine = size.resized(DENSITY * size.width_px, DENSITY * size.height_px);
         let model = CameraModel { intrinsics: fine, ..camera.clone() };
         let rig = past.ego.pose.world_from_rig(0.0);
-        let picture = self.camera.render(&past, &model, rig)?;
+        let picture = self.camera.on_ego(&past, &model)?;
         let from = View::new(&fine, rig * camera.rig_from_camera);
         let raster = surfaces(self.camera.geometry(), &past, &from, false)?;
         let mut samples = Vec::with_capacity(raster.values().len());
@@ -103,6 +87,21 @@ impl ReprojectedCamera {
             samples.push(Sample { pixel, depth_m: seen.z, colour: picture.pixel(x as u32, y as u32) });
         }
         Ok(samples)
+    }
+}
+
+impl SceneCamera for ReprojectedCamera {
+    fn render(
+        &self,
+        world: &WorldState,
+        camera: &CameraModel,
+        world_from_rig: Pose<World, Rig>,
+    ) -> Result<RgbImage, ImageError> {
+        let lens = Lens::new(&camera.intrinsics);
+        let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
+        let samples = self.samples(world, camera, &view)?;
+        let colours = lens.develop(filled(view.pinhole().width_px as usize, mixed(&view, &samples)));
+        RgbImage::new(camera.intrinsics.width_px, camera.intrinsics.height_px, colours.into_flattened())
     }
 }
 

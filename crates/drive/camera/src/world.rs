@@ -1,12 +1,12 @@
 //! A camera world: what turns a scene and a look into frames with their truth.
 //!
 //! World A is the reference camera, on whose frames everything is trained. A world of other assets, light and lens
-//! implements the same two traits and is looked at in evaluations only.
+//! implements [`CameraWorld`] too and is looked at in evaluations only.
 
-use ds_raster::{ImageError, PixelClass, RgbImage};
-use ds_space::{CameraModel, Pose, Rig, World};
-use ds_world::{Scene, WorldState};
+use ds_space::CameraModel;
+use ds_world::Scene;
 
+use crate::scene_camera::LabelledCamera;
 use crate::{Appearance, ReferenceCamera};
 
 /// A way to see scenes.
@@ -25,32 +25,7 @@ pub trait CameraWorld: Sync {
     }
 
     /// Prepares a scene in a look.
-    fn camera(&self, scene: &Scene, look: &Appearance) -> Box<dyn SceneCamera>;
-}
-
-/// A prepared scene.
-pub trait SceneCamera {
-    /// Renders what a camera on a rig sees.
-    ///
-    /// # Errors
-    /// If the size of the camera is more than can be rendered.
-    fn render(
-        &self,
-        world: &WorldState,
-        model: &CameraModel,
-        world_from_rig: Pose<World, Rig>,
-    ) -> Result<RgbImage, ImageError>;
-
-    /// Returns what each pixel belongs to, rows top to bottom.
-    ///
-    /// # Errors
-    /// As [`Self::render`].
-    fn classes(
-        &self,
-        world: &WorldState,
-        model: &CameraModel,
-        world_from_rig: Pose<World, Rig>,
-    ) -> Result<Vec<PixelClass>, ImageError>;
+    fn camera(&self, scene: &Scene, look: &Appearance) -> Box<dyn LabelledCamera>;
 }
 
 /// World A, seen by the reference camera.
@@ -62,27 +37,7 @@ impl CameraWorld for ReferenceWorld {
         "A"
     }
 
-    fn camera(&self, scene: &Scene, look: &Appearance) -> Box<dyn SceneCamera> {
+    fn camera(&self, scene: &Scene, look: &Appearance) -> Box<dyn LabelledCamera> {
         Box::new(ReferenceCamera::new(scene, *look))
-    }
-}
-
-impl SceneCamera for ReferenceCamera {
-    fn render(
-        &self,
-        world: &WorldState,
-        model: &CameraModel,
-        world_from_rig: Pose<World, Rig>,
-    ) -> Result<RgbImage, ImageError> {
-        Self::render(self, world, model, world_from_rig)
-    }
-
-    fn classes(
-        &self,
-        world: &WorldState,
-        model: &CameraModel,
-        world_from_rig: Pose<World, Rig>,
-    ) -> Result<Vec<PixelClass>, ImageError> {
-        Self::classes(self, world, model, world_from_rig)
     }
 }

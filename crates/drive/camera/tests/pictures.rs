@@ -5,7 +5,9 @@ mod street;
 
 use std::sync::Arc;
 
-use ds_camera::{Appearance, PixelClass, PlainCamera, ReferenceCamera, ReprojectedCamera, Sampling};
+use ds_camera::{
+    Appearance, LabelledCamera, PixelClass, PlainCamera, ReferenceCamera, ReprojectedCamera, Sampling, SceneCamera,
+};
 use ds_space::{AgentId, CameraModel, DVec2, DVec3, Intrinsics, PoseSe2};
 use ds_world::{AgentClass, AgentState, EgoState, Scene, Size, Track, TrackPoint, WorldState};
 

@@ -5,7 +5,7 @@
 
 use std::f64::consts::PI;
 
-use ds_camera::Appearance;
+use ds_camera::{Appearance, LabelledCamera, SceneCamera};
 use ds_raster::{DepthRaster, ImageError, Lens, PixelClass, RgbImage, View};
 use ds_space::{CameraModel, DVec2, DVec3, Draws, Intrinsics, Pose, PoseSe2, Rig, Tick, Vec2, Vec3, World};
 use ds_world::{AgentClass, AgentState, Condition, LightState, Scene, TrafficLight, WorldState};
@@ -63,52 +63,6 @@ impl SecondCamera {
         // A shorter focal length downwards keeps bonnet and sky in proportion for flat pictures.
         let lens = Intrinsics { cy_px: 0.47 * f64::from(size.height_px), k1: -0.06, ..wide };
         CameraModel::mounted(camera.id.clone(), lens, DVec3::new(1.95, 0.08, 1.22), 0.0, 0.035)
-    }
-
-    /// Renders the picture of a camera on a rig that stands at a place.
-    ///
-    /// # Errors
-    /// If the size of the camera is more than can be rendered.
-    pub fn render(
-        &self,
-        world: &WorldState,
-        camera: &CameraModel,
-        world_from_rig: Pose<World, Rig>,
-    ) -> Result<RgbImage, ImageError> {
-        let size = &camera.intrinsics;
-        let lens = Lens::new(&size.resized(2 * size.width_px, 2 * size.height_px));
-        let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
-        let (raster, faces) = self.raster(world, &view)?;
-        let shadows = self.shadows(&view, &faces);
-        let samples = lens.develop(self.shade(&view, &raster, shadows.as_ref()));
-        let (width, height) = (size.width_px as usize, size.height_px as usize);
-        let mut light: Vec<Vec3> = (0..width * height)
-            .map(|i| {
-                let (x, y) = (i % width, i / width);
-                let row = |k: usize| (2 * y + k) * 2 * width + 2 * x;
-                (samples[row(0)] + samples[row(0) + 1] + samples[row(1)] + samples[row(1) + 1]) * 0.25
-            })
-            .collect();
-        let bright = self.light.dome * 0.95 + self.light.sun * 0.2 + Vec3::splat(0.05 * self.light.lamps);
-        let mut picture = Picture { light: &mut light, width, height, focal_px: size.fx_px, bright };
-        self.ground.fall(world.tick, &mut picture);
-        let rows: Vec<u8> = light.into_iter().flat_map(|light| self.light.print(light)).collect();
-        RgbImage::new(size.width_px, size.height_px, rows)
-    }
-
-    /// Returns what each pixel belongs to, rows top to bottom.
-    ///
-    /// # Errors
-    /// As [`Self::render`].
-    pub fn classes(
-        &self,
-        world: &WorldState,
-        camera: &CameraModel,
-        world_from_rig: Pose<World, Rig>,
-    ) -> Result<Vec<PixelClass>, ImageError> {
-        let lens = Lens::new(&camera.intrinsics);
-        let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
-        Ok(lens.develop(self.raster(world, &view)?.0.values().iter().map(|paint| paint.class).collect()))
     }
 
     /// Draws everything; also returns the faces of what moves.
@@ -261,6 +215,48 @@ impl SecondCamera {
         let dark = 1.0 / (1.0 + 14.0 * self.light.dome.max_element());
         (Vec3::new(0.86, 0.92, 1.0) * (0.24 * aim * fall * near * height) + Vec3::new(1.0, 0.72, 0.45) * 0.007)
             * (self.light.lamps * dark)
+    }
+}
+
+impl SceneCamera for SecondCamera {
+    fn render(
+        &self,
+        world: &WorldState,
+        camera: &CameraModel,
+        world_from_rig: Pose<World, Rig>,
+    ) -> Result<RgbImage, ImageError> {
+        let size = &camera.intrinsics;
+        let lens = Lens::new(&size.resized(2 * size.width_px, 2 * size.height_px));
+        let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
+        let (raster, faces) = self.raster(world, &view)?;
+        let shadows = self.shadows(&view, &faces);
+        let samples = lens.develop(self.shade(&view, &raster, shadows.as_ref()));
+        let (width, height) = (size.width_px as usize, size.height_px as usize);
+        let mut light: Vec<Vec3> = (0..width * height)
+            .map(|i| {
+                let (x, y) = (i % width, i / width);
+                let row = |k: usize| (2 * y + k) * 2 * width + 2 * x;
+                (samples[row(0)] + samples[row(0) + 1] + samples[row(1)] + samples[row(1) + 1]) * 0.25
+            })
+            .collect();
+        let bright = self.light.dome * 0.95 + self.light.sun * 0.2 + Vec3::splat(0.05 * self.light.lamps);
+        let mut picture = Picture { light: &mut light, width, height, focal_px: size.fx_px, bright };
+        self.ground.fall(world.tick, &mut picture);
+        let rows: Vec<u8> = light.into_iter().flat_map(|light| self.light.print(light)).collect();
+        RgbImage::new(size.width_px, size.height_px, rows)
+    }
+}
+
+impl LabelledCamera for SecondCamera {
+    fn classes(
+        &self,
+        world: &WorldState,
+        camera: &CameraModel,
+        world_from_rig: Pose<World, Rig>,
+    ) -> Result<Vec<PixelClass>, ImageError> {
+        let lens = Lens::new(&camera.intrinsics);
+        let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
+        Ok(lens.develop(self.raster(world, &view)?.0.values().iter().map(|paint| paint.class).collect()))
     }
 }
 

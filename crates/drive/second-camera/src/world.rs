@@ -1,9 +1,8 @@
 //! World B as [`CameraWorld`]: roads, rig and camera of its own.
 
-use ds_camera::{Appearance, CameraWorld, SceneCamera};
-use ds_raster::{ImageError, PixelClass, RgbImage};
-use ds_space::{CameraModel, Pose, Rig, World};
-use ds_world::{Scene, WorldState};
+use ds_camera::{Appearance, CameraWorld, LabelledCamera};
+use ds_space::CameraModel;
+use ds_world::Scene;
 
 use crate::{SecondCamera, roads};
 
@@ -24,27 +23,7 @@ impl CameraWorld for SecondWorld {
         Some(roads::scene(seed))
     }
 
-    fn camera(&self, scene: &Scene, look: &Appearance) -> Box<dyn SceneCamera> {
+    fn camera(&self, scene: &Scene, look: &Appearance) -> Box<dyn LabelledCamera> {
         Box::new(SecondCamera::new(scene, look))
-    }
-}
-
-impl SceneCamera for SecondCamera {
-    fn render(
-        &self,
-        world: &WorldState,
-        model: &CameraModel,
-        world_from_rig: Pose<World, Rig>,
-    ) -> Result<RgbImage, ImageError> {
-        Self::render(self, world, model, world_from_rig)
-    }
-
-    fn classes(
-        &self,
-        world: &WorldState,
-        model: &CameraModel,
-        world_from_rig: Pose<World, Rig>,
-    ) -> Result<Vec<PixelClass>, ImageError> {
-        Self::classes(self, world, model, world_from_rig)
     }
 }

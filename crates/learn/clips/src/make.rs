@@ -3,7 +3,6 @@
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 
-use ds_camera::SceneCamera;
 use ds_import::{Recorded, nuscenes, openscene};
 use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap};
 use ds_raster::{ImageError, RgbImage};
@@ -146,7 +145,7 @@ impl<'a> Studio<'a> {
     fn shoot(&self, planned: &PlannedClip, worlds: &[WorldState], clip: &mut Clip) -> Result<(), ImageError> {
         let camera = self.recipe.source.world().camera(&self.scene, &planned.appearance);
         for world in worlds {
-            clip.frames.push(self.picture(&*camera, world)?);
+            clip.frames.push(camera.on_ego(world, &self.camera)?);
             if self.recipe.classes {
                 let pose = world.ego.pose.world_from_rig(0.0);
                 let classes = camera.classes(world, &self.camera, pose)?;
@@ -180,10 +179,6 @@ impl<'a> Studio<'a> {
         worlds.iter().map(|world| layout(world).map_err(refuse)).collect()
     }
 
-    fn picture(&self, camera: &dyn SceneCamera, world: &WorldState) -> Result<RgbImage, ImageError> {
-        camera.render(world, &self.camera, world.ego.pose.world_from_rig(0.0))
-    }
-
     /// Hands the first frame to an external editor and captioner where the recipe names them.
     fn let_others_work(
         &self,
@@ -206,7 +201,7 @@ impl<'a> Studio<'a> {
         if let Some((editor, original)) = editor.zip(planned.edited.as_ref()) {
             let camera = self.recipe.source.world().camera(&self.scene, &original.appearance);
             clip.frames[0] =
-                hook::edit(editor, &self.picture(&*camera, first).map_err(unseen(planned.index))?, &brief)?;
+                hook::edit(editor, &camera.on_ego(first, &self.camera).map_err(unseen(planned.index))?, &brief)?;
         }
         if let Some(captioner) = &self.recipe.captioner {
             clip.prompt = hook::caption(captioner, &clip.frames[0], &brief)?;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use ds_camera::{PixelClass, ReferenceCamera};
+use ds_camera::{LabelledCamera, PixelClass, ReferenceCamera, SceneCamera};
 use ds_clips::{Clip, ClipPlan, ClipSet, ClipsError, Drive, Progress, Recipe, ScenarioKey, render, scene_of};
 use ds_layout::colour;
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ds_camera::{Appearance, CameraWorld, SceneCamera};
+use ds_camera::{Appearance, CameraWorld, LabelledCamera};
 use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap};
 use ds_perception::Label;
 use ds_perception::label::Crosswalks;
@@ -44,7 +44,7 @@ pub struct Drive {
     /// The front camera at the size of the frames.
     pub model: CameraModel,
     course: Course,
-    camera: Box<dyn SceneCamera>,
+    camera: Box<dyn LabelledCamera>,
     map: StaticMap,
     /// The same without what stands beside the road, once an arm has asked for it.
     bare: Option<StaticMap>,
@@ -133,7 +133,7 @@ impl Drive {
     /// # Errors
     /// If the size is refused.
     pub fn frame_of(&self, world: &WorldState) -> Result<RgbImage, AppraisalError> {
-        Ok(self.camera.render(world, &self.model, world.ego.pose.world_from_rig(0.0))?)
+        Ok(self.camera.on_ego(world, &self.model)?)
     }
 
     /// Returns what each pixel of the world's own frame shows.

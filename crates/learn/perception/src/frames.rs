@@ -3,7 +3,7 @@
 //! Each scenario gives a few frames at drawn ticks; the states of its traffic lights are drawn too, so that all are
 //! seen alike often. Seeds are counted from a first one, so that no other training or measurement shares a scenario.
 
-use ds_camera::{Appearance, Condition, ReferenceCamera};
+use ds_camera::{Appearance, Condition, LabelledCamera, ReferenceCamera, SceneCamera};
 use ds_raster::RgbImage;
 use ds_scenario::Family;
 use ds_space::{DVec2, Draws, PoseSe2, Tick};
@@ -109,7 +109,7 @@ fn scenario(take: &Take, index: u64) -> Result<Vec<Labelled>, PerceptionError> {
         let classes = camera.classes(&state, &model, rig).map_err(unseen)?;
         let labels = crosswalks.label(&classes, &state, &model, rig).map_err(refuse)?;
         let lights = lights::seen(&scene.map.traffic_lights, &state, &labels, &model, rig);
-        let image = camera.render(&state, &model, rig).map_err(unseen)?;
+        let image = camera.on_ego(&state, &model).map_err(unseen)?;
         frames.push(Labelled { image, labels, lights, look, scenario: index });
     }
     Ok(frames)

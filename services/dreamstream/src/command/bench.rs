@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use ds_bus::BusSession;
-use ds_camera::{Appearance, ReferenceCamera};
+use ds_camera::{Appearance, ReferenceCamera, SceneCamera};
 use ds_launch::scenarios;
 use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap};
 use ds_oracle::{AgentsIn, Oracle};
@@ -133,7 +133,7 @@ fn reference(scene: &Scene) -> Result<()> {
         let began = Instant::now();
         for tick in Tick(0).to(Tick(4)) {
             let world = scene.logged_world(tick);
-            std::hint::black_box(renderer.render(&world, camera, world.ego.pose.world_from_rig(0.0))?);
+            std::hint::black_box(renderer.on_ego(&world, camera)?);
         }
         rounds.push(began.elapsed());
     }
@@ -156,8 +156,7 @@ fn video(args: &BenchArgs, scene: &Scene) -> Result<()> {
         layouts.push(renderer.render(&described, camera, world.ego.pose.world_from_rig(0.0))?);
     }
     let world = scene.logged_world(Tick(0));
-    let first =
-        ReferenceCamera::new(scene, Appearance::DAY).render(&world, camera, world.ego.pose.world_from_rig(0.0))?;
+    let first = ReferenceCamera::new(scene, Appearance::DAY).on_ego(&world, camera)?;
     let key = ds_space::Draws::key(&scene.digest, "day", 0);
     let (mut rollout, _) = Rollout::new(model, key, camera.id.as_str(), &scene.prompt, &first, &layouts[0])?;
     let mut rounds = Vec::new();

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail, ensure};
-use ds_camera::{Appearance, ReferenceCamera};
+use ds_camera::{Appearance, ReferenceCamera, SceneCamera};
 use ds_launch::own;
 use ds_policy::doctor::{self, Examination, Finding, Fixture, determinism, examine};
 use ds_policy::driver::Driver;
@@ -293,7 +293,7 @@ fn fixture(
 ) -> Result<Fixture> {
     let world = simulation.state();
     let drawn = ReferenceCamera::new(scene, Appearance::from_seed(0));
-    let frame = drawn.render(world, camera, world.ego.pose.world_from_rig(0.0))?;
+    let frame = drawn.on_ego(world, camera)?;
     let observation = Observation {
         frames: vec![vec![frame]],
         cameras: vec![camera.clone()],

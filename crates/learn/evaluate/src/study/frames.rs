@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use ds_camera::{Appearance, CameraWorld, PlainCamera, ReprojectedCamera};
+use ds_camera::{Appearance, CameraWorld, PlainCamera, ReprojectedCamera, SceneCamera};
 use ds_raster::RgbImage;
 use ds_second_camera::SecondCamera;
 use ds_space::{Draws, PoseSe2};
@@ -89,23 +89,17 @@ impl Take {
         let age = source.altered.old_ticks;
         let worlds: Vec<WorldState> =
             (0..=last).map(|frame| source.world(&self.scene, self.world(drive, frame.saturating_sub(age)))).collect();
-        let rig = |world: &WorldState| world.ego.pose.world_from_rig(0.0);
+        let model = drive.model.clone();
+        let seen = |camera: &dyn SceneCamera| -> Result<Vec<RgbImage>, AppraisalError> {
+            worlds.iter().map(|world| Ok(camera.on_ego(world, &model)?)).collect()
+        };
         match source.from {
             ObservationSource::Reference => worlds.iter().map(|world| drive.frame_of(world)).collect(),
             // The log's own frame, whatever the car does.
             ObservationSource::Logged => (0..=last).map(|frame| drive.frame(frame)).collect(),
-            ObservationSource::SimRgb => {
-                let camera = PlainCamera::new(drive.scene());
-                worlds.iter().map(|world| Ok(camera.render(world, &drive.model, rig(world))?)).collect()
-            }
-            ObservationSource::Reprojected => {
-                let camera = ReprojectedCamera::new(Arc::new(drive.scene().clone()), self.look);
-                worlds.iter().map(|world| Ok(camera.render(world, &drive.model, rig(world))?)).collect()
-            }
-            ObservationSource::Abroad => {
-                let camera = SecondCamera::new(drive.scene(), &self.look);
-                worlds.iter().map(|world| Ok(camera.render(world, &drive.model, rig(world))?)).collect()
-            }
+            ObservationSource::SimRgb => seen(&PlainCamera::new(drive.scene())),
+            ObservationSource::Reprojected => seen(&ReprojectedCamera::new(Arc::new(drive.scene().clone()), self.look)),
+            ObservationSource::Abroad => seen(&SecondCamera::new(drive.scene(), &self.look)),
             ObservationSource::Layout => worlds.iter().map(|world| drive.layout_of(world)).collect(),
             generated => {
                 let arm = arm.ok_or_else(|| {

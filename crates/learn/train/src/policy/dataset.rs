@@ -6,7 +6,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use ds_camera::{Appearance, ReferenceCamera};
+use ds_camera::{Appearance, ReferenceCamera, SceneCamera};
 use ds_graph::planner::{HEIGHT_PX, WIDTH_PX};
 use ds_policy::camera::eye::Eye;
 use ds_policy::camera::proposals::{KNOT_SECS, KNOTS, TARGETS};
@@ -198,7 +198,7 @@ impl Stage {
 
     /// Returns the frame of the scene's first camera.
     pub(super) fn frame(&self, world: &WorldState) -> Result<ds_raster::RgbImage, PolicyTrainError> {
-        let seen = self.camera.render(world, &self.scene.cameras[0], world.ego.pose.world_from_rig(0.0));
+        let seen = self.camera.on_ego(world, &self.scene.cameras[0]);
         seen.map_err(|source| PolicyTrainError::Frame { name: self.scene.name.clone(), source })
     }
 
