@@ -9,8 +9,7 @@ use super::panels::Packed;
 use super::product::{Finish, Source, Target, product};
 
 fn draw(name: &str, shape: &[usize]) -> Array {
-    let draws = Draws::from_seed(7, name);
-    Array::new(shape, (0..shape.iter().product::<usize>() as u64).map(|i| draws.normal(i) as f32).collect())
+    Array::normal(shape, &Draws::from_seed(7, name))
 }
 
 /// Returns the largest difference over the largest expected value.

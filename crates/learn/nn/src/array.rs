@@ -31,6 +31,14 @@ impl Array {
         Self { shape: shape.to_vec(), values: vec![0.0; shape.iter().product()] }
     }
 
+    /// Draws standard normal values, the draws' first in row-major order.
+    #[must_use]
+    pub fn normal(shape: &[usize], draws: &Draws) -> Self {
+        #[expect(clippy::cast_possible_truncation, reason = "arrays are single precision")]
+        let values = (0..shape.iter().product::<usize>() as u64).map(|index| draws.normal(index) as f32).collect();
+        Self::new(shape, values)
+    }
+
     /// Joins arrays that differ in their first side alone.
     ///
     /// # Panics

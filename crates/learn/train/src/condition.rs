@@ -51,8 +51,5 @@ pub fn latent_steps(frames: &[RgbImage], stride_t: usize) -> Vec<Vec<&RgbImage>>
 /// Draws standard normal noise.
 #[must_use]
 pub fn noise(seed: &Digest, purpose: &str, key: &[u64], shape: &[usize]) -> Array {
-    let draws = Draws::new(seed, purpose, key);
-    #[expect(clippy::cast_possible_truncation, reason = "noise is single precision")]
-    let values = (0..shape.iter().product::<usize>() as u64).map(|i| draws.normal(i) as f32).collect();
-    Array::new(shape, values)
+    Array::normal(shape, &Draws::new(seed, purpose, key))
 }

@@ -47,8 +47,7 @@ fn shape() -> DitShape {
 }
 
 fn draw(name: &str, shape: &[usize]) -> Array {
-    let draws = Draws::from_seed(7, name);
-    Array::new(shape, (0..shape.iter().product::<usize>() as u64).map(|i| draws.normal(i) as f32).collect())
+    Array::normal(shape, &Draws::from_seed(7, name))
 }
 
 fn clip(shape: &DitShape, frames: usize) -> ClipBatch {

@@ -23,10 +23,7 @@ pub fn shifted(nominal: f64, shift: f64) -> f32 {
 /// Draws the noise that enters a step (from 1) of a chunk.
 #[must_use]
 pub fn noise(draw_key: &Digest, camera: &str, chunk: u32, step: usize, shape: &[usize]) -> Array {
-    let draws = Draws::new(draw_key, &format!("video-noise/{camera}"), &[u64::from(chunk), step as u64]);
-    #[expect(clippy::cast_possible_truncation, reason = "noise is single precision")]
-    let values = (0..shape.iter().product::<usize>() as u64).map(|index| draws.normal(index) as f32).collect();
-    Array::new(shape, values)
+    Array::normal(shape, &Draws::new(draw_key, &format!("video-noise/{camera}"), &[u64::from(chunk), step as u64]))
 }
 
 /// Returns (1 − σ)·clean + σ·noise.

@@ -9,8 +9,7 @@ use ds_nn::step::{CausalPlan, ClipBatch, Level, Prediction};
 use ds_space::{Digest, Draws};
 
 pub(crate) fn draw(name: &str, shape: &[usize]) -> Array {
-    let draws = Draws::from_seed(7, name);
-    Array::new(shape, (0..shape.iter().product::<usize>() as u64).map(|i| draws.normal(i) as f32).collect())
+    Array::normal(shape, &Draws::from_seed(7, name))
 }
 
 /// Weights in which nothing is zero, so that no part is idle.
