@@ -6,17 +6,17 @@
 use std::collections::BTreeMap;
 
 use ds_score::{
-    DrivingScore, Footprint, LoopEgo, LoopLane, LoopObject, LoopScene, LoopScore, LoopState, Profile, TERMS,
-    closed_loop, window_share,
+    AgentTrack, DrivingScore, Footprint, LoopEgo, LoopLane, LoopObject, LoopScene, LoopScore, LoopState, MovingBox,
+    Profile, TERMS, closed_loop, window_share,
 };
 use ds_space::plane::corridor;
 use ds_space::{DVec2, Draws, PoseSe2};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use crate::agents::{self, AgentFile};
 use crate::error::GoldenError;
 use crate::fields::point;
-use crate::pdm_score::class_of;
 
 const COLUMN_NAMES: [&str; TERMS + 1] = ["nc", "dac", "ddc", "tlc", "ttc", "lk", "hc", "ec", "score"];
 const DEFAULT_DT_S: f64 = 0.1;
@@ -45,15 +45,6 @@ struct LaneFile {
     polyline: Vec<[f64; 2]>,
     width: Option<f64>,
     polygon: Option<Vec<[f64; 2]>>,
-}
-
-#[derive(Deserialize)]
-struct AgentFile {
-    #[serde(rename = "type")]
-    kind: String,
-    length: f64,
-    width: f64,
-    steps: Vec<Option<[f64; 5]>>,
 }
 
 /// First state, end, the expert's speed in metres per second, states in the recording.
@@ -138,16 +129,12 @@ fn states(case: &Case) -> Result<Vec<LoopState>, GoldenError> {
     for (index, lane) in case.lanes.iter().enumerate() {
         lanes.entry(&lane.id).or_default().push(index);
     }
-    let mut classes = Vec::with_capacity(case.agents.len());
-    for (index, agent) in case.agents.iter().enumerate() {
-        classes.push(class_of(&agent.kind, || format!("agents[{index}].type"))?);
-    }
+    let tracks = agents::tracks(&case.agents)?;
     let state = |(index, ego): (usize, &[f64; 5])| {
-        let objects = (0u32..).zip(&case.agents).zip(&classes).filter_map(|((id, agent), class)| {
-            let [x, y, heading, vx, vy] = agent.steps.get(index).copied().flatten()?;
-            let (pose, velocity_mps) = (PoseSe2::new(x, y, heading), DVec2::new(vx, vy));
-            let (length_m, width_m) = (agent.length, agent.width);
-            Some(LoopObject { id, class: *class, pose, length_m, width_m, velocity_mps })
+        let objects = tracks.iter().filter_map(|track| {
+            let &AgentTrack { id, class, length_m, width_m, ref steps } = track;
+            let MovingBox { pose, velocity_mps } = steps.get(index).copied().flatten()?;
+            Some(LoopObject { id, class, pose, length_m, width_m, velocity_mps })
         });
         let [x, y, heading, vx, vy] = *ego;
         let red = case.red_lane_ids.get(index).into_iter().flatten();

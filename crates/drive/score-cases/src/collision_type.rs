@@ -6,8 +6,8 @@ use ds_space::plane::OrientedBox;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use crate::agents::class_of;
 use crate::error::GoldenError;
-use crate::pdm_score::class_of;
 
 #[derive(Deserialize)]
 pub(crate) struct Case {

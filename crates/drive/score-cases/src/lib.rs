@@ -4,6 +4,7 @@
 //! `closed_loop_live/1`). An answer has the case's `expected…` keys in the same nesting. SI units, radians, world frame.
 //! Nothing is compared here: whoever holds the expected values does that.
 
+mod agents;
 mod case;
 mod closed_loop_live;
 mod collision_type;

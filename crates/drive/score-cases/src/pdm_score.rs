@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 
 use ds_score::{
-    AgentTrack, AreaKind, Footprint, MapArea, MovingBox, ObjectClass, OpenLoopMap, OpenLoopScene, PastState,
-    PlannedPoses, SceneNow, VehicleState,
+    AreaKind, Footprint, MapArea, OpenLoopMap, OpenLoopScene, PastState, PlannedPoses, SceneNow, VehicleState,
 };
-use ds_space::{DVec2, PoseSe2};
+use ds_space::DVec2;
 use serde::Deserialize;
 
+use crate::agents::{self, AgentFile};
 use crate::error::GoldenError;
 use crate::fields::{point, pose};
 
@@ -43,15 +43,6 @@ struct PolygonFile {
     points: Vec<[f64; 2]>,
     #[serde(default)]
     holes: Vec<Vec<[f64; 2]>>,
-}
-
-#[derive(Deserialize)]
-struct AgentFile {
-    #[serde(rename = "type")]
-    kind: String,
-    length: f64,
-    width: f64,
-    steps: Vec<Option<[f64; 5]>>,
 }
 
 #[derive(Deserialize)]
@@ -130,21 +121,11 @@ impl Case {
     /// Makes the scene that the file describes.
     pub(crate) fn scene(&self) -> Result<OpenLoopScene, GoldenError> {
         let areas = self.map.polygons.iter().enumerate().map(|(i, polygon)| self.area(i, polygon));
-        let mut agents = Vec::with_capacity(self.agents.len());
-        for (id, agent) in (0u32..).zip(&self.agents) {
-            agents.push(AgentTrack {
-                id,
-                class: class_of(&agent.kind, || format!("agents[{id}].type"))?,
-                length_m: agent.length,
-                width_m: agent.width,
-                steps: agent.steps.iter().map(|step| step.map(moving_box)).collect(),
-            });
-        }
         let past = self.past.as_ref().filter(|past| !past.is_empty());
         let now = SceneNow {
             ego: self.ego.state(),
             past: past.map(|past| past.iter().map(PastFile::state).collect()),
-            agents,
+            agents: agents::tracks(&self.agents)?,
             red_areas: self.red_areas(),
             footprint: Footprint::NAVSIM,
         };
@@ -193,19 +174,5 @@ impl Case {
         }
         let step = |ids: &Vec<String>| ids.iter().filter_map(|id| connectors.get(id.as_str()).copied()).collect();
         self.red_lane_ids.iter().map(step).collect()
-    }
-}
-
-fn moving_box(step: [f64; 5]) -> MovingBox {
-    let [x, y, heading, vx, vy] = step;
-    MovingBox { pose: PoseSe2::new(x, y, heading), velocity_mps: DVec2::new(vx, vy) }
-}
-
-/// Reads the type of an object.
-pub(crate) fn class_of(kind: &str, field: impl FnOnce() -> String) -> Result<ObjectClass, GoldenError> {
-    match kind {
-        "VEHICLE" | "PEDESTRIAN" | "BICYCLE" | "CYCLIST" | "EGO" => Ok(ObjectClass::Agent),
-        "TRAFFIC_CONE" | "CONE" | "BARRIER" | "CZONE_SIGN" | "GENERIC_OBJECT" => Ok(ObjectClass::Static),
-        other => Err(GoldenError::Value { field: field(), value: other.to_owned() }),
     }
 }
