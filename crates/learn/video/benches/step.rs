@@ -13,37 +13,19 @@ use ds_graph::step;
 use ds_kernel::peak::Yardstick;
 use ds_kernel::train;
 use ds_nn::cache::{CachePolicy, Positions, ReadOrder};
-use ds_nn::dit::{DitShape, Gelu};
+use ds_nn::dit::DitShape;
 use ds_nn::step::{BidirectionalPlan, CausalPlan, ClipBatch, Level, Prediction, Step};
 use ds_nn::team::Team;
 use ds_nn::{Array, Weights, work};
 use ds_space::{Digest, Draws};
+use ds_video::ModelConfig;
 
 const ROUNDS: usize = 9;
 const SIDE: usize = 768;
 
 fn shape() -> DitShape {
-    DitShape {
-        layers: 6,
-        dim: 128,
-        heads: 4,
-        ffn: 512,
-        latent_channels: 12,
-        control_inputs: 768,
-        control_channels: 48,
-        start_channels: 12,
-        freq_dim: 64,
-        text_dim: 32,
-        text_len: 4,
-        image_context: false,
-        clip_dim: 0,
-        reference: false,
-        gelu: Gelu::Exact,
-        start_every: true,
-        cross_every: 3,
-        grid_h: 6,
-        grid_w: 10,
-    }
+    let preset = include_str!("../../../../configs/models/cpu_train.toml");
+    ModelConfig::parse(preset).expect("the preset is valid").dit()
 }
 
 fn draw(name: &str, shape: &[usize]) -> Array {

@@ -4,9 +4,10 @@
 
 use ds_nn::array::{Array, Declared, Initial, Weights};
 use ds_nn::cache::{CachePolicy, Positions, ReadOrder};
-use ds_nn::dit::{DitShape, Gelu};
+use ds_nn::dit::DitShape;
 use ds_nn::step::{CausalPlan, ClipBatch, Level, Prediction};
 use ds_space::{Digest, Draws};
+use ds_video::ModelConfig;
 
 pub(crate) fn draw(name: &str, shape: &[usize]) -> Array {
     Array::normal(shape, &Draws::from_seed(7, name))
@@ -26,41 +27,9 @@ pub(crate) fn weights(declared: &[Declared]) -> Weights {
 
 /// The presets of configs/models, and one of odd sizes.
 pub(crate) fn shapes() -> [DitShape; 3] {
-    let smoke = DitShape {
-        layers: 2,
-        dim: 64,
-        heads: 2,
-        ffn: 256,
-        latent_channels: 4,
-        control_inputs: 768,
-        control_channels: 8,
-        start_channels: 4,
-        freq_dim: 64,
-        text_dim: 32,
-        text_len: 4,
-        image_context: false,
-        clip_dim: 0,
-        reference: false,
-        gelu: Gelu::Exact,
-        start_every: false,
-        cross_every: 1,
-        grid_h: 2,
-        grid_w: 4,
-    };
-    let cpu_train = DitShape {
-        layers: 6,
-        dim: 128,
-        heads: 4,
-        ffn: 512,
-        latent_channels: 12,
-        control_channels: 48,
-        start_channels: 12,
-        start_every: true,
-        cross_every: 3,
-        grid_h: 6,
-        grid_w: 10,
-        ..smoke.clone()
-    };
+    let preset = |text| ModelConfig::parse(text).expect("a preset is valid").dit();
+    let smoke = preset(include_str!("../../../../../configs/models/smoke.toml"));
+    let cpu_train = preset(include_str!("../../../../../configs/models/cpu_train.toml"));
     let odd = DitShape {
         layers: 3,
         dim: 60,
