@@ -10,6 +10,7 @@ pub mod label;
 pub mod lights;
 pub mod look;
 pub mod overlap;
+pub mod reader;
 pub mod segmenter;
 pub mod soften;
 pub mod training;

@@ -3,16 +3,13 @@
 //! The place is known from the map: a head that faces the camera and lies wholly in the picture. A small network looks at
 //! a square around it, sampled to 16×16 pixels whatever the distance, and says red, yellow or green.
 
-use std::path::Path;
-
 use ds_graph::classifier::{Classifier, ClassifierShape};
-use ds_nn::safetensors::WeightsFile;
-use ds_nn::{Array, Weights};
-use ds_space::{CameraModel, DVec2, Digest, Pose, Rig, World};
+use ds_nn::{Array, Weights, WeightsError};
+use ds_space::{CameraModel, DVec2, Pose, Rig, World};
 use ds_world::{LightState, TrafficLight, WorldState};
 
-use crate::error::PerceptionError;
 use crate::label::Label;
+use crate::reader::{Reader, Task};
 
 /// Side of what the network sees, in pixels.
 pub const CROP_PX: usize = 16;
@@ -124,35 +121,21 @@ pub fn crop(values: &[f32], width_px: usize, light: &SeenLight) -> Vec<f32> {
     out
 }
 
-/// The network, ready to read lights.
-pub struct LightReader {
-    network: Classifier,
-    digest: Digest,
+/// Telling which state a crop shows.
+pub struct LightStates;
+
+impl Task for LightStates {
+    type Network = Classifier;
+
+    fn bind(weights: &Weights) -> Result<Self::Network, WeightsError> {
+        Classifier::new(SHAPE, weights)
+    }
 }
 
+/// The network, ready to read lights.
+pub type LightReader = Reader<LightStates>;
+
 impl LightReader {
-    /// Binds weights.
-    ///
-    /// # Errors
-    /// If a weight is missing, extra, misshapen or not finite.
-    pub fn new(weights: &Weights) -> Result<Self, PerceptionError> {
-        Ok(Self { network: Classifier::new(SHAPE, weights)?, digest: weights.digest() })
-    }
-
-    /// Reads a weights file.
-    ///
-    /// # Errors
-    /// If the file is broken or does not hold this network.
-    pub fn load(path: &Path) -> Result<Self, PerceptionError> {
-        Self::new(&WeightsFile::read(path).map_err(PerceptionError::file(path))?.weights)
-    }
-
-    /// Returns the digest of the weights.
-    #[must_use]
-    pub fn digest(&self) -> Digest {
-        self.digest
-    }
-
     /// Says which state each crop shows.
     #[must_use]
     pub fn read(&self, crops: &[Vec<f32>]) -> Vec<LightState> {

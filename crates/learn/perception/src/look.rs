@@ -4,17 +4,13 @@
 //! where, so that its features (the layer before the scores) tell of look, sharpness and content alike. The features
 //! are for distances: compare them between sets of frames, not by value.
 
-use std::path::Path;
-
 use ds_camera::{Condition, Lighting, RoadSurface, Weather};
 use ds_graph::classifier::{Answer, Classifier, ClassifierShape};
-use ds_nn::safetensors::WeightsFile;
-use ds_nn::{Array, Weights};
+use ds_nn::{Array, Weights, WeightsError};
 use ds_raster::RgbImage;
-use ds_space::Digest;
 
-use crate::error::PerceptionError;
 use crate::label::Label;
+use crate::reader::{Reader, Task};
 use crate::segmenter::{highest, values_of};
 
 /// The sizes that frames are brought to, in pixels: width and height.
@@ -81,35 +77,21 @@ impl Look {
     }
 }
 
-/// The network, ready to look.
-pub struct LookReader {
-    network: Classifier,
-    digest: Digest,
+/// Telling what a frame looks like.
+pub struct Looks;
+
+impl Task for Looks {
+    type Network = Classifier;
+
+    fn bind(weights: &Weights) -> Result<Self::Network, WeightsError> {
+        Classifier::new(SHAPE, weights)
+    }
 }
 
+/// The network, ready to look.
+pub type LookReader = Reader<Looks>;
+
 impl LookReader {
-    /// Binds weights.
-    ///
-    /// # Errors
-    /// If a weight is missing, extra, misshapen or not finite.
-    pub fn new(weights: &Weights) -> Result<Self, PerceptionError> {
-        Ok(Self { network: Classifier::new(SHAPE, weights)?, digest: weights.digest() })
-    }
-
-    /// Reads a weights file.
-    ///
-    /// # Errors
-    /// If the file is broken or does not hold this network.
-    pub fn load(path: &Path) -> Result<Self, PerceptionError> {
-        Self::new(&WeightsFile::read(path).map_err(PerceptionError::file(path))?.weights)
-    }
-
-    /// Returns the digest of the weights.
-    #[must_use]
-    pub fn digest(&self) -> Digest {
-        self.digest
-    }
-
     /// Says what a frame looks like; a frame of another size is resized first.
     #[must_use]
     pub fn read(&self, frame: &RgbImage) -> Look {
@@ -216,7 +198,7 @@ mod tests {
 
     #[test]
     fn probabilities_of_each_axis_sum_to_one_and_size_does_not_matter() {
-        let weights = Weights::initialised(&SHAPE.declare(), &Digest::of(b"look"));
+        let weights = Weights::initialised(&SHAPE.declare(), &ds_space::Digest::of(b"look"));
         let reader = LookReader::new(&weights).expect("the weights fit");
         let draws = Draws::from_seed(1, "look");
         let small = RgbImage::filled(80, 48, [draws.below(0, 255) as u8, 40, 90]);

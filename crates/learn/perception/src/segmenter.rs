@@ -2,46 +2,28 @@
 //!
 //! It sees one frame and never a layout or a map. Labels are those of [`Label`].
 
-use std::path::Path;
-
 use ds_graph::segmenter;
-use ds_nn::safetensors::WeightsFile;
-use ds_nn::{Array, Weights};
+use ds_nn::{Array, Weights, WeightsError};
 use ds_raster::RgbImage;
-use ds_space::Digest;
 
-use crate::error::PerceptionError;
 use crate::label::Label;
+use crate::reader::{Reader, Task};
 
-/// The network, ready to name pixels.
-pub struct Segmenter {
-    network: segmenter::Segmenter,
-    digest: Digest,
+/// Naming what each pixel of a frame shows.
+pub struct Labels;
+
+impl Task for Labels {
+    type Network = segmenter::Segmenter;
+
+    fn bind(weights: &Weights) -> Result<Self::Network, WeightsError> {
+        segmenter::Segmenter::new(Label::COUNT, weights)
+    }
 }
 
+/// The network, ready to name pixels.
+pub type Segmenter = Reader<Labels>;
+
 impl Segmenter {
-    /// Binds weights.
-    ///
-    /// # Errors
-    /// If a weight is missing, extra, misshapen or not finite.
-    pub fn new(weights: &Weights) -> Result<Self, PerceptionError> {
-        Ok(Self { network: segmenter::Segmenter::new(Label::COUNT, weights)?, digest: weights.digest() })
-    }
-
-    /// Reads a weights file.
-    ///
-    /// # Errors
-    /// If the file is broken or does not hold a segmenter.
-    pub fn load(path: &Path) -> Result<Self, PerceptionError> {
-        Self::new(&WeightsFile::read(path).map_err(PerceptionError::file(path))?.weights)
-    }
-
-    /// Returns the digest of the weights.
-    #[must_use]
-    pub fn digest(&self) -> Digest {
-        self.digest
-    }
-
     /// Names every pixel, rows top to bottom.
     ///
     /// # Panics
