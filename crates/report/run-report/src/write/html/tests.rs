@@ -6,39 +6,9 @@ use super::markup::escaped;
 use super::*;
 use crate::sample::{self, HOSTILE};
 
-const VOID: [&str; 3] = ["meta", "img", "input"];
-
-/// Checks that tags nest and that every quote of an attribute closes; returns the tags met.
-fn balanced(page: &str) -> Vec<String> {
-    let (mut open, mut met): (Vec<String>, Vec<String>) = (Vec::new(), Vec::new());
-    let mut rest = page.strip_prefix("<!DOCTYPE html>").expect("a doctype");
-    while let Some(start) = rest.find('<') {
-        rest = &rest[start + 1..];
-        let mut quoted = false;
-        let end = rest.find(|c| {
-            quoted ^= c == '"';
-            c == '>' && !quoted
-        });
-        let (tag, after) = rest.split_at(end.expect("every tag ends"));
-        let name: String = tag.trim_start_matches('/').chars().take_while(|c| c.is_ascii_alphanumeric()).collect();
-        assert!(!name.is_empty(), "a stray < before {tag:?}");
-        rest = after;
-        if tag.starts_with('/') {
-            assert_eq!(open.pop().as_deref(), Some(name.as_str()), "{tag:?} closes something else");
-        } else if tag.ends_with('/') {
-            assert!(VOID.contains(&name.as_str()) || ["line", "circle"].contains(&name.as_str()), "{name} is not void");
-        } else {
-            assert!(!VOID.contains(&name.as_str()), "{name} is left open");
-            open.push(name.clone());
-            if name == "style" || name == "script" {
-                rest = &rest[rest.find("</").expect("it ends")..];
-            }
-        }
-        met.push(name);
-    }
-    assert!(open.is_empty(), "left open: {open:?}");
-    met
-}
+#[path = "../../../../../base/page/tests/made/checked.rs"]
+mod checked;
+use checked::checked;
 
 fn sample_page() -> (Vec<Results>, String) {
     let runs = sample::runs();
@@ -57,7 +27,7 @@ fn sample_page() -> (Vec<Results>, String) {
 #[test]
 fn the_page_is_well_formed_and_complete() {
     let (runs, page) = sample_page();
-    let tags = balanced(&page);
+    let tags = checked(&page);
     for tag in ["h1", "caption", "svg", "title", "img", "button", "nav", "dl"] {
         assert!(tags.iter().any(|met| met == tag), "no <{tag}>");
     }
@@ -76,7 +46,7 @@ fn the_page_is_well_formed_and_complete() {
 #[test]
 fn names_cannot_run_or_fetch_anything() {
     let (_, page) = sample_page();
-    let tags = balanced(&page);
+    let tags = checked(&page);
     assert_eq!(tags.iter().filter(|tag| *tag == "script").count(), 2, "one script opens and closes");
     assert!(!tags.iter().any(|tag| ["iframe", "link", "object", "base"].contains(&tag.as_str())));
     assert!(!page.contains("<img src=//x") && !page.contains("alert(\"1\")"));
@@ -99,5 +69,5 @@ fn pictures_have_words() {
 #[test]
 fn an_empty_report_is_a_page_too() {
     let report = Report::new(&[], Vec::new(), &crate::report::ReportOptions::default());
-    balanced(&page(&report, &[], &[]));
+    checked(&page(&report, &[], &[]));
 }
