@@ -2,10 +2,11 @@
 //!
 //! The checksums of single chunks are compared where their messages are taken out, see `scan`.
 
+use mcap::McapError;
 use mcap::records::{Record, op};
-use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::sans_io::LinearReaderOptions;
 
-use crate::scan::MAX_CHUNK_BYTES;
+use crate::linear;
 
 /// How much of a file its checksums cover.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,29 +23,18 @@ pub(crate) fn verify(bytes: &[u8]) -> Result<Present, String> {
         .with_emit_chunks(true)
         .with_validate_data_section_crc(true)
         .with_validate_summary_section_crc(true)
-        .with_check_finishes_after_end_magic(true)
-        .with_record_length_limit(MAX_CHUNK_BYTES);
-    let mut reader = LinearReader::new_with_options(options);
-    let mut rest = bytes;
+        .with_check_finishes_after_end_magic(true);
     let mut checksums = [0, 0];
-    let failed = |error: mcap::McapError| error.to_string();
-    while let Some(event) = reader.next_event() {
-        match event.map_err(failed)? {
-            LinearReadEvent::ReadRequest(need) => {
-                let (now, later) = rest.split_at(need.min(rest.len()));
-                reader.insert(now.len()).copy_from_slice(now);
-                reader.notify_read(now.len());
-                rest = later;
+    let failed = |error: McapError| error.to_string();
+    linear::each(bytes, options, failed, |opcode, data| {
+        if matches!(opcode, op::DATA_END | op::FOOTER) {
+            match mcap::parse_record(opcode, data).map_err(failed)? {
+                Record::DataEnd(end) => checksums[0] = end.data_section_crc,
+                Record::Footer(footer) => checksums[1] = footer.summary_crc,
+                _ => {}
             }
-            LinearReadEvent::Record { opcode: opcode @ (op::DATA_END | op::FOOTER), data } => {
-                match mcap::parse_record(opcode, data).map_err(failed)? {
-                    Record::DataEnd(end) => checksums[0] = end.data_section_crc,
-                    Record::Footer(footer) => checksums[1] = footer.summary_crc,
-                    _ => {}
-                }
-            }
-            LinearReadEvent::Record { .. } => {}
         }
-    }
+        Ok(())
+    })?;
     Ok(if checksums.contains(&0) { Present::Some } else { Present::All })
 }

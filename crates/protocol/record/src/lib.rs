@@ -10,6 +10,7 @@ mod checksum;
 pub mod completeness;
 pub mod digests;
 pub mod error;
+mod linear;
 mod message;
 pub mod pictures;
 pub mod recorder;

@@ -9,10 +9,11 @@ use std::path::Path;
 
 use bytes::Bytes;
 use mcap::records::{Metadata, Record, op};
-use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::sans_io::LinearReaderOptions;
 
 use crate::channel::ChannelKey;
 use crate::error::RecordError;
+use crate::linear;
 
 /// The mark after the scene: the recording has begun.
 pub(crate) const BEGIN: &str = "dreamstream.begin";
@@ -25,8 +26,6 @@ pub(crate) const CLOSES: &str = "closes";
 
 /// The most bytes of messages that are read from one file.
 pub const MAX_RECORDING_BYTES: u64 = 4 << 30;
-/// The most bytes of one chunk, compressed or not.
-pub(crate) const MAX_CHUNK_BYTES: usize = 1 << 30;
 /// Opcode and length.
 const RECORD_HEAD: usize = 9;
 
@@ -153,24 +152,8 @@ impl Walk {
         let options = LinearReaderOptions::default()
             .with_skip_start_magic(true)
             .with_skip_end_magic(true)
-            .with_prevalidate_chunk_crcs(true)
-            .with_record_length_limit(MAX_CHUNK_BYTES);
-        let mut reader = LinearReader::new_with_options(options);
-        let mut rest = record;
-        while let Some(event) = reader.next_event() {
-            match event.map_err(stop)? {
-                LinearReadEvent::ReadRequest(need) => {
-                    let (now, later) = rest.split_at(need.min(rest.len()));
-                    reader.insert(now.len()).copy_from_slice(now);
-                    reader.notify_read(now.len());
-                    rest = later;
-                }
-                LinearReadEvent::Record { opcode, data } => {
-                    self.take(parse(opcode, data)?)?;
-                }
-            }
-        }
-        Ok(())
+            .with_prevalidate_chunk_crcs(true);
+        linear::each(record, options, stop, |opcode, data| self.take(parse(opcode, data)?))
     }
 
     fn take(&mut self, record: Record<'_>) -> Result<(), Fault> {
