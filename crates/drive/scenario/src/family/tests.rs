@@ -23,6 +23,7 @@ proptest! {
         prop_assert_eq!(scene.ego_log.len(), stage::TICKS as usize);
         prop_assert!(warnings(&scene).is_empty(), "{:?}", warnings(&scene));
         let text = to_text(&scene, FilePath::new("generated"));
+        // Half a megabyte. Of 1,500 of the largest family, signalised-crossing, the median has 306 kB and the largest 453 kB.
         prop_assert!(text.is_ok_and(|text| text.len() < 500_000));
     }
 }
