@@ -61,7 +61,7 @@ mod tests {
         let model = MotionModel::town();
         let options = Options { classes: vec![class], solve: false, ..Options::default() };
         let built = move |seed| variants(&generate(family, seed), &model, &options).ok()?.variants.pop();
-        (1000..1024).filter_map(built).map(|variant| variant.scene)
+        (1000..1012).filter_map(built).map(|variant| variant.scene)
     }
 
     #[test]
@@ -70,6 +70,8 @@ mod tests {
             scene.map.traffic_lights.iter_mut().for_each(|light| light.states = vec![shown]);
             broken_rules(scene).expect("an adversary").red_light
         };
+        // Rare at lights: of 48 seeds from 1000 on 7 have a variant of this class, and in 5 of those its adversary comes over a
+        // stop line: 1007 is the first.
         let mut crossing = of_class(Family::SignalisedCrossing, CrashClass::StraightCrossingPaths);
         let across = crossing.find_map(|mut scene| crossed(&mut scene, LightState::Red).map(|red| (scene, red)));
         let (mut scene, red) = across.expect("one drives into the junction");
