@@ -97,13 +97,16 @@ fn every_stage_runs_improves_and_ships() {
         [("autoencoder", "model"), ("prior", "model"), ("teacher", "model"), ("ode", "model"), ("decoder", "model")]
     {
         let (first, last) = losses(&config, stage, network);
+        // Fifths of so few batches are noisy: with seed 2 the prior's rises, with 3 and 5 the teacher's, with 5 the decoder's.
         assert!(last < first, "{stage}: {first} to {last}");
     }
     let teacher = psnr(&config, &weights(&config, "teacher"), "autoencoder");
     let (student, guided) = (weights(&config, "ode"), weights(&config, "self_forcing"));
     let (ode, forced) = (psnr(&config, &student, "autoencoder"), psnr(&config, &guided, "autoencoder"));
+    // What so short a training gains hangs on the seed: with 1 to 6 the student is nearer than the teacher by 0.33, 0.45, 0.03, 0.04,
+    // 0.00 and -0.11 dB. The recipe's is 1. Self forcing changes that by -0.01, 0.05, -0.10, -0.02, -0.01 and 0.09 dB.
     assert!(ode > teacher + 0.2, "a teacher sampled in few steps has {teacher} dB, the student {ode}");
-    assert!(forced > ode - 1.0, "self forcing keeps what was learned: {ode} to {forced}");
+    assert!(forced > ode - 0.3, "self forcing keeps what was learned: {ode} to {forced}");
     following::improves(&config);
     let shipped = folder.path().join("shipped.safetensors");
     ships(&config, folder.path(), &shipped);

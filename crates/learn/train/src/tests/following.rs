@@ -43,6 +43,11 @@ fn error(clips: &ClipSet, segmenter: &Segmenter, make: impl Fn(&Clip) -> Vec<Rgb
 
 /// The layout error falls once layouts are shown and stays low in the students, and what another clip's layouts cost grows from
 /// stage to stage: they are followed more and more.
+///
+/// Bounds are those of the recipe's seed, 1, at about two thirds of what was measured. Few seeds learn to follow layouts in so
+/// short a training: of 1 to 6, another clip's layouts cost the teacher 0.013, -0.018, -0.011, -0.035, -0.011 and -0.012. With
+/// all six the decoder adds to that cost (0.030, 0.060, 0.002, 0.036, 0.017, 0.029; after 20 updates in place of 40:
+/// 0.014, 0.034, -0.001, 0.016, 0.021, 0.040), and it is nothing to the prior (0.014 at the most).
 pub(super) fn improves(config: &TrainConfig) {
     let clips = ClipSet::open(&config.sets["clips"]).expect("opens");
     let segmenter = Segmenter::load(&Path::new(ROOT).join("configs/models/segmenter.safetensors")).expect("it ships");
@@ -65,8 +70,11 @@ pub(super) fn improves(config: &TrainConfig) {
     );
     let costs = |[own, other]: [f64; 2]| other - own;
     assert!(prior[0] > teacher[0] + 0.04, "{found}");
-    assert!([ode, forced, shipped].iter().all(|stage| stage[0] < prior[0] - 0.03), "{found}");
-    assert!(costs(teacher) > 0.0 && [ode, forced].iter().all(|stage| costs(*stage) > costs(teacher) + 0.01), "{found}");
-    assert!(costs(shipped) > costs(forced) + 0.01, "{found}");
+    assert!([ode, forced, shipped].iter().all(|stage| stage[0] < prior[0] - 0.035), "{found}");
+    assert!(
+        costs(teacher) > 0.0 && [ode, forced].iter().all(|stage| costs(*stage) > costs(teacher) + 0.017),
+        "{found}"
+    );
+    assert!(costs(shipped) > costs(forced) + 0.02, "{found}");
     assert!(costs(prior).abs() < 0.02 && truth < ode[0], "the prior sees no layout: {found}");
 }
