@@ -2,7 +2,7 @@
 
 #[path = "harness.rs"]
 mod harness;
-use harness::{dreamstream, drive, shared, text};
+use harness::{dreamstream, drive, shared, text, workspace};
 
 const TINY: &str = "scenarios/base/free-curve.scenario.json";
 
@@ -137,6 +137,35 @@ fn logs_of_argoverse_2_are_imported_and_driven() {
     let episodes = drive.results["episodes"].as_array().expect("a list");
     assert_eq!(episodes.len(), 3);
     episodes.iter().for_each(|episode| check_episode(episode, 30));
+}
+
+#[test]
+fn scenes_of_commonroad_are_imported_and_driven_to_their_end() {
+    let made = workspace().join("crates/drive/import/tests/data/crossing.commonroad.xml");
+    let out = tempfile::tempdir().expect("a temporary folder");
+    let imported = out.path().to_str().expect("UTF-8");
+    for ego in [&[][..], &["--ego", "recorded"]] {
+        let output =
+            dreamstream(&["import", "commonroad"]).arg(&made).args(["-o", imported]).args(ego).output().expect("runs");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    if let Some(folder) = shared("data/commonroad-ngsim") {
+        let output = dreamstream(&["import", "commonroad"]).arg(&folder).args(["-o", imported]).output().expect("runs");
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(output.status.success() && said.contains("drawn, not recorded"), "{said}");
+    }
+    let drive = drive(&[imported, "--policy", "lattice", "--observation", "layout"]);
+    let episodes = drive.results["episodes"].as_array().expect("a list");
+    for episode in episodes {
+        let ticks = match episode["scenario"].as_str().expect("a name") {
+            "ZAM_Crossing-1_1_T-1" | "USA_US101-4_1_T-1" => 80,
+            "ZAM_Crossing-1_1_T-1-ego501" => 70,
+            "USA_Lanker-1_1_T-1" => 40,
+            other => panic!("{other} was not imported"),
+        };
+        check_episode(episode, ticks);
+    }
+    assert!(episodes.len() >= 2, "{episodes:?}");
 }
 
 #[test]

@@ -131,11 +131,15 @@ const IMPORT_HELP: &str = "Formats:
   openscene     folders of OpenScene and NAVSIM (navsim_logs/**/*.pkl) with nuPlan's maps
                 (LOCATION/VERSION/map.gpkg) in --maps, or in a folder maps or nuplan-maps-v1.0 in or above them;
                 without the map of a drive its layouts show no road, which is said
+  commonroad    XML files of CommonRoad, formats 2018b and 2020a: lanelets, lights, signs, obstacles. The ego is the
+                first planning problem, whose drive nobody recorded: it is drawn along the lanes to the goal, which is
+                said. --ego ID takes another problem, or a recorded vehicle with its own drive
 
 Examples:
   dreamstream import scenarionet my_logs/ -o out/imported
   dreamstream import argoverse2 sensor/val/02678d04-cc9f-3148-9f95-1ba66347dff9 -o out/imported
   dreamstream import openscene navsim/dataset --maps navsim/dataset/maps -o out/imported
+  dreamstream import commonroad scenarios/NGSIM/US101 --ego recorded -o out/imported
   dreamstream run out/imported";
 
 fn formats() -> impl TypedValueParser<Value = Format> {
@@ -163,6 +167,10 @@ pub(crate) struct ImportArgs {
     /// The folder of nuPlan's maps (what other tools call NUPLAN_MAPS_ROOT), for openscene.
     #[arg(long, value_hint = ValueHint::DirPath)]
     pub maps: Option<PathBuf>,
+    /// Who is driven, for commonroad: the id of a planning problem or of a recorded vehicle, or `recorded` for each
+    /// vehicle that is recorded for 3 s or more, a scenario each.
+    #[arg(long, value_name = "ID")]
+    pub ego: Option<String>,
     /// Where the scenario files go.
     #[arg(long, short, default_value = "out/imported", value_hint = ValueHint::DirPath)]
     pub out: PathBuf,

@@ -8,6 +8,9 @@ use crate::ego::{EgoState, VehicleParameters};
 use crate::map::Map;
 use crate::state::WorldState;
 
+/// What stands in a scenario's name between the recording and the road user that is its ego, where it was chosen.
+pub const EGO_MARK: &str = "-ego";
+
 /// The kind of situation that a scenario shows.
 pub type Family = String;
 
@@ -54,6 +57,15 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Returns the name of the recording: the scenario's, without who was chosen as its ego.
+    ///
+    /// Scenarios of one recording show the same road users at the same time.
+    #[must_use]
+    pub fn recording(&self) -> &str {
+        let chosen = |id: &str| !id.is_empty() && id.chars().all(|c| c.is_ascii_digit());
+        self.name.rsplit_once(EGO_MARK).filter(|(_, id)| chosen(id)).map_or(&self.name, |(name, _)| name)
+    }
+
     /// Returns the last tick of the log.
     #[must_use]
     pub fn last_tick(&self) -> Tick {

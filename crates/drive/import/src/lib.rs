@@ -4,6 +4,8 @@
 //! takes scenarios and logs alike tells them apart by file or folder ([`files`], [`open`]).
 
 pub mod argoverse2;
+mod boundary;
+pub mod commonroad;
 mod error;
 mod file;
 mod format;
@@ -23,6 +25,6 @@ mod writer;
 pub use ds_pickle::PickleError;
 pub use error::ImportError;
 pub use file::MAX_FILE_BYTES;
-pub use format::{Format, Imported, files, import_path, open};
+pub use format::{Choice, Format, Imported, files, import_path, open};
 pub use nuplan::{GeometryError, MapError};
 pub use recorded::Recorded;

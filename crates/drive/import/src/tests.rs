@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use crate::error::ImportError;
-use crate::format::{Format, import_path, open};
+use crate::format::{Choice, Format, import_path, open};
 use crate::scenarionet;
 use crate::writer::Writer;
 use ds_space::{DVec2, Tick, plane};
@@ -12,7 +12,7 @@ use ds_world::{AgentClass, LaneKind, LightState, Scene, VehicleParameters};
 use serde_json::Value as Json;
 
 #[path = "../../../../tests/mutation.rs"]
-mod mutation;
+pub(crate) mod mutation;
 
 const DRIVES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../../shared/data/nuscenes-mini-scenarios");
 const SCENES: [&str; 6] = ["0061", "0103", "0553", "0757", "1077", "1094"];
@@ -179,7 +179,7 @@ fn a_folder_gives_one_file_for_each_log() {
     let Some(folder) = drives() else { return };
     let out = tempfile::tempdir().expect("a temporary folder can be made");
     let mut heard = 0;
-    let results = import_path(Format::ScenarioNet, folder, None, out.path(), &mut |_| heard += 1)
+    let results = import_path(Format::ScenarioNet, folder, Choice::default(), out.path(), &mut |_| heard += 1)
         .expect("the folder can be read");
     assert_eq!((results.len(), heard), (6, 6));
     for imported in results {
@@ -364,7 +364,7 @@ fn lines_and_places_beyond_any_map_are_refused_by_name() {
 #[test]
 fn a_folder_without_logs_and_a_missing_file_are_errors() {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
-    let import = |path: &Path| import_path(Format::ScenarioNet, path, None, folder.path(), &mut |_| ());
+    let import = |path: &Path| import_path(Format::ScenarioNet, path, Choice::default(), folder.path(), &mut |_| ());
     assert!(matches!(import(folder.path()), Err(ImportError::Empty { .. })));
     assert!(matches!(import(&folder.path().join("nowhere.pkl")), Err(ImportError::Read { .. })));
     std::fs::write(folder.path().join("a.pkl"), b"cos\nsystem\n(S'true'\ntR.").expect("it can be written");

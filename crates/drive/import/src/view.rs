@@ -4,7 +4,7 @@ use ds_pickle::{Array, Data, Node, Pickle, Value};
 use ds_space::DVec2;
 
 /// Farthest coordinate of any source, in metres: beyond those of any map projection.
-const FARTHEST_M: f64 = 1e8;
+pub(crate) const FARTHEST_M: f64 = 1e8;
 
 /// A value of a pickle and the path to it.
 #[derive(Debug, Clone)]

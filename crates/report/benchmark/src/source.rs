@@ -60,7 +60,7 @@ pub enum SourceError {
 }
 
 impl Entry {
-    /// Returns the entry of a scene, which is its own log; nothing if it is too short to be driven after the hand-over.
+    /// Returns the entry of a scene, its log being its recording; nothing if it is too short to be driven after the hand-over.
     #[must_use]
     pub fn of(scene: &Scene, file: Option<PathBuf>) -> Option<Self> {
         let last = scene.last_tick().0.min(HAND_OVER + SCORED);
@@ -70,7 +70,7 @@ impl Entry {
             scenario: scene.name.clone(),
             scenario_digest: scene.digest.to_string(),
             appearance: "day".to_owned(),
-            log: scene.name.clone(),
+            log: scene.recording().to_owned(),
             category: scene.family.clone(),
             licence: scene.origin.licence.clone(),
             attribution: scene.origin.attribution.clone(),

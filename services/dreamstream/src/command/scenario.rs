@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use ds_campaign::adverse;
-use ds_import::Format;
+use ds_import::{Choice, Format};
 use ds_launch::scenarios::files;
 use ds_process::maker::chain;
 use ds_process::terminal::{answer, complain};
@@ -61,6 +61,7 @@ fn list(paths: &[PathBuf]) -> Result<()> {
 /// If any log was refused; the others are still written.
 pub(crate) fn import(args: &ImportArgs) -> Result<()> {
     ensure!(args.maps.is_none() || args.format == Format::OpenScene, "--maps is for openscene only");
+    ensure!(args.ego.is_none() || args.format == Format::CommonRoad, "--ego is for commonroad only");
     let mut refused = 0;
     for path in &args.paths {
         refused += import_one(args, path).with_context(|| format!("import of {}", path.display()))?;
@@ -72,7 +73,8 @@ pub(crate) fn import(args: &ImportArgs) -> Result<()> {
 fn import_one(args: &ImportArgs, path: &Path) -> Result<usize> {
     let spinner = ProgressBar::new_spinner();
     let mut refused = 0;
-    ds_import::import_path(args.format, path, args.maps.as_deref(), &args.out, &mut |imported| {
+    let choice = Choice { maps: args.maps.as_deref(), ego: args.ego.as_deref() };
+    ds_import::import_path(args.format, path, choice, &args.out, &mut |imported| {
         spinner.tick();
         match &imported.outcome {
             Ok((written, warnings)) => {

@@ -387,13 +387,15 @@ fn logs_are_told_by_their_files() {
     assert_eq!(names(files(&folder.path().join("a")).expect("lists")), ["a"]);
     let (out, mut heard) = (folder.path().join("out"), 0);
     let results =
-        crate::import_path(Format::Argoverse2, folder.path(), None, &out, &mut |_| heard += 1).expect("lists");
+        crate::import_path(Format::Argoverse2, folder.path(), crate::Choice::default(), &out, &mut |_| heard += 1)
+            .expect("lists");
     assert_eq!((results.len(), heard), (2, 2));
     for imported in results {
         let (file, _) = imported.outcome.expect("imports");
         assert_eq!(open(&file).expect("loads").0, open(&imported.log).expect("reads").0);
     }
-    let nothing = crate::import_path(Format::Argoverse2, &folder.path().join("e"), None, &out, &mut |_| ());
+    let nothing =
+        crate::import_path(Format::Argoverse2, &folder.path().join("e"), crate::Choice::default(), &out, &mut |_| ());
     assert!(nothing.expect_err("no log").to_string().contains("no log of Argoverse 2"));
 }
 

@@ -235,7 +235,14 @@ fn maps_are_found_by_folder_and_version() {
     assert_eq!(find(Some(&other)).expect("looks"), Some(other.join(LOCATION).join(VERSION).join("map.gpkg")));
     assert_eq!(find(Some(data.0.path())).expect("looks"), Some(newest));
     let out = data.0.path().join("out");
-    let results = import_path(Format::OpenScene, &data.root(), Some(&other), &out, &mut |_| ()).expect("lists");
+    let results = import_path(
+        Format::OpenScene,
+        &data.root(),
+        crate::Choice { maps: Some(&other), ..crate::Choice::default() },
+        &out,
+        &mut |_| (),
+    )
+    .expect("lists");
     let (file, _) = results[0].outcome.as_ref().expect("it imports");
     assert_eq!(ds_scenario::load(file).expect("it loads again").0.map.lanes.len(), 9);
 }

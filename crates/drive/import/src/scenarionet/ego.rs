@@ -22,7 +22,7 @@ pub(super) struct Log {
 /// How far a step may differ from those around it, in metres.
 const JUMP_M: f64 = 0.1;
 /// Positions beyond this are moved to an origin at the start of the log, in metres.
-const RECENTRE_BEYOND_M: f64 = 1e5;
+pub(crate) const RECENTRE_BEYOND_M: f64 = 1e5;
 
 pub(super) fn log(track: &View<'_>, dt_secs: f64, dataset: &str, notes: &mut Vec<Warning>) -> Result<Log, FieldFault> {
     let state = track.need("state")?;
@@ -86,17 +86,32 @@ impl Recording {
         at: &str,
         notes: &mut Vec<Warning>,
     ) -> Vec<EgoState> {
+        self.mend();
+        let ahead_m = reference(&self.points, &self.headings, vehicle, dataset);
+        if ahead_m > 0.0 {
+            let message = format!("positions are the box centre; moved back {ahead_m:.3} m to the rear axle");
+            notes.push(Warning { at: at.to_owned(), message });
+        }
+        self.behind(ahead_m, vehicle)
+    }
+
+    /// Returns the states at the rear axle of a path that is known to be that of the box's centre.
+    pub(crate) fn centred(mut self, vehicle: &VehicleParameters) -> Vec<EgoState> {
+        self.mend();
+        self.behind(vehicle.rear_axle_to_centre_m, vehicle)
+    }
+
+    /// Unwraps headings and fills gaps.
+    fn mend(&mut self) {
         for i in 1..self.headings.len() {
             self.headings[i] = self.headings[i - 1] + angle::turn(self.headings[i - 1], self.headings[i]);
         }
         fill(&mut self.points, &mut self.headings, &self.gaps);
-        let ahead_m = reference(&self.points, &self.headings, vehicle, dataset);
+    }
+
+    fn behind(mut self, ahead_m: f64, vehicle: &VehicleParameters) -> Vec<EgoState> {
         for (point, heading) in self.points.iter_mut().zip(&self.headings) {
             *point -= DVec2::from_angle(*heading) * ahead_m;
-        }
-        if ahead_m > 0.0 {
-            let message = format!("positions are the box centre; moved back {ahead_m:.3} m to the rear axle");
-            notes.push(Warning { at: at.to_owned(), message });
         }
         states(&self.points, &self.headings, vehicle, self.dt_secs)
     }
@@ -129,9 +144,14 @@ fn vehicle(state: &View<'_>, dataset: &str, notes: &mut Vec<Warning>) -> Vehicle
         });
         std::mem::swap(&mut length_m, &mut width_m);
     }
-    let scale = length_m / base.size.length_m;
+    sized(base, Size { length_m, width_m, height_m: size("height").unwrap_or(base.size.height_m) })
+}
+
+/// Returns a vehicle of a size, its axles placed as in another one.
+pub(crate) fn sized(base: VehicleParameters, size: Size) -> VehicleParameters {
+    let scale = size.length_m / base.size.length_m;
     VehicleParameters {
-        size: Size { length_m, width_m, height_m: size("height").unwrap_or(base.size.height_m) },
+        size,
         wheel_base_m: ds_scenario::rounded(base.wheel_base_m * scale, 1e3),
         rear_axle_to_centre_m: ds_scenario::rounded(base.rear_axle_to_centre_m * scale, 1e3),
         ..base
