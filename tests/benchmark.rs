@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
-use harness::{dreamstream, signal, text, wait_for};
+use harness::{dreamstream, signal, text, wait_for, workspace};
 use serde_json::Value;
 
 /// What every run of these tests drives: six scenarios × two policies, seeing layouts.
@@ -180,6 +180,31 @@ fn a_filtered_set_is_all_that_lies_there_under_the_name_of_a_set() {
     let files = std::fs::read_dir(folder.path()).expect("a folder").map(|file| file.expect("a file").file_name());
     let sets: Vec<_> = files.filter(|name| name.to_string_lossy().ends_with(".set.json")).collect();
     assert_eq!(sets, ["town.set.json"]);
+}
+
+#[test]
+fn scenarios_of_one_recording_are_driven_as_one_log() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (logs, sets, out) = (folder.path().join("logs"), folder.path().join("sets"), folder.path().join("out"));
+    let read = |path: &Path| std::fs::read_to_string(path).expect("it is there");
+    let made = workspace().join("crates/drive/import/tests/data/crossing.commonroad.xml");
+    for ego in [&[][..], &["--ego", "501"]] {
+        let import = ["import", "commonroad", utf8(&made), "-o", utf8(&logs)];
+        ends(dreamstream(&[&import[..], ego].concat()), 0);
+    }
+    ends(benchmark(&["build", "base", utf8(&logs), "--unfiltered", "--out", utf8(&sets)]), 0);
+    let set = sets.join("logs.set.json");
+    let entries = serde_json::from_str::<Value>(&read(&set)).expect("JSON")["entries"].clone();
+    let told = |key: &str| -> Vec<Value> {
+        entries.as_array().expect("a list").iter().map(|entry| entry[key].clone()).collect()
+    };
+    assert_eq!(told("log"), ["ZAM_Crossing-1_1_T-1"; 2]);
+    assert_eq!(told("last"), [80, 70]);
+    ends(benchmark(&[&["run", utf8(&set), "--out", utf8(&out)], &WHAT[..]].concat()), 0);
+    ends(benchmark(&["report", utf8(&out)]), 0);
+    let row =
+        read(&out.join("report.md")).lines().find(|line| line.starts_with("| constant-velocity")).map(str::to_owned);
+    assert!(row.as_ref().is_some_and(|row| row.ends_with("| 2 | 1 | 0 | 0 |")), "{row:?}");
 }
 
 #[test]

@@ -50,7 +50,6 @@ fn missed_by_secs(variant: &Variant) -> Option<f64> {
 /// Returns the figures of a search; `entries` are those that the set took.
 pub(crate) fn figures(found: &[(Scene, Searched)], entries: &[Entry]) -> Vec<Figure> {
     let built: Vec<&Built> = found.iter().filter_map(|(_, built)| built.as_ref().ok()).collect();
-    let moving = found.iter().filter(|(_, built)| !matches!(built, Err(Refusal::Standing { .. }))).count();
     let with = built.iter().filter(|built| !built.variants.is_empty()).count();
     let variants: Vec<&Variant> = built.iter().flat_map(|built| &built.variants).collect();
     let fallen = |reason: Rejection| -> usize {
@@ -67,7 +66,8 @@ pub(crate) fn figures(found: &[(Scene, Searched)], entries: &[Entry]) -> Vec<Fig
     let narrow =
         variants.iter().filter(|variant| missed_by_secs(variant).is_some_and(|secs| secs < NARROW_SECS)).count();
     let mut figures = vec![
-        share("bases with a moving ego that have a variant", with, moving, (Some(0.77), None)),
+        // Where the ego stands, or the log is too short to be searched, no variant is missing.
+        share("bases with a moving ego that have a variant", with, built.len(), (Some(0.77), None)),
         share(
             "candidates of the intended class, of those that meet the ego",
             meet,

@@ -11,8 +11,10 @@ use crate::road::Way;
 use crate::stage::{Stage, overlap};
 
 /// Ticks after hand-over in which contact is planned: first and last.
-const FIRST_TICKS: u32 = 30;
-const LAST_TICKS: u32 = 70;
+pub(crate) const FIRST_TICKS: u32 = 30;
+pub(crate) const LAST_TICKS: u32 = 70;
+/// Ticks that are driven after the contact is planned, at least.
+pub(crate) const AFTER_TICKS: u32 = 10;
 const DEEPEST_M: f64 = 0.3;
 /// A little above the least closing speed of a valid contact, in metres per second.
 const CLOSING_MPS: f64 = 2.3;
@@ -69,8 +71,16 @@ enum Place {
 }
 
 impl Targets {
-    /// Draws up to `count` collision states of a class; fewer where the road offers none.
-    pub(crate) fn draw(stage: &Stage<'_>, class: CrashClass, hand_over: Tick, count: usize, draws: &Draws) -> Self {
+    /// Draws up to `count` collision states of a class between hand-over and the last tick; fewer where the road offers
+    /// none.
+    pub(crate) fn draw(
+        stage: &Stage<'_>,
+        class: CrashClass,
+        (hand_over, last): (Tick, Tick),
+        count: usize,
+        draws: &Draws,
+    ) -> Self {
+        let latest = LAST_TICKS.min(last.0 - hand_over.0 - AFTER_TICKS);
         let mut targets = Self::default();
         let mirrored = stage.road.keeps_left();
         for attempt in 0..ATTEMPTS {
@@ -78,7 +88,7 @@ impl Targets {
                 break;
             }
             let dice = Dice { draws, next: std::cell::Cell::new(attempt * 64) };
-            let tick = hand_over.0 + FIRST_TICKS + dice.below((LAST_TICKS - FIRST_TICKS + 1) as usize) as u32;
+            let tick = hand_over.0 + FIRST_TICKS + dice.below((latest - FIRST_TICKS + 1) as usize) as u32;
             if let Some(target) = targets.attempt(stage, class, tick, (&dice, mirrored)) {
                 targets.states.push(target);
             }

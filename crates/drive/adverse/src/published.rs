@@ -15,7 +15,7 @@ use crate::model::{MotionModel, STEP_TICKS, Step};
 use crate::solve::Trial;
 use crate::stage::{Body, Stage};
 use crate::validity::{Candidate, Rejection, check_drive, met};
-use crate::variant::{Attack, Built, Options, Refusal, SCORED_TICKS, Variant, check_scene, with_track};
+use crate::variant::{Attack, Built, Options, Refusal, Variant, scored_until, with_track};
 
 const WINDOW_TICKS: u32 = 90;
 const DRIVES: u64 = 8;
@@ -28,20 +28,23 @@ const BRAKING_MPS2: f64 = -4.0;
 /// # Errors
 /// As for [`crate::variants`].
 pub fn published(scene: &Scene, model: &MotionModel, options: &Options) -> Result<Built, Refusal> {
-    check_scene(scene, options)?;
+    let last = scored_until(scene, options)?.0;
     let mut built = Built::default();
     let draws = Draws::new(&scene.digest, "adversary of Adv-BMT", &[options.seed]);
     let mut stage = Stage::new(scene, model, &draws);
     stage.body = Body { size: scene.vehicle.size };
     // A window that ends after the scored drive would put the contact where nobody looks.
-    let (first, last) = (WINDOW_TICKS.max(options.hand_over.0 + 1), options.hand_over.0 + SCORED_TICKS);
+    let first = WINDOW_TICKS.max(options.hand_over.0 + 1);
+    if last < first {
+        return Err(Refusal::Short { last, needed: first });
+    }
     let contact = first + draws.below(0, u64::from(last - first + 1)) as u32;
     let drive = drawn(&stage, contact, &draws);
     let attack = Attack { contact, corridor: corridor(&drive.states[..=contact as usize]), states: &drive.states };
     let mut fallen = Vec::new();
     let candidate = Candidate { way: None, states: &drive.states, controls: &drive.controls, contact };
     fallen.extend(check_drive(&stage, &candidate, options.hand_over).err());
-    let made = finished(&stage, &attack, drive.surprise, options);
+    let made = finished(&stage, &attack, drive.surprise, (options, Tick(last)));
     let class = made.as_ref().map_or(CrashClass::RearEnd, |variant| variant.class);
     built.candidates.insert(class, 1);
     match made {
@@ -136,8 +139,12 @@ fn corridor(states: &[Rolling]) -> Vec<DVec2> {
 }
 
 /// Finds out by the simulator what the drive meets, and of which class that is.
-fn finished(stage: &Stage<'_>, attack: &Attack<'_>, surprise: f64, options: &Options) -> Result<Variant, Rejection> {
-    let last = options.hand_over.plus(SCORED_TICKS);
+fn finished(
+    stage: &Stage<'_>,
+    attack: &Attack<'_>,
+    surprise: f64,
+    (options, last): (&Options, Tick),
+) -> Result<Variant, Rejection> {
     let (scene, agent) = with_track(stage, attack, CrashClass::RearEnd, options)?;
     let met = met(stage, &Arc::new(scene), agent, last).ok_or(Rejection::NoContact)?;
     if met.tick <= options.hand_over {

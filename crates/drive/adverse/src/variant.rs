@@ -8,7 +8,7 @@ use ds_vehicle::Rolling;
 use ds_world::{Adversary, AdversaryMode, AgentClass, Budget, CrashClass, Scene, Track, TrackPoint};
 
 use crate::beam::{self, Drive};
-use crate::collision::{Target, Targets};
+use crate::collision::{AFTER_TICKS, FIRST_TICKS, LAST_TICKS, Target, Targets};
 use crate::measure::{Measures, measured};
 use crate::model::{MotionModel, STEP_TICKS};
 use crate::reacting::keeps_clear;
@@ -17,8 +17,8 @@ use crate::solve::{Solution, Trial};
 use crate::stage::Stage;
 use crate::validity::{Candidate, OTHERS_M, Rejection, check_contact, check_drive};
 
-/// Ticks after hand-over that are scored: contact lies within.
-pub(crate) const SCORED_TICKS: u32 = 80;
+/// Ticks after hand-over that are scored, fewer where the log ends before: contact lies within.
+const SCORED_TICKS: u32 = LAST_TICKS + AFTER_TICKS;
 const LEAST_WAY_M: f64 = 20.0;
 /// The attack begins so long before the contact.
 const ATTACK_TICKS: u32 = 30;
@@ -70,7 +70,7 @@ pub enum Refusal {
         /// The scenario's, in seconds.
         dt_secs: f64,
     },
-    /// It ends before the scored drive does.
+    /// It ends before a contact could be planned.
     #[error("the log ends at tick {last}, variants need {needed} ticks")]
     Short {
         /// The last tick.
@@ -128,10 +128,10 @@ pub struct Built {
 /// # Errors
 /// [`Refusal`] if the scenario is too short, too coarse in time, or its ego stands.
 pub fn variants(scene: &Scene, model: &MotionModel, options: &Options) -> Result<Built, Refusal> {
-    check_scene(scene, options)?;
+    let last = scored_until(scene, options)?;
     let mut built = Built::default();
     for class in &options.classes {
-        search(scene, model, options, *class, &mut built);
+        search(scene, model, (options, last), *class, &mut built);
     }
     Ok(built)
 }
@@ -155,18 +155,20 @@ pub fn adversary_digest(scene: &Scene) -> Option<Digest> {
     Some(writer.finish())
 }
 
-pub(crate) fn check_scene(scene: &Scene, options: &Options) -> Result<(), Refusal> {
+/// Checks that a scenario may have variants and returns the last tick that is scored.
+pub(crate) fn scored_until(scene: &Scene, options: &Options) -> Result<Tick, Refusal> {
     let dt_secs = scene.dt.secs();
     if (dt_secs - 0.1).abs() > 1e-9 {
         return Err(Refusal::TimeStep { dt_secs });
     }
-    let (last, needed) = (scene.last_tick(), options.hand_over.plus(SCORED_TICKS));
+    let (last, needed) = (scene.last_tick(), options.hand_over.plus(FIRST_TICKS + AFTER_TICKS));
     if last < needed {
         return Err(Refusal::Short { last: last.0, needed: needed.0 });
     }
-    let log = &scene.ego_log[options.hand_over.0 as usize..=needed.0 as usize];
+    let last = last.min(options.hand_over.plus(SCORED_TICKS));
+    let log = &scene.ego_log[options.hand_over.0 as usize..=last.0 as usize];
     let driven_m: f64 = log.windows(2).map(|pair| pair[0].pose.position.distance(pair[1].pose.position)).sum();
-    if driven_m < LEAST_WAY_M { Err(Refusal::Standing { driven_m }) } else { Ok(()) }
+    if driven_m < LEAST_WAY_M { Err(Refusal::Standing { driven_m }) } else { Ok(last) }
 }
 
 /// A drive with its target, not yet checked against the simulator.
@@ -177,10 +179,10 @@ struct Found<'a> {
     surprise: f64,
 }
 
-fn search(scene: &Scene, model: &MotionModel, options: &Options, class: CrashClass, built: &mut Built) {
+fn search(scene: &Scene, model: &MotionModel, (options, last): (&Options, Tick), class: CrashClass, built: &mut Built) {
     let draws = Draws::new(&scene.digest, "adversary", &[options.seed, class as u64]);
     let stage = Stage::new(scene, model, &Draws::new(&scene.digest, "adversary body", &[options.seed]));
-    let targets = Targets::draw(&stage, class, options.hand_over, options.states, &draws);
+    let targets = Targets::draw(&stage, class, (options.hand_over, last), options.states, &draws);
     if targets.states.is_empty() {
         *built.rejected.entry((class, Rejection::NoTarget)).or_default() += 1;
         return;
@@ -202,7 +204,7 @@ fn search(scene: &Scene, model: &MotionModel, options: &Options, class: CrashCla
     }
     found.sort_by(|a, b| a.surprise.total_cmp(&b.surprise));
     for candidate in found.iter().take(MOST_FINISHED) {
-        match finish(&stage, candidate, class, options) {
+        match finish(&stage, candidate, class, (options, last)) {
             Ok(variant) => {
                 *built.valid.entry(class).or_default() += 1;
                 built.variants.push(variant);
@@ -228,7 +230,12 @@ fn complete(
     Ok(states)
 }
 
-fn finish(stage: &Stage<'_>, found: &Found<'_>, class: CrashClass, options: &Options) -> Result<Variant, Rejection> {
+fn finish(
+    stage: &Stage<'_>,
+    found: &Found<'_>,
+    class: CrashClass,
+    (options, last): (&Options, Tick),
+) -> Result<Variant, Rejection> {
     let attack = Attack { contact: found.target.tick, corridor: corridor(found), states: &found.states };
     let (scene, agent) = with_track(stage, &attack, class, options)?;
     let scene = Arc::new(scene);
@@ -238,7 +245,6 @@ fn finish(stage: &Stage<'_>, found: &Found<'_>, class: CrashClass, options: &Opt
         return Err(Rejection::HitsOther);
     }
     let measures = measured(stage, &found.states, met, options.hand_over);
-    let last = options.hand_over.plus(SCORED_TICKS);
     let trial = Trial { scene: &scene, road: &stage.road, threat: measures.threat, last };
     let solution = if options.solve { Some(trial.expert().ok_or(Rejection::Unavoidable)?) } else { None };
     let margin_ticks = solution.as_ref().and_then(|_| trial.margin_ticks(met.tick));

@@ -6,7 +6,7 @@ use ds_adverse::{MotionModel, Options, Refusal, Rejection, published, variants};
 use ds_scenario::{Family, generate};
 use ds_sim::{SimConfig, Simulation};
 use ds_space::Tick;
-use ds_world::{AdversaryMode, CrashClass};
+use ds_world::{AdversaryMode, CrashClass, Scene};
 
 #[test]
 fn every_variant_meets_the_logged_ego_as_planned_and_nobody_before() {
@@ -108,14 +108,35 @@ fn a_road_without_junction_has_no_crossing_and_says_so() {
     assert_eq!(built.rejected[&(CrashClass::StraightCrossingPaths, Rejection::NoTarget)], 1);
 }
 
+/// A scenario whose recording ends early.
+fn cut(mut scene: Scene, ticks: usize) -> Scene {
+    scene.ego_log.truncate(ticks);
+    scene.tracks.iter_mut().for_each(|track| track.points.truncate(ticks));
+    scene.map.traffic_lights.iter_mut().for_each(|light| light.states.truncate(ticks));
+    scene
+}
+
+#[test]
+fn in_a_shorter_log_contact_lies_before_its_end() {
+    let model = MotionModel::town();
+    let built =
+        variants(&cut(generate(Family::UnprotectedLeft, 1000), 75), &model, &Options::default()).expect("long enough");
+    assert!(!built.variants.is_empty(), "{:?}", built.rejected);
+    for variant in &built.variants {
+        assert!((50..=64).contains(&variant.planned.0), "{}", variant.planned);
+        let solution = variant.solution.as_ref().expect("it is solved");
+        assert!(solution.from.0 as usize + solution.poses.len() >= 75, "it goes to the last tick");
+    }
+    let short = published(&cut(generate(Family::UnprotectedLeft, 1000), 75), &model, &Options::default());
+    assert_eq!(short.expect_err("no window ends there"), Refusal::Short { last: 74, needed: 90 });
+}
+
 #[test]
 fn what_cannot_be_varied_is_refused_with_its_number() {
     let model = MotionModel::town();
-    let mut short = generate(Family::FreeCurve, 1000);
-    short.ego_log.truncate(90);
     assert_eq!(
-        variants(&short, &model, &Options::default()).expect_err("too short"),
-        Refusal::Short { last: 89, needed: 100 }
+        variants(&cut(generate(Family::FreeCurve, 1000), 60), &model, &Options::default()).expect_err("too short"),
+        Refusal::Short { last: 59, needed: 60 }
     );
     let mut standing = generate(Family::FreeCurve, 1000);
     let first = standing.ego_log[0];

@@ -166,6 +166,19 @@ mod tests {
     }
 
     #[test]
+    fn scenarios_of_one_recording_have_one_log() {
+        let named = |name: &str| Scene { name: name.to_owned(), ..ds_scenario::generate(Family::CutIn, 7) };
+        for (name, log) in [
+            ("USA_Peach-4_1_T-1-ego427", "USA_Peach-4_1_T-1"),
+            ("USA_Peach-4_1_T-1", "USA_Peach-4_1_T-1"),
+            ("two-egos", "two-egos"),
+            ("two-ego", "two-ego"),
+        ] {
+            assert_eq!(Entry::of(&named(name), None).expect("15 s").log, log);
+        }
+    }
+
+    #[test]
     fn there_are_thirteen_conditions() {
         let entry = Entry::of(&ds_scenario::generate(Family::CutIn, 7), None).expect("15 s");
         let entries = entry.under_conditions();
