@@ -373,10 +373,10 @@ class Lanes:
         return d, (ax, ay)
 
 
-def read_sensors(rng, lanes, log, lane):
-    """Samples one lane's truth at 20 Hz with ages, jitter, noise and sensor effects."""
+def read_sensors(rng, lanes, log, lane, rate_hz=20):
+    """Samples one lane's truth with ages, jitter, noise and sensor effects."""
     real = {k: v[lane] for k, v in lanes.real.items()}
-    t = 0.5 + 0.05 * np.arange(700)
+    t = 0.5 + 1 / rate_hz * np.arange(35 * rate_hz)
     late = np.isfinite(lanes.begins[lane]) and lanes.begins[lane] > 0
     value = lambda key, neutral: np.where(t < lanes.begins[lane], neutral, lanes.e[key][lane]) if late else lanes.e[key][lane]
     on = lambda key, neutral: neutral if np.isnan(lanes.e[key][lane]) or lanes.begins[lane] == np.inf else value(key, neutral)
@@ -481,14 +481,14 @@ def draw_case(r, given, kind, number, index):
              "drive_kinds": [str(k) for k in kinds], "channels_missing": missing}
     if onset:
         label["onset"] = onset
-    return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": [str(k) for k in kinds], "missing": missing, "label": label, "day": day, "onset": onset, "rng": r}
+    return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": [str(k) for k in kinds], "missing": missing, "label": label, "day": day, "onset": onset, "rate": given.rate, "rng": r}
 
 
 def write_drive(folder, lanes, run, case, lane, number):
     """Writes one drive of a case, ego and followers; returns its entry in the description."""
     log, cmd_s, cmd_a = run
     r = case["rng"]
-    t, rows = read_sensors(r, lanes, log, lane)
+    t, rows = read_sensors(r, lanes, log, lane, case["rate"])
     index = np.round(t / DT).astype(int)
     columns = [("t", t, 3), ("cmd_steer", cmd_s[lane][index], 5), ("cmd_accel", cmd_a[lane][index], 3)]
     columns += [(k, rows[k], p) for k, p in (("x", 3), ("y", 3), ("yaw", 4), ("v", 3), ("yaw_rate", 4), ("ax", 2), ("ay", 2), ("steer_meas", 4), ("v_wheel", 3))]
@@ -508,7 +508,7 @@ def write_case(out, lanes, run, case, first):
     for place, numbers in ((folder, range(4)), (apart, range(4, DRIVES))):
         place.mkdir(parents=True, exist_ok=True)
         drives = [write_drive(place, lanes, run, case, first + k, k) for k in numbers]
-        meta = {"case": case["name"], "vehicle": "drawn", **case["day"], "rate_hz": 20, "agent_rate_hz": 10, "drives": drives,
+        meta = {"case": case["name"], "vehicle": "drawn", **case["day"], "rate_hz": case["rate"], "agent_rate_hz": 10, "drives": drives,
                 "channels_missing": case["missing"], "nominal": case["nominal"]}
         if place == folder:
             meta["suggested_split"] = {"fit": [0, 1, 2], "held_out": [3]}
@@ -559,6 +559,7 @@ def main():
     parser.add_argument("--fleet", type=int, default=0, help="so many vehicles, each of which drives every so manieth case on a day of its own (0: one for each case)")
     trait = lambda text: (text.split("=")[0], float(text.split("=")[1]))
     parser.add_argument("--trait", type=trait, default=[], nargs="*", metavar="ID=VALUE", help="what every car has, healthy or not, such as steer_backlash=0.02")
+    parser.add_argument("--rate", type=int, default=20, help="rows a second of the vehicle's logs")
     parser.add_argument("--twins", action="store_true", help="drive each case with effects a second time without them, into `without`: the truth about cells")
     given = parser.parse_args()
     if given.spreads or given.out is None:

@@ -6,6 +6,7 @@
 
 pub mod discovery;
 mod error;
+pub mod grid;
 mod join;
 pub mod json;
 pub mod meta;
@@ -14,6 +15,7 @@ mod null;
 pub mod schema;
 pub mod score;
 pub mod table;
+pub mod unevenness;
 pub mod verdict;
 
 pub use ds_effect::Verdict;

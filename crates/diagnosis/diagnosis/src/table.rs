@@ -15,7 +15,7 @@ pub const MAX_COLUMNS: usize = 64;
 /// Largest size of a value, in whatever unit: what is beyond is no measurement and overflows when it is squared.
 pub const MAX_VALUE: f64 = 1e15;
 /// Most bytes a log may have.
-pub const MAX_BYTES: usize = 160 << 20;
+pub const MAX_BYTES: usize = 400 << 20;
 
 /// Columns of numbers by name; an absent cell is NaN.
 #[derive(Debug, Clone, Default)]

@@ -71,7 +71,7 @@ impl Case {
             }
         }
         let (fit, _) = meta.split();
-        let fit: Vec<&Drive> = fit.iter().map(|&d| &drives[d]).collect();
+        let fit: Vec<&Drive> = fit.iter().map(|&d| drives[d].by_rows()).collect();
         let scatter = scatter(&fit);
         let noise = Noise::of(&fit, scatter.jitter_secs);
         Ok(Self { meta, drives, ego, following, scatter, noise, warnings, baseline: None })

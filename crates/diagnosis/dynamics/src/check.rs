@@ -3,11 +3,14 @@
 //!
 //! A relation that only a wrong unit or column can break is an error; one that a strong effect could break is a warning.
 
+use crate::drive::fast::FAST_HZ;
 use crate::drive::{Drive, MEASURED};
 use ds_diagnosis::CaseError;
 use ds_diagnosis::meta::VehicleMeta;
 use ds_diagnosis::table::STEP_SECS;
 
+/// Samples a second below which the floor does not hold.
+const SLOW_HZ: f64 = 15.0;
 /// Largest commanded road-wheel angle of any vehicle, rad.
 const LARGEST_STEER: f64 = 1.2;
 /// Largest acceleration of any vehicle, m/s².
@@ -31,13 +34,17 @@ pub(crate) fn check(drives: &[Drive], meta: &VehicleMeta) -> Result<Vec<String>,
         frozen(drive)?;
         motion(drive)?;
         turning(drive, meta, &mut warnings)?;
-        if !(15.0..=30.0).contains(&drive.rate_hz) {
-            let rate = drive.rate_hz;
+        let (file, rate) = (&drive.file, drive.rate_hz);
+        if rate > FAST_HZ {
             warnings.push(format!(
-                "{}: {rate:.0} samples a second; the floor is that of 20, so `unknown` may only mean that",
-                drive.file
+                "{file}: {rate:.0} samples a second, averaged over steps of {STEP_SECS} s: nothing above 10 Hz is looked at"
+            ));
+        } else if rate < SLOW_HZ {
+            warnings.push(format!(
+                "{file}: {rate:.0} samples a second; the floor is that of 20, so `unknown` may only mean that"
             ));
         }
+        warnings.extend(drive.oddities.iter().map(|odd| format!("{file}: {odd}")));
         for name in missing(drive, meta) {
             warnings.push(format!("{}: channel {name} is absent", drive.file));
         }

@@ -1,19 +1,19 @@
 //! One recorded drive on an even 20 Hz grid, ego and followers, with absent channels left absent.
 //!
-//! Columns and units are those of the practice logs. Stamps must grow; short gaps are bridged by straight lines.
+//! Columns and units are those of the practice logs. Stamps must grow; short gaps are bridged by straight lines. What comes
+//! faster is averaged over a step of the grid, but commands, which are kept where they were sent.
+
+pub(crate) mod fast;
+mod stamps;
 
 use std::path::Path;
 
 use ds_diagnosis::CaseError;
+use ds_diagnosis::grid::{lines, means};
 use ds_diagnosis::meta::DriveEntry;
 use ds_diagnosis::table::{STEP_SECS, Table};
 
-/// Shortest drive that can be diagnosed, s.
-const SHORTEST_SECS: f64 = 6.0;
-/// Longest hole in the stamps that is bridged, s.
-const LONGEST_HOLE_SECS: f64 = 1.0;
-/// Longest log, s.
-const LONGEST_SECS: usize = 14_400;
+use fast::FAST_HZ;
 
 /// One drive.
 #[derive(Debug, Clone)]
@@ -30,6 +30,10 @@ pub struct Drive {
     pub cmd_steer: Vec<f64>,
     /// Commanded force over nominal mass, m/s².
     pub cmd_accel: Vec<f64>,
+    /// Both commands on the fine grid of [`crate::ego::FINE_SECS`], where the log is fast enough to say.
+    pub fine: Option<[Vec<f64>; 2]>,
+    /// The same drive by single rows where others are averaged: what scatters from row to row is told by these.
+    pub single: Option<Box<Self>>,
     /// Position east, m.
     pub x: Option<Vec<f64>>,
     /// Position north, m.
@@ -50,6 +54,8 @@ pub struct Drive {
     pub v_wheel: Option<Vec<f64>>,
     /// Share of samples that are exact copies of the one before although the vehicle moves.
     pub repeated_share: f64,
+    /// What is odd about its rows but could be used.
+    pub oddities: Vec<String>,
     /// Followers.
     pub followers: Vec<FollowerLog>,
     /// Their desired speed, m/s.
@@ -73,7 +79,16 @@ pub struct FollowerLog {
     pub v_lead: Vec<f64>,
 }
 
+/// How a column comes onto a grid: stamps, column, first stamp, step, samples.
+type ToGrid = fn(&[f64], &[f64], f64, f64, usize) -> Vec<f64>;
+
 impl Drive {
+    /// Returns the drive by single rows.
+    #[must_use]
+    pub fn by_rows(&self) -> &Self {
+        self.single.as_deref().unwrap_or(self)
+    }
+
     /// Reads a drive of a case folder.
     ///
     /// # Errors
@@ -89,14 +104,29 @@ impl Drive {
     /// # Errors
     /// If a needed column is absent, stamps do not grow or the drive is too short.
     pub fn new(table: &Table, agents: Option<&Table>, entry: &DriveEntry) -> Result<Self, CaseError> {
-        let t = stamps(table)?;
+        let t = stamps::stamps(table)?;
+        let mut steps: Vec<f64> = t.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let rate_hz = 1.0 / ds_stats::quantile(&mut steps, 0.5);
+        let fast = rate_hz > FAST_HZ;
+        let followers = agents.map(followers).transpose()?.unwrap_or_default();
+        let free = followers.iter().flat_map(|f| &f.v_lead).copied().fold(10.0, f64::max);
+        let desired_speed_mps = entry.agents_desired_speed.unwrap_or(free);
+        let by = |to_grid: ToGrid| -> Result<Self, CaseError> {
+            let ego = Self::on_grid((table, &t), rate_hz, &entry.file, to_grid)?;
+            Ok(Self { followers: followers.clone(), desired_speed_mps, ..ego })
+        };
+        if fast { Ok(Self { single: Some(Box::new(by(lines)?)), ..by(means)? }) } else { by(lines) }
+    }
+
+    /// Brings the ego of a table with its stamps onto the grid.
+    fn on_grid((table, t): (&Table, &[f64]), rate_hz: f64, file: &str, to_grid: ToGrid) -> Result<Self, CaseError> {
+        let fast = rate_hz > FAST_HZ;
         let start_secs = t[0];
         let samples = ((t[t.len() - 1] - t[0]) / STEP_SECS + 1e-6).floor() as usize + 1;
-        let mut steps: Vec<f64> = t.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        let even = |column: &[f64]| resample(&t, column, start_secs, STEP_SECS, samples);
         let pose = copies(table, &["x", "y", "yaw", "v"]);
         let imu = copies(table, &["yaw_rate", "ax", "ay"]);
-        let share = |copied: &[bool]| copied.iter().filter(|c| **c).count() as f64 / t.len() as f64;
+        let copied_share = |copied: &[bool]| copied.iter().filter(|c| **c).count() as f64 / t.len() as f64;
+        let share = |copied: &[bool]| if fast { fast::lost_share(t, copied) } else { copied_share(copied) };
         let repeated_share = share(&pose).max(share(&imu));
         // a copy says nothing new: it is taken out and bridged, so that its age does not look like a latency
         let optional = |name: &str| {
@@ -106,19 +136,25 @@ impl Drive {
                 pairs.map(|(value, copied)| if *copied { f64::NAN } else { *value }).collect()
             };
             let column = table.column(name)?;
-            let moved = if POSE.contains(&name) || IMU.contains(&name) { repaired(column) } else { column.to_vec() };
-            Some(even(&if name == "yaw" { unwrap(&moved) } else { moved }))
+            let moved = match (fast, POSE.contains(&name) || IMU.contains(&name)) {
+                (true, _) => fast::own(t, column),
+                (false, true) => repaired(column),
+                (false, false) => column.to_vec(),
+            };
+            let moved = if name == "yaw" { unwrap(&moved) } else { moved };
+            Some(to_grid(t, &moved, start_secs, STEP_SECS, samples))
         };
         let unwrapped = optional("yaw");
-        let followers = agents.map(followers).transpose()?.unwrap_or_default();
-        let free = followers.iter().flat_map(|f| &f.v_lead).copied().fold(10.0, f64::max);
+        let (steer, accel) = (table.required("cmd_steer")?, table.required("cmd_accel")?);
         Ok(Self {
-            file: entry.file.clone(),
+            file: file.to_owned(),
             start_secs,
-            rate_hz: 1.0 / ds_stats::quantile(&mut steps, 0.5),
+            rate_hz,
             samples,
-            cmd_steer: even(table.required("cmd_steer")?),
-            cmd_accel: even(table.required("cmd_accel")?),
+            cmd_steer: lines(t, steer, start_secs, STEP_SECS, samples),
+            cmd_accel: lines(t, accel, start_secs, STEP_SECS, samples),
+            fine: fast.then(|| [steer, accel].map(|command| fast::sent(t, command, samples))),
+            single: None,
             x: optional("x"),
             y: optional("y"),
             yaw: unwrapped,
@@ -129,8 +165,9 @@ impl Drive {
             steer_meas: optional("steer_meas"),
             v_wheel: optional("v_wheel"),
             repeated_share,
-            followers,
-            desired_speed_mps: entry.agents_desired_speed.unwrap_or(free),
+            oddities: stamps::oddities(t, rate_hz),
+            followers: Vec::new(),
+            desired_speed_mps: 0.0,
         })
     }
 
@@ -147,11 +184,14 @@ impl Drive {
         let (first, last) = (at(from_secs), at(to_secs));
         let cut = |column: &[f64]| column[first..=last].to_vec();
         let some = |column: &Option<Vec<f64>>| column.as_deref().map(cut);
+        let fine = |fine: &[Vec<f64>; 2]| fine.each_ref().map(|c| c[fast::fine(first)..=fast::fine(last)].to_vec());
         Self {
             start_secs: self.start_secs + first as f64 * STEP_SECS,
             samples: last - first + 1,
             cmd_steer: cut(&self.cmd_steer),
             cmd_accel: cut(&self.cmd_accel),
+            fine: self.fine.as_ref().map(fine),
+            single: self.single.as_ref().map(|single| Box::new(single.between(from_secs, to_secs))),
             x: some(&self.x),
             y: some(&self.y),
             yaw: some(&self.yaw),
@@ -215,50 +255,6 @@ fn copies(table: &Table, names: &[&str]) -> Vec<bool> {
     (0..table.rows()).map(|k| k > 0 && columns.len() > 1 && moving(k) && same(k)).collect()
 }
 
-fn stamps(table: &Table) -> Result<Vec<f64>, CaseError> {
-    let file = || table.file().to_owned();
-    if table.rows() == 0 {
-        return Err(CaseError::TooShort { samples: 0, secs: 0.0, file: file() });
-    }
-    let t = table.required("t")?.to_vec();
-    for (row, pair) in t.windows(2).enumerate() {
-        let (before, t) = (pair[0], pair[1]);
-        if t.is_nan() || before.is_nan() || t <= before {
-            return Err(CaseError::TimeGoesBack { row: row + 2, t, before, file: file() });
-        }
-        if t - before > LONGEST_HOLE_SECS {
-            return Err(CaseError::TimeGap { secs: t - before, t: before, file: file() });
-        }
-    }
-    let secs = t[t.len() - 1] - t[0];
-    if secs > LONGEST_SECS as f64 {
-        return Err(CaseError::TooLarge { what: "seconds", limit: LONGEST_SECS, file: file() });
-    }
-    if secs < SHORTEST_SECS || t.len() < 60 {
-        return Err(CaseError::TooShort { samples: t.len(), secs, file: file() });
-    }
-    Ok(t)
-}
-
-/// Returns a column on an even grid by straight lines between the samples that are there.
-fn resample(t: &[f64], column: &[f64], start_secs: f64, step_secs: f64, samples: usize) -> Vec<f64> {
-    let known: Vec<usize> = (0..t.len()).filter(|&k| column[k].is_finite()).collect();
-    let mut at = 0;
-    (0..samples)
-        .map(|k| {
-            let now = start_secs + k as f64 * step_secs;
-            while at + 1 < known.len() && t[known[at + 1]] <= now + 1e-6 {
-                at += 1;
-            }
-            let (low, high) = (known[at], known[(at + 1).min(known.len() - 1)]);
-            if high == low || (now - t[low]).abs() < 1e-6 || now < t[low] {
-                return column[low];
-            }
-            column[low] + (now - t[low]) / (t[high] - t[low]) * (column[high] - column[low])
-        })
-        .collect()
-}
-
 fn unwrap(yaw: &[f64]) -> Vec<f64> {
     let mut last = f64::NAN;
     yaw.iter()
@@ -291,16 +287,14 @@ fn followers(table: &Table) -> Result<Vec<FollowerLog>, CaseError> {
             let file = table.file().to_owned();
             return Err(CaseError::TimeGoesBack { row: row + 2, t: times[row + 1], before: times[row], file });
         }
-        if times[times.len() - 1] - times[0] > LONGEST_SECS as f64 {
-            return Err(CaseError::TooLarge { what: "seconds", limit: LONGEST_SECS, file: table.file().to_owned() });
-        }
+        stamps::shorter(times[times.len() - 1] - times[0], table)?;
         let step_secs = 0.1;
         let samples = ((times[times.len() - 1] - times[0]) / step_secs + 1e-6).floor() as usize + 1;
         let (v, gap, v_lead) = (pick("v")?, pick("gap")?, pick("v_lead")?);
         if [&v, &gap, &v_lead].iter().any(|c| c.iter().all(|value| value.is_nan())) {
             continue;
         }
-        let even = |column: &[f64]| resample(&times, column, times[0], step_secs, samples);
+        let even = |column: &[f64]| lines(&times, column, times[0], step_secs, samples);
         logs.push(FollowerLog {
             id: wanted,
             start_secs: times[0],

@@ -27,6 +27,8 @@ const WARM: usize = 10;
 const STEER_STEP: f64 = 0.002;
 /// The same for the requested acceleration, m/s².
 const ACCEL_STEP: f64 = 0.1;
+/// Share of it within one step of the fine grid from which on its instant is known.
+const SHARP_SHARE: f64 = 0.5;
 /// Samples between the starts of windows.
 const STRIDE: usize = 25;
 
@@ -103,7 +105,8 @@ impl EgoRecord {
             let count = ((log.samples - 1) as f64 * STEP_SECS / FINE_SECS).round() as usize + 1;
             (0..count).map(|k| between(signal, k as f64 * FINE_SECS / STEP_SECS)).collect()
         };
-        let (accel, fine_speed) = (fine(&log.cmd_accel), fine(&speed));
+        let [steer, accel] = log.fine.clone().unwrap_or_else(|| [fine(&log.cmd_steer), fine(&log.cmd_accel)]);
+        let fine_speed = fine(&speed);
         let mut work = 0.0;
         let brake_work = accel
             .iter()
@@ -113,8 +116,7 @@ impl EgoRecord {
                 work
             })
             .collect();
-        let inputs =
-            Inputs { start_secs: log.start_secs, steer: fine(&log.cmd_steer), accel, speed: fine_speed, brake_work };
+        let inputs = Inputs { start_secs: log.start_secs, steer, accel, speed: fine_speed, brake_work };
         let mut record =
             Self { drive, inputs, anchors: Vec::new(), log: log.clone(), speed, motion: Arc::new(BuiltIn) };
         record.anchors = record.anchors_every(STRIDE, BLOCK * BLOCKS);
@@ -122,7 +124,7 @@ impl EgoRecord {
     }
 
     /// Returns the inputs with every command step moved to the start (0.0) or the end (1.0) of the sample interval in
-    /// which it happened: the log does not say when within the interval; `None` if no command steps.
+    /// which it happened, unless the log says when within it; `None` if no command steps so.
     #[must_use]
     pub fn stepped(&self, share: f64) -> Option<Inputs> {
         let mut inputs = self.inputs.clone();
@@ -344,13 +346,16 @@ impl EgoRecord {
     }
 }
 
-/// Replaces the ramps of a command's steps on the fine grid by steps at a share of their interval; tells if there were any.
+/// Replaces the ramps of a command's steps on the fine grid by steps at a share of their interval; tells if there were any. A
+/// step that is one on the fine grid stays.
 fn shift_steps(command: &[f64], least: f64, share: f64, fine: &mut [f64]) -> bool {
     let change = |k: usize| if k + 1 < command.len() { (command[k + 1] - command[k]).abs() } else { 0.0 };
     let per_sample = (STEP_SECS / FINE_SECS).round() as usize;
     let mut any = false;
     for k in 1..command.len().saturating_sub(1) {
-        if change(k) > least + 2.0 * (change(k - 1) + change(k + 1)) {
+        let ramp = &fine[k * per_sample..=(k + 1) * per_sample];
+        let sharp = ramp.windows(2).any(|pair| (pair[1] - pair[0]).abs() > SHARP_SHARE * change(k));
+        if !sharp && change(k) > least + 2.0 * (change(k - 1) + change(k + 1)) {
             any = true;
             for j in 1..per_sample {
                 let after = j as f64 >= share * per_sample as f64;

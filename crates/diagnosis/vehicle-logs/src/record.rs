@@ -7,7 +7,8 @@ use crate::error::LogError;
 use crate::finding::LogFinding;
 use crate::log::Log;
 use crate::mapping::{BodyAxes, Mapping, PoseAxes};
-use crate::resample::{held, measured, slope, unwrap};
+use crate::resample::{held, slope, unwrap};
+use ds_diagnosis::grid::means;
 use ds_diagnosis::table::STEP_SECS;
 
 /// Shortest stretch that becomes a drive, s.
@@ -57,7 +58,7 @@ impl Mapping {
             if known.name == "yaw" {
                 unwrap(&mut column);
             }
-            let to_grid = if COMMANDS.contains(&known.name) { held } else { measured };
+            let to_grid = if COMMANDS.contains(&known.name) { held } else { means };
             record.channels.insert(known.name, to_grid(times, &column, start_secs, STEP_SECS, samples));
         }
         if let Some(asked) = record.channels.get_mut("cmd_accel").filter(|_| self.asks_for_speed()) {

@@ -1,5 +1,8 @@
 //! Time stamps: what looks wrong with them, and which rows can be used.
 
+use ds_diagnosis::table::STEP_SECS;
+use ds_diagnosis::unevenness::{Gaps, gaps, scatter};
+
 use crate::channel;
 use crate::finding::LogFinding;
 
@@ -7,6 +10,9 @@ use crate::finding::LogFinding;
 pub(crate) const LONGEST_HOLE_SECS: f64 = 0.8;
 /// Steps between samples that any vehicle log has, s: 5 kHz to 2 Hz.
 const USUAL_STEP_SECS: std::ops::RangeInclusive<f64> = 2e-4..=0.5;
+
+/// Slower messages are sent when something happens, s.
+const SAMPLED_SECS: f64 = 0.1;
 
 /// Stamps of a file or of one of its topics, in its own order.
 pub(crate) struct Clock {
@@ -100,6 +106,26 @@ pub(crate) fn findings(file: &str, clock: &Clock, unit: Option<&str>) -> Vec<Log
         let longest = steps.iter().copied().fold(0.0, f64::max);
         let evidence = format!("{} holes, the longest {longest:.2} s, first before row {}", count(&hole), row(&hole));
         found.push(finding("gaps", evidence, "nothing to do: the drive is cut there".to_owned()));
+    }
+    let used: Vec<f64> = growing(t).into_iter().map(|row| t[row]).collect();
+    let whole: Vec<&[f64]> = used.chunk_by(|a, b| !hole(b - a)).collect();
+    let bridged: Vec<Gaps> = whole.iter().filter_map(|part| gaps(part, median, STEP_SECS)).collect();
+    if let Some(first) = bridged.first() {
+        let (count, longest) = (
+            bridged.iter().map(|g| g.count).sum::<usize>(),
+            bridged.iter().map(|g| g.longest_secs).fold(0.0, f64::max),
+        );
+        let evidence = format!("{count} of up to {longest:.3} s, the first after {:.3} s", first.after_secs);
+        found.push(finding("short gaps", evidence, "nothing to do: straight lines bridge them".to_owned()));
+    }
+    if let Some([low, high]) = scatter(&used, median).filter(|_| median <= SAMPLED_SECS) {
+        let evidence = format!("steps scatter from {low:.4} to {high:.4} s about {median:.4} s");
+        let cure = if clock.sorted {
+            "stamp = \"header\" if the messages have one, and it was \"log\""
+        } else {
+            "the stamp of the measurement, if there is one beside that of its receipt"
+        };
+        found.push(finding("uneven stamps", evidence, cure.to_owned()));
     }
     found
 }
