@@ -61,6 +61,40 @@ fn the_built_in_car_behind_the_protocol_is_diagnosed_as_itself() {
 }
 
 #[test]
+fn how_far_is_measured_by_runs_of_the_simulator() {
+    let (folder, fresh) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
+    let case_of = |folder: &Path, seed| case(folder, seed, &[("payload", 250.0)]);
+    let (fitted, other) = (case_of(folder.path(), 77), case_of(fresh.path(), 78));
+    let served = format!("{} gap serve {{case}}", program());
+    let out = folder.path().join("out").display().to_string();
+    let diagnose = ["gap", "diagnose", &fitted, "--quick", "--no-pages", "--out", &out, "--simulator", &served];
+    assert!(dreamstream(&diagnose).output().expect("the binary runs").status.success());
+    let name = folder.path().file_name().expect("a name").to_string_lossy().into_owned();
+    let diagnosis = format!("{out}/{name}/diagnosis.json");
+    let evaluated = |command: Option<&str>| {
+        let words = ["gap", "evaluate", &diagnosis, &other].into_iter();
+        let words: Vec<&str> = words.chain(command.iter().flat_map(|command| ["--simulator", *command])).collect();
+        dreamstream(&words).output().expect("the binary runs")
+    };
+    let rows = |output: &std::process::Output| -> Vec<Value> {
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice(&output.stdout).expect("JSON")
+    };
+    let (own, by) = (rows(&evaluated(None)), rows(&evaluated(Some(&served))));
+    let errors = |rows: &[Value]| {
+        let far = rows.iter().find(|row| row["metric"] == "position_2s").expect("the metric");
+        ["before", "after"].map(|state| far[state].as_f64().expect("an error"))
+    };
+    let (own, by) = (errors(&own), errors(&by));
+    assert!(by[1] < 0.7 * by[0], "{by:?}");
+    assert!(own.iter().zip(by).all(|(own, by)| (own - by).abs() < 0.05 * own), "{own:?} {by:?}");
+    // a simulator without parameters and with a port along the road alone cannot carry a load
+    let refused = evaluated(Some(&shell(HELLO, "cat >/dev/null")));
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(!refused.status.success() && said.contains("neither a parameter nor a port for"), "{said}");
+}
+
+#[test]
 fn what_cannot_be_declared_is_pushed_through_the_ports() {
     let folder = tempfile::tempdir().expect("a folder");
     let case = case(folder.path(), 77, &[("payload", 250.0)]);

@@ -192,6 +192,9 @@ pub struct EvaluateArgs {
     /// Numbers of the frames, first to last; all of them without.
     #[arg(long, value_name = "FIRST-LAST", conflicts_with = "drives")]
     pub frames: Option<String>,
+    /// Logs of a vehicle: the command that the diagnosis was made with; it is run on the drives without and with what was found.
+    #[arg(long, value_name = "COMMAND", conflicts_with = "frames")]
+    pub simulator: Option<String>,
     /// Where the figures go as JSON.
     #[arg(long, short, value_hint = ValueHint::FilePath)]
     pub out: Option<PathBuf>,

@@ -11,10 +11,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
-use ds_cases::case::{Case, Options, Unseen, diagnose_by, folders, name, names};
+use ds_cases::case::{Case, Options, Unseen, diagnose_by, evaluate_by, folders, name, names};
 use ds_cases::localised::localisation;
 use ds_cases::pairs::Paired;
-use ds_cases::{RunConfig, finished, logs, pairs, scenes, seal};
+use ds_cases::{CasesError, RunConfig, finished, logs, pairs, scenes, seal};
 use ds_diagnosis::meta::{Kind, VehicleMeta};
 use ds_diagnosis::score::score_folder;
 use ds_diagnosis::score::skill::{Reliability, Skill};
@@ -151,6 +151,9 @@ fn diagnose_all(args: &DiagnoseArgs, discover: bool) -> Result<()> {
         cases.extend(made);
         cases.extend(seen.then_some(traffic));
     }
+    // pictures and traffic of the same drives have no simulator of the car
+    let unserved = args.simulator.is_some() && cases.iter().all(|case| Kind::of(case) != Kind::Vehicle);
+    ensure!(!unserved, CasesError::SimulatorWithoutVehicle);
     let baseline = args.baseline.as_deref().map(ds_cases::baseline::open).transpose()?;
     let nuisance = args.nuisance.as_deref().map(ds_frames::Nuisance::learn).transpose()?;
     let simulator = args.simulator.clone();
@@ -303,11 +306,16 @@ fn one(case: &Path, options: &Options, bar: &ProgressBar) -> Result<Diagnosis> {
     let began = Instant::now();
     let read = Case::read(case).and_then(|case| case.against(options.baseline.as_ref()));
     let diagnosis = read.and_then(|read| match &options.simulator {
-        Some(command) => diagnose_by(read, &command.replace("{case}", &case.to_string_lossy()), options),
-        None => ds_cases::diagnose(&read, options),
+        Some(command) if matches!(read, Case::Vehicle(..)) => diagnose_by(read, &served(command, case), options),
+        _ => ds_cases::diagnose(&read, options),
     });
     bar.inc(1);
     Ok(Diagnosis { secs: began.elapsed().as_secs_f64(), ..diagnosis? })
+}
+
+/// Returns the command of a simulator for a case.
+fn served(command: &str, case: &Path) -> String {
+    command.replace("{case}", &case.to_string_lossy())
 }
 
 /// Prints what was found in one line, for answers with more to say.
@@ -336,8 +344,15 @@ fn evaluate_one(args: &EvaluateArgs) -> Result<()> {
     let beside = args.diagnosis.parent().unwrap_or(Path::new(".")).join("unseen");
     let case = tables(&args.case, None, &beside)?.pop().unwrap_or_else(|| args.case.clone());
     let frames = args.frames.as_deref().map(frames).transpose()?;
-    let unseen = Unseen { drives: args.drives.clone(), frames };
-    let shrinks = ds_cases::evaluate(&diagnosis, &Case::read(&case)?, unseen)?;
+    let (drives, read) = (args.drives.clone(), Case::read(&case)?);
+    let shrinks = match &args.simulator {
+        Some(command) => {
+            let (shrinks, warnings) = evaluate_by(&diagnosis, read, &served(command, &case), &drives)?;
+            warnings.into_iter().for_each(|warning| complain(&anyhow::anyhow!(warning)));
+            shrinks
+        }
+        None => ds_cases::evaluate(&diagnosis, &read, Unseen { drives, frames })?,
+    };
     match &args.out {
         Some(path) => json::write(&shrinks, path)?,
         None => answer(&serde_json::to_string_pretty(&shrinks).context("shrink as JSON")?),

@@ -23,7 +23,7 @@ use ds_process::terminal::answer;
 use ds_simulator::Reality;
 
 use crate::cli::NextArgs;
-use crate::put;
+use crate::{put, served, tables};
 
 /// Seconds between rows of the commands.
 const COMMAND_STEPS: usize = 5;
@@ -37,7 +37,8 @@ pub(crate) fn run(args: &NextArgs) -> Result<()> {
     envelope.check().map_err(|error| UsageError(error.to_string()))?;
     let known = args.baseline.as_deref().map(baseline::open).transpose()?;
     let settings = Settings { seed: args.seed, envelope, quick: args.quick };
-    let cases = folders(&args.cases)?;
+    let made = folders(&args.cases)?.iter().map(|case| tables(case, None, &args.out)).collect::<Result<Vec<_>>>()?;
+    let cases = made.concat();
     for (path, name) in cases.iter().zip(names(&cases)) {
         one(args, (path, &args.out.join(&name)), known.as_ref(), &settings).with_context(|| name.clone())?;
     }
@@ -61,11 +62,11 @@ fn one(
     };
     let next = if args.run {
         let plant = reality(args, &case)?;
-        let command = args.simulator.as_ref().map(|command| command.replace("{case}", &path.to_string_lossy()));
-        let served = command.map(|command| Reality::start(&command, &case.meta.nominal)).transpose()?;
-        let motion: &dyn Motion = served.as_ref().map_or(&BuiltIn, |served| served);
+        let command = args.simulator.as_ref().map(|command| served(command, path));
+        let reality = command.map(|command| Reality::start(&command, &case.meta.nominal)).transpose()?;
+        let motion: &dyn Motion = reality.as_ref().map_or(&BuiltIn, |reality| reality);
         let driven = ds_experiment::run(&case, &World { motion, plant: &plant }, settings, &told);
-        let (next, logs, diagnosis) = driven.map_err(|error| match served.as_ref().and_then(Reality::failure) {
+        let (next, logs, diagnosis) = driven.map_err(|error| match reality.as_ref().and_then(Reality::failure) {
             Some(why) => anyhow::Error::from(error).context(why.to_string()),
             None => error.into(),
         })?;

@@ -125,6 +125,21 @@ pub fn evaluate(diagnosis: &Diagnosis, case: &Case, unseen: Unseen) -> Result<Ve
     })
 }
 
+/// Measures the same on logs of a vehicle by a command as the nominal simulator; also returns what went wrong with some of its
+/// runs.
+///
+/// # Errors
+/// If the case is another one, or the simulator cannot be used.
+pub fn evaluate_by(
+    diagnosis: &Diagnosis,
+    case: Case,
+    command: &str,
+    drives: &[usize],
+) -> Result<(Vec<Shrink>, Vec<String>), CasesError> {
+    let Case::Vehicle(case, _) = case else { return Err(CasesError::SimulatorWithoutVehicle) };
+    Ok(ds_simulator::evaluate(diagnosis, *case, command, drives)?)
+}
+
 /// Returns the case folders among some paths: those with a `meta.json`, and those in folders without one.
 ///
 /// # Errors

@@ -9,6 +9,7 @@ use ds_effect::{Channel, Plant};
 
 use crate::bootstrap::{weights, weights_of_drives};
 use crate::case::Case;
+use crate::ego::Inputs;
 use crate::floor;
 use crate::following;
 use crate::windows::{Anchor, BLOCK, EGO, EgoRecord};
@@ -24,6 +25,9 @@ const SCORED: usize = 100;
 /// A part's simulators: nominal, with the ordinary mismatch, with the effects as well.
 pub type States<'a> = [&'a Plant; 3];
 
+/// How the residuals of some windows are had: measured, or by what is known of the simulator.
+type Residuals = fn(&EgoRecord, &[Anchor], &Inputs, &Plant) -> Vec<Vec<f64>>;
+
 /// Squared errors of one metric, window by window: the three states and the floor.
 struct Errors {
     name: String,
@@ -35,7 +39,7 @@ struct Errors {
 #[must_use]
 pub fn how_far(case: &Case, drives: &[usize], [car, followers]: [&States<'_>; 2], data: &str) -> Vec<Shrink> {
     let mut all = Vec::new();
-    ego(case, drives, car, &mut all);
+    ego(case, drives, (car, EgoRecord::measured), &mut all);
     following(case, drives, followers, &mut all);
     all.iter().filter_map(|errors| shrink(errors, data)).collect()
 }
@@ -46,7 +50,7 @@ pub fn cross_fitted(case: &Case, drives: &[(usize, [[Plant; 3]; 2])]) -> Vec<Shr
     let mut all: Vec<Errors> = Vec::new();
     for (drive, [car, followers]) in drives {
         let mut own = Vec::new();
-        ego(case, &[*drive], &car.each_ref(), &mut own);
+        ego(case, &[*drive], (&car.each_ref(), EgoRecord::measured), &mut own);
         following(case, &[*drive], &followers.each_ref(), &mut own);
         for errors in own {
             match all.iter_mut().find(|other| other.name == errors.name) {
@@ -61,7 +65,7 @@ pub fn cross_fitted(case: &Case, drives: &[(usize, [[Plant; 3]; 2])]) -> Vec<Shr
     all.iter().filter_map(|errors| shrink(errors, "crossfit")).collect()
 }
 
-fn ego(case: &Case, drives: &[usize], plants: &States<'_>, all: &mut Vec<Errors>) {
+fn ego(case: &Case, drives: &[usize], (plants, residuals): (&States<'_>, Residuals), all: &mut Vec<Errors>) {
     let names = ["position_1s", "position_2s", "position_5s", "yaw_2s", "speed_2s"];
     let channels = (0..EGO).map(|c| format!("channel:{}", Channel::ALL[c].name()));
     let first = all.len();
@@ -71,9 +75,10 @@ fn ego(case: &Case, drives: &[usize], plants: &States<'_>, all: &mut Vec<Errors>
         drives: Vec::new(),
     }));
     for record in case.ego.iter().filter(|r| drives.contains(&r.drive)) {
-        let rolled = plants.map(|plant| rollouts(record, plant));
+        let starts = record.measurable(starts(record));
+        let rolled = plants.map(|plant| residuals(record, &starts, &record.inputs, plant));
         let noise = &case.noise;
-        for (k, anchor) in starts(record).iter().enumerate() {
+        for (k, anchor) in starts.iter().enumerate() {
             let own = rolled.each_ref().map(|states| &states[k]);
             let blocks = SCORED / BLOCK;
             let floor = |c: usize, k: usize| floor::ego(c, k, &anchor.regime, noise).powi(2);
@@ -104,10 +109,6 @@ fn ego(case: &Case, drives: &[usize], plants: &States<'_>, all: &mut Vec<Errors>
 
 fn starts(record: &EgoRecord) -> Vec<Anchor> {
     record.anchors_every(STRIDES[usize::from(record.samples() < SHORT)], SCORED)
-}
-
-fn rollouts(record: &EgoRecord, plant: &Plant) -> Vec<Vec<f64>> {
-    record.windows(&starts(record), &record.inputs, plant)
 }
 
 fn following(case: &Case, drives: &[usize], plants: &States<'_>, all: &mut Vec<Errors>) {
@@ -167,6 +168,6 @@ pub fn roots<const N: usize>(rows: &[[f64; N]], draw: Option<&Vec<f64>>) -> [f64
 #[must_use]
 pub fn position_errors(case: &Case, drives: &[usize], plants: &States<'_>) -> (Vec<[f64; 4]>, Vec<usize>) {
     let mut all = Vec::new();
-    ego(case, drives, plants, &mut all);
+    ego(case, drives, (plants, EgoRecord::windows), &mut all);
     all.into_iter().find(|e| e.name == "position_2s").map(|e| (e.rows, e.drives)).unwrap_or_default()
 }

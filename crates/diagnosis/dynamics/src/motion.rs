@@ -24,6 +24,17 @@ pub trait Motion: Send + Sync {
     /// Returns the instants of each window, one every [`crate::ego::ROLL_SECS`] from the start of its warm-up, poses
     /// relative to the anchor; not a number throughout where the simulator did not answer.
     fn roll(&self, windows: &[Window], actuated: &Actuated, plant: &Plant) -> Vec<Vec<Instant>>;
+
+    /// Returns the same for what is reported: a motion that else is put together of runs of other cars is run for this one,
+    /// or is not a number.
+    fn measure(&self, windows: &[Window], actuated: &Actuated, plant: &Plant) -> Vec<Vec<Instant>> {
+        self.roll(windows, actuated, plant)
+    }
+
+    /// Returns how many windows of a drive can be measured.
+    fn measurable(&self) -> usize {
+        usize::MAX
+    }
 }
 
 /// The built-in car.

@@ -311,8 +311,32 @@ impl EgoRecord {
     #[must_use]
     pub fn windows(&self, anchors: &[Anchor], inputs: &Inputs, plant: &Plant) -> Vec<Vec<f64>> {
         let actuated = actuate(inputs, plant);
-        let rolled = self.roll(anchors, &actuated, plant);
-        anchors.iter().zip(&rolled).map(|(anchor, r)| self.residual(anchor, r, &actuated, plant)).collect()
+        self.compared(anchors, &self.roll(anchors, &actuated, plant), &actuated, plant)
+    }
+
+    /// Returns the residuals of some windows for what is reported: the simulator is run for each.
+    #[must_use]
+    pub fn measured(&self, anchors: &[Anchor], inputs: &Inputs, plant: &Plant) -> Vec<Vec<f64>> {
+        let actuated = actuate(inputs, plant);
+        let windows: Vec<Window> = anchors.iter().map(|anchor| self.window(anchor, plant)).collect();
+        self.compared(anchors, &self.motion.measure(&windows, &actuated, plant), &actuated, plant)
+    }
+
+    /// Returns some of the anchors, evenly, as many as the simulator can be measured on.
+    #[must_use]
+    pub fn measurable(&self, anchors: Vec<Anchor>) -> Vec<Anchor> {
+        let every = anchors.len().div_ceil(self.motion.measurable()).max(1);
+        anchors.into_iter().step_by(every).collect()
+    }
+
+    fn compared(
+        &self,
+        anchors: &[Anchor],
+        rolled: &[Vec<Instant>],
+        actuated: &Actuated,
+        plant: &Plant,
+    ) -> Vec<Vec<f64>> {
+        anchors.iter().zip(rolled).map(|(anchor, r)| self.residual(anchor, r, actuated, plant)).collect()
     }
 
     /// Returns the residuals of all windows of this drive, one after another.

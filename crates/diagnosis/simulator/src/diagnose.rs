@@ -3,11 +3,13 @@
 //! The simulator is run on all windows at the usual mismatch, and on a few for each parameter of vehicle and road: gain
 //! and shift of each channel against the built-in car's own response then speak for the other windows, or those are run
 //! too where they do not predict. The search works on that; at the fits that matter the simulator is run again and the
-//! search repeated until its answer stands. At the end it is run at the three states whose gap is reported.
+//! search repeated until its answer stands. At the end it is run at the three states whose gap is reported, on the drives that
+//! it is reported of.
 
 use std::sync::Arc;
 
 use ds_diagnosis::Diagnosis;
+use ds_diagnosis::schema::Shrink;
 use ds_dynamics::Options;
 use ds_dynamics::case::{Case, PartModel};
 use ds_dynamics::choice::Outcome;
@@ -53,16 +55,10 @@ const STIFFEST: f64 = 5.0;
 /// # Errors
 /// If the simulator cannot be used.
 pub fn diagnose(mut case: Case, command: &str, options: &Options) -> Result<Diagnosis, SimulatorError> {
-    let process = Process::start(command)?;
-    let space = Space::new(Part::Ego, &case.meta.nominal, &[]);
-    let reference = reference(&space, &process.hello)?;
-    let untestable = untestable(&space, &process.hello);
+    thin(&mut case);
+    let (case, foreign, untestable) = driven(case, command)?;
     let mut options = options.clone();
     options.without.extend(untestable.iter().cloned());
-    let foreign = Arc::new(Foreign::new(process, &case.meta.nominal, &reference));
-    thin(&mut case);
-    let motion: Arc<dyn ds_dynamics::motion::Motion> = foreign.clone();
-    let case = case.moved_by(&motion);
     let (fit, _) = case.meta.split();
     let space = Space::new(Part::Ego, &case.meta.nominal, &options.without);
     let usual = space.usual();
@@ -78,23 +74,52 @@ pub fn diagnose(mut case: Case, command: &str, options: &Options) -> Result<Diag
     }
     settle(&case, &fit, &foreign, &options);
     let mut diagnosis = ds_dynamics::diagnose(&case, &options);
-    let tally = foreign.tally();
-    diagnosis.rollouts = Some(tally.rollouts);
-    if tally.masked > 0 {
-        diagnosis.warnings.push(format!(
-            "the simulator did not answer in {} windows, which are left out; the last reason: {}",
-            tally.masked, tally.why
-        ));
-    }
-    if tally.restarted {
-        diagnosis.warnings.push("the simulator ended or kept silent and was started anew".to_owned());
-    }
+    diagnosis.rollouts = Some(foreign.tally().rollouts);
+    diagnosis.warnings.extend(foreign.tally().said());
     if !untestable.is_empty() {
         let names = untestable.join(", ");
         diagnosis.warnings.push(format!("this simulator has neither a parameter nor a port for {names}: not testable"));
     }
     diagnosis.not_testable.extend(untestable);
     Ok(diagnosis)
+}
+
+/// Measures how far a diagnosis shrinks the gap of a simulator on some drives of a case (all of them if none are named), by
+/// runs of it; also returns what went wrong with some of them.
+///
+/// # Errors
+/// If the simulator cannot be used, or the diagnosis names an effect that it has neither a parameter nor a port for.
+pub fn evaluate(
+    diagnosis: &Diagnosis,
+    case: Case,
+    command: &str,
+    drives: &[usize],
+) -> Result<(Vec<Shrink>, Vec<String>), SimulatorError> {
+    let (case, foreign, untestable) = driven(case, command)?;
+    let model = &diagnosis.corrected_model;
+    let named = model.mismatch().into_iter().chain(model.added()).map(|(id, _)| id);
+    // a law is no parameter, and what it adds is known of the built-in car alone
+    let beyond: Vec<String> = named.filter(|id| untestable.contains(id)).chain(model.laws.iter().cloned()).collect();
+    if !beyond.is_empty() {
+        return Err(SimulatorError::Beyond { effects: beyond.join(", ") });
+    }
+    let shrinks = ds_dynamics::evaluate(diagnosis, &case, drives);
+    let tally = foreign.tally();
+    if tally.masked >= tally.rollouts {
+        return Err(SimulatorError::NoWindow { windows: tally.masked, why: tally.why });
+    }
+    Ok((shrinks, tally.said()))
+}
+
+/// Returns a case that a command drives, and the effects that it cannot have.
+fn driven(case: Case, command: &str) -> Result<(Case, Arc<Foreign>, Vec<String>), SimulatorError> {
+    let process = Process::start(command)?;
+    let space = Space::new(Part::Ego, &case.meta.nominal, &[]);
+    let reference = reference(&space, &process.hello)?;
+    let untestable = untestable(&space, &process.hello);
+    let foreign = Arc::new(Foreign::new(process, &case.meta.nominal, &reference));
+    let motion: Arc<dyn ds_dynamics::motion::Motion> = foreign.clone();
+    Ok((case.moved_by(&motion), foreign, untestable))
 }
 
 /// Returns the car that a simulator stands for as it is: nominal, with the mismatch that it has physics of its own for at

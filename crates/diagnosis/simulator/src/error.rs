@@ -73,6 +73,12 @@ pub enum SimulatorError {
         /// What was expected.
         expected: &'static str,
     },
+    /// A diagnosis has effects that it cannot be given.
+    #[error("this simulator has neither a parameter nor a port for {effects}, which the diagnosis corrects")]
+    Beyond {
+        /// Their ids.
+        effects: String,
+    },
     /// It answered in no window of the drives.
     #[error("simulator answered in none of {windows} windows; the last reason: {why}")]
     NoWindow {

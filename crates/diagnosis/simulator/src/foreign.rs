@@ -32,6 +32,8 @@ const SPACING_SECS: f64 = 0.1;
 const INPUT_SCALES: (f64, f64) = (0.02, 0.6);
 /// Weights of points beyond which nothing is extrapolated.
 const FARTHEST: f64 = 1.5;
+/// Most windows of a drive in which it is run for what is reported, each at three states.
+const MEASURED: usize = 16;
 /// Share of the diagonal that keeps points that nearly coincide from fighting.
 const RIDGE: f64 = 1e-6;
 /// Seeds over which a simulator that draws is averaged.
@@ -95,6 +97,18 @@ pub(crate) struct Tally {
     pub(crate) restarted: bool,
     /// The last failure.
     pub(crate) why: String,
+}
+
+impl Tally {
+    /// Says what went wrong.
+    pub(crate) fn said(&self) -> Vec<String> {
+        let Self { masked, why, .. } = self;
+        let left_out = (*masked > 0).then(|| {
+            format!("the simulator did not answer in {masked} windows, which are left out; the last reason: {why}")
+        });
+        let anew = self.restarted.then(|| "the simulator ended or kept silent and was started anew".to_owned());
+        left_out.into_iter().chain(anew).collect()
+    }
 }
 
 impl Inner {
@@ -199,6 +213,17 @@ impl Foreign {
         known.added(&features(window, actuated, plant))
     }
 
+    /// Returns what the simulator adds in a window by a run of just that; not a number where it fails.
+    fn measured(&self, inner: &mut Inner, window: &Window, actuated: &Actuated, plant: &Plant) -> Vec<Instant> {
+        let features = features(window, actuated, plant);
+        if let Some(added) = inner.known.get(&key(window)).and_then(|known| known.at(&features)) {
+            return added;
+        }
+        let added = self.run(inner, window, actuated, plant);
+        inner.remember(window, Point { features, added: added.clone() });
+        added
+    }
+
     /// Returns what the simulator adds in windows by what is known.
     #[must_use]
     pub(crate) fn adds(&self, windows: &[Window], actuated: &Actuated, plant: &Plant) -> Vec<Vec<Instant>> {
@@ -215,20 +240,44 @@ impl Foreign {
 
 impl Motion for Foreign {
     fn roll(&self, windows: &[Window], actuated: &Actuated, plant: &Plant) -> Vec<Vec<Instant>> {
-        let mut rolled = BuiltIn.roll(windows, actuated, plant);
-        for (motion, added) in rolled.iter_mut().zip(self.adds(windows, actuated, plant)) {
-            let last = added.last().copied().unwrap_or_default();
-            for (instant, added) in motion.iter_mut().zip(added.iter().chain(std::iter::repeat(&last))) {
-                *instant = all(instant, added, |a, b| a + b);
-            }
-        }
-        rolled
+        joined(BuiltIn.roll(windows, actuated, plant), &self.adds(windows, actuated, plant))
     }
+
+    fn measure(&self, windows: &[Window], actuated: &Actuated, plant: &Plant) -> Vec<Vec<Instant>> {
+        let mut inner = self.lock();
+        let added: Vec<_> = windows.iter().map(|window| self.measured(&mut inner, window, actuated, plant)).collect();
+        joined(BuiltIn.roll(windows, actuated, plant), &added)
+    }
+
+    fn measurable(&self) -> usize {
+        MEASURED
+    }
+}
+
+/// Adds to the motions of the built-in car what the simulator adds, its last to what is longer.
+fn joined(mut rolled: Vec<Vec<Instant>>, added: &[Vec<Instant>]) -> Vec<Vec<Instant>> {
+    for (motion, added) in rolled.iter_mut().zip(added) {
+        let last = added.last().copied().unwrap_or_default();
+        for (instant, added) in motion.iter_mut().zip(added.iter().chain(std::iter::repeat(&last))) {
+            *instant = all(instant, added, |a, b| a + b);
+        }
+    }
+    rolled
 }
 
 impl Known {
     fn new(first: Point) -> Self {
         Self { first, others: Vec::new(), weights: DMatrix::zeros(0, 0) }
+    }
+
+    /// Returns what the simulator added at these very features, if it was run there.
+    fn at(&self, features: &[f64]) -> Option<Vec<Instant>> {
+        let away: Vec<f64> = features.iter().zip(&self.first.features).map(|(a, b)| a - b).collect();
+        if away.iter().all(|change| *change == 0.0) {
+            return Some(self.first.added.clone());
+        }
+        let other = self.others.iter().find(|other| other.features == away)?;
+        Some(self.first.added.iter().zip(&other.added).map(|(first, more)| all(first, more, |a, b| a + b)).collect())
     }
 
     fn add(&mut self, point: &Point) {
