@@ -21,6 +21,9 @@ use tokio::runtime::Runtime;
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
 const DRIVE: [&str; 5] = [SCENARIO, "--policy", "lattice", "--observation", "reference"];
 
+/// Drives to their end by a policy that brakes and turns.
+const BRISK: [&str; 7] = ["--policy", "expert", "--observation", "layout", "--duration", "0", "--vehicle-log"];
+
 /// What the bus of a test runs on.
 static RUNTIME: LazyLock<Runtime> = LazyLock::new(|| Runtime::new().expect("a runtime"));
 
@@ -35,9 +38,13 @@ impl Fleet {
     }
 
     fn submit(&self, more: &[&str]) -> Output {
+        self.submit_all(&[&DRIVE, more].concat())
+    }
+
+    fn submit_all(&self, words: &[&str]) -> Output {
         let (orchestrator, out) = (self.orchestrator(), self.path("out").display().to_string());
         let to = ["submit", "--orchestrator", &orchestrator, "--out", &out];
-        dreamstream(&[&to[..], &DRIVE, more].concat()).output().expect("the binary runs")
+        dreamstream(&[&to[..], words].concat()).output().expect("the binary runs")
     }
 
     fn join(&self) -> BusSession {
@@ -130,7 +137,7 @@ fn a_drive_is_diagnosed_on_the_bus_while_it_goes_on() {
 }
 
 #[test]
-fn a_drive_is_watched_against_a_baseline_and_diagnosed_from_an_alarm_on() {
+fn a_healthy_drive_is_watched_against_a_baseline_and_not_diagnosed() {
     let fleet = Fleet::start(1);
     let path = |name: &str| fleet.path(name).display().to_string();
     let run = |arguments: &[&str]| {
@@ -142,33 +149,79 @@ fn a_drive_is_watched_against_a_baseline_and_diagnosed_from_an_alarm_on() {
         run(&[&["run", "--out", out, "--seed", seed, "--vehicle-log", "--no-pictures"][..], &DRIVE].concat());
     }
     let logs = names.each_ref().map(|(_, out)| format!("{out}/real"));
-    let [cases, baseline, lines_at] = ["cases", "baseline.json", "lines.json"].map(path);
-    run(&["gap", "diagnose", &logs[0], &logs[1], &logs[2], "--quick", "--no-pages", "--out", &cases]);
-    let tables = names.each_ref().map(|(seed, _)| format!("{cases}/cases/day-{seed}"));
-    run(&["gap", "baseline", &tables[0], &tables[1], &tables[2], "-o", &baseline]);
+    let [baseline, lines_at] = ["baseline.json", "lines.json"].map(path);
+    run(&["gap", "baseline", &logs[0], &logs[1], &logs[2], "-o", &baseline]);
 
-    // eight seconds hold few windows: the rate is one that they can reach, or one that they cannot
-    let watched = |seed: &str, rate: &str, effects: &[&str]| {
-        let log = format!("watch-{seed}.log");
-        let more = [&format!("s{seed}"), "--baseline", &baseline, "--alarms-per-hour", rate, "-o", &lines_at];
-        let mut watch = fleet.watch(&more, &log);
-        let driven = fleet.submit(&[&["--seed", seed, "--vehicle-log"][..], effects].concat());
-        assert!(driven.status.success(), "{}", String::from_utf8_lossy(&driven.stderr));
-        let (status, said) = (ended(&mut watch), fleet.log(&log));
-        assert!(status.success() && said.contains("windows judged against the baseline"), "{said}");
-        (lines(fleet.path("lines.json").as_path()), said)
-    };
-    let (told, said) = watched("14", "1", &[]);
-    assert!(told.is_empty() && said.contains("0 windows diagnosed"), "{said}");
-    let (told, said) = watched("15", "890", &["--effect", "gyro_bias=0.1", "--effect", "steer_delay=0.3"]);
-    let channels = told[0]["alarm"]["channels"].as_array().expect("an alarm");
-    assert!(
-        channels.iter().any(|c| text(&c[0]) == "yaw_rate") && told.last().is_some_and(|l| l["diagnosis"].is_object()),
-        "{said}"
-    );
+    let mut watch = fleet.watch(&["s14", "--baseline", &baseline, "-o", &lines_at], "watch.log");
+    let driven = fleet.submit(&["--seed", "14", "--vehicle-log"]);
+    assert!(driven.status.success(), "{}", String::from_utf8_lossy(&driven.stderr));
+    let (status, said) = (ended(&mut watch), fleet.log("watch.log"));
+    assert!(status.success() && said.contains("windows judged against the baseline"), "{said}");
+    assert!(lines(Path::new(&lines_at)).is_empty() && said.contains("0 windows diagnosed"), "{said}");
     let refused = ["gap", "watch", "s1", "--baseline", &baseline, "--reference", "s2"];
     let refused = dreamstream(&refused).output().expect("the binary runs");
     assert!(String::from_utf8_lossy(&refused.stderr).contains("leave --reference out"), "{refused:?}");
+}
+
+/// Drives four scenarios to their end; returns the folder of the vehicle logs.
+fn driven(fleet: &Fleet, seed: &str, effects: &[&str]) -> String {
+    let out = fleet.path(&format!("run-{seed}")).display().to_string();
+    let scenarios = ["cut-in", "lead-braking", "roundabout", "unprotected-left"];
+    let scenarios = scenarios.map(|name| format!("scenarios/base/{name}.scenario.json"));
+    let how = [&BRISK[..], &["--no-pictures"]].concat();
+    let named = scenarios.iter().map(String::as_str).chain(["--seed", seed, "--out", &out]);
+    let words: Vec<&str> = std::iter::once("run").chain(named).chain(how).chain(effects.iter().copied()).collect();
+    let output = dreamstream(&words).output().expect("the binary runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    format!("{out}/real")
+}
+
+#[test]
+fn healthy_drives_stay_within_the_rate_and_what_is_switched_on_is_told_across_drives() {
+    let fleet = Fleet::start(1);
+    let [baseline, report, lines_at] =
+        ["baseline.json", "report.json", "lines.json"].map(|name| fleet.path(name).display().to_string());
+    let run = |arguments: &[&str]| {
+        let output = dreamstream(arguments).output().expect("the binary runs");
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    };
+    let healthy = ["7404", "7405", "7406"].map(|seed| driven(&fleet, seed, &[]));
+    run(&["gap", "baseline", &healthy[0], &healthy[1], &healthy[2], "-o", &baseline]);
+    let watched = |rate: &str, logs: &[&str]| -> serde_json::Value {
+        let how = ["--baseline", &baseline, "--alarms-per-hour", rate, "--alarms-only", "-o", &report];
+        run(&[&["gap", "watch"][..], logs, &how].concat());
+        serde_json::from_str(&std::fs::read_to_string(&report).expect("a report")).expect("JSON")
+    };
+    // two minutes at sixty an hour: two are allowed, and chance gives five in one of sixty such draws
+    let others = ["7407", "7408"].map(|seed| driven(&fleet, seed, &[]));
+    let said = watched("60", &[&others[0], &others[1]]);
+    let (alarms, hours) = (&said["alarms"].as_array().expect("a list"), said["hours"].as_f64().expect("hours"));
+    assert!(hours > 0.03 && alarms.len() <= 4, "{said}");
+    let broken = driven(&fleet, "7409", &["--effect", "gyro_bias=0.02"]);
+    let said = watched("1", &[&others[0], &broken]);
+    let first = &said["alarms"][0];
+    let told_after = 3600.0 * first["hours"].as_f64().expect("hours") - 0.5 * 3600.0 * hours;
+    assert!((0.0..30.0).contains(&told_after) && first["channels"][0][0] == "yaw_rate", "{said}");
+
+    // one drive has too few windows for an alarm at one an hour, two have enough; they are like the healthy ones
+    let more = ["roundabout", "--baseline", &baseline, "--drives", "2", "-o", &lines_at];
+    let mut watch = fleet.watch(&more, "watch.log");
+    for seed in ["31", "32"] {
+        let what = ["scenarios/base/roundabout.scenario.json", "--seed", seed, "--effect", "gyro_bias=0.02"];
+        let driven = fleet.submit_all(&[&what[..], &BRISK].concat());
+        assert!(driven.status.success(), "{}", String::from_utf8_lossy(&driven.stderr));
+        if seed == "31" {
+            wait_for("the end of the first", 60, || {
+                fleet.log("watch.log").contains("waiting for drive 2").then_some(())
+            });
+            assert!(lines(Path::new(&lines_at)).is_empty(), "{}", fleet.log("watch.log"));
+        }
+    }
+    let (status, said) = (ended(&mut watch), fleet.log("watch.log"));
+    let told = lines(Path::new(&lines_at));
+    assert!(status.success() && said.contains("waiting for drive 2") && !told.is_empty(), "{said}");
+    assert_eq!(told[0]["alarm"]["channels"][0][0], "yaw_rate", "{said}");
+    assert!(told.last().is_some_and(|line| line["diagnosis"].is_object()), "from the alarm on: {said}");
 }
 
 #[test]

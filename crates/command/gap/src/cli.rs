@@ -115,8 +115,8 @@ pub struct DiagnoseArgs {
 /// Arguments of `gap baseline`.
 #[derive(Debug, Args)]
 pub struct BaselineArgs {
-    /// Cases of healthy drives of one vehicle, on several days if possible; folders of cases are opened. Three hold the rate
-    /// of false alarms, ten see small effects too.
+    /// Cases of healthy drives of one vehicle, or vehicle logs of runs (OUT/real), on several days if possible; folders of cases
+    /// are opened. Three hold the rate of false alarms, ten see small effects too.
     #[arg(required = true, value_hint = ValueHint::DirPath)]
     pub healthy: Vec<PathBuf>,
     /// Where the baseline goes, for `gap diagnose --baseline`.
@@ -340,6 +340,10 @@ pub struct WatchArgs {
     /// False alarms allowed an hour of driving.
     #[arg(long, default_value_t = 1.0, value_name = "R", requires = "baseline")]
     pub alarms_per_hour: f64,
+    /// A running fleet: drives to watch one after another, whose evidence adds up; one that is over before the one before was
+    /// looked at is missed.
+    #[arg(long, default_value_t = 1, value_name = "N", requires = "baseline")]
+    pub drives: usize,
     /// Recorded cases: fast pass and single fits only at the first alarm.
     #[arg(long)]
     pub quick: bool,

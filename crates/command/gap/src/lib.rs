@@ -73,9 +73,7 @@ fn tables(case: &Path, nominal: Option<&Path>, out: &Path) -> Result<Vec<PathBuf
     if !logs::are_logs(case) {
         return Ok(vec![case.to_path_buf()]);
     }
-    // The logs of a run lie in RUN/real: the case is called after the run.
-    let run = if name(case) == "real" { case.canonicalize()?.parent().map(Path::to_path_buf) } else { None };
-    let folder = out.join("cases").join(name(&run.unwrap_or_else(|| case.to_path_buf())));
+    let folder = out.join("cases").join(name(case));
     logs::case(case, &[], &folder)?;
     let Some(nominal) = nominal else { return Ok(vec![folder]) };
     let frames = folder.with_file_name(format!("{}-frames", name(&folder)));

@@ -2,8 +2,9 @@
 //!
 //! What the car recorded is diagnosed against the nominal car of its scenario; with a reference stream it is the
 //! reference's log that counts as real, and the running drive stands for the nominal simulator; with a baseline the detector
-//! of recorded logs looks on, and windows are diagnosed from its first alarm on, against the baseline. Each window gives one
-//! message on topic `diagnosis`. A diagnosis runs beside the subscription: a slow one skips windows and holds nothing up.
+//! of recorded logs looks on, and windows are diagnosed from its first alarm on, against the baseline; its evidence goes on
+//! from drive to drive where several are watched. Each window gives one message on topic `diagnosis`. A diagnosis runs beside
+//! the subscription: a slow one skips windows and holds nothing up.
 
 pub(super) mod recorded;
 
@@ -58,9 +59,7 @@ pub(crate) async fn run(args: &WatchArgs) -> Result<()> {
     answer(&format!("waiting for {}", if args.episode().is_empty() { "a drive" } else { args.episode() }));
     let named = args.reference.as_deref().filter(|_| log.is_none());
     let refers = |name: &str| named.is_some_and(|part| name.contains(part));
-    let episode = under_way(&mut runs, |name| name.contains(args.episode()) && !refers(name)).await?;
-    let drive = HeardDrive::listen(&bus, &episode).await?;
-    answer(&format!("watching {episode}"));
+    let first = next_drive(&bus, &mut runs, |name| name.contains(args.episode()) && !refers(name)).await?;
     let other = match named {
         None => None,
         Some(_) => {
@@ -70,16 +69,33 @@ pub(crate) async fn run(args: &WatchArgs) -> Result<()> {
         }
     };
     let reference = log.or_else(|| other.as_ref().map(|other| Reference::of_drive(other.scene.spec.episode.as_str())));
-    let shown = match &args.connect {
-        Some(url) => Some(Onlooker::start(viewer::drives(&args.fleet, url, &[episode.as_str(), "--diagnosed"])).await?),
-        None => None,
-    };
-    let mut watch = Watch::new(args, &bus, &drive.scene, reference, shown)?;
+    let mut watch = Watch::new(args, &bus, &first.scene, reference)?;
     if let Some(baseline) = baseline {
         watch.against(baseline)?;
     }
-    let done = watch.follow(drive, other).await;
-    watch.close(done).await
+    watch.shown(first, other).await?;
+    let mut seen = vec![watch.scene.spec.episode.to_string()];
+    while seen.len() < args.drives {
+        answer(&format!("waiting for drive {} of {}", seen.len() + 1, args.drives));
+        let fresh = |name: &str| name.contains(args.episode()) && !seen.iter().any(|seen| seen == name);
+        let drive = next_drive(&bus, &mut runs, fresh).await?;
+        seen.push(drive.scene.spec.episode.to_string());
+        watch.next(&drive.scene);
+        watch.shown(drive, None).await?;
+    }
+    watch.close().await
+}
+
+/// Waits for a drive and listens to it.
+async fn next_drive(
+    bus: &BusSession,
+    runs: &mut RunsClient<ds_process::security::Control>,
+    wanted: impl Fn(&str) -> bool,
+) -> Result<HeardDrive> {
+    let episode = under_way(runs, wanted).await?;
+    let drive = HeardDrive::listen(bus, &episode).await?;
+    answer(&format!("watching {episode}"));
+    Ok(drive)
 }
 
 /// Waits for a drive.
@@ -129,7 +145,7 @@ struct Watch<'a> {
 struct Guard {
     alarms: Alarms,
     baseline: Arc<Baseline>,
-    raised: bool,
+    raised: usize,
     attempt: Option<AttemptId>,
 }
 
@@ -139,7 +155,6 @@ impl<'a> Watch<'a> {
         bus: &'a BusSession,
         scene: &SceneMessage,
         reference: Option<Reference>,
-        shown: Option<Onlooker>,
     ) -> Result<Self> {
         ensure!(args.window >= window::SHORTEST_SECS, "--window {} is below {}", args.window, window::SHORTEST_SECS);
         ensure!(args.every > 0.0, "--every {} is not above 0", args.every);
@@ -151,15 +166,37 @@ impl<'a> Watch<'a> {
         let window = Window::new(args.window, args.every);
         let jobs = JoinSet::new();
         let scene = scene.clone();
-        Ok(Self { args, bus, scene, publisher, window, reference, shown, jobs, published: 0, guard: None })
+        Ok(Self { args, bus, scene, publisher, window, reference, shown: None, jobs, published: 0, guard: None })
+    }
+
+    /// Turns to another drive; what was seen of the one before stays evidence.
+    fn next(&mut self, scene: &SceneMessage) {
+        self.scene = scene.clone();
+        self.window = Window::new(self.args.window, self.args.every);
+        if let Some(guard) = &mut self.guard {
+            guard.alarms.turn_to(logs::meta(&scene.scene.vehicle, scene.spec.episode.as_str()));
+            guard.attempt = None;
+        }
     }
 
     /// Watches for alarms against a baseline.
     fn against(&mut self, baseline: Arc<Baseline>) -> Result<()> {
         let meta = logs::meta(&self.scene.scene.vehicle, self.scene.spec.episode.as_str());
         let alarms = Alarms::new(baseline.clone(), self.args.alarms_per_hour, meta)?;
-        self.guard = Some(Guard { alarms, baseline, raised: false, attempt: None });
+        self.guard = Some(Guard { alarms, baseline, raised: 0, attempt: None });
         Ok(())
+    }
+
+    /// Watches a drive, and shows it where a viewer was asked for.
+    async fn shown(&mut self, drive: HeardDrive, other: Option<HeardDrive>) -> Result<()> {
+        if let Some(last) = self.shown.take() {
+            last.finish().await?;
+        }
+        if let Some(url) = &self.args.connect {
+            let which = [self.scene.spec.episode.as_str(), "--diagnosed"];
+            self.shown = Some(Onlooker::start(viewer::drives(&self.args.fleet, url, &which)).await?);
+        }
+        self.follow(drive, other).await
     }
 
     /// Watches until the drive is over and its last window diagnosed.
@@ -217,7 +254,7 @@ impl<'a> Watch<'a> {
 
     /// Diagnoses the window in the background where one is due and none is under way.
     fn begin(&mut self, over: bool) {
-        if !self.jobs.is_empty() || self.guard.as_ref().is_some_and(|guard| !guard.raised) {
+        if !self.jobs.is_empty() || self.guard.as_ref().is_some_and(|guard| guard.raised == 0) {
             return;
         }
         let known_to = self.reference.as_ref().map_or(f64::INFINITY, Reference::known_to_secs);
@@ -265,13 +302,12 @@ impl<'a> Watch<'a> {
     }
 
     /// Says what was shown.
-    async fn close(self, done: Result<()>) -> Result<()> {
-        done?;
-        if let Some(Guard { alarms: Alarms { watch, .. }, .. }) = &self.guard {
-            let rate = self.args.alarms_per_hour;
+    async fn close(self) -> Result<()> {
+        if let Some(Guard { alarms: Alarms { watch, .. }, raised, .. }) = &self.guard {
+            recorded::strange(watch).iter().for_each(|said| answer(said));
+            let (windows, hours, rate) = (watch.windows, watch.hours(), self.args.alarms_per_hour);
             answer(&format!(
-                "{} windows judged against the baseline, {rate} false alarms an hour allowed",
-                watch.windows
+                "{raised} alarms in {windows} windows judged against the baseline, {hours:.3} h; {rate} false ones an hour are allowed"
             ));
         }
         answer(&format!("{} windows diagnosed", self.published));
@@ -291,7 +327,7 @@ impl Guard {
             self.alarms.restart();
         }
         let found = self.alarms.take(readings)?;
-        self.raised |= !found.is_empty();
+        self.raised += found.len();
         Ok(found)
     }
 }

@@ -48,7 +48,14 @@ impl Alarms {
         Ok(Self { watch, baseline, scorer, meta, name, readings: Vec::new(), places: None })
     }
 
-    /// Begins another drive: what its day brings is unknown again.
+    /// Turns to a drive of another description, by the same detector.
+    pub fn turn_to(&mut self, meta: VehicleMeta) {
+        self.name.clone_from(&meta.case);
+        self.meta = meta;
+        self.restart();
+    }
+
+    /// Begins the drive anew: what its day brings is unknown again.
     pub fn restart(&mut self) {
         self.scorer = self.watch.scorer();
         self.readings.clear();
@@ -73,7 +80,8 @@ impl Alarms {
         }
         let case = logs::case_of(&self.readings, self.meta.clone())?;
         self.baseline.check(&case.meta, &case.drives)?;
-        let scored = self.scorer.take(&case, &[0], next - SAME_SECS);
+        let (scored, strange) = self.scorer.take(&case, &[0], next - SAME_SECS);
+        self.watch.strange += strange;
         let mut found = Vec::new();
         for window in scored {
             let Some(evidence) = self.watch.take(&window) else { continue };

@@ -12,6 +12,7 @@ use ds_frames::{FrameCase, Nuisance};
 use ds_record::vehicle_log::Planned;
 
 use crate::error::{CasesError, at};
+use crate::logs;
 use crate::stamps;
 
 /// A case, read and checked.
@@ -51,11 +52,15 @@ pub struct Unseen {
 }
 
 impl Case {
-    /// Reads a case folder.
+    /// Reads a case folder, or the folder of the vehicle logs of a run.
     ///
     /// # Errors
     /// If a file is unreadable or makes no sense.
     pub fn read(folder: &Path) -> Result<Self, CasesError> {
+        if logs::are_logs(folder) {
+            let (case, plans) = logs::read(folder, &name(folder))?;
+            return Ok(Self::Vehicle(Box::new(case), plans));
+        }
         Ok(match Kind::of(folder) {
             Kind::Traffic => Self::Traffic(Box::new(ds_traffic::Case::read(folder)?)),
             Kind::Frames => Self::Frames(Box::new(FrameCase::read(folder)?)),
@@ -174,9 +179,11 @@ pub fn names(cases: &[PathBuf]) -> Vec<String> {
     cases.iter().map(|case| if shared(case) { long(case) } else { name(case) }).collect()
 }
 
-/// Returns the name of a folder.
+/// Returns the name of a folder; the vehicle logs of a run, which lie in `RUN/real`, are called after the run.
 #[must_use]
 pub fn name(case: &Path) -> String {
+    let run = if case.ends_with("real") && logs::are_logs(case) { case.canonicalize().ok() } else { None };
+    let case = run.as_deref().and_then(Path::parent).unwrap_or(case);
     case.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_else(|| "case".to_owned())
 }
 

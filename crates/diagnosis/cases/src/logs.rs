@@ -1,5 +1,5 @@
-//! Vehicle logs of runs as cases: `meta.json` with the nominal car beside one MCAP file per drive, and the case folder
-//! made of them; the last readings of one drive as a case in memory.
+//! Vehicle logs of runs as cases: `meta.json` with the nominal car beside one MCAP file per drive, read as they are or made
+//! into a case folder; the last readings of one drive as a case in memory.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,8 @@ use ds_diagnosis::CaseError;
 use ds_diagnosis::meta::{CameraEntry, DriveEntry, Nominal, Split, VehicleMeta};
 use ds_diagnosis::table::Table;
 use ds_dynamics::drive::Drive;
-use ds_record::{Recording, vehicle_log};
+use ds_record::Recording;
+use ds_record::vehicle_log::{self, Planned};
 use ds_sim::IdmParameters;
 use ds_space::CameraModel;
 use ds_world::{Reading, VehicleParameters};
@@ -89,32 +90,65 @@ fn stem(file: &str) -> &str {
     file.trim_end_matches(ENDING)
 }
 
+/// Reads vehicle logs as the case that [`case`] makes of them, under a name, with the stamps of the policy's answers.
+///
+/// # Errors
+/// If there are no drives, or a log is refused or makes no sense.
+pub fn read(folder: &Path, name: &str) -> Result<(ds_dynamics::case::Case, Vec<Planned>), CasesError> {
+    let mut meta = described(folder)?;
+    let (mut drives, mut plans) = (Vec::new(), Vec::new());
+    for entry in &mut meta.drives {
+        let log = vehicle_log::read(&folder.join(&entry.file))?;
+        *entry = tabled(stem(&entry.file));
+        drives.push(drive(&log.readings, entry)?);
+        plans.extend(log.plans);
+    }
+    meta.suggested_split = Some(split(&meta, &[]));
+    name.clone_into(&mut meta.case);
+    Ok((ds_dynamics::case::Case::new(meta, drives)?, plans))
+}
+
+fn described(folder: &Path) -> Result<VehicleMeta, CasesError> {
+    let meta = VehicleMeta::read(folder)?;
+    if meta.drives.is_empty() {
+        return Err(CasesError::NoDrives { path: folder.to_path_buf() });
+    }
+    Ok(meta)
+}
+
+fn tabled(name: &str) -> DriveEntry {
+    DriveEntry { file: format!("{name}.csv"), ..DriveEntry::default() }
+}
+
+/// Returns which drives are fitted: all but those named, or the last of several.
+fn split(meta: &VehicleMeta, held_out: &[String]) -> Split {
+    let held = |index: &usize| held_out.iter().any(|name| format!("{name}.csv") == meta.drives[*index].file);
+    let (held_out, mut fit): (Vec<usize>, Vec<usize>) = (0..meta.drives.len()).partition(held);
+    let mut split = Split { fit: Vec::new(), held_out };
+    if split.held_out.is_empty() && fit.len() > 1 {
+        split.held_out.extend(fit.pop());
+    }
+    Split { fit, ..split }
+}
+
 /// Makes a case folder of vehicle logs: tables instead of MCAP files; `held_out` names drives kept from the fit, the
 /// last of several without.
 ///
 /// # Errors
 /// If there are no drives, a log is refused or a file cannot be written.
 pub fn case(folder: &Path, held_out: &[String], out: &Path) -> Result<(), CasesError> {
-    let mut meta = VehicleMeta::read(folder)?;
-    if meta.drives.is_empty() {
-        return Err(CasesError::NoDrives { path: folder.to_path_buf() });
-    }
+    let mut meta = described(folder)?;
     std::fs::create_dir_all(out).map_err(at(out))?;
-    let mut split = Split::default();
-    for (index, drive) in meta.drives.iter_mut().enumerate() {
+    for drive in &mut meta.drives {
         let name = stem(&drive.file).to_owned();
         let log = vehicle_log::read(&folder.join(&drive.file))?;
-        *drive = DriveEntry { file: format!("{name}.csv"), ..DriveEntry::default() };
+        *drive = tabled(&name);
         let path = out.join(&drive.file);
         std::fs::write(&path, text(&log.readings)).map_err(at(&path))?;
         stamps::write(&log.plans, out, &name)?;
-        if held_out.contains(&name) { split.held_out.push(index) } else { split.fit.push(index) }
-    }
-    if split.held_out.is_empty() && split.fit.len() > 1 {
-        split.held_out.extend(split.fit.pop());
     }
     meta.case.clear();
-    meta.suggested_split = Some(split);
+    meta.suggested_split = Some(split(&meta, held_out));
     Ok(meta.write(out)?)
 }
 
@@ -151,14 +185,18 @@ pub fn meta(vehicle: &VehicleParameters, case: &str) -> VehicleMeta {
 /// # Errors
 /// If the readings make no sense.
 pub fn case_of(readings: &[Reading], meta: VehicleMeta) -> Result<ds_dynamics::case::Case, CaseError> {
-    let rows: Vec<[f64; 12]> = readings.iter().map(Reading::to_array).collect();
-    let column = |k: usize| rows.iter().map(|row| row[k]).collect();
-    let columns = COLUMNS.iter().enumerate().map(|(k, name)| ((*name).to_owned(), column(k))).collect();
-    let entry = DriveEntry { file: "drive.csv".to_owned(), ..DriveEntry::default() };
-    let drive = Drive::new(&Table::new(&entry.file, columns)?, None, &entry)?;
+    let entry = tabled("drive");
+    let drive = drive(readings, &entry)?;
     let meta = VehicleMeta { drives: vec![entry], ..meta };
     meta.check()?;
     ds_dynamics::case::Case::new(meta, vec![drive])
+}
+
+fn drive(readings: &[Reading], entry: &DriveEntry) -> Result<Drive, CaseError> {
+    let rows: Vec<[f64; 12]> = readings.iter().map(Reading::to_array).collect();
+    let column = |k: usize| rows.iter().map(|row| row[k]).collect();
+    let columns = COLUMNS.iter().enumerate().map(|(k, name)| ((*name).to_owned(), column(k))).collect();
+    Drive::new(&Table::new(&entry.file, columns)?, None, entry)
 }
 
 #[cfg(test)]

@@ -36,6 +36,11 @@ pub const SCHEMA: u32 = 1;
 /// Chance of a healthy log to be given an effect, and of one to be called unknown.
 pub const ALARM: f64 = 0.02;
 
+/// How far beyond what healthy drives had a feature is far from it, and the same as a share of their range.
+const STRANGE: f64 = 0.1;
+/// See [`STRANGE`].
+const STRANGE_SHARE: f64 = 0.25;
+
 /// Usual value and spread of every parameter by effect, in search units.
 pub type Spread = BTreeMap<String, Vec<Option<Usual>>>;
 
@@ -196,6 +201,20 @@ impl Baseline {
             temperature: library.temperature * scale,
             further_gain: library.further_gain * scale,
         }
+    }
+
+    /// Tells whether the car does something in a window that is far from all that healthy drives had.
+    #[must_use]
+    pub(crate) fn is_strange(&self, record: &EgoRecord, anchor: &Anchor) -> bool {
+        let far = |name: &str, value: f64| {
+            self.domain.get(name).is_some_and(|[low, high]| {
+                let margin = STRANGE + STRANGE_SHARE * (high - low);
+                value < low - margin || value > high + margin
+            })
+        };
+        features::blocks(record, anchor)
+            .iter()
+            .any(|block| NAMES.iter().zip(block).any(|(name, value)| far(name, *value)))
     }
 
     /// Returns the share of the windows of a case in which a feature lies beyond what healthy drives had.

@@ -285,6 +285,10 @@ fn usual_values(case: &Case, studies: &[&Study], traits: &Spread) -> Spread {
     let mut out = Spread::new();
     for (part, which) in [Part::Ego, Part::Following].into_iter().enumerate() {
         let mut space = Space::new(which, &case.meta.nominal, &[]);
+        // what these logs do not show is neutral in a simulated world, as it is for a diagnosis of them
+        if case.meta.simulated {
+            space.expect_nothing();
+        }
         centre(&mut space, traits);
         for (k, coordinate) in space.coordinates.iter().enumerate() {
             let estimates: Vec<Estimate> = studies.iter().filter_map(|s| s.estimates[part][k]).collect();

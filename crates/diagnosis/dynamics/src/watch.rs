@@ -46,6 +46,8 @@ pub struct Watch {
     detector: Detector,
     /// Windows judged so far.
     pub windows: usize,
+    /// Windows that were not, because the car did what none of the healthy drives did.
+    pub strange: usize,
 }
 
 impl Watch {
@@ -55,7 +57,7 @@ impl Watch {
     /// If the baseline has no windows of three healthy logs or more.
     pub fn new(baseline: Arc<Baseline>, alarms_per_hour: f64) -> Result<Self, CaseError> {
         let detector = Detector::new(baseline.windows.as_ref(), alarms_per_hour)?;
-        Ok(Self { baseline, detector, windows: 0 })
+        Ok(Self { baseline, detector, windows: 0, strange: 0 })
     }
 
     /// Returns the hours watched so far.
@@ -83,7 +85,8 @@ impl Watch {
     pub fn log(&mut self, name: &str, case: &Case) -> Result<Vec<Alarm>, CaseError> {
         self.baseline.check(&case.meta, &case.drives)?;
         let drives: Vec<usize> = (0..case.drives.len()).collect();
-        let scored = self.scorer().take(case, &drives, f64::NEG_INFINITY);
+        let (scored, strange) = self.scorer().take(case, &drives, f64::NEG_INFINITY);
+        self.strange += strange;
         let mut found = Vec::new();
         for window in scored {
             let Some(evidence) = self.take(&window) else { continue };

@@ -149,6 +149,18 @@ fn every_kind_of_wrongness_is_found_and_its_cure_proposed() {
             "time",
             "cut there",
         ),
+        (
+            "short hole",
+            Box::new(|k, row| {
+                if k > 1200 {
+                    row[0] += 0.3
+                }
+            }),
+            none,
+            "time",
+            "straight lines bridge",
+        ),
+        ("jitter", Box::new(|k, row| row[0] += 0.004 * (k % 2) as f64), none, "time", "stamp of the measurement"),
         ("empty channel", Box::new(|_, row| row[8] = f64::NAN), none, "ax", "remove it"),
         ("no such column", Box::new(|_, _| ()), ("\"gyro\"", "\"gyros\""), "yaw_rate", "another column"),
         ("mirrored pose", Box::new(scale(4, -1.0)), none, "yaw", "negate"),

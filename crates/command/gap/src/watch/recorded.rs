@@ -27,6 +27,8 @@ struct Report {
     threshold: f64,
     hours: f64,
     windows: usize,
+    /// Windows that tell nothing, because the car did what none of the healthy drives did.
+    windows_strange: usize,
     alarms: Vec<Alarm>,
     #[serde(skip_serializing_if = "Option::is_none")]
     diagnosed: Option<Diagnosed>,
@@ -76,6 +78,7 @@ pub(crate) fn run(args: &WatchArgs) -> Result<()> {
         bar.inc(1);
     }
     bar.finish_and_clear();
+    strange(&watch).iter().for_each(|said| answer(said));
     ensure!(watch.windows > 0, "no window could be judged: drives too short, or tyres at their limit throughout");
     let (hours, threshold) = (watch.hours(), watch.threshold());
     answer(&format!("{} alarms in {hours:.2} h; {rate} false ones an hour are allowed", alarms.len()));
@@ -83,10 +86,26 @@ pub(crate) fn run(args: &WatchArgs) -> Result<()> {
         answer(&format!("the log of the first from {from_secs:.1} s on:"));
         answer(&ds_diagnosis_page::text(diagnosis));
     }
-    let windows = watch.windows;
-    let report =
-        Report { schema_version: 1, cases: names, alarms_per_hour: rate, threshold, hours, windows, alarms, diagnosed };
+    let report = Report {
+        schema_version: 1,
+        cases: names,
+        alarms_per_hour: rate,
+        threshold,
+        hours,
+        windows: watch.windows,
+        windows_strange: watch.strange,
+        alarms,
+        diagnosed,
+    };
     args.out.as_deref().map_or(Ok(()), |path| Ok(json::write(&report, path)?))
+}
+
+/// Says how much of the driving told nothing because no healthy drive was like it.
+pub(super) fn strange(watch: &Watch) -> Option<String> {
+    let (strange, all) = (watch.strange, watch.strange + watch.windows);
+    (strange > 0).then(|| {
+        format!("{strange} of {all} windows tell nothing: the car did what none of the healthy drives did; record such ones for the baseline")
+    })
 }
 
 /// Reads the baseline of a watch, whose rate of alarms must be one.

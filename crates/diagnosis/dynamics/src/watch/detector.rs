@@ -1,6 +1,7 @@
 //! Scores of windows → alarms, so many false ones an hour: e-detectors (Shin, Ramdas, Rinaldo 2022), one a channel, averaged.
 //!
-//! p = (1 + windows of healthy logs that left as much) / (1 + all of them); e = mean of κ p^(κ-1), whose mean is at most one
+//! p = (1 + windows of healthy logs that left as much) / (1 + all of them), their scores raised by how far a further healthy
+//! log may lie above the others, for what its day brings is common to all its windows; e = mean of κ p^(κ-1), whose mean is at most one
 //! where the window is as those of healthy logs. What is hard to drive lasts longer than a window: e of two neighbours is
 //! averaged, which holds however they depend, and M = (1 + M) e runs over every second window, once for either phase. Alarm
 //! where the mean of M over channels and phases reaches the windows an hour over the alarms an hour.
@@ -17,6 +18,13 @@ const KAPPAS: [f64; 4] = [0.1, 0.3, 0.5, 0.7];
 const PHASES: usize = 2;
 /// Logs from which on windows of a further log can be judged.
 const LEAST_LOGS: usize = 3;
+/// Spread of the mean scores of healthy logs of one vehicle, and the degrees of freedom with which it is known beforehand: what
+/// 90 healthy logs of three vehicles had (own world, seed 7456).
+const SPREAD: f64 = 0.15;
+/// See [`SPREAD`].
+const FREEDOM: f64 = 4.0;
+/// Spreads by which a further log may lie above the others; on that seed 1 let two false alarms through in 3.3 h, 1.5 none.
+const ABOVE: f64 = 1.5;
 /// Share of the evidence from which a channel is named.
 const NAMED: f64 = 0.1;
 
@@ -62,8 +70,10 @@ impl Detector {
             return Err(CaseError::Unwatched { logs: logs.len(), least: LEAST_LOGS });
         }
         let of = |channel: usize| {
-            let scored = logs.iter().flatten().filter_map(|window| window.channels.get(channel).copied().flatten());
-            let mut healthy: Vec<f64> = scored.map(|[loss, _]| loss).collect();
+            let score = |window: &Scored| window.channels.get(channel).copied().flatten().map(|[loss, _]| loss);
+            let scored: Vec<Vec<f64>> = logs.iter().map(|log| log.iter().filter_map(score).collect()).collect();
+            let above = above(&scored);
+            let mut healthy: Vec<f64> = scored.concat().into_iter().map(|loss| loss + above).collect();
             healthy.sort_by(f64::total_cmp);
             Stream { healthy, ..Stream::default() }
         };
@@ -96,6 +106,16 @@ impl Detector {
         self.streams.iter_mut().for_each(Stream::forget);
         Some(Evidence { channels, windows })
     }
+}
+
+/// Returns how far the scores of a further healthy log may lie above those of some.
+fn above(logs: &[Vec<f64>]) -> f64 {
+    let means: Vec<f64> = logs.iter().filter_map(|log| ds_stats::mean(log.iter().copied())).collect();
+    let count = means.len() as f64;
+    let Some(centre) = ds_stats::mean(means.iter().copied()) else { return 0.0 };
+    let squares: f64 = means.iter().map(|mean| (mean - centre).powi(2)).sum();
+    let variance = (FREEDOM * SPREAD * SPREAD + squares) / (FREEDOM + count - 1.0);
+    ABOVE * (variance * (1.0 + 1.0 / count)).sqrt()
 }
 
 impl Stream {

@@ -2,7 +2,7 @@
 //! baseline nor the log so far explains it: the mean loss of the innovations, as a logarithm, and their mean.
 //!
 //! A window is judged by what came before it alone, so that a drive can be scored while it goes on. Windows in which tyres
-//! come near their limit tell nothing.
+//! come near their limit tell nothing, nor do those in which the car does what none of the healthy drives did.
 
 use std::sync::Arc;
 
@@ -38,8 +38,9 @@ impl Scorer {
         Self { baseline, sensors, tracker: None }
     }
 
-    /// Returns the scores of those windows of some drives of a case that begin at a time or later.
-    pub fn take(&mut self, case: &Case, drives: &[usize], from_secs: f64) -> Vec<Scored> {
+    /// Returns the scores of those windows of some drives of a case that begin at a time or later, and how many more there are
+    /// in which the car does what none of the healthy drives did.
+    pub fn take(&mut self, case: &Case, drives: &[usize], from_secs: f64) -> (Vec<Scored>, usize) {
         scored(case, drives, (&self.baseline, &self.sensors), (&mut self.tracker, from_secs))
     }
 }
@@ -47,7 +48,7 @@ impl Scorer {
 /// Returns the scores of the windows of some drives of a log.
 #[must_use]
 pub(crate) fn scores(case: &Case, drives: &[usize], baseline: &Baseline, sensors: &Sensors) -> Vec<Scored> {
-    scored(case, drives, (baseline, sensors), (&mut None, f64::NEG_INFINITY))
+    scored(case, drives, (baseline, sensors), (&mut None, f64::NEG_INFINITY)).0
 }
 
 fn scored(
@@ -55,7 +56,7 @@ fn scored(
     drives: &[usize],
     (baseline, sensors): (&Baseline, &Sensors),
     (tracker, from_secs): (&mut Option<Tracker>, f64),
-) -> Vec<Scored> {
+) -> (Vec<Scored>, usize) {
     let apart = case.apart(Noise::from(sensors));
     let model = PartModel::against(&apart, Part::Ego, drives, &[], Some(baseline));
     let usual = model.space.usual();
@@ -65,11 +66,14 @@ fn scored(
     let columns: Vec<Vec<f64>> = free.iter().map(|(k, _)| column(&model, &usual, &residuals, *k, priors[*k])).collect();
     let spreads: Vec<f64> = free.iter().map(|(_, sd)| *sd).collect();
     let tracker = tracker.get_or_insert_with(|| Tracker::new(&spreads));
-    let mut found: Vec<Scored> = Vec::new();
+    let anchors = model.records().flat_map(|record| record.anchors.iter().map(move |anchor| (record, anchor)));
+    let strange: Vec<bool> = anchors.map(|(record, anchor)| baseline.is_strange(record, anchor)).collect();
+    let (mut found, mut passed) = (Vec::new(), 0);
     for (place, rows) in residuals.chunks(EGO * BLOCKS).enumerate() {
         let first = place * EGO * BLOCKS;
         let tag = model.tags[first];
-        if sliding[tag.window] || tag.secs < from_secs {
+        if tag.secs < from_secs || sliding[tag.window] || strange[tag.window] {
+            passed += usize::from(tag.secs >= from_secs && strange[tag.window]);
             continue;
         }
         let derivatives = DMatrix::from_fn(rows.len(), columns.len(), |k, c| columns[c][first + k]);
@@ -77,7 +81,7 @@ fn scored(
         let channels = innovations.chunks(BLOCKS).map(left).collect();
         found.push(Scored { drive: tag.drive, secs: tag.secs + WINDOW_SECS, channels });
     }
-    found
+    (found, passed)
 }
 
 /// Returns what a channel leaves in a window.
