@@ -1,14 +1,15 @@
 """One small network twice: exported as ONNX with its manifest, and computed by numpy in a policy process.
 
 own_policy.py export FOLDER            writes numpy.onnx and numpy.toml
-own_policy.py compare ONE OTHER        prints the largest difference between the plans of two recordings
+own_policy.py compare ONE OTHER        prints the largest difference between the plans of two recordings, between the plans of
+                                       one, and between the contexts of both
 """
 import sys
 from pathlib import Path
 
 import numpy as np
 
-from dreamstream import Command, Policy
+from dreamstream import Command, Plan, Policy
 
 CELLS, PATCH, POSES = (12, 20), 8, 8
 DRAWN = np.random.default_rng(7)
@@ -50,11 +51,12 @@ class Twin(Policy):
         image = observation.frames["front"][-1].astype(np.float32) / np.float32(255)
         rows, columns = CELLS
         patches = image.transpose(2, 0, 1).reshape(3, rows, PATCH, columns, PATCH).transpose(1, 3, 0, 2, 4)
-        seen = np.tanh(patches.reshape(rows * columns, -1) @ EYE).reshape(1, -1)
+        tokens = np.tanh(patches.reshape(rows * columns, -1) @ EYE)
         said = np.float32([[observation.command is way for way in (Command.LEFT, Command.STRAIGHT, Command.RIGHT)]])
         lens = observation.cameras["front"].intrinsics.reshape(1, 9).astype(np.float32) @ PICK
-        offsets = np.tanh(np.concatenate([seen, said], axis=1) @ HEAD) * UNIT * lens
-        return (offsets + np.float32(observation.ego.speed_mps) * AHEAD).reshape(POSES, 3)
+        offsets = np.tanh(np.concatenate([tokens.reshape(1, -1), said], axis=1) @ HEAD) * UNIT * lens
+        poses = (offsets + np.float32(observation.ego.speed_mps) * AHEAD).reshape(POSES, 3)
+        return Plan(poses, 0.5 * np.arange(1, POSES + 1), context=tokens)
 
 
 def export(folder: Path) -> None:
@@ -97,19 +99,20 @@ def export(folder: Path) -> None:
     (folder / "numpy.toml").write_text(MANIFEST)
 
 
-def plans(recording: str) -> np.ndarray:
+def plans(recording: str) -> tuple[np.ndarray, np.ndarray]:
     from mcap_protobuf.reader import read_protobuf_messages
 
     with open(recording, "rb") as stream:
         messages = [message.proto_msg for message in read_protobuf_messages(stream) if message.topic.split("/")[-1] == "plan"]
     poses = [[[p.after_ns * 1e-9, p.pose.x_m, p.pose.y_m, p.pose.heading_rad] for p in m.trajectory.poses] for m in messages]
-    return np.array(poses)
+    return np.array(poses), np.array([np.reshape(m.context.values, m.context.shape) for m in messages])
 
 
 if __name__ == "__main__":
     if sys.argv[1] == "export":
         export(Path(sys.argv[2]))
     else:
-        one, other = plans(sys.argv[2]), plans(sys.argv[3])
+        (one, seen), (other, told) = plans(sys.argv[2]), plans(sys.argv[3])
         assert one.shape == other.shape, (one.shape, other.shape)
-        print(np.abs(one - other).max(), np.abs(one[1:] - one[:-1]).max())
+        assert seen.shape == told.shape == (len(one), CELLS[0] * CELLS[1], 6), (seen.shape, told.shape)
+        print(np.abs(one - other).max(), np.abs(one[1:] - one[:-1]).max(), np.abs(seen - told).max())

@@ -56,6 +56,7 @@ fn an_onnx_file_drives_as_the_same_network_in_a_process_of_its_own() {
     let numbers: Vec<f64> = said.split_whitespace().map(|number| number.parse().expect("a number")).collect();
     assert!(numbers[0] < 1e-4, "plans lie {} apart", numbers[0]);
     assert!(numbers[1] > 1e-3, "plans of different moments differ");
+    assert!(numbers[2] < 1e-4, "what both attend to lies {} apart in the recordings", numbers[2]);
     let apart = drive(manifest, &["--processes"]);
     let same = say(Command::new(&python).arg(script()).arg("compare").arg(inside.recording(0)).arg(apart.recording(0)));
     assert!(same.starts_with("0.0 "), "separate processes plan the same to the bit: {same}");
@@ -70,6 +71,7 @@ fn the_doctor_asks_for_batches_and_in_new_processes() {
     let told: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert_eq!(told["fixtures"].as_array().map(Vec::len), Some(8), "{told}");
     assert_eq!(told["findings"], serde_json::json!([]), "{told}");
+    assert_eq!(told["feature"], serde_json::json!([240, 6]), "{told}");
     let remarks = told["remarks"].as_array().expect("remarks");
     let batch = remarks.iter().find(|remark| remark["check"] == "batch").expect("a remark of batches");
     assert!(harness::text(&batch["says"]).starts_with("answers to 2 and 8 at once"), "{told}");
@@ -116,7 +118,7 @@ fn manifests_and_networks_that_do_not_fit_are_refused_before_anything_starts() {
 
 #[test]
 fn the_study_looks_at_frames_through_an_onnx_network() {
-    let Some((_, folder)) = exported() else { return };
+    let Some((python, folder)) = exported() else { return };
     let config = |member: &str| {
         let path = folder.path().join("study.toml");
         let shared = "version = 1\nout = \"study\"\nfirst_seed = 31_600_000\nscenarios = 6\nframes = 16\nevery = 8\nlook = \"daylight\"\n\
@@ -131,6 +133,19 @@ fn the_study_looks_at_frames_through_an_onnx_network() {
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     let said = String::from_utf8_lossy(&done.stdout).into_owned();
     assert!(said.contains("twin"), "{said}");
+    // The same network as a guest: what it tells over the bus is at the same distance.
+    let endpoint = format!("tcp/127.0.0.1:{}", free_port());
+    let class = format!("{}:Twin", script().display());
+    let guest = ["-m", "dreamstream", "run", &class, "--name", "numpy", "--connect", &endpoint];
+    let mut guest = Command::new(&python).args(guest).stdout(Stdio::null()).spawn().expect("python starts");
+    let connected = config(&format!("policy = \"numpy\"\nlisten = {endpoint:?}\n"));
+    guest.kill().expect("the guest runs");
+    guest.wait().expect("the guest ends");
+    assert!(connected.status.success(), "{}", String::from_utf8_lossy(&connected.stderr));
+    let distances =
+        |said: &str| said.lines().filter(|line| line.starts_with("FDpi")).map(str::to_owned).collect::<Vec<_>>();
+    let outside = String::from_utf8_lossy(&connected.stdout).into_owned();
+    assert!(distances(&said).len() == 2 && distances(&said) == distances(&outside), "{said}\n{outside}");
     let refused = config("policy = \"numpy.toml\"\nweights = \"numpy.onnx\"\n");
     let said = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(!refused.status.success() && said.contains("a manifest names its network"), "{said}");

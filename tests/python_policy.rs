@@ -91,6 +91,24 @@ fn bad_answers_end_the_drive_with_a_named_reason() {
     }
 }
 
+#[test]
+fn a_context_that_changes_its_size_within_a_drive_is_refused_by_name() {
+    let source = "import numpy as np
+from dreamstream import Plan, Policy
+
+class Growing(Policy):
+    def plan(self, observation):
+        times_s = 0.5 * np.arange(1, 17)
+        way_m = observation.ego.speed_mps * times_s
+        context = np.zeros((1 + observation.sequence // 2, 4))
+        return Plan(np.stack([way_m, 0 * way_m, 0 * way_m], axis=1), times_s, context=context)
+";
+    let Some(episode) = drive_with(source, "Growing") else { return };
+    assert_eq!(episode["status"], "failed", "{episode}");
+    let reason = text(&episode["reason"]);
+    assert!(reason.contains("plan.context is [2, 4], in the first answer [1, 4]"), "{reason}");
+}
+
 /// Plans from the frames by a matrix product, notes how many different observations came together.
 const TOGETHER: &str = "import time
 from pathlib import Path

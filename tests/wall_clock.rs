@@ -27,7 +27,7 @@ fn straight() -> Plan {
         TrajectoryPoint { after: SimTime::from_secs(secs), pose: PoseSe2::new(5.0 * secs, 0.0, 0.0) }
     };
     let trajectory = Trajectory::new((1..=8).map(point).collect()).expect("sound");
-    Plan { trajectory, proposals: Vec::new(), observed: None, answered: None }
+    Plan { trajectory, proposals: Vec::new(), observed: None, answered: None, context: None }
 }
 
 /// Answers at once, but for the third observation of a session, which it thinks about for [`SLOW`].

@@ -80,6 +80,9 @@ def plan(answer: Plan, *, for_sequence: int) -> bytes:
     """Writes `plan`; the answer was checked."""
     proposals = [wire.PlanProposal(poses=_poses(other), score=score) for other, score in answer.proposals]
     message = wire.PolicyPlan(for_sequence=for_sequence, poses=_poses(answer), proposals=proposals)
+    if answer.context is not None:
+        message.context.channels = answer.context.shape[1]
+        message.context.values.extend(answer.context.ravel().tolist())
     return message.SerializeToString()
 
 

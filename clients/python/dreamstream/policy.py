@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass, field
-from typing import Mapping, Sequence, Union
+from typing import Mapping, Optional, Sequence, Union
 
 import numpy as np
 
@@ -12,6 +12,7 @@ MAX_POSES = 256
 MAX_HORIZON_S = 30.0
 MAX_DISTANCE_M = 2000.0
 MAX_PROPOSALS = 64
+MAX_CONTEXT = 4096
 
 
 class PlanError(ValueError):
@@ -132,12 +133,16 @@ class Plan:
     times_s: np.ndarray
     #: Other candidates with a score each, larger is better.
     proposals: Sequence[tuple["Plan", float]] = field(default_factory=tuple)
+    #: What the network attends to of the newest frames, before motion or command enter: (tokens, channels) or (channels,), at
+    #: most 4096 numbers, of the same size with every answer of a session. FDπ compares frames by it.
+    context: Optional[np.ndarray] = None
 
     @staticmethod
     def of(answer: Union["Plan", np.ndarray, Sequence[Sequence[float]]], *, spacing_s: float) -> "Plan":
         """Checks a policy's answer; an N x 3 array has its poses `spacing_s` apart, the first one `spacing_s` ahead."""
         if isinstance(answer, Plan):
-            return Plan(*_checked(answer.poses, answer.times_s), proposals=_proposals(answer.proposals))
+            poses, times_s = _checked(answer.poses, answer.times_s)
+            return Plan(poses, times_s, proposals=_proposals(answer.proposals), context=_context(answer.context))
         poses = _array(answer, name="poses")
         if poses.ndim != 2 or poses.shape[1] != 3:
             raise PlanError(f'plan field "poses" has shape {poses.shape}, (N, 3) expected')
@@ -187,6 +192,22 @@ def _proposals(proposals: Sequence[tuple[Plan, float]]) -> tuple[tuple[Plan, flo
         except PlanError as error:
             raise PlanError(f"proposals[{index}]: {error}") from error
     return tuple(checked)
+
+
+def _context(context: object) -> Optional[np.ndarray]:
+    if context is None:
+        return None
+    tokens = _array(context, name="context")
+    if tokens.ndim not in (1, 2):
+        raise PlanError(f'plan field "context" has shape {tokens.shape}, (tokens, channels) or (channels,) expected')
+    if not 1 <= tokens.size <= MAX_CONTEXT:
+        raise PlanError(f'plan field "context" holds {tokens.size} numbers, 1 to {MAX_CONTEXT} expected')
+    with np.errstate(over="ignore"):
+        tokens = np.atleast_2d(tokens.astype(np.float32))
+    if not np.isfinite(tokens).all():
+        token, channel = np.argwhere(~np.isfinite(tokens))[0]
+        raise PlanError(f'plan field "context[{token}][{channel}]" is {tokens[token, channel]}')
+    return tokens
 
 
 class Policy:

@@ -64,6 +64,14 @@ def test_a_plan_is_written_in_nanoseconds():
     assert (sent.poses[0].pose.x_m, sent.poses[0].pose.y_m, sent.poses[0].pose.heading_rad) == (1.5, -0.5, 0.25)
 
 
+def test_a_context_travels_with_its_channels():
+    told = Plan(np.zeros((1, 3)), np.array([0.5]), context=np.arange(6.0).reshape(2, 3))
+    sent = observed.plan(messages.plan(Plan.of(told, spacing_s=0.5), for_sequence=0))
+    assert (sent.context.channels, list(sent.context.values)) == (3, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
+    without = observed.plan(messages.plan(Plan.of(np.zeros((1, 3)), spacing_s=0.5), for_sequence=0))
+    assert not without.HasField("context")
+
+
 def test_generated_code_is_that_of_the_contract():
     """Compares the committed code with the descriptors that the Rust side was compiled from."""
     from google.protobuf import descriptor_pb2

@@ -20,6 +20,12 @@ def test_a_list_is_taken_like_an_array():
     assert Plan.of([[1, 0, 0], [2, 0, 0]], spacing_s=1.0).times_s.tolist() == [1.0, 2.0]
 
 
+def test_a_context_is_tokens_of_single_precision():
+    one = Plan.of(Plan(line(1), np.array([1.0]), context=[0.5, 1.5]), spacing_s=0.5).context
+    assert (one.shape, one.dtype, one.tolist()) == ((1, 2), np.float32, [[0.5, 1.5]])
+    assert Plan.of(line(1), spacing_s=0.5).context is None
+
+
 def nan_at(index, column):
     poses = line(8)
     poses[index, column] = np.nan
@@ -44,6 +50,11 @@ def nan_at(index, column):
         (Plan(line(2), np.array([1.0])), "times_s"),
         (Plan(line(1), np.array([1.0]), proposals=[(Plan(nan_at(1, 1), np.arange(1, 9)), 0.5)]), "proposals[0]"),
         (Plan(line(1), np.array([1.0]), proposals=[(Plan(line(1), np.array([1.0])), np.inf)]), "proposals[0].score"),
+        (Plan(line(1), np.array([1.0]), context=np.zeros((2, 3, 4))), "(2, 3, 4)"),
+        (Plan(line(1), np.array([1.0]), context=np.zeros((0, 3))), "holds 0 numbers"),
+        (Plan(line(1), np.array([1.0]), context=np.zeros(4097)), "holds 4097 numbers"),
+        (Plan(line(1), np.array([1.0]), context=[[0.0, 0.0], [0.0, np.nan]]), "context[1][1]"),
+        (Plan(line(1), np.array([1.0]), context="tokens"), "context"),
     ],
 )
 def test_wrong_answers_are_named(answer, says):

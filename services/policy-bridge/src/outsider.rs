@@ -4,13 +4,18 @@
 
 use std::sync::Arc;
 
-use ds_policy::{Observation, Policy, PolicyAnswer, PolicyError, PrivilegedView, Restart};
+use ds_nn::Array;
+use ds_policy::{Context, EgoView, Observation, Policy, PolicyAnswer, PolicyError, PrivilegedView, Restart};
 use ds_process::maker::Fault;
-use ds_space::{DVec2, SimTime};
+use ds_raster::RgbImage;
+use ds_space::{CameraModel, DVec2, Draws, PoseSe2, SimTime};
 use ds_wire::policy::SessionHello;
-use ds_world::EgoState;
+use ds_world::{EgoState, RouteCommand};
 
 use crate::guest::{External, OutsideBus};
+
+/// How far a plan should reach that is asked for its context alone, in ticks of 0.1 s.
+const HORIZON_TICKS: u32 = 80;
 
 /// The policy that may connect to an outside bus.
 #[derive(Debug, Clone)]
@@ -40,7 +45,14 @@ impl Outsider {
         let plan = session
             .plan(observation, &states(observation), observation.stamps.last().copied().unwrap_or_default())
             .map_err(failed)?;
-        Ok(PolicyAnswer { trajectory: plan.trajectory, proposals: plan.proposals })
+        Ok(PolicyAnswer {
+            trajectory: plan.trajectory,
+            proposals: plan.proposals,
+            context: plan.context.map(|told| {
+                let sides: Vec<usize> = told.shape.iter().map(|side| *side as usize).collect();
+                Context { tokens: Array::new(&sides, told.values), grid: None }
+            }),
+        })
     }
 }
 
@@ -81,6 +93,21 @@ impl Policy for Outsider {
                 asked.into_iter().map(|thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
             answers.collect::<Result<Vec<_>, _>>().map(Some)
         })
+    }
+
+    /// What the policy tells with its answer, asked for a car that stands still.
+    fn context(&mut self, cameras: &[CameraModel], frames: &[RgbImage]) -> Result<Option<Context>, PolicyError> {
+        let standing = Observation {
+            frames: frames.iter().map(|frame| vec![frame.clone()]).collect(),
+            cameras: cameras.to_vec(),
+            ego: EgoView { history: vec![PoseSe2::default()], ..EgoView::default() },
+            command: RouteCommand::Straight,
+            stamps: vec![SimTime(0)],
+            horizon_ticks: HORIZON_TICKS,
+            dt: SimTime::from_secs(0.1),
+            draw: Draws::from_seed(0, "context"),
+        };
+        Ok(self.ask(&standing)?.context)
     }
 
     fn restart(&self) -> Restart {

@@ -9,7 +9,9 @@ use ds_policy::{Builtin, EgoView, Learned, Live, Observation, Own, Policy, Polic
 use ds_process::maker::{Abilities, Fault, Inputs, Maker, MakerFactory, Output, bad, chain, output};
 use ds_sim::SimConfig;
 use ds_space::{Digest, DigestWriter, Draws, SimTime, Tick};
+use ds_topic::body::Tensor;
 use ds_topic::{Advance, Ego, Frame, Plan, Role, SceneMessage, Slot, Topic, World};
+use ds_wire::plan::MAX_CONTEXT;
 use ds_world::{Anchor, EgoState};
 
 use crate::guest::{External, OutsideBus};
@@ -87,7 +89,7 @@ impl MakerFactory for PolicyStage {
                 format!("{name:?} runs inside: only a policy that connects is given the time of the wall clock");
             return Err(Fault::deterministic("bad_settings", detail));
         }
-        Ok(Box::new(Hosting { scene, guest }))
+        Ok(Box::new(Hosting { scene, guest, told: None }))
     }
 }
 
@@ -99,6 +101,8 @@ enum Guest {
 struct Hosting {
     scene: Arc<SceneMessage>,
     guest: Guest,
+    /// The shape of the context of the first answer, empty if it had none.
+    told: Option<Vec<u32>>,
 }
 
 impl Hosting {
@@ -132,6 +136,18 @@ impl Hosting {
             draw: Draws::new(&spec.draw_key(), "policy", &[u64::from(last.0)]),
         };
         Ok((observation, states))
+    }
+
+    /// Refuses an answer whose context has another size than the first one's: features of one drive are compared.
+    fn steady(&mut self, answer: &Plan) -> Result<(), Fault> {
+        let shape = answer.context.as_ref().map_or(Vec::new(), |context| context.shape.clone());
+        let first = self.told.get_or_insert_with(|| shape.clone());
+        if *first == shape {
+            return Ok(());
+        }
+        let says = |shape: &[u32]| if shape.is_empty() { "absent".to_owned() } else { format!("{shape:?}") };
+        let detail = format!("plan.context is {}, in the first answer {}", says(&shape), says(first));
+        Err(Fault::policy(Fault::PLAN_REFUSED, detail))
     }
 
     /// Returns the world as a policy sees it that sees it live.
@@ -170,11 +186,20 @@ impl Maker for Hosting {
                 policy.plan(&observation, &states, SimTime::at(order.last, self.scene.scene.dt))?
             }
         };
+        self.steady(&answer)?;
         let plan = Plan { observed: answer.observed.or(observation.stamps.last().copied()), ..answer };
         Ok(vec![output(Slot::new(Topic::Plan, order.iteration), order.last, &plan)])
     }
 }
 
+/// A context that is larger than a plan may carry stays behind.
 fn to_plan(answer: PolicyAnswer) -> Plan {
-    Plan { trajectory: answer.trajectory, proposals: answer.proposals, observed: None, answered: None }
+    let PolicyAnswer { trajectory, proposals, context } = answer;
+    let tokens = context.map(|context| context.tokens).filter(|tokens| tokens.values().len() <= MAX_CONTEXT);
+    #[expect(clippy::cast_possible_truncation, reason = "sides of at most so many numbers")]
+    let context = tokens.map(|tokens| Tensor {
+        shape: tokens.shape().iter().map(|side| *side as u32).collect(),
+        values: tokens.into_values(),
+    });
+    Plan { trajectory, proposals, observed: None, answered: None, context }
 }

@@ -4,6 +4,7 @@ pub mod children;
 pub mod choice;
 pub mod embed;
 pub mod fleet_plan;
+pub mod guest;
 pub mod networks;
 pub mod onlooker;
 pub mod own;

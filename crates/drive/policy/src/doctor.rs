@@ -4,7 +4,8 @@
 //! wrong convention (axes, unit, rate, origin, colours or sides of the frame) explains most of the distance between the two, that is,
 //! where undoing it leaves less than [`EXPLAINED`] of it. Poses are in the rig frame of now, metres and radians.
 
-use ds_nn::Array;
+mod feature;
+
 use ds_raster::RgbImage;
 use ds_space::{DVec2, PoseSe2, SimTime};
 use ds_world::{Trajectory, TrajectoryError};
@@ -59,6 +60,8 @@ pub struct Examination {
     pub remarks: Vec<Finding>,
     /// The plans of the fixtures at the expert's stamps; empty if the policy does not answer.
     pub plans: Vec<Vec<PoseSe2>>,
+    /// Tokens and channels of what the policy tells that it attends to of each frame; none if it tells nothing, or not soundly.
+    pub feature: Option<[usize; 2]>,
 }
 
 /// Asks a policy for plans of all fixtures, several times over, and says what is wrong; `asked` is called after each answer.
@@ -87,7 +90,10 @@ pub fn examine(policy: &mut dyn Policy, fixtures: &[Fixture], asked: &dyn Fn()) 
         found.findings.extend(image(policy, fixtures, &first));
     }
     found.findings.extend(proposals(policy, fixtures));
-    found.findings.extend(feature(policy, fixtures));
+    match feature::of(policy, fixtures) {
+        Ok(told) => found.feature = told,
+        Err(finding) => found.findings.push(finding),
+    }
     match batch(policy, fixtures, &first) {
         Ok(remark) => found.remarks.extend(remark),
         Err(finding) => found.findings.push(finding),
@@ -203,37 +209,6 @@ fn proposals(policy: &mut dyn Policy, fixtures: &[Fixture]) -> Option<Finding> {
             ),
         })
     })
-}
-
-/// Says what is wrong with what a policy attends to, if it tells.
-fn feature(policy: &mut dyn Policy, fixtures: &[Fixture]) -> Option<Finding> {
-    let found = |says: String| Some(Finding { check: "feature", says });
-    let mut first: Option<(&Fixture, Array)> = None;
-    let mut varies = fixtures.len() < 2;
-    for fixture in fixtures {
-        let newest: Option<Vec<RgbImage>> =
-            fixture.observation.frames.iter().map(|frames| frames.last().cloned()).collect();
-        let tokens = match policy.context(&fixture.observation.cameras, &newest?) {
-            Ok(context) => context?.tokens,
-            Err(error) => return found(format!("fixture {:?}: {error}", fixture.name)),
-        };
-        if !tokens.is_finite() {
-            return found(format!("fixture {:?}: a number of the feature is not finite", fixture.name));
-        }
-        match &first {
-            Some((before, other)) if other.shape() != tokens.shape() => {
-                let (one, two) = (other.shape(), tokens.shape());
-                return found(format!("has shape {one:?} for {:?} and {two:?} for {:?}", before.name, fixture.name));
-            }
-            Some((_, other)) => varies |= *other != tokens,
-            None => first = Some((fixture, tokens)),
-        }
-    }
-    if varies {
-        None
-    } else {
-        found("the feature is the same for every frame: FDπ would be 0 for any source".to_owned())
-    }
 }
 
 /// Returns the plans of all fixtures, in their order or backwards in odd rounds, each at the expert's stamps.

@@ -68,7 +68,7 @@ impl Policy for Lattice {
                 best = index;
             }
         }
-        Ok(PolicyAnswer { trajectory: proposals[best].trajectory.clone(), proposals })
+        Ok(PolicyAnswer { trajectory: proposals[best].trajectory.clone(), proposals, context: None })
     }
 
     fn restart(&self) -> Restart {

@@ -111,6 +111,18 @@ impl Own {
         self.inputs(&views, &observation.ego, observation.command)
     }
 
+    /// Returns the feature among the outputs, the last one, if the manifest names it.
+    fn told(&self, outputs: Vec<Array>) -> Result<Option<Context>, PolicyError> {
+        let Some(feature) = outputs.into_iter().next_back().filter(|_| self.has_feature()) else { return Ok(None) };
+        if let Some(value) = feature.values().iter().find(|value| !value.is_finite()) {
+            let problem = format!("gives a feature that holds {value}");
+            return Err(PolicyError::Answer { name: self.manifest.policy.name.clone(), problem });
+        }
+        let channels = columns(&feature).max(1);
+        let tokens = feature.values().len() / channels;
+        Ok(Some(Context { tokens: Array::new(&[tokens, channels], feature.into_values()), grid: None }))
+    }
+
     fn trajectory(&self, poses: &[f32], columns: usize, observation: &Observation) -> Result<Trajectory, PolicyError> {
         let plan = &self.manifest.plan;
         let horizon = SimTime(observation.dt.0 * i64::from(observation.horizon_ticks));
@@ -145,7 +157,8 @@ impl Policy for Own {
                 proposals.push(Proposal { trajectory, score: f64::from(*score) });
             }
         }
-        Ok(PolicyAnswer { trajectory, proposals })
+        let context = self.told(outputs)?;
+        Ok(PolicyAnswer { trajectory, proposals, context })
     }
 
     /// Asks the network for a batch, where it takes one of that size.
@@ -172,11 +185,7 @@ impl Policy for Own {
         }
         let views: Vec<_> = cameras.iter().zip(frames.iter().map(std::slice::from_ref)).collect();
         let inputs = self.inputs(&views, &EgoView::default(), RouteCommand::Straight)?;
-        let outputs = self.network.answer(&inputs)?;
-        let feature = outputs.into_iter().next_back().unwrap_or_default();
-        let channels = feature.shape().last().copied().unwrap_or(1).max(1);
-        let tokens = feature.values().len() / channels;
-        Ok(Some(Context { tokens: Array::new(&[tokens, channels], feature.into_values()), grid: None }))
+        self.told(self.network.answer(&inputs)?)
     }
 
     fn restart(&self) -> Restart {

@@ -3,6 +3,7 @@
 use ds_space::{PoseSe2, SimTime};
 use ds_world::{Proposal, Trajectory, TrajectoryPoint};
 
+use crate::Context;
 use crate::error::PolicyError;
 
 /// What a policy answers.
@@ -12,13 +13,15 @@ pub struct PolicyAnswer {
     pub trajectory: Trajectory,
     /// All candidates, the answer among them; empty if the policy makes only one.
     pub proposals: Vec<Proposal>,
+    /// What the policy attended to of the frames, if it tells with its answer.
+    pub context: Option<Context>,
 }
 
 impl PolicyAnswer {
     /// Makes the answer of a policy that has one candidate.
     #[must_use]
     pub fn single(trajectory: Trajectory) -> Self {
-        Self { trajectory, proposals: Vec::new() }
+        Self { trajectory, proposals: Vec::new(), context: None }
     }
 }
 

@@ -166,6 +166,8 @@ fn a_sound_wrapping_has_no_findings_and_each_wrong_one_is_named_by_its_cause() {
 struct Told {
     sideways_m: f64,
     feature: fn(u8) -> Vec<f32>,
+    /// What it tells with its answers.
+    told: fn(&Observation) -> f32,
     ticks: usize,
     looks: bool,
 }
@@ -184,7 +186,9 @@ impl Policy for Told {
         let plan = &arc(seen.ego.speed_mps, curvature(red))[..self.ticks];
         let trajectory = evenly_spaced("told", plan, DT)?;
         let beside = evenly_spaced("told", &each(plan, |x, y, h| (x, y + self.sideways_m, h)), DT)?;
-        Ok(PolicyAnswer { trajectory, proposals: vec![Proposal { trajectory: beside, score: 1.0 }] })
+        let values = vec![(self.told)(seen)];
+        let context = Some(Context { tokens: Array::new(&[1, values.len()], values), grid: None });
+        Ok(PolicyAnswer { trajectory, proposals: vec![Proposal { trajectory: beside, score: 1.0 }], context })
     }
 
     fn context(&mut self, _: &[CameraModel], frames: &[RgbImage]) -> Result<Option<Context>, PolicyError> {
@@ -199,18 +203,26 @@ impl Policy for Told {
 
 #[test]
 fn proposals_features_and_what_is_worth_a_remark_are_told() {
-    let sound = || Told { sideways_m: 0.0, feature: |red| vec![f32::from(red), 1.0], ticks: 40, looks: true };
-    let Examination { findings, remarks, plans } = examine(&mut sound(), &fixtures());
-    assert_eq!((findings, remarks, plans.len()), (vec![], vec![], 5));
-    let rows: [(Told, &str, &str); 4] = [
+    let sound = || Told {
+        sideways_m: 0.0,
+        feature: |red| vec![f32::from(red), 1.0],
+        told: |seen| f32::from(seen.frames[0][0].rgb()[0]),
+        ticks: 40,
+        looks: true,
+    };
+    let Examination { findings, remarks, plans, feature } = examine(&mut sound(), &fixtures());
+    assert_eq!((findings, remarks, plans.len(), feature), (vec![], vec![], 5, Some([1, 2])));
+    let rows: [(Told, &str, &str); 5] = [
+        (Told { told: |seen| seen.ego.speed_mps as f32, ..sound() }, "feature", "changes with the car's motion"),
         (Told { sideways_m: 2.0, ..sound() }, "proposals", "nearest is 2.00 m away"),
         (Told { feature: |_| vec![1.0], ..sound() }, "feature", "same for every frame"),
         (Told { feature: |red| vec![1.0; usize::from(red)], ..sound() }, "feature", "has shape [1, 128]"),
         (Told { feature: |_| vec![f32::NAN], ..sound() }, "feature", "not finite"),
     ];
     for (mut policy, check, says) in rows {
-        let found = examine(&mut policy, &fixtures()).findings;
+        let Examination { findings: found, feature, .. } = examine(&mut policy, &fixtures());
         assert!(found.len() == 1 && found[0].check == check && found[0].says.contains(says), "{check}: {found:?}");
+        assert_eq!(feature.is_some(), check != "feature");
     }
     for (mut policy, check, says) in [
         (Told { ticks: 20, ..sound() }, "horizon", "covers 2.0 s of 4.0 s"),

@@ -23,3 +23,4 @@ mod source;
 pub use config::{Study, StudyConfig};
 pub use engine::{run, write};
 pub use page::closed::write_drives;
+pub use panel::Guests;

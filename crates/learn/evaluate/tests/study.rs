@@ -3,8 +3,13 @@
 
 use std::path::{Path, PathBuf};
 
-use ds_evaluate::Progress;
 use ds_evaluate::study::{self, Study, StudyConfig, outcome::Outcome};
+use ds_evaluate::{AppraisalError, Progress};
+use ds_nn::Array;
+use ds_policy::plan::evenly_spaced;
+use ds_policy::{Context, Observation, Policy, PolicyAnswer, PolicyError, PrivilegedView, Restart};
+use ds_raster::RgbImage;
+use ds_space::{CameraModel, PoseSe2, SimTime};
 
 fn configs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../configs")
@@ -37,9 +42,18 @@ impl Progress for Counted {
     fn note(&mut self, _text: &str) {}
 }
 
+/// Runs a study to which no policy connects.
+fn alone(study: Study, config: &StudyConfig, progress: &mut Counted) -> Result<Outcome, AppraisalError> {
+    study::run(study, config, &|name, _| Err(format!("{name} is not expected").into()), progress, &|| 0.0)
+}
+
+fn run(study: Study, config: &StudyConfig) -> Result<Outcome, AppraisalError> {
+    alone(study, config, &mut Counted::default())
+}
+
 fn study(config: &StudyConfig) -> (Outcome, Counted) {
     let mut progress = Counted::default();
-    let outcome = study::run(Study::Fidelity, config, &mut progress, &|| 0.0).expect("the study runs");
+    let outcome = alone(Study::Fidelity, config, &mut progress).expect("the study runs");
     (outcome, progress)
 }
 
@@ -95,7 +109,7 @@ fn far_sources_are_correlated_with_plans() {
         source("reprojected"),
         source("abroad"),
     ]);
-    let found = study::run(Study::Correlation, &config, &mut Counted::default(), &|| 0.0).expect("the study runs");
+    let found = run(Study::Correlation, &config).expect("the study runs");
     let correlation = found.correlation.as_ref().expect("asked for");
     assert_eq!(correlation.sources, 6, "the real set is none");
     let metric = &correlation.metrics["fd_pi"];
@@ -121,7 +135,7 @@ fn edits_are_answered_and_drift_is_measured() {
     config.sources.push(source("{ name = \"bare\", from = \"sim-rgb\", no_lines = true }"));
     config.sources.push(source("{ name = \"aside\", from = \"reference\", aside_m = 2.0 }"));
     config.edits = [["sim-rgb", "bare"], ["reference", "aside"]].map(|pair| pair.map(str::to_owned)).to_vec();
-    let found = study::run(Study::Sensitivity, &config, &mut Counted::default(), &|| 0.0).expect("the study runs");
+    let found = run(Study::Sensitivity, &config).expect("the study runs");
     let sensitivity = found.sensitivity.expect("asked for");
     let [bare, aside] = sensitivity.responses.as_slice() else { panic!("two edits") };
     let own = found.fd_pi["bare"].value / found.fd_pi["sim-rgb"].value - 1.0;
@@ -132,14 +146,14 @@ fn edits_are_answered_and_drift_is_measured() {
 
     config.edits.clear();
     (config.marks, config.ratios) = (vec![10, 16], vec![["layout", "sim-rgb"].map(str::to_owned)]);
-    let found = study::run(Study::Rollout, &config, &mut Counted::default(), &|| 0.0).expect("the study runs");
+    let found = run(Study::Rollout, &config).expect("the study runs");
     let rollout = found.rollout.expect("asked for");
     let curve = rollout.curves.iter().find(|curve| curve.source == "layout").expect("a source");
     assert_eq!(curve.marks.iter().map(|mark| mark.frame).collect::<Vec<_>>(), [10, 16]);
     assert!((curve.marks[1].fd_pi.value - curve.marks[0].fd_pi.value - curve.rise.value).abs() < 1e-9);
     assert_eq!(rollout.removed.len(), 1);
     // What a study does not find in its configuration is named.
-    let error = study::run(Study::Sensitivity, &config, &mut Counted::default(), &|| 0.0).expect_err("no edits");
+    let error = run(Study::Sensitivity, &config).expect_err("no edits");
     assert!(error.to_string().contains("edits"), "{error}");
 }
 
@@ -162,9 +176,78 @@ fn wrong_studies_are_named() {
     check(|config| config.marks = vec![5, 16], "marks");
     let mut config = base.clone();
     config.panel[0].policy = "lattice".to_owned();
-    let error =
-        study::run(Study::Fidelity, &config, &mut Counted::default(), &|| 0.0).expect_err("no features").to_string();
+    let error = run(Study::Fidelity, &config).expect_err("no features").to_string();
     assert!(error.contains("lattice") && error.contains("no features"), "{error}");
+}
+
+/// A policy in another process, as a study sees it: it goes straight on and tells means of the frame.
+struct Guest {
+    tells: bool,
+    weight: f32,
+}
+
+impl Policy for Guest {
+    fn name(&self) -> &str {
+        "guest"
+    }
+
+    fn privileged(&self) -> bool {
+        false
+    }
+
+    fn plan(&mut self, seen: &Observation, _: Option<&PrivilegedView>) -> Result<PolicyAnswer, PolicyError> {
+        let poses: Vec<_> = (1..=40).map(|tick| PoseSe2::new(0.1 * f64::from(tick), 0.0, 0.0)).collect();
+        let trajectory = evenly_spaced("guest", &poses, SimTime::from_secs(0.1))?;
+        let newest: Vec<RgbImage> = seen.frames.iter().map(|frames| frames[0].clone()).collect();
+        Ok(PolicyAnswer { context: self.context(&seen.cameras, &newest)?, ..PolicyAnswer::single(trajectory) })
+    }
+
+    fn context(&mut self, _: &[CameraModel], frames: &[RgbImage]) -> Result<Option<Context>, PolicyError> {
+        let quarter = frames[0].rgb().len() / 4;
+        let mean = |part: &[u8]| self.weight * part.iter().map(|byte| f32::from(*byte)).sum::<f32>() / quarter as f32;
+        let tokens = Array::new(&[2, 2], frames[0].rgb().chunks_exact(quarter).map(mean).collect());
+        Ok(self.tells.then_some(Context { tokens, grid: None }))
+    }
+
+    fn restart(&self) -> Restart {
+        Restart::Stateless
+    }
+}
+
+#[test]
+fn a_policy_that_connects_is_a_member_and_another_one_is_looked_at_anew() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut config = config(folder.path());
+    config.panel = vec![study::config::MemberConfig {
+        name: "mine".to_owned(),
+        policy: "guest".to_owned(),
+        listen: Some("tcp/127.0.0.1:7448".to_owned()),
+        weights: None,
+        control: false,
+    }];
+    let with = |config: &StudyConfig, tells: bool, weight: f32| {
+        let mut counted = Counted::default();
+        let connect = |name: &str, listen: &str| {
+            assert_eq!((name, listen), ("guest", "tcp/127.0.0.1:7448"));
+            Ok(Box::new(Guest { tells, weight }) as Box<dyn Policy>)
+        };
+        let found = study::run(Study::Fidelity, config, &connect, &mut counted, &|| 0.0);
+        found.map(|found| (found, counted)).map_err(|error| error.to_string())
+    };
+    let (found, first) = with(&config, true, 1.0).expect("the study runs");
+    assert_eq!((first.made, first.kept), (18, 6));
+    let table = &found.policies["mine"];
+    assert_eq!(table.features, 2, "the mean over two tokens of two numbers");
+    assert!(table.sources["reference"].fd.value.abs() < 1e-6 && table.sources["layout"].fd.value > 0.1);
+    assert_eq!(found.fd_pi["layout"], table.sources["layout"].fd, "a panel of one");
+    let (again, kept) = with(&config, true, 1.0).expect("the study runs");
+    assert_eq!((again, kept.made), (found, 0));
+    assert_eq!(with(&config, true, 0.5).expect("the study runs").1.made, 18, "another network answers otherwise");
+    let error = with(&config, false, 1.0).map(|_| ()).expect_err("no context");
+    assert!(error.contains("panel.mine") && error.contains("no features"), "{error}");
+    config.panel[0].policy = "camera".to_owned();
+    let error = with(&config, true, 1.0).map(|_| ()).expect_err("runs inside");
+    assert!(error.contains("panel.mine.listen"), "{error}");
 }
 
 /// Writes pictures of stripes, wider in one folder than in the other, and names them as recorded sets.
@@ -193,8 +276,7 @@ fn recorded_frames_are_the_unit() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let mut config = config(folder.path());
     config.scenarios = 4;
-    let run =
-        |config: &StudyConfig| study::run(Study::Anchor, config, &mut Counted::default(), &|| 0.0).map_err(Box::new);
+    let run = |config: &StudyConfig| run(Study::Anchor, config).map_err(Box::new);
     assert!(run(&config).expect_err("no recorded sets").to_string().contains("recorded"));
     config.recorded = recorded(folder.path(), (96, 64), [5, 17]);
     let found = run(&config).expect("the study runs");

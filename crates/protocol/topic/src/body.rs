@@ -90,6 +90,8 @@ pub struct Plan {
     pub observed: Option<SimTime>,
     /// How the answer came about, in episodes that are driven by the wall clock alone.
     pub answered: Option<Answered>,
+    /// What the policy attends to of the newest frames, before its own motion or the command enter: [tokens, channels].
+    pub context: Option<Tensor>,
 }
 
 /// How the answer of a plan came about by the wall clock.
@@ -248,6 +250,9 @@ impl Plan {
         for proposal in &self.proposals {
             digest_trajectory(writer, &proposal.trajectory);
             writer.f64(proposal.score);
+        }
+        if let Some(context) = &self.context {
+            context.digest_into(writer);
         }
     }
 }

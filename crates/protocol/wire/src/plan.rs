@@ -1,6 +1,7 @@
 //! Topic `plan`: a trajectory and its proposals.
 
 use ds_space::SimTime;
+use ds_topic::body::Tensor;
 use ds_topic::{Answered, Plan};
 use ds_world::{Proposal, Trajectory, TrajectoryPoint};
 
@@ -10,6 +11,8 @@ use crate::v1;
 
 /// The most proposals of a plan.
 pub const MAX_PROPOSALS: usize = 1_024;
+/// The most numbers of a context.
+pub const MAX_CONTEXT: usize = 4_096;
 /// The most iterations of an episode.
 const MAX_ITERATIONS: u32 = 20_000;
 /// The most answers between two plans.
@@ -44,6 +47,18 @@ pub(crate) fn trajectory(points: Vec<TrajectoryPoint>) -> Result<Trajectory, Fie
     Trajectory::new(points).map_err(|error| FieldError::new("", format!("is refused: {error}")))
 }
 
+/// Takes what a policy attends to.
+pub(crate) fn context(message: v1::Tensor) -> Result<Tensor, FieldError> {
+    let numbers = message.values.len();
+    if !(1..=MAX_CONTEXT).contains(&numbers) {
+        return Err(FieldError::new("values", format!("has {numbers} elements, 1 to {MAX_CONTEXT} are allowed")));
+    }
+    if message.shape.len() != 2 {
+        return Err(FieldError::new("shape", format!("is {:?}, tokens and channels expected", message.shape)));
+    }
+    Tensor::try_from(message)
+}
+
 impl From<&Proposal> for v1::Proposal {
     fn from(value: &Proposal) -> Self {
         Self { trajectory: Some((&value.trajectory).into()), score: Some(value.score) }
@@ -65,6 +80,7 @@ impl From<&Plan> for v1::Plan {
             proposals: value.proposals.iter().map(Into::into).collect(),
             observed_ns: value.observed.map(|time| time.0),
             answered: value.answered.as_ref().map(Into::into),
+            context: value.context.as_ref().map(Into::into),
         }
     }
 }
@@ -101,6 +117,7 @@ impl TryFrom<v1::Plan> for Plan {
                 .map(|time| whole("observed_ns", time, 0, i64::MAX).map(SimTime))
                 .transpose()?,
             answered: message.answered.map(|answered| part("answered", Some(answered))).transpose()?,
+            context: message.context.map(context).transpose().map_err(|error| error.below("context"))?,
         })
     }
 }

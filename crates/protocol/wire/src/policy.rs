@@ -7,6 +7,7 @@ use bytes::Bytes;
 use ds_raster::{Encoding, RgbImage};
 use ds_space::{CameraId, CameraModel, DVec2, DVec3, Intrinsics, Pose, PoseSe2, SimTime};
 use ds_topic::Plan;
+use ds_topic::body::Tensor;
 use ds_world::{EgoState, Proposal, RouteCommand, TrajectoryPoint};
 use prost::Message;
 
@@ -14,8 +15,10 @@ use crate::body::decode;
 use crate::error::{FieldError, WireError};
 use crate::field::{checked, choice, enumeration, list, number, part, positive, text, whole};
 use crate::geometry::{MAX_SIDE_PX, rotation};
+use crate::plan::MAX_CONTEXT;
 use crate::policy_v1 as p1;
 use crate::tally::Limit;
+use crate::v1;
 
 /// The version of the outside contract.
 pub const CONTRACT_VERSION: u32 = 1;
@@ -368,6 +371,17 @@ const PLAN_LIMITS: &[Limit] = &[
     Limit { path: &[3, 1], field: "proposals.poses", most: MAX_PROPOSALS * ds_world::trajectory::MAX_POINTS },
 ];
 
+/// Takes what a policy attends to.
+fn context(message: p1::PlanContext) -> Result<Tensor, FieldError> {
+    let p1::PlanContext { channels, values } = message;
+    let channels = whole("channels", channels, 1, MAX_CONTEXT as u32)?;
+    let numbers = u32::try_from(values.len()).unwrap_or(u32::MAX);
+    if !numbers.is_multiple_of(channels) {
+        return Err(FieldError::new("values", format!("has {numbers} elements, no multiple of {channels} channels")));
+    }
+    crate::plan::context(v1::Tensor { shape: vec![numbers / channels, channels], values })
+}
+
 impl PolicyMessage for PolicyPlan {
     fn to_bytes(&self) -> Bytes {
         let proposal =
@@ -376,6 +390,10 @@ impl PolicyMessage for PolicyPlan {
             for_sequence: self.for_sequence,
             poses: poses(&self.plan.trajectory),
             proposals: self.plan.proposals.iter().map(proposal).collect(),
+            context: self.plan.context.as_ref().map(|context| p1::PlanContext {
+                channels: context.shape.last().copied().unwrap_or_default(),
+                values: context.values.clone(),
+            }),
         };
         message.encode_to_vec().into()
     }
@@ -386,9 +404,10 @@ impl PolicyMessage for PolicyPlan {
             let points = list("poses", message.poses, ds_world::trajectory::MAX_POINTS)?;
             let trajectory = crate::plan::trajectory(points)?;
             let proposals = list("proposals", message.proposals, MAX_PROPOSALS)?;
+            let context = message.context.map(context).transpose().map_err(|error| error.below("context"))?;
             Ok(Self {
                 for_sequence: message.for_sequence,
-                plan: Plan { trajectory, proposals, observed: None, answered: None },
+                plan: Plan { trajectory, proposals, observed: None, answered: None, context },
             })
         };
         convert(message).map_err(|error: FieldError| error.of("plan"))

@@ -66,7 +66,7 @@ fn trajectory() -> Trajectory {
 
 fn plan() -> Plan {
     let proposals = vec![Proposal { trajectory: trajectory(), score: 0.5 }];
-    Plan { trajectory: trajectory(), proposals, observed: Some(SimTime(0)), answered: None }
+    Plan { trajectory: trajectory(), proposals, observed: Some(SimTime(0)), answered: None, context: None }
 }
 
 fn advance() -> Advance {
@@ -378,6 +378,31 @@ fn bad_headers_are_refused() {
     let mut long = field(1, &[]);
     long.extend(vec![0; 100]);
     assert!(split(long.into()).is_err());
+}
+
+#[test]
+fn a_context_is_whole_tokens_of_finite_numbers() {
+    let read = |channels: u32, values: Vec<f32>| {
+        let sound = PolicyPlan { for_sequence: 1, plan: plan() }.to_bytes();
+        let mut message: ds_wire::policy_v1::PolicyPlan = prost::Message::decode(sound).expect("as written");
+        message.context = Some(ds_wire::policy_v1::PlanContext { channels, values });
+        PolicyPlan::from_bytes(&prost::Message::encode_to_vec(&message))
+    };
+    let sound = read(3, vec![0.5; 6]).expect("two tokens").plan.context.expect("it tells");
+    assert_eq!((sound.shape, sound.values), (vec![2, 3], vec![0.5; 6]));
+    for (channels, values, says) in [
+        (4, vec![0.0; 6], "plan.context.values has 6 elements, no multiple of 4 channels"),
+        (0, vec![0.0; 6], "plan.context.channels is 0"),
+        (1, vec![], "plan.context.values has 0 elements, 1 to 4096"),
+        (1, vec![0.0; 4097], "plan.context.values has 4097 elements, 1 to 4096"),
+        (2, vec![0.0, 0.0, 0.0, f32::NAN], "plan.context.values[3] is NaN"),
+    ] {
+        let error = read(channels, values).expect_err(says).to_string();
+        assert!(error.contains(says), "{error:?} does not say {says:?}");
+    }
+    let mut message = v1::Plan::from(&plan());
+    message.context = Some(v1::Tensor { shape: vec![6], values: vec![0.0; 6] });
+    refused::<Plan>(message, "plan.context.shape is [6]");
 }
 
 #[test]

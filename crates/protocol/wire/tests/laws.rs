@@ -135,7 +135,7 @@ fn headings_of_a_guests_plan_are_as_given() {
     let given = PoseSe2 { position: DVec2::new(4.0, 1.0), heading_rad: 57.3 };
     let trajectory =
         Trajectory::new(vec![TrajectoryPoint { after: SimTime(500_000_000), pose: given }]).expect("a plan");
-    let plan = Plan { trajectory, proposals: Vec::new(), observed: None, answered: None };
+    let plan = Plan { trajectory, proposals: Vec::new(), observed: None, answered: None, context: None };
     let read = PolicyPlan::from_bytes(&PolicyPlan { for_sequence: 0, plan }.to_bytes()).expect("read");
     assert_eq!(read.plan.trajectory.points()[0].pose, given, "wrapped, it would hide that it is in degrees");
 }

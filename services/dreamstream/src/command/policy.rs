@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail, ensure};
 use ds_camera::{Appearance, ReferenceCamera, SceneCamera};
-use ds_launch::own;
+use ds_launch::{guest, own};
 use ds_policy::doctor::{self, Examination, Finding, Fixture, determinism, examine};
 use ds_policy::driver::Driver;
 use ds_policy::{Builtin, EgoView, Observation, Own, Policy};
@@ -15,7 +15,7 @@ use ds_raster::RgbImage;
 use ds_scenario::{Family, generate};
 use ds_sim::{SimConfig, Simulation};
 use ds_space::{CameraModel, DVec2, DVec3, Draws, Intrinsics, PoseSe2, Tick};
-use policy_bridge::{OutsideBus, Outsider};
+use policy_bridge::Outsider;
 use serde_json::json;
 use tokio::process::{Child, Command};
 use tokio::runtime::Runtime;
@@ -30,8 +30,6 @@ const FIRST_SEED: u64 = 40_000_000;
 const SEEDS: u64 = 6;
 /// So many calls are timed.
 const TIMED_CALLS: usize = 57;
-/// An external policy has so long for each answer.
-const ANSWER_WITHIN: Duration = Duration::from_secs(60);
 /// The name on the bus of a policy whose process is started here.
 const NAME: &str = "examined";
 /// Where libraries read how many threads they may have.
@@ -75,6 +73,7 @@ pub(crate) fn run(command: &PolicyCommand) -> Result<()> {
     } else {
         found.findings.iter().for_each(|one| answer(&format!("{:<11} {}", one.check, one.says)));
         found.remarks.iter().for_each(|one| answer(&format!("{:<11} {} (no error)", one.check, one.says)));
+        answer(&feature(&found));
         if let Some([first, median, longest]) = millis {
             answer(&format!(
                 "latency     first call {first:.1} ms, then median {median:.1} ms, longest {longest:.1} ms"
@@ -101,8 +100,21 @@ fn as_json(name: &str, fixtures: &[Fixture], found: &Examination, millis: Option
         "remarks": list(&found.remarks),
         "latency_ms": millis.map(|[first, median, longest]| json!({ "first": first, "median": median, "longest": longest })),
         "experts": experts,
+        "feature": found.feature,
         "plans": found.plans.iter().map(|plan| numbers(plan)).collect::<Vec<_>>(),
     })
+}
+
+/// Says what the policy tells that it attends to; what is wrong with it is a finding.
+fn feature(found: &Examination) -> String {
+    let says = match found.feature {
+        Some([tokens, channels]) => {
+            format!("[{tokens}, {channels}] of each frame, by the frame alone: fit for a panel of FDπ")
+        }
+        None if found.findings.iter().any(|finding| finding.check == "feature") => "none that is sound".to_owned(),
+        None => "none is given: the policy cannot be a member of a panel of FDπ".to_owned(),
+    };
+    format!("{:<11} {says}", "feature")
 }
 
 /// Returns poses as `[x, y, heading]`, in metres and radians.
@@ -126,8 +138,8 @@ impl Patient {
         let PolicyCommand::Doctor { policy: name, policy_weights: weights, policy_listen, together, python, .. } =
             command;
         if let Some(listen) = policy_listen {
-            let outside = runtime.block_on(OutsideBus::open(name, listen, None, ANSWER_WITHIN))?;
-            return Ok(Self { policy: Box::new(Outsider::new(Arc::new(outside), *together)), _process: None });
+            let outside = guest::open(runtime, name, listen)?;
+            return Ok(Self { policy: Box::new(Outsider::new(outside, *together)), _process: None });
         }
         if name.contains(".py:") {
             let process = |endpoint: &str| {
@@ -152,7 +164,7 @@ impl Patient {
 
     /// Starts a process that connects to an endpoint, and waits until it has answered once.
     fn of_process(process: impl Fn(&str) -> Command, runtime: &Runtime, first: &Fixture) -> Result<Self> {
-        let outside = Arc::new(runtime.block_on(OutsideBus::open(NAME, "tcp/127.0.0.1:0", None, ANSWER_WITHIN))?);
+        let outside = guest::open(runtime, NAME, "tcp/127.0.0.1:0")?;
         let mut process = process(outside.listens().first().context("an endpoint is open")?);
         process.stdin(Stdio::null()).stdout(Stdio::null()).kill_on_drop(true);
         let _in = runtime.enter();

@@ -165,7 +165,7 @@ mod tests {
         let trajectory = Trajectory::new(vec![point(0.5, 5.0), point(1.0, 10.0), point(1.5, 15.0)]).expect("sound");
         let made =
             Moment { now: SimTime::from_secs(2.0), pose: PoseSe2::new(100.0, 7.0, 0.0), observed: Some(SimTime(9)) };
-        let plan = Plan { trajectory, proposals: Vec::new(), observed: None, answered: None };
+        let plan = Plan { trajectory, proposals: Vec::new(), observed: None, answered: None, context: None };
         let answer = Answer { plan, asked: 4, moment: made };
         let now =
             Moment { now: SimTime::from_secs(2.5), pose: PoseSe2::new(104.0, 7.5, 0.0), observed: Some(SimTime(10)) };

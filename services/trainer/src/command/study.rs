@@ -10,6 +10,8 @@ use anyhow::{Context, Result};
 use ds_evaluate::study::config::Recorded;
 use ds_evaluate::study::outcome::{Figure, Outcome};
 use ds_evaluate::study::{self, Study, StudyConfig};
+use ds_launch::guest;
+use ds_policy::Policy;
 use ds_process::shipped;
 use ds_process::terminal::{answer, bar};
 
@@ -48,7 +50,13 @@ fn of_frames(study: Study, args: &StudyArgs) -> Result<()> {
     config.check_for(study)?;
     let began = Instant::now();
     let mut progress = Bar(bar(0, "sets"));
-    let mut outcome = study::run(study, &config, &mut progress, &|| began.elapsed().as_secs_f64())?;
+    // Until the process ends: a thread may still wait for a policy that does not answer.
+    let runtime = &*Box::leak(Box::new(ds_launch::runtime()?));
+    let guests = |name: &str, listen: &str| {
+        let guest = guest::connecting(runtime, name, listen).map_err(|error| format!("{error:#}"))?;
+        Ok(Box::new(guest) as Box<dyn Policy>)
+    };
+    let mut outcome = study::run(study, &config, &guests, &mut progress, &|| began.elapsed().as_secs_f64())?;
     outcome.quick = args.quick;
     study::write(&config, &outcome)?;
     progress.0.finish_and_clear();

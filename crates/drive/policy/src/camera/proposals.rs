@@ -110,7 +110,7 @@ pub(crate) fn answer(
     }
     let best = proposals.iter().reduce(|best, next| if next.score > best.score { next } else { best });
     let trajectory = best.expect("the network always makes proposals").trajectory.clone();
-    Ok(PolicyAnswer { trajectory, proposals })
+    Ok(PolicyAnswer { trajectory, proposals, context: None })
 }
 
 /// Returns the poses after each of `ticks` ticks: a smooth curve through the knots, then constant speed and curvature.

@@ -132,11 +132,14 @@ pub(crate) const WINDOW: u32 = 10;
 pub struct MemberConfig {
     /// Name in tables.
     pub name: String,
-    /// The built-in policy.
+    /// The built-in policy, the manifest of an ONNX network, or the name of a policy that connects to `listen`.
     pub policy: String,
     /// Its weights; drawn ones without.
     #[serde(default)]
     pub weights: Option<PathBuf>,
+    /// Where a policy in another process connects, such as `tcp/127.0.0.1:7448`.
+    #[serde(default)]
+    pub listen: Option<String>,
     /// Whether it stands beside the panel, outside the mean.
     #[serde(default)]
     pub control: bool,

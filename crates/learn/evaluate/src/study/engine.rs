@@ -16,6 +16,7 @@ use super::features::{Lookers, Rows, Seen, key, look, matrix};
 use super::found::{Found, Measured, Sets};
 use super::frames::Take;
 use super::outcome::{Figure, Outcome, Ratio, Row, Scene, Table};
+use super::panel::Guests;
 use super::source::Source;
 use super::{anchor, correlation, page, panel, rollout, sensitivity};
 use crate::Progress;
@@ -31,18 +32,21 @@ const LOOKED_AT: u32 = 40;
 /// Distances are stated in hundredths of the variance.
 const HUNDREDTHS: f64 = 100.0;
 
-/// Makes the frames, looks at them and measures; what was looked at before is kept. `seconds` is a running clock.
+/// Makes the frames, looks at them and measures; what was looked at before is kept. `guests` are the policies that connect,
+/// `seconds` is a running clock.
 ///
 /// # Errors
 /// If weights cannot be used, a frame cannot be made, or features cannot be compared.
 pub fn run(
     study: Study,
     config: &StudyConfig,
+    guests: &Guests<'_>,
     progress: &mut dyn Progress,
     seconds: &dyn Fn() -> f64,
 ) -> Result<Outcome, AppraisalError> {
     config.check_for(study)?;
-    let mut under_way = UnderWay::open(study, config)?;
+    let mut under_way = UnderWay::open(study, config, guests)?;
+    under_way.greet()?;
     let recorded = anchor::look(config, &mut under_way.lookers.panel)?;
     let seen = under_way.look(progress, seconds)?;
     let sets = under_way.sets(&seen);
@@ -163,8 +167,8 @@ struct UnderWay<'a> {
 }
 
 impl<'a> UnderWay<'a> {
-    fn open(study: Study, config: &'a StudyConfig) -> Result<Self, AppraisalError> {
-        let panel = panel::load(config)?;
+    fn open(study: Study, config: &'a StudyConfig, guests: &Guests<'_>) -> Result<Self, AppraisalError> {
+        let panel = panel::load(config, guests)?;
         let lookers = Lookers { panel, look: LookReader::load(&config.path(&config.look_weights))? };
         let mut arms = BTreeMap::new();
         for source in config.sources.iter().map(|source| source.from).filter(|source| source.is_generated()) {
@@ -183,6 +187,17 @@ impl<'a> UnderWay<'a> {
         };
         let takes = (0..config.scenarios).map(take).collect::<Result<_, AppraisalError>>()?;
         Ok(Self { config, plans: study == Study::Correlation, lookers, takes, arms, size_px, seconds: 0.0 })
+    }
+
+    /// Shows the guests the first frame of the real set.
+    fn greet(&mut self) -> Result<(), AppraisalError> {
+        let (take, real) = (&self.takes[0], Source::reference());
+        for guest in self.lookers.panel.iter_mut().filter(|member| member.guest) {
+            let mut drive = take.drive(&real, self.size_px)?;
+            let frames = take.frames(&real, None, &mut drive, 0)?;
+            guest.greet(&drive.model, &frames[0], &drive.name)?;
+        }
+        Ok(())
     }
 
     /// Returns what is seen of every scenario: the real set, then every source.

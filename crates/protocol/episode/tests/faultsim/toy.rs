@@ -61,7 +61,7 @@ impl Codec for ToyCodec {
         pose.position.x = f64::from(x) * 1e-7;
         let trajectory = Trajectory::new(vec![TrajectoryPoint { after: SimTime(1), pose }])
             .map_err(|error| CodecError(error.to_string()))?;
-        Ok(Plan { trajectory, proposals: Vec::new(), observed: None, answered })
+        Ok(Plan { trajectory, proposals: Vec::new(), observed: None, answered, context: None })
     }
 
     fn encode_event(&self, event: &Event) -> Bytes {

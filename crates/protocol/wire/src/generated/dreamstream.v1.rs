@@ -123,6 +123,53 @@ impl Topic {
         }
     }
 }
+/// A dense row-major tensor of 32-bit floats.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Tensor {
+    /// Extent of each axis, at most 8 axes.
+    #[prost(uint32, repeated, tag = "1")]
+    pub shape: ::prost::alloc::vec::Vec<u32>,
+    /// The elements; their count is the product of the extents, at most 4 Mi; finite.
+    #[prost(float, repeated, tag = "2")]
+    pub values: ::prost::alloc::vec::Vec<f32>,
+}
+/// Body of `cache`.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Cache {
+    /// The header.
+    #[prost(message, optional, tag = "1")]
+    pub header: ::core::option::Option<Header>,
+    /// The chunk, 0 being the first frame.
+    #[prost(uint32, tag = "2")]
+    pub chunk: u32,
+    /// First tick of the chunk.
+    #[prost(uint32, tag = "3")]
+    pub first_tick: u32,
+    /// Ticks in the chunk, from 1.
+    #[prost(uint32, tag = "4")]
+    pub ticks: u32,
+    /// The exact tensor that was fed to the cache-writing forward.
+    #[prost(message, optional, tag = "5")]
+    pub cached_input: ::core::option::Option<Tensor>,
+    /// The denoised latent, for the streaming decoder.
+    #[prost(message, optional, tag = "6")]
+    pub clean: ::core::option::Option<Tensor>,
+    /// Control latents of the chunk.
+    #[prost(message, optional, tag = "7")]
+    pub control: ::core::option::Option<Tensor>,
+    /// Digest of prompt and first-frame conditioning, 32 bytes.
+    #[prost(bytes = "bytes", tag = "8")]
+    pub conditioning: ::prost::bytes::Bytes,
+    /// Digest of the KV cache after this chunk, 32 bytes.
+    #[prost(bytes = "bytes", tag = "9")]
+    pub cache_digest: ::prost::bytes::Bytes,
+    /// Digest of the encoder's state after this chunk, 32 bytes.
+    #[prost(bytes = "bytes", tag = "10")]
+    pub encoder_digest: ::prost::bytes::Bytes,
+    /// Digest of the decoder's state after this chunk, 32 bytes.
+    #[prost(bytes = "bytes", tag = "11")]
+    pub decoder_digest: ::prost::bytes::Bytes,
+}
 /// A planar vector; frame and unit are stated where it is used.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
 pub struct Vector2 {
@@ -348,6 +395,10 @@ pub struct Plan {
     /// Only in episodes that are driven by the wall clock. No part of the content digest.
     #[prost(message, optional, tag = "5")]
     pub answered: ::core::option::Option<Answered>,
+    /// What the policy attends to of the newest frames, before its own motion or the command enter, if it tells: tokens and
+    /// channels, at most 4096 numbers. Of one size in all plans of an episode, or absent from all.
+    #[prost(message, optional, tag = "6")]
+    pub context: ::core::option::Option<Tensor>,
 }
 /// Who holds a role of the episode.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -461,53 +512,6 @@ impl Role {
             _ => None,
         }
     }
-}
-/// A dense row-major tensor of 32-bit floats.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct Tensor {
-    /// Extent of each axis, at most 8 axes.
-    #[prost(uint32, repeated, tag = "1")]
-    pub shape: ::prost::alloc::vec::Vec<u32>,
-    /// The elements; their count is the product of the extents, at most 4 Mi; finite.
-    #[prost(float, repeated, tag = "2")]
-    pub values: ::prost::alloc::vec::Vec<f32>,
-}
-/// Body of `cache`.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct Cache {
-    /// The header.
-    #[prost(message, optional, tag = "1")]
-    pub header: ::core::option::Option<Header>,
-    /// The chunk, 0 being the first frame.
-    #[prost(uint32, tag = "2")]
-    pub chunk: u32,
-    /// First tick of the chunk.
-    #[prost(uint32, tag = "3")]
-    pub first_tick: u32,
-    /// Ticks in the chunk, from 1.
-    #[prost(uint32, tag = "4")]
-    pub ticks: u32,
-    /// The exact tensor that was fed to the cache-writing forward.
-    #[prost(message, optional, tag = "5")]
-    pub cached_input: ::core::option::Option<Tensor>,
-    /// The denoised latent, for the streaming decoder.
-    #[prost(message, optional, tag = "6")]
-    pub clean: ::core::option::Option<Tensor>,
-    /// Control latents of the chunk.
-    #[prost(message, optional, tag = "7")]
-    pub control: ::core::option::Option<Tensor>,
-    /// Digest of prompt and first-frame conditioning, 32 bytes.
-    #[prost(bytes = "bytes", tag = "8")]
-    pub conditioning: ::prost::bytes::Bytes,
-    /// Digest of the KV cache after this chunk, 32 bytes.
-    #[prost(bytes = "bytes", tag = "9")]
-    pub cache_digest: ::prost::bytes::Bytes,
-    /// Digest of the encoder's state after this chunk, 32 bytes.
-    #[prost(bytes = "bytes", tag = "10")]
-    pub encoder_digest: ::prost::bytes::Bytes,
-    /// Digest of the decoder's state after this chunk, 32 bytes.
-    #[prost(bytes = "bytes", tag = "11")]
-    pub decoder_digest: ::prost::bytes::Bytes,
 }
 /// One effect that was considered.
 #[derive(Clone, PartialEq, ::prost::Message)]

@@ -196,6 +196,16 @@ pub struct PlanProposal {
     #[prost(double, optional, tag = "2")]
     pub score: ::core::option::Option<f64>,
 }
+/// What a policy attends to of the newest frames, before its own motion or the command enter: the feature of FDπ.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct PlanContext {
+    /// Numbers of a token, from 1.
+    #[prost(uint32, tag = "1")]
+    pub channels: u32,
+    /// Token by token; a multiple of `channels`, at most 4096; finite.
+    #[prost(float, repeated, tag = "2")]
+    pub values: ::prost::alloc::vec::Vec<f32>,
+}
 /// `plan`, policy to bridge: answers an observation; the first answer counts. At most 1 MiB.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct PolicyPlan {
@@ -208,6 +218,9 @@ pub struct PolicyPlan {
     /// All candidates, if the policy has several; at most 64.
     #[prost(message, repeated, tag = "3")]
     pub proposals: ::prost::alloc::vec::Vec<PlanProposal>,
+    /// What the policy attends to, if it tells: with every answer of a session in the same size, or with none.
+    #[prost(message, optional, tag = "4")]
+    pub context: ::core::option::Option<PlanContext>,
 }
 /// `goodbye`, bridge to policy: the session is over.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]

@@ -105,8 +105,16 @@ pub(crate) fn plan() -> impl Strategy<Value = Plan> {
     let observed = option::of((0..i64::MAX).prop_map(SimTime));
     let answered = (vec(0_u64..3_600_000_000_000, 0..4), 0_u32..20_000)
         .prop_map(|(latency_nanos, iterations_late)| Answered { latency_nanos, iterations_late });
-    (trajectory(), vec(proposal, 0..4), observed, option::of(answered))
-        .prop_map(|(trajectory, proposals, observed, answered)| Plan { trajectory, proposals, observed, answered })
+    let context = tensor().prop_map(|tensor| Some(tensor).filter(|tensor| !tensor.values.is_empty()));
+    (trajectory(), vec(proposal, 0..4), observed, option::of(answered), context).prop_map(
+        |(trajectory, proposals, observed, answered, context)| Plan {
+            trajectory,
+            proposals,
+            observed,
+            answered,
+            context,
+        },
+    )
 }
 
 fn tensor() -> impl Strategy<Value = Tensor> {

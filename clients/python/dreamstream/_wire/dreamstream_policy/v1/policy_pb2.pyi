@@ -174,15 +174,25 @@ class PlanProposal(_message.Message):
     score: float
     def __init__(self, poses: _Optional[_Iterable[_Union[PlanPose, _Mapping]]] = ..., score: _Optional[float] = ...) -> None: ...
 
+class PlanContext(_message.Message):
+    __slots__ = ("channels", "values")
+    CHANNELS_FIELD_NUMBER: _ClassVar[int]
+    VALUES_FIELD_NUMBER: _ClassVar[int]
+    channels: int
+    values: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, channels: _Optional[int] = ..., values: _Optional[_Iterable[float]] = ...) -> None: ...
+
 class PolicyPlan(_message.Message):
-    __slots__ = ("for_sequence", "poses", "proposals")
+    __slots__ = ("for_sequence", "poses", "proposals", "context")
     FOR_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     POSES_FIELD_NUMBER: _ClassVar[int]
     PROPOSALS_FIELD_NUMBER: _ClassVar[int]
+    CONTEXT_FIELD_NUMBER: _ClassVar[int]
     for_sequence: int
     poses: _containers.RepeatedCompositeFieldContainer[PlanPose]
     proposals: _containers.RepeatedCompositeFieldContainer[PlanProposal]
-    def __init__(self, for_sequence: _Optional[int] = ..., poses: _Optional[_Iterable[_Union[PlanPose, _Mapping]]] = ..., proposals: _Optional[_Iterable[_Union[PlanProposal, _Mapping]]] = ...) -> None: ...
+    context: PlanContext
+    def __init__(self, for_sequence: _Optional[int] = ..., poses: _Optional[_Iterable[_Union[PlanPose, _Mapping]]] = ..., proposals: _Optional[_Iterable[_Union[PlanProposal, _Mapping]]] = ..., context: _Optional[_Union[PlanContext, _Mapping]] = ...) -> None: ...
 
 class SessionGoodbye(_message.Message):
     __slots__ = ("reason",)
