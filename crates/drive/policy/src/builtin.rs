@@ -15,7 +15,7 @@ use crate::log_replay::LogReplay;
 use crate::route_follower::RouteFollower;
 
 /// The built-in policies' names, and whether each is privileged.
-pub const NAMES: [(&str, bool); 11] = [
+pub const NAMES: [(&str, bool); 13] = [
     ("camera", false),
     (Anchor::Careful.name(), true),
     (constant_velocity::NAME, false),
@@ -26,7 +26,9 @@ pub const NAMES: [(&str, bool); 11] = [
     (lattice::NAME, false),
     (Anchor::LogReplay.name(), true),
     ("ltf", false),
+    ("rap", false),
     (Anchor::RouteFollower.name(), true),
+    ("sparsedrive", false),
 ];
 
 /// Says whether a policy of this name is built in.

@@ -23,8 +23,14 @@ pub enum Learned {
 
 impl Learned {
     /// All of them.
-    pub const ALL: [Self; 4] =
-        [Self::Camera, Self::Panel(Kind::Drivor), Self::Panel(Kind::Ltf), Self::Panel(Kind::Diffusiondrive)];
+    pub const ALL: [Self; 6] = [
+        Self::Camera,
+        Self::Panel(Kind::Drivor),
+        Self::Panel(Kind::Ltf),
+        Self::Panel(Kind::Diffusiondrive),
+        Self::Panel(Kind::Sparsedrive),
+        Self::Panel(Kind::Rap),
+    ];
 
     /// Finds a policy by its name.
     #[must_use]
@@ -60,6 +66,12 @@ impl Learned {
             }
             Self::Camera | Self::Panel(_) => given.to_owned(),
         }
+    }
+
+    /// Returns how large a share of the expert's samples is shown to it as layout images instead of frames.
+    #[must_use]
+    pub fn rasters(self) -> f64 {
+        if self == Self::Panel(Kind::Rap) { 1.0 / 3.0 } else { 0.0 }
     }
 
     /// Lists the weights.

@@ -3,7 +3,8 @@
 //! As the `camera` policy, each brings the newest frame of the forward camera to one known camera and answers with plans
 //! of eight poses at 0.5 s, offsets from going straight on. A plan's score is what its scorer expects: NC · DAC · DDC ·
 //! TLC · (5 TTC + 5 EP + 2 LK + 2 HC) / 14 of the predicted sub-scores; where a network only says how likely each plan is,
-//! the logit of that; the one plan of a network without either has score 1. Noise comes from the observation's draws.
+//! the logit of that; where it predicts the total itself, that; where it says both, their product, the likelihood being one of all plans; the one plan of a network
+//! without either has score 1. Noise comes from the observation's draws.
 
 use ds_graph::panel::{Answer, Inputs, Kind, Network, PLAN, STATE, Scoring, TERMS};
 use ds_nn::{Array, Weights};
@@ -75,13 +76,13 @@ impl Policy for PanelPolicy {
         let state = Array::new(&[1, STATE], state_of(&observation.ego, observation.command).to_vec());
         let noise = noise_of(self.network.kind(), &observation.draw, 0);
         let noise = Array::new(&[1, noise.len()], noise);
-        let answer = self.network.answer(&Inputs { images: &images, state: &state, noise: &noise, times: None });
+        let answer =
+            self.network.answer(&Inputs { images: &images, state: &state, noise: &noise, times: None, reversal: 0.0 });
         let plans = answer.plans.last().expect("every network has plans").values().chunks_exact(PLAN);
-        let candidate = |(plan, numbers): (usize, &[f32])| Candidate {
-            knots: knots_of(observation.ego.speed_mps, numbers),
-            score: score(self.network.kind(), &answer, plan),
-        };
-        let candidates: Vec<Candidate> = plans.enumerate().map(candidate).collect();
+        let candidate =
+            |(numbers, score): (&[f32], f64)| Candidate { knots: knots_of(observation.ego.speed_mps, numbers), score };
+        let scores = scores(self.network.kind(), &answer);
+        let candidates: Vec<Candidate> = plans.zip(scores).map(candidate).collect();
         proposals::answer(self.network.kind().name(), observation, &candidates)
     }
 
@@ -97,14 +98,28 @@ impl Policy for PanelPolicy {
     }
 }
 
-/// Returns the score of a plan of an answer of one sample.
-fn score(kind: Kind, answer: &Answer, plan: usize) -> f64 {
-    let logits = answer.scores.last().map(Array::values).unwrap_or_default();
-    match kind.scoring() {
-        Scoring::Single => 1.0,
-        Scoring::Terms => total(std::array::from_fn(|term| sigmoid(logits[plan * TERMS + term]))),
-        Scoring::Confidence => f64::from(logits[plan]),
+/// Returns the score of each plan of an answer of one sample.
+fn scores(kind: Kind, answer: &Answer) -> Vec<f64> {
+    let logits = |head: &Array| head.values().iter().map(|logit| f64::from(*logit)).collect::<Vec<f64>>();
+    let totals = |head: &Array| head.values().chunks_exact(TERMS).map(expected).collect::<Vec<f64>>();
+    match (kind.scoring(), answer.scores.as_slice()) {
+        (Scoring::Terms, [.., terms]) => totals(terms),
+        (Scoring::Confidence, [.., confidence]) => logits(confidence),
+        (Scoring::Total, [.., terms]) => terms.values().chunks_exact(TERMS).map(|logits| sigmoid(logits[0])).collect(),
+        (Scoring::ConfidenceAndTerms, [.., confidence, terms]) => {
+            let confidence = logits(confidence);
+            let highest = confidence.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let likely: Vec<f64> = confidence.iter().map(|logit| (logit - highest).exp()).collect();
+            let sum: f64 = likely.iter().sum();
+            likely.iter().zip(totals(terms)).map(|(likely, total)| likely / sum * total).collect()
+        }
+        (_, _) => vec![1.0],
     }
+}
+
+/// Returns the total that a plan's logits of sub-scores amount to.
+fn expected(logits: &[f32]) -> f64 {
+    total(std::array::from_fn(|term| sigmoid(logits[term])))
 }
 
 fn sigmoid(logit: f32) -> f64 {

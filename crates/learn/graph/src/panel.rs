@@ -11,8 +11,12 @@ mod diffusiondrive;
 mod drivor;
 mod layers;
 mod ltf;
+mod rap;
 mod sampling;
+pub mod sparsedrive;
 mod trunk;
+mod view;
+pub mod vocabulary;
 
 use burn::tensor::Tensor;
 use ds_nn::array::{Array, Declared, Weights, WeightsError};
@@ -55,6 +59,11 @@ pub enum Kind {
     Ltf,
     /// Truncated diffusion from anchored plans over the trunk of `ltf`; 20 plans with a logit each (after `DiffusionDrive`).
     Diffusiondrive,
+    /// 64 plans out of a vocabulary of paths and profiles of speed, filtered twice, each with a logit and sub-scores (after
+    /// `SparseDriveV2`).
+    Sparsedrive,
+    /// 32 plans refined where they lie in the frame, which learns from rasters too (after RAP).
+    Rap,
 }
 
 /// What the logits of plans say.
@@ -66,11 +75,16 @@ pub enum Scoring {
     Terms,
     /// How likely each plan is the right one, one number of each read-out.
     Confidence,
+    /// The total score of each plan, then its sub-scores but the last, [`TERMS`] in all; before it one number of each sample, whether
+    /// its context is of a raster.
+    Total,
+    /// Both: the last but one says how likely each plan is the right one, the last the sub-scores of each.
+    ConfidenceAndTerms,
 }
 
 impl Kind {
     /// All networks.
-    pub const ALL: [Self; 3] = [Self::Drivor, Self::Ltf, Self::Diffusiondrive];
+    pub const ALL: [Self; 5] = [Self::Drivor, Self::Ltf, Self::Diffusiondrive, Self::Sparsedrive, Self::Rap];
 
     /// Returns the name, as in `run --policy`.
     #[must_use]
@@ -79,6 +93,8 @@ impl Kind {
             Self::Drivor => "drivor",
             Self::Ltf => "ltf",
             Self::Diffusiondrive => "diffusiondrive",
+            Self::Sparsedrive => "sparsedrive",
+            Self::Rap => "rap",
         }
     }
 
@@ -95,6 +111,8 @@ impl Kind {
             Self::Drivor => drivor::declared(),
             Self::Ltf => ltf::declared(),
             Self::Diffusiondrive => diffusiondrive::declared(),
+            Self::Sparsedrive => sparsedrive::declared(),
+            Self::Rap => rap::declared(),
         }
     }
 
@@ -105,6 +123,8 @@ impl Kind {
             Self::Drivor => Scoring::Terms,
             Self::Ltf => Scoring::Single,
             Self::Diffusiondrive => Scoring::Confidence,
+            Self::Sparsedrive => Scoring::ConfidenceAndTerms,
+            Self::Rap => Scoring::Total,
         }
     }
 
@@ -112,7 +132,7 @@ impl Kind {
     #[must_use]
     pub fn noise(self) -> usize {
         match self {
-            Self::Drivor | Self::Ltf => 0,
+            Self::Drivor | Self::Ltf | Self::Sparsedrive | Self::Rap => 0,
             Self::Diffusiondrive => diffusiondrive::PLANS * diffusion::POINTS,
         }
     }
@@ -123,10 +143,15 @@ impl Kind {
         (self.noise() > 0).then_some(diffusion::TIMES)
     }
 
-    /// Returns the name of the weight that holds x and y of the plans it starts from, which are given to it and not trained.
+    /// Returns the names of the weights that are given to it and not trained: x and y of the plans it starts from; or the paths
+    /// and the profiles that it puts plans together of, in this order.
     #[must_use]
-    pub fn anchors(self) -> Option<&'static str> {
-        (self == Self::Diffusiondrive).then_some(diffusiondrive::ANCHORS)
+    pub fn given(self) -> &'static [&'static str] {
+        match self {
+            Self::Drivor | Self::Ltf | Self::Rap => &[],
+            Self::Diffusiondrive => &[diffusiondrive::ANCHORS],
+            Self::Sparsedrive => &[sparsedrive::PATHS, sparsedrive::PROFILES],
+        }
     }
 
     /// Rows and columns of the context where its tokens are places, row by row.
@@ -136,6 +161,8 @@ impl Kind {
             Self::Drivor => None,
             Self::Ltf => Some(trunk::LATENT),
             Self::Diffusiondrive => Some(sampling::MAP),
+            Self::Sparsedrive => Some(view::MAPS[1]),
+            Self::Rap => Some(rap::GRID),
         }
     }
 
@@ -144,16 +171,20 @@ impl Kind {
             Self::Drivor => drivor::context(graph, images),
             Self::Ltf => ltf::context(graph, images),
             Self::Diffusiondrive => diffusiondrive::context(graph, images),
+            Self::Sparsedrive => sparsedrive::context(graph, images),
+            Self::Rap => rap::context(graph, images),
         }
     }
 
     fn forward(self, graph: &Graph, inputs: &Inputs<'_>) -> Heads {
-        let context = self.context(graph, graph.tensor::<4>(inputs.images));
+        let context = || self.context(graph, graph.tensor::<4>(inputs.images));
         let state = graph.tensor::<2>(inputs.state);
         match self {
-            Self::Drivor => drivor::plan(graph, &context, &state),
-            Self::Ltf => ltf::plan(graph, context, state),
-            Self::Diffusiondrive => diffusiondrive::plan(graph, context, state, inputs),
+            Self::Drivor => drivor::plan(graph, &context(), &state),
+            Self::Ltf => ltf::plan(graph, context(), state),
+            Self::Diffusiondrive => diffusiondrive::plan(graph, context(), state, inputs),
+            Self::Sparsedrive => sparsedrive::plan(graph, inputs),
+            Self::Rap => rap::plan(graph, &context(), state, inputs),
         }
     }
 }
@@ -169,6 +200,8 @@ pub struct Inputs<'a> {
     pub noise: &'a Array,
     /// In training how strongly each sample's noise is mixed in, below [`Kind::times`]; none to answer in all steps.
     pub times: Option<&'a [u32]>,
+    /// In training how strongly the context unlearns whether it is of a raster, for [`Scoring::Total`].
+    pub reversal: f32,
 }
 
 impl Inputs<'_> {
@@ -183,7 +216,8 @@ impl Inputs<'_> {
 pub struct Answer {
     /// Read-outs of the plans, the last being the answer: [N, M, 24] each.
     pub plans: Vec<Array>,
-    /// Logits of each plan, as [`Kind::scoring`] says: [N, M, 8] of the last read-out or [N, M, 1] of each.
+    /// Logits of each plan, as [`Kind::scoring`] says: [N, M, 8] of the last read-out or [N, M, 1] of each. Those of `sparsedrive`
+    /// begin with the logits of all paths, then all profiles, of both layers: [N, words, 1].
     pub scores: Vec<Array>,
 }
 
@@ -261,8 +295,8 @@ pub fn gradient(
     let (loss, slope) = grade(&heads.answer());
     let surrogate = heads.surrogate(&graph, &slope);
     let mut gradients = graph.gradients(surrogate.backward());
-    if let Some(anchors) = kind.anchors() {
-        gradients.remove(anchors);
+    for given in kind.given() {
+        gradients.remove(given);
     }
     Ok((loss, gradients))
 }

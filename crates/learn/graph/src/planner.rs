@@ -7,6 +7,7 @@
 
 use burn::tensor::{Tensor, activation::relu};
 use ds_nn::array::{Array, Declared, Weights, WeightsError};
+use ds_space::{CameraId, CameraModel, DVec3, Intrinsics};
 
 use crate::graph::{Graph, Mode, array_of, fold};
 
@@ -23,6 +24,19 @@ const LAST: [usize; 2] = [HEIGHT_PX / 16, WIDTH_PX / 16];
 
 /// Rows, columns and channels of what the network knows of an image before state and command enter.
 pub const CONTEXT: [usize; 3] = [LAST[0], LAST[1], SQUEEZED];
+
+/// Returns the camera whose frames the camera policy and the panel know: 70° across, 1.6 m above the road, 1.5 m before the rear
+/// axle, 0.05 rad down.
+///
+/// # Panics
+/// Never: its name is a fixed plain word.
+#[must_use]
+#[expect(clippy::cast_possible_truncation, reason = "the sides are small constants")]
+pub fn known_camera() -> CameraModel {
+    let id = CameraId::new("front").expect("a plain word is an id");
+    let intrinsics = Intrinsics::centred(WIDTH_PX as u32, HEIGHT_PX as u32, 70f64.to_radians());
+    CameraModel::mounted(id, intrinsics, DVec3::new(1.5, 0.0, 1.6), 0.0, 0.05)
+}
 
 /// The sizes that a caller chooses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

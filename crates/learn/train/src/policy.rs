@@ -11,12 +11,16 @@ mod augment;
 mod closed_loop;
 mod dataset;
 mod gradient;
+mod groups;
 mod judge;
 mod learner;
 mod loss;
 mod panel_loss;
+mod rasters;
 mod settings;
 mod shown;
+mod total_loss;
+mod vocabulary;
 
 use std::fs::{self, OpenOptions};
 use std::io::Write;
@@ -86,6 +90,15 @@ pub enum PolicyTrainError {
         /// Why.
         #[source]
         source: ds_raster::ImageError,
+    },
+    /// A layout image of a generated scenario cannot be drawn.
+    #[error("a layout image of scenario {name:?} cannot be drawn")]
+    Raster {
+        /// The scenario.
+        name: String,
+        /// Why.
+        #[source]
+        source: ds_layout::LayoutError,
     },
     /// A generated scenario cannot be simulated.
     #[error("scenario {name:?} cannot be simulated")]

@@ -7,27 +7,17 @@
 use ds_graph::planner::{HEIGHT_PX, WIDTH_PX};
 use ds_nn::Array;
 use ds_raster::RgbImage;
-use ds_space::{CameraId, CameraModel, DVec3, Intrinsics};
+use ds_space::{CameraModel, DVec3};
 
 use crate::error::PolicyError;
 use crate::observation::Observation;
+
+pub use ds_graph::planner::known_camera;
 
 /// What is shown where the source camera does not reach.
 const UNSEEN: [f32; 3] = [115.0; 3];
 /// The most samples along each axis of a pixel.
 const MOST_SAMPLES: u32 = 4;
-
-/// Returns the camera that the network was trained with.
-///
-/// # Panics
-/// Never: its name is a fixed plain word.
-#[must_use]
-#[expect(clippy::cast_possible_truncation, reason = "the sides are small constants")]
-pub fn known_camera() -> CameraModel {
-    let id = CameraId::new("front").expect("a plain word is an id");
-    let intrinsics = Intrinsics::centred(WIDTH_PX as u32, HEIGHT_PX as u32, 70f64.to_radians());
-    CameraModel::mounted(id, intrinsics, DVec3::new(1.5, 0.0, 1.6), 0.0, 0.05)
-}
 
 /// Looks up frames of a source camera; keeps the look-up table of the last one.
 #[derive(Debug, Clone, Default)]

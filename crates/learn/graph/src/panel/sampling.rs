@@ -1,9 +1,10 @@
-//! Reads a map of the ground at the points of plans, bilinearly; what lies beyond the map reads as zero.
+//! Reads maps at points, bilinearly, and a map of the ground at those of plans; what lies beyond a map reads as zero.
 //!
-//! Cells are squares of 4 m with the value in their middle: row 0 lies 60 to 64 m ahead, column 0 28 to 32 m to the left.
+//! Cells of the ground are squares of 4 m with the value in their middle: row 0 lies 60 to 64 m ahead, column 0 28 to 32 m to the left.
 //! Points come as plain numbers, so no gradient reaches them; it reaches the map and the weight of each point.
 
 use burn::tensor::Tensor;
+use burn::tensor::activation::relu;
 use ds_nn::array::Array;
 
 use super::diffusion::POINTS;
@@ -19,10 +20,55 @@ const CELL_M: f32 = 4.0;
 const AHEAD_M: f32 = 64.0;
 const LEFT_M: f32 = 32.0;
 
-/// How much of each row and of each column the points of plans read.
-pub(super) struct Places {
+/// How much of each row and of each column of a map some points read.
+pub(super) struct Shares {
     rows: Tensor<4>,
     columns: Tensor<4>,
+}
+
+impl Shares {
+    /// Places samples × queries × points, given as row and column, on a map of so many rows and columns.
+    pub(super) fn of(
+        graph: &Graph,
+        points: impl Iterator<Item = [f32; 2]>,
+        [batch, queries, each]: [usize; 3],
+        sides: [usize; 2],
+    ) -> Self {
+        let mut shares = [Vec::new(), Vec::new()];
+        for point in points {
+            for (shares, (at, side)) in shares.iter_mut().zip(point.into_iter().zip(sides)) {
+                shares.extend((0..side).map(|cell| (1.0 - (at - cell as f32).abs()).max(0.0)));
+            }
+        }
+        let tensor = |shares: Vec<f32>, side| graph.tensor(&Array::new(&[batch, queries, each, side], shares));
+        let [rows, columns] = shares;
+        Self { rows: tensor(rows, sides[0]), columns: tensor(columns, sides[1]) }
+    }
+
+    /// Places points [N, M, P, 2], given as row and column; a gradient reaches them.
+    pub(super) fn moved(graph: &Graph, points: Tensor<4>, sides: [usize; 2]) -> Self {
+        let [batch, queries, each, _] = points.dims();
+        let [rows, columns] = [0, 1].map(|which: usize| {
+            let cells = Array::new(&[1, 1, 1, sides[which]], (0..sides[which]).map(|cell| cell as f32).collect());
+            let at = points.clone().slice([0..batch, 0..queries, 0..each, which..which + 1]);
+            relu((at.repeat_dim(3, sides[which]) - graph.tensor::<4>(&cells)).abs() * -1.0 + 1.0)
+        });
+        Self { rows, columns }
+    }
+
+    /// Returns the sum of a map [N, cells, C] at the points of each query, weighted [N, M, points]: [N, M, C].
+    pub(super) fn read(&self, map: Tensor<3>, weights: Tensor<3>) -> Tensor<3> {
+        let [batch, queries, _] = weights.dims();
+        let rows = self.rows.clone() * weights.unsqueeze_dim::<4>(3);
+        let cells = rows.swap_dims(2, 3).matmul(self.columns.clone());
+        let [.., high, wide] = cells.dims();
+        cells.reshape([batch, queries, high * wide]).matmul(map)
+    }
+}
+
+/// Where the points of plans lie on the map of the ground.
+pub(super) struct Places {
+    shares: Shares,
     /// Where the points lie from the middle of the map, in halves of it: [N, M, 16].
     pub(super) from_middle: Array,
 }
@@ -31,28 +77,20 @@ impl Places {
     /// Places points [N, M, 16], in the units of plans of cars at some speeds in m/s.
     pub(super) fn of(graph: &Graph, points: &Array, speeds_mps: &[f32]) -> Self {
         let &[batch, plans, _] = points.shape() else { unreachable!("points have three sides") };
-        let (mut shares, mut from_middle) = ([Vec::new(), Vec::new()], Vec::with_capacity(points.values().len()));
+        let mut cells = Vec::with_capacity(points.values().len() / 2);
         for (points, speed_mps) in points.values().chunks_exact(plans * POINTS).zip(speeds_mps) {
-            for (index, point) in points.chunks_exact(2).enumerate() {
-                let at = cell(index % POSES, *speed_mps, [point[0], point[1]]);
-                for (shares, (at, side)) in shares.iter_mut().zip(at.into_iter().zip(MAP)) {
-                    shares.extend((0..side).map(|cell| (1.0 - (at - cell as f32).abs()).max(0.0)));
-                    from_middle.push(2.0 * (at + 0.5) / side as f32 - 1.0);
-                }
-            }
+            let pairs = points.chunks_exact(2).enumerate();
+            cells.extend(pairs.map(|(index, point)| cell(index % POSES, *speed_mps, [point[0], point[1]])));
         }
-        let tensor = |shares: Vec<f32>, side| graph.tensor(&Array::new(&[batch, plans, POSES, side], shares));
-        let [rows, columns] = shares;
-        let from_middle = Array::new(points.shape(), from_middle);
-        Self { rows: tensor(rows, MAP[0]), columns: tensor(columns, MAP[1]), from_middle }
+        let middle = |(at, side): (&f32, usize)| 2.0 * (at + 0.5) / side as f32 - 1.0;
+        let from_middle = cells.as_flattened().iter().zip(MAP.into_iter().cycle()).map(middle).collect();
+        let shares = Shares::of(graph, cells.into_iter(), [batch, plans, POSES], MAP);
+        Self { shares, from_middle: Array::new(points.shape(), from_middle) }
     }
 
     /// Returns the sum of a map [N, 256, C] at the points of each plan, weighted [N, M, 8]: [N, M, C].
     pub(super) fn read(&self, map: Tensor<3>, weights: Tensor<3>) -> Tensor<3> {
-        let [batch, plans, _] = weights.dims();
-        let rows = self.rows.clone() * weights.unsqueeze_dim::<4>(3);
-        let cells = rows.swap_dims(2, 3).matmul(self.columns.clone());
-        cells.reshape([batch, plans, MAP[0] * MAP[1]]).matmul(map)
+        self.shares.read(map, weights)
     }
 }
 
@@ -111,6 +149,30 @@ mod tests {
         let inside: f32 =
             (0..16).map(|k| weights[k] * read(&ones, cell(k % 8, 9.0, [points[2 * k], points[2 * k + 1]]))).sum();
         assert!((by_map.values().iter().sum::<f32>() - inside).abs() < 1e-4);
+    }
+
+    #[test]
+    fn moved_points_read_the_same_and_their_gradient_is_the_slope_of_the_map() {
+        let graph = Graph::new(&Weights::default(), Mode::Train);
+        let map: Vec<f32> = (0..256).map(|k| (0.37 * k as f32).sin()).collect();
+        let at = [3.3, 7.6, 11.2, 0.4];
+        let tensor = graph.tensor::<3>(&Array::new(&[1, 256, 1], map.clone()));
+        let weights = graph.tensor::<3>(&Array::new(&[1, 1, 2], vec![0.5, 2.0]));
+        let points = graph.tensor::<4>(&Array::new(&[1, 1, 2, 2], at.to_vec())).require_grad();
+        let found = Shares::moved(&graph, points.clone(), MAP).read(tensor.clone(), weights.clone());
+        let placed = Shares::of(&graph, at.chunks_exact(2).map(|point| [point[0], point[1]]), [1, 1, 2], MAP);
+        let difference = array_of(found.clone() - placed.read(tensor, weights)).values()[0];
+        assert!(difference.abs() < 1e-6, "{difference}");
+        let slopes = array_of(points.grad(&found.sum().backward()).expect("it has one"));
+        for (index, slope) in slopes.values().iter().enumerate() {
+            let by = |offset: f32| {
+                let mut moved = at;
+                moved[index] += offset;
+                0.5 * read(&map, [moved[0], moved[1]]) + 2.0 * read(&map, [moved[2], moved[3]])
+            };
+            let numeric = (by(0.05) - by(-0.05)) / 0.1;
+            assert!((slope - numeric).abs() < 1e-3, "{index}: {slope}, {numeric} by difference");
+        }
     }
 
     #[test]

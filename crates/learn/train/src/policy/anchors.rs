@@ -8,15 +8,13 @@ use ds_graph::panel::{Answer, PLAN};
 use ds_nn::{Array, Weights};
 use ds_policy::Learned;
 use ds_policy::camera::proposals::TARGETS;
-use ds_space::Draws;
 
 use super::dataset::Samples;
+use super::groups::{centres, nearest};
 use super::loss::{smooth, target_of};
 
 /// Numbers of an anchor: x and y of eight poses.
 const POINTS: usize = TARGETS / 3 * 2;
-/// Rounds of k-means.
-const ROUNDS: u32 = 60;
 /// Weight of the focal loss of a read-out, summed over the plans, that of the nearest plan's mean smooth L1 being 1.
 const CHOICE_WEIGHT: f32 = 10.0 / 8.0;
 /// Weight of a plan that is the right one in the focal loss; the others have the rest.
@@ -25,7 +23,8 @@ const RIGHT: f32 = 0.25;
 /// Puts anchors of the expert's samples among the weights of a network that starts from some.
 pub(super) fn give(student: Learned, weights: &mut Weights, expert: &Samples, seed: u64) {
     let Learned::Panel(kind) = student else { return };
-    if let Some(anchors) = kind.anchors().and_then(|name| weights.get_mut(name)) {
+    let [name] = kind.given() else { return };
+    if let Some(anchors) = weights.get_mut(name) {
         let points = expert.0.iter().map(|sample| points_of(&target_of(sample, f64::from(sample.speed_mps))));
         let centres = centres(&points.collect::<Vec<_>>(), anchors.shape()[0], seed);
         anchors.values_mut().copy_from_slice(centres.as_flattened());
@@ -34,53 +33,6 @@ pub(super) fn give(student: Learned, weights: &mut Weights, expert: &Samples, se
 
 fn points_of(target: &[f32; TARGETS]) -> [f32; POINTS] {
     std::array::from_fn(|k| target[k / 2 * 3 + k % 2])
-}
-
-/// Returns the centres of so many groups. They begin at drawn plans, each at one drawn by the square of how far it lies
-/// from those before (k-means++), then move to the means of what is nearest to them.
-fn centres(points: &[[f32; POINTS]], count: usize, seed: u64) -> Vec<[f32; POINTS]> {
-    let draws = Draws::from_seed(seed, "anchors");
-    let mut centres: Vec<[f32; POINTS]> = Vec::with_capacity(count);
-    let mut squares = vec![f64::INFINITY; points.len()];
-    for index in 0..count as u64 {
-        let sum: f64 = squares.iter().filter(|square| square.is_finite()).sum();
-        let mut left = draws.uniform(index) * sum;
-        let at = squares.iter().position(|square| {
-            left -= square;
-            sum > 0.0 && left < 0.0
-        });
-        let at = at.unwrap_or_else(|| below(&draws, 1_000 + index, points.len()));
-        centres.push(points[at]);
-        let nearer = squares.iter_mut().zip(points);
-        nearer.for_each(|(square, point)| *square = square.min(apart(point, &points[at])));
-    }
-    for _ in 0..ROUNDS {
-        let mut sums = vec![([0.0f64; POINTS], 0u32); count];
-        for point in points {
-            let (sum, number) = &mut sums[nearest(&centres, |centre| apart(centre, point))];
-            sum.iter_mut().zip(point).for_each(|(sum, value)| *sum += f64::from(*value));
-            *number += 1;
-        }
-        for (centre, (sum, number)) in centres.iter_mut().zip(sums).filter(|(_, (_, number))| *number > 0) {
-            #[expect(clippy::cast_possible_truncation, reason = "weights are single precision")]
-            centre.iter_mut().zip(sum).for_each(|(centre, sum)| *centre = (sum / f64::from(number)) as f32);
-        }
-    }
-    centres
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "below the number of points")]
-fn below(draws: &Draws, index: u64, count: usize) -> usize {
-    draws.below(index, count as u64) as usize
-}
-
-/// Returns the sum of squares between two sets of points.
-fn apart(one: &[f32; POINTS], other: &[f32; POINTS]) -> f64 {
-    one.iter().zip(other).map(|(a, b)| f64::from(a - b).powi(2)).sum()
-}
-
-fn nearest<T>(all: &[T], far: impl Fn(&T) -> f64) -> usize {
-    (0..all.len()).min_by(|a, b| far(&all[*a]).total_cmp(&far(&all[*b]))).expect("there are some")
 }
 
 /// Returns the mean loss of a batch, summed over the read-outs, and its gradient by the answer.

@@ -1,7 +1,7 @@
 //! A step of training by who is trained: the `camera` policy's network or one of the panel, each with its own inputs and
 //! loss.
 
-use ds_graph::panel::{self, Inputs};
+use ds_graph::panel::{self, Inputs, Scoring};
 use ds_graph::planner;
 use ds_nn::{Array, Weights};
 use ds_policy::Learned;
@@ -11,13 +11,14 @@ use ds_policy::panel::state_of;
 use super::PolicyTrainError;
 use super::judge::Judge;
 use super::shown::Shown;
-use super::{anchors, loss, panel_loss};
+use super::{anchors, loss, panel_loss, total_loss, vocabulary};
 
-/// Returns the loss of a batch and its gradient by the weights; `images` are [N, 96, 160, 3].
+/// Returns the loss of a batch and its gradient by the weights; `images` are [N, 96, 160, 3], `reversal` is how strongly a context
+/// unlearns whether it is of a raster.
 pub(super) fn gradient(
     student: Learned,
     weights: &Weights,
-    images: &Array,
+    (images, reversal): (&Array, f32),
     batch: &[Shown<'_>],
     judge: &mut Judge,
 ) -> Result<(f64, Weights), PolicyTrainError> {
@@ -36,15 +37,19 @@ pub(super) fn gradient(
             let noise = batch.iter().flat_map(|shown| shown.noise(kind));
             let noise = Array::new(&[batch.len(), kind.noise()], noise.collect());
             let times: Option<Vec<u32>> = batch.iter().map(|shown| shown.time(kind)).collect();
-            let inputs = Inputs { images, state: &state, noise: &noise, times: times.as_deref() };
-            if let Some(anchors) = kind.anchors().and_then(|name| weights.get(name)) {
-                let targets: Vec<_> = batch.iter().map(Shown::target).collect();
-                return Ok(panel::gradient(kind, weights, &inputs, |answer| {
-                    anchors::grade(answer, anchors, &targets)
-                })?);
-            }
+            let inputs = Inputs { images, state: &state, noise: &noise, times: times.as_deref(), reversal };
             let mut refused = None;
-            let grade = |answer: &panel::Answer| match panel_loss::grade(answer, batch, judge) {
+            let mut graded = |answer: &panel::Answer| match (kind.scoring(), kind.given()) {
+                (Scoring::Confidence, [name]) => {
+                    let anchors = weights.get(name).expect("the network was checked");
+                    let targets: Vec<_> = batch.iter().map(Shown::target).collect();
+                    Ok(anchors::grade(answer, anchors, &targets))
+                }
+                (Scoring::Total, _) => total_loss::grade(answer, batch, judge),
+                (Scoring::ConfidenceAndTerms, _) => vocabulary::grade(answer, (kind, weights), batch, judge),
+                (_, _) => panel_loss::grade(answer, batch, judge),
+            };
+            let grade = |answer: &panel::Answer| match graded(answer) {
                 Ok(found) => found,
                 Err(error) => {
                     refused = Some(error);

@@ -7,21 +7,26 @@ use ds_nn::optimiser::{AdamW, AdamWSettings, Schedule, Shape, move_average};
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Weights};
 use ds_policy::Learned;
+use ds_policy::camera::eye::normalise_into;
 use ds_space::{DigestWriter, Draws};
 
 use super::PolicyTrainError;
-use super::anchors;
 use super::augment::augment_into;
 use super::dataset::Samples;
 use super::gradient::gradient;
 use super::judge::Judge;
+use super::rasters::Rasters;
 use super::settings::PolicySettings;
 use super::shown::Shown;
+use super::{anchors, vocabulary};
 
 /// Weights under training.
 pub(super) struct Learner {
     student: Learned,
     judge: Judge,
+    rasters: Rasters,
+    /// So many samples are the expert's, the first ones.
+    expert: usize,
     weights: Weights,
     average: Weights,
     optimiser: AdamW,
@@ -29,14 +34,15 @@ pub(super) struct Learner {
 }
 
 impl Learner {
-    /// Goes on from a checkpoint, or starts anew where there is none, with anchors of the expert's samples where the
-    /// network has some.
+    /// Goes on from a checkpoint, or starts anew where there is none, with anchors or words of the expert's samples
+    /// where the network has some.
     pub(super) fn resume(
         student: Learned,
         settings: &PolicySettings,
         expert: &Samples,
         checkpoint: &Path,
     ) -> Result<Self, PolicyTrainError> {
+        let (rasters, expert_samples) = (Rasters::open()?, expert.len());
         let adam = AdamWSettings { weight_decay: settings.weight_decay, ..AdamWSettings::default() };
         let (peak, warm_up) = (settings.learning_rate, settings.warm_up);
         let schedule = Schedule { peak, warm_up, total: settings.steps(), shape: Shape::Cosine };
@@ -44,9 +50,19 @@ impl Learner {
             let seed = DigestWriter::new().text(&format!("{} policy", student.name())).u64(settings.seed).finish();
             let mut weights = Weights::initialised(&student.declared(), &seed);
             anchors::give(student, &mut weights, expert, settings.seed);
+            vocabulary::give(student, &mut weights, expert, settings.seed);
             let optimiser = AdamW::new(adam, &weights);
             let judge = Judge::default();
-            return Ok(Self { student, judge, average: weights.clone(), weights, optimiser, schedule });
+            return Ok(Self {
+                student,
+                judge,
+                rasters,
+                expert: expert_samples,
+                average: weights.clone(),
+                weights,
+                optimiser,
+                schedule,
+            });
         }
         let file = WeightsFile::read(checkpoint)?;
         let path = || checkpoint.display().to_string();
@@ -59,7 +75,16 @@ impl Learner {
         };
         let optimiser = AdamW::resumed(adam, steps, part("first.")?, part("second.")?);
         let (weights, average) = (part("weights.")?, part("average.")?);
-        Ok(Self { student, judge: Judge::default(), weights, average, optimiser, schedule })
+        Ok(Self {
+            student,
+            judge: Judge::default(),
+            rasters,
+            expert: expert_samples,
+            weights,
+            average,
+            optimiser,
+            schedule,
+        })
     }
 
     /// Writes the whole state.
@@ -98,13 +123,21 @@ impl Learner {
             let seed = DigestWriter::new().u64(settings.seed).finish();
             let draws = Draws::new(&seed, "policy batch", &[u64::from(step), slot]);
             #[expect(clippy::cast_possible_truncation, reason = "below the number of samples")]
-            let sample = &samples.0[draws.below(100, samples.len() as u64) as usize];
-            augment_into(&sample.rgb, &draws, &mut pixels);
+            let index = draws.below(100, samples.len() as u64) as usize;
+            let sample = &samples.0[index];
+            // Where the policy drove, others answered to it: their states are not those of the log.
+            let raster = index < self.expert && draws.uniform(104) < self.student.rasters();
+            if raster {
+                normalise_into(self.rasters.image(&sample.place)?.rgb(), &mut pixels);
+            } else {
+                augment_into(&sample.rgb, &draws, &mut pixels);
+            }
             let speed_mps = (f64::from(sample.speed_mps) + 0.15 * draws.normal(101)).max(0.0);
-            shown.push(Shown { sample, speed_mps, motion: draws.uniform(102) < 0.5, draws });
+            shown.push(Shown { sample, speed_mps, motion: draws.uniform(102) < 0.5, raster, draws });
         }
         let images = Array::new(&[batch, HEIGHT_PX, WIDTH_PX, 3], pixels);
-        let (loss, gradient) = gradient(self.student, &self.weights, &images, &shown, &mut self.judge)?;
+        let shown_as = (&images, reversal(step, settings.steps()));
+        let (loss, gradient) = gradient(self.student, &self.weights, shown_as, &shown, &mut self.judge)?;
         let norm = self.optimiser.update(&mut self.weights, &gradient, self.schedule.rate(step));
         if !loss.is_finite() || !norm.is_finite() {
             return Err(PolicyTrainError::Diverged { step, loss });
@@ -114,4 +147,11 @@ impl Learner {
         move_average(&mut self.average, &self.weights, decay);
         Ok(loss)
     }
+}
+
+/// Returns how strongly a context unlearns whether it is of a raster, 0 at first and nearly 1 at the end: 2/(1 + e^(−10p)) − 1
+/// (Ganin and Lempitsky 2015).
+fn reversal(step: u32, steps: u32) -> f32 {
+    let share = step as f32 / steps.max(1) as f32;
+    2.0 / (1.0 + (-10.0 * share).exp()) - 1.0
 }

@@ -23,6 +23,19 @@ pub(super) fn grade(
     batch: &[Shown<'_>],
     judge: &mut Judge,
 ) -> Result<(f64, Answer), PolicyTrainError> {
+    let (mut loss, plans) = draw_all(answer, batch);
+    let mut scores = Vec::with_capacity(answer.scores.len());
+    for logits in &answer.scores {
+        let mut slope = Array::zeros(logits.shape());
+        let scored = Scored { logits, weights: [SCORE_WEIGHT; TERMS], wanted: |terms| *terms };
+        loss += judge_all(answer, &scored, &mut slope, batch, judge)?;
+        scores.push(slope);
+    }
+    Ok((loss, Answer { plans, scores }))
+}
+
+/// Returns the loss of all read-outs of the plans of a batch and its gradient by them.
+pub(super) fn draw_all(answer: &Answer, batch: &[Shown<'_>]) -> (f64, Vec<Array>) {
     let targets: Vec<[f32; TARGETS]> = batch.iter().map(Shown::target).collect();
     let (mut loss, last) = (0.0, answer.plans.len() - 1);
     let mut plans = Vec::with_capacity(answer.plans.len());
@@ -37,13 +50,7 @@ pub(super) fn grade(
         }
         plans.push(slope);
     }
-    let mut scores = Vec::with_capacity(answer.scores.len());
-    for logits in &answer.scores {
-        let mut slope = Array::zeros(logits.shape());
-        loss += judge_all(answer, logits, &mut slope, batch, judge)?;
-        scores.push(slope);
-    }
-    Ok((loss, Answer { plans, scores }))
+    (loss, plans)
 }
 
 /// Returns the distance of the plans of one sample to the teacher's and fills in its slope: of the nearest whole, of the
@@ -66,29 +73,45 @@ fn draw_nearest(plans: &[f32], slope: &mut [f32], target: &[f32; TARGETS]) -> f3
     loss
 }
 
-/// Returns the mean cross entropy of the sub-scores of a batch's last plans and fills in its slope.
-fn judge_all(
+/// Logits of a plan's scores, with what they learn.
+pub(super) struct Scored<'a> {
+    /// [N, plans, 8].
+    pub(super) logits: &'a Array,
+    /// Weights of the cross entropies of a plan, each the mean over the plans.
+    pub(super) weights: [f32; TERMS],
+    /// Returns what the logits of a plan should say that earns such sub-scores.
+    pub(super) wanted: fn(&[f32; TERMS]) -> [f32; TERMS],
+}
+
+/// Returns the mean cross entropy of the scores of a batch's last plans and fills in its slope.
+pub(super) fn judge_all(
     answer: &Answer,
-    logits: &Array,
+    Scored { logits, weights, wanted }: &Scored<'_>,
     slope: &mut Array,
     batch: &[Shown<'_>],
     judge: &mut Judge,
 ) -> Result<f64, PolicyTrainError> {
     let plans = answer.plans.last().expect("every network has plans");
     let count = plans.shape()[1];
-    let weight = SCORE_WEIGHT / (batch.len() * count) as f32;
+    let share = 1.0 / (batch.len() * count) as f32;
     let rows = plans.values().chunks_exact(count * PLAN).zip(logits.values().chunks_exact(count * TERMS));
     let rows = rows.zip(slope.values_mut().chunks_exact_mut(count * TERMS));
     let mut loss = 0.0;
     for (((plans, logits), slope), shown) in rows.zip(batch) {
         let knots: Vec<_> = plans.chunks_exact(PLAN).map(|plan| knots_of(shown.speed_mps, plan)).collect();
-        let terms = judge.terms(shown.sample, &knots)?;
-        for ((logit, slope), label) in logits.iter().zip(slope).zip(terms.iter().flatten()) {
-            // Cross entropy of a logit: max(x, 0) − x·y + ln(1 + e^−|x|).
-            let entropy = logit.max(0.0) - logit * label + (-logit.abs()).exp().ln_1p();
-            loss += f64::from(weight * entropy);
-            *slope = weight * (1.0 / (1.0 + (-logit).exp()) - label);
+        let labels: Vec<[f32; TERMS]> = judge.terms(shown.sample, &knots)?.iter().map(wanted).collect();
+        let weights = weights.iter().cycle().map(|weight| share * weight);
+        for (((logit, slope), label), weight) in logits.iter().zip(slope).zip(labels.as_flattened()).zip(weights) {
+            let (error, by_error) = entropy(*logit, *label);
+            loss += f64::from(weight * error);
+            *slope = weight * by_error;
         }
     }
     Ok(loss)
+}
+
+/// Returns the cross entropy of a logit, max(x, 0) − x·y + ln(1 + e^−|x|), and its slope.
+pub(super) fn entropy(logit: f32, label: f32) -> (f32, f32) {
+    let error = logit.max(0.0) - logit * label + (-logit.abs()).exp().ln_1p();
+    (error, 1.0 / (1.0 + (-logit).exp()) - label)
 }

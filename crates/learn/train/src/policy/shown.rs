@@ -20,6 +20,8 @@ pub(super) struct Shown<'a> {
     pub(super) speed_mps: f64,
     /// Whether the network is told how the car turns and accelerates.
     pub(super) motion: bool,
+    /// Whether it is shown the layout image instead of the frame.
+    pub(super) raster: bool,
     /// The draws of this sample in this step.
     pub(super) draws: Draws,
 }

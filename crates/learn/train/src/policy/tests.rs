@@ -1,14 +1,15 @@
 //! Training without rendering: settings, sample files, the loss and resuming; then one real sample of a scenario.
 
-use ds_graph::panel::{Answer, Kind};
+use ds_graph::panel::{Answer, Kind, vocabulary as words};
 use ds_graph::planner::{HEIGHT_PX, WIDTH_PX};
 use ds_nn::Array;
 use ds_policy::camera::proposals::{MODES, OUTPUTS, TARGETS, knots_of};
-use ds_space::{Draws, PoseSe2, Tick};
+use ds_space::{DVec2, Draws, PoseSe2, Tick};
 use ds_world::RouteCommand;
 
 use super::dataset::{Place, Sample};
 use super::judge::Judge;
+use super::rasters::Rasters;
 use super::shown::Shown;
 use super::*;
 
@@ -132,6 +133,7 @@ fn the_judge_tells_good_plans_from_bad_and_the_gradient_of_the_panel_is_its_slop
         sample,
         speed_mps: f64::from(sample.speed_mps),
         motion: true,
+        raster: false,
         draws: Draws::from_seed(1, "shown in a test"),
     }];
     let target = shown[0].target();
@@ -152,6 +154,65 @@ fn the_judge_tells_good_plans_from_bad_and_the_gradient_of_the_panel_is_its_slop
         let analytic = f64::from(slope.scores[0].values()[index]);
         assert!((numeric - analytic).abs() < 1e-3, "score {index}: {numeric} by difference, {analytic} by formula");
     }
+}
+
+#[test]
+fn a_vocabulary_is_the_teachers_and_its_words_are_chosen_but_not_trained() {
+    let shipped = PolicySettings::parse(SHIPPED).expect("the shipped settings are sound");
+    let settings = PolicySettings { scenarios: 2, states_per_scenario: 4, batch: 2, ..shipped };
+    let made = dataset::beside_the_expert(&settings, ScenarioSplit::Training).expect("the scenario can be simulated");
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let (kind, checkpoint) = (Kind::Sparsedrive, folder.path().join("checkpoint"));
+    let mut learner = Learner::resume(Learned::Panel(kind), &settings, &made, &checkpoint).expect("starts anew");
+    let given = |learner: &Learner| -> Vec<f32> {
+        let arrays = kind.given().iter().filter_map(|name| learner.average().get(name));
+        arrays.flat_map(|array| array.values().to_vec()).collect()
+    };
+    let (before, fresh) = (given(&learner), learner.average().clone());
+    for _ in 0..2 {
+        assert!(learner.step(&settings, &made).expect("learns").is_finite());
+    }
+    // What is averaged with itself is the same but for rounding.
+    assert!(given(&learner).iter().zip(&before).all(|(after, before)| (after - before).abs() < 1e-4));
+    assert_ne!(learner.average().get("paths1.map.out.weight"), fresh.get("paths1.map.out.weight"));
+    // With words of these very samples some pair of them is each sample's drive.
+    let [paths, profiles] = [0, 1].map(|which: usize| fresh.get(kind.given()[which]).expect("a vocabulary").values());
+    for sample in &made.0 {
+        let driven = sample.poses().map(|pose| pose.position);
+        let apart_m = |path: &[f32], profile: &[f32]| {
+            let along_m = words::along_m(profile, f64::from(sample.speed_mps));
+            let places = words::places(path, &along_m).map(|[x, y, _]| DVec2::new(f64::from(x), f64::from(y)));
+            places.iter().zip(&driven).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max)
+        };
+        let pairs = paths.chunks_exact(48).flat_map(|path| profiles.chunks_exact(8).map(move |word| (path, word)));
+        let nearest_m = pairs.map(|(path, word)| apart_m(path, word)).fold(f64::INFINITY, f64::min);
+        assert!(nearest_m < 0.3, "{nearest_m}");
+    }
+}
+
+#[test]
+fn rap_is_shown_rasters_of_the_expert_samples_and_resumes() {
+    let shipped = PolicySettings::parse(SHIPPED).expect("the shipped settings are sound");
+    let settings = PolicySettings { scenarios: 1, states_per_scenario: 4, batch: 4, ..shipped };
+    let made = dataset::beside_the_expert(&settings, ScenarioSplit::Training).expect("the scenario can be simulated");
+    let mut rasters = Rasters::open().expect("opens");
+    let drawn = rasters.image(&made.0[0].place).expect("drawn");
+    assert_eq!(drawn.rgb().len(), made.0[0].rgb.len());
+    assert!(drawn.rgb() != made.0[0].rgb && drawn.rgb().iter().min() < drawn.rgb().iter().max());
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let checkpoint = folder.path().join("checkpoint");
+    let student = Learned::Panel(Kind::Rap);
+    let resume = || Learner::resume(student, &settings, &made, &checkpoint).expect("starts anew or goes on");
+    let (mut straight, mut stopped) = (resume(), resume());
+    for step in 0..3 {
+        assert!(straight.step(&settings, &made).expect("learns").is_finite());
+        if step == 1 {
+            stopped.save(&checkpoint).expect("saves");
+            stopped = resume();
+        }
+        stopped.step(&settings, &made).expect("learns");
+    }
+    assert_eq!(straight.average().digest(), stopped.average().digest());
 }
 
 #[test]

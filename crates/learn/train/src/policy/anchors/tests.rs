@@ -1,26 +1,8 @@
-//! Anchors: groups are found whatever is drawn, and the gradient of the loss is its slope.
+//! Anchors: the nearest one's plan is drawn, and the gradient of the loss is its slope.
+
+use ds_space::Draws;
 
 use super::*;
-
-#[test]
-fn anchors_are_the_centres_of_groups_of_plans() {
-    let draws = Draws::from_seed(3, "groups of plans");
-    #[expect(clippy::cast_possible_truncation, reason = "made-up points")]
-    let point = |index: u64| -> [f32; POINTS] {
-        let group = (index % 4) as f32;
-        std::array::from_fn(|k| 3.0 * group + 0.1 * draws.normal(16 * index + k as u64) as f32)
-    };
-    let points: Vec<_> = (0..200).map(point).collect();
-    for seed in [1, 2] {
-        let mut found = centres(&points, 4, seed);
-        found.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        for (group, centre) in found.iter().enumerate() {
-            assert!(centre.iter().all(|value| (value - 3.0 * group as f32).abs() < 0.1), "seed {seed}: {centre:?}");
-        }
-    }
-    // Fewer plans than anchors: every anchor is one of them.
-    assert!(centres(&points[..2], 5, 1).iter().all(|centre| points[..2].contains(centre)));
-}
 
 #[test]
 fn the_plan_of_the_nearest_anchor_is_drawn_and_the_gradient_is_the_slope() {
