@@ -39,6 +39,8 @@ fn a_reader_who_leaves_changes_no_exit_code() {
     let (reader, writer) = std::io::pipe().expect("a pipe");
     drop(reader);
     let mut plan = Command::new(env!("CARGO_BIN_EXE_trainer"));
-    plan.args(["train", "plan", "--config", "../../configs/train/cpu_train.toml"]).stdout(writer.try_clone().expect("a second end")).stderr(writer);
+    plan.args(["train", "plan", "--config", "../../configs/train/cpu_train.toml"])
+        .stdout(writer.try_clone().expect("a second end"))
+        .stderr(writer);
     assert!(plan.status().expect("the process runs").success());
 }
