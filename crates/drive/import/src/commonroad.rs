@@ -1,15 +1,16 @@
 //! Scenes of CommonRoad files (XML, formats 2018b and 2020a): lanelets, obstacles, planning problems.
 //!
-//! Metres, radians and metres per second in the file's own plane (moved only beyond 100 km); a tick is a time step of
-//! `timeStepSize` seconds. Positions are centres of shapes. A file holds recorded road users and a task, but no drive
-//! that solves it: the ego is a recorded vehicle, whose drive is then the log, or a planning problem with a drawn log.
+//! Metres, radians and metres per second in the file's own plane (moved only beyond 100 km). A tick is 0.1 s; where a
+//! time step is not, places between steps are interpolated. Positions are centres of shapes. A file holds recorded road
+//! users and a task, but no drive that solves it: the ego is a recorded vehicle with its drive, or a planning problem,
+//! whose log is drawn.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 use std::path::Path;
 
 use ds_scenario::{MAX_TICKS, Warning, warnings};
-use ds_space::{DVec2, Digest, SimTime};
+use ds_space::{DVec2, Digest, SimTime, Tick};
 use ds_world::scene::EGO_MARK;
 use ds_world::{AgentClass, EgoState, Origin, Scene, Size, VehicleParameters};
 
@@ -35,12 +36,24 @@ const LEAST_SECS: f64 = 3.0;
 /// The body of a planning problem's ego, which the format leaves to the planner: its vehicle 2, a BMW 320i.
 const BODY: Size = Size { length_m: 4.508, width_m: 1.61, height_m: 1.42 };
 
+/// Seconds between ticks of a scene, whatever those between the time steps of its file.
+const TICK_SECS: f64 = 0.1;
+
 /// How a file is laid on the ticks of a scene: what to subtract from positions, which time steps to take.
 #[derive(Debug, Clone, Copy)]
 struct Window {
     origin: DVec2,
     first: u32,
+    /// Time steps in a tick.
+    stride: f64,
     count: usize,
+}
+
+impl Window {
+    /// Returns the time step of each tick, which may lie between two.
+    fn steps(self) -> impl Iterator<Item = f64> {
+        (0..self.count).map(move |tick| f64::from(self.first) + tick as f64 * self.stride)
+    }
 }
 
 /// Says whether a file is named and begins as one of CommonRoad.
@@ -67,8 +80,25 @@ pub fn scene(bytes: &[u8], path: &Path, ego: Option<&str>) -> Result<(Scene, Vec
         .and_then(|root| convert(&Node::root(&root), path, ego, &mut notes))
         .map_err(|fault| ImportError::field(path, fault))?;
     let scene = checked(&scene, path)?;
+    notes.extend(met(&scene));
     notes.extend(warnings(&scene));
     Ok((scene, notes))
+}
+
+/// Says whom the ego's log touches: a drawn one is blind to others, and boxes of recorded ones may overlap.
+fn met(scene: &Scene) -> Option<Warning> {
+    let mut met: BTreeMap<&str, u32> = BTreeMap::new();
+    for tick in Tick(0).to(scene.last_tick()) {
+        let ego = scene.vehicle.size.footprint(&scene.logged_ego(tick).centre(&scene.vehicle));
+        for track in &scene.tracks {
+            if track.at(tick).is_some_and(|point| track.size.footprint(&point.pose).touches(&ego)) {
+                met.entry(&track.name).or_insert(tick.0);
+            }
+        }
+    }
+    let (name, tick) = met.iter().min_by_key(|(_, tick)| **tick)?;
+    let message = format!("touches {} of the tracks, first {name:?} at tick {tick}", met.len());
+    Some(Warning { at: "ego_log".to_owned(), message })
 }
 
 /// Returns the ids of the vehicles that are recorded for [`LEAST_SECS`] or more without a gap, in file order.
@@ -171,15 +201,22 @@ fn convert(root: &Node<'_>, path: &Path, wanted: Option<&str>, notes: &mut Vec<W
     let obstacles = obstacles::obstacles(root, dt_secs, notes)?;
     let ego = Ego::chosen(root, &obstacles, wanted)?;
     let (first, steps, start) = ego.span();
-    if steps >= MAX_TICKS {
-        return Err(root.fault(format!("has a drive of {steps} time steps, at most {} are read", MAX_TICKS - 1)));
+    let stride = TICK_SECS / dt_secs;
+    let ticks = (steps as f64 / stride + 1e-6).floor() as usize;
+    if ticks == 0 || ticks >= MAX_TICKS {
+        let problem = format!("has a drive of {ticks} ticks of {TICK_SECS} s, 1 to {} are read", MAX_TICKS - 1);
+        return Err(root.fault(problem));
+    }
+    if (stride - 1.0).abs() > 1e-9 {
+        let message = format!("is {dt_secs} s; ticks are {TICK_SECS} s apart, places between steps interpolated");
+        note(notes, "timeStepSize", message);
     }
     let far = start.abs().max_element() > RECENTRE_BEYOND_M;
     let origin = if far { start.round() } else { DVec2::ZERO };
     if far {
         note(notes, ROOT, format!("all positions are moved by -{origin}"));
     }
-    let window = Window { origin, first, count: steps + 1 };
+    let window = Window { origin, first, stride, count: ticks + 1 };
     let mut map = lanelets::map(root, origin, notes)?;
     signals::add(&mut map, root, &window, notes)?;
     let mut name = root.attribute("benchmarkID").filter(|id| !id.is_empty()).map_or_else(
@@ -189,14 +226,14 @@ fn convert(root: &Node<'_>, path: &Path, wanted: Option<&str>, notes: &mut Vec<W
     if let Some(id) = wanted {
         name = format!("{}{EGO_MARK}{id}", name.chars().take(60).collect::<String>());
     }
-    let (vehicle, ego_log, drive) = log(&ego, &map, &window, dt_secs, notes);
+    let (vehicle, ego_log, drive) = log(&ego, &map, &window, notes);
     let taken = if let Ego::Recorded(obstacle) = &ego { Some(obstacle.name.as_str()) } else { None };
     Ok(Scene {
         adversary: None,
         name: safe_name(&name),
         family: String::new(),
         digest: Digest::default(),
-        dt: SimTime::from_secs(dt_secs),
+        dt: SimTime::from_secs(TICK_SECS),
         route: route(&ego_log, &map),
         map,
         vehicle,
@@ -213,12 +250,11 @@ fn log(
     ego: &Ego<'_>,
     map: &ds_world::Map,
     window: &Window,
-    dt_secs: f64,
     notes: &mut Vec<Warning>,
 ) -> (VehicleParameters, Vec<EgoState>, String) {
     let (vehicle, poses, gaps, drive) = match ego {
         Ego::Problem(problem) => {
-            let poses = problem.drawn(map, window.origin, dt_secs);
+            let poses = problem.drawn(map, window.origin, (window.count, TICK_SECS));
             let drive = format!("the drive of planning problem {} is drawn, not recorded", problem.name);
             let message =
                 format!("{drive}: `log-replay` and scores that compare with the log tell nothing of a driver");
@@ -227,11 +263,10 @@ fn log(
             (sized(VehicleParameters::FUSION, BODY), poses, gaps, drive)
         }
         Ego::Recorded(obstacle) => {
-            let last = (window.first..).take(window.count);
             let mut poses = Vec::with_capacity(window.count);
             let mut gaps = Vec::with_capacity(window.count);
-            for step in last {
-                let seen = obstacle.states.get(&step).map(|point| {
+            for step in window.steps() {
+                let seen = obstacle.at(step).map(|point| {
                     let mut pose = point.pose;
                     pose.position -= window.origin;
                     pose
@@ -240,12 +275,17 @@ fn log(
                 let held = poses.last().copied();
                 poses.extend(seen.or(held));
             }
+            let unseen = gaps.iter().filter(|gap| **gap).count();
+            if unseen > 0 {
+                let message = format!("vehicle {} is not seen at {unseen} ticks, filled between", obstacle.name);
+                note(notes, "dynamicObstacle", message);
+            }
             let drive = format!("the drive of recorded vehicle {}", obstacle.name);
             (sized(VehicleParameters::FUSION, obstacle.size), poses, gaps, drive)
         }
     };
     let (points, headings) = poses.iter().map(|pose| (pose.position, pose.heading_rad)).unzip();
-    let ego_log = Recording { points, headings, gaps, dt_secs }.centred(&vehicle);
+    let ego_log = Recording { points, headings, gaps, dt_secs: TICK_SECS }.centred(&vehicle);
     (vehicle, ego_log, drive)
 }
 

@@ -27,6 +27,32 @@ pub(super) struct Obstacle {
     pub states: BTreeMap<u32, TrackPoint>,
 }
 
+impl Obstacle {
+    /// Returns the box at a time between steps; nothing where it is not seen at the steps before and after.
+    pub(super) fn at(&self, step: f64) -> Option<TrackPoint> {
+        const SAME: f64 = 1e-6;
+        if self.stands {
+            return self.states.values().next().copied();
+        }
+        let before = (step + SAME).floor();
+        let share = step - before;
+        let from = *self.states.get(&(before as u32))?;
+        if share < SAME {
+            return Some(from);
+        }
+        let to = self.states.get(&(before as u32 + 1))?;
+        let turn = angle::turn(from.pose.heading_rad, to.pose.heading_rad);
+        Some(TrackPoint {
+            pose: PoseSe2 {
+                position: from.pose.position.lerp(to.pose.position, share),
+                heading_rad: angle::wrap(from.pose.heading_rad + share * turn),
+            },
+            z_m: 0.0,
+            velocity_mps: from.velocity_mps.lerp(to.velocity_mps, share),
+        })
+    }
+}
+
 /// Reads all obstacles, `dt_secs` being the time between steps.
 pub(super) fn obstacles(root: &Node<'_>, dt_secs: f64, notes: &mut Vec<Warning>) -> Result<Vec<Obstacle>, FieldFault> {
     let (mut obstacles, mut left, mut still) = (Vec::new(), BTreeMap::<String, usize>::new(), 0);
@@ -177,9 +203,7 @@ pub(super) fn tracks(obstacles: &[Obstacle], ego: Option<&str>, window: &Window)
         point
     };
     let track = |obstacle: &Obstacle| {
-        let standing = obstacle.states.values().next().filter(|_| obstacle.stands);
-        let at = |step: u32| standing.or_else(|| obstacle.states.get(&step)).copied().map(moved);
-        let points: Vec<_> = (window.first..).take(window.count).map(at).collect();
+        let points: Vec<_> = window.steps().map(|step| obstacle.at(step).map(moved)).collect();
         let seen = points.iter().any(Option::is_some);
         seen.then(|| Track { name: obstacle.name.clone(), class: obstacle.class, size: obstacle.size, points })
     };

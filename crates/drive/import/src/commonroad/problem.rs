@@ -65,16 +65,15 @@ impl Problem {
         })
     }
 
-    /// Draws the drive: the centre of the body at each tick, `origin` being where the map's origin lies.
-    pub(super) fn drawn(&self, map: &Map, origin: DVec2, dt_secs: f64) -> Vec<PoseSe2> {
+    /// Draws the drive: the centre of the body at each of two or more ticks, `origin` being where the map's origin lies.
+    pub(super) fn drawn(&self, map: &Map, origin: DVec2, (count, dt_secs): (usize, f64)) -> Vec<PoseSe2> {
         let start = PoseSe2 { position: self.start.position - origin, ..self.start };
-        let count = (self.steps.1 - self.steps.0) as usize;
-        let secs = count as f64 * dt_secs;
+        let secs = (count - 1) as f64 * dt_secs;
         let (way, bound) = self.way(map, start, origin, self.speed_mps * secs);
-        let Some(way) = Path::new(&way).filter(|way| way.length_m() > 0.1) else { return vec![start; count + 1] };
+        let Some(way) = Path::new(&way).filter(|way| way.length_m() > 0.1) else { return vec![start; count] };
         let length_m = if bound { way.length_m() } else { way.length_m().min(self.speed_mps * secs) };
         let speed = Speed::new(length_m, secs, self.speed_mps, self.goal_speed_mps);
-        (0..=count).map(|tick| way.pose(speed.driven_m(tick as f64 * dt_secs).clamp(0.0, way.length_m()))).collect()
+        (0..count).map(|tick| way.pose(speed.driven_m(tick as f64 * dt_secs).clamp(0.0, way.length_m()))).collect()
     }
 
     /// Returns the way and whether it ends at the goal; a goal without a place is `reach_m` along the lane.

@@ -185,9 +185,9 @@ fn states(node: &Node<'_>, window: &Window) -> Result<Vec<LightState>, FieldFaul
         return Err(cycle.fault("has no duration"));
     }
     let offset = cycle.get("timeOffset").map(whole).transpose()?.unwrap_or(0);
-    let at = |tick: usize| {
-        let step = (window.first as u64 + tick as u64 + length - offset % length) % length;
+    let at = |step: f64| {
+        let step = ((step + 1e-6).floor() as u64 + length - offset % length) % length;
         shown.iter().find(|(until, _)| step < *until).map_or(LightState::Unknown, |(_, state)| *state)
     };
-    Ok((0..window.count).map(at).collect())
+    Ok(window.steps().map(at).collect())
 }

@@ -1,6 +1,7 @@
 //! Imports of CommonRoad: a crossing made by hand, damaged copies of it, and two real scenes where they are at hand.
 
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use ds_scenario::Warning;
 use ds_space::{DVec2, Tick, angle, plane};
@@ -139,12 +140,49 @@ fn a_recorded_vehicle_can_be_the_ego() {
     }
     assert!(!warnings.iter().any(|warning| warning.to_string().contains("drawn")), "{warnings:?}");
     assert_eq!(recorded(CROSSING.as_bytes(), Path::new("crossing.xml")).expect("one"), ["501"]);
+    for (what, by, says) in [
+        ("<x>60</x><y>-6</y>", "<x>10</x><y>-6</y>", "touches 1 of the tracks, first \"503\" at tick 51"),
+        (
+            "<time><exact>70</exact></time>",
+            "<time><exact>80</exact></time>",
+            "501 is not seen at 10 ticks, filled between",
+        ),
+    ] {
+        let text = CROSSING.replacen(what, by, 1);
+        let (_, warnings) = super::scene(text.as_bytes(), Path::new("odd.xml"), Some("501")).expect("odd, but sound");
+        assert!(warnings.iter().any(|warning| warning.to_string().contains(says)), "{warnings:?}");
+    }
     let error = super::scene(CROSSING.as_bytes(), Path::new("crossing.xml"), Some("503")).expect_err("it is parked");
     assert!(error.to_string().contains("no recorded vehicle \"503\""), "{error}");
     let without = CROSSING.replace("planningProblem", "problem");
     let (scene, _) =
         super::scene(without.as_bytes(), Path::new("crossing.xml"), None).expect("who drives longest drives");
     assert_eq!(scene.ego_log.len(), 71);
+}
+
+#[test]
+fn other_time_steps_are_laid_on_ticks() {
+    for (secs, ego_ticks, stride) in [("0.04", 33, 2.5), ("0.2", 161, 0.5), ("0.1", 81, 1.0)] {
+        let text = CROSSING.replace("timeStepSize=\"0.1\"", &format!("timeStepSize=\"{secs}\""));
+        let (drawn, warnings) = scene(text.as_bytes(), Path::new("steps.xml"), None).expect("read");
+        assert_eq!((drawn.dt.secs(), drawn.ego_log.len()), (0.1, ego_ticks), "{secs}");
+        let car = drawn.tracks.iter().find(|track| track.name == "501").expect("it is a track");
+        let at = |tick: u32| car.at(Tick(tick)).expect("it is seen").pose.position.x;
+        assert!(
+            (at(0) + 40.0).abs() < 1e-6 && (at(7) - at(6) - 0.9 * stride).abs() < 2e-3,
+            "{secs}: {}",
+            at(7) - at(6)
+        );
+        assert_eq!(car.points.iter().flatten().count(), (70.0 / stride) as usize + 1);
+        assert_eq!(warnings.iter().any(|warning| warning.to_string().contains("interpolated")), secs != "0.1");
+    }
+    // Green 50 steps of 0.2 s, 20 steps late.
+    let slow = CROSSING.replace("timeStepSize=\"0.1\"", "timeStepSize=\"0.2\"");
+    let light = &scene(slow.as_bytes(), Path::new("slow.xml"), None).expect("read").0.map.traffic_lights[0];
+    assert_eq!(
+        [39, 40, 139, 140].map(|tick| light.at(Tick(tick))),
+        [LightState::Red, LightState::Green, LightState::Green, LightState::Yellow]
+    );
 }
 
 #[test]
@@ -175,7 +213,7 @@ fn damaged_files_are_refused_by_element() {
         ("<time><exact>5</exact></time>", "<time><exact>4</exact></time>", "is of time step 4, as one before it"),
         ("<time><exact>5</exact></time>", "<time><exact>9e7</exact></time>", "no whole time step from 0 to 1000000"),
         ("<intervalStart>75</intervalStart><intervalEnd>80</intervalEnd>", "<exact>0</exact>", "ends at step 0"),
-        ("<intervalEnd>80</intervalEnd>", "<intervalEnd>900000</intervalEnd>", "at most 19999 are read"),
+        ("<intervalEnd>80</intervalEnd>", "<intervalEnd>900000</intervalEnd>", "1 to 19999 are read"),
         ("<velocity><exact>8</exact></velocity>", "", "planningProblem[900].initialState\" has no \"velocity\""),
         ("<orientation><exact>0</exact></orientation>", "", "has no \"orientation\""),
         ("<commonRoad", "<osm", "is no sound XML"),
@@ -193,10 +231,16 @@ fn damaged_files_are_refused_by_element() {
     }
 }
 
+/// The crossing with one in ten of its states, so that changes meet other elements too.
+static SPARSE: LazyLock<String> = LazyLock::new(|| {
+    let kept = |line: &&str| !line.contains("<state>") || line.contains("0</exact></time>");
+    CROSSING.lines().filter(kept).collect::<Vec<_>>().join("\n")
+});
+
 #[test]
 fn mutated_files_are_refused_or_read() {
     mutation::all_are_borne("commonroad::tests::mutated_files_are_refused_or_read", |index| {
-        let bytes = mutation::text(CROSSING, "commonroad", index);
+        let bytes = mutation::text(&SPARSE, "commonroad", index);
         let ego = if index.is_multiple_of(2) { Some("501") } else { None };
         drop(scene(&bytes, Path::new("mutated.xml"), ego));
         drop(recorded(&bytes, Path::new("mutated.xml")));
