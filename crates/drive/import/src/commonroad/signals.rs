@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use ds_scenario::{MAX_STATES, Warning};
 use ds_space::plane::path::Path;
 use ds_space::{DVec2, angle};
-use ds_world::{LaneId, LightState, Map, StopLine, TrafficLight};
+use ds_world::{Lane, LaneId, LightState, Map, StopLine, TrafficLight};
 
 use super::element::Node;
 use super::{Window, note, references};
@@ -42,7 +42,7 @@ pub(super) fn add(map: &mut Map, root: &Node<'_>, window: &Window, notes: &mut V
             map.lanes[at].speed_limit_mps = sign.limit_mps.or(map.lanes[at].speed_limit_mps);
         }
         let governed = references(&node, "trafficLightRef")?;
-        if let Some(line) = stop_line(map, &node, at, &signs, (&governed, &numbers), window)? {
+        if let Some(line) = stop_line(&map.lanes[at], &node, &signs, (&governed, &numbers), window)? {
             map.stop_lines.push(line);
         }
         governed.into_iter().for_each(|name| referring.entry(name).or_default().push(at));
@@ -85,9 +85,8 @@ fn signs(root: &Node<'_>) -> Result<BTreeMap<String, Sign>, FieldFault> {
 
 /// Returns a lanelet's stop line; where it is only implied by a light or a stop sign, across the end.
 fn stop_line(
-    map: &Map,
+    lane: &Lane,
     node: &Node<'_>,
-    lane: usize,
     signs: &BTreeMap<String, Sign>,
     (governed, numbers): (&[String], &BTreeMap<&str, u32>),
     window: &Window,
@@ -103,7 +102,6 @@ fn stop_line(
     for point in line.iter().flat_map(|line| line.all("point")) {
         points.push(point.place()? - window.origin);
     }
-    let lane = &map.lanes[lane];
     Ok(match points.as_slice() {
         [a, b, ..] => Some(StopLine { points: [*a, *b], light }),
         _ => across(lane, lane.centre_line[lane.centre_line.len() - 1]).map(|line| StopLine { light, ..line }),
