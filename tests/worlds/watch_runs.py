@@ -1,7 +1,7 @@
 """How often `gap watch` alarms over healthy drives of the project's own processes, and how soon after an effect was switched on.
 
-A log is one run over generated scenarios, no two alike (`town`: all families, policy expert; `ground`: a proving ground, the
-recorded drive followed). The first logs make the baseline, the others are watched one after another. With `--effects`, each is
+A log is one run over generated scenarios, no two alike (`town`: all families, policy expert, which brakes and turns; `steady`: the
+same, policy lattice, which hardly does; `ground`: a proving ground, the recorded drive followed). The first logs make the baseline, the others are watched one after another. With `--effects`, each is
 switched on after a healthy log: delays count from the first drive with it. With `--live`, scenarios are driven by a fleet of
 six processes and watched on the bus while they go on.
 
@@ -21,7 +21,7 @@ import time
 import proving_ground
 from watch_rates import poisson
 
-POLICY = {"town": "expert", "ground": "log-replay"}
+POLICY = {"town": "expert", "steady": "lattice", "ground": "log-replay"}
 
 
 class World:
