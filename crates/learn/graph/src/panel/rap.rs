@@ -114,7 +114,6 @@ fn refined(graph: &Graph, name: &str, x: Tensor<3>, (context, points): (&Tensor<
 }
 
 /// Where each token's poses lie among the patches, [N, 128, 8, 2]: row and column, from the middle of the first patch.
-#[expect(clippy::cast_possible_truncation, reason = "patches need no double precision")]
 fn points_of(plans: &Array, speeds_mps: &[f32]) -> Array {
     let camera = known_camera();
     let each = plans.values().len() / speeds_mps.len();
