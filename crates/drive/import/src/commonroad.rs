@@ -101,7 +101,7 @@ fn met(scene: &Scene) -> Option<Warning> {
     Some(Warning { at: "ego_log".to_owned(), message })
 }
 
-/// Returns the ids of the vehicles that are recorded for [`LEAST_SECS`] or more without a gap, in file order.
+/// Returns the ids of the vehicles that are recorded for 3 s or more without a gap, in file order.
 ///
 /// # Errors
 /// [`ImportError`] as for [`scene`], and if there is none.

@@ -49,7 +49,10 @@ fn observation(sequence: u64) -> Observation {
 fn plan(for_sequence: u64) -> PolicyPlan {
     let point = TrajectoryPoint { after: SimTime(500_000_000), pose: PoseSe2::new(5.0, 0.0, 0.0) };
     let trajectory = Trajectory::new(vec![point]).expect("sound");
-    PolicyPlan { for_sequence, plan: Plan { trajectory, proposals: vec![], observed: None, answered: None, context: None } }
+    PolicyPlan {
+        for_sequence,
+        plan: Plan { trajectory, proposals: vec![], observed: None, answered: None, context: None },
+    }
 }
 
 fn hello() -> FromBridge {
