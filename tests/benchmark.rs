@@ -411,7 +411,8 @@ fn a_worker_is_killed_while_scale_is_measured_and_nothing_is_lost_or_different()
     assert_eq!((count(&rows[0], "workers"), count(&rows[0], "episodes")), (2, 8));
     assert!(count(&rows[0], "killed") >= 1, "{rows:?}");
     assert_eq!([count(&rows[0], "lost"), count(&rows[0], "different")], [0, 0]);
-    assert!(rows[0]["generation ms"].as_f64().is_some_and(|ms| (2_000.0..3_000.0).contains(&ms)), "{rows:?}");
+    // Two seconds an iteration; the part of a drive that another worker takes over may cost less.
+    assert!(rows[0]["generation ms"].as_f64().is_some_and(|ms| ms > 1_000.0), "{rows:?}");
     assert!(rows[0]["commits/s"].as_f64().is_some_and(|rate| rate > 0.0), "{rows:?}");
     assert!(warnings.contains("Simulated") && !out.join("fleets").join("2").exists(), "{warnings}");
 
