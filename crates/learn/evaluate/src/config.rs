@@ -264,6 +264,10 @@ fn default_resamples() -> u64 {
     400
 }
 
+/// The key of the student among the arms of a part.
+pub(crate) const STUDENT: &str = "student";
+/// The targets of `layout_iou`.
+pub(crate) const LAYOUT_TARGETS: [&str; 4] = ["lane", "crosswalk", "vehicle", "pedestrian"];
 /// The keys of `sharpness`.
 pub const SHARPNESS_ARMS: [&str; 4] = ["autoencoder", "student", "bare", "untold"];
 /// The keys of the tables of `eval.json`.

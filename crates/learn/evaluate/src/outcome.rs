@@ -1,6 +1,6 @@
 //! The figures of an evaluation, as they are stored and reported. Maps are in the order of their keys.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
@@ -28,6 +28,18 @@ pub struct Outcome {
     pub speed: Option<SpeedOutcome>,
     /// Side-by-side videos, by file name.
     pub videos: Vec<String>,
+}
+
+impl Outcome {
+    /// Lists the columns of all parts, A first.
+    pub(crate) fn columns(&self) -> Vec<String> {
+        let mut names = BTreeSet::new();
+        names.extend(self.sharpness.iter().flat_map(|part| part.columns.keys().cloned()));
+        names.extend(self.layout.iter().flat_map(|part| part.columns.keys().cloned()));
+        names.extend(self.drift.iter().flat_map(|part| part.columns.keys().cloned()));
+        names.extend(self.appearance.iter().flat_map(|part| part.columns.keys().cloned()));
+        names.into_iter().collect()
+    }
 }
 
 /// What an arm is.

@@ -2,17 +2,18 @@
 
 mod brief;
 pub(crate) mod plot;
+pub(crate) mod table;
 
 use std::collections::BTreeMap;
 
 use ds_page::{Document, Markup, Pictures, link};
 
 use crate::config::EvalConfig;
-use crate::estimate::Estimate;
 use crate::film::STILLS;
 use crate::outcome::{ArmDrift, ArmLayout, ColumnLayout, Outcome, Sharpness};
 use ds_train::colour::Colour;
 use plot::{Line, Plot};
+use table::{shown, table};
 
 const STYLE: &str = include_str!("page/page.css");
 
@@ -42,27 +43,6 @@ fn body(m: &mut Markup, outcome: &Outcome, config: &EvalConfig) {
     appearance(m, outcome);
     speed(m, outcome);
     arms(m, outcome);
-}
-
-/// A figure as people read it: value and interval.
-fn shown(estimate: Option<Estimate>, digits: usize) -> String {
-    estimate.map_or_else(
-        || "–".to_owned(),
-        |e| format!("{:.digits$} ({:.digits$}\u{a0}to\u{a0}{:.digits$})", e.value, e.low, e.high),
-    )
-}
-
-pub(crate) fn table(m: &mut Markup, head: &[&str], rows: &[Vec<String>]) {
-    m.inside("div", &[("class", &"scroll")], |m| {
-        m.inside("table", &[], |m| {
-            m.inside("thead", &[], |m| m.inside("tr", &[], |m| head.iter().for_each(|cell| m.leaf("th", &[], cell))));
-            m.inside("tbody", &[], |m| {
-                for row in rows {
-                    m.inside("tr", &[], |m| row.iter().for_each(|cell| m.leaf("td", &[], cell)));
-                }
-            });
-        });
-    });
 }
 
 fn arms(m: &mut Markup, outcome: &Outcome) {

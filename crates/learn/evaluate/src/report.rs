@@ -4,16 +4,12 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use crate::config::{DIVERSE_ARMS, DRIFT_ARMS, EvalConfig, GUIDANCE_ARMS, LAYOUT_ARMS, SHARPNESS_ARMS};
+use crate::config::{DIVERSE_ARMS, DRIFT_ARMS, EvalConfig, GUIDANCE_ARMS, LAYOUT_ARMS, LAYOUT_TARGETS, SHARPNESS_ARMS};
 use crate::error::AppraisalError;
 use crate::estimate::{CONFIDENCE, Estimate};
 use crate::outcome::{Outcome, Sharpness};
 use crate::page;
 
-/// The key of the student among the arms of a part.
-pub(crate) const STUDENT: &str = "student";
-/// The targets of `layout_iou`.
-pub(crate) const TARGETS: [&str; 4] = ["lane", "crosswalk", "vehicle", "pedestrian"];
 /// The column that `eval.json` shows at its top.
 pub const FIRST_COLUMN: &str = "A";
 
@@ -61,7 +57,7 @@ fn value(estimate: Option<Estimate>) -> Value {
 /// holds column A, `columns` the same tables for every column.
 #[must_use]
 pub fn eval_json(outcome: &Outcome, config: &EvalConfig) -> Value {
-    let columns: Vec<String> = column_names(outcome);
+    let columns = outcome.columns();
     let mut all = Map::new();
     for column in &columns {
         all.insert(column.clone(), column_json(outcome, config, column));
@@ -88,21 +84,11 @@ pub fn eval_json(outcome: &Outcome, config: &EvalConfig) -> Value {
     top
 }
 
-/// Lists the columns of all parts, A first.
-pub(crate) fn column_names(outcome: &Outcome) -> Vec<String> {
-    let mut names = std::collections::BTreeSet::new();
-    names.extend(outcome.sharpness.iter().flat_map(|part| part.columns.keys().cloned()));
-    names.extend(outcome.layout.iter().flat_map(|part| part.columns.keys().cloned()));
-    names.extend(outcome.drift.iter().flat_map(|part| part.columns.keys().cloned()));
-    names.extend(outcome.appearance.iter().flat_map(|part| part.columns.keys().cloned()));
-    names.into_iter().collect()
-}
-
 fn column_json(outcome: &Outcome, config: &EvalConfig, column: &str) -> Value {
     let layout = outcome.layout.as_ref();
     let figures = layout.and_then(|layout| layout.columns.get(column));
     let mut layout_iou = Map::new();
-    for target in TARGETS {
+    for target in LAYOUT_TARGETS {
         let of = |key: &str| {
             let arm = layout.and_then(|layout| layout.iou.get(key));
             let figures = arm.and_then(|arm| figures?.arms.get(arm));

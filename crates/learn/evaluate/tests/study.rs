@@ -43,11 +43,12 @@ impl Progress for Counted {
 }
 
 /// Runs a study to which no policy connects.
-fn alone(study: Study, config: &StudyConfig, progress: &mut Counted) -> Result<Outcome, AppraisalError> {
+fn alone(study: Study, config: &StudyConfig, progress: &mut Counted) -> Result<Outcome, Box<AppraisalError>> {
     study::run(study, config, &|name, _| Err(format!("{name} is not expected").into()), progress, &|| 0.0)
+        .map_err(Box::new)
 }
 
-fn run(study: Study, config: &StudyConfig) -> Result<Outcome, AppraisalError> {
+fn run(study: Study, config: &StudyConfig) -> Result<Outcome, Box<AppraisalError>> {
     alone(study, config, &mut Counted::default())
 }
 

@@ -2,13 +2,16 @@
 
 use ds_page::Markup;
 
+use super::table::{shown, table};
+use crate::config::{LAYOUT_TARGETS, STUDENT};
 use crate::estimate::Estimate;
 use crate::outcome::{ArmLayout, Outcome, Sharpness};
-use crate::page::{shown, table};
-use crate::report::{STUDENT, TARGETS, column_names};
 
-/// What is read from the sharpness of whole drives: name, digits, figure.
-const SHARP: [(&str, usize, fn(&Sharpness) -> Option<Estimate>); 5] = [
+/// Name, digits and figure of a row.
+type Row = (&'static str, usize, fn(&Sharpness) -> Option<Estimate>);
+
+/// What is read from the sharpness of whole drives.
+const SHARP: [Row; 5] = [
     ("detail, of the world's own", 2, |found| found.laplacian_ratio),
     ("steps at borders of blocks", 2, |found| found.border_ratio),
     ("seam between chunks", 2, |found| found.seam),
@@ -18,7 +21,7 @@ const SHARP: [(&str, usize, fn(&Sharpness) -> Option<Estimate>); 5] = [
 
 /// Writes a row a figure and a column a world; nothing where neither part was measured.
 pub(super) fn write(m: &mut Markup, outcome: &Outcome) {
-    let columns = column_names(outcome);
+    let columns = outcome.columns();
     let mut rows = Vec::new();
     if let Some(part) = &outcome.sharpness {
         let of = |column: &String| part.columns.get(column)?.get(part.arms.get(STUDENT)?);
@@ -31,7 +34,7 @@ pub(super) fn write(m: &mut Markup, outcome: &Outcome) {
             let column = part.columns.get(column)?;
             Some((&column.reference, column.arms.get(part.iou.get(STUDENT)?)?))
         };
-        for target in TARGETS {
+        for target in LAYOUT_TARGETS {
             let name = format!("{target} IoU, student / reference frames");
             let figure = |arm: &ArmLayout| shown(arm.iou.get(target).copied().flatten(), 2);
             rows.push(row(&name, &columns, |column| {

@@ -1,6 +1,7 @@
 //! The page shows every part, escapes names and is well formed where nothing was measured.
 
 use super::*;
+use crate::estimate::Estimate;
 use crate::outcome::{ArmNote, ColumnDrift, DriftOutcome, LayoutOutcome};
 
 fn estimate(value: f64) -> Option<Estimate> {

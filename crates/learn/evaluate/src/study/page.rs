@@ -10,7 +10,7 @@ use ds_page::svg::{dot, line, text, wide};
 use ds_page::{Document, Markup, Pictures, link};
 
 use super::outcome::{Anchor, Figure, Outcome, Row, Scene, Table};
-use crate::page::table;
+use crate::page::table::table;
 
 const STYLE: &str = include_str!("../page/page.css");
 

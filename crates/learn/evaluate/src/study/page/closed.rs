@@ -7,7 +7,7 @@ use ds_page::{Document, Markup, Pictures};
 
 use super::{STYLE, shown};
 use crate::error::AppraisalError;
-use crate::page::table;
+use crate::page::table::table;
 use crate::study::closed_loop::{ClosedLoop, Gap, Nearer, REFERENCE};
 
 /// Writes `closed-loop.json` and `index.html` into a folder.

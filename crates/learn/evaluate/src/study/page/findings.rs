@@ -8,7 +8,7 @@ use ds_page::svg::{area, dot, line, text, wide};
 use super::shown;
 use crate::estimate::Estimate;
 use crate::page::plot::{Line, Plot};
-use crate::page::table;
+use crate::page::table::table;
 use crate::study::outcome::{Correlation, Metric, Outcome, Response, Rollout, Sensitivity};
 
 /// Writes what the study found besides distances.
