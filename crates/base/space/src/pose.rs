@@ -6,7 +6,7 @@ use std::ops::Mul;
 
 use glam::{DQuat, DVec2, DVec3};
 
-use crate::angle::wrap;
+use crate::angle::{turn, wrap};
 
 /// A coordinate frame; the implementors are never constructed.
 pub trait Frame: Copy + 'static {
@@ -148,6 +148,16 @@ impl PoseSe2 {
         Self { position: self.to_local(outer.position), heading_rad: wrap(outer.heading_rad - self.heading_rad) }
     }
 
+    /// Returns the pose on the straight way to another in the same frame, at a share of it from 0 to 1; the heading takes the shorter
+    /// turn.
+    #[must_use]
+    pub fn lerp(&self, to: &Self, share: f64) -> Self {
+        Self {
+            position: self.position.lerp(to.position, share),
+            heading_rad: wrap(self.heading_rad + share * turn(self.heading_rad, to.heading_rad)),
+        }
+    }
+
     /// Returns the transform from the rig to the world for a rig that stands level at height `z_m`.
     #[must_use]
     pub fn world_from_rig(&self, z_m: f64) -> Pose<World, Rig> {
@@ -165,6 +175,15 @@ impl PoseSe2 {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn the_way_between_two_poses_turns_the_shorter_way() {
+        let (from, to) = (PoseSe2::new(1.0, 0.0, 3.0), PoseSe2::new(3.0, 4.0, -3.0));
+        let half = from.lerp(&to, 0.5);
+        assert_eq!(half.position, DVec2::new(2.0, 2.0));
+        assert!((half.heading_rad.abs() - std::f64::consts::PI).abs() < 1e-12, "{half:?}");
+        assert!(from.lerp(&to, 0.0) == from && (from.lerp(&to, 1.0).heading_rad - to.heading_rad).abs() < 1e-12);
+    }
 
     proptest! {
         #[test]

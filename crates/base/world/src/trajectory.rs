@@ -120,11 +120,7 @@ impl Trajectory {
         for to in &self.0 {
             if after <= to.after {
                 let share = (after - from.after).secs() / (to.after - from.after).secs();
-                let turn = ds_space::angle::turn(from.pose.heading_rad, to.pose.heading_rad);
-                return PoseSe2 {
-                    position: from.pose.position.lerp(to.pose.position, share),
-                    heading_rad: ds_space::angle::wrap(from.pose.heading_rad + share * turn),
-                };
+                return from.pose.lerp(&to.pose, share);
             }
             from = *to;
         }

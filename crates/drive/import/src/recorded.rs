@@ -247,12 +247,8 @@ fn between(at: &[(f64, PoseSe2, f64)], secs: f64, apart_secs: f64) -> Option<Tra
     let passed = at[to].0 - a_secs;
     let span = b_secs - a_secs;
     let share = if span > 0.0 { ((secs - a_secs) / span).clamp(0.0, 1.0) } else { 0.0 };
-    let turn = angle::turn(a_pose.heading_rad, b_pose.heading_rad);
     Some(TrackPoint {
-        pose: PoseSe2 {
-            position: a_pose.position.lerp(b_pose.position, share),
-            heading_rad: angle::wrap(a_pose.heading_rad + share * turn),
-        },
+        pose: a_pose.lerp(b_pose, share),
         z_m: a_z + share * (b_z - a_z),
         velocity_mps: if passed > 0.0 && passed < apart_secs {
             (at[to].1.position - at[from].1.position) / passed

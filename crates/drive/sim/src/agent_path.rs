@@ -3,7 +3,7 @@
 //! World frame. Headings are the logged ones (so a reversing car stays reversed); the desired speed at a place is the
 //! highest logged speed within 20 m of it, at least 3 m/s. Agents that hardly move have no path.
 
-use ds_space::angle::{turn, wrap};
+use ds_space::angle::wrap;
 use ds_space::plane::Polyline;
 use ds_space::{DVec2, PoseSe2, Tick};
 use ds_world::{AgentClass, Track, TrackPoint};
@@ -110,12 +110,8 @@ impl AgentPath {
         let segment = self.segment(along_m);
         let (a, b) = (&self.knots[segment], &self.knots[segment + 1]);
         let share = (along_m / KNOT_M - segment as f64).clamp(0.0, 1.0);
-        let turned = turn(a.pose.heading_rad, b.pose.heading_rad);
         Knot {
-            pose: PoseSe2 {
-                position: a.pose.position.lerp(b.pose.position, share),
-                heading_rad: wrap(a.pose.heading_rad + share * turned),
-            },
+            pose: a.pose.lerp(&b.pose, share),
             z_m: a.z_m + share * (b.z_m - a.z_m),
             desired_mps: a.desired_mps + share * (b.desired_mps - a.desired_mps),
         }
@@ -228,12 +224,8 @@ fn resample(kept: &[Logged]) -> Vec<Knot> {
         let (a, b) = (&ends[0], &ends[1]);
         while along_m <= b.along_m {
             let share = (along_m - a.along_m) / (b.along_m - a.along_m);
-            let turned = turn(a.point.pose.heading_rad, b.point.pose.heading_rad);
             knots.push(Knot {
-                pose: PoseSe2 {
-                    position: a.point.pose.position.lerp(b.point.pose.position, share),
-                    heading_rad: wrap(a.point.pose.heading_rad + share * turned),
-                },
+                pose: a.point.pose.lerp(&b.point.pose, share),
                 z_m: a.point.z_m + share * (b.point.z_m - a.point.z_m),
                 desired_mps: desired[index] + share * (desired[index + 1] - desired[index]),
             });

@@ -119,11 +119,7 @@ pub(crate) fn forecast_ego(
         let pose = on_route.as_ref().map_or(car.pose, |(route, foot)| {
             let on = route.pose(foot.station_m + way_m);
             let beside = on.position + on.left() * (foot.left_m * (1.0 - share));
-            let turn_rad = angle::turn(car.pose.heading_rad, on.heading_rad);
-            PoseSe2 {
-                position: car.pose.position.lerp(beside, share),
-                heading_rad: angle::wrap(car.pose.heading_rad + share * turn_rad),
-            }
+            car.pose.lerp(&PoseSe2 { position: beside, heading_rad: on.heading_rad }, share)
         });
         let centre = PoseSe2 {
             position: pose.position + pose.forward() * vehicle.rear_axle_to_centre_m,

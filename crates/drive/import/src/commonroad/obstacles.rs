@@ -41,12 +41,8 @@ impl Obstacle {
             return Some(from);
         }
         let to = self.states.get(&(before as u32 + 1))?;
-        let turn = angle::turn(from.pose.heading_rad, to.pose.heading_rad);
         Some(TrackPoint {
-            pose: PoseSe2 {
-                position: from.pose.position.lerp(to.pose.position, share),
-                heading_rad: angle::wrap(from.pose.heading_rad + share * turn),
-            },
+            pose: from.pose.lerp(&to.pose, share),
             z_m: 0.0,
             velocity_mps: from.velocity_mps.lerp(to.velocity_mps, share),
         })
