@@ -4,9 +4,10 @@
 #[path = "harness.rs"]
 mod harness;
 use std::path::Path;
+use std::process::Command;
 
 use ds_effect::{Plant, find};
-use harness::dreamstream;
+use harness::{dreamstream, python, python_with, workspace};
 use serde_json::Value;
 
 fn case(folder: &Path, seed: u64, injected: &[(&str, f64)]) -> String {
@@ -36,6 +37,44 @@ fn diagnosed(case: &str, simulator: Option<&str>) -> Result<Value, String> {
     let name = Path::new(case).file_name().expect("a name");
     let text = std::fs::read_to_string(out.path().join(name).join("diagnosis.json")).expect("a diagnosis");
     Ok(serde_json::from_str(&text).expect("JSON"))
+}
+
+/// Builds the example FMU of one version of the standard for a case; None where FMPy or a C compiler is missing.
+fn unit(python: &Path, case: &str, version: &str, folder: &Path) -> Option<String> {
+    let path = folder.join(format!("car-{version}.fmu"));
+    let script = workspace().join("clients/python/examples/fmu/build.py");
+    let made = Command::new(python).arg(script).args(["--fmi", version, "--case", case, "-o"]).arg(&path).output();
+    let made = made.expect("python starts");
+    if !made.status.success() {
+        eprintln!("skipped: the FMU cannot be built: {}", String::from_utf8_lossy(&made.stderr));
+        return None;
+    }
+    Some(path.display().to_string())
+}
+
+#[test]
+fn a_functional_mock_up_unit_is_the_nominal_simulator() {
+    let Some(python) = python().and_then(|_| python_with("fmpy", &["fmpy"])) else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let case = case(folder.path(), 71, &[("steer_delay", 0.12)]);
+    let bin = python.parent().expect("a folder").display().to_string();
+    let path = format!("{bin}:{}", std::env::var("PATH").unwrap_or_default());
+    for version in ["2", "3"] {
+        let Some(unit) = unit(&python, &case, version, folder.path()) else { return };
+        let out = folder.path().join(version).display().to_string();
+        let words = ["gap", "diagnose", &case, "--quick", "--no-pages", "--out", &out, "--simulator", &unit];
+        let ended = dreamstream(&words).env("PATH", &path).output().expect("the binary runs");
+        assert!(ended.status.success(), "FMI {version}: {}", String::from_utf8_lossy(&ended.stderr));
+        let name = folder.path().file_name().expect("a name");
+        let text = std::fs::read_to_string(Path::new(&out).join(name).join("diagnosis.json")).expect("a diagnosis");
+        let said: Value = serde_json::from_str(&text).expect("JSON");
+        assert_eq!(said["chosen"], serde_json::json!(["steer_delay"]), "FMI {version}: {text}");
+        let delay = said["effects"][0]["value"].as_f64().expect("a value");
+        assert!((delay - 0.12).abs() < 0.02 && said["rollouts"].as_u64() > Some(50), "FMI {version}: {delay}");
+        std::fs::remove_file(&unit).expect("the file was there");
+        let gone = dreamstream(&words).env("PATH", &path).output().expect("the binary runs");
+        assert!(String::from_utf8_lossy(&gone.stderr).contains("there is no file"), "FMI {version}");
+    }
 }
 
 fn program() -> String {
@@ -152,7 +191,7 @@ fn what_is_no_simulator_is_refused_by_what_is_wrong() {
         ("sh -c 'echo tyres are cold >&2'".to_owned(), "tyres are cold"),
         ("sh -c 'echo ready; cat'".to_owned(), "no such reply"),
         ("./no/such/program".to_owned(), "ended when asked for hello"),
-        ("car.fmu".to_owned(), "is an FMU"),
+        ("./no/car.fmu".to_owned(), "dreamstream.fmu"),
         (hello("").replace("0.01", "3.0"), "dt"),
         (hello("").replace("\"v\",", ""), "channels"),
         (hello("").replace("\"hello\":1", "\"hello\":9"), "hello"),

@@ -6,12 +6,16 @@ Labels of the cases that were diagnosed lie beside the diagnoses, for `gap score
 
     python tests/worlds/own_world.py --out WORLD --seed SEED --fleet 3 --none 45 --singles 48 --pairs 12 --unknown 10
     python tests/worlds/baseline_rates.py WORLD --logs 3 5 10 --out DIR [--program target/debug/dreamstream] [--full | --discover]
+
+`--pool 3` keeps three healthy cases of a vehicle for its baselines instead of ten: the others are tested. Processor seconds
+a case are those of the diagnoses alone.
 """
 
 import argparse
 import json
 import math
 import pathlib
+import resource
 import subprocess
 
 POOL = 10
@@ -67,11 +71,18 @@ def law_rates(labels, found):
     ]
 
 
+def spent():
+    """Processor seconds of all programs that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("world", type=pathlib.Path)
     parser.add_argument("--out", type=pathlib.Path, required=True)
     parser.add_argument("--logs", type=int, nargs="*", default=[3, 5, 10])
+    parser.add_argument("--pool", type=int, default=POOL, help="so many healthy cases of a vehicle are kept for baselines and not tested")
     parser.add_argument("--program", default="target/debug/dreamstream")
     parser.add_argument("--full", action="store_true", help="default effort instead of --quick")
     parser.add_argument("--discover", action="store_true", help="look for laws, at default effort")
@@ -81,11 +92,11 @@ def main():
     fleets = {}
     for name in sorted(labels):
         fleets.setdefault(json.loads((given.world / name / "meta.json").read_text())["vehicle"], []).append(name)
-    pool = {vehicle: [n for n in names if labels[n]["kind"] == "none"][:POOL] for vehicle, names in fleets.items()}
+    pool = {vehicle: [n for n in names if labels[n]["kind"] == "none"][: given.pool] for vehicle, names in fleets.items()}
     targets = {v: [n for n in names if n not in pool[v]] for v, names in fleets.items()}
     tested = {n: labels[n] for names in targets.values() for n in names}
     for count in given.logs:
-        out, found = given.out / f"logs-{count}", {}
+        out, found, secs = given.out / f"logs-{count}", {}, 0.0
         for vehicle, names in targets.items():
             baseline = []
             if count:
@@ -94,7 +105,9 @@ def main():
                 subprocess.run([given.program, "gap", "baseline", *healthy, "-o", file], check=True, capture_output=True)
                 baseline = ["--baseline", file]
             command = [given.program, "gap", "discover" if given.discover else "diagnose", *(given.world / n for n in names), "--no-pages", "--out", out, *baseline]
+            before = spent()
             subprocess.run(command + ([] if given.full or given.discover else ["--quick"]), capture_output=True)
+            secs += spent() - before
             for n in names:
                 path = out / n / "diagnosis.json"
                 if path.exists():
@@ -103,6 +116,7 @@ def main():
         print(f"{given.world.name}: baseline of {count} healthy logs" if count else f"{given.world.name}: no baseline")
         for what, hits, of in rates(tested, found) + (law_rates(tested, found) if given.discover else []):
             print(f"  {what:34} {wilson(hits, of)}")
+        print(f"  {'processor seconds a case':34} {secs / max(len(tested), 1):.1f}", flush=True)
         if given.wrong:
             for n, label in tested.items():
                 d, ids = found.get(n), [e["id"] for e in label["effects"]]

@@ -94,8 +94,8 @@ pub struct DiagnoseArgs {
     /// compared.
     #[arg(long, value_name = "FILE|CASE", value_hint = ValueHint::AnyPath)]
     pub baseline: Option<PathBuf>,
-    /// Logs of a vehicle: a command that serves the nominal simulator, instead of the built-in car; `{case}` in it is the
-    /// case's folder, see docs/simulators.md.
+    /// Logs of a vehicle: a command that serves the nominal simulator, instead of the built-in car, or an FMU; `{case}` in it
+    /// is the case's folder, see docs/simulators.md and docs/fmu.md.
     #[arg(long, value_name = "COMMAND", conflicts_with = "baseline")]
     pub simulator: Option<String>,
     /// Effects to leave out of the library, to see what is said without them.

@@ -87,12 +87,6 @@ pub enum SimulatorError {
         /// The last failure.
         why: String,
     },
-    /// It is a functional mock-up unit.
-    #[error("{path:?} is an FMU, which is not run directly: serve it by a command of its own, see docs/simulators.md")]
-    Fmu {
-        /// The file.
-        path: String,
-    },
     /// Standard input or output of a served simulator failed.
     #[error("read requests or write replies")]
     Stream(#[from] std::io::Error),

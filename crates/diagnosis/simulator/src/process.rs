@@ -58,11 +58,8 @@ impl Process {
     /// # Errors
     /// If it cannot be started, does not answer, or is none that a diagnosis can work with.
     pub fn start(command: &str) -> Result<Self, SimulatorError> {
-        if command.trim_end().to_ascii_lowercase().ends_with(".fmu") {
-            return Err(SimulatorError::Fmu { path: command.to_owned() });
-        }
-        let (running, hello) = Self::greet(command)?;
-        let command = command.to_owned();
+        let command = unit(command).unwrap_or_else(|| command.to_owned());
+        let (running, hello) = Self::greet(&command)?;
         Ok(Self { hello, command, running: Some(running), restarted: false, why: String::new() })
     }
 
@@ -106,6 +103,15 @@ impl Process {
             answer => answer,
         }
     }
+}
+
+/// Returns the command that serves a functional mock-up unit, if that is what was named: foreign machine code runs in a process of
+/// its own.
+fn unit(command: &str) -> Option<String> {
+    let path = command.trim();
+    let alone = !path.contains(char::is_whitespace) || std::path::Path::new(path).is_file();
+    let named = alone && path.to_ascii_lowercase().ends_with(".fmu");
+    named.then(|| format!("python3 -m dreamstream.fmu '{}'", path.replace('\'', "'\\''")))
 }
 
 impl Drop for Process {
