@@ -7,7 +7,9 @@ use std::sync::Arc;
 
 use crate::case::PartModel;
 use crate::fit::{Columns, Fit, Model, Plan, data_loss, fit, start_loss};
-use crate::settings::{FURTHER_GAIN, KEPT, LEFT_OUT_STEPS, MARGIN_SDS, NULL_ROUNDS, POLISHED, POLISHES};
+use crate::settings::{
+    FURTHER_GAIN, KEPT, LEFT_OUT_STEPS, MARGIN_SDS, NULL_ROUNDS, POLISHED, POLISHES, SAME_VALLEY, VALLEYS,
+};
 
 /// The effect whose wheels do not slip, and those that say how they slip: nonsense together.
 const RIGID: &str = "kinematic_only";
@@ -83,10 +85,27 @@ impl<'m, 'c> Search<'m, 'c> {
         search
     }
 
-    /// Restarts the nuisance fit from the nuisances of the best singles: a fit that found a better valley than the null
-    /// did must not be counted in favour of its effect.
+    /// Restarts the nuisance fit from the nuisances of the best singles, and these from a nuisance fit that went on: a fit that
+    /// found a better valley than the other did must not be counted in favour of its effect, nor against it.
     fn settle(&mut self) {
-        self.sort();
+        for _ in 0..VALLEYS {
+            self.sort();
+            let gained = self.restart();
+            self.singles.iter_mut().for_each(|h| h.gain -= gained);
+            if gained < SAME_VALLEY {
+                break;
+            }
+            for place in 0..self.singles.len() {
+                let again = self.from_null(&self.singles[place]);
+                if again.gain > self.singles[place].gain {
+                    self.singles[place] = again;
+                }
+            }
+        }
+    }
+
+    /// Restarts the nuisance fit from the nuisances of the best singles; returns how much evidence it gained.
+    fn restart(&mut self) -> f64 {
         let priors = self.model.null_priors();
         let before = self.null.evidence;
         for hypothesis in self.singles.iter().take(3) {
@@ -99,8 +118,18 @@ impl<'m, 'c> Search<'m, 'c> {
                 self.null = again;
             }
         }
-        let gained = self.null.evidence - before;
-        self.singles.iter_mut().for_each(|h| h.gain -= gained);
+        self.null.evidence - before
+    }
+
+    /// Refits a single effect from where the nuisance fit went, the effect as it was.
+    fn from_null(&self, hypothesis: &Hypothesis) -> Hypothesis {
+        let mut start = self.null.vector.clone();
+        for k in hypothesis.effects.iter().flat_map(|e| self.model.space.of(*e)) {
+            start[k] = hypothesis.fit.vector[k];
+        }
+        let fit = refit(self.model, &start, &hypothesis.effects, self.null.columns.clone());
+        let gain = fit.evidence - self.null.evidence;
+        Hypothesis { effects: hypothesis.effects.clone(), fit, gain }
     }
 
     fn sort(&mut self) {
