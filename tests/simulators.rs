@@ -134,6 +134,35 @@ fn how_far_is_measured_by_runs_of_the_simulator() {
 }
 
 #[test]
+fn a_baseline_speaks_of_the_simulator_that_it_was_learned_with() {
+    let folders = [(); 3].map(|()| tempfile::tempdir().expect("a folder"));
+    let effects: [&[(&str, f64)]; 3] = [&[], &[], &[("drag_add", 1.2)]];
+    let cases: Vec<String> =
+        folders.iter().zip([81, 82, 83]).zip(effects).map(|((folder, seed), e)| case(folder.path(), seed, e)).collect();
+    let served = format!("{} gap serve {{case}}", program());
+    let [file, out] = ["baseline.json", "out"].map(|name| folders[0].path().join(name).display().to_string());
+    let learned = ["gap", "baseline", &cases[0], &cases[1], "--simulator", &served, "-o", &file];
+    let learned = dreamstream(&learned).output().expect("the binary runs");
+    assert!(learned.status.success(), "{}", String::from_utf8_lossy(&learned.stderr));
+    let words = ["gap", "diagnose", &cases[2], "--quick", "--no-pages", "--out", &out, "--baseline", &file];
+    let refused = String::from_utf8_lossy(&dreamstream(&words).output().expect("the binary runs").stderr).into_owned();
+    assert!(
+        refused.contains("its nominal one is the built-in car, the baseline's is a simulator of step"),
+        "{refused}"
+    );
+    let ended = dreamstream(&[&words[..], &["--simulator", &served]].concat()).output().expect("the binary runs");
+    assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
+    let name = folders[2].path().file_name().expect("a name");
+    let text = std::fs::read_to_string(Path::new(&out).join(name).join("diagnosis.json")).expect("a diagnosis");
+    let said: Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!(
+        (&said["chosen"], &said["floor_source"]),
+        (&serde_json::json!(["drag_add"]), &"baseline".into()),
+        "{text}"
+    );
+}
+
+#[test]
 fn what_cannot_be_declared_is_pushed_through_the_ports() {
     let folder = tempfile::tempdir().expect("a folder");
     let case = case(folder.path(), 77, &[("payload", 250.0)]);

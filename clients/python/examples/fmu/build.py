@@ -19,9 +19,9 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 
 HERE = pathlib.Path(__file__).parent
-INPUTS = ["steer", "accel", "drive", "front_force", "rear_force"]
+INPUTS = ["steer", "force", "front_force", "rear_force"]
 OUTPUTS = ["x", "y", "yaw", "v", "yaw_rate", "ax", "ay"]
-PARAMETERS = {"v_start": 10.0, "vy_start": 0.0, "yaw_rate_start": 0.0, "mass": 1500.0, "inertia": 2500.0, "lf": 1.3, "lr": 1.5, "front_stiffness": 90000.0, "rear_stiffness": 100000.0, "rolling": 0.1, "drag": 0.0004}
+PARAMETERS = {"v_start": 10.0, "vy_start": 0.0, "yaw_rate_start": 0.0, "mass": 1500.0, "inertia": 2500.0, "lf": 1.3, "lr": 1.5, "front_stiffness": 90000.0, "rear_stiffness": 100000.0, "rolling": 0.1, "drag": 0.6}
 KNOWN = {"mass_kg": "mass", "yaw_inertia_kg_m2": "inertia", "front_arm_m": "lf", "rear_arm_m": "lr", "front_stiffness_n": "front_stiffness", "rear_stiffness_n": "rear_stiffness"}
 STEP = 0.01
 
@@ -54,14 +54,16 @@ def described(fmi):
 
 def mapped(nominal):
     """The map, with the parameters of a case where there is one."""
-    lines = ["[inputs]", *(f'"{port}" = "{name}"' for port, name in zip(["steer", "accel", "drive", "lateral.front", "lateral.rear"], INPUTS))]
+    mass = nominal.get("mass", PARAMETERS["mass"])
+    force = '{ variable = "force", scale = %r }' % mass
+    lines = ["[inputs]", 'steer = "steer"', f"accel = {force}", f"drive = {force}", '"lateral.front" = "front_force"', '"lateral.rear" = "rear_force"']
     lines += ["", "[outputs]", *(f'{name} = "{name}"' for name in OUTPUTS)]
     lines += ["", "[start]", *(f'{name} = "{name}_start"' for name in ("v", "vy", "yaw_rate"))]
     keys = {"mass": "mass", "inertia": "yaw_inertia", "lf": "lf", "lr": "lr", "front_stiffness": "cornering_stiffness_front", "rear_stiffness": "cornering_stiffness_rear"}
     value = {name: nominal.get(keys[name], PARAMETERS[name]) for name in KNOWN.values()}
     entry = '{ variable = "%s", nominal = %r, low = %r, high = %r }'
     lines += ["", "[parameters]", *(f"{known} = {entry % (name, value[name], 0.2 * value[name], 4.0 * value[name])}" for known, name in KNOWN.items())]
-    resistance = {"rolling": nominal.get("rolling_decel", 0.1), "drag": nominal.get("drag_decel_per_v2", 0.0004)}
+    resistance = {"rolling": nominal.get("rolling_decel", 0.1), "drag": mass * nominal.get("drag_decel_per_v2", 0.0004)}
     lines += ["", "[values]", *(f"{name} = {value!r}" for name, value in resistance.items())]
     return "\n".join(lines) + "\n"
 

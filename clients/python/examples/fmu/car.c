@@ -8,14 +8,14 @@
 #include <string.h>
 
 /* Value references, in the order of build.py. */
-enum { STEER = 1, ACCEL, DRIVE, FRONT, REAR, X, Y, YAW, V, YAW_RATE, AX, AY, V0, VY0, YAW_RATE0, MASS, INERTIA, LF, LR, CF, CR, ROLLING, DRAG, COUNT };
+enum { STEER = 1, FORCE, FRONT, REAR, X, Y, YAW, V, YAW_RATE, AX, AY, V0, VY0, YAW_RATE0, MASS, INERTIA, LF, LR, CF, CR, ROLLING, DRAG, COUNT };
 
 typedef struct {
     double value[COUNT];
     double vy;
 } Car;
 
-static const double STARTS[COUNT] = { [V0] = 10, [MASS] = 1500, [INERTIA] = 2500, [LF] = 1.3, [LR] = 1.5, [CF] = 90000, [CR] = 100000, [ROLLING] = 0.1, [DRAG] = 0.0004 };
+static const double STARTS[COUNT] = { [V0] = 10, [MASS] = 1500, [INERTIA] = 2500, [LF] = 1.3, [LR] = 1.5, [CF] = 90000, [CR] = 100000, [ROLLING] = 0.1, [DRAG] = 0.6 };
 
 static void begin(Car *c) {
     memcpy(c->value, STARTS, sizeof STARTS);
@@ -32,8 +32,8 @@ static void fine_step(Car *c, double h) {
     double *u = c->value, v = fmax(u[V], 0.5), r = u[YAW_RATE];
     double front = u[CF] * (u[STEER] - (c->vy + u[LF] * r) / v) + u[FRONT];
     double rear = u[CR] * -(c->vy - u[LR] * r) / v + u[REAR];
-    double resist = u[V] > 0 ? u[ROLLING] + u[DRAG] * u[V] * u[V] : 0;
-    u[AX] = u[ACCEL] + u[DRIVE] - resist - front * sin(u[STEER]) / u[MASS];
+    double resist = u[V] > 0 ? u[ROLLING] * u[MASS] + u[DRAG] * u[V] * u[V] : 0;
+    u[AX] = (u[FORCE] - resist - front * sin(u[STEER])) / u[MASS];
     u[AY] = (front * cos(u[STEER]) + rear) / u[MASS];
     u[V] = fmax(0, u[V] + h * (u[AX] + c->vy * r));
     c->vy += h * (u[AY] - u[V] * r);

@@ -96,7 +96,7 @@ pub struct DiagnoseArgs {
     pub baseline: Option<PathBuf>,
     /// Logs of a vehicle: a command that serves the nominal simulator, instead of the built-in car, or an FMU; `{case}` in it
     /// is the case's folder, see docs/simulators.md and docs/fmu.md.
-    #[arg(long, value_name = "COMMAND", conflicts_with = "baseline")]
+    #[arg(long, value_name = "COMMAND")]
     pub simulator: Option<String>,
     /// Effects to leave out of the library, to see what is said without them.
     #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
@@ -119,6 +119,9 @@ pub struct BaselineArgs {
     /// are opened. Three hold the rate of false alarms, ten see small effects too.
     #[arg(required = true, value_hint = ValueHint::DirPath)]
     pub healthy: Vec<PathBuf>,
+    /// A command that serves the nominal simulator, instead of the built-in car, as for `gap diagnose`.
+    #[arg(long, value_name = "COMMAND")]
+    pub simulator: Option<String>,
     /// Where the baseline goes, for `gap diagnose --baseline`.
     #[arg(long, short, default_value = "out/baseline.json", value_hint = ValueHint::FilePath)]
     pub out: PathBuf,

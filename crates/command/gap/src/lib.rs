@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
-use ds_cases::case::{Case, Options, Unseen, diagnose_by, evaluate_by, folders, name, names};
+use ds_cases::case::{Case, Options, Unseen, diagnose_by, evaluate_by, folders, name, names, served};
 use ds_cases::localised::localisation;
 use ds_cases::pairs::Paired;
 use ds_cases::{CasesError, RunConfig, finished, logs, pairs, scenes, seal};
@@ -152,7 +152,8 @@ fn diagnose_all(args: &DiagnoseArgs, discover: bool) -> Result<()> {
     // pictures and traffic of the same drives have no simulator of the car
     let unserved = args.simulator.is_some() && cases.iter().all(|case| Kind::of(case) != Kind::Vehicle);
     ensure!(!unserved, CasesError::SimulatorWithoutVehicle);
-    let baseline = args.baseline.as_deref().map(ds_cases::baseline::open).transpose()?;
+    let open = |path: &Path| ds_cases::baseline::open(path, args.simulator.as_deref());
+    let baseline = args.baseline.as_deref().map(open).transpose()?;
     let nuisance = args.nuisance.as_deref().map(ds_frames::Nuisance::learn).transpose()?;
     let simulator = args.simulator.clone();
     let without = args.without.clone();
@@ -213,7 +214,7 @@ fn put(path: &Path, text: &str) -> Result<()> {
 
 /// Learns a baseline and says what can be told with it.
 fn learn(args: &BaselineArgs) -> Result<()> {
-    let healthy = ds_cases::baseline::healthy(&args.healthy)?;
+    let healthy = ds_cases::baseline::healthy(&args.healthy, args.simulator.as_deref())?;
     let bar = bar(ds_cases::baseline::steps(&healthy), "steps");
     let baseline = ds_cases::baseline::learn(&healthy, &|| bar.inc(1))?;
     bar.finish_and_clear();
@@ -302,18 +303,12 @@ fn suggest(log: &Path, out: Option<&Path>) -> Result<()> {
 /// Reads a case and diagnoses it.
 fn one(case: &Path, options: &Options, bar: &ProgressBar) -> Result<Diagnosis> {
     let began = Instant::now();
-    let read = Case::read(case).and_then(|case| case.against(options.baseline.as_ref()));
-    let diagnosis = read.and_then(|read| match &options.simulator {
+    let diagnosis = Case::read(case).and_then(|read| match &options.simulator {
         Some(command) if matches!(read, Case::Vehicle(..)) => diagnose_by(read, &served(command, case), options),
-        _ => ds_cases::diagnose(&read, options),
+        _ => ds_cases::diagnose(&read.against(options.baseline.as_ref())?, options),
     });
     bar.inc(1);
     Ok(Diagnosis { secs: began.elapsed().as_secs_f64(), ..diagnosis? })
-}
-
-/// Returns the command of a simulator for a case.
-fn served(command: &str, case: &Path) -> String {
-    command.replace("{case}", &case.to_string_lossy())
 }
 
 /// Prints what was found in one line, for answers with more to say.

@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
-use ds_cases::case::{Case, folders, names};
+use ds_cases::case::{Case, folders, names, served};
 use ds_cases::{CasesError, RunConfig, baseline};
 use ds_diagnosis::json;
 use ds_diagnosis::meta::{DriveEntry, Split};
@@ -23,7 +23,7 @@ use ds_process::terminal::answer;
 use ds_simulator::Reality;
 
 use crate::cli::NextArgs;
-use crate::{put, served, tables};
+use crate::{put, tables};
 
 /// Seconds between rows of the commands.
 const COMMAND_STEPS: usize = 5;
@@ -35,7 +35,7 @@ const COMMAND_STEPS: usize = 5;
 pub(crate) fn run(args: &NextArgs) -> Result<()> {
     let envelope = args.envelope.as_deref().map(envelope).transpose()?.unwrap_or_default();
     envelope.check().map_err(|error| UsageError(error.to_string()))?;
-    let known = args.baseline.as_deref().map(baseline::open).transpose()?;
+    let known = args.baseline.as_deref().map(|path| baseline::open(path, None)).transpose()?;
     let settings = Settings { seed: args.seed, envelope, quick: args.quick };
     let made = folders(&args.cases)?.iter().map(|case| tables(case, None, &args.out)).collect::<Result<Vec<_>>>()?;
     let cases = made.concat();

@@ -79,7 +79,7 @@ impl Alarms {
             return Ok(Vec::new());
         }
         let case = logs::case_of(&self.readings, self.meta.clone())?;
-        self.baseline.check(&case.meta, &case.drives)?;
+        self.baseline.check(&case.meta, &case.drives, case.stand_in.as_ref())?;
         let (scored, strange) = self.scorer.take(&case, &[0], next - SAME_SECS);
         self.watch.strange += strange;
         let mut found = Vec::new();

@@ -112,10 +112,17 @@ pub fn diagnose(case: &Case, options: &Options) -> Result<Diagnosis, CasesError>
 /// If the case is another one, or the simulator cannot be used.
 pub fn diagnose_by(case: Case, command: &str, options: &Options) -> Result<Diagnosis, CasesError> {
     let Case::Vehicle(case, plans) = case else { return Err(CasesError::SimulatorWithoutVehicle) };
+    let baseline = options.baseline.clone();
     let options = ds_dynamics::Options { quick: options.quick, without: options.without.clone() };
-    let mut diagnosis = ds_simulator::diagnose(*case, command, &options)?;
+    let mut diagnosis = ds_simulator::diagnose(*case, command, baseline, &options)?;
     diagnosis.join(stamps::diagnose(&diagnosis.case, &plans));
     Ok(diagnosis)
+}
+
+/// Returns the command of a simulator for a case: `{case}` in it is the case's folder.
+#[must_use]
+pub fn served(command: &str, case: &Path) -> String {
+    command.replace("{case}", &case.to_string_lossy())
 }
 
 /// Measures how far a diagnosis shrinks the gap on data that it never saw, without any refit.

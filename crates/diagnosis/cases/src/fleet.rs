@@ -53,7 +53,7 @@ impl By {
 /// # Errors
 /// If a case cannot be read or holds no logs of a vehicle.
 pub fn read(paths: &[PathBuf]) -> Result<Vec<Healthy>, CasesError> {
-    healthy(paths)
+    healthy(paths, None)
 }
 
 /// Diagnoses a fleet; `progress` is told [`steps`] times.

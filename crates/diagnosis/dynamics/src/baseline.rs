@@ -22,6 +22,7 @@ use ds_effect::{Channel, Nuisance};
 use serde::{Deserialize, Serialize};
 
 use crate::drive::Drive;
+use crate::motion::StandIn;
 use crate::settings::Thresholds;
 use crate::space::Space;
 use crate::windows::{Anchor, EgoRecord};
@@ -53,6 +54,9 @@ pub struct Baseline {
     pub nominal_hash: Vec<String>,
     /// Channels that were recorded.
     pub channels: Vec<String>,
+    /// The kind of simulator that was the nominal one; absent for the built-in car.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub simulator: Option<String>,
     /// Samples per second of the residuals.
     pub rate_hz: f64,
     /// What was learned from.
@@ -151,13 +155,19 @@ impl Baseline {
     /// Checks that the baseline is one for a case.
     ///
     /// # Errors
-    /// If the case has another nominal simulator than the only one that was learned from, or a channel that no healthy
-    /// drive had.
-    pub fn check(&self, meta: &VehicleMeta, drives: &[Drive]) -> Result<(), CaseError> {
+    /// If the case has another nominal simulator than the only one that was learned from, a channel that no healthy
+    /// drive had, or another simulator in the place of the built-in car.
+    pub fn check(&self, meta: &VehicleMeta, drives: &[Drive], stand_in: Option<&StandIn>) -> Result<(), CaseError> {
         let own = digest(&meta.nominal);
         let refuse = |why: String| Err(CaseError::OtherBaseline { why, case: meta.case.clone() });
         if let ([one], false) = (self.nominal_hash.as_slice(), self.nominal_hash.contains(&own)) {
             return refuse(format!("its nominal simulator is {own:?}, the baseline's is {one:?}"));
+        }
+        let (driven, learned) = (stand_in.map(|stand_in| stand_in.kind.as_str()), self.simulator.as_deref());
+        if driven != learned {
+            let named =
+                |kind: Option<&str>| kind.map_or("the built-in car".to_owned(), |k| format!("a simulator of {k}"));
+            return refuse(format!("its nominal one is {}, the baseline's is {}", named(driven), named(learned)));
         }
         let fresh = channels(drives).into_iter().find(|name| !self.channels.contains(name));
         fresh.map_or(Ok(()), |name| refuse(format!("no healthy drive had a channel {name:?}")))

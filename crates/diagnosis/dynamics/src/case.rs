@@ -14,7 +14,7 @@ use crate::ego::{Actuated, Inputs, Instant, actuate};
 use crate::fit::{Columns, Model, Prior};
 use crate::floor;
 use crate::following::{self, FollowerRecord};
-use crate::motion::Motion;
+use crate::motion::{Motion, StandIn};
 use crate::noise::Noise;
 use crate::scatter::{Scatter, scatter};
 use crate::settings::{HELD, HELD_SHARE, SHAPE_SHARE, SLIDING_SHARE};
@@ -42,6 +42,8 @@ pub struct Case {
     pub warnings: Vec<String>,
     /// What healthy drives of the vehicle say, if that is known.
     pub baseline: Option<Arc<Baseline>>,
+    /// The simulator in the place of the built-in car, if there is one.
+    pub stand_in: Option<StandIn>,
 }
 
 impl Case {
@@ -74,7 +76,7 @@ impl Case {
         let fit: Vec<&Drive> = fit.iter().map(|&d| drives[d].by_rows()).collect();
         let scatter = scatter(&fit);
         let noise = Noise::of(&fit, scatter.jitter_secs);
-        Ok(Self { meta, drives, ego, following, scatter, noise, warnings, baseline: None })
+        Ok(Self { meta, drives, ego, following, scatter, noise, warnings, baseline: None, stand_in: None })
     }
 
     /// Returns the case to be diagnosed against a baseline.
@@ -82,7 +84,7 @@ impl Case {
     /// # Errors
     /// If the baseline is not one for this case.
     pub fn against(mut self, baseline: Arc<Baseline>) -> Result<Self, CaseError> {
-        baseline.check(&self.meta, &self.drives)?;
+        baseline.check(&self.meta, &self.drives, self.stand_in.as_ref())?;
         self.baseline = Some(baseline);
         Ok(self)
     }
@@ -93,7 +95,8 @@ impl Case {
         let ego = EgoRecord::new(0, &drive, self.meta.nominal.mass).into_iter().collect();
         let meta = VehicleMeta { drives: self.meta.drives[..1].to_vec(), suggested_split: None, ..self.meta.clone() };
         let (scatter, noise, baseline) = (self.scatter, self.noise, self.baseline.clone());
-        Self { meta, drives: vec![drive], ego, following: Vec::new(), scatter, noise, warnings: Vec::new(), baseline }
+        let (following, warnings) = (Vec::new(), Vec::new());
+        Self { meta, drives: vec![drive], ego, following, scatter, noise, warnings, baseline, stand_in: None }
     }
 
     /// Returns the case with a further drive to fit.
@@ -118,9 +121,33 @@ impl Case {
 
     /// Returns the case with its car driven by another simulator than the built-in one.
     #[must_use]
-    pub fn moved_by(mut self, motion: &Arc<dyn Motion>) -> Self {
+    pub fn moved_by(mut self, motion: &Arc<dyn Motion>, stand_in: StandIn) -> Self {
         self.ego.iter_mut().for_each(|record| record.move_by(motion.clone()));
+        self.stand_in = Some(stand_in);
         self
+    }
+
+    /// Returns the effects on vehicle and road that the simulator of the case cannot have.
+    #[must_use]
+    pub fn lacks(&self) -> &[String] {
+        self.stand_in.as_ref().map_or(&[], |stand_in| &stand_in.lacks)
+    }
+
+    /// Returns the parameters of a part with what is usual of them, by a baseline if there is one.
+    #[must_use]
+    pub fn space(&self, part: Part, without: &[String], baseline: Option<&Baseline>) -> Space {
+        let without: Vec<String> = without.iter().chain(self.lacks()).cloned().collect();
+        let mut space = Space::new(part, &self.meta.nominal, &without);
+        if self.meta.simulated {
+            space.expect_nothing();
+        }
+        if self.meta.channels_derived.iter().any(|name| name == "cmd_accel") {
+            space.drive_is_derived();
+        }
+        if let Some(baseline) = baseline {
+            baseline.settle(&mut space);
+        }
+        space
     }
 }
 
@@ -187,16 +214,7 @@ impl<'a> PartModel<'a> {
         without: &[String],
         baseline: Option<&Baseline>,
     ) -> Self {
-        let mut space = Space::new(part, &case.meta.nominal, without);
-        if case.meta.simulated {
-            space.expect_nothing();
-        }
-        if case.meta.channels_derived.iter().any(|name| name == "cmd_accel") {
-            space.drive_is_derived();
-        }
-        if let Some(baseline) = baseline {
-            baseline.settle(&mut space);
-        }
+        let space = case.space(part, without, baseline);
         let ego: Vec<_> = if part == Part::Ego {
             case.ego.iter().filter(|r| drives.contains(&r.drive)).collect()
         } else {

@@ -262,6 +262,7 @@ fn assemble(units: &[Unit<'_>], studies: &[&Study], traits: &Spread) -> Baseline
             .into_iter()
             .collect(),
         channels: cases.iter().flat_map(|case| channels(&case.drives)).collect::<BTreeSet<_>>().into_iter().collect(),
+        simulator: cases[0].stand_in.as_ref().map(|stand_in| stand_in.kind.clone()),
         rate_hz: 1.0 / ds_diagnosis::table::STEP_SECS,
         units: Units {
             vehicle: names(&|unit| unit.case.meta.vehicle.clone().unwrap_or_else(|| digest(&unit.case.meta.nominal))),
@@ -284,7 +285,7 @@ fn assemble(units: &[Unit<'_>], studies: &[&Study], traits: &Spread) -> Baseline
 fn usual_values(case: &Case, studies: &[&Study], traits: &Spread) -> Spread {
     let mut out = Spread::new();
     for (part, which) in [Part::Ego, Part::Following].into_iter().enumerate() {
-        let mut space = Space::new(which, &case.meta.nominal, &[]);
+        let mut space = Space::new(which, &case.meta.nominal, case.lacks());
         // what these logs do not show is neutral in a simulated world, as it is for a diagnosis of them
         if case.meta.simulated {
             space.expect_nothing();

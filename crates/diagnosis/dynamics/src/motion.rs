@@ -37,6 +37,15 @@ pub trait Motion: Send + Sync {
     }
 }
 
+/// A simulator of somebody else in the place of the built-in car.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StandIn {
+    /// What it says of itself: baselines that were learned with one of another kind do not speak of it.
+    pub kind: String,
+    /// Effects on vehicle and road that it cannot have.
+    pub lacks: Vec<String>,
+}
+
 /// The built-in car.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct BuiltIn;

@@ -83,7 +83,7 @@ impl Watch {
     /// # Errors
     /// If the baseline is not one for the log.
     pub fn log(&mut self, name: &str, case: &Case) -> Result<Vec<Alarm>, CaseError> {
-        self.baseline.check(&case.meta, &case.drives)?;
+        self.baseline.check(&case.meta, &case.drives, case.stand_in.as_ref())?;
         let drives: Vec<usize> = (0..case.drives.len()).collect();
         let (scored, strange) = self.scorer().take(case, &drives, f64::NEG_INFINITY);
         self.strange += strange;

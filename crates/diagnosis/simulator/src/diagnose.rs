@@ -11,10 +11,11 @@ use std::sync::Arc;
 use ds_diagnosis::Diagnosis;
 use ds_diagnosis::schema::Shrink;
 use ds_dynamics::Options;
+use ds_dynamics::baseline::Baseline;
 use ds_dynamics::case::{Case, PartModel};
 use ds_dynamics::choice::Outcome;
 use ds_dynamics::ego::{Actuated, Instant, actuate};
-use ds_dynamics::motion::Window;
+use ds_dynamics::motion::{StandIn, Window};
 use ds_dynamics::search::Effort;
 use ds_dynamics::settings::Thresholds;
 use ds_dynamics::space::{Part, Space};
@@ -54,25 +55,21 @@ const STIFFEST: f64 = 5.0;
 ///
 /// # Errors
 /// If the simulator cannot be used.
-pub fn diagnose(mut case: Case, command: &str, options: &Options) -> Result<Diagnosis, SimulatorError> {
-    thin(&mut case);
-    let (case, foreign, untestable) = driven(case, command)?;
+pub fn diagnose(
+    case: Case,
+    command: &str,
+    baseline: Option<Arc<Baseline>>,
+    options: &Options,
+) -> Result<Diagnosis, SimulatorError> {
+    let (fit, _) = case.meta.split();
+    let (mut case, foreign) = driven(thin(case), command)?;
+    if let Some(baseline) = baseline {
+        case = case.against(baseline)?;
+    }
+    let untestable = case.lacks().to_vec();
     let mut options = options.clone();
     options.without.extend(untestable.iter().cloned());
-    let (fit, _) = case.meta.split();
-    let space = Space::new(Part::Ego, &case.meta.nominal, &options.without);
-    let usual = space.usual();
-    learn(&case, &fit, &foreign, &space.plant(&usual));
-    let tally = foreign.tally();
-    if tally.masked >= tally.rollouts {
-        return Err(SimulatorError::NoWindow { windows: tally.masked, why: tally.why });
-    }
-    for (k, coordinate) in space.coordinates.iter().enumerate() {
-        if matches!(space.effects[coordinate.effect].insertion, Insertion::Vehicle | Insertion::Road) {
-            compare(&case, &fit, &foreign, (&space, &usual), k);
-        }
-    }
-    settle(&case, &fit, &foreign, &options);
+    explore(&case, &fit, &foreign, &options)?;
     let mut diagnosis = ds_dynamics::diagnose(&case, &options);
     diagnosis.rollouts = Some(foreign.tally().rollouts);
     diagnosis.warnings.extend(foreign.tally().said());
@@ -82,6 +79,35 @@ pub fn diagnose(mut case: Case, command: &str, options: &Options) -> Result<Diag
     }
     diagnosis.not_testable.extend(untestable);
     Ok(diagnosis)
+}
+
+/// Returns a healthy case for a baseline, driven by a command, all its drives explored.
+///
+/// # Errors
+/// If the simulator cannot be used.
+pub fn healthy(case: Case, command: &str) -> Result<Case, SimulatorError> {
+    let (case, foreign) = driven(thin(case), command)?;
+    let drives: Vec<usize> = (0..case.drives.len()).collect();
+    explore(&case, &drives, &foreign, &Options::default())?;
+    Ok(case)
+}
+
+/// Runs the simulator on the windows of some drives: at what is usual, for each parameter, and at the fits that matter.
+fn explore(case: &Case, drives: &[usize], foreign: &Foreign, options: &Options) -> Result<(), SimulatorError> {
+    let space = case.space(Part::Ego, &options.without, case.baseline.as_deref());
+    let usual = space.usual();
+    learn(case, drives, foreign, &space.plant(&usual));
+    let tally = foreign.tally();
+    if tally.masked >= tally.rollouts {
+        return Err(SimulatorError::NoWindow { windows: tally.masked, why: tally.why });
+    }
+    for (k, coordinate) in space.coordinates.iter().enumerate() {
+        if of_car(space.effects[coordinate.effect].insertion) {
+            compare(case, drives, foreign, (&space, &usual), k);
+        }
+    }
+    settle(case, drives, foreign, options);
+    Ok(())
 }
 
 /// Measures how far a diagnosis shrinks the gap of a simulator on some drives of a case (all of them if none are named), by
@@ -95,7 +121,8 @@ pub fn evaluate(
     command: &str,
     drives: &[usize],
 ) -> Result<(Vec<Shrink>, Vec<String>), SimulatorError> {
-    let (case, foreign, untestable) = driven(case, command)?;
+    let (case, foreign) = driven(case, command)?;
+    let untestable = case.lacks();
     let model = &diagnosis.corrected_model;
     let named = model.mismatch().into_iter().chain(model.added()).map(|(id, _)| id);
     // a law is no parameter, and what it adds is known of the built-in car alone
@@ -111,15 +138,15 @@ pub fn evaluate(
     Ok((shrinks, tally.said()))
 }
 
-/// Returns a case that a command drives, and the effects that it cannot have.
-fn driven(case: Case, command: &str) -> Result<(Case, Arc<Foreign>, Vec<String>), SimulatorError> {
+/// Returns a case that a command drives.
+fn driven(case: Case, command: &str) -> Result<(Case, Arc<Foreign>), SimulatorError> {
     let process = Process::start(command)?;
     let space = Space::new(Part::Ego, &case.meta.nominal, &[]);
     let reference = reference(&space, &process.hello)?;
-    let untestable = untestable(&space, &process.hello);
+    let stand_in = StandIn { kind: process.hello.kind(), lacks: untestable(&space, &process.hello) };
     let foreign = Arc::new(Foreign::new(process, &case.meta.nominal, &reference));
     let motion: Arc<dyn ds_dynamics::motion::Motion> = foreign.clone();
-    Ok((case.moved_by(&motion), foreign, untestable))
+    Ok((case.moved_by(&motion, stand_in), foreign))
 }
 
 /// Returns the car that a simulator stands for as it is: nominal, with the mismatch that it has physics of its own for at
@@ -165,7 +192,7 @@ fn untestable(space: &Space, hello: &Hello) -> Vec<String> {
 }
 
 /// Leaves at most as many windows as may be run: those that differ most from each other.
-fn thin(case: &mut Case) {
+fn thin(mut case: Case) -> Case {
     let (fit, _) = case.meta.split();
     let mut sets = vec![(fit.clone(), WINDOWS)];
     sets.extend((0..case.drives.len()).filter(|d| !fit.contains(d)).map(|drive| (vec![drive], HELD_WINDOWS)));
@@ -186,6 +213,7 @@ fn thin(case: &mut Case) {
             });
         }
     }
+    case
 }
 
 /// Marks the regimes that lie farthest from each other, the first one to begin with.

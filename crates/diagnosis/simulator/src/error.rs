@@ -87,6 +87,9 @@ pub enum SimulatorError {
         /// The last failure.
         why: String,
     },
+    /// The baseline is not one for the case.
+    #[error(transparent)]
+    Baseline(#[from] ds_diagnosis::CaseError),
     /// Standard input or output of a served simulator failed.
     #[error("read requests or write replies")]
     Stream(#[from] std::io::Error),

@@ -216,6 +216,14 @@ impl Hello {
         Ok(())
     }
 
+    /// Returns what kind of simulator it is, whichever values its parameters have.
+    #[must_use]
+    pub fn kind(&self) -> String {
+        let parameters: Vec<&str> = self.parameters.iter().map(|parameter| parameter.name.as_str()).collect();
+        let (parameters, ports, includes) = (parameters.join(" "), self.ports.join(" "), self.includes.join(" "));
+        format!("step {} s, parameters [{parameters}], ports [{ports}], includes [{includes}]", self.dt)
+    }
+
     /// Tells whether a port is there.
     #[must_use]
     pub fn port(&self, name: &str) -> bool {

@@ -114,7 +114,7 @@ pub(super) fn baseline(args: &WatchArgs, path: &Path) -> Result<Arc<Baseline>> {
     if !(rate > 0.0 && rate < STEPS_AN_HOUR) {
         return Err(UsageError(format!("--alarms-per-hour {rate} is not above 0 and below {STEPS_AN_HOUR}")).into());
     }
-    Ok(ds_cases::baseline::open(path)?)
+    Ok(ds_cases::baseline::open(path, None)?)
 }
 
 /// Returns an alarm in words.
