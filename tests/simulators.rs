@@ -57,8 +57,9 @@ fn a_functional_mock_up_unit_is_the_nominal_simulator() {
     let Some(python) = python().and_then(|_| python_with("fmpy", &["fmpy"])) else { return };
     let folder = tempfile::tempdir().expect("a folder");
     let case = case(folder.path(), 71, &[("steer_delay", 0.12)]);
-    let bin = python.parent().expect("a folder").display().to_string();
-    let path = format!("{bin}:{}", std::env::var("PATH").unwrap_or_default());
+    let known = std::env::var_os("PATH").expect("there is a PATH");
+    let folders = python.parent().map(Path::to_path_buf).into_iter().chain(std::env::split_paths(&known));
+    let path = std::env::join_paths(folders).expect("a PATH with one folder more");
     for version in ["2", "3"] {
         let Some(unit) = unit(&python, &case, version, folder.path()) else { return };
         let out = folder.path().join(version).display().to_string();

@@ -96,7 +96,7 @@ impl<'m, 'c> Search<'m, 'c> {
                 break;
             }
             for place in 0..self.singles.len() {
-                let again = self.from_null(&self.singles[place]);
+                let again = self.anew(&self.singles[place]);
                 if again.gain > self.singles[place].gain {
                     self.singles[place] = again;
                 }
@@ -122,7 +122,7 @@ impl<'m, 'c> Search<'m, 'c> {
     }
 
     /// Refits a single effect from where the nuisance fit went, the effect as it was.
-    fn from_null(&self, hypothesis: &Hypothesis) -> Hypothesis {
+    fn anew(&self, hypothesis: &Hypothesis) -> Hypothesis {
         let mut start = self.null.vector.clone();
         for k in hypothesis.effects.iter().flat_map(|e| self.model.space.of(*e)) {
             start[k] = hypothesis.fit.vector[k];
