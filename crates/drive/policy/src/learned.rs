@@ -104,17 +104,22 @@ impl Learned {
         })
     }
 
+    /// Says whether there is a file of weights.
+    ///
+    /// # Errors
+    /// [`PolicyError::Untrained`] names the command that trains what is not there.
+    pub fn trained(self, path: &Path) -> Result<(), PolicyError> {
+        let absent = || PolicyError::Untrained { name: self.name(), path: path.display().to_string() };
+        path.exists().then_some(()).ok_or_else(absent)
+    }
+
     /// Makes the policy of a safetensors file.
     ///
     /// # Errors
-    /// [`PolicyError::Untrained`] names the command that trains what is not there, [`PolicyError::Weights`] the file and what is wrong
-    /// with it.
+    /// As of [`Self::trained`]; [`PolicyError::Weights`] names the file and what is wrong with it.
     pub fn load(self, path: &Path) -> Result<Box<dyn Policy>, PolicyError> {
-        let shown = || path.display().to_string();
-        if !path.exists() {
-            return Err(PolicyError::Untrained { name: self.name(), path: shown() });
-        }
-        let refuse = |source| PolicyError::Weights { path: shown(), source };
+        self.trained(path)?;
+        let refuse = |source| PolicyError::Weights { path: path.display().to_string(), source };
         let file = WeightsFile::read(path).map_err(|error| refuse(error.into()))?;
         self.policy(&file.weights).map_err(|error| refuse(error.into()))
     }
