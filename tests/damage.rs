@@ -234,6 +234,7 @@ fn a_policy_that_is_not_there_is_named_before_anything_starts() {
         let weights = ["--policy", policy, "--policy-weights", utf8(&absent)];
         let says = refused(&[["run", SCENARIO].as_slice(), &weights, &["--out", utf8(&out)]].concat(), 64);
         assert!(says.contains(file), "no {file:?}: {says}");
+        assert!(says.contains(&format!("train policy --kind {policy}")), "nobody says how it is trained: {says}");
     }
     let says = refused(&["run", SCENARIO, "--appearance", "plaid", "--out", utf8(&out)], 64);
     assert!(says.contains("plaid"), "{says}");
@@ -249,6 +250,7 @@ fn tables_say_what_they_show() {
     }
     let doctor = stdout(&run(&["doctor"]));
     assert!(doctor.contains("software rasteriser") && !doctor.contains("chosen"), "{doctor}");
+    assert!(doctor.contains("panel") && doctor.contains("drivor"), "{doctor}");
 }
 
 /// Lets nobody read what a command says, and returns its exit code.

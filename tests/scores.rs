@@ -108,3 +108,28 @@ fn bad_cases_are_named_and_spoil_no_other() {
     let none = dreamstream(&["score"]).current_dir(workspace()).output().expect("runs");
     assert!(String::from_utf8_lossy(&none.stderr).contains("recordings"));
 }
+
+#[test]
+fn folders_of_recorded_drives_are_compared_as_policies_see_their_frames() {
+    let runs = ["reference", "reference", "sim-rgb"].map(|source| {
+        let driver = ["--observation", source, "--policy", "route-follower"];
+        drive(&[&SCENARIOS[..], &driver].concat())
+    });
+    let [real, same, plain] = &runs;
+    let folders = [real, same, plain].map(|run| run.folder.path().to_str().expect("a plain path").to_owned());
+    let out = tempfile::tempdir().expect("a temporary folder");
+    let json = out.path().join("drives.json");
+    let arguments = ["study", "drives", "--real", &folders[0], "--source", &folders[1], "--source", &folders[2]];
+    let output = dreamstream(&arguments).arg("--out").arg(out.path()).output().expect("the binary runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let found: Value = serde_json::from_slice(&std::fs::read(json).expect("a file")).expect("JSON");
+    // Who drives by the truth goes the same way whatever the frames show: they are of the same states.
+    let [equal, other] =
+        [1, 2].map(|at: usize| [&found["fd_pi"][&folders[at]]["value"], &found["apart_m"][&folders[at]]]);
+    assert!(equal.iter().all(|value| value.as_f64().is_some_and(|value| value.abs() < 1e-6)), "{equal:?}");
+    assert!(other[0].as_f64() > Some(0.1) && other[1].as_f64() == Some(0.0), "{other:?}");
+    let alone = ["study", "drives", "--real", &folders[0], "--source", out.path().to_str().expect("a plain path")];
+    let refused = dreamstream(&alone).output().expect("the binary runs");
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(!refused.status.success() && said.contains("share 0 drives"), "{said}");
+}

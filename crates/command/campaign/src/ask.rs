@@ -48,8 +48,12 @@ pub(crate) fn sheet(args: &CellArgs) -> Result<(Sheet, Vec<Manifest>)> {
             manifests.insert(own.name().to_owned(), path);
             return Ok(Named { name: own.name().to_owned(), digest: own.digest().to_string() });
         }
-        let weights = Learned::of(name).map(|learned| learned.weights_file(&args.networks.policy_weights));
-        let digest = weights.map(|weights| of_files(&[&weights])).transpose()?.unwrap_or_default();
+        let of_weights = |learned: Learned| -> Result<String> {
+            let weights = learned.weights_file(&args.networks.policy_weights);
+            learned.trained(&weights)?;
+            of_files(&[&weights])
+        };
+        let digest = Learned::of(name).map(of_weights).transpose()?.unwrap_or_default();
         Ok(Named { name: name.clone(), digest })
     };
     let model =

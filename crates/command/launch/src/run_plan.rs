@@ -28,8 +28,8 @@ pub struct RunPlan {
     /// Scenario files, or folders of them.
     #[arg(required = true, value_parser = shipped::parser(), value_hint = ValueHint::AnyPath)]
     pub scenarios: Vec<PathBuf>,
-    /// The policy under test: camera, diffusiondrive, drivor, ltf, rap, sparsedrive, constant-velocity or lattice; privileged, as references:
-    /// log-replay, route-follower, idm, careful or expert; an ONNX network by its manifest, such as mine.toml; or the name of
+    /// The policy under test: camera, diffusiondrive, diffusiondrive_v2, drivor, ltf, rap, sparsedrive, constant-velocity or lattice;
+    /// privileged, as references: log-replay, route-follower, idm, careful or expert; an ONNX network by its manifest, such as mine.toml; or the name of
     /// an external policy, which connects at --policy-listen.
     #[arg(long, default_value = "camera")]
     pub policy: String,

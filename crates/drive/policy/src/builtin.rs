@@ -15,11 +15,12 @@ use crate::log_replay::LogReplay;
 use crate::route_follower::RouteFollower;
 
 /// The built-in policies' names, and whether each is privileged.
-pub const NAMES: [(&str, bool); 13] = [
+pub const NAMES: [(&str, bool); 14] = [
     ("camera", false),
     (Anchor::Careful.name(), true),
     (constant_velocity::NAME, false),
     ("diffusiondrive", false),
+    ("diffusiondrive_v2", false),
     ("drivor", false),
     (Anchor::Expert.name(), true),
     (Anchor::Idm.name(), true),

@@ -48,6 +48,16 @@ pub enum PolicyError {
         /// The policy.
         name: &'static str,
     },
+    /// There are no weights where they should be.
+    #[error(
+        "policy {name:?} has no weights: `dreamstream train policy --kind {name}` trains them; looked for in {path:?}"
+    )]
+    Untrained {
+        /// The policy.
+        name: &'static str,
+        /// The file.
+        path: String,
+    },
     /// The weights cannot be used.
     #[error("policy weights {path:?} cannot be used")]
     Weights {

@@ -23,11 +23,12 @@ pub enum Learned {
 
 impl Learned {
     /// All of them.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Camera,
         Self::Panel(Kind::Drivor),
         Self::Panel(Kind::Ltf),
         Self::Panel(Kind::Diffusiondrive),
+        Self::Panel(Kind::DiffusiondriveV2),
         Self::Panel(Kind::Sparsedrive),
         Self::Panel(Kind::Rap),
     ];
@@ -68,6 +69,15 @@ impl Learned {
         }
     }
 
+    /// Returns the policy whose network this one's goes on from, its weights as they are.
+    #[must_use]
+    pub fn begins_with(self) -> Option<Self> {
+        match self {
+            Self::Panel(kind) => kind.begins_with().map(Self::Panel),
+            Self::Camera => None,
+        }
+    }
+
     /// Returns how large a share of the expert's samples is shown to it as layout images instead of frames.
     #[must_use]
     pub fn rasters(self) -> f64 {
@@ -94,11 +104,21 @@ impl Learned {
         })
     }
 
+    /// Says whether there is a file of weights.
+    ///
+    /// # Errors
+    /// [`PolicyError::Untrained`] names the command that trains what is not there.
+    pub fn trained(self, path: &Path) -> Result<(), PolicyError> {
+        let absent = || PolicyError::Untrained { name: self.name(), path: path.display().to_string() };
+        path.exists().then_some(()).ok_or_else(absent)
+    }
+
     /// Makes the policy of a safetensors file.
     ///
     /// # Errors
-    /// [`PolicyError::Weights`] names the file and what is wrong with it.
+    /// As of [`Self::trained`]; [`PolicyError::Weights`] names the file and what is wrong with it.
     pub fn load(self, path: &Path) -> Result<Box<dyn Policy>, PolicyError> {
+        self.trained(path)?;
         let refuse = |source| PolicyError::Weights { path: path.display().to_string(), source };
         let file = WeightsFile::read(path).map_err(|error| refuse(error.into()))?;
         self.policy(&file.weights).map_err(|error| refuse(error.into()))
@@ -117,5 +137,7 @@ mod tests {
         assert_eq!(drivor.weights_file(own), own);
         assert_eq!(Learned::Camera.weights_file(given), given);
         assert_eq!(Learned::ALL.len(), 1 + Kind::ALL.len());
+        let error = drivor.load(own).err().expect("it is not there").to_string();
+        assert!(error.contains("mine/drivor.safetensors") && error.contains("train policy --kind drivor"), "{error}");
     }
 }

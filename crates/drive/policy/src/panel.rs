@@ -6,7 +6,7 @@
 //! the logit of that; where it predicts the total itself, that; where it says both, their product, the likelihood being one of all plans; the one plan of a network
 //! without either has score 1. Noise comes from the observation's draws.
 
-use ds_graph::panel::{Answer, Inputs, Kind, Network, PLAN, STATE, Scoring, TERMS};
+use ds_graph::panel::{Answer, Inputs, Kind, Network, PLAN, STATE, Scoring, TERMS, expected, sigmoid};
 use ds_nn::{Array, Weights};
 use ds_raster::RgbImage;
 use ds_space::{CameraModel, Draws};
@@ -29,13 +29,6 @@ pub fn state_of(ego: &EgoView, command: RouteCommand) -> [f32; STATE] {
     let acceleration = ego.acceleration_mps2 / 3.0;
     let turning = (ego.yaw_rate_radps / 0.5) as f32;
     [speed, standing, turning, acceleration.x as f32, acceleration.y as f32, straight, left, right]
-}
-
-/// Returns the total score that sub-scores 0 to 1 amount to, in the order NC, DAC, DDC, TLC, EP, TTC, LK, HC.
-#[must_use]
-pub fn total(terms: [f64; TERMS]) -> f64 {
-    let [collision, area, direction, light, progress, time, lane, comfort] = terms;
-    collision * area * direction * light * (5.0 * time + 5.0 * progress + 2.0 * lane + 2.0 * comfort) / 14.0
 }
 
 /// Returns the noise that a network needs for one sample: normal numbers of the draws, from index `first` on.
@@ -103,7 +96,7 @@ fn scores(kind: Kind, answer: &Answer) -> Vec<f64> {
     let logits = |head: &Array| head.values().iter().map(|logit| f64::from(*logit)).collect::<Vec<f64>>();
     let totals = |head: &Array| head.values().chunks_exact(TERMS).map(expected).collect::<Vec<f64>>();
     match (kind.scoring(), answer.scores.as_slice()) {
-        (Scoring::Terms, [.., terms]) => totals(terms),
+        (Scoring::Terms | Scoring::FilteredTerms, [.., terms]) => totals(terms),
         (Scoring::Confidence, [.., confidence]) => logits(confidence),
         (Scoring::Total, [.., terms]) => terms.values().chunks_exact(TERMS).map(|logits| sigmoid(logits[0])).collect(),
         (Scoring::ConfidenceAndTerms, [.., confidence, terms]) => {
@@ -115,15 +108,6 @@ fn scores(kind: Kind, answer: &Answer) -> Vec<f64> {
         }
         (_, _) => vec![1.0],
     }
-}
-
-/// Returns the total that a plan's logits of sub-scores amount to.
-fn expected(logits: &[f32]) -> f64 {
-    total(std::array::from_fn(|term| sigmoid(logits[term])))
-}
-
-fn sigmoid(logit: f32) -> f64 {
-    1.0 / (1.0 + (-f64::from(logit)).exp())
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ mod anchor;
 pub mod closed_loop;
 pub mod config;
 mod correlation;
+mod drives;
 mod engine;
 mod features;
 mod found;
@@ -21,6 +22,7 @@ mod sensitivity;
 mod source;
 
 pub use config::{Study, StudyConfig};
-pub use engine::{run, write};
+pub use drives::{DriveOf, RecordedDrive, drives};
+pub use engine::{run, write, write_json};
 pub use page::closed::write_drives;
 pub use panel::Guests;

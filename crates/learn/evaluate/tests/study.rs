@@ -3,13 +3,13 @@
 
 use std::path::{Path, PathBuf};
 
-use ds_evaluate::study::{self, Study, StudyConfig, outcome::Outcome};
+use ds_evaluate::study::{self, RecordedDrive, Study, StudyConfig, outcome::Outcome};
 use ds_evaluate::{AppraisalError, Progress};
 use ds_nn::Array;
 use ds_policy::plan::evenly_spaced;
 use ds_policy::{Context, Observation, Policy, PolicyAnswer, PolicyError, PrivilegedView, Restart};
 use ds_raster::RgbImage;
-use ds_space::{CameraModel, PoseSe2, SimTime};
+use ds_space::{CameraModel, DVec2, PoseSe2, SimTime};
 
 fn configs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../configs")
@@ -298,4 +298,34 @@ fn recorded_frames_are_the_unit() {
     assert!(run(&config).expect_err("no lens").to_string().contains("focal_px"));
     config.recorded.truncate(1);
     assert!(run(&config).expect_err("one set").to_string().contains("two sets"));
+}
+
+#[test]
+fn recorded_drives_are_as_far_as_their_frames_differ() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let config = config(folder.path());
+    let names = ["real", "same", "darker"].map(str::to_owned);
+    let guests = |name: &str, _: &str| Err(format!("{name} is not expected").into());
+    let camera = ds_policy::camera::eye::known_camera();
+    // Four frames of six drives of bars whose place and colour differ; the third set shows them darker and stands 3 m aside.
+    let mut drive = |set: usize, index: usize| {
+        let frame = |at: usize| {
+            let bar = |x: u32| u8::try_from(40 * ((x as usize / 16 + index + at) % 5) + 30).expect("a level");
+            let level = |x: u32| if set == 2 { bar(x) / 2 } else { bar(x) };
+            let pixels = (0..96).flat_map(|_| (0..160).flat_map(|x| [level(x), level(x + 16), 90])).collect();
+            RgbImage::new(160, 96, pixels).expect("160×96 pixels")
+        };
+        let places = vec![DVec2::new(0.0, if set == 2 { 3.0 } else { 0.0 }); 4];
+        let frames = (0..4).map(frame).collect();
+        Ok(RecordedDrive { name: format!("drive {index}"), camera: camera.clone(), frames, places })
+    };
+    let found = study::drives(&config, &guests, (&names, 6), &mut drive, &mut Counted::default()).expect("compared");
+    assert!(found.fd_pi["same"].value.abs() < 1e-6 && found.fd_pi["darker"].value > 1.0, "{:?}", found.fd_pi);
+    assert_eq!((found.apart_m["same"], found.apart_m["darker"]), (0.0, 3.0));
+    assert!(found.policies["camera-drawn"].control && found.policies["drivor"].frames == 24);
+    study::write_json(folder.path(), &found).expect("writes");
+    assert!(folder.path().join("drives.json").exists());
+    let mut absent = |set: usize, _: usize| if set == 1 { Err("no such recording".into()) } else { drive(0, 0) };
+    let error = study::drives(&config, &guests, (&names, 6), &mut absent, &mut Counted::default()).expect_err("absent");
+    assert!(error.to_string().contains("\"same\""), "{error}");
 }

@@ -39,6 +39,15 @@ impl Graph {
         Self::new_in(Precision::F32, weights, mode)
     }
 
+    /// Puts weights on the device to learn some of them by name: no gradient reaches the others.
+    pub(crate) fn learning(weights: &Weights, learned: impl Fn(&str) -> bool) -> Self {
+        let mut graph = Self::new(weights, Mode::Train);
+        for (_, (leaf, _)) in graph.weights.iter_mut().filter(|(name, _)| !learned(name)) {
+            *leaf = leaf.clone().detach();
+        }
+        graph
+    }
+
     /// Puts weights on the device as f32, whatever large layers are computed in: what is trained is not rounded.
     pub(crate) fn new_in(precision: Precision, weights: &Weights, mode: Mode) -> Self {
         let mut graph = Self::empty(mode, precision);

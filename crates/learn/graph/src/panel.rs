@@ -6,14 +6,17 @@
 //! the frame through it. The loss lives with the caller, who is shown the answer and returns its gradient. Networks draw
 //! nothing: one that needs noise is handed it.
 
+mod choosing;
 mod diffusion;
 mod diffusiondrive;
+mod diffusiondrive_v2;
 mod drivor;
 mod layers;
 mod ltf;
 mod rap;
 mod sampling;
 pub mod sparsedrive;
+mod terms;
 mod trunk;
 mod view;
 pub mod vocabulary;
@@ -24,6 +27,7 @@ use ds_nn::array::{Array, Declared, Weights, WeightsError};
 use crate::graph::{Graph, Mode, array_of};
 
 pub use crate::planner::{HEIGHT_PX, WIDTH_PX};
+pub use terms::{expected, sigmoid, total};
 
 /// Numbers of one plan: x, y, heading of eight poses.
 pub const PLAN: usize = 24;
@@ -59,6 +63,8 @@ pub enum Kind {
     Ltf,
     /// Truncated diffusion from anchored plans over the trunk of `ltf`; 20 plans with a logit each (after `DiffusionDrive`).
     Diffusiondrive,
+    /// Those 20 plans and 40 copies at other speeds, scored coarsely, the best 16 again (after `DiffusionDriveV2`).
+    DiffusiondriveV2,
     /// 64 plans out of a vocabulary of paths and profiles of speed, filtered twice, each with a logit and sub-scores (after
     /// `SparseDriveV2`).
     Sparsedrive,
@@ -73,6 +79,8 @@ pub enum Scoring {
     Single,
     /// The sub-scores of each plan, [`TERMS`] of the last read-out.
     Terms,
+    /// The sub-scores of each plan of each read-out, [`TERMS`]: of all, then of those that the first ones keep.
+    FilteredTerms,
     /// How likely each plan is the right one, one number of each read-out.
     Confidence,
     /// The total score of each plan, then its sub-scores but the last, [`TERMS`] in all; before it one number of each sample, whether
@@ -84,7 +92,8 @@ pub enum Scoring {
 
 impl Kind {
     /// All networks.
-    pub const ALL: [Self; 5] = [Self::Drivor, Self::Ltf, Self::Diffusiondrive, Self::Sparsedrive, Self::Rap];
+    pub const ALL: [Self; 6] =
+        [Self::Drivor, Self::Ltf, Self::Diffusiondrive, Self::DiffusiondriveV2, Self::Sparsedrive, Self::Rap];
 
     /// Returns the name, as in `run --policy`.
     #[must_use]
@@ -93,6 +102,7 @@ impl Kind {
             Self::Drivor => "drivor",
             Self::Ltf => "ltf",
             Self::Diffusiondrive => "diffusiondrive",
+            Self::DiffusiondriveV2 => "diffusiondrive_v2",
             Self::Sparsedrive => "sparsedrive",
             Self::Rap => "rap",
         }
@@ -111,6 +121,7 @@ impl Kind {
             Self::Drivor => drivor::declared(),
             Self::Ltf => ltf::declared(),
             Self::Diffusiondrive => diffusiondrive::declared(),
+            Self::DiffusiondriveV2 => diffusiondrive_v2::declared(),
             Self::Sparsedrive => sparsedrive::declared(),
             Self::Rap => rap::declared(),
         }
@@ -123,6 +134,7 @@ impl Kind {
             Self::Drivor => Scoring::Terms,
             Self::Ltf => Scoring::Single,
             Self::Diffusiondrive => Scoring::Confidence,
+            Self::DiffusiondriveV2 => Scoring::FilteredTerms,
             Self::Sparsedrive => Scoring::ConfidenceAndTerms,
             Self::Rap => Scoring::Total,
         }
@@ -134,6 +146,7 @@ impl Kind {
         match self {
             Self::Drivor | Self::Ltf | Self::Sparsedrive | Self::Rap => 0,
             Self::Diffusiondrive => diffusiondrive::PLANS * diffusion::POINTS,
+            Self::DiffusiondriveV2 => diffusiondrive_v2::NOISE,
         }
     }
 
@@ -143,15 +156,28 @@ impl Kind {
         (self.noise() > 0).then_some(diffusion::TIMES)
     }
 
-    /// Returns the names of the weights that are given to it and not trained: x and y of the plans it starts from; or the paths
-    /// and the profiles that it puts plans together of, in this order.
+    /// Returns the names of the weights that are given to it of the teacher's drives and not trained: x and y of the plans it
+    /// starts from; the paths and the profiles that it puts plans together of, in this order; or plans to learn from.
     #[must_use]
     pub fn given(self) -> &'static [&'static str] {
         match self {
             Self::Drivor | Self::Ltf | Self::Rap => &[],
             Self::Diffusiondrive => &[diffusiondrive::ANCHORS],
+            Self::DiffusiondriveV2 => &[diffusiondrive_v2::VOCABULARY],
             Self::Sparsedrive => &[sparsedrive::PATHS, sparsedrive::PROFILES],
         }
+    }
+
+    /// Returns the network that it goes on from, whose weights it keeps as they are.
+    #[must_use]
+    pub fn begins_with(self) -> Option<Self> {
+        (self == Self::DiffusiondriveV2).then_some(Self::Diffusiondrive)
+    }
+
+    /// Says whether training changes the weight of this name.
+    #[must_use]
+    pub fn trains(self, name: &str) -> bool {
+        !self.given().contains(&name) && (self.begins_with().is_none() || name.starts_with(diffusiondrive_v2::SELECTOR))
     }
 
     /// Rows and columns of the context where its tokens are places, row by row.
@@ -160,7 +186,7 @@ impl Kind {
         match self {
             Self::Drivor => None,
             Self::Ltf => Some(trunk::LATENT),
-            Self::Diffusiondrive => Some(sampling::MAP),
+            Self::Diffusiondrive | Self::DiffusiondriveV2 => Some(sampling::MAP),
             Self::Sparsedrive => Some(view::MAPS[1]),
             Self::Rap => Some(rap::GRID),
         }
@@ -170,7 +196,7 @@ impl Kind {
         match self {
             Self::Drivor => drivor::context(graph, images),
             Self::Ltf => ltf::context(graph, images),
-            Self::Diffusiondrive => diffusiondrive::context(graph, images),
+            Self::Diffusiondrive | Self::DiffusiondriveV2 => diffusiondrive::context(graph, images),
             Self::Sparsedrive => sparsedrive::context(graph, images),
             Self::Rap => rap::context(graph, images),
         }
@@ -183,6 +209,7 @@ impl Kind {
             Self::Drivor => drivor::plan(graph, &context(), &state),
             Self::Ltf => ltf::plan(graph, context(), state),
             Self::Diffusiondrive => diffusiondrive::plan(graph, context(), state, inputs),
+            Self::DiffusiondriveV2 => diffusiondrive_v2::plan(graph, &context(), &state, inputs),
             Self::Sparsedrive => sparsedrive::plan(graph, inputs),
             Self::Rap => rap::plan(graph, &context(), state, inputs),
         }
@@ -199,6 +226,7 @@ pub struct Inputs<'a> {
     /// Normal numbers, [N, [`Kind::noise`]].
     pub noise: &'a Array,
     /// In training how strongly each sample's noise is mixed in, below [`Kind::times`]; none to answer in all steps.
+    /// `diffusiondrive_v2` takes all steps, and learns from a vocabulary's plans besides where there are times.
     pub times: Option<&'a [u32]>,
     /// In training how strongly the context unlearns whether it is of a raster, for [`Scoring::Total`].
     pub reversal: f32,
@@ -216,7 +244,7 @@ impl Inputs<'_> {
 pub struct Answer {
     /// Read-outs of the plans, the last being the answer: [N, M, 24] each.
     pub plans: Vec<Array>,
-    /// Logits of each plan, as [`Kind::scoring`] says: [N, M, 8] of the last read-out or [N, M, 1] of each. Those of `sparsedrive`
+    /// Logits of each plan, as [`Kind::scoring`] says: [N, M, 8] of the last read-out or of each, or [N, M, 1] of each. Those of `sparsedrive`
     /// begin with the logits of all paths, then all profiles, of both layers: [N, words, 1].
     pub scores: Vec<Array>,
 }
@@ -290,14 +318,12 @@ pub fn gradient(
     grade: impl FnOnce(&Answer) -> (f64, Answer),
 ) -> Result<(f64, Weights), WeightsError> {
     weights.check(&kind.declared())?;
-    let graph = Graph::new(weights, Mode::Train);
+    let graph = Graph::learning(weights, |name| kind.trains(name));
     let heads = kind.forward(&graph, inputs);
     let (loss, slope) = grade(&heads.answer());
     let surrogate = heads.surrogate(&graph, &slope);
     let mut gradients = graph.gradients(surrogate.backward());
-    for given in kind.given() {
-        gradients.remove(given);
-    }
+    gradients.keep(|name| kind.trains(name));
     Ok((loss, gradients))
 }
 

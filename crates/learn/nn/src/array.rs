@@ -301,6 +301,11 @@ impl Weights {
         self.arrays.remove(name)
     }
 
+    /// Keeps the arrays of some names.
+    pub fn keep(&mut self, kept: impl Fn(&str) -> bool) {
+        self.arrays.retain(|name, _| kept(name));
+    }
+
     /// Returns an array by name.
     #[must_use]
     pub fn get(&self, name: &str) -> Option<&Array> {

@@ -17,6 +17,7 @@ mod learner;
 mod loss;
 mod panel_loss;
 mod rasters;
+mod selection;
 mod settings;
 mod shown;
 mod total_loss;
@@ -82,6 +83,18 @@ pub enum PolicyTrainError {
     /// The weights in a file are not those of the network.
     #[error("checkpoint does not fit the network")]
     Fit(#[from] ds_nn::WeightsError),
+    /// The network goes on from another whose weights are not there.
+    #[error(
+        "{student} goes on from the weights of {before}, and {path:?} is not there: `dreamstream train policy --kind {before}` trains them"
+    )]
+    Begin {
+        /// The network.
+        student: &'static str,
+        /// The one before it.
+        before: &'static str,
+        /// The file.
+        path: String,
+    },
     /// A frame of a generated scenario cannot be rendered.
     #[error("a frame of scenario {name:?} cannot be rendered")]
     Frame {
@@ -146,15 +159,20 @@ struct Files {
 }
 
 impl Files {
-    fn new(folder: &Path, student: Learned) -> Result<Self, PolicyTrainError> {
+    fn of(folder: &Path, student: Learned) -> Self {
         let shared = folder.to_owned();
         let folder = if student == Learned::Camera { shared.clone() } else { shared.join(student.name()) };
-        fs::create_dir_all(&folder).map_err(|source| PolicyTrainError::Io {
+        Self { shared, folder, weights: student.file_name() }
+    }
+
+    fn new(folder: &Path, student: Learned) -> Result<Self, PolicyTrainError> {
+        let files = Self::of(folder, student);
+        fs::create_dir_all(&files.folder).map_err(|source| PolicyTrainError::Io {
             doing: "created",
-            path: folder.display().to_string(),
+            path: files.folder.display().to_string(),
             source,
         })?;
-        Ok(Self { shared, folder, weights: student.file_name() })
+        Ok(files)
     }
 
     fn samples(&self, name: &str) -> PathBuf {
@@ -190,24 +208,27 @@ impl Files {
 }
 
 /// Trains to the end of the settings' rounds, from the last checkpoint in `folder` if there is one, and returns the
-/// path of the weights; `listener` is shown each line of the log.
+/// path of the weights; `listener` is shown each line of the log. `shipped` are the weights of the network that the student
+/// goes on from ([`Learned::begins_with`]) where none were trained in `folder`.
 ///
 /// # Errors
 /// [`PolicyTrainError`] says what is wrong.
 pub fn run(
     student: Learned,
     settings: &PolicySettings,
-    folder: &Path,
+    [folder, shipped]: [&Path; 2],
     listener: &mut dyn FnMut(&str),
 ) -> Result<PathBuf, PolicyTrainError> {
     settings.check()?;
     let files = Files::new(folder, student)?;
+    let begun = student.begins_with().map(|before| Files::of(folder, before).weights()).filter(|file| file.exists());
+    let begun = begun.unwrap_or_else(|| shipped.to_owned());
     let held_out =
         Samples::held(&files.samples("held-out"), || dataset::beside_the_expert(settings, ScenarioSplit::HeldOut))?;
     let mut samples =
         Samples::held(&files.samples("expert"), || dataset::beside_the_expert(settings, ScenarioSplit::Training))?;
     files.log(&json!({"samples": samples.len(), "held_out": held_out.len()}), listener)?;
-    let mut learner = Learner::resume(student, settings, &samples, &files.checkpoint())?;
+    let mut learner = Learner::resume(student, settings, &samples, (&files.checkpoint(), &begun))?;
     let mut end = 0;
     for (index, round) in (0u64..).zip(&settings.rounds) {
         if round.scenarios > 0 {

@@ -4,7 +4,9 @@ use std::path::Path;
 use std::process::Command;
 
 use anyhow::Result;
+use ds_launch::Networks;
 use ds_layout::{LayoutBackend, Renderer};
+use ds_policy::Learned;
 use ds_process::beside::{TRAINER, VIEWER};
 use ds_process::terminal::answer;
 use ds_process::{beside, shipped};
@@ -32,6 +34,7 @@ pub(crate) fn run() -> Result<()> {
         finding("memory", memory()),
         finding("video model", weights("configs/models/cpu_train.safetensors")),
         finding("camera policy", weights("configs/models/camera_policy.safetensors")),
+        finding("panel", panel()),
         finding("scenarios", scenarios()),
         finding("layout, cpu", renderer(LayoutBackend::Cpu)),
         finding("layout, wgpu", renderer(LayoutBackend::Wgpu)),
@@ -88,6 +91,24 @@ fn weights(path: &str) -> Result<String, String> {
     let path = shipped::find(Path::new(path));
     let bytes = std::fs::metadata(&path).map_err(|error| format!("{error}: {}", shipped::describe(&path)))?.len();
     Ok(format!("{:.1} MB in {}", bytes as f64 * 1e-6, path.display()))
+}
+
+/// Says which policies of the panel have weights, and how one that has none is trained.
+fn panel() -> Result<String, String> {
+    let given = Networks::default().policy_weights;
+    let panel = Learned::ALL.into_iter().filter(|learned| *learned != Learned::Camera);
+    let (trained, rest): (Vec<_>, Vec<_>) =
+        panel.partition(|learned| learned.trained(&learned.weights_file(&given)).is_ok());
+    let names = |all: &[Learned]| all.iter().map(|learned| learned.name()).collect::<Vec<_>>().join(", ");
+    match rest.first() {
+        None => Ok(names(&trained)),
+        Some(first) => Ok(format!(
+            "{}; without weights: {} (`dreamstream train policy --kind {}`)",
+            names(&trained),
+            names(&rest),
+            first.name()
+        )),
+    }
 }
 
 fn scenarios() -> Result<String, String> {

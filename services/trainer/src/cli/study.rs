@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueHint};
 
-use ds_evaluate::study::Study;
 use ds_process::shipped;
 
 const EXAMPLES: &str = "Examples:
@@ -12,6 +11,7 @@ const EXAMPLES: &str = "Examples:
   dreamstream study correlation --quick
   dreamstream study sensitivity --scenarios 64
   dreamstream study anchor --recorded frames.toml     in units of two folders of real frames
+  dreamstream study drives --real out/reference --source out/dreamstream
   dreamstream study closed-loop --quick               drives; Ctrl-C, then the same command, goes on";
 
 /// Measure observation sources over held-out scenarios.
@@ -33,23 +33,10 @@ pub(crate) enum StudyCommand {
     Ablation(StudyArgs),
     /// How far sources are from frames that real cameras recorded, in units of two such sets: --recorded FILE.
     Anchor(StudyArgs),
+    /// How near the frames of recorded drives are to those of others, for policies: FDπ between folders of recordings.
+    Drives(DrivesArgs),
     /// How far driving scores lie from those of the same drives on the reference camera's frames.
     ClosedLoop(StudyArgs),
-}
-
-impl StudyCommand {
-    /// Returns the study over frames, none for that over drives, with its arguments.
-    pub(crate) fn parts(&self) -> (Option<Study>, &StudyArgs) {
-        match self {
-            Self::Fidelity(args) => (Some(Study::Fidelity), args),
-            Self::Correlation(args) => (Some(Study::Correlation), args),
-            Self::Sensitivity(args) => (Some(Study::Sensitivity), args),
-            Self::Rollout(args) => (Some(Study::Rollout), args),
-            Self::Ablation(args) => (Some(Study::Ablation), args),
-            Self::Anchor(args) => (Some(Study::Anchor), args),
-            Self::ClosedLoop(args) => (None, args),
-        }
-    }
 }
 
 /// Arguments of a study.
@@ -69,6 +56,23 @@ pub(crate) struct StudyArgs {
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub recorded: Option<PathBuf>,
     /// Where results go; the configuration's own folder without it.
+    #[arg(long, short, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub out: Option<PathBuf>,
+}
+
+/// Arguments of `study drives`.
+#[derive(Debug, Args)]
+pub(crate) struct DrivesArgs {
+    /// The folder of recordings (*.mcap) that count as real, or of the run that made them.
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub real: PathBuf,
+    /// Such a folder of the same scenarios and seeds; may be given more than once.
+    #[arg(long, value_name = "DIR", required = true, value_hint = ValueHint::DirPath)]
+    pub source: Vec<PathBuf>,
+    /// Whose panel looks, every how many ticks, with how many resamples; configs/study/fidelity.toml without it.
+    #[arg(long, value_name = "FILE", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
+    pub config: Option<PathBuf>,
+    /// Where drives.json goes; no file without it.
     #[arg(long, short, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub out: Option<PathBuf>,
 }

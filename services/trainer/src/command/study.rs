@@ -1,6 +1,7 @@
 //! `study`: tables over held-out scenarios, with a bar of what is done.
 
 mod closed_loop;
+mod drives;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -9,7 +10,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use ds_evaluate::study::config::Recorded;
 use ds_evaluate::study::outcome::{Figure, Outcome};
-use ds_evaluate::study::{self, Study, StudyConfig};
+use ds_evaluate::study::{self, Guests, Study, StudyConfig};
 use ds_launch::guest;
 use ds_policy::Policy;
 use ds_process::shipped;
@@ -23,10 +24,26 @@ use crate::command::video::Bar;
 /// # Errors
 /// If a file cannot be used or frames cannot be made.
 pub(crate) fn run(command: &StudyCommand) -> Result<()> {
-    match command.parts() {
-        (Some(study), args) => of_frames(study, args),
-        (None, args) => closed_loop::run(args),
+    match command {
+        StudyCommand::Fidelity(args) => of_frames(Study::Fidelity, args),
+        StudyCommand::Correlation(args) => of_frames(Study::Correlation, args),
+        StudyCommand::Sensitivity(args) => of_frames(Study::Sensitivity, args),
+        StudyCommand::Rollout(args) => of_frames(Study::Rollout, args),
+        StudyCommand::Ablation(args) => of_frames(Study::Ablation, args),
+        StudyCommand::Anchor(args) => of_frames(Study::Anchor, args),
+        StudyCommand::Drives(args) => drives::run(args),
+        StudyCommand::ClosedLoop(args) => closed_loop::run(args),
     }
+}
+
+/// Returns what lets policies of other processes connect.
+fn guests() -> Result<Box<Guests<'static>>> {
+    // Until the process ends: a thread may still wait for a policy that does not answer.
+    let runtime = &*Box::leak(Box::new(ds_launch::runtime()?));
+    Ok(Box::new(move |name: &str, listen: &str| {
+        let guest = guest::connecting(runtime, name, listen).map_err(|error| format!("{error:#}"))?;
+        Ok(Box::new(guest) as Box<dyn Policy>)
+    }))
 }
 
 /// Returns the configuration that is meant.
@@ -50,13 +67,7 @@ fn of_frames(study: Study, args: &StudyArgs) -> Result<()> {
     config.check_for(study)?;
     let began = Instant::now();
     let mut progress = Bar(bar(0, "sets"));
-    // Until the process ends: a thread may still wait for a policy that does not answer.
-    let runtime = &*Box::leak(Box::new(ds_launch::runtime()?));
-    let guests = |name: &str, listen: &str| {
-        let guest = guest::connecting(runtime, name, listen).map_err(|error| format!("{error:#}"))?;
-        Ok(Box::new(guest) as Box<dyn Policy>)
-    };
-    let mut outcome = study::run(study, &config, &guests, &mut progress, &|| began.elapsed().as_secs_f64())?;
+    let mut outcome = study::run(study, &config, &guests()?, &mut progress, &|| began.elapsed().as_secs_f64())?;
     outcome.quick = args.quick;
     study::write(&config, &outcome)?;
     progress.0.finish_and_clear();

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
-use ds_launch::onlooker as viewer;
+use ds_launch::{Networks, onlooker as viewer};
 use ds_process::shipped;
 use ds_process::terminal::{answer, bar, stop_flag};
 use ds_record::viewing::{TrainedStage, Training};
@@ -156,8 +156,9 @@ fn policy(args: &TrainArgs) -> Result<()> {
             .with_context(|| format!("weights {}", weights.display()))?;
         return Ok(());
     }
+    let shipped = args.kind.begins_with().unwrap_or(args.kind).weights_file(&Networks::default().policy_weights);
     let spinner = ProgressBar::new_spinner();
-    ds_train::policy::run(args.kind, &settings, Path::new(&args.out), &mut |line: &str| {
+    ds_train::policy::run(args.kind, &settings, [&args.out, &shipped], &mut |line: &str| {
         spinner.set_message(line.to_owned());
         spinner.tick();
     })?;

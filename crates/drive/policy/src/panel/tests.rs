@@ -73,10 +73,3 @@ fn the_context_is_of_the_frame_alone() {
         assert_ne!(before, seen(&mut policy, 200), "{}", kind.name());
     }
 }
-
-#[test]
-fn the_total_weighs_sub_scores_as_the_benchmark_does() {
-    assert!((total([1.0; TERMS]) - 1.0).abs() < 1e-12);
-    assert!(total([1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]).abs() < 1e-12);
-    assert!((total([1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0]) - 9.0 / 14.0).abs() < 1e-12);
-}

@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::path::Path;
 use std::sync::Arc;
 
 use ds_fidelity::{Compared, Features, Interval, ratio, recentred};
@@ -51,7 +52,9 @@ pub fn run(
     let seen = under_way.look(progress, seconds)?;
     let sets = under_way.sets(&seen);
     progress.note("distances and intervals");
-    let measured: Vec<Measured> = sets.iter().map(|sets| measure(sets, config)).collect::<Result<_, _>>()?;
+    let names: Vec<&str> = config.sources.iter().map(Source::name).collect();
+    let measured: Vec<Measured> =
+        sets.iter().map(|sets| measure(sets, &names, config.draws)).collect::<Result<_, _>>()?;
     let policies = under_way.lookers.panel.len();
     let pdms = under_way.pdms(&seen);
     let found = Found { config, takes: &under_way.takes, sets, measured, pdms, policies };
@@ -107,18 +110,27 @@ fn distances(found: &Found<'_>, outcome: &mut Outcome) {
 /// # Errors
 /// If a file cannot be written.
 pub fn write(config: &StudyConfig, outcome: &Outcome) -> Result<(), AppraisalError> {
-    let path = config.out.join(format!("{}.json", outcome.study));
-    let text = serde_json::to_string_pretty(outcome)
-        .map_err(|source| AppraisalError::Record { path: path.display().to_string(), source })?;
-    std::fs::write(&path, text + "\n").map_err(AppraisalError::io("outcome", &path))?;
+    write_json(&config.out, outcome)?;
     let path = config.out.join("index.html");
     std::fs::write(&path, page::html(outcome)).map_err(AppraisalError::io("page", &path))
 }
 
-fn measure(sets: &Sets, config: &StudyConfig) -> Result<Measured, AppraisalError> {
+/// Writes `STUDY.json` alone.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn write_json(folder: &Path, outcome: &Outcome) -> Result<(), AppraisalError> {
+    let path = folder.join(format!("{}.json", outcome.study));
+    let text = serde_json::to_string_pretty(outcome)
+        .map_err(|source| AppraisalError::Record { path: path.display().to_string(), source })?;
+    std::fs::write(&path, text + "\n").map_err(AppraisalError::io("outcome", &path))
+}
+
+/// Measures how far sets of these names look from the real one to a network.
+pub(super) fn measure(sets: &Sets, names: &[&str], draws: u64) -> Result<Measured, AppraisalError> {
     let compared = Compared::new(&sets.name, sets.real.clone())?;
-    let sources: Vec<(&str, &Features)> = config.sources.iter().map(|source| source.name()).zip(&sets.others).collect();
-    let mut drawn = compared.resampled(&sources, config.draws)?;
+    let sources: Vec<(&str, &Features)> = names.iter().copied().zip(&sets.others).collect();
+    let mut drawn = compared.resampled(&sources, draws)?;
     drawn.iter_mut().flatten().for_each(|value| *value *= HUNDREDTHS);
     let placed = match &sets.placed {
         None => None,

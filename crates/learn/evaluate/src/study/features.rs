@@ -3,7 +3,7 @@
 use ds_fidelity::{mean_pooled, placed};
 use ds_perception::look::LookReader;
 use ds_raster::RgbImage;
-use ds_space::{Digest, DigestWriter};
+use ds_space::{CameraModel, Digest, DigestWriter};
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
@@ -81,13 +81,7 @@ pub(crate) fn look(
     let worlds = || config.looked().iter().map(|frame| take.world(drive, *frame)).collect();
     let scorer = plans.then(|| Scorer::new(&take.scene, worlds())).transpose()?;
     for member in &mut lookers.panel {
-        let (mut mean, mut places) = (Vec::new(), Vec::new());
-        for frame in &looked {
-            let context = member.context(&drive.model, frame, &drive.name)?;
-            let channels = context.tokens.shape()[1];
-            mean.push(mean_pooled(context.tokens.values(), channels));
-            places.push(placed(context.tokens.values(), channels, context.grid));
-        }
+        let [mean, places] = pooled(member, &drive.model, looked.iter().copied(), &drive.name)?;
         seen.mean.push(mean);
         seen.placed.push(places);
         if let Some(scorer) = &scorer {
@@ -98,6 +92,26 @@ pub(crate) fn look(
     seen.look = config.looked().iter().map(|at| rows[*at as usize - 1].clone()).collect();
     seen.clips = rows.chunks_exact(config.clip as usize).map(clip).collect();
     Ok(seen)
+}
+
+/// Returns what a policy attends to in frames: means over tokens, and means of four groups of them.
+///
+/// # Errors
+/// If it cannot look at a frame or tells of nothing that it attends to.
+pub(super) fn pooled<'a>(
+    member: &mut Member,
+    camera: &CameraModel,
+    frames: impl Iterator<Item = &'a RgbImage>,
+    whose: &str,
+) -> Result<[Rows; 2], AppraisalError> {
+    let [mut mean, mut places] = [Rows::new(), Rows::new()];
+    for frame in frames {
+        let context = member.context(camera, frame, whose)?;
+        let channels = context.tokens.shape()[1];
+        mean.push(mean_pooled(context.tokens.values(), channels));
+        places.push(placed(context.tokens.values(), channels, context.grid));
+    }
+    Ok([mean, places])
 }
 
 /// Lays rows of features out as a matrix.

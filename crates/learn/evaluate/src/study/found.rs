@@ -54,9 +54,14 @@ impl Found<'_> {
 
     /// Returns FDπ of a source, × 100, with its resamples.
     pub(super) fn fd_pi(&self, at: usize) -> (f64, Vec<f64>) {
-        let panel = self.panel();
-        let value = panel.iter().map(|k| self.measured[*k].value(self.config, at)).sum::<f64>() / panel.len() as f64;
-        let drawn: Vec<&[f64]> = panel.iter().map(|k| self.measured[*k].drawn[at].as_slice()).collect();
-        (value, mean_of(&drawn))
+        fd_pi(&self.measured[..self.policies], self.config.sources[at].name(), at)
     }
+}
+
+/// Returns FDπ of the source of a name and a place, × 100, over the policies that are no control, with its resamples.
+pub(super) fn fd_pi(policies: &[Measured], name: &str, at: usize) -> (f64, Vec<f64>) {
+    let panel: Vec<&Measured> = policies.iter().filter(|measured| !measured.table.control).collect();
+    let value = panel.iter().map(|measured| measured.table.sources[name].fd.value).sum::<f64>() / panel.len() as f64;
+    let drawn: Vec<&[f64]> = panel.iter().map(|measured| measured.drawn[at].as_slice()).collect();
+    (value, mean_of(&drawn))
 }

@@ -283,6 +283,9 @@ pub struct Outcome {
     pub worst: BTreeMap<String, Vec<Scene>>,
     /// One moment as each source shows it: names of source and picture.
     pub looks: Vec<(String, String)>,
+    /// Of study `drives`: how far apart the cars of paired frames stand, by source, mean in metres.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub apart_m: BTreeMap<String, f64>,
     /// Of study `correlation`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub correlation: Option<Correlation>,

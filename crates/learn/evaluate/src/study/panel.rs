@@ -110,6 +110,7 @@ pub(crate) fn load(config: &StudyConfig, guests: &Guests<'_>) -> Result<Vec<Memb
         let weights = match &member.weights {
             Some(path) => {
                 let path = config.path(path);
+                learned.trained(&path).map_err(|error| refuse(&error))?;
                 WeightsFile::read(&path).map_err(|error| refuse(&format!("{}: {error}", path.display())))?.weights
             }
             None => Weights::initialised(&learned.declared(), &Digest::of(member.name.as_bytes())),

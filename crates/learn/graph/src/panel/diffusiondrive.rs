@@ -25,7 +25,7 @@ const LAYERS: usize = 2;
 /// Octaves of the embedding of a number.
 const OCTAVES: usize = 6;
 /// Numbers that stand for one.
-const WAVES: usize = 1 + 2 * OCTAVES;
+pub(super) const WAVES: usize = 1 + 2 * OCTAVES;
 
 pub(super) fn declared() -> Vec<Declared> {
     let mut list = Vec::new();
@@ -38,10 +38,7 @@ pub(super) fn declared() -> Vec<Declared> {
     declare_pair(&mut list, "time", [WAVES, WIDTH, WIDTH], 1.0);
     for index in 0..LAYERS {
         let name = format!("plans{index}");
-        declare_norm(&mut list, &format!("{name}.map.norm"), WIDTH);
-        Declared::linear(&mut list, &format!("{name}.map.weights"), WIDTH, POSES, 0.3);
-        Declared::linear(&mut list, &format!("{name}.map.values"), WIDTH, WIDTH, 1.0);
-        Declared::linear(&mut list, &format!("{name}.map.out"), WIDTH, WIDTH, 1.0);
+        declare_reading(&mut list, &name, WIDTH);
         declare_attention(&mut list, &format!("{name}.queries"), WIDTH);
         declare_hidden(&mut list, &format!("{name}.mlp"), WIDTH, 4);
         Declared::linear(&mut list, &format!("{name}.time"), WIDTH, 2 * WIDTH, 0.1);
@@ -50,6 +47,26 @@ pub(super) fn declared() -> Vec<Declared> {
         declare_pair(&mut list, &format!("{name}.score"), [WIDTH, WIDTH, 1], 0.2);
     }
     list
+}
+
+/// Declares what tokens of a width read the map by.
+pub(super) fn declare_reading(list: &mut Vec<Declared>, name: &str, width: usize) {
+    declare_norm(list, &format!("{name}.map.norm"), width);
+    Declared::linear(list, &format!("{name}.map.weights"), width, POSES, 0.3);
+    Declared::linear(list, &format!("{name}.map.values"), WIDTH, width, 1.0);
+    Declared::linear(list, &format!("{name}.map.out"), width, width, 1.0);
+}
+
+/// What a map offers to the tokens of `name`.
+pub(super) fn values(graph: &Graph, name: &str, map: Tensor<3>) -> Tensor<3> {
+    relu(graph.linear(&format!("{name}.map.values")).apply(map))
+}
+
+/// Adds what the tokens of plans read of `values` at the plans' points, with weights that they choose.
+pub(super) fn reading(graph: &Graph, name: &str, x: Tensor<3>, (places, values): (&Places, &Tensor<3>)) -> Tensor<3> {
+    let linear = |part: &str| graph.linear(&format!("{name}.map.{part}"));
+    let weights = linear("weights").apply(norm(graph, &format!("{name}.map.norm"), x.clone()));
+    x + linear("out").apply(places.read(values.clone(), softmax(weights, 2)))
 }
 
 /// The cells of the map, [N, 256, 128], row by row.
@@ -61,35 +78,51 @@ pub(super) fn context(graph: &Graph, images: Tensor<4>) -> Tensor<3> {
 }
 
 pub(super) fn plan(graph: &Graph, context: Tensor<3>, state: Tensor<2>, inputs: &Inputs<'_>) -> Heads {
-    let [batch, ..] = context.dims();
-    let cells = halved(context.clone().reshape([batch, MAP[0], MAP[1], WIDTH]));
-    let scene = Scene {
-        graph,
-        queries: trunk::queries(graph, cells.reshape([batch, CELLS, WIDTH]), state),
-        values: std::array::from_fn(|index| {
-            relu(graph.linear(&format!("plans{index}.map.values")).apply(context.clone()))
-        }),
-        speeds_mps: inputs.speeds_mps(),
-    };
-    let anchors = array_of(graph.weight::<2>(ANCHORS, [PLANS, POINTS]));
-    if let Some(times) = inputs.times {
-        return scene.drawn(noised(&anchors, inputs.noise, times), times);
+    let scene = Scene::of(graph, context, state, inputs.speeds_mps());
+    match inputs.times {
+        Some(times) => scene.drawn(noised(&anchors(graph), inputs.noise, times), times),
+        None => scene.answered(inputs.noise),
     }
-    let points = noised(&anchors, inputs.noise, &vec![START; batch]);
-    let first = scene.drawn(points.clone(), &vec![STEPS[0]; batch]);
-    let found = points_of(first.plans.last().expect("there are layers"));
-    scene.drawn(stepped(&points, &found, STEPS), &vec![STEPS[1]; batch])
+}
+
+fn anchors(graph: &Graph) -> Array {
+    array_of(graph.weight::<2>(ANCHORS, [PLANS, POINTS]))
 }
 
 /// What plans are drawn through, for all steps.
-struct Scene<'a> {
+pub(super) struct Scene<'a> {
     graph: &'a Graph,
-    queries: Tensor<3>,
+    /// The map in cells of the coarse grid, [N, 64, 128].
+    pub(super) cells: Tensor<3>,
+    /// The trunk's, which know the state: [N, 13, 128].
+    pub(super) queries: Tensor<3>,
     values: [Tensor<3>; LAYERS],
     speeds_mps: Vec<f32>,
 }
 
-impl Scene<'_> {
+impl<'a> Scene<'a> {
+    /// Prepares the context of some cars.
+    pub(super) fn of(graph: &'a Graph, context: Tensor<3>, state: Tensor<2>, speeds_mps: Vec<f32>) -> Self {
+        let [batch, ..] = context.dims();
+        let cells = halved(context.clone().reshape([batch, MAP[0], MAP[1], WIDTH])).reshape([batch, CELLS, WIDTH]);
+        Self {
+            graph,
+            queries: trunk::queries(graph, cells.clone(), state),
+            cells,
+            values: std::array::from_fn(|index| values(graph, &format!("plans{index}"), context.clone())),
+            speeds_mps,
+        }
+    }
+
+    /// Draws the anchors with noise [N, 20·16] to plans, in all steps.
+    pub(super) fn answered(&self, noise: &Array) -> Heads {
+        let batch = self.speeds_mps.len();
+        let points = noised(&anchors(self.graph), noise, &vec![START; batch]);
+        let first = self.drawn(points.clone(), &vec![STEPS[0]; batch]);
+        let found = points_of(first.plans.last().expect("there are layers"));
+        self.drawn(stepped(&points, &found, STEPS), &vec![STEPS[1]; batch])
+    }
+
     /// Draws points [N, 20, 16] of some times towards plans, read out after each layer.
     fn drawn(&self, mut points: Array, times: &[u32]) -> Heads {
         let graph = self.graph;
@@ -112,8 +145,7 @@ impl Scene<'_> {
 
     fn layer(&self, name: &str, x: Tensor<3>, (places, values): (&Places, &Tensor<3>), time: &Tensor<2>) -> Tensor<3> {
         let linear = |part: &str| self.graph.linear(&format!("{name}.{part}"));
-        let weights = linear("map.weights").apply(norm(self.graph, &format!("{name}.map.norm"), x.clone()));
-        let x = x + linear("map.out").apply(places.read(values.clone(), softmax(weights, 2)));
+        let x = reading(self.graph, name, x, (places, values));
         let x = attended(self.graph, &format!("{name}.queries"), HEADS, x, Some(&self.queries));
         let x = hidden(self.graph, &format!("{name}.mlp"), x);
         let told = linear("time").apply(time.clone()).unsqueeze_dim::<3>(1);
@@ -125,8 +157,12 @@ impl Scene<'_> {
 
 /// The points of plans [N, M, 24], without a gradient.
 fn points_of(plans: &Tensor<3>) -> Array {
-    let [batch, count, _] = plans.dims();
-    let plans = array_of(plans.clone());
+    points(&array_of(plans.clone()))
+}
+
+/// The points of plans [N, M, 24].
+pub(super) fn points(plans: &Array) -> Array {
+    let &[batch, count, _] = plans.shape() else { unreachable!("plans have three sides") };
     let points = plans.values().chunks_exact(3).flat_map(|pose| [pose[0], pose[1]]);
     Array::new(&[batch, count, POINTS], points.collect())
 }
@@ -148,7 +184,7 @@ fn waves(value: f32) -> impl Iterator<Item = f32> {
 }
 
 /// Points on the scale of diffusion and where they lie on the map.
-fn embedded(points: &Array, places: &Places) -> Array {
+pub(super) fn embedded(points: &Array, places: &Places) -> Array {
     let &[batch, plans, _] = points.shape() else { unreachable!("points have three sides") };
     let numbers = scaled(points);
     let rows = numbers.values().chunks_exact(POINTS).zip(places.from_middle.values().chunks_exact(POINTS));

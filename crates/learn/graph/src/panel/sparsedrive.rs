@@ -10,6 +10,7 @@ use burn::tensor::Tensor;
 use burn::tensor::activation::{relu, softmax};
 use ds_nn::array::{Array, Declared, Initial};
 
+use super::choosing::{best, ones, picked};
 use super::layers::{
     attended, block, declare_attention, declare_block, declare_hidden, declare_norm, declare_pair, declare_stage,
     declare_tokens, hidden, norm, pair, stage, tokens,
@@ -126,7 +127,7 @@ pub(super) fn plan(graph: &Graph, inputs: &Inputs<'_>) -> Heads {
         words = [("paths", paths, 0), ("profiles", profiles, 1)].map(|(name, x, which)| {
             let read = norm(graph, &format!("{name}{layer}.read.norm"), x.clone());
             let logits = pair(graph, &format!("{name}{layer}.read"), read);
-            let kept = best(&logits, KEPT[layer + 1][which]);
+            let kept = best(&array_of(logits.clone()), KEPT[layer + 1][which]);
             scores.push(spread(graph, logits, &chosen[which], KEPT[0][which]));
             let left = picked(graph, &x, &kept);
             for (chosen, kept) in chosen[which].iter_mut().zip(&kept) {
@@ -198,35 +199,6 @@ impl Scene<'_> {
         let logits = ["plans.choice", "plans.terms"].map(|name| pair(graph, name, read.clone()));
         (graph.tensor(&Array::new(&[batch, ways * speeds, PLAN], plans)), logits)
     }
-}
-
-/// The places of the `count` largest logits [N, M, 1] of each sample, in order.
-fn best(logits: &Tensor<3>, count: usize) -> Vec<Vec<usize>> {
-    let [_, words, _] = logits.dims();
-    let rows = array_of(logits.clone());
-    let best_of = |row: &[f32]| {
-        let mut order: Vec<usize> = (0..words).collect();
-        order.sort_by(|a, b| row[*b].total_cmp(&row[*a]).then(a.cmp(b)));
-        order.truncate(count);
-        order.sort_unstable();
-        order
-    };
-    rows.values().chunks_exact(words).map(best_of).collect()
-}
-
-/// One where a row stands at a place, [N, rows, words].
-fn ones(graph: &Graph, places: &[Vec<usize>], words: usize) -> Tensor<3> {
-    let rows = places[0].len();
-    let mut values = vec![0.0; places.len() * rows * words];
-    for (row, place) in places.iter().flatten().enumerate() {
-        values[row * words + place] = 1.0;
-    }
-    graph.tensor(&Array::new(&[places.len(), rows, words], values))
-}
-
-/// The tokens at some places.
-fn picked(graph: &Graph, x: &Tensor<3>, places: &[Vec<usize>]) -> Tensor<3> {
-    ones(graph, places, x.dims()[1]).matmul(x.clone())
 }
 
 /// Logits [N, M, 1] at their places among all words; what is not there was left out.

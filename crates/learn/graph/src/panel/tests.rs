@@ -13,7 +13,8 @@ fn noise(shape: &[usize], seed: u64) -> Array {
 
 /// Half the sum of squares of the heads that count for a weight, with its gradient. Between the layers of
 /// `diffusiondrive` points are cut off, so weights before its second layer count by the first read-out alone; so do
-/// weights of `sparsedrive`, where what is kept goes on, and its plans are given. Those of `rap` count by the first plans that
+/// weights of `sparsedrive`, where what is kept goes on, and its plans are given. So are those of `diffusiondrive_v2`, whose weights before
+/// its second layer count by the first sub-scores. Those of `rap` count by the first plans that
 /// they bear on, before poses are cut off.
 fn square(kind: Kind, name: &str, answer: &Answer) -> (f64, Answer) {
     let mut slope = answer.clone();
@@ -22,6 +23,10 @@ fn square(kind: Kind, name: &str, answer: &Answer) -> (f64, Answer) {
         let silent = usize::from(!name.starts_with("plans1"));
         silence(&mut slope.plans[silent]);
         silence(&mut slope.scores[silent]);
+    }
+    if kind == Kind::DiffusiondriveV2 {
+        slope.plans.iter_mut().for_each(silence);
+        silence(&mut slope.scores[usize::from(!name.starts_with("selector.fine"))]);
     }
     if kind == Kind::Rap {
         let [first, second, domain, scores] = [0, 1, 3, 4];
@@ -89,7 +94,7 @@ fn gradients_are_the_slopes_of_the_loss() {
         let inputs = shown.learning();
         // One weight of each part of the network; what is given is not trained.
         let names = weights.iter().map(|(name, _)| name.to_owned()).collect::<Vec<_>>();
-        for name in names.iter().step_by(17).filter(|name| !kind.given().contains(&name.as_str())) {
+        for name in names.iter().step_by(17).filter(|name| kind.trains(name)) {
             let grade = |answer: &Answer| square(kind, name, answer);
             let (loss, slopes) = gradient(kind, &weights, &inputs, grade).expect("the weights fit");
             let at = |weights: &Weights| grade(&Network::new(kind, weights).expect("fits").answer(&inputs)).0;
@@ -135,6 +140,7 @@ fn plans_depend_on_frame_and_state_and_the_context_on_the_frame_alone() {
         let logits = match kind.scoring() {
             Scoring::Single => vec![],
             Scoring::Terms => vec![vec![1, first.plans[0].shape()[1], TERMS]],
+            Scoring::FilteredTerms => vec![vec![1, 60, TERMS], vec![1, 16, TERMS]],
             Scoring::Confidence => vec![vec![1, first.plans[0].shape()[1], 1]; first.plans.len()],
             Scoring::Total => vec![vec![1, 1, 1], vec![1, first.plans[0].shape()[1], TERMS]],
             Scoring::ConfidenceAndTerms => {

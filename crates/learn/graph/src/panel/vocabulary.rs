@@ -115,6 +115,16 @@ pub fn plan_of(places: &[Place; PROFILE], speed_mps: f64) -> [f32; PLAN] {
     plan
 }
 
+/// Returns the places that a plan goes through, of a car that has a speed now.
+#[must_use]
+#[expect(clippy::cast_possible_truncation, reason = "places are single precision")]
+pub fn places_of(plan: &[f32], speed_mps: f64) -> [Place; PROFILE] {
+    std::array::from_fn(|pose| {
+        let (units, from) = (units(pose), [straight_on_m(speed_mps, pose), 0.0, 0.0]);
+        std::array::from_fn(|side| (from[side] + units[side] * f64::from(plan[3 * pose + side])) as f32)
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -140,6 +150,8 @@ mod tests {
             assert!(apart_m < 0.2 && (one[2] - other[2]).abs() < 0.08, "{one:?} {other:?}");
         }
         let plan = plan_of(&again, 6.0);
+        let back = places_of(&plan, 6.0);
+        assert!(back.as_flattened().iter().zip(again.as_flattened()).all(|(a, b)| (a - b).abs() < 1e-5));
         let [x, y, heading] = units(7);
         assert!((plan[21] - (again[7][0] - 24.0) / x as f32).abs() < 1e-5);
         assert!((plan[22] - again[7][1] / y as f32).abs() < 1e-5);

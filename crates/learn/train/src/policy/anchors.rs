@@ -4,7 +4,7 @@
 //! teacher's plan is the one that should have become it: in every read-out its plan is drawn there (smooth L1), and the
 //! logits learn which one it is (focal loss, Lin et al. 2017, γ 2, α ¼). The published weights are 8 and 10.
 
-use ds_graph::panel::{Answer, PLAN};
+use ds_graph::panel::{Answer, PLAN, Scoring};
 use ds_nn::{Array, Weights};
 use ds_policy::Learned;
 use ds_policy::camera::proposals::TARGETS;
@@ -24,7 +24,7 @@ const RIGHT: f32 = 0.25;
 pub(super) fn give(student: Learned, weights: &mut Weights, expert: &Samples, seed: u64) {
     let Learned::Panel(kind) = student else { return };
     let [name] = kind.given() else { return };
-    if let Some(anchors) = weights.get_mut(name) {
+    if let (Scoring::Confidence, Some(anchors)) = (kind.scoring(), weights.get_mut(name)) {
         let points = expert.0.iter().map(|sample| points_of(&target_of(sample, f64::from(sample.speed_mps))));
         let centres = centres(&points.collect::<Vec<_>>(), anchors.shape()[0], seed);
         anchors.values_mut().copy_from_slice(centres.as_flattened());

@@ -11,7 +11,7 @@ use ds_policy::panel::state_of;
 use super::PolicyTrainError;
 use super::judge::Judge;
 use super::shown::Shown;
-use super::{anchors, loss, panel_loss, total_loss, vocabulary};
+use super::{anchors, loss, panel_loss, selection, total_loss, vocabulary};
 
 /// Returns the loss of a batch and its gradient by the weights; `images` are [N, 96, 160, 3], `reversal` is how strongly a context
 /// unlearns whether it is of a raster.
@@ -45,6 +45,7 @@ pub(super) fn gradient(
                     let targets: Vec<_> = batch.iter().map(Shown::target).collect();
                     Ok(anchors::grade(answer, anchors, &targets))
                 }
+                (Scoring::FilteredTerms, _) => selection::grade(answer, batch, judge),
                 (Scoring::Total, _) => total_loss::grade(answer, batch, judge),
                 (Scoring::ConfidenceAndTerms, _) => vocabulary::grade(answer, (kind, weights), batch, judge),
                 (_, _) => panel_loss::grade(answer, batch, judge),

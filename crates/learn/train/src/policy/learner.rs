@@ -18,7 +18,7 @@ use super::judge::Judge;
 use super::rasters::Rasters;
 use super::settings::PolicySettings;
 use super::shown::Shown;
-use super::{anchors, vocabulary};
+use super::{anchors, selection, vocabulary};
 
 /// Weights under training.
 pub(super) struct Learner {
@@ -35,12 +35,12 @@ pub(super) struct Learner {
 
 impl Learner {
     /// Goes on from a checkpoint, or starts anew where there is none, with anchors or words of the expert's samples
-    /// where the network has some.
+    /// where the network has some and with the weights in the file `begun` where it goes on from another.
     pub(super) fn resume(
         student: Learned,
         settings: &PolicySettings,
         expert: &Samples,
-        checkpoint: &Path,
+        (checkpoint, begun): (&Path, &Path),
     ) -> Result<Self, PolicyTrainError> {
         let (rasters, expert_samples) = (Rasters::open()?, expert.len());
         let adam = AdamWSettings { weight_decay: settings.weight_decay, ..AdamWSettings::default() };
@@ -51,6 +51,8 @@ impl Learner {
             let mut weights = Weights::initialised(&student.declared(), &seed);
             anchors::give(student, &mut weights, expert, settings.seed);
             vocabulary::give(student, &mut weights, expert, settings.seed);
+            selection::give(student, &mut weights, expert, settings.seed);
+            begin(student, &mut weights, begun)?;
             let optimiser = AdamW::new(adam, &weights);
             let judge = Judge::default();
             return Ok(Self {
@@ -147,6 +149,19 @@ impl Learner {
         move_average(&mut self.average, &self.weights, decay);
         Ok(loss)
     }
+}
+
+/// Puts the weights in a file among those of a network that goes on from another.
+fn begin(student: Learned, weights: &mut Weights, file: &Path) -> Result<(), PolicyTrainError> {
+    let Some(before) = student.begins_with() else { return Ok(()) };
+    if !file.exists() {
+        let [student, before] = [student, before].map(Learned::name);
+        return Err(PolicyTrainError::Begin { student, before, path: file.display().to_string() });
+    }
+    let begun = WeightsFile::read(file)?.weights;
+    begun.check(&before.declared())?;
+    weights.absorb("", &begun);
+    Ok(())
 }
 
 /// Returns how strongly a context unlearns whether it is of a raster, 0 at first and nearly 1 at the end: 2/(1 + e^(−10p)) − 1

@@ -23,34 +23,34 @@ pub(super) fn grade(
     batch: &[Shown<'_>],
     judge: &mut Judge,
 ) -> Result<(f64, Answer), PolicyTrainError> {
-    let (mut loss, plans) = draw_all(answer, batch);
-    let mut scores = Vec::with_capacity(answer.scores.len());
-    for logits in &answer.scores {
-        let mut slope = Array::zeros(logits.shape());
-        let scored = Scored { logits, weights: [SCORE_WEIGHT; TERMS], wanted: |terms| *terms };
+    let (mut loss, mut slope) = draw_all(answer, batch);
+    for head in 0..answer.scores.len() {
+        let scored = Scored { head, weights: [SCORE_WEIGHT; TERMS], wanted: |terms| *terms };
         loss += judge_all(answer, &scored, &mut slope, batch, judge)?;
-        scores.push(slope);
     }
-    Ok((loss, Answer { plans, scores }))
+    Ok((loss, slope))
 }
 
-/// Returns the loss of all read-outs of the plans of a batch and its gradient by them.
-pub(super) fn draw_all(answer: &Answer, batch: &[Shown<'_>]) -> (f64, Vec<Array>) {
+/// Returns the loss of all read-outs of the plans of a batch and its gradient by the answer, which its scores have no part in.
+pub(super) fn draw_all(answer: &Answer, batch: &[Shown<'_>]) -> (f64, Answer) {
     let targets: Vec<[f32; TARGETS]> = batch.iter().map(Shown::target).collect();
-    let (mut loss, last) = (0.0, answer.plans.len() - 1);
-    let mut plans = Vec::with_capacity(answer.plans.len());
-    for (index, read) in answer.plans.iter().enumerate() {
+    let (mut loss, last, mut by_answer) = (0.0, answer.plans.len() - 1, flat(answer));
+    for (index, (read, slope)) in answer.plans.iter().zip(&mut by_answer.plans).enumerate() {
         let weight = if index == last { 1.0 } else { EARLIER } / batch.len() as f32;
-        let mut slope = Array::zeros(read.shape());
         let row = read.shape()[1] * PLAN;
         let rows = read.values().chunks_exact(row).zip(slope.values_mut().chunks_exact_mut(row));
         for ((row, slope), target) in rows.zip(&targets) {
             loss += f64::from(weight * draw_nearest(row, slope, target));
             slope.iter_mut().for_each(|value| *value *= weight);
         }
-        plans.push(slope);
     }
-    (loss, plans)
+    (loss, by_answer)
+}
+
+/// Returns the gradient of what says nothing of an answer: zeros.
+pub(super) fn flat(answer: &Answer) -> Answer {
+    let zeros = |heads: &[Array]| heads.iter().map(|head| Array::zeros(head.shape())).collect();
+    Answer { plans: zeros(&answer.plans), scores: zeros(&answer.scores) }
 }
 
 /// Returns the distance of the plans of one sample to the teacher's and fills in its slope: of the nearest whole, of the
@@ -73,10 +73,10 @@ fn draw_nearest(plans: &[f32], slope: &mut [f32], target: &[f32; TARGETS]) -> f3
     loss
 }
 
-/// Logits of a plan's scores, with what they learn.
-pub(super) struct Scored<'a> {
-    /// [N, plans, 8].
-    pub(super) logits: &'a Array,
+/// A head of logits [N, plans, 8] of the scores of plans, with what they learn.
+pub(super) struct Scored {
+    /// Which of the answer's scores it is.
+    pub(super) head: usize,
     /// Weights of the cross entropies of a plan, each the mean over the plans.
     pub(super) weights: [f32; TERMS],
     /// Returns what the logits of a plan should say that earns such sub-scores.
@@ -86,28 +86,45 @@ pub(super) struct Scored<'a> {
 /// Returns the mean cross entropy of the scores of a batch's last plans and fills in its slope.
 pub(super) fn judge_all(
     answer: &Answer,
-    Scored { logits, weights, wanted }: &Scored<'_>,
-    slope: &mut Array,
+    Scored { head, weights, wanted }: &Scored,
+    slope: &mut Answer,
     batch: &[Shown<'_>],
     judge: &mut Judge,
 ) -> Result<f64, PolicyTrainError> {
     let plans = answer.plans.last().expect("every network has plans");
+    let (logits, slope) = (&answer.scores[*head], &mut slope.scores[*head]);
     let count = plans.shape()[1];
     let share = 1.0 / (batch.len() * count) as f32;
     let rows = plans.values().chunks_exact(count * PLAN).zip(logits.values().chunks_exact(count * TERMS));
     let rows = rows.zip(slope.values_mut().chunks_exact_mut(count * TERMS));
     let mut loss = 0.0;
     for (((plans, logits), slope), shown) in rows.zip(batch) {
-        let knots: Vec<_> = plans.chunks_exact(PLAN).map(|plan| knots_of(shown.speed_mps, plan)).collect();
-        let labels: Vec<[f32; TERMS]> = judge.terms(shown.sample, &knots)?.iter().map(wanted).collect();
-        let weights = weights.iter().cycle().map(|weight| share * weight);
-        for (((logit, slope), label), weight) in logits.iter().zip(slope).zip(labels.as_flattened()).zip(weights) {
-            let (error, by_error) = entropy(*logit, *label);
-            loss += f64::from(weight * error);
-            *slope = weight * by_error;
-        }
+        let labels: Vec<[f32; TERMS]> = earned(plans, shown, judge)?.iter().map(wanted).collect();
+        loss += entropies(logits, &labels, &weights.map(|weight| share * weight), slope);
     }
     Ok(loss)
+}
+
+/// Returns the sub-scores that plans of a sample earn.
+pub(super) fn earned(
+    plans: &[f32],
+    shown: &Shown<'_>,
+    judge: &mut Judge,
+) -> Result<Vec<[f32; TERMS]>, PolicyTrainError> {
+    let knots: Vec<_> = plans.chunks_exact(PLAN).map(|plan| knots_of(shown.speed_mps, plan)).collect();
+    judge.terms(shown.sample, &knots)
+}
+
+/// Returns the sum of the cross entropies of logits of plans, by weights of a plan's, and fills in its slope.
+pub(super) fn entropies(logits: &[f32], labels: &[[f32; TERMS]], weights: &[f32; TERMS], slope: &mut [f32]) -> f64 {
+    let mut loss = 0.0;
+    let each = logits.iter().zip(slope).zip(labels.as_flattened()).zip(weights.iter().cycle());
+    for (((logit, slope), label), weight) in each {
+        let (error, by_error) = entropy(*logit, *label);
+        loss += f64::from(weight * error);
+        *slope = weight * by_error;
+    }
+    loss
 }
 
 /// Returns the cross entropy of a logit, max(x, 0) − x·y + ln(1 + e^−|x|), and its slope.

@@ -1,10 +1,12 @@
 //! Training without rendering: settings, sample files, the loss and resuming; then one real sample of a scenario.
 
-use ds_graph::panel::{Answer, Kind, vocabulary as words};
+use std::collections::BTreeMap;
+
+use ds_graph::panel::{Answer, Kind, Network, vocabulary as words};
 use ds_graph::planner::{HEIGHT_PX, WIDTH_PX};
-use ds_nn::Array;
+use ds_nn::{Array, Weights};
 use ds_policy::camera::proposals::{MODES, OUTPUTS, TARGETS, knots_of};
-use ds_space::{DVec2, Draws, PoseSe2, Tick};
+use ds_space::{DVec2, Digest, Draws, PoseSe2, Tick};
 use ds_world::RouteCommand;
 
 use super::dataset::{Place, Sample};
@@ -107,13 +109,15 @@ fn a_resumed_run_equals_one_that_was_not_stopped() {
     let samples = samples(4);
     for student in [Learned::Camera, Learned::Panel(Kind::Ltf), Learned::Panel(Kind::Diffusiondrive)] {
         let checkpoint = folder.path().join(student.file_name());
-        let mut straight = Learner::resume(student, &settings, &samples, &checkpoint).expect("starts anew");
-        let mut stopped = Learner::resume(student, &settings, &samples, &checkpoint).expect("starts anew");
+        let mut straight =
+            Learner::resume(student, &settings, &samples, (&checkpoint, &checkpoint)).expect("starts anew");
+        let mut stopped =
+            Learner::resume(student, &settings, &samples, (&checkpoint, &checkpoint)).expect("starts anew");
         for step in 0..4 {
             straight.step(&settings, &samples).expect("learns");
             if step == 2 {
                 stopped.save(&checkpoint).expect("saves");
-                stopped = Learner::resume(student, &settings, &samples, &checkpoint).expect("goes on");
+                stopped = Learner::resume(student, &settings, &samples, (&checkpoint, &checkpoint)).expect("goes on");
             }
             stopped.step(&settings, &samples).expect("learns");
         }
@@ -141,7 +145,7 @@ fn the_judge_tells_good_plans_from_bad_and_the_gradient_of_the_panel_is_its_slop
     let aside: Vec<f32> = target.iter().enumerate().map(|(k, v)| if k % 3 == 1 { v + 8.0 } else { *v }).collect();
     let knots = |numbers: &[f32]| knots_of(shown[0].speed_mps, numbers);
     let terms = judge.terms(sample, &[knots(&target), knots(&aside)]).expect("scored");
-    let total = |terms: [f32; 8]| ds_policy::panel::total(terms.map(f64::from));
+    let total = |terms: [f32; 8]| ds_graph::panel::total(terms.map(f64::from));
     assert!(total(terms[0]) > 0.3 && total(terms[1]) < 0.1, "{terms:?}");
     let plans = Array::new(&[1, 2, TARGETS], [target.as_slice(), &aside].concat());
     let scores = Array::new(&[1, 2, 8], (0..16).map(|k| 0.1 * k as f32 - 0.7).collect());
@@ -163,7 +167,8 @@ fn a_vocabulary_is_the_teachers_and_its_words_are_chosen_but_not_trained() {
     let made = dataset::beside_the_expert(&settings, ScenarioSplit::Training).expect("the scenario can be simulated");
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let (kind, checkpoint) = (Kind::Sparsedrive, folder.path().join("checkpoint"));
-    let mut learner = Learner::resume(Learned::Panel(kind), &settings, &made, &checkpoint).expect("starts anew");
+    let mut learner =
+        Learner::resume(Learned::Panel(kind), &settings, &made, (&checkpoint, &checkpoint)).expect("starts anew");
     let given = |learner: &Learner| -> Vec<f32> {
         let arrays = kind.given().iter().filter_map(|name| learner.average().get(name));
         arrays.flat_map(|array| array.values().to_vec()).collect()
@@ -191,6 +196,42 @@ fn a_vocabulary_is_the_teachers_and_its_words_are_chosen_but_not_trained() {
 }
 
 #[test]
+fn a_network_that_goes_on_from_another_leaves_its_weights_as_they_are() {
+    let shipped = PolicySettings::parse(SHIPPED).expect("the shipped settings are sound");
+    let settings = PolicySettings { scenarios: 1, states_per_scenario: 4, batch: 2, ..shipped };
+    let made = dataset::beside_the_expert(&settings, ScenarioSplit::Training).expect("the scenario can be simulated");
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let [checkpoint, begun] = ["checkpoint", "begun"].map(|name| folder.path().join(name));
+    let student = Learned::Panel(Kind::DiffusiondriveV2);
+    let resume = || Learner::resume(student, &settings, &made, (&checkpoint, &begun));
+    let error = resume().err().expect("there is nothing to go on from").to_string();
+    assert!(error.contains("train policy --kind diffusiondrive`") && error.contains("begun"), "{error}");
+    let before = Weights::initialised(&Kind::Diffusiondrive.declared(), &Digest::of(b"a generator"));
+    WeightsFile { weights: before.clone(), metadata: BTreeMap::new() }.write_half(&begun).expect("writes");
+    let before = WeightsFile::read(&begun).expect("reads").weights;
+    let (mut straight, mut stopped) = (resume().expect("starts anew"), resume().expect("starts anew"));
+    let fresh = straight.average().clone();
+    for step in 0..3 {
+        assert!(straight.step(&settings, &made).expect("learns").is_finite());
+        if step == 1 {
+            stopped.save(&checkpoint).expect("saves");
+            stopped = resume().expect("goes on");
+        }
+        stopped.step(&settings, &made).expect("learns");
+    }
+    assert_eq!(straight.average().digest(), stopped.average().digest());
+    let learned = straight.average();
+    assert_ne!(learned.get("selector.fine.read.1.weight"), fresh.get("selector.fine.read.1.weight"));
+    // As they are written, in half precision, the generator's weights are those that it began with, and so is what it sees.
+    WeightsFile { weights: learned.clone(), metadata: BTreeMap::new() }.write_half(&checkpoint).expect("writes");
+    let learned = WeightsFile::read(&checkpoint).expect("reads").weights;
+    assert!(before.iter().all(|(name, array)| learned.get(name) == Some(array)));
+    let image = Array::new(&[1, HEIGHT_PX, WIDTH_PX, 3], vec![0.3; HEIGHT_PX * WIDTH_PX * 3]);
+    let context = |kind, weights: &Weights| Network::new(kind, weights).expect("fits").context(&image);
+    assert_eq!(context(Kind::DiffusiondriveV2, &learned), context(Kind::Diffusiondrive, &before));
+}
+
+#[test]
 fn rap_is_shown_rasters_of_the_expert_samples_and_resumes() {
     let shipped = PolicySettings::parse(SHIPPED).expect("the shipped settings are sound");
     let settings = PolicySettings { scenarios: 1, states_per_scenario: 4, batch: 4, ..shipped };
@@ -202,7 +243,8 @@ fn rap_is_shown_rasters_of_the_expert_samples_and_resumes() {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let checkpoint = folder.path().join("checkpoint");
     let student = Learned::Panel(Kind::Rap);
-    let resume = || Learner::resume(student, &settings, &made, &checkpoint).expect("starts anew or goes on");
+    let resume =
+        || Learner::resume(student, &settings, &made, (&checkpoint, &checkpoint)).expect("starts anew or goes on");
     let (mut straight, mut stopped) = (resume(), resume());
     for step in 0..3 {
         assert!(straight.step(&settings, &made).expect("learns").is_finite());

@@ -3,9 +3,7 @@
 //! Plans are drawn as the other networks'. The total learns what the plans earn, seven of the sub-scores beside it as auxiliaries,
 //! the classifier what it was shown; that the context unlearns it is the network's affair.
 
-use ds_graph::panel::{Answer, TERMS};
-use ds_nn::Array;
-use ds_policy::panel::total;
+use ds_graph::panel::{Answer, TERMS, total};
 
 use super::PolicyTrainError;
 use super::judge::Judge;
@@ -14,6 +12,10 @@ use super::shown::Shown;
 
 /// Weights of the total and of the sub-scores beside it.
 const WEIGHTS: [f32; TERMS] = [1.0, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25];
+/// The classifier among the scores.
+const DOMAIN: usize = 0;
+/// The total with the sub-scores beside it among the scores.
+const TOTAL: usize = 1;
 /// Weight of the classifier.
 const DOMAIN_WEIGHT: f32 = 0.1;
 
@@ -23,19 +25,17 @@ pub(super) fn grade(
     batch: &[Shown<'_>],
     judge: &mut Judge,
 ) -> Result<(f64, Answer), PolicyTrainError> {
-    let (mut loss, plans) = draw_all(answer, batch);
-    let [domain, logits] = answer.scores.as_slice() else { unreachable!("the network was asked for both") };
-    let mut by_logits = Array::zeros(logits.shape());
-    let scored = Scored { logits, weights: WEIGHTS, wanted };
-    loss += judge_all(answer, &scored, &mut by_logits, batch, judge)?;
-    let mut by_domain = Array::zeros(domain.shape());
+    let (mut loss, mut slope) = draw_all(answer, batch);
+    let scored = Scored { head: TOTAL, weights: WEIGHTS, wanted };
+    loss += judge_all(answer, &scored, &mut slope, batch, judge)?;
     let share = DOMAIN_WEIGHT / batch.len() as f32;
-    for ((logit, slope), shown) in domain.values().iter().zip(by_domain.values_mut()).zip(batch) {
+    let logits = answer.scores[DOMAIN].values().iter().zip(slope.scores[DOMAIN].values_mut());
+    for ((logit, slope), shown) in logits.zip(batch) {
         let (error, by_error) = entropy(*logit, f32::from(u8::from(shown.raster)));
         loss += f64::from(share * error);
         *slope = share * by_error;
     }
-    Ok((loss, Answer { plans, scores: vec![by_domain, by_logits] }))
+    Ok((loss, slope))
 }
 
 /// Returns what the logits of a plan should say that earns such sub-scores.

@@ -8,7 +8,7 @@
 use ds_graph::panel::sparsedrive::LEFT_OUT;
 use ds_graph::panel::vocabulary::{PATH, PROFILE, Place, STEP_M, path_of, profile_of};
 use ds_graph::panel::{Answer, Kind, PLAN, Scoring, TERMS, units};
-use ds_nn::{Array, Weights};
+use ds_nn::Weights;
 use ds_policy::Learned;
 use ds_policy::camera::proposals::{KNOTS, TARGETS};
 
@@ -16,7 +16,7 @@ use super::PolicyTrainError;
 use super::dataset::{Sample, Samples};
 use super::groups::centres;
 use super::judge::Judge;
-use super::panel_loss::{Scored, judge_all};
+use super::panel_loss::{Scored, flat, judge_all};
 use super::shown::Shown;
 
 /// How much less likely what lies a metre farther from the teacher should be, as a power of e.
@@ -66,8 +66,7 @@ pub(super) fn grade(
     batch: &[Shown<'_>],
     judge: &mut Judge,
 ) -> Result<(f64, Answer), PolicyTrainError> {
-    let zeros = |heads: &[Array]| heads.iter().map(|head| Array::zeros(head.shape())).collect::<Vec<_>>();
-    let mut slope = Answer { plans: zeros(&answer.plans), scores: zeros(&answer.scores) };
+    let mut slope = flat(answer);
     let words = |which: usize| {
         let array = names(kind).and_then(|names| weights.get(names[which]));
         array.expect("a network with a vocabulary has its words").values()
@@ -92,10 +91,8 @@ pub(super) fn grade(
             loss += choice(&logits.values()[part.clone()], far, share, &mut slope.values_mut()[part]);
         }
     }
-    if let (Some(logits), Some(slope)) = (answer.scores.last(), slope.scores.last_mut()) {
-        let scored = Scored { logits, weights: [SCORE_WEIGHT; TERMS], wanted: |terms| *terms };
-        loss += judge_all(answer, &scored, slope, batch, judge)?;
-    }
+    let scored = Scored { head: answer.scores.len() - 1, weights: [SCORE_WEIGHT; TERMS], wanted: |terms| *terms };
+    loss += judge_all(answer, &scored, &mut slope, batch, judge)?;
     Ok((loss, slope))
 }
 

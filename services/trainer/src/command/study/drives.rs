@@ -1,0 +1,110 @@
+//! `study drives`: FDπ between folders of recorded drives, matched by scenario and seed, looked at every so many ticks.
+
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+use ds_evaluate::study::{self, RecordedDrive, StudyConfig};
+use ds_process::shipped;
+use ds_process::terminal::{answer, bar};
+use ds_record::Recording;
+use ds_space::Tick;
+use ds_topic::{Frame, Slot, Topic};
+
+use super::{guests, said};
+use crate::cli::DrivesArgs;
+use crate::command::video::Bar;
+
+/// Which drive a recording is of: scenario, by name and digest, and seed.
+type Key = (String, String, u64);
+
+/// A drive that all folders hold.
+struct Matched {
+    /// Its recording in each folder.
+    files: Vec<PathBuf>,
+    /// The last tick of which all hold a frame.
+    last: Tick,
+}
+
+/// Runs the study.
+///
+/// # Errors
+/// If recordings cannot be read, or the folders share no drives.
+pub(super) fn run(args: &DrivesArgs) -> Result<()> {
+    let path = args.config.clone().unwrap_or_else(|| shipped::find(Path::new("configs/study/fidelity.toml")));
+    let config = StudyConfig::load(&path).with_context(|| format!("configuration {}", path.display()))?;
+    let folders = || std::iter::once(&args.real).chain(&args.source);
+    let names: Vec<String> = folders().map(|folder| folder.display().to_string()).collect();
+    let drives = matched(folders(), config.every)?;
+    let mut progress = Bar(bar(0, "sets"));
+    let mut drive = |set: usize, index: usize| recorded(&drives[index], set, config.every);
+    let mut outcome = study::drives(&config, &guests()?, (&names, drives.len()), &mut drive, &mut progress)?;
+    outcome.quick = false;
+    progress.0.finish_and_clear();
+    said(&outcome);
+    for (name, apart_m) in &outcome.apart_m {
+        answer(&format!("cars of {name} stand {apart_m:.2} m from those of {} on average", names[0]));
+    }
+    if let Some(out) = &args.out {
+        std::fs::create_dir_all(out).with_context(|| format!("folder {}", out.display()))?;
+        study::write_json(out, &outcome)?;
+        answer(&out.join("drives.json").display().to_string());
+    }
+    Ok(())
+}
+
+/// Returns the drives of which every folder holds frames at the first tick that is looked at, in order of their scenarios.
+fn matched<'a>(folders: impl Iterator<Item = &'a PathBuf>, every: u32) -> Result<Vec<Matched>> {
+    let mut all: BTreeMap<Key, Matched> = BTreeMap::new();
+    let mut count = 0;
+    for folder in folders {
+        for (key, file, last) in recordings(folder)? {
+            let found = all.entry(key).or_insert(Matched { files: Vec::new(), last });
+            // A drive that a folder before lacks, or one that this folder holds twice, stays short or long of files.
+            found.files.push(file);
+            found.last = found.last.min(last);
+        }
+        count += 1;
+    }
+    let drives: Vec<Matched> =
+        all.into_values().filter(|drive| drive.files.len() == count && drive.last >= Tick(every)).collect();
+    ensure!(
+        drives.len() > 1,
+        "the folders share {} drives with frames up to tick {every}; two at least of the same scenario and seed are needed",
+        drives.len()
+    );
+    Ok(drives)
+}
+
+/// Returns the recordings in a folder, or in `recordings` there, with the last tick of which each holds a frame.
+fn recordings(folder: &Path) -> Result<Vec<(Key, PathBuf, Tick)>> {
+    let inner = folder.join("recordings");
+    let folder = if inner.is_dir() { &inner } else { folder };
+    let mut found = Vec::new();
+    let listed = std::fs::read_dir(folder).with_context(|| format!("folder {}", folder.display()))?;
+    for entry in listed {
+        let path = entry.with_context(|| format!("folder {}", folder.display()))?.path();
+        if path.extension().is_some_and(|ending| ending == "mcap") {
+            let recording = Recording::open(&path).with_context(|| format!("recording {}", path.display()))?;
+            let spec = &recording.scene().spec;
+            let key = (spec.scenario.clone(), spec.scenario_digest.to_string(), spec.seed);
+            let last = recording.topic(Topic::Frame).map(|frame| frame.header.tick).max();
+            found.extend(last.map(|last| (key, path, last)));
+        }
+    }
+    Ok(found)
+}
+
+/// Reads the frames of the first camera that are looked at.
+fn recorded(drive: &Matched, set: usize, every: u32) -> Result<RecordedDrive, Box<dyn Error + Send + Sync>> {
+    let recording = Recording::open(&drive.files[set])?;
+    let (mut frames, mut places) = (Vec::new(), Vec::new());
+    for tick in (every..=drive.last.0).step_by(every as usize) {
+        frames.push(recording.body::<Frame>(Slot::of_camera(Topic::Frame, tick, 0))?.image);
+        places.push(recording.world(Tick(tick))?.ego.pose.position);
+    }
+    let scene = &recording.scene().scene;
+    let camera = scene.cameras.first().ok_or("the scenario has no camera")?.clone();
+    Ok(RecordedDrive { name: scene.name.clone(), camera, frames, places })
+}
