@@ -7,7 +7,7 @@ use ds_nn::body::Autoencoder;
 use ds_nn::tiny_ae::{AeShape, BLOCK_PX, Memory, Remembered};
 use ds_space::DigestWriter;
 
-use crate::graph::{Graph, Linear, Mode, array_of, fold};
+use crate::graph::{Graph, Linear, Mode, array_of, channels, fold};
 
 /// The memories of all blocks.
 #[derive(Clone, Default)]
@@ -141,12 +141,12 @@ impl TinyAe {
 
     /// Decodes latents [steps, h, w, z] that follow those already in `memory` to [steps·stride_t, 8h, 8w, 3].
     ///
-    /// A guided decoder also takes the layouts, in the shape of the frames and of values −1 to 1, or none for "no
-    /// layout". The memory does not depend on them.
+    /// A guided decoder also takes what guides each pixel of the frames, [`AeShape::guide_channels`] of values −1 to 1, or none for
+    /// "no layout". The memory does not depend on it.
     #[must_use]
-    pub fn decode(&self, latents: &Array, layouts: Option<&Array>, memory: &mut Memory) -> Array {
-        let layouts = layouts.map(|layouts| self.graph.tensor(layouts));
-        array_of(self.decode_tensor(self.graph.tensor(latents), layouts, 1, memory))
+    pub fn decode(&self, latents: &Array, guide: Option<&Array>, memory: &mut Memory) -> Array {
+        let guide = guide.map(|guide| self.graph.tensor(guide));
+        array_of(self.decode_tensor(self.graph.tensor(latents), guide, 1, memory))
     }
 
     pub(crate) fn encode_tensor(&self, x: Tensor<4>, batch: usize, memory: &mut Memory) -> Tensor<4> {
@@ -165,7 +165,7 @@ impl TinyAe {
     pub(crate) fn decode_tensor(
         &self,
         z: Tensor<4>,
-        layouts: Option<Tensor<4>>,
+        guide: Option<Tensor<4>>,
         batch: usize,
         memory: &mut Memory,
     ) -> Tensor<4> {
@@ -181,9 +181,14 @@ impl TinyAe {
             }
         }
         let [n, h, w, _] = x.dims();
-        let none = || Tensor::zeros([n, h, w, 12], &x.device());
-        let layouts = layouts.map_or_else(none, |layouts| fold(layouts, 2));
-        let seen = if self.sketch.is_empty() { layouts } else { self.sketched(layouts) };
+        let none = || Tensor::zeros([n, 2 * h, 2 * w, self.shape.guide_channels()], &x.device());
+        let guide = guide.unwrap_or_else(&none);
+        let layouts = fold(channels(&guide, 0..3), 2);
+        let mut seen = if self.sketch.is_empty() { layouts } else { self.sketched(layouts) };
+        if self.shape.carried {
+            let carried = if guide.dims()[3] > 3 { channels(&guide, 3..7) } else { none().narrow(3, 3, 4) };
+            seen = Tensor::cat(vec![seen, fold(carried, 2)], 3);
+        }
         for guide in &self.guides {
             x = x.clone() + activation::relu(guide.convolve(Tensor::cat(vec![x, seen.clone()], 3)));
         }
@@ -241,7 +246,7 @@ impl Autoencoder for TinyAe {
         Self::encode(self, steps, memory)
     }
 
-    fn decode(&self, latents: &Array, layouts: Option<&Array>, memory: &mut Memory) -> Array {
-        Self::decode(self, latents, layouts, memory)
+    fn decode(&self, latents: &Array, guide: Option<&Array>, memory: &mut Memory) -> Array {
+        Self::decode(self, latents, guide, memory)
     }
 }

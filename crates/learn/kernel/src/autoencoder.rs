@@ -224,7 +224,7 @@ impl Autoencoder for FastAe {
         latents
     }
 
-    fn decode(&self, latents: &Array, layouts: Option<&Array>, memory: &mut Memory) -> Array {
+    fn decode(&self, latents: &Array, guide: Option<&Array>, memory: &mut Memory) -> Array {
         let [frames, h, w, z]: [usize; 4] = latents.shape().try_into().expect("latents have four axes");
         let memory = memory.of::<Frames>();
         let mut scratch = self.scratch.take(Scratch::default);
@@ -246,7 +246,7 @@ impl Autoencoder for FastAe {
             }
         }
         let [x, _, out] = &mut stages[2];
-        self.guides.apply(self.arch, layouts, [x, out], seen);
+        self.guides.apply(self.arch, guide, [x, out], seen);
         self.paint(x, self.decoder_skip.is_some().then_some(&**skip))
     }
 }

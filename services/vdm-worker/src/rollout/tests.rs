@@ -90,7 +90,8 @@ fn layouts() -> Inputs {
     let mut inputs = Inputs::default();
     for (tick, camera) in (0..=REPLAN * ROUNDS).flat_map(|tick| (0u16..3).map(move |camera| (tick, camera))) {
         let image = picture(camera, tick + 100);
-        let layout = Layout { image, encoding: Encoding::None, ego_in_world: PoseSe2::new(0.0, 0.0, 0.0) };
+        let layout =
+            Layout { image, encoding: Encoding::None, ego_in_world: PoseSe2::new(0.0, 0.0, 0.0), geometry: None };
         let slot = Slot::of_camera(Topic::Layout, tick, camera);
         inputs.0.insert(slot, envelope(output(slot, Tick(tick), &layout)));
     }

@@ -158,8 +158,8 @@ impl<'a> Network<'a> {
         }
     }
 
-    /// Decodes latents [steps, h, w, z], with layouts in the shape of the frames if the decoder is guided.
-    pub(super) fn decode(&self, latents: &[f32], layouts: Option<&[f32]>, size: Size, clips: usize) -> Decoded {
+    /// Decodes latents [steps, h, w, z], with what guides each pixel of the frames if the decoder is guided.
+    pub(super) fn decode(&self, latents: &[f32], guide: Option<&[f32]>, size: Size, clips: usize) -> Decoded {
         let [steps, h, w] = size;
         let mut run = Decoded { latents: latents.to_vec(), ..Decoded::default() };
         run.image = filled([steps, h, w, self.shape.z], latents);
@@ -178,7 +178,7 @@ impl<'a> Network<'a> {
             }
             run.stages.push(chain);
         }
-        run.guided = self.guides.forward(self.arch, run.stages[2].last(), layouts);
+        run.guided = self.guides.forward(self.arch, run.stages[2].last(), guide);
         let input = run.guided.last(run.stages[2].last());
         let mut head = sized([input.frames, input.h, input.w, LAYOUT_CHANNELS]);
         self.head.forward(self.arch, |frame| [input.frame(frame), &[]], &mut head, |_, _| Finish::Plain);

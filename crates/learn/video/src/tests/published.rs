@@ -147,6 +147,8 @@ fn a_successor_of_a_published_model_gives_the_same_frames() {
             log.extend(rollout.generate(&layouts(1..ticks + 1)).expect("generates").committed);
         }
         let replay = |past: &[RgbImage]| {
+            let [past, since] =
+                [past, &layouts(last + 1..ticks + 1)[..]].map(|all| all.iter().map(Layout::from).collect::<Vec<_>>());
             let key = Digest::of(b"key");
             Rollout::replay(Replay {
                 model: Arc::clone(&model),
@@ -155,8 +157,8 @@ fn a_successor_of_a_published_model_gives_the_same_frames() {
                 prompt: PROMPT,
                 first_frame: &picture(0),
                 entries: &log,
-                past,
-                layouts: &layouts(last + 1..ticks + 1),
+                past: &past,
+                layouts: &since,
             })
         };
         let past = layouts(last.saturating_sub(remembered)..last + 1);
