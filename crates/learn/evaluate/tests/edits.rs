@@ -89,7 +89,7 @@ fn change(arm: &Arm, drive: &Drive, [before, after]: [&[Layout]; 2]) -> Option<(
 }
 
 /// Returns the layouts of a drive with every state of the world edited.
-fn layouts(drive: &mut Drive, edit: impl Fn(&mut WorldState)) -> Vec<RgbImage> {
+fn layouts(drive: &mut Drive, edit: impl Fn(&mut WorldState)) -> Vec<Layout> {
     let layout = |frame| {
         let mut world = drive.world(frame);
         edit(&mut world);

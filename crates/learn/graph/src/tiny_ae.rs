@@ -87,6 +87,7 @@ pub struct TinyAe {
     sketch: Vec<(Linear, Option<Linear>)>,
     guides: Vec<Linear>,
     decoder_head: Linear,
+    blend: Option<Linear>,
     decoder_skip: Option<Linear>,
 }
 
@@ -127,6 +128,7 @@ impl TinyAe {
                 .collect(),
             guides: (0..shape.guides).map(|index| graph.linear(&format!("decoder.guide.{index}"))).collect(),
             decoder_head: graph.linear("decoder.head"),
+            blend: shape.carried.then(|| graph.linear("decoder.guide.blend")),
             decoder_skip: shape.decoder_skip.then(|| graph.linear("decoder.skip")),
             shape: shape.clone(),
             graph,
@@ -185,18 +187,24 @@ impl TinyAe {
         let guide = guide.unwrap_or_else(&none);
         let layouts = fold(channels(&guide, 0..3), 2);
         let mut seen = if self.sketch.is_empty() { layouts } else { self.sketched(layouts) };
-        if self.shape.carried {
-            let carried = if guide.dims()[3] > 3 { channels(&guide, 3..7) } else { none().narrow(3, 3, 4) };
-            seen = Tensor::cat(vec![seen, fold(carried, 2)], 3);
+        let carried = self.shape.carried.then(|| match guide.dims()[3] {
+            3 => channels(&none(), 3..7),
+            _ => channels(&guide, 3..7),
+        });
+        if let Some(carried) = &carried {
+            seen = Tensor::cat(vec![seen, fold(carried.clone(), 2)], 3);
         }
         for guide in &self.guides {
             x = x.clone() + activation::relu(guide.convolve(Tensor::cat(vec![x, seen.clone()], 3)));
         }
-        let frames = shuffle(self.decoder_head.convolve(x), 1);
-        match skip {
-            Some(skip) => frames + skip,
-            None => frames,
-        }
+        let painted = shuffle(self.decoder_head.convolve(x.clone()), 1);
+        let painted = match skip {
+            Some(skip) => painted + skip,
+            None => painted,
+        };
+        let Some((blend, carried)) = self.blend.as_ref().zip(carried) else { return painted };
+        let share = activation::sigmoid(shuffle(blend.convolve(x), 1)) * channels(&carried, 3..4);
+        painted.clone() + share * (channels(&carried, 0..3) - painted)
     }
 
     /// Makes a sketch of layouts at 1/2 resolution.

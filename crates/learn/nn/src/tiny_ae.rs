@@ -15,7 +15,8 @@
 //! Guides are convolutions behind the decoder's last stage that see the layout of each frame beside what is there. What they see may be
 //! a sketch: features of the layout that begin at 1/8 resolution, where a convolution spans a whole vehicle, and grow twice, seeing the
 //! layout again at 1/4 and 1/2. Nothing of it is remembered, so that memories do not depend on layouts. Where frames are carried, guides
-//! also see, at 1/2 resolution, a frame from before as it would look from here, and where there is one to see.
+//! also see, at 1/2 resolution, a frame from before as it would look from here, and where there is one to see; a last convolution tells
+//! for each pixel which share of it is carried and not painted.
 
 use std::any::Any;
 
@@ -220,6 +221,9 @@ impl AeShape {
             convolution(&mut list, &format!("decoder.guide.{index}"), widths[2] + self.seen(), widths[2], 0.5);
         }
         convolution(&mut list, "decoder.head", widths[2], LAYOUT_CHANNELS, 0.1);
+        if self.carried {
+            convolution(&mut list, "decoder.guide.blend", widths[2], 4, 0.1);
+        }
         if self.decoder_skip {
             Declared::linear(&mut list, "decoder.skip", self.z, self.inputs(), 0.5);
         }

@@ -7,7 +7,8 @@
 //! no need of a student: all clips are encoded frames then, the decoder is not guided, and what comes out is an autoencoder.
 //!
 //! A decoder that sees a carried frame sees its own in a rollout: all rollouts are decoded from their beginnings on, by the
-//! average of the weights so far, whenever a checkpoint is due. In encoded clips it sees the true one, or half of the time none.
+//! average of the weights so far, whenever a checkpoint is due. Now and then it sees the true one there, so that it learns that carried
+//! detail is worth keeping; in encoded clips it sees the true one, now and then none.
 
 use std::sync::Arc;
 
@@ -36,8 +37,8 @@ use crate::{Progress, Report, autoencoder, evaluate};
 
 const NAME: &str = "decoder";
 const LAYOUT_DROPOUT: f64 = 0.1;
-/// The share of encoded clips in which no frame is carried.
-const CARRY_DROPOUT: f64 = 0.5;
+/// The share of encoded clips in which no frame is carried, and of rollouts in which the true one is.
+const CARRIED_ELSE: f64 = 0.25;
 const DECODER: usize = 0;
 const DISCRIMINATOR: usize = 1;
 
@@ -240,8 +241,11 @@ impl Source<'_> {
         } else {
             self.rolled[at].clone()
         };
-        let own =
-            if encoded { Some(&clip.frames).filter(|_| draws.uniform(7) >= CARRY_DROPOUT) } else { self.shown.get(at) };
+        let usual = draws.uniform(7) >= CARRIED_ELSE;
+        let own = match self.shown.get(at) {
+            Some(shown) if usual && !encoded => Some(shown),
+            _ => Some(&clip.frames).filter(|_| usual || !encoded),
+        };
         let count = self.recipe.stage.latents.min(latents.shape()[0]);
         let from = draws.below(4, (latents.shape()[0] - count + 1) as u64) as usize;
         let window = Window::drawn(self.recipe.crop_px, from..from + count, latents.shape(), &draws);
