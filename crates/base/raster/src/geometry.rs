@@ -143,3 +143,87 @@ fn between(frame: &RgbImage, at: DVec2) -> [u8; 3] {
         sum.round() as u8
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use ds_space::DQuat;
+
+    use super::*;
+    use crate::{DepthRaster, View};
+
+    const SIZE_PX: (u32, u32) = (64, 32);
+    const WALL_M: f64 = 20.0;
+
+    /// A camera 1.5 m high that looks along x from a place on it, at a wall and a box before it.
+    fn seen(x_m: f64, mover: Option<Mover>) -> Geometry {
+        let lens = Intrinsics::centred(SIZE_PX.0, SIZE_PX.1, 1.0);
+        let ahead = DQuat::from_mat3(&ds_space::DMat3::from_cols(-DVec3::Y, -DVec3::Z, DVec3::X));
+        let world_from_camera = Pose::new(ahead, DVec3::new(x_m, 0.0, 1.5));
+        let view = View::new(&lens, world_from_camera);
+        let mut raster = DepthRaster::new(SIZE_PX.0, SIZE_PX.1, ()).expect("the size fits");
+        let mut wall = |x: f64, [left, right]: [f64; 2], top: f64| {
+            let corner = |y: f64, z: f64| DVec3::new(x, y, z);
+            for corners in [
+                [corner(left, 0.0), corner(right, 0.0), corner(right, top)],
+                [corner(left, 0.0), corner(right, top), corner(left, top)],
+            ] {
+                view.fill(&mut raster, &corners, ());
+            }
+        };
+        wall(WALL_M, [30.0, -30.0], 30.0);
+        if let Some(mover) = mover {
+            let middle = mover.pose.position;
+            wall(middle.x - 0.5 * mover.size_m[0], [middle.y + 1.0, middle.y - 1.0], mover.size_m[2]);
+        }
+        let ground = |at: usize| (-view.ray(0.5, (at / SIZE_PX.0 as usize) as f64 + 0.5).z / 1.5).max(0.0);
+        let depths = raster.inverse_depths().iter().enumerate();
+        let steps = depths.map(|(at, depth)| (f64::from(*depth).max(ground(at)) / INVERSE_DEPTH_STEP) as u16);
+        Geometry { lens, world_from_camera, inverse_depths: steps.collect(), movers: mover.into_iter().collect() }
+    }
+
+    fn mover(x_m: f64, y_m: f64) -> Mover {
+        Mover { id: 7, pose: PoseSe2::new(x_m, y_m, 0.0), bottom_m: 0.0, size_m: [4.0, 2.0, 1.5] }
+    }
+
+    /// A frame whose colours tell column and row.
+    fn frame() -> RgbImage {
+        let mut image = RgbImage::filled(SIZE_PX.0, SIZE_PX.1, [0; 3]);
+        for (x, y) in (0..SIZE_PX.0).flat_map(|x| (0..SIZE_PX.1).map(move |y| (x, y))) {
+            image.set_pixel(x, y, [4 * x as u8, 8 * y as u8, 128]);
+        }
+        image
+    }
+
+    #[test]
+    fn where_nothing_moves_a_frame_stays_as_it_is() {
+        let geometry = seen(0.0, Some(mover(10.0, 0.0)));
+        let carried = geometry.carry(&geometry, &frame());
+        assert!(carried.known.iter().all(|known| *known));
+        assert_eq!(carried.frame, frame());
+    }
+
+    #[test]
+    fn what_comes_nearer_grows_around_where_it_goes() {
+        let (before, now) = (seen(0.0, None), seen(4.0, None));
+        let carried = now.carry(&before, &frame());
+        // The wall was 20 m away and is 16 m: four fifths as far from the middle as now.
+        let [was, is] = [28u32, 27].map(|x| frame().pixel(x, 8)[0]);
+        let found = carried.frame.pixel(27, 8)[0];
+        assert!(found > is && found <= was + 4, "{found} is not {was}");
+        assert!(carried.known.iter().filter(|known| **known).count() > 1_900);
+    }
+
+    #[test]
+    fn a_box_takes_its_colours_along_and_uncovers_what_nobody_saw() {
+        let (before, now) = (seen(0.0, Some(mover(10.0, 0.0))), seen(0.0, Some(mover(10.0, 2.0))));
+        let carried = now.carry(&before, &frame());
+        let row = 20;
+        let column = |y_m: f64| (32.0 - now.lens.fx_px * y_m / 8.0) as u32;
+        let [moved, left] = [column(2.0), column(0.0)];
+        assert!(carried.frame.pixel(moved, row)[0].abs_diff(frame().pixel(column(0.0), row)[0]) <= 6);
+        assert!(!carried.known[(row * SIZE_PX.0 + left) as usize], "the ground behind the box was hidden");
+        let stranger = seen(0.0, Some(Mover { id: 8, ..mover(10.0, 2.0) }));
+        let carried = stranger.carry(&before, &frame());
+        assert!(!carried.known[(row * SIZE_PX.0 + moved) as usize], "this box was not there");
+    }
+}
