@@ -34,13 +34,6 @@ fn a_carried_frame_is_nearly_the_later_one() {
         let known = carried.known.iter().filter(|known| **known).count() as f64 / carried.known.len() as f64;
         let (left, still) =
             (difference(&carried.frame, &later, &carried.known), difference(&then, &later, &carried.known));
-        println!("{family:?}: {known:.2} known, {left:.2} off, {still:.2} where nothing is carried");
-        if let Some(folder) = option_env!("CARRY_OUT") {
-            for (name, image) in [("then", &then), ("later", &later), ("carried", &carried.frame)] {
-                let png = image.encode(ds_raster::Encoding::Png).expect("encodes");
-                std::fs::write(format!("{folder}/{family:?}-{name}.png"), png).expect("writes");
-            }
-        }
         assert!(known > 0.7, "{family:?}: {known} known");
         assert!(left < 0.6 * still, "{family:?}: {left} and {still} off");
     }

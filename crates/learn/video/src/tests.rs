@@ -49,7 +49,7 @@ fn layouts(ticks: std::ops::Range<u32>) -> Vec<RgbImage> {
 
 fn start(model: &Arc<VideoModel>) -> (Rollout, Cache) {
     let key = Digest::of(b"key");
-    Rollout::new(Arc::clone(model), key, "front", PROMPT, &picture(0), &picture(100)).expect("starts")
+    Rollout::new(Arc::clone(model), key, "front", PROMPT, &picture(0), picture(100)).expect("starts")
 }
 
 /// Layouts seen by a car that drives along a plane.
@@ -279,7 +279,7 @@ fn back_ends_give_the_same_frames_up_to_rounding() {
 fn rollouts_at_once_give_what_each_gives_alone() {
     let model = model("state(2)");
     let run = |key: u8| {
-        let begun = Rollout::new(Arc::clone(&model), Digest::of(&[key]), "front", PROMPT, &picture(0), &picture(100));
+        let begun = Rollout::new(Arc::clone(&model), Digest::of(&[key]), "front", PROMPT, &picture(0), picture(100));
         let (mut rollout, _) = begun.expect("starts");
         (rollout.generate(&layouts(1..22)).expect("generates").frames, rollout.state_digest())
     };
@@ -372,7 +372,7 @@ fn what_a_rollout_depends_on() {
     let model = model("state(2)");
     let run = |key: &str, camera: &str, prompt: &str, first: u32, on: u32| {
         let (key, first) = (Digest::of(key.as_bytes()), picture(first));
-        let rollout = Rollout::new(Arc::clone(&model), key, camera, prompt, &first, &picture(100));
+        let rollout = Rollout::new(Arc::clone(&model), key, camera, prompt, &first, picture(100));
         rollout.expect("starts").0.generate(&layouts(on..on + 8)).expect("generates").frames
     };
     let base = run("key", "front", PROMPT, 0, 1);

@@ -253,7 +253,7 @@ fn a_bad_geometry_is_refused_by_field_and_value() {
     bad(&|m| depths(m, 63), "layout.geometry.inverse_depths has an odd number of bytes");
     bad(&|m| m.movers[0].pose = None, "layout.geometry.movers[0].pose is missing");
     bad(&|m| m.movers[0].z_m = Some(f64::NAN), "layout.geometry.movers[0].z_m is NaN");
-    bad(&|m| m.movers = vec![m.movers[0].clone(); 4097], "layout.geometry.movers");
+    bad(&|m| m.movers = vec![m.movers[0]; 4097], "layout.geometry.movers");
 }
 
 #[test]

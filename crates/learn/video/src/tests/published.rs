@@ -206,7 +206,7 @@ fn a_published_model_heeds_prompt_first_frame_and_layouts() {
     let model = opened(&config());
     let run = |prompt: &str, first: u32, on: u32| {
         let begun =
-            Rollout::new(Arc::clone(&model), Digest::of(b"key"), "front", prompt, &picture(first), &picture(100));
+            Rollout::new(Arc::clone(&model), Digest::of(b"key"), "front", prompt, &picture(first), picture(100));
         begun.expect("starts").0.generate(&layouts(on..on + 12)).expect("generates").committed.remove(0).clean
     };
     let base = run(PROMPT, 0, 1);
