@@ -2,10 +2,13 @@
 
 use std::sync::Arc;
 
-use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap};
+use ds_layout::{LayoutBackend, LayoutError, LayoutScene, Renderer, StaticMap};
 use ds_process::maker::{Fault, Inputs, Maker, MakerFactory, Output, bad, output};
-use ds_raster::Encoding;
-use ds_topic::{Advance, Layout, Role, SceneMessage, Slot, Topic, World};
+use ds_raster::{Encoding, Geometry};
+use ds_topic::{Advance, Layout, LayoutGeometry, Role, SceneMessage, Slot, Topic, World};
+
+/// The geometry of larger pictures is not told: no message is to outgrow its limit for a picture of no video model.
+const MOST_TOLD_PX: usize = 1 << 21;
 
 /// Opens a renderer for each episode that the instance is given.
 #[derive(Debug, Clone, Copy)]
@@ -52,11 +55,14 @@ impl Maker for Drawing {
             let ego_in_world = world.state.ego.pose;
             let described = LayoutScene { map: &self.map, world: &world.state };
             for (index, camera) in (0..).zip(&self.scene.scene.cameras) {
-                let image = self
-                    .renderer
-                    .render(&described, camera, ego_in_world.world_from_rig(0.0))
-                    .map_err(|error| bad("render_failed", &error))?;
-                let layout = Layout { image, encoding: Encoding::None, ego_in_world };
+                let pose = ego_in_world.world_from_rig(0.0);
+                let failed = |error: LayoutError| bad("render_failed", &error);
+                let image = self.renderer.render(&described, camera, pose).map_err(failed)?;
+                let told = image.rgb().len() / 3 <= MOST_TOLD_PX;
+                let geometry = told.then(|| self.renderer.geometry(&described, camera, pose)).transpose();
+                let told = |seen: Geometry| LayoutGeometry { inverse_depths: seen.inverse_depths, movers: seen.movers };
+                let geometry = geometry.map_err(failed)?.map(told);
+                let layout = Layout { image, encoding: Encoding::None, ego_in_world, geometry };
                 outputs.push(output(Slot::of_camera(Topic::Layout, tick.0, index), tick, &layout));
             }
         }

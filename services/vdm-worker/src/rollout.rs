@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use ds_process::maker::{Fault, Inputs, Maker, Output, bad, output};
-use ds_raster::{Encoding, RgbImage};
+use ds_raster::{Encoding, Geometry, RgbImage};
 use ds_space::Tick;
-use ds_topic::{Advance, Cache, Frame, Layout, SceneMessage, Slot, Topic};
-use ds_video::{Generated, Replay, Rollout, VideoError, VideoModel};
+use ds_topic::{Advance, Cache, Frame, SceneMessage, Slot, Topic};
+use ds_video::{Generated, Layout, Replay, Rollout, VideoError, VideoModel};
 use rayon::prelude::*;
 
 use crate::lens::Lens;
@@ -33,15 +33,27 @@ impl Rollouts {
             .ok_or_else(|| Fault::deterministic("missing_input", format!("no first frame of camera {camera}")))
     }
 
+    /// Returns the layout of a tick with its geometry, as the renderer tells it.
+    fn layout(&self, inputs: &Inputs, tick: Tick, camera: u16) -> Result<Layout, Fault> {
+        let layout: ds_topic::Layout = inputs.decode(Slot::of_camera(Topic::Layout, tick.0, camera))?;
+        let model = &self.scene.scene.cameras[usize::from(camera)];
+        let geometry = layout.geometry.map(|told| {
+            let world_from_camera = layout.ego_in_world.world_from_rig(0.0) * model.rig_from_camera;
+            let (inverse_depths, movers) = (told.inverse_depths, told.movers);
+            Arc::new(Geometry { lens: model.intrinsics, world_from_camera, inverse_depths, movers })
+        });
+        Ok(Layout { image: layout.image, geometry })
+    }
+
     fn start(&mut self, inputs: &Inputs) -> Result<Vec<Output>, Fault> {
         self.cameras.clear();
         let mut outputs = Vec::new();
         for (index, camera) in (0u16..).zip(&self.scene.scene.cameras) {
-            let layout: Layout = inputs.decode(Slot::of_camera(Topic::Layout, 0, index))?;
+            let layout = self.layout(inputs, Tick(0), index)?;
             let first = self.first_frame(usize::from(index))?;
             let key = self.scene.spec.draw_key();
             let prompt = self.scene.prompt();
-            let started = Rollout::new(Arc::clone(&self.model), key, camera.id.as_str(), prompt, first, &layout.image);
+            let started = Rollout::new(Arc::clone(&self.model), key, camera.id.as_str(), prompt, first, &layout);
             let (rollout, entry) = started.map_err(|error| bad("rollout_refused", &error))?;
             let seen = seen(self.lens.as_ref(), rollout.first_frame().clone(), Tick(0), index)?;
             outputs.push(frame_output(Tick(0), index, seen, 0.0));
@@ -82,9 +94,8 @@ impl Maker for Rollouts {
             for chunk in 0..committed {
                 entries.push(inputs.decode::<Cache>(Slot::of_camera(Topic::Cache, chunk, index))?);
             }
-            let layouts = |ticks: std::ops::Range<u32>| -> Result<Vec<RgbImage>, Fault> {
-                let slots = ticks.map(|tick| Slot::of_camera(Topic::Layout, tick, index));
-                slots.map(|slot| Ok(inputs.decode::<Layout>(slot)?.image)).collect()
+            let layouts = |ticks: std::ops::Range<u32>| -> Result<Vec<Layout>, Fault> {
+                ticks.map(|tick| self.layout(inputs, Tick(tick), index)).collect()
             };
             let since = (committed - 1) * spec.chunk_ticks + 1;
             let past = match spec.layout_memory_ticks {
@@ -114,8 +125,8 @@ impl Maker for Rollouts {
         let mut layouts = Vec::new();
         for index in (0u16..).take(self.cameras.len()) {
             let ticks = order.first.to(order.last);
-            let image = |tick: Tick| Ok(inputs.decode::<Layout>(Slot::of_camera(Topic::Layout, tick.0, index))?.image);
-            layouts.push(ticks.map(image).collect::<Result<Vec<RgbImage>, Fault>>()?);
+            let layout = |tick| self.layout(inputs, tick, index);
+            layouts.push(ticks.map(layout).collect::<Result<Vec<Layout>, Fault>>()?);
         }
         // Cameras of one episode know nothing of each other, so each may have a thread of its own.
         let made = self.cameras.par_iter_mut().zip(layouts).map(|(rollout, layouts)| rollout.generate(&layouts));

@@ -96,6 +96,7 @@ fn empty(chunk: u32, chunk_ticks: u32) -> Cache {
         cache_digest: Digest::default(),
         encoder_digest: Digest::default(),
         decoder_digest: Digest::default(),
+        frame: None,
     }
 }
 

@@ -25,21 +25,9 @@ impl Lens {
         if intrinsics.k1 == 0.0 && intrinsics.k2 == 0.0 {
             return Self { pinhole: *intrinsics, sources: None };
         }
-        let limit = rising_limit(intrinsics.k1, intrinsics.k2);
-        let mut directions = Vec::with_capacity(intrinsics.width_px as usize * intrinsics.height_px as usize);
-        let (mut least, mut greatest) = (DVec2::ZERO, DVec2::ZERO);
-        for y in 0..intrinsics.height_px {
-            for x in 0..intrinsics.width_px {
-                let distorted = DVec2::new(
-                    (f64::from(x) + 0.5 - intrinsics.cx_px) / intrinsics.fx_px,
-                    (f64::from(y) + 0.5 - intrinsics.cy_px) / intrinsics.fy_px,
-                );
-                let direction = undistort(distorted, intrinsics.k1, intrinsics.k2, limit);
-                least = least.min(direction);
-                greatest = greatest.max(direction);
-                directions.push(direction);
-            }
-        }
+        let directions = directions(intrinsics);
+        let least = directions.iter().copied().fold(DVec2::ZERO, DVec2::min);
+        let greatest = directions.iter().copied().fold(DVec2::ZERO, DVec2::max);
         let pinhole = around(intrinsics, least, greatest);
         let sources = directions.iter().map(|direction| source(&pinhole, *direction)).collect();
         Self { pinhole, sources: Some(sources) }
@@ -59,6 +47,15 @@ impl Lens {
             Some(sources) => sources.iter().map(|source| pixels[*source as usize]).collect(),
         }
     }
+}
+
+/// Returns the direction (x/z, y/z) in which each pixel's centre looks, rows top to bottom.
+pub(crate) fn directions(camera: &Intrinsics) -> Vec<DVec2> {
+    let (straight, limit) = (camera.k1 == 0.0 && camera.k2 == 0.0, rising_limit(camera.k1, camera.k2));
+    let across = |x: u32| (f64::from(x) + 0.5 - camera.cx_px) / camera.fx_px;
+    let rows = (0..camera.height_px).map(|y| (f64::from(y) + 0.5 - camera.cy_px) / camera.fy_px);
+    let seen = rows.flat_map(|down| (0..camera.width_px).map(move |x| DVec2::new(across(x), down)));
+    seen.map(|at| if straight { at } else { undistort(at, camera.k1, camera.k2, limit) }).collect()
 }
 
 /// Returns the radius up to which the distorted radius rises.

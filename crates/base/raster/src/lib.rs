@@ -6,6 +6,7 @@
 mod class;
 pub mod depth;
 pub mod encode;
+pub mod geometry;
 pub mod image;
 pub mod lens;
 mod photo;
@@ -16,6 +17,7 @@ pub mod view;
 pub use class::PixelClass;
 pub use depth::{DepthRaster, ScreenPoint};
 pub use encode::Encoding;
+pub use geometry::{Carried, Geometry, Mover};
 pub use image::{ImageError, RgbImage};
 pub use lens::Lens;
 pub use values::value;

@@ -7,6 +7,7 @@
 pub mod colour;
 mod cpu;
 mod error;
+mod geometry;
 mod gpu;
 mod renderer;
 mod scene;

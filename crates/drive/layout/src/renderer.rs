@@ -1,12 +1,13 @@
 //! The renderer: picks a back end, places the camera, renders the pinhole picture, warps it through the lens.
 
-use ds_raster::{Lens, RgbImage, View};
+use ds_raster::{Geometry, Lens, RgbImage, View};
 use ds_space::{CameraModel, Intrinsics, Pose, Rig, World};
 use ds_world::LayoutBackend;
 
 use crate::colour::Rgb;
 use crate::cpu;
 use crate::error::LayoutError;
+use crate::geometry;
 use crate::gpu::Gpu;
 use crate::scene::{LayoutScene, Shot};
 
@@ -80,6 +81,20 @@ impl Renderer {
     ) -> Result<RgbImage, LayoutError> {
         let mut images = self.render_batch(&[Shot { scene: *scene, camera, world_from_rig }])?;
         Ok(images.remove(0))
+    }
+
+    /// Returns the geometry of one picture: the same to the bit, whatever the back end.
+    ///
+    /// # Errors
+    /// If the picture's size is refused.
+    pub fn geometry(
+        &mut self,
+        scene: &LayoutScene,
+        camera: &CameraModel,
+        world_from_rig: Pose<World, Rig>,
+    ) -> Result<Geometry, LayoutError> {
+        let lens = self.lens(&camera.intrinsics);
+        geometry::of(&Shot { scene: *scene, camera, world_from_rig }, &lens)
     }
 
     /// Renders many pictures, of one episode or several, in the order given.

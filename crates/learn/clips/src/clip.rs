@@ -1,6 +1,8 @@
 //! A clip in memory.
 
-use ds_raster::RgbImage;
+use std::sync::Arc;
+
+use ds_raster::{Geometry, RgbImage};
 
 /// Consecutive ticks of a drive as pictures.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -9,6 +11,8 @@ pub struct Clip {
     pub frames: Vec<RgbImage>,
     /// The layouts of the same ticks.
     pub layouts: Vec<RgbImage>,
+    /// Their geometry; empty in sets made without it.
+    pub geometry: Vec<Arc<Geometry>>,
     /// Per frame the class of each pixel (`ds_camera::PixelClass` as a number), rows top to bottom; empty if not kept.
     pub classes: Vec<Vec<u8>>,
     /// What the drive looks like, in words.

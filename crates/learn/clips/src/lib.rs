@@ -7,6 +7,7 @@
 mod clip;
 mod drive;
 mod error;
+mod geometry;
 mod hook;
 mod index;
 mod make;

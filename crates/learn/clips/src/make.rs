@@ -2,12 +2,13 @@
 
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use ds_import::{Recorded, nuscenes, openscene};
 use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap};
 use ds_raster::{ImageError, RgbImage};
 use ds_scenario::{Facts, Warning};
-use ds_space::CameraModel;
+use ds_space::{CameraModel, PoseSe2};
 use ds_world::{Scene, WorldState};
 
 use crate::clip::Clip;
@@ -78,13 +79,14 @@ impl<'a> Studio<'a> {
         self.warnings.iter().map(|warning| format!("{}: {warning}", self.scene.name))
     }
 
-    /// Makes one clip with what is told of it.
-    pub(crate) fn make(&self, planned: &PlannedClip) -> Result<(Clip, ClipInfo), ClipsError> {
+    /// Makes one clip with where the ego is at each tick and what is told of it.
+    pub(crate) fn make(&self, planned: &PlannedClip) -> Result<(Clip, Vec<PoseSe2>, ClipInfo), ClipsError> {
         let ticks = self.recipe.frames;
         let drive = self.drive(planned)?;
         let frames = if planned.edited.is_some() { 1 } else { ticks };
         let worlds: Vec<WorldState> = (0..ticks).map(|frame| drive.world(&self.scene, frame)).collect();
-        let mut clip = Clip { layouts: self.layouts(&worlds, planned)?, ..Clip::default() };
+        let mut clip = Clip::default();
+        self.lay_out(&worlds, planned, &mut clip)?;
         if self.recipe.source.is_photographed() {
             clip.frames = worlds.iter().map(|world| self.photo(world, planned.index)).collect::<Result<_, _>>()?;
         } else {
@@ -121,7 +123,7 @@ impl<'a> Studio<'a> {
             classes: self.recipe.classes,
             edited: planned.edited.as_ref().map(|original| original.index),
         };
-        Ok((clip, info))
+        Ok((clip, worlds.iter().map(|world| world.ego.pose).collect(), info))
     }
 
     fn drive(&self, planned: &PlannedClip) -> Result<Drive, ClipsError> {
@@ -166,17 +168,19 @@ impl<'a> Studio<'a> {
         Ok(photo.reduced(self.camera.intrinsics.width_px, self.camera.intrinsics.height_px))
     }
 
-    fn layouts(&self, worlds: &[WorldState], planned: &PlannedClip) -> Result<Vec<RgbImage>, ClipsError> {
+    /// Renders layouts and their geometry.
+    fn lay_out(&self, worlds: &[WorldState], planned: &PlannedClip, clip: &mut Clip) -> Result<(), ClipsError> {
         let index = planned.index;
         let refuse = |error: ds_layout::LayoutError| ClipsError::Clip { index, reason: error.to_string() };
         let bare = || self.bare.get_or_init(|| StaticMap::bare(&self.scene.map));
         let map = if planned.bare { bare() } else { &self.map };
         let mut renderer = Renderer::new(LayoutBackend::Cpu).map_err(refuse)?;
-        let mut layout = |world: &WorldState| {
-            let scene = LayoutScene { map, world };
-            renderer.render(&scene, &self.camera, world.ego.pose.world_from_rig(0.0))
-        };
-        worlds.iter().map(|world| layout(world).map_err(refuse)).collect()
+        for world in worlds {
+            let (scene, pose) = (LayoutScene { map, world }, world.ego.pose.world_from_rig(0.0));
+            clip.layouts.push(renderer.render(&scene, &self.camera, pose).map_err(refuse)?);
+            clip.geometry.push(Arc::new(renderer.geometry(&scene, &self.camera, pose).map_err(refuse)?));
+        }
+        Ok(())
     }
 
     /// Hands the first frame to an external editor and captioner where the recipe names them.

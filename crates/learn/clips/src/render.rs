@@ -109,8 +109,8 @@ fn shard_of(
             if progress.stop() {
                 return Ok(None);
             }
-            let (clip, info) = studio.make(planned)?;
-            packed.push(Packed::new(&clip, info)?);
+            let (clip, egos, info) = studio.make(planned)?;
+            packed.push(Packed::new(&clip, &egos, info)?);
             progress.made(1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed), total);
         }
         Ok(Some(packed))

@@ -1,6 +1,6 @@
 //! Shard files: the pictures of some clips, each compressed by itself, with a table at the end.
 //!
-//! Layout: magic, then for each clip its frames, layouts and class maps, then the table as JSON, its length (u64,
+//! Layout: magic, then for each clip its frames, layouts, class maps and geometry, then the table as JSON, its length (u64,
 //! little-endian), the magic again. Pictures are raw rows under zstd; frames are stored as differences to the pixel on
 //! their left, which packs better. A file is written under another name and renamed, so that one that exists is whole.
 
@@ -9,16 +9,20 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use ds_raster::RgbImage;
+use ds_space::PoseSe2;
 use serde::{Deserialize, Serialize};
 
 use crate::clip::Clip;
 use crate::error::ClipsError;
+use crate::geometry;
 use crate::index::ClipInfo;
 
 const MAGIC: &[u8; 8] = b"DSCLIPS1";
 const LEVEL: i32 = 3;
 /// No table is larger.
 const MOST_TABLE_BYTES: u64 = 1 << 28;
+/// No geometry of a tick is larger.
+const MOST_GEOMETRY_BYTES: usize = 1 << 26;
 
 /// The table of a shard.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -36,10 +40,12 @@ pub(crate) struct Entry {
     pub(crate) info: ClipInfo,
     /// Where its first picture begins.
     offset: u64,
-    /// Compressed sizes of frames, layouts and class maps.
+    /// Compressed sizes of frames, layouts, class maps and geometry.
     frames: Vec<u32>,
     layouts: Vec<u32>,
     classes: Vec<u32>,
+    #[serde(default)]
+    geometry: Vec<u32>,
 }
 
 /// Returns the path of a shard.
@@ -54,10 +60,12 @@ pub(crate) struct Packed {
     frames: Vec<u32>,
     layouts: Vec<u32>,
     classes: Vec<u32>,
+    geometry: Vec<u32>,
 }
 
 impl Packed {
-    pub(crate) fn new(clip: &Clip, info: ClipInfo) -> Result<Self, ClipsError> {
+    /// Packs a clip with where the ego is at each tick.
+    pub(crate) fn new(clip: &Clip, egos: &[PoseSe2], info: ClipInfo) -> Result<Self, ClipsError> {
         let fail = |error: std::io::Error| ClipsError::Clip { index: info.index, reason: error.to_string() };
         let mut bytes = Vec::new();
         let mut pack = |raw: &[u8]| {
@@ -69,7 +77,9 @@ impl Packed {
             clip.frames.iter().map(|frame| pack(&differences(frame))).collect::<Result<Vec<_>, ClipsError>>()?;
         let layouts = clip.layouts.iter().map(|layout| pack(layout.rgb())).collect::<Result<Vec<_>, ClipsError>>()?;
         let classes = clip.classes.iter().map(|map| pack(map)).collect::<Result<Vec<_>, ClipsError>>()?;
-        Ok(Self { info, bytes, frames, layouts, classes })
+        let geometry = egos.iter().zip(&clip.geometry).map(|(ego, seen)| pack(&geometry::packed(ego, seen)));
+        let geometry = geometry.collect::<Result<Vec<_>, ClipsError>>()?;
+        Ok(Self { info, bytes, frames, layouts, classes, geometry })
     }
 }
 
@@ -100,9 +110,9 @@ pub(crate) fn write(path: &Path, recipe: &str, clips: Vec<Packed>) -> Result<(),
     let mut file = std::io::BufWriter::new(File::create(&partial).map_err(io())?);
     file.write_all(MAGIC).map_err(io())?;
     let (mut offset, mut table) = (MAGIC.len() as u64, Table { recipe: recipe.to_owned(), clips: Vec::new() });
-    for Packed { info, bytes, frames, layouts, classes } in clips {
+    for Packed { info, bytes, frames, layouts, classes, geometry } in clips {
         file.write_all(&bytes).map_err(io())?;
-        table.clips.push(Entry { info, offset, frames, layouts, classes });
+        table.clips.push(Entry { info, offset, frames, layouts, classes, geometry });
         offset += bytes.len() as u64;
     }
     let table = serde_json::to_vec(&table).map_err(|error| ClipsError::broken(path, error))?;
@@ -162,7 +172,7 @@ impl Entry {
         let io = || ClipsError::io("shard", path);
         let mut file = File::open(path).map_err(io())?;
         let pixels = wanted.width_px as usize * wanted.height_px as usize;
-        let mut part = |streams: &[&[u32]], sizes: &[u32], bytes: usize| {
+        let mut part = |streams: &[&[u32]], sizes: &[u32], bytes: Option<usize>| {
             let before: u64 = streams.iter().flat_map(|stream| stream.iter()).map(|size| u64::from(*size)).sum();
             let from = wanted.from.min(sizes.len());
             let to = (wanted.from + wanted.count).min(sizes.len());
@@ -172,21 +182,27 @@ impl Entry {
             for size in &sizes[from..to] {
                 let mut packed = vec![0; *size as usize];
                 file.read_exact(&mut packed).map_err(io())?;
-                let raw = zstd::bulk::decompress(&packed, bytes).map_err(|error| ClipsError::broken(path, error))?;
-                if raw.len() != bytes {
+                let most = bytes.unwrap_or(MOST_GEOMETRY_BYTES);
+                let raw = zstd::bulk::decompress(&packed, most).map_err(|error| ClipsError::broken(path, error))?;
+                if bytes.is_some_and(|bytes| raw.len() != bytes) {
                     return Err(ClipsError::broken(path, "a picture has another size than the index says"));
                 }
                 pictures.push(raw);
             }
             Ok(pictures)
         };
-        let layouts = part(&[&self.frames], &self.layouts, 3 * pixels)?;
-        let (frames, classes) = match wanted.kinds {
-            Kinds::All => {
-                (part(&[], &self.frames, 3 * pixels)?, part(&[&self.frames, &self.layouts], &self.classes, pixels)?)
-            }
-            Kinds::Layouts => (Vec::new(), Vec::new()),
+        let layouts = part(&[&self.frames], &self.layouts, Some(3 * pixels))?;
+        let (frames, classes, geometry) = match wanted.kinds {
+            Kinds::All => (
+                part(&[], &self.frames, Some(3 * pixels))?,
+                part(&[&self.frames, &self.layouts], &self.classes, Some(pixels))?,
+                part(&[&self.frames, &self.layouts, &self.classes], &self.geometry, None)?,
+            ),
+            Kinds::Layouts => (Vec::new(), Vec::new(), Vec::new()),
         };
+        let broken = |reason: &str| ClipsError::broken(path, reason);
+        let camera = self.info.camera.model().ok_or_else(|| broken("the name of its camera is no id"))?;
+        let seen = |bytes: &Vec<u8>| geometry::unpacked(bytes, &camera).ok_or_else(|| broken("a geometry is broken"));
         let image = |rows: Vec<u8>| {
             RgbImage::new(wanted.width_px, wanted.height_px, rows).map_err(|error| ClipsError::broken(path, error))
         };
@@ -194,6 +210,7 @@ impl Entry {
             frames: frames.into_iter().map(|rows| image(sums(rows, wanted.width_px))).collect::<Result<_, _>>()?,
             layouts: layouts.into_iter().map(image).collect::<Result<_, _>>()?,
             classes,
+            geometry: geometry.iter().map(seen).collect::<Result<_, _>>()?,
             prompt: self.info.prompt.clone(),
         })
     }

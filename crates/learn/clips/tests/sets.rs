@@ -92,17 +92,21 @@ fn clips_are_read_by_spans_and_follow_from_what_is_told_of_them() {
     assert_eq!((set.len(), set.size()), (6, (64, 32)));
     for clip in 0..set.len() {
         let whole = set.whole(clip).expect("reads");
-        assert_eq!((whole.frames.len(), whole.layouts.len(), whole.classes.len()), (5, 5, 5));
+        assert_eq!((whole.frames.len(), whole.layouts.len(), whole.classes.len(), whole.geometry.len()), (5, 5, 5, 5));
         let span = set.read(clip, 2, 2).expect("reads");
         let expected = Clip {
             frames: whole.frames[2..4].to_vec(),
             layouts: whole.layouts[2..4].to_vec(),
             classes: whole.classes[2..4].to_vec(),
+            geometry: whole.geometry[2..4].to_vec(),
             prompt: whole.prompt.clone(),
         };
         assert!(span == expected, "clip {clip}: a span is not a part of the whole");
         let layouts = set.layouts(clip, 2, 2).expect("reads");
-        assert!(layouts == Clip { frames: Vec::new(), classes: Vec::new(), ..expected }, "clip {clip}: layouts alone");
+        assert!(
+            layouts == Clip { frames: Vec::new(), classes: Vec::new(), geometry: Vec::new(), ..expected },
+            "clip {clip}: layouts alone"
+        );
         let info = set.info(clip);
         let family = info.family.parse().expect("a family");
         let key = ScenarioKey::Generated { family, seed: info.seed.expect("generated") };
@@ -115,6 +119,9 @@ fn clips_are_read_by_spans_and_follow_from_what_is_told_of_them() {
             reference.render(&world, &camera, pose).expect("renders") == whole.frames[3],
             "clip {clip}: index and frame differ"
         );
+        let geometry = &whole.geometry[3];
+        assert_eq!(geometry.world_from_camera, pose * camera.rig_from_camera);
+        assert_eq!(geometry.movers.len(), world.agents.len());
         let classes: Vec<u8> =
             reference.classes(&world, &camera, pose).expect("renders").into_iter().map(|class| class as u8).collect();
         assert_eq!(classes, whole.classes[3]);

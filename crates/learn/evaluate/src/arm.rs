@@ -11,7 +11,7 @@ use ds_space::{Digest, DigestWriter, Tick};
 use ds_topic::ObservationSource;
 use ds_train::guidance::{Guidance, Teacher};
 use ds_video::ablation::{per_frame_digest, replace_transformer, silenced};
-use ds_video::{Ablated, Ablation, Backend, ModelConfig, PerFrame, Rollout, VideoModel};
+use ds_video::{Ablated, Ablation, Backend, Layout, ModelConfig, PerFrame, Rollout, VideoModel};
 
 use teacher::Sampling;
 
@@ -170,7 +170,7 @@ impl Arm {
     /// If a layout cannot be rendered or the model gives values that are not finite.
     pub fn roll(&self, drive: &mut Drive, last: u32) -> Result<Vec<RgbImage>, AppraisalError> {
         let layout = |frame| if self.bare { drive.bare_layout(frame) } else { drive.layout(frame) };
-        let layouts: Vec<RgbImage> = (0..=last).map(layout).collect::<Result<_, _>>()?;
+        let layouts: Vec<Layout> = (0..=last).map(layout).collect::<Result<_, _>>()?;
         self.roll_with(drive, &layouts)
     }
 
@@ -178,7 +178,7 @@ impl Arm {
     ///
     /// # Errors
     /// If the model gives values that are not finite.
-    pub fn roll_with(&self, drive: &Drive, layouts: &[RgbImage]) -> Result<Vec<RgbImage>, AppraisalError> {
+    pub fn roll_with(&self, drive: &Drive, layouts: &[Layout]) -> Result<Vec<RgbImage>, AppraisalError> {
         self.roll_from(drive, drive.frame(0)?, layouts)
     }
 
@@ -190,19 +190,19 @@ impl Arm {
         &self,
         drive: &Drive,
         first: RgbImage,
-        layouts: &[RgbImage],
+        layouts: &[Layout],
     ) -> Result<Vec<RgbImage>, AppraisalError> {
         if self.kind == ArmKind::Autoencoder {
             let own: Vec<RgbImage> =
                 (0..layouts.len() as u32).map(|frame| drive.frame(frame)).collect::<Result<_, _>>()?;
-            return Ok(ds_train::autoencoder::reconstructed(&self.model, &own, layouts));
+            return Ok(ds_train::autoencoder::reconstructed(&self.model, &own, &images(layouts)));
         }
         let made = match &self.teacher {
             None if self.kind == ArmKind::PerFrame => {
-                one_by_one(&self.model, drive, &first, layouts).map_err(Into::into)
+                one_by_one(&self.model, drive, &first, &images(layouts)).map_err(Into::into)
             }
             Some((teacher, sampling)) => {
-                teacher::clip(&self.model, teacher, drive, (&first, layouts), *sampling).map_err(Into::into)
+                teacher::clip(&self.model, teacher, drive, (&first, &images(layouts)), *sampling).map_err(Into::into)
             }
             None => student(&self.model, drive, &first, layouts).map_err(Into::into),
         };
@@ -212,6 +212,10 @@ impl Arm {
         frames.extend(made.map_err(refuse)?);
         Ok(frames)
     }
+}
+
+fn images(layouts: &[Layout]) -> Vec<RgbImage> {
+    layouts.iter().map(|layout| layout.image.clone()).collect()
 }
 
 fn one_by_one(
@@ -228,7 +232,7 @@ fn student(
     model: &Arc<VideoModel>,
     drive: &Drive,
     first: &RgbImage,
-    layouts: &[RgbImage],
+    layouts: &[Layout],
 ) -> Result<Vec<RgbImage>, ds_video::VideoError> {
     let (mut rollout, _) = Rollout::new(Arc::clone(model), drive.draw_key, "front", &drive.prompt, first, &layouts[0])?;
     Ok(rollout.generate(&layouts[1..])?.frames)

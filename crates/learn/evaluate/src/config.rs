@@ -151,7 +151,7 @@ pub struct ColumnsConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SharpnessConfig {
-    /// Arm per key of `sharpness`: autoencoder, student; where structures are asked about, `bare`, which has never seen any, and `untold`.
+    /// Arm per key of `sharpness`: autoencoder, student, before; where structures are asked about, `bare`, which has never seen any, and `untold`.
     pub arms: BTreeMap<String, String>,
     /// Scenarios, one rollout each.
     pub rollouts: u64,
@@ -167,7 +167,7 @@ pub struct SharpnessConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LayoutConfig {
-    /// Arm per key of `layout_iou`: student, teacher, no_layout.
+    /// Arm per key of `layout_iou`: student, before, teacher, no_layout.
     pub iou: BTreeMap<String, String>,
     /// Arm per key of `feature_distance`: layout_guidance, standard_cfg, no_guidance.
     #[serde(default)]
@@ -269,9 +269,9 @@ pub(crate) const STUDENT: &str = "student";
 /// The targets of `layout_iou`.
 pub(crate) const LAYOUT_TARGETS: [&str; 4] = ["lane", "crosswalk", "vehicle", "pedestrian"];
 /// The keys of `sharpness`.
-pub const SHARPNESS_ARMS: [&str; 4] = ["autoencoder", "student", "bare", "untold"];
+pub const SHARPNESS_ARMS: [&str; 5] = ["autoencoder", "student", "before", "bare", "untold"];
 /// The keys of the tables of `eval.json`.
-pub const LAYOUT_ARMS: [&str; 3] = ["student", "teacher", "no_layout"];
+pub const LAYOUT_ARMS: [&str; 4] = ["student", "before", "teacher", "no_layout"];
 /// The keys of `feature_distance`.
 pub const GUIDANCE_ARMS: [&str; 3] = ["layout_guidance", "standard_cfg", "no_guidance"];
 /// The keys of `drift`.

@@ -10,6 +10,7 @@ use ds_perception::lights::{self, SeenLight};
 use ds_raster::RgbImage;
 use ds_scenario::Facts;
 use ds_space::{CameraModel, DQuat, Digest, Draws};
+use ds_video::Layout;
 use ds_world::{Scene, WorldState};
 
 use crate::course::Course;
@@ -94,11 +95,11 @@ impl Drive {
         self.course.world(frame)
     }
 
-    /// Renders the layout of a frame.
+    /// Renders the layout of a frame, with its geometry.
     ///
     /// # Errors
     /// If the size is refused.
-    pub fn layout(&mut self, frame: u32) -> Result<RgbImage, AppraisalError> {
+    pub fn layout(&mut self, frame: u32) -> Result<Layout, AppraisalError> {
         self.layout_of(&self.world(frame))
     }
 
@@ -106,7 +107,7 @@ impl Drive {
     ///
     /// # Errors
     /// If the size is refused.
-    pub fn bare_layout(&mut self, frame: u32) -> Result<RgbImage, AppraisalError> {
+    pub fn bare_layout(&mut self, frame: u32) -> Result<Layout, AppraisalError> {
         let world = self.world(frame);
         let map = self.bare.get_or_insert_with(|| StaticMap::bare(&self.course.scene().map));
         from_ego(&mut self.renderer, &LayoutScene { map, world: &world }, &self.model)
@@ -116,7 +117,7 @@ impl Drive {
     ///
     /// # Errors
     /// If the size is refused.
-    pub fn layout_of(&mut self, world: &WorldState) -> Result<RgbImage, AppraisalError> {
+    pub fn layout_of(&mut self, world: &WorldState) -> Result<Layout, AppraisalError> {
         from_ego(&mut self.renderer, &LayoutScene { map: &self.map, world }, &self.model)
     }
 
@@ -156,6 +157,8 @@ impl Drive {
     }
 }
 
-fn from_ego(renderer: &mut Renderer, scene: &LayoutScene, camera: &CameraModel) -> Result<RgbImage, AppraisalError> {
-    Ok(renderer.render(scene, camera, scene.world.ego.pose.world_from_rig(0.0))?)
+fn from_ego(renderer: &mut Renderer, scene: &LayoutScene, camera: &CameraModel) -> Result<Layout, AppraisalError> {
+    let pose = scene.world.ego.pose.world_from_rig(0.0);
+    let geometry = renderer.geometry(scene, camera, pose)?;
+    Ok(Layout { image: renderer.render(scene, camera, pose)?, geometry: Some(Arc::new(geometry)) })
 }

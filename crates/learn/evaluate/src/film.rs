@@ -35,7 +35,7 @@ pub(crate) fn side_by_side(
 ) -> Result<Film, AppraisalError> {
     let mut strips = Vec::new();
     strips.push((0..=last).map(|frame| drive.frame(frame)).collect::<Result<Vec<_>, _>>()?);
-    strips.push((0..=last).map(|frame| drive.layout(frame)).collect::<Result<Vec<_>, _>>()?);
+    strips.push((0..=last).map(|frame| Ok(drive.layout(frame)?.image)).collect::<Result<Vec<_>, AppraisalError>>()?);
     for name in names {
         let arm = &arms[name];
         strips.push(arm.roll(drive, whole(arm.kind, last, arm.frames_per_chunk()))?);

@@ -14,6 +14,7 @@ use ds_evaluate::drive::{Drive, Route};
 use ds_raster::RgbImage;
 use ds_scenario::Family;
 use ds_space::DVec2;
+use ds_video::Layout;
 use ds_world::{Scene, WorldState};
 
 /// Frames after the first: three chunks.
@@ -58,7 +59,7 @@ impl Mean {
 
 /// Returns the mean change of colours (0 to 255) where the layout changed, and elsewhere, over the last chunk; nothing if
 /// the edit is out of view.
-fn change(arm: &Arm, drive: &Drive, [before, after]: [&[RgbImage]; 2]) -> Option<(f64, f64)> {
+fn change(arm: &Arm, drive: &Drive, [before, after]: [&[Layout]; 2]) -> Option<(f64, f64)> {
     let frames = [before, after].map(|layouts| arm.roll_with(drive, layouts).expect("rolls out"));
     let (width, height) = (frames[0][0].width_px() as usize, frames[0][0].height_px() as usize);
     let differs = |images: [&RgbImage; 2], at: usize| {
@@ -67,8 +68,9 @@ fn change(arm: &Arm, drive: &Drive, [before, after]: [&[RgbImage]; 2]) -> Option
     };
     let (mut there, mut elsewhere) = ((0.0, 0.0), (0.0, 0.0));
     let chunk = FRAMES as usize - 3..=FRAMES as usize;
-    let changed: Vec<bool> =
-        (0..width * height).map(|at| chunk.clone().any(|frame| differs([&before[frame], &after[frame]], at))).collect();
+    let changed: Vec<bool> = (0..width * height)
+        .map(|at| chunk.clone().any(|frame| differs([&before[frame].image, &after[frame].image], at)))
+        .collect();
     for at in 0..width * height {
         let (x, y) = (at % width, at / width);
         let (left, top) = (x.saturating_sub(NEAR_PX), y.saturating_sub(NEAR_PX));
@@ -87,7 +89,7 @@ fn change(arm: &Arm, drive: &Drive, [before, after]: [&[RgbImage]; 2]) -> Option
 }
 
 /// Returns the layouts of a drive with every state of the world edited.
-fn layouts(drive: &mut Drive, edit: impl Fn(&mut WorldState)) -> Vec<RgbImage> {
+fn layouts(drive: &mut Drive, edit: impl Fn(&mut WorldState)) -> Vec<Layout> {
     let layout = |frame| {
         let mut world = drive.world(frame);
         edit(&mut world);

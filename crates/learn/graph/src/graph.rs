@@ -245,6 +245,12 @@ impl Linear {
     }
 }
 
+/// Returns some channels of images [N, H, W, C].
+pub(crate) fn channels(x: &Tensor<4>, range: std::ops::Range<usize>) -> Tensor<4> {
+    let [n, h, w, _] = x.dims();
+    x.clone().slice([0..n, 0..h, 0..w, range])
+}
+
 /// Folds squares of `side` pixels of [N, H, W, C] into one pixel each, values ordered (row, column, channel).
 pub(crate) fn fold(x: Tensor<4>, side: usize) -> Tensor<4> {
     let [n, h, w, c] = x.dims();

@@ -7,7 +7,7 @@ use ds_nn::body::Autoencoder;
 use ds_nn::tiny_ae::{AeShape, BLOCK_PX, Memory, Remembered};
 use ds_space::DigestWriter;
 
-use crate::graph::{Graph, Linear, Mode, array_of, fold};
+use crate::graph::{Graph, Linear, Mode, array_of, channels, fold};
 
 /// The memories of all blocks.
 #[derive(Clone, Default)]
@@ -87,6 +87,7 @@ pub struct TinyAe {
     sketch: Vec<(Linear, Option<Linear>)>,
     guides: Vec<Linear>,
     decoder_head: Linear,
+    blend: Option<Linear>,
     decoder_skip: Option<Linear>,
 }
 
@@ -127,6 +128,7 @@ impl TinyAe {
                 .collect(),
             guides: (0..shape.guides).map(|index| graph.linear(&format!("decoder.guide.{index}"))).collect(),
             decoder_head: graph.linear("decoder.head"),
+            blend: shape.carried.then(|| graph.linear("decoder.guide.blend")),
             decoder_skip: shape.decoder_skip.then(|| graph.linear("decoder.skip")),
             shape: shape.clone(),
             graph,
@@ -141,12 +143,12 @@ impl TinyAe {
 
     /// Decodes latents [steps, h, w, z] that follow those already in `memory` to [steps·stride_t, 8h, 8w, 3].
     ///
-    /// A guided decoder also takes the layouts, in the shape of the frames and of values −1 to 1, or none for "no
-    /// layout". The memory does not depend on them.
+    /// A guided decoder also takes what guides each pixel of the frames, [`AeShape::guide_channels`] of values −1 to 1, or none for
+    /// "no layout". The memory does not depend on it.
     #[must_use]
-    pub fn decode(&self, latents: &Array, layouts: Option<&Array>, memory: &mut Memory) -> Array {
-        let layouts = layouts.map(|layouts| self.graph.tensor(layouts));
-        array_of(self.decode_tensor(self.graph.tensor(latents), layouts, 1, memory))
+    pub fn decode(&self, latents: &Array, guide: Option<&Array>, memory: &mut Memory) -> Array {
+        let guide = guide.map(|guide| self.graph.tensor(guide));
+        array_of(self.decode_tensor(self.graph.tensor(latents), guide, 1, memory))
     }
 
     pub(crate) fn encode_tensor(&self, x: Tensor<4>, batch: usize, memory: &mut Memory) -> Tensor<4> {
@@ -165,7 +167,7 @@ impl TinyAe {
     pub(crate) fn decode_tensor(
         &self,
         z: Tensor<4>,
-        layouts: Option<Tensor<4>>,
+        guide: Option<Tensor<4>>,
         batch: usize,
         memory: &mut Memory,
     ) -> Tensor<4> {
@@ -181,17 +183,28 @@ impl TinyAe {
             }
         }
         let [n, h, w, _] = x.dims();
-        let none = || Tensor::zeros([n, h, w, 12], &x.device());
-        let layouts = layouts.map_or_else(none, |layouts| fold(layouts, 2));
-        let seen = if self.sketch.is_empty() { layouts } else { self.sketched(layouts) };
+        let none = || Tensor::zeros([n, 2 * h, 2 * w, self.shape.guide_channels()], &x.device());
+        let guide = guide.unwrap_or_else(&none);
+        let layouts = fold(channels(&guide, 0..3), 2);
+        let mut seen = if self.sketch.is_empty() { layouts } else { self.sketched(layouts) };
+        let carried = self.shape.carried.then(|| match guide.dims()[3] {
+            3 => channels(&none(), 3..7),
+            _ => channels(&guide, 3..7),
+        });
+        if let Some(carried) = &carried {
+            seen = Tensor::cat(vec![seen, fold(carried.clone(), 2)], 3);
+        }
         for guide in &self.guides {
             x = x.clone() + activation::relu(guide.convolve(Tensor::cat(vec![x, seen.clone()], 3)));
         }
-        let frames = shuffle(self.decoder_head.convolve(x), 1);
-        match skip {
-            Some(skip) => frames + skip,
-            None => frames,
-        }
+        let painted = shuffle(self.decoder_head.convolve(x.clone()), 1);
+        let painted = match skip {
+            Some(skip) => painted + skip,
+            None => painted,
+        };
+        let Some((blend, carried)) = self.blend.as_ref().zip(carried) else { return painted };
+        let share = activation::sigmoid(shuffle(blend.convolve(x), 1)) * channels(&carried, 3..4);
+        painted.clone() + share * (channels(&carried, 0..3) - painted)
     }
 
     /// Makes a sketch of layouts at 1/2 resolution.
@@ -241,7 +254,7 @@ impl Autoencoder for TinyAe {
         Self::encode(self, steps, memory)
     }
 
-    fn decode(&self, latents: &Array, layouts: Option<&Array>, memory: &mut Memory) -> Array {
-        Self::decode(self, latents, layouts, memory)
+    fn decode(&self, latents: &Array, guide: Option<&Array>, memory: &mut Memory) -> Array {
+        Self::decode(self, latents, guide, memory)
     }
 }

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use super::Buffer;
 use super::arch::Arch;
+use super::blend;
 use super::buffer::Pool;
 use super::convolution::Convolution;
 use super::growth::{Growth, folded};
@@ -63,6 +64,7 @@ struct Scratch {
     stages: [[Image; 3]; 3],
     latent: Image,
     seen: Seen,
+    told: Image,
     skip: Buffer,
 }
 
@@ -77,6 +79,7 @@ pub struct FastAe {
     stages: Vec<Stage>,
     guides: Guides,
     decoder_head: Convolution,
+    blend: Option<Convolution>,
     decoder_skip: Option<Packed>,
     scratch: Arc<Pool<Scratch>>,
 }
@@ -123,6 +126,7 @@ impl FastAe {
             stages: (0..3).map(stage).collect(),
             guides: Guides::new(shape, &named),
             decoder_head: convolution("decoder.head", &[widths[2]]),
+            blend: shape.carried.then(|| convolution("decoder.guide.blend", &[widths[2]])),
             decoder_skip: shape.decoder_skip.then(|| linear("decoder.skip")),
             scratch: Arc::default(),
             shape: shape.clone(),
@@ -224,11 +228,11 @@ impl Autoencoder for FastAe {
         latents
     }
 
-    fn decode(&self, latents: &Array, layouts: Option<&Array>, memory: &mut Memory) -> Array {
+    fn decode(&self, latents: &Array, guide: Option<&Array>, memory: &mut Memory) -> Array {
         let [frames, h, w, z]: [usize; 4] = latents.shape().try_into().expect("latents have four axes");
         let memory = memory.of::<Frames>();
         let mut scratch = self.scratch.take(Scratch::default);
-        let Scratch { stages, latent, seen, skip } = &mut *scratch;
+        let Scratch { stages, latent, seen, told, skip } = &mut *scratch;
         if let Some(packed) = &self.decoder_skip {
             skip.resize(frames * h * w * self.shape.inputs());
             self.pixels(packed, latents.values(), skip);
@@ -246,7 +250,15 @@ impl Autoencoder for FastAe {
             }
         }
         let [x, _, out] = &mut stages[2];
-        self.guides.apply(self.arch, layouts, [x, out], seen);
-        self.paint(x, self.decoder_skip.is_some().then_some(&**skip))
+        self.guides.apply(self.arch, guide, [x, out], seen);
+        let mut frames = self.paint(x, self.decoder_skip.is_some().then_some(&**skip));
+        let carried = guide.filter(|guide| guide.shape()[3] == self.shape.guide_channels());
+        if let Some((blend, guide)) = self.blend.as_ref().zip(carried) {
+            let x: &Image = x;
+            told.reset([x.frames, x.h, x.w, blend.outputs()]);
+            blend.apply(self.arch, |frame| [x.frame(frame), &[]], told, |_, _| Finish::Plain);
+            blend::mix(frames.values_mut(), told, guide.values());
+        }
+        frames
     }
 }

@@ -1,7 +1,7 @@
 //! The guides of a decoder: convolutions behind its last stage that also see each frame's layout, or the sketch made of it.
 
 use ds_nn::array::Array;
-use ds_nn::tiny_ae::{AeShape, LAYOUT_CHANNELS, SketchLevel};
+use ds_nn::tiny_ae::{AeShape, CARRIED_CHANNELS, LAYOUT_CHANNELS, SketchLevel};
 
 use super::arch::Arch;
 use super::convolution::Convolution;
@@ -19,15 +19,17 @@ struct Level {
 pub(crate) struct Guides {
     sketch: Vec<Level>,
     convolutions: Vec<Convolution>,
+    carried: bool,
 }
 
-/// Images of one frame's layout: folded to 1/2, 1/4 and 1/8 resolution; what is drawn at 1/8, 1/4 and 1/2; and what grows from the
-/// first two.
+/// Images of one frame's layout: folded to 1/2, 1/4 and 1/8 resolution; what is drawn at 1/8, 1/4 and 1/2; what grows from the
+/// first two; and what is last drawn beside a carried frame.
 #[derive(Default)]
 pub(crate) struct Seen {
     layouts: [Image; 3],
     drawn: [Image; 3],
     grown: [Image; 2],
+    both: Image,
 }
 
 impl Guides {
@@ -48,18 +50,26 @@ impl Guides {
         Self {
             sketch: levels.iter().enumerate().map(level).collect(),
             convolutions: (0..shape.guides).map(guide).collect(),
+            carried: shape.carried,
         }
     }
 
-    /// Guides the image `x` of frames by their layouts, zeros without any; `out` is room of its size.
-    pub(crate) fn apply(&self, arch: Arch, layouts: Option<&Array>, [x, out]: [&mut Image; 2], seen: &mut Seen) {
+    /// Guides the image `x` of frames by what guides them ([`AeShape::guide_channels`]), zeros without any; `out` is room of its size.
+    pub(crate) fn apply(&self, arch: Arch, guide: Option<&Array>, [x, out]: [&mut Image; 2], seen: &mut Seen) {
         if self.convolutions.is_empty() {
             return;
         }
         seen.layouts[0].reset([x.frames, x.h, x.w, LAYOUT_CHANNELS]);
-        unshuffle(layouts, &mut seen.layouts[0]);
+        unshuffle(guide, [0, 3], &mut seen.layouts[0], 0);
         self.draw(arch, seen);
-        let seen: &Image = if self.sketch.is_empty() { &seen.layouts[0] } else { &seen.drawn[2] };
+        let Seen { layouts, drawn, both, .. } = seen;
+        let mut seen: &Image = if self.sketch.is_empty() { &layouts[0] } else { &drawn[2] };
+        if self.carried {
+            both.reset([x.frames, x.h, x.w, seen.c + CARRIED_CHANNELS]);
+            beside(seen, both);
+            unshuffle(guide, [3, 4], both, seen.c);
+            seen = both;
+        }
         for convolution in &self.convolutions {
             out.reset(x.size());
             let input: &Image = x;
@@ -70,7 +80,7 @@ impl Guides {
     }
 
     /// Draws the sketch, if there is one.
-    fn draw(&self, arch: Arch, Seen { layouts, drawn, grown }: &mut Seen) {
+    fn draw(&self, arch: Arch, Seen { layouts, drawn, grown, .. }: &mut Seen) {
         if self.sketch.is_empty() {
             return;
         }
@@ -95,18 +105,30 @@ impl Guides {
     }
 }
 
-/// Folds layouts [frames, 2h, 2w, 3] into twelve channels; none gives zeros.
-fn unshuffle(layouts: Option<&Array>, image: &mut Image) {
-    let (h, w) = (image.h, image.w);
+/// Folds some channels, first and count, of a guide [frames, 2h, 2w, c] into those of an image from `at` on; a guide that has none
+/// of them gives zeros.
+fn unshuffle(guide: Option<&Array>, [first, count]: [usize; 2], image: &mut Image, at: usize) {
+    let (h, w, all) = (image.h, image.w, image.c);
+    let guide = guide.map(|guide| (guide.values(), guide.shape()[3])).filter(|(_, c)| *c >= first + count);
     image.each_row(|frame, y, row| {
-        let row = &mut row[12..12 * (w + 1)];
-        let Some(layouts) = layouts else { return row.fill(0.0) };
-        for dy in 0..2 {
-            let line = &layouts.values()[(frame * 2 * h + 2 * y + dy) * 2 * w * 3..][..2 * w * 3];
-            for (pixel, pair) in row.chunks_exact_mut(12).zip(line.chunks_exact(6)) {
-                pixel[dy * 6..dy * 6 + 6].copy_from_slice(pair);
+        let row = row[all..all * (w + 1)].chunks_exact_mut(all).map(|pixel| &mut pixel[at..at + 4 * count]);
+        let Some((values, c)) = guide else { return row.for_each(|pixel| pixel.fill(0.0)) };
+        let lines = [0, 1].map(|dy| &values[(frame * 2 * h + 2 * y + dy) * 2 * w * c..][..2 * w * c]);
+        for (x, pixel) in row.enumerate() {
+            for (index, part) in pixel.chunks_exact_mut(count).enumerate() {
+                part.copy_from_slice(&lines[index / 2][(2 * x + index % 2) * c + first..][..count]);
             }
         }
+    });
+}
+
+/// Copies an image into the first channels of a wider one.
+fn beside(from: &Image, to: &mut Image) {
+    let (w, c, all) = (to.w, from.c, to.c);
+    to.each_row(|frame, y, row| {
+        let line = from.row(frame, y);
+        let pixels = line.data[line.offset..][..w * c].chunks_exact(c);
+        row[all..].chunks_exact_mut(all).zip(pixels).for_each(|(to, pixel)| to[..c].copy_from_slice(pixel));
     });
 }
 

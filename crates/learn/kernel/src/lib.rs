@@ -11,6 +11,7 @@
 mod arch;
 mod attention;
 mod autoencoder;
+mod blend;
 mod block;
 mod buffer;
 mod cache;

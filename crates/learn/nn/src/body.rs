@@ -149,7 +149,9 @@ pub trait Autoencoder: Send + Sync {
 
     /// Decodes latents [steps, h, w, z] that follow those already in `memory` to [steps·stride_t, 8h, 8w, 3].
     ///
-    /// A guided decoder also takes the layouts, in the shape of the frames and of values −1 to 1, or none for "no
-    /// layout". The memory does not depend on them.
-    fn decode(&self, latents: &Array, layouts: Option<&Array>, memory: &mut Memory) -> Array;
+    /// A guided decoder also takes what guides each pixel of the frames, [`AeShape::guide_channels`] of values −1 to 1, or none for
+    /// "no layout". The memory does not depend on it.
+    ///
+    /// [`AeShape::guide_channels`]: crate::tiny_ae::AeShape::guide_channels
+    fn decode(&self, latents: &Array, guide: Option<&Array>, memory: &mut Memory) -> Array;
 }

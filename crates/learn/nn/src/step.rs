@@ -276,9 +276,10 @@ pub struct DecoderBatch {
     pub clips: usize,
     /// Latents as the decoder takes them, [clips·steps, h, w, z].
     pub latents: Array,
-    /// Layouts of the frames, −1 to 1, [clips·steps·stride_t, 8h, 8w, 3]; zeros where a clip's layout was dropped.
-    pub layouts: Array,
-    /// The frames, in the same shape.
+    /// What guides the frames, [clips·steps·stride_t, 8h, 8w, [`AeShape::guide_channels`](crate::tiny_ae::AeShape::guide_channels)],
+    /// first the layout, −1 to 1; zeros where a clip's layout was dropped.
+    pub guide: Array,
+    /// The frames, −1 to 1, [clips·steps·stride_t, 8h, 8w, 3].
     pub frames: Array,
     /// Whether the latents are those of the frames, so that all of a frame can be told.
     pub told: bool,

@@ -14,7 +14,9 @@
 //!
 //! Guides are convolutions behind the decoder's last stage that see the layout of each frame beside what is there. What they see may be
 //! a sketch: features of the layout that begin at 1/8 resolution, where a convolution spans a whole vehicle, and grow twice, seeing the
-//! layout again at 1/4 and 1/2. Nothing of it is remembered, so that memories do not depend on layouts.
+//! layout again at 1/4 and 1/2. Nothing of it is remembered, so that memories do not depend on layouts. Where frames are carried, guides
+//! also see, at 1/2 resolution, a frame from before as it would look from here, and where there is one to see; a last convolution tells
+//! for each pixel which share of it is carried and not painted.
 
 use std::any::Any;
 
@@ -46,6 +48,8 @@ pub struct AeShape {
     pub guides: usize,
     /// Widths at 1/8, 1/4 and 1/2 resolution of the sketch that the guides see; without it they see the layout itself.
     pub sketch_widths: Option<[usize; 3]>,
+    /// Whether the guides also see a carried frame.
+    pub carried: bool,
 }
 
 /// Gain of what is drawn beside a shortcut.
@@ -53,6 +57,9 @@ const SHORTCUT_GAIN: f32 = 0.5;
 
 /// Channels of a layout at 1/2 resolution: two by two pixels of three colours.
 pub const LAYOUT_CHANNELS: usize = 12;
+
+/// Channels of a carried frame at 1/2 resolution: two by two pixels of three colours and of whether there is one.
+pub const CARRIED_CHANNELS: usize = 16;
 
 /// A stage of the encoder: a linear layer to `width` channels, and memory blocks.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -137,21 +144,34 @@ impl AeShape {
         widths.into_iter().flatten().enumerate().map(level).collect()
     }
 
-    /// Returns the channels that a guide sees beside the image.
+    /// Returns the channels of a pixel of what guides a frame: three of its layout, and of a carried frame three and a fourth that is 1
+    /// where there is one, 0 where not.
     #[must_use]
-    pub fn seen(&self) -> usize {
+    pub fn guide_channels(&self) -> usize {
+        if self.carried { 7 } else { 3 }
+    }
+
+    /// Returns the channels of sketch or layout that a guide sees.
+    #[must_use]
+    pub fn drawn(&self) -> usize {
         self.sketch().last().map_or(LAYOUT_CHANNELS, |level| level.width)
     }
 
-    /// Lists the convolutions that see layouts themselves, with how many of their last input channels are of the layout.
+    /// Returns the channels that a guide sees beside the image: sketch or layout, then the carried frame.
+    #[must_use]
+    pub fn seen(&self) -> usize {
+        self.drawn() + if self.carried { CARRIED_CHANNELS } else { 0 }
+    }
+
+    /// Lists the convolutions that see layouts themselves, or frames carried by their geometry, with how many of their last input
+    /// channels are of these.
     #[must_use]
     pub fn layout_inputs(&self) -> Vec<(String, usize)> {
         let sketch = self.sketch();
-        if sketch.is_empty() {
-            return (0..self.guides).map(|index| (format!("decoder.guide.{index}"), LAYOUT_CHANNELS)).collect();
-        }
         let level = |(index, level): (usize, &SketchLevel)| (format!("decoder.guide.sketch.{index}"), level.layout);
-        sketch.iter().enumerate().map(level).collect()
+        let direct = self.seen() - if sketch.is_empty() { 0 } else { self.drawn() };
+        let guides = (0..self.guides).map(|index| (format!("decoder.guide.{index}"), direct));
+        sketch.iter().enumerate().map(level).chain(guides.filter(|_| direct > 0)).collect()
     }
 
     /// Lists the weights, under `encoder.` and `decoder.`.
@@ -201,6 +221,9 @@ impl AeShape {
             convolution(&mut list, &format!("decoder.guide.{index}"), widths[2] + self.seen(), widths[2], 0.5);
         }
         convolution(&mut list, "decoder.head", widths[2], LAYOUT_CHANNELS, 0.1);
+        if self.carried {
+            convolution(&mut list, "decoder.guide.blend", widths[2], 4, 0.1);
+        }
         if self.decoder_skip {
             Declared::linear(&mut list, "decoder.skip", self.z, self.inputs(), 0.5);
         }

@@ -65,7 +65,8 @@ pub fn decode(shape: &AeShape, steps: usize, h: usize, w: usize) -> f64 {
         }
     }
     let guide = shape.guides * (widths[2] + shape.seen()) * widths[2];
-    total += (frames[2] << 4) * 9 * (guide + widths[2] * 12);
+    let blend = if shape.carried { 4 } else { 0 };
+    total += (frames[2] << 4) * 9 * (guide + widths[2] * (12 + blend));
     let sketch = shape.sketch();
     for (index, level) in sketch.iter().enumerate() {
         let grow = sketch.get(index + 1).map_or(0, |next| level.width * 4 * next.width);

@@ -67,7 +67,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
 
 /// Returns the sizes of the autoencoder without the decoder's guidance, as its own stage trains it.
 pub(crate) fn unguided(model: &ModelConfig) -> AeShape {
-    AeShape { guides: 0, ..model.ae() }
+    AeShape { guides: 0, carried: false, ..model.ae() }
 }
 
 /// Draws one clip of a step.

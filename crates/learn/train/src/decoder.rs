@@ -5,6 +5,10 @@
 //! road a rollout cannot know, and regression onto the true frame would make it mush: there the pixels of a rollout
 //! count less, and a discriminator says what frames look like. Layouts are dropped now and then. Without rollouts there is
 //! no need of a student: all clips are encoded frames then, the decoder is not guided, and what comes out is an autoencoder.
+//!
+//! A decoder that sees a carried frame sees its own in a rollout: all rollouts are decoded from their beginnings on, by the
+//! average of the weights so far, whenever a checkpoint is due. Now and then it sees the true one there, so that it learns that carried
+//! detail is worth keeping; in encoded clips it sees the true one, now and then none.
 
 use std::sync::Arc;
 
@@ -13,9 +17,11 @@ use ds_nn::discriminator::DiscriminatorShape;
 use ds_nn::optimiser::AdamWSettings;
 use ds_nn::step::{Adversary, DecoderBatch, Step};
 use ds_nn::tiny_ae::AeShape;
+use ds_nn::tiny_ae::Memory;
 use ds_nn::{Array, Weights};
+use ds_raster::RgbImage;
 use ds_space::{Digest, DigestWriter, Draws};
-use ds_video::{Rollout, VideoModel, tokens};
+use ds_video::{Carry, Layout, Rollout, VideoModel, tokens};
 
 use crate::autoencoder::unguided;
 use crate::batch::{mean_step, mean_steps};
@@ -31,6 +37,8 @@ use crate::{Progress, Report, autoencoder, evaluate};
 
 const NAME: &str = "decoder";
 const LAYOUT_DROPOUT: f64 = 0.1;
+/// The share of encoded clips in which no frame is carried, and of rollouts in which the true one is.
+const CARRIED_ELSE: f64 = 0.25;
 const DECODER: usize = 0;
 const DISCRIMINATOR: usize = 1;
 
@@ -46,7 +54,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     let shape = if recipe.rollouts > 0 { model.ae() } else { unguided(&model) };
     let member = Member::new("model", &shape.declare(), recipe.stage.optimiser(), &seed)
         .starting_from(&stored_autoencoder(config, "autoencoder")?)
-        .starting_from(&config.initial("vae.")?);
+        .grown_from(&config.initial("vae.")?);
     let against = recipe.adversarial.as_ref().map(|against| {
         // Without inertia: what is learned from changes with every update.
         let settings = AdamWSettings { beta1: 0.0, beta2: 0.99, ..recipe.stage.optimiser() };
@@ -57,11 +65,23 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     if run.unfinished() {
         let unused = || Weights::initialised(&model.dit().declare(), &seed);
         let drawn = Arc::new(assembled(config, &student.clone().unwrap_or_else(unused), "autoencoder")?);
-        let source = Source { config, recipe, frames, rolled: Vec::new(), model: drawn, shape: shape.clone(), seed };
-        let source = Source { rolled: source.roll(progress)?, ..source };
+        let source = Source {
+            config,
+            recipe,
+            frames,
+            rolled: Vec::new(),
+            shown: Vec::new(),
+            model: drawn,
+            shape: shape.clone(),
+            seed,
+        };
+        let mut source = Source { rolled: source.roll(progress)?, ..source };
         let team = config.backend.team();
         while run.unfinished() {
             let (at, rate) = (run.step, recipe.stage.rate(run.step));
+            if shape.carried && (source.shown.is_empty() || at.is_multiple_of(recipe.stage.checkpoint_every)) {
+                source.shown = source.show(run.average())?;
+            }
             let updates = if let Some(against) = &recipe.adversarial {
                 let weights = [DECODER, DISCRIMINATOR].map(|member| &run.members[member].weights);
                 let steps = mean_steps(&team, &recipe.stage, |clip| source.opposed(against, weights, at, clip))?;
@@ -99,6 +119,8 @@ struct Source<'a> {
     frames: Frames,
     /// Clips and the student's latents for them.
     rolled: Vec<(Clip, Array)>,
+    /// Their frames as the decoder shows them, where it is to see one again.
+    shown: Vec<Vec<RgbImage>>,
     /// Draws the rollouts, unguided.
     model: Arc<VideoModel>,
     /// The guided autoencoder.
@@ -147,6 +169,40 @@ impl Source<'_> {
         Ok((clip, self.model.denormalised(latents)))
     }
 
+    /// Decodes all rollouts from their beginnings on, each chunk beside the last frame of the one before.
+    fn show(&self, weights: &Weights) -> Result<Vec<Vec<RgbImage>>, TrainError> {
+        let ae = self.config.backend.autoencoder(&self.shape, weights)?;
+        let stride = self.model.config().vae.stride_t;
+        let show = |at: usize| {
+            let (clip, latents) = &self.rolled[at];
+            let [count, h, w, z]: [usize; 4] = latents.shape().try_into().expect("latents have four axes");
+            let (mut memory, mut frames) = (Memory::default(), vec![clip.frames[0].clone()]);
+            for (step, values) in (0..count).zip(latents.values().chunks_exact(h * w * z)) {
+                let ticks = ticks(step, stride);
+                let guide = (step > 0).then(|| self.guide(clip, step, frames.last()));
+                let decoded = ae.decode(&Array::new(&[1, h, w, z], values.to_vec()), guide.as_ref(), &mut memory);
+                let images = decoded.values().chunks_exact(decoded.values().len() / stride).take(ticks.len());
+                let image = |values| RgbImage::of_values(values, 8 * w as u32, 8 * h as u32);
+                frames.extend(images.map(image).filter(|_| step > 0));
+            }
+            frames
+        };
+        Ok(self.config.backend.team().run(self.rolled.len(), show))
+    }
+
+    /// Makes what guides the frames of a latent step of a clip, after a frame that is carried on.
+    fn guide(&self, clip: &Clip, step: usize, before: Option<&RgbImage>) -> Array {
+        let config = self.model.config();
+        let layout =
+            |tick: usize| Layout { image: clip.layouts[tick].clone(), geometry: clip.geometry.get(tick).cloned() };
+        let ticks = ticks(step, config.vae.stride_t);
+        let carry = before.filter(|_| step > 0).map(|frame| Carry::of(frame, &layout(ticks.start - 1)));
+        let layouts: Vec<Layout> = ticks.map(layout).collect();
+        let missing = config.vae.stride_t - layouts.len();
+        let layouts = std::iter::repeat_n(&layouts[0], missing).chain(&layouts).collect::<Vec<_>>();
+        carry.unwrap_or_default().guide(&self.shape, (config.video.width_px, config.video.height_px), &layouts)
+    }
+
     /// Computes the steps of decoder and discriminator for one drawn clip.
     fn opposed(
         &self,
@@ -177,18 +233,24 @@ impl Source<'_> {
         let (shape, stride) = (unguided(self.model.config()), self.model.config().vae.stride_t);
         let draws = Draws::new(&self.seed, "batch", &[u64::from(step), clip]);
         let encoded = draws.uniform(2) >= self.recipe.rolled || self.rolled.is_empty();
+        let at = draws.below(0, self.rolled.len().max(1) as u64) as usize;
         let (clip, latents) = if encoded {
             let clip = self.frames.first(&draws, self.length())?;
             let latents = autoencoder::encode(self.model.autoencoder(), &shape, &clip.frames);
             (clip, latents)
         } else {
-            self.rolled[draws.below(0, self.rolled.len() as u64) as usize].clone()
+            self.rolled[at].clone()
+        };
+        let usual = draws.uniform(7) >= CARRIED_ELSE;
+        let own = match self.shown.get(at) {
+            Some(shown) if usual && !encoded => Some(shown),
+            _ => Some(&clip.frames).filter(|_| usual || !encoded),
         };
         let count = self.recipe.stage.latents.min(latents.shape()[0]);
         let from = draws.below(4, (latents.shape()[0] - count + 1) as u64) as usize;
         let window = Window::drawn(self.recipe.crop_px, from..from + count, latents.shape(), &draws);
         let on = draws.uniform(3) >= LAYOUT_DROPOUT;
-        let (mut layouts, mut frames, mut weights) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut guides, mut frames, mut weights) = (Vec::new(), Vec::new(), Vec::new());
         let all = Emphasis::of(self.config);
         let emphasis = if encoded {
             all
@@ -197,13 +259,14 @@ impl Source<'_> {
             Emphasis { road_users, untold: self.recipe.untold, structures: self.recipe.structures, ..all }
         };
         let steps = latent_steps(&clip.frames, stride).into_iter().zip(latent_steps(&clip.layouts, stride));
-        for (step, layout) in steps.skip(from).take(count) {
+        for (index, (step, layout)) in steps.enumerate().skip(from).take(count) {
             frames.extend(tokens::stacked(&step).into_values());
             weights.extend(emphasis.of_pixels(&layout));
-            layouts.extend(tokens::stacked(&layout).into_values());
+            let before = own.map(|own| &own[ticks(index, stride).start.saturating_sub(1)]);
+            guides.extend(self.guide(&clip, index, before).into_values());
         }
         if !on {
-            layouts.fill(0.0);
+            guides.fill(0.0);
         }
         let [images, height, width] = [count * stride, 8 * latents.shape()[1], 8 * latents.shape()[2]];
         let pixels =
@@ -211,13 +274,18 @@ impl Source<'_> {
         Ok(DecoderBatch {
             clips: 1,
             latents: window.latents(&latents),
-            layouts: pixels(layouts, 3),
+            guide: pixels(guides, self.shape.guide_channels()),
             frames: pixels(frames, 3),
             told: encoded,
             emphasis: pixels(weights, 1),
             change: self.recipe.change,
         })
     }
+}
+
+/// Returns the ticks of a latent step.
+fn ticks(step: usize, stride: usize) -> std::ops::Range<usize> {
+    if step == 0 { 0..1 } else { 1 + (step - 1) * stride..1 + step * stride }
 }
 
 /// A part of a clip: latent frames, rows and columns.

@@ -10,13 +10,20 @@ use ds_clips::{Clip, ClipSet};
 use ds_nn::Weights;
 use ds_raster::RgbImage;
 use ds_space::Digest;
-use ds_video::{Rollout, VideoModel};
+use ds_video::{Layout, Rollout, VideoModel};
 
 use crate::config::TrainConfig;
 use crate::error::TrainError;
 use crate::{Progress, batch, sheet, ship};
 
 const CLIPS: usize = 8;
+
+/// Returns the layouts of a clip with their geometry.
+#[must_use]
+pub fn layouts(clip: &Clip) -> Vec<Layout> {
+    let geometry = clip.geometry.iter().cloned().map(Some).chain(std::iter::repeat(None));
+    clip.layouts.iter().cloned().zip(geometry).map(|(image, geometry)| Layout { image, geometry }).collect()
+}
 
 /// Rolls a clip out with the given layouts; the first frame is the clip's own.
 ///
@@ -25,7 +32,7 @@ const CLIPS: usize = 8;
 pub fn roll(
     model: &Arc<VideoModel>,
     clip: &Clip,
-    layouts: &[RgbImage],
+    layouts: &[Layout],
     key: &Digest,
 ) -> Result<Vec<RgbImage>, TrainError> {
     let (first, layout) = (&clip.frames[0], &layouts[0]);
@@ -50,9 +57,9 @@ pub(crate) fn held_out(
     let (mut own, mut other, mut rows) = (0.0, 0.0, Vec::new());
     for index in 0..count {
         let clip = clips.whole(index)?;
-        let foreign = clips.whole((index + 1) % count)?.layouts;
+        let (own_layouts, foreign) = (layouts(&clip), layouts(&clips.whole((index + 1) % count)?));
         let key = Digest::of(&(index as u64).to_le_bytes());
-        let frames = roll(&model, &clip, &clip.layouts, &key)?;
+        let frames = roll(&model, &clip, &own_layouts, &key)?;
         let ticks = frames.len().min(foreign.len());
         let wrong = roll(&model, &clip, &foreign[..ticks], &key)?;
         own += batch::psnr_db(&clip.frames[1..ticks], &frames[1..ticks]) / count as f32;

@@ -83,6 +83,7 @@ fn preset(config: &TrainConfig, stage: &str) -> Result<ModelConfig, TrainError> 
     let mut model = config.model()?;
     if stage != "decoder" {
         model.control.decoder_layers = 0;
+        model.control.carried = false;
     }
     Ok(model)
 }

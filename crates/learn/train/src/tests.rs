@@ -79,7 +79,7 @@ fn psnr(config: &TrainConfig, student: &ds_nn::Weights, stage: &str) -> f32 {
     let clips = ClipSet::open(&config.sets["clips"]).expect("opens");
     let each = |index: usize| {
         let clip = clips.whole(index).expect("reads");
-        let frames = evaluate::roll(&model, &clip, &clip.layouts, &Digest::of(b"key")).expect("rolls");
+        let frames = evaluate::roll(&model, &clip, &evaluate::layouts(&clip), &Digest::of(b"key")).expect("rolls");
         batch::psnr_db(&clip.frames[1..], &frames[1..])
     };
     (0..4).map(each).sum::<f32>() / 4.0

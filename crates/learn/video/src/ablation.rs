@@ -94,6 +94,9 @@ pub fn replace_transformer(weights: &mut Weights, config: &ModelConfig, file: &P
     Ok(())
 }
 
+/// A logistic function of this is 0 in single precision.
+const NOTHING: f32 = -200.0;
+
 /// Returns weights whose control latents are zero, and to which a guided decoder's view of the layout is zero.
 #[must_use]
 pub fn silenced(shape: &AeShape, weights: &Weights) -> Weights {
@@ -110,6 +113,13 @@ pub fn silenced(shape: &AeShape, weights: &Weights) -> Weights {
         for tap in array.values_mut().chunks_exact_mut(inputs) {
             tap[inputs - seen..].fill(0.0);
         }
+    }
+    // What is carried goes by the layout's geometry: nothing of it is shown.
+    if let Some(bias) = silent.get_mut("vae.decoder.guide.blend.bias") {
+        bias.values_mut().fill(NOTHING);
+    }
+    if let Some(weight) = silent.get_mut("vae.decoder.guide.blend.weight") {
+        weight.values_mut().fill(0.0);
     }
     silent
 }

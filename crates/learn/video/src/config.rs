@@ -252,6 +252,10 @@ pub struct ControlConfig {
     /// Widths at 1/8, 1/4 and 1/2 resolution of the sketch of the layout that these convolutions see; without it, the layout itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sketch_widths: Option<[usize; 3]>,
+    /// Whether these convolutions also see the last frame of the chunk before, carried to where the geometry of the layouts says that
+    /// its parts are now.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub carried: bool,
 }
 
 /// The few-step sampler.
@@ -434,6 +438,7 @@ impl ModelConfig {
             decoder_skip: self.vae.decoder_skip,
             guides: self.control.decoder_layers,
             sketch_widths: self.control.sketch_widths,
+            carried: self.control.carried,
         }
     }
 

@@ -12,6 +12,7 @@ pub mod config;
 mod denoising;
 mod entry;
 mod error;
+mod layout;
 mod model;
 mod per_frame;
 pub mod prompt;
@@ -30,6 +31,7 @@ pub use denoising::Denoising;
 
 pub use config::{CacheSource, ConfigError, ModelConfig};
 pub use error::VideoError;
+pub use layout::{Carry, Layout};
 pub use model::VideoModel;
 pub use per_frame::PerFrame;
 pub use rollout::{Generated, Replay, Rollout};

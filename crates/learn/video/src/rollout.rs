@@ -19,6 +19,7 @@ use crate::codec::{DecoderMemory, LayoutMemory};
 use crate::config::StartConfig;
 use crate::entry;
 use crate::error::VideoError;
+use crate::layout::{Carry, Layout};
 use crate::model::VideoModel;
 use crate::sampling::{self, Sampled, Sampling};
 use crate::{sampler, tokens};
@@ -53,8 +54,10 @@ pub struct Rollout {
     remembered: LayoutMemory,
     /// The next chunk; 0 is the first frame.
     chunk: u32,
+    /// The last frame before the chunk under way.
+    carry: Carry,
     /// Layouts of the chunk under way, oldest first.
-    pending: Vec<RgbImage>,
+    pending: Vec<Layout>,
     /// Frames of the chunk under way as last made: one per pending layout.
     provisional: Vec<RgbImage>,
 }
@@ -77,9 +80,9 @@ pub struct Replay<'a> {
     /// tick and that many before it, or of all ticks from 0 on if there are fewer. More may be given.
     ///
     /// [`ModelConfig::layout_memory_ticks`]: crate::ModelConfig::layout_memory_ticks
-    pub past: &'a [RgbImage],
+    pub past: &'a [Layout],
     /// The layouts received since the last commit, fewer than a chunk's.
-    pub layouts: &'a [RgbImage],
+    pub layouts: &'a [Layout],
 }
 
 impl Rollout {
@@ -95,11 +98,13 @@ impl Rollout {
         camera: &str,
         prompt: &str,
         first_frame: &RgbImage,
-        first_layout: &RgbImage,
+        first_layout: impl Into<Layout>,
     ) -> Result<(Self, Cache), VideoError> {
         let (mut rollout, clean) = Self::prepare(model, draw_key, camera, prompt, first_frame)?;
-        let (control, remembered) = rollout.control(std::slice::from_ref(first_layout));
+        let first_layout = [first_layout.into()];
+        let (control, remembered) = rollout.control(&first_layout);
         rollout.remembered = remembered;
+        rollout.take_along(rollout.first_frame.clone().as_ref(), &first_layout[0]);
         rollout.begin(clean, &control)
     }
 
@@ -138,6 +143,7 @@ impl Rollout {
             decoder: DecoderMemory::default(),
             remembered: LayoutMemory::default(),
             chunk: 0,
+            carry: Carry::default(),
             pending: Vec::new(),
             provisional: Vec::new(),
             model,
@@ -158,7 +164,7 @@ impl Rollout {
 
     /// Makes the frame of a tick with what was prepared alone: the last one of a chunk that shows its layout throughout.
     pub(crate) fn alone(&self, tick: Tick, layout: &RgbImage) -> Result<RgbImage, VideoError> {
-        let layouts = vec![layout.clone(); self.model.config().frames_per_chunk()];
+        let layouts = vec![Layout::from(layout); self.model.config().frames_per_chunk()];
         let mut alone = Self { chunk: tick.0, ..self.clone() };
         let made = alone.make(&alone.control(&layouts).0)?;
         let mut frames = alone.decode(&made.clean, &layouts)?;
@@ -184,7 +190,10 @@ impl Rollout {
     ///
     /// # Errors
     /// If there is no layout or the model gives values that are not finite.
-    pub fn generate(&mut self, layouts: &[RgbImage]) -> Result<Generated, VideoError> {
+    pub fn generate<'a, L>(&mut self, layouts: &'a [L]) -> Result<Generated, VideoError>
+    where
+        Layout: From<&'a L>,
+    {
         if layouts.is_empty() {
             return Err(VideoError::NoLayouts);
         }
@@ -195,7 +204,7 @@ impl Rollout {
             let (now, later) = left.split_at(left.len().min(per_chunk - self.pending.len()));
             left = later;
             let published = self.pending.len();
-            self.pending.extend_from_slice(now);
+            self.pending.extend(now.iter().map(Layout::from));
             if self.pending.len() < per_chunk {
                 self.provisional = self.attempt()?;
                 generated.frames.extend_from_slice(&self.provisional[published..]);
@@ -210,6 +219,9 @@ impl Rollout {
             }
             generated.frames.extend_from_slice(&frames[published..]);
             self.remembered = remembered;
+            if let (Some(frame), Some(layout)) = (frames.last(), layouts.last()) {
+                self.take_along(frame, layout);
+            }
             generated.committed.push(self.commit(made, &control));
         }
         Ok(generated)
@@ -254,7 +266,11 @@ impl Rollout {
             let reason = format!("are {}, a whole chunk or more", layouts.len());
             return Err(VideoError::Entry { chunk: rollout.chunk, field: "layouts", reason });
         }
-        rollout.remember(past, rest.last().unwrap_or(first))?;
+        let newest = rest.last().unwrap_or(first);
+        rollout.remember(past, newest)?;
+        if let (Some(frame), Some(layout)) = (&newest.frame, past.last()) {
+            rollout.take_along(frame, layout);
+        }
         if !layouts.is_empty() {
             rollout.pending = layouts.to_vec();
             rollout.provisional = rollout.attempt()?;
@@ -263,7 +279,7 @@ impl Rollout {
     }
 
     /// Brings the memory of layouts to the last commit, whose control latent must come out again.
-    fn remember(&mut self, past: &[RgbImage], logged: &Cache) -> Result<(), VideoError> {
+    fn remember(&mut self, past: &[Layout], logged: &Cache) -> Result<(), VideoError> {
         let config = self.model.config();
         let (chunk, memory) = (config.frames_per_chunk(), config.layout_memory_ticks());
         if memory == 0 {
@@ -301,9 +317,17 @@ impl Rollout {
         writer.digest(&self.conditioning).digest(&self.cache.digest()).digest(&decoder);
         writer.u32(self.chunk).u64(self.pending.len() as u64);
         for layout in &self.pending {
-            layout.digest_into(&mut writer);
+            layout.image.digest_into(&mut writer);
         }
+        self.carry.digest_into(&mut writer);
         writer.finish()
+    }
+
+    /// Takes the last frame of what was committed along, if the decoder is to see it again.
+    fn take_along(&mut self, frame: &RgbImage, layout: &Layout) {
+        if self.model.config().control.carried {
+            self.carry = Carry::of(frame, layout);
+        }
     }
 
     fn latent_shape(&self) -> [usize; 4] {
@@ -330,9 +354,11 @@ impl Rollout {
 
     /// Computes the control latent of the layouts of whole latent frames, a single one for the first, and what is then
     /// remembered of layouts.
-    fn control(&self, layouts: &[RgbImage]) -> (Control, LayoutMemory) {
+    fn control(&self, layouts: &[Layout]) -> (Control, LayoutMemory) {
         let config = self.model.config();
-        let layouts = self.sized(layouts);
+        let video = &config.video;
+        let layouts: Vec<RgbImage> =
+            layouts.iter().map(|layout| layout.image.resized(video.width_px, video.height_px)).collect();
         let mut remembered = self.remembered.clone();
         let layouts: Vec<&RgbImage> = layouts.iter().collect();
         let control = self.model.codec.control(&*self.model.dit, config, &layouts, &mut remembered);
@@ -343,12 +369,6 @@ impl Rollout {
     fn logged(&self, control: &Control, frames: usize) -> Tensor {
         let values = self.model.dit.control_values(control).into_values();
         entry::tensor(&Array::new(&self.control_shape(frames), values))
-    }
-
-    /// Brings layouts to the model's video size.
-    fn sized(&self, layouts: &[RgbImage]) -> Vec<RgbImage> {
-        let video = &self.model.config().video;
-        layouts.iter().map(|layout| layout.resized(video.width_px, video.height_px)).collect()
     }
 
     /// Denoises the chunk under way.
@@ -372,11 +392,16 @@ impl Rollout {
     }
 
     /// Decodes a chunk, guided by its layouts if there are any, and moves the decoder on.
-    fn decode(&mut self, clean: &Array, layouts: &[RgbImage]) -> Result<Vec<RgbImage>, VideoError> {
+    fn decode(&mut self, clean: &Array, layouts: &[Layout]) -> Result<Vec<RgbImage>, VideoError> {
         let config = self.model.config();
         let (h, w) = config.latent_size();
-        let guide = (config.control.decoder_layers > 0 && !layouts.is_empty())
-            .then(|| tokens::stacked(&self.sized(layouts).iter().collect::<Vec<_>>()));
+        let guide = (config.control.decoder_layers > 0 && !layouts.is_empty()).then(|| {
+            self.carry.guide(
+                &config.ae(),
+                (config.video.width_px, config.video.height_px),
+                &layouts.iter().collect::<Vec<_>>(),
+            )
+        });
         let latents = tokens::tokens_to_latents(clean, h, w);
         let decoded = self.model.codec.decode(latents, guide.as_ref(), &mut self.decoder);
         if !decoded.is_finite() {
@@ -408,6 +433,7 @@ impl Rollout {
             cache_digest: self.cache.digest(),
             encoder_digest: self.encoder_digest,
             decoder_digest: self.model.codec.decoder_digest(&self.decoder),
+            frame: self.carry.frame().cloned(),
         };
         self.chunk += 1;
         self.pending.clear();

@@ -6,12 +6,12 @@ use ds_nn::body::Chunk;
 use ds_nn::cache::{KvCache, Positions, ReadOrder};
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Weights};
-use ds_raster::RgbImage;
-use ds_space::Digest;
+use ds_raster::{Geometry, RgbImage};
+use ds_space::{CameraId, CameraModel, DVec3, Digest, Intrinsics, PoseSe2};
 use ds_topic::Cache;
 use ds_topic::body::Tensor;
 
-use crate::{Backend, ModelConfig, Replay, Rollout, VideoError, VideoModel, prompt, sampler};
+use crate::{Backend, Layout, ModelConfig, Replay, Rollout, VideoError, VideoModel, prompt, sampler};
 
 mod published;
 
@@ -49,10 +49,61 @@ fn layouts(ticks: std::ops::Range<u32>) -> Vec<RgbImage> {
 
 fn start(model: &Arc<VideoModel>) -> (Rollout, Cache) {
     let key = Digest::of(b"key");
-    Rollout::new(Arc::clone(model), key, "front", PROMPT, &picture(0), &picture(100)).expect("starts")
+    Rollout::new(Arc::clone(model), key, "front", PROMPT, &picture(0), picture(100)).expect("starts")
+}
+
+/// Layouts seen by a car that drives along a plane.
+fn told(ticks: std::ops::Range<u32>) -> Vec<Layout> {
+    let id = CameraId::new("front").expect("an id");
+    let camera = CameraModel::mounted(id, Intrinsics::centred(64, 32, 1.2), DVec3::new(0.0, 0.0, 1.5), 0.0, 0.0);
+    let lens = camera.intrinsics;
+    let below = |row: usize| (row as f64 + 0.5 - lens.cy_px).max(0.0) / lens.fy_px / 1.5;
+    let depths: Arc<[u16]> = (0..32 * 64).map(|at| (below(at / 64) * 65_535.0) as u16).collect();
+    let layout = |k: u32| {
+        let world_from_camera = PoseSe2::new(0.4 * f64::from(k), 0.0, 0.0).world_from_rig(0.0) * camera.rig_from_camera;
+        let geometry = Geometry { lens, world_from_camera, inverse_depths: Arc::clone(&depths), movers: Vec::new() };
+        Layout { image: picture(k + 100), geometry: Some(Arc::new(geometry)) }
+    };
+    ticks.map(layout).collect()
+}
+
+#[test]
+fn a_frame_is_carried_from_chunk_to_chunk_and_to_a_successor() {
+    let model = model_of(&SMOKE.replace("decoder_layers = 1", "decoder_layers = 1\ncarried = true"));
+    assert_eq!(model.config().layout_memory_ticks(), 4);
+    let first = &told(0..1)[0];
+    let begin = || {
+        let key = Digest::of(b"key");
+        Rollout::new(Arc::clone(&model), key, "front", PROMPT, &picture(0), first).expect("starts")
+    };
+    let (mut rollout, entry) = begin();
+    let whole = rollout.generate(&told(1..13)).expect("generates");
+    assert!(whole.committed.iter().all(|entry| entry.frame.is_some()));
+    let plain = begin().0.generate(&layouts(1..13)).expect("generates");
+    assert_ne!(whole.frames[..4], plain.frames[..4], "the first frame is carried into the first chunk");
+    for done in 0..3 {
+        let log: Vec<Cache> = std::iter::once(&entry).chain(&whole.committed[..done]).cloned().collect();
+        let since = 4 * done as u32 + 1;
+        let mut successor = Rollout::replay(Replay {
+            model: Arc::clone(&model),
+            draw_key: Digest::of(b"key"),
+            camera: "front",
+            prompt: PROMPT,
+            first_frame: &picture(0),
+            entries: &log,
+            past: &told(since.saturating_sub(5)..since),
+            layouts: &told(since..since + 2),
+        })
+        .expect("replays");
+        let after = successor.generate(&told(since + 2..13)).expect("generates");
+        assert_eq!(after.frames, whole.frames[since as usize + 1..]);
+        assert_eq!(after.committed, whole.committed[done..]);
+        assert_eq!(successor.state_digest(), rollout.state_digest());
+    }
 }
 
 fn replayed(model: &Arc<VideoModel>, log: &[Cache], since: &[RgbImage]) -> Result<Rollout, VideoError> {
+    let since: Vec<Layout> = since.iter().map(Layout::from).collect();
     Rollout::replay(Replay {
         model: Arc::clone(model),
         draw_key: Digest::of(b"key"),
@@ -61,7 +112,7 @@ fn replayed(model: &Arc<VideoModel>, log: &[Cache], since: &[RgbImage]) -> Resul
         first_frame: &picture(0),
         entries: log,
         past: &[],
-        layouts: since,
+        layouts: &since,
     })
 }
 
@@ -78,7 +129,7 @@ fn a_frame_comes_for_every_layout_however_calls_are_split_at_chunks() {
     assert_eq!(frames, whole.frames);
     let ticks: Vec<(u32, u32)> = whole.committed.iter().map(|e| (e.first.0, e.ticks)).collect();
     assert_eq!(ticks, [(1, 4), (5, 4), (9, 4), (13, 4), (17, 4), (21, 4)]);
-    assert!(rollout.generate(&[]).is_err());
+    assert!(rollout.generate::<Layout>(&[]).is_err());
 }
 
 #[test]
@@ -228,7 +279,7 @@ fn back_ends_give_the_same_frames_up_to_rounding() {
 fn rollouts_at_once_give_what_each_gives_alone() {
     let model = model("state(2)");
     let run = |key: u8| {
-        let begun = Rollout::new(Arc::clone(&model), Digest::of(&[key]), "front", PROMPT, &picture(0), &picture(100));
+        let begun = Rollout::new(Arc::clone(&model), Digest::of(&[key]), "front", PROMPT, &picture(0), picture(100));
         let (mut rollout, _) = begun.expect("starts");
         (rollout.generate(&layouts(1..22)).expect("generates").frames, rollout.state_digest())
     };
@@ -321,7 +372,7 @@ fn what_a_rollout_depends_on() {
     let model = model("state(2)");
     let run = |key: &str, camera: &str, prompt: &str, first: u32, on: u32| {
         let (key, first) = (Digest::of(key.as_bytes()), picture(first));
-        let rollout = Rollout::new(Arc::clone(&model), key, camera, prompt, &first, &picture(100));
+        let rollout = Rollout::new(Arc::clone(&model), key, camera, prompt, &first, picture(100));
         rollout.expect("starts").0.generate(&layouts(on..on + 8)).expect("generates").frames
     };
     let base = run("key", "front", PROMPT, 0, 1);

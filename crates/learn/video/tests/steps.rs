@@ -149,12 +149,14 @@ fn autoencoders() -> [AeShape; 4] {
         decoder_skip: true,
         guides: 2,
         sketch_widths: None,
+        carried: false,
     };
     let two = AeShape {
         stride_t: 2,
         decoder_blocks: [1, 0, 2],
         decoder_skip: false,
         sketch_widths: Some([6, 4, 3]),
+        carried: true,
         ..narrow.clone()
     };
     let bare =
@@ -213,9 +215,9 @@ fn reconstruction_steps_equal_the_framework() {
         let case = format!("{shape:?}");
         check(&train::autoencoder(&shape, &weights, &batch), &step::autoencoder(&shape, &weights, &batch), &case);
         let latents = draw("latents", &[steps, h, w, shape.z]);
-        let layouts = image("layouts", 3);
+        let guide = image("layouts", shape.guide_channels());
         let batch =
-            DecoderBatch { clips, latents, layouts, frames: image("frames", 3), told: true, emphasis, change: 0.4 };
+            DecoderBatch { clips, latents, guide, frames: image("frames", 3), told: true, emphasis, change: 0.4 };
         check(&train::decoder(&shape, &weights, &batch), &step::decoder(&shape, &weights, &batch), &case);
     }
 }
@@ -225,9 +227,9 @@ fn opposed(shape: &AeShape, told: bool) -> (DecoderBatch, DiscriminatorShape) {
     let image = |name: &str, c: usize| draw(name, &[4 * shape.stride_t, 16, 24, c]);
     let emphasis = Array::new(&[4 * shape.stride_t, 16, 24, 1], vec![1.0; 4 * shape.stride_t * 16 * 24]);
     let latents = draw("latents", &[4, 2, 3, shape.z]);
-    let (layouts, frames) = (image("layouts", 3), image("frames", 3));
+    let (guide, frames) = (image("layouts", shape.guide_channels()), image("frames", 3));
     (
-        DecoderBatch { clips: 2, latents, layouts, frames, told, emphasis, change: 0.0 },
+        DecoderBatch { clips: 2, latents, guide, frames, told, emphasis, change: 0.0 },
         DiscriminatorShape { widths: [6, 5, 7] },
     )
 }

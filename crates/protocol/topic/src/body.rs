@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ds_raster::{Encoding, RgbImage};
+use ds_raster::{Encoding, Mover, RgbImage};
 use ds_space::{Digest, DigestWriter, Intrinsics, PoseSe2, SimTime, Tick};
 use ds_world::{EgoState, Proposal, Reading, RouteCommand, Scene, Trajectory, WorldState};
 
@@ -66,6 +66,17 @@ pub struct Layout {
     pub encoding: Encoding,
     /// The rig in the world at this tick.
     pub ego_in_world: PoseSe2,
+    /// How far away what the picture shows is, and what of it moves by itself; none from a renderer that does not tell.
+    pub geometry: Option<LayoutGeometry>,
+}
+
+/// Geometry of a layout picture; the camera is the scene's.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LayoutGeometry {
+    /// Inverse depth along the optical axis of each pixel, rows top to bottom, in steps of 1/65535 1/m; 0 is infinitely far.
+    pub inverse_depths: Arc<[u16]>,
+    /// What moves by itself.
+    pub movers: Vec<Mover>,
 }
 
 /// Body of `frame`.
@@ -127,6 +138,8 @@ pub struct Cache {
     pub encoder_digest: Digest,
     /// Digest of the decoder's memory after the chunk; of a published model over the last frame of every chunk.
     pub decoder_digest: Digest,
+    /// The last frame of the chunk, where the next chunk is made from it too.
+    pub frame: Option<RgbImage>,
 }
 
 /// A dense tensor of 32-bit floats, row-major.
@@ -278,6 +291,9 @@ impl Cache {
         }
         for digest in [&self.conditioning, &self.cache_digest, &self.encoder_digest, &self.decoder_digest] {
             writer.digest(digest);
+        }
+        if let Some(frame) = &self.frame {
+            frame.digest_into(writer);
         }
     }
 }

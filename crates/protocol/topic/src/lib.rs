@@ -10,7 +10,9 @@ pub mod order;
 pub mod slot;
 pub mod spec;
 
-pub use body::{Answered, Cache, Ego, Event, EventKind, Frame, Layout, Plan, SceneMessage, Score, Verdict, World};
+pub use body::{
+    Answered, Cache, Ego, Event, EventKind, Frame, Layout, LayoutGeometry, Plan, SceneMessage, Score, Verdict, World,
+};
 pub use diagnosis::{DiagnosedEffect, Diagnosis, GapCell};
 pub use envelope::{Envelope, Header, SCHEMA_VERSION};
 pub use order::{Advance, Motion, Owner, Role};

@@ -1,11 +1,13 @@
 //! Topic `cache`: tensors and digests of a committed chunk.
 
+use ds_raster::Encoding;
 use ds_space::Tick;
 use ds_topic::Cache;
 use ds_topic::body::Tensor;
 
 use crate::error::FieldError;
 use crate::field::{digest, part, whole};
+use crate::image::{Lossless, to_message};
 use crate::v1;
 
 /// The most axes of a tensor.
@@ -63,6 +65,7 @@ impl From<&Cache> for v1::Cache {
             cache_digest: bytes(&value.cache_digest),
             encoder_digest: bytes(&value.encoder_digest),
             decoder_digest: bytes(&value.decoder_digest),
+            frame: value.frame.as_ref().map(|frame| to_message(frame, Encoding::None)),
         }
     }
 }
@@ -81,6 +84,11 @@ impl TryFrom<v1::Cache> for Cache {
             cache_digest: digest("cache_digest", &message.cache_digest)?,
             encoder_digest: digest("encoder_digest", &message.encoder_digest)?,
             decoder_digest: digest("decoder_digest", &message.decoder_digest)?,
+            frame: message
+                .frame
+                .map(|frame| part::<_, Lossless>("frame", Some(frame)))
+                .transpose()?
+                .map(|frame| frame.0),
         })
     }
 }

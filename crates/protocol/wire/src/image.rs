@@ -1,12 +1,14 @@
 //! Images, and the two topics that are one: `layout` and `frame`. Lossless only; sizes are bounded before decoding.
 
 use bytes::Bytes;
-use ds_raster::{Encoding, RgbImage};
-use ds_topic::{Frame, Layout};
+use ds_raster::{Encoding, Mover, RgbImage};
+use ds_topic::{Frame, Layout, LayoutGeometry};
+use ds_world::Size;
 
 use crate::error::FieldError;
-use crate::field::{checked, enumeration, extent, part};
+use crate::field::{checked, enumeration, extent, list, number, part};
 use crate::v1;
+use crate::world::MAX_AGENTS;
 
 /// The most pixels of one image: as many as fit the message limit raw.
 pub const MAX_PIXELS: u64 = 10 << 20;
@@ -59,6 +61,7 @@ impl From<&Layout> for v1::Layout {
             header: None,
             image: Some(to_message(&value.image, value.encoding)),
             ego_in_world: Some((&value.ego_in_world).into()),
+            geometry: value.geometry.as_ref().map(Into::into),
         }
     }
 }
@@ -67,7 +70,56 @@ impl TryFrom<v1::Layout> for Layout {
     type Error = FieldError;
     fn try_from(message: v1::Layout) -> Result<Self, FieldError> {
         let Lossless(image, encoding) = part("image", message.image)?;
-        Ok(Self { image, encoding, ego_in_world: part("ego_in_world", message.ego_in_world)? })
+        let told = |told| part::<_, LayoutGeometry>("geometry", Some(told));
+        let geometry = message.geometry.map(told).transpose()?;
+        let pixels = image.width_px() as usize * image.height_px() as usize;
+        if let Some(count) = geometry.as_ref().map(|told| told.inverse_depths.len()).filter(|count| *count != pixels) {
+            return Err(FieldError::new(
+                "geometry.inverse_depths",
+                format!("are {count}, the picture has {pixels} pixels"),
+            ));
+        }
+        Ok(Self { image, encoding, ego_in_world: part("ego_in_world", message.ego_in_world)?, geometry })
+    }
+}
+
+impl From<&LayoutGeometry> for v1::LayoutGeometry {
+    fn from(value: &LayoutGeometry) -> Self {
+        let depths: Vec<u8> = value.inverse_depths.iter().flat_map(|depth| depth.to_le_bytes()).collect();
+        Self { inverse_depths: depths.into(), movers: value.movers.iter().map(Into::into).collect() }
+    }
+}
+
+impl TryFrom<v1::LayoutGeometry> for LayoutGeometry {
+    type Error = FieldError;
+    fn try_from(message: v1::LayoutGeometry) -> Result<Self, FieldError> {
+        let depths = message.inverse_depths.chunks(2).map(|pair| match pair {
+            [low, high] => Ok(u16::from_le_bytes([*low, *high])),
+            _ => Err(FieldError::new("inverse_depths", "has an odd number of bytes")),
+        });
+        let inverse_depths = depths.collect::<Result<_, FieldError>>()?;
+        Ok(Self { inverse_depths, movers: list("movers", message.movers, MAX_AGENTS)? })
+    }
+}
+
+impl From<&Mover> for v1::Mover {
+    fn from(value: &Mover) -> Self {
+        let [length_m, width_m, height_m] = value.size_m;
+        let size = Size { length_m, width_m, height_m };
+        Self { id: value.id, pose: Some((&value.pose).into()), z_m: Some(value.bottom_m), size: Some((&size).into()) }
+    }
+}
+
+impl TryFrom<v1::Mover> for Mover {
+    type Error = FieldError;
+    fn try_from(message: v1::Mover) -> Result<Self, FieldError> {
+        let Size { length_m, width_m, height_m } = part("size", message.size)?;
+        Ok(Self {
+            id: message.id,
+            pose: part("pose", message.pose)?,
+            bottom_m: number("z_m", message.z_m)?,
+            size_m: [length_m, width_m, height_m],
+        })
     }
 }
 

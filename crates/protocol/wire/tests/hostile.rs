@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use bytes::Bytes;
-use ds_raster::{Encoding, RgbImage};
+use ds_raster::{Encoding, Mover, RgbImage};
 use ds_space::{AgentId, CameraId, CameraModel, DVec2, DVec3, Digest, EpisodeId, Intrinsics, PoseSe2, SimTime, Tick};
 use ds_topic::body::Tensor;
 use ds_topic::{
-    Advance, Cache, Ego, EpisodeSpec, Event, EventKind, Frame, Layout, Motion, Plan, SceneMessage, Score, Slot, Topic,
-    World,
+    Advance, Cache, Ego, EpisodeSpec, Event, EventKind, Frame, Layout, LayoutGeometry, Motion, Plan, SceneMessage,
+    Score, Slot, Topic, World,
 };
 use ds_wire::policy::{Observation, PolicyHello, PolicyMessage, PolicyPlan};
 use ds_wire::{Body, split, v1};
@@ -103,7 +103,9 @@ fn frame() -> Frame {
 }
 
 fn layout() -> Layout {
-    Layout { image: image(), encoding: Encoding::None, ego_in_world: PoseSe2::default() }
+    let mover = Mover { id: 1, pose: PoseSe2::default(), bottom_m: 0.0, size_m: [4.0, 2.0, 1.5] };
+    let geometry = LayoutGeometry { inverse_depths: vec![7; 32].into(), movers: vec![mover] };
+    Layout { image: image(), encoding: Encoding::None, ego_in_world: PoseSe2::default(), geometry: Some(geometry) }
 }
 
 fn cache() -> Cache {
@@ -120,6 +122,7 @@ fn cache() -> Cache {
         cache_digest: digest,
         encoder_digest: digest,
         decoder_digest: digest,
+        frame: Some(image()),
     }
 }
 
@@ -236,6 +239,21 @@ fn png_header(width_px: u32, height_px: u32) -> Bytes {
     bytes.extend(height_px.to_be_bytes());
     bytes.extend([8, 2, 0, 0, 0, 0, 0, 0, 0]);
     bytes.into()
+}
+
+#[test]
+fn a_bad_geometry_is_refused_by_field_and_value() {
+    let bad = |change: &dyn Fn(&mut v1::LayoutGeometry), says: &str| {
+        let mut message = v1::Layout::from(&layout());
+        change(message.geometry.as_mut().expect("has one"));
+        refused::<Layout>(message, says);
+    };
+    let depths = |m: &mut v1::LayoutGeometry, bytes: usize| m.inverse_depths = vec![0; bytes].into();
+    bad(&|m| depths(m, 62), "layout.geometry.inverse_depths are 31, the picture has 32 pixels");
+    bad(&|m| depths(m, 63), "layout.geometry.inverse_depths has an odd number of bytes");
+    bad(&|m| m.movers[0].pose = None, "layout.geometry.movers[0].pose is missing");
+    bad(&|m| m.movers[0].z_m = Some(f64::NAN), "layout.geometry.movers[0].z_m is NaN");
+    bad(&|m| m.movers = vec![m.movers[0]; 4097], "layout.geometry.movers");
 }
 
 #[test]

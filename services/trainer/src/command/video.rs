@@ -56,7 +56,7 @@ fn first_frame(args: &FirstFrameArgs) -> Result<()> {
     let preset = ModelConfig::load(&args.model).with_context(|| format!("model {}", args.model.display()))?;
     let route = Route { scene: Arc::new(scene), start: 0, pace: 1.0, look: Appearance::DAY, turned_deg: 0.0 };
     let mut drive = Drive::new(&ReferenceWorld, &route, (preset.video.width_px, preset.video.height_px))?;
-    let layout = drive.layout(0)?;
+    let layout = drive.layout(0)?.image;
     let prompt = args.prompt.as_deref().unwrap_or(&drive.prompt);
     let request = Request {
         layout: &layout,

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use ds_process::maker::output;
 use ds_space::{AttemptId, CameraId, CameraModel, DVec3, Digest, EpisodeId, InstanceId, Intrinsics, PoseSe2, SimTime};
-use ds_topic::{Envelope, EpisodeSpec, Header, Motion, ObservationSource, SCHEMA_VERSION};
+use ds_topic::{Envelope, EpisodeSpec, Header, LayoutGeometry, Motion, ObservationSource, SCHEMA_VERSION};
 use ds_video::{Backend, ModelConfig};
 
 use super::*;
@@ -13,8 +13,9 @@ const CAMERAS: [&str; 3] = ["front", "left", "right"];
 const ROUNDS: u32 = 4;
 const REPLAN: u32 = 5;
 
-fn own() -> Arc<VideoModel> {
-    let text = include_str!("../../../../configs/models/smoke.toml");
+const SMOKE: &str = include_str!("../../../../configs/models/smoke.toml");
+
+fn own(text: &str) -> Arc<VideoModel> {
     let config = ModelConfig::parse(text).expect("the preset is valid");
     Arc::new(VideoModel::untrained(&config, &Digest::of(b"weights")))
 }
@@ -85,12 +86,34 @@ fn order(iteration: u32) -> Advance {
     }
 }
 
+fn ego(tick: u32) -> PoseSe2 {
+    PoseSe2::new(0.3 * f64::from(tick), 0.0, 0.0)
+}
+
+/// A wall 10 m away.
+fn depths() -> Arc<[u16]> {
+    vec![6_553; 64 * 32].into()
+}
+
+/// The layout of a tick as a rollout takes it.
+fn layout(camera: &CameraModel, index: u16, tick: u32) -> Layout {
+    let world_from_camera = ego(tick).world_from_rig(0.0) * camera.rig_from_camera;
+    let geometry =
+        Geometry { lens: camera.intrinsics, world_from_camera, inverse_depths: depths(), movers: Vec::new() };
+    Layout { image: picture(index, tick + 100), geometry: Some(Arc::new(geometry)) }
+}
+
 /// All layouts of the drive.
 fn layouts() -> Inputs {
     let mut inputs = Inputs::default();
     for (tick, camera) in (0..=REPLAN * ROUNDS).flat_map(|tick| (0u16..3).map(move |camera| (tick, camera))) {
-        let image = picture(camera, tick + 100);
-        let layout = Layout { image, encoding: Encoding::None, ego_in_world: PoseSe2::new(0.0, 0.0, 0.0) };
+        let geometry = LayoutGeometry { inverse_depths: depths(), movers: Vec::new() };
+        let layout = ds_topic::Layout {
+            image: picture(camera, tick + 100),
+            encoding: Encoding::None,
+            ego_in_world: ego(tick),
+            geometry: Some(geometry),
+        };
         let slot = Slot::of_camera(Topic::Layout, tick, camera);
         inputs.0.insert(slot, envelope(output(slot, Tick(tick), &layout)));
     }
@@ -99,7 +122,8 @@ fn layouts() -> Inputs {
 
 #[test]
 fn cameras_of_a_rig_are_made_as_each_alone_and_restored_from_their_logs() {
-    for model in [own(), published()] {
+    let carrying = SMOKE.replace("decoder_layers = 1", "decoder_layers = 1\ncarried = true");
+    for model in [own(SMOKE), own(&carrying), published()] {
         check(model);
     }
 }
@@ -112,14 +136,15 @@ fn check(model: Arc<VideoModel>) {
     for iteration in 0..=ROUNDS {
         made.extend(maker.work(&order(iteration), &inputs).expect("works"));
     }
-    for (index, camera) in (0u16..).zip(CAMERAS) {
-        let (key, prompt) = (scene.spec.draw_key(), scene.prompt());
-        let begun = Rollout::new(Arc::clone(&model), key, camera, prompt, &picture(index, 0), &picture(index, 100));
+    for (index, seen) in (0u16..).zip(&scene.scene.cameras) {
+        let (key, prompt, camera) = (scene.spec.draw_key(), scene.prompt(), seen.id.as_str());
+        let first = layout(seen, index, 0);
+        let begun = Rollout::new(Arc::clone(&model), key, camera, prompt, &picture(index, 0), first);
         let (mut alone, _) = begun.expect("starts");
         let mut frames = vec![alone.first_frame().clone()];
         for iteration in 1..=ROUNDS {
             let ticks = 1 + REPLAN * (iteration - 1)..=REPLAN * iteration;
-            let layouts: Vec<RgbImage> = ticks.map(|tick| picture(index, tick + 100)).collect();
+            let layouts: Vec<Layout> = ticks.map(|tick| layout(seen, index, tick)).collect();
             frames.extend(alone.generate(&layouts).expect("generates").frames);
         }
         let slots = |one: &&Output| one.slot.topic == Topic::Frame && one.slot.camera == index;

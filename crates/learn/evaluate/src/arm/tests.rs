@@ -5,6 +5,7 @@ use std::path::Path;
 use ds_camera::{Appearance, ReferenceWorld};
 use ds_nn::safetensors::WeightsFile;
 use ds_scenario::Family;
+use ds_video::Layout;
 
 use super::*;
 use crate::drive::Route;
@@ -106,11 +107,11 @@ fn without_a_layout_layouts_do_not_matter() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let config = config(folder.path());
     let mut drive = drive();
-    let layouts: Vec<RgbImage> = (0..=4).map(|frame| drive.layout(frame).expect("renders")).collect();
-    let black = vec![RgbImage::filled(64, 32, [0; 3]); 5];
+    let layouts: Vec<Layout> = (0..=4).map(|frame| drive.layout(frame).expect("renders")).collect();
+    let black = vec![Layout::from(RgbImage::filled(64, 32, [0; 3])); 5];
     for (name, same) in [("blind", true), ("prior", true), ("student", false), ("teacher", false)] {
         let arm = Arm::load(&config, name).expect("loads");
-        let roll = |layouts: &[RgbImage]| arm.roll_with(&drive, layouts).expect("rolls out");
+        let roll = |layouts: &[Layout]| arm.roll_with(&drive, layouts).expect("rolls out");
         assert_eq!(roll(&layouts) == roll(&black), same, "{name}");
     }
 }
@@ -120,10 +121,10 @@ fn frames_made_one_by_one_know_no_other() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let config = config(folder.path());
     let mut drive = drive();
-    let layouts: Vec<RgbImage> = (0..=6).map(|frame| drive.layout(frame).expect("renders")).collect();
-    let mut others = vec![RgbImage::filled(64, 32, [0; 3]); 7];
+    let layouts: Vec<Layout> = (0..=6).map(|frame| drive.layout(frame).expect("renders")).collect();
+    let mut others = vec![Layout::from(RgbImage::filled(64, 32, [0; 3])); 7];
     others[5] = layouts[5].clone();
-    let roll = |arm: &Arm, layouts: &[RgbImage]| arm.roll_with(&drive, layouts).expect("rolls out");
+    let roll = |arm: &Arm, layouts: &[Layout]| arm.roll_with(&drive, layouts).expect("rolls out");
     for (name, same) in [("alone", true), ("student", false)] {
         let arm = Arm::load(&config, name).expect("loads");
         let (frames, again) = (roll(&arm, &layouts), roll(&arm, &others));

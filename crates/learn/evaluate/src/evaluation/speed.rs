@@ -7,9 +7,8 @@ use std::sync::Arc;
 use ds_camera::{Appearance, ReferenceWorld};
 use ds_kernel::peak::Yardstick;
 use ds_nn::safetensors::WeightsFile;
-use ds_raster::RgbImage;
 use ds_space::Digest;
-use ds_video::{Denoising, ModelConfig, Rollout, VideoError, VideoModel};
+use ds_video::{Denoising, Layout, ModelConfig, Rollout, VideoError, VideoModel};
 
 use super::Seconds;
 use crate::config::{EvalConfig, SpeedConfig};
@@ -62,7 +61,7 @@ pub fn measure(
     let (mut frame, mut rates) = (0, Vec::new());
     while frame < warm_up + speed.frames {
         let began = seconds();
-        let layouts: Vec<RgbImage> =
+        let layouts: Vec<Layout> =
             (frame + 1..=frame + per_chunk).map(|frame| drive.layout(frame)).collect::<Result<_, _>>()?;
         let made = rollout.generate(&layouts).map_err(refuse)?.frames;
         let took = seconds() - began;

@@ -10,6 +10,7 @@ use ds_raster::RgbImage;
 use ds_second_camera::SecondCamera;
 use ds_space::{Draws, PoseSe2};
 use ds_topic::ObservationSource;
+use ds_video::Layout;
 use ds_world::{Scene, WorldState};
 
 use super::config::StudyConfig;
@@ -100,12 +101,12 @@ impl Take {
             ObservationSource::SimRgb => seen(&PlainCamera::new(drive.scene())),
             ObservationSource::Reprojected => seen(&ReprojectedCamera::new(Arc::new(drive.scene().clone()), self.look)),
             ObservationSource::Abroad => seen(&SecondCamera::new(drive.scene(), &self.look)),
-            ObservationSource::Layout => worlds.iter().map(|world| drive.layout_of(world)).collect(),
+            ObservationSource::Layout => worlds.iter().map(|world| Ok(drive.layout_of(world)?.image)).collect(),
             generated => {
                 let arm = arm.ok_or_else(|| {
                     AppraisalError::config("video", format!("is needed by source {:?}", generated.name()))
                 })?;
-                let layouts: Vec<RgbImage> =
+                let layouts: Vec<Layout> =
                     worlds.iter().map(|world| drive.layout_of(world)).collect::<Result<_, _>>()?;
                 arm.roll_from(drive, drive.frame_of(&worlds[0])?, &layouts)
             }

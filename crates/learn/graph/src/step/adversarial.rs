@@ -8,7 +8,7 @@ use ds_nn::tiny_ae::{AeShape, Memory};
 
 use super::pixels::reconstruction;
 use super::{finish, scalar};
-use crate::graph::{Graph, Linear, Mode, array_of, fold};
+use crate::graph::{Graph, Linear, Mode, array_of, channels, fold};
 use crate::tiny_ae::TinyAe;
 
 /// What is left of negative values.
@@ -25,7 +25,8 @@ impl Discriminator {
     fn bind(against: &Adversary<'_>, batch: &DecoderBatch) -> Self {
         let graph = Graph::new(against.weights, Mode::Train);
         let layers = (0..against.shape.inputs().len()).map(|index| graph.linear(&format!("layer.{index}"))).collect();
-        Self { layers, layouts: graph.tensor(&batch.layouts), graph, clips: batch.clips }
+        let layouts = channels(&graph.tensor(&batch.guide), 0..3);
+        Self { layers, layouts, graph, clips: batch.clips }
     }
 
     /// Looks at pairs of neighbouring frames; returns what comes out of each layer, the verdicts last.
@@ -59,8 +60,8 @@ pub fn adversarial(shape: &AeShape, weights: &Weights, batch: &DecoderBatch, aga
     // A backward pass uses up the graph of what it went through: one discriminator to please, one to train.
     let ae = TinyAe::bind(shape, weights, Mode::Train);
     let [pleased, judge] = [(); 2].map(|()| Discriminator::bind(against, batch));
-    let layouts = (shape.guides > 0).then(|| ae.graph.tensor(&batch.layouts));
-    let frames = ae.decode_tensor(ae.graph.tensor(&batch.latents), layouts, batch.clips, &mut Memory::default());
+    let guide = (shape.guides > 0).then(|| ae.graph.tensor(&batch.guide));
+    let frames = ae.decode_tensor(ae.graph.tensor(&batch.latents), guide, batch.clips, &mut Memory::default());
     let truth: Tensor<4> = ae.graph.tensor(&batch.frames);
     let slope_of = |loss: &dyn Fn(Tensor<4>) -> Tensor<1>| {
         let leaf = frames.clone().detach().require_grad();

@@ -61,8 +61,8 @@ pub(super) fn reconstruction(
 #[must_use]
 pub fn decoder(shape: &AeShape, weights: &Weights, batch: &DecoderBatch) -> Step {
     let ae = TinyAe::bind(shape, weights, Mode::Train);
-    let layouts = (shape.guides > 0).then(|| ae.graph.tensor(&batch.layouts));
-    let frames = ae.decode_tensor(ae.graph.tensor(&batch.latents), layouts, batch.clips, &mut Memory::default());
+    let guide = (shape.guides > 0).then(|| ae.graph.tensor(&batch.guide));
+    let frames = ae.decode_tensor(ae.graph.tensor(&batch.latents), guide, batch.clips, &mut Memory::default());
     let emphasis = ae.graph.tensor(&batch.emphasis);
     let (loss, parts) = reconstruction(frames - ae.graph.tensor(&batch.frames), emphasis, Some(batch));
     let mut step = finish(&ae.graph, &loss, parts);

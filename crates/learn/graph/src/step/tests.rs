@@ -270,6 +270,7 @@ fn ae() -> (AeShape, AeBatch) {
         decoder_skip: true,
         guides: 0,
         sketch_widths: None,
+        carried: false,
     };
     let frames = draw("frames", &[2 * 2 * 4, 16, 24, 3]);
     let batch = AeBatch {
@@ -333,7 +334,7 @@ fn a_guided_decoder_learns_from_layouts_and_leaves_the_encoder_alone() {
     let batch = DecoderBatch {
         clips: 2,
         latents: draw("latents", &[4, 2, 3, 3]),
-        layouts: batch.frames.clone(),
+        guide: batch.frames.clone(),
         frames: batch.frames,
         told: true,
         emphasis: batch.emphasis,
@@ -352,7 +353,7 @@ fn a_guided_decoder_learns_from_layouts_and_leaves_the_encoder_alone() {
     let ae = TinyAe::new(&shape, &weights).expect("the weights fit");
     let (mut with, mut without) = (Memory::default(), Memory::default());
     let latents = draw("latents", &[4, 2, 3, 3]);
-    let guided = ae.decode(&latents, Some(&batch.layouts), &mut with);
+    let guided = ae.decode(&latents, Some(&batch.guide), &mut with);
     assert_ne!(guided, ae.decode(&latents, None, &mut without));
     assert_eq!(with.digest(), without.digest());
 }

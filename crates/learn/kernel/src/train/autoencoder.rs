@@ -10,6 +10,7 @@ use super::guide::{Guided, Guides};
 use super::images::{add, filled, folded, shuffled, sized, unshuffled, where_positive};
 use super::linear::Linear;
 use crate::arch::Arch;
+use crate::blend::{self, Mixed};
 use crate::image::Image;
 use crate::product::Finish;
 
@@ -48,6 +49,7 @@ pub(super) struct Decoded {
     image: Image,
     stages: Vec<Chain>,
     guided: Guided,
+    mixed: Option<(Mixed, Vec<f32>)>,
     /// Frames [images, 8h, 8w, 3].
     pub(super) frames: Vec<f32>,
 }
@@ -79,6 +81,7 @@ pub(super) struct Network<'a> {
     stages: Vec<(Vec<Block>, Option<Linear<'a>>)>,
     guides: Guides<'a>,
     head: Layer,
+    blend: Option<Layer>,
     skip: Option<Linear<'a>>,
 }
 
@@ -107,6 +110,7 @@ impl<'a> Network<'a> {
             stages: (0..3).map(stage).collect(),
             guides: Guides::new(shape, weights),
             head: Layer::new(weights, "decoder.head", &[widths[2]], 1),
+            blend: shape.carried.then(|| Layer::new(weights, "decoder.guide.blend", &[widths[2]], 1)),
             skip: shape.decoder_skip.then(|| Linear::new(weights, "decoder.skip")),
             shape,
         }
@@ -158,8 +162,8 @@ impl<'a> Network<'a> {
         }
     }
 
-    /// Decodes latents [steps, h, w, z], with layouts in the shape of the frames if the decoder is guided.
-    pub(super) fn decode(&self, latents: &[f32], layouts: Option<&[f32]>, size: Size, clips: usize) -> Decoded {
+    /// Decodes latents [steps, h, w, z], with what guides each pixel of the frames if the decoder is guided.
+    pub(super) fn decode(&self, latents: &[f32], guide: Option<&[f32]>, size: Size, clips: usize) -> Decoded {
         let [steps, h, w] = size;
         let mut run = Decoded { latents: latents.to_vec(), ..Decoded::default() };
         run.image = filled([steps, h, w, self.shape.z], latents);
@@ -178,7 +182,7 @@ impl<'a> Network<'a> {
             }
             run.stages.push(chain);
         }
-        run.guided = self.guides.forward(self.arch, run.stages[2].last(), layouts);
+        run.guided = self.guides.forward(self.arch, run.stages[2].last(), guide);
         let input = run.guided.last(run.stages[2].last());
         let mut head = sized([input.frames, input.h, input.w, LAYOUT_CHANNELS]);
         self.head.forward(self.arch, |frame| [input.frame(frame), &[]], &mut head, |_, _| Finish::Plain);
@@ -187,6 +191,12 @@ impl<'a> Network<'a> {
             let mut skip = vec![0.0; steps * h * w * self.shape.inputs()];
             layer.forward(latents, &mut skip);
             unfold(&mut run.frames, &mut skip, size, true);
+        }
+        if let Some((layer, guide)) = self.blend.as_ref().zip(guide) {
+            let input = run.guided.last(run.stages[2].last());
+            let mut told = sized([input.frames, input.h, input.w, layer.outputs()]);
+            layer.forward(self.arch, |frame| [input.frame(frame), &[]], &mut told, |_, _| Finish::Plain);
+            run.mixed = Some((blend::mix(&mut run.frames, &told, guide), guide.to_vec()));
         }
         run
     }
@@ -201,6 +211,12 @@ impl<'a> Network<'a> {
         gradient: &mut Weights,
     ) -> Vec<f32> {
         let [steps, h, w] = size;
+        let last = run.guided.last(run.stages[2].last());
+        let d_told = self.blend.as_ref().zip(run.mixed.as_ref()).map(|(layer, (mixed, guide))| {
+            let mut d_told = sized([last.frames, last.h, last.w, layer.outputs()]);
+            blend::back(mixed, d, guide, &mut d_told);
+            (layer, d_told)
+        });
         let mut d_latents = vec![0.0; run.latents.len()];
         if let Some(layer) = &self.skip {
             let mut d_skip = vec![0.0; steps * h * w * self.shape.inputs()];
@@ -208,11 +224,14 @@ impl<'a> Network<'a> {
             layer.learn(self.arch, &d_skip, &run.latents, gradient);
             layer.back(&d_skip, &mut d_latents, false);
         }
-        let last = run.guided.last(run.stages[2].last());
         let d_head = filled([last.frames, last.h, last.w, LAYOUT_CHANNELS], &unshuffled(d, last, 1));
         self.head.learn(self.arch, &d_head, |frame| [last.frame(frame), &[]], gradient);
         let mut dx = sized(last.size());
         self.head.back(self.arch, 0, |frame| d_head.frame(frame), &mut dx, false);
+        if let Some((layer, d_told)) = &d_told {
+            layer.learn(self.arch, d_told, |frame| [last.frame(frame), &[]], gradient);
+            layer.back(self.arch, 0, |frame| d_told.frame(frame), &mut dx, true);
+        }
         self.guides.back(self.arch, &run.guided, run.stages[2].last(), &mut dx, gradient);
         for (stage, (blocks, grow)) in self.stages.iter().enumerate().rev() {
             let chain = &run.stages[stage];

@@ -110,8 +110,8 @@ impl Discriminator {
 pub fn adversarial(shape: &AeShape, weights: &Weights, batch: &DecoderBatch, against: &Adversary<'_>) -> [Step; 2] {
     let (network, mut gradient) = (Network::new(shape, weights), weights.zeros_like());
     let [steps, h, w, _]: [usize; 4] = batch.latents.shape().try_into().expect("latents have four axes");
-    let (size, layouts) = ([steps, h, w], (shape.guides > 0).then(|| batch.layouts.values()));
-    let mut decoded = network.decode(batch.latents.values(), layouts, size, batch.clips);
+    let (size, guide) = ([steps, h, w], (shape.guides > 0).then(|| batch.guide.values()));
+    let mut decoded = network.decode(batch.latents.values(), guide, size, batch.clips);
     let mut frames = std::mem::take(&mut decoded.frames);
     let discriminator = Discriminator::new(against.shape, against.weights);
     let (fake, real) = (discriminator.look(&frames, batch), discriminator.look(batch.frames.values(), batch));
@@ -213,12 +213,13 @@ fn followers(batch: &DecoderBatch) -> impl Iterator<Item = usize> {
 /// Joins each frame with the one before and its layout, at half the resolution.
 fn joined(frames: &[f32], batch: &DecoderBatch) -> Image {
     let [_, height, width, _] = sizes(batch);
-    let size = height * width * 3;
+    let (size, guide) = (height * width * 3, batch.guide.shape()[3]);
     let mut values = Vec::new();
     for frame in followers(batch) {
         let pixels = frames[frame * size..].chunks_exact(3).zip(frames[(frame - 1) * size..].chunks_exact(3));
-        let pixels = pixels.zip(batch.layouts.values()[frame * size..].chunks_exact(3)).take(height * width);
-        pixels.for_each(|((now, before), layout)| values.extend([now, before, layout].into_iter().flatten()));
+        let guides = batch.guide.values()[frame * height * width * guide..].chunks_exact(guide);
+        let pixels = pixels.zip(guides).take(height * width);
+        pixels.for_each(|((now, before), guide)| values.extend([now, before, &guide[..3]].into_iter().flatten()));
     }
     let count = values.len() / (SEEN * height * width);
     let small = sized([count, height / 2, width / 2, 4 * SEEN]);

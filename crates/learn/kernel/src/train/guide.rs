@@ -4,19 +4,20 @@ use ds_nn::array::Weights;
 use ds_nn::tiny_ae::{AeShape, LAYOUT_CHANNELS, SketchLevel};
 
 use super::convolution::Layer;
-use super::images::{add, filled, folded, shuffled, sized, unshuffled, where_positive};
+use super::images::{add, beside, filled, folded, leading, shuffled, sized, unshuffled, where_positive};
 use super::linear::Linear;
 use crate::arch::Arch;
 use crate::image::Image;
 use crate::product::Finish;
 
-/// What the backward pass needs: layouts and sketch at 1/8, 1/4 and 1/2 resolution, what grew into the last two, and what each guide
-/// added and gave.
+/// What the backward pass needs: layouts and sketch at 1/8, 1/4 and 1/2 resolution, what grew into the last two, the sketch beside a
+/// carried frame, and what each guide added and gave.
 #[derive(Default)]
 pub(super) struct Guided {
     layouts: Vec<Image>,
     drawn: Vec<Image>,
     grown: Vec<Image>,
+    both: Option<Image>,
     added: Vec<Image>,
     sums: Vec<Image>,
 }
@@ -29,6 +30,11 @@ impl Guided {
 
     /// Returns what the guides see.
     fn seen(&self) -> &Image {
+        self.both.as_ref().unwrap_or_else(|| self.drawn())
+    }
+
+    /// Returns the sketch, or the layouts where there is none.
+    fn drawn(&self) -> &Image {
         self.drawn.last().unwrap_or(&self.layouts[0])
     }
 
@@ -45,6 +51,8 @@ impl Guided {
 pub(super) struct Guides<'a> {
     sketch: Vec<(Layer, Option<Linear<'a>>)>,
     layers: Vec<Layer>,
+    /// Channels of a pixel of what guides.
+    channels: usize,
 }
 
 impl<'a> Guides<'a> {
@@ -60,19 +68,29 @@ impl<'a> Guides<'a> {
         let inputs = [shape.decoder_widths[2], shape.seen()];
         let learned = if levels.is_empty() { 1 } else { 2 };
         let guide = |index: usize| Layer::new(weights, format!("decoder.guide.{index}"), &inputs, learned);
-        Self { sketch: levels.iter().enumerate().map(level).collect(), layers: (0..shape.guides).map(guide).collect() }
+        Self {
+            sketch: levels.iter().enumerate().map(level).collect(),
+            layers: (0..shape.guides).map(guide).collect(),
+            channels: shape.guide_channels(),
+        }
     }
 
-    /// Guides an image by layouts of twice its size; nothing happens without either.
-    pub(super) fn forward(&self, arch: Arch, x: &Image, layouts: Option<&[f32]>) -> Guided {
+    /// Guides an image by pixels of twice its size ([`AeShape::guide_channels`]); nothing happens without either.
+    pub(super) fn forward(&self, arch: Arch, x: &Image, guide: Option<&[f32]>) -> Guided {
         let mut run = Guided::default();
-        let Some(layouts) = layouts.filter(|_| !self.layers.is_empty()) else { return run };
-        run.layouts.push(filled([x.frames, x.h, x.w, LAYOUT_CHANNELS], &unshuffled(layouts, x, 1)));
+        let Some(guide) = guide.filter(|_| !self.layers.is_empty()) else { return run };
+        let part = |channels: std::ops::Range<usize>| -> Vec<f32> {
+            guide.chunks_exact(self.channels).flat_map(|pixel| &pixel[channels.clone()]).copied().collect()
+        };
+        run.layouts.push(filled([x.frames, x.h, x.w, LAYOUT_CHANNELS], &unshuffled(&part(0..3), x, 1)));
         if !self.sketch.is_empty() {
             for _ in 1..self.sketch.len() {
                 run.layouts.insert(0, folded(&run.layouts[0]));
             }
             self.draw(arch, &mut run);
+        }
+        if self.channels > 3 {
+            run.both = Some(beside(run.drawn(), &unshuffled(&part(3..self.channels), x, 1)));
         }
         for layer in &self.layers {
             let x = run.last(x);
@@ -117,6 +135,9 @@ impl<'a> Guides<'a> {
             if !self.sketch.is_empty() {
                 layer.back(arch, 1, |frame| dy.frame(frame), &mut d_seen, true);
             }
+        }
+        if run.both.is_some() {
+            d_seen = leading(&d_seen, run.drawn().c);
         }
         for (level, (layer, _)) in self.sketch.iter().enumerate().rev() {
             where_positive(&mut d_seen, &run.drawn[level]);

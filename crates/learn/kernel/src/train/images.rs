@@ -58,6 +58,20 @@ pub(super) fn unshuffled(values: &[f32], small: &Image, frames: usize) -> Buffer
     out
 }
 
+/// Puts the channels of values [frames, h, w, c] behind those of an image.
+pub(super) fn beside(image: &Image, values: &[f32]) -> Image {
+    let c = values.len() / (image.frames * image.h * image.w);
+    let pixels = image.dense();
+    let both = pixels.chunks_exact(image.c).zip(values.chunks_exact(c)).flat_map(|(a, b)| a.iter().chain(b));
+    filled([image.frames, image.h, image.w, image.c + c], &both.copied().collect::<Vec<f32>>())
+}
+
+/// Returns the first channels of an image.
+pub(super) fn leading(image: &Image, c: usize) -> Image {
+    let values: Vec<f32> = image.dense().chunks_exact(image.c).flat_map(|pixel| &pixel[..c]).copied().collect();
+    filled([image.frames, image.h, image.w, c], &values)
+}
+
 /// Folds blocks of two by two pixels into channels.
 pub(super) fn folded(image: &Image) -> Image {
     let small = sized([image.frames, image.h / 2, image.w / 2, 4 * image.c]);

@@ -23,7 +23,7 @@ pub fn autoencoder(shape: &AeShape, weights: &Weights, batch: &AeBatch) -> Step 
     let rms = square.sqrt() as f32;
     let noisy: Vec<f32> = encoded.latents.iter().zip(batch.noise.values()).map(|(z, noise)| z + noise * rms).collect();
     // A guided decoder is not guided here, as in the framework's step.
-    let none = (shape.guides > 0).then(|| vec![0.0; batch.frames.values().len()]);
+    let none = (shape.guides > 0).then(|| vec![0.0; batch.frames.values().len() / 3 * shape.guide_channels()]);
     let mut decoded = network.decode(&noisy, none.as_deref(), size, batch.clips);
     let mut frames = std::mem::take(&mut decoded.frames);
     let (loss, mut parts) = reconstruction(&mut frames, &batch.frames, &batch.emphasis, None);
@@ -40,8 +40,8 @@ pub fn autoencoder(shape: &AeShape, weights: &Weights, batch: &AeBatch) -> Step 
 pub fn decoder(shape: &AeShape, weights: &Weights, batch: &DecoderBatch) -> Step {
     let (network, mut gradient) = (Network::new(shape, weights), weights.zeros_like());
     let [steps, h, w, _]: [usize; 4] = batch.latents.shape().try_into().expect("latents have four axes");
-    let (size, layouts) = ([steps, h, w], (shape.guides > 0).then(|| batch.layouts.values()));
-    let mut decoded = network.decode(batch.latents.values(), layouts, size, batch.clips);
+    let (size, guide) = ([steps, h, w], (shape.guides > 0).then(|| batch.guide.values()));
+    let mut decoded = network.decode(batch.latents.values(), guide, size, batch.clips);
     let mut frames = std::mem::take(&mut decoded.frames);
     let (loss, parts) = reconstruction(&mut frames, &batch.frames, &batch.emphasis, changing(batch));
     network.decode_back(&decoded, size, batch.clips, &mut frames, &mut gradient);

@@ -7,6 +7,7 @@ use ds_camera::PixelClass;
 use ds_clips::Clip;
 use ds_perception::Label;
 use ds_perception::segmenter::Segmenter;
+use ds_video::Layout;
 
 use super::*;
 
@@ -55,7 +56,8 @@ pub(super) fn improves(config: &TrainConfig) {
     let stage = |transformer: &str, decoder: &str| {
         let model = Arc::new(ship::assembled(config, &weights(config, transformer), decoder).expect("fits"));
         let roll = |clip: &Clip, layouts: &[RgbImage]| {
-            evaluate::roll(&model, clip, layouts, &Digest::of(b"key")).expect("rolls")
+            let layouts: Vec<Layout> = layouts.iter().map(Layout::from).collect();
+            evaluate::roll(&model, clip, &layouts, &Digest::of(b"key")).expect("rolls")
         };
         [
             error(&clips, &segmenter, |clip| roll(clip, &clip.layouts)),

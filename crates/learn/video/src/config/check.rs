@@ -102,6 +102,13 @@ impl ModelConfig {
             let rule = "three sizes of 1 to 16384, beside decoder_layers above 0";
             return refuse("control.sketch_widths", format!("{:?}", sketch.unwrap_or_default()), rule);
         }
+        if self.control.carried && layers == 0 {
+            return refuse(
+                "control.carried",
+                "true".to_owned(),
+                "needs decoder_layers above 0, which see the carried frame",
+            );
+        }
         if !matches!(v.stride_t, 1 | 2 | 4) || v.stride_s != BLOCK_PX || v.z > 64 {
             return refuse("vae.stride_t", v.stride_t.to_string(), "must be 1, 2 or 4, with stride_s 8 and z up to 64");
         }
@@ -125,7 +132,7 @@ impl ModelConfig {
         if sizes.iter().any(|size| *size > 0) {
             return refuse("vae.encoder_width", format!("{:?}", v.encoder()), "widths and blocks belong to kind tiny");
         }
-        if self.control.decoder_layers > 0 || self.control.sketch_widths.is_some() {
+        if self.control.decoder_layers > 0 || self.control.sketch_widths.is_some() || self.control.carried {
             return refuse(
                 "control.decoder_layers",
                 self.control.decoder_layers.to_string(),

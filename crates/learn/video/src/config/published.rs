@@ -100,12 +100,13 @@ impl ModelConfig {
     }
 
     /// Returns how many ticks before the chunk under way a successor needs layouts of, whole chunks of them: those that
-    /// the encoder of the layout video remembers. 0 where layouts leave no memory.
+    /// the encoder of the layout video remembers, or the last ones, from where a frame is carried on. 0 where layouts leave no memory.
     #[must_use]
     pub fn layout_memory_ticks(&self) -> usize {
         let chunk = self.frames_per_chunk();
         match self.wan_vae() {
             Some(vae) if self.control.channels > 0 => chunk * (1 + vae.encoder_reach().div_ceil(chunk)),
+            None if self.control.carried => chunk,
             _ => 0,
         }
     }

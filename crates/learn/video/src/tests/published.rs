@@ -147,6 +147,8 @@ fn a_successor_of_a_published_model_gives_the_same_frames() {
             log.extend(rollout.generate(&layouts(1..ticks + 1)).expect("generates").committed);
         }
         let replay = |past: &[RgbImage]| {
+            let [past, since] =
+                [past, &layouts(last + 1..ticks + 1)[..]].map(|all| all.iter().map(Layout::from).collect::<Vec<_>>());
             let key = Digest::of(b"key");
             Rollout::replay(Replay {
                 model: Arc::clone(&model),
@@ -155,8 +157,8 @@ fn a_successor_of_a_published_model_gives_the_same_frames() {
                 prompt: PROMPT,
                 first_frame: &picture(0),
                 entries: &log,
-                past,
-                layouts: &layouts(last + 1..ticks + 1),
+                past: &past,
+                layouts: &since,
             })
         };
         let past = layouts(last.saturating_sub(remembered)..last + 1);
@@ -204,7 +206,7 @@ fn a_published_model_heeds_prompt_first_frame_and_layouts() {
     let model = opened(&config());
     let run = |prompt: &str, first: u32, on: u32| {
         let begun =
-            Rollout::new(Arc::clone(&model), Digest::of(b"key"), "front", prompt, &picture(first), &picture(100));
+            Rollout::new(Arc::clone(&model), Digest::of(b"key"), "front", prompt, &picture(first), picture(100));
         begun.expect("starts").0.generate(&layouts(on..on + 12)).expect("generates").committed.remove(0).clean
     };
     let base = run(PROMPT, 0, 1);

@@ -123,53 +123,6 @@ impl Topic {
         }
     }
 }
-/// A dense row-major tensor of 32-bit floats.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct Tensor {
-    /// Extent of each axis, at most 8 axes.
-    #[prost(uint32, repeated, tag = "1")]
-    pub shape: ::prost::alloc::vec::Vec<u32>,
-    /// The elements; their count is the product of the extents, at most 4 Mi; finite.
-    #[prost(float, repeated, tag = "2")]
-    pub values: ::prost::alloc::vec::Vec<f32>,
-}
-/// Body of `cache`.
-#[derive(Clone, PartialEq, ::prost::Message)]
-pub struct Cache {
-    /// The header.
-    #[prost(message, optional, tag = "1")]
-    pub header: ::core::option::Option<Header>,
-    /// The chunk, 0 being the first frame.
-    #[prost(uint32, tag = "2")]
-    pub chunk: u32,
-    /// First tick of the chunk.
-    #[prost(uint32, tag = "3")]
-    pub first_tick: u32,
-    /// Ticks in the chunk, from 1.
-    #[prost(uint32, tag = "4")]
-    pub ticks: u32,
-    /// The exact tensor that was fed to the cache-writing forward.
-    #[prost(message, optional, tag = "5")]
-    pub cached_input: ::core::option::Option<Tensor>,
-    /// The denoised latent, for the streaming decoder.
-    #[prost(message, optional, tag = "6")]
-    pub clean: ::core::option::Option<Tensor>,
-    /// Control latents of the chunk.
-    #[prost(message, optional, tag = "7")]
-    pub control: ::core::option::Option<Tensor>,
-    /// Digest of prompt and first-frame conditioning, 32 bytes.
-    #[prost(bytes = "bytes", tag = "8")]
-    pub conditioning: ::prost::bytes::Bytes,
-    /// Digest of the KV cache after this chunk, 32 bytes.
-    #[prost(bytes = "bytes", tag = "9")]
-    pub cache_digest: ::prost::bytes::Bytes,
-    /// Digest of the encoder's state after this chunk, 32 bytes.
-    #[prost(bytes = "bytes", tag = "10")]
-    pub encoder_digest: ::prost::bytes::Bytes,
-    /// Digest of the decoder's state after this chunk, 32 bytes.
-    #[prost(bytes = "bytes", tag = "11")]
-    pub decoder_digest: ::prost::bytes::Bytes,
-}
 /// A planar vector; frame and unit are stated where it is used.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
 pub struct Vector2 {
@@ -338,6 +291,56 @@ impl Encoding {
             _ => None,
         }
     }
+}
+/// A dense row-major tensor of 32-bit floats.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Tensor {
+    /// Extent of each axis, at most 8 axes.
+    #[prost(uint32, repeated, tag = "1")]
+    pub shape: ::prost::alloc::vec::Vec<u32>,
+    /// The elements; their count is the product of the extents, at most 4 Mi; finite.
+    #[prost(float, repeated, tag = "2")]
+    pub values: ::prost::alloc::vec::Vec<f32>,
+}
+/// Body of `cache`.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Cache {
+    /// The header.
+    #[prost(message, optional, tag = "1")]
+    pub header: ::core::option::Option<Header>,
+    /// The chunk, 0 being the first frame.
+    #[prost(uint32, tag = "2")]
+    pub chunk: u32,
+    /// First tick of the chunk.
+    #[prost(uint32, tag = "3")]
+    pub first_tick: u32,
+    /// Ticks in the chunk, from 1.
+    #[prost(uint32, tag = "4")]
+    pub ticks: u32,
+    /// The exact tensor that was fed to the cache-writing forward.
+    #[prost(message, optional, tag = "5")]
+    pub cached_input: ::core::option::Option<Tensor>,
+    /// The denoised latent, for the streaming decoder.
+    #[prost(message, optional, tag = "6")]
+    pub clean: ::core::option::Option<Tensor>,
+    /// Control latents of the chunk.
+    #[prost(message, optional, tag = "7")]
+    pub control: ::core::option::Option<Tensor>,
+    /// Digest of prompt and first-frame conditioning, 32 bytes.
+    #[prost(bytes = "bytes", tag = "8")]
+    pub conditioning: ::prost::bytes::Bytes,
+    /// Digest of the KV cache after this chunk, 32 bytes.
+    #[prost(bytes = "bytes", tag = "9")]
+    pub cache_digest: ::prost::bytes::Bytes,
+    /// Digest of the encoder's state after this chunk, 32 bytes.
+    #[prost(bytes = "bytes", tag = "10")]
+    pub encoder_digest: ::prost::bytes::Bytes,
+    /// Digest of the decoder's state after this chunk, 32 bytes.
+    #[prost(bytes = "bytes", tag = "11")]
+    pub decoder_digest: ::prost::bytes::Bytes,
+    /// The last frame of the chunk, where the next chunk is made from it too; lossless.
+    #[prost(message, optional, tag = "12")]
+    pub frame: ::core::option::Option<Image>,
 }
 /// One pose of a trajectory.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
@@ -1509,6 +1512,33 @@ pub struct Frame {
     #[prost(double, optional, tag = "3")]
     pub seam: ::core::option::Option<f64>,
 }
+/// A box that moves by itself.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct Mover {
+    /// Which one, the same at each tick.
+    #[prost(uint32, tag = "1")]
+    pub id: u32,
+    /// Centre of the box and its heading, in the world.
+    #[prost(message, optional, tag = "2")]
+    pub pose: ::core::option::Option<PoseSe2>,
+    /// Bottom of the box above the ground plane, in metres.
+    #[prost(double, optional, tag = "3")]
+    pub z_m: ::core::option::Option<f64>,
+    /// Its size.
+    #[prost(message, optional, tag = "4")]
+    pub size: ::core::option::Option<Size>,
+}
+/// How far away what a layout picture shows is, and what of it moves; the camera is the scene's.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct LayoutGeometry {
+    /// Inverse depth along the optical axis of each pixel of the picture, rows top to bottom, 16 bits each, little-endian, in steps of
+    /// 1/65535 1/m; 0 is infinitely far.
+    #[prost(bytes = "bytes", tag = "1")]
+    pub inverse_depths: ::prost::bytes::Bytes,
+    /// What moves by itself, at most 4096.
+    #[prost(message, repeated, tag = "2")]
+    pub movers: ::prost::alloc::vec::Vec<Mover>,
+}
 /// Body of `layout`.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Layout {
@@ -1521,6 +1551,9 @@ pub struct Layout {
     /// The rig in the world at this tick.
     #[prost(message, optional, tag = "3")]
     pub ego_in_world: ::core::option::Option<PoseSe2>,
+    /// The picture's geometry; absent from a renderer that does not tell it, and for pictures of over 2 Mi pixels.
+    #[prost(message, optional, tag = "4")]
+    pub geometry: ::core::option::Option<LayoutGeometry>,
 }
 /// A live agent.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]

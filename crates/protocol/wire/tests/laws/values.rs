@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use ds_raster::{Encoding, RgbImage};
+use ds_raster::{Encoding, Mover, RgbImage};
 use ds_space::{
     AgentId, CameraId, CameraModel, DVec2, DVec3, Digest, EpisodeId, InstanceId, Intrinsics, PoseSe2, SimTime, Tick,
 };
 use ds_topic::body::Tensor;
 use ds_topic::{
-    Advance, Answered, Cache, DiagnosedEffect, Diagnosis, Ego, EpisodeSpec, Frame, GapCell, Layout, Motion,
-    ObservationSource, Owner, Plan, ProposalScorer, ReplanAlignment, Role, SceneMessage, Score, ScoreProfile,
+    Advance, Answered, Cache, DiagnosedEffect, Diagnosis, Ego, EpisodeSpec, Frame, GapCell, Layout, LayoutGeometry,
+    Motion, ObservationSource, Owner, Plan, ProposalScorer, ReplanAlignment, Role, SceneMessage, Score, ScoreProfile,
     SwitchedEffect, Verdict, World,
 };
 use ds_wire::policy::{CameraView, Observation, StampedEgo, StampedImage};
@@ -82,7 +82,24 @@ fn encoding() -> impl Strategy<Value = Encoding> {
 }
 
 pub(crate) fn layout() -> impl Strategy<Value = Layout> {
-    (image(), encoding(), pose()).prop_map(|(image, encoding, ego_in_world)| Layout { image, encoding, ego_in_world })
+    (image(), encoding(), pose(), option::of((any::<u16>(), vec(mover(), 0..4)))).prop_map(
+        |(image, encoding, ego_in_world, told)| {
+            let inverse_depths =
+                |first: u16| (0..image.rgb().len() / 3).map(|at| first.wrapping_add(at as u16)).collect();
+            let geometry = |(first, movers)| LayoutGeometry { inverse_depths: inverse_depths(first), movers };
+            let geometry = told.map(geometry);
+            Layout { image, encoding, ego_in_world, geometry }
+        },
+    )
+}
+
+fn mover() -> impl Strategy<Value = Mover> {
+    (any::<u32>(), pose(), finite(), [0.0..90.0, 0.0..9.0, 0.0..9.0]).prop_map(|(id, pose, bottom_m, size_m)| Mover {
+        id,
+        pose,
+        bottom_m,
+        size_m,
+    })
 }
 
 pub(crate) fn frame() -> impl Strategy<Value = Frame> {
@@ -128,18 +145,21 @@ fn tensor() -> impl Strategy<Value = Tensor> {
 pub(crate) fn cache() -> impl Strategy<Value = Cache> {
     let tensors = (tensor(), tensor(), tensor());
     let digests = (digest(), digest(), digest(), digest());
-    (any::<u32>(), any::<u32>(), 1_u32..9, tensors, digests).prop_map(|(chunk, first, ticks, tensors, digests)| Cache {
-        chunk,
-        first: Tick(first),
-        ticks,
-        cached_input: tensors.0,
-        clean: tensors.1,
-        control: tensors.2,
-        conditioning: digests.0,
-        cache_digest: digests.1,
-        encoder_digest: digests.2,
-        decoder_digest: digests.3,
-    })
+    (any::<u32>(), any::<u32>(), 1_u32..9, tensors, digests, option::of(image())).prop_map(
+        |(chunk, first, ticks, tensors, digests, frame)| Cache {
+            chunk,
+            first: Tick(first),
+            ticks,
+            cached_input: tensors.0,
+            clean: tensors.1,
+            control: tensors.2,
+            conditioning: digests.0,
+            cache_digest: digests.1,
+            encoder_digest: digests.2,
+            decoder_digest: digests.3,
+            frame,
+        },
+    )
 }
 
 pub(crate) fn score() -> impl Strategy<Value = Score> {

@@ -1,0 +1,229 @@
+//! The geometry of a layout: how far away each pixel is, from where it is seen, and what moves by itself; and how a frame
+//! looks when it is carried along with it from one tick to another.
+//!
+//! A pixel of the later view is taken back to the earlier one: its point of the world by its depth, with the box that it lies
+//! in, if any, to where that box was, and through the camera. It has an origin where the earlier view saw that point: within
+//! the picture, and at a depth that the four pixels around it have or hold between them.
+
+use std::sync::Arc;
+
+use ds_space::pose::Camera;
+use ds_space::{DVec2, DVec3, Intrinsics, Pose, PoseSe2, World};
+
+use crate::image::RgbImage;
+use crate::lens;
+
+/// Depths are kept as inverse depth in steps of this size, in 1/m; 0 is infinitely far, the greatest 1 m and nearer.
+pub const INVERSE_DEPTH_STEP: f64 = 1.0 / 65_535.0;
+
+/// How far beyond its faces a point still belongs to a box, in metres.
+const SKIN_M: f64 = 0.15;
+/// Depths that differ by less than this share are those of one surface.
+const SAME_DEPTH: f64 = 0.06;
+/// As far as this is taken for infinitely far, in metres.
+const FAR_M: f64 = 1e6;
+
+/// A box that moves by itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mover {
+    /// Which one, the same at each tick.
+    pub id: u32,
+    /// Its middle and heading in the world.
+    pub pose: PoseSe2,
+    /// Its bottom above the ground plane, in metres.
+    pub bottom_m: f64,
+    /// Length, width and height, in metres.
+    pub size_m: [f64; 3],
+}
+
+impl Mover {
+    fn holds(&self, point: DVec3) -> bool {
+        let local = self.pose.to_local(point.truncate()).abs();
+        let [length, width, height] = self.size_m;
+        local.x <= 0.5 * length + SKIN_M
+            && local.y <= 0.5 * width + SKIN_M
+            && (-SKIN_M..=height + SKIN_M).contains(&(point.z - self.bottom_m))
+    }
+}
+
+/// What a layout shows, as geometry.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Geometry {
+    /// The lens, of the layout's size.
+    pub lens: Intrinsics,
+    /// From where it is seen.
+    pub world_from_camera: Pose<World, Camera>,
+    /// Inverse depth along the optical axis of each pixel, rows top to bottom, in steps of [`INVERSE_DEPTH_STEP`].
+    pub inverse_depths: Arc<[u16]>,
+    /// What moves by itself.
+    pub movers: Vec<Mover>,
+}
+
+/// A frame carried to another view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Carried {
+    /// The frame as it would look; black where nothing is known.
+    pub frame: RgbImage,
+    /// Of each pixel, whether it is known.
+    pub known: Vec<bool>,
+}
+
+impl Geometry {
+    /// Carries a frame of an earlier tick, seen with the geometry `before`, to this view. The picture has the size of the frame, which
+    /// is the layouts' view at another resolution.
+    #[must_use]
+    pub fn carry(&self, before: &Self, frame: &RgbImage) -> Carried {
+        let (width, height) = (frame.width_px(), frame.height_px());
+        let origins = self.origins(before, width, height);
+        let mut carried = RgbImage::filled(width, height, [0; 3]);
+        for (pixel, origin) in carried.rgb_mut().chunks_exact_mut(3).zip(&origins) {
+            if let Some(origin) = origin {
+                pixel.copy_from_slice(&between(frame, *origin));
+            }
+        }
+        Carried { frame: carried, known: origins.iter().map(Option::is_some).collect() }
+    }
+
+    /// Returns for each pixel of a picture of this view where it was in a picture of the view `before`, both of the same size.
+    fn origins(&self, before: &Self, width_px: u32, height_px: u32) -> Vec<Option<DVec2>> {
+        let size = (width_px, height_px);
+        let lens = before.lens.resized(width_px, height_px);
+        let camera_from_world = before.world_from_camera.inverse();
+        let directions = lens::directions(&self.lens.resized(width_px, height_px));
+        let pixels = (0..height_px).flat_map(|y| (0..width_px).map(move |x| (x, y)));
+        let origin = |((x, y), direction): ((u32, u32), &DVec2)| {
+            let depth_m = self.depth_m((x, y), size);
+            let point = self.world_from_camera * (direction.extend(1.0) * depth_m);
+            let seen = camera_from_world * self.earlier(before, point)?;
+            let at = lens.project(seen)?;
+            let inside = at.x >= 0.0 && at.y >= 0.0 && at.x < f64::from(width_px) && at.y < f64::from(height_px);
+            let around = inside.then(|| around(at, size).0.map(|pixel| before.depth_m(pixel, size)))?;
+            let (nearest, farthest) = around.iter().fold((FAR_M, 0.0), |(low, high), m| (m.min(low), m.max(high)));
+            let surface = nearest / (1.0 + SAME_DEPTH)..=farthest * (1.0 + SAME_DEPTH);
+            surface.contains(&seen.z).then_some(at)
+        };
+        pixels.zip(&directions).map(origin).collect()
+    }
+
+    /// Returns where a point of the world was with the geometry `before`; none if it belongs to a box that was not there.
+    fn earlier(&self, before: &Self, point: DVec3) -> Option<DVec3> {
+        let stands = point.z > SKIN_M && point.z < 0.5 * FAR_M;
+        let Some(now) = self.movers.iter().find(|mover| stands && mover.holds(point)) else { return Some(point) };
+        let then = before.movers.iter().find(|mover| mover.id == now.id)?;
+        let flat = then.pose.to_outer(now.pose.to_local(point.truncate()));
+        Some(flat.extend(point.z - now.bottom_m + then.bottom_m))
+    }
+
+    /// Returns the depth of a pixel of a picture of this view at another size, in metres.
+    fn depth_m(&self, (x, y): (u32, u32), (width_px, height_px): (u32, u32)) -> f64 {
+        let (w, h) = (u64::from(self.lens.width_px), u64::from(self.lens.height_px));
+        let middle = |at: u32, of: u32, side: u64| (2 * u64::from(at) + 1) * side / (2 * u64::from(of));
+        let at = middle(y, height_px, h) * w + middle(x, width_px, w);
+        let inverse = f64::from(self.inverse_depths[at as usize]) * INVERSE_DEPTH_STEP;
+        if inverse > 0.0 { inverse.recip() } else { FAR_M }
+    }
+}
+
+/// Returns the four pixels around a place in a picture and the share of each in it.
+fn around(at: DVec2, (width_px, height_px): (u32, u32)) -> ([(u32, u32); 4], [f64; 4]) {
+    let (x, y) = ((at.x - 0.5).max(0.0), (at.y - 0.5).max(0.0));
+    let (left, top) = (x as u32, y as u32);
+    let (right, bottom) = ((left + 1).min(width_px - 1), (top + 1).min(height_px - 1));
+    let (across, down) = (x - f64::from(left), y - f64::from(top));
+    let shares = [(1.0 - across) * (1.0 - down), across * (1.0 - down), (1.0 - across) * down, across * down];
+    ([(left, top), (right, top), (left, bottom), (right, bottom)], shares)
+}
+
+/// Returns the colour of a frame between four pixels.
+fn between(frame: &RgbImage, at: DVec2) -> [u8; 3] {
+    let (corners, shares) = around(at, (frame.width_px(), frame.height_px()));
+    let corners = corners.map(|(x, y)| frame.pixel(x, y));
+    [0, 1, 2].map(|channel| {
+        let sum: f64 = corners.iter().zip(shares).map(|(corner, share)| share * f64::from(corner[channel])).sum();
+        sum.round() as u8
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use ds_space::DQuat;
+
+    use super::*;
+    use crate::{DepthRaster, View};
+
+    const SIZE_PX: (u32, u32) = (64, 32);
+    const WALL_M: f64 = 20.0;
+
+    /// A camera 1.5 m high that looks along x from a place on it, at a wall and a box before it.
+    fn seen(x_m: f64, mover: Option<Mover>) -> Geometry {
+        let lens = Intrinsics::centred(SIZE_PX.0, SIZE_PX.1, 1.0);
+        let ahead = DQuat::from_mat3(&ds_space::DMat3::from_cols(-DVec3::Y, -DVec3::Z, DVec3::X));
+        let world_from_camera = Pose::new(ahead, DVec3::new(x_m, 0.0, 1.5));
+        let view = View::new(&lens, world_from_camera);
+        let mut raster = DepthRaster::new(SIZE_PX.0, SIZE_PX.1, ()).expect("the size fits");
+        let mut wall = |x: f64, [left, right]: [f64; 2], top: f64| {
+            let corner = |y: f64, z: f64| DVec3::new(x, y, z);
+            for corners in [
+                [corner(left, 0.0), corner(right, 0.0), corner(right, top)],
+                [corner(left, 0.0), corner(right, top), corner(left, top)],
+            ] {
+                view.fill(&mut raster, &corners, ());
+            }
+        };
+        wall(WALL_M, [30.0, -30.0], 30.0);
+        if let Some(mover) = mover {
+            let middle = mover.pose.position;
+            wall(middle.x - 0.5 * mover.size_m[0], [middle.y + 1.0, middle.y - 1.0], mover.size_m[2]);
+        }
+        let ground = |at: usize| (-view.ray(0.5, (at / SIZE_PX.0 as usize) as f64 + 0.5).z / 1.5).max(0.0);
+        let depths = raster.inverse_depths().iter().enumerate();
+        let steps = depths.map(|(at, depth)| (f64::from(*depth).max(ground(at)) / INVERSE_DEPTH_STEP) as u16);
+        Geometry { lens, world_from_camera, inverse_depths: steps.collect(), movers: mover.into_iter().collect() }
+    }
+
+    fn mover(x_m: f64, y_m: f64) -> Mover {
+        Mover { id: 7, pose: PoseSe2::new(x_m, y_m, 0.0), bottom_m: 0.0, size_m: [4.0, 2.0, 1.5] }
+    }
+
+    /// A frame whose colours tell column and row.
+    fn frame() -> RgbImage {
+        let mut image = RgbImage::filled(SIZE_PX.0, SIZE_PX.1, [0; 3]);
+        for (x, y) in (0..SIZE_PX.0).flat_map(|x| (0..SIZE_PX.1).map(move |y| (x, y))) {
+            image.set_pixel(x, y, [4 * x as u8, 8 * y as u8, 128]);
+        }
+        image
+    }
+
+    #[test]
+    fn where_nothing_moves_a_frame_stays_as_it_is() {
+        let geometry = seen(0.0, Some(mover(10.0, 0.0)));
+        let carried = geometry.carry(&geometry, &frame());
+        assert!(carried.known.iter().all(|known| *known));
+        assert_eq!(carried.frame, frame());
+    }
+
+    #[test]
+    fn what_comes_nearer_grows_around_where_it_goes() {
+        let (before, now) = (seen(0.0, None), seen(4.0, None));
+        let carried = now.carry(&before, &frame());
+        // The wall was 20 m away and is 16 m: four fifths as far from the middle as now.
+        let [was, is] = [28u32, 27].map(|x| frame().pixel(x, 8)[0]);
+        let found = carried.frame.pixel(27, 8)[0];
+        assert!(found > is && found <= was + 4, "{found} is not {was}");
+        assert!(carried.known.iter().filter(|known| **known).count() > 1_900);
+    }
+
+    #[test]
+    fn a_box_takes_its_colours_along_and_uncovers_what_nobody_saw() {
+        let (before, now) = (seen(0.0, Some(mover(10.0, 0.0))), seen(0.0, Some(mover(10.0, 2.0))));
+        let carried = now.carry(&before, &frame());
+        let row = 20;
+        let column = |y_m: f64| (32.0 - now.lens.fx_px * y_m / 8.0) as u32;
+        let [moved, left] = [column(2.0), column(0.0)];
+        assert!(carried.frame.pixel(moved, row)[0].abs_diff(frame().pixel(column(0.0), row)[0]) <= 6);
+        assert!(!carried.known[(row * SIZE_PX.0 + left) as usize], "the ground behind the box was hidden");
+        let stranger = seen(0.0, Some(Mover { id: 8, ..mover(10.0, 2.0) }));
+        let carried = stranger.carry(&before, &frame());
+        assert!(!carried.known[(row * SIZE_PX.0 + moved) as usize], "this box was not there");
+    }
+}

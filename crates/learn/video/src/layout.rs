@@ -1,0 +1,92 @@
+//! A layout as the model takes it, and the frame that geometry carries from one chunk to the next.
+
+use std::sync::Arc;
+
+use ds_nn::Array;
+use ds_nn::tiny_ae::AeShape;
+use ds_raster::{Geometry, RgbImage};
+use ds_space::DigestWriter;
+
+use crate::tokens;
+
+/// A layout: its picture and, where it is known, its geometry.
+#[derive(Debug, Clone)]
+pub struct Layout {
+    /// The picture.
+    pub image: RgbImage,
+    /// How far away what it shows is, and what of it moves.
+    pub geometry: Option<Arc<Geometry>>,
+}
+
+impl From<RgbImage> for Layout {
+    fn from(image: RgbImage) -> Self {
+        Self { image, geometry: None }
+    }
+}
+
+impl From<&RgbImage> for Layout {
+    fn from(image: &RgbImage) -> Self {
+        image.clone().into()
+    }
+}
+
+impl From<&Self> for Layout {
+    fn from(layout: &Self) -> Self {
+        layout.clone()
+    }
+}
+
+/// The last frame of a chunk with its geometry; nothing where no geometry is known.
+#[derive(Debug, Clone, Default)]
+pub struct Carry(Option<(Arc<RgbImage>, Arc<Geometry>)>);
+
+impl Carry {
+    /// Takes a frame along with the layout of its tick.
+    #[must_use]
+    pub fn of(frame: &RgbImage, layout: &Layout) -> Self {
+        Self(layout.geometry.as_ref().map(|geometry| (Arc::new(frame.clone()), Arc::clone(geometry))))
+    }
+
+    /// Returns the frame.
+    #[must_use]
+    pub fn frame(&self) -> Option<&RgbImage> {
+        self.0.as_ref().map(|(frame, _)| &**frame)
+    }
+
+    /// Makes what guides the decoder's frames of a chunk, [layouts, height, width, guide channels] of −1 to 1: each layout at the
+    /// size of the frames, and beside it the frame as it would look from there, if the model is one that sees it.
+    #[must_use]
+    pub fn guide(&self, shape: &AeShape, (width, height): (u32, u32), layouts: &[&Layout]) -> Array {
+        let images: Vec<RgbImage> = layouts.iter().map(|layout| layout.image.resized(width, height)).collect();
+        let stacked = tokens::stacked(&images.iter().collect::<Vec<_>>());
+        if !shape.carried {
+            return stacked;
+        }
+        let pixels = width as usize * height as usize;
+        let mut values = Vec::with_capacity(stacked.values().len() / 3 * 7);
+        for (layout, seen) in layouts.iter().zip(stacked.values().chunks_exact(3 * pixels)) {
+            let carried = self.0.as_ref().zip(layout.geometry.as_ref());
+            let carried = carried.map(|((frame, before), now)| now.carry(before, frame));
+            let known = |at: usize| carried.as_ref().filter(|carried| carried.known[at]);
+            for (at, colour) in seen.chunks_exact(3).enumerate() {
+                values.extend_from_slice(colour);
+                match known(at) {
+                    Some(carried) => {
+                        values
+                            .extend(carried.frame.rgb()[3 * at..3 * at + 3].iter().map(|byte| ds_raster::value(*byte)));
+                        values.push(1.0);
+                    }
+                    None => values.extend([0.0; 4]),
+                }
+            }
+        }
+        Array::new(&[layouts.len(), height as usize, width as usize, 7], values)
+    }
+
+    /// Adds the frame to a digest; its geometry comes with the layouts.
+    pub(crate) fn digest_into(&self, writer: &mut DigestWriter) {
+        if let Some(frame) = self.frame() {
+            frame.digest_into(writer);
+        }
+    }
+}
