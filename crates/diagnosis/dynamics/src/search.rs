@@ -7,9 +7,7 @@ use std::sync::Arc;
 
 use crate::case::PartModel;
 use crate::fit::{Columns, Fit, Model, Plan, data_loss, fit, start_loss};
-use crate::settings::{
-    FURTHER_GAIN, KEPT, LEFT_OUT_STEPS, MARGIN_SDS, NULL_ROUNDS, POLISHED, POLISHES, SAME_VALLEY, VALLEYS,
-};
+use crate::settings::{FURTHER_GAIN, KEPT, LEFT_OUT_STEPS, MARGIN_SDS, NULL_ROUNDS, POLISHED, POLISHES};
 
 /// The effect whose wheels do not slip, and those that say how they slip: nonsense together.
 const RIGID: &str = "kinematic_only";
@@ -85,27 +83,10 @@ impl<'m, 'c> Search<'m, 'c> {
         search
     }
 
-    /// Restarts the nuisance fit from the nuisances of the best singles, and these from a nuisance fit that went on: a fit that
-    /// found a better valley than the other did must not be counted in favour of its effect, nor against it.
+    /// Restarts the nuisance fit from the nuisances of the best singles: a fit that found a better valley than the null
+    /// did must not be counted in favour of its effect.
     fn settle(&mut self) {
-        for _ in 0..VALLEYS {
-            self.sort();
-            let gained = self.restart();
-            self.singles.iter_mut().for_each(|h| h.gain -= gained);
-            if gained < SAME_VALLEY {
-                break;
-            }
-            for place in 0..self.singles.len() {
-                let again = self.anew(&self.singles[place]);
-                if again.gain > self.singles[place].gain {
-                    self.singles[place] = again;
-                }
-            }
-        }
-    }
-
-    /// Restarts the nuisance fit from the nuisances of the best singles; returns how much evidence it gained.
-    fn restart(&mut self) -> f64 {
+        self.sort();
         let priors = self.model.null_priors();
         let before = self.null.evidence;
         for hypothesis in self.singles.iter().take(3) {
@@ -118,18 +99,8 @@ impl<'m, 'c> Search<'m, 'c> {
                 self.null = again;
             }
         }
-        self.null.evidence - before
-    }
-
-    /// Refits a single effect from where the nuisance fit went, the effect as it was.
-    fn anew(&self, hypothesis: &Hypothesis) -> Hypothesis {
-        let mut start = self.null.vector.clone();
-        for k in hypothesis.effects.iter().flat_map(|e| self.model.space.of(*e)) {
-            start[k] = hypothesis.fit.vector[k];
-        }
-        let fit = refit(self.model, &start, &hypothesis.effects, self.null.columns.clone());
-        let gain = fit.evidence - self.null.evidence;
-        Hypothesis { effects: hypothesis.effects.clone(), fit, gain }
+        let gained = self.null.evidence - before;
+        self.singles.iter_mut().for_each(|h| h.gain -= gained);
     }
 
     fn sort(&mut self) {

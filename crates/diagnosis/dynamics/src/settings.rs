@@ -27,10 +27,6 @@ pub const LEFT_OUT_STEPS: usize = 8;
 pub const POLISHES: usize = 5;
 /// See [`POLISHES`].
 pub const POLISHED: f64 = 0.3;
-/// How often nuisance fit and single fits are restarted from each other at most.
-pub const VALLEYS: usize = 3;
-/// Log evidence up to which a restarted nuisance fit counts as one in the same valley.
-pub const SAME_VALLEY: f64 = 2.0;
 /// Log prior odds of one given effect against none: one in about fifty effects.
 pub const SINGLE_COST: f64 = 4.0;
 /// The thresholds that were set on the labelled practice cases, apart so that they can be derived without one of them.
