@@ -7,7 +7,8 @@ use ds_process::maker::{Fault, Inputs, Maker, MakerFactory, Output, bad, output}
 use ds_raster::{Encoding, Geometry};
 use ds_topic::{Advance, Layout, LayoutGeometry, Role, SceneMessage, Slot, Topic, World};
 
-/// The geometry of larger pictures is not told: no message is to outgrow its limit for a picture of no video model.
+/// Geometry is told where a video model goes on from layouts of before, and not of larger pictures: no message is to outgrow its
+/// limit for a picture of no video model.
 const MOST_TOLD_PX: usize = 1 << 21;
 
 /// Opens a renderer for each episode that the instance is given.
@@ -58,7 +59,7 @@ impl Maker for Drawing {
                 let pose = ego_in_world.world_from_rig(0.0);
                 let failed = |error: LayoutError| bad("render_failed", &error);
                 let image = self.renderer.render(&described, camera, pose).map_err(failed)?;
-                let told = image.rgb().len() / 3 <= MOST_TOLD_PX;
+                let told = self.scene.spec.layout_memory_ticks > 0 && image.rgb().len() / 3 <= MOST_TOLD_PX;
                 let geometry = told.then(|| self.renderer.geometry(&described, camera, pose)).transpose();
                 let told = |seen: Geometry| LayoutGeometry { inverse_depths: seen.inverse_depths, movers: seen.movers };
                 let geometry = geometry.map_err(failed)?.map(told);
