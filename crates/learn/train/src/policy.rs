@@ -29,6 +29,7 @@ use std::path::{Path, PathBuf};
 
 use ds_nn::safetensors::{FileError, WeightsFile};
 use ds_policy::{Learned, Policy};
+use ds_video::Backend;
 use serde_json::json;
 
 pub use closed_loop::{DriveResult, Driven};
@@ -208,14 +209,14 @@ impl Files {
 }
 
 /// Trains to the end of the settings' rounds, from the last checkpoint in `folder` if there is one, and returns the
-/// path of the weights; `listener` is shown each line of the log. `shipped` are the weights of the network that the student
+/// path of the weights; `backend` is ready, `listener` is shown each line of the log. `shipped` are the weights of the network that the student
 /// goes on from ([`Learned::begins_with`]) where none were trained in `folder`.
 ///
 /// # Errors
 /// [`PolicyTrainError`] says what is wrong.
 pub fn run(
     student: Learned,
-    settings: &PolicySettings,
+    (settings, backend): (&PolicySettings, Backend),
     [folder, shipped]: [&Path; 2],
     listener: &mut dyn FnMut(&str),
 ) -> Result<PathBuf, PolicyTrainError> {
@@ -233,7 +234,9 @@ pub fn run(
     for (index, round) in (0u64..).zip(&settings.rounds) {
         if round.scenarios > 0 {
             let driven = Samples::held(&files.driven(index), || {
-                closed_loop::samples_of(settings, index, round.scenarios, &mut *student.policy(learner.average())?)
+                let average = learner.average();
+                let policy = || Ok(student.policy(average)?);
+                closed_loop::samples_of(settings, index, (round.scenarios, &backend.team()), policy)
             })?;
             samples.append(driven);
             files.log(&json!({"round": index, "samples": samples.len()}), listener)?;

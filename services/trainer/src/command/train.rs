@@ -12,6 +12,7 @@ use ds_process::terminal::{answer, bar, stop_flag};
 use ds_record::viewing::{TrainedStage, Training};
 use ds_train::policy::PolicySettings;
 use ds_train::{Progress, Stage, TrainConfig};
+use ds_video::Backend;
 use indicatif::ProgressBar;
 
 use crate::cli::TrainArgs;
@@ -148,6 +149,8 @@ fn view(config: &TrainConfig) -> Result<PathBuf> {
 }
 
 fn policy(args: &TrainArgs) -> Result<()> {
+    let backend = args.backend.unwrap_or(Backend::Framework);
+    backend.ready()?;
     let path = args.config.clone().unwrap_or_else(|| shipped::find(Path::new(POLICY_CONFIG)));
     let text = std::fs::read_to_string(&path).with_context(|| format!("configuration {}", path.display()))?;
     let settings = PolicySettings::parse(&text).with_context(|| format!("configuration {}", path.display()))?;
@@ -158,7 +161,7 @@ fn policy(args: &TrainArgs) -> Result<()> {
     }
     let shipped = args.kind.begins_with().unwrap_or(args.kind).weights_file(&Networks::default().policy_weights);
     let spinner = ProgressBar::new_spinner();
-    ds_train::policy::run(args.kind, &settings, [&args.out, &shipped], &mut |line: &str| {
+    ds_train::policy::run(args.kind, (&settings, backend), [&args.out, &shipped], &mut |line: &str| {
         spinner.set_message(line.to_owned());
         spinner.tick();
     })?;

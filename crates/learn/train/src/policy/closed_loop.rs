@@ -6,6 +6,7 @@
 //! route, and of the whole drive whatever happens, as shares of the route to the end of the log. These figures steer training; they are no scores.
 
 use ds_nn::Weights;
+use ds_nn::team::Team;
 use ds_policy::constant_velocity::ConstantVelocity;
 use ds_policy::route_follower::RouteFollower;
 use ds_policy::{EgoView, Learned, Observation, Policy, PolicyError, PrivilegedView};
@@ -17,7 +18,7 @@ use serde_json::json;
 
 use super::PolicyTrainError;
 use super::augment::softened;
-use super::dataset::{Sample, Samples, ScenarioSplit, Stage};
+use super::dataset::{Samples, ScenarioSplit, Stage};
 use super::settings::PolicySettings;
 
 /// A drive farther off the route than this has failed, in metres.
@@ -111,12 +112,12 @@ fn failed(stage: &Stage) -> impl Fn(PolicyError) -> PolicyTrainError {
 pub(super) fn samples_of(
     settings: &PolicySettings,
     round: u64,
-    scenarios: u32,
-    policy: &mut dyn Policy,
+    (scenarios, team): (u32, &Team),
+    policy: impl Fn() -> Result<Box<dyn Policy>, PolicyTrainError> + Sync,
 ) -> Result<Samples, PolicyTrainError> {
-    let mut samples: Vec<Sample> = Vec::new();
-    for index in 0..u64::from(scenarios) {
-        let mut stage = Stage::new(ScenarioSplit::Training, FIRST_DRIVEN + 10_000 * round + index);
+    let made = team.run(scenarios as usize, |index| {
+        let mut stage = Stage::new(ScenarioSplit::Training, FIRST_DRIVEN + 10_000 * round + index as u64);
+        let (mut policy, mut samples) = (policy()?, Vec::new());
         let start = Draws::new(&stage.scene.digest, "policy start", &[round]).below(0, 50);
         #[expect(clippy::cast_possible_truncation, reason = "below 50")]
         let mut simulation = stage.simulation(SimConfig::default(), Tick(start as u32))?;
@@ -132,8 +133,9 @@ pub(super) fn samples_of(
                 simulation.step();
             }
         }
-    }
-    Ok(Samples(samples))
+        Ok(samples)
+    });
+    Samples::joined(made)
 }
 
 fn is_over(stage: &Stage, world: &WorldState) -> bool {

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use ds_camera::{Appearance, ReferenceCamera, SceneCamera};
 use ds_graph::planner::{HEIGHT_PX, WIDTH_PX};
+use ds_nn::team::Team;
 use ds_policy::camera::eye::Eye;
 use ds_policy::camera::proposals::{KNOT_SECS, KNOTS, TARGETS};
 use ds_policy::driver::Driver;
@@ -102,6 +103,12 @@ impl Sample {
 pub(super) struct Samples(pub(super) Vec<Sample>);
 
 impl Samples {
+    /// Joins those of several scenarios.
+    pub(super) fn joined(made: Vec<Result<Vec<Sample>, PolicyTrainError>>) -> Result<Self, PolicyTrainError> {
+        let made: Result<Vec<Vec<Sample>>, _> = made.into_iter().collect();
+        Ok(Self(made?.into_iter().flatten().collect()))
+    }
+
     pub(super) fn len(&self) -> usize {
         self.0.len()
     }
@@ -244,9 +251,8 @@ pub(super) fn beside_the_expert(settings: &PolicySettings, shown: ScenarioSplit)
         ScenarioSplit::Training => settings.scenarios,
         ScenarioSplit::HeldOut => settings.held_out_scenarios,
     };
-    let mut samples = Vec::new();
-    for index in 0..u64::from(scenarios) {
-        let mut stage = Stage::new(shown, index);
+    let made = Team::of_all_cores().run(scenarios as usize, |index| {
+        let (mut stage, mut samples) = (Stage::new(shown, index as u64), Vec::new());
         for state in 0..u64::from(settings.states_per_scenario) {
             let draws = Draws::new(&stage.scene.digest, "policy states", &[settings.seed, state]);
             #[expect(clippy::cast_possible_truncation, reason = "below the last start tick")]
@@ -260,8 +266,9 @@ pub(super) fn beside_the_expert(settings: &PolicySettings, shown: ScenarioSplit)
                 samples.push(stage.sample(&world, &frame, simulation.route_command()));
             }
         }
-    }
-    Ok(Samples(samples))
+        Ok(samples)
+    });
+    Samples::joined(made)
 }
 
 /// Moves a logged state: one in five stays, the others are shifted along and across the route, turned, and given

@@ -3,10 +3,11 @@
 //! The `navsim_v2` terms against logged agents, without the human filter and EC, EP normalised over the plans and the
 //! reference plan; ½ counts as 0, as published scorers are trained.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use ds_graph::panel::TERMS;
+use ds_nn::team::Team;
 use ds_policy::camera::proposals::{KNOT_SECS, KNOTS};
 use ds_score::{
     PlannedPoses, PreparedMap, PreparedScene, ScoreError, SubScores, log_tracks, open_loop_map, rank_plans,
@@ -21,30 +22,43 @@ use super::dataset::{Sample, ScenarioSplit, scene};
 /// States of a rollout: now and 40 steps of 0.1 s.
 const STATES: usize = 41;
 
-/// Scores plans; scenes that were met before are kept.
-#[derive(Default)]
+/// Scores plans on all cores; scenes that were met before are kept.
 pub(super) struct Judge {
+    team: Team,
     scenes: BTreeMap<u64, (Scene, Arc<PreparedMap>)>,
 }
 
+impl Default for Judge {
+    fn default() -> Self {
+        Self { team: Team::of_all_cores(), scenes: BTreeMap::new() }
+    }
+}
+
 impl Judge {
-    /// Returns the terms of each plan from a training sample's state: NC, DAC, DDC, TLC, EP, TTC, LK, HC.
+    /// Returns for each training sample the terms of each of its plans, from its state: NC, DAC, DDC, TLC, EP, TTC, LK, HC.
     pub(super) fn terms(
         &mut self,
-        sample: &Sample,
-        plans: &[[PoseSe2; KNOTS]],
-    ) -> Result<Vec<[f32; TERMS]>, PolicyTrainError> {
-        let index = sample.place.scenario;
-        let (scene, map) = match self.scenes.entry(index) {
-            std::collections::btree_map::Entry::Occupied(entry) => entry.into_mut(),
-            std::collections::btree_map::Entry::Vacant(entry) => {
-                let scene = scene(ScenarioSplit::Training, index);
-                let map = PreparedMap::new(&open_loop_map(&scene)).map_err(|source| refused(&scene, source))?;
-                entry.insert((scene, Arc::new(map)))
-            }
-        };
-        ranked(scene, map, sample, plans).map_err(|source| refused(scene, source))
+        asked: &[(&Sample, Vec<[PoseSe2; KNOTS]>)],
+    ) -> Result<Vec<Vec<[f32; TERMS]>>, PolicyTrainError> {
+        let scenarios: BTreeSet<u64> = asked.iter().map(|(sample, _)| sample.place.scenario).collect();
+        let unknown: Vec<u64> = scenarios.into_iter().filter(|index| !self.scenes.contains_key(index)).collect();
+        for (index, met) in unknown.iter().zip(self.team.run(unknown.len(), |at| met(unknown[at]))) {
+            self.scenes.insert(*index, met?);
+        }
+        let scores = self.team.run(asked.len(), |at| {
+            let (sample, plans) = &asked[at];
+            let (scene, map) = &self.scenes[&sample.place.scenario];
+            ranked(scene, map, sample, plans).map_err(|source| refused(scene, source))
+        });
+        scores.into_iter().collect()
     }
+}
+
+/// Prepares a scene for scoring.
+fn met(index: u64) -> Result<(Scene, Arc<PreparedMap>), PolicyTrainError> {
+    let scene = scene(ScenarioSplit::Training, index);
+    let map = PreparedMap::new(&open_loop_map(&scene)).map_err(|source| refused(&scene, source))?;
+    Ok((scene, Arc::new(map)))
 }
 
 fn refused(scene: &Scene, source: ScoreError) -> PolicyTrainError {

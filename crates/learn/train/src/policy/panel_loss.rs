@@ -95,24 +95,28 @@ pub(super) fn judge_all(
     let (logits, slope) = (&answer.scores[*head], &mut slope.scores[*head]);
     let count = plans.shape()[1];
     let share = 1.0 / (batch.len() * count) as f32;
-    let rows = plans.values().chunks_exact(count * PLAN).zip(logits.values().chunks_exact(count * TERMS));
-    let rows = rows.zip(slope.values_mut().chunks_exact_mut(count * TERMS));
+    let row = count * TERMS;
+    let rows = logits.values().chunks_exact(row).zip(slope.values_mut().chunks_exact_mut(row));
     let mut loss = 0.0;
-    for (((plans, logits), slope), shown) in rows.zip(batch) {
-        let labels: Vec<[f32; TERMS]> = earned(plans, shown, judge)?.iter().map(wanted).collect();
+    for ((logits, slope), earned) in rows.zip(earned(plans, batch, judge)?) {
+        let labels: Vec<[f32; TERMS]> = earned.iter().map(wanted).collect();
         loss += entropies(logits, &labels, &weights.map(|weight| share * weight), slope);
     }
     Ok(loss)
 }
 
-/// Returns the sub-scores that plans of a sample earn.
+/// Returns the sub-scores that the plans [batch, plans, numbers] of each sample of a batch earn.
 pub(super) fn earned(
-    plans: &[f32],
-    shown: &Shown<'_>,
+    plans: &Array,
+    batch: &[Shown<'_>],
     judge: &mut Judge,
-) -> Result<Vec<[f32; TERMS]>, PolicyTrainError> {
-    let knots: Vec<_> = plans.chunks_exact(PLAN).map(|plan| knots_of(shown.speed_mps, plan)).collect();
-    judge.terms(shown.sample, &knots)
+) -> Result<Vec<Vec<[f32; TERMS]>>, PolicyTrainError> {
+    let rows = plans.values().chunks_exact(plans.shape()[1] * PLAN);
+    let asked = rows.zip(batch).map(|(plans, shown)| {
+        let knots = plans.chunks_exact(PLAN).map(|plan| knots_of(shown.speed_mps, plan)).collect();
+        (shown.sample, knots)
+    });
+    judge.terms(&asked.collect::<Vec<_>>())
 }
 
 /// Returns the sum of the cross entropies of logits of plans, by weights of a plan's, and fills in its slope.

@@ -44,10 +44,9 @@ pub(super) fn grade(
     for ((plans, logits), slope) in answer.plans.iter().zip(&answer.scores).zip(&mut slope.scores) {
         let count = plans.shape()[1];
         let share = 1.0 / batch.len() as f32;
-        let rows = plans.values().chunks_exact(count * PLAN).zip(logits.values().chunks_exact(count * TERMS));
-        let rows = rows.zip(slope.values_mut().chunks_exact_mut(count * TERMS));
-        for (((plans, logits), slope), shown) in rows.zip(batch) {
-            let labels = earned(plans, shown, judge)?;
+        let row = count * TERMS;
+        let rows = logits.values().chunks_exact(row).zip(slope.values_mut().chunks_exact_mut(row));
+        for ((logits, slope), labels) in rows.zip(earned(plans, batch, judge)?) {
             loss += entropies(logits, &labels, &[share / count as f32; TERMS], slope);
             loss += order(logits, &labels, share * ORDER_WEIGHT, slope);
         }

@@ -144,7 +144,7 @@ fn the_judge_tells_good_plans_from_bad_and_the_gradient_of_the_panel_is_its_slop
     // The teacher's plan, and one that leaves the road.
     let aside: Vec<f32> = target.iter().enumerate().map(|(k, v)| if k % 3 == 1 { v + 8.0 } else { *v }).collect();
     let knots = |numbers: &[f32]| knots_of(shown[0].speed_mps, numbers);
-    let terms = judge.terms(sample, &[knots(&target), knots(&aside)]).expect("scored");
+    let terms = judge.terms(&[(sample, vec![knots(&target), knots(&aside)])]).expect("scored").remove(0);
     let total = |terms: [f32; 8]| ds_graph::panel::total(terms.map(f64::from));
     assert!(total(terms[0]) > 0.3 && total(terms[1]) < 0.1, "{terms:?}");
     let plans = Array::new(&[1, 2, TARGETS], [target.as_slice(), &aside].concat());
