@@ -33,7 +33,7 @@ const COPIES: usize = 2;
 /// Normal numbers of a copy: of its speed and of how far aside it goes.
 const FACTORS: usize = 2;
 /// How much a normal number changes them.
-const SPREAD: [f32; FACTORS] = [0.25, 0.1];
+const SPREAD: [f32; FACTORS] = [0.1, 0.1];
 /// Plans that are scored again.
 const KEPT: usize = 16;
 const WIDTH: usize = 96;
