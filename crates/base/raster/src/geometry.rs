@@ -3,7 +3,8 @@
 //!
 //! A pixel of the later view is taken back to the earlier one: its point of the world by its depth, with the box that it lies
 //! in, if any, to where that box was, and through the camera. It has an origin where the earlier view saw that point: within
-//! the picture, and at a depth that the four pixels around it have or hold between them.
+//! the picture, and at a depth that the four pixels around it have or hold between them. What is infinitely far has none,
+//! nor has what lies beside it: the top of a tree would leave a streak in the sky.
 
 use std::sync::Arc;
 
@@ -92,15 +93,16 @@ impl Geometry {
         let directions = lens::directions(&self.lens.resized(width_px, height_px));
         let pixels = (0..height_px).flat_map(|y| (0..width_px).map(move |x| (x, y)));
         let origin = |((x, y), direction): ((u32, u32), &DVec2)| {
-            let depth_m = self.depth_m((x, y), size);
+            let depth_m = Some(self.depth_m((x, y), size)).filter(|depth_m| *depth_m < FAR_M)?;
             let point = self.world_from_camera * (direction.extend(1.0) * depth_m);
             let seen = camera_from_world * self.earlier(before, point)?;
             let at = lens.project(seen)?;
             let inside = at.x >= 0.0 && at.y >= 0.0 && at.x < f64::from(width_px) && at.y < f64::from(height_px);
-            let around = inside.then(|| around(at, size).0.map(|pixel| before.depth_m(pixel, size)))?;
+            let around = inside.then(|| around(at, size).map(|pixel| before.depth_m(pixel, size)))?;
+            let known = around.iter().all(|m| *m < FAR_M);
             let (nearest, farthest) = around.iter().fold((FAR_M, 0.0), |(low, high), m| (m.min(low), m.max(high)));
             let surface = nearest / (1.0 + SAME_DEPTH)..=farthest * (1.0 + SAME_DEPTH);
-            surface.contains(&seen.z).then_some(at)
+            (known && surface.contains(&seen.z)).then_some(at)
         };
         pixels.zip(&directions).map(origin).collect()
     }
@@ -124,24 +126,38 @@ impl Geometry {
     }
 }
 
-/// Returns the four pixels around a place in a picture and the share of each in it.
-fn around(at: DVec2, (width_px, height_px): (u32, u32)) -> ([(u32, u32); 4], [f64; 4]) {
+/// Returns the four pixels around a place in a picture.
+fn around(at: DVec2, (width_px, height_px): (u32, u32)) -> [(u32, u32); 4] {
     let (x, y) = ((at.x - 0.5).max(0.0), (at.y - 0.5).max(0.0));
     let (left, top) = (x as u32, y as u32);
     let (right, bottom) = ((left + 1).min(width_px - 1), (top + 1).min(height_px - 1));
-    let (across, down) = (x - f64::from(left), y - f64::from(top));
-    let shares = [(1.0 - across) * (1.0 - down), across * (1.0 - down), (1.0 - across) * down, across * down];
-    ([(left, top), (right, top), (left, bottom), (right, bottom)], shares)
+    [(left, top), (right, top), (left, bottom), (right, bottom)]
 }
 
-/// Returns the colour of a frame between four pixels.
+/// Returns the colour of a frame between pixels, by the cubic through the four in each row and column (Catmull and Rom), which keeps
+/// what is carried again and again sharper than the line between two.
 fn between(frame: &RgbImage, at: DVec2) -> [u8; 3] {
-    let (corners, shares) = around(at, (frame.width_px(), frame.height_px()));
-    let corners = corners.map(|(x, y)| frame.pixel(x, y));
-    [0, 1, 2].map(|channel| {
-        let sum: f64 = corners.iter().zip(shares).map(|(corner, share)| share * f64::from(corner[channel])).sum();
-        sum.round() as u8
-    })
+    let side = |at: f64, side_px: u32| {
+        let (first, share) = ((at - 0.5).floor(), (at - 0.5).rem_euclid(1.0));
+        let pixel = |tap: i32| (first as i32 + tap - 1).clamp(0, side_px as i32 - 1) as u32;
+        ([0, 1, 2, 3].map(pixel), cubic(share))
+    };
+    let (columns, across) = side(at.x, frame.width_px());
+    let (rows, down) = side(at.y, frame.height_px());
+    let mut sums = [0.0; 3];
+    for (y, down) in rows.into_iter().zip(down) {
+        for (x, across) in columns.into_iter().zip(across) {
+            let colour = frame.pixel(x, y);
+            sums = std::array::from_fn(|channel| sums[channel] + across * down * f64::from(colour[channel]));
+        }
+    }
+    sums.map(|sum: f64| sum.round().clamp(0.0, 255.0) as u8)
+}
+
+/// Returns the shares of four neighbours in the value at a share of the way from the second to the third.
+fn cubic(t: f64) -> [f64; 4] {
+    let [t2, t3] = [t * t, t * t * t];
+    [0.5 * (2.0 * t2 - t3 - t), 0.5 * (3.0 * t3 - 5.0 * t2 + 2.0), 0.5 * (4.0 * t2 - 3.0 * t3 + t), 0.5 * (t3 - t2)]
 }
 
 #[cfg(test)]

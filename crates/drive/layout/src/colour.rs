@@ -142,6 +142,23 @@ pub fn is_road_user(colour: Rgb) -> bool {
     SHADES.contains(&colour)
 }
 
+/// Says whether a colour is that of paint on the road: a line or a crossing.
+#[must_use]
+pub fn is_marking(colour: Rgb) -> bool {
+    colour == CROSSWALK || [LineColour::White, LineColour::Yellow].map(line).contains(&colour)
+}
+
+/// Says whether a colour tells exactly what a frame shows, in every frame anew: paint on the road, lights, people.
+#[must_use]
+pub fn is_told(colour: Rgb) -> bool {
+    static SHADES: LazyLock<Vec<Rgb>> = LazyLock::new(|| {
+        let unknown = light(LightState::Unknown);
+        let [pedestrian, cyclist] = [AgentClass::Pedestrian, AgentClass::Cyclist].map(agent);
+        shades([unknown, pedestrian, cyclist]).into_iter().chain([unknown]).collect()
+    });
+    is_marking(colour) || is_lit(colour) || SHADES.contains(&colour)
+}
+
 /// Says whether a colour is that of a face of a light head which is red, yellow or green, or of its stop line.
 #[must_use]
 pub fn is_lit(colour: Rgb) -> bool {

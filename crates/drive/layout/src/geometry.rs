@@ -2,13 +2,15 @@
 //! that move.
 
 use ds_raster::geometry::INVERSE_DEPTH_STEP;
-use ds_raster::{DepthRaster, Geometry, Lens, Mover, View};
+use ds_raster::{DepthRaster, Geometry, Lens, Mover, RgbImage, View};
 
+use crate::colour;
 use crate::error::LayoutError;
 use crate::scene::{LayoutScene, Shot};
 
-/// Returns the geometry of a shot: of what stands on the plane of the ground, of the ground, and of a sky that is infinitely far.
-pub(crate) fn of(shot: &Shot, lens: &Lens) -> Result<Geometry, LayoutError> {
+/// Returns the geometry of a shot: of what stands on the plane of the ground and of the ground. Infinitely far, as the sky, is also what
+/// its picture tells exactly, and the pixels beside it: a frame that is carried along would paint it twice.
+pub(crate) fn of(shot: &Shot, lens: &Lens, picture: &RgbImage) -> Result<Geometry, LayoutError> {
     let world_from_camera = shot.world_from_rig * shot.camera.rig_from_camera;
     let view = View::new(lens.pinhole(), world_from_camera);
     let width = lens.pinhole().width_px;
@@ -25,11 +27,27 @@ pub(crate) fn of(shot: &Shot, lens: &Lens) -> Result<Geometry, LayoutError> {
         let steps = steps.round() as u16;
         steps
     });
+    let mut inverse_depths = lens.develop(depths.collect());
+    for at in told(picture) {
+        inverse_depths[at] = 0;
+    }
     Ok(Geometry {
         lens: shot.camera.intrinsics,
         world_from_camera,
-        inverse_depths: lens.develop(depths.collect()).into(),
+        inverse_depths: inverse_depths.into(),
         movers: movers(&shot.scene),
+    })
+}
+
+/// Returns the pixels of what a picture tells exactly and their neighbours.
+fn told(picture: &RgbImage) -> impl Iterator<Item = usize> {
+    let [width, height] = [picture.width_px(), picture.height_px()].map(|side| side as usize);
+    let pixels = picture.rgb().chunks_exact(3).enumerate();
+    let told = pixels.filter(|(_, rgb)| colour::is_told([rgb[0], rgb[1], rgb[2]]));
+    told.flat_map(move |(at, _)| {
+        let (x, y) = (at % width, at / width);
+        let rows = y.saturating_sub(1)..(y + 2).min(height);
+        rows.flat_map(move |row| (x.saturating_sub(1)..(x + 2).min(width)).map(move |column| row * width + column))
     })
 }
 

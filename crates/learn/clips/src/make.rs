@@ -177,8 +177,10 @@ impl<'a> Studio<'a> {
         let mut renderer = Renderer::new(LayoutBackend::Cpu).map_err(refuse)?;
         for world in worlds {
             let (scene, pose) = (LayoutScene { map, world }, world.ego.pose.world_from_rig(0.0));
-            clip.layouts.push(renderer.render(&scene, &self.camera, pose).map_err(refuse)?);
-            clip.geometry.push(Arc::new(renderer.geometry(&scene, &self.camera, pose).map_err(refuse)?));
+            let layout = renderer.render(&scene, &self.camera, pose).map_err(refuse)?;
+            let geometry = renderer.geometry(&scene, &self.camera, pose, &layout).map_err(refuse)?;
+            clip.layouts.push(layout);
+            clip.geometry.push(Arc::new(geometry));
         }
         Ok(())
     }

@@ -159,6 +159,7 @@ impl Drive {
 
 fn from_ego(renderer: &mut Renderer, scene: &LayoutScene, camera: &CameraModel) -> Result<Layout, AppraisalError> {
     let pose = scene.world.ego.pose.world_from_rig(0.0);
-    let geometry = renderer.geometry(scene, camera, pose)?;
-    Ok(Layout { image: renderer.render(scene, camera, pose)?, geometry: Some(Arc::new(geometry)) })
+    let image = renderer.render(scene, camera, pose)?;
+    let geometry = renderer.geometry(scene, camera, pose, &image)?;
+    Ok(Layout { image, geometry: Some(Arc::new(geometry)) })
 }

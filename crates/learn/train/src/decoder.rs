@@ -251,7 +251,7 @@ impl Source<'_> {
         let window = Window::drawn(self.recipe.crop_px, from..from + count, latents.shape(), &draws);
         let on = draws.uniform(3) >= LAYOUT_DROPOUT;
         let (mut guides, mut frames, mut weights) = (Vec::new(), Vec::new(), Vec::new());
-        let all = Emphasis::of(self.config);
+        let all = Emphasis { markings: self.recipe.markings, ..Emphasis::of(self.config) };
         let emphasis = if encoded {
             all
         } else {

@@ -1,4 +1,4 @@
-//! Where a loss counts more: the pixels whose layout shows vehicles, pedestrians, cyclists or a lit traffic light.
+//! Where a loss counts more: the pixels whose layout shows vehicles, pedestrians, cyclists, a lit traffic light or paint on the road.
 //!
 //! They cover a few per cent of a frame, a light a few pixels, yet they are what a policy must see. Every other pixel counts 1, but
 //! where a layout tells nothing but ground or sky, or that something stands there, and the frame is one of many that it allows: no
@@ -16,6 +16,8 @@ pub(crate) struct Emphasis {
     pub(crate) road_users: f32,
     /// Those of a red, yellow or green light and its stop line.
     pub(crate) lights: f32,
+    /// Those of paint on the road: lines and crossings.
+    pub(crate) markings: f32,
     /// Those of bare ground and of what stands before the sky.
     pub(crate) untold: f32,
     /// Those of houses, trees and whatever else the layout stands beside the road.
@@ -25,7 +27,7 @@ pub(crate) struct Emphasis {
 impl Emphasis {
     /// Returns what a recipe asks of all stages.
     pub(crate) fn of(config: &TrainConfig) -> Self {
-        Self { road_users: config.road_users, lights: config.lights, untold: 1.0, structures: 1.0 }
+        Self { road_users: config.road_users, lights: config.lights, markings: 1.0, untold: 1.0, structures: 1.0 }
     }
 
     /// Returns the weight of every pixel of some layouts, [images, height, width].
@@ -34,6 +36,7 @@ impl Emphasis {
             colour::GROUND | colour::SKY => self.untold,
             rgb if colour::is_road_user(rgb) => self.road_users,
             rgb if colour::is_lit(rgb) => self.lights,
+            rgb if colour::is_marking(rgb) => self.markings,
             rgb if colour::is_structure(rgb) => self.structures,
             _ => 1.0,
         };
@@ -71,7 +74,7 @@ mod tests {
         }
         rgb[..3].copy_from_slice(&colour::light(LightState::Red));
         rgb[3..6].copy_from_slice(&colour::light(LightState::Unknown));
-        let emphasis = Emphasis { road_users: 5.0, lights: 9.0, untold: 1.0, structures: 1.0 };
+        let emphasis = Emphasis { road_users: 5.0, lights: 9.0, markings: 1.0, untold: 1.0, structures: 1.0 };
         let (layout, empty) =
             (RgbImage::new(16, 8, rgb).expect("the size fits"), RgbImage::filled(16, 8, colour::LANE));
         let pixels = emphasis.of_pixels(&[&layout]);

@@ -27,6 +27,9 @@ pub struct DecoderConfig {
     /// How much a pixel of a rollout counts where the layout tells that something stands, but not what it looks like.
     #[serde(default = "super::alike")]
     pub structures: f32,
+    /// How much more a pixel counts whose layout shows a line or a crossing, in rollouts and encoded frames.
+    #[serde(default = "super::alike")]
+    pub markings: f32,
     /// How much a pixel of a road user counts in a rollout, which cannot know what paint one wears that was not seen yet; as in all
     /// stages without it.
     #[serde(default)]
@@ -79,6 +82,9 @@ impl DecoderConfig {
         }
         if self.rolled_road_users.is_some_and(|weight| !(0.0..=1e3).contains(&weight)) {
             return refuse("decoder.rolled_road_users", "must lie within 0 to 1000");
+        }
+        if !(1.0..=1e3).contains(&self.markings) {
+            return refuse("decoder.markings", "must be 1 to 1000");
         }
         if self.crop_px.is_some_and(|crop| crop.iter().any(|side| *side == 0 || !side.is_multiple_of(BLOCK_PX))) {
             return refuse("decoder.crop_px", "must be multiples of 8 pixels");
