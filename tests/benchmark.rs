@@ -1,13 +1,11 @@
 //! `benchmark` by the real binary: shards that are killed and resumed against one undisturbed process, job arrays, and what is
 //! refused.
 
-#[path = "harness.rs"]
-mod harness;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
-use harness::{dreamstream, signal, text, wait_for, workspace};
+use crate::harness::{dreamstream, signal, text, wait_for, workspace};
 use serde_json::Value;
 
 /// What every run of these tests drives: six scenarios × two policies, seeing layouts.
@@ -148,12 +146,12 @@ fn a_task_of_a_slurm_array_is_queued_again_and_goes_on() {
     let path = format!("{}:{}", utf8(folder.path()), std::env::var_os("PATH").unwrap_or_default().display());
     let task = || {
         let mut command = Command::new("bash");
-        let script = harness::workspace().join("deploy/benchmark/slurm.sh");
+        let script = crate::harness::workspace().join("deploy/benchmark/slurm.sh");
         command.arg(script).args([utf8(&set), "constant-velocity", "--observation", "layout"]).env("PATH", &path);
         command.env("DREAMSTREAM_BIN", env!("CARGO_BIN_EXE_dreamstream")).env("DREAMSTREAM_OUT", &out);
         let variables = [("TASK_ID", "1"), ("TASK_COUNT", "2"), ("JOB_ID", "77")];
         command.envs(variables.map(|(name, value)| (format!("SLURM_ARRAY_{name}"), value)));
-        command.env("SLURM_CPUS_PER_TASK", "1").current_dir(harness::workspace());
+        command.env("SLURM_CPUS_PER_TASK", "1").current_dir(crate::harness::workspace());
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
         command
     };
@@ -448,7 +446,7 @@ fn one_writer_at_a_time_and_a_full_disk_loses_nothing() {
         .args(["-c", "trap '' XFSZ; ulimit -f 5000; exec \"$0\" \"$@\""])
         .arg(run.get_program())
         .args(run.get_args());
-    limited.current_dir(harness::workspace()).stdin(Stdio::null());
+    limited.current_dir(crate::harness::workspace()).stdin(Stdio::null());
     limited.envs(variables);
     // The bus may complain of its own end when a fleet is taken down at once.
     let told = exits(limited, 2);

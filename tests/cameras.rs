@@ -1,14 +1,11 @@
 //! Cameras of any size: the part of the image that the video model sees is cut out before anything is drawn, every stage
 //! sees the same calibration, and the recording keeps both.
 
-#[path = "harness.rs"]
-mod harness;
-
 use std::path::Path;
 
+use crate::harness::{Drive, drive, workspace};
 use ds_record::Recording;
 use ds_space::{DVec3, Tick};
-use harness::{Drive, drive, workspace};
 use serde_json::{Value, json};
 
 /// Name, size, focal length, centre and distortion.

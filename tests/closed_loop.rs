@@ -1,8 +1,6 @@
 //! Whole drives by the real binary: shipped scenarios, real logs, embedded and as processes, recordings and views.
 
-#[path = "harness.rs"]
-mod harness;
-use harness::{dreamstream, drive, shared, text, workspace};
+use crate::harness::{dreamstream, drive, shared, text, workspace};
 
 const TINY: &str = "scenarios/base/free-curve.scenario.json";
 

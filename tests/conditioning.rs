@@ -1,14 +1,12 @@
 //! What the video model starts from: first frames and prompts of a run, and defaults as clips for training have them.
 
-#[path = "harness.rs"]
-mod harness;
 use std::path::Path;
 
+use crate::harness::{Drive, drive, text, workspace};
 use ds_clips::{ClipSet, Progress, Recipe};
 use ds_raster::{Encoding, RgbImage};
 use ds_record::Recording;
 use ds_topic::{Cache, Frame, Slot, Topic};
-use harness::{Drive, drive, text, workspace};
 
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
 const LAST_TICK: u32 = 20;

@@ -1,14 +1,12 @@
 //! Nothing is lost and nothing silently wrong: damaged recordings, a full disk, two runs in one folder, a policy that is not
 //! there, a reader who leaves.
 
-#[path = "harness.rs"]
-mod harness;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::sync::LazyLock;
 
+use crate::harness::{Drive, command, dreamstream, drive, finished, start, wait_for};
 use ds_space::Draws;
-use harness::{Drive, command, dreamstream, drive, finished, start, wait_for};
 use serde_json::Value;
 
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
@@ -120,7 +118,7 @@ fn limited(arguments: &[&str], out: &Path, bytes: u64) -> Output {
     let mut shell = Command::new("sh");
     let script = format!("trap '' XFSZ; ulimit -f {}; exec \"$0\" \"$@\"", bytes / 512);
     shell.args(["-c", &script]).arg(drive.get_program()).args(drive.get_args());
-    shell.current_dir(harness::workspace()).stdin(Stdio::null());
+    shell.current_dir(crate::harness::workspace()).stdin(Stdio::null());
     shell.stdout(Stdio::null()).stderr(Stdio::piped());
     ended(shell)
 }
@@ -213,7 +211,7 @@ fn a_folder_holds_one_run_at_a_time_and_keeps_the_earlier_ones() {
     let earlier = again.folder.path().join("earlier/1");
     let results = std::fs::read_to_string(earlier.join("results.json")).expect("the earlier results");
     let results: Value = serde_json::from_str(&results).expect("JSON");
-    assert!(earlier.join(harness::text(&results["episodes"][0]["recording"])).exists(), "{results}");
+    assert!(earlier.join(crate::harness::text(&results["episodes"][0]["recording"])).exists(), "{results}");
 
     let output =
         command(&[SCENARIO, "--vehicle-log", "--overwrite"], again.folder.path()).output().expect("the binary runs");

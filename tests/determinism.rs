@@ -1,8 +1,6 @@
 //! Same scenario, seed and weights give the same digests, whatever the number of workers, the wiring or the losses.
 
-#[path = "harness.rs"]
-mod harness;
-use harness::drive;
+use crate::harness::drive;
 
 const SCENARIOS: [&str; 2] = ["scenarios/base/cut-in.scenario.json", "scenarios/base/free-curve.scenario.json"];
 const SHORT: [&str; 2] = ["--duration", "3"];
@@ -46,9 +44,9 @@ fn the_seed_changes_frames_and_nothing_before_them() {
 fn threads_are_part_of_the_compute_class() {
     let run = |threads: &str| {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let mut command = harness::command(&[SCENARIOS[1], "--duration", "2"], folder.path());
+        let mut command = crate::harness::command(&[SCENARIOS[1], "--duration", "2"], folder.path());
         let output = command.env("RAYON_NUM_THREADS", threads).output().expect("runs");
-        let drive = harness::finished(folder, output);
+        let drive = crate::harness::finished(folder, output);
         (drive.digests(0), drive.results["run"]["compute_classes"]["video"].clone())
     };
     let (one, two) = (run("1"), run("2"));

@@ -1,11 +1,9 @@
 //! Killed and stopped processes on the real bus: the drive ends with the digests of an undisturbed one.
 
-#[path = "harness.rs"]
-mod harness;
 use std::path::Path;
 use std::process::Child;
 
-use harness::{children, drive, finished, signal, start, wait_for};
+use crate::harness::{children, drive, finished, signal, start, wait_for};
 
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
 const DRIVE: [&str; 4] = [SCENARIO, "--processes", "--workers", "2"];
@@ -21,7 +19,7 @@ fn wait_for_bytes(out: &Path, bytes: u64) {
     wait_for("the journal to grow", 120, || (recorded_bytes(out) >= bytes).then_some(()));
 }
 
-fn end(mut child: Child, folder: tempfile::TempDir) -> harness::Drive {
+fn end(mut child: Child, folder: tempfile::TempDir) -> crate::harness::Drive {
     let status = child.wait().expect("the drive ends");
     let log = std::fs::read_to_string(folder.path().join("stderr.txt")).unwrap_or_default();
     assert!(status.success(), "{status}: {log}");

@@ -1,8 +1,6 @@
 //! The gap diagnosis from the command line: a labelled case is named, a broken one is refused and spoils no other.
 
-#[path = "harness.rs"]
-mod harness;
-use harness::{dreamstream, shared, workspace};
+use crate::harness::{dreamstream, shared, workspace};
 use serde_json::Value;
 
 #[test]

@@ -1,5 +1,4 @@
 //! What the system tests share: the workspace, real data, and drives by the real binary in temporary folders.
-#![expect(dead_code, reason = "each test uses its own part of the harness")]
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};

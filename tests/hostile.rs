@@ -1,13 +1,11 @@
 //! Bad input at every border gets a clear error, and what was there before still works.
 
-#[path = "harness.rs"]
-mod harness;
 use std::path::Path;
 use std::process::{Child, Stdio};
 
+use crate::harness::{dreamstream, free_port, workspace};
 use ds_raster::{Encoding, RgbImage};
 use ds_wire::control as pb;
-use harness::{dreamstream, free_port, workspace};
 use pb::runs_client::RunsClient;
 use tonic::Code;
 use tonic::transport::Channel;
@@ -58,11 +56,11 @@ fn a_benchmark_refuses_privileges_and_exact_alignment_refuses_cut_chunks() {
     }
     let exact = |replan: &str| {
         let arguments = [SCENARIO, "--align", "exact", "--replan", replan, "--duration", "1"];
-        harness::drive(&arguments).episode(0).clone()
+        crate::harness::drive(&arguments).episode(0).clone()
     };
     let cut = exact("5");
     assert_eq!(cut["status"], "aborted");
-    assert!(harness::text(&cut["reason"]).contains("not_aligned"), "{cut}");
+    assert!(crate::harness::text(&cut["reason"]).contains("not_aligned"), "{cut}");
     assert_eq!(exact("4")["status"], "completed");
 }
 

@@ -1,16 +1,12 @@
 //! What a fleet tells Prometheus: counts that agree with results, a killed worker that is seen, names that manual and dashboard
 //! know; and that it costs a drive nothing.
 
-#[path = "fleet.rs"]
-mod fleet;
-#[path = "harness.rs"]
-mod harness;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Read, Write};
 use std::net::TcpStream;
 
-use fleet::{Fleet, WORKER};
-use harness::{drive, free_port, start, wait_for, workspace};
+use crate::fleet::{Fleet, WORKER};
+use crate::harness::{drive, free_port, start, wait_for, workspace};
 use serde_json::Value;
 
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
@@ -256,7 +252,7 @@ fn a_run_in_one_process_tells_of_all_roles_and_drives_the_same() {
         page.sum("dreamstream_protocol_pulls_total", &[&format!("role=\"{role}\"")]);
     }
     let output = std::process::Output { status, stdout: Vec::new(), stderr: Vec::new() };
-    let watched = harness::finished(folder, output);
+    let watched = crate::harness::finished(folder, output);
     assert_eq!([0, 1].map(|index| alone.digests(index)), [0, 1].map(|index| watched.digests(index)));
 }
 
@@ -266,13 +262,17 @@ fn a_benchmark_tells_while_it_drives() {
     let path = |name: &str| folder.path().join(name).to_str().expect("UTF-8").to_owned();
     let build = ["benchmark", "build", "base", "--unfiltered", "--candidates", "3", "--seed", "11", "--out"];
     assert!(
-        harness::dreamstream(&[&build[..], &[&path("sets")]].concat()).status().expect("the binary runs").success()
+        crate::harness::dreamstream(&[&build[..], &[&path("sets")]].concat())
+            .status()
+            .expect("the binary runs")
+            .success()
     );
     let (port, set) = (free_port(), path("sets/town.set.json"));
     let address = format!("127.0.0.1:{port}");
     let run =
         ["benchmark", "run", &set, "--policy", "lattice", "--observation", "layout", "--metrics", &address, "--out"];
-    let mut child = harness::dreamstream(&[&run[..], &[&path("out")]].concat()).spawn().expect("the binary runs");
+    let mut child =
+        crate::harness::dreamstream(&[&run[..], &[&path("out")]].concat()).spawn().expect("the binary runs");
     let (mut watcher, mut last) = (Watcher::default(), None);
     let status = wait_for("the end of the benchmark", 120, || {
         last = watcher.look(port).or(last.take());

@@ -1,10 +1,8 @@
 //! A stranger on the policy bus that listens to `**`, asks for `**` and writes to foreign keys learns and changes nothing.
 
-#[path = "harness.rs"]
-mod harness;
 use std::process::{Command, Stdio};
 
-use harness::{command, free_port, python, text, workspace};
+use crate::harness::{command, free_port, python, text, workspace};
 
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
 

@@ -1,17 +1,15 @@
 //! A network of others as an ONNX file drives as the same network in a process of its own; bad ones are refused by name.
 
-#[path = "harness.rs"]
-mod harness;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-use harness::{Drive, command, finished, free_port, python_with, workspace};
+use crate::harness::{Drive, command, finished, free_port, python_with, workspace};
 
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
 
 /// Returns a Python that writes ONNX files, and a folder with the exported network.
 fn exported() -> Option<(PathBuf, tempfile::TempDir)> {
-    harness::python()?;
+    crate::harness::python()?;
     let python = python_with("onnx", &["onnx"])?;
     let folder = tempfile::tempdir().expect("a temporary folder");
     say(Command::new(&python).arg(script()).arg("export").arg(folder.path()));
@@ -67,14 +65,14 @@ fn the_doctor_asks_for_batches_and_in_new_processes() {
     let Some((_, folder)) = exported() else { return };
     let manifest = folder.path().join("numpy.toml");
     let doctor = ["policy", "doctor", manifest.to_str().expect("a plain path"), "--json"];
-    let output = harness::dreamstream(&doctor).output().expect("runs");
+    let output = crate::harness::dreamstream(&doctor).output().expect("runs");
     let told: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert_eq!(told["fixtures"].as_array().map(Vec::len), Some(8), "{told}");
     assert_eq!(told["findings"], serde_json::json!([]), "{told}");
     assert_eq!(told["feature"], serde_json::json!([240, 6]), "{told}");
     let remarks = told["remarks"].as_array().expect("remarks");
     let batch = remarks.iter().find(|remark| remark["check"] == "batch").expect("a remark of batches");
-    assert!(harness::text(&batch["says"]).starts_with("answers to 2 and 8 at once"), "{told}");
+    assert!(crate::harness::text(&batch["says"]).starts_with("answers to 2 and 8 at once"), "{told}");
     assert!(
         remarks.iter().all(|remark| remark["check"] != "determinism"),
         "new processes plan the same to the bit: {told}"
@@ -127,7 +125,7 @@ fn the_study_looks_at_frames_through_an_onnx_network() {
         let text = format!("{shared}look_weights = {weights:?}\n[[panel]]\nname = \"twin\"\n{member}");
         std::fs::write(&path, text).expect("write");
         let study = ["study", "fidelity", "--config", path.to_str().expect("a plain path")];
-        harness::dreamstream(&study).current_dir(folder.path()).output().expect("runs")
+        crate::harness::dreamstream(&study).current_dir(folder.path()).output().expect("runs")
     };
     let done = config("policy = \"numpy.toml\"\n");
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));

@@ -1,13 +1,11 @@
 //! Policies in Python drive over the policy bus from another process: alone, several sessions at once, as an agent of
 //! NAVSIM's interface, and as a ROS 2 node; bad ones end their drive by name.
 
-#[path = "harness.rs"]
-mod harness;
 use std::io::Read;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-use harness::{Drive, command, finished, free_port, python, python_with, text, workspace};
+use crate::harness::{Drive, command, finished, free_port, python, python_with, text, workspace};
 
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
 const OTHER: &str = "scenarios/base/cut-in.scenario.json";
@@ -185,8 +183,8 @@ fn a_drive_that_was_killed_leaves_room_for_the_next_one() {
     let endpoint = endpoint();
     let _guest = guest(&python, &["dreamstream", "run", &format!("{}:Alone", script.display())], &endpoint);
     let shared = [SCENARIO, "--policy", "mine", "--policy-listen", &endpoint, "--observation", "layout"];
-    let mut killed = harness::start(&shared, folder.path());
-    harness::wait_for("the session to begin", 60, || folder.path().join("began").exists().then_some(()));
+    let mut killed = crate::harness::start(&shared, folder.path());
+    crate::harness::wait_for("the session to begin", 60, || folder.path().join("began").exists().then_some(()));
     killed.kill().expect("the drive runs");
     killed.wait().expect("the drive ends");
     let drive = drive_by(&endpoint, &[SCENARIO]);
@@ -314,7 +312,7 @@ fn the_doctor_names_what_is_wrong_with_a_python_policy() {
     std::fs::write(&script, EXAMINED).expect("a script");
     let doctor = |class: &str| {
         let policy = format!("{}:{class}", script.display());
-        let mut doctor = harness::dreamstream(&["policy", "doctor", &policy, "--json", "--python"]);
+        let mut doctor = crate::harness::dreamstream(&["policy", "doctor", &policy, "--json", "--python"]);
         let output = doctor.arg(&python).output().expect("runs");
         let said = String::from_utf8_lossy(&output.stdout).into_owned();
         let told = serde_json::from_str::<serde_json::Value>(&said);
@@ -342,7 +340,7 @@ fn the_doctor_names_what_is_wrong_with_a_python_policy() {
         let first = &told["findings"][0];
         assert!(first["check"] == check && text(&first["says"]).contains(says), "{class}: {told}");
     }
-    let mut doctor = harness::dreamstream(&["policy", "doctor", "none.py:Mine", "--python"]);
+    let mut doctor = crate::harness::dreamstream(&["policy", "doctor", "none.py:Mine", "--python"]);
     let said = doctor.arg(&python).output().expect("runs").stderr;
     let said = String::from_utf8_lossy(&said).into_owned();
     assert!(said.contains("there is no file") && said.contains("ended before it answered"), "{said}");

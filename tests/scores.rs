@@ -1,9 +1,7 @@
 //! Scores across process borders: what the orchestrator scores live is what a re-score of the recording gives, to the bit;
 //! case files are answered by the command line; the oracle changes what is driven and says how good proposals were.
 
-#[path = "harness.rs"]
-mod harness;
-use harness::{Drive, dreamstream, drive, shared, workspace};
+use crate::harness::{Drive, dreamstream, drive, shared, workspace};
 use serde_json::Value;
 
 const SCENARIOS: [&str; 2] =

@@ -1,12 +1,10 @@
 //! A fleet as on a network: certificates, token, rights on the bus, and devices that are handed out once.
 
-#[path = "harness.rs"]
-mod harness;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Output};
 
-use harness::{dreamstream, wait_for};
+use crate::harness::{dreamstream, wait_for};
 
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
 

@@ -1,11 +1,9 @@
 //! Python processes in a stage's place on the bus: a whole drive, one killed in the middle, and a sealed run diagnosed from
 //! its vehicle logs alone, without effect and with one.
 
-#[path = "harness.rs"]
-mod harness;
 use std::path::{Path, PathBuf};
 
-use harness::{children, command, finished, python, python_with, signal, start, text, wait_for, workspace};
+use crate::harness::{children, command, finished, python, python_with, signal, start, text, wait_for, workspace};
 use serde_json::Value;
 
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
@@ -79,7 +77,7 @@ fn sealed_runs_of_a_python_world_are_diagnosed_from_their_logs() {
         words.extend(["--stage", &flag]);
         let output = command(&words, &out.join("world")).output().expect("runs");
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        let mut diagnose = harness::dreamstream(&["gap", "diagnose", "--quick", "--no-pages"]);
+        let mut diagnose = crate::harness::dreamstream(&["gap", "diagnose", "--quick", "--no-pages"]);
         let output = diagnose.arg(out.join("world/real")).arg("-o").arg(out.join("gap")).output().expect("runs");
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         let said = std::fs::read_to_string(out.join("gap/world/diagnosis.json")).expect("a diagnosis");

@@ -1,13 +1,11 @@
 //! A command as the nominal simulator: the built-in car served through the protocol is diagnosed as itself, one that dies is
 //! started once more and its windows are left out, and what is no simulator is refused by what is wrong with it.
 
-#[path = "harness.rs"]
-mod harness;
 use std::path::Path;
 use std::process::Command;
 
+use crate::harness::{dreamstream, python, python_with, workspace};
 use ds_effect::{Plant, find};
-use harness::{dreamstream, python, python_with, workspace};
 use serde_json::Value;
 
 fn case(folder: &Path, seed: u64, injected: &[(&str, f64)]) -> String {

@@ -8,15 +8,17 @@ use std::path::{Path, PathBuf};
 
 #[path = "tidy/circles.rs"]
 mod circles;
-#[path = "harness.rs"]
-mod harness;
-use harness::workspace;
 
 const FORBIDDEN_NAMES: &[&str] = &["utils", "util", "common", "shared", "core", "helpers", "misc", "types", "manager"];
 const MAX_FILE_LINES: usize = 500;
 
 /// Files of one crate that still import each other in a circle.
 const CIRCLES: &[&str] = &[];
+
+/// Returns the root of the workspace.
+fn workspace() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
 
 struct Package {
     name: String,
@@ -106,6 +108,25 @@ fn imports_point_to_a_lower_layer() {
         }
     }
     assert!(faults.is_empty(), "{faults:#?}");
+}
+
+#[test]
+fn every_file_of_tests_is_in_a_program() {
+    let folders: Vec<PathBuf> = packages().into_iter().map(|package| package.folder).chain([workspace()]).collect();
+    let read = |path: PathBuf| fs::read_to_string(path).unwrap_or_default();
+    let said: String = folders.iter().map(|f| read(f.join("Cargo.toml")) + &read(f.join("tests/all.rs"))).collect();
+    let mut left = Vec::new();
+    for tests in folders.iter().map(|folder| folder.join("tests")).filter(|tests| tests.join("all.rs").exists()) {
+        let all = read(tests.join("all.rs"));
+        for path in fs::read_dir(&tests).expect("a readable folder").map(|entry| entry.expect("an entry").path()) {
+            let name = path.file_name().and_then(|name| name.to_str()).expect("a plain name").to_owned();
+            let Some(module) = name.strip_suffix(".rs").filter(|module| *module != "all") else { continue };
+            if !all.contains(&format!("mod {module};")) && !said.contains(&format!("tests/{name}\"")) {
+                left.push(path);
+            }
+        }
+    }
+    assert!(left.is_empty(), "nobody builds {left:#?}");
 }
 
 /// Returns deny.toml.

@@ -1,14 +1,11 @@
 //! The way of a video model through the commands: clips, every stage of training, a kill and a resume, shipped weights,
 //! a first frame, a drive on them, and an evaluation; what is wrong is refused with the name of what is wrong.
 
-#[path = "harness.rs"]
-mod harness;
-
 use std::path::Path;
 use std::process::{Output, Stdio};
 
+use crate::harness::{dreamstream, signal, wait_for, workspace};
 use ds_raster::RgbImage;
-use harness::{dreamstream, signal, wait_for, workspace};
 use serde_json::Value;
 
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";

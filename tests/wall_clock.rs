@@ -1,12 +1,11 @@
 //! Wall-clock mode: an answer that is late by real time is counted and not waited for; nothing of it is found in any other
 //! drive, and results of both kinds are not mixed.
 
-#[path = "harness.rs"]
-mod harness;
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Duration;
 
+use crate::harness::{Drive, dreamstream, finished, free_port, start, wait_for};
 use ds_bus::{FromBridge, FromPolicy, PolicyGuest};
 use ds_record::Recording;
 use ds_space::{InstanceId, PoseSe2, SimTime};
@@ -14,7 +13,6 @@ use ds_topic::{Plan, Topic};
 use ds_wire::policy::{PolicyHello, PolicyPlan};
 use ds_wire::verify;
 use ds_world::{Trajectory, TrajectoryPoint};
-use harness::{Drive, dreamstream, finished, free_port, start, wait_for};
 
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
 /// Longer than the replan period of 0.5 s.

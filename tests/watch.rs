@@ -1,21 +1,17 @@
 //! Looking on at a running fleet. `gap watch`: what it puts on the bus, what it says where there is nothing to diagnose, and
 //! that topic `diagnosis` never gets in a drive's way. `top`: who works, who was killed.
 
-#[path = "fleet.rs"]
-mod fleet;
-#[path = "harness.rs"]
-mod harness;
 use std::path::Path;
 use std::process::{Child, Output};
 use std::sync::LazyLock;
 
+use crate::fleet::{Fleet, WORKER};
+use crate::harness::{dreamstream, drive, text, wait_for};
 use ds_bus::{BusSession, BusSettings, Mode, Subscription};
 use ds_record::Recording;
 use ds_space::{EpisodeId, InstanceId, SimTime, Tick};
 use ds_topic::{DiagnosedEffect, Diagnosis, Envelope, Slot, Topic};
 use ds_wire::{Body, verify};
-use fleet::{Fleet, WORKER};
-use harness::{dreamstream, drive, text, wait_for};
 use tokio::runtime::Runtime;
 
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";

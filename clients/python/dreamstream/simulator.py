@@ -38,6 +38,34 @@ class Parameter:
     high: float
 
 
+def nominal_of_case(arguments: Optional[Sequence[str]] = None) -> Dict[str, Any]:
+    """Returns what is known of the car, `nominal` of the `meta.json` of the case that the arguments (of the command line, if
+    not given) name; ends the process where they name none."""
+    words = sys.argv[1:] if arguments is None else arguments
+    case = next((word for word in words if not word.startswith("--")), None)
+    if case is None:
+        raise SystemExit(f"usage: {os.path.basename(sys.argv[0])} CASE [--check]")
+    with open(os.path.join(case, "meta.json"), encoding="utf-8") as file:
+        return json.load(file)["nominal"]
+
+
+def car_parameters(nominal: Mapping[str, float]) -> List[Parameter]:
+    """Returns what can be set of any car with four wheels, at what is known of it: arms within 0.5 m, all else from a tenth to
+    three times."""
+    usual = {
+        ("mass_kg", "kg"): nominal["mass"],
+        ("yaw_inertia_kg_m2", "kg m2"): nominal["yaw_inertia"],
+        ("front_arm_m", "m"): nominal["lf"],
+        ("rear_arm_m", "m"): nominal["lr"],
+        ("friction", ""): nominal.get("friction", 1.0),
+    }
+
+    def around(name: str, value: float) -> tuple:
+        return (value - 0.5, value + 0.5) if name.endswith("_m") else (value - 0.9 * value, value + 2.0 * value)
+
+    return [Parameter(name, unit, value, *around(name, value)) for (name, unit), value in usual.items()]
+
+
 @dataclass(frozen=True)
 class Served:
     """A simulator as it is served."""

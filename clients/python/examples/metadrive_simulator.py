@@ -9,17 +9,14 @@ hardly slip below their friction limit, whatever stiffness a case names, and tak
 the car alone.
 """
 
-import json
 import math
-import pathlib
-import sys
 
 from metadrive.component.vehicle.vehicle_type import DefaultVehicle
 from metadrive.engine import base_engine
 from metadrive.envs.metadrive_env import MetaDriveEnv
 from panda3d.core import Vec3
 
-from dreamstream.simulator import Parameter, serve
+from dreamstream.simulator import car_parameters, nominal_of_case, serve
 
 PHYSICS, EACH = 0.005, 4
 DT = PHYSICS * EACH
@@ -47,7 +44,7 @@ class Car:
 
     def __init__(self, nominal):
         self.nominal = nominal
-        self.usual = {"mass_kg": nominal["mass"], "yaw_inertia_kg_m2": nominal["yaw_inertia"], "front_arm_m": nominal["lf"], "rear_arm_m": nominal["lr"], "friction": nominal.get("friction", 1.0)}
+        self.usual = {parameter.name: parameter.nominal for parameter in car_parameters(nominal)}
         self.env, self.physics = plane()
         self.vehicle = None
 
@@ -123,19 +120,13 @@ class Car:
 
 
 def main():
-    case = next((a for a in sys.argv[1:] if not a.startswith("--")), None)
-    if case is None:
-        raise SystemExit("usage: metadrive_simulator.py CASE [--check]")
-    car = Car(json.loads((pathlib.Path(case) / "meta.json").read_text())["nominal"])
-    wide = {"front_arm_m": 0.5, "rear_arm_m": 0.5}
-    parameters = [
-        Parameter(name, "", value, value - wide.get(name, 0.9 * value), value + wide.get(name, 2.0 * value)) for name, value in car.usual.items()
-    ]
+    nominal = nominal_of_case()
+    car = Car(nominal)
     serve(
         car.reset,
         car.step,
         dt=DT,
-        parameters=parameters,
+        parameters=car_parameters(nominal),
         ports=["drive"],
         reset_state=["x", "y", "yaw", "v", "vy", "yaw_rate"],
         includes=["load_transfer", "tyre_knee", "drive_split"],

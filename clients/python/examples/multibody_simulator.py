@@ -9,9 +9,7 @@ mass, measured axles, yaw inertia, friction, drag; the axles' cornering stiffnes
 with compliances. Load transfer, the tyre's knee and the split of the drive are its own.
 """
 
-import json
 import math
-import pathlib
 import sys
 from collections import namedtuple
 from types import SimpleNamespace
@@ -24,7 +22,7 @@ import vehiclemodels.vehicle_dynamics_mb as multibody
 from vehiclemodels.init_mb import init_mb
 from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
 
-from dreamstream.simulator import Parameter, serve
+from dreamstream.simulator import car_parameters, nominal_of_case, serve
 
 DT = 0.02
 FINE = 20  # the wheels' spin is stiff at walking pace
@@ -117,7 +115,7 @@ class Car:
     def __init__(self, nominal):
         self.nominal = nominal
         wanted = np.array([nominal["cornering_stiffness_front"], nominal["cornering_stiffness_rear"]])
-        self.usual = {"mass_kg": nominal["mass"], "yaw_inertia_kg_m2": nominal["yaw_inertia"], "front_arm_m": nominal["lf"], "rear_arm_m": nominal["lr"], "friction": nominal.get("friction", 1.0)}
+        self.usual = {parameter.name: parameter.nominal for parameter in car_parameters(nominal)}
         self.stiff, self.more = 1.0, np.zeros(2)
         for _ in range(4):
             self.stiff *= float(np.clip(np.min(wanted / stiffnesses(self.parameters({}), np.zeros(2))), 0.5, 2.0))
@@ -153,20 +151,14 @@ class Car:
 
 
 def main():
-    case = next((a for a in sys.argv[1:] if not a.startswith("--")), None)
-    if case is None:
-        raise SystemExit("usage: multibody_simulator.py CASE [--check]")
-    car = Car(json.loads((pathlib.Path(case) / "meta.json").read_text())["nominal"])
+    nominal = nominal_of_case()
+    car = Car(nominal)
     print(f"axle stiffnesses matched with {car.more.round()} N/rad, tyres times {car.stiff:.3f}", file=sys.stderr)
-    wide = {"front_arm_m": 0.5, "rear_arm_m": 0.5}
-    parameters = [
-        Parameter(name, "", value, value - wide.get(name, 0.9 * value), value + wide.get(name, 2.0 * value)) for name, value in car.usual.items()
-    ]
     serve(
         car.reset,
         car.step,
         dt=DT,
-        parameters=parameters,
+        parameters=car_parameters(nominal),
         ports=["drive", "lateral.front", "lateral.rear"],
         reset_state=["x", "y", "yaw", "v", "vy", "yaw_rate"],
         includes=["load_transfer", "tyre_knee", "drive_split"],

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from dreamstream.simulator import CHANNELS, PORTS, Parameter, Served, check, listen, serve
+from dreamstream.simulator import CHANNELS, PORTS, Parameter, Served, car_parameters, check, listen, nominal_of_case, serve
 
 DT, BASE, MASS = 0.01, 2.8, 1500.0
 
@@ -131,3 +131,16 @@ def test_a_failed_check_ends_with_1():
 def test_it_needs_nothing_but_the_standard_library():
     program = "import sys, dreamstream.simulator; sys.exit(any(name in sys.modules for name in ('numpy', 'zenoh', 'google.protobuf')))"
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
+
+
+def test_what_is_known_of_a_car_comes_from_the_case_on_the_command_line(tmp_path):
+    known = {"mass": 1500.0, "yaw_inertia": 2500.0, "lf": 1.2, "lr": 1.6}
+    (tmp_path / "meta.json").write_text(json.dumps({"nominal": known}))
+    assert nominal_of_case(["--check", str(tmp_path)]) == known
+    with pytest.raises(SystemExit, match="CASE"):
+        nominal_of_case(["--check"])
+    of = {parameter.name: parameter for parameter in car_parameters(known)}
+    assert list(of) == ["mass_kg", "yaw_inertia_kg_m2", "front_arm_m", "rear_arm_m", "friction"]
+    assert (of["mass_kg"].unit, of["mass_kg"].nominal, of["mass_kg"].high) == ("kg", 1500.0, 4500.0)
+    assert of["mass_kg"].low == pytest.approx(150.0)
+    assert (of["rear_arm_m"].low, of["rear_arm_m"].high, of["friction"].nominal) == (1.1, 2.1, 1.0)

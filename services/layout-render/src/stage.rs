@@ -59,7 +59,7 @@ impl Maker for Drawing {
                 let pose = ego_in_world.world_from_rig(0.0);
                 let failed = |error: LayoutError| bad("render_failed", &error);
                 let image = self.renderer.render(&described, camera, pose).map_err(failed)?;
-                let told = self.scene.spec.layout_memory_ticks > 0 && image.rgb().len() / 3 <= MOST_TOLD_PX;
+                let told = self.scene.spec.layout_geometry && image.rgb().len() / 3 <= MOST_TOLD_PX;
                 let geometry = told.then(|| self.renderer.geometry(&described, camera, pose, &image)).transpose();
                 let told = |seen: Geometry| LayoutGeometry { inverse_depths: seen.inverse_depths, movers: seen.movers };
                 let geometry = geometry.map_err(failed)?.map(told);

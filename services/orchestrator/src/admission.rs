@@ -121,6 +121,7 @@ impl Episode {
                     if source.has_cache() {
                         job.spec.chunk_ticks = video.chunk_ticks;
                         job.spec.layout_memory_ticks = video.layout_memory_ticks;
+                        job.spec.layout_geometry = video.layout_geometry;
                     }
                     job.frame_px = Some(video.frame_px).filter(|size| size.iter().all(|side| *side > 0));
                     aligned(&job.spec)?;

@@ -47,6 +47,8 @@ pub(crate) struct VideoAbility {
     pub(crate) chunk_ticks: u32,
     /// Ticks of the layouts that it remembers.
     pub(crate) layout_memory_ticks: u32,
+    /// Whether it goes on from the geometry of layouts.
+    pub(crate) layout_geometry: bool,
     /// Width and height of its frames, in pixels.
     pub(crate) frame_px: [u32; 2],
 }
@@ -380,6 +382,7 @@ impl Hub {
                         source_models: hello.source_models.iter().take(16).map(of_source).collect(),
                         chunk_ticks: hello.chunk_ticks,
                         layout_memory_ticks: hello.layout_memory_ticks,
+                        layout_geometry: hello.layout_geometry,
                         frame_px: [hello.frame_width_px, hello.frame_height_px],
                     });
                 }

@@ -310,6 +310,7 @@ fn spec(
         alignment: settings.alignment,
         chunk_ticks: 0,
         layout_memory_ticks: 0,
+        layout_geometry: false,
         video_model: Digest::default(),
         policy_model: Digest::default(),
         configuration: Digest::default(),

@@ -56,6 +56,7 @@ impl MakerFactory for SimulatedStage {
             video_model: Digest::of(self.name().as_bytes()),
             chunk_ticks: u32::try_from(self.config.frames_per_chunk()).unwrap_or(u32::MAX),
             layout_memory_ticks: u32::try_from(self.config.layout_memory_ticks()).unwrap_or(u32::MAX),
+            layout_geometry: self.config.control.carried,
             frame_px: [self.config.video.width_px, self.config.video.height_px],
             ..Abilities::default()
         }

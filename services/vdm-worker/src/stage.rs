@@ -98,6 +98,7 @@ impl MakerFactory for VideoStage {
                 chunk_ticks: u32::try_from(model.config().frames_per_chunk()).unwrap_or(u32::MAX),
                 frame_px: [model.config().video.width_px, model.config().video.height_px],
                 layout_memory_ticks: u32::try_from(model.config().layout_memory_ticks()).unwrap_or(u32::MAX),
+                layout_geometry: model.config().control.carried,
                 ..self.bare()
             },
             Err(fault) => {

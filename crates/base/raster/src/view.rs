@@ -7,6 +7,7 @@ use ds_space::pose::Camera;
 use ds_space::{DMat3, DVec3, Intrinsics, Pose, World};
 
 use crate::depth::{DepthRaster, ScreenPoint};
+use crate::lens::Lens;
 
 /// What lies nearer to the camera plane than this is cut away, in metres.
 pub const NEAR_M: f64 = 0.1;
@@ -41,6 +42,14 @@ impl View {
             lens,
             bounds,
         }
+    }
+
+    /// Places a camera in the world: the lens that makes its picture, and the view with which the lens' pinhole sees.
+    #[must_use]
+    pub fn through(intrinsics: &Intrinsics, world_from_camera: Pose<World, Camera>) -> (Lens, Self) {
+        let lens = Lens::new(intrinsics);
+        let view = Self::new(lens.pinhole(), world_from_camera);
+        (lens, view)
     }
 
     /// Returns the camera's place in the world, in metres.

@@ -113,6 +113,8 @@ struct VariantPart {
     post_encroachment_ticks: Option<u32>,
     /// Whether a driver who only brakes meets nobody.
     careful_avoids: bool,
+    /// The tick at which nothing is left of what an ego reaches: proof that nobody gets away, as the adversary is planned.
+    unavoidable_tick: Option<u32>,
     solution: Option<SolutionPart>,
 }
 
@@ -286,6 +288,7 @@ fn described(variant: &Variant, file: String) -> VariantPart {
         reaction_margin_ticks: variant.margin_ticks,
         post_encroachment_ticks: variant.solution.as_ref().and_then(|solution| solution.post_encroachment_ticks),
         careful_avoids: variant.careful,
+        unavoidable_tick: variant.emptied.map(|tick| tick.0),
         solution: variant.solution.as_ref().map(SolutionPart::of),
     }
 }

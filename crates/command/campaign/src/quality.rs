@@ -61,7 +61,8 @@ pub(crate) fn figures(found: &[(Scene, Searched)], entries: &[Entry]) -> Vec<Fig
             .sum()
     };
     let solved = variants.iter().filter(|variant| variant.solution.is_some()).count();
-    let meet = variants.len() + fallen(Rejection::Unavoidable);
+    let proven = fallen(Rejection::Unavoidable);
+    let meet = variants.len() + proven + fallen(Rejection::Unsolved);
     let careful = variants.iter().filter(|variant| variant.careful).count();
     let narrow =
         variants.iter().filter(|variant| missed_by_secs(variant).is_some_and(|secs| secs < NARROW_SECS)).count();
@@ -75,6 +76,7 @@ pub(crate) fn figures(found: &[(Scene, Searched)], entries: &[Entry]) -> Vec<Fig
             (Some(0.9), None),
         ),
         share("candidates that an expert solves, of those that meet as intended", solved, meet, (Some(0.6), None)),
+        share("candidates that are proven unavoidable, of those that meet as intended", proven, meet, (None, None)),
         share("variants that an expert solves", solved, variants.len(), (Some(1.0), None)),
         share("solutions that miss the adversary by less than 0.5 s where both come", narrow, solved, (None, None)),
         share("variants that a driver who only brakes survives", careful, variants.len(), (Some(0.5), Some(0.95))),

@@ -7,9 +7,6 @@ use std::sync::LazyLock;
 use ds_dynamics::case::Case;
 use ds_dynamics::{Options, diagnose, synthetic};
 
-#[path = "../../../../tests/mutation.rs"]
-mod mutation;
-
 /// Of the cases that can be read, one in so many is diagnosed too.
 const DIAGNOSED: u64 = 10;
 
@@ -29,7 +26,7 @@ fn read_with(name: &str, index: u64) {
     let whole = fs::read_to_string(&path).expect("a text");
     // Most of a table is alike: a short one is hit more often where it matters.
     let whole = if index.is_multiple_of(2) { shortened(&whole) } else { whole };
-    fs::write(&path, mutation::text(&whole, name, index)).expect("written");
+    fs::write(&path, crate::mutation::text(&whole, name, index)).expect("written");
     read(folder.path(), index);
 }
 
@@ -49,12 +46,14 @@ fn read(folder: &Path, index: u64) {
 
 #[test]
 fn mutated_tables_are_refused_or_read() {
-    mutation::all_are_borne("mutated_tables_are_refused_or_read", |index| {
+    crate::mutation::all_are_borne("mutated::mutated_tables_are_refused_or_read", |index| {
         read_with(["drive_0.csv", "agents_0.csv", "drive_1.csv"][(index % 3) as usize], index);
     });
 }
 
 #[test]
 fn mutated_descriptions_are_refused_or_read() {
-    mutation::all_are_borne("mutated_descriptions_are_refused_or_read", |index| read_with("meta.json", index));
+    crate::mutation::all_are_borne("mutated::mutated_descriptions_are_refused_or_read", |index| {
+        read_with("meta.json", index)
+    });
 }

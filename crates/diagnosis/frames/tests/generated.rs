@@ -1,13 +1,11 @@
 //! Streams of other texture: what the generator does is learned from effect-free pairs; a strong effect is found, nothing
 //! is found where nothing was injected, and what cannot be seen is listed with its limit.
 
-mod pair;
-
 use ds_diagnosis::Verdict;
 use ds_frames::{FrameCase, Nuisance, Options, diagnose};
 
 fn generated(folder: &std::path::Path, seed: u64, injected: &[(&str, &[f64])]) {
-    pair::write(folder, seed, injected);
+    crate::pair::write(folder, seed, injected);
     let path = folder.join("meta.json");
     let text = std::fs::read_to_string(&path).expect("meta.json");
     std::fs::write(&path, text.replacen('{', "{\"pairing\": \"same-layout\",", 1)).expect("meta.json");

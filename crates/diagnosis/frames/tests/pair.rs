@@ -11,7 +11,6 @@ const SIZE: [usize; 2] = [208, 128];
 const FRAMES: u64 = 12;
 
 /// Writes the case; the effects act on the real side.
-#[allow(dead_code, reason = "this file is also built as a test of its own")]
 pub(crate) fn write(folder: &Path, seed: u64, effects: &[(&str, &[f64])]) {
     let chosen: Vec<_> =
         effects.iter().map(|(id, v)| (find_frame(id).expect("the effect is in the library"), v.to_vec())).collect();

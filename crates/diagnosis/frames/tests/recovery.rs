@@ -1,14 +1,12 @@
 //! Effects injected into a synthetic pair of streams, with offsets, noise and encoder of every case, are found and
 //! measured; nothing is found where nothing was injected; a frozen diagnosis helps on frames it never saw.
 
-mod pair;
-
 use ds_diagnosis::{Diagnosis, Verdict};
 use ds_frames::{FrameCase, Options, diagnose, evaluate};
 
 fn diagnosed(seed: u64, injected: &[(&str, &[f64])]) -> (Diagnosis, tempfile::TempDir) {
     let folder = tempfile::tempdir().expect("a folder");
-    pair::write(folder.path(), seed, injected);
+    crate::pair::write(folder.path(), seed, injected);
     let found = diagnose(&FrameCase::read(folder.path()).expect("a case"), &Options::default())
         .expect("the case can be diagnosed");
     (found, folder)

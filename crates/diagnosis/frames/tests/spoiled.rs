@@ -1,7 +1,5 @@
 //! Spoiled cases end in a named error that says what is wrong, or in a diagnosis with a warning; never in a panic.
 
-mod pair;
-
 use std::path::Path;
 
 use ds_frames::{FrameCase, Options, diagnose};
@@ -38,7 +36,7 @@ fn spoiled_cases_are_refused_by_name() {
     ];
     for (name, message, spoil) in rows {
         let folder = tempfile::tempdir().expect("a folder");
-        pair::write(folder.path(), 1, &[]);
+        crate::pair::write(folder.path(), 1, &[]);
         spoil(folder.path());
         match FrameCase::read(folder.path()).and_then(|case| diagnose(&case, &Options::default())) {
             Ok(_) => panic!("{name}: was diagnosed"),
@@ -50,7 +48,7 @@ fn spoiled_cases_are_refused_by_name() {
 #[test]
 fn a_case_without_depth_is_diagnosed_with_a_warning() {
     let folder = tempfile::tempdir().expect("a folder");
-    pair::write(folder.path(), 1, &[]);
+    crate::pair::write(folder.path(), 1, &[]);
     let found = diagnose(&FrameCase::read(folder.path()).expect("a case"), &Options::default()).expect("a diagnosis");
     assert!(found.warnings.iter().any(|w| w.contains("depth_proxy")), "{:?}", found.warnings);
 }

@@ -49,7 +49,8 @@ pub fn published(scene: &Scene, model: &MotionModel, options: &Options) -> Resul
     built.candidates.insert(class, 1);
     match made {
         Ok(variant) => {
-            fallen.extend(variant.solution.is_none().then_some(Rejection::Unavoidable));
+            let unsolved = if variant.emptied.is_some() { Rejection::Unavoidable } else { Rejection::Unsolved };
+            fallen.extend(variant.solution.is_none().then_some(unsolved));
             built.variants.push(variant);
         }
         Err(reason) => fallen.push(reason),
@@ -156,8 +157,9 @@ fn finished(
     let measures = measured(stage, attack.states, met, options.hand_over);
     let trial = Trial { scene: &scene, road: &stage.road, threat: measures.threat, last };
     let (solution, careful) = (if options.solve { trial.expert() } else { None }, trial.careful());
+    let emptied = if solution.is_none() { trial.emptied(met.tick) } else { None };
     let margin_ticks = solution.as_ref().and_then(|_| trial.margin_ticks(met.tick));
     let scene = Arc::unwrap_or_clone(scene);
     let planned = Tick(attack.contact);
-    Ok(Variant { scene, agent, class, planned, surprise, measures, solution, margin_ticks, careful })
+    Ok(Variant { scene, agent, class, planned, surprise, measures, emptied, solution, margin_ticks, careful })
 }

@@ -177,15 +177,31 @@ impl<'a> Road<'a> {
     }
 
     fn reaches(&self, from: LaneId, to: LaneId) -> bool {
-        let mut level = vec![from];
-        for _ in 0..=LINKS {
-            if level.contains(&to) {
-                return true;
-            }
+        self.onwards(from).contains(&to)
+    }
+
+    /// Returns a lane and those that it leads to within a few links.
+    fn onwards(&self, from: LaneId) -> Vec<LaneId> {
+        let (mut found, mut level) = (vec![from], vec![from]);
+        for _ in 0..LINKS {
             level = level.iter().filter_map(|id| self.map.lane(*id)).flat_map(|lane| lane.successors.clone()).collect();
+            level.retain(|id| !found.contains(id));
             level.dedup();
+            found.extend(&level);
         }
-        false
+        found
+    }
+
+    /// Returns how far a point lies beside where a vehicle would be that kept its place in a lane and went on through the lanes
+    /// that it leads to, in metres; infinitely far where none of them passes.
+    pub(crate) fn beside_m(&self, kept: &InLane, point: DVec2) -> f64 {
+        let away = |id: &LaneId| {
+            let line = self.lines[id.0 as usize].as_ref()?;
+            let near = line.nearest(point);
+            let left_m = line.direction(near.segment).perp_dot(point - line.points()[near.segment]);
+            (near.distance_squared.sqrt() <= IN_LANE_M + kept.left_m.abs()).then_some((left_m - kept.left_m).abs())
+        };
+        self.onwards(kept.lane).iter().filter_map(away).fold(f64::INFINITY, f64::min)
     }
 
     /// Says whether one lane lies beside another of the same direction, or beside what leads to it or from it.
@@ -209,9 +225,16 @@ impl<'a> Road<'a> {
         if self.drivable.is_empty() {
             return self.lane_at(centre).is_some_and(|lane| lane.left_m.abs() <= 1.75 + 0.5);
         }
-        let on =
-            |point: &DVec2| self.drivable_grid.near(*point).iter().any(|id| self.drivable[*id as usize].holds(*point));
-        corners.iter().all(on)
+        corners.iter().all(|point| self.on(*point))
+    }
+
+    /// Says whether one of some points is off the drivable surface; none is where a map has lanes only.
+    pub(crate) fn off(&self, points: &[DVec2; 4]) -> bool {
+        !self.drivable.is_empty() && points.iter().any(|point| !self.on(*point))
+    }
+
+    fn on(&self, point: DVec2) -> bool {
+        self.drivable_grid.near(point).iter().any(|id| self.drivable[*id as usize].holds(point))
     }
 
     /// Says whether traffic keeps left: more lanes have their oncoming neighbour on their right.

@@ -13,6 +13,7 @@ use ds_space::{Digest, DigestWriter, PoseSe2, SimTime, Tick, angle};
 use ds_world::{Scene, Trajectory, TrajectoryPoint};
 
 use crate::encroachment::Passing;
+use crate::reach::Reach;
 use crate::road::Road;
 
 const REACTION_TICKS: u32 = 5;
@@ -99,6 +100,12 @@ impl Trial<'_> {
             }
         }
         Some(simulation)
+    }
+
+    /// Returns the tick at which nothing is left of what an ego reaches that reacts as the expert does, and keeps out of the way
+    /// of a planned contact and of others as they are logged: the proof that there is no drive.
+    pub(crate) fn emptied(&self, contact: Tick) -> Option<Tick> {
+        Reach::new(self.scene, self.road)?.emptied(self.threat.plus(REACTION_TICKS), contact)
     }
 
     /// Returns the expert's drive, if it finds one that is clear to the end.

@@ -46,8 +46,10 @@ pub enum Rejection {
     NoContact,
     /// The contact is of another class.
     Class,
-    /// The expert does not find a drive without contact on the road.
+    /// No ego within the limits of the reachable set gets away: it is empty.
     Unavoidable,
+    /// The expert does not find a drive without contact on the road, and nothing proves that there is none.
+    Unsolved,
     /// The format refuses the variant's file.
     Format,
 }
@@ -66,6 +68,7 @@ impl Rejection {
             Self::NoContact => "no_contact",
             Self::Class => "class",
             Self::Unavoidable => "unavoidable",
+            Self::Unsolved => "unsolved",
             Self::Format => "format",
         }
     }

@@ -101,6 +101,9 @@ pub struct Variant {
     pub surprise: f64,
     /// What is recorded of it.
     pub measures: Measures,
+    /// The tick at which nothing is left of what an ego reaches that reacts 0.5 s after the threat tick: nobody gets away from what
+    /// is planned. None where that is not proven, as for all that an expert solves.
+    pub emptied: Option<Tick>,
     /// The expert's drive that meets nobody; none only where it was not asked for.
     pub solution: Option<Solution>,
     /// Ticks from the threat tick to the last one from which the expert still finds a drive; none where it finds none, or was
@@ -246,11 +249,16 @@ fn finish(
     }
     let measures = measured(stage, &found.states, met, options.hand_over);
     let trial = Trial { scene: &scene, road: &stage.road, threat: measures.threat, last };
-    let solution = if options.solve { Some(trial.expert().ok_or(Rejection::Unavoidable)?) } else { None };
+    let solution = if options.solve { trial.expert() } else { None };
+    // A drive is in the set: where the expert has one, it is not empty.
+    let emptied = if solution.is_none() { trial.emptied(met.tick) } else { None };
+    if options.solve && solution.is_none() {
+        return Err(if emptied.is_some() { Rejection::Unavoidable } else { Rejection::Unsolved });
+    }
     let margin_ticks = solution.as_ref().and_then(|_| trial.margin_ticks(met.tick));
     let careful = trial.careful();
     let (scene, surprise) = (Arc::unwrap_or_clone(scene), found.surprise);
-    Ok(Variant { scene, agent, class, planned, surprise, measures, solution, margin_ticks, careful })
+    Ok(Variant { scene, agent, class, planned, surprise, measures, emptied, solution, margin_ticks, careful })
 }
 
 /// Returns the line along which the adversary attacks: its own drive, every half second, and the way beyond.

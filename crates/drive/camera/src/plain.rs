@@ -1,7 +1,7 @@
 //! The plain camera: the flat look of a simple game engine, from the same geometry without surroundings, textures,
 //! shadows and weather. Stands for `sim-rgb` where observation sources are compared.
 
-use ds_raster::{ImageError, Lens, RgbImage, View};
+use ds_raster::{ImageError, RgbImage, View};
 use ds_space::{CameraModel, Pose, Rig, Vec3, World};
 use ds_world::{Scene, WorldState};
 
@@ -31,8 +31,7 @@ impl SceneCamera for PlainCamera {
         camera: &CameraModel,
         world_from_rig: Pose<World, Rig>,
     ) -> Result<RgbImage, ImageError> {
-        let lens = Lens::new(&camera.intrinsics);
-        let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
+        let (lens, view) = View::through(&camera.intrinsics, world_from_rig * camera.rig_from_camera);
         let raster = surfaces(&self.geometry, world, &view, false)?;
         let colours = lens.develop(raster.values().iter().map(flat).collect());
         RgbImage::new(camera.intrinsics.width_px, camera.intrinsics.height_px, colours.into_flattened())

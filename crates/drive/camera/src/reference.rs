@@ -3,7 +3,7 @@
 //! Surfaces are rastered at twice the size, each 2×2 block is shaded once where it shows one surface and four times
 //! where it does not, and averaged. A pure function of scene, state, camera and appearance: same input, same bits.
 
-use ds_raster::{DepthRaster, ImageError, Lens, RgbImage, View};
+use ds_raster::{DepthRaster, ImageError, RgbImage, View};
 use ds_space::{CameraModel, DVec2, DVec3, Draws, Intrinsics, Pose, Rig, Vec2, Vec3, World};
 use ds_world::{Scene, WorldState, agent::corners};
 
@@ -145,8 +145,8 @@ impl SceneCamera for ReferenceCamera {
     ) -> Result<RgbImage, ImageError> {
         let size = &camera.intrinsics;
         let scale = if self.sampling == Sampling::Smooth { 2 } else { 1 };
-        let lens = Lens::new(&size.resized(size.width_px * scale, size.height_px * scale));
-        let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
+        let fine = size.resized(size.width_px * scale, size.height_px * scale);
+        let (lens, view) = View::through(&fine, world_from_rig * camera.rig_from_camera);
         let samples = lens.develop(self.expose(world, &view)?);
         let mut light = averaged(&samples, size, scale as usize);
         if let Some(fall) = &self.fall {
@@ -174,8 +174,7 @@ impl LabelledCamera for ReferenceCamera {
         camera: &CameraModel,
         world_from_rig: Pose<World, Rig>,
     ) -> Result<Vec<PixelClass>, ImageError> {
-        let lens = Lens::new(&camera.intrinsics);
-        let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
+        let (lens, view) = View::through(&camera.intrinsics, world_from_rig * camera.rig_from_camera);
         let raster = surfaces(&self.geometry, world, &view, false)?;
         Ok(lens.develop(raster.values().iter().map(|surface| surface.class).collect()))
     }

@@ -8,7 +8,7 @@
 use std::sync::Arc;
 
 use ds_raster::view::NEAR_M;
-use ds_raster::{ImageError, Lens, PixelClass, RgbImage, View};
+use ds_raster::{ImageError, PixelClass, RgbImage, View};
 use ds_space::{CameraModel, DVec3, Pose, Rig, Tick, World};
 use ds_world::{AgentState, Scene, WorldState};
 
@@ -97,8 +97,7 @@ impl SceneCamera for ReprojectedCamera {
         camera: &CameraModel,
         world_from_rig: Pose<World, Rig>,
     ) -> Result<RgbImage, ImageError> {
-        let lens = Lens::new(&camera.intrinsics);
-        let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
+        let (lens, view) = View::through(&camera.intrinsics, world_from_rig * camera.rig_from_camera);
         let samples = self.samples(world, camera, &view)?;
         let colours = lens.develop(filled(view.pinhole().width_px as usize, mixed(&view, &samples)));
         RgbImage::new(camera.intrinsics.width_px, camera.intrinsics.height_px, colours.into_flattened())

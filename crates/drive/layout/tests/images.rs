@@ -3,10 +3,6 @@
 //! Tolerances: golden, at most 0.5 % of the pixels differ; `cpu` against `wgpu`, at least 99 % of the pixels lie within
 //! 8/255 in every channel. `UPDATE_GOLDEN=1 cargo test -p ds-layout` rewrites the golden files.
 
-#[path = "scenes/street.rs"]
-#[expect(dead_code, reason = "the layout needs no whole scene")]
-mod street;
-
 use std::path::{Path, PathBuf};
 
 use ds_layout::{LayoutBackend, LayoutScene, Renderer, Shot, StaticMap, colour};
@@ -19,7 +15,7 @@ fn cpu() -> Renderer {
 }
 
 fn render(renderer: &mut Renderer, world: &WorldState, camera: &CameraModel) -> RgbImage {
-    render_map(renderer, &street::map(), world, camera)
+    render_map(renderer, &crate::street::map(), world, camera)
 }
 
 /// Returns the street with a house on its left, a tree on its right and a wall across it, 70 m ahead.
@@ -35,13 +31,13 @@ fn built_up() -> Map {
         stand(StructureKind::Vegetation, &crown, (2.0, 5.0)),
         stand(StructureKind::Wall, &[(70.0, -8.0), (71.0, -8.0), (71.0, 8.0), (70.0, 8.0)], (0.0, 3.0)),
     ];
-    Map { structures, ..street::map() }
+    Map { structures, ..crate::street::map() }
 }
 
 fn render_map(renderer: &mut Renderer, map: &Map, world: &WorldState, camera: &CameraModel) -> RgbImage {
     let map = StaticMap::new(map);
     let scene = LayoutScene { map: &map, world };
-    renderer.render(&scene, camera, street::ego().world_from_rig(0.0)).expect("the picture's size is sound")
+    renderer.render(&scene, camera, crate::street::ego().world_from_rig(0.0)).expect("the picture's size is sound")
 }
 
 /// Returns the share of pixels that differ by more than `limit` in a channel.
@@ -71,14 +67,14 @@ fn check_golden(name: &str, image: &RgbImage) {
 }
 
 fn fisheye() -> CameraModel {
-    let camera = street::camera(160, 96);
+    let camera = crate::street::camera(160, 96);
     CameraModel { intrinsics: Intrinsics { k1: -0.18, k2: 0.02, ..camera.intrinsics }, ..camera }
 }
 
 #[test]
 fn the_street_looks_as_it_did() {
-    check_golden("street_160.png", &render(&mut cpu(), &street::world(), &street::camera(160, 96)));
-    check_golden("street_fisheye_160.png", &render(&mut cpu(), &street::world(), &fisheye()));
+    check_golden("street_160.png", &render(&mut cpu(), &crate::street::world(), &crate::street::camera(160, 96)));
+    check_golden("street_fisheye_160.png", &render(&mut cpu(), &crate::street::world(), &fisheye()));
 }
 
 #[test]
@@ -91,11 +87,12 @@ fn both_back_ends_agree() {
         }
     };
     eprintln!("compared with {}", wgpu.describe());
-    for camera in [street::camera(160, 96), street::camera(333, 200), fisheye()] {
-        let (a, b) = (render(&mut cpu(), &street::world(), &camera), render(&mut wgpu, &street::world(), &camera));
+    for camera in [crate::street::camera(160, 96), crate::street::camera(333, 200), fisheye()] {
+        let (a, b) =
+            (render(&mut cpu(), &crate::street::world(), &camera), render(&mut wgpu, &crate::street::world(), &camera));
         let apart = share_apart(&a, &b, 8);
         assert!(apart <= 0.01, "{}×{}: {:.2} % differ", a.width_px(), a.height_px(), 100.0 * apart);
-        let built = |renderer: &mut Renderer| render_map(renderer, &built_up(), &street::world(), &camera);
+        let built = |renderer: &mut Renderer| render_map(renderer, &built_up(), &crate::street::world(), &camera);
         let apart = share_apart(&built(&mut cpu()), &built(&mut wgpu), 8);
         assert!(apart <= 0.01, "built up: {:.2} % differ", 100.0 * apart);
     }
@@ -103,7 +100,7 @@ fn both_back_ends_agree() {
 
 #[test]
 fn structures_cover_what_is_behind_them_and_change_nothing_else() {
-    let camera = street::camera(160, 96);
+    let camera = crate::street::camera(160, 96);
     let truck = |x_m: f64| with_agents(vec![agent(AgentClass::Vehicle, x_m, -1.75)]);
     let seen = |map: &Map, x_m: f64| {
         let image = render_map(&mut cpu(), map, &truck(x_m), &camera);
@@ -111,12 +108,12 @@ fn structures_cover_what_is_behind_them_and_change_nothing_else() {
         pixels
     };
     let users = |pixels: &[[u8; 3]]| pixels.iter().filter(|rgb| colour::is_road_user(**rgb)).count();
-    let (bare, built) = (seen(&street::map(), 60.0), seen(&built_up(), 60.0));
+    let (bare, built) = (seen(&crate::street::map(), 60.0), seen(&built_up(), 60.0));
     let covered = built.iter().filter(|rgb| colour::is_structure(**rgb)).count();
     assert!((1_000..8_000).contains(&covered), "{covered} pixels show structures");
     assert!(bare.iter().zip(&built).all(|(bare, built)| bare == built || colour::is_structure(*built)));
     assert_eq!(users(&built), users(&bare), "nothing stands before a vehicle at 60 m");
-    let (bare, built) = (seen(&street::map(), 80.0), seen(&built_up(), 80.0));
+    let (bare, built) = (seen(&crate::street::map(), 80.0), seen(&built_up(), 80.0));
     assert!(users(&bare) > 0 && users(&built) == 0, "the wall at 70 m hides a vehicle at 80 m");
 }
 
@@ -130,9 +127,9 @@ fn a_batch_is_the_pictures_one_by_one() {
                 continue;
             }
         };
-        let (map, world) = (StaticMap::new(&street::map()), street::world());
-        let cameras = [street::camera(160, 96), street::camera(64, 40), fisheye()];
-        let world_from_rig = street::ego().world_from_rig(0.0);
+        let (map, world) = (StaticMap::new(&crate::street::map()), crate::street::world());
+        let cameras = [crate::street::camera(160, 96), crate::street::camera(64, 40), fisheye()];
+        let world_from_rig = crate::street::ego().world_from_rig(0.0);
         let scene = LayoutScene { map: &map, world: &world };
         let shots: Vec<Shot> = cameras.iter().map(|camera| Shot { scene, camera, world_from_rig }).collect();
         let batch = renderer.render_batch(&shots).expect("the sizes are sound");
@@ -148,12 +145,12 @@ fn agent(class: AgentClass, x_m: f64, y_m: f64) -> AgentState {
 }
 
 fn with_agents(agents: Vec<AgentState>) -> WorldState {
-    WorldState { agents, ..street::world() }
+    WorldState { agents, ..crate::street::world() }
 }
 
 #[test]
 fn what_is_behind_the_camera_is_not_drawn() {
-    let camera = street::camera(160, 96);
+    let camera = crate::street::camera(160, 96);
     let empty = render(&mut cpu(), &with_agents(vec![]), &camera);
     for (x_m, y_m) in [(-8.0, -1.75), (-3.0, 3.0), (-60.0, -1.75), (300.0, -1.75)] {
         let image = render(&mut cpu(), &with_agents(vec![agent(AgentClass::Vehicle, x_m, y_m)]), &camera);
@@ -164,7 +161,7 @@ fn what_is_behind_the_camera_is_not_drawn() {
 #[test]
 fn the_nearer_box_hides_the_farther_one_whatever_their_order() {
     let (near, far) = (agent(AgentClass::Vehicle, 12.0, -1.75), agent(AgentClass::Cyclist, 20.0, -1.75));
-    let camera = street::camera(160, 96);
+    let camera = crate::street::camera(160, 96);
     let one = render(&mut cpu(), &with_agents(vec![near.clone(), far.clone()]), &camera);
     let other = render(&mut cpu(), &with_agents(vec![far, near]), &camera);
     assert_eq!(one, other);
@@ -174,10 +171,10 @@ fn the_nearer_box_hides_the_farther_one_whatever_their_order() {
 
 #[test]
 fn a_box_stands_where_the_camera_model_says() {
-    for camera in [street::camera(160, 96), fisheye()] {
+    for camera in [crate::street::camera(160, 96), fisheye()] {
         let car = agent(AgentClass::Barrier, 25.0, 2.0);
         let image = render(&mut cpu(), &with_agents(vec![car]), &camera);
-        let world_from_camera = street::ego().world_from_rig(0.0) * camera.rig_from_camera;
+        let world_from_camera = crate::street::ego().world_from_rig(0.0) * camera.rig_from_camera;
         let middle = world_from_camera.inverse() * DVec3::new(23.0, 2.0, 0.9);
         let pixel = camera.intrinsics.project(middle).expect("the box is ahead");
         let found = image.pixel(pixel.x as u32, pixel.y as u32);
@@ -188,7 +185,7 @@ fn a_box_stands_where_the_camera_model_says() {
 #[test]
 fn a_mirrored_scene_gives_the_mirrored_picture() {
     let flip = |p: &DVec2| DVec2::new(p.x, -3.5 - p.y);
-    let (mut map, mut world) = (street::map(), street::world());
+    let (mut map, mut world) = (crate::street::map(), crate::street::world());
     let flip_all = |points: &mut Vec<DVec2>| points.iter_mut().for_each(|p| *p = flip(p));
     map.drivable.iter_mut().chain(&mut map.junctions).for_each(flip_all);
     map.crosswalks.iter_mut().for_each(|c| flip_all(&mut c.polygon));
@@ -207,11 +204,11 @@ fn a_mirrored_scene_gives_the_mirrored_picture() {
         agent.pose.position = flip(&agent.pose.position);
         agent.pose.heading_rad = -agent.pose.heading_rad;
     }
-    let camera = street::camera(160, 96);
+    let camera = crate::street::camera(160, 96);
     let mirrored_map = StaticMap::new(&map);
     let scene = LayoutScene { map: &mirrored_map, world: &world };
-    let mirrored = cpu().render(&scene, &camera, street::ego().world_from_rig(0.0)).expect("the size is sound");
-    let straight = render(&mut cpu(), &street::world(), &camera);
+    let mirrored = cpu().render(&scene, &camera, crate::street::ego().world_from_rig(0.0)).expect("the size is sound");
+    let straight = render(&mut cpu(), &crate::street::world(), &camera);
     let mut flipped = mirrored.clone();
     for y in 0..96 {
         for x in 0..160 {
@@ -227,10 +224,10 @@ fn light_states_show_at_the_head_and_at_the_stop_line() {
     use ds_world::LightState::{Green, Red, Unknown, Yellow};
     for state in [Red, Yellow, Green, Unknown] {
         let world = WorldState { lights: vec![state], ..with_agents(vec![]) };
-        let map = StaticMap::new(&street::map());
+        let map = StaticMap::new(&crate::street::map());
         let scene = LayoutScene { map: &map, world: &world };
         let before_the_line = PoseSe2::new(17.0, -1.75, 0.0).world_from_rig(0.0);
-        let image = cpu().render(&scene, &street::camera(320, 192), before_the_line).expect("the size is sound");
+        let image = cpu().render(&scene, &crate::street::camera(320, 192), before_the_line).expect("the size is sound");
         let shown = colour::light(state);
         let head = colour::face(shown, colour::Face::Front);
         for wanted in [shown, head] {
@@ -241,8 +238,9 @@ fn light_states_show_at_the_head_and_at_the_stop_line() {
 
 #[test]
 fn a_picture_that_is_too_large_is_refused() {
-    let map = StaticMap::new(&street::map());
-    let (world, camera) = (street::world(), street::camera(1 << 20, 4));
-    let refused = cpu().render(&LayoutScene { map: &map, world: &world }, &camera, street::ego().world_from_rig(0.0));
+    let map = StaticMap::new(&crate::street::map());
+    let (world, camera) = (crate::street::world(), crate::street::camera(1 << 20, 4));
+    let refused =
+        cpu().render(&LayoutScene { map: &map, world: &world }, &camera, crate::street::ego().world_from_rig(0.0));
     assert!(refused.is_err());
 }

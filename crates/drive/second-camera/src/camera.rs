@@ -6,7 +6,7 @@
 use std::f64::consts::PI;
 
 use ds_camera::{Appearance, LabelledCamera, SceneCamera};
-use ds_raster::{DepthRaster, ImageError, Lens, PixelClass, RgbImage, View};
+use ds_raster::{DepthRaster, ImageError, PixelClass, RgbImage, View};
 use ds_space::{CameraModel, DVec2, DVec3, Draws, Intrinsics, Pose, PoseSe2, Rig, Tick, Vec2, Vec3, World};
 use ds_world::{AgentClass, AgentState, Condition, LightState, Scene, TrafficLight, WorldState};
 
@@ -226,8 +226,8 @@ impl SceneCamera for SecondCamera {
         world_from_rig: Pose<World, Rig>,
     ) -> Result<RgbImage, ImageError> {
         let size = &camera.intrinsics;
-        let lens = Lens::new(&size.resized(2 * size.width_px, 2 * size.height_px));
-        let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
+        let fine = size.resized(2 * size.width_px, 2 * size.height_px);
+        let (lens, view) = View::through(&fine, world_from_rig * camera.rig_from_camera);
         let (raster, faces) = self.raster(world, &view)?;
         let shadows = self.shadows(&view, &faces);
         let samples = lens.develop(self.shade(&view, &raster, shadows.as_ref()));
@@ -254,8 +254,7 @@ impl LabelledCamera for SecondCamera {
         camera: &CameraModel,
         world_from_rig: Pose<World, Rig>,
     ) -> Result<Vec<PixelClass>, ImageError> {
-        let lens = Lens::new(&camera.intrinsics);
-        let view = View::new(lens.pinhole(), world_from_rig * camera.rig_from_camera);
+        let (lens, view) = View::through(&camera.intrinsics, world_from_rig * camera.rig_from_camera);
         Ok(lens.develop(self.raster(world, &view)?.0.values().iter().map(|paint| paint.class).collect()))
     }
 }

@@ -4,7 +4,7 @@
 //! offset that drifts with a drawn heading error, so that a model sees what a policy under test will show it. A long
 //! clip stretches the log: between ticks, poses are interpolated and speeds scaled.
 
-use ds_space::{DVec2, Draws, PoseSe2, SimTime, Tick, angle};
+use ds_space::{DVec2, Draws, PoseSe2, SimTime, Tick};
 use ds_world::{AgentState, EgoState, Scene, WorldState};
 
 /// The way through a clip; rates are ticks of the log a frame.
@@ -70,8 +70,7 @@ impl Drive {
     fn ego(&self, scene: &Scene, frame: usize) -> EgoState {
         let (tick, share) = split(self.from_tick + frame as f64 * self.ego_rate);
         let (a, b) = (scene.logged_ego(Tick(tick)), scene.logged_ego(Tick(tick + 1)));
-        let heading = a.pose.heading_rad + share * angle::turn(a.pose.heading_rad, b.pose.heading_rad);
-        let on_log = PoseSe2 { position: a.pose.position.lerp(b.pose.position, share), heading_rad: heading };
+        let on_log = a.pose.lerp(&b.pose, share);
         let start = scene.logged_ego(Tick(split(self.from_tick).0)).pose.position;
         let travelled = on_log.position.distance(start).min(30.0);
         let offset = self.offset_m + travelled * self.heading_rad;
@@ -89,12 +88,8 @@ fn split(at: f64) -> (u32, f64) {
 /// Returns an agent on its way to where it is in a later world; one that is gone by then stays.
 fn between(agent: &AgentState, after: &WorldState, share: f64) -> AgentState {
     let Some(next) = after.agents.iter().find(|other| other.id == agent.id) else { return agent.clone() };
-    let turn = angle::turn(agent.pose.heading_rad, next.pose.heading_rad);
     AgentState {
-        pose: PoseSe2 {
-            position: agent.pose.position.lerp(next.pose.position, share),
-            heading_rad: angle::wrap(agent.pose.heading_rad + share * turn),
-        },
+        pose: agent.pose.lerp(&next.pose, share),
         z_m: agent.z_m + share * (next.z_m - agent.z_m),
         velocity_mps: agent.velocity_mps.lerp(next.velocity_mps, share),
         ..agent.clone()

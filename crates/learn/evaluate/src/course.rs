@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use ds_space::{PoseSe2, Tick, angle};
+use ds_space::Tick;
 use ds_world::{Scene, WorldState};
 
 /// A drive along a log.
@@ -54,19 +54,14 @@ impl Course {
             return world;
         }
         let later = self.scene.logged_world(Tick(tick + 1));
-        world.ego.pose = mixed(&world.ego.pose, &later.ego.pose, share);
+        world.ego.pose = world.ego.pose.lerp(&later.ego.pose, share);
         for agent in &mut world.agents {
             if let Ok(index) = later.agents.binary_search_by_key(&agent.id, |other| other.id) {
-                agent.pose = mixed(&agent.pose, &later.agents[index].pose, share);
+                agent.pose = agent.pose.lerp(&later.agents[index].pose, share);
             }
         }
         world
     }
-}
-
-fn mixed(a: &PoseSe2, b: &PoseSe2, share: f64) -> PoseSe2 {
-    let heading_rad = a.heading_rad + share * angle::turn(a.heading_rad, b.heading_rad);
-    PoseSe2 { position: a.position.lerp(b.position, share), heading_rad }
 }
 
 #[cfg(test)]

@@ -1,14 +1,11 @@
 //! Published configurations against files of their names and shapes: counts, totals, wrappers, shards, namings.
 
-#[path = "made/files.rs"]
-mod files;
-
 use std::path::Path;
 
+use crate::files::{Entry, dictionary, tensor, torch, write_holes};
 use ds_nn::checkpoint::{Checkpoint, CheckpointError, Finite, Naming};
 use ds_nn::dit::{DitShape, Gelu};
 use ds_nn::{Declared, Initial};
-use files::{Entry, dictionary, tensor, torch, write_holes};
 
 fn wan_1_3b() -> DitShape {
     DitShape {
@@ -176,7 +173,7 @@ fn half_formats_are_widened() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("model.safetensors");
     let entries = [("b".to_owned(), "BF16", vec![2]), ("h".to_owned(), "F16", vec![2])];
-    let (header, _) = files::header(&entries);
+    let (header, _) = crate::files::header(&entries);
     // 1.5 and −2 in each format.
     let values = [0x3fc0u16, 0xc000, 0x3e00, 0xc000];
     let values: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();

@@ -2,14 +2,11 @@
 //!
 //! One test in a process of its own, so that the peak of its memory is that of the readers.
 
-#[path = "made/files.rs"]
-mod files;
-
 use std::path::Path;
 
+use crate::files::{archive, dictionary, header, tensor, torch};
 use ds_nn::checkpoint::{Checkpoint, CheckpointError, Finite, Naming};
 use ds_nn::{Declared, Initial};
-use files::{archive, dictionary, header, tensor, torch};
 
 /// The most that reading all spoiled files may add to the peak of the process, in bytes.
 const MAX_GROWTH: u64 = 32 << 20;
@@ -19,12 +16,12 @@ fn declared() -> Vec<Declared> {
     vec![weight("head.bias", &[2]), weight("head.weight", &[2, 3])]
 }
 
-fn entries() -> Vec<files::Entry> {
+fn entries() -> Vec<crate::files::Entry> {
     vec![("head.bias".to_owned(), "F32", vec![2]), ("head.weight".to_owned(), "F32", vec![2, 3])]
 }
 
 /// A safetensors file of given header and values.
-fn file(entries: &[files::Entry], values: &[f32]) -> Vec<u8> {
+fn file(entries: &[crate::files::Entry], values: &[f32]) -> Vec<u8> {
     let (header, _) = header(entries);
     [header, values.iter().flat_map(|value| value.to_le_bytes()).collect()].concat()
 }
@@ -59,7 +56,7 @@ type Case = (&'static str, Vec<u8>, &'static [&'static str]);
 
 fn safetensors_cases() -> Vec<Case> {
     let sound = file(&entries(), &[1.0; 8]);
-    let with = |change: &dyn Fn(&mut Vec<files::Entry>)| {
+    let with = |change: &dyn Fn(&mut Vec<crate::files::Entry>)| {
         let mut entries = entries();
         change(&mut entries);
         let (_, bytes) = header(&entries);

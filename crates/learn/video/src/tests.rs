@@ -6,6 +6,7 @@ use ds_nn::body::Chunk;
 use ds_nn::cache::{KvCache, Positions, ReadOrder};
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::{Array, Weights};
+use ds_raster::geometry::INVERSE_DEPTH_STEP;
 use ds_raster::{Geometry, RgbImage};
 use ds_space::{CameraId, CameraModel, DVec3, Digest, Intrinsics, PoseSe2};
 use ds_topic::Cache;
@@ -58,7 +59,7 @@ fn told(ticks: std::ops::Range<u32>) -> Vec<Layout> {
     let camera = CameraModel::mounted(id, Intrinsics::centred(64, 32, 1.2), DVec3::new(0.0, 0.0, 1.5), 0.0, 0.0);
     let lens = camera.intrinsics;
     let below = |row: usize| (row as f64 + 0.5 - lens.cy_px).max(0.0) / lens.fy_px / 1.5;
-    let depths: Arc<[u16]> = (0..32 * 64).map(|at| (below(at / 64) * 65_535.0) as u16).collect();
+    let depths: Arc<[u16]> = (0..32 * 64).map(|at| (below(at / 64) / INVERSE_DEPTH_STEP) as u16).collect();
     let layout = |k: u32| {
         let world_from_camera = PoseSe2::new(0.4 * f64::from(k), 0.0, 0.0).world_from_rig(0.0) * camera.rig_from_camera;
         let geometry = Geometry { lens, world_from_camera, inverse_depths: Arc::clone(&depths), movers: Vec::new() };

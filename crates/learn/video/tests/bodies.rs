@@ -12,9 +12,7 @@ use ds_nn::step::{CausalPlan, Level, Prediction};
 use ds_nn::tiny_ae::{AeShape, Memory};
 use ds_video::Backend;
 
-#[path = "made/clips.rs"]
-mod made;
-use made::{FRAMES, clips, distance, draw, shapes, weights};
+use crate::made::{FRAMES, clips, distance, draw, shapes, weights};
 
 fn inputs(shape: &DitShape, frames: usize) -> (Array, Array, Array) {
     let (n, z) = (shape.tokens(), shape.latent_channels);

@@ -10,9 +10,7 @@ use ds_raster::RgbImage;
 use ds_space::Digest;
 use ds_video::{Backend, ModelConfig, Rollout, VideoModel};
 
-#[path = "made/clips.rs"]
-mod made;
-use made::{FRAMES, clips, distance, draw, plan, shapes, weights};
+use crate::made::{FRAMES, clips, distance, draw, plan, shapes, weights};
 
 const SMOKE: &str = include_str!("../../../../configs/models/smoke.toml");
 const WAN: &str = include_str!("../../../../configs/models/wan-smoke.toml");

@@ -10,9 +10,7 @@ use ds_nn::step::{Adversary, AeBatch, BidirectionalPlan, ClipBatch, DecoderBatch
 use ds_nn::team::Team;
 use ds_nn::tiny_ae::AeShape;
 
-#[path = "made/clips.rs"]
-mod made;
-use made::{Case, FRAMES, clips, distance, draw, plan, shapes, weights};
+use crate::made::{Case, FRAMES, clips, distance, draw, plan, shapes, weights};
 
 const PREDICTIONS: [Prediction; 2] = [Prediction::Clean, Prediction::Flow];
 

@@ -1,17 +1,13 @@
 //! A driver told one thing at a time: seats, orders, commits, divergence, faults, resume.
 
-#[path = "faultsim/toy.rs"]
-#[expect(dead_code, reason = "the simulator uses the rest of it")]
-mod toy;
-
 use std::sync::Arc;
 
+use crate::faultsim::toy::{LATE, SCENE, ToyCodec, hash};
 use bytes::Bytes;
 use ds_episode::driver::{Action, Attempt, Driver, EncodedScene, Ending, Event, Journal, ResumeError, Status};
 use ds_episode::{Codec, Fault, FaultClass, Millis, Outline, Timing, due};
 use ds_space::{AttemptId, Digest, EpisodeId, InstanceId, SimTime, Tick};
 use ds_topic::{Advance, Envelope, EpisodeSpec, Header, Motion, Owner, Role, SCHEMA_VERSION, Slot, Topic};
-use toy::{LATE, SCENE, ToyCodec, hash};
 
 fn id(text: &str) -> InstanceId {
     InstanceId::new(text).expect("a valid id")

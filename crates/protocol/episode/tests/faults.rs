@@ -4,25 +4,16 @@
 //!
 //! `DREAMSTREAM_FAULT_SEEDS` sets the number of seeds, `DREAMSTREAM_FAULT_SEED` runs one alone.
 
-mod faultsim {
-    pub(crate) mod cluster;
-    pub(crate) mod orchestrator;
-    pub(crate) mod script;
-    pub(crate) mod store;
-    pub(crate) mod toy;
-    pub(crate) mod worker;
-}
-
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use crate::faultsim::cluster::{Cluster, Outcome};
+use crate::faultsim::script::{Mishap, Moment, Network, Script};
+use crate::faultsim::toy::{ToyCodec, ToyMaker};
 use ds_episode::driver::Status;
 use ds_episode::{Codec, Counters, due};
 use ds_space::Digest;
 use ds_topic::{Advance, Envelope, Motion, Role, Slot, Topic};
-use faultsim::cluster::{Cluster, Outcome};
-use faultsim::script::{Mishap, Moment, Network, Script};
-use faultsim::toy::{ToyCodec, ToyMaker};
 
 const SEEDS: u64 = 10_000;
 

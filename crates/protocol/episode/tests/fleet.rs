@@ -1,16 +1,12 @@
 //! Leases, epochs, terms, devices, quarantine and cordon, over a ledger in memory.
 
-#[path = "faultsim/store.rs"]
-#[expect(dead_code, reason = "the simulator uses the rest of it")]
-mod store;
-
+use crate::faultsim::store::SharedStore;
 use ds_episode::Millis;
 use ds_episode::fleet::{
     AssignError, ComputeClass, Fleet, FleetSettings, Granted, Hello, JoinError, Ledger, LedgerError, LossCause, Request,
 };
 use ds_space::{AttemptId, EpisodeId, InstanceId};
 use ds_topic::Role;
-use store::SharedStore;
 
 const SETTINGS: FleetSettings =
     FleetSettings { lease_ms: 100, margin_ms: 20, deaths_to_quarantine: 2, failures_to_cordon: 2 };

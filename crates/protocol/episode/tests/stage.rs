@@ -1,12 +1,9 @@
 //! A stage told one thing at a time: what it refuses, reports, withholds and repeats.
 
-#[path = "faultsim/toy.rs"]
-#[expect(dead_code, reason = "the simulator uses the rest of it")]
-mod toy;
-
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use crate::faultsim::toy::{SCENE, ToyCodec, hash};
 use bytes::Bytes;
 use ds_episode::stage::{Action, Assignment, Event, Output, PullFrom, Stage, StopReason};
 use ds_episode::{Codec, Fault, Millis, Outline, Timing, due};
@@ -14,7 +11,6 @@ use ds_space::{AttemptId, Digest, EpisodeId, InstanceId, SimTime, Tick};
 use ds_topic::{
     Advance, Envelope, EpisodeSpec, Header, Motion, ObservationSource, Owner, Role, SCHEMA_VERSION, Slot, Topic,
 };
-use toy::{SCENE, ToyCodec, hash};
 
 const LEASE_UNTIL: Millis = Millis(1_000);
 

@@ -57,6 +57,8 @@ pub struct Abilities {
     pub chunk_ticks: u32,
     /// Ticks before the last committed one whose layouts the video model remembers.
     pub layout_memory_ticks: u32,
+    /// Whether the video model goes on from the geometry of layouts.
+    pub layout_geometry: bool,
     /// Width and height of the video model's frames, in pixels; 0 without one.
     pub frame_px: [u32; 2],
     /// Digest of the camera policy; zero without one.

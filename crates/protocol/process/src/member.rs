@@ -138,6 +138,7 @@ impl Member {
             source_models: abilities.source_models.iter().map(source_model).collect(),
             chunk_ticks: abilities.chunk_ticks,
             layout_memory_ticks: abilities.layout_memory_ticks,
+            layout_geometry: abilities.layout_geometry,
             frame_width_px: abilities.frame_px[0],
             frame_height_px: abilities.frame_px[1],
             policy_model: abilities.policy_model.0.to_vec().into(),

@@ -10,9 +10,7 @@ use std::process::Command;
 use ds_record::Recording;
 use ds_topic::{Topic, World};
 
-#[path = "fixture/drive.rs"]
-mod drive;
-use drive::{Drive, completed};
+use crate::drive::{Drive, completed};
 
 const PACKAGES: [&str; 2] = ["mcap==1.6.0", "mcap-protobuf-support==0.6.0"];
 

@@ -9,9 +9,7 @@ use ds_space::{Digest, DigestWriter, Draws, Tick};
 use ds_topic::{Envelope, Event, EventKind, Frame, Layout, Slot, Topic, World};
 use proptest::prelude::*;
 
-#[path = "fixture/drive.rs"]
-mod drive;
-use drive::{Drive, completed};
+use crate::drive::{Drive, completed};
 
 const CAMERAS: [&str; 2] = ["front", "rear"];
 

@@ -6,12 +6,7 @@ use std::sync::LazyLock;
 use ds_record::{Body, Recorder, Recording};
 use ds_topic::{Advance, Ego, Envelope, Plan, SceneMessage, Topic, World};
 
-#[path = "fixture/drive.rs"]
-#[expect(dead_code, reason = "each test uses its own part")]
-mod drive;
-#[path = "../../../../tests/mutation.rs"]
-mod mutation;
-use drive::{Drive, completed};
+use crate::drive::{Drive, completed};
 
 /// Writes a drive with some messages changed; nothing if the recorder refuses them.
 fn record(drive: &Drive, change: &dyn Fn(&mut Envelope)) -> Option<Vec<u8>> {
@@ -49,7 +44,7 @@ fn mutate(envelope: &mut Envelope, index: u64) {
     if u64::from(slot.index) != index % 5 && slot.topic != Topic::Scene {
         return;
     }
-    let body = mutation::bytes(&envelope.body, slot.topic.name(), index);
+    let body = crate::mutation::bytes(&envelope.body, slot.topic.name(), index);
     match (slot.topic, index % 5) {
         (Topic::Scene, 0 | 1) => replaced::<SceneMessage>(envelope, body),
         (Topic::Advance, 1) => replaced::<Advance>(envelope, body),
@@ -72,10 +67,10 @@ fn use_all(recording: &Recording) {
 
 #[test]
 fn mutated_recordings_are_refused_or_read() {
-    mutation::all_are_borne("mutated_recordings_are_refused_or_read", |index| {
+    crate::mutation::all_are_borne("mutated::mutated_recordings_are_refused_or_read", |index| {
         let path = Path::new("mutated.mcap");
         let bytes = if index.is_multiple_of(2) {
-            mutation::bytes(&WHOLE, "recording", index)
+            crate::mutation::bytes(&WHOLE, "recording", index)
         } else {
             let Some(bytes) = record(&drive(), &|envelope| mutate(envelope, index / 2)) else { return };
             bytes

@@ -9,10 +9,7 @@ use std::sync::LazyLock;
 use ds_raster::{Encoding, RgbImage};
 use ds_record::Recording;
 
-#[path = "fixture/drive.rs"]
-#[expect(dead_code, reason = "each test uses its own part of the fixture")]
-mod drive;
-use drive::{Drive, completed};
+use crate::drive::{Drive, completed};
 
 const LAST_TICK: u32 = 30;
 const EGO: [u8; 3] = [64, 222, 128];

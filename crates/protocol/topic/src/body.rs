@@ -346,6 +346,9 @@ impl SceneMessage {
         if spec.layout_memory_ticks > 0 {
             writer.text("layout_memory_ticks").u32(spec.layout_memory_ticks);
         }
+        if spec.layout_geometry {
+            writer.text("layout_geometry");
+        }
         if !spec.prompt.is_empty() {
             writer.text("prompt").text(&spec.prompt);
         }

@@ -230,6 +230,8 @@ pub struct EpisodeSpec {
     pub observation_delay: u32,
     /// Ticks before the last committed one whose layouts a fresh video worker needs too; 0 where none are remembered.
     pub layout_memory_ticks: u32,
+    /// Whether layouts tell their geometry beside their picture.
+    pub layout_geometry: bool,
     /// What the video model is told in words; empty where no video model runs.
     pub prompt: String,
     /// Whether the policy has the time of the wall clock for each plan: the result then depends on the machine.
@@ -273,6 +275,7 @@ impl EpisodeSpec {
             vehicle_log: false,
             observation_delay: 0,
             layout_memory_ticks: 0,
+            layout_geometry: false,
             prompt: String::new(),
             wall_clock: false,
         }

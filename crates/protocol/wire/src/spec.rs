@@ -97,6 +97,7 @@ impl From<&EpisodeSpec> for v1::EpisodeSpec {
             vehicle_log: value.vehicle_log,
             observation_delay: value.observation_delay,
             layout_memory_ticks: value.layout_memory_ticks,
+            layout_geometry: value.layout_geometry,
             prompt: value.prompt.clone(),
             wall_clock: value.wall_clock,
         }
@@ -134,6 +135,7 @@ impl TryFrom<v1::EpisodeSpec> for EpisodeSpec {
             vehicle_log: message.vehicle_log,
             observation_delay: whole("observation_delay", message.observation_delay, 0, MAX_DELAY_TICKS)?,
             layout_memory_ticks: whole("layout_memory_ticks", message.layout_memory_ticks, 0, MAX_LAYOUT_MEMORY_TICKS)?,
+            layout_geometry: message.layout_geometry,
             prompt: text("prompt", message.prompt, MAX_TEXT_BYTES)?,
             wall_clock: message.wall_clock,
         })

@@ -1,6 +1,6 @@
 //! Generates the Rust code and the descriptor set from `proto/` and compares them with the committed files.
 //!
-//! `UPDATE_GENERATED=1 cargo test -p ds-wire --test generated` writes them instead. The compiler is pure Rust.
+//! `UPDATE_GENERATED=1 cargo test -p ds-wire --test all generated` writes them instead. The compiler is pure Rust.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -47,6 +47,7 @@ fn scene(model: &VideoModel) -> Arc<SceneMessage> {
         chunk_ticks: model.config().frames_per_chunk() as u32,
         video_model: model.digest(),
         layout_memory_ticks: model.config().layout_memory_ticks() as u32,
+        layout_geometry: model.config().control.carried,
         prompt: "a road by day".to_owned(),
         ..EpisodeSpec::replay(EpisodeId::new("rig").expect("a plain word"), &scene.name, Tick(REPLAN * ROUNDS))
     };

@@ -142,8 +142,7 @@ fn pose_at(speed_mps: f64, knots: &[PoseSe2; KNOTS], after_secs: f64) -> PoseSe2
         + tangent(segment) * (s3 - 2.0 * s2 + share)
         + to.position * (3.0 * s2 - 2.0 * s3)
         + tangent(segment + 1) * (s3 - s2);
-    let turn = angle::turn(from.heading_rad, to.heading_rad);
-    PoseSe2 { position, heading_rad: angle::wrap(from.heading_rad + share * turn) }
+    PoseSe2 { position, ..from.lerp(&to, share) }
 }
 
 /// Returns the pose some time after the last of two, which lie `spacing_secs` apart, at their speed and curvature.

@@ -106,8 +106,7 @@ fn sample(scene: &Scene, track: &Track, from: Tick, step: usize) -> Option<Movin
     let mut moving = MovingBox { pose: a.pose, velocity_mps: a.velocity_mps };
     if share > 1e-6 {
         let b = track.at(tick.plus(1))?;
-        moving.pose.position = a.pose.position.lerp(b.pose.position, share);
-        moving.pose.heading_rad += share * ds_space::angle::turn(a.pose.heading_rad, b.pose.heading_rad);
+        moving.pose = a.pose.lerp(&b.pose, share);
         moving.velocity_mps = a.velocity_mps.lerp(b.velocity_mps, share);
     }
     Some(moving)

@@ -1,7 +1,5 @@
 //! Weight files made by hand: safetensors whose values are holes in the file, and archives as PyTorch writes them.
 
-#![allow(dead_code, reason = "each test binary uses a part")]
-
 use std::fs::File;
 use std::io::Write;
 use std::path::Path;

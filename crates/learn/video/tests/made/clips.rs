@@ -1,7 +1,5 @@
 //! What both tests of bodies draw: weights in which nothing is zero, shapes, clips, and the distance of two results.
 
-#![allow(dead_code, reason = "each test binary uses a part")]
-
 use ds_nn::array::{Array, Declared, Initial, Weights};
 use ds_nn::cache::{CachePolicy, Positions, ReadOrder};
 use ds_nn::dit::DitShape;

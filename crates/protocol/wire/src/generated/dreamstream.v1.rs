@@ -839,6 +839,9 @@ pub struct Hello {
     /// Models of the other sources that it generates frames for, ablations of `video_model`; at most 16.
     #[prost(message, repeated, tag = "18")]
     pub source_models: ::prost::alloc::vec::Vec<SourceModel>,
+    /// Whether its video model goes on from the geometry of layouts.
+    #[prost(bool, tag = "19")]
+    pub layout_geometry: bool,
 }
 /// What a worker generates the frames of a source with.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
@@ -1900,6 +1903,9 @@ pub struct EpisodeSpec {
     /// Whether the policy has the time of the wall clock for each plan: what it then drives depends on the machine.
     #[prost(bool, tag = "28")]
     pub wall_clock: bool,
+    /// Whether layouts tell their geometry beside their picture.
+    #[prost(bool, tag = "29")]
+    pub layout_geometry: bool,
 }
 /// A lane.
 #[derive(Clone, PartialEq, ::prost::Message)]

@@ -407,6 +407,7 @@ fn spec() -> impl Strategy<Value = EpisodeSpec> {
         wall_clock: small % 3 == 1,
         observation_delay: small,
         layout_memory_ticks: 3 * small,
+        layout_geometry: small % 4 == 1,
         prompt: ["", "by day"][small as usize % 2].to_owned(),
     })
 }

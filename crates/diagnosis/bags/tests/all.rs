@@ -1,0 +1,6 @@
+//! The tests of this package in one program: what it links is linked once.
+
+mod bags;
+mod mutated;
+#[path = "../../../../tests/mutation.rs"]
+mod mutation;

@@ -1,0 +1,7 @@
+//! The tests of this package in one program: what it links is linked once.
+
+mod generated;
+mod pair;
+mod practice;
+mod recovery;
+mod spoiled;

@@ -1,0 +1,5 @@
+//! The tests of this package in one program: what it links is linked once.
+
+mod recipes;
+mod recorded;
+mod sets;

@@ -1,0 +1,4 @@
+//! The tests of this package in one program: what it links is linked once.
+
+mod bus;
+mod policy_bus;
