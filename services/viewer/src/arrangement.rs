@@ -4,14 +4,14 @@
 //! for the eye of a view; it is therefore written into the arrangement's own store before that is made active.
 
 use ds_topic::SceneMessage;
-use re_sdk::blueprint::components::PanelState;
-use re_sdk::blueprint::{
+use rerun::blueprint::components::PanelState;
+use rerun::blueprint::{
     Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Horizontal, SelectionPanel, Spatial2DView,
     Spatial3DView, TextDocumentView, TextLogView, TimePanel, TimeSeriesView, Vertical,
 };
-use re_sdk::log::LogMsg;
-use re_sdk::{RecordingStream, RecordingStreamBuilder, StoreId};
-use re_sdk_types::blueprint::archetypes::EyeControls3D;
+use rerun::external::re_sdk_types::blueprint::archetypes::EyeControls3D;
+use rerun::log::LogMsg;
+use rerun::{RecordingStream, RecordingStreamBuilder, StoreId};
 
 use crate::ViewError;
 use crate::diagnosis::{ROOT, probabilities};

@@ -9,9 +9,7 @@ use std::fmt::Write as _;
 use ds_effect::Verdict;
 use ds_record::viewing::{cells, estimate};
 use ds_topic::Diagnosis;
-use re_sdk::RecordingStream;
-use re_sdk_types::archetypes::{Scalars, TextDocument, TextLog};
-use re_sdk_types::components::MediaType;
+use rerun::{MediaType, RecordingStream, Scalars, TextDocument, TextLog};
 
 use crate::ViewError;
 

@@ -31,7 +31,7 @@ pub enum ViewError {
     },
     /// The viewer's library refuses.
     #[error("viewer data cannot be written")]
-    Stream(#[from] re_sdk::RecordingStreamError),
+    Stream(#[from] rerun::RecordingStreamError),
     /// The viewer's data could not be flushed.
     #[error("viewer data was not flushed: {reason}")]
     Flush {

@@ -6,13 +6,14 @@
 use std::path::Path;
 
 use ds_record::viewing::{Along, Curve, Explained};
-use re_sdk::blueprint::{
+use rerun::blueprint::{
     Blueprint, BlueprintActivation, ContainerLike, Horizontal, Spatial3DView, TextDocumentView, TimePanel,
     TimeSeriesView, Vertical,
 };
-use re_sdk::log::TimeColumn;
-use re_sdk::{RecordingStream, RecordingStreamBuilder, RecordingStreamError};
-use re_sdk_types::archetypes::{LineStrips3D, Points3D, Scalars, SeriesLines, ViewCoordinates};
+use rerun::{
+    LineStrips3D, Points3D, RecordingStream, RecordingStreamBuilder, RecordingStreamError, Scalars, SeriesLines,
+    TimeColumn, ViewCoordinates,
+};
 
 use crate::ViewError;
 use crate::diagnosis::{ROOT, document};

@@ -9,7 +9,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
 use ds_topic::{Envelope, SceneMessage};
-use re_sdk::RecordingStream;
+use rerun::RecordingStream;
 
 use crate::stream::flush;
 use crate::{Logger, ViewError, arrangement};

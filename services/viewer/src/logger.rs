@@ -13,8 +13,7 @@ use ds_space::{DQuat, DVec2, DVec3, PoseSe2, SimTime, Tick};
 use ds_topic::{Envelope, Event, EventKind, Frame, Layout, Plan, SceneMessage, Score, Topic, World};
 use ds_wire::Body;
 use ds_world::{AgentState, Scene, WorldState};
-use re_sdk::RecordingStream;
-use re_sdk_types::archetypes::{Boxes3D, EncodedImage, LineStrips2D, LineStrips3D, Scalars, TextLog, Transform3D};
+use rerun::{Boxes3D, EncodedImage, LineStrips2D, LineStrips3D, RecordingStream, Scalars, TextLog, Transform3D};
 
 use crate::diagnosis::Findings;
 use crate::map::{self, strip};
@@ -104,7 +103,7 @@ impl Logger {
     fn ego(&self, state: &WorldState) -> Result<(), ViewError> {
         let (size, pose) = (self.scene.vehicle.size, state.ego.pose);
         let place = Transform3D::from_translation(centre(&pose, 0.0))
-            .with_quaternion(re_sdk_types::datatypes::Quaternion::from_xyzw(turn(pose.heading_rad)));
+            .with_quaternion(rerun::Quaternion::from_xyzw(turn(pose.heading_rad)));
         self.stream.log("world/ego", &place)?;
         let middle = PoseSe2::new(self.scene.vehicle.rear_axle_to_centre_m, 0.0, 0.0);
         let body = Boxes3D::from_centers_and_half_sizes(

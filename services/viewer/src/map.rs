@@ -5,8 +5,7 @@
 use ds_space::DVec2;
 use ds_world::map::{LaneKind, LineColour};
 use ds_world::{Map, Scene};
-use re_sdk::{RecordingStream, RecordingStreamResult};
-use re_sdk_types::archetypes::LineStrips3D;
+use rerun::{LineStrips3D, RecordingStream, RecordingStreamResult};
 
 /// How far beside the route the map is shown, in metres.
 const MARGIN_M: f64 = 60.0;
@@ -47,7 +46,7 @@ struct Lines<'a> {
 
 /// Logs the still part of a scene.
 pub(crate) fn log(scene: &Scene, stream: &RecordingStream) -> RecordingStreamResult<()> {
-    stream.log_static("world", &re_sdk_types::archetypes::ViewCoordinates::RIGHT_HAND_Z_UP())?;
+    stream.log_static("world", &rerun::ViewCoordinates::RIGHT_HAND_Z_UP())?;
     let (map, extent) = (&scene.map, Extent::of(scene));
     lanes(map, &extent, stream)?;
     let edges = map.road_edges.iter().map(|edge| edge.points.clone()).collect();

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use ds_record::Recording;
 use ds_topic::{Diagnosis, Topic};
-use re_sdk::RecordingStream;
+use rerun::RecordingStream;
 
 use crate::logger::Logger;
 use crate::stream::{builder, connect, flush};

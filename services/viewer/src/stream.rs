@@ -3,7 +3,7 @@
 //! One timeline, `sim_time`.
 
 use ds_topic::SceneMessage;
-use re_sdk::{RecordingStream, RecordingStreamBuilder};
+use rerun::{RecordingStream, RecordingStreamBuilder};
 
 use crate::ViewError;
 
@@ -12,7 +12,7 @@ pub const APPLICATION: &str = "dreamstream";
 /// The timeline.
 pub const TIMELINE: &str = "sim_time";
 /// Where a viewer on the same machine listens by default.
-pub const DEFAULT_URL: &str = re_sdk::DEFAULT_CONNECT_URL;
+pub const DEFAULT_URL: &str = rerun::DEFAULT_CONNECT_URL;
 
 /// Opens a stream to a running viewer for an episode that is still being driven.
 ///

@@ -5,8 +5,7 @@
 use std::path::Path;
 
 use ds_record::viewing::{TrainedStage, Training};
-use re_sdk::{RecordingStream, RecordingStreamBuilder};
-use re_sdk_types::archetypes::{EncodedImage, Scalars, SeriesLines};
+use rerun::{EncodedImage, RecordingStream, RecordingStreamBuilder, Scalars, SeriesLines};
 
 use crate::ViewError;
 use crate::stream::{APPLICATION, flush};

@@ -138,7 +138,7 @@ fn a_finished_diagnosis_becomes_a_viewer_file() {
 #[test]
 fn a_live_view_shows_what_it_takes_and_counts_what_it_drops() {
     let drive = Drive::new(&["front"], LAST_TICK);
-    let (stream, storage) = re_sdk::RecordingStreamBuilder::new("test").memory().expect("a stream in memory");
+    let (stream, storage) = rerun::RecordingStreamBuilder::new("test").memory().expect("a stream in memory");
     let live = LiveView::start(drive.message(), stream, 4, &[]).expect("starts");
     let (mut taken, mut fed) = (0, 0);
     for iteration in 0..drive.iterations() {
