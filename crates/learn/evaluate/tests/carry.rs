@@ -20,7 +20,8 @@ fn difference(a: &RgbImage, b: &RgbImage, of: &[bool]) -> f64 {
     sum / f64::max(count, 1.0)
 }
 
-/// Road, buildings and vehicles that move are where the later frame has them; what was hidden or out of sight is not known.
+/// Road, buildings and vehicles that move are where the later frame has them; what was hidden or out of sight is not known, nor are sky, lines
+/// and people.
 #[test]
 fn a_carried_frame_is_nearly_the_later_one() {
     for (family, seed) in [(Family::LeadBraking, 3), (Family::CutIn, 5), (Family::Roundabout, 2)] {
@@ -34,7 +35,7 @@ fn a_carried_frame_is_nearly_the_later_one() {
         let known = carried.known.iter().filter(|known| **known).count() as f64 / carried.known.len() as f64;
         let (left, still) =
             (difference(&carried.frame, &later, &carried.known), difference(&then, &later, &carried.known));
-        assert!(known > 0.7, "{family:?}: {known} known");
+        assert!(known > 0.5, "{family:?}: {known} known");
         assert!(left < 0.6 * still, "{family:?}: {left} and {still} off");
     }
 }
