@@ -111,6 +111,25 @@ fn imports_point_to_a_lower_layer() {
 }
 
 #[test]
+fn every_source_file_is_a_module_of_its_crate() {
+    let mut left = Vec::new();
+    for src in packages().into_iter().map(|package| package.folder.join("src")) {
+        let mut files = Vec::new();
+        sources(&src, &mut files);
+        for path in files.iter().filter(|path| !path.ends_with("lib.rs") && !path.ends_with("main.rs")) {
+            let (folder, stem) = (path.parent().expect("a folder"), path.file_stem().and_then(|stem| stem.to_str()));
+            let parents = [folder.join("lib.rs"), folder.join("main.rs"), folder.with_extension("rs")];
+            let named = format!("mod {};", stem.expect("a plain name"));
+            let names = |parent: &PathBuf| fs::read_to_string(parent).is_ok_and(|text| text.contains(&named));
+            if !parents.iter().any(names) {
+                left.push(path.clone());
+            }
+        }
+    }
+    assert!(left.is_empty(), "nobody builds {left:#?}");
+}
+
+#[test]
 fn every_file_of_tests_is_in_a_program() {
     let folders: Vec<PathBuf> = packages().into_iter().map(|package| package.folder).chain([workspace()]).collect();
     let read = |path: PathBuf| fs::read_to_string(path).unwrap_or_default();

@@ -200,12 +200,12 @@ fn fitted(scene: &Scene, camera: &CameraModel, picture: &RgbImage) -> Result<Rgb
         let (camera, scenario) = (camera.id.to_string(), scene.name.clone());
         return Err(ConditioningError::Size { camera, found, expected, scenario });
     }
-    let part = middle(picture, expected);
+    let part = middle(picture, expected.0, expected.1);
     Ok(if found == expected { part } else { part.reduced(expected.0, expected.1) })
 }
 
 /// Returns the largest middle part of a picture that has the aspect ratio of a size no larger than it.
-fn middle(picture: &RgbImage, (width_px, height_px): (u32, u32)) -> RgbImage {
+fn middle(picture: &RgbImage, width_px: u32, height_px: u32) -> RgbImage {
     let found = (picture.width_px(), picture.height_px());
     let scaled = |length: u32, by: u32, over: u32| {
         let scaled = u64::from(length) * u64::from(by) / u64::from(over);
@@ -266,13 +266,13 @@ mod tests {
         for (y, x) in (0..8).flat_map(|y| (4..20).map(move |x| (y, x))) {
             wide.set_pixel(x, y, [0, 90, 0]);
         }
-        assert_eq!(middle(&wide, (8, 4)), RgbImage::filled(16, 8, [0, 90, 0]));
-        assert_eq!(middle(&wide, (24, 8)), wide);
+        assert_eq!(middle(&wide, 8, 4), RgbImage::filled(16, 8, [0, 90, 0]));
+        assert_eq!(middle(&wide, 24, 8), wide);
         let mut high = RgbImage::filled(4, 9, [200, 0, 0]);
         for x in 0..4 {
             high.set_pixel(x, 4, [0, 90, 0]);
         }
-        assert_eq!(middle(&high, (4, 1)), RgbImage::filled(4, 1, [0, 90, 0]));
+        assert_eq!(middle(&high, 4, 1), RgbImage::filled(4, 1, [0, 90, 0]));
     }
 
     #[test]

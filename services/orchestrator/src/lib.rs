@@ -122,7 +122,7 @@ pub async fn start(settings: Settings, bus: BusSession, metrics: &Metrics, drain
         attempts: fleet.attempts,
         vacancy: Duration::from_millis(fleet.vacancy_deadline_millis),
     };
-    serve(door, (hub, registry), stand, limits, drain).await
+    serve(door, hub, registry, stand, limits, drain).await
 }
 
 /// Takes up the runs that the ledger holds.
@@ -143,7 +143,8 @@ fn take_up(registry: &Registry, folder: &std::path::Path) -> Result<()> {
 
 async fn serve(
     door: Door,
-    (hub, registry): (Arc<Hub>, Arc<Registry>),
+    hub: Arc<Hub>,
+    registry: Arc<Registry>,
     stand: Stand,
     limits: admission::Limits,
     drain: Drain,

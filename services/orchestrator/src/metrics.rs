@@ -66,7 +66,7 @@ impl Tally {
         let help = "Members of the fleet by role and by what they are up to, as `dreamstream top` shows them.";
         let mut tell = |role: &str, state, count| {
             let labels = [("role", role), ("state", state)];
-            page.tell(("dreamstream_instances", help), Kind::Gauge, &labels, count);
+            page.tell("dreamstream_instances", help, Kind::Gauge, &labels, count);
         };
         for (role, state) in Role::ALL.into_iter().flat_map(|role| pb::MEMBER_STATES.map(|state| (role, state))) {
             tell(role.name(), state, 0.0);
@@ -76,18 +76,18 @@ impl Tally {
             tell(role.map_or("unknown", Role::name), pb::member_state(&member), 1.0);
         }
         for (status, count) in registry.episodes() {
-            let family = ("dreamstream_episodes", "Episodes of all runs in the ledger, by status.");
-            page.tell(family, Kind::Gauge, &[("status", status)], count as f64);
+            let help = "Episodes of all runs in the ledger, by status.";
+            page.tell("dreamstream_episodes", help, Kind::Gauge, &[("status", status)], count as f64);
         }
-        let family = ("dreamstream_term", "Term of this orchestrator, raised at each start.");
-        page.tell(family, Kind::Gauge, &[], hub.term() as f64);
+        let help = "Term of this orchestrator, raised at each start.";
+        page.tell("dreamstream_term", help, Kind::Gauge, &[], hub.term() as f64);
     }
 
     fn tell_attempts(&self, page: &mut Page) {
         let counts = self.lock();
         tell_counters(page, "orchestrator", &counts.machines);
         let mut counter = |name, help, labels: &[(&str, &str)], count: u64| {
-            page.tell((name, help), Kind::Counter, labels, count as f64);
+            page.tell(name, help, Kind::Counter, labels, count as f64);
         };
         counter("dreamstream_iterations_total", "Iterations committed.", &[], counts.iterations);
         counter("dreamstream_ticks_total", "Ticks driven and committed, as in results.", &[], counts.ticks);
@@ -101,7 +101,7 @@ impl Tally {
             let labels = [("status", status.name())];
             counter("dreamstream_attempts_total", "Attempts at episodes that ended, by status.", &labels, count);
         }
-        let mut times = |name, help, times: &Histogram| page.tell_times((name, help), &[], times);
+        let mut times = |name, help, times: &Histogram| page.tell_times(name, help, &[], times);
         let help = "Time from the commit before (or the first order) to an iteration's own.";
         times("dreamstream_iteration_seconds", help, &counts.iteration_times);
         let help = "What of it no maker worked: bus, waiting, protocol, scoring and the commit.";
@@ -116,7 +116,7 @@ impl Tally {
 fn tell_leases(leases: &Leases, page: &mut Page) {
     for role in Role::ALL {
         let mut counter = |name, help, labels: &[(&str, &str)], count: Option<&u64>| {
-            page.tell((name, help), Kind::Counter, labels, count.copied().unwrap_or_default() as f64);
+            page.tell(name, help, Kind::Counter, labels, count.copied().unwrap_or_default() as f64);
         };
         let of_role = ("role", role.name());
         let given = leases.given.get(&role);

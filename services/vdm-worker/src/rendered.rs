@@ -54,7 +54,7 @@ impl Rendered {
         Ok(Self { lens: Lens::of(&scene), scene, source })
     }
 
-    fn image(&self, inputs: &Inputs, tick: Tick, (index, model): (u16, &CameraModel)) -> Result<RgbImage, Fault> {
+    fn image(&self, inputs: &Inputs, tick: Tick, index: u16, model: &CameraModel) -> Result<RgbImage, Fault> {
         let (camera, state) = match &self.source {
             Source::Layout => return Ok(inputs.decode::<Layout>(Slot::of_camera(Topic::Layout, tick.0, index))?.image),
             Source::Log(camera) => (camera, self.scene.scene.logged_world(tick)),
@@ -82,7 +82,7 @@ impl Maker for Rendered {
         let mut outputs = Vec::new();
         for tick in order.first.to(order.last) {
             for (index, camera) in (0..).zip(&self.scene.scene.cameras) {
-                let mut image = self.image(inputs, tick, (index, camera))?;
+                let mut image = self.image(inputs, tick, index, camera)?;
                 if let Some(lens) = &self.lens {
                     image = lens.see(&image, tick, index, self.motion(inputs, tick)?)?;
                 }

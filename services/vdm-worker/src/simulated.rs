@@ -78,7 +78,7 @@ struct Simulated {
 }
 
 /// Returns how many chunks the ticks of an order lie in; one that is cut is made again by the next order, as a model would.
-fn chunks((first, last): (Tick, Tick), chunk_ticks: u32) -> u32 {
+fn chunks(first: Tick, last: Tick, chunk_ticks: u32) -> u32 {
     let chunk = |tick: Tick| tick.0.saturating_sub(1) / chunk_ticks.max(1);
     if last.0 == 0 { 0 } else { 1 + chunk(last) - chunk(first) }
 }
@@ -125,7 +125,7 @@ impl Maker for Simulated {
                 outputs.push(output(Slot::of_camera(Topic::Cache, chunk, index), cache.first, &cache));
             }
         }
-        std::thread::sleep(self.wait * chunks((order.first, order.last), spec.chunk_ticks));
+        std::thread::sleep(self.wait * chunks(order.first, order.last, spec.chunk_ticks));
         Ok(outputs)
     }
 }
@@ -137,7 +137,7 @@ mod tests {
     #[test]
     fn as_many_chunks_as_a_model_would_make() {
         let orders = [(0, 0), (1, 5), (6, 10), (1, 4), (17, 20), (5, 5)].map(|(first, last)| (Tick(first), Tick(last)));
-        assert_eq!(orders.map(|order| chunks(order, 4)), [0, 2, 2, 1, 1, 1]);
+        assert_eq!(orders.map(|order| chunks(order.0, order.1, 4)), [0, 2, 2, 1, 1, 1]);
         let firsts = [0, 1, 2].map(|chunk| (empty(chunk, 4).first.0, empty(chunk, 4).ticks));
         assert_eq!(firsts, [(0, 1), (1, 4), (5, 4)]);
     }

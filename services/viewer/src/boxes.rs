@@ -34,12 +34,12 @@ fn edge(camera: &CameraModel, from: DVec3, to: DVec3) -> Option<[[f32; 2]; 2]> {
     let (from, to) = clipped(from, to)?;
     let ends = (camera.intrinsics.project(from)?, camera.intrinsics.project(to)?);
     let size = DVec2::new(camera.intrinsics.width_px.into(), camera.intrinsics.height_px.into());
-    let (from, to) = within(size, ends)?;
+    let (from, to) = within(size, ends.0, ends.1)?;
     Some([from, to].map(|pixel| [pixel.x as f32, pixel.y as f32]))
 }
 
 /// Cuts a line at the border of a picture (Liang and Barsky).
-fn within(size: DVec2, (from, to): (DVec2, DVec2)) -> Option<(DVec2, DVec2)> {
+fn within(size: DVec2, from: DVec2, to: DVec2) -> Option<(DVec2, DVec2)> {
     let along = to - from;
     let (mut enter, mut leave) = (0.0f64, 1.0f64);
     let borders = [(-along.x, from.x), (along.x, size.x - from.x), (-along.y, from.y), (along.y, size.y - from.y)];

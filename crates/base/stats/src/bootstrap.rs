@@ -27,7 +27,7 @@ pub fn resamples(draws: &Draws, times: u64, count: usize) -> impl Iterator<Item 
 pub fn block_weights(drives: &[usize], block: usize, times: u64, draws: &Draws) -> Vec<Vec<f64>> {
     let spans = spans(drives);
     let mut counter = 0;
-    (0..times).map(|_| blocks(&spans, drives.len(), block, (draws, &mut counter))).collect()
+    (0..times).map(|_| blocks(&spans, drives.len(), block, draws, &mut counter)).collect()
 }
 
 /// Returns the same in two stages: as many drives as there are, with replacement, and blocks within each of them. A single
@@ -39,7 +39,7 @@ pub fn staged_weights(drives: &[usize], block: usize, times: u64, draws: &Draws)
     let one = |_| {
         let picked: Vec<(usize, usize)> = pick(draws, counter, spans.len()).into_iter().map(|k| spans[k]).collect();
         counter += spans.len() as u64;
-        blocks(&picked, drives.len(), block, (draws, &mut counter))
+        blocks(&picked, drives.len(), block, draws, &mut counter)
     };
     (0..times).map(one).collect()
 }
@@ -57,7 +57,7 @@ fn spans(drives: &[usize]) -> Vec<(usize, usize)> {
 }
 
 /// Draws blocks within some drives; tells how often each of `count` windows was drawn.
-fn blocks(spans: &[(usize, usize)], count: usize, block: usize, (draws, counter): (&Draws, &mut u64)) -> Vec<f64> {
+fn blocks(spans: &[(usize, usize)], count: usize, block: usize, draws: &Draws, counter: &mut u64) -> Vec<f64> {
     let mut weights = vec![0.0; count];
     for &(start, end) in spans {
         let count = end - start;
@@ -94,14 +94,14 @@ pub fn ratio(units: &[(f64, f64)], picks: &[Vec<usize>], tail: f64) -> Option<[f
 
 /// How intervals of means are drawn.
 #[derive(Debug, Clone, Copy)]
-pub struct Plan {
+pub struct MeanBootstrap {
     /// Resamples.
     pub times: u64,
     /// Share of the resampled means that lies beyond either end.
     pub tail: f64,
 }
 
-impl Plan {
+impl MeanBootstrap {
     /// Returns an interval for the mean of each column; columns have one entry per unit, `None` where the unit has no
     /// value. All columns of a unit are drawn together.
     ///
@@ -152,7 +152,7 @@ impl Plan {
 mod tests {
     use super::*;
 
-    const PLAN: Plan = Plan { times: 2000, tail: 0.025 };
+    const PLAN: MeanBootstrap = MeanBootstrap { times: 2000, tail: 0.025 };
 
     fn draws(seed: u64) -> Draws {
         Draws::from_seed(seed, "bootstrap test")

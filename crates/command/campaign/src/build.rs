@@ -151,7 +151,7 @@ fn filtered(args: &BaseArgs, all: Manifest) -> Result<Option<Manifest>> {
     sheet.place.keep = Keep::None;
     sheet.place.workers = workers(args.workers, usize::MAX);
     let ended = if folder.join(ds_benchmark::sheet::FILE).exists() {
-        drive::resume(&folder, (None, args.workers), &drive::Now::default())?
+        drive::resume(&folder, None, args.workers, &drive::Now::default())?
     } else {
         drive::begin(&folder, &sheet, &sets, &drive::Now::default())?
     };

@@ -91,7 +91,7 @@ pub(crate) fn part(args: &RunArgs, every: usize) -> Result<Ended> {
         "{} holds drives of another configuration: remove it or name another folder",
         args.out.display()
     );
-    resume(&args.out, (None, args.workers), &Now::default())
+    resume(&args.out, None, args.workers, &Now::default())
 }
 
 fn asked(args: &RunArgs) -> Result<(Sheet, Vec<Manifest>)> {
@@ -117,14 +117,14 @@ pub(crate) fn begin(out: &Path, sheet: &Sheet, sets: &[Manifest], now: &Now<'_>)
         out.display()
     );
     sheet.save(sets, out)?;
-    go_on(&held, out, (sheet, sets), now)
+    go_on(&held, out, sheet, sets, now)
 }
 
 /// Runs `resume`.
 ///
 /// # Errors
 /// As for [`run`], and if the folder holds no benchmark.
-pub(crate) fn resume(out: &Path, (shard, by): (Option<&str>, Option<u32>), now: &Now<'_>) -> Result<Ended> {
+pub(crate) fn resume(out: &Path, shard: Option<&str>, by: Option<u32>, now: &Now<'_>) -> Result<Ended> {
     ensure!(out.join(FILE).exists(), "{} holds no benchmark: there is no {FILE}", out.display());
     let held = run_folder::take(out, Earlier::Resumed)?;
     let (mut sheet, sets) = Sheet::load(out)?;
@@ -132,7 +132,7 @@ pub(crate) fn resume(out: &Path, (shard, by): (Option<&str>, Option<u32>), now: 
     sheet.place.workers = by.map_or(sheet.place.workers, |by| workers(Some(by), usize::MAX));
     check(&sheet)?;
     sheet.save(&sets, out)?;
-    go_on(&held, out, (&sheet, &sets), now)
+    go_on(&held, out, &sheet, &sets, now)
 }
 
 /// Returns the policies that connect from outside.
@@ -164,7 +164,7 @@ fn check(sheet: &Sheet) -> Result<()> {
 }
 
 /// Drives what is left; the folder is held.
-fn go_on(_held: &Held, out: &Path, (sheet, sets): (&Sheet, &[Manifest]), now: &Now<'_>) -> Result<Ended> {
+fn go_on(_held: &Held, out: &Path, sheet: &Sheet, sets: &[Manifest], now: &Now<'_>) -> Result<Ended> {
     let mut seen: BTreeMap<String, (bool, u32)> = BTreeMap::new();
     let mut note = |record: &Record| {
         let (ended, rounds) = seen.entry(record.key.clone()).or_default();
@@ -192,7 +192,7 @@ fn go_on(_held: &Held, out: &Path, (sheet, sets): (&Sheet, &[Manifest]), now: &N
         session::note(out, Event::Ended)?;
         return Ok(Ended::Complete);
     }
-    let files = files(&left, (sheet, sets), out)?;
+    let files = files(&left, sheet, sets, out)?;
     let mut groups: BTreeMap<String, Vec<Due>> = BTreeMap::new();
     for ((key, (cell, _)), file) in left.iter().zip(files) {
         let round = seen.get(&key.to_string()).map_or(0, |(_, rounds)| *rounds);
@@ -241,7 +241,7 @@ fn go_on(_held: &Held, out: &Path, (sheet, sets): (&Sheet, &[Manifest]), now: &N
 }
 
 /// Returns the scenario file of each cell; each scenario is read or made and compared with its digest once.
-fn files(left: &[(&Digest, &(Cell, At))], (sheet, sets): (&Sheet, &[Manifest]), out: &Path) -> Result<Vec<PathBuf>> {
+fn files(left: &[(&Digest, &(Cell, At))], sheet: &Sheet, sets: &[Manifest], out: &Path) -> Result<Vec<PathBuf>> {
     let mut wanted: BTreeMap<&str, At> = BTreeMap::new();
     for (_, (cell, at)) in left {
         wanted.entry(&cell.scenario).or_insert(*at);
@@ -324,7 +324,8 @@ impl Group<'_> {
             let result = Arc::new(result);
             let (made, out, keep) = (Arc::clone(&result), self.out.to_path_buf(), self.sheet.place.keep);
             let (cell, look) = ((due.cell, due.round), self.look.clone());
-            let record = tokio::task::spawn_blocking(move || ended::record(cell, &made, &out, keep, look.as_deref()));
+            let record =
+                tokio::task::spawn_blocking(move || ended::record(cell.0, cell.1, &made, &out, keep, look.as_deref()));
             let record = record.await.context("judging a drive")?.with_context(|| format!("cell {told}"))?;
             writer.append(&record)?;
             if record.episode.recording.is_empty() {

@@ -21,7 +21,8 @@ use crate::shown;
 /// # Errors
 /// If the recording of a completed drive cannot be read or is not whole.
 pub(crate) fn record(
-    (cell, round): (Cell, u32),
+    cell: Cell,
+    round: u32,
     result: &pb::EpisodeResult,
     folder: &Path,
     keep: Keep,
@@ -58,7 +59,7 @@ fn judged(recording: &Recording) -> Result<Judged> {
     }
     let states: Vec<_> = states.values().map(|world| &world.state).collect();
     let spec = &message.spec;
-    Ok(ds_benchmark::judge(&message.scene, (spec.taken_over_at(), spec.last_tick), &states))
+    Ok(ds_benchmark::judge(&message.scene, spec.taken_over_at(), spec.last_tick, &states))
 }
 
 /// Deletes the recording of a drive, if it is there.

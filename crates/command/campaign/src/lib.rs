@@ -81,7 +81,7 @@ fn dispatch(command: &BenchmarkCommand, log: &str) -> Result<Ended> {
         BenchmarkCommand::Plan { what, rate, machines } => ask::plan(what, *rate, *machines),
         BenchmarkCommand::Run(args) => drive::run(args),
         BenchmarkCommand::Resume { out, shard, workers, done, metrics } => {
-            drive::resume(out, (shard.as_deref(), *workers), &drive::Now { done, metrics: *metrics })
+            drive::resume(out, shard.as_deref(), *workers, &drive::Now { done, metrics: *metrics })
         }
         BenchmarkCommand::Merge { folders, force, out } => {
             let merged = ds_benchmark::merge(folders, out, *force)?;

@@ -68,25 +68,26 @@ pub(crate) fn figures(found: &[(Scene, Searched)], entries: &[Entry]) -> Vec<Fig
         variants.iter().filter(|variant| missed_by_secs(variant).is_some_and(|secs| secs < NARROW_SECS)).count();
     let mut figures = vec![
         // Where the ego stands, or the log is too short to be searched, no variant is missing.
-        share("bases with a moving ego that have a variant", with, built.len(), (Some(0.77), None)),
+        share("bases with a moving ego that have a variant", with, built.len(), Some(0.77), None),
         share(
             "candidates of the intended class, of those that meet the ego",
             meet,
             meet + fallen(Rejection::Class),
-            (Some(0.9), None),
+            Some(0.9),
+            None,
         ),
-        share("candidates that an expert solves, of those that meet as intended", solved, meet, (Some(0.6), None)),
-        share("candidates that are proven unavoidable, of those that meet as intended", proven, meet, (None, None)),
-        share("variants that an expert solves", solved, variants.len(), (Some(1.0), None)),
-        share("solutions that miss the adversary by less than 0.5 s where both come", narrow, solved, (None, None)),
-        share("variants that a driver who only brakes survives", careful, variants.len(), (Some(0.5), Some(0.95))),
+        share("candidates that an expert solves, of those that meet as intended", solved, meet, Some(0.6), None),
+        share("candidates that are proven unavoidable, of those that meet as intended", proven, meet, None, None),
+        share("variants that an expert solves", solved, variants.len(), Some(1.0), None),
+        share("solutions that miss the adversary by less than 0.5 s where both come", narrow, solved, None, None),
+        share("variants that a driver who only brakes survives", careful, variants.len(), Some(0.5), Some(0.95)),
     ];
     figures.extend(classes(entries));
     figures.extend(compared(found));
     figures
 }
 
-fn share(what: &str, hits: usize, of: usize, (least, most): (Option<f64>, Option<f64>)) -> Figure {
+fn share(what: &str, hits: usize, of: usize, least: Option<f64>, most: Option<f64>) -> Figure {
     let there = of > 0;
     Figure {
         what: what.to_owned(),
@@ -102,7 +103,7 @@ fn classes(entries: &[Entry]) -> Vec<Figure> {
     let mut counts: BTreeMap<&str, usize> = CrashClass::ALL.map(|class| (class.name(), 0)).into();
     entries.iter().for_each(|entry| *counts.entry(&entry.category).or_default() += 1);
     let of_class = |(class, count): (&&str, &usize)| {
-        share(&format!("entries of class {class}"), *count, entries.len(), (Some(0.08), None))
+        share(&format!("entries of class {class}"), *count, entries.len(), Some(0.08), None)
     };
     let mut figures: Vec<Figure> = counts.iter().map(of_class).collect();
     let part = |count: &usize| {
@@ -110,11 +111,11 @@ fn classes(entries: &[Entry]) -> Vec<Figure> {
         if share > 0.0 { -share * share.ln() } else { 0.0 }
     };
     let entropy = counts.values().map(part).sum::<f64>() / (counts.len() as f64).ln();
-    figures.push(figure("entropy of the classes, of that of equal shares", Some(entropy), (Some(0.85), None)));
+    figures.push(figure("entropy of the classes, of that of equal shares", Some(entropy), Some(0.85), None));
     figures
 }
 
-fn figure(what: &str, value: Option<f64>, (least, most): (Option<f64>, Option<f64>)) -> Figure {
+fn figure(what: &str, value: Option<f64>, least: Option<f64>, most: Option<f64>) -> Figure {
     Figure { what: what.to_owned(), value, least, most, ..Figure::default() }
 }
 
@@ -128,31 +129,30 @@ fn compared(found: &[(Scene, Searched)]) -> Vec<Figure> {
         figures.push(figure(
             &format!("{name}: divergence before the attack ÷ floor"),
             it.before.map(ratio),
-            (None, Some(1.5)),
+            None,
+            Some(1.5),
         ));
         figures.push(figure(
             &format!("{name}: divergence in the attack ÷ floor"),
             it.attack.map(ratio),
-            (None, Some(3.0)),
+            None,
+            Some(3.0),
         ));
         let outside = it.attack.map(|apart| apart.outside);
         figures.push(figure(
             &format!("{name}: share of the attack outside logged 0.1–99.9 %"),
             outside,
-            (None, Some(0.05)),
+            None,
+            Some(0.05),
         ));
     }
     figures.push(Figure {
         interval: quality.telling.map(|telling| telling.interval),
-        ..figure("area under the curve of telling them", quality.telling.map(|telling| telling.area), (None, Some(0.8)))
+        ..figure("area under the curve of telling them", quality.telling.map(|telling| telling.area), None, Some(0.8))
     });
     let spread = quality.spread;
-    figures.push(figure("starts of one base's variants apart, m (median)", spread.starts_apart_m, (Some(10.0), None)));
-    figures.push(figure("eighths around the ego at the start", Some(spread.start_sectors as f64), (None, None)));
-    figures.push(figure(
-        "eighths around the ego at the contact",
-        Some(spread.contact_sectors as f64),
-        (Some(6.0), None),
-    ));
+    figures.push(figure("starts of one base's variants apart, m (median)", spread.starts_apart_m, Some(10.0), None));
+    figures.push(figure("eighths around the ego at the start", Some(spread.start_sectors as f64), None, None));
+    figures.push(figure("eighths around the ego at the contact", Some(spread.contact_sectors as f64), Some(6.0), None));
     figures
 }

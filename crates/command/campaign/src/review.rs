@@ -44,7 +44,7 @@ pub(crate) fn run(args: &ReviewArgs) -> Result<Ended> {
     let quality = Quality::beside(folder, set)?;
     let severity = |entry: &Entry| quality.as_ref().and_then(|quality| quality.variants.get(&entry.name).copied());
     let cards = set.entries.par_iter().map(|entry| {
-        let card = card(entry, severity(entry), (folder, &out)).with_context(|| format!("entry {:?}", entry.name));
+        let card = card(entry, severity(entry), folder, &out).with_context(|| format!("entry {:?}", entry.name));
         bar.inc(1);
         card
     });
@@ -65,7 +65,7 @@ fn named(text: &str) -> (String, String) {
 }
 
 /// Drives the log of a variant and draws it, unless that adversary was drawn before.
-fn card<'a>(entry: &'a Entry, severity: Option<Severity>, (folder, out): (&Path, &Path)) -> Result<Card<'a>> {
+fn card<'a>(entry: &'a Entry, severity: Option<Severity>, folder: &Path, out: &Path) -> Result<Card<'a>> {
     let scene = Arc::new(entry.scene(folder)?);
     let course = Course::of(&scene, Tick(entry.last)).context("the scenario has no adversary")?;
     let attack = scene.adversary.as_ref().map_or(0, |adversary| adversary.attack.0);

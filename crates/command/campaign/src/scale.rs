@@ -16,7 +16,7 @@ use ds_launch::{FleetPlan, RunPlan, children, request, scenarios};
 use ds_process::Drain;
 use ds_process::drain::on_signals;
 use ds_process::run_folder::{self, Earlier};
-use ds_process::runs::{self, Told};
+use ds_process::runs::{self, EpisodeResults};
 use ds_process::security::{Control, Dial};
 use ds_process::terminal::{answer, bar};
 use ds_run_report::results::hex;
@@ -149,7 +149,7 @@ impl Measure<'_> {
     /// Returns on how many seeds a row drives each scenario: as many episodes for each worker in all rows, rounded up.
     fn seeds(&self, workers: u32) -> u64 {
         let most = self.args.workers.iter().copied().max().unwrap_or(1);
-        seeds((self.args.episodes.unwrap_or(EACH * most), most), workers, self.files.len())
+        seeds(self.args.episodes.unwrap_or(EACH * most), most, workers, self.files.len())
     }
 
     /// Drives one row; nothing after a signal.
@@ -165,7 +165,7 @@ impl Measure<'_> {
         let fleet = FleetPlan { workers, simulated_secs, ..FleetPlan::of(&plan, 1)? };
         self.bar.set_message(format!("ticks, {workers} workers"));
         let mut fleet = Fleet::of_children(children::start(&fleet, self.log).await?);
-        let row = self.measured(&mut fleet, (workers, done), &request).await;
+        let row = self.measured(&mut fleet, workers, done, &request).await;
         let stopped = fleet.stop().await;
         let row = row?;
         stopped?;
@@ -177,7 +177,8 @@ impl Measure<'_> {
     async fn measured(
         &self,
         fleet: &mut Fleet,
-        (workers, done): (u32, u64),
+        workers: u32,
+        done: u64,
         request: &pb::SubmitRequest,
     ) -> Result<Option<Row>> {
         let control = Dial::local(&fleet.control)?;
@@ -188,8 +189,8 @@ impl Measure<'_> {
         };
         let before = used(fleet, &channel).await?;
         let (began, mut killed) = (Instant::now(), 0);
-        let mut shown = Shown { bar: &self.bar, done, last: began, ended: BTreeSet::new() };
-        let mut show = |told: &Told| shown.look(told);
+        let mut shown = Progress { bar: &self.bar, done, last: began, ended: BTreeSet::new() };
+        let mut show = |told: &EpisodeResults| shown.look(told);
         let drive = runs::drive(request, &control, &mut show);
         tokio::pin!(drive);
         // Without the only worker nothing is driven until its leases have run out: others are compared with an undisturbed one.
@@ -226,7 +227,7 @@ impl Measure<'_> {
 
 /// Returns on how many seeds each of some scenarios is driven, so that each worker has as many episodes as those of the
 /// largest row have.
-fn seeds((episodes, most): (u32, u32), workers: u32, scenarios: usize) -> u64 {
+fn seeds(episodes: u32, most: u32, workers: u32, scenarios: usize) -> u64 {
     let mine = (u64::from(episodes) * u64::from(workers)).div_ceil(u64::from(most.max(1)));
     mine.div_ceil(scenarios.max(1) as u64)
 }
@@ -309,15 +310,15 @@ fn processor_secs(pid: u32) -> Option<f64> {
 }
 
 /// What the bar shows of a row, and whose recordings are gone.
-struct Shown<'a> {
+struct Progress<'a> {
     bar: &'a ProgressBar,
     done: u64,
     last: Instant,
     ended: BTreeSet<String>,
 }
 
-impl Shown<'_> {
-    fn look(&mut self, told: &Told) {
+impl Progress<'_> {
+    fn look(&mut self, told: &EpisodeResults) {
         if self.last.elapsed() < SHOW_EVERY {
             return;
         }
@@ -339,8 +340,8 @@ mod tests {
 
     #[test]
     fn every_worker_has_as_many_episodes() {
-        assert_eq!([1, 64, 200].map(|workers| 8 * seeds((10_000, 200), workers, 8)), [56, 3_200, 10_000]);
-        assert_eq!([1, 2].map(|workers| seeds((3, 2), workers, 1)), [2, 3]);
+        assert_eq!([1, 64, 200].map(|workers| 8 * seeds(10_000, 200, workers, 8)), [56, 3_200, 10_000]);
+        assert_eq!([1, 2].map(|workers| seeds(3, 2, workers, 1)), [2, 3]);
     }
 
     #[test]

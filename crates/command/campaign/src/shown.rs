@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use ds_benchmark::{Cell, Shown};
+use ds_benchmark::{Cell, ConditionShown};
 use ds_camera::{Appearance, ReferenceCamera, SceneCamera};
 use ds_perception::look::LookReader;
 use ds_process::shipped;
@@ -35,7 +35,7 @@ pub(crate) fn reader() -> Result<LookReader> {
 ///
 /// # Errors
 /// If the recording is damaged.
-pub(crate) fn shown(reader: &LookReader, cell: &Cell, recording: &Recording) -> Result<Option<Shown>> {
+pub(crate) fn shown(reader: &LookReader, cell: &Cell, recording: &Recording) -> Result<Option<ConditionShown>> {
     let look = Appearance::named(&cell.appearance)?;
     let slot = Slot::of_camera(Topic::Frame, AT.0, 0);
     let Some(condition) = look.condition.filter(|_| concerns(cell) && recording.get(slot).is_some()) else {
@@ -47,5 +47,5 @@ pub(crate) fn shown(reader: &LookReader, cell: &Cell, recording: &Recording) -> 
     let state = recording.world(AT)?;
     let reference = ReferenceCamera::new(scene, look).on_ego(&state, camera)?;
     let named = |image| reader.read(image).shows(condition);
-    Ok(Some(Shown { frame: named(&frame.image), reference: named(&reference) }))
+    Ok(Some(ConditionShown { frame: named(&frame.image), reference: named(&reference) }))
 }

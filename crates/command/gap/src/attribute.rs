@@ -37,7 +37,7 @@ impl PolicyReport {
 /// # Errors
 /// If the configuration is refused, nothing differs between the worlds, or a drive fails.
 pub(crate) async fn run(args: &AttributeArgs, log: &str) -> Result<()> {
-    let config = RunConfig::gather(Some(&args.config), (&[], &[]))?;
+    let config = RunConfig::gather(Some(&args.config), &[], &[])?;
     let components = components(&config, args.real_frames != args.nominal_frames);
     ensure!(
         !components.is_empty(),

@@ -168,7 +168,7 @@ fn diagnose_all(args: &DiagnoseArgs, discover: bool) -> Result<()> {
             bar.inc(1);
             return Ok(kept);
         }
-        let made = written(&folder, (case, args.no_pages), &options, &bar)?;
+        let made = written(&folder, case, args.no_pages, &options, &bar)?;
         finished::note_inputs(&folder, &inputs)?;
         Ok(made)
     };
@@ -197,7 +197,7 @@ fn diagnose_all(args: &DiagnoseArgs, discover: bool) -> Result<()> {
 }
 
 /// Diagnoses a case and writes its diagnosis and page.
-fn written(folder: &Path, (case, bare): (&Path, bool), options: &Options, bar: &ProgressBar) -> Result<Diagnosis> {
+fn written(folder: &Path, case: &Path, bare: bool, options: &Options, bar: &ProgressBar) -> Result<Diagnosis> {
     let diagnosis = one(case, options, bar)?;
     diagnosis.write(folder)?;
     finished::note_case(folder, case)?;

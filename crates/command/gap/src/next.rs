@@ -2,7 +2,7 @@
 //! that stands for reality.
 
 use std::fmt::Write as _;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Component, Path};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
@@ -40,7 +40,7 @@ pub(crate) fn run(args: &NextArgs) -> Result<()> {
     let made = folders(&args.cases)?.iter().map(|case| tables(case, None, &args.out)).collect::<Result<Vec<_>>>()?;
     let cases = made.concat();
     for (path, name) in cases.iter().zip(names(&cases)) {
-        one(args, (path, &args.out.join(&name)), known.as_ref(), &settings).with_context(|| name.clone())?;
+        one(args, path, &args.out.join(&name), known.as_ref(), &settings).with_context(|| name.clone())?;
     }
     answer(&format!("written to {}", args.out.display()));
     Ok(())
@@ -51,12 +51,7 @@ fn envelope(path: &Path) -> Result<Envelope> {
     toml::from_str(&text).map_err(|error| UsageError(format!("{} is no envelope: {error}", path.display())).into())
 }
 
-fn one(
-    args: &NextArgs,
-    (path, out): (&Path, &PathBuf),
-    known: Option<&Arc<Baseline>>,
-    settings: &Settings,
-) -> Result<()> {
+fn one(args: &NextArgs, path: &Path, out: &Path, known: Option<&Arc<Baseline>>, settings: &Settings) -> Result<()> {
     let Case::Vehicle(case, _) = Case::read(path)?.against(known)? else {
         return Err(CasesError::NoVehicle { path: path.to_path_buf() }.into());
     };
@@ -76,7 +71,7 @@ fn one(
     } else {
         let options = Options { quick: args.quick, without: Vec::new() };
         let (diagnosis, standings) = diagnose_leaving(&case, &options);
-        ds_experiment::choose(&case, (&diagnosis, &standings), settings)?
+        ds_experiment::choose(&case, &diagnosis, &standings, settings)?
     };
     json::write(&next, &out.join("next.json"))?;
     put(&out.join("next.html"), &ds_diagnosis_page::experiment(&next))?;
@@ -94,7 +89,7 @@ fn told(run: &Run) {
 
 /// Returns the car that stands for reality.
 fn reality(args: &NextArgs, case: &ds_dynamics::case::Case) -> Result<Plant> {
-    let config = RunConfig::gather(args.config.as_ref(), (&args.effect, &[]))?;
+    let config = RunConfig::gather(args.config.as_ref(), &args.effect, &[])?;
     let space = Space::new(Part::Ego, &case.meta.nominal, &[]);
     let usual = args.config.is_none() && !case.meta.simulated;
     let mut plant = space.plant(&if usual { space.usual() } else { space.neutral() });

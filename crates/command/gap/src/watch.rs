@@ -262,7 +262,7 @@ impl<'a> Watch<'a> {
         let (log, against) = match &self.reference {
             None => (due.readings.clone(), Against::default()),
             Some(reference) => {
-                let Some(log) = reference.within(due.span) else { return };
+                let Some(log) = reference.within(due.span.0, due.span.1) else { return };
                 let differences = differences(&due.readings, &log);
                 (log, Against { reference: reference.name.clone(), differences })
             }
@@ -292,7 +292,7 @@ impl<'a> Watch<'a> {
                 return Ok(());
             }
         };
-        let body = message::body(&found, due.span, against);
+        let body = message::body(&found, due.span.0, due.span.1, against);
         let envelope = message::envelope(&due.header, &self.publisher, self.published, &body);
         self.bus.publish(&envelope).await?;
         self.published += 1;

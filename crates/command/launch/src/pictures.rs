@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use ds_process::runs::Told;
+use ds_process::runs::EpisodeResults;
 use ds_process::terminal::bar;
 use ds_record::Recording;
 use ds_wire::control as pb;
@@ -32,7 +32,7 @@ impl Painter {
     }
 
     /// Begins to draw what ended since the last look.
-    pub(crate) fn look(&mut self, told: &Told) {
+    pub(crate) fn look(&mut self, told: &EpisodeResults) {
         let recorded = |episode: &pb::EpisodeResult| pb::has_ended(episode.status) && !episode.recording.is_empty();
         for (id, episode) in told.iter().filter(|(_, episode)| recorded(episode)) {
             if self.begun.insert(id.clone()) {

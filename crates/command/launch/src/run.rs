@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail, ensure};
 use ds_cases::{RunConfig, logs, seal};
 use ds_process::run_folder::{self, Earlier, Held};
-use ds_process::runs::{self, Ended, Told};
+use ds_process::runs::{self, Ended, EpisodeResults};
 use ds_process::security::Dial;
 use ds_process::terminal::{answer, bar};
 use ds_run_report::results::hex;
@@ -75,7 +75,7 @@ pub async fn drive_all(args: &RunPlan, log: &str) -> Result<Results> {
     let stopped = fleet.stop().await;
     let ended = outcome?;
     stopped?;
-    let mut results = results((args, &configuration), &files, mode, ended, began.elapsed().as_secs_f64())?;
+    let mut results = results(args, &configuration, &files, mode, ended, began.elapsed().as_secs_f64())?;
     if args.vehicle_log || args.seal.is_some() {
         extract(args, &results, simulated)?;
     }
@@ -93,7 +93,7 @@ pub async fn drive_all(args: &RunPlan, log: &str) -> Result<Results> {
 /// Returns the effects of a run: named ones, or withheld ones whose answer is sealed.
 fn world_of(args: &RunPlan, files: &[PathBuf]) -> Result<RunConfig> {
     let Some(answer) = &args.seal else {
-        return Ok(RunConfig::gather(args.config.as_ref(), (&args.effects, &args.laws))?);
+        return Ok(RunConfig::gather(args.config.as_ref(), &args.effects, &args.laws)?);
     };
     let first = files.first().context("no scenario to drive")?;
     let (scene, _warnings) = ds_scenario::load(first)?;
@@ -143,7 +143,7 @@ pub async fn submit(args: &SubmitArgs) -> Result<()> {
     let request = request::request(run, &world, given, &configuration, sources(&files, Source::Content)?)?;
     let _held = hold(run)?;
     let ended = drive(request, &args.control.dial()?, None).await?;
-    let results = results((run, &configuration), &files, "fleet", ended, began.elapsed().as_secs_f64())?;
+    let results = results(run, &configuration, &files, "fleet", ended, began.elapsed().as_secs_f64())?;
     results.save(&run.out.join(RESULTS))?;
     folder::of_run(&run.out, &results)?;
     conclude(&results, &run.out)
@@ -187,7 +187,7 @@ fn shard(files: Vec<PathBuf>, shard: Option<&str>) -> Result<Vec<PathBuf>> {
 
 async fn drive(request: pb::SubmitRequest, control: &Dial, mut painter: Option<&mut Painter>) -> Result<Ended> {
     let bar = bar(0, "ticks");
-    let mut progress = |told: &Told| {
+    let mut progress = |told: &EpisodeResults| {
         bar.set_length(told.values().map(|episode| u64::from(episode.ticks_due)).sum());
         bar.set_position(told.values().map(|episode| u64::from(episode.ticks)).sum());
         if let Some(painter) = &mut painter {
@@ -231,7 +231,8 @@ pub fn sources(files: &[PathBuf], how: Source) -> Result<Vec<pb::ScenarioSource>
 }
 
 fn results(
-    (args, configuration): (&RunPlan, &Digest),
+    args: &RunPlan,
+    configuration: &Digest,
     files: &[PathBuf],
     mode: &str,
     Ended { run, compute_classes }: Ended,

@@ -68,5 +68,5 @@ pub fn diagnose(
 ) -> Result<(Fleet, Vec<Diagnosis>), CasesError> {
     let of: Vec<String> = logs.iter().map(|log| by.of(log)).collect::<Result<_, _>>()?;
     let options = Options { quick, without: Vec::new() };
-    Ok(ds_dynamics::fleet::fleet(logs, (by.field(), &of), &options, progress)?)
+    Ok(ds_dynamics::fleet::fleet(logs, by.field(), &of, &options, progress)?)
 }

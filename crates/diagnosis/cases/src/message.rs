@@ -17,7 +17,7 @@ pub struct Against {
 
 /// Returns a diagnosis of a window as the body of a message.
 #[must_use]
-pub fn body(found: &Found, (from, to): (f64, f64), against: Against) -> Diagnosis {
+pub fn body(found: &Found, from: f64, to: f64, against: Against) -> Diagnosis {
     let mut reference = against.reference;
     while reference.len() > MAX_REFERENCE_BYTES {
         reference.pop();
@@ -122,7 +122,7 @@ mod tests {
             ..Found::blank("e")
         };
         let against = Against { reference: "x".repeat(300), differences: Vec::new() };
-        let body = body(&found, (1.0, 9.0), against);
+        let body = body(&found, 1.0, 9.0, against);
         assert_eq!((body.effects[0].value, body.effects[0].interval90), (None, [Some(0.1), None]));
         assert_eq!((body.effects[1].value, body.effects[1].interval90), (None, [None, None]));
         assert_eq!(body.effects.iter().map(|effect| effect.chosen).collect::<Vec<_>>(), [true, false]);

@@ -61,7 +61,7 @@ impl Reference {
 
     /// Returns the readings of a span; `None` where there are too few.
     #[must_use]
-    pub fn within(&self, (from, to): (f64, f64)) -> Option<Vec<Reading>> {
+    pub fn within(&self, from: f64, to: f64) -> Option<Vec<Reading>> {
         let inside = |reading: &&Reading| (from - 1e-6..=to + 1e-6).contains(&reading.secs);
         let readings: Vec<Reading> = self.readings.iter().filter(inside).copied().collect();
         let long = readings.last()?.secs - readings.first()?.secs >= SHORTEST_SECS - 0.5;
@@ -137,8 +137,8 @@ mod tests {
     #[test]
     fn a_span_needs_enough_readings() {
         let reference = Reference { name: String::new(), readings: drive(0.0, 0, 300) };
-        assert_eq!(reference.within((1.0, 9.0)).map(|readings| readings.len()), Some(161));
-        assert!(reference.within((12.0, 20.0)).is_none());
+        assert_eq!(reference.within(1.0, 9.0).map(|readings| readings.len()), Some(161));
+        assert!(reference.within(12.0, 20.0).is_none());
         assert!((reference.known_to_secs() - 14.95).abs() < 1e-9);
     }
 }

@@ -53,7 +53,7 @@ impl RunConfig {
     ///
     /// # Errors
     /// If the file is no configuration, or an effect or a law is refused.
-    pub fn gather(file: Option<&PathBuf>, (flags, laws): (&[String], &[String])) -> Result<Self, CasesError> {
+    pub fn gather(file: Option<&PathBuf>, flags: &[String], laws: &[String]) -> Result<Self, CasesError> {
         let mut config = file.map(|path| read(path)).transpose()?.unwrap_or_default();
         for flag in flags {
             config.effects.push(EffectLine::parse(flag)?);
@@ -214,19 +214,19 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("corrected.toml");
         both.write("case", &path).expect("written");
-        let read = RunConfig::gather(Some(&path), (&[], &[])).expect("sound");
+        let read = RunConfig::gather(Some(&path), &[], &[]).expect("sound");
         assert_eq!((read.switched().len(), read), (4, both));
     }
 
     #[test]
     fn flags_are_read_and_refused() {
-        let flags = |text: &str| RunConfig::gather(None, (&[text.to_owned()], &[]));
+        let flags = |text: &str| RunConfig::gather(None, &[text.to_owned()], &[]);
         assert_eq!(flags("steer_delay=0.1").expect("sound").effects[0].values, [0.1]);
         assert_eq!(flags("wind_steady=3,-2").expect("sound").effects[0].values, [3.0, -2.0]);
         for bad in ["steer_delay", "steer_delay=x", "wind_steady=3", "nothing=1"] {
             assert!(flags(bad).is_err(), "{bad} was accepted");
         }
-        let laws = |text: &str| RunConfig::gather(None, (&[], &[text.to_owned()]));
+        let laws = |text: &str| RunConfig::gather(None, &[], &[text.to_owned()]);
         let config = laws("steering: 0.2*delta*v[5;30]").expect("sound");
         assert_eq!(config.switched()[0].id, "steering: 0.2*delta*v[5;30]");
         assert_eq!(components(&config, false)[0].name, "dynamics");

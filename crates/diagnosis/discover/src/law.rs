@@ -1,6 +1,6 @@
 //! A law fitted to the simulator itself, together with the nuisances; its delays, widths and thresholds by trial.
 
-use ds_dynamics::fit::{Fit, Plan, Prior, fit};
+use ds_dynamics::fit::{Fit, FitOptions, Prior, fit};
 use ds_effect::law::Term;
 use ds_effect::{Law, Port};
 
@@ -29,7 +29,7 @@ pub(crate) struct Refined {
 
 impl Refined {
     /// Fits a law from a start.
-    pub(crate) fn new(base: &Base<'_, '_>, port: Port, terms: Vec<Candidate>, (start, cost): (&[f64], f64)) -> Self {
+    pub(crate) fn new(base: &Base<'_, '_>, port: Port, terms: Vec<Candidate>, start: &[f64], cost: f64) -> Self {
         let own = base.model.space.coordinates.len();
         let mut vector = base.null.vector.clone();
         vector.extend_from_slice(start);
@@ -39,7 +39,7 @@ impl Refined {
         columns.resize(own + terms.len(), None);
         let model = WithLaw { model: base.model, port, terms: &terms };
         let fresh = (own..own + terms.len()).collect();
-        let found = fit(&model, Plan { priors: &priors, start: &vector, columns, fresh, iterations: STEPS });
+        let found = fit(&model, FitOptions { priors: &priors, start: &vector, columns, fresh, iterations: STEPS });
         let gain = found.evidence - base.null.evidence + cost;
         Self { port, terms, fit: found, gain }
     }
@@ -82,7 +82,7 @@ impl Refined {
                     let mut start = best.sizes().to_vec();
                     start[place] *= best.terms[place].scale / term.scale;
                     terms[place] = term;
-                    let tried = Self::new(base, best.port, terms, (&start, cost));
+                    let tried = Self::new(base, best.port, terms, &start, cost);
                     if tried.gain > best.gain {
                         best = tried;
                     }

@@ -62,7 +62,7 @@ fn search(case: &Case, diagnosis: &Diagnosis, without: &[String]) -> (Discovery,
     let bases: Vec<(Part, Base<'_, '_>)> =
         models.iter().filter(|(_, model)| !model.is_empty()).map(|(part, model)| (*part, Base::new(model))).collect();
     let mut offers: Vec<Offer> =
-        bases.iter().enumerate().flat_map(|(k, (part, base))| offers_of(base, (k, *part))).collect();
+        bases.iter().enumerate().flat_map(|(k, (part, base))| offers_of(base, k, *part)).collect();
     offers.sort_by(|a, b| b.weight.total_cmp(&a.weight));
     let insertion = places(&offers, diagnosis);
     let p_none = 1.0 - insertion.iter().map(|place| place.probability).sum::<f64>();
@@ -83,7 +83,7 @@ fn search(case: &Case, diagnosis: &Diagnosis, without: &[String]) -> (Discovery,
     };
     let (part, base) = &bases[best.part];
     let data = if held.is_empty() { (drives.as_slice(), "fit") } else { (held.as_slice(), "heldout") };
-    let all = shrinks(case, *part, (base, &tried.refined), data);
+    let all = shrinks(case, *part, base, &tried.refined, data.0, data.1);
     let share = of_port(best.port, &all).and_then(|shrink| shrink.share_explained.map(|share| (shrink, share)));
     if let Some((shrink, share)) = share
         && share < LEAST_SHARE
@@ -141,7 +141,7 @@ fn holds(gains: &[f64]) -> bool {
 }
 
 /// Searches every port of a part and fits the best laws to the simulator itself.
-fn offers_of(base: &Base<'_, '_>, (place, part): (usize, Part)) -> Vec<Offer> {
+fn offers_of(base: &Base<'_, '_>, place: usize, part: Part) -> Vec<Offer> {
     let searched: Vec<Searched<'_>> = ports(part).into_iter().filter_map(|port| base.search(port)).collect();
     let laws: Vec<f64> = searched.iter().map(|s| s.sets[0].gain).collect();
     let frees: Vec<f64> = searched.iter().map(|s| free::gain(base, s.port, &s.rows, &s.empty)).collect();
@@ -165,7 +165,7 @@ fn tried(base: &Base<'_, '_>, searched: &Searched<'_>) -> Tried {
     let (terms, start) = searched.law(best);
     // what the choice among sets costs is in the linear gain, not in the evidence of a fit
     let cost = cost(searched.candidates.len(), terms.len());
-    let refined = Refined::new(base, searched.port, terms, (&start, cost)).stretched(base, cost);
+    let refined = Refined::new(base, searched.port, terms, &start, cost).stretched(base, cost);
     Tried { refined, held_out: searched.rows.held_out(best, &searched.empty), stable: searched.rows.stability(best) }
 }
 

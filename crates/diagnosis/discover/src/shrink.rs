@@ -14,8 +14,10 @@ use crate::port::Base;
 pub(crate) fn shrinks(
     case: &Case,
     part: Part,
-    (base, found): (&Base<'_, '_>, &Refined),
-    (drives, data): (&[usize], &str),
+    base: &Base<'_, '_>,
+    found: &Refined,
+    drives: &[usize],
+    data: &str,
 ) -> Vec<Shrink> {
     let space = &base.model.space;
     let laws: Vec<Law> = found.law().into_iter().collect();

@@ -75,7 +75,7 @@ pub fn cells(case: &Case, part: Part, model: &PartModel<'_>, before: &[f64], aft
     let mut found: Vec<Cell> = Vec::new();
     for (channel, rows) in &table {
         for (regime, members) in groups(&windows) {
-            if let Some(cell) = test(*channel, (&regime, &members), rows, &windows, &draws) {
+            if let Some(cell) = test(*channel, &regime, &members, rows, &windows, &draws) {
                 found.push(cell);
             }
         }
@@ -85,7 +85,8 @@ pub fn cells(case: &Case, part: Part, model: &PartModel<'_>, before: &[f64], aft
 
 fn test(
     channel: Channel,
-    (regime, members): (&Regime, &[usize]),
+    regime: &Regime,
+    members: &[usize],
     rows: &[Row],
     windows: &[Window],
     draws: &[Vec<f64>],

@@ -215,7 +215,7 @@ impl<'m, 'c> Outcome<'m, 'c> {
     #[must_use]
     pub fn without_drive(&self, drive: usize) -> [Vec<f64>; 3] {
         let effects = self.accepted.as_ref().map_or(&[][..], |h| &h.effects);
-        self.states(&refit_without(self.model(), self.fit(), effects, (drive, false)))
+        self.states(&refit_without(self.model(), self.fit(), effects, drive, false))
     }
 
     /// Returns the model in whose floor units [`Self::fit`] is.

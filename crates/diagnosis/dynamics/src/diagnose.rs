@@ -15,7 +15,7 @@ use crate::foreign::structure;
 use crate::healthy::statistics;
 use crate::how_far::{cross_fitted, how_far, position_errors, roots};
 use crate::manoeuvre;
-use crate::remainder::{Left, describe, left};
+use crate::remainder::{PartRemainder, describe, left};
 use crate::search::Effort;
 use crate::settings::{
     DOUBT, GROUP_COSINE, GROUP_EVIDENCE, LEAST_HELD_OUT, LOOSE_SHAPE, OWN_NUISANCE, SHAPE_ERROR, Thresholds, WEAK,
@@ -73,9 +73,9 @@ fn diagnosed(case: &Case, options: &Options, thresholds: &Thresholds) -> (Diagno
     let standing = standing(&outcomes[0], &ranking);
     // scattered samples leave more than the shape of an effect does
     let scattered = ranking.iter().any(|c| c.accepted && c.part.is_none());
-    let lefts: Vec<Left> = outcomes
+    let lefts: Vec<PartRemainder> = outcomes
         .iter()
-        .map(|o| Left {
+        .map(|o| PartRemainder {
             trend: o.trend,
             ..left(o.model(), &o.judged(), &o.search.null, scattered || o.accepted.is_some())
         })
@@ -151,8 +151,8 @@ fn without_any(ranking: &mut [Candidate]) -> f64 {
 }
 
 /// Returns the probability that something is at work that no library effect explains.
-fn unknown(baseline: Option<&Baseline>, lefts: &[Left], accepted: bool) -> f64 {
-    let p_library = lefts.iter().map(Left::probability).fold(0.0, f64::max);
+fn unknown(baseline: Option<&Baseline>, lefts: &[PartRemainder], accepted: bool) -> f64 {
+    let p_library = lefts.iter().map(PartRemainder::probability).fold(0.0, f64::max);
     match baseline {
         Some(baseline) if baseline.nulls.len() > 1 => {
             let p_healthy = statistics::unknown(&baseline.nulls, lefts);

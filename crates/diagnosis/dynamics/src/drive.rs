@@ -112,14 +112,14 @@ impl Drive {
         let free = followers.iter().flat_map(|f| &f.v_lead).copied().fold(10.0, f64::max);
         let desired_speed_mps = entry.agents_desired_speed.unwrap_or(free);
         let by = |to_grid: ToGrid| -> Result<Self, CaseError> {
-            let ego = Self::on_grid((table, &t), rate_hz, &entry.file, to_grid)?;
+            let ego = Self::on_grid(table, &t, rate_hz, &entry.file, to_grid)?;
             Ok(Self { followers: followers.clone(), desired_speed_mps, ..ego })
         };
         if fast { Ok(Self { single: Some(Box::new(by(lines)?)), ..by(means)? }) } else { by(lines) }
     }
 
     /// Brings the ego of a table with its stamps onto the grid.
-    fn on_grid((table, t): (&Table, &[f64]), rate_hz: f64, file: &str, to_grid: ToGrid) -> Result<Self, CaseError> {
+    fn on_grid(table: &Table, t: &[f64], rate_hz: f64, file: &str, to_grid: ToGrid) -> Result<Self, CaseError> {
         let fast = rate_hz > FAST_HZ;
         let start_secs = t[0];
         let samples = ((t[t.len() - 1] - t[0]) / STEP_SECS + 1e-6).floor() as usize + 1;

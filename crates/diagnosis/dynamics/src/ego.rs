@@ -203,15 +203,15 @@ impl Car {
     }
 
     /// Returns what it feels, with the specific force of the last step.
-    fn felt(&self, (ax, ay): (f64, f64)) -> Felt {
+    fn felt(&self, ax: f64, ay: f64) -> Felt {
         let State { vx, yaw_rate, slip_front, slip_rear, .. } = self.state;
         Felt { v: vx, ax, ay, yaw_rate, slip_front, slip_rear, ..Felt::default() }
     }
 
     /// Moves on by one step with the inputs of its middle and returns the instant at its start; accelerations are those
     /// of the step.
-    pub fn step(&mut self, (steer, accel): (f64, f64), push: &Push, plant: &Plant, saturation: &Saturation) -> Instant {
-        let (next, ax, ay) = advance(&self.state, (steer, accel, push), (self.heading, saturation), plant);
+    pub fn step(&mut self, steer: f64, accel: f64, push: &Push, plant: &Plant, saturation: &Saturation) -> Instant {
+        let (next, ax, ay) = advance(&self.state, steer, accel, push, self.heading, saturation, plant);
         let (state, pose) = (&self.state, &mut self.pose);
         let instant = Instant { x: pose.0, y: pose.1, yaw: pose.2, v: state.vx, yaw_rate: state.yaw_rate, ax, ay };
         let yaw = pose.2 + 0.5 * ROLL_SECS * (state.yaw_rate + next.yaw_rate);
@@ -240,8 +240,8 @@ pub fn rollout(start: &Start, actuated: &Actuated, plant: &Plant, saturation: &S
             car.state.vx = start.anchor_speed_mps;
         }
         let middle = start.secs + (step as f64 + 0.5) * ROLL_SECS;
-        let (asked, push) = actuated.pushed(middle, &car.felt(force), plant);
-        let instant = car.step(asked, &push, plant, saturation);
+        let (asked, push) = actuated.pushed(middle, &car.felt(force.0, force.1), plant);
+        let instant = car.step(asked.0, asked.1, &push, plant, saturation);
         force = (instant.ax, instant.ay);
         out.push(instant);
         if step < warm {
@@ -263,12 +263,15 @@ fn steady(vehicle: &Vehicle, speed: f64, yaw_rate: f64) -> State {
 /// Returns the state one step later and the specific force in between.
 fn advance(
     state: &State,
-    (steer, accel, push): (f64, f64, &Push),
-    (heading, saturation): ((f64, f64), &Saturation),
+    steer: f64,
+    accel: f64,
+    push: &Push,
+    heading: (f64, f64),
+    saturation: &Saturation,
     plant: &Plant,
 ) -> (State, f64, f64) {
     let vehicle = &plant.vehicle;
-    let [drag, side_wind] = air_n(vehicle, &plant.road, state.vx, heading);
+    let [drag, side_wind] = air_n(vehicle, &plant.road, state.vx, heading.0, heading.1);
     let half = 0.5 * ROLL_SECS;
     let v = state.vx.max(SLOWEST_MPS);
     let (a, b) = (vehicle.front_arm_m, vehicle.rear_arm_m);

@@ -96,7 +96,7 @@ pub fn point_loss(z: f64) -> f64 {
 
 /// How a fit is run.
 #[derive(Clone)]
-pub struct Plan<'a> {
+pub struct FitOptions<'a> {
     /// One per coordinate.
     pub priors: &'a [Prior],
     /// Start; fixed coordinates are set to their values.
@@ -131,7 +131,7 @@ pub fn start_loss(model: &dyn Model, priors: &[Prior], start: &[f64]) -> f64 {
 }
 
 /// Fits a model.
-pub fn fit(model: &dyn Model, plan: Plan<'_>) -> Fit {
+pub fn fit(model: &dyn Model, plan: FitOptions<'_>) -> Fit {
     let priors = plan.priors;
     let free: Vec<usize> = (0..priors.len()).filter(|&k| !matches!(priors[k], Prior::Fixed(_))).collect();
     let mut vector: Vec<f64> = plan.start.iter().zip(priors).map(|(v, p)| p.clip(*v)).collect();

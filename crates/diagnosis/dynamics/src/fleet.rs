@@ -107,7 +107,8 @@ pub struct Common {
 /// If there are fewer than four members.
 pub fn fleet(
     cases: Vec<Healthy>,
-    (by, of): (&str, &[String]),
+    by: &str,
+    of: &[String],
     options: &Options,
     progress: Progress<'_>,
 ) -> Result<(Fleet, Vec<Diagnosis>), CaseError> {
@@ -122,10 +123,10 @@ pub fn fleet(
     let mut shown = cases;
     let mut round = 0;
     let (diagnoses, factors, affected) = loop {
-        let baselines = against(&shown, &reference, (&group, names.len()), &out);
+        let baselines = against(&shown, &reference, &group, names.len(), &out);
         let done: Progress<'_> = if round == 0 { progress } else { &|| () };
-        let diagnoses = diagnosed(&mut shown, (&baselines, &group), options, done);
-        let factors = factors(&diagnoses, (&baselines, &group));
+        let diagnoses = diagnosed(&mut shown, &baselines, &group, options, done);
+        let factors = factors(&diagnoses, &baselines, &group);
         let e_values: Vec<f64> = factors.iter().map(log_e).collect();
         let affected = discovered(&e_values);
         let settled = affected == out;
@@ -141,7 +142,7 @@ pub fn fleet(
         let careful = if round == 1 { names.len().div_ceil(HIDING) } else { 0 };
         out = affected.into_iter().chain(largest(&e_values).into_iter().take(careful)).collect();
     };
-    let told = Told { names: &names, group: &group, cases: &shown, diagnoses: &diagnoses, factors: &factors };
+    let told = Round { names: &names, group: &group, cases: &shown, diagnoses: &diagnoses, factors: &factors };
     let fleet = told.fleet(by, &affected, warnings);
     Ok((fleet, diagnoses))
 }
@@ -159,7 +160,8 @@ type Factors = BTreeMap<String, f64>;
 fn against(
     cases: &[Healthy],
     reference: &Reference,
-    (group, members): (&[usize], usize),
+    group: &[usize],
+    members: usize,
     out: &BTreeSet<usize>,
 ) -> Vec<Arc<Baseline>> {
     let kept = |member: usize| -> Vec<usize> {
@@ -172,7 +174,8 @@ fn against(
 
 fn diagnosed(
     cases: &mut [Healthy],
-    (baselines, group): (&[Arc<Baseline>], &[usize]),
+    baselines: &[Arc<Baseline>],
+    group: &[usize],
     options: &Options,
     done: &(dyn Fn() + Sync),
 ) -> Vec<Diagnosis> {
@@ -188,7 +191,7 @@ fn diagnosed(
 
 /// Returns the log Bayes factors of every member: over its cases the sum, in units in which healthy logs reach what the
 /// library's cars do.
-fn factors(diagnoses: &[Diagnosis], (baselines, group): (&[Arc<Baseline>], &[usize])) -> Vec<Factors> {
+fn factors(diagnoses: &[Diagnosis], baselines: &[Arc<Baseline>], group: &[usize]) -> Vec<Factors> {
     let library = Thresholds::default();
     let mut all = vec![Factors::new(); baselines.len()];
     for (diagnosis, member) in diagnoses.iter().zip(group) {
@@ -259,7 +262,7 @@ fn posterior<'a>(own: &'a Factors, shares: &BTreeMap<String, f64>) -> (Vec<(&'a 
 }
 
 /// What the last round found.
-struct Told<'a> {
+struct Round<'a> {
     names: &'a [&'a String],
     group: &'a [usize],
     cases: &'a [Healthy],
@@ -267,7 +270,7 @@ struct Told<'a> {
     factors: &'a [Factors],
 }
 
-impl Told<'_> {
+impl Round<'_> {
     fn fleet(&self, by: &str, affected: &BTreeSet<usize>, warnings: Vec<String>) -> Fleet {
         let shares = shares(self.factors);
         let mut members: Vec<Member> =

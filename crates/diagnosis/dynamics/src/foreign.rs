@@ -7,7 +7,7 @@
 
 use crate::case::{Case, PartModel};
 use crate::choice::Outcome;
-use crate::fit::{Fit, Plan, fit};
+use crate::fit::{Fit, FitOptions, fit};
 use crate::remainder::left;
 use crate::settings::{STRUCTURE_RATIO, STRUCTURE_WIDTH};
 use crate::space::Part;
@@ -18,13 +18,13 @@ const FACTORS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
 /// Returns the probability that the remainder is structure and no trait of a foreign vehicle.
 #[must_use]
 pub fn structure(case: &Case, outcomes: &[Outcome<'_, '_>], drives: &[usize], without: &[String]) -> f64 {
-    let of = |(part, outcome): (Part, &Outcome<'_, '_>)| remaining(case, (part, outcome), drives, without);
+    let of = |(part, outcome): (Part, &Outcome<'_, '_>)| remaining(case, part, outcome, drives, without);
     let largest = [Part::Ego, Part::Following].into_iter().zip(outcomes).map(of).fold(0.0, f64::max);
     1.0 / (1.0 + (-(largest.max(1e-9).ln() - STRUCTURE_RATIO.ln()) / STRUCTURE_WIDTH).exp())
 }
 
 /// Returns how many times the clean level is left by the fit with the spreads that a part's drives ask for.
-fn remaining(case: &Case, (part, outcome): (Part, &Outcome<'_, '_>), drives: &[usize], without: &[String]) -> f64 {
+fn remaining(case: &Case, part: Part, outcome: &Outcome<'_, '_>, drives: &[usize], without: &[String]) -> f64 {
     let effects = outcome.accepted.as_ref().map(|h| h.effects.clone()).unwrap_or_default();
     let wide = |(k, factor): (usize, &f64)| -> (f64, PartModel<'_>, Fit) {
         let mut model = PartModel::new(case, part, drives, without);
@@ -34,7 +34,7 @@ fn remaining(case: &Case, (part, outcome): (Part, &Outcome<'_, '_>), drives: &[u
         let priors = model.priors_with(&effects);
         let columns = vec![None; priors.len()];
         let start = &outcome.fit().vector;
-        let plan = Plan { priors: &priors, start, columns, fresh: (0..priors.len()).collect(), iterations: 3 };
+        let plan = FitOptions { priors: &priors, start, columns, fresh: (0..priors.len()).collect(), iterations: 3 };
         let found = fit(&model, plan);
         (found.evidence - k as f64 * std::f64::consts::LN_2, model, found)
     };

@@ -39,7 +39,7 @@ struct Errors {
 #[must_use]
 pub fn how_far(case: &Case, drives: &[usize], [car, followers]: [&States<'_>; 2], data: &str) -> Vec<Shrink> {
     let mut all = Vec::new();
-    ego(case, drives, (car, EgoRecord::measured), &mut all);
+    ego(case, drives, car, EgoRecord::measured, &mut all);
     following(case, drives, followers, &mut all);
     all.iter().filter_map(|errors| shrink(errors, data)).collect()
 }
@@ -50,7 +50,7 @@ pub fn cross_fitted(case: &Case, drives: &[(usize, [[Plant; 3]; 2])]) -> Vec<Shr
     let mut all: Vec<Errors> = Vec::new();
     for (drive, [car, followers]) in drives {
         let mut own = Vec::new();
-        ego(case, &[*drive], (&car.each_ref(), EgoRecord::measured), &mut own);
+        ego(case, &[*drive], &car.each_ref(), EgoRecord::measured, &mut own);
         following(case, &[*drive], &followers.each_ref(), &mut own);
         for errors in own {
             match all.iter_mut().find(|other| other.name == errors.name) {
@@ -65,7 +65,7 @@ pub fn cross_fitted(case: &Case, drives: &[(usize, [[Plant; 3]; 2])]) -> Vec<Shr
     all.iter().filter_map(|errors| shrink(errors, "crossfit")).collect()
 }
 
-fn ego(case: &Case, drives: &[usize], (plants, residuals): (&States<'_>, Residuals), all: &mut Vec<Errors>) {
+fn ego(case: &Case, drives: &[usize], plants: &States<'_>, residuals: Residuals, all: &mut Vec<Errors>) {
     let names = ["position_1s", "position_2s", "position_5s", "yaw_2s", "speed_2s"];
     let channels = (0..EGO).map(|c| format!("channel:{}", Channel::ALL[c].name()));
     let first = all.len();
@@ -168,6 +168,6 @@ pub fn roots<const N: usize>(rows: &[[f64; N]], draw: Option<&Vec<f64>>) -> [f64
 #[must_use]
 pub fn position_errors(case: &Case, drives: &[usize], plants: &States<'_>) -> (Vec<[f64; 4]>, Vec<usize>) {
     let mut all = Vec::new();
-    ego(case, drives, (plants, EgoRecord::windows), &mut all);
+    ego(case, drives, plants, EgoRecord::windows, &mut all);
     all.into_iter().find(|e| e.name == "position_2s").map(|e| (e.rows, e.drives)).unwrap_or_default()
 }

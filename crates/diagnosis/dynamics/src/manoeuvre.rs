@@ -103,7 +103,7 @@ fn report(&(_, speed, secs, steer, accel): &Script, plant: &Plant) -> Vec<[f64; 
         .map(|k| {
             let now = 1.0 + k as f64 * SAMPLE_SECS;
             let age = plant.clock.pose_latency_secs + plant.clock.pose_drift * now;
-            sense(now, (start.secs, age), &buffer, &actuated, plant)
+            sense(now, start.secs, age, &buffer, &actuated, plant)
         })
         .collect()
 }

@@ -21,7 +21,7 @@ use ds_stats::{pearson, quantile};
 
 /// The remainder of one part.
 #[derive(Debug, Clone, Default)]
-pub struct Left {
+pub struct PartRemainder {
     /// Largest ratio of a statistic to its clean level.
     pub ratio: f64,
     /// Ratio by channel.
@@ -45,11 +45,11 @@ fn clean(channel: Channel) -> f64 {
 
 /// Compares what a fit leaves with what effect-free worlds leave; `before` are the residuals of the nuisance fit.
 #[must_use]
-pub fn left(model: &PartModel<'_>, fit: &Fit, null: &Fit, accepted: bool) -> Left {
+pub fn left(model: &PartModel<'_>, fit: &Fit, null: &Fit, accepted: bool) -> PartRemainder {
     let sliding = model.sliding(&fit.vector);
     let mut drives: BTreeMap<(Channel, usize), (f64, f64)> = BTreeMap::new();
     let mut windows: BTreeMap<(Channel, usize), (f64, f64)> = BTreeMap::new();
-    let mut found = Left::default();
+    let mut found = PartRemainder::default();
     for ((tag, z), z0) in model.tags.iter().zip(&fit.residuals).zip(&null.residuals) {
         // past the limit of the tyres small errors grow without bound
         if *z == 0.0 || sliding.get(tag.window) == Some(&true) {
@@ -87,7 +87,7 @@ pub fn left(model: &PartModel<'_>, fit: &Fit, null: &Fit, accepted: bool) -> Lef
     found
 }
 
-impl Left {
+impl PartRemainder {
     /// Returns the probability that something outside the library is at work.
     #[must_use]
     pub fn probability(&self) -> f64 {
@@ -111,7 +111,12 @@ impl Left {
 
 /// Describes a remainder in words and figures.
 #[must_use]
-pub fn describe(case: &Case, lefts: &[Left], models: &[(&PartModel<'_>, &Fit)], nearest: Vec<String>) -> Remainder {
+pub fn describe(
+    case: &Case,
+    lefts: &[PartRemainder],
+    models: &[(&PartModel<'_>, &Fit)],
+    nearest: Vec<String>,
+) -> Remainder {
     let mut out = Remainder { nearest, ..Remainder::default() };
     let mut worst = (0.0, "", 0);
     for left in lefts {

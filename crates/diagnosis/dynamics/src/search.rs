@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use crate::case::PartModel;
-use crate::fit::{Columns, Fit, Model, Plan, data_loss, fit, start_loss};
+use crate::fit::{Columns, Fit, FitOptions, Model, data_loss, fit, start_loss};
 use crate::settings::{FURTHER_GAIN, KEPT, LEFT_OUT_STEPS, MARGIN_SDS, NULL_ROUNDS, POLISHED, POLISHES};
 
 /// The effect whose wheels do not slip, and those that say how they slip: nonsense together.
@@ -55,7 +55,7 @@ impl<'m, 'c> Search<'m, 'c> {
         let usual = model.space.usual();
         let loss = data_loss(&model.residuals(&usual));
         let grid: Vec<(f64, Vec<f64>)> =
-            (0..model.space.effects.len()).map(|e| best_on_grid(model, (&usual, loss), e)).collect();
+            (0..model.space.effects.len()).map(|e| best_on_grid(model, &usual, loss, e)).collect();
         let mut search = Self { model, null, singles: Vec::new(), rough: linear.clone() };
         let mut kept = best(&linear, KEPT);
         let grid_gains: Vec<f64> = grid.iter().map(|g| g.0).collect();
@@ -92,8 +92,13 @@ impl<'m, 'c> Search<'m, 'c> {
         for hypothesis in self.singles.iter().take(3) {
             let mut columns = self.null.columns.clone();
             columns.resize(priors.len(), None);
-            let plan =
-                Plan { priors: &priors, start: &hypothesis.fit.vector, columns, fresh: Vec::new(), iterations: 4 };
+            let plan = FitOptions {
+                priors: &priors,
+                start: &hypothesis.fit.vector,
+                columns,
+                fresh: Vec::new(),
+                iterations: 4,
+            };
             let again = fit(self.model, plan);
             if again.evidence > self.null.evidence {
                 self.null = again;
@@ -141,7 +146,7 @@ impl<'m, 'c> Search<'m, 'c> {
         let fits = starts.iter().take(tried).map(|(_, start)| {
             fit(
                 self.model,
-                Plan { priors: &priors, start, columns: columns.clone(), fresh: own.clone(), iterations: 4 },
+                FitOptions { priors: &priors, start, columns: columns.clone(), fresh: own.clone(), iterations: 4 },
             )
         });
         let fit = fits.max_by(|a, b| a.evidence.total_cmp(&b.evidence))?;
@@ -175,7 +180,7 @@ pub fn refit(model: &PartModel<'_>, start: &[f64], effects: &[usize], columns: C
     let mut columns = columns;
     columns.resize(priors.len(), None);
     let fresh = effects.iter().flat_map(|e| model.space.of(*e)).collect();
-    fit(model, Plan { priors: &priors, start, columns, fresh, iterations: 3 })
+    fit(model, FitOptions { priors: &priors, start, columns, fresh, iterations: 3 })
 }
 
 /// Fits every further effect on top of a fit of some effects and returns the best set, polished.
@@ -195,7 +200,7 @@ pub fn extend(model: &PartModel<'_>, base: &Fit, effects: &[usize]) -> Option<(F
     let grid: Vec<(f64, Vec<f64>)> = (0..count)
         .map(|e| {
             let tried = open(e) && blind(e);
-            if tried { best_on_grid(model, (&base.vector, base.data_loss), e) } else { (f64::NEG_INFINITY, Vec::new()) }
+            if tried { best_on_grid(model, &base.vector, base.data_loss, e) } else { (f64::NEG_INFINITY, Vec::new()) }
         })
         .collect();
     let mut kept = best(&linear, 5);
@@ -214,7 +219,7 @@ pub fn extend(model: &PartModel<'_>, base: &Fit, effects: &[usize]) -> Option<(F
         }
         let fresh = all.iter().flat_map(|e| model.space.of(*e)).collect();
         let priors = model.priors_with(&all);
-        (fit(model, Plan { priors: &priors, start: &start, columns, fresh, iterations: 4 }), all)
+        (fit(model, FitOptions { priors: &priors, start: &start, columns, fresh, iterations: 4 }), all)
     });
     let (found, all) = fits.max_by(|a, b| a.0.evidence.total_cmp(&b.0.evidence))?;
     let promising = found.evidence > base.evidence + 0.5 * FURTHER_GAIN;
@@ -240,7 +245,7 @@ pub fn null_fit(model: &PartModel<'_>, columns: Option<Columns>) -> Fit {
     let mut reused = columns.unwrap_or_else(|| vec![None; count]);
     let mut found = None;
     for _ in 0..NULL_ROUNDS {
-        let plan = Plan { priors: &priors, start: &start, columns: reused, fresh: Vec::new(), iterations: 3 };
+        let plan = FitOptions { priors: &priors, start: &start, columns: reused, fresh: Vec::new(), iterations: 3 };
         let round = fit(model, plan);
         start.clone_from(&round.vector);
         reused = vec![None; count];
@@ -270,7 +275,7 @@ fn linear_gain(model: &PartModel<'_>, base: &Fit, effect: usize) -> f64 {
 }
 
 /// Returns the loss saved by the best grid value of an effect, and that value.
-fn best_on_grid(model: &PartModel<'_>, (base, loss): (&[f64], f64), effect: usize) -> (f64, Vec<f64>) {
+fn best_on_grid(model: &PartModel<'_>, base: &[f64], loss: f64, effect: usize) -> (f64, Vec<f64>) {
     let own = model.space.of(effect);
     let mut found = (f64::NEG_INFINITY, own.iter().map(|&k| base[k]).collect::<Vec<f64>>());
     if !model.space.suspects(effect) {
@@ -324,12 +329,7 @@ impl<M: Model> Model for Without<'_, M> {
 
 /// Refits a fitted vector without one drive, from the same start; derivatives are the same but for those of the effects, or
 /// taken anew at every step.
-pub(crate) fn refit_without(
-    model: &PartModel<'_>,
-    fitted: &Fit,
-    effects: &[usize],
-    (drive, anew): (usize, bool),
-) -> Fit {
+pub(crate) fn refit_without(model: &PartModel<'_>, fitted: &Fit, effects: &[usize], drive: usize, anew: bool) -> Fit {
     let keep: Vec<bool> = model.tags.iter().map(|tag| tag.drive != drive).collect();
     let cut = |column: &Arc<Vec<f64>>| {
         Arc::new(column.iter().zip(&keep).map(|(c, keep)| if *keep { *c } else { 0.0 }).collect::<Vec<f64>>())
@@ -338,7 +338,7 @@ pub(crate) fn refit_without(
     let (part, priors) = (Without { model, keep }, model.priors_with(effects));
     let own = || effects.iter().flat_map(|e| model.space.of(*e)).collect();
     let fresh = if anew { (0..priors.len()).collect() } else { own() };
-    fit(&part, Plan { priors: &priors, start: &fitted.vector, columns, fresh, iterations: LEFT_OUT_STEPS })
+    fit(&part, FitOptions { priors: &priors, start: &fitted.vector, columns, fresh, iterations: LEFT_OUT_STEPS })
 }
 
 /// Returns, per drive, the predictive log score that a fit with some effects gains over another: log p(drive | other
@@ -354,7 +354,7 @@ pub fn held_out_gains(
     drives: &[usize],
 ) -> Vec<f64> {
     let score = |fitted: &Fit, effects: &[usize], out: (usize, bool)| {
-        fitted.evidence - refit_without(model, fitted, effects, out).evidence
+        fitted.evidence - refit_without(model, fitted, effects, out.0, out.1).evidence
     };
     let gain = |out: (usize, bool)| score(found.0, found.1, out) - score(base.0, base.1, out);
     // where a drive speaks against, it may be that a refit stopped short

@@ -169,7 +169,7 @@ fn ego_log(drive: usize, plant: &Plant, noise: &Noise) -> (String, Vec<f64>) {
         let t = 0.5 + row as f64 * 0.05;
         let secs = t + noise.normal(plant.clock.jitter_secs);
         let age = plant.clock.pose_latency_secs + plant.clock.pose_drift * (t - 0.5);
-        let s = sense(secs, (0.0, age), &path, &actuated, plant);
+        let s = sense(secs, 0.0, age, &path, &actuated, plant);
         let k = (t / FINE_SECS).round() as usize;
         truth.push(instant_at(&path, 0.0, t).v);
         let n = [0.012, 0.012, 0.0018, 0.025, 0.0028, 0.09, 0.09, 0.0006, 0.03].map(|sd| noise.normal(sd));

@@ -354,9 +354,9 @@ impl EgoRecord {
         let share = 1.0 / BLOCK as f64;
         for k in 0..blocks * BLOCK {
             let secs = anchor.secs + (k + 1) as f64 * STEP_SECS;
-            let mut simulated = sense(secs, (begin, self.age(plant, secs)), rollout, actuated, plant);
+            let mut simulated = sense(secs, begin, self.age(plant, secs), rollout, actuated, plant);
             if !plant.laws.is_empty() {
-                let at = |secs: f64| shifted(secs - self.age(plant, secs), (begin, rollout), actuated, plant);
+                let at = |secs: f64| shifted(secs - self.age(plant, secs), begin, rollout, actuated, plant);
                 let ([x0, y0], [x, y]) = (at(anchor.secs), at(secs));
                 let (sin, cos) = anchor.heading_rad.sin_cos();
                 simulated[0] += (x - x0) * cos + (y - y0) * sin;
@@ -391,7 +391,7 @@ fn shift_steps(command: &[f64], least: f64, share: f64, fine: &mut [f64]) -> boo
 }
 
 /// Returns what laws add to a position at a time, east and north, m.
-fn shifted(secs: f64, (begin, rollout): (f64, &[Instant]), actuated: &Actuated, plant: &Plant) -> [f64; 2] {
+fn shifted(secs: f64, begin: f64, rollout: &[Instant], actuated: &Actuated, plant: &Plant) -> [f64; 2] {
     let felt = instant_at(rollout, begin, secs).felt();
     let added = |channel| actuated.added(&plant.laws, secs, &felt, |port| port == Port::Sensor(channel));
     [added(Channel::Dx), added(Channel::Dy)]
@@ -402,7 +402,8 @@ fn shifted(secs: f64, (begin, rollout): (f64, &[Instant]), actuated: &Actuated, 
 #[must_use]
 pub fn sense(
     secs: f64,
-    (start_secs, age): (f64, f64),
+    start_secs: f64,
+    age: f64,
     rollout: &[Instant],
     actuated: &Actuated,
     plant: &Plant,

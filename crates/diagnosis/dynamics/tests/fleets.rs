@@ -34,7 +34,7 @@ fn vehicles_that_differ_are_told_from_the_others() {
     let logs: Vec<Healthy> = seeds.iter().map(|s| case(&root.path().join(s.to_string()), *s)).collect();
     let of: Vec<String> = seeds.iter().map(|s| format!("car-{s}")).collect();
     let quick = Options { quick: true, ..Options::default() };
-    let (found, diagnoses) = fleet(logs, ("vehicle", &of), &quick, &|| ()).expect("five vehicles");
+    let (found, diagnoses) = fleet(logs, "vehicle", &of, &quick, &|| ()).expect("five vehicles");
     let affected: Vec<&str> = found.members.iter().filter(|m| m.affected).map(|m| m.name.as_str()).collect();
     assert_eq!(affected.len(), ILL.len(), "{:?}", found.members);
     for member in &found.members {
@@ -58,6 +58,6 @@ fn vehicles_that_differ_are_told_from_the_others() {
 fn too_few_vehicles_are_refused() {
     let root = tempfile::tempdir().expect("a folder");
     let logs = vec![case(&root.path().join("a"), 61)];
-    let refused = fleet(logs, ("vehicle", &["a".to_owned()]), &Options::default(), &|| ());
+    let refused = fleet(logs, "vehicle", &["a".to_owned()], &Options::default(), &|| ());
     assert!(matches!(refused, Err(CaseError::SmallFleet { members: 1, .. })));
 }

@@ -36,7 +36,7 @@ fn scene(speed_mps: f64) -> Scene {
 }
 
 /// A weave of an amplitude with changing speed, as a plan of 4 s from a time on.
-fn plan(secs: f64, pose: &PoseSe2, (speed_mps, aside_m): (f64, f64)) -> Trajectory {
+fn plan(secs: f64, pose: &PoseSe2, speed_mps: f64, aside_m: f64) -> Trajectory {
     let at =
         |secs: f64| DVec2::new(speed_mps * secs + 1.5 * (1.1 * secs).sin() - 1.5, aside_m * (1.0 - (1.7 * secs).cos()));
     let points = (1..=40).map(|i| {
@@ -74,7 +74,7 @@ fn driven(motion: (f64, f64), plant: &Plant, laws: &[Law]) -> Driven {
     for tick in 0..TICKS {
         if tick % 10 == 0 {
             let pose = simulation.state().ego.pose;
-            simulation.begin_plan(&plan(f64::from(tick) * TICK_SECS, &pose, motion));
+            simulation.begin_plan(&plan(f64::from(tick) * TICK_SECS, &pose, motion.0, motion.1));
         }
         simulation.step();
         let sent = simulation.readings(&Digest::default())[0];

@@ -144,7 +144,7 @@ fn by_library(
     let mut grown = case.clone();
     let mut found = (false, false);
     for (number, (_, design)) in (1..).zip(LIBRARY).take(MOST_RUNS) {
-        let logged = drive(world, &design, case, (number, settings)).expect("the built-in car drives");
+        let logged = drive(world, &design, case, number, settings).expect("the built-in car drives");
         grown = join(&grown, number, logged.drive).expect("the log fits");
         let (_, standings) = diagnose_leaving(&grown, options);
         found = (is_truth(&standings[0].effects), standings[0].probability >= ENOUGH);

@@ -47,7 +47,8 @@ const THINNED: usize = 2;
 /// If no manoeuvre stays within the envelope.
 pub fn choose(
     case: &Case,
-    (diagnosis, standings): (&Diagnosis, &[Standing]),
+    diagnosis: &Diagnosis,
+    standings: &[Standing],
     settings: &Settings,
 ) -> Result<Next, ExperimentError> {
     settings.envelope.check()?;

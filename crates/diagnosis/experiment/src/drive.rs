@@ -70,7 +70,7 @@ impl World<'_> {
 
 fn readings(stamp: f64, late: f64, instants: &[Instant], actuated: &Actuated, plant: &Plant) -> [f64; EGO] {
     let age = plant.clock.pose_latency_secs + plant.clock.pose_drift * (stamp - SPARE_SECS);
-    let mut found = sense(stamp + late, (0.0, age), instants, actuated, plant);
+    let mut found = sense(stamp + late, 0.0, age, instants, actuated, plant);
     found[0] += plant.sensors.lever_arm_m;
     found
 }

@@ -124,18 +124,18 @@ pub(crate) fn tightest(margins: &[Margin]) -> Option<&Margin> {
     margins.iter().min_by(|a, b| a.left.total_cmp(&b.left))
 }
 
-fn margin(name: &str, unit: &str, (limit, reached): (f64, f64), distance: f64) -> Margin {
+fn margin(name: &str, unit: &str, limit: f64, reached: f64, distance: f64) -> Margin {
     // a limit of nil has no size of its own
     let left = distance / limit.abs().max(1.0);
     Margin { name: name.to_owned(), unit: unit.to_owned(), limit, reached, left }
 }
 
 fn upper(name: &str, unit: &str, limit: f64, reached: f64) -> Margin {
-    margin(name, unit, (limit, reached), limit - reached)
+    margin(name, unit, limit, reached, limit - reached)
 }
 
 fn lower(name: &str, unit: &str, limit: f64, reached: f64) -> Margin {
-    margin(name, unit, (limit, reached), reached - limit)
+    margin(name, unit, limit, reached, reached - limit)
 }
 
 /// The ends of what drives reach.

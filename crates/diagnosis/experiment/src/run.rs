@@ -35,7 +35,8 @@ pub fn drive(
     world: &World<'_>,
     design: &Design,
     case: &Case,
-    (number, settings): (usize, &Settings),
+    number: usize,
+    settings: &Settings,
 ) -> Result<Logged, ExperimentError> {
     let draws = |of: &str| Draws::from_seed(settings.seed, &format!("run {number}, {of}"));
     let driven = world.drive(design, &case.meta.nominal, Some(&draws("jitter"))).ok_or(ExperimentError::NotDriven)?;
@@ -83,7 +84,8 @@ pub fn run(
     loop {
         let mut next = choose(
             &grown,
-            (&found.0, &found.1),
+            &found.0,
+            &found.1,
             &Settings { seed: settings.seed + runs.len() as u64, ..settings.clone() },
         )?;
         next.seed = settings.seed;
@@ -94,7 +96,7 @@ pub fn run(
             return Ok((Next { runs, ..next }, logs, found.0));
         };
         let (number, design) = (runs.len() + 1, Design::named(&planned.design));
-        let logged = drive(world, &design, case, (number, settings))?;
+        let logged = drive(world, &design, case, number, settings)?;
         grown = join(&grown, number, logged.drive)?;
         found = diagnose_leaving(&grown, &options);
         let first = &found.1[0];

@@ -45,7 +45,7 @@ fn a_proposal_keeps_the_site_and_what_cannot_be_kept_is_refused() {
     let left = (&diagnosis, standings.as_slice());
     let site = Site { ahead_m: [-5.0, 420.0], left_m: [-90.0, 90.0], heading_rad: Some(0.5) };
     let bounded = Settings { envelope: Envelope { site: Some(site), ..Envelope::default() }, ..settings() };
-    let planned = choose(&case, left, &bounded).expect("room enough").planned.expect("something is open");
+    let planned = choose(&case, left.0, left.1, &bounded).expect("room enough").planned.expect("something is open");
     assert!(planned.rollouts <= 600 && planned.rollouts > 300, "{}", planned.rollouts);
     assert!(planned.nats > 0.05 && planned.envelope.draws == 300, "{planned:#?}");
     assert!(planned.envelope.margins.iter().all(|margin| margin.left >= 0.0), "{:#?}", planned.envelope.margins);
@@ -53,6 +53,6 @@ fn a_proposal_keeps_the_site_and_what_cannot_be_kept_is_refused() {
     assert!(planned.predicted.iter().all(|curves| curves.each.len() > 1));
     let narrow = Site { ahead_m: [-1.0, 4.0], left_m: [-1.0, 1.0], heading_rad: None };
     let narrow = Settings { envelope: Envelope { site: Some(narrow), ..Envelope::default() }, ..settings() };
-    let refused = choose(&case, left, &narrow).expect_err("no car drives 16 s within 4 m");
+    let refused = choose(&case, left.0, left.1, &narrow).expect_err("no car drives 16 s within 4 m");
     assert!(matches!(refused, ExperimentError::NoneHolds { .. }), "{refused}");
 }

@@ -71,7 +71,7 @@ pub fn how_far(
     }
     let [real, sim, shifted, after, twin] = sets.map(|s| features(&s));
     let floor = distance(&twin, &sim)?;
-    Ok(vec![image(&rows, data), feature(&real, [&sim, &shifted, &after], (floor, rows.len()), data)?])
+    Ok(vec![image(&rows, data), feature(&real, [&sim, &shifted, &after], floor, rows.len(), data)?])
 }
 
 /// Returns the share of the image difference that the effects explain on the wanted frames.
@@ -113,7 +113,7 @@ pub fn generated(
         .collect();
     let set = |of: &dyn Fn(&Frame) -> Picture| features(&frames.iter().map(|f| of(f)).collect::<Vec<_>>());
     let (real, sim) = (set(&|f| f.real.clone()), set(&|f| f.sim.clone()));
-    let feature = feature(&real, [&sim, &sim, &features(&after)], (floors[1], rows.len()), data)?;
+    let feature = feature(&real, [&sim, &sim, &features(&after)], floors[1], rows.len(), data)?;
     Ok(vec![image(&rows, data), feature])
 }
 
@@ -140,7 +140,8 @@ fn distance(a: &DMatrix<f64>, b: &DMatrix<f64>) -> Result<f64, SightError> {
 fn feature(
     real: &DMatrix<f64>,
     states: [&DMatrix<f64>; 3],
-    (floor, frames): (f64, usize),
+    floor: f64,
+    frames: usize,
     data: &str,
 ) -> Result<Shrink, SightError> {
     let figures = |picked: Option<&[usize]>| -> Result<[f64; 4], SightError> {

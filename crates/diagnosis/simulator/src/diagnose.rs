@@ -103,7 +103,7 @@ fn explore(case: &Case, drives: &[usize], foreign: &Foreign, options: &Options) 
     }
     for (k, coordinate) in space.coordinates.iter().enumerate() {
         if of_car(space.effects[coordinate.effect].insertion) {
-            compare(case, drives, foreign, (&space, &usual), k);
+            compare(case, drives, foreign, &space, &usual, k);
         }
     }
     settle(case, drives, foreign, options);
@@ -254,7 +254,7 @@ fn learn(case: &Case, drives: &[usize], foreign: &Foreign, plant: &Plant) {
 }
 
 /// Compares the responses of both to one parameter on a few windows and says what the others would have, or runs them.
-fn compare(case: &Case, drives: &[usize], foreign: &Foreign, (space, usual): (&Space, &[f64]), k: usize) {
+fn compare(case: &Case, drives: &[usize], foreign: &Foreign, space: &Space, usual: &[f64], k: usize) {
     let (low, high) = space.coordinates[k].parameter.slab;
     let mut moved = usual.to_vec();
     let end = if high - usual[k] > usual[k] - low { high } else { low };

@@ -89,7 +89,7 @@ impl Rollout<'_> {
         let count = ((self.start.warm_secs + self.start.horizon_secs) / hello.dt).ceil() as usize + 2;
         let mut rows = vec![first];
         if differing(self.plant, &told).next().is_some() {
-            self.pushed(subject, hello, (&told, count), &mut rows)?;
+            self.pushed(subject, hello, &told, count, &mut rows)?;
         } else {
             let step = self.step(0, count, hello.dt);
             collect(subject.ask(&Request::Step(step))?, count, &mut rows)?;
@@ -106,7 +106,8 @@ impl Rollout<'_> {
         let saturation = Saturation::new(meant.vehicle.tyre_knee);
         for k in 0..(start.warm_secs / ROLL_SECS).round() as usize {
             let middle = start.secs + (k as f64 + 0.5) * ROLL_SECS;
-            car.step(self.actuated.asked(middle), &Push::default(), &meant, &saturation);
+            let (steer, accel) = self.actuated.asked(middle);
+            car.step(steer, accel, &Push::default(), &meant, &saturation);
         }
         let speed = (start.speed_mps + start.anchor_speed_mps - car.state.vx).max(0.0);
         [0.0, 0.0, start.heading_rad, speed, start.yaw_rate, 0.0, 0.0]
@@ -123,7 +124,8 @@ impl Rollout<'_> {
         &self,
         subject: &mut dyn Subject,
         hello: &Hello,
-        (told, count): (&Plant, usize),
+        told: &Plant,
+        count: usize,
         rows: &mut Vec<Row>,
     ) -> Result<(), SimulatorError> {
         let mut twins = Twins::new(told, self.plant, &rows[0]);

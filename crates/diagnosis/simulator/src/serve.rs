@@ -105,7 +105,7 @@ impl Served {
         let (sin, cos) = self.place.2.sin_cos();
         for k in 0..step.n {
             let push = Push { drive_mps2: port(DRIVE, k), front_n: port(FRONT, k), rear_n: port(REAR, k) };
-            let during = self.car.step((step.steer[k], step.accel[k]), &push, &self.plant, &self.saturation);
+            let during = self.car.step(step.steer[k], step.accel[k], &push, &self.plant, &self.saturation);
             let (x, y, yaw) = self.car.pose;
             let place = (self.place.0 + x * cos - y * sin, self.place.1 + x * sin + y * cos, self.place.2 + yaw);
             let state = &self.car.state;

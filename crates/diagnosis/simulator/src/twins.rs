@@ -43,11 +43,11 @@ impl<'a> Twins<'a> {
     pub(crate) fn step(&mut self, inputs: (f64, f64), has: impl Fn(&str) -> bool) -> (Push, [f64; 2]) {
         let ((told, plant, knee), (meant, other, other_knee)) = (&mut self.told, &mut self.meant);
         meant.state = State { slip_front: meant.state.slip_front, slip_rear: meant.state.slip_rear, ..told.state };
-        let wanted = meant.step(inputs, &Push::default(), other, other_knee);
+        let wanted = meant.step(inputs.0, inputs.1, &Push::default(), other, other_knee);
         let base_m = plant.vehicle.front_arm_m + plant.vehicle.rear_arm_m;
         let ends = |push: &Push| {
             let mut car = *told;
-            car.step(inputs, push, plant, knee);
+            car.step(inputs.0, inputs.1, push, plant, knee);
             [car.state.vx, car.state.vy, car.state.yaw_rate * base_m]
         };
         let free = ends(&Push::default());
@@ -61,7 +61,7 @@ impl<'a> Twins<'a> {
         let sizes = response.svd(true, true).solve(&missing, NONE).unwrap_or_else(|_| DVector::zeros(3));
         let push =
             Push { drive_mps2: sizes[0] * PROBES[0], front_n: sizes[1] * PROBES[1], rear_n: sizes[2] * PROBES[2] };
-        let felt = told.step(inputs, &push, plant, knee);
+        let felt = told.step(inputs.0, inputs.1, &push, plant, knee);
         (push, [wanted.ax - felt.ax, wanted.ay - felt.ay])
     }
 }

@@ -42,7 +42,7 @@ pub fn looks(scenery: &Scenery, recording: &Recording, actor: &Actor, idm: &IdmP
     let mut looks = Vec::new();
     for &(middle, from, to) in &changes {
         let begin = middle.saturating_sub(tick_of(HALF_CHANGE_SECS));
-        let options = options(scenery, recording, actor, (begin, from), idm);
+        let options = options(scenery, recording, actor, begin, from, idm);
         if let Some(option) = options.iter().find(|option| option.0 == to) {
             looks.push(Look { tick: begin, mine_mps2: option.1, others_mps2: option.2, changed: true });
         }
@@ -53,7 +53,7 @@ pub fn looks(scenery: &Scenery, recording: &Recording, actor: &Actor, idm: &IdmP
             (middle.saturating_sub(tick_of(QUIET_SECS.0))..middle + tick_of(QUIET_SECS.1)).contains(&tick)
         };
         let Some(slot) = slots[tick].filter(|_| !changes.iter().any(|(middle, ..)| quiet(*middle))) else { continue };
-        for (_, mine_mps2, others_mps2) in options(scenery, recording, actor, (tick, slot), idm) {
+        for (_, mine_mps2, others_mps2) in options(scenery, recording, actor, tick, slot, idm) {
             looks.push(Look { tick, mine_mps2, others_mps2, changed: false });
         }
     }
@@ -108,7 +108,8 @@ fn options(
     scenery: &Scenery,
     recording: &Recording,
     actor: &Actor,
-    (tick, slot): (usize, i8),
+    tick: usize,
+    slot: i8,
     idm: &IdmParameters,
 ) -> Vec<(i8, f64, f64)> {
     let (Some(path), Some(lanes)) = (&scenery.ways.paths[actor.index], scenery.ways.lanes.get(actor.index)) else {

@@ -18,7 +18,7 @@ const INSTANTS: [f64; 4] = [1.0, 2.0, 3.0, 5.0];
 
 /// What one agent shows of the three simulators: squared errors and gaps.
 #[derive(Default)]
-struct Shown {
+struct AgentErrors {
     /// By instant: sums of squared displacement of each simulator, count.
     places: [[f64; 4]; 4],
     /// Speed: the same.
@@ -49,7 +49,7 @@ pub fn how_far(model: &Traffic, vectors: States<'_>, chosen: &[bool], data: &str
         offset_m: value("lane_offset", vector),
         rude: value("non_yielding", vector),
     });
-    let shown: Vec<Shown> = (0..model.judged.len())
+    let shown: Vec<AgentErrors> = (0..model.judged.len())
         .filter(|index| chosen[*index])
         .map(|index| show(model, index, &drivers))
         .filter(|shown| shown.places[0][3] > 0.0)
@@ -60,7 +60,7 @@ pub fn how_far(model: &Traffic, vectors: States<'_>, chosen: &[bool], data: &str
     let mut all = Vec::new();
     for (k, secs) in INSTANTS.into_iter().enumerate() {
         let floor = LEFT_M[k];
-        let roots = move |drawn: &[&Shown]| roots(drawn.iter().map(|shown| shown.places[k]));
+        let roots = move |drawn: &[&AgentErrors]| roots(drawn.iter().map(|shown| shown.places[k]));
         all.push(shrink(&format!("position_{secs:.0}s"), &shown, floor, &roots, data));
     }
     all.push(shrink("channel:agent_v", &shown, LEFT_MPS, &|drawn| roots(drawn.iter().map(|s| s.speed)), data));
@@ -74,10 +74,10 @@ pub fn how_far(model: &Traffic, vectors: States<'_>, chosen: &[bool], data: &str
     all
 }
 
-fn show(model: &Traffic, index: usize, drivers: &[Driver; 3]) -> Shown {
+fn show(model: &Traffic, index: usize, drivers: &[Driver; 3]) -> AgentErrors {
     let judged = &model.judged[index];
     let scenery = model.scenery(&judged.actor);
-    let mut shown = Shown::default();
+    let mut shown = AgentErrors::default();
     if let Some(aside_m) = judged.aside_m() {
         shown.aside = with_count(drivers.each_ref().map(|driver| (aside_m - driver.offset_m).powi(2)));
     }
@@ -137,7 +137,7 @@ fn roots(rows: impl Iterator<Item = [f64; 4]>) -> [f64; 3] {
     [0, 1, 2].map(|k| (sums[k] / sums[3].max(1.0)).sqrt())
 }
 
-fn gap_distances(drawn: &[&Shown]) -> [f64; 3] {
+fn gap_distances(drawn: &[&AgentErrors]) -> [f64; 3] {
     let column = |which: usize| {
         let mut values: Vec<f64> = drawn.iter().flat_map(|shown| shown.gaps.iter().map(|gap| gap[which])).collect();
         values.sort_by(f64::total_cmp);
@@ -150,8 +150,14 @@ fn gap_distances(drawn: &[&Shown]) -> [f64; 3] {
     })
 }
 
-fn shrink(metric: &str, shown: &[Shown], floor: f64, figures: &dyn Fn(&[&Shown]) -> [f64; 3], data: &str) -> Shrink {
-    let states = |drawn: &[&Shown]| {
+fn shrink(
+    metric: &str,
+    shown: &[AgentErrors],
+    floor: f64,
+    figures: &dyn Fn(&[&AgentErrors]) -> [f64; 3],
+    data: &str,
+) -> Shrink {
+    let states = |drawn: &[&AgentErrors]| {
         let [nominal, nuisance, corrected] = figures(drawn);
         [nominal, nuisance, corrected, floor]
     };

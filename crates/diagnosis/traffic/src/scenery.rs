@@ -4,7 +4,7 @@
 //! Paths are those of the nominal simulator (the scene's own tracks). Metres along and to the left of a path.
 
 use ds_effect::plant::{Agents, Chart};
-use ds_sim::{AgentPath, Placed, Ways, Zone};
+use ds_sim::{AgentPath, Placed, TrackPaths, Zone};
 use ds_space::plane::Polyline;
 use ds_space::{DVec2, Tick};
 use ds_world::{AgentClass, LightState, Map};
@@ -64,7 +64,7 @@ pub struct Actor {
 /// A recording made ready.
 pub struct Scenery {
     /// Paths, stops, lanes and zones.
-    pub ways: Ways,
+    pub ways: TrackPaths,
     /// Zones if every place where people cross were a crosswalk.
     pub unmarked: Vec<Vec<Zone>>,
     /// What the lights show, tick by tick.
@@ -95,7 +95,7 @@ pub fn prepare(case: &Case) -> (Vec<Scenery>, Vec<Actor>) {
 impl Scenery {
     fn new(recording: &Recording, interactive: bool) -> Self {
         let agents = Agents { changes_lanes: interactive, yields: true, walks: interactive, ..Agents::default() };
-        let ways = Ways::new(&recording.scene, &agents, &Chart::default());
+        let ways = TrackPaths::new(&recording.scene, &agents, &Chart::default());
         let unmarked = ways.meetings(&recording.scene, true);
         let ticks = recording.ticks();
         let heads = &recording.scene.map.traffic_lights;
@@ -141,7 +141,7 @@ impl Scenery {
             if agent.seen.iter().flatten().count() < least {
                 return None;
             }
-            let marks = (0..agent.seen.len()).map(|tick| mark(recording, (index, agent), path, tick, &lanes)).collect();
+            let marks = (0..agent.seen.len()).map(|tick| mark(recording, index, agent, path, tick, &lanes)).collect();
             Some(Actor {
                 recording: number,
                 index,
@@ -161,7 +161,8 @@ fn along_path(path: &AgentPath, along_m: f64, seen: &Seen) -> f64 {
 
 fn mark(
     recording: &Recording,
-    (index, agent): (usize, &Agent),
+    index: usize,
+    agent: &Agent,
     path: &AgentPath,
     tick: usize,
     lanes: &[Polyline],

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use ds_dynamics::fit::{Columns, Fit, Model, Plan, Prior, data_loss, fit, point_loss, start_loss};
+use ds_dynamics::fit::{Columns, Fit, FitOptions, Model, Prior, data_loss, fit, point_loss, start_loss};
 use ds_dynamics::settings::{KAPPA, NU};
 use ds_space::Draws;
 use ds_stats::bootstrap::resamples;
@@ -47,7 +47,7 @@ pub fn search(model: &Traffic) -> Search {
     let priors = model.space.priors(&[]);
     let start = model.space.neutral();
     let columns: Columns = vec![None; priors.len()];
-    let null = fit(model, Plan { priors: &priors, start: &start, columns, fresh: Vec::new(), iterations: 4 });
+    let null = fit(model, FitOptions { priors: &priors, start: &start, columns, fresh: Vec::new(), iterations: 4 });
     let mut found = Search { null, rounds: Vec::new(), accepted: None };
     let mut candidates: Vec<usize> =
         (0..model.space.effects.len()).filter(|effect| model.space.effects[*effect].suspect).collect();
@@ -102,7 +102,7 @@ fn with(model: &Traffic, present: &[usize], base: &Fit, effect: usize) -> Option
     let best = losses.enumerate().min_by(|a, b| a.1.total_cmp(&b.1))?.0;
     let mut columns = base.columns.clone();
     own.iter().for_each(|k| columns[*k] = None);
-    let plan = Plan { priors: &priors, start: &starts[best], columns, fresh: own, iterations: 5 };
+    let plan = FitOptions { priors: &priors, start: &starts[best], columns, fresh: own, iterations: 5 };
     let fit = fit(model, plan);
     let gain = fit.evidence - base.evidence;
     Some(Hypothesis { effects, fit, gain, held_out_gain: None })
@@ -112,7 +112,7 @@ fn with(model: &Traffic, present: &[usize], base: &Fit, effect: usize) -> Option
 fn polished(model: &Traffic, hypothesis: Hypothesis) -> Hypothesis {
     let priors = model.space.priors(&hypothesis.effects);
     let (columns, fresh) = (vec![None; priors.len()], (0..priors.len()).collect());
-    let plan = Plan { priors: &priors, start: &hypothesis.fit.vector, columns, fresh, iterations: 3 };
+    let plan = FitOptions { priors: &priors, start: &hypothesis.fit.vector, columns, fresh, iterations: 3 };
     let again = fit(model, plan);
     let gain = hypothesis.gain + (again.evidence - hypothesis.fit.evidence).max(0.0);
     Hypothesis { fit: again, gain, ..hypothesis }
@@ -152,7 +152,8 @@ fn held_out(model: &Traffic, hypothesis: &Hypothesis, present: &[usize]) -> f64 
             }
             let columns: Columns = vec![None; priors.len()];
             let view = View { model, counted: &inside };
-            let fitted = fit(&view, Plan { priors: &priors, start: &start, columns, fresh: Vec::new(), iterations: 2 });
+            let fitted =
+                fit(&view, FitOptions { priors: &priors, start: &start, columns, fresh: Vec::new(), iterations: 2 });
             data_loss(&View { model, counted: &outside }.residuals(&fitted.vector))
         };
         gain += score(present) - score(&hypothesis.effects);

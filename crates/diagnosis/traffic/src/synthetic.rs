@@ -232,7 +232,7 @@ fn drive(scene: Arc<Scene>, seed: u64, effects: &[Setting]) -> Result<String, Sy
             write!(text, "{}", row(i64::from(agent.id.0), &agent.pose, speed_mps)).map_err(std::io::Error::other)?;
         }
         if tick >= WARM_UP && tick % 5 == 0 {
-            let plan = plan(&scene, &simulation.state().ego.pose, (tick, pace));
+            let plan = plan(&scene, &simulation.state().ego.pose, tick, pace);
             if let Some(plan) = plan {
                 simulation.begin_plan(&plan);
             }
@@ -243,7 +243,7 @@ fn drive(scene: Arc<Scene>, seed: u64, effects: &[Setting]) -> Result<String, Sy
 }
 
 /// Returns the logged way from where the ego is, at another pace, as a plan of 4 s.
-fn plan(scene: &Scene, from: &PoseSe2, (tick, pace): (u32, f64)) -> Option<Trajectory> {
+fn plan(scene: &Scene, from: &PoseSe2, tick: u32, pace: f64) -> Option<Trajectory> {
     let point = |k: u32| {
         let ahead = pace * f64::from(tick + 5 * k - WARM_UP) + f64::from(WARM_UP);
         let logged = |tick: f64| scene.logged_ego(Tick(tick as u32)).pose;

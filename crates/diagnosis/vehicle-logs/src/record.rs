@@ -39,18 +39,18 @@ impl Mapping {
             });
             return Err(LogError::Apart { clocks: clocks.collect(), file: log.file.clone() });
         }
-        let parts = log.spans.iter().map(|span| self.record(log, *span));
+        let parts = log.spans.iter().map(|(start_secs, end_secs)| self.record(log, *start_secs, *end_secs));
         Ok(parts.filter(|r| r.secs() > SHORTEST_SECS).collect())
     }
 
-    fn record(&self, log: &Log, (start_secs, end): (f64, f64)) -> Record {
-        let samples = ((end - start_secs) / STEP_SECS + 1e-6).floor() as usize + 1;
+    fn record(&self, log: &Log, start_secs: f64, end_secs: f64) -> Record {
+        let samples = ((end_secs - start_secs) / STEP_SECS + 1e-6).floor() as usize + 1;
         let mut record = Record { file: log.file.clone(), start_secs, channels: BTreeMap::new(), derived: Vec::new() };
         for known in CHANNELS {
             let Some(series) = log.series.get(known.name) else { continue };
             // what was in force at the start, and what a line at the end leads to
             let first = series.t.partition_point(|t| *t <= start_secs).saturating_sub(1);
-            let last = (series.t.partition_point(|t| *t < end) + 1).min(series.t.len());
+            let last = (series.t.partition_point(|t| *t < end_secs) + 1).min(series.t.len());
             let (times, mut column) = (&series.t[first..last], series.values[first..last].to_vec());
             if !column.iter().any(|v| v.is_finite()) {
                 continue;

@@ -62,10 +62,11 @@ pub(crate) fn search(stage: &Stage<'_>, way: &Way, target: &Target, most: usize)
     let mut tick = target.tick;
     while tick > 0 {
         let ticks = STEP_TICKS.min(tick as usize);
+        let when = When { tick, contact: target.tick, ticks };
         let level = &levels[levels.len() - 1];
         let mut next = Vec::new();
         for (parent, node) in level.iter().enumerate() {
-            expand(stage, way, (node, parent), (tick, target.tick, ticks), &mut next);
+            expand(stage, way, node, parent, when, &mut next);
         }
         let kept = thin_out(next, way);
         if kept.is_empty() {
@@ -109,16 +110,26 @@ fn traced(stage: &Stage<'_>, levels: &[Vec<Node>], index: usize) -> Drive {
     Drive { start, controls, surprise: surprise / f64::max(steps, 1.0) }
 }
 
+/// When a step back is taken.
+#[derive(Clone, Copy)]
+struct When {
+    /// The tick that it comes from.
+    tick: u32,
+    /// The tick of the contact.
+    contact: u32,
+    /// How many ticks it goes back.
+    ticks: usize,
+}
+
 /// Adds all steps that lead to a node.
-fn expand(stage: &Stage<'_>, way: &Way, (node, parent): (&Node, usize), times: (u32, u32, usize), out: &mut Vec<Node>) {
-    let (_, _, ticks) = times;
-    let most = 0.9 * Limits::JERK_MPS3 * ticks as f64 * stage.dt_secs;
+fn expand(stage: &Stage<'_>, way: &Way, node: &Node, parent: usize, when: When, out: &mut Vec<Node>) {
+    let most = 0.9 * Limits::JERK_MPS3 * when.ticks as f64 * stage.dt_secs;
     for acceleration_mps2 in ACCELERATIONS_MPS2 {
         if (acceleration_mps2 - node.control.acceleration_mps2).abs() > most.min(3.8) {
             continue;
         }
         for firmness in FIRMNESS {
-            out.extend(step_back(stage, way, (node, parent), times, (acceleration_mps2, firmness)));
+            out.extend(step_back(stage, way, node, parent, when, acceleration_mps2, firmness));
         }
     }
 }
@@ -126,10 +137,13 @@ fn expand(stage: &Stage<'_>, way: &Way, (node, parent): (&Node, usize), times: (
 fn step_back(
     stage: &Stage<'_>,
     way: &Way,
-    (node, parent): (&Node, usize),
-    (tick, contact, ticks): (u32, u32, usize),
-    (goal_mps2, firmness): (f64, f64),
+    node: &Node,
+    parent: usize,
+    when: When,
+    goal_mps2: f64,
+    firmness: f64,
 ) -> Option<Node> {
+    let When { tick, contact, ticks } = when;
     let mut next = Node { parent, ticks, ..*node };
     let dt_secs = stage.dt_secs;
     let change = (goal_mps2 - node.control.acceleration_mps2) / ticks as f64;
@@ -144,7 +158,7 @@ fn step_back(
             (firmness * (10.0 / speed_mps.max(5.0)) * beside.left_m).clamp(-MOST_TURNED_RAD, MOST_TURNED_RAD);
         let wish_pm = beside.curvature_pm + (error_rad - wanted_rad) / (speed_mps.max(2.0) * SETTLING_SECS);
         let curvature_pm =
-            limits::steered(next.control.curvature_pm, wish_pm, speed_mps, (stage.body.wheel_base_m(), dt_secs));
+            limits::steered(next.control.curvature_pm, wish_pm, speed_mps, stage.body.wheel_base_m(), dt_secs);
         let mut acceleration_mps2 = node.control.acceleration_mps2 + change * (i as f64 + 0.5);
         if speed_mps < acceleration_mps2 * dt_secs {
             let all_mps2 = speed_mps / dt_secs;
@@ -235,7 +249,7 @@ pub(crate) fn brake(stage: &Stage<'_>, way: &Way, drive: &Drive, states: &mut Ve
         let wanted_rad = (0.05 * (kept_m - beside.left_m)).clamp(-0.1, 0.1);
         let wish_pm = beside.curvature_pm + (wanted_rad - error_rad) / (car.speed_mps.max(2.0) * SETTLING_SECS);
         let base = (stage.body.wheel_base_m(), stage.dt_secs);
-        control.curvature_pm = limits::steered(control.curvature_pm, wish_pm, car.speed_mps, base);
+        control.curvature_pm = limits::steered(control.curvature_pm, wish_pm, car.speed_mps, base.0, base.1);
         // Braking eases off before the stand, so that the jerk stays within limits.
         let goal_mps2 = (-4.0f64).max(-1.2 * car.speed_mps - 0.3);
         let change = (goal_mps2 - control.acceleration_mps2).clamp(-1.1, 1.1);

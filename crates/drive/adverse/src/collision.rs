@@ -76,7 +76,8 @@ impl Targets {
     pub(crate) fn draw(
         stage: &Stage<'_>,
         class: CrashClass,
-        (hand_over, last): (Tick, Tick),
+        hand_over: Tick,
+        last: Tick,
         count: usize,
         draws: &Draws,
     ) -> Self {
@@ -89,7 +90,7 @@ impl Targets {
             }
             let dice = Dice { draws, next: std::cell::Cell::new(attempt * 64) };
             let tick = hand_over.0 + FIRST_TICKS + dice.below((latest - FIRST_TICKS + 1) as usize) as u32;
-            if let Some(target) = targets.attempt(stage, class, tick, (&dice, mirrored)) {
+            if let Some(target) = targets.attempt(stage, class, tick, &dice, mirrored) {
                 targets.states.push(target);
             }
         }
@@ -101,7 +102,8 @@ impl Targets {
         stage: &Stage<'_>,
         class: CrashClass,
         tick: u32,
-        (dice, mirrored): (&Dice<'_>, bool),
+        dice: &Dice<'_>,
+        mirrored: bool,
     ) -> Option<Target> {
         let ego = stage.ego(tick);
         let ego_mps = stage.ego_velocity(tick).length();
@@ -146,7 +148,7 @@ impl Targets {
             _ if dice.below(2) == 0 => Place::First,
             _ => Place::Between,
         };
-        let centre = touching(stage, tick, &pose, (here.station_m, place, dice))?;
+        let centre = touching(stage, tick, &pose, here.station_m, place, dice)?;
         let (depth_m, normal) = overlap(ego, &stage.body.grown(&centre, 0.0));
         let closing_mps = (stage.ego_velocity(tick) - centre.forward() * speed_mps).dot(normal);
         let apart_deg = angle::turn(ego_rad, centre.heading_rad).abs().to_degrees();
@@ -257,7 +259,9 @@ fn touching(
     stage: &Stage<'_>,
     tick: u32,
     pose: &dyn Fn(f64) -> PoseSe2,
-    (near_m, place, dice): (f64, Place, &Dice<'_>),
+    near_m: f64,
+    place: Place,
+    dice: &Dice<'_>,
 ) -> Option<PoseSe2> {
     const STEP_M: f64 = 0.15;
     const REACH: i32 = 60;

@@ -18,7 +18,7 @@ impl Limits {
 }
 
 /// Returns the curvature nearest to a wish that the car can take a tick after another one.
-pub(crate) fn steered(before_pm: f64, wish_pm: f64, speed_mps: f64, (wheel_base_m, dt_secs): (f64, f64)) -> f64 {
+pub(crate) fn steered(before_pm: f64, wish_pm: f64, speed_mps: f64, wheel_base_m: f64, dt_secs: f64) -> f64 {
     let most_pm = (0.95 * Limits::CURVATURE_PM).min(0.9 * Limits::LATERAL_MPS2 / speed_mps.max(1.0).powi(2));
     let angle = |curvature_pm: f64| (wheel_base_m * curvature_pm).atan();
     let most_rad = 0.85 * Limits::STEERING_RADPS * dt_secs;
@@ -31,7 +31,8 @@ pub(crate) fn steered(before_pm: f64, wish_pm: f64, speed_mps: f64, (wheel_base_
 pub(crate) fn beyond(
     states: &[Rolling],
     controls: &[Control],
-    (wheel_base_m, dt_secs): (f64, f64),
+    wheel_base_m: f64,
+    dt_secs: f64,
     most_mps: &dyn Fn(&Rolling) -> f64,
 ) -> Option<(usize, &'static str, f64)> {
     for (tick, control) in controls.iter().enumerate() {
@@ -73,7 +74,7 @@ mod tests {
         for control in controls {
             states.push(states[states.len() - 1].forwards(*control, 0.1));
         }
-        let got = beyond(&states, controls, (2.8, 0.1), &|_| 20.0);
+        let got = beyond(&states, controls, 2.8, 0.1, &|_| 20.0);
         assert_eq!(got.map(|(_, what, _)| what), expected, "{got:?}");
     }
 
@@ -93,8 +94,8 @@ mod tests {
 
     #[test]
     fn steering_stays_within_its_rate_and_the_curve() {
-        assert!((steered(0.0, 0.01, 10.0, (2.8, 0.1)) - 0.01).abs() < 1e-12);
-        assert!(steered(0.0, 1.0, 3.0, (2.8, 0.1)) < 0.025);
-        assert!(steered(0.036, 1.0, 10.0, (2.8, 0.1)) <= 0.036 + 1e-12);
+        assert!((steered(0.0, 0.01, 10.0, 2.8, 0.1) - 0.01).abs() < 1e-12);
+        assert!(steered(0.0, 1.0, 3.0, 2.8, 0.1) < 0.025);
+        assert!(steered(0.036, 1.0, 10.0, 2.8, 0.1) <= 0.036 + 1e-12);
     }
 }

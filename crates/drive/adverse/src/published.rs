@@ -44,7 +44,7 @@ pub fn published(scene: &Scene, model: &MotionModel, options: &Options) -> Resul
     let mut fallen = Vec::new();
     let candidate = Candidate { way: None, states: &drive.states, controls: &drive.controls, contact };
     fallen.extend(check_drive(&stage, &candidate, options.hand_over).err());
-    let made = finished(&stage, &attack, drive.surprise, (options, Tick(last)));
+    let made = finished(&stage, &attack, drive.surprise, options, Tick(last));
     let class = made.as_ref().map_or(CrashClass::RearEnd, |variant| variant.class);
     built.candidates.insert(class, 1);
     match made {
@@ -75,12 +75,12 @@ fn drawn(stage: &Stage<'_>, contact: u32, draws: &Draws) -> Driven {
     let heading_rad = angle::wrap(ego.forward.to_angle() + turned_rad);
     let centre = PoseSe2 { position: ego.centre, heading_rad };
     let end = Rolling { pose: stage.body.rear(&centre), speed_mps };
-    let mut driven = backwards(stage, end, contact, (draws, 0));
+    let mut driven = backwards(stage, end, contact, draws, 0);
     for drive in 1..DRIVES {
         if passes(&driven, stage.dt_secs, contact) {
             break;
         }
-        driven = backwards(stage, end, contact, (draws, drive));
+        driven = backwards(stage, end, contact, draws, drive);
     }
     while Tick(driven.states.len() as u32) <= stage.scene.last_tick() {
         let car = driven.states[driven.states.len() - 1];
@@ -100,7 +100,7 @@ fn passes(driven: &Driven, dt_secs: f64, contact: u32) -> bool {
 }
 
 /// Drives back to the first tick, each half second drawn from the backward table, and forwards again.
-fn backwards(stage: &Stage<'_>, end: Rolling, contact: u32, (draws, drive): (&Draws, u64)) -> Driven {
+fn backwards(stage: &Stage<'_>, end: Rolling, contact: u32, draws: &Draws, drive: u64) -> Driven {
     let mut after = Step { speed_mps: end.speed_mps, acceleration_mps2: 0.0, yaw_rate_radps: 0.0 };
     let (mut car, mut controls, mut surprise, mut steps) = (end, Vec::new(), 0.0, 0.0);
     while controls.len() < contact as usize {
@@ -144,7 +144,8 @@ fn finished(
     stage: &Stage<'_>,
     attack: &Attack<'_>,
     surprise: f64,
-    (options, last): (&Options, Tick),
+    options: &Options,
+    last: Tick,
 ) -> Result<Variant, Rejection> {
     let (scene, agent) = with_track(stage, attack, CrashClass::RearEnd, options)?;
     let met = met(stage, &Arc::new(scene), agent, last).ok_or(Rejection::NoContact)?;

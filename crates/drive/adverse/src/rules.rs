@@ -3,7 +3,7 @@
 //! Recorded, not forbidden: what breaks rules happens on roads, and a reader should see where it does. A light is obeyed
 //! where the simulator's own followers obey it: at the stop lines that the path crosses in the governed direction.
 
-use ds_sim::{IdmParameters, Ways, nominal};
+use ds_sim::{IdmParameters, TrackPaths, nominal};
 use ds_space::Tick;
 use ds_world::{LightState, Scene, TrackPoint};
 
@@ -31,7 +31,7 @@ pub fn broken_rules(scene: &Scene) -> Option<BrokenRules> {
 
 fn first_red(scene: &Scene, index: usize, last: Tick) -> Option<Tick> {
     let plant = nominal(&scene.vehicle, &IdmParameters::default());
-    let ways = Ways::new(scene, &plant.agents, &plant.chart);
+    let ways = TrackPaths::new(scene, &plant.agents, &plant.chart);
     let path = ways.paths.get(index)?.as_ref()?;
     let half_m = 0.5 * scene.tracks[index].size.length_m;
     let nose_m = |tick: Tick| Some(path.along_at(tick)? + half_m);

@@ -107,7 +107,7 @@ pub(crate) fn check_drive(stage: &Stage<'_>, candidate: &Candidate<'_>, hand_ove
         candidate.way.map_or(FASTEST_MPS, |way| Limits::SPEEDING * limit_mps(way))
     };
     let base = (stage.body.wheel_base_m(), stage.dt_secs);
-    if limits::beyond(candidate.states, candidate.controls, base, &most_mps).is_some() {
+    if limits::beyond(candidate.states, candidate.controls, base.0, base.1, &most_mps).is_some() {
         return Err(Rejection::Dynamics);
     }
     starts_apart(stage, &candidate.states[hand_over.0 as usize], hand_over.0)
@@ -166,7 +166,8 @@ pub(crate) fn check_contact(
     stage: &Stage<'_>,
     scene: &Arc<Scene>,
     agent: AgentId,
-    (class, planned): (CrashClass, Tick),
+    class: CrashClass,
+    planned: Tick,
 ) -> Result<Met, Rejection> {
     let met = met(stage, scene, agent, planned.plus(LATE_TICKS)).ok_or(Rejection::NoContact)?;
     if met.tick.0.abs_diff(planned.0) > LATE_TICKS || met.closing_mps < CLOSING_MPS {

@@ -134,7 +134,7 @@ pub fn variants(scene: &Scene, model: &MotionModel, options: &Options) -> Result
     let last = scored_until(scene, options)?;
     let mut built = Built::default();
     for class in &options.classes {
-        search(scene, model, (options, last), *class, &mut built);
+        search(scene, model, options, last, *class, &mut built);
     }
     Ok(built)
 }
@@ -182,10 +182,10 @@ struct Found<'a> {
     surprise: f64,
 }
 
-fn search(scene: &Scene, model: &MotionModel, (options, last): (&Options, Tick), class: CrashClass, built: &mut Built) {
+fn search(scene: &Scene, model: &MotionModel, options: &Options, last: Tick, class: CrashClass, built: &mut Built) {
     let draws = Draws::new(&scene.digest, "adversary", &[options.seed, class as u64]);
     let stage = Stage::new(scene, model, &Draws::new(&scene.digest, "adversary body", &[options.seed]));
-    let targets = Targets::draw(&stage, class, (options.hand_over, last), options.states, &draws);
+    let targets = Targets::draw(&stage, class, options.hand_over, last, options.states, &draws);
     if targets.states.is_empty() {
         *built.rejected.entry((class, Rejection::NoTarget)).or_default() += 1;
         return;
@@ -207,7 +207,7 @@ fn search(scene: &Scene, model: &MotionModel, (options, last): (&Options, Tick),
     }
     found.sort_by(|a, b| a.surprise.total_cmp(&b.surprise));
     for candidate in found.iter().take(MOST_FINISHED) {
-        match finish(&stage, candidate, class, (options, last)) {
+        match finish(&stage, candidate, class, options, last) {
             Ok(variant) => {
                 *built.valid.entry(class).or_default() += 1;
                 built.variants.push(variant);
@@ -237,13 +237,14 @@ fn finish(
     stage: &Stage<'_>,
     found: &Found<'_>,
     class: CrashClass,
-    (options, last): (&Options, Tick),
+    options: &Options,
+    last: Tick,
 ) -> Result<Variant, Rejection> {
     let attack = Attack { contact: found.target.tick, corridor: corridor(found), states: &found.states };
     let (scene, agent) = with_track(stage, &attack, class, options)?;
     let scene = Arc::new(scene);
     let planned = Tick(found.target.tick);
-    let met = check_contact(stage, &scene, agent, (class, planned))?;
+    let met = check_contact(stage, &scene, agent, class, planned)?;
     if !keeps_clear(&scene, agent, (options.hand_over, met.tick), OTHERS_M) {
         return Err(Rejection::HitsOther);
     }

@@ -61,7 +61,7 @@ impl Canvas<'_> {
         }
     }
 
-    fn streak(&mut self, (x, y): (f64, f64), length: f64, slant: f64, share: f64) {
+    fn streak(&mut self, x: f64, y: f64, length: f64, slant: f64, share: f64) {
         #[expect(clippy::cast_possible_truncation, reason = "float casts saturate")]
         let (from, to) = (y.floor() as i64, (y + length).ceil() as i64);
         for row in from..to {
@@ -103,7 +103,7 @@ impl Fall {
                 canvas.flake(x, y, canvas.focal_px * 0.018 / distance_m * (0.7 + 0.6 * u(3)));
             } else {
                 let length = canvas.focal_px * 0.42 / distance_m * (0.7 + 0.6 * u(3));
-                canvas.streak((x, y), length.max(2.0), self.slant, 0.16 + 0.34 / distance_m.sqrt() * self.density);
+                canvas.streak(x, y, length.max(2.0), self.slant, 0.16 + 0.34 / distance_m.sqrt() * self.density);
             }
         }
     }

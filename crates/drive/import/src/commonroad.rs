@@ -254,7 +254,7 @@ fn log(
 ) -> (VehicleParameters, Vec<EgoState>, String) {
     let (vehicle, poses, gaps, drive) = match ego {
         Ego::Problem(problem) => {
-            let poses = problem.drawn(map, window.origin, (window.count, TICK_SECS));
+            let poses = problem.drawn(map, window.origin, window.count, TICK_SECS);
             let drive = format!("the drive of planning problem {} is drawn, not recorded", problem.name);
             let message =
                 format!("{drive}: `log-replay` and scores that compare with the log tell nothing of a driver");

@@ -244,7 +244,7 @@ impl Rig {
                 continue;
             }
             if !cameras.contains_key(&sensor.channel) {
-                let model = camera(calibration, &sensor.channel, (row.width, row.height))
+                let model = camera(calibration, &sensor.channel, row.width, row.height)
                     .ok_or_else(|| missing("calibrated_sensor.camera_intrinsic", &calibration.token))?;
                 cameras.insert(sensor.channel.clone(), (model, Vec::new()));
             }
@@ -260,7 +260,7 @@ impl Rig {
     }
 }
 
-fn camera(row: &CalibrationRow, channel: &str, (width, height): (u32, u32)) -> Option<CameraModel> {
+fn camera(row: &CalibrationRow, channel: &str, width: u32, height: u32) -> Option<CameraModel> {
     let value = |i: usize, j: usize| row.camera_intrinsic.get(i).and_then(|row| row.get(j)).copied();
     let (width_px, height_px) = if width == 0 || height == 0 { (1_600, 900) } else { (width, height) };
     Some(CameraModel {

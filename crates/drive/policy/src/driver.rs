@@ -94,7 +94,7 @@ impl Driver {
         for track in &scene.tracks {
             for (tick, found) in obstacles.iter_mut().enumerate() {
                 let point = track.points.get(tick).and_then(Option::as_ref);
-                found.extend(point.and_then(|point| in_the_way(&route, (point, track.size), half_width)));
+                found.extend(point.and_then(|point| in_the_way(&route, point, track.size, half_width)));
             }
         }
         Self {
@@ -130,7 +130,7 @@ impl Driver {
                 let position = agent.pose.position + agent.velocity_mps * secs;
                 let pose = PoseSe2 { position, ..agent.pose };
                 let point = TrackPoint { pose, z_m: agent.z_m, velocity_mps: agent.velocity_mps };
-                in_the_way(&self.route, (&point, agent.size), self.half_width_m)
+                in_the_way(&self.route, &point, agent.size, self.half_width_m)
             });
             found.collect()
         };
@@ -262,7 +262,7 @@ pub(crate) fn ticks_in(secs: f64, dt_secs: f64) -> u32 {
 }
 
 /// Returns the interval of the route that a body covers, if it is within the ego's width.
-fn in_the_way(route: &Route, (point, size): (&TrackPoint, Size), half_width_m: f64) -> Option<Obstacle> {
+fn in_the_way(route: &Route, point: &TrackPoint, size: Size, half_width_m: f64) -> Option<Obstacle> {
     let at = route.project(point.pose.position);
     let reach = 0.5 * size.length_m.hypot(size.width_m);
     if at.left_m.abs() > half_width_m + reach || at.along_m < -reach || at.along_m > route.length_m() + 50.0 {

@@ -350,7 +350,7 @@ fn points(plan: &PlanSection, poses: &[PoseSe2], horizon: SimTime) -> Vec<Trajec
     let due = steps.take_while(|beyond| last.after + *beyond < horizon + spacing);
     points.extend(due.map(|beyond| TrajectoryPoint {
         after: last.after + beyond,
-        pose: continued((&before, &last.pose), plan.spacing_s, beyond.secs()),
+        pose: continued(&before, &last.pose, plan.spacing_s, beyond.secs()),
     }));
     points
 }

@@ -163,7 +163,7 @@ fn a_sound_wrapping_has_no_findings_and_each_wrong_one_is_named_by_its_cause() {
 }
 
 /// A sound policy with proposals and a feature, and what is wrong with them.
-struct Told {
+struct Flawed {
     sideways_m: f64,
     feature: fn(u8) -> Vec<f32>,
     /// What it tells with its answers.
@@ -172,7 +172,7 @@ struct Told {
     looks: bool,
 }
 
-impl Policy for Told {
+impl Policy for Flawed {
     fn name(&self) -> &str {
         "told"
     }
@@ -203,7 +203,7 @@ impl Policy for Told {
 
 #[test]
 fn proposals_features_and_what_is_worth_a_remark_are_told() {
-    let sound = || Told {
+    let sound = || Flawed {
         sideways_m: 0.0,
         feature: |red| vec![f32::from(red), 1.0],
         told: |seen| f32::from(seen.frames[0][0].rgb()[0]),
@@ -212,12 +212,12 @@ fn proposals_features_and_what_is_worth_a_remark_are_told() {
     };
     let Examination { findings, remarks, plans, feature } = examine(&mut sound(), &fixtures());
     assert_eq!((findings, remarks, plans.len(), feature), (vec![], vec![], 5, Some([1, 2])));
-    let rows: [(Told, &str, &str); 5] = [
-        (Told { told: |seen| seen.ego.speed_mps as f32, ..sound() }, "feature", "changes with the car's motion"),
-        (Told { sideways_m: 2.0, ..sound() }, "proposals", "nearest is 2.00 m away"),
-        (Told { feature: |_| vec![1.0], ..sound() }, "feature", "same for every frame"),
-        (Told { feature: |red| vec![1.0; usize::from(red)], ..sound() }, "feature", "has shape [1, 128]"),
-        (Told { feature: |_| vec![f32::NAN], ..sound() }, "feature", "not finite"),
+    let rows: [(Flawed, &str, &str); 5] = [
+        (Flawed { told: |seen| seen.ego.speed_mps as f32, ..sound() }, "feature", "changes with the car's motion"),
+        (Flawed { sideways_m: 2.0, ..sound() }, "proposals", "nearest is 2.00 m away"),
+        (Flawed { feature: |_| vec![1.0], ..sound() }, "feature", "same for every frame"),
+        (Flawed { feature: |red| vec![1.0; usize::from(red)], ..sound() }, "feature", "has shape [1, 128]"),
+        (Flawed { feature: |_| vec![f32::NAN], ..sound() }, "feature", "not finite"),
     ];
     for (mut policy, check, says) in rows {
         let Examination { findings: found, feature, .. } = examine(&mut policy, &fixtures());
@@ -225,8 +225,8 @@ fn proposals_features_and_what_is_worth_a_remark_are_told() {
         assert_eq!(feature.is_some(), check != "feature");
     }
     for (mut policy, check, says) in [
-        (Told { ticks: 20, ..sound() }, "horizon", "covers 2.0 s of 4.0 s"),
-        (Told { looks: false, ..sound() }, "image", "does not look at them"),
+        (Flawed { ticks: 20, ..sound() }, "horizon", "covers 2.0 s of 4.0 s"),
+        (Flawed { looks: false, ..sound() }, "image", "does not look at them"),
     ] {
         let found = examine(&mut policy, &fixtures()).remarks;
         assert!(found.len() == 1 && found[0].check == check && found[0].says.contains(says), "{check}: {found:?}");

@@ -73,7 +73,7 @@ impl Site {
     }
 
     /// Adds someone who moves along a line at a steady speed.
-    fn along(&mut self, class: AgentClass, size: Size, line: &Polyline, (from_m, speed_mps): (f64, f64)) {
+    fn along(&mut self, class: AgentClass, size: Size, line: &Polyline, from_m: f64, speed_mps: f64) {
         let points = (0..TICKS)
             .map(|tick| {
                 let at = from_m + speed_mps * f64::from(tick) * DT_SECS;
@@ -105,7 +105,7 @@ impl Site {
         while at < line.length_m() {
             let size = self.car();
             if at + size.length_m < free.0 || at - size.length_m > free.1 {
-                self.along(AgentClass::Vehicle, size, line, (at, speed_mps));
+                self.along(AgentClass::Vehicle, size, line, at, speed_mps);
             }
             at += size.length_m + self.range(gaps_m.0, gaps_m.1);
         }
@@ -121,7 +121,7 @@ impl Site {
             let Some(way) = Polyline::new(&way) else { continue };
             let size = Size { length_m: 0.6, width_m: 0.6, height_m: self.range(1.5, 1.9) };
             let (from, speed) = (self.range(20.0, way.length_m() - 40.0), self.range(0.8, 1.7));
-            self.along(AgentClass::Pedestrian, size, &way, (from, speed));
+            self.along(AgentClass::Pedestrian, size, &way, from, speed);
         }
     }
 
@@ -288,7 +288,7 @@ fn square(site: &mut Site) -> (Polyline, f64) {
     while at < parked.length_m() {
         let size = Size { length_m: site.range(3.7, 4.8), width_m: 1.75, height_m: site.range(1.4, 1.9) };
         if site.chance(0.6) {
-            site.along(AgentClass::Vehicle, size, &parked, (at, 0.0));
+            site.along(AgentClass::Vehicle, size, &parked, at, 0.0);
         }
         at += size.length_m + site.range(0.8, 6.0);
     }

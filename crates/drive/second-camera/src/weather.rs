@@ -126,7 +126,6 @@ pub(crate) struct Picture<'a> {
 
 impl Picture<'_> {
     /// Mixes an ellipse of half axes in pixels into the picture.
-    #[expect(clippy::too_many_arguments, reason = "place, size and strength are plain numbers")]
     fn blot(&mut self, x: f64, y: f64, across: f64, down: f64, strength: f64) {
         #[expect(clippy::cast_possible_truncation, reason = "float casts saturate")]
         let span = |at: f64, reach: f64| (at - reach - 1.0).floor() as i64..=(at + reach + 1.0).ceil() as i64;

@@ -89,7 +89,7 @@ pub(crate) type Known = Vec<Vec<Vec<f64>>>;
 impl Past {
     /// Adds `count` commands that begin where the last one left off and steer at a rate; laws count time and way from the first
     /// one, so that with them all are `kept`.
-    pub(crate) fn send(&mut self, (count, kept): (u32, bool), next: impl Fn(&Sent) -> Sent) {
+    pub(crate) fn send(&mut self, count: u32, kept: bool, next: impl Fn(&Sent) -> Sent) {
         for _ in 0..count {
             let last = self.sent.last().copied().unwrap_or_default();
             self.sent.push(next(&last));

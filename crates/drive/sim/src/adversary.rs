@@ -169,14 +169,14 @@ impl Hunter {
         if self.state.planned && ground.as_logged(world) {
             return;
         }
-        let ego = forecast_ego(world, &ground.vehicle, (ground.dt_secs, ground.route.as_ref()));
+        let ego = forecast_ego(world, &ground.vehicle, ground.dt_secs, ground.route.as_ref());
         let others = ground.forecast_others(world);
         let aims = ground.aims();
         let now = Aim { acceleration_mps2: self.state.control.acceleration_mps2, ..self.state.aim };
         let moving = (self.state.car, self.state.control);
         let held = if self.state.planned { ground.planned_ahead(world.tick) } else { ground.driven(moving, now) };
         let held_is_sound = self.state.planned || ground.sound(&held, &others);
-        let cost = |boxes: &[OrientedBox], effort: f64| ground.cost(boxes, &ego, (world.tick, effort));
+        let cost = |boxes: &[OrientedBox], effort: f64| ground.cost(boxes, &ego, world.tick, effort);
         // What it last chose left the ego a way out. If none is left now, the ego has let it pass: it goes on.
         let shield = (ground.adversary.mode == AdversaryMode::Reactive)
             .then(|| Escapes::of(world, &ground.vehicle, &others, &|body| ground.on_road(body)));

@@ -76,7 +76,8 @@ impl Chassis {
     pub(crate) fn new(
         vehicle: VehicleParameters,
         kind: DynamicsKind,
-        (substeps, dt_secs): (u32, f64),
+        substeps: u32,
+        dt_secs: f64,
         plant: Arc<Plant>,
         remembers: bool,
     ) -> Self {
@@ -113,7 +114,7 @@ impl Chassis {
             to[2] = from[2] + wrap(to[2] - from[2]);
             let sent = self.sent_by_log(&logged);
             let count = if body.past.sent.is_empty() { 1 } else { self.substeps };
-            body.past.send((count, self.lawful()), |last| Sent { brake_work_mj: last.brake_work_mj, ..sent });
+            body.past.send(count, self.lawful(), |last| Sent { brake_work_mj: last.brake_work_mj, ..sent });
             for k in 1..=self.substeps {
                 let u = f64::from(k) / f64::from(self.substeps);
                 body.past.witness(Moment::from_array(std::array::from_fn(|i| from[i] + u * (to[i] - from[i]))));
@@ -169,7 +170,7 @@ impl Chassis {
                     body.sensed_rad = tick.steering.sensed[k];
                     body.drive_mps2 = tick.accel[k];
                     if self.lawful() {
-                        pushed = self.obey(body, (tick, k));
+                        pushed = self.obey(body, tick, k);
                     }
                 }
                 None => self.actuate(body, command),
@@ -194,7 +195,7 @@ impl Chassis {
     }
 
     /// Turns the wheels by what laws add at the steering in a sub-step, and returns what laws push the car with.
-    fn obey(&self, body: &mut Body, (tick, k): (&crate::actuation::Tick, usize)) -> Push {
+    fn obey(&self, body: &mut Body, tick: &crate::actuation::Tick, k: usize) -> Push {
         let last = body.past.moments.last().copied().unwrap_or_default();
         let [slip_front, slip_rear] = body.slip_rad;
         let felt = Felt {
@@ -226,9 +227,9 @@ impl Chassis {
         let work_mj = self.plant.vehicle.nominal_mass_kg * (-accel_mps2).max(0.0) * speed_mps.abs() * h * 1e-6;
         if body.past.sent.is_empty() {
             let start = self.sent_by_log(body);
-            body.past.send((1, self.lawful()), |_| start);
+            body.past.send(1, self.lawful(), |_| start);
         }
-        body.past.send((self.substeps, self.lawful()), |last| Sent {
+        body.past.send(self.substeps, self.lawful(), |last| Sent {
             steer_rad: (last.steer_rad + rate * h).clamp(-limit, limit),
             accel_mps2,
             speed_mps,
@@ -312,7 +313,8 @@ impl Chassis {
     fn along(&self, forward_mps: f64, body: &Body, pushed: &Push) -> Along {
         let (car, road) = (&self.plant.vehicle, &self.plant.road);
         let drive_mps2 = held(body.drive_mps2 * (car.nominal_mass_kg / car.mass_kg), car.friction, GRAVITY_MPS2);
-        let [drag_n, side_n] = air_n(car, road, forward_mps, body.ego.pose.heading_rad.sin_cos());
+        let (sin, cos) = body.ego.pose.heading_rad.sin_cos();
+        let [drag_n, side_n] = air_n(car, road, forward_mps, sin, cos);
         let slope_mps2 = slope_mps2(road.grade_rad);
         let standing = forward_mps.abs() <= STANDING_MPS && drive_mps2.abs() <= slope_mps2.abs();
         let pushed_mps2 = pushed.drive_mps2 * (car.nominal_mass_kg / car.mass_kg);

@@ -37,7 +37,7 @@ impl Escapes {
         let mut bodies = Vec::new();
         for longitudinal in LONGITUDINAL_MPS2 {
             for lateral in LATERAL_MPS2 {
-                let way = way_out(world, vehicle, (longitudinal, lateral));
+                let way = way_out(world, vehicle, longitudinal, lateral);
                 let clear = way
                     .iter()
                     .zip(others)
@@ -59,7 +59,7 @@ impl Escapes {
 }
 
 /// Returns the ego's body of the next ticks: as it moves now for the reaction, then with two held accelerations.
-fn way_out(world: &WorldState, vehicle: &VehicleParameters, (ahead, aside): (f64, f64)) -> Vec<OrientedBox> {
+fn way_out(world: &WorldState, vehicle: &VehicleParameters, ahead: f64, aside: f64) -> Vec<OrientedBox> {
     let ego = &world.ego;
     let centre = ego.centre(vehicle);
     let body = vehicle.size.footprint(&centre);
@@ -94,7 +94,8 @@ fn way_out(world: &WorldState, vehicle: &VehicleParameters, (ahead, aside): (f64
 pub(crate) fn forecast_ego(
     world: &WorldState,
     vehicle: &VehicleParameters,
-    (dt_secs, route): (f64, Option<&Path>),
+    dt_secs: f64,
+    route: Option<&Path>,
 ) -> Vec<OrientedBox> {
     let ego = &world.ego;
     let mut car = Rolling { pose: ego.pose, speed_mps: ego.speed_mps().max(0.0) };
@@ -145,7 +146,7 @@ mod tests {
             let ego = EgoState { pose, velocity_mps: DVec2::new(10.0, 0.0), ..EgoState::default() };
             let (tick, time) = (Tick(0), SimTime::default());
             let world = WorldState { tick, time, ego, agents: vec![], lights: vec![], contacts: vec![] };
-            let boxes = forecast_ego(&world, &VehicleParameters::PACIFICA, (0.1, route));
+            let boxes = forecast_ego(&world, &VehicleParameters::PACIFICA, 0.1, route);
             assert_eq!(boxes.len(), TICKS);
             (boxes[TICKS - 1].centre, boxes[TICKS - 1].forward.to_angle())
         };

@@ -13,7 +13,7 @@ use crate::lane_change::{LANE_M, Lanes, Weave};
 use crate::lane_index::LaneIndex;
 use crate::participant::{Motion, Obstructing};
 use crate::signal::SignalStop;
-use crate::ways::Ways;
+use crate::track_paths::TrackPaths;
 
 /// Share of drivers in the last mapped lane who use the one beyond it, where there is one.
 const BEYOND_SHARE: f64 = 0.5;
@@ -23,7 +23,7 @@ const BEYOND_SHARE: f64 = 0.5;
 pub(crate) struct Habits {
     pub(crate) agents: Agents,
     /// Shared by all copies.
-    ways: Arc<Ways>,
+    ways: Arc<TrackPaths>,
     /// How far each keeps to the left of its path.
     shifts_m: Arc<[f64]>,
     /// Who never yields.
@@ -35,7 +35,7 @@ pub(crate) struct Habits {
 
 impl Habits {
     /// Draws what each agent is like.
-    pub(crate) fn new(scene: &Scene, ways: Arc<Ways>, plant: &Plant) -> Self {
+    pub(crate) fn new(scene: &Scene, ways: Arc<TrackPaths>, plant: &Plant) -> Self {
         let (agents, tracks) = (plant.agents, scene.tracks.len());
         let shifts_m = if plant.chart == Chart::default() {
             Vec::new()
@@ -115,7 +115,7 @@ impl Habits {
 
     /// Finds out where everybody is on their path.
     pub(crate) fn place(&mut self, world: &WorldState, ego: Obstructing, motions: &[Motion]) {
-        let Ways { paths, stops, ego: ego_path, .. } = &*self.ways;
+        let TrackPaths { paths, stops, ego: ego_path, .. } = &*self.ways;
         if self.ways.zones.is_empty() {
             return;
         }

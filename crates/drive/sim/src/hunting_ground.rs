@@ -207,7 +207,7 @@ impl Ground {
 
     /// Returns how much a drive misses the ego by, in metres; contact costs only its effort and how far from
     /// the planned time it comes.
-    pub(crate) fn cost(&self, boxes: &[OrientedBox], ego: &[OrientedBox], (now, effort_mps2): (Tick, f64)) -> f64 {
+    pub(crate) fn cost(&self, boxes: &[OrientedBox], ego: &[OrientedBox], now: Tick, effort_mps2: f64) -> f64 {
         let mut least = f64::INFINITY;
         for (i, (body, ego)) in boxes.iter().zip(ego).enumerate() {
             if body.touches(ego) {

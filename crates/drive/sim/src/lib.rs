@@ -25,8 +25,8 @@ mod settings;
 mod signal;
 mod simulation;
 mod snapshot;
+mod track_paths;
 mod traffic;
-mod ways;
 
 pub use agent_path::{AgentPath, Knot};
 pub use conflict::{Duty, Placed, Zone, lets_pass, wait_ahead};
@@ -37,6 +37,6 @@ pub use readings::LOG_HZ;
 pub use settings::{DynamicsKind, IdmScope, Manners, SimConfig};
 pub use signal::{SignalStop, stop_ahead};
 pub use simulation::Simulation;
-pub use ways::Ways;
+pub use track_paths::TrackPaths;
 
 pub use ds_vehicle::{IdmParameters, Lead, nominal};

@@ -97,7 +97,7 @@ impl Simulation {
         let remembers = distorted || config.vehicle_log;
         let steps = (config.substeps, dt_secs);
         Ok(Self {
-            chassis: Chassis::new(scene.vehicle, config.dynamics, steps, Arc::clone(&plant), remembers),
+            chassis: Chassis::new(scene.vehicle, config.dynamics, steps.0, steps.1, Arc::clone(&plant), remembers),
             route: Polyline::new(&scene.route),
             traffic: Traffic::new(&scene, &config, &plant),
             tracker: None,
@@ -260,7 +260,7 @@ impl Simulation {
         let digests = (scene.digest, config.digest());
         let mut simulation = Self::prepare(scene, config)?;
         let hunted = simulation.traffic.hunter().is_some();
-        let content = snapshot::read(bytes, (&digests.0, &digests.1), hunted)?;
+        let content = snapshot::read(bytes, &digests.0, &digests.1, hunted)?;
         if content.tick > simulation.scene.last_tick().plus(MAX_TICKS_AFTER_LOG) {
             return Err(SnapshotError::Field { field: "tick", value: f64::from(content.tick.0) }.into());
         }

@@ -105,7 +105,7 @@ fn put_pose(out: &mut Vec<u8>, pose: &PoseSe2) {
 }
 
 /// Reads a snapshot that was taken of this scene under this configuration.
-pub(crate) fn read(bytes: &[u8], (scene, config): (&Digest, &Digest), hunted: bool) -> Result<Content, SnapshotError> {
+pub(crate) fn read(bytes: &[u8], scene: &Digest, config: &Digest, hunted: bool) -> Result<Content, SnapshotError> {
     let length = SnapshotError::Length { bytes: bytes.len() };
     if !bytes.starts_with(&MAGIC) {
         return Err(SnapshotError::Magic);

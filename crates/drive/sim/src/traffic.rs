@@ -19,7 +19,7 @@ use crate::lane_change::{Changer, Neighbour};
 use crate::participant::{Motion, Obstructing};
 use crate::settings::{IdmScope, SimConfig};
 use crate::signal;
-use crate::ways::Ways;
+use crate::track_paths::TrackPaths;
 
 /// Agents farther behind the ego than this stay as logged.
 const BEHIND_REACH_M: f64 = 100.0;
@@ -41,7 +41,7 @@ pub(crate) struct Traffic {
     reacting: Option<IdmScope>,
     idm: IdmParameters,
     /// Shared by all copies.
-    ways: Arc<Ways>,
+    ways: Arc<TrackPaths>,
     motions: Vec<Motion>,
     /// Accelerations that each follower has wished for but not yet reacted with, oldest first; then the one it has.
     wishes: Vec<Vec<f64>>,
@@ -72,9 +72,9 @@ impl Traffic {
     pub(crate) fn new(scene: &Scene, config: &SimConfig, plant: &Plant) -> Self {
         let (tracks, driver): (usize, Follower) = (scene.tracks.len(), plant.follower);
         let ways = Arc::new(match config.agents {
-            Some(_) => Ways::new(scene, &plant.agents, &plant.chart),
-            None if plant.chart != Chart::default() => Ways::logged(scene),
-            None => Ways::none(tracks),
+            Some(_) => TrackPaths::new(scene, &plant.agents, &plant.chart),
+            None if plant.chart != Chart::default() => TrackPaths::logged(scene),
+            None => TrackPaths::none(tracks),
         });
         let habits = Habits::new(scene, Arc::clone(&ways), plant);
         Self {
@@ -217,7 +217,7 @@ impl Traffic {
             let next_mps = if agent.class == AgentClass::Pedestrian {
                 self.pace(index, path.at(along_m).desired_mps, speed_mps, dt_secs)
             } else {
-                let wish_mps2 = self.wish(world, agent, path, (along_m, speed_mps));
+                let wish_mps2 = self.wish(world, agent, path, along_m, speed_mps);
                 let acceleration = self.react(index, wish_mps2, dt_secs);
                 (speed_mps + acceleration * dt_secs).clamp(0.0, 60.0)
             };
@@ -232,14 +232,14 @@ impl Traffic {
     }
 
     /// Returns the acceleration that a driver wishes for: behind whom it follows, at lights, and where it yields.
-    fn wish(&self, world: &WorldState, agent: &AgentState, path: &AgentPath, (along_m, speed_mps): (f64, f64)) -> f64 {
+    fn wish(&self, world: &WorldState, agent: &AgentState, path: &AgentPath, along_m: f64, speed_mps: f64) -> f64 {
         let index = agent.id.0 as usize;
         let desired_mps = self.desired(path, along_m);
         let (aside_m, _) = self.habits.aside(index, along_m, speed_mps);
-        let lead = self.lead(path, agent, (along_m, aside_m), speed_mps);
+        let lead = self.lead(path, agent, along_m, aside_m, speed_mps);
         let mut acceleration = self.idm.acceleration(speed_mps, desired_mps, lead);
         if let Some(target_m) = self.habits.target_m(index, along_m) {
-            let lead = self.lead(path, agent, (along_m, target_m), speed_mps);
+            let lead = self.lead(path, agent, along_m, target_m, speed_mps);
             acceleration = acceleration.min(self.idm.acceleration(speed_mps, desired_mps, lead));
         }
         let nose_m = along_m + 0.5 * agent.size.length_m;
@@ -325,13 +325,7 @@ impl Traffic {
     }
 
     /// Returns the nearest obstacle in the corridor of a follower, which runs so far to the left of its path.
-    fn lead(
-        &self,
-        path: &AgentPath,
-        agent: &AgentState,
-        (along_m, aside_m): (f64, f64),
-        speed_mps: f64,
-    ) -> Option<Lead> {
+    fn lead(&self, path: &AgentPath, agent: &AgentState, along_m: f64, aside_m: f64, speed_mps: f64) -> Option<Lead> {
         let (half_length_m, half_width_m) = (0.5 * agent.size.length_m, 0.5 * agent.size.width_m);
         let reach_m = (REACH_M + REACH_SECS * speed_mps).min(LONGEST_REACH_M);
         let stretch = path.stretch(along_m, along_m + half_length_m + reach_m);

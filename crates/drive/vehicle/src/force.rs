@@ -29,7 +29,7 @@ pub fn rolling_mps2(car: &Vehicle, forward_mps: f64) -> f64 {
 /// and cosine.
 #[inline]
 #[must_use]
-pub fn air_n(car: &Vehicle, road: &Road, forward_mps: f64, (sin, cos): (f64, f64)) -> [f64; 2] {
+pub fn air_n(car: &Vehicle, road: &Road, forward_mps: f64, sin: f64, cos: f64) -> [f64; 2] {
     if road.wind_x_mps == 0.0 && road.wind_y_mps == 0.0 {
         return [car.drag_n_s2_m2 * forward_mps * forward_mps.abs(), 0.0];
     }
@@ -66,7 +66,7 @@ mod tests {
         let mut car = nominal(&VehicleParameters::ZOE, &IdmParameters::default()).vehicle;
         (car.drag_n_s2_m2, car.rolling_mps2) = (0.4, 0.1);
         for (speed_mps, drag_n, rolling) in [(20.0, 160.0, 0.1), (-10.0, -40.0, -0.1), (0.04, 0.000_64, 0.0)] {
-            let [along, across] = air_n(&car, &Road::default(), speed_mps, (0.6, 0.8));
+            let [along, across] = air_n(&car, &Road::default(), speed_mps, 0.6, 0.8);
             assert!((along - drag_n).abs() < 1e-12 && across == 0.0, "{speed_mps} m/s: {along}");
             assert_eq!(rolling_mps2(&car, speed_mps), rolling);
         }
@@ -80,9 +80,9 @@ mod tests {
         car.drag_n_s2_m2 = 0.4;
         let to_the_south = Road { wind_y_mps: -6.0, ..Road::default() };
         // Air at 8 m/s ahead and 6 m/s aside moves at 10 m/s over the car.
-        let [along, across] = air_n(&car, &to_the_south, 8.0, (0.0, 1.0));
+        let [along, across] = air_n(&car, &to_the_south, 8.0, 0.0, 1.0);
         assert!((along - 32.0).abs() < 1e-12 && (across + 60.0).abs() < 1e-12, "{along} {across}");
-        let [along, across] = air_n(&car, &to_the_south, 8.0, (1.0, 0.0));
+        let [along, across] = air_n(&car, &to_the_south, 8.0, 1.0, 0.0);
         assert!((along - 0.4 * 14.0 * 14.0).abs() < 1e-12 && across.abs() < 1e-12, "{along} {across}");
     }
 }

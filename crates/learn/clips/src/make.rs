@@ -67,7 +67,7 @@ impl<'a> Studio<'a> {
             let rule = format!("{} has no camera {:?}", scene.name, wanted.unwrap_or("at all"));
             return Err(ClipsError::Recipe { field: "scenarios.camera", rule });
         };
-        let camera = recipe.source.world().rig(&resized(&scene.cameras[at], size));
+        let camera = recipe.source.world().rig(&resized(&scene.cameras[at], size.0, size.1));
         let photos = if at < pictures.len() { pictures.swap_remove(at) } else { Vec::new() };
         let map = StaticMap::new(&scene.map);
         let network = network_id(&scene.map);
@@ -216,7 +216,7 @@ impl<'a> Studio<'a> {
     }
 }
 
-fn resized(camera: &CameraModel, (width_px, height_px): (u32, u32)) -> CameraModel {
+fn resized(camera: &CameraModel, width_px: u32, height_px: u32) -> CameraModel {
     CameraModel { intrinsics: camera.intrinsics.resized(width_px, height_px), ..camera.clone() }
 }
 

@@ -57,7 +57,7 @@ pub fn render(recipe: &Recipe, folder: &Path, progress: &dyn Progress) -> Result
             let first = number as u64 * per_shard;
             let planned: Vec<PlannedClip> =
                 (first..(first + per_shard).min(total)).map(|index| plan.clip(index)).collect();
-            let Some(packed) = shard_of(recipe, size, &planned, (infos.len() as u64, total), progress)? else {
+            let Some(packed) = shard_of(recipe, size, &planned, infos.len() as u64, total, progress)? else {
                 return Ok(Rendered { folder: folder.to_path_buf(), clips: infos.len() as u64, of: total, made });
             };
             made += packed.len() as u64;
@@ -93,7 +93,8 @@ fn shard_of(
     recipe: &Recipe,
     size: (u32, u32),
     planned: &[PlannedClip],
-    (before, total): (u64, u64),
+    before: u64,
+    total: u64,
     progress: &dyn Progress,
 ) -> Result<Option<Vec<Packed>>, ClipsError> {
     let done = std::sync::atomic::AtomicU64::new(before);

@@ -81,7 +81,7 @@ impl ClipSet {
     /// # Errors
     /// If there is no such clip or tick, or the shard is broken.
     pub fn read(&self, clip: usize, from: usize, count: usize) -> Result<Clip, ClipsError> {
-        self.pictures(clip, (from, count), Kinds::All)
+        self.pictures(clip, from, count, Kinds::All)
     }
 
     /// Reads a clip as [`ClipSet::read`] does, with layouts and prompt alone: frames and classes stay empty.
@@ -89,10 +89,10 @@ impl ClipSet {
     /// # Errors
     /// As [`ClipSet::read`].
     pub fn layouts(&self, clip: usize, from: usize, count: usize) -> Result<Clip, ClipsError> {
-        self.pictures(clip, (from, count), Kinds::Layouts)
+        self.pictures(clip, from, count, Kinds::Layouts)
     }
 
-    fn pictures(&self, clip: usize, (from, count): (usize, usize), kinds: Kinds) -> Result<Clip, ClipsError> {
+    fn pictures(&self, clip: usize, from: usize, count: usize, kinds: Kinds) -> Result<Clip, ClipsError> {
         let entry =
             self.entries.get(clip).ok_or(ClipsError::Beyond { what: "clip", asked: clip, count: self.len() })?;
         let ticks = entry.info.ticks;

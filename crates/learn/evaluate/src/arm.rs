@@ -73,7 +73,9 @@ impl Arm {
     /// If a file is absent or broken or weights do not fit the preset.
     pub fn of_source(
         source: ObservationSource,
-        (preset, weights, no_guidance): (&Path, &Path, &Path),
+        preset: &Path,
+        weights: &Path,
+        no_guidance: &Path,
     ) -> Result<Self, AppraisalError> {
         let ablation = match source {
             ObservationSource::DreamstreamCleanCache => Some(Ablation::CleanCache),
@@ -202,7 +204,7 @@ impl Arm {
                 one_by_one(&self.model, drive, &first, &images(layouts)).map_err(Into::into)
             }
             Some((teacher, sampling)) => {
-                teacher::clip(&self.model, teacher, drive, (&first, &images(layouts)), *sampling).map_err(Into::into)
+                teacher::clip(&self.model, teacher, drive, &first, &images(layouts), *sampling).map_err(Into::into)
             }
             None => student(&self.model, drive, &first, layouts).map_err(Into::into),
         };

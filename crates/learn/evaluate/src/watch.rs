@@ -74,7 +74,7 @@ pub fn watch(
         let compared = made.is_some().then_some(own.as_ref()).flatten();
         let mut glance = glance(*frame, seen, compared, eyes);
         if plan.truth {
-            judge(&mut glance, drive, (seen, compared), eyes)?;
+            judge(&mut glance, drive, seen, compared, eyes)?;
         }
         glances.push(glance);
     }
@@ -104,7 +104,8 @@ fn glance(frame: u32, seen: &RgbImage, own: Option<&RgbImage>, eyes: &Eyes) -> G
 fn judge(
     glance: &mut Glance,
     drive: &mut Drive,
-    (seen, own): (&RgbImage, Option<&RgbImage>),
+    seen: &RgbImage,
+    own: Option<&RgbImage>,
     eyes: &Eyes,
 ) -> Result<(), AppraisalError> {
     let truth = drive.labels(glance.frame)?;

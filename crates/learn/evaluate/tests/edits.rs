@@ -53,7 +53,7 @@ impl Mean {
     fn check(&self, what: &str, least: f64, ratio: f64) {
         assert!(self.full(), "{what}: in view in {} drives alone", self.0.len());
         let mean = |part: fn(&(f64, f64)) -> f64| self.0.iter().map(part).sum::<f64>() / DRIVES as f64;
-        check(what, (mean(|change| change.0), mean(|change| change.1)), least, ratio);
+        check(what, mean(|change| change.0), mean(|change| change.1), least, ratio);
     }
 }
 
@@ -99,7 +99,7 @@ fn layouts(drive: &mut Drive, edit: impl Fn(&mut WorldState)) -> Vec<Layout> {
 }
 
 /// Holds a mean to its bounds: at least so many of 255 there, and so many times what changes elsewhere.
-fn check(what: &str, (there, elsewhere): (f64, f64), least: f64, ratio: f64) {
+fn check(what: &str, there: f64, elsewhere: f64, least: f64, ratio: f64) {
     eprintln!("{what}: {there:.2} there, {elsewhere:.2} elsewhere, ratio {:.1}", there / elsewhere);
     assert!(there >= least, "{what}: the frame changes by {there:.2} where the layout does, {least} expected");
     assert!(there >= ratio * elsewhere, "{what}: {there:.2} there and {elsewhere:.2} elsewhere");

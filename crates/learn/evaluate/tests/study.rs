@@ -319,13 +319,13 @@ fn recorded_drives_are_as_far_as_their_frames_differ() {
         let frames = (0..4).map(frame).collect();
         Ok(RecordedDrive { name: format!("drive {index}"), camera: camera.clone(), frames, places })
     };
-    let found = study::drives(&config, &guests, (&names, 6), &mut drive, &mut Counted::default()).expect("compared");
+    let found = study::drives(&config, &guests, &names, 6, &mut drive, &mut Counted::default()).expect("compared");
     assert!(found.fd_pi["same"].value.abs() < 1e-6 && found.fd_pi["darker"].value > 1.0, "{:?}", found.fd_pi);
     assert_eq!((found.apart_m["same"], found.apart_m["darker"]), (0.0, 3.0));
     assert!(found.policies["camera-drawn"].control && found.policies["drivor"].frames == 24);
     study::write_json(folder.path(), &found).expect("writes");
     assert!(folder.path().join("drives.json").exists());
     let mut absent = |set: usize, _: usize| if set == 1 { Err("no such recording".into()) } else { drive(0, 0) };
-    let error = study::drives(&config, &guests, (&names, 6), &mut absent, &mut Counted::default()).expect_err("absent");
+    let error = study::drives(&config, &guests, &names, 6, &mut absent, &mut Counted::default()).expect_err("absent");
     assert!(error.to_string().contains("\"same\""), "{error}");
 }

@@ -31,7 +31,7 @@ pub fn recentred(value: f64, mut drawn: Vec<f64>) -> Interval {
 /// Returns the ratio of two values with its interval; `drawn` of both come from the same draws. None unless all are
 /// above zero.
 #[must_use]
-pub fn ratio((above, below): (f64, f64), drawn: (&[f64], &[f64])) -> Option<Interval> {
+pub fn ratio(above: f64, below: f64, drawn: (&[f64], &[f64])) -> Option<Interval> {
     let log = |a: f64, b: f64| (a > 0.0 && b > 0.0).then(|| (a / b).ln());
     let value = log(above, below)?;
     let numbers = drawn.0.iter().zip(drawn.1).filter(|(a, b)| !a.is_nan() && !b.is_nan());
@@ -59,9 +59,9 @@ mod tests {
         assert_eq!(recentred(0.4, Vec::new()), Interval { value: 0.4, low: 0.4, high: 0.4 });
         let ten: Vec<f64> = drawn.iter().map(|v| 10.0 * (v + 1.0)).collect();
         let one: Vec<f64> = drawn.iter().map(|v| v + 1.0).collect();
-        let found = ratio((20.0, 2.0), (&ten, &one)).expect("above zero");
+        let found = ratio(20.0, 2.0, (&ten, &one)).expect("above zero");
         assert!((found.low - 10.0).abs() < 1e-9 && (found.high - 10.0).abs() < 1e-9, "{found:?}");
-        assert_eq!(ratio((1.0, 0.0), (&one, &one)), None);
+        assert_eq!(ratio(1.0, 0.0, (&one, &one)), None);
         assert_eq!(mean_of(&[&[1.0, 2.0], &[3.0, 6.0]]), [2.0, 4.0]);
     }
 }

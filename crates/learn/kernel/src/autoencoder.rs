@@ -180,7 +180,7 @@ impl FastAe {
             let (frame, y) = (index / x.h, index % x.h);
             shuffled.resize(w * 12, 0.0);
             let target = Target::rows(shuffled, 12);
-            self.decoder_head.row(self.arch, &[x.frame(frame)], (y, w), target, Finish::Plain);
+            self.decoder_head.row(self.arch, &[x.frame(frame)], y, w, target, Finish::Plain);
             for (dy, line) in lines.chunks_exact_mut(2 * w * 3).enumerate() {
                 for (pair, head) in line.chunks_exact_mut(6).zip(shuffled.chunks_exact(12)) {
                     pair.copy_from_slice(&head[dy * 6..][..6]);
@@ -223,7 +223,7 @@ impl Autoencoder for FastAe {
         let mut latents = Array::new(&[frames, h, w, z], skip.to_vec());
         latents.values_mut().par_chunks_mut(w * z).enumerate().for_each(|(index, row)| {
             let image = x.frame(index / h);
-            self.encoder_head.row(self.arch, &[image], (index % h, w), Target::rows(row, z), Finish::Add);
+            self.encoder_head.row(self.arch, &[image], index % h, w, Target::rows(row, z), Finish::Add);
         });
         latents
     }

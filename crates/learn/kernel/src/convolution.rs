@@ -47,7 +47,8 @@ impl Convolution {
         &self,
         arch: Arch,
         images: &[&[f32]],
-        (y, w): (usize, usize),
+        y: usize,
+        w: usize,
         target: Target<'_>,
         finish: Finish<'_>,
     ) {
@@ -75,7 +76,7 @@ impl Convolution {
         out.each_row(|frame, y, row| {
             let images = inputs(frame);
             let target = Target { data: row, offset: c, stride: c };
-            self.row(arch, &images[..self.inputs.len()], (y, w), target, finish(frame, y));
+            self.row(arch, &images[..self.inputs.len()], y, w, target, finish(frame, y));
         });
     }
 }

@@ -6,8 +6,6 @@
 //! results have the same bits for any number of threads. Parity with the framework's
 //! graph is held by the tests of `ds_video`.
 
-#![expect(clippy::too_many_arguments, reason = "kernels take the sizes, inputs and outputs of a product one by one")]
-
 mod arch;
 mod attention;
 mod autoencoder;

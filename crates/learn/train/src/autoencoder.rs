@@ -50,7 +50,7 @@ pub fn run(config: &TrainConfig, progress: &mut dyn Progress) -> Result<Report, 
     while run.unfinished() {
         let (weights, at) = (run.weights(), run.step);
         let step = mean_step(&team, stage, |clip| {
-            let batch = self::batch(config, stage, &frames, &shape, (&seed, at, clip))?;
+            let batch = self::batch(config, stage, &frames, &shape, &seed, at, clip)?;
             Ok(config.backend.reconstruction(&shape, weights, &batch))
         })?;
         if !run.apply(step, progress)? {
@@ -76,7 +76,9 @@ fn batch(
     stage: &StageConfig,
     sets: &Frames,
     shape: &AeShape,
-    (seed, step, clip): (&Digest, u32, u64),
+    seed: &Digest,
+    step: u32,
+    clip: u64,
 ) -> Result<AeBatch, TrainError> {
     let draws = Draws::new(seed, "batch", &[u64::from(step), clip]);
     let mut clip = sets.draw(&draws, 1 + (stage.latents - 1) * shape.stride_t)?;

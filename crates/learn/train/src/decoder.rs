@@ -200,7 +200,7 @@ impl Source<'_> {
         let layouts: Vec<Layout> = ticks.map(layout).collect();
         let missing = config.vae.stride_t - layouts.len();
         let layouts = std::iter::repeat_n(&layouts[0], missing).chain(&layouts).collect::<Vec<_>>();
-        carry.unwrap_or_default().guide(&self.shape, (config.video.width_px, config.video.height_px), &layouts)
+        carry.unwrap_or_default().guide(&self.shape, config.video.width_px, config.video.height_px, &layouts)
     }
 
     /// Computes the steps of decoder and discriminator for one drawn clip.

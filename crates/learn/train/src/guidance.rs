@@ -116,7 +116,6 @@ impl Teacher {
     /// Samples frames 1..F from noise by Euler steps of the guided flow; `visit` sees the state at each
     /// level before its step, counted from 0.
     #[must_use]
-    #[expect(clippy::too_many_arguments, reason = "what is sampled, how, and who looks on")]
     pub fn sample(
         &self,
         batch: &ClipBatch,

@@ -19,7 +19,7 @@ mod panel_loss;
 mod rasters;
 mod selection;
 mod settings;
-mod shown;
+mod step_sample;
 mod total_loss;
 mod vocabulary;
 
@@ -216,7 +216,8 @@ impl Files {
 /// [`PolicyTrainError`] says what is wrong.
 pub fn run(
     student: Learned,
-    (settings, backend): (&PolicySettings, Backend),
+    settings: &PolicySettings,
+    backend: Backend,
     [folder, shipped]: [&Path; 2],
     listener: &mut dyn FnMut(&str),
 ) -> Result<PathBuf, PolicyTrainError> {
@@ -229,14 +230,14 @@ pub fn run(
     let mut samples =
         Samples::held(&files.samples("expert"), || dataset::beside_the_expert(settings, ScenarioSplit::Training))?;
     files.log(&json!({"samples": samples.len(), "held_out": held_out.len()}), listener)?;
-    let mut learner = Learner::resume(student, settings, &samples, (&files.checkpoint(), &begun))?;
+    let mut learner = Learner::resume(student, settings, &samples, &files.checkpoint(), &begun)?;
     let mut end = 0;
     for (index, round) in (0u64..).zip(&settings.rounds) {
         if round.scenarios > 0 {
             let driven = Samples::held(&files.driven(index), || {
                 let average = learner.average();
                 let policy = || Ok(student.policy(average)?);
-                closed_loop::samples_of(settings, index, (round.scenarios, &backend.team()), policy)
+                closed_loop::samples_of(settings, index, round.scenarios, &backend.team(), policy)
             })?;
             samples.append(driven);
             files.log(&json!({"round": index, "samples": samples.len()}), listener)?;

@@ -36,7 +36,8 @@ impl Conditions {
         dit: &dyn Transformer,
         model: &DitConfig,
         prompt: &str,
-        (frame, clean): (&RgbImage, &Array),
+        frame: &RgbImage,
+        clean: &Array,
     ) -> Result<Context, VideoError> {
         let text = match self {
             Self::Encoded { text: Some(text), .. } => {

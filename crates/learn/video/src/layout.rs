@@ -56,7 +56,7 @@ impl Carry {
     /// Makes what guides the decoder's frames of a chunk, [layouts, height, width, guide channels] of −1 to 1: each layout at the
     /// size of the frames, and beside it the frame as it would look from there, if the model is one that sees it.
     #[must_use]
-    pub fn guide(&self, shape: &AeShape, (width, height): (u32, u32), layouts: &[&Layout]) -> Array {
+    pub fn guide(&self, shape: &AeShape, width: u32, height: u32, layouts: &[&Layout]) -> Array {
         let images: Vec<RgbImage> = layouts.iter().map(|layout| layout.image.resized(width, height)).collect();
         let stacked = tokens::stacked(&images.iter().collect::<Vec<_>>());
         if !shape.carried {

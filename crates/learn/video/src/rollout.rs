@@ -91,7 +91,6 @@ impl Rollout {
     ///
     /// # Errors
     /// If the prompt cannot be encoded or the model gives values that are not finite.
-    #[expect(clippy::too_many_arguments, reason = "what a rollout begins with, each once")]
     pub fn new(
         model: Arc<VideoModel>,
         draw_key: Digest,
@@ -127,7 +126,7 @@ impl Rollout {
                 Array::new(&[config.causal.chunk, n, 4, z], clean.values().repeat(config.causal.chunk))
             }
         };
-        let context = model.conditions.context(&*model.dit, &config.model, prompt, (&first_frame, &clean))?;
+        let context = model.conditions.context(&*model.dit, &config.model, prompt, &first_frame, &clean)?;
         let mut conditioning = DigestWriter::new();
         conditioning.digest(&model.digest()).digest(&draw_key).text(camera).text(prompt);
         clean.digest_into(&mut conditioning);
@@ -398,7 +397,8 @@ impl Rollout {
         let guide = (config.control.decoder_layers > 0 && !layouts.is_empty()).then(|| {
             self.carry.guide(
                 &config.ae(),
-                (config.video.width_px, config.video.height_px),
+                config.video.width_px,
+                config.video.height_px,
                 &layouts.iter().collect::<Vec<_>>(),
             )
         });

@@ -60,7 +60,7 @@ impl Workload {
         let frame = RgbImage::filled(config.video.width_px, config.video.height_px, [128; 3]);
         let (first, _) = model.codec.encode_first(config, &frame);
         let tokens = tokens::latents_to_tokens(&first);
-        let context = model.conditions.context(&*model.dit, &config.model, "a prompt", (&frame, &tokens))?;
+        let context = model.conditions.context(&*model.dit, &config.model, "a prompt", &frame, &tokens)?;
         let clean = Array::zeros(&[config.causal.chunk, config.dit().tokens(), 4, config.vae.z]);
         let (cache, decoder) = (KvCache::new(config.cache()), DecoderMemory::default());
         let mut made = Self { model, context, cache, decoder, layouts: LayoutMemory::default(), clean, chunk: 0 };

@@ -124,7 +124,7 @@ impl Stage {
         }
         match event {
             Event::Message(message) => self.on_message(now, message, receive::Via::Push, &mut actions),
-            Event::Pulled { slot, from, reply } => self.on_pulled(now, (slot, from), reply, &mut actions),
+            Event::Pulled { slot, from, reply } => self.on_pulled(now, slot, from, reply, &mut actions),
             Event::Asked { query, slot } => {
                 let reply = if self.leased(now) { self.outbox.get(slot).cloned() } else { None };
                 actions.push(Action::Answer { query, reply });

@@ -58,14 +58,14 @@ pub struct Page(BTreeMap<String, Family>);
 
 impl Page {
     /// Adds a value to the sample of a counter or gauge, by the family's name and the labels.
-    pub fn tell(&mut self, (name, help): (&str, &'static str), kind: Kind, labels: &[(&str, &str)], value: f64) {
-        let family = self.family((name, help), kind);
+    pub fn tell(&mut self, name: &str, help: &'static str, kind: Kind, labels: &[(&str, &str)], value: f64) {
+        let family = self.family(name, help, kind);
         family.add(format!("{name}{}", braced(labels)), value);
     }
 
     /// Adds the counts of a histogram.
-    pub fn tell_times(&mut self, (name, help): (&str, &'static str), labels: &[(&str, &str)], times: &Histogram) {
-        let family = self.family((name, help), Kind::Histogram);
+    pub fn tell_times(&mut self, name: &str, help: &'static str, labels: &[(&str, &str)], times: &Histogram) {
+        let family = self.family(name, help, Kind::Histogram);
         let mut count = 0;
         for (index, in_bucket) in times.counts.iter().enumerate() {
             count += in_bucket;
@@ -77,7 +77,7 @@ impl Page {
         family.add(format!("{name}_count{}", braced(labels)), count as f64);
     }
 
-    fn family(&mut self, (name, help): (&str, &'static str), kind: Kind) -> &mut Family {
+    fn family(&mut self, name: &str, help: &'static str, kind: Kind) -> &mut Family {
         self.0.entry(name.to_owned()).or_insert_with(|| Family { kind, help, samples: Vec::new() })
     }
 
@@ -165,14 +165,14 @@ mod tests {
     fn what_was_told_is_read_back() {
         let mut page = Page::default();
         let odd = [("role", "a \"b\"\\ c\nd, e}")];
-        page.tell(("z_total", "Last.\nSecond line."), Kind::Counter, &odd, 3.0);
-        page.tell(("z_total", "Last."), Kind::Counter, &odd, 4.0);
-        page.tell(("z_total", "Last."), Kind::Counter, &[("role", "other")], 1.0);
-        page.tell(("a", "First."), Kind::Gauge, &[], 0.25);
+        page.tell("z_total", "Last.\nSecond line.", Kind::Counter, &odd, 3.0);
+        page.tell("z_total", "Last.", Kind::Counter, &odd, 4.0);
+        page.tell("z_total", "Last.", Kind::Counter, &[("role", "other")], 1.0);
+        page.tell("a", "First.", Kind::Gauge, &[], 0.25);
         let mut times = Histogram::default();
         [0.0, 0.001, 0.3, 99.0].into_iter().for_each(|secs| times.observe(secs));
-        page.tell_times(("times_seconds", "Times."), &[("role", "sim")], &times);
-        page.tell_times(("times_seconds", "Times."), &[("role", "sim")], &times);
+        page.tell_times("times_seconds", "Times.", &[("role", "sim")], &times);
+        page.tell_times("times_seconds", "Times.", &[("role", "sim")], &times);
         let text = page.text();
         let read = parsed(&text);
         let value = |name: &str, labels: &[(&str, &str)]| read[&(name.to_owned(), labelled(labels))];

@@ -43,9 +43,9 @@ impl Metrics {
         self.add(move |page| {
             let built = ("dreamstream_build_info", "Always 1; the labels name service and version.");
             let labels = [("service", service), ("version", env!("CARGO_PKG_VERSION"))];
-            page.tell(built, Kind::Gauge, &labels, 1.0);
+            page.tell(built.0, built.1, Kind::Gauge, &labels, 1.0);
             for (name, help, count) in bus.counters().list() {
-                page.tell((&format!("dreamstream_bus_{name}_total"), help), Kind::Counter, &[], count as f64);
+                page.tell(&format!("dreamstream_bus_{name}_total"), help, Kind::Counter, &[], count as f64);
             }
         });
     }
@@ -144,7 +144,7 @@ mod tests {
         let address = free.local_addr().expect("an address").to_string();
         drop(free);
         let (metrics, drain) = (Metrics::default(), Drain::new());
-        metrics.add(|page| page.tell(("a_total", "Counted."), Kind::Counter, &[], 7.0));
+        metrics.add(|page| page.tell("a_total", "Counted.", Kind::Counter, &[], 7.0));
         let section = MetricsSection { listen: address.clone() };
         let task = tokio::spawn(metrics.open(&section, security, drain.clone()).expect("opens"));
         Served { address, drain, task }

@@ -24,7 +24,7 @@ pub struct Ended {
 }
 
 /// The episodes of a run under way as last told, by their ids.
-pub type Told = BTreeMap<String, pb::EpisodeResult>;
+pub type EpisodeResults = BTreeMap<String, pb::EpisodeResult>;
 
 /// What came of talking to the orchestrator once.
 enum Talk {
@@ -37,7 +37,11 @@ enum Talk {
 ///
 /// # Errors
 /// If the orchestrator refuses the run, or stays away.
-pub async fn drive(request: &pb::SubmitRequest, control: &Dial, progress: &mut impl FnMut(&Told)) -> Result<Ended> {
+pub async fn drive(
+    request: &pb::SubmitRequest,
+    control: &Dial,
+    progress: &mut impl FnMut(&EpisodeResults),
+) -> Result<Ended> {
     let mut tries = 0;
     loop {
         match talk(request, control, progress).await? {
@@ -52,7 +56,7 @@ pub async fn drive(request: &pb::SubmitRequest, control: &Dial, progress: &mut i
     }
 }
 
-async fn talk(request: &pb::SubmitRequest, control: &Dial, progress: &mut impl FnMut(&Told)) -> Result<Talk> {
+async fn talk(request: &pb::SubmitRequest, control: &Dial, progress: &mut impl FnMut(&EpisodeResults)) -> Result<Talk> {
     let channel = match control.connect(Duration::from_secs(5)).await {
         Ok(channel) => channel,
         Err(error) => return Ok(Talk::Cut(tonic::Status::unavailable(error.to_string()))),
@@ -69,14 +73,14 @@ async fn talk(request: &pb::SubmitRequest, control: &Dial, progress: &mut impl F
 async fn follow(
     request: &pb::SubmitRequest,
     channel: Control,
-    progress: &mut impl FnMut(&Told),
+    progress: &mut impl FnMut(&EpisodeResults),
 ) -> Result<Ended, tonic::Status> {
     let mut runs = RunsClient::new(channel.clone())
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
     let run_id = runs.submit(request.clone()).await?.into_inner().run_id;
     let mut stream = runs.watch(pb::WatchRequest { run_id: run_id.clone() }).await?.into_inner();
-    let mut seen = Told::new();
+    let mut seen = EpisodeResults::new();
     let mut ended = false;
     while let Some(told) = stream.message().await? {
         ended = pb::has_ended(told.status);

@@ -14,7 +14,7 @@ use crate::workbench::Done;
 pub fn tell_counters(page: &mut Page, role: &str, counters: &Counters) {
     for (name, help, count) in counters.list() {
         let name = format!("dreamstream_protocol_{name}_total");
-        page.tell((&name, help), Kind::Counter, &[("role", role)], count as f64);
+        page.tell(&name, help, Kind::Counter, &[("role", role)], count as f64);
     }
 }
 
@@ -45,17 +45,17 @@ impl Tally {
         let counts = self.lock();
         let labels = [("role", role.name())];
         tell_counters(page, role.name(), &counts.machines);
-        let mut gauge = |name, help, value: f64| page.tell((name, help), Kind::Gauge, &labels, value);
+        let mut gauge = |name, help, value: f64| page.tell(name, help, Kind::Gauge, &labels, value);
         gauge("dreamstream_slots", "Episodes that can be held at once.", slots.into());
         gauge("dreamstream_held_roles", "Episodes held now, one role each.", counts.held_roles.into());
         let help = "Messages that wait in the inboxes of held roles until all that an order needs is there.";
         gauge("dreamstream_queue_depth", help, counts.held_inputs as f64);
         let help = "Time that makers worked on one order, of orders that were carried out.";
-        page.tell_times(("dreamstream_order_seconds", help), &labels, &counts.orders);
+        page.tell_times("dreamstream_order_seconds", help, &labels, &counts.orders);
         let help = "Time to make a state again from journalled messages; their number counts the misses of the cache.";
-        page.tell_times(("dreamstream_restore_seconds", help), &labels, &counts.restores);
+        page.tell_times("dreamstream_restore_seconds", help, &labels, &counts.restores);
         let mut counter = |name, help, labels: &[(&str, &str)], count: u64| {
-            page.tell((name, help), Kind::Counter, labels, count as f64);
+            page.tell(name, help, Kind::Counter, labels, count as f64);
         };
         let help = "Orders that found their state in memory: the KV cache of a video model, the world of a simulator.";
         counter("dreamstream_cache_hits_total", help, &labels, counts.cache_hits);

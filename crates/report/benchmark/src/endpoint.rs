@@ -15,7 +15,7 @@ const MAX_ENDPOINTS: usize = 64;
 /// The file of a declaration.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Plan {
+struct EndpointFile {
     version: u32,
     endpoint: Vec<Endpoint>,
 }
@@ -79,7 +79,7 @@ pub fn load(path: &Path) -> Result<Vec<Endpoint>, FileError> {
     let shape = |at: String, problem: String| FileError::Shape { at, problem, path: path.to_owned() };
     let bytes = file::read(path)?;
     let text = std::str::from_utf8(&bytes).map_err(|error| shape(".".to_owned(), error.to_string()))?;
-    let plan: Plan = toml::from_str(text).map_err(|error| shape(".".to_owned(), error.to_string()))?;
+    let plan: EndpointFile = toml::from_str(text).map_err(|error| shape(".".to_owned(), error.to_string()))?;
     if plan.version != 1 || plan.endpoint.is_empty() || plan.endpoint.len() > MAX_ENDPOINTS {
         let problem =
             format!("version {} with {} endpoints, not version 1 with 1 to 64", plan.version, plan.endpoint.len());

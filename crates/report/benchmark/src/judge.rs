@@ -68,7 +68,7 @@ pub struct Judged {
 
 /// Judges a drive from its states, in order of ticks; the policy drives from `start` on, the drive is to end at `last`.
 #[must_use]
-pub fn judge(scene: &Scene, (start, last): (Tick, Tick), states: &[&WorldState]) -> Judged {
+pub fn judge(scene: &Scene, start: Tick, last: Tick, states: &[&WorldState]) -> Judged {
     let mut scores = BTreeMap::new();
     let mut strict = None;
     for name in PROFILES {
@@ -139,7 +139,7 @@ mod tests {
     fn judged(tick: u32, left_m: f64) -> Judged {
         let scene = ds_scenario::generate(Family::FreeCurve, 1);
         let states = states(&scene, tick, left_m);
-        judge(&scene, (Tick(20), Tick(100)), &states.iter().collect::<Vec<_>>())
+        judge(&scene, Tick(20), Tick(100), &states.iter().collect::<Vec<_>>())
     }
 
     #[test]

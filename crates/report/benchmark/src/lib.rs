@@ -33,7 +33,7 @@ pub use manifest::{Entry, Kind, Manifest, Recipe};
 pub use merge::{MergeError, Merged, merge};
 pub use published::Published;
 pub use quality::Quality;
-pub use record::{Record, Shown, Torn, Writer};
+pub use record::{ConditionShown, Record, Torn, Writer};
 pub use report::Report;
 pub use results::Results;
 pub use review::{Review, VerdictError, Verdicts};

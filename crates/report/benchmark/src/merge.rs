@@ -162,7 +162,7 @@ pub fn merge(folders: &[PathBuf], out: &Path, force: bool) -> Result<Merged, Mer
             .iter()
             .try_fold(Sessions::default(), |all, folder| Ok::<_, FileError>(all.with(of(folder)?)))?,
     };
-    write(folders, out, (&sheet, &sets), &found)?;
+    write(folders, out, &sheet, &sets, &found)?;
     file::write_json(&merged, &out.join(FILE))?;
     Ok(merged)
 }
@@ -201,7 +201,8 @@ fn one_benchmark(folders: &[PathBuf], force: bool) -> Result<(Sheet, Vec<Manifes
 fn write(
     folders: &[PathBuf],
     out: &Path,
-    (sheet, sets): (&Sheet, &[Manifest]),
+    sheet: &Sheet,
+    sets: &[Manifest],
     found: &BTreeMap<Digest, Found>,
 ) -> Result<(), FileError> {
     let path = out.join(record::FILE);

@@ -25,7 +25,7 @@ const MAX_LINE_BYTES: u64 = 1 << 20;
 /// Whether the look network names the condition of a drive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Shown {
+pub struct ConditionShown {
     /// On a frame that the policy was shown.
     pub frame: bool,
     /// On the reference camera's frame of the same state.
@@ -51,7 +51,7 @@ pub struct Record {
     /// Whether its condition was on a generated frame; nothing where frames are not generated, or it has none. It follows
     /// from the frames and is no part of the digest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub shown: Option<Shown>,
+    pub shown: Option<ConditionShown>,
 }
 
 impl Record {

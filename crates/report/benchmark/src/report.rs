@@ -23,7 +23,7 @@ use crate::manifest::{Kind, Manifest};
 use crate::published::Published;
 use crate::results::{Drive, Results, unit};
 use crate::sheet::Arm;
-use crate::table::{Shown, Table, Value};
+use crate::table::{EstimateStyle, Table, Value};
 
 /// A report.
 #[derive(Debug)]
@@ -144,7 +144,7 @@ impl Maker<'_> {
                     row.push(Value::text(profile));
                     for (_, score) in SCORES {
                         let units = self.results.units(&arm, set, &|drive| drive.score(profile, score));
-                        row.push(Value::Estimate(self.bootstrap.estimate(&units), Shown::Points));
+                        row.push(Value::Estimate(self.bootstrap.estimate(&units), EstimateStyle::Points));
                     }
                     row.extend(counted(set, self.results, &arm));
                     rows.push(row);
@@ -176,14 +176,14 @@ impl Maker<'_> {
             for arm in self.arms.clone() {
                 let mut row = named(self.anchor, set, &arm);
                 let success = self.results.units(&arm, set, &Drive::success);
-                row.push(Value::Estimate(self.bootstrap.share(&success), Shown::Points));
+                row.push(Value::Estimate(self.bootstrap.share(&success), EstimateStyle::Points));
                 for (_, said) in said {
                     let units = self.results.units(&arm, set, &|drive| drive.happened(said));
-                    row.push(Value::Estimate(self.bootstrap.share(&units), Shown::Points));
+                    row.push(Value::Estimate(self.bootstrap.share(&units), EstimateStyle::Points));
                 }
                 for (_, said) in rates {
-                    let units = per_km(self.results, (&arm, set), said);
-                    row.push(Value::Estimate(self.bootstrap.estimate(&units), Shown::Rate));
+                    let units = per_km(self.results, &arm, set, said);
+                    row.push(Value::Estimate(self.bootstrap.estimate(&units), EstimateStyle::Rate));
                 }
                 rows.push(row);
             }
@@ -214,10 +214,10 @@ impl Maker<'_> {
                     row.push(Value::text(*category));
                     for profile in PROFILES {
                         let units = self.results.units(&arm, part, &|d| d.score(profile, |s| s.driving_score));
-                        row.push(Value::Estimate(self.bootstrap.estimate(&units), Shown::Points));
+                        row.push(Value::Estimate(self.bootstrap.estimate(&units), EstimateStyle::Points));
                     }
                     let success = self.results.units(&arm, part, &Drive::success);
-                    row.push(Value::Estimate(self.bootstrap.share(&success), Shown::Points));
+                    row.push(Value::Estimate(self.bootstrap.share(&success), EstimateStyle::Points));
                     row.push(Value::count(part.entries.len()));
                     rows.push(row);
                 }
@@ -229,7 +229,7 @@ impl Maker<'_> {
     }
 }
 
-fn per_km(results: &Results, (arm, set): (&Arm, &Manifest), said: Said) -> Vec<Unit> {
+fn per_km(results: &Results, arm: &Arm, set: &Manifest, said: Said) -> Vec<Unit> {
     let one = |entry| {
         let drives = results.of(arm, entry);
         let events: f64 = drives.iter().filter_map(|drive| drive.happened(said)).sum();

@@ -13,7 +13,7 @@ use crate::judge::{Judged, Outcome, Scores};
 use crate::manifest::{Entry, Manifest};
 use crate::merge::{self, Merged};
 use crate::quality::Quality;
-use crate::record::{self, Record, Shown, Torn};
+use crate::record::{self, ConditionShown, Record, Torn};
 use crate::review::Review;
 use crate::session::Sessions;
 use crate::sheet::{Arm, Sheet};
@@ -34,7 +34,7 @@ pub struct Drive {
     /// What an oracle says of the policy's proposals.
     pub proposals: Option<ProposalStats>,
     /// Whether its condition was on a generated frame.
-    pub shown: Option<Shown>,
+    pub shown: Option<ConditionShown>,
     /// Wall time, in seconds.
     pub wall_s: f64,
 }

@@ -10,7 +10,7 @@ use crate::estimate::Estimate;
 
 /// How an estimate is shown to people.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Shown {
+pub enum EstimateStyle {
     /// Points of 100.
     Points,
     /// Points of 100 with their sign.
@@ -27,7 +27,7 @@ pub enum Value {
     /// A whole number.
     Count(u64),
     /// A value with its intervals.
-    Estimate(Estimate, Shown),
+    Estimate(Estimate, EstimateStyle),
     /// A score, shown in points; nothing where there is none.
     Score(Option<f64>),
     /// A p-value.
@@ -85,11 +85,11 @@ impl Value {
     }
 }
 
-fn told(estimate: &Estimate, shown: Shown) -> String {
+fn told(estimate: &Estimate, shown: EstimateStyle) -> String {
     let one = |value: f64| match shown {
-        Shown::Points => points(Some(value)),
-        Shown::Signed => signed(Some(value)),
-        Shown::Rate => number(value, 2),
+        EstimateStyle::Points => points(Some(value)),
+        EstimateStyle::Signed => signed(Some(value)),
+        EstimateStyle::Rate => number(value, 2),
     };
     match (estimate.value, estimate.interval()) {
         (Some(value), Some([low, high])) => format!("{} ({} … {})", one(value), one(low), one(high)),
@@ -240,8 +240,12 @@ mod tests {
             note: "What it is.".to_owned(),
             columns: vec!["policy", "DS", "p"],
             rows: vec![
-                vec![Value::text("a|<b>"), Value::Estimate(estimate, Shown::Points), Value::Chance(Some(0.25))],
-                vec![Value::text("c"), Value::Estimate(Estimate::default(), Shown::Points), Value::Chance(None)],
+                vec![Value::text("a|<b>"), Value::Estimate(estimate, EstimateStyle::Points), Value::Chance(Some(0.25))],
+                vec![
+                    Value::text("c"),
+                    Value::Estimate(Estimate::default(), EstimateStyle::Points),
+                    Value::Chance(None),
+                ],
             ],
         };
         let csv = ds_run_report::write::csv::table(&table.columns());

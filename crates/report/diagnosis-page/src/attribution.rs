@@ -148,7 +148,7 @@ mod tests {
     #[test]
     fn the_page_says_shares_scenarios_and_metrics() {
         let cells = [[0.9, 0.8], [0.7, 0.7], [0.8, 0.8], [0.5, 0.6]].map(|cell| cell.map(Some).to_vec());
-        let split = attribute("driving_score", &["frames", "dynamics"], (&["a <1>", "b"], &cells), 1).expect("a split");
+        let split = attribute("driving_score", &["frames", "dynamics"], &["a <1>", "b"], &cells, 1).expect("a split");
         let sentence = split.sentence();
         let metrics = [split];
         let one = Attributed { policy: "camera", sentence: &sentence, metrics: &metrics };

@@ -55,7 +55,7 @@ pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis, traces: &Traces) {
                 let mut top = 0.0;
                 for (series, height) in drawn.iter().zip(&heights) {
                     let spans = spans(diagnosis, traces.drive, series);
-                    Panel::new(series, spans, ends, (top, *height)).draw(m);
+                    Panel::new(series, spans, ends, top, *height).draw(m);
                     top += height;
                 }
                 seconds(m, ends, top);
@@ -85,7 +85,7 @@ fn ends(series: &[&Series]) -> (f64, f64) {
     if to > from { (from, to) } else { (0.0, 1.0) }
 }
 
-fn at((from, to): (f64, f64), secs: f64) -> f64 {
+fn at(from: f64, to: f64, secs: f64) -> f64 {
     LEFT + (RIGHT - LEFT) * ((secs - from) / (to - from)).clamp(0.0, 1.0)
 }
 
@@ -100,7 +100,7 @@ struct Panel<'a> {
 }
 
 impl<'a> Panel<'a> {
-    fn new(series: &'a Series, spans: Vec<(String, [f64; 2])>, ends: (f64, f64), (top, height): (f64, f64)) -> Self {
+    fn new(series: &'a Series, spans: Vec<(String, [f64; 2])>, ends: (f64, f64), top: f64, height: f64) -> Self {
         let largest = series.moments.iter().flat_map(|k| [k.before, k.after, k.floor]).fold(0.0, f64::max);
         let reach = if largest > 0.0 { largest * 1.04 } else { 1.0 };
         Self { series, spans, ends, high: top + TITLE, low: top + height - 8.0, reach }
@@ -111,13 +111,13 @@ impl<'a> Panel<'a> {
     }
 
     fn points(&self, value: fn(&Moment) -> f64) -> Vec<(f64, f64)> {
-        self.series.moments.iter().map(|k| (at(self.ends, k.secs), self.y(value(k)))).collect()
+        self.series.moments.iter().map(|k| (at(self.ends.0, self.ends.1, k.secs), self.y(value(k)))).collect()
     }
 
     fn draw(&self, m: &mut Markup) {
         self.scale(m);
         for (words, [from, to]) in &self.spans {
-            let (x0, x1) = (at(self.ends, *from), at(self.ends, *to));
+            let (x0, x1) = (at(self.ends.0, self.ends.1, *from), at(self.ends.0, self.ends.1, *to));
             plot::area(m, "span", (x0, self.high - 5.0), (x1 - x0, 3.5), words);
         }
         let before = self.points(|k| k.before);
@@ -199,7 +199,7 @@ fn seconds(m: &mut Markup, ends: (f64, f64), top: f64) {
     let step = plot::round_above((ends.1 - ends.0) / 9.0);
     let mut tick = (ends.0 / step).ceil() * step;
     while tick <= ends.1 {
-        plot::text(m, "tick", (at(ends, tick), top + 10.0), &words::fixed(tick, words::decimals(step, 1)));
+        plot::text(m, "tick", (at(ends.0, ends.1, tick), top + 10.0), &words::fixed(tick, words::decimals(step, 1)));
         tick += step;
     }
     plot::text(m, "tick begin", (RIGHT + 14.0, top + 10.0), "time, s");

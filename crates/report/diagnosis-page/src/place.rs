@@ -116,7 +116,8 @@ fn map(m: &mut Markup, cells: &[&Cell], material: &Material) {
                     square(
                         m,
                         cell.copied().copied(),
-                        (columns.left(block) + width * place as f64, y + 2.0),
+                        columns.left(block) + width * place as f64,
+                        y + 2.0,
                         width,
                         block == 0,
                     );
@@ -159,7 +160,7 @@ fn is_in(regime: &Regime, columns: &Columns, block: usize) -> bool {
     AXES.iter().enumerate().all(|(k, axis)| axis.2(regime) == wanted.filter(|w| w.0 == k).map(|w| w.1))
 }
 
-fn square(m: &mut Markup, cell: Option<&Cell>, (x, y): (f64, f64), width: f64, numbered: bool) {
+fn square(m: &mut Markup, cell: Option<&Cell>, x: f64, y: f64, width: f64, numbered: bool) {
     let inner = (width - 1.5, ROW - 4.0);
     let Some(cell) = cell else {
         plot::area(m, "h", (x, y), inner, "");

@@ -41,7 +41,7 @@ pub(crate) fn section(m: &mut Markup, traces: &Traces) {
                 m.leaf("figcaption", &[], title);
                 let words = format!("Road of drive {}, {title}", traces.drive);
                 plot::picture(m, "road", &words, (width, height), |m| {
-                    map(m, traces, &turned, (per_m, width, height), error);
+                    map(m, traces, &turned, per_m, width, height, error);
                 });
             });
         }
@@ -52,7 +52,9 @@ fn map(
     m: &mut Markup,
     traces: &Traces,
     turned: &Turned,
-    (per_m, width, height): (f64, f64, f64),
+    per_m: f64,
+    width: f64,
+    height: f64,
     error: fn(&Moment) -> f64,
 ) {
     let left = (width - turned.width_m * per_m) / 2.0;

@@ -80,7 +80,8 @@ pub struct Attribution {
 pub fn attribute(
     metric: &str,
     components: &[&str],
-    (scenarios, cells): (&[&str], &[Vec<Option<f64>>]),
+    scenarios: &[&str],
+    cells: &[Vec<Option<f64>>],
     seed: u64,
 ) -> Option<Attribution> {
     if components.len() > MOST_COMPONENTS || cells.len() != 1 << components.len() {
@@ -126,7 +127,7 @@ pub fn split(components: &[&str], cells: &[Results]) -> Vec<Attribution> {
     let whole = ["driving_score", "route_completion"];
     let split = |metric: &str| {
         let column = |cell: &Results| scenarios.iter().map(|scenario| of_scenario(cell, scenario, metric)).collect();
-        attribute(metric, components, (&named, &cells.iter().map(column).collect::<Vec<_>>()), 0)
+        attribute(metric, components, &named, &cells.iter().map(column).collect::<Vec<_>>(), 0)
     };
     whole.into_iter().chain(terms).filter_map(split).collect()
 }
@@ -201,7 +202,7 @@ mod tests {
         let mut cells: Vec<Vec<Option<f64>>> = (0..4).map(cell).collect();
         cells[2][5] = None;
         let names = ["a", "b", "c", "d", "e", "f"];
-        let split = attribute("driving_score", &["frames", "dynamics"], (&names, &cells), 1).expect("an attribution");
+        let split = attribute("driving_score", &["frames", "dynamics"], &names, &cells, 1).expect("an attribution");
         let sum: f64 = split.shares.iter().map(|share| share.value).sum();
         assert!((sum - split.total).abs() < 1e-12 && (split.real - split.nominal - split.total).abs() < 1e-12);
         assert_eq!(split.scenarios, 5);
@@ -212,7 +213,7 @@ mod tests {
         assert!(split.sentence().starts_with("of "), "{}", split.sentence());
         let lead = split.lead.as_ref().expect("two components");
         assert!(lead.component == "dynamics" && lead.apart && lead.scenarios_needed.is_none(), "{lead:?}");
-        assert!(attribute("x", &["frames"], (&names, &cells), 1).is_none());
+        assert!(attribute("x", &["frames"], &names, &cells, 1).is_none());
     }
 
     #[test]
@@ -244,7 +245,7 @@ mod tests {
         let cells: Vec<Vec<Option<f64>>> = (0..4).map(cell).collect();
         let names: Vec<String> = (0..24).map(|s| s.to_string()).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let split = attribute("driving_score", &["frames", "dynamics"], (&names, &cells), 1).expect("an attribution");
+        let split = attribute("driving_score", &["frames", "dynamics"], &names, &cells, 1).expect("an attribution");
         let lead = split.lead.as_ref().expect("two components");
         assert!(lead.component == "frames" && !lead.apart, "{lead:?}");
         assert!(lead.scenarios_needed.is_some_and(|needed| needed > 1000), "{lead:?}");

@@ -2,7 +2,7 @@
 //! percentile of the resampled means. Below five scenarios such intervals are too narrow.
 
 use ds_space::Draws;
-use ds_stats::bootstrap::Plan;
+use ds_stats::bootstrap::MeanBootstrap;
 use serde::Serialize;
 
 /// Resamples of an interval.
@@ -10,7 +10,7 @@ pub const RESAMPLES: u64 = 2_000;
 /// What share of such intervals holds the true mean, for many scenarios.
 pub const CONFIDENCE: f64 = 0.95;
 
-const PLAN: Plan = Plan { times: RESAMPLES, tail: (1.0 - CONFIDENCE) / 2.0 };
+const PLAN: MeanBootstrap = MeanBootstrap { times: RESAMPLES, tail: (1.0 - CONFIDENCE) / 2.0 };
 
 /// A range that holds the true mean with [`CONFIDENCE`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

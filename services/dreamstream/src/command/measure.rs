@@ -121,8 +121,6 @@ fn yardstick(args: &MeasureArgs, config: &ModelConfig, backend: Backend) -> Resu
     ));
     Ok(rate)
 }
-
-#[expect(clippy::too_many_arguments, reason = "one number a column")]
 fn line(name: &str, ms: f64, frames: f64, count: f64, peak: f64, maker: Option<f64>) {
     let rate = count / (ms * 1e-3);
     let share = maker.map_or_else(|| "-".to_owned(), |maker| format!("{:.1} %", 100.0 * rate / (maker * 1e12)));

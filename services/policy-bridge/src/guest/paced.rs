@@ -22,7 +22,7 @@ pub(super) struct Pace {
     /// Plans asked for so far.
     asked: u32,
     /// What the policy is busy with.
-    busy: Option<Shown>,
+    busy: Option<SentObservation>,
     newest: Option<Answer>,
     /// How long each answer took that came since the last plan was handed on.
     latency_nanos: Vec<u64>,
@@ -31,7 +31,7 @@ pub(super) struct Pace {
 }
 
 /// An observation that was shown.
-struct Shown {
+struct SentObservation {
     message: FromBridge,
     sequence: u64,
     /// Which of the plans asked for it is for.
@@ -91,7 +91,13 @@ impl External {
                 (None, Some(observation)) => {
                     let (sequence, at) = (observation.sequence, Instant::now());
                     self.sequence += 1;
-                    Shown { message: FromBridge::Observation(Box::new(observation)), sequence, asked, at, moment }
+                    SentObservation {
+                        message: FromBridge::Observation(Box::new(observation)),
+                        sequence,
+                        asked,
+                        at,
+                        moment,
+                    }
                 }
                 (None, None) => break,
             };
@@ -101,7 +107,7 @@ impl External {
             };
             match timeout_at(began + patience, self.until(&shown.message, wanted)).await {
                 Ok(plan) => {
-                    let Shown { asked, at, moment, .. } = shown;
+                    let SentObservation { asked, at, moment, .. } = shown;
                     pace.newest = Some(Answer { plan: plan?, asked, moment });
                     pace.latency_nanos.push(u64::try_from(at.elapsed().as_nanos()).unwrap_or(u64::MAX));
                 }

@@ -161,7 +161,7 @@ fn policy(args: &TrainArgs) -> Result<()> {
     }
     let shipped = args.kind.begins_with().unwrap_or(args.kind).weights_file(&Networks::default().policy_weights);
     let spinner = ProgressBar::new_spinner();
-    ds_train::policy::run(args.kind, (&settings, backend), [&args.out, &shipped], &mut |line: &str| {
+    ds_train::policy::run(args.kind, &settings, backend, [&args.out, &shipped], &mut |line: &str| {
         spinner.set_message(line.to_owned());
         spinner.tick();
     })?;

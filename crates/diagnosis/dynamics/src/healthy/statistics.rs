@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::baseline::ALARM;
 use crate::baseline::nulls::{GAIN, Null, Statistics, chance, of_gain};
 use crate::choice::Outcome;
-use crate::remainder::{Left, left};
+use crate::remainder::{PartRemainder, left};
 
 /// How fast the probability of something unknown rises as the chance falls below the alarm's.
 const STEEPNESS: f64 = 1.0;
@@ -13,7 +13,7 @@ const STEEPNESS: f64 = 1.0;
 /// Returns the statistics of a remainder: the logarithm of loss over clean level by channel, of its worst drive and of its
 /// worst window.
 #[must_use]
-pub(crate) fn of_remainder(lefts: &[Left]) -> Statistics {
+pub(crate) fn of_remainder(lefts: &[PartRemainder]) -> Statistics {
     let mut found = Statistics::new();
     for left in lefts {
         let mut drives: BTreeMap<&str, f64> = BTreeMap::new();
@@ -30,7 +30,7 @@ pub(crate) fn of_remainder(lefts: &[Left]) -> Statistics {
 /// Returns all statistics of a healthy log.
 #[must_use]
 pub(crate) fn of_healthy(outcomes: &[Outcome<'_, '_>]) -> Statistics {
-    let lefts: Vec<Left> =
+    let lefts: Vec<PartRemainder> =
         outcomes.iter().map(|o| left(o.search.model, &o.search.null, &o.search.null, false)).collect();
     let mut found = of_remainder(&lefts);
     for (name, outcome) in GAIN.iter().zip(outcomes) {
@@ -43,8 +43,8 @@ pub(crate) fn of_healthy(outcomes: &[Outcome<'_, '_>]) -> Statistics {
 /// Returns the probability that something is at work that no library effect explains, from what an accepted model or the
 /// ordinary mismatch leaves.
 #[must_use]
-pub(crate) fn unknown(nulls: &[Null], lefts: &[Left]) -> f64 {
+pub(crate) fn unknown(nulls: &[Null], lefts: &[PartRemainder]) -> f64 {
     let chance = chance(nulls, &of_remainder(lefts)).max(1e-12);
-    let trend = lefts.iter().map(Left::inconstant).fold(0.0, f64::max);
+    let trend = lefts.iter().map(PartRemainder::inconstant).fold(0.0, f64::max);
     (1.0 / (1.0 + (chance / ALARM).powf(STEEPNESS))).max(trend)
 }

@@ -41,21 +41,23 @@ impl Scorer {
     /// Returns the scores of those windows of some drives of a case that begin at a time or later, and how many more there are
     /// in which the car does what none of the healthy drives did.
     pub fn take(&mut self, case: &Case, drives: &[usize], from_secs: f64) -> (Vec<Scored>, usize) {
-        scored(case, drives, (&self.baseline, &self.sensors), (&mut self.tracker, from_secs))
+        scored(case, drives, &self.baseline, &self.sensors, &mut self.tracker, from_secs)
     }
 }
 
 /// Returns the scores of the windows of some drives of a log.
 #[must_use]
 pub(crate) fn scores(case: &Case, drives: &[usize], baseline: &Baseline, sensors: &Sensors) -> Vec<Scored> {
-    scored(case, drives, (baseline, sensors), (&mut None, f64::NEG_INFINITY)).0
+    scored(case, drives, baseline, sensors, &mut None, f64::NEG_INFINITY).0
 }
 
 fn scored(
     case: &Case,
     drives: &[usize],
-    (baseline, sensors): (&Baseline, &Sensors),
-    (tracker, from_secs): (&mut Option<Tracker>, f64),
+    baseline: &Baseline,
+    sensors: &Sensors,
+    tracker: &mut Option<Tracker>,
+    from_secs: f64,
 ) -> (Vec<Scored>, usize) {
     let apart = case.apart(Noise::from(sensors));
     let model = PartModel::against(&apart, Part::Ego, drives, &[], Some(baseline));

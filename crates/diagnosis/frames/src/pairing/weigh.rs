@@ -26,7 +26,7 @@ impl Spot {
     /// Returns the values there.
     #[must_use]
     pub fn values(&self, paths: &[Path]) -> Vec<f64> {
-        mix(&paths[self.path].values, self.at)
+        mix(&paths[self.path].values, self.at.0, self.at.1)
     }
 
     /// Returns the change of the statistics there.
@@ -38,7 +38,7 @@ impl Spot {
     }
 }
 
-fn mix(nodes: &[Vec<f64>], (k, share): (usize, f64)) -> Vec<f64> {
+fn mix(nodes: &[Vec<f64>], k: usize, share: f64) -> Vec<f64> {
     nodes[k].iter().zip(&nodes[k + 1]).map(|(a, b)| a + share * (b - a)).collect()
 }
 
@@ -102,7 +102,7 @@ pub fn limit(precision: &DMatrix<f64>, path: &Path, needed: f64) -> Option<f64> 
             let share = f64::from(step) / 20.0;
             let change = &path.change[k] + (&path.change[k + 1] - &path.change[k]) * share;
             if square(precision, &change) >= needed {
-                return Some(mix(&path.values, (k, share))[0]);
+                return Some(mix(&path.values, k, share)[0]);
             }
         }
     }

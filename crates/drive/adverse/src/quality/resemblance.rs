@@ -45,13 +45,13 @@ pub struct Apart {
 pub(super) fn all(logged: &[Motion], [before, attack]: [&[Motion]; 2], draws: &Draws) -> Vec<Resemblance> {
     let compared = |(index, quantity): (usize, &Quantity)| Resemblance {
         quantity: quantity.name,
-        before: apart(logged, before, (index, quantity), draws),
-        attack: apart(logged, attack, (index, quantity), draws),
+        before: apart(logged, before, index, quantity, draws),
+        attack: apart(logged, attack, index, quantity, draws),
     };
     QUANTITIES.iter().enumerate().map(compared).collect()
 }
 
-fn apart(logged: &[Motion], found: &[Motion], (index, quantity): (usize, &Quantity), draws: &Draws) -> Option<Apart> {
+fn apart(logged: &[Motion], found: &[Motion], index: usize, quantity: &Quantity, draws: &Draws) -> Option<Apart> {
     let of = |motions: &[Motion]| -> Vec<f64> {
         let mut values: Vec<f64> = motions.iter().flat_map(|motion| motion.values[index].iter().copied()).collect();
         values.sort_by(f64::total_cmp);
@@ -66,14 +66,14 @@ fn apart(logged: &[Motion], found: &[Motion], (index, quantity): (usize, &Quanti
     Some(Apart {
         values: theirs.len(),
         divergence_nats: jensen_shannon(&quantity.histogram(theirs.iter()), &quantity.histogram(usual.iter()))?,
-        floor_nats: floor(logged, theirs.len(), (index, quantity), draws),
+        floor_nats: floor(logged, theirs.len(), index, quantity, draws),
         shift: ds_stats::mean(gaps?)?,
         outside: outside as f64 / theirs.len() as f64,
     })
 }
 
 /// Returns how far a random part of the logged vehicles, of so many values, is from the rest.
-fn floor(logged: &[Motion], values: usize, (index, quantity): (usize, &Quantity), draws: &Draws) -> f64 {
+fn floor(logged: &[Motion], values: usize, index: usize, quantity: &Quantity, draws: &Draws) -> f64 {
     let all: usize = logged.iter().map(|motion| motion.values[index].len()).sum();
     let wanted = values.min(all / 2);
     let part = |part: u64| {

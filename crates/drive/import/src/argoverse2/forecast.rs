@@ -72,7 +72,7 @@ pub(super) fn scene(log: &Path, path: &Path, notes: &mut Vec<Warning>) -> Result
         map,
         vehicle,
         ego_log,
-        tracks: tracks(seen, (first, last), moved, notes),
+        tracks: tracks(seen, first, last, moved, notes),
         cameras: vec![usual_camera()],
         prompt: prompt(&first_of("city").unwrap_or_default()),
         origin: origin("motion forecasting"),
@@ -107,7 +107,8 @@ fn seen(table: &Table) -> Result<BTreeMap<String, Seen>, ImportError> {
 
 fn tracks(
     seen: BTreeMap<String, Seen>,
-    (first, last): (usize, usize),
+    first: usize,
+    last: usize,
     moved: DVec2,
     notes: &mut Vec<Warning>,
 ) -> Vec<Track> {

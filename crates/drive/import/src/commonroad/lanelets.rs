@@ -49,7 +49,7 @@ pub(super) fn map(root: &Node<'_>, origin: DVec2, notes: &mut Vec<Warning>) -> R
         let name = node.need_attribute("id")?.to_owned();
         let connects = is("intersection") || ways.contains(&name);
         let kind = if connects { LaneKind::Connector } else { LaneKind::Road };
-        map.lanes.push(lane(&node, name, kind, (&left.0, &right.0), surface)?);
+        map.lanes.push(lane(&node, name, kind, &left.0, &right.0, surface)?);
         links.push(linked(&node)?);
         bounds.push((left, right));
     }
@@ -99,7 +99,8 @@ fn lane(
     node: &Node<'_>,
     name: String,
     kind: LaneKind,
-    (left, right): (&[DVec2], &[DVec2]),
+    left: &[DVec2],
+    right: &[DVec2],
     polygon: Vec<DVec2>,
 ) -> Result<Lane, FieldFault> {
     let centre = midway(left, right).and_then(|points| Path::new(&points));

@@ -66,7 +66,7 @@ impl Problem {
     }
 
     /// Draws the drive: the centre of the body at each of two or more ticks, `origin` being where the map's origin lies.
-    pub(super) fn drawn(&self, map: &Map, origin: DVec2, (count, dt_secs): (usize, f64)) -> Vec<PoseSe2> {
+    pub(super) fn drawn(&self, map: &Map, origin: DVec2, count: usize, dt_secs: f64) -> Vec<PoseSe2> {
         let start = PoseSe2 { position: self.start.position - origin, ..self.start };
         let secs = (count - 1) as f64 * dt_secs;
         let (way, bound) = self.way(map, start, origin, self.speed_mps * secs);

@@ -42,7 +42,7 @@ pub(super) fn add(map: &mut Map, root: &Node<'_>, window: &Window, notes: &mut V
             map.lanes[at].speed_limit_mps = sign.limit_mps.or(map.lanes[at].speed_limit_mps);
         }
         let governed = references(&node, "trafficLightRef")?;
-        if let Some(line) = stop_line(&map.lanes[at], &node, &signs, (&governed, &numbers), window)? {
+        if let Some(line) = stop_line(&map.lanes[at], &node, &signs, &governed, &numbers, window)? {
             map.stop_lines.push(line);
         }
         governed.into_iter().for_each(|name| referring.entry(name).or_default().push(at));
@@ -88,7 +88,8 @@ fn stop_line(
     lane: &Lane,
     node: &Node<'_>,
     signs: &BTreeMap<String, Sign>,
-    (governed, numbers): (&[String], &BTreeMap<&str, u32>),
+    governed: &[String],
+    numbers: &BTreeMap<&str, u32>,
     window: &Window,
 ) -> Result<Option<StopLine>, FieldFault> {
     let line = node.get("stopLine");

@@ -125,7 +125,7 @@ pub fn poses_at_ticks(speed_mps: f64, knots: &[PoseSe2; KNOTS], ticks: u32, dt: 
 fn pose_at(speed_mps: f64, knots: &[PoseSe2; KNOTS], after_secs: f64) -> PoseSe2 {
     let end_secs = KNOT_SECS * KNOTS as f64;
     if after_secs > end_secs {
-        return continued((&knots[KNOTS - 2], &knots[KNOTS - 1]), KNOT_SECS, after_secs - end_secs);
+        return continued(&knots[KNOTS - 2], &knots[KNOTS - 1], KNOT_SECS, after_secs - end_secs);
     }
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and the number of knots")]
     let segment = ((after_secs / KNOT_SECS - 1e-9) as usize).min(KNOTS - 1);
@@ -146,7 +146,7 @@ fn pose_at(speed_mps: f64, knots: &[PoseSe2; KNOTS], after_secs: f64) -> PoseSe2
 }
 
 /// Returns the pose some time after the last of two, which lie `spacing_secs` apart, at their speed and curvature.
-pub(crate) fn continued((before, last): (&PoseSe2, &PoseSe2), spacing_secs: f64, beyond_secs: f64) -> PoseSe2 {
+pub(crate) fn continued(before: &PoseSe2, last: &PoseSe2, spacing_secs: f64, beyond_secs: f64) -> PoseSe2 {
     let speed_mps = before.position.distance(last.position) / spacing_secs;
     let rate = angle::turn(before.heading_rad, last.heading_rad) / spacing_secs;
     let most = MOST_YAW_RATE_RADPS.min(speed_mps * 0.2);

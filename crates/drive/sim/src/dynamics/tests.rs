@@ -9,7 +9,7 @@ fn body(speed_mps: f64, steering_rad: f64) -> Body {
 
 fn chassis(kind: DynamicsKind, substeps: u32) -> Chassis {
     let plant = crate::nominal(&VehicleParameters::ZOE, &crate::IdmParameters::default());
-    Chassis::new(VehicleParameters::ZOE, kind, (substeps, 0.1), Arc::new(plant), false)
+    Chassis::new(VehicleParameters::ZOE, kind, substeps, 0.1, Arc::new(plant), false)
 }
 
 /// Holds speed and steering until the motion is steady.

@@ -45,7 +45,8 @@ pub(super) fn clip(
     model: &VideoModel,
     teacher: &Teacher,
     drive: &Drive,
-    (first, layouts): (&RgbImage, &[RgbImage]),
+    first: &RgbImage,
+    layouts: &[RgbImage],
     sampling: Sampling,
 ) -> Result<Vec<RgbImage>, TeacherError> {
     let config = model.config();

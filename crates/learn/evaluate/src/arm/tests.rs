@@ -141,10 +141,10 @@ fn frames_made_one_by_one_know_no_other() {
         (ObservationSource::DreamstreamNoGuidance, "other"),
         (ObservationSource::Dreamstream, "student"),
     ] {
-        let own = Arm::of_source(source, (&preset, &weights, &other)).expect("loads");
+        let own = Arm::of_source(source, &preset, &weights, &other).expect("loads");
         assert!(roll(&own, &layouts) == roll(&Arm::load(&config, name).expect("loads"), &layouts), "{name}");
     }
-    let absent = Arm::of_source(ObservationSource::DreamstreamNoGuidance, (&preset, &weights, Path::new("none")));
+    let absent = Arm::of_source(ObservationSource::DreamstreamNoGuidance, &preset, &weights, Path::new("none"));
     let cause = std::error::Error::source(&absent.err().expect("there is no file")).map(ToString::to_string);
     assert!(cause.is_some_and(|cause| cause.contains("`just arms`")));
 }

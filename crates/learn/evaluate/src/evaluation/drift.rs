@@ -46,7 +46,7 @@ impl Evaluation<'_> {
                 let mut figures = curve(config, &made_features, &own_features, self.resamples);
                 figures.colour = colours(config, &made, &own, self.resamples);
                 if let Some(long) = &config.long {
-                    figures.long = Some(self.long(arm, column, (config, long), size_px)?);
+                    figures.long = Some(self.long(arm, column, config, long, size_px)?);
                 }
                 found.arms.insert(arm.clone(), figures);
                 features.insert(arm.clone(), made_features);
@@ -69,7 +69,8 @@ impl Evaluation<'_> {
         &mut self,
         arm: &str,
         column: usize,
-        (config, long): (&DriftConfig, &LongConfig),
+        config: &DriftConfig,
+        long: &LongConfig,
         size_px: (u32, u32),
     ) -> Result<LongOutcome, AppraisalError> {
         let plan = FrameSelection { looked: (long.from..=long.frames).step_by(LONG_EVERY).collect(), truth: false };

@@ -41,7 +41,7 @@ pub(super) fn of(found: &Found<'_>) -> Correlation {
                 mean_r(&self::columns(networks, &sources, &of_draw), &drawn_scores[draw]).unwrap_or(f64::NAN)
             })
             .collect();
-        if let Some(metric) = metric(found, (&panel, &sources), (&columns, &scores), &draws) {
+        if let Some(metric) = metric(found, &panel, &sources, &columns, &scores, &draws) {
             told.insert(name.clone(), metric);
             drawn.insert(name.clone(), draws);
         }
@@ -87,8 +87,10 @@ fn mean_r(columns: &Columns, scores: &Columns) -> Option<f64> {
 
 fn metric(
     found: &Found<'_>,
-    (panel, sources): (&[usize], &[usize]),
-    (columns, scores): (&Columns, &Columns),
+    panel: &[usize],
+    sources: &[usize],
+    columns: &Columns,
+    scores: &Columns,
     drawn: &[f64],
 ) -> Option<Metric> {
     let r = mean_r(columns, scores)?;

@@ -45,7 +45,8 @@ type Seen = Vec<Vec<[Rows; 2]>>;
 pub fn drives(
     config: &StudyConfig,
     guests: &Guests<'_>,
-    (names, count): (&[String], usize),
+    names: &[String],
+    count: usize,
     drive: &mut DriveOf<'_>,
     progress: &mut dyn Progress,
 ) -> Result<Outcome, AppraisalError> {

@@ -98,7 +98,7 @@ fn distances(found: &Found<'_>, outcome: &mut Outcome) {
     for [above, below] in &config.ratios {
         let places = config.place(above).zip(config.place(below));
         let ratio = places.and_then(|(above, below)| {
-            let found: Option<Interval> = ratio((all[above].0, all[below].0), (&all[above].1, &all[below].1));
+            let found: Option<Interval> = ratio(all[above].0, all[below].0, (&all[above].1, &all[below].1));
             Some(Figure::of(found?, 1.0))
         });
         outcome.ratios.push(Ratio { above: above.clone(), below: below.clone(), ratio });
@@ -188,7 +188,7 @@ impl<'a> UnderWay<'a> {
             if let Entry::Vacant(entry) = arms.entry(source) {
                 let [model, weights, other] =
                     [&files.model, &files.weights, &files.no_guidance].map(|file| config.path(file));
-                entry.insert(Arm::of_source(source, (&model, &weights, &other))?);
+                entry.insert(Arm::of_source(source, &model, &weights, &other)?);
             }
         }
         let size_px = arms.values().next().map_or(config.size_px, Arm::size_px);
@@ -227,7 +227,7 @@ impl<'a> UnderWay<'a> {
             let mut row = Vec::new();
             for source in &sources {
                 let arm = self.arms.get(&source.from);
-                let key = key(asked, &self.lookers, take, (source, arm), self.size_px);
+                let key = key(asked.0, asked.1, &self.lookers, take, (source, arm), self.size_px);
                 let what = format!("{} of {}", source.name(), take.scene.name);
                 let stored = store.get::<Seen>(&key)?;
                 progress.done(&what, stored.is_some());
@@ -237,7 +237,7 @@ impl<'a> UnderWay<'a> {
                         let began = seconds();
                         let mut drive = take.drive(source, self.size_px)?;
                         let frames = take.frames(source, arm, &mut drive, self.config.frames)?;
-                        let seen = look(asked, &mut self.lookers, (take, &drive), &frames)?;
+                        let seen = look(asked.0, asked.1, &mut self.lookers, take, &drive, &frames)?;
                         store.put(&key, &seen)?;
                         self.seconds += seconds() - began;
                         seen

@@ -43,7 +43,8 @@ pub(crate) struct Lookers {
 
 /// Returns the digest of all that the features of a scenario depend on.
 pub(crate) fn key(
-    (config, plans): (&StudyConfig, bool),
+    config: &StudyConfig,
+    plans: bool,
     lookers: &Lookers,
     take: &Take,
     source: (&Source, Option<&Arm>),
@@ -71,9 +72,11 @@ pub(crate) fn key(
 /// # Errors
 /// If a policy cannot look at a frame or tells of nothing that it attends to.
 pub(crate) fn look(
-    (config, plans): (&StudyConfig, bool),
+    config: &StudyConfig,
+    plans: bool,
     lookers: &mut Lookers,
-    (take, drive): (&Take, &Drive),
+    take: &Take,
+    drive: &Drive,
     frames: &[RgbImage],
 ) -> Result<Seen, AppraisalError> {
     let looked: Vec<&RgbImage> = config.looked().iter().map(|at| &frames[*at as usize]).collect();

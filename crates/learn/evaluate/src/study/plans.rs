@@ -68,14 +68,15 @@ impl Scorer {
         camera: &CameraModel,
         frames: &[&RgbImage],
     ) -> Result<Vec<f64>, AppraisalError> {
-        self.moments.iter().zip(frames).map(|(moment, frame)| self.score(member, camera, (moment, frame))).collect()
+        self.moments.iter().zip(frames).map(|(moment, frame)| self.score(member, camera, moment, frame)).collect()
     }
 
     fn score(
         &self,
         member: &mut Member,
         camera: &CameraModel,
-        (moment, frame): (&Moment, &RgbImage),
+        moment: &Moment,
+        frame: &RgbImage,
     ) -> Result<f64, AppraisalError> {
         let tick = moment.world.tick;
         let observation = Observation {

@@ -168,14 +168,14 @@ impl Source {
             levels.iter_mut().for_each(|level| *level = 255.0 * (*level / 255.0).powf(altered.gamma));
         }
         if altered.blur_px > 0.0 {
-            levels = blurred(&levels, (width, height), altered.blur_px);
+            levels = blurred(&levels, width, height, altered.blur_px);
         }
         if altered.noise > 0.0 {
             let draws = Draws::new(&scene.digest, "picture noise", &[u64::from(frame)]);
             (0..).zip(&mut levels).for_each(|(at, level)| *level += altered.noise * draws.normal(at));
         }
         if altered.jpeg > 0 {
-            quantised(&mut levels, (width, height), altered.jpeg);
+            quantised(&mut levels, width, height, altered.jpeg);
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a byte")]
         let rgb = levels.iter().map(|level| level.round().clamp(0.0, 255.0) as u8).collect();
@@ -184,7 +184,7 @@ impl Source {
 }
 
 /// Blurs with a Gaussian, rows then columns; edges are held.
-fn blurred(levels: &[f64], (width, height): (usize, usize), deviation_px: f64) -> Vec<f64> {
+fn blurred(levels: &[f64], width: usize, height: usize, deviation_px: f64) -> Vec<f64> {
     #[expect(clippy::cast_possible_truncation, reason = "a few pixels")]
     let reach = (3.0 * deviation_px).ceil() as isize;
     let weight = |at: isize| (-0.5 * (at as f64 / deviation_px).powi(2)).exp();
@@ -209,7 +209,7 @@ fn blurred(levels: &[f64], (width, height): (usize, usize), deviation_px: f64) -
 }
 
 /// Rounds the cosine coefficients of 8×8 blocks to steps that grow with their frequency and fall with the quality.
-fn quantised(levels: &mut [f64], (width, height): (usize, usize), quality: u8) {
+fn quantised(levels: &mut [f64], width: usize, height: usize, quality: u8) {
     const SIDE: usize = 8;
     let quality = f64::from(quality);
     let scale = if quality < 50.0 { 50.0 / quality } else { 2.0 - quality / 50.0 };

@@ -90,7 +90,7 @@ pub(super) fn plan(graph: &Graph, context: &Tensor<3>, state: Tensor<2>, inputs:
         let before = array_of(plans.last().expect("there is the first").clone());
         let points = points_of(&before, &inputs.speeds_mps());
         for layer in 0..LAYERS {
-            x = refined(graph, &format!("refiner{layer}"), x, (context, &points));
+            x = refined(graph, &format!("refiner{layer}"), x, context, &points);
         }
         plans.push(read(&x) + graph.tensor::<3>(&before));
     }
@@ -101,7 +101,7 @@ pub(super) fn plan(graph: &Graph, context: &Tensor<3>, state: Tensor<2>, inputs:
 }
 
 /// Compares the tokens, reads the context where their poses lie, and goes through two layers.
-fn refined(graph: &Graph, name: &str, x: Tensor<3>, (context, points): (&Tensor<3>, &Array)) -> Tensor<3> {
+fn refined(graph: &Graph, name: &str, x: Tensor<3>, context: &Tensor<3>, points: &Array) -> Tensor<3> {
     let [batch, count, _] = x.dims();
     let linear = |part: &str| graph.linear(&format!("{name}.map.{part}"));
     let x = attended(graph, &format!("{name}.self"), HEADS, x, None);

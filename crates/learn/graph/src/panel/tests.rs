@@ -56,14 +56,14 @@ fn square(kind: Kind, name: &str, answer: &Answer) -> (f64, Answer) {
 }
 
 /// What a test shows of two frames: noise everywhere.
-struct Shown {
+struct TwoFrames {
     images: Array,
     state: Array,
     noise: Array,
     times: Vec<u32>,
 }
 
-impl Shown {
+impl TwoFrames {
     fn of(kind: Kind, batch: usize, seed: u64) -> Self {
         Self {
             images: noise(&[batch, HEIGHT_PX, WIDTH_PX, 3], seed),
@@ -90,7 +90,7 @@ fn fresh(kind: Kind) -> Weights {
 #[test]
 fn gradients_are_the_slopes_of_the_loss() {
     for kind in Kind::ALL {
-        let (weights, shown) = (fresh(kind), Shown::of(kind, 2, 1));
+        let (weights, shown) = (fresh(kind), TwoFrames::of(kind, 2, 1));
         let inputs = shown.learning();
         // One weight of each part of the network; what is given is not trained.
         let names = weights.iter().map(|(name, _)| name.to_owned()).collect::<Vec<_>>();
@@ -122,7 +122,7 @@ fn gradients_are_the_slopes_of_the_loss() {
 fn plans_depend_on_frame_and_state_and_the_context_on_the_frame_alone() {
     for kind in Kind::ALL {
         let network = Network::new(kind, &fresh(kind)).expect("the weights fit");
-        let (shown, other) = (Shown::of(kind, 1, 3), Shown::of(kind, 1, 13));
+        let (shown, other) = (TwoFrames::of(kind, 1, 3), TwoFrames::of(kind, 1, 13));
         let (inputs, others) = (shown.answering(), other.answering());
         let first = network.answer(&inputs);
         assert_eq!(first, network.answer(&inputs), "{}", kind.name());
@@ -163,7 +163,7 @@ fn plans_of_diffusion_stay_with_their_anchors_and_batches_are_not_mixed() {
         }
     }
     let anchors = weights.get(kind.given()[0]).expect("declared").clone();
-    let shown = Shown::of(kind, 2, 23);
+    let shown = TwoFrames::of(kind, 2, 23);
     let answer = Network::new(kind, &weights).expect("fits").answer(&shown.answering());
     let plans = answer.plans.last().expect("there are two");
     for (plan, anchor) in plans.values().chunks_exact(PLAN).zip(anchors.values().chunks_exact(16).cycle()) {
@@ -191,7 +191,7 @@ fn plans_of_diffusion_stay_with_their_anchors_and_batches_are_not_mixed() {
 #[test]
 fn sparsedrive_keeps_the_words_of_largest_logits_and_its_plans_are_of_the_vocabulary() {
     let kind = Kind::Sparsedrive;
-    let (weights, shown) = (fresh(kind), Shown::of(kind, 2, 31));
+    let (weights, shown) = (fresh(kind), TwoFrames::of(kind, 2, 31));
     let answer = Network::new(kind, &weights).expect("fits").answer(&shown.answering());
     let left = |head: usize, sample: usize| -> Vec<usize> {
         let words = answer.scores[head].shape()[1];
@@ -225,7 +225,7 @@ fn sparsedrive_keeps_the_words_of_largest_logits_and_its_plans_are_of_the_vocabu
 #[test]
 fn raps_context_unlearns_what_the_classifier_learns() {
     let kind = Kind::Rap;
-    let (weights, shown) = (fresh(kind), Shown::of(kind, 2, 41));
+    let (weights, shown) = (fresh(kind), TwoFrames::of(kind, 2, 41));
     let by = |reversal: f32, name: &str| {
         let grade = |answer: &Answer| square(kind, "domain", answer);
         let inputs = Inputs { reversal, ..shown.learning() };

@@ -70,7 +70,6 @@ fn forward(dit: &Dit, batch: &ClipBatch, noisy: Tensor<5>, levels: &[f32]) -> Te
 
 /// Predicts the clean latents of noisy frames [B, F − 1, tokens, 4, z] at one level per clip, without gradients.
 #[must_use]
-#[expect(clippy::too_many_arguments, reason = "the network, what it reads and what it predicts")]
 pub fn bidirectional_clean(
     shape: &DitShape,
     weights: &Weights,

@@ -23,7 +23,7 @@ pub(super) fn tensors(bytes: &[u8]) -> Result<BTreeMap<String, Tensor>, PickleEr
     }
     let pickle = ds_pickle::read(bytes, AllowList::Tensors)?;
     let mut found = Found::default();
-    collect(&pickle, (pickle.root, ""), 0, &mut found)
+    collect(&pickle, pickle.root, "", 0, &mut found)
         .map_err(|problem| PickleError::Malformed { offset: bytes.len(), problem: problem.to_owned() })?;
     Ok(found.tensors)
 }
@@ -35,12 +35,7 @@ fn node(pickle: &Pickle, value: Value) -> Option<&Node> {
     }
 }
 
-fn collect(
-    pickle: &Pickle,
-    (value, prefix): (Value, &str),
-    depth: usize,
-    found: &mut Found,
-) -> Result<(), &'static str> {
+fn collect(pickle: &Pickle, value: Value, prefix: &str, depth: usize, found: &mut Found) -> Result<(), &'static str> {
     let Some(Node::Dict(pairs)) = node(pickle, value) else { return Err("it holds no dictionary of tensors") };
     for (key, value) in pairs {
         found.visited += 1;
@@ -53,7 +48,7 @@ fn collect(
             Some(Node::Tensor(tensor)) => {
                 found.tensors.insert(name, (**tensor).clone());
             }
-            Some(Node::Dict(_)) => collect(pickle, (*value, &name), depth + 1, found)?,
+            Some(Node::Dict(_)) => collect(pickle, *value, &name, depth + 1, found)?,
             _ => {}
         }
     }

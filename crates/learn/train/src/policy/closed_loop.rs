@@ -112,7 +112,8 @@ fn failed(stage: &Stage) -> impl Fn(PolicyError) -> PolicyTrainError {
 pub(super) fn samples_of(
     settings: &PolicySettings,
     round: u64,
-    (scenarios, team): (u32, &Team),
+    scenarios: u32,
+    team: &Team,
     policy: impl Fn() -> Result<Box<dyn Policy>, PolicyTrainError> + Sync,
 ) -> Result<Samples, PolicyTrainError> {
     let made = team.run(scenarios as usize, |index| {

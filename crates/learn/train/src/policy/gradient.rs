@@ -10,7 +10,7 @@ use ds_policy::panel::state_of;
 
 use super::PolicyTrainError;
 use super::judge::Judge;
-use super::shown::Shown;
+use super::step_sample::StepSample;
 use super::{anchors, loss, panel_loss, selection, total_loss, vocabulary};
 
 /// Returns the loss of a batch and its gradient by the weights; `images` are [N, 96, 160, 3], `reversal` is how strongly a context
@@ -18,15 +18,16 @@ use super::{anchors, loss, panel_loss, selection, total_loss, vocabulary};
 pub(super) fn gradient(
     student: Learned,
     weights: &Weights,
-    (images, reversal): (&Array, f32),
-    batch: &[Shown<'_>],
+    images: &Array,
+    reversal: f32,
+    batch: &[StepSample<'_>],
     judge: &mut Judge,
 ) -> Result<(f64, Weights), PolicyTrainError> {
     match student {
         Learned::Camera => {
             let rows = batch.iter().flat_map(|shown| proposals::state_of(shown.speed_mps, shown.sample.command));
             let state = Array::new(&[batch.len(), proposals::STATE], rows.collect());
-            let targets: Vec<_> = batch.iter().map(Shown::target).collect();
+            let targets: Vec<_> = batch.iter().map(StepSample::target).collect();
             let speeds: Vec<f64> = batch.iter().map(|shown| shown.speed_mps).collect();
             let grade = |outputs: &Array| loss::grade(outputs, &targets, &speeds);
             Ok(planner::gradient(SIZE, weights, images, &state, grade)?)
@@ -42,12 +43,12 @@ pub(super) fn gradient(
             let mut graded = |answer: &panel::Answer| match (kind.scoring(), kind.given()) {
                 (Scoring::Confidence, [name]) => {
                     let anchors = weights.get(name).expect("the network was checked");
-                    let targets: Vec<_> = batch.iter().map(Shown::target).collect();
+                    let targets: Vec<_> = batch.iter().map(StepSample::target).collect();
                     Ok(anchors::grade(answer, anchors, &targets))
                 }
                 (Scoring::FilteredTerms, _) => selection::grade(answer, batch, judge),
                 (Scoring::Total, _) => total_loss::grade(answer, batch, judge),
-                (Scoring::ConfidenceAndTerms, _) => vocabulary::grade(answer, (kind, weights), batch, judge),
+                (Scoring::ConfidenceAndTerms, _) => vocabulary::grade(answer, kind, weights, batch, judge),
                 (_, _) => panel_loss::grade(answer, batch, judge),
             };
             let grade = |answer: &panel::Answer| match graded(answer) {

@@ -17,7 +17,7 @@ use super::gradient::gradient;
 use super::judge::Judge;
 use super::rasters::Rasters;
 use super::settings::PolicySettings;
-use super::shown::Shown;
+use super::step_sample::StepSample;
 use super::{anchors, selection, vocabulary};
 
 /// Weights under training.
@@ -40,7 +40,8 @@ impl Learner {
         student: Learned,
         settings: &PolicySettings,
         expert: &Samples,
-        (checkpoint, begun): (&Path, &Path),
+        checkpoint: &Path,
+        begun: &Path,
     ) -> Result<Self, PolicyTrainError> {
         let (rasters, expert_samples) = (Rasters::open()?, expert.len());
         let adam = AdamWSettings { weight_decay: settings.weight_decay, ..AdamWSettings::default() };
@@ -135,11 +136,11 @@ impl Learner {
                 augment_into(&sample.rgb, &draws, &mut pixels);
             }
             let speed_mps = (f64::from(sample.speed_mps) + 0.15 * draws.normal(101)).max(0.0);
-            shown.push(Shown { sample, speed_mps, motion: draws.uniform(102) < 0.5, raster, draws });
+            shown.push(StepSample { sample, speed_mps, motion: draws.uniform(102) < 0.5, raster, draws });
         }
         let images = Array::new(&[batch, HEIGHT_PX, WIDTH_PX, 3], pixels);
         let shown_as = (&images, reversal(step, settings.steps()));
-        let (loss, gradient) = gradient(self.student, &self.weights, shown_as, &shown, &mut self.judge)?;
+        let (loss, gradient) = gradient(self.student, &self.weights, shown_as.0, shown_as.1, &shown, &mut self.judge)?;
         let norm = self.optimiser.update(&mut self.weights, &gradient, self.schedule.rate(step));
         if !loss.is_finite() || !norm.is_finite() {
             return Err(PolicyTrainError::Diverged { step, loss });

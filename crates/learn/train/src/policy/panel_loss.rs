@@ -8,7 +8,7 @@ use ds_policy::camera::proposals::{TARGETS, knots_of};
 use super::PolicyTrainError;
 use super::judge::Judge;
 use super::loss::smooth;
-use super::shown::Shown;
+use super::step_sample::StepSample;
 
 /// Weight of read-outs before the last.
 const EARLIER: f32 = 0.1;
@@ -20,7 +20,7 @@ const SCORE_WEIGHT: f32 = 0.25;
 /// Returns the mean loss of a batch and its gradient by the answer.
 pub(super) fn grade(
     answer: &Answer,
-    batch: &[Shown<'_>],
+    batch: &[StepSample<'_>],
     judge: &mut Judge,
 ) -> Result<(f64, Answer), PolicyTrainError> {
     let (mut loss, mut slope) = draw_all(answer, batch);
@@ -32,8 +32,8 @@ pub(super) fn grade(
 }
 
 /// Returns the loss of all read-outs of the plans of a batch and its gradient by the answer, which its scores have no part in.
-pub(super) fn draw_all(answer: &Answer, batch: &[Shown<'_>]) -> (f64, Answer) {
-    let targets: Vec<[f32; TARGETS]> = batch.iter().map(Shown::target).collect();
+pub(super) fn draw_all(answer: &Answer, batch: &[StepSample<'_>]) -> (f64, Answer) {
+    let targets: Vec<[f32; TARGETS]> = batch.iter().map(StepSample::target).collect();
     let (mut loss, last, mut by_answer) = (0.0, answer.plans.len() - 1, flat(answer));
     for (index, (read, slope)) in answer.plans.iter().zip(&mut by_answer.plans).enumerate() {
         let weight = if index == last { 1.0 } else { EARLIER } / batch.len() as f32;
@@ -88,7 +88,7 @@ pub(super) fn judge_all(
     answer: &Answer,
     Scored { head, weights, wanted }: &Scored,
     slope: &mut Answer,
-    batch: &[Shown<'_>],
+    batch: &[StepSample<'_>],
     judge: &mut Judge,
 ) -> Result<f64, PolicyTrainError> {
     let plans = answer.plans.last().expect("every network has plans");
@@ -108,7 +108,7 @@ pub(super) fn judge_all(
 /// Returns the sub-scores that the plans [batch, plans, numbers] of each sample of a batch earn.
 pub(super) fn earned(
     plans: &Array,
-    batch: &[Shown<'_>],
+    batch: &[StepSample<'_>],
     judge: &mut Judge,
 ) -> Result<Vec<Vec<[f32; TERMS]>>, PolicyTrainError> {
     let rows = plans.values().chunks_exact(plans.shape()[1] * PLAN);

@@ -13,7 +13,7 @@ use super::groups::centres;
 use super::judge::Judge;
 use super::loss::target_of;
 use super::panel_loss::{earned, entropies, flat};
-use super::shown::Shown;
+use super::step_sample::StepSample;
 
 /// How far apart the progress of two plans should be said to be.
 const MARGIN: f32 = 0.05;
@@ -37,7 +37,7 @@ pub(super) fn give(student: Learned, weights: &mut Weights, expert: &Samples, se
 /// Returns the mean loss of a batch, summed over the read-outs, and its gradient by the answer.
 pub(super) fn grade(
     answer: &Answer,
-    batch: &[Shown<'_>],
+    batch: &[StepSample<'_>],
     judge: &mut Judge,
 ) -> Result<(f64, Answer), PolicyTrainError> {
     let (mut loss, mut slope) = (0.0, flat(answer));

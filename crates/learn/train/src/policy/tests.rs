@@ -12,7 +12,7 @@ use ds_world::RouteCommand;
 use super::dataset::{Place, Sample};
 use super::judge::Judge;
 use super::rasters::Rasters;
-use super::shown::Shown;
+use super::step_sample::StepSample;
 use super::*;
 
 const SHIPPED: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../configs/train/policy.toml"));
@@ -110,14 +110,13 @@ fn a_resumed_run_equals_one_that_was_not_stopped() {
     for student in [Learned::Camera, Learned::Panel(Kind::Ltf), Learned::Panel(Kind::Diffusiondrive)] {
         let checkpoint = folder.path().join(student.file_name());
         let mut straight =
-            Learner::resume(student, &settings, &samples, (&checkpoint, &checkpoint)).expect("starts anew");
-        let mut stopped =
-            Learner::resume(student, &settings, &samples, (&checkpoint, &checkpoint)).expect("starts anew");
+            Learner::resume(student, &settings, &samples, &checkpoint, &checkpoint).expect("starts anew");
+        let mut stopped = Learner::resume(student, &settings, &samples, &checkpoint, &checkpoint).expect("starts anew");
         for step in 0..4 {
             straight.step(&settings, &samples).expect("learns");
             if step == 2 {
                 stopped.save(&checkpoint).expect("saves");
-                stopped = Learner::resume(student, &settings, &samples, (&checkpoint, &checkpoint)).expect("goes on");
+                stopped = Learner::resume(student, &settings, &samples, &checkpoint, &checkpoint).expect("goes on");
             }
             stopped.step(&settings, &samples).expect("learns");
         }
@@ -133,7 +132,7 @@ fn the_judge_tells_good_plans_from_bad_and_the_gradient_of_the_panel_is_its_slop
     let made = dataset::beside_the_expert(&settings, ScenarioSplit::Training).expect("the scenario can be simulated");
     let sample = &made.0[0];
     let mut judge = Judge::default();
-    let shown = [Shown {
+    let shown = [StepSample {
         sample,
         speed_mps: f64::from(sample.speed_mps),
         motion: true,
@@ -168,7 +167,7 @@ fn a_vocabulary_is_the_teachers_and_its_words_are_chosen_but_not_trained() {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let (kind, checkpoint) = (Kind::Sparsedrive, folder.path().join("checkpoint"));
     let mut learner =
-        Learner::resume(Learned::Panel(kind), &settings, &made, (&checkpoint, &checkpoint)).expect("starts anew");
+        Learner::resume(Learned::Panel(kind), &settings, &made, &checkpoint, &checkpoint).expect("starts anew");
     let given = |learner: &Learner| -> Vec<f32> {
         let arrays = kind.given().iter().filter_map(|name| learner.average().get(name));
         arrays.flat_map(|array| array.values().to_vec()).collect()
@@ -203,7 +202,7 @@ fn a_network_that_goes_on_from_another_leaves_its_weights_as_they_are() {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let [checkpoint, begun] = ["checkpoint", "begun"].map(|name| folder.path().join(name));
     let student = Learned::Panel(Kind::DiffusiondriveV2);
-    let resume = || Learner::resume(student, &settings, &made, (&checkpoint, &begun));
+    let resume = || Learner::resume(student, &settings, &made, &checkpoint, &begun);
     let error = resume().err().expect("there is nothing to go on from").to_string();
     assert!(error.contains("train policy --kind diffusiondrive`") && error.contains("begun"), "{error}");
     let before = Weights::initialised(&Kind::Diffusiondrive.declared(), &Digest::of(b"a generator"));
@@ -244,7 +243,7 @@ fn rap_is_shown_rasters_of_the_expert_samples_and_resumes() {
     let checkpoint = folder.path().join("checkpoint");
     let student = Learned::Panel(Kind::Rap);
     let resume =
-        || Learner::resume(student, &settings, &made, (&checkpoint, &checkpoint)).expect("starts anew or goes on");
+        || Learner::resume(student, &settings, &made, &checkpoint, &checkpoint).expect("starts anew or goes on");
     let (mut straight, mut stopped) = (resume(), resume());
     for step in 0..3 {
         assert!(straight.step(&settings, &made).expect("learns").is_finite());

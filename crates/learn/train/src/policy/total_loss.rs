@@ -8,7 +8,7 @@ use ds_graph::panel::{Answer, TERMS, total};
 use super::PolicyTrainError;
 use super::judge::Judge;
 use super::panel_loss::{Scored, draw_all, entropy, judge_all};
-use super::shown::Shown;
+use super::step_sample::StepSample;
 
 /// Weights of the total and of the sub-scores beside it.
 const WEIGHTS: [f32; TERMS] = [1.0, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25];
@@ -22,7 +22,7 @@ const DOMAIN_WEIGHT: f32 = 0.1;
 /// Returns the mean loss of a batch and its gradient by the answer.
 pub(super) fn grade(
     answer: &Answer,
-    batch: &[Shown<'_>],
+    batch: &[StepSample<'_>],
     judge: &mut Judge,
 ) -> Result<(f64, Answer), PolicyTrainError> {
     let (mut loss, mut slope) = draw_all(answer, batch);

@@ -17,7 +17,7 @@ use super::dataset::{Sample, Samples};
 use super::groups::centres;
 use super::judge::Judge;
 use super::panel_loss::{Scored, flat, judge_all};
-use super::shown::Shown;
+use super::step_sample::StepSample;
 
 /// How much less likely what lies a metre farther from the teacher should be, as a power of e.
 const SHARPNESS: f32 = 4.0;
@@ -62,8 +62,9 @@ fn places(sample: &Sample) -> [Place; KNOTS] {
 /// Returns the mean loss of a batch and its gradient by the answer.
 pub(super) fn grade(
     answer: &Answer,
-    (kind, weights): (Kind, &Weights),
-    batch: &[Shown<'_>],
+    kind: Kind,
+    weights: &Weights,
+    batch: &[StepSample<'_>],
     judge: &mut Judge,
 ) -> Result<(f64, Answer), PolicyTrainError> {
     let mut slope = flat(answer);

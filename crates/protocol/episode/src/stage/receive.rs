@@ -40,7 +40,8 @@ impl Stage {
     pub(super) fn on_pulled(
         &mut self,
         now: Millis,
-        (slot, from): (Slot, PullFrom),
+        slot: Slot,
+        from: PullFrom,
         reply: Option<Envelope>,
         actions: &mut Vec<Action>,
     ) {

@@ -11,7 +11,7 @@ use crate::judge::PROFILES;
 use crate::manifest::{Entry, Kind, Manifest};
 use crate::results::{Drive, Results};
 use crate::sheet::Arm;
-use crate::table::{Shown, Table, Value};
+use crate::table::{EstimateStyle, Table, Value};
 
 /// Returns the differences of scores and terms to the base, by condition.
 pub(super) fn conditions(results: &Results, anchor: Anchor, bootstrap: &mut Bootstrap) -> Table {
@@ -23,7 +23,7 @@ pub(super) fn conditions(results: &Results, anchor: Anchor, bootstrap: &mut Boot
                     let these = |entry: &&Entry| conditions.contains(&entry.appearance.as_str());
                     let entries: Vec<&Entry> = set.entries.iter().filter(these).collect();
                     let mut row = head(anchor, set, &arm, [profile, axis, name]);
-                    row.extend(parts(results, (&arm, profile), &entries, bootstrap));
+                    row.extend(parts(results, &arm, profile, &entries, bootstrap));
                     row.push(Value::text(gate::fault(results, &arm, &entries).unwrap_or("no objection")));
                     rows.push(row);
                 }
@@ -49,13 +49,14 @@ fn head(anchor: Anchor, set: &Manifest, arm: &Arm, words: [&str; 3]) -> Vec<Valu
 /// Returns the difference of every score and term.
 fn parts(
     results: &Results,
-    (arm, profile): (&Arm, &'static str),
+    arm: &Arm,
+    profile: &'static str,
     entries: &[&Entry],
     bootstrap: &mut Bootstrap,
 ) -> Vec<Value> {
     let mut difference = |value: &dyn Fn(&Drive) -> Option<f64>| {
         let (_, differences) = changed(results, arm, entries, value);
-        Value::Estimate(bootstrap.estimate(&differences), Shown::Signed)
+        Value::Estimate(bootstrap.estimate(&differences), EstimateStyle::Signed)
     };
     let mut values = SCORES.map(|(_, score)| difference(&|drive: &Drive| drive.score(profile, score))).to_vec();
     values.extend(Term::ALL.map(|term| difference(&mean_of(term.name(), profile))));

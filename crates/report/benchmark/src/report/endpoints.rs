@@ -101,7 +101,7 @@ fn compared(results: &Results, endpoint: &Endpoint) -> Option<Compared> {
             let weather: Vec<&Manifest> = sets(Kind::Weather).collect();
             let [first, second] = [first, second].map(|axis| of_axis(&weather, axis));
             let fault = gate::fault(results, &arm, &[first.clone(), second.clone()].concat());
-            let [a, b] = [first, second].map(|entries| by_scenario(results, (&arm, profile), &entries));
+            let [a, b] = [first, second].map(|entries| by_scenario(results, &arm, profile, &entries));
             let both = b.into_iter().filter_map(|(name, unit)| {
                 let before = a.get(&name)?;
                 Some(Unit { above: unit.above - before.above, ..unit })
@@ -120,7 +120,7 @@ fn of_axis<'a>(weather: &[&'a Manifest], axis: &str) -> Vec<&'a Entry> {
 }
 
 /// Returns the mean difference to the base of each scenario over some of its conditions.
-fn by_scenario(results: &Results, (arm, profile): (&Arm, &'static str), entries: &[&Entry]) -> BTreeMap<String, Unit> {
+fn by_scenario(results: &Results, arm: &Arm, profile: &'static str, entries: &[&Entry]) -> BTreeMap<String, Unit> {
     let units = changed(results, arm, entries, &driving_score(profile)).1;
     units.into_iter().map(|unit| (unit.scenario.clone(), unit)).collect()
 }

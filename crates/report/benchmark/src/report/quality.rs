@@ -6,7 +6,7 @@ use crate::judge::PROFILES;
 use crate::manifest::Manifest;
 use crate::quality::{Figure, Quality};
 use crate::results::Results;
-use crate::table::{Shown, Table, Value};
+use crate::table::{EstimateStyle, Table, Value};
 
 /// Reaction margins that are told apart, in seconds.
 const BANDS_SECS: [(&str, f64, f64); 4] =
@@ -30,7 +30,7 @@ pub(super) fn quality(results: &Results) -> Table {
         vec![
             Value::text(set),
             Value::text(&figure.what),
-            Value::Estimate(estimate, Shown::Rate),
+            Value::Estimate(estimate, EstimateStyle::Rate),
             Value::text(bar(figure)),
             Value::text(said),
         ]
@@ -73,10 +73,10 @@ pub(super) fn margins(results: &Results, anchor: Anchor, bootstrap: &mut Bootstr
                 row.extend([Value::text(name), Value::count(part.entries.len())]);
                 for profile in PROFILES {
                     let units = results.units(&arm, &part, &driving_score(profile));
-                    row.push(Value::Estimate(bootstrap.estimate(&units), Shown::Points));
+                    row.push(Value::Estimate(bootstrap.estimate(&units), EstimateStyle::Points));
                 }
                 let contacts = results.units(&arm, &part, &|drive| drive.happened(|outcome| outcome.contact));
-                row.push(Value::Estimate(bootstrap.share(&contacts), Shown::Points));
+                row.push(Value::Estimate(bootstrap.share(&contacts), EstimateStyle::Points));
                 rows.push(row);
             }
         }

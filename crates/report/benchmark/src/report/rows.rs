@@ -6,7 +6,7 @@ use crate::estimate::Difference;
 use crate::manifest::Manifest;
 use crate::results::{Drive, Results};
 use crate::sheet::Arm;
-use crate::table::{Shown, Value};
+use crate::table::{EstimateStyle, Value};
 
 /// Below this corrected p-value a difference counts as found.
 pub(super) const LEVEL: f64 = 0.05;
@@ -67,7 +67,7 @@ pub(super) fn tested(found: &Difference, p_holm: Option<f64>) -> [Value; 6] {
         Some(_) => "not found at 5 %",
     };
     [
-        Value::Estimate(found.estimate, Shown::Signed),
+        Value::Estimate(found.estimate, EstimateStyle::Signed),
         Value::count(found.estimate.scenarios),
         Value::Chance(found.p),
         Value::Chance(p_holm),

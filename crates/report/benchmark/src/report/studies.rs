@@ -15,7 +15,7 @@ use crate::manifest::{Entry, Kind, Manifest};
 use crate::results::{Drive, Results, unit};
 use crate::sheet::Arm;
 use crate::source::CONDITIONS;
-use crate::table::{Shown, Table, Value};
+use crate::table::{EstimateStyle, Table, Value};
 
 /// What a drive is worth in a comparison.
 type Worth = Box<dyn Fn(&Drive) -> Option<f64>>;
@@ -33,7 +33,7 @@ pub(super) fn terms(results: &Results, anchor: Anchor, bootstrap: &mut Bootstrap
                 row.push(Value::text(profile));
                 for term in Term::ALL.map(Term::name) {
                     let estimate = bootstrap.estimate(&results.units(&arm, set, &mean_of(term, profile)));
-                    row.push(Value::Estimate(estimate, Shown::Points));
+                    row.push(Value::Estimate(estimate, EstimateStyle::Points));
                 }
                 rows.push(row);
             }
@@ -67,10 +67,10 @@ pub(super) fn bias(results: &Results, anchor: Anchor, bootstrap: &mut Bootstrap)
                 row.push(Value::text(profile));
                 for arm in [&learned, &oracle] {
                     let units = results.units(arm, set, &driving_score(profile));
-                    row.push(Value::Estimate(bootstrap.estimate(&units), Shown::Points));
+                    row.push(Value::Estimate(bootstrap.estimate(&units), EstimateStyle::Points));
                 }
                 row.extend(tested(&found, p_holm));
-                row.extend(proposals(results, (&oracle, set), bootstrap));
+                row.extend(proposals(results, &oracle, set, bootstrap));
                 rows.push(row);
             }
         }
@@ -86,7 +86,7 @@ pub(super) fn bias(results: &Results, anchor: Anchor, bootstrap: &mut Bootstrap)
     Table { id: "bias", title: "Scorer bias", note, columns, rows }
 }
 
-fn proposals(results: &Results, (arm, set): (&Arm, &Manifest), bootstrap: &mut Bootstrap) -> [Value; 3] {
+fn proposals(results: &Results, arm: &Arm, set: &Manifest, bootstrap: &mut Bootstrap) -> [Value; 3] {
     let best = |drive: &Drive| drive.proposals.map(|stats| stats.best_mean);
     let bare = |drive: &Drive| {
         let stats = drive.proposals.filter(|stats| stats.ticks > 0)?;
@@ -94,7 +94,7 @@ fn proposals(results: &Results, (arm, set): (&Arm, &Manifest), bootstrap: &mut B
     };
     let any = |drive: &Drive| bare(drive).map(|share| f64::from(u8::from(share > 0.0)));
     let mut estimate = |value: &dyn Fn(&Drive) -> Option<f64>| {
-        Value::Estimate(bootstrap.share(&results.units(arm, set, value)), Shown::Points)
+        Value::Estimate(bootstrap.share(&results.units(arm, set, value)), EstimateStyle::Points)
     };
     [estimate(&best), estimate(&bare), estimate(&any)]
 }
@@ -120,7 +120,7 @@ pub(super) fn weather(results: &Results, anchor: Anchor, bootstrap: &mut Bootstr
                 Part { words: [*axis, *name], entries: set.entries.iter().filter(these).collect() }
             })
             .collect();
-        rows.extend(against_base(results, anchor, (set, &parts), bootstrap));
+        rows.extend(against_base(results, anchor, set, &parts, bootstrap));
     }
     let note = format!(
         "DS under each condition, and its difference to the same scenarios on a clear, dry day where their base set is \
@@ -138,7 +138,7 @@ pub(super) fn behavior(results: &Results, anchor: Anchor, bootstrap: &mut Bootst
         set.entries.iter().for_each(|entry| classes.entry(&entry.category).or_default().push(entry));
         let mut parts = vec![Part { words: ["all", "all"], entries: set.entries.iter().collect() }];
         parts.extend(classes.into_iter().map(|(class, entries)| Part { words: ["class", class], entries }));
-        rows.extend(against_base(results, anchor, (set, &parts), bootstrap));
+        rows.extend(against_base(results, anchor, set, &parts, bootstrap));
     }
     let note = format!(
         "DS against an adversary, and its difference to each variant's own base scenario where the base set is among the \
@@ -165,7 +165,8 @@ struct Part<'a> {
 fn against_base(
     results: &Results,
     anchor: Anchor,
-    (set, parts): (&Manifest, &[Part]),
+    set: &Manifest,
+    parts: &[Part],
     bootstrap: &mut Bootstrap,
 ) -> Vec<Vec<Value>> {
     let mut rows = Vec::new();
@@ -184,7 +185,7 @@ fn against_base(
                 let mut row = named(anchor, set, &arm);
                 row.push(Value::text(profile));
                 row.extend(part.words.map(Value::text));
-                row.push(Value::Estimate(shown, Shown::Points));
+                row.push(Value::Estimate(shown, EstimateStyle::Points));
                 row.extend(tested_behind(fault, &found, p_holm));
                 rows.push(row);
             }

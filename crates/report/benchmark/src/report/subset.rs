@@ -13,7 +13,7 @@ use crate::judge::PROFILES;
 use crate::manifest::{Entry, Kind, Manifest};
 use crate::results::{Results, unit};
 use crate::sheet::Arm;
-use crate::table::{Shown, Table, Value};
+use crate::table::{EstimateStyle, Table, Value};
 
 /// From this driving score on, over the selection seeds, a scenario is of the subset.
 const HIGH: f64 = 0.8;
@@ -37,13 +37,13 @@ pub(super) fn subset(results: &Results, anchor: Anchor, bootstrap: &mut Bootstra
                     continue;
                 }
                 let fixed = members.iter().filter(|entry| unmoved(results, &arm, entry, profile)).count();
-                let found = of(results, (&arm, &members), profile, bootstrap);
+                let found = of(results, &arm, &members, profile, bootstrap);
                 let holm = corrected(found.iter().map(|row| &row.found));
                 for (Row { words, fault, shown, found }, p_holm) in found.into_iter().zip(holm) {
                     let mut row = named(anchor, set, &arm);
                     row.extend([Value::text(profile), Value::count(members.len()), Value::count(fixed)]);
                     row.extend(words.map(Value::text));
-                    row.push(Value::Estimate(bootstrap.estimate(&shown), Shown::Points));
+                    row.push(Value::Estimate(bootstrap.estimate(&shown), EstimateStyle::Points));
                     row.extend(tested_behind(fault, &found, p_holm));
                     rows.push(row);
                 }
@@ -81,12 +81,7 @@ fn unmoved(results: &Results, arm: &Arm, entry: &Entry, profile: &'static str) -
 }
 
 /// Returns the original's own fall and the difference of each condition to it.
-fn of(
-    results: &Results,
-    (arm, members): (&Arm, &[&Entry]),
-    profile: &'static str,
-    bootstrap: &mut Bootstrap,
-) -> Vec<Row> {
+fn of(results: &Results, arm: &Arm, members: &[&Entry], profile: &'static str, bootstrap: &mut Bootstrap) -> Vec<Row> {
     let score = driving_score(profile);
     let anew = |entry: &Entry| results.mean(arm, entry, &score);
     let shown = members.iter().filter_map(|entry| Some(unit(entry, anew(entry)?, 1.0))).collect();

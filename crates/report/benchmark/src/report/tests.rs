@@ -11,10 +11,10 @@ use crate::sheet::{self, Sheet};
 
 /// Writes a folder of results over sets, each cell as `drive` says, and reads it.
 fn results(folder: &Path, sets: &[Manifest], drive: impl Fn(&Cell) -> Option<Record>) -> Results {
-    results_of(folder, (&sheet::tests::sheet(sets), sets), drive)
+    results_of(folder, &sheet::tests::sheet(sets), sets, drive)
 }
 
-fn results_of(folder: &Path, (sheet, sets): (&Sheet, &[Manifest]), drive: impl Fn(&Cell) -> Option<Record>) -> Results {
+fn results_of(folder: &Path, sheet: &Sheet, sets: &[Manifest], drive: impl Fn(&Cell) -> Option<Record>) -> Results {
     let sheet = Sheet { shard: Shard::ALL, ..sheet.clone() };
     sheet.save(sets, folder).expect("written");
     let (mut writer, _) = Writer::open(folder, |_| ()).expect("fresh");
@@ -155,11 +155,11 @@ fn a_condition_that_is_not_shown_supports_no_claim() {
         };
         let generated = cell.observation.name == "dreamstream";
         let looked = generated && !["day", "fog"].contains(&cell.appearance.as_str());
-        let shown = looked.then_some(crate::Shown { frame, reference });
+        let shown = looked.then_some(crate::ConditionShown { frame, reference });
         let score = if cell.appearance == "day" { 0.9 } else { 0.7 };
         Some(Record { shown, ..driven(cell.clone(), "completed", score) })
     };
-    let results = results_of(folder.path(), (&sheet, &sets), drive);
+    let results = results_of(folder.path(), &sheet, &sets, drive);
     let report = Report::new(&results, &|_| false, &Published::default());
     let weather = table(&report, "weather");
     let row_of = |how: &str, axis: &str, condition: &str| {
@@ -227,7 +227,7 @@ fn an_oracle_is_compared_with_the_policy_and_adversaries_with_their_base() {
         record.episode.proposals = oracle.then_some(stats);
         Some(record)
     };
-    let results = results_of(folder.path(), (&sheet, &sets), drive);
+    let results = results_of(folder.path(), &sheet, &sets, drive);
     let report = Report::new(&results, &|_| false, &Published::default());
     let bias = table(&report, "bias");
     let of = |column: &str| found(bias, &["camera", "some", "strict"], column);
@@ -256,7 +256,7 @@ fn declared_endpoints_are_tested_together() {
         };
         Some(driven(cell.clone(), "completed", 0.6 + gain - loss))
     };
-    let results = results_of(folder.path(), (&sheet, &sets), drive);
+    let results = results_of(folder.path(), &sheet, &sets, drive);
     let report = Report::new(&results, &|_| false, &Published::default());
     let table = table(&report, "endpoints");
     let conclusions: Vec<String> = table.rows.iter().map(|row| row.last().expect("a cell").told()).collect();
@@ -293,7 +293,7 @@ fn a_subset_is_selected_on_seeds_of_its_own_and_its_own_fall_is_told() {
         };
         Some(driven(cell.clone(), "completed", score))
     };
-    let results = results_of(folder.path(), (&sheet, &sets), drive);
+    let results = results_of(folder.path(), &sheet, &sets, drive);
     assert_eq!(results.cells, 2 * 6 * (3 + 2));
     let report = Report::new(&results, &|_| false, &Published::default());
     let subset = table(&report, "subset");

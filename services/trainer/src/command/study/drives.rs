@@ -39,7 +39,7 @@ pub(super) fn run(args: &DrivesArgs) -> Result<()> {
     let drives = matched(folders(), config.every)?;
     let mut progress = Bar(bar(0, "sets"));
     let mut drive = |set: usize, index: usize| recorded(&drives[index], set, config.every);
-    let mut outcome = study::drives(&config, &guests()?, (&names, drives.len()), &mut drive, &mut progress)?;
+    let mut outcome = study::drives(&config, &guests()?, &names, drives.len(), &mut drive, &mut progress)?;
     outcome.quick = false;
     progress.0.finish_and_clear();
     said(&outcome);

@@ -140,7 +140,8 @@ impl Sheet {
     }
 
     /// Adds an upright box from one corner to the other.
-    fn area(&self, table: &str, fid: i64, (west, south, east, north): (f64, f64, f64, f64), values: &[(&str, i64)]) {
+    fn area(&self, table: &str, fid: i64, bounds: [f64; 4], values: &[(&str, i64)]) {
+        let [west, south, east, north] = bounds;
         let corners = [(west, south), (east, south), (east, north), (west, north)];
         self.add(table, fid, &Shape::Area(&corners), &whole(values));
     }
@@ -165,13 +166,13 @@ pub(crate) fn map(path: &Path) {
         sheet.area("lanes_polygons", fid, bounds, &values);
         sheet.line("baseline_paths", 1_000 + fid, line, &[("lane_fid", fid)]);
     };
-    lane(101, (0.0, -3.5, 100.0, 0.0), (11, 12), 0, &[(0.0, -1.75), (50.0, -1.75), (100.0, -1.75)]);
-    lane(102, (0.0, 0.0, 100.0, 3.5), (13, 11), 0, &[(0.0, 1.75), (100.0, 1.75)]);
-    lane(103, (120.0, -3.5, 200.0, 0.0), (14, 15), 0, &[(120.0, -1.75), (200.0, -1.75)]);
-    lane(104, (116.25, 30.0, 119.75, 80.0), (18, 17), 0, &[(118.0, 30.0), (118.0, 80.0)]);
-    lane(105, (0.0, 3.5, 100.0, 7.0), (13, 16), 0, &[(100.0, 5.25), (0.0, 5.25)]);
-    lane(106, (0.0, -5.5, 100.0, -3.5), (12, 19), 1, &[(0.0, -4.5), (100.0, -4.5)]);
-    lane(999, (5_000.0, 0.0, 5_100.0, 3.5), (98, 99), 0, &[(5_000.0, 1.75), (5_100.0, 1.75)]);
+    lane(101, [0.0, -3.5, 100.0, 0.0], (11, 12), 0, &[(0.0, -1.75), (50.0, -1.75), (100.0, -1.75)]);
+    lane(102, [0.0, 0.0, 100.0, 3.5], (13, 11), 0, &[(0.0, 1.75), (100.0, 1.75)]);
+    lane(103, [120.0, -3.5, 200.0, 0.0], (14, 15), 0, &[(120.0, -1.75), (200.0, -1.75)]);
+    lane(104, [116.25, 30.0, 119.75, 80.0], (18, 17), 0, &[(118.0, 30.0), (118.0, 80.0)]);
+    lane(105, [0.0, 3.5, 100.0, 7.0], (13, 16), 0, &[(100.0, 5.25), (0.0, 5.25)]);
+    lane(106, [0.0, -5.5, 100.0, -3.5], (12, 19), 1, &[(0.0, -4.5), (100.0, -4.5)]);
+    lane(999, [5_000.0, 0.0, 5_100.0, 3.5], (98, 99), 0, &[(5_000.0, 1.75), (5_100.0, 1.75)]);
     sheet.set("lanes_polygons", 101, "speed_limit_mps", 11.18);
     // What lies far off is not read: this row is damaged.
     sheet.set("lanes_polygons", 999, "geom", &b"GP"[..]);
@@ -191,7 +192,7 @@ pub(crate) fn map(path: &Path) {
     sheet.area(
         "gen_lane_connectors_scaled_width_polygons",
         1,
-        (100.0, -3.5, 120.0, 0.0),
+        [100.0, -3.5, 120.0, 0.0],
         &[("lane_connector_fid", 201)],
     );
     let boundary = |fid, kind, line: &[(f64, f64)]| sheet.line("boundaries", fid, line, &[("boundary_type_fid", kind)]);
@@ -200,14 +201,14 @@ pub(crate) fn map(path: &Path) {
     boundary(13, 2, &[(0.0, 3.5), (100.0, 3.5)]);
     boundary(16, 2, &[(100.0, 7.0), (0.0, 7.0)]);
     boundary(20, 3, &[(100.0, -1.0), (120.0, -1.0)]);
-    sheet.area("intersections", 301, (100.0, -3.5, 120.0, 30.0), &[("intersection_type_fid", 1)]);
-    sheet.area("intersections", 302, (80.0, -3.5, 100.0, 3.5), &[("intersection_type_fid", 5)]);
-    sheet.area("crosswalks", 401, (96.0, -3.5, 99.0, 7.0), &[("is_marked", 1)]);
-    sheet.area("stop_polygons", 501, (94.0, -3.5, 94.5, 0.0), &[("stop_polygon_type_fid", 2)]);
-    sheet.area("stop_polygons", 502, (94.0, 0.0, 94.5, 3.5), &[("stop_polygon_type_fid", 2)]);
-    sheet.area("stop_polygons", 503, (116.25, 79.0, 119.75, 79.5), &[("stop_polygon_type_fid", 1)]);
-    sheet.area("stop_polygons", 504, (95.0, -3.5, 95.5, 7.0), &[("stop_polygon_type_fid", 0)]);
-    sheet.area("road_segments", 601, (0.0, -5.5, 100.0, 7.0), &[]);
-    sheet.area("carpark_areas", 701, (20.0, -15.0, 40.0, -5.5), &[]);
+    sheet.area("intersections", 301, [100.0, -3.5, 120.0, 30.0], &[("intersection_type_fid", 1)]);
+    sheet.area("intersections", 302, [80.0, -3.5, 100.0, 3.5], &[("intersection_type_fid", 5)]);
+    sheet.area("crosswalks", 401, [96.0, -3.5, 99.0, 7.0], &[("is_marked", 1)]);
+    sheet.area("stop_polygons", 501, [94.0, -3.5, 94.5, 0.0], &[("stop_polygon_type_fid", 2)]);
+    sheet.area("stop_polygons", 502, [94.0, 0.0, 94.5, 3.5], &[("stop_polygon_type_fid", 2)]);
+    sheet.area("stop_polygons", 503, [116.25, 79.0, 119.75, 79.5], &[("stop_polygon_type_fid", 1)]);
+    sheet.area("stop_polygons", 504, [95.0, -3.5, 95.5, 7.0], &[("stop_polygon_type_fid", 0)]);
+    sheet.area("road_segments", 601, [0.0, -5.5, 100.0, 7.0], &[]);
+    sheet.area("carpark_areas", 701, [20.0, -15.0, 40.0, -5.5], &[]);
     sheet.run("COMMIT");
 }

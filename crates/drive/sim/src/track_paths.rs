@@ -12,7 +12,7 @@ use crate::signal::{self, SignalStop};
 
 /// Paths, stops, lanes and zones, one entry per track; of zones one more for the ego.
 #[derive(Debug, Clone, Default)]
-pub struct Ways {
+pub struct TrackPaths {
     /// The path of each agent that moves.
     pub paths: Vec<Option<AgentPath>>,
     /// Where each stops at lights.
@@ -25,7 +25,7 @@ pub struct Ways {
     pub ego: Option<AgentPath>,
 }
 
-impl Ways {
+impl TrackPaths {
     /// Makes the paths of a scene and whatever the decisions of its agents need.
     #[must_use]
     pub fn new(scene: &Scene, agents: &Agents, chart: &Chart) -> Self {

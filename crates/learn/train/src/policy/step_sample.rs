@@ -15,7 +15,7 @@ const TIME: u64 = 103;
 const FIRST_NOISE: u64 = 1_000;
 
 /// A sample as a step shows it: at a speed of its own.
-pub(super) struct Shown<'a> {
+pub(super) struct StepSample<'a> {
     pub(super) sample: &'a Sample,
     pub(super) speed_mps: f64,
     /// Whether the network is told how the car turns and accelerates.
@@ -26,7 +26,7 @@ pub(super) struct Shown<'a> {
     pub(super) draws: Draws,
 }
 
-impl Shown<'_> {
+impl StepSample<'_> {
     /// Returns the numbers that the network should answer.
     pub(super) fn target(&self) -> [f32; TARGETS] {
         loss::target_of(self.sample, self.speed_mps)
