@@ -88,23 +88,23 @@ impl Geometry {
     /// Returns for each pixel of a picture of this view where it was in a picture of the view `before`, both of the same size.
     fn origins(&self, before: &Self, width_px: u32, height_px: u32) -> Vec<Option<DVec2>> {
         let size = (width_px, height_px);
+        let (depths_m, depths_before_m) = (self.depths_m(size), before.depths_m(size));
         let lens = before.lens.resized(width_px, height_px);
         let camera_from_world = before.world_from_camera.inverse();
         let directions = lens::directions(&self.lens.resized(width_px, height_px));
-        let pixels = (0..height_px).flat_map(|y| (0..width_px).map(move |x| (x, y)));
-        let origin = |((x, y), direction): ((u32, u32), &DVec2)| {
-            let depth_m = Some(self.depth_m((x, y), size)).filter(|depth_m| *depth_m < FAR_M)?;
+        let origin = |(depth_m, direction): (&f64, &DVec2)| {
+            let depth_m = Some(*depth_m).filter(|depth_m| *depth_m < FAR_M)?;
             let point = self.world_from_camera * (direction.extend(1.0) * depth_m);
             let seen = camera_from_world * self.earlier(before, point)?;
             let at = lens.project(seen)?;
             let inside = at.x >= 0.0 && at.y >= 0.0 && at.x < f64::from(width_px) && at.y < f64::from(height_px);
-            let around = inside.then(|| around(at, size).map(|pixel| before.depth_m(pixel, size)))?;
+            let around = inside.then(|| around(at, size).map(|pixel| depths_before_m[pixel]))?;
             let known = around.iter().all(|m| *m < FAR_M);
             let (nearest, farthest) = around.iter().fold((FAR_M, 0.0), |(low, high), m| (m.min(low), m.max(high)));
             let surface = nearest / (1.0 + SAME_DEPTH)..=farthest * (1.0 + SAME_DEPTH);
             (known && surface.contains(&seen.z)).then_some(at)
         };
-        pixels.zip(&directions).map(origin).collect()
+        depths_m.iter().zip(&directions).map(origin).collect()
     }
 
     /// Returns where a point of the world was with the geometry `before`; none if it belongs to a box that was not there.
@@ -116,22 +116,24 @@ impl Geometry {
         Some(flat.extend(point.z - now.bottom_m + then.bottom_m))
     }
 
-    /// Returns the depth of a pixel of a picture of this view at another size, in metres.
-    fn depth_m(&self, (x, y): (u32, u32), (width_px, height_px): (u32, u32)) -> f64 {
-        let (w, h) = (u64::from(self.lens.width_px), u64::from(self.lens.height_px));
-        let middle = |at: u32, of: u32, side: u64| (2 * u64::from(at) + 1) * side / (2 * u64::from(of));
-        let at = middle(y, height_px, h) * w + middle(x, width_px, w);
-        let inverse = f64::from(self.inverse_depths[at as usize]) * INVERSE_DEPTH_STEP;
-        if inverse > 0.0 { inverse.recip() } else { FAR_M }
+    /// Returns the depths of the pixels of a picture of this view at another size, in metres, rows top to bottom.
+    fn depths_m(&self, (width_px, height_px): (u32, u32)) -> Vec<f64> {
+        let (w, h) = (self.lens.width_px as usize, self.lens.height_px as usize);
+        let middles = |of: u32, side: usize| -> Vec<usize> {
+            (0..of as usize).map(|at| (2 * at + 1) * side / (2 * of as usize)).collect()
+        };
+        let (rows, columns) = (middles(height_px, h), middles(width_px, w));
+        let steps = rows.iter().flat_map(|y| columns.iter().map(move |x| self.inverse_depths[y * w + x]));
+        steps.map(|step| if step > 0 { (f64::from(step) * INVERSE_DEPTH_STEP).recip() } else { FAR_M }).collect()
     }
 }
 
-/// Returns the four pixels around a place in a picture.
-fn around(at: DVec2, (width_px, height_px): (u32, u32)) -> [(u32, u32); 4] {
+/// Returns where the four pixels around a place in a picture stand in its rows.
+fn around(at: DVec2, (width_px, height_px): (u32, u32)) -> [usize; 4] {
     let (x, y) = ((at.x - 0.5).max(0.0), (at.y - 0.5).max(0.0));
     let (left, top) = (x as u32, y as u32);
     let (right, bottom) = ((left + 1).min(width_px - 1), (top + 1).min(height_px - 1));
-    [(left, top), (right, top), (left, bottom), (right, bottom)]
+    [(left, top), (right, top), (left, bottom), (right, bottom)].map(|(x, y)| (y * width_px + x) as usize)
 }
 
 /// Returns the colour of a frame between pixels, by the cubic through the four in each row and column (Catmull and Rom), which keeps

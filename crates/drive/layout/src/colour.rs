@@ -151,12 +151,15 @@ pub fn is_marking(colour: Rgb) -> bool {
 /// Says whether a colour tells exactly what a frame shows, in every frame anew: paint on the road, lights, people.
 #[must_use]
 pub fn is_told(colour: Rgb) -> bool {
-    static SHADES: LazyLock<Vec<Rgb>> = LazyLock::new(|| {
+    static SHADES: LazyLock<HashSet<Rgb>> = LazyLock::new(|| {
         let unknown = light(LightState::Unknown);
         let [pedestrian, cyclist] = [AgentClass::Pedestrian, AgentClass::Cyclist].map(agent);
-        shades([unknown, pedestrian, cyclist]).into_iter().chain([unknown]).collect()
+        let paint = [CROSSWALK, line(LineColour::White), line(LineColour::Yellow)];
+        let lit = [LightState::Red, LightState::Yellow, LightState::Green].map(light);
+        let all = [shades([unknown, pedestrian, cyclist]), shades(lit), lit.to_vec(), paint.to_vec(), vec![unknown]];
+        all.concat().into_iter().collect()
     });
-    is_marking(colour) || is_lit(colour) || SHADES.contains(&colour)
+    SHADES.contains(&colour)
 }
 
 /// Says whether a colour is that of a face of a light head which is red, yellow or green, or of its stop line.

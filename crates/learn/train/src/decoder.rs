@@ -193,11 +193,9 @@ impl Source<'_> {
     /// Makes what guides the frames of a latent step of a clip, after a frame that is carried on.
     fn guide(&self, clip: &Clip, step: usize, before: Option<&RgbImage>) -> Array {
         let config = self.model.config();
-        let layout =
-            |tick: usize| Layout { image: clip.layouts[tick].clone(), geometry: clip.geometry.get(tick).cloned() };
         let ticks = ticks(step, config.vae.stride_t);
-        let carry = before.filter(|_| step > 0).map(|frame| Carry::of(frame, &layout(ticks.start - 1)));
-        let layouts: Vec<Layout> = ticks.map(layout).collect();
+        let carry = before.filter(|_| step > 0).map(|frame| Carry::of(frame, &evaluate::layout(clip, ticks.start - 1)));
+        let layouts: Vec<Layout> = ticks.map(|tick| evaluate::layout(clip, tick)).collect();
         let missing = config.vae.stride_t - layouts.len();
         let layouts = std::iter::repeat_n(&layouts[0], missing).chain(&layouts).collect::<Vec<_>>();
         carry.unwrap_or_default().guide(&self.shape, config.video.width_px, config.video.height_px, &layouts)

@@ -21,8 +21,12 @@ const CLIPS: usize = 8;
 /// Returns the layouts of a clip with their geometry.
 #[must_use]
 pub fn layouts(clip: &Clip) -> Vec<Layout> {
-    let geometry = clip.geometry.iter().cloned().map(Some).chain(std::iter::repeat(None));
-    clip.layouts.iter().cloned().zip(geometry).map(|(image, geometry)| Layout { image, geometry }).collect()
+    (0..clip.layouts.len()).map(|tick| layout(clip, tick)).collect()
+}
+
+/// Returns the layout of a tick of a clip with its geometry.
+pub(crate) fn layout(clip: &Clip, tick: usize) -> Layout {
+    Layout { image: clip.layouts[tick].clone(), geometry: clip.geometry.get(tick).cloned() }
 }
 
 /// Rolls a clip out with the given layouts; the first frame is the clip's own.
