@@ -5,6 +5,7 @@ pub mod edges;
 pub mod looks;
 pub mod nuisance;
 pub mod paths;
+pub mod statistics;
 pub mod verdict;
 pub mod weigh;
 

@@ -109,6 +109,22 @@ pub const ALIGNED_AGREEMENT: f64 = 0.45;
 pub const LAYOUT_AGREEMENT: f64 = 0.3;
 /// Effect-free pairs that are needed to learn what a generator does.
 pub const FEWEST_NUISANCE: usize = 5;
+/// Seeds of the generator that a clip must have: their scatter is estimated.
+pub const FEWEST_SEEDS: usize = 2;
+/// Clips that a case must have: sign flips of fewer cannot reach 5 %.
+pub const FEWEST_CLIPS: usize = 6;
+/// Chance of clips without any effect from which none is said to act.
+pub const MOST_CHANCE: f64 = 0.05;
+/// Groups of effect-free clips that are judged to learn which gains come by chance.
+pub const FREE_GROUPS: u64 = 24;
+/// Effect-free clips for which correlations of their statistics count half.
+pub const CLIP_SHRINKAGE: f64 = 15.0;
+/// Spread of a clip's statistics at least, as a share of that of a pair.
+pub const CLIP_FLOOR: f64 = 0.35;
+/// Clips for which the built-in spread counts where there are no effect-free ones.
+pub const BUILT_IN_CLIPS: f64 = 4.0;
+/// Frames of a clip looked at in full size.
+pub const CLIP_FULL_FRAMES: usize = 12;
 /// By how much a gain must exceed the best on effect-free pairs.
 pub const NUISANCE_MARGIN: f64 = 1.1;
 /// Gain that an effect on other than aligned streams must have at least.

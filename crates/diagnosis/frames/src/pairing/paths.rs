@@ -8,13 +8,14 @@ use ds_effect::FrameChain;
 use ds_effect::frame::{Act, FrameEffect};
 use ds_effect::frame_library;
 use ds_space::draw::Draws;
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use crate::pairing::edges;
 use crate::pairing::looks::{ALL, FINE, MOVED, OWN, Stream, beyond, own};
 use crate::scene::{DETAIL, Scene};
 
 /// Values along which an effect grows from nothing, and what each does to the statistics.
+#[derive(Clone)]
 pub struct Path {
     /// The effect.
     pub effect: &'static FrameEffect,
@@ -24,6 +25,20 @@ pub struct Path {
     pub values: Vec<Vec<f64>>,
     /// Change of the statistics at each.
     pub change: Vec<DVector<f64>>,
+}
+
+impl Path {
+    /// Tells whether both go the same way: the same effect through the same values.
+    #[must_use]
+    pub fn same_way(&self, other: &Self) -> bool {
+        self.effect.id == other.effect.id && self.parameter == other.parameter && self.values == other.values
+    }
+
+    /// Returns the path in other units of the statistics.
+    #[must_use]
+    pub fn scaled(&self, root: &DMatrix<f64>) -> Self {
+        Self { values: self.values.clone(), change: self.change.iter().map(|c| root * c).collect(), ..*self }
+    }
 }
 
 /// Returns the values tried for an effect that edits pictures or repeats frames.
