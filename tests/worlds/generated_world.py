@@ -3,9 +3,10 @@
 The pairs are those of `dreamstream video pairs --over 3`: clips with several generated streams and the reference camera's
 frames at three times the size, which are resampled once here. Effects are those of camera_effects.py, which share no code
 with the crates; nothing else is changed but for the encoder of the camera (JPEG, quality 92). All clips of a case have the
-same effect. Needs numpy and pillow only.
+same effect. A case without effect is one of the pairs; each clip of another is that clip of a pair drawn for it. Needs numpy
+and pillow only.
 
-    dreamstream video pairs --over 3 --cases 40 --first-seed SEED -o PAIRS
+    dreamstream video pairs --over 3 --cases 12 --first-seed SEED -o PAIRS
     python tests/worlds/generated_world.py PAIRS --out CASES --seed SEED --singles 28 --none 12
 """
 
@@ -94,15 +95,16 @@ def linked(source, target):
             shutil.copyfile(file, target / file.name)
 
 
-def make(source, out, seed, ids):
+def make(sources, out, seed, ids):
+    """A case of the effects; `sources` holds the pairs of each of its clips."""
     r = np.random.default_rng(seed)
-    meta = json.loads((source / "meta.json").read_text())
+    meta = json.loads((sources[0] / "meta.json").read_text())
     effects = [(i, EFFECTS[i][4](r)) for i in ids]
     for i, p in effects:
         if i == "rain_streaks":
             p["count"] *= meta["width"] * meta["height"] / 53248
     fixed = spots(r, effects)
-    for name in meta["clips"]:
+    for source, name in zip(sources, meta["clips"]):
         clip, folder = Clip(source / name), out / name
         for stream in [*clip.meta["seeds"], "depth"]:
             linked(clip.folder / stream, folder / stream)
@@ -137,13 +139,16 @@ def main():
     a.add_argument("--none", type=int, default=12)
     o = a.parse_args()
     plan = [[KINDS[k % len(KINDS)]] for k in range(o.singles)] + [[]] * o.none
-    sources = sorted(path.parent for path in o.pairs.glob("*/meta.json"))
-    if len(sources) < len(plan):
-        raise SystemExit(f"{len(plan)} cases need as many pairs; {o.pairs} has {len(sources)}")
+    pairs = sorted(path.parent for path in o.pairs.glob("*/meta.json"))
+    if len(pairs) < max(o.none, 1):
+        raise SystemExit(f"{o.none} cases without effect need as many pairs; {o.pairs} has {len(pairs)}")
+    clips = len(json.loads((pairs[0] / "meta.json").read_text())["clips"])
+    r = np.random.default_rng(o.seed)
     labels = {}
-    for place, k in enumerate(np.random.default_rng(o.seed).permutation(len(plan))):
+    for place, k in enumerate(r.permutation(len(plan))):
         name = f"case_{place:03d}"
-        labels[name] = make(sources[place], o.out / name, [o.seed, int(k)], plan[k])
+        picked = [int(r.integers(len(pairs))) if plan[k] else int(k) - o.singles for _ in range(clips)]
+        labels[name] = make([pairs[p] for p in picked], o.out / name, [o.seed, int(k)], plan[k])
         (o.out / "labels.json").write_text(json.dumps(labels, indent=1))
 
 

@@ -119,12 +119,18 @@ pub const MOST_CHANCE: f64 = 0.05;
 pub const FREE_GROUPS: u64 = 24;
 /// Effect-free clips for which correlations of their statistics count half.
 pub const CLIP_SHRINKAGE: f64 = 15.0;
-/// Spread of a clip's statistics at least, as a share of that of a pair.
-pub const CLIP_FLOOR: f64 = 0.35;
+/// Size of a clip's deviation, over the middle one, from which it counts less.
+pub const USUAL_CLIP: f64 = 1.3;
+/// Spread over distances of a bias that is not known: tens of grey levels, ln contrast.
+pub const BIAS_BY_DISTANCE: [f64; 2] = [0.3, 0.2];
+/// Gain that an effect must have where the bias is not known, so that the spread is a guess.
+pub const FREE_GAIN: f64 = 30.0;
+/// Effect-free clips on whose real frames effects are tried.
+pub const SIGNATURE_CLIPS: usize = 8;
 /// Clips for which the built-in spread counts where there are no effect-free ones.
 pub const BUILT_IN_CLIPS: f64 = 4.0;
 /// Frames of a clip looked at in full size.
-pub const CLIP_FULL_FRAMES: usize = 12;
+pub const CLIP_FULL_FRAMES: usize = 8;
 /// By how much a gain must exceed the best on effect-free pairs.
 pub const NUISANCE_MARGIN: f64 = 1.1;
 /// Gain that an effect on other than aligned streams must have at least.

@@ -3,8 +3,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::pairing::looks::ALL;
-use crate::pairing::nuisance::least;
+use crate::clips::readout::COUNT;
+use crate::pairing::nuisance::{inverse_root, least};
 use crate::settings;
 
 /// Bias and spread.
@@ -25,11 +25,11 @@ impl Bias {
         let n = rows.len() as f64;
         let keep = n / (n + settings::CLIP_SHRINKAGE);
         let (mean, mut spread) = moments(rows);
-        for a in 0..ALL {
-            for b in (0..ALL).filter(|b| *b != a) {
+        for a in 0..COUNT {
+            for b in (0..COUNT).filter(|b| *b != a) {
                 spread[(a, b)] *= keep;
             }
-            spread[(a, a)] = spread[(a, a)] * (n + 1.0) / (n - 1.0) + (settings::CLIP_FLOOR * least(a)).powi(2);
+            spread[(a, a)] = spread[(a, a)] * (n + 1.0) / (n - 1.0) + least(a).powi(2);
         }
         Self { mean: Some(mean), spread, clips: rows.len() }
     }
@@ -40,11 +40,11 @@ impl Bias {
         let freedom = rows.len() as f64 - 1.0;
         let (_, own) = moments(rows);
         let share = 1.0 + 1.0 / seeds as f64;
-        let variance = DVector::from_fn(ALL, |k, _| {
-            let built_in = (settings::CLIP_FLOOR * least(k)).powi(2) + share * within[(k, k)];
+        let variance = DVector::from_fn(COUNT, |k, _| {
+            let built_in = least(k).powi(2) + share * within[(k, k)];
             (freedom * own[(k, k)] + settings::BUILT_IN_CLIPS * built_in) / (freedom + settings::BUILT_IN_CLIPS)
         });
-        let spread = DMatrix::from_fn(ALL, ALL, |a, b| {
+        let spread = DMatrix::from_fn(COUNT, COUNT, |a, b| {
             let together = within[(a, b)] / (within[(a, a)] * within[(b, b)]).sqrt().max(1e-12);
             let correlation = if a == b { 1.0 } else { 0.5 * together };
             correlation * (variance[a] * variance[b]).sqrt()
@@ -53,11 +53,22 @@ impl Bias {
     }
 }
 
+impl Bias {
+    /// Returns how much each clip counts: one that deviates far more than the others do is peculiar, whatever it shows.
+    #[must_use]
+    pub fn weights(&self, deviations: &[DVector<f64>]) -> Vec<f64> {
+        let scale = inverse_root(self.spread.clone());
+        let sizes: Vec<f64> = deviations.iter().map(|deviation| (&scale * deviation).norm()).collect();
+        let most = settings::USUAL_CLIP * ds_stats::quantile(&mut sizes.clone(), 0.5);
+        sizes.iter().map(|size| (most / size.max(1e-9)).min(1.0)).collect()
+    }
+}
+
 /// Returns mean and covariance of some rows.
 fn moments(rows: &[&DVector<f64>]) -> (DVector<f64>, DMatrix<f64>) {
     let n = rows.len() as f64;
-    let mean = rows.iter().fold(DVector::zeros(ALL), |sum, row| sum + *row) / n;
-    let mut covariance = DMatrix::zeros(ALL, ALL);
+    let mean = rows.iter().fold(DVector::zeros(COUNT), |sum, row| sum + *row) / n;
+    let mut covariance = DMatrix::zeros(COUNT, COUNT);
     for row in rows {
         let d = *row - &mean;
         covariance += &d * d.transpose() / (n - 1.0).max(1.0);
@@ -68,10 +79,10 @@ fn moments(rows: &[&DVector<f64>]) -> (DVector<f64>, DMatrix<f64>) {
 /// Returns the scatter of seeds about their clip's mean: W.
 #[must_use]
 pub fn within(clips: &[&[DVector<f64>]]) -> DMatrix<f64> {
-    let mut sum = DMatrix::zeros(ALL, ALL);
+    let mut sum = DMatrix::zeros(COUNT, COUNT);
     let mut freedom = 0.0;
     for rows in clips {
-        let mean = rows.iter().fold(DVector::zeros(ALL), |sum, row| sum + row) / rows.len() as f64;
+        let mean = rows.iter().fold(DVector::zeros(COUNT), |sum, row| sum + row) / rows.len() as f64;
         for row in *rows {
             let d = row - &mean;
             sum += &d * d.transpose();

@@ -2,30 +2,23 @@
 //! nothing about clips that deviate by chance, and takes away what they have in common with an effect.
 
 use ds_space::draw::Draws;
-use nalgebra::DVector;
 
-/// Signs that are tried at most.
-const MOST: u64 = 256;
+/// Clips of which all patterns of signs are tried; of more, so many as these have.
+const MOST_CLIPS: usize = 8;
 
-/// Returns the share of sign patterns whose `gain` reaches that of the deviations as they are, which count themselves;
-/// `widened` is by how much a deviation of the mean is larger than clips of one bias would have it.
+/// Returns the share of sign patterns whose gain reaches that of the deviations as they are, which count themselves; `gain`
+/// takes a sign per clip, and `widened` is by how much a deviation of the mean is larger than that of clips of one bias.
 #[must_use]
-pub fn chance(deviations: &[DVector<f64>], widened: f64, gain: &dyn Fn(&[DVector<f64>]) -> f64) -> f64 {
-    let found = gain(deviations);
-    let count = if deviations.len() < 9 { 1 << deviations.len() } else { MOST };
+pub fn chance(clips: usize, widened: f64, gain: &(dyn Fn(&[f64]) -> f64 + Sync)) -> f64 {
+    let found = gain(&vec![1.0; clips]);
+    let patterns = 1u64 << clips.min(MOST_CLIPS);
     let draws = Draws::from_seed(11, "signs");
-    let mut reached = 1;
-    for pattern in 1..count {
+    let reached = (1..patterns).filter(|pattern| {
         let negative = |clip: u64| {
-            if count < MOST || deviations.len() == 8 {
-                pattern >> clip & 1 == 1
-            } else {
-                draws.below(pattern * 4096 + clip, 2) == 1
-            }
+            if clips > MOST_CLIPS { draws.below(pattern * 65_536 + clip, 2) == 1 } else { pattern >> clip & 1 == 1 }
         };
-        let flipped: Vec<DVector<f64>> =
-            (0..).zip(deviations).map(|(clip, d)| if negative(clip) { -d } else { d.clone() }).collect();
-        reached += u64::from(widened * gain(&flipped) >= found);
-    }
-    reached as f64 / count as f64
+        let signs: Vec<f64> = (0..clips as u64).map(|clip| if negative(clip) { -1.0 } else { 1.0 }).collect();
+        widened * gain(&signs) >= found
+    });
+    (1 + reached.count()) as f64 / patterns as f64
 }

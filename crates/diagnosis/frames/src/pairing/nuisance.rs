@@ -7,11 +7,12 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::case::FrameCase;
-use crate::clips::readout::Readout;
+use crate::clips::readout::{Readout, beyond_simulated};
 use crate::clips::{Clip, ClipCase};
 use crate::error::SightError;
 use crate::pairing::looks::{ALL, MOVED, OWN};
-use crate::pairing::statistics::statistics;
+use crate::pairing::paths;
+use crate::pairing::statistics::{Scope, statistics};
 use crate::scene::Scene;
 use crate::settings;
 use ds_diagnosis::CaseError;
@@ -26,8 +27,10 @@ pub struct Nuisance {
     pub mean: DVector<f64>,
     /// Symmetric root of the inverse covariance: brings a deviation to units of the spread.
     pub root: DMatrix<f64>,
-    /// Statistics of each pair, or of each clip as the mean over its seeds.
-    pub raw: Vec<DVector<f64>>,
+    /// Statistics of each clip with several seeds, means over these.
+    pub clips: Vec<DVector<f64>>,
+    /// By how much more each effect does to real frames of such clips than to simulated ones.
+    pub signatures: Vec<paths::Path>,
     /// Statistics of each pair without its own part in the mean, for thresholds.
     pub rows: Vec<DVector<f64>>,
     /// Root mean square difference and feature distance between the streams.
@@ -48,28 +51,30 @@ impl Nuisance {
         cases.sort();
         let mut rows = Vec::new();
         let mut gaps: Vec<[f64; 2]> = Vec::new();
+        let mut seeded: Vec<Clip> = Vec::new();
         for path in &cases {
             if ClipCase::is(path) {
-                let clips = ClipCase::read(path)?.clips;
-                let read = |clip: &Clip| Readout::of(clip, None, &[]);
-                let clips: Vec<Readout> = clips.par_iter().map(read).collect::<Result<_, _>>()?;
-                for clip in clips {
-                    gaps.push(clip.gap);
-                    rows.push(clip.mean());
-                }
+                seeded.extend(ClipCase::read(path)?.clips);
             } else {
                 let case = FrameCase::read(path)?;
                 let scene = Scene::new(&case);
-                rows.push(statistics(&scene, case.pairing.unwrap_or(Pairing::SameLayout)).0);
+                rows.push(statistics(&scene, Scope::of(case.pairing.unwrap_or(Pairing::SameLayout))).0);
                 gaps.push(crate::how_far::plain_gap(&case)?);
             }
         }
+        let read: Vec<Readout> = seeded.par_iter().map(|clip| Readout::of(clip, None)).collect::<Result<_, _>>()?;
+        gaps.extend(read.iter().map(|clip| clip.gap));
+        let clips: Vec<DVector<f64>> = read.iter().map(Readout::mean).collect();
+        // a pair has no statistics by layers
+        rows.extend(clips.iter().map(|row| row.rows(0, ALL).into_owned()));
         if rows.len() < settings::FEWEST_NUISANCE {
             let found = rows.len();
             return Err(SightError::TooFewNuisance { found, needed: settings::FEWEST_NUISANCE, path: folder.into() });
         }
         let gap = [0, 1].map(|k| gaps.iter().map(|gap| gap[k]).sum::<f64>() / gaps.len() as f64);
-        Ok(Self::of(rows, gap))
+        let tried = &seeded[..seeded.len().min(settings::SIGNATURE_CLIPS)];
+        let signatures: Vec<Vec<paths::Path>> = tried.par_iter().map(beyond_simulated).collect::<Result<_, _>>()?;
+        Ok(Self { clips, signatures: paths::mean(&signatures), ..Self::of(rows, gap) })
     }
 
     /// Summarises the statistics of effect-free pairs.
@@ -85,7 +90,7 @@ impl Nuisance {
                 &rows[k] - mean
             })
             .collect();
-        Self { count: rows.len(), mean, root, raw: rows, rows: left_out, gap }
+        Self { count: rows.len(), mean, root, clips: Vec::new(), signatures: Vec::new(), rows: left_out, gap }
     }
 
     /// The generator of nobody: wide values for streams without effect-free pairs.
@@ -93,7 +98,7 @@ impl Nuisance {
     pub fn assumed() -> Self {
         let mean = DVector::zeros(ALL);
         let root = DMatrix::from_diagonal(&DVector::from_fn(ALL, |k, _| 1.0 / (3.0 * least(k))));
-        Self { count: 0, mean, root, raw: Vec::new(), rows: Vec::new(), gap: [0.0; 2] }
+        Self { count: 0, mean, root, clips: Vec::new(), signatures: Vec::new(), rows: Vec::new(), gap: [0.0; 2] }
     }
 }
 
@@ -104,7 +109,10 @@ pub fn least(k: usize) -> f64 {
         0..=6 => 0.25,
         7..OWN => 0.06,
         OWN..MOVED => 0.03,
-        _ => 0.3,
+        MOVED..ALL => 0.3,
+        // by layers: brightness of four, then logarithms
+        _ if k < ALL + 4 => 0.25,
+        _ => 0.06,
     }
 }
 

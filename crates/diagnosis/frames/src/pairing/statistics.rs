@@ -4,13 +4,42 @@ use ds_diagnosis::meta::Pairing;
 use nalgebra::DVector;
 
 use crate::pairing::edges;
-use crate::pairing::looks::{MOVED, Stream, beyond, own};
+use crate::pairing::layers::{LAYERS, layered};
+use crate::pairing::looks::{ALL, MOVED, Stream, beyond, own};
 use crate::scene::Scene;
+
+/// Which statistics there are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scope {
+    /// Of each stream alone.
+    Own,
+    /// Of pairs as well.
+    Paired,
+    /// By the layers of the layout as well.
+    Layered,
+}
+
+impl Scope {
+    /// Returns the scope of a pairing.
+    #[must_use]
+    pub fn of(pairing: Pairing) -> Self {
+        if pairing == Pairing::Unpaired { Self::Own } else { Self::Paired }
+    }
+
+    /// Returns the number of statistics; those that are not known are 0.
+    #[must_use]
+    pub const fn count(self) -> usize {
+        match self {
+            Self::Own | Self::Paired => ALL,
+            Self::Layered => ALL + LAYERS,
+        }
+    }
+}
 
 /// Returns the statistics of a scene and what its edges tell.
 #[must_use]
-pub fn statistics(scene: &Scene<'_>, pairing: Pairing) -> (DVector<f64>, Option<edges::Moved>) {
-    let paired = pairing != Pairing::Unpaired;
+pub fn statistics(scene: &Scene<'_>, scope: Scope) -> (DVector<f64>, Option<edges::Moved>) {
+    let paired = scope != Scope::Own;
     let moved = paired.then(|| edges::measured(scene.case));
     // what is late is no other statistic's business
     let simulated = Stream::of(scene, false);
@@ -18,11 +47,15 @@ pub fn statistics(scene: &Scene<'_>, pairing: Pairing) -> (DVector<f64>, Option<
         Some(moved) => simulated.aged(&moved.late.ages),
         None => simulated,
     };
-    let mut x = beyond(scene, &simulated, &own(scene, &simulated), &Stream::of(scene, true), paired);
+    let real = Stream::of(scene, true);
+    let mut x = beyond(scene, &simulated, &own(scene, &simulated), &real, paired).to_vec();
     if let Some(moved) = &moved {
         for (x, v) in x[MOVED..].iter_mut().zip(&moved.values) {
             *x = *v;
         }
     }
-    (DVector::from_column_slice(&x), moved)
+    if scope == Scope::Layered {
+        x.extend(layered(scene, &simulated, &real));
+    }
+    (DVector::from_vec(x), moved)
 }

@@ -10,15 +10,15 @@ use ds_diagnosis::schema::{
 use ds_effect::frame::{Act, FrameEffect};
 use ds_effect::picture::Picture;
 use nalgebra::DVector;
+use rayon::prelude::*;
 
 use crate::case::FrameCase;
 use crate::error::SightError;
 use crate::how_far::{Correction, FLOORS, generated};
 use crate::loss::{TILES, tile};
-use crate::pairing::looks::ALL;
 use crate::pairing::nuisance::Nuisance;
 use crate::pairing::paths::{Path, paths};
-use crate::pairing::statistics::statistics;
+use crate::pairing::statistics::{Scope, statistics};
 use crate::pairing::weigh::{self, Spot};
 use crate::places::excess;
 use crate::scene::Scene;
@@ -30,8 +30,12 @@ use ds_diagnosis::meta::Pairing;
 pub struct Evidence {
     /// How the statistics deviate from those of effect-free pairs.
     pub deviation: DVector<f64>,
+    /// Statistics that the deviation has of each clip; all of them of a pair.
+    pub scope: Scope,
     /// What every effect would do to them.
     pub paths: Vec<Path>,
+    /// Which effects can be told from what the generator does.
+    pub testable: fn(&FrameEffect) -> bool,
     /// The gain that an effect must exceed.
     pub needed: f64,
     /// The squared distance that an effect-free pair may have.
@@ -123,12 +127,14 @@ pub fn judged(
     nuisance: &Nuisance,
     without: &[String],
 ) -> Result<Diagnosis, SightError> {
-    let paired = pairing != Pairing::Unpaired;
-    let (x, moved) = statistics(scene, pairing);
+    let scope = Scope::of(pairing);
+    let (x, moved) = statistics(scene, scope);
     let paths: Vec<Path> =
-        paths(scene, &nuisance.mean, paired, without).iter().map(|path| path.scaled(&nuisance.root)).collect();
+        paths(scene, &nuisance.mean, scope, without).iter().map(|path| path.scaled(&nuisance.root)).collect();
     let rows: Vec<DVector<f64>> = nuisance.rows.iter().map(|row| &nuisance.root * row).collect();
     let evidence = Evidence {
+        scope,
+        testable: |_| true,
         deviation: &nuisance.root * (&x - &nuisance.mean),
         needed: weigh::needed(rows.iter().map(|row| weigh::best(&paths, row)).collect()),
         usual: weigh::usual(rows.iter().map(DVector::norm_squared).collect()),
@@ -312,13 +318,25 @@ impl Told<'_> {
     }
 
     fn limits(&self) -> Vec<DetectionLimit> {
+        let Evidence { paths, needed, testable, scope, .. } = self.evidence;
+        let layered = *scope == Scope::Layered;
+        let limits: Vec<Option<f64>> = paths
+            .par_iter()
+            .map(|path| {
+                let others: Vec<Path> = if layered {
+                    paths.iter().filter(|o| o.effect.id != path.effect.id).cloned().collect()
+                } else {
+                    Vec::new()
+                };
+                testable(path.effect).then(|| weigh::limit(path, *needed, &others)).flatten()
+            })
+            .collect();
         let mut out: BTreeMap<&str, Option<f64>> = BTreeMap::new();
-        for path in &self.evidence.paths {
+        for (path, found) in paths.iter().zip(limits) {
             let end = path.values[path.values.len() - 1][0];
             if (end - path.values[0][0]).abs() < 1e-12 {
                 continue;
             }
-            let found = weigh::limit(path, self.evidence.needed);
             let entry = out.entry(path.effect.id).or_default();
             let nearer = |v: f64, w: f64| (v - path.values[0][0]).abs() < (w - path.values[0][0]).abs();
             if let Some(v) = found
@@ -328,7 +346,9 @@ impl Told<'_> {
             }
         }
         for effect in ds_effect::frame_library() {
-            if matches!(effect.act, Act::Warp(_)) {
+            // the age of the content is no statistic
+            let aged = matches!(effect.id, "obs_latency" | "condition_delay");
+            if matches!(effect.act, Act::Warp(_)) || (layered && !aged) {
                 out.entry(effect.id).or_default();
             }
         }
@@ -343,9 +363,10 @@ impl Told<'_> {
 
     /// Describes what is left of the deviation.
     fn describe(&self) -> Remainder {
-        let mut parts: Vec<(usize, f64)> = (0..ALL).map(|k| (k, 0.0)).collect();
+        let count = self.evidence.scope.count();
+        let mut parts: Vec<(usize, f64)> = (0..count).map(|k| (k, 0.0)).collect();
         for (k, left) in self.found.left.iter().enumerate() {
-            parts[k % ALL].1 += left * left;
+            parts[k % count].1 += left * left;
         }
         parts.sort_by(|a, b| b.1.total_cmp(&a.1));
         let mut channels = BTreeMap::new();
@@ -377,6 +398,11 @@ fn subject(statistic: usize) -> &'static str {
         26..=29 => "changes over time",
         30..=34 => "brightness ratios",
         35..=42 => "displacement",
+        43 => "objects",
+        44..=47 => "brightness by distance",
+        48..=53 => "contrast by distance",
+        54..=56 => "edges",
+        57 | 58 => "changes over time",
         _ => "objects",
     }
 }
