@@ -137,8 +137,10 @@ def main():
     a.add_argument("--seed", type=int, required=True)
     a.add_argument("--singles", type=int, default=28)
     a.add_argument("--none", type=int, default=12)
+    a.add_argument("--kinds", default=",".join(KINDS), help="effects that are injected in turn")
     o = a.parse_args()
-    plan = [[KINDS[k % len(KINDS)]] for k in range(o.singles)] + [[]] * o.none
+    kinds = o.kinds.split(",")
+    plan = [[kinds[k % len(kinds)]] for k in range(o.singles)] + [[]] * o.none
     pairs = sorted(path.parent for path in o.pairs.glob("*/meta.json"))
     if len(pairs) < max(o.none, 1):
         raise SystemExit(f"{o.none} cases without effect need as many pairs; {o.pairs} has {len(pairs)}")

@@ -124,7 +124,11 @@ pub const USUAL_CLIP: f64 = 1.3;
 /// Spread over distances of a bias that is not known: tens of grey levels, ln contrast.
 pub const BIAS_BY_DISTANCE: [f64; 2] = [0.3, 0.2];
 /// Gain that an effect must have where the bias is not known, so that the spread is a guess.
-pub const FREE_GAIN: f64 = 30.0;
+pub const FREE_GAIN: f64 = 50.0;
+/// Share of a gain that effects on clips must differ by to be told apart: what they do is known about so well.
+pub const ROUGH_SIGNATURE: f64 = 0.1;
+/// By how much a further effect on clips must exceed the gain that is needed.
+pub const FURTHER_CLIP_GAIN: f64 = 3.0;
 /// Effect-free clips on whose real frames effects are tried.
 pub const SIGNATURE_CLIPS: usize = 8;
 /// Clips for which the built-in spread counts where there are no effect-free ones.
@@ -159,4 +163,10 @@ pub fn pairing_shape(id: &str) -> f64 {
         "rolling_shutter" => 1.0,
         _ => 0.15,
     }
+}
+
+/// The same on clips of a video model, whose edges tell less than half of a displacement.
+#[must_use]
+pub fn clip_shape(displaces: bool) -> f64 {
+    if displaces { 1.2 } else { 0.4 }
 }

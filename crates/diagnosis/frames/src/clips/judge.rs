@@ -89,10 +89,12 @@ pub fn judged(case: &ClipCase, nuisance: Option<&Nuisance>, without: &[String]) 
     })
 }
 
-/// Tells whether what an effect does varies with the layout, as by distance, speed or objects, or with the age of a rollout.
+/// Tells whether what an effect does varies with the layout, as by distance, speed or objects, or with the age of a rollout;
+/// darkness falls on all distances alike.
 fn varies(effect: &FrameEffect) -> bool {
     let layout = [Needs::Light, Needs::Motion, Needs::Depth, Needs::Boxes];
-    effect.id == "rollout_drift" || effect.needs.iter().any(|need| layout.contains(need))
+    effect.id == "rollout_drift"
+        || effect.id != "night_illumination" && effect.needs.iter().any(|need| layout.contains(need))
 }
 
 /// Returns paths with what the texture of real frames changes about them.

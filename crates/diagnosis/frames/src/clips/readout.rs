@@ -51,7 +51,7 @@ impl Readout {
         }
         readout.warnings.clone_from(&streams[0].warnings);
         if let Some(without) = without {
-            readout.paths = tried(&streams[0], without);
+            readout.paths = tried(&other_seed(&streams), without);
         }
         Ok(readout)
     }
@@ -65,7 +65,14 @@ impl Readout {
     }
 }
 
-/// Returns what every effect does to the simulated frames of a stream.
+/// Returns the first stream with the second one's simulated frames in the place of real ones.
+fn other_seed(streams: &[FrameCase]) -> FrameCase {
+    let mut pair = streams[0].clone();
+    pair.fit.iter_mut().zip(&streams[1].fit).for_each(|(frame, other)| frame.real.clone_from(&other.sim));
+    pair
+}
+
+/// Returns what every effect does to the real frames of a stream.
 fn tried(stream: &FrameCase, without: &[String]) -> Vec<Path> {
     paths(&scene(stream), &DVector::zeros(COUNT), Scope::Layered, without)
 }
@@ -79,14 +86,13 @@ const RESPONSE_SHARE: f64 = 0.25;
 /// # Errors
 /// If a file is missing or spoiled.
 pub fn beyond_simulated(clip: &Clip) -> Result<Vec<Path>, SightError> {
-    let stream = clip.first()?;
-    let mut real = stream.clone();
-    real.fit.iter_mut().for_each(|frame| frame.sim.clone_from(&frame.real));
-    let on_real = tried(&real, &[]);
-    let plain = statistics(&scene(&stream), Scope::Layered).0;
+    let streams = clip.streams()?;
+    let stream = &streams[0];
+    let on_real = tried(stream, &[]);
+    let plain = statistics(&scene(stream), Scope::Layered).0;
     // change of the statistics per unit of a parameter, once for both directions
     let mut responses: Vec<(&str, usize, DVector<f64>)> = Vec::new();
-    let mut out = tried(&stream, &[]);
+    let mut out = tried(&other_seed(&streams), &[]);
     for path in &mut out {
         let end = path.values.len() - 1;
         if path.parameter.is_none() {
@@ -101,7 +107,7 @@ pub fn beyond_simulated(clip: &Clip) -> Result<Vec<Path>, SightError> {
         let per_unit = known.map(|known| known.2.clone()).unwrap_or_else(|| {
             let mut values = path.values[0].clone();
             values[k] += RESPONSE_SHARE * way;
-            let moved = statistics(&scene(&displaced(&stream, path, values)), Scope::Layered).0;
+            let moved = statistics(&scene(&displaced(stream, path, values)), Scope::Layered).0;
             (moved - &plain) / (RESPONSE_SHARE * way)
         });
         path.change[end] = &per_unit * way - &path.change[end];

@@ -107,18 +107,32 @@ fn grid_of_objects(id: &str) -> Vec<Vec<Vec<f64>>> {
 }
 
 /// Returns the paths of all effects that this scene can show; `gap` is what real frames have beyond simulated ones
-/// without any effect.
+/// without any effect. By layers, effects act on the real stream of a scene that has none, and `gap` is in it.
 #[must_use]
 pub fn paths(scene: &Scene<'_>, gap: &DVector<f64>, scope: Scope, without: &[String]) -> Vec<Path> {
     let paired = scope != Scope::Own;
     let plain = Stream::of(scene, false);
     let simulated = own(scene, &plain);
+    let layers = scope == Scope::Layered;
+    let base = if layers { Stream::of(scene, true) } else { Stream::of(scene, false) };
+    let measured = |changed: &Stream| {
+        let mut change = beyond(scene, &plain, &simulated, changed, paired);
+        if !layers {
+            on_real(&mut change, &simulated, gap);
+        }
+        let mut change = change.to_vec();
+        if layers {
+            change.extend(layered(scene, &plain, changed));
+        }
+        DVector::from_vec(change)
+    };
+    let before = if layers { measured(&base) } else { DVector::zeros(scope.count()) };
     let mut out = Vec::new();
     for effect in frame_library() {
         if without.iter().any(|w| w == effect.id) || !scene.can_show(effect) {
             continue;
         }
-        let objects = if scope == Scope::Layered { grid_of_objects(effect.id) } else { Vec::new() };
+        let objects = if layers { grid_of_objects(effect.id) } else { Vec::new() };
         for nodes in grid(effect.id).into_iter().chain(objects) {
             let mut path = Path {
                 effect,
@@ -127,14 +141,7 @@ pub fn paths(scene: &Scene<'_>, gap: &DVector<f64>, scope: Scope, without: &[Str
                 change: vec![DVector::zeros(scope.count())],
             };
             for values in nodes {
-                let changed = applied(scene, &plain, effect, &values);
-                let mut change = beyond(scene, &plain, &simulated, &changed, paired);
-                on_real(&mut change, &simulated, gap);
-                let mut change = change.to_vec();
-                if scope == Scope::Layered {
-                    change.extend(layered(scene, &plain, &changed));
-                }
-                path.change.push(DVector::from_vec(change));
+                path.change.push(measured(&applied(scene, &base, effect, &values)) - &before);
                 path.values.push(values);
             }
             out.push(path);

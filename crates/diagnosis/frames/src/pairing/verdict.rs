@@ -71,7 +71,10 @@ impl Evidence {
             if chosen.is_empty() {
                 ranked = spots;
             }
-            let asked = |b: &Spot| self.needed.max(share_asked(&chosen, b, &self.paths));
+            // signatures of clips are rough: a further effect must stand out from what the first one leaves
+            let further =
+                if self.scope == Scope::Layered && !chosen.is_empty() { settings::FURTHER_CLIP_GAIN } else { 1.0 };
+            let asked = |b: &Spot| (further * self.needed).max(share_asked(&chosen, b, &self.paths));
             let Some(best) = best.filter(|b| b.gain > asked(b) && (!chosen.is_empty() || accepted(b))) else { break };
             left -= best.change(&self.paths);
             chosen.push(best);
@@ -272,7 +275,11 @@ impl Told<'_> {
             let values = values.unwrap_or_else(|| spot.values(&self.evidence.paths));
             let path = &self.evidence.paths[spot.path];
             let width = (path.values[spot.at.0 + 1][0] - path.values[spot.at.0][0]).abs();
-            let half = spot.error * width + settings::pairing_shape(id) * (values[0] - path.values[0][0]).abs();
+            let shape = match self.evidence.scope {
+                Scope::Layered => settings::clip_shape(moves(path.effect)).max(settings::pairing_shape(id)),
+                Scope::Own | Scope::Paired => settings::pairing_shape(id),
+            };
+            let half = spot.error * width + shape * (values[0] - path.values[0][0]).abs();
             let slab = path.effect.parameters[0].slab;
             let mut finding = self.empty(id, values[0], spot.gain);
             finding.interval90 = [(values[0] - half).max(slab.0), (values[0] + half).min(slab.1)];

@@ -102,7 +102,9 @@ pub fn limit(path: &Path, needed: f64, others: &[Path]) -> Option<f64> {
             let share = f64::from(step) / 20.0;
             let change = &path.change[k] + (&path.change[k + 1] - &path.change[k]) * share;
             let gain = change.norm_squared();
-            if gain >= needed && (others.is_empty() || gain - best(others, &change) >= LEAD) {
+            if gain >= needed
+                && (others.is_empty() || gain - best(others, &change) >= LEAD.max(settings::ROUGH_SIGNATURE * gain))
+            {
                 return Some(mix(&path.values, (k, share))[0]);
             }
         }
