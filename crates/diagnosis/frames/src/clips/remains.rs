@@ -2,6 +2,8 @@
 //! stands for the simulated side.
 
 use ds_diagnosis::schema::{Cell, Shrink};
+use ds_space::Draws;
+use ds_stats::sign_flip;
 use rayon::prelude::*;
 
 use crate::clips::ClipCase;
@@ -38,7 +40,8 @@ pub fn measured(case: &ClipCase, correction: &Correction, floors: [f64; 2]) -> R
     let mut cells: Vec<Cell> = (0..TILES)
         .filter_map(|t| {
             let over: Vec<[f64; 2]> = clips.iter().map(|(_, _, tiles, _)| tiles[t]).collect();
-            cell(t, &over, clips.first().map_or([0.0; 2], |clip| clip.3))
+            let span = clips.first().map_or([0.0; 2], |clip| clip.3);
+            cell(t, &over, span, &|over| sign_flip(over, &Draws::from_seed(13, "tiles")).map_or(1.0, |chance| chance.p))
         })
         .collect();
     ds_diagnosis::schema::correct(&mut cells, TILES);

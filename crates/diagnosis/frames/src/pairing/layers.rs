@@ -24,17 +24,12 @@ pub fn layered(scene: &Scene<'_>, first: &Stream, second: &Stream) -> [f64; LAYE
     let count = first.full.len().max(1) as f64;
     for (p, q) in first.full.iter().zip(&second.full) {
         let (a, b) = (Frame::of(scene, p), Frame::of(scene, q));
-        for layer in 0..4 {
-            out[layer] += 0.1 * (b.level[layer] - a.level[layer]) / count;
-        }
-        for layer in 0..3 {
-            out[4 + layer] += ratio(b.fine[layer], a.fine[layer]) / count;
-            out[7 + layer] += ratio(b.coarse[layer], a.coarse[layer]) / count;
-        }
+        let levels = b.level.iter().zip(&a.level).map(|(b, a)| 0.1 * (b - a));
+        let fine = b.fine.iter().zip(&a.fine).map(|(b, a)| ratio(*b, *a));
+        let coarse = b.coarse.iter().zip(&a.coarse).map(|(b, a)| ratio(*b, *a));
         let (slope, agreement, edges) = followed(p, q);
-        out[10] += slope / count;
-        out[11] += agreement / count;
-        out[12] += edges / count;
+        let own = levels.chain(fine).chain(coarse).chain([slope, agreement, edges]);
+        out.iter_mut().zip(own).for_each(|(out, own)| *out += own / count);
     }
     let (steps, turns) = changes(&first.small)
         .zip(changes(&second.small))

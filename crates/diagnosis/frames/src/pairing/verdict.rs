@@ -419,16 +419,17 @@ fn cells(scene: &Scene<'_>, correction: &Correction) -> Vec<Cell> {
     let frames = &scene.frames;
     let span = [frames[0].time_secs, frames[frames.len() - 1].time_secs];
     let rows = by_frame(scene.case, correction);
-    let of = |t: usize| cell(t, &rows.iter().map(|row| row[t]).collect::<Vec<_>>(), span);
+    let of = |t: usize| cell(t, &rows.iter().map(|row| row[t]).collect::<Vec<_>>(), span, &excess);
     let mut cells: Vec<Cell> = (0..TILES).filter_map(of).collect();
     correct(&mut cells, TILES);
     cells.sort_by(|a, b| b.effect_size.total_cmp(&a.effect_size));
     cells
 }
 
-/// Returns a tile as a cell, if it counts: mean squares to the corrected and to the simulated stream in each unit.
+/// Returns a tile as a cell, if it counts: mean squares to the corrected and to the simulated stream in each unit, and the
+/// chance of units to differ by so much if they do not.
 #[must_use]
-pub fn cell(t: usize, units: &[[f64; 2]], span: [f64; 2]) -> Option<Cell> {
+pub fn cell(t: usize, units: &[[f64; 2]], span: [f64; 2], chance: &dyn Fn(&[f64]) -> f64) -> Option<Cell> {
     let mean = |k: usize| units.iter().map(|unit| unit[k]).sum::<f64>() / units.len() as f64;
     let (after, before) = (mean(0), mean(1));
     let over: Vec<f64> = units.iter().map(|unit| unit[1] - unit[0]).collect();
@@ -437,7 +438,7 @@ pub fn cell(t: usize, units: &[[f64; 2]], span: [f64; 2]) -> Option<Cell> {
         channel: "camera".to_owned(),
         regime: Regime { tile, ..Regime::default() },
         effect_size: (before / after.max(1e-9)).sqrt(),
-        q_value: Some(excess(&over)),
+        q_value: Some(chance(&over)),
         t: vec![span],
     })
 }
