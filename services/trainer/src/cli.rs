@@ -10,7 +10,7 @@ mod video;
 pub(crate) use data::{DataCommand, DataListArgs, DataRenderArgs, DataSheetArgs};
 pub(crate) use study::{DrivesArgs, StudyArgs, StudyCommand};
 pub(crate) use train::TrainArgs;
-pub(crate) use video::{FirstFrameArgs, VideoCommand, VideoEvalArgs};
+pub(crate) use video::{FirstFrameArgs, PairsArgs, VideoCommand, VideoEvalArgs};
 
 /// Renders clips, trains, and measures what was trained: what happens away from a drive. `dreamstream` starts it.
 #[derive(Debug, Parser)]

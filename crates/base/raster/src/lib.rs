@@ -17,7 +17,7 @@ pub mod view;
 pub use class::PixelClass;
 pub use depth::{DepthRaster, ScreenPoint};
 pub use encode::Encoding;
-pub use geometry::{Carried, Geometry, Mover};
+pub use geometry::{Carried, Geometry, INVERSE_DEPTH_STEP, Mover};
 pub use image::{ImageError, RgbImage};
 pub use lens::Lens;
 pub use values::value;

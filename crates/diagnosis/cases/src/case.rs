@@ -8,7 +8,7 @@ use ds_diagnosis::meta::{FILE, Kind};
 use ds_diagnosis::schema::Shrink;
 use ds_diagnosis::{Diagnosis, Verdict};
 use ds_dynamics::baseline::Baseline;
-use ds_frames::{FrameCase, Nuisance};
+use ds_frames::{Nuisance, Streams};
 use ds_record::vehicle_log::Planned;
 
 use crate::error::{CasesError, at};
@@ -19,8 +19,8 @@ use crate::stamps;
 pub enum Case {
     /// Logs of a vehicle, and when its policy answered.
     Vehicle(Box<ds_dynamics::case::Case>, Vec<Planned>),
-    /// Two streams of frames.
-    Frames(Box<FrameCase>),
+    /// Streams of frames.
+    Frames(Box<Streams>),
     /// Recorded traffic.
     Traffic(Box<ds_traffic::Case>),
 }
@@ -63,7 +63,7 @@ impl Case {
         }
         Ok(match Kind::of(folder) {
             Kind::Traffic => Self::Traffic(Box::new(ds_traffic::Case::read(folder)?)),
-            Kind::Frames => Self::Frames(Box::new(FrameCase::read(folder)?)),
+            Kind::Frames => Self::Frames(Box::new(Streams::read(folder)?)),
             Kind::Vehicle => Self::Vehicle(Box::new(ds_dynamics::case::Case::read(folder)?), stamps::read(folder)?),
         })
     }
@@ -92,7 +92,7 @@ pub fn diagnose(case: &Case, options: &Options) -> Result<Diagnosis, CasesError>
         Case::Traffic(case) => ds_traffic::diagnose(case, &ds_traffic::Options { without: without() })?,
         Case::Frames(case) => {
             let nuisance = options.nuisance.clone();
-            ds_frames::diagnose(case, &ds_frames::Options { without: without(), nuisance })?
+            case.diagnose(&ds_frames::Options { without: without(), nuisance })?
         }
         Case::Vehicle(case, plans) => {
             let own = ds_dynamics::Options { quick: options.quick, without: without() };
@@ -132,7 +132,7 @@ pub fn served(command: &str, case: &Path) -> String {
 pub fn evaluate(diagnosis: &Diagnosis, case: &Case, unseen: Unseen) -> Result<Vec<Shrink>, CasesError> {
     Ok(match case {
         Case::Traffic(case) => ds_traffic::evaluate(diagnosis, case, &unseen.drives)?,
-        Case::Frames(case) => ds_frames::evaluate(diagnosis, case, unseen.frames)?,
+        Case::Frames(case) => case.evaluate(diagnosis, unseen.frames)?,
         Case::Vehicle(case, _) => ds_dynamics::evaluate(diagnosis, case, &unseen.drives),
     })
 }

@@ -64,7 +64,9 @@ pub fn inputs(case: &Path, options: &Options, program: &Digest) -> Result<Digest
     });
     let Options { simulator, baseline, nuisance, .. } = options;
     writer.text(&format!("{simulator:?} {baseline:?}"));
-    writer.text(&nuisance.as_ref().map(|n| format!("{} {:?} {:?}", n.count, n.mean, n.precision)).unwrap_or_default());
+    writer.text(
+        &nuisance.as_ref().map(|n| format!("{} {:?} {:?}", n.count, n.mean, (&n.root, &n.clips))).unwrap_or_default(),
+    );
     let mut folders = vec![case.to_path_buf()];
     while let Some(folder) = folders.pop() {
         let entries = std::fs::read_dir(&folder).map_err(at(&folder))?;

@@ -1,7 +1,7 @@
 //! `meta.json` of a case: what kind it is, which files it has, which of them are for fitting, and the nominal simulator
 //! that the user has. The same types read and write it.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
@@ -29,10 +29,14 @@ pub enum Kind {
     Traffic,
 }
 
-#[derive(Deserialize)]
-struct Model {
+#[derive(Default, Deserialize)]
+struct Hints {
     #[serde(default)]
     model: String,
+    #[serde(default)]
+    seeds: Vec<PathBuf>,
+    #[serde(default)]
+    clips: Vec<PathBuf>,
 }
 
 impl Kind {
@@ -40,10 +44,12 @@ impl Kind {
     #[must_use]
     pub fn of(case: &Path) -> Self {
         let meta = case.join(FILE);
-        if json::read::<Model>(&meta).is_ok_and(|meta| meta.model == TRAFFIC) {
+        let hints = json::read::<Hints>(&meta).unwrap_or_default();
+        if hints.model == TRAFFIC {
             return Self::Traffic;
         }
-        let frames = meta.is_file() && case.join("sim").is_dir() && case.join("real").is_dir();
+        let paired = meta.is_file() && case.join("sim").is_dir() && case.join("real").is_dir();
+        let frames = paired || !hints.seeds.is_empty() || !hints.clips.is_empty();
         if frames { Self::Frames } else { Self::Vehicle }
     }
 }

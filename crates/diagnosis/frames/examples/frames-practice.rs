@@ -12,7 +12,7 @@ use std::time::Instant;
 use ds_diagnosis::meta::Kind;
 use ds_diagnosis::score::Share;
 use ds_diagnosis::{Diagnosis, Verdict};
-use ds_frames::{FrameCase, Nuisance, Options, SightError, diagnose};
+use ds_frames::{Nuisance, Options, SightError, Streams};
 use rayon::prelude::*;
 use serde_json::Value;
 
@@ -50,7 +50,7 @@ fn main() -> ExitCode {
         .map(|case| {
             let start = Instant::now();
             let name = case.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-            let result = FrameCase::read(case).and_then(|case| diagnose(&case, &options)).map(|mut d| {
+            let result = Streams::read(case).and_then(|case| case.diagnose(&options)).map(|mut d| {
                 d.secs = start.elapsed().as_secs_f64();
                 d
             });
@@ -109,6 +109,9 @@ impl Counts {
             }
             "single" => {
                 let first = d.effects.first().is_some_and(|e| e.id == truth[0]);
+                if above_its_limit(d, &label["effects"][0]) {
+                    push("singles: above their limit, first effect", first);
+                }
                 let untestable = d.detection_limits.iter().any(|l| l.id == truth[0] && l.limit.is_none());
                 if !d.detection_limits.is_empty() {
                     let silent = d.chosen.is_empty() && !unknown;
@@ -185,6 +188,14 @@ impl Counts {
     }
 }
 
+/// Tells whether an injected effect is at least as large as the diagnosis says that it must be to be found.
+fn above_its_limit(d: &Diagnosis, injected: &Value) -> bool {
+    let limit = d.detection_limits.iter().find(|l| injected["id"] == *l.id).and_then(|l| l.limit);
+    let neutral = injected["id"].as_str().and_then(ds_effect::find_frame).map_or(0.0, |effect| effect.neutral()[0]);
+    let value = injected["value"].as_f64().unwrap_or(neutral);
+    limit.is_some_and(|limit| (value - neutral).abs() >= (limit - neutral).abs())
+}
+
 fn line(name: &str, d: &Diagnosis, label: &Value) -> String {
     let truth: Vec<String> = label["effects"]
         .as_array()
@@ -201,6 +212,7 @@ fn line(name: &str, d: &Diagnosis, label: &Value) -> String {
             )
         })
         .collect();
+    let above = label["effects"].get(0).filter(|e| above_its_limit(d, e)).map_or("", |_| ", above its limit");
     let far = d.how_far.first().map_or("-".to_owned(), |s| {
         format!(
             "{:.2}->{:.2} floor {:.2} share {:.2} (predicted {:.2})",
@@ -212,7 +224,7 @@ fn line(name: &str, d: &Diagnosis, label: &Value) -> String {
         )
     });
     format!(
-        "{name} {:?} none {:.2} unknown {:.2} {:?} {:.2} s\n    truth {truth:?}\n    {}\n    rmse {far}; tiles {}{}",
+        "{name} {:?} none {:.2} unknown {:.2} {:?} {:.2} s\n    truth {truth:?}{above}\n    {}\n    rmse {far}; tiles {}{}",
         d.verdict,
         d.p_none,
         d.p_unknown,

@@ -74,11 +74,19 @@ pub struct FrameCase {
 }
 
 impl FrameCase {
-    /// Reads a case.
+    /// Reads a case of one simulated stream, `sim`.
     ///
     /// # Errors
     /// If a file is missing, spoiled or absurd.
     pub fn read(folder: &Path) -> Result<Self, SightError> {
+        Self::of_stream(folder, Path::new("sim"))
+    }
+
+    /// Reads a case with one of its simulated streams, whose folder is named relative to it.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn of_stream(folder: &Path, stream: &Path) -> Result<Self, SightError> {
         let meta = read_meta(folder)?;
         let size = [meta.width, meta.height];
         let mut warnings = Vec::new();
@@ -100,11 +108,13 @@ impl FrameCase {
                 return Err(SightError::TimeGoesBack { row: row + 1, time: time_secs, before, path });
             }
             before = time_secs;
-            let name = format!("{number:04}.jpg");
-            let (sim, real) = (folder.join("sim").join(&name), folder.join("real").join(&name));
-            if !sim.exists() || !real.exists() {
-                continue;
-            }
+            let picture = |stream: &Path| {
+                ["jpg", "png"]
+                    .map(|end| folder.join(stream).join(format!("{number:04}.{end}")))
+                    .into_iter()
+                    .find(|p| p.exists())
+            };
+            let (Some(sim), Some(real)) = (picture(stream), picture(Path::new("real"))) else { continue };
             frames.push(Frame {
                 number,
                 time_secs,

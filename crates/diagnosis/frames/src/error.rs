@@ -90,6 +90,36 @@ pub enum SightError {
         /// The folder.
         path: PathBuf,
     },
+    /// A clip has too few simulated streams.
+    #[error("too few seeds: meta.json names {found} simulated streams, {needed} are needed, in {path:?}")]
+    TooFewSeeds {
+        /// Streams named.
+        found: usize,
+        /// Streams needed.
+        needed: usize,
+        /// The clip.
+        path: PathBuf,
+    },
+    /// A case has too few clips.
+    #[error("too few clips: {found}, {needed} are needed, in case {case:?}")]
+    TooFewClips {
+        /// Clips found.
+        found: usize,
+        /// Clips needed.
+        needed: usize,
+        /// The case.
+        case: String,
+    },
+    /// A simulated stream lacks frames that others of its clip have.
+    #[error("missing frames: {found} of {expected} are there, in {path:?}")]
+    MissingFrames {
+        /// Frames found.
+        found: usize,
+        /// Frames of the other streams.
+        expected: usize,
+        /// The stream.
+        path: PathBuf,
+    },
     /// Every pixel of a stream has one value.
     #[error("stream {stream:?} shows nothing: every pixel has nearly one value, in {path:?}")]
     Blank {

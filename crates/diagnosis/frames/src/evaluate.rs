@@ -18,6 +18,17 @@ pub fn evaluate(
     case: &FrameCase,
     frames: Option<RangeInclusive<u64>>,
 ) -> Result<Vec<Shrink>, SightError> {
+    let (correction, floors) = corrections(diagnosis);
+    let wanted = |n: u64| frames.as_ref().is_none_or(|f| f.contains(&n));
+    if let Some(floors) = floors {
+        return generated(case, &correction, &wanted, floors, "unseen");
+    }
+    how_far(case, &correction, &wanted, "unseen")
+}
+
+/// Returns what a diagnosis does to frames, and its floors where its streams do not agree pixel by pixel.
+#[must_use]
+pub fn corrections(diagnosis: &Diagnosis) -> (Correction, Option<[f64; 2]>) {
     let model = &diagnosis.corrected_model;
     let mut dirt = None;
     let mut effects = Vec::new();
@@ -36,9 +47,6 @@ pub fn evaluate(
         noise: nuisance("noise_levels2", 2.0),
         dirt,
     };
-    let wanted = |n: u64| frames.as_ref().is_none_or(|f| f.contains(&n));
-    if let (Some(rmse), Some(distance)) = (model.nuisance.get(FLOORS[0]), model.nuisance.get(FLOORS[1])) {
-        return generated(case, &correction, &wanted, [*rmse, *distance], "unseen");
-    }
-    how_far(case, &correction, &wanted, "unseen")
+    let floors = FLOORS.map(|name| model.nuisance.get(name).copied());
+    (correction, floors[0].zip(floors[1]).map(|(rmse, distance)| [rmse, distance]))
 }

@@ -86,11 +86,50 @@ pub fn image_share(case: &FrameCase, correction: &Correction, wanted: &dyn Fn(u6
     image((!rows.is_empty()).then_some(&rows)?, "fit").share_explained
 }
 
-/// Measures streams that do not agree pixel by pixel; the floors (rms difference, feature distance) are those of
-/// effect-free pairs. No ordinary mismatch is fitted to these: its state is the nominal one.
+/// Frames of streams that do not agree pixel by pixel, compared: as they are and with the effects added.
+pub struct Compared {
+    rows: Vec<Row>,
+    /// Features of the real, the simulated and the corrected frames.
+    features: [DMatrix<f64>; 3],
+}
+
+impl Compared {
+    /// Compares some frames of a case. No ordinary mismatch is fitted to these: its state is the nominal one.
+    #[must_use]
+    pub fn of(case: &FrameCase, correction: &Correction, frames: &[&Frame], floors: [f64; 2]) -> Self {
+        let after = rendered(case, correction, frames);
+        let row = |(f, after): (&&Frame, &Picture)| {
+            let before = square(&f.sim, &f.real);
+            [before, before, square(after, &f.real), floors[0] * floors[0]]
+        };
+        let set = |of: &dyn Fn(&Frame) -> Picture| features(&frames.iter().map(|f| of(f)).collect::<Vec<_>>());
+        let features = [set(&|f| f.real.clone()), set(&|f| f.sim.clone()), features(&after)];
+        Self { rows: frames.iter().zip(&after).map(row).collect(), features }
+    }
+}
+
+/// Measures what was compared, of one case or of several clips; the floors (rms difference, feature distance) are those of
+/// effect-free pairs.
 ///
 /// # Errors
 /// If features are not finite.
+pub fn shrinks(compared: Vec<Compared>, floors: [f64; 2], data: &str) -> Result<Vec<Shrink>, SightError> {
+    let compared: Vec<Compared> = compared.into_iter().filter(|part| !part.rows.is_empty()).collect();
+    let rows: Vec<Row> = compared.iter().flat_map(|part| part.rows.iter().copied()).collect();
+    let Some(columns) = compared.first().map(|part| part.features[0].ncols()) else { return Ok(Vec::new()) };
+    let [real, sim, after] = [0, 1, 2].map(|k| {
+        let parts = compared.iter().flat_map(|part| part.features[k].row_iter().collect::<Vec<_>>());
+        let parts: Vec<_> = parts.collect();
+        DMatrix::from_fn(parts.len(), columns, |row, column| parts[row][column])
+    });
+    let feature = feature(&real, [&sim, &sim, &after], floors[1], rows.len(), data)?;
+    Ok(vec![image(&rows, data), feature])
+}
+
+/// Measures the wanted frames of a case whose streams do not agree pixel by pixel.
+///
+/// # Errors
+/// As [`shrinks`].
 pub fn generated(
     case: &FrameCase,
     correction: &Correction,
@@ -99,22 +138,7 @@ pub fn generated(
     data: &str,
 ) -> Result<Vec<Shrink>, SightError> {
     let frames: Vec<&Frame> = case.fit.iter().chain(&case.held).filter(|f| wanted(f.number)).collect();
-    if frames.is_empty() {
-        return Ok(Vec::new());
-    }
-    let after = rendered(case, correction, &frames);
-    let rows: Vec<Row> = frames
-        .iter()
-        .zip(&after)
-        .map(|(f, after)| {
-            let before = square(&f.sim, &f.real);
-            [before, before, square(after, &f.real), floors[0] * floors[0]]
-        })
-        .collect();
-    let set = |of: &dyn Fn(&Frame) -> Picture| features(&frames.iter().map(|f| of(f)).collect::<Vec<_>>());
-    let (real, sim) = (set(&|f| f.real.clone()), set(&|f| f.sim.clone()));
-    let feature = feature(&real, [&sim, &sim, &features(&after)], floors[1], rows.len(), data)?;
-    Ok(vec![image(&rows, data), feature])
+    shrinks(vec![Compared::of(case, correction, &frames, floors)], floors, data)
 }
 
 /// Returns the rms difference and the feature distance between the streams of a case as they are.

@@ -2,9 +2,11 @@
 //! `unpaired` (other states), judged by statistics against what the generator itself leaves on effect-free pairs.
 
 pub mod edges;
+pub mod layers;
 pub mod looks;
 pub mod nuisance;
 pub mod paths;
+pub mod statistics;
 pub mod verdict;
 pub mod weigh;
 

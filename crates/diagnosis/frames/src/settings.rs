@@ -109,6 +109,32 @@ pub const ALIGNED_AGREEMENT: f64 = 0.45;
 pub const LAYOUT_AGREEMENT: f64 = 0.3;
 /// Effect-free pairs that are needed to learn what a generator does.
 pub const FEWEST_NUISANCE: usize = 5;
+/// Seeds of the generator that a clip must have: their scatter is estimated.
+pub const FEWEST_SEEDS: usize = 2;
+/// Clips that a case must have: sign flips of fewer cannot reach 5 %.
+pub const FEWEST_CLIPS: usize = 6;
+/// Chance of clips without any effect from which none is said to act.
+pub const MOST_CHANCE: f64 = 0.05;
+/// Groups of effect-free clips that are judged to learn which gains come by chance.
+pub const FREE_GROUPS: u64 = 24;
+/// Effect-free clips for which correlations of their statistics count half.
+pub const CLIP_SHRINKAGE: f64 = 15.0;
+/// Size of a clip's deviation, over the middle one, from which it counts less.
+pub const USUAL_CLIP: f64 = 1.3;
+/// Spread over distances of a bias that is not known: tens of grey levels, ln contrast.
+pub const BIAS_BY_DISTANCE: [f64; 2] = [0.3, 0.2];
+/// Gain that an effect must have where the bias is not known, so that the spread is a guess.
+pub const FREE_GAIN: f64 = 50.0;
+/// Share of a gain that effects on clips must differ by to be told apart: what they do is known about so well.
+pub const ROUGH_SIGNATURE: f64 = 0.1;
+/// By how much a further effect on clips must exceed the gain that is needed.
+pub const FURTHER_CLIP_GAIN: f64 = 3.0;
+/// Effect-free clips on whose real frames effects are tried.
+pub const SIGNATURE_CLIPS: usize = 8;
+/// Clips for which the built-in spread counts where there are no effect-free ones.
+pub const BUILT_IN_CLIPS: f64 = 4.0;
+/// Frames of a clip looked at in full size.
+pub const CLIP_FULL_FRAMES: usize = 8;
 /// By how much a gain must exceed the best on effect-free pairs.
 pub const NUISANCE_MARGIN: f64 = 1.1;
 /// Gain that an effect on other than aligned streams must have at least.
@@ -137,4 +163,10 @@ pub fn pairing_shape(id: &str) -> f64 {
         "rolling_shutter" => 1.0,
         _ => 0.15,
     }
+}
+
+/// The same on clips of a video model, whose edges tell less than half of a displacement.
+#[must_use]
+pub fn clip_shape(displaces: bool) -> f64 {
+    if displaces { 1.2 } else { 0.4 }
 }

@@ -1,5 +1,6 @@
 //! The tests of this package in one program: what it links is linked once.
 
+mod clips;
 mod generated;
 mod pair;
 mod practice;

@@ -95,6 +95,9 @@ pub enum AppraisalError {
     /// An animation cannot be encoded.
     #[error("an animation cannot be encoded")]
     Film(#[from] gif::EncodingError),
+    /// The description of a case cannot be written.
+    #[error(transparent)]
+    Case(#[from] ds_diagnosis::CaseError),
     /// A picture cannot be encoded.
     #[error("a picture cannot be encoded")]
     Picture(#[from] ds_raster::ImageError),

@@ -17,6 +17,7 @@ pub mod eyes;
 mod film;
 pub mod outcome;
 mod page;
+pub mod pairs;
 pub mod record;
 pub mod report;
 pub mod store;

@@ -11,6 +11,7 @@ use ds_process::shipped;
 const EXAMPLES: &str = "Examples:
   dreamstream video eval --config configs/eval/shipped.toml --quick         minutes: see what comes out
   dreamstream video eval --config configs/eval/shipped.toml                 the figures of docs/measurements/video-model.md
+  dreamstream video pairs --cases 3 -o healthy                               effect-free pairs, for gap diagnose --nuisance
   dreamstream video first-frame SCENARIO --prompt 'driving in snow' -o first.png
   dreamstream video eval --config configs/eval/shipped.toml --only drift    one part anew, the others as they were";
 
@@ -24,8 +25,51 @@ pub(crate) enum VideoCommand {
     /// and videos. What was rolled out is kept per rollout: Ctrl-C, then the same command, goes on; weights or settings
     /// that change are rolled out anew.
     Eval(VideoEvalArgs),
+    /// Generated frames beside the reference camera's of the same states: effect-free cases for gap diagnose.
+    ///
+    /// Each case has several clips, one per generated scenario on its log, and several seeds of the noise of each; its
+    /// layout stands in docs/gap-frames.md.
+    Pairs(PairsArgs),
     /// Imagine the first frame of a scenario from its layout and a prompt: the teacher's one-frame mode.
     FirstFrame(FirstFrameArgs),
+}
+
+/// Arguments of `video pairs`.
+#[derive(Debug, Args)]
+pub(crate) struct PairsArgs {
+    /// Cases.
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    pub cases: u64,
+    /// Clips of a case.
+    #[arg(long, default_value_t = 8)]
+    pub clips: u64,
+    /// Seeds of the generator's noise for each clip.
+    #[arg(long, default_value_t = 4)]
+    pub seeds: u64,
+    /// Frames of a clip.
+    #[arg(long, default_value_t = 30)]
+    pub frames: u32,
+    /// The first frame that is kept, counted from the reference camera's own, from which the model starts.
+    #[arg(long, default_value_t = 6)]
+    pub first: u32,
+    /// Seed of the first eight scenarios, one per family; the next seed gives the next eight.
+    #[arg(long, default_value_t = 40_000_000)]
+    pub first_seed: u64,
+    /// The look: `daylight` (clear and overcast in turn), `drawn` (any condition), or the name of an appearance.
+    #[arg(long, default_value = "daylight")]
+    pub look: String,
+    /// Also write the reference camera's frames so many times larger, into large/.
+    #[arg(long, default_value_t = 1)]
+    pub over: u32,
+    /// Model preset.
+    #[arg(long, default_value = "configs/models/cpu_train.toml", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
+    pub model: PathBuf,
+    /// Its weights.
+    #[arg(long, default_value = "configs/models/cpu_train.safetensors", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
+    pub weights: PathBuf,
+    /// Where the cases go.
+    #[arg(long, short, default_value = "out/pairs", value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
 }
 
 /// Arguments of `video first-frame`.

@@ -1,4 +1,5 @@
-//! `video`: figures of generated frames, with a bar of rollouts done; first frames from layout and prompt.
+//! `video`: figures of generated frames, with a bar of rollouts done; pairs with the reference camera; first frames from
+//! layout and prompt.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -6,19 +7,22 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 use ds_camera::{Appearance, ReferenceWorld};
+use ds_evaluate::arm::Arm;
 use ds_evaluate::drive::{Drive, Route};
 use ds_evaluate::evaluation::{Evaluation, Part};
 use ds_evaluate::outcome::Outcome;
+use ds_evaluate::pairs::PairsPlan;
 use ds_evaluate::{EvalConfig, Progress, report};
 use ds_process::terminal::{answer, bar};
 use ds_raster::Encoding;
 use ds_second_camera::SecondWorld;
 use ds_space::Draws;
+use ds_topic::ObservationSource;
 use ds_train::first_frame::{self, Request};
 use ds_video::ModelConfig;
 use indicatif::ProgressBar;
 
-use crate::cli::{FirstFrameArgs, VideoCommand, VideoEvalArgs};
+use crate::cli::{FirstFrameArgs, PairsArgs, VideoCommand, VideoEvalArgs};
 
 /// A bar of rollouts or sets done.
 pub(crate) struct Bar(pub(crate) ProgressBar);
@@ -45,6 +49,7 @@ impl Progress for Bar {
 pub(crate) fn run(command: &VideoCommand) -> Result<()> {
     match command {
         VideoCommand::Eval(args) => eval(args),
+        VideoCommand::Pairs(args) => pairs(args),
         VideoCommand::FirstFrame(args) => first_frame(args),
     }
 }
@@ -71,6 +76,29 @@ fn first_frame(args: &FirstFrameArgs) -> Result<()> {
         std::fs::create_dir_all(folder).with_context(|| format!("create {}", folder.display()))?;
     }
     std::fs::write(&args.out, frame.encode(Encoding::Png)?).with_context(|| format!("write {}", args.out.display()))?;
+    answer(&args.out.display().to_string());
+    Ok(())
+}
+
+fn pairs(args: &PairsArgs) -> Result<()> {
+    let plan = PairsPlan {
+        first_seed: args.first_seed,
+        clips: args.clips,
+        seeds: args.seeds,
+        first: args.first,
+        frames: args.frames,
+        look: args.look.clone(),
+        over: args.over,
+    };
+    plan.check()?;
+    let arm = Arm::of_source(ObservationSource::Dreamstream, &args.model, &args.weights, &args.weights)?;
+    let bar = bar(args.cases, "cases");
+    for case in 0..args.cases {
+        let folder = args.out.join(format!("case_{case:03}"));
+        ds_evaluate::pairs::write(&ReferenceWorld, &arm, &plan, case, &folder)?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
     answer(&args.out.display().to_string());
     Ok(())
 }

@@ -46,6 +46,13 @@ pub struct FrameMeta {
     /// Height of the camera over the road, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera_height_m: Option<f64>,
+    /// Folders of the simulated streams, relative to the case: several draws of a generator for the same states; `sim`
+    /// alone where the list is empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub seeds: Vec<PathBuf>,
+    /// Folders of its clips, relative to the case, each a case of its own; the case itself then has no pictures.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub clips: Vec<PathBuf>,
 }
 
 /// A pinhole, px.
@@ -117,6 +124,8 @@ impl FrameMeta {
             pairing: None,
             nuisance: None,
             camera_height_m: None,
+            seeds: Vec::new(),
+            clips: Vec::new(),
         }
     }
 

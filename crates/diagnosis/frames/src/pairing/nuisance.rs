@@ -4,11 +4,15 @@
 use std::path::Path;
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use crate::case::FrameCase;
+use crate::clips::readout::{Readout, beyond_simulated};
+use crate::clips::{Clip, ClipCase};
 use crate::error::SightError;
-use crate::pairing::edges;
-use crate::pairing::looks::{ALL, MOVED, OWN, Stream, beyond, own};
+use crate::pairing::looks::{ALL, MOVED, OWN};
+use crate::pairing::paths;
+use crate::pairing::statistics::{Scope, statistics};
 use crate::scene::Scene;
 use crate::settings;
 use ds_diagnosis::CaseError;
@@ -21,8 +25,12 @@ pub struct Nuisance {
     pub count: usize,
     /// Mean.
     pub mean: DVector<f64>,
-    /// Inverse covariance.
-    pub precision: DMatrix<f64>,
+    /// Symmetric root of the inverse covariance: brings a deviation to units of the spread.
+    pub root: DMatrix<f64>,
+    /// Statistics of each clip with several seeds, means over these.
+    pub clips: Vec<DVector<f64>>,
+    /// By how much more each effect does to real frames of such clips than to simulated ones.
+    pub signatures: Vec<paths::Path>,
     /// Statistics of each pair without its own part in the mean, for thresholds.
     pub rows: Vec<DVector<f64>>,
     /// Root mean square difference and feature distance between the streams.
@@ -41,28 +49,40 @@ impl Nuisance {
             .filter(|p| Kind::of(p) == Kind::Frames)
             .collect();
         cases.sort();
-        if cases.len() < settings::FEWEST_NUISANCE {
-            let found = cases.len();
-            return Err(SightError::TooFewNuisance { found, needed: settings::FEWEST_NUISANCE, path: folder.into() });
-        }
         let mut rows = Vec::new();
-        let mut gaps = [0.0; 2];
+        let mut gaps: Vec<[f64; 2]> = Vec::new();
+        let mut seeded: Vec<Clip> = Vec::new();
         for path in &cases {
-            let case = FrameCase::read(path)?;
-            let scene = Scene::new(&case);
-            rows.push(statistics(&scene, case.pairing.unwrap_or(Pairing::SameLayout)).0);
-            for (sum, own) in gaps.iter_mut().zip(crate::how_far::plain_gap(&case)?) {
-                *sum += own / cases.len() as f64;
+            if ClipCase::is(path) {
+                seeded.extend(ClipCase::read(path)?.clips);
+            } else {
+                let case = FrameCase::read(path)?;
+                let scene = Scene::new(&case);
+                rows.push(statistics(&scene, Scope::of(case.pairing.unwrap_or(Pairing::SameLayout))).0);
+                gaps.push(crate::how_far::plain_gap(&case)?);
             }
         }
-        Ok(Self::of(rows, gaps))
+        let read: Vec<Readout> = seeded.par_iter().map(|clip| Readout::of(clip, None)).collect::<Result<_, _>>()?;
+        gaps.extend(read.iter().map(|clip| clip.gap));
+        let clips: Vec<DVector<f64>> = read.iter().map(Readout::mean).collect();
+        // a pair has no statistics by layers
+        rows.extend(clips.iter().map(|row| row.rows(0, ALL).into_owned()));
+        if rows.len() < settings::FEWEST_NUISANCE {
+            let found = rows.len();
+            return Err(SightError::TooFewNuisance { found, needed: settings::FEWEST_NUISANCE, path: folder.into() });
+        }
+        let gap = [0, 1].map(|k| gaps.iter().map(|gap| gap[k]).sum::<f64>() / gaps.len() as f64);
+        let tried = &seeded[..seeded.len().min(settings::SIGNATURE_CLIPS)];
+        let signatures: Vec<Vec<paths::Path>> = tried.par_iter().map(beyond_simulated).collect::<Result<_, _>>()?;
+        Ok(Self { clips, signatures: paths::mean(&signatures), ..Self::of(rows, gap) })
     }
 
     /// Summarises the statistics of effect-free pairs.
     #[must_use]
     pub fn of(rows: Vec<DVector<f64>>, gap: [f64; 2]) -> Self {
         let all: Vec<&DVector<f64>> = rows.iter().collect();
-        let (mean, precision) = moments(&all);
+        let (mean, covariance) = moments(&all);
+        let root = inverse_root(covariance);
         let left_out = (0..rows.len())
             .map(|k| {
                 let others: Vec<&DVector<f64>> = (0..rows.len()).filter(|i| *i != k).map(|i| &rows[i]).collect();
@@ -70,45 +90,29 @@ impl Nuisance {
                 &rows[k] - mean
             })
             .collect();
-        Self { count: rows.len(), mean, precision, rows: left_out, gap }
+        Self { count: rows.len(), mean, root, clips: Vec::new(), signatures: Vec::new(), rows: left_out, gap }
     }
 
     /// The generator of nobody: wide values for streams without effect-free pairs.
     #[must_use]
     pub fn assumed() -> Self {
         let mean = DVector::zeros(ALL);
-        let precision = DMatrix::from_diagonal(&DVector::from_fn(ALL, |k, _| 1.0 / (3.0 * least(k)).powi(2)));
-        Self { count: 0, mean, precision, rows: Vec::new(), gap: [0.0; 2] }
+        let root = DMatrix::from_diagonal(&DVector::from_fn(ALL, |k, _| 1.0 / (3.0 * least(k))));
+        Self { count: 0, mean, root, clips: Vec::new(), signatures: Vec::new(), rows: Vec::new(), gap: [0.0; 2] }
     }
-}
-
-/// Returns the statistics of a scene and what its edges tell.
-#[must_use]
-pub fn statistics(scene: &Scene<'_>, pairing: Pairing) -> (DVector<f64>, Option<edges::Moved>) {
-    let paired = pairing != Pairing::Unpaired;
-    let moved = paired.then(|| edges::measured(scene.case));
-    // what is late is no other statistic's business
-    let simulated = Stream::of(scene, false);
-    let simulated = match &moved {
-        Some(moved) => simulated.aged(&moved.late.ages),
-        None => simulated,
-    };
-    let mut x = beyond(scene, &simulated, &own(scene, &simulated), &Stream::of(scene, true), paired);
-    if let Some(moved) = &moved {
-        for (x, v) in x[MOVED..].iter_mut().zip(&moved.values) {
-            *x = *v;
-        }
-    }
-    (DVector::from_column_slice(&x), moved)
 }
 
 /// Spread that a statistic has at least, whatever few pairs say.
-fn least(k: usize) -> f64 {
+#[must_use]
+pub fn least(k: usize) -> f64 {
     match k {
         0..=6 => 0.25,
         7..OWN => 0.06,
         OWN..MOVED => 0.03,
-        _ => 0.3,
+        MOVED..ALL => 0.3,
+        // by layers: brightness of four, then logarithms
+        _ if k < ALL + 4 => 0.25,
+        _ => 0.06,
     }
 }
 
@@ -129,6 +133,13 @@ fn moments(rows: &[&DVector<f64>]) -> (DVector<f64>, DMatrix<f64>) {
         }
         covariance[(a, a)] += least(a).powi(2);
     }
-    let precision = covariance.try_inverse().unwrap_or_else(|| DMatrix::identity(ALL, ALL));
-    (mean, precision)
+    (mean, covariance)
+}
+
+/// Returns the symmetric root of the inverse of a covariance.
+#[must_use]
+pub fn inverse_root(covariance: DMatrix<f64>) -> DMatrix<f64> {
+    let parts = covariance.symmetric_eigen();
+    let scales = parts.eigenvalues.map(|variance| 1.0 / variance.max(1e-12).sqrt());
+    &parts.eigenvectors * DMatrix::from_diagonal(&scales) * parts.eigenvectors.transpose()
 }

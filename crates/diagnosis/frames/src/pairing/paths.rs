@@ -8,13 +8,16 @@ use ds_effect::FrameChain;
 use ds_effect::frame::{Act, FrameEffect};
 use ds_effect::frame_library;
 use ds_space::draw::Draws;
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use crate::pairing::edges;
+use crate::pairing::layers::layered;
 use crate::pairing::looks::{ALL, FINE, MOVED, OWN, Stream, beyond, own};
+use crate::pairing::statistics::Scope;
 use crate::scene::{DETAIL, Scene};
 
 /// Values along which an effect grows from nothing, and what each does to the statistics.
+#[derive(Clone)]
 pub struct Path {
     /// The effect.
     pub effect: &'static FrameEffect,
@@ -24,6 +27,45 @@ pub struct Path {
     pub values: Vec<Vec<f64>>,
     /// Change of the statistics at each.
     pub change: Vec<DVector<f64>>,
+}
+
+impl Path {
+    /// Tells whether both go the same way: the same effect through the same values.
+    #[must_use]
+    pub fn same_way(&self, other: &Self) -> bool {
+        self.effect.id == other.effect.id && self.parameter == other.parameter && self.values == other.values
+    }
+
+    /// Returns the path in other units of the statistics.
+    #[must_use]
+    pub fn scaled(&self, root: &DMatrix<f64>) -> Self {
+        Self { values: self.values.clone(), change: self.change.iter().map(|c| root * c).collect(), ..*self }
+    }
+}
+
+impl std::fmt::Debug for Path {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} {:?} {:?}", self.effect.id, self.values, self.change)
+    }
+}
+
+/// Returns the mean of the paths of several scenes, each over the scenes that show its effect.
+#[must_use]
+pub fn mean(scenes: &[Vec<Path>]) -> Vec<Path> {
+    let mut out: Vec<Path> = Vec::new();
+    for path in scenes.iter().flatten() {
+        if out.iter().any(|known| known.same_way(path)) {
+            continue;
+        }
+        let all: Vec<&Path> = scenes.iter().flatten().filter(|other| other.same_way(path)).collect();
+        let mut sum = path.clone();
+        for other in &all[1..] {
+            sum.change.iter_mut().zip(&other.change).for_each(|(sum, own)| *sum += own);
+        }
+        sum.change.iter_mut().for_each(|sum| *sum /= all.len() as f64);
+        out.push(sum);
+    }
+    out
 }
 
 /// Returns the values tried for an effect that edits pictures or repeats frames.
@@ -54,32 +96,59 @@ fn grid(id: &str) -> Vec<Vec<Vec<f64>>> {
     }
 }
 
+/// The same for effects on objects that only the statistics by layers tell.
+fn grid_of_objects(id: &str) -> Vec<Vec<Vec<f64>>> {
+    match id {
+        "object_hallucination" => vec![vec![vec![0.7], vec![2.0]]],
+        "identity_switch" => vec![vec![vec![0.3], vec![0.7]]],
+        "layout_misalignment" => vec![vec![vec![4.0], vec![9.0]]],
+        _ => Vec::new(),
+    }
+}
+
 /// Returns the paths of all effects that this scene can show; `gap` is what real frames have beyond simulated ones
-/// without any effect.
+/// without any effect. By layers, effects act on the real stream of a scene that has none, and `gap` is in it.
 #[must_use]
-pub fn paths(scene: &Scene<'_>, gap: &DVector<f64>, paired: bool, without: &[String]) -> Vec<Path> {
+pub fn paths(scene: &Scene<'_>, gap: &DVector<f64>, scope: Scope, without: &[String]) -> Vec<Path> {
+    let paired = scope != Scope::Own;
     let plain = Stream::of(scene, false);
     let simulated = own(scene, &plain);
+    let layers = scope == Scope::Layered;
+    let base = if layers { Stream::of(scene, true) } else { Stream::of(scene, false) };
+    let measured = |changed: &Stream| {
+        let mut change = beyond(scene, &plain, &simulated, changed, paired);
+        if !layers {
+            on_real(&mut change, &simulated, gap);
+        }
+        let mut change = change.to_vec();
+        if layers {
+            change.extend(layered(scene, &plain, changed));
+        }
+        DVector::from_vec(change)
+    };
+    let before = if layers { measured(&base) } else { DVector::zeros(scope.count()) };
     let mut out = Vec::new();
     for effect in frame_library() {
         if without.iter().any(|w| w == effect.id) || !scene.can_show(effect) {
             continue;
         }
-        for nodes in grid(effect.id) {
-            let mut path =
-                Path { effect, parameter: None, values: vec![effect.neutral()], change: vec![DVector::zeros(ALL)] };
+        let objects = if layers { grid_of_objects(effect.id) } else { Vec::new() };
+        for nodes in grid(effect.id).into_iter().chain(objects) {
+            let mut path = Path {
+                effect,
+                parameter: None,
+                values: vec![effect.neutral()],
+                change: vec![DVector::zeros(scope.count())],
+            };
             for values in nodes {
-                let changed = applied(scene, &plain, effect, &values);
-                let mut change = beyond(scene, &plain, &simulated, &changed, paired);
-                on_real(&mut change, &simulated, gap);
-                path.change.push(DVector::from_column_slice(&change));
+                path.change.push(measured(&applied(scene, &base, effect, &values)) - &before);
                 path.values.push(values);
             }
             out.push(path);
         }
     }
     if paired {
-        out.extend(displaced(scene, without));
+        out.extend(displaced(scene, scope, without));
     }
     out
 }
@@ -97,7 +166,7 @@ fn on_real(change: &mut [f64; ALL], simulated: &[f64; OWN], gap: &DVector<f64>) 
     }
 }
 
-fn displaced(scene: &Scene<'_>, without: &[String]) -> Vec<Path> {
+fn displaced(scene: &Scene<'_>, scope: Scope, without: &[String]) -> Vec<Path> {
     let mut out = Vec::new();
     for (at, axis) in edges::axes().into_iter().enumerate() {
         let (effect, k) = axis;
@@ -108,13 +177,13 @@ fn displaced(scene: &Scene<'_>, without: &[String]) -> Vec<Path> {
         for end in [slab.0, slab.1].into_iter().filter(|e| *e != 0.0) {
             let mut values = effect.neutral();
             values[k] = end;
-            let mut change = DVector::zeros(ALL);
+            let mut change = DVector::zeros(scope.count());
             change[MOVED + at] = end / edges::unit(axis);
             out.push(Path {
                 effect,
                 parameter: Some(k),
                 values: vec![effect.neutral(), values],
-                change: vec![DVector::zeros(ALL), change],
+                change: vec![DVector::zeros(scope.count()), change],
             });
         }
     }
@@ -127,7 +196,10 @@ fn applied(scene: &Scene<'_>, plain: &Stream, effect: &'static FrameEffect, valu
     if matches!(effect.act, Act::Age(_)) {
         return repeated(plain, values[0]);
     }
-    let (mut fine, mut coarse) = (FrameChain::new(&chosen), FrameChain::new(&chosen));
+    // what is given in px is smaller in small pictures
+    let small = if effect.id == "layout_misalignment" { values[0] / crate::settings::SMALL as f64 } else { values[0] };
+    let small = [&[small], &values[1..]].concat();
+    let (mut fine, mut coarse) = (FrameChain::new(&chosen), FrameChain::new(&[(effect, small)]));
     let case = scene.case;
     let single = DETAIL.contains(&effect.id) || matches!(effect.id, "sensor_noise" | "rain_streaks" | "motion_blur");
     let mut out = Stream { full: Vec::new(), small: Vec::new() };

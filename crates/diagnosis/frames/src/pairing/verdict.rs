@@ -8,20 +8,117 @@ use ds_diagnosis::schema::{
     Cell, Corrected, CorrectedEffect, DetectionLimit, Diagnosis, Finding, Regime, Remainder, correct,
 };
 use ds_effect::frame::{Act, FrameEffect};
+use ds_effect::picture::Picture;
 use nalgebra::DVector;
+use rayon::prelude::*;
 
 use crate::case::FrameCase;
 use crate::error::SightError;
 use crate::how_far::{Correction, FLOORS, generated};
 use crate::loss::{TILES, tile};
-use crate::pairing::nuisance::{Nuisance, statistics};
+use crate::pairing::nuisance::Nuisance;
 use crate::pairing::paths::{Path, paths};
+use crate::pairing::statistics::{Scope, statistics};
 use crate::pairing::weigh::{self, Spot};
 use crate::places::excess;
 use crate::scene::Scene;
 use crate::scene::known;
 use crate::settings;
 use ds_diagnosis::meta::Pairing;
+
+/// What a judgement stands on, in units of the spread of effect-free pairs.
+pub struct Evidence {
+    /// How the statistics deviate from those of effect-free pairs.
+    pub deviation: DVector<f64>,
+    /// Statistics that the deviation has of each clip; all of them of a pair.
+    pub scope: Scope,
+    /// What every effect would do to them.
+    pub paths: Vec<Path>,
+    /// Which effects can be told from what the generator does.
+    pub testable: fn(&FrameEffect) -> bool,
+    /// The gain that an effect must exceed.
+    pub needed: f64,
+    /// The squared distance that an effect-free pair may have.
+    pub usual: f64,
+    /// The effect that makes the content late, with its value and 90 % interval.
+    pub late: Option<(&'static FrameEffect, f64, [f64; 2])>,
+}
+
+/// What was found in the evidence.
+pub struct Found {
+    /// Places chosen, the best first.
+    pub chosen: Vec<Spot>,
+    /// The best place of every path, the best first.
+    pub ranked: Vec<Spot>,
+    /// Effects of the model with their values.
+    pub model: Vec<(String, Vec<f64>)>,
+    /// The deviation that is left.
+    left: DVector<f64>,
+}
+
+impl Evidence {
+    /// Selects effects one after the other; `accepted` may refuse the first one that was not late.
+    #[must_use]
+    pub fn found(&self, accepted: &dyn Fn(&Spot) -> bool) -> Found {
+        let mut left = self.deviation.clone();
+        let mut chosen: Vec<Spot> = Vec::new();
+        let mut ranked: Vec<Spot> = Vec::new();
+        loop {
+            let mut spots = weigh::spots(&self.paths, &left);
+            spots.retain(|s| s.gain > 0.0 && allowed_beside(&chosen, s, &self.paths));
+            spots.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+            let best = spots.first().cloned();
+            if chosen.is_empty() {
+                ranked = spots;
+            }
+            // signatures of clips are rough: a further effect must stand out from what the first one leaves
+            let further =
+                if self.scope == Scope::Layered && !chosen.is_empty() { settings::FURTHER_CLIP_GAIN } else { 1.0 };
+            let asked = |b: &Spot| (further * self.needed).max(share_asked(&chosen, b, &self.paths));
+            let Some(best) = best.filter(|b| b.gain > asked(b) && (!chosen.is_empty() || accepted(b))) else { break };
+            left -= best.change(&self.paths);
+            chosen.push(best);
+        }
+        let model = model(self.late.map(|(effect, value, _)| (effect, value)), &chosen, &self.paths);
+        Found { chosen, ranked, model, left }
+    }
+
+    /// Returns the diagnosis as far as it does not depend on frames.
+    #[must_use]
+    pub fn diagnosis(&self, case: &str, found: &Found) -> Diagnosis {
+        let remains = found.left.norm_squared();
+        // the stand-in of a strong effect leaves a share of it
+        let taken: f64 = found.chosen.iter().map(|c| c.gain).sum();
+        let allowed = settings::STRANGE_REMAINS * (self.usual + self.needed) + settings::STRANGE_SHARE * taken;
+        let excess = remains / allowed;
+        let verdict = match found.model.len() {
+            _ if excess > 1.0 => Verdict::Unknown,
+            0 => Verdict::None,
+            1 => Verdict::Single,
+            _ => Verdict::Multiple,
+        };
+        let p_unknown = 1.0 / (1.0 + (-(excess.max(1e-6).ln()) / (2.0 * settings::UNKNOWN_WIDTH)).exp());
+        let best = found.ranked.first().map_or(0.0, |s| s.gain);
+        let p_none = if self.late.is_some() {
+            0.0
+        } else {
+            (1.0 - p_unknown) / (1.0 + ((best - self.needed) / 6.0).clamp(-30.0, 30.0).exp())
+        };
+        let told = Told { evidence: self, found };
+        let effects = told.findings(1.0 - p_unknown - p_none);
+        Diagnosis {
+            verdict,
+            indistinguishable: effects.iter().take(1).filter(|e| e.group.len() > 1).map(|e| e.group.clone()).collect(),
+            effects,
+            p_none,
+            p_unknown,
+            chosen: found.model.iter().map(|(id, _)| id.clone()).collect(),
+            unknown_description: (verdict == Verdict::Unknown).then(|| told.describe()),
+            detection_limits: told.limits(),
+            ..Diagnosis::blank(case)
+        }
+    }
+}
 
 /// Diagnoses a scene of another pairing than aligned.
 ///
@@ -33,77 +130,52 @@ pub fn judged(
     nuisance: &Nuisance,
     without: &[String],
 ) -> Result<Diagnosis, SightError> {
-    let paired = pairing != Pairing::Unpaired;
-    let (x, moved) = statistics(scene, pairing);
-    let paths = paths(scene, &nuisance.mean, paired, without);
-    let needed = weigh::needed(nuisance, &paths);
-    let mut deviation = &x - &nuisance.mean;
-    let mut chosen: Vec<Spot> = Vec::new();
-    let mut ranked: Vec<Spot> = Vec::new();
-    loop {
-        let mut spots = weigh::spots(&nuisance.precision, &paths, &deviation);
-        spots.retain(|s| s.gain > 0.0 && allowed_beside(&chosen, s, &paths));
-        spots.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-        let best = spots.first().cloned();
-        if chosen.is_empty() {
-            ranked = spots;
-        }
-        let Some(best) = best.filter(|b| b.gain > needed.max(share_asked(&chosen, b, &paths))) else { break };
-        deviation -= best.change(&paths);
-        chosen.push(best);
-    }
-    let remains = weigh::square(&nuisance.precision, &deviation);
-    let lateness = moved.and_then(|m| Some((m.late.effect?, m.late.interval90)));
-    let late = lateness.map(|(effect, _)| effect);
-    // the stand-in of a strong effect leaves a share of it
-    let taken: f64 = chosen.iter().map(|c| c.gain).sum();
-    let allowed = settings::STRANGE_REMAINS * (weigh::usual(nuisance) + needed) + settings::STRANGE_SHARE * taken;
-    let excess = remains / allowed;
-    let model = model(late, &chosen, &paths);
-    let verdict = match model.len() {
-        _ if excess > 1.0 => Verdict::Unknown,
-        0 => Verdict::None,
-        1 => Verdict::Single,
-        _ => Verdict::Multiple,
+    let scope = Scope::of(pairing);
+    let (x, moved) = statistics(scene, scope);
+    let paths: Vec<Path> =
+        paths(scene, &nuisance.mean, scope, without).iter().map(|path| path.scaled(&nuisance.root)).collect();
+    let rows: Vec<DVector<f64>> = nuisance.rows.iter().map(|row| &nuisance.root * row).collect();
+    let evidence = Evidence {
+        scope,
+        testable: |_| true,
+        deviation: &nuisance.root * (&x - &nuisance.mean),
+        needed: weigh::needed(rows.iter().map(|row| weigh::best(&paths, row)).collect()),
+        usual: weigh::usual(rows.iter().map(DVector::norm_squared).collect()),
+        late: moved.and_then(|moved| moved.late.effect.map(|(effect, value)| (effect, value, moved.late.interval90))),
+        paths,
     };
-    let p_unknown = 1.0 / (1.0 + (-(excess.max(1e-6).ln()) / (2.0 * settings::UNKNOWN_WIDTH)).exp());
-    let best = ranked.first().map_or(0.0, |s| s.gain);
-    let p_none =
-        if late.is_some() { 0.0 } else { (1.0 - p_unknown) / (1.0 + ((best - needed) / 6.0).clamp(-30.0, 30.0).exp()) };
-    let told = Told { paths: &paths, ranked: &ranked, chosen: &chosen, model: &model, needed };
-    let correction = correction(&model);
-    let held = generated(
-        scene.case,
-        &correction,
-        &|n| scene.case.held.iter().any(|f| f.number == n),
-        nuisance.gap,
-        "heldout",
-    )?;
-    let fit =
-        generated(scene.case, &correction, &|n| scene.case.fit.iter().any(|f| f.number == n), nuisance.gap, "fit")?;
-    let effects = told.findings(lateness, 1.0 - p_unknown - p_none);
-    let limits = told.limits(nuisance);
+    let found = evidence.found(&|_| true);
+    let diagnosis = evidence.diagnosis(&scene.case.name, &found);
+    let correction = correction(&found.model);
+    let measured = |wanted: &[crate::case::Frame], data: &str| {
+        let wanted = |n| wanted.iter().any(|f| f.number == n);
+        generated(scene.case, &correction, &wanted, nuisance.gap, data)
+    };
+    let fit = measured(&scene.case.fit, "fit")?;
     Ok(Diagnosis {
-        verdict,
-        indistinguishable: effects.iter().take(1).filter(|e| e.group.len() > 1).map(|e| e.group.clone()).collect(),
-        effects,
-        p_none,
-        p_unknown,
-        chosen: model.iter().map(|(id, _)| id.clone()).collect(),
-        cells: if verdict == Verdict::None { Vec::new() } else { cells(scene, &correction) },
-        how_far: held,
+        cells: if diagnosis.verdict == Verdict::None { Vec::new() } else { cells(scene, &correction) },
+        how_far: measured(&scene.case.held, "heldout")?,
         predicted_share: fit.first().and_then(|s| s.share_explained),
-        unknown_description: (verdict == Verdict::Unknown).then(|| describe(nuisance, &deviation, &told)),
-        corrected_model: Corrected {
-            effects: model.into_iter().map(|(id, values)| CorrectedEffect { id, value: values[0], values }).collect(),
-            nuisance: FLOORS.iter().zip(nuisance.gap).map(|(name, gap)| ((*name).to_owned(), gap)).collect(),
-            ..Corrected::default()
-        },
+        corrected_model: corrected(&found.model, nuisance.gap),
         floor_source: if nuisance.count > 0 { "effect-free pairs" } else { "practice" }.to_owned(),
-        warnings: warnings(scene.case, pairing, nuisance, &limits),
-        detection_limits: limits,
-        ..Diagnosis::blank(&scene.case.name)
+        warnings: warnings(&scene.case.warnings, pairing, nuisance.count, &diagnosis.detection_limits),
+        ..diagnosis
     })
+}
+
+/// Returns the corrected model as it is written: effects with their values, and the floors of this generator.
+#[must_use]
+pub fn corrected(model: &[(String, Vec<f64>)], gap: [f64; 2]) -> Corrected {
+    let effect = |(id, values): &(String, Vec<f64>)| CorrectedEffect {
+        id: id.clone(),
+        value: values[0],
+        values: values.clone(),
+    };
+    Corrected {
+        effects: model.iter().map(effect).collect(),
+        nuisance: FLOORS.iter().zip(gap).map(|(name, gap)| ((*name).to_owned(), gap)).collect(),
+        ..Corrected::default()
+    }
 }
 
 /// Returns the effects of the model with their values: the lateness, if there is one, and what was chosen.
@@ -151,15 +223,19 @@ fn share_asked(chosen: &[Spot], spot: &Spot, paths: &[Path]) -> f64 {
     gained * if moved { settings::FURTHER_MOVED_SHARE } else { settings::FURTHER_SHARE }
 }
 
-fn correction(model: &[(String, Vec<f64>)]) -> Correction {
+/// Returns what a model does to frames.
+#[must_use]
+pub fn correction(model: &[(String, Vec<f64>)]) -> Correction {
     let effects = model.iter().map(|(id, values)| (known(id), values.clone())).collect();
     Correction { effects, shift: [0.0; 2], noise: 0.0, dirt: None }
 }
 
-fn warnings(case: &FrameCase, pairing: Pairing, nuisance: &Nuisance, limits: &[DetectionLimit]) -> Vec<String> {
-    let mut out = case.warnings.clone();
+/// Returns what a reader must know beside the warnings of the case.
+#[must_use]
+pub fn warnings(case: &[String], pairing: Pairing, free_pairs: usize, limits: &[DetectionLimit]) -> Vec<String> {
+    let mut out = case.to_vec();
     out.push(format!("the streams are paired as {}", pairing.name()));
-    if nuisance.count == 0 {
+    if free_pairs == 0 {
         out.push("no effect-free pairs of this generator are given: its own gap is assumed, and wide".to_owned());
     }
     let hidden: Vec<&str> = limits.iter().filter(|l| l.limit.is_none()).map(|l| l.id.as_str()).collect();
@@ -171,38 +247,39 @@ fn warnings(case: &FrameCase, pairing: Pairing, nuisance: &Nuisance, limits: &[D
 
 /// What was found, for reports.
 struct Told<'a> {
-    paths: &'a [Path],
-    ranked: &'a [Spot],
-    chosen: &'a [Spot],
-    model: &'a [(String, Vec<f64>)],
-    needed: f64,
+    evidence: &'a Evidence,
+    found: &'a Found,
 }
 
 impl Told<'_> {
     fn id(&self, spot: &Spot) -> &'static str {
-        self.paths[spot.path].effect.id
+        self.evidence.paths[spot.path].effect.id
     }
 
-    fn findings(&self, late: Option<((&'static FrameEffect, f64), [f64; 2])>, mass: f64) -> Vec<Finding> {
+    fn findings(&self, mass: f64) -> Vec<Finding> {
         let mut list: Vec<Finding> = Vec::new();
-        if let Some(((effect, value), interval90)) = late {
+        if let Some((effect, value, interval90)) = self.evidence.late {
             list.push(Finding {
                 interval90,
                 params: [(effect.parameters[0].name.to_owned(), value)].into(),
-                ..self.empty(effect.id, value, 4.0 * self.needed)
+                ..self.empty(effect.id, value, 4.0 * self.evidence.needed)
             });
         }
-        let firsts = self.chosen.iter().chain(self.ranked);
+        let firsts = self.found.chosen.iter().chain(&self.found.ranked);
         for spot in firsts {
             let id = self.id(spot);
             if list.iter().any(|f| f.id == id) {
                 continue;
             }
-            let values = self.model.iter().find(|(known, _)| known == id).map(|(_, values)| values.clone());
-            let values = values.unwrap_or_else(|| spot.values(self.paths));
-            let path = &self.paths[spot.path];
+            let values = self.found.model.iter().find(|(known, _)| known == id).map(|(_, values)| values.clone());
+            let values = values.unwrap_or_else(|| spot.values(&self.evidence.paths));
+            let path = &self.evidence.paths[spot.path];
             let width = (path.values[spot.at.0 + 1][0] - path.values[spot.at.0][0]).abs();
-            let half = spot.error * width + settings::pairing_shape(id) * (values[0] - path.values[0][0]).abs();
+            let shape = match self.evidence.scope {
+                Scope::Layered => settings::clip_shape(moves(path.effect)).max(settings::pairing_shape(id)),
+                Scope::Own | Scope::Paired => settings::pairing_shape(id),
+            };
+            let half = spot.error * width + shape * (values[0] - path.values[0][0]).abs();
             let slab = path.effect.parameters[0].slab;
             let mut finding = self.empty(id, values[0], spot.gain);
             finding.interval90 = [(values[0] - half).max(slab.0), (values[0] + half).min(slab.1)];
@@ -211,9 +288,7 @@ impl Told<'_> {
             list.push(finding);
         }
         let top = list.iter().map(|f| f.evidence_gain).fold(0.0, f64::max);
-        let chosen = |f: &Finding| {
-            self.chosen.iter().any(|c| self.id(c) == f.id) || late.is_some_and(|((effect, _), _)| effect.id == f.id)
-        };
+        let chosen = |f: &Finding| self.found.model.iter().any(|(id, _)| *id == f.id);
         let weights: Vec<f64> =
             list.iter().map(|f| if chosen(f) { 1.0 } else { ((f.evidence_gain - top) / 8.0).exp() }).collect();
         let total: f64 = weights.iter().sum();
@@ -240,7 +315,7 @@ impl Told<'_> {
     /// Effects whose gain is nearly that of a spot.
     fn group(&self, spot: &Spot) -> Vec<String> {
         let mut group = vec![self.id(spot).to_owned()];
-        for other in self.ranked {
+        for other in &self.found.ranked {
             let id = self.id(other).to_owned();
             if group.len() < 4 && !group.contains(&id) && spot.gain - other.gain < 6.0 && other.gain > 0.5 * spot.gain {
                 group.push(id);
@@ -249,14 +324,26 @@ impl Told<'_> {
         group
     }
 
-    fn limits(&self, nuisance: &Nuisance) -> Vec<DetectionLimit> {
+    fn limits(&self) -> Vec<DetectionLimit> {
+        let Evidence { paths, needed, testable, scope, .. } = self.evidence;
+        let layered = *scope == Scope::Layered;
+        let limits: Vec<Option<f64>> = paths
+            .par_iter()
+            .map(|path| {
+                let others: Vec<Path> = if layered {
+                    paths.iter().filter(|o| o.effect.id != path.effect.id).cloned().collect()
+                } else {
+                    Vec::new()
+                };
+                testable(path.effect).then(|| weigh::limit(path, *needed, &others)).flatten()
+            })
+            .collect();
         let mut out: BTreeMap<&str, Option<f64>> = BTreeMap::new();
-        for path in self.paths {
+        for (path, found) in paths.iter().zip(limits) {
             let end = path.values[path.values.len() - 1][0];
             if (end - path.values[0][0]).abs() < 1e-12 {
                 continue;
             }
-            let found = weigh::limit(&nuisance.precision, path, self.needed);
             let entry = out.entry(path.effect.id).or_default();
             let nearer = |v: f64, w: f64| (v - path.values[0][0]).abs() < (w - path.values[0][0]).abs();
             if let Some(v) = found
@@ -266,7 +353,9 @@ impl Told<'_> {
             }
         }
         for effect in ds_effect::frame_library() {
-            if matches!(effect.act, Act::Warp(_)) {
+            // the age of the content is no statistic
+            let aged = matches!(effect.id, "obs_latency" | "condition_delay");
+            if matches!(effect.act, Act::Warp(_)) || (layered && !aged) {
                 out.entry(effect.id).or_default();
             }
         }
@@ -278,13 +367,32 @@ impl Told<'_> {
             })
             .collect()
     }
+
+    /// Describes what is left of the deviation.
+    fn describe(&self) -> Remainder {
+        let count = self.evidence.scope.count();
+        let mut parts: Vec<(usize, f64)> = (0..count).map(|k| (k, 0.0)).collect();
+        for (k, left) in self.found.left.iter().enumerate() {
+            parts[k % count].1 += left * left;
+        }
+        parts.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let mut channels = BTreeMap::new();
+        for (k, size) in parts.iter().take(3) {
+            channels.insert(format!("camera:{}", subject(*k)), size.sqrt());
+        }
+        let nearest: Vec<String> = self.found.ranked.iter().take(3).map(|s| self.id(s).to_owned()).collect();
+        let text = format!(
+            "the streams differ most in {}; nearest known effects: {}",
+            parts.iter().take(2).map(|(k, _)| subject(*k)).collect::<Vec<_>>().join(" and "),
+            nearest.join(", ")
+        );
+        Remainder { channels, time_pattern: "constant".to_owned(), nearest, text, ..Remainder::default() }
+    }
 }
 
-fn describe(nuisance: &Nuisance, left: &DVector<f64>, told: &Told<'_>) -> Remainder {
-    let weighted = &nuisance.precision * left;
-    let mut parts: Vec<(usize, f64)> = (0..left.len()).map(|k| (k, left[k] * weighted[k])).collect();
-    parts.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let name = |k: usize| match k {
+/// Returns what a statistic is about.
+fn subject(statistic: usize) -> &'static str {
+    match statistic {
         0..=6 => "tone",
         7..=11 => "sharpness",
         12 | 13 => "noise",
@@ -297,28 +405,58 @@ fn describe(nuisance: &Nuisance, left: &DVector<f64>, told: &Told<'_>) -> Remain
         26..=29 => "changes over time",
         30..=34 => "brightness ratios",
         35..=42 => "displacement",
+        43 => "objects",
+        44..=47 => "brightness by distance",
+        48..=53 => "contrast by distance",
+        54..=56 => "edges",
+        57 | 58 => "changes over time",
         _ => "objects",
-    };
-    let mut channels = BTreeMap::new();
-    for (k, size) in parts.iter().take(3) {
-        channels.insert(format!("camera:{}", name(*k)), size.max(0.0).sqrt());
     }
-    let nearest: Vec<String> = told.ranked.iter().take(3).map(|s| told.id(s).to_owned()).collect();
-    let text = format!(
-        "the streams differ most in {}; nearest known effects: {}",
-        parts.iter().take(2).map(|(k, _)| name(*k)).collect::<Vec<_>>().join(" and "),
-        nearest.join(", ")
-    );
-    Remainder { channels, time_pattern: "constant".to_owned(), nearest, text, ..Remainder::default() }
 }
 
 /// Tiles in which the real frames differ from the simulated ones by a quarter more than from the corrected ones.
 fn cells(scene: &Scene<'_>, correction: &Correction) -> Vec<Cell> {
-    let frames: Vec<&crate::case::Frame> = scene.frames.clone();
-    let changed = crate::how_far::rendered(scene.case, correction, &frames);
-    // by frame and tile: sums of squares to the corrected and to the simulated frame, pixels
-    let mut sums = vec![[[0.0f64; 3]; TILES]; frames.len()];
-    for ((frame, picture), sums) in frames.iter().zip(&changed).zip(&mut sums) {
+    let frames = &scene.frames;
+    let span = [frames[0].time_secs, frames[frames.len() - 1].time_secs];
+    let rows = by_frame(scene.case, correction);
+    let of = |t: usize| cell(t, &rows.iter().map(|row| row[t]).collect::<Vec<_>>(), span, &excess);
+    let mut cells: Vec<Cell> = (0..TILES).filter_map(of).collect();
+    correct(&mut cells, TILES);
+    cells.sort_by(|a, b| b.effect_size.total_cmp(&a.effect_size));
+    cells
+}
+
+/// Returns a tile as a cell, if it counts: mean squares to the corrected and to the simulated stream in each unit, and the
+/// chance of units to differ by so much if they do not.
+#[must_use]
+pub fn cell(t: usize, units: &[[f64; 2]], span: [f64; 2], chance: &dyn Fn(&[f64]) -> f64) -> Option<Cell> {
+    let mean = |k: usize| units.iter().map(|unit| unit[k]).sum::<f64>() / units.len() as f64;
+    let (after, before) = (mean(0), mean(1));
+    let over: Vec<f64> = units.iter().map(|unit| unit[1] - unit[0]).collect();
+    let tile = Some([t / settings::TILES[1], t % settings::TILES[1]]);
+    (before - after > settings::TILE_EXCESS * (after + 1.0)).then(|| Cell {
+        channel: "camera".to_owned(),
+        regime: Regime { tile, ..Regime::default() },
+        effect_size: (before / after.max(1e-9)).sqrt(),
+        q_value: Some(chance(&over)),
+        t: vec![span],
+    })
+}
+
+/// Returns the mean squares of every tile over the frames of a fit: to the corrected and to the simulated stream.
+#[must_use]
+pub fn tiles(case: &FrameCase, correction: &Correction) -> [[f64; 2]; TILES] {
+    let rows = by_frame(case, correction);
+    let mean = |t: usize, k: usize| rows.iter().map(|row| row[t][k]).sum::<f64>() / rows.len().max(1) as f64;
+    std::array::from_fn(|t| [mean(t, 0), mean(t, 1)])
+}
+
+/// The same frame by frame.
+fn by_frame(case: &FrameCase, correction: &Correction) -> Vec<[[f64; 2]; TILES]> {
+    let frames: Vec<&crate::case::Frame> = case.fit.iter().collect();
+    let changed = crate::how_far::rendered(case, correction, &frames);
+    let of = |(frame, picture): (&&crate::case::Frame, &Picture)| {
+        let mut sums = [[0.0f64; 3]; TILES];
         let c = picture.channels;
         for (i, ((e, s), r)) in picture.data.iter().zip(&frame.sim.data).zip(&frame.real.data).enumerate() {
             let sum = &mut sums[tile(i / c % picture.width, i / c / picture.width, picture.width, picture.height)];
@@ -326,22 +464,7 @@ fn cells(scene: &Scene<'_>, correction: &Correction) -> Vec<Cell> {
             sum[1] += f64::from((r - s).powi(2));
             sum[2] += 1.0;
         }
-    }
-    let mut cells = Vec::new();
-    for t in 0..TILES {
-        let [after, before, n] = [0, 1, 2].map(|k| sums.iter().map(|frame| frame[t][k]).sum::<f64>());
-        let (after, before) = (after / n, before / n);
-        if before - after > settings::TILE_EXCESS * (after + 1.0) {
-            let tile = Some([t / settings::TILES[1], t % settings::TILES[1]]);
-            let spans = vec![[frames[0].time_secs, frames[frames.len() - 1].time_secs]];
-            let effect_size = (before / after.max(1e-9)).sqrt();
-            let regime = Regime { tile, ..Regime::default() };
-            let over: Vec<f64> = sums.iter().map(|frame| (frame[t][1] - frame[t][0]) / frame[t][2]).collect();
-            let q_value = Some(excess(&over));
-            cells.push(Cell { channel: "camera".to_owned(), regime, effect_size, q_value, t: spans });
-        }
-    }
-    correct(&mut cells, TILES);
-    cells.sort_by(|a, b| b.effect_size.total_cmp(&a.effect_size));
-    cells
+        sums.map(|[after, before, n]| [after / n, before / n])
+    };
+    frames.iter().zip(&changed).map(of).collect()
 }

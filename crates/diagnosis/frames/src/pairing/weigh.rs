@@ -1,11 +1,11 @@
 //! Weighs effects by how much nearer they bring the statistics of a pair to those of effect-free pairs.
 //!
-//! Squared distances under the covariance of the nuisance; an effect's gain is what it takes away. A gain counts where it
-//! exceeds the best gain that any effect has on an effect-free pair that took no part in the mean.
+//! Everything here is in units of the spread of effect-free pairs (see `Nuisance::root`), so that distances are plain
+//! squares; an effect's gain is what it takes away. A gain counts where it exceeds the best gain that any effect has on an
+//! effect-free pair that took no part in the mean.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
-use crate::pairing::nuisance::Nuisance;
 use crate::pairing::paths::Path;
 use crate::settings;
 
@@ -42,16 +42,10 @@ fn mix(nodes: &[Vec<f64>], k: usize, share: f64) -> Vec<f64> {
     nodes[k].iter().zip(&nodes[k + 1]).map(|(a, b)| a + share * (b - a)).collect()
 }
 
-/// Returns the squared size of a deviation.
-#[must_use]
-pub fn square(precision: &DMatrix<f64>, d: &DVector<f64>) -> f64 {
-    d.dot(&(precision * d))
-}
-
 /// Returns the best place of each path for a deviation from the mean.
 #[must_use]
-pub fn spots(precision: &DMatrix<f64>, paths: &[Path], deviation: &DVector<f64>) -> Vec<Spot> {
-    let before = square(precision, deviation);
+pub fn spots(paths: &[Path], deviation: &DVector<f64>) -> Vec<Spot> {
+    let before = deviation.norm_squared();
     paths
         .iter()
         .enumerate()
@@ -60,13 +54,12 @@ pub fn spots(precision: &DMatrix<f64>, paths: &[Path], deviation: &DVector<f64>)
             for k in 0..path.change.len() - 1 {
                 let step = &path.change[k + 1] - &path.change[k];
                 let from = deviation - &path.change[k];
-                let weighted = precision * &step;
-                let bend = step.dot(&weighted);
+                let bend = step.norm_squared();
                 if bend < 1e-9 {
                     continue;
                 }
-                let share = (from.dot(&weighted) / bend).clamp(0.0, 1.0);
-                let gain = before - square(precision, &(&from - &step * share));
+                let share = (from.dot(&step) / bend).clamp(0.0, 1.0);
+                let gain = before - (&from - &step * share).norm_squared();
                 if gain > best.gain {
                     best = Spot { path: number, at: (k, share), gain, error: 1.645 / bend.sqrt() };
                 }
@@ -76,32 +69,42 @@ pub fn spots(precision: &DMatrix<f64>, paths: &[Path], deviation: &DVector<f64>)
         .collect()
 }
 
+/// Returns the best gain that any effect has on a deviation.
+#[must_use]
+pub fn best(paths: &[Path], deviation: &DVector<f64>) -> f64 {
+    spots(paths, deviation).iter().map(|s| s.gain).fold(0.0, f64::max)
+}
+
 /// Returns the gain that an effect must exceed: the best that any has on effect-free pairs, and the usual at least.
 #[must_use]
-pub fn needed(nuisance: &Nuisance, paths: &[Path]) -> f64 {
-    let best = |row: &DVector<f64>| spots(&nuisance.precision, paths, row).iter().map(|s| s.gain).fold(0.0, f64::max);
-    let mut gains: Vec<f64> = nuisance.rows.iter().map(best).collect();
+pub fn needed(mut gains: Vec<f64>) -> f64 {
     let worst = if gains.is_empty() { 0.0 } else { ds_stats::quantile(&mut gains, 0.95) };
     (settings::NUISANCE_MARGIN * worst).max(settings::LEAST_PAIRING_GAIN)
 }
 
 /// Returns the squared distance that an effect-free pair may have.
 #[must_use]
-pub fn usual(nuisance: &Nuisance) -> f64 {
-    let mut sizes: Vec<f64> = nuisance.rows.iter().map(|r| square(&nuisance.precision, r)).collect();
+pub fn usual(mut sizes: Vec<f64>) -> f64 {
     if sizes.is_empty() { 60.0 } else { ds_stats::quantile(&mut sizes, 0.95) }
 }
 
+/// Lead over the gain of every other effect that is right in 95 of 100 pairs: gains that lie so far apart scatter against each
+/// other by twice its root.
+const LEAD: f64 = 10.8;
+
 /// Returns the value of a path from which its gain reaches what is needed in 95 of 100 pairs (the generator's own gap
-/// scatters by one along any direction); nothing where it never does.
+/// scatters by one along any direction), and leads over those of other effects; nothing where it never does.
 #[must_use]
-pub fn limit(precision: &DMatrix<f64>, path: &Path, needed: f64) -> Option<f64> {
+pub fn limit(path: &Path, needed: f64, others: &[Path]) -> Option<f64> {
     let needed = (needed.max(0.0).sqrt() + 1.645).powi(2);
     for k in 0..path.change.len() - 1 {
         for step in 1..=20 {
             let share = f64::from(step) / 20.0;
             let change = &path.change[k] + (&path.change[k + 1] - &path.change[k]) * share;
-            if square(precision, &change) >= needed {
+            let gain = change.norm_squared();
+            if gain >= needed
+                && (others.is_empty() || gain - best(others, &change) >= LEAD.max(settings::ROUGH_SIGNATURE * gain))
+            {
                 return Some(mix(&path.values, k, share)[0]);
             }
         }
