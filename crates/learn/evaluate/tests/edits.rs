@@ -88,11 +88,14 @@ fn change(arm: &Arm, drive: &Drive, [before, after]: [&[Layout]; 2]) -> Option<(
     (there.1 > 0.0).then(|| (there.0 / there.1, elsewhere.0 / f64::max(elsewhere.1, 1.0)))
 }
 
-/// Returns the layouts of a drive with every state of the world edited.
+/// Returns the layouts of a drive with every state of the world edited but that of the first frame, which shows it as it was: what a
+/// layout says of a frame that shows something else would be carried along.
 fn layouts(drive: &mut Drive, edit: impl Fn(&mut WorldState)) -> Vec<Layout> {
     let layout = |frame| {
         let mut world = drive.world(frame);
-        edit(&mut world);
+        if frame > 0 {
+            edit(&mut world);
+        }
         drive.layout_of(&world).expect("renders")
     };
     (0..=FRAMES).map(layout).collect()
