@@ -19,7 +19,7 @@ use crate::loss::{TILES, tile};
 use crate::pairing::nuisance::Nuisance;
 use crate::pairing::paths::{Path, paths};
 use crate::pairing::statistics::{Scope, statistics};
-use crate::pairing::weigh::{self, Spot};
+use crate::pairing::weigh::{self, PathPoint};
 use crate::places::excess;
 use crate::scene::Scene;
 use crate::scene::known;
@@ -47,9 +47,9 @@ pub struct Evidence {
 /// What was found in the evidence.
 pub struct Found {
     /// Places chosen, the best first.
-    pub chosen: Vec<Spot>,
+    pub chosen: Vec<PathPoint>,
     /// The best place of every path, the best first.
-    pub ranked: Vec<Spot>,
+    pub ranked: Vec<PathPoint>,
     /// Effects of the model with their values.
     pub model: Vec<(String, Vec<f64>)>,
     /// The deviation that is left.
@@ -59,10 +59,10 @@ pub struct Found {
 impl Evidence {
     /// Selects effects one after the other; `accepted` may refuse the first one that was not late.
     #[must_use]
-    pub fn found(&self, accepted: &dyn Fn(&Spot) -> bool) -> Found {
+    pub fn found(&self, accepted: &dyn Fn(&PathPoint) -> bool) -> Found {
         let mut left = self.deviation.clone();
-        let mut chosen: Vec<Spot> = Vec::new();
-        let mut ranked: Vec<Spot> = Vec::new();
+        let mut chosen: Vec<PathPoint> = Vec::new();
+        let mut ranked: Vec<PathPoint> = Vec::new();
         loop {
             let mut spots = weigh::spots(&self.paths, &left);
             spots.retain(|s| s.gain > 0.0 && allowed_beside(&chosen, s, &self.paths));
@@ -74,7 +74,7 @@ impl Evidence {
             // signatures of clips are rough: a further effect must stand out from what the first one leaves
             let further =
                 if self.scope == Scope::Layered && !chosen.is_empty() { settings::FURTHER_CLIP_GAIN } else { 1.0 };
-            let asked = |b: &Spot| (further * self.needed).max(share_asked(&chosen, b, &self.paths));
+            let asked = |b: &PathPoint| (further * self.needed).max(share_asked(&chosen, b, &self.paths));
             let Some(best) = best.filter(|b| b.gain > asked(b) && (!chosen.is_empty() || accepted(b))) else { break };
             left -= best.change(&self.paths);
             chosen.push(best);
@@ -104,7 +104,7 @@ impl Evidence {
         } else {
             (1.0 - p_unknown) / (1.0 + ((best - self.needed) / 6.0).clamp(-30.0, 30.0).exp())
         };
-        let told = Told { evidence: self, found };
+        let told = Findings { evidence: self, found };
         let effects = told.findings(1.0 - p_unknown - p_none);
         Diagnosis {
             verdict,
@@ -179,7 +179,7 @@ pub fn corrected(model: &[(String, Vec<f64>)], gap: [f64; 2]) -> Corrected {
 }
 
 /// Returns the effects of the model with their values: the lateness, if there is one, and what was chosen.
-fn model(late: Option<(&FrameEffect, f64)>, chosen: &[Spot], paths: &[Path]) -> Vec<(String, Vec<f64>)> {
+fn model(late: Option<(&FrameEffect, f64)>, chosen: &[PathPoint], paths: &[Path]) -> Vec<(String, Vec<f64>)> {
     let mut model: Vec<(String, Vec<f64>)> = Vec::new();
     if let Some((effect, value)) = late {
         model.push((effect.id.to_owned(), vec![value]));
@@ -203,7 +203,7 @@ fn moves(effect: &ds_effect::FrameEffect) -> bool {
 }
 
 /// Says whether a spot may join: two effects at most, and of a chosen one only other parameters of a displacement.
-fn allowed_beside(chosen: &[Spot], spot: &Spot, paths: &[Path]) -> bool {
+fn allowed_beside(chosen: &[PathPoint], spot: &PathPoint, paths: &[Path]) -> bool {
     let path = &paths[spot.path];
     let mut same = chosen.iter().map(|c| &paths[c.path]).filter(|p| p.effect.id == path.effect.id).peekable();
     if same.peek().is_some() {
@@ -213,7 +213,7 @@ fn allowed_beside(chosen: &[Spot], spot: &Spot, paths: &[Path]) -> bool {
 }
 
 /// What a further spot must gain beside those chosen: edges tell displacements apart only roughly.
-fn share_asked(chosen: &[Spot], spot: &Spot, paths: &[Path]) -> f64 {
+fn share_asked(chosen: &[PathPoint], spot: &PathPoint, paths: &[Path]) -> f64 {
     let gained: f64 = chosen.iter().map(|c| c.gain).sum();
     let effect = paths[spot.path].effect;
     if chosen.iter().any(|c| paths[c.path].effect.id == effect.id) {
@@ -246,13 +246,13 @@ pub fn warnings(case: &[String], pairing: Pairing, free_pairs: usize, limits: &[
 }
 
 /// What was found, for reports.
-struct Told<'a> {
+struct Findings<'a> {
     evidence: &'a Evidence,
     found: &'a Found,
 }
 
-impl Told<'_> {
-    fn id(&self, spot: &Spot) -> &'static str {
+impl Findings<'_> {
+    fn id(&self, spot: &PathPoint) -> &'static str {
         self.evidence.paths[spot.path].effect.id
     }
 
@@ -313,7 +313,7 @@ impl Told<'_> {
     }
 
     /// Effects whose gain is nearly that of a spot.
-    fn group(&self, spot: &Spot) -> Vec<String> {
+    fn group(&self, spot: &PathPoint) -> Vec<String> {
         let mut group = vec![self.id(spot).to_owned()];
         for other in &self.found.ranked {
             let id = self.id(other).to_owned();

@@ -11,7 +11,7 @@ use crate::settings;
 
 /// A place on a path.
 #[derive(Debug, Clone)]
-pub struct Spot {
+pub struct PathPoint {
     /// Number of the path.
     pub path: usize,
     /// Node before it and share of the way to the next.
@@ -22,7 +22,7 @@ pub struct Spot {
     pub error: f64,
 }
 
-impl Spot {
+impl PathPoint {
     /// Returns the values there.
     #[must_use]
     pub fn values(&self, paths: &[Path]) -> Vec<f64> {
@@ -44,13 +44,13 @@ fn mix(nodes: &[Vec<f64>], k: usize, share: f64) -> Vec<f64> {
 
 /// Returns the best place of each path for a deviation from the mean.
 #[must_use]
-pub fn spots(paths: &[Path], deviation: &DVector<f64>) -> Vec<Spot> {
+pub fn spots(paths: &[Path], deviation: &DVector<f64>) -> Vec<PathPoint> {
     let before = deviation.norm_squared();
     paths
         .iter()
         .enumerate()
         .map(|(number, path)| {
-            let mut best = Spot { path: number, at: (0, 0.0), gain: 0.0, error: 0.0 };
+            let mut best = PathPoint { path: number, at: (0, 0.0), gain: 0.0, error: 0.0 };
             for k in 0..path.change.len() - 1 {
                 let step = &path.change[k + 1] - &path.change[k];
                 let from = deviation - &path.change[k];
@@ -61,7 +61,7 @@ pub fn spots(paths: &[Path], deviation: &DVector<f64>) -> Vec<Spot> {
                 let share = (from.dot(&step) / bend).clamp(0.0, 1.0);
                 let gain = before - (&from - &step * share).norm_squared();
                 if gain > best.gain {
-                    best = Spot { path: number, at: (k, share), gain, error: 1.645 / bend.sqrt() };
+                    best = PathPoint { path: number, at: (k, share), gain, error: 1.645 / bend.sqrt() };
                 }
             }
             best
