@@ -168,6 +168,12 @@ pub struct Finding {
     pub params: BTreeMap<String, f64>,
 }
 
+/// Returns the group of the first effect, of which its data cannot tell it apart, where there is one.
+#[must_use]
+pub fn group_of_first(effects: &[Finding]) -> Vec<Vec<String>> {
+    effects.iter().take(1).filter(|effect| effect.group.len() > 1).map(|effect| effect.group.clone()).collect()
+}
+
 /// From which size on an effect could have been seen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DetectionLimit {

@@ -77,7 +77,7 @@ fn aligned(case: &FrameCase, scene: &Scene<'_>, ready: Ready, options: &Options)
     };
     Ok(Diagnosis {
         verdict,
-        indistinguishable: effects.iter().take(1).filter(|e| e.group.len() > 1).map(|e| e.group.clone()).collect(),
+        indistinguishable: ds_diagnosis::schema::group_of_first(&effects),
         effects,
         p_none,
         p_unknown,

@@ -78,7 +78,7 @@ fn report(case: &Case, model: &Traffic, found: &Search, held: &[bool]) -> Diagno
     warnings.push(format!("drives are recordings: {recordings}"));
     Diagnosis {
         verdict,
-        indistinguishable: effects.iter().take(1).filter(|e| e.group.len() > 1).map(|e| e.group.clone()).collect(),
+        indistinguishable: ds_diagnosis::schema::group_of_first(&effects),
         effects,
         p_none,
         p_unknown,

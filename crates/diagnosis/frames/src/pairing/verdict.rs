@@ -108,7 +108,7 @@ impl Evidence {
         let effects = told.findings(1.0 - p_unknown - p_none);
         Diagnosis {
             verdict,
-            indistinguishable: effects.iter().take(1).filter(|e| e.group.len() > 1).map(|e| e.group.clone()).collect(),
+            indistinguishable: ds_diagnosis::schema::group_of_first(&effects),
             effects,
             p_none,
             p_unknown,
