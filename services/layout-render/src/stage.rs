@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use ds_layout::{LayoutBackend, LayoutError, LayoutScene, Renderer, StaticMap};
+use ds_layout::{LayoutBackend, LayoutError, LayoutScene, Renderer, StaticMap, carriable};
 use ds_process::maker::{Fault, Inputs, Maker, MakerFactory, Output, bad, output};
-use ds_raster::{Encoding, Geometry};
+use ds_raster::Encoding;
 use ds_topic::{Advance, Layout, LayoutGeometry, Role, SceneMessage, Slot, Topic, World};
 
 /// Geometry is told where a video model goes on from layouts of before, and not of larger pictures: no message is to outgrow its
@@ -60,9 +60,10 @@ impl Maker for Drawing {
                 let failed = |error: LayoutError| bad("render_failed", &error);
                 let image = self.renderer.render(&described, camera, pose).map_err(failed)?;
                 let told = self.scene.spec.layout_geometry && image.rgb().len() / 3 <= MOST_TOLD_PX;
-                let geometry = told.then(|| self.renderer.geometry(&described, camera, pose, &image)).transpose();
-                let told = |seen: Geometry| LayoutGeometry { inverse_depths: seen.inverse_depths, movers: seen.movers };
-                let geometry = geometry.map_err(failed)?.map(told);
+                let geometry = told.then(|| self.renderer.geometry(&described, camera, pose)).transpose();
+                let geometry = geometry.map_err(failed)?.map(|seen| carriable(seen, &image));
+                let geometry =
+                    geometry.map(|seen| LayoutGeometry { inverse_depths: seen.inverse_depths, movers: seen.movers });
                 let layout = Layout { image, encoding: Encoding::None, ego_in_world, geometry };
                 outputs.push(output(Slot::of_camera(Topic::Layout, tick.0, index), tick, &layout));
             }

@@ -8,9 +8,8 @@ use crate::colour;
 use crate::error::LayoutError;
 use crate::scene::{LayoutScene, Shot};
 
-/// Returns the geometry of a shot: of what stands on the plane of the ground and of the ground. Infinitely far, as the sky, is also what
-/// its picture tells exactly, and the pixels beside it: a frame that is carried along would paint it twice.
-pub(crate) fn of(shot: &Shot, lens: &Lens, picture: &RgbImage) -> Result<Geometry, LayoutError> {
+/// Returns the geometry of a shot: of what stands on the plane of the ground and of the ground; infinitely far is the sky.
+pub(crate) fn of(shot: &Shot, lens: &Lens) -> Result<Geometry, LayoutError> {
     let world_from_camera = shot.world_from_rig * shot.camera.rig_from_camera;
     let view = View::new(lens.pinhole(), world_from_camera);
     let width = lens.pinhole().width_px;
@@ -27,16 +26,23 @@ pub(crate) fn of(shot: &Shot, lens: &Lens, picture: &RgbImage) -> Result<Geometr
         let steps = steps.round() as u16;
         steps
     });
-    let mut inverse_depths = lens.develop(depths.collect());
-    for at in told(picture) {
-        inverse_depths[at] = 0;
-    }
     Ok(Geometry {
         lens: shot.camera.intrinsics,
         world_from_camera,
-        inverse_depths: inverse_depths.into(),
+        inverse_depths: lens.develop(depths.collect()).into(),
         movers: movers(&shot.scene),
     })
+}
+
+/// Returns the geometry that a frame is carried along by: infinitely far, as the sky, is also what its picture tells exactly, and the
+/// pixels beside it, which would be painted twice.
+#[must_use]
+pub fn carriable(geometry: Geometry, picture: &RgbImage) -> Geometry {
+    let mut inverse_depths = geometry.inverse_depths.to_vec();
+    for at in told(picture) {
+        inverse_depths[at] = 0;
+    }
+    Geometry { inverse_depths: inverse_depths.into(), ..geometry }
 }
 
 /// Returns the pixels of what a picture tells exactly and their neighbours.

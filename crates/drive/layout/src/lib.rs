@@ -14,5 +14,6 @@ mod scene;
 
 pub use ds_world::LayoutBackend;
 pub use error::LayoutError;
+pub use geometry::carriable;
 pub use renderer::Renderer;
 pub use scene::{LayoutScene, RANGE_M, Shot, StaticMap};

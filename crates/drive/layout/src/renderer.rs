@@ -83,7 +83,7 @@ impl Renderer {
         Ok(images.remove(0))
     }
 
-    /// Returns the geometry of a picture that was rendered of the same; its depths are the same to the bit, whatever the back end.
+    /// Returns the geometry of what a picture of the same shows; its depths are the same to the bit, whatever the back end.
     ///
     /// # Errors
     /// If the picture's size is refused.
@@ -92,10 +92,9 @@ impl Renderer {
         scene: &LayoutScene,
         camera: &CameraModel,
         world_from_rig: Pose<World, Rig>,
-        picture: &RgbImage,
     ) -> Result<Geometry, LayoutError> {
         let lens = self.lens(&camera.intrinsics);
-        geometry::of(&Shot { scene: *scene, camera, world_from_rig }, &lens, picture)
+        geometry::of(&Shot { scene: *scene, camera, world_from_rig }, &lens)
     }
 
     /// Renders many pictures, of one episode or several, in the order given.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ds_import::{Recorded, nuscenes, openscene};
-use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap};
+use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap, carriable};
 use ds_raster::{ImageError, RgbImage};
 use ds_scenario::{Facts, Warning};
 use ds_space::{CameraModel, PoseSe2};
@@ -178,9 +178,9 @@ impl<'a> Studio<'a> {
         for world in worlds {
             let (scene, pose) = (LayoutScene { map, world }, world.ego.pose.world_from_rig(0.0));
             let layout = renderer.render(&scene, &self.camera, pose).map_err(refuse)?;
-            let geometry = renderer.geometry(&scene, &self.camera, pose, &layout).map_err(refuse)?;
+            let geometry = renderer.geometry(&scene, &self.camera, pose).map_err(refuse)?;
+            clip.geometry.push(Arc::new(carriable(geometry, &layout)));
             clip.layouts.push(layout);
-            clip.geometry.push(Arc::new(geometry));
         }
         Ok(())
     }

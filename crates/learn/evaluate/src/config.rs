@@ -221,7 +221,7 @@ pub struct LongConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AppearanceConfig {
-    /// Arm per key of `appearance_at_100`: with, without.
+    /// Arm per key of `appearance_at_100`: with, without, before, teacher, prior.
     pub arms: BTreeMap<String, String>,
     /// Conditions, such as `snow`, `rain`, `night`, `fog`: one value of one axis each.
     pub conditions: Vec<String>,
@@ -277,7 +277,7 @@ pub const GUIDANCE_ARMS: [&str; 3] = ["layout_guidance", "standard_cfg", "no_gui
 /// The keys of `drift`.
 pub const DRIFT_ARMS: [&str; 2] = ["early_timestep", "clean"];
 /// The keys of `appearance_at_100.{condition}`.
-pub const DIVERSE_ARMS: [&str; 4] = ["with", "without", "teacher", "prior"];
+pub const DIVERSE_ARMS: [&str; 5] = ["with", "without", "before", "teacher", "prior"];
 
 impl EvalConfig {
     /// Reads and checks a configuration.

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use ds_camera::{Appearance, CameraWorld, LabelledCamera};
-use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap};
+use ds_layout::{LayoutBackend, LayoutScene, Renderer, StaticMap, carriable};
 use ds_perception::Label;
 use ds_perception::label::Crosswalks;
 use ds_perception::lights::{self, SeenLight};
-use ds_raster::RgbImage;
+use ds_raster::{Geometry, RgbImage};
 use ds_scenario::Facts;
 use ds_space::{CameraModel, DQuat, Digest, Draws};
 use ds_video::Layout;
@@ -121,6 +121,16 @@ impl Drive {
         from_ego(&mut self.renderer, &LayoutScene { map: &self.map, world }, &self.model)
     }
 
+    /// Returns how far away each pixel of a frame is, by what its layout shows.
+    ///
+    /// # Errors
+    /// If the size is refused.
+    pub fn geometry(&mut self, frame: u32) -> Result<Geometry, AppraisalError> {
+        let world = self.world(frame);
+        let scene = LayoutScene { map: &self.map, world: &world };
+        Ok(self.renderer.geometry(&scene, &self.model, world.ego.pose.world_from_rig(0.0))?)
+    }
+
     /// Renders the world's own frame.
     ///
     /// # Errors
@@ -160,6 +170,6 @@ impl Drive {
 fn from_ego(renderer: &mut Renderer, scene: &LayoutScene, camera: &CameraModel) -> Result<Layout, AppraisalError> {
     let pose = scene.world.ego.pose.world_from_rig(0.0);
     let image = renderer.render(scene, camera, pose)?;
-    let geometry = renderer.geometry(scene, camera, pose, &image)?;
+    let geometry = carriable(renderer.geometry(scene, camera, pose)?, &image);
     Ok(Layout { image, geometry: Some(Arc::new(geometry)) })
 }

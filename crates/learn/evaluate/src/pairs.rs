@@ -101,7 +101,8 @@ pub fn write(
 struct Clip {
     drive: Drive,
     worlds: Vec<WorldState>,
-    layouts: Vec<Layout>,
+    /// Of each frame, the depth of each pixel, cm.
+    depths_cm: Vec<Vec<u16>>,
     own: Vec<RgbImage>,
     large: Vec<RgbImage>,
     generated: Vec<Vec<RgbImage>>,
@@ -128,9 +129,10 @@ impl Clip {
             let frames = arm.roll_with(&drive, &layouts)?;
             generated.push(frames.into_iter().skip(plan.first as usize).collect());
         }
-        let worlds = kept.map(|frame| drive.world(frame)).collect();
-        let layouts = layouts.into_iter().skip(plan.first as usize).collect();
-        Ok(Self { drive, worlds, layouts, own, large, generated })
+        let worlds = kept.clone().map(|frame| drive.world(frame)).collect();
+        let depths = kept.map(|frame| drive.geometry(frame).map(|seen| depth_cm(&seen)));
+        let depths_cm = depths.collect::<Result<_, _>>()?;
+        Ok(Self { drive, worlds, depths_cm, own, large, generated })
     }
 
     fn write(&self, plan: &PairsPlan, folder: &Path) -> Result<FrameMeta, AppraisalError> {
@@ -143,15 +145,13 @@ impl Clip {
             pictures(&folder.join("large"), plan.first, &self.large)?;
         }
         let lens = &self.drive.model.intrinsics;
-        let depths = self.layouts.iter().map(|layout| layout.geometry.as_deref().map_or_else(Vec::new, depth_cm));
-        let depths: Vec<Vec<u16>> = depths.collect();
-        put(&folder.join("depth_proxy.png"), &encoded(lens, &middle(&depths))?)?;
+        put(&folder.join("depth_proxy.png"), &encoded(lens, &middle(&self.depths_cm))?)?;
         let each = folder.join("depth");
         std::fs::create_dir_all(&each).map_err(AppraisalError::io("folder of depths", &each))?;
         let mut frames = String::from("frame,time_s,real_stamp_s,speed_mps,yaw_rate_radps,light_rel\n");
         let mut boxes = String::from("frame,box,x0,y0,x1,y1,class\n");
         let step = self.drive.scene().dt.secs();
-        for ((number, world), depth) in (plan.first..).zip(&self.worlds).zip(&depths) {
+        for ((number, world), depth) in (plan.first..).zip(&self.worlds).zip(&self.depths_cm) {
             put(&each.join(format!("{number:04}.png")), &encoded(lens, depth)?)?;
             let (t, ego) = (f64::from(number) * step, &world.ego);
             let (speed, turn) = (ego.velocity_mps.length(), ego.yaw_rate_radps);

@@ -3,5 +3,6 @@
 mod carry;
 mod edits;
 mod evaluation;
+mod pairs;
 mod rig;
 mod study;
