@@ -276,6 +276,42 @@ fn one_build_serves_run_view_and_test() {
 }
 
 #[test]
+fn no_program_of_tests_is_built_that_holds_none() {
+    let mut faults = Vec::new();
+    for package in packages() {
+        let text = fs::read_to_string(package.folder.join("Cargo.toml")).expect("readable manifest");
+        let manifest: toml::Table = text.parse().expect("manifest is TOML");
+        let says = |target: Option<&toml::Value>, key: &str| {
+            target.and_then(|target| target.get(key)).and_then(toml::Value::as_bool).unwrap_or(true)
+        };
+        let (src, library) = (package.folder.join("src"), manifest.get("lib"));
+        let mut files = Vec::new();
+        sources(&src, &mut files);
+        let read = |file: &PathBuf| fs::read_to_string(file).expect("readable source");
+        let holds =
+            |word: &str| files.iter().any(|file| read(file).lines().any(|line| line.trim_start().starts_with(word)));
+        let tests = ["#[test]", "#[tokio::test", "proptest! {"].into_iter().any(holds);
+        let in_docs = ["//! ```", "/// ```"].into_iter().any(holds);
+        if src.join("lib.rs").exists() {
+            if says(library, "test") != tests {
+                faults.push(format!("{}: `test` of its [lib] is not {tests}", package.name));
+            }
+            if says(library, "doctest") != in_docs {
+                faults.push(format!("{}: `doctest` of its [lib] is not {in_docs}", package.name));
+            }
+        }
+        let program = manifest.get("bin").and_then(toml::Value::as_array).and_then(|programs| programs.first());
+        if src.join("main.rs").exists() && says(program, "test") {
+            faults.push(format!("{}: a `main` holds no tests, say so by `test = false`", package.name));
+        }
+        if src.join("main.rs").exists() && !src.join("lib.rs").exists() && tests {
+            faults.push(format!("{}: tests that no program holds", package.name));
+        }
+    }
+    assert!(faults.is_empty(), "{faults:#?}");
+}
+
+#[test]
 fn files_have_a_head_a_noun_and_a_bounded_size() {
     let mut faults = Vec::new();
     for package in packages() {
