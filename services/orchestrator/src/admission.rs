@@ -39,6 +39,7 @@ pub(crate) async fn admit(stand: Stand, registry: Arc<Registry>, limits: Limits,
                     tracing::error!(%error, "an episode's task panicked");
                 }
             }
+            () = registry.arrival() => {}
             _ = beat.tick() => {}
         }
         while under_way.len() < limits.episodes {

@@ -13,7 +13,7 @@ use ds_process::clock::millis;
 use ds_space::{Digest, EpisodeId, InstanceId};
 use ds_topic::{ObservationSource, Owner, Role};
 use ds_wire::control as pb;
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, watch};
 
 use crate::ledger::LedgerFile;
 
@@ -92,6 +92,8 @@ pub(crate) const LOSSES: [&str; 4] =
 pub(crate) struct Hub {
     fleet: Mutex<Fleet<LedgerFile>>,
     lines: Mutex<Lines>,
+    /// How many lines ended.
+    goings: watch::Sender<u64>,
     heartbeat_millis: u64,
     lease_millis: u64,
 }
@@ -116,7 +118,8 @@ impl Hub {
     ) -> Result<Self, LedgerError> {
         let lease_millis = settings.lease_ms;
         let fleet = Fleet::open(ledger, settings, now())?;
-        Ok(Self { fleet: Mutex::new(fleet), lines: Mutex::default(), heartbeat_millis, lease_millis })
+        let (fleet, goings) = (Mutex::new(fleet), watch::Sender::default());
+        Ok(Self { fleet, lines: Mutex::default(), goings, heartbeat_millis, lease_millis })
     }
 
     pub(crate) fn term(&self) -> u64 {
@@ -182,6 +185,18 @@ impl Hub {
         let mut lines = lock(&self.lines);
         if lines.connected.get(instance).is_some_and(|connected| connected.stream == stream) {
             lines.connected.remove(instance);
+        }
+        drop(lines);
+        self.goings.send_modify(|goings| *goings += 1);
+    }
+
+    /// Waits until no instance is connected.
+    pub(crate) async fn deserted(&self) {
+        let mut goings = self.goings.subscribe();
+        while !lock(&self.lines).connected.is_empty() {
+            if goings.changed().await.is_err() {
+                return;
+            }
         }
     }
 

@@ -43,6 +43,8 @@ use hub::Hub;
 use registry::Registry;
 use storage::Storage;
 
+/// How long members may take to say goodbye before their streams are told to end.
+const GOODBYES_WITHIN: Duration = Duration::from_millis(300);
 /// The largest request, in bytes.
 const MAX_MESSAGE_BYTES: usize = 1 << 30;
 
@@ -178,11 +180,11 @@ async fn serve(
     let admission = tokio::spawn(admission::admit(stand, registry, limits, drain.clone()));
     let expiry = tokio::spawn(expire(Arc::clone(&hub), drain.clone()));
     let done = tokio::spawn(async move {
-        let stop = drain.clone();
+        let (stop, leaving) = (drain.clone(), Arc::clone(&hub));
         let served = router.serve_with_incoming_shutdown(incoming, async move {
             stop.cancelled().await;
             // Members say goodbye on streams that stay open for as long as they have work.
-            tokio::time::sleep(Duration::from_millis(300)).await;
+            let _some_stay = tokio::time::timeout(GOODBYES_WITHIN, leaving.deserted()).await;
         });
         let limited = async {
             drain.cancelled().await;

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use ds_episode::fleet::LedgerError;
 use ds_space::{DigestWriter, RunId};
 use ds_wire::control as pb;
-use tokio::sync::watch;
+use tokio::sync::{Notify, watch};
 
 use crate::hub::Hub;
 use crate::submission::Job;
@@ -134,6 +134,7 @@ impl Runs {
 pub(crate) struct Registry {
     hub: Arc<Hub>,
     runs: Mutex<Runs>,
+    arrived: Notify,
 }
 
 /// All that an episode may be.
@@ -154,7 +155,7 @@ pub(crate) fn run_id(client_id: &str) -> RunId {
 
 impl Registry {
     pub(crate) fn new(hub: Arc<Hub>) -> Self {
-        Self { hub, runs: Mutex::default() }
+        Self { hub, runs: Mutex::default(), arrived: Notify::new() }
     }
 
     /// Returns the submissions that the ledger holds, encoded.
@@ -179,7 +180,13 @@ impl Registry {
         let (count, place) = (jobs.len(), runs.all.len());
         runs.all.push(Run::new(client_id, jobs, results));
         runs.by_id.insert(id, place);
+        self.arrived.notify_one();
         Ok((false, count))
+    }
+
+    /// Waits until a run arrives; one that arrived while nobody waited counts.
+    pub(crate) async fn arrival(&self) {
+        self.arrived.notified().await;
     }
 
     /// Takes the next queued episode, in order of submission.

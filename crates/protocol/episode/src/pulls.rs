@@ -3,7 +3,8 @@
 //! Whoever works on an order publishes all that it makes of it at once. While nothing of it has come, one question is as
 //! good as many: a model that takes seconds would be asked for each of its frames again and again. An order is asked for
 //! later than anything else, for whoever is done waits for the slowest of all, and orders are repeated besides. What came
-//! late by itself the last time is asked for only when it takes twice as long: a steady episode asks nothing.
+//! late by itself the last time is asked for only when it takes twice as long: a steady episode asks nothing. The scene is
+//! asked for at once: it was pushed before who plays a role was chosen, and the journal has it from the beginning.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -64,7 +65,10 @@ impl Pulls {
             let longest_ms = LONGEST_PAUSES * pause_ms;
             let pause_ms = if slot.topic == Topic::Advance { ORDER_PATIENCE * pause_ms } else { pause_ms };
             let usual_ms = self.usual_ms.get(&slot.topic).copied().unwrap_or_default();
-            let first_ms = pause_ms.max((2 * usual_ms).min(longest_ms));
+            let first_ms = match slot.topic {
+                Topic::Scene => 0,
+                _ => pause_ms.max((2 * usual_ms).min(longest_ms)),
+            };
             let fresh = Awaited { since: now, ask_at: now.plus(first_ms), tries: 0, answered: false };
             let mut awaited = before.remove(slot).unwrap_or(fresh);
             if awaited.ask_at <= now && worth.contains(slot) {
@@ -135,5 +139,13 @@ mod tests {
         assert_eq!(asked(&mut pulls, 50_000, 3_100, true), [3_000]);
         asked(&mut pulls, 60_000, 60_000, false);
         assert_eq!(asked(&mut pulls, 200_000, 10_100, true), [10_000]);
+    }
+
+    #[test]
+    fn the_scene_is_asked_for_at_once_and_again_after_a_pause() {
+        let (mut pulls, scene) = (Pulls::default(), Slot::new(Topic::Scene, 0));
+        let mut asked = |at| !pulls.due(Millis(at), PAUSE_MS, &[scene], &BTreeSet::from([scene])).is_empty();
+        let times: Vec<u64> = (0..1_000).step_by(50).filter(|at| asked(*at)).collect();
+        assert_eq!(times, [0, 200, 400, 800]);
     }
 }
