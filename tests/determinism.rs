@@ -12,23 +12,36 @@ fn all(extra: &[&str]) -> Vec<[String; 3]> {
     (0..episodes).map(|index| drive.digests(index)).collect()
 }
 
+/// Drives with each of several settings at the same time: who loses pushes waits more than it works.
+fn at_once(settings: &[Vec<&str>]) -> Vec<Vec<[String; 3]>> {
+    std::thread::scope(|scope| {
+        let runs: Vec<_> = settings.iter().map(|extra| scope.spawn(|| all(extra))).collect();
+        runs.into_iter().map(|run| run.join().expect("a run")).collect()
+    })
+}
+
 #[test]
 fn digests_do_not_depend_on_workers_wiring_or_lost_pushes() {
+    let losses = ["0.3", "1"];
+    let lossy = std::thread::spawn(move || at_once(&losses.map(|share| vec!["--drop-pushes", share])));
     let first = all(&[]);
     assert_eq!(first, all(&[]), "two runs");
     assert_eq!(first, all(&["--workers", "1"]), "one worker, not as many as cores serve");
     assert_eq!(first, all(&["--workers", "3"]), "three workers");
     assert_eq!(first, all(&["--processes", "--workers", "2"]), "processes");
-    assert_eq!(first, all(&["--drop-pushes", "0.3"]), "30 % of all pushes lost");
-    assert_eq!(first, all(&["--drop-pushes", "1"]), "all pushes lost");
+    for (share, digests) in losses.into_iter().zip(lossy.join().expect("runs")) {
+        assert_eq!(first, digests, "a share of {share} of all pushes lost");
+    }
 }
 
 #[test]
 fn policies_that_see_the_live_world_drive_alike_as_processes() {
-    for policy in ["idm", "careful", "expert"] {
-        let settings = ["--policy", policy, "--observation", "layout", "--agents", "idm-all", "--warm-up", "4"];
-        let first = all(&settings);
-        assert_eq!(first, all(&[&settings[..], &["--processes", "--drop-pushes", "0.3"]].concat()), "{policy}");
+    let settings =
+        |policy| vec!["--policy", policy, "--observation", "layout", "--agents", "idm-all", "--warm-up", "4"];
+    let policies = ["idm", "careful", "expert"];
+    let apart = policies.map(|policy| [settings(policy), vec!["--processes", "--drop-pushes", "0.3"]].concat());
+    for (policy, digests) in policies.into_iter().zip(at_once(&apart)) {
+        assert_eq!(all(&settings(policy)), digests, "{policy}");
     }
 }
 

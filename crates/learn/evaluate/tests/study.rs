@@ -22,7 +22,7 @@ fn config(out: &Path) -> StudyConfig {
     let left: Vec<String> = config.sources.iter().map(|source| source.name().to_owned()).collect();
     config.ratios.retain(|pair| pair.iter().all(|name| left.contains(name)));
     config.video = None;
-    (config.size_px, config.scenarios, config.frames, config.draws) = ((160, 96), 6, 16, 50);
+    (config.size_px, config.scenarios, config.frames, config.draws) = ((160, 96), 6, 16, 10);
     config.out = out.to_path_buf();
     config.check().expect("sound");
     config
