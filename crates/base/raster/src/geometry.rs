@@ -4,7 +4,8 @@
 //! A pixel of the later view is taken back to the earlier one: its point of the world by its depth, with the box that it lies
 //! in, if any, to where that box was, and through the camera. It has an origin where the earlier view saw that point: within
 //! the picture, and at a depth that the four pixels around it have or hold between them. What is infinitely far has none,
-//! nor has what lies beside it: the top of a tree would leave a streak in the sky.
+//! nor has what lies beside it: the top of a tree would leave a streak in the sky. What comes nearer has none either at some distances,
+//! each so many times the next: carried further, what was a few pixels wide would fill the picture, and stay as blurred as it was.
 
 use std::sync::Arc;
 
@@ -21,6 +22,10 @@ pub const INVERSE_DEPTH_STEP: f64 = 1.0 / 65_535.0;
 const SKIN_M: f64 = 0.15;
 /// Depths that differ by less than this share are those of one surface.
 const SAME_DEPTH: f64 = 0.06;
+/// What stands is drawn anew at distances that are so many times one another: in between, its pixels grow and get no detail.
+const STANDING_TIMES: f64 = 4.0;
+/// The same for the ground, which is stretched by the square of that.
+const GROUND_TIMES: f64 = 1.22;
 /// As far as this is taken for infinitely far, in metres.
 const FAR_M: f64 = 1e6;
 
@@ -102,7 +107,8 @@ impl Geometry {
             let known = around.iter().all(|m| *m < FAR_M);
             let (nearest, farthest) = around.iter().fold((FAR_M, 0.0), |(low, high), m| (m.min(low), m.max(high)));
             let surface = nearest / (1.0 + SAME_DEPTH)..=farthest * (1.0 + SAME_DEPTH);
-            (known && surface.contains(&seen.z)).then_some(at)
+            let times = if point.z > SKIN_M { STANDING_TIMES } else { GROUND_TIMES };
+            (known && surface.contains(&seen.z) && !nearer(times, depth_m, seen.z)).then_some(at)
         };
         depths_m.iter().zip(&directions).map(origin).collect()
     }
@@ -126,6 +132,15 @@ impl Geometry {
         let steps = rows.iter().flat_map(|y| columns.iter().map(move |x| self.inverse_depths[y * w + x]));
         steps.map(|step| if step > 0 { (f64::from(step) * INVERSE_DEPTH_STEP).recip() } else { FAR_M }).collect()
     }
+}
+
+/// Says whether a distance of 1 m or one of its multiples by powers of `times` lies between where something is and, farther away, where it was.
+fn nearer(times: f64, is_m: f64, was_m: f64) -> bool {
+    let mut border_m = 1.0;
+    while border_m <= is_m {
+        border_m *= times;
+    }
+    border_m <= was_m
 }
 
 /// Returns where the four pixels around a place in a picture stand in its rows.
@@ -228,7 +243,17 @@ mod tests {
         let [was, is] = [28u32, 27].map(|x| frame().pixel(x, 8)[0]);
         let found = carried.frame.pixel(27, 8)[0];
         assert!(found > is && found <= was + 4, "{found} is not {was}");
-        assert!(carried.known.iter().filter(|known| **known).count() > 1_900);
+        let wall = &carried.known[..(16 * SIZE_PX.0) as usize];
+        assert!(wall.iter().filter(|known| **known).count() > 900);
+    }
+
+    #[test]
+    fn what_has_come_much_nearer_is_drawn_anew() {
+        let known = |x_m: f64| seen(x_m, None).carry(&seen(0.0, None), &frame()).known;
+        let at = |column: usize, row: usize| row * SIZE_PX.0 as usize + column;
+        // The wall comes from 20 m: 16 m lies between that and 15.5, not between that and 16.5. The ground in row 24 is 5.5 m away.
+        assert!(known(3.5)[at(32, 8)] && !known(4.5)[at(32, 8)]);
+        assert!(!known(3.5)[at(32, 24)] && known(0.2)[at(32, 24)]);
     }
 
     #[test]
