@@ -48,7 +48,7 @@ fn a_case_holds_every_clip_with_its_seeds_and_true_depths() {
             assert_eq!([width as usize, height as usize], [meta.width, meta.height]);
             let low = depth_cm.enumerate_pixels().filter(|(_, y, _)| *y > 3 * height / 4);
             let farthest_m = f64::from(low.map(|(_, _, cm)| cm.0[0]).max().expect("pixels")) / 100.0;
-            assert!(farthest_m < 30.0, "{} is {farthest_m} m away near the lower border", name);
+            assert!(farthest_m < 30.0, "{name} is {farthest_m} m away near the lower border");
         }
     }
 }
