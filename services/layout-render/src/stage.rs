@@ -61,9 +61,10 @@ impl Maker for Drawing {
                 let image = self.renderer.render(&described, camera, pose).map_err(failed)?;
                 let told = self.scene.spec.layout_geometry && image.rgb().len() / 3 <= MOST_TOLD_PX;
                 let geometry = told.then(|| self.renderer.geometry(&described, camera, pose)).transpose();
-                let geometry = geometry.map_err(failed)?.map(|seen| carriable(seen, &image));
-                let geometry =
-                    geometry.map(|seen| LayoutGeometry { inverse_depths: seen.inverse_depths, movers: seen.movers });
+                let geometry = geometry.map_err(failed)?.map(|seen| {
+                    let seen = carriable(seen, &image);
+                    LayoutGeometry { inverse_depths: seen.inverse_depths, movers: seen.movers }
+                });
                 let layout = Layout { image, encoding: Encoding::None, ego_in_world, geometry };
                 outputs.push(output(Slot::of_camera(Topic::Layout, tick.0, index), tick, &layout));
             }

@@ -1,6 +1,8 @@
 //! The geometry of a layout picture: its depth by the software rasteriser, whichever back end draws the colours, and the boxes
 //! that move.
 
+use std::sync::Arc;
+
 use ds_raster::geometry::INVERSE_DEPTH_STEP;
 use ds_raster::{DepthRaster, Geometry, Lens, Mover, RgbImage, View};
 
@@ -37,12 +39,12 @@ pub(crate) fn of(shot: &Shot, lens: &Lens) -> Result<Geometry, LayoutError> {
 /// Returns the geometry that a frame is carried along by: infinitely far, as the sky, is also what its picture tells exactly, and the
 /// pixels beside it, which would be painted twice.
 #[must_use]
-pub fn carriable(geometry: Geometry, picture: &RgbImage) -> Geometry {
-    let mut inverse_depths = geometry.inverse_depths.to_vec();
+pub fn carriable(mut geometry: Geometry, picture: &RgbImage) -> Geometry {
+    let inverse_depths = Arc::make_mut(&mut geometry.inverse_depths);
     for at in told(picture) {
         inverse_depths[at] = 0;
     }
-    Geometry { inverse_depths: inverse_depths.into(), ..geometry }
+    geometry
 }
 
 /// Returns the pixels of what a picture tells exactly and their neighbours.

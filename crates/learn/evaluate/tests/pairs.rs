@@ -8,9 +8,6 @@ use ds_evaluate::arm::Arm;
 use ds_evaluate::pairs::{self, PairsPlan};
 use ds_topic::ObservationSource;
 
-const PLAN: PairsPlan =
-    PairsPlan { first_seed: 5, clips: 2, seeds: 2, first: 2, frames: 6, look: String::new(), over: 2 };
-
 fn sorted(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").file_name());
     let mut names: Vec<String> = entries.map(|name| name.to_string_lossy().into_owned()).collect();
@@ -27,7 +24,8 @@ fn a_case_holds_every_clip_with_its_seeds_and_true_depths() {
     let arm = Arm::of_source(ObservationSource::Dreamstream, &preset, &weights, Path::new("absent")).expect("loads");
     let folder = tempfile::tempdir().expect("a temporary folder");
     let case = folder.path().join("case_0");
-    let plan = PairsPlan { look: "daylight".to_owned(), ..PLAN };
+    let look = "daylight".to_owned();
+    let plan = PairsPlan { first_seed: 5, clips: 2, seeds: 2, first: 2, frames: 6, look, over: 2 };
     pairs::write(&ReferenceWorld, &arm, &plan, 0, &case).expect("writes");
 
     let meta = FrameMeta::read(&case).expect("reads");
