@@ -6,7 +6,8 @@
 //! go backwards. Every 0.2 s the set is a list of cells of the road with what speeds are possible there, as a polygon of
 //! place and speed for either axis (Söntges and Althoff 2018, "Computing the Drivable Area"). A cell falls out if what
 //! every body in it covers, whatever its place and heading there, touches somebody else's body or is off the drivable surface;
-//! where a map has lanes only, the road cuts nothing out.
+//! where a map has lanes only, the road cuts nothing out. However the route bends, nobody is faster than both accelerations
+//! together make him: where the route bends around a place near by, speeds in its coordinates would go beyond all bounds.
 
 use std::collections::BTreeMap;
 
@@ -75,7 +76,7 @@ impl<'a> Reach<'a> {
     fn cells(&self, from: Tick, last: Tick) -> Result<Cells, Tick> {
         let mut cells = BTreeMap::from([((0, 0), self.start(from))]);
         for tick in from.plus(STEP_TICKS).to(last).step_by(STEP_TICKS as usize) {
-            let Some(next) = self.next(&cells, tick, self.headings(from, tick.0 - from.0)) else { return Ok(cells) };
+            let Some(next) = self.next(&cells, tick, from) else { return Ok(cells) };
             if next.is_empty() {
                 return Err(tick);
             }
@@ -97,17 +98,29 @@ impl<'a> Reach<'a> {
         )
     }
 
-    /// Returns the cells one step later; nothing where route coordinates end.
-    fn next(&self, cells: &Cells, tick: Tick, headings: Interval) -> Option<Cells> {
+    /// Returns the greatest speed so long after an ego left its log, in metres per second.
+    fn fastest_mps(&self, from: Tick, ticks: u32) -> f64 {
+        let gained_mps = f64::from(ticks) * 0.1 * ALONG_MPS2.hypot(ACROSS_MPS2);
+        self.scene.logged_ego(from).speed_mps().abs() + gained_mps + START.length()
+    }
+
+    /// Returns the cells one step later, at a tick, of an ego that left its log at another; nothing where route coordinates end.
+    fn next(&self, cells: &Cells, tick: Tick, from: Tick) -> Option<Cells> {
+        let headings = self.headings(from, tick.0 - from.0);
+        let fastest_mps = self.fastest_mps(from, tick.0 - from.0);
         let mut next = Cells::new();
         for (along, across) in cells.values() {
             let [push_along, push_across] = self.pushes(along, across)?;
             let Some(along) = along.after(push_along).forwards() else { continue };
             let columns = along.cells(CELL_M.x);
-            let rows = across.after(push_across).cells(CELL_M.y);
+            let Some(across) = across.after(push_across).slower_than(fastest_mps) else { continue };
+            let rows = across.cells(CELL_M.y);
             for (i, along) in &columns {
                 for (j, across) in &rows {
-                    let joined = |(a, b): &mut (Shape, Shape)| (*a, *b) = (a.joined(along), b.joined(across));
+                    let metric = self.metric(along, across)[0];
+                    let most_mps = if metric < LEAST_METRIC { f64::INFINITY } else { fastest_mps / metric };
+                    let Some(along) = along.slower_than(most_mps) else { continue };
+                    let joined = |(a, b): &mut (Shape, Shape)| (*a, *b) = (a.joined(&along), b.joined(across));
                     next.entry((*i, *j)).and_modify(joined).or_insert_with(|| (along.clone(), across.clone()));
                 }
             }

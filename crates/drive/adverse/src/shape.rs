@@ -113,6 +113,15 @@ impl Shape {
         self.cut(|point| point.y)
     }
 
+    /// Returns the part whose speed is at most so great either way, in metres per second.
+    pub(crate) fn slower_than(&self, most_mps: f64) -> Option<Self> {
+        let [slowest, fastest] = self.speeds();
+        if slowest.abs().max(fastest.abs()) <= most_mps {
+            return Some(self.clone());
+        }
+        self.cut(|point| most_mps - point.y)?.cut(|point| most_mps + point.y)
+    }
+
     /// Returns the parts in cells of a length, with the cells' numbers.
     pub(crate) fn cells(&self, length_m: f64) -> Vec<(i32, Self)> {
         let [first, last] = self.places().map(|place_m| (place_m / length_m).floor() as i32);

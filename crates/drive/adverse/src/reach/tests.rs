@@ -103,3 +103,18 @@ fn what_an_expert_solves_is_never_proven_unavoidable() {
     }
     assert!(solved >= 1, "{solved} solved, {proven} proven unavoidable");
 }
+
+#[test]
+fn where_the_route_bends_sharply_nobody_is_faster_than_a_car() {
+    // Without a bound on speeds these cells took gigabytes.
+    let scene = generate(Family::UnprotectedLeft, 73_003);
+    let road = Road::new(&scene.map);
+    let reach = Reach::new(&scene, &road).expect("the ego drives");
+    let from = Tick(40);
+    let cells = reach.cells(from, from.plus(40)).expect("there is room to brake");
+    assert!(cells.len() < 10_000, "{} cells", cells.len());
+    let fastest_mps = reach.fastest_mps(from, 40);
+    for (along, across) in cells.values() {
+        assert!(along.speeds()[1] * reach.metric(along, across)[0] < fastest_mps + 1e-9);
+    }
+}
