@@ -287,6 +287,8 @@ pub struct DecoderBatch {
     pub emphasis: Array,
     /// Weight of the error of what changes from frame to frame, beside that of the frames.
     pub change: f32,
+    /// Weight of the error of how much neighbouring pixels differ on average within each block of 8×8, beside that of the frames.
+    pub texture: f32,
 }
 
 /// What a decoder is trained against.

@@ -277,6 +277,7 @@ impl Source<'_> {
             told: encoded,
             emphasis: pixels(weights, 1),
             change: self.recipe.change,
+            texture: self.recipe.texture,
         })
     }
 }

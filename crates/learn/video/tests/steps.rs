@@ -214,8 +214,16 @@ fn reconstruction_steps_equal_the_framework() {
         check(&train::autoencoder(&shape, &weights, &batch), &step::autoencoder(&shape, &weights, &batch), &case);
         let latents = draw("latents", &[steps, h, w, shape.z]);
         let guide = image("layouts", shape.guide_channels());
-        let batch =
-            DecoderBatch { clips, latents, guide, frames: image("frames", 3), told: true, emphasis, change: 0.4 };
+        let batch = DecoderBatch {
+            clips,
+            latents,
+            guide,
+            frames: image("frames", 3),
+            told: true,
+            emphasis,
+            change: 0.4,
+            texture: 0.6,
+        };
         check(&train::decoder(&shape, &weights, &batch), &step::decoder(&shape, &weights, &batch), &case);
     }
 }
@@ -227,7 +235,7 @@ fn opposed(shape: &AeShape, told: bool) -> (DecoderBatch, DiscriminatorShape) {
     let latents = draw("latents", &[4, 2, 3, shape.z]);
     let (guide, frames) = (image("layouts", shape.guide_channels()), image("frames", 3));
     (
-        DecoderBatch { clips: 2, latents, guide, frames, told, emphasis, change: 0.0 },
+        DecoderBatch { clips: 2, latents, guide, frames, told, emphasis, change: 0.0, texture: 0.0 },
         DiscriminatorShape { widths: [6, 5, 7] },
     )
 }
@@ -256,7 +264,7 @@ fn adversarial_steps_equal_the_framework() {
     for (shape, told) in autoencoders().into_iter().zip([true, false, true, false]) {
         let (mut batch, sizes) = opposed(&shape, told);
         batch.emphasis.values_mut().iter_mut().step_by(3).for_each(|weight| *weight = 0.2);
-        batch.change = 0.4;
+        (batch.change, batch.texture) = (0.4, 0.6);
         let (decoder, judge) = (weights(&shape.declare()), judge(sizes));
         let against = Adversary { colour: 0.3, ..against(sizes, &judge, &batch, 0.8) };
         let own = train::adversarial(&shape, &decoder, &batch, &against);

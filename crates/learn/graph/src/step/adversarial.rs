@@ -79,9 +79,9 @@ pub fn adversarial(shape: &AeShape, weights: &Weights, batch: &DecoderBatch, aga
     let pull = (pull - grey.clone()) * kept + grey;
     let target = truth.clone();
     let mut parts =
-        reconstruction(frames.clone().detach() - truth.clone(), ae.graph.tensor(&batch.emphasis), Some(batch)).1;
+        reconstruction(frames.clone().detach(), truth.clone(), ae.graph.tensor(&batch.emphasis), Some(batch)).1;
     let loss =
-        |frames: Tensor<4>| reconstruction(frames - target.clone(), ae.graph.tensor(&batch.emphasis), Some(batch)).0;
+        |frames: Tensor<4>| reconstruction(frames, target.clone(), ae.graph.tensor(&batch.emphasis), Some(batch)).0;
     let slope = slope_of(&loss);
     let size = |x: &Tensor<4>| scalar(&x.clone().powi_scalar(2).sum().sqrt());
     let share = against.share * size(&slope) / size(&pull).max(1e-30);

@@ -339,6 +339,7 @@ fn a_guided_decoder_learns_from_layouts_and_leaves_the_encoder_alone() {
         told: true,
         emphasis: batch.emphasis,
         change: 0.3,
+        texture: 0.0,
     };
     let encoder = weights.part("encoder.");
     let mut adam = AdamW::new(AdamWSettings::default(), &weights);

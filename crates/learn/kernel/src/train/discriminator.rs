@@ -14,7 +14,7 @@ use ds_nn::tiny_ae::AeShape;
 use super::autoencoder::Network;
 use super::convolution::Layer;
 use super::images::{copied, filled, folded, shuffled, sized, unfolded, unshuffled};
-use super::pixels::{changing, reconstruction};
+use super::pixels::reconstruction;
 use crate::arch::Arch;
 use crate::image::Image;
 use crate::product::Finish;
@@ -118,7 +118,7 @@ pub fn adversarial(shape: &AeShape, weights: &Weights, batch: &DecoderBatch, aga
     let (told, mut pull) = fooling(&discriminator, &fake, &real, batch, against);
     greyed(&mut pull, batch, against);
     let judged = telling_apart(&discriminator, [&fake, &real], batch, against);
-    let (loss, mut parts) = reconstruction(&mut frames, &batch.frames, &batch.emphasis, changing(batch));
+    let (loss, mut parts) = reconstruction(&mut frames, &batch.frames, &batch.emphasis, Some(batch));
     let size_of = |values: &[f32]| values.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
     let share = (f64::from(against.share) * size_of(&frames) / size_of(&pull).max(1e-30)) as f32;
     pull.iter_mut().for_each(|d| *d *= share);

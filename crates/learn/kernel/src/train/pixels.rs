@@ -3,7 +3,7 @@
 
 use ds_nn::array::{Array, Weights};
 use ds_nn::step::{AeBatch, DecoderBatch, Step};
-use ds_nn::tiny_ae::AeShape;
+use ds_nn::tiny_ae::{AeShape, BLOCK_PX};
 
 use super::autoencoder::Network;
 
@@ -43,7 +43,7 @@ pub fn decoder(shape: &AeShape, weights: &Weights, batch: &DecoderBatch) -> Step
     let (size, guide) = ([steps, h, w], (shape.guides > 0).then(|| batch.guide.values()));
     let mut decoded = network.decode(batch.latents.values(), guide, size, batch.clips);
     let mut frames = std::mem::take(&mut decoded.frames);
-    let (loss, parts) = reconstruction(&mut frames, &batch.frames, &batch.emphasis, changing(batch));
+    let (loss, parts) = reconstruction(&mut frames, &batch.frames, &batch.emphasis, Some(batch));
     network.decode_back(&decoded, size, batch.clips, &mut frames, &mut gradient);
     for name in weights.iter().map(|(name, _)| name).filter(|name| name.starts_with("encoder.")) {
         gradient.remove(name);
@@ -51,35 +51,24 @@ pub fn decoder(shape: &AeShape, weights: &Weights, batch: &DecoderBatch) -> Step
     Step { loss, parts, gradient }
 }
 
-/// The error of what changes from one frame of a clip to the next.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Changing {
-    /// Frames of a clip.
-    clip: usize,
-    weight: f64,
-}
-
-/// Returns what a batch asks of the change between frames, if anything.
-pub(super) fn changing(batch: &DecoderBatch) -> Option<Changing> {
-    let clip = batch.frames.shape()[0] / batch.clips;
-    (batch.change > 0.0).then(|| Changing { clip, weight: f64::from(batch.change) })
-}
-
-/// Turns frames into the gradient of the reconstruction loss, and returns the loss with its parts.
+/// Turns frames into the gradient of the reconstruction loss, and returns the loss with its parts; change and texture count as a
+/// decoder's batch asks for.
 #[expect(clippy::cast_possible_truncation, reason = "sums are taken in double precision")]
 pub(super) fn reconstruction(
     frames: &mut [f32],
     target: &Array,
     emphasis: &Array,
-    changing: Option<Changing>,
+    batch: Option<&DecoderBatch>,
 ) -> (f32, Vec<(&'static str, f32)>) {
     let [images, h, w, c]: [usize; 4] = target.shape().try_into().expect("frames have four axes");
     let error: Vec<f32> = frames.iter().zip(target.values()).map(|(found, wanted)| found - wanted).collect();
     let weight = emphasis.values();
-    let clip = changing.map_or(images, |it| it.clip);
+    let clip = batch.map_or(images, |batch| images / batch.clips);
+    let textured = batch.filter(|batch| batch.texture > 0.0).map(|batch| texture(frames, target, batch.texture));
     // The pixel a difference is taken to, counted back, the first column, row and frame that have one, and how much it counts.
     let mut terms = vec![(0, [0, 0, 0], 1.0), (1, [1, 0, 0], GRADIENTS), (w, [0, 1, 0], GRADIENTS)];
-    terms.extend(changing.map(|it| (h * w, [0, 0, 1], it.weight)));
+    let change = batch.map(|batch| f64::from(batch.change)).filter(|change| *change > 0.0);
+    terms.extend(change.map(|change| (h * w, [0, 0, 1], change)));
     let mut losses = vec![0.0; terms.len()];
     frames.fill(0.0);
     for ((back, [left, top, first], share), loss) in terms.into_iter().zip(&mut losses) {
@@ -107,5 +96,47 @@ pub(super) fn reconstruction(
     let mse = error.iter().map(|error| f64::from(*error).powi(2)).sum::<f64>() / error.len() as f64;
     // The peak-to-peak range is 2.
     let parts = vec![("l1", losses[0] as f32), ("psnr_db", (10.0 * (4.0 / mse).log10()) as f32)];
+    if let Some((loss, gradient)) = textured {
+        losses.push(loss);
+        frames.iter_mut().zip(&gradient).for_each(|(d, more)| *d += more);
+    }
     (losses.iter().sum::<f64>() as f32, parts)
+}
+
+/// Returns how far the mean differences of neighbours within blocks are from those of the target, so often, and the gradient.
+#[expect(clippy::cast_possible_truncation, reason = "sums are taken in double precision")]
+fn texture(frames: &[f32], target: &Array, weight: f32) -> (f64, Vec<f32>) {
+    let [images, h, w, c]: [usize; 4] = target.shape().try_into().expect("frames have four axes");
+    // A value and the next in its row and column, within a block.
+    let inner = |at: usize| at % BLOCK_PX + 1 < BLOCK_PX;
+    let pairs = |block: [usize; 3]| {
+        let [image, top, left] = block;
+        let pixels = (0..BLOCK_PX * BLOCK_PX).map(move |at| (at / BLOCK_PX, at % BLOCK_PX));
+        pixels.flat_map(move |(y, x)| {
+            let pixel = (image * h + top * BLOCK_PX + y) * w + left * BLOCK_PX + x;
+            let steps = [(inner(x), 1), (inner(y), w)].into_iter().filter(|(inside, _)| *inside);
+            steps.flat_map(move |(_, step)| {
+                (0..c).map(move |channel| (pixel * c + channel, (pixel + step) * c + channel))
+            })
+        })
+    };
+    let sum = |values: &[f32], block| {
+        pairs(block).map(|(from, to)| f64::from((values[to] - values[from]).abs())).sum::<f64>()
+    };
+    let (rows, columns) = (h / BLOCK_PX, w / BLOCK_PX);
+    let each = f64::from(weight) / (images * rows * columns * 2 * BLOCK_PX * (BLOCK_PX - 1) * c) as f64;
+    let (mut loss, mut gradient) = (0.0, vec![0.0; frames.len()]);
+    for at in 0..images * rows * columns {
+        let block = [at / (rows * columns), at / columns % rows, at % columns];
+        let excess = sum(frames, block) - sum(target.values(), block);
+        loss += each * excess.abs();
+        let slope = if excess == 0.0 { 0.0 } else { each.copysign(excess) as f32 };
+        for (from, to) in pairs(block) {
+            let difference = frames[to] - frames[from];
+            let slope = if difference == 0.0 { 0.0 } else { slope * difference.signum() };
+            gradient[to] += slope;
+            gradient[from] -= slope;
+        }
+    }
+    (loss, gradient)
 }

@@ -37,6 +37,10 @@ pub struct DecoderConfig {
     /// How much the error of what changes from frame to frame counts beside that of the frames.
     #[serde(default)]
     pub change: f32,
+    /// How much the error of texture counts beside that of the frames: of how much neighbouring pixels differ on average within each
+    /// block of 8×8, wherever it is that they do.
+    #[serde(default)]
+    pub texture: f32,
     /// Width and height of the part of a clip that is drawn, multiples of 8; all without it.
     #[serde(default)]
     pub crop_px: Option<[usize; 2]>,
@@ -90,7 +94,7 @@ impl DecoderConfig {
             return refuse("decoder.crop_px", "must be multiples of 8 pixels");
         }
         let Some(against) = &self.adversarial else { return Ok(()) };
-        let weights = [against.share, against.features, against.noise, against.smoothness, self.change];
+        let weights = [against.share, against.features, against.noise, against.smoothness, self.change, self.texture];
         if !(0.0..=1.0).contains(&against.colour) {
             return refuse("decoder.adversarial.colour", "must lie within 0 to 1");
         }
