@@ -46,8 +46,8 @@ impl Part {
 pub struct Coordinate {
     /// Index of the effect in the space.
     pub effect: usize,
-    /// The parameter.
-    pub parameter: &'static Parameter,
+    /// The parameter, of a vehicle of this size.
+    pub parameter: Parameter,
     /// The mismatch that every vehicle has: the library's, or that which healthy drives showed.
     pub nuisance: Option<Nuisance>,
     /// How far what is usual of healthy drives lies from the library's usual value; 0 without a baseline.
@@ -76,6 +76,12 @@ impl Coordinate {
         let usual = self.parameter.nuisance.map_or((low, high), |n| (n.mean - 6.0 * n.sd, n.mean + 6.0 * n.sd));
         (low.min(usual.0), high.max(usual.1))
     }
+}
+
+/// Returns the parameters of an effect on a vehicle of the size of a nominal one.
+pub(crate) fn sized(effect: &Effect, nominal: &Nominal) -> impl Iterator<Item = Parameter> {
+    let wheelbase_m = nominal.lf + nominal.lr;
+    effect.parameters.iter().map(move |parameter| parameter.sized(wheelbase_m))
 }
 
 /// The parameters of one part.
@@ -107,7 +113,7 @@ impl Space {
         let coordinates = effects
             .iter()
             .enumerate()
-            .flat_map(|(effect, e)| e.parameters.iter().map(move |parameter| (effect, parameter)))
+            .flat_map(|(effect, e)| sized(e, nominal).map(move |parameter| (effect, parameter)))
             .map(|(effect, parameter)| Coordinate { effect, parameter, nuisance: parameter.nuisance, shift: 0.0 })
             .collect();
         Self { effects, coordinates, nominal: nominal.clone(), drive_derived: false }
@@ -216,5 +222,42 @@ impl Space {
             _ if low < p.neutral && high > p.neutral => vec![at(0.25), at(0.4), at(0.6), at(0.75)],
             _ => vec![at(0.15), at(0.5)],
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn coordinate(arm_m: f64, id: &str) -> Coordinate {
+        let space = Space::new(Part::Ego, &Nominal { lf: arm_m, lr: arm_m, ..crate::synthetic::nominal() }, &[]);
+        space.coordinates[space.of(space.find(id).expect("an effect of a log"))[0]]
+    }
+
+    #[test]
+    fn lengths_are_those_of_cars_and_go_with_the_wheelbase_beyond() {
+        let lengths = [
+            ("cg_shift", (-0.3, 0.3), (0.0, 0.018)),
+            ("lever_arm", (-3.0, 3.0), (0.0, 0.05)),
+            ("load_transfer", (0.0, 1.5), (0.34, 0.10)),
+            ("tyre_relaxation", (0.05, 1.2), (0.25, 0.1)),
+        ];
+        for (id, slab, (mean, sd)) in lengths {
+            let of = |arm_m: f64| {
+                let c = coordinate(arm_m, id);
+                let usual = c.nuisance.expect("every vehicle has some of it");
+                [c.slab().0, c.slab().1, usual.mean, usual.sd]
+            };
+            let car = [slab.0, slab.1, mean, sd];
+            assert_eq!([1.2, 1.4, 1.6].map(of), [car; 3], "{id}");
+            for (arm_m, size) in [(0.1, 0.2 / 2.4), (3.2, 2.0)] {
+                let apart =
+                    of(arm_m).iter().zip(car).map(|(value, car)| (value - size * car).abs()).fold(0.0, f64::max);
+                assert!(apart < 1e-12, "{id} of {arm_m} m: {:?}", of(arm_m));
+            }
+        }
+        let toy = coordinate(0.0868, "cg_shift");
+        assert!(toy.within().1 < 0.0868 / 2.0, "a centre of gravity lies between the axles: {:?}", toy.within());
+        assert_eq!(coordinate(0.1, "drag_add").slab(), coordinate(1.4, "drag_add").slab());
     }
 }
