@@ -140,6 +140,9 @@ pub struct Nuisance {
     pub sd: f64,
 }
 
+/// Wheelbases, m, of the vehicles of which the library knows what is usual of a length.
+const USUAL_WHEELBASES_M: (f64, f64) = (2.4, 3.2);
+
 /// One parameter of an effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameter {
@@ -155,31 +158,33 @@ pub struct Parameter {
     pub slab: (f64, f64),
     /// Mismatch that every vehicle has; `None` where the effect is either there or not.
     pub nuisance: Option<Nuisance>,
+    /// Whether the value is a length of the vehicle, of which a car's is nonsense in a model of it; see [`Self::sized`].
+    pub is_length: bool,
 }
 
 impl Parameter {
     /// Describes a parameter that is absent at zero and searched within `slab`.
     #[must_use]
     pub const fn linear(name: &'static str, unit: &'static str, slab: (f64, f64)) -> Self {
-        Self { name, unit, scale: Scale::Linear, neutral: 0.0, slab, nuisance: None }
+        Self { name, unit, scale: Scale::Linear, neutral: 0.0, slab, nuisance: None, is_length: false }
     }
 
     /// Describes a factor; `slab` and nuisance are in natural logarithms.
     #[must_use]
     pub const fn factor(name: &'static str, slab: (f64, f64)) -> Self {
-        Self { name, unit: "x", scale: Scale::Log, neutral: 0.0, slab, nuisance: None }
+        Self { name, unit: "x", scale: Scale::Log, neutral: 0.0, slab, nuisance: None, is_length: false }
     }
 
     /// Describes a limit that is absent when infinite; `slab` is in natural logarithms of the limit.
     #[must_use]
     pub const fn limit(name: &'static str, unit: &'static str, slab: (f64, f64)) -> Self {
-        Self { name, unit, scale: Scale::Limit, neutral: f64::INFINITY, slab, nuisance: None }
+        Self { name, unit, scale: Scale::Limit, neutral: f64::INFINITY, slab, nuisance: None, is_length: false }
     }
 
     /// Describes a threshold-like parameter, absent at zero and searched on a grid within `slab`.
     #[must_use]
     pub const fn threshold(name: &'static str, unit: &'static str, slab: (f64, f64)) -> Self {
-        Self { name, unit, scale: Scale::Threshold, neutral: 0.0, slab, nuisance: None }
+        Self { name, unit, scale: Scale::Threshold, neutral: 0.0, slab, nuisance: None, is_length: false }
     }
 
     /// Sets the value at which the effect is absent, in search units.
@@ -200,6 +205,26 @@ impl Parameter {
     #[must_use]
     pub const fn of_mass(mut self) -> Self {
         self.scale = Scale::OfMass;
+        self
+    }
+
+    /// Lets range and usual values go with the size of the vehicle.
+    #[must_use]
+    pub const fn of_size(mut self) -> Self {
+        self.is_length = true;
+        self
+    }
+
+    /// Returns the parameter of a vehicle of some wheelbase, m: range and usual values of a length are those of cars, and as
+    /// much smaller or larger as the wheelbase is beyond theirs.
+    #[must_use]
+    pub fn sized(mut self, wheelbase_m: f64) -> Self {
+        if self.is_length {
+            let (least, most) = USUAL_WHEELBASES_M;
+            let size = wheelbase_m / wheelbase_m.clamp(least, most);
+            self.slab = (size * self.slab.0, size * self.slab.1);
+            self.nuisance = self.nuisance.map(|n| Nuisance { mean: size * n.mean, sd: size * n.sd });
+        }
         self
     }
 

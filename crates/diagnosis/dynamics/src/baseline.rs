@@ -177,9 +177,7 @@ impl Baseline {
     pub(crate) fn settle(&self, space: &mut Space) {
         for k in 0..space.coordinates.len() {
             let Some(usual) = usual(&self.spread, space, k) else { continue };
-            let coordinate = &mut space.coordinates[k];
-            coordinate.shift = coordinate.nuisance.map_or(0.0, |library| usual.mean - library.mean);
-            coordinate.nuisance = Some(Nuisance { mean: usual.mean, sd: usual.sd });
+            space.coordinates[k].settle(Nuisance { mean: usual.mean, sd: usual.sd });
         }
     }
 
@@ -252,13 +250,12 @@ fn usual(spread: &Spread, space: &Space, k: usize) -> Option<Usual> {
     spread.get(space.effects[effect].id)?.get(place).copied().flatten()
 }
 
-/// Moves the usual values of a space to those found, with the library's spread where it has one.
+/// Moves the usual values of a space to those found, and its ranges with them, with the library's spread where it has one.
 pub(crate) fn centre(space: &mut Space, spread: &Spread) {
     for k in 0..space.coordinates.len() {
         let Some(usual) = usual(spread, space, k) else { continue };
-        let library = space.coordinates[k].nuisance;
-        space.coordinates[k].nuisance =
-            Some(Nuisance { mean: usual.mean, sd: library.map_or(usual.sd, |library| library.sd) });
+        let sd = space.coordinates[k].nuisance.map_or(usual.sd, |library| library.sd);
+        space.coordinates[k].settle(Nuisance { mean: usual.mean, sd });
     }
 }
 

@@ -7,6 +7,7 @@ mod traits;
 use std::collections::{BTreeMap, BTreeSet};
 
 use ds_diagnosis::CaseError;
+use ds_diagnosis::meta::Nominal;
 use ds_effect::Channel;
 use rayon::prelude::*;
 
@@ -24,7 +25,7 @@ use crate::fit::point_loss;
 use crate::noise::Noise;
 use crate::search::Effort;
 use crate::settings::Thresholds;
-use crate::space::{Part, Space};
+use crate::space::{Part, Space, sized};
 use crate::watch::scores::scores;
 use crate::windows::BLOCKS;
 use traits::Asked;
@@ -91,11 +92,12 @@ pub fn learn(healthy: &[Healthy], progress: Progress<'_>) -> Result<Baseline, Ca
         let logs = judged.iter().map(|j| j.windows.clone()).collect();
         baseline.windows = Some(Windows { sensors: sensors(&units), logs });
     }
+    let nominal = &units[0].case.meta.nominal;
     for (out, unit) in units.iter().enumerate() {
         let others: Vec<Statistics> =
             logs.iter().enumerate().filter(|(k, _)| *k != out).map(|(_, s)| s.clone()).collect();
         let chance = nulls::chance(&nulls::gather(&others), &logs[out]);
-        let moves = judged[out].without.as_ref().and_then(|without| most_moved(&baseline.spread, without));
+        let moves = judged[out].without.as_ref().and_then(|without| most_moved(&baseline.spread, without, nominal));
         baseline.influence.push(Influence { unit: unit.name.clone(), chance, moves });
         if chance < UNLIKE {
             baseline
@@ -129,16 +131,17 @@ impl Studies {
             units.par_iter().map(|unit| study::study(unit.case, &unit.drives, about)).collect()
         };
         let usual = |each: &[Study]| usual_values(units[0].case, &each.iter().collect::<Vec<_>>(), &traits);
+        let nominal = &units[0].case.meta.nominal;
         let mut each = all(&traits);
         let mut found = usual(&each);
-        let mut moved = farthest(&found, None);
+        let mut moved = farthest(&found, None, nominal);
         for _ in 0..ROUNDS {
             if moved < FAR {
                 break;
             }
             each = all(&found);
             let again = usual(&each);
-            moved = farthest(&again, Some(&found));
+            moved = farthest(&again, Some(&found), nominal);
             found = again;
         }
         (0..units.len()).for_each(|_| progress());
@@ -189,10 +192,10 @@ fn whole(logs: &[Healthy]) -> Vec<Unit<'_>> {
 }
 
 /// Returns how far the usual values lie from others, or from the library's, in the library's standard deviations.
-fn farthest(found: &Spread, from: Option<&Spread>) -> f64 {
+fn farthest(found: &Spread, from: Option<&Spread>, nominal: &Nominal) -> f64 {
     let far = |(id, all): (&String, &Vec<Option<Usual>>)| {
         let effect = ds_effect::find(id)?;
-        let each = all.iter().zip(effect.parameters).enumerate().filter_map(|(k, (usual, parameter))| {
+        let each = all.iter().zip(sized(effect, nominal)).enumerate().filter_map(|(k, (usual, parameter))| {
             let library = parameter.nuisance?;
             let other = from.map_or(Some(library.mean), |f| Some(f.get(id)?.get(k).copied().flatten()?.mean))?;
             Some(((*usual)?.mean - other).abs() / library.sd)
@@ -428,10 +431,10 @@ fn chosen_of(units: &[Unit<'_>], studies: &Studies, chosen: &[usize]) -> Baselin
 }
 
 /// Returns the parameter whose usual value moves most when a unit is left out, and by how many of the library's spreads.
-fn most_moved(whole: &Spread, without: &Spread) -> Option<(String, f64)> {
+fn most_moved(whole: &Spread, without: &Spread, nominal: &Nominal) -> Option<(String, f64)> {
     let moves = |(id, all): (&String, &Vec<Option<Usual>>)| {
         let (now, then) = (all.first().copied().flatten()?, without.get(id)?.first().copied().flatten()?);
-        let library = ds_effect::find(id)?.parameters.first()?.nuisance?;
+        let library = sized(ds_effect::find(id)?, nominal).next()?.nuisance?;
         Some((id.clone(), ((now.mean - then.mean) / library.sd).abs()))
     };
     whole.iter().filter_map(moves).max_by(|a, b| a.1.total_cmp(&b.1))

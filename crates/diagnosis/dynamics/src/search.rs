@@ -239,9 +239,30 @@ pub fn outside(model: &PartModel<'_>, vector: &[f64], effect: usize) -> bool {
 /// Fits the nuisances alone, optionally with rows taken out by a mask.
 #[must_use]
 pub fn null_fit(model: &PartModel<'_>, columns: Option<Columns>) -> Fit {
+    null_fit_from(model, model.space.usual(), columns)
+}
+
+/// Returns the usual values, with friction where the drives want it most: at a friction at which the tyres do not slide no slope
+/// leads to one at which they do.
+#[must_use]
+pub fn likeliest_start(model: &PartModel<'_>) -> Vec<f64> {
+    let (space, priors, usual) = (&model.space, model.null_priors(), model.space.usual());
+    let late = (0..usual.len()).filter(|&k| space.coordinates[k].parameter.starts_late());
+    let moved = late.flat_map(|k| space.grid(k).into_iter().map(move |value| (k, value))).map(|(k, value)| {
+        let mut start = usual.clone();
+        start[k] = value;
+        start
+    });
+    let loss = |start: Vec<f64>| (start_loss(model, &priors, &start), start);
+    let starts = std::iter::once(usual.clone()).chain(moved).map(loss);
+    starts.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(usual, |best| best.1)
+}
+
+/// Fits the nuisances alone from a start.
+#[must_use]
+pub fn null_fit_from(model: &PartModel<'_>, mut start: Vec<f64>, columns: Option<Columns>) -> Fit {
     let priors = model.null_priors();
     let count = priors.len();
-    let mut start = model.space.usual();
     let mut reused = columns.unwrap_or_else(|| vec![None; count]);
     let mut found = None;
     for _ in 0..NULL_ROUNDS {

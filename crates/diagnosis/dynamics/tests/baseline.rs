@@ -70,6 +70,35 @@ fn a_trait_is_no_fault_and_a_fault_beside_it_is_found() {
 }
 
 #[test]
+fn a_trait_far_beyond_the_range_of_the_library_is_learned() {
+    const CROOKED: (&str, f64) = ("steer_offset", 0.05);
+    let baseline = Arc::new(learn(&healthy(&[CROOKED]), &|| ()).expect("three healthy logs"));
+    let usual = baseline.spread[CROOKED.0][0].expect("a usual value");
+    assert!((usual.mean - CROOKED.1).abs() < 0.002, "{usual:?}");
+    // and a little more of it is told
+    let found = against(&baseline, &[("steer_offset", 0.062)]);
+    assert_eq!(found.chosen, [CROOKED.0], "{:?}", found.verdict);
+    assert!((found.effects[0].value - 0.012).abs() < 0.003, "{}", found.effects[0].value);
+}
+
+#[test]
+fn more_friction_than_on_the_road_of_the_healthy_drives_is_told() {
+    const SLIPPERY: f64 = 0.3;
+    let of_road = |mut case: Case| {
+        case.meta.nominal.friction *= SLIPPERY;
+        case
+    };
+    let logs = healthy(&[("mu", SLIPPERY)]).into_iter().map(|h| Healthy { case: of_road(h.case), ..h });
+    let baseline = Arc::new(learn(&logs.collect::<Vec<_>>(), &|| ()).expect("three healthy logs"));
+    let root = tempfile::tempdir().expect("a folder");
+    let dry = of_road(case(root.path(), 51, &[("mu", 2.0 * SLIPPERY)]));
+    let dry = dry.against(baseline).expect("a baseline of this vehicle");
+    let found = diagnose(&dry, &Options { quick: true, ..Options::default() });
+    assert_eq!(found.chosen, ["mu"], "{:?}", found.verdict);
+    assert!((1.5..2.7).contains(&found.effects[0].value), "{}", found.effects[0].value);
+}
+
+#[test]
 fn what_the_library_takes_for_a_fault_is_none_where_every_healthy_log_has_it() {
     const DEAD: (&str, f64) = ("deadzone_accel", 0.3);
     let baseline = Arc::new(learn(&healthy(&[DEAD]), &|| ()).expect("three healthy logs"));

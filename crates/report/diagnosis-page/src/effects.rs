@@ -5,6 +5,7 @@
 //! is logarithmic over the range searched, absent at the right end.
 
 use ds_diagnosis::Verdict;
+use ds_diagnosis::meta::Nominal;
 use ds_diagnosis::schema::{Diagnosis, Finding};
 use ds_dynamics::settings::MARGIN_SDS;
 use ds_effect::{Parameter, Scale};
@@ -23,8 +24,8 @@ const AXIS: (f64, f64, f64) = (220.0, 34.0, 14.0);
 /// Width of a full bar of probability, px.
 const BAR: f64 = 110.0;
 
-/// Writes the table of hypotheses; the mass turns shares of it into kilograms.
-pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis, mass_kg: Option<f64>) {
+/// Writes the table of hypotheses; the nominal vehicle tells what a share of mass or of size is.
+pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis, nominal: Option<&Nominal>) {
     m.inside("p", &[("class", &"lead")], |m| {
         m.text(
             "Bars: probability of each explanation. Dot and whiskers: estimate with its 90 % interval; line: the effect is \
@@ -52,7 +53,7 @@ pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis, mass_kg: Option<f64
                     }
                 });
             });
-            m.inside("tbody", &[], |m| rows(m, diagnosis, &shown, mass_kg));
+            m.inside("tbody", &[], |m| rows(m, diagnosis, &shown, nominal));
         });
     });
     rest(m, diagnosis, &shown);
@@ -69,7 +70,7 @@ pub(crate) fn shown(diagnosis: &Diagnosis) -> Vec<&Finding> {
     effects.into_iter().enumerate().filter(worth).map(|(_, e)| e).collect()
 }
 
-fn rows(m: &mut Markup, diagnosis: &Diagnosis, shown: &[&Finding], mass_kg: Option<f64>) {
+fn rows(m: &mut Markup, diagnosis: &Diagnosis, shown: &[&Finding], nominal: Option<&Nominal>) {
     let class = |verdict, class| if diagnosis.verdict == verdict { class } else { "p" };
     let none = ["Nothing missing", "only what every vehicle has", class(Verdict::None, "p chosen")];
     let unknown = ["Something unknown", "not in the library", class(Verdict::Unknown, "p alarm")];
@@ -79,14 +80,14 @@ fn rows(m: &mut Markup, diagnosis: &Diagnosis, shown: &[&Finding], mass_kg: Opti
         while let Some((words, p)) = others.pop_if(|other| other.1 >= finding.probability) {
             other(m, words, p);
         }
-        row(m, diagnosis, finding, mass_kg);
+        row(m, diagnosis, finding, nominal);
     }
     while let Some((words, p)) = others.pop() {
         other(m, words, p);
     }
 }
 
-fn row(m: &mut Markup, diagnosis: &Diagnosis, finding: &Finding, mass_kg: Option<f64>) {
+fn row(m: &mut Markup, diagnosis: &Diagnosis, finding: &Finding, nominal: Option<&Nominal>) {
     let accepted = diagnosis.chosen.contains(&finding.id);
     m.inside("tr", &[("class", &if accepted { "chosen" } else { "" })], |m| {
         m.inside("th", &[("scope", &"row")], |m| {
@@ -104,7 +105,7 @@ fn row(m: &mut Markup, diagnosis: &Diagnosis, finding: &Finding, mass_kg: Option
             Some(estimate) => {
                 m.leaf("td", &[("class", &"n strong")], estimate.value);
                 m.leaf("td", &[("class", &"n range")], estimate.interval);
-                m.inside("td", &[("class", &"axis")], |m| axis(m, finding, mass_kg));
+                m.inside("td", &[("class", &"axis")], |m| axis(m, finding, nominal));
             }
             None => {
                 for class in ["n none", "n none", "none"] {
@@ -145,8 +146,8 @@ fn bar(m: &mut Markup, class: &str, p: f64) {
 }
 
 /// Draws estimate and interval against the neutral value and the usual range.
-fn axis(m: &mut Markup, finding: &Finding, mass_kg: Option<f64>) {
-    let Some(scale) = Axis::of(finding, mass_kg) else { return };
+fn axis(m: &mut Markup, finding: &Finding, nominal: Option<&Nominal>) {
+    let Some(scale) = Axis::of(finding, nominal) else { return };
     let estimate = words::estimate(finding.value, finding.interval90, &finding.unit);
     let title = estimate.map(|e| format!("{} {}", e.value, e.interval)).unwrap_or_default();
     let middle = 12.0;
@@ -185,10 +186,11 @@ fn absence(m: &mut Markup, scale: &Axis, middle: f64) {
     plot::text(m, class, (at, AXIS.1 - 1.0), &words);
 }
 
-/// Returns the parameter that is reported as an effect's value.
-fn parameter(id: &str) -> Option<&'static Parameter> {
+/// Returns the parameter that is reported as an effect's value, of a vehicle of the nominal one's size.
+fn parameter(id: &str, nominal: Option<&Nominal>) -> Option<Parameter> {
     let parameters = ds_effect::find(id).map(|effect| effect.parameters);
-    parameters.or_else(|| ds_effect::find_frame(id).map(|effect| effect.parameters)).and_then(<[Parameter]>::first)
+    let first = *parameters.or_else(|| ds_effect::find_frame(id).map(|effect| effect.parameters))?.first()?;
+    Some(nominal.map_or(first, |n| first.sized(n.lf + n.lr)))
 }
 
 /// The axis of one row, in reported units.
@@ -201,10 +203,11 @@ struct Axis {
 }
 
 impl Axis {
-    fn of(finding: &Finding, mass_kg: Option<f64>) -> Option<Self> {
-        let parameter = parameter(&finding.id);
+    fn of(finding: &Finding, nominal: Option<&Nominal>) -> Option<Self> {
+        let parameter = parameter(&finding.id, nominal);
+        let mass_kg = nominal.map(|n| n.mass);
         let neutral = parameter.map(|p| p.reported(p.neutral, mass_kg.unwrap_or(1.0))).filter(|n| n.is_finite());
-        let usual = parameter.and_then(|p| usual(p, mass_kg));
+        let usual = parameter.and_then(|p| usual(&p, mass_kg));
         let logarithmic = parameter.is_some_and(|p| p.scale == Scale::Limit);
         let mut ends: Vec<f64> = finding.interval90.into_iter().chain([finding.value]).chain(neutral).collect();
         ends.extend(usual.iter().flatten());

@@ -136,7 +136,7 @@ fn parts(diagnosis: &Diagnosis, material: &Material) -> Vec<(&'static str, &'sta
 
 fn section(m: &mut Markup, id: &str, diagnosis: &Diagnosis, material: &Material) {
     match (id, &diagnosis.unknown_description, &material.strip) {
-        ("which", ..) => effects::section(m, diagnosis, material.mass_kg),
+        ("which", ..) => effects::section(m, diagnosis, material.nominal.as_ref()),
         ("when", ..) => when::changing(diagnosis).into_iter().for_each(|course| when::section(m, diagnosis, course)),
         ("unknown", Some(left), _) => further::remainder(m, left),
         ("law", ..) => diagnosis.discovery.iter().for_each(|found| law::section(m, found)),

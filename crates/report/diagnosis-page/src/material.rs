@@ -5,6 +5,7 @@
 
 use std::path::Path;
 
+use ds_diagnosis::meta::Nominal;
 use ds_diagnosis::schema::Diagnosis;
 use ds_dynamics::case::Case;
 use ds_dynamics::traces::{Traces, traces};
@@ -17,8 +18,8 @@ const DRIVES: usize = 2;
 /// What a case adds.
 #[derive(Default)]
 pub(crate) struct Material {
-    /// Mass of the nominal vehicle, kg.
-    pub(crate) mass_kg: Option<f64>,
+    /// The nominal vehicle.
+    pub(crate) nominal: Option<Nominal>,
     /// Number of drives.
     pub(crate) drives: Option<usize>,
     /// Names of the recorded channels.
@@ -46,7 +47,7 @@ pub(crate) fn of(diagnosis: &Diagnosis, folder: &Path) -> Material {
                 drawn.into_iter().take(DRIVES).map(along).filter(|t| !t.series.is_empty()).collect();
             let names = traces.iter().flat_map(|t| &t.series).map(|series| series.name.clone()).collect();
             Material {
-                mass_kg: Some(case.meta.nominal.mass),
+                nominal: Some(case.meta.nominal.clone()),
                 drives: Some(case.drives.len()),
                 recorded: (!traces.is_empty()).then_some(names),
                 traces,

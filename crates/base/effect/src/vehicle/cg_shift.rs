@@ -6,7 +6,7 @@ use crate::{Channel, Effect, Insertion, Parameter};
 pub(crate) const EFFECT: Effect = Effect {
     id: "cg_shift",
     insertion: Insertion::Vehicle,
-    parameters: &[Parameter::linear("shift", "m", (-0.3, 0.3)).usual(0.0, 0.018)],
+    parameters: &[Parameter::linear("shift", "m", (-0.3, 0.3)).usual(0.0, 0.018).of_size()],
     channels: &[Channel::Dx, Channel::Dy, Channel::Dyaw, Channel::YawRate, Channel::Ay],
     suspect: true,
     apply: |values, plant| {

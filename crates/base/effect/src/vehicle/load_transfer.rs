@@ -6,7 +6,7 @@ use crate::{Channel, Effect, Insertion, Parameter};
 pub(crate) const EFFECT: Effect = Effect {
     id: "load_transfer",
     insertion: Insertion::Vehicle,
-    parameters: &[Parameter::linear("height", "m", (0.0, 1.5)).usual(0.34, 0.10)],
+    parameters: &[Parameter::linear("height", "m", (0.0, 1.5)).usual(0.34, 0.10).of_size()],
     channels: &[Channel::Dx, Channel::Dy, Channel::Dyaw, Channel::YawRate, Channel::Ay],
     suspect: false,
     apply: |values, plant| {

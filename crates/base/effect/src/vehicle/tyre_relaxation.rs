@@ -6,7 +6,7 @@ use crate::{Channel, Effect, Insertion, Parameter};
 pub(crate) const EFFECT: Effect = Effect {
     id: "tyre_relaxation",
     insertion: Insertion::Vehicle,
-    parameters: &[Parameter::linear("length", "m", (0.05, 1.2)).usual(0.25, 0.1)],
+    parameters: &[Parameter::linear("length", "m", (0.05, 1.2)).usual(0.25, 0.1).of_size()],
     channels: &[Channel::Dx, Channel::Dy, Channel::Dyaw, Channel::YawRate, Channel::Ay],
     suspect: true,
     apply: |values, plant| {

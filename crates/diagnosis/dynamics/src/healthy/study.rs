@@ -4,7 +4,7 @@ use crate::baseline::spread::Estimate;
 use crate::baseline::study::{Row, Study};
 use crate::baseline::{Spread, centre, features};
 use crate::case::{Case, PartModel};
-use crate::search::null_fit;
+use crate::search::{likeliest_start, null_fit_from};
 use crate::space::{Coordinate, Part};
 use crate::windows::BLOCKS;
 
@@ -19,7 +19,7 @@ pub(super) fn study(case: &Case, drives: &[usize], about: &Spread) -> Study {
         for coordinate in &mut model.space.coordinates {
             coordinate.nuisance.iter_mut().for_each(|n| n.sd *= WIDE);
         }
-        let fit = null_fit(&model, None);
+        let fit = null_fit_from(&model, likeliest_start(&model), None);
         (model, fit)
     });
     let estimates = fits.each_ref().map(|(model, fit)| {
@@ -29,7 +29,9 @@ pub(super) fn study(case: &Case, drives: &[usize], about: &Spread) -> Study {
             let (variance, wide) = (fit.covariance[(at, at)], n.sd * n.sd);
             let precision = 1.0 / variance - 1.0 / wide;
             let telling = precision > 0.01 / wide;
-            let mean = (fit.vector[k] / variance - n.mean / wide) / precision;
+            // a fit at the end of its range is no middle of anything: freed of its prior it would lie anywhere beyond
+            let (low, high) = coordinate.within();
+            let mean = ((fit.vector[k] / variance - n.mean / wide) / precision).clamp(low, high);
             Some(if telling { Estimate { mean, precision } } else { Estimate { mean: n.mean, precision: 0.0 } })
         };
         model.space.coordinates.iter().enumerate().map(of).collect()
