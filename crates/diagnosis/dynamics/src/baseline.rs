@@ -175,10 +175,7 @@ impl Baseline {
 
     /// Sets the usual values of a space to those of the healthy drives.
     pub(crate) fn settle(&self, space: &mut Space) {
-        for k in 0..space.coordinates.len() {
-            let Some(usual) = usual(&self.spread, space, k) else { continue };
-            space.coordinates[k].settle(Nuisance { mean: usual.mean, sd: usual.sd });
-        }
+        settle(space, &self.spread, |usual, _| usual.sd);
     }
 
     /// Returns the factor on the library's floor of a channel and block.
@@ -252,10 +249,15 @@ fn usual(spread: &Spread, space: &Space, k: usize) -> Option<Usual> {
 
 /// Moves the usual values of a space to those found, and its ranges with them, with the library's spread where it has one.
 pub(crate) fn centre(space: &mut Space, spread: &Spread) {
+    settle(space, spread, |usual, library| library.map_or(usual.sd, |library| library.sd));
+}
+
+/// Moves usual values and ranges of a space to those found, with the spread that is made of what was found and the library's.
+fn settle(space: &mut Space, spread: &Spread, sd: impl Fn(Usual, Option<Nuisance>) -> f64) {
     for k in 0..space.coordinates.len() {
         let Some(usual) = usual(spread, space, k) else { continue };
-        let sd = space.coordinates[k].nuisance.map_or(usual.sd, |library| library.sd);
-        space.coordinates[k].settle(Nuisance { mean: usual.mean, sd });
+        let coordinate = &mut space.coordinates[k];
+        coordinate.settle(Nuisance { mean: usual.mean, sd: sd(usual, coordinate.nuisance) });
     }
 }
 

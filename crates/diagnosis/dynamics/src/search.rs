@@ -8,6 +8,7 @@ use std::sync::Arc;
 use crate::case::PartModel;
 use crate::fit::{Columns, Fit, FitOptions, Model, data_loss, fit, start_loss};
 use crate::settings::{FURTHER_GAIN, KEPT, LEFT_OUT_STEPS, MARGIN_SDS, NULL_ROUNDS, POLISHED, POLISHES};
+use crate::space::Space;
 
 /// The effect whose wheels do not slip, and those that say how they slip: nonsense together.
 const RIGID: &str = "kinematic_only";
@@ -126,13 +127,9 @@ impl<'m, 'c> Search<'m, 'c> {
             starts.clear();
         }
         // where the loss has a valley for every drive that slides or does not, each value is a start
-        let late: Vec<usize> =
-            own.iter().copied().filter(|&k| self.model.space.coordinates[k].parameter.starts_late()).collect();
-        for (k, value) in late.iter().flat_map(|&k| self.model.space.grid(k).into_iter().map(move |value| (k, value))) {
-            let mut from_value = from_grid.clone();
-            from_value[k] = value;
-            starts.push(from_value);
-        }
+        let late = late_starts(&self.model.space, &own, &from_grid);
+        let tried = if late.is_empty() { 2 } else { 3 };
+        starts.extend(late);
         starts.push(from_grid);
         starts.push(from_usual);
         let mut columns = self.null.columns.clone();
@@ -142,7 +139,6 @@ impl<'m, 'c> Search<'m, 'c> {
         let mut starts: Vec<(f64, Vec<f64>)> =
             starts.into_iter().map(|start| (start_loss(self.model, &priors, &start), start)).collect();
         starts.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let tried = if late.is_empty() { 2 } else { 3 };
         let fits = starts.iter().take(tried).map(|(_, start)| {
             fit(
                 self.model,
@@ -247,15 +243,21 @@ pub fn null_fit(model: &PartModel<'_>, columns: Option<Columns>) -> Fit {
 #[must_use]
 pub fn likeliest_start(model: &PartModel<'_>) -> Vec<f64> {
     let (space, priors, usual) = (&model.space, model.null_priors(), model.space.usual());
-    let late = (0..usual.len()).filter(|&k| space.coordinates[k].parameter.starts_late());
-    let moved = late.flat_map(|k| space.grid(k).into_iter().map(move |value| (k, value))).map(|(k, value)| {
-        let mut start = usual.clone();
-        start[k] = value;
-        start
-    });
+    let moved = late_starts(space, &(0..usual.len()).collect::<Vec<_>>(), &usual);
     let loss = |start: Vec<f64>| (start_loss(model, &priors, &start), start);
     let starts = std::iter::once(usual.clone()).chain(moved).map(loss);
     starts.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(usual, |best| best.1)
+}
+
+/// Returns a start with each value of each coordinate, of some, that starts late.
+fn late_starts(space: &Space, own: &[usize], from: &[f64]) -> Vec<Vec<f64>> {
+    let late = own.iter().copied().filter(|&k| space.coordinates[k].parameter.starts_late());
+    let moved = |(k, value)| {
+        let mut start = from.to_vec();
+        start[k] = value;
+        start
+    };
+    late.flat_map(|k| space.grid(k).into_iter().map(move |value| (k, value))).map(moved).collect()
 }
 
 /// Fits the nuisances alone from a start.

@@ -93,8 +93,11 @@ impl DecoderConfig {
         if self.crop_px.is_some_and(|crop| crop.iter().any(|side| *side == 0 || !side.is_multiple_of(BLOCK_PX))) {
             return refuse("decoder.crop_px", "must be multiples of 8 pixels");
         }
+        if ![self.change, self.texture].iter().all(|weight| (0.0..=1e3).contains(weight)) {
+            return refuse("decoder", "change and texture must lie within 0 to 1000");
+        }
         let Some(against) = &self.adversarial else { return Ok(()) };
-        let weights = [against.share, against.features, against.noise, against.smoothness, self.change, self.texture];
+        let weights = [against.share, against.features, against.noise, against.smoothness];
         if !(0.0..=1.0).contains(&against.colour) {
             return refuse("decoder.adversarial.colour", "must lie within 0 to 1");
         }

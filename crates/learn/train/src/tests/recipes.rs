@@ -42,6 +42,7 @@ fn broken_recipes_are_named() {
     check("crop_px = [32, 24]", "crop_px = [30, 24]", "crop_px");
     check("untold = 0.5", "untold = 2.0", "untold");
     check("share = 0.3", "share = -1.0", "adversarial");
+    check("untold = 0.5", "untold = 0.5\ntexture = -1.0", "texture");
     check("seed = 1", "sed = 1", "cannot be read");
     check("dropout = [\"layout\"]", "dropout = [\"layout\"]\ndropped = 1", "cannot be read");
     check("dropout = [\"layout\"]", "dropout = [\"all\"]", "unconditional");
