@@ -42,13 +42,51 @@ pub struct Mover {
     pub size_m: [f64; 3],
 }
 
-impl Mover {
+/// A box with its axes, which every pixel asks for, and where it was, if it was there.
+struct Placed<'a> {
+    now: &'a Mover,
+    axes: [DVec2; 2],
+    before: Option<(&'a Mover, [DVec2; 2])>,
+}
+
+impl<'a> Placed<'a> {
+    fn all(now: &'a [Mover], before: &'a [Mover]) -> Vec<Self> {
+        let axes = |mover: &Mover| [mover.pose.forward(), mover.pose.left()];
+        let earlier = |id: u32| before.iter().find(|mover| mover.id == id);
+        let place = |mover: &'a Mover| {
+            let before = earlier(mover.id).map(|then| (then, axes(then)));
+            Self { now: mover, axes: axes(mover), before }
+        };
+        now.iter().map(place).collect()
+    }
+
+    fn local(&self, point: DVec3) -> DVec2 {
+        let offset = point.truncate() - self.now.pose.position;
+        DVec2::from(self.axes.map(|axis| offset.dot(axis)))
+    }
+
     fn holds(&self, point: DVec3) -> bool {
-        let local = self.pose.to_local(point.truncate()).abs();
-        let [length, width, height] = self.size_m;
+        let (local, [length, width, height]) = (self.local(point).abs(), self.now.size_m);
         local.x <= 0.5 * length + SKIN_M
             && local.y <= 0.5 * width + SKIN_M
-            && (-SKIN_M..=height + SKIN_M).contains(&(point.z - self.bottom_m))
+            && (-SKIN_M..=height + SKIN_M).contains(&(point.z - self.now.bottom_m))
+    }
+
+    /// Returns where a point of it was; none if it was not there.
+    fn earlier(&self, point: DVec3) -> Option<DVec3> {
+        let (then, [forward, left]) = self.before?;
+        let local = self.local(point);
+        let flat = then.pose.position + forward * local.x + left * local.y;
+        Some(flat.extend(point.z - self.now.bottom_m + then.bottom_m))
+    }
+}
+
+/// Returns where a point of the world was before; none if it belongs to a box that was not there.
+fn earlier(movers: &[Placed<'_>], point: DVec3) -> Option<DVec3> {
+    let stands = point.z > SKIN_M && point.z < 0.5 * FAR_M;
+    match movers.iter().find(|mover| stands && mover.holds(point)) {
+        Some(mover) => mover.earlier(point),
+        None => Some(point),
     }
 }
 
@@ -96,11 +134,12 @@ impl Geometry {
         let (depths_m, depths_before_m) = (self.depths_m(size), before.depths_m(size));
         let lens = before.lens.resized(width_px, height_px);
         let camera_from_world = before.world_from_camera.inverse();
+        let movers = Placed::all(&self.movers, &before.movers);
         let directions = lens::directions(&self.lens.resized(width_px, height_px));
         let origin = |(depth_m, direction): (&f64, &DVec2)| {
             let depth_m = Some(*depth_m).filter(|depth_m| *depth_m < FAR_M)?;
             let point = self.world_from_camera * (direction.extend(1.0) * depth_m);
-            let seen = camera_from_world * self.earlier(before, point)?;
+            let seen = camera_from_world * earlier(&movers, point)?;
             let at = lens.project(seen)?;
             let inside = at.x >= 0.0 && at.y >= 0.0 && at.x < f64::from(width_px) && at.y < f64::from(height_px);
             let around = inside.then(|| around(at, size).map(|pixel| depths_before_m[pixel]))?;
@@ -111,15 +150,6 @@ impl Geometry {
             (known && surface.contains(&seen.z) && !nearer(times, depth_m, seen.z)).then_some(at)
         };
         depths_m.iter().zip(&directions).map(origin).collect()
-    }
-
-    /// Returns where a point of the world was with the geometry `before`; none if it belongs to a box that was not there.
-    fn earlier(&self, before: &Self, point: DVec3) -> Option<DVec3> {
-        let stands = point.z > SKIN_M && point.z < 0.5 * FAR_M;
-        let Some(now) = self.movers.iter().find(|mover| stands && mover.holds(point)) else { return Some(point) };
-        let then = before.movers.iter().find(|mover| mover.id == now.id)?;
-        let flat = then.pose.to_outer(now.pose.to_local(point.truncate()));
-        Some(flat.extend(point.z - now.bottom_m + then.bottom_m))
     }
 
     /// Returns the depths of the pixels of a picture of this view at another size, in metres, rows top to bottom.

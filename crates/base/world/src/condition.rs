@@ -157,6 +157,27 @@ impl Condition {
         }
     }
 
+    /// Combines what is said of each axis: what is not said is day, clear (overcast on snow and puddles) and the surface that the weather leaves.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn of(
+        lighting: Option<Lighting>,
+        weather: Option<Weather>,
+        surface: Option<RoadSurface>,
+    ) -> Result<Self, ConditionError> {
+        let weather = weather.unwrap_or(match surface {
+            Some(RoadSurface::SnowCovered | RoadSurface::Puddles) => Weather::Overcast,
+            _ => Weather::Clear,
+        });
+        let surface = surface.unwrap_or(match weather {
+            Weather::Snow => RoadSurface::SnowCovered,
+            Weather::Rain => RoadSurface::Puddles,
+            Weather::Clear | Weather::Overcast | Weather::Fog => RoadSurface::Dry,
+        });
+        Self::new(lighting.unwrap_or(Lighting::Day), weather, surface)
+    }
+
     /// Returns all conditions that make sense, in the order of the axes.
     pub fn all() -> impl Iterator<Item = Self> {
         let weathers = |lighting| Weather::ALL.iter().map(move |weather| (lighting, *weather));
@@ -227,7 +248,7 @@ impl FromStr for Condition {
 
     /// Reads `snow`, `rain-night` or `lighting=night,weather=rain,surface=puddles`: any of the axes in any order.
     ///
-    /// What is not said is day, clear (overcast on snow) and the surface that the weather leaves.
+    /// What is not said is as [`Condition::of`] has it.
     fn from_str(text: &str) -> Result<Self, ConditionError> {
         let mut said = Said::default();
         if text.contains('=') {
@@ -242,16 +263,7 @@ impl FromStr for Condition {
                 said.word(None, if word == "sand" { "sand_covered" } else { word })?;
             }
         }
-        let weather = said.weather.unwrap_or(match said.surface {
-            Some(RoadSurface::SnowCovered | RoadSurface::Puddles) => Weather::Overcast,
-            _ => Weather::Clear,
-        });
-        let surface = said.surface.unwrap_or(match weather {
-            Weather::Snow => RoadSurface::SnowCovered,
-            Weather::Rain => RoadSurface::Puddles,
-            Weather::Clear | Weather::Overcast | Weather::Fog => RoadSurface::Dry,
-        });
-        Self::new(said.lighting.unwrap_or(Lighting::Day), weather, surface)
+        Self::of(said.lighting, said.weather, said.surface)
     }
 }
 

@@ -16,6 +16,7 @@ pub mod state;
 pub mod structure;
 pub mod surroundings;
 pub mod trajectory;
+pub mod wording;
 
 pub use adversary::{Adversary, AdversaryMode, Budget, CrashClass};
 pub use agent::{AgentClass, AgentState, Size, Track, TrackPoint};
@@ -31,3 +32,4 @@ pub use scene::{Family, Origin, Scene};
 pub use state::{Contact, ContactKind, WorldState};
 pub use structure::{Structure, StructureKind};
 pub use trajectory::{Proposal, Trajectory, TrajectoryError, TrajectoryPoint};
+pub use wording::Wording;

@@ -10,9 +10,12 @@ use ds_cases::RunConfig;
 use ds_policy::builtin::{NAMES, is_builtin};
 use ds_policy::{Learned, Own};
 use ds_process::service::UsageError;
+use ds_process::terminal::note;
 use ds_space::{CameraId, Digest, DigestWriter};
 use ds_topic::{ObservationSource, ProposalScorer};
+use ds_video::ModelConfig;
 use ds_wire::control as pb;
+use ds_world::{Condition, Wording};
 use orchestrator::Conditioning;
 
 use crate::own;
@@ -64,13 +67,41 @@ pub fn known(args: &RunPlan) -> Result<()> {
 /// If a file cannot be read, or is refused for one of the scenarios.
 pub fn given(args: &RunPlan, files: &[PathBuf]) -> Result<pb::RunSettings> {
     let first_frames = args.first_frames.iter().map(|text| first_frame(text)).collect::<Result<_>>()?;
-    let settings = pb::RunSettings { prompt: args.prompt.clone(), first_frames, ..pb::RunSettings::default() };
+    let settings = pb::RunSettings { prompt: heard(args), first_frames, ..pb::RunSettings::default() };
     let given = Conditioning::of(&settings, &[args.observation])?;
     for file in files.iter().filter(|_| !settings.first_frames.is_empty()) {
         let (scene, _warnings) = ds_scenario::load(file)?;
         given.pictures(&scene)?;
     }
     Ok(settings)
+}
+
+/// Returns the prompt as the video model is told it. A model that knows the words of its training alone is told the look that
+/// ordinary words name in those; what of them it does not follow is said on the terminal.
+fn heard(args: &RunPlan) -> Option<String> {
+    let prompt = args.prompt.as_ref()?;
+    let hashes_words = ModelConfig::load(&args.networks.model).is_ok_and(|preset| preset.hashes_words());
+    let wording = Wording::read(prompt);
+    let told = wording.condition().map(Condition::words).filter(|words| hashes_words && !prompt.contains(words));
+    if hashes_words {
+        let read = told.iter().map(|words| format!("read as {words:?}"));
+        let shown = wording.condition().filter(|condition| args.first_frames.is_empty() && !shows(args, *condition));
+        let unlike = shown.map(|_| {
+            let look = &args.appearance;
+            format!(
+                "the first frame shows --appearance {look}, `dreamstream video first-frame` makes one of these words"
+            )
+        });
+        let remarks = read.chain(wording.remarks()).chain(unlike);
+        remarks.for_each(|remark| note(&format!("--prompt: {remark}")));
+    }
+    told.or_else(|| Some(prompt.clone()))
+}
+
+/// Says whether the first frame of a run is of a condition.
+fn shows(args: &RunPlan, condition: Condition) -> bool {
+    let appearance = Appearance::named(&args.appearance).ok();
+    appearance.is_some_and(|appearance| appearance.condition.unwrap_or(Condition::DAY) == condition)
 }
 
 /// Reads `FILE` or `CAMERA=FILE`.

@@ -77,6 +77,7 @@ fn generated(config: &EvalConfig, world: &dyn CameraWorld) -> Result<Vec<(Arc<Sc
         config.sharpness.as_ref().map(|sharpness| sharpness.rollouts),
         config.drift.as_ref().map(|drift| drift.rollouts),
         config.appearance.as_ref().map(|appearance| appearance.rollouts),
+        config.first_frames.as_ref().map(|first_frames| first_frames.scenarios),
     ];
     let count = rollouts.into_iter().flatten().fold(columns.scenarios, u64::max);
     let scene = |index: u64| {

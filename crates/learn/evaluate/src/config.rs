@@ -39,6 +39,9 @@ pub struct EvalConfig {
     /// Whether a look is kept.
     #[serde(default)]
     pub appearance: Option<AppearanceConfig>,
+    /// First frames from layout and words.
+    #[serde(default)]
+    pub first_frames: Option<FirstFramesConfig>,
     /// Speed; the arm whose frames are timed.
     #[serde(default)]
     pub speed: Option<SpeedConfig>,
@@ -235,6 +238,24 @@ pub struct AppearanceConfig {
     pub pace: f64,
 }
 
+/// First frames from layout and words.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FirstFramesConfig {
+    /// Model preset.
+    pub model: PathBuf,
+    /// Weights of a teacher with its autoencoder.
+    pub weights: PathBuf,
+    /// Euler steps.
+    pub steps: usize,
+    /// Guidance towards layout and words; 1 is none.
+    pub guidance: f32,
+    /// Generated scenarios, a frame of each for every wording.
+    pub scenarios: u64,
+    /// By condition, such as `snow`: ordinary words for it.
+    pub wordings: BTreeMap<String, Vec<String>>,
+}
+
 /// What is timed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -319,6 +340,9 @@ impl EvalConfig {
         if let Some(appearance) = &mut self.appearance {
             appearance.rollouts = appearance.rollouts.min(2);
         }
+        if let Some(first_frames) = &mut self.first_frames {
+            first_frames.scenarios = first_frames.scenarios.min(2);
+        }
         if let Some(videos) = &mut self.videos {
             videos.scenarios = videos.scenarios.min(1);
         }
@@ -396,6 +420,11 @@ impl EvalConfig {
             if !(appearance.pace > 0.0 && appearance.pace <= 4.0) {
                 return refuse("appearance.pace", "must lie within (0, 4]");
             }
+        }
+        if let Some(first_frames) = &self.first_frames
+            && (first_frames.scenarios == 0 || first_frames.steps == 0 || first_frames.wordings.is_empty())
+        {
+            return refuse("first_frames", "needs a scenario, a step and wordings");
         }
         if let Some(videos) = &self.videos {
             for arm in &videos.arms {

@@ -47,6 +47,13 @@ pub enum AppraisalError {
         #[source]
         source: Box<dyn std::error::Error + Send + Sync>,
     },
+    /// First frames cannot be made.
+    #[error("first frames cannot be made")]
+    FirstFrames {
+        /// Why.
+        #[source]
+        source: ds_train::TrainError,
+    },
     /// A perception network cannot be used.
     #[error("a perception network cannot be used")]
     Perception(#[from] ds_perception::PerceptionError),

@@ -2,6 +2,7 @@
 
 mod appearance;
 mod drift;
+mod first_frames;
 mod layout;
 mod sharpness;
 pub mod speed;
@@ -36,6 +37,8 @@ pub enum Part {
     Drift,
     /// Whether a look is kept.
     Appearance,
+    /// Whether first frames from layout and words show what the words say.
+    FirstFrames,
     /// Speed.
     Speed,
     /// Side-by-side videos.
@@ -44,8 +47,8 @@ pub enum Part {
 
 impl Part {
     /// All parts, in the order of the report.
-    pub const ALL: [Self; 6] =
-        [Self::Sharpness, Self::Layout, Self::Drift, Self::Appearance, Self::Speed, Self::Videos];
+    pub const ALL: [Self; 7] =
+        [Self::Sharpness, Self::Layout, Self::Drift, Self::Appearance, Self::FirstFrames, Self::Speed, Self::Videos];
 
     /// Returns the name on the command line.
     #[must_use]
@@ -55,6 +58,7 @@ impl Part {
             Self::Layout => "layout",
             Self::Drift => "drift",
             Self::Appearance => "appearance",
+            Self::FirstFrames => "first-frames",
             Self::Speed => "speed",
             Self::Videos => "videos",
         }
@@ -116,6 +120,9 @@ impl<'a> Evaluation<'a> {
         }
         if let Some(config) = self.config.appearance.as_ref().filter(|_| parts.contains(&Part::Appearance)) {
             outcome.appearance = Some(self.appearance(config)?);
+        }
+        if let Some(config) = self.config.first_frames.as_ref().filter(|_| parts.contains(&Part::FirstFrames)) {
+            outcome.first_frames = Some(self.first_frames(config)?);
         }
         if let Some(config) = self.config.speed.as_ref().filter(|_| parts.contains(&Part::Speed)) {
             outcome.speed = Some(speed::measure(self.config, config, self.resamples, seconds)?);

@@ -24,6 +24,9 @@ pub struct Outcome {
     pub drift: Option<DriftOutcome>,
     /// Whether a look is kept.
     pub appearance: Option<AppearanceOutcome>,
+    /// First frames from layout and words.
+    #[serde(default)]
+    pub first_frames: Option<FirstFramesOutcome>,
     /// Speed.
     pub speed: Option<SpeedOutcome>,
     /// Side-by-side videos, by file name.
@@ -217,6 +220,39 @@ pub struct ConditionOutcome {
     pub arms: BTreeMap<String, Option<Estimate>>,
     /// With minus without.
     pub gain: Option<Estimate>,
+}
+
+/// Whether first frames from layout and words show what the words say, in the world of training.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct FirstFramesOutcome {
+    /// Share of all frames whose look is named right.
+    pub recognised: Option<Estimate>,
+    /// By condition.
+    pub conditions: BTreeMap<String, WordedOutcome>,
+}
+
+/// The first frames of a condition.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct WordedOutcome {
+    /// Made from layout and words.
+    pub words: Shown,
+    /// The world's own in that condition.
+    pub own: Shown,
+}
+
+/// What frames of a condition show; beside the first figure all over those of ordinary daylight, made alike.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Shown {
+    /// Share whose look is named right.
+    pub recognised: Option<Estimate>,
+    /// Mean luma.
+    pub luma: Option<Estimate>,
+    /// Mean luma of the road.
+    pub ground: Option<Estimate>,
+    /// Deviation of luma.
+    pub contrast: Option<Estimate>,
+    /// High-frequency energy.
+    pub detail: Option<Estimate>,
 }
 
 /// Speed.

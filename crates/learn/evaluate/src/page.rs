@@ -9,8 +9,9 @@ use std::collections::BTreeMap;
 use ds_page::{Document, Markup, Pictures, link};
 
 use crate::config::EvalConfig;
+use crate::estimate::Estimate;
 use crate::film::STILLS;
-use crate::outcome::{ArmDrift, ArmLayout, ColumnLayout, Outcome, Sharpness};
+use crate::outcome::{ArmDrift, ArmLayout, ColumnLayout, Outcome, Sharpness, Shown, WordedOutcome};
 use ds_train::colour::Colour;
 use plot::{Line, Plot};
 use table::{shown, table};
@@ -41,6 +42,7 @@ fn body(m: &mut Markup, outcome: &Outcome, config: &EvalConfig) {
     layout(m, outcome);
     drift(m, outcome);
     appearance(m, outcome);
+    first_frames(m, outcome);
     speed(m, outcome);
     arms(m, outcome);
 }
@@ -243,6 +245,31 @@ fn appearance(m: &mut Markup, outcome: &Outcome) {
         };
         table(m, &head, &column.iter().map(row).collect::<Vec<_>>());
     }
+}
+
+fn first_frames(m: &mut Markup, outcome: &Outcome) {
+    let Some(part) = &outcome.first_frames else { return };
+    m.leaf("h2", &[], "First frames from layout and words");
+    let told = format!(
+        "Of all frames the look of {} is named right. Luma, luma of the road, contrast and detail are over those of ordinary daylight; the world's own behind a stroke.",
+        shown(part.recognised, 2)
+    );
+    m.leaf("p", &[], told);
+    let row = |(condition, found): (&String, &WordedOutcome)| {
+        let pair = |of: fn(&Shown) -> Option<Estimate>| {
+            format!("{} / {}", shown(of(&found.words), 2), shown(of(&found.own), 2))
+        };
+        vec![
+            condition.clone(),
+            pair(|shown| shown.recognised),
+            pair(|shown| shown.luma),
+            pair(|shown| shown.ground),
+            pair(|shown| shown.contrast),
+            pair(|shown| shown.detail),
+        ]
+    };
+    let head = ["condition", "named right", "luma", "road", "contrast", "detail"];
+    table(m, &head, &part.conditions.iter().map(row).collect::<Vec<_>>());
 }
 
 fn speed(m: &mut Markup, outcome: &Outcome) {

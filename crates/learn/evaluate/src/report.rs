@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 use crate::config::{DIVERSE_ARMS, DRIFT_ARMS, EvalConfig, GUIDANCE_ARMS, LAYOUT_ARMS, LAYOUT_TARGETS, SHARPNESS_ARMS};
 use crate::error::AppraisalError;
 use crate::estimate::{CONFIDENCE, Estimate};
-use crate::outcome::{Outcome, Sharpness};
+use crate::outcome::{Outcome, Sharpness, Shown, WordedOutcome};
 use crate::page;
 
 /// The column that `eval.json` shows at its top.
@@ -77,6 +77,7 @@ pub fn eval_json(outcome: &Outcome, config: &EvalConfig) -> Value {
         top.insert("gemm_share".to_owned(), value(speed.and_then(|speed| speed.gemm_share)));
         top.insert("transformer_gflops".to_owned(), value(speed.and_then(|speed| speed.transformer_gflops)));
         top.insert("gemm_gflops".to_owned(), value(speed.and_then(|speed| speed.gemm_gflops)));
+        top.insert("first_frames".to_owned(), first_frames_json(outcome));
         top.insert("arms".to_owned(), Value::Object(arms));
         top.insert("perception".to_owned(), json!(outcome.perception));
         top.insert("columns".to_owned(), Value::Object(all));
@@ -139,6 +140,24 @@ fn sharpness_json(outcome: &Outcome, column: &str) -> Value {
     let gain = part.and_then(|part| part.structures_gain.get(column).copied());
     figures.insert("structures_gain".to_owned(), value(gain));
     figures.into()
+}
+
+fn first_frames_json(outcome: &Outcome) -> Value {
+    let Some(part) = &outcome.first_frames else { return Value::Null };
+    let shown = |shown: &Shown| {
+        json!({
+            "recognised": value(shown.recognised),
+            "luma": value(shown.luma),
+            "ground": value(shown.ground),
+            "contrast": value(shown.contrast),
+            "detail": value(shown.detail),
+        })
+    };
+    let row = |(name, found): (&String, &WordedOutcome)| {
+        (name.clone(), json!({"words": shown(&found.words), "reference": shown(&found.own)}))
+    };
+    let conditions: Map<String, Value> = part.conditions.iter().map(row).collect();
+    json!({"recognised": value(part.recognised), "conditions": conditions})
 }
 
 fn drift_json(outcome: &Outcome, column: &str) -> Value {

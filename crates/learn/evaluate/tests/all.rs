@@ -6,3 +6,4 @@ mod evaluation;
 mod pairs;
 mod rig;
 mod study;
+mod words;

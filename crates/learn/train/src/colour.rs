@@ -95,7 +95,9 @@ impl Steps {
 }
 
 /// Returns the luma of every pixel.
-fn luma(frame: &RgbImage) -> Vec<f64> {
+/// Returns the luma of each pixel of a frame, 0 to 255, rows top to bottom.
+#[must_use]
+pub fn luma(frame: &RgbImage) -> Vec<f64> {
     let pixels = frame.rgb().chunks_exact(3);
     pixels.map(|p| 0.299 * f64::from(p[0]) + 0.587 * f64::from(p[1]) + 0.114 * f64::from(p[2])).collect()
 }

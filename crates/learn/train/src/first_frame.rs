@@ -26,32 +26,51 @@ pub struct Request<'a> {
     pub key: Digest,
     /// Euler steps.
     pub steps: usize,
-    /// Guidance w towards the layout, 1 being none.
+    /// Guidance w towards layout and prompt, 1 being none.
     pub guidance: f32,
 }
 
-/// Samples a first frame by a teacher's weights with their autoencoder.
-///
-/// # Errors
-/// If the weights cannot be used or the frame is not finite.
-pub fn first_frame(config: &ModelConfig, weights: &Path, request: &Request<'_>) -> Result<RgbImage, TrainError> {
-    let weights = VideoModel::read(config, weights)?;
-    let model = VideoModel::new(config, &weights)?;
-    let teacher = Teacher::new(config, &weights.part("dit."), Dropout::Layout)?;
-    let ((h, w), z, stride, n) = (config.latent_size(), config.vae.z, config.vae.stride_t, config.dit().tokens());
-    let still = vec![request.layout; stride];
-    let (empty, layouts) = (vec![0.0; n * 4 * z], [still.clone(), still.clone()]);
-    let condition =
-        Condition { start: &empty, clean: &empty, layouts: &layouts, layout_on: true, prompt: request.prompt };
-    let batch = condition.batch(config);
-    let noise = noise(&request.key, "first frame", &[], &[1, 1, n, 4, z]);
-    let sampled = teacher.sample(&batch, &noise, request.steps, Guidance::by(request.guidance), &mut |_, _| ());
-    let latents = Array::new(&[1, h, w, z], tokens::from_tokens(sampled.values(), h, w));
-    let guide = (config.control.decoder_layers > 0).then(|| tokens::stacked(&still));
-    let frames = model.autoencoder().decode(&model.denormalised(latents), guide.as_ref(), &mut Memory::default());
-    if !frames.is_finite() {
-        return Err(TrainError::NotFinite { what: "first frame" });
+/// A teacher with its autoencoder, ready to imagine first frames.
+pub struct FirstFrames {
+    config: ModelConfig,
+    model: VideoModel,
+    teacher: Teacher,
+}
+
+impl FirstFrames {
+    /// Loads a teacher's weights with their autoencoder. Guidance amplifies layout and prompt together.
+    ///
+    /// # Errors
+    /// If the weights cannot be used.
+    pub fn load(config: &ModelConfig, weights: &Path) -> Result<Self, TrainError> {
+        let weights = VideoModel::read(config, weights)?;
+        let model = VideoModel::new(config, &weights)?;
+        let teacher = Teacher::new(config, &weights.part("dit."), Dropout::All)?;
+        Ok(Self { config: config.clone(), model, teacher })
     }
-    let last = frames.values().len() / stride * (stride - 1);
-    Ok(RgbImage::of_values(&frames.values()[last..], config.video.width_px, config.video.height_px))
+
+    /// Samples a first frame.
+    ///
+    /// # Errors
+    /// If the frame is not finite.
+    pub fn make(&self, request: &Request<'_>) -> Result<RgbImage, TrainError> {
+        let (config, model) = (&self.config, &self.model);
+        let ((h, w), z, stride, n) = (config.latent_size(), config.vae.z, config.vae.stride_t, config.dit().tokens());
+        let still = vec![request.layout; stride];
+        let (empty, layouts) = (vec![0.0; n * 4 * z], [still.clone(), still.clone()]);
+        let condition =
+            Condition { start: &empty, clean: &empty, layouts: &layouts, layout_on: true, prompt: request.prompt };
+        let batch = condition.batch(config);
+        let noise = noise(&request.key, "first frame", &[], &[1, 1, n, 4, z]);
+        let sampled =
+            self.teacher.sample(&batch, &noise, request.steps, Guidance::by(request.guidance), &mut |_, _| ());
+        let latents = Array::new(&[1, h, w, z], tokens::from_tokens(sampled.values(), h, w));
+        let guide = (config.control.decoder_layers > 0).then(|| tokens::stacked(&still));
+        let frames = model.autoencoder().decode(&model.denormalised(latents), guide.as_ref(), &mut Memory::default());
+        if !frames.is_finite() {
+            return Err(TrainError::NotFinite { what: "first frame" });
+        }
+        let last = frames.values().len() / stride * (stride - 1);
+        Ok(RgbImage::of_values(&frames.values()[last..], config.video.width_px, config.video.height_px))
+    }
 }

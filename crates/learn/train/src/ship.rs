@@ -16,6 +16,7 @@ use crate::sets::stored_autoencoder;
 const GUIDE: &str = "decoder.guide.";
 /// The stage whose weights are no transformer.
 const AUTOENCODER: &str = "autoencoder";
+const DECODER: &str = "decoder";
 
 /// Writes the student, or the transformer that another stage left, with the autoencoder to `out`, or beside the model's
 /// configuration, with the digest of the configuration. `of` may be `autoencoder`: that alone is written then, for recipes
@@ -36,7 +37,7 @@ pub fn run(
     if of == Some(AUTOENCODER) {
         // A decoder that knew no student is still the autoencoder's own.
         let own = config.decoder.as_ref().is_some_and(|decoder| decoder.rollouts == 0);
-        let stage = if own && config.folder.join("decoder.safetensors").exists() { "decoder" } else { AUTOENCODER };
+        let stage = if own && config.folder.join("decoder.safetensors").exists() { DECODER } else { AUTOENCODER };
         file.weights.absorb("vae.", &stored_autoencoder(config, stage)?);
         file.weights.check(&alone(&model))?;
         file.metadata.insert("trained".to_owned(), stage.to_owned());
@@ -81,7 +82,7 @@ pub(crate) fn assembled(config: &TrainConfig, student: &Weights, stage: &str) ->
 /// Returns the preset with the decoder's guidance switched as the named stage has it.
 fn preset(config: &TrainConfig, stage: &str) -> Result<ModelConfig, TrainError> {
     let mut model = config.model()?;
-    if stage != "decoder" {
+    if stage != DECODER {
         model.control.decoder_layers = 0;
         model.control.carried = false;
     }
@@ -90,7 +91,7 @@ fn preset(config: &TrainConfig, stage: &str) -> Result<ModelConfig, TrainError> 
 
 /// Takes a shipped file apart into what its stages leave in the work folder: the autoencoder, without the decoder's
 /// guidance, unless there is one, and the transformer as that of stage `of`; with `autoencoder` for `of` nothing but that,
-/// whether or not the file holds more.
+/// whether or not the file holds more, with `decoder` also the guided decoder.
 ///
 /// # Errors
 /// If the file is of another preset, the stage has weights already or another autoencoder is there.
@@ -98,6 +99,7 @@ pub fn unpack(config: &TrainConfig, of: &str, shipped: &Path, progress: &mut dyn
     let model = config.model()?;
     let weights = VideoModel::read(&model, shipped)?;
     let mut autoencoder = weights.part("vae.");
+    let guided = autoencoder.clone();
     if of != AUTOENCODER {
         weights.check(&VideoModel::declare(&model))?;
     }
@@ -110,8 +112,12 @@ pub fn unpack(config: &TrainConfig, of: &str, shipped: &Path, progress: &mut dyn
     named.absorb("vae.", &autoencoder);
     named.check(&alone(&model))?;
     std::fs::create_dir_all(&config.folder).map_err(TrainError::io("work folder", &config.folder))?;
-    let transformer = (of != AUTOENCODER).then(|| (of, weights.part("dit.")));
-    for (stage, weights) in std::iter::once((AUTOENCODER, autoencoder)).chain(transformer) {
+    let further = match of {
+        AUTOENCODER => None,
+        DECODER => Some((DECODER, guided)),
+        transformer => Some((transformer, weights.part("dit."))),
+    };
+    for (stage, weights) in std::iter::once((AUTOENCODER, autoencoder)).chain(further) {
         let path = config.folder.join(format!("{stage}.safetensors"));
         if path.exists() {
             if WeightsFile::read(&path)?.weights.digest() == weights.digest() {

@@ -328,6 +328,12 @@ impl CacheSource {
 }
 
 impl ModelConfig {
+    /// Returns whether a prompt is a bag of hashed words to the model, of which it knows those of its training alone.
+    #[must_use]
+    pub fn hashes_words(&self) -> bool {
+        is_default(&self.text_encoder)
+    }
+
     /// Reads and checks a configuration file of at most a megabyte.
     ///
     /// # Errors

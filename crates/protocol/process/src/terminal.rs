@@ -30,6 +30,11 @@ pub fn answer(line: &str) {
     }
 }
 
+/// Says something beside the answer, on stderr.
+pub fn note(line: &str) {
+    let _closed_pipe = writeln!(std::io::stderr(), "{line}");
+}
+
 /// Says whether whoever read the answer has left, so that what only answers, again and again, may end.
 #[must_use]
 pub fn unread() -> bool {

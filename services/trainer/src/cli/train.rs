@@ -29,7 +29,7 @@ pub(crate) struct TrainArgs {
     pub weights: Option<PathBuf>,
     /// Whose transformer `ship` writes, instead of the most refined student's, or `unpack` finds; `autoencoder` for that
     /// alone, without a transformer.
-    #[arg(long, value_parser = ["autoencoder", "prior", "teacher", "ode", "self_forcing"])]
+    #[arg(long, value_parser = ["autoencoder", "prior", "teacher", "ode", "self_forcing", "decoder"])]
     pub of: Option<String>,
     /// What computes, instead of the recipe's `backend`; of vulkan and cuda, builds with that feature.
     #[arg(long, value_parser = backend(&Backend::ALL))]

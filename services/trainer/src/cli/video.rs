@@ -78,19 +78,20 @@ pub(crate) struct FirstFrameArgs {
     /// The scenario.
     #[arg(value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub scenario: PathBuf,
-    /// Words for what is to be seen; those of the scenario in ordinary daylight without it.
+    /// Lighting, weather and what lies on the road, in ordinary words; daylight without them. What else there is to see is told by the
+    /// scenario.
     #[arg(long, value_name = "TEXT")]
     pub prompt: Option<String>,
     /// Model preset.
     #[arg(long, default_value = "configs/models/cpu_train.toml", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub model: PathBuf,
-    /// Weights of a teacher with its autoencoder (`train ship --of teacher`); they do not ship, `just arms` makes them.
-    #[arg(long, default_value = "configs/models/arms/teacher.safetensors", value_hint = ValueHint::FilePath)]
+    /// Weights of a teacher with its autoencoder; those that ship have learned first frames in every condition.
+    #[arg(long, default_value = "configs/models/cpu_train_first.safetensors", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub weights: PathBuf,
     /// Sampling steps.
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub steps: u16,
-    /// Guidance towards the layout; 1 is none.
+    /// Guidance towards layout and words; 1 is none.
     #[arg(long, default_value_t = 2.5)]
     pub guidance: f32,
     /// Another number, another frame.
@@ -126,6 +127,7 @@ fn part() -> impl TypedValueParser<Value = Part> {
             Part::Layout => "Layout IoU, traffic lights, PSNR, perceptual and feature distance, colours, seams",
             Part::Drift => "Feature distance along long rollouts",
             Part::Appearance => "Whether snow, rain, night and fog are still there at frame 100",
+            Part::FirstFrames => "Whether first frames from layout and words show what the words say",
             Part::Speed => "Frames a second",
             Part::Videos => "Side-by-side videos",
         })

@@ -13,13 +13,14 @@ use ds_evaluate::evaluation::{Evaluation, Part};
 use ds_evaluate::outcome::Outcome;
 use ds_evaluate::pairs::PairsPlan;
 use ds_evaluate::{EvalConfig, Progress, report};
-use ds_process::terminal::{answer, bar};
+use ds_process::terminal::{answer, bar, note};
 use ds_raster::Encoding;
 use ds_second_camera::SecondWorld;
 use ds_space::Draws;
 use ds_topic::ObservationSource;
-use ds_train::first_frame::{self, Request};
+use ds_train::first_frame::{FirstFrames, Request};
 use ds_video::ModelConfig;
+use ds_world::Wording;
 use indicatif::ProgressBar;
 
 use crate::cli::{FirstFrameArgs, PairsArgs, VideoCommand, VideoEvalArgs};
@@ -57,21 +58,25 @@ pub(crate) fn run(command: &VideoCommand) -> Result<()> {
 fn first_frame(args: &FirstFrameArgs) -> Result<()> {
     let (scene, _warnings) = ds_scenario::load(&args.scenario)?;
     let weights = args.weights.display();
-    ensure!(args.weights.exists(), "there are no weights {weights}: `just arms` makes a teacher's (docs/training.md)");
+    ensure!(args.weights.exists(), "there are no weights {weights}");
     let preset = ModelConfig::load(&args.model).with_context(|| format!("model {}", args.model.display()))?;
-    let route = Route { scene: Arc::new(scene), start: 0, pace: 1.0, look: Appearance::DAY, turned_deg: 0.0 };
+    let wording = args.prompt.as_deref().map(Wording::read).unwrap_or_default();
+    let look = wording.condition().map_or(Appearance::DAY, |condition| Appearance::condition(condition, 0));
+    let route = Route { scene: Arc::new(scene), start: 0, pace: 1.0, look, turned_deg: 0.0 };
     let mut drive = Drive::new(&ReferenceWorld, &route, (preset.video.width_px, preset.video.height_px))?;
     let layout = drive.layout(0)?.image;
-    let prompt = args.prompt.as_deref().unwrap_or(&drive.prompt);
+    note(&format!("prompt: {}", drive.prompt));
+    let remarks = args.prompt.iter().flat_map(|_| wording.remarks());
+    remarks.for_each(|remark| note(&format!("--prompt: {remark}")));
     let request = Request {
         layout: &layout,
-        prompt,
+        prompt: &drive.prompt,
         key: Draws::key(&drive.draw_key, "first frame", args.seed),
         steps: usize::from(args.steps),
         guidance: args.guidance,
     };
-    let frame =
-        first_frame::first_frame(&preset, &args.weights, &request).with_context(|| format!("weights {weights}"))?;
+    let maker = FirstFrames::load(&preset, &args.weights).with_context(|| format!("weights {weights}"))?;
+    let frame = maker.make(&request)?;
     if let Some(folder) = args.out.parent() {
         std::fs::create_dir_all(folder).with_context(|| format!("create {}", folder.display()))?;
     }
