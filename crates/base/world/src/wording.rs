@@ -1,8 +1,8 @@
 //! What a description in ordinary words says of a drive's look: words and phrases of English, each with what it says of
 //! lighting, weather or road surface.
 //!
-//! The longest phrase that fits is taken. The first word on an axis counts, and a vague one (*dark*, *evening*) only where no other
-//! speaks of its axis. What is denied (*no rain*) says nothing. Words that neither say something here nor only hold a
+//! The longest phrase that fits is taken. The first word on an axis counts, and a vague one (*dark*, *evening*, *clouds*) only where no
+//! other speaks of its axis. What is denied (*no rain*) says nothing. Words that neither say something here nor only hold a
 //! sentence together are named, so that nobody waits for what will not come.
 
 use crate::condition::{Condition, Lighting, RoadSurface, Weather};
@@ -29,6 +29,8 @@ enum Says {
     /// A time of day that is meant only where nothing else tells one.
     Vaguely(Lighting),
     Air(Weather),
+    /// Clouds, which nobody denies who tells of rain, snow or fog.
+    Clouds,
     Ground(RoadSurface),
     /// What has stopped falling: what it leaves, under clouds.
     Left(RoadSurface),
@@ -36,17 +38,17 @@ enum Says {
 
 use Lighting::{BlueHour, Day, GoldenHour, Night, Sunrise, Sunset, Twilight};
 use RoadSurface::{Dry, Puddles, SandCovered, SnowCovered};
-use Says::{Air, Ground, Left, Light, Vaguely};
-use Weather::{Clear, Fog, Overcast, Rain, Snow};
+use Says::{Air, Clouds, Ground, Left, Light, Vaguely};
+use Weather::{Clear, Fog, Rain, Snow};
 
 /// Phrases of as many words as they have, in lower case, `|` between those that say the same.
 const PHRASES: &[(&str, Says)] = &[
     (
-        "night|nighttime|night time|nights|nocturnal|midnight|after dark|in dark|moonlit|moonlight|starry|stars",
+        "night|nighttime|night time|nights|nocturnal|midnight|after dark|in dark|moonlit|moonlight|starry|stars|moonless|small hours",
         Light(Night),
     ),
     (
-        "headlights on|headlamps on|streetlights|street lights|street lamps|lamplight|pitch black|pitch dark",
+        "headlights on|headlamps on|streetlights|street lights|streetlamps|street lamps|lamplight|pitch black|pitch dark",
         Light(Night),
     ),
     ("dark|darkness|headlights|headlamps|moon|unlit", Vaguely(Night)),
@@ -54,7 +56,10 @@ const PHRASES: &[(&str, Says)] = &[
         "sunrise|dawn|daybreak|break of day|first light|sun rises|sun rising|rising sun|sun comes up|sun coming up",
         Light(Sunrise),
     ),
-    ("early morning|early in morning|crack of dawn", Light(Sunrise)),
+    (
+        "early morning|early in morning|crack of dawn|sun risen|sun just up|sun up|first rays|rays of dawn",
+        Light(Sunrise),
+    ),
     ("sunset|sundown|sun sets|sun setting|setting sun|sun goes down|sun going down|evening sun", Light(Sunset)),
     (
         "twilight|dusk|nightfall|gloaming|after sunset|after sundown|getting dark|growing dark|purple sky",
@@ -62,7 +67,7 @@ const PHRASES: &[(&str, Says)] = &[
     ),
     ("evening|evenings", Vaguely(Twilight)),
     (
-        "golden hour|golden light|golden sun|golden sunlight|warm light|warm evening light|late afternoon|amber light",
+        "golden hour|golden light|golden sun|golden sunlight|low sun|warm light|warm evening light|late afternoon|amber light",
         Light(GoldenHour),
     ),
     ("golden|amber", Vaguely(GoldenHour)),
@@ -70,18 +75,18 @@ const PHRASES: &[(&str, Says)] = &[
     ("day|daytime|daylight|noon|midday|by day|broad daylight|afternoon|high noon|lunchtime", Light(Day)),
     ("morning|mornings", Vaguely(Day)),
     (
-        "clear|clear sky|clear skies|cloudless|sunny|sunshine|sunlit|blue sky|blue skies|bright sun|fine weather|fair weather",
+        "not cloud in sky|no clouds|no cloud|without clouds|clear|clear sky|clear skies|cloudless|sunny|sunshine|sunlit|blue sky|blue skies|bright sun|fine weather|fair weather",
         Air(Clear),
     ),
     (
         "overcast|cloudy|clouds|cloud cover|clouded|dark clouds|gray|grey|gray sky|grey sky|gray skies|grey skies|dull|gloomy",
-        Air(Overcast),
+        Clouds,
     ),
     (
         "snow|snowing|snows|snowfall|snowy|snowstorm|blizzard|flurry|flurries|snowflakes|flakes|falling snow|snow falling|snow falls",
         Air(Snow),
     ),
-    ("sleet", Air(Snow)),
+    ("sleet|snows heavily|whiteout", Air(Snow)),
     (
         "rain|raining|rains|rainy|rainfall|drizzle|drizzling|drizzly|shower|showers|pouring|downpour|rainstorm|thunderstorm|cloudburst",
         Air(Rain),
@@ -100,12 +105,12 @@ const PHRASES: &[(&str, Says)] = &[
         "snow lying|snow packed|packed snow|white road|white with snow|snowed in|blanket of snow|snowbound|wintry|winter|icy",
         Ground(SnowCovered),
     ),
-    ("after snowfall|after snow|after snowstorm|fresh snow|freshly fallen snow|snowed", Left(SnowCovered)),
+    ("slush|slushy|after snowfall|after snow|after snowstorm|fresh snow|freshly fallen snow|snowed", Left(SnowCovered)),
     (
         "sand|sandy|sand covered|covered in sand|covered with sand|sand on road|sandstorm|dust storm|dunes|desert|dusty",
         Ground(SandCovered),
     ),
-    ("blown sand|drifting sand|sand drifts|dust|sahara", Ground(SandCovered)),
+    ("blown sand|drifting sand|sand drifts|sand storm|dust|sahara", Ground(SandCovered)),
     (
         "wet|wet road|wet roads|wet street|wet asphalt|puddle|puddles|puddled|standing water|soaked|slick|glistening road",
         Ground(Puddles),
@@ -138,7 +143,8 @@ const QUIET: &str = "a an and any are around as at away back be been behind bene
     single double multiple motorway signal traffic red yellow green unknown crosswalk zebra car cars vehicle vehicles truck trucks van bus \
     lone parked waiting or oncoming leader close distant slowing pedestrian pedestrians people person walking waits cyclist cyclists \
     riding stopped bicycle bicycles cones barriers stands brakes accelerates creeps cruises hurries house houses building buildings tree \
-    trees streaks suburb suburban residential avenue camera dashcam windshield image frame all whole being do does flakes";
+    trees streaks suburb suburban residential avenue camera dashcam windshield image frame all whole being do does flakes shadow shadows horizon alley lane commute trip breaks \
+    spring summer autumn first am pm o clock coming";
 
 impl Wording {
     /// Reads a description.
@@ -147,7 +153,7 @@ impl Wording {
         let text = text.to_lowercase();
         let words = text.split(|c: char| !c.is_alphanumeric());
         let words: Vec<&str> = words.filter(|word| !word.is_empty() && !PASSED_OVER.contains(word)).collect();
-        let (mut told, mut vague, mut denied, mut at) = (Self::default(), None, false, 0);
+        let (mut told, mut vague, mut denied, mut at) = (Self::default(), Self::default(), false, 0);
         while let Some(word) = words.get(at) {
             let Some((says, length)) = longest(&words[at..]) else {
                 if DENIALS.contains(word) {
@@ -163,15 +169,25 @@ impl Wording {
             };
             if !std::mem::take(&mut denied) {
                 let phrase = words[at..at + length].join(" ");
-                if let Vaguely(lighting) = says {
-                    vague = vague.or(Some(lighting));
-                } else if !told.say(says) {
+                let outspoken = match says {
+                    Vaguely(_) | Clouds => {
+                        vague.say(says);
+                        true
+                    }
+                    Left(surface) => {
+                        vague.say(Clouds);
+                        told.say(Ground(surface))
+                    }
+                    Light(_) | Air(_) | Ground(_) => told.say(says),
+                };
+                if !outspoken {
                     told.set_aside.push(phrase);
                 }
             }
             at += length;
         }
-        told.lighting = told.lighting.or(vague);
+        told.lighting = told.lighting.or(vague.lighting);
+        told.weather = told.weather.or(vague.weather);
         if let Some((weather, surface)) = told.weather.zip(told.surface)
             && Condition::new(Lighting::Day, weather, surface).is_err()
         {
@@ -189,8 +205,8 @@ impl Wording {
         match says {
             Light(lighting) | Vaguely(lighting) => once(&mut self.lighting, lighting),
             Air(weather) => once(&mut self.weather, weather),
-            Ground(surface) => once(&mut self.surface, surface),
-            Left(surface) => once(&mut self.surface, surface) && once(&mut self.weather, Weather::Overcast),
+            Clouds => once(&mut self.weather, Weather::Overcast),
+            Ground(surface) | Left(surface) => once(&mut self.surface, surface),
         }
     }
 
@@ -281,6 +297,8 @@ mod tests {
         assert_eq!(denied, Wording { lighting: Some(Night), ..Wording::default() });
         let both = Wording::read("a sunny day with heavy rain");
         assert_eq!((both.weather, both.set_aside), (Some(Clear), vec!["rain".to_owned()]));
+        let drizzle = Wording::read("overcast with a light drizzle");
+        assert_eq!((drizzle.weather, drizzle.set_aside.len()), (Some(Rain), 0));
         let slush = Wording::read("snowing on a wet road");
         assert_eq!((slush.condition(), slush.set_aside.len()), ("snow".parse().ok(), 1));
         let strange = Wording::read("a purple dragon at 7.5 m, few cars");

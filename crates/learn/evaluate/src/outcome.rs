@@ -222,6 +222,9 @@ pub struct ConditionOutcome {
     pub gain: Option<Estimate>,
 }
 
+/// The picture of first frames beside the page: a row for each condition.
+pub(crate) const FIRST_FRAMES_SHEET: &str = "first-frames.png";
+
 /// Whether first frames from layout and words show what the words say, in the world of training.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FirstFramesOutcome {

@@ -11,7 +11,7 @@ use ds_page::{Document, Markup, Pictures, link};
 use crate::config::EvalConfig;
 use crate::estimate::Estimate;
 use crate::film::STILLS;
-use crate::outcome::{ArmDrift, ArmLayout, ColumnLayout, Outcome, Sharpness, Shown, WordedOutcome};
+use crate::outcome::{ArmDrift, ArmLayout, ColumnLayout, FIRST_FRAMES_SHEET, Outcome, Sharpness, Shown, WordedOutcome};
 use ds_train::colour::Colour;
 use plot::{Line, Plot};
 use table::{shown, table};
@@ -250,6 +250,15 @@ fn appearance(m: &mut Markup, outcome: &Outcome) {
 fn first_frames(m: &mut Markup, outcome: &Outcome) {
     let Some(part) = &outcome.first_frames else { return };
     m.leaf("h2", &[], "First frames from layout and words");
+    let rows: Vec<&str> = part.conditions.keys().map(String::as_str).collect();
+    m.leaf(
+        "p",
+        &[],
+        format_args!("From top to bottom: {}; in pairs, the frame from words and the world's own.", rows.join(", ")),
+    );
+    m.inside("figure", &[], |m| {
+        m.void("img", &[("src", &link(FIRST_FRAMES_SHEET)), ("alt", &FIRST_FRAMES_SHEET), ("loading", &"lazy")]);
+    });
     let told = format!(
         "Of all frames the look of {} is named right. Luma, luma of the road, contrast and detail are over those of ordinary daylight; the world's own behind a stroke.",
         shown(part.recognised, 2)

@@ -17,10 +17,13 @@ use super::Evaluation;
 use crate::config::FirstFramesConfig;
 use crate::drive::{Drive, Route};
 use crate::error::AppraisalError;
-use crate::outcome::{FirstFramesOutcome, Shown, WordedOutcome};
+use crate::outcome::{FIRST_FRAMES_SHEET, FirstFramesOutcome, Shown, WordedOutcome};
 
 /// What is measured of a frame: whether its look is named right, luma, luma of the road, contrast, detail.
 type Seen = [f64; 5];
+
+/// Scenarios of which the page shows frames.
+const SHEET_SCENARIOS: usize = 3;
 
 impl Evaluation<'_> {
     pub(super) fn first_frames(&mut self, config: &FirstFramesConfig) -> Result<FirstFramesOutcome, AppraisalError> {
@@ -34,6 +37,7 @@ impl Evaluation<'_> {
         let world = self.columns[0].world;
         self.progress.ahead(routes.len() as u64 * (1 + config.wordings.len() as u64));
         let (mut days, mut made) = (Vec::new(), BTreeMap::<&String, Vec<[Vec<Seen>; 2]>>::new());
+        let mut sheet = BTreeMap::<&String, Vec<RgbImage>>::new();
         for (at, route) in routes.iter().enumerate() {
             let day = std::iter::once((None, "ordinary daylight", vec![""]));
             let worded = config
@@ -61,8 +65,11 @@ impl Evaluation<'_> {
                     let ground: Vec<bool> = drive.labels(0)?.iter().map(|label| *label == Label::Road).collect();
                     words.push(seen(&frame, &ground, wanted, &self.eyes.look.read(&frame)));
                     let truth = Drive::new(world, &Route { look: look(wanted), ..route.clone() }, size_px)?;
-                    let frame = truth.frame(0)?;
-                    own.push(seen(&frame, &ground, wanted, &self.eyes.look.read(&frame)));
+                    let rendered = truth.frame(0)?;
+                    own.push(seen(&rendered, &ground, wanted, &self.eyes.look.read(&rendered)));
+                    if let Some(name) = name.filter(|_| seed == 0 && at < SHEET_SCENARIOS) {
+                        sheet.entry(name).or_default().extend([frame, rendered]);
+                    }
                 }
                 self.progress.done(&format!("first frames of {what}, {}", route.scene.name), false);
                 match name {
@@ -71,6 +78,9 @@ impl Evaluation<'_> {
                 }
             }
         }
+        let rows: Vec<Vec<RgbImage>> = sheet.into_values().collect();
+        ds_train::sheet::write(&self.config.out.join(FIRST_FRAMES_SHEET), &rows)
+            .map_err(|source| AppraisalError::Stills { source })?;
         let summed = |frames: &Vec<[Vec<Seen>; 2]>| {
             let [words, own] = [0, 1].map(|whose| self.shown(frames, &days, whose));
             WordedOutcome { words, own }
