@@ -57,6 +57,9 @@ pub struct Baseline {
     /// The kind of simulator that was the nominal one; absent for the built-in car.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub simulator: Option<String>,
+    /// Wheelbase of the nominal simulator, m; absent in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wheelbase_m: Option<f64>,
     /// Samples per second of the residuals.
     pub rate_hz: f64,
     /// What was learned from.

@@ -266,6 +266,7 @@ fn assemble(units: &[Unit<'_>], studies: &[&Study], traits: &Spread) -> Baseline
             .collect(),
         channels: cases.iter().flat_map(|case| channels(&case.drives)).collect::<BTreeSet<_>>().into_iter().collect(),
         simulator: cases[0].stand_in.as_ref().map(|stand_in| stand_in.kind.clone()),
+        wheelbase_m: Some(cases[0].meta.nominal.lf + cases[0].meta.nominal.lr),
         rate_hz: 1.0 / ds_diagnosis::table::STEP_SECS,
         units: Units {
             vehicle: names(&|unit| unit.case.meta.vehicle.clone().unwrap_or_else(|| digest(&unit.case.meta.nominal))),

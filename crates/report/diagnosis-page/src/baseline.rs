@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use ds_dynamics::baseline::Baseline;
+use ds_effect::Parameter;
 
 /// Parameters named: those farthest from what the library takes for usual.
 const NAMED: usize = 5;
@@ -20,7 +21,9 @@ pub(crate) fn text(baseline: &Baseline) -> String {
     let mut traits: Vec<(f64, String)> = Vec::new();
     for (id, all) in &baseline.spread {
         let (Some(effect), Some(Some(usual))) = (ds_effect::find(id), all.first()) else { continue };
-        let Some(library) = effect.parameters.first().and_then(|p| p.nuisance) else { continue };
+        // A length is unlike those of cars of its size.
+        let sized = |parameter: &Parameter| baseline.wheelbase_m.map_or(*parameter, |base_m| parameter.sized(base_m));
+        let Some(library) = effect.parameters.first().and_then(|parameter| sized(parameter).nuisance) else { continue };
         let off = (usual.mean - library.mean) / library.sd;
         traits.push((off.abs(), format!("{id} {off:+.1}")));
     }
