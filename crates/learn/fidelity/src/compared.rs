@@ -6,6 +6,7 @@
 use ds_space::Draws;
 use ds_stats::bootstrap::resamples;
 use ds_stats::{Fitted, Moments};
+use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 
 use crate::error::FidelityError;
 use crate::scenarios::Features;
@@ -143,17 +144,18 @@ impl Compared {
         let parts = |features: &Features| features.0.iter().map(|rows| Moments::of(rows, &origin)).collect::<Vec<_>>();
         let real = parts(&self.real);
         let others: Vec<Vec<Moments>> = sources.iter().map(|(_, other)| parts(other)).collect();
-        let mut found = vec![Vec::new(); sources.len()];
-        for picks in picks(times, real.len()) {
+        let draw = |picks: Vec<usize>| -> Vec<f64> {
             let rooted = Moments::drawn(&real, &picks).and_then(|all| all.rooted());
-            for (found, other) in found.iter_mut().zip(&others) {
+            let distance = |other: &Vec<Moments>| {
                 let raw = Moments::drawn(other, &picks).zip(rooted.as_ref());
                 let raw = raw.and_then(|(all, rooted)| Some(rooted.frechet(&all)? / rooted.variance()));
                 // A draw of one scenario over and over may hold no variance: it has no distance for any source.
-                found.push(raw.filter(|value| value.is_finite()).unwrap_or(f64::NAN));
-            }
-        }
-        Ok(found)
+                raw.filter(|value| value.is_finite()).unwrap_or(f64::NAN)
+            };
+            others.iter().map(distance).collect()
+        };
+        let draws: Vec<Vec<f64>> = picks(times, real.len()).collect::<Vec<_>>().into_par_iter().map(draw).collect();
+        Ok((0..sources.len()).map(|source| draws.iter().map(|draw| draw[source]).collect()).collect())
     }
 
     /// Returns the bias of two independent sets of n frames each of the real distribution, λ being its eigenvalues:
