@@ -131,7 +131,8 @@ impl Compared {
     }
 
     /// Returns the distance of each of `times` resamples of scenarios, for each source, no number where the drawn ones
-    /// hold no variance; the scenarios of [`picks`] are drawn for both sets, all sources and all policies. Moments and eigenvalues (`ds_stats::Moments`).
+    /// hold no variance; the scenarios of [`picks`] are drawn for both sets, all sources and all policies. Moments and eigenvalues (`ds_stats::Moments`),
+    /// or the rows themselves where they are fewer than their features.
     ///
     /// # Errors
     /// If the frames of a source are not paired.
@@ -139,21 +140,41 @@ impl Compared {
         for (set, other) in sources {
             self.paired(set, other)?;
         }
-        let origin = self.real.all().row_mean().transpose();
+        // A draw of one scenario over and over may hold no variance: it has no distance for any source.
+        let told = |raw: Option<f64>| raw.filter(|value| value.is_finite()).unwrap_or(f64::NAN);
+        let mut found = vec![Vec::new(); sources.len()];
+        let all = self.real.all();
+        if all.nrows() < all.ncols() {
+            for picks in picks(times, self.real.0.len()) {
+                let drawn = self.of_rows(sources, &picks);
+                found.iter_mut().zip(drawn).for_each(|(found, raw)| found.push(told(raw)));
+            }
+            return Ok(found);
+        }
+        let origin = all.row_mean().transpose();
         let parts = |features: &Features| features.0.iter().map(|rows| Moments::of(rows, &origin)).collect::<Vec<_>>();
         let real = parts(&self.real);
         let others: Vec<Vec<Moments>> = sources.iter().map(|(_, other)| parts(other)).collect();
-        let mut found = vec![Vec::new(); sources.len()];
         for picks in picks(times, real.len()) {
             let rooted = Moments::drawn(&real, &picks).and_then(|all| all.rooted());
             for (found, other) in found.iter_mut().zip(&others) {
                 let raw = Moments::drawn(other, &picks).zip(rooted.as_ref());
                 let raw = raw.and_then(|(all, rooted)| Some(rooted.frechet(&all)? / rooted.variance()));
-                // A draw of one scenario over and over may hold no variance: it has no distance for any source.
-                found.push(raw.filter(|value| value.is_finite()).unwrap_or(f64::NAN));
+                found.push(told(raw));
             }
         }
         Ok(found)
+    }
+
+    /// Returns the distance of a resample for each source from its rows, none where these cannot be fitted.
+    fn of_rows(&self, sources: &[(&str, &Features)], picks: &[usize]) -> Vec<Option<f64>> {
+        let fit = |features: &Features| Fitted::of(&features.stacked(picks), 0.0).ok();
+        let real = fit(&self.real);
+        let distance = |other: &Features| {
+            let real = real.as_ref()?;
+            Some(real.frechet(&fit(other)?).ok()? / real.variance())
+        };
+        sources.iter().map(|(_, other)| distance(other)).collect()
     }
 
     /// Returns the bias of two independent sets of n frames each of the real distribution, λ being its eigenvalues:
