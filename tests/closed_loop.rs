@@ -28,8 +28,8 @@ fn every_observation_source_drives_on_frames_of_its_own() {
     let ablated = ["per-frame", "dreamstream-clean-cache", "dreamstream-no-layout"];
     let (mut frames, mut models) = (std::collections::BTreeSet::new(), std::collections::BTreeSet::new());
     for observation in sources.into_iter().chain(ablated) {
-        let drive = drive(&[TINY, "--observation", observation, "--policy", "constant-velocity", "--duration", "2"]);
-        check_episode(drive.episode(0), 20);
+        let drive = drive(&[TINY, "--observation", observation, "--policy", "constant-velocity", "--duration", "1"]);
+        check_episode(drive.episode(0), 10);
         assert_eq!(drive.episode(0)["observation"], observation);
         assert!(drive.recording(0).exists());
         assert!(
@@ -46,7 +46,7 @@ fn every_observation_source_drives_on_frames_of_its_own() {
 #[test]
 fn ablations_are_the_same_in_processes_and_replay_from_their_log() {
     for observation in ["per-frame", "dreamstream-clean-cache", "dreamstream-no-layout", "reprojected"] {
-        let settings = [TINY, "--observation", observation, "--policy", "constant-velocity", "--duration", "2"];
+        let settings = [TINY, "--observation", observation, "--policy", "constant-velocity", "--duration", "1"];
         let (embedded, processes) = (drive(&settings), drive(&[&settings[..], &["--processes"]].concat()));
         for key in ["world_digest", "frame_digest", "driving_score"] {
             assert_eq!(embedded.episode(0)[key], processes.episode(0)[key], "{observation}: {key}");
@@ -109,11 +109,11 @@ fn real_drives_are_imported_and_driven_alike_embedded_and_as_processes() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let files: Vec<_> = std::fs::read_dir(out.path()).expect("folder").flatten().map(|entry| entry.path()).collect();
     assert_eq!(files.iter().filter(|path| path.to_string_lossy().ends_with(".scenario.json")).count(), 6);
-    for scene in ["0061", "0103"] {
+    for (scene, observation) in [("0061", "dreamstream"), ("0103", "reference")] {
         let file = files.iter().find(|path| path.to_string_lossy().contains(scene)).expect("the scene is imported");
         let file = file.to_str().expect("UTF-8");
-        let embedded = drive(&[file]);
-        let processes = drive(&[file, "--processes"]);
+        let embedded = drive(&[file, "--observation", observation]);
+        let processes = drive(&[file, "--observation", observation, "--processes"]);
         check_episode(embedded.episode(0), 80);
         check_episode(processes.episode(0), 80);
         assert_eq!(embedded.episode(0)["world_digest"], processes.episode(0)["world_digest"]);

@@ -2,11 +2,15 @@
 
 use std::path::Path;
 use std::process::Child;
+use std::sync::LazyLock;
 
-use crate::harness::{children, drive, finished, signal, start, wait_for};
+use crate::harness::{Drive, children, drive, finished, signal, start, wait_for};
 
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
-const DRIVE: [&str; 4] = [SCENARIO, "--processes", "--workers", "2"];
+const DRIVE: [&str; 6] = [SCENARIO, "--processes", "--workers", "2", "--duration", "5"];
+
+/// The drive that nothing disturbs.
+static UNDISTURBED: LazyLock<Drive> = LazyLock::new(|| drive(&DRIVE));
 
 fn recorded_bytes(out: &Path) -> u64 {
     let folder = out.join("recordings");
@@ -19,7 +23,7 @@ fn wait_for_bytes(out: &Path, bytes: u64) {
     wait_for("the journal to grow", 120, || (recorded_bytes(out) >= bytes).then_some(()));
 }
 
-fn end(mut child: Child, folder: tempfile::TempDir) -> crate::harness::Drive {
+fn end(mut child: Child, folder: tempfile::TempDir) -> Drive {
     let status = child.wait().expect("the drive ends");
     let log = std::fs::read_to_string(folder.path().join("stderr.txt")).unwrap_or_default();
     assert!(status.success(), "{status}: {log}");
@@ -42,11 +46,10 @@ fn with_a_killed(service: &str, size: u64, share: f64) -> [String; 3] {
 
 #[test]
 fn a_killed_service_changes_nothing() {
-    let undisturbed = drive(&DRIVE);
-    assert_eq!(undisturbed.episode(0)["status"], "completed");
-    let size = std::fs::metadata(undisturbed.recording(0)).expect("a recording").len();
-    let digests = undisturbed.digests(0);
-    // The video model's window is full after 24 frames, 0.3 of the journal: before the first eviction, after it, and in
+    assert_eq!(UNDISTURBED.episode(0)["status"], "completed");
+    let size = std::fs::metadata(UNDISTURBED.recording(0)).expect("a recording").len();
+    let digests = UNDISTURBED.digests(0);
+    // The video model's window is full after 24 frames, half of the journal: before the first eviction, after it, and in
     // one of the last iterations. Nearly all time is spent within chunks, so each falls into one.
     let early = [("vdm-worker", 0.1), ("vdm-worker", 0.6), ("sim-server", 0.3)];
     let late = [("vdm-worker", 0.88), ("orchestrator", 0.4)];
@@ -64,7 +67,6 @@ fn a_killed_service_changes_nothing() {
 
 #[test]
 fn a_stopped_receiver_loses_nothing() {
-    let digests = drive(&DRIVE).digests(0);
     let folder = tempfile::tempdir().expect("a temporary folder");
     let child = start(&DRIVE, folder.path());
     wait_for_bytes(folder.path(), 200_000);
@@ -72,5 +74,5 @@ fn a_stopped_receiver_loses_nothing() {
     signal(stopped, "STOP");
     std::thread::sleep(std::time::Duration::from_secs(10));
     signal(stopped, "CONT");
-    assert_eq!(end(child, folder).digests(0), digests);
+    assert_eq!(end(child, folder).digests(0), UNDISTURBED.digests(0));
 }

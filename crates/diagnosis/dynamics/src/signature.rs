@@ -24,8 +24,7 @@ pub fn cosine(model: &PartModel<'_>, fit: &Fit, a: usize, b: usize) -> Option<f6
     let mut matrix = DMatrix::zeros(order.len(), order.len());
     for i in 0..order.len() {
         let weighted: Vec<f64> = columns[i].iter().zip(&weight).map(|(c, w)| c * w).collect();
-        for j in 0..=i {
-            let value: f64 = weighted.iter().zip(columns[j]).map(|(w, c)| w * c).sum();
+        for (j, value) in products(&weighted, &columns[..=i]).into_iter().enumerate() {
             matrix[(i, j)] = value;
             matrix[(j, i)] = value;
         }
@@ -39,6 +38,23 @@ pub fn cosine(model: &PartModel<'_>, fit: &Fit, a: usize, b: usize) -> Option<f6
     let projected = head - &cross * tail.cholesky()?.solve(&cross.transpose());
     let norm = projected[(0, 0)] * projected[(1, 1)];
     (norm > 1e-6).then(|| (projected[(0, 1)] / norm.sqrt()).clamp(-1.0, 1.0))
+}
+
+/// Returns the products of a row with several; four sums go on at once, each in the order of the rows.
+fn products(row: &[f64], others: &[&Vec<f64>]) -> Vec<f64> {
+    let mut found = Vec::with_capacity(others.len());
+    for four in others.chunks(4) {
+        let of = |k: usize| &four[k.min(four.len() - 1)][..row.len()];
+        let (a, b, c, d) = (of(0), of(1), of(2), of(3));
+        let mut sums = [-0.0; 4];
+        for (k, value) in row.iter().enumerate() {
+            for (sum, other) in sums.iter_mut().zip([a[k], b[k], c[k], d[k]]) {
+                *sum += value * other;
+            }
+        }
+        found.extend_from_slice(&sums[..four.len()]);
+    }
+    found
 }
 
 fn prior_sd(model: &PartModel<'_>, k: usize) -> Option<f64> {

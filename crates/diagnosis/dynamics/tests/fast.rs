@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use crate::recovery::{DELAY, LATE};
 use ds_diagnosis::Diagnosis;
 use ds_dynamics::case::Case;
 use ds_dynamics::{Options, diagnose, synthetic};
@@ -53,8 +54,10 @@ fn diagnosed(seed: u64, injected: &[(&str, f64)], to: impl Fn(&str) -> String) -
 
 #[test]
 fn two_hundred_rows_a_second_keep_verdict_and_effect() {
-    for (seed, injected) in [(42, &[("steer_delay", 0.12)][..]), (43, &[]), (44, &[("gyro_bias", 0.012)])] {
-        let slow = diagnosed(seed, injected, str::to_owned);
+    const BIAS: (u64, &[(&str, f64)]) = (44, &[("gyro_bias", 0.012)]);
+    let slow = |(seed, injected): (u64, &[(&str, f64)])| diagnosed(seed, injected, str::to_owned);
+    let rows = [(DELAY, &*LATE), ((43, &[][..]), &slow((43, &[]))), (BIAS, &slow(BIAS))];
+    for ((seed, injected), slow) in rows {
         for held in [false, true] {
             let found = diagnosed(seed, injected, |text| fast(text, held));
             let left = found.unknown_description.as_ref();
@@ -62,7 +65,7 @@ fn two_hundred_rows_a_second_keep_verdict_and_effect() {
             let said = found.warnings.join("; ");
             assert!(said.contains("200 samples a second") && !said.contains("scatter"), "{said}");
             let sizes = |d: &Diagnosis| d.effects.iter().find(|e| d.chosen.contains(&e.id)).map(|e| e.value);
-            if let Some((found, slow)) = sizes(&found).zip(sizes(&slow)) {
+            if let Some((found, slow)) = sizes(&found).zip(sizes(slow)) {
                 assert!((found - slow).abs() < 0.05 * slow.abs(), "{found} beside {slow}, held: {held}");
             }
         }

@@ -2,6 +2,7 @@
 //! nothing was injected.
 
 use std::path::Path;
+use std::sync::LazyLock;
 
 use ds_diagnosis::{Diagnosis, Verdict};
 use ds_dynamics::case::Case;
@@ -29,6 +30,11 @@ fn read(folder: &Path) -> Case {
 fn quick() -> Options {
     Options { quick: true, ..Options::default() }
 }
+
+/// The effect of [`LATE`].
+pub(crate) const DELAY: (u64, &[(&str, f64)]) = (42, &[("steer_delay", 0.12)]);
+/// A quick diagnosis that several tests look at.
+pub(crate) static LATE: LazyLock<Diagnosis> = LazyLock::new(|| diagnosed(DELAY.0, DELAY.1, &quick()));
 
 #[test]
 fn single_effects_are_found_and_measured() {
@@ -76,8 +82,7 @@ fn an_effect_that_begins_within_a_drive_is_dated() {
 
 #[test]
 fn constant_effects_are_called_constant() {
-    let found = diagnosed(42, &[("steer_delay", 0.12)], &quick());
-    assert_eq!(found.modulation.expect("something was accepted").kind, "constant");
+    assert_eq!(LATE.modulation.as_ref().expect("something was accepted").kind, "constant");
 }
 
 #[test]

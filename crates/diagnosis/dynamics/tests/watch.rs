@@ -1,7 +1,7 @@
 //! A watch keeps quiet over healthy drives, tells a fault soon after it began, and refuses baselines that say too little.
 
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use ds_diagnosis::CaseError;
 use ds_dynamics::baseline::Baseline;
@@ -20,13 +20,15 @@ fn case(folder: &Path, seed: u64, fault: Option<(&str, f64)>) -> Case {
     Case::read(folder).expect("the case can be read")
 }
 
-fn baseline(root: &Path) -> Baseline {
+/// What three healthy logs say.
+static BASELINE: LazyLock<Arc<Baseline>> = LazyLock::new(|| {
+    let root = tempfile::tempdir().expect("a folder");
     let one = |seed: u64| {
         let name = format!("day-{seed}");
-        Healthy { case: case(&root.join(&name), seed, None), name }
+        Healthy { case: case(&root.path().join(&name), seed, None), name }
     };
-    learn(&[61, 62, 63].map(one), &|| ()).expect("three healthy logs")
-}
+    Arc::new(learn(&[61, 62, 63].map(one), &|| ()).expect("three healthy logs"))
+});
 
 /// Drives 2 and 3 of a faulty log after drives 0 and 1 of a healthy one.
 fn breaks(root: &Path, fault: (&str, f64)) -> Case {
@@ -38,7 +40,7 @@ fn breaks(root: &Path, fault: (&str, f64)) -> Case {
 #[test]
 fn healthy_drives_raise_no_alarm_and_a_fault_is_told_and_named() {
     let root = tempfile::tempdir().expect("a folder");
-    let baseline = baseline(root.path());
+    let baseline = BASELINE.clone();
     let windows = baseline.windows.as_ref().expect("windows of three logs");
     assert_eq!(windows.logs.len(), 3);
     assert!(
@@ -46,7 +48,6 @@ fn healthy_drives_raise_no_alarm_and_a_fault_is_told_and_named() {
         "{:?}",
         windows.logs.iter().map(Vec::len).collect::<Vec<_>>()
     );
-    let baseline = Arc::new(baseline);
     let mut watch = Watch::new(baseline.clone(), 1.0).expect("windows of three logs");
     for seed in 81..84 {
         let healthy = case(&root.path().join("h"), seed, None);
@@ -68,7 +69,7 @@ fn healthy_drives_raise_no_alarm_and_a_fault_is_told_and_named() {
 #[test]
 fn a_baseline_without_windows_is_told_what_it_lacks() {
     let root = tempfile::tempdir().expect("a folder");
-    let text = serde_json::to_string(&Baseline { windows: None, ..baseline(root.path()) }).expect("JSON");
+    let text = serde_json::to_string(&Baseline { windows: None, ..(**BASELINE).clone() }).expect("JSON");
     assert!(!text.contains("\"windows\""), "a file of an earlier version has no such key");
     let file = root.path().join("old.json");
     std::fs::write(&file, text).expect("it can be written");

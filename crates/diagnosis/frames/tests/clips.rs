@@ -39,6 +39,19 @@ fn edit(folder: &Path, from: &str, to: &str) {
     std::fs::write(&path, text.replacen(from, to, 1)).expect("meta.json");
 }
 
+/// Copies all that lies in a folder.
+fn copy(from: &Path, to: &Path) {
+    for entry in std::fs::read_dir(from).expect("a folder") {
+        let (path, copied) = entry.map(|entry| (entry.path(), to.join(entry.file_name()))).expect("an entry");
+        if path.is_dir() {
+            std::fs::create_dir(&copied).expect("a folder");
+            copy(&path, &copied);
+        } else {
+            std::fs::copy(&path, &copied).expect("copied");
+        }
+    }
+}
+
 fn told(folder: &Path, nuisance: Option<&Nuisance>) -> Result<Diagnosis, SightError> {
     Streams::read(folder)?.diagnose(&Options { nuisance: nuisance.cloned(), ..Options::default() })
 }
@@ -71,9 +84,11 @@ fn incomplete_cases_are_refused_by_name() {
         ("cannot decode", |f| std::fs::write(f.join("clip_1/sim_0/0003.jpg"), b"no").expect("written")),
         ("too few seeds", |f| edit(&f.join("clip_1"), r#", "sim_1""#, "")),
     ];
+    let sound = tempfile::tempdir().expect("a folder");
+    clips(sound.path(), 5, 6, &[]);
     for (message, spoil) in rows {
         let root = tempfile::tempdir().expect("a folder");
-        clips(root.path(), 5, 6, &[]);
+        copy(sound.path(), root.path());
         spoil(root.path());
         let refused = told(root.path(), None).expect_err(message);
         assert!(refused.to_string().contains(message), "{message}: {refused}");

@@ -132,6 +132,18 @@ impl Served {
             Request::Hello(_) | Request::Bye(_) => refused(0, "said by itself only".to_owned()),
         }
     }
+
+    /// Answers a line by a line, none when it is bid goodbye. Of no type parameters, so that it is compiled here, as this crate
+    /// is, and not where it is called.
+    fn line(&mut self, line: &str) -> Result<Option<String>, SimulatorError> {
+        let text = match serde_json::from_str::<Request>(line) {
+            Ok(Request::Hello(_)) => serde_json::to_string(&self.hello()),
+            Ok(Request::Bye(_)) => return Ok(None),
+            Ok(request) => serde_json::to_string(&self.answer(&request)),
+            Err(error) => serde_json::to_string(&Reply::Error(Failure { id: 0, text: error.to_string() })),
+        };
+        Ok(Some(text.map_err(std::io::Error::other)? + "\n"))
+    }
 }
 
 /// Serves a car until its input ends or it is bid goodbye.
@@ -140,13 +152,8 @@ impl Served {
 /// If a stream fails.
 pub fn serve(mut served: Served, input: impl BufRead, mut output: impl Write) -> Result<(), SimulatorError> {
     for line in input.lines() {
-        let text = match serde_json::from_str::<Request>(&line?) {
-            Ok(Request::Hello(_)) => serde_json::to_string(&served.hello()),
-            Ok(Request::Bye(_)) => break,
-            Ok(request) => serde_json::to_string(&served.answer(&request)),
-            Err(error) => serde_json::to_string(&Reply::Error(Failure { id: 0, text: error.to_string() })),
-        };
-        writeln!(output, "{}", text.map_err(std::io::Error::other)?)?;
+        let Some(answer) = served.line(&line?)? else { break };
+        output.write_all(answer.as_bytes())?;
         output.flush()?;
     }
     Ok(())

@@ -46,8 +46,13 @@ impl Mean {
         self.0.len() == DRIVES
     }
 
-    fn add(&mut self, change: Option<(f64, f64)>) {
-        self.0.extend(change.filter(|_| !self.full()));
+    /// Takes one drive more, as long as there are too few.
+    fn add(&mut self, name: &str, change: impl FnOnce() -> Option<(f64, f64)>) {
+        if !self.full() {
+            let change = change();
+            eprintln!("{name}, there and elsewhere: {change:.2?}");
+            self.0.extend(change);
+        }
     }
 
     fn check(&self, what: &str, least: f64, ratio: f64) {
@@ -59,8 +64,7 @@ impl Mean {
 
 /// Returns the mean change of colours (0 to 255) where the layout changed, and elsewhere, over the last chunk; nothing if
 /// the edit is out of view.
-fn change(arm: &Arm, drive: &Drive, [before, after]: [&[Layout]; 2]) -> Option<(f64, f64)> {
-    let frames = [before, after].map(|layouts| arm.roll_with(drive, layouts).expect("rolls out"));
+fn change([before, after]: [&[Layout]; 2], frames: [&[RgbImage]; 2]) -> Option<(f64, f64)> {
     let (width, height) = (frames[0][0].width_px() as usize, frames[0][0].height_px() as usize);
     let differs = |images: [&RgbImage; 2], at: usize| {
         let pixel = |image: &RgbImage| [0, 1, 2].map(|colour| image.rgb()[3 * at + colour]);
@@ -80,7 +84,7 @@ fn change(arm: &Arm, drive: &Drive, [before, after]: [&[Layout]; 2]) -> Option<(
         for frame in chunk.clone() {
             for colour in 0..3 {
                 let value = |images: &[RgbImage]| f64::from(images[frame].rgb()[3 * at + colour]);
-                place.0 += (value(&frames[0]) - value(&frames[1])).abs();
+                place.0 += (value(frames[0]) - value(frames[1])).abs();
                 place.1 += 1.0;
             }
         }
@@ -132,10 +136,10 @@ fn removing_or_moving_a_vehicle_changes_the_frame_there() {
                 agent.pose.position = agent.pose.to_outer(DVec2::new(0.0, 3.5));
             }
         });
+        let rolled = |layouts: &[Layout]| arm.roll_with(&drive, layouts).expect("rolls out");
+        let frames = rolled(&before);
         for (mean, after) in [(&mut removed, &without), (&mut moved, &aside)] {
-            let change = change(&arm, &drive, [&before, after]);
-            eprintln!("lead-braking {seed}, there and elsewhere: {change:.2?}");
-            mean.add(change);
+            mean.add(&format!("lead-braking {seed}"), || change([&before, after], [&frames, &rolled(after)]));
         }
     }
     removed.check("vehicle removed", 5.0, 3.0);
@@ -164,10 +168,10 @@ fn removing_or_moving_lane_lines_changes_the_frame_there() {
             let left = scene.ego_log[20].pose.left();
             scene.map.line_markings.iter_mut().flat_map(|line| &mut line.points).for_each(|point| *point += 1.0 * left);
         });
+        let rolled = |layouts: &[Layout]| arm.roll_with(&drive, layouts).expect("rolls out");
+        let frames = rolled(&before);
         for (mean, after) in [(&mut removed, &without), (&mut moved, &aside)] {
-            let change = change(&arm, &drive, [&before, after]);
-            eprintln!("free-curve {seed}, there and elsewhere: {change:.2?}");
-            mean.add(change);
+            mean.add(&format!("free-curve {seed}"), || change([&before, after], [&frames, &rolled(after)]));
         }
     }
     removed.check("lane lines removed", 5.0, 2.0);

@@ -2,6 +2,7 @@
 //! what was looked at is kept, and the same configuration gives the same figures.
 
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use ds_evaluate::study::{self, RecordedDrive, Study, StudyConfig, outcome::Outcome};
 use ds_evaluate::{AppraisalError, Progress};
@@ -52,6 +53,23 @@ fn run(study: Study, config: &StudyConfig) -> Result<Outcome, Box<AppraisalError
     alone(study, config, &mut Counted::default())
 }
 
+/// The small study and what it found.
+static STUDIED: LazyLock<(StudyConfig, Outcome, Counted)> = LazyLock::new(|| {
+    let config = config(&tempfile::tempdir().expect("a temporary folder").keep());
+    let (found, counted) = study(&config);
+    (config, found, counted)
+});
+
+/// The same in another folder, with what was looked at before.
+fn looked_at(out: &Path) -> StudyConfig {
+    let [from, to] = [&STUDIED.0.out, out].map(|folder| folder.join("features"));
+    std::fs::create_dir(&to).expect("a folder");
+    for record in std::fs::read_dir(from).expect("records").map(|entry| entry.expect("an entry")) {
+        std::fs::copy(record.path(), to.join(record.file_name())).expect("copied");
+    }
+    config(out)
+}
+
 fn study(config: &StudyConfig) -> (Outcome, Counted) {
     let mut progress = Counted::default();
     let outcome = alone(Study::Fidelity, config, &mut progress).expect("the study runs");
@@ -60,9 +78,7 @@ fn study(config: &StudyConfig) -> (Outcome, Counted) {
 
 #[test]
 fn the_reference_is_at_zero_and_what_was_looked_at_is_kept() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let config = config(folder.path());
-    let (found, first) = study(&config);
+    let (config, found, first) = &*STUDIED;
     assert_eq!((first.made, first.kept), (18, 6), "6 scenarios × 3 sets; the reference as a source is the real set");
     let row = |policy: &str, source: &str| &found.policies[policy].sources[source];
     let panel = ["camera", "drivor", "ltf"];
@@ -81,14 +97,14 @@ fn the_reference_is_at_zero_and_what_was_looked_at_is_kept() {
     assert_eq!(found.others["fd_look_clip"].features, 128);
     assert_eq!(found.worst["layout"].len(), 6);
     assert!(found.worst["layout"].windows(2).all(|pair| pair[0].apart >= pair[1].apart));
-    study::write(&config, &found).expect("writes");
-    let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
+    study::write(config, found).expect("writes");
+    let page = std::fs::read_to_string(config.out.join("index.html")).expect("a page");
     assert!(page.contains("sim-to-reference") && page.contains("camera-drawn"));
     let picture = found.worst["layout"][0].picture.as_ref().expect("the worst scene is shown");
-    assert!(folder.path().join("scenes").join(picture).exists());
-    let (again, second) = study(&config);
+    assert!(config.out.join("scenes").join(picture).exists());
+    let (again, second) = study(config);
     assert_eq!((second.made, second.kept), (0, 24));
-    assert_eq!(again, found);
+    assert_eq!(again, *found);
 }
 
 fn source(text: &str) -> study::config::Source {
@@ -132,7 +148,7 @@ fn far_sources_are_correlated_with_plans() {
 #[test]
 fn edits_are_answered_and_drift_is_measured() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let mut config = config(folder.path());
+    let mut config = looked_at(folder.path());
     config.sources.push(source("{ name = \"bare\", from = \"sim-rgb\", no_lines = true }"));
     config.sources.push(source("{ name = \"aside\", from = \"reference\", aside_m = 2.0 }"));
     config.edits = [["sim-rgb", "bare"], ["reference", "aside"]].map(|pair| pair.map(str::to_owned)).to_vec();
@@ -275,7 +291,7 @@ fn recorded(folder: &Path, size_px: (u32, u32), widths: [u32; 2]) -> Vec<study::
 #[test]
 fn recorded_frames_are_the_unit() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let mut config = config(folder.path());
+    let mut config = looked_at(folder.path());
     config.scenarios = 4;
     let run = |config: &StudyConfig| run(Study::Anchor, config).map_err(Box::new);
     assert!(run(&config).expect_err("no recorded sets").to_string().contains("recorded"));

@@ -132,7 +132,8 @@ impl Compared {
     }
 
     /// Returns the distance of each of `times` resamples of scenarios, for each source, no number where the drawn ones
-    /// hold no variance; the scenarios of [`picks`] are drawn for both sets, all sources and all policies. Moments and eigenvalues (`ds_stats::Moments`).
+    /// hold no variance; the scenarios of [`picks`] are drawn for both sets, all sources and all policies. Moments and eigenvalues (`ds_stats::Moments`),
+    /// or the rows themselves where they are fewer than their features.
     ///
     /// # Errors
     /// If the frames of a source are not paired.
@@ -140,22 +141,38 @@ impl Compared {
         for (set, other) in sources {
             self.paired(set, other)?;
         }
-        let origin = self.real.all().row_mean().transpose();
+        let all = self.real.all();
+        let few = all.nrows() < all.ncols();
+        let origin = all.row_mean().transpose();
         let parts = |features: &Features| features.0.iter().map(|rows| Moments::of(rows, &origin)).collect::<Vec<_>>();
         let real = parts(&self.real);
         let others: Vec<Vec<Moments>> = sources.iter().map(|(_, other)| parts(other)).collect();
-        let draw = |picks: Vec<usize>| -> Vec<f64> {
-            let rooted = Moments::drawn(&real, &picks).and_then(|all| all.rooted());
+        let by_moments = |picks: &[usize]| -> Vec<Option<f64>> {
+            let rooted = Moments::drawn(&real, picks).and_then(|all| all.rooted());
             let distance = |other: &Vec<Moments>| {
-                let raw = Moments::drawn(other, &picks).zip(rooted.as_ref());
-                let raw = raw.and_then(|(all, rooted)| Some(rooted.frechet(&all)? / rooted.variance()));
-                // A draw of one scenario over and over may hold no variance: it has no distance for any source.
-                raw.filter(|value| value.is_finite()).unwrap_or(f64::NAN)
+                let (all, rooted) = Moments::drawn(other, picks).zip(rooted.as_ref())?;
+                Some(rooted.frechet(&all)? / rooted.variance())
             };
             others.iter().map(distance).collect()
         };
+        let draw = |picks: Vec<usize>| -> Vec<f64> {
+            let raw = if few { self.by_rows(sources, &picks) } else { by_moments(&picks) };
+            // A draw of one scenario over and over may hold no variance: it has no distance for any source.
+            raw.into_iter().map(|raw| raw.filter(|value| value.is_finite()).unwrap_or(f64::NAN)).collect()
+        };
         let draws: Vec<Vec<f64>> = picks(times, real.len()).collect::<Vec<_>>().into_par_iter().map(draw).collect();
         Ok((0..sources.len()).map(|source| draws.iter().map(|draw| draw[source]).collect()).collect())
+    }
+
+    /// Returns the distance of a resample for each source from its rows, none where these cannot be fitted.
+    fn by_rows(&self, sources: &[(&str, &Features)], picks: &[usize]) -> Vec<Option<f64>> {
+        let fit = |features: &Features| Fitted::of(&features.stacked(picks), 0.0).ok();
+        let real = fit(&self.real);
+        let distance = |other: &Features| {
+            let real = real.as_ref()?;
+            Some(real.frechet(&fit(other)?).ok()? / real.variance())
+        };
+        sources.iter().map(|(_, other)| distance(other)).collect()
     }
 
     /// Returns the bias of two independent sets of n frames each of the real distribution, λ being its eigenvalues:

@@ -1,7 +1,7 @@
 //! The whole video recipe in miniature, on rendered clips: every stage runs, stops, resumes, improves and ships.
 
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use ds_clips::{ClipSet, Recipe};
 use ds_nn::safetensors::WeightsFile;
@@ -36,26 +36,33 @@ impl ds_clips::Progress for NoBar {
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../..");
 
+/// The clips of the smoke recipe; stages read them and write elsewhere.
+static CLIPS: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().expect("a folder");
+    for part in ["", "_broad", "_diverse"] {
+        let path = Path::new(ROOT).join(format!("configs/data/smoke{part}.toml"));
+        let recipe = Recipe::load(&path).expect("the recipe is valid");
+        ds_clips::render(&recipe, &folder.path().join(format!("clips{part}")), &NoBar).expect("renders");
+    }
+    folder
+});
+
 /// The smoke recipe with its work folder in a temporary one.
 fn recipe(folder: &Path) -> String {
+    recipe_on(folder, &CLIPS.path().join("clips"))
+}
+
+fn recipe_on(folder: &Path, clips: &Path) -> String {
     let text = include_str!("../../../../configs/train/smoke.toml");
     text.replace("../models", &format!("{ROOT}/configs/models"))
         .replace("training/smoke", &folder.join("work").display().to_string())
-        .replace("training/data/smoke", &folder.join("clips").display().to_string())
+        .replace("training/data/smoke", &clips.display().to_string())
 }
 
 fn load(folder: &Path, text: &str) -> Result<TrainConfig, TrainError> {
     let path = folder.join("train.toml");
     std::fs::write(&path, text).expect("writes");
     TrainConfig::load(&path)
-}
-
-fn render(folder: &Path) {
-    for part in ["", "_broad", "_diverse"] {
-        let path = Path::new(ROOT).join(format!("configs/data/smoke{part}.toml"));
-        let recipe = Recipe::load(&path).expect("the recipe is valid");
-        ds_clips::render(&recipe, &folder.join(format!("clips{part}")), &NoBar).expect("renders");
-    }
 }
 
 fn weights(config: &TrainConfig, stage: &str) -> ds_nn::Weights {
@@ -88,7 +95,6 @@ fn psnr(config: &TrainConfig, student: &ds_nn::Weights, stage: &str) -> f32 {
 #[test]
 fn every_stage_runs_improves_and_ships() {
     let folder = tempfile::tempdir().expect("a folder");
-    render(folder.path());
     let config = load(folder.path(), &recipe(folder.path())).expect("the recipe is valid");
     for stage in Stage::ALL.into_iter().filter(|stage| *stage != Stage::Ship) {
         stage.run(&config, &mut Silent).unwrap_or_else(|error| panic!("{}: {error}", stage.name()));
@@ -209,7 +215,6 @@ fn grows(config: &TrainConfig, folder: &Path, shipped: &Path) {
 #[test]
 fn the_graph_trains_as_the_processors_loops_do() {
     let folder = tempfile::tempdir().expect("a folder");
-    render(folder.path());
     let steps = |text: &str, from: u32| text.replace(&format!("steps = {from}"), "steps = 3");
     let text = [60, 80, 40, 10, 20].into_iter().fold(recipe(folder.path()), |text, from| steps(&text, from));
     let text = text.replace("count = 8", "count = 2");
@@ -238,7 +243,7 @@ fn the_graph_trains_as_the_processors_loops_do() {
 #[test]
 fn a_stage_without_its_inputs_says_what_is_missing() {
     let folder = tempfile::tempdir().expect("a folder");
-    let config = load(folder.path(), &recipe(folder.path())).expect("valid");
+    let config = load(folder.path(), &recipe_on(folder.path(), &folder.path().join("clips"))).expect("valid");
     let check = |stage: Stage, expected: &str| {
         let error = stage.run(&config, &mut Silent).expect_err("it has nothing to work on");
         let mut message = error.to_string();
