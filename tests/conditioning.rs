@@ -68,7 +68,9 @@ fn a_given_prompt_reaches_the_model() {
     let (plain, default) = &*PLAIN;
     let (given, recording) = driven(&["--prompt", "driving at night, snowfall"]);
     let (again, _) = driven(&["--prompt", "driving at night, snowfall"]);
-    assert_eq!(recording.scene().spec.prompt, "driving at night, snowfall");
+    // Ordinary words are told in those of training.
+    let told = "driving at night, headlights on, snowfall, flakes in the air, snow covered road";
+    assert_eq!(recording.scene().spec.prompt, told);
     let conditioning = |recording: &Recording| {
         recording.body::<Cache>(Slot::new(Topic::Cache, 0)).expect("the first chunk").conditioning
     };

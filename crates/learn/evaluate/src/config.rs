@@ -422,9 +422,12 @@ impl EvalConfig {
             }
         }
         if let Some(first_frames) = &self.first_frames
-            && (first_frames.scenarios == 0 || first_frames.steps == 0 || first_frames.wordings.is_empty())
+            && (first_frames.scenarios == 0
+                || first_frames.steps == 0
+                || first_frames.wordings.is_empty()
+                || first_frames.wordings.values().any(Vec::is_empty))
         {
-            return refuse("first_frames", "needs a scenario, a step and wordings");
+            return refuse("first_frames", "needs a scenario, a step and wordings of every condition");
         }
         if let Some(videos) = &self.videos {
             for arm in &videos.arms {
