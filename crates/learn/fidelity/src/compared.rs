@@ -142,13 +142,14 @@ impl Compared {
             self.paired(set, other)?;
         }
         let all = self.real.all();
-        let few = all.nrows() < all.ncols();
         let origin = all.row_mean().transpose();
         let parts = |features: &Features| features.0.iter().map(|rows| Moments::of(rows, &origin)).collect::<Vec<_>>();
-        let real = parts(&self.real);
-        let others: Vec<Vec<Moments>> = sources.iter().map(|(_, other)| parts(other)).collect();
-        let by_moments = |picks: &[usize]| -> Vec<Option<f64>> {
-            let rooted = Moments::drawn(&real, picks).and_then(|all| all.rooted());
+        let moments = (all.nrows() >= all.ncols()).then(|| {
+            let others: Vec<Vec<Moments>> = sources.iter().map(|(_, other)| parts(other)).collect();
+            (parts(&self.real), others)
+        });
+        let by_moments = |(real, others): &(Vec<Moments>, Vec<Vec<Moments>>), picks: &[usize]| -> Vec<Option<f64>> {
+            let rooted = Moments::drawn(real, picks).and_then(|all| all.rooted());
             let distance = |other: &Vec<Moments>| {
                 let (all, rooted) = Moments::drawn(other, picks).zip(rooted.as_ref())?;
                 Some(rooted.frechet(&all)? / rooted.variance())
@@ -156,11 +157,12 @@ impl Compared {
             others.iter().map(distance).collect()
         };
         let draw = |picks: Vec<usize>| -> Vec<f64> {
-            let raw = if few { self.by_rows(sources, &picks) } else { by_moments(&picks) };
+            let raw = moments.as_ref().map_or_else(|| self.by_rows(sources, &picks), |all| by_moments(all, &picks));
             // A draw of one scenario over and over may hold no variance: it has no distance for any source.
             raw.into_iter().map(|raw| raw.filter(|value| value.is_finite()).unwrap_or(f64::NAN)).collect()
         };
-        let draws: Vec<Vec<f64>> = picks(times, real.len()).collect::<Vec<_>>().into_par_iter().map(draw).collect();
+        let draws: Vec<Vec<f64>> =
+            picks(times, self.real.0.len()).collect::<Vec<_>>().into_par_iter().map(draw).collect();
         Ok((0..sources.len()).map(|source| draws.iter().map(|draw| draw[source]).collect()).collect())
     }
 

@@ -22,8 +22,7 @@ struct Wanted {
 impl Wanted {
     /// Reads the name of a condition.
     fn parse(name: &str) -> Result<Self, AppraisalError> {
-        let condition: Condition =
-            name.parse().map_err(|error| AppraisalError::config("appearance.conditions", format!("{error}")))?;
+        let condition = condition("appearance.conditions", name)?;
         Ok(Self { condition, kept: sought(condition) })
     }
 
@@ -35,6 +34,11 @@ impl Wanted {
             Some(f64::from(u8::from(all)))
         })
     }
+}
+
+/// Reads the name of a condition in a field of the configuration.
+pub(super) fn condition(field: &str, name: &str) -> Result<Condition, AppraisalError> {
+    name.parse().map_err(|error| AppraisalError::config(field, format!("{error}")))
 }
 
 impl Evaluation<'_> {

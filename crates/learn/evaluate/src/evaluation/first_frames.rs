@@ -14,6 +14,7 @@ use ds_video::ModelConfig;
 use ds_world::Wording;
 
 use super::Evaluation;
+use super::appearance::condition;
 use crate::config::FirstFramesConfig;
 use crate::drive::{Drive, Route};
 use crate::error::AppraisalError;
@@ -85,7 +86,7 @@ impl Evaluation<'_> {
         for (palette, route) in (7_000..).zip(&routes) {
             days.push(studio.pair(route, Condition::DAY, "", [palette, 0])?.seen);
             for (name, texts) in &config.wordings {
-                let wanted = condition(name)?;
+                let wanted = condition("first_frames.wordings", name)?;
                 let pairs = (0..).zip(texts).map(|(seed, text)| studio.pair(route, wanted, text, [palette, seed]));
                 let mut pairs = pairs.collect::<Result<Vec<Pair>, _>>()?;
                 made.entry(name).or_default().push(pairs.iter().map(|pair| pair.seen).collect());
@@ -128,11 +129,6 @@ impl Evaluation<'_> {
             detail: over(4, true),
         }
     }
-}
-
-/// Reads the name of a condition.
-fn condition(name: &str) -> Result<Condition, AppraisalError> {
-    name.parse().map_err(|error| AppraisalError::config("first_frames.wordings", format!("{error}")))
 }
 
 fn seen(frame: &RgbImage, road: &[bool], right: bool) -> Seen {
