@@ -131,20 +131,21 @@ const DENIALS: &[&str] = &["no", "not", "without", "never", "isn", "isnt", "aren
 const BETWEEN: &[&str] = &["any", "of", "t", "much", "more", "sign", "trace"];
 
 /// Words that hold a sentence together, and those of what layouts tell: they are no look, and nobody is surprised.
-const QUIET: &str = "a an and any are around as at away back be been behind beneath beside big bit but by can cast casts city come comes \
-    country countryside deep dense down drive driver drives driving during early end ego empty everywhere fall falling falls few from \
-    front full get gets giving glow glowing going gone has have heavily heavy high highway hour i in into is it its just large late leaves \
-    lies light lighting lightly like lit little long lot lots low many me middle more most much my near of off on onto other our out over \
-    overhead pale past patch patches photo picture please quiet rather road roads rural s scene scenery season shine shines show shows side \
-    sky skies slow slowly small so soft some still street streets strong sun sunlight t than that the their them then there these they \
-    thick thin this those through time to town two under up urban very video view visible was way we weather were what when where which \
-    while wide will with you your air bright brightly broad evenly full sets rises set hangs hanging lying covered drifting gentle \
-    intersection crossroads roundabout crossing junction curve curves bend straight left right turn turning leftward rightward lane lanes \
-    single double multiple motorway signal traffic red yellow green unknown crosswalk zebra car cars vehicle vehicles truck trucks van bus \
-    lone parked waiting or oncoming leader close distant slowing pedestrian pedestrians people person walking waits cyclist cyclists \
-    riding stopped bicycle bicycles cones barriers stands brakes accelerates creeps cruises hurries house houses building buildings tree \
-    trees streaks suburb suburban residential avenue camera dashcam windshield image frame all whole being do does flakes shadow shadows horizon alley lane commute trip breaks \
-    spring summer autumn first am pm o clock coming";
+const QUIET: &str = "and any around as at away back be behind beneath beside big bit but by can cast casts city come comes country \
+    countryside deep dense down drive driver drives driving during early end ego empty everywhere fall falling falls few \
+    from front full get gets giving glow glowing going gone heavily heavy high highway hour i in into its large late \
+    leaves lies light lighting lightly like lit little long lot lots low many me middle more most much my near of off on \
+    onto other our out over overhead pale past patch patches photo picture please quiet rather road roads rural s scene \
+    scenery season shine shines show shows side sky skies slow slowly small so soft some still street streets strong sun \
+    sunlight t than that their them then there these they thick thin this those through time to town two under up urban \
+    video view visible way we weather were what when where which while wide will with you your air bright brightly broad \
+    evenly sets rises set hangs hanging lying covered drifting gentle intersection crossroads roundabout crossing junction \
+    curve curves bend straight left right turn turning leftward rightward lane lanes single double multiple motorway \
+    signal traffic red yellow green unknown crosswalk zebra car cars vehicle vehicles truck trucks van bus lone parked \
+    waiting or oncoming leader close distant slowing pedestrian pedestrians people person walking waits cyclist cyclists \
+    riding stopped bicycle bicycles cones barriers stands brakes accelerates creeps cruises hurries house houses building \
+    buildings tree trees streaks suburb suburban residential avenue camera dashcam windshield image frame all whole being \
+    do does shadow shadows horizon alley commute trip breaks spring summer autumn first am pm o clock coming";
 
 impl Wording {
     /// Reads a description.
