@@ -1,4 +1,4 @@
-//! Pixel buffers with their meaning, lossless encodings, digests, and a z-buffered software rasteriser.
+//! Pixel buffers with their meaning, lossless encodings, digests, a z-buffered software rasteriser, and what falls before a camera.
 //!
 //! Images are 8-bit RGB in sRGB, rows top to bottom, no padding. The rasteriser is shared by the layout's `cpu`
 //! back end and the reference camera; it knows triangles, views, lenses and depth, not scenes.
@@ -6,6 +6,7 @@
 mod class;
 pub mod depth;
 pub mod encode;
+pub mod fall;
 pub mod geometry;
 pub mod image;
 pub mod lens;
@@ -17,6 +18,7 @@ pub mod view;
 pub use class::PixelClass;
 pub use depth::{DepthRaster, ScreenPoint};
 pub use encode::Encoding;
+pub use fall::{Fall, Falling, Sight, specks};
 pub use geometry::{Carried, Geometry, INVERSE_DEPTH_STEP, Mover};
 pub use image::{ImageError, RgbImage};
 pub use lens::Lens;

@@ -3,12 +3,12 @@
 //! Surfaces are rastered at twice the size, each 2×2 block is shaded once where it shows one surface and four times
 //! where it does not, and averaged. A pure function of scene, state, camera and appearance: same input, same bits.
 
-use ds_raster::{DepthRaster, ImageError, RgbImage, View};
+use ds_raster::{DepthRaster, Fall, ImageError, RgbImage, Sight, View};
 use ds_space::{CameraModel, DVec2, DVec3, Draws, Intrinsics, Pose, Rig, Vec2, Vec3, World};
 use ds_world::{Scene, WorldState, agent::corners};
 
 use crate::appearance::Appearance;
-use crate::fall::{Canvas, Fall};
+use crate::fall::Canvas;
 use crate::geometry::Geometry;
 use crate::light::Light;
 use crate::scene_camera::{LabelledCamera, SceneCamera};
@@ -57,9 +57,7 @@ impl ReferenceCamera {
         };
         let anchor = scene.ego_log.first().map_or(DVec2::ZERO, |ego| ego.pose.position);
         let geometry = Geometry::new(scene, appearance.palette_seed, standing);
-        let fall = appearance.condition.and_then(|condition| {
-            Fall::new(condition.weather(), appearance.fall, scene.digest, appearance.palette_seed)
-        });
+        let fall = appearance.falling(scene.digest);
         Self { geometry, light, shadows, anchor, seed, sampling: Sampling::Smooth, fall }
     }
 
@@ -150,17 +148,8 @@ impl SceneCamera for ReferenceCamera {
         let samples = lens.develop(self.expose(world, &view)?);
         let mut light = averaged(&samples, size, scale as usize);
         if let Some(fall) = &self.fall {
-            fall.draw(
-                world.tick,
-                &mut Canvas {
-                    light: &mut light,
-                    width: size.width_px as usize,
-                    height: size.height_px as usize,
-                    focal_px: size.fx_px,
-                    bright: self.light.ambient * 1.1 + self.light.sun * 0.3,
-                    headlight: self.light.headlight,
-                },
-            );
+            let (bright, headlight) = (self.light.ambient * 1.1 + self.light.sun * 0.3, self.light.headlight);
+            Canvas { light: &mut light, sight: Sight::of(size), bright, headlight }.cover(fall, world.tick);
         }
         let colours: Vec<[u8; 3]> = light.into_iter().map(developed).collect();
         RgbImage::new(size.width_px, size.height_px, colours.into_flattened())

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::clip::Clip;
 use crate::error::ClipsError;
 use crate::index::{ClipInfo, INDEX_FILE, Index};
+use crate::recipe::Source;
 use crate::shard::{self, Entry, Kinds, Wanted};
 
 /// A finished set of clips.
@@ -76,7 +77,8 @@ impl ClipSet {
         &self.index.clips[clip]
     }
 
-    /// Reads `count` ticks of a clip from tick `from` on; of frames and classes those that the clip has.
+    /// Reads `count` ticks of a clip from tick `from` on; of frames and classes those that the clip has. What falls follows from its
+    /// scene and look.
     ///
     /// # Errors
     /// If there is no such clip or tick, or the shard is broken.
@@ -101,7 +103,9 @@ impl ClipSet {
         }
         let (width_px, height_px) = self.size();
         let path = shard::path(&self.folder, clip / self.index.shard_clips);
-        entry.read(&path, &Wanted { kinds, width_px, height_px, from, count })
+        let clip = entry.read(&path, &Wanted { kinds, width_px, height_px, from, count })?;
+        let told = kinds == Kinds::All && matches!(self.index.source, Source::Reference | Source::Imported);
+        Ok(if told { Clip { falls: entry.info.falls(from..from + count), ..clip } } else { clip })
     }
 
     /// Reads a whole clip.

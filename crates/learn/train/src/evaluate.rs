@@ -24,9 +24,10 @@ pub fn layouts(clip: &Clip) -> Vec<Layout> {
     (0..clip.layouts.len()).map(|tick| layout(clip, tick)).collect()
 }
 
-/// Returns the layout of a tick of a clip with its geometry.
+/// Returns the layout of a tick of a clip with its geometry and what falls.
 pub(crate) fn layout(clip: &Clip, tick: usize) -> Layout {
-    Layout { image: clip.layouts[tick].clone(), geometry: clip.geometry.get(tick).cloned() }
+    let (geometry, falls) = (clip.geometry.get(tick).cloned(), clip.falls.get(tick).cloned());
+    Layout { image: clip.layouts[tick].clone(), geometry, falls }
 }
 
 /// Rolls a clip out with the given layouts; the first frame is the clip's own.

@@ -8,8 +8,8 @@ use std::path::Path;
 use ds_nn::Array;
 use ds_nn::tiny_ae::Memory;
 use ds_raster::RgbImage;
-use ds_space::Digest;
-use ds_video::{ModelConfig, VideoModel, tokens};
+use ds_space::{Digest, Tick};
+use ds_video::{Carry, Layout, ModelConfig, VideoModel, tokens};
 
 use crate::condition::Condition;
 use crate::condition::noise;
@@ -19,7 +19,7 @@ use crate::guidance::{Dropout, Guidance, Teacher};
 /// What a first frame is made of.
 pub struct Request<'a> {
     /// The layout of the moment.
-    pub layout: &'a RgbImage,
+    pub layout: &'a Layout,
     /// Words for what is to be seen.
     pub prompt: &'a str,
     /// Keys the noise.
@@ -56,7 +56,7 @@ impl FirstFrames {
     pub fn make(&self, request: &Request<'_>) -> Result<RgbImage, TrainError> {
         let (config, model) = (&self.config, &self.model);
         let ((h, w), z, stride, n) = (config.latent_size(), config.vae.z, config.vae.stride_t, config.dit().tokens());
-        let still = vec![request.layout; stride];
+        let still = vec![&request.layout.image; stride];
         let (empty, layouts) = (vec![0.0; n * 4 * z], [still.clone(), still.clone()]);
         let condition =
             Condition { start: &empty, clean: &empty, layouts: &layouts, layout_on: true, prompt: request.prompt };
@@ -65,12 +65,16 @@ impl FirstFrames {
         let sampled =
             self.teacher.sample(&batch, &noise, request.steps, Guidance::by(request.guidance), &mut |_, _| ());
         let latents = Array::new(&[1, h, w, z], tokens::from_tokens(sampled.values(), h, w));
-        let guide = (config.control.decoder_layers > 0).then(|| tokens::stacked(&still));
+        let [width, height] = [config.video.width_px, config.video.height_px];
+        let fall = config.control.falls.as_ref().and_then(|falls| falls.said(request.prompt, request.key));
+        let layout = request.layout.falling(fall, Tick(0), [width, height]);
+        let guide = (config.control.decoder_layers > 0)
+            .then(|| Carry::default().guide(&config.ae(), width, height, &vec![&layout; stride]));
         let frames = model.autoencoder().decode(&model.denormalised(latents), guide.as_ref(), &mut Memory::default());
         if !frames.is_finite() {
             return Err(TrainError::NotFinite { what: "first frame" });
         }
         let last = frames.values().len() / stride * (stride - 1);
-        Ok(RgbImage::of_values(&frames.values()[last..], config.video.width_px, config.video.height_px))
+        Ok(RgbImage::of_values(&frames.values()[last..], width, height))
     }
 }

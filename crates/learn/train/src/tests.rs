@@ -170,7 +170,7 @@ fn ships(config: &TrainConfig, folder: &Path, shipped: &Path) {
             !other.folder.join("teacher.safetensors").exists() && other.folder.join("autoencoder.safetensors").exists()
         );
     }
-    let layout = RgbImage::filled(model.video.width_px, model.video.height_px, ds_layout::colour::LANE);
+    let layout = RgbImage::filled(model.video.width_px, model.video.height_px, ds_layout::colour::LANE).into();
     // With decoder and teacher a folder ships what was taken apart.
     let again = folder.join("again.safetensors");
     for stage in ["decoder", "teacher"] {

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use ds_nn::Array;
 use ds_nn::body::{ChunkKv, Context, Control, Window};
 use ds_nn::cache::KvCache;
-use ds_raster::RgbImage;
+use ds_raster::{Fall, RgbImage};
 use ds_space::{Digest, DigestWriter, Tick};
 use ds_topic::Cache;
 use ds_topic::body::Tensor;
@@ -44,6 +44,8 @@ pub struct Rollout {
     draw_key: Digest,
     camera: String,
     context: Context,
+    /// What falls, by the prompt.
+    fall: Option<Fall>,
     /// The start latent of chunks after the first frame.
     start: Array,
     conditioning: Digest,
@@ -103,7 +105,7 @@ impl Rollout {
         let first_layout = [first_layout.into()];
         let (control, remembered) = rollout.control(&first_layout);
         rollout.remembered = remembered;
-        rollout.take_along(rollout.first_frame.clone().as_ref(), &first_layout[0]);
+        rollout.take_along(rollout.first_frame.clone().as_ref(), &first_layout[0], Tick(0));
         rollout.begin(clean, &control)
     }
 
@@ -135,6 +137,11 @@ impl Rollout {
             draw_key,
             camera: camera.to_owned(),
             context,
+            fall: config
+                .control
+                .falls
+                .as_ref()
+                .and_then(|falls| falls.said(prompt, DigestWriter::new().digest(&draw_key).text(camera).finish())),
             start,
             conditioning: conditioning.finish(),
             encoder_digest,
@@ -219,7 +226,7 @@ impl Rollout {
             generated.frames.extend_from_slice(&frames[published..]);
             self.remembered = remembered;
             if let (Some(frame), Some(layout)) = (frames.last(), layouts.last()) {
-                self.take_along(frame, layout);
+                self.take_along(frame, layout, Tick(self.first_tick() + per_chunk as u32 - 1));
             }
             generated.committed.push(self.commit(made, &control));
         }
@@ -268,7 +275,8 @@ impl Rollout {
         let newest = rest.last().unwrap_or(first);
         rollout.remember(past, newest)?;
         if let (Some(frame), Some(layout)) = (&newest.frame, past.last()) {
-            rollout.take_along(frame, layout);
+            let newest = Tick(rollout.first_tick() - 1);
+            rollout.take_along(frame, layout, newest);
         }
         if !layouts.is_empty() {
             rollout.pending = layouts.to_vec();
@@ -322,11 +330,23 @@ impl Rollout {
         writer.finish()
     }
 
-    /// Takes the last frame of what was committed along, if the decoder is to see it again.
-    fn take_along(&mut self, frame: &RgbImage, layout: &Layout) {
+    /// Takes the last frame of what was committed, of a tick, along, if the decoder is to see it again.
+    fn take_along(&mut self, frame: &RgbImage, layout: &Layout, tick: Tick) {
         if self.model.config().control.carried {
-            self.carry = Carry::of(frame, layout);
+            let layout = self.falling(layout, tick);
+            self.carry = if tick == Tick(0) { Carry::first(frame, &layout) } else { Carry::of(frame, &layout) };
         }
+    }
+
+    /// Returns a layout with what falls at its tick.
+    fn falling(&self, layout: &Layout, tick: Tick) -> Layout {
+        let video = &self.model.config().video;
+        layout.falling(self.fall, tick, [video.width_px, video.height_px])
+    }
+
+    /// Returns the first tick of the chunk under way.
+    fn first_tick(&self) -> u32 {
+        if self.chunk == 0 { 0 } else { 1 + (self.chunk - 1) * self.model.config().frames_per_chunk() as u32 }
     }
 
     fn latent_shape(&self) -> [usize; 4] {
@@ -395,12 +415,11 @@ impl Rollout {
         let config = self.model.config();
         let (h, w) = config.latent_size();
         let guide = (config.control.decoder_layers > 0 && !layouts.is_empty()).then(|| {
-            self.carry.guide(
-                &config.ae(),
-                config.video.width_px,
-                config.video.height_px,
-                &layouts.iter().collect::<Vec<_>>(),
-            )
+            let ticks = (self.first_tick()..).map(Tick);
+            let layouts: Vec<Layout> =
+                layouts.iter().zip(ticks).map(|(layout, tick)| self.falling(layout, tick)).collect();
+            let layouts: Vec<&Layout> = layouts.iter().collect();
+            self.carry.guide(&config.ae(), config.video.width_px, config.video.height_px, &layouts)
         });
         let latents = tokens::tokens_to_latents(clean, h, w);
         let decoded = self.model.codec.decode(latents, guide.as_ref(), &mut self.decoder);
@@ -424,7 +443,7 @@ impl Rollout {
         }
         let entry = Cache {
             chunk: self.chunk,
-            first: Tick(if self.chunk == 0 { 0 } else { 1 + (self.chunk - 1) * per_chunk }),
+            first: Tick(self.first_tick()),
             ticks: if self.chunk == 0 { 1 } else { per_chunk },
             cached_input: entry::tensor(&made.cached),
             clean: entry::tensor(&made.clean),

@@ -12,7 +12,7 @@ use ds_space::{CameraId, CameraModel, DVec3, Digest, Intrinsics, PoseSe2};
 use ds_topic::Cache;
 use ds_topic::body::Tensor;
 
-use crate::{Backend, Layout, ModelConfig, Replay, Rollout, VideoError, VideoModel, prompt, sampler};
+use crate::{Backend, Carry, Layout, ModelConfig, Replay, Rollout, VideoError, VideoModel, prompt, sampler};
 
 mod published;
 
@@ -63,19 +63,66 @@ fn told(ticks: std::ops::Range<u32>) -> Vec<Layout> {
     let layout = |k: u32| {
         let world_from_camera = PoseSe2::new(0.4 * f64::from(k), 0.0, 0.0).world_from_rig(0.0) * camera.rig_from_camera;
         let geometry = Geometry { lens, world_from_camera, inverse_depths: Arc::clone(&depths), movers: Vec::new() };
-        Layout { image: picture(k + 100), geometry: Some(Arc::new(geometry)) }
+        Layout { geometry: Some(Arc::new(geometry)), ..Layout::from(picture(k + 100)) }
     };
     ticks.map(layout).collect()
 }
 
+const CARRIED: &str = "decoder_layers = 1\ncarried = true";
+const FALLS: &str = "decoder_layers = 1\ncarried = true\nfalls = { snow = \"flakes\", rain = \"streaks\" }";
+
 #[test]
 fn a_frame_is_carried_from_chunk_to_chunk_and_to_a_successor() {
-    let model = model_of(&SMOKE.replace("decoder_layers = 1", "decoder_layers = 1\ncarried = true"));
+    carries(&model_of(&SMOKE.replace("decoder_layers = 1", CARRIED)), PROMPT);
+    carries(&model_of(&SMOKE.replace("decoder_layers = 1", FALLS)), "a road, flakes in the air");
+}
+
+#[test]
+fn what_falls_by_the_prompt_is_drawn_at_each_tick() {
+    let model = model_of(&SMOKE.replace("decoder_layers = 1", FALLS));
+    let frames = |prompt: &str| {
+        let (key, first) = (Digest::of(b"key"), &told(0..1)[0]);
+        let begun = Rollout::new(Arc::clone(&model), key, "front", prompt, &picture(0), first);
+        begun.expect("starts").0.generate(&told(1..9)).expect("generates").frames
+    };
+    let prompts = ["a road", "a road, flakes in the air", "a road, streaks in the air"];
+    let [dry, snow, rain] = prompts.map(frames);
+    let falls = model.config().control.falls.as_ref().expect("is told");
+    let fall = prompts.map(|prompt| falls.said(prompt, Digest::of(b"key")).is_some());
+    assert_eq!(fall, [false, true, true]);
+    assert!(dry != snow && snow != rain && dry != rain);
+    assert_ne!(snow[4..], snow[..4], "flakes stand still");
+}
+
+#[test]
+fn what_falls_covers_the_carried_frame_and_what_fell_before_stays_behind() {
+    let model = model_of(&SMOKE.replace("decoder_layers = 1", FALLS));
+    let (shape, place) = (model.config().ae(), 28 * 64 + 20);
+    let mut flake = vec![0; 64 * 32];
+    flake[place] = 255;
+    let still = &told(0..1)[0];
+    let falls = Layout { falls: Some(Arc::new(flake)), ..still.clone() };
+    let mut frame = RgbImage::filled(64, 32, [100; 3]);
+    frame.rgb_mut()[..8 * 64 * 3].fill(240);
+    let seen = |before: &Layout, now: &Layout| {
+        let guide = Carry::of(&frame, before).guide(&shape, 64, 32, &[now]).into_values();
+        [guide[7 * place + 3], guide[7 * place + 6], guide[7 * (place + 9) + 6]]
+    };
+    let [carried, bright] = [100, 240].map(ds_raster::value);
+    assert_eq!(seen(still, still), [carried, 1.0, 1.0]);
+    assert_eq!(seen(&falls, still), [0.0, 0.0, 1.0], "a flake of before is carried");
+    assert_eq!(seen(still, &falls), [bright, 1.0, 1.0]);
+    let sky = Carry::default().guide(&shape, 64, 32, &[&falls]).into_values();
+    assert_eq!(sky[7 * place + 6], 1.0);
+    assert!(sky[7 * place + 3] > 0.5 && sky[7 * (place + 9) + 6] == 0.0);
+}
+
+fn carries(model: &Arc<VideoModel>, prompt: &str) {
     assert_eq!(model.config().layout_memory_ticks(), 4);
     let first = &told(0..1)[0];
     let begin = || {
         let key = Digest::of(b"key");
-        Rollout::new(Arc::clone(&model), key, "front", PROMPT, &picture(0), first).expect("starts")
+        Rollout::new(Arc::clone(model), key, "front", prompt, &picture(0), first).expect("starts")
     };
     let (mut rollout, entry) = begin();
     let whole = rollout.generate(&told(1..13)).expect("generates");
@@ -86,10 +133,10 @@ fn a_frame_is_carried_from_chunk_to_chunk_and_to_a_successor() {
         let log: Vec<Cache> = std::iter::once(&entry).chain(&whole.committed[..done]).cloned().collect();
         let since = 4 * done as u32 + 1;
         let mut successor = Rollout::replay(Replay {
-            model: Arc::clone(&model),
+            model: Arc::clone(model),
             draw_key: Digest::of(b"key"),
             camera: "front",
-            prompt: PROMPT,
+            prompt,
             first_frame: &picture(0),
             entries: &log,
             past: &told(since.saturating_sub(5)..since),

@@ -64,7 +64,7 @@ fn first_frame(args: &FirstFrameArgs) -> Result<()> {
     let look = wording.condition().map_or(Appearance::DAY, |condition| Appearance::condition(condition, 0));
     let route = Route { scene: Arc::new(scene), start: 0, pace: 1.0, look, turned_deg: 0.0 };
     let mut drive = Drive::new(&ReferenceWorld, &route, (preset.video.width_px, preset.video.height_px))?;
-    let layout = drive.layout(0)?.image;
+    let layout = drive.layout(0)?;
     note(&format!("prompt: {}", drive.prompt));
     let remarks = args.prompt.iter().flat_map(|_| wording.remarks());
     remarks.for_each(|remark| note(&format!("--prompt: {remark}")));

@@ -55,7 +55,7 @@ impl Studio<'_> {
             Drive::new(self.world, &Route { look, ..route.clone() }, self.size_px)
         };
         let mut told = drive(Wording::read(text).condition().unwrap_or(Condition::DAY))?;
-        let layout = told.layout(0)?.image;
+        let layout = told.layout(0)?;
         let request = Request {
             layout: &layout,
             prompt: &told.prompt,

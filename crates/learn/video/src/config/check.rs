@@ -109,6 +109,12 @@ impl ModelConfig {
                 "needs decoder_layers above 0, which see the carried frame",
             );
         }
+        if let Some(falls) = &self.control.falls {
+            let rule = "needs carried = true and words for both";
+            if !self.control.carried || falls.snow.is_empty() || falls.rain.is_empty() {
+                return refuse("control.falls", format!("{falls:?}"), rule);
+            }
+        }
         if !matches!(v.stride_t, 1 | 2 | 4) || v.stride_s != BLOCK_PX || v.z > 64 {
             return refuse("vae.stride_t", v.stride_t.to_string(), "must be 1, 2 or 4, with stride_s 8 and z up to 64");
         }
@@ -132,10 +138,11 @@ impl ModelConfig {
         if sizes.iter().any(|size| *size > 0) {
             return refuse("vae.encoder_width", format!("{:?}", v.encoder()), "widths and blocks belong to kind tiny");
         }
-        if self.control.decoder_layers > 0 || self.control.sketch_widths.is_some() || self.control.carried {
+        let control = &self.control;
+        if control.decoder_layers > 0 || control.sketch_widths.is_some() || control.carried || control.falls.is_some() {
             return refuse(
                 "control.decoder_layers",
-                self.control.decoder_layers.to_string(),
+                control.decoder_layers.to_string(),
                 "published decoders do not see layouts",
             );
         }
