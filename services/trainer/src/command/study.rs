@@ -13,6 +13,7 @@ use ds_evaluate::study::outcome::{Figure, Outcome};
 use ds_evaluate::study::{self, Guests, Study, StudyConfig};
 use ds_launch::guest;
 use ds_policy::Policy;
+use ds_process::run_folder::{self, Earlier};
 use ds_process::shipped;
 use ds_process::terminal::{answer, bar};
 
@@ -65,6 +66,7 @@ fn of_frames(study: Study, args: &StudyArgs) -> Result<()> {
         config.recorded = Recorded::load(file).with_context(|| format!("recorded sets of {}", file.display()))?;
     }
     config.check_for(study)?;
+    let _held = run_folder::take(&config.out, Earlier::Resumed)?;
     let began = Instant::now();
     let mut progress = Bar(bar(0, "sets"));
     let mut outcome = study::run(study, &config, &guests()?, &mut progress, &|| began.elapsed().as_secs_f64())?;

@@ -8,6 +8,7 @@ use ds_campaign::cli::{CellArgs, Kept, RunArgs};
 use ds_evaluate::study::closed_loop::{self, ClosedLoop, Drive, REFERENCE};
 use ds_evaluate::study::write_drives;
 use ds_launch::Networks;
+use ds_process::run_folder::{self, Earlier};
 use ds_process::terminal::answer;
 use ds_topic::{ObservationSource, ProposalScorer};
 use ds_world::{AgentMode, TrackerKind};
@@ -67,6 +68,7 @@ pub(super) fn run(args: &StudyArgs) -> Result<()> {
     if args.quick {
         out = out.join("quick");
     }
+    let _held = run_folder::take(&out, Earlier::Resumed)?;
     let base = path.parent().unwrap_or(Path::new("."));
     let drives = RunArgs {
         what: CellArgs {
