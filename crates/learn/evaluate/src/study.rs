@@ -24,7 +24,8 @@ mod source;
 mod under_way;
 
 pub use config::{Study, StudyConfig};
+pub use crew::Means;
 pub use drives::{DriveOf, RecordedDrive, drives};
-pub use engine::{Means, run, write, write_json};
+pub use engine::{run, write, write_json};
 pub use page::closed::write_drives;
 pub use panel::Guests;

@@ -14,6 +14,16 @@ use super::features::Lookers;
 use super::panel::{self, Guests};
 use crate::error::AppraisalError;
 
+/// What carries a study out.
+pub struct Means<'a> {
+    /// Policies that connect.
+    pub guests: &'a Guests<'a>,
+    /// A running clock, in seconds.
+    pub seconds: &'a dyn Fn() -> f64,
+    /// How many sets are made and looked at side by side, one a thread; as many as there are cores without it. No figure depends on it.
+    pub workers: Option<usize>,
+}
+
 /// Workers, with the networks that they look with.
 pub(super) struct Crew {
     team: Team,
@@ -22,18 +32,14 @@ pub(super) struct Crew {
 }
 
 impl Crew {
-    /// Gathers workers, one for each core where no number is given.
+    /// Gathers workers with their networks.
     ///
     /// # Errors
     /// As of [`panel::load`], or if the look network cannot be read.
-    pub(super) fn gather(
-        config: &StudyConfig,
-        guests: &Guests<'_>,
-        workers: Option<usize>,
-    ) -> Result<Self, AppraisalError> {
-        let team = workers.map_or_else(Team::of_all_cores, Team::new);
+    pub(super) fn gather(config: &StudyConfig, means: &Means<'_>) -> Result<Self, AppraisalError> {
+        let team = means.workers.map_or_else(Team::of_all_cores, Team::new);
         let one = || {
-            let panel = panel::load(config, guests)?;
+            let panel = panel::load(config, means.guests)?;
             Ok::<_, AppraisalError>(Lookers { panel, look: LookReader::load(&config.path(&config.look_weights))? })
         };
         let mut lookers = vec![one()?];

@@ -8,27 +8,14 @@ use std::path::Path;
 use ds_fidelity::{Compared, Features, Interval, ratio, recentred};
 
 use super::config::{Study, StudyConfig};
-use super::found::{Found, Measured, Sets};
+use super::crew::Means;
+use super::found::{Found, HUNDREDTHS, Measured, Sets};
 use super::outcome::{Figure, Outcome, Ratio, Row, Table};
-use super::panel::Guests;
 use super::source::Source;
 use super::under_way::UnderWay;
 use super::{anchor, correlation, page, rollout, sensitivity};
 use crate::Progress;
 use crate::error::AppraisalError;
-
-/// Distances are stated in hundredths of the variance.
-pub(super) const HUNDREDTHS: f64 = 100.0;
-
-/// What carries a study out.
-pub struct Means<'a> {
-    /// Policies that connect.
-    pub guests: &'a Guests<'a>,
-    /// A running clock, in seconds.
-    pub seconds: &'a dyn Fn() -> f64,
-    /// How many sets are made and looked at side by side, one a thread; as many as there are cores without it. No figure depends on it.
-    pub workers: Option<usize>,
-}
 
 /// Makes the frames, looks at them and measures; what was looked at before is kept.
 ///

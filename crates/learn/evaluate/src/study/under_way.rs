@@ -11,10 +11,9 @@ use ds_space::Digest;
 use ds_topic::ObservationSource;
 
 use super::config::{Study, StudyConfig};
-use super::crew::Crew;
-use super::engine::{HUNDREDTHS, Means};
+use super::crew::{Crew, Means};
 use super::features::{Rows, Seen, key, look, matrix};
-use super::found::{Measured, Sets};
+use super::found::{HUNDREDTHS, Measured, Sets};
 use super::frames::Take;
 use super::outcome::{Outcome, Scene};
 use super::source::Source;
@@ -74,7 +73,7 @@ impl<'a> UnderWay<'a> {
     /// # Errors
     /// If weights cannot be used or the look is unknown.
     pub(super) fn open(study: Study, config: &'a StudyConfig, means: &Means<'_>) -> Result<Self, AppraisalError> {
-        let crew = Crew::gather(config, means.guests, means.workers)?;
+        let crew = Crew::gather(config, means)?;
         let mut arms = BTreeMap::new();
         for source in config.sources.iter().map(|source| source.from).filter(|source| source.is_generated()) {
             let Some(files) = &config.video else { continue };
