@@ -2,6 +2,8 @@
 
 use std::process::{Command, Output};
 
+use ds_process::run_folder::{self, Earlier};
+
 fn trainer(words: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_trainer")).args(words).output().expect("the process runs")
 }
@@ -32,6 +34,29 @@ fn what_is_not_meant_is_refused_by_name() {
         let said = String::from_utf8_lossy(&stderr);
         assert_eq!((status.code(), said.contains(says)), (Some(code), true), "{words:?}: {said}");
     }
+}
+
+#[test]
+fn a_folder_holds_one_study_at_a_time() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().to_str().expect("a plain path");
+    let held = run_folder::take(folder.path(), Earlier::Resumed).expect("a fresh folder");
+    let configs = ["fidelity", "closed-loop"].map(|name| format!("../../configs/study/{name}.toml"));
+    for words in [
+        &["study", "fidelity", "--config", &configs[0], "--out", out][..],
+        &["study", "closed-loop", "--config", &configs[1], "--out", out],
+        &["study", "drives", "--config", &configs[0], "--real", "none", "--source", "none", "--out", out],
+    ] {
+        let Output { status, stderr, .. } = trainer(words);
+        let said = String::from_utf8_lossy(&stderr);
+        let says = said.contains(out) && said.contains("in use by another run") && said.contains("--out");
+        assert_eq!((status.code(), says), (Some(1), true), "{words:?}: {said}");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).expect("the folder").count(), 1, "nothing but the lock");
+    drop(held);
+    let said =
+        trainer(&["study", "drives", "--config", &configs[0], "--real", "none", "--source", "none", "--out", out]);
+    assert!(String::from_utf8_lossy(&said.stderr).contains("folder none"), "given back: {said:?}");
 }
 
 #[test]

@@ -28,8 +28,8 @@ pub mod watch;
 pub use config::EvalConfig;
 pub use error::AppraisalError;
 
-/// Hears how an evaluation goes on.
-pub trait Progress {
+/// Hears how an evaluation goes on, from whichever thread.
+pub trait Progress: Send {
     /// So many rollouts are ahead.
     fn ahead(&mut self, rollouts: u64);
     /// A rollout is done; it was stored from an earlier run if `stored`.

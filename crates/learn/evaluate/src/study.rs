@@ -7,6 +7,7 @@ mod anchor;
 pub mod closed_loop;
 pub mod config;
 mod correlation;
+mod crew;
 mod drives;
 mod engine;
 mod features;
@@ -20,8 +21,10 @@ mod recorded;
 mod rollout;
 mod sensitivity;
 mod source;
+mod under_way;
 
 pub use config::{Study, StudyConfig};
+pub use crew::Means;
 pub use drives::{DriveOf, RecordedDrive, drives};
 pub use engine::{run, write, write_json};
 pub use page::closed::write_drives;

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use ds_evaluate::study::{self, RecordedDrive, Study, StudyConfig, outcome::Outcome};
+use ds_evaluate::study::{self, Guests, Means, RecordedDrive, Study, StudyConfig, outcome::Outcome};
 use ds_evaluate::{AppraisalError, Progress};
 use ds_nn::Array;
 use ds_policy::plan::evenly_spaced;
@@ -45,8 +45,18 @@ impl Progress for Counted {
 
 /// Runs a study to which no policy connects.
 fn alone(study: Study, config: &StudyConfig, progress: &mut Counted) -> Result<Outcome, Box<AppraisalError>> {
-    study::run(study, config, &|name, _| Err(format!("{name} is not expected").into()), progress, &|| 0.0)
-        .map_err(Box::new)
+    by(None, study, config, progress)
+}
+
+/// The same by so many workers.
+fn by(
+    workers: Option<usize>,
+    study: Study,
+    config: &StudyConfig,
+    progress: &mut Counted,
+) -> Result<Outcome, Box<AppraisalError>> {
+    let guests: &Guests<'_> = &|name, _| Err(format!("{name} is not expected").into());
+    study::run(study, config, &Means { guests, seconds: &|| 0.0, workers }, progress).map_err(Box::new)
 }
 
 fn run(study: Study, config: &StudyConfig) -> Result<Outcome, Box<AppraisalError>> {
@@ -114,6 +124,24 @@ fn source(text: &str) -> study::config::Source {
         toml::Value::String(text.to_owned())
     };
     study::config::Source::try_from(value).expect("a sound source")
+}
+
+#[test]
+fn figures_do_not_depend_on_how_many_look() {
+    let alone = |workers: usize| {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let mut config = config(folder.path());
+        config.scenarios = 4;
+        let mut counted = Counted::default();
+        let found = by(Some(workers), Study::Fidelity, &config, &mut counted).expect("the study runs");
+        let pictures = found.worst["layout"].iter().filter_map(|scene| scene.picture.as_ref());
+        let names = pictures.chain(found.looks.iter().map(|(_, name)| name));
+        let read = |name: &String| std::fs::read(folder.path().join("scenes").join(name)).expect("a picture");
+        let pictures: Vec<Vec<u8>> = names.map(read).collect();
+        assert_eq!((counted.made, counted.kept, pictures.len()), (12, 4, 7));
+        (serde_json::to_string(&found).expect("plain values"), pictures)
+    };
+    assert!(alone(1) == alone(3), "one thread and three");
 }
 
 #[test]
@@ -251,7 +279,8 @@ fn a_policy_that_connects_is_a_member_and_another_one_is_looked_at_anew() {
             assert_eq!((name, listen), ("guest", "tcp/127.0.0.1:7448"));
             Ok(Box::new(Guest { tells, weight }) as Box<dyn Policy>)
         };
-        let found = study::run(Study::Fidelity, config, &connect, &mut counted, &|| 0.0);
+        let means = Means { guests: &connect, seconds: &|| 0.0, workers: Some(3) };
+        let found = study::run(Study::Fidelity, config, &means, &mut counted);
         found.map(|found| (found, counted)).map_err(|error| error.to_string())
     };
     let (found, first) = with(&config, true, 1.0).expect("the study runs");

@@ -35,6 +35,12 @@ impl Team {
         Self { pools: (0..workers.max(1)).map(pool).collect() }
     }
 
+    /// Returns the number of workers.
+    #[must_use]
+    pub fn workers(&self) -> usize {
+        self.pools.len()
+    }
+
     /// Runs a job for each number below `count` and returns the results in order.
     ///
     /// # Panics

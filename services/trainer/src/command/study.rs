@@ -10,9 +10,10 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use ds_evaluate::study::config::Recorded;
 use ds_evaluate::study::outcome::{Figure, Outcome};
-use ds_evaluate::study::{self, Guests, Study, StudyConfig};
+use ds_evaluate::study::{self, Guests, Means, Study, StudyConfig};
 use ds_launch::guest;
 use ds_policy::Policy;
+use ds_process::run_folder::{self, Earlier};
 use ds_process::shipped;
 use ds_process::terminal::{answer, bar};
 
@@ -65,9 +66,11 @@ fn of_frames(study: Study, args: &StudyArgs) -> Result<()> {
         config.recorded = Recorded::load(file).with_context(|| format!("recorded sets of {}", file.display()))?;
     }
     config.check_for(study)?;
+    let _held = run_folder::take(&config.out, Earlier::Resumed)?;
     let began = Instant::now();
     let mut progress = Bar(bar(0, "sets"));
-    let mut outcome = study::run(study, &config, &guests()?, &mut progress, &|| began.elapsed().as_secs_f64())?;
+    let means = Means { guests: &guests()?, seconds: &|| began.elapsed().as_secs_f64(), workers: None };
+    let mut outcome = study::run(study, &config, &means, &mut progress)?;
     outcome.quick = args.quick;
     study::write(&config, &outcome)?;
     progress.0.finish_and_clear();

@@ -10,6 +10,9 @@ const HEIGHT: f64 = 230.0;
 /// Room for words: left, right, top, bottom.
 const ROOM: [f64; 4] = [52.0, 12.0, 42.0, 26.0];
 
+/// Width of a letter in the names of lines, at most on average.
+const LETTER: f64 = 6.8;
+
 /// A line with its band.
 pub(crate) struct Line<'a> {
     name: &'a str,
@@ -54,6 +57,7 @@ impl Plot<'_> {
             text(m, "", (4.0, bottom + 4.0), &format!("{low:.2}"));
             text(m, "", (x(left), HEIGHT - 8.0), &format!("frame {left:.0}"));
             text(m, "", (x(right) - 28.0, HEIGHT - 8.0), &format!("{right:.0}"));
+            let mut named = x(left);
             for (index, one) in self.lines.iter().enumerate() {
                 let colour = index % 4;
                 let upper = one.points.iter().map(|(at, e)| (x(*at), y(e.high)));
@@ -62,9 +66,9 @@ impl Plot<'_> {
                 m.void("polygon", &[("class", &format!("band b{colour}")), ("points", &band)]);
                 let points: Vec<(f64, f64)> = one.points.iter().map(|(at, e)| (x(*at), y(e.value))).collect();
                 path(m, &format!("l{colour}"), &points);
-                let place = (x(left) + 110.0 * index as f64, 32.0);
-                path(m, &format!("l{colour}"), &[(place.0, place.1 - 4.0), (place.0 + 14.0, place.1 - 4.0)]);
-                text(m, "", (place.0 + 18.0, place.1), one.name);
+                path(m, &format!("l{colour}"), &[(named, 28.0), (named + 14.0, 28.0)]);
+                text(m, "", (named + 18.0, 32.0), one.name);
+                named += 30.0 + LETTER * one.name.chars().count() as f64;
             }
         });
     }

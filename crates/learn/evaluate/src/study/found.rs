@@ -7,6 +7,9 @@ use super::config::StudyConfig;
 use super::frames::Take;
 use super::outcome::Table;
 
+/// Distances are stated in hundredths of the variance.
+pub(super) const HUNDREDTHS: f64 = 100.0;
+
 /// Features of one network on the real set and on each source.
 pub(super) struct Sets {
     pub(super) name: String,

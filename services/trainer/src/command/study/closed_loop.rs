@@ -1,5 +1,6 @@
 //! `study closed-loop`: drives of a benchmark's cells on every source, then how far they lie from those on the reference.
 
+use std::num::NonZero;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
@@ -8,6 +9,7 @@ use ds_campaign::cli::{CellArgs, Kept, RunArgs};
 use ds_evaluate::study::closed_loop::{self, ClosedLoop, Drive, REFERENCE};
 use ds_evaluate::study::write_drives;
 use ds_launch::Networks;
+use ds_process::run_folder::{self, Earlier};
 use ds_process::terminal::answer;
 use ds_topic::{ObservationSource, ProposalScorer};
 use ds_world::{AgentMode, TrackerKind};
@@ -17,7 +19,7 @@ use super::{config_of, shown};
 use crate::cli::StudyArgs;
 
 /// Only every so many-th scenario is driven for a look.
-const QUICK: usize = 8;
+const QUICK: NonZero<usize> = NonZero::new(8).expect("not zero");
 
 /// What is driven and asked. Paths are relative to the configuration file, `out` to the current folder.
 #[derive(Debug, Deserialize)]
@@ -27,6 +29,9 @@ struct Config {
     out: PathBuf,
     /// Manifests of scenario sets (NAME.set.json).
     sets: Vec<PathBuf>,
+    /// Only every so many-th scenario of each set is driven; all without it.
+    #[serde(default = "each")]
+    every: NonZero<usize>,
     policies: Vec<String>,
     /// Observation sources; the reference is driven too.
     sources: Vec<String>,
@@ -37,6 +42,10 @@ struct Config {
     draws: u64,
     model: PathBuf,
     policy_weights: PathBuf,
+}
+
+fn each() -> NonZero<usize> {
+    NonZero::<usize>::MIN
 }
 
 /// Drives and compares.
@@ -67,6 +76,7 @@ pub(super) fn run(args: &StudyArgs) -> Result<()> {
     if args.quick {
         out = out.join("quick");
     }
+    let _held = run_folder::take(&out, Earlier::Resumed)?;
     let base = path.parent().unwrap_or(Path::new("."));
     let drives = RunArgs {
         what: CellArgs {
@@ -95,7 +105,8 @@ pub(super) fn run(args: &StudyArgs) -> Result<()> {
         metrics: None,
         out: out.join("drives"),
     };
-    let complete = ds_campaign::drives(&drives, if args.quick { QUICK } else { 1 })?;
+    let every = if args.quick { QUICK.max(config.every) } else { config.every };
+    let complete = ds_campaign::drives(&drives, every.get())?;
     ensure!(complete, "not all drives have ended: the same command goes on");
     let (mut all, mut unscored) = (Vec::new(), 0);
     record::read(&drives.out, |_, record| match record.episode.driving_score.filter(|_| record.ended()) {
@@ -110,8 +121,9 @@ pub(super) fn run(args: &StudyArgs) -> Result<()> {
     let mut found = closed_loop::compare(&all, &config.nearer, config.draws);
     found.quick = args.quick;
     found.left_out += unscored;
-    found.sets =
-        config.sets.iter().map(|set| set.file_name().unwrap_or_default().to_string_lossy().into_owned()).collect();
+    let part = if every == each() { String::new() } else { format!(", one scenario of {every}") };
+    let named = |set: &PathBuf| format!("{}{part}", set.file_name().unwrap_or_default().to_string_lossy());
+    found.sets = config.sets.iter().map(named).collect();
     write_drives(&out, &found)?;
     tell(&found);
     for name in ["closed-loop.json", "index.html"] {

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use ds_evaluate::study::{self, RecordedDrive, StudyConfig};
+use ds_process::run_folder::{self, Earlier};
 use ds_process::shipped;
 use ds_process::terminal::{answer, bar};
 use ds_record::Recording;
@@ -34,6 +35,7 @@ struct Matched {
 pub(super) fn run(args: &DrivesArgs) -> Result<()> {
     let path = args.config.clone().unwrap_or_else(|| shipped::find(Path::new("configs/study/fidelity.toml")));
     let config = StudyConfig::load(&path).with_context(|| format!("configuration {}", path.display()))?;
+    let _held = args.out.as_deref().map(|out| run_folder::take(out, Earlier::Resumed)).transpose()?;
     let folders = || std::iter::once(&args.real).chain(&args.source);
     let names: Vec<String> = folders().map(|folder| folder.display().to_string()).collect();
     let drives = matched(folders(), config.every)?;
@@ -47,7 +49,6 @@ pub(super) fn run(args: &DrivesArgs) -> Result<()> {
         answer(&format!("cars of {name} stand {apart_m:.2} m from those of {} on average", names[0]));
     }
     if let Some(out) = &args.out {
-        std::fs::create_dir_all(out).with_context(|| format!("folder {}", out.display()))?;
         study::write_json(out, &outcome)?;
         answer(&out.join("drives.json").display().to_string());
     }

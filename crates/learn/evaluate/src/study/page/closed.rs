@@ -71,6 +71,7 @@ fn body(m: &mut Markup, found: &ClosedLoop) {
     let head = ["policy", "frames", "points", "p", "p (Holm)", ""];
     table(m, &head, &found.nearer.iter().map(row).collect::<Vec<_>>());
     m.leaf("h2", &[], "Order of policies");
+    m.leaf("p", &[], "Policies whose means lie less than 1.3 points apart may change places without a meaning.");
     let row = |(source, order): (&String, &Vec<String>)| {
         let same = if found.order.get(REFERENCE) == Some(order) { "as on the reference" } else { "another order" };
         vec![source.clone(), order.join(" > "), same.to_owned()]

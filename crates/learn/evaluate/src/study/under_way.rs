@@ -1,0 +1,278 @@
+//! A study under way: sets of frames are made and looked at side by side, what was seen is kept and sorted by network, and
+//! the scenes that a page shows are drawn.
+
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use ds_fidelity::Features;
+use ds_raster::RgbImage;
+use ds_space::Digest;
+use ds_topic::ObservationSource;
+
+use super::config::{Study, StudyConfig};
+use super::crew::{Crew, Means};
+use super::features::{Rows, Seen, key, look, matrix};
+use super::found::{HUNDREDTHS, Measured, Sets};
+use super::frames::Take;
+use super::outcome::{Outcome, Scene};
+use super::source::Source;
+use crate::Progress;
+use crate::arm::Arm;
+use crate::column;
+use crate::error::AppraisalError;
+use crate::store::Store;
+
+/// Scenes that are shown of each source.
+const SHOWN: usize = 4;
+/// The frame that is shown of every source.
+const LOOKED_AT: u32 = 40;
+
+/// What is seen of one scenario: the real set, then every source.
+pub(super) type SeenOf = Vec<Arc<Seen>>;
+
+/// A study under way.
+pub(super) struct UnderWay<'a> {
+    config: &'a StudyConfig,
+    /// Whether policies also plan.
+    plans: bool,
+    pub(super) crew: Crew,
+    pub(super) takes: Vec<Take>,
+    /// What makes the frames of generated sources.
+    arms: BTreeMap<ObservationSource, Arm>,
+    size_px: (u32, u32),
+    /// Seconds that sets took which were not kept.
+    pub(super) seconds: f64,
+}
+
+/// A scenario as a source shows it: what is looked at, kept and counted as one.
+struct Set<'a> {
+    take: &'a Take,
+    source: &'a Source,
+    key: Digest,
+}
+
+impl Set<'_> {
+    /// Names it for whoever waits.
+    fn what(&self) -> String {
+        format!("{} of {}", self.source.name(), self.take.scene.name)
+    }
+}
+
+/// A picture of the page: one moment as sources show it, below each other.
+struct Picture<'a> {
+    name: &'a str,
+    take: &'a Take,
+    sources: Vec<&'a Source>,
+    frame: u32,
+}
+
+impl<'a> UnderWay<'a> {
+    /// Loads networks and what makes frames, and prepares the scenarios.
+    ///
+    /// # Errors
+    /// If weights cannot be used or the look is unknown.
+    pub(super) fn open(study: Study, config: &'a StudyConfig, means: &Means<'_>) -> Result<Self, AppraisalError> {
+        let crew = Crew::gather(config, means)?;
+        let mut arms = BTreeMap::new();
+        for source in config.sources.iter().map(|source| source.from).filter(|source| source.is_generated()) {
+            let Some(files) = &config.video else { continue };
+            if let Entry::Vacant(entry) = arms.entry(source) {
+                let [model, weights, other] =
+                    [&files.model, &files.weights, &files.no_guidance].map(|file| config.path(file));
+                entry.insert(Arm::of_source(source, &model, &weights, &other)?);
+            }
+        }
+        let size_px = arms.values().next().map_or(config.size_px, Arm::size_px);
+        let take = |index: u64| {
+            let scene = column::scenario(config.world.world(), config.first_seed, index);
+            let look = column::look(&config.look, config.first_seed + index)?;
+            Ok(Take::new(config, index, Arc::new(scene), look))
+        };
+        let takes = (0..config.scenarios).map(take).collect::<Result<_, AppraisalError>>()?;
+        Ok(Self { config, plans: study == Study::Correlation, crew, takes, arms, size_px, seconds: 0.0 })
+    }
+
+    /// Shows the guests the first frame of the real set.
+    ///
+    /// # Errors
+    /// If it cannot be made, or a guest tells of nothing.
+    pub(super) fn greet(&self) -> Result<(), AppraisalError> {
+        let (take, real) = (&self.takes[0], Source::reference());
+        for guest in self.crew.lookers().panel.iter_mut().filter(|member| member.guest) {
+            let mut drive = take.drive(&real, self.size_px)?;
+            let frames = take.frames(&real, None, &mut drive, 0)?;
+            guest.greet(&drive.model, &frames[0], &drive.name)?;
+        }
+        Ok(())
+    }
+
+    /// Returns what is seen of every scenario; what is not kept yet is made and looked at side by side.
+    ///
+    /// # Errors
+    /// If a frame cannot be made or looked at, or a record cannot be used.
+    pub(super) fn look(
+        &mut self,
+        progress: &mut dyn Progress,
+        seconds: &dyn Fn() -> f64,
+    ) -> Result<Vec<SeenOf>, AppraisalError> {
+        let store = Store::open(&self.config.out.join("features"))?;
+        let real = Source::reference();
+        let sources: Vec<&Source> = std::iter::once(&real).chain(&self.config.sources).collect();
+        let sets = self.listed(&sources);
+        progress.ahead(sets.len() as u64);
+        let mut seen: BTreeMap<Digest, Arc<Seen>> = BTreeMap::new();
+        let (mut missing, mut known): (Vec<&Set<'_>>, BTreeSet<Digest>) = Default::default();
+        for set in &sets {
+            // The reference as a source is the real set, looked at once.
+            if known.insert(set.key) {
+                let Some(stored) = store.get(&set.key)? else {
+                    missing.push(set);
+                    continue;
+                };
+                seen.insert(set.key, Arc::new(stored));
+            }
+            progress.done(&set.what(), true);
+        }
+        let (began, told) = (seconds(), Mutex::new(progress));
+        let made = self.crew.each(missing.len(), |at| {
+            let (set, made) = (missing[at], self.seen(missing[at])?);
+            store.put(&set.key, &made)?;
+            told.lock().unwrap_or_else(PoisonError::into_inner).done(&set.what(), false);
+            Ok(Arc::new(made))
+        })?;
+        let took = if made.is_empty() { 0.0 } else { seconds() - began };
+        seen.extend(missing.iter().map(|set| set.key).zip(made));
+        let of = |sets: &[Set<'_>]| sets.iter().map(|set| Arc::clone(&seen[&set.key])).collect();
+        let all = sets.chunks(sources.len()).map(of).collect();
+        self.seconds = took;
+        Ok(all)
+    }
+
+    /// Lists the sets of frames, scenario by scenario.
+    fn listed<'b>(&'b self, sources: &[&'b Source]) -> Vec<Set<'b>> {
+        let lookers = self.crew.lookers();
+        let set = |take: &'b Take, source: &'b Source| {
+            let arm = self.arms.get(&source.from);
+            Set { take, source, key: key(self.config, self.plans, &lookers, take, (source, arm), self.size_px) }
+        };
+        self.takes
+            .iter()
+            .flat_map(|take| sources.iter().map(move |source| (take, *source)))
+            .map(|(take, source)| set(take, source))
+            .collect()
+    }
+
+    /// Makes the frames of a set and looks at them.
+    fn seen(&self, set: &Set<'_>) -> Result<Seen, AppraisalError> {
+        let mut drive = set.take.drive(set.source, self.size_px)?;
+        let arm = self.arms.get(&set.source.from);
+        let frames = set.take.frames(set.source, arm, &mut drive, self.config.frames)?;
+        look(self.config, self.plans, &mut self.crew.lookers(), set.take, &drive, &frames)
+    }
+
+    /// Returns PDMS by policy, source (the real set first) and scenario.
+    pub(super) fn pdms(&self, seen: &[SeenOf]) -> Vec<Vec<Vec<Vec<f64>>>> {
+        let of = |policy: usize| {
+            let source = |at: usize| seen.iter().map(|row| row[at].pdms[policy].clone()).collect();
+            (0..=self.config.sources.len()).map(source).collect()
+        };
+        if self.plans { (0..self.config.panel.len()).map(of).collect() } else { Vec::new() }
+    }
+
+    /// Sorts what was seen by network: the panel in its order, then the look network's.
+    pub(super) fn sets(&self, seen: &[SeenOf]) -> Vec<Sets> {
+        let lookers = self.crew.lookers();
+        let split = |of: &dyn Fn(&Seen) -> &Rows| {
+            let set = |at: usize| Features(seen.iter().map(|row| matrix(of(&row[at]))).collect());
+            let mut all: Vec<Features> = (0..=self.config.sources.len()).map(set).collect();
+            (all.remove(0), all)
+        };
+        let mut sets = Vec::new();
+        for (at, member) in lookers.panel.iter().enumerate() {
+            let (real, others) = split(&|seen| &seen.mean[at]);
+            let placed = Some(split(&|seen| &seen.placed[at]));
+            let (name, control, digest) = (member.name.clone(), member.control, member.digest);
+            sets.push(Sets { name, control, digest, real, others, placed });
+        }
+        let digest = lookers.look.digest();
+        for (name, (real, others)) in
+            [("fd_look", split(&|seen| &seen.look)), ("fd_look_clip", split(&|seen| &seen.clips))]
+        {
+            sets.push(Sets { name: name.to_owned(), control: true, digest, real, others, placed: None });
+        }
+        sets
+    }
+
+    /// Ranks scenes by how far a source's frames are apart for the panel; of those that come first, the frame that differs most is to be shown.
+    pub(super) fn worst(&self, panel: &[&Measured], at: usize, source: &Source) -> Vec<Scene> {
+        let looked = self.config.looked();
+        let apart = |scene: usize, frame: usize| {
+            panel.iter().map(|found| found.pairs[at][scene][frame]).sum::<f64>() / panel.len() as f64 * HUNDREDTHS
+        };
+        let mut ranked: Vec<(usize, f64, usize)> = (0..self.takes.len())
+            .map(|scene| {
+                let frames: Vec<f64> = (0..looked.len()).map(|frame| apart(scene, frame)).collect();
+                let most = (0..frames.len()).fold(0, |most, k| if frames[k] > frames[most] { k } else { most });
+                (scene, frames.iter().sum::<f64>() / frames.len() as f64, most)
+            })
+            .collect();
+        ranked.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        let one = |(rank, (scene, apart, most)): (usize, &(usize, f64, usize))| {
+            let (name, frame) = (self.takes[*scene].scene.name.clone(), looked[*most]);
+            let picture = (rank < SHOWN).then(|| format!("{}-{name}-{frame}.png", source.name()));
+            Scene { name, apart: *apart, frame, picture }
+        };
+        ranked.iter().enumerate().map(one).collect()
+    }
+
+    /// Names every source with the picture of the moment that is shown of all.
+    pub(super) fn looks(&self) -> Vec<(String, String)> {
+        let one = |source: &Source| (source.name().to_owned(), format!("look-{}.png", source.name()));
+        self.config.sources.iter().map(one).collect()
+    }
+
+    /// Draws the pictures that an outcome names: scenes below the real set's, and one moment as every source shows it.
+    ///
+    /// # Errors
+    /// If a frame cannot be made or a file cannot be written.
+    pub(super) fn show(&self, outcome: &Outcome) -> Result<(), AppraisalError> {
+        let folder = self.config.out.join("scenes");
+        std::fs::create_dir_all(&folder).map_err(AppraisalError::io("folder of pictures", &folder))?;
+        let real = Source::reference();
+        let mut pictures = Vec::new();
+        for (_, source) in self.config.others() {
+            for scene in &outcome.worst[source.name()] {
+                let take = self.takes.iter().find(|take| take.scene.name == scene.name);
+                let named = scene.picture.as_ref().zip(take);
+                pictures.extend(named.map(|(name, take)| Picture {
+                    name,
+                    take,
+                    sources: vec![&real, source],
+                    frame: scene.frame,
+                }));
+            }
+        }
+        let frame = LOOKED_AT.min(self.config.frames);
+        let looks = outcome.looks.iter().zip(&self.config.sources);
+        pictures.extend(looks.map(|((_, name), source)| Picture {
+            name,
+            take: &self.takes[0],
+            sources: vec![source],
+            frame,
+        }));
+        let draw = |at: usize| {
+            let Picture { name, take, sources, frame } = &pictures[at];
+            let row = |source: &&Source| Ok(vec![self.frame(take, source, *frame)?]);
+            let rows = sources.iter().map(row).collect::<Result<Vec<_>, AppraisalError>>()?;
+            ds_train::sheet::write(&folder.join(name), &rows).map_err(|source| AppraisalError::Stills { source })
+        };
+        self.crew.each(pictures.len(), draw).map(|_| ())
+    }
+
+    fn frame(&self, take: &Take, source: &Source, frame: u32) -> Result<RgbImage, AppraisalError> {
+        let mut drive = take.drive(source, self.size_px)?;
+        let mut frames = take.frames(source, self.arms.get(&source.from), &mut drive, frame)?;
+        Ok(frames.swap_remove(frame as usize))
+    }
+}
