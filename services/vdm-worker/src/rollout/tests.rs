@@ -101,7 +101,7 @@ fn layout(camera: &CameraModel, index: u16, tick: u32) -> Layout {
     let world_from_camera = ego(tick).world_from_rig(0.0) * camera.rig_from_camera;
     let geometry =
         Geometry { lens: camera.intrinsics, world_from_camera, inverse_depths: depths(), movers: Vec::new() };
-    Layout { image: picture(index, tick + 100), geometry: Some(Arc::new(geometry)) }
+    Layout { geometry: Some(Arc::new(geometry)), ..Layout::from(picture(index, tick + 100)) }
 }
 
 /// All layouts of the drive.
