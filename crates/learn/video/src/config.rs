@@ -6,15 +6,16 @@ use ds_nn::cache::{CachePolicy, Positions, ReadOrder};
 use ds_nn::dit::{DitShape, Gelu};
 use ds_nn::step::Prediction;
 use ds_nn::tiny_ae::AeShape;
-use ds_raster::{Fall, Falling};
 use ds_space::{Digest, DigestWriter};
 use serde::{Deserialize, Serialize};
 
 mod check;
 mod encoder;
+mod falls;
 mod published;
 
 pub use encoder::BlocksConfig;
+pub use falls::FallsConfig;
 pub use published::{ImageEncoderConfig, TextEncoderConfig, WeightsConfig};
 
 /// Says why a configuration is refused.
@@ -260,29 +261,6 @@ pub struct ControlConfig {
     /// The words of a prompt by which something falls: it is then drawn anew at each tick beside the carried frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub falls: Option<FallsConfig>,
-}
-
-/// How densely what a prompt tells of falls, 0 to 1.
-const FALL: f64 = 0.8;
-
-/// Words of prompts, as the model was trained on, that say that something falls.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FallsConfig {
-    /// Of snow.
-    pub snow: String,
-    /// Of rain.
-    pub rain: String,
-}
-
-impl FallsConfig {
-    /// Returns what a prompt says is falling, drawn by a key.
-    #[must_use]
-    pub fn said(&self, prompt: &str, key: Digest) -> Option<Fall> {
-        let words = [(&self.snow, Falling::Snow), (&self.rain, Falling::Rain)];
-        let (_, falling) = words.into_iter().find(|(words, _)| prompt.contains(words.as_str()))?;
-        Some(Fall::new(falling, FALL, key, 0))
-    }
 }
 
 /// The few-step sampler.
