@@ -42,7 +42,7 @@ impl Rollouts {
             let (inverse_depths, movers) = (told.inverse_depths, told.movers);
             Arc::new(Geometry { lens: model.intrinsics, world_from_camera, inverse_depths, movers })
         });
-        Ok(Layout { geometry, ..Layout::from(layout.image) })
+        Ok(Layout { image: layout.image, geometry })
     }
 
     fn start(&mut self, inputs: &Inputs) -> Result<Vec<Output>, Fault> {

@@ -12,8 +12,11 @@ const FLAKES: f64 = 620.0;
 /// Streaks of rain in the same.
 const STREAKS: f64 = 300.0;
 
+/// What falls is so many times as bright as what this share of the frame's values stay below.
+const BRIGHTER: f64 = 1.07;
+const DARKER: f64 = 0.9;
 /// Pixels to each side of a speck that it is compared with.
-const SPECK_REACH: usize = 3;
+const SPECK_REACH: usize = 4;
 /// By how much a speck is brighter, of 255.
 const SPECK: u32 = 12;
 
@@ -94,14 +97,21 @@ impl Fall {
         }
     }
 
-    /// Returns the share of each pixel that is covered at a tick, 255 for all of it, rows top to bottom.
+    /// Returns a frame covered by what falls at a tick, which is a little lighter than the lightest parts of the frame.
     #[must_use]
-    pub fn shares(&self, tick: Tick, sight: Sight) -> Vec<u8> {
-        let mut free = vec![1.0; sight.width * sight.height];
-        self.draw(tick, sight, |[x, y], share| free[y * sight.width + x] *= 1.0 - share);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-        let shares = free.into_iter().map(|free: f64| (255.0 * (1.0 - free)).round() as u8).collect();
-        shares
+    pub fn before(&self, frame: &RgbImage, tick: Tick, focal_px: f64) -> RgbImage {
+        let (width, height) = (frame.width_px() as usize, frame.height_px() as usize);
+        let (bright, mut covered) = ((BRIGHTER * f64::from(bright(frame))).min(255.0), frame.clone());
+        let pixels = covered.rgb_mut().as_chunks_mut::<3>().0;
+        self.draw(tick, Sight { width, height, focal_px }, |[x, y], share| {
+            for byte in &mut pixels[y * width + x] {
+                let value = f64::from(*byte);
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+                let nearer = (value + share * (bright - value)).round() as u8;
+                *byte = nearer;
+            }
+        });
+        covered
     }
 }
 
@@ -141,67 +151,96 @@ impl Cover<'_> {
     }
 }
 
-/// Returns what looks as if it fell before a frame of which nobody knows it: 255 where a pixel is brighter than most around it, else 0.
-/// Lines on the road and lit windows look so too.
+/// Returns a frame without what looks as if it fell before it, of which nobody knows where it fell: pixels that are brighter than most
+/// around them of what the layout, a picture of the same size, shows in the same colour, become as those are. Lit windows look so too.
+///
+/// # Panics
+///
+/// Panics if the two differ in size.
 #[must_use]
-pub fn specks(frame: &RgbImage) -> Vec<u8> {
-    let (width, height) = (frame.width_px() as usize, frame.height_px() as usize);
-    let luma: Vec<u32> =
-        frame.rgb().chunks_exact(3).map(|pixel| pixel.iter().map(|byte| u32::from(*byte)).sum()).collect();
+pub fn cleared(frame: &RgbImage, layout: &RgbImage) -> RgbImage {
+    let size = |image: &RgbImage| (image.width_px() as usize, image.height_px() as usize);
+    let (width, height) = size(frame);
+    assert_eq!(size(layout), (width, height), "frame and layout differ in size");
+    let [seen, told] = [frame, layout].map(|image| image.rgb().as_chunks::<3>().0);
+    let luma = |at: usize| seen[at].iter().map(|byte| u32::from(*byte)).sum::<u32>();
+    let mut cleared = frame.clone();
     let mut around = Vec::with_capacity((2 * SPECK_REACH + 1).pow(2));
-    let mut speck = |x: usize, y: usize| {
+    for (at, pixel) in cleared.rgb_mut().as_chunks_mut::<3>().0.iter_mut().enumerate() {
+        let (x, y) = (at % width, at / width);
         around.clear();
         for row in y.saturating_sub(SPECK_REACH)..(y + SPECK_REACH + 1).min(height) {
             let columns = x.saturating_sub(SPECK_REACH)..(x + SPECK_REACH + 1).min(width);
-            around.extend_from_slice(&luma[row * width..][columns]);
+            around.extend(columns.map(|column| row * width + column).filter(|near| told[*near] == told[at]));
         }
         let middle = around.len() / 2;
-        let median = *around.select_nth_unstable(middle).1;
-        if luma[y * width + x] > median + 3 * SPECK { 255 } else { 0 }
-    };
-    (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| speck(x, y)).collect()
+        let median = *around.select_nth_unstable_by_key(middle, |near| (luma(*near), *near)).1;
+        if luma(at) > luma(median) + 3 * SPECK {
+            *pixel = seen[median];
+        }
+    }
+    cleared
+}
+
+/// Returns the brightness that [`DARKER`] of a frame's values stay below.
+fn bright(frame: &RgbImage) -> u8 {
+    let mut counts = [0u32; 256];
+    frame.rgb().iter().for_each(|byte| counts[usize::from(*byte)] += 1);
+    let below = DARKER * frame.rgb().len() as f64;
+    let mut seen = 0.0;
+    let at = counts.iter().position(|count| {
+        seen += f64::from(*count);
+        seen >= below
+    });
+    at.and_then(|at| u8::try_from(at).ok()).unwrap_or(u8::MAX)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const SIGHT: Sight = Sight { width: 160, height: 96, focal_px: 130.0 };
+    /// Returns a grey frame with a lighter sky, and what falls before it.
+    fn frames(falling: Falling, density: f64, tick: u32) -> [RgbImage; 2] {
+        let mut frame = RgbImage::filled(160, 96, [90; 3]);
+        frame.rgb_mut()[..3 * 160 * 20].fill(220);
+        let covered = Fall::new(falling, density, Digest::of(b"sky"), 3).before(&frame, Tick(tick), 130.0);
+        [frame, covered]
+    }
 
-    fn covered(falling: Falling, density: f64, tick: u32) -> f64 {
-        let fall = Fall::new(falling, density, Digest::of(b"sky"), 3);
-        let shares = fall.shares(Tick(tick), SIGHT);
-        shares.iter().map(|share| f64::from(*share) / 255.0).sum::<f64>() / shares.len() as f64
+    fn covered(falling: Falling, density: f64, tick: u32) -> usize {
+        let [frame, covered] = frames(falling, density, tick);
+        frame.rgb().iter().zip(covered.rgb()).filter(|(a, b)| a != b).count()
     }
 
     #[test]
     fn more_falls_where_it_is_denser_and_nothing_where_it_is_not() {
         for falling in [Falling::Snow, Falling::Rain] {
             let [none, light, heavy] = [0.0, 0.3, 1.0].map(|density| covered(falling, density, 5));
-            assert!(none == 0.0 && light > 0.0 && heavy > 2.0 * light, "{falling:?}: {light}, {heavy}");
-            assert!(heavy < 0.5, "{falling:?} hides {heavy} of the picture");
+            assert!(none == 0 && light > 0 && heavy > 2 * light, "{falling:?}: {light}, {heavy}");
+            assert!(heavy < 3 * 160 * 96 / 2, "{falling:?} covers {heavy} values");
         }
     }
 
     #[test]
-    fn flakes_stand_out_of_a_frame() {
-        let fall = Fall::new(Falling::Snow, 0.5, Digest::of(b"sky"), 3);
-        let mut frame = RgbImage::filled(SIGHT.width as u32, SIGHT.height as u32, [90; 3]);
-        fall.draw(Tick(4), SIGHT, |[x, y], share| {
-            let pixel = &mut frame.rgb_mut()[3 * (y * SIGHT.width + x)..][..3];
-            pixel.iter_mut().for_each(|byte| *byte += (share * f64::from(230 - *byte)) as u8);
-        });
-        let (specks, shares) = (specks(&frame), fall.shares(Tick(4), SIGHT));
-        let found = shares.iter().zip(&specks).filter(|(share, speck)| **share > 40 && **speck > 0).count();
-        let covered = shares.iter().filter(|share| **share > 40).count();
-        assert!(10 * found > 9 * covered, "{found} of {covered}");
-        assert!(specks.iter().zip(&shares).all(|(speck, share)| *speck == 0 || *share > 0));
+    fn what_fell_is_cleared_away_and_lines_stay() {
+        let [clear, mut snowy] = frames(Falling::Snow, 0.5, 4);
+        let mut layout = RgbImage::filled(160, 96, [10; 3]);
+        layout.rgb_mut()[..3 * 160 * 20].fill(20);
+        for row in 20..96 {
+            layout.set_pixel(80, row, [30; 3]);
+            snowy.set_pixel(80, row, [230; 3]);
+        }
+        let cleared = cleared(&snowy, &layout);
+        let apart = |frame: &RgbImage| {
+            frame.rgb().iter().zip(clear.rgb()).filter(|(a, b)| a.abs_diff(**b) > 12).count() - 3 * 76
+        };
+        assert!(20 * apart(&cleared) < apart(&snowy), "{} of {}", apart(&cleared), apart(&snowy));
+        assert!((20..96).all(|row| cleared.pixel(80, row) == [230; 3]), "a line went");
     }
 
     #[test]
     fn it_falls_elsewhere_at_each_tick_and_the_same_way_again() {
-        let fall = Fall::new(Falling::Snow, 0.8, Digest::of(b"sky"), 3);
-        assert_eq!(fall.shares(Tick(7), SIGHT), fall.shares(Tick(7), SIGHT));
-        assert_ne!(fall.shares(Tick(7), SIGHT), fall.shares(Tick(8), SIGHT));
+        assert_eq!(frames(Falling::Snow, 0.8, 7), frames(Falling::Snow, 0.8, 7));
+        assert_ne!(frames(Falling::Snow, 0.8, 7), frames(Falling::Snow, 0.8, 8));
     }
 }

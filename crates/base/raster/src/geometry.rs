@@ -26,8 +26,6 @@ const SAME_DEPTH: f64 = 0.06;
 const STANDING_TIMES: f64 = 4.0;
 /// The same for the ground, which is stretched by the square of that.
 const GROUND_TIMES: f64 = 1.22;
-/// A pixel that is covered by more than this, of 255, shows what fell and not what stands behind.
-const COVERED: u8 = 12;
 /// As far as this is taken for infinitely far, in metres.
 const FAR_M: f64 = 1e6;
 
@@ -116,16 +114,11 @@ pub struct Carried {
 
 impl Geometry {
     /// Carries a frame of an earlier tick, seen with the geometry `before`, to this view. The picture has the size of the frame, which
-    /// is the layouts' view at another resolution. What fell before the frame, by the share of each pixel that it covered (255 all of
-    /// it), stays behind.
+    /// is the layouts' view at another resolution.
     #[must_use]
-    pub fn carry(&self, before: &Self, frame: &RgbImage, covered: Option<&[u8]>) -> Carried {
+    pub fn carry(&self, before: &Self, frame: &RgbImage) -> Carried {
         let (width, height) = (frame.width_px(), frame.height_px());
-        let hidden = |at: DVec2| {
-            covered.is_some_and(|covered| around(at, (width, height)).iter().any(|pixel| covered[*pixel] > COVERED))
-        };
-        let mut origins = self.origins(before, width, height);
-        origins.iter_mut().for_each(|origin| *origin = origin.filter(|at| !hidden(*at)));
+        let origins = self.origins(before, width, height);
         let mut carried = RgbImage::filled(width, height, [0; 3]);
         for (pixel, origin) in carried.rgb_mut().chunks_exact_mut(3).zip(&origins) {
             if let Some(origin) = origin {
@@ -267,25 +260,15 @@ mod tests {
     #[test]
     fn where_nothing_moves_a_frame_stays_as_it_is() {
         let geometry = seen(0.0, Some(mover(10.0, 0.0)));
-        let carried = geometry.carry(&geometry, &frame(), None);
+        let carried = geometry.carry(&geometry, &frame());
         assert!(carried.known.iter().all(|known| *known));
         assert_eq!(carried.frame, frame());
     }
 
     #[test]
-    fn what_fell_before_a_frame_is_not_carried() {
-        let geometry = seen(0.0, None);
-        let (place, mut covered) = (20 * SIZE_PX.0 as usize + 30, vec![0; (SIZE_PX.0 * SIZE_PX.1) as usize]);
-        covered[place] = 200;
-        let carried = geometry.carry(&geometry, &frame(), Some(&covered));
-        assert!(!carried.known[place] && carried.known[place + 5]);
-        assert!(carried.known.iter().filter(|known| !**known).count() <= 4);
-    }
-
-    #[test]
     fn what_comes_nearer_grows_around_where_it_goes() {
         let (before, now) = (seen(0.0, None), seen(4.0, None));
-        let carried = now.carry(&before, &frame(), None);
+        let carried = now.carry(&before, &frame());
         // The wall was 20 m away and is 16 m: four fifths as far from the middle as now.
         let [was, is] = [28u32, 27].map(|x| frame().pixel(x, 8)[0]);
         let found = carried.frame.pixel(27, 8)[0];
@@ -296,7 +279,7 @@ mod tests {
 
     #[test]
     fn what_has_come_much_nearer_is_drawn_anew() {
-        let known = |x_m: f64| seen(x_m, None).carry(&seen(0.0, None), &frame(), None).known;
+        let known = |x_m: f64| seen(x_m, None).carry(&seen(0.0, None), &frame()).known;
         let at = |column: usize, row: usize| row * SIZE_PX.0 as usize + column;
         // The wall comes from 20 m: 16 m lies between that and 15.5, not between that and 16.5. The ground in row 24 is 5.5 m away.
         assert!(known(3.5)[at(32, 8)] && !known(4.5)[at(32, 8)]);
@@ -306,14 +289,14 @@ mod tests {
     #[test]
     fn a_box_takes_its_colours_along_and_uncovers_what_nobody_saw() {
         let (before, now) = (seen(0.0, Some(mover(10.0, 0.0))), seen(0.0, Some(mover(10.0, 2.0))));
-        let carried = now.carry(&before, &frame(), None);
+        let carried = now.carry(&before, &frame());
         let row = 20;
         let column = |y_m: f64| (32.0 - now.lens.fx_px * y_m / 8.0) as u32;
         let [moved, left] = [column(2.0), column(0.0)];
         assert!(carried.frame.pixel(moved, row)[0].abs_diff(frame().pixel(column(0.0), row)[0]) <= 6);
         assert!(!carried.known[(row * SIZE_PX.0 + left) as usize], "the ground behind the box was hidden");
         let stranger = seen(0.0, Some(Mover { id: 8, ..mover(10.0, 2.0) }));
-        let carried = stranger.carry(&before, &frame(), None);
+        let carried = stranger.carry(&before, &frame());
         assert!(!carried.known[(row * SIZE_PX.0 + moved) as usize], "this box was not there");
     }
 }

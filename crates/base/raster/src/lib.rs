@@ -18,7 +18,7 @@ pub mod view;
 pub use class::PixelClass;
 pub use depth::{DepthRaster, ScreenPoint};
 pub use encode::Encoding;
-pub use fall::{Fall, Falling, Sight, specks};
+pub use fall::{Fall, Falling, Sight, cleared};
 pub use geometry::{Carried, Geometry, INVERSE_DEPTH_STEP, Mover};
 pub use image::{ImageError, RgbImage};
 pub use lens::Lens;

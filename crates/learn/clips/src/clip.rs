@@ -15,9 +15,6 @@ pub struct Clip {
     pub geometry: Vec<Arc<Geometry>>,
     /// Per frame the class of each pixel (`ds_camera::PixelClass` as a number), rows top to bottom; empty if not kept.
     pub classes: Vec<Vec<u8>>,
-    /// Per frame the share of each pixel that falling snow or rain covers, 255 for all of it, rows top to bottom; empty where nothing
-    /// falls, or where the frames are not the reference camera's.
-    pub falls: Vec<Arc<Vec<u8>>>,
     /// What the drive looks like, in words.
     pub prompt: String,
 }

@@ -50,7 +50,8 @@ impl Drive {
     /// Returns the world of a frame, the ego where this drive takes it.
     #[must_use]
     pub fn world(&self, scene: &Scene, frame: usize) -> WorldState {
-        let (tick, share) = self.logged(frame);
+        let at = self.from_tick + frame as f64 * self.world_rate;
+        let (tick, share) = split(at);
         let mut world = scene.logged_world(Tick(tick));
         if self.world_rate < 1.0 {
             let after = scene.logged_world(Tick(tick + 1));
@@ -59,22 +60,11 @@ impl Drive {
                 agent.velocity_mps *= self.world_rate;
             }
             // What falls and blinks is keyed by the frame, not by the log.
-            world.tick = self.tick(frame);
+            world.tick = Tick(u32::try_from(frame).unwrap_or(u32::MAX));
             world.time = SimTime::at(world.tick, scene.dt);
         }
         world.ego = self.ego(scene, frame);
         world
-    }
-
-    /// Returns the tick of a frame's world, which what falls and blinks is keyed by.
-    #[must_use]
-    pub fn tick(&self, frame: usize) -> Tick {
-        Tick(if self.world_rate < 1.0 { u32::try_from(frame).unwrap_or(u32::MAX) } else { self.logged(frame).0 })
-    }
-
-    /// Returns the tick of the log that a frame follows, and the share of the way to the next.
-    fn logged(&self, frame: usize) -> (u32, f64) {
-        split(self.from_tick + frame as f64 * self.world_rate)
     }
 
     fn ego(&self, scene: &Scene, frame: usize) -> EgoState {

@@ -1,11 +1,8 @@
 //! The index of a set of clips: `index.json`, and what is told of each clip.
 
-use std::sync::Arc;
-
 use ds_camera::{Appearance, Condition, Lighting, RoadSurface, Weather};
-use ds_raster::Sight;
 use ds_scenario::Facts;
-use ds_space::{CameraId, CameraModel, DQuat, DVec3, Digest, Intrinsics, Pose};
+use ds_space::{CameraId, CameraModel, DQuat, DVec3, Intrinsics, Pose};
 use serde::{Deserialize, Serialize};
 
 use crate::drive::Drive;
@@ -78,17 +75,6 @@ pub struct ClipInfo {
     /// The clip of the edited set whose first frame was edited.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub edited: Option<u64>,
-}
-
-impl ClipInfo {
-    /// Returns what falls before the reference camera in some frames, as [`crate::Clip::falls`] has it.
-    pub(crate) fn falls(&self, frames: std::ops::Range<usize>) -> Vec<Arc<Vec<u8>>> {
-        let scene = Digest::from_hex(&self.scenario_digest);
-        let fall = scene.zip(self.condition.appearance()).and_then(|(scene, look)| look.falling(scene));
-        let (Some(fall), Some(camera)) = (fall, self.camera.model()) else { return Vec::new() };
-        let (drive, sight) = (Drive::from(self.drive), Sight::of(&camera.intrinsics));
-        frames.map(|frame| Arc::new(fall.shares(drive.tick(frame), sight))).collect()
-    }
 }
 
 /// A look as numbers.

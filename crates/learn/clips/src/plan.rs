@@ -135,7 +135,10 @@ impl ClipPlan {
         let condition = self.condition(&key, index);
         // 20 bits keep names short.
         let number = draws.u64(0) >> 44;
-        let appearance = Appearance::condition(condition, number);
+        let mut appearance = Appearance::condition(condition, number);
+        if !self.recipe.appearance.falls {
+            appearance.fall = 0.0;
+        }
         let look = format!("{condition}-{number}");
         let Some((edited, edit)) = self.edited.as_ref().zip(self.recipe.edit.as_ref()) else {
             let scenario = self.scenario(index / self.recipe.scenarios.clips_each);

@@ -147,6 +147,14 @@ pub struct AppearanceConfig {
     /// Patterns of conditions that are left out of them.
     #[serde(default)]
     pub held_out: Vec<String>,
+    /// Whether snow and rain are seen falling where a condition has them. A decoder never sees them where they are drawn before its
+    /// frames (`control.falls`).
+    #[serde(default = "yes", skip_serializing_if = "Clone::clone")]
+    pub falls: bool,
+}
+
+fn yes() -> bool {
+    true
 }
 
 /// Edited first frames.

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use crate::clip::Clip;
 use crate::error::ClipsError;
 use crate::index::{ClipInfo, INDEX_FILE, Index};
-use crate::recipe::Source;
 use crate::shard::{self, Entry, Kinds, Wanted};
 
 /// A finished set of clips.
@@ -77,8 +76,7 @@ impl ClipSet {
         &self.index.clips[clip]
     }
 
-    /// Reads `count` ticks of a clip from tick `from` on; of frames and classes those that the clip has. What falls follows from its
-    /// scene and look.
+    /// Reads `count` ticks of a clip from tick `from` on; of frames and classes those that the clip has.
     ///
     /// # Errors
     /// If there is no such clip or tick, or the shard is broken.
@@ -103,9 +101,7 @@ impl ClipSet {
         }
         let (width_px, height_px) = self.size();
         let path = shard::path(&self.folder, clip / self.index.shard_clips);
-        let clip = entry.read(&path, &Wanted { kinds, width_px, height_px, from, count })?;
-        let told = kinds == Kinds::All && matches!(self.index.source, Source::Reference | Source::Imported);
-        Ok(if told { Clip { falls: entry.info.falls(from..from + count), ..clip } } else { clip })
+        entry.read(&path, &Wanted { kinds, width_px, height_px, from, count })
     }
 
     /// Reads a whole clip.

@@ -211,7 +211,6 @@ impl Entry {
             layouts: layouts.into_iter().map(image).collect::<Result<_, _>>()?,
             classes,
             geometry: geometry.iter().map(seen).collect::<Result<_, _>>()?,
-            falls: Vec::new(),
             prompt: self.info.prompt.clone(),
         })
     }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use ds_camera::{Appearance, LabelledCamera, PixelClass, ReferenceCamera, SceneCamera};
+use ds_camera::{LabelledCamera, PixelClass, ReferenceCamera, SceneCamera};
 use ds_clips::{Clip, ClipPlan, ClipSet, ClipsError, Drive, Progress, Recipe, ScenarioKey, render, scene_of};
 use ds_layout::colour;
 
@@ -99,20 +99,12 @@ fn clips_are_read_by_spans_and_follow_from_what_is_told_of_them() {
             layouts: whole.layouts[2..4].to_vec(),
             classes: whole.classes[2..4].to_vec(),
             geometry: whole.geometry[2..4].to_vec(),
-            falls: whole.falls.get(2..4).map_or_else(Vec::new, <[_]>::to_vec),
             prompt: whole.prompt.clone(),
         };
         assert!(span == expected, "clip {clip}: a span is not a part of the whole");
         let layouts = set.layouts(clip, 2, 2).expect("reads");
         assert!(
-            layouts
-                == Clip {
-                    frames: Vec::new(),
-                    classes: Vec::new(),
-                    geometry: Vec::new(),
-                    falls: Vec::new(),
-                    ..expected
-                },
+            layouts == Clip { frames: Vec::new(), classes: Vec::new(), geometry: Vec::new(), ..expected },
             "clip {clip}: layouts alone"
         );
         let info = set.info(clip);
@@ -270,28 +262,20 @@ fn broken_recipes_are_named() {
 }
 
 #[test]
-fn what_falls_in_a_clip_is_what_its_frames_show() {
+fn snow_and_rain_can_be_left_out_of_frames_and_of_nothing_else() {
     let folder = tempfile::tempdir().expect("a folder");
     let changes =
-        [("count = 120", "count = 2"), ("frames = 41", "frames = 4"), ("shard_clips = 24", "shard_clips = 4")];
-    let set = all(&recipe(folder.path(), "falling", &changes), &folder.path().join("set"));
-    for clip in 0..set.len() {
-        let (whole, info) = (set.whole(clip).expect("reads"), set.info(clip));
-        let family = info.family.parse().expect("a family");
-        let scene =
-            scene_of(&ScenarioKey::Generated { family, seed: info.seed.expect("generated") }).expect("generates");
-        let calm = Appearance { fall: 0.0, ..info.condition.appearance().expect("a look") };
-        let (world, camera) = (Drive::from(info.drive).world(&scene, 2), info.camera.model().expect("a camera"));
-        let calm = ReferenceCamera::new(&scene, calm).on_ego(&world, &camera).expect("renders");
-        let pixels = whole.frames[2].rgb().chunks_exact(3).zip(calm.rgb().chunks_exact(3));
-        let (mut free, mut covered) = (0, 0);
-        for ((shown, calm), share) in pixels.zip(whole.falls[2].iter()) {
-            let apart = shown.iter().zip(calm).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0);
-            // Shares below a half of 1 of 255 are told as 0.
-            assert!(*share > 0 || apart <= 1, "clip {clip}: something falls where nothing is told");
-            free += usize::from(*share == 0);
-            covered += usize::from(*share > 40 && apart > 1);
-        }
-        assert!(free > 1_000 && covered > 100, "clip {clip}: {free} pixels are free, {covered} covered");
+        [("count = 120", "count = 1"), ("frames = 41", "frames = 3"), ("shard_clips = 24", "shard_clips = 2")];
+    let set = |falls: &str| {
+        let changes: Vec<_> = changes.into_iter().chain([("falls = false", falls)]).collect();
+        all(&recipe(folder.path(), "snow_rain", &changes), &folder.path().join(falls))
+    };
+    let (clear, usual) = (set("falls = false"), set("falls = true"));
+    for clip in 0..clear.len() {
+        let [clear, usual] = [&clear, &usual].map(|set| set.whole(clip).expect("reads"));
+        let pixels = clear.frames[2].rgb().chunks_exact(3).zip(usual.frames[2].rgb().chunks_exact(3));
+        let (all, covered) = (pixels.len(), pixels.filter(|(clear, usual)| clear != usual).count());
+        assert!(covered > 100 && 2 * covered < all, "clip {clip}: {covered} pixels of {all} are covered");
+        assert!(clear.layouts == usual.layouts && clear.prompt == usual.prompt, "clip {clip}");
     }
 }

@@ -171,5 +171,5 @@ fn from_ego(renderer: &mut Renderer, scene: &LayoutScene, camera: &CameraModel) 
     let pose = scene.world.ego.pose.world_from_rig(0.0);
     let image = renderer.render(scene, camera, pose)?;
     let geometry = carriable(renderer.geometry(scene, camera, pose)?, &image);
-    Ok(Layout { geometry: Some(Arc::new(geometry)), ..Layout::from(image) })
+    Ok(Layout { image, geometry: Some(Arc::new(geometry)) })
 }

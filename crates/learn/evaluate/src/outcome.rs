@@ -220,6 +220,9 @@ pub struct ConditionOutcome {
     pub arms: BTreeMap<String, Option<Estimate>>,
     /// With minus without.
     pub gain: Option<Estimate>,
+    /// By arm, what the look network names in the frames, as shares that sum to one.
+    #[serde(default)]
+    pub named: BTreeMap<String, BTreeMap<String, f64>>,
 }
 
 /// The picture of first frames beside the page: a row for each condition.

@@ -236,15 +236,27 @@ fn appearance(m: &mut Markup, outcome: &Outcome) {
         let arms: std::collections::BTreeSet<&String> = arms.into_iter().collect();
         let mut head = vec!["condition", "reference frames"];
         head.extend(arms.iter().map(|arm| arm.as_str()));
-        head.push("with minus without");
+        head.extend(["with minus without", "named"]);
         let row = |(condition, found): (&String, &crate::outcome::ConditionOutcome)| {
             let mut row = vec![condition.clone(), shown(found.reference, 2)];
             row.extend(arms.iter().map(|arm| shown(found.arms.get(*arm).copied().flatten(), 2)));
             row.push(shown(found.gain, 2));
+            row.push(taken_for(&found.named));
             row
         };
         table(m, &head, &column.iter().map(row).collect::<Vec<_>>());
     }
+}
+
+/// Says of each arm what its frames are named, the most frequent first.
+fn taken_for(named: &BTreeMap<String, BTreeMap<String, f64>>) -> String {
+    let arm = |(arm, shares): (&String, &BTreeMap<String, f64>)| {
+        let mut shares: Vec<_> = shares.iter().collect();
+        shares.sort_by(|a, b| b.1.total_cmp(a.1));
+        let shares: Vec<String> = shares.iter().map(|(name, share)| format!("{name} {share:.2}")).collect();
+        format!("{arm}: {}", shares.join(", "))
+    };
+    named.iter().map(arm).collect::<Vec<_>>().join("; ")
 }
 
 fn first_frames(m: &mut Markup, outcome: &Outcome) {

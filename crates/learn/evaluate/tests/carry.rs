@@ -31,7 +31,7 @@ fn a_carried_frame_is_nearly_the_later_one() {
         let (before, now) = (drive.layout(0).expect("renders"), drive.layout(AHEAD).expect("renders"));
         let [then, later] = [0, AHEAD].map(|frame| drive.frame(frame).expect("renders"));
         let (before, now) = (before.geometry.expect("is known"), now.geometry.expect("is known"));
-        let carried = now.carry(&before, &then, None);
+        let carried = now.carry(&before, &then);
         let known = carried.known.iter().filter(|known| **known).count() as f64 / carried.known.len() as f64;
         let (left, still) =
             (difference(&carried.frame, &later, &carried.known), difference(&then, &later, &carried.known));

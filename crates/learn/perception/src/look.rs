@@ -54,6 +54,20 @@ pub fn sought(condition: Condition) -> Vec<(usize, usize)> {
     axes.iter().map(|axis| (*axis, values[*axis])).collect()
 }
 
+/// Returns the name of a value of an axis, as in the names of conditions.
+///
+/// # Panics
+///
+/// Panics if there is no such value.
+#[must_use]
+pub fn name(axis: usize, value: usize) -> &'static str {
+    match axis {
+        0 => Lighting::ALL[value].name(),
+        1 => Weather::ALL[value].name(),
+        _ => RoadSurface::ALL[value].name(),
+    }
+}
+
 /// What a frame looks like.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Look {

@@ -41,7 +41,7 @@ pub(crate) fn values_of(frame: &RgbImage) -> Array {
 }
 
 /// Returns the index of the highest score, the first of equal ones.
-pub(crate) fn highest(scores: &[f32]) -> usize {
+pub fn highest(scores: &[f32]) -> usize {
     let mut best = 0;
     for (index, score) in scores.iter().enumerate() {
         if *score > scores[best] {

@@ -190,22 +190,12 @@ impl Source<'_> {
         Ok(self.config.backend.team().run(self.rolled.len(), show))
     }
 
-    /// Returns the layout of a tick, with what falls if the model draws that anew.
-    fn layout(&self, clip: &Clip, tick: usize) -> Layout {
-        let layout = evaluate::layout(clip, tick);
-        let falls = layout.falls.filter(|_| self.model.config().control.falls.is_some());
-        Layout { falls, ..layout }
-    }
-
     /// Makes what guides the frames of a latent step of a clip, after a frame that is carried on.
     fn guide(&self, clip: &Clip, step: usize, before: Option<&RgbImage>) -> Array {
         let config = self.model.config();
         let ticks = ticks(step, config.vae.stride_t);
-        let carry = before.filter(|_| step > 0).map(|frame| {
-            let layout = self.layout(clip, ticks.start - 1);
-            if ticks.start == 1 { Carry::first(frame, &layout) } else { Carry::of(frame, &layout) }
-        });
-        let layouts: Vec<Layout> = ticks.map(|tick| self.layout(clip, tick)).collect();
+        let carry = before.filter(|_| step > 0).map(|frame| Carry::of(frame, &evaluate::layout(clip, ticks.start - 1)));
+        let layouts: Vec<Layout> = ticks.map(|tick| evaluate::layout(clip, tick)).collect();
         let missing = config.vae.stride_t - layouts.len();
         let layouts = std::iter::repeat_n(&layouts[0], missing).chain(&layouts).collect::<Vec<_>>();
         carry.unwrap_or_default().guide(&self.shape, config.video.width_px, config.video.height_px, &layouts)

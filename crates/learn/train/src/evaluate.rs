@@ -24,10 +24,9 @@ pub fn layouts(clip: &Clip) -> Vec<Layout> {
     (0..clip.layouts.len()).map(|tick| layout(clip, tick)).collect()
 }
 
-/// Returns the layout of a tick of a clip with its geometry and what falls.
+/// Returns the layout of a tick of a clip with its geometry.
 pub(crate) fn layout(clip: &Clip, tick: usize) -> Layout {
-    let (geometry, falls) = (clip.geometry.get(tick).cloned(), clip.falls.get(tick).cloned());
-    Layout { image: clip.layouts[tick].clone(), geometry, falls }
+    Layout { image: clip.layouts[tick].clone(), geometry: clip.geometry.get(tick).cloned() }
 }
 
 /// Rolls a clip out with the given layouts; the first frame is the clip's own.

@@ -66,15 +66,15 @@ impl FirstFrames {
             self.teacher.sample(&batch, &noise, request.steps, Guidance::by(request.guidance), &mut |_, _| ());
         let latents = Array::new(&[1, h, w, z], tokens::from_tokens(sampled.values(), h, w));
         let [width, height] = [config.video.width_px, config.video.height_px];
-        let fall = config.control.falls.as_ref().and_then(|falls| falls.said(request.prompt, request.key));
-        let layout = request.layout.falling(fall, Tick(0), [width, height]);
         let guide = (config.control.decoder_layers > 0)
-            .then(|| Carry::default().guide(&config.ae(), width, height, &vec![&layout; stride]));
+            .then(|| Carry::default().guide(&config.ae(), width, height, &vec![request.layout; stride]));
         let frames = model.autoencoder().decode(&model.denormalised(latents), guide.as_ref(), &mut Memory::default());
         if !frames.is_finite() {
             return Err(TrainError::NotFinite { what: "first frame" });
         }
         let last = frames.values().len() / stride * (stride - 1);
-        Ok(RgbImage::of_values(&frames.values()[last..], width, height))
+        let frame = RgbImage::of_values(&frames.values()[last..], width, height);
+        let fall = config.control.falls.as_ref().and_then(|falls| falls.said(request.prompt, request.key));
+        Ok(request.layout.falling(&frame, fall, Tick(0)))
     }
 }

@@ -258,7 +258,7 @@ pub struct ControlConfig {
     /// its parts are now.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub carried: bool,
-    /// The words of a prompt by which something falls: it is then drawn anew at each tick beside the carried frame.
+    /// The words of a prompt by which something falls: it is then drawn anew at each tick, before frames that know nothing of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub falls: Option<FallsConfig>,
 }

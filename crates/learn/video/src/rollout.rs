@@ -10,7 +10,7 @@ use std::sync::Arc;
 use ds_nn::Array;
 use ds_nn::body::{ChunkKv, Context, Control, Window};
 use ds_nn::cache::KvCache;
-use ds_raster::{Fall, RgbImage};
+use ds_raster::{Fall, RgbImage, cleared};
 use ds_space::{Digest, DigestWriter, Tick};
 use ds_topic::Cache;
 use ds_topic::body::Tensor;
@@ -44,7 +44,7 @@ pub struct Rollout {
     draw_key: Digest,
     camera: String,
     context: Context,
-    /// What falls, by the prompt.
+    /// What falls, by the prompt: before all frames and in none that is carried on.
     fall: Option<Fall>,
     /// The start latent of chunks after the first frame.
     start: Array,
@@ -105,7 +105,7 @@ impl Rollout {
         let first_layout = [first_layout.into()];
         let (control, remembered) = rollout.control(&first_layout);
         rollout.remembered = remembered;
-        rollout.take_along(rollout.first_frame.clone().as_ref(), &first_layout[0], Tick(0));
+        rollout.take_along(&rollout.without_fall(&first_layout[0]), &first_layout[0]);
         rollout.begin(clean, &control)
     }
 
@@ -213,7 +213,7 @@ impl Rollout {
             self.pending.extend(now.iter().map(Layout::from));
             if self.pending.len() < per_chunk {
                 self.provisional = self.attempt()?;
-                generated.frames.extend_from_slice(&self.provisional[published..]);
+                generated.frames.extend(self.fallen(&self.provisional, published));
                 break;
             }
             let (control, remembered) = self.control(&self.pending);
@@ -223,10 +223,10 @@ impl Rollout {
             if !self.provisional.is_empty() {
                 generated.seam = mean_difference(&self.provisional, &frames);
             }
-            generated.frames.extend_from_slice(&frames[published..]);
+            generated.frames.extend(self.fallen(&frames, published));
             self.remembered = remembered;
             if let (Some(frame), Some(layout)) = (frames.last(), layouts.last()) {
-                self.take_along(frame, layout, Tick(self.first_tick() + per_chunk as u32 - 1));
+                self.take_along(frame, layout);
             }
             generated.committed.push(self.commit(made, &control));
         }
@@ -275,8 +275,7 @@ impl Rollout {
         let newest = rest.last().unwrap_or(first);
         rollout.remember(past, newest)?;
         if let (Some(frame), Some(layout)) = (&newest.frame, past.last()) {
-            let newest = Tick(rollout.first_tick() - 1);
-            rollout.take_along(frame, layout, newest);
+            rollout.take_along(frame, layout);
         }
         if !layouts.is_empty() {
             rollout.pending = layouts.to_vec();
@@ -330,18 +329,27 @@ impl Rollout {
         writer.finish()
     }
 
-    /// Takes the last frame of what was committed, of a tick, along, if the decoder is to see it again.
-    fn take_along(&mut self, frame: &RgbImage, layout: &Layout, tick: Tick) {
+    /// Takes the last frame of what was committed along, if the decoder is to see it again.
+    fn take_along(&mut self, frame: &RgbImage, layout: &Layout) {
         if self.model.config().control.carried {
-            let layout = self.falling(layout, tick);
-            self.carry = if tick == Tick(0) { Carry::first(frame, &layout) } else { Carry::of(frame, &layout) };
+            self.carry = Carry::of(frame, layout);
         }
     }
 
-    /// Returns a layout with what falls at its tick.
-    fn falling(&self, layout: &Layout, tick: Tick) -> Layout {
-        let video = &self.model.config().video;
-        layout.falling(self.fall, tick, [video.width_px, video.height_px])
+    /// Returns the first frame without what falls, at the tick of a layout.
+    fn without_fall(&self, layout: &Layout) -> RgbImage {
+        let frame = &*self.first_frame;
+        match self.fall {
+            Some(_) => cleared(frame, &layout.image.resized(frame.width_px(), frame.height_px())),
+            None => frame.clone(),
+        }
+    }
+
+    /// Returns the frames of the chunk under way from one on, with what falls before each.
+    fn fallen(&self, frames: &[RgbImage], from: usize) -> Vec<RgbImage> {
+        let ticks = (self.first_tick()..).map(Tick);
+        let all = frames.iter().zip(&self.pending).zip(ticks).skip(from);
+        all.map(|((frame, layout), tick)| layout.falling(frame, self.fall, tick)).collect()
     }
 
     /// Returns the first tick of the chunk under way.
@@ -415,11 +423,12 @@ impl Rollout {
         let config = self.model.config();
         let (h, w) = config.latent_size();
         let guide = (config.control.decoder_layers > 0 && !layouts.is_empty()).then(|| {
-            let ticks = (self.first_tick()..).map(Tick);
-            let layouts: Vec<Layout> =
-                layouts.iter().zip(ticks).map(|(layout, tick)| self.falling(layout, tick)).collect();
-            let layouts: Vec<&Layout> = layouts.iter().collect();
-            self.carry.guide(&config.ae(), config.video.width_px, config.video.height_px, &layouts)
+            self.carry.guide(
+                &config.ae(),
+                config.video.width_px,
+                config.video.height_px,
+                &layouts.iter().collect::<Vec<_>>(),
+            )
         });
         let latents = tokens::tokens_to_latents(clean, h, w);
         let decoded = self.model.codec.decode(latents, guide.as_ref(), &mut self.decoder);

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use ds_camera::{Appearance, Condition};
-use ds_perception::look::sought;
+use ds_perception::look::{name, sought};
+use ds_perception::segmenter::highest;
 
 use super::Evaluation;
 use crate::config::AppearanceConfig;
@@ -29,10 +30,21 @@ impl Wanted {
     /// Returns the share of looks in which each value is the likeliest of its axis.
     fn kept(&self, rollouts: &Rollouts, picks: &[usize]) -> Option<f64> {
         rollouts.mean(picks, |glance| {
-            let likeliest = |axis: &[f32]| (0..axis.len()).max_by(|a, b| axis[*a].total_cmp(&axis[*b]));
-            let all = self.kept.iter().all(|(axis, value)| likeliest(&glance.axes[*axis]) == Some(*value));
+            let all = self.kept.iter().all(|(axis, value)| highest(&glance.axes[*axis]) == *value);
             Some(f64::from(u8::from(all)))
         })
+    }
+
+    /// Returns what is named on the axes of what is to be kept, as shares of all looks; of two axes joined by a hyphen.
+    fn named(&self, rollouts: &Rollouts) -> BTreeMap<String, f64> {
+        let everything: Vec<usize> = (0..rollouts.scenarios()).collect();
+        let mut counts = BTreeMap::<String, f64>::new();
+        for glance in rollouts.glances(&everything) {
+            let names = self.kept.iter().map(|(axis, _)| name(*axis, highest(&glance.axes[*axis])));
+            *counts.entry(names.collect::<Vec<_>>().join("-")).or_default() += 1.0;
+        }
+        let all: f64 = counts.values().sum();
+        counts.into_iter().map(|(name, count)| (name, count / all)).collect()
     }
 }
 
@@ -85,7 +97,8 @@ fn figures(
         resamples.estimate(count, |picks| Some(wanted.kept(with, picks)? - wanted.kept(without, picks)?))
     });
     let arms = made.iter().map(|(arm, rollouts)| (arm.clone(), kept(rollouts))).collect();
-    ConditionOutcome { reference: kept(own), arms, gain }
+    let named = made.iter().map(|(arm, rollouts)| (arm.clone(), wanted.named(rollouts))).collect();
+    ConditionOutcome { reference: kept(own), arms, gain, named }
 }
 
 #[cfg(test)]
