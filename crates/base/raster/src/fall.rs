@@ -12,8 +12,9 @@ const FLAKES: f64 = 620.0;
 /// Streaks of rain in the same.
 const STREAKS: f64 = 300.0;
 
-/// What falls is so many times as bright as what this share of the frame's values stay below.
+/// What falls is so many times as bright as what [`DARKER`] of the frame's upper half stay below.
 const BRIGHTER: f64 = 1.07;
+/// A share of values.
 const DARKER: f64 = 0.9;
 /// Pixels to each side of a speck that it is compared with.
 const SPECK_REACH: usize = 4;
@@ -97,7 +98,8 @@ impl Fall {
         }
     }
 
-    /// Returns a frame covered by what falls at a tick, which is a little lighter than the lightest parts of the frame.
+    /// Returns a frame covered by what falls at a tick, which is a little lighter than the lightest parts
+    /// of the frame's upper half.
     #[must_use]
     pub fn before(&self, frame: &RgbImage, tick: Tick, focal_px: f64) -> RgbImage {
         let (width, height) = (frame.width_px() as usize, frame.height_px() as usize);
@@ -182,11 +184,12 @@ pub fn cleared(frame: &RgbImage, layout: &RgbImage) -> RgbImage {
     cleared
 }
 
-/// Returns the brightness that [`DARKER`] of a frame's values stay below.
+/// Returns the brightness that [`DARKER`] of the values of a frame's upper half stay below.
 fn bright(frame: &RgbImage) -> u8 {
     let mut counts = [0u32; 256];
-    frame.rgb().iter().for_each(|byte| counts[usize::from(*byte)] += 1);
-    let below = DARKER * frame.rgb().len() as f64;
+    let upper = &frame.rgb()[..frame.rgb().len() / 2];
+    upper.iter().for_each(|byte| counts[usize::from(*byte)] += 1);
+    let below = DARKER * upper.len() as f64;
     let mut seen = 0.0;
     let at = counts.iter().position(|count| {
         seen += f64::from(*count);
