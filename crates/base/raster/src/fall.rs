@@ -12,9 +12,9 @@ const FLAKES: f64 = 620.0;
 /// Streaks of rain in the same.
 const STREAKS: f64 = 300.0;
 
-/// What falls is so many times as bright as what [`DARKER`] of the frame's upper half stay below.
+/// What falls is so many times as bright as what [`DARKER`] of the frame stay below.
 const BRIGHTER: f64 = 1.07;
-/// A share of values.
+/// A share of a frame's values.
 const DARKER: f64 = 0.9;
 /// Pixels to each side of a speck that it is compared with.
 const SPECK_REACH: usize = 4;
@@ -98,14 +98,18 @@ impl Fall {
         }
     }
 
-    /// Returns a frame covered by what falls at a tick, which is a little lighter than the lightest parts
-    /// of the frame's upper half.
+    /// Returns a frame covered by what falls at a tick, which is a little lighter than the lightest parts of the frame's upper half; towards
+    /// the bottom, where headlights reach it, those of the lower half count for up to half of it.
     #[must_use]
     pub fn before(&self, frame: &RgbImage, tick: Tick, focal_px: f64) -> RgbImage {
         let (width, height) = (frame.width_px() as usize, frame.height_px() as usize);
-        let (bright, mut covered) = ((BRIGHTER * f64::from(bright(frame))).min(255.0), frame.clone());
+        let (above, below) = frame.rgb().split_at(3 * width * (height / 2));
+        let [above, below] = [above, below].map(|values| (BRIGHTER * lightest(values)).min(255.0));
+        let mut covered = frame.clone();
         let pixels = covered.rgb_mut().as_chunks_mut::<3>().0;
         self.draw(tick, Sight { width, height, focal_px }, |[x, y], share| {
+            let reached = (y as f64 / height as f64 - 0.25).clamp(0.0, 0.5);
+            let bright = above + reached * (below - above);
             for byte in &mut pixels[y * width + x] {
                 let value = f64::from(*byte);
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
@@ -184,18 +188,17 @@ pub fn cleared(frame: &RgbImage, layout: &RgbImage) -> RgbImage {
     cleared
 }
 
-/// Returns the brightness that [`DARKER`] of the values of a frame's upper half stay below.
-fn bright(frame: &RgbImage) -> u8 {
+/// Returns the value that [`DARKER`] of some bytes stay below.
+fn lightest(bytes: &[u8]) -> f64 {
     let mut counts = [0u32; 256];
-    let upper = &frame.rgb()[..frame.rgb().len() / 2];
-    upper.iter().for_each(|byte| counts[usize::from(*byte)] += 1);
-    let below = DARKER * upper.len() as f64;
+    bytes.iter().for_each(|byte| counts[usize::from(*byte)] += 1);
+    let below = DARKER * bytes.len() as f64;
     let mut seen = 0.0;
     let at = counts.iter().position(|count| {
         seen += f64::from(*count);
         seen >= below
     });
-    at.and_then(|at| u8::try_from(at).ok()).unwrap_or(u8::MAX)
+    at.unwrap_or(0) as f64
 }
 
 #[cfg(test)]

@@ -9,10 +9,10 @@ mod decoder;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use ds_nn::Weights;
 use ds_nn::optimiser::{AdamWSettings, Schedule, Shape};
 use ds_nn::safetensors::WeightsFile;
 use ds_nn::tiny_ae::BLOCK_PX;
+use ds_nn::{Array, Weights};
 use ds_video::{Backend, ModelConfig};
 use serde::{Deserialize, Serialize};
 
@@ -38,6 +38,9 @@ pub struct TrainConfig {
     /// Weights of a whole model of this preset or of a smaller one, within which the stages begin; relative to this file.
     #[serde(default)]
     pub initial: Option<PathBuf>,
+    /// A file that `ship` wrote, whose decoder is averaged with the trained one when that is shipped; relative to this file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub averaged_with: Option<PathBuf>,
     /// What the cache keeps, in place of the preset's `causal.cache_source`.
     #[serde(default)]
     pub cache_source: Option<String>,
@@ -370,6 +373,28 @@ impl TrainConfig {
     pub(crate) fn initial(&self, prefix: &str) -> Result<Weights, TrainError> {
         let Some(path) = &self.initial else { return Ok(Weights::default()) };
         Ok(WeightsFile::read(&self.base.join(path))?.weights.part(prefix))
+    }
+
+    /// Averages the weights of an autoencoder with those of `averaged_with`, one by one.
+    ///
+    /// # Errors
+    /// If that file cannot be read or holds another network.
+    pub(crate) fn averaged(&self, mut weights: Weights) -> Result<Weights, TrainError> {
+        let Some(path) = &self.averaged_with else { return Ok(weights) };
+        let other = WeightsFile::read(&self.base.join(path))?.weights.part("vae.");
+        let names: Vec<String> = weights.iter().map(|(name, _)| name.to_owned()).collect();
+        let alike = names.iter().all(|name| other.get(name).map(Array::shape) == weights.get(name).map(Array::shape));
+        if !alike || other.iter().count() != names.len() {
+            return Err(TrainError::Config { field: "averaged_with", rule: "must hold the same network".to_owned() });
+        }
+        for (name, array) in other.iter() {
+            let mut mean = array.clone();
+            if let Some(own) = weights.get(name) {
+                mean.values_mut().iter_mut().zip(own.values()).for_each(|(mean, own)| *mean = 0.5 * (*mean + own));
+            }
+            weights.insert(name, mean);
+        }
+        Ok(weights)
     }
 
     /// Says whether any stage is guided.

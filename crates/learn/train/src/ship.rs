@@ -44,7 +44,7 @@ pub fn run(
         return write(&file, &path(), progress);
     }
     let stage = if model.control.decoder_layers > 0 { "decoder" } else { "autoencoder" };
-    file.weights.absorb("vae.", &stored_autoencoder(config, stage)?);
+    file.weights.absorb("vae.", &config.averaged(stored_autoencoder(config, stage)?)?);
     let transformer = of.map_or_else(|| student_weights(config), |stage| config.weights_of(stage))?;
     file.weights.absorb("dit.", &transformer);
     file.weights.check(&VideoModel::declare(&model))?;

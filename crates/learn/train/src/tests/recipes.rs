@@ -1,5 +1,7 @@
 //! Recipes: what they inherit and what is refused.
 
+use ds_nn::{Array, Weights};
+
 use super::*;
 
 #[test]
@@ -87,4 +89,25 @@ fn clips_with_noise_have_no_estimate_to_cache() {
     let config = load(folder.path(), &text).expect("valid");
     let error = Stage::Ode.run(&config, &mut Silent).expect_err("no estimate");
     assert!(error.to_string().contains("x0hat(j)"), "{error}");
+}
+
+#[test]
+fn a_decoder_that_ships_is_averaged_with_the_one_that_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = recipe(folder.path()).replace("seed = 1\n", "seed = 1\naveraged_with = \"other.safetensors\"\n");
+    let config = load(folder.path(), &text).expect("valid");
+    let weights = |first: f32| {
+        let mut weights = Weights::default();
+        weights.insert("decoder.out", Array::new(&[2], vec![first, 1.0]));
+        weights
+    };
+    let mut file = WeightsFile::default();
+    file.weights.absorb("vae.", &weights(3.0));
+    file.write(&folder.path().join("other.safetensors")).expect("writes");
+    let mean = config.averaged(weights(1.0)).expect("averages");
+    assert_eq!(mean.get("decoder.out").map(Array::values), Some([2.0, 1.0].as_slice()));
+    let mut other = weights(1.0);
+    other.insert("decoder.in", Array::new(&[1], vec![0.0]));
+    let error = config.averaged(other).expect_err("another network").to_string();
+    assert!(error.contains("averaged_with"), "{error}");
 }
