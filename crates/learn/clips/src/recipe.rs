@@ -149,6 +149,7 @@ pub struct AppearanceConfig {
     pub held_out: Vec<String>,
     /// Whether snow and rain are seen falling where a condition has them. A decoder never sees them where they are drawn before its
     /// frames (`control.falls`).
+    // What is true by default is not written, so that recipes of before keep their digests.
     #[serde(default = "yes", skip_serializing_if = "Clone::clone")]
     pub falls: bool,
 }
