@@ -190,6 +190,7 @@ fn appearance_json(outcome: &Outcome, config: &EvalConfig, column: &str) -> Valu
         let mut row: Map<String, Value> = DIVERSE_ARMS.iter().map(|key| ((*key).to_owned(), arm(key))).collect();
         row.insert("reference".to_owned(), value(found.and_then(|found| found.reference)));
         row.insert("gain".to_owned(), value(found.and_then(|found| found.gain)));
+        row.insert("named".to_owned(), json!(found.map(|found| &found.named)));
         (condition.clone(), Value::Object(row))
     };
     Value::Object(part.conditions.iter().map(row).collect())

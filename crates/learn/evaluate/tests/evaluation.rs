@@ -151,6 +151,8 @@ fn every_key_is_there_and_a_repetition_rolls_nothing_out() {
         }
     }
     assert!(json["layout_iou"]["lane"]["teacher"].is_null(), "no arm is the teacher");
+    let named = json.pointer("/appearance_at_100/snow/named").and_then(serde_json::Value::as_object);
+    assert!(named.is_some_and(|arms| !arms.is_empty()), "nothing says what frames are named");
     for path in [
         "/layout_iou/lane/student",
         "/feature_distance/layout_guidance",

@@ -382,17 +382,16 @@ impl TrainConfig {
     pub(crate) fn averaged(&self, mut weights: Weights) -> Result<Weights, TrainError> {
         let Some(path) = &self.averaged_with else { return Ok(weights) };
         let other = WeightsFile::read(&self.base.join(path))?.weights.part("vae.");
-        let names: Vec<String> = weights.iter().map(|(name, _)| name.to_owned()).collect();
-        let alike = names.iter().all(|name| other.get(name).map(Array::shape) == weights.get(name).map(Array::shape));
-        if !alike || other.iter().count() != names.len() {
+        let shapes = |of: &Weights| {
+            of.iter().map(|(name, array)| (name.to_owned(), array.shape().to_vec())).collect::<BTreeMap<_, _>>()
+        };
+        if shapes(&other) != shapes(&weights) {
             return Err(TrainError::Config { field: "averaged_with", rule: "must hold the same network".to_owned() });
         }
         for (name, array) in other.iter() {
-            let mut mean = array.clone();
-            if let Some(own) = weights.get(name) {
-                mean.values_mut().iter_mut().zip(own.values()).for_each(|(mean, own)| *mean = 0.5 * (*mean + own));
-            }
-            weights.insert(name, mean);
+            let own = weights.get(name).map_or(&[][..], Array::values);
+            let mean = array.values().iter().zip(own).map(|(a, b)| 0.5 * (a + b)).collect();
+            weights.insert(name, Array::new(array.shape(), mean));
         }
         Ok(weights)
     }
