@@ -161,6 +161,5 @@ fn without_python(why: &str) -> Option<PathBuf> {
 
 /// Returns a free port on loopback.
 pub(crate) fn free_port() -> u16 {
-    let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
-    listener.local_addr().expect("an address").port()
+    ds_bus::free_port("127.0.0.1").expect("a free port")
 }

@@ -1,17 +1,11 @@
 //! A fleet as on a network: certificates, token, rights on the bus, and devices that are handed out once.
 
-use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Output};
 
-use crate::harness::{dreamstream, wait_for};
+use crate::harness::{dreamstream, free_port, wait_for};
 
 const SCENARIO: &str = "scenarios/base/free-curve.scenario.json";
-
-fn free_port() -> u16 {
-    let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
-    listener.local_addr().expect("an address").port()
-}
 
 /// A fleet of child processes that all speak TLS; killed when dropped.
 struct Secured {

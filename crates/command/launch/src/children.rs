@@ -1,6 +1,5 @@
 //! The five services and a router as child processes over loopback; the same binary, the same libraries.
 
-use std::net::TcpListener;
 use std::path::Path;
 use std::time::Duration;
 
@@ -22,8 +21,7 @@ pub struct Meeting {
 }
 
 fn free_port() -> Result<u16> {
-    let listener = TcpListener::bind("127.0.0.1:0").context("no free port on loopback")?;
-    Ok(listener.local_addr().context("port of a listener")?.port())
+    ds_bus::free_port("127.0.0.1").context("no free port on loopback")
 }
 
 fn set(key: &str, value: &str) -> String {

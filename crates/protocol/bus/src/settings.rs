@@ -3,12 +3,11 @@
 //! Scouting is off unless asked for. Pushes never stall their sender for long: they wait 50 ms for a free buffer and are
 //! dropped then, which closes no link; the receiver pulls. A hung process is noticed after the lease.
 
-use std::net::TcpListener;
-
 use zenoh::Config;
 
 use crate::access::{self, TlsFiles};
 use crate::error::{BusError, zenoh};
+use crate::ports::free_port;
 
 /// For so long an endpoint may stay out of reach while a session opens, in milliseconds.
 const CONNECT_MILLIS: u64 = 10_000;
@@ -158,8 +157,7 @@ fn with_port(endpoint: &str) -> Result<String, BusError> {
         return Ok(endpoint.to_owned());
     };
     let failed = |source| BusError::System { doing: "find a free port", source };
-    let listener = TcpListener::bind((host.trim_matches(['[', ']']), 0)).map_err(failed)?;
-    let port = listener.local_addr().map_err(failed)?.port();
+    let port = free_port(host.trim_matches(['[', ']'])).map_err(failed)?;
     Ok(format!("{protocol}/{host}:{port}"))
 }
 

@@ -140,9 +140,7 @@ mod tests {
     }
 
     fn serve(security: &SecuritySection) -> Served {
-        let free = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
-        let address = free.local_addr().expect("an address").to_string();
-        drop(free);
+        let address = format!("127.0.0.1:{}", ds_bus::free_port("127.0.0.1").expect("a free port"));
         let (metrics, drain) = (Metrics::default(), Drain::new());
         metrics.add(|page| page.tell("a_total", "Counted.", Kind::Counter, &[], 7.0));
         let section = MetricsSection { listen: address.clone() };
