@@ -103,6 +103,19 @@ pub struct Geometry {
     pub movers: Vec<Mover>,
 }
 
+/// Returns inverse depths as they travel and are kept: two bytes each, the low one first. Their loops stand here, for this crate's are optimised in every build.
+#[must_use]
+pub fn bytes_of_depths(depths: &[u16]) -> Vec<u8> {
+    depths.iter().map(|depth| depth.to_le_bytes()).collect::<Vec<_>>().into_flattened()
+}
+
+/// Returns the inverse depths that some bytes tell; none if their number is odd.
+#[must_use]
+pub fn depths_of_bytes(bytes: &[u8]) -> Option<Arc<[u16]>> {
+    let (pairs, rest) = bytes.as_chunks::<2>();
+    rest.is_empty().then(|| pairs.iter().map(|pair| u16::from_le_bytes(*pair)).collect())
+}
+
 /// A frame carried to another view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Carried {

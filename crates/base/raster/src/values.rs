@@ -22,6 +22,7 @@ impl RgbImage {
 
 /// Returns the value of a byte, −1 to 1.
 #[must_use]
+#[inline]
 pub fn value(byte: u8) -> f32 {
     f32::from(byte) * (1.0 / 127.5) - 1.0
 }

@@ -1,7 +1,7 @@
 //! Images, and the two topics that are one: `layout` and `frame`. Lossless only; sizes are bounded before decoding.
 
 use bytes::Bytes;
-use ds_raster::{Encoding, Mover, RgbImage};
+use ds_raster::{Encoding, Mover, RgbImage, geometry};
 use ds_topic::{Frame, Layout, LayoutGeometry};
 use ds_world::Size;
 
@@ -85,19 +85,16 @@ impl TryFrom<v1::Layout> for Layout {
 
 impl From<&LayoutGeometry> for v1::LayoutGeometry {
     fn from(value: &LayoutGeometry) -> Self {
-        let depths: Vec<u8> = value.inverse_depths.iter().flat_map(|depth| depth.to_le_bytes()).collect();
-        Self { inverse_depths: depths.into(), movers: value.movers.iter().map(Into::into).collect() }
+        let inverse_depths = geometry::bytes_of_depths(&value.inverse_depths).into();
+        Self { inverse_depths, movers: value.movers.iter().map(Into::into).collect() }
     }
 }
 
 impl TryFrom<v1::LayoutGeometry> for LayoutGeometry {
     type Error = FieldError;
     fn try_from(message: v1::LayoutGeometry) -> Result<Self, FieldError> {
-        let depths = message.inverse_depths.chunks(2).map(|pair| match pair {
-            [low, high] => Ok(u16::from_le_bytes([*low, *high])),
-            _ => Err(FieldError::new("inverse_depths", "has an odd number of bytes")),
-        });
-        let inverse_depths = depths.collect::<Result<_, FieldError>>()?;
+        let odd = || FieldError::new("inverse_depths", "has an odd number of bytes");
+        let inverse_depths = geometry::depths_of_bytes(&message.inverse_depths).ok_or_else(odd)?;
         Ok(Self { inverse_depths, movers: list("movers", message.movers, MAX_AGENTS)? })
     }
 }
