@@ -6,6 +6,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use ds_camera::Condition;
 use serde::{Deserialize, Serialize};
 
 use crate::error::AppraisalError;
@@ -420,14 +421,19 @@ impl EvalConfig {
             if !(appearance.pace > 0.0 && appearance.pace <= 4.0) {
                 return refuse("appearance.pace", "must lie within (0, 4]");
             }
+            for name in &appearance.conditions {
+                condition("appearance.conditions", name)?;
+            }
         }
-        if let Some(first_frames) = &self.first_frames
-            && (first_frames.scenarios == 0
-                || first_frames.steps == 0
-                || first_frames.wordings.is_empty()
-                || first_frames.wordings.values().any(Vec::is_empty))
-        {
-            return refuse("first_frames", "needs a scenario, a step and wordings of every condition");
+        if let Some(first_frames) = &self.first_frames {
+            let wordings = &first_frames.wordings;
+            let none = first_frames.scenarios == 0 || first_frames.steps == 0 || wordings.is_empty();
+            if none || wordings.values().any(Vec::is_empty) {
+                return refuse("first_frames", "needs a scenario, a step and wordings of every condition");
+            }
+            for name in wordings.keys() {
+                condition("first_frames.wordings", name)?;
+            }
         }
         if let Some(videos) = &self.videos {
             for arm in &videos.arms {
@@ -454,4 +460,9 @@ impl EvalConfig {
         }
         Err(AppraisalError::config(field, format!("there is no arm {arm:?}")))
     }
+}
+
+/// Reads the name of a condition in a field of the configuration.
+pub(crate) fn condition(field: &str, name: &str) -> Result<Condition, AppraisalError> {
+    name.parse().map_err(|error| AppraisalError::config(field, format!("{error}")))
 }

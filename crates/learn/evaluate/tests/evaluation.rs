@@ -214,6 +214,15 @@ fn wrong_configurations_are_named() {
     check("cache_source = \"clean\"", "guidance = 2.0", "a teacher's");
     check("scenarios = 2", "scenarios = 0", "columns.scenarios");
     check("pace = 0.75", "paces = 0.75", "paces");
+    check("\"night\"]", "\"nacht\"]", "nacht");
+    let worded = |name: &str| {
+        format!(
+            "[first_frames]\nmodel = \"smoke.toml\"\nweights = \"model.safetensors\"\nsteps = 2\nguidance = 1.0\nscenarios = 1\n\
+             wordings = {{ {name} = [\"a word\"] }}\n[speed]"
+        )
+    };
+    check("[speed]", &worded("nacht"), "nacht");
+    assert!(EvalConfig::parse(&TEXT.replacen("[speed]", &worded("night"), 1), Path::new(".")).is_ok());
 }
 
 #[test]

@@ -7,7 +7,7 @@ use ds_perception::look::{name, sought};
 use ds_perception::segmenter::highest;
 
 use super::Evaluation;
-use crate::config::AppearanceConfig;
+use crate::config::{AppearanceConfig, condition};
 use crate::error::AppraisalError;
 use crate::estimate::Resamples;
 use crate::outcome::{AppearanceOutcome, ConditionOutcome};
@@ -46,11 +46,6 @@ impl Wanted {
         let all: f64 = counts.values().sum();
         counts.into_iter().map(|(name, count)| (name, count / all)).collect()
     }
-}
-
-/// Reads the name of a condition in a field of the configuration.
-pub(super) fn condition(field: &str, name: &str) -> Result<Condition, AppraisalError> {
-    name.parse().map_err(|error| AppraisalError::config(field, format!("{error}")))
 }
 
 impl Evaluation<'_> {

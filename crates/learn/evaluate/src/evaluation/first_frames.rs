@@ -14,8 +14,7 @@ use ds_video::ModelConfig;
 use ds_world::Wording;
 
 use super::Evaluation;
-use super::appearance::condition;
-use crate::config::FirstFramesConfig;
+use crate::config::{FirstFramesConfig, condition};
 use crate::drive::{Drive, Route};
 use crate::error::AppraisalError;
 use crate::outcome::{FIRST_FRAMES_SHEET, FirstFramesOutcome, Shown, WordedOutcome};
