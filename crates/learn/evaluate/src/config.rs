@@ -421,9 +421,6 @@ impl EvalConfig {
             if !(appearance.pace > 0.0 && appearance.pace <= 4.0) {
                 return refuse("appearance.pace", "must lie within (0, 4]");
             }
-            for name in &appearance.conditions {
-                condition("appearance.conditions", name)?;
-            }
         }
         if let Some(first_frames) = &self.first_frames {
             let wordings = &first_frames.wordings;
@@ -431,14 +428,21 @@ impl EvalConfig {
             if none || wordings.values().any(Vec::is_empty) {
                 return refuse("first_frames", "needs a scenario, a step and wordings of every condition");
             }
-            for name in wordings.keys() {
-                condition("first_frames.wordings", name)?;
-            }
         }
         if let Some(videos) = &self.videos {
             for arm in &videos.arms {
                 self.known("videos.arms", arm)?;
             }
+        }
+        self.check_conditions()
+    }
+
+    fn check_conditions(&self) -> Result<(), AppraisalError> {
+        for name in self.appearance.iter().flat_map(|appearance| &appearance.conditions) {
+            condition("appearance.conditions", name)?;
+        }
+        for name in self.first_frames.iter().flat_map(|first_frames| first_frames.wordings.keys()) {
+            condition("first_frames.wordings", name)?;
         }
         Ok(())
     }
