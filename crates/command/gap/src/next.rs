@@ -36,7 +36,7 @@ pub(crate) fn run(args: &NextArgs) -> Result<()> {
     let envelope = args.envelope.as_deref().map(envelope).transpose()?.unwrap_or_default();
     envelope.check().map_err(|error| UsageError(error.to_string()))?;
     let known = args.baseline.as_deref().map(|path| baseline::open(path, None)).transpose()?;
-    let settings = Settings { seed: args.seed, envelope, quick: args.quick };
+    let settings = Settings { seed: args.seed, envelope, quick: args.quick, without: Vec::new() };
     let made = folders(&args.cases)?.iter().map(|case| tables(case, None, &args.out)).collect::<Result<Vec<_>>>()?;
     let cases = made.concat();
     for (path, name) in cases.iter().zip(names(&cases)) {

@@ -105,7 +105,7 @@ fn one(seed: u64) -> Option<Driven> {
         return None;
     }
     let standing = standings.iter().take(5).any(|s| s.effects == [truth.clone()] && s.probability >= 0.01);
-    let settings = Settings { seed, envelope: Envelope::default(), quick: true };
+    let settings = Settings { seed, envelope: Envelope::default(), quick: true, ..Settings::default() };
     let plant = world();
     let real = World { motion: &BuiltIn, plant: &plant };
     let is_truth = |effects: &[String]| effects == [truth.clone()];

@@ -18,7 +18,7 @@ use crate::drive::World;
 use crate::envelope::{Envelope, Margin, holds, tightest};
 use crate::error::ExperimentError;
 use crate::predict::{Expected, Predictor};
-use crate::report::{Checked, Considered, Curve, Curves, Hypothesis, Next, Pair, Planned, SCHEMA};
+use crate::report::{CHANGED, Checked, Considered, Curve, Curves, GENTLER, Hypothesis, Next, Pair, Planned, SCHEMA};
 use crate::settings::{ENOUGH, LEAST_NATS, Settings};
 
 /// Most simulated drives of a search; the draws of the envelope come on top.
@@ -33,7 +33,7 @@ const DRAWS: usize = 300;
 /// Manoeuvres that are drawn, best first, before the best is driven more gently.
 const DRAWN: usize = 8;
 /// Factor on the accelerations of a manoeuvre for each time that it leaves the envelope, and how often at most.
-const GENTLER: (f64, usize) = (0.85, 10);
+const EASED: (f64, usize) = (0.85, 10);
 /// Manoeuvres that are told of.
 const TOLD: usize = 8;
 /// Channels that are drawn.
@@ -44,7 +44,7 @@ const THINNED: usize = 2;
 /// Designs the next run for what a diagnosis of a case leaves.
 ///
 /// # Errors
-/// If no manoeuvre stays within the envelope.
+/// If no manoeuvre stays within the envelope, or none is left.
 pub fn choose(
     case: &Case,
     diagnosis: &Diagnosis,
@@ -53,19 +53,7 @@ pub fn choose(
 ) -> Result<Next, ExperimentError> {
     settings.envelope.check()?;
     let kept = kept(standings);
-    let probabilities: Vec<f64> = kept.iter().map(|s| s.probability).collect();
-    let hypothesis = |s: &Standing| Hypothesis { effects: s.effects.clone(), probability: s.probability };
-    let mut next = Next {
-        schema_version: SCHEMA,
-        case: diagnosis.case.clone(),
-        seed: settings.seed,
-        hypotheses: kept.iter().map(hypothesis).collect(),
-        p_unknown: diagnosis.p_unknown,
-        entropy_nats: entropy(&probabilities),
-        planned: None,
-        runs: Vec::new(),
-        ended: None,
-    };
+    let mut next = open(diagnosis, &kept, settings.seed);
     if kept[0].probability >= ENOUGH {
         next.ended = Some(format!("settled: one hypothesis has a probability of {:.3}", kept[0].probability));
         return Ok(next);
@@ -103,6 +91,29 @@ pub fn choose(
     Ok(next)
 }
 
+/// Returns what hypotheses leave open, with no manoeuvre.
+fn open(diagnosis: &Diagnosis, kept: &[Standing], seed: u64) -> Next {
+    let probabilities: Vec<f64> = kept.iter().map(|s| s.probability).collect();
+    let hypothesis = |s: &Standing| Hypothesis { effects: s.effects.clone(), probability: s.probability };
+    Next {
+        schema_version: SCHEMA,
+        case: diagnosis.case.clone(),
+        seed,
+        hypotheses: kept.iter().map(hypothesis).collect(),
+        p_unknown: diagnosis.p_unknown,
+        entropy_nats: entropy(&probabilities),
+        planned: None,
+        runs: Vec::new(),
+        refused: Vec::new(),
+        ended: None,
+    }
+}
+
+/// Returns what a diagnosis leaves open where no further run can be designed, and why.
+pub(crate) fn ended(diagnosis: &Diagnosis, standings: &[Standing], seed: u64, why: &ExperimentError) -> Next {
+    Next { ended: Some(why.in_words()), ..open(diagnosis, &kept(standings), seed) }
+}
+
 /// Returns the hypotheses that are likely enough, likeliest first, and the ordinary mismatch, against which effects have their
 /// size.
 fn kept(standings: &[Standing]) -> Vec<Standing> {
@@ -116,17 +127,17 @@ fn kept(standings: &[Standing]) -> Vec<Standing> {
     kept
 }
 
-/// Tries the library, then what an evolution strategy makes of its best, as long as simulated drives are left.
+/// Tries what is allowed of the library, then what an evolution strategy makes of its best, as long as simulated drives are left.
 fn search(predictor: &mut Predictor<'_>, settings: &Settings) -> Result<Vec<(String, Expected)>, ExperimentError> {
     let heading = settings.envelope.site.and_then(|site| site.heading_rad);
     let turned = |design: Design| heading.map_or(design, |heading| design.pointing(heading));
     let mut tried = Vec::new();
-    for (name, design) in LIBRARY {
+    for (name, design) in LIBRARY.into_iter().filter(|(name, _)| !settings.without.iter().any(|w| w == name)) {
         tried.push((name.to_owned(), predictor.expect(&turned(design))?));
     }
     let worth = |e: &(String, Expected)| e.1.worth;
-    let Some(first) = tried.iter().max_by(|a, b| worth(a).total_cmp(&worth(b))) else { return Ok(tried) };
-    let from = format!("{}, changed", first.0);
+    let first = tried.iter().max_by(|a, b| worth(a).total_cmp(&worth(b))).ok_or(ExperimentError::NothingLeft)?;
+    let from = format!("{}{CHANGED}", first.0);
     let mut evolution = Search::new(&first.1.design.shares(), Draws::from_seed(settings.seed, "next manoeuvre"));
     while predictor.rollouts + GENERATION * predictor.cost() <= ROLLOUTS {
         let mut generation = Vec::new();
@@ -183,18 +194,18 @@ fn within(
         }
     }
     let (name, best) = (tried[0].0.clone(), tried[0].1.design);
-    for k in 1..=GENTLER.1 {
-        let gentle = best.gentler(GENTLER.0.powi(i32::try_from(k).unwrap_or(1)));
+    for k in 1..=EASED.1 {
+        let gentle = best.gentler(EASED.0.powi(i32::try_from(k).unwrap_or(1)));
         last = margins(predictor, &gentle, worlds, envelope)?;
         if holds(&last) {
             let expected = predictor.expect(&gentle)?;
             let place = tried.len().min(DRAWN);
-            tried.insert(place, (format!("{name}, gentler"), expected));
+            tried.insert(place, (format!("{name}{GENTLER}"), expected));
             return Ok((place, last));
         }
     }
     let named = tightest(&last).map(|m| format!("{}: {:.2} of {:.2} {}", m.name, m.reached, m.limit, m.unit));
-    let tried = tried.len().min(DRAWN) + GENTLER.1;
+    let tried = tried.len().min(DRAWN) + EASED.1;
     Err(ExperimentError::NoneHolds { tried, draws: worlds.len(), worst: named.unwrap_or_default() })
 }
 

@@ -27,6 +27,9 @@ pub enum ExperimentError {
         /// Which limit was passed, and how far.
         worst: String,
     },
+    /// Every manoeuvre of the library is left out.
+    #[error("no manoeuvre is left to try")]
+    NothingLeft,
     /// Who drives did not answer.
     #[error("the drive came to nothing: the simulator answered no finite motion")]
     NotDriven,
@@ -38,4 +41,14 @@ pub enum ExperimentError {
         /// Why.
         source: CaseError,
     },
+}
+
+impl ExperimentError {
+    /// Returns the error with what it comes of.
+    pub(crate) fn in_words(&self) -> String {
+        match self {
+            Self::Log { source, .. } => format!("{self}: {source}"),
+            _ => self.to_string(),
+        }
+    }
 }

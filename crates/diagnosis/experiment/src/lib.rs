@@ -21,6 +21,6 @@ pub use design::{Design, LIBRARY, NAMES};
 pub use drive::{Driven, World};
 pub use envelope::{Envelope, Margin, Site};
 pub use error::ExperimentError;
-pub use report::{Checked, Considered, Curve, Curves, Hypothesis, Next, Pair, Planned, Run};
+pub use report::{Checked, Considered, Curve, Curves, Hypothesis, Next, Pair, Planned, Refused, Run};
 pub use run::{Logged, drive, join, run};
 pub use settings::{ENOUGH, LEAST_NATS, MOST_RUNS, Settings};

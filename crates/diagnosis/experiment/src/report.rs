@@ -10,6 +10,11 @@ use crate::envelope::{Envelope, Margin};
 /// Version of this schema.
 pub(crate) const SCHEMA: u32 = 1;
 
+/// Said of a manoeuvre that a search made of one of the library.
+pub(crate) const CHANGED: &str = ", changed";
+/// Said of one that is driven more gently, so that it holds the envelope.
+pub(crate) const GENTLER: &str = ", gentler";
+
 /// The next experiment of a case.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Next {
@@ -31,6 +36,9 @@ pub struct Next {
     /// Runs that were driven.
     #[serde(default)]
     pub runs: Vec<Run>,
+    /// Runs whose log was refused, and which count for nothing.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub refused: Vec<Refused>,
     /// Why nothing more is driven or proposed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ended: Option<String>,
@@ -66,6 +74,14 @@ pub struct Planned {
     pub rollouts: usize,
     /// What each hypothesis predicts.
     pub predicted: Vec<Curves>,
+}
+
+impl Planned {
+    /// Returns the manoeuvre of the library that the search began from.
+    #[must_use]
+    pub fn begun(&self) -> &str {
+        self.from.trim_end_matches(GENTLER).trim_end_matches(CHANGED)
+    }
 }
 
 /// Two hypotheses and how far a log would tell them apart.
@@ -122,6 +138,19 @@ pub struct Curve {
     pub effects: Vec<String>,
     /// Values, in SI units.
     pub values: Vec<f64>,
+}
+
+/// A run that was driven for nothing: the manoeuvre that it came from is not begun from again.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Refused {
+    /// Its number, from 1, among all runs.
+    pub run: usize,
+    /// What the manoeuvre came from.
+    pub from: String,
+    /// Its numbers.
+    pub design: BTreeMap<String, f64>,
+    /// Why its log was refused, or that nothing was driven.
+    pub why: String,
 }
 
 /// A run that was driven.

@@ -9,12 +9,12 @@ use ds_dynamics::standing::Standing;
 use ds_dynamics::{Options, diagnose_leaving};
 use ds_space::Draws;
 
-use crate::choose::choose;
+use crate::choose::{choose, ended};
 use crate::design::Design;
 use crate::drive::World;
 use crate::envelope::{Margin, holds};
 use crate::error::ExperimentError;
-use crate::report::{Next, Run};
+use crate::report::{Next, Planned, Refused, Run};
 use crate::settings::{MOST_RUNS, Settings};
 
 /// A run as it was driven.
@@ -65,12 +65,25 @@ fn entry(number: usize) -> DriveEntry {
     DriveEntry { file: file(number), ..DriveEntry::default() }
 }
 
+/// Drives what is planned and returns the case with its log.
+fn added(
+    grown: &Case,
+    case: &Case,
+    world: &World<'_>,
+    planned: &Planned,
+    number: usize,
+    settings: &Settings,
+) -> Result<(Case, Logged), ExperimentError> {
+    let logged = drive(world, &Design::named(&planned.design), case, number, settings)?;
+    Ok((join(grown, number, logged.drive.clone())?, logged))
+}
+
 /// Diagnoses a case, drives what tells most of what that leaves, and goes on until one hypothesis is likely enough, nothing
-/// more is to be learned or the runs are spent; `tell` hears of each run. Returns the state at the end, the logs that were
-/// added and the last diagnosis.
+/// more is to be learned or the runs are spent; `tell` hears of each run. A run whose log is refused is told of, and another
+/// manoeuvre driven. Returns the state at the end, the logs that were added and the last diagnosis.
 ///
 /// # Errors
-/// If no manoeuvre holds the envelope, or a drive comes to nothing.
+/// If no manoeuvre holds the envelope to begin with.
 pub fn run(
     case: &Case,
     world: &World<'_>,
@@ -79,25 +92,36 @@ pub fn run(
 ) -> Result<(Next, Vec<Table>, Diagnosis), ExperimentError> {
     let options = Options { quick: settings.quick, without: Vec::new() };
     let mut grown = case.clone();
-    let (mut runs, mut logs): (Vec<Run>, Vec<Table>) = (Vec::new(), Vec::new());
+    let (mut runs, mut refused, mut logs): (Vec<Run>, Vec<Refused>, Vec<Table>) = Default::default();
+    let mut allowed = settings.clone();
     let mut found: (Diagnosis, Vec<Standing>) = diagnose_leaving(&grown, &options);
     loop {
-        let mut next = choose(
-            &grown,
-            &found.0,
-            &found.1,
-            &Settings { seed: settings.seed + runs.len() as u64, ..settings.clone() },
-        )?;
+        let driven = runs.len() + refused.len();
+        allowed.seed = settings.seed + driven as u64;
+        let mut next = match choose(&grown, &found.0, &found.1, &allowed) {
+            Err(error) if driven > 0 => ended(&found.0, &found.1, settings.seed, &error),
+            chosen => chosen?,
+        };
         next.seed = settings.seed;
-        if runs.len() == MOST_RUNS && next.ended.is_none() {
+        if driven == MOST_RUNS && next.ended.is_none() {
             next.ended = Some(format!("{MOST_RUNS} runs were driven"));
         }
         let (Some(planned), None) = (&next.planned, &next.ended) else {
-            return Ok((Next { runs, ..next }, logs, found.0));
+            return Ok((Next { runs, refused, ..next }, logs, found.0));
         };
-        let (number, design) = (runs.len() + 1, Design::named(&planned.design));
-        let logged = drive(world, &design, case, number, settings)?;
-        grown = join(&grown, number, logged.drive)?;
+        let number = driven + 1;
+        let logged = match added(&grown, case, world, planned, number, settings) {
+            Ok((more, logged)) => {
+                grown = more;
+                logged
+            }
+            Err(error) => {
+                allowed.without.push(planned.begun().to_owned());
+                let (from, design) = (planned.from.clone(), planned.design.clone());
+                refused.push(Refused { run: number, from, design, why: error.in_words() });
+                continue;
+            }
+        };
         found = diagnose_leaving(&grown, &options);
         let first = &found.1[0];
         let run = Run {

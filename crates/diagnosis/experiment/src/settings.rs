@@ -18,4 +18,6 @@ pub struct Settings {
     pub envelope: Envelope,
     /// Fast pass and single fits only.
     pub quick: bool,
+    /// Manoeuvres of the library that are not begun from.
+    pub without: Vec<String>,
 }

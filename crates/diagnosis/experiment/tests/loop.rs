@@ -1,8 +1,11 @@
 //! A short log leaves effects open; the loop drives what tells them apart, keeps the envelope, and the same seed drives the same.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use ds_diagnosis::meta::VehicleMeta;
 use ds_dynamics::case::Case;
-use ds_dynamics::motion::BuiltIn;
+use ds_dynamics::ego::{Actuated, Instant};
+use ds_dynamics::motion::{BuiltIn, Motion, Window};
 use ds_dynamics::{Options, diagnose_leaving, synthetic};
 use ds_effect::{Plant, find};
 use ds_experiment::{ENOUGH, Envelope, ExperimentError, Settings, Site, World, choose, run};
@@ -21,7 +24,7 @@ fn short(seed: u64, id: &str, value: f64) -> (Case, Plant) {
 }
 
 fn settings() -> Settings {
-    Settings { seed: 5, envelope: Envelope::default(), quick: true }
+    Settings { seed: 5, envelope: Envelope::default(), quick: true, ..Settings::default() }
 }
 
 #[test]
@@ -36,6 +39,33 @@ fn what_a_short_log_leaves_open_is_settled_by_a_run_within_the_envelope() {
     assert!(last.probability >= ENOUGH && next.runs.len() <= 2, "{:#?}", next.runs);
     assert!(next.runs.iter().all(|r| !r.left_envelope && r.nats > 0.05), "{:#?}", next.runs);
     assert_eq!(drive().0, next);
+}
+
+/// A car whose first drive makes a log that no vehicle could.
+struct Spoilt(AtomicBool);
+
+impl Motion for Spoilt {
+    fn roll(&self, windows: &[Window], actuated: &Actuated, plant: &Plant) -> Vec<Vec<Instant>> {
+        let mut rolled = BuiltIn.roll(windows, actuated, plant);
+        if !self.0.swap(true, Ordering::Relaxed) {
+            rolled.iter_mut().flatten().for_each(|instant| instant.v += 1000.0);
+        }
+        rolled
+    }
+}
+
+#[test]
+fn a_run_whose_log_is_refused_is_told_of_and_another_manoeuvre_driven() {
+    let (case, plant) = short(61, "front_grip", 0.8);
+    let motion = Spoilt(AtomicBool::new(false));
+    let world = World { motion: &motion, plant: &plant };
+    let (next, logs, _) = run(&case, &world, &settings(), &|_| ()).expect("a second manoeuvre is driven");
+    let [refused] = next.refused.as_slice() else { panic!("one log is refused: {next:#?}") };
+    assert!(refused.run == 1 && refused.why.contains("km/h or another column?"), "{refused:#?}");
+    let second = next.runs.first().expect("another run was driven");
+    let begun = |from: &str| from.split(", changed").next().map(str::to_owned);
+    assert_eq!((second.run, logs.len()), (2, next.runs.len()));
+    assert_ne!(begun(&second.from), begun(&refused.from), "{next:#?}");
 }
 
 #[test]

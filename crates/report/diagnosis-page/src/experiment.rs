@@ -32,6 +32,9 @@ pub(crate) fn text(next: &Next) -> String {
             run.probability
         );
     }
+    for refused in &next.refused {
+        let _infallible = write!(text, "\nrun {} ({}) counts for nothing: {}", refused.run, refused.from, refused.why);
+    }
     if let Some(ended) = &next.ended {
         let _infallible = write!(text, "\n{ended}");
         return text;
@@ -78,6 +81,9 @@ pub(crate) fn body(m: &mut Markup, next: &Next) {
         m.inside("ul", &[("class", &"tiles")], |m| {
             tile(m, next.hypotheses.len(), "hypotheses", "");
             tile(m, next.runs.len(), "runs driven", "");
+            if !next.refused.is_empty() {
+                tile(m, next.refused.len(), "refused", "alarm");
+            }
             let left = next.runs.iter().filter(|run| run.left_envelope).count();
             tile(m, left, "left the envelope", if left > 0 { "alarm" } else { "" });
         });
@@ -204,7 +210,7 @@ fn margins(m: &mut Markup, all: &[Margin]) {
 }
 
 fn runs(m: &mut Markup, next: &Next) {
-    if next.runs.is_empty() {
+    if next.runs.is_empty() && next.refused.is_empty() {
         return;
     }
     section(m, "Runs", |m| {
@@ -222,6 +228,11 @@ fn runs(m: &mut Markup, next: &Next) {
         let rows: Vec<Vec<String>> = next.runs.iter().map(row).collect();
         let columns = ["run", "manoeuvre", "nat expected", "likeliest after it", "probability", "envelope"];
         table(m, "Runs", &columns, &rows);
+        let row = |r: &ds_experiment::Refused| vec![r.run.to_string(), r.from.clone(), r.why.clone()];
+        let rows: Vec<Vec<String>> = next.refused.iter().map(row).collect();
+        if !rows.is_empty() {
+            table(m, "Runs that count for nothing", &["run", "manoeuvre", "why"], &rows);
+        }
     });
 }
 
@@ -229,7 +240,7 @@ fn runs(m: &mut Markup, next: &Next) {
 mod tests {
     use std::collections::BTreeMap;
 
-    use ds_experiment::{Checked, Envelope, Hypothesis, Pair};
+    use ds_experiment::{Checked, Envelope, Hypothesis, Pair, Refused};
 
     use super::*;
 
@@ -267,6 +278,7 @@ mod tests {
                 }],
             }),
             runs: Vec::new(),
+            refused: Vec::new(),
             ended: None,
         }
     }
@@ -282,7 +294,14 @@ mod tests {
         }
         let said = text(&next);
         assert!(said.contains("drive: slalom, changed, 16 s, tells 0.500 of 0.670 nat"), "{said}");
-        let ended = text(&Next { ended: Some("settled".to_owned()), ..next });
-        assert!(ended.ends_with("settled"), "{ended}");
+        let (from, why) = ("step steer".to_owned(), "frozen <v>".to_owned());
+        let refused = vec![Refused { run: 1, from, design: BTreeMap::new(), why }];
+        let next = Next { ended: Some("settled".to_owned()), refused, ..next };
+        assert!(
+            text(&next).ends_with("\nrun 1 (step steer) counts for nothing: frozen <v>\nsettled"),
+            "{}",
+            text(&next)
+        );
+        assert!(crate::experiment(&next).contains("frozen &lt;v&gt;"));
     }
 }
