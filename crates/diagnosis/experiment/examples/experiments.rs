@@ -1,8 +1,9 @@
 //! How experiments fare: single-effect cases that a short log leaves ambiguous, driven on by designed runs and by the library in
 //! its fixed order.
 //!
-//! `experiments --seed SEED --cases COUNT [--most DRAWN]`: draws effects and ordinary mismatch of the built-in car, keeps cases
-//! whose likeliest explanation is below 0.7, prints a line for each and the figures.
+//! `experiments --seed SEED --cases COUNT [--most DRAWN] [--pairs]`: draws effects and ordinary mismatch of the built-in car, keeps
+//! cases whose likeliest explanation is below 0.7, prints a line for each and the figures. `--pairs` draws larger effects and keeps cases
+//! in which it is open which effect acts, not whether one does: the ordinary mismatch alone is below 0.1.
 #![allow(clippy::print_stdout, reason = "the table is this command's answer")]
 
 use ds_diagnosis::meta::VehicleMeta;
@@ -19,6 +20,13 @@ use rayon::prelude::*;
 const LOG_SECS: f64 = 9.0;
 /// Probability below which a case is ambiguous.
 const AMBIGUOUS: f64 = 0.7;
+
+/// Probability of the ordinary mismatch alone above which it is open whether any effect acts.
+const NONE: f64 = 0.1;
+/// Sizes that are drawn, of the whole range of an effect.
+const SIZES: (f64, f64) = (0.08, 0.4);
+/// The same where which effect acts is to be open.
+const LARGE: (f64, f64) = (0.15, 0.7);
 
 /// One case that was driven on.
 struct Driven {
@@ -37,13 +45,14 @@ fn main() {
         let found = arguments.iter().position(|a| a == flag).and_then(|k| arguments.get(k + 1));
         found.and_then(|text| text.parse().ok()).unwrap_or(or)
     };
+    let pairs = arguments.iter().any(|a| a == "--pairs");
     let (seed, cases, most) = (after("--seed", 1), after("--cases", 10) as usize, after("--most", 400));
     let mut found: Vec<Driven> = Vec::new();
     let mut drawn = 0;
     while found.len() < cases && drawn < most {
         let next = drawn..(drawn + 8).min(most);
         drawn = next.end;
-        found.extend(next.into_par_iter().filter_map(|k| one(seed * 1000 + k)).collect::<Vec<_>>());
+        found.extend(next.into_par_iter().filter_map(|k| one(seed * 1000 + k, pairs)).collect::<Vec<_>>());
     }
     found.truncate(cases);
     let share = |of: usize, all: usize| format!("{of} of {all} = {:.2}", of as f64 / all.max(1) as f64);
@@ -65,7 +74,7 @@ fn main() {
 }
 
 /// Draws a case and drives it on if it is ambiguous.
-fn one(seed: u64) -> Option<Driven> {
+fn one(seed: u64, pairs: bool) -> Option<Driven> {
     let draws = Draws::from_seed(seed, "experiments");
     let space = Space::new(Part::Ego, &synthetic::nominal(), &[]);
     let suspects: Vec<usize> = (0..space.effects.len()).filter(|e| space.suspects(*e)).collect();
@@ -79,7 +88,8 @@ fn one(seed: u64) -> Option<Driven> {
     let k = space.of(effect)[0];
     let parameter = space.coordinates[k].parameter;
     let (low, high) = parameter.slab;
-    let size = draws.range(1, 0.08, 0.4);
+    let (least, most) = if pairs { LARGE } else { SIZES };
+    let size = draws.range(1, least, most);
     let both = low < parameter.neutral && parameter.scale != Scale::Limit && parameter.neutral.is_finite();
     let side = if both && draws.uniform(2) < 0.5 { low } else { high };
     vector[k] = if parameter.neutral.is_finite() {
@@ -101,7 +111,8 @@ fn one(seed: u64) -> Option<Driven> {
     let options = Options { quick: true, ..Options::default() };
     let (_, standings) = diagnose_leaving(&case, &options);
     let before = standings[0].probability;
-    if before >= AMBIGUOUS {
+    let none = standings.iter().find(|s| s.effects.is_empty()).map_or(0.0, |s| s.probability);
+    if before >= AMBIGUOUS || (pairs && none > NONE) {
         return None;
     }
     let standing = standings.iter().take(5).any(|s| s.effects == [truth.clone()] && s.probability >= 0.01);
@@ -110,27 +121,28 @@ fn one(seed: u64) -> Option<Driven> {
     let real = World { motion: &BuiltIn, plant: &plant };
     let is_truth = |effects: &[String]| effects == [truth.clone()];
     let mut line = format!("{seed} {truth} before {before:.2} {:?}", standings[0].effects);
+    // What cannot be driven is wrong, like what is driven for nothing.
     let made = run(&case, &real, &settings, &|_| ());
-    let (next, ..) = match made {
-        Ok(made) => made,
-        Err(error) => {
-            println!("{line}: {error}");
-            return None;
-        }
+    let (runs, refused, ended) = match made {
+        Ok((next, ..)) => (next.runs, next.refused, next.ended.unwrap_or_default()),
+        Err(error) => (Vec::new(), Vec::new(), error.to_string()),
     };
-    for r in &next.runs {
+    for r in &refused {
+        line += &format!("\n    run {} ({}) refused: {}", r.run, r.from, r.why);
+    }
+    for r in &runs {
         line += &format!("\n    run {} ({}, {:.2} nat): {:?} {:.3}", r.run, r.from, r.nats, r.effects, r.probability);
     }
     let sure = |effects: &[String], p: f64| (is_truth(effects), p >= ENOUGH);
-    let last = next.runs.last().map_or((false, false), |r| sure(&r.effects, r.probability));
-    let early = next.runs.iter().take(2).any(|r| sure(&r.effects, r.probability) == (true, true));
-    let designed = (next.runs.len(), last.0, last.1);
-    line += &format!("\n    ended: {}", next.ended.clone().unwrap_or_default());
+    let last = runs.last().map_or((false, false), |r| sure(&r.effects, r.probability));
+    let early = runs.iter().any(|r| r.run <= 2 && sure(&r.effects, r.probability) == (true, true));
+    let designed = (runs.len() + refused.len(), last.0, last.1);
+    line += &format!("\n    ended: {ended}");
     let library = by_library(&case, &real, &settings, &options, &is_truth);
     line += &format!("\n    library: {} runs, right {}, sure {}", library.0, library.1, library.2);
     println!("{line}");
-    let violations = next.runs.iter().filter(|r| r.left_envelope).count();
-    Some(Driven { standing, designed, early, library, runs: next.runs.len(), violations })
+    let violations = runs.iter().filter(|r| r.left_envelope).count();
+    Some(Driven { standing, designed, early, library, runs: runs.len(), violations })
 }
 
 /// Drives the library in its order until one hypothesis is sure.
@@ -144,8 +156,10 @@ fn by_library(
     let mut grown = case.clone();
     let mut found = (false, false);
     for (number, (_, design)) in (1..).zip(LIBRARY).take(MOST_RUNS) {
-        let logged = drive(world, &design, case, number, settings).expect("the built-in car drives");
-        grown = join(&grown, number, logged.drive).expect("the log fits");
+        let joined =
+            drive(world, &design, case, number, settings).and_then(|logged| join(&grown, number, logged.drive));
+        let Ok(joined) = joined else { continue };
+        grown = joined;
         let (_, standings) = diagnose_leaving(&grown, options);
         found = (is_truth(&standings[0].effects), standings[0].probability >= ENOUGH);
         if found.1 {
