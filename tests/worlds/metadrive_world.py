@@ -247,9 +247,9 @@ def draw_vehicle(r, world):
     return nominal, real
 
 
-def draw_plan(r, kind):
+def draw_plan(r, kind, amplitude):
     """Draws target speed and lateral acceleration over time: slow waves, and a stretch of steps when handling."""
-    centre, swing, lateral = KINDS[kind]
+    centre, swing, lateral = KINDS[kind] * np.array([1.0, amplitude, amplitude])
     t = np.arange(-LEAD_IN, SECONDS + DT, DT)
     wave = lambda low, high: np.sin(2 * np.pi * t / r.uniform(low, high) + r.uniform(0, 6.28))
     speed = centre * r.uniform(0.88, 1.12) + swing * (0.7 * wave(9, 16) + 0.5 * wave(5, 8))
@@ -258,7 +258,7 @@ def draw_plan(r, kind):
     if kind == "handling":
         begin, period = r.uniform(6, 20), r.uniform(2.2, 3.6)
         ay = np.where((t > begin) & (t < begin + 8), lateral * 0.8 * np.tanh(1.5 * np.sin(2 * np.pi * (t - begin) / period)), ay)
-    return np.maximum(speed, 3.0), np.clip(ay * np.clip((t + LEAD_IN) / LEAD_IN, 0, 1), -3.8, 3.8)
+    return np.maximum(speed, 3.0), np.clip(ay * np.clip((t + LEAD_IN) / LEAD_IN, 0, 1), -3.8 * amplitude, 3.8 * amplitude)
 
 
 def drive(r, world, case, kind):
@@ -270,7 +270,7 @@ def drive(r, world, case, kind):
     vehicle = world.spawn(build)
     vehicle.set_heading_theta(r.uniform(-np.pi, np.pi))
     from panda3d.core import Vec3
-    want_v, want_ay = draw_plan(r, kind)
+    want_v, want_ay = draw_plan(r, kind, case["amplitude"])
     steps = want_v.size - 1
     start(vehicle, want_v[0])
     base = nominal["wheelbase"]
@@ -429,7 +429,7 @@ def draw_case(r, world, given, kind, number, index):
     missing = [m for m in missing if not (m == "v_wheel" and "wheel_scale" in ids) and f"{m}_bias" not in ids]
     label = {"kind": kind, "drive_kinds": kinds, "channels_missing": missing,
              "effects": [{"id": i, "value": told(i), "unit": EFFECTS.get(i, ("",))[0], "group": EFFECTS.get(i, ("", "out_of_library"))[1], **own_world.place(i, ACTS_AT)} for i in ids]}
-    return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": kinds, "missing": missing, "label": label, "day": day}
+    return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": kinds, "missing": missing, "label": label, "day": day, "amplitude": given.amplitude}
 
 
 def write_case(r, world, case, folder):
@@ -457,6 +457,7 @@ def main():
     parser.add_argument("--part", default="1/1", help="of several processes that share a draw, which: 2/3 makes every third case from the second on")
     parser.add_argument("--fleet", type=int, default=0, help="so many vehicles, each of which drives every so manieth case on a day of its own (0: one for each case)")
     parser.add_argument("--twins", action="store_true", help="drive each case with effects a second time without them, into `without`: the truth about cells")
+    parser.add_argument("--amplitude", type=float, default=1.0, help="side acceleration and swing of the speed times so much, the same seed's vehicles and effects")
     given = parser.parse_args()
     part, parts = map(int, given.part.split("/"))
     world, labels = World(), {}

@@ -174,7 +174,7 @@ def drive(r, case, kind):
     fixed = frozen(p)
     # the drive is calibrated: asked acceleration is that of the nominal mass with its wheels
     push = nominal["mass"] / p.m * (1 + 4 * p.I_y_w / p.R_w**2 / nominal["mass"])
-    want_v, want_ay = draw_plan(r, kind)
+    want_v, want_ay = draw_plan(r, kind, case["amplitude"])
     x = np.array(init_mb([0, 0, 0, want_v[0], r.uniform(-np.pi, np.pi), 0, 0], p), dtype=float)
     base = nominal["wheelbase"]
     us = nominal["mass"] * (nominal["lr"] / nominal["cornering_stiffness_front"] - nominal["lf"] / nominal["cornering_stiffness_rear"]) / base
@@ -232,7 +232,7 @@ def draw_case(r, given, kind, number, index):
     missing = [m for m in missing if not any(i in own_world.NEEDS.get(m, []) for i in ids)]
     label = {"kind": kind, "drive_kinds": kinds, "channels_missing": missing,
              "effects": [{"id": i, "value": told(i), "unit": EFFECTS.get(i, ("",))[0], "group": EFFECTS.get(i, ("", "out_of_library"))[1], **own_world.place(i)} for i in ids]}
-    return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": kinds, "missing": missing, "label": label, "day": day}
+    return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": kinds, "missing": missing, "label": label, "day": day, "amplitude": given.amplitude}
 
 
 def write_case(r, case, folder):
@@ -261,6 +261,7 @@ def main():
     parser.add_argument("--fleet", type=int, default=0, help="so many vehicles, each of which drives every so manieth case on a day of its own (0: one for each case)")
     parser.add_argument("--as-delivered", action="store_true", help="leave the side terms of the tyres in")
     parser.add_argument("--twins", action="store_true", help="drive each case with effects a second time without them, into `without`: the truth about cells")
+    parser.add_argument("--amplitude", type=float, default=1.0, help="side acceleration and swing of the speed times so much, the same seed's vehicles and effects")
     given = parser.parse_args()
     global AS_DELIVERED
     AS_DELIVERED, labels = given.as_delivered, {}

@@ -169,9 +169,9 @@ def draw_vehicle(r):
 KINDS = {"urban": (8.5, 3.0, 2.3), "highway": (24.0, 4.0, 1.7), "handling": (13.5, 3.0, 3.0)}
 
 
-def draw_plan(r, kind):
+def draw_plan(r, kind, amplitude=1.0):
     """Draws target speed, target lateral acceleration and pedal steps over time: slow waves, swerves and steps."""
-    centre, swing, lateral = KINDS[kind]
+    centre, swing, lateral = KINDS[kind] * np.array([1.0, amplitude, amplitude])
     t = np.arange(0, SECONDS + DT, DT)
     wave = lambda lo, hi: np.sin(2 * np.pi * t / r.uniform(lo, hi) + r.uniform(0, 6.28))
     speed = centre * r.uniform(0.9, 1.1) + swing * (0.7 * wave(9, 16) + 0.5 * wave(5, 8))
@@ -185,8 +185,8 @@ def draw_plan(r, kind):
     ay = np.convolve(np.pad(ay, window.size, mode="edge"), window / window.sum(), mode="same")[window.size:-window.size]
     pedal = np.zeros(t.size)
     for start in r.uniform(2, 33, 5):
-        pedal[(t > start) & (t < start + r.uniform(0.8, 2.0))] = side(r) * r.choice([0.6, 1.0])
-    return np.maximum(speed, 3.5), np.clip(ay, -3.8, 3.8), pedal
+        pedal[(t > start) & (t < start + r.uniform(0.8, 2.0))] = amplitude * side(r) * r.choice([0.6, 1.0])
+    return np.maximum(speed, 3.5), np.clip(ay, -3.8 * amplitude, 3.8 * amplitude), pedal
 
 
 def magic(slip, load, stiffness, mu):
@@ -215,7 +215,7 @@ class Lanes:
         starts = [c["onset"] or {"drive": 0, "secs": -1.0} for c in cases]
         self.begins = np.array([begin(s, drive) for s in starts for drive in range(DRIVES)])
         self.now = 0.0
-        plans = [draw_plan(c["rng"], kind) for c in cases for kind in c["kinds"]]
+        plans = [draw_plan(c["rng"], kind, c["amplitude"]) for c in cases for kind in c["kinds"]]
         self.want_v, self.want_ay, self.pedal = (np.array([p[i] for p in plans]) for i in range(3))
 
     def on(self, key, neutral):
@@ -481,7 +481,7 @@ def draw_case(r, given, kind, number, index):
              "drive_kinds": [str(k) for k in kinds], "channels_missing": missing}
     if onset:
         label["onset"] = onset
-    return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": [str(k) for k in kinds], "missing": missing, "label": label, "day": day, "onset": onset, "rate": given.rate, "rng": r}
+    return {"name": f"case_{number:03d}", "nominal": nominal, "real": real, "values": values, "kinds": [str(k) for k in kinds], "missing": missing, "label": label, "day": day, "onset": onset, "rate": given.rate, "amplitude": given.amplitude, "rng": r}
 
 
 def write_drive(folder, lanes, run, case, lane, number):
@@ -561,6 +561,7 @@ def main():
     parser.add_argument("--trait", type=trait, default=[], nargs="*", metavar="ID=VALUE", help="what every car has, healthy or not, such as steer_backlash=0.02")
     parser.add_argument("--rate", type=int, default=20, help="rows a second of the vehicle's logs")
     parser.add_argument("--twins", action="store_true", help="drive each case with effects a second time without them, into `without`: the truth about cells")
+    parser.add_argument("--amplitude", type=float, default=1.0, help="side acceleration, pedals and swing of the speed times so much, the same seed's vehicles and effects")
     given = parser.parse_args()
     if given.spreads or given.out is None:
         print(json.dumps(spreads()))
