@@ -19,7 +19,7 @@ use ds_dynamics::{Options, diagnose_leaving};
 use ds_effect::{Plant, Setting};
 use ds_experiment::{Design, Envelope, Next, Run, Settings, World};
 use ds_process::service::UsageError;
-use ds_process::terminal::answer;
+use ds_process::terminal::{answer, complain};
 use ds_simulator::Reality;
 
 use crate::cli::NextArgs;
@@ -65,6 +65,10 @@ fn one(args: &NextArgs, path: &Path, out: &Path, known: Option<&Arc<Baseline>>, 
             Some(why) => anyhow::Error::from(error).context(why.to_string()),
             None => error.into(),
         })?;
+        // The loop kept what earlier runs gave.
+        if let Some(why) = reality.as_ref().and_then(Reality::failure) {
+            complain(&why.into());
+        }
         grow(path, &case, &next, &logs, &out.join("case"))?;
         diagnosis.write(out)?;
         next

@@ -149,7 +149,7 @@ pub struct Refused {
     pub from: String,
     /// Its numbers.
     pub design: BTreeMap<String, f64>,
-    /// Why its log was refused, or that nothing was driven.
+    /// Why its log was refused.
     pub why: String,
 }
 

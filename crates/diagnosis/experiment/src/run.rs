@@ -65,7 +65,7 @@ fn entry(number: usize) -> DriveEntry {
     DriveEntry { file: file(number), ..DriveEntry::default() }
 }
 
-/// Drives what is planned and returns the case with its log.
+/// Drives what is planned; returns the case with its log, that log and what the car left of the envelope.
 fn added(
     grown: &Case,
     case: &Case,
@@ -73,17 +73,18 @@ fn added(
     planned: &Planned,
     number: usize,
     settings: &Settings,
-) -> Result<(Case, Logged), ExperimentError> {
+) -> Result<(Case, Table, Vec<Margin>), ExperimentError> {
     let logged = drive(world, &Design::named(&planned.design), case, number, settings)?;
-    Ok((join(grown, number, logged.drive.clone())?, logged))
+    Ok((join(grown, number, logged.drive)?, logged.table, logged.margins))
 }
 
 /// Diagnoses a case, drives what tells most of what that leaves, and goes on until one hypothesis is likely enough, nothing
 /// more is to be learned or the runs are spent; `tell` hears of each run. A run whose log is refused is told of, and another
-/// manoeuvre driven. Returns the state at the end, the logs that were added and the last diagnosis.
+/// manoeuvre driven; what else fails after the first run ends the loop. Returns the state at the end, the logs that were added
+/// and the last diagnosis.
 ///
 /// # Errors
-/// If no manoeuvre holds the envelope to begin with.
+/// If no manoeuvre holds the envelope to begin with, or the first drive comes to nothing.
 pub fn run(
     case: &Case,
     world: &World<'_>,
@@ -110,17 +111,21 @@ pub fn run(
             return Ok((Next { runs, refused, ..next }, logs, found.0));
         };
         let number = driven + 1;
-        let logged = match added(&grown, case, world, planned, number, settings) {
-            Ok((more, logged)) => {
+        let (table, margins) = match added(&grown, case, world, planned, number, settings) {
+            Ok((more, table, margins)) => {
                 grown = more;
-                logged
+                (table, margins)
             }
-            Err(error) => {
+            Err(ExperimentError::Log { source, .. }) => {
                 allowed.without.push(planned.begun().to_owned());
                 let (from, design) = (planned.from.clone(), planned.design.clone());
-                refused.push(Refused { run: number, from, design, why: error.in_words() });
+                refused.push(Refused { run: number, from, design, why: source.to_string() });
                 continue;
             }
+            Err(error) if driven > 0 => {
+                return Ok((Next { runs, refused, ended: Some(error.to_string()), ..next }, logs, found.0));
+            }
+            Err(error) => return Err(error),
         };
         found = diagnose_leaving(&grown, &options);
         let first = &found.1[0];
@@ -130,14 +135,14 @@ pub fn run(
             from: planned.from.clone(),
             design: planned.design.clone(),
             nats: planned.nats,
-            left_envelope: !holds(&logged.margins),
-            margins: logged.margins,
+            left_envelope: !holds(&margins),
+            margins,
             effects: first.effects.clone(),
             probability: first.probability,
             p_unknown: found.0.p_unknown,
         };
         tell(&run);
         runs.push(run);
-        logs.push(logged.table);
+        logs.push(table);
     }
 }

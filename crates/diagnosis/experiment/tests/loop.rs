@@ -1,6 +1,6 @@
 //! A short log leaves effects open; the loop drives what tells them apart, keeps the envelope, and the same seed drives the same.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use ds_diagnosis::meta::VehicleMeta;
 use ds_dynamics::case::Case;
@@ -41,15 +41,14 @@ fn what_a_short_log_leaves_open_is_settled_by_a_run_within_the_envelope() {
     assert_eq!(drive().0, next);
 }
 
-/// A car whose first drive makes a log that no vehicle could.
-struct Spoilt(AtomicBool);
+/// A car whose drives report such speeds too much, the last from then on.
+struct Faulty(AtomicUsize, &'static [f64]);
 
-impl Motion for Spoilt {
+impl Motion for Faulty {
     fn roll(&self, windows: &[Window], actuated: &Actuated, plant: &Plant) -> Vec<Vec<Instant>> {
+        let fault = self.1[self.0.fetch_add(1, Ordering::Relaxed).min(self.1.len() - 1)];
         let mut rolled = BuiltIn.roll(windows, actuated, plant);
-        if !self.0.swap(true, Ordering::Relaxed) {
-            rolled.iter_mut().flatten().for_each(|instant| instant.v += 1000.0);
-        }
+        rolled.iter_mut().flatten().for_each(|instant| instant.v += fault);
         rolled
     }
 }
@@ -57,7 +56,7 @@ impl Motion for Spoilt {
 #[test]
 fn a_run_whose_log_is_refused_is_told_of_and_another_manoeuvre_driven() {
     let (case, plant) = short(61, "front_grip", 0.8);
-    let motion = Spoilt(AtomicBool::new(false));
+    let motion = Faulty(AtomicUsize::new(0), &[1000.0, 0.0]);
     let world = World { motion: &motion, plant: &plant };
     let (next, logs, _) = run(&case, &world, &settings(), &|_| ()).expect("a second manoeuvre is driven");
     let [refused] = next.refused.as_slice() else { panic!("one log is refused: {next:#?}") };
@@ -66,6 +65,20 @@ fn a_run_whose_log_is_refused_is_told_of_and_another_manoeuvre_driven() {
     let begun = |from: &str| from.split(", changed").next().map(str::to_owned);
     assert_eq!((second.run, logs.len()), (2, next.runs.len()));
     assert_ne!(begun(&second.from), begun(&refused.from), "{next:#?}");
+}
+
+#[test]
+fn who_does_not_answer_is_an_error_and_after_a_run_the_end() {
+    let (case, plant) = short(61, "front_grip", 0.8);
+    let faulty = |faults| {
+        let motion = Faulty(AtomicUsize::new(0), faults);
+        run(&case, &World { motion: &motion, plant: &plant }, &settings(), &|_| ())
+    };
+    let Err(error) = faulty(&[f64::NAN]) else { panic!("nothing was driven") };
+    assert!(matches!(error, ExperimentError::NotDriven), "{error}");
+    let (next, logs, _) = faulty(&[1000.0, f64::NAN]).expect("one run was driven before");
+    assert_eq!((next.runs.len(), logs.len(), next.refused.len()), (0, 0, 1), "{next:#?}");
+    assert!(next.ended.is_some_and(|ended| ended.contains("came to nothing")));
 }
 
 #[test]
