@@ -62,11 +62,15 @@ def law_rates(labels, found):
     share = lambda n: (told[n].get("share_explained") or {}).get("value", 0.0)
     alike = lambda n, place: first(n).startswith(place) or (place == "sensor.x" and first(n) == "sensor.y")
     sensor = lambda place: place.startswith("sensor")
+    # what calibration leaves of the car's metrics, in floor units
+    left = lambda n: max([s.get("nuisance", s["before"]) / s["floor"] for s in (found.get(n) or {}).get("how_far", []) if "agent" not in s["metric"]] or [0.0])
+    wide = [n for n in strange if left(n) >= 2.0]
     return [
         ("insertion first", sum(alike(n, place) for n, place in strange.items()), len(strange)),
         ("sensor or physics right", sum(sensor(first(n)) == sensor(place) for n, place in strange.items()), len(strange)),
         ("a law is offered", sum("law" in told[n] for n in strange), len(strange)),
         ("law explains half of kept drives", sum(share(n) >= 0.5 for n in strange), len(strange)),
+        ("of two floor units or more", sum(share(n) >= 0.5 for n in wide), len(wide)),
         ("law on a healthy case", sum("law" in ((d or {}).get("discovery") or {}) for d in none), len(none)),
     ]
 

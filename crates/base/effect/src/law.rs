@@ -44,7 +44,7 @@ impl std::fmt::Display for LawError {
 impl std::error::Error for LawError {}
 
 /// Most terms of one law.
-pub const MOST_TERMS: usize = 12;
+pub const MOST_TERMS: usize = 24;
 
 /// One term: a coefficient on an expression.
 #[derive(Debug, Clone, PartialEq)]
@@ -158,6 +158,10 @@ mod tests {
             "sensor.yaw_rate: 0.01*t[0;30]",
             "lateral.body.side: 40*v*yaw_rate",
             "follower: 0.2*pos(dv)",
+            "steering: 1*stick(delta[-0.1;0.1],0.008)",
+            "drive: -0.3*rise(accel,0.4) + 0.1*fall(accel,0.4) + 0.2*ring(accel,1.6)",
+            "steering: 0.1*delta*hat(v;-1;4;9.5) - 0.2*delta*hat(v;4;9.5;15)",
+            "drive: -0.6*pos(accel)*beat(4.3;-0.1;0;0.1)",
         ] {
             let law = Law::parse(text).expect(text);
             assert_eq!(law.to_string(), text);
@@ -168,6 +172,11 @@ mod tests {
         assert!(matches!(Law::parse("drive: 1*late(delta,99)"), Err(LawError::Number(_))));
         assert!(matches!(Law::parse("drive: nan*v"), Err(LawError::Number(_))));
         assert!(matches!(Law::parse("drive: 1*v[3;1]"), Err(LawError::Domain(_))));
+        assert!(matches!(Law::parse("drive: 1*hat(v;3;2;5)"), Err(LawError::Number(_))));
+        assert!(matches!(Law::parse("drive: 1*hat(v;2;5)"), Err(LawError::Number(_))));
+        assert!(matches!(Law::parse("drive: 1*hat(speed;2;5;7)"), Err(LawError::Word(_))));
+        assert!(matches!(Law::parse("drive: 1*beat(0;0;0.5;1)"), Err(LawError::Number(_))));
+        assert!(matches!(Law::parse("drive: 1*beat(2;0;0.5;1.5)"), Err(LawError::Number(_))));
     }
 
     #[test]
@@ -180,5 +189,26 @@ mod tests {
         // clamped to 8 m/s; play of 0.2 lies 0.1 behind a ramp
         let u = law.at(|term| known[term][40], &felt);
         assert!((u - (2.0 * 0.4 * 8.0 - 0.5 * 0.1)).abs() < 1e-12, "{u}");
+    }
+
+    #[test]
+    fn knots_make_a_table() {
+        let table = Law::parse("drive: 2*hat(v;0;10;20) + 6*hat(v;10;20;25)").expect("a law");
+        let at = |v: f64| table.at(|_| 1.0, &Felt { v, ..Felt::default() });
+        assert_eq!([0.0, 5.0, 10.0, 15.0, 20.0, 22.5, 30.0].map(at), [0.0, 1.0, 2.0, 4.0, 6.0, 3.0, 0.0]);
+        // over the phase the last knot reaches across the end of a period
+        let beat = Law::parse("drive: 1*beat(0.4;-0.25;0;0.25)").expect("a law");
+        let zeros = [0.0; 90];
+        let known = beat.known(&Sources { step_secs: 0.01, delta: &zeros, accel: &zeros, speed: &zeros });
+        let heights: Vec<f64> = [0, 5, 20, 35, 40, 80].iter().map(|k| known[0][*k]).collect();
+        for (height, expected) in heights.iter().zip([1.0, 0.5, 0.0, 0.5, 1.0, 1.0]) {
+            assert!((height - expected).abs() < 1e-9, "{heights:?}");
+        }
+        // what swings overshoots a step once and comes to rest on it
+        let mut steps = vec![0.0; 10];
+        steps.resize(2000, 1.0);
+        let swing = Law::parse("drive: 1*ring(accel,1)").expect("a law");
+        let known = swing.known(&Sources { step_secs: 0.01, delta: &steps, accel: &steps, speed: &steps });
+        assert!((known[0][60] - 0.62).abs() < 0.03 && known[0][1999].abs() < 1e-3, "{}", known[0][60]);
     }
 }

@@ -56,6 +56,19 @@ pub fn lag(signal: &mut [f64], step_secs: f64, lag_secs: f64) {
     }
 }
 
+/// Passes a signal through a first-order lag where it is above what comes out, or with `rises` false below it; the other way it is
+/// followed at once.
+pub fn lag_one_way(signal: &mut [f64], step_secs: f64, lag_secs: f64, rises: bool) {
+    let Some(&first) = signal.first() else { return };
+    let share = 1.0 - (-step_secs / lag_secs.max(1e-6)).exp();
+    let mut state = first;
+    for sample in signal.iter_mut() {
+        let behind = (*sample > state) == rises;
+        state += (*sample - state) * if behind { share } else { 1.0 };
+        *sample = state;
+    }
+}
+
 /// Passes a signal through 1 / (1 + lag s + inertia s²) by the trapezoidal rule, inertia in s².
 pub fn second_order(signal: &mut [f64], step_secs: f64, lag_secs: f64, inertia: f64) {
     let Some(&first) = signal.first() else { return };
@@ -87,6 +100,16 @@ pub fn play(signal: &mut [f64], width: f64) {
     let mut state = first;
     for sample in signal.iter_mut() {
         state = state.clamp(*sample - 0.5 * width, *sample + 0.5 * width);
+        *sample = state;
+    }
+}
+
+/// Holds a signal until it is farther off than `width`, then lets it jump; before the first jump it is as near to 0 as that allows.
+pub fn stick(signal: &mut [f64], width: f64) {
+    let Some(&first) = signal.first() else { return };
+    let mut state = 0.0_f64.clamp(first - width, first + width);
+    for sample in signal.iter_mut() {
+        state = if (*sample - state).abs() > width { *sample } else { state };
         *sample = state;
     }
 }
@@ -161,6 +184,11 @@ mod tests {
         assert!((second[99] - 0.935).abs() < 1e-4);
         assert!((late[99] - 0.935).abs() < 1e-12);
         assert!((lagged[99] - 0.935).abs() < 1e-6);
+        let (mut rising, mut falling) = (ramp(), ramp());
+        lag_one_way(&mut rising, 0.01, 0.055, true);
+        lag_one_way(&mut falling, 0.01, 0.055, false);
+        assert!((rising[99] - 0.94).abs() < 1e-3, "{}", rising[99]);
+        assert_eq!(falling, ramp());
     }
 
     #[test]
@@ -176,6 +204,9 @@ mod tests {
         let mut held = vec![1.0, 2.0, 3.0, 4.0, 5.0];
         hold(&mut held, 0.1, 5.0);
         assert_eq!(held, vec![1.0, 1.0, 3.0, 3.0, 5.0]);
+        let mut stuck = vec![0.1, -0.1, 0.3, 0.4, 0.0];
+        stick(&mut stuck, 0.2);
+        assert_eq!(stuck, vec![0.0, 0.0, 0.3, 0.3, 0.0]);
         let mut mean = vec![0.0, 0.0, 1.0, 1.0, 1.0];
         moving_mean(&mut mean, 0.1, 0.2);
         assert_eq!(mean, vec![0.0, 0.0, 0.5, 1.0, 1.0]);

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
-use ds_cases::case::{Case, Options, Unseen, diagnose_by, evaluate_by, folders, name, names, served};
+use ds_cases::case::{Case, Options, Unseen, beyond, diagnose_by, evaluate_by, folders, name, names, served};
 use ds_cases::localised::localisation;
 use ds_cases::pairs::Paired;
 use ds_cases::{CasesError, RunConfig, finished, logs, pairs, scenes, seal};
@@ -338,6 +338,9 @@ fn evaluate_one(args: &EvaluateArgs) -> Result<()> {
     let case = tables(&args.case, None, &beside)?.pop().unwrap_or_else(|| args.case.clone());
     let frames = args.frames.as_deref().map(frames).transpose()?;
     let (drives, read) = (args.drives.clone(), Case::read(&case)?);
+    if let Some(warning) = beyond(&diagnosis, &read, &drives) {
+        complain(&anyhow::anyhow!(warning));
+    }
     let shrinks = match &args.simulator {
         Some(command) => {
             let (shrinks, warnings) = evaluate_by(&diagnosis, read, &served(command, &case), &drives)?;

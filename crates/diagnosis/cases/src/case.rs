@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use ds_diagnosis::discovery::EXTRAPOLATED;
 use ds_diagnosis::meta::{FILE, Kind};
 use ds_diagnosis::schema::Shrink;
 use ds_diagnosis::{Diagnosis, Verdict};
@@ -134,6 +135,17 @@ pub fn evaluate(diagnosis: &Diagnosis, case: &Case, unseen: Unseen) -> Result<Ve
         Case::Traffic(case) => ds_traffic::evaluate(diagnosis, case, &unseen.drives)?,
         Case::Frames(case) => case.evaluate(diagnosis, unseen.frames)?,
         Case::Vehicle(case, _) => ds_dynamics::evaluate(diagnosis, case, &unseen.drives),
+    })
+}
+
+/// Warns where laws of a diagnosis are measured beyond the ranges on which they were found.
+#[must_use]
+pub fn beyond(diagnosis: &Diagnosis, case: &Case, drives: &[usize]) -> Option<String> {
+    let Case::Vehicle(case, _) = case else { return None };
+    let all: Vec<usize> = (0..case.drives.len()).filter(|d| drives.is_empty() || drives.contains(d)).collect();
+    let share = ds_discover::extrapolated_share(case, &diagnosis.corrected_model.obeyed(), &all)?;
+    (share > EXTRAPOLATED).then(|| {
+        format!("{:.0} % of the samples lie beyond the ranges on which the law was found: there it counts as at their ends, a table as 0", 100.0 * share)
     })
 }
 

@@ -17,6 +17,10 @@ pub struct Discovery {
     /// How far the law shrinks the gap; absent where there is none, or no gap beyond the floor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub share_explained: Option<LawShare>,
+    /// Share of the samples of the drives on which that was measured at which a signal of the law lies beyond the range on which it was
+    /// found; absent where there is no law or it names no range.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub extrapolated_share: Option<f64>,
     /// Log evidence of the best law at the likeliest point over the ordinary mismatch alone.
     #[serde(deserialize_with = "null::number")]
     pub evidence_gain: f64,
@@ -30,6 +34,9 @@ pub struct Discovery {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
 }
+
+/// Share of samples beyond the range of a law from which it is warned of.
+pub const EXTRAPOLATED: f64 = 0.1;
 
 /// A point of the loop.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -8,7 +8,7 @@ use crate::port::{Base, WithLaw, term};
 use crate::terms::{Candidate, rounded};
 
 /// Factors tried on inner numbers, round by round.
-const STRETCHES: [[f64; 2]; 3] = [[0.6, 1.6], [0.8, 1.25], [0.9, 1.1]];
+const STRETCHES: [[f64; 2]; 5] = [[0.6, 1.6], [0.8, 1.25], [0.9, 1.1], [0.95, 1.05], [0.97, 1.03]];
 /// Largest coefficient, in units of the usual size.
 const LARGEST: f64 = 8.0;
 /// Steps of a fit.

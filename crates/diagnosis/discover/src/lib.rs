@@ -3,6 +3,7 @@
 //!
 //! [`discover`] takes a case and its diagnosis. Method and limits: `docs/gap-discover.md`.
 
+mod beyond;
 mod free;
 mod law;
 mod linear;
@@ -10,8 +11,10 @@ mod port;
 mod report;
 mod shrink;
 mod spectrum;
+mod tables;
 mod terms;
 
+pub use beyond::extrapolated_share;
 pub use report::discover;
 
 /// What a law must show, and how its evidence becomes a probability.
@@ -20,6 +23,8 @@ mod settings {
     pub(crate) const LAW_GAIN: f64 = 8.0;
     /// Share of the gap that a law must close where one is measured.
     pub(crate) const LEAST_SHARE: f64 = 0.1;
+    /// Change of a metric, in units of its floor, from which a law counts as moving it.
+    pub(crate) const MOVED: f64 = 0.1;
     /// Log evidence that a law must have over the best effect of the library where one was accepted.
     pub(crate) const OVER_LIBRARY: f64 = 10.0;
     /// Temperature of the probabilities: model error makes evidences of some tens differ by a few by chance.
@@ -36,6 +41,10 @@ mod settings {
     pub(crate) const TELLING_SHARE: f64 = 0.15;
     /// Factor on the weight of a free signal at the steering beside one that pushes the car.
     pub(crate) const OF_ITSELF: f64 = 0.9;
+    /// Log evidence that a table must have over the best sum of products at its port: it has more to choose from, and says less.
+    pub(crate) const OVER_SUMS: f64 = 5.0;
+    /// Cosine of two tables, knot by knot, from which they are much the same.
+    pub(crate) const ALIKE: f64 = 0.7;
     /// Share of the refits without one drive in which a term must be kept.
     pub(crate) const STABLE: f64 = 0.8;
 }

@@ -63,7 +63,13 @@ pub(crate) struct Fitted {
 #[derive(Clone)]
 struct Gram(DMatrix<f64>);
 
-impl Rows<'_> {
+impl<'a> Rows<'a> {
+    /// Returns the same rows without columns for terms.
+    pub(crate) fn without_terms(&self) -> Rows<'a> {
+        let (drives, nuisances, springs) = (self.drives.clone(), self.nuisances.clone(), self.springs.clone());
+        Rows { residuals: self.residuals, drives, nuisances, springs, terms: Vec::new(), groups: Vec::new() }
+    }
+
     fn width(&self) -> usize {
         self.nuisances.len() + self.terms.len()
     }

@@ -26,7 +26,7 @@ pub(crate) struct Base<'m, 'c> {
     /// Sizes and domains of what laws may read.
     pub(crate) signals: Signals<'m, 'c>,
     /// Frequencies of lines in what the nuisances leave.
-    lines_hz: Vec<f64>,
+    pub(crate) lines_hz: Vec<f64>,
 }
 
 /// A port with the laws that explain most there.
@@ -89,7 +89,7 @@ impl<'m, 'c> Base<'m, 'c> {
     }
 
     /// Returns how the residuals change with a term's coefficient, in units of its usual size.
-    fn column(&self, port: Port, candidate: &Candidate) -> Vec<f64> {
+    pub(crate) fn column(&self, port: Port, candidate: &Candidate) -> Vec<f64> {
         Law::new(port, vec![term(candidate, STEP)]).map_or_else(|_| Vec::new(), |law| self.change(&law))
     }
 

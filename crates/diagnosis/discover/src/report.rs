@@ -10,14 +10,16 @@ use ds_dynamics::space::Part;
 use ds_effect::{Channel, Effect, Insertion, Port};
 use ds_stats::log_sum;
 
+use crate::beyond::extrapolated_share;
 use crate::free;
 use crate::law::Refined;
 use crate::port::{Base, Searched};
 use crate::settings::{
-    EQUIVALENT, FREE_SHARE, LAW_GAIN, LEAST_OF_FREE, LEAST_SHARE, OF_ITSELF, OVER_LIBRARY, REFINED, STABLE,
+    EQUIVALENT, FREE_SHARE, LAW_GAIN, LEAST_OF_FREE, LEAST_SHARE, OF_ITSELF, OVER_LIBRARY, OVER_SUMS, REFINED, STABLE,
     TELLING_SHARE, TEMPERATURE,
 };
 use crate::shrink::{corrected, of_port, shrinks};
+use crate::tables::{self, Best};
 use crate::terms::ports;
 
 /// What may act at one port.
@@ -98,6 +100,7 @@ fn search(case: &Case, diagnosis: &Diagnosis, without: &[String]) -> (Discovery,
         interval90: shrink.interval90,
         on: shrink.data.clone(),
     });
+    found.extrapolated_share = extrapolated_share(case, &tried.refined.law().into_iter().collect::<Vec<_>>(), data.0);
     let model = corrected(&diagnosis.corrected_model, base, &tried.refined);
     (found, Some((model, all)))
 }
@@ -152,10 +155,14 @@ fn offers_of(base: &Base<'_, '_>, place: usize, part: Part) -> Vec<Offer> {
     };
     let near: Vec<usize> = first(&laws).chain(first(&frees)).collect();
     let offer = |(k, s): (usize, &Searched<'_>)| {
-        let tried = (near.contains(&k) && s.sets[0].gain > 0.0).then(|| tried(base, s));
-        let shift = tried.as_ref().map_or(0.0, |tried| tried.refined.gain - s.sets[0].gain);
-        let weight = log_sum(s.sets.iter().map(|set| (set.gain + shift) / TEMPERATURE));
-        Offer { port: s.port, part: place, law: tried, free: frees[k], weight }
+        let sum = (near.contains(&k) && s.sets[0].gain > 0.0).then(|| tried(base, s));
+        let gain = sum.as_ref().map_or(0.0, |tried| tried.refined.gain);
+        let shift = if sum.is_some() { gain - s.sets[0].gain } else { 0.0 };
+        let table = (near.contains(&k) && gain < frees[k]).then(|| tabled(base, s)).flatten();
+        let table = table.filter(|table| table.refined.gain > gain.max(0.0) + OVER_SUMS);
+        let by_table = table.as_ref().map(|table| table.refined.gain / TEMPERATURE);
+        let weight = log_sum(s.sets.iter().map(|set| (set.gain + shift) / TEMPERATURE).chain(by_table));
+        Offer { port: s.port, part: place, law: table.or(sum), free: frees[k], weight }
     };
     searched.iter().enumerate().map(offer).collect()
 }
@@ -167,6 +174,16 @@ fn tried(base: &Base<'_, '_>, searched: &Searched<'_>) -> Tried {
     let cost = cost(searched.candidates.len(), terms.len());
     let refined = Refined::new(base, searched.port, terms, &start, cost).stretched(base, cost);
     Tried { refined, held_out: searched.rows.held_out(best, &searched.empty), stable: searched.rows.stability(best) }
+}
+
+/// Returns the best table of a port, fitted to the simulator itself.
+fn tabled(base: &Base<'_, '_>, sums: &Searched<'_>) -> Option<Tried> {
+    let Best { searched, of } = tables::best(base, sums)?;
+    let best = &searched.sets[0];
+    let (terms, start) = searched.law(best);
+    let refined = Refined::new(base, searched.port, terms, &start, -(of as f64).ln());
+    let held_out = searched.rows.held_out(best, &searched.empty);
+    Some(Tried { refined, held_out, stable: vec![tables::stability(&searched)] })
 }
 
 /// Log prior of a set of terms among those of a port.
@@ -262,7 +279,11 @@ fn law(tried: &Tried, offers: &[Offer]) -> Option<FoundLaw> {
     Some(FoundLaw {
         text: law.to_string(),
         terms: terms.collect(),
-        kind: LawKind::Expression,
+        kind: if law.terms().iter().any(|term| term.expression.is_knot()) {
+            LawKind::Table
+        } else {
+            LawKind::Expression
+        },
         equivalent: close.filter_map(|r| r.law()).map(|l| l.to_string()).collect(),
         port: refined.port.name(),
         unit: refined.port.unit().to_owned(),

@@ -9,6 +9,7 @@ use ds_effect::{Law, Plant, Port};
 
 use crate::law::Refined;
 use crate::port::Base;
+use crate::settings::MOVED;
 
 /// Returns the shrinks of all metrics of a law on some drives.
 pub(crate) fn shrinks(
@@ -52,8 +53,12 @@ pub(crate) fn of_port(port: Port, shrinks: &[Shrink]) -> Option<&Shrink> {
         _ => "position_2s".to_owned(),
     };
     let follows = |shrink: &Shrink| shrink.metric.starts_with("channel:agent");
-    let known = |shrink: &&Shrink| shrink.share_explained.is_some() && follows(shrink) == (port == Port::Follower);
+    let moved =
+        |shrink: &Shrink| (shrink.after - shrink.nuisance.unwrap_or(shrink.before)).abs() > MOVED * shrink.floor;
+    let known = |shrink: &&Shrink| {
+        shrink.share_explained.is_some() && follows(shrink) == (port == Port::Follower) && moved(shrink)
+    };
     let rise = |shrink: &Shrink| shrink.nuisance.unwrap_or(shrink.before) / shrink.floor.max(1e-12);
-    let named = shrinks.iter().filter(known).find(|shrink| shrink.metric == name);
+    let named = shrinks.iter().find(|shrink| shrink.share_explained.is_some() && shrink.metric == name);
     named.or_else(|| shrinks.iter().filter(known).max_by(|a, b| rise(a).total_cmp(&rise(b))))
 }

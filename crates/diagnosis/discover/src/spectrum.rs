@@ -39,10 +39,16 @@ pub(crate) fn lines_hz(model: &PartModel<'_>, residuals: &[f64]) -> Vec<f64> {
     let mut found: Vec<f64> = Vec::new();
     for (hz, power) in powers {
         if found.len() < LINES && power > TELLING * mean && found.iter().all(|other| (other - hz).abs() > APART_HZ) {
-            found.push((hz * 1000.0).round() / 1000.0);
+            found.push(refined(hz, &|hz| series.values().map(|points| self::power(points, hz)).sum()));
         }
     }
     found
+}
+
+/// Returns the strongest frequency within a step of one, to a thousandth of 1 Hz.
+fn refined(hz: f64, power: &dyn Fn(f64) -> f64) -> f64 {
+    let near = (-5..=5).map(|k| ((hz * 1000.0).round() + f64::from(k)) / 1000.0);
+    near.max_by(|a, b| power(*a).total_cmp(&power(*b))).unwrap_or(hz)
 }
 
 /// Returns the share of a series' variance that a sine of a frequency takes, times its length.

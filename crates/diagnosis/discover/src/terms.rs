@@ -21,16 +21,19 @@ const BEYOND: f64 = 0.01;
 const LEAST: f64 = 1e-9;
 
 const STEERING: &str = "1 t v delta delta*abs(delta) delta*delta*delta delta*v delta*v*v delta*abs(ay) ay delta_rate
-    sign(delta_rate) sign(ay) slack(delta,0.004) slack(delta,0.01) slack(delta,0.025) late(delta,0.1) late(delta,0.25)
-    slow(delta,0.15) slow(delta,0.4) pos(accel) neg(accel) delta*pos(accel) delta*neg(accel)";
+    sign(delta_rate) sign(ay) slack(delta,0.004) slack(delta,0.01) slack(delta,0.025) stick(delta,0.004)
+    stick(delta,0.006) stick(delta,0.008) stick(delta,0.01) stick(delta,0.012) stick(delta,0.015) late(delta,0.1) late(delta,0.25)
+    slow(delta,0.15) slow(delta,0.4) ring(delta,0.5) pos(accel) neg(accel) delta*pos(accel) delta*neg(accel)";
 const DRIVE: &str = "1 t v v*v accel pos(accel) neg(accel) accel*abs(accel) v*pos(accel) v*neg(accel) v*v*neg(accel)
     sign(accel) pos(accel,0.6) pos(accel,1.5) neg(accel,0.6) neg(accel,1.5) late(accel,0.15) late(accel,0.4)
-    slow(accel,0.3) slow(accel,0.8) slack(accel,0.3) abs(ay) abs(delta) ay*ay";
+    slow(accel,0.3) slow(accel,0.8) rise(accel,0.4) fall(accel,0.4) ring(accel,0.8) ring(accel,2) slack(accel,0.3) abs(ay)
+    abs(delta) ay*ay";
 const FRONT: &str = "1 t slip_front slip_front*abs(slip_front) slip_front*slip_front*slip_front slip_front*v
     slip_front*v*v slip_front*ax slip_front*pos(ax) slip_front*neg(ax) slip_front*abs(ay) v*yaw_rate";
 const REAR: &str = "1 t slip_rear slip_rear*abs(slip_rear) slip_rear*slip_rear*slip_rear slip_rear*v slip_rear*v*v
     slip_rear*ax slip_rear*pos(ax) slip_rear*neg(ax) slip_rear*abs(ay) v*yaw_rate";
-const BODY: &str = "1 t v v*v yaw_rate yaw_rate*v yaw_rate*abs(yaw_rate) ay ay*abs(ay) ay*ax sign(yaw_rate)";
+const BODY: &str = "1 t v v*v yaw_rate yaw_rate*v yaw_rate*abs(yaw_rate) ay ay*abs(ay) ay*ax sign(yaw_rate)
+    v*v*ring(delta,0.8) v*v*ring(delta,2)";
 const SENSOR: &str = "1 t v v*v ax ay yaw_rate abs(ay) abs(yaw_rate) yaw_rate*v yaw_rate*abs(yaw_rate) ay*abs(ay)
     ax*abs(ax) pos(ax) neg(ax) delta delta*abs(delta) delta_rate";
 const POSITION: &str = "t s";

@@ -1,6 +1,8 @@
 //! A law outside the library: where something acts, what it is, and its curve over the signal that moves it most.
 
-use ds_diagnosis::discovery::{Discovery, FoundLaw};
+use std::collections::BTreeMap;
+
+use ds_diagnosis::discovery::{Discovery, EXTRAPOLATED, FoundLaw, LawKind};
 use ds_effect::Law;
 use ds_effect::law::{Felt, Sources};
 
@@ -45,8 +47,11 @@ fn explained(found: &Discovery) -> String {
     format!(" It explains {} of the gap in {metric} that calibration leaves, {on}.", words::share(share.value))
 }
 
-/// Returns the law as an equation, without ranges.
+/// Returns the law as an equation, without ranges; of a table what it is made of.
 fn equation(law: &FoundLaw) -> String {
+    if law.kind == LawKind::Table {
+        return format!("u is a table of {} knots, drawn below, in {}", law.terms.len(), law.unit);
+    }
     let sum: Vec<String> = law
         .terms
         .iter()
@@ -91,6 +96,9 @@ pub(crate) fn section(m: &mut Markup, found: &Discovery) {
     places(m, found);
     let Some(law) = &found.law else { return };
     terms(m, law);
+    if let Some(share) = found.extrapolated_share.filter(|share| *share > EXTRAPOLATED) {
+        m.leaf("p", &[("class", &"lead")], format_args!("{} of what it was measured on lies beyond the ranges on which it was found: there a signal counts as at their ends, a table as 0.", words::share(share)));
+    }
     if !law.stable {
         m.leaf(
             "p",
@@ -160,16 +168,13 @@ struct Curve {
 impl Curve {
     /// Returns the curve over the signal along which the law changes most.
     fn of(law: &Law) -> Option<Self> {
-        let read: Vec<(&'static str, [f64; 2])> = law
-            .terms()
-            .iter()
-            .flat_map(|term| term.expression.domains())
-            .filter_map(|(name, domain)| domain.map(|ends| (name, ends)))
-            .collect();
-        let held = |name: &str| {
-            let found = read.iter().find(|r| r.0 == name);
-            found.map_or(0.0, |(_, [low, high])| low + HELD * (high - low))
-        };
+        let mut read: BTreeMap<&'static str, [f64; 2]> = BTreeMap::new();
+        for (name, domain) in law.terms().iter().flat_map(|term| term.expression.domains()) {
+            let Some([low, high]) = domain else { continue };
+            let range = read.entry(name).or_insert([low, high]);
+            *range = [range[0].min(low), range[1].max(high)];
+        }
+        let held = |name: &str| read.get(name).map_or(0.0, |[low, high]| low + HELD * (high - low));
         let mut curves: Vec<Self> = Vec::new();
         if law.terms().iter().any(|term| term.expression.oscillates()) {
             curves.push(Self { signal: "t".to_owned(), points: over_time(law, &held) });

@@ -181,6 +181,16 @@ fn a_law_is_told_with_its_place_and_drawn_over_its_signal() {
     assert!(page.contains("steering angle, rad"), "the signal along which it changes most");
     let said = super::text(&found);
     assert!(said.contains("u = −0.0357·delta·abs(ay) rad") && said.contains("83 %"), "{said}");
+    // a table is drawn over the signal that it runs over, from its first knot to its last
+    let text = "steering.linkage: 0.1*delta[-0.07;0.05]*hat(v;2;4;8) - 0.9*delta[-0.07;0.05]*hat(v;4;8;14)";
+    let mut table = law(text, "delta*hat(v;2;4;8)");
+    table.law.iter_mut().for_each(|law| law.kind = LawKind::Table);
+    table.extrapolated_share = Some(0.4);
+    let table = Diagnosis { verdict: Verdict::Unknown, p_unknown: 0.95, discovery: Some(table), ..clean() };
+    let page = super::page(&table, None);
+    checked(&page);
+    assert!(page.contains("class=\"whisker curve\"") && page.contains("speed, m/s") && page.contains("40 %"), "{page}");
+    assert!(super::text(&table).contains("a table of 1 knots"), "{}", super::text(&table));
     // a text that is no law is shown and not drawn
     let hostile = Diagnosis { discovery: Some(law(HOSTILE, HOSTILE)), ..hostile() };
     let shown = super::page(&hostile, None);

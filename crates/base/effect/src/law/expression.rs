@@ -1,10 +1,11 @@
-//! Products of declared primitives, their text and their values.
+//! Products of declared primitives, their text and their values. Knots of a table are primitives as well: the sum of hats, each times
+//! its own coefficient, is a curve that runs straight from one to the next.
 //!
 //! Some signals are known before the car moves (what it is asked for, the time): they have a past, so that delays and play can
 //! be taken of them along the whole drive. The others are what the car feels at the moment.
 
 use super::LawError;
-use super::reading::{Felt, Reading, SHAPES, SOURCES, Shape, Sources, name_of, number_of, reading};
+use super::reading::{Felt, Reading, SHAPES, SOURCES, Shape, Sources, hat, knots, name_of, number_of, reading};
 
 /// Highest frequency, Hz.
 const FASTEST_HZ: f64 = 50.0;
@@ -20,6 +21,8 @@ enum Factor {
     Cos(f64),
     /// Triangular pulses: the instant of the first, the time between two, half the width of one; s.
     Pulses([f64; 3]),
+    /// A period, s, and three shares of it as of a hat, the first from −1 on: one knot of a table over the phase.
+    Beat(f64, [f64; 3]),
 }
 
 impl Factor {
@@ -38,6 +41,13 @@ impl Factor {
                     (1.0 - (secs - (secs / every).round().max(0.0) * every).abs() / half).max(0.0)
                 };
                 Some((0..sources.delta.len()).map(pulse).collect())
+            }
+            Self::Beat(period, shares) => {
+                let beat = |k: usize| {
+                    let phase = (k as f64 * sources.step_secs / period).fract();
+                    hat(phase, *shares).max(hat(phase - 1.0, *shares))
+                };
+                Some((0..sources.delta.len()).map(beat).collect())
             }
         }
     }
@@ -63,6 +73,24 @@ impl Expression {
         Self { factors: vec![Factor::Pulses([first_secs, every_secs, half_secs])] }
     }
 
+    /// Returns the expression times one knot of a table over a signal: 1 at the middle of three values and 0 beyond the outer two.
+    ///
+    /// # Errors
+    /// If no signal has this name or the values are not in order.
+    pub fn at_knot(&self, signal: &str, [low, middle, high]: [f64; 3]) -> Result<Self, LawError> {
+        let hat = factor(&format!("hat({signal};{low};{middle};{high})"))?;
+        Ok(Self { factors: self.factors.iter().copied().chain([hat]).collect() })
+    }
+
+    /// Returns the expression times one knot of a table over the phase of a period, s, in shares of it.
+    ///
+    /// # Errors
+    /// If the period is none or the shares are not in order.
+    pub fn at_beat(&self, period_secs: f64, [low, middle, high]: [f64; 3]) -> Result<Self, LawError> {
+        let beat = factor(&format!("beat({period_secs};{low};{middle};{high})"))?;
+        Ok(Self { factors: self.factors.iter().copied().chain([beat]).collect() })
+    }
+
     /// Reads a product, `delta*abs(ay)`.
     ///
     /// # Errors
@@ -77,7 +105,9 @@ impl Expression {
     pub fn within(&self, domain: impl Fn(&str) -> Option<[f64; 2]>) -> Self {
         let mut factors = self.factors.clone();
         for factor in &mut factors {
-            if let Factor::Of(reading) = factor {
+            if let Factor::Of(reading) = factor
+                && !matches!(reading.shape, Shape::Hat(_))
+            {
                 reading.domain = domain(name_of(reading.source)).or(reading.domain);
             }
         }
@@ -93,11 +123,12 @@ impl Expression {
         for part in &mut changed.factors {
             let number = match part {
                 Factor::Sin(hz) | Factor::Cos(hz) => Some(hz),
-                Factor::Pulses(_) => None,
+                Factor::Pulses(_) | Factor::Beat(..) => None,
                 Factor::Of(reading) => match &mut reading.shape {
-                    Shape::Plain | Shape::Abs | Shape::Sign => None,
+                    Shape::Plain | Shape::Abs | Shape::Sign | Shape::Hat(_) => None,
                     Shape::Above(w) | Shape::Below(w) => (*w != 0.0).then_some(w),
-                    Shape::Delay(n) | Shape::Late(n) | Shape::Slow(n) | Shape::Play(n) | Shape::Slack(n) => Some(n),
+                    Shape::Delay(n) | Shape::Late(n) | Shape::Slow(n) | Shape::Rise(n) | Shape::Fall(n) => Some(n),
+                    Shape::Ring(n) | Shape::Play(n) | Shape::Slack(n) | Shape::Stick(n) => Some(n),
                 },
             };
             number.into_iter().for_each(|n| (*n, any) = (written(*n * factor), true));
@@ -105,12 +136,22 @@ impl Expression {
         any.then_some(changed)
     }
 
-    /// Returns the names of the signals that it reads and the ranges to which they are clamped.
+    /// Tells whether it is a knot of a table.
+    #[must_use]
+    pub fn is_knot(&self) -> bool {
+        let knot = |factor: &Factor| match factor {
+            Factor::Of(reading) => matches!(reading.shape, Shape::Hat(_)),
+            other => matches!(other, Factor::Beat(..)),
+        };
+        self.factors.iter().any(knot)
+    }
+
+    /// Returns the names of the signals that it reads and the ranges to which they are clamped, or beyond which a knot is nil.
     #[must_use]
     pub fn domains(&self) -> Vec<(&'static str, Option<[f64; 2]>)> {
         let named = |factor: &Factor| match factor {
-            Factor::Of(reading) => Some((name_of(reading.source), reading.domain)),
-            Factor::Sin(_) | Factor::Cos(_) | Factor::Pulses(_) => None,
+            Factor::Of(reading) => Some((name_of(reading.source), reading.shape.within().or(reading.domain))),
+            Factor::Sin(_) | Factor::Cos(_) | Factor::Pulses(_) | Factor::Beat(..) => None,
         };
         self.factors.iter().filter_map(named).collect()
     }
@@ -169,14 +210,11 @@ impl std::fmt::Display for Expression {
                 Factor::Sin(hz) => write!(f, "sin({hz})")?,
                 Factor::Cos(hz) => write!(f, "cos({hz})")?,
                 Factor::Pulses([first, every, half]) => write!(f, "pulses({first};{every};{half})")?,
+                Factor::Beat(period, [low, middle, high]) => write!(f, "beat({period};{low};{middle};{high})")?,
                 Factor::Of(reading) => {
                     let domain = reading.domain.map_or_else(String::new, |[low, high]| format!("[{low};{high}]"));
-                    let name = name_of(reading.source);
-                    match reading.shape.text() {
-                        None => write!(f, "{name}{domain}")?,
-                        Some((shape, None)) => write!(f, "{shape}({name}{domain})")?,
-                        Some((shape, Some(number))) => write!(f, "{shape}({name}{domain},{number})")?,
-                    }
+                    let [before, behind] = reading.shape.text();
+                    write!(f, "{before}{}{domain}{behind}", name_of(reading.source))?;
                 }
             }
         }
@@ -186,7 +224,7 @@ impl std::fmt::Display for Expression {
 
 /// Returns every word of the grammar.
 pub(super) fn words() -> Vec<&'static str> {
-    SOURCES.iter().map(|s| s.1).chain(SHAPES).chain(["sin", "cos", "pulses"]).collect()
+    SOURCES.iter().map(|s| s.1).chain(SHAPES).chain(["sin", "cos", "pulses", "beat"]).collect()
 }
 
 /// Splits a sum into summands with their signs.
@@ -235,6 +273,17 @@ fn factor(word: &str) -> Result<Factor, LawError> {
         let numbers: [f64; 3] = numbers.try_into().ok().ok_or_else(unknown)?;
         let sound = numbers[0] >= 0.0 && numbers[1] > 0.0 && numbers[2] > 0.0;
         return if sound { Ok(Factor::Pulses(numbers)) } else { Err(LawError::Number(inner.to_owned())) };
+    }
+    if let "hat" | "beat" = name {
+        let parts: Vec<&str> = inner.split(';').collect();
+        let [first, values @ ..] = parts.as_slice() else { return Err(unknown()) };
+        let knots = knots(values)?;
+        if name == "hat" {
+            return Ok(Factor::Of(reading(Shape::Hat(knots), first)?));
+        }
+        let period = number_of(first)?;
+        let sound = period >= 1.0 / FASTEST_HZ && knots[0] >= -1.0 && knots[2] <= 1.0;
+        return if sound { Ok(Factor::Beat(period, knots)) } else { Err(LawError::Number(inner.to_owned())) };
     }
     let (signal, number) = match inner.rsplit_once(',') {
         Some((signal, number)) => (signal, Some(number_of(number)?)),

@@ -44,6 +44,8 @@ const RATE_SECS: f64 = 0.05;
 /// Longest delay or lag, s, and largest width or threshold.
 const LONGEST_SECS: f64 = 5.0;
 const WIDEST: f64 = 1e4;
+/// Share of critical damping with which what hangs in the car swings.
+const RING_DAMPING: f64 = 0.15;
 
 impl Source {
     /// Tells whether it is known along the whole drive before the car moves.
@@ -76,12 +78,22 @@ pub(super) enum Shape {
     Late(f64),
     /// x behind a first-order lag, less x(t).
     Slow(f64),
+    /// x behind a lag that it has on its way up alone, or down alone, less x(t).
+    Rise(f64),
+    Fall(f64),
+    /// What swings with a period of so many seconds and is pulled along by x, less x(t).
+    Ring(f64),
     /// x behind play of total width w, and what it is more than x.
     Play(f64),
     Slack(f64),
+    /// What stays where it is until x is farther off than w and then jumps there, less x.
+    Stick(f64),
+    /// 1 at the middle of three values, 0 beyond the outer two and even between: one knot of a table.
+    Hat([f64; 3]),
 }
 
-pub(super) const SHAPES: [&str; 9] = ["abs", "sign", "pos", "neg", "delay", "late", "slow", "play", "slack"];
+pub(super) const SHAPES: [&str; 14] =
+    ["abs", "sign", "pos", "neg", "delay", "late", "slow", "rise", "fall", "ring", "play", "slack", "stick", "hat"];
 
 impl Shape {
     pub(super) fn named(name: &str, number: Option<f64>) -> Option<Self> {
@@ -93,34 +105,51 @@ impl Shape {
             ("delay", Some(secs)) => Self::Delay(secs),
             ("late", Some(secs)) => Self::Late(secs),
             ("slow", Some(secs)) => Self::Slow(secs),
+            ("rise", Some(secs)) => Self::Rise(secs),
+            ("fall", Some(secs)) => Self::Fall(secs),
+            ("ring", Some(secs)) => Self::Ring(secs),
             ("play", Some(width)) => Self::Play(width),
             ("slack", Some(width)) => Self::Slack(width),
+            ("stick", Some(width)) => Self::Stick(width),
             _ => return None,
         })
     }
 
-    pub(super) fn text(self) -> Option<(&'static str, Option<f64>)> {
-        match self {
-            Self::Plain => None,
-            Self::Abs => Some(("abs", None)),
-            Self::Sign => Some(("sign", None)),
-            Self::Above(w) => Some(("pos", (w != 0.0).then_some(w))),
-            Self::Below(w) => Some(("neg", (w != 0.0).then_some(w))),
-            Self::Delay(secs) => Some(("delay", Some(secs))),
-            Self::Late(secs) => Some(("late", Some(secs))),
-            Self::Slow(secs) => Some(("slow", Some(secs))),
-            Self::Play(width) => Some(("play", Some(width))),
-            Self::Slack(width) => Some(("slack", Some(width))),
-        }
+    /// Returns what stands before and behind the signal's name.
+    pub(super) fn text(self) -> [String; 2] {
+        let (name, number) = match self {
+            Self::Plain => return Default::default(),
+            Self::Hat([low, middle, high]) => return ["hat(".to_owned(), format!(";{low};{middle};{high})")],
+            Self::Abs => ("abs", None),
+            Self::Sign => ("sign", None),
+            Self::Above(w) => ("pos", (w != 0.0).then_some(w)),
+            Self::Below(w) => ("neg", (w != 0.0).then_some(w)),
+            Self::Delay(secs) => ("delay", Some(secs)),
+            Self::Late(secs) => ("late", Some(secs)),
+            Self::Slow(secs) => ("slow", Some(secs)),
+            Self::Rise(secs) => ("rise", Some(secs)),
+            Self::Fall(secs) => ("fall", Some(secs)),
+            Self::Ring(secs) => ("ring", Some(secs)),
+            Self::Play(width) => ("play", Some(width)),
+            Self::Slack(width) => ("slack", Some(width)),
+            Self::Stick(width) => ("stick", Some(width)),
+        };
+        [format!("{name}("), number.map_or_else(|| ")".to_owned(), |number| format!(",{number})"))]
+    }
+
+    /// Returns the range beyond which it is nil whatever the signal.
+    pub(super) fn within(self) -> Option<[f64; 2]> {
+        if let Self::Hat([low, _, high]) = self { Some([low, high]) } else { None }
     }
 
     /// Tells whether it needs the past of its signal.
     pub(super) fn remembers(self) -> bool {
-        matches!(self, Self::Delay(_) | Self::Late(_) | Self::Slow(_) | Self::Play(_) | Self::Slack(_))
+        !matches!(self, Self::Plain | Self::Abs | Self::Sign | Self::Above(_) | Self::Below(_) | Self::Hat(_))
     }
 
     pub(super) fn longest(self) -> f64 {
-        if matches!(self, Self::Delay(_) | Self::Late(_) | Self::Slow(_)) { LONGEST_SECS } else { WIDEST }
+        let lasts = self.remembers() && !matches!(self, Self::Play(_) | Self::Slack(_) | Self::Stick(_));
+        if lasts { LONGEST_SECS } else { WIDEST }
     }
 
     /// Returns the value of a shape without memory.
@@ -130,16 +159,25 @@ impl Shape {
             Self::Sign => value / value.hypot(source.least()),
             Self::Above(w) => (value - w).max(0.0),
             Self::Below(w) => (value + w).min(0.0),
+            Self::Hat(knots) => hat(value, knots),
             _ => value,
         }
     }
 
     /// Changes a whole signal.
     pub(super) fn along(self, signal: &mut [f64], source: Source, step_secs: f64) {
-        let plain = matches!(self, Self::Late(_) | Self::Slow(_) | Self::Slack(_)).then(|| signal.to_vec());
+        let plain = (self.remembers() && !matches!(self, Self::Delay(_) | Self::Play(_))).then(|| signal.to_vec());
         match self {
             Self::Delay(secs) | Self::Late(secs) => signal::delay(signal, step_secs, secs),
             Self::Slow(secs) => signal::lag(signal, step_secs, secs),
+            Self::Rise(secs) | Self::Fall(secs) => {
+                signal::lag_one_way(signal, step_secs, secs, matches!(self, Self::Rise(_)));
+            }
+            Self::Stick(width) => signal::stick(signal, width),
+            Self::Ring(secs) => {
+                let radian_secs = (secs / std::f64::consts::TAU).max(step_secs);
+                signal::second_order(signal, step_secs, 2.0 * RING_DAMPING * radian_secs, radian_secs * radian_secs);
+            }
             Self::Play(width) | Self::Slack(width) => signal::play(signal, width),
             _ => signal.iter_mut().for_each(|value| *value = self.of(*value, source)),
         }
@@ -147,6 +185,19 @@ impl Shape {
             signal.iter_mut().zip(plain).for_each(|(value, x)| *value -= x);
         }
     }
+}
+
+/// Returns the height at a value of what is 1 at the middle of three and falls evenly to 0 at the outer two.
+pub(super) fn hat(value: f64, [low, middle, high]: [f64; 3]) -> f64 {
+    ((value - low) / (middle - low)).min((high - value) / (high - middle)).max(0.0)
+}
+
+/// Reads three values in order.
+pub(super) fn knots(texts: &[&str]) -> Result<[f64; 3], LawError> {
+    let numbers = texts.iter().map(|text| number_of(text)).collect::<Result<Vec<f64>, _>>()?;
+    let refused = || LawError::Number(texts.join(";"));
+    let knots: [f64; 3] = numbers.try_into().map_err(|_| refused())?;
+    if knots[0] < knots[1] && knots[1] < knots[2] { Ok(knots) } else { Err(refused()) }
 }
 
 /// A signal in some shape.
