@@ -8,6 +8,7 @@ use ds_dynamics::fit::{Fit, Model};
 use ds_dynamics::search::null_fit;
 use ds_effect::law::Term;
 use ds_effect::{Law, Port};
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::linear::{Fitted, Rows, Spring};
@@ -135,13 +136,21 @@ pub(crate) struct WithLaw<'a, 'c> {
     pub(crate) port: Port,
     /// Its terms.
     pub(crate) terms: &'a [Candidate],
+    /// What their coefficients are of the numbers of a vector.
+    pub(crate) mixing: &'a DMatrix<f64>,
+}
+
+/// Returns the coefficients of a law at the end of a vector, in units of the usual sizes.
+pub(crate) fn sizes(mixing: &DMatrix<f64>, vector: &[f64]) -> Vec<f64> {
+    let own = DVector::from_column_slice(&vector[vector.len() - mixing.ncols()..]);
+    (mixing * own).as_slice().to_vec()
 }
 
 impl WithLaw<'_, '_> {
     /// Returns the law of a vector; `None` where all coefficients are nil.
     pub(crate) fn law(&self, vector: &[f64]) -> Option<Law> {
-        let sizes = &vector[vector.len() - self.terms.len()..];
-        Law::new(self.port, self.terms.iter().zip(sizes).map(|(t, size)| term(t, *size)).collect()).ok()
+        let sizes = sizes(self.mixing, vector);
+        Law::new(self.port, self.terms.iter().zip(sizes).map(|(t, size)| term(t, size)).collect()).ok()
     }
 }
 

@@ -90,7 +90,9 @@ fn search(case: &Case, diagnosis: &Diagnosis, without: &[String]) -> (Discovery,
     if let Some((shrink, share)) = share
         && share < LEAST_SHARE
     {
-        found.note = Some(format!("the best law closes nothing of the gap in {} ({share:.2} of it)", shrink.metric));
+        let law = tried.refined.law().map(|law| law.to_string()).unwrap_or_default();
+        let note = format!("the best law ({law}) closes nothing of the gap in {} ({share:.2} of it)", shrink.metric);
+        found.note = Some(note);
         return (found, None);
     }
     found.law = law(tried, &offers);
@@ -178,10 +180,10 @@ fn tried(base: &Base<'_, '_>, searched: &Searched<'_>) -> Tried {
 
 /// Returns the best table of a port, fitted to the simulator itself.
 fn tabled(base: &Base<'_, '_>, sums: &Searched<'_>) -> Option<Tried> {
-    let Best { searched, of } = tables::best(base, sums)?;
+    let Best { searched, mixing, of } = tables::best(base, sums)?;
     let best = &searched.sets[0];
     let (terms, start) = searched.law(best);
-    let refined = Refined::new(base, searched.port, terms, &start, -(of as f64).ln());
+    let refined = Refined::mixed(base, searched.port, (terms, mixing), &start, -(of as f64).ln());
     let held_out = searched.rows.held_out(best, &searched.empty);
     Some(Tried { refined, held_out, stable: vec![tables::stability(&searched)] })
 }

@@ -5,6 +5,7 @@
 
 use ds_effect::law::Expression;
 use ds_effect::{Channel, Port};
+use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
 
 use crate::linear::{Fitted, Rows};
@@ -15,6 +16,9 @@ use crate::terms::{Candidate, rounded, usual};
 /// Steps of a table, and of one over the phase of a line; half of them and, of the best, twice as many are tried too.
 const STEPS: usize = 10;
 const PHASES: usize = 8;
+/// Steps over which neighbouring knots are believed to go together beforehand, and the share of a knot's variance that is its own.
+const LENGTH: f64 = 1.5;
+const OWN: f64 = 0.05;
 
 // what the curve multiplies, and the signal that it runs over
 const STEERING: &[(&str, &str)] =
@@ -48,32 +52,34 @@ enum Over {
     Phase(f64),
 }
 
-/// A table that explains most at its port, and of how many it is one.
+/// A table that explains most at its port, and of how many it is one; its columns and numbers are those that the knots are mixed of.
 pub(crate) struct Best<'b> {
     pub(crate) searched: Searched<'b>,
+    pub(crate) mixing: DMatrix<f64>,
     pub(crate) of: usize,
 }
 
 /// Searches the tables of a port that has been searched for sums; `None` where none could be seen.
 pub(crate) fn best<'b>(base: &'b Base<'_, '_>, sums: &Searched<'b>) -> Option<Best<'b>> {
     let columns = |knots: &[Candidate]| knots.par_iter().map(|knot| base.column(sums.port, knot)).collect();
-    let mut tried: Vec<(Searched<'b>, Table)> = Vec::new();
+    let mut tried: Vec<(Fit<'b>, Table)> = Vec::new();
     for table in tables(base, sums.port) {
         let (Some(fine), coarse) = (table.knots(table.steps()), table.knots(table.steps() / 2)) else { continue };
         let of_fine: Vec<Vec<f64>> = columns(&fine);
         let half = matches!(table.over, Over::Signal(..)).then_some(coarse).flatten();
-        let coarse = half.and_then(|coarse| fitted(sums, coarse, halved(&of_fine)));
-        let both = [fitted(sums, fine, of_fine), coarse];
-        tried.extend(both.into_iter().flatten().map(|searched| (searched, table.clone())));
+        let coarse = half.and_then(|coarse| fitted(sums, &table, coarse, halved(&of_fine)));
+        let both = [fitted(sums, &table, fine, of_fine), coarse];
+        tried.extend(both.into_iter().flatten().map(|fit| (fit, table.clone())));
     }
     let of = tried.len() + 1;
-    let (searched, table) = tried.into_iter().max_by(|a, b| a.0.sets[0].gain.total_cmp(&b.0.sets[0].gain))?;
+    let gain = |fit: &Fit<'_>| fit.0.sets[0].gain;
+    let (fit, table) = tried.into_iter().max_by(|a, b| gain(&a.0).total_cmp(&gain(&b.0)))?;
     let finest = table.knots(2 * table.steps()).and_then(|knots| {
         let of_finest = columns(&knots);
-        fitted(sums, knots, of_finest)
+        fitted(sums, &table, knots, of_finest)
     });
-    let searched = finest.filter(|f| f.sets[0].gain > searched.sets[0].gain).unwrap_or(searched);
-    Some(Best { searched, of })
+    let (searched, mixing) = finest.filter(|finest| gain(finest) > gain(&fit)).unwrap_or(fit);
+    Some(Best { searched, mixing, of })
 }
 
 /// Returns the share of refits without one drive whose curve is much the same.
@@ -119,6 +125,19 @@ impl Table {
         if matches!(self.over, Over::Phase(_)) { PHASES } else { STEPS }
     }
 
+    /// Returns what independent normal numbers make of some of its knots, so that neighbours go together: a root of their covariance.
+    fn mixing(&self, places: &[usize], count: usize) -> Option<DMatrix<f64>> {
+        let apart = |a: usize, b: usize| match self.over {
+            Over::Signal(..) => a.abs_diff(b),
+            Over::Phase(_) => a.abs_diff(b).min(count - a.abs_diff(b)),
+        };
+        let together = |i: usize, j: usize| {
+            let steps = apart(places[i], places[j]) as f64 / LENGTH;
+            (1.0 - OWN) * (-0.5 * steps * steps).exp() + if i == j { OWN } else { 0.0 }
+        };
+        Cholesky::new(DMatrix::from_fn(places.len(), places.len(), together)).map(|root| root.l())
+    }
+
     /// Returns its knots at so many steps.
     fn knots(&self, steps: usize) -> Option<Vec<Candidate>> {
         let knot = |k: usize, expression| Candidate { expression, scale: self.scale, group: k.to_string() };
@@ -156,18 +175,37 @@ fn halved(columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
     (0..columns.len()).step_by(2).map(wide).collect()
 }
 
+/// A table and what its knots are mixed of.
+type Fit<'b> = (Searched<'b>, DMatrix<f64>);
+
 /// Fits all knots that were met in the drives.
-fn fitted<'b>(sums: &Searched<'b>, candidates: Vec<Candidate>, columns: Vec<Vec<f64>>) -> Option<Searched<'b>> {
-    let met = |(_, column): &(Candidate, Vec<f64>)| column.iter().any(|v| *v != 0.0);
-    let (candidates, terms): (Vec<Candidate>, Vec<Vec<f64>>) = candidates.into_iter().zip(columns).filter(met).unzip();
+fn fitted<'b>(
+    sums: &Searched<'b>,
+    table: &Table,
+    candidates: Vec<Candidate>,
+    columns: Vec<Vec<f64>>,
+) -> Option<Fit<'b>> {
+    let count = candidates.len();
+    let met = |(_, (_, column)): &(usize, (Candidate, Vec<f64>))| column.iter().any(|v| *v != 0.0);
+    let (places, (candidates, columns)): (Vec<usize>, (Vec<Candidate>, Vec<Vec<f64>>)) =
+        candidates.into_iter().zip(columns).enumerate().filter(met).unzip();
     if candidates.len() < 3 {
         return None;
     }
+    let mixing = table.mixing(&places, count)?;
+    let mixed = |k: usize| {
+        let mut sum = vec![0.0; columns[0].len()];
+        for (column, share) in columns.iter().zip(mixing.column(k).iter()) {
+            sum.iter_mut().zip(column).for_each(|(sum, value)| *sum += share * value);
+        }
+        sum
+    };
+    let terms: Vec<Vec<f64>> = (0..candidates.len()).map(mixed).collect();
     let groups = candidates.iter().map(|c| c.group.clone()).collect();
     let rows = Rows { terms, groups, ..sums.rows.without_terms() };
     let empty = rows.settle(&[], &sums.empty.residuals, None);
     let all: Vec<usize> = (0..candidates.len()).collect();
     let whole = rows.settle(&all, &sums.sets[0].residuals, None);
     let sets = vec![Fitted { gain: whole.gain - empty.gain, ..whole }];
-    Some(Searched { port: sums.port, candidates, rows, empty, sets })
+    Some((Searched { port: sums.port, candidates, rows, empty, sets }, mixing))
 }
