@@ -65,12 +65,16 @@ def law_rates(labels, found):
     # what calibration leaves of the car's metrics, in floor units
     left = lambda n: max([s.get("nuisance", s["before"]) / s["floor"] for s in (found.get(n) or {}).get("how_far", []) if "agent" not in s["metric"]] or [0.0])
     wide = [n for n in strange if left(n) >= 2.0]
+    # a channel of the car that lies beyond its floor and a tenth of it beyond where calibration left it
+    worse = lambda s: s["metric"].startswith("channel:") and s["after"] > max(s.get("nuisance", s["before"]), s["floor"]) + 0.1 * s["floor"]
+    lawful = [n for n in strange if "law" in told[n]]
     return [
         ("insertion first", sum(alike(n, place) for n, place in strange.items()), len(strange)),
         ("sensor or physics right", sum(sensor(first(n)) == sensor(place) for n, place in strange.items()), len(strange)),
         ("a law is offered", sum("law" in told[n] for n in strange), len(strange)),
         ("law explains half of kept drives", sum(share(n) >= 0.5 for n in strange), len(strange)),
         ("of two floor units or more", sum(share(n) >= 0.5 for n in wide), len(wide)),
+        ("no channel worse by a law", sum(not any(map(worse, found[n]["how_far"])) for n in lawful), len(lawful)),
         ("law on a healthy case", sum("law" in ((d or {}).get("discovery") or {}) for d in none), len(none)),
     ]
 

@@ -4,8 +4,9 @@
 //! A pixel of the later view is taken back to the earlier one: its point of the world by its depth, with the box that it lies
 //! in, if any, to where that box was, and through the camera. It has an origin where the earlier view saw that point: within
 //! the picture, and at a depth that the four pixels around it have or hold between them. What is infinitely far has none,
-//! nor has what lies beside it: the top of a tree would leave a streak in the sky. What comes nearer has none either at some distances,
-//! each so many times the next: carried further, what was a few pixels wide would fill the picture, and stay as blurred as it was.
+//! nor has what lies beside it: the top of a tree would leave a streak in the sky. What comes nearer is told to be stale at some
+//! distances, each so many times the next: carried further, what was a few pixels wide would fill the picture, and stay as blurred as
+//! it was. What stands keeps its colours there; the ground, whose edges would run out over one another, does not.
 
 use std::sync::Arc;
 
@@ -26,6 +27,8 @@ const SAME_DEPTH: f64 = 0.06;
 const STANDING_TIMES: f64 = 4.0;
 /// The same for the ground, which is stretched by the square of that.
 const GROUND_TIMES: f64 = 1.22;
+/// How much of a pixel may be kept that is to be drawn anew in its colours.
+const STALE: f32 = 0.5;
 /// As far as this is taken for infinitely far, in metres.
 const FAR_M: f64 = 1e6;
 
@@ -121,8 +124,8 @@ pub fn depths_of_bytes(bytes: &[u8]) -> Option<Arc<[u16]>> {
 pub struct Carried {
     /// The frame as it would look; black where nothing is known.
     pub frame: RgbImage,
-    /// Of each pixel, whether it is known.
-    pub known: Vec<bool>,
+    /// Of each pixel, how much of it may be kept: 1 where it is known, a half where it is known and has come much nearer, 0 elsewhere.
+    pub kept: Vec<f32>,
 }
 
 impl Geometry {
@@ -134,15 +137,16 @@ impl Geometry {
         let origins = self.origins(before, width, height);
         let mut carried = RgbImage::filled(width, height, [0; 3]);
         for (pixel, origin) in carried.rgb_mut().chunks_exact_mut(3).zip(&origins) {
-            if let Some(origin) = origin {
+            if let Some((origin, _)) = origin {
                 pixel.copy_from_slice(&between(frame, *origin));
             }
         }
-        Carried { frame: carried, known: origins.iter().map(Option::is_some).collect() }
+        Carried { frame: carried, kept: origins.iter().map(|origin| origin.map_or(0.0, |(_, kept)| kept)).collect() }
     }
 
-    /// Returns for each pixel of a picture of this view where it was in a picture of the view `before`, both of the same size.
-    fn origins(&self, before: &Self, width_px: u32, height_px: u32) -> Vec<Option<DVec2>> {
+    /// Returns for each pixel of a picture of this view where it was in a picture of the view `before`, both of the same size, and how
+    /// much of it may be kept.
+    fn origins(&self, before: &Self, width_px: u32, height_px: u32) -> Vec<Option<(DVec2, f32)>> {
         let size = (width_px, height_px);
         let (depths_m, depths_before_m) = (self.depths_m(size), before.depths_m(size));
         let lens = before.lens.resized(width_px, height_px);
@@ -159,8 +163,10 @@ impl Geometry {
             let known = around.iter().all(|m| *m < FAR_M);
             let (nearest, farthest) = around.iter().fold((FAR_M, 0.0), |(low, high), m| (m.min(low), m.max(high)));
             let surface = nearest / (1.0 + SAME_DEPTH)..=farthest * (1.0 + SAME_DEPTH);
-            let times = if point.z > SKIN_M { STANDING_TIMES } else { GROUND_TIMES };
-            (known && surface.contains(&seen.z) && !nearer(times, depth_m, seen.z)).then_some(at)
+            let stands = point.z > SKIN_M;
+            let stale = nearer(if stands { STANDING_TIMES } else { GROUND_TIMES }, depth_m, seen.z);
+            let kept = if stale { STALE } else { 1.0 };
+            (known && surface.contains(&seen.z) && (stands || !stale)).then_some((at, kept))
         };
         depths_m.iter().zip(&directions).map(origin).collect()
     }
@@ -274,7 +280,7 @@ mod tests {
     fn where_nothing_moves_a_frame_stays_as_it_is() {
         let geometry = seen(0.0, Some(mover(10.0, 0.0)));
         let carried = geometry.carry(&geometry, &frame());
-        assert!(carried.known.iter().all(|known| *known));
+        assert!(carried.kept.iter().all(|kept| *kept == 1.0));
         assert_eq!(carried.frame, frame());
     }
 
@@ -286,17 +292,17 @@ mod tests {
         let [was, is] = [28u32, 27].map(|x| frame().pixel(x, 8)[0]);
         let found = carried.frame.pixel(27, 8)[0];
         assert!(found > is && found <= was + 4, "{found} is not {was}");
-        let wall = &carried.known[..(16 * SIZE_PX.0) as usize];
-        assert!(wall.iter().filter(|known| **known).count() > 900);
+        let wall = &carried.kept[..(16 * SIZE_PX.0) as usize];
+        assert!(wall.iter().filter(|kept| **kept > 0.0).count() > 900);
     }
 
     #[test]
     fn what_has_come_much_nearer_is_drawn_anew() {
-        let known = |x_m: f64| seen(x_m, None).carry(&seen(0.0, None), &frame()).known;
+        let kept = |x_m: f64| seen(x_m, None).carry(&seen(0.0, None), &frame()).kept;
         let at = |column: usize, row: usize| row * SIZE_PX.0 as usize + column;
         // The wall comes from 20 m: 16 m lies between that and 15.5, not between that and 16.5. The ground in row 24 is 5.5 m away.
-        assert!(known(3.5)[at(32, 8)] && !known(4.5)[at(32, 8)]);
-        assert!(!known(3.5)[at(32, 24)] && known(0.2)[at(32, 24)]);
+        assert_eq!([3.5, 4.5].map(|x_m| kept(x_m)[at(32, 8)]), [1.0, STALE]);
+        assert_eq!([3.5, 0.2].map(|x_m| kept(x_m)[at(32, 24)]), [0.0, 1.0]);
     }
 
     #[test]
@@ -307,9 +313,9 @@ mod tests {
         let column = |y_m: f64| (32.0 - now.lens.fx_px * y_m / 8.0) as u32;
         let [moved, left] = [column(2.0), column(0.0)];
         assert!(carried.frame.pixel(moved, row)[0].abs_diff(frame().pixel(column(0.0), row)[0]) <= 6);
-        assert!(!carried.known[(row * SIZE_PX.0 + left) as usize], "the ground behind the box was hidden");
+        assert!(carried.kept[(row * SIZE_PX.0 + left) as usize] == 0.0, "the ground behind the box was hidden");
         let stranger = seen(0.0, Some(Mover { id: 8, ..mover(10.0, 2.0) }));
         let carried = stranger.carry(&before, &frame());
-        assert!(!carried.known[(row * SIZE_PX.0 + moved) as usize], "this box was not there");
+        assert!(carried.kept[(row * SIZE_PX.0 + moved) as usize] == 0.0, "this box was not there");
     }
 }

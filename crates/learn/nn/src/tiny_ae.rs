@@ -15,7 +15,7 @@
 //! Guides are convolutions behind the decoder's last stage that see the layout of each frame beside what is there. What they see may be
 //! a sketch: features of the layout that begin at 1/8 resolution, where a convolution spans a whole vehicle, and grow twice, seeing the
 //! layout again at 1/4 and 1/2. Nothing of it is remembered, so that memories do not depend on layouts. Where frames are carried, guides
-//! also see, at 1/2 resolution, a frame from before as it would look from here, and where there is one to see; a last convolution tells
+//! also see, at 1/2 resolution, a frame from before as it would look from here, and how much of it may be kept; a last convolution tells
 //! for each pixel which share of it is carried and not painted.
 
 use std::any::Any;
@@ -144,8 +144,8 @@ impl AeShape {
         widths.into_iter().flatten().enumerate().map(level).collect()
     }
 
-    /// Returns the channels of a pixel of what guides a frame: three of its layout, and of a carried frame three and a fourth that is 1
-    /// where there is one, 0 where not.
+    /// Returns the channels of a pixel of what guides a frame: three of its layout, and of a carried frame three and a fourth: how
+    /// much of it may be kept, 0 where there is none.
     #[must_use]
     pub fn guide_channels(&self) -> usize {
         if self.carried { 7 } else { 3 }

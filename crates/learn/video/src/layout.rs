@@ -80,14 +80,14 @@ impl Carry {
         for (layout, seen) in layouts.iter().zip(stacked.values().chunks_exact(3 * pixels)) {
             let carried = self.0.as_ref().zip(layout.geometry.as_ref());
             let carried = carried.map(|((frame, before), now)| now.carry(before, frame));
-            let known = |at: usize| carried.as_ref().filter(|carried| carried.known[at]);
+            let known = |at: usize| carried.as_ref().filter(|carried| carried.kept[at] > 0.0);
             for (at, colour) in seen.chunks_exact(3).enumerate() {
                 values.extend_from_slice(colour);
                 match known(at) {
                     Some(carried) => {
                         values
                             .extend(carried.frame.rgb()[3 * at..3 * at + 3].iter().map(|byte| ds_raster::value(*byte)));
-                        values.push(1.0);
+                        values.push(carried.kept[at]);
                     }
                     None => values.extend([0.0; 4]),
                 }
