@@ -160,7 +160,7 @@ fn offers_of(base: &Base<'_, '_>, place: usize, part: Part) -> Vec<Offer> {
         let sum = (near.contains(&k) && s.sets[0].gain > 0.0).then(|| tried(base, s));
         let gain = sum.as_ref().map_or(0.0, |tried| tried.refined.gain);
         let shift = if sum.is_some() { gain - s.sets[0].gain } else { 0.0 };
-        let table = (near.contains(&k) && gain < frees[k]).then(|| tabled(base, s)).flatten();
+        let table = near.contains(&k).then(|| tabled(base, s)).flatten();
         let table = table.filter(|table| table.refined.gain > gain.max(0.0) + OVER_SUMS);
         let by_table = table.as_ref().map(|table| table.refined.gain / TEMPERATURE);
         let weight = log_sum(s.sets.iter().map(|set| (set.gain + shift) / TEMPERATURE).chain(by_table));

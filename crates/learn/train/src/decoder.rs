@@ -13,7 +13,6 @@
 use std::sync::Arc;
 
 use ds_clips::Clip;
-use ds_layout::colour;
 use ds_nn::discriminator::DiscriminatorShape;
 use ds_nn::optimiser::AdamWSettings;
 use ds_nn::step::{Adversary, DecoderBatch, Step};
@@ -246,10 +245,8 @@ impl Source<'_> {
             _ => Some(&clip.frames).filter(|_| usual || !encoded),
         };
         let count = self.recipe.stage.latents.min(latents.shape()[0]);
-        let near = (draws.uniform(8) < self.recipe.near).then(|| road_user(&clip, &draws)).flatten();
-        let window =
-            Window::drawn(self.recipe.crop_px, count, latents.shape(), &draws, near.map(|near| near.at(stride)));
-        let from = window.frames.start;
+        let from = draws.below(4, (latents.shape()[0] - count + 1) as u64) as usize;
+        let window = Window::drawn(self.recipe.crop_px, from..from + count, latents.shape(), &draws);
         let on = draws.uniform(3) >= LAYOUT_DROPOUT;
         let (mut guides, mut frames, mut weights) = (Vec::new(), Vec::new(), Vec::new());
         let all = Emphasis { markings: self.recipe.markings, ..Emphasis::of(self.config) };
@@ -290,37 +287,6 @@ fn ticks(step: usize, stride: usize) -> std::ops::Range<usize> {
     if step == 0 { 0..1 } else { 1 + (step - 1) * stride..1 + step * stride }
 }
 
-/// A pixel of a clip.
-struct Pixel {
-    tick: usize,
-    row: usize,
-    column: usize,
-}
-
-impl Pixel {
-    /// Returns its place among the latents.
-    fn at(&self, stride: usize) -> [usize; 3] {
-        [self.tick.div_ceil(stride), self.row / 8, self.column / 8]
-    }
-}
-
-/// Draws one of the pixels of a clip whose layout shows a road user.
-fn road_user(clip: &Clip, draws: &Draws) -> Option<Pixel> {
-    let shown = |layout: &RgbImage| -> Vec<usize> {
-        let pixels = layout.rgb().chunks_exact(3).enumerate();
-        pixels.filter(|(_, rgb)| colour::is_road_user([rgb[0], rgb[1], rgb[2]])).map(|(at, _)| at).collect()
-    };
-    let places: Vec<(usize, usize)> = clip
-        .layouts
-        .iter()
-        .enumerate()
-        .flat_map(|(tick, layout)| shown(layout).into_iter().map(move |at| (tick, at)))
-        .collect();
-    let (tick, at) = *places.get(draws.below(9, places.len().max(1) as u64) as usize)?;
-    let width = clip.layouts[tick].width_px() as usize;
-    Some(Pixel { tick, row: at / width, column: at % width })
-}
-
 /// A part of a clip: latent frames, rows and columns.
 struct Window {
     frames: std::ops::Range<usize>,
@@ -329,24 +295,15 @@ struct Window {
 }
 
 impl Window {
-    /// Draws `count` frames, rows and columns of latents [steps, h, w, z], those around a place if there is one.
-    fn drawn(
-        crop_px: Option<[usize; 2]>,
-        count: usize,
-        shape: &[usize],
-        draws: &Draws,
-        near: Option<[usize; 3]>,
-    ) -> Self {
+    /// Draws rows and columns of latents [steps, h, w, z].
+    fn drawn(crop_px: Option<[usize; 2]>, frames: std::ops::Range<usize>, shape: &[usize], draws: &Draws) -> Self {
         let [width, height] = crop_px.unwrap_or([8 * shape[2], 8 * shape[1]]).map(|px| px / 8);
-        let place = |draw, axis: usize, part: usize| {
-            let (whole, part) = (shape[axis], part.min(shape[axis]));
-            let first = near.map_or_else(
-                || draws.below(draw, (whole - part + 1) as u64) as usize,
-                |near| near[axis].saturating_sub(part / 2).min(whole - part),
-            );
+        let place = |draw, whole: usize, part: usize| {
+            let part = part.min(whole);
+            let first = draws.below(draw, (whole - part + 1) as u64) as usize;
             first..first + part
         };
-        Self { frames: place(4, 0, count), rows: place(5, 1, height), columns: place(6, 2, width) }
+        Self { frames, rows: place(5, shape[1], height), columns: place(6, shape[2], width) }
     }
 
     fn latents(&self, latents: &Array) -> Array {

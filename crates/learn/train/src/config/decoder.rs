@@ -44,9 +44,6 @@ pub struct DecoderConfig {
     /// Width and height of the part of a clip that is drawn, multiples of 8; all without it.
     #[serde(default)]
     pub crop_px: Option<[usize; 2]>,
-    /// The share of windows that are drawn around a pixel of a road user, each of a clip alike, so that large ones come most often.
-    #[serde(default)]
-    pub near: f64,
     /// What the decoder is trained against; reconstruction alone without it.
     #[serde(default)]
     pub adversarial: Option<AdversarialConfig>,
@@ -89,9 +86,6 @@ impl DecoderConfig {
         }
         if self.rolled_road_users.is_some_and(|weight| !(0.0..=1e3).contains(&weight)) {
             return refuse("decoder.rolled_road_users", "must lie within 0 to 1000");
-        }
-        if !(0.0..=1.0).contains(&self.near) {
-            return refuse("decoder.near", "must lie within 0 to 1");
         }
         if !(1.0..=1e3).contains(&self.markings) {
             return refuse("decoder.markings", "must be 1 to 1000");
