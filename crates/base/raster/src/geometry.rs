@@ -27,8 +27,8 @@ const SAME_DEPTH: f64 = 0.06;
 const STANDING_TIMES: f64 = 4.0;
 /// The same for the ground, which is stretched by the square of that.
 const GROUND_TIMES: f64 = 1.22;
-/// How much of a pixel may be kept that is to be drawn anew in its colours.
-const STALE: f32 = 0.5;
+/// How much of a pixel may be kept that is to be drawn anew in its colours: more of it would leave more of its blur.
+const STALE: f32 = 0.35;
 /// As far as this is taken for infinitely far, in metres.
 const FAR_M: f64 = 1e6;
 
@@ -124,7 +124,7 @@ pub fn depths_of_bytes(bytes: &[u8]) -> Option<Arc<[u16]>> {
 pub struct Carried {
     /// The frame as it would look; black where nothing is known.
     pub frame: RgbImage,
-    /// Of each pixel, how much of it may be kept: 1 where it is known, a half where it is known and has come much nearer, 0 elsewhere.
+    /// Of each pixel, how much of it may be kept: 1 where it is known, a third where it is known and has come much nearer, 0 elsewhere.
     pub kept: Vec<f32>,
 }
 

@@ -281,7 +281,7 @@ fn law(tried: &Tried, offers: &[Offer]) -> Option<FoundLaw> {
     Some(FoundLaw {
         text: law.to_string(),
         terms: terms.collect(),
-        kind: if law.terms().iter().any(|term| term.expression.is_knot()) {
+        kind: if law.terms().iter().any(|term| term.expression.knot_of().is_some()) {
             LawKind::Table
         } else {
             LawKind::Expression

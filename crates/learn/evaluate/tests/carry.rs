@@ -34,8 +34,7 @@ fn a_carried_frame_is_nearly_the_later_one() {
         let carried = now.carry(&before, &then);
         let seen: Vec<bool> = carried.kept.iter().map(|kept| *kept > 0.0).collect();
         let known = seen.iter().filter(|seen| **seen).count() as f64 / seen.len() as f64;
-        let (left, still) =
-            (difference(&carried.frame, &later, &seen), difference(&then, &later, &seen));
+        let (left, still) = (difference(&carried.frame, &later, &seen), difference(&then, &later, &seen));
         assert!(known > 0.15, "{family:?}: {known} known");
         assert!(left < 0.6 * still, "{family:?}: {left} and {still} off");
     }

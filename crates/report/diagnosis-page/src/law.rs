@@ -166,7 +166,7 @@ struct Curve {
 }
 
 impl Curve {
-    /// Returns the curve over the signal along which the law changes most.
+    /// Returns the curve over the signal along which the law changes most; of a table over that which it runs over.
     fn of(law: &Law) -> Option<Self> {
         let mut read: BTreeMap<&'static str, [f64; 2]> = BTreeMap::new();
         for (name, domain) in law.terms().iter().flat_map(|term| term.expression.domains()) {
@@ -184,6 +184,9 @@ impl Curve {
             let value = |x: f64| last(law, &|other: &str| if other == *name { x } else { held(other) });
             let points = (0..POINTS).map(|k| (at(k), value(at(k)))).collect();
             curves.push(Self { signal: (*name).to_owned(), points });
+        }
+        if let Some(over) = law.terms().iter().find_map(|term| term.expression.knot_of()) {
+            curves.retain(|curve| curve.signal == over);
         }
         curves.into_iter().max_by(|a, b| a.range().total_cmp(&b.range()))
     }

@@ -189,7 +189,12 @@ fn a_law_is_told_with_its_place_and_drawn_over_its_signal() {
     let table = Diagnosis { verdict: Verdict::Unknown, p_unknown: 0.95, discovery: Some(table), ..clean() };
     let page = super::page(&table, None);
     checked(&page);
-    assert!(page.contains("class=\"whisker curve\"") && page.contains("speed, m/s") && page.contains("40 %"), "{page}");
+    assert!(
+        page.contains("class=\"whisker curve\"")
+            && page.contains("speed, m/s")
+            && page.contains("40\u{a0}% of what it was measured on"),
+        "{page}"
+    );
     assert!(super::text(&table).contains("a table of 1 knots"), "{}", super::text(&table));
     // a text that is no law is shown and not drawn
     let hostile = Diagnosis { discovery: Some(law(HOSTILE, HOSTILE)), ..hostile() };

@@ -136,14 +136,14 @@ impl Expression {
         any.then_some(changed)
     }
 
-    /// Tells whether it is a knot of a table.
+    /// Returns the signal that the table runs over of which it is a knot: `t` of one over a phase; none if it is no knot.
     #[must_use]
-    pub fn is_knot(&self) -> bool {
-        let knot = |factor: &Factor| match factor {
-            Factor::Of(reading) => matches!(reading.shape, Shape::Hat(_)),
-            other => matches!(other, Factor::Beat(..)),
-        };
-        self.factors.iter().any(knot)
+    pub fn knot_of(&self) -> Option<&'static str> {
+        self.factors.iter().find_map(|factor| match factor {
+            Factor::Of(reading) => matches!(reading.shape, Shape::Hat(_)).then(|| name_of(reading.source)),
+            Factor::Beat(..) => Some("t"),
+            Factor::Sin(_) | Factor::Cos(_) | Factor::Pulses(_) => None,
+        })
     }
 
     /// Returns the names of the signals that it reads and the ranges to which they are clamped, or beyond which a knot is nil.
