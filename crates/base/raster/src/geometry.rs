@@ -6,7 +6,8 @@
 //! the picture, and at a depth that the four pixels around it have or hold between them. What is infinitely far has none,
 //! nor has what lies beside it: the top of a tree would leave a streak in the sky. What comes nearer is told to be stale at some
 //! distances, each so many times the next: carried further, what was a few pixels wide would fill the picture, and stay as blurred as
-//! it was. What stands keeps its colours there; the ground, whose edges would run out over one another, does not.
+//! it was. What moves keeps its colours there, and what stands does in clear air: in snow and rain it is paler from afar. The ground, whose
+//! edges would run out over one another, does not.
 
 use std::sync::Arc;
 
@@ -84,12 +85,12 @@ impl<'a> Placed<'a> {
     }
 }
 
-/// Returns where a point of the world was before; none if it belongs to a box that was not there.
-fn earlier(movers: &[Placed<'_>], point: DVec3) -> Option<DVec3> {
+/// Returns where a point of the world was before and whether it moves by itself; none if it belongs to a box that was not there.
+fn earlier(movers: &[Placed<'_>], point: DVec3) -> Option<(DVec3, bool)> {
     let stands = point.z > SKIN_M && point.z < 0.5 * FAR_M;
     match movers.iter().find(|mover| stands && mover.holds(point)) {
-        Some(mover) => mover.earlier(point),
-        None => Some(point),
+        Some(mover) => mover.earlier(point).map(|then| (then, true)),
+        None => Some((point, false)),
     }
 }
 
@@ -119,6 +120,16 @@ pub fn depths_of_bytes(bytes: &[u8]) -> Option<Arc<[u16]>> {
     rest.is_empty().then(|| pairs.iter().map(|pair| u16::from_le_bytes(*pair)).collect())
 }
 
+/// What lies between the camera and what it sees.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Air {
+    /// Nothing.
+    #[default]
+    Clear,
+    /// Snow or rain: the farther away, the paler.
+    Hazy,
+}
+
 /// A frame carried to another view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Carried {
@@ -132,10 +143,9 @@ impl Geometry {
     /// Carries a frame of an earlier tick, seen with the geometry `before`, to this view. The picture has the size of the frame, which
     /// is the layouts' view at another resolution.
     #[must_use]
-    pub fn carry(&self, before: &Self, frame: &RgbImage) -> Carried {
-        let (width, height) = (frame.width_px(), frame.height_px());
-        let origins = self.origins(before, width, height);
-        let mut carried = RgbImage::filled(width, height, [0; 3]);
+    pub fn carry(&self, before: &Self, frame: &RgbImage, air: Air) -> Carried {
+        let origins = self.origins(before, (frame.width_px(), frame.height_px()), air);
+        let mut carried = RgbImage::filled(frame.width_px(), frame.height_px(), [0; 3]);
         for (pixel, origin) in carried.rgb_mut().chunks_exact_mut(3).zip(&origins) {
             if let Some((origin, _)) = origin {
                 pixel.copy_from_slice(&between(frame, *origin));
@@ -146,8 +156,8 @@ impl Geometry {
 
     /// Returns for each pixel of a picture of this view where it was in a picture of the view `before`, both of the same size, and how
     /// much of it may be kept.
-    fn origins(&self, before: &Self, width_px: u32, height_px: u32) -> Vec<Option<(DVec2, f32)>> {
-        let size = (width_px, height_px);
+    fn origins(&self, before: &Self, size: (u32, u32), air: Air) -> Vec<Option<(DVec2, f32)>> {
+        let (width_px, height_px) = size;
         let (depths_m, depths_before_m) = (self.depths_m(size), before.depths_m(size));
         let lens = before.lens.resized(width_px, height_px);
         let camera_from_world = before.world_from_camera.inverse();
@@ -156,7 +166,8 @@ impl Geometry {
         let origin = |(depth_m, direction): (&f64, &DVec2)| {
             let depth_m = Some(*depth_m).filter(|depth_m| *depth_m < FAR_M)?;
             let point = self.world_from_camera * (direction.extend(1.0) * depth_m);
-            let seen = camera_from_world * earlier(&movers, point)?;
+            let (then, moves) = earlier(&movers, point)?;
+            let seen = camera_from_world * then;
             let at = lens.project(seen)?;
             let inside = at.x >= 0.0 && at.y >= 0.0 && at.x < f64::from(width_px) && at.y < f64::from(height_px);
             let around = inside.then(|| around(at, size).map(|pixel| depths_before_m[pixel]))?;
@@ -165,8 +176,9 @@ impl Geometry {
             let surface = nearest / (1.0 + SAME_DEPTH)..=farthest * (1.0 + SAME_DEPTH);
             let stands = point.z > SKIN_M;
             let stale = nearer(if stands { STANDING_TIMES } else { GROUND_TIMES }, depth_m, seen.z);
-            let kept = if stale { STALE } else { 1.0 };
-            (known && surface.contains(&seen.z) && (stands || !stale)).then_some((at, kept))
+            let coloured = moves || (stands && air == Air::Clear);
+            let kept = if stale && coloured { STALE } else { f32::from(u8::from(!stale)) };
+            (known && surface.contains(&seen.z) && kept > 0.0).then_some((at, kept))
         };
         depths_m.iter().zip(&directions).map(origin).collect()
     }
@@ -279,7 +291,7 @@ mod tests {
     #[test]
     fn where_nothing_moves_a_frame_stays_as_it_is() {
         let geometry = seen(0.0, Some(mover(10.0, 0.0)));
-        let carried = geometry.carry(&geometry, &frame());
+        let carried = geometry.carry(&geometry, &frame(), Air::Clear);
         assert!(carried.kept.iter().all(|kept| *kept == 1.0));
         assert_eq!(carried.frame, frame());
     }
@@ -287,7 +299,7 @@ mod tests {
     #[test]
     fn what_comes_nearer_grows_around_where_it_goes() {
         let (before, now) = (seen(0.0, None), seen(4.0, None));
-        let carried = now.carry(&before, &frame());
+        let carried = now.carry(&before, &frame(), Air::Clear);
         // The wall was 20 m away and is 16 m: four fifths as far from the middle as now.
         let [was, is] = [28u32, 27].map(|x| frame().pixel(x, 8)[0]);
         let found = carried.frame.pixel(27, 8)[0];
@@ -298,24 +310,30 @@ mod tests {
 
     #[test]
     fn what_has_come_much_nearer_is_drawn_anew() {
-        let kept = |x_m: f64| seen(x_m, None).carry(&seen(0.0, None), &frame()).kept;
+        let kept_in = |air, x_m: f64| seen(x_m, None).carry(&seen(0.0, None), &frame(), air).kept;
+        let kept = |x_m| kept_in(Air::Clear, x_m);
         let at = |column: usize, row: usize| row * SIZE_PX.0 as usize + column;
         // The wall comes from 20 m: 16 m lies between that and 15.5, not between that and 16.5. The ground in row 24 is 5.5 m away.
         assert_eq!([3.5, 4.5].map(|x_m| kept(x_m)[at(32, 8)]), [1.0, STALE]);
         assert_eq!([3.5, 0.2].map(|x_m| kept(x_m)[at(32, 24)]), [0.0, 1.0]);
+        assert_eq!([3.5, 4.5].map(|x_m| kept_in(Air::Hazy, x_m)[at(32, 8)]), [1.0, 0.0], "paler from afar");
+        // a box of which the distance of 4 m lies between then and now keeps its paint in any air
+        let boxed = |x_m: f64| seen(x_m, Some(mover(10.0, 0.0)));
+        let kept = boxed(4.5).carry(&boxed(3.5), &frame(), Air::Hazy).kept;
+        assert_eq!(kept[at(32, 20)], STALE);
     }
 
     #[test]
     fn a_box_takes_its_colours_along_and_uncovers_what_nobody_saw() {
         let (before, now) = (seen(0.0, Some(mover(10.0, 0.0))), seen(0.0, Some(mover(10.0, 2.0))));
-        let carried = now.carry(&before, &frame());
+        let carried = now.carry(&before, &frame(), Air::Clear);
         let row = 20;
         let column = |y_m: f64| (32.0 - now.lens.fx_px * y_m / 8.0) as u32;
         let [moved, left] = [column(2.0), column(0.0)];
         assert!(carried.frame.pixel(moved, row)[0].abs_diff(frame().pixel(column(0.0), row)[0]) <= 6);
         assert!(carried.kept[(row * SIZE_PX.0 + left) as usize] == 0.0, "the ground behind the box was hidden");
         let stranger = seen(0.0, Some(Mover { id: 8, ..mover(10.0, 2.0) }));
-        let carried = stranger.carry(&before, &frame());
+        let carried = stranger.carry(&before, &frame(), Air::Clear);
         assert!(carried.kept[(row * SIZE_PX.0 + moved) as usize] == 0.0, "this box was not there");
     }
 }

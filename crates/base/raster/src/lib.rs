@@ -19,7 +19,7 @@ pub use class::PixelClass;
 pub use depth::{DepthRaster, ScreenPoint};
 pub use encode::Encoding;
 pub use fall::{Fall, Falling, Sight, cleared};
-pub use geometry::{Carried, Geometry, INVERSE_DEPTH_STEP, Mover};
+pub use geometry::{Air, Carried, Geometry, INVERSE_DEPTH_STEP, Mover};
 pub use image::{ImageError, RgbImage};
 pub use lens::Lens;
 pub use values::value;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ds_camera::{Appearance, ReferenceWorld};
 use ds_evaluate::drive::{Drive, Route};
-use ds_raster::RgbImage;
+use ds_raster::{Air, RgbImage};
 use ds_scenario::Family;
 
 /// Frames from the one that is carried to the one that it is compared with.
@@ -31,7 +31,7 @@ fn a_carried_frame_is_nearly_the_later_one() {
         let (before, now) = (drive.layout(0).expect("renders"), drive.layout(AHEAD).expect("renders"));
         let [then, later] = [0, AHEAD].map(|frame| drive.frame(frame).expect("renders"));
         let (before, now) = (before.geometry.expect("is known"), now.geometry.expect("is known"));
-        let carried = now.carry(&before, &then);
+        let carried = now.carry(&before, &then, Air::Clear);
         let seen: Vec<bool> = carried.kept.iter().map(|kept| *kept > 0.0).collect();
         let known = seen.iter().filter(|seen| **seen).count() as f64 / seen.len() as f64;
         let (left, still) = (difference(&carried.frame, &later, &seen), difference(&then, &later, &seen));

@@ -19,7 +19,7 @@ use ds_nn::step::{Adversary, DecoderBatch, Step};
 use ds_nn::tiny_ae::AeShape;
 use ds_nn::tiny_ae::Memory;
 use ds_nn::{Array, Weights};
-use ds_raster::RgbImage;
+use ds_raster::{Air, RgbImage};
 use ds_space::{Digest, DigestWriter, Draws};
 use ds_video::{Carry, Layout, Rollout, VideoModel, tokens};
 
@@ -194,7 +194,9 @@ impl Source<'_> {
     fn guide(&self, clip: &Clip, step: usize, before: Option<&RgbImage>) -> Array {
         let config = self.model.config();
         let ticks = ticks(step, config.vae.stride_t);
-        let carry = before.filter(|_| step > 0).map(|frame| Carry::of(frame, &evaluate::layout(clip, ticks.start - 1)));
+        let carry = before
+            .filter(|_| step > 0)
+            .map(|frame| Carry::of(frame, &evaluate::layout(clip, ticks.start - 1), Air::Clear));
         let layouts: Vec<Layout> = ticks.map(|tick| evaluate::layout(clip, tick)).collect();
         let missing = config.vae.stride_t - layouts.len();
         let layouts = std::iter::repeat_n(&layouts[0], missing).chain(&layouts).collect::<Vec<_>>();

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use ds_nn::Array;
 use ds_nn::tiny_ae::AeShape;
-use ds_raster::{Fall, Geometry, RgbImage};
+use ds_raster::{Air, Fall, Geometry, RgbImage};
 use ds_space::{DigestWriter, Tick};
 
 use crate::tokens;
@@ -51,19 +51,23 @@ impl From<&Self> for Layout {
 
 /// The last frame of a chunk with its geometry; nothing where no geometry is known.
 #[derive(Debug, Clone, Default)]
-pub struct Carry(Option<(Arc<RgbImage>, Arc<Geometry>)>);
+pub struct Carry {
+    seen: Option<(Arc<RgbImage>, Arc<Geometry>)>,
+    air: Air,
+}
 
 impl Carry {
-    /// Takes a frame along with the layout of its tick.
+    /// Takes a frame along with the layout of its tick, seen through some air.
     #[must_use]
-    pub fn of(frame: &RgbImage, layout: &Layout) -> Self {
-        Self(layout.geometry.as_ref().map(|geometry| (Arc::new(frame.clone()), Arc::clone(geometry))))
+    pub fn of(frame: &RgbImage, layout: &Layout, air: Air) -> Self {
+        let geometry = layout.geometry.as_ref();
+        Self { seen: geometry.map(|geometry| (Arc::new(frame.clone()), Arc::clone(geometry))), air }
     }
 
     /// Returns the frame.
     #[must_use]
     pub fn frame(&self) -> Option<&RgbImage> {
-        self.0.as_ref().map(|(frame, _)| &**frame)
+        self.seen.as_ref().map(|(frame, _)| &**frame)
     }
 
     /// Makes what guides the decoder's frames of a chunk, [layouts, height, width, guide channels] of −1 to 1: each layout at the
@@ -78,8 +82,8 @@ impl Carry {
         let pixels = width as usize * height as usize;
         let mut values = Vec::with_capacity(stacked.values().len() / 3 * 7);
         for (layout, seen) in layouts.iter().zip(stacked.values().chunks_exact(3 * pixels)) {
-            let carried = self.0.as_ref().zip(layout.geometry.as_ref());
-            let carried = carried.map(|((frame, before), now)| now.carry(before, frame));
+            let carried = self.seen.as_ref().zip(layout.geometry.as_ref());
+            let carried = carried.map(|((frame, before), now)| now.carry(before, frame, self.air));
             let known = |at: usize| carried.as_ref().filter(|carried| carried.kept[at] > 0.0);
             for (at, colour) in seen.chunks_exact(3).enumerate() {
                 values.extend_from_slice(colour);

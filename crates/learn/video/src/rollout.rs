@@ -10,7 +10,7 @@ use std::sync::Arc;
 use ds_nn::Array;
 use ds_nn::body::{ChunkKv, Context, Control, Window};
 use ds_nn::cache::KvCache;
-use ds_raster::{Fall, RgbImage, cleared};
+use ds_raster::{Air, Fall, RgbImage, cleared};
 use ds_space::{Digest, DigestWriter, Tick};
 use ds_topic::Cache;
 use ds_topic::body::Tensor;
@@ -332,7 +332,8 @@ impl Rollout {
     /// Takes the last frame of what was committed along, if the decoder is to see it again.
     fn take_along(&mut self, frame: &RgbImage, layout: &Layout) {
         if self.model.config().control.carried {
-            self.carry = Carry::of(frame, layout);
+            let air = if self.fall.is_some() { Air::Hazy } else { Air::Clear };
+            self.carry = Carry::of(frame, layout, air);
         }
     }
 
