@@ -61,23 +61,21 @@ pub(crate) struct Best<'b> {
 
 /// Searches the tables of a port that has been searched for sums; `None` where none could be seen.
 pub(crate) fn best<'b>(base: &'b Base<'_, '_>, sums: &Searched<'b>) -> Option<Best<'b>> {
-    let columns = |knots: &[Candidate]| knots.par_iter().map(|knot| base.column(sums.port, knot)).collect();
+    let columns =
+        |knots: &[Candidate]| -> Vec<Vec<f64>> { knots.par_iter().map(|knot| base.column(sums.port, knot)).collect() };
     let mut tried: Vec<(Fit<'b>, Table)> = Vec::new();
     for table in tables(base, sums.port) {
         let (Some(fine), coarse) = (table.knots(table.steps()), table.knots(table.steps() / 2)) else { continue };
-        let of_fine: Vec<Vec<f64>> = columns(&fine);
+        let of_fine = columns(&fine);
         let half = matches!(table.over, Over::Signal(..)).then_some(coarse).flatten();
-        let coarse = half.and_then(|coarse| fitted(sums, &table, coarse, halved(&of_fine)));
-        let both = [fitted(sums, &table, fine, of_fine), coarse];
+        let coarse = half.and_then(|coarse| fitted(sums, &table, &coarse, &halved(&of_fine)));
+        let both = [fitted(sums, &table, &fine, &of_fine), coarse];
         tried.extend(both.into_iter().flatten().map(|fit| (fit, table.clone())));
     }
     let of = tried.len() + 1;
     let gain = |fit: &Fit<'_>| fit.0.sets[0].gain;
     let (fit, table) = tried.into_iter().max_by(|a, b| gain(&a.0).total_cmp(&gain(&b.0)))?;
-    let finest = table.knots(2 * table.steps()).and_then(|knots| {
-        let of_finest = columns(&knots);
-        fitted(sums, &table, knots, of_finest)
-    });
+    let finest = table.knots(2 * table.steps()).and_then(|knots| fitted(sums, &table, &knots, &columns(&knots)));
     let (searched, mixing) = finest.filter(|finest| gain(finest) > gain(&fit)).unwrap_or(fit);
     Some(Best { searched, mixing, of })
 }
@@ -179,24 +177,18 @@ fn halved(columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
 type Fit<'b> = (Searched<'b>, DMatrix<f64>);
 
 /// Fits all knots that were met in the drives.
-fn fitted<'b>(
-    sums: &Searched<'b>,
-    table: &Table,
-    candidates: Vec<Candidate>,
-    columns: Vec<Vec<f64>>,
-) -> Option<Fit<'b>> {
+fn fitted<'b>(sums: &Searched<'b>, table: &Table, candidates: &[Candidate], columns: &[Vec<f64>]) -> Option<Fit<'b>> {
     let count = candidates.len();
-    let met = |(_, (_, column)): &(usize, (Candidate, Vec<f64>))| column.iter().any(|v| *v != 0.0);
-    let (places, (candidates, columns)): (Vec<usize>, (Vec<Candidate>, Vec<Vec<f64>>)) =
-        candidates.into_iter().zip(columns).enumerate().filter(met).unzip();
-    if candidates.len() < 3 {
+    let met: Vec<usize> = (0..count).filter(|k| columns[*k].iter().any(|v| *v != 0.0)).collect();
+    if met.len() < 3 {
         return None;
     }
-    let mixing = table.mixing(&places, count)?;
+    let candidates: Vec<Candidate> = met.iter().map(|k| candidates[*k].clone()).collect();
+    let mixing = table.mixing(&met, count)?;
     let mixed = |k: usize| {
         let mut sum = vec![0.0; columns[0].len()];
-        for (column, share) in columns.iter().zip(mixing.column(k).iter()) {
-            sum.iter_mut().zip(column).for_each(|(sum, value)| *sum += share * value);
+        for (place, share) in met.iter().zip(mixing.column(k).iter()) {
+            sum.iter_mut().zip(&columns[*place]).for_each(|(sum, value)| *sum += share * value);
         }
         sum
     };
