@@ -4,6 +4,8 @@
 //! Text is parsed and never run. What a law reads is clamped to the range on which it was found. SI units, x forward, y left;
 //! the grammar stands in `docs/gap-discover.md`.
 
+use std::collections::BTreeMap;
+
 mod expression;
 mod port;
 mod push;
@@ -107,6 +109,18 @@ impl Law {
     #[must_use]
     pub fn terms(&self) -> &[Term] {
         &self.terms
+    }
+
+    /// Returns the signals that it reads within a range, with the widest range of all terms.
+    #[must_use]
+    pub fn ranges(&self) -> BTreeMap<&'static str, [f64; 2]> {
+        let mut ranges = BTreeMap::new();
+        let named = self.terms.iter().flat_map(|term| term.expression.domains());
+        for (name, [low, high]) in named.filter_map(|(name, range)| Some((name, range?))) {
+            let known = ranges.entry(name).or_insert([low, high]);
+            *known = [known[0].min(low), known[1].max(high)];
+        }
+        ranges
     }
 
     /// Returns the law with other coefficients, one per term.

@@ -143,7 +143,9 @@ pub fn evaluate(diagnosis: &Diagnosis, case: &Case, unseen: Unseen) -> Result<Ve
 pub fn beyond(diagnosis: &Diagnosis, case: &Case, drives: &[usize]) -> Option<String> {
     let Case::Vehicle(case, _) = case else { return None };
     let all: Vec<usize> = (0..case.drives.len()).filter(|d| drives.is_empty() || drives.contains(d)).collect();
-    let share = ds_discover::extrapolated_share(case, &diagnosis.corrected_model.obeyed(), &all)?;
+    let laws = diagnosis.corrected_model.obeyed();
+    let shares = laws.iter().filter_map(|law| ds_discover::extrapolated_share(case, law, &all));
+    let share = shares.max_by(f64::total_cmp)?;
     (share > EXTRAPOLATED).then(|| {
         format!("{:.0} % of the samples lie beyond the ranges on which the law was found: there it counts as at their ends, a table as 0", 100.0 * share)
     })

@@ -102,7 +102,7 @@ fn search(case: &Case, diagnosis: &Diagnosis, without: &[String]) -> (Discovery,
         interval90: shrink.interval90,
         on: shrink.data.clone(),
     });
-    found.extrapolated_share = extrapolated_share(case, &tried.refined.law().into_iter().collect::<Vec<_>>(), data.0);
+    found.extrapolated_share = tried.refined.law().and_then(|law| extrapolated_share(case, &law, data.0));
     let model = corrected(&diagnosis.corrected_model, base, &tried.refined);
     (found, Some((model, all)))
 }

@@ -65,9 +65,9 @@ pub(crate) fn best<'b>(base: &'b Base<'_, '_>, sums: &Searched<'b>) -> Option<Be
         |knots: &[Candidate]| -> Vec<Vec<f64>> { knots.par_iter().map(|knot| base.column(sums.port, knot)).collect() };
     let mut tried: Vec<(Fit<'b>, Table)> = Vec::new();
     for table in tables(base, sums.port) {
-        let (Some(fine), coarse) = (table.knots(table.steps()), table.knots(table.steps() / 2)) else { continue };
+        let Some(fine) = table.knots(table.steps()) else { continue };
         let of_fine = columns(&fine);
-        let half = matches!(table.over, Over::Signal(..)).then_some(coarse).flatten();
+        let half = matches!(table.over, Over::Signal(..)).then(|| table.knots(table.steps() / 2)).flatten();
         let coarse = half.and_then(|coarse| fitted(sums, &table, &coarse, &halved(&of_fine)));
         let both = [fitted(sums, &table, &fine, &of_fine), coarse];
         tried.extend(both.into_iter().flatten().map(|fit| (fit, table.clone())));
@@ -138,26 +138,26 @@ impl Table {
 
     /// Returns its knots at so many steps.
     fn knots(&self, steps: usize) -> Option<Vec<Candidate>> {
-        let knot = |k: usize, expression| Candidate { expression, scale: self.scale, group: k.to_string() };
-        match self.over {
-            Over::Signal(name, [low, high]) => {
-                let step = (high - low) / steps as f64;
-                let at = |k: usize| {
-                    let middle = low + step * k as f64;
-                    let fall = |end: usize| if k == end { 0.5 * step } else { step };
-                    let around = [middle - fall(0), middle, middle + fall(steps)].map(rounded);
-                    self.carrier.at_knot(name, around).ok().map(|expression| knot(k, expression))
-                };
-                (0..=steps).map(at).collect()
+        let text = |k: usize| match self.over {
+            Over::Signal(name, [from, to]) => {
+                let step = (to - from) / steps as f64;
+                let middle = from + step * k as f64;
+                let fall = |end: usize| if k == end { 0.5 * step } else { step };
+                let [low, middle, high] = [middle - fall(0), middle, middle + fall(steps)].map(rounded);
+                format!("hat({name};{low};{middle};{high})")
             }
             Over::Phase(period_secs) => {
-                let at = |k: usize| {
-                    let shares = [-1.0, 0.0, 1.0].map(|side| (k as f64 + side) / steps as f64);
-                    self.carrier.at_beat(period_secs, shares).ok().map(|expression| knot(k, expression))
-                };
-                (0..steps).map(at).collect()
+                let [low, middle, high] = [-1.0, 0.0, 1.0].map(|side| (k as f64 + side) / steps as f64);
+                format!("beat({period_secs};{low};{middle};{high})")
             }
-        }
+        };
+        let knot = |k: usize| {
+            let expression = self.carrier.times(&Expression::parse(&text(k)).ok()?);
+            Some(Candidate { expression, scale: self.scale, group: k.to_string() })
+        };
+        // the knot at the end of a period is the one at its start
+        let count = if matches!(self.over, Over::Signal(..)) { steps + 1 } else { steps };
+        (0..count).map(knot).collect()
     }
 }
 

@@ -81,7 +81,7 @@ fn tables_are_found_where_sums_fail() {
 #[test]
 fn what_lies_beyond_a_law_is_told() {
     let case = case(4155, &[]);
-    let beyond = |text: &str| extrapolated_share(&case, &[Law::parse(text).expect("a law")], &[0]);
+    let beyond = |text: &str| extrapolated_share(&case, &Law::parse(text).expect("a law"), &[0]);
     assert_eq!(beyond("drive: 1*v[0;0.1]"), Some(1.0));
     assert_eq!(beyond("drive: 1*v[0;100]"), Some(0.0));
     assert_eq!(beyond("drive: 1*hat(v;0;50;100) + 1*v"), Some(0.0));

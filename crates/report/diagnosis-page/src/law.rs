@@ -1,7 +1,5 @@
 //! A law outside the library: where something acts, what it is, and its curve over the signal that moves it most.
 
-use std::collections::BTreeMap;
-
 use ds_diagnosis::discovery::{Discovery, EXTRAPOLATED, FoundLaw, LawKind};
 use ds_effect::Law;
 use ds_effect::law::{Felt, Sources};
@@ -168,12 +166,7 @@ struct Curve {
 impl Curve {
     /// Returns the curve over the signal along which the law changes most; of a table over that which it runs over.
     fn of(law: &Law) -> Option<Self> {
-        let mut read: BTreeMap<&'static str, [f64; 2]> = BTreeMap::new();
-        for (name, domain) in law.terms().iter().flat_map(|term| term.expression.domains()) {
-            let Some([low, high]) = domain else { continue };
-            let range = read.entry(name).or_insert([low, high]);
-            *range = [range[0].min(low), range[1].max(high)];
-        }
+        let read = law.ranges();
         let held = |name: &str| read.get(name).map_or(0.0, |[low, high]| low + HELD * (high - low));
         let mut curves: Vec<Self> = Vec::new();
         if law.terms().iter().any(|term| term.expression.oscillates()) {

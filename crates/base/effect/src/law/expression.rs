@@ -73,22 +73,10 @@ impl Expression {
         Self { factors: vec![Factor::Pulses([first_secs, every_secs, half_secs])] }
     }
 
-    /// Returns the expression times one knot of a table over a signal: 1 at the middle of three values and 0 beyond the outer two.
-    ///
-    /// # Errors
-    /// If no signal has this name or the values are not in order.
-    pub fn at_knot(&self, signal: &str, [low, middle, high]: [f64; 3]) -> Result<Self, LawError> {
-        let hat = factor(&format!("hat({signal};{low};{middle};{high})"))?;
-        Ok(Self { factors: self.factors.iter().copied().chain([hat]).collect() })
-    }
-
-    /// Returns the expression times one knot of a table over the phase of a period, s, in shares of it.
-    ///
-    /// # Errors
-    /// If the period is none or the shares are not in order.
-    pub fn at_beat(&self, period_secs: f64, [low, middle, high]: [f64; 3]) -> Result<Self, LawError> {
-        let beat = factor(&format!("beat({period_secs};{low};{middle};{high})"))?;
-        Ok(Self { factors: self.factors.iter().copied().chain([beat]).collect() })
+    /// Returns the expression times another one.
+    #[must_use]
+    pub fn times(&self, other: &Self) -> Self {
+        Self { factors: [self.factors.as_slice(), &other.factors].concat() }
     }
 
     /// Reads a product, `delta*abs(ay)`.
@@ -147,8 +135,7 @@ impl Expression {
     }
 
     /// Returns the names of the signals that it reads and the ranges to which they are clamped, or beyond which a knot is nil.
-    #[must_use]
-    pub fn domains(&self) -> Vec<(&'static str, Option<[f64; 2]>)> {
+    pub(super) fn domains(&self) -> Vec<(&'static str, Option<[f64; 2]>)> {
         let named = |factor: &Factor| match factor {
             Factor::Of(reading) => Some((name_of(reading.source), reading.shape.within().or(reading.domain))),
             Factor::Sin(_) | Factor::Cos(_) | Factor::Pulses(_) | Factor::Beat(..) => None,
