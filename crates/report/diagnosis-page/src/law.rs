@@ -48,7 +48,7 @@ fn explained(found: &Discovery) -> String {
 /// Returns the law as an equation, without ranges; of a table what it is made of.
 fn equation(law: &FoundLaw) -> String {
     if law.kind == LawKind::Table {
-        return format!("u is a table of {} knots, drawn below, in {}", law.terms.len(), law.unit);
+        return format!("u is {}", table(law));
     }
     let sum: Vec<String> = law
         .terms
@@ -70,6 +70,21 @@ fn equation(law: &FoundLaw) -> String {
         })
         .collect();
     format!("u = {} {}", sum.concat(), law.unit)
+}
+
+/// Says how many knots a table has, over which signal, what it is multiplied by, and from which height to which it goes.
+fn table(law: &FoundLaw) -> String {
+    let parsed = Law::parse(&law.text).ok();
+    let signal = parsed.as_ref().and_then(|law| law.terms().iter().find_map(|term| term.expression.knot_of()));
+    let first = law.terms.first().map_or("", |term| &term.expression);
+    let (carrier, knot) = first.rsplit_once('*').unwrap_or(("", first));
+    let over = match knot.strip_prefix("beat(").and_then(|beat| beat.split_once(';')) {
+        Some((period, _)) => format!(" over a period of {period} s"),
+        None => signal.map(|name| format!(" over {}", signal_name(name))).unwrap_or_default(),
+    };
+    let times = if carrier.is_empty() { String::new() } else { format!(", times {}", carrier.replace('*', "·")) };
+    let [low, high] = <[f64; 2]>::from(ends(law.terms.iter().map(|term| term.coefficient))).map(words::figure);
+    format!("a table of {} knots{over}, from {low} to {high}{times}, in {}", law.terms.len(), law.unit)
 }
 
 /// Returns a point of the loop in words.

@@ -196,6 +196,7 @@ fn a_law_is_told_with_its_place_and_drawn_over_its_signal() {
         "{page}"
     );
     assert!(super::text(&table).contains("a table of 1 knots"), "{}", super::text(&table));
+    assert!(super::text(&table).contains("over speed, m/s"), "{}", super::text(&table));
     // a text that is no law is shown and not drawn
     let hostile = Diagnosis { discovery: Some(law(HOSTILE, HOSTILE)), ..hostile() };
     let shown = super::page(&hostile, None);
