@@ -142,10 +142,24 @@ pub fn is_road_user(colour: Rgb) -> bool {
     SHADES.contains(&colour)
 }
 
+/// Says whether a colour is that of a face of a pedestrian or a cyclist.
+#[must_use]
+pub fn is_person(colour: Rgb) -> bool {
+    static SHADES: LazyLock<Vec<Rgb>> =
+        LazyLock::new(|| shades([AgentClass::Pedestrian, AgentClass::Cyclist].map(agent)));
+    SHADES.contains(&colour)
+}
+
 /// Says whether a colour is that of paint on the road: a line or a crossing.
 #[must_use]
 pub fn is_marking(colour: Rgb) -> bool {
     colour == CROSSWALK || [LineColour::White, LineColour::Yellow].map(line).contains(&colour)
+}
+
+/// Says whether a colour is that of bare road: lanes, junctions and whatever else can be driven on.
+#[must_use]
+pub fn is_surface(colour: Rgb) -> bool {
+    [DRIVABLE, JUNCTION, LANE, CENTRE_LINE].contains(&colour)
 }
 
 /// Says whether a colour tells exactly what a frame shows, in every frame anew: paint on the road, lights, people.
@@ -187,7 +201,7 @@ fn shades_of_structure(colour: Rgb) -> impl Iterator<Item = Rgb> {
 }
 
 /// Returns the shades of the faces of boxes of some colours.
-fn shades(colours: [Rgb; 3]) -> Vec<Rgb> {
+fn shades<const N: usize>(colours: [Rgb; N]) -> Vec<Rgb> {
     let sides = [Face::Front, Face::Rear, Face::Side, Face::Top];
     colours.into_iter().flat_map(|colour| sides.map(|side| face(colour, side))).collect()
 }
@@ -234,6 +248,8 @@ mod tests {
         assert!(!standing().any(is_lit) && standing().all(is_structure));
         assert!(is_road_user(face(agent(AgentClass::Vehicle), Face::Rear)));
         assert!(is_road_user(face(agent(AgentClass::Pedestrian), Face::Top)));
+        assert!(is_person(face(agent(AgentClass::Pedestrian), Face::Top)));
+        assert!(!is_person(face(agent(AgentClass::Vehicle), Face::Rear)));
         let of_light = |state| [light(state), face(light(state), Face::Rear), face(light(state), Face::Front)];
         assert!([LightState::Red, LightState::Yellow, LightState::Green].into_iter().flat_map(of_light).all(is_lit));
         assert!(!ground.into_iter().chain(lines).chain(of_light(LightState::Unknown)).any(is_lit));

@@ -1,7 +1,7 @@
 //! Studies: tables of the fidelity of frames for policies, over held-out scenarios.
 //!
 //! All studies over frames share one engine: declared sources ([`config`]), features that are kept, distances with
-//! resamples. `closed_loop` asks of drives what the others ask of frames.
+//! resamples. `parts` asks of plans on those frames, `closed_loop` of drives, what the others ask of frames.
 
 mod anchor;
 pub mod closed_loop;
@@ -13,9 +13,11 @@ mod engine;
 mod features;
 mod found;
 mod frames;
+mod moment;
 pub mod outcome;
 mod page;
 mod panel;
+mod parts;
 mod plans;
 mod recorded;
 mod rollout;

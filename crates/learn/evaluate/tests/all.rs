@@ -4,6 +4,7 @@ mod carry;
 mod edits;
 mod evaluation;
 mod pairs;
+mod parts;
 mod rig;
 mod study;
 mod words;

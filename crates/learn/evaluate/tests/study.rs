@@ -212,7 +212,7 @@ fn wrong_studies_are_named() {
     let check = |change: fn(&mut StudyConfig), words: &str| {
         let mut config = base.clone();
         change(&mut config);
-        let error = config.check().expect_err(words).to_string();
+        let error = config.check_for(Study::Fidelity).expect_err(words).to_string();
         assert!(error.contains(words), "{error}");
     };
     check(|config| config.every = 4, "every");

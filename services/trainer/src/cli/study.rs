@@ -11,6 +11,7 @@ const EXAMPLES: &str = "Examples:
   dreamstream study correlation --quick
   dreamstream study sensitivity --scenarios 64
   dreamstream study anchor --recorded frames.toml     in units of two folders of real frames
+  dreamstream study parts --config configs/study/parts.toml    people, paint, road …: what makes plans differ
   dreamstream study drives --real out/reference --source out/dreamstream
   dreamstream study closed-loop --quick               drives; Ctrl-C, then the same command, goes on";
 
@@ -33,6 +34,8 @@ pub(crate) enum StudyCommand {
     Ablation(StudyArgs),
     /// How far sources are from frames that real cameras recorded, in units of two such sets: --recorded FILE.
     Anchor(StudyArgs),
+    /// Which part of a frame (people, paint, road …) makes a policy plan otherwise than on the reference camera's frame.
+    Parts(StudyArgs),
     /// How near the frames of recorded drives are to those of others, for policies: FDπ between folders of recordings.
     Drives(DrivesArgs),
     /// How far driving scores lie from those of the same drives on the reference camera's frames.
@@ -52,7 +55,7 @@ pub(crate) struct StudyArgs {
     #[arg(long)]
     pub scenarios: Option<u64>,
     /// Folders of frames that real cameras recorded, with their calibration: the distance of the first two becomes the unit of
-    /// a table that stands first. docs/fidelity.md shows such a file. Not of closed-loop.
+    /// a table that stands first. docs/fidelity.md shows such a file. Not of parts and closed-loop.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub recorded: Option<PathBuf>,
     /// Where results go; the configuration's own folder without it.

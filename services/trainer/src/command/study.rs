@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use ds_evaluate::study::config::Recorded;
-use ds_evaluate::study::outcome::{Figure, Outcome};
+use ds_evaluate::study::outcome::{Figure, Outcome, Parts, PlansOf};
 use ds_evaluate::study::{self, Guests, Means, Study, StudyConfig};
 use ds_launch::guest;
 use ds_policy::Policy;
@@ -32,6 +32,7 @@ pub(crate) fn run(command: &StudyCommand) -> Result<()> {
         StudyCommand::Rollout(args) => of_frames(Study::Rollout, args),
         StudyCommand::Ablation(args) => of_frames(Study::Ablation, args),
         StudyCommand::Anchor(args) => of_frames(Study::Anchor, args),
+        StudyCommand::Parts(args) => of_frames(Study::Parts, args),
         StudyCommand::Drives(args) => drives::run(args),
         StudyCommand::ClosedLoop(args) => closed_loop::run(args),
     }
@@ -74,7 +75,10 @@ fn of_frames(study: Study, args: &StudyArgs) -> Result<()> {
     outcome.quick = args.quick;
     study::write(&config, &outcome)?;
     progress.0.finish_and_clear();
-    said(&outcome);
+    match &outcome.parts {
+        Some(found) => parts(&outcome, found),
+        None => said(&outcome),
+    }
     findings(&outcome);
     for name in [format!("{}.json", study.name()), "index.html".to_owned()] {
         answer(&config.out.join(name).display().to_string());
@@ -111,6 +115,31 @@ fn findings(outcome: &Outcome) {
     for removed in outcome.rollout.iter().flat_map(|found| &found.removed) {
         let share = removed.share.map_or_else(|| "none".to_owned(), shown);
         answer(&format!("share of the rise of {} that {} takes away: {share}", removed.without, removed.with));
+    }
+}
+
+/// Says of each source and policy how far plans are apart, and what each part does to that.
+fn parts(outcome: &Outcome, found: &Parts) {
+    answer(&format!("metres after 2 s, 95 % intervals over {} scenarios; {}", outcome.scenarios, outcome.kind));
+    let policies = |(source, policies)| std::iter::repeat(source).zip(policies);
+    let all: Vec<(&String, (&String, &PlansOf))> = found.sources.iter().flat_map(policies).collect();
+    for (source, (policy, plans)) in all {
+        let Figure { value, low, high } = plans.ahead_m;
+        answer(&format!(
+            "{policy} on {source}: {} m apart, {value:+.2} [{low:+.2}, {high:+.2}] m further ahead, {} moments",
+            shown(plans.apart_m),
+            plans.moments
+        ));
+        answer(&format!("  {:<22}{:>21}{:>21}{:>10}", "part", "taken away, m", "alone, m", "pixels"));
+        for part in &plans.parts {
+            answer(&format!(
+                "  {:<22}{:>21}{:>21}{:>8.2} %",
+                part.part,
+                shown(part.taken_away_m),
+                shown(part.alone_m),
+                100.0 * part.share.value
+            ));
+        }
     }
 }
 

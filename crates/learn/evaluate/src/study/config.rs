@@ -26,6 +26,8 @@ pub enum Study {
     Ablation,
     /// How far sources are from frames that real cameras recorded.
     Anchor,
+    /// Which part of a frame makes a policy plan otherwise.
+    Parts,
 }
 
 impl Study {
@@ -39,6 +41,7 @@ impl Study {
             Self::Rollout => "rollout",
             Self::Ablation => "ablation",
             Self::Anchor => "anchor",
+            Self::Parts => "parts",
         }
     }
 }
@@ -77,7 +80,7 @@ pub struct StudyConfig {
     pub scenarios: u64,
     /// Frames after the first of each scenario, 0.1 s each.
     pub frames: u32,
-    /// Every how many frames a policy looks; at least 8 (0.8 s).
+    /// Every how many frames a policy looks; at least 8 (0.8 s) but of study `parts`.
     pub every: u32,
     /// The look of scenarios, as in evaluations: `daylight`, `drawn` or an appearance.
     pub look: String,
@@ -125,6 +128,9 @@ fn one() -> f64 {
 
 /// Frames up to a mark whose distance is stated there.
 pub(crate) const WINDOW: u32 = 10;
+
+/// The least frames between two that distances are of.
+const APART: u32 = 8;
 
 /// A policy of the panel.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -211,14 +217,28 @@ impl StudyConfig {
     pub fn check_for(&self, study: Study) -> Result<(), AppraisalError> {
         let rules = [
             ("sources", study != Study::Correlation || self.others().count() >= 4, "must name 4 besides the reference"),
+            ("sources", study != Study::Parts || self.others().count() > 0, "must name one besides the reference"),
+            ("recorded", study != Study::Parts || self.recorded.is_empty(), "are not of parts, which measures plans"),
             ("edits", (study == Study::Sensitivity) != self.edits.is_empty(), "are of sensitivity, which needs one"),
             ("recorded", study != Study::Anchor || self.recorded.len() > 1, "must name two sets of recorded frames"),
             ("marks", (study == Study::Rollout) == (self.marks.len() > 1), "are of rollout, which needs two"),
         ];
         match rules.iter().find(|(_, held, _)| !held) {
             Some((field, _, rule)) => Err(AppraisalError::config(*field, *rule)),
-            None => self.check(),
+            None if study == Study::Parts => self.check(),
+            None => self.check_apart().and_then(|()| self.check()),
         }
+    }
+
+    /// Checks that frames are far enough apart for distances.
+    ///
+    /// # Errors
+    /// If they are not.
+    pub(crate) fn check_apart(&self) -> Result<(), AppraisalError> {
+        if self.every < APART {
+            return Err(AppraisalError::config("every", format!("must be {APART} to frames")));
+        }
+        Ok(())
     }
 
     /// Checks all values.
@@ -229,7 +249,7 @@ impl StudyConfig {
         let rules = [
             ("version", self.version == 1, "must be 1"),
             ("scenarios", (2..=100_000).contains(&self.scenarios), "must be 2 to 100000"),
-            ("every", (8..=self.frames).contains(&self.every), "must be 8 to frames"),
+            ("every", (1..=self.frames).contains(&self.every), "must be 1 to frames"),
             ("frames", self.frames <= 2_000, "must be 2000 at most"),
             ("pace", self.pace > 0.0 && self.pace <= 4.0, "must be above 0, at most 4"),
             (

@@ -50,6 +50,7 @@ pub fn drives(
     drive: &mut DriveOf<'_>,
     progress: &mut dyn Progress,
 ) -> Result<Outcome, AppraisalError> {
+    config.check_apart()?;
     let mut panel = panel::load(config, guests)?;
     let mut seen: Vec<Seen> = vec![vec![Vec::new(); names.len()]; panel.len()];
     let mut apart_m = vec![Vec::new(); names.len()];

@@ -13,7 +13,7 @@ use super::found::{Found, HUNDREDTHS, Measured, Sets};
 use super::outcome::{Figure, Outcome, Ratio, Row, Table};
 use super::source::Source;
 use super::under_way::UnderWay;
-use super::{anchor, correlation, page, rollout, sensitivity};
+use super::{anchor, correlation, page, parts, rollout, sensitivity};
 use crate::Progress;
 use crate::error::AppraisalError;
 
@@ -30,8 +30,36 @@ pub fn run(
     config.check_for(study)?;
     let mut under_way = UnderWay::open(study, config, means)?;
     under_way.greet()?;
+    let mut outcome = Outcome {
+        study: study.name().to_owned(),
+        kind: "sim-to-reference".to_owned(),
+        world: format!("{:?}", config.world),
+        first_seed: config.first_seed,
+        scenarios: under_way.takes.len(),
+        looks: under_way.looks(),
+        ..Outcome::default()
+    };
+    if study == Study::Parts {
+        outcome.parts = Some(parts::of(config, &mut under_way, progress, means.seconds)?);
+        outcome.seconds = under_way.seconds;
+        under_way.show(&outcome)?;
+    } else {
+        of_features(study, &mut under_way, &mut outcome, progress, means.seconds)?;
+    }
+    Ok(outcome)
+}
+
+/// Measures what networks attend to in frames, and what a study asks of that.
+fn of_features(
+    study: Study,
+    under_way: &mut UnderWay<'_>,
+    outcome: &mut Outcome,
+    progress: &mut dyn Progress,
+    seconds: &dyn Fn() -> f64,
+) -> Result<(), AppraisalError> {
+    let config = under_way.config;
     let recorded = anchor::look(config, &mut under_way.crew.lookers().panel)?;
-    let seen = under_way.look(progress, means.seconds)?;
+    let seen = under_way.look(progress, seconds)?;
     let sets = under_way.sets(&seen);
     progress.note("distances and intervals");
     let names: Vec<&str> = config.sources.iter().map(Source::name).collect();
@@ -40,25 +68,16 @@ pub fn run(
     let policies = config.panel.len();
     let pdms = under_way.pdms(&seen);
     let found = Found { config, takes: &under_way.takes, sets, measured, pdms, policies };
-    let mut outcome = Outcome {
-        study: study.name().to_owned(),
-        kind: "sim-to-reference".to_owned(),
-        world: format!("{:?}", config.world),
-        first_seed: config.first_seed,
-        scenarios: under_way.takes.len(),
-        seconds: under_way.seconds,
-        ..Outcome::default()
-    };
-    distances(&found, &mut outcome);
+    outcome.seconds = under_way.seconds;
+    distances(&found, outcome);
     outcome.anchor = (!recorded.is_empty()).then(|| anchor::of(&found, &recorded)).transpose()?;
     let panel: Vec<&Measured> = found.panel().iter().map(|at| &found.measured[*at]).collect();
     for (at, source) in config.others() {
         outcome.worst.insert(source.name().to_owned(), under_way.worst(&panel, at, source));
     }
-    outcome.looks = under_way.looks();
-    under_way.show(&outcome)?;
+    under_way.show(outcome)?;
     match study {
-        Study::Fidelity | Study::Ablation | Study::Anchor => {}
+        Study::Fidelity | Study::Ablation | Study::Anchor | Study::Parts => {}
         Study::Correlation => outcome.correlation = Some(correlation::of(&found)),
         Study::Sensitivity => outcome.sensitivity = Some(sensitivity::of(&found)?),
         Study::Rollout => outcome.rollout = Some(rollout::of(&found)?),
@@ -67,7 +86,7 @@ pub fn run(
         let tables = if at < policies { &mut outcome.policies } else { &mut outcome.others };
         tables.insert(measured.name, measured.table);
     }
-    Ok(outcome)
+    Ok(())
 }
 
 /// States FDπ of every source and the ratios.

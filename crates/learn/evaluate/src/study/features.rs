@@ -1,4 +1,4 @@
-//! What is kept of one scenario as one source shows it: features of every policy and of the look network.
+//! What is kept of one scenario as one source shows it: features of every policy and of the look network. Names of all records.
 
 use ds_fidelity::{mean_pooled, placed};
 use ds_perception::look::LookReader;
@@ -35,24 +35,53 @@ pub(crate) struct Seen {
     pub(crate) pdms: Vec<Vec<f64>>,
 }
 
+/// What is kept of every scenario as each source shows it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kept {
+    /// Features of the frames.
+    Features,
+    /// The same, and how good plans on them are.
+    FeaturesAndPdms,
+    /// Plans on them and on parts of them.
+    Parts,
+}
+
+impl Kept {
+    /// Returns the folder of its records.
+    pub(crate) fn folder(self) -> &'static str {
+        match self {
+            Self::Features | Self::FeaturesAndPdms => "features",
+            Self::Parts => "plans",
+        }
+    }
+
+    /// Returns what its records are, with the version of how they are made.
+    fn what(self) -> &'static str {
+        match self {
+            Self::Features | Self::FeaturesAndPdms => "study features 2",
+            Self::Parts => "study parts 1",
+        }
+    }
+}
+
 /// The networks that look.
 pub(crate) struct Lookers {
     pub(crate) panel: Vec<Member>,
     pub(crate) look: LookReader,
 }
 
-/// Returns the digest of all that the features of a scenario depend on.
+/// Returns the digest of all that what is kept of a scenario depends on.
 pub(crate) fn key(
     config: &StudyConfig,
-    plans: bool,
+    kept: Kept,
     lookers: &Lookers,
     take: &Take,
     source: (&Source, Option<&Arm>),
     size_px: (u32, u32),
 ) -> Digest {
     let mut writer = DigestWriter::new();
-    writer.text("study features 2").digest(&take.scene.digest).text(&format!("{:?} {:?}", take.look, config.world));
-    writer.f64s(&take.displaced).u32(size_px.0).u32(size_px.1).f64(config.pace).bool(plans);
+    writer.text(kept.what()).digest(&take.scene.digest).text(&format!("{:?} {:?}", take.look, config.world));
+    writer.f64s(&take.displaced).u32(size_px.0).u32(size_px.1).f64(config.pace).bool(kept == Kept::FeaturesAndPdms);
     writer.u32(config.frames).u32(config.clip);
     config.looked().iter().for_each(|frame| {
         writer.u32(*frame);

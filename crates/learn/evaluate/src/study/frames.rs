@@ -46,7 +46,8 @@ impl Take {
     pub(crate) fn drive(&self, source: &Source, size_px: (u32, u32)) -> Result<Drive, AppraisalError> {
         let scene = Arc::new(source.scene(&self.scene));
         let look = source.altered.look.as_deref().map_or(Ok(self.look), Appearance::named);
-        let look = look.map_err(|error| AppraisalError::config("sources.look", error.to_string()))?;
+        let mut look = look.map_err(|error| AppraisalError::config("sources.look", error.to_string()))?;
+        look.palette_seed = look.palette_seed.wrapping_add(source.altered.paint);
         let route = Route { scene, start: 0, pace: self.pace, look, turned_deg: 0.0 };
         Drive::new(self.world_of, &route, size_px)
     }

@@ -1,4 +1,4 @@
-//! What a study found, as written to `STUDY.json`. All distances are × 100.
+//! What a study found, as written to `STUDY.json`. All distances of frames are × 100.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub struct Figure {
     /// The value of all scenarios.
     pub value: f64,
-    /// Lower end; re-centred, so it may lie below zero.
+    /// Lower end; that of a distance is re-centred, so it may lie below zero.
     pub low: f64,
     /// Upper end.
     pub high: f64,
@@ -251,6 +251,59 @@ pub struct AnchorOf {
     pub reference_to: BTreeMap<String, f64>,
 }
 
+/// What a part of the frames does to the plans of a policy; intervals are over scenarios.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PartOf {
+    /// The part.
+    pub part: String,
+    /// How much nearer plans are to those on the reference where the source's frames have the reference's pixels of the part,
+    /// in metres; below zero they are further.
+    pub taken_away_m: Figure,
+    /// How far plans are apart where the reference's frames have the source's pixels of the part, in metres.
+    pub alone_m: Figure,
+    /// The share of pixels that are of the part.
+    pub share: Figure,
+}
+
+/// What one policy plans on the frames of one source, against what it plans on the reference's.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PlansOf {
+    /// Moments that it plans at, of all scenarios.
+    pub moments: usize,
+    /// Mean distance of the places that plans reach after 2 s, in metres.
+    pub apart_m: Figure,
+    /// How much further ahead the source's plans reach, mean in metres.
+    pub ahead_m: Figure,
+    /// By part, the one that takes most away first.
+    pub parts: Vec<PartOf>,
+}
+
+/// The moment of a scenario at which plans are furthest apart, mean over policies.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FurthestApart {
+    /// The scenario.
+    pub scenario: String,
+    /// The frame.
+    pub frame: u32,
+    /// How far plans are apart, in metres.
+    pub apart_m: f64,
+    /// How much further ahead the source's reach, in metres.
+    pub ahead_m: f64,
+    /// What each part takes away of that, in metres.
+    pub taken_away_m: BTreeMap<String, f64>,
+    /// The picture beside the page: reference, source and layout below each other.
+    pub picture: String,
+}
+
+/// What study `parts` found.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Parts {
+    /// By source, then policy.
+    pub sources: BTreeMap<String, BTreeMap<String, PlansOf>>,
+    /// By source: moments that are furthest apart.
+    pub furthest: BTreeMap<String, Vec<FurthestApart>>,
+}
+
 /// What was found.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Outcome {
@@ -295,4 +348,7 @@ pub struct Outcome {
     /// Of study `rollout`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rollout: Option<Rollout>,
+    /// Of study `parts`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parts: Option<Parts>,
 }

@@ -3,6 +3,7 @@
 
 pub(crate) mod closed;
 mod findings;
+mod parts;
 
 use std::collections::BTreeMap;
 
@@ -18,7 +19,12 @@ const STYLE: &str = include_str!("../page/page.css");
 pub(super) fn html(outcome: &Outcome) -> String {
     let title = title(&outcome.study);
     let document = Document { title, style: STYLE, script: None, pictures: Pictures::Beside };
-    document.page(|m| m.inside("main", &[], |m| body(m, outcome)))
+    document.page(|m| {
+        m.inside("main", &[], |m| match &outcome.parts {
+            Some(found) => parts::body(m, outcome, found),
+            None => body(m, outcome),
+        });
+    })
 }
 
 fn body(m: &mut Markup, outcome: &Outcome) {
@@ -86,6 +92,7 @@ fn title(study: &str) -> &'static str {
         "rollout" => "Drift along the drive",
         "ablation" => "The video model without its parts",
         "anchor" => "How far from recorded frames?",
+        "parts" => "Which part of a frame makes plans differ?",
         _ => "Fidelity of frames for policies",
     }
 }

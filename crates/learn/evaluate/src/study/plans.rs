@@ -5,34 +5,30 @@
 
 use std::sync::Arc;
 
-use ds_policy::{EgoView, Observation};
 use ds_raster::RgbImage;
 use ds_score::{
     Executed, PlannedPoses, PreparedMap, PreparedScene, ScoreError, log_tracks, navsim_v1_executed, open_loop_map,
     reference_plan, scene_now,
 };
-use ds_sim::{SimConfig, Simulation};
-use ds_space::{CameraModel, Draws, SimTime};
-use ds_world::{RouteCommand, Scene, WorldState};
+use ds_space::CameraModel;
+use ds_world::{Scene, WorldState};
 
+use super::moment::Moment;
 use super::panel::Member;
 use crate::error::AppraisalError;
 
 /// States of a rollout: now and 40 steps of 0.1 s.
 const STATES: usize = 41;
-/// H, in ticks.
-const HORIZON_TICKS: u32 = 80;
 
 /// Scores plans of one scenario at some moments.
 pub(crate) struct Scorer {
     scene: Arc<Scene>,
-    moments: Vec<Moment>,
+    moments: Vec<Scored>,
 }
 
-/// What a plan at one moment is scored against.
-struct Moment {
-    world: WorldState,
-    command: RouteCommand,
+/// A moment with what a plan there is scored against.
+struct Scored {
+    moment: Moment,
     prepared: PreparedScene,
     reference: Executed,
 }
@@ -43,9 +39,8 @@ impl Scorer {
         let map = PreparedMap::new(&open_loop_map(scene)).map_err(|source| refused(scene, &source))?;
         let map = Arc::new(map);
         let moment = |world: WorldState| {
-            let config = SimConfig { agents: None, ..SimConfig::default() };
-            let simulation = Simulation::new(Arc::clone(scene), config, world.tick);
-            let command = simulation.map_err(|error| refused(scene, &error))?.route_command();
+            let moment = Moment::new(scene, world)?;
+            let world = &moment.world;
             let agents = log_tracks(scene, world.tick, STATES);
             let now = scene_now(scene, world.tick, &[world.ego], agents).expect("there is a state of the ego");
             let prepare = || {
@@ -55,7 +50,7 @@ impl Scorer {
                 Ok((prepared, reference))
             };
             let (prepared, reference) = prepare().map_err(|source: ScoreError| refused(scene, &source))?;
-            Ok(Moment { world, command, prepared, reference })
+            Ok(Scored { moment, prepared, reference })
         };
         let moments = worlds.into_iter().map(moment).collect::<Result<_, AppraisalError>>()?;
         Ok(Self { scene: Arc::clone(scene), moments })
@@ -68,37 +63,21 @@ impl Scorer {
         camera: &CameraModel,
         frames: &[&RgbImage],
     ) -> Result<Vec<f64>, AppraisalError> {
-        self.moments.iter().zip(frames).map(|(moment, frame)| self.score(member, camera, moment, frame)).collect()
+        self.moments.iter().zip(frames).map(|(scored, frame)| self.score(member, camera, scored, frame)).collect()
     }
 
     fn score(
         &self,
         member: &mut Member,
         camera: &CameraModel,
-        moment: &Moment,
+        scored: &Scored,
         frame: &RgbImage,
     ) -> Result<f64, AppraisalError> {
-        let tick = moment.world.tick;
-        let observation = Observation {
-            frames: vec![vec![frame.clone()]],
-            cameras: vec![camera.clone()],
-            ego: EgoView::of(&[moment.world.ego]),
-            command: moment.command,
-            stamps: vec![SimTime::at(tick, self.scene.dt)],
-            horizon_ticks: HORIZON_TICKS,
-            dt: self.scene.dt,
-            draw: Draws::new(&self.scene.digest, "study plan", &[u64::from(tick.0)]),
-        };
-        let answer = member.policy.plan(&observation, None).map_err(|source| AppraisalError::Policy {
-            policy: member.name.clone(),
-            frames: self.scene.name.clone(),
-            source,
-        })?;
+        let plan = PlannedPoses::of(&scored.moment.plan(member, camera, frame)?);
         let score = || {
-            let prepared = &moment.prepared;
-            let plan = PlannedPoses::of(&answer.trajectory);
+            let prepared = &scored.prepared;
             let states = prepared.executor().execute(prepared.ego(), &plan)?;
-            navsim_v1_executed(prepared, &moment.reference, &states)
+            navsim_v1_executed(prepared, &scored.reference, &states)
         };
         Ok(score().map_err(|source| refused(&self.scene, &source))?.pdms)
     }

@@ -33,6 +33,10 @@ pub(crate) struct Altered {
     pub(crate) pitch_deg: f64,
     /// Another look of the reference camera; the configuration's without it.
     pub(crate) look: Option<String>,
+    /// Which other draw of the reference camera's textures covers ground and walls; 0 for the scenario's own.
+    pub(crate) texture: u64,
+    /// Which other draw of the reference camera's paints vehicles, people and houses wear; 0 for the look's own.
+    pub(crate) paint: u64,
     /// Deviation of a Gaussian blur, in pixels.
     pub(crate) blur_px: f64,
     /// Deviation of noise of each pixel and colour, in levels.
@@ -43,6 +47,13 @@ pub(crate) struct Altered {
     pub(crate) grey: bool,
     /// Exponent of the levels, 0 to 1; 0 for none.
     pub(crate) gamma: f64,
+}
+
+impl Altered {
+    /// Says whether the reference camera itself draws otherwise.
+    fn of_camera(&self) -> bool {
+        self.look.is_some() || self.texture > 0 || self.paint > 0
+    }
 }
 
 /// A checked source: in configurations the name of an observation source, or a table.
@@ -68,9 +79,13 @@ impl TryFrom<toml::Value> for Source {
 impl Source {
     /// The real set itself.
     pub(crate) fn reference() -> Self {
-        let name = ObservationSource::Reference.name().to_owned();
-        let altered = Altered { from: name.clone(), name, ..Altered::default() };
-        Self { from: ObservationSource::Reference, altered }
+        Self::plain(ObservationSource::Reference)
+    }
+
+    /// An observation source as it is.
+    pub(crate) fn plain(from: ObservationSource) -> Self {
+        let name = from.name().to_owned();
+        Self { from, altered: Altered { from: name.clone(), name, ..Altered::default() } }
     }
 
     /// Checks a declaration.
@@ -96,8 +111,8 @@ impl Source {
         ];
         match bounds.into_iter().find(|(_, value, most)| !(0.0..=*most).contains(value)) {
             Some((field, value, most)) => Err(format!("{name:?} has {field} {value}, it must be 0 to {most}")),
-            None if altered.look.is_some() && from != ObservationSource::Reference => {
-                Err(format!("{name:?} has a look, which only the reference camera takes"))
+            None if altered.of_camera() && from != ObservationSource::Reference => {
+                Err(format!("{name:?} has a look, a texture or a paint, which only the reference camera takes"))
             }
             None => Ok(Self { from, altered }),
         }
@@ -127,6 +142,9 @@ impl Source {
         let mut drawn = scene.clone();
         if self.altered.no_lines {
             drawn.map.line_markings.clear();
+        }
+        if self.altered.texture > 0 {
+            drawn.digest = Draws::key(&scene.digest, "another texture", self.altered.texture);
         }
         drawn
     }
@@ -289,6 +307,8 @@ mod tests {
         let bare = altered(|a| a.no_lines = true).scene(&scene);
         assert!(bare.map.line_markings.is_empty() && !scene.map.line_markings.is_empty());
         assert_eq!(bare.digest, scene.digest, "textures stay");
+        let covered = |texture| altered(|a| a.texture = texture).scene(&scene).digest;
+        assert!(covered(0) == scene.digest && covered(1) != scene.digest && covered(1) != covered(2));
         let camera = &scene.cameras[0];
         let lower = altered(|a| a.pitch_deg = 2.0).camera(camera);
         let ahead = |camera: &ds_space::CameraModel| camera.rig_from_camera.rotation * DVec3::Z;
@@ -300,6 +320,7 @@ mod tests {
         for (text, words) in [
             ("[\"photo\"]", "photo"),
             ("[{ name = \"a\", from = \"layout\", look = \"snow\" }]", "look"),
+            ("[{ name = \"a\", from = \"sim-rgb\", texture = 1 }]", "texture"),
             ("[{ name = \"a\", from = \"layout\", blur_px = -1.0 }]", "blur_px"),
             ("[{ name = \"a\", from = \"layout\", smear = 1.0 }]", "smear"),
             ("[{ name = \"a b\", from = \"layout\" }]", "a b"),

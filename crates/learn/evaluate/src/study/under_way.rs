@@ -9,10 +9,12 @@ use ds_fidelity::Features;
 use ds_raster::RgbImage;
 use ds_space::Digest;
 use ds_topic::ObservationSource;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use super::config::{Study, StudyConfig};
 use super::crew::{Crew, Means};
-use super::features::{Rows, Seen, key, look, matrix};
+use super::features::{Kept, Rows, Seen, key, look, matrix};
 use super::found::{HUNDREDTHS, Measured, Sets};
 use super::frames::Take;
 use super::outcome::{Outcome, Scene};
@@ -20,6 +22,7 @@ use super::source::Source;
 use crate::Progress;
 use crate::arm::Arm;
 use crate::column;
+use crate::drive::Drive;
 use crate::error::AppraisalError;
 use crate::store::Store;
 
@@ -28,12 +31,12 @@ const SHOWN: usize = 4;
 /// The frame that is shown of every source.
 const LOOKED_AT: u32 = 40;
 
-/// What is seen of one scenario: the real set, then every source.
-pub(super) type SeenOf = Vec<Arc<Seen>>;
+/// What is seen of one scenario: the real set, then every source; of whatever else is found, each source that was asked about.
+pub(super) type SeenOf<T = Seen> = Vec<Arc<T>>;
 
 /// A study under way.
 pub(super) struct UnderWay<'a> {
-    config: &'a StudyConfig,
+    pub(super) config: &'a StudyConfig,
     /// Whether policies also plan.
     plans: bool,
     pub(super) crew: Crew,
@@ -116,12 +119,32 @@ impl<'a> UnderWay<'a> {
         progress: &mut dyn Progress,
         seconds: &dyn Fn() -> f64,
     ) -> Result<Vec<SeenOf>, AppraisalError> {
-        let store = Store::open(&self.config.out.join("features"))?;
         let real = Source::reference();
         let sources: Vec<&Source> = std::iter::once(&real).chain(&self.config.sources).collect();
-        let sets = self.listed(&sources);
+        let kept = if self.plans { Kept::FeaturesAndPdms } else { Kept::Features };
+        let seen = |take: &Take, source: &Source| self.seen(take, source);
+        let (seen, took) = self.each_set(kept, &sources, &seen, progress, seconds)?;
+        self.seconds = took;
+        Ok(seen)
+    }
+
+    /// Returns what is found of every scenario as each source shows it, with the seconds that it took: what is not kept yet is
+    /// found side by side, by `find`.
+    ///
+    /// # Errors
+    /// As of `find`, or if a record cannot be used.
+    pub(super) fn each_set<T: Serialize + DeserializeOwned + Send + Sync>(
+        &self,
+        kept: Kept,
+        sources: &[&Source],
+        find: &(dyn Fn(&Take, &Source) -> Result<T, AppraisalError> + Sync),
+        progress: &mut dyn Progress,
+        seconds: &dyn Fn() -> f64,
+    ) -> Result<(Vec<SeenOf<T>>, f64), AppraisalError> {
+        let store = Store::open(&self.config.out.join(kept.folder()))?;
+        let sets = self.listed(kept, sources);
         progress.ahead(sets.len() as u64);
-        let mut seen: BTreeMap<Digest, Arc<Seen>> = BTreeMap::new();
+        let mut seen: BTreeMap<Digest, Arc<T>> = BTreeMap::new();
         let (mut missing, mut known): (Vec<&Set<'_>>, BTreeSet<Digest>) = Default::default();
         for set in &sets {
             // The reference as a source is the real set, looked at once.
@@ -136,7 +159,8 @@ impl<'a> UnderWay<'a> {
         }
         let (began, told) = (seconds(), Mutex::new(progress));
         let made = self.crew.each(missing.len(), |at| {
-            let (set, made) = (missing[at], self.seen(missing[at])?);
+            let set = missing[at];
+            let made = find(set.take, set.source)?;
             store.put(&set.key, &made)?;
             told.lock().unwrap_or_else(PoisonError::into_inner).done(&set.what(), false);
             Ok(Arc::new(made))
@@ -144,17 +168,15 @@ impl<'a> UnderWay<'a> {
         let took = if made.is_empty() { 0.0 } else { seconds() - began };
         seen.extend(missing.iter().map(|set| set.key).zip(made));
         let of = |sets: &[Set<'_>]| sets.iter().map(|set| Arc::clone(&seen[&set.key])).collect();
-        let all = sets.chunks(sources.len()).map(of).collect();
-        self.seconds = took;
-        Ok(all)
+        Ok((sets.chunks(sources.len()).map(of).collect(), took))
     }
 
     /// Lists the sets of frames, scenario by scenario.
-    fn listed<'b>(&'b self, sources: &[&'b Source]) -> Vec<Set<'b>> {
+    fn listed<'b>(&'b self, kept: Kept, sources: &[&'b Source]) -> Vec<Set<'b>> {
         let lookers = self.crew.lookers();
         let set = |take: &'b Take, source: &'b Source| {
             let arm = self.arms.get(&source.from);
-            Set { take, source, key: key(self.config, self.plans, &lookers, take, (source, arm), self.size_px) }
+            Set { take, source, key: key(self.config, kept, &lookers, take, (source, arm), self.size_px) }
         };
         self.takes
             .iter()
@@ -163,12 +185,33 @@ impl<'a> UnderWay<'a> {
             .collect()
     }
 
-    /// Makes the frames of a set and looks at them.
-    fn seen(&self, set: &Set<'_>) -> Result<Seen, AppraisalError> {
-        let mut drive = set.take.drive(set.source, self.size_px)?;
-        let arm = self.arms.get(&set.source.from);
-        let frames = set.take.frames(set.source, arm, &mut drive, self.config.frames)?;
-        look(self.config, self.plans, &mut self.crew.lookers(), set.take, &drive, &frames)
+    /// Makes the frames of a scenario as a source shows it and looks at them.
+    fn seen(&self, take: &Take, source: &Source) -> Result<Seen, AppraisalError> {
+        let (drive, frames) = self.frames(take, source, self.config.frames)?;
+        look(self.config, self.plans, &mut self.crew.lookers(), take, &drive, &frames)
+    }
+
+    /// Prepares the drive of a scenario as a source shows it.
+    ///
+    /// # Errors
+    /// If the source's look is unknown or the scenario has no camera.
+    pub(super) fn drive(&self, take: &Take, source: &Source) -> Result<Drive, AppraisalError> {
+        take.drive(source, self.size_px)
+    }
+
+    /// Makes frames 0 to `last` of a scenario as a source shows it, with the drive that they are of.
+    ///
+    /// # Errors
+    /// As of [`UnderWay::drive`], or if a frame cannot be made.
+    pub(super) fn frames(
+        &self,
+        take: &Take,
+        source: &Source,
+        last: u32,
+    ) -> Result<(Drive, Vec<RgbImage>), AppraisalError> {
+        let mut drive = self.drive(take, source)?;
+        let frames = take.frames(source, self.arms.get(&source.from), &mut drive, last)?;
+        Ok((drive, frames))
     }
 
     /// Returns PDMS by policy, source (the real set first) and scenario.
@@ -236,21 +279,24 @@ impl<'a> UnderWay<'a> {
     ///
     /// # Errors
     /// If a frame cannot be made or a file cannot be written.
-    pub(super) fn show(&self, outcome: &Outcome) -> Result<(), AppraisalError> {
+    pub(super) fn show<'b>(&'b self, outcome: &'b Outcome) -> Result<(), AppraisalError> {
         let folder = self.config.out.join("scenes");
         std::fs::create_dir_all(&folder).map_err(AppraisalError::io("folder of pictures", &folder))?;
-        let real = Source::reference();
+        let [real, layout] = [ObservationSource::Reference, ObservationSource::Layout].map(Source::plain);
         let mut pictures = Vec::new();
         for (_, source) in self.config.others() {
-            for scene in &outcome.worst[source.name()] {
-                let take = self.takes.iter().find(|take| take.scene.name == scene.name);
-                let named = scene.picture.as_ref().zip(take);
-                pictures.extend(named.map(|(name, take)| Picture {
-                    name,
-                    take,
-                    sources: vec![&real, source],
-                    frame: scene.frame,
-                }));
+            let picture = |(name, scenario, frame): (&'b str, &str, u32), sources| {
+                let take = self.takes.iter().find(|take| take.scene.name == scenario)?;
+                Some(Picture { name, take, sources, frame })
+            };
+            for scene in outcome.worst.get(source.name()).into_iter().flatten() {
+                let named = scene.picture.as_deref().map(|name| (name, scene.name.as_str(), scene.frame));
+                pictures.extend(named.and_then(|named| picture(named, vec![&real, source])));
+            }
+            let furthest = outcome.parts.iter().filter_map(|parts| parts.furthest.get(source.name()));
+            for apart in furthest.flatten() {
+                let named = (apart.picture.as_str(), apart.scenario.as_str(), apart.frame);
+                pictures.extend(picture(named, vec![&real, source, &layout]));
             }
         }
         let frame = LOOKED_AT.min(self.config.frames);
@@ -271,8 +317,7 @@ impl<'a> UnderWay<'a> {
     }
 
     fn frame(&self, take: &Take, source: &Source, frame: u32) -> Result<RgbImage, AppraisalError> {
-        let mut drive = take.drive(source, self.size_px)?;
-        let mut frames = take.frames(source, self.arms.get(&source.from), &mut drive, frame)?;
+        let (_, mut frames) = self.frames(take, source, frame)?;
         Ok(frames.swap_remove(frame as usize))
     }
 }
