@@ -3,8 +3,10 @@
 
 use std::path::Path;
 
-use ds_evaluate::study::{self, Guests, Means, Study, StudyConfig, outcome::Outcome};
-use ds_evaluate::{AppraisalError, Progress};
+use ds_evaluate::AppraisalError;
+use ds_evaluate::study::{self, Study, StudyConfig, outcome::Outcome};
+
+use crate::study::{Counted, by};
 
 /// The shipped study, small, without the video model, with drawn weights.
 fn config(out: &Path) -> StudyConfig {
@@ -21,25 +23,9 @@ fn source(name: &str) -> study::config::Source {
     study::config::Source::try_from(toml::Value::String(name.to_owned())).expect("a sound source")
 }
 
-#[derive(Default)]
-struct Counted {
-    made: u32,
-    kept: u32,
-}
-
-impl Progress for Counted {
-    fn ahead(&mut self, _rollouts: u64) {}
-    fn done(&mut self, _what: &str, stored: bool) {
-        if stored { self.kept += 1 } else { self.made += 1 }
-    }
-    fn note(&mut self, _text: &str) {}
-}
-
 fn run(config: &StudyConfig, workers: usize) -> Result<(Outcome, Counted), Box<AppraisalError>> {
-    let guests: &Guests<'_> = &|name, _| Err(format!("{name} is not expected").into());
     let mut counted = Counted::default();
-    let means = Means { guests, seconds: &|| 0.0, workers: Some(workers) };
-    let found = study::run(Study::Parts, config, &means, &mut counted)?;
+    let found = by(Some(workers), Study::Parts, config, &mut counted)?;
     Ok((found, counted))
 }
 

@@ -30,9 +30,9 @@ fn config(out: &Path) -> StudyConfig {
 }
 
 #[derive(Default)]
-struct Counted {
-    made: u32,
-    kept: u32,
+pub(crate) struct Counted {
+    pub(crate) made: u32,
+    pub(crate) kept: u32,
 }
 
 impl Progress for Counted {
@@ -49,7 +49,7 @@ fn alone(study: Study, config: &StudyConfig, progress: &mut Counted) -> Result<O
 }
 
 /// The same by so many workers.
-fn by(
+pub(crate) fn by(
     workers: Option<usize>,
     study: Study,
     config: &StudyConfig,
