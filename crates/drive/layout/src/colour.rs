@@ -150,6 +150,13 @@ pub fn is_person(colour: Rgb) -> bool {
     SHADES.contains(&colour)
 }
 
+/// Says whether a colour is that of a face of a cone or a barrier.
+#[must_use]
+pub fn is_obstacle(colour: Rgb) -> bool {
+    static SHADES: LazyLock<Vec<Rgb>> = LazyLock::new(|| shades([AgentClass::Cone, AgentClass::Barrier].map(agent)));
+    SHADES.contains(&colour)
+}
+
 /// Says whether a colour is that of paint on the road: a line or a crossing.
 #[must_use]
 pub fn is_marking(colour: Rgb) -> bool {

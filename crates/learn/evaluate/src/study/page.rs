@@ -128,15 +128,20 @@ fn anchored(m: &mut Markup, anchor: &Anchor) {
     }
 }
 
+/// A picture of the folder of scenes with what stands below it.
+fn scene(m: &mut Markup, picture: &str, alt: &str, caption: impl std::fmt::Display) {
+    m.inside("figure", &[], |m| {
+        let path = link(&format!("scenes/{picture}"));
+        m.void("img", &[("src", &path), ("alt", &alt), ("loading", &"lazy")]);
+        m.leaf("figcaption", &[], caption);
+    });
+}
+
 /// One moment as every source shows it.
 fn looks(m: &mut Markup, looks: &[(String, String)]) {
     m.inside("div", &[("class", &"looks")], |m| {
         for (source, picture) in looks {
-            m.inside("figure", &[], |m| {
-                let path = link(&format!("scenes/{picture}"));
-                m.void("img", &[("src", &path), ("alt", source), ("loading", &"lazy")]);
-                m.leaf("figcaption", &[], source);
-            });
+            scene(m, picture, source, source);
         }
     });
 }
@@ -174,13 +179,10 @@ fn network(m: &mut Markup, title: &str, found: &Table) {
 fn differ(m: &mut Markup, source: &str, scenes: &[Scene]) {
     m.leaf("h3", &[], source);
     m.inside("div", &[("class", &"plots")], |m| {
-        for scene in scenes {
-            let Some(picture) = &scene.picture else { continue };
-            m.inside("figure", &[], |m| {
-                let path = link(&format!("scenes/{picture}"));
-                m.void("img", &[("src", &path), ("alt", picture), ("loading", &"lazy")]);
-                m.leaf("figcaption", &[], format_args!("{}: {:.1}, frame {}", scene.name, scene.apart, scene.frame));
-            });
+        for found in scenes {
+            let Some(picture) = &found.picture else { continue };
+            let caption = format_args!("{}: {:.1}, frame {}", found.name, found.apart, found.frame);
+            scene(m, picture, picture, caption);
         }
     });
 }

@@ -170,9 +170,9 @@ fn figure(values: &[f64], picks: &[Vec<usize>]) -> Figure {
     Figure { value, low, high }
 }
 
-fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
-    let count = values.len().max(1) as f64;
-    values.sum::<f64>() / count
+/// Returns the mean; 0 of none.
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    ds_stats::mean(values).unwrap_or(0.0)
 }
 
 /// Ranks scenarios by the moment at which plans on a source are furthest apart, mean over policies; the first are to be shown.

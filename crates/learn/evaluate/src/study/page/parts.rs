@@ -1,10 +1,10 @@
 //! The page of study `parts`: which part of a frame makes a policy plan otherwise, by source and policy, and the moments at which
 //! plans are furthest apart.
 
+use ds_page::Markup;
 use ds_page::svg::{area, line, text, wide};
-use ds_page::{Markup, link};
 
-use super::{looks, shown, title};
+use super::{looks, scene, shown, title};
 use crate::page::table::table;
 use crate::study::outcome::{Figure, FurthestApart, Outcome, PartOf, Parts, PlansOf};
 
@@ -106,20 +106,13 @@ fn apart(m: &mut Markup, furthest: &[FurthestApart]) {
     );
     m.inside("div", &[("class", &"plots")], |m| {
         for moment in furthest {
-            m.inside("figure", &[], |m| {
-                let path = link(&format!("scenes/{}", moment.picture));
-                m.void("img", &[("src", &path), ("alt", &moment.picture), ("loading", &"lazy")]);
-                let most = moment.taken_away_m.iter().max_by(|a, b| a.1.total_cmp(b.1));
-                let most = most.map_or_else(String::new, |(part, taken)| format!("; {taken:.2} m less by {part}"));
-                m.leaf(
-                    "figcaption",
-                    &[],
-                    format_args!(
-                        "{}, frame {}: {:.2} m apart, {:+.2} m ahead{most}",
-                        moment.scenario, moment.frame, moment.apart_m, moment.ahead_m
-                    ),
-                );
-            });
+            let most = moment.taken_away_m.iter().max_by(|a, b| a.1.total_cmp(b.1));
+            let most = most.map_or_else(String::new, |(part, taken)| format!("; {taken:.2} m less by {part}"));
+            let caption = format_args!(
+                "{}, frame {}: {:.2} m apart, {:+.2} m ahead{most}",
+                moment.scenario, moment.frame, moment.apart_m, moment.ahead_m
+            );
+            scene(m, &moment.picture, &moment.picture, caption);
         }
     });
 }

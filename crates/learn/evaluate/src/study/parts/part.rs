@@ -3,9 +3,8 @@
 //! Every pixel is of one part. People, vehicles and cones have a border of one pixel, taken from what is beside them: their
 //! edges in a frame lie a little beside those in the layout.
 
-use ds_layout::colour::{self, Face, Rgb};
+use ds_layout::colour::{self, Rgb};
 use ds_raster::RgbImage;
-use ds_world::AgentClass;
 
 /// A part of a frame; those with a border first, in the order in which they take pixels from others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -77,7 +76,7 @@ impl Part {
             _ if colour::is_road_user(colour) => Self::Vehicles,
             _ if colour::is_marking(colour) => Self::Paint,
             _ if colour::is_structure(colour) => Self::Structures,
-            _ if is_cone(colour) => Self::Cones,
+            _ if colour::is_obstacle(colour) => Self::Cones,
             _ => Self::Lights,
         }
     }
@@ -85,13 +84,6 @@ impl Part {
     fn has_border(self) -> bool {
         self <= Self::Cones
     }
-}
-
-fn is_cone(colour: Rgb) -> bool {
-    let faces = [Face::Front, Face::Rear, Face::Side, Face::Top];
-    [AgentClass::Cone, AgentClass::Barrier]
-        .into_iter()
-        .any(|class| faces.into_iter().any(|face| colour::face(colour::agent(class), face) == colour))
 }
 
 /// Returns the part of every pixel of a frame with this layout.

@@ -4,8 +4,9 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use ds_camera::{Appearance, ReferenceWorld};
+use ds_layout::colour::Face;
 use ds_scenario::Family;
-use ds_world::{LightState, LineColour, StructureKind};
+use ds_world::{AgentClass, LightState, LineColour, StructureKind};
 
 use super::*;
 use crate::drive::{Drive, Route};
