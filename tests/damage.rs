@@ -70,7 +70,7 @@ fn damaged_recordings_are_refused_and_partial_answers_say_so() {
     for index in 0..12 {
         let path = damaged(folder.path(), flip(index));
         let says = refused(&["score", utf8(&path)], 1);
-        assert!(says.contains("damaged or incomplete") || says.contains("not a recording"), "{says}");
+        assert!(["damaged", "not a recording"].iter().any(|word| says.contains(word)), "{says}");
     }
     let path = damaged(folder.path(), |bytes| bytes.truncate(bytes.len() / 2));
     let (recording, out) = (utf8(&path), folder.path().join("out"));

@@ -45,7 +45,7 @@ QOS_KEPT = ":1:1:0,1"
 
 
 @dataclass(frozen=True)
-class Told:
+class CdrMessage:
     """A message as it leaves: a topic's name without leading slash, its type, and CDR bytes."""
 
     topic: str
@@ -53,9 +53,9 @@ class Told:
     data: bytes
 
 
-def told(topic: str, message: Any) -> Told:
+def told(topic: str, message: Any) -> CdrMessage:
     """Serialises a message of `rosbags`, little-endian with its four bytes of header."""
-    return Told(topic, message.__msgtype__, bytes(_STORE.serialize_cdr(message, message.__msgtype__)))
+    return CdrMessage(topic, message.__msgtype__, bytes(_STORE.serialize_cdr(message, message.__msgtype__)))
 
 
 def word(camera: str) -> str:
@@ -84,7 +84,7 @@ def _quaternion(x: float, y: float, z: float, w: float) -> Any:
     return _make("geometry_msgs/msg/Quaternion", x=float(x), y=float(y), z=float(z), w=float(w))
 
 
-def static_transforms(cameras: Sequence[Camera], *, time_ns: int) -> Told:
+def static_transforms(cameras: Sequence[Camera], *, time_ns: int) -> CdrMessage:
     """Tells where each camera is mounted."""
     transforms = [
         _make(
@@ -102,7 +102,7 @@ def static_transforms(cameras: Sequence[Camera], *, time_ns: int) -> Told:
     return told("tf_static", _make("tf2_msgs/msg/TFMessage", transforms=transforms))
 
 
-def motion(ego: Ego, *, time_ns: int) -> list[Told]:
+def motion(ego: Ego, *, time_ns: int) -> list[CdrMessage]:
     """Tells pose, velocity and acceleration of the car."""
     half = 0.5 * ego.heading_rad
     point = _make("geometry_msgs/msg/Point", x=ego.x_m, y=ego.y_m, z=0.0)
@@ -127,7 +127,7 @@ def motion(ego: Ego, *, time_ns: int) -> list[Told]:
     return [told(f"{SPACE}/odom", odometry), told(f"{SPACE}/accel", accelerated)]
 
 
-def picture(camera: Camera, pixels: np.ndarray, *, time_ns: int) -> list[Told]:
+def picture(camera: Camera, pixels: np.ndarray, *, time_ns: int) -> list[CdrMessage]:
     """Tells one image with its calibration."""
     height, width = pixels.shape[:2]
     header = _header(time_ns, f"{word(camera.name)}_optical")
@@ -162,10 +162,10 @@ def picture(camera: Camera, pixels: np.ndarray, *, time_ns: int) -> list[Told]:
     return [told(f"{space}/camera_info", info), told(f"{space}/image_raw", image)]
 
 
-def observation(seen: Observation, *, start_ns: int, after_ns: int) -> Iterator[Told]:
+def observation(seen: Observation, *, start_ns: int, after_ns: int) -> Iterator[CdrMessage]:
     """Tells what is newer than `after_ns`, moment by moment, images last; `start_ns` is when the session began."""
     at_ns = lambda time_s: start_ns + round(time_s * SECOND_NS)
-    moments: dict[int, list[Told]] = {}
+    moments: dict[int, list[CdrMessage]] = {}
     for ego in seen.history:
         moments.setdefault(at_ns(ego.time_s), []).extend(motion(ego, time_ns=at_ns(ego.time_s)))
     command = told(f"{SPACE}/command", _make("std_msgs/msg/UInt8", data=seen.command.value))
@@ -210,7 +210,7 @@ class Ros:
         self._bus = bus
         self.repeat_s = repeat_s
         self._known: dict[str, Any] = {}
-        self._static: Optional[Told] = None
+        self._static: Optional[CdrMessage] = None
         self._ending = threading.Event()
         self.answers: "queue.Queue[bytes]" = queue.Queue(maxsize=16)
         self._plans = bus.declare_subscriber(f"{SPACE}/plan", self._hear)
@@ -231,7 +231,7 @@ class Ros:
             token = f"@/{self._bus.zid()}/@ros2_lv/{role}/{key}"
             self._known[topic] = self._bus.liveliness().declare_token(token)
 
-    def tell(self, message: Told) -> None:
+    def tell(self, message: CdrMessage) -> None:
         """Publishes a message."""
         self._announce("MP", message.topic, message.kind)
         self._bus.put(message.topic, message.data)
@@ -248,7 +248,7 @@ class Ros:
             if self._static is not None:
                 self.tell(self._static)
 
-    def ask(self, messages: Sequence[Told], *, stamp_ns: int, within_s: float) -> Any:
+    def ask(self, messages: Sequence[CdrMessage], *, stamp_ns: int, within_s: float) -> Any:
         """Tells the mounting and messages until a `nav_msgs/Path` with this stamp comes, and returns it."""
         ends, again, heard = time.monotonic() + within_s, 0.0, "none came"
         # What is told again is told at the present time: clocks do not go back.

@@ -14,7 +14,7 @@ use ds_space::{InstanceId, PoseSe2, SimTime};
 use ds_topic::{Plan, SceneMessage};
 use ds_wire::policy::{self as outside, CameraView, SessionGoodbye, SessionHello, StampedEgo, StampedImage};
 use ds_world::EgoState;
-use tokio::runtime::Handle;
+use tokio::runtime::Runtime;
 
 mod paced;
 
@@ -31,7 +31,6 @@ pub struct OutsideBus {
     bus: PolicyBus,
     policy: String,
     deadline: Duration,
-    runtime: Handle,
 }
 
 impl OutsideBus {
@@ -44,7 +43,7 @@ impl OutsideBus {
         let settings = PolicyBusSettings { policy: named, listen: vec![listen.to_owned()], connect: Vec::new(), tls };
         let bus = PolicyBus::open(&settings).await.context("policy bus")?;
         tracing::info!(policy, listens = ?bus.listens(), "waiting for an external policy");
-        Ok(Self { bus, policy: policy.to_owned(), deadline, runtime: Handle::current() })
+        Ok(Self { bus, policy: policy.to_owned(), deadline })
     }
 
     /// Returns the endpoints that it listens on, ports filled in.
@@ -68,6 +67,8 @@ impl OutsideBus {
 
 /// A session with an external policy, under a random name.
 pub struct External {
+    /// Its own, so that who waits here is not cut off where the command's ends first.
+    runtime: Arc<Runtime>,
     outside: Arc<OutsideBus>,
     session: PolicySession,
     hello: SessionHello,
@@ -82,7 +83,7 @@ pub struct External {
 impl Drop for External {
     fn drop(&mut self) {
         let goodbye = FromBridge::Goodbye(SessionGoodbye { reason: "the drive is over".to_owned() });
-        if let Err(error) = self.outside.runtime.block_on(self.session.put(&goodbye)) {
+        if let Err(error) = self.runtime.block_on(self.session.put(&goodbye)) {
             tracing::debug!(%error, "goodbye was not said");
         }
     }
@@ -120,9 +121,12 @@ impl External {
     /// # Errors
     /// If the bus is closed.
     pub fn begin(outside: Arc<OutsideBus>, hello: SessionHello) -> Result<Self, Fault> {
-        let session = outside.runtime.block_on(outside.bus.begin());
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build();
+        let runtime = runtime.map_err(|error| Fault::infrastructure("policy_bus", error))?;
+        let session = runtime.block_on(outside.bus.begin());
         let session = session.map_err(|error| Fault::infrastructure("policy_bus", error))?;
-        Ok(Self { outside, session, hello, greeted: false, sequence: 0, start: None, pace: None })
+        let runtime = Arc::new(runtime);
+        Ok(Self { runtime, outside, session, hello, greeted: false, sequence: 0, start: None, pace: None })
     }
 
     /// Shows an observation and waits for the plan that begins at `now`; in wall-clock mode no longer than real time allows.
@@ -130,7 +134,7 @@ impl External {
     /// # Errors
     /// `policy_absent`, `policy_deadline`, `policy_left` or `plan_refused`; `policy_bus` if the bus is closed.
     pub fn plan(&mut self, observation: &Observation, states: &[EgoState], now: SimTime) -> Result<Plan, Fault> {
-        let runtime = self.outside.runtime.clone();
+        let runtime = Arc::clone(&self.runtime);
         runtime.block_on(async {
             if !self.greeted {
                 self.greet().await?;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use ds_diagnosis::CaseError;
-use ds_frames::SightError;
+use ds_frames::FramesError;
 use ds_record::RecordError;
 use ds_scenario::ScenarioError;
 use ds_simulator::SimulatorError;
@@ -29,7 +29,7 @@ pub enum CasesError {
     SimulatorWithoutVehicle,
     /// A pair of frame streams makes no sense.
     #[error(transparent)]
-    Frames(#[from] SightError),
+    Frames(#[from] FramesError),
     /// Recorded traffic makes no sense.
     #[error(transparent)]
     Traffic(#[from] TrafficError),

@@ -78,8 +78,8 @@ pub struct Diagnosis {
     /// Rollouts of a simulator of somebody else, where one was the nominal one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rollouts: Option<usize>,
-    /// Effects that such a simulator has neither a parameter nor a port for, and those that a drive command computed from the
-    /// speed cannot show.
+    /// Effects that such a simulator has neither a parameter nor a port for, those that a drive command computed from the
+    /// speed cannot show, and those of other drivers where nobody follows.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub not_testable: Vec<String>,
     /// When the accepted effect that changes most acts; absent where none is accepted.

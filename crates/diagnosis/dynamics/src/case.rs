@@ -144,6 +144,9 @@ impl Case {
         if self.meta.channels_derived.iter().any(|name| name == "cmd_accel") {
             space.drive_is_derived();
         }
+        if part == Part::Following && self.drives.iter().all(|drive| drive.followers.is_empty()) {
+            space.nobody_follows();
+        }
         if let Some(baseline) = baseline {
             baseline.settle(&mut space);
         }

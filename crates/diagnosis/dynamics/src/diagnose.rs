@@ -68,8 +68,8 @@ fn diagnosed(case: &Case, options: &Options, thresholds: &Thresholds) -> (Diagno
     let run = |(part, model)| Outcome::run(model, &fit_drives, effort, &asked(part));
     let outcomes: Vec<Outcome<'_, '_>> = models.iter().enumerate().map(run).collect();
     let mut ranking = rank(case, &outcomes, thresholds);
-    let mute = models[0].space.mute();
-    ranking.retain(|c| !options.without.iter().any(|id| id == c.id) && !mute.contains(&c.id));
+    let mute = models.each_ref().map(|model| model.space.mute());
+    ranking.retain(|c| !options.without.iter().any(|id| id == c.id) && !mute.iter().any(|of| of.contains(&c.id)));
     let standing = standing(&outcomes[0], &ranking);
     // scattered samples leave more than the shape of an effect does
     let scattered = ranking.iter().any(|c| c.accepted && c.part.is_none());
@@ -130,10 +130,10 @@ fn diagnosed(case: &Case, options: &Options, thresholds: &Thresholds) -> (Diagno
         next_manoeuvre: next(case, &outcomes, &effects),
         corrected_model: corrected(&outcomes),
         floor_source: floor_source(case).to_owned(),
-        warnings: warnings(case, &mute),
+        warnings: warnings(case, &mute[0]),
         detection_limits: Vec::new(),
         rollouts: None,
-        not_testable: mute.iter().map(|id| (*id).to_owned()).collect(),
+        not_testable: mute.concat().into_iter().map(str::to_owned).collect(),
         modulation: modulation(&outcomes),
         secs: 0.0,
         effects,

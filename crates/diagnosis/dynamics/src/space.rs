@@ -110,6 +110,7 @@ pub struct Space {
     pub coordinates: Vec<Coordinate>,
     nominal: Nominal,
     drive_derived: bool,
+    nobody_follows: bool,
 }
 
 impl Space {
@@ -133,7 +134,7 @@ impl Space {
             .flat_map(|(effect, e)| sized(e, nominal).map(move |parameter| (effect, parameter)))
             .map(|(effect, parameter)| Coordinate { effect, parameter, nuisance: parameter.nuisance, shift: None })
             .collect();
-        Self { effects, coordinates, nominal: nominal.clone(), drive_derived: false }
+        Self { effects, coordinates, nominal: nominal.clone(), drive_derived: false, nobody_follows: false }
     }
 
     /// Returns the vector at which every effect is absent.
@@ -161,13 +162,18 @@ impl Space {
         self.drive_derived = true;
     }
 
+    /// Takes the logs for those of a car that nobody follows: no effect of other drivers can be told.
+    pub fn nobody_follows(&mut self) {
+        self.nobody_follows = true;
+    }
+
     /// Tells whether an effect may be suspected.
     #[must_use]
     pub fn suspects(&self, effect: usize) -> bool {
         self.effects[effect].suspect && !self.is_mute(effect)
     }
 
-    /// Returns the effects that could be suspected if the drive command had been recorded.
+    /// Returns the effects that could be suspected if the logs held what they act on.
     #[must_use]
     pub fn mute(&self) -> Vec<&'static str> {
         let mute = |e: &usize| self.effects[*e].suspect && self.is_mute(*e);
@@ -175,7 +181,8 @@ impl Space {
     }
 
     fn is_mute(&self, effect: usize) -> bool {
-        self.drive_derived && OF_DRIVE.contains(&self.effects[effect].id)
+        let id = self.effects[effect].id;
+        self.nobody_follows || (self.drive_derived && OF_DRIVE.contains(&id))
     }
 
     /// Returns the coordinates of an effect.

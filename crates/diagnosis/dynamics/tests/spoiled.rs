@@ -6,7 +6,9 @@ use std::path::Path;
 
 use ds_diagnosis::{CaseError, Diagnosis, Verdict};
 use ds_dynamics::case::Case;
+use ds_dynamics::space::Part;
 use ds_dynamics::{Options, diagnose, synthetic};
+use ds_effect::library;
 
 type Edit = fn(&mut Vec<Vec<String>>);
 
@@ -251,6 +253,23 @@ fn a_command_that_keeps_one_value_is_no_reason_to_refuse() {
     assert!(matches!(&told()[..], [warning] if warning.starts_with("cmd_accel ")), "{:?}", told());
     let diagnosis = judged(folder.path(), &Options { quick: true, ..Options::default() }).expect("a verdict");
     assert!(diagnosis.warnings.iter().any(|w| w.starts_with("cmd_accel keeps one value")));
+}
+
+#[test]
+fn effects_of_other_drivers_are_not_judged_where_nobody_follows() {
+    let folder = tempfile::tempdir().expect("a folder");
+    case_folder(folder.path());
+    for drive in 0..4 {
+        fs::remove_file(folder.path().join(format!("agents_{drive}.csv"))).expect("followers to take away");
+    }
+    let diagnosis = judged(folder.path(), &Options { quick: true, ..Options::default() }).expect("a verdict");
+    let of_others: Vec<&str> = library().iter().filter(|e| Part::of(e) == Part::Following).map(|e| e.id).collect();
+    let judged = |id: &str| diagnosis.effects.iter().any(|e| e.id == id);
+    assert!(of_others.iter().all(|id| !judged(id)), "{:?}", diagnosis.effects);
+    assert!(!diagnosis.not_testable.is_empty());
+    assert!(diagnosis.not_testable.iter().all(|id| of_others.contains(&id.as_str())), "{:?}", diagnosis.not_testable);
+    let sum = diagnosis.effects.iter().map(|e| e.probability).sum::<f64>() + diagnosis.p_none + diagnosis.p_unknown;
+    assert!((sum - 1.0).abs() < 1e-9, "{sum}");
 }
 
 #[test]

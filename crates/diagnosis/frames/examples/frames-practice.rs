@@ -12,7 +12,7 @@ use std::time::Instant;
 use ds_diagnosis::meta::Kind;
 use ds_diagnosis::score::Share;
 use ds_diagnosis::{Diagnosis, Verdict};
-use ds_frames::{Nuisance, Options, SightError, Streams};
+use ds_frames::{FramesError, Nuisance, Options, Streams};
 use rayon::prelude::*;
 use serde_json::Value;
 
@@ -45,7 +45,7 @@ fn main() -> ExitCode {
     };
     let without = after("--without").map(|w| w.split(',').map(str::to_owned).collect()).unwrap_or_default();
     let options = Options { without, nuisance };
-    let results: Vec<(String, Result<Diagnosis, SightError>)> = cases
+    let results: Vec<(String, Result<Diagnosis, FramesError>)> = cases
         .par_iter()
         .map(|case| {
             let start = Instant::now();

@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use crate::error::SightError;
+use crate::error::FramesError;
 use ds_diagnosis::CaseError;
 use ds_diagnosis::meta::{FrameMeta, Pairing, PinholeEntry};
 use ds_effect::frame::{FrameContext, LayoutBox, Pinhole};
@@ -78,7 +78,7 @@ impl FrameCase {
     ///
     /// # Errors
     /// If a file is missing, spoiled or absurd.
-    pub fn read(folder: &Path) -> Result<Self, SightError> {
+    pub fn read(folder: &Path) -> Result<Self, FramesError> {
         Self::of_stream(folder, Path::new("sim"))
     }
 
@@ -86,7 +86,7 @@ impl FrameCase {
     ///
     /// # Errors
     /// As [`Self::read`].
-    pub fn of_stream(folder: &Path, stream: &Path) -> Result<Self, SightError> {
+    pub fn of_stream(folder: &Path, stream: &Path) -> Result<Self, FramesError> {
         let meta = read_meta(folder)?;
         let size = [meta.width, meta.height];
         let mut warnings = Vec::new();
@@ -105,7 +105,7 @@ impl FrameCase {
             let number = table.number(row, "frame")?.unwrap_or(row as f64) as u64;
             let time_secs = table.number(row, "time_s")?.unwrap_or(row as f64 / meta.frame_rate_hz);
             if time_secs <= before {
-                return Err(SightError::TimeGoesBack { row: row + 1, time: time_secs, before, path });
+                return Err(FramesError::TimeGoesBack { row: row + 1, time: time_secs, before, path });
             }
             before = time_secs;
             let picture = |stream: &Path| {
@@ -129,7 +129,7 @@ impl FrameCase {
         }
         if frames.len() < FEWEST_FRAMES {
             let found = frames.len();
-            return Err(SightError::TooFewFrames { found, needed: FEWEST_FRAMES, path: folder.to_path_buf() });
+            return Err(FramesError::TooFewFrames { found, needed: FEWEST_FRAMES, path: folder.to_path_buf() });
         }
         if frames.iter().any(|f| f.sim.channels != f.real.channels) {
             warnings.push("one stream is grey, the other in colour: both are compared in grey".to_owned());
@@ -173,7 +173,7 @@ impl FrameCase {
         self
     }
 
-    fn check(&self, folder: &Path) -> Result<(), SightError> {
+    fn check(&self, folder: &Path) -> Result<(), FramesError> {
         for (stream, of) in [("sim", true), ("real", false)] {
             let spread = |f: &Frame| {
                 let data = if of { &f.sim.data } else { &f.real.data };
@@ -181,7 +181,7 @@ impl FrameCase {
                 data.iter().copied().fold(0.0, f32::max) - low
             };
             if self.fit.iter().all(|f| spread(f) < 16.0) {
-                return Err(SightError::Blank { stream, path: folder.to_path_buf() });
+                return Err(FramesError::Blank { stream, path: folder.to_path_buf() });
             }
         }
         Ok(())
@@ -218,7 +218,7 @@ fn pinhole(entry: &PinholeEntry) -> Pinhole {
     Pinhole { fx: entry.fx, fy: entry.fy, cx: entry.cx, cy: entry.cy }
 }
 
-fn read_meta(folder: &Path) -> Result<FrameMeta, SightError> {
+fn read_meta(folder: &Path) -> Result<FrameMeta, FramesError> {
     let meta = FrameMeta::read(folder)?;
     let (w, h) = (meta.width as f64, meta.height as f64);
     let rows = [
@@ -232,21 +232,21 @@ fn read_meta(folder: &Path) -> Result<FrameMeta, SightError> {
     ];
     for (field, value, low, high, range) in rows {
         if !(low..=high).contains(&value) {
-            return Err(SightError::AbsurdCamera { field, value, range });
+            return Err(FramesError::AbsurdCamera { field, value, range });
         }
     }
     Ok(meta)
 }
 
-fn read_text(path: &Path) -> Result<String, SightError> {
+fn read_text(path: &Path) -> Result<String, FramesError> {
     Ok(std::fs::read_to_string(path).map_err(|source| CaseError::Read { path: path.to_path_buf(), source })?)
 }
 
-fn read_picture(path: &Path, size: [usize; 2]) -> Result<Picture, SightError> {
-    let decoded = image::open(path).map_err(|source| SightError::Decode { path: path.to_path_buf(), source })?;
+fn read_picture(path: &Path, size: [usize; 2]) -> Result<Picture, FramesError> {
+    let decoded = image::open(path).map_err(|source| FramesError::Decode { path: path.to_path_buf(), source })?;
     let found = [decoded.width() as usize, decoded.height() as usize];
     if found != size {
-        return Err(SightError::Size { found, expected: size, path: path.to_path_buf() });
+        return Err(FramesError::Size { found, expected: size, path: path.to_path_buf() });
     }
     let grey = decoded.color().channel_count() < 3;
     let bytes = if grey { decoded.into_luma8().into_raw() } else { decoded.into_rgb8().into_raw() };
@@ -254,14 +254,14 @@ fn read_picture(path: &Path, size: [usize; 2]) -> Result<Picture, SightError> {
     Ok(Picture { width: size[0], height: size[1], channels: if grey { 1 } else { 3 }, data })
 }
 
-fn read_depth(path: &Path, size: [usize; 2]) -> Result<Option<Vec<f32>>, SightError> {
+fn read_depth(path: &Path, size: [usize; 2]) -> Result<Option<Vec<f32>>, FramesError> {
     if !path.exists() {
         return Ok(None);
     }
-    let decoded = image::open(path).map_err(|source| SightError::Decode { path: path.to_path_buf(), source })?;
+    let decoded = image::open(path).map_err(|source| FramesError::Decode { path: path.to_path_buf(), source })?;
     let found = [decoded.width() as usize, decoded.height() as usize];
     if found != size {
-        return Err(SightError::Size { found, expected: size, path: path.to_path_buf() });
+        return Err(FramesError::Size { found, expected: size, path: path.to_path_buf() });
     }
     Ok(Some(decoded.into_luma16().into_raw().into_iter().map(|cm| (f32::from(cm) * 0.01).max(0.5)).collect()))
 }
@@ -278,7 +278,7 @@ fn corridor(size: [usize; 2], camera: &PinholeEntry, height_m: f64) -> Vec<f32> 
     (0..size[0] * size[1]).map(place).collect()
 }
 
-fn read_boxes(path: &Path) -> Result<BTreeMap<u64, Vec<LayoutBox>>, SightError> {
+fn read_boxes(path: &Path) -> Result<BTreeMap<u64, Vec<LayoutBox>>, FramesError> {
     let mut boxes: BTreeMap<u64, Vec<LayoutBox>> = BTreeMap::new();
     if !path.exists() {
         return Ok(boxes);
@@ -301,13 +301,13 @@ struct Table {
 }
 
 impl Table {
-    fn read(path: &Path) -> Result<Self, SightError> {
+    fn read(path: &Path) -> Result<Self, FramesError> {
         let text = read_text(path)?;
         let cells = |line: &str| line.split(',').map(|c| c.trim().to_owned()).collect::<Vec<_>>();
         let mut lines = text.lines().filter(|l| !l.trim().is_empty());
         let head = lines.next().map(cells).unwrap_or_default();
         if !head.iter().any(|h| h == "frame") {
-            return Err(SightError::MissingColumn { column: "frame", path: path.to_path_buf() });
+            return Err(FramesError::MissingColumn { column: "frame", path: path.to_path_buf() });
         }
         Ok(Self { path: path.to_path_buf(), head, rows: lines.map(cells).collect() })
     }
@@ -317,10 +317,10 @@ impl Table {
         self.rows[row].get(at).map(String::as_str).filter(|t| !t.is_empty())
     }
 
-    fn number(&self, row: usize, column: &'static str) -> Result<Option<f64>, SightError> {
+    fn number(&self, row: usize, column: &'static str) -> Result<Option<f64>, FramesError> {
         let Some(text) = self.text(row, column) else { return Ok(None) };
         let value = text.parse().ok().filter(|v: &f64| v.is_finite());
         let path = self.path.clone();
-        value.map(Some).ok_or_else(|| SightError::NotANumber { row: row + 1, column, text: text.to_owned(), path })
+        value.map(Some).ok_or_else(|| FramesError::NotANumber { row: row + 1, column, text: text.to_owned(), path })
     }
 }

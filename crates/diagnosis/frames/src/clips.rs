@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use ds_diagnosis::meta::FrameMeta;
 
 use crate::case::FrameCase;
-use crate::error::SightError;
+use crate::error::FramesError;
 use crate::settings;
 
 /// A case of several clips.
@@ -50,7 +50,7 @@ impl ClipCase {
     ///
     /// # Errors
     /// If a description is missing or spoiled, or a clip has too few seeds.
-    pub fn read(folder: &Path) -> Result<Self, SightError> {
+    pub fn read(folder: &Path) -> Result<Self, FramesError> {
         let meta = FrameMeta::read(folder)?;
         let folders = match meta.clips.as_slice() {
             [] => vec![folder.to_path_buf()],
@@ -62,10 +62,10 @@ impl ClipCase {
 }
 
 impl Clip {
-    fn read(folder: PathBuf) -> Result<Self, SightError> {
+    fn read(folder: PathBuf) -> Result<Self, FramesError> {
         let seeds = FrameMeta::read(&folder)?.seeds;
         if seeds.len() < settings::FEWEST_SEEDS {
-            return Err(SightError::TooFewSeeds { found: seeds.len(), needed: settings::FEWEST_SEEDS, path: folder });
+            return Err(FramesError::TooFewSeeds { found: seeds.len(), needed: settings::FEWEST_SEEDS, path: folder });
         }
         Ok(Self { folder, seeds })
     }
@@ -74,7 +74,7 @@ impl Clip {
     ///
     /// # Errors
     /// If a file is missing or spoiled.
-    pub fn first(&self) -> Result<FrameCase, SightError> {
+    pub fn first(&self) -> Result<FrameCase, FramesError> {
         FrameCase::of_stream(&self.folder, &self.seeds[0])
     }
 
@@ -82,7 +82,7 @@ impl Clip {
     ///
     /// # Errors
     /// If a file is missing or spoiled, or seeds do not show the same frames.
-    pub fn streams(&self) -> Result<Vec<FrameCase>, SightError> {
+    pub fn streams(&self) -> Result<Vec<FrameCase>, FramesError> {
         let streams: Vec<FrameCase> =
             self.seeds.iter().map(|seed| FrameCase::of_stream(&self.folder, seed)).collect::<Result<_, _>>()?;
         let count = |case: &FrameCase| case.fit.len() + case.held.len();
@@ -90,7 +90,7 @@ impl Clip {
         for (stream, seed) in streams.iter().zip(&self.seeds) {
             if count(stream) < expected {
                 let path = self.folder.join(seed);
-                return Err(SightError::MissingFrames { found: count(stream), expected, path });
+                return Err(FramesError::MissingFrames { found: count(stream), expected, path });
             }
         }
         Ok(streams)

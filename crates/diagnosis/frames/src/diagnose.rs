@@ -5,7 +5,7 @@ use ds_diagnosis::meta::Pairing;
 use ds_diagnosis::schema::{Corrected, CorrectedEffect, Diagnosis, Finding};
 
 use crate::case::FrameCase;
-use crate::error::SightError;
+use crate::error::FramesError;
 use crate::grain;
 use crate::how_far::{Correction, how_far, image_share};
 use crate::pairing::nuisance::Nuisance;
@@ -27,7 +27,7 @@ pub struct Options {
 ///
 /// # Errors
 /// If the effect-free pairs that the case names cannot be read, or there is no distance between its frames.
-pub fn diagnose(case: &FrameCase, options: &Options) -> Result<Diagnosis, SightError> {
+pub fn diagnose(case: &FrameCase, options: &Options) -> Result<Diagnosis, FramesError> {
     let scene = Scene::new(case);
     let mut ready = None;
     let pairing = case.pairing.unwrap_or_else(|| {
@@ -48,7 +48,7 @@ pub fn diagnose(case: &FrameCase, options: &Options) -> Result<Diagnosis, SightE
     }
 }
 
-fn aligned(case: &FrameCase, scene: &Scene<'_>, ready: Ready, options: &Options) -> Result<Diagnosis, SightError> {
+fn aligned(case: &FrameCase, scene: &Scene<'_>, ready: Ready, options: &Options) -> Result<Diagnosis, FramesError> {
     let found = search(scene, ready, &options.without);
     let texture = grain::texture(scene, &scene.full_of(&found.model, &found.placed.full));
     let excess = remainder::excess(&found, &texture, fringe::apart(scene, &found.model));

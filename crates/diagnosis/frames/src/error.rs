@@ -6,7 +6,7 @@ use ds_diagnosis::CaseError;
 
 /// A case that cannot be read or makes no sense.
 #[derive(Debug, thiserror::Error)]
-pub enum SightError {
+pub enum FramesError {
     /// A file cannot be read, or `meta.json` is not what it should be.
     #[error(transparent)]
     Case(#[from] CaseError),

@@ -6,7 +6,7 @@ use ds_diagnosis::schema::{Diagnosis, Shrink};
 
 use crate::case::FrameCase;
 use crate::dirt::Map;
-use crate::error::SightError;
+use crate::error::FramesError;
 use crate::how_far::{Correction, FLOORS, generated, how_far};
 
 /// Returns the shrink on some frames of a case (all of them if no range is given), as data `unseen`.
@@ -17,7 +17,7 @@ pub fn evaluate(
     diagnosis: &Diagnosis,
     case: &FrameCase,
     frames: Option<RangeInclusive<u64>>,
-) -> Result<Vec<Shrink>, SightError> {
+) -> Result<Vec<Shrink>, FramesError> {
     let (correction, floors) = corrections(diagnosis);
     let wanted = |n: u64| frames.as_ref().is_none_or(|f| f.contains(&n));
     if let Some(floors) = floors {

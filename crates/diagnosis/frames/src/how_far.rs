@@ -15,7 +15,7 @@ use nalgebra::DMatrix;
 use crate::blocks::blocks;
 use crate::case::{Frame, FrameCase};
 use crate::dirt::Map;
-use crate::error::SightError;
+use crate::error::FramesError;
 use crate::geometry::Chosen;
 use crate::scene::CHANCE;
 use crate::settings;
@@ -54,7 +54,7 @@ pub fn how_far(
     correction: &Correction,
     wanted: &dyn Fn(u64) -> bool,
     data: &str,
-) -> Result<Vec<Shrink>, SightError> {
+) -> Result<Vec<Shrink>, FramesError> {
     let mut rows = Vec::new();
     let mut sets: [Vec<Picture>; 5] = Default::default();
     let shifted = corrected(case, &correction.mismatch(), wanted);
@@ -113,7 +113,7 @@ impl Compared {
 ///
 /// # Errors
 /// If features are not finite.
-pub fn shrinks(compared: Vec<Compared>, floors: [f64; 2], data: &str) -> Result<Vec<Shrink>, SightError> {
+pub fn shrinks(compared: Vec<Compared>, floors: [f64; 2], data: &str) -> Result<Vec<Shrink>, FramesError> {
     let compared: Vec<Compared> = compared.into_iter().filter(|part| !part.rows.is_empty()).collect();
     let rows: Vec<Row> = compared.iter().flat_map(|part| part.rows.iter().copied()).collect();
     let Some(columns) = compared.first().map(|part| part.features[0].ncols()) else { return Ok(Vec::new()) };
@@ -136,7 +136,7 @@ pub fn generated(
     wanted: &dyn Fn(u64) -> bool,
     floors: [f64; 2],
     data: &str,
-) -> Result<Vec<Shrink>, SightError> {
+) -> Result<Vec<Shrink>, FramesError> {
     let frames: Vec<&Frame> = case.fit.iter().chain(&case.held).filter(|f| wanted(f.number)).collect();
     shrinks(vec![Compared::of(case, correction, &frames, floors)], floors, data)
 }
@@ -145,7 +145,7 @@ pub fn generated(
 ///
 /// # Errors
 /// If features are not finite.
-pub fn plain_gap(case: &FrameCase) -> Result<[f64; 2], SightError> {
+pub fn plain_gap(case: &FrameCase) -> Result<[f64; 2], FramesError> {
     let frames: Vec<&Frame> = case.held.iter().collect();
     let mean = frames.iter().map(|f| square(&f.sim, &f.real)).sum::<f64>() / frames.len().max(1) as f64;
     let set = |of: &dyn Fn(&Frame) -> Picture| features(&frames.iter().map(|f| of(f)).collect::<Vec<_>>());
@@ -156,7 +156,7 @@ fn square(p: &Picture, q: &Picture) -> f64 {
     p.data.iter().zip(&q.data).map(|(a, b)| f64::from((a - b).powi(2))).sum::<f64>() / p.data.len() as f64
 }
 
-fn distance(a: &DMatrix<f64>, b: &DMatrix<f64>) -> Result<f64, SightError> {
+fn distance(a: &DMatrix<f64>, b: &DMatrix<f64>) -> Result<f64, FramesError> {
     Ok(frechet(a, b, settings::SHRINKAGE)?)
 }
 
@@ -167,8 +167,8 @@ fn feature(
     floor: f64,
     frames: usize,
     data: &str,
-) -> Result<Shrink, SightError> {
-    let figures = |picked: Option<&[usize]>| -> Result<[f64; 4], SightError> {
+) -> Result<Shrink, FramesError> {
+    let figures = |picked: Option<&[usize]>| -> Result<[f64; 4], FramesError> {
         let of = |m: &DMatrix<f64>| picked.map_or_else(|| m.clone(), |rows| m.select_rows(rows.iter()));
         let real = of(real);
         let mut found = [0.0, 0.0, 0.0, floor];

@@ -40,7 +40,7 @@ pub mod warp;
 pub use case::FrameCase;
 pub use clips::ClipCase;
 pub use diagnose::{Options, diagnose};
-pub use error::SightError;
+pub use error::FramesError;
 pub use evaluate::evaluate;
 pub use pairing::nuisance::Nuisance;
 pub use streams::Streams;

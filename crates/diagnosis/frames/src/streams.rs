@@ -8,7 +8,7 @@ use ds_diagnosis::schema::{Diagnosis, Shrink};
 use crate::case::FrameCase;
 use crate::clips::{ClipCase, judge, remains};
 use crate::diagnose::{Options, diagnose};
-use crate::error::SightError;
+use crate::error::FramesError;
 use crate::evaluate::{corrections, evaluate};
 use crate::pairing::nuisance::Nuisance;
 
@@ -26,7 +26,7 @@ impl Streams {
     ///
     /// # Errors
     /// If a file is missing, spoiled or absurd.
-    pub fn read(folder: &Path) -> Result<Self, SightError> {
+    pub fn read(folder: &Path) -> Result<Self, FramesError> {
         Ok(if ClipCase::is(folder) {
             Self::Clips(ClipCase::read(folder)?)
         } else {
@@ -38,7 +38,7 @@ impl Streams {
     ///
     /// # Errors
     /// If pictures or effect-free pairs cannot be read, or there is no distance between frames.
-    pub fn diagnose(&self, options: &Options) -> Result<Diagnosis, SightError> {
+    pub fn diagnose(&self, options: &Options) -> Result<Diagnosis, FramesError> {
         match self {
             Self::Pair(case) => diagnose(case, options),
             Self::Clips(case) => {
@@ -59,7 +59,7 @@ impl Streams {
         &self,
         diagnosis: &Diagnosis,
         frames: Option<RangeInclusive<u64>>,
-    ) -> Result<Vec<Shrink>, SightError> {
+    ) -> Result<Vec<Shrink>, FramesError> {
         match self {
             Self::Pair(case) => evaluate(diagnosis, case, frames),
             Self::Clips(case) => {

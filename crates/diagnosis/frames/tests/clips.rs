@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use ds_diagnosis::{Diagnosis, Verdict};
-use ds_frames::{Nuisance, Options, SightError, Streams};
+use ds_frames::{FramesError, Nuisance, Options, Streams};
 
 /// Writes a case of some clips, each with two simulated streams; a quarter of the pictures of a pair is enough.
 fn clips(folder: &Path, seed: u64, count: u64, injected: &[(&str, &[f64])]) {
@@ -52,7 +52,7 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-fn told(folder: &Path, nuisance: Option<&Nuisance>) -> Result<Diagnosis, SightError> {
+fn told(folder: &Path, nuisance: Option<&Nuisance>) -> Result<Diagnosis, FramesError> {
     Streams::read(folder)?.diagnose(&Options { nuisance: nuisance.cloned(), ..Options::default() })
 }
 

@@ -4,7 +4,7 @@ use ds_score::{AgentTrack, MovingBox, ObjectClass};
 use ds_space::{DVec2, PoseSe2};
 use serde::Deserialize;
 
-use crate::error::GoldenError;
+use crate::error::ScoreCaseError;
 
 /// An agent with its size in metres and x, y, heading, vx, vy of each state in which it is there.
 #[derive(Deserialize)]
@@ -17,7 +17,7 @@ pub(crate) struct AgentFile {
 }
 
 /// Takes the field `agents` to tracks, numbered by place.
-pub(crate) fn tracks(agents: &[AgentFile]) -> Result<Vec<AgentTrack>, GoldenError> {
+pub(crate) fn tracks(agents: &[AgentFile]) -> Result<Vec<AgentTrack>, ScoreCaseError> {
     let track = |(id, agent): (u32, &AgentFile)| {
         Ok(AgentTrack {
             id,
@@ -35,10 +35,10 @@ fn moving_box([x, y, heading, vx, vy]: [f64; 5]) -> MovingBox {
 }
 
 /// Reads the type of an object.
-pub(crate) fn class_of(kind: &str, field: impl FnOnce() -> String) -> Result<ObjectClass, GoldenError> {
+pub(crate) fn class_of(kind: &str, field: impl FnOnce() -> String) -> Result<ObjectClass, ScoreCaseError> {
     match kind {
         "VEHICLE" | "PEDESTRIAN" | "BICYCLE" | "CYCLIST" | "EGO" => Ok(ObjectClass::Agent),
         "TRAFFIC_CONE" | "CONE" | "BARRIER" | "CZONE_SIGN" | "GENERIC_OBJECT" => Ok(ObjectClass::Static),
-        other => Err(GoldenError::Value { field: field(), value: other.to_owned() }),
+        other => Err(ScoreCaseError::Value { field: field(), value: other.to_owned() }),
     }
 }

@@ -15,7 +15,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::agents::{self, AgentFile};
-use crate::error::GoldenError;
+use crate::error::ScoreCaseError;
 use crate::fields::point;
 
 const COLUMN_NAMES: [&str; TERMS + 1] = ["nc", "dac", "ddc", "tlc", "ttc", "lk", "hc", "ec", "score"];
@@ -51,13 +51,13 @@ struct LaneFile {
 #[derive(Deserialize)]
 struct WindowFile(usize, usize, f64, usize);
 
-pub(crate) fn answer(case: &Case) -> Result<Value, GoldenError> {
+pub(crate) fn answer(case: &Case) -> Result<Value, ScoreCaseError> {
     let dt_s = case.dt.unwrap_or(DEFAULT_DT_S);
     let share = case.expert_window.as_ref().map(|window| share_of(window, dt_s)).transpose()?;
     let scene = scene(case, dt_s, share.flatten());
     let states = states(case)?;
     let score = |states: &[LoopState]| {
-        closed_loop(&scene, Profile::bridgesim(), states).map_err(GoldenError::score("lanes, ego, agents and route"))
+        closed_loop(&scene, Profile::bridgesim(), states).map_err(ScoreCaseError::score("lanes, ego, agents and route"))
     };
     let (scores, drive) = score(&states)?;
     let mut stable = true;
@@ -89,10 +89,10 @@ fn expected(scores: &[LoopScore], drive: &DrivingScore, stable: bool) -> Value {
 }
 
 /// The expert of these cases drives straight at a constant speed.
-fn share_of(window: &WindowFile, dt_s: f64) -> Result<Option<f64>, GoldenError> {
+fn share_of(window: &WindowFile, dt_s: f64) -> Result<Option<f64>, ScoreCaseError> {
     let WindowFile(start, end, speed_mps, recorded) = window;
     if *recorded > MOST_FRAMES {
-        return Err(GoldenError::Length {
+        return Err(ScoreCaseError::Length {
             field: "expert_window[3]".to_owned(),
             found: *recorded,
             needed: MOST_FRAMES,
@@ -124,7 +124,7 @@ fn scene(case: &Case, dt_s: f64, window_share: Option<f64>) -> LoopScene {
     }
 }
 
-fn states(case: &Case) -> Result<Vec<LoopState>, GoldenError> {
+fn states(case: &Case) -> Result<Vec<LoopState>, ScoreCaseError> {
     let mut lanes: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for (index, lane) in case.lanes.iter().enumerate() {
         lanes.entry(&lane.id).or_default().push(index);

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::agents::class_of;
-use crate::error::GoldenError;
+use crate::error::ScoreCaseError;
 
 #[derive(Deserialize)]
 pub(crate) struct Case {
@@ -40,7 +40,7 @@ struct Object {
     speed: f64,
 }
 
-pub(crate) fn answer(case: &Case) -> Result<Value, GoldenError> {
+pub(crate) fn answer(case: &Case) -> Result<Value, ScoreCaseError> {
     let mut pairs = Vec::with_capacity(case.pairs.len());
     for (index, Pair { ego, object }) in case.pairs.iter().enumerate() {
         let class = class_of(&object.kind, || format!("pairs[{index}].object.type"))?;

@@ -6,7 +6,7 @@ use ds_score::constants::horizon::DT_S;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
-use crate::error::GoldenError;
+use crate::error::ScoreCaseError;
 use crate::fields::{Columns, states};
 
 #[derive(Deserialize)]
@@ -15,9 +15,9 @@ pub(crate) struct Case {
     states: Vec<Columns>,
 }
 
-pub(crate) fn answer(case: &Case) -> Result<Value, GoldenError> {
+pub(crate) fn answer(case: &Case) -> Result<Value, ScoreCaseError> {
     let filters = ComfortFilters::with_dt(case.states.len(), ComfortRule::Centre, case.dt.unwrap_or(DT_S))
-        .map_err(GoldenError::score("states"))?;
+        .map_err(ScoreCaseError::score("states"))?;
     let mut memory = ComfortSeries::default();
     let features = filters.features(&states(&case.states), Footprint::NAVSIM.rear_axle_to_centre_m, &mut memory);
     let within = within(features);

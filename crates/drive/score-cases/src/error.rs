@@ -8,7 +8,7 @@ use crate::fields::MAX_CASE_BYTES;
 
 /// Says why a case or a folder of cases cannot be answered.
 #[derive(Debug, thiserror::Error)]
-pub enum GoldenError {
+pub enum ScoreCaseError {
     /// A folder or file cannot be read.
     #[error("reading failed at {path:?}")]
     Read {
@@ -81,7 +81,7 @@ pub enum GoldenError {
     },
 }
 
-impl GoldenError {
+impl ScoreCaseError {
     /// Wraps a refusal of the score with the part of the case that it concerns.
     pub(crate) fn score(field: impl Into<String>) -> impl FnOnce(ScoreError) -> Self {
         move |source| Self::Score { field: field.into(), source }

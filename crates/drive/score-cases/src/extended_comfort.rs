@@ -4,7 +4,7 @@ use ds_score::{DIFFERENCE_NAMES, extended_comfort};
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
-use crate::error::GoldenError;
+use crate::error::ScoreCaseError;
 use crate::fields::{Columns, states};
 
 #[derive(Deserialize)]
@@ -14,9 +14,9 @@ pub(crate) struct Case {
     shift_s: f64,
 }
 
-pub(crate) fn answer(case: &Case) -> Result<Value, GoldenError> {
+pub(crate) fn answer(case: &Case) -> Result<Value, ScoreCaseError> {
     let result = extended_comfort(&states(&case.current_states), &states(&case.previous_states), case.shift_s)
-        .map_err(GoldenError::score("current_states and previous_states"))?;
+        .map_err(ScoreCaseError::score("current_states and previous_states"))?;
     let rms: Map<String, Value> =
         DIFFERENCE_NAMES.iter().zip(result.rms).map(|(name, value)| ((*name).to_owned(), json!(value))).collect();
     Ok(json!({ "expected": { "ec": result.score, "rms": rms } }))

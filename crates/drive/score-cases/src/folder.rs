@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value, json};
 
 use crate::case::answer_case;
-use crate::error::GoldenError;
+use crate::error::ScoreCaseError;
 use crate::fields::MAX_CASE_BYTES;
 
 /// The list of cases beside them, which is no case.
@@ -18,15 +18,15 @@ pub struct Answers {
     /// Case id → answer; a case that failed has `{"error": text}`.
     pub value: Value,
     /// The cases that failed, with file and reason.
-    pub failures: Vec<(PathBuf, GoldenError)>,
+    pub failures: Vec<(PathBuf, ScoreCaseError)>,
 }
 
 /// Answers all cases of a folder, or of its subfolder `cases` where there is one.
 ///
 /// # Errors
-/// [`GoldenError`] if the folder cannot be read, holds no case, or two cases share an id. A case that cannot be
+/// [`ScoreCaseError`] if the folder cannot be read, holds no case, or two cases share an id. A case that cannot be
 /// answered is no error here: its answer says why.
-pub fn answers(folder: &Path) -> Result<Answers, GoldenError> {
+pub fn answers(folder: &Path) -> Result<Answers, ScoreCaseError> {
     let mut values = Map::new();
     let mut failures = Vec::new();
     for path in case_files(folder)? {
@@ -40,7 +40,7 @@ pub fn answers(folder: &Path) -> Result<Answers, GoldenError> {
             }
         };
         if values.contains_key(&id) {
-            return Err(GoldenError::Twice { id, path });
+            return Err(ScoreCaseError::Twice { id, path });
         }
         values.insert(id, answer);
     }
@@ -51,11 +51,11 @@ pub fn answers(folder: &Path) -> Result<Answers, GoldenError> {
 ///
 /// # Errors
 /// As [`answers`].
-pub fn answer(folder: &Path) -> Result<Value, GoldenError> {
+pub fn answer(folder: &Path) -> Result<Value, ScoreCaseError> {
     answers(folder).map(|answers| answers.value)
 }
 
-fn text_of(error: &GoldenError) -> String {
+fn text_of(error: &ScoreCaseError) -> String {
     let mut text = error.to_string();
     let mut source = std::error::Error::source(error);
     while let Some(cause) = source {
@@ -65,10 +65,10 @@ fn text_of(error: &GoldenError) -> String {
     text
 }
 
-fn case_files(folder: &Path) -> Result<Vec<PathBuf>, GoldenError> {
+fn case_files(folder: &Path) -> Result<Vec<PathBuf>, ScoreCaseError> {
     let inner = folder.join("cases");
     let folder = if inner.is_dir() { inner } else { folder.to_path_buf() };
-    let failed = |source| GoldenError::Read { path: folder.clone(), source };
+    let failed = |source| ScoreCaseError::Read { path: folder.clone(), source };
     let mut files = Vec::new();
     for entry in fs::read_dir(&folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();
@@ -79,17 +79,17 @@ fn case_files(folder: &Path) -> Result<Vec<PathBuf>, GoldenError> {
         }
     }
     if files.is_empty() {
-        return Err(GoldenError::NoCases { path: folder });
+        return Err(ScoreCaseError::NoCases { path: folder });
     }
     files.sort();
     Ok(files)
 }
 
-fn read(path: &Path) -> Result<String, GoldenError> {
-    let failed = |source| GoldenError::Read { path: path.to_path_buf(), source };
+fn read(path: &Path) -> Result<String, ScoreCaseError> {
+    let failed = |source| ScoreCaseError::Read { path: path.to_path_buf(), source };
     let bytes = fs::metadata(path).map_err(failed)?.len();
     if bytes > MAX_CASE_BYTES {
-        return Err(GoldenError::TooLarge { path: path.to_path_buf(), bytes });
+        return Err(ScoreCaseError::TooLarge { path: path.to_path_buf(), bytes });
     }
     fs::read_to_string(path).map_err(failed)
 }
@@ -119,8 +119,11 @@ mod tests {
             let folder = folder(&[(name, CASE), ("index.json", "[]"), ("README.md", "")]);
             assert_eq!(answer(folder.path()).expect("a case"), expected);
         }
-        assert!(matches!(answer(folder(&[]).path()), Err(GoldenError::NoCases { .. })));
-        assert!(matches!(answer(folder(&[("a.json", CASE), ("b.json", CASE)]).path()), Err(GoldenError::Twice { .. })));
+        assert!(matches!(answer(folder(&[]).path()), Err(ScoreCaseError::NoCases { .. })));
+        assert!(matches!(
+            answer(folder(&[("a.json", CASE), ("b.json", CASE)]).path()),
+            Err(ScoreCaseError::Twice { .. })
+        ));
     }
 
     #[test]

@@ -18,6 +18,6 @@ mod pdm_score_answer;
 mod two_stage;
 
 pub use case::answer_case;
-pub use error::GoldenError;
+pub use error::ScoreCaseError;
 pub use fields::MAX_CASE_BYTES;
 pub use folder::{Answers, answer, answers};

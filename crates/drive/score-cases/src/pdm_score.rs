@@ -9,7 +9,7 @@ use ds_space::DVec2;
 use serde::Deserialize;
 
 use crate::agents::{self, AgentFile};
-use crate::error::GoldenError;
+use crate::error::ScoreCaseError;
 use crate::fields::{point, pose};
 
 #[derive(Deserialize)]
@@ -119,7 +119,7 @@ impl PastFile {
 
 impl Case {
     /// Makes the scene that the file describes.
-    pub(crate) fn scene(&self) -> Result<OpenLoopScene, GoldenError> {
+    pub(crate) fn scene(&self) -> Result<OpenLoopScene, ScoreCaseError> {
         let areas = self.map.polygons.iter().enumerate().map(|(i, polygon)| self.area(i, polygon));
         let past = self.past.as_ref().filter(|past| !past.is_empty());
         let now = SceneNow {
@@ -133,7 +133,7 @@ impl Case {
         Ok(OpenLoopScene { map, now })
     }
 
-    fn area(&self, index: usize, polygon: &PolygonFile) -> Result<MapArea, GoldenError> {
+    fn area(&self, index: usize, polygon: &PolygonFile) -> Result<MapArea, ScoreCaseError> {
         let kind = match polygon.kind.as_str() {
             "ROADBLOCK" => AreaKind::Roadblock,
             "LANE" => AreaKind::Lane,
@@ -142,7 +142,7 @@ impl Case {
             "CARPARK_AREA" => AreaKind::CarPark,
             other => {
                 let field = format!("map.polygons[{index}].type");
-                return Err(GoldenError::Value { field, value: other.to_owned() });
+                return Err(ScoreCaseError::Value { field, value: other.to_owned() });
             }
         };
         Ok(MapArea {
@@ -153,12 +153,12 @@ impl Case {
         })
     }
 
-    fn centreline(&self) -> Result<Vec<DVec2>, GoldenError> {
+    fn centreline(&self) -> Result<Vec<DVec2>, ScoreCaseError> {
         let read = |(index, point): (usize, &Vec<f64>)| match point.as_slice() {
             [x, y, ..] => Ok(DVec2::new(*x, *y)),
             short => {
                 let field = format!("map.centerline[{index}]");
-                Err(GoldenError::Length { field, found: short.len(), needed: 2 })
+                Err(ScoreCaseError::Length { field, found: short.len(), needed: 2 })
             }
         };
         self.map.centerline.iter().enumerate().map(read).collect()

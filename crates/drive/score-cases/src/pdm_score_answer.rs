@@ -6,22 +6,22 @@ use ds_score::{Executed, NavsimV1, NavsimV2, PreparedScene, SubScores, VehicleSt
 use ds_space::Draws;
 use serde_json::{Value, json};
 
-use crate::error::GoldenError;
+use crate::error::ScoreCaseError;
 use crate::pdm_score::{Candidate, Case};
 
 const NOISE_M: f64 = 1e-6;
 const NOISE_DRAWS: u64 = 3;
 const NOISE_SEED: u64 = 1;
 
-pub(crate) fn answer(case: &Case) -> Result<Value, GoldenError> {
-    let scene = PreparedScene::new(&case.scene()?).map_err(GoldenError::score("map, ego, past and agents"))?;
+pub(crate) fn answer(case: &Case) -> Result<Value, ScoreCaseError> {
+    let scene = PreparedScene::new(&case.scene()?).map_err(ScoreCaseError::score("map, ego, past and agents"))?;
     let human = case.human.as_ref().map(|human| human.plan());
     let yardstick = Yardstick::new(&scene, &case.reference.plan(), human.as_ref())
-        .map_err(GoldenError::score("reference and human"))?;
+        .map_err(ScoreCaseError::score("reference and human"))?;
     let mut candidates = Vec::with_capacity(case.candidates.len());
     for (index, candidate) in case.candidates.iter().enumerate() {
         let answered = answer_candidate(&scene, &yardstick, candidate);
-        candidates.push(answered.map_err(GoldenError::score(format!("candidates[{index}]")))?);
+        candidates.push(answered.map_err(ScoreCaseError::score(format!("candidates[{index}]")))?);
     }
     Ok(json!({ "candidates": candidates, "reference_simulated_states": columns(yardstick.states()) }))
 }

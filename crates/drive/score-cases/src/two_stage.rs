@@ -6,7 +6,7 @@ use ds_space::DVec2;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
-use crate::error::GoldenError;
+use crate::error::ScoreCaseError;
 
 const COLUMN_NAMES: [&str; 10] = [
     "no_at_fault_collisions",
@@ -51,14 +51,14 @@ struct Row {
     start_point_y: f64,
 }
 
-pub(crate) fn answer(case: &Case) -> Result<Value, GoldenError> {
+pub(crate) fn answer(case: &Case) -> Result<Value, ScoreCaseError> {
     let rows: Vec<StageRow> = case.rows.iter().map(row).collect();
     let mapping: Vec<StageMapping> = case
         .mapping
         .iter()
         .map(|(first, second)| StageMapping { first: first.clone(), second: second.clone() })
         .collect();
-    let result = two_stage(&rows, &mapping, case.sigma_squared).map_err(GoldenError::score("rows"))?;
+    let result = two_stage(&rows, &mapping, case.sigma_squared).map_err(ScoreCaseError::score("rows"))?;
     Ok(json!({
         "expected": {
             "weight": result.weights,

@@ -17,7 +17,7 @@ use teacher::Sampling;
 
 use crate::config::{ArmConfig, ArmKind, EvalConfig};
 use crate::drive::Drive;
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// Weights that a configuration names and that are not there.
 #[derive(Debug, thiserror::Error)]
@@ -55,8 +55,8 @@ impl Arm {
     ///
     /// # Errors
     /// If a file is broken or weights do not fit the preset.
-    pub fn load(config: &EvalConfig, name: &str) -> Result<Self, AppraisalError> {
-        let wrap = |source: Cause| AppraisalError::Arm { arm: name.to_owned(), source };
+    pub fn load(config: &EvalConfig, name: &str) -> Result<Self, EvaluationError> {
+        let wrap = |source: Cause| EvaluationError::Arm { arm: name.to_owned(), source };
         let arm = &config.arms[name];
         for file in [Some(&arm.weights), arm.dit.as_ref()].into_iter().flatten().map(|file| config.path(file)) {
             if !file.exists() {
@@ -76,7 +76,7 @@ impl Arm {
         preset: &Path,
         weights: &Path,
         no_guidance: &Path,
-    ) -> Result<Self, AppraisalError> {
+    ) -> Result<Self, EvaluationError> {
         let ablation = match source {
             ObservationSource::DreamstreamCleanCache => Some(Ablation::CleanCache),
             ObservationSource::DreamstreamNoLayout => Some(Ablation::NoLayout),
@@ -98,7 +98,7 @@ impl Arm {
             let (name, remark, model) = (source.name().to_owned(), String::new(), Arc::new(model));
             Ok(Self { name, kind, remark, bare: false, model, teacher: None, digest })
         };
-        open().map_err(|cause: Cause| AppraisalError::Arm { arm: source.name().to_owned(), source: cause })
+        open().map_err(|cause: Cause| EvaluationError::Arm { arm: source.name().to_owned(), source: cause })
     }
 
     fn open(config: &EvalConfig, name: &str, arm: &ArmConfig) -> Result<Self, Cause> {
@@ -170,7 +170,7 @@ impl Arm {
     ///
     /// # Errors
     /// If a layout cannot be rendered or the model gives values that are not finite.
-    pub fn roll(&self, drive: &mut Drive, last: u32) -> Result<Vec<RgbImage>, AppraisalError> {
+    pub fn roll(&self, drive: &mut Drive, last: u32) -> Result<Vec<RgbImage>, EvaluationError> {
         let layout = |frame| if self.bare { drive.bare_layout(frame) } else { drive.layout(frame) };
         let layouts: Vec<Layout> = (0..=last).map(layout).collect::<Result<_, _>>()?;
         self.roll_with(drive, &layouts)
@@ -180,7 +180,7 @@ impl Arm {
     ///
     /// # Errors
     /// If the model gives values that are not finite.
-    pub fn roll_with(&self, drive: &Drive, layouts: &[Layout]) -> Result<Vec<RgbImage>, AppraisalError> {
+    pub fn roll_with(&self, drive: &Drive, layouts: &[Layout]) -> Result<Vec<RgbImage>, EvaluationError> {
         self.roll_from(drive, drive.frame(0)?, layouts)
     }
 
@@ -193,7 +193,7 @@ impl Arm {
         drive: &Drive,
         first: RgbImage,
         layouts: &[Layout],
-    ) -> Result<Vec<RgbImage>, AppraisalError> {
+    ) -> Result<Vec<RgbImage>, EvaluationError> {
         if self.kind == ArmKind::Autoencoder {
             let own: Vec<RgbImage> =
                 (0..layouts.len() as u32).map(|frame| drive.frame(frame)).collect::<Result<_, _>>()?;
@@ -209,7 +209,7 @@ impl Arm {
             None => student(&self.model, drive, &first, layouts).map_err(Into::into),
         };
         let refuse =
-            |source: Cause| AppraisalError::Rollout { arm: self.name.clone(), drive: drive.name.clone(), source };
+            |source: Cause| EvaluationError::Rollout { arm: self.name.clone(), drive: drive.name.clone(), source };
         let mut frames = vec![first];
         frames.extend(made.map_err(refuse)?);
         Ok(frames)

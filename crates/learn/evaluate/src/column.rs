@@ -11,7 +11,7 @@ use ds_world::Scene;
 use crate::Progress;
 use crate::config::EvalConfig;
 use crate::drive::Route;
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// Scenarios seen by a camera world.
 pub struct Column<'a> {
@@ -36,7 +36,7 @@ impl<'a> Column<'a> {
         config: &EvalConfig,
         worlds: &[&'a dyn CameraWorld],
         progress: &mut dyn Progress,
-    ) -> Result<Vec<Self>, AppraisalError> {
+    ) -> Result<Vec<Self>, EvaluationError> {
         let mut columns = Vec::new();
         let turned_deg = config.columns.turned_deg;
         for world in worlds {
@@ -71,7 +71,7 @@ impl<'a> Column<'a> {
 }
 
 /// Generates as many scenarios as any table asks for.
-fn generated(config: &EvalConfig, world: &dyn CameraWorld) -> Result<Vec<(Arc<Scene>, Appearance)>, AppraisalError> {
+fn generated(config: &EvalConfig, world: &dyn CameraWorld) -> Result<Vec<(Arc<Scene>, Appearance)>, EvaluationError> {
     let columns = &config.columns;
     let rollouts = [
         config.sharpness.as_ref().map(|sharpness| sharpness.rollouts),
@@ -96,8 +96,8 @@ pub(crate) fn scenario(world: &dyn CameraWorld, first_seed: u64, index: u64) -> 
 }
 
 /// Returns the look of a generated scenario.
-pub(crate) fn look(name: &str, seed: u64) -> Result<Appearance, AppraisalError> {
-    let refuse = |error: String| AppraisalError::config("columns.look", error);
+pub(crate) fn look(name: &str, seed: u64) -> Result<Appearance, EvaluationError> {
+    let refuse = |error: String| EvaluationError::config("columns.look", error);
     match name {
         "drawn" => {
             let all: Vec<Condition> = Condition::all().collect();
@@ -114,7 +114,7 @@ pub(crate) fn look(name: &str, seed: u64) -> Result<Appearance, AppraisalError> 
 }
 
 /// Reads logs and scenario files; paths that do not exist are skipped with a note.
-fn logged(config: &EvalConfig, progress: &mut dyn Progress) -> Result<Vec<(Arc<Scene>, Appearance)>, AppraisalError> {
+fn logged(config: &EvalConfig, progress: &mut dyn Progress) -> Result<Vec<(Arc<Scene>, Appearance)>, EvaluationError> {
     let mut scenes = Vec::new();
     for path in &config.columns.real {
         let path = config.path(path);
@@ -122,8 +122,8 @@ fn logged(config: &EvalConfig, progress: &mut dyn Progress) -> Result<Vec<(Arc<S
             progress.note(&format!("no logs at {}: the column real goes without them", path.display()));
             continue;
         }
-        for file in ds_import::files(&path).map_err(AppraisalError::io("folder of logs", &path))? {
-            let refuse = |error| AppraisalError::config("columns.real", format!("{}: {error}", file.display()));
+        for file in ds_import::files(&path).map_err(EvaluationError::io("folder of logs", &path))? {
+            let refuse = |error| EvaluationError::config("columns.real", format!("{}: {error}", file.display()));
             let (scene, _) = ds_import::open(&file).map_err(|error| refuse(error.to_string()))?;
             scenes.push((Arc::new(scene), Appearance::DAY));
         }

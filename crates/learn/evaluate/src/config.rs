@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use ds_camera::Condition;
 use serde::{Deserialize, Serialize};
 
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// An evaluation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -306,8 +306,9 @@ impl EvalConfig {
     ///
     /// # Errors
     /// If the file cannot be read, a key is unknown or a value is out of bounds.
-    pub fn load(path: &Path) -> Result<Self, AppraisalError> {
-        let text = std::fs::read_to_string(path).map_err(AppraisalError::io("the evaluation's configuration", path))?;
+    pub fn load(path: &Path) -> Result<Self, EvaluationError> {
+        let text =
+            std::fs::read_to_string(path).map_err(EvaluationError::io("the evaluation's configuration", path))?;
         Self::parse(&text, path.parent().unwrap_or(Path::new(".")))
     }
 
@@ -315,7 +316,7 @@ impl EvalConfig {
     ///
     /// # Errors
     /// If a key is unknown or a value is out of bounds.
-    pub fn parse(text: &str, base: &Path) -> Result<Self, AppraisalError> {
+    pub fn parse(text: &str, base: &Path) -> Result<Self, EvaluationError> {
         let mut config: Self = toml::from_str(text)?;
         config.base = base.to_path_buf();
         config.check()?;
@@ -356,8 +357,8 @@ impl EvalConfig {
         self.base.join(path)
     }
 
-    fn check(&self) -> Result<(), AppraisalError> {
-        let refuse = |field: &str, rule: &str| Err(AppraisalError::config(field, rule));
+    fn check(&self) -> Result<(), EvaluationError> {
+        let refuse = |field: &str, rule: &str| Err(EvaluationError::config(field, rule));
         if self.version != 1 {
             return refuse("version", "must be 1");
         }
@@ -437,7 +438,7 @@ impl EvalConfig {
         self.check_conditions()
     }
 
-    fn check_conditions(&self) -> Result<(), AppraisalError> {
+    fn check_conditions(&self) -> Result<(), EvaluationError> {
         for name in self.appearance.iter().flat_map(|appearance| &appearance.conditions) {
             condition("appearance.conditions", name)?;
         }
@@ -447,26 +448,26 @@ impl EvalConfig {
         Ok(())
     }
 
-    fn table(&self, field: &str, table: &BTreeMap<String, String>, keys: &[&str]) -> Result<(), AppraisalError> {
+    fn table(&self, field: &str, table: &BTreeMap<String, String>, keys: &[&str]) -> Result<(), EvaluationError> {
         for (key, arm) in table {
             if !keys.contains(&key.as_str()) {
                 let rule = format!("{key:?} is none of {}", keys.join(", "));
-                return Err(AppraisalError::config(field, rule));
+                return Err(EvaluationError::config(field, rule));
             }
             self.known(field, arm)?;
         }
         Ok(())
     }
 
-    fn known(&self, field: &str, arm: &str) -> Result<(), AppraisalError> {
+    fn known(&self, field: &str, arm: &str) -> Result<(), EvaluationError> {
         if self.arms.contains_key(arm) {
             return Ok(());
         }
-        Err(AppraisalError::config(field, format!("there is no arm {arm:?}")))
+        Err(EvaluationError::config(field, format!("there is no arm {arm:?}")))
     }
 }
 
 /// Reads the name of a condition in a field of the configuration.
-pub(crate) fn condition(field: &str, name: &str) -> Result<Condition, AppraisalError> {
-    name.parse().map_err(|error| AppraisalError::config(field, format!("{error}")))
+pub(crate) fn condition(field: &str, name: &str) -> Result<Condition, EvaluationError> {
+    name.parse().map_err(|error| EvaluationError::config(field, format!("{error}")))
 }

@@ -14,7 +14,7 @@ use ds_video::Layout;
 use ds_world::{Scene, WorldState};
 
 use crate::course::Course;
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// The frames whose course a prompt tells of, as those of training clips do.
 const TOLD_FRAMES: u32 = 40;
@@ -58,10 +58,10 @@ impl Drive {
     ///
     /// # Errors
     /// If the scenario has no camera.
-    pub fn new(world: &dyn CameraWorld, route: &Route, size_px: (u32, u32)) -> Result<Self, AppraisalError> {
+    pub fn new(world: &dyn CameraWorld, route: &Route, size_px: (u32, u32)) -> Result<Self, EvaluationError> {
         let scene = &route.scene;
         let model = scene.cameras.first().cloned();
-        let mut model = model.ok_or_else(|| AppraisalError::NoCamera { scenario: scene.name.clone() })?;
+        let mut model = model.ok_or_else(|| EvaluationError::NoCamera { scenario: scene.name.clone() })?;
         model.intrinsics = model.intrinsics.resized(size_px.0, size_px.1);
         let turned = DQuat::from_rotation_z(route.turned_deg.to_radians());
         model.rig_from_camera.rotation = turned * model.rig_from_camera.rotation;
@@ -99,7 +99,7 @@ impl Drive {
     ///
     /// # Errors
     /// If the size is refused.
-    pub fn layout(&mut self, frame: u32) -> Result<Layout, AppraisalError> {
+    pub fn layout(&mut self, frame: u32) -> Result<Layout, EvaluationError> {
         self.layout_of(&self.world(frame))
     }
 
@@ -107,7 +107,7 @@ impl Drive {
     ///
     /// # Errors
     /// If the size is refused.
-    pub fn bare_layout(&mut self, frame: u32) -> Result<Layout, AppraisalError> {
+    pub fn bare_layout(&mut self, frame: u32) -> Result<Layout, EvaluationError> {
         let world = self.world(frame);
         let map = self.bare.get_or_insert_with(|| StaticMap::bare(&self.course.scene().map));
         from_ego(&mut self.renderer, &LayoutScene { map, world: &world }, &self.model)
@@ -117,7 +117,7 @@ impl Drive {
     ///
     /// # Errors
     /// If the size is refused.
-    pub fn layout_of(&mut self, world: &WorldState) -> Result<Layout, AppraisalError> {
+    pub fn layout_of(&mut self, world: &WorldState) -> Result<Layout, EvaluationError> {
         from_ego(&mut self.renderer, &LayoutScene { map: &self.map, world }, &self.model)
     }
 
@@ -125,7 +125,7 @@ impl Drive {
     ///
     /// # Errors
     /// If the size is refused.
-    pub fn geometry(&mut self, frame: u32) -> Result<Geometry, AppraisalError> {
+    pub fn geometry(&mut self, frame: u32) -> Result<Geometry, EvaluationError> {
         let world = self.world(frame);
         let scene = LayoutScene { map: &self.map, world: &world };
         Ok(self.renderer.geometry(&scene, &self.model, world.ego.pose.world_from_rig(0.0))?)
@@ -135,7 +135,7 @@ impl Drive {
     ///
     /// # Errors
     /// If the size is refused.
-    pub fn frame(&self, frame: u32) -> Result<RgbImage, AppraisalError> {
+    pub fn frame(&self, frame: u32) -> Result<RgbImage, EvaluationError> {
         self.frame_of(&self.world(frame))
     }
 
@@ -143,7 +143,7 @@ impl Drive {
     ///
     /// # Errors
     /// If the size is refused.
-    pub fn frame_of(&self, world: &WorldState) -> Result<RgbImage, AppraisalError> {
+    pub fn frame_of(&self, world: &WorldState) -> Result<RgbImage, EvaluationError> {
         Ok(self.camera.on_ego(world, &self.model)?)
     }
 
@@ -151,7 +151,7 @@ impl Drive {
     ///
     /// # Errors
     /// If the size is refused.
-    pub fn labels(&mut self, frame: u32) -> Result<Vec<Label>, AppraisalError> {
+    pub fn labels(&mut self, frame: u32) -> Result<Vec<Label>, EvaluationError> {
         let world = self.world(frame);
         let rig = world.ego.pose.world_from_rig(0.0);
         let classes = self.camera.classes(&world, &self.model, rig)?;
@@ -167,7 +167,7 @@ impl Drive {
     }
 }
 
-fn from_ego(renderer: &mut Renderer, scene: &LayoutScene, camera: &CameraModel) -> Result<Layout, AppraisalError> {
+fn from_ego(renderer: &mut Renderer, scene: &LayoutScene, camera: &CameraModel) -> Result<Layout, EvaluationError> {
     let pose = scene.world.ego.pose.world_from_rig(0.0);
     let image = renderer.render(scene, camera, pose)?;
     let geometry = carriable(renderer.geometry(scene, camera, pose)?, &image);

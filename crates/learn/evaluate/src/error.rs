@@ -4,7 +4,7 @@ use std::path::Path;
 
 /// Says why an evaluation ended early.
 #[derive(Debug, thiserror::Error)]
-pub enum AppraisalError {
+pub enum EvaluationError {
     /// A file cannot be read or written.
     #[error("{what} {path:?} cannot be used")]
     Io {
@@ -110,7 +110,7 @@ pub enum AppraisalError {
     Picture(#[from] ds_raster::ImageError),
 }
 
-impl AppraisalError {
+impl EvaluationError {
     pub(crate) fn io(what: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.display().to_string();
         move |source| Self::Io { what, path, source }

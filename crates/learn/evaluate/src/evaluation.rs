@@ -16,7 +16,7 @@ use crate::arm::Arm;
 use crate::column::Column;
 use crate::config::EvalConfig;
 use crate::drive::{Drive, Route};
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 use crate::estimate::Resamples;
 use crate::eyes::Eyes;
 use crate::film;
@@ -88,7 +88,7 @@ impl<'a> Evaluation<'a> {
         config: &'a EvalConfig,
         worlds: &[&'a dyn CameraWorld],
         progress: &'a mut dyn Progress,
-    ) -> Result<Self, AppraisalError> {
+    ) -> Result<Self, EvaluationError> {
         let eyes = Eyes::load(config)?;
         progress.note("scenarios are being made");
         let columns = Column::all(config, worlds, progress)?;
@@ -107,7 +107,7 @@ impl<'a> Evaluation<'a> {
         outcome: &mut Outcome,
         parts: &BTreeSet<Part>,
         seconds: Seconds<'_>,
-    ) -> Result<(), AppraisalError> {
+    ) -> Result<(), EvaluationError> {
         outcome.perception = self.eyes.digest().to_string();
         if let Some(config) = self.config.sharpness.as_ref().filter(|_| parts.contains(&Part::Sharpness)) {
             outcome.sharpness = Some(self.sharpness(config)?);
@@ -141,7 +141,7 @@ impl<'a> Evaluation<'a> {
         Ok(())
     }
 
-    fn load(&mut self, name: &str) -> Result<(), AppraisalError> {
+    fn load(&mut self, name: &str) -> Result<(), EvaluationError> {
         if !self.arms.contains_key(name) {
             self.arms.insert(name.to_owned(), Arm::load(self.config, name)?);
         }
@@ -154,9 +154,9 @@ impl<'a> Evaluation<'a> {
     }
 
     /// Returns the size of frames: that of the first arm of some.
-    fn size_px(&mut self, arms: &BTreeSet<String>) -> Result<(u32, u32), AppraisalError> {
+    fn size_px(&mut self, arms: &BTreeSet<String>) -> Result<(u32, u32), EvaluationError> {
         let Some(first) = arms.first() else {
-            return Err(AppraisalError::config("arms", "a part that is measured names no arm"));
+            return Err(EvaluationError::config("arms", "a part that is measured names no arm"));
         };
         self.load(first)?;
         let size_px = self.arms[first].size_px();
@@ -164,7 +164,7 @@ impl<'a> Evaluation<'a> {
             self.load(name)?;
             if self.arms[name].size_px() != size_px {
                 let rule = format!("{name:?} and {first:?} make frames of different sizes");
-                return Err(AppraisalError::config("arms", rule));
+                return Err(EvaluationError::config("arms", rule));
             }
         }
         Ok(size_px)
@@ -177,7 +177,7 @@ impl<'a> Evaluation<'a> {
         column: usize,
         routes: &[Vec<Route>],
         viewing: Viewing<'_>,
-    ) -> Result<Rollouts, AppraisalError> {
+    ) -> Result<Rollouts, EvaluationError> {
         if let Some(name) = arm {
             self.load(name)?;
         }
@@ -197,7 +197,7 @@ impl<'a> Evaluation<'a> {
         column: usize,
         route: &Route,
         viewing: Viewing<'_>,
-    ) -> Result<Record, AppraisalError> {
+    ) -> Result<Record, EvaluationError> {
         let arm = arm.map(|name| &self.arms[name]);
         let column = &self.columns[column];
         let key = viewing.key(arm, column.world.name(), route, &self.eyes);
@@ -214,12 +214,12 @@ impl<'a> Evaluation<'a> {
     }
 
     /// Writes side-by-side stills and videos; those that are there already stay.
-    fn videos(&mut self) -> Result<Vec<String>, AppraisalError> {
+    fn videos(&mut self) -> Result<Vec<String>, EvaluationError> {
         let Some(videos) = self.config.videos.as_ref() else { return Ok(Vec::new()) };
         let arms: BTreeSet<String> = videos.arms.iter().cloned().collect();
         let size_px = self.size_px(&arms)?;
         let folder = self.config.out.join("videos");
-        std::fs::create_dir_all(&folder).map_err(AppraisalError::io("folder of videos", &folder))?;
+        std::fs::create_dir_all(&folder).map_err(EvaluationError::io("folder of videos", &folder))?;
         let mut names = Vec::new();
         for column in &self.columns {
             for group in column.routes(videos.scenarios as usize, &[0], 1.0) {
@@ -233,8 +233,8 @@ impl<'a> Evaluation<'a> {
                     let film = film::side_by_side(&mut drive, &videos.arms, &self.arms, videos.frames)?;
                     let stills = path.with_extension("png");
                     ds_train::sheet::write(&stills, &film.stills())
-                        .map_err(|source| AppraisalError::Stills { source })?;
-                    std::fs::write(&path, film.animation()?).map_err(AppraisalError::io("video", &path))?;
+                        .map_err(|source| EvaluationError::Stills { source })?;
+                    std::fs::write(&path, film.animation()?).map_err(EvaluationError::io("video", &path))?;
                 }
                 names.push(name);
             }

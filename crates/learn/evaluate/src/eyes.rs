@@ -8,7 +8,7 @@ use ds_perception::segmenter::Segmenter;
 use ds_space::{Digest, DigestWriter};
 
 use crate::config::EvalConfig;
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// All networks.
 pub struct Eyes {
@@ -26,7 +26,7 @@ impl Eyes {
     ///
     /// # Errors
     /// If a file is broken or does not hold its network.
-    pub fn load(config: &EvalConfig) -> Result<Self, AppraisalError> {
+    pub fn load(config: &EvalConfig) -> Result<Self, EvaluationError> {
         let files = &config.perception;
         let path = |file: &Path| config.path(file);
         let segmenter = Segmenter::load(&path(&files.segmenter))?;

@@ -10,7 +10,7 @@ use gif::{Encoder, Frame, Repeat};
 use crate::arm::Arm;
 use crate::config::ArmKind;
 use crate::drive::Drive;
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 const LEVELS: [u32; 3] = [6, 7, 6];
 const BAYER: [[u32; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
@@ -32,10 +32,10 @@ pub(crate) fn side_by_side(
     names: &[String],
     arms: &BTreeMap<String, Arm>,
     last: u32,
-) -> Result<Film, AppraisalError> {
+) -> Result<Film, EvaluationError> {
     let mut strips = Vec::new();
     strips.push((0..=last).map(|frame| drive.frame(frame)).collect::<Result<Vec<_>, _>>()?);
-    strips.push((0..=last).map(|frame| Ok(drive.layout(frame)?.image)).collect::<Result<Vec<_>, AppraisalError>>()?);
+    strips.push((0..=last).map(|frame| Ok(drive.layout(frame)?.image)).collect::<Result<Vec<_>, EvaluationError>>()?);
     for name in names {
         let arm = &arms[name];
         strips.push(arm.roll(drive, whole(arm.kind, last, arm.frames_per_chunk()))?);
@@ -45,7 +45,7 @@ pub(crate) fn side_by_side(
 
 impl Film {
     /// Returns the animation.
-    pub(crate) fn animation(&self) -> Result<Vec<u8>, AppraisalError> {
+    pub(crate) fn animation(&self) -> Result<Vec<u8>, EvaluationError> {
         encode(&self.strips, self.last)
     }
 
@@ -58,7 +58,7 @@ impl Film {
     }
 }
 
-fn encode(strips: &[Vec<RgbImage>], last: u32) -> Result<Vec<u8>, AppraisalError> {
+fn encode(strips: &[Vec<RgbImage>], last: u32) -> Result<Vec<u8>, EvaluationError> {
     let (width, height) =
         strips.first().and_then(|strip| strip.first()).map_or((1, 1), |image| (image.width_px(), image.height_px()));
     let side = |value: u32| u16::try_from(value).unwrap_or(u16::MAX);

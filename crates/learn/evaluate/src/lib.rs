@@ -26,7 +26,7 @@ pub mod summary;
 pub mod watch;
 
 pub use config::EvalConfig;
-pub use error::AppraisalError;
+pub use error::EvaluationError;
 
 /// Hears how an evaluation goes on, from whichever thread.
 pub trait Progress: Send {

@@ -241,14 +241,14 @@ pub struct FirstFramesOutcome {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct WordedOutcome {
     /// Made from layout and words.
-    pub words: Shown,
+    pub words: LookFigures,
     /// The world's own in that condition.
-    pub own: Shown,
+    pub own: LookFigures,
 }
 
 /// What frames of a condition show; beside the first figure all over those of ordinary daylight, made alike.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Shown {
+pub struct LookFigures {
     /// Share whose look is named right.
     pub recognised: Option<Estimate>,
     /// Mean luma.

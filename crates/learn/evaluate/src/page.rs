@@ -11,7 +11,9 @@ use ds_page::{Document, Markup, Pictures, link};
 use crate::config::EvalConfig;
 use crate::estimate::Estimate;
 use crate::film::STILLS;
-use crate::outcome::{ArmDrift, ArmLayout, ColumnLayout, FIRST_FRAMES_SHEET, Outcome, Sharpness, Shown, WordedOutcome};
+use crate::outcome::{
+    ArmDrift, ArmLayout, ColumnLayout, FIRST_FRAMES_SHEET, LookFigures, Outcome, Sharpness, WordedOutcome,
+};
 use ds_train::colour::Colour;
 use plot::{Line, Plot};
 use table::{shown, table};
@@ -277,7 +279,7 @@ fn first_frames(m: &mut Markup, outcome: &Outcome) {
     );
     m.leaf("p", &[], told);
     let row = |(condition, found): (&String, &WordedOutcome)| {
-        let pair = |of: fn(&Shown) -> Option<Estimate>| {
+        let pair = |of: fn(&LookFigures) -> Option<Estimate>| {
             format!("{} / {}", shown(of(&found.words), 2), shown(of(&found.own), 2))
         };
         vec![

@@ -19,7 +19,7 @@ use image::ImageEncoder;
 use crate::arm::Arm;
 use crate::column::{look, scenario};
 use crate::drive::{Drive, Route};
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// What is farther counts as this far, m.
 const FARTHEST_M: f64 = 150.0;
@@ -52,7 +52,7 @@ impl PairsPlan {
     ///
     /// # Errors
     /// If a number is out of bounds.
-    pub fn check(&self) -> Result<(), AppraisalError> {
+    pub fn check(&self) -> Result<(), EvaluationError> {
         let rows = [
             ("clips", self.clips, 1, 1000),
             ("seeds", self.seeds, 1, 100),
@@ -61,7 +61,7 @@ impl PairsPlan {
             ("over", self.over.into(), 1, 8),
         ];
         match rows.iter().find(|(_, value, low, high)| !(low..=high).contains(&value)) {
-            Some((field, _, low, high)) => Err(AppraisalError::config(*field, format!("must be {low} to {high}"))),
+            Some((field, _, low, high)) => Err(EvaluationError::config(*field, format!("must be {low} to {high}"))),
             None => Ok(()),
         }
     }
@@ -77,7 +77,7 @@ pub fn write(
     plan: &PairsPlan,
     case: u64,
     folder: &Path,
-) -> Result<(), AppraisalError> {
+) -> Result<(), EvaluationError> {
     let mut clips = Vec::new();
     let mut meta = None;
     for clip in 0..plan.clips {
@@ -109,7 +109,7 @@ struct Clip {
 }
 
 impl Clip {
-    fn made(world: &dyn CameraWorld, arm: &Arm, plan: &PairsPlan, route: &Route) -> Result<Self, AppraisalError> {
+    fn made(world: &dyn CameraWorld, arm: &Arm, plan: &PairsPlan, route: &Route) -> Result<Self, EvaluationError> {
         let size = arm.size_px();
         let mut drive = Drive::new(world, route, size)?;
         let all = 0..plan.first + plan.frames;
@@ -135,7 +135,7 @@ impl Clip {
         Ok(Self { drive, worlds, depths_cm, own, large, generated })
     }
 
-    fn write(&self, plan: &PairsPlan, folder: &Path) -> Result<FrameMeta, AppraisalError> {
+    fn write(&self, plan: &PairsPlan, folder: &Path) -> Result<FrameMeta, EvaluationError> {
         let seeds: Vec<PathBuf> = (0..plan.seeds).map(|seed| PathBuf::from(format!("sim_{seed}"))).collect();
         for (name, frames) in seeds.iter().zip(&self.generated) {
             pictures(&folder.join(name), plan.first, frames)?;
@@ -147,7 +147,7 @@ impl Clip {
         let lens = &self.drive.model.intrinsics;
         put(&folder.join("depth_proxy.png"), &encoded(lens, &middle(&self.depths_cm))?)?;
         let each = folder.join("depth");
-        std::fs::create_dir_all(&each).map_err(AppraisalError::io("folder of depths", &each))?;
+        std::fs::create_dir_all(&each).map_err(EvaluationError::io("folder of depths", &each))?;
         let mut frames = String::from("frame,time_s,real_stamp_s,speed_mps,yaw_rate_radps,light_rel\n");
         let mut boxes = String::from("frame,box,x0,y0,x1,y1,class\n");
         let step = self.drive.scene().dt.secs();
@@ -210,8 +210,8 @@ impl Clip {
     }
 }
 
-fn pictures(folder: &Path, first: u32, frames: &[RgbImage]) -> Result<(), AppraisalError> {
-    std::fs::create_dir_all(folder).map_err(AppraisalError::io("folder of frames", folder))?;
+fn pictures(folder: &Path, first: u32, frames: &[RgbImage]) -> Result<(), EvaluationError> {
+    std::fs::create_dir_all(folder).map_err(EvaluationError::io("folder of frames", folder))?;
     for (number, frame) in (first..).zip(frames) {
         put(&folder.join(format!("{number:04}.png")), &frame.encode(Encoding::Png)?)?;
     }
@@ -237,7 +237,7 @@ fn middle(depths: &[Vec<u16>]) -> Vec<u16> {
     (0..depths.first().map_or(0, Vec::len)).map(of).collect()
 }
 
-fn encoded(lens: &Intrinsics, depth_cm: &[u16]) -> Result<Vec<u8>, AppraisalError> {
+fn encoded(lens: &Intrinsics, depth_cm: &[u16]) -> Result<Vec<u8>, EvaluationError> {
     let bytes: Vec<u8> = depth_cm.iter().flat_map(|cm| cm.to_ne_bytes()).collect();
     let mut out = Vec::new();
     let encoder = image::codecs::png::PngEncoder::new(&mut out);
@@ -247,6 +247,6 @@ fn encoded(lens: &Intrinsics, depth_cm: &[u16]) -> Result<Vec<u8>, AppraisalErro
     Ok(out)
 }
 
-fn put(path: &Path, bytes: &[u8]) -> Result<(), AppraisalError> {
-    std::fs::write(path, bytes).map_err(AppraisalError::io("file of a case", path))
+fn put(path: &Path, bytes: &[u8]) -> Result<(), EvaluationError> {
+    std::fs::write(path, bytes).map_err(EvaluationError::io("file of a case", path))
 }

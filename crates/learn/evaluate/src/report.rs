@@ -5,9 +5,9 @@ use std::path::Path;
 use serde_json::{Map, Value, json};
 
 use crate::config::{DIVERSE_ARMS, DRIFT_ARMS, EvalConfig, GUIDANCE_ARMS, LAYOUT_ARMS, LAYOUT_TARGETS, SHARPNESS_ARMS};
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 use crate::estimate::{CONFIDENCE, Estimate};
-use crate::outcome::{Outcome, Sharpness, Shown, WordedOutcome};
+use crate::outcome::{LookFigures, Outcome, Sharpness, WordedOutcome};
 use crate::page;
 
 /// The column that `eval.json` shows at its top.
@@ -17,13 +17,13 @@ pub const FIRST_COLUMN: &str = "A";
 ///
 /// # Errors
 /// If the file is there and broken.
-pub fn earlier(folder: &Path) -> Result<Outcome, AppraisalError> {
+pub fn earlier(folder: &Path) -> Result<Outcome, EvaluationError> {
     let path = folder.join("outcome.json");
     match std::fs::read_to_string(&path) {
         Ok(text) => serde_json::from_str(&text)
-            .map_err(|source| AppraisalError::Record { path: path.display().to_string(), source }),
+            .map_err(|source| EvaluationError::Record { path: path.display().to_string(), source }),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Outcome::default()),
-        Err(error) => Err(AppraisalError::io("outcome", &path)(error)),
+        Err(error) => Err(EvaluationError::io("outcome", &path)(error)),
     }
 }
 
@@ -31,10 +31,10 @@ pub fn earlier(folder: &Path) -> Result<Outcome, AppraisalError> {
 ///
 /// # Errors
 /// If a file cannot be written.
-pub fn write(outcome: &Outcome, config: &EvalConfig) -> Result<(), AppraisalError> {
+pub fn write(outcome: &Outcome, config: &EvalConfig) -> Result<(), EvaluationError> {
     let folder = &config.out;
-    std::fs::create_dir_all(folder).map_err(AppraisalError::io("folder of results", folder))?;
-    let broken = |source| AppraisalError::Record { path: "outcome.json".to_owned(), source };
+    std::fs::create_dir_all(folder).map_err(EvaluationError::io("folder of results", folder))?;
+    let broken = |source| EvaluationError::Record { path: "outcome.json".to_owned(), source };
     let files = [
         ("eval.json", format!("{:#}\n", eval_json(outcome, config))),
         ("outcome.json", serde_json::to_string_pretty(outcome).map_err(broken)?),
@@ -43,8 +43,8 @@ pub fn write(outcome: &Outcome, config: &EvalConfig) -> Result<(), AppraisalErro
     for (name, text) in files {
         let path = folder.join(name);
         let partial = path.with_extension("partial");
-        std::fs::write(&partial, text).map_err(AppraisalError::io("result", &partial))?;
-        std::fs::rename(&partial, &path).map_err(AppraisalError::io("result", &path))?;
+        std::fs::write(&partial, text).map_err(EvaluationError::io("result", &partial))?;
+        std::fs::rename(&partial, &path).map_err(EvaluationError::io("result", &path))?;
     }
     Ok(())
 }
@@ -144,7 +144,7 @@ fn sharpness_json(outcome: &Outcome, column: &str) -> Value {
 
 fn first_frames_json(outcome: &Outcome) -> Value {
     let Some(part) = &outcome.first_frames else { return Value::Null };
-    let shown = |shown: &Shown| {
+    let shown = |shown: &LookFigures| {
         json!({
             "recognised": value(shown.recognised),
             "luma": value(shown.luma),

@@ -6,7 +6,7 @@ use ds_space::Digest;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// A folder of records.
 #[derive(Debug, Clone)]
@@ -19,8 +19,8 @@ impl Store {
     ///
     /// # Errors
     /// If it cannot be made.
-    pub fn open(folder: &Path) -> Result<Self, AppraisalError> {
-        std::fs::create_dir_all(folder).map_err(AppraisalError::io("folder of records", folder))?;
+    pub fn open(folder: &Path) -> Result<Self, EvaluationError> {
+        std::fs::create_dir_all(folder).map_err(EvaluationError::io("folder of records", folder))?;
         Ok(Self { folder: folder.to_path_buf() })
     }
 
@@ -32,14 +32,14 @@ impl Store {
     ///
     /// # Errors
     /// If the file is there and broken.
-    pub fn get<T: DeserializeOwned>(&self, key: &Digest) -> Result<Option<T>, AppraisalError> {
+    pub fn get<T: DeserializeOwned>(&self, key: &Digest) -> Result<Option<T>, EvaluationError> {
         let path = self.path(key);
         let text = match std::fs::read_to_string(&path) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(AppraisalError::io("record", &path)(error)),
+            Err(error) => return Err(EvaluationError::io("record", &path)(error)),
         };
-        let broken = |source| AppraisalError::Record { path: path.display().to_string(), source };
+        let broken = |source| EvaluationError::Record { path: path.display().to_string(), source };
         serde_json::from_str(&text).map(Some).map_err(broken)
     }
 
@@ -47,13 +47,13 @@ impl Store {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn put(&self, key: &Digest, record: &impl Serialize) -> Result<(), AppraisalError> {
+    pub fn put(&self, key: &Digest, record: &impl Serialize) -> Result<(), EvaluationError> {
         let path = self.path(key);
-        let broken = |source| AppraisalError::Record { path: path.display().to_string(), source };
+        let broken = |source| EvaluationError::Record { path: path.display().to_string(), source };
         let text = serde_json::to_string(record).map_err(broken)?;
         let partial = path.with_extension("partial");
-        std::fs::write(&partial, text).map_err(AppraisalError::io("record", &partial))?;
-        std::fs::rename(&partial, &path).map_err(AppraisalError::io("record", &path))
+        std::fs::write(&partial, text).map_err(EvaluationError::io("record", &partial))?;
+        std::fs::rename(&partial, &path).map_err(EvaluationError::io("record", &path))
     }
 }
 

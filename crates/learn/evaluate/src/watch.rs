@@ -7,7 +7,7 @@ use ds_space::{Digest, DigestWriter};
 
 use crate::arm::Arm;
 use crate::drive::{Drive, Route};
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 use crate::eyes::Eyes;
 use crate::record::{Glance, Record, Seam};
 use ds_train::colour::{Colour, Steps, difference, psnr_db};
@@ -64,7 +64,7 @@ pub fn watch(
     drive: &mut Drive,
     plan: &FrameSelection,
     eyes: &Eyes,
-) -> Result<Record, AppraisalError> {
+) -> Result<Record, EvaluationError> {
     let made = arm.map(|arm| arm.roll(drive, plan.last())).transpose()?;
     let mut glances = Vec::new();
     for frame in &plan.looked {
@@ -107,7 +107,7 @@ fn judge(
     seen: &RgbImage,
     own: Option<&RgbImage>,
     eyes: &Eyes,
-) -> Result<(), AppraisalError> {
+) -> Result<(), EvaluationError> {
     let truth = drive.labels(glance.frame)?;
     let beside: Vec<bool> = truth.iter().map(|label| *label == Label::Other).collect();
     glance.off_road = own.and_then(|own| eyes.look.distance_where(own, seen, &beside));

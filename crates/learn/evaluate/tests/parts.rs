@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use ds_evaluate::AppraisalError;
+use ds_evaluate::EvaluationError;
 use ds_evaluate::study::{self, Study, StudyConfig, outcome::Outcome};
 
 use crate::study::{Counted, by};
@@ -23,7 +23,7 @@ fn source(name: &str) -> study::config::Source {
     study::config::Source::try_from(toml::Value::String(name.to_owned())).expect("a sound source")
 }
 
-fn run(config: &StudyConfig, workers: usize) -> Result<(Outcome, Counted), Box<AppraisalError>> {
+fn run(config: &StudyConfig, workers: usize) -> Result<(Outcome, Counted), Box<EvaluationError>> {
     let mut counted = Counted::default();
     let found = by(Some(workers), Study::Parts, config, &mut counted)?;
     Ok((found, counted))

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use ds_evaluate::study::{self, Guests, Means, RecordedDrive, Study, StudyConfig, outcome::Outcome};
-use ds_evaluate::{AppraisalError, Progress};
+use ds_evaluate::{EvaluationError, Progress};
 use ds_nn::Array;
 use ds_policy::plan::evenly_spaced;
 use ds_policy::{Context, Observation, Policy, PolicyAnswer, PolicyError, PrivilegedView, Restart};
@@ -44,7 +44,7 @@ impl Progress for Counted {
 }
 
 /// Runs a study to which no policy connects.
-fn alone(study: Study, config: &StudyConfig, progress: &mut Counted) -> Result<Outcome, Box<AppraisalError>> {
+fn alone(study: Study, config: &StudyConfig, progress: &mut Counted) -> Result<Outcome, Box<EvaluationError>> {
     by(None, study, config, progress)
 }
 
@@ -54,12 +54,12 @@ pub(crate) fn by(
     study: Study,
     config: &StudyConfig,
     progress: &mut Counted,
-) -> Result<Outcome, Box<AppraisalError>> {
+) -> Result<Outcome, Box<EvaluationError>> {
     let guests: &Guests<'_> = &|name, _| Err(format!("{name} is not expected").into());
     study::run(study, config, &Means { guests, seconds: &|| 0.0, workers }, progress).map_err(Box::new)
 }
 
-fn run(study: Study, config: &StudyConfig) -> Result<Outcome, Box<AppraisalError>> {
+fn run(study: Study, config: &StudyConfig) -> Result<Outcome, Box<EvaluationError>> {
     alone(study, config, &mut Counted::default())
 }
 

@@ -44,6 +44,14 @@ pub enum RecordError {
         /// The file.
         path: PathBuf,
     },
+    /// The recording is damaged before its scene ends.
+    #[error("recording is damaged before its scene ends, nothing of it can be read: {what}, in {path:?}")]
+    Unreadable {
+        /// Where it breaks.
+        what: String,
+        /// The file.
+        path: PathBuf,
+    },
     /// The recording is larger than this reader takes.
     #[error("recording holds {found} bytes, the limit is {limit}")]
     TooLarge {

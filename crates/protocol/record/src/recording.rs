@@ -105,7 +105,9 @@ impl Recording {
         }
         let slot = Slot::new(Topic::Scene, 0);
         let scene_envelope = messages.get(&slot).cloned().ok_or_else(|| match &stopped {
-            Some((byte, why)) => foreign(&format!("no scene before byte {byte} ({why})")),
+            Some((byte, why)) => {
+                RecordError::Unreadable { what: format!("byte {byte}: {why}"), path: path.to_path_buf() }
+            }
             None => foreign("no scene before the first mark"),
         })?;
         let scene: SceneMessage = message::body(&scene_envelope)?;

@@ -1,8 +1,8 @@
 //! How commands open recordings: whole, or with `--partial` what is there, which is then said.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Result, anyhow};
 use ds_record::{RecordError, Recording, damage};
 use ds_run_report::Results;
 use rayon::prelude::*;
@@ -19,8 +19,9 @@ const REFUSED: &str = "`--partial` takes what is there, and says so";
 pub(crate) fn open(path: &Path, partial: bool) -> Result<Recording> {
     let recording = if partial { Recording::open_partial(path) } else { Recording::open(path) };
     let recording = recording.map_err(|error| match error {
-        RecordError::Damaged { .. } => anyhow::Error::new(error).context(REFUSED),
-        error => anyhow::Error::new(error),
+        RecordError::Damaged { .. } => anyhow!("{error}; {REFUSED}"),
+        RecordError::File { .. } | RecordError::Foreign { .. } | RecordError::Unreadable { .. } => error.into(),
+        error => anyhow::Error::new(error).context(path.display().to_string()),
     })?;
     if let Some(damage) = recording.damage() {
         answer(&format!("partial: {}: {damage}", path.display()));
@@ -29,16 +30,24 @@ pub(crate) fn open(path: &Path, partial: bool) -> Result<Recording> {
 }
 
 /// Looks at the recordings beside a results file and returns what is wrong with them, one line each. One that is not there
-/// at all was moved or stayed with its fleet, which is nothing wrong.
+/// at all was moved or stayed with its fleet, which is nothing wrong, but said.
 ///
 /// # Errors
 /// If any is not whole, without `partial`.
 pub(crate) fn inspect(results: &Results, folder: &Path, partial: bool) -> Result<Vec<String>> {
-    let named = results.episodes.par_iter().filter(|episode| !episode.recording.is_empty());
-    let lines: Vec<String> = named.filter_map(|episode| damage(&folder.join(&episode.recording))).collect();
+    let named = results.episodes.iter().filter(|episode| !episode.recording.is_empty());
+    let files: Vec<PathBuf> = named.map(|episode| folder.join(&episode.recording)).collect();
+    let (there, gone): (Vec<&PathBuf>, Vec<&PathBuf>) = files.iter().partition(|file| file.exists());
+    if let Some(first) = gone.first() {
+        let (count, all, first) = (gone.len(), files.len(), first.display());
+        tracing::warn!(
+            "{count} of {all} recordings are not there ({first} first): the results file alone tells of their drives"
+        );
+    }
+    let lines: Vec<String> = there.par_iter().filter_map(|file| damage(file)).collect();
     match lines.first() {
         Some(first) if !partial => {
-            Err(anyhow::anyhow!("{} recordings are not whole, the first is {first}", lines.len())).context(REFUSED)
+            Err(anyhow!("{} recordings are not whole, the first is {first}; {REFUSED}", lines.len()))
         }
         _ => Ok(lines),
     }

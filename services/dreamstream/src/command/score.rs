@@ -69,7 +69,7 @@ fn recordings(args: &ScoreArgs) -> Result<()> {
     let bar = bar(args.recordings.len() as u64, "recordings");
     let mut all = Vec::new();
     for path in &args.recordings {
-        all.push(scored(path, args.profile.as_deref(), args.partial).with_context(|| path.display().to_string())?);
+        all.push(scored(path, args.profile.as_deref(), args.partial)?);
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -110,7 +110,7 @@ fn recordings(args: &ScoreArgs) -> Result<()> {
 fn scored(path: &Path, profile: Option<&str>, partial: bool) -> Result<Scored> {
     let recording = recording::open(path, partial)?;
     let scene = recording.scene();
-    let score = score(&recording, scene, profile)?;
+    let score = score(&recording, scene, profile).with_context(|| path.display().to_string())?;
     let spec = &scene.spec;
     Ok(Scored {
         recording: path.display().to_string(),

@@ -15,7 +15,7 @@ use crate::clips::bias::{Bias, within};
 use crate::clips::readout::{COUNT, Readout};
 use crate::clips::stack::Stack;
 use crate::clips::{ClipCase, flips, remains};
-use crate::error::SightError;
+use crate::error::FramesError;
 use crate::pairing::nuisance::Nuisance;
 use crate::pairing::paths::Path;
 use crate::pairing::statistics::Scope;
@@ -27,10 +27,10 @@ use crate::settings;
 ///
 /// # Errors
 /// If a file is missing or spoiled, or there are too few clips.
-pub fn judged(case: &ClipCase, nuisance: Option<&Nuisance>, without: &[String]) -> Result<Diagnosis, SightError> {
+pub fn judged(case: &ClipCase, nuisance: Option<&Nuisance>, without: &[String]) -> Result<Diagnosis, FramesError> {
     if case.clips.len() < settings::FEWEST_CLIPS {
         let (found, needed, case) = (case.clips.len(), settings::FEWEST_CLIPS, case.name.clone());
-        return Err(SightError::TooFewClips { found, needed, case });
+        return Err(FramesError::TooFewClips { found, needed, case });
     }
     let read = |clip| Readout::of(clip, Some(without));
     let readouts: Vec<Readout> = case.clips.par_iter().map(read).collect::<Result<_, _>>()?;

@@ -7,7 +7,7 @@ use nalgebra::DVector;
 
 use crate::case::FrameCase;
 use crate::clips::Clip;
-use crate::error::SightError;
+use crate::error::FramesError;
 use crate::how_far::plain_gap;
 use crate::pairing::paths::{Path, paths};
 use crate::pairing::statistics::{Scope, statistics};
@@ -36,7 +36,7 @@ impl Readout {
     ///
     /// # Errors
     /// If a file is missing or spoiled.
-    pub fn of(clip: &Clip, without: Option<&[String]>) -> Result<Self, SightError> {
+    pub fn of(clip: &Clip, without: Option<&[String]>) -> Result<Self, FramesError> {
         let streams = clip.streams()?;
         let mut readout =
             Self { rows: Vec::new(), late: Vec::new(), paths: Vec::new(), gap: [0.0; 2], warnings: Vec::new() };
@@ -85,7 +85,7 @@ const RESPONSE_SHARE: f64 = 0.25;
 ///
 /// # Errors
 /// If a file is missing or spoiled.
-pub fn beyond_simulated(clip: &Clip) -> Result<Vec<Path>, SightError> {
+pub fn beyond_simulated(clip: &Clip) -> Result<Vec<Path>, FramesError> {
     let streams = clip.streams()?;
     let stream = &streams[0];
     let on_real = tried(stream, &[]);

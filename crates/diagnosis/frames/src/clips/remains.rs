@@ -7,7 +7,7 @@ use ds_stats::sign_flip;
 use rayon::prelude::*;
 
 use crate::clips::ClipCase;
-use crate::error::SightError;
+use crate::error::FramesError;
 use crate::how_far::{Compared, Correction, shrinks};
 use crate::loss::TILES;
 use crate::pairing::verdict::{cell, tiles};
@@ -26,7 +26,7 @@ pub struct Remains {
 ///
 /// # Errors
 /// If a file is missing or spoiled, or features are not finite.
-pub fn measured(case: &ClipCase, correction: &Correction, floors: [f64; 2]) -> Result<Remains, SightError> {
+pub fn measured(case: &ClipCase, correction: &Correction, floors: [f64; 2]) -> Result<Remains, FramesError> {
     let clips = case.clips.par_iter().map(|clip| {
         let stream = clip.first()?;
         let [fit, held] = [&stream.fit, &stream.held].map(|frames| {
@@ -36,7 +36,7 @@ pub fn measured(case: &ClipCase, correction: &Correction, floors: [f64; 2]) -> R
         let span = [stream.fit[0].time_secs, stream.fit[stream.fit.len() - 1].time_secs];
         Ok((fit, held, tiles(&stream, correction), span))
     });
-    let clips: Vec<_> = clips.collect::<Result<Vec<_>, SightError>>()?;
+    let clips: Vec<_> = clips.collect::<Result<Vec<_>, FramesError>>()?;
     let mut cells: Vec<Cell> = (0..TILES)
         .filter_map(|t| {
             let over: Vec<[f64; 2]> = clips.iter().map(|(_, _, tiles, _)| tiles[t]).collect();
@@ -59,11 +59,11 @@ pub fn unseen(
     correction: &Correction,
     floors: [f64; 2],
     wanted: &(dyn Fn(u64) -> bool + Sync),
-) -> Result<Vec<Shrink>, SightError> {
+) -> Result<Vec<Shrink>, FramesError> {
     let clips = case.clips.par_iter().map(|clip| {
         let stream = clip.first()?;
         let frames: Vec<_> = stream.fit.iter().chain(&stream.held).filter(|f| wanted(f.number)).collect();
         Ok(Compared::of(&stream, correction, &frames, floors))
     });
-    shrinks(clips.collect::<Result<_, SightError>>()?, floors, "unseen")
+    shrinks(clips.collect::<Result<_, FramesError>>()?, floors, "unseen")
 }

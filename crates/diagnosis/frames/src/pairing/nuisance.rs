@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::case::FrameCase;
 use crate::clips::readout::{Readout, beyond_simulated};
 use crate::clips::{Clip, ClipCase};
-use crate::error::SightError;
+use crate::error::FramesError;
 use crate::pairing::looks::{ALL, MOVED, OWN};
 use crate::pairing::paths;
 use crate::pairing::statistics::{Scope, statistics};
@@ -42,7 +42,7 @@ impl Nuisance {
     ///
     /// # Errors
     /// If a case cannot be read, or there are too few.
-    pub fn learn(folder: &Path) -> Result<Self, SightError> {
+    pub fn learn(folder: &Path) -> Result<Self, FramesError> {
         let mut cases: Vec<_> = std::fs::read_dir(folder)
             .map_err(|source| CaseError::Read { path: folder.to_path_buf(), source })?
             .filter_map(|e| e.ok().map(|e| e.path()))
@@ -69,7 +69,7 @@ impl Nuisance {
         rows.extend(clips.iter().map(|row| row.rows(0, ALL).into_owned()));
         if rows.len() < settings::FEWEST_NUISANCE {
             let found = rows.len();
-            return Err(SightError::TooFewNuisance { found, needed: settings::FEWEST_NUISANCE, path: folder.into() });
+            return Err(FramesError::TooFewNuisance { found, needed: settings::FEWEST_NUISANCE, path: folder.into() });
         }
         let gap = [0, 1].map(|k| gaps.iter().map(|gap| gap[k]).sum::<f64>() / gaps.len() as f64);
         let tried = &seeded[..seeded.len().min(settings::SIGNATURE_CLIPS)];

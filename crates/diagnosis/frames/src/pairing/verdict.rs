@@ -13,7 +13,7 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 
 use crate::case::FrameCase;
-use crate::error::SightError;
+use crate::error::FramesError;
 use crate::how_far::{Correction, FLOORS, generated};
 use crate::loss::{TILES, tile};
 use crate::pairing::nuisance::Nuisance;
@@ -129,7 +129,7 @@ pub fn judged(
     pairing: Pairing,
     nuisance: &Nuisance,
     without: &[String],
-) -> Result<Diagnosis, SightError> {
+) -> Result<Diagnosis, FramesError> {
     let scope = Scope::of(pairing);
     let (x, moved) = statistics(scene, scope);
     let paths: Vec<Path> =

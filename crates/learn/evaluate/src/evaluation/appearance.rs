@@ -8,7 +8,7 @@ use ds_perception::segmenter::highest;
 
 use super::Evaluation;
 use crate::config::{AppearanceConfig, condition};
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 use crate::estimate::Resamples;
 use crate::outcome::{AppearanceOutcome, ConditionOutcome};
 use crate::summary::Rollouts;
@@ -22,7 +22,7 @@ struct Wanted {
 
 impl Wanted {
     /// Reads the name of a condition.
-    fn parse(name: &str) -> Result<Self, AppraisalError> {
+    fn parse(name: &str) -> Result<Self, EvaluationError> {
         let condition = condition("appearance.conditions", name)?;
         Ok(Self { condition, kept: sought(condition) })
     }
@@ -49,7 +49,7 @@ impl Wanted {
 }
 
 impl Evaluation<'_> {
-    pub(super) fn appearance(&mut self, config: &AppearanceConfig) -> Result<AppearanceOutcome, AppraisalError> {
+    pub(super) fn appearance(&mut self, config: &AppearanceConfig) -> Result<AppearanceOutcome, EvaluationError> {
         let arms = Self::named([&config.arms]);
         let size_px = self.size_px(&arms)?;
         let plan = FrameSelection { looked: (config.at + 1 - config.window..=config.at).collect(), truth: false };

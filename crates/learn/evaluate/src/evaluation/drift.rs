@@ -9,7 +9,7 @@ use ds_fidelity::{Features, Principal};
 
 use super::Evaluation;
 use crate::config::{DriftConfig, LongConfig};
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 use crate::estimate::{Estimate, Resamples, mean};
 use crate::outcome::{ArmDrift, ColumnDrift, DriftOutcome, LongOutcome};
 use crate::record::Glance;
@@ -26,7 +26,7 @@ const LONG_EVERY: usize = 20;
 type AtMarks = Vec<Features>;
 
 impl Evaluation<'_> {
-    pub(super) fn drift(&mut self, config: &DriftConfig) -> Result<DriftOutcome, AppraisalError> {
+    pub(super) fn drift(&mut self, config: &DriftConfig) -> Result<DriftOutcome, EvaluationError> {
         let arms = Self::named([&config.arms]);
         let size_px = self.size_px(&arms)?;
         let mut looked: Vec<u32> = config.marks.iter().flat_map(|mark| mark + 1 - config.window..=*mark).collect();
@@ -72,7 +72,7 @@ impl Evaluation<'_> {
         config: &DriftConfig,
         long: &LongConfig,
         size_px: (u32, u32),
-    ) -> Result<LongOutcome, AppraisalError> {
+    ) -> Result<LongOutcome, EvaluationError> {
         let plan = FrameSelection { looked: (long.from..=long.frames).step_by(LONG_EVERY).collect(), truth: false };
         let routes = self.columns[column].routes(long.rollouts as usize, &[0], config.pace);
         let own = self.rollouts(None, column, &routes, Viewing { plan: &plan, size_px })?;
@@ -105,7 +105,7 @@ impl Evaluation<'_> {
     }
 }
 
-fn at_marks(rollouts: &Rollouts, config: &DriftConfig, principal: &Principal) -> Result<AtMarks, AppraisalError> {
+fn at_marks(rollouts: &Rollouts, config: &DriftConfig, principal: &Principal) -> Result<AtMarks, EvaluationError> {
     let reduced = |mark: &u32| Ok(rollouts.features((mark + 1 - config.window, *mark)).reduced(principal)?);
     config.marks.iter().map(reduced).collect()
 }

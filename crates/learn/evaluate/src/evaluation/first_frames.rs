@@ -16,8 +16,8 @@ use ds_world::Wording;
 use super::Evaluation;
 use crate::config::{FirstFramesConfig, condition};
 use crate::drive::{Drive, Route};
-use crate::error::AppraisalError;
-use crate::outcome::{FIRST_FRAMES_SHEET, FirstFramesOutcome, Shown, WordedOutcome};
+use crate::error::EvaluationError;
+use crate::outcome::{FIRST_FRAMES_SHEET, FirstFramesOutcome, LookFigures, WordedOutcome};
 
 /// What is measured of a frame: whether its look is named right, luma, luma of the road, contrast, detail.
 type Seen = [f64; 5];
@@ -48,7 +48,7 @@ impl Studio<'_> {
         wanted: Condition,
         text: &str,
         [palette, seed]: [u64; 2],
-    ) -> Result<Pair, AppraisalError> {
+    ) -> Result<Pair, EvaluationError> {
         let drive = |condition| {
             let look = Appearance::condition(condition, palette);
             Drive::new(self.world, &Route { look, ..route.clone() }, self.size_px)
@@ -62,7 +62,7 @@ impl Studio<'_> {
             steps: self.config.steps,
             guidance: self.config.guidance,
         };
-        let made = self.maker.make(&request).map_err(|source| AppraisalError::FirstFrames { source })?;
+        let made = self.maker.make(&request).map_err(|source| EvaluationError::FirstFrames { source })?;
         let frames = [made, drive(wanted)?.frame(0)?];
         let road: Vec<bool> = told.labels(0)?.iter().map(|label| *label == Label::Road).collect();
         let seen = frames.each_ref().map(|frame| seen(frame, &road, self.looks.read(frame).shows(wanted)));
@@ -71,11 +71,11 @@ impl Studio<'_> {
 }
 
 impl Evaluation<'_> {
-    pub(super) fn first_frames(&mut self, config: &FirstFramesConfig) -> Result<FirstFramesOutcome, AppraisalError> {
+    pub(super) fn first_frames(&mut self, config: &FirstFramesConfig) -> Result<FirstFramesOutcome, EvaluationError> {
         let preset = ModelConfig::load(&self.config.path(&config.model))
-            .map_err(|error| AppraisalError::config("first_frames.model", error.to_string()))?;
+            .map_err(|error| EvaluationError::config("first_frames.model", error.to_string()))?;
         let maker = FirstFrames::load(&preset, &self.config.path(&config.weights))
-            .map_err(|source| AppraisalError::FirstFrames { source })?;
+            .map_err(|source| EvaluationError::FirstFrames { source })?;
         let (world, size_px) = (self.columns[0].world, (preset.video.width_px, preset.video.height_px));
         let studio = Studio { config, maker, world, looks: &self.eyes.look, size_px };
         let routes = self.columns[0].routes(config.scenarios as usize, &[0], 1.0).concat();
@@ -97,7 +97,7 @@ impl Evaluation<'_> {
         }
         let rows: Vec<Vec<RgbImage>> = sheet.into_values().collect();
         ds_train::sheet::write(&self.config.out.join(FIRST_FRAMES_SHEET), &rows)
-            .map_err(|source| AppraisalError::Stills { source })?;
+            .map_err(|source| EvaluationError::Stills { source })?;
         let recognised = self.resamples.estimate(routes.len(), |picks| {
             let of = |pick: usize| made.values().flat_map(move |scenarios| &scenarios[pick]);
             mean(picks.iter().flat_map(|pick| of(*pick)).map(|[words, _]| words[0]))
@@ -110,7 +110,7 @@ impl Evaluation<'_> {
     }
 
     /// Sums up the frames of a condition, by scenario, from words (0) or the world's own (1).
-    fn shown(&self, frames: &[Vec<[Seen; 2]>], days: &[[Seen; 2]], whose: usize) -> Shown {
+    fn shown(&self, frames: &[Vec<[Seen; 2]>], days: &[[Seen; 2]], whose: usize) -> LookFigures {
         let over = |which: usize, ratio: bool| {
             self.resamples.estimate(frames.len(), |picks| {
                 let one = |pick: &usize| {
@@ -120,7 +120,7 @@ impl Evaluation<'_> {
                 mean(picks.iter().flat_map(one))
             })
         };
-        Shown {
+        LookFigures {
             recognised: over(0, false),
             luma: over(1, true),
             ground: over(2, true),

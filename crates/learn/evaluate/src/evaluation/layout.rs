@@ -8,7 +8,7 @@ use ds_perception::overlap::Target;
 
 use super::Evaluation;
 use crate::config::LayoutConfig;
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 use crate::estimate::{Estimate, Resamples};
 use crate::outcome::{ArmLayout, ColumnLayout, LayoutOutcome, LightBin};
 use crate::summary::Rollouts;
@@ -29,7 +29,7 @@ struct Seen {
 }
 
 impl Evaluation<'_> {
-    pub(super) fn layout(&mut self, config: &LayoutConfig) -> Result<LayoutOutcome, AppraisalError> {
+    pub(super) fn layout(&mut self, config: &LayoutConfig) -> Result<LayoutOutcome, EvaluationError> {
         let arms = Self::named([&config.iou, &config.feature_distance]);
         let size_px = self.size_px(&arms)?;
         let looked: Vec<u32> = (config.first..=config.frames).step_by(config.every as usize).collect();

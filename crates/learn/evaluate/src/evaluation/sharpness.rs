@@ -4,14 +4,14 @@ use std::collections::BTreeMap;
 
 use super::Evaluation;
 use crate::config::SharpnessConfig;
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 use crate::estimate::Resamples;
 use crate::outcome::{Sharpness, SharpnessOutcome};
 use crate::summary::Rollouts;
 use crate::watch::{FrameSelection, Viewing};
 
 impl Evaluation<'_> {
-    pub(super) fn sharpness(&mut self, config: &SharpnessConfig) -> Result<SharpnessOutcome, AppraisalError> {
+    pub(super) fn sharpness(&mut self, config: &SharpnessConfig) -> Result<SharpnessOutcome, EvaluationError> {
         let arms = Self::named([&config.arms]);
         let size_px = self.size_px(&arms)?;
         let looked = (config.first..=config.last).step_by(config.every as usize).collect();

@@ -13,7 +13,7 @@ use ds_video::{Denoising, Layout, ModelConfig, Rollout, VideoError, VideoModel};
 use super::Seconds;
 use crate::config::{EvalConfig, SpeedConfig};
 use crate::drive::{Drive, Route};
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 use crate::estimate::{Resamples, mean};
 use crate::outcome::SpeedOutcome;
 
@@ -32,9 +32,9 @@ pub fn measure(
     speed: &SpeedConfig,
     resamples: Resamples,
     seconds: Seconds<'_>,
-) -> Result<SpeedOutcome, AppraisalError> {
+) -> Result<SpeedOutcome, EvaluationError> {
     let wrap =
-        |source: Box<dyn std::error::Error + Send + Sync>| AppraisalError::Arm { arm: "speed".to_owned(), source };
+        |source: Box<dyn std::error::Error + Send + Sync>| EvaluationError::Arm { arm: "speed".to_owned(), source };
     let preset = ModelConfig::load(&config.path(&speed.model)).map_err(|error| wrap(error.into()))?;
     let model = match &speed.weights {
         Some(weights) => {
@@ -48,7 +48,7 @@ pub fn measure(
     let model = Arc::new(model);
     let route = Route { scene: Arc::new(scene), start: 0, pace: 1.0, look: Appearance::DAY, turned_deg: 0.0 };
     let mut drive = Drive::new(&ReferenceWorld, &route, size_px)?;
-    let refuse = |source: VideoError| AppraisalError::Rollout {
+    let refuse = |source: VideoError| EvaluationError::Rollout {
         arm: "speed".to_owned(),
         drive: drive_name(&route),
         source: source.into(),

@@ -17,7 +17,7 @@ use super::found::Found;
 use super::outcome::{Anchor, AnchorOf};
 use super::panel::Member;
 use super::source::Source;
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// Distances below this share of a set's variance are rounding.
 const LEAST_UNIT: f64 = 1e-9;
@@ -26,7 +26,7 @@ const LEAST_UNIT: f64 = 1e-9;
 ///
 /// # Errors
 /// If a frame cannot be read or a policy cannot look at it.
-pub(super) fn look(config: &StudyConfig, panel: &mut [Member]) -> Result<Vec<Vec<DMatrix<f64>>>, AppraisalError> {
+pub(super) fn look(config: &StudyConfig, panel: &mut [Member]) -> Result<Vec<Vec<DMatrix<f64>>>, EvaluationError> {
     let mut sets = Vec::new();
     for recorded in &config.recorded {
         let frames = recorded.read(&config.path(&recorded.frames))?;
@@ -49,7 +49,7 @@ pub(super) fn look(config: &StudyConfig, panel: &mut [Member]) -> Result<Vec<Vec
 ///
 /// # Errors
 /// If features cannot be compared, or both recorded sets look the same.
-pub(super) fn of(found: &Found<'_>, recorded: &[Vec<DMatrix<f64>>]) -> Result<Anchor, AppraisalError> {
+pub(super) fn of(found: &Found<'_>, recorded: &[Vec<DMatrix<f64>>]) -> Result<Anchor, EvaluationError> {
     let config = found.config;
     let unit = [0, 1].map(|at: usize| config.recorded[at].name.clone());
     let mut policies = BTreeMap::new();
@@ -60,7 +60,7 @@ pub(super) fn of(found: &Found<'_>, recorded: &[Vec<DMatrix<f64>>]) -> Result<An
         let apart = first.frechet(&fit(&recorded[1][k])?)?;
         if apart <= LEAST_UNIT * first.variance() {
             let rule = format!("{:?} and {:?} look the same to {}: no unit", unit[0], unit[1], sets.name);
-            return Err(AppraisalError::config("recorded", rule));
+            return Err(EvaluationError::config("recorded", rule));
         }
         let mut all = BTreeMap::from([(Source::reference().name().to_owned(), reference.clone())]);
         for (set, rows) in config.recorded.iter().zip(recorded).skip(1) {
@@ -69,7 +69,7 @@ pub(super) fn of(found: &Found<'_>, recorded: &[Vec<DMatrix<f64>>]) -> Result<An
         for (source, rows) in config.sources.iter().zip(&sets.others) {
             all.insert(source.name().to_owned(), fit(&rows.all())?);
         }
-        let from = |origin: &Fitted| -> Result<BTreeMap<String, f64>, AppraisalError> {
+        let from = |origin: &Fitted| -> Result<BTreeMap<String, f64>, EvaluationError> {
             all.iter().map(|(name, other)| Ok((name.clone(), origin.frechet(other)? / apart))).collect()
         };
         let table = AnchorOf {

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 pub use super::recorded::Recorded;
 pub use super::source::Source;
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// What a study asks of the same frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -169,8 +169,8 @@ impl StudyConfig {
     ///
     /// # Errors
     /// If the file cannot be read, a key is unknown or a value is out of bounds.
-    pub fn load(path: &Path) -> Result<Self, AppraisalError> {
-        let text = std::fs::read_to_string(path).map_err(AppraisalError::io("the study's configuration", path))?;
+    pub fn load(path: &Path) -> Result<Self, EvaluationError> {
+        let text = std::fs::read_to_string(path).map_err(EvaluationError::io("the study's configuration", path))?;
         let mut config: Self = toml::from_str(&text)?;
         config.base = path.parent().unwrap_or(Path::new(".")).to_path_buf();
         config.check()?;
@@ -214,7 +214,7 @@ impl StudyConfig {
     ///
     /// # Errors
     /// If it does not; names the field.
-    pub fn check_for(&self, study: Study) -> Result<(), AppraisalError> {
+    pub fn check_for(&self, study: Study) -> Result<(), EvaluationError> {
         let rules = [
             ("sources", study != Study::Correlation || self.others().count() >= 4, "must name 4 besides the reference"),
             ("sources", study != Study::Parts || self.others().count() > 0, "must name one besides the reference"),
@@ -224,7 +224,7 @@ impl StudyConfig {
             ("marks", (study == Study::Rollout) == (self.marks.len() > 1), "are of rollout, which needs two"),
         ];
         match rules.iter().find(|(_, held, _)| !held) {
-            Some((field, _, rule)) => Err(AppraisalError::config(*field, *rule)),
+            Some((field, _, rule)) => Err(EvaluationError::config(*field, *rule)),
             None if study == Study::Parts => self.check(),
             None => self.check_apart().and_then(|()| self.check()),
         }
@@ -234,9 +234,9 @@ impl StudyConfig {
     ///
     /// # Errors
     /// If they are not.
-    pub(crate) fn check_apart(&self) -> Result<(), AppraisalError> {
+    pub(crate) fn check_apart(&self) -> Result<(), EvaluationError> {
         if self.every < APART {
-            return Err(AppraisalError::config("every", format!("must be {APART} to frames")));
+            return Err(EvaluationError::config("every", format!("must be {APART} to frames")));
         }
         Ok(())
     }
@@ -245,7 +245,7 @@ impl StudyConfig {
     ///
     /// # Errors
     /// If one is out of bounds; names the field.
-    pub fn check(&self) -> Result<(), AppraisalError> {
+    pub fn check(&self) -> Result<(), EvaluationError> {
         let rules = [
             ("version", self.version == 1, "must be 1"),
             ("scenarios", (2..=100_000).contains(&self.scenarios), "must be 2 to 100000"),
@@ -269,7 +269,7 @@ impl StudyConfig {
             ("panel", self.panel.iter().any(|member| !member.control), "must name a policy that is no control"),
         ];
         if let Some((field, _, rule)) = rules.iter().find(|(_, held, _)| !held) {
-            return Err(AppraisalError::config(*field, *rule));
+            return Err(EvaluationError::config(*field, *rule));
         }
         for (field, names) in [
             ("sources", self.sources.iter().map(Source::name).collect::<Vec<_>>()),
@@ -284,23 +284,23 @@ impl StudyConfig {
             ),
         ] {
             if let Some(twice) = (1..names.len()).find(|at| names[..*at].contains(&names[*at])) {
-                return Err(AppraisalError::config(field, format!("{:?} stands twice", names[twice])));
+                return Err(EvaluationError::config(field, format!("{:?} stands twice", names[twice])));
             }
         }
         for (field, pairs) in [("ratios", &self.ratios), ("edits", &self.edits)] {
             if let Some(absent) = pairs.iter().flatten().find(|name| self.place(name).is_none()) {
-                return Err(AppraisalError::config(field, format!("{absent:?} is not among sources")));
+                return Err(EvaluationError::config(field, format!("{absent:?} is not among sources")));
             }
         }
         if let Some(generated) = self.sources.iter().find(|source| source.from.is_generated() && self.video.is_none()) {
-            return Err(AppraisalError::config("video", format!("is needed by source {:?}", generated.name())));
+            return Err(EvaluationError::config("video", format!("is needed by source {:?}", generated.name())));
         }
         if let Some((set, rule)) = self.recorded.iter().find_map(|set| Some((set, set.wrong()?))) {
-            return Err(AppraisalError::config(format!("recorded.{}", set.name), rule));
+            return Err(EvaluationError::config(format!("recorded.{}", set.name), rule));
         }
         let made_in_a = [ObservationSource::Reprojected, ObservationSource::Abroad];
         if let Some(source) = self.sources.iter().find(|s| self.world == WorldName::B && made_in_a.contains(&s.from)) {
-            return Err(AppraisalError::config("sources", format!("{:?} is of world A alone", source.name())));
+            return Err(EvaluationError::config("sources", format!("{:?} is of world A alone", source.name())));
         }
         Ok(())
     }

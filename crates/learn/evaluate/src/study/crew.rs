@@ -12,7 +12,7 @@ use ds_perception::look::LookReader;
 use super::config::StudyConfig;
 use super::features::Lookers;
 use super::panel::{self, Guests};
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// What carries a study out.
 pub struct Means<'a> {
@@ -36,11 +36,11 @@ impl Crew {
     ///
     /// # Errors
     /// As of [`panel::load`], or if the look network cannot be read.
-    pub(super) fn gather(config: &StudyConfig, means: &Means<'_>) -> Result<Self, AppraisalError> {
+    pub(super) fn gather(config: &StudyConfig, means: &Means<'_>) -> Result<Self, EvaluationError> {
         let team = means.workers.map_or_else(Team::of_all_cores, Team::new);
         let one = || {
             let panel = panel::load(config, means.guests)?;
-            Ok::<_, AppraisalError>(Lookers { panel, look: LookReader::load(&config.path(&config.look_weights))? })
+            Ok::<_, EvaluationError>(Lookers { panel, look: LookReader::load(&config.path(&config.look_weights))? })
         };
         let mut lookers = vec![one()?];
         if !lookers[0].panel.iter().any(|member| member.guest) {
@@ -64,8 +64,8 @@ impl Crew {
     pub(super) fn each<T: Send>(
         &self,
         count: usize,
-        job: impl Fn(usize) -> Result<T, AppraisalError> + Sync,
-    ) -> Result<Vec<T>, AppraisalError> {
+        job: impl Fn(usize) -> Result<T, EvaluationError> + Sync,
+    ) -> Result<Vec<T>, EvaluationError> {
         let failed = AtomicBool::new(false);
         let done = self.team.run(count, |at| {
             let done = (!failed.load(Ordering::Relaxed)).then(|| job(at));
@@ -87,7 +87,7 @@ mod tests {
         let begun = Mutex::new(0);
         let job = |at: usize| {
             *begun.lock().expect("nobody panics") += 1;
-            if at < 2 { Err(AppraisalError::config(format!("job {at}"), "fails")) } else { Ok(at) }
+            if at < 2 { Err(EvaluationError::config(format!("job {at}"), "fails")) } else { Ok(at) }
         };
         let error = crew.each(1000, job).expect_err("a job fails").to_string();
         assert!(error.contains("job 0") || error.contains("job 1"), "{error}");

@@ -18,7 +18,7 @@ use super::found::{Measured, Sets, fd_pi};
 use super::outcome::{Figure, Outcome};
 use super::panel::{self, Guests, Member};
 use crate::Progress;
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// One drive as one set recorded it, at the moments that all sets hold.
 pub struct RecordedDrive {
@@ -49,7 +49,7 @@ pub fn drives(
     count: usize,
     drive: &mut DriveOf<'_>,
     progress: &mut dyn Progress,
-) -> Result<Outcome, AppraisalError> {
+) -> Result<Outcome, EvaluationError> {
     config.check_apart()?;
     let mut panel = panel::load(config, guests)?;
     let mut seen: Vec<Seen> = vec![vec![Vec::new(); names.len()]; panel.len()];
@@ -58,7 +58,7 @@ pub fn drives(
     for index in 0..count {
         let mut real_places = Vec::new();
         for (set, name) in names.iter().enumerate() {
-            let shown = drive(set, index).map_err(|source| AppraisalError::Rollout {
+            let shown = drive(set, index).map_err(|source| EvaluationError::Rollout {
                 arm: name.clone(),
                 drive: format!("drive {index}"),
                 source,
@@ -95,7 +95,7 @@ pub fn drives(
     })
 }
 
-fn greet(panel: &mut [Member], shown: &RecordedDrive) -> Result<(), AppraisalError> {
+fn greet(panel: &mut [Member], shown: &RecordedDrive) -> Result<(), EvaluationError> {
     for guest in panel.iter_mut().filter(|member| member.guest) {
         guest.greet(&shown.camera, &shown.frames[0], &shown.name)?;
     }

@@ -15,7 +15,7 @@ use super::source::Source;
 use super::under_way::UnderWay;
 use super::{anchor, correlation, page, parts, rollout, sensitivity};
 use crate::Progress;
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// Makes the frames, looks at them and measures; what was looked at before is kept.
 ///
@@ -26,7 +26,7 @@ pub fn run(
     config: &StudyConfig,
     means: &Means<'_>,
     progress: &mut dyn Progress,
-) -> Result<Outcome, AppraisalError> {
+) -> Result<Outcome, EvaluationError> {
     config.check_for(study)?;
     let mut under_way = UnderWay::open(study, config, means)?;
     under_way.greet()?;
@@ -56,7 +56,7 @@ fn of_features(
     outcome: &mut Outcome,
     progress: &mut dyn Progress,
     seconds: &dyn Fn() -> f64,
-) -> Result<(), AppraisalError> {
+) -> Result<(), EvaluationError> {
     let config = under_way.config;
     let recorded = anchor::look(config, &mut under_way.crew.lookers().panel)?;
     let seen = under_way.look(progress, seconds)?;
@@ -110,25 +110,25 @@ fn distances(found: &Found<'_>, outcome: &mut Outcome) {
 ///
 /// # Errors
 /// If a file cannot be written.
-pub fn write(config: &StudyConfig, outcome: &Outcome) -> Result<(), AppraisalError> {
+pub fn write(config: &StudyConfig, outcome: &Outcome) -> Result<(), EvaluationError> {
     write_json(&config.out, outcome)?;
     let path = config.out.join("index.html");
-    std::fs::write(&path, page::html(outcome)).map_err(AppraisalError::io("page", &path))
+    std::fs::write(&path, page::html(outcome)).map_err(EvaluationError::io("page", &path))
 }
 
 /// Writes `STUDY.json` alone.
 ///
 /// # Errors
 /// If the file cannot be written.
-pub fn write_json(folder: &Path, outcome: &Outcome) -> Result<(), AppraisalError> {
+pub fn write_json(folder: &Path, outcome: &Outcome) -> Result<(), EvaluationError> {
     let path = folder.join(format!("{}.json", outcome.study));
     let text = serde_json::to_string_pretty(outcome)
-        .map_err(|source| AppraisalError::Record { path: path.display().to_string(), source })?;
-    std::fs::write(&path, text + "\n").map_err(AppraisalError::io("outcome", &path))
+        .map_err(|source| EvaluationError::Record { path: path.display().to_string(), source })?;
+    std::fs::write(&path, text + "\n").map_err(EvaluationError::io("outcome", &path))
 }
 
 /// Measures how far sets of these names look from the real one to a network.
-pub(super) fn measure(sets: &Sets, names: &[&str], draws: u64) -> Result<Measured, AppraisalError> {
+pub(super) fn measure(sets: &Sets, names: &[&str], draws: u64) -> Result<Measured, EvaluationError> {
     let compared = Compared::new(&sets.name, sets.real.clone())?;
     let sources: Vec<(&str, &Features)> = names.iter().copied().zip(&sets.others).collect();
     let mut drawn = compared.resampled(&sources, draws)?;

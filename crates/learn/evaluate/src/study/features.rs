@@ -14,7 +14,7 @@ use super::plans::Scorer;
 use super::source::Source;
 use crate::arm::Arm;
 use crate::drive::Drive;
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// Rows of one feature matrix.
 pub(crate) type Rows = Vec<Vec<f64>>;
@@ -107,7 +107,7 @@ pub(crate) fn look(
     take: &Take,
     drive: &Drive,
     frames: &[RgbImage],
-) -> Result<Seen, AppraisalError> {
+) -> Result<Seen, EvaluationError> {
     let looked: Vec<&RgbImage> = config.looked().iter().map(|at| &frames[*at as usize]).collect();
     let mut seen = Seen { mean: Vec::new(), placed: Vec::new(), look: Vec::new(), clips: Vec::new(), pdms: Vec::new() };
     let worlds = || config.looked().iter().map(|frame| take.world(drive, *frame)).collect();
@@ -135,7 +135,7 @@ pub(super) fn pooled<'a>(
     camera: &CameraModel,
     frames: impl Iterator<Item = &'a RgbImage>,
     whose: &str,
-) -> Result<[Rows; 2], AppraisalError> {
+) -> Result<[Rows; 2], EvaluationError> {
     let [mut mean, mut places] = [Rows::new(), Rows::new()];
     for frame in frames {
         let context = member.context(camera, frame, whose)?;

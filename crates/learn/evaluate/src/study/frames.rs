@@ -17,7 +17,7 @@ use super::config::StudyConfig;
 use super::source::Source;
 use crate::arm::Arm;
 use crate::drive::{Drive, Route};
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// The frame by which a displaced drive has left the log.
 const REACHED: u32 = 8;
@@ -43,10 +43,10 @@ impl Take {
     }
 
     /// Prepares the drive as a source shows it.
-    pub(crate) fn drive(&self, source: &Source, size_px: (u32, u32)) -> Result<Drive, AppraisalError> {
+    pub(crate) fn drive(&self, source: &Source, size_px: (u32, u32)) -> Result<Drive, EvaluationError> {
         let scene = Arc::new(source.scene(&self.scene));
         let look = source.altered.look.as_deref().map_or(Ok(self.look), Appearance::named);
-        let mut look = look.map_err(|error| AppraisalError::config("sources.look", error.to_string()))?;
+        let mut look = look.map_err(|error| EvaluationError::config("sources.look", error.to_string()))?;
         look.palette_seed = look.palette_seed.wrapping_add(source.altered.paint);
         let route = Route { scene, start: 0, pace: self.pace, look, turned_deg: 0.0 };
         Drive::new(self.world_of, &route, size_px)
@@ -72,7 +72,7 @@ impl Take {
         arm: Option<&Arm>,
         drive: &mut Drive,
         last: u32,
-    ) -> Result<Vec<RgbImage>, AppraisalError> {
+    ) -> Result<Vec<RgbImage>, EvaluationError> {
         let told = drive.model.clone();
         drive.model = source.camera(&told);
         let made = self.made(source, arm, drive, last);
@@ -87,12 +87,12 @@ impl Take {
         arm: Option<&Arm>,
         drive: &mut Drive,
         last: u32,
-    ) -> Result<Vec<RgbImage>, AppraisalError> {
+    ) -> Result<Vec<RgbImage>, EvaluationError> {
         let age = source.altered.old_ticks;
         let worlds: Vec<WorldState> =
             (0..=last).map(|frame| source.world(&self.scene, self.world(drive, frame.saturating_sub(age)))).collect();
         let model = drive.model.clone();
-        let seen = |camera: &dyn SceneCamera| -> Result<Vec<RgbImage>, AppraisalError> {
+        let seen = |camera: &dyn SceneCamera| -> Result<Vec<RgbImage>, EvaluationError> {
             worlds.iter().map(|world| Ok(camera.on_ego(world, &model)?)).collect()
         };
         match source.from {
@@ -105,7 +105,7 @@ impl Take {
             ObservationSource::Layout => worlds.iter().map(|world| Ok(drive.layout_of(world)?.image)).collect(),
             generated => {
                 let arm = arm.ok_or_else(|| {
-                    AppraisalError::config("video", format!("is needed by source {:?}", generated.name()))
+                    EvaluationError::config("video", format!("is needed by source {:?}", generated.name()))
                 })?;
                 let layouts: Vec<Layout> =
                     worlds.iter().map(|world| drive.layout_of(world)).collect::<Result<_, _>>()?;

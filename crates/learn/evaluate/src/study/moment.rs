@@ -12,7 +12,7 @@ use ds_space::{CameraModel, Draws, SimTime};
 use ds_world::{RouteCommand, Scene, Trajectory, WorldState};
 
 use super::panel::Member;
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// H, in ticks.
 const HORIZON_TICKS: u32 = 80;
@@ -30,10 +30,10 @@ impl Moment {
     ///
     /// # Errors
     /// If the scenario cannot be simulated there.
-    pub(crate) fn new(scene: &Arc<Scene>, world: WorldState) -> Result<Self, AppraisalError> {
+    pub(crate) fn new(scene: &Arc<Scene>, world: WorldState) -> Result<Self, EvaluationError> {
         let config = SimConfig { agents: None, ..SimConfig::default() };
         let simulation = Simulation::new(Arc::clone(scene), config, world.tick).map_err(|error| {
-            AppraisalError::config("scenarios", format!("{} cannot be simulated: {error}", scene.name))
+            EvaluationError::config("scenarios", format!("{} cannot be simulated: {error}", scene.name))
         })?;
         Ok(Self { scene: Arc::clone(scene), command: simulation.route_command(), world })
     }
@@ -47,7 +47,7 @@ impl Moment {
         member: &mut Member,
         camera: &CameraModel,
         frame: &RgbImage,
-    ) -> Result<Trajectory, AppraisalError> {
+    ) -> Result<Trajectory, EvaluationError> {
         let tick = self.world.tick;
         let observation = Observation {
             frames: vec![vec![frame.clone()]],
@@ -59,7 +59,7 @@ impl Moment {
             dt: self.scene.dt,
             draw: Draws::new(&self.scene.digest, "study plan", &[u64::from(tick.0)]),
         };
-        let answer = member.policy.plan(&observation, None).map_err(|source| AppraisalError::Policy {
+        let answer = member.policy.plan(&observation, None).map_err(|source| EvaluationError::Policy {
             policy: member.name.clone(),
             frames: self.scene.name.clone(),
             source,

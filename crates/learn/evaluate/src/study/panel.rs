@@ -12,7 +12,7 @@ use ds_space::{CameraModel, Digest, DigestWriter, Draws, SimTime};
 use ds_world::{EgoState, RouteCommand};
 
 use super::config::{MemberConfig, StudyConfig};
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// How far the plan reaches that a guest is asked for at first, in ticks of 0.1 s.
 const HORIZON_TICKS: u32 = 80;
@@ -40,21 +40,21 @@ impl Member {
         camera: &CameraModel,
         frame: &RgbImage,
         whose: &str,
-    ) -> Result<Context, AppraisalError> {
+    ) -> Result<Context, EvaluationError> {
         let seen = self.policy.context(std::slice::from_ref(camera), std::slice::from_ref(frame));
-        let refuse = |source| AppraisalError::Policy { policy: self.name.clone(), frames: whose.to_owned(), source };
+        let refuse = |source| EvaluationError::Policy { policy: self.name.clone(), frames: whose.to_owned(), source };
         seen.map_err(refuse)?.ok_or_else(|| self.tells_nothing())
     }
 
-    fn tells_nothing(&self) -> AppraisalError {
-        AppraisalError::config(format!("panel.{}", self.name), "the policy tells of no features")
+    fn tells_nothing(&self) -> EvaluationError {
+        EvaluationError::config(format!("panel.{}", self.name), "the policy tells of no features")
     }
 
     /// Asks a guest for one frame: what it answers names its features, as its weights are its own affair.
     ///
     /// # Errors
     /// As of [`Member::context`].
-    pub(crate) fn greet(&mut self, camera: &CameraModel, frame: &RgbImage, whose: &str) -> Result<(), AppraisalError> {
+    pub(crate) fn greet(&mut self, camera: &CameraModel, frame: &RgbImage, whose: &str) -> Result<(), EvaluationError> {
         let shown = Observation {
             frames: vec![vec![frame.clone()]],
             cameras: vec![camera.clone()],
@@ -66,7 +66,7 @@ impl Member {
             draw: Draws::from_seed(0, "study guest"),
         };
         let answer = self.policy.plan(&shown, None);
-        let refuse = |source| AppraisalError::Policy { policy: self.name.clone(), frames: whose.to_owned(), source };
+        let refuse = |source| EvaluationError::Policy { policy: self.name.clone(), frames: whose.to_owned(), source };
         let answer = answer.map_err(refuse)?;
         let told = answer.context.ok_or_else(|| self.tells_nothing())?;
         let mut writer = DigestWriter::new();
@@ -88,7 +88,7 @@ impl Member {
 ///
 /// # Errors
 /// If a policy has no features of frames alone, or its weights cannot be used.
-pub(crate) fn load(config: &StudyConfig, guests: &Guests<'_>) -> Result<Vec<Member>, AppraisalError> {
+pub(crate) fn load(config: &StudyConfig, guests: &Guests<'_>) -> Result<Vec<Member>, EvaluationError> {
     let one = |member: &MemberConfig| {
         if let Some(listen) = &member.listen {
             return guest(member, listen, guests);
@@ -102,10 +102,10 @@ pub(crate) fn load(config: &StudyConfig, guests: &Guests<'_>) -> Result<Vec<Memb
                 "policy {:?} tells of no features; {known} do, an ONNX network by its manifest, and one that connects to `listen`",
                 member.policy
             );
-            AppraisalError::config(format!("panel.{}", member.name), rule)
+            EvaluationError::config(format!("panel.{}", member.name), rule)
         })?;
         let refuse = |error: &dyn std::fmt::Display| {
-            AppraisalError::config(format!("panel.{}.weights", member.name), error.to_string())
+            EvaluationError::config(format!("panel.{}.weights", member.name), error.to_string())
         };
         let weights = match &member.weights {
             Some(path) => {
@@ -123,9 +123,12 @@ pub(crate) fn load(config: &StudyConfig, guests: &Guests<'_>) -> Result<Vec<Memb
 }
 
 /// Loads a network of others.
-fn own(config: &StudyConfig, member: &MemberConfig, manifest: &Path) -> Result<Member, AppraisalError> {
+fn own(config: &StudyConfig, member: &MemberConfig, manifest: &Path) -> Result<Member, EvaluationError> {
     let refuse = |field: &str, rule: &str| {
-        Err(AppraisalError::config(format!("panel.{}.{field}", member.name), format!("{}: {rule}", manifest.display())))
+        Err(EvaluationError::config(
+            format!("panel.{}.{field}", member.name),
+            format!("{}: {rule}", manifest.display()),
+        ))
     };
     if member.weights.is_some() {
         return refuse("weights", "a manifest names its network");
@@ -143,8 +146,8 @@ fn own(config: &StudyConfig, member: &MemberConfig, manifest: &Path) -> Result<M
 }
 
 /// Waits for a policy in another process.
-fn guest(member: &MemberConfig, listen: &str, guests: &Guests<'_>) -> Result<Member, AppraisalError> {
-    let refuse = |field: &str, rule: String| AppraisalError::config(format!("panel.{}.{field}", member.name), rule);
+fn guest(member: &MemberConfig, listen: &str, guests: &Guests<'_>) -> Result<Member, EvaluationError> {
+    let refuse = |field: &str, rule: String| EvaluationError::config(format!("panel.{}.{field}", member.name), rule);
     if member.weights.is_some() {
         return Err(refuse("weights", "a policy that connects has its own".to_owned()));
     }

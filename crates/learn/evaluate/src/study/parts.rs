@@ -25,7 +25,7 @@ use super::panel::Member;
 use super::source::Source;
 use super::under_way::UnderWay;
 use crate::Progress;
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// When places are compared, in seconds; of a plan that ends before, its end.
 const AFTER_SECS: f64 = 2.0;
@@ -64,8 +64,8 @@ struct Pair {
 
 impl Pair {
     /// Compares what a policy plans on the two frames, and on those with a part of the other.
-    fn plans(&self, member: &mut Member, camera: &CameraModel) -> Result<Plans, AppraisalError> {
-        let mut place = |frame: &RgbImage| -> Result<DVec2, AppraisalError> {
+    fn plans(&self, member: &mut Member, camera: &CameraModel) -> Result<Plans, EvaluationError> {
+        let mut place = |frame: &RgbImage| -> Result<DVec2, EvaluationError> {
             let plan = self.moment.plan(member, camera, frame)?;
             Ok(plan.at(SimTime::from_secs(AFTER_SECS)).position)
         };
@@ -92,7 +92,7 @@ pub(super) fn of(
     under_way: &mut UnderWay<'_>,
     progress: &mut dyn Progress,
     seconds: &dyn Fn() -> f64,
-) -> Result<Parts, AppraisalError> {
+) -> Result<Parts, EvaluationError> {
     let sources: Vec<&Source> = config.sources.iter().collect();
     let plan = |take: &Take, source: &Source| planned(config, under_way, take, source);
     let (planned, took) = under_way.each_set(Kept::Parts, &sources, &plan, progress, seconds)?;
@@ -118,7 +118,7 @@ fn planned(
     under_way: &UnderWay<'_>,
     take: &Take,
     source: &Source,
-) -> Result<Planned, AppraisalError> {
+) -> Result<Planned, EvaluationError> {
     let looked = config.looked();
     let last = looked.last().copied().unwrap_or(0);
     let (_, frames) = under_way.frames(take, source, last)?;
@@ -129,11 +129,11 @@ fn planned(
         let shown = frames[*frame as usize].clone();
         Ok(Pair { moment: Moment::new(&take.scene, world)?, real, shown, parts: part::of(&layout) })
     };
-    let pairs: Vec<Pair> = looked.iter().map(&mut pair).collect::<Result<_, AppraisalError>>()?;
+    let pairs: Vec<Pair> = looked.iter().map(&mut pair).collect::<Result<_, EvaluationError>>()?;
     let mut lookers = under_way.crew.lookers();
     let members = lookers.panel.iter_mut().filter(|member| !member.control);
     let of_member = |member: &mut Member| pairs.iter().map(|pair| pair.plans(member, &drive.model)).collect();
-    let plans = members.map(of_member).collect::<Result<_, AppraisalError>>()?;
+    let plans = members.map(of_member).collect::<Result<_, EvaluationError>>()?;
     Ok(Planned { shares: pairs.iter().map(|pair| part::shares(&pair.parts)).collect(), plans })
 }
 

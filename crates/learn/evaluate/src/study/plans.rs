@@ -15,7 +15,7 @@ use ds_world::{Scene, WorldState};
 
 use super::moment::Moment;
 use super::panel::Member;
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// States of a rollout: now and 40 steps of 0.1 s.
 const STATES: usize = 41;
@@ -35,7 +35,7 @@ struct Scored {
 
 impl Scorer {
     /// Prepares the moments of some worlds of a scenario.
-    pub(crate) fn new(scene: &Arc<Scene>, worlds: Vec<WorldState>) -> Result<Self, AppraisalError> {
+    pub(crate) fn new(scene: &Arc<Scene>, worlds: Vec<WorldState>) -> Result<Self, EvaluationError> {
         let map = PreparedMap::new(&open_loop_map(scene)).map_err(|source| refused(scene, &source))?;
         let map = Arc::new(map);
         let moment = |world: WorldState| {
@@ -52,7 +52,7 @@ impl Scorer {
             let (prepared, reference) = prepare().map_err(|source: ScoreError| refused(scene, &source))?;
             Ok(Scored { moment, prepared, reference })
         };
-        let moments = worlds.into_iter().map(moment).collect::<Result<_, AppraisalError>>()?;
+        let moments = worlds.into_iter().map(moment).collect::<Result<_, EvaluationError>>()?;
         Ok(Self { scene: Arc::clone(scene), moments })
     }
 
@@ -62,7 +62,7 @@ impl Scorer {
         member: &mut Member,
         camera: &CameraModel,
         frames: &[&RgbImage],
-    ) -> Result<Vec<f64>, AppraisalError> {
+    ) -> Result<Vec<f64>, EvaluationError> {
         self.moments.iter().zip(frames).map(|(scored, frame)| self.score(member, camera, scored, frame)).collect()
     }
 
@@ -72,7 +72,7 @@ impl Scorer {
         camera: &CameraModel,
         scored: &Scored,
         frame: &RgbImage,
-    ) -> Result<f64, AppraisalError> {
+    ) -> Result<f64, EvaluationError> {
         let plan = PlannedPoses::of(&scored.moment.plan(member, camera, frame)?);
         let score = || {
             let prepared = &scored.prepared;
@@ -83,6 +83,6 @@ impl Scorer {
     }
 }
 
-fn refused(scene: &Scene, source: &dyn std::error::Error) -> AppraisalError {
-    AppraisalError::config("scenarios", format!("{} cannot be scored: {source}", scene.name))
+fn refused(scene: &Scene, source: &dyn std::error::Error) -> EvaluationError {
+    EvaluationError::config("scenarios", format!("{} cannot be scored: {source}", scene.name))
 }

@@ -6,7 +6,7 @@ use ds_raster::RgbImage;
 use ds_space::{CameraId, CameraModel, DVec3, Intrinsics};
 use serde::{Deserialize, Serialize};
 
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// Endings of pictures.
 const PICTURES: [&str; 3] = ["jpg", "jpeg", "png"];
@@ -56,9 +56,9 @@ impl Recorded {
     ///
     /// # Errors
     /// If it cannot be read or has other keys.
-    pub fn load(path: &Path) -> Result<Vec<Self>, AppraisalError> {
-        let text = std::fs::read_to_string(path).map_err(AppraisalError::io("the file of recorded sets", path))?;
-        let base = std::path::absolute(path).map_err(AppraisalError::io("the file of recorded sets", path))?;
+    pub fn load(path: &Path) -> Result<Vec<Self>, EvaluationError> {
+        let text = std::fs::read_to_string(path).map_err(EvaluationError::io("the file of recorded sets", path))?;
+        let base = std::path::absolute(path).map_err(EvaluationError::io("the file of recorded sets", path))?;
         let base = base.parent().unwrap_or(Path::new("/")).to_path_buf();
         let file: File = toml::from_str(&text)?;
         Ok(file.recorded.into_iter().map(|set| Self { frames: base.join(&set.frames), ..set }).collect())
@@ -92,19 +92,19 @@ impl Recorded {
     ///
     /// # Errors
     /// If a file is no picture, has another size, or there are fewer than two.
-    pub(super) fn read(&self, folder: &Path) -> Result<Vec<RgbImage>, AppraisalError> {
-        let refuse = |rule: String| AppraisalError::config(format!("recorded.{}", self.name), rule);
-        let listed = std::fs::read_dir(folder).map_err(AppraisalError::io("folder of recorded frames", folder))?;
+    pub(super) fn read(&self, folder: &Path) -> Result<Vec<RgbImage>, EvaluationError> {
+        let refuse = |rule: String| EvaluationError::config(format!("recorded.{}", self.name), rule);
+        let listed = std::fs::read_dir(folder).map_err(EvaluationError::io("folder of recorded frames", folder))?;
         let mut paths = Vec::new();
         for entry in listed {
-            let path = entry.map_err(AppraisalError::io("folder of recorded frames", folder))?.path();
+            let path = entry.map_err(EvaluationError::io("folder of recorded frames", folder))?.path();
             let ending = path.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase);
             paths.extend(ending.filter(|ending| PICTURES.contains(&ending.as_str())).map(|_| path));
         }
         paths.sort();
         let mut frames: Vec<RgbImage> = Vec::new();
         for path in &paths {
-            let bytes = std::fs::read(path).map_err(AppraisalError::io("recorded frame", path))?;
+            let bytes = std::fs::read(path).map_err(EvaluationError::io("recorded frame", path))?;
             let frame = RgbImage::photo(&bytes).map_err(|error| refuse(format!("{}: {error}", path.display())))?;
             let (width, height) = (frame.width_px(), frame.height_px());
             if let Some(first) = frames.first().filter(|first| (first.width_px(), first.height_px()) != (width, height))

@@ -8,13 +8,13 @@ use ds_fidelity::{Compared, Features, mean_of, recentred};
 use super::config::WINDOW;
 use super::found::Found;
 use super::outcome::{Curve, Figure, Mark, Removed, Rollout};
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// Values of one source: at each mark FDπ and its resamples, × 100.
 type Values = Vec<(f64, Vec<f64>)>;
 
 /// Measures the curve of every source.
-pub(super) fn of(found: &Found<'_>) -> Result<Rollout, AppraisalError> {
+pub(super) fn of(found: &Found<'_>) -> Result<Rollout, EvaluationError> {
     let config = found.config;
     let sources: Vec<usize> = config.others().map(|(at, _)| at).collect();
     let panel = found.panel();

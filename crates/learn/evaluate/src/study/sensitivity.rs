@@ -16,7 +16,7 @@ use ds_world::WorldState;
 use super::found::Found;
 use super::frames::Take;
 use super::outcome::{Answer, Figure, Hard, Response, Sensitivity};
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 
 /// Random subsets that the hard one is compared with.
 const SUBSETS: u64 = 200;
@@ -26,7 +26,7 @@ const NEAR_M: f64 = 30.0;
 const AHEAD_HALF_M: f64 = 1.8;
 
 /// Measures responses and the hard subset.
-pub(super) fn of(found: &Found<'_>) -> Result<Sensitivity, AppraisalError> {
+pub(super) fn of(found: &Found<'_>) -> Result<Sensitivity, EvaluationError> {
     let responses = found.config.edits.iter().filter_map(|pair| response(found, pair)).collect();
     Ok(Sensitivity { responses, hard: hard(found)? })
 }
@@ -68,7 +68,7 @@ fn deviation(drawn: &[f64]) -> f64 {
 }
 
 /// Compares the hard quarter with random quarters, for every source.
-fn hard(found: &Found<'_>) -> Result<Vec<Hard>, AppraisalError> {
+fn hard(found: &Found<'_>) -> Result<Vec<Hard>, EvaluationError> {
     let scores = hardness(found.takes, &found.config.looked());
     let count = (found.takes.len() / 4).max(2);
     let mut order: Vec<usize> = (0..scores.len()).collect();
@@ -89,7 +89,7 @@ fn hard(found: &Found<'_>) -> Result<Vec<Hard>, AppraisalError> {
         .collect::<Result<_, _>>()?;
     let mut all = Vec::new();
     for (source, declared) in found.config.others() {
-        let over = |picks: &[usize]| -> Result<f64, AppraisalError> {
+        let over = |picks: &[usize]| -> Result<f64, EvaluationError> {
             let mut sum = 0.0;
             for (at, compared) in panel.iter().zip(&compared) {
                 sum += compared.over(declared.name(), &found.sets[*at].others[source], picks)?;

@@ -23,7 +23,7 @@ use crate::Progress;
 use crate::arm::Arm;
 use crate::column;
 use crate::drive::Drive;
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 use crate::store::Store;
 
 /// Scenes that are shown of each source.
@@ -75,7 +75,7 @@ impl<'a> UnderWay<'a> {
     ///
     /// # Errors
     /// If weights cannot be used or the look is unknown.
-    pub(super) fn open(study: Study, config: &'a StudyConfig, means: &Means<'_>) -> Result<Self, AppraisalError> {
+    pub(super) fn open(study: Study, config: &'a StudyConfig, means: &Means<'_>) -> Result<Self, EvaluationError> {
         let crew = Crew::gather(config, means)?;
         let mut arms = BTreeMap::new();
         for source in config.sources.iter().map(|source| source.from).filter(|source| source.is_generated()) {
@@ -92,7 +92,7 @@ impl<'a> UnderWay<'a> {
             let look = column::look(&config.look, config.first_seed + index)?;
             Ok(Take::new(config, index, Arc::new(scene), look))
         };
-        let takes = (0..config.scenarios).map(take).collect::<Result<_, AppraisalError>>()?;
+        let takes = (0..config.scenarios).map(take).collect::<Result<_, EvaluationError>>()?;
         Ok(Self { config, plans: study == Study::Correlation, crew, takes, arms, size_px, seconds: 0.0 })
     }
 
@@ -100,7 +100,7 @@ impl<'a> UnderWay<'a> {
     ///
     /// # Errors
     /// If it cannot be made, or a guest tells of nothing.
-    pub(super) fn greet(&self) -> Result<(), AppraisalError> {
+    pub(super) fn greet(&self) -> Result<(), EvaluationError> {
         let (take, real) = (&self.takes[0], Source::reference());
         for guest in self.crew.lookers().panel.iter_mut().filter(|member| member.guest) {
             let mut drive = take.drive(&real, self.size_px)?;
@@ -118,7 +118,7 @@ impl<'a> UnderWay<'a> {
         &mut self,
         progress: &mut dyn Progress,
         seconds: &dyn Fn() -> f64,
-    ) -> Result<Vec<SeenOf>, AppraisalError> {
+    ) -> Result<Vec<SeenOf>, EvaluationError> {
         let real = Source::reference();
         let sources: Vec<&Source> = std::iter::once(&real).chain(&self.config.sources).collect();
         let kept = if self.plans { Kept::FeaturesAndPdms } else { Kept::Features };
@@ -137,10 +137,10 @@ impl<'a> UnderWay<'a> {
         &self,
         kept: Kept,
         sources: &[&Source],
-        find: &(dyn Fn(&Take, &Source) -> Result<T, AppraisalError> + Sync),
+        find: &(dyn Fn(&Take, &Source) -> Result<T, EvaluationError> + Sync),
         progress: &mut dyn Progress,
         seconds: &dyn Fn() -> f64,
-    ) -> Result<(Vec<SeenOf<T>>, f64), AppraisalError> {
+    ) -> Result<(Vec<SeenOf<T>>, f64), EvaluationError> {
         let store = Store::open(&self.config.out.join(kept.folder()))?;
         let sets = self.listed(kept, sources);
         progress.ahead(sets.len() as u64);
@@ -186,7 +186,7 @@ impl<'a> UnderWay<'a> {
     }
 
     /// Makes the frames of a scenario as a source shows it and looks at them.
-    fn seen(&self, take: &Take, source: &Source) -> Result<Seen, AppraisalError> {
+    fn seen(&self, take: &Take, source: &Source) -> Result<Seen, EvaluationError> {
         let (drive, frames) = self.frames(take, source, self.config.frames)?;
         look(self.config, self.plans, &mut self.crew.lookers(), take, &drive, &frames)
     }
@@ -195,7 +195,7 @@ impl<'a> UnderWay<'a> {
     ///
     /// # Errors
     /// If the source's look is unknown or the scenario has no camera.
-    pub(super) fn drive(&self, take: &Take, source: &Source) -> Result<Drive, AppraisalError> {
+    pub(super) fn drive(&self, take: &Take, source: &Source) -> Result<Drive, EvaluationError> {
         take.drive(source, self.size_px)
     }
 
@@ -208,7 +208,7 @@ impl<'a> UnderWay<'a> {
         take: &Take,
         source: &Source,
         last: u32,
-    ) -> Result<(Drive, Vec<RgbImage>), AppraisalError> {
+    ) -> Result<(Drive, Vec<RgbImage>), EvaluationError> {
         let mut drive = self.drive(take, source)?;
         let frames = take.frames(source, self.arms.get(&source.from), &mut drive, last)?;
         Ok((drive, frames))
@@ -279,9 +279,9 @@ impl<'a> UnderWay<'a> {
     ///
     /// # Errors
     /// If a frame cannot be made or a file cannot be written.
-    pub(super) fn show<'b>(&'b self, outcome: &'b Outcome) -> Result<(), AppraisalError> {
+    pub(super) fn show<'b>(&'b self, outcome: &'b Outcome) -> Result<(), EvaluationError> {
         let folder = self.config.out.join("scenes");
-        std::fs::create_dir_all(&folder).map_err(AppraisalError::io("folder of pictures", &folder))?;
+        std::fs::create_dir_all(&folder).map_err(EvaluationError::io("folder of pictures", &folder))?;
         let [real, layout] = [ObservationSource::Reference, ObservationSource::Layout].map(Source::plain);
         let mut pictures = Vec::new();
         for (_, source) in self.config.others() {
@@ -310,13 +310,13 @@ impl<'a> UnderWay<'a> {
         let draw = |at: usize| {
             let Picture { name, take, sources, frame } = &pictures[at];
             let row = |source: &&Source| Ok(vec![self.frame(take, source, *frame)?]);
-            let rows = sources.iter().map(row).collect::<Result<Vec<_>, AppraisalError>>()?;
-            ds_train::sheet::write(&folder.join(name), &rows).map_err(|source| AppraisalError::Stills { source })
+            let rows = sources.iter().map(row).collect::<Result<Vec<_>, EvaluationError>>()?;
+            ds_train::sheet::write(&folder.join(name), &rows).map_err(|source| EvaluationError::Stills { source })
         };
         self.crew.each(pictures.len(), draw).map(|_| ())
     }
 
-    fn frame(&self, take: &Take, source: &Source, frame: u32) -> Result<RgbImage, AppraisalError> {
+    fn frame(&self, take: &Take, source: &Source, frame: u32) -> Result<RgbImage, EvaluationError> {
         let (_, mut frames) = self.frames(take, source, frame)?;
         Ok(frames.swap_remove(frame as usize))
     }

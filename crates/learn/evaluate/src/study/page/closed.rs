@@ -6,7 +6,7 @@ use ds_page::svg::{dot, line, text, wide};
 use ds_page::{Document, Markup, Pictures};
 
 use super::{STYLE, shown};
-use crate::error::AppraisalError;
+use crate::error::EvaluationError;
 use crate::page::table::table;
 use crate::study::closed_loop::{ClosedLoop, Gap, Nearer, REFERENCE};
 
@@ -14,13 +14,13 @@ use crate::study::closed_loop::{ClosedLoop, Gap, Nearer, REFERENCE};
 ///
 /// # Errors
 /// If a file cannot be written.
-pub fn write_drives(out: &Path, found: &ClosedLoop) -> Result<(), AppraisalError> {
+pub fn write_drives(out: &Path, found: &ClosedLoop) -> Result<(), EvaluationError> {
     let path = out.join("closed-loop.json");
     let text = serde_json::to_string_pretty(found)
-        .map_err(|source| AppraisalError::Record { path: path.display().to_string(), source })?;
-    std::fs::write(&path, text + "\n").map_err(AppraisalError::io("outcome", &path))?;
+        .map_err(|source| EvaluationError::Record { path: path.display().to_string(), source })?;
+    std::fs::write(&path, text + "\n").map_err(EvaluationError::io("outcome", &path))?;
     let path = out.join("index.html");
-    std::fs::write(&path, html(found)).map_err(AppraisalError::io("page", &path))
+    std::fs::write(&path, html(found)).map_err(EvaluationError::io("page", &path))
 }
 
 /// Returns the page.
