@@ -2,6 +2,9 @@
 
 mod clips;
 mod generated;
+mod mutated;
+#[path = "../../../../tests/mutation.rs"]
+mod mutation;
 mod pair;
 mod practice;
 mod recovery;

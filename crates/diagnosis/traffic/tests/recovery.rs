@@ -2,11 +2,15 @@
 //! spoiled case is refused by name.
 
 use std::path::Path;
+use std::sync::LazyLock;
 
 use ds_diagnosis::meta::Kind;
 use ds_diagnosis::{Diagnosis, Verdict};
 use ds_effect::Setting;
 use ds_traffic::{Case, Options, TrafficError, diagnose, synthetic};
+
+#[path = "../../../../tests/mutation.rs"]
+mod mutation;
 
 /// Seeds that no reported figure uses.
 const SEED: u64 = 77_000;
@@ -69,4 +73,31 @@ fn spoiled_cases_are_refused_by_name() {
     let absurd = r#"{"model":"traffic","recordings":[],"nominal":{"headway":-1.0}}"#;
     refused(&|folder| write(folder, "meta.json", absurd), "headway");
     refused(&|folder| write(folder, "meta.json", r#"{"model":"traffic","recordings":[]}"#), "nobody");
+}
+
+static WHOLE: LazyLock<tempfile::TempDir> = LazyLock::new(|| case(SEED + 3, &[]));
+
+#[test]
+fn mutated_cases_are_refused_or_diagnosed() {
+    mutation::all_are_borne("mutated_cases_are_refused_or_diagnosed", |index| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut files: Vec<_> =
+            std::fs::read_dir(WHOLE.path()).expect("the sound case").flatten().map(|entry| entry.path()).collect();
+        files.sort();
+        for (file, at) in files.iter().zip(0u64..) {
+            let name = file.file_name().expect("a name");
+            let whole = std::fs::read(file).expect("a file");
+            let changed = match std::str::from_utf8(&whole) {
+                _ if index % files.len() as u64 != at => whole,
+                Ok(text) => mutation::text(text, "traffic", index),
+                Err(_) => mutation::bytes(&whole, "traffic", index),
+            };
+            std::fs::write(folder.path().join(name), changed).expect("written");
+        }
+        if let Ok(case) = Case::read(folder.path())
+            && (index / files.len() as u64).is_multiple_of(10)
+        {
+            drop(diagnose(&case, &Options::default()));
+        }
+    });
 }
