@@ -5,6 +5,7 @@
 
 mod class;
 pub mod depth;
+mod detail;
 pub mod encode;
 pub mod fall;
 pub mod geometry;
@@ -17,6 +18,7 @@ pub mod view;
 
 pub use class::PixelClass;
 pub use depth::{DepthRaster, ScreenPoint};
+pub use detail::{calmed, sharpened};
 pub use encode::Encoding;
 pub use fall::{Fall, Falling, Sight, cleared};
 pub use geometry::{Air, Carried, Geometry, INVERSE_DEPTH_STEP, Mover};

@@ -182,8 +182,10 @@ impl Source<'_> {
                 let guide = (step > 0).then(|| self.guide(clip, step, frames.last()));
                 let decoded = ae.decode(&Array::new(&[1, h, w, z], values.to_vec()), guide.as_ref(), &mut memory);
                 let images = decoded.values().chunks_exact(decoded.values().len() / stride).take(ticks.len());
-                let image = |values| RgbImage::of_values(values, 8 * w as u32, 8 * h as u32);
-                frames.extend(images.map(image).filter(|_| step > 0));
+                let image = |(values, tick)| {
+                    evaluate::layout(clip, tick).calmed(&RgbImage::of_values(values, 8 * w as u32, 8 * h as u32))
+                };
+                frames.extend(images.zip(ticks).map(image).filter(|_| step > 0));
             }
             frames
         };

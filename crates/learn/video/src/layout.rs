@@ -7,10 +7,13 @@ use std::sync::Arc;
 
 use ds_nn::Array;
 use ds_nn::tiny_ae::AeShape;
-use ds_raster::{Air, Fall, Geometry, RgbImage};
+use ds_raster::{Air, Fall, Geometry, RgbImage, calmed, sharpened};
 use ds_space::{DigestWriter, Tick};
 
 use crate::tokens;
+
+/// Frames of a decoder that goes on from its own are shown so much sharper than it paints them.
+pub(crate) const SHARPER: f32 = 0.12;
 
 /// A layout: its picture and, where it is known, its geometry.
 #[derive(Debug, Clone)]
@@ -22,6 +25,19 @@ pub struct Layout {
 }
 
 impl Layout {
+    /// Returns a frame of this layout as it is carried on: without specks, which would grow from chunk to chunk.
+    #[must_use]
+    pub fn calmed(&self, frame: &RgbImage) -> RgbImage {
+        calmed(frame, &self.image.resized(frame.width_px(), frame.height_px()))
+    }
+
+    /// Returns a frame of this layout as it is shown at a tick: brought out a little if the decoder goes on from its own frames, and with
+    /// what falls before it.
+    pub(crate) fn shown(&self, frame: &RgbImage, carried: bool, fall: Option<Fall>, tick: Tick) -> RgbImage {
+        let frame = if carried { &sharpened(frame, SHARPER) } else { frame };
+        self.falling(frame, fall, tick)
+    }
+
     /// Returns a frame of this layout with what falls before it at a tick, if anything does and the layout's lens is known.
     #[must_use]
     pub fn falling(&self, frame: &RgbImage, fall: Option<Fall>, tick: Tick) -> RgbImage {

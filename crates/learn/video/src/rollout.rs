@@ -350,7 +350,8 @@ impl Rollout {
     fn fallen(&self, frames: &[RgbImage], from: usize) -> Vec<RgbImage> {
         let ticks = (self.first_tick()..).map(Tick);
         let all = frames.iter().zip(&self.pending).zip(ticks).skip(from);
-        all.map(|((frame, layout), tick)| layout.falling(frame, self.fall, tick)).collect()
+        let carried = self.model.config().control.carried;
+        all.map(|((frame, layout), tick)| layout.shown(frame, carried, self.fall, tick)).collect()
     }
 
     /// Returns the first tick of the chunk under way.
@@ -423,22 +424,22 @@ impl Rollout {
     fn decode(&mut self, clean: &Array, layouts: &[Layout]) -> Result<Vec<RgbImage>, VideoError> {
         let config = self.model.config();
         let (h, w) = config.latent_size();
+        let (width, height) = (config.video.width_px, config.video.height_px);
         let guide = (config.control.decoder_layers > 0 && !layouts.is_empty()).then(|| {
-            self.carry.guide(
-                &config.ae(),
-                config.video.width_px,
-                config.video.height_px,
-                &layouts.iter().collect::<Vec<_>>(),
-            )
+            let seen: Vec<&Layout> = layouts.iter().collect();
+            self.carry.guide(&config.ae(), width, height, &seen)
         });
         let latents = tokens::tokens_to_latents(clean, h, w);
         let decoded = self.model.codec.decode(latents, guide.as_ref(), &mut self.decoder);
         if !decoded.is_finite() {
             return Err(VideoError::NotFinite { chunk: self.chunk });
         }
-        let (width, height) = (config.video.width_px, config.video.height_px);
         let images = decoded.values().chunks_exact(width as usize * height as usize * 3);
-        Ok(images.map(|values| RgbImage::of_values(values, width, height)).collect())
+        let mut images: Vec<RgbImage> = images.map(|values| RgbImage::of_values(values, width, height)).collect();
+        for (image, layout) in images.iter_mut().zip(layouts).filter(|_| config.control.carried) {
+            *image = layout.calmed(image);
+        }
+        Ok(images)
     }
 
     fn commit(&mut self, made: Sampled, control: &Control) -> Cache {

@@ -27,6 +27,8 @@ const NUMBERS: usize = 4 + TARGETS;
 const RECORD_BYTES: usize = PIXELS + 4 * NUMBERS + 4 + 8 + 4 + 8 * 3;
 /// The longest file of samples that is read, in bytes.
 const MAX_BYTES: u64 = 8 << 30;
+/// The draw of a state's look.
+const LOOK: u64 = 9;
 /// The last tick from which the tracks reach to the end of a label.
 const LAST_START_TICK: u64 = 110;
 
@@ -203,6 +205,11 @@ impl Stage {
         Self { index, driver: Driver::new(&scene), camera, scene, eye: Eye::default() }
     }
 
+    /// Draws the look anew: light, weather, paints and textures, so that a policy cannot take those of a scene for its road.
+    pub(super) fn look_otherwise(&mut self, draws: &Draws) {
+        self.camera = ReferenceCamera::new(&self.scene, Appearance::from_seed(draws.u64(LOOK)));
+    }
+
     /// Returns the frame of the scene's first camera.
     pub(super) fn frame(&self, world: &WorldState) -> Result<ds_raster::RgbImage, PolicyTrainError> {
         let seen = self.camera.on_ego(world, &self.scene.cameras[0]);
@@ -262,6 +269,7 @@ pub(super) fn beside_the_expert(settings: &PolicySettings, shown: ScenarioSplit)
             let mut world = simulation.state().clone();
             world.ego = moved(settings, &stage.driver, &world.ego, &draws);
             if !touches(&world, &stage.scene) {
+                stage.look_otherwise(&draws);
                 let frame = stage.frame(&world)?;
                 samples.push(stage.sample(&world, &frame, simulation.route_command()));
             }

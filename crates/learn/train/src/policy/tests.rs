@@ -271,3 +271,13 @@ fn a_step_beside_the_expert_is_labelled_with_the_way_back() {
         assert!(low < high, "the frame is of one colour");
     }
 }
+
+#[test]
+fn states_of_one_scenario_are_shown_in_looks_of_their_own() {
+    let settings =
+        PolicySettings { scenarios: 1, states_per_scenario: 12, ..PolicySettings::parse(SHIPPED).expect("sound") };
+    let samples = dataset::beside_the_expert(&settings, ScenarioSplit::Training).expect("samples can be made").0;
+    let sky = |sample: &Sample| <[u8; 3]>::try_from(&sample.rgb[..3]).expect("a pixel");
+    let skies: std::collections::BTreeSet<[u8; 3]> = samples.iter().map(sky).collect();
+    assert!(samples.len() > 6 && 2 * skies.len() > samples.len(), "{skies:?} of {} states", samples.len());
+}
