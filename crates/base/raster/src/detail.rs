@@ -10,7 +10,8 @@ const REACH: usize = 2;
 /// A value may differ by so much from the mean around it, of 255.
 const MOST: i32 = 45;
 
-/// Returns the frame with each value within [`MOST`] of the mean of those around it that show the same in the layout.
+/// Returns the frame with each value that stands out from a direct neighbour brought within 45 of 255 of the mean of the 5×5 around
+/// that show the same in the layout.
 ///
 /// # Panics
 ///
