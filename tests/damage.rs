@@ -58,6 +58,22 @@ fn damaged(folder: &Path, damage: impl FnOnce(&mut Vec<u8>)) -> PathBuf {
 }
 
 #[test]
+fn a_recording_that_was_not_finished_is_refused_and_one_that_is_gone_is_told() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = damaged(folder.path(), |_| {});
+    let out = folder.path().join("page");
+    let report = ["report", utf8(folder.path()), "--out", utf8(&out)];
+    let unfinished = PathBuf::from(format!("{}.partial", path.display()));
+    std::fs::rename(&path, &unfinished).expect("renamed");
+    let says = refused(&report, 1);
+    assert!(says.contains("unfinished") && says.contains("--partial"), "{says}");
+    std::fs::remove_file(&unfinished).expect("removed");
+    let output = run(&report);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(stderr(&output).contains("1 of 1 recordings are not there"), "{}", stderr(&output));
+}
+
+#[test]
 fn damaged_recordings_are_refused_and_partial_answers_say_so() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let draws = Draws::from_seed(1, "damage");
@@ -70,7 +86,12 @@ fn damaged_recordings_are_refused_and_partial_answers_say_so() {
     for index in 0..12 {
         let path = damaged(folder.path(), flip(index));
         let says = refused(&["score", utf8(&path)], 1);
-        assert!(["damaged", "not a recording"].iter().any(|word| says.contains(word)), "{says}");
+        assert!(
+            ["damaged or incomplete", "damaged before its scene ends", "not a recording"]
+                .iter()
+                .any(|word| says.contains(word)),
+            "{says}"
+        );
     }
     let path = damaged(folder.path(), |bytes| bytes.truncate(bytes.len() / 2));
     let (recording, out) = (utf8(&path), folder.path().join("out"));

@@ -3,6 +3,7 @@
 //! A painter that sees its own last frame adds to what it saw there, so that single pixels of black and white side by side grow
 //! from chunk to chunk where things are a few pixels wide.
 
+use crate::alike::Alike;
 use crate::image::RgbImage;
 
 /// Pixels to each side of one that it is compared with.
@@ -18,10 +19,9 @@ const MOST: i32 = 45;
 /// Panics if the two differ in size.
 #[must_use]
 pub fn calmed(frame: &RgbImage, layout: &RgbImage) -> RgbImage {
-    let size = |image: &RgbImage| (image.width_px() as usize, image.height_px() as usize);
-    let (width, height) = size(frame);
-    assert_eq!(size(layout), (width, height), "frame and layout differ in size");
-    let [seen, told] = [frame, layout].map(|image| image.rgb().as_chunks::<3>().0);
+    let seen = frame.rgb().as_chunks::<3>().0;
+    let alike = Alike::new(frame, layout);
+    let (width, height) = (alike.width, alike.height);
     let mut calmed = frame.clone();
     for (at, pixel) in calmed.rgb_mut().as_chunks_mut::<3>().0.iter_mut().enumerate() {
         let (x, y) = (at % width, at / width);
@@ -32,13 +32,9 @@ pub fn calmed(frame: &RgbImage, layout: &RgbImage) -> RgbImage {
             continue;
         }
         let (mut sum, mut count) = ([0; 3], 0);
-        for row in y.saturating_sub(REACH)..(y + REACH + 1).min(height) {
-            for near in row * width + x.saturating_sub(REACH)..row * width + (x + REACH + 1).min(width) {
-                if told[near] == told[at] {
-                    (0..3).for_each(|c| sum[c] += i32::from(seen[near][c]));
-                    count += 1;
-                }
-            }
+        for near in alike.around(at, REACH) {
+            (0..3).for_each(|c| sum[c] += i32::from(seen[near][c]));
+            count += 1;
         }
         for (value, sum) in pixel.iter_mut().zip(sum) {
             let mean = sum / count;

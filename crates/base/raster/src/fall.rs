@@ -5,6 +5,7 @@
 
 use ds_space::{Digest, Draws, Intrinsics, Tick};
 
+use crate::alike::Alike;
 use crate::image::RgbImage;
 
 /// Flakes in a field of view as wide and high as the focal length, where they fall heavily.
@@ -165,20 +166,14 @@ impl Cover<'_> {
 /// Panics if the two differ in size.
 #[must_use]
 pub fn cleared(frame: &RgbImage, layout: &RgbImage) -> RgbImage {
-    let size = |image: &RgbImage| (image.width_px() as usize, image.height_px() as usize);
-    let (width, height) = size(frame);
-    assert_eq!(size(layout), (width, height), "frame and layout differ in size");
-    let [seen, told] = [frame, layout].map(|image| image.rgb().as_chunks::<3>().0);
+    let seen = frame.rgb().as_chunks::<3>().0;
+    let alike = Alike::new(frame, layout);
     let luma = |at: usize| seen[at].iter().map(|byte| u32::from(*byte)).sum::<u32>();
     let mut cleared = frame.clone();
     let mut around = Vec::with_capacity((2 * SPECK_REACH + 1).pow(2));
     for (at, pixel) in cleared.rgb_mut().as_chunks_mut::<3>().0.iter_mut().enumerate() {
-        let (x, y) = (at % width, at / width);
         around.clear();
-        for row in y.saturating_sub(SPECK_REACH)..(y + SPECK_REACH + 1).min(height) {
-            let columns = x.saturating_sub(SPECK_REACH)..(x + SPECK_REACH + 1).min(width);
-            around.extend(columns.map(|column| row * width + column).filter(|near| told[*near] == told[at]));
-        }
+        around.extend(alike.around(at, SPECK_REACH));
         let middle = around.len() / 2;
         let median = *around.select_nth_unstable_by_key(middle, |near| (luma(*near), *near)).1;
         if luma(at) > luma(median) + 3 * SPECK {

@@ -3,6 +3,7 @@
 //! Images are 8-bit RGB in sRGB, rows top to bottom, no padding. The rasteriser is shared by the layout's `cpu`
 //! back end and the reference camera; it knows triangles, views, lenses and depth, not scenes.
 
+mod alike;
 mod class;
 pub mod depth;
 mod detail;

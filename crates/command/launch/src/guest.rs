@@ -10,7 +10,7 @@ use tokio::runtime::Runtime;
 /// An external policy has so long for each answer.
 const ANSWER_WITHIN: Duration = Duration::from_secs(60);
 
-/// Opens a bus on an endpoint for the policy of a name; it may connect later. `runtime` outlives it.
+/// Opens a bus on an endpoint for the policy of a name; it may connect later.
 ///
 /// # Errors
 /// If the name is not one or the endpoint cannot be listened on.

@@ -109,8 +109,8 @@ pub struct Space {
     /// One per parameter, the parameters of an effect side by side.
     pub coordinates: Vec<Coordinate>,
     nominal: Nominal,
-    drive_derived: bool,
-    nobody_follows: bool,
+    /// Effects that act on what the logs do not hold: they fit as nuisances only.
+    muted: Vec<&'static str>,
 }
 
 impl Space {
@@ -134,7 +134,7 @@ impl Space {
             .flat_map(|(effect, e)| sized(e, nominal).map(move |parameter| (effect, parameter)))
             .map(|(effect, parameter)| Coordinate { effect, parameter, nuisance: parameter.nuisance, shift: None })
             .collect();
-        Self { effects, coordinates, nominal: nominal.clone(), drive_derived: false, nobody_follows: false }
+        Self { effects, coordinates, nominal: nominal.clone(), muted: Vec::new() }
     }
 
     /// Returns the vector at which every effect is absent.
@@ -159,12 +159,12 @@ impl Space {
 
     /// Takes the drive command for computed from the speed: what acts between both cannot be told, and fits only as a nuisance.
     pub fn drive_is_derived(&mut self) {
-        self.drive_derived = true;
+        self.muted.extend(OF_DRIVE);
     }
 
     /// Takes the logs for those of a car that nobody follows: no effect of other drivers can be told.
     pub fn nobody_follows(&mut self) {
-        self.nobody_follows = true;
+        self.muted.extend(self.effects.iter().map(|effect| effect.id));
     }
 
     /// Tells whether an effect may be suspected.
@@ -181,8 +181,7 @@ impl Space {
     }
 
     fn is_mute(&self, effect: usize) -> bool {
-        let id = self.effects[effect].id;
-        self.nobody_follows || (self.drive_derived && OF_DRIVE.contains(&id))
+        self.muted.contains(&self.effects[effect].id)
     }
 
     /// Returns the coordinates of an effect.

@@ -37,14 +37,16 @@ pub(crate) fn open(path: &Path, partial: bool) -> Result<Recording> {
 pub(crate) fn inspect(results: &Results, folder: &Path, partial: bool) -> Result<Vec<String>> {
     let named = results.episodes.iter().filter(|episode| !episode.recording.is_empty());
     let files: Vec<PathBuf> = named.map(|episode| folder.join(&episode.recording)).collect();
-    let (there, gone): (Vec<&PathBuf>, Vec<&PathBuf>) = files.iter().partition(|file| file.exists());
-    if let Some(first) = gone.first() {
+    let damages: Vec<Option<String>> = files.par_iter().map(|file| damage(file)).collect();
+    let told = files.iter().zip(&damages);
+    let gone: Vec<_> = told.filter(|(file, damage)| damage.is_none() && !file.exists()).collect();
+    if let Some((first, _)) = gone.first() {
         let (count, all, first) = (gone.len(), files.len(), first.display());
         tracing::warn!(
             "{count} of {all} recordings are not there ({first} first): the results file alone tells of their drives"
         );
     }
-    let lines: Vec<String> = there.par_iter().filter_map(|file| damage(file)).collect();
+    let lines: Vec<String> = damages.into_iter().flatten().collect();
     match lines.first() {
         Some(first) if !partial => {
             Err(anyhow!("{} recordings are not whole, the first is {first}; {REFUSED}", lines.len()))
