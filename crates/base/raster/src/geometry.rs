@@ -26,10 +26,14 @@ const SKIN_M: f64 = 0.15;
 const SAME_DEPTH: f64 = 0.06;
 /// What stands is drawn anew at distances that are so many times one another: in between, its pixels grow and get no detail.
 const STANDING_TIMES: f64 = 4.0;
+/// The same for what moves by itself: its paint is known, so that it may be drawn anew sooner.
+const MOVING_TIMES: f64 = 2.0;
 /// The same for the ground, which is stretched by the square of that.
 const GROUND_TIMES: f64 = 1.22;
 /// How much of a pixel may be kept that is to be drawn anew in its colours: more of it would leave more of its blur.
 const STALE: f32 = 0.35;
+/// Least length and width of a vehicle, in metres.
+const VEHICLE_M: [f64; 2] = [2.5, 1.2];
 /// As far as this is taken for infinitely far, in metres.
 const FAR_M: f64 = 1e6;
 
@@ -45,6 +49,18 @@ pub struct Mover {
     /// Length, width and height, in metres.
     pub size_m: [f64; 3],
 }
+
+impl Mover {
+    /// Returns what a point of it is of a vehicle; none if it is not as large as one.
+    fn part(&self, point: DVec3) -> Option<VehiclePart> {
+        let [length_m, width_m, height_m] = self.size_m;
+        let large = length_m >= VEHICLE_M[0] && width_m >= VEHICLE_M[1];
+        large.then(|| VehiclePart { id: self.id, height: (point.z - self.bottom_m) / height_m })
+    }
+}
+
+/// Where a pixel was, and how much of it may be kept.
+type Origin = (DVec2, f32);
 
 /// A box with its axes, which every pixel asks for, and where it was, if it was there.
 struct Placed<'a> {
@@ -85,13 +101,10 @@ impl<'a> Placed<'a> {
     }
 }
 
-/// Returns where a point of the world was before and whether it moves by itself; none if it belongs to a box that was not there.
-fn earlier(movers: &[Placed<'_>], point: DVec3) -> Option<(DVec3, bool)> {
+/// Returns the box that a point of the world belongs to.
+fn holder<'p, 'a>(movers: &'p [Placed<'a>], point: DVec3) -> Option<&'p Placed<'a>> {
     let stands = point.z > SKIN_M && point.z < 0.5 * FAR_M;
-    match movers.iter().find(|mover| stands && mover.holds(point)) {
-        Some(mover) => mover.earlier(point).map(|then| (then, true)),
-        None => Some((point, false)),
-    }
+    movers.iter().find(|mover| stands && mover.holds(point))
 }
 
 /// What a layout shows, as geometry.
@@ -137,6 +150,17 @@ pub struct Carried {
     pub frame: RgbImage,
     /// Of each pixel, how much of it may be kept: 1 where it is known, a third where it is known and has come much nearer, 0 elsewhere.
     pub kept: Vec<f32>,
+    /// What of a vehicle each pixel shows.
+    pub vehicles: Vec<Option<VehiclePart>>,
+}
+
+/// A point of a vehicle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VehiclePart {
+    /// Which vehicle.
+    pub id: u32,
+    /// How high up: 0 at its bottom, 1 at its top.
+    pub height: f64,
 }
 
 impl Geometry {
@@ -144,29 +168,28 @@ impl Geometry {
     /// is the layouts' view at another resolution.
     #[must_use]
     pub fn carry(&self, before: &Self, frame: &RgbImage, air: Air) -> Carried {
-        let origins = self.origins(before, (frame.width_px(), frame.height_px()), air);
+        let (origins, vehicles) = self.origins(before, (frame.width_px(), frame.height_px()), air);
         let mut carried = RgbImage::filled(frame.width_px(), frame.height_px(), [0; 3]);
         for (pixel, origin) in carried.rgb_mut().chunks_exact_mut(3).zip(&origins) {
             if let Some((origin, _)) = origin {
                 pixel.copy_from_slice(&between(frame, *origin));
             }
         }
-        Carried { frame: carried, kept: origins.iter().map(|origin| origin.map_or(0.0, |(_, kept)| kept)).collect() }
+        let kept = origins.iter().map(|origin| origin.map_or(0.0, |(_, kept)| kept)).collect();
+        Carried { frame: carried, kept, vehicles }
     }
 
     /// Returns for each pixel of a picture of this view where it was in a picture of the view `before`, both of the same size, and how
-    /// much of it may be kept.
-    fn origins(&self, before: &Self, size: (u32, u32), air: Air) -> Vec<Option<(DVec2, f32)>> {
+    /// much of it may be kept; and what of a vehicle it shows.
+    fn origins(&self, before: &Self, size: (u32, u32), air: Air) -> (Vec<Option<Origin>>, Vec<Option<VehiclePart>>) {
         let (width_px, height_px) = size;
         let (depths_m, depths_before_m) = (self.depths_m(size), before.depths_m(size));
         let lens = before.lens.resized(width_px, height_px);
         let camera_from_world = before.world_from_camera.inverse();
         let movers = Placed::all(&self.movers, &before.movers);
         let directions = lens::directions(&self.lens.resized(width_px, height_px));
-        let origin = |(depth_m, direction): (&f64, &DVec2)| {
-            let depth_m = Some(*depth_m).filter(|depth_m| *depth_m < FAR_M)?;
-            let point = self.world_from_camera * (direction.extend(1.0) * depth_m);
-            let (then, moves) = earlier(&movers, point)?;
+        let origin = |depth_m: f64, point: DVec3, holder: Option<&Placed<'_>>| {
+            let then = holder.map_or(Some(point), |mover| mover.earlier(point))?;
             let seen = camera_from_world * then;
             let at = lens.project(seen)?;
             let inside = at.x >= 0.0 && at.y >= 0.0 && at.x < f64::from(width_px) && at.y < f64::from(height_px);
@@ -175,12 +198,23 @@ impl Geometry {
             let (nearest, farthest) = around.iter().fold((FAR_M, 0.0), |(low, high), m| (m.min(low), m.max(high)));
             let surface = nearest / (1.0 + SAME_DEPTH)..=farthest * (1.0 + SAME_DEPTH);
             let stands = point.z > SKIN_M;
-            let stale = nearer(if stands { STANDING_TIMES } else { GROUND_TIMES }, depth_m, seen.z);
-            let coloured = moves || (stands && air == Air::Clear);
+            let times = match holder {
+                Some(_) => MOVING_TIMES,
+                None if stands => STANDING_TIMES,
+                None => GROUND_TIMES,
+            };
+            let stale = nearer(times, depth_m, seen.z);
+            let coloured = holder.is_some() || (stands && air == Air::Clear);
             let kept = if stale && coloured { STALE } else { f32::from(u8::from(!stale)) };
             (known && surface.contains(&seen.z) && kept > 0.0).then_some((at, kept))
         };
-        depths_m.iter().zip(&directions).map(origin).collect()
+        let pixel = |(depth_m, direction): (&f64, &DVec2)| {
+            let Some(depth_m) = Some(*depth_m).filter(|depth_m| *depth_m < FAR_M) else { return (None, None) };
+            let point = self.world_from_camera * (direction.extend(1.0) * depth_m);
+            let holder = holder(&movers, point);
+            (origin(depth_m, point, holder), holder.and_then(|mover| mover.now.part(point)))
+        };
+        depths_m.iter().zip(&directions).map(pixel).unzip()
     }
 
     /// Returns the depths of the pixels of a picture of this view at another size, in metres, rows top to bottom.
@@ -239,17 +273,17 @@ fn cubic(t: f64) -> [f64; 4] {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use ds_space::DQuat;
 
     use super::*;
     use crate::{DepthRaster, View};
 
-    const SIZE_PX: (u32, u32) = (64, 32);
+    pub(crate) const SIZE_PX: (u32, u32) = (64, 32);
     const WALL_M: f64 = 20.0;
 
     /// A camera 1.5 m high that looks along x from a place on it, at a wall and a box before it.
-    fn seen(x_m: f64, mover: Option<Mover>) -> Geometry {
+    pub(crate) fn seen(x_m: f64, mover: Option<Mover>) -> Geometry {
         let lens = Intrinsics::centred(SIZE_PX.0, SIZE_PX.1, 1.0);
         let ahead = DQuat::from_mat3(&ds_space::DMat3::from_cols(-DVec3::Y, -DVec3::Z, DVec3::X));
         let world_from_camera = Pose::new(ahead, DVec3::new(x_m, 0.0, 1.5));
@@ -275,7 +309,7 @@ mod tests {
         Geometry { lens, world_from_camera, inverse_depths: steps.collect(), movers: mover.into_iter().collect() }
     }
 
-    fn mover(x_m: f64, y_m: f64) -> Mover {
+    pub(crate) fn mover(x_m: f64, y_m: f64) -> Mover {
         Mover { id: 7, pose: PoseSe2::new(x_m, y_m, 0.0), bottom_m: 0.0, size_m: [4.0, 2.0, 1.5] }
     }
 

@@ -21,7 +21,7 @@ use ds_nn::tiny_ae::Memory;
 use ds_nn::{Array, Weights};
 use ds_raster::{Air, RgbImage};
 use ds_space::{Digest, DigestWriter, Draws};
-use ds_video::{Carry, Layout, Rollout, VideoModel, tokens};
+use ds_video::{Carry, Layout, Paint, Rollout, VideoModel, tokens};
 
 use crate::autoencoder::unguided;
 use crate::batch::{mean_step, mean_steps};
@@ -176,10 +176,11 @@ impl Source<'_> {
         let show = |at: usize| {
             let (clip, latents) = &self.rolled[at];
             let [count, h, w, z]: [usize; 4] = latents.shape().try_into().expect("latents have four axes");
+            let paint = self.paint(clip);
             let (mut memory, mut frames) = (Memory::default(), vec![clip.frames[0].clone()]);
             for (step, values) in (0..count).zip(latents.values().chunks_exact(h * w * z)) {
                 let ticks = ticks(step, stride);
-                let guide = (step > 0).then(|| self.guide(clip, step, frames.last()));
+                let guide = (step > 0).then(|| self.guide(clip, step, frames.last(), &paint));
                 let decoded = ae.decode(&Array::new(&[1, h, w, z], values.to_vec()), guide.as_ref(), &mut memory);
                 let images = decoded.values().chunks_exact(decoded.values().len() / stride).take(ticks.len());
                 let image = |(values, tick)| {
@@ -192,13 +193,22 @@ impl Source<'_> {
         Ok(self.config.backend.team().run(self.rolled.len(), show))
     }
 
+    /// Returns the paint of the vehicles of a clip, if the model is told of it.
+    fn paint(&self, clip: &Clip) -> Paint {
+        if self.model.config().control.paints.is_empty() {
+            return Paint::Untold;
+        }
+        let seen = clip.frames.iter().zip(clip.geometry.iter().map(|geometry| &**geometry));
+        Paint::Told(Arc::new(ds_raster::paints(seen)))
+    }
+
     /// Makes what guides the frames of a latent step of a clip, after a frame that is carried on.
-    fn guide(&self, clip: &Clip, step: usize, before: Option<&RgbImage>) -> Array {
+    fn guide(&self, clip: &Clip, step: usize, before: Option<&RgbImage>, paint: &Paint) -> Array {
         let config = self.model.config();
         let ticks = ticks(step, config.vae.stride_t);
         let carry = before
             .filter(|_| step > 0)
-            .map(|frame| Carry::of(frame, &evaluate::layout(clip, ticks.start - 1), Air::Clear));
+            .map(|frame| Carry::of(frame, &evaluate::layout(clip, ticks.start - 1), Air::Clear).painted(paint.clone()));
         let layouts: Vec<Layout> = ticks.map(|tick| evaluate::layout(clip, tick)).collect();
         let missing = config.vae.stride_t - layouts.len();
         let layouts = std::iter::repeat_n(&layouts[0], missing).chain(&layouts).collect::<Vec<_>>();
@@ -250,7 +260,10 @@ impl Source<'_> {
         };
         let count = self.recipe.stage.latents.min(latents.shape()[0]);
         let from = draws.below(4, (latents.shape()[0] - count + 1) as u64) as usize;
-        let window = Window::drawn(self.recipe.crop_px, from..from + count, latents.shape(), &draws);
+        let seen = ticks(from, stride).start..ticks(from + count - 1, stride).end;
+        let aim = (draws.uniform(8) < self.recipe.aimed)
+            .then(|| aim(&clip.layouts[seen.start + draws.below(9, seen.len() as u64) as usize], &draws));
+        let window = Window::drawn(self.recipe.crop_px, from..from + count, latents.shape(), aim.flatten(), &draws);
         let on = draws.uniform(3) >= LAYOUT_DROPOUT;
         let (mut guides, mut frames, mut weights) = (Vec::new(), Vec::new(), Vec::new());
         let all = Emphasis { markings: self.recipe.markings, ..Emphasis::of(self.config) };
@@ -260,12 +273,13 @@ impl Source<'_> {
             let road_users = self.recipe.rolled_road_users.unwrap_or(all.road_users);
             Emphasis { road_users, untold: self.recipe.untold, structures: self.recipe.structures, ..all }
         };
+        let paint = self.paint(&clip);
         let steps = latent_steps(&clip.frames, stride).into_iter().zip(latent_steps(&clip.layouts, stride));
         for (index, (step, layout)) in steps.enumerate().skip(from).take(count) {
             frames.extend(tokens::stacked(&step).into_values());
             weights.extend(emphasis.of_pixels(&layout));
             let before = own.map(|own| &own[ticks(index, stride).start.saturating_sub(1)]);
-            guides.extend(self.guide(&clip, index, before).into_values());
+            guides.extend(self.guide(&clip, index, before, &paint).into_values());
         }
         if !on {
             guides.fill(0.0);
@@ -291,6 +305,15 @@ fn ticks(step: usize, stride: usize) -> std::ops::Range<usize> {
     if step == 0 { 0..1 } else { 1 + (step - 1) * stride..1 + step * stride }
 }
 
+/// Draws the latent, row and column, of a pixel of a road user or of what blocks the way; none where a layout shows neither.
+fn aim(layout: &RgbImage, draws: &Draws) -> Option<[usize; 2]> {
+    let pixels = layout.rgb().as_chunks::<3>().0.iter().enumerate();
+    let shown: Vec<usize> = pixels.filter(|(_, rgb)| Emphasis::is_in_the_way(**rgb)).map(|(at, _)| at).collect();
+    let at = shown.get(draws.below(10, shown.len().max(1) as u64) as usize)?;
+    let width = layout.width_px() as usize;
+    Some([at / width / 8, at % width / 8])
+}
+
 /// A part of a clip: latent frames, rows and columns.
 struct Window {
     frames: std::ops::Range<usize>,
@@ -299,15 +322,23 @@ struct Window {
 }
 
 impl Window {
-    /// Draws rows and columns of latents [steps, h, w, z].
-    fn drawn(crop_px: Option<[usize; 2]>, frames: std::ops::Range<usize>, shape: &[usize], draws: &Draws) -> Self {
+    /// Draws rows and columns of latents [steps, h, w, z], around a latent if it is aimed at one (row, column).
+    fn drawn(
+        crop_px: Option<[usize; 2]>,
+        frames: std::ops::Range<usize>,
+        shape: &[usize],
+        aim: Option<[usize; 2]>,
+        draws: &Draws,
+    ) -> Self {
         let [width, height] = crop_px.unwrap_or([8 * shape[2], 8 * shape[1]]).map(|px| px / 8);
-        let place = |draw, whole: usize, part: usize| {
+        let place = |draw, whole: usize, part: usize, aim: Option<usize>| {
             let part = part.min(whole);
-            let first = draws.below(draw, (whole - part + 1) as u64) as usize;
+            let drawn = || draws.below(draw, (whole - part + 1) as u64) as usize;
+            let first = aim.map_or_else(drawn, |aim| aim.saturating_sub(part / 2).min(whole - part));
             first..first + part
         };
-        Self { frames, rows: place(5, shape[1], height), columns: place(6, shape[2], width) }
+        let [row, column] = [0, 1].map(|axis| aim.map(|aim| aim[axis]));
+        Self { frames, rows: place(5, shape[1], height, row), columns: place(6, shape[2], width, column) }
     }
 
     fn latents(&self, latents: &Array) -> Array {

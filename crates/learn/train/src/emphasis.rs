@@ -12,7 +12,7 @@ use crate::config::TrainConfig;
 /// How much pixels count.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Emphasis {
-    /// Those of a vehicle, a pedestrian or a cyclist.
+    /// Those of a vehicle, a pedestrian, a cyclist or what blocks the way.
     pub(crate) road_users: f32,
     /// Those of a red, yellow or green light and its stop line.
     pub(crate) lights: f32,
@@ -30,11 +30,16 @@ impl Emphasis {
         Self { road_users: config.road_users, lights: config.lights, markings: 1.0, untold: 1.0, structures: 1.0 }
     }
 
+    /// Says whether a layout's colour is that of a road user or of what blocks the way.
+    pub(crate) fn is_in_the_way(rgb: colour::Rgb) -> bool {
+        colour::is_road_user(rgb) || colour::is_obstacle(rgb)
+    }
+
     /// Returns the weight of every pixel of some layouts, [images, height, width].
     pub(crate) fn of_pixels(self, layouts: &[&RgbImage]) -> Vec<f32> {
         let weight = |rgb: &[u8]| match [rgb[0], rgb[1], rgb[2]] {
             colour::GROUND | colour::SKY => self.untold,
-            rgb if colour::is_road_user(rgb) => self.road_users,
+            rgb if Self::is_in_the_way(rgb) => self.road_users,
             rgb if colour::is_lit(rgb) => self.lights,
             rgb if colour::is_marking(rgb) => self.markings,
             rgb if colour::is_structure(rgb) => self.structures,

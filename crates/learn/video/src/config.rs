@@ -261,6 +261,9 @@ pub struct ControlConfig {
     /// The words of a prompt by which something falls: it is then drawn anew at each tick, before frames that know nothing of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub falls: Option<FallsConfig>,
+    /// Mean colours of vehicles beside a frame of medium brightness, from which the paint of each that comes into view is drawn.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub paints: Vec<[u8; 3]>,
 }
 
 /// The few-step sampler.

@@ -7,13 +7,15 @@ use std::sync::Arc;
 
 use ds_nn::Array;
 use ds_nn::tiny_ae::AeShape;
-use ds_raster::{Air, Fall, Geometry, RgbImage, calmed, sharpened};
-use ds_space::{DigestWriter, Tick};
+use ds_raster::{Air, Carried, Fall, Geometry, Paints, RgbImage, calmed, sharpened};
+use ds_space::{Digest, DigestWriter, Draws, Tick};
 
 use crate::tokens;
 
 /// Frames of a decoder that goes on from its own are shown so much sharper than it paints them.
 pub(crate) const SHARPER: f32 = 0.12;
+/// The brightness beside which drawn paints look as they are told, of 255.
+const MEDIUM: f64 = 128.0;
 
 /// A layout: its picture and, where it is known, its geometry.
 #[derive(Debug, Clone)]
@@ -70,6 +72,54 @@ impl From<&Self> for Layout {
 pub struct Carry {
     seen: Option<(Arc<RgbImage>, Arc<Geometry>)>,
     air: Air,
+    paint: Paint,
+}
+
+/// What is told of the paint of vehicles that come into view.
+#[derive(Debug, Clone, Default)]
+pub enum Paint {
+    /// Nothing.
+    #[default]
+    Untold,
+    /// That of each.
+    Told(Arc<Paints>),
+    /// It is drawn by a key from colours as they are beside a frame of medium brightness.
+    Drawn(Arc<[[u8; 3]]>, Digest),
+}
+
+impl Paint {
+    /// Returns paint that is drawn from colours by a key; none is told if there are none.
+    pub(crate) fn drawn(colours: &[[u8; 3]], key: Digest) -> Self {
+        if colours.is_empty() { Self::Untold } else { Self::Drawn(colours.into(), key) }
+    }
+
+    /// Returns the paint of a vehicle beside a frame of some [`brightness`].
+    fn of(&self, id: u32, brightness: f64) -> Option<[u8; 3]> {
+        match self {
+            Self::Untold => None,
+            Self::Told(paints) => paints.get(&id).copied(),
+            Self::Drawn(colours, key) => {
+                let draws = Draws::new(key, "paint", &[u64::from(id)]);
+                let colour = colours.get(usize::try_from(draws.below(0, colours.len() as u64)).ok()?)?;
+                Some(relit(*colour, brightness))
+            }
+        }
+    }
+}
+
+/// Returns the mean brightness of a frame, in that beside which drawn paints look as they are told.
+#[must_use]
+pub fn brightness(frame: &RgbImage) -> f64 {
+    let sum: u64 = frame.rgb().iter().map(|byte| u64::from(*byte)).sum();
+    sum as f64 / frame.rgb().len() as f64 / MEDIUM
+}
+
+/// Returns a colour in light so many times as bright.
+#[must_use]
+pub fn relit(colour: [u8; 3], times: f64) -> [u8; 3] {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "float casts saturate")]
+    let lit = |byte: u8| (f64::from(byte) * times).round() as u8;
+    colour.map(lit)
 }
 
 impl Carry {
@@ -77,7 +127,25 @@ impl Carry {
     #[must_use]
     pub fn of(frame: &RgbImage, layout: &Layout, air: Air) -> Self {
         let geometry = layout.geometry.as_ref();
-        Self { seen: geometry.map(|geometry| (Arc::new(frame.clone()), Arc::clone(geometry))), air }
+        let seen = geometry.map(|geometry| (Arc::new(frame.clone()), Arc::clone(geometry)));
+        Self { seen, air, paint: Paint::Untold }
+    }
+
+    /// Tells the paint of vehicles that come into view.
+    #[must_use]
+    pub fn painted(self, paint: Paint) -> Self {
+        Self { paint, ..self }
+    }
+
+    /// Returns the frame as it would look from a layout, if both are known.
+    fn to(&self, layout: &Layout) -> Option<Carried> {
+        let ((frame, before), now) = self.seen.as_ref().zip(layout.geometry.as_ref())?;
+        let mut carried = now.carry(before, frame, self.air);
+        if !matches!(self.paint, Paint::Untold) {
+            let brightness = brightness(frame);
+            carried.paint(|id| self.paint.of(id, brightness));
+        }
+        Some(carried)
     }
 
     /// Returns the frame.
@@ -98,8 +166,7 @@ impl Carry {
         let pixels = width as usize * height as usize;
         let mut values = Vec::with_capacity(stacked.values().len() / 3 * 7);
         for (layout, seen) in layouts.iter().zip(stacked.values().chunks_exact(3 * pixels)) {
-            let carried = self.seen.as_ref().zip(layout.geometry.as_ref());
-            let carried = carried.map(|((frame, before), now)| now.carry(before, frame, self.air));
+            let carried = self.to(layout);
             let known = |at: usize| carried.as_ref().filter(|carried| carried.kept[at] > 0.0);
             for (at, colour) in seen.chunks_exact(3).enumerate() {
                 values.extend_from_slice(colour);

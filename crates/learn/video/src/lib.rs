@@ -31,7 +31,7 @@ pub use denoising::Denoising;
 
 pub use config::{CacheSource, ConfigError, ModelConfig};
 pub use error::VideoError;
-pub use layout::{Carry, Layout};
+pub use layout::{Carry, Layout, Paint, brightness, relit};
 pub use model::VideoModel;
 pub use per_frame::PerFrame;
 pub use rollout::{Generated, Replay, Rollout};

@@ -19,7 +19,7 @@ use crate::codec::{DecoderMemory, LayoutMemory};
 use crate::config::StartConfig;
 use crate::entry;
 use crate::error::VideoError;
-use crate::layout::{Carry, Layout};
+use crate::layout::{Carry, Layout, Paint};
 use crate::model::VideoModel;
 use crate::sampling::{self, Sampled, Sampling};
 use crate::{sampler, tokens};
@@ -46,6 +46,8 @@ pub struct Rollout {
     context: Context,
     /// What falls, by the prompt: before all frames and in none that is carried on.
     fall: Option<Fall>,
+    /// The paint of vehicles that come into view.
+    paint: Paint,
     /// The start latent of chunks after the first frame.
     start: Array,
     conditioning: Digest,
@@ -142,6 +144,7 @@ impl Rollout {
                 .falls
                 .as_ref()
                 .and_then(|falls| falls.said(prompt, DigestWriter::new().digest(&draw_key).text(camera).finish())),
+            paint: Paint::drawn(&config.control.paints, draw_key),
             start,
             conditioning: conditioning.finish(),
             encoder_digest,
@@ -333,7 +336,7 @@ impl Rollout {
     fn take_along(&mut self, frame: &RgbImage, layout: &Layout) {
         if self.model.config().control.carried {
             let air = if self.fall.is_some() { Air::Hazy } else { Air::Clear };
-            self.carry = Carry::of(frame, layout, air);
+            self.carry = Carry::of(frame, layout, air).painted(self.paint.clone());
         }
     }
 

@@ -11,7 +11,8 @@ const EXAMPLES: &str = "Examples:
   dreamstream data render --config configs/data/narrow.toml      the layout training set; Ctrl-C, same command: goes on
   dreamstream data render --config configs/data/test.toml --world b --out training/data/test_b
   dreamstream data sheet training/data/narrow -o narrow.png      look at it
-  dreamstream data list training/data/narrow                     one line per clip";
+  dreamstream data list training/data/narrow                     one line per clip
+  dreamstream data paints training/data/narrow                   what colours vehicles have there";
 
 /// Render, list and look at clips.
 #[derive(Debug, Subcommand)]
@@ -23,6 +24,8 @@ pub(crate) enum DataCommand {
     Sheet(DataSheetArgs),
     /// Print one line per clip of a set: scenario, network, appearance, prompt.
     List(DataListArgs),
+    /// Print the paints of the vehicles of a set, as `control.paints` of a preset takes them.
+    Paints(DataPaintsArgs),
 }
 
 /// Arguments of `data render`.
@@ -60,4 +63,15 @@ pub(crate) struct DataListArgs {
     /// The folder of a rendered set.
     #[arg(value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub set: PathBuf,
+}
+
+/// Arguments of `data paints`.
+#[derive(Debug, Args)]
+pub(crate) struct DataPaintsArgs {
+    /// The folder of a rendered set.
+    #[arg(value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub set: PathBuf,
+    /// How many to print: those at equal steps from the darkest to the brightest.
+    #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u16).range(1..=256))]
+    pub count: u16,
 }

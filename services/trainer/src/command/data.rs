@@ -6,11 +6,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, ensure};
 use ds_clips::{ClipSet, Progress, Recipe, Source};
+use ds_process::service::InterruptedError;
 use ds_process::terminal::{answer, bar, stop_flag};
 use ds_raster::Encoding;
 use indicatif::ProgressBar;
 
-use crate::cli::{DataCommand, DataListArgs, DataRenderArgs, DataSheetArgs};
+use crate::cli::{DataCommand, DataListArgs, DataPaintsArgs, DataRenderArgs, DataSheetArgs};
 
 struct Bar {
     bar: ProgressBar,
@@ -41,6 +42,7 @@ pub(crate) fn run(command: &DataCommand) -> Result<()> {
         DataCommand::Render(args) => render(args),
         DataCommand::Sheet(args) => sheet(args),
         DataCommand::List(args) => list(args),
+        DataCommand::Paints(args) => paints(args),
     }
 }
 
@@ -59,8 +61,8 @@ fn render(args: &DataRenderArgs) -> Result<()> {
     progress.bar.finish_and_clear();
     let place = rendered.folder.display();
     if rendered.clips < rendered.of {
-        answer(&format!("stopped at {} of {} clips in {place}; the same command goes on", rendered.clips, rendered.of));
-        return Ok(());
+        let (made, of) = (rendered.clips, rendered.of);
+        return Err(InterruptedError(format!("{made} of {of} clips in {place}: the same command goes on")).into());
     }
     answer(&format!("{} clips in {place}, {} of them made now", rendered.clips, rendered.made));
     save_sheet(&ClipSet::open(&folder)?, 24, folder.join("sheet.png"))
@@ -87,5 +89,26 @@ fn list(args: &DataListArgs) -> Result<()> {
             clip.index, clip.scenario, clip.network, clip.appearance, clip.frames, clip.ticks, clip.prompt
         ));
     }
+    Ok(())
+}
+
+fn paints(args: &DataPaintsArgs) -> Result<()> {
+    let set = ClipSet::open(&args.set).with_context(|| format!("set of clips {}", args.set.display()))?;
+    let bar = bar(set.len() as u64, "clips");
+    let mut all = Vec::new();
+    for at in 0..set.len() {
+        let clip = set.whole(at)?;
+        let seen = clip.frames.iter().zip(clip.geometry.iter().map(|geometry| &**geometry));
+        let Some(brightness) = clip.frames.first().map(ds_video::brightness) else { continue };
+        all.extend(ds_raster::paints(seen).into_values().map(|paint| ds_video::relit(paint, 1.0 / brightness)));
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    all.sort_by_key(|paint| paint.map(u32::from).iter().sum::<u32>());
+    ensure!(!all.is_empty(), "no clip of {} shows a vehicle with its geometry", args.set.display());
+    let count = usize::from(args.count).min(all.len());
+    let shown = (0..count).map(|at| all[(2 * at + 1) * all.len() / (2 * count)]);
+    answer(&format!("# the paint of {} vehicles", all.len()));
+    answer(&format!("paints = {:?}", shown.collect::<Vec<_>>()));
     Ok(())
 }

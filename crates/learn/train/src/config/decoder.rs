@@ -34,6 +34,9 @@ pub struct DecoderConfig {
     /// stages without it.
     #[serde(default)]
     pub rolled_road_users: Option<f32>,
+    /// The share of drawn parts that lie around a road user or what blocks the way, where a layout shows one.
+    #[serde(default)]
+    pub aimed: f64,
     /// How much the error of what changes from frame to frame counts beside that of the frames.
     #[serde(default)]
     pub change: f32,
@@ -83,6 +86,9 @@ impl DecoderConfig {
         let refuse = |field, rule: &str| Err(TrainError::Config { field, rule: rule.to_owned() });
         if ![self.rolled, f64::from(self.untold), f64::from(self.structures)].iter().all(|v| (0.0..=1.0).contains(v)) {
             return refuse("decoder", "rolled, untold and structures must lie within 0 to 1");
+        }
+        if !(0.0..=1.0).contains(&self.aimed) {
+            return refuse("decoder.aimed", "must lie within 0 to 1");
         }
         if self.rolled_road_users.is_some_and(|weight| !(0.0..=1e3).contains(&weight)) {
             return refuse("decoder.rolled_road_users", "must lie within 0 to 1000");

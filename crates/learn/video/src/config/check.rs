@@ -115,6 +115,9 @@ impl ModelConfig {
                 return refuse("control.falls", format!("{falls:?}"), rule);
             }
         }
+        if !self.control.carried && !self.control.paints.is_empty() {
+            return refuse("control.paints", format!("{:?}", self.control.paints), "needs carried = true");
+        }
         if !matches!(v.stride_t, 1 | 2 | 4) || v.stride_s != BLOCK_PX || v.z > 64 {
             return refuse("vae.stride_t", v.stride_t.to_string(), "must be 1, 2 or 4, with stride_s 8 and z up to 64");
         }
@@ -139,7 +142,12 @@ impl ModelConfig {
             return refuse("vae.encoder_width", format!("{:?}", v.encoder()), "widths and blocks belong to kind tiny");
         }
         let control = &self.control;
-        if control.decoder_layers > 0 || control.sketch_widths.is_some() || control.carried || control.falls.is_some() {
+        if control.decoder_layers > 0
+            || control.sketch_widths.is_some()
+            || control.carried
+            || control.falls.is_some()
+            || !control.paints.is_empty()
+        {
             return refuse(
                 "control.decoder_layers",
                 control.decoder_layers.to_string(),
