@@ -1,7 +1,8 @@
 //! The share of an error beyond its floor that a change takes away, with what a bootstrap says of it.
 //!
 //! One formula, 1 - (after - floor) / (before - floor), bounded on neither side. Where the error before lies less than two
-//! standard errors over the floor there is nothing to take a share of, and the share is unknown.
+//! standard errors over the floor, in the data at hand or in such as are still to come, there is nothing to take a share of,
+//! and the share is unknown.
 
 use crate::quantile::percentiles;
 
@@ -32,7 +33,7 @@ pub fn explained(all: [f64; 3], drawn: &[[f64; 3]]) -> Option<Explained> {
 }
 
 /// Returns the same with an interval for data that are still to come: `elsewhere` is drawn as they may be, while `drawn`
-/// says whether there is a gap in the data at hand.
+/// says whether there is a gap in the data at hand. Unknown as well where `elsewhere` the gap is not resolved.
 #[must_use]
 pub fn explained_elsewhere(all: [f64; 3], drawn: &[[f64; 3]], elsewhere: &[[f64; 3]]) -> Option<Explained> {
     let [before, after, floor] = all;
@@ -40,10 +41,12 @@ pub fn explained_elsewhere(all: [f64; 3], drawn: &[[f64; 3]], elsewhere: &[[f64;
         return Some(Explained { share: 0.0, interval90: [0.0; 2] });
     }
     let gap = before - floor;
-    let squares = drawn.iter().map(|[before, _, floor]| (before - floor - gap).powi(2));
-    let error = (squares.sum::<f64>() / drawn.len().max(1) as f64).sqrt();
-    // a gap or an error that is not a number is not resolved either
-    if !(gap > 0.0 && gap > RESOLVED * error && after.is_finite()) {
+    let error = |drawn: &[[f64; 3]]| {
+        let squares = drawn.iter().map(|[before, _, floor]| (before - floor - gap).powi(2));
+        (squares.sum::<f64>() / drawn.len().max(1) as f64).sqrt()
+    };
+    // a gap or an error that is not a number is not resolved either; a gap that may be nil elsewhere has no share there
+    if !(gap > 0.0 && gap > RESOLVED * error(drawn) && gap > RESOLVED * error(elsewhere) && after.is_finite()) {
         return None;
     }
     let shares: Vec<f64> = elsewhere.iter().copied().map(share).filter(|share| share.is_finite()).collect();
@@ -77,6 +80,16 @@ mod tests {
         assert_eq!(explained(errors, &around(errors, 0.1)), None);
         assert_eq!(explained([0.9, 0.8, 1.0], &around([0.9, 0.8, 1.0], 0.0)), None);
         assert_eq!(explained([f64::NAN, 0.8, 1.0], &[]), None);
+    }
+
+    #[test]
+    fn a_gap_that_may_be_nil_elsewhere_has_no_share() {
+        let errors = [2.0, 1.2, 1.0];
+        let here = around(errors, 0.01);
+        let sure = explained_elsewhere(errors, &here, &around(errors, 0.05)).expect("a share");
+        assert!(sure.interval90[0] > 0.5 && sure.interval90[1] < 1.0, "{sure:?}");
+        // a standard deviation of 0.61, as above
+        assert_eq!(explained_elsewhere(errors, &here, &around(errors, 0.1)), None);
     }
 
     #[test]

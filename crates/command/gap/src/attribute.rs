@@ -113,7 +113,7 @@ async fn drive(args: &AttributeArgs, policy: &str, components: &[Component], cel
     let effects: Vec<EffectLine> = inside.iter().flat_map(|component| component.effects.clone()).collect();
     let laws: Vec<String> = inside.iter().flat_map(|component| component.laws.clone()).collect();
     let file = out.join("world.toml");
-    RunConfig { effects, laws, ..RunConfig::default() }.write(&format!("cell {cell:04b}"), &file)?;
+    RunConfig { effects, laws, ..RunConfig::default() }.write(&format!("cell {cell:04b}"), &[], &file)?;
     let plan = RunPlan {
         scenarios: args.scenarios.clone(),
         policy: policy.to_owned(),

@@ -14,7 +14,7 @@ use anyhow::{Context, Result, bail, ensure};
 use ds_cases::case::{Case, Options, Unseen, beyond, diagnose_by, evaluate_by, folders, name, names, served};
 use ds_cases::localised::localisation;
 use ds_cases::pairs::Paired;
-use ds_cases::{CasesError, RunConfig, finished, logs, pairs, scenes, seal};
+use ds_cases::{CasesError, RunConfig, beyond_usual, finished, logs, pairs, scenes, seal};
 use ds_diagnosis::meta::{Kind, VehicleMeta};
 use ds_diagnosis::score::score_folder;
 use ds_diagnosis::score::skill::{Reliability, Skill};
@@ -95,12 +95,14 @@ fn apply(args: &ApplyArgs) -> Result<()> {
         config.nuisance.clear();
     }
     let cases: Vec<&str> = diagnoses.iter().map(|diagnosis| diagnosis.case.as_str()).collect();
-    config.write(&cases.join(", "), &args.out)?;
+    let splits: Vec<String> = diagnoses.iter().flat_map(beyond_usual).collect();
+    config.write(&cases.join(", "), &splits, &args.out)?;
     if config.effects.is_empty() && config.laws.is_empty() {
         answer("no effect is added");
     }
     config.laws.iter().for_each(|law| answer(law));
     config.effects.iter().for_each(|line| answer(&format!("{} = {:?}", line.id, line.values)));
+    splits.iter().for_each(|split| answer(split));
     if !config.nuisance.is_empty() {
         answer(&format!("and the ordinary mismatch that was measured with it, {} entries", config.nuisance.len()));
     }
@@ -138,6 +140,10 @@ fn list_effects() {
 }
 
 fn diagnose_all(args: &DiagnoseArgs, discover: bool) -> Result<()> {
+    let known = |id: &&String| ds_effect::find(id).is_some() || ds_effect::find_frame(id).is_some();
+    if let Some(id) = args.without.iter().find(|id| !known(id)) {
+        bail!("--without {id:?} names no effect of the library, see gap effects");
+    }
     let both = discover && args.simulator.is_some();
     ensure!(!both, "laws are looked for with the built-in car alone: leave --simulator out, or use gap diagnose");
     let mut cases = Vec::new();
@@ -180,6 +186,7 @@ fn diagnose_all(args: &DiagnoseArgs, discover: bool) -> Result<()> {
         match result {
             Ok(diagnosis) => {
                 answer(&ds_diagnosis_page::text(&diagnosis));
+                beyond_usual(&diagnosis).iter().for_each(|split| answer(split));
                 made.push((format!("{name}/{PAGE}"), diagnosis));
             }
             Err(error) => {
@@ -338,6 +345,10 @@ fn evaluate_one(args: &EvaluateArgs) -> Result<()> {
     let case = tables(&args.case, None, &beside)?.pop().unwrap_or_else(|| args.case.clone());
     let frames = args.frames.as_deref().map(frames).transpose()?;
     let (drives, read) = (args.drives.clone(), Case::read(&case)?);
+    let absent = |count| drives.iter().find(|drive| **drive >= count).map(|drive| (drive, count));
+    if let Some((drive, count)) = read.drives().and_then(absent) {
+        bail!("--drives {drive} is not there: {} has {count} of them, counted from 0", case.display());
+    }
     if let Some(warning) = beyond(&diagnosis, &read, &drives) {
         complain(&anyhow::anyhow!(warning));
     }

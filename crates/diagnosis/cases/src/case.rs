@@ -69,6 +69,16 @@ impl Case {
         })
     }
 
+    /// Returns how many drives or recordings it has; none of frames.
+    #[must_use]
+    pub fn drives(&self) -> Option<usize> {
+        match self {
+            Self::Vehicle(case, _) => Some(case.drives.len()),
+            Self::Traffic(case) => Some(case.recordings.len()),
+            Self::Frames(_) => None,
+        }
+    }
+
     /// Returns the case to be diagnosed against a baseline, which speaks of logs of a vehicle alone.
     ///
     /// # Errors

@@ -23,4 +23,4 @@ pub mod world;
 
 pub use case::{Case, Options, Unseen, diagnose, evaluate};
 pub use error::CasesError;
-pub use world::{EffectLine, RunConfig};
+pub use world::{EffectLine, RunConfig, beyond_usual};

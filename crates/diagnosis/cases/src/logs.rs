@@ -187,7 +187,7 @@ pub fn meta(vehicle: &VehicleParameters, case: &str) -> VehicleMeta {
 pub fn case_of(readings: &[Reading], meta: VehicleMeta) -> Result<ds_dynamics::case::Case, CaseError> {
     let entry = tabled("drive");
     let drive = drive(readings, &entry)?;
-    let meta = VehicleMeta { drives: vec![entry], ..meta };
+    let meta = VehicleMeta { drives: vec![entry], suggested_split: None, ..meta };
     meta.check()?;
     ds_dynamics::case::Case::new(meta, vec![drive])
 }

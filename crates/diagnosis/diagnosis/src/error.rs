@@ -48,6 +48,16 @@ pub enum CaseError {
     /// There is no healthy log to learn from.
     #[error("no healthy log to learn a baseline from")]
     NoHealthy,
+    /// A healthy log is given twice.
+    #[error(
+        "healthy logs {one:?} and {other:?} hold the same drive: two alike say nothing of what differs from log to log"
+    )]
+    SameLog {
+        /// The one.
+        one: String,
+        /// The other.
+        other: String,
+    },
     /// A baseline says too little of single windows.
     #[error(
         "the baseline holds windows of {logs} healthy logs, a watch needs {least}: learn it again by `gap baseline` of this version"
@@ -158,6 +168,20 @@ pub enum CaseError {
         /// The file.
         file: String,
     },
+    /// A column has no value for longer than can be bridged.
+    #[error(
+        "column {column:?} has no value for {secs:.2} s after t = {t} in {file:?}; leave the column out, or cut the drive"
+    )]
+    ColumnGap {
+        /// Column.
+        column: String,
+        /// Length, s.
+        secs: f64,
+        /// Start, s.
+        t: f64,
+        /// The file.
+        file: String,
+    },
     /// A channel never changes although the vehicle moves.
     #[error("channel {column:?} never changes in {file:?}")]
     ZeroVariance {
@@ -173,6 +197,14 @@ pub enum CaseError {
         finding: String,
         /// The file.
         file: String,
+    },
+    /// A description names what is not there, or twice what is once.
+    #[error("meta.json of case {case:?} cannot be used: {why}")]
+    Description {
+        /// What is wrong, with the key.
+        why: String,
+        /// Name of the case.
+        case: String,
     },
     /// No drive is left for the fit.
     #[error("no drive to fit in {case:?}")]

@@ -12,6 +12,7 @@ pub mod json;
 pub mod meta;
 pub mod modulation;
 mod null;
+pub mod relation;
 pub mod schema;
 pub mod score;
 pub mod table;

@@ -71,6 +71,10 @@ pub struct Diagnosis {
     pub floor_source: String,
     /// What looked odd in the input.
     pub warnings: Vec<String>,
+    /// Share of the windows in which the car does something far from all that the healthy drives of a baseline had; absent
+    /// without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outside_domain_share: Option<f64>,
     /// From which size on each effect could have been seen in these data, where that was asked (streams of frames that
     /// do not agree pixel by pixel).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -130,6 +134,7 @@ impl Diagnosis {
             corrected_model: Corrected::default(),
             floor_source: "practice".to_owned(),
             warnings: Vec::new(),
+            outside_domain_share: None,
             detection_limits: Vec::new(),
             rollouts: None,
             not_testable: Vec::new(),

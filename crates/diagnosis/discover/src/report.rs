@@ -15,8 +15,8 @@ use crate::free;
 use crate::law::Refined;
 use crate::port::{Base, Searched};
 use crate::settings::{
-    EQUIVALENT, FREE_SHARE, LAW_GAIN, LEAST_OF_FREE, LEAST_SHARE, OF_ITSELF, OVER_LIBRARY, OVER_SUMS, REFINED, STABLE,
-    TELLING_SHARE, TEMPERATURE,
+    ASKED_GAIN, EQUIVALENT, FREE_SHARE, LAW_GAIN, LEAST_OF_FREE, LEAST_SHARE, OF_ITSELF, OVER_LIBRARY, OVER_SUMS,
+    REFINED, STABLE, TELLING_SHARE, TEMPERATURE,
 };
 use crate::shrink::{corrected, of_port, shrinks};
 use crate::tables::{self, Best};
@@ -111,8 +111,10 @@ fn search(case: &Case, diagnosis: &Diagnosis, without: &[String]) -> (Discovery,
 fn offered<'o>(best: &'o Offer, diagnosis: &Diagnosis) -> Result<&'o Tried, String> {
     let library = diagnosis.effects.iter().map(|e| e.evidence_gain).fold(0.0, f64::max);
     let gain = best.law.as_ref().map_or(0.0, |tried| tried.refined.gain);
-    if diagnosis.verdict == Verdict::None {
-        return Err("nothing lies beyond what every vehicle has, so that there is no law to look for".to_owned());
+    if diagnosis.verdict == Verdict::None && gain < ASKED_GAIN {
+        return Err(format!(
+            "nothing lies beyond what every vehicle has, and the best law says too little (log evidence {gain:.1}, {ASKED_GAIN:.0} are asked for)"
+        ));
     }
     if diagnosis.verdict != Verdict::Unknown && gain < library + OVER_LIBRARY {
         return Err(format!(

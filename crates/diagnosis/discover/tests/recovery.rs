@@ -103,6 +103,16 @@ fn a_law_closes_the_gap_of_drives_it_never_saw() {
 }
 
 #[test]
+fn who_asks_is_told_a_strong_law_though_nothing_was_found_missing() {
+    let case = case(4151, &["steering.linkage: 0.008*pos(accel)"]);
+    let mut overlooked = diagnose(&case, &Options { quick: true, ..Options::default() });
+    (overlooked.verdict, overlooked.effects) = (Verdict::None, Vec::new());
+    discover(&case, &mut overlooked, &[]);
+    let law = found(&overlooked).law.as_ref().unwrap_or_else(|| panic!("{:?}", found(&overlooked).note));
+    assert!(law.text.contains("pos(accel"), "{}", law.text);
+}
+
+#[test]
 fn no_law_is_found_where_there_is_none() {
     let diagnosis = discovered(4153, &[]);
     let found = found(&diagnosis);

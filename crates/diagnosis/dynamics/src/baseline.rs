@@ -9,6 +9,8 @@ pub mod correlation;
 pub(crate) mod discrepancy;
 pub(crate) mod features;
 pub mod nulls;
+pub mod sampling;
+mod sound;
 pub(crate) mod spread;
 pub(crate) mod study;
 pub mod windows;
@@ -30,6 +32,7 @@ use correlation::Correlation;
 use discrepancy::Discrepancy;
 pub use features::NAMES;
 use nulls::Null;
+use sampling::Sampling;
 use windows::Windows;
 
 /// Version of the file.
@@ -60,6 +63,9 @@ pub struct Baseline {
     /// Wheelbase of the nominal simulator, m; absent in files of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wheelbase_m: Option<f64>,
+    /// Lightest and heaviest of the nominal simulators, kg; absent in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mass_kg: Option<[f64; 2]>,
     /// Samples per second of the residuals.
     pub rate_hz: f64,
     /// What was learned from.
@@ -71,10 +77,16 @@ pub struct Baseline {
     pub correlation: Correlation,
     /// How parameters scatter.
     pub spread: Spread,
+    /// Jitter and repeats of their samples; those of any receiver in files of earlier versions.
+    #[serde(default)]
+    pub sampling: Sampling,
     /// Residuals that no parameter mends.
     pub discrepancy: Discrepancy,
     /// What healthy logs reach of each statistic.
     pub nulls: Vec<Null>,
+    /// What they leave by channel and regime, see [`crate::cells`]; absent in files of earlier versions.
+    #[serde(default)]
+    pub cells: Vec<Null>,
     /// What healthy logs leave in single windows, for a watch; absent in files of earlier versions and of one log.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub windows: Option<Windows>,
@@ -97,10 +109,13 @@ pub struct Units {
     pub day: Vec<String>,
     /// Logs or drives.
     pub drive: Vec<String>,
+    /// Digests of the drives themselves; absent in files of earlier versions.
+    #[serde(default)]
+    pub digest: Vec<String>,
 }
 
 /// A usual value and its spread.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Usual {
     /// Mean.
     pub mean: f64,
@@ -130,21 +145,7 @@ impl Baseline {
         if found.schema_version != SCHEMA {
             return refuse(format!("schema_version is {}, this version reads {SCHEMA}", found.schema_version));
         }
-        let positive = |table: &Vec<f64>| table.iter().all(|f| *f > 0.0 && f.is_finite());
-        if let Some((channel, _)) = found.noise.iter().find(|(_, table)| !positive(table)) {
-            return refuse(format!("noise of {channel:?} is not positive"));
-        }
-        let sound = |u: &Usual| u.mean.is_finite() && u.sd > 0.0 && u.sd.is_finite();
-        if let Some((effect, _)) = found.spread.iter().find(|(_, all)| !all.iter().flatten().all(sound)) {
-            return refuse(format!("spread of {effect:?} is none"));
-        }
-        if !found.discrepancy.is_sound() {
-            return refuse("discrepancy has another number of coefficients than features".to_owned());
-        }
-        if !found.correlation.is_sound() {
-            return refuse("correlation is none of the rows that it names".to_owned());
-        }
-        Ok(found)
+        sound::unsound(&found).map_or(Ok(found), refuse)
     }
 
     /// Writes the baseline.
@@ -225,21 +226,14 @@ impl Baseline {
             .any(|block| NAMES.iter().zip(block).any(|(name, value)| far(name, *value)))
     }
 
-    /// Returns the share of the windows of a case in which a feature lies beyond what healthy drives had.
+    /// Returns the share of the windows in which the car does something far from all that healthy drives had; nothing where
+    /// there is no window.
     #[must_use]
-    pub fn outside_share(&self, records: &[EgoRecord]) -> f64 {
-        let (mut outside, mut all) = (0.0, 0.0);
-        for record in records {
-            for anchor in &record.anchors {
-                let state = features::state(&record.moment(anchor.sample));
-                let beyond = |(name, value): (&&str, f64)| {
-                    self.domain.get(*name).is_some_and(|[low, high]| value < *low || value > *high)
-                };
-                all += 1.0;
-                outside += f64::from(u8::from(NAMES.iter().zip(state).any(beyond)));
-            }
-        }
-        if all > 0.0 { outside / all } else { 0.0 }
+    pub fn outside_share(&self, records: &[EgoRecord]) -> Option<f64> {
+        let windows = records.iter().flat_map(|record| record.anchors.iter().map(move |anchor| (record, anchor)));
+        let strange: Vec<bool> = windows.map(|(record, anchor)| self.is_strange(record, anchor)).collect();
+        let outside = strange.iter().filter(|strange| **strange).count();
+        (!strange.is_empty()).then(|| outside as f64 / strange.len() as f64)
     }
 }
 
@@ -268,6 +262,18 @@ fn settle(space: &mut Space, spread: &Spread, sd: impl Fn(Usual, Option<Nuisance
 pub(crate) fn digest(nominal: &Nominal) -> String {
     let text = serde_json::to_string(nominal).unwrap_or_default();
     blake3::hash(text.as_bytes()).to_hex()[..16].to_owned()
+}
+
+/// Returns a short digest of what a drive holds.
+pub(crate) fn digest_of(drive: &Drive) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for (name, column) in drive.columns() {
+        hasher.update(name.as_bytes());
+        column.iter().for_each(|value| {
+            hasher.update(&value.to_le_bytes());
+        });
+    }
+    hasher.finalize().to_hex()[..16].to_owned()
 }
 
 /// Returns the channels that some drives have.

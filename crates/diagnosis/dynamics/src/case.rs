@@ -16,10 +16,10 @@ use crate::floor;
 use crate::following::{self, FollowerRecord};
 use crate::motion::{Motion, StandIn};
 use crate::noise::Noise;
-use crate::scatter::{Scatter, scatter};
+use crate::scatter::{Scatter, Tolerated, scatter};
 use crate::settings::{HELD, HELD_SHARE, SHAPE_SHARE, SLIDING_SHARE};
 use crate::space::{Part, Space};
-use crate::windows::{BLOCKS, EGO, EgoRecord};
+use crate::windows::{BLOCKS, EGO, EgoRecord, backwards};
 use ds_diagnosis::CaseError;
 use ds_diagnosis::meta::{DriveEntry, Split, VehicleMeta};
 
@@ -63,7 +63,7 @@ impl Case {
     /// # Errors
     /// If a log cannot be what its columns say.
     pub fn new(meta: VehicleMeta, drives: Vec<Drive>) -> Result<Self, CaseError> {
-        let warnings = crate::check::check(&drives, &meta)?;
+        let mut warnings = crate::check::check(&drives, &meta)?;
         let mut ego = Vec::new();
         let mut following = Vec::new();
         for (index, drive) in drives.iter().enumerate() {
@@ -72,9 +72,9 @@ impl Case {
                 following.push(FollowerRecord::new(index, log, drive.desired_speed_mps));
             }
         }
-        let (fit, _) = meta.split();
-        let fit: Vec<&Drive> = fit.iter().map(|&d| drives[d].by_rows()).collect();
-        let scatter = scatter(&fit);
+        warnings.extend(backwards(&ego));
+        let fit = fitted(&meta, &drives);
+        let scatter = scatter(&fit, Tolerated::default());
         let noise = Noise::of(&fit, scatter.jitter_secs);
         Ok(Self { meta, drives, ego, following, scatter, noise, warnings, baseline: None, stand_in: None })
     }
@@ -83,10 +83,14 @@ impl Case {
     ///
     /// # Errors
     /// If the baseline is not one for this case.
-    pub fn against(mut self, baseline: Arc<Baseline>) -> Result<Self, CaseError> {
+    pub fn against(self, baseline: Arc<Baseline>) -> Result<Self, CaseError> {
         baseline.check(&self.meta, &self.drives, self.stand_in.as_ref())?;
-        self.baseline = Some(baseline);
-        Ok(self)
+        Ok(self.beside(baseline))
+    }
+
+    fn beside(self, baseline: Arc<Baseline>) -> Self {
+        let scatter = scatter(&fitted(&self.meta, &self.drives), baseline.sampling.tolerated());
+        Self { scatter, baseline: Some(baseline), ..self }
     }
 
     /// Returns a case of one drive of the same car, with the sensors and the baseline of this one; the drive is not checked.
@@ -109,7 +113,7 @@ impl Case {
         let mut meta = VehicleMeta { suggested_split: Some(Split { fit, held_out }), ..self.meta.clone() };
         meta.drives.push(entry);
         let made = Self::new(meta, self.drives.iter().cloned().chain([drive]).collect())?;
-        Ok(Self { baseline: self.baseline.clone(), ..made })
+        Ok(if let Some(baseline) = &self.baseline { made.beside(baseline.clone()) } else { made })
     }
 
     /// Returns the car of the case in windows that share no sample, measured with sensors of some noise.
@@ -152,6 +156,11 @@ impl Case {
         }
         space
     }
+}
+
+/// Returns the drives to fit, by single rows.
+fn fitted<'d>(meta: &VehicleMeta, drives: &'d [Drive]) -> Vec<&'d Drive> {
+    meta.split().0.iter().map(|&d| drives[d].by_rows()).collect()
 }
 
 /// Where one residual belongs.

@@ -3,8 +3,10 @@
 //!
 //! A relation that only a wrong unit or column can break is an error; one that a strong effect could break is a warning.
 
+mod sensors;
+
 use crate::drive::fast::FAST_HZ;
-use crate::drive::{Drive, MEASURED};
+use crate::drive::{COMMANDS, Drive, MEASURED};
 use ds_diagnosis::CaseError;
 use ds_diagnosis::meta::VehicleMeta;
 use ds_diagnosis::table::STEP_SECS;
@@ -18,8 +20,6 @@ const LARGEST_ACCEL: f64 = 30.0;
 /// Largest yaw rate of a vehicle of the usual wheelbase, rad/s.
 const LARGEST_TURN: f64 = 6.0;
 const USUAL_WHEELBASE_M: f64 = 2.5;
-/// Channels that may keep one value over a drive.
-const COMMANDS: [&str; 2] = ["cmd_steer", "cmd_accel"];
 /// Fastest vehicle, m/s.
 const FASTEST: f64 = 120.0;
 
@@ -28,32 +28,52 @@ const FASTEST: f64 = 120.0;
 /// # Errors
 /// If a log cannot be what its columns say.
 pub(crate) fn check(drives: &[Drive], meta: &VehicleMeta) -> Result<Vec<String>, CaseError> {
-    let mut warnings = Vec::new();
+    let mut odd: Vec<(&str, String)> = Vec::new();
     for drive in drives {
         ranges(drive, meta)?;
         frozen(drive)?;
         motion(drive)?;
-        turning(drive, meta, &mut warnings)?;
-        let (file, rate) = (&drive.file, drive.rate_hz);
+        let mut found = turning(drive, meta)?;
+        found.extend(sensors::findings(drive));
+        let rate = drive.rate_hz;
         if rate > FAST_HZ {
-            warnings.push(format!(
-                "{file}: {rate:.0} samples a second, averaged over steps of {STEP_SECS} s: nothing above 10 Hz is looked at"
+            found.push(format!(
+                "{rate:.0} samples a second, averaged over steps of {STEP_SECS} s: nothing above 10 Hz is looked at"
             ));
         } else if rate < SLOW_HZ {
-            warnings.push(format!(
-                "{file}: {rate:.0} samples a second; the floor is that of 20, so `unknown` may only mean that"
-            ));
+            found.push(format!("{rate:.0} samples a second; the floor is that of 20, so `unknown` may only mean that"));
         }
-        warnings.extend(drive.oddities.iter().map(|odd| format!("{file}: {odd}")));
-        for name in missing(drive, meta) {
-            warnings.push(format!("{}: channel {name} is absent", drive.file));
-        }
+        found.extend(drive.oddities.iter().cloned());
+        found.extend(missing(drive, meta).into_iter().map(|name| format!("channel {name} is absent")));
+        odd.extend(found.into_iter().map(|what| (drive.file.as_str(), what)));
     }
+    let mut warnings = folded(&odd, drives.len());
     warnings.extend(dead_commands(drives));
     if drives.iter().all(|d| d.followers.is_empty()) {
         warnings.push("no followers: effects of other drivers cannot be judged".to_owned());
     }
     Ok(warnings)
+}
+
+/// Says once what is odd about several of `all` drives, whatever its figures, by the first of them.
+fn folded(odd: &[(&str, String)], all: usize) -> Vec<String> {
+    let kind = |what: &str| what.replace(|c: char| c.is_ascii_digit() || ".-".contains(c), "");
+    let mut kinds: Vec<(String, Vec<&(&str, String)>)> = Vec::new();
+    for line in odd {
+        let own = kind(&line.1);
+        match kinds.iter_mut().find(|(kind, _)| *kind == own) {
+            Some((_, lines)) => lines.push(line),
+            None => kinds.push((own, vec![line])),
+        }
+    }
+    let told = |(_, lines): &(String, Vec<&(&str, String)>)| {
+        let (file, what) = lines[0];
+        match lines.len() {
+            1 => format!("{file}: {what}"),
+            count => format!("in {count} of {all} drives: {what} ({file})"),
+        }
+    };
+    kinds.iter().map(told).collect()
 }
 
 fn inconsistent(drive: &Drive, finding: String) -> CaseError {
@@ -172,10 +192,11 @@ fn motion(drive: &Drive) -> Result<(), CaseError> {
     Ok(())
 }
 
-/// Heading must turn as the gyro says, and both as the steering says.
-fn turning(drive: &Drive, meta: &VehicleMeta, warnings: &mut Vec<String>) -> Result<(), CaseError> {
+/// Heading must turn as the gyro says, and both as the steering says; returns what is odd but usable.
+fn turning(drive: &Drive, meta: &VehicleMeta) -> Result<Vec<String>, CaseError> {
     let base = meta.nominal.lf + meta.nominal.lr;
-    let Some(speed) = drive.speed() else { return Ok(()) };
+    let mut warnings = Vec::new();
+    let Some(speed) = drive.speed() else { return Ok(warnings) };
     let steered = |angles: &[f64]| -> Vec<f64> { angles.iter().zip(&speed).map(|(d, v)| v * d.tan() / base).collect() };
     let kinematic = steered(&drive.cmd_steer);
     if let (Some(yaw), Some(rate)) = (&drive.yaw, &drive.yaw_rate) {
@@ -205,8 +226,7 @@ fn turning(drive: &Drive, meta: &VehicleMeta, warnings: &mut Vec<String>) -> Res
                 return Err(inconsistent(drive, finding));
             }
             if !(0.2..2.5).contains(&slope) {
-                warnings
-                    .push(format!("{}: the vehicle turns {slope:.2} times as much as the steering says", drive.file));
+                warnings.push(format!("the vehicle turns {slope:.2} times as much as the steering says"));
             }
         }
         if let Some(ay) = &drive.ay {
@@ -214,14 +234,12 @@ fn turning(drive: &Drive, meta: &VehicleMeta, warnings: &mut Vec<String>) -> Res
             let square: f64 = centripetal.iter().map(|c| c * c).sum();
             let slope = centripetal.iter().zip(ay).map(|(c, a)| c * a).sum::<f64>() / square.max(1e-12);
             if typical(centripetal.iter().copied()) > 0.5 && !(0.5..1.8).contains(&slope) {
-                warnings.push(format!(
-                    "{}: ay is {slope:.2} times speed times yaw rate: g, wrong sign or swapped with ax?",
-                    drive.file
-                ));
+                warnings
+                    .push(format!("ay is {slope:.2} times speed times yaw rate: g, wrong sign or swapped with ax?"));
             }
         }
     }
-    Ok(())
+    Ok(warnings)
 }
 
 /// Returns how much a vehicle turns for what its steering says: the median over stretches of two seconds, so that one

@@ -5,10 +5,12 @@ use std::collections::BTreeMap;
 use ds_stats::explained;
 
 use crate::baseline::Baseline;
+use crate::baseline::nulls::chance;
 use crate::bootstrap::weights;
 use crate::case::{Case, PartModel};
-use crate::cells::cells;
+use crate::cells::{cells, reached};
 use crate::choice::{Candidate, Outcome, rank};
+use crate::doubts::doubts;
 use crate::drive::MEASURED;
 use crate::fit::Fit;
 use crate::foreign::structure;
@@ -25,12 +27,12 @@ use crate::shapley::split;
 use crate::signature::{cosine, spread};
 use crate::space::{Coordinate, Part, SCATTER, Space};
 use crate::standing::{Standing, standing};
-use crate::windows::EGO;
+use crate::windows::BLOCKS;
 use ds_diagnosis::Verdict;
 use ds_diagnosis::modulation::Modulation;
-use ds_diagnosis::schema::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, SCHEMA, Unknown};
+use ds_diagnosis::schema::{Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, SCHEMA, Shrink, Unknown};
 use ds_diagnosis::score::GROUP_SIZE;
-use ds_effect::Plant;
+use ds_effect::{Channel, Plant};
 
 /// How to diagnose.
 #[derive(Debug, Clone, Default)]
@@ -80,7 +82,12 @@ fn diagnosed(case: &Case, options: &Options, thresholds: &Thresholds) -> (Diagno
             ..left(o.model(), &o.judged(), &o.search.null, scattered || o.accepted.is_some())
         })
         .collect();
-    let p_unknown = unknown(baseline, &lefts, ranking.iter().any(|c| c.accepted));
+    let all: Vec<usize> = (0..case.drives.len()).collect();
+    let whole = [Part::Ego, Part::Following].map(|part| PartModel::new(case, part, &all, &options.without));
+    let p_unknown = match ranking.iter().any(|c| c.accepted) {
+        true => unknown(baseline, &lefts, true),
+        false => unknown(baseline, &lefts, false).max(in_cells(baseline, &whole, &outcomes)),
+    };
     let verdict = verdict(&ranking, p_unknown);
     let doubt = if outcomes.iter().any(|o| o.accepted.is_some()) { DOUBT } else { 0.0 };
     let p_unknown = doubt + (1.0 - doubt - DOUBT) * p_unknown;
@@ -91,20 +98,7 @@ fn diagnosed(case: &Case, options: &Options, thresholds: &Thresholds) -> (Diagno
         Verdict::None => Vec::new(),
         _ => ranking.iter().filter(|c| c.accepted).map(|c| c.id.to_owned()).collect(),
     };
-    let plants = [0, 1].map(|k| {
-        let outcome: &Outcome<'_, '_> = &outcomes[k];
-        outcome.vectors().map(|vector| outcome.search.model.space.plant(&vector))
-    });
-    let states = [&plants[0].each_ref(), &plants[1].each_ref()];
     let data = if held.is_empty() { fit_drives.as_slice() } else { held.as_slice() };
-    let kept: usize = held.iter().map(|&d| case.drives[d].samples).sum();
-    let mut shrinks = if kept < LEAST_HELD_OUT { Vec::new() } else { how_far(case, &held, states, "heldout") };
-    if shrinks.is_empty() && case.drives.len() > 1 {
-        shrinks = cross_fitted(case, &crossed(case, &outcomes, &fit_drives));
-    }
-    if shrinks.is_empty() {
-        shrinks = how_far(case, data, states, "fit");
-    }
     let unknown_description = (verdict == Verdict::Unknown).then(|| {
         let fits: Vec<_> = outcomes.iter().map(|o| (o.model(), o.fit())).collect();
         describe(case, &lefts, &fits, ranking.iter().take(3).map(|c| c.id.to_owned()).collect())
@@ -120,17 +114,18 @@ fn diagnosed(case: &Case, options: &Options, thresholds: &Thresholds) -> (Diagno
         p_none,
         p_unknown,
         chosen,
-        cells: map(case, &outcomes, &options.without),
-        how_far: shrinks,
+        cells: map(case, &outcomes, &whole),
+        how_far: shrinks(case, &outcomes, &fit_drives, &held),
         shares: if options.quick { Vec::new() } else { outcomes.iter().flat_map(|o| split(case, o, data)).collect() },
         predicted_share: predicted(case, &outcomes, &fit_drives),
         unknown_description,
         unknown,
         discovery: None,
-        next_manoeuvre: next(case, &outcomes, &effects),
+        next_manoeuvre: next(case, &outcomes[0], verdict),
         corrected_model: corrected(&outcomes),
         floor_source: floor_source(case).to_owned(),
         warnings: warnings(case, &mute[0]),
+        outside_domain_share: baseline.and_then(|baseline| baseline.outside_share(&case.ego)),
         detection_limits: Vec::new(),
         rollouts: None,
         not_testable: mute.concat().into_iter().map(str::to_owned).collect(),
@@ -163,11 +158,21 @@ fn unknown(baseline: Option<&Baseline>, lefts: &[PartRemainder], accepted: bool)
     }
 }
 
+/// Returns the probability that something is at work where no effect is accepted, by what single channels leave in some
+/// regime: healthy logs say how much is ordinary there.
+fn in_cells(baseline: Option<&Baseline>, whole: &[PartModel<'_>], outcomes: &[Outcome<'_, '_>]) -> f64 {
+    baseline.filter(|baseline| !baseline.cells.is_empty()).map_or(0.0, |baseline| {
+        let fitted: Vec<_> = whole.iter().zip(outcomes).map(|(m, o)| (m, o.fit().vector.as_slice())).collect();
+        statistics::probability(chance(&baseline.cells, &reached(&fitted)))
+    })
+}
+
 /// Returns what is to be known of the case, and which effects its drive command cannot show.
 fn warnings(case: &Case, mute: &[&str]) -> Vec<String> {
+    let of_baseline = case.baseline.iter().flat_map(|baseline| doubts(baseline, case));
     let of_drive = (!mute.is_empty())
         .then(|| format!("the drive command was computed from the speed; {} cannot be told from it", mute.join(", ")));
-    case.warnings.iter().cloned().chain(of_drive).collect()
+    case.warnings.iter().cloned().chain(of_drive).chain(of_baseline).collect()
 }
 
 /// Says where the floor comes from.
@@ -248,14 +253,17 @@ fn finding(
 
 fn scatter_finding(case: &Case, mut out: Finding) -> Finding {
     let scatter = &case.scatter;
-    let (value, error) = if out.id == SCATTER[0] {
+    let usual = case.baseline.as_ref().map(|baseline| baseline.sampling).unwrap_or_default();
+    let jitter = out.id == SCATTER[0];
+    let beyond = |value: f64| if jitter { usual.jitter_beyond(value) } else { usual.repeats_beyond(value) };
+    let (value, error) = if jitter {
         (scatter.jitter_secs, scatter.jitter_error_secs)
     } else {
         (scatter.repeated_share, scatter.repeated_error)
     };
-    out.value = value;
-    out.unit = if out.id == SCATTER[0] { "s" } else { "1" }.to_owned();
-    out.interval90 = [(value - 1.645 * error).max(0.0), value + 1.645 * error];
+    out.value = beyond(value);
+    out.unit = if jitter { "s" } else { "1" }.to_owned();
+    out.interval90 = [beyond(value - 1.645 * error), beyond(value + 1.645 * error)];
     out
 }
 
@@ -292,11 +300,9 @@ fn groups(effects: &[Finding]) -> Vec<Vec<String>> {
 }
 
 /// Maps the gap over all drives: fitted nuisances, accepted effects taken out.
-fn map(case: &Case, outcomes: &[Outcome<'_, '_>], without: &[String]) -> Vec<Cell> {
-    let all: Vec<usize> = (0..case.drives.len()).collect();
+fn map(case: &Case, outcomes: &[Outcome<'_, '_>], whole: &[PartModel<'_>]) -> Vec<Cell> {
     let mut found = Vec::new();
-    for (outcome, part) in outcomes.iter().zip([Part::Ego, Part::Following]) {
-        let model = PartModel::new(case, part, &all, without);
+    for (outcome, model) in outcomes.iter().zip(whole) {
         let after = &outcome.fit().vector;
         let mut before = after.clone();
         if let Some(accepted) = &outcome.accepted {
@@ -305,10 +311,29 @@ fn map(case: &Case, outcomes: &[Outcome<'_, '_>], without: &[String]) -> Vec<Cel
                 before[k] = usual[k];
             }
         }
-        found.extend(cells(case, part, &model, &before, after));
+        found.extend(cells(case, model, &before, after));
     }
     found.sort_by(|a, b| b.effect_size.total_cmp(&a.effect_size));
     found.truncate(400);
+    found
+}
+
+/// Measures how far the gap shrinks on the drives kept from the fit; on all of them, each by a fit without it, where too
+/// little was kept.
+fn shrinks(case: &Case, outcomes: &[Outcome<'_, '_>], fitted: &[usize], held: &[usize]) -> Vec<Shrink> {
+    let plants = [0, 1].map(|k| {
+        let outcome: &Outcome<'_, '_> = &outcomes[k];
+        outcome.vectors().map(|vector| outcome.search.model.space.plant(&vector))
+    });
+    let states = [&plants[0].each_ref(), &plants[1].each_ref()];
+    let kept: usize = held.iter().map(|&d| case.drives[d].samples).sum();
+    let mut found = if kept < LEAST_HELD_OUT { Vec::new() } else { how_far(case, held, states, "heldout") };
+    if found.is_empty() && case.drives.len() > 1 {
+        found = cross_fitted(case, &crossed(case, outcomes, fitted));
+    }
+    if found.is_empty() {
+        found = how_far(case, if held.is_empty() { fitted } else { held }, states, "fit");
+    }
     found
 }
 
@@ -345,20 +370,24 @@ fn predicted(case: &Case, outcomes: &[Outcome<'_, '_>], drives: &[usize]) -> Opt
     explained(states(None), &drawn).map(|found| found.share)
 }
 
-/// Ranks manoeuvres that separate the two best hypotheses about the ego.
-fn next(case: &Case, outcomes: &[Outcome<'_, '_>], effects: &[Finding]) -> Vec<Manoeuvre> {
-    let singles = &outcomes[0].search.singles;
-    let space = &outcomes[0].search.model.space;
-    let name = |k: usize| space.effects[singles[k].effects[0]].id;
-    if singles.len() < 2 || effects.is_empty() {
+/// Ranks manoeuvres that separate the two best effects of the car beside the ordinary mismatch of the first, by the sensors
+/// of the case; none where nothing is found.
+fn next(case: &Case, outcome: &Outcome<'_, '_>, verdict: Verdict) -> Vec<Manoeuvre> {
+    let space = &outcome.search.model.space;
+    let ([first, second, ..], false) = (outcome.search.singles.as_slice(), verdict == Verdict::None) else {
         return Vec::new();
-    }
-    let log = &case.drives[0];
-    let present = log.columns().iter().map(|c| c.0).collect::<Vec<_>>();
-    let missing: [bool; EGO] = MEASURED.map(|c| !present.contains(&c));
-    let second = space.plant(&singles[1].fit.vector);
-    let first = space.plant(&singles[0].fit.vector);
-    manoeuvre::rank([name(0), name(1)], [&first, &second], &missing)
+    };
+    let mut rival = first.fit.vector.clone();
+    let usual = space.usual();
+    space.of(first.effects[0]).into_iter().for_each(|k| rival[k] = usual[k]);
+    space.of(second.effects[0]).into_iter().for_each(|k| rival[k] = second.fit.vector[k]);
+    let present: Vec<&str> = case.drives[0].columns().iter().map(|c| c.0).collect();
+    let sensor = |channel: usize| {
+        let healthy = case.baseline.as_ref().map_or(1.0, |b| b.factor(Channel::ALL[channel], BLOCKS - 1));
+        if present.contains(&MEASURED[channel]) { healthy * case.noise.ego[channel] } else { f64::INFINITY }
+    };
+    let names = [first, second].map(|h| space.effects[h.effects[0]].id);
+    manoeuvre::rank(names, [&space.plant(&first.fit.vector), &space.plant(&rival)], &std::array::from_fn(sensor))
 }
 
 /// Returns when the accepted effect acts that is furthest from constant.

@@ -92,7 +92,8 @@ impl Drive {
     /// Reads a drive of a case folder.
     ///
     /// # Errors
-    /// If a file is unreadable, a needed column is absent, stamps do not grow or the drive is too short.
+    /// If a file is unreadable, a needed column is absent, a column has a long hole, stamps do not grow or the drive is too
+    /// short.
     pub fn read(case: &Path, entry: &DriveEntry) -> Result<Self, CaseError> {
         let table = Table::read(&case.join(&entry.file))?;
         let agents = entry.agents.as_ref().map(|file| case.join(file)).filter(|path| path.exists());
@@ -102,9 +103,11 @@ impl Drive {
     /// Makes a drive of the table of the ego and, where there are some, that of its followers.
     ///
     /// # Errors
-    /// If a needed column is absent, stamps do not grow or the drive is too short.
+    /// If a needed column is absent, a column has a long hole, stamps do not grow or the drive is too short.
     pub fn new(table: &Table, agents: Option<&Table>, entry: &DriveEntry) -> Result<Self, CaseError> {
         let t = stamps::stamps(table)?;
+        stamps::whole(table, &t, &COMMANDS)?;
+        stamps::whole(table, &t, &MEASURED)?;
         let mut steps: Vec<f64> = t.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let rate_hz = 1.0 / ds_stats::quantile(&mut steps, 0.5);
         let fast = rate_hz > FAST_HZ;
@@ -241,6 +244,8 @@ impl Drive {
     }
 }
 
+/// What is asked of the car.
+pub(crate) const COMMANDS: [&str; 2] = ["cmd_steer", "cmd_accel"];
 /// What is measured of the car, in the order of its channels.
 pub const MEASURED: [&str; 9] = ["x", "y", "yaw", "v", "yaw_rate", "ax", "ay", "steer_meas", "v_wheel"];
 const POSE: [&str; 4] = ["x", "y", "yaw", "v"];

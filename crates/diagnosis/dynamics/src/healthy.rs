@@ -3,6 +3,7 @@
 pub(crate) mod statistics;
 mod study;
 mod traits;
+mod worth;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,14 +16,18 @@ use crate::baseline::correlation::{Correlation, ROWS};
 use crate::baseline::discrepancy::Discrepancy;
 use crate::baseline::features::{NAMES, STATE};
 use crate::baseline::nulls::{self, Statistics};
+use crate::baseline::sampling::Sampling;
 use crate::baseline::spread::{Estimate, spread};
 use crate::baseline::study::{Row, Study};
 use crate::baseline::windows::{Scored, Sensors, Windows};
-use crate::baseline::{Baseline, Influence, SCHEMA, Spread, Units, Usual, centre, channels, digest};
+use crate::baseline::{Baseline, Influence, SCHEMA, Spread, Units, Usual, centre, channels, digest, digest_of};
 use crate::case::{Case, PartModel};
+use crate::cells;
 use crate::choice::Outcome;
+use crate::drive::Drive;
 use crate::fit::point_loss;
 use crate::noise::Noise;
+use crate::scatter::{Scatter, Tolerated, scatter};
 use crate::search::Effort;
 use crate::settings::Thresholds;
 use crate::space::{Part, Space, sized};
@@ -67,15 +72,27 @@ struct Unit<'a> {
     known: bool,
 }
 
+impl Unit<'_> {
+    fn digests(&self) -> impl Iterator<Item = String> {
+        self.drives.iter().map(|&d| digest_of(&self.case.drives[d]))
+    }
+
+    fn scatter(&self) -> Scatter {
+        let rows: Vec<&Drive> = self.drives.iter().map(|&d| self.case.drives[d].by_rows()).collect();
+        scatter(&rows, Tolerated::default())
+    }
+}
+
 /// Learns a baseline.
 ///
 /// # Errors
-/// If there is no log, or logs of the same name.
+/// If there is no log, or the same drive twice.
 pub fn learn(healthy: &[Healthy], progress: Progress<'_>) -> Result<Baseline, CaseError> {
     let units = units(healthy);
     if units.is_empty() {
         return Err(CaseError::NoHealthy);
     }
+    worth::apart(&units)?;
     let all: Vec<usize> = (0..units.len()).collect();
     let mut studies = Studies::of(&units, Spread::new(), progress);
     let mut judged = judged(&units, &studies, &all, progress);
@@ -89,6 +106,7 @@ pub fn learn(healthy: &[Healthy], progress: Progress<'_>) -> Result<Baseline, Ca
     let logs: Vec<Statistics> = judged.iter().map(|j| j.reached.clone()).collect();
     if units.len() > 1 {
         baseline.nulls = nulls::gather(&logs);
+        baseline.cells = nulls::gather(&judged.iter().map(|j| j.cells.clone()).collect::<Vec<_>>());
         let logs = judged.iter().map(|j| j.windows.clone()).collect();
         baseline.windows = Some(Windows { sensors: sensors(&units), logs });
     }
@@ -106,6 +124,8 @@ pub fn learn(healthy: &[Healthy], progress: Progress<'_>) -> Result<Baseline, Ca
         }
     }
     limits(&mut baseline);
+    let doubts = worth::doubts(&baseline);
+    baseline.warnings.extend(doubts);
     Ok(baseline)
 }
 
@@ -267,17 +287,21 @@ fn assemble(units: &[Unit<'_>], studies: &[&Study], traits: &Spread) -> Baseline
         channels: cases.iter().flat_map(|case| channels(&case.drives)).collect::<BTreeSet<_>>().into_iter().collect(),
         simulator: cases[0].stand_in.as_ref().map(|stand_in| stand_in.kind.clone()),
         wheelbase_m: Some(cases[0].meta.nominal.lf + cases[0].meta.nominal.lr),
+        mass_kg: cases.iter().map(|case| [case.meta.nominal.mass; 2]).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]),
         rate_hz: 1.0 / ds_diagnosis::table::STEP_SECS,
         units: Units {
             vehicle: names(&|unit| unit.case.meta.vehicle.clone().unwrap_or_else(|| digest(&unit.case.meta.nominal))),
             day: names(&|unit| unit.case.meta.day.clone().unwrap_or_else(|| unit.name.clone())),
             drive: units.iter().map(|unit| unit.name.clone()).collect(),
+            digest: units.iter().flat_map(Unit::digests).collect(),
         },
         noise,
         correlation,
         spread: usual_values(cases[0], studies, traits),
+        sampling: Sampling::of(&units.iter().map(Unit::scatter).collect::<Vec<_>>()),
         discrepancy,
         nulls: Vec::new(),
+        cells: Vec::new(),
         windows: None,
         detection_limits: BTreeMap::new(),
         domain: domain(studies),
@@ -377,6 +401,8 @@ fn domain(studies: &[&Study]) -> BTreeMap<String, [f64; 2]> {
 struct Judged {
     /// Its statistics.
     reached: Statistics,
+    /// What it leaves by channel and regime.
+    cells: Statistics,
     /// What it leaves in its windows.
     windows: Vec<Scored>,
     /// Usual values of the others; none where there are no others.
@@ -398,7 +424,8 @@ fn judged(units: &[Unit<'_>], studies: &Studies, chosen: &[usize], progress: Pro
 fn judge(units: &[Unit<'_>], studies: &Studies, chosen: &[usize], out: usize) -> Judged {
     let others: Vec<usize> = chosen.iter().copied().filter(|k| *k != out).collect();
     if others.is_empty() {
-        return Judged { reached: Statistics::new(), windows: Vec::new(), without: None, asked: Vec::new() };
+        let (reached, cells) = (Statistics::new(), Statistics::new());
+        return Judged { reached, cells, windows: Vec::new(), without: None, asked: Vec::new() };
     }
     let baseline = chosen_of(units, studies, &others);
     let unit = &units[out];
@@ -411,7 +438,11 @@ fn judge(units: &[Unit<'_>], studies: &Studies, chosen: &[usize], out: usize) ->
     let outcomes: Vec<Outcome<'_, '_>> = models.iter().map(|m| Outcome::searched(m, Effort::Quick)).collect();
     let windows = scores(unit.case, &unit.drives, &baseline, &sensors(units));
     let asked = outcomes.iter().flat_map(|outcome| traits::asked(&outcome.search)).collect();
-    Judged { reached: statistics::of_healthy(&outcomes), windows, without: Some(baseline.spread), asked }
+    let whole = [Part::Ego, Part::Following]
+        .map(|part| PartModel::against(unit.case, part, &unit.drives, &[], Some(&baseline)));
+    let fitted: Vec<_> = whole.iter().zip(&outcomes).map(|(m, o)| (m, o.fit().vector.as_slice())).collect();
+    let (reached, cells) = (statistics::of_healthy(&outcomes), cells::reached(&fitted));
+    Judged { reached, cells, windows, without: Some(baseline.spread), asked }
 }
 
 /// Returns the sensors of the middle one of some units.

@@ -13,6 +13,7 @@ mod check;
 pub mod choice;
 pub mod constancy;
 pub mod diagnose;
+mod doubts;
 pub mod drive;
 pub mod ego;
 pub mod evaluate;

@@ -38,18 +38,19 @@ const SCRIPTS: &[Script] = &[
     ("straight ahead, opposite direction", -20.0, 15.0, |_| 0.0, HOLD),
 ];
 
-/// Returns the best manoeuvres for telling two simulators apart, best first.
+/// Returns the best manoeuvres for telling two simulators apart, best first, by sensors of which each has some factor on the
+/// library's floor: infinity where it is absent.
 #[must_use]
-pub fn rank(names: [&str; 2], plants: [&Plant; 2], missing: &[bool; EGO]) -> Vec<Manoeuvre> {
+pub fn rank(names: [&str; 2], plants: [&Plant; 2], factors: &[f64; EGO]) -> Vec<Manoeuvre> {
     let mut list: Vec<Manoeuvre> = SCRIPTS
         .iter()
         .map(|script| {
-            let factor = separation(script, plants, missing);
+            let factor = separation(script, plants, factors);
             Manoeuvre {
                 name: script.0.to_owned(),
                 separates: names.map(str::to_owned),
                 expected_log_bayes_factor: factor,
-                secs_needed: (script.2 * WANTED / factor.max(1e-6)).min(36_000.0),
+                secs_needed: (script.2 * WANTED / factor.max(1e-6)).clamp(script.2, 36_000.0),
             }
         })
         .collect();
@@ -64,12 +65,12 @@ pub fn everything(plant: &Plant) -> Vec<[f64; EGO]> {
     SCRIPTS.iter().flat_map(|script| report(script, plant)).collect()
 }
 
-fn separation(script: &Script, plants: [&Plant; 2], missing: &[bool; EGO]) -> f64 {
+fn separation(script: &Script, plants: [&Plant; 2], factors: &[f64; EGO]) -> f64 {
     let [a, b] = plants.map(|plant| report(script, plant));
     let mut total = 0.0;
     for (one, other) in a.iter().zip(&b) {
-        for channel in (0..EGO).filter(|c| !missing[*c]) {
-            let floor = EGO_FLOOR[channel][0].hypot(2.0 * EGO_FLOOR[channel][1]);
+        for channel in 0..EGO {
+            let floor = factors[channel] * EGO_FLOOR[channel][0].hypot(2.0 * EGO_FLOOR[channel][1]);
             // displacement grows without end in an open rollout; differences beyond twenty floors tell no more
             total += ((one[channel] - other[channel]) / floor).clamp(-20.0, 20.0).powi(2);
         }

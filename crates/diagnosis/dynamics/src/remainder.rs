@@ -154,10 +154,12 @@ pub fn describe(
         format!("; {} changes by {percent:+.0} % of its size with {}, which no library effect does", t.effect, t.regime)
     };
     let trends: String = lefts.iter().filter_map(|l| l.trend.as_ref()).map(trend).collect();
-    out.text = format!(
-        "after the best library effects {} of drive {} is still {:.1} times the clean level; {} in time{with}{trends}",
-        worst.1, worst.2, worst.0, out.time_pattern
-    );
+    let level = if out.channels.is_empty() {
+        "what is left is no more than the library's cars leave, but more than the healthy drives do".to_owned()
+    } else {
+        format!("{} of drive {} is still {:.1} times the clean level", worst.1, worst.2, worst.0)
+    };
+    out.text = format!("after the best library effects {level}; {} in time{with}{trends}", out.time_pattern);
     out
 }
 

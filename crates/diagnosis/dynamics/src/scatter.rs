@@ -27,13 +27,29 @@ pub struct Scatter {
 /// Squared scale of the Student t law with four degrees of freedom that fits a normal law of variance one best: the root
 /// of E[5 x² / (4 τ² + x²)] = 1.
 const T_SCALE2: f64 = 0.69;
-/// Usual jitter, s.
-const USUAL_SECS: f64 = 0.001;
+/// Jitter that any receiver has, s.
+const ANY_SECS: f64 = 0.0025;
+/// Step of the jitters that are tried, s.
+const TRIED_SECS: f64 = 0.000_25;
+/// The most jitter, s, and the largest share of repeated samples that are nothing of note.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tolerated {
+    /// Standard deviation of the sampling instants, s.
+    pub jitter_secs: f64,
+    /// Share of repeated samples.
+    pub repeated_share: f64,
+}
 
-/// Returns the scatter found in some drives.
+impl Default for Tolerated {
+    fn default() -> Self {
+        Self { jitter_secs: ANY_SECS, repeated_share: 0.0 }
+    }
+}
+
+/// Returns the scatter found in some drives, its evidence that beyond what is tolerated.
 #[must_use]
-pub fn scatter(drives: &[&Drive]) -> Scatter {
-    let mut found = repeats(drives);
+pub fn scatter(drives: &[&Drive], tolerated: Tolerated) -> Scatter {
+    let mut found = repeats(drives, tolerated.repeated_share);
     let mut pairs = Vec::new();
     for drive in drives {
         second_differences(drive, &mut pairs);
@@ -51,7 +67,7 @@ pub fn scatter(drives: &[&Drive]) -> Scatter {
         };
         JITTER_SHARE * pairs.iter().map(term).sum::<f64>()
     };
-    let grid: Vec<f64> = (0..=120).map(|k| f64::from(k) * 0.00025).collect();
+    let grid: Vec<f64> = (0..=120).map(|k| f64::from(k) * TRIED_SECS).collect();
     let values: Vec<f64> = grid.iter().map(|s| likelihood(*s)).collect();
     let best = (0..grid.len()).max_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap_or(0);
     let inside: Vec<f64> =
@@ -60,21 +76,27 @@ pub fn scatter(drives: &[&Drive]) -> Scatter {
     let (Some(low), Some(high)) = (inside.first(), inside.last()) else { return found };
     found.jitter_secs = grid[best];
     let width = 0.5 * (high - low);
-    found.jitter_error_secs = width.max(0.000_25).hypot(SHAPE_ERROR * found.jitter_secs);
-    // up to a quarter of a centisecond is what any receiver has
-    let usual = values[..=(2.5 * USUAL_SECS / 0.00025) as usize].iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    found.jitter_gain = values[best] - usual + (found.jitter_error_secs / 0.03).ln();
+    found.jitter_error_secs = width.max(TRIED_SECS).hypot(SHAPE_ERROR * found.jitter_secs);
+    let within = tolerated.jitter_secs / TRIED_SECS;
+    let ordinary = values.iter().take(within as usize + 1).copied().fold(f64::NEG_INFINITY, f64::max);
+    found.jitter_gain = values[best] - ordinary + (found.jitter_error_secs / 0.03).ln();
     found
 }
 
-fn repeats(drives: &[&Drive]) -> Scatter {
+/// Returns the repeats of some drives; evidence is that of the copies over those that are usual, each worth no more than
+/// chance makes it.
+fn repeats(drives: &[&Drive], usual: f64) -> Scatter {
     let total: f64 = drives.iter().map(|d| d.samples as f64).sum::<f64>().max(1.0);
     let count: f64 = drives.iter().map(|d| d.repeated_share * d.samples as f64).sum();
     let share = count / total;
+    let beyond = (count - usual * total).max(0.0);
+    let term = |a: f64, b: f64| if a > 0.0 { a * (a / b).ln() } else { 0.0 };
+    let by_chance = total * (term(share, usual) + term(1.0 - share, 1.0 - usual));
+    let surprise = if beyond > 0.0 { (REPEAT_SURPRISE * beyond).min(by_chance) } else { 0.0 };
     Scatter {
         repeated_share: share,
         repeated_error: (share * (1.0 - share) / total).sqrt(),
-        repeated_gain: REPEAT_SURPRISE * count - 5.0,
+        repeated_gain: surprise - 5.0,
         ..Scatter::default()
     }
 }

@@ -31,6 +31,8 @@ const ACCEL_STEP: f64 = 0.1;
 const SHARP_SHARE: f64 = 0.5;
 /// Samples between the starts of windows.
 const STRIDE: usize = 25;
+/// Speed below which the car drives backwards, which the simulator cannot, m/s.
+const BACKWARDS_MPS: f64 = -0.1;
 
 /// The part of a drive the ego simulator needs, with its windows.
 #[derive(Clone)]
@@ -133,11 +135,25 @@ impl EgoRecord {
         (steer || accel).then_some(inputs)
     }
 
-    /// Returns anchors every `stride` samples with `scored` samples after each.
+    /// Returns anchors every `stride` samples with `scored` samples after each, but for windows in which the car drives
+    /// backwards.
     #[must_use]
     pub fn anchors_every(&self, stride: usize, scored: usize) -> Vec<Anchor> {
-        let last = self.log.samples.saturating_sub(scored + 1);
-        (WARM..last).step_by(stride).map(|sample| self.anchor(sample, scored)).collect()
+        let forwards = |sample: &usize| {
+            let mut window = self.speed[sample - WARM..sample + scored].chunks(BLOCK);
+            window.all(|block| block.iter().sum::<f64>() >= BACKWARDS_MPS * block.len() as f64)
+        };
+        self.starts(stride, scored).filter(forwards).map(|sample| self.anchor(sample, scored)).collect()
+    }
+
+    fn starts(&self, stride: usize, scored: usize) -> impl Iterator<Item = usize> + use<> {
+        (WARM..self.log.samples.saturating_sub(scored + 1)).step_by(stride)
+    }
+
+    /// Returns how many windows there would be if all were driven forwards.
+    #[must_use]
+    pub(crate) fn offered(&self) -> usize {
+        self.starts(STRIDE, BLOCK * BLOCKS).count()
     }
 
     /// Returns the same drive in windows that share no sample.
@@ -368,6 +384,17 @@ impl EgoRecord {
         }
         residual
     }
+}
+
+/// Says which share of the windows is left out because the car drives backwards in them.
+pub(crate) fn backwards(ego: &[EgoRecord]) -> Option<String> {
+    let (offered, kept) = ego.iter().fold((0, 0), |(all, kept), r| (all + r.offered(), kept + r.anchors.len()));
+    let percent = 100.0 * (offered - kept) as f64 / offered.max(1) as f64;
+    (kept < offered).then(|| {
+        format!(
+            "{percent:.0} % of the windows are left out: the car drives backwards there, which the simulator cannot"
+        )
+    })
 }
 
 /// Replaces the ramps of a command's steps on the fine grid by steps at a share of their interval; tells if there were any. A

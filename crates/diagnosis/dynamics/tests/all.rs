@@ -10,6 +10,7 @@ mod neutral;
 mod one_car;
 mod own_world;
 mod practice;
+mod quirks;
 mod recovery;
 mod spoiled;
 mod traces;

@@ -60,9 +60,16 @@ fn a_trait_is_no_fault_and_a_fault_beside_it_is_found() {
     let baseline = Arc::new(baseline);
     let found = against(&baseline, &[]);
     assert_eq!((found.verdict, found.floor_source.as_str()), (Verdict::None, "baseline"), "{:?}", found.chosen);
+    assert!(found.next_manoeuvre.is_empty(), "{:?}", found.next_manoeuvre);
+    assert!(found.cells.is_empty(), "{:?}", found.cells);
+    assert!(found.outside_domain_share.is_some_and(|share| share < 0.2), "{:?}", found.outside_domain_share);
     let found = against(&baseline, &[("steer_delay", 0.12)]);
     assert_eq!(found.chosen, ["steer_delay"], "{:?}", found.verdict);
     assert!((found.effects[0].value - 0.12).abs() < 0.02, "{}", found.effects[0].value);
+    assert!(found.cells.iter().all(|cell| cell.q_value.is_some()) && !found.cells.is_empty());
+    assert!(alone.cells.iter().all(|cell| cell.q_value.is_none()), "no healthy log says what is ordinary");
+    // no run is shorter than its manoeuvre
+    assert!(found.next_manoeuvre.iter().all(|run| run.secs_needed >= 6.0), "{:?}", found.next_manoeuvre);
     // the effect is told relative to the healthy drives
     let found = against(&baseline, &[("bank", 0.04)]);
     assert_eq!(found.chosen, [TRAIT.0]);
@@ -123,6 +130,31 @@ fn a_faulty_log_among_healthy_ones_is_named() {
 }
 
 #[test]
+fn a_baseline_of_little_worth_says_so() {
+    let root = tempfile::tempdir().expect("a folder");
+    let mut logs = healthy(&[]);
+    let again = Healthy { name: "again".to_owned(), case: logs[0].case.clone() };
+    logs.push(again);
+    assert!(matches!(learn(&logs, &|| ()), Err(CaseError::SameLog { .. })));
+    logs.pop();
+    logs[2].case.meta.nominal.mass *= 1.1;
+    let baseline = Arc::new(learn(&logs, &|| ()).expect("three healthy logs"));
+    assert!(baseline.warnings.iter().any(|w| w.contains("2 nominal simulators")), "{:?}", baseline.warnings);
+    let said = |case: Case| {
+        let case = case.against(baseline.clone()).expect("one of several vehicles");
+        diagnose(&case, &Options { quick: true, ..Options::default() }).warnings.join("; ")
+    };
+    let own = said(logs.remove(0).case);
+    assert!(own.contains("learned from 4 of the 4 drives"), "{own}");
+    let mut heavy = case(root.path(), 51, &[]);
+    let fresh = said(heavy.clone());
+    assert!(!fresh.contains("learned from") && !fresh.contains("is it of this vehicle"), "{fresh}");
+    heavy.meta.nominal.mass *= 2.0;
+    let heavy = said(heavy);
+    assert!(heavy.contains("the mass is 3000.000 kg, the baseline's 1500.000 to 1650.000"), "{heavy}");
+}
+
+#[test]
 fn other_vehicles_other_channels_and_damaged_files_are_refused() {
     let root = tempfile::tempdir().expect("a folder");
     let logs: Vec<Healthy> = healthy(&[]).into_iter().take(1).collect();
@@ -141,7 +173,17 @@ fn other_vehicles_other_channels_and_damaged_files_are_refused() {
         ("\"schema_version\":1", "\"schema_version\":7", "schema_version is 7"),
         ("\"sd\":0.", "\"sd\":-0.", "spread of"),
         ("\"correlation\":{\"rows\":[", "\"correlation\":{\"rows\":[99", "correlation is none"),
-        ("\"noise\":{\"agent_gap\":[", "\"noise\":{\"agent_gap\":[-1.0,", "noise of \"agent_gap\""),
+        ("\"noise\":{\"agent_gap\":[", "\"noise\":{\"agent_gap\":[-1.0,", "noise of \"agent_gap\" is not positive"),
+        ("\"noise\":{\"agent_gap\":[", "\"noise\":{\"agent_gap\":[1.0,", "noise of \"agent_gap\" has 11 blocks"),
+        ("\"noise\":{\"agent_gap\"", "\"noise\":{\"nonsense\"", "noise of \"nonsense\" is of no channel"),
+        ("\"spread\":{", "\"spread\":{\"nonsense\":[null],", "spread of \"nonsense\" is of no effect"),
+        ("\"mu\":[", "\"mu\":[null,", "spread of \"mu\" has"),
+        (
+            "\"nulls\":[{",
+            "\"nulls\":[{\"statistic\":\"a\",\"z\":[1e300],\"control\":\"parametric\"},{",
+            "the null of \"a\"",
+        ),
+        ("\"sensors\":{\"noise\":[", "\"sensors\":{\"noise\":[-1.0,", "windows.sensors has noise"),
     ] {
         assert!(text.contains(from), "{from}");
         std::fs::write(&file, text.replacen(from, to, 1)).expect("it can be written");

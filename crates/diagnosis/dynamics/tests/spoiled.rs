@@ -59,6 +59,18 @@ const EDITS: &[(&str, &str, Edit)] = &[
     ("stamps in milliseconds", "TimeGap", |rows| column(rows, "t", |_, v| format!("{:.0}", v * 1000.0))),
     ("mirrored gyro", "Inconsistent", |rows| column(rows, "yaw_rate", |_, v| format!("{:.4}", -v))),
     ("brake in place of steering", "Inconsistent", |rows| swap(rows, "cmd_accel", "v")),
+    ("no gyro for ten seconds", "ColumnGap", |rows| {
+        let at = place(rows, "yaw_rate");
+        rows[100..300].iter_mut().for_each(|row| row[at] = String::new());
+    }),
+    ("no more gyro", "ColumnGap", |rows| {
+        let at = place(rows, "yaw_rate");
+        rows[400..].iter_mut().for_each(|row| row[at] = String::new());
+    }),
+    ("no steering command for ten seconds", "ColumnGap", |rows| {
+        let at = place(rows, "cmd_steer");
+        rows[100..300].iter_mut().for_each(|row| row[at] = String::new());
+    }),
     ("no command", "MissingColumn", |rows| {
         let at = place(rows, "cmd_steer");
         rows[0][at] = "something".to_owned();
@@ -114,6 +126,39 @@ fn two_million_rows_of_one_value_are_refused() {
     fs::write(folder.path().join("drive_1.csv"), text).expect("the drive can be written");
     let error = judged(folder.path(), &Options::default()).expect_err("such a log is refused");
     assert_eq!(name(&error), "TooLarge");
+}
+
+/// Sensors in another unit or frozen, by what is said of them.
+const SUSPECT: &[(&str, Edit)] = &[
+    ("v_wheel is 3.60 times v", |rows| column(rows, "v_wheel", |_, v| format!("{:.3}", 3.6 * v))),
+    ("times the change of speed (r = ", |rows| column(rows, "ax", |_, v| format!("{:.4}", v / 9.81))),
+    ("ax has a mean of ", |rows| column(rows, "ax", |_, v| format!("{:.2}", v + 9.81))),
+    ("cmd_accel goes against the change of speed", |rows| column(rows, "cmd_accel", |_, v| format!("{:.3}", -v))),
+    ("yaw_rate keeps one value for ", |rows| {
+        column(rows, "yaw_rate", |k, v| if k < 400 { format!("{v:.4}") } else { "0.01".to_owned() });
+    }),
+];
+
+#[test]
+fn suspect_sensors_are_named_once_for_all_drives() {
+    let folder = tempfile::tempdir().expect("a folder");
+    case_folder(folder.path());
+    let paths: Vec<_> = (0..4).map(|drive| folder.path().join(format!("drive_{drive}.csv"))).collect();
+    let wholes: Vec<String> = paths.iter().map(|path| fs::read_to_string(path).expect("the drive")).collect();
+    let plain = Case::read(folder.path()).expect("a case").warnings;
+    for (said, edit) in SUSPECT {
+        assert!(!plain.iter().any(|w| w.contains(said)), "{plain:?}");
+        for (path, whole) in paths.iter().zip(&wholes) {
+            let mut rows: Vec<Vec<String>> =
+                whole.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect();
+            edit(&mut rows);
+            let text: Vec<String> = rows.iter().map(|row| row.join(",")).collect();
+            fs::write(path, text.join("\n")).expect("the drive can be written");
+        }
+        let warnings = Case::read(folder.path()).expect("odd but usable").warnings;
+        let own: Vec<&String> = warnings.iter().filter(|w| w.contains(said)).collect();
+        assert!(matches!(own[..], [one] if one.starts_with("in 4 of 4 drives: ")), "{said}: {warnings:?}");
+    }
 }
 
 #[test]

@@ -15,7 +15,6 @@ mod log;
 mod mapping;
 mod raw;
 mod record;
-mod relation;
 mod resample;
 mod stamps;
 mod strata;

@@ -16,6 +16,9 @@ pub const SINGLE_TRACK: &str = "linear_single_track";
 /// Sharpness of the nominal tyre's saturation; 3 lies between a brush and an ideal clip.
 const TYRE_KNEE: f64 = 3.0;
 
+/// Relative difference up to which two sizes of a vehicle are the same.
+const SAME_SIZE: f64 = 0.02;
+
 /// A case of logs of a vehicle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct VehicleMeta {
@@ -203,7 +206,16 @@ impl VehicleMeta {
             meta.case = name_of(case);
         }
         meta.check()?;
-        Ok(meta)
+        let Stated { nominal: StatedNominal { wheelbase } } = json::read(&case.join(FILE))?;
+        let own = meta.nominal.lf + meta.nominal.lr;
+        match wheelbase.filter(|stated| (stated - own).abs() > SAME_SIZE * own) {
+            Some(stated) => Err(meta.refused(format!("nominal.wheelbase is {stated} m, lf and lr make {own:.3} m"))),
+            None => Ok(meta),
+        }
+    }
+
+    fn refused(&self, why: String) -> CaseError {
+        CaseError::Description { why, case: self.case.clone() }
     }
 
     /// Writes `meta.json` into a case folder.
@@ -217,13 +229,32 @@ impl VehicleMeta {
     /// Checks what the types do not say.
     ///
     /// # Errors
-    /// If there is no drive, or no such vehicle could drive.
+    /// If there is no drive or one twice, no such vehicle could drive, its model is another one, or the split names drives
+    /// that are not there or one twice.
     pub fn check(&self) -> Result<(), CaseError> {
         self.nominal.check()?;
+        if self.nominal.model != SINGLE_TRACK {
+            let model = &self.nominal.model;
+            return Err(self.refused(format!("nominal.model is {model:?}, there is {SINGLE_TRACK:?}")));
+        }
         if self.drives.is_empty() {
             return Err(CaseError::NoDrive { case: self.case.clone() });
         }
-        Ok(())
+        let files: Vec<&str> = self.drives.iter().map(|drive| drive.file.as_str()).collect();
+        if let Some(file) = twice(&files) {
+            return Err(self.refused(format!("drives name {file:?} twice")));
+        }
+        let Some(split) = &self.suggested_split else { return Ok(()) };
+        let named: Vec<usize> = split.fit.iter().chain(&split.held_out).copied().collect();
+        if let Some(drive) = twice(&named) {
+            return Err(self.refused(format!("suggested_split names drive {drive} twice")));
+        }
+        match named.iter().find(|drive| **drive >= files.len()) {
+            Some(drive) => {
+                Err(self.refused(format!("suggested_split names drive {drive}, the last one is {}", files.len() - 1)))
+            }
+            None => Ok(()),
+        }
     }
 
     /// Returns the indices of the drives to fit and of those kept back; without a split the last of several is kept.
@@ -239,6 +270,23 @@ impl VehicleMeta {
             _ => (vec![0], Vec::new()),
         }
     }
+}
+
+/// Returns the first that is among those before it.
+fn twice<T: PartialEq>(all: &[T]) -> Option<&T> {
+    all.iter().enumerate().find(|(k, one)| all[..*k].contains(one)).map(|(_, one)| one)
+}
+
+/// What a description may say of its vehicle and the nominal simulator has no parameter for.
+#[derive(Deserialize)]
+struct Stated {
+    nominal: StatedNominal,
+}
+
+#[derive(Deserialize)]
+struct StatedNominal {
+    #[serde(default)]
+    wheelbase: Option<f64>,
 }
 
 impl Nominal {
@@ -401,6 +449,32 @@ mod tests {
             let error = json::parse::<VehicleMeta>(&text.replace(sound, damaged)).expect_err(key);
             assert!(error.to_string().contains(key), "{key}: {error}");
         }
+    }
+
+    #[test]
+    fn what_names_nothing_or_one_thing_twice_is_refused_by_its_key() {
+        let text = serde_json::to_string(&meta()).expect("a description is JSON");
+        let folder = tempfile::tempdir().expect("a folder");
+        let read = |text: &str| {
+            std::fs::write(folder.path().join(FILE), text).expect("it can be written");
+            VehicleMeta::read(folder.path())
+        };
+        let file = r#"{"file":"a.csv","agents_desired_speed":14.0,"from_secs":0.3333333333333333}"#;
+        let fit = r#""fit":[0]"#;
+        let rows = [
+            (file, format!("{file},{file}"), r#"drives name "a.csv" twice"#),
+            (fit, r#""fit":[0,0]"#.to_owned(), "suggested_split names drive 0 twice"),
+            (r#""held_out":[]"#, r#""held_out":[0]"#.to_owned(), "suggested_split names drive 0 twice"),
+            (fit, r#""fit":[0,9]"#.to_owned(), "suggested_split names drive 9, the last one is 0"),
+            (SINGLE_TRACK, "multibody".to_owned(), "nominal.model"),
+            (r#""lr":1.45,"#, r#""lr":1.45,"wheelbase":9.9,"#.to_owned(), "nominal.wheelbase is 9.9"),
+        ];
+        for (sound, damaged, why) in rows {
+            assert!(text.contains(sound), "{sound} in {text}");
+            let error = read(&text.replacen(sound, &damaged, 1)).expect_err(why);
+            assert!(error.to_string().contains(why), "{why}: {error}");
+        }
+        read(&text.replace(r#""lr":1.45,"#, r#""lr":1.45,"wheelbase":2.75,"#)).expect("arms that make the wheelbase");
     }
 
     #[test]

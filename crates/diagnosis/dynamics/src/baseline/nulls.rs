@@ -44,18 +44,41 @@ pub fn gather(logs: &[Statistics]) -> Vec<Null> {
     all.into_iter().map(of).collect()
 }
 
-/// Returns the chance of a healthy log to reach more than a value, by name of the statistic.
+/// What healthy logs reach of several statistics, with what their spreads say of one another.
+#[derive(Debug)]
+pub struct Ordinary<'n> {
+    own: BTreeMap<&'n str, &'n [f64]>,
+    pooled: Pooled,
+}
+
+impl<'n> Ordinary<'n> {
+    /// Puts statistics together; those that one log alone has say nothing.
+    #[must_use]
+    pub fn new(nulls: &'n [Null]) -> Self {
+        let own: BTreeMap<&str, &[f64]> =
+            nulls.iter().filter(|n| n.z.len() > 1).map(|n| (n.statistic.as_str(), n.z.as_slice())).collect();
+        let variance = |z: &&[f64]| {
+            let mean = z.iter().sum::<f64>() / z.len() as f64;
+            z.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (z.len() as f64 - 1.0)
+        };
+        let count = own.values().map(|z| z.len()).max().unwrap_or(0);
+        Self { pooled: Pooled::of(&own.values().map(variance).collect::<Vec<f64>>(), count), own }
+    }
+
+    /// Returns the chance of a healthy log to reach more than a value of a statistic; 1 of one that healthy logs lack.
+    #[must_use]
+    pub fn chance(&self, statistic: &str, value: f64) -> f64 {
+        self.own.get(statistic).map_or(1.0, |z| self.pooled.exceeds(z, value))
+    }
+}
+
+/// Returns the chance of a healthy log to reach more than a value, by name of the statistic; gains of evidence apart.
 #[must_use]
 pub fn chances(nulls: &[Null], reached: &Statistics) -> BTreeMap<String, f64> {
-    let own: Vec<&Null> = nulls.iter().filter(|n| n.z.len() > 1 && !GAIN.contains(&n.statistic.as_str())).collect();
-    let variance = |z: &[f64]| {
-        let mean = z.iter().sum::<f64>() / z.len() as f64;
-        z.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (z.len() as f64 - 1.0)
-    };
-    let count = own.iter().map(|n| n.z.len()).max().unwrap_or(0);
-    let pooled = Pooled::of(&own.iter().map(|n| variance(&n.z)).collect::<Vec<f64>>(), count);
-    let of = |null: &&Null| Some((null.statistic.clone(), pooled.exceeds(&null.z, *reached.get(&null.statistic)?)));
-    own.iter().filter_map(of).collect()
+    let judged: Vec<Null> = nulls.iter().filter(|n| !GAIN.contains(&n.statistic.as_str())).cloned().collect();
+    let ordinary = Ordinary::new(&judged);
+    let known = reached.iter().filter(|(name, _)| ordinary.own.contains_key(name.as_str()));
+    known.map(|(name, value)| (name.clone(), ordinary.chance(name, *value))).collect()
 }
 
 /// Returns the chance that any statistic of a healthy log reaches what was reached: the smallest after Holm.

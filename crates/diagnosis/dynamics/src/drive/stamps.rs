@@ -40,6 +40,28 @@ pub(super) fn stamps(table: &Table) -> Result<Vec<f64>, CaseError> {
     Ok(t)
 }
 
+/// Checks that the columns of a table with its stamps, s, have no long hole; those without any value count as absent.
+///
+/// # Errors
+/// If one has.
+pub(super) fn whole(table: &Table, t: &[f64], columns: &[&str]) -> Result<(), CaseError> {
+    for name in columns {
+        let Some(column) = table.column(name) else { continue };
+        let known = t.iter().zip(column).filter(|(_, value)| value.is_finite()).map(|(t, _)| *t);
+        let mut known: Vec<f64> = known.collect();
+        if known.is_empty() {
+            continue;
+        }
+        known.insert(0, t[0]);
+        known.push(t[t.len() - 1]);
+        if let Some(pair) = known.windows(2).find(|pair| pair[1] - pair[0] > LONGEST_HOLE_SECS) {
+            let (column, file) = ((*name).to_owned(), table.file().to_owned());
+            return Err(CaseError::ColumnGap { column, secs: pair[1] - pair[0], t: pair[0], file });
+        }
+    }
+    Ok(())
+}
+
 /// Checks the length of a log, s.
 ///
 /// # Errors

@@ -44,7 +44,12 @@ pub(crate) fn of_healthy(outcomes: &[Outcome<'_, '_>]) -> Statistics {
 /// ordinary mismatch leaves.
 #[must_use]
 pub(crate) fn unknown(nulls: &[Null], lefts: &[PartRemainder]) -> f64 {
-    let chance = chance(nulls, &of_remainder(lefts)).max(1e-12);
     let trend = lefts.iter().map(PartRemainder::inconstant).fold(0.0, f64::max);
-    (1.0 / (1.0 + (chance / ALARM).powf(STEEPNESS))).max(trend)
+    probability(chance(nulls, &of_remainder(lefts))).max(trend)
+}
+
+/// Returns the probability that what a healthy log reaches with some chance is none of one.
+#[must_use]
+pub(crate) fn probability(chance: f64) -> f64 {
+    1.0 / (1.0 + (chance.max(1e-12) / ALARM).powf(STEEPNESS))
 }

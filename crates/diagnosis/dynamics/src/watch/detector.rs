@@ -66,8 +66,9 @@ impl Detector {
     /// If there are too few healthy logs.
     pub fn new(windows: Option<&Windows>, alarms_per_hour: f64) -> Result<Self, CaseError> {
         let logs = windows.map_or(&[][..], |windows| &windows.logs);
-        if logs.len() < LEAST_LOGS {
-            return Err(CaseError::Unwatched { logs: logs.len(), least: LEAST_LOGS });
+        let telling = logs.iter().filter(|log| !log.is_empty()).count();
+        if telling < LEAST_LOGS {
+            return Err(CaseError::Unwatched { logs: telling, least: LEAST_LOGS });
         }
         let of = |channel: usize| {
             let score = |window: &Scored| window.channels.get(channel).copied().flatten().map(|[loss, _]| loss);

@@ -2,8 +2,8 @@
 
 use crate::finding::LogFinding;
 use crate::record::Record;
-use crate::relation::{Relation, near, relate};
 use crate::resample::slope;
+use ds_diagnosis::relation::{Relation, near, relate};
 use ds_diagnosis::table::STEP_SECS;
 
 /// Speed below which heading and course say nothing, as a share of the drive's typical speed.

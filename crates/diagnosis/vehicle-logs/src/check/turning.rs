@@ -3,8 +3,8 @@
 use super::motion::accelerometer;
 use crate::finding::LogFinding;
 use crate::record::Record;
-use crate::relation::{Relation, near, relate, relate_at};
 use crate::resample::slope;
+use ds_diagnosis::relation::{Relation, near, relate, relate_at};
 use ds_diagnosis::table::STEP_SECS;
 
 /// Degrees per radian.

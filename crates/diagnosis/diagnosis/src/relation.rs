@@ -1,10 +1,10 @@
 //! How two series go with each other: slope and correlation, over half seconds or sample by sample.
 
-use ds_diagnosis::table::STEP_SECS;
+use crate::table::STEP_SECS;
 
 /// How one series goes with another.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Relation {
+pub struct Relation {
     /// Units of the second per unit of the first.
     pub slope: f64,
     /// Correlation.
@@ -12,7 +12,8 @@ pub(crate) struct Relation {
 }
 
 /// Relates two series by their means over half a second, each less its own mean; `None` where the first hardly varies.
-pub(crate) fn relate(first: &[f64], second: &[f64], least_spread: f64) -> Option<Relation> {
+#[must_use]
+pub fn relate(first: &[f64], second: &[f64], least_spread: f64) -> Option<Relation> {
     let block = (0.5 / STEP_SECS) as usize;
     let means =
         |c: &[f64]| -> Vec<f64> { c.chunks_exact(block).map(|b| b.iter().sum::<f64>() / block as f64).collect() };
@@ -36,12 +37,14 @@ pub(crate) fn relate(first: &[f64], second: &[f64], least_spread: f64) -> Option
 }
 
 /// Tells whether a positive ratio lies within a factor of `times` of another.
-pub(crate) fn near(ratio: f64, other: f64, times: f64) -> bool {
+#[must_use]
+pub fn near(ratio: f64, other: f64, times: f64) -> bool {
     ratio > 0.0 && (ratio / other).ln().abs() < times.ln()
 }
 
 /// Relates two series sample by sample (unlike block means this keeps the timing); `None` where the second hardly varies.
-pub(crate) fn relate_at(first: &[f64], second: &[f64], least_spread: f64) -> Option<Relation> {
+#[must_use]
+pub fn relate_at(first: &[f64], second: &[f64], least_spread: f64) -> Option<Relation> {
     let count = first.len() as f64;
     let (ma, mb) = (first.iter().sum::<f64>() / count, second.iter().sum::<f64>() / count);
     let (mut cross, mut aa, mut bb) = (0.0, 0.0, 0.0);
