@@ -33,8 +33,9 @@ if [ "$code" -gt 128 ] && kill -0 "$drive" 2>/dev/null; then
     wait "$drive"
     code=$?
 fi
-# 1: cells are left; 130: it was told to stop. Both go on where they were; 2 would fail again.
-if [ "$code" -eq 1 ] || [ "$code" -eq 130 ]; then
+# 1: cells are left; 130: it was told to stop. Both go on where they were; 2 would fail again. What is left after six times
+# would be left for ever.
+if { [ "$code" -eq 1 ] || [ "$code" -eq 130 ]; } && [ "${SLURM_RESTART_COUNT:-0}" -lt 6 ]; then
     scontrol requeue "${SLURM_ARRAY_JOB_ID:-$SLURM_JOB_ID}_$SLURM_ARRAY_TASK_ID" || exit "$code"
 fi
 exit "$code"

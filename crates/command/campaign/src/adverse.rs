@@ -161,8 +161,11 @@ struct ClassPart {
 /// Runs the command on scenario files, with those on which the motion model is fitted; the shipped one without any.
 ///
 /// # Errors
-/// If a scenario or the fit's scenarios cannot be read, a name comes twice, or a file cannot be written.
+/// If the folder holds an earlier search, a scenario or the fit's scenarios cannot be read, a name comes twice, or a file cannot
+/// be written.
 pub fn run(args: &AdverseArgs, paths: &[PathBuf], fit: &[PathBuf]) -> Result<()> {
+    let path = args.out.join(REPORT);
+    ensure!(!path.exists(), "an earlier search is there and stays, give another --out: {}", path.display());
     let model = model(fit, paths)?;
     let options = Options {
         hand_over: Tick(args.hand_over),
@@ -199,7 +202,6 @@ pub fn run(args: &AdverseArgs, paths: &[PathBuf], fit: &[PathBuf]) -> Result<()>
         report.scenarios.push(written(scene, built, &args.out, &mut report.classes)?);
     }
     std::fs::create_dir_all(&args.out).with_context(|| format!("cannot make {}", args.out.display()))?;
-    let path = args.out.join(REPORT);
     let text = serde_json::to_string_pretty(&report).context("report as JSON")? + "\n";
     std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
     tell(&report, &args.out);

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use ds_benchmark::{Manifest, Named, Place, Settings, Shard, Sheet};
+use ds_benchmark::{Differs, Manifest, Named, Place, Settings, Shard, Sheet};
 use ds_launch::own;
+use ds_policy::builtin::{NAMES, is_builtin};
 use ds_policy::{Learned, Own, Policy};
 use ds_process::shipped;
 use ds_process::terminal::answer;
@@ -42,32 +43,14 @@ pub(crate) fn sheet(args: &CellArgs) -> Result<(Sheet, Vec<Manifest>)> {
     let (sets, folders) = manifests(&args.manifests)?;
     let mut manifests = BTreeMap::new();
     let policy = |name: &String| -> Result<Named> {
-        if let Some(manifest) = Own::named(name) {
-            let own = own::seeing(&manifest, args.history)?;
-            let path = std::fs::canonicalize(&manifest).with_context(|| format!("path of {name}"))?;
-            manifests.insert(own.name().to_owned(), path);
-            return Ok(Named { name: own.name().to_owned(), digest: own.digest().to_string() });
-        }
-        let of_weights = |learned: Learned| -> Result<String> {
-            let weights = learned.weights_file(&args.networks.policy_weights);
-            learned.trained(&weights)?;
-            of_files(&[&weights])
-        };
-        let digest = Learned::of(name).map(of_weights).transpose()?.unwrap_or_default();
-        Ok(Named { name: name.clone(), digest })
+        let Some(manifest) = Own::named(name) else { return policy(name, &args.networks.policy_weights) };
+        let own = own::seeing(&manifest, args.history)?;
+        let path = std::fs::canonicalize(&manifest).with_context(|| format!("path of {name}"))?;
+        manifests.insert(own.name().to_owned(), path);
+        Ok(Named { name: own.name().to_owned(), digest: own.digest().to_string() })
     };
-    let model =
-        [args.networks.model.as_path(), &args.networks.model.with_extension("safetensors")].map(Path::to_path_buf);
-    let unguided = model[0].with_file_name("arms").join("no_guidance.safetensors");
-    let observation = |source: &ObservationSource| -> Result<Named> {
-        let mut existing: Vec<&PathBuf> = model.iter().filter(|file| file.exists()).collect();
-        let shown = source.is_generated();
-        if *source == ObservationSource::DreamstreamNoGuidance {
-            existing.push(&unguided);
-        }
-        Ok(Named { name: source.name().to_owned(), digest: if shown { of_files(&existing)? } else { String::new() } })
-    };
-    let policies = args.policies.iter().map(policy).collect::<Result<_>>()?;
+    let policies: Vec<Named> = args.policies.iter().map(policy).collect::<Result<_>>()?;
+    let observation = |source: &ObservationSource| observation(*source, &args.networks.model);
     let sheet = Sheet {
         sets: sets.iter().map(|set| Named { name: set.name.clone(), digest: set.digest.clone() }).collect(),
         policies,
@@ -93,6 +76,9 @@ pub(crate) fn sheet(args: &CellArgs) -> Result<(Sheet, Vec<Manifest>)> {
         },
         ..Sheet::new(env!("CARGO_PKG_VERSION"))
     };
+    if let Some((what, value)) = sheet.repeated() {
+        bail!("{what} {value} is named twice");
+    }
     if let Some(seed) = sheet.overlap() {
         bail!("seed {seed} is given to --seed and to --selection-seed: what selects may not be reported on");
     }
@@ -107,6 +93,77 @@ pub(crate) fn sheet(args: &CellArgs) -> Result<(Sheet, Vec<Manifest>)> {
         }
     }
     Ok((sheet, sets))
+}
+
+/// Returns the policies that connect from outside.
+pub(crate) fn outside(sheet: &Sheet) -> impl Iterator<Item = &str> {
+    let names = sheet.policies.iter().map(|policy| policy.name.as_str());
+    names.filter(|name| !is_builtin(name) && !sheet.place.manifests.contains_key(*name))
+}
+
+/// Refuses policies that a fleet would only refuse once it is under way.
+pub(crate) fn check(sheet: &Sheet) -> Result<()> {
+    let outside: Vec<&str> = outside(sheet).collect();
+    match (outside.as_slice(), &sheet.place.policy_listen) {
+        ([], None) | ([_], Some(_)) => Ok(()),
+        ([], Some(listen)) => bail!("--policy-listen {listen} is for an external policy, and all are built in"),
+        ([name, ..], None) => {
+            let names: Vec<&str> = NAMES.iter().map(|(name, _)| *name).collect();
+            bail!(
+                "there is no policy {name:?}: built in are {}; an external one needs --policy-listen",
+                names.join(", ")
+            )
+        }
+        (names, Some(_)) => bail!("one external policy at a time, not {}", names.join(", ")),
+    }
+}
+
+/// Refuses to go on with a benchmark whose program, weights or model are no longer those that it began with.
+///
+/// # Errors
+/// What differs, with what it was and is; if a file is not to be had.
+pub(crate) fn unchanged(sheet: &Sheet) -> Result<()> {
+    let place = &sheet.place;
+    let of_policy = |there: &Named| match place.manifests.get(&there.name) {
+        Some(manifest) => Ok(Named { digest: own::read(manifest)?.digest().to_string(), ..there.clone() }),
+        None => policy(&there.name, &place.policy_weights),
+    };
+    let of_source = |there: &Named| {
+        let source = ObservationSource::from_name(&there.name);
+        observation(source.with_context(|| format!("observation {:?}", there.name))?, &place.model)
+    };
+    let now = Sheet {
+        program: env!("CARGO_PKG_VERSION").to_owned(),
+        policies: sheet.policies.iter().map(of_policy).collect::<Result<_>>()?,
+        observations: sheet.observations.iter().map(of_source).collect::<Result<_>>()?,
+        ..sheet.clone()
+    };
+    if let Some(Differs { part, first, second }) = sheet.differs(&now) {
+        bail!("{part} differ: the benchmark began with {first}, there is now {second}");
+    }
+    Ok(())
+}
+
+/// Returns a policy that no manifest names, with the digest of its weights.
+fn policy(name: &str, weights: &Path) -> Result<Named> {
+    let of_weights = |learned: Learned| -> Result<String> {
+        let weights = learned.weights_file(weights);
+        learned.trained(&weights)?;
+        of_files(&[weights])
+    };
+    let digest = Learned::of(name).map(of_weights).transpose()?.unwrap_or_default();
+    Ok(Named { name: name.to_owned(), digest })
+}
+
+/// Returns what makes frames, with the digest of the video model where one makes them.
+fn observation(source: ObservationSource, model: &Path) -> Result<Named> {
+    let mut files = vec![model.to_owned()];
+    files.extend(Some(model.with_extension("safetensors")).filter(|weights| weights.exists()));
+    if source == ObservationSource::DreamstreamNoGuidance {
+        files.push(model.with_file_name("arms").join("no_guidance.safetensors"));
+    }
+    let digest = if source.is_generated() { of_files(&files)? } else { String::new() };
+    Ok(Named { name: source.name().to_owned(), digest })
 }
 
 fn of_files(files: &[impl AsRef<Path>]) -> Result<String> {
@@ -137,11 +194,12 @@ pub(crate) fn shard(text: &str) -> Result<Shard> {
 /// If a manifest is refused.
 pub(crate) fn plan(what: &CellArgs, rate: f64, machines: u32) -> Result<Ended> {
     let (sheet, sets) = sheet(what)?;
+    check(&sheet)?;
     let cells = sheet.cells(&sets)?;
     let frames: u64 = cells.values().map(|(cell, _)| u64::from(cell.last)).sum();
     let largest = cells.len().div_ceil(machines as usize);
     sets.iter().for_each(crate::describe);
-    let hours = frames as f64 / rate.max(1e-9) / 3600.0;
+    let hours = frames as f64 / rate / 3600.0;
     answer(&format!(
         "{} cells ({} arms, {} seeds), {frames} frames; {hours:.2} h at {rate} frames/s on one machine, {:.2} h on {machines}, \
          {largest} cells in the largest shard",

@@ -36,12 +36,24 @@ pub(crate) fn build(args: &BehaviorArgs) -> Result<Ended> {
     ensure!(base.kind == Kind::Base, "{} is of kind {:?}, not base", args.base.display(), base.kind);
     let name = args.name.clone().unwrap_or_else(|| format!("{}-behavior", base.name));
     let bases: Vec<&Entry> = base.entries.iter().step_by(args.every as usize).collect();
+    let recipe = Recipe {
+        command: command(args, &base.name, &name),
+        source: source::FILES.to_owned(),
+        settings_digest: settings(args, &base.digest),
+        program: env!("CARGO_PKG_VERSION").to_owned(),
+        seed: args.seed,
+        candidates: bases.len() as u64,
+        rejected: BTreeMap::new(),
+    };
+    let more = format!("{name}-extended");
+    // Before the search, which takes long, and again when it is known what is in the sets.
+    let paths = [Manifest::place(&args.out, &name, &recipe)?, Manifest::place(&args.out, &more, &recipe)?];
     let found = searched(args, &bases)?;
     let mut counts: BTreeMap<CrashClass, usize> = BTreeMap::new();
     let built = found.iter().filter_map(|(_, built)| built.as_ref().ok());
     let classes = built.flat_map(|built| &built.variants).map(|variant| variant.class);
     classes.for_each(|class| *counts.entry(class).or_default() += 1);
-    let (mut entries, mut further) = (Vec::new(), Vec::new());
+    let (mut entries, mut further, mut variants) = (Vec::new(), Vec::new(), Vec::new());
     let mut rejected: BTreeMap<String, u64> = BTreeMap::new();
     for (entry, (_, built)) in bases.iter().zip(&found) {
         let all = built.as_ref().map_or(&[][..], |built| &built.variants);
@@ -50,52 +62,45 @@ pub(crate) fn build(args: &BehaviorArgs) -> Result<Ended> {
             *rejected.entry(reason.to_owned()).or_default() += 1;
         }
         for variant in all {
-            let written = written(args, &name, entry, variant)?;
+            let named = named(args, &name, entry, variant)?;
             if first.is_some_and(|first| first.class == variant.class) { &mut entries } else { &mut further }
-                .push(written);
+                .push(named);
+            variants.push(variant);
         }
     }
     ensure!(!entries.is_empty(), "none of {} scenarios has a variant: {rejected:?}", bases.len());
-    let recipe = Recipe {
-        command: command(args, &base.name, &name),
-        source: source::FILES.to_owned(),
-        settings_digest: settings(args, &base.digest),
-        program: env!("CARGO_PKG_VERSION").to_owned(),
-        seed: args.seed,
-        candidates: bases.len() as u64,
-        rejected,
-    };
     let figures = quality::figures(&found, &entries);
-    let extended = Recipe { candidates: further.len() as u64, rejected: BTreeMap::new(), ..recipe.clone() };
+    let extended = Recipe { candidates: further.len() as u64, ..recipe.clone() };
     let severities = quality::severities(&found);
-    saved(args, Manifest::new(&name, Kind::Behavior, recipe, entries), figures, &severities)?;
-    if !further.is_empty() {
-        let set = Manifest::new(&format!("{name}-extended"), Kind::Behavior, extended, further);
-        saved(args, set, Vec::new(), &severities)?;
+    let set = Manifest::new(&name, Kind::Behavior, Recipe { rejected, ..recipe }, entries);
+    let extended = (!further.is_empty()).then(|| Manifest::new(&more, Kind::Behavior, extended, further));
+    let sets = [(Some(set), figures), (extended, Vec::new())];
+    for ((set, _), path) in sets.iter().zip(&paths) {
+        set.as_ref().map_or(Ok(()), |set| set.savable(path))?;
+    }
+    for variant in variants {
+        write(args, &name, variant)?;
+    }
+    for ((set, figures), path) in sets.into_iter().zip(&paths) {
+        set.map_or(Ok(()), |set| saved(path, set, figures, &severities))?;
     }
     Ok(Ended::Complete)
 }
 
 /// Writes the manifest of a set and what the search came to, and tells of it.
-fn saved(
-    args: &BehaviorArgs,
-    set: Manifest,
-    figures: Vec<Figure>,
-    severities: &BTreeMap<String, Severity>,
-) -> Result<()> {
-    let path = args.out.join(format!("{}{SUFFIX}", set.name));
-    set.save(&path)?;
+fn saved(path: &Path, set: Manifest, figures: Vec<Figure>, severities: &BTreeMap<String, Severity>) -> Result<()> {
+    set.save(path)?;
     describe(&set);
     answer(&format!("set: {}", path.display()));
     let severity = |entry: &Entry| Some((entry.name.clone(), *severities.get(&entry.name)?));
     let variants = set.entries.iter().filter_map(severity).collect();
-    Quality { set: set.name, digest: set.digest, figures, variants }.save(&args.out)?;
+    Quality { set: set.name, digest: set.digest, figures, variants }.save(path.parent().unwrap_or(Path::new(".")))?;
     Ok(())
 }
 
 /// Returns what makes the same set again.
 fn command(args: &BehaviorArgs, base: &str, name: &str) -> String {
-    let (seed, mode, every) = (args.seed, args.mode.name(), args.every);
+    let (seed, mode, every) = (args.seed, args.arm.mode(args.mode).name(), args.every);
     let arm = if args.arm == Arm::Own { String::new() } else { format!(" --arm {}", args.arm.name()) };
     format!(
         "dreamstream benchmark build behavior {base}{SUFFIX} --name {name} --seed {seed} --mode {mode} --every {every}{arm}"
@@ -104,7 +109,7 @@ fn command(args: &BehaviorArgs, base: &str, name: &str) -> String {
 
 fn settings(args: &BehaviorArgs, base: &str) -> String {
     let mut writer = DigestWriter::new();
-    writer.text(base).u64(args.seed).text(args.mode.name()).u32(args.every).u32(source::HAND_OVER);
+    writer.text(base).u64(args.seed).text(args.arm.mode(args.mode).name()).u32(args.every).u32(source::HAND_OVER);
     if args.arm != Arm::Own {
         writer.text(args.arm.name());
     }
@@ -144,18 +149,28 @@ fn none(built: &Searched) -> Option<&'static str> {
     }
 }
 
-/// Writes scenario and solution of a variant and returns its entry.
-fn written(args: &BehaviorArgs, set: &str, base: &Entry, variant: &Variant) -> Result<Entry> {
-    let scene = &variant.scene;
-    let path = Path::new(set).join(format!("{}{}", scene.name, store::SUFFIX));
-    ensure!(variant.solution.is_some() || args.arm != Arm::Own, "{:?}: a variant without a solution", scene.name);
-    ds_scenario::save(scene, &args.out.join(&path))?;
+/// Returns where the scenario of a variant lies, from the folder of the manifest.
+fn file_of(set: &str, variant: &Variant) -> PathBuf {
+    Path::new(set).join(format!("{}{}", variant.scene.name, store::SUFFIX))
+}
+
+/// Writes scenario and solution of a variant.
+fn write(args: &BehaviorArgs, set: &str, variant: &Variant) -> Result<()> {
+    let path = args.out.join(file_of(set, variant));
+    ds_scenario::save(&variant.scene, &path)?;
     if let Some(solution) = &variant.solution {
-        file::write_json(&SolutionPart::of(solution), &args.out.join(solution_file(&path)))?;
+        file::write_json(&SolutionPart::of(solution), &solution_file(&path))?;
     }
+    Ok(())
+}
+
+/// Returns the entry of a variant.
+fn named(args: &BehaviorArgs, set: &str, base: &Entry, variant: &Variant) -> Result<Entry> {
+    let scene = &variant.scene;
+    ensure!(variant.solution.is_some() || args.arm != Arm::Own, "{:?}: a variant without a solution", scene.name);
     Ok(Entry {
         name: scene.name.clone(),
-        file: Some(path),
+        file: Some(file_of(set, variant)),
         scenario: scene.name.clone(),
         scenario_digest: scene.digest.to_string(),
         base: Some(base.name.clone()),

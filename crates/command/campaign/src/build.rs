@@ -35,22 +35,21 @@ pub(crate) fn run(command: &BuildCommand) -> Result<Ended> {
 fn base(args: &BaseArgs) -> Result<Ended> {
     let town = args.scenarios.is_empty();
     let name = args.name.clone().unwrap_or_else(|| if town { "town" } else { "logs" }.to_owned());
-    let manifest = args.out.join(format!("{name}{SUFFIX}"));
-    let mut rejected = BTreeMap::new();
-    let (candidates, entries) = if town { generated(args)? } else { imported(args, &mut rejected)? };
-    let recipe = Recipe {
+    let mut recipe = Recipe {
         command: command(args, &name),
         source: if town { source::TOWN } else { source::FILES }.to_owned(),
         settings_digest: settings(args),
         program: env!("CARGO_PKG_VERSION").to_owned(),
         seed: if town { args.seed } else { 0 },
-        candidates,
-        rejected,
+        ..Recipe::default()
     };
+    let manifest = Manifest::place(&args.out, &name, &recipe)?;
+    let entries = if town { generated(args, &mut recipe)? } else { imported(args, &mut recipe)? };
     ensure!(
         !entries.is_empty(),
-        "no scenario is long enough to be driven after the hand-over at tick {}",
-        source::HAND_OVER
+        "no scenario can be driven after the hand-over at tick {}: {:?}",
+        source::HAND_OVER,
+        recipe.rejected
     );
     let all = Manifest::new(&name, Kind::Base, recipe, entries);
     let set = if args.unfiltered { Some(all) } else { filtered(args, all)? };
@@ -76,7 +75,7 @@ fn settings(args: &BaseArgs) -> String {
     writer.u32(source::HAND_OVER).u32(source::SCORED).finish().to_string()
 }
 
-fn generated(args: &BaseArgs) -> Result<(u64, Vec<Entry>)> {
+fn generated(args: &BaseArgs, recipe: &mut Recipe) -> Result<Vec<Entry>> {
     let bar = bar(u64::from(args.candidates), "scenarios");
     let families = Family::ALL.len() as u64;
     let entries = (0..u64::from(args.candidates))
@@ -85,19 +84,19 @@ fn generated(args: &BaseArgs) -> Result<(u64, Vec<Entry>)> {
             let family = Family::ALL[(index % families) as usize];
             let scene = ds_scenario::generate(family, args.seed + index / families);
             bar.inc(1);
-            Entry::of(&scene, None).context("generated scenarios last 15 s")
+            Entry::of(&scene, None).context("a generated scenario")
         })
         .collect::<Result<Vec<_>>>()?;
     bar.finish_and_clear();
-    Ok((u64::from(args.candidates), entries))
+    recipe.candidates = u64::from(args.candidates);
+    Ok(entries)
 }
 
-fn imported(args: &BaseArgs, rejected: &mut BTreeMap<String, u64>) -> Result<(u64, Vec<Entry>)> {
+fn imported(args: &BaseArgs, recipe: &mut Recipe) -> Result<Vec<Entry>> {
     let files = scenarios::files(&args.scenarios)?;
     let folder = std::path::absolute(&args.out).context("--out")?;
     let named: Option<Vec<String>> = args.names.as_deref().map(names).transpose()?;
-    let mut entries = Vec::new();
-    let (mut candidates, mut found) = (0, Vec::new());
+    let (mut entries, mut found) = (Vec::new(), Vec::new());
     for file in &files {
         let (scene, _warnings) = ds_scenario::load(file)?;
         if let Some(named) = &named {
@@ -106,25 +105,27 @@ fn imported(args: &BaseArgs, rejected: &mut BTreeMap<String, u64>) -> Result<(u6
             }
             found.push(scene.name.clone());
         }
-        candidates += 1;
+        recipe.candidates += 1;
         let file = std::path::absolute(file).with_context(|| format!("path of {}", file.display()))?;
         let file = file.strip_prefix(&folder).map(Path::to_path_buf).unwrap_or(file);
         match Entry::of(&scene, Some(file)) {
-            Some(entry) => entries.push(entry),
-            None => *rejected.entry("too_short".to_owned()).or_default() += 1,
+            Ok(entry) => entries.push(entry),
+            Err(unfit) => *recipe.rejected.entry(unfit.name().to_owned()).or_default() += 1,
         }
     }
     let missing: Vec<&String> = named.iter().flatten().filter(|name| !found.contains(name)).collect();
     if let Some(first) = missing.first() {
         bail!("{} of the names are no scenarios there, the first is {first:?}", missing.len());
     }
-    Ok((candidates, entries))
+    Ok(entries)
 }
 
 fn names(file: &Path) -> Result<Vec<String>> {
     let text = std::fs::read_to_string(file).with_context(|| format!("read {}", file.display()))?;
     let lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
-    Ok(lines.map(str::to_owned).collect())
+    let names: Vec<String> = lines.map(str::to_owned).collect();
+    ensure!(!names.is_empty(), "--names: {} names nothing", file.display());
+    Ok(names)
 }
 
 /// Lets expert and constant velocity drive all candidates and keeps what tells policies apart; nothing after a signal.
@@ -150,10 +151,11 @@ fn filtered(args: &BaseArgs, all: Manifest) -> Result<Option<Manifest>> {
     let (mut sheet, sets) = ask::sheet(&what)?;
     sheet.place.keep = Keep::None;
     sheet.place.workers = workers(args.workers, usize::MAX);
+    let now = drive::Now { again: Some("the same command"), ..drive::Now::default() };
     let ended = if folder.join(ds_benchmark::sheet::FILE).exists() {
-        drive::resume(&folder, None, args.workers, &drive::Now::default())?
+        drive::resume(&folder, None, args.workers, &now)?
     } else {
-        drive::begin(&folder, &sheet, &sets, &drive::Now::default())?
+        drive::begin(&folder, &sheet, &sets, &now)?
     };
     if ended == Ended::Interrupted {
         return Ok(None);
@@ -207,8 +209,8 @@ fn weather(base: &Path, name: Option<&str>, every: u32, out: &Path) -> Result<En
         rejected: BTreeMap::new(),
         ..set.recipe
     };
+    let path = Manifest::place(out, &name, &recipe)?;
     let set = Manifest::new(&name, Kind::Weather, recipe, entries);
-    let path = out.join(format!("{name}{SUFFIX}"));
     set.save(&path)?;
     describe(&set);
     answer(&format!("set: {}", path.display()));

@@ -15,9 +15,12 @@ use crate::cli::adverse::Arm;
 
 pub mod adverse;
 
+/// The most scenarios of the generator that are looked at for a set.
+const MOST_CANDIDATES: i64 = 100_000;
+
 const HELP: &str =
     "Exit codes: 0 every cell ended, failing policies included; 1 cells are left, go on with `resume`; 2 refused, \
-trying again helps nothing; 130 interrupted.
+trying again helps nothing; 64 wrong arguments; 130 interrupted.
 
 Examples:
   dreamstream benchmark build base --out sets                           the set `town`: generated scenarios, filtered
@@ -58,7 +61,7 @@ pub enum BenchmarkCommand {
         #[command(flatten)]
         what: CellArgs,
         /// Frames a second that one machine makes.
-        #[arg(long, default_value_t = 105.0)]
+        #[arg(long, default_value_t = 105.0, value_parser = rate)]
         rate: f64,
         /// Machines, one shard each.
         #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
@@ -75,7 +78,7 @@ pub enum BenchmarkCommand {
         #[arg(long, value_name = "I/N|auto")]
         shard: Option<String>,
         /// Episodes at a time; as before without it.
-        #[arg(long)]
+        #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
         workers: Option<u32>,
         /// Skip cells that ended in these folders.
         #[arg(long, value_hint = ValueHint::DirPath, num_args = 1..)]
@@ -155,6 +158,12 @@ pub struct ScaleArgs {
     pub out: PathBuf,
 }
 
+/// Reads a number of frames per second above 0.
+fn rate(text: &str) -> Result<f64, String> {
+    let rate = text.parse::<f64>().ok().filter(|rate| *rate > 0.0 && rate.is_finite());
+    rate.ok_or_else(|| "not a number of frames per second above 0".to_owned())
+}
+
 /// Reads a length of time above 0.
 fn seconds(text: &str) -> Result<f64, String> {
     let secs = text.parse::<f64>().ok().filter(|secs| *secs > 0.0 && *secs <= 86_400.0);
@@ -195,13 +204,13 @@ pub struct BaseArgs {
     #[arg(long)]
     pub name: Option<String>,
     /// Of `town`: how many scenarios to look at; the families take turns.
-    #[arg(long, default_value_t = 320, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, default_value_t = 320, conflicts_with = "scenarios", value_parser = clap::value_parser!(u32).range(1..=MOST_CANDIDATES))]
     pub candidates: u32,
     /// Of `town`: the first seed.
-    #[arg(long, default_value_t = 20_000)]
+    #[arg(long, default_value_t = 20_000, conflicts_with = "scenarios", value_parser = clap::value_parser!(u64).range(..=u64::MAX - MOST_CANDIDATES as u64))]
     pub seed: u64,
     /// Of logs: take only the scenarios that this file names, one a line.
-    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    #[arg(long, value_name = "FILE", requires = "scenarios", value_hint = ValueHint::FilePath)]
     pub names: Option<PathBuf>,
     /// Take all candidates: drive none of them to see which tell policies apart.
     #[arg(long)]
@@ -210,7 +219,7 @@ pub struct BaseArgs {
     #[arg(long, default_value = "log-replay", value_parser = ["log-replay", "route-follower"])]
     pub expert: String,
     /// Episodes at a time; as many as there are processors without it.
-    #[arg(long)]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     pub workers: Option<u32>,
     /// The folder that the manifest goes to; the drives of the filter go to NAME.filter in it.
     #[arg(long, short, default_value = "sets", value_hint = ValueHint::DirPath)]
@@ -336,7 +345,7 @@ pub struct RunArgs {
     #[arg(long, default_value = "0/1", value_name = "I/N|auto")]
     pub shard: String,
     /// Episodes at a time; as many as there are processors without it.
-    #[arg(long)]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     pub workers: Option<u32>,
     /// Which recordings stay: of a drive of 8 s some megabytes; frames can be made again to the bit.
     #[arg(long, value_enum, default_value = "none")]

@@ -1,7 +1,8 @@
 //! Drives the cells of a shard: each is one episode on the embedded fleet of `run`, recorded when it ends.
 //!
 //! A cell is submitted under its key, so that after a kill the same fleet folder goes on with it from its last commit, in
-//! whatever shard it is then. Cells whose episodes bear one name (other agents, other scorer) never share a folder.
+//! whatever shard it is then. Cells whose episodes bear one name (other agents, other scorer, a scenario of the same name)
+//! never share a folder.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -12,20 +13,22 @@ use std::time::Duration;
 use anyhow::{Context, Result, bail, ensure};
 use ds_benchmark::session::{self, Event};
 use ds_benchmark::sheet::{At, FILE};
+use ds_benchmark::source::DT_SECS;
 use ds_benchmark::{Cell, Keep, Manifest, Record, Sheet, Torn, Writer, record};
 use ds_cases::RunConfig;
 use ds_launch::embed::{self, Fleet};
 use ds_launch::fleet_plan::workers;
 use ds_launch::run::{Source, sources};
-use ds_launch::{FleetPlan, Networks, RunPlan, own, request};
+use ds_launch::{FleetPlan, Networks, RunPlan, request};
 use ds_perception::look::LookReader;
-use ds_policy::builtin::{NAMES, is_builtin};
 use ds_process::drain::on_signals;
+use ds_process::metrics::Metrics;
 use ds_process::run_folder::{self, Earlier, Held};
 use ds_process::runs::{self, Ended as Run};
+use ds_process::section::{MetricsSection, SecuritySection};
 use ds_process::security::Dial;
 use ds_process::terminal::{answer, bar};
-use ds_process::{Drain, service};
+use ds_process::{Drain, service, shipped};
 use ds_space::Digest;
 use ds_topic::{ObservationSource, ProposalScorer};
 use ds_video::Backend;
@@ -39,8 +42,6 @@ use crate::{Ended, FleetLost, ask, ended, shown};
 
 /// How long the services of a fleet may take to end.
 const DRAIN_WITHIN: Duration = Duration::from_secs(5);
-/// Seconds of a tick.
-const DT_SECS: f64 = 0.1;
 
 /// A cell to drive, with its scenario file.
 #[derive(Clone)]
@@ -57,6 +58,8 @@ pub(crate) struct Now<'a> {
     pub done: &'a [PathBuf],
     /// Where Prometheus asks.
     pub metrics: Option<SocketAddr>,
+    /// What goes on with it; `benchmark resume` without it.
+    pub again: Option<&'a str>,
 }
 
 /// Runs `run`.
@@ -98,6 +101,11 @@ fn asked(args: &RunArgs) -> Result<(Sheet, Vec<Manifest>)> {
     let (mut sheet, sets) = ask::sheet(&args.what)?;
     sheet.shard = ask::shard(&args.shard)?;
     sheet.endpoints = args.endpoints.as_deref().map_or(Ok(Vec::new()), ds_benchmark::endpoint::load)?;
+    for endpoint in &sheet.endpoints {
+        if let Some(what) = sheet.undriven(&endpoint.claim, &sets) {
+            bail!("endpoint {:?} is about {what}, which is not driven", endpoint.name);
+        }
+    }
     sheet.place.workers = workers(args.workers, usize::MAX);
     sheet.place.keep = args.keep.into();
     sheet.place.policy_listen.clone_from(&args.policy_listen);
@@ -109,7 +117,8 @@ fn asked(args: &RunArgs) -> Result<(Sheet, Vec<Manifest>)> {
 /// # Errors
 /// If anything is refused, or the fleet is lost.
 pub(crate) fn begin(out: &Path, sheet: &Sheet, sets: &[Manifest], now: &Now<'_>) -> Result<Ended> {
-    check(sheet)?;
+    ask::check(sheet)?;
+    ready(sheet, now)?;
     let held = run_folder::take(out, Earlier::Resumed)?;
     ensure!(
         !out.join(FILE).exists(),
@@ -130,37 +139,28 @@ pub(crate) fn resume(out: &Path, shard: Option<&str>, by: Option<u32>, now: &Now
     let (mut sheet, sets) = Sheet::load(out)?;
     sheet.shard = shard.map_or(Ok(sheet.shard), ask::shard)?;
     sheet.place.workers = by.map_or(sheet.place.workers, |by| workers(Some(by), usize::MAX));
-    check(&sheet)?;
+    ask::check(&sheet)?;
+    ask::unchanged(&sheet)?;
     sheet.save(&sets, out)?;
     go_on(&held, out, &sheet, &sets, now)
 }
 
-/// Returns the policies that connect from outside.
-fn outside(sheet: &Sheet) -> impl Iterator<Item = &str> {
-    let names = sheet.policies.iter().map(|policy| policy.name.as_str());
-    names.filter(|name| !is_builtin(name) && !sheet.place.manifests.contains_key(*name))
+/// Refuses what a fleet could not be started with: a video model that cannot be loaded, an address that is taken.
+fn ready(sheet: &Sheet, now: &Now<'_>) -> Result<()> {
+    let networks = networks(sheet)?;
+    networks.video().model().with_context(|| format!("the video model {}", shipped::describe(&networks.model)))?;
+    let listen = now.metrics.map(|address| address.to_string()).unwrap_or_default();
+    let open = async { Metrics::default().open(&MetricsSection { listen }, &SecuritySection::default(), Drain::new()) };
+    ds_launch::runtime()?.block_on(open).map(drop)
 }
 
-/// Refuses what a fleet would only refuse once it is under way.
-fn check(sheet: &Sheet) -> Result<()> {
-    for (name, manifest) in &sheet.place.manifests {
-        let found = own::read(manifest)?.digest().to_string();
-        let meant = sheet.policies.iter().any(|policy| policy.name == *name && policy.digest == found);
-        ensure!(meant, "policy {name:?}: {} or its network is not what the benchmark began with", manifest.display());
-    }
-    let outside: Vec<&str> = outside(sheet).collect();
-    match (outside.as_slice(), &sheet.place.policy_listen) {
-        ([], None) | ([_], Some(_)) => Ok(()),
-        ([], Some(listen)) => bail!("--policy-listen {listen} is for an external policy, and all are built in"),
-        ([name, ..], None) => {
-            let names: Vec<&str> = NAMES.iter().map(|(name, _)| *name).collect();
-            bail!(
-                "there is no policy {name:?}: built in are {}; an external one needs --policy-listen",
-                names.join(", ")
-            )
-        }
-        (names, Some(_)) => bail!("one external policy at a time, not {}", names.join(", ")),
-    }
+fn networks(sheet: &Sheet) -> Result<Networks> {
+    let (place, backend) = (&sheet.place, &sheet.settings.video_backend);
+    Ok(Networks {
+        model: place.model.clone(),
+        video_backend: backend.parse::<Backend>().ok().with_context(|| format!("video back end {backend:?}"))?,
+        policy_weights: place.policy_weights.clone(),
+    })
 }
 
 /// Drives what is left; the folder is held.
@@ -193,10 +193,16 @@ fn go_on(_held: &Held, out: &Path, sheet: &Sheet, sets: &[Manifest], now: &Now<'
         return Ok(Ended::Complete);
     }
     let files = files(&left, sheet, sets, out)?;
+    let alike = alike(sets);
     let mut groups: BTreeMap<String, Vec<Due>> = BTreeMap::new();
     for ((key, (cell, _)), file) in left.iter().zip(files) {
         let round = seen.get(&key.to_string()).map_or(0, |(_, rounds)| *rounds);
-        let folder = format!("{}.{}.{round}", cell.agents, cell.scorer);
+        let mut folder = format!("{}.{}.{round}", cell.agents, cell.scorer);
+        let digests = &alike[cell.scenario.as_str()];
+        match digests.iter().position(|digest| *digest == cell.scenario_digest) {
+            None | Some(0) => {}
+            Some(other) => folder += &format!(".{other}"),
+        }
         groups.entry(folder).or_default().push(Due { cell: cell.clone(), round, file });
     }
     let look = left.iter().any(|(_, (cell, _))| shown::concerns(cell)).then(shown::reader).transpose()?.map(Arc::new);
@@ -221,9 +227,10 @@ fn go_on(_held: &Held, out: &Path, sheet: &Sheet, sets: &[Manifest], now: &Now<'
     bar.finish_and_clear();
     let outcome = outcome?;
     session::note(out, if outcome.is_some() { Event::Ended } else { Event::Interrupted })?;
+    let again = now.again.map_or_else(|| format!("`dreamstream benchmark resume {}`", out.display()), str::to_owned);
     Ok(match outcome {
         None => {
-            answer(&format!("interrupted: `dreamstream benchmark resume {}` goes on", out.display()));
+            answer(&format!("interrupted: {again} goes on"));
             Ended::Interrupted
         }
         Some(0) => {
@@ -231,24 +238,38 @@ fn go_on(_held: &Held, out: &Path, sheet: &Sheet, sets: &[Manifest], now: &Now<'
             Ended::Complete
         }
         Some(aborted) => {
-            answer(&format!(
-                "{aborted} cells were aborted: `dreamstream benchmark resume {}` tries again",
-                out.display()
-            ));
+            answer(&format!("{aborted} cells were aborted: {again} tries again"));
             Ended::Left
         }
     })
 }
 
+/// Returns the digests of the scenarios of each name, such as of one variant in two modes, in the order of the sets.
+fn alike(sets: &[Manifest]) -> BTreeMap<&str, Vec<&str>> {
+    let mut alike: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for entry in sets.iter().flat_map(|set| &set.entries) {
+        let digests = alike.entry(&entry.scenario).or_default();
+        if !digests.contains(&entry.scenario_digest.as_str()) {
+            digests.push(&entry.scenario_digest);
+        }
+    }
+    alike
+}
+
+/// Returns what tells the scenario of a cell.
+fn scenario(cell: &Cell) -> (&str, &str) {
+    (&cell.scenario, &cell.scenario_digest)
+}
+
 /// Returns the scenario file of each cell; each scenario is read or made and compared with its digest once.
 fn files(left: &[(&Digest, &(Cell, At))], sheet: &Sheet, sets: &[Manifest], out: &Path) -> Result<Vec<PathBuf>> {
-    let mut wanted: BTreeMap<&str, At> = BTreeMap::new();
+    let mut wanted: BTreeMap<(&str, &str), At> = BTreeMap::new();
     for (_, (cell, at)) in left {
-        wanted.entry(&cell.scenario).or_insert(*at);
+        wanted.entry(scenario(cell)).or_insert(*at);
     }
     let bar = bar(wanted.len() as u64, "scenarios");
-    let wanted: Vec<(&str, At)> = wanted.into_iter().collect();
-    let found: Result<BTreeMap<&str, PathBuf>> = wanted
+    let wanted: Vec<_> = wanted.into_iter().collect();
+    let found: Result<BTreeMap<(&str, &str), PathBuf>> = wanted
         .into_par_iter()
         .map(|(name, (set, entry))| {
             let manifest = &sets[set];
@@ -259,7 +280,7 @@ fn files(left: &[(&Digest, &(Cell, At))], sheet: &Sheet, sets: &[Manifest], out:
         .collect();
     bar.finish_and_clear();
     let found = found?;
-    Ok(left.iter().map(|(_, (cell, _))| found[cell.scenario.as_str()].clone()).collect())
+    Ok(left.iter().map(|(_, (cell, _))| found[&scenario(cell)].clone()).collect())
 }
 
 /// Cells that one fleet drives.
@@ -282,7 +303,7 @@ impl Group<'_> {
     async fn drive(&self, due: Vec<Due>, writer: &mut Writer) -> Result<Option<usize>> {
         let Some(first) = due.first() else { return Ok(Some(0)) };
         let mut whole = self.plan(first)?;
-        if let Some(name) = outside(self.sheet).next() {
+        if let Some(name) = ask::outside(self.sheet).next() {
             name.clone_into(&mut whole.policy);
         }
         let manifests = self.sheet.place.manifests.values().cloned().collect();
@@ -352,7 +373,6 @@ impl Group<'_> {
     fn plan(&self, due: &Due) -> Result<RunPlan> {
         let (cell, place, settings) = (&due.cell, &self.sheet.place, &self.sheet.settings);
         let scorer = ProposalScorer::from_name(&cell.scorer).with_context(|| format!("scorer {:?}", cell.scorer))?;
-        let backend = settings.video_backend.parse::<Backend>().ok();
         Ok(RunPlan {
             scenarios: vec![due.file.clone()],
             policy: cell.policy.name.clone(),
@@ -369,11 +389,7 @@ impl Group<'_> {
             appearance: cell.appearance.clone(),
             agents: AgentMode::from_name(&cell.agents).with_context(|| format!("agents {:?}", cell.agents))?,
             tracker: TrackerKind::from_name(&settings.tracker).context("tracker of the benchmark")?,
-            networks: Networks {
-                model: place.model.clone(),
-                video_backend: backend.with_context(|| format!("video back end {:?}", settings.video_backend))?,
-                policy_weights: place.policy_weights.clone(),
-            },
+            networks: networks(self.sheet)?,
             workers: Some(place.workers),
             policy_listen: place.policy_listen.clone(),
             metrics: self.metrics,

@@ -15,11 +15,11 @@ use ds_wire::{Body, control as pb};
 
 use crate::shown;
 
-/// Makes the record of a cell that was driven in `folder`; the recording is named there only if it stays. `look` is needed
-/// where cells are driven on generated frames under a condition.
+/// Makes the record of a cell that was driven in `folder`; the recording is named there only if it stays. A completed drive
+/// without a recording counts as aborted. `look` is needed where cells are driven on generated frames under a condition.
 ///
 /// # Errors
-/// If the recording of a completed drive cannot be read or is not whole.
+/// If the recording of a completed drive is there and cannot be read or is not whole.
 pub(crate) fn record(
     cell: Cell,
     round: u32,
@@ -30,6 +30,11 @@ pub(crate) fn record(
 ) -> Result<Record> {
     let mut episode = Episode::driven(result, "", folder);
     let path = folder.join(&episode.recording);
+    if episode.outcome() == Outcome::Completed && !path.exists() {
+        // Its line was lost after the recording was deleted: nothing is left to judge it by, so it is driven again.
+        "aborted".clone_into(&mut episode.status);
+        "recording_gone".clone_into(&mut episode.reason);
+    }
     let recording = match episode.outcome() {
         Outcome::Completed => Some(Recording::open(&path)?),
         Outcome::Failed => Recording::open_partial(&path).ok(),

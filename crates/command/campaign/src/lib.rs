@@ -18,6 +18,7 @@ use std::process::ExitCode;
 
 use anyhow::Result;
 use ds_benchmark::{Manifest, Merged};
+use ds_process::drain::EXIT_INTERRUPTED;
 use ds_process::terminal::{answer, complain};
 
 use cli::{BenchmarkArgs, BenchmarkCommand, RunArgs};
@@ -26,8 +27,6 @@ use cli::{BenchmarkArgs, BenchmarkCommand, RunArgs};
 const LEFT: u8 = 1;
 /// Exit code where trying again helps nothing.
 const REFUSED: u8 = 2;
-/// Exit code after SIGINT or SIGTERM.
-const INTERRUPTED: u8 = 130;
 
 /// How a command ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,7 +54,7 @@ pub fn run(args: &BenchmarkArgs, log: &str) -> ExitCode {
     match ds_process::logging::start(log).and_then(|()| dispatch(&args.command, log)) {
         Ok(Ended::Complete) => ExitCode::SUCCESS,
         Ok(Ended::Left) => ExitCode::from(LEFT),
-        Ok(Ended::Interrupted) => ExitCode::from(INTERRUPTED),
+        Ok(Ended::Interrupted) => ExitCode::from(EXIT_INTERRUPTED),
         Err(error) => {
             complain(&error);
             let storage = ds_process::service::exit_code(&error) == ds_process::service::EXIT_STORAGE;
@@ -81,7 +80,7 @@ fn dispatch(command: &BenchmarkCommand, log: &str) -> Result<Ended> {
         BenchmarkCommand::Plan { what, rate, machines } => ask::plan(what, *rate, *machines),
         BenchmarkCommand::Run(args) => drive::run(args),
         BenchmarkCommand::Resume { out, shard, workers, done, metrics } => {
-            drive::resume(out, shard.as_deref(), *workers, &drive::Now { done, metrics: *metrics })
+            drive::resume(out, shard.as_deref(), *workers, &drive::Now { done, metrics: *metrics, again: None })
         }
         BenchmarkCommand::Merge { folders, force, out } => {
             let merged = ds_benchmark::merge(folders, out, *force)?;
@@ -100,6 +99,9 @@ fn tell(merged: &Merged) {
     merged.torn.iter().for_each(|file| answer(&format!("torn last line: {}", file.display())));
     if merged.mixed {
         answer("mixed: parts of other benchmarks were merged by force");
+    }
+    if merged.foreign > 0 {
+        answer(&format!("{} records of other benchmarks are in no table", merged.foreign));
     }
     for (what, cells) in [("aborted", &merged.aborted), ("missing", &merged.missing)] {
         cells.iter().take(20).for_each(|cell| answer(&format!("{what}: {cell}")));

@@ -5,6 +5,7 @@
 //! contact comes from a pure classifier, never from the intention. Values in, values out; draws by key; a thread's
 //! result depends on nothing else. World frame, SI units, ticks of 0.1 s.
 
+mod advbmt;
 mod beam;
 mod class;
 mod collision;
@@ -14,7 +15,6 @@ mod expert;
 mod limits;
 mod measure;
 mod model;
-mod published;
 mod quality;
 mod reach;
 mod reacting;
@@ -26,12 +26,12 @@ mod stage;
 mod validity;
 mod variant;
 
+pub use advbmt::advbmt;
 pub use class::{Encounter, Moment, Relation, WINDOW_TICKS, classify};
 pub use course::Course;
 pub use expert::Expert;
 pub use measure::Measures;
 pub use model::{ModelError, MotionModel, Step};
-pub use published::published;
 pub use quality::{Apart, Quality, Resemblance, Spread, Telling, quality};
 pub use rules::{BrokenRules, broken_rules};
 pub use solve::{Solution, solved_again};

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ds_adverse::{MotionModel, Options, Refusal, Rejection, published, variants};
+use ds_adverse::{MotionModel, Options, Refusal, Rejection, advbmt, variants};
 use ds_scenario::{Family, generate};
 use ds_sim::{SimConfig, Simulation};
 use ds_space::Tick;
@@ -68,15 +68,15 @@ fn the_same_seed_gives_the_same_variants_and_another_seed_others() {
 }
 
 #[test]
-fn the_published_arm_meets_the_ego_in_its_own_shape_and_asks_for_no_way_out() {
+fn the_arm_of_advbmt_meets_the_ego_in_its_own_shape_and_asks_for_no_way_out() {
     let model = MotionModel::town();
     let options = Options { mode: AdversaryMode::Replay, ..Options::default() };
     let mut fallen = std::collections::BTreeSet::new();
     let mut met = 0;
     for seed in 1000..1012 {
         let scene = generate(Family::FreeCurve, seed);
-        let built = published(&scene, &model, &options).expect("the ego drives");
-        let again = published(&scene, &model, &options).expect("the ego drives");
+        let built = advbmt(&scene, &model, &options).expect("the ego drives");
+        let again = advbmt(&scene, &model, &options).expect("the ego drives");
         fallen.extend(built.rejected.keys().map(|(_, reason)| *reason));
         assert_eq!(built.rejected, again.rejected);
         assert_eq!(built.candidates.values().sum::<usize>(), 1);
@@ -128,7 +128,7 @@ fn in_a_shorter_log_contact_lies_before_its_end() {
         let solution = variant.solution.as_ref().expect("it is solved");
         assert!(solution.from.0 as usize + solution.poses.len() >= 75, "it goes to the last tick");
     }
-    let short = published(&cut(generate(Family::UnprotectedLeft, 1000), 75), &model, &Options::default());
+    let short = advbmt(&cut(generate(Family::UnprotectedLeft, 1000), 75), &model, &Options::default());
     assert_eq!(short.expect_err("no window ends there"), Refusal::Short { last: 74, needed: 90 });
 }
 

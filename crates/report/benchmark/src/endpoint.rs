@@ -30,7 +30,12 @@ pub enum Direction {
     Down,
 }
 
-/// What is claimed of driving scores in a profile.
+/// The scorer of the policies themselves; all others are oracles.
+pub(crate) const LEARNED: &str = "learned";
+/// The profile that outcomes are of, whatever profile scores.
+const OF_OUTCOMES: &str = "strict";
+
+/// What is claimed of driving scores in a profile, or of outcomes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Endpoint {
     /// What it is called.
@@ -44,7 +49,7 @@ pub struct Endpoint {
     pub claim: Claim,
 }
 
-/// A paired difference of driving scores.
+/// A paired difference of driving scores, or of shares of drives.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Claim {
@@ -64,6 +69,16 @@ pub enum Claim {
         /// The other axis.
         second: String,
     },
+    /// Of one policy: its share of drives with a contact on set `second` minus that on set `first`, paired by base scenario; of
+    /// profile `strict`, as all outcomes are.
+    Contacts {
+        /// The policy.
+        policy: String,
+        /// The set that is compared with.
+        first: String,
+        /// The set whose further contacts are claimed.
+        second: String,
+    },
     /// Of one policy whose proposals an oracle ranks: driving score against adversaries minus that of their base.
     Coverage {
         /// The policy.
@@ -74,7 +89,8 @@ pub enum Claim {
 /// Reads a declaration.
 ///
 /// # Errors
-/// [`FileError`] if it cannot be read, or names a profile or an axis that there is not.
+/// [`FileError`] if it cannot be read, or names a profile or an axis that there is not, or contacts in another profile than
+/// `strict`.
 pub fn load(path: &Path) -> Result<Vec<Endpoint>, FileError> {
     let shape = |at: String, problem: String| FileError::Shape { at, problem, path: path.to_owned() };
     let bytes = file::read(path)?;
@@ -88,7 +104,8 @@ pub fn load(path: &Path) -> Result<Vec<Endpoint>, FileError> {
     for (index, endpoint) in plan.endpoint.iter().enumerate() {
         let refuse =
             |field: &str, value: &str| Err(shape(format!("endpoint[{index}].{field}"), format!("{value:?} is none")));
-        if !PROFILES.contains(&endpoint.profile.as_str()) {
+        let outcome = matches!(endpoint.claim, Claim::Contacts { .. });
+        if !PROFILES.contains(&endpoint.profile.as_str()) || (outcome && endpoint.profile != OF_OUTCOMES) {
             return refuse("profile", &endpoint.profile);
         }
         if let Claim::Axes { first, second, .. } = &endpoint.claim {
@@ -121,6 +138,8 @@ mod tests {
         check("profile = 'lenient'\nkind = 'coverage'\npolicy = 'x'", "lenient");
         check("profile = 'strict'\nkind = 'axes'\npolicy = 'x'\nfirst = 'weather'\nsecond = 'grip'", "grip");
         check("profile = 'strict'\nkind = 'wish'\npolicy = 'x'", "wish");
+        let sets = "policy = 'x'\nfirst = 'replay'\nsecond = 'reactive'";
+        check(&format!("profile = 'bridgesim'\nkind = 'contacts'\n{sets}"), "bridgesim");
         check("profile = 'strict'\nkind = 'coverage'\npolicy = 'x'\nsurprise = 1", "surprise");
     }
 }

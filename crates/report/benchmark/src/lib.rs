@@ -38,5 +38,5 @@ pub use report::Report;
 pub use results::Results;
 pub use review::{Review, VerdictError, Verdicts};
 pub use scale::Scaling;
-pub use sheet::{Ambiguous, Arm, Keep, Place, Sheet};
+pub use sheet::{Ambiguous, Arm, Differs, Keep, Place, Sheet};
 pub use source::SourceError;

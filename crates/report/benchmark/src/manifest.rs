@@ -147,18 +147,43 @@ impl Manifest {
     /// licence that is not the strictest of the entries', an entry twice.
     pub fn load(path: &Path) -> Result<Self, FileError> {
         let set: Self = file::read_json(path)?;
-        set.check().map_err(|(field, value, rule)| FileError::Value { field, value, rule, path: path.to_owned() })?;
+        set.check().map_err(refused(path))?;
         Ok(set)
+    }
+
+    /// Returns where the manifest of a set goes in a folder, before it is known what is in the set.
+    ///
+    /// # Errors
+    /// [`FileError`] if the name is none of a file, or a set of another recipe is there.
+    pub fn place(folder: &Path, name: &str, recipe: &Recipe) -> Result<PathBuf, FileError> {
+        let path = folder.join(format!("{name}{SUFFIX}"));
+        check_name(name).map_err(refused(&path))?;
+        // What a recipe comes to is only known in the end.
+        let asked = |recipe: &Recipe| Recipe { candidates: 0, rejected: BTreeMap::new(), ..recipe.clone() };
+        if path.exists() && !Self::load(&path).is_ok_and(|there| asked(&there.recipe) == asked(recipe)) {
+            return Err(FileError::Exists { path });
+        }
+        Ok(path)
+    }
+
+    /// Refuses what may not be written to a path, and touches nothing.
+    ///
+    /// # Errors
+    /// [`FileError`] if another set is there, or the set is one that [`Self::load`] refuses.
+    pub fn savable(&self, path: &Path) -> Result<(), FileError> {
+        self.check().map_err(refused(path))?;
+        if path.exists() && !Self::load(path).is_ok_and(|there| there.digest == self.digest) {
+            return Err(FileError::Exists { path: path.to_owned() });
+        }
+        Ok(())
     }
 
     /// Writes the manifest in one step; an existing file stays unless it holds the same set.
     ///
     /// # Errors
-    /// [`FileError`] if another set is there, or the file cannot be written.
+    /// As for [`Self::savable`], and if the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), FileError> {
-        if path.exists() && Self::load(path).map(|there| there.digest).ok().as_ref() != Some(&self.digest) {
-            return Err(FileError::Exists { path: path.to_owned() });
-        }
+        self.savable(path)?;
         file::write_json(self, path)
     }
 
@@ -201,9 +226,7 @@ impl Manifest {
         if self.version != VERSION {
             return refuse("version", &self.version, "not a version that this program reads");
         }
-        if self.name.is_empty() || self.name.contains(['/', '\\', '\0']) {
-            return refuse("name", &self.name, "not the name of a file");
-        }
+        check_name(&self.name)?;
         if self.entries.is_empty() || self.entries.len() > MAX_ENTRIES {
             return refuse("entries", &self.entries.len(), "not 1 to 100,000 entries");
         }
@@ -232,6 +255,18 @@ impl Manifest {
 
 /// Field, value, and what it breaks.
 type Refusal = (String, String, &'static str);
+
+/// Returns what makes the error of a file of a refusal.
+fn refused(path: &Path) -> impl FnOnce(Refusal) -> FileError {
+    move |(field, value, rule)| FileError::Value { field, value, rule, path: path.to_owned() }
+}
+
+fn check_name(name: &str) -> Result<(), Refusal> {
+    if name.is_empty() || name.contains(['/', '\\', '\0']) {
+        return Err(("name".to_owned(), format!("{name:?}"), "not the name of a file"));
+    }
+    Ok(())
+}
 
 impl Entry {
     fn check(&self) -> Result<(), Refusal> {
@@ -297,6 +332,22 @@ pub(crate) mod tests {
         one.save(&path).expect("the same again");
         assert!(matches!(other.save(&path), Err(FileError::Exists { .. })));
         assert_eq!(Manifest::load(&path).expect("sound"), one);
+        assert_eq!(Manifest::place(folder.path(), "some", &one.recipe).expect("the same recipe"), path);
+        let another = Recipe { seed: 1, ..one.recipe.clone() };
+        assert!(matches!(Manifest::place(folder.path(), "some", &another), Err(FileError::Exists { .. })));
+    }
+
+    #[test]
+    fn what_could_not_be_read_again_is_not_written() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("new.set.json");
+        let twice = set(&["a", "a"]);
+        let told = twice.save(&path).expect_err("one name twice").to_string();
+        assert!(told.contains("entries[1].name") && !path.exists(), "{told}");
+        for name in ["", "a/b"] {
+            let told = Manifest::place(folder.path(), name, &twice.recipe).expect_err("no name of a file").to_string();
+            assert!(told.contains("\"name\""), "{told}");
+        }
     }
 
     #[test]

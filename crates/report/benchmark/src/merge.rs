@@ -16,7 +16,7 @@ use crate::file::{self, FileError};
 use crate::manifest::Manifest;
 use crate::record::{self, Torn};
 use crate::session::Sessions;
-use crate::sheet::{Ambiguous, Sheet};
+use crate::sheet::{Ambiguous, Differs, Sheet};
 
 /// The merged folder's own file.
 pub const FILE: &str = "merged.json";
@@ -82,6 +82,9 @@ pub struct Merged {
     pub repeated: usize,
     /// Whether parts of other benchmarks were merged by force.
     pub mixed: bool,
+    /// Records of cells of other benchmarks, which are in no table.
+    #[serde(default)]
+    pub foreign: usize,
     /// Files whose last line was torn.
     pub torn: Vec<PathBuf>,
     /// Folders that were merged.
@@ -156,6 +159,7 @@ pub fn merge(folders: &[PathBuf], out: &Path, force: bool) -> Result<Merged, Mer
         missing: told(&|found| found.is_none()),
         repeated,
         mixed: sheet.mixed,
+        foreign: found.keys().filter(|key| !cells.contains_key(key)).count(),
         torn,
         folders: folders.to_vec(),
         sessions: folders
@@ -182,10 +186,8 @@ fn one_benchmark(folders: &[PathBuf], force: bool) -> Result<(Sheet, Vec<Manifes
             first = Some((Sheet { shard: Shard::ALL, ..sheet }, sets));
             continue;
         };
-        let parts = whole.identity().into_iter().zip(sheet.identity());
-        let other = parts.into_iter().find(|((_, a), (_, b))| a != b);
-        match other {
-            Some(((part, first), (_, second))) if !force => {
+        match whole.differs(&sheet) {
+            Some(Differs { part, first, second }) if !force => {
                 let folders = [folders[0].clone(), folder.clone()];
                 return Err(MergeError::Other { part, first, second, folders });
             }
@@ -324,6 +326,11 @@ mod tests {
         assert!(error.contains("policies differ") && error.contains("other weights"), "{error}");
         let merged = merge(&[one, three], &bench.path("m"), true).expect("forced");
         assert!(merged.mixed && Sheet::load(&bench.path("m")).expect("sound").0.mixed);
+        assert_eq!(
+            (merged.ended, merged.foreign),
+            (12, 6),
+            "the cells of the other weights are none of this benchmark"
+        );
     }
 
     #[test]

@@ -15,23 +15,42 @@ const ROW_PX: f64 = 26.0;
 /// Where the scale of the plot begins and ends, in pixels.
 const SCALE_PX: (f64, f64) = (420.0, 930.0);
 
-/// Writes the report into a folder.
+/// The report as JSON.
+const JSON: &str = "report.json";
+/// The folder of the tables, and how their files end.
+const TABLES: &str = "tables";
+const FORMS: [&str; 2] = ["csv", "arrow"];
+
+/// Writes the report into a folder, and removes the tables of the report that is there which this one does not have.
 ///
 /// # Errors
 /// [`FileError::Write`].
 pub fn write(report: &Report, folder: &Path) -> Result<(), FileError> {
+    let stale: Vec<String> = tables(folder).into_iter().filter(|id| report.tables.iter().all(|t| t.id != id)).collect();
+    let files = stale.iter().flat_map(|id| FORMS.map(|form| folder.join(TABLES).join(format!("{id}.{form}"))));
+    for path in files.filter(|path| path.exists()) {
+        std::fs::remove_file(&path).map_err(|source| FileError::Write { path, source })?;
+    }
     file::write(page(report).as_bytes(), &folder.join("report.html"))?;
     file::write(markdown(report).as_bytes(), &folder.join("report.md"))?;
-    file::write_json(&value(report), &folder.join("report.json"))?;
+    file::write_json(&value(report), &folder.join(JSON))?;
     for table in &report.tables {
         let columns = table.columns();
-        file::write(csv::table(&columns).as_bytes(), &folder.join("tables").join(format!("{}.csv", table.id)))?;
-        let path = folder.join("tables").join(format!("{}.arrow", table.id));
+        let [csv_file, path] = FORMS.map(|form| folder.join(TABLES).join(format!("{}.{form}", table.id)));
+        file::write(csv::table(&columns).as_bytes(), &csv_file)?;
         let bytes = arrow::table(&columns, &[("title", table.title)])
             .map_err(|error| FileError::Write { path: path.clone(), source: std::io::Error::other(error) })?;
         file::write(&bytes, &path)?;
     }
     Ok(())
+}
+
+/// Returns the names of the tables of the report that is in a folder; none where it cannot be read.
+fn tables(folder: &Path) -> Vec<String> {
+    let report: Option<serde_json::Value> = file::read_json(&folder.join(JSON)).ok();
+    let tables = report.as_ref().and_then(|report| report["tables"].as_object());
+    let named = |id: &&String| id.chars().all(|letter| letter.is_ascii_lowercase());
+    tables.map_or(Vec::new(), |tables| tables.keys().filter(named).cloned().collect())
 }
 
 /// Returns the report in Markdown.

@@ -100,6 +100,15 @@ fn warnings(results: &Results) -> Vec<String> {
     if results.sheet.mixed {
         warnings.push("Mixed: parts of other versions, sets, weights or settings were merged by force.".to_owned());
     }
+    if results.foreign > 0 {
+        warnings.push(format!("{} records of other benchmarks are in no table.", results.foreign));
+    }
+    for set in results.sheet.sets.iter().filter(|named| !results.has_quality(&named.name)) {
+        warnings.push(format!(
+            "Set {}: no figures of its search lie beside its manifest, so it is in no table by reaction margin.",
+            set.name
+        ));
+    }
     for set in results.sets.iter().filter(|set| !set.redistributable) {
         warnings.push(format!("Set {} is under {}: its scenarios may not be passed on.", set.name, set.licence));
     }

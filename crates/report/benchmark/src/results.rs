@@ -5,12 +5,13 @@ use std::path::Path;
 
 use ds_run_report::ProposalStats;
 use ds_run_report::results::Outcome as Ending;
+use ds_space::Digest;
 use serde::de::DeserializeOwned;
 
 use crate::estimate::Unit;
 use crate::file::{self, FileError};
 use crate::judge::{Judged, Outcome, Scores};
-use crate::manifest::{Entry, Manifest};
+use crate::manifest::{Entry, Kind, Manifest};
 use crate::merge::{self, Merged};
 use crate::quality::Quality;
 use crate::record::{self, ConditionShown, Record, Torn};
@@ -60,6 +61,8 @@ pub struct Results {
     pub cells: usize,
     /// Records of cells that another record of the same folder repeats.
     pub repeated: usize,
+    /// Records of cells of other benchmarks, which no table counts.
+    pub foreign: usize,
     drives: BTreeMap<String, Drive>,
 }
 
@@ -70,10 +73,19 @@ impl Results {
     /// [`FileError`] if a file is damaged; a cell that is told twice counts by its drive that ended.
     pub fn load(folder: &Path) -> Result<Self, FileError> {
         let (sheet, sets) = Sheet::load(folder)?;
+        let cells = sheet.cells(&sets).map_err(|error| FileError::Shape {
+            at: "sets".to_owned(),
+            problem: error.to_string(),
+            path: folder.join(crate::sheet::FILE),
+        })?;
         let mut drives: BTreeMap<String, Drive> = BTreeMap::new();
-        let mut repeated = 0;
+        let (mut repeated, mut foreign) = (0, 0);
         let torn = record::read(folder, |_, record: Record| {
             let Record { key, round, episode, judged, shown, .. } = record;
+            if !Digest::from_hex(&key).is_some_and(|key| cells.contains_key(&key)) {
+                foreign += 1;
+                return;
+            }
             let ending = episode.outcome();
             let (reason, attempts, wall_s) = (episode.reason, episode.attempts, episode.wall_s);
             let proposals = episode.proposals;
@@ -83,15 +95,10 @@ impl Results {
                 _ => drop(drives.insert(key, drive)),
             }
         })?;
-        let cells = sheet.cells(&sets).map_err(|error| FileError::Shape {
-            at: "sets".to_owned(),
-            problem: error.to_string(),
-            path: folder.join(crate::sheet::FILE),
-        })?;
         let merged: Option<Merged> = optional(&folder.join(merge::FILE))?;
         let sessions = merged.as_ref().map_or_else(|| Sessions::load(folder), |merged| Ok(merged.sessions))?;
         let (cells, reviews, quality) = (cells.len(), Vec::new(), Vec::new());
-        Ok(Self { sheet, sets, merged, torn, sessions, reviews, quality, cells, repeated, drives })
+        Ok(Self { sheet, sets, merged, torn, sessions, reviews, quality, cells, repeated, foreign, drives })
     }
 
     /// Takes what people say of the sets: their accepted variants stand as sets of their own beside the whole.
@@ -102,6 +109,13 @@ impl Results {
         let accepted: Vec<Manifest> = self.reviews.iter().filter_map(of).collect();
         self.sets.extend(accepted);
         self
+    }
+
+    /// Says whether there are figures of the search of a set; one without adversaries needs none.
+    #[must_use]
+    pub fn has_quality(&self, set: &str) -> bool {
+        let adverse = self.sets.iter().any(|there| there.name == set && there.kind == Kind::Behavior);
+        !adverse || self.quality.iter().any(|quality| quality.set == set)
     }
 
     /// Returns all drives, in order of their keys.

@@ -109,7 +109,7 @@ impl Scaling {
     /// Returns the efficiency of a row, 1 for the first.
     fn efficiency(&self, row: &Row) -> Option<f64> {
         let each = |row: &Row| row.rate() / f64::from(row.workers.max(1));
-        self.rows.first().map(|first| each(row) / each(first))
+        self.rows.first().filter(|first| each(first) > 0.0).map(|first| each(row) / each(first))
     }
 
     /// Returns the report.
@@ -134,6 +134,9 @@ impl Scaling {
     /// Says up to which count of workers efficiency holds, and at which it does not.
     fn bar(&self) -> String {
         let below = |row: &&Row| self.efficiency(row).is_some_and(|efficiency| efficiency < EFFICIENT);
+        if self.rows.len() < 2 {
+            return "not told by fewer than two rows".to_owned();
+        }
         let most = self.rows.iter().map(|row| row.workers).max().unwrap_or_default();
         match self.rows.iter().filter(below).map(|row| row.workers).min() {
             Some(count) => format!("below {EFFICIENT} from {count} workers on"),
@@ -263,6 +266,12 @@ mod tests {
             report.facts
         );
         assert!(report.title.contains("simulated") && report.warnings.len() == 1, "{:?}", report.warnings);
+    }
+
+    #[test]
+    fn one_row_says_nothing_of_efficiency() {
+        let scaling = Scaling { rows: vec![row(1, 100)], ..Scaling::default() };
+        assert!(scaling.report().facts.contains(&("efficiency", "not told by fewer than two rows".to_owned())));
     }
 
     #[test]

@@ -1,14 +1,14 @@
 //! What a folder of results was asked for, `benchmark.json`: sets, policies, settings, shard. From it and the manifests
 //! follow all cells; `resume` goes on with it, `merge` compares it, `report` names it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use ds_space::{Digest, DigestWriter};
 use serde::{Deserialize, Serialize};
 
 use crate::cell::{Cell, Cells, Named, Settings, Shard};
-use crate::endpoint::Endpoint;
+use crate::endpoint::{Claim, Endpoint, LEARNED};
 use crate::file::{self, FileError};
 use crate::manifest::{Entry, Kind, Manifest, SUFFIX};
 
@@ -98,10 +98,11 @@ pub struct Sheet {
 /// Where a cell was met: index of the set and of the entry in it.
 pub type At = (usize, usize);
 
-/// Two scenarios of one name.
+/// Two scenarios of one name where names must agree.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "scenario {scenario:?} has digest {first} in one set and {second} in another: sets of one benchmark must agree"
+    "scenario {scenario:?} has digest {first} and {second}: within a set, and among all but those of kind behavior, a name is one \
+     scenario"
 )]
 pub struct Ambiguous {
     /// The scenario.
@@ -110,6 +111,17 @@ pub struct Ambiguous {
     first: String,
     /// The other.
     second: String,
+}
+
+/// The first part in which two benchmarks differ that must agree.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Differs {
+    /// What it is.
+    pub part: &'static str,
+    /// What one has.
+    pub first: String,
+    /// What the other has.
+    pub second: String,
 }
 
 impl Sheet {
@@ -198,6 +210,14 @@ impl Sheet {
         ]
     }
 
+    /// Returns what must agree with another sheet and does not; nothing where they are of one benchmark.
+    #[must_use]
+    pub fn differs(&self, other: &Self) -> Option<Differs> {
+        let parts = self.identity().into_iter().zip(other.identity());
+        let other = parts.into_iter().find(|((_, first), (_, second))| first != second);
+        other.map(|((part, first), (_, second))| Differs { part, first, second })
+    }
+
     /// Returns the digest over what must agree.
     #[must_use]
     pub fn digest(&self) -> Digest {
@@ -211,13 +231,15 @@ impl Sheet {
     /// Returns all cells, of every shard, each once.
     ///
     /// # Errors
-    /// [`Ambiguous`] if two sets hold different scenarios of one name.
+    /// [`Ambiguous`] if a set holds different scenarios of one name, or two sets do that are of another kind than behavior:
+    /// variants of one base that differ in what their adversaries do bear one name.
     pub fn cells(&self, sets: &[Manifest]) -> Result<Cells<At>, Ambiguous> {
         let mut cells = Cells::new();
-        let mut digests: std::collections::BTreeMap<&str, &str> = std::collections::BTreeMap::new();
+        let mut digests: BTreeMap<(Option<usize>, &str), &str> = BTreeMap::new();
         for (s, set) in sets.iter().enumerate() {
+            let own = (set.kind == Kind::Behavior).then_some(s);
             for (e, entry) in set.entries.iter().enumerate() {
-                let first = *digests.entry(&entry.scenario).or_insert(&entry.scenario_digest);
+                let first = *digests.entry((own, &entry.scenario)).or_insert(&entry.scenario_digest);
                 if first != entry.scenario_digest {
                     let (scenario, first) = (entry.scenario.clone(), first.to_owned());
                     return Err(Ambiguous { scenario, first, second: entry.scenario_digest.clone() });
@@ -231,6 +253,45 @@ impl Sheet {
             }
         }
         Ok(cells)
+    }
+
+    /// Returns what is named twice, which would be rows and cells that say the same: what it is, and its value.
+    #[must_use]
+    pub fn repeated(&self) -> Option<(&'static str, String)> {
+        let names = |all: &[Named]| all.iter().map(|named| named.name.clone()).collect::<Vec<_>>();
+        let seeds = |all: &[u64]| all.iter().map(u64::to_string).collect::<Vec<_>>();
+        let parts = [
+            ("policy", names(&self.policies)),
+            ("observation", names(&self.observations)),
+            ("agents", self.agents.clone()),
+            ("scorer", self.scorers.clone()),
+            ("seed", seeds(&self.seeds)),
+            ("selection seed", seeds(&self.selection)),
+        ];
+        let mut all = parts.into_iter().flat_map(|(what, values)| values.into_iter().map(move |value| (what, value)));
+        let mut seen = BTreeSet::new();
+        all.find(|one| !seen.insert(one.clone()))
+    }
+
+    /// Returns what a claim is about and is not driven, in words; nothing where all of it is driven.
+    #[must_use]
+    pub fn undriven(&self, claim: &Claim, sets: &[Manifest]) -> Option<String> {
+        let (policies, kinds, named, oracle) = match claim {
+            Claim::Policies { first, second } => (vec![first, second], vec![Kind::Base], vec![], false),
+            Claim::Axes { policy, .. } => (vec![policy], vec![Kind::Base, Kind::Weather], vec![], false),
+            Claim::Contacts { policy, first, second } => (vec![policy], vec![], vec![first, second], false),
+            Claim::Coverage { policy } => (vec![policy], vec![Kind::Base, Kind::Behavior], vec![], true),
+        };
+        let policy = policies.into_iter().find(|name| self.policies.iter().all(|policy| policy.name != **name));
+        let set = named.into_iter().find(|name| sets.iter().all(|set| set.name != **name));
+        let kind = kinds.into_iter().find(|kind| sets.iter().all(|set| set.kind != *kind));
+        let scorer = self.scorers.iter().all(|scorer| (scorer != LEARNED) != oracle);
+        let ranks = if oracle { "oracle" } else { LEARNED };
+        policy
+            .map(|name| format!("policy {name:?}"))
+            .or_else(|| set.map(|name| format!("set {name:?}")))
+            .or_else(|| kind.map(|kind| format!("set of kind {kind:?}").to_lowercase()))
+            .or_else(|| scorer.then(|| format!("scorer {ranks:?}")))
     }
 
     /// Returns a seed that both selects and is reported on, which would let luck select itself.
@@ -324,13 +385,22 @@ pub(crate) mod tests {
         let selecting = Sheet { selection: vec![0], ..sheet.clone() };
         assert_eq!(selecting.cells(&sets).expect("sound").len(), 3 * 2 * 3);
         assert_eq!(Sheet { selection: vec![0, 2], ..sheet.clone() }.overlap(), Some(2));
+        assert_eq!(sheet.repeated(), None);
+        let twice = Sheet { seeds: vec![1, 2, 1], ..sheet.clone() };
+        assert_eq!(twice.repeated(), Some(("seed", "1".to_owned())));
         let doubled = [sets[0].clone(), set(&["a"])];
         assert_eq!(sheet.cells(&doubled).expect("sound").len(), 3 * 2 * 2);
         let mut other = entry("a", "MIT");
         other.scenario_digest = Digest::of(b"other").to_string();
-        let other = Manifest::new("other", Kind::Base, Recipe::default(), vec![other]);
-        let error = sheet.cells(&[sets[0].clone(), other]).expect_err("ambiguous").to_string();
+        let of = |kind| Manifest::new("other", kind, Recipe::default(), vec![other.clone()]);
+        let error = sheet.cells(&[sets[0].clone(), of(Kind::Base)]).expect_err("ambiguous").to_string();
         assert!(error.contains("\"a\""), "{error}");
+        let two = [
+            set(&["b"]),
+            of(Kind::Behavior),
+            Manifest::new("replay", Kind::Behavior, Recipe::default(), vec![entry("a", "MIT")]),
+        ];
+        assert_eq!(sheet.cells(&two).expect("two modes").len(), 3 * 2 * 2);
     }
 
     #[test]
@@ -346,5 +416,19 @@ pub(crate) mod tests {
         let moved = Sheet { shard: Shard { index: 1, count: 2 }, ..sheet.clone() };
         assert_eq!(moved.digest(), sheet.digest());
         assert_ne!(Sheet { program: "1".to_owned(), ..sheet.clone() }.digest(), sheet.digest());
+    }
+
+    #[test]
+    fn what_an_endpoint_is_about_and_nobody_drives_is_named() {
+        let sets = [set(&["a"])];
+        let sheet = sheet(&sets);
+        let undriven = |claim: Claim| sheet.undriven(&claim, &sets);
+        let [lattice, camera, other] = ["lattice", "camera", "other"].map(str::to_owned);
+        let policies = |second: &String| Claim::Policies { first: lattice.clone(), second: second.clone() };
+        assert_eq!(undriven(policies(&camera)), None);
+        assert_eq!(undriven(policies(&other)).as_deref(), Some("policy \"other\""));
+        assert_eq!(undriven(Claim::Coverage { policy: camera.clone() }).as_deref(), Some("set of kind behavior"));
+        let contacts = Claim::Contacts { policy: camera, first: sets[0].name.clone(), second: other };
+        assert_eq!(undriven(contacts).as_deref(), Some("set \"other\""));
     }
 }

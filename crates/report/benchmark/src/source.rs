@@ -10,6 +10,8 @@ use ds_world::Scene;
 
 use crate::manifest::Entry;
 
+/// Length of a tick, in seconds.
+pub const DT_SECS: f64 = 0.1;
 /// Ticks driven by the log before the policy takes over.
 pub const HAND_OVER: u32 = 20;
 /// Ticks that are scored.
@@ -59,12 +61,42 @@ pub enum SourceError {
     },
 }
 
-impl Entry {
-    /// Returns the entry of a scene, its log being its recording; nothing if it is too short to be driven after the hand-over.
+/// Why a scenario cannot be an entry.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Unfit {
+    /// It ends before the policy takes over.
+    #[error("it ends before the hand-over at tick {HAND_OVER}")]
+    TooShort,
+    /// Its ticks are not [`DT_SECS`] apart.
+    #[error("its ticks are not {DT_SECS} s apart")]
+    TimeStep,
+}
+
+impl Unfit {
+    /// Returns the reason's name in a recipe.
     #[must_use]
-    pub fn of(scene: &Scene, file: Option<PathBuf>) -> Option<Self> {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::TooShort => "too_short",
+            Self::TimeStep => "time_step",
+        }
+    }
+}
+
+impl Entry {
+    /// Returns the entry of a scene, its log being its recording.
+    ///
+    /// # Errors
+    /// [`Unfit`] if it cannot be driven after the hand-over, or not by ticks of [`DT_SECS`].
+    pub fn of(scene: &Scene, file: Option<PathBuf>) -> Result<Self, Unfit> {
         let last = scene.last_tick().0.min(HAND_OVER + SCORED);
-        (last > HAND_OVER).then(|| Self {
+        if last <= HAND_OVER {
+            return Err(Unfit::TooShort);
+        }
+        if (scene.dt.secs() - DT_SECS).abs() > 1e-9 {
+            return Err(Unfit::TimeStep);
+        }
+        Ok(Self {
             name: scene.name.clone(),
             file,
             scenario: scene.name.clone(),
@@ -149,6 +181,8 @@ mod tests {
     fn a_generated_scenario_is_made_again_from_its_name() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let scene = ds_scenario::generate(Family::CutIn, 7);
+        let slow = Scene { dt: ds_space::SimTime(200_000_000), ..scene.clone() };
+        assert_eq!(Entry::of(&slow, None), Err(Unfit::TimeStep));
         let entry = Entry::of(&scene, None).expect("15 s");
         assert_eq!((entry.hand_over, entry.last, entry.log.as_str()), (20, 100, "cut-in-7"));
         for _ in 0..2 {

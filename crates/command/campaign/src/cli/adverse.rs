@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum, ValueHint};
-use ds_adverse::{Built, MotionModel, Options, Refusal, published, variants};
+use ds_adverse::{Built, MotionModel, Options, Refusal, advbmt, variants};
 use ds_process::shipped;
 use ds_world::{AdversaryMode, CrashClass, Scene};
 
@@ -14,7 +14,7 @@ const EXAMPLES: &str = "Examples:
   dreamstream run out/adverse --policy lattice                    drive them
 
 Writes BASE__CLASS.scenario.json for each variant and adverse.json: what came out for each scenario, what is recorded of
-each variant, and how many candidates fell to which reason. docs/adversaries.md says how they are searched and checked.";
+each variant, and how many candidates fell to which reason. A folder that holds an adverse.json is refused. docs/adversaries.md says how they are searched and checked.";
 
 /// Arguments of `scenario adverse`.
 #[derive(Debug, Args)]
@@ -48,7 +48,7 @@ pub struct AdverseArgs {
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
     /// The tick at which the policy takes over; contact is planned 30 to 70 ticks later.
-    #[arg(long, default_value_t = 20)]
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(..=100_000))]
     pub hand_over: u32,
 }
 
@@ -82,7 +82,7 @@ impl Arm {
     pub(crate) fn search(self, scene: &Scene, model: &MotionModel, options: &Options) -> Result<Built, Refusal> {
         match self {
             Self::Own => variants(scene, model, options),
-            Self::AdvbmtDefault => published(scene, model, options),
+            Self::AdvbmtDefault => advbmt(scene, model, options),
         }
     }
 }

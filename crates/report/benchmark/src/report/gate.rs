@@ -14,6 +14,10 @@ use crate::table::{Table, Value};
 const ENOUGH: f64 = 0.7;
 /// Why a row supports no claim.
 const NOT_SHOWN: &str = "condition not shown";
+/// Why a row of a source that no look changes supports no claim.
+const NO_LOOK: &str = "condition not shown: this source has no look";
+/// The sources that no look changes.
+const LOOKLESS: [&str; 2] = ["layout", "sim-rgb"];
 /// Why nothing is known of a row.
 const NOT_MEASURED: &str = "condition not measured";
 
@@ -60,20 +64,24 @@ impl Hits {
     }
 }
 
-/// Says whether a video model makes the frames of a source; the others show what they are told.
+/// Says whether a video model makes the frames of a source; of the others all but [`LOOKLESS`] show what they are told.
 fn generated(source: &Named) -> bool {
     !source.digest.is_empty()
 }
 
 /// Returns why the drives of an arm under the conditions of some entries support no claim; nothing where they do.
 pub(super) fn fault(results: &Results, arm: &Arm, entries: &[&Entry]) -> Option<&'static str> {
-    if !generated(&arm.observation) {
-        return None;
-    }
     let conditions: BTreeSet<&str> = entries.iter().map(|entry| entry.appearance.as_str()).collect();
     let known = |name: &&str| CONDITIONS.iter().any(|(_, names)| names.contains(name));
-    let hits = |condition| Hits::count(results, &arm.observation, condition);
-    conditions.into_iter().filter(known).find_map(|condition| hits(condition).fault())
+    conditions.into_iter().filter(known).find_map(|condition| unshown(results, &arm.observation, condition))
+}
+
+/// Returns why a source does not show a condition; nothing where it does.
+fn unshown(results: &Results, source: &Named, condition: &str) -> Option<&'static str> {
+    if LOOKLESS.contains(&source.name.as_str()) {
+        return Some(NO_LOOK);
+    }
+    generated(source).then(|| Hits::count(results, source, condition).fault()).flatten()
 }
 
 /// Returns what a reader has to know of sets whose conditions are not all shown, or not known to be.
@@ -81,8 +89,8 @@ pub(super) fn warnings(results: &Results) -> Vec<String> {
     let mut warnings = Vec::new();
     for set in results.sets.iter().filter(|set| set.kind == Kind::Weather) {
         let driven: BTreeSet<&str> = set.entries.iter().map(|entry| entry.appearance.as_str()).collect();
-        for source in results.sheet.observations.iter().filter(|source| generated(source)) {
-            let hidden = |condition: &&str| Hits::count(results, source, condition).fault().is_some();
+        for source in &results.sheet.observations {
+            let hidden = |condition: &&str| unshown(results, source, condition).is_some();
             let all = CONDITIONS.iter().flat_map(|(_, all)| all.iter().copied());
             let hidden: Vec<&str> = all.filter(|condition| driven.contains(condition)).filter(hidden).collect();
             if !hidden.is_empty() {

@@ -83,8 +83,8 @@ pub(super) fn margins(results: &Results, anchor: Anchor, bootstrap: &mut Bootstr
     }
     let columns = vec!["policy", "set", "how", "margin", "variants", "DS bridgesim", "DS strict", "contact"];
     let note = format!(
-        "By reaction margin: from the first tick with a time to collision below 4 s to the last one from which an expert still \
-         finds a drive that meets nobody. {INTERVALS}"
+        "By reaction margin: from the threat tick, at which the adversary first does not go on as it did or the time to collision \
+         is below 4 s, to the last one from which an expert still finds a drive that meets nobody. {INTERVALS}"
     );
     Table { id: "margins", title: "By reaction margin", note, columns, rows }
 }

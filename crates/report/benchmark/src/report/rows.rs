@@ -10,6 +10,8 @@ use crate::table::{EstimateStyle, Value};
 
 /// Below this corrected p-value a difference counts as found.
 pub(super) const LEVEL: f64 = 0.05;
+/// Why a difference to the base is not tested of which there is none.
+pub(super) const NO_BASE: &str = "not tested: the base was not driven";
 /// Headings of [`tested`].
 pub(super) const TESTED: [&str; 6] = ["difference", "scenarios", "p", "p Holm", "detectable", "verdict"];
 /// Headings of the terms, in their order.

@@ -6,9 +6,10 @@ use ds_score::Term;
 
 use super::gate;
 use super::rows::{
-    Anchor, INTERVALS, TERM_HEADINGS, TESTED, behind, corrected, driving_score, how, mean_of, named, tested,
+    Anchor, INTERVALS, NO_BASE, TERM_HEADINGS, TESTED, behind, corrected, driving_score, how, mean_of, named, tested,
     tested_behind,
 };
+use crate::endpoint::LEARNED;
 use crate::estimate::{Bootstrap, Difference, Estimate, Unit};
 use crate::judge::PROFILES;
 use crate::manifest::{Entry, Kind, Manifest};
@@ -19,9 +20,6 @@ use crate::table::{EstimateStyle, Table, Value};
 
 /// What a drive is worth in a comparison.
 type Worth = Box<dyn Fn(&Drive) -> Option<f64>>;
-
-/// The scorer that an oracle is compared with.
-const LEARNED: &str = "learned";
 
 /// Returns the means of all terms.
 pub(super) fn terms(results: &Results, anchor: Anchor, bootstrap: &mut Bootstrap) -> Table {
@@ -176,7 +174,8 @@ fn against_base(
                 .iter()
                 .map(|part| {
                     let (shown, differences) = changed(results, &arm, &part.entries, &driving_score(profile));
-                    let fault = gate::fault(results, &arm, &part.entries);
+                    let alone = (differences.is_empty() && !shown.is_empty()).then_some(NO_BASE);
+                    let fault = gate::fault(results, &arm, &part.entries).or(alone);
                     (part, fault, bootstrap.estimate(&shown), behind(fault, bootstrap.difference(&differences)))
                 })
                 .collect();
@@ -194,6 +193,21 @@ fn against_base(
     rows
 }
 
+/// Returns the values of the entries of each base scenario, with the first of these.
+pub(super) fn by_base<'a>(
+    results: &Results,
+    arm: &Arm,
+    entries: impl IntoIterator<Item = &'a Entry>,
+    value: &dyn Fn(&Drive) -> Option<f64>,
+) -> BTreeMap<&'a str, (&'a Entry, Vec<f64>)> {
+    let mut values: BTreeMap<&str, (&Entry, Vec<f64>)> = BTreeMap::new();
+    for entry in entries {
+        let base = entry.base.as_deref().unwrap_or(&entry.name);
+        values.entry(base).or_insert_with(|| (entry, Vec::new())).1.extend(results.mean(arm, entry, value));
+    }
+    values
+}
+
 /// Returns a value of changed scenarios and its differences to the base, averaged over the changes of each base scenario.
 pub(super) fn changed(
     results: &Results,
@@ -201,11 +215,7 @@ pub(super) fn changed(
     entries: &[&Entry],
     value: &dyn Fn(&Drive) -> Option<f64>,
 ) -> (Vec<Unit>, Vec<Unit>) {
-    let mut values: BTreeMap<&str, (&Entry, Vec<f64>)> = BTreeMap::new();
-    for entry in entries {
-        let Some(base) = entry.base.as_deref() else { continue };
-        values.entry(base).or_insert_with(|| (entry, Vec::new())).1.extend(results.mean(arm, entry, value));
-    }
+    let values = by_base(results, arm, entries.iter().copied(), value);
     let bases = results.sets.iter().filter(|set| set.kind == Kind::Base).flat_map(|set| &set.entries);
     let known: BTreeMap<&str, f64> = bases
         .filter(|entry| values.contains_key(entry.name.as_str()))

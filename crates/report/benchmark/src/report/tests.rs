@@ -90,13 +90,45 @@ fn incomplete_and_mixed_results_have_no_headline_and_say_so() {
     results.sheet.mixed = true;
     let report = Report::new(&results, &|_| false, &Published::default());
     assert!(!report.complete && report.warnings[0].contains("16 of 24") && report.warnings[1].contains("Mixed"));
+    assert!(crate::page::page(&report).contains("16 of 24") && crate::page::markdown(&report).contains("16 of 24"));
     let ids: Vec<&str> = report.tables.iter().map(|table| table.id).collect();
     assert_eq!(ids, ["faults", "sets"]);
+    // Tables of the report before are gone, files of others are not.
+    let tables = folder.path().join("tables");
+    let whole = Report { tables: vec![Table { id: "policies", ..report.tables[0].clone() }], ..report };
+    crate::page::write(&whole, folder.path()).expect("written");
+    std::fs::write(tables.join("mine.csv"), "mine").expect("written");
+    let report = Report::new(&results, &|_| false, &Published::default());
+    assert!(tables.join("policies.csv").exists());
+    crate::page::write(&report, folder.path()).expect("written");
+    for (file, stays) in [("policies.csv", false), ("policies.arrow", false), ("faults.csv", true), ("mine.csv", true)]
+    {
+        assert_eq!(tables.join(file).exists(), stays, "{file}");
+    }
     let faults = table(&report, "faults").markdown();
     assert!(
         faults.contains("| never driven | 4 |") && faults.contains("| aborted and not driven since | 4 |"),
         "{faults}"
     );
+}
+
+#[test]
+fn records_of_another_benchmark_count_for_nothing_and_are_told() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let sets = [manifest::tests::set(&SIX)];
+    // A drive of every cell but one scenario's, and of that scenario with other weights.
+    let drive = |cell: &Cell| {
+        let mut cell = cell.clone();
+        if cell.scenario == "a" {
+            cell.policy.digest = "other weights".to_owned();
+        }
+        Some(driven(cell, "completed", 0.5))
+    };
+    let results = results(folder.path(), &sets, drive);
+    assert_eq!((results.ended(), results.cells, results.foreign), (20, 24, 4));
+    let report = Report::new(&results, &|_| false, &Published::default());
+    assert!(!report.complete && report.warnings[0].contains("20 of 24"), "{:?}", report.warnings);
+    assert!(report.warnings[1].starts_with("4 records of other benchmarks"), "{:?}", report.warnings);
 }
 
 /// Returns a set and the same under all conditions.
@@ -142,7 +174,7 @@ fn a_condition_that_is_not_shown_supports_no_claim() {
     let (sets, endpoints) = (under_conditions(), shipped_endpoints());
     let mut sheet = Sheet { endpoints, seeds: vec![1], ..sheet::tests::sheet(&sets) };
     let source = |name: &str, digest: &str| Named { name: name.to_owned(), digest: digest.to_owned() };
-    sheet.observations = vec![source("dreamstream", "a model"), source("reference", "")];
+    sheet.observations = vec![source("dreamstream", "a model"), source("reference", ""), source("layout", "")];
     // Rain is named on half of the frames on which the reference camera shows it, snow on five of six, fog was not looked
     // at, and nobody can tell puddles even on reference frames.
     let drive = |cell: &Cell| {
@@ -182,6 +214,8 @@ fn a_condition_that_is_not_shown_supports_no_claim() {
         row_of("reference · idm-all · learned", "weather", "rain")[1].ends_with("at 5 %"),
         "it renders what it is told"
     );
+    let row = row_of("layout · idm-all · learned", "weather", "rain");
+    assert_eq!(row, ["—", "condition not shown: this source has no look"]);
     let parts = table(&report, "conditions").markdown();
     let of_rain = parts.lines().filter(|line| line.contains("| dreamstream · ") && line.contains("| rain |"));
     assert!(of_rain.count() == 4 && parts.matches("| condition not shown |").count() > 4, "{parts}");
@@ -191,7 +225,8 @@ fn a_condition_that_is_not_shown_supports_no_claim() {
     let pairs = |set: &str| differences.lines().filter(|line| line.contains(&format!("| {set} |"))).collect::<Vec<_>>();
     let of_weather = pairs("some-weather");
     let untested = |line: &&&str| line.contains("condition not");
-    assert!(of_weather.iter().all(|line| untested(&line) == line.contains("dreamstream ·")), "{differences}");
+    let looks = |line: &str| line.contains("dreamstream ·") || line.contains("layout ·");
+    assert!(of_weather.iter().all(|line| untested(&line) == looks(line)), "{differences}");
     assert!(!pairs("some").iter().any(|line| untested(&line)), "by day there is nothing to show");
     let warned = |said: &&String| said.contains("dreamstream") && said.contains("rain, fog, puddles");
     assert_eq!(report.warnings.iter().filter(warned).count(), 1, "{:?}", report.warnings);
@@ -235,10 +270,62 @@ fn an_oracle_is_compared_with_the_policy_and_adversaries_with_their_base() {
     assert!(
         (of("ticks without positive") - 0.25).abs() < 1e-9 && (of("scenarios without positive") - 1.0).abs() < 1e-9
     );
+    assert!(
+        report.warnings.iter().any(|said| said.starts_with("Set some-behavior: no figures")),
+        "{:?}",
+        report.warnings
+    );
     let behavior = table(&report, "behavior");
     let words = ["camera", "some-behavior", "layout · idm-all · oracle", "strict", "rear-end"];
     assert!((found(behavior, &words, "difference") + 0.3).abs() < 1e-9);
     assert!((found(behavior, &words, "DS") - 0.3).abs() < 1e-9);
+}
+
+#[test]
+fn contacts_on_two_sets_of_the_same_bases_are_paired_for_each_way_of_driving() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    // The same variants in two modes: their scenarios bear one name.
+    let of_mode = |mode: &str| {
+        let variant = |name: &str| crate::Entry {
+            name: format!("{name}__rear-end"),
+            base: Some(name.to_owned()),
+            ..manifest::tests::entry(&format!("{name}__rear-end"), mode)
+        };
+        let scenario = |entry: crate::Entry| {
+            let digest = ds_space::Digest::of(format!("{} {mode}", entry.name).as_bytes()).to_string();
+            crate::Entry { scenario_digest: digest, ..entry }
+        };
+        let entries = SIX.map(variant).map(scenario).to_vec();
+        Manifest::new(mode, Kind::Behavior, crate::Recipe::default(), entries)
+    };
+    let sets = ["replay", "reactive"].map(of_mode);
+    let claim = crate::endpoint::Claim::Contacts {
+        policy: "camera".to_owned(),
+        first: sets[0].name.clone(),
+        second: sets[1].name.clone(),
+    };
+    let (name, profile) = ("reacting meets more".to_owned(), "strict".to_owned());
+    let endpoint = crate::endpoint::Endpoint { name, profile, direction: crate::endpoint::Direction::Up, claim };
+    let mut sheet = Sheet { endpoints: vec![endpoint], ..sheet::tests::sheet(&sets) };
+    sheet.agents.push("replay".to_owned());
+    let drive = |cell: &Cell| {
+        let reactive = sets[1].entries.iter().any(|entry| entry.scenario_digest == cell.scenario_digest);
+        let Record { cell, episode, mut judged, .. } = driven(cell.clone(), "completed", 0.5);
+        let last = if reactive { "d" } else { "b" };
+        judged.as_mut().expect("completed").outcome.contact = &cell.scenario[..1] <= last;
+        Some(Record::new(cell, 0, episode, judged))
+    };
+    let results = results_of(folder.path(), &sheet, &sets, drive);
+    let report = Report::new(&results, &|_| false, &Published::default());
+    let table = table(&report, "endpoints");
+    assert_eq!(table.rows.len(), 2, "one for each mode of the agents: {}", table.markdown());
+    for (column, value) in [("first", 2.0 / 6.0), ("second", 4.0 / 6.0), ("ratio", 2.0), ("difference", 2.0 / 6.0)] {
+        assert!((found(table, &["layout · idm-all · learned"], column) - value).abs() < 1e-12, "{column}");
+    }
+    let behavior = self::table(&report, "behavior");
+    let alone =
+        |row: &Vec<Value>| row.last().map(Value::told).as_deref() == Some("not tested: the base was not driven");
+    assert!(behavior.rows.iter().all(alone), "{}", behavior.markdown());
 }
 
 #[test]
@@ -247,6 +334,7 @@ fn declared_endpoints_are_tested_together() {
     let (sets, endpoints) = (under_conditions(), shipped_endpoints());
     let mut sheet = Sheet { endpoints, ..sheet::tests::sheet(&sets) };
     sheet.policies[0].name = "constant-velocity".to_owned();
+    sheet.observations[0].name = "reference".to_owned();
     let drive = |cell: &Cell| {
         let gain = if cell.policy.name == "camera" { 0.2 } else { 0.0 };
         let loss = match cell.appearance.as_str() {

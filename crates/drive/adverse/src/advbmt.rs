@@ -27,7 +27,7 @@ const BRAKING_MPS2: f64 = -4.0;
 ///
 /// # Errors
 /// As for [`crate::variants`].
-pub fn published(scene: &Scene, model: &MotionModel, options: &Options) -> Result<Built, Refusal> {
+pub fn advbmt(scene: &Scene, model: &MotionModel, options: &Options) -> Result<Built, Refusal> {
     let last = scored_until(scene, options)?.0;
     let mut built = Built::default();
     let draws = Draws::new(&scene.digest, "adversary of Adv-BMT", &[options.seed]);
