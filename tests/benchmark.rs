@@ -161,6 +161,10 @@ fn a_task_of_a_slurm_array_is_queued_again_and_goes_on() {
     assert_eq!(asked, "requeue 77_1\n");
     assert_eq!(task().status().expect("it runs").code(), Some(0));
     assert_eq!(cells(&out.join("1")).len(), 3);
+    // What is left after six times is not queued for ever.
+    let left = task().env("DREAMSTREAM_BIN", "false").env("SLURM_RESTART_COUNT", "6").status().expect("it runs");
+    let asked = std::fs::read_to_string(folder.path().join("scontrol.asked")).expect("the scheduler was asked");
+    assert_eq!((left.code(), asked.as_str()), (Some(1), "requeue 77_1\n"));
 }
 
 /// Runs a command that must succeed.
@@ -215,17 +219,28 @@ fn the_thirteen_conditions_of_a_base_set_are_driven_and_compared() {
     let what = ["--policy", "constant-velocity", "--observation", "layout"];
     let plan = ends(benchmark(&[&["plan", utf8(&set), utf8(&weather)], &what[..]].concat()), 0);
     assert!(plan.contains("19 cells"), "{plan}");
-    let told = ["--endpoints", "configs/benchmark/plan.toml", "--out", utf8(&out)];
-    ends(benchmark(&[&["run", utf8(&set), utf8(&weather)], &what[..], &told].concat()), 0);
+    let run = |endpoints: &str| {
+        let told = ["--endpoints", endpoints, "--out", utf8(&out)];
+        benchmark(&[&["run", utf8(&set), utf8(&weather)], &what[..], &told].concat())
+    };
+    let told = ends(run("configs/benchmark/plan.toml"), 2);
+    assert!(told.contains("\"camera\"") && told.contains("not driven") && !out.exists(), "{told}");
+    let declared = folder.path().join("plan.toml");
+    let axes = "kind = 'axes'\npolicy = 'constant-velocity'\nfirst = 'weather'\nsecond = 'surface'";
+    let text_of = format!("version = 1\n[[endpoint]]\nname = 'a'\nprofile = 'strict'\ndirection = 'down'\n{axes}\n");
+    std::fs::write(&declared, text_of).expect("written");
+    ends(run(utf8(&declared)), 0);
     ends(benchmark(&["report", utf8(&out)]), 0);
     let report = std::fs::read_to_string(out.join("report.json")).expect("a report");
     let report: Value = serde_json::from_str(&report).expect("JSON");
     let rows = report["tables"]["weather"]["rows"].as_array().expect("rows");
     let endpoints = report["tables"]["endpoints"]["rows"].as_array().expect("rows");
-    assert!(endpoints.len() == 5 && endpoints.iter().all(|row| row["conclusion"] == "not tested"), "{endpoints:?}");
+    assert!(endpoints.len() == 1 && endpoints[0]["conclusion"] == "not tested", "{endpoints:?}");
     // Thirteen conditions and three means, in two profiles; who drives blind drives alike in all of them.
     assert_eq!(rows.len(), 32);
     assert!(rows.iter().all(|row| row["difference"]["value"] == 0.0 && row["p"].is_null()), "{}", rows[0]);
+    let blind = "condition not shown: this source has no look";
+    assert!(rows.iter().all(|row| row["verdict"] == blind), "{}", rows[0]);
 }
 
 #[test]
@@ -271,6 +286,12 @@ fn a_set_with_adversaries_is_the_same_again_and_its_solutions_are_driven_again()
     let (one, other) = (build("one"), build("other"));
     let read = |path: &Path| std::fs::read_to_string(path).expect("a file");
     assert_eq!(read(&one), read(&other));
+    let beside = one.parent().expect("a folder");
+    let more = ["build", "behavior", utf8(&set), "--every", "2", "--mode", "replay", "--out", utf8(beside)];
+    let told = ends(benchmark(&more), 2);
+    assert!(told.contains("town-behavior.set.json") && told.contains("stays"), "{told}");
+    ends(benchmark(&[&more[..], &["--name", "replay"]].concat()), 0);
+    let replay = beside.join("replay.set.json");
     let told = ends(benchmark(&["check", utf8(&one)]), 0);
     assert!(told.contains("every solution was driven again"), "{told}");
 
@@ -282,8 +303,16 @@ fn a_set_with_adversaries_is_the_same_again_and_its_solutions_are_driven_again()
     assert_eq!(text(&entry["name"]), format!("{}__{}", bases[0], text(&entry["category"])));
 
     let out = folder.path().join("driven");
-    ends(benchmark(&[&["run", utf8(&one)], &WHAT[..], &["--out", utf8(&out)]].concat()), 0);
-    assert_eq!(cells(&out).len(), 2 * entries.len());
+    let claim =
+        "[[endpoint]]\nname = 'a'\nprofile = 'strict'\ndirection = 'up'\nkind = 'contacts'\npolicy = 'route-follower'";
+    let declared = folder.path().join("plan.toml");
+    let text_of = format!("version = 1\n{claim}\nfirst = 'replay'\nsecond = 'town-behavior'\n");
+    std::fs::write(&declared, text_of).expect("written");
+    let told = ["--endpoints", utf8(&declared), "--out", utf8(&out)];
+    ends(benchmark(&[&["run", utf8(&one), utf8(&replay)], &WHAT[..], &told].concat()), 0);
+    let replayed: Value = serde_json::from_str(&read(&replay)).expect("JSON");
+    let all = entries.len() + replayed["entries"].as_array().expect("entries").len();
+    assert_eq!(cells(&out).len(), 2 * all, "variants of one name in two modes are driven together");
     ends(benchmark(&["report", utf8(&out)]), 0);
     let report: Value = serde_json::from_str(&read(&out.join("report.json"))).expect("JSON");
     let figures = report["tables"]["quality"]["rows"].as_array().expect("figures of the search");
@@ -291,7 +320,9 @@ fn a_set_with_adversaries_is_the_same_again_and_its_solutions_are_driven_again()
     assert!(solved["met"] == "met" && solved["figure"]["value"] == 1.0, "{solved}");
     let margins = report["tables"]["margins"]["rows"].as_array().expect("rows by reaction margin");
     let counted: u64 = margins.iter().map(|row| row["variants"].as_u64().expect("a count")).sum();
-    assert_eq!(counted, 2 * entries.len() as u64, "every variant has a margin, for each of two policies");
+    assert_eq!(counted, 2 * all as u64, "every variant has a margin, for each of two policies");
+    let paired = &report["tables"]["endpoints"]["rows"][0];
+    assert!(paired["scenarios"].as_u64() > Some(0) && paired["second"]["value"].is_number(), "{paired}");
 
     let solution = other.with_file_name(text(&entry["file"]).replace(".scenario.json", ".solution.json"));
     let mut value: Value = serde_json::from_str(&read(&solution)).expect("JSON");
@@ -333,6 +364,47 @@ fn states_that_are_kept_score_as_the_whole_recording_does() {
     let (_, path) = states.first_key_value().expect("a drive");
     let told = ends(dreamstream(&["replay", utf8(path), "--service", "vdm-worker"]), 1);
     assert!(told.contains("advance"), "what it lacks is named: {told}");
+}
+
+#[test]
+fn values_that_cannot_be_meant_are_refused_before_anything_is_driven() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| folder.path().join(name);
+    let (mine, files) = set_of_files(folder.path());
+    let (out, empty) = (path("out"), path("empty.txt"));
+    std::fs::write(&empty, "# nobody\n").expect("written");
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = taken.local_addr().expect("an address").to_string();
+    let (file, set, to) = (utf8(&files[0]), utf8(&mine), utf8(&out));
+    let blind = "constant-velocity";
+    let run = ["run", set, "--policy", blind, "--observation", "layout", "--out", to];
+    let plan = ["plan", set, "--policy"];
+    let check = |arguments: &[&str], code: i32, says: &str| {
+        let told = ends(benchmark(arguments), code);
+        assert!(told.contains(says), "{arguments:?}: {told}");
+        assert!(!out.exists(), "{arguments:?} left files");
+    };
+    check(&["build", "base", "--candidates", "16", "--seed", "18446744073709551615", "--out", to], 64, "--seed");
+    check(&["build", "base", "--unfiltered", "--name", "a/b", "--out", to], 2, "\"a/b\"");
+    check(&["build", "base", "--unfiltered", "--name", "", "--out", to], 2, "\"name\"");
+    check(&["build", "base", "--names", utf8(&empty), "--out", to], 64, "--names");
+    check(&["build", "base", file, "--seed", "1", "--out", to], 64, "--seed");
+    check(&["build", "base", file, "--names", utf8(&empty), "--out", to], 2, "empty.txt");
+    check(&["build", "base", file, file, "--unfiltered", "--out", to], 2, "entries[1].name");
+    check(&[&plan[..], &["nobody"]].concat(), 2, "\"nobody\"");
+    check(&[&plan[..], &[blind, blind]].concat(), 2, "policy constant-velocity is named twice");
+    check(&[&plan[..], &[blind, "--rate", "0"]].concat(), 64, "--rate");
+    check(&[&plan[..], &[blind, "--rate", "nan"]].concat(), 64, "--rate");
+    check(&[&plan[..], &[blind, "--model", "no/such.toml"]].concat(), 2, "no/such.toml");
+    check(&[&run[..], &["--workers", "0"]].concat(), 64, "--workers");
+    check(&[&run[..], &["--model", "no/such.toml"]].concat(), 2, "no/such.toml");
+    check(&[&run[..], &["--metrics", &address]].concat(), 2, &address);
+    let adverse = |more: &[&str], code: i32| {
+        ends(dreamstream(&[&["scenario", "adverse", file, "--out", utf8(folder.path())], more].concat()), code)
+    };
+    assert!(adverse(&["--hand-over", "4294967295"], 64).contains("--hand-over"));
+    std::fs::write(path("adverse.json"), "{}").expect("written");
+    assert!(adverse(&[], 1).contains("adverse.json"));
 }
 
 /// Changes a manifest and returns its path beside the sound one.
@@ -466,4 +538,28 @@ fn one_writer_at_a_time_and_a_full_disk_loses_nothing() {
     let told = ends(shard(&set, &out, &variables), 2);
     assert!(told.contains("benchmark resume"), "{told}");
     assert_eq!(cells(&out), after);
+
+    // A line that was lost after its recording was deleted: the ledger has the drive, and nothing is left to judge it by.
+    let file = out.join("cells.jsonl");
+    let lines = std::fs::read_to_string(&file).expect("cells");
+    std::fs::write(&file, lines.split_inclusive('\n').next().expect("a line")).expect("written");
+    let told = ends(benchmark(&["resume", utf8(&out)]), 1);
+    assert!(told.contains("1 cells were aborted"), "{told}");
+    ends(benchmark(&["resume", utf8(&out)]), 0);
+    let merged = folder.path().join("merged");
+    ends(benchmark(&["merge", utf8(&out), "-o", utf8(&merged)]), 1);
+    assert_eq!(cells(&merged), after);
+
+    // As if program, weights or model had changed since.
+    let sheet = out.join("benchmark.json");
+    let value: Value = serde_json::from_slice(&std::fs::read(&sheet).expect("a sheet")).expect("JSON");
+    for (part, place) in
+        [("program", "/program"), ("policies", "/policies/0/digest"), ("observations", "/observations/0/digest")]
+    {
+        let mut value = value.clone();
+        *value.pointer_mut(place).expect("a part of the sheet") = "was".into();
+        std::fs::write(&sheet, value.to_string()).expect("written");
+        let told = ends(benchmark(&["resume", utf8(&out)]), 2);
+        assert!(told.contains(&format!("{part} differ")) && told.contains("was"), "{told}");
+    }
 }

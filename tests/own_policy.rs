@@ -115,6 +115,21 @@ fn manifests_and_networks_that_do_not_fit_are_refused_before_anything_starts() {
 }
 
 #[test]
+fn who_cannot_be_examined_is_refused_by_name() {
+    for (name, says) in [
+        ("nosuch", "unknown policy"),
+        ("mine.onnx", "named by its manifest, FILE.toml"),
+        ("mine.py", "FILE.py:CLASS"),
+        ("route-follower", "is privileged"),
+        ("nosuch.toml", "nosuch.toml"),
+    ] {
+        let output = crate::harness::dreamstream(&["policy", "doctor", name]).output().expect("runs");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!((output.status.code(), said.contains(says)), (Some(64), true), "{name}: {said}");
+    }
+}
+
+#[test]
 fn the_study_looks_at_frames_through_an_onnx_network() {
     let Some((python, folder)) = exported() else { return };
     let config = |member: &str| {
@@ -149,5 +164,5 @@ fn the_study_looks_at_frames_through_an_onnx_network() {
     assert!(one > 1.0 && (one - other).abs() < 1e-3 * one, "{said}\n{outside}");
     let refused = config("policy = \"numpy.toml\"\nweights = \"numpy.onnx\"\n");
     let said = String::from_utf8_lossy(&refused.stderr).into_owned();
-    assert!(!refused.status.success() && said.contains("a manifest names its network"), "{said}");
+    assert!(refused.status.code() == Some(64) && said.contains("a manifest names its network"), "{said}");
 }

@@ -130,4 +130,13 @@ fn folders_of_recorded_drives_are_compared_as_policies_see_their_frames() {
     let refused = dreamstream(&alone).output().expect("the binary runs");
     let said = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(!refused.status.success() && said.contains("share 0 drives"), "{said}");
+    // One folder that holds each drive twice, and one that holds none.
+    let twice = tempfile::tempdir().expect("a temporary folder");
+    for (index, copy) in [(0, "a.mcap"), (0, "b.mcap"), (1, "c.mcap"), (1, "d.mcap")] {
+        std::fs::copy(real.recording(index), twice.path().join(copy)).expect("is copied");
+    }
+    let doubled = ["study", "drives", "--real", twice.path().to_str().expect("a plain path"), "--source", alone[5]];
+    let refused = dreamstream(&doubled).output().expect("the binary runs");
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(!refused.status.success() && said.contains("mcap are of the same scenario and seed"), "{said}");
 }

@@ -1,7 +1,7 @@
 //! The command line: parse, start logging, run one command, exit code.
 //!
 //! Exit codes: 0 done, 1 failed (a drive that did not complete counts), 64 wrong arguments or settings, 74 what must be kept
-//! cannot be written, such as on a full disk. `benchmark` has exit codes of its own, see its help.
+//! cannot be written, such as on a full disk, 130 interrupted. `benchmark` has exit codes of its own, see its help.
 
 mod cli;
 mod command;

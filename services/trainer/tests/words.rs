@@ -27,7 +27,7 @@ fn what_is_not_meant_is_refused_by_name() {
     for (words, code, says) in [
         (&["train", "sleep"][..], 64, "sleep"),
         (&["data", "render"], 64, "--config"),
-        (&["study", "fidelity", "--config", "none.toml"], 1, "none.toml"),
+        (&["study", "fidelity", "--config", "none.toml"], 64, "none.toml"),
         (&["video", "eval", "--config", "none.toml"], 1, "none.toml"),
     ] {
         let Output { status, stderr, .. } = trainer(words);
@@ -57,6 +57,44 @@ fn a_folder_holds_one_study_at_a_time() {
     let said =
         trainer(&["study", "drives", "--config", &configs[0], "--real", "none", "--source", "none", "--out", out]);
     assert!(String::from_utf8_lossy(&said.stderr).contains("folder none"), "given back: {said:?}");
+    // What another study found there stays.
+    std::fs::write(folder.path().join("correlation.json"), "{}").expect("writes");
+    for (study, config) in ["fidelity", "closed-loop"].iter().zip(&configs) {
+        let Output { status, stderr, .. } = trainer(&["study", study, "--config", config, "--out", out]);
+        let said = String::from_utf8_lossy(&stderr);
+        assert_eq!((status.code(), said.contains("is of study correlation")), (Some(64), true), "{said}");
+    }
+}
+
+#[test]
+fn studies_of_nothing_are_refused_by_name() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("study.toml");
+    let sound = "version = 1\nout = \"out\"\nsets = [\"a.set.json\"]\npolicies = [\"mine.toml\"]\nseeds = [1]\ndraws = 10\nmodel = \"m\"\n\
+        policy_weights = \"w\"\nsources = [\"layout\", \"sim-rgb\"]\nnearer = [[\"layout\", \"sim-rgb\"]]\n";
+    for (from, to, says) in [
+        ("[\"mine.toml\"]", "[]", "policies must name one"),
+        ("seeds = [1]", "seeds = []", "seeds must name one"),
+        ("[\"a.set.json\"]", "[]", "sets must name one"),
+        ("[\"layout\", \"sim-rgb\"]\nnearer", "[\"reference\"]\nnearer", "sources must name one besides the reference"),
+        ("[[\"layout\", \"sim-rgb\"]]", "[[\"layout\", \"layout\"]]", "\"layout\" is nearer than itself"),
+        ("[[\"layout\", \"sim-rgb\"]]", "[[\"layout\", \"logged\"]]", "\"logged\", which is not among sources"),
+        ("draws = 10", "draws = 0", "draws must be 1 to 100000"),
+    ] {
+        std::fs::write(&path, sound.replace(from, to)).expect("writes");
+        let words = ["study", "closed-loop", "--config", path.to_str().expect("a plain path")];
+        let Output { status, stderr, .. } = trainer(&words);
+        let said = String::from_utf8_lossy(&stderr);
+        assert_eq!((status.code(), said.contains(says)), (Some(64), true), "{says}: {said}");
+    }
+    // A manifest lies beside the configuration that names it.
+    let set = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/benchmark/town.set.json");
+    std::fs::write(&path, sound.replace("a.set.json", set)).expect("writes");
+    let out = folder.path().join("out").display().to_string();
+    let words = ["study", "closed-loop", "--config", path.to_str().expect("a plain path"), "--out", &out];
+    let Output { status, stderr, .. } = trainer(&words);
+    let (said, manifest) = (String::from_utf8_lossy(&stderr), folder.path().join("mine.toml"));
+    assert_eq!((status.code(), said.contains(&manifest.display().to_string())), (Some(64), true), "{said}");
 }
 
 #[test]

@@ -18,6 +18,11 @@ use crate::{Policy, Restart};
 pub const EXPLAINED: f64 = 0.4;
 /// Plans nearer to the expert than this need no explanation, in metres.
 const NEAR_M: f64 = 0.05;
+/// A cause that shrinks or stretches plans must leave less than this share of the distance between the expert and a car that stands
+/// still: any plan that leads far off comes near standing still where it is shrunk.
+const STILL: f64 = 0.5;
+/// Kilometres per hour of a metre per second.
+const KMH_PER_MPS: f64 = 3.6;
 /// How far the centre of a car is before its rear axle, in metres.
 const CENTRE_M: f64 = 1.4;
 /// How often each fixture is asked.
@@ -301,20 +306,34 @@ fn distance_m(one: &[PoseSe2], other: &[PoseSe2]) -> f64 {
 type Undo = fn(&[PoseSe2]) -> Vec<PoseSe2>;
 
 /// Check, cause, and how the convention is undone.
-const CONVENTIONS: [(&str, &str, Undo); 9] = [
+type Convention = (&'static str, &'static str, Undo);
+
+const CONVENTIONS: [Convention; 5] = [
     ("axes", "y points right: a left turn has y < 0", |plan| each(plan, |x, y, h| (x, -y, -h))),
     ("axes", "x and y swapped", |plan| each(plan, |x, y, h| (y, x, h))),
     ("units", "headings are degrees, not radians", |plan| each(plan, |x, y, h| (x, y, h.to_radians()))),
-    ("units", "positions are centimetres, not metres", |plan| each(plan, |x, y, h| (0.01 * x, 0.01 * y, h))),
-    ("units", "positions are feet, not metres", |plan| each(plan, |x, y, h| (0.3048 * x, 0.3048 * y, h))),
-    ("rate", "poses are 0.5 s apart but declared 0.1 s apart", slower),
-    ("rate", "poses are 0.1 s apart but declared 0.5 s apart", |plan| {
-        plan.iter().skip(4).step_by(5).copied().collect()
-    }),
     ("origin", "poses are of the car's centre, not its rear axle (1.4 m)", |plan| {
         each(plan, |x, y, h| (x - CENTRE_M * (h.cos() - 1.0), y - CENTRE_M * h.sin(), h))
     }),
     ("origin", "poses are absolute, not in the rig of now", relative),
+];
+
+/// Those that shrink or stretch plans.
+const SCALES: [Convention; 10] = [
+    ("units", "positions are centimetres, not metres", |plan| each(plan, |x, y, h| (0.01 * x, 0.01 * y, h))),
+    ("units", "positions are feet, not metres", |plan| each(plan, |x, y, h| (0.3048 * x, 0.3048 * y, h))),
+    ("units", "positions are 3.6 times too far: km/h for m/s", |plan| {
+        each(plan, |x, y, h| (x / KMH_PER_MPS, y / KMH_PER_MPS, h))
+    }),
+    ("units", "positions are 3.6 times too near: m/s for km/h", |plan| {
+        each(plan, |x, y, h| (KMH_PER_MPS * x, KMH_PER_MPS * y, h))
+    }),
+    ("units", "the speed is taken 3.6 times: km/h for m/s", |plan| slower(plan, KMH_PER_MPS)),
+    ("units", "the speed is divided by 3.6: m/s for km/h", |plan| slower(plan, 1.0 / KMH_PER_MPS)),
+    ("rate", "poses are twice as far apart as declared, such as 0.2 s for 0.1 s", |plan| slower(plan, 2.0)),
+    ("rate", "poses are 0.5 s apart but declared 0.1 s apart", |plan| slower(plan, 5.0)),
+    ("rate", "poses are 0.5 s apart but declared 0.05 s apart", |plan| slower(plan, 10.0)),
+    ("rate", "poses are 0.1 s apart but declared 0.5 s apart", |plan| slower(plan, 0.2)),
 ];
 
 fn each(plan: &[PoseSe2], undo: impl Fn(f64, f64, f64) -> (f64, f64, f64)) -> Vec<PoseSe2> {
@@ -325,15 +344,17 @@ fn each(plan: &[PoseSe2], undo: impl Fn(f64, f64, f64) -> (f64, f64, f64)) -> Ve
     plan.iter().map(undone).collect()
 }
 
-/// Reads every tick as half a second, with the ticks between on straight lines.
-fn slower(plan: &[PoseSe2]) -> Vec<PoseSe2> {
-    let at = |index: usize| if index == 0 { PoseSe2::default() } else { plan[index - 1] };
+/// Reads every tick as so many, on straight lines between poses, until the plan ends or as long as it is.
+fn slower(plan: &[PoseSe2], ticks: f64) -> Vec<PoseSe2> {
+    let at = |index: usize| if index == 0 { PoseSe2::default() } else { plan[index.min(plan.len()) - 1] };
     let between = |tick: usize| {
-        let (from, to, share) = (at(tick / 5), at((tick / 5 + 1).min(plan.len())), (tick % 5) as f64 / 5.0);
+        let place = tick as f64 / ticks;
+        let (from, to, share) = (at(place as usize), at(place as usize + 1), place.fract());
         let position = from.position.lerp(to.position, share);
         PoseSe2::new(position.x, position.y, from.heading_rad + share * (to.heading_rad - from.heading_rad))
     };
-    (1..=plan.len()).map(between).collect()
+    let number = (plan.len() as f64 * ticks.min(1.0)) as usize;
+    (1..=number).map(between).collect()
 }
 
 /// Reads the first pose as where the car is.
@@ -360,10 +381,14 @@ fn convention(fixtures: &[Fixture], plans: &[Vec<PoseSe2>]) -> Option<Finding> {
         let number = own_camera(fixtures, plans).count().max(1) as f64;
         each.fold([0.0; 2], |[given, undone], [g, u]| [given + g, undone + u]).map(|m| m / number)
     };
-    let all = CONVENTIONS.iter().map(|(check, cause, undo)| (check, cause, apart(*undo)));
-    let named = all.filter(|(_, _, [given_m, undone_m])| *given_m > NEAR_M && *undone_m < EXPLAINED * given_m);
+    let [_, still_m] = apart(|plan| vec![PoseSe2::default(); plan.len()]);
+    let bounded =
+        CONVENTIONS.iter().map(|one| (one, f64::INFINITY)).chain(SCALES.iter().map(|one| (one, STILL * still_m)));
+    let named = bounded.map(|((check, cause, undo), most_m)| (check, cause, apart(*undo), most_m)).filter(
+        |(_, _, [given_m, undone_m], most_m)| *given_m > NEAR_M && *undone_m < EXPLAINED * given_m && undone_m < most_m,
+    );
     let best = named.reduce(|best, next| if next.2[1] * best.2[0] < best.2[1] * next.2[0] { next } else { best });
-    best.map(|(check, cause, [given_m, undone_m])| Finding {
+    best.map(|(check, cause, [given_m, undone_m], _)| Finding {
         check,
         says: format!("{cause}: plans are {given_m:.2} m from the expert's, {undone_m:.2} m without that"),
     })

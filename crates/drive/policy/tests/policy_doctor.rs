@@ -65,15 +65,16 @@ fn each(plan: &[PoseSe2], change: impl Fn(f64, f64, f64) -> (f64, f64, f64)) -> 
     plan.iter().map(changed).collect()
 }
 
-/// Spreads a tick over half a second, with straight lines between.
-fn stretched(plan: &[PoseSe2]) -> Vec<PoseSe2> {
+/// Spreads a tick over so many, with straight lines between.
+fn stretched(plan: &[PoseSe2], ticks: f64) -> Vec<PoseSe2> {
     let at = |index: usize| if index == 0 { PoseSe2::default() } else { plan[index - 1] };
     let between = |tick: usize| {
-        let (from, to, share) = (at(tick / 5), at(tick / 5 + 1), (tick % 5) as f64 / 5.0);
+        let place = tick as f64 / ticks;
+        let (from, to, share) = (at(place as usize), at(place as usize + 1), place.fract());
         let position = from.position.lerp(to.position, share);
         PoseSe2::new(position.x, position.y, from.heading_rad + share * (to.heading_rad - from.heading_rad))
     };
-    (1..plan.len()).map(between).collect()
+    (1..=39).take_while(|tick| *tick as f64 / ticks < 40.0).map(between).collect()
 }
 
 fn curvature(red: u8) -> f64 {
@@ -112,13 +113,27 @@ impl Policy for Wrapped {
 fn a_sound_wrapping_has_no_findings_and_each_wrong_one_is_named_by_its_cause() {
     type Wrong = fn(u32, Vec<PoseSe2>) -> Vec<PoseSe2>;
     let sound: Wrong = |_, plan| plan;
-    let rows: [(&str, usize, Wrong, &str, &str); 10] = [
+    let rows: [(&str, usize, Wrong, &str, &str); 17] = [
         ("sound", 0, sound, "", ""),
         ("axes swapped", 0, |_, plan| each(&plan, |x, y, h| (y, x, h)), "axes", "x and y swapped"),
         ("y right", 0, |_, plan| each(&plan, |x, y, h| (x, -y, -h)), "axes", "y points right"),
         ("degrees", 0, |_, plan| each(&plan, |x, y, h| (x, y, h.to_degrees())), "units", "degrees"),
         ("2 Hz as 10 Hz", 0, |_, plan| plan.into_iter().skip(4).step_by(5).collect(), "rate", "0.5 s apart"),
-        ("10 Hz as 2 Hz", 0, |_, plan| stretched(&plan), "rate", "0.1 s apart but declared 0.5 s"),
+        ("5 Hz as 10 Hz", 0, |_, plan| plan.into_iter().skip(1).step_by(2).collect(), "rate", "twice as far apart"),
+        // Eight poses of 4 s, the last of which is held.
+        (
+            "2 Hz as 20 Hz",
+            0,
+            |_, plan| (1..=40).map(|tick| plan[(10 * tick).min(plan.len()) - 1]).collect(),
+            "rate",
+            "0.5 s apart but declared 0.05 s",
+        ),
+        ("10 Hz as 2 Hz", 0, |_, plan| stretched(&plan, 5.0), "rate", "0.1 s apart but declared 0.5 s"),
+        ("feet", 0, |_, plan| each(&plan, |x, y, h| (x / 0.3048, y / 0.3048, h)), "units", "feet"),
+        ("near", 0, |_, plan| each(&plan, |x, y, h| (x / 3.6, y / 3.6, h)), "units", "3.6 times too near"),
+        ("far", 0, |_, plan| each(&plan, |x, y, h| (3.6 * x, 3.6 * y, h)), "units", "3.6 times too far"),
+        ("m/s as km/h", 0, |_, plan| stretched(&plan, 3.6), "units", "divided by 3.6"),
+        ("km/h as m/s", 0, |_, plan| stretched(&plan, 1.0 / 3.6), "units", "taken 3.6 times"),
         (
             "centre",
             0,

@@ -359,14 +359,15 @@ impl EvalConfig {
 
     fn check(&self) -> Result<(), EvaluationError> {
         let refuse = |field: &str, rule: &str| Err(EvaluationError::config(field, rule));
-        if self.version != 1 {
-            return refuse("version", "must be 1");
-        }
-        if !(1..=100_000).contains(&self.columns.scenarios) {
-            return refuse("columns.scenarios", "must be 1 to 100000");
-        }
-        if !(1..=100_000).contains(&self.resamples) {
-            return refuse("resamples", "must be 1 to 100000");
+        let (columns, amounts) = (&self.columns, 1..=100_000);
+        let rules = [
+            ("version", self.version == 1, "must be 1"),
+            ("columns.scenarios", amounts.contains(&columns.scenarios), "must be 1 to 100000"),
+            ("columns.first_seed", columns.first_seed <= u64::MAX - amounts.end(), "must leave 100000 seeds above it"),
+            ("resamples", amounts.contains(&self.resamples), "must be 1 to 100000"),
+        ];
+        if let Some((field, _, rule)) = rules.iter().find(|(_, held, _)| !held) {
+            return refuse(field, rule);
         }
         for (name, arm) in &self.arms {
             let (teacher, sampled) = (arm.kind == ArmKind::Teacher, arm.kind.samples_windows());

@@ -213,6 +213,7 @@ fn wrong_configurations_are_named() {
     check("directions = 3", "directions = 17", "directions within 1 to 16");
     check("cache_source = \"clean\"", "guidance = 2.0", "a teacher's");
     check("scenarios = 2", "scenarios = 0", "columns.scenarios");
+    check("first_seed = 20_000_000", "first_seed = 18446744073709551615", "columns.first_seed");
     check("pace = 0.75", "paces = 0.75", "paces");
     check("\"night\"]", "\"nacht\"]", "nacht");
     let worded = |name: &str| {

@@ -16,12 +16,13 @@ fn configs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../configs")
 }
 
-/// The shipped study, small and without the video model.
+/// The shipped study, small, without the video model and two of the panel.
 fn config(out: &Path) -> StudyConfig {
     let mut config = StudyConfig::load(&configs().join("study/fidelity.toml")).expect("the shipped study");
     config.sources.retain(|source| ["reference", "sim-rgb", "layout"].contains(&source.name()));
     let left: Vec<String> = config.sources.iter().map(|source| source.name().to_owned()).collect();
     config.ratios.retain(|pair| pair.iter().all(|name| left.contains(name)));
+    config.panel.retain(|member| !["diffusiondrive", "rap"].contains(&member.name.as_str()));
     config.video = None;
     (config.size_px, config.scenarios, config.frames, config.draws) = ((160, 96), 6, 16, 10);
     config.out = out.to_path_buf();
@@ -91,8 +92,8 @@ fn the_reference_is_at_zero_and_what_was_looked_at_is_kept() {
     let (config, found, first) = &*STUDIED;
     assert_eq!((first.made, first.kept), (18, 6), "6 scenarios × 3 sets; the reference as a source is the real set");
     let row = |policy: &str, source: &str| &found.policies[policy].sources[source];
-    let panel = ["camera", "drivor", "ltf"];
-    for policy in panel.into_iter().chain(["camera-drawn"]) {
+    let panel = ["drivor", "ltf", "sparsedrive"];
+    for policy in panel.into_iter().chain(["camera", "camera-drawn"]) {
         assert!(row(policy, "reference").fd.value.abs() < 1e-6, "equal pixels");
         for source in ["sim-rgb", "layout"] {
             let row = row(policy, source);
@@ -101,7 +102,7 @@ fn the_reference_is_at_zero_and_what_was_looked_at_is_kept() {
             assert!(row.warnings.iter().any(|warning| warning.contains("fewer")), "12 frames are few");
         }
     }
-    // FDπ is of the panel alone, without its control.
+    // FDπ is of the panel alone, without its controls.
     let mean = panel.iter().map(|policy| row(policy, "layout").fd.value).sum::<f64>() / 3.0;
     assert!((found.fd_pi["layout"].value - mean).abs() < 1e-9);
     assert_eq!(found.others["fd_look_clip"].features, 128);
@@ -109,7 +110,11 @@ fn the_reference_is_at_zero_and_what_was_looked_at_is_kept() {
     assert!(found.worst["layout"].windows(2).all(|pair| pair[0].apart >= pair[1].apart));
     study::write(config, found).expect("writes");
     let page = std::fs::read_to_string(config.out.join("index.html")).expect("a page");
-    assert!(page.contains("sim-to-reference") && page.contains("camera-drawn"));
+    assert!(page.contains("sim-to-reference") && page.contains("camera-drawn") && page.contains("held-out"));
+    let seen = Outcome { held_out: Some(false), ..found.clone() };
+    study::write(config, &seen).expect("writes");
+    let page = std::fs::read_to_string(config.out.join("index.html")).expect("a page");
+    assert!(found.held_out == Some(true) && page.contains("below those held out") && !page.contains("held-out"));
     let picture = found.worst["layout"][0].picture.as_ref().expect("the worst scene is shown");
     assert!(config.out.join("scenes").join(picture).exists());
     let (again, second) = study(config);
@@ -158,11 +163,14 @@ fn far_sources_are_correlated_with_plans() {
     let correlation = found.correlation.as_ref().expect("asked for");
     assert_eq!(correlation.sources, 6, "the real set is none");
     let metric = &correlation.metrics["fd_pi"];
-    assert!(metric.r.value.abs() <= 1.0 && metric.points.len() == 18 && metric.each.len() == 3, "{metric:?}");
+    assert!(
+        metric.r.low >= -1.0 && metric.r.high <= 1.0 && metric.points.len() == 18 && metric.each.len() == 3,
+        "{metric:?}"
+    );
     // By hand: r of one policy with the mean distance of the other two.
     let fd = |policy: &str, source: &str| found.policies[policy].sources[source].fd.value;
     for point in metric.points.iter().filter(|point| point.policy == "ltf") {
-        let mean = 0.5 * (fd("camera", &point.source) + fd("drivor", &point.source));
+        let mean = 0.5 * (fd("drivor", &point.source) + fd("sparsedrive", &point.source));
         assert!((point.distance - mean).abs() < 1e-9);
         assert!((0.0..=1.0).contains(&point.pdms) && point.pdms == correlation.pdms["ltf"][&point.source]);
     }
@@ -217,11 +225,30 @@ fn wrong_studies_are_named() {
     };
     check(|config| config.every = 4, "every");
     check(|config| config.scenarios = 1, "scenarios");
+    check(|config| config.scenarios = 3, "scenarios: are too few");
+    check(|config| config.first_seed = u64::MAX - 2, "first_seed");
+    check(
+        |config| config.sources[0] = source("{ name = \"reference\", from = \"layout\" }"),
+        "\"reference\" is the name",
+    );
+    check(|config| config.sources.push(source("{ name = \"fd_pi\", from = \"layout\" }")), "\"fd_pi\" is the name");
+    check(|config| config.panel[1].name = "own features".to_owned(), "panel: \"own features\" is the name");
+    check(|config| config.panel[1].name = config.panel[0].name.clone(), "twice");
+    check(
+        |config| config.recorded = recorded(&config.out, (96, 64), [5, 17], ["reference", "far"]),
+        "recorded: \"reference\"",
+    );
     check(|config| config.panel.iter_mut().for_each(|member| member.control = true), "panel");
     check(|config| config.sources.push(source("layout")), "twice");
     check(|config| config.sources.push(source("dreamstream")), "video");
     check(|config| config.ratios.push(["dreamstream", "layout"].map(str::to_owned)), "ratios");
     check(|config| config.marks = vec![5, 16], "marks");
+    let mut config = base.clone();
+    config.sources.extend(["logged", "reprojected", "abroad"].map(source));
+    config.panel.iter_mut().skip(1).for_each(|member| member.control = true);
+    config.panel[0].control = false;
+    let error = config.check_for(Study::Correlation).expect_err("a panel of one").to_string();
+    assert!(error.contains("panel: must name 2 policies"), "{error}");
     let mut config = base.clone();
     config.panel[0].policy = "lattice".to_owned();
     let error = run(Study::Fidelity, &config).expect_err("no features").to_string();
@@ -266,6 +293,7 @@ impl Policy for Guest {
 fn a_policy_that_connects_is_a_member_and_another_one_is_looked_at_anew() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let mut config = config(folder.path());
+    config.first_seed = 29_999_999;
     config.panel = vec![study::config::MemberConfig {
         name: "mine".to_owned(),
         policy: "guest".to_owned(),
@@ -284,7 +312,7 @@ fn a_policy_that_connects_is_a_member_and_another_one_is_looked_at_anew() {
         found.map(|found| (found, counted)).map_err(|error| error.to_string())
     };
     let (found, first) = with(&config, true, 1.0).expect("the study runs");
-    assert_eq!((first.made, first.kept), (18, 6));
+    assert_eq!((first.made, first.kept, found.held_out), (18, 6, Some(false)));
     let table = &found.policies["mine"];
     assert_eq!(table.features, 2, "the mean over two tokens of two numbers");
     assert!(table.sources["reference"].fd.value.abs() < 1e-6 && table.sources["layout"].fd.value > 0.1);
@@ -300,9 +328,9 @@ fn a_policy_that_connects_is_a_member_and_another_one_is_looked_at_anew() {
 }
 
 /// Writes pictures of stripes, wider in one folder than in the other, and names them as recorded sets.
-fn recorded(folder: &Path, size_px: (u32, u32), widths: [u32; 2]) -> Vec<study::config::Recorded> {
+fn recorded(folder: &Path, size_px: (u32, u32), widths: [u32; 2], names: [&str; 2]) -> Vec<study::config::Recorded> {
     let mut text = String::new();
-    for (name, width) in ["near", "far"].into_iter().zip(widths) {
+    for (name, width) in names.into_iter().zip(widths) {
         std::fs::create_dir_all(folder.join(name)).expect("a folder");
         for frame in 0..6 {
             let level = |x: u32, y: u32| (((x + 7 * frame) / width + y / (width + frame)) * 53 % 256) as u8;
@@ -327,7 +355,7 @@ fn recorded_frames_are_the_unit() {
     config.scenarios = 4;
     let run = |config: &StudyConfig| run(Study::Anchor, config).map_err(Box::new);
     assert!(run(&config).expect_err("no recorded sets").to_string().contains("recorded"));
-    config.recorded = recorded(folder.path(), (96, 64), [5, 17]);
+    config.recorded = recorded(folder.path(), (96, 64), [5, 17], ["near", "far"]);
     let found = run(&config).expect("the study runs");
     study::write(&config, &found).expect("writes");
     let anchor = found.anchor.expect("an anchor");
@@ -338,7 +366,7 @@ fn recorded_frames_are_the_unit() {
     let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
     assert!(page.find("Real frames as unit") < page.find("FDπ, the mean"));
 
-    config.recorded = recorded(folder.path(), (96, 64), [5, 5]);
+    config.recorded = recorded(folder.path(), (96, 64), [5, 5], ["near", "far"]);
     assert!(run(&config).expect_err("equal sets").to_string().contains("look the same"));
     std::fs::write(folder.path().join("near/3.png"), b"no picture").expect("writes");
     assert!(run(&config).expect_err("a damaged picture").to_string().contains("3.png"));

@@ -17,7 +17,10 @@ pub enum FidelityError {
         source: SampleError,
     },
     /// The features are the same for every frame, so that no distance has a unit.
-    #[error("features of policy {policy:?} are constant over the real frames")]
+    #[error(
+        "features of policy {policy:?} are constant over the real frames; a network of several frames sees the same one as often, which \
+         has no motion"
+    )]
     Constant {
         /// The policy.
         policy: String,

@@ -1,12 +1,15 @@
 //! Intervals of distances from resamples.
 //!
 //! A resample holds scenarios twice, which adds bias; so intervals are re-centred (basic bootstrap, Davison and Hinkley
-//! 1997, section 5.2): from 2v - q97.5 to 2v - q2.5. Ratios are treated the same way on the scale of logarithms.
+//! 1997, section 5.2): from 2v - q97.5 to 2v - q2.5. Ratios are treated the same way on the scale of logarithms, correlations on that of Fisher's z.
 
 use ds_stats::percentiles;
 
 /// The share that an interval holds.
 pub const CONFIDENCE: f64 = 0.95;
+
+/// Correlations beyond this have the z of this one.
+const MOST_R: f64 = 0.999_999;
 
 /// A value with the ends of its interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,6 +43,14 @@ pub fn ratio(above: f64, below: f64, drawn: (&[f64], &[f64])) -> Option<Interval
     Some(Interval { value: found.value.exp(), low: found.low.exp(), high: found.high.exp() })
 }
 
+/// Returns a correlation with its interval, which lies within −1 and 1.
+#[must_use]
+pub fn correlation(r: f64, drawn: &[f64]) -> Interval {
+    let z = |r: f64| r.clamp(-MOST_R, MOST_R).atanh();
+    let found = recentred(z(r), drawn.iter().map(|r| z(*r)).collect());
+    Interval { value: r, low: found.low.tanh(), high: found.high.tanh() }
+}
+
 /// Returns the mean of several columns, draw by draw.
 #[must_use]
 pub fn mean_of(columns: &[&[f64]]) -> Vec<f64> {
@@ -62,6 +73,10 @@ mod tests {
         let found = ratio(20.0, 2.0, (&ten, &one)).expect("above zero");
         assert!((found.low - 10.0).abs() < 1e-9 && (found.high - 10.0).abs() < 1e-9, "{found:?}");
         assert_eq!(ratio(1.0, 0.0, (&one, &one)), None);
+        // Without the scale of z from −1.38 to −0.79.
+        let found = correlation(-0.9, &[-1.0, -0.9, -0.5, f64::NAN, -0.42]);
+        assert!(found.value == -0.9 && found.low > -1.0 && found.low < -0.97 && found.high > -0.9, "{found:?}");
+        assert!(correlation(1.0, &[1.0, 0.2]).high <= 1.0);
         assert_eq!(mean_of(&[&[1.0, 2.0], &[3.0, 6.0]]), [2.0, 4.0]);
     }
 }

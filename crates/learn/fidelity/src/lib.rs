@@ -14,7 +14,7 @@ mod scenarios;
 
 pub use compared::{Compared, Distance, picks};
 pub use error::FidelityError;
-pub use interval::{CONFIDENCE, Interval, mean_of, ratio, recentred};
+pub use interval::{CONFIDENCE, Interval, correlation, mean_of, ratio, recentred};
 pub use pool::{mean_pooled, placed};
 pub use principal::Principal;
 pub use scenarios::Features;

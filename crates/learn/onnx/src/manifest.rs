@@ -2,6 +2,7 @@
 
 mod calibration;
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use ds_space::{Digest, DigestWriter};
@@ -18,6 +19,8 @@ const VERSION: u32 = 1;
 const MOST_SIDE_PX: usize = 4096;
 /// No answer has more candidates.
 const MOST_PROPOSALS: usize = 1_024;
+/// No two poses lie nearer or farther apart, in seconds.
+const SPACING_S: RangeInclusive<f64> = 0.01..=60.0;
 /// No network sees more frames.
 const MOST_HISTORY: u32 = 64;
 
@@ -213,7 +216,7 @@ pub struct PlanSection {
     pub output: String,
     /// When the first pose is due, in seconds: 0, or `spacing_s`.
     pub first_s: f64,
-    /// Time between poses, in seconds.
+    /// Time between poses, 0.01 to 60 s.
     pub spacing_s: f64,
     /// What the first two numbers of a pose are.
     #[serde(default)]
@@ -316,11 +319,14 @@ impl Manifest {
         let (policy, plan) = (&self.policy, &self.plan);
         let word = |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || "-_.".contains(letter);
         let plain = (1..=64).contains(&policy.name.len()) && policy.name.chars().all(word);
-        let whole = |positive: f64| positive.is_finite() && positive > 0.0;
         let rules = [
             (self.version == VERSION, "version", format!("is {}, known is {VERSION}", self.version)),
             (plain, "policy.name", format!("is {:?}: 1 to 64 of a-z, 0-9, - _ . are allowed", policy.name)),
-            (whole(plan.spacing_s), "plan.spacing_s", format!("is {}, it must be positive", plan.spacing_s)),
+            (
+                SPACING_S.contains(&plan.spacing_s),
+                "plan.spacing_s",
+                format!("is {}, it must be {} to {} s", plan.spacing_s, SPACING_S.start(), SPACING_S.end()),
+            ),
             (
                 plan.first_s == 0.0 || (plan.first_s - plan.spacing_s).abs() < 1e-9,
                 "plan.first_s",

@@ -1,5 +1,7 @@
 //! `policy doctor`: asks a policy about generated states whose expert plan is known, and says what its wrapping gets wrong.
 
+use std::ffi::OsStr;
+use std::path::Path;
 use std::process::Stdio;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -10,6 +12,7 @@ use ds_launch::{guest, own};
 use ds_policy::doctor::{self, Examination, Finding, Fixture, determinism, examine};
 use ds_policy::driver::Driver;
 use ds_policy::{Builtin, EgoView, Observation, Own, Policy};
+use ds_process::service::UsageError;
 use ds_process::terminal::{answer, bar};
 use ds_raster::RgbImage;
 use ds_scenario::{Family, generate};
@@ -80,10 +83,10 @@ pub(crate) fn run(command: &PolicyCommand) -> Result<()> {
             ));
         }
         let names: Vec<&str> = fixtures.iter().map(|fixture| fixture.name.as_str()).collect();
-        answer(&format!("{} states ({}): {} findings", fixtures.len(), names.join(", "), found.findings.len()));
+        answer(&format!("{} states ({}): {}", fixtures.len(), names.join(", "), counted(&found)));
     }
     if !found.findings.is_empty() {
-        bail!("policy {name:?}: {} findings", found.findings.len());
+        bail!("policy {name:?}: {}", counted(&found));
     }
     Ok(())
 }
@@ -105,6 +108,12 @@ fn as_json(name: &str, fixtures: &[Fixture], found: &Examination, millis: Option
     })
 }
 
+/// Returns the number of findings in words.
+fn counted(found: &Examination) -> String {
+    let number = found.findings.len();
+    format!("{number} finding{}", if number == 1 { "" } else { "s" })
+}
+
 /// Says what the policy tells that it attends to; what is wrong with it is a finding.
 fn feature(found: &Examination) -> String {
     let says = match found.feature {
@@ -112,6 +121,7 @@ fn feature(found: &Examination) -> String {
             format!("[{tokens}, {channels}] of each frame, by the frame alone: fit for a panel of FDπ")
         }
         None if found.findings.iter().any(|finding| finding.check == "feature") => "none that is sound".to_owned(),
+        None if found.plans.is_empty() => "not asked for: the answers are wrong before".to_owned(),
         None => "none is given: the policy cannot be a member of a panel of FDπ".to_owned(),
     };
     format!("{:<11} {says}", "feature")
@@ -152,14 +162,7 @@ impl Patient {
             };
             return Self::of_process(process, runtime, &fixtures[0]);
         }
-        let policy = match Own::named(name) {
-            Some(manifest) => Box::new(own::read(&manifest)?) as Box<dyn Policy>,
-            None => ds_policy::builtin(name, &Builtin { weights: Some(weights.clone()) })?,
-        };
-        if policy.privileged() {
-            bail!("policy {name:?} is privileged: it plans from the scenario, not from what the fixtures show");
-        }
-        Ok(Self { policy, _process: None })
+        Ok(Self { policy: inside(name, weights)?, _process: None })
     }
 
     /// Starts a process that connects to an endpoint, and waits until it has answered once.
@@ -180,6 +183,29 @@ impl Patient {
             std::thread::sleep(Duration::from_millis(20));
         }
         Ok(Self { policy: Box::new(policy), _process: Some(process) })
+    }
+}
+
+/// Makes a policy that runs in this process.
+///
+/// # Errors
+/// [`UsageError`] if there is none of the name, its files cannot be used or it is privileged.
+fn inside(name: &str, weights: &Path) -> Result<Box<dyn Policy>> {
+    let refused = |says: String| Err(UsageError(format!("policy {name:?} {says}")).into());
+    if let Some(manifest) = Own::named(name) {
+        return Ok(Box::new(own::read(&manifest)?));
+    }
+    match Path::new(name).extension().and_then(OsStr::to_str) {
+        Some("onnx") => return refused("is a network, which is named by its manifest, FILE.toml".to_owned()),
+        Some("py") => return refused("is a file, a class of it is named FILE.py:CLASS".to_owned()),
+        _ => {}
+    }
+    match ds_policy::builtin(name, &Builtin { weights: Some(weights.to_path_buf()) }) {
+        Ok(policy) if policy.privileged() => {
+            refused("is privileged: it plans from the scenario, not from what the fixtures show".to_owned())
+        }
+        Ok(policy) => Ok(policy),
+        Err(error) => Err(UsageError(format!("{:#}", anyhow::Error::from(error))).into()),
     }
 }
 

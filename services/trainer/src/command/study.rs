@@ -7,13 +7,16 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
+use clap::Subcommand;
+use ds_evaluate::EvaluationError;
 use ds_evaluate::study::config::Recorded;
 use ds_evaluate::study::outcome::{Figure, Outcome, Parts, PlansOf};
 use ds_evaluate::study::{self, Guests, Means, Study, StudyConfig};
 use ds_launch::guest;
 use ds_policy::Policy;
-use ds_process::run_folder::{self, Earlier};
+use ds_process::run_folder::{self, Earlier, Held};
+use ds_process::service::UsageError;
 use ds_process::shipped;
 use ds_process::terminal::{answer, bar};
 
@@ -53,9 +56,44 @@ fn config_of(args: &StudyArgs, name: &str) -> PathBuf {
     args.config.clone().unwrap_or_else(|| shipped::find(Path::new(&format!("configs/study/{name}.toml"))))
 }
 
+/// Reads a configuration.
+///
+/// # Errors
+/// [`UsageError`] names the file and what is wrong with it.
+fn load(path: &Path) -> Result<StudyConfig> {
+    Ok(StudyConfig::load(path).map_err(|error| wrong(path, error))?)
+}
+
+/// Says what is wrong with a file of settings.
+fn wrong(path: &Path, error: impl Into<anyhow::Error>) -> UsageError {
+    UsageError(format!("{}: {:#}", path.display(), error.into()))
+}
+
+/// Returns a refusal of settings as one, and what failed otherwise as it is.
+fn refused(path: &Path, error: EvaluationError) -> anyhow::Error {
+    if matches!(error, EvaluationError::Config { .. }) { wrong(path, error).into() } else { error.into() }
+}
+
+/// Takes hold of the folder of a study of a name.
+///
+/// # Errors
+/// If another run holds it, or [`UsageError`] if it holds what another study found.
+fn take(out: &Path, name: &str) -> Result<Held> {
+    let held = run_folder::take(out, Earlier::Resumed)?;
+    let all = StudyCommand::augment_subcommands(clap::Command::new("study"));
+    for other in all.get_subcommands().map(clap::Command::get_name).filter(|other| *other != name) {
+        let found = out.join(format!("{other}.json"));
+        if found.exists() {
+            let says = format!("{} is of study {other}, a folder holds one study: give another --out", found.display());
+            return Err(UsageError(says).into());
+        }
+    }
+    Ok(held)
+}
+
 fn of_frames(study: Study, args: &StudyArgs) -> Result<()> {
     let path = config_of(args, study.name());
-    let mut config = StudyConfig::load(&path).with_context(|| format!("configuration {}", path.display()))?;
+    let mut config = load(&path)?;
     if let Some(out) = &args.out {
         config.out.clone_from(out);
     }
@@ -64,14 +102,14 @@ fn of_frames(study: Study, args: &StudyArgs) -> Result<()> {
     }
     config.scenarios = args.scenarios.unwrap_or(config.scenarios);
     if let Some(file) = &args.recorded {
-        config.recorded = Recorded::load(file).with_context(|| format!("recorded sets of {}", file.display()))?;
+        config.recorded = Recorded::load(file).map_err(|error| wrong(file, error))?;
     }
-    config.check_for(study)?;
-    let _held = run_folder::take(&config.out, Earlier::Resumed)?;
+    config.check_for(study).map_err(|error| refused(&path, error))?;
+    let _held = take(&config.out, study.name())?;
     let began = Instant::now();
     let mut progress = Bar(bar(0, "sets"));
     let means = Means { guests: &guests()?, seconds: &|| began.elapsed().as_secs_f64(), workers: None };
-    let mut outcome = study::run(study, &config, &means, &mut progress)?;
+    let mut outcome = study::run(study, &config, &means, &mut progress).map_err(|error| refused(&path, error))?;
     outcome.quick = args.quick;
     study::write(&config, &outcome)?;
     progress.0.finish_and_clear();
@@ -120,7 +158,7 @@ fn findings(outcome: &Outcome) {
 
 /// Says of each source and policy how far plans are apart, and what each part does to that.
 fn parts(outcome: &Outcome, found: &Parts) {
-    answer(&format!("metres after 2 s, 95 % intervals over {} scenarios; {}", outcome.scenarios, outcome.kind));
+    answer(&format!("metres after 2 s, 95 % intervals over {}; {}", outcome.of_scenarios(), outcome.kind));
     let policies = |(source, policies)| std::iter::repeat(source).zip(policies);
     let all: Vec<(&String, (&String, &PlansOf))> = found.sources.iter().flat_map(policies).collect();
     for (source, (policy, plans)) in all {
@@ -144,7 +182,7 @@ fn parts(outcome: &Outcome, found: &Parts) {
 }
 
 fn said(outcome: &Outcome) {
-    answer(&format!("× 100, 95 % intervals over {} scenarios; {}", outcome.scenarios, outcome.kind));
+    answer(&format!("× 100, 95 % intervals over {}; {}", outcome.of_scenarios(), outcome.kind));
     if let Some(anchor) = &outcome.anchor {
         let [first, second] = &anchor.unit;
         let says = |table: &BTreeMap<String, f64>| {

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use ds_launch::{Networks, onlooker as viewer};
+use ds_process::service::InterruptedError;
 use ds_process::shipped;
 use ds_process::terminal::{answer, bar, stop_flag};
 use ds_record::viewing::{TrainedStage, Training};
@@ -127,8 +128,7 @@ pub(crate) fn run(args: &TrainArgs) -> Result<()> {
             answer(&format!("in the viewer: rerun {}", view(&config)?.display()));
         }
         if stop.load(Ordering::Relaxed) {
-            answer("stopped; the same command goes on from here");
-            break;
+            return Err(InterruptedError("the same command goes on from here".to_owned()).into());
         }
     }
     Ok(())

@@ -32,8 +32,9 @@ pub(super) fn of(policy: &mut dyn Policy, fixtures: &[Fixture]) -> Result<Option
     }
     let Some(Some(first)) = found.first() else { return Ok(None) };
     if found.len() > 1 && found.iter().flatten().all(|tokens| tokens == first) {
-        let says = "the feature is the same for every frame: FDπ would be 0 for any source".to_owned();
-        return Err(wrong(says));
+        let says = "the feature is the same for every frame: FDπ would be 0 for any source; a network of several frames is shown the same one \
+                    as often, which has no motion";
+        return Err(wrong(says.to_owned()));
     }
     match of_motion(policy, fixtures) {
         Some(says) => Err(wrong(says)),

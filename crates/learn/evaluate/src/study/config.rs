@@ -57,6 +57,14 @@ pub enum WorldName {
 }
 
 impl WorldName {
+    /// Returns the seed from which on no training has seen what is generated.
+    pub(crate) fn held_out_from(self) -> u64 {
+        match self {
+            Self::A => 30_000_000,
+            Self::B => 10_001,
+        }
+    }
+
     /// Returns the world.
     pub(crate) fn world(self) -> &'static dyn CameraWorld {
         match self {
@@ -129,6 +137,9 @@ fn one() -> f64 {
 /// Frames up to a mark whose distance is stated there.
 pub(crate) const WINDOW: u32 = 10;
 
+/// Names of figures, beside the real set's own: no source, policy or recorded set has one.
+const RESERVED: [&str; 5] = ["the real set", "fd_look", "fd_look_clip", "fd_pi", "own features"];
+
 /// The least frames between two that distances are of.
 const APART: u32 = 8;
 
@@ -200,6 +211,12 @@ impl StudyConfig {
         self.marks.iter().flat_map(|mark| mark + 1 - WINDOW..=*mark).collect()
     }
 
+    /// Returns the rows of a scenario in the smallest matrix of features: frames that are looked at, or clips.
+    fn rows(&self) -> u32 {
+        let looked = if self.marks.is_empty() { self.frames / self.every } else { WINDOW };
+        looked.min(self.frames / self.clip)
+    }
+
     /// Returns the sources besides the real set itself.
     pub(crate) fn others(&self) -> impl Iterator<Item = (usize, &Source)> {
         self.sources.iter().enumerate().filter(|(_, source)| !source.is_real())
@@ -215,9 +232,20 @@ impl StudyConfig {
     /// # Errors
     /// If it does not; names the field.
     pub fn check_for(&self, study: Study) -> Result<(), EvaluationError> {
+        self.check()?;
         let rules = [
             ("sources", study != Study::Correlation || self.others().count() >= 4, "must name 4 besides the reference"),
             ("sources", study != Study::Parts || self.others().count() > 0, "must name one besides the reference"),
+            (
+                "panel",
+                study != Study::Correlation || self.panel.iter().filter(|member| !member.control).count() > 1,
+                "must name 2 policies that are no control: each is held against the distance of the others",
+            ),
+            (
+                "scenarios",
+                study == Study::Parts || (self.scenarios / 2).saturating_mul(u64::from(self.rows())) > 1,
+                "are too few: half of them must hold 2 frames and 2 clips",
+            ),
             ("recorded", study != Study::Parts || self.recorded.is_empty(), "are not of parts, which measures plans"),
             ("edits", (study == Study::Sensitivity) != self.edits.is_empty(), "are of sensitivity, which needs one"),
             ("recorded", study != Study::Anchor || self.recorded.len() > 1, "must name two sets of recorded frames"),
@@ -225,8 +253,8 @@ impl StudyConfig {
         ];
         match rules.iter().find(|(_, held, _)| !held) {
             Some((field, _, rule)) => Err(EvaluationError::config(*field, *rule)),
-            None if study == Study::Parts => self.check(),
-            None => self.check_apart().and_then(|()| self.check()),
+            None if study == Study::Parts => Ok(()),
+            None => self.check_apart(),
         }
     }
 
@@ -249,6 +277,11 @@ impl StudyConfig {
         let rules = [
             ("version", self.version == 1, "must be 1"),
             ("scenarios", (2..=100_000).contains(&self.scenarios), "must be 2 to 100000"),
+            (
+                "first_seed",
+                self.first_seed.checked_add(self.scenarios).is_some(),
+                "must leave as many seeds above it as there are scenarios",
+            ),
             ("every", (1..=self.frames).contains(&self.every), "must be 1 to frames"),
             ("frames", self.frames <= 2_000, "must be 2000 at most"),
             ("pace", self.pace > 0.0 && self.pace <= 4.0, "must be above 0, at most 4"),
@@ -271,22 +304,7 @@ impl StudyConfig {
         if let Some((field, _, rule)) = rules.iter().find(|(_, held, _)| !held) {
             return Err(EvaluationError::config(*field, *rule));
         }
-        for (field, names) in [
-            ("sources", self.sources.iter().map(Source::name).collect::<Vec<_>>()),
-            ("panel", self.panel.iter().map(|member| member.name.as_str()).collect()),
-            (
-                "recorded and sources",
-                self.recorded
-                    .iter()
-                    .map(|set| set.name.as_str())
-                    .chain(self.sources.iter().map(Source::name))
-                    .collect(),
-            ),
-        ] {
-            if let Some(twice) = (1..names.len()).find(|at| names[..*at].contains(&names[*at])) {
-                return Err(EvaluationError::config(field, format!("{:?} stands twice", names[twice])));
-            }
-        }
+        self.check_names()?;
         for (field, pairs) in [("ratios", &self.ratios), ("edits", &self.edits)] {
             if let Some(absent) = pairs.iter().flatten().find(|name| self.place(name).is_none()) {
                 return Err(EvaluationError::config(field, format!("{absent:?} is not among sources")));
@@ -301,6 +319,33 @@ impl StudyConfig {
         let made_in_a = [ObservationSource::Reprojected, ObservationSource::Abroad];
         if let Some(source) = self.sources.iter().find(|s| self.world == WorldName::B && made_in_a.contains(&s.from)) {
             return Err(EvaluationError::config("sources", format!("{:?} is of world A alone", source.name())));
+        }
+        Ok(())
+    }
+
+    /// Checks that no row of a table takes the place of another.
+    fn check_names(&self) -> Result<(), EvaluationError> {
+        let sources: Vec<&str> = self.sources.iter().map(Source::name).collect();
+        let panel: Vec<&str> = self.panel.iter().map(|member| member.name.as_str()).collect();
+        let recorded: Vec<&str> = self.recorded.iter().map(|set| set.name.as_str()).collect();
+        let real = Source::reference();
+        let own = |name: &&str| {
+            *name != real.name() || self.sources.iter().any(|source| source.name() == *name && !source.is_real())
+        };
+        let declared = sources.iter().copied().filter(own).collect();
+        for (field, names) in [("sources", declared), ("panel", panel.clone()), ("recorded", recorded.clone())] {
+            if let Some(taken) = names.iter().find(|name| real.name() == **name || RESERVED.contains(name)) {
+                return Err(EvaluationError::config(
+                    field,
+                    format!("{taken:?} is the name of something else in tables"),
+                ));
+            }
+        }
+        let beside = [recorded, sources.clone()].concat();
+        for (field, names) in [("sources", sources), ("panel", panel), ("recorded and sources", beside)] {
+            if let Some(twice) = (1..names.len()).find(|at| names[..*at].contains(&names[*at])) {
+                return Err(EvaluationError::config(field, format!("{:?} stands twice", names[twice])));
+            }
         }
         Ok(())
     }

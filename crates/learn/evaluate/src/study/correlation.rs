@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use ds_fidelity::{picks, recentred};
+use ds_fidelity::{correlation, picks, recentred};
 use ds_stats::{fisher, pearson, spearman};
 
 use super::found::Found;
@@ -120,7 +120,7 @@ fn metric(
         })
     });
     Some(Metric {
-        r: Figure::of(recentred(r, drawn.to_vec()), 1.0),
+        r: Figure::of(correlation(r, drawn), 1.0),
         of_sources: fisher(r, sources.len()),
         each: each.collect(),
         spearman: ranked.iter().sum::<f64>() / ranked.len().max(1) as f64,

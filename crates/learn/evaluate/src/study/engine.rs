@@ -35,6 +35,7 @@ pub fn run(
         kind: "sim-to-reference".to_owned(),
         world: format!("{:?}", config.world),
         first_seed: config.first_seed,
+        held_out: Some(config.first_seed >= config.world.held_out_from()),
         scenarios: under_way.takes.len(),
         looks: under_way.looks(),
         ..Outcome::default()

@@ -104,7 +104,7 @@ pub struct Point {
 /// How a metric goes with PDMS over sources.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Metric {
-    /// Mean over policies of Pearson's r; the interval is over scenarios.
+    /// Mean over policies of Pearson's r; the interval is over scenarios, re-centred on the scale of Fisher's z.
     pub r: Figure,
     /// 95 % interval over as many independent sources.
     pub of_sources: Option<[f64; 2]>,
@@ -317,6 +317,9 @@ pub struct Outcome {
     pub kind: String,
     /// Seed of the first scenarios.
     pub first_seed: u64,
+    /// Whether no training has seen any of them; none for recorded drives.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub held_out: Option<bool>,
     /// Scenarios, half of them displaced from the log.
     pub scenarios: usize,
     /// Seconds that the frames took to be made and looked at, kept ones not counted.
@@ -351,4 +354,19 @@ pub struct Outcome {
     /// Of study `parts`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub parts: Option<Parts>,
+}
+
+impl Outcome {
+    /// Says how many scenarios there are, of which seeds, and whether trainings may have seen them.
+    #[must_use]
+    pub fn of_scenarios(&self) -> String {
+        let Self { scenarios, first_seed, .. } = self;
+        match self.held_out {
+            None => format!("{scenarios} scenarios"),
+            Some(true) => format!("{scenarios} held-out scenarios from seed {first_seed}"),
+            Some(false) => format!(
+                "{scenarios} scenarios from seed {first_seed}, below those held out: trainings may have seen them"
+            ),
+        }
+    }
 }

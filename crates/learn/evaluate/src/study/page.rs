@@ -33,11 +33,10 @@ fn body(m: &mut Markup, outcome: &Outcome) {
         "p",
         &[("class", &"lead")],
         format_args!(
-            "{} held-out scenarios from seed {}, half of them beside the log. The real set is the camera of the project's \
+            "{}; half of them beside the log. The real set is the camera of the project's \
              own world {}: every figure is {}, not sim-to-real; {}. Distances × 100, \
              95 % intervals over scenarios, the same draws for all.",
-            outcome.scenarios,
-            outcome.first_seed,
+            outcome.of_scenarios(),
             outcome.world,
             outcome.kind,
             if outcome.anchor.is_some() {

@@ -9,13 +9,13 @@ use ds_campaign::cli::{CellArgs, Kept, RunArgs};
 use ds_evaluate::study::closed_loop::{self, ClosedLoop, Drive, REFERENCE};
 use ds_evaluate::study::write_drives;
 use ds_launch::Networks;
-use ds_process::run_folder::{self, Earlier};
+use ds_policy::Own;
 use ds_process::terminal::answer;
 use ds_topic::{ObservationSource, ProposalScorer};
 use ds_world::{AgentMode, TrackerKind};
 use serde::Deserialize;
 
-use super::{config_of, shown};
+use super::{config_of, shown, take, wrong};
 use crate::cli::StudyArgs;
 
 /// Only every so many-th scenario is driven for a look.
@@ -48,40 +48,63 @@ fn each() -> NonZero<usize> {
     NonZero::<usize>::MIN
 }
 
+impl Config {
+    /// Returns what breaks a rule.
+    fn wrong(&self) -> Option<String> {
+        let rules = [
+            (self.version == 1, "version must be 1"),
+            ((1..=100_000).contains(&self.draws), "draws must be 1 to 100000"),
+            (!self.sets.is_empty(), "sets must name one"),
+            (!self.policies.is_empty(), "policies must name one"),
+            (!self.seeds.is_empty(), "seeds must name one"),
+            (self.sources.iter().any(|source| source != REFERENCE), "sources must name one besides the reference"),
+        ];
+        let absent = self.nearer.iter().flatten().find(|name| !self.sources.contains(name));
+        let same = self.nearer.iter().find(|[source, than]| source == than);
+        let rule = rules.iter().find(|(held, _)| !held).map(|(_, rule)| (*rule).to_owned());
+        rule.or_else(|| absent.map(|name| format!("nearer asks about {name:?}, which is not among sources")))
+            .or_else(|| same.map(|[name, _]| format!("nearer asks whether {name:?} is nearer than itself")))
+    }
+}
+
+/// Reads what is driven and asked, with the sources of the drives: the reference first.
+fn asked(args: &StudyArgs, path: &Path) -> Result<(Config, Vec<ObservationSource>)> {
+    ensure!(args.recorded.is_none(), "--recorded is of studies over frames");
+    ensure!(args.scenarios.is_none(), "--scenarios is of studies over frames: sets say what is driven");
+    let config: Config = toml::from_str(&std::fs::read_to_string(path)?)?;
+    if let Some(rule) = config.wrong() {
+        bail!(rule);
+    }
+    let mut observations = vec![ObservationSource::Reference];
+    for name in &config.sources {
+        let source = ObservationSource::from_name(name).with_context(|| format!("there is no source {name:?}"))?;
+        observations.extend((!observations.contains(&source)).then_some(source));
+    }
+    Ok((config, observations))
+}
+
+/// Returns a policy's name; of one that is named by its manifest where that lies.
+fn policy_of(base: &Path, policy: &str) -> String {
+    Own::named(policy).map_or_else(|| policy.to_owned(), |manifest| base.join(manifest).display().to_string())
+}
+
 /// Drives and compares.
 ///
 /// # Errors
 /// If the configuration is refused or drives fail.
 pub(super) fn run(args: &StudyArgs) -> Result<()> {
-    ensure!(args.recorded.is_none(), "--recorded is of studies over frames");
     let path = config_of(args, "closed-loop");
-    let text = std::fs::read_to_string(&path).with_context(|| format!("configuration {}", path.display()))?;
-    let config: Config = toml::from_str(&text).with_context(|| format!("configuration {}", path.display()))?;
-    ensure!(config.version == 1, "{}: version is {}, it must be 1", path.display(), config.version);
-    ensure!((1..=100_000).contains(&config.draws), "{}: draws must be 1 to 100000", path.display());
-    if args.scenarios.is_some() {
-        bail!("--scenarios is of studies over frames: the sets of {} say what is driven", path.display());
-    }
-    let mut observations = vec![ObservationSource::Reference];
-    for name in &config.sources {
-        let Some(source) = ObservationSource::from_name(name) else {
-            bail!("{}: there is no source {name:?}", path.display());
-        };
-        observations.extend((!observations.contains(&source)).then_some(source));
-    }
-    if let Some(name) = config.nearer.iter().flatten().find(|name| !config.sources.contains(name)) {
-        bail!("{}: nearer asks about {name:?}, which is not among sources", path.display());
-    }
+    let (config, observations) = asked(args, &path).map_err(|error| wrong(&path, error))?;
     let mut out = args.out.clone().unwrap_or(config.out);
     if args.quick {
         out = out.join("quick");
     }
-    let _held = run_folder::take(&out, Earlier::Resumed)?;
+    let _held = take(&out, "closed-loop")?;
     let base = path.parent().unwrap_or(Path::new("."));
     let drives = RunArgs {
         what: CellArgs {
             manifests: config.sets.iter().map(|set| base.join(set)).collect(),
-            policies: config.policies,
+            policies: config.policies.iter().map(|policy| policy_of(base, policy)).collect(),
             observations,
             agents: vec![AgentMode::IdmAll],
             scorers: vec![ProposalScorer::Learned],

@@ -4,16 +4,16 @@ use std::collections::BTreeMap;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
-use ds_evaluate::study::{self, RecordedDrive, StudyConfig};
-use ds_process::run_folder::{self, Earlier};
+use anyhow::{Context, Result, bail, ensure};
+use ds_evaluate::study::{self, RecordedDrive};
+use ds_process::service::UsageError;
 use ds_process::shipped;
 use ds_process::terminal::{answer, bar};
 use ds_record::Recording;
 use ds_space::Tick;
 use ds_topic::{Frame, Slot, Topic};
 
-use super::{guests, said};
+use super::{guests, load, refused, said, take};
 use crate::cli::DrivesArgs;
 use crate::command::video::Bar;
 
@@ -22,8 +22,8 @@ type Key = (String, String, u64);
 
 /// A drive that all folders hold.
 struct Matched {
-    /// Its recording in each folder.
-    files: Vec<PathBuf>,
+    /// Its recording by folder, as an index.
+    files: BTreeMap<usize, PathBuf>,
     /// The last tick of which all hold a frame.
     last: Tick,
 }
@@ -34,14 +34,18 @@ struct Matched {
 /// If recordings cannot be read, or the folders share no drives.
 pub(super) fn run(args: &DrivesArgs) -> Result<()> {
     let path = args.config.clone().unwrap_or_else(|| shipped::find(Path::new("configs/study/fidelity.toml")));
-    let config = StudyConfig::load(&path).with_context(|| format!("configuration {}", path.display()))?;
-    let _held = args.out.as_deref().map(|out| run_folder::take(out, Earlier::Resumed)).transpose()?;
+    let config = load(&path)?;
+    if let Some(twice) = (1..args.source.len()).find(|at| args.source[..*at].contains(&args.source[*at])) {
+        return Err(UsageError(format!("--source {} stands twice", args.source[twice].display())).into());
+    }
+    let _held = args.out.as_deref().map(|out| take(out, "drives")).transpose()?;
     let folders = || std::iter::once(&args.real).chain(&args.source);
     let names: Vec<String> = folders().map(|folder| folder.display().to_string()).collect();
     let drives = matched(folders(), config.every)?;
     let mut progress = Bar(bar(0, "sets"));
     let mut drive = |set: usize, index: usize| recorded(&drives[index], set, config.every);
-    let mut outcome = study::drives(&config, &guests()?, &names, drives.len(), &mut drive, &mut progress)?;
+    let mut outcome = study::drives(&config, &guests()?, &names, drives.len(), &mut drive, &mut progress)
+        .map_err(|error| refused(&path, error))?;
     outcome.quick = false;
     progress.0.finish_and_clear();
     said(&outcome);
@@ -56,17 +60,25 @@ pub(super) fn run(args: &DrivesArgs) -> Result<()> {
 }
 
 /// Returns the drives of which every folder holds frames at the first tick that is looked at, in order of their scenarios.
+///
+/// # Errors
+/// If a folder holds a drive twice, or fewer than two are in all.
 fn matched<'a>(folders: impl Iterator<Item = &'a PathBuf>, every: u32) -> Result<Vec<Matched>> {
     let mut all: BTreeMap<Key, Matched> = BTreeMap::new();
     let mut count = 0;
-    for folder in folders {
+    for (place, folder) in folders.enumerate() {
         for (key, file, last) in recordings(folder)? {
-            let found = all.entry(key).or_insert(Matched { files: Vec::new(), last });
-            // A drive that a folder before lacks, or one that this folder holds twice, stays short or long of files.
-            found.files.push(file);
+            let found = all.entry(key).or_insert(Matched { files: BTreeMap::new(), last });
             found.last = found.last.min(last);
+            if let Some(other) = found.files.insert(place, file.clone()) {
+                bail!(
+                    "{} and {} are of the same scenario and seed: one of a folder is needed",
+                    other.display(),
+                    file.display()
+                );
+            }
         }
-        count += 1;
+        count = place + 1;
     }
     let drives: Vec<Matched> =
         all.into_values().filter(|drive| drive.files.len() == count && drive.last >= Tick(every)).collect();
@@ -99,7 +111,7 @@ fn recordings(folder: &Path) -> Result<Vec<(Key, PathBuf, Tick)>> {
 
 /// Reads the frames of the first camera that are looked at.
 fn recorded(drive: &Matched, set: usize, every: u32) -> Result<RecordedDrive, Box<dyn Error + Send + Sync>> {
-    let recording = Recording::open(&drive.files[set])?;
+    let recording = Recording::open(&drive.files[&set])?;
     let (mut frames, mut places) = (Vec::new(), Vec::new());
     for tick in (every..=drive.last.0).step_by(every as usize) {
         frames.push(recording.body::<Frame>(Slot::of_camera(Topic::Frame, tick, 0))?.image);

@@ -15,11 +15,11 @@ pub(super) fn body(m: &mut Markup, outcome: &Outcome, found: &Parts) {
         "p",
         &[("class", &"lead")],
         format_args!(
-            "{} held-out scenarios from seed {}, half of them beside the log. At each moment a policy plans on the reference \
+            "{}; half of them beside the log. At each moment a policy plans on the reference \
              camera's frame and on the source's; two plans are as far apart as the places that they reach after 2 s. The \
              reference is the camera of the project's own world {}: figures are {}, not sim-to-real. 95 % intervals over \
              scenarios, the same draws for all.",
-            outcome.scenarios, outcome.first_seed, outcome.world, outcome.kind
+            outcome.of_scenarios(), outcome.world, outcome.kind
         ),
     );
     if outcome.quick {
