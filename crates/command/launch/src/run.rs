@@ -8,6 +8,7 @@ use ds_cases::{RunConfig, logs, seal};
 use ds_process::run_folder::{self, Earlier, Held};
 use ds_process::runs::{self, Ended, EpisodeResults};
 use ds_process::security::Dial;
+use ds_process::service::InterruptedError;
 use ds_process::terminal::{answer, bar};
 use ds_run_report::results::hex;
 use ds_run_report::write::folder;
@@ -62,9 +63,10 @@ pub async fn drive_all(args: &RunPlan, log: &str) -> Result<Results> {
     let outcome = tokio::select! {
         outcome = drive(request, &control, painter.as_mut()) => outcome,
         error = failed(&mut fleet) => Err(error),
-        _ = tokio::signal::ctrl_c() => Err(anyhow::anyhow!(
-            "interrupted; `--resume` goes on: finished drives stay finished, the others continue from the last commit"
-        )),
+        _ = tokio::signal::ctrl_c() => Err(InterruptedError(
+            "`--resume` goes on: finished drives stay finished, the others continue from the last commit".to_owned(),
+        )
+        .into()),
     };
     if let Some(onlooker) = onlooker
         && let Err(error) = onlooker.finish().await

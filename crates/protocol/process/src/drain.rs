@@ -2,6 +2,9 @@
 
 use tokio_util::sync::CancellationToken;
 
+/// Exit code after SIGINT or SIGTERM, as shells have it.
+pub const EXIT_INTERRUPTED: u8 = 130;
+
 /// Returns a token that SIGINT and SIGTERM cancel; a second SIGINT ends the process at once.
 ///
 /// # Errors
@@ -19,7 +22,7 @@ pub fn on_signals() -> anyhow::Result<CancellationToken> {
         tracing::info!("draining");
         token.cancel();
         let _ = interrupt.recv().await;
-        std::process::exit(130);
+        std::process::exit(i32::from(EXIT_INTERRUPTED));
     });
     Ok(drain)
 }

@@ -40,8 +40,13 @@ pub struct StorageError(pub String);
 #[error("{0}")]
 pub struct UsageError(pub String);
 
-/// Returns the exit code of a failed process: [`EXIT_USAGE`] for a [`UsageError`], [`EXIT_STORAGE`] where ledger, journal or
-/// file system say that nothing more can be kept, else 1.
+/// A signal ended the work before its time; how to go on.
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted; {0}")]
+pub struct InterruptedError(pub String);
+
+/// Returns the exit code of a failed process: [`EXIT_USAGE`] for a [`UsageError`], [`drain::EXIT_INTERRUPTED`] for an
+/// [`InterruptedError`], [`EXIT_STORAGE`] where ledger, journal or file system say that nothing more can be kept, else 1.
 #[must_use]
 pub fn exit_code(error: &anyhow::Error) -> u8 {
     let full = |error: &std::io::Error| {
@@ -54,6 +59,8 @@ pub fn exit_code(error: &anyhow::Error) -> u8 {
     };
     if error.chain().any(|cause| cause.is::<UsageError>()) {
         EXIT_USAGE
+    } else if error.chain().any(|cause| cause.is::<InterruptedError>()) {
+        drain::EXIT_INTERRUPTED
     } else if error.chain().any(storage) {
         EXIT_STORAGE
     } else {
