@@ -87,7 +87,7 @@ mod tests {
             carried
         };
         let red = carried(|id| (id == 8).then_some([200, 0, 0]));
-        let painted = |carried: &Carried| carried.kept.iter().filter(|kept| **kept == PAINTED).count();
+        let painted = |carried: &Carried| carried.kept.iter().filter(|kept| (**kept - PAINTED).abs() < 1e-6).count();
         let shown = red.frame.rgb().as_chunks::<3>().0.iter().filter(|colour| **colour == [200, 0, 0]).count();
         assert!(shown > 50 && shown == painted(&red), "{shown} pixels are red, {} painted", painted(&red));
         assert_eq!(painted(&carried(|_| None)), 0, "of this vehicle nothing is told");

@@ -143,7 +143,7 @@ fn contacts(results: &Results, arm: &Arm, sets: [&String; 2]) -> Compared {
     let mut compared = Compared::default();
     for (base, (entry, after)) in after {
         let Some([first, second]) =
-            before.get(base).and_then(|(_, before)| Some([mean(before.iter().copied())?, mean(after.into_iter())?]))
+            before.get(base).and_then(|(_, before)| Some([mean(before.iter().copied())?, mean(after)?]))
         else {
             continue;
         };
