@@ -179,15 +179,31 @@ impl Geometry {
         Carried { frame: carried, kept, vehicles }
     }
 
+    /// Returns what of a vehicle each pixel of a picture of this view shows.
+    pub(crate) fn vehicles(&self, size: (u32, u32)) -> Vec<Option<VehiclePart>> {
+        let movers = Placed::all(&self.movers, &[]);
+        let part = |(_, point): (f64, DVec3)| holder(&movers, point)?.now.part(point);
+        self.points(size).map(|seen| seen.and_then(part)).collect()
+    }
+
+    /// Returns for each pixel of a picture of this view how far away its point of the world is, in metres, and where; none of what is
+    /// infinitely far.
+    fn points(&self, size: (u32, u32)) -> impl Iterator<Item = Option<(f64, DVec3)>> {
+        let directions = lens::directions(&self.lens.resized(size.0, size.1));
+        let point = |(depth_m, direction): (f64, DVec2)| {
+            (depth_m < FAR_M).then(|| (depth_m, self.world_from_camera * (direction.extend(1.0) * depth_m)))
+        };
+        self.depths_m(size).into_iter().zip(directions).map(point)
+    }
+
     /// Returns for each pixel of a picture of this view where it was in a picture of the view `before`, both of the same size, and how
     /// much of it may be kept; and what of a vehicle it shows.
     fn origins(&self, before: &Self, size: (u32, u32), air: Air) -> (Vec<Option<Origin>>, Vec<Option<VehiclePart>>) {
         let (width_px, height_px) = size;
-        let (depths_m, depths_before_m) = (self.depths_m(size), before.depths_m(size));
+        let depths_before_m = before.depths_m(size);
         let lens = before.lens.resized(width_px, height_px);
         let camera_from_world = before.world_from_camera.inverse();
         let movers = Placed::all(&self.movers, &before.movers);
-        let directions = lens::directions(&self.lens.resized(width_px, height_px));
         let origin = |depth_m: f64, point: DVec3, holder: Option<&Placed<'_>>| {
             let then = holder.map_or(Some(point), |mover| mover.earlier(point))?;
             let seen = camera_from_world * then;
@@ -208,13 +224,12 @@ impl Geometry {
             let kept = if stale && coloured { STALE } else { f32::from(u8::from(!stale)) };
             (known && surface.contains(&seen.z) && kept > 0.0).then_some((at, kept))
         };
-        let pixel = |(depth_m, direction): (&f64, &DVec2)| {
-            let Some(depth_m) = Some(*depth_m).filter(|depth_m| *depth_m < FAR_M) else { return (None, None) };
-            let point = self.world_from_camera * (direction.extend(1.0) * depth_m);
+        let pixel = |seen: Option<(f64, DVec3)>| {
+            let Some((depth_m, point)) = seen else { return (None, None) };
             let holder = holder(&movers, point);
             (origin(depth_m, point, holder), holder.and_then(|mover| mover.now.part(point)))
         };
-        depths_m.iter().zip(&directions).map(pixel).unzip()
+        self.points(size).map(pixel).unzip()
     }
 
     /// Returns the depths of the pixels of a picture of this view at another size, in metres, rows top to bottom.

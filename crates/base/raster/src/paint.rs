@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::geometry::{Air, Carried, Geometry, VehiclePart};
+use crate::geometry::{Carried, Geometry, VehiclePart};
 use crate::image::RgbImage;
 
 /// How much of a pixel may be kept that shows a vehicle's paint and nothing else of it.
@@ -23,7 +23,7 @@ type Sums = BTreeMap<u32, ([u32; 3], u32)>;
 pub fn paints<'a>(seen: impl IntoIterator<Item = (&'a RgbImage, &'a Geometry)>) -> Paints {
     let mut most = Sums::new();
     for (frame, geometry) in seen {
-        let vehicles = geometry.carry(geometry, frame, Air::Clear).vehicles;
+        let vehicles = geometry.vehicles((frame.width_px(), frame.height_px()));
         for (id, sums) in sums(frame, &vehicles, |_| true) {
             let best = most.entry(id).or_default();
             if sums.1 > best.1 {
@@ -40,11 +40,13 @@ impl Carried {
     pub fn paint(&mut self, told: impl Fn(u32) -> Option<[u8; 3]>) {
         let known = sums(&self.frame, &self.vehicles, |at| self.kept[at] > 0.0);
         let known: Paints = means(&known).collect();
+        let mut asked = BTreeMap::new();
         let painted = self.vehicles.iter().enumerate().filter_map(|(at, part)| {
             let part = part.as_ref()?;
             let colour = match known.get(&part.id) {
                 Some(_) if self.kept[at] > 0.0 => return None,
-                known => known.copied().or_else(|| told(part.id))?,
+                Some(known) => *known,
+                None => (*asked.entry(part.id).or_insert_with_key(|id| told(*id)))?,
             };
             Some((at, BODY.contains(&part.height).then_some(colour)))
         });
@@ -74,8 +76,8 @@ fn means(sums: &Sums) -> impl Iterator<Item = (u32, [u8; 3])> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Mover;
     use crate::geometry::tests::{SIZE_PX, mover, seen};
+    use crate::{Air, Mover};
 
     #[test]
     fn a_vehicle_that_comes_into_view_has_the_paint_that_is_told() {
@@ -98,7 +100,7 @@ mod tests {
         // before, half of it was beyond the edge
         let (before, now) = (seen(0.0, Some(mover(10.0, 4.6))), seen(0.0, Some(mover(10.0, 2.0))));
         let mut frame = RgbImage::filled(SIZE_PX.0, SIZE_PX.1, [10, 20, 30]);
-        let vehicles = before.carry(&before, &frame, Air::Clear).vehicles;
+        let vehicles = before.vehicles(SIZE_PX);
         for (pixel, part) in frame.rgb_mut().as_chunks_mut::<3>().0.iter_mut().zip(vehicles) {
             *pixel = if part.is_some() { [0, 90, 0] } else { *pixel };
         }

@@ -12,6 +12,7 @@ mod own_world;
 mod practice;
 mod quirks;
 mod recovery;
+mod rows;
 mod spoiled;
 mod traces;
 mod watch;

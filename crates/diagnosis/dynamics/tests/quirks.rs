@@ -1,7 +1,6 @@
 //! Quirks of the sampling that every healthy log of a vehicle has are no fault against their baseline; those that a case alone
 //! has are, and so is more of them. Reverse driving, which the simulator cannot, is left out and said.
 
-use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -10,6 +9,8 @@ use ds_dynamics::baseline::Baseline;
 use ds_dynamics::case::Case;
 use ds_dynamics::healthy::{Healthy, learn};
 use ds_dynamics::{Options, diagnose, synthetic};
+
+use crate::rows::change;
 
 /// What is done to the rows of a log, cell by cell with the head in front.
 type Edit = fn(&mut [Vec<String>]);
@@ -42,12 +43,7 @@ fn case(folder: &Path, seed: u64, jitter_secs: f64, edit: Edit) -> Case {
         .expect("the case can be written");
     for drive in 0..4 {
         let path = folder.join(format!("drive_{drive}.csv"));
-        let text = fs::read_to_string(&path).expect("the drive");
-        let mut rows: Vec<Vec<String>> =
-            text.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect();
-        edit(&mut rows);
-        let text: Vec<String> = rows.iter().map(|row| row.join(",")).collect();
-        fs::write(&path, text.join("\n")).expect("the drive can be written");
+        change(&path, |rows| edit(rows));
     }
     Case::read(folder).expect("the case can be read")
 }

@@ -1,6 +1,5 @@
 //! Spoiled logs: each gives a named error or a verdict with a warning, never a panic, never a confident wrong answer.
 
-use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
@@ -9,6 +8,8 @@ use ds_dynamics::case::Case;
 use ds_dynamics::space::Part;
 use ds_dynamics::{Options, diagnose, synthetic};
 use ds_effect::library;
+
+use crate::rows::{change, changed};
 
 type Edit = fn(&mut Vec<Vec<String>>);
 
@@ -98,14 +99,7 @@ fn spoiled_drives_are_refused_by_name() {
     let whole = fs::read_to_string(&path).expect("the drive");
     let mut faults = Vec::new();
     for (what, expected, edit) in EDITS {
-        let mut rows: Vec<Vec<String>> =
-            whole.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect();
-        edit(&mut rows);
-        let mut text = String::new();
-        for row in rows {
-            writeln!(text, "{}", row.join(",")).expect("strings can be written");
-        }
-        fs::write(&path, text).expect("the drive can be spoiled");
+        fs::write(&path, changed(&whole, edit)).expect("the drive can be spoiled");
         let found = match judged(folder.path(), &Options { quick: true, ..Options::default() }) {
             Ok(diagnosis) => format!("{:?}", diagnosis.verdict),
             Err(error) => name(&error),
@@ -149,11 +143,7 @@ fn suspect_sensors_are_named_once_for_all_drives() {
     for (said, edit) in SUSPECT {
         assert!(!plain.iter().any(|w| w.contains(said)), "{plain:?}");
         for (path, whole) in paths.iter().zip(&wholes) {
-            let mut rows: Vec<Vec<String>> =
-                whole.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect();
-            edit(&mut rows);
-            let text: Vec<String> = rows.iter().map(|row| row.join(",")).collect();
-            fs::write(path, text.join("\n")).expect("the drive can be written");
+            fs::write(path, changed(whole, edit)).expect("the drive can be written");
         }
         let warnings = Case::read(folder.path()).expect("odd but usable").warnings;
         let own: Vec<&String> = warnings.iter().filter(|w| w.contains(said)).collect();
@@ -194,14 +184,9 @@ fn missing_channels_are_masked_and_told() {
     case_folder(folder.path());
     for drive in 0..4 {
         let path = folder.path().join(format!("drive_{drive}.csv"));
-        let whole = fs::read_to_string(&path).expect("the drive");
-        let mut rows: Vec<Vec<String>> =
-            whole.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect();
-        for name in ["steer_meas", "ay", "v_wheel"] {
-            column(&mut rows, name, |_, _| String::new());
-        }
-        let text: Vec<String> = rows.iter().map(|row| row.join(",")).collect();
-        fs::write(&path, text.join("\n")).expect("the drive can be written");
+        change(&path, |rows| {
+            ["steer_meas", "ay", "v_wheel"].iter().for_each(|name| column(rows, name, |_, _| String::new()));
+        });
     }
     let diagnosis = judged(folder.path(), &Options { quick: true, ..Options::default() }).expect("a verdict");
     assert_eq!(diagnosis.verdict, Verdict::None);
@@ -265,12 +250,7 @@ fn harmless_differences_change_no_verdict_and_cost_no_minutes() {
     };
     judge("byte order mark and CRLF", &|whole| format!("\u{feff}{}", whole.replace('\n', "\r\n")));
     for (what, edit) in HARMLESS {
-        judge(what, &|whole| {
-            let mut rows: Vec<Vec<String>> =
-                whole.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect();
-            edit(&mut rows);
-            rows.iter().map(|row| row.join(",") + "\n").collect()
-        });
+        judge(what, &|whole| changed(whole, edit));
     }
     assert!(faults.is_empty(), "{faults:#?}");
 }
@@ -281,12 +261,7 @@ fn a_command_that_keeps_one_value_is_no_reason_to_refuse() {
     case_folder(folder.path());
     let keep = |drive: usize, name: &str| {
         let path = folder.path().join(format!("drive_{drive}.csv"));
-        let whole = fs::read_to_string(&path).expect("the drive");
-        let mut rows: Vec<Vec<String>> =
-            whole.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect();
-        column(&mut rows, name, |_, _| "0.02".to_owned());
-        let text: Vec<String> = rows.iter().map(|row| row.join(",")).collect();
-        fs::write(&path, text.join("\n")).expect("the drive can be written");
+        change(&path, |rows| column(rows, name, |_, _| "0.02".to_owned()));
     };
     let told = || -> Vec<String> {
         let case = Case::read(folder.path()).expect("a constant command is no dead column");
@@ -323,21 +298,18 @@ fn noisier_sensors_are_told_from_effects() {
     case_folder(folder.path());
     for drive in 0..4 {
         let path = folder.path().join(format!("drive_{drive}.csv"));
-        let whole = fs::read_to_string(&path).expect("the drive");
-        let mut rows: Vec<Vec<String>> =
-            whole.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect();
-        for (name, noise) in
-            [("x", 0.03), ("y", 0.03), ("yaw", 0.005), ("v", 0.07), ("yaw_rate", 0.008), ("v_wheel", 0.09)]
-        {
-            // a white sequence without a generator: fractional parts of multiples of an irrational number, squared
-            let white = |k: usize| {
-                let u = (k as f64 * 0.618_034 * (name.len() + drive + 1) as f64 * 7.13).powi(2).fract();
-                (u - 0.5) * 12.0_f64.sqrt() * noise
-            };
-            column(&mut rows, name, |k, v| format!("{:.4}", v + white(k)));
-        }
-        let text: Vec<String> = rows.iter().map(|row| row.join(",")).collect();
-        fs::write(&path, text.join("\n")).expect("the drive can be written");
+        change(&path, |rows| {
+            for (name, noise) in
+                [("x", 0.03), ("y", 0.03), ("yaw", 0.005), ("v", 0.07), ("yaw_rate", 0.008), ("v_wheel", 0.09)]
+            {
+                // a white sequence without a generator: fractional parts of multiples of an irrational number, squared
+                let white = |k: usize| {
+                    let u = (k as f64 * 0.618_034 * (name.len() + drive + 1) as f64 * 7.13).powi(2).fract();
+                    (u - 0.5) * 12.0_f64.sqrt() * noise
+                };
+                column(rows, name, |k, v| format!("{:.4}", v + white(k)));
+            }
+        });
     }
     let diagnosis = judged(folder.path(), &Options { quick: true, ..Options::default() }).expect("a verdict");
     assert_eq!(diagnosis.floor_source, "self");

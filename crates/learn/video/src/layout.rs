@@ -93,15 +93,15 @@ impl Paint {
         if colours.is_empty() { Self::Untold } else { Self::Drawn(colours.into(), key) }
     }
 
-    /// Returns the paint of a vehicle beside a frame of some [`brightness`].
-    fn of(&self, id: u32, brightness: f64) -> Option<[u8; 3]> {
+    /// Returns the paint of a vehicle in the light of a frame.
+    fn of(&self, id: u32, frame: &RgbImage) -> Option<[u8; 3]> {
         match self {
             Self::Untold => None,
             Self::Told(paints) => paints.get(&id).copied(),
             Self::Drawn(colours, key) => {
                 let draws = Draws::new(key, "paint", &[u64::from(id)]);
                 let colour = colours.get(usize::try_from(draws.below(0, colours.len() as u64)).ok()?)?;
-                Some(relit(*colour, brightness))
+                Some(relit(*colour, brightness(frame)))
             }
         }
     }
@@ -142,8 +142,7 @@ impl Carry {
         let ((frame, before), now) = self.seen.as_ref().zip(layout.geometry.as_ref())?;
         let mut carried = now.carry(before, frame, self.air);
         if !matches!(self.paint, Paint::Untold) {
-            let brightness = brightness(frame);
-            carried.paint(|id| self.paint.of(id, brightness));
+            carried.paint(|id| self.paint.of(id, frame));
         }
         Some(carried)
     }
