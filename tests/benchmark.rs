@@ -309,10 +309,15 @@ fn a_set_with_adversaries_is_the_same_again_and_its_solutions_are_driven_again()
     let text_of = format!("version = 1\n{claim}\nfirst = 'replay'\nsecond = 'town-behavior'\n");
     std::fs::write(&declared, text_of).expect("written");
     let told = ["--endpoints", utf8(&declared), "--out", utf8(&out)];
-    ends(benchmark(&[&["run", utf8(&one), utf8(&replay)], &WHAT[..], &told].concat()), 0);
+    let driven = [&[utf8(&set), utf8(&one), utf8(&replay)], &WHAT[..]].concat();
+    ends(benchmark(&[&["run"], &driven[..], &told].concat()), 0);
+    let told = ends(benchmark(&[&["plan"], &driven[..], &["--done", utf8(&out)]].concat()), 0);
+    assert!(told.contains("all shards: 0 of ") && told.contains("the measured rate"), "{told}");
+    let told = ends(benchmark(&["plan", utf8(&set), "--policy", "careful", "--done", utf8(&out)]), 2);
+    assert!(told.contains("cells.jsonl") && told.contains("no cell of this benchmark"), "{told}");
     let replayed: Value = serde_json::from_str(&read(&replay)).expect("JSON");
     let all = entries.len() + replayed["entries"].as_array().expect("entries").len();
-    assert_eq!(cells(&out).len(), 2 * all, "variants of one name in two modes are driven together");
+    assert_eq!(cells(&out).len(), 2 * (6 + all), "variants of one name in two modes are driven together");
     ends(benchmark(&["report", utf8(&out)]), 0);
     let report: Value = serde_json::from_str(&read(&out.join("report.json"))).expect("JSON");
     let figures = report["tables"]["quality"]["rows"].as_array().expect("figures of the search");
@@ -323,6 +328,7 @@ fn a_set_with_adversaries_is_the_same_again_and_its_solutions_are_driven_again()
     assert_eq!(counted, 2 * all as u64, "every variant has a margin, for each of two policies");
     let paired = &report["tables"]["endpoints"]["rows"][0];
     assert!(paired["scenarios"].as_u64() > Some(0) && paired["second"]["value"].is_number(), "{paired}");
+    falls_are_driven_again(&out, &report);
 
     let solution = other.with_file_name(text(&entry["file"]).replace(".scenario.json", ".solution.json"));
     let mut value: Value = serde_json::from_str(&read(&solution)).expect("JSON");
@@ -332,6 +338,34 @@ fn a_set_with_adversaries_is_the_same_again_and_its_solutions_are_driven_again()
     assert!(told.contains(&text(&entry["name"])) && told.contains(".solution.json"), "{told}");
     let told = ends(benchmark(&["build", "behavior", utf8(&one), "--out", utf8(folder.path())]), 2);
     assert!(told.contains("not base"), "{told}");
+}
+
+/// Runs the commands that a report tells: its worst falls are then animated, the base beside the variant.
+fn falls_are_driven_again(out: &Path, report: &Value) {
+    let page = || std::fs::read_to_string(out.join("report.html")).expect("a page");
+    let again = report["tables"]["again"]["rows"].as_array().expect("drives without a recording");
+    assert!(again.len() >= 3 && !page().contains("<img"), "{again:?}");
+    for row in again {
+        let command = text(&row["command"]);
+        let words: Vec<&str> = command.split(' ').collect();
+        assert_eq!(words[..2], ["dreamstream", "benchmark"], "{command}");
+        let told = ends(benchmark(&words[2..]), 0);
+        assert!(told.contains("shard ") || told.contains("report: "), "{told}");
+    }
+    let told: Value = serde_json::from_slice(&std::fs::read(out.join("report.json")).expect("there")).expect("JSON");
+    let falls = told["tables"]["falls"]["rows"].as_array().expect("falls");
+    assert!(falls.iter().all(|row| row["animations"] == "below") && told["tables"]["again"].is_null(), "{falls:?}");
+    assert_eq!(page().matches("<img").count(), 2 * falls.len());
+    let animations =
+        std::fs::read_dir(out.join("falls")).expect("a folder").map(|entry| entry.expect("an entry").path());
+    assert!(animations.filter(|path| path.extension().is_some_and(|end| end == "gif")).count() + 1 == again.len());
+    // A run that ended otherwise is no drive of this benchmark's.
+    let folder = out.join("falls").join("other");
+    std::fs::create_dir_all(&folder).expect("made");
+    let record = std::fs::read_to_string(out.join("cells.jsonl")).expect("cells");
+    std::fs::write(folder.join("cells.jsonl"), record.replacen("\"digest\":\"", "\"digest\":\"0", 1)).expect("written");
+    let told = ends(benchmark(&["report", utf8(out), "--recordings", utf8(&folder)]), 2);
+    assert!(told.contains("line 1") && told.contains("digest"), "{told}");
 }
 
 #[test]

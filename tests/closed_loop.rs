@@ -24,7 +24,7 @@ fn check_episode(episode: &serde_json::Value, ticks: u64) {
 
 #[test]
 fn every_observation_source_drives_on_frames_of_its_own() {
-    let sources = ["layout", "sim-rgb", "reference", "dreamstream", "logged", "reprojected", "abroad"];
+    let sources = ["layout", "sim-rgb", "reference", "dreamstream", "logged", "reprojected", "second-camera"];
     let ablated = ["per-frame", "dreamstream-clean-cache", "dreamstream-no-layout"];
     let (mut frames, mut models) = (std::collections::BTreeSet::new(), std::collections::BTreeSet::new());
     for observation in sources.into_iter().chain(ablated) {

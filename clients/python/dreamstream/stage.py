@@ -102,7 +102,7 @@ def due(scene, role, order, standing):
     if role == "layout":
         return span("world", order.first_tick, order.last_tick)
     if role == "video":
-        needs_world = spec.observation in (2, 3, 9, 10, 11)  # reference, sim-rgb, reprojected, logged, abroad
+        needs_world = spec.observation in (2, 3, 9, 10, 11)  # reference, sim-rgb, reprojected, logged, second-camera
         world = span("world", order.first_tick, order.last_tick) if needs_world else []
         return world + images("layout", order.first_tick, order.last_tick)
     if not order.plan_due:

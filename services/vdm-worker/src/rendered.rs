@@ -48,7 +48,7 @@ impl Rendered {
             ObservationSource::Reprojected => {
                 Source::World(Box::new(ReprojectedCamera::new(Arc::clone(&scene.scene), look()?)))
             }
-            ObservationSource::Abroad => Source::World(Box::new(SecondCamera::new(&scene.scene, &look()?))),
+            ObservationSource::SecondCamera => Source::World(Box::new(SecondCamera::new(&scene.scene, &look()?))),
             source => return Err(Fault::deterministic("not_rendered", format!("{} is generated", source.name()))),
         };
         Ok(Self { lens: Lens::of(&scene), scene, source })

@@ -9,11 +9,9 @@ use ds_launch::own;
 use ds_policy::builtin::{NAMES, is_builtin};
 use ds_policy::{Learned, Own, Policy};
 use ds_process::shipped;
-use ds_process::terminal::answer;
 use ds_space::{Digest, DigestWriter};
 use ds_topic::ObservationSource;
 
-use crate::Ended;
 use crate::cli::CellArgs;
 
 /// Reads manifests, with the folder of each.
@@ -55,7 +53,7 @@ pub(crate) fn sheet(args: &CellArgs) -> Result<(Sheet, Vec<Manifest>)> {
         sets: sets.iter().map(|set| Named { name: set.name.clone(), digest: set.digest.clone() }).collect(),
         policies,
         observations: args.observations.iter().map(observation).collect::<Result<_>>()?,
-        agents: args.agents.iter().map(|mode| mode.name().to_owned()).collect(),
+        agents: args.agents.clone(),
         scorers: args.scorers.iter().map(|scorer| scorer.name().to_owned()).collect(),
         seeds: args.seeds.clone(),
         selection: args.selection.clone(),
@@ -63,7 +61,7 @@ pub(crate) fn sheet(args: &CellArgs) -> Result<(Sheet, Vec<Manifest>)> {
             replan: args.replan,
             horizon: args.horizon,
             history: args.history,
-            tracker: args.tracker.name().to_owned(),
+            tracker: args.tracker,
             video_backend: args.networks.video_backend.name().to_owned(),
         },
         shard: Shard::ALL,
@@ -186,27 +184,4 @@ pub(crate) fn shard(text: &str) -> Result<Shard> {
         "auto" => Shard::of_array(|name| std::env::var(name).ok()).context("--shard auto"),
         text => text.parse().context("--shard"),
     }
-}
-
-/// Runs `plan`.
-///
-/// # Errors
-/// If a manifest is refused.
-pub(crate) fn plan(what: &CellArgs, rate: f64, machines: u32) -> Result<Ended> {
-    let (sheet, sets) = sheet(what)?;
-    check(&sheet)?;
-    let cells = sheet.cells(&sets)?;
-    let frames: u64 = cells.values().map(|(cell, _)| u64::from(cell.last)).sum();
-    let largest = cells.len().div_ceil(machines as usize);
-    sets.iter().for_each(crate::describe);
-    let hours = frames as f64 / rate / 3600.0;
-    answer(&format!(
-        "{} cells ({} arms, {} seeds), {frames} frames; {hours:.2} h at {rate} frames/s on one machine, {:.2} h on {machines}, \
-         {largest} cells in the largest shard",
-        cells.len(),
-        sheet.arms().len(),
-        sheet.seeds.len(),
-        hours / f64::from(machines),
-    ));
-    Ok(Ended::Complete)
 }

@@ -55,18 +55,8 @@ pub enum BenchmarkCommand {
     },
     /// Look at variants: a page with each encounter from above, and verdicts of people beside the manifest.
     Review(ReviewArgs),
-    /// Say how many cells, frames and hours a benchmark has.
-    Plan {
-        /// What to drive.
-        #[command(flatten)]
-        what: CellArgs,
-        /// Frames a second that one machine makes.
-        #[arg(long, default_value_t = 105.0, value_parser = rate)]
-        rate: f64,
-        /// Machines, one shard each.
-        #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
-        machines: u32,
-    },
+    /// Say how many cells, frames and hours a benchmark has, and how much of it is left.
+    Plan(PlanArgs),
     /// Drive the cells of one shard; each is written to OUT/cells.jsonl when it ends.
     Run(RunArgs),
     /// Go on with an interrupted run: ended cells stay ended, half-driven ones continue from their last commit.
@@ -80,8 +70,8 @@ pub enum BenchmarkCommand {
         /// Episodes at a time; as before without it.
         #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
         workers: Option<u32>,
-        /// Skip cells that ended in these folders.
-        #[arg(long, value_hint = ValueHint::DirPath, num_args = 1..)]
+        /// Skip cells that ended in these folders, and say how far all shards are, of which these are the others.
+        #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, num_args = 1..)]
         done: Vec<PathBuf>,
         /// Answer Prometheus at this address of loopback while the drives go on. See docs/metrics.md.
         #[arg(long, value_name = "ADDRESS")]
@@ -111,9 +101,30 @@ pub enum BenchmarkCommand {
         /// the place of one of the same set and reviewer.
         #[arg(long, value_name = "FILE", num_args = 1.., value_hint = ValueHint::FilePath)]
         verdicts: Vec<PathBuf>,
+        /// Runs that drove some of the cells again and kept recordings, from which the worst falls are animated too.
+        #[arg(long, value_name = "DIR", num_args = 1.., value_hint = ValueHint::DirPath)]
+        recordings: Vec<PathBuf>,
     },
     /// Measure how frames per second grow with video workers, and what the fleet around them costs.
     Scale(ScaleArgs),
+}
+
+/// Arguments of `benchmark plan`.
+#[derive(Debug, Args)]
+pub struct PlanArgs {
+    /// What to drive.
+    #[command(flatten)]
+    pub what: CellArgs,
+    /// Frames a second that one machine makes, where nothing was driven by which to tell.
+    #[arg(long, default_value_t = 105.0, value_parser = rate)]
+    pub rate: f64,
+    /// Machines, one shard each; as many as folders are named by --done without it, or 1.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    pub machines: Option<u32>,
+    /// Folders of all shards, which may still be driven: say how many cells are left and how long they take at the rate of those that
+    /// ended.
+    #[arg(long, value_name = "DIR", num_args = 1.., value_hint = ValueHint::DirPath)]
+    pub done: Vec<PathBuf>,
 }
 
 /// Arguments of `benchmark scale`.
@@ -353,6 +364,9 @@ pub struct RunArgs {
     /// Where an external policy connects to, such as tcp/127.0.0.1:7447.
     #[arg(long, value_name = "ENDPOINT")]
     pub policy_listen: Option<String>,
+    /// Skip cells that ended in these folders, and say how far all shards are, of which these are the others.
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, num_args = 1..)]
+    pub done: Vec<PathBuf>,
     /// Answer Prometheus at this address of loopback, such as 127.0.0.1:9464, while the drives go on. See docs/metrics.md.
     #[arg(long, value_name = "ADDRESS")]
     pub metrics: Option<SocketAddr>,

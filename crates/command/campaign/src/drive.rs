@@ -32,12 +32,12 @@ use ds_process::{Drain, service, shipped};
 use ds_space::Digest;
 use ds_topic::{ObservationSource, ProposalScorer};
 use ds_video::Backend;
-use ds_world::{AgentMode, TrackerKind};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use tokio::task::JoinSet;
 
 use crate::cli::RunArgs;
+use crate::overall::Overall;
 use crate::{Ended, FleetLost, ask, ended, shown};
 
 /// How long the services of a fleet may take to end.
@@ -68,7 +68,7 @@ pub(crate) struct Now<'a> {
 /// If anything is refused, or the fleet is lost.
 pub(crate) fn run(args: &RunArgs) -> Result<Ended> {
     let (sheet, sets) = asked(args)?;
-    begin(&args.out, &sheet, &sets, &Now { metrics: args.metrics, ..Now::default() })
+    begin(&args.out, &sheet, &sets, &Now { done: &args.done, metrics: args.metrics, again: None })
 }
 
 /// Drives every so many-th entry of each set, or goes on with them where the folder holds just these cells.
@@ -188,6 +188,10 @@ fn go_on(_held: &Held, out: &Path, sheet: &Sheet, sets: &[Manifest], now: &Now<'
     let ended = |key: &Digest| seen.get(&key.to_string()).is_some_and(|(ended, _)| *ended);
     let left: Vec<_> = mine.iter().filter(|(key, _)| !ended(key)).copied().collect();
     answer(&format!("shard {}: {} of {} cells are left", sheet.shard, left.len(), mine.len()));
+    let overall = (!now.done.is_empty()).then(|| Arc::new(Overall::new(sheet, &cells, out, now.done, left.len())));
+    if let Some(overall) = &overall {
+        answer(&overall.told()?);
+    }
     if left.is_empty() {
         session::note(out, Event::Ended)?;
         return Ok(Ended::Complete);
@@ -197,7 +201,7 @@ fn go_on(_held: &Held, out: &Path, sheet: &Sheet, sets: &[Manifest], now: &Now<'
     let mut groups: BTreeMap<String, Vec<Due>> = BTreeMap::new();
     for ((key, (cell, _)), file) in left.iter().zip(files) {
         let round = seen.get(&key.to_string()).map_or(0, |(_, rounds)| *rounds);
-        let mut folder = format!("{}.{}.{round}", cell.agents, cell.scorer);
+        let mut folder = format!("{}.{}.{round}", cell.agents.name(), cell.scorer);
         let digests = &alike[cell.scenario.as_str()];
         match digests.iter().position(|digest| *digest == cell.scenario_digest) {
             None | Some(0) => {}
@@ -214,8 +218,8 @@ fn go_on(_held: &Held, out: &Path, sheet: &Sheet, sets: &[Manifest], now: &Now<'
         let drain = on_signals()?;
         let mut aborted = 0;
         for (name, due) in groups {
-            let (folder, look) = (out.join("work").join(name), look.clone());
-            let group = Group { sheet, out, folder, look, metrics: now.metrics, bar: &bar, drain: &drain };
+            let (folder, look, overall) = (out.join("work").join(name), look.clone(), overall.clone());
+            let group = Group { sheet, out, folder, look, overall, metrics: now.metrics, bar: &bar, drain: &drain };
             match group.drive(due, &mut writer).await? {
                 Some(more) => aborted += more,
                 None => return Ok(None),
@@ -226,9 +230,17 @@ fn go_on(_held: &Held, out: &Path, sheet: &Sheet, sets: &[Manifest], now: &Now<'
     runtime.shutdown_timeout(Duration::from_secs(2));
     bar.finish_and_clear();
     let outcome = outcome?;
-    session::note(out, if outcome.is_some() { Event::Ended } else { Event::Interrupted })?;
+    if let Some(told) = overall.as_ref().and_then(|overall| overall.seen()) {
+        answer(&told);
+    }
+    close(out, outcome, now)
+}
+
+/// Notes how a session ended and says it; `aborted` is nothing after a signal.
+fn close(out: &Path, aborted: Option<usize>, now: &Now<'_>) -> Result<Ended> {
+    session::note(out, if aborted.is_some() { Event::Ended } else { Event::Interrupted })?;
     let again = now.again.map_or_else(|| format!("`dreamstream benchmark resume {}`", out.display()), str::to_owned);
-    Ok(match outcome {
+    Ok(match aborted {
         None => {
             answer(&format!("interrupted: {again} goes on"));
             Ended::Interrupted
@@ -237,8 +249,8 @@ fn go_on(_held: &Held, out: &Path, sheet: &Sheet, sets: &[Manifest], now: &Now<'
             answer(&format!("all cells of the shard have ended: {}", out.display()));
             Ended::Complete
         }
-        Some(aborted) => {
-            answer(&format!("{aborted} cells were aborted: {again} tries again"));
+        Some(count) => {
+            answer(&format!("{count} cells were aborted: {again} tries again"));
             Ended::Left
         }
     })
@@ -290,6 +302,8 @@ struct Group<'a> {
     folder: PathBuf,
     /// Says whether conditions are on generated frames, where some are to be.
     look: Option<Arc<LookReader>>,
+    /// How far all shards are, where the others are named.
+    overall: Option<Arc<Overall>>,
     metrics: Option<SocketAddr>,
     bar: &'a ProgressBar,
     drain: &'a Drain,
@@ -359,7 +373,19 @@ impl Group<'_> {
                 tracing::warn!(cell = %told, reason = %record.episode.reason, "aborted");
             }
             self.bar.inc(u64::from(record.ended()));
+            self.look_around().await?;
         }
+    }
+
+    /// Tells beside the bar how far all shards are, now and then.
+    async fn look_around(&self) -> Result<()> {
+        let due = |overall: &&Arc<Overall>| self.bar.position().is_multiple_of(overall.every as u64);
+        let Some(overall) = self.overall.as_ref().filter(due).cloned() else { return Ok(()) };
+        let told = tokio::task::spawn_blocking(move || overall.seen()).await.context("looking at other shards")?;
+        if let Some(told) = told {
+            self.bar.set_message(format!("cells; {told}"));
+        }
+        Ok(())
     }
 
     fn request(&self, due: &Due) -> Result<ds_wire::control::SubmitRequest> {
@@ -387,8 +413,8 @@ impl Group<'_> {
             warm_up: cell.hand_over / settings.replan,
             seed: vec![cell.seed],
             appearance: cell.appearance.clone(),
-            agents: AgentMode::from_name(&cell.agents).with_context(|| format!("agents {:?}", cell.agents))?,
-            tracker: TrackerKind::from_name(&settings.tracker).context("tracker of the benchmark")?,
+            agents: cell.agents,
+            tracker: settings.tracker,
             networks: networks(self.sheet)?,
             workers: Some(place.workers),
             policy_listen: place.policy_listen.clone(),

@@ -4,16 +4,19 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use ds_benchmark::{Cell, Judged, Keep, Record};
+use ds_benchmark::{Cell, Judged, Keep, Losses, Record};
 use ds_perception::look::LookReader;
 use ds_record::Recording;
 use ds_run_report::Episode;
 use ds_run_report::results::Outcome;
 use ds_space::Tick;
-use ds_topic::{Topic, World};
+use ds_topic::{Event, EventKind, Role, Topic, World};
 use ds_wire::{Body, control as pb};
 
 use crate::shown;
+
+/// An iteration that takes longer beside the video model's work stands, in microseconds: it waits for somebody.
+const STALL_MICROS: u32 = 5_000_000;
 
 /// Makes the record of a cell that was driven in `folder`; the recording is named there only if it stays. A completed drive
 /// without a recording counts as aborted. `look` is needed where cells are driven on generated frames under a condition.
@@ -52,7 +55,34 @@ pub(crate) fn record(
     if !stays {
         episode.recording.clear();
     }
-    Ok(Record { shown: seen.flatten(), ..Record::new(cell, round, episode, judged) })
+    let lost = match &recording {
+        Some(recording) => lost(recording, &result.overhead_micros),
+        None => {
+            Recording::open_partial(&path).map_or_else(|_| Losses::default(), |it| lost(&it, &result.overhead_micros))
+        }
+    };
+    Ok(Record { shown: seen.flatten(), lost, ..Record::new(cell, round, episode, judged) })
+}
+
+/// Returns what a fleet lost in the attempt that was recorded: workers by role, and the time of iterations in which it stood.
+fn lost(recording: &Recording, overhead_micros: &[u32]) -> Losses {
+    let mut losses = Losses::default();
+    for envelope in recording.topic(Topic::Event) {
+        let Ok(event) = Event::from_bytes(&envelope.body) else { continue };
+        if let (EventKind::Fault, Some(role)) = (event.kind, lost_role(&event.reason)) {
+            *losses.workers.entry(role.name().to_owned()).or_default() += 1;
+        }
+    }
+    let stalls = overhead_micros.iter().filter(|micros| **micros > STALL_MICROS);
+    losses.stalled_millis = stalls.map(|micros| u64::from(*micros) / 1000).sum();
+    losses
+}
+
+/// Returns the role whose holder was lost, where a driver says so: `ROLE lost INSTANCE epoch N: why`.
+fn lost_role(reason: &str) -> Option<Role> {
+    let mut words = reason.split(' ');
+    let role = words.next()?;
+    if words.next() == Some("lost") { Role::from_name(role) } else { None }
 }
 
 fn judged(recording: &Recording) -> Result<Judged> {
@@ -89,4 +119,22 @@ pub(crate) fn thin(result: &pb::EpisodeResult) -> Result<()> {
         ds_record::thin(path, &[Topic::World, Topic::Plan, Topic::Score])?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_was_lost_is_read_from_what_the_driver_says() {
+        for (reason, role) in [
+            ("video lost video-3 epoch 2: lease ran out", Some(Role::Video)),
+            ("policy lost policy-0 epoch 1: stream closed", Some(Role::Policy)),
+            ("video to video-4 epoch 3", None),
+            ("nobody lost video-3 epoch 2: why", None),
+            ("", None),
+        ] {
+            assert_eq!(lost_role(reason), role, "{reason:?}");
+        }
+    }
 }

@@ -1,6 +1,7 @@
 //! A campaign: sets of scenarios built and reviewed, the cells of a benchmark driven on any number of machines, one result, its
 //! report; and what the exit code says.
 
+mod above;
 pub mod adverse;
 mod ask;
 mod behavior;
@@ -8,6 +9,9 @@ mod build;
 pub mod cli;
 mod drive;
 mod ended;
+mod falls;
+mod overall;
+mod plan;
 mod quality;
 mod review;
 mod scale;
@@ -77,7 +81,7 @@ fn dispatch(command: &BenchmarkCommand, log: &str) -> Result<Ended> {
         BenchmarkCommand::Build(command) => build::run(command),
         BenchmarkCommand::Check { manifests } => build::check(manifests),
         BenchmarkCommand::Review(args) => review::run(args),
-        BenchmarkCommand::Plan { what, rate, machines } => ask::plan(what, *rate, *machines),
+        BenchmarkCommand::Plan(args) => plan::run(args),
         BenchmarkCommand::Run(args) => drive::run(args),
         BenchmarkCommand::Resume { out, shard, workers, done, metrics } => {
             drive::resume(out, shard.as_deref(), *workers, &drive::Now { done, metrics: *metrics, again: None })
@@ -88,7 +92,9 @@ fn dispatch(command: &BenchmarkCommand, log: &str) -> Result<Ended> {
             answer(&format!("results: {}", out.display()));
             Ok(if merged.complete() { Ended::Complete } else { Ended::Left })
         }
-        BenchmarkCommand::Report { folder, published, verdicts } => tables::run(folder, published, verdicts),
+        BenchmarkCommand::Report { folder, published, verdicts, recordings } => {
+            tables::run(folder, published, verdicts, recordings)
+        }
         BenchmarkCommand::Scale(args) => scale::run(args, log),
     }
 }

@@ -1,6 +1,6 @@
 //! `review`: a set of variants → a page with each encounter from above, and verdicts of people beside the manifest.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
@@ -9,13 +9,12 @@ use ds_benchmark::quality::Severity;
 use ds_benchmark::review::page::{Card, page};
 use ds_benchmark::{Entry, Kind, Quality, Review, Verdicts, file};
 use ds_process::terminal::{answer, bar};
-use ds_record::{Moment, Reel};
 use ds_space::Tick;
 use ds_world::Scene;
 use rayon::prelude::*;
 
 use crate::cli::ReviewArgs;
-use crate::{Ended, ask};
+use crate::{Ended, above, ask};
 
 /// How long an animation goes on after the contact, in ticks.
 const AFTER_TICKS: u32 = 15;
@@ -94,16 +93,5 @@ fn broken(rules: &BrokenRules, dt_secs: f64, entry: &Entry) -> String {
 /// Draws the course from the hand-over to a while after the contact.
 fn animate(scene: &Scene, course: &Course, entry: &Entry, path: &Path) -> Result<()> {
     let last = course.contact.map_or(entry.last, |(tick, _)| entry.last.min(tick.0 + AFTER_TICKS)) as usize;
-    let states = &course.states[entry.hand_over as usize..=last];
-    let reel = Reel {
-        scene,
-        path: states.iter().map(|state| state.ego.pose.position).collect(),
-        moment: Box::new(|index| {
-            Ok(Moment { state: states[index].clone(), layouts: Vec::new(), frames: Vec::new(), plan: None })
-        }),
-    };
-    // In one step: an animation that is there is whole.
-    let partial: PathBuf = path.with_extension("gif.partial");
-    reel.animate(&partial)?;
-    std::fs::rename(&partial, path).with_context(|| format!("write {}", path.display()))
+    above::animate(scene, &course.states[entry.hand_over as usize..=last], path)
 }

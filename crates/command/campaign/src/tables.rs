@@ -6,13 +6,13 @@ use anyhow::{Context, Result};
 use ds_benchmark::{Kind, Published, Quality, Report, Results, Review, Verdicts, page};
 use ds_process::terminal::answer;
 
-use crate::Ended;
+use crate::{Ended, falls};
 
 /// Runs `report`.
 ///
 /// # Errors
 /// If a file is refused or cannot be written.
-pub(crate) fn run(folder: &Path, published: &Path, verdicts: &[PathBuf]) -> Result<Ended> {
+pub(crate) fn run(folder: &Path, published: &Path, verdicts: &[PathBuf], recordings: &[PathBuf]) -> Result<Ended> {
     let published = Published::load(published)?;
     let mut results = Results::load(folder)?;
     let adverse: Vec<_> =
@@ -27,6 +27,7 @@ pub(crate) fn run(folder: &Path, published: &Path, verdicts: &[PathBuf]) -> Resu
         review.with_context(stranger)?.hear(said);
     }
     results.quality = quality.into_iter().flatten().collect();
+    results.animations = falls::draw(&results, recordings)?;
     let results = results.reviewed(reviews);
     let anchor = |policy: &str| ds_policy::builtin::NAMES.contains(&(policy, true));
     let report = Report::new(&results, &anchor, &published);

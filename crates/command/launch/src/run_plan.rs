@@ -36,7 +36,7 @@ pub struct RunPlan {
     /// What makes the frames that the policy sees: dreamstream, the video model; reference, a rich renderer in place of a
     /// real camera; sim-rgb, a plain game-engine look; layout, the condition image; per-frame, dreamstream-clean-cache,
     /// dreamstream-no-layout and dreamstream-no-guidance, the video model with a part taken away; logged, the log's frames
-    /// whatever the ego does; reprojected, the same half a second old and warped to where the ego is; abroad, a second
+    /// whatever the ego does; reprojected, the same half a second old and warped to where the ego is; second-camera, a second
     /// world's camera. docs/observation-sources.md says what each is.
     #[arg(
         long,

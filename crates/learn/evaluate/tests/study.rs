@@ -157,7 +157,7 @@ fn far_sources_are_correlated_with_plans() {
         source("{ name = \"blurred\", from = \"reference\", blur_px = 3.0 }"),
         source("logged"),
         source("reprojected"),
-        source("abroad"),
+        source("second-camera"),
     ]);
     let found = run(Study::Correlation, &config).expect("the study runs");
     let correlation = found.correlation.as_ref().expect("asked for");
@@ -178,7 +178,7 @@ fn far_sources_are_correlated_with_plans() {
     assert!(fd("camera", "blurred") > 0.1 && fd("camera", "logged") > 0.1, "displaced frames are not the log's");
     study::write(&config, &found).expect("writes");
     let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
-    assert!(page.contains("look-abroad.png") && folder.path().join("correlation.json").exists());
+    assert!(page.contains("look-second-camera.png") && folder.path().join("correlation.json").exists());
 }
 
 #[test]
@@ -244,7 +244,7 @@ fn wrong_studies_are_named() {
     check(|config| config.ratios.push(["dreamstream", "layout"].map(str::to_owned)), "ratios");
     check(|config| config.marks = vec![5, 16], "marks");
     let mut config = base.clone();
-    config.sources.extend(["logged", "reprojected", "abroad"].map(source));
+    config.sources.extend(["logged", "reprojected", "second-camera"].map(source));
     config.panel.iter_mut().skip(1).for_each(|member| member.control = true);
     config.panel[0].control = false;
     let error = config.check_for(Study::Correlation).expect_err("a panel of one").to_string();

@@ -28,7 +28,7 @@ pub enum ObservationSource {
     /// The reference camera's frame of the log, whatever the ego does.
     Logged,
     /// The camera of the second world, which no training has seen.
-    Abroad,
+    SecondCamera,
 }
 
 impl ObservationSource {
@@ -44,7 +44,7 @@ impl ObservationSource {
         Self::PerFrame,
         Self::Reprojected,
         Self::Logged,
-        Self::Abroad,
+        Self::SecondCamera,
     ];
 
     /// Returns the source's name on the command line and in results.
@@ -61,7 +61,7 @@ impl ObservationSource {
             Self::PerFrame => "per-frame",
             Self::Reprojected => "reprojected",
             Self::Logged => "logged",
-            Self::Abroad => "abroad",
+            Self::SecondCamera => "second-camera",
         }
     }
 
@@ -74,13 +74,19 @@ impl ObservationSource {
     /// Says whether frames are made from the world state, not from the layout alone.
     #[must_use]
     pub fn needs_world(self) -> bool {
-        matches!(self, Self::Reference | Self::SimRgb | Self::Reprojected | Self::Logged | Self::Abroad)
+        matches!(self, Self::Reference | Self::SimRgb | Self::Reprojected | Self::Logged | Self::SecondCamera)
     }
 
     /// Says whether a video model makes the frames.
     #[must_use]
     pub fn is_generated(self) -> bool {
         self.has_cache() || self == Self::PerFrame
+    }
+
+    /// Says whether a condition, such as snow or night, changes the frames.
+    #[must_use]
+    pub fn has_look(self) -> bool {
+        !matches!(self, Self::Layout | Self::SimRgb)
     }
 
     /// Says whether a video model makes the frames of what it made before, and keeps a `cache` log.

@@ -16,7 +16,7 @@ enumeration!(v1::ObservationSource, ObservationSource, {
     Dreamstream = Dreamstream, Reference = Reference, SimRgb = SimRgb, Layout = Layout,
     DreamstreamNoGuidance = DreamstreamNoGuidance, DreamstreamCleanCache = DreamstreamCleanCache,
     DreamstreamNoLayout = DreamstreamNoLayout, PerFrame = PerFrame, Reprojected = Reprojected, Logged = Logged,
-    Abroad = Abroad,
+    SecondCamera = Abroad,
 });
 enumeration!(v1::AgentMode, AgentMode, {
     LogReplay = LogReplay, IdmBehindEgo = IdmBehindEgo, IdmAll = IdmAll, Interactive = Interactive,

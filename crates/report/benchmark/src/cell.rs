@@ -8,7 +8,10 @@ use std::fmt;
 use std::str::FromStr;
 
 use ds_space::{Digest, DigestWriter};
+use ds_world::{AgentMode, TrackerKind};
 use serde::{Deserialize, Serialize};
+
+use crate::choice;
 
 /// A name with the digest of what stands behind it: a policy with its weights, a renderer with its model.
 #[derive(Debug, Clone, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -31,9 +34,23 @@ pub struct Settings {
     /// Frames that the policy sees (K).
     pub history: u32,
     /// Tracker of the planned trajectory.
-    pub tracker: String,
+    #[serde(with = "choice::tracker")]
+    pub tracker: TrackerKind,
     /// What computes the video model.
     pub video_backend: String,
+}
+
+impl Settings {
+    /// Returns the settings in words, by which two benchmarks are compared.
+    #[must_use]
+    pub fn told(&self) -> String {
+        let Self { replan, horizon, history, tracker, video_backend } = self;
+        let tracker = tracker.name();
+        format!(
+            "Settings {{ replan: {replan}, horizon: {horizon}, history: {history}, tracker: {tracker:?}, video_backend: \
+             {video_backend:?} }}"
+        )
+    }
 }
 
 /// One episode to drive.
@@ -51,7 +68,8 @@ pub struct Cell {
     /// Look of the drive.
     pub appearance: String,
     /// Which agents react.
-    pub agents: String,
+    #[serde(with = "choice::agents")]
+    pub agents: AgentMode,
     /// Who ranks the proposals.
     pub scorer: String,
     /// The seed.
@@ -73,17 +91,17 @@ impl Cell {
         for named in [&self.policy, &self.observation] {
             writer.text(&named.name).text(&named.digest);
         }
-        writer.text(&self.appearance).text(&self.agents).text(&self.scorer).u64(self.seed);
+        writer.text(&self.appearance).text(self.agents.name()).text(&self.scorer).u64(self.seed);
         writer.u32(self.hand_over).u32(self.last);
         let Settings { replan, horizon, history, tracker, video_backend } = &self.settings;
-        writer.u32(*replan).u32(*horizon).u32(*history).text(tracker).text(video_backend).finish()
+        writer.u32(*replan).u32(*horizon).u32(*history).text(tracker.name()).text(video_backend).finish()
     }
 
     /// Returns what a reader tells the cell by.
     #[must_use]
     pub fn told(&self) -> String {
         let Self { scenario, policy, observation, appearance, agents, scorer, seed, .. } = self;
-        let (policy, observation) = (&policy.name, &observation.name);
+        let (policy, observation, agents) = (&policy.name, &observation.name, agents.name());
         format!("{scenario} · {policy} · {observation} · {appearance} · {agents} · {scorer} · seed {seed}")
     }
 }
@@ -184,19 +202,20 @@ mod tests {
 
     #[test]
     fn everything_that_a_result_depends_on_changes_the_key() {
-        let changes: [fn(&mut Cell); 12] = [
+        let changes: [fn(&mut Cell); 13] = [
             |cell| cell.scenario.push('x'),
             |cell| cell.scenario_digest.push('x'),
             |cell| cell.policy.name.push('x'),
             |cell| cell.policy.digest.push('x'),
             |cell| cell.observation.digest.push('x'),
             |cell| cell.appearance.push('x'),
-            |cell| cell.agents.push('x'),
+            |cell| cell.agents = AgentMode::LogReplay,
             |cell| cell.scorer.push('x'),
             |cell| cell.seed += 1,
             |cell| cell.hand_over += 1,
             |cell| cell.last += 1,
             |cell| cell.settings.replan += 1,
+            |cell| cell.settings.tracker = TrackerKind::PurePursuit,
         ];
         let mut keys: Vec<Digest> = changes
             .iter()
@@ -210,6 +229,21 @@ mod tests {
         keys.sort();
         keys.dedup();
         assert_eq!(keys.len(), changes.len() + 1);
+    }
+
+    /// Printed by the program in which agents and tracker were texts.
+    #[test]
+    fn names_of_choices_keep_keys_and_files_as_they_were() {
+        const KEY: &str = "ab4ec613b39233c0672d9643c0ac1fac12ad713ebd40789a7d0e0c4ed52c1826";
+        const TOLD: &str = r#"{"scenario":"cut-in-7","scenario_digest":"00ff","policy":{"name":"camera","digest":"abc"},"observation":{"name":"layout","digest":""},"appearance":"day","agents":"idm-all","scorer":"learned","seed":3,"hand_over":20,"last":100,"settings":{"replan":5,"horizon":80,"history":1,"tracker":"pure-pursuit","video_backend":"cpu"}}"#;
+        let cell: Cell = serde_json::from_str(TOLD).expect("a cell");
+        assert_eq!((cell.agents, cell.settings.tracker), (AgentMode::IdmAll, TrackerKind::PurePursuit));
+        assert_eq!(cell.key().to_string(), KEY);
+        assert_eq!(serde_json::to_string(&cell).expect("JSON"), TOLD);
+        for (known, unknown) in [("idm-all", "idm-some"), ("pure-pursuit", "pursuit")] {
+            let error = serde_json::from_str::<Cell>(&TOLD.replace(known, unknown)).expect_err(unknown).to_string();
+            assert!(error.contains(&format!("{unknown:?}")), "{error}");
+        }
     }
 
     #[test]

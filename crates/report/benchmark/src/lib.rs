@@ -5,8 +5,10 @@
 //! `docs/benchmark.md`.
 
 pub mod cell;
+mod choice;
 pub mod endpoint;
 pub mod estimate;
+pub mod faults;
 pub mod file;
 pub mod filter;
 pub mod judge;
@@ -14,6 +16,8 @@ pub mod licence;
 pub mod manifest;
 pub mod merge;
 pub mod page;
+pub mod plot;
+pub mod progress;
 pub mod published;
 pub mod quality;
 pub mod record;
@@ -31,9 +35,10 @@ pub use file::FileError;
 pub use judge::{Judged, Outcome, Scores, judge};
 pub use manifest::{Entry, Kind, Manifest, Recipe};
 pub use merge::{MergeError, Merged, merge};
+pub use progress::Progress;
 pub use published::Published;
 pub use quality::Quality;
-pub use record::{ConditionShown, Record, Torn, Writer};
+pub use record::{ConditionShown, Losses, Record, Torn, Writer};
 pub use report::Report;
 pub use results::Results;
 pub use review::{Review, VerdictError, Verdicts};

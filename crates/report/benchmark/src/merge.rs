@@ -12,6 +12,7 @@ use ds_space::Digest;
 use serde::{Deserialize, Serialize};
 
 use crate::cell::Shard;
+use crate::faults::Faults;
 use crate::file::{self, FileError};
 use crate::manifest::Manifest;
 use crate::record::{self, Torn};
@@ -92,6 +93,9 @@ pub struct Merged {
     /// How often they were worked on.
     #[serde(default)]
     pub sessions: Sessions,
+    /// What was lost on the way; nothing in older files.
+    #[serde(default)]
+    pub faults: Option<Faults>,
 }
 
 impl Merged {
@@ -118,12 +122,18 @@ pub fn merge(folders: &[PathBuf], out: &Path, force: bool) -> Result<Merged, Mer
     let (sheet, sets) = one_benchmark(folders, force)?;
     let cells = sheet.cells(&sets)?;
     let mut found: BTreeMap<Digest, Found> = BTreeMap::new();
-    let (mut repeated, mut torn) = (0, Vec::new());
+    let (mut repeated, mut torn, mut faults) = (0, Vec::new(), Faults::default());
+    let (mut sessions, mut before) = (Sessions::default(), Faults::default());
     for (index, folder) in folders.iter().enumerate() {
+        let merged = already(folder)?;
+        let told = merged.as_ref().and_then(|merged| merged.faults.clone());
         let mut fault = None;
         let tail = record::read(folder, |from, record| {
             if fault.is_some() {
                 return;
+            }
+            if told.is_none() {
+                faults.take(&record);
             }
             let (key, told) = (record.key.clone(), record.cell.told());
             let keys = (Digest::from_hex(&record.key), Digest::from_hex(&record.digest));
@@ -144,6 +154,8 @@ pub fn merge(folders: &[PathBuf], out: &Path, force: bool) -> Result<Merged, Mer
             }
         })?;
         torn.extend(tail.map(|Torn { path, .. }| path));
+        sessions = sessions.with(merged.map_or_else(|| Sessions::load(folder), |merged| Ok(merged.sessions))?);
+        before = before.with(told.unwrap_or_default());
         if let Some(fault) = fault {
             return Err(fault);
         }
@@ -162,19 +174,18 @@ pub fn merge(folders: &[PathBuf], out: &Path, force: bool) -> Result<Merged, Mer
         foreign: found.keys().filter(|key| !cells.contains_key(key)).count(),
         torn,
         folders: folders.to_vec(),
-        sessions: folders
-            .iter()
-            .try_fold(Sessions::default(), |all, folder| Ok::<_, FileError>(all.with(of(folder)?)))?,
+        sessions,
+        faults: Some(faults.with(before)),
     };
     write(folders, out, &sheet, &sets, &found)?;
     file::write_json(&merged, &out.join(FILE))?;
     Ok(merged)
 }
 
-/// Counts the sessions of a folder; of a merged one those of the folders that it was made of.
-fn of(folder: &Path) -> Result<Sessions, FileError> {
-    let merged = folder.join(FILE);
-    if merged.exists() { Ok(file::read_json::<Merged>(&merged)?.sessions) } else { Sessions::load(folder) }
+/// Returns what a folder was merged from, if it was: what went wrong on the way there stands in it.
+fn already(folder: &Path) -> Result<Option<Merged>, FileError> {
+    let path = folder.join(FILE);
+    if path.exists() { file::read_json(&path).map(Some) } else { Ok(None) }
 }
 
 /// Returns the sheet of all folders: that of the first, over all shards.
@@ -308,6 +319,26 @@ mod tests {
             let merged = merge(&folders, &out, false).expect("sound");
             assert!(merged.complete() && merged.repeated == 4, "{merged:?}");
         }
+    }
+
+    #[test]
+    fn what_was_lost_on_the_way_is_not_lost_by_merging() {
+        let bench = Bench::new();
+        let cut = |index: usize, cell: Cell| {
+            let mut record = driven(cell, if index == 0 { "aborted" } else { "completed" }, 0.5);
+            (record.episode.wall_s, record.episode.reason) = (2.0, "no_instance: gone".to_owned());
+            record.lost.workers.insert("video".to_owned(), 1);
+            record
+        };
+        let shards = [0, 1].map(|index| bench.shard(&index.to_string(), Shard { index, count: 2 }, cut));
+        let again = bench.shard("again", Shard::ALL, good);
+        let first = merge(&shards, &bench.path("first"), false).expect("sound");
+        let told = first.faults.clone().expect("told");
+        assert_eq!((told.aborted["no_instance"], told.workers["video"], told.lost_millis), (2, 12, 4_000));
+        let whole = merge(&[bench.path("first"), again], &bench.path("whole"), false).expect("sound");
+        assert!(whole.complete() && whole.faults == Some(told.clone()), "{whole:?}");
+        let results = crate::Results::load(&bench.path("whole")).expect("sound");
+        assert_eq!((results.complete(), results.faults), (true, told));
     }
 
     #[test]

@@ -84,7 +84,7 @@ fn value(report: &Report) -> serde_json::Value {
 #[must_use]
 pub fn page(report: &Report) -> String {
     let document =
-        Document { title: &report.title, style: html::STYLE, script: Some(html::SCRIPT), pictures: Pictures::Inside };
+        Document { title: &report.title, style: html::STYLE, script: Some(html::SCRIPT), pictures: Pictures::Beside };
     document.page(|m| {
         m.inside("header", &[], |m| {
             m.inside("div", &[], |m| {
@@ -108,6 +108,7 @@ pub fn page(report: &Report) -> String {
                 plot(m, table);
             }
             table.html(m);
+            report.plots.get(id).into_iter().flatten().for_each(|plot| plot.draw(m));
         });
     })
 }

@@ -4,6 +4,7 @@
 //! frames, scores, outcome. Wall times and paths are not in it. A damaged line that is not the last is refused by its
 //! number.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -52,6 +53,27 @@ pub struct Record {
     /// from the frames and is no part of the digest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shown: Option<ConditionShown>,
+    /// What its fleet lost under way; nothing where it went smoothly. It is no part of the digest.
+    #[serde(default, skip_serializing_if = "Losses::is_none")]
+    pub lost: Losses,
+}
+
+/// What the fleet of a drive lost under way.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Losses {
+    /// Workers that were lost, by role, in the attempt that counts.
+    #[serde(default)]
+    pub workers: BTreeMap<String, u32>,
+    /// Time in which it stood, in milliseconds.
+    #[serde(default)]
+    pub stalled_millis: u64,
+}
+
+impl Losses {
+    fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 impl Record {
@@ -59,7 +81,7 @@ impl Record {
     #[must_use]
     pub fn new(cell: Cell, round: u32, episode: Episode, judged: Option<Judged>) -> Self {
         let (key, digest) = (cell.key().to_string(), String::new());
-        let mut record = Self { key, digest, cell, round, episode, judged, shown: None };
+        let mut record = Self { key, digest, cell, round, episode, judged, shown: None, lost: Losses::default() };
         record.digest = record.content().to_string();
         record
     }
@@ -268,6 +290,11 @@ pub(crate) mod tests {
         let mut episode = one.episode.clone();
         (episode.wall_s, episode.recording, episode.attempts) = (9.0, "elsewhere".to_owned(), 2);
         assert_eq!(Record::new(cell("a"), 1, episode, one.judged.clone()).digest, one.digest);
+        let lost = Losses { workers: [("video".to_owned(), 1)].into(), stalled_millis: 8_000 };
+        let text = serde_json::to_string(&Record { lost, ..one.clone() }).expect("JSON");
+        let read: Record = serde_json::from_str(&text).expect("a record");
+        assert!(read.check().is_ok() && read.lost.workers["video"] == 1, "{text}");
+        assert!(!serde_json::to_string(&one).expect("JSON").contains("lost\":{\"workers"));
         assert_ne!(driven(cell("a"), "failed", 0.5).digest, one.digest);
         assert_ne!(driven(cell("a"), "completed", 0.4).digest, one.digest);
     }

@@ -5,14 +5,16 @@
 
 use std::collections::BTreeMap;
 
-use ds_run_report::results::Outcome as Ending;
-
 mod conditions;
+mod contacts;
 mod endpoints;
+pub mod falls;
+mod faults;
 mod gate;
 mod quality;
 mod reviews;
 mod rows;
+mod severity;
 mod studies;
 mod subset;
 
@@ -20,6 +22,7 @@ use self::rows::{INTERVALS, counted, named};
 use crate::estimate::{Bootstrap, Unit};
 use crate::judge::{Outcome, PROFILES, Scores};
 use crate::manifest::{Kind, Manifest};
+use crate::plot::Plot;
 use crate::published::Published;
 use crate::results::{Drive, Results, unit};
 use crate::sheet::Arm;
@@ -38,6 +41,8 @@ pub struct Report {
     pub complete: bool,
     /// The tables.
     pub tables: Vec<Table>,
+    /// What stands under some of them, by their names.
+    pub plots: BTreeMap<&'static str, Vec<Plot>>,
 }
 
 /// Reads a score of a drive in a profile.
@@ -53,7 +58,7 @@ impl Report {
     /// Makes the report of a folder; `anchor` says of a policy whether it is privileged.
     #[must_use]
     pub fn new(results: &Results, anchor: &dyn Fn(&str) -> bool, published: &Published) -> Self {
-        let mut tables = Vec::new();
+        let (mut tables, mut plots) = (Vec::new(), BTreeMap::new());
         if results.complete() {
             let mut maker = Maker { results, anchor, arms: results.sheet.arms(), bootstrap: Bootstrap::default() };
             tables.extend([maker.policies(), maker.outcomes(), maker.categories()]);
@@ -62,6 +67,7 @@ impl Report {
             tables.push(studies::differences(results, bootstrap));
             for study in [
                 studies::behavior,
+                contacts::contacts,
                 quality::margins,
                 studies::weather,
                 conditions::conditions,
@@ -71,12 +77,20 @@ impl Report {
             ] {
                 tables.push(study(results, anchor, bootstrap));
             }
+            let (losses, drawn) = severity::losses(results, anchor);
+            plots.insert(losses.id, drawn);
+            let falls = falls::falls(results, anchor);
+            plots.insert(falls.id, falls::pairs(results));
+            tables.extend([losses, falls, falls::again(results)]);
             tables.retain(|table| !table.rows.is_empty());
         }
+        let (severity, drawn) = severity::severity(results);
+        plots.insert(severity.id, drawn);
+        tables.extend(Some(severity).filter(|table| !table.rows.is_empty()));
         tables.extend(Some(gate::shown(results)).filter(|table| !table.rows.is_empty()));
         tables.extend(Some(quality::quality(results)).filter(|table| !table.rows.is_empty()));
         tables.extend((!results.reviews.is_empty()).then(|| reviews::reviews(results)));
-        tables.extend([faults(results), sets(results)]);
+        tables.extend([faults::faults(results), sets(results)]);
         if !published.result.is_empty() {
             tables.push(published.table());
         }
@@ -87,6 +101,7 @@ impl Report {
             facts: facts(results),
             complete: results.complete(),
             tables,
+            plots,
         }
     }
 }
@@ -127,7 +142,7 @@ fn facts(results: &Results) -> Vec<(&'static str, String)> {
         ("replan period", format!("{} ticks", settings.replan)),
         ("horizon", format!("{} ticks", settings.horizon)),
         ("history", format!("{} frames", settings.history)),
-        ("tracker", settings.tracker.clone()),
+        ("tracker", settings.tracker.name().to_owned()),
         ("settings digest", sheet.digest().to_string()),
     ];
     for named in sheet.policies.iter().chain(&sheet.observations).filter(|named| !named.digest.is_empty()) {
@@ -245,39 +260,6 @@ fn per_km(results: &Results, arm: &Arm, set: &Manifest, said: Said) -> Vec<Unit>
         unit(entry, events, drives.iter().map(|drive| drive.driven_km()).sum())
     };
     set.entries.iter().map(one).collect()
-}
-
-fn faults(results: &Results) -> Table {
-    let all: Vec<&Drive> = results.drives().collect();
-    let ended = |ending| all.iter().filter(|drive| drive.ending == ending).count();
-    let mut rows = vec![
-        ("cells", results.cells),
-        ("completed", ended(Ending::Completed)),
-        ("failed by the policy", ended(Ending::Failed)),
-        ("aborted and not driven since", ended(Ending::Aborted)),
-        ("never driven", results.cells.saturating_sub(all.len())),
-        ("attempts beyond the first", all.iter().map(|drive| drive.attempts.saturating_sub(1) as usize).sum()),
-        ("aborts before the drive that counts", all.iter().map(|drive| drive.round as usize).sum()),
-        ("records told more than once, equal", results.repeated + results.merged.as_ref().map_or(0, |m| m.repeated)),
-        ("sessions", results.sessions.begun),
-        ("sessions that were killed", results.sessions.killed),
-        ("sessions that a signal ended", results.sessions.interrupted),
-        ("sessions that found a torn last line", results.sessions.torn),
-        ("torn last lines", usize::from(results.torn.is_some()) + results.merged.as_ref().map_or(0, |m| m.torn.len())),
-        ("seconds of wall time in drives", all.iter().map(|drive| drive.wall_s).sum::<f64>().round() as usize),
-    ]
-    .into_iter()
-    .map(|(name, count)| vec![Value::text(name), Value::count(count)])
-    .collect::<Vec<_>>();
-    let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
-    for drive in all.iter().filter(|drive| drive.ending != Ending::Completed) {
-        *reasons.entry(&drive.reason).or_default() += 1;
-    }
-    rows.extend(
-        reasons.iter().map(|(reason, count)| vec![Value::text(format!("reason: {reason}")), Value::count(*count)]),
-    );
-    let note = "What went wrong on the way; none of it changes a result.".to_owned();
-    Table { id: "faults", title: "Faults", note, columns: vec!["what", "count"], rows }
 }
 
 fn sets(results: &Results) -> Table {

@@ -1,7 +1,7 @@
 //! A folder of results as values: what was asked for, and of every cell what tables need.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use ds_run_report::ProposalStats;
 use ds_run_report::results::Outcome as Ending;
@@ -9,6 +9,7 @@ use ds_space::Digest;
 use serde::de::DeserializeOwned;
 
 use crate::estimate::Unit;
+use crate::faults::Faults;
 use crate::file::{self, FileError};
 use crate::judge::{Judged, Outcome, Scores};
 use crate::manifest::{Entry, Kind, Manifest};
@@ -38,11 +39,17 @@ pub struct Drive {
     pub shown: Option<ConditionShown>,
     /// Wall time, in seconds.
     pub wall_s: f64,
+    /// Digest over what must be equal wherever it is driven.
+    pub digest: String,
+    /// Its recording, from the folder that it was driven in; empty where none was kept.
+    pub recording: String,
 }
 
 /// A folder of results.
 #[derive(Debug)]
 pub struct Results {
+    /// The folder.
+    pub folder: PathBuf,
     /// What was asked for.
     pub sheet: Sheet,
     /// The sets.
@@ -57,6 +64,10 @@ pub struct Results {
     pub reviews: Vec<Review>,
     /// What the searches of adversaries came to; of each set that has figures beside its manifest.
     pub quality: Vec<Quality>,
+    /// Animations of drives, from the folder of the report, by the keys of their cells.
+    pub animations: BTreeMap<String, String>,
+    /// What was lost on the way.
+    pub faults: Faults,
     /// Cells of the benchmark.
     pub cells: usize,
     /// Records of cells that another record of the same folder repeats.
@@ -80,16 +91,18 @@ impl Results {
         })?;
         let mut drives: BTreeMap<String, Drive> = BTreeMap::new();
         let (mut repeated, mut foreign) = (0, 0);
+        let mut faults = Faults::default();
         let torn = record::read(folder, |_, record: Record| {
-            let Record { key, round, episode, judged, shown, .. } = record;
+            faults.take(&record);
+            let Record { key, digest, round, episode, judged, shown, .. } = record;
             if !Digest::from_hex(&key).is_some_and(|key| cells.contains_key(&key)) {
                 foreign += 1;
                 return;
             }
             let ending = episode.outcome();
             let (reason, attempts, wall_s) = (episode.reason, episode.attempts, episode.wall_s);
-            let proposals = episode.proposals;
-            let drive = Drive { ending, reason, attempts, round, judged, proposals, shown, wall_s };
+            let (proposals, recording) = (episode.proposals, episode.recording);
+            let drive = Drive { ending, reason, attempts, round, judged, proposals, shown, wall_s, digest, recording };
             match drives.get(&key) {
                 Some(there) if there.ending != Ending::Aborted => repeated += 1,
                 _ => drop(drives.insert(key, drive)),
@@ -97,8 +110,26 @@ impl Results {
         })?;
         let merged: Option<Merged> = optional(&folder.join(merge::FILE))?;
         let sessions = merged.as_ref().map_or_else(|| Sessions::load(folder), |merged| Ok(merged.sessions))?;
-        let (cells, reviews, quality) = (cells.len(), Vec::new(), Vec::new());
-        Ok(Self { sheet, sets, merged, torn, sessions, reviews, quality, cells, repeated, foreign, drives })
+        // A merged folder holds one record of each cell; what was lost before stands beside it.
+        let faults = merged.as_ref().and_then(|merged| merged.faults.clone()).unwrap_or(faults);
+        let (cells, animations, folder) = (cells.len(), BTreeMap::new(), folder.to_owned());
+        let (reviews, quality) = (Vec::new(), Vec::new());
+        Ok(Self {
+            folder,
+            sheet,
+            sets,
+            merged,
+            torn,
+            sessions,
+            reviews,
+            quality,
+            animations,
+            faults,
+            cells,
+            repeated,
+            foreign,
+            drives,
+        })
     }
 
     /// Takes what people say of the sets: their accepted variants stand as sets of their own beside the whole.
@@ -148,8 +179,22 @@ impl Results {
     }
 
     fn on(&self, seeds: &[u64], arm: &Arm, entry: &Entry) -> Vec<&Drive> {
-        let key = |seed: &u64| self.sheet.cell(arm, entry, *seed).key().to_string();
-        seeds.iter().filter_map(|seed| self.drives.get(&key(seed))).collect()
+        seeds.iter().filter_map(|seed| Some(self.drive(arm, entry, *seed)?.1)).collect()
+    }
+
+    /// Returns the drive of an entry by an arm on a seed, with the key of its cell.
+    #[must_use]
+    pub fn drive(&self, arm: &Arm, entry: &Entry, seed: u64) -> Option<(String, &Drive)> {
+        let key = self.sheet.cell(arm, entry, seed).key().to_string();
+        self.drives.get(&key).map(|drive| (key, drive))
+    }
+
+    /// Returns the entry that another one is a change of, if it is in a base set.
+    #[must_use]
+    pub fn base_of(&self, entry: &Entry) -> Option<&Entry> {
+        let base = entry.base.as_ref()?;
+        let sets = self.sets.iter().filter(|set| set.kind == Kind::Base);
+        sets.flat_map(|set| &set.entries).find(|entry| entry.name == *base)
     }
 
     /// Returns one unit per entry that has a value: the mean over its seeds.

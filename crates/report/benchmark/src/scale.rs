@@ -128,6 +128,7 @@ impl Scaling {
             facts,
             complete: self.sound(),
             tables: vec![self.table()],
+            plots: BTreeMap::new(),
         }
     }
 

@@ -5,9 +5,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use ds_space::{Digest, DigestWriter};
+use ds_world::AgentMode;
 use serde::{Deserialize, Serialize};
 
 use crate::cell::{Cell, Cells, Named, Settings, Shard};
+use crate::choice;
 use crate::endpoint::{Claim, Endpoint, LEARNED};
 use crate::file::{self, FileError};
 use crate::manifest::{Entry, Kind, Manifest, SUFFIX};
@@ -74,7 +76,8 @@ pub struct Sheet {
     /// What makes the frames.
     pub observations: Vec<Named>,
     /// Which agents react.
-    pub agents: Vec<String>,
+    #[serde(with = "choice::all_agents")]
+    pub agents: Vec<AgentMode>,
     /// Who ranks the proposals.
     pub scorers: Vec<String>,
     /// Seeds that results are reported on.
@@ -201,11 +204,11 @@ impl Sheet {
             ("sets", named(&self.sets)),
             ("policies", named(&self.policies)),
             ("observations", named(&self.observations)),
-            ("agents", self.agents.join(", ")),
+            ("agents", self.modes().join(", ")),
             ("scorers", self.scorers.join(", ")),
             ("seeds", format!("{:?}", self.seeds)),
             ("selection seeds", format!("{:?}", self.selection)),
-            ("settings", format!("{:?}", self.settings)),
+            ("settings", self.settings.told()),
             ("endpoints", format!("{:?}", self.endpoints)),
         ]
     }
@@ -216,6 +219,11 @@ impl Sheet {
         let parts = self.identity().into_iter().zip(other.identity());
         let other = parts.into_iter().find(|((_, first), (_, second))| first != second);
         other.map(|((part, first), (_, second))| Differs { part, first, second })
+    }
+
+    /// Returns the names of the agents' modes.
+    fn modes(&self) -> Vec<String> {
+        self.agents.iter().map(|mode| mode.name().to_owned()).collect()
     }
 
     /// Returns the digest over what must agree.
@@ -263,7 +271,7 @@ impl Sheet {
         let parts = [
             ("policy", names(&self.policies)),
             ("observation", names(&self.observations)),
-            ("agents", self.agents.clone()),
+            ("agents", self.modes()),
             ("scorer", self.scorers.clone()),
             ("seed", seeds(&self.seeds)),
             ("selection seed", seeds(&self.selection)),
@@ -311,10 +319,10 @@ impl Sheet {
         let mut arms = Vec::new();
         for policy in &self.policies {
             for observation in &self.observations {
-                for agents in &self.agents {
+                for agents in self.agents.iter().copied() {
                     for scorer in &self.scorers {
                         let (policy, observation) = (policy.clone(), observation.clone());
-                        arms.push(Arm { policy, observation, agents: agents.clone(), scorer: scorer.clone() });
+                        arms.push(Arm { policy, observation, agents, scorer: scorer.clone() });
                     }
                 }
             }
@@ -331,7 +339,7 @@ impl Sheet {
             policy: arm.policy.clone(),
             observation: arm.observation.clone(),
             appearance: entry.appearance.clone(),
-            agents: arm.agents.clone(),
+            agents: arm.agents,
             scorer: arm.scorer.clone(),
             seed,
             hand_over: entry.hand_over,
@@ -349,7 +357,7 @@ pub struct Arm {
     /// What makes the frames.
     pub observation: Named,
     /// Which agents react.
-    pub agents: String,
+    pub agents: AgentMode,
     /// Who ranks the proposals.
     pub scorer: String,
 }
@@ -369,7 +377,7 @@ pub(crate) mod tests {
             sets: sets.iter().map(|set| Named { name: set.name.clone(), digest: set.digest.clone() }).collect(),
             policies: vec![named("lattice"), named("camera")],
             observations: vec![named("layout")],
-            agents: vec!["idm-all".to_owned()],
+            agents: vec![AgentMode::IdmAll],
             scorers: vec!["learned".to_owned()],
             seeds: vec![1, 2],
             place: Place { folders: vec![PathBuf::from("."); sets.len()], ..Place::default() },
@@ -416,6 +424,20 @@ pub(crate) mod tests {
         let moved = Sheet { shard: Shard { index: 1, count: 2 }, ..sheet.clone() };
         assert_eq!(moved.digest(), sheet.digest());
         assert_ne!(Sheet { program: "1".to_owned(), ..sheet.clone() }.digest(), sheet.digest());
+    }
+
+    /// Printed by the program in which agents and tracker were texts.
+    #[test]
+    fn names_of_choices_keep_the_digest_as_it_was() {
+        const DIGEST: &str = "913bcc416c9e10f5d5a0631773da22fabe3dd529bf47d12d8760a7e51fe584b6";
+        let settings = r#"{"replan":5,"horizon":80,"history":1,"tracker":"pure-pursuit","video_backend":"cpu"}"#;
+        let settings: Settings = serde_json::from_str(settings).expect("settings");
+        let sheet = Sheet { agents: vec![AgentMode::IdmAll, AgentMode::LogReplay], settings, ..Sheet::new("0") };
+        assert_eq!(sheet.digest().to_string(), DIGEST);
+        let text = serde_json::to_string(&sheet).expect("JSON");
+        assert!(text.contains(r#""agents":["idm-all","log-replay"]"#), "{text}");
+        let error = serde_json::from_str::<Sheet>(&text.replace("log-replay", "log")).expect_err("no mode").to_string();
+        assert!(error.contains("no agent mode \"log\""), "{error}");
     }
 
     #[test]

@@ -316,7 +316,7 @@ impl StudyConfig {
         if let Some((set, rule)) = self.recorded.iter().find_map(|set| Some((set, set.wrong()?))) {
             return Err(EvaluationError::config(format!("recorded.{}", set.name), rule));
         }
-        let made_in_a = [ObservationSource::Reprojected, ObservationSource::Abroad];
+        let made_in_a = [ObservationSource::Reprojected, ObservationSource::SecondCamera];
         if let Some(source) = self.sources.iter().find(|s| self.world == WorldName::B && made_in_a.contains(&s.from)) {
             return Err(EvaluationError::config("sources", format!("{:?} is of world A alone", source.name())));
         }

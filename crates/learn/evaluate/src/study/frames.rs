@@ -101,7 +101,7 @@ impl Take {
             ObservationSource::Logged => (0..=last).map(|frame| drive.frame(frame)).collect(),
             ObservationSource::SimRgb => seen(&PlainCamera::new(drive.scene())),
             ObservationSource::Reprojected => seen(&ReprojectedCamera::new(Arc::new(drive.scene().clone()), self.look)),
-            ObservationSource::Abroad => seen(&SecondCamera::new(drive.scene(), &self.look)),
+            ObservationSource::SecondCamera => seen(&SecondCamera::new(drive.scene(), &self.look)),
             ObservationSource::Layout => worlds.iter().map(|world| Ok(drive.layout_of(world)?.image)).collect(),
             generated => {
                 let arm = arm.ok_or_else(|| {

@@ -3,6 +3,8 @@
 
 use std::collections::BTreeSet;
 
+use ds_topic::ObservationSource;
+
 use crate::cell::Named;
 use crate::manifest::{Entry, Kind};
 use crate::results::Results;
@@ -16,8 +18,6 @@ const ENOUGH: f64 = 0.7;
 const NOT_SHOWN: &str = "condition not shown";
 /// Why a row of a source that no look changes supports no claim.
 const NO_LOOK: &str = "condition not shown: this source has no look";
-/// The sources that no look changes.
-const LOOKLESS: [&str; 2] = ["layout", "sim-rgb"];
 /// Why nothing is known of a row.
 const NOT_MEASURED: &str = "condition not measured";
 
@@ -64,9 +64,14 @@ impl Hits {
     }
 }
 
-/// Says whether a video model makes the frames of a source; of the others all but [`LOOKLESS`] show what they are told.
+/// Says whether a video model makes the frames of a source; of the others all that have a look show what they are told.
 fn generated(source: &Named) -> bool {
     !source.digest.is_empty()
+}
+
+/// Says whether no condition changes the frames of a source.
+fn lookless(source: &Named) -> bool {
+    ObservationSource::from_name(&source.name).is_some_and(|source| !source.has_look())
 }
 
 /// Returns why the drives of an arm under the conditions of some entries support no claim; nothing where they do.
@@ -78,7 +83,7 @@ pub(super) fn fault(results: &Results, arm: &Arm, entries: &[&Entry]) -> Option<
 
 /// Returns why a source does not show a condition; nothing where it does.
 fn unshown(results: &Results, source: &Named, condition: &str) -> Option<&'static str> {
-    if LOOKLESS.contains(&source.name.as_str()) {
+    if lookless(source) {
         return Some(NO_LOOK);
     }
     generated(source).then(|| Hits::count(results, source, condition).fault()).flatten()

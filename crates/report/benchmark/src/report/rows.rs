@@ -32,7 +32,7 @@ pub(super) fn named(anchor: Anchor, set: &Manifest, arm: &Arm) -> Vec<Value> {
 
 /// Says what besides the policy tells an arm.
 pub(super) fn how(arm: &Arm) -> String {
-    format!("{} · {} · {}", arm.observation.name, arm.agents, arm.scorer)
+    format!("{} · {} · {}", arm.observation.name, arm.agents.name(), arm.scorer)
 }
 
 /// Returns the driving score in a profile.

@@ -2,12 +2,16 @@
 
 use std::path::Path;
 
+use ds_world::AgentMode;
+
 use super::*;
 use crate::cell::{Cell, Named, Shard};
 use crate::manifest;
 use crate::record::tests::driven;
 use crate::record::{Record, Writer};
 use crate::sheet::{self, Sheet};
+
+mod adversaries;
 
 /// Writes a folder of results over sets, each cell as `drive` says, and reads it.
 fn results(folder: &Path, sets: &[Manifest], drive: impl Fn(&Cell) -> Option<Record>) -> Results {
@@ -307,7 +311,7 @@ fn contacts_on_two_sets_of_the_same_bases_are_paired_for_each_way_of_driving() {
     let (name, profile) = ("reacting meets more".to_owned(), "strict".to_owned());
     let endpoint = crate::endpoint::Endpoint { name, profile, direction: crate::endpoint::Direction::Up, claim };
     let mut sheet = Sheet { endpoints: vec![endpoint], ..sheet::tests::sheet(&sets) };
-    sheet.agents.push("replay".to_owned());
+    sheet.agents.push(AgentMode::LogReplay);
     let drive = |cell: &Cell| {
         let reactive = sets[1].entries.iter().any(|entry| entry.scenario_digest == cell.scenario_digest);
         let Record { cell, episode, mut judged, .. } = driven(cell.clone(), "completed", 0.5);

@@ -125,6 +125,7 @@ pub(super) fn run(args: &StudyArgs) -> Result<()> {
         workers: None,
         keep: Kept::None,
         policy_listen: None,
+        done: Vec::new(),
         metrics: None,
         out: out.join("drives"),
     };
