@@ -261,9 +261,12 @@ fn the_next_run_is_proposed_driven_and_added_to_a_copy_of_the_case() {
             assert_eq!(runs[runs.len() - 1]["effects"], serde_json::json!(["front_grip"]), "{said}");
         }
     }
-    std::fs::write(path("envelope.toml"), "tyre_share = 3.0\n").expect("written");
-    let arguments = ["gap", "next", &path("short"), "--envelope", &path("envelope.toml"), "-o", &path("no")];
-    let refused = dreamstream(&arguments).output().expect("the binary runs");
-    let error = String::from_utf8_lossy(&refused.stderr);
-    assert!(refused.status.code() == Some(64) && error.contains("tyre_share"), "{error}");
+    for (limit, named) in [("tyre_share = 3.0", "tyre_share"), ("length_m = 5", "length_m"), ("width_m = 5", "width_m")]
+    {
+        std::fs::write(path("envelope.toml"), limit).expect("written");
+        let arguments = ["gap", "next", &path("short"), "--envelope", &path("envelope.toml"), "-o", &path("no")];
+        let refused = dreamstream(&arguments).output().expect("the binary runs");
+        let error = String::from_utf8_lossy(&refused.stderr);
+        assert!(refused.status.code() == Some(64) && error.contains(named), "{error}");
+    }
 }

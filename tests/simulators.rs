@@ -248,3 +248,51 @@ fn what_is_no_simulator_is_refused_by_what_is_wrong() {
         assert!(refused.contains(named), "{command}: {refused}");
     }
 }
+
+/// Looks for a law in a case with a command or without; returns the diagnosis and what was printed.
+fn discovered(case: &str, simulator: Option<&str>) -> (Value, String) {
+    let out = tempfile::tempdir().expect("a folder");
+    let path = out.path().display().to_string();
+    let words = ["gap", "discover", case, "--quick", "--no-pages", "--out", &path].into_iter();
+    let words: Vec<&str> = words.chain(simulator.iter().flat_map(|command| ["--simulator", command])).collect();
+    let ended = dreamstream(&words).output().expect("the binary runs");
+    assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
+    let name = Path::new(case).file_name().expect("a name");
+    let text = std::fs::read_to_string(out.path().join(name).join("diagnosis.json")).expect("a diagnosis");
+    let said = String::from_utf8_lossy(&ended.stdout).split_whitespace().collect::<Vec<_>>().join(" ");
+    (serde_json::from_str(&text).expect("JSON"), said)
+}
+
+#[test]
+fn a_law_is_found_against_a_simulator_and_what_it_cannot_be_given_is_said() {
+    // injected, its insertion, how a term of it begins, and whether it acts inside the car
+    for (text, insertion, expression, inside) in [
+        ("steering.linkage: 0.008*pos(accel)", "steering", "pos(accel)", true),
+        ("sensor.yaw_rate: 0.012*sin(0.2)", "sensor.yaw_rate", "sin(0.2", false),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let edit = |plant: &mut Plant| plant.laws.push(ds_effect::Law::parse(text).expect("a law"));
+        ds_dynamics::synthetic::write_case(folder.path(), 4150, &edit).expect("the case can be written");
+        let case = folder.path().display().to_string();
+        let served = format!("{} gap serve {{case}}", program());
+        let ((own, _), (by, said)) = (discovered(&case, None), discovered(&case, Some(&served)));
+        for found in [&own, &by].map(|diagnosis| &diagnosis["discovery"]) {
+            assert_eq!(found["insertion"][0]["id"], insertion, "{text}: {found}");
+            let terms = found["law"]["terms"].as_array().unwrap_or_else(|| panic!("{text}: {found}"));
+            let begins = |term: &Value| term["expression"].as_str().is_some_and(|e| e.starts_with(expression));
+            assert!(terms.iter().any(begins), "{text}: {}", found["law"]["text"]);
+            assert!(found["heldout_gain"].as_f64() > Some(0.0), "{text}: {found}");
+        }
+        assert_eq!(own["discovery"]["law"]["port"], by["discovery"]["law"]["port"], "{text}");
+        assert!(by["rollouts"].as_u64().is_some_and(|rollouts| rollouts <= 2000) && own.get("rollouts").is_none());
+        let (found, laws) = (&by["discovery"], &by["corrected_model"]["laws"]);
+        if inside {
+            assert!(found.get("share_explained").is_none() && laws.is_null(), "{text}: {by}");
+            assert!(found["kept_gain"].as_f64() > Some(0.0), "{text}: {found}");
+            assert!(said.contains("This simulator cannot be given a law inside its car"), "{said}");
+        } else {
+            assert!(found["share_explained"]["value"].as_f64() > Some(0.7), "{text}: {found}");
+            assert_eq!(laws[0], found["law"]["text"]);
+        }
+    }
+}

@@ -90,6 +90,9 @@ pub struct DiagnoseArgs {
     /// that do not agree pixel by pixel.
     #[arg(long, value_hint = ValueHint::DirPath)]
     pub nuisance: Option<PathBuf>,
+    /// Policies that look at frames.
+    #[command(flatten)]
+    pub panel: PanelArgs,
     /// What healthy drives of the vehicle say: a file of `gap baseline`, or a case of such drives, with which the others are
     /// compared.
     #[arg(long, value_name = "FILE|CASE", value_hint = ValueHint::AnyPath)]
@@ -110,6 +113,18 @@ pub struct DiagnoseArgs {
     /// Where `CASE/diagnosis.json`, `CASE/report.html` and `index.html` go.
     #[arg(long, short, default_value = "out/gap", value_hint = ValueHint::DirPath)]
     pub out: PathBuf,
+}
+
+/// Policies that look at the frames of a case.
+#[derive(Debug, Args)]
+pub struct PanelArgs {
+    /// Frames: how near the simulated ones are to the real ones for this policy, before and after; camera, one of the panel,
+    /// or the manifest of a network with a [feature]. Several are told apart by commas.
+    #[arg(long, value_name = "POLICY", value_delimiter = ',')]
+    pub policy: Vec<String>,
+    /// Weights of the camera policy; those of the panel lie in `panel` beside them.
+    #[arg(long, default_value = "configs/models/camera_policy.safetensors", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
+    pub policy_weights: PathBuf,
 }
 
 /// Arguments of `gap baseline`.
@@ -198,6 +213,9 @@ pub struct EvaluateArgs {
     /// Logs of a vehicle: the command that the diagnosis was made with; it is run on the drives without and with what was found.
     #[arg(long, value_name = "COMMAND", conflicts_with = "frames")]
     pub simulator: Option<String>,
+    /// Policies that look at frames.
+    #[command(flatten)]
+    pub panel: PanelArgs,
     /// Where the figures go as JSON.
     #[arg(long, short, value_hint = ValueHint::FilePath)]
     pub out: Option<PathBuf>,

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
 use ds_cases::closing::{LoggedRun, closed};
-use ds_cases::{Case, Options, RunConfig, beyond_usual, logs};
+use ds_cases::{Case, Options, RunConfig, logs};
 use ds_diagnosis::{Diagnosis, json};
 use ds_launch::{RunPlan, run, scenarios};
 use ds_process::terminal::answer;
@@ -60,7 +60,7 @@ pub(crate) async fn run(args: &CloseArgs, log: &str) -> Result<()> {
     tell("diagnosis", &diagnosis);
     let config = args.out.join("corrected.toml");
     let corrected = RunConfig::corrected(std::slice::from_ref(&diagnosis))?;
-    corrected.write(&diagnosis.case, &beyond_usual(&diagnosis), &config)?;
+    corrected.write(&diagnosis.case, &ds_diagnosis_page::values(&diagnosis), &config)?;
     let plan = |name: &str, config: Option<PathBuf>| RunPlan {
         scenarios: args.scenarios.clone(),
         policy: args.policy.clone(),

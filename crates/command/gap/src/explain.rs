@@ -47,7 +47,7 @@ pub(crate) fn run(args: &ExplainArgs) -> Result<()> {
             viewer::hand(["diagnosis".into(), rrd.into()], &drawn(&diagnosis, case.as_deref())?)?;
             answer(&format!("rerun {}", rrd.display()));
         }
-        made.push((format!("{}/{PAGE}", ds_cases::case::name(path.parent().unwrap_or(path))), diagnosis));
+        made.push((format!("{}/{PAGE}", ds_cases::folder::name(path.parent().unwrap_or(path))), diagnosis));
     }
     if !one {
         let index = args.diagnosis.join("index.html");

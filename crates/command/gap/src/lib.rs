@@ -11,10 +11,12 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
-use ds_cases::case::{Case, Options, Unseen, beyond, diagnose_by, evaluate_by, folders, name, names, served};
+use ds_cases::attended::Panel;
+use ds_cases::case::{Case, Options, Unseen, beyond, diagnose_by, evaluate_by, served};
+use ds_cases::folder::{folders, name, names};
 use ds_cases::localised::localisation;
 use ds_cases::pairs::Paired;
-use ds_cases::{CasesError, RunConfig, beyond_usual, finished, logs, pairs, scenes, seal};
+use ds_cases::{CasesError, RunConfig, finished, logs, pairs, scenes, seal};
 use ds_diagnosis::meta::{Kind, VehicleMeta};
 use ds_diagnosis::score::score_folder;
 use ds_diagnosis::score::skill::{Reliability, Skill};
@@ -27,7 +29,9 @@ use ds_vehicle_logs::{Mapping, Suggestion};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
-use cli::{ApplyArgs, BaselineArgs, DiagnoseArgs, EvaluateArgs, FleetArgs, GapCommand, GapImportArgs, GapScoreArgs};
+use cli::{
+    ApplyArgs, BaselineArgs, DiagnoseArgs, EvaluateArgs, FleetArgs, GapCommand, GapImportArgs, GapScoreArgs, PanelArgs,
+};
 
 const PAGE: &str = "report.html";
 
@@ -95,14 +99,14 @@ fn apply(args: &ApplyArgs) -> Result<()> {
         config.nuisance.clear();
     }
     let cases: Vec<&str> = diagnoses.iter().map(|diagnosis| diagnosis.case.as_str()).collect();
-    let splits: Vec<String> = diagnoses.iter().flat_map(beyond_usual).collect();
-    config.write(&cases.join(", "), &splits, &args.out)?;
+    let values: Vec<String> = diagnoses.iter().flat_map(ds_diagnosis_page::values).collect();
+    config.write(&cases.join(", "), &values, &args.out)?;
     if config.effects.is_empty() && config.laws.is_empty() {
         answer("no effect is added");
     }
     config.laws.iter().for_each(|law| answer(law));
     config.effects.iter().for_each(|line| answer(&format!("{} = {:?}", line.id, line.values)));
-    splits.iter().for_each(|split| answer(split));
+    values.iter().for_each(|value| answer(value));
     if !config.nuisance.is_empty() {
         answer(&format!("and the ordinary mismatch that was measured with it, {} entries", config.nuisance.len()));
     }
@@ -144,8 +148,6 @@ fn diagnose_all(args: &DiagnoseArgs, discover: bool) -> Result<()> {
     if let Some(id) = args.without.iter().find(|id| !known(id)) {
         bail!("--without {id:?} names no effect of the library, see gap effects");
     }
-    let both = discover && args.simulator.is_some();
-    ensure!(!both, "laws are looked for with the built-in car alone: leave --simulator out, or use gap diagnose");
     let mut cases = Vec::new();
     let driven = scenarios::files(&args.scenes)?;
     for case in folders(&args.cases)? {
@@ -163,7 +165,10 @@ fn diagnose_all(args: &DiagnoseArgs, discover: bool) -> Result<()> {
     let nuisance = args.nuisance.as_deref().map(ds_frames::Nuisance::learn).transpose()?;
     let simulator = args.simulator.clone();
     let without = args.without.clone();
-    let options = Options { quick: args.quick, without, baseline, simulator, nuisance, discover };
+    let panel = Panel { effect_free: args.nuisance.clone(), ..panel(&args.panel) };
+    let unseen = !panel.policies.is_empty() && cases.iter().all(|case| Kind::of(case) != Kind::Frames);
+    ensure!(!unseen, "--policy looks at streams of frames; none of these cases has any");
+    let options = Options { quick: args.quick, without, baseline, simulator, nuisance, panel, discover };
     let bar = bar(cases.len() as u64, "cases");
     bar.tick();
     let names = names(&cases);
@@ -186,7 +191,6 @@ fn diagnose_all(args: &DiagnoseArgs, discover: bool) -> Result<()> {
         match result {
             Ok(diagnosis) => {
                 answer(&ds_diagnosis_page::text(&diagnosis));
-                beyond_usual(&diagnosis).iter().for_each(|split| answer(split));
                 made.push((format!("{name}/{PAGE}"), diagnosis));
             }
             Err(error) => {
@@ -201,6 +205,10 @@ fn diagnose_all(args: &DiagnoseArgs, discover: bool) -> Result<()> {
     answer(&format!("written to {}", args.out.display()));
     ensure!(refused == 0, "{refused} of {} cases were refused", cases.len());
     Ok(())
+}
+
+fn panel(args: &PanelArgs) -> Panel {
+    Panel { policies: args.policy.clone(), weights: args.policy_weights.clone(), effect_free: None }
 }
 
 /// Diagnoses a case and writes its diagnosis and page.
@@ -358,7 +366,12 @@ fn evaluate_one(args: &EvaluateArgs) -> Result<()> {
             warnings.into_iter().for_each(|warning| complain(&anyhow::anyhow!(warning)));
             shrinks
         }
-        None => ds_cases::evaluate(&diagnosis, &read, Unseen { drives, frames })?,
+        None => {
+            let panel = panel(&args.panel);
+            let unseen = !panel.policies.is_empty() && !matches!(read, Case::Frames(_));
+            ensure!(!unseen, "--policy looks at streams of frames; {} has none", case.display());
+            ds_cases::evaluate(&diagnosis, &read, Unseen { drives, frames, panel })?
+        }
     };
     match &args.out {
         Some(path) => json::write(&shrinks, path)?,

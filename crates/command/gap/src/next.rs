@@ -6,7 +6,8 @@ use std::path::{Component, Path};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
-use ds_cases::case::{Case, folders, names, served};
+use ds_cases::case::{Case, served};
+use ds_cases::folder::{folders, names};
 use ds_cases::{CasesError, RunConfig, baseline};
 use ds_diagnosis::json;
 use ds_diagnosis::meta::{DriveEntry, Split};

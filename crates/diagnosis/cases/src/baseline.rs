@@ -8,8 +8,9 @@ pub use ds_dynamics::healthy::steps;
 use ds_dynamics::healthy::{Healthy, Progress};
 use rayon::prelude::*;
 
-use crate::case::{Case, folders, names, served};
+use crate::case::{Case, served};
 use crate::error::CasesError;
+use crate::folder::{folders, names};
 
 /// Reads healthy cases of vehicle logs, driven by a command in the place of the built-in car if there is one; folders of cases
 /// are opened.

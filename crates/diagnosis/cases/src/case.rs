@@ -1,18 +1,21 @@
 //! A case of any kind and the diagnoser that takes it.
 
 use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use ds_diagnosis::discovery::EXTRAPOLATED;
-use ds_diagnosis::meta::{FILE, Kind};
+use ds_diagnosis::meta::Kind;
 use ds_diagnosis::schema::Shrink;
 use ds_diagnosis::{Diagnosis, Verdict};
 use ds_dynamics::baseline::Baseline;
 use ds_frames::{Nuisance, Streams};
 use ds_record::vehicle_log::Planned;
+use ds_simulator::Explored;
 
-use crate::error::{CasesError, at};
+use crate::attended::{Panel, attended};
+use crate::error::CasesError;
+use crate::folder::name;
 use crate::logs;
 use crate::stamps;
 
@@ -39,6 +42,8 @@ pub struct Options {
     pub simulator: Option<String>,
     /// Frames: what the generator does without any effect.
     pub nuisance: Option<Nuisance>,
+    /// Frames: policies that look at them.
+    pub panel: Panel,
     /// Logs of a vehicle: look for a law whatever the verdict; without, where it is unknown and the diagnosis is no quick one.
     pub discover: bool,
 }
@@ -50,6 +55,8 @@ pub struct Unseen {
     pub drives: Vec<usize>,
     /// Frames.
     pub frames: Option<RangeInclusive<u64>>,
+    /// Frames: policies that look at them.
+    pub panel: Panel,
 }
 
 impl Case {
@@ -103,7 +110,12 @@ pub fn diagnose(case: &Case, options: &Options) -> Result<Diagnosis, CasesError>
         Case::Traffic(case) => ds_traffic::diagnose(case, &ds_traffic::Options { without: without() })?,
         Case::Frames(case) => {
             let nuisance = options.nuisance.clone();
-            case.diagnose(&ds_frames::Options { without: without(), nuisance })?
+            let mut diagnosis = case.diagnose(&ds_frames::Options { without: without(), nuisance })?;
+            let told = attended(case, &diagnosis, None, &options.panel)?;
+            diagnosis.how_far.extend(told.shrinks);
+            diagnosis.attended = told.attended;
+            diagnosis.warnings.extend(told.unknown);
+            diagnosis
         }
         Case::Vehicle(case, plans) => {
             let own = ds_dynamics::Options { quick: options.quick, without: without() };
@@ -117,15 +129,21 @@ pub fn diagnose(case: &Case, options: &Options) -> Result<Diagnosis, CasesError>
     })
 }
 
-/// Diagnoses logs of a vehicle with a command as the nominal simulator, see `docs/simulators.md`.
+/// Diagnoses logs of a vehicle with a command as the nominal simulator, see `docs/simulators.md`; laws are looked for where
+/// that was asked.
 ///
 /// # Errors
 /// If the case is another one, or the simulator cannot be used.
 pub fn diagnose_by(case: Case, command: &str, options: &Options) -> Result<Diagnosis, CasesError> {
     let Case::Vehicle(case, plans) = case else { return Err(CasesError::SimulatorWithoutVehicle) };
-    let baseline = options.baseline.clone();
-    let options = ds_dynamics::Options { quick: options.quick, without: options.without.clone() };
-    let mut diagnosis = ds_simulator::diagnose(*case, command, baseline, &options)?;
+    let own = ds_dynamics::Options { quick: options.quick, without: options.without.clone() };
+    let (case, explored) = Explored::new(*case, command, options.baseline.clone(), &own)?;
+    let able = explored.able(&own);
+    let mut diagnosis = ds_dynamics::diagnose(&case, &able);
+    if options.discover {
+        ds_discover::discover(&case, &mut diagnosis, &able.without);
+    }
+    explored.tell(&mut diagnosis);
     diagnosis.join(stamps::diagnose(&diagnosis.case, &plans));
     Ok(diagnosis)
 }
@@ -143,7 +161,12 @@ pub fn served(command: &str, case: &Path) -> String {
 pub fn evaluate(diagnosis: &Diagnosis, case: &Case, unseen: Unseen) -> Result<Vec<Shrink>, CasesError> {
     Ok(match case {
         Case::Traffic(case) => ds_traffic::evaluate(diagnosis, case, &unseen.drives)?,
-        Case::Frames(case) => case.evaluate(diagnosis, unseen.frames)?,
+        Case::Frames(case) => {
+            let wanted = |n: u64| unseen.frames.as_ref().is_none_or(|frames| frames.contains(&n));
+            let mut shrinks = case.evaluate(diagnosis, unseen.frames.clone())?;
+            shrinks.extend(attended(case, diagnosis, Some(&wanted), &unseen.panel)?.shrinks);
+            shrinks
+        }
         Case::Vehicle(case, _) => ds_dynamics::evaluate(diagnosis, case, &unseen.drives),
     })
 }
@@ -174,59 +197,4 @@ pub fn evaluate_by(
 ) -> Result<(Vec<Shrink>, Vec<String>), CasesError> {
     let Case::Vehicle(case, _) = case else { return Err(CasesError::SimulatorWithoutVehicle) };
     Ok(ds_simulator::evaluate(diagnosis, *case, command, drives)?)
-}
-
-/// Returns the case folders among some paths: those with a `meta.json`, and those in folders without one.
-///
-/// # Errors
-/// If a path cannot be read or holds no case.
-pub fn folders(paths: &[PathBuf]) -> Result<Vec<PathBuf>, CasesError> {
-    let mut found = Vec::new();
-    for path in paths {
-        if path.join(FILE).exists() {
-            found.push(path.clone());
-            continue;
-        }
-        let entries = std::fs::read_dir(path).map_err(at(path))?;
-        let mut inner: Vec<PathBuf> =
-            entries.flatten().map(|entry| entry.path()).filter(|inner| inner.join(FILE).exists()).collect();
-        if inner.is_empty() {
-            return Err(CasesError::NoCase { path: path.clone() });
-        }
-        inner.sort();
-        found.extend(inner);
-    }
-    Ok(found)
-}
-
-/// Returns the name under which each case is written: its folder's, after that of the folder above where two are alike.
-#[must_use]
-pub fn names(cases: &[PathBuf]) -> Vec<String> {
-    let shared = |case: &Path| cases.iter().filter(|other| name(other) == name(case)).count() > 1;
-    let long = |case: &Path| match case.canonicalize().ok().as_deref().and_then(Path::parent) {
-        Some(above) => format!("{}-{}", name(above), name(case)),
-        None => name(case),
-    };
-    cases.iter().map(|case| if shared(case) { long(case) } else { name(case) }).collect()
-}
-
-/// Returns the name of a folder; the vehicle logs of a run, which lie in `RUN/real`, are called after the run.
-#[must_use]
-pub fn name(case: &Path) -> String {
-    let run = if case.ends_with("real") && logs::are_logs(case) { case.canonicalize().ok() } else { None };
-    let case = run.as_deref().and_then(Path::parent).unwrap_or(case);
-    case.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_else(|| "case".to_owned())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn cases_of_one_name_are_kept_apart() {
-        let root = tempfile::tempdir().expect("a folder");
-        let cases = ["car/case_01", "camera/case_01", "car/case_02"].map(|case| root.path().join(case));
-        cases.iter().for_each(|case| std::fs::create_dir_all(case).expect("a folder"));
-        assert_eq!(names(&cases), ["car-case_01", "camera-case_01", "case_02"]);
-    }
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use ds_diagnosis::CaseError;
 use ds_frames::FramesError;
+use ds_policy::PolicyError;
 use ds_record::RecordError;
 use ds_scenario::ScenarioError;
 use ds_simulator::SimulatorError;
@@ -55,6 +56,24 @@ pub enum CasesError {
     NoCase {
         /// The path.
         path: PathBuf,
+    },
+    /// A policy cannot look at the frames of a case.
+    #[error(transparent)]
+    Policy(#[from] PolicyError),
+    /// A policy has no features of frames.
+    #[error(
+        "policy {policy:?} tells of nothing that it attends to: name camera, one of the panel, or the manifest of a \
+         network with a [feature]"
+    )]
+    TellsNothing {
+        /// The policy.
+        policy: String,
+    },
+    /// A policy attends to the same in every real frame.
+    #[error("policy {policy:?} attends to the same in every real frame: there is no unit for differences")]
+    Unmoved {
+        /// The policy.
+        policy: String,
     },
     /// There is no diagnosis at a path.
     #[error("{} holds no diagnosis.json: `gap diagnose` writes them", path.display())]

@@ -62,11 +62,12 @@ pub fn inputs(case: &Path, options: &Options, program: &Digest) -> Result<Digest
     options.without.iter().for_each(|id| {
         writer.text(id);
     });
-    let Options { simulator, baseline, nuisance, .. } = options;
+    let Options { simulator, baseline, nuisance, panel, .. } = options;
     writer.text(&format!("{simulator:?} {baseline:?}"));
     writer.text(
         &nuisance.as_ref().map(|n| format!("{} {:?} {:?}", n.count, n.mean, (&n.root, &n.clips))).unwrap_or_default(),
     );
+    writer.text(&format!("{:?}", panel.policies)).digest(&panel.digest()?);
     let mut folders = vec![case.to_path_buf()];
     while let Some(folder) = folders.pop() {
         let entries = std::fs::read_dir(&folder).map_err(at(&folder))?;

@@ -4,12 +4,14 @@
 //! [`Case::read`] tells the kinds apart, [`diagnose`] and [`evaluate`] are the one place that knows all diagnosers.
 
 pub mod alarms;
+pub mod attended;
 pub mod baseline;
 pub mod case;
 pub mod closing;
 mod error;
 pub mod finished;
 pub mod fleet;
+pub mod folder;
 pub mod localised;
 pub mod logs;
 pub mod message;
@@ -23,4 +25,4 @@ pub mod world;
 
 pub use case::{Case, Options, Unseen, diagnose, evaluate};
 pub use error::CasesError;
-pub use world::{EffectLine, RunConfig, beyond_usual};
+pub use world::{EffectLine, RunConfig};

@@ -167,7 +167,7 @@ fn save(pairs: &[Pair], camera: &CameraEntry, out: &Path) -> Result<(), CasesErr
     let kept = (pairs.len() - pairs.len() / 5) as u64;
     let pinhole = PinholeEntry { fx: camera.fx, fy: camera.fy, cx: camera.cx, cy: camera.cy };
     let meta = FrameMeta {
-        case: crate::case::name(out),
+        case: crate::folder::name(out),
         channels: Some("rgb".to_owned()),
         suggested_split: Some(FrameSplit { fit: Some([0, kept - 1]), held_out: [kept, pairs.len() as u64 - 1] }),
         camera_height_m: Some(camera.height_m),

@@ -11,8 +11,6 @@ use crate::error::{CasesError, at};
 
 /// The effect that moves the steering's zero point.
 const ZERO_POINT: &str = "steer_offset";
-/// Share of a value up to which two are told as one.
-const SAME_VALUE: f64 = 1e-3;
 /// A thousandth of the smallest step of a steering sensor, in radians.
 pub const HAIR_RAD: f64 = 1e-6;
 
@@ -145,20 +143,6 @@ impl RunConfig {
     }
 }
 
-/// Says of every added effect what a diagnosis tells of it beyond what is usual of the vehicle, and what it is in all, where these
-/// differ.
-#[must_use]
-pub fn beyond_usual(diagnosis: &Diagnosis) -> Vec<String> {
-    let split = |(id, values): (String, Vec<f64>)| {
-        let told = diagnosis.effects.iter().find(|finding| finding.id == id)?;
-        let (whole, beyond) = (*values.first()?, told.value);
-        let unit = if told.unit == "1" { String::new() } else { format!(" {}", told.unit) };
-        ((whole - beyond).abs() > SAME_VALUE * whole.abs())
-            .then(|| format!("{id}: {beyond:.4}{unit} beyond what is usual of the vehicle, {whole:.4}{unit} with it"))
-    };
-    diagnosis.corrected_model.added().into_iter().filter_map(split).collect()
-}
-
 /// A part of the world that can be the nominal or the real one's.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Component {
@@ -211,9 +195,8 @@ fn read(path: &Path) -> Result<RunConfig, CasesError> {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
 
-    use ds_diagnosis::schema::{CorrectedEffect, Finding};
+    use ds_diagnosis::schema::CorrectedEffect;
 
     use super::*;
 
@@ -236,34 +219,6 @@ mod tests {
         both.write("case", &["two\nlines".to_owned()], &path).expect("written");
         let read = RunConfig::gather(Some(&path), &[], &[]).expect("sound");
         assert_eq!((read.switched().len(), read), (4, both));
-    }
-
-    #[test]
-    fn the_configuration_says_what_the_diagnosis_tells_beyond_the_usual() {
-        let mut found = Diagnosis::blank("case");
-        found.effects = vec![Finding {
-            id: "steer_delay".to_owned(),
-            probability: 0.9,
-            value: 0.154,
-            unit: "s".to_owned(),
-            interval90: [0.1, 0.2],
-            group: Vec::new(),
-            heldout_gain: None,
-            evidence_gain: 40.0,
-            params: BTreeMap::new(),
-        }];
-        let added = |value| vec![CorrectedEffect { id: "steer_delay".to_owned(), value, values: vec![value] }];
-        found.corrected_model.effects = added(0.154);
-        assert_eq!(beyond_usual(&found), [""; 0], "the page and the file say the same");
-        found.corrected_model.effects = added(0.166);
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("corrected.toml");
-        let config = RunConfig::corrected(std::slice::from_ref(&found)).expect("values");
-        config.write("case", &beyond_usual(&found), &path).expect("written");
-        let text = std::fs::read_to_string(&path).expect("readable");
-        let told = "# steer_delay: 0.1540 s beyond what is usual of the vehicle, 0.1660 s with it\n";
-        assert!(text.contains(told), "{text}");
-        assert_eq!(RunConfig::gather(Some(&path), &[], &[]).expect("sound"), config);
     }
 
     #[test]

@@ -17,6 +17,10 @@ pub struct Discovery {
     /// How far the law shrinks the gap; absent where there is none, or no gap beyond the floor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub share_explained: Option<LawShare>,
+    /// Log score that the law gains on drives kept from the fit, where nothing is fitted; only where how far it shrinks the gap
+    /// cannot be measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub kept_gain: Option<f64>,
     /// Share of the samples of the drives on which that was measured at which a signal of the law lies beyond the range on which it was
     /// found; absent where there is no law or it names no range.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -30,7 +34,7 @@ pub struct Discovery {
     /// Probability that nothing acts at any point.
     #[serde(deserialize_with = "null::number")]
     pub p_none: f64,
-    /// Why no law is offered, in one sentence.
+    /// Why no law is offered, or what could not be had of the one that is, in one sentence.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
 }

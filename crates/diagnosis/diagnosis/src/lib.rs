@@ -4,6 +4,7 @@
 //! A diagnoser reads a case of its kind and returns a [`Diagnosis`]; which kind that is says [`meta`]. Nothing is
 //! diagnosed here. Schema and figures: `docs/gap-diagnosis.md`.
 
+pub mod attended;
 pub mod discovery;
 mod error;
 pub mod grid;
@@ -13,6 +14,7 @@ pub mod meta;
 pub mod modulation;
 mod null;
 pub mod relation;
+pub mod saved;
 pub mod schema;
 pub mod score;
 pub mod table;

@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::CaseError;
 use crate::modulation::Modulation;
+use crate::saved::Saved;
 use crate::{json, null, verdict};
 
 /// The file in the folder of a diagnosis.
@@ -50,6 +51,9 @@ pub struct Diagnosis {
     /// What each of several accepted effects contributes; absent where there are not several, or it was not asked.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub shares: Vec<EffectShare>,
+    /// What policies attend to on the frames of a case, where any were asked.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub attended: Vec<crate::attended::Attended>,
     /// Share explained that the fit drives promise for `position_2s` (frames: `image_rmse`); absent where these show no
     /// gap beyond the floor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -126,6 +130,7 @@ impl Diagnosis {
             cells: Vec::new(),
             how_far: Vec::new(),
             shares: Vec::new(),
+            attended: Vec::new(),
             predicted_share: None,
             unknown_description: None,
             unknown: None,
@@ -291,6 +296,9 @@ pub struct Shrink {
     /// 90 % interval of `share_explained`.
     #[serde(default, deserialize_with = "null::known_pair", skip_serializing_if = "Option::is_none")]
     pub interval90: Option<[f64; 2]>,
+    /// What the effects save in the metric's unit; absent where none was added, and where it was not measured by drives.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub saved: Option<Saved>,
     /// heldout, crossfit (every drive by a fit without it), fit or unseen.
     pub data: String,
 }
@@ -321,6 +329,7 @@ impl Shrink {
             share_nuisance: step(0, 1).map(|found| found.share),
             share_explained: effects.map(|found| found.share),
             interval90: effects.map(|found| found.interval90),
+            saved: None,
             data: data.to_owned(),
         }
     }

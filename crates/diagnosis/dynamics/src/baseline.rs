@@ -138,7 +138,7 @@ impl Baseline {
     /// Reads a baseline.
     ///
     /// # Errors
-    /// If the file cannot be read, is no baseline, or one of another version or another shape.
+    /// If the file cannot be read, is no baseline or one of another version, or lacks a part or has one that no healthy logs leave.
     pub fn read(path: &Path) -> Result<Self, CaseError> {
         let found: Self = json::read(path)?;
         let refuse = |why: String| Err(CaseError::Baseline { why, path: path.to_path_buf() });

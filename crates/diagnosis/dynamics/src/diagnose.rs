@@ -117,6 +117,7 @@ fn diagnosed(case: &Case, options: &Options, thresholds: &Thresholds) -> (Diagno
         cells: map(case, &outcomes, &whole),
         how_far: shrinks(case, &outcomes, &fit_drives, &held),
         shares: if options.quick { Vec::new() } else { outcomes.iter().flat_map(|o| split(case, o, data)).collect() },
+        attended: Vec::new(),
         predicted_share: predicted(case, &outcomes, &fit_drives),
         unknown_description,
         unknown,

@@ -5,6 +5,8 @@
 //! the channel's unit. Shares are those of `ds_stats::explained`, over a bootstrap of drives and
 //! blocks within them.
 
+use std::collections::BTreeSet;
+
 use ds_effect::{Channel, Plant};
 
 use crate::bootstrap::{weights, weights_of_drives};
@@ -13,6 +15,7 @@ use crate::ego::Inputs;
 use crate::floor;
 use crate::following;
 use crate::windows::{Anchor, BLOCK, EGO, EgoRecord};
+use ds_diagnosis::saved::Saved;
 use ds_diagnosis::schema::Shrink;
 
 /// Samples between starts of the five-second rollouts, and in drives shorter than [`SHORT`].
@@ -148,7 +151,11 @@ fn shrink(errors: &Errors, data: &str) -> Option<Shrink> {
         |draws: Vec<Vec<f64>>| -> Vec<[f64; 4]> { draws.iter().map(|d| roots(&errors.rows, Some(d))).collect() };
     let here = drawn(weights(&errors.drives, "shrink"));
     let elsewhere = drawn(weights_of_drives(&errors.drives, "drives"));
-    Some(Shrink::elsewhere(&errors.name, roots(&errors.rows, None), [&here, &elsewhere], data))
+    let all = roots(&errors.rows, None);
+    let added = |[_, nuisance, after, _]: [f64; 4]| [nuisance, after];
+    let drives: BTreeSet<usize> = errors.drives.iter().copied().collect();
+    let saved = Saved::new(added(all), elsewhere.iter().copied().map(added), drives.len());
+    Some(Shrink { saved, ..Shrink::elsewhere(&errors.name, all, [&here, &elsewhere], data) })
 }
 
 /// Returns the root mean squares of rows of squares, each counted as often as a draw says.

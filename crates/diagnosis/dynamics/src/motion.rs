@@ -3,7 +3,7 @@
 //! Command paths, actuators, sensors and clocks lie outside: what is moved here is a vehicle on its road, by the steering
 //! angle of its wheels and by a force over nominal mass. SI units, x forward, y left.
 
-use ds_effect::Plant;
+use ds_effect::{Plant, Port};
 use ds_vehicle::Saturation;
 
 use crate::ego::{Actuated, Instant, Start, rollout};
@@ -35,6 +35,12 @@ pub trait Motion: Send + Sync {
     fn measurable(&self) -> usize {
         usize::MAX
     }
+}
+
+/// Tells whether what a law adds at a port is added outside the car that a motion moves: to a reading, or to followers.
+#[must_use]
+pub fn is_outside(port: Port) -> bool {
+    matches!(port, Port::Sensor(_) | Port::Follower)
 }
 
 /// A simulator of somebody else in the place of the built-in car.

@@ -10,6 +10,7 @@ use ds_dynamics::case::Case;
 use ds_dynamics::healthy::{Healthy, learn};
 use ds_dynamics::{Options, diagnose, synthetic};
 use ds_effect::find;
+use serde_json::{Value, json};
 
 /// A trait that all drives of the vehicle have: it pulls to one side.
 const TRAIT: (&str, f64) = ("bank", 0.03);
@@ -191,4 +192,101 @@ fn other_vehicles_other_channels_and_damaged_files_are_refused() {
         assert!(refused.contains(why), "{refused}");
     }
     assert!(matches!(learn(&[], &|| ()), Err(CaseError::NoHealthy)));
+}
+
+/// Parts that files of earlier versions lack.
+const LATER: [&str; 6] = ["correlation", "sampling", "cells", "windows", "wheelbase_m", "mass_kg"];
+
+/// What is put in the place of a part, null where it is taken away, and what is said of it.
+fn absurd() -> Vec<(&'static str, Value, &'static str)> {
+    vec![
+        ("/nominal_hash", json!([]), "nominal_hash is empty"),
+        ("/channels", json!([]), "channels is empty"),
+        ("/units/drive", json!([]), "units.drive is empty"),
+        ("/rate_hz", json!(5.0), "rate_hz is 5.0"),
+        ("/wheelbase_m", json!(-2.0), "wheelbase_m is none"),
+        ("/mass_kg", json!([1500.0, 1.0]), "mass_kg is none"),
+        ("/noise", json!({}), "noise of \"dx\" is missing"),
+        ("/noise/ay", Value::Null, "noise of \"ay\" is missing"),
+        ("/noise/ay/0", json!(1e300), "noise of \"ay\" is not positive"),
+        ("/spread", json!({}), "spread is empty"),
+        ("/spread/mu/0/mean", json!(1e300), "spread of \"mu\" is none"),
+        ("/sampling/jitter_secs/mean", json!(-1.0), "sampling is none"),
+        ("/discrepancy/coefficients", Value::Null, "coefficients"),
+        ("/discrepancy/coefficients", json!([]), "discrepancy.inverse has 1764 numbers, not 0"),
+        ("/discrepancy/coefficients", json!([[0.1]]), "discrepancy.coefficients has 1 channels, not 9"),
+        ("/discrepancy/coefficients/3", json!([0.1]), "discrepancy.coefficients has a channel of 1 numbers, not 42"),
+        ("/discrepancy/coefficients/3/7", json!(1e300), "discrepancy.coefficients holds"),
+        ("/discrepancy/inverse", Value::Null, "inverse"),
+        ("/discrepancy/inverse", json!([]), "discrepancy.inverse has 0 numbers, not 1764"),
+        ("/discrepancy/inverse/0", json!(-0.01), "discrepancy.inverse is that of no ridge"),
+        ("/discrepancy/inverse/0", json!(1e6), "discrepancy.inverse is that of no ridge"),
+        ("/discrepancy/inverse/1", json!(0.005), "discrepancy.inverse is that of no ridge"),
+        ("/correlation/below", json!([]), "correlation is none"),
+        ("/correlation/below/0", json!(0.99), "correlation is none"),
+        ("/nulls", json!([]), "nulls are missing"),
+        ("/nulls/0/z", json!([]), "is of 0 logs, not 1 to 3"),
+        ("/nulls/0/z", json!([0.1, 0.2, 0.3, 0.4]), "is of 4 logs, not 1 to 3"),
+        ("/cells/0/z", json!([]), "the cells of"),
+        ("/cells/0/z/0", json!(1e300), "holds what no log reaches"),
+        ("/detection_limits/gain:ego", Value::Null, "detection_limits of \"gain:ego\" is missing"),
+        ("/influence/0/chance", json!(7.0), "is no chance"),
+        ("/domain", json!({}), "domain of \"one\" is missing"),
+        ("/domain/v2", Value::Null, "domain of \"v2\" is missing"),
+        ("/domain/v2", json!([3.0, 1.0]), "domain of \"v2\" is no range"),
+        ("/domain/v2", json!([0.0, 1e9]), "domain of \"v2\" is no range"),
+        ("/windows/sensors/noise", json!([1.0]), "windows.sensors.noise has 1 channels, not 11"),
+        ("/windows/logs", json!([]), "windows.logs has 0 logs, not 3"),
+        ("/windows/logs/0/0/channels", json!([]), "windows.logs holds"),
+    ]
+}
+
+/// Every part of a file that is missing, empty or beyond what healthy logs can leave is refused by its name and the file's.
+#[test]
+fn missing_and_absurd_parts_are_refused_by_name() {
+    let root = tempfile::tempdir().expect("a folder");
+    let file = root.path().join("baseline.json");
+    let mut whole = serde_json::to_value(learn(&healthy(&[]), &|| ()).expect("three healthy logs")).expect("JSON");
+    let diagonal: Vec<f64> = (0..42 * 42).map(|k| if k % 43 == 0 { 0.01 } else { 0.0 }).collect();
+    whole["discrepancy"] = json!({ "coefficients": vec![vec![0.1; 42]; 9], "inverse": diagonal });
+    let read = |value: &Value| {
+        std::fs::write(&file, value.to_string()).expect("it can be written");
+        Baseline::read(&file)
+    };
+    read(&whole).expect("the whole is sound");
+    for part in LATER {
+        let mut earlier = whole.clone();
+        assert!(earlier.as_object_mut().expect("a table").remove(part).is_some(), "{part}");
+        read(&earlier).expect("files of earlier versions are read");
+    }
+    let refused = |value: &Value, named: &str| {
+        let error = read(value).expect_err(named);
+        let why = std::error::Error::source(&error).map(ToString::to_string).unwrap_or_default();
+        let said = format!("{error}: {why}");
+        assert!(said.contains(named) && said.contains("baseline.json"), "{named}: {said}");
+    };
+    for part in whole.as_object().expect("a table").keys().filter(|part| !LATER.contains(&part.as_str())) {
+        let mut lacking = whole.clone();
+        lacking.as_object_mut().expect("a table").remove(part);
+        refused(&lacking, part);
+    }
+    for (pointer, value, named) in absurd() {
+        let mut changed = whole.clone();
+        // null takes the part away
+        match value {
+            Value::Null => {
+                let (table, key) = pointer.rsplit_once('/').expect("a part of a table");
+                let table = changed.pointer_mut(table).and_then(Value::as_object_mut).expect("a table");
+                assert!(table.remove(key).is_some(), "{pointer}");
+            }
+            value => *changed.pointer_mut(pointer).expect(pointer) = value,
+        }
+        refused(&changed, named);
+    }
+    let mut silent = whole.clone();
+    silent["nulls"].as_array_mut().expect("a list").retain(|null| null["statistic"] != "gain:ego");
+    refused(&silent, "the null of all logs of \"gain:ego\" is missing");
+    let mut odd = whole;
+    odd["domain"]["nonsense"] = json!([0.0, 1.0]);
+    refused(&odd, "domain of \"nonsense\" is of no quantity");
 }

@@ -4,6 +4,7 @@
 use std::path::Path;
 use std::sync::LazyLock;
 
+use ds_diagnosis::meta::DriveEntry;
 use ds_diagnosis::{Diagnosis, Verdict};
 use ds_dynamics::case::Case;
 use ds_dynamics::{Options, diagnose, synthetic};
@@ -114,6 +115,21 @@ fn a_frozen_diagnosis_shrinks_the_gap_of_an_unseen_case_of_the_same_vehicle() {
     let position = shrink.iter().find(|s| s.metric == "position_2s").expect("the metric is there");
     assert!(position.share_explained.is_some_and(|share| share > 0.8), "{position:?}");
     assert_eq!(position.data, "unseen");
+    let few = position.saved.as_ref().expect("an effect was added");
+    assert!(few.drives == 1 && few.interval90.is_none(), "{few:?}");
+    assert!(few.note.as_ref().is_some_and(|note| note.contains("too few for an interval")), "{few:?}");
+    assert!((few.value - (position.nuisance.expect("a state") - position.after)).abs() < 1e-12, "{position:?}");
+    // with the drives of the fit's case there are eight
+    let mut both = read(other.path());
+    for (k, drive) in read(folder.path()).drives.into_iter().enumerate() {
+        let entry = DriveEntry { file: format!("more_{k}.csv"), ..DriveEntry::default() };
+        both = both.joined(entry, drive).expect("a further drive of the same car");
+    }
+    let shrink = ds_dynamics::evaluate(&found, &both, &[]);
+    let position = shrink.iter().find(|s| s.metric == "position_2s").expect("the metric is there");
+    let many = position.saved.as_ref().expect("an effect was added");
+    let [low, high] = many.interval90.expect("eight drives");
+    assert!(many.drives == 8 && many.note.is_none() && 0.0 < low && low < many.value && many.value < high, "{many:?}");
 }
 
 /// Rewrites the logs of a case as those of a car whose steering gives way in corners: the servo turned as logged, the

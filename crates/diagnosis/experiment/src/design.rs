@@ -87,6 +87,18 @@ impl Design {
         self
     }
 
+    /// Returns the slowest and the fastest speed at which a manoeuvre begins, m/s.
+    #[must_use]
+    pub(crate) fn begins_mps() -> (f64, f64) {
+        RANGES[0]
+    }
+
+    /// Returns how long the way of a manoeuvre is at the slowest, m.
+    #[must_use]
+    pub(crate) fn shortest_m() -> f64 {
+        SLOWEST_MPS * SECS
+    }
+
     /// Returns its numbers by name.
     #[must_use]
     pub fn numbers(&self) -> BTreeMap<String, f64> {

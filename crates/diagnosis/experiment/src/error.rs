@@ -13,7 +13,7 @@ pub enum ExperimentError {
         /// Its value.
         value: String,
         /// What it may be.
-        expected: &'static str,
+        expected: String,
     },
     /// Nothing that was designed stays within the envelope.
     #[error(

@@ -94,6 +94,13 @@ fn a_proposal_keeps_the_site_and_what_cannot_be_kept_is_refused() {
     assert!(planned.envelope.margins.iter().all(|margin| margin.left >= 0.0), "{:#?}", planned.envelope.margins);
     assert!((planned.design["heading_rad"] - 0.5).abs() < 1e-12);
     assert!(planned.predicted.iter().all(|curves| curves.each.len() > 1));
+    let short = Envelope { length_m: Some(150.0), curvature_per_m: Some(0.04), ..Envelope::default() };
+    let short = Settings { envelope: short, ..settings() };
+    let planned = choose(&case, left.0, left.1, &short).expect("a gentle way").planned.expect("something is open");
+    for (name, limit) in [("length of the way", 150.0), ("curvature", 0.04)] {
+        let margin = planned.envelope.margins.iter().find(|margin| margin.name == name).expect("it is told");
+        assert!(margin.limit == limit && margin.reached <= limit && margin.left >= 0.0, "{margin:?}");
+    }
     let narrow = Site { ahead_m: [-1.0, 4.0], left_m: [-1.0, 1.0], heading_rad: None };
     let narrow = Settings { envelope: Envelope { site: Some(narrow), ..Envelope::default() }, ..settings() };
     let refused = choose(&case, left.0, left.1, &narrow).expect_err("no car drives 16 s within 4 m");

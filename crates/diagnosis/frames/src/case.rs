@@ -55,6 +55,8 @@ pub struct FrameCase {
     pub contiguous: bool,
     /// Camera.
     pub camera: Pinhole,
+    /// Height of the camera over the road, m, where the case says a sensible one.
+    pub camera_height_m: Option<f64>,
     /// Rows of the whole sensor.
     pub sensor_rows: f64,
     /// Frames at which the video model starts anew.
@@ -90,12 +92,12 @@ impl FrameCase {
         let meta = read_meta(folder)?;
         let size = [meta.width, meta.height];
         let mut warnings = Vec::new();
+        let camera_height_m = meta.camera_height_m.filter(|h| (0.2..10.0).contains(h));
         let mut boxes = read_boxes(&folder.join("boxes.csv"))?;
         let mut depth_m = read_depth(&folder.join("depth_proxy.png"), size)?;
         if depth_m.is_none() {
             warnings.push("no depth_proxy.png: a bare road corridor stands in for it".to_owned());
-            let height_m = meta.camera_height_m.filter(|h| (0.2..10.0).contains(h)).unwrap_or(USUAL_HEIGHT_M);
-            depth_m = Some(corridor(size, &meta.intrinsics, height_m));
+            depth_m = Some(corridor(size, &meta.intrinsics, camera_height_m.unwrap_or(USUAL_HEIGHT_M)));
         }
         let path = folder.join("frames.csv");
         let table = Table::read(&path)?;
@@ -143,6 +145,7 @@ impl FrameCase {
             rate_hz: meta.frame_rate_hz,
             contiguous: meta.contiguous,
             camera: pinhole(&meta.intrinsics),
+            camera_height_m,
             sensor_rows: meta.sensor_rows.unwrap_or(meta.height as f64),
             anchors: meta.rollout_anchor_frames,
             depth_m,

@@ -43,7 +43,7 @@ impl Correction {
 }
 
 /// Mean squares of one frame: nominal, with the ordinary mismatch, corrected, floor.
-type Row = [f64; 4];
+pub(crate) type Row = [f64; 4];
 
 /// Measures the frames whose numbers are `wanted`.
 ///
@@ -55,6 +55,22 @@ pub fn how_far(
     wanted: &dyn Fn(u64) -> bool,
     data: &str,
 ) -> Result<Vec<Shrink>, FramesError> {
+    let (rows, sets) = states(case, correction, wanted);
+    if rows.is_empty() {
+        return Ok(Vec::new());
+    }
+    let [real, sim, shifted, after, twin] = sets.map(|s| features(&s));
+    let floor = distance(&twin, &sim)?;
+    Ok(vec![image(&rows, data), feature(&real, [&sim, &shifted, &after], floor, rows.len(), data)?])
+}
+
+/// Returns what is measured on each wanted frame, and these frames: real, simulated, with the ordinary mismatch,
+/// corrected, and the effect-free twin.
+pub(crate) fn states(
+    case: &FrameCase,
+    correction: &Correction,
+    wanted: &dyn Fn(u64) -> bool,
+) -> (Vec<Row>, [Vec<Picture>; 5]) {
     let mut rows = Vec::new();
     let mut sets: [Vec<Picture>; 5] = Default::default();
     let shifted = corrected(case, &correction.mismatch(), wanted);
@@ -66,12 +82,7 @@ pub fn how_far(
             set.push(picture);
         }
     }
-    if rows.is_empty() {
-        return Ok(Vec::new());
-    }
-    let [real, sim, shifted, after, twin] = sets.map(|s| features(&s));
-    let floor = distance(&twin, &sim)?;
-    Ok(vec![image(&rows, data), feature(&real, [&sim, &shifted, &after], floor, rows.len(), data)?])
+    (rows, sets)
 }
 
 /// Returns the share of the image difference that the effects explain on the wanted frames.

@@ -15,7 +15,7 @@ use ds_dynamics::baseline::Baseline;
 use ds_dynamics::case::{Case, PartModel};
 use ds_dynamics::choice::Outcome;
 use ds_dynamics::ego::{Actuated, Instant, actuate};
-use ds_dynamics::motion::{StandIn, Window};
+use ds_dynamics::motion::{StandIn, Window, is_outside};
 use ds_dynamics::search::Effort;
 use ds_dynamics::settings::Thresholds;
 use ds_dynamics::space::{Part, Space};
@@ -51,34 +51,52 @@ const SINGLES: usize = 3;
 /// Stiffness that no force at a port stands for, as a factor.
 const STIFFEST: f64 = 5.0;
 
-/// Diagnoses a case with a command that speaks the protocol as its nominal simulator.
-///
-/// # Errors
-/// If the simulator cannot be used.
-pub fn diagnose(
-    case: Case,
-    command: &str,
-    baseline: Option<Arc<Baseline>>,
-    options: &Options,
-) -> Result<Diagnosis, SimulatorError> {
-    let (fit, _) = case.meta.split();
-    let (mut case, foreign) = driven(thin(case), command)?;
-    if let Some(baseline) = baseline {
-        case = case.against(baseline)?;
+/// What a simulator was asked for a case, and what it cannot be given.
+pub struct Explored {
+    foreign: Arc<Foreign>,
+    untestable: Vec<String>,
+}
+
+impl Explored {
+    /// Drives a case by a command that speaks the protocol as its nominal simulator, and runs that where a diagnosis needs it.
+    ///
+    /// # Errors
+    /// If the simulator cannot be used.
+    pub fn new(
+        case: Case,
+        command: &str,
+        baseline: Option<Arc<Baseline>>,
+        options: &Options,
+    ) -> Result<(Case, Self), SimulatorError> {
+        let (fit, _) = case.meta.split();
+        let (mut case, foreign) = driven(thin(case), command)?;
+        if let Some(baseline) = baseline {
+            case = case.against(baseline)?;
+        }
+        let explored = Self { untestable: case.lacks().to_vec(), foreign };
+        explore(&case, &fit, &explored.foreign, &explored.able(options))?;
+        Ok((case, explored))
     }
-    let untestable = case.lacks().to_vec();
-    let mut options = options.clone();
-    options.without.extend(untestable.iter().cloned());
-    explore(&case, &fit, &foreign, &options)?;
-    let mut diagnosis = ds_dynamics::diagnose(&case, &options);
-    diagnosis.rollouts = Some(foreign.tally().rollouts);
-    diagnosis.warnings.extend(foreign.tally().said());
-    if !untestable.is_empty() {
-        let names = untestable.join(", ");
-        diagnosis.warnings.push(format!("this simulator has neither a parameter nor a port for {names}: not testable"));
+
+    /// Returns how to diagnose its case: without what the simulator cannot be given.
+    #[must_use]
+    pub fn able(&self, options: &Options) -> Options {
+        let without = options.without.iter().chain(&self.untestable).cloned().collect();
+        Options { without, ..options.clone() }
     }
-    diagnosis.not_testable.extend(untestable);
-    Ok(diagnosis)
+
+    /// Writes into the diagnosis of its case what was asked of the simulator, what went wrong and what could not be tested.
+    pub fn tell(self, diagnosis: &mut Diagnosis) {
+        let tally = self.foreign.tally();
+        diagnosis.rollouts = Some(tally.rollouts);
+        diagnosis.warnings.extend(tally.said());
+        if !self.untestable.is_empty() {
+            let names = self.untestable.join(", ");
+            let text = format!("this simulator has neither a parameter nor a port for {names}: not testable");
+            diagnosis.warnings.push(text);
+        }
+        diagnosis.not_testable.extend(self.untestable);
+    }
 }
 
 /// Returns a healthy case for a baseline, driven by a command, all its drives explored.
@@ -125,8 +143,9 @@ pub fn evaluate(
     let untestable = case.lacks();
     let model = &diagnosis.corrected_model;
     let named = model.mismatch().into_iter().chain(model.added()).map(|(id, _)| id);
-    // a law is no parameter, and what it adds is known of the built-in car alone
-    let beyond: Vec<String> = named.filter(|id| untestable.contains(id)).chain(model.laws.iter().cloned()).collect();
+    // a law of the car is no parameter, and what it adds is known of the built-in one alone
+    let laws = model.obeyed().into_iter().filter(|law| !is_outside(law.port())).map(|law| law.to_string());
+    let beyond: Vec<String> = named.filter(|id| untestable.contains(id)).chain(laws).collect();
     if !beyond.is_empty() {
         return Err(SimulatorError::Beyond { effects: beyond.join(", ") });
     }

@@ -16,7 +16,7 @@ mod reality;
 mod serve;
 mod twins;
 
-pub use diagnose::{diagnose, evaluate, healthy};
+pub use diagnose::{Explored, evaluate, healthy};
 pub use error::SimulatorError;
 pub use message::{Hello, ParameterEntry, Reply, Request};
 pub use process::Process;

@@ -10,9 +10,9 @@ use ds_diagnosis::schema::{Diagnosis, Finding};
 use ds_dynamics::settings::MARGIN_SDS;
 use ds_effect::{Parameter, Scale};
 
-use super::headline::has_estimate;
 use super::markup::Markup;
 use super::plot;
+use super::value::{self, has_estimate};
 use super::words;
 
 /// Probability from which a hypothesis has a row of its own.
@@ -100,10 +100,14 @@ fn row(m: &mut Markup, diagnosis: &Diagnosis, finding: &Finding, nominal: Option
             }
         });
         m.inside("td", &[], |m| bar(m, if accepted { "p chosen" } else { "p" }, finding.probability));
-        let estimate = words::estimate(finding.value, finding.interval90, &finding.unit);
-        match estimate.filter(|_| has_estimate(finding)) {
+        match value::estimate(finding) {
             Some(estimate) => {
-                m.leaf("td", &[("class", &"n strong")], estimate.value);
+                m.inside("td", &[("class", &"n strong")], |m| {
+                    m.text(estimate.value);
+                    if let Some(whole) = value::with_usual(diagnosis, finding) {
+                        m.leaf("span", &[("class", &"group")], whole);
+                    }
+                });
                 m.leaf("td", &[("class", &"n range")], estimate.interval);
                 m.inside("td", &[("class", &"axis")], |m| axis(m, finding, nominal));
             }

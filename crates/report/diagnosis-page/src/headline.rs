@@ -6,6 +6,7 @@ use ds_effect::Channel;
 
 use super::law;
 use super::markup::Markup;
+use super::value;
 use super::words;
 
 /// Before over floor from which the metric of `predicted_share` is the one to tell.
@@ -60,22 +61,17 @@ pub(crate) fn sure(diagnosis: &Diagnosis) -> f64 {
 }
 
 /// Returns an effect with its value in words.
-pub(crate) fn named(finding: &Finding) -> String {
-    let value = words::estimate(finding.value, finding.interval90, &finding.unit).map(|e| e.value);
-    match value.filter(|_| has_estimate(finding)) {
-        Some(value) => format!("{} ({value})", words::effect(&finding.id)),
-        None => words::effect(&finding.id),
-    }
-}
-
-/// Tells whether a finding was fitted at all.
-pub(crate) fn has_estimate(finding: &Finding) -> bool {
-    !(finding.unit.is_empty() && finding.params.is_empty()) && finding.value.is_finite()
+fn named(diagnosis: &Diagnosis, finding: &Finding) -> String {
+    let name = words::effect(&finding.id);
+    let Some(estimate) = value::estimate(finding) else { return name };
+    let whole = value::with_usual(diagnosis, finding).map(|whole| format!(" {whole}")).unwrap_or_default();
+    format!("{name} ({}{whole})", estimate.value)
 }
 
 /// Returns the verdict, the effects, how far the gap shrinks and how sure that is.
 pub(crate) fn sentence(diagnosis: &Diagnosis) -> String {
-    let name = |id: &String| diagnosis.effects.iter().find(|e| e.id == *id).map_or_else(|| words::effect(id), named);
+    let found = |id: &String| diagnosis.effects.iter().find(|e| e.id == *id);
+    let name = |id: &String| found(id).map_or_else(|| words::effect(id), |e| named(diagnosis, e));
     let names: Vec<String> = diagnosis.chosen.iter().map(name).collect();
     let (names, many) = (words::list(&names), count(names.len()));
     let sure = words::chance(sure(diagnosis));
@@ -199,9 +195,10 @@ fn tiles(m: &mut Markup, diagnosis: &Diagnosis) {
     };
     let alarm = if diagnosis.verdict == Verdict::Unknown { "alarm" } else { "" };
     tile(alarm, verdict(diagnosis.verdict), &format!("verdict, {} sure", words::chance(sure(diagnosis))));
-    for finding in chosen(diagnosis).into_iter().filter(|f| has_estimate(f)) {
-        if let Some(estimate) = words::estimate(finding.value, finding.interval90, &finding.unit) {
-            tile("", &estimate.value, &format!("{} {}", words::effect(&finding.id), estimate.interval));
+    for finding in chosen(diagnosis) {
+        if let Some(estimate) = value::estimate(finding) {
+            let whole = value::with_usual(diagnosis, finding).map(|whole| format!(" {whole}")).unwrap_or_default();
+            tile("", &estimate.value, &format!("{} {}{whole}", words::effect(&finding.id), estimate.interval));
         }
     }
     let told = telling(diagnosis).filter(|_| !diagnosis.chosen.is_empty());

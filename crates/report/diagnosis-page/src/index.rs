@@ -7,11 +7,12 @@ use ds_diagnosis::Verdict;
 use ds_diagnosis::schema::Diagnosis;
 use ds_effect::Channel;
 
-use super::headline::{at_floor, chosen, has_estimate, sure, telling, verdict};
+use super::headline::{at_floor, chosen, sure, telling, verdict};
 use super::markup::{Markup, link};
 
 use super::plot;
 use super::tiles::{TILES, tiles};
+use super::value;
 use super::words;
 
 const VERDICTS: [Verdict; 4] = [Verdict::None, Verdict::Single, Verdict::Multiple, Verdict::Unknown];
@@ -107,7 +108,7 @@ fn row(m: &mut Markup, path: &str, diagnosis: &Diagnosis) {
     let first = found.first();
     let names = words::list(&found.iter().map(|f| words::effect(&f.id)).collect::<Vec<_>>());
     m.leaf("td", &[], if names.is_empty() { words::NOTHING.to_owned() } else { names });
-    let estimate = first.filter(|f| has_estimate(f)).and_then(|f| words::estimate(f.value, f.interval90, &f.unit));
+    let estimate = first.and_then(|f| value::estimate(f));
     let (value, interval) = estimate.map_or((words::NOTHING.to_owned(), String::new()), |e| (e.value, e.interval));
     number(m, first.map(|f| f.value), &value, &interval);
     let sure = sure(diagnosis);

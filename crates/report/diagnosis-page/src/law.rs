@@ -37,9 +37,15 @@ pub(crate) fn sentence(found: &Discovery) -> String {
     }
 }
 
-/// Returns what share of the gap the law explains, as a sentence of its own.
+/// Returns what share of the gap the law explains, or why that is not known, as sentences of their own.
 fn explained(found: &Discovery) -> String {
-    let Some(share) = &found.share_explained else { return String::new() };
+    let Some(share) = &found.share_explained else {
+        let kept = found.kept_gain.map(|gain| {
+            format!(" On drives kept from the fit its log score is {} over that without it.", words::fixed(gain, 1))
+        });
+        let note = found.note.as_ref().map(|note| format!(" {}.", words::capital(note)));
+        return kept.into_iter().chain(note).collect();
+    };
     let (metric, _) = words::metric(&share.metric);
     let on = if share.on == "heldout" { "on drives kept from the fit" } else { "on the drives of the fit" };
     format!(" It explains {} of the gap in {metric} that calibration leaves, {on}.", words::share(share.value))

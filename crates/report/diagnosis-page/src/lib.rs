@@ -11,6 +11,7 @@ use ds_diagnosis::schema::Diagnosis;
 use ds_page as markup;
 use ds_run_report::closing::Closing;
 
+mod attended;
 mod attribution;
 mod baseline;
 mod blocks;
@@ -34,6 +35,7 @@ mod shrink;
 mod tests;
 mod text;
 mod tiles;
+mod value;
 mod when;
 mod words;
 
@@ -105,6 +107,12 @@ pub fn closing(diagnosis: &Diagnosis, closings: &[Closing], asked: &[(&str, Stri
     document(&title, |m| closing::body(m, diagnosis, closings, asked, report))
 }
 
+/// Returns a line for every effect of the corrected simulator: its value in the figures and words of page and terminal.
+#[must_use]
+pub fn values(diagnosis: &Diagnosis) -> Vec<String> {
+    value::lines(diagnosis)
+}
+
 /// Returns a diagnosis as plain text for a terminal.
 #[must_use]
 pub fn text(diagnosis: &Diagnosis) -> String {
@@ -126,6 +134,7 @@ fn parts(diagnosis: &Diagnosis, material: &Material) -> Vec<(&'static str, &'sta
         (true, "where", "Where the gap lies"),
         (material.strip.is_some(), "frames", "In the frames"),
         (!diagnosis.how_far.is_empty(), "shrink", "How far it shrinks"),
+        (!diagnosis.attended.is_empty(), "policies", "For policies"),
         (!material.traces.is_empty(), "time", "Over time"),
         (material.traces.iter().any(road::worth), "road", "On the road"),
         (next, "next", if diagnosis.verdict == Verdict::None { "What would settle it" } else { "What to drive next" }),
@@ -143,6 +152,7 @@ fn section(m: &mut Markup, id: &str, diagnosis: &Diagnosis, material: &Material)
         ("where", ..) => place::section(m, diagnosis, material),
         ("frames", _, Some(strip)) => frames::section(m, diagnosis, strip),
         ("shrink", ..) => shrink::section(m, diagnosis),
+        ("policies", ..) => attended::section(m, &diagnosis.attended),
         ("time", ..) => material.traces.iter().for_each(|traces| over_time::section(m, diagnosis, traces)),
         ("road", ..) => material.traces.iter().filter(|t| road::worth(t)).for_each(|traces| road::section(m, traces)),
         ("next", ..) => further::next(m, diagnosis),

@@ -3,7 +3,7 @@
 
 use ds_diagnosis::schema::{Diagnosis, Shrink};
 
-use super::headline::{at_floor, gap, predicted};
+use super::headline::{at_floor, gap, predicted, telling};
 use super::markup::Markup;
 use super::plot;
 use super::words;
@@ -37,6 +37,9 @@ pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis) {
             "No effect was added: what shrinks from ring to bar is calibration, and the share of effects is 0.",
         );
     }
+    if let Some(saved) = telling(diagnosis).and_then(saved) {
+        m.leaf("p", &[("class", &"lead")], saved);
+    }
     promise(m, diagnosis);
     let rows: Vec<&Shrink> = diagnosis.how_far.iter().collect();
     // the errors of whole rollouts first, then channel by channel
@@ -51,6 +54,19 @@ pub(crate) fn section(m: &mut Markup, diagnosis: &Diagnosis) {
             metric(m, shrink, TOP + apart(row) + ROW * (row as f64 + 0.5), &scale);
         }
     });
+}
+
+/// Says what was saved of a metric by what was added, in its unit; nothing where nothing was added.
+pub(crate) fn saved(shrink: &Shrink) -> Option<String> {
+    let saved = shrink.saved.as_ref()?;
+    let (metric, unit) = words::metric(&shrink.metric);
+    let words::Estimate { value, interval } =
+        words::estimate(saved.value, saved.interval90.unwrap_or([f64::NAN; 2]), unit)?;
+    let over = saved.note.as_ref().map_or_else(
+        || format!(" {interval}, a 90\u{a0}% interval over {} drives", saved.drives),
+        |note| format!("; {note}"),
+    );
+    Some(format!("What was added saves {value} in {metric}{over}."))
 }
 
 /// A logarithmic axis of errors in floor units.

@@ -8,12 +8,13 @@ use std::path::{Path, PathBuf};
 use ds_diagnosis::Verdict;
 use ds_diagnosis::discovery::{Discovery, FoundLaw, FoundTerm, LawKind, LawShare, Place};
 use ds_diagnosis::modulation::{Modulation, Session};
+use ds_diagnosis::saved::Saved;
 use ds_diagnosis::schema::{
     Cell, Corrected, CorrectedEffect, Diagnosis, Finding, Manoeuvre, Regime, Remainder, Shrink, Unknown,
 };
 
 use super::markup::escaped;
-use super::{index, page, text};
+use super::{index, page, text, values};
 
 #[path = "../../../base/page/tests/made/checked.rs"]
 mod checked;
@@ -50,6 +51,7 @@ fn shrink(metric: &str, [before, after, floor]: [f64; 3], share: f64) -> Shrink 
         share_nuisance: Some(0.1),
         share_explained: share.is_finite().then_some(share),
         interval90: share.is_finite().then_some([share - 0.1, share + 0.05]),
+        saved: None,
         data: "heldout".to_owned(),
     }
 }
@@ -202,6 +204,12 @@ fn a_law_is_told_with_its_place_and_drawn_over_its_signal() {
     let shown = super::page(&hostile, None);
     checked(&shown);
     assert!(!shown.contains("class=\"whisker curve\""));
+    // of a law that another simulator cannot be given, what its own residuals say
+    let mut inside = law("drive: -0.0357*v", "v");
+    (inside.share_explained, inside.kept_gain, inside.note) = (None, Some(61.25), Some("not put in".to_owned()));
+    let said = super::text(&Diagnosis { discovery: Some(inside), verdict: Verdict::Unknown, ..clean() });
+    let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(said.contains("kept from the fit its log score is 61.2 over that without it. Not put in."), "{said}");
     let none = Discovery { note: Some("no law holds".to_owned()), p_none: 1.0, ..Discovery::default() };
     let said = super::text(&Diagnosis { discovery: Some(none), ..clean() });
     assert!(said.contains("No law holds."), "{said}");
@@ -292,6 +300,60 @@ fn the_headline_says_it_all() {
     wheel.effects = vec![finding("wheel_scale", 0.9, 0.97, "x")];
     wheel.how_far.push(shrink("channel:v_wheel", [0.5, 0.03, 0.02], 0.97));
     assert!(said(&wheel).contains("of the gap in wheel speed"), "an effect on one channel is judged by that channel");
+}
+
+/// Page and terminal, word by word.
+fn both(diagnosis: &Diagnosis) -> [String; 2] {
+    [page(diagnosis, None), text(diagnosis)]
+        .map(|said| said.replace('\u{a0}', " ").split_whitespace().collect::<Vec<_>>().join(" "))
+}
+
+#[test]
+fn page_terminal_and_file_tell_a_value_in_the_same_words() {
+    let with = |whole: f64| {
+        let effects = vec![CorrectedEffect { id: "steer_delay".to_owned(), value: whole, values: vec![whole] }];
+        Diagnosis { corrected_model: Corrected { effects, ..Corrected::default() }, ..clean() }
+    };
+    let [number, split] = ["0.150 s [0.140, 0.160]", "beyond what is usual of the vehicle, 0.162 s with it"];
+    let apart = with(0.162);
+    assert_eq!(values(&apart), [format!("steer_delay: {number} {split}")]);
+    for (said, times) in both(&apart).iter().zip([3, 2]) {
+        // the headline, the tile and the row of the page, the headline and the row of the terminal
+        assert_eq!(said.matches(split).count(), times, "{said}");
+        assert!(said.contains(&format!("(0.150 s {split})")) && said.contains("[0.140, 0.160]"), "{said}");
+    }
+    assert!(both(&apart)[1].contains(&values(&apart)[0]), "the terminal says the line of the file");
+    let same = with(0.1502);
+    assert_eq!(values(&same), [format!("steer_delay: {number}")]);
+    for said in both(&same) {
+        assert!(said.contains("(0.150 s)") && !said.contains("beyond what is usual"), "{said}");
+    }
+    assert!(values(&hostile()).is_empty() && values(&empty()).is_empty());
+}
+
+#[test]
+fn what_is_saved_has_its_interval_or_says_why_not() {
+    let saved = |interval90, drives, note: Option<&str>| {
+        let mut found = clean();
+        found.how_far[0].saved = Some(Saved { value: 0.438, interval90, drives, note: note.map(str::to_owned) });
+        found
+    };
+    let note = "2 drives are too few for an interval, 5 are needed";
+    for (diagnosis, words) in [
+        (
+            saved(Some([0.31, 0.52]), 8, None),
+            "What was added saves 0.44 m in position after 2 s [0.31, 0.52], a 90 % interval over 8 drives.",
+        ),
+        (
+            saved(None, 2, Some(note)),
+            "What was added saves 0.438 m in position after 2 s; 2 drives are too few for an interval, 5 are needed.",
+        ),
+    ] {
+        for said in both(&diagnosis) {
+            assert!(said.contains(words), "{said}");
+        }
+    }
+    assert!(both(&clean()).iter().all(|said| !said.contains("What was added saves")));
 }
 
 #[test]

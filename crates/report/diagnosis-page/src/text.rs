@@ -7,9 +7,11 @@ use std::fmt::Write as _;
 use ds_diagnosis::schema::{Diagnosis, Shrink};
 
 use super::effects::shown;
-use super::headline::{at_floor, data, has_estimate, predicted, sentence};
+use super::headline::{at_floor, data, predicted, sentence, telling};
 use super::law;
 use super::place;
+use super::shrink::saved;
+use super::value;
 use super::when;
 use super::words;
 
@@ -54,8 +56,7 @@ fn which(out: &mut String, diagnosis: &Diagnosis) {
     let mut rows: Vec<(f64, String, String)> = shown(diagnosis)
         .iter()
         .map(|finding| {
-            let estimate =
-                words::estimate(finding.value, finding.interval90, &finding.unit).filter(|_| has_estimate(finding));
+            let estimate = value::estimate(finding);
             let mark = if diagnosis.chosen.contains(&finding.id) { "* " } else { "  " };
             let told = estimate.map(|e| format!("{} {}", e.value, e.interval)).unwrap_or_default();
             (finding.probability, format!("{mark}{}", words::effect(&finding.id)), told)
@@ -68,6 +69,9 @@ fn which(out: &mut String, diagnosis: &Diagnosis) {
         let full = if p.is_finite() { (p.clamp(0.0, 1.0) * BAR as f64).round() as usize } else { 0 };
         let bar = format!("{}{}", "█".repeat(full), "·".repeat(BAR - full));
         line(out, &format!("  {:>6}  {bar}{name:<30} {estimate}", words::chance(p)));
+    }
+    for finding in shown(diagnosis).into_iter().filter(|f| value::with_usual(diagnosis, f).is_some()) {
+        value::line(diagnosis, finding).into_iter().for_each(|told| wrap(out, &told, "  "));
     }
     for group in &diagnosis.indistinguishable {
         let names: Vec<String> = group.iter().map(|id| words::effect(id)).collect();
@@ -104,6 +108,9 @@ fn how_far(out: &mut String, diagnosis: &Diagnosis) {
     );
     for shrink in &diagnosis.how_far {
         line(out, &metric(shrink));
+    }
+    if let Some(saved) = telling(diagnosis).and_then(saved) {
+        wrap(out, &saved, "  ");
     }
     if let (Some(shrink), Some(share)) = (predicted(diagnosis).filter(|s| !at_floor(s)), diagnosis.predicted_share) {
         let (name, _) = words::metric(&shrink.metric);

@@ -91,6 +91,9 @@ pub(crate) fn metric(id: &str) -> (String, &'static str) {
         let unit = CHANNELS.iter().find(|c| c.0 == name).map_or("", |c| c.2);
         return (channel(name), unit);
     }
+    if let Some(policy) = id.strip_prefix(ds_diagnosis::attended::METRIC) {
+        return (format!("frames for {policy}"), "");
+    }
     let after = |what: &str| {
         id.rsplit('_').next().map_or(what.to_owned(), |h| match h.strip_suffix('s') {
             Some(secs) if secs.parse::<f64>().is_ok() => format!("{what} after {secs} s"),

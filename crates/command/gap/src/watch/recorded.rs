@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
+use ds_cases::Case;
 use ds_cases::CasesError;
-use ds_cases::case::{Case, folders, names};
+use ds_cases::folder::{folders, names};
 use ds_diagnosis::{Diagnosis, json};
 use ds_dynamics::Options;
 use ds_dynamics::baseline::Baseline;

@@ -57,12 +57,14 @@ impl Correlation {
         Self { rows, below: found.into_iter().map(|r| kept * r).collect() }
     }
 
-    /// Tells whether the table has the size that it must have.
+    /// Tells whether the table has the size that it must have and nothing beyond what learning leaves in it.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         let count = self.rows.len();
         let rising = self.rows.windows(2).all(|pair| pair[0] < pair[1]) && self.rows.iter().all(|row| *row < ROWS);
-        rising && self.below.len() == count * count.saturating_sub(1) / 2 && self.below.iter().all(|r| r.abs() < 1.0)
+        rising
+            && self.below.len() == count * count.saturating_sub(1) / 2
+            && self.below.iter().all(|r| r.abs() <= 1.0 - LEAST_OWN + 1e-9)
     }
 
     /// Tells whether nothing goes together.

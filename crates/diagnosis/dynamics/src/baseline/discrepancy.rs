@@ -18,6 +18,8 @@ const RIDGES: [f64; 5] = [30.0, 100.0, 300.0, 1000.0, 3000.0];
 const WORTH: f64 = 0.01;
 /// Rows that tell the same: windows overlap and blocks share their noise.
 const SHARED: f64 = 4.0;
+/// Largest coefficient: residuals are cut, and the ridge holds what they ask for.
+const LARGEST: f64 = 1e5;
 /// Residuals beyond this are cut: a slide is no trait.
 pub(crate) const CUT: f64 = 6.0;
 
@@ -97,12 +99,39 @@ impl Discrepancy {
         out
     }
 
-    /// Tells whether the tables have the sizes that they must have.
+    /// Says which table is missing or wrong and why, if any is.
     #[must_use]
-    pub fn is_sound(&self) -> bool {
-        let finite = |table: &[f64]| table.iter().all(|value| value.is_finite());
-        let sizes = self.coefficients.iter().all(|c| (c.is_empty() || c.len() == FEATURES) && finite(c));
-        sizes && [0, FEATURES * FEATURES].contains(&self.inverse.len()) && finite(&self.inverse)
+    pub(crate) fn unsound(&self) -> Option<String> {
+        let channels = self.coefficients.len();
+        if channels != 0 && channels != EGO {
+            return Some(format!("coefficients has {channels} channels, not {EGO}"));
+        }
+        let odd = self.coefficients.iter().map(Vec::len).find(|own| *own != 0 && *own != FEATURES);
+        if let Some(own) = odd {
+            return Some(format!("coefficients has a channel of {own} numbers, not {FEATURES}"));
+        }
+        if !self.coefficients.iter().flatten().all(|c| c.abs() < LARGEST) {
+            return Some("coefficients holds what no residuals ask for".to_owned());
+        }
+        let asked = if self.coefficients.iter().all(Vec::is_empty) { 0 } else { FEATURES * FEATURES };
+        let own = self.inverse.len();
+        if own != asked {
+            return Some(format!("inverse has {own} numbers, not {asked}, as goes with its coefficients"));
+        }
+        (!self.inverts()).then(|| "inverse is that of no ridge".to_owned())
+    }
+
+    /// Tells whether the inverse can be one of a sum of squares on a ridge: symmetric, its diagonal positive and no larger than the
+    /// weakest ridge's, nothing beside it larger than that allows.
+    fn inverts(&self) -> bool {
+        let at = |i: usize, j: usize| self.inverse[i * FEATURES + j];
+        let largest = (1.0 + 1e-6) / RIDGES[0];
+        let within = |i: usize, j: usize| {
+            let scale = (at(i, i) * at(j, j)).sqrt();
+            (at(i, j) - at(j, i)).abs() <= 1e-6 * scale && at(i, j).abs() <= (1.0 + 1e-6) * scale
+        };
+        let rows = self.inverse.len() / FEATURES;
+        (0..rows).all(|i| at(i, i) > 0.0 && at(i, i) <= largest && (0..i).all(|j| within(i, j)))
     }
 
     /// Returns the predicted residual of a channel, in floor units of the library.

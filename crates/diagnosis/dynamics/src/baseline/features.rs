@@ -21,6 +21,8 @@ pub const NAMES: [&str; STATE] = [
     "ay_brake",
     "abs_steer_rate",
 ];
+/// Largest size of any of them.
+pub(crate) const LARGEST: f64 = 5.0;
 /// Quantities of one moment.
 pub(crate) const STATE: usize = 14;
 /// Features of one block: the moment's, and those added up once and twice over the time since the start.
@@ -50,7 +52,7 @@ pub(crate) fn state(moment: &Moment) -> [f64; STATE] {
         ay * brake,
         rate.abs(),
     ];
-    all.map(|value| value.clamp(-5.0, 5.0))
+    all.map(|value| value.clamp(-LARGEST, LARGEST))
 }
 
 /// Returns the features of every block of a window.
