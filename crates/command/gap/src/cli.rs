@@ -119,7 +119,7 @@ pub struct DiagnoseArgs {
 #[derive(Debug, Args)]
 pub struct PanelArgs {
     /// Frames: how near the simulated ones are to the real ones for this policy, before and after; camera, one of the panel,
-    /// or the manifest of a network with a [feature]. Several are told apart by commas.
+    /// or the manifest of a network that names its feature. Several are told apart by commas.
     #[arg(long, value_name = "POLICY", value_delimiter = ',')]
     pub policy: Vec<String>,
     /// Weights of the camera policy; those of the panel lie in `panel` beside them.
