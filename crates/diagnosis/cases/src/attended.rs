@@ -11,7 +11,7 @@ use ds_diagnosis::Diagnosis;
 use ds_diagnosis::attended::{Attended, Difference, METRIC};
 use ds_diagnosis::schema::Shrink;
 use ds_effect::picture::Picture;
-use ds_fidelity::mean_pooled;
+use ds_fidelity::{Compared, Features, mean_pooled};
 use ds_frames::{FrameCase, Shown, Streams};
 use ds_policy::builtin::{Builtin, builtin};
 use ds_policy::camera::eye::known_camera;
@@ -20,6 +20,7 @@ use ds_raster::RgbImage;
 use ds_space::{CameraModel, DVec3, Digest, DigestWriter, Draws, Intrinsics};
 use ds_stats::bootstrap::resamples;
 use ds_stats::mean;
+use nalgebra::DMatrix;
 
 use crate::error::{CasesError, at};
 use crate::folder::folders;
@@ -217,12 +218,9 @@ impl Seen {
     /// # Errors
     /// If the policy sees the same in all of them.
     fn spread(&self, policy: &dyn Policy) -> Result<f64, CasesError> {
-        let count = self.real.len() as f64;
-        let mut centre = vec![0.0; self.real.first().map_or(0, Vec::len)];
-        self.real.iter().for_each(|row| centre.iter_mut().zip(row).for_each(|(sum, value)| *sum += value / count));
-        let trace = self.real.iter().map(|row| square(row, &centre)).sum::<f64>() / (count - 1.0);
-        let unmoved = || CasesError::Unmoved { policy: policy.name().to_owned() };
-        (trace.is_finite() && trace > 0.0).then_some(trace).ok_or_else(unmoved)
+        let columns = self.real.first().map_or(0, Vec::len);
+        let rows = DMatrix::from_fn(self.real.len(), columns, |row, column| self.real[row][column]);
+        Ok(Compared::new(policy.name(), Features(vec![rows]))?.variance())
     }
 
     /// Returns the trace of the covariance of a token over the real frames, the mean of all places.

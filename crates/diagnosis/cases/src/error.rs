@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use ds_diagnosis::CaseError;
+use ds_fidelity::FidelityError;
 use ds_frames::FramesError;
 use ds_policy::PolicyError;
 use ds_record::RecordError;
@@ -69,12 +70,9 @@ pub enum CasesError {
         /// The policy.
         policy: String,
     },
-    /// A policy attends to the same in every real frame.
-    #[error("policy {policy:?} attends to the same in every real frame: there is no unit for differences")]
-    Unmoved {
-        /// The policy.
-        policy: String,
-    },
+    /// What a policy attends to has no unit for differences.
+    #[error(transparent)]
+    Fidelity(#[from] FidelityError),
     /// There is no diagnosis at a path.
     #[error("{} holds no diagnosis.json: `gap diagnose` writes them", path.display())]
     NoDiagnosis {
