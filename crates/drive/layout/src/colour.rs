@@ -19,7 +19,7 @@
 //! | vehicle | 40 110 235 |
 //! | pedestrian | 230 50 200 |
 //! | cyclist | 170 230 50 |
-//! | cone | 255 110 20 |
+//! | cone | 0 240 255 |
 //! | barrier | 160 60 40 |
 //! | building | 130 60 150 |
 //! | vegetation | 60 150 60 |
@@ -27,8 +27,8 @@
 //! | fence | 80 160 170 |
 //! | wall | 170 130 90 |
 //!
-//! The faces of a box are shades of its class: front half way to white, top a quarter, sides ¾, rear ⅖ of the colour. Of a
-//! structure's walls the first has its colour, the others ¾ of it and the colour in turn; all of it is the darker the farther away
+//! The faces of a box are shades of its class: front half way to white, top a quarter, sides ¾ of the colour, rear as far beyond
+//! the colour as white is before it. Of a structure's walls the first has its colour, the others ¾ of it and the colour in turn; all of it is the darker the farther away
 //! it stands.
 
 use std::collections::HashSet;
@@ -83,7 +83,7 @@ pub fn agent(class: AgentClass) -> Rgb {
         AgentClass::Vehicle => [40, 110, 235],
         AgentClass::Pedestrian => [230, 50, 200],
         AgentClass::Cyclist => [170, 230, 50],
-        AgentClass::Cone => [255, 110, 20],
+        AgentClass::Cone => [0, 240, 255],
         AgentClass::Barrier => [160, 60, 40],
     }
 }
@@ -125,12 +125,11 @@ pub enum Face {
 #[must_use]
 pub fn face(colour: Rgb, face: Face) -> Rgb {
     let lighter = |part: u16| colour.map(|c| blend(c, part));
-    let darker = |percent: u16| colour.map(|c| scaled(c, percent));
     match face {
         Face::Front => lighter(2),
         Face::Top => lighter(4),
-        Face::Side => darker(75),
-        Face::Rear => darker(40),
+        Face::Side => colour.map(|c| scaled(c, 75)),
+        Face::Rear => colour.map(|c| c.saturating_sub(255 - c)),
     }
 }
 
@@ -226,6 +225,10 @@ fn scaled(value: u8, percent: u16) -> u8 {
 mod tests {
     use super::*;
 
+    fn apart(a: Rgb, b: Rgb) -> u32 {
+        a.iter().zip(b).map(|(x, y)| u32::from(x.abs_diff(y))).sum()
+    }
+
     #[test]
     fn every_two_meanings_can_be_told_apart() {
         use AgentClass::{Barrier, Cone, Cyclist, Pedestrian, Vehicle};
@@ -236,9 +239,22 @@ mod tests {
         all.extend([Vehicle, Pedestrian, Cyclist, Cone, Barrier].map(agent));
         all.extend(StructureKind::ALL.map(structure));
         for (i, a) in all.iter().enumerate() {
-            for b in &all[i + 1..] {
-                let apart: u32 = a.iter().zip(b).map(|(x, y)| u32::from(x.abs_diff(*y))).sum();
-                assert!(apart >= 24, "{a:?} and {b:?} differ by {apart}");
+            assert!(all[i + 1..].iter().all(|b| apart(*a, *b) >= 24), "{a:?} is another's, too");
+        }
+    }
+
+    #[test]
+    fn a_box_is_told_from_what_lies_behind_it() {
+        use AgentClass::{Barrier, Cone, Cyclist, Pedestrian, Vehicle};
+        let behind = [SKY, GROUND, DRIVABLE, JUNCTION, LANE, CROSSWALK, ROAD_EDGE, CENTRE_LINE];
+        let classes = [Vehicle, Pedestrian, Cyclist, Cone, Barrier];
+        for (i, class) in classes.into_iter().enumerate() {
+            let others = classes.into_iter().skip(i + 1).flat_map(|other| shades([agent(other)]));
+            let lines = [LineColour::White, LineColour::Yellow].map(line);
+            let all: Vec<Rgb> = behind.into_iter().chain(lines).chain(others).collect();
+            for shade in shades([agent(class)]) {
+                let nearest = all.iter().map(|other| apart(shade, *other)).min();
+                assert!(nearest >= Some(65), "{class:?}'s {shade:?} is {nearest:?} from another");
             }
         }
     }

@@ -5,7 +5,7 @@ use ds_raster::View;
 use ds_raster::shape::{self, Triangle};
 use ds_space::{CameraModel, DVec2, DVec3, Digest, DigestWriter, Pose, PoseSe2, Rig, World};
 use ds_world::{
-    AgentState, LaneKind, LightState, LineKind, LineMarking, Map, StopLine, Structure, StructureKind, TrafficLight,
+    AgentClass, AgentState, LaneKind, LightState, LineKind, LineMarking, Map, StopLine, Structure, StructureKind, TrafficLight,
     WorldState,
 };
 
@@ -25,6 +25,8 @@ const DASH_M: f64 = 3.0;
 const GAP_M: f64 = 4.5;
 /// Length, width and height of a drawn light head.
 const HEAD_M: [f64; 3] = [0.4, 0.5, 1.1];
+/// How wide a cone's top is, of its foot.
+const CONE_TOP: f64 = 0.15;
 
 /// Triangles of one colour in one layer, with the circle that holds them.
 #[derive(Debug, Clone)]
@@ -225,13 +227,14 @@ impl LayoutScene<'_> {
             if view.may_see(head.position, 1.0, RANGE_M) {
                 let pose = PoseSe2 { position: head.position.truncate(), heading_rad: head.facing_rad };
                 let bottom_m = head.position.z - 0.5 * HEAD_M[2];
-                cuboid(&mut solids, &pose, bottom_m, HEAD_M, colour::light(self.light(i)));
+                frustum(&mut solids, &pose, bottom_m, HEAD_M, 1.0, colour::light(self.light(i)));
             }
         }
         for agent in &self.world.agents {
             let size = [agent.size.length_m, agent.size.width_m, agent.size.height_m];
             if view.may_see(middle(agent), 0.5 * DVec3::from_array(size).length(), RANGE_M) {
-                cuboid(&mut solids, &agent.pose, agent.z_m, size, colour::agent(agent.class));
+                let top = if agent.class == AgentClass::Cone { CONE_TOP } else { 1.0 };
+                frustum(&mut solids, &agent.pose, agent.z_m, size, top, colour::agent(agent.class));
             }
         }
         solids
@@ -246,10 +249,12 @@ fn middle(agent: &AgentState) -> DVec3 {
     agent.pose.position.extend(agent.z_m + 0.5 * agent.size.height_m)
 }
 
-/// Adds the five visible faces of an upright box, shaded by face.
-fn cuboid(solids: &mut Vec<Solid>, pose: &PoseSe2, bottom_m: f64, [length, width, height]: [f64; 3], colour: Rgb) {
+/// Adds the five visible faces of an upright box whose top is as wide as `top` of its foot, shaded by face.
+fn frustum(solids: &mut Vec<Solid>, pose: &PoseSe2, bottom_m: f64, size: [f64; 3], top: f64, colour: Rgb) {
+    let [length, width, height] = size;
     let corner = |x: f64, y: f64, z: f64| {
-        pose.to_outer(DVec2::new(0.5 * length * x, 0.5 * width * y)).extend(bottom_m + height * z)
+        let reach = 0.5 * (1.0 + (top - 1.0) * z);
+        pose.to_outer(reach * DVec2::new(length * x, width * y)).extend(bottom_m + height * z)
     };
     let faces = [
         (Face::Front, [(1.0, 1.0, 0.0), (1.0, -1.0, 0.0), (1.0, -1.0, 1.0), (1.0, 1.0, 1.0)]),
