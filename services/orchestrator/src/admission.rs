@@ -204,6 +204,8 @@ fn fill(result: &mut pb::EpisodeResult, outcome: &Outcome) {
     result.wall_secs = wall;
     result.frames_per_second = f64::from(outcome.ticks) / wall.max(1e-9);
     result.overhead_micros.clone_from(&outcome.overhead_micros);
+    let counted = outcome.counts.list().into_iter().filter(|(.., count)| *count > 0);
+    result.counts = counted.map(|(name, _, count)| (name.to_owned(), count)).collect();
     result.time_share = shares(outcome.work_secs, outcome.journal_secs, wall);
     let [world, layout, frame] = outcome.digests.map(|digest| digest.0.to_vec().into());
     (result.world_digest, result.layout_digest, result.frame_digest) = (world, layout, frame);

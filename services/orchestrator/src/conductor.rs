@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use ds_bus::{Ask, BusSession, Holder};
 use ds_episode::driver::{Action, Attempt, EncodedScene, Ending, Event, Status};
 use ds_episode::fleet::Request;
-use ds_episode::{Driver, Fault, Millis, Timing};
+use ds_episode::{Counters, Driver, Fault, Millis, Timing};
 use ds_process::clock::millis;
 use ds_process::hold::{answer, publish, pull};
 use ds_score::DriveScore;
@@ -54,6 +54,7 @@ pub(crate) struct Outcome {
     pub(crate) work_secs: [f64; 4],
     pub(crate) journal_secs: f64,
     pub(crate) overhead_micros: Vec<u32>,
+    pub(crate) counts: Counters,
     /// How the plans came about, in wall-clock mode.
     pub(crate) wall_clock: Option<pb::WallClock>,
 }
@@ -383,6 +384,7 @@ impl Conductor {
             work_secs,
             journal_secs: self.journal_time.as_secs_f64(),
             overhead_micros: self.pace.overhead_micros,
+            counts: self.driver.counters(),
             wall_clock,
         })
     }

@@ -56,24 +56,24 @@ pub(crate) fn record(
         episode.recording.clear();
     }
     let lost = match &recording {
-        Some(recording) => lost(recording, &result.overhead_micros),
-        None => {
-            Recording::open_partial(&path).map_or_else(|_| Losses::default(), |it| lost(&it, &result.overhead_micros))
-        }
+        Some(recording) => lost(recording, result),
+        None => Recording::open_partial(&path).map_or_else(|_| Losses::default(), |it| lost(&it, result)),
     };
     Ok(Record { shown: seen.flatten(), lost, ..Record::new(cell, round, episode, judged) })
 }
 
-/// Returns what a fleet lost in the attempt that was recorded: workers by role, and the time of iterations in which it stood.
-fn lost(recording: &Recording, overhead_micros: &[u32]) -> Losses {
-    let mut losses = Losses::default();
+/// Returns what a fleet lost in the attempt that was recorded: workers by role, orders that went unanswered, and the time of
+/// iterations in which it stood.
+fn lost(recording: &Recording, result: &pb::EpisodeResult) -> Losses {
+    let orders_repeated = result.counts.get("repeats").copied().unwrap_or_default();
+    let mut losses = Losses { orders_repeated, ..Losses::default() };
     for envelope in recording.topic(Topic::Event) {
         let Ok(event) = Event::from_bytes(&envelope.body) else { continue };
         if let (EventKind::Fault, Some(role)) = (event.kind, lost_role(&event.reason)) {
             *losses.workers.entry(role.name().to_owned()).or_default() += 1;
         }
     }
-    let stalls = overhead_micros.iter().filter(|micros| **micros > STALL_MICROS);
+    let stalls = result.overhead_micros.iter().filter(|micros| **micros > STALL_MICROS);
     losses.stalled_millis = stalls.map(|micros| u64::from(*micros) / 1000).sum();
     losses
 }

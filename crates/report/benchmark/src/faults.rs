@@ -14,6 +14,9 @@ pub struct Faults {
     pub aborted: BTreeMap<String, u64>,
     /// Workers that were lost, by role.
     pub workers: BTreeMap<String, u64>,
+    /// Orders that were sent again, as no answer came.
+    #[serde(default)]
+    pub orders_repeated: u64,
     /// In which drives stood.
     pub stalled_millis: u64,
     /// Of drives that were aborted, so that nothing came of it.
@@ -28,6 +31,7 @@ impl Faults {
         let wall_millis = (record.episode.wall_s.max(0.0) * 1000.0).round() as u64;
         self.wall_millis += wall_millis;
         self.stalled_millis += record.lost.stalled_millis;
+        self.orders_repeated += record.lost.orders_repeated;
         for (role, count) in &record.lost.workers {
             *self.workers.entry(role.clone()).or_default() += u64::from(*count);
         }
@@ -48,6 +52,7 @@ impl Faults {
             }
         }
         self.stalled_millis += other.stalled_millis;
+        self.orders_repeated += other.orders_repeated;
         self.lost_millis += other.lost_millis;
         self.wall_millis += other.wall_millis;
         self
@@ -74,13 +79,14 @@ mod tests {
             (record.episode.wall_s, record.episode.reason) = (wall_s, reason.to_owned());
             Record { lost, ..record }
         };
-        let lost = Losses { workers: [("video".to_owned(), 2)].into(), stalled_millis: 7_500 };
+        let lost = Losses { workers: [("video".to_owned(), 2)].into(), orders_repeated: 4, stalled_millis: 7_500 };
         let mut faults = Faults::default();
         faults.take(&drive("completed", "", 30.0, lost));
         faults.take(&drive("aborted", "no_instance: video for 60 s", 9.0, Losses::default()));
         faults.take(&drive("aborted", "", 1.0, Losses::default()));
         let twice = faults.clone().with(faults.clone());
         assert_eq!((twice.workers["video"], twice.aborted["no_instance"], twice.aborted["no reason told"]), (4, 2, 2));
+        assert_eq!(twice.orders_repeated, 8);
         assert_eq!((twice.stalled_millis, twice.lost_millis, twice.wall_millis), (15_000, 20_000, 80_000));
         assert_eq!((faults.share(faults.lost_millis), Faults::default().share(0)), (Some(0.25), None));
     }

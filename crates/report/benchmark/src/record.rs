@@ -65,6 +65,9 @@ pub struct Losses {
     /// Workers that were lost, by role, in the attempt that counts.
     #[serde(default)]
     pub workers: BTreeMap<String, u32>,
+    /// Orders that were sent again, as no answer came.
+    #[serde(default)]
+    pub orders_repeated: u64,
     /// Time in which it stood, in milliseconds.
     #[serde(default)]
     pub stalled_millis: u64,
@@ -290,10 +293,10 @@ pub(crate) mod tests {
         let mut episode = one.episode.clone();
         (episode.wall_s, episode.recording, episode.attempts) = (9.0, "elsewhere".to_owned(), 2);
         assert_eq!(Record::new(cell("a"), 1, episode, one.judged.clone()).digest, one.digest);
-        let lost = Losses { workers: [("video".to_owned(), 1)].into(), stalled_millis: 8_000 };
+        let lost = Losses { workers: [("video".to_owned(), 1)].into(), orders_repeated: 3, stalled_millis: 8_000 };
         let text = serde_json::to_string(&Record { lost, ..one.clone() }).expect("JSON");
         let read: Record = serde_json::from_str(&text).expect("a record");
-        assert!(read.check().is_ok() && read.lost.workers["video"] == 1, "{text}");
+        assert!(read.check().is_ok() && read.lost.workers["video"] == 1 && read.lost.orders_repeated == 3, "{text}");
         assert!(!serde_json::to_string(&one).expect("JSON").contains("lost\":{\"workers"));
         assert_ne!(driven(cell("a"), "failed", 0.5).digest, one.digest);
         assert_ne!(driven(cell("a"), "completed", 0.4).digest, one.digest);

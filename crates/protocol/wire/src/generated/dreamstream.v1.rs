@@ -2880,6 +2880,12 @@ pub struct EpisodeResult {
     /// How the policy kept the time of the wall clock; absent where it was not driven by it.
     #[prost(message, optional, tag = "35")]
     pub wall_clock: ::core::option::Option<WallClock>,
+    /// What the driver of the attempt counted, of what was counted at all, such as `repeats`: orders that were sent again. docs/metrics.md tells the names.
+    #[prost(btree_map = "string, uint64", tag = "36")]
+    pub counts: ::prost::alloc::collections::BTreeMap<
+        ::prost::alloc::string::String,
+        u64,
+    >,
 }
 /// How a policy kept the time of the wall clock.
 #[derive(Clone, PartialEq, ::prost::Message)]

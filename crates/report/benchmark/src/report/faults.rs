@@ -31,6 +31,7 @@ pub(super) fn faults(results: &Results) -> Table {
     ];
     rows.extend(lost(faults));
     rows.extend([
+        ("orders sent again".to_owned(), alone(faults.orders_repeated as usize)),
         ("seconds stalled".to_owned(), time(faults.stalled_millis)),
         ("seconds of wall time in drives".to_owned(), time(faults.wall_millis)),
         ("seconds of it lost to aborted drives".to_owned(), time(faults.lost_millis)),
@@ -57,8 +58,8 @@ pub(super) fn faults(results: &Results) -> Table {
     };
     let note = "What went wrong on the way; none of it changes a result. Share: of the cells, or of the wall time in all drives. A drive \
                 stalls in iterations after its first that take over 5 s beside the video model's own work, as when a worker is lost and \
-                its lease has to run out; workers are those lost in the attempts that count. Records of older programs tell neither. \
-                Orders that were repeated are counted by the services alone (`run --metrics`), not in results."
+                its lease has to run out; workers are those lost in the attempts that count. Records of older programs tell neither, \
+                nor orders that were sent again because no answer came."
         .to_owned();
     let columns = vec!["what", "count", "share %"];
     Table { id: "faults", title: "Faults", note, columns, rows: rows.into_iter().map(row).collect() }
