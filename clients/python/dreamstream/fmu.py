@@ -1,4 +1,4 @@
-"""Serves a co-simulation FMU (FMI 2.0 or 3.0, by FMPy) as the nominal simulator of a gap diagnosis.
+"""Serves a co-simulation FMU (FMI 1.0, 2.0 or 3.0, by FMPy) as the nominal simulator of a gap diagnosis.
 
     pip install 'dreamstream[fmu]'
     python -m dreamstream.fmu model.fmu --check
@@ -12,6 +12,7 @@ start anywhere but at its own origin; it has to be able to start at a speed.
 from __future__ import annotations
 
 import argparse
+import ctypes
 import math
 import shutil
 import sys
@@ -147,6 +148,11 @@ class Fmu:
                 print(f"the FMU cannot be reset, it is instantiated anew: {error}", file=sys.stderr)
                 self.fmu.freeInstance()
         self.fmu = instantiate_fmu(str(self.folder), self.described, "CoSimulation")
+        # FMPy 0.3 takes the status that these functions of FMI 1 return for a text, and follows it into memory
+        known = getattr(self.fmu, "_functions", {})
+        for name in ("fmi1InitializeSlave", "fmi1DoStep"):
+            if name in known:
+                known[name].restype = ctypes.c_int
 
     def _set(self, name: str, value: Any) -> None:
         variable = self._variable(name)
@@ -166,8 +172,11 @@ class Fmu:
         for name, entry in self.map.start.items():
             self._set(entry.variable, state.get(name, 0.0) * entry.scale)
         self._put({})
-        self.fmu.enterInitializationMode()
-        self.fmu.exitInitializationMode()
+        if self.described.fmiVersion == "1.0":
+            self.fmu.initialize()
+        else:
+            self.fmu.enterInitializationMode()
+            self.fmu.exitInitializationMode()
         self.time = 0.0
         begun = self._read()
         self.turn = state.get("yaw", 0.0) - begun["yaw"]
@@ -182,7 +191,7 @@ class Fmu:
         self._reals("set")(list(sums), list(sums.values()))
 
     def _reals(self, verb: str) -> Any:
-        return getattr(self.fmu, verb + ("Real" if self.described.fmiVersion == "2.0" else "Float64"))
+        return getattr(self.fmu, verb + ("Real" if self.described.fmiVersion in ("1.0", "2.0") else "Float64"))
 
     def _read(self) -> Dict[str, float]:
         return {name: value / scale for name, value, scale in zip(CHANNELS, self._reals("get")(self.outputs), self.scales)}

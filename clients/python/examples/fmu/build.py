@@ -15,6 +15,7 @@ import tempfile
 import zipfile
 
 import fmpy
+from fmpy.fmi1 import FMU1Slave
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 
@@ -27,7 +28,9 @@ STEP = 0.01
 
 
 def described(fmi):
-    """The model description of FMI 2.0 or 3.0."""
+    """The model description of FMI 1.0, 2.0 or 3.0."""
+    if fmi == 1:
+        return described_before()
     real = fmi == 2
     names = [*INPUTS, *OUTPUTS, *PARAMETERS]
     lines = []
@@ -52,11 +55,25 @@ def described(fmi):
     return f'<?xml version="1.0" encoding="UTF-8"?>\n<fmiModelDescription {head}>{kind}{experiment}<ModelVariables>\n' + "\n".join(lines) + f"\n</ModelVariables><ModelStructure>{structure}</ModelStructure></fmiModelDescription>\n"
 
 
-def mapped(nominal):
+def described_before():
+    """The model description of FMI 1.0, which knows neither a structure nor a step."""
+    lines = []
+    for number, name in enumerate([*INPUTS, *OUTPUTS, *PARAMETERS], start=1):
+        causality = "input" if name in INPUTS else "output" if name in OUTPUTS else "internal"
+        variability = "parameter" if name in PARAMETERS else "continuous"
+        start = "" if causality == "output" else f' start="{PARAMETERS.get(name, 0.0)!r}"'
+        lines.append(f'<ScalarVariable name="{name}" valueReference="{number}" causality="{causality}" variability="{variability}"><Real{start}/></ScalarVariable>')
+    head = 'fmiVersion="1.0" modelName="car" modelIdentifier="car" guid="{dreamstream-car}" numberOfContinuousStates="0" numberOfEventIndicators="0"'
+    kind = '<Implementation><CoSimulation_StandAlone><Capabilities canHandleVariableCommunicationStepSize="true"/></CoSimulation_StandAlone></Implementation>'
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n<fmiModelDescription {head}><DefaultExperiment startTime="0" stopTime="10"/><ModelVariables>\n' + "\n".join(lines) + f"\n</ModelVariables>{kind}</fmiModelDescription>\n"
+
+
+def mapped(nominal, fmi):
     """The map, with the parameters of a case where there is one."""
     mass = nominal.get("mass", PARAMETERS["mass"])
     force = '{ variable = "force", scale = %r }' % mass
-    lines = ["[inputs]", 'steer = "steer"', f"accel = {force}", f"drive = {force}", '"lateral.front" = "front_force"', '"lateral.rear" = "rear_force"']
+    lines = [f"step_secs = {STEP}", ""] if fmi == 1 else []
+    lines += ["[inputs]", 'steer = "steer"', f"accel = {force}", f"drive = {force}", '"lateral.front" = "front_force"', '"lateral.rear" = "rear_force"']
     lines += ["", "[outputs]", *(f'{name} = "{name}"' for name in OUTPUTS)]
     lines += ["", "[start]", *(f'{name} = "{name}_start"' for name in ("v", "vy", "yaw_rate"))]
     keys = {"mass": "mass", "inertia": "yaw_inertia", "lf": "lf", "lr": "lr", "front_stiffness": "cornering_stiffness_front", "rear_stiffness": "cornering_stiffness_rear"}
@@ -70,14 +87,15 @@ def mapped(nominal):
 
 def others(source):
     """C of the standards' functions that the car has no use for: each answers with an error."""
-    have = set(re.findall(r"\bfmi[23][A-Z]\w+", source))
-    names = [name for kind, start in ((FMU2Slave, "fmi2"), (FMU3Slave, "fmi3")) for name in dir(kind) if name.startswith(start)]
+    have = set(re.findall(r"\b(?:car_fmi|fmi[23])[A-Z]\w+", source))
+    kinds = ((FMU1Slave, "fmi1", "car_fmi"), (FMU2Slave, "fmi2", "fmi2"), (FMU3Slave, "fmi3", "fmi3"))
+    names = [name.replace(start, symbol) for kind, start, symbol in kinds for name in dir(kind) if name.startswith(start)]
     return "\n".join(f"int {name}(void) {{ return 3; }}" for name in names if name not in have)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--fmi", type=int, choices=[2, 3], default=2)
+    parser.add_argument("--fmi", type=int, choices=[1, 2, 3], default=2)
     parser.add_argument("--case", type=pathlib.Path)
     parser.add_argument("-o", "--out", type=pathlib.Path, required=True)
     given = parser.parse_args()
@@ -88,9 +106,9 @@ def main():
         subprocess.run(["cc", "-O2", "-shared", "-fPIC", "-w", "-o", library, HERE / "car.c", rest, "-lm"], check=True)
         with zipfile.ZipFile(given.out, "w", zipfile.ZIP_DEFLATED) as fmu:
             fmu.writestr("modelDescription.xml", described(given.fmi))
-            fmu.write(library, f"binaries/{fmpy.platform if given.fmi == 2 else fmpy.platform_tuple}/{library.name}")
+            fmu.write(library, f"binaries/{fmpy.platform if given.fmi < 3 else fmpy.platform_tuple}/{library.name}")
     nominal = json.loads((given.case / "meta.json").read_text())["nominal"] if given.case else {}
-    given.out.with_suffix(".toml").write_text(mapped(nominal))
+    given.out.with_suffix(".toml").write_text(mapped(nominal, given.fmi))
 
 
 if __name__ == "__main__":

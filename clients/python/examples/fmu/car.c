@@ -1,4 +1,4 @@
-/* A single-track car with linear tyres as a co-simulation FMU: FMI 2.0 and FMI 3.0 in one library, written against the
+/* A single-track car with linear tyres as a co-simulation FMU: FMI 1.0, 2.0 and 3.0 in one library, written against the
    standards' signatures without their headers. SI units, x forward, y left, centre of gravity. Built by build.py. */
 
 #include <math.h>
@@ -69,6 +69,19 @@ static void *made(void) {
     if (c) begin(c);
     return c;
 }
+
+/* FMI 1.0: names begin with the model's */
+typedef struct { void *log, *allocate, *release, *finished; } Callbacks;
+const char *car_fmiGetVersion(void) { return "1.0"; }
+const char *car_fmiGetTypesPlatform(void) { return "standard32"; }
+void *car_fmiInstantiateSlave(const char *name, const char *guid, const char *place, const char *mime, double patience, char visible, char interactive, Callbacks callbacks, char logging) { return made(); }
+void car_fmiFreeSlaveInstance(void *c) { free(c); }
+int car_fmiInitializeSlave(void *c, double start, char stops, double stop) { return initialised(c), 0; }
+int car_fmiTerminateSlave(void *c) { return 0; }
+int car_fmiResetSlave(void *c) { return begin(c), 0; }
+int car_fmiGetReal(void *c, const unsigned *which, size_t n, double *out) { return get(c, which, n, out); }
+int car_fmiSetReal(void *c, const unsigned *which, size_t n, const double *in) { return set(c, which, n, in); }
+int car_fmiDoStep(void *c, double at, double h, char fresh) { return step(c, h); }
 
 /* FMI 2.0 */
 const char *fmi2GetVersion(void) { return "2.0"; }

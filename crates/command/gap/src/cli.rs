@@ -148,7 +148,7 @@ pub struct FleetArgs {
     /// Cases of at least four members; folders of cases are opened.
     #[arg(required = true, value_hint = ValueHint::DirPath)]
     pub cases: Vec<PathBuf>,
-    /// What a member is: a vehicle or a day of drives, by the field of that name in meta.json.
+    /// What a member is: a vehicle, a day of drives or a version of the software, by the field of that name in meta.json.
     #[arg(long, default_value = "vehicle", value_parser = named(By::ALL.map(By::field), By::from_field))]
     pub by: By,
     /// Fast pass and single fits only.
@@ -253,7 +253,7 @@ pub struct GapImportArgs {
     /// the proposed mapping.
     #[arg(long, short, value_hint = ValueHint::AnyPath)]
     pub out: Option<PathBuf>,
-    /// Propose a mapping for this bag (MCAP, ROS 1 or rosbag2) by its topics.
+    /// Propose a mapping for this bag (MCAP, ROS 1 or rosbag2) by its topics, or for this text file by its columns and data.
     #[arg(long, value_name = "LOG", value_hint = ValueHint::AnyPath, conflicts_with_all = ["mapping", "logs"])]
     pub suggest: Option<PathBuf>,
 }

@@ -11,12 +11,11 @@ use std::path::Path;
 use crate::container::{Declared, Format, Message, Sink};
 use crate::definition::{Count, Held, Schema, Wire};
 use crate::error::BagError;
+use crate::fix::Plane;
 use crate::wire::Bytes;
 
 /// Most messages of a topic: 5 h at 200 Hz.
 const MAX_MESSAGES: usize = 3_600_000;
-/// Major half axis and squared eccentricity of the ellipsoid of WGS 84, m.
-const ELLIPSOID: (f64, f64) = (6_378_137.0, 6.694_379_990_14e-3);
 
 /// Which of a message's stamps is its time.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -104,7 +103,7 @@ pub fn glance(path: &Path, format: Format, wanted: &[Wanted]) -> Result<Vec<Glan
 type Take<'a> = &'a mut dyn FnMut(usize, i64, f64) -> Result<(), BagError>;
 
 fn each(path: &Path, format: Format, wanted: &[Wanted], take: Take<'_>) -> Result<(), BagError> {
-    let mut taker = Taker { wanted, take, probes: BTreeMap::new(), seen: Vec::new(), origin: None };
+    let mut taker = Taker { wanted, take, probes: BTreeMap::new(), seen: Vec::new(), origin: Plane::default() };
     format.read(path, &mut taker)?;
     for sought in wanted {
         if !taker.seen.iter().any(|(name, _)| *name == sought.topic) {
@@ -153,7 +152,7 @@ struct Taker<'a> {
     /// Names and types of the topics.
     seen: Vec<(String, String)>,
     /// Latitude and longitude of the first fix, rad.
-    origin: Option<[f64; 2]>,
+    origin: Plane,
 }
 
 impl Sink for Taker<'_> {
@@ -191,21 +190,8 @@ impl Sink for Taker<'_> {
 }
 
 impl Value {
-    fn of(self, numbers: &[f64], origin: &mut Option<[f64; 2]>) -> f64 {
-        let mut fix = |[latitude, longitude]: [usize; 2]| {
-            let here = [numbers[latitude].to_radians(), numbers[longitude].to_radians()];
-            let first = match *origin {
-                None if here.iter().all(|a| a.is_finite()) => *origin.insert(here),
-                known => known.unwrap_or(here),
-            };
-            let narrowing = 1.0 - ELLIPSOID.1 * first[0].sin().powi(2);
-            let turns = ((here[1] - first[1]) / std::f64::consts::TAU).round();
-            let (up, along) = (here[0] - first[0], here[1] - first[1] - turns * std::f64::consts::TAU);
-            (
-                ELLIPSOID.0 / narrowing.sqrt() * first[0].cos() * along,
-                ELLIPSOID.0 * (1.0 - ELLIPSOID.1) / narrowing.powf(1.5) * up,
-            )
-        };
+    fn of(self, numbers: &[f64], origin: &mut Plane) -> f64 {
+        let mut fix = |slots: [usize; 2]| origin.place(slots.map(|slot| numbers[slot]));
         match self {
             Self::Number(slot) => numbers[slot],
             Self::Heading(slots) => {
@@ -217,8 +203,8 @@ impl Value {
                     (2.0 * (w * z + x * y)).atan2(w * w + x * x - y * y - z * z)
                 }
             }
-            Self::East(slots) => fix(slots).0,
-            Self::North(slots) => fix(slots).1,
+            Self::East(slots) => fix(slots)[0],
+            Self::North(slots) => fix(slots)[1],
         }
     }
 }

@@ -17,11 +17,13 @@ pub enum By {
     Vehicle,
     /// A day of drives.
     Day,
+    /// A version of the software that drives.
+    Software,
 }
 
 impl By {
     /// All of them.
-    pub const ALL: [Self; 2] = [Self::Vehicle, Self::Day];
+    pub const ALL: [Self; 3] = [Self::Vehicle, Self::Day, Self::Software];
 
     /// Finds what a field of `meta.json` names.
     #[must_use]
@@ -35,6 +37,7 @@ impl By {
         match self {
             Self::Vehicle => "vehicle",
             Self::Day => "day",
+            Self::Software => "software",
         }
     }
 
@@ -43,6 +46,7 @@ impl By {
         let name = match self {
             Self::Vehicle => &meta.vehicle,
             Self::Day => &meta.day,
+            Self::Software => &meta.software,
         };
         name.clone().ok_or_else(|| CaseError::NoMember { case: log.name.clone(), by: self.field() }.into())
     }
@@ -69,4 +73,28 @@ pub fn diagnose(
     let of: Vec<String> = logs.iter().map(|log| by.of(log)).collect::<Result<_, _>>()?;
     let options = Options { quick, without: Vec::new() };
     Ok(ds_dynamics::fleet::fleet(logs, by.field(), &of, &options, progress)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use ds_dynamics::case::Case;
+
+    use super::*;
+
+    #[test]
+    fn a_member_is_named_by_the_field_of_what_it_is() {
+        let folder = tempfile::tempdir().expect("a folder");
+        ds_dynamics::synthetic::write_case(folder.path(), 1, &|_| ()).expect("the case can be written");
+        let mut log = Healthy { name: "log".to_owned(), case: Case::read(folder.path()).expect("a case") };
+        let named = |name: &str| Some(name.to_owned());
+        let meta = &mut log.case.meta;
+        (meta.vehicle, meta.day, meta.software) = (named("van"), named("monday"), named("4.2.1"));
+        for (field, name) in [("vehicle", "van"), ("day", "monday"), ("software", "4.2.1")] {
+            let by = By::from_field(field).expect("a kind of member");
+            assert_eq!((by.field(), by.of(&log).expect("it is named").as_str()), (field, name));
+        }
+        log.case.meta.software = None;
+        let refused = By::Software.of(&log).expect_err("it is not named").to_string();
+        assert!(refused.contains("of which software it is"), "{refused}");
+    }
 }

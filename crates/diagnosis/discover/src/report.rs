@@ -7,7 +7,7 @@ use ds_diagnosis::discovery::{Discovery, FoundLaw, FoundTerm, LawKind, LawShare,
 use ds_diagnosis::schema::{Corrected, Diagnosis, Shrink};
 use ds_dynamics::case::{Case, PartModel};
 use ds_dynamics::fit::data_loss;
-use ds_dynamics::motion::is_outside;
+use ds_dynamics::motion::takes;
 use ds_dynamics::space::Part;
 use ds_effect::{Channel, Effect, Insertion, Law, Port};
 use ds_stats::log_sum;
@@ -20,7 +20,7 @@ use crate::settings::{
     ASKED_GAIN, EQUIVALENT, FREE_SHARE, LAW_GAIN, LEAST_OF_FREE, LEAST_SHARE, OF_ITSELF, OVER_LIBRARY, OVER_SUMS,
     REFINED, STABLE, TELLING_SHARE, TEMPERATURE,
 };
-use crate::shrink::{corrected, of_port, shrinks};
+use crate::shrink::{corrected, is_of_followers, of_port, shrinks};
 use crate::tables::{self, Best};
 use crate::terms::ports;
 
@@ -87,7 +87,10 @@ fn search(case: &Case, diagnosis: &Diagnosis, without: &[String]) -> (Discovery,
     };
     let (part, base) = &bases[best.part];
     let data = if held.is_empty() { (drives.as_slice(), "fit") } else { (held.as_slice(), "heldout") };
-    if case.stand_in.is_some() && !is_outside(best.port) {
+    let is_open = takes(case.stand_in.as_ref(), best.port);
+    let all = is_open.then(|| shrinks(case, *part, base, &tried.refined, data.0, data.1));
+    let told = |all: &Vec<Shrink>| all.iter().any(|s| is_of_followers(s) == (best.port == Port::Follower));
+    let Some(all) = all.filter(|all| case.stand_in.is_none() || told(all)) else {
         found.kept_gain = (!held.is_empty()).then(|| gain_on(case, *part, base, &tried.refined, &held, without));
         if let Some(gain) = found.kept_gain.filter(|gain| *gain < 0.0) {
             found.note = Some(format!("the best law does not hold on drives kept from its fit (log score {gain:.1})"));
@@ -95,10 +98,13 @@ fn search(case: &Case, diagnosis: &Diagnosis, without: &[String]) -> (Discovery,
         }
         found.law = law(tried, &offers);
         found.extrapolated_share = tried.refined.law().and_then(|law| extrapolated_share(case, &law, data.0));
-        found.note = Some(INSIDE.to_owned());
+        let why = match is_open {
+            true => "all that this simulator may be asked was asked before".to_owned(),
+            false => format!("this simulator has no port at {}", best.port.insertion()),
+        };
+        found.note = Some(format!("{why}: {BUILT_IN}"));
         return (found, None);
-    }
-    let all = shrinks(case, *part, base, &tried.refined, data.0, data.1);
+    };
     let share = of_port(best.port, &all).and_then(|shrink| shrink.share_explained.map(|share| (shrink, share)));
     if let Some((shrink, share)) = share
         && share < LEAST_SHARE
@@ -120,9 +126,9 @@ fn search(case: &Case, diagnosis: &Diagnosis, without: &[String]) -> (Discovery,
     (found, Some((model, all)))
 }
 
-/// Said of a law that acts inside the car of a simulator of somebody else.
-const INSIDE: &str = "this simulator cannot be given a law inside its car: what it would do with it is taken from the built-in car, how far \
-     the law closes the gap is not measured, and the corrected simulator is without it";
+/// Said of a law that a simulator of somebody else cannot be given.
+const BUILT_IN: &str = "what it would do with the law is taken from the built-in car, how far the law closes the gap is not measured, and \
+     the corrected simulator is without it";
 
 /// Returns the log score that a law gains on some drives over the nuisances alone, with nothing fitted there.
 fn gain_on(case: &Case, part: Part, base: &Base<'_, '_>, found: &Refined, drives: &[usize], without: &[String]) -> f64 {

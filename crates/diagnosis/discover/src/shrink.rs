@@ -44,6 +44,11 @@ pub(crate) fn corrected(before: &Corrected, base: &Base<'_, '_>, found: &Refined
     Corrected { nuisance: others.chain(own).collect(), laws, ..Corrected::default() }
 }
 
+/// Tells whether a metric is one of followers.
+pub(crate) fn is_of_followers(shrink: &Shrink) -> bool {
+    shrink.metric.starts_with("channel:agent")
+}
+
 /// Returns the metric that tells most of a port: the way after two seconds of the car, the channel itself of a sensor; where
 /// calibration leaves no gap there, the one that stands out most of those that the port moves.
 pub(crate) fn of_port(port: Port, shrinks: &[Shrink]) -> Option<&Shrink> {
@@ -52,11 +57,10 @@ pub(crate) fn of_port(port: Port, shrinks: &[Shrink]) -> Option<&Shrink> {
         Port::Follower => "channel:agent_gap".to_owned(),
         _ => "position_2s".to_owned(),
     };
-    let follows = |shrink: &Shrink| shrink.metric.starts_with("channel:agent");
     let moved =
         |shrink: &Shrink| (shrink.after - shrink.nuisance.unwrap_or(shrink.before)).abs() > MOVED * shrink.floor;
     let known = |shrink: &&Shrink| {
-        shrink.share_explained.is_some() && follows(shrink) == (port == Port::Follower) && moved(shrink)
+        shrink.share_explained.is_some() && is_of_followers(shrink) == (port == Port::Follower) && moved(shrink)
     };
     let rise = |shrink: &Shrink| shrink.nuisance.unwrap_or(shrink.before) / shrink.floor.max(1e-12);
     let named = shrinks.iter().find(|shrink| shrink.share_explained.is_some() && shrink.metric == name);

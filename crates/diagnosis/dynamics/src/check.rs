@@ -153,7 +153,7 @@ fn dead_commands(drives: &[Drive]) -> Vec<String> {
     COMMANDS.into_iter().filter(dead).map(told).collect()
 }
 
-/// Position must move as fast as the speed says, and along the heading.
+/// Position must move as fast as the speed says, and along the heading, backwards where the speed is below 0.
 fn motion(drive: &Drive) -> Result<(), CaseError> {
     let (Some(x), Some(y)) = (&drive.x, &drive.y) else { return Ok(()) };
     let stride = 20;
@@ -162,16 +162,14 @@ fn motion(drive: &Drive) -> Result<(), CaseError> {
     for k in (0..drive.samples.saturating_sub(stride)).step_by(stride) {
         let (dx, dy) = (x[k + stride] - x[k], y[k + stride] - y[k]);
         let path = dx.hypot(dy);
-        if let Some(v) = &drive.v {
-            let mean = v[k..k + stride].iter().sum::<f64>() * STEP_SECS;
-            if mean > 2.0 || path > 4.0 {
-                pairs.push(path / mean.abs().max(0.1));
-            }
+        let travelled = drive.v.as_ref().map(|v| v[k..k + stride].iter().sum::<f64>() * STEP_SECS);
+        if let Some(travelled) = travelled.filter(|travelled| *travelled > 2.0 || path > 4.0) {
+            pairs.push(path / travelled.abs().max(0.1));
         }
         if let (Some(yaw), true) = (&drive.yaw, path > 2.0) {
             let heading = yaw[k + stride / 2];
-            along += (dx * heading.cos() + dy * heading.sin()) / path;
-            along -= 1.0;
+            let way = travelled.map_or(1.0, f64::signum);
+            along += way * (dx * heading.cos() + dy * heading.sin()) / path - 1.0;
         }
     }
     let windows = (drive.samples / stride).max(1) as f64;

@@ -68,8 +68,10 @@ impl Actuated {
         here.map(|(law, known)| law.at(|k| term(&known[k]), felt)).sum()
     }
 
-    /// Returns what steers and drives the car at a time, and what else pushes it.
-    fn pushed(&self, secs: f64, felt: &Felt, plant: &Plant) -> ((f64, f64), Push) {
+    /// Returns what steers and drives the car at a time (rad of the wheels, m/s² over nominal mass), and what else pushes it:
+    /// the laws of the plant that was actuated, added for a car that feels what it feels.
+    #[must_use]
+    pub fn pushed(&self, secs: f64, felt: &Felt, plant: &Plant) -> ((f64, f64), Push) {
         let (steer, accel) = self.asked(secs);
         if plant.laws.is_empty() {
             return ((steer, accel), Push::default());
@@ -202,8 +204,9 @@ impl Car {
         Self { pose: (0.0, 0.0, 0.0), state: steady(vehicle, speed_mps, yaw_rate), mark, heading: mark }
     }
 
-    /// Returns what it feels, with the specific force of the last step.
-    fn felt(&self, ax: f64, ay: f64) -> Felt {
+    /// Returns what it feels, with the specific force of the last step, m/s².
+    #[must_use]
+    pub fn felt(&self, ax: f64, ay: f64) -> Felt {
         let State { vx, yaw_rate, slip_front, slip_rear, .. } = self.state;
         Felt { v: vx, ax, ay, yaw_rate, slip_front, slip_rear, ..Felt::default() }
     }

@@ -37,7 +37,7 @@ const STEPS: usize = 200;
 pub struct Fleet {
     /// Version of this schema.
     pub schema_version: u32,
-    /// What a member is: `vehicle` or `day`.
+    /// What a member is: `vehicle`, `day` or `software`.
     pub by: String,
     /// Share of the affected members that may be called so wrongly.
     pub false_discovery_rate: f64,

@@ -50,6 +50,14 @@ pub struct StandIn {
     pub kind: String,
     /// Effects on vehicle and road that it cannot have.
     pub lacks: Vec<String>,
+    /// Ports inside its car at which it can be given a law.
+    pub takes: Vec<Port>,
+}
+
+/// Tells whether a law can be put in at a port of the built-in car, or of the simulator that stands in for it.
+#[must_use]
+pub fn takes(stand_in: Option<&StandIn>, port: Port) -> bool {
+    is_outside(port) || stand_in.is_none_or(|stand_in| stand_in.takes.contains(&port))
 }
 
 /// The built-in car.

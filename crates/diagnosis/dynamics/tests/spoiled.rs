@@ -152,6 +152,19 @@ fn suspect_sensors_are_named_once_for_all_drives() {
 }
 
 #[test]
+fn a_car_that_drives_backwards_has_no_swapped_columns() {
+    let folder = tempfile::tempdir().expect("a folder");
+    case_folder(folder.path());
+    change(&folder.path().join("drive_0.csv"), |rows| {
+        column(rows, "yaw", |_, v| format!("{:.5}", v + std::f64::consts::PI));
+        for name in ["v", "v_wheel", "ax", "ay", "cmd_steer", "steer_meas", "cmd_accel"] {
+            column(rows, name, |_, v| format!("{:.5}", -v));
+        }
+    });
+    Case::read(folder.path()).expect("it is one that reverses");
+}
+
+#[test]
 fn a_missing_or_absurd_description_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     case_folder(folder.path());

@@ -15,12 +15,12 @@ use ds_dynamics::baseline::Baseline;
 use ds_dynamics::case::{Case, PartModel};
 use ds_dynamics::choice::Outcome;
 use ds_dynamics::ego::{Actuated, Instant, actuate};
-use ds_dynamics::motion::{StandIn, Window, is_outside};
+use ds_dynamics::motion::{StandIn, Window, takes};
 use ds_dynamics::search::Effort;
 use ds_dynamics::settings::Thresholds;
 use ds_dynamics::space::{Part, Space};
 use ds_dynamics::windows::Regime;
-use ds_effect::{Insertion, Plant};
+use ds_effect::{Insertion, Plant, Port};
 
 use crate::error::SimulatorError;
 use crate::fields::{differing, entry};
@@ -143,8 +143,8 @@ pub fn evaluate(
     let untestable = case.lacks();
     let model = &diagnosis.corrected_model;
     let named = model.mismatch().into_iter().chain(model.added()).map(|(id, _)| id);
-    // a law of the car is no parameter, and what it adds is known of the built-in one alone
-    let laws = model.obeyed().into_iter().filter(|law| !is_outside(law.port())).map(|law| law.to_string());
+    let laws =
+        model.obeyed().into_iter().filter(|law| !takes(case.stand_in.as_ref(), law.port())).map(|law| law.to_string());
     let beyond: Vec<String> = named.filter(|id| untestable.contains(id)).chain(laws).collect();
     if !beyond.is_empty() {
         return Err(SimulatorError::Beyond { effects: beyond.join(", ") });
@@ -162,7 +162,9 @@ fn driven(case: Case, command: &str) -> Result<(Case, Arc<Foreign>), SimulatorEr
     let process = Process::start(command)?;
     let space = Space::new(Part::Ego, &case.meta.nominal, &[]);
     let reference = reference(&space, &process.hello)?;
-    let stand_in = StandIn { kind: process.hello.kind(), lacks: untestable(&space, &process.hello) };
+    let hello = &process.hello;
+    let open = Port::all().into_iter().filter(|port| hello.takes(*port)).collect();
+    let stand_in = StandIn { kind: hello.kind(), lacks: untestable(&space, hello), takes: open };
     let foreign = Arc::new(Foreign::new(process, &case.meta.nominal, &reference));
     let motion: Arc<dyn ds_dynamics::motion::Motion> = foreign.clone();
     Ok((case.moved_by(&motion, stand_in), foreign))

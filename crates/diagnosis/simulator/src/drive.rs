@@ -1,12 +1,14 @@
 //! One rollout: a window driven by whatever speaks the protocol, as instants like those of the built-in car.
 //!
-//! What the simulator cannot be told by parameters is pushed through its ports ([`Twins`]). A simulator cannot be given another speed at the anchor without losing its tyres' state: it starts with
+//! What the simulator cannot be told by parameters is pushed through its ports ([`Twins`]), as is what a law adds inside the
+//! car; what a law adds to the steering goes with the angle of the wheels. A simulator cannot be given another speed at the anchor without losing its tyres' state: it starts with
 //! the speed that the built-in car needs to be right there, and what is left is shifted.
 
 use std::collections::BTreeMap;
 
 use ds_diagnosis::meta::Nominal;
 use ds_dynamics::ego::{Actuated, Car, Instant, Push, ROLL_SECS, Start};
+use ds_dynamics::motion::is_outside;
 use ds_effect::Plant;
 use ds_vehicle::Saturation;
 
@@ -63,6 +65,12 @@ pub(crate) fn car_of(plant: &Plant, nominal: &Nominal) -> Plant {
     Plant { vehicle: plant.vehicle, road: plant.road, ..nominal.plant() }
 }
 
+/// Tells whether a law acts inside a car.
+#[must_use]
+pub(crate) fn is_lawful(plant: &Plant) -> bool {
+    plant.laws.iter().any(|law| !is_outside(law.port()))
+}
+
 impl Rollout<'_> {
     /// Makes it.
     ///
@@ -88,7 +96,7 @@ impl Rollout<'_> {
         }
         let count = ((self.start.warm_secs + self.start.horizon_secs) / hello.dt).ceil() as usize + 2;
         let mut rows = vec![first];
-        if differing(self.plant, &told).next().is_some() {
+        if is_lawful(self.plant) || differing(self.plant, &told).next().is_some() {
             self.pushed(subject, hello, &told, count, &mut rows)?;
         } else {
             let step = self.step(0, count, hello.dt);
@@ -104,10 +112,12 @@ impl Rollout<'_> {
         let (start, meant) = (self.start, car_of(self.plant, self.nominal));
         let mut car = Car::steady(&meant.vehicle, start.speed_mps, start.yaw_rate, start.heading_rad);
         let saturation = Saturation::new(meant.vehicle.tyre_knee);
+        let mut force = (0.0, start.speed_mps * start.yaw_rate);
         for k in 0..(start.warm_secs / ROLL_SECS).round() as usize {
             let middle = start.secs + (k as f64 + 0.5) * ROLL_SECS;
-            let (steer, accel) = self.actuated.asked(middle);
-            car.step(steer, accel, &Push::default(), &meant, &saturation);
+            let ((steer, accel), push) = self.actuated.pushed(middle, &car.felt(force.0, force.1), self.plant);
+            let instant = car.step(steer, accel, &push, &meant, &saturation);
+            force = (instant.ax, instant.ay);
         }
         let speed = (start.speed_mps + start.anchor_speed_mps - car.state.vx).max(0.0);
         [0.0, 0.0, start.heading_rad, speed, start.yaw_rate, 0.0, 0.0]
@@ -119,7 +129,7 @@ impl Rollout<'_> {
         Step { id: 0, n, steer, accel, ports: BTreeMap::new() }
     }
 
-    /// Drives step by step with what the parameters do not say at the ports.
+    /// Drives step by step with what the parameters do not say, and what laws add, at the ports.
     fn pushed(
         &self,
         subject: &mut dyn Subject,
@@ -134,18 +144,21 @@ impl Rollout<'_> {
         let mut at = 0;
         while at < count {
             let mut step = self.step(at, each, hello.dt);
-            let (mut push, mut unfelt) = (Push::default(), [0.0; 2]);
-            twins.meet(&rows[rows.len() - 1]);
+            let (mut push, mut unfelt, mut turned) = (Push::default(), [0.0; 2], 0.0);
+            let felt = twins.meet(&rows[rows.len() - 1], at == 0);
             for k in 0..fine {
                 let share = 1.0 / fine as f64;
                 let middle = self.start.secs + at as f64 * hello.dt + (k as f64 + 0.5) * ROLL_SECS;
-                let (needed, felt) = twins.step(self.actuated.asked(middle), |port| hello.port(port));
+                let asked = self.actuated.pushed(middle, &felt, self.plant);
+                let (needed, felt) = twins.step(&asked, |port| hello.port(port));
+                turned += share * (asked.0.0 - self.actuated.asked(middle).0);
                 push.drive_mps2 += share * needed.drive_mps2;
                 push.front_n += share * needed.front_n;
                 push.rear_n += share * needed.rear_n;
                 unfelt[0] += share * felt[0];
                 unfelt[1] += share * felt[1];
             }
+            step.steer.iter_mut().for_each(|angle| *angle += turned);
             let inputs = [(DRIVE, push.drive_mps2), (FRONT, push.front_n), (REAR, push.rear_n)];
             let inputs = inputs.into_iter().filter(|(name, _)| hello.port(name));
             step.ports = inputs.map(|(name, value)| (name.to_owned(), vec![value; each])).collect();

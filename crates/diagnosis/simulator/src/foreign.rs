@@ -15,7 +15,7 @@ use ds_effect::Plant;
 use ds_effect::plant::{Road, Vehicle};
 use nalgebra::{DMatrix, DVector};
 
-use crate::drive::{Rollout, Subject, car_of};
+use crate::drive::{Rollout, Subject, car_of, is_lawful};
 use crate::error::SimulatorError;
 use crate::fields::FIELDS;
 use crate::message::Hello;
@@ -200,10 +200,12 @@ impl Foreign {
         }
     }
 
-    /// Returns what the simulator adds in a window by what is known; the window is run where nothing is.
+    /// Returns what the simulator adds in a window by what is known; the window is run where nothing is. What a law does to it
+    /// is taken to be what it does to the built-in car.
     fn added(&self, inner: &mut Inner, window: &Window, actuated: &Actuated, plant: &Plant) -> Vec<Instant> {
         if !inner.known.contains_key(&key(window)) {
-            let added = self.run(inner, window, actuated, plant);
+            let lawless = car_of(plant, &self.nominal);
+            let added = self.run(inner, window, actuated, &lawless);
             inner.remember(window, Point { features: features(window, actuated, plant), added });
         }
         let Some(known) = inner.known.get(&key(window)) else { return Vec::new() };
@@ -215,6 +217,10 @@ impl Foreign {
 
     /// Returns what the simulator adds in a window by a run of just that; not a number where it fails.
     fn measured(&self, inner: &mut Inner, window: &Window, actuated: &Actuated, plant: &Plant) -> Vec<Instant> {
+        if is_lawful(plant) {
+            // what is known of other runs says nothing of a law
+            return self.run(inner, window, actuated, plant);
+        }
         let features = features(window, actuated, plant);
         if let Some(added) = inner.known.get(&key(window)).and_then(|known| known.at(&features)) {
             return added;

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use ds_effect::Port;
 use serde::{Deserialize, Serialize};
 
 use crate::error::SimulatorError;
@@ -222,6 +223,19 @@ impl Hello {
         let parameters: Vec<&str> = self.parameters.iter().map(|parameter| parameter.name.as_str()).collect();
         let (parameters, ports, includes) = (parameters.join(" "), self.ports.join(" "), self.includes.join(" "));
         format!("step {} s, parameters [{parameters}], ports [{ports}], includes [{includes}]", self.dt)
+    }
+
+    /// Tells whether a law can be put in at a port: steering goes with the angle of the wheels, readings and followers lie
+    /// outside the simulator.
+    #[must_use]
+    pub fn takes(&self, port: Port) -> bool {
+        match port {
+            Port::Drive => self.port(DRIVE),
+            Port::Front => self.port(FRONT),
+            Port::Rear => self.port(REAR),
+            Port::Yaw | Port::Side => self.port(FRONT) && self.port(REAR),
+            Port::Steering | Port::Linkage | Port::Sensor(_) | Port::Follower => true,
+        }
     }
 
     /// Tells whether a port is there.

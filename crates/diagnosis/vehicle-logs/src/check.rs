@@ -5,6 +5,9 @@
 mod motion;
 mod turning;
 
+pub(crate) use motion::{leads_astray, moving_ratio};
+pub(crate) use turning::{STEERING_RATIO, wheelbase_m};
+
 use std::path::Path;
 
 use crate::echo;
@@ -60,9 +63,4 @@ impl Mapping {
         found.extend(turning::findings(record, &speed, lf + lr));
         found
     }
-}
-
-/// Returns the wheelbase that a vehicle without slip would have, m, with the correlation that says so.
-pub(crate) fn wheelbase_m(record: &Record) -> Option<(f64, f64)> {
-    turning::wheelbase_m(record)
 }

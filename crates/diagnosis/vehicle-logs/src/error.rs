@@ -15,13 +15,19 @@ pub enum LogError {
     /// A bag cannot be read, or does not hold what is mapped.
     #[error(transparent)]
     Bag(#[from] ds_bags::BagError),
-    /// A file is no bag, so that nothing can be proposed for it.
-    #[error(
-        "no MCAP, ROS 1 bag or rosbag2 file: {path:?} (for text write the mapping by hand, see docs/gap-real-logs.md)"
-    )]
+    /// A folder is no bag, so that nothing can be proposed for it.
+    #[error("no MCAP or rosbag2 files in folder {path:?} (of text files name one, and map all by its mapping)")]
     NoBag {
-        /// The file.
+        /// The folder.
         path: PathBuf,
+    },
+    /// A text file is no table that a mapping could be of.
+    #[error("{file:?} is no MCAP, ROS 1 bag or rosbag2 file, and no table to propose a mapping for: {why}")]
+    NoTable {
+        /// Why.
+        why: String,
+        /// The file.
+        file: String,
     },
     /// A command has no message.
     #[error("no value of {what} in {file:?}; the simulator needs every command")]

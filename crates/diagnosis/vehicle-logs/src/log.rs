@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::rc::Rc;
 
-use ds_bags::{Format, Wanted};
+use ds_bags::{Format, Plane, Wanted};
 
 use crate::channel::{self, CHANNELS, COMMANDS, Channel};
 use crate::error::LogError;
@@ -52,16 +52,26 @@ impl Mapping {
     }
 
     fn open_sheet(&self, path: &Path, drive: &DriveFile) -> Result<Log, LogError> {
-        let time = self.time.as_ref().map_or(Column::Number(1), |time| time.column.clone());
-        let unit = self.time.as_ref().and_then(|time| channel::seconds(&time.unit)).unwrap_or(1.0);
-        let mapped = self.channels.values().flat_map(|s| s.column.iter().chain(&s.mean_with).chain(&s.fresh_with));
-        let columns: Vec<Column> = std::iter::once(&time).chain(mapped).cloned().collect();
+        let mapped = self.channels.values().flat_map(|s| s.columns().chain(&s.fresh_with));
+        let columns: Vec<Column> = std::iter::once(self.stamped()).chain(mapped.cloned()).collect();
         let sheet = Sheet::read(path, &self.log, &columns)?;
         for name in COMMANDS {
             if let Some(column) = self.channels[name].column.as_ref() {
                 sheet.required(column)?;
             }
         }
+        self.of_sheet(&sheet, drive)
+    }
+
+    /// Returns the column of the stamps.
+    fn stamped(&self) -> Column {
+        self.time.as_ref().map_or(Column::Number(1), |time| time.column.clone())
+    }
+
+    /// Takes what is mapped out of a table that holds it.
+    pub(crate) fn of_sheet(&self, sheet: &Sheet, drive: &DriveFile) -> Result<Log, LogError> {
+        let time = self.stamped();
+        let unit = self.time.as_ref().and_then(|time| channel::seconds(&time.unit)).unwrap_or(1.0);
         let raw = sheet.required(&time)?;
         let first = raw.iter().copied().find(|v| v.is_finite()).unwrap_or(0.0);
         let inside = |t: f64| (drive.from_secs..drive.to_secs).contains(&t);
@@ -81,10 +91,10 @@ impl Mapping {
             missing: Vec::new(),
         };
         for (known, source) in self.sources() {
-            let named = source.column.iter().chain(&source.mean_with);
-            let absent: Vec<_> = named.filter(|c| sheet.column(c).is_none()).map(|c| format!("column {c}")).collect();
+            let absent: Vec<_> =
+                source.columns().filter(|c| sheet.column(c).is_none()).map(|c| format!("column {c}")).collect();
             log.missing.extend(absent.into_iter().map(|what| (known.name.to_owned(), what)));
-            if let Some(values) = self.column(&sheet, known, source, &rows) {
+            if let Some(values) = self.column(sheet, known, source, &rows) {
                 log.series.insert(known.name, Series { t: grown.clone(), values });
             }
         }
@@ -93,18 +103,23 @@ impl Mapping {
 
     /// Returns one channel at some rows.
     fn column(&self, sheet: &Sheet, known: Channel, source: &Source, rows: &[usize]) -> Option<Vec<f64>> {
-        let columns: Vec<&[f64]> =
-            source.column.iter().chain(&source.mean_with).map(|c| sheet.column(c)).collect::<Option<_>>()?;
+        let columns: Vec<&[f64]> = source.columns().map(|c| sheet.column(c)).collect::<Option<_>>()?;
         if columns.is_empty() {
             return None;
         }
         let fresh = source.fresh_with.as_ref().and_then(|c| sheet.column(c));
         let mut before = f64::NAN;
+        let mut plane = Plane::default();
         let value = |&row: &usize| {
             let stamp = fresh.map_or(f64::NAN, |f| f[row]);
             let repeated = stamp == before;
             before = stamp;
-            let raw = columns.iter().map(|c| c[row]).sum::<f64>() / columns.len() as f64;
+            let raw = match (&source.fix, &columns[..]) {
+                (Some(_), [latitude, longitude]) => {
+                    plane.place([latitude[row], longitude[row]])[usize::from(known.name == "y")]
+                }
+                _ => columns.iter().map(|c| c[row]).sum::<f64>() / columns.len() as f64,
+            };
             if repeated { f64::NAN } else { self.convert(known, source, raw) }
         };
         Some(rows.iter().map(value).collect())

@@ -45,12 +45,18 @@ pub struct Layout {
     /// Character between cells: one character, `tab` or `space` (any run of blanks).
     #[serde(default = "comma")]
     pub delimiter: String,
+    /// Sign before the decimals.
+    #[serde(default)]
+    pub decimal: Decimal,
     /// Lines that begin with this are skipped.
     #[serde(default)]
     pub comment: Option<String>,
     /// Where the names of the columns stand.
     #[serde(default)]
     pub header: Header,
+    /// How many lines below the names are not read, such as one of units; without names, how many at the top.
+    #[serde(default)]
+    pub skip: usize,
     /// Cuts long files into drives of this length, s; every fourth is held out.
     #[serde(default)]
     pub piece_secs: Option<f64>,
@@ -72,6 +78,18 @@ pub enum LogFormat {
     Rosbag1,
     /// SQLite file of rosbag2, or the folder of one bag.
     Rosbag2,
+}
+
+/// Sign before the decimals of a number.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+pub enum Decimal {
+    /// A point.
+    #[default]
+    #[serde(rename = ".")]
+    Point,
+    /// A comma.
+    #[serde(rename = ",")]
+    Comma,
 }
 
 /// Where the names of the columns stand.
@@ -166,6 +184,10 @@ pub struct Source {
     /// Its column.
     #[serde(default)]
     pub column: Option<Column>,
+    /// Columns of latitude and longitude, degrees, in the place of one column: `x` is then metres east of the first fix, `y`
+    /// north of it.
+    #[serde(default)]
+    pub fix: Option<[Column; 2]>,
     /// Its topic in a bag.
     #[serde(default)]
     pub topic: Option<String>,
@@ -317,10 +339,14 @@ impl Mapping {
     /// # Errors
     /// If it is none, or contradicts itself.
     pub fn parse(text: &str) -> Result<Self, LogError> {
-        let mapping: Self = toml::from_str(text)
-            .map_err(|source| LogError::Toml { path: "mapping".into(), source: Box::new(source) })?;
+        let mapping = Self::unchecked(text)?;
         mapping.consistent()?;
         Ok(mapping)
+    }
+
+    /// Reads the text of a mapping file that may lack what a simulator needs.
+    pub(crate) fn unchecked(text: &str) -> Result<Self, LogError> {
+        toml::from_str(text).map_err(|source| LogError::Toml { path: "mapping".into(), source: Box::new(source) })
     }
 
     fn consistent(&self) -> Result<(), LogError> {
@@ -351,6 +377,12 @@ impl Mapping {
             };
             if let Err(problem) = source.origin(self.log.format) {
                 return wrong(&entry, problem);
+            }
+            if source.fix.is_some() && (!["x", "y"].contains(&name.as_str()) || self.frame.pose != PoseAxes::Enu) {
+                return wrong(
+                    &entry,
+                    "fix gives metres east as x and north as y alone, with the usual frame.pose".to_owned(),
+                );
             }
             if let Some(from) = &source.derived_from {
                 let allowed = DERIVED.iter().find(|(n, _)| n == name).map_or(&[][..], |(_, f)| f);
@@ -426,13 +458,18 @@ impl Mapping {
 }
 
 impl Source {
+    /// Returns the columns that its values are made of.
+    pub(crate) fn columns(&self) -> impl Iterator<Item = &Column> {
+        self.column.iter().chain(self.fix.iter().flatten()).chain(&self.mean_with)
+    }
+
     fn declared(&self) -> Declared {
         Declared { kind: self.kind, ratio: self.ratio, radius_m: self.radius_m }
     }
 
     /// Tells whether it says where its values are, as its format needs it.
     fn origin(&self, format: LogFormat) -> Result<(), String> {
-        let of_text = self.column.is_some() || self.fresh_with.is_some();
+        let of_text = self.column.is_some() || self.fix.is_some() || self.fresh_with.is_some();
         let of_bag = self.topic.is_some() || self.field.is_some() || self.stamp != Stamp::Header;
         let by_number = self.mean_with.iter().any(|c| matches!(c, Column::Number(_)));
         match (format == LogFormat::Csv, self.derived_from.is_some()) {
@@ -441,7 +478,9 @@ impl Source {
             }
             (_, true) => Ok(()),
             (true, _) if of_bag => Err("topic, field and stamp belong to bags; log.format is csv".to_owned()),
-            (true, _) if self.column.is_none() => Err("needs either column or derived_from".to_owned()),
+            (true, _) if self.column.is_some() == self.fix.is_some() => {
+                Err("needs either column, fix or derived_from".to_owned())
+            }
             (false, _) if of_text || by_number => {
                 Err("column and fresh_with belong to csv; name topic and field".to_owned())
             }

@@ -7,7 +7,7 @@ use std::path::Path;
 use ds_diagnosis::CaseError;
 
 use crate::error::LogError;
-use crate::mapping::{Column, Header, Layout};
+use crate::mapping::{Column, Decimal, Header, Layout};
 
 /// Most rows of a log: 5 h at 200 Hz.
 const MAX_ROWS: usize = 3_600_000;
@@ -30,10 +30,10 @@ impl Sheet {
         let failed = |source| CaseError::Read { path: path.to_path_buf(), source };
         let file = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         let mut sheet = Self { file, names: Vec::new(), wanted: Vec::new(), columns: Vec::new() };
-        let mut width = None;
-        for (number, line) in BufReader::new(File::open(path).map_err(failed)?).lines().enumerate() {
-            let line = line.map_err(failed)?;
-            let mut line = line.trim_start_matches('\u{feff}').trim_end_matches(['\r', '\n']);
+        let (mut width, mut skip) = (None, layout.skip);
+        for (number, line) in open(path)?.split(b'\n').enumerate() {
+            let line = text_of(&line.map_err(failed)?, number + 1, &sheet.file)?;
+            let mut line = line.as_str();
             let comment = layout.comment.as_deref().filter(|mark| line.starts_with(mark));
             if let Some(mark) = comment {
                 if layout.header != Header::Commented || width.is_some() {
@@ -42,6 +42,10 @@ impl Sheet {
                 line = &line[mark.len()..];
             }
             if line.trim().is_empty() {
+                continue;
+            }
+            if skip > 0 && (width.is_some() || layout.header == Header::None) {
+                skip -= 1;
                 continue;
             }
             let cells = split(line, &layout.delimiter);
@@ -54,14 +58,14 @@ impl Sheet {
                     cells.len(),
                 );
                 if !named {
-                    sheet.push(&cells, number + 1)?;
+                    sheet.push(&cells, number + 1, layout.decimal)?;
                 }
                 continue;
             };
             if cells.len() != columns {
                 return Err(LogError::Ragged { line: number + 1, cells: cells.len(), columns, file: sheet.file });
             }
-            sheet.push(&cells, number + 1)?;
+            sheet.push(&cells, number + 1, layout.decimal)?;
             if sheet.rows() > MAX_ROWS {
                 return Err(CaseError::TooLarge { what: "rows", limit: MAX_ROWS, file: sheet.file }.into());
             }
@@ -79,13 +83,11 @@ impl Sheet {
         self.names = names;
     }
 
-    fn push(&mut self, cells: &[&str], line: usize) -> Result<(), LogError> {
+    fn push(&mut self, cells: &[&str], line: usize, decimal: Decimal) -> Result<(), LogError> {
         for ((_, place), column) in self.wanted.iter().zip(&mut self.columns) {
             let Some(place) = *place else { continue };
             let text = cells[place];
-            let absent = text.is_empty() || ["nan", "null", "na", "none"].contains(&text.to_ascii_lowercase().as_str());
-            let value = if absent { Some(f64::NAN) } else { text.parse().ok().filter(|v: &f64| v.is_finite()) };
-            column.push(value.ok_or_else(|| LogError::NotANumber {
+            column.push(number(text, decimal).ok_or_else(|| LogError::NotANumber {
                 line,
                 column: place + 1,
                 text: text.chars().take(24).collect(),
@@ -129,11 +131,51 @@ impl std::fmt::Display for Column {
     }
 }
 
-fn split<'a>(line: &'a str, delimiter: &str) -> Vec<&'a str> {
-    let bare = |cell: &'a str| cell.trim().trim_matches('"').trim();
-    match delimiter {
-        "space" => line.split_whitespace().collect(),
-        "tab" => line.split('\t').map(bare).collect(),
-        other => line.split(other).map(bare).collect(),
+/// Opens a text file.
+pub(crate) fn open(path: &Path) -> Result<BufReader<File>, LogError> {
+    let failed = |source| CaseError::Read { path: path.to_path_buf(), source };
+    Ok(BufReader::new(File::open(path).map_err(failed)?))
+}
+
+/// Returns a line as text without the marks at its ends; what is no UTF-8, such as a sign for degrees of another code, becomes
+/// a sign for that.
+///
+/// # Errors
+/// If it holds a zero byte, as UTF-16 and files that are no text do.
+pub(crate) fn text_of(line: &[u8], number: usize, file: &str) -> Result<String, LogError> {
+    if line.contains(&0) {
+        let why = format!("line {number} holds a zero byte: save it as text in UTF-8");
+        return Err(LogError::NoTable { why, file: file.to_owned() });
     }
+    let text = String::from_utf8_lossy(line);
+    Ok(text.trim_start_matches('\u{feff}').trim_end_matches('\r').to_owned())
+}
+
+/// Reads a cell; an absent one is not a number. `None` where it is neither.
+pub(crate) fn number(cell: &str, decimal: Decimal) -> Option<f64> {
+    if cell.is_empty() || ["nan", "null", "na", "none"].contains(&cell.to_ascii_lowercase().as_str()) {
+        return Some(f64::NAN);
+    }
+    let value = match decimal {
+        Decimal::Comma if cell.contains('.') => return None,
+        Decimal::Comma => cell.replace(',', ".").parse(),
+        Decimal::Point => cell.parse(),
+    };
+    value.ok().filter(|v: &f64| v.is_finite())
+}
+
+/// Splits a line into cells without the marks and blanks around them; what stands in quotation marks is one cell.
+pub(crate) fn split<'a>(line: &'a str, delimiter: &str) -> Vec<&'a str> {
+    let bare = |cell: &'a str| cell.trim().trim_matches('"').trim();
+    let mark = match delimiter {
+        "space" => return line.split_whitespace().collect(),
+        "tab" => "\t",
+        other => other,
+    };
+    let mut quoted = false;
+    let parts = |letter: char| {
+        quoted ^= letter == '"';
+        !quoted && mark.starts_with(letter)
+    };
+    line.split(parts).map(bare).collect()
 }

@@ -169,6 +169,11 @@ impl Record {
         if let Some(v) = self.channel("v").or_else(|| self.channel("v_wheel")) {
             return Some(v.to_vec());
         }
+        self.path()
+    }
+
+    /// Returns how fast its position moves, m/s.
+    pub(crate) fn path(&self) -> Option<Vec<f64>> {
         let (dx, dy) = (slope(self.channel("x")?, STEP_SECS), slope(self.channel("y")?, STEP_SECS));
         Some(dx.iter().zip(&dy).map(|(a, b)| a.hypot(*b)).collect())
     }

@@ -9,7 +9,7 @@ use crate::finding::LogFinding;
 /// Longest hole in the stamps that is bridged, s; a longer one ends a drive.
 pub(crate) const LONGEST_HOLE_SECS: f64 = 0.8;
 /// Steps between samples that any vehicle log has, s: 5 kHz to 2 Hz.
-const USUAL_STEP_SECS: std::ops::RangeInclusive<f64> = 2e-4..=0.5;
+pub(crate) const USUAL_STEP_SECS: std::ops::RangeInclusive<f64> = 2e-4..=0.5;
 
 /// Slower messages are sent when something happens, s.
 const SAMPLED_SECS: f64 = 0.1;

@@ -1,9 +1,14 @@
-//! A bag → the mapping that its topics suggest, as text with reasons, and what could not be decided.
+//! A bag or a text file → the mapping that its topics, or its columns and data, suggest, as text with reasons, and what could
+//! not be decided.
 //!
 //! Of several candidates for a channel the first kind that moves is taken, of one kind the topic with most messages. What
 //! no log holds, the mass, is a placeholder that says so.
 
 mod candidates;
+mod form;
+mod names;
+mod sheet;
+mod units;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -35,13 +40,13 @@ pub struct Suggestion {
     pub undecided: Vec<String>,
 }
 
-/// Proposes a mapping for a bag.
+/// Proposes a mapping for a bag or a text file.
 ///
 /// # Errors
-/// If the file is no bag or damaged.
+/// If the file is damaged, or neither a bag nor a table of numbers with names and stamps.
 pub fn suggest(log: &Path) -> Result<Suggestion, LogError> {
     let Some(format) = Format::of(log)? else {
-        return Err(LogError::NoBag { path: log.to_path_buf() });
+        return if log.is_dir() { Err(LogError::NoBag { path: log.to_path_buf() }) } else { sheet::suggest(log) };
     };
     let topics = ds_bags::topics(log, format)?;
     let mut offered: Vec<Candidate> = topics.iter().flat_map(candidates::of).filter(|c| c.messages > 0).collect();
@@ -49,25 +54,51 @@ pub fn suggest(log: &Path) -> Result<Suggestion, LogError> {
     offered.truncate(MOST);
     let wanted = |c: &Candidate| Wanted { topic: c.topic.clone(), field: c.field.clone(), clock: Clock::Own };
     let found = ds_bags::glance(log, format, &offered.iter().map(wanted).collect::<Vec<_>>())?;
-    let mut draft =
-        Draft { undecided: Vec::new(), lines: BTreeMap::new(), chosen: BTreeMap::new(), foreign_clock: false };
+    let mut draft = Draft::default();
     draft.choose(&offered, &found);
     draft.stand_in();
     draft.compare_clocks(&topics, &offered, &found);
     draft.doubt(&topics);
-    let secs = span_secs(&found);
-    let text = draft.text(log, format, secs, None);
+    let format = match format {
+        Format::Mcap => "mcap",
+        Format::Rosbag1 => "rosbag1",
+        Format::Rosbag2 => "rosbag2",
+    };
+    let heading = Heading {
+        told_by: "topics".to_owned(),
+        log: format!("format = {format:?}\n"),
+        time: String::new(),
+        secs: span_secs(&found),
+    };
+    let text = draft.text(log, &heading, None);
     let wheelbase = wheelbase(log, &text)?;
-    let text = if wheelbase.is_some() { draft.text(log, format, secs, wheelbase) } else { text };
+    let text = if wheelbase.is_some() { draft.text(log, &heading, wheelbase) } else { text };
     Ok(Suggestion { text, undecided: draft.undecided })
 }
 
+/// A mapping that comes into being.
+#[derive(Default, Clone)]
 struct Draft {
     undecided: Vec<String>,
     /// The entry of each channel, with why.
     lines: BTreeMap<&'static str, (String, String)>,
-    chosen: BTreeMap<&'static str, Candidate>,
+    /// The topic or column of each.
+    chosen: BTreeMap<&'static str, String>,
+    /// Channels of a text file whose unit its header does not say.
+    open: Vec<&'static str>,
     foreign_clock: bool,
+}
+
+/// What stands above the channels of a mapping.
+struct Heading {
+    /// By what it was told.
+    told_by: String,
+    /// Further lines of `[log]`.
+    log: String,
+    /// The table `[time]`, if there is one.
+    time: String,
+    /// How long the log is, s.
+    secs: f64,
 }
 
 /// Tells whether a field changes.
@@ -113,9 +144,9 @@ impl Draft {
         }
         // a heading of its own for a place of its own
         if let (Some(x), Some(y)) = (self.chosen.get("x"), self.chosen.get("y"))
-            && x.topic != y.topic
+            && x != y
         {
-            self.undecided.push(format!("x is of {} and y of {}: map both of one topic", x.topic, y.topic));
+            self.undecided.push(format!("x is of {x} and y of {y}: map both of one topic"));
         }
     }
 
@@ -123,20 +154,30 @@ impl Draft {
         let more = if candidate.more.is_empty() { String::new() } else { format!(", {}", candidate.more) };
         let entry = format!("topic = {:?}, field = {:?}{more}", candidate.topic, candidate.field);
         self.lines.insert(channel, (entry, why));
-        self.chosen.insert(channel, candidate.clone());
+        self.chosen.insert(channel, candidate.topic.clone());
     }
 
-    /// Finds what stands in for a command that is not in the bag.
+    /// Adds to the entry of a channel that is there, and to why it is so.
+    fn add(&mut self, channel: &str, entry: &str, why: &str) {
+        let Some((entries, reasons)) = self.lines.get_mut(channel) else { return };
+        for (all, separator, more) in [(entries, ", ", entry), (reasons, "; ", why)] {
+            if !more.is_empty() {
+                *all = if all.is_empty() { more.to_owned() } else { format!("{all}{separator}{more}") };
+            }
+        }
+    }
+
+    /// Finds what stands in for a command that is not in the log.
     fn stand_in(&mut self) {
         if !self.chosen.contains_key("cmd_steer") {
-            match self.chosen.remove("steer_meas") {
-                Some(measured) => {
-                    self.lines.remove("steer_meas");
+            match self.chosen.remove("steer_meas").zip(self.lines.remove("steer_meas")) {
+                Some((measured, (entry, _))) => {
                     self.undecided.push(format!(
-                        "cmd_steer: no steering command; the measured angle of {} stands in, so that the steering actuator cannot be judged",
-                        measured.topic
+                        "cmd_steer: no steering command; the measured angle of {measured} stands in, so that the steering actuator cannot be judged"
                     ));
-                    self.take("cmd_steer", &measured, "measured, not asked for".to_owned());
+                    self.lines.insert("cmd_steer", (entry, "measured, not asked for".to_owned()));
+                    self.chosen.insert("cmd_steer", measured);
+                    self.open.iter_mut().filter(|name| **name == "steer_meas").for_each(|name| *name = "cmd_steer");
                 }
                 None => self.undecided.push("cmd_steer: no steering angle found; add it by hand".to_owned()),
             }
@@ -160,7 +201,7 @@ impl Draft {
     /// Takes the time of receipt for all where the stamps of some topics are of another clock.
     fn compare_clocks(&mut self, topics: &[Topic], offered: &[Candidate], found: &[Glance]) {
         for (candidate, glance) in offered.iter().zip(found) {
-            let used = self.chosen.values().any(|c| c.topic == candidate.topic);
+            let used = self.chosen.values().any(|topic| *topic == candidate.topic);
             let received = topics.iter().find(|t| t.name == candidate.topic).and_then(|t| t.received_nanos);
             let (Some((first, _)), Some(own), true) = (received, glance.first_nanos, used) else { continue };
             if !self.foreign_clock && own.saturating_sub(first).saturating_abs() > OTHER_CLOCK_NANOS {
@@ -186,31 +227,32 @@ impl Draft {
                 ));
             }
         }
+        self.doubt_mass();
+    }
+
+    /// Says what stands in for what no log holds.
+    fn doubt_mass(&mut self) {
         self.undecided.push(format!("mass: no log holds it; {MASS} kg stands in"));
     }
 
     /// Writes the mapping; `wheelbase` with how well it fits.
-    fn text(&self, log: &Path, format: Format, secs: f64, wheelbase: Option<(f64, f64)>) -> String {
+    fn text(&self, log: &Path, heading: &Heading, wheelbase: Option<(f64, f64)>) -> String {
         let file = log.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         let name = log.file_stem().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        let format = match format {
-            Format::Mcap => "mcap",
-            Format::Rosbag1 => "rosbag1",
-            Format::Rosbag2 => "rosbag2",
-        };
-        let mut text = format!("# Proposed for {file:?} by its topics.\n");
+        let Heading { told_by, log, time, secs } = heading;
+        let mut text = format!("# Proposed for {file:?} by its {told_by}.\n");
         for sentence in &self.undecided {
             let _infallible = writeln!(text, "# Not decided: {sentence}.");
         }
-        let _infallible = write!(text, "\n[log]\nname = {name:?}\nformat = {format:?}\n");
-        if secs > 60.0 {
+        let _infallible = write!(text, "\n[log]\nname = {name:?}\n{log}");
+        if *secs > 60.0 {
             let _infallible = writeln!(
                 text,
                 "piece_secs = {:.1} # cut into drives; every fourth is held out",
                 (secs / 8.0).clamp(20.0, 60.0)
             );
         }
-        let _infallible = write!(text, "\n[[drive]]\nfile = {file:?}\n\n[channels]\n");
+        let _infallible = write!(text, "{time}\n[[drive]]\nfile = {file:?}\n\n[channels]\n");
         let receipt = if self.foreign_clock { ", stamp = \"log\"" } else { "" };
         for known in CHANNELS {
             let Some((entry, why)) = self.lines.get(known.name) else { continue };
@@ -243,5 +285,6 @@ fn wheelbase(log: &Path, text: &str) -> Result<Option<(f64, f64)>, LogError> {
         Err(error) => return Err(error),
     };
     let longest = records.iter().max_by_key(|record| record.samples());
-    Ok(longest.and_then(check::wheelbase_m).filter(|(base, fit)| *fit > 0.9 && (0.1..8.0).contains(base)))
+    let based = longest.and_then(|record| check::wheelbase_m(record, "cmd_steer"));
+    Ok(based.filter(|(base, fit)| *fit > 0.9 && (0.1..8.0).contains(base)))
 }

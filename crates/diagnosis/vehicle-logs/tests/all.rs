@@ -2,3 +2,4 @@
 
 mod bags;
 mod logs;
+mod suggested;

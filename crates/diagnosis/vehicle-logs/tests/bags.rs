@@ -211,7 +211,4 @@ fn what_stands_in_for_a_command_is_told() {
     );
     assert!(undriven.text.contains("cmd_accel = { derived_from = \"v\" }"), "{}", undriven.text);
     Mapping::parse(&undriven.text).expect("a right mapping");
-    let text = folder.path().join("log.csv");
-    std::fs::write(&text, "t,x\n0,1\n").expect("writable");
-    assert!(suggest(&text).expect_err("no bag").to_string().contains("log.csv"));
 }

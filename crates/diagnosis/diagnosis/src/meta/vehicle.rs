@@ -31,6 +31,9 @@ pub struct VehicleMeta {
     /// Day of the drives, by any name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub day: Option<String>,
+    /// Software that drove, by any name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub software: Option<String>,
     /// Whether the logs are of this project's own simulator, which has none of the mismatch that real vehicles have.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub simulated: bool,
@@ -183,6 +186,7 @@ impl VehicleMeta {
             case: String::new(),
             vehicle: None,
             day: None,
+            software: None,
             simulated: false,
             drives,
             channels_missing: Vec::new(),

@@ -22,25 +22,13 @@ pub(super) fn findings(record: &Record, speed: &[f64]) -> Vec<LogFinding> {
 /// Position must move as fast as either speed says, and wheels as fast as the vehicle.
 fn speeds(record: &Record) -> Vec<LogFinding> {
     let mut found = Vec::new();
-    let path = record.channel("x").zip(record.channel("y")).map(|(x, y)| {
-        let (dx, dy) = (slope(x, STEP_SECS), slope(y, STEP_SECS));
-        dx.iter().zip(&dy).map(|(a, b)| a.hypot(*b)).collect::<Vec<f64>>()
-    });
+    let path = record.path();
     let own = |name: &str| record.channel(name).filter(|_| !record.derived.contains(&name));
     let pairs =
         [("v", path.as_deref(), "position moves"), ("v_wheel", own("v").or(path.as_deref()), "the vehicle moves")];
     for (name, reference, what) in pairs {
         let (Some(reference), Some(said)) = (reference, own(name)) else { continue };
-        let top = said.iter().map(|v| v.abs()).fold(0.0, f64::max);
-        let mut ratios: Vec<f64> =
-            said.iter().zip(reference).filter(|(v, _)| v.abs() > 0.3 * top).map(|(v, r)| r / v).collect();
-        if ratios.len() < 40 || top < 1e-3 {
-            continue;
-        }
-        let ratio = ds_stats::quantile(&mut ratios, 0.5);
-        if (0.75..1.35).contains(&ratio) {
-            continue;
-        }
+        let Some(ratio) = moving_ratio(reference, said).filter(|ratio| !(0.75..1.35).contains(ratio)) else { continue };
         let evidence = format!("{what} {ratio:.3} times as fast as {name} says");
         let unit = SPEED_UNITS.iter().find(|(per, _)| near(1.0 / ratio, *per, 1.15));
         found.push(match unit {
@@ -55,6 +43,20 @@ fn speeds(record: &Record) -> Vec<LogFinding> {
         });
     }
     found
+}
+
+/// Returns how many times as fast as is said something moves, by the median over all but slow samples; `None` where there are
+/// too few.
+pub(crate) fn moving_ratio(moves: &[f64], said: &[f64]) -> Option<f64> {
+    let top = said.iter().map(|v| v.abs()).fold(0.0, f64::max);
+    let mut ratios: Vec<f64> =
+        said.iter().zip(moves).filter(|(v, _)| v.abs() > 0.3 * top).map(|(v, r)| r / v).collect();
+    (ratios.len() >= 40 && top >= 1e-3).then(|| ds_stats::quantile(&mut ratios, 0.5))
+}
+
+/// Tells whether the path leads elsewhere than the heading points.
+pub(crate) fn leads_astray(record: &Record) -> bool {
+    record.path().is_some_and(|path| !course(record, &path).is_empty())
 }
 
 /// The path must lead where the heading points.

@@ -10,7 +10,7 @@ use ds_diagnosis::table::STEP_SECS;
 /// Degrees per radian.
 const DEGREES: f64 = 57.3;
 /// Turns of the steering wheel per turn of the road wheel in any car or truck.
-const STEERING_RATIO: std::ops::Range<f64> = 8.0..26.0;
+pub(crate) const STEERING_RATIO: std::ops::Range<f64> = 8.0..26.0;
 /// Lead of the measurement over the command from which the stamps are to blame, samples.
 const LEAD: i32 = 3;
 
@@ -91,9 +91,10 @@ fn follows(asked: &[f64], rate: &[f64]) -> Option<(i32, Relation)> {
         .max_by(|a, b| a.1.correlation.abs().total_cmp(&b.1.correlation.abs()))
 }
 
-/// Returns the wheelbase that a vehicle without slip would have, m, with the correlation.
-pub(super) fn wheelbase_m(record: &Record) -> Option<(f64, f64)> {
-    let (speed, steer) = (record.speed()?, record.channel("cmd_steer")?);
+/// Returns the wheelbase that a vehicle without slip would have, m, if a channel is the angle of its road wheels, with the
+/// correlation that says so.
+pub(crate) fn wheelbase_m(record: &Record, steering: &str) -> Option<(f64, f64)> {
+    let (speed, steer) = (record.speed()?, record.channel(steering)?);
     let rate =
         record.channel("yaw_rate").map(<[f64]>::to_vec).or_else(|| Some(slope(record.channel("yaw")?, STEP_SECS)))?;
     let asked: Vec<f64> = steer.iter().zip(&speed).map(|(angle, v)| v * angle).collect();

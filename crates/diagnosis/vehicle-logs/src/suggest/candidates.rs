@@ -18,7 +18,8 @@ pub(super) struct Candidate {
     pub guessed: bool,
 }
 
-const SPEED: &str = "kind = \"wheel_speed\"";
+/// What a drive command that asks for a speed needs.
+pub(super) const SPEED: &str = "kind = \"wheel_speed\"";
 
 /// Type, channel, field and further entries, the best of a channel first. `*` stands for any package.
 const BY_TYPE: &[(&str, &str, &str, &str)] = &[
@@ -123,7 +124,7 @@ pub(super) fn is_pedal(topic: &Topic) -> bool {
 }
 
 /// Returns the channel that words tell of.
-fn by_words(words: &[String]) -> Option<(&'static str, &'static str)> {
+pub(super) fn by_words(words: &[String]) -> Option<(&'static str, &'static str)> {
     let any = |sought: &[&str]| words.iter().any(|word| sought.contains(&word.as_str()));
     let asked = any(COMMAND);
     if any(&["rate", "velocity", "speed"]) && any(&["steer", "steering"]) || any(&["covariance", "status", "valid"]) {
@@ -146,7 +147,7 @@ fn by_words(words: &[String]) -> Option<(&'static str, &'static str)> {
 }
 
 /// Splits a name at its signs and where a capital follows a small letter.
-fn words(name: &str) -> Vec<String> {
+pub(super) fn words(name: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut small = false;
     for letter in name.chars() {
