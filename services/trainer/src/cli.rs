@@ -8,7 +8,7 @@ mod train;
 mod video;
 
 pub(crate) use data::{DataCommand, DataListArgs, DataPaintsArgs, DataRenderArgs, DataSheetArgs};
-pub(crate) use study::{DrivesArgs, StudyArgs, StudyCommand};
+pub(crate) use study::{DrivesArgs, GivenArgs, StudyArgs, StudyCommand};
 pub(crate) use train::TrainArgs;
 pub(crate) use video::{FirstFrameArgs, PairsArgs, VideoCommand, VideoEvalArgs};
 

@@ -4,6 +4,9 @@ use std::process::{Command, Output};
 
 use ds_process::run_folder::{self, Earlier};
 
+/// The shipped study, from the folder of this package.
+const FIDELITY: &str = "../../configs/study/fidelity.toml";
+
 fn trainer(words: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_trainer")).args(words).output().expect("the process runs")
 }
@@ -28,12 +31,28 @@ fn what_is_not_meant_is_refused_by_name() {
         (&["train", "sleep"][..], 64, "sleep"),
         (&["data", "render"], 64, "--config"),
         (&["study", "fidelity", "--config", "none.toml"], 64, "none.toml"),
+        (&["study", "drives"], 64, "--real"),
+        (&["study", "drives", "--real", "a", "--source", "b", "--recorded", "none.toml"], 64, "--recorded"),
+        (&["study", "drives", "--config", FIDELITY, "--recorded", "none.toml"], 64, "none.toml"),
         (&["video", "eval", "--config", "none.toml"], 1, "none.toml"),
     ] {
         let Output { status, stderr, .. } = trainer(words);
         let said = String::from_utf8_lossy(&stderr);
         assert_eq!((status.code(), said.contains(says)), (Some(code), true), "{words:?}: {said}");
     }
+}
+
+#[test]
+fn a_network_for_fid_is_refused_by_name() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().to_str().expect("a plain path");
+    let words = ["study", "fidelity", "--quick", "--config", FIDELITY, "--fid", "inception.toml", "--out", out];
+    let Output { status, stderr, .. } = trainer(&words);
+    let said = String::from_utf8_lossy(&stderr);
+    assert!(status.code() == Some(64) && said.contains("fid: ") && said.contains("inception.toml"), "{said}");
+    let Output { status, stderr, .. } = trainer(&["study", "closed-loop", "--fvd", "clips.toml", "--out", out]);
+    let said = String::from_utf8_lossy(&stderr);
+    assert!(!status.success() && said.contains("--fvd"), "{said}");
 }
 
 #[test]

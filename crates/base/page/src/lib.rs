@@ -5,6 +5,7 @@
 //! part of the program (`&'static str`) can be written raw.
 
 mod document;
+pub mod level;
 pub mod svg;
 
 use std::fmt::Display;

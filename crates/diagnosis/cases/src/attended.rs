@@ -11,11 +11,11 @@ use ds_diagnosis::Diagnosis;
 use ds_diagnosis::attended::{Attended, Difference, METRIC};
 use ds_diagnosis::schema::Shrink;
 use ds_effect::picture::Picture;
-use ds_fidelity::{Compared, Features, mean_pooled};
+use ds_fidelity::{Compared, Features, TokenSpread, mean_pooled, token_squares};
 use ds_frames::{FrameCase, Shown, Streams};
 use ds_policy::builtin::{Builtin, builtin};
 use ds_policy::camera::eye::known_camera;
-use ds_policy::{Learned, Own, Policy};
+use ds_policy::{Grid, Learned, Own, Policy};
 use ds_raster::RgbImage;
 use ds_space::{CameraModel, DVec3, Digest, DigestWriter, Draws, Intrinsics};
 use ds_stats::bootstrap::resamples;
@@ -85,9 +85,10 @@ struct Seen {
     rows: Vec<Row>,
     /// What it attends to on all real frames.
     real: Vec<Vec<f64>>,
-    grid: Option<[usize; 2]>,
-    /// Sums of all its tokens on all real frames, number by number, and of their squares.
-    tokens: Vec<[f64; 2]>,
+    grid: Option<Grid>,
+    /// All its tokens on all real frames.
+    tokens: TokenSpread,
+    channels: usize,
     /// Per place, sums of squares before and after.
     places: Vec<[f64; 2]>,
 }
@@ -176,10 +177,8 @@ impl Seen {
         for frame in shown.case.fit.iter().chain(&shown.case.held) {
             let (tokens, channels, _) = look(&frame.real)?;
             self.real.push(mean_pooled(&tokens, channels));
-            self.tokens.resize(tokens.len(), [0.0; 2]);
-            for (sums, value) in self.tokens.iter_mut().zip(tokens.into_iter().map(f64::from)) {
-                *sums = [sums[0] + value, sums[1] + value * value];
-            }
+            self.tokens.add(&tokens);
+            self.channels = channels;
         }
         let scene = self.scenes.len();
         self.scenes.push(shown.scene.clone());
@@ -197,9 +196,8 @@ impl Seen {
                     _ => continue,
                 };
                 self.places.resize(real.len() / channels, [0.0; 2]);
-                let pairs = real.chunks_exact(channels).zip(simulated.chunks_exact(channels));
-                for (place, (a, b)) in self.places.iter_mut().zip(pairs) {
-                    place[side] += a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
+                for (place, square) in self.places.iter_mut().zip(token_squares(&real, &simulated, channels)) {
+                    place[side] += square;
                 }
             }
             self.grid = grid;
@@ -221,13 +219,6 @@ impl Seen {
         let columns = self.real.first().map_or(0, Vec::len);
         let rows = DMatrix::from_fn(self.real.len(), columns, |row, column| self.real[row][column]);
         Ok(Compared::new(policy.name(), Features(vec![rows]))?.variance())
-    }
-
-    /// Returns the trace of the covariance of a token over the real frames, the mean of all places.
-    fn spread_of_places(&self) -> f64 {
-        let count = self.real.len() as f64;
-        let variance = |sums: &[f64; 2]| (sums[1] - sums[0] * sums[0] / count).max(0.0) / (count - 1.0);
-        self.tokens.iter().map(variance).sum::<f64>() / self.places.len().max(1) as f64
     }
 
     fn summed(&self, policy: &str, spread: f64, floor: Option<f64>, data: &str) -> (Shrink, Attended) {
@@ -259,15 +250,16 @@ impl Seen {
             })
             .collect();
         by_scene.sort_by(|a, b| b.before.total_cmp(&a.before));
-        let unit = self.spread_of_places() * self.rows.len() as f64;
+        let unit = self.tokens.of_a_token(self.channels) * self.rows.len() as f64;
         let place = |sums: &[f64; 2]| Difference { scene: None, before: sums[0] / unit, after: sums[1] / unit };
         let places = self.places.iter().map(place).collect();
-        (shrink, Attended { policy: policy.to_owned(), scenes: by_scene, grid: self.grid, places })
+        let (grid, ground) = (self.grid.map(Grid::sides), matches!(self.grid, Some(Grid::Ground(_))));
+        (shrink, Attended { policy: policy.to_owned(), scenes: by_scene, grid, ground, places })
     }
 }
 
 /// What a policy attends to of one picture: tokens one behind the other, channels of each, the grid that they are places of.
-type Tokens = (Vec<f32>, usize, Option<[usize; 2]>);
+type Tokens = (Vec<f32>, usize, Option<Grid>);
 
 fn tokens(policy: &mut dyn Policy, camera: &CameraModel, picture: &Picture) -> Result<Tokens, CasesError> {
     let frame = frame(picture);

@@ -16,9 +16,12 @@ pub struct Attended {
     pub policy: String,
     /// Each pair of streams, farthest first.
     pub scenes: Vec<Difference>,
-    /// Rows and columns of the places, where what it attends to are places of the picture.
+    /// Rows and columns of the places, where what it attends to are places.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub grid: Option<[usize; 2]>,
+    /// Whether they are places of the ground before the car, the farthest row first, and not of the picture.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub ground: bool,
     /// Each place row by row, or each token of a list, over the variance of a place, the mean of all.
     pub places: Vec<Difference>,
 }

@@ -16,7 +16,7 @@ use ds_space::CameraModel;
 use crate::error::PolicyError;
 use crate::observation::{Observation, PrivilegedView};
 use crate::plan::PolicyAnswer;
-use crate::{Context, Policy, Restart};
+use crate::{Context, Grid, Policy, Restart};
 use eye::Eye;
 use proposals::{OUTPUTS, STATE, decode, state_of};
 
@@ -67,7 +67,7 @@ impl Policy for CameraPolicy {
         let images = self.eye.images(cameras.iter().zip(frames))?;
         let [rows, columns, channels] = CONTEXT;
         let tokens = Array::new(&[rows * columns, channels], self.network.context(&images).into_values());
-        Ok(Some(Context { tokens, grid: Some([rows, columns]) }))
+        Ok(Some(Context { tokens, grid: Some(Grid::Picture([rows, columns])) }))
     }
 
     fn restart(&self) -> Restart {

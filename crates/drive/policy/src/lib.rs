@@ -13,6 +13,7 @@ pub mod constant_velocity;
 pub mod doctor;
 pub mod driver;
 pub mod error;
+mod grid;
 pub mod idm;
 pub mod lattice;
 pub mod learned;
@@ -30,6 +31,7 @@ use ds_space::CameraModel;
 
 pub use builtin::{Builtin, builtin};
 pub use error::PolicyError;
+pub use grid::Grid;
 pub use learned::Learned;
 pub use observation::{EgoView, Live, Observation, PrivilegedView};
 pub use own::Own;
@@ -49,8 +51,8 @@ pub enum Restart {
 pub struct Context {
     /// Tokens and channels: [T, C].
     pub tokens: Array,
-    /// Rows and columns where the tokens are places of a grid, row by row.
-    pub grid: Option<[usize; 2]>,
+    /// The grid that the tokens are places of, where they are.
+    pub grid: Option<Grid>,
 }
 
 /// A driver: answers each observation with a trajectory in the rig frame at the newest frame.

@@ -9,11 +9,10 @@ mod calibration;
 use std::path::{Path, PathBuf};
 
 use ds_nn::Array;
-use ds_onnx::manifest::{Angle, Axes, Beyond, Camera, Colour, Direction, Layout, Resize, StateField};
-use ds_onnx::manifest::{ImageSection, PlanSection};
+use ds_onnx::manifest::{Angle, Axes, Beyond, Camera, Direction, ImageSection, PlanSection, StateField};
 use ds_onnx::{Manifest, Network};
 use ds_raster::RgbImage;
-use ds_space::{CameraModel, DVec2, Digest, Framing, PoseSe2, SimTime};
+use ds_space::{CameraModel, DVec2, Digest, PoseSe2, SimTime};
 use ds_world::{Proposal, RouteCommand, Trajectory, TrajectoryPoint};
 
 use crate::builtin::is_builtin;
@@ -88,7 +87,7 @@ impl Own {
     fn inputs(&mut self, views: &Views<'_>, ego: &EgoView, command: RouteCommand) -> Result<Vec<Array>, PolicyError> {
         let mut inputs = Vec::new();
         if let Some(image) = &self.manifest.image {
-            inputs.push(pixels(image, &frames(image, &mut self.eye, views)?));
+            inputs.push(image.array(&frames(image, &mut self.eye, views)?));
         }
         if let Some(state) = &self.manifest.state {
             let scales = state.scale.iter().copied().chain(std::iter::repeat(1.0));
@@ -224,7 +223,7 @@ fn frames(image: &ImageSection, eye: &mut Eye, views: &Views<'_>) -> Result<Vec<
             Camera::Known => eye.ahead(views.iter().map(|(camera, frames)| (*camera, &frames[index])))?,
             Camera::Raw(id) => raw(id, views)?.1[index].clone(),
         };
-        shown.push(sized(image, &frame));
+        shown.push(image.sized(&frame));
     }
     Ok(shown)
 }
@@ -236,51 +235,6 @@ fn raw<'a>(id: &str, views: &Views<'a>) -> Result<(&'a CameraModel, &'a [RgbImag
         let problem = format!("has no camera {id:?}, which the manifest names; there are {}", known.join(", "));
         PolicyError::Observation { field: "cameras", problem }
     })
-}
-
-/// Returns which part of a frame of some size the network is shown.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "sides are at most 4096")]
-fn framing(image: &ImageSection, [across_px, down_px]: [u32; 2]) -> Framing {
-    let to_px = image.size_px.map(|side| side as u32);
-    if image.resize == Resize::Area {
-        return Framing { left_px: 0, top_px: 0, width_px: across_px, height_px: down_px, to_px };
-    }
-    let scale = (f64::from(across_px) / f64::from(to_px[0])).min(f64::from(down_px) / f64::from(to_px[1]));
-    let [width_px, height_px] = to_px.map(|side| ((f64::from(side) * scale).round() as u32).max(1));
-    let [left_px, top_px] =
-        [(across_px, width_px), (down_px, height_px)].map(|(all, part)| all.saturating_sub(part) / 2);
-    Framing { left_px, top_px, width_px, height_px, to_px }
-}
-
-fn sized(image: &ImageSection, frame: &RgbImage) -> RgbImage {
-    let Framing { left_px, top_px, width_px, height_px, to_px } = framing(image, [frame.width_px(), frame.height_px()]);
-    if [width_px, height_px] == [frame.width_px(), frame.height_px()] {
-        return frame.resized(to_px[0], to_px[1]);
-    }
-    frame.part([left_px, top_px], [width_px, height_px]).resized(to_px[0], to_px[1])
-}
-
-/// Returns the image input.
-fn pixels(image: &ImageSection, frames: &[RgbImage]) -> Array {
-    let colours: [usize; 3] = if image.colour == Colour::Rgb { [0, 1, 2] } else { [2, 1, 0] };
-    let value = |frame: &RgbImage, pixel: usize, place: usize| {
-        let byte = f32::from(frame.rgb()[3 * pixel + colours[place]]);
-        (byte * image.scale - image.mean[place]) / image.std[place]
-    };
-    let [width, height] = image.size_px;
-    let mut values = Vec::with_capacity(3 * frames.len() * width * height);
-    if image.layout == Layout::Nhwc {
-        for pixel in 0..width * height {
-            values.extend(frames.iter().flat_map(|frame| [0, 1, 2].map(|place| value(frame, pixel, place))));
-        }
-    } else {
-        for frame in frames {
-            for place in 0..3 {
-                values.extend((0..width * height).map(|pixel| value(frame, pixel, place)));
-            }
-        }
-    }
-    Array::new(&image.shape(), values)
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "inputs are single precision")]

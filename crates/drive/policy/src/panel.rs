@@ -17,7 +17,7 @@ use crate::camera::proposals::{self, Candidate, TARGETS, knots_of};
 use crate::error::PolicyError;
 use crate::observation::{EgoView, Observation, PrivilegedView};
 use crate::plan::PolicyAnswer;
-use crate::{Context, Policy, Restart};
+use crate::{Context, Grid, Policy, Restart};
 
 const _: () = assert!(PLAN == TARGETS, "networks and policies speak of the same plans");
 
@@ -83,12 +83,21 @@ impl Policy for PanelPolicy {
         let images = self.eye.images(cameras.iter().zip(frames))?;
         let context = self.network.context(&images);
         let shape = context.shape()[1..].to_vec();
-        Ok(Some(Context { tokens: Array::new(&shape, context.into_values()), grid: self.network.kind().grid() }))
+        Ok(Some(Context { tokens: Array::new(&shape, context.into_values()), grid: grid(self.network.kind()) }))
     }
 
     fn restart(&self) -> Restart {
         Restart::Stateless
     }
+}
+
+/// Says what the tokens of a context are places of.
+fn grid(kind: Kind) -> Option<Grid> {
+    let of = match kind {
+        Kind::Ltf | Kind::Diffusiondrive | Kind::DiffusiondriveV2 => Grid::Ground,
+        Kind::Drivor | Kind::Sparsedrive | Kind::Rap => Grid::Picture,
+    };
+    kind.grid().map(of)
 }
 
 /// Returns the score of each plan of an answer of one sample.

@@ -73,6 +73,17 @@ pub enum EvaluationError {
     /// Features of a policy cannot be compared.
     #[error(transparent)]
     Panel(#[from] ds_fidelity::FidelityError),
+    /// A network that was given cannot look at frames.
+    #[error("{network} cannot look at {frames}")]
+    Given {
+        /// What it was given for.
+        network: String,
+        /// Whose frames.
+        frames: String,
+        /// Why.
+        #[source]
+        source: ds_onnx::OnnxError,
+    },
     /// A policy cannot look at a frame.
     #[error("policy {policy:?} cannot look at {frames}")]
     Policy {

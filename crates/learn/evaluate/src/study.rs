@@ -4,6 +4,7 @@
 //! resamples. `parts` asks of plans on those frames, `closed_loop` of drives, what the others ask of frames.
 
 mod anchor;
+mod attended;
 pub mod closed_loop;
 pub mod config;
 mod correlation;
@@ -13,11 +14,13 @@ mod engine;
 mod features;
 mod found;
 mod frames;
+mod given;
 mod moment;
 pub mod outcome;
 mod page;
 mod panel;
 mod parts;
+mod pictures;
 mod plans;
 mod recorded;
 mod rollout;
@@ -31,3 +34,4 @@ pub use drives::{DriveOf, RecordedDrive, drives};
 pub use engine::{run, write, write_json};
 pub use page::closed::write_drives;
 pub use panel::Guests;
+pub use pictures::pictures;

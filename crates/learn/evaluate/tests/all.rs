@@ -3,6 +3,7 @@
 mod carry;
 mod edits;
 mod evaluation;
+mod given;
 mod pairs;
 mod parts;
 mod rig;

@@ -17,7 +17,7 @@ fn configs() -> PathBuf {
 }
 
 /// The shipped study, small, without the video model and two of the panel.
-fn config(out: &Path) -> StudyConfig {
+pub(crate) fn config(out: &Path) -> StudyConfig {
     let mut config = StudyConfig::load(&configs().join("study/fidelity.toml")).expect("the shipped study");
     config.sources.retain(|source| ["reference", "sim-rgb", "layout"].contains(&source.name()));
     let left: Vec<String> = config.sources.iter().map(|source| source.name().to_owned()).collect();
@@ -115,6 +115,14 @@ fn the_reference_is_at_zero_and_what_was_looked_at_is_kept() {
     study::write(config, &seen).expect("writes");
     let page = std::fs::read_to_string(config.out.join("index.html")).expect("a page");
     assert!(found.held_out == Some(true) && page.contains("below those held out") && !page.contains("held-out"));
+    // Where policies whose tokens are places attend to something else: of the picture, or of the ground.
+    let laid: Vec<(&str, bool)> = found.attended.iter().map(|(name, all)| (name.as_str(), all[0].ground)).collect();
+    assert_eq!(laid, [("camera", false), ("camera-drawn", false), ("ltf", true), ("sparsedrive", false)]);
+    let [worst, middle, ..] = &found.attended["camera"][..] else { panic!("two scenes of each source") };
+    assert!(worst.source == "layout" && worst.worst && !middle.worst && worst.apart >= middle.apart, "{worst:?}");
+    assert!(worst.places.len() == 60 && worst.places.iter().any(|place| *place > 0.1), "{:?}", worst.places);
+    assert!(page.contains("Where in them") && page.contains(&worst.picture), "the page lays them over the frames");
+    assert!(config.out.join("scenes").join(&worst.picture).exists());
     let picture = found.worst["layout"][0].picture.as_ref().expect("the worst scene is shown");
     assert!(config.out.join("scenes").join(picture).exists());
     let (again, second) = study(config);
@@ -393,7 +401,7 @@ fn recorded_drives_are_as_far_as_their_frames_differ() {
         };
         let places = vec![DVec2::new(0.0, if set == 2 { 3.0 } else { 0.0 }); 4];
         let frames = (0..4).map(frame).collect();
-        Ok(RecordedDrive { name: format!("drive {index}"), camera: camera.clone(), frames, places })
+        Ok(RecordedDrive { name: format!("drive {index}"), camera: camera.clone(), frames, every: 1, places })
     };
     let found = study::drives(&config, &guests, &names, 6, &mut drive, &mut Counted::default()).expect("compared");
     assert!(found.fd_pi["same"].value.abs() < 1e-6 && found.fd_pi["darker"].value > 1.0, "{:?}", found.fd_pi);

@@ -1,7 +1,7 @@
 //! FDπ of one policy: FD = (|μ - μ̃|² + Tr(Σ + Σ̃ - 2 (ΣΣ̃)^½)) / Tr Σ, Σ being the real set's, divisor n - 1, nothing shrunk.
 //!
 //! Both sets hold the same moments of the same scenarios. FDπ is the mean of FD over a panel of policies. All values are
-//! plain shares of the variance; tables state them × 100.
+//! plain shares of the variance; tables state them × 100. FID and FVD are the same without the division ([`Unit::Features`]).
 
 use ds_space::Draws;
 use ds_stats::bootstrap::resamples;
@@ -15,8 +15,20 @@ use crate::scenarios::Features;
 const LEAST_VARIANCE: f64 = 1e-18;
 /// Frames per feature below which a value is warned of.
 const FRAMES_PER_FEATURE: usize = 8;
+/// Numbers in the moments of all sets beyond which resamples are of rows: 1 GB.
+const MOST_NUMBERS: usize = 130_000_000;
 /// Share of a value that the bias may have before it is warned of.
 const MOST_BIAS: f64 = 0.2;
+
+/// What distances are stated in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Unit {
+    /// Tr Σ of the real set.
+    #[default]
+    Variance,
+    /// The features' own, squared.
+    Features,
+}
 
 /// A policy's features of real frames, fit to be compared with.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,14 +36,15 @@ pub struct Compared {
     policy: String,
     real: Features,
     fitted: Fitted,
+    unit: Unit,
 }
 
 /// A distance with what belongs beside it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Distance {
-    /// The Fréchet distance over Tr Σ.
+    /// The Fréchet distance over Tr Σ, or as it is: the [`Unit`].
     pub value: f64,
-    /// Mean |φ - φ̃|² over Tr Σ of the paired frames, never below the value.
+    /// Mean |φ - φ̃|² of the same unit of the paired frames, never below the value.
     pub bound: f64,
     /// What two independent sets of as many frames would have without any difference; paired sets have far less.
     pub bias: f64,
@@ -56,7 +69,13 @@ impl Compared {
         if fitted.variance() <= LEAST_VARIANCE * all.row_mean().norm_squared() {
             return Err(FidelityError::Constant { policy: policy.to_owned() });
         }
-        Ok(Self { policy: policy.to_owned(), real, fitted })
+        Ok(Self { policy: policy.to_owned(), real, fitted, unit: Unit::Variance })
+    }
+
+    /// States distances in a unit.
+    #[must_use]
+    pub fn stated_in(self, unit: Unit) -> Self {
+        Self { unit, ..self }
     }
 
     /// Returns the policy's name.
@@ -69,6 +88,14 @@ impl Compared {
     #[must_use]
     pub fn variance(&self) -> f64 {
         self.fitted.variance()
+    }
+
+    /// Returns what a distance from a set of this variance is divided by.
+    fn per(&self, variance: f64) -> f64 {
+        match self.unit {
+            Unit::Variance => variance,
+            Unit::Features => 1.0,
+        }
     }
 
     /// Measures a source.
@@ -101,10 +128,10 @@ impl Compared {
     /// If the frames are not paired.
     pub fn pairs(&self, set: &str, other: &Features) -> Result<Vec<Vec<f64>>, FidelityError> {
         self.paired(set, other)?;
-        let variance = self.variance();
+        let unit = self.per(self.variance());
         let of = |(real, other): (&nalgebra::DMatrix<f64>, &nalgebra::DMatrix<f64>)| {
             let apart = real - other;
-            apart.row_iter().map(|row| row.norm_squared() / variance).collect()
+            apart.row_iter().map(|row| row.norm_squared() / unit).collect()
         };
         Ok(self.real.0.iter().zip(&other.0).map(of).collect())
     }
@@ -119,7 +146,7 @@ impl Compared {
         let fit =
             |picks| Fitted::of(&self.real.stacked(picks), 0.0).map_err(sample(&self.policy, "half of the real set"));
         let raw = fit(first)?.frechet(&fit(second)?).map_err(sample(&self.policy, "half of the real set"))?;
-        Ok(raw / self.variance())
+        Ok(raw / self.per(self.variance()))
     }
 
     /// Returns the distance over some of the scenarios, in units of the variance of the whole real set.
@@ -133,7 +160,7 @@ impl Compared {
 
     /// Returns the distance of each of `times` resamples of scenarios, for each source, no number where the drawn ones
     /// hold no variance; the scenarios of [`picks`] are drawn for both sets, all sources and all policies. Moments and eigenvalues (`ds_stats::Moments`),
-    /// or the rows themselves where they are fewer than their features.
+    /// or the rows themselves where they are fewer than their features, or moments would take too much memory.
     ///
     /// # Errors
     /// If the frames of a source are not paired.
@@ -144,7 +171,8 @@ impl Compared {
         let all = self.real.all();
         let origin = all.row_mean().transpose();
         let parts = |features: &Features| features.0.iter().map(|rows| Moments::of(rows, &origin)).collect::<Vec<_>>();
-        let moments = (all.nrows() >= all.ncols()).then(|| {
+        let numbers = (sources.len() + 1) * self.real.0.len() * all.ncols().pow(2);
+        let moments = (all.nrows() >= all.ncols() && numbers <= MOST_NUMBERS).then(|| {
             let others: Vec<Vec<Moments>> = sources.iter().map(|(_, other)| parts(other)).collect();
             (parts(&self.real), others)
         });
@@ -152,7 +180,7 @@ impl Compared {
             let rooted = Moments::drawn(real, picks).and_then(|all| all.rooted());
             let distance = |other: &Vec<Moments>| {
                 let (all, rooted) = Moments::drawn(other, picks).zip(rooted.as_ref())?;
-                Some(rooted.frechet(&all)? / rooted.variance())
+                Some(rooted.frechet(&all)? / self.per(rooted.variance()))
             };
             others.iter().map(distance).collect()
         };
@@ -172,18 +200,18 @@ impl Compared {
         let real = fit(&self.real);
         let distance = |other: &Features| {
             let real = real.as_ref()?;
-            Some(real.frechet(&fit(other)?).ok()? / real.variance())
+            Some(real.frechet(&fit(other)?).ok()? / self.per(real.variance()))
         };
         sources.iter().map(|(_, other)| distance(other)).collect()
     }
 
     /// Returns the bias of two independent sets of n frames each of the real distribution, λ being its eigenvalues:
-    /// (2.5 Tr Σ + Σ_ij λ_i λ_j / (λ_i + λ_j)) / (n Tr Σ).
+    /// (2.5 Tr Σ + Σ_ij λ_i λ_j / (λ_i + λ_j)) / (n Tr Σ), without Tr Σ below where distances are not in units of it.
     fn bias(&self, frames: usize) -> f64 {
         let (spectrum, variance) = (self.fitted.spectrum(), self.variance());
         let pair = |a: f64, b: f64| if a + b > 0.0 { a * b / (a + b) } else { 0.0 };
         let pairs: f64 = spectrum.iter().flat_map(|a| spectrum.iter().map(move |b| pair(*a, *b))).sum();
-        (2.5 * variance + pairs) / (frames as f64 * variance)
+        (2.5 * variance + pairs) / (frames as f64 * self.per(variance))
     }
 
     /// Extrapolates to infinitely many frames by the line through the values of all, of halves and of quarters of the
@@ -211,7 +239,7 @@ impl Compared {
     fn part(&self, set: &str, other: &Features, picks: &[usize]) -> Result<f64, FidelityError> {
         let fit = |features: &Features| Fitted::of(&features.stacked(picks), 0.0).map_err(sample(&self.policy, set));
         let raw = fit(&self.real)?.frechet(&fit(other)?).map_err(sample(&self.policy, set))?;
-        Ok(raw / self.variance())
+        Ok(raw / self.per(self.variance()))
     }
 
     fn all(&self) -> Vec<usize> {

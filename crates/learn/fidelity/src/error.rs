@@ -6,9 +6,9 @@ use ds_stats::SampleError;
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum FidelityError {
     /// The features of a set have no distribution.
-    #[error("features of policy {policy:?} on {set:?} cannot be compared")]
+    #[error("features of {policy:?} on {set:?} cannot be compared")]
     Sample {
-        /// The policy.
+        /// The policy, or another network.
         policy: String,
         /// The set of frames.
         set: String,
@@ -18,7 +18,7 @@ pub enum FidelityError {
     },
     /// The features are the same for every frame, so that no distance has a unit.
     #[error(
-        "features of policy {policy:?} are constant over the real frames; a network of several frames sees the same one as often, which \
+        "features of {policy:?} are constant over the real frames; a policy of several frames sees the same one as often, which \
          has no motion"
     )]
     Constant {
@@ -26,7 +26,7 @@ pub enum FidelityError {
         policy: String,
     },
     /// Two sets do not hold the same frames.
-    #[error("policy {policy:?}: {set:?} has {found} frames of scenario {scenario}, the real set has {expected}")]
+    #[error("{policy:?}: {set:?} has {found} frames of scenario {scenario}, the real set has {expected}")]
     Unpaired {
         /// The policy.
         policy: String,

@@ -11,10 +11,12 @@ mod interval;
 mod pool;
 mod principal;
 mod scenarios;
+mod tokens;
 
-pub use compared::{Compared, Distance, picks};
+pub use compared::{Compared, Distance, Unit, picks};
 pub use error::FidelityError;
 pub use interval::{CONFIDENCE, Interval, correlation, mean_of, ratio, recentred};
 pub use pool::{mean_pooled, placed};
 pub use principal::Principal;
 pub use scenarios::Features;
+pub use tokens::{TokenSpread, token_squares};

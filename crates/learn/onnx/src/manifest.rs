@@ -1,6 +1,7 @@
 //! What a network of others takes and gives: names, shapes, units and axes, read from TOML and checked.
 
 mod calibration;
+mod image;
 
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -9,20 +10,16 @@ use ds_space::{Digest, DigestWriter};
 use serde::Deserialize;
 
 pub use calibration::CalibrationSection;
+pub use image::{Camera, Colour, ImageSection, Layout, Resize};
 
 use crate::error::OnnxError;
+use crate::form::{self, VERSION};
 use crate::network::{Named, Network};
 
-/// The form that this reader knows.
-const VERSION: u32 = 1;
-/// No frame has a longer side, in pixels.
-const MOST_SIDE_PX: usize = 4096;
 /// No answer has more candidates.
 const MOST_PROPOSALS: usize = 1_024;
 /// No two poses lie nearer or farther apart, in seconds.
 const SPACING_S: RangeInclusive<f64> = 0.01..=60.0;
-/// No network sees more frames.
-const MOST_HISTORY: u32 = 64;
 
 /// A policy of one's own.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -62,89 +59,6 @@ pub struct PolicySection {
     pub file: PathBuf,
     /// The digest of the network, if it is to be no other: see [`Network::digest`].
     pub digest: Option<String>,
-}
-
-/// `[image]`
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ImageSection {
-    /// The input's name.
-    pub input: String,
-    /// Width and height, in pixels.
-    pub size_px: [usize; 2],
-    /// Order of the axes.
-    #[serde(default)]
-    pub layout: Layout,
-    /// Order of the colours.
-    #[serde(default)]
-    pub colour: Colour,
-    /// What 8-bit values are multiplied with.
-    #[serde(default = "unit")]
-    pub scale: f32,
-    /// Taken off after that, by colour in the order of the network.
-    #[serde(default)]
-    pub mean: [f32; 3],
-    /// Divided by after that, by colour in the order of the network.
-    #[serde(default = "ones")]
-    pub std: [f32; 3],
-    /// How many frames, the newest last.
-    #[serde(default = "one")]
-    pub history: u32,
-    /// Which camera.
-    #[serde(default)]
-    pub camera: Camera,
-    /// How a frame is brought to the size.
-    #[serde(default)]
-    pub resize: Resize,
-}
-
-/// The order of an image's axes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-pub enum Layout {
-    /// [1, frames · 3, height, width]
-    #[default]
-    #[serde(rename = "NCHW")]
-    Nchw,
-    /// [1, height, width, frames · 3]
-    #[serde(rename = "NHWC")]
-    Nhwc,
-    /// [1, frames, 3, height, width]
-    #[serde(rename = "NTCHW")]
-    Ntchw,
-}
-
-/// The order of an image's colours.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-pub enum Colour {
-    /// Red first.
-    #[default]
-    #[serde(rename = "RGB")]
-    Rgb,
-    /// Blue first.
-    #[serde(rename = "BGR")]
-    Bgr,
-}
-
-/// The camera that a network looks through.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Camera {
-    /// The one known camera of the built-in policies, into which the forward camera is brought.
-    #[default]
-    Known,
-    /// A camera of the scenario by its id, as it is.
-    Raw(String),
-}
-
-/// How a frame is brought to the size of the network.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Resize {
-    /// Means over areas, width and height each for itself.
-    #[default]
-    Area,
-    /// The largest part of the middle that has the network's proportions, then means over areas.
-    Crop,
 }
 
 /// `[state]`
@@ -288,29 +202,14 @@ pub struct FeatureSection {
     pub output: String,
 }
 
-const fn unit() -> f32 {
-    1.0
-}
-
-const fn ones() -> [f32; 3] {
-    [1.0; 3]
-}
-
-const fn one() -> u32 {
-    1
-}
-
 impl Manifest {
     /// Reads a manifest; the network is not touched.
     ///
     /// # Errors
     /// [`OnnxError`] names the field and its value.
     pub fn read(path: &Path) -> Result<Self, OnnxError> {
-        let name = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|source| OnnxError::Read { path: name.clone(), source })?;
-        let manifest: Self =
-            toml::from_str(&text).map_err(|source| OnnxError::Form { path: name, source: Box::new(source) })?;
-        let manifest = Self { path: path.to_path_buf(), digest: Digest::of(text.as_bytes()), ..manifest };
+        let (manifest, digest) = form::read::<Self>(path)?;
+        let manifest = Self { path: path.to_path_buf(), digest, ..manifest };
         manifest.check().map_err(|(field, problem)| OnnxError::Field { field: field.to_owned(), problem })?;
         Ok(manifest)
     }
@@ -393,10 +292,7 @@ impl Manifest {
     pub fn network(&self) -> Result<Network, OnnxError> {
         let path = self.path.with_file_name(&self.policy.file);
         let network = self.network_of(1)?;
-        let found = network.digest().to_string();
-        if let Some(expected) = self.policy.digest.clone().filter(|expected| *expected != found) {
-            return Err(OnnxError::Digest { path: path.display().to_string(), found, expected });
-        }
+        form::meant(&path, &network, self.policy.digest.as_ref())?;
         self.check_outputs(network.outputs()).map_err(|(output, problem)| OnnxError::Shape {
             path: path.display().to_string(),
             problem: format!("output {output:?} {problem}"),
@@ -436,35 +332,6 @@ impl Manifest {
                     format!("has shape {candidates:?}, for {number} scores [.., {number}, poses, 2 or 3] is due");
                 return Err((proposals.poses.clone(), says));
             }
-        }
-        Ok(())
-    }
-}
-
-impl ImageSection {
-    /// Returns the shape of the input.
-    #[must_use]
-    pub fn shape(&self) -> Vec<usize> {
-        let ([width, height], frames) = (self.size_px, self.history as usize);
-        match self.layout {
-            Layout::Nchw => vec![1, 3 * frames, height, width],
-            Layout::Nhwc => vec![1, height, width, 3 * frames],
-            Layout::Ntchw => vec![1, frames, 3, height, width],
-        }
-    }
-
-    fn check(&self) -> Result<(), (&'static str, String)> {
-        let sound = self.size_px.iter().all(|side| (1..=MOST_SIDE_PX).contains(side));
-        if !sound {
-            return Err(("image.size_px", format!("is {:?}, sides are 1 to {MOST_SIDE_PX}", self.size_px)));
-        }
-        if !(1..=MOST_HISTORY).contains(&self.history) {
-            return Err(("image.history", format!("is {}, it must be 1 to {MOST_HISTORY}", self.history)));
-        }
-        let numbers = [self.scale].into_iter().chain(self.mean).chain(self.std);
-        if !numbers.clone().all(f32::is_finite) || self.std.contains(&0.0) {
-            let numbers: Vec<f32> = numbers.collect();
-            return Err(("image.std", format!("is refused: {numbers:?} must be finite, a divisor not 0")));
         }
         Ok(())
     }

@@ -26,7 +26,7 @@ pub(crate) fn section(m: &mut Markup, attended: &[Attended]) {
         scenes(m, &seen.scenes);
         if let Some(grid) = seen.grid.filter(|[rows, columns]| rows * columns == seen.places.len()) {
             plot::level_legend(m, "tenths of the variance", 0);
-            places(m, grid, &seen.places);
+            places(m, grid, seen.ground, &seen.places);
         }
     }
 }
@@ -48,13 +48,18 @@ fn scenes(m: &mut Markup, scenes: &[Difference]) {
     }
 }
 
-/// Two maps of the picture: as it is, and with the effects.
-fn places(m: &mut Markup, [rows, columns]: [usize; 2], places: &[Difference]) {
+/// Two maps of the picture, or of the ground from above: as it is, and with the effects.
+fn places(m: &mut Markup, [rows, columns]: [usize; 2], ground: bool, places: &[Difference]) {
     let wide = columns as f64 * PLACE.0;
     let view = (2.0 * wide + APART, TOP + rows as f64 * PLACE.1);
-    plot::picture(m, "plot tilemap", "Where in the picture the policy attends to something else", view, |m| {
+    let (title, seen) = if ground {
+        ("Where on the ground before the car the policy attends to something else", ", the ground ahead, from above")
+    } else {
+        ("Where in the picture the policy attends to something else", "")
+    };
+    plot::picture(m, "plot tilemap", title, view, |m| {
         for (left, name, after) in [(0.0, "as it is", false), (wide + APART, "with the effects", true)] {
-            plot::text(m, "tick begin", (left, 14.0), name);
+            plot::text(m, "tick begin", (left, 14.0), &format!("{name}{seen}"));
             for (index, place) in places.iter().enumerate() {
                 let (row, column) = (index / columns, index % columns);
                 let at = (left + column as f64 * PLACE.0, TOP + row as f64 * PLACE.1);

@@ -11,8 +11,10 @@ const EXAMPLES: &str = "Examples:
   dreamstream study correlation --quick
   dreamstream study sensitivity --scenarios 64
   dreamstream study anchor --recorded frames.toml     in units of two folders of real frames
+  dreamstream study fidelity --quick --fid inception.toml    FID by a network of your own (ONNX), beside FDπ
   dreamstream study parts --config configs/study/parts.toml    people, paint, road …: what makes plans differ
   dreamstream study drives --real out/reference --source out/dreamstream
+  dreamstream study drives --recorded frames.toml     two folders of pictures of the same states: real, generated
   dreamstream study closed-loop --quick               drives; Ctrl-C, then the same command, goes on";
 
 /// Measure observation sources over held-out scenarios.
@@ -36,7 +38,7 @@ pub(crate) enum StudyCommand {
     Anchor(StudyArgs),
     /// Which part of a frame (people, paint, road …) makes a policy plan otherwise than on the reference camera's frame.
     Parts(StudyArgs),
-    /// How near the frames of recorded drives are to those of others, for policies: FDπ between folders of recordings.
+    /// How near the frames of recorded drives, or folders of pictures, are to those of others, for policies: FDπ between them.
     Drives(DrivesArgs),
     /// How far driving scores lie from those of the same drives on the reference camera's frames.
     ClosedLoop(StudyArgs),
@@ -58,20 +60,40 @@ pub(crate) struct StudyArgs {
     /// a table that stands first. docs/fidelity.md shows such a file. Not of parts and closed-loop.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub recorded: Option<PathBuf>,
+    #[command(flatten)]
+    pub given: GivenArgs,
     /// Where results go; the configuration's own folder without it.
     #[arg(long, short, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub out: Option<PathBuf>,
+}
+
+/// Networks for FID and FVD.
+#[derive(Debug, Args)]
+pub(crate) struct GivenArgs {
+    /// Manifest of an ONNX network that turns a frame into features: states its Fréchet distance, FID. docs/fidelity.md shows
+    /// one. Not of parts and closed-loop.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub fid: Option<PathBuf>,
+    /// The same of a network of clips: FVD.
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub fvd: Option<PathBuf>,
 }
 
 /// Arguments of `study drives`.
 #[derive(Debug, Args)]
 pub(crate) struct DrivesArgs {
     /// The folder of recordings (*.mcap) that count as real, or of the run that made them.
-    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
-    pub real: PathBuf,
+    #[arg(long, value_name = "DIR", required_unless_present = "recorded", value_hint = ValueHint::DirPath)]
+    pub real: Option<PathBuf>,
     /// Such a folder of the same scenarios and seeds; may be given more than once.
-    #[arg(long, value_name = "DIR", required = true, value_hint = ValueHint::DirPath)]
+    #[arg(long, value_name = "DIR", required_unless_present = "recorded", value_hint = ValueHint::DirPath)]
     pub source: Vec<PathBuf>,
+    /// Folders of pictures with their calibration, in place of recordings: the first counts as real, the others hold pictures
+    /// of the same states under the same names. docs/fidelity.md shows such a file.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["real", "source"], value_hint = ValueHint::FilePath)]
+    pub recorded: Option<PathBuf>,
+    #[command(flatten)]
+    pub given: GivenArgs,
     /// Whose panel looks, every how many ticks, with how many resamples; configs/study/fidelity.toml without it.
     #[arg(long, value_name = "FILE", value_parser = shipped::parser(), value_hint = ValueHint::FilePath)]
     pub config: Option<PathBuf>,

@@ -11,7 +11,7 @@ use anyhow::Result;
 use clap::Subcommand;
 use ds_evaluate::EvaluationError;
 use ds_evaluate::study::config::Recorded;
-use ds_evaluate::study::outcome::{Figure, Outcome, Parts, PlansOf};
+use ds_evaluate::study::outcome::{Figure, Outcome, Parts, PlansOf, Table};
 use ds_evaluate::study::{self, Guests, Means, Study, StudyConfig};
 use ds_launch::guest;
 use ds_policy::Policy;
@@ -20,7 +20,7 @@ use ds_process::service::UsageError;
 use ds_process::shipped;
 use ds_process::terminal::{answer, bar};
 
-use crate::cli::{StudyArgs, StudyCommand};
+use crate::cli::{GivenArgs, StudyArgs, StudyCommand};
 use crate::command::video::Bar;
 
 /// Runs a command of `study`.
@@ -91,6 +91,16 @@ fn take(out: &Path, name: &str) -> Result<Held> {
     Ok(held)
 }
 
+/// Names the networks of the command line in place of the configuration's.
+fn give(config: &mut StudyConfig, args: &GivenArgs) -> Result<()> {
+    for (manifest, given) in [(&mut config.fid, &args.fid), (&mut config.fvd, &args.fvd)] {
+        if let Some(file) = given {
+            *manifest = Some(std::path::absolute(file)?);
+        }
+    }
+    Ok(())
+}
+
 fn of_frames(study: Study, args: &StudyArgs) -> Result<()> {
     let path = config_of(args, study.name());
     let mut config = load(&path)?;
@@ -104,6 +114,7 @@ fn of_frames(study: Study, args: &StudyArgs) -> Result<()> {
     if let Some(file) = &args.recorded {
         config.recorded = Recorded::load(file).map_err(|error| wrong(file, error))?;
     }
+    give(&mut config, &args.given)?;
     config.check_for(study).map_err(|error| refused(&path, error))?;
     let _held = take(&config.out, study.name())?;
     let began = Instant::now();
@@ -181,6 +192,17 @@ fn parts(outcome: &Outcome, found: &Parts) {
     }
 }
 
+/// Says the distances of some networks.
+fn tables<'a>(tables: impl IntoIterator<Item = (&'a String, &'a Table)>) {
+    for (name, table) in tables {
+        for (source, row) in &table.sources {
+            let warnings: String = row.warnings.iter().map(|warning| format!("; {warning}")).collect();
+            let (figure, bias) = (shown(row.fd), row.bias);
+            answer(&format!("  {name} {source}: {figure}, bias of independent sets {bias:.2}{warnings}"));
+        }
+    }
+}
+
 fn said(outcome: &Outcome) {
     answer(&format!("× 100, 95 % intervals over {}; {}", outcome.of_scenarios(), outcome.kind));
     if let Some(anchor) = &outcome.anchor {
@@ -194,18 +216,10 @@ fn said(outcome: &Outcome) {
     for (name, figure) in &outcome.fd_pi {
         answer(&format!("FDpi {name}: {:.2} [{:.2}, {:.2}]", figure.value, figure.low, figure.high));
     }
-    for (name, table) in outcome.policies.iter().chain(&outcome.others) {
-        for (source, row) in &table.sources {
-            let figure = row.fd;
-            answer(&format!(
-                "  {name} {source}: {:.2} [{:.2}, {:.2}], bias of independent sets {:.2}{}",
-                figure.value,
-                figure.low,
-                figure.high,
-                row.bias,
-                row.warnings.iter().map(|warning| format!("; {warning}")).collect::<String>()
-            ));
-        }
+    tables(outcome.policies.iter().chain(&outcome.others));
+    if !outcome.given.is_empty() {
+        answer("by the networks given, in their features' own unit, not × 100:");
+        tables(&outcome.given);
     }
     for ratio in &outcome.ratios {
         let text = ratio.ratio.map_or_else(

@@ -136,7 +136,7 @@ fn the_context_is_of_the_frame_alone() {
         policy.context(&[known_camera()], &[frame]).expect("a frame").expect("the policy has a context")
     };
     let before = context(&mut policy, pattern());
-    assert_eq!((before.tokens.shape(), before.grid), ([60, 24].as_slice(), Some([6, 10])));
+    assert_eq!((before.tokens.shape(), before.grid), ([60, 24].as_slice(), Some(crate::Grid::Picture([6, 10]))));
     // Whatever it is told of state and command in between, the same frame has the same context.
     let mut told = observation(known_camera(), pattern());
     (told.ego.speed_mps, told.command) = (0.0, RouteCommand::Left);

@@ -6,7 +6,7 @@ use ds_nn::Array;
 use ds_onnx::manifest::{CalibrationSection, Camera, ImageSection};
 use ds_space::{CameraModel, DMat4, DVec3, DVec4, Intrinsics, Pose};
 
-use super::{Views, framing, raw};
+use super::{Views, raw};
 use crate::camera::eye::known_camera;
 use crate::error::PolicyError;
 
@@ -26,7 +26,7 @@ pub(super) fn seen(image: &ImageSection, views: &Views<'_>) -> Result<CameraMode
             (camera.clone(), size_px)
         }
     };
-    let intrinsics = camera.intrinsics.resized(size_px[0], size_px[1]).framed(&framing(image, size_px));
+    let intrinsics = camera.intrinsics.resized(size_px[0], size_px[1]).framed(&image.framing(size_px));
     Ok(CameraModel { intrinsics, ..camera })
 }
 

@@ -1,5 +1,7 @@
 //! Inputs and outputs of a wrapped network, without one.
 
+use ds_onnx::manifest::{Colour, Layout, Resize};
+
 use super::*;
 
 fn plan(first_s: f64, axes: Axes, angle: Angle, origin_ahead_m: f64, beyond: Beyond) -> PlanSection {
@@ -46,32 +48,6 @@ fn a_plan_that_ends_early_goes_on_as_the_manifest_says() {
     assert_eq!(until(0.5, Beyond::Curvature, 1.0).len(), 2, "what reaches far enough is left as it is");
     let later = until(0.0, Beyond::Hold, 8.0);
     assert_eq!((later.len(), later[0].after), (1, SimTime::from_secs(0.5)), "a pose at now says nothing");
-}
-
-#[test]
-fn pixels_stand_in_the_order_and_unit_of_the_manifest() {
-    let image = |layout, colour, history| ImageSection {
-        input: "image".to_owned(),
-        size_px: [2, 1],
-        layout,
-        colour,
-        scale: 0.1,
-        mean: [1.0, 0.0, 0.0],
-        std: [1.0, 1.0, 2.0],
-        history,
-        camera: Camera::Known,
-        resize: Resize::Area,
-    };
-    let old = RgbImage::new(2, 1, vec![10, 20, 40, 50, 60, 80]).expect("an image");
-    let new = RgbImage::filled(2, 1, [0; 3]);
-    let values = |image: &ImageSection, frames: &[RgbImage]| pixels(image, frames).into_values();
-    let first = std::slice::from_ref(&old);
-    assert_eq!(values(&image(Layout::Nchw, Colour::Rgb, 1), first), [0.0, 4.0, 2.0, 6.0, 2.0, 4.0]);
-    assert_eq!(values(&image(Layout::Nhwc, Colour::Rgb, 1), first), [0.0, 2.0, 2.0, 4.0, 6.0, 4.0]);
-    assert_eq!(values(&image(Layout::Nchw, Colour::Bgr, 1), first), [3.0, 7.0, 2.0, 6.0, 0.5, 2.5]);
-    let two = values(&image(Layout::Ntchw, Colour::Rgb, 2), &[old, new]);
-    assert_eq!(two[..6], [0.0, 4.0, 2.0, 6.0, 2.0, 4.0]);
-    assert_eq!(two[6..], [-1.0, -1.0, 0.0, 0.0, 0.0, 0.0]);
 }
 
 #[test]

@@ -120,6 +120,12 @@ pub struct StudyConfig {
     pub look_weights: PathBuf,
     /// Frames of a clip of `fd_look_clip`.
     pub clip: u32,
+    /// Manifest of a network of frames, for `fid`.
+    #[serde(default)]
+    pub fid: Option<PathBuf>,
+    /// Manifest of a network of clips, for `fvd`.
+    #[serde(default)]
+    pub fvd: Option<PathBuf>,
     /// The video model; needed by source `dreamstream`.
     #[serde(default)]
     pub video: Option<VideoFiles>,
@@ -138,7 +144,7 @@ fn one() -> f64 {
 pub(crate) const WINDOW: u32 = 10;
 
 /// Names of figures, beside the real set's own: no source, policy or recorded set has one.
-const RESERVED: [&str; 5] = ["the real set", "fd_look", "fd_look_clip", "fd_pi", "own features"];
+const RESERVED: [&str; 7] = ["the real set", "fd_look", "fd_look_clip", "fd_pi", "own features", "fid", "fvd"];
 
 /// The least frames between two that distances are of.
 const APART: u32 = 8;
@@ -247,6 +253,11 @@ impl StudyConfig {
                 "are too few: half of them must hold 2 frames and 2 clips",
             ),
             ("recorded", study != Study::Parts || self.recorded.is_empty(), "are not of parts, which measures plans"),
+            (
+                "fid and fvd",
+                study != Study::Parts || self.fid.is_none() && self.fvd.is_none(),
+                "are not of parts, which measures plans",
+            ),
             ("edits", (study == Study::Sensitivity) != self.edits.is_empty(), "are of sensitivity, which needs one"),
             ("recorded", study != Study::Anchor || self.recorded.len() > 1, "must name two sets of recorded frames"),
             ("marks", (study == Study::Rollout) == (self.marks.len() > 1), "are of rollout, which needs two"),

@@ -11,6 +11,7 @@ use ds_perception::look::LookReader;
 
 use super::config::StudyConfig;
 use super::features::Lookers;
+use super::given;
 use super::panel::{self, Guests};
 use crate::error::EvaluationError;
 
@@ -38,9 +39,12 @@ impl Crew {
     /// As of [`panel::load`], or if the look network cannot be read.
     pub(super) fn gather(config: &StudyConfig, means: &Means<'_>) -> Result<Self, EvaluationError> {
         let team = means.workers.map_or_else(Team::of_all_cores, Team::new);
+        let given = given::load(config)?;
+        given::check(&given, config)?;
         let one = || {
-            let panel = panel::load(config, means.guests)?;
-            Ok::<_, EvaluationError>(Lookers { panel, look: LookReader::load(&config.path(&config.look_weights))? })
+            let (panel, given) = (panel::load(config, means.guests)?, given.clone());
+            let look = LookReader::load(&config.path(&config.look_weights))?;
+            Ok::<_, EvaluationError>(Lookers { panel, look, given })
         };
         let mut lookers = vec![one()?];
         if !lookers[0].panel.iter().any(|member| member.guest) {

@@ -7,14 +7,16 @@
 use std::collections::BTreeMap;
 use std::error::Error;
 
-use ds_fidelity::{Features, recentred};
+use ds_fidelity::{Features, Unit, recentred};
 use ds_raster::RgbImage;
 use ds_space::{CameraModel, DVec2};
+use ds_stats::mean;
 
 use super::config::StudyConfig;
 use super::engine::measure;
 use super::features::{Rows, matrix, pooled};
 use super::found::{Measured, Sets, fd_pi};
+use super::given::{self, Given};
 use super::outcome::{Figure, Outcome};
 use super::panel::{self, Guests, Member};
 use crate::Progress;
@@ -28,8 +30,17 @@ pub struct RecordedDrive {
     pub camera: CameraModel,
     /// Its frames.
     pub frames: Vec<RgbImage>,
-    /// Where the car stood in each, in metres.
+    /// The last of every so many is looked at; all are what clips are made of.
+    pub every: usize,
+    /// Where the car stood in each that is looked at, in metres; empty where that is not known.
     pub places: Vec<DVec2>,
+}
+
+impl RecordedDrive {
+    /// Returns the frames that are looked at.
+    fn looked(&self) -> Vec<&RgbImage> {
+        self.frames.chunks_exact(self.every).filter_map(<[RgbImage]>::last).collect()
+    }
 }
 
 /// Makes the drive of an index as the set of an index recorded it.
@@ -38,7 +49,8 @@ pub type DriveOf<'a> = dyn FnMut(usize, usize) -> Result<RecordedDrive, Box<dyn 
 /// Features of one policy by set, then drive: means over tokens, and of four groups of them.
 type Seen = Vec<Vec<[Rows; 2]>>;
 
-/// Looks at so many drives of named sets, of which the first is the real one, and measures. Of the configuration count panel and draws.
+/// Looks at so many drives of named sets, of which the first is the real one, and measures. Of the configuration count panel,
+/// networks that were given, and draws.
 ///
 /// # Errors
 /// If weights cannot be used, a drive cannot be made, or features cannot be compared.
@@ -52,7 +64,9 @@ pub fn drives(
 ) -> Result<Outcome, EvaluationError> {
     config.check_apart()?;
     let mut panel = panel::load(config, guests)?;
+    let given = given::load(config)?;
     let mut seen: Vec<Seen> = vec![vec![Vec::new(); names.len()]; panel.len()];
+    let mut seen_given: Vec<Vec<Vec<Rows>>> = vec![vec![Vec::new(); names.len()]; given.len()];
     let mut apart_m = vec![Vec::new(); names.len()];
     progress.ahead((count * names.len()) as u64);
     for index in 0..count {
@@ -66,8 +80,12 @@ pub fn drives(
             if index == 0 && set == 0 {
                 greet(&mut panel, &shown)?;
             }
+            let looked = shown.looked();
             for (member, seen) in panel.iter_mut().zip(&mut seen) {
-                seen[set].push(pooled(member, &shown.camera, shown.frames.iter(), &shown.name)?);
+                seen[set].push(pooled(member, &shown.camera, looked.iter().copied(), &shown.name)?);
+            }
+            for (given, seen) in given.iter().zip(&mut seen_given) {
+                seen[set].push(given.rows(&looked, &shown.frames, &shown.name)?);
             }
             if set == 0 {
                 real_places.clone_from(&shown.places);
@@ -79,18 +97,24 @@ pub fn drives(
     let sources: Vec<&str> = names[1..].iter().map(String::as_str).collect();
     let measured = panel.iter().zip(seen).map(|(member, seen)| measure(&sets(member, seen), &sources, config.draws));
     let measured: Vec<Measured> = measured.collect::<Result<_, _>>()?;
+    let plain = given.iter().zip(seen_given).map(|(given, seen)| measure(&plain(given, seen), &sources, config.draws));
+    let plain: Vec<Measured> = plain.collect::<Result<_, _>>()?;
     let figure = |(at, name): (usize, &&str)| {
         let (value, drawn) = fd_pi(&measured, name, at);
         ((*name).to_owned(), Figure::of(recentred(value, drawn), 1.0))
     };
-    let mean = |values: &Vec<f64>| values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let tables = |measured: Vec<Measured>| -> BTreeMap<_, _> {
+        measured.into_iter().map(|measured| (measured.name, measured.table)).collect()
+    };
+    let apart_m = names.iter().zip(&apart_m).skip(1);
     Ok(Outcome {
         study: "drives".to_owned(),
         kind: format!("from the recorded drives of {}", names[0]),
         scenarios: count,
         fd_pi: sources.iter().enumerate().map(figure).collect(),
-        apart_m: names.iter().zip(&apart_m).skip(1).map(|(name, values)| (name.clone(), mean(values))).collect(),
-        policies: measured.into_iter().map(|measured| (measured.name, measured.table)).collect::<BTreeMap<_, _>>(),
+        apart_m: apart_m.filter_map(|(name, all)| Some((name.clone(), mean(all.iter().copied())?))).collect(),
+        policies: tables(measured),
+        given: tables(plain),
         ..Outcome::default()
     })
 }
@@ -109,5 +133,14 @@ fn sets(member: &Member, seen: Seen) -> Sets {
         (all.remove(0), all)
     };
     let ((real, others), placed) = (of(0), Some(of(1)));
-    Sets { name: member.name.clone(), control: member.control, digest: member.digest, real, others, placed }
+    let (name, control, digest) = (member.name.clone(), member.control, member.digest);
+    Sets { name, control, digest, real, others, placed, unit: Unit::Variance }
+}
+
+/// Sorts the features of a network that was given, by set and drive; drives that hold no clip do not count.
+fn plain(given: &Given, seen: Vec<Vec<Rows>>) -> Sets {
+    let set = |drives: &Vec<Rows>| Features(drives.iter().filter(|rows| !rows.is_empty()).map(matrix).collect());
+    let mut others: Vec<Features> = seen.iter().map(set).collect();
+    let (name, digest, real) = (given.name.to_owned(), given.digest(), others.remove(0));
+    Sets { name, control: true, digest, real, others, placed: None, unit: Unit::Features }
 }

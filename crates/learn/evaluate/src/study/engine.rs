@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use ds_fidelity::{Compared, Features, Interval, ratio, recentred};
+use ds_fidelity::{Compared, Features, Interval, Unit, ratio, recentred};
 
 use super::config::{Study, StudyConfig};
 use super::crew::Means;
@@ -13,9 +13,14 @@ use super::found::{Found, HUNDREDTHS, Measured, Sets};
 use super::outcome::{Figure, Outcome, Ratio, Row, Table};
 use super::source::Source;
 use super::under_way::UnderWay;
-use super::{anchor, correlation, page, parts, rollout, sensitivity};
+use super::{anchor, attended, correlation, page, parts, rollout, sensitivity};
 use crate::Progress;
 use crate::error::EvaluationError;
+
+/// What all resamples of a network may cost, in third powers of its features: 1,000 of 464 features.
+const AFFORDABLE: u64 = 100_000_000_000;
+/// Fewest resamples of an interval, where as many are asked for.
+const FEWEST_DRAWS: u64 = 40;
 
 /// Makes the frames, looks at them and measures; what was looked at before is kept.
 ///
@@ -78,13 +83,18 @@ fn of_features(
     }
     under_way.show(outcome)?;
     match study {
-        Study::Fidelity | Study::Ablation | Study::Anchor | Study::Parts => {}
+        Study::Fidelity => outcome.attended = attended::of(under_way, &found)?,
+        Study::Ablation | Study::Anchor | Study::Parts => {}
         Study::Correlation => outcome.correlation = Some(correlation::of(&found)),
         Study::Sensitivity => outcome.sensitivity = Some(sensitivity::of(&found)?),
         Study::Rollout => outcome.rollout = Some(rollout::of(&found)?),
     }
     for (at, measured) in found.measured.into_iter().enumerate() {
-        let tables = if at < policies { &mut outcome.policies } else { &mut outcome.others };
+        let tables = match found.sets[at].unit {
+            Unit::Features => &mut outcome.given,
+            Unit::Variance if at < policies => &mut outcome.policies,
+            Unit::Variance => &mut outcome.others,
+        };
         tables.insert(measured.name, measured.table);
     }
     Ok(())
@@ -128,12 +138,24 @@ pub fn write_json(folder: &Path, outcome: &Outcome) -> Result<(), EvaluationErro
     std::fs::write(&path, text + "\n").map_err(EvaluationError::io("outcome", &path))
 }
 
+/// Returns how many of so many resamples a network's features allow: the time of one rises with the third power of the smaller
+/// of frames and features.
+fn drawable(real: &Features, draws: u64) -> u64 {
+    let frames: usize = real.0.iter().map(nalgebra::DMatrix::nrows).sum();
+    let side = frames.min(real.0.first().map_or(0, nalgebra::DMatrix::ncols)).max(1) as u64;
+    draws.min((AFFORDABLE / side.pow(3)).max(FEWEST_DRAWS))
+}
+
 /// Measures how far sets of these names look from the real one to a network.
 pub(super) fn measure(sets: &Sets, names: &[&str], draws: u64) -> Result<Measured, EvaluationError> {
-    let compared = Compared::new(&sets.name, sets.real.clone())?;
+    let compared = Compared::new(&sets.name, sets.real.clone())?.stated_in(sets.unit);
+    let times = if sets.unit == Unit::Variance { HUNDREDTHS } else { 1.0 };
     let sources: Vec<(&str, &Features)> = names.iter().copied().zip(&sets.others).collect();
-    let mut drawn = compared.resampled(&sources, draws)?;
-    drawn.iter_mut().flatten().for_each(|value| *value *= HUNDREDTHS);
+    let drawable = drawable(&sets.real, draws);
+    let mut drawn = compared.resampled(&sources, drawable)?;
+    drawn.iter_mut().flatten().for_each(|value| *value *= times);
+    // What was not drawn is no number, as draws without variance are.
+    drawn.iter_mut().for_each(|drawn| drawn.resize(usize::try_from(draws).unwrap_or(usize::MAX), f64::NAN));
     let placed = match &sets.placed {
         None => None,
         Some((real, others)) => Some((Compared::new(&sets.name, real.clone())?, others)),
@@ -145,13 +167,17 @@ pub(super) fn measure(sets: &Sets, names: &[&str], draws: u64) -> Result<Measure
         let found = compared.distance(name, other)?;
         size = (found.frames, found.features);
         let placed = placed.as_ref().map(|(compared, others)| compared.distance(name, &others[at])).transpose()?;
+        let mut warnings = found.warnings;
+        if drawable < draws {
+            warnings.push(format!("the interval is of {drawable} resamples: more features take longer"));
+        }
         let row = Row {
-            fd: Figure::of(recentred(found.value * HUNDREDTHS, drawn[at].clone()), 1.0),
-            bound: found.bound * HUNDREDTHS,
-            bias: found.bias * HUNDREDTHS,
-            extrapolated: found.extrapolated * HUNDREDTHS,
-            warnings: found.warnings,
-            placed: placed.map(|placed| placed.value * HUNDREDTHS),
+            fd: Figure::of(recentred(found.value * times, drawn[at].clone()), 1.0),
+            bound: found.bound * times,
+            bias: found.bias * times,
+            extrapolated: found.extrapolated * times,
+            warnings,
+            placed: placed.map(|placed| placed.value * times),
         };
         rows.insert((*name).to_owned(), row);
         pairs.push(compared.pairs(name, other)?);
@@ -160,7 +186,7 @@ pub(super) fn measure(sets: &Sets, names: &[&str], draws: u64) -> Result<Measure
         control: sets.control,
         features: size.1,
         frames: size.0,
-        halves: compared.halves()? * HUNDREDTHS,
+        halves: compared.halves()? * times,
         sources: rows,
         digest: sets.digest.to_string(),
     };

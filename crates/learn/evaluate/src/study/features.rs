@@ -2,6 +2,7 @@
 
 use ds_fidelity::{mean_pooled, placed};
 use ds_perception::look::LookReader;
+use ds_policy::{Context, Grid};
 use ds_raster::RgbImage;
 use ds_space::{CameraModel, Digest, DigestWriter};
 use nalgebra::DMatrix;
@@ -9,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::config::StudyConfig;
 use super::frames::Take;
+use super::given::Given;
 use super::panel::Member;
 use super::plans::Scorer;
 use super::source::Source;
@@ -20,7 +22,7 @@ use crate::error::EvaluationError;
 pub(crate) type Rows = Vec<Vec<f64>>;
 
 /// Features of one scenario from one source.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Seen {
     /// Per policy: mean over tokens, a row per frame.
     pub(crate) mean: Vec<Rows>,
@@ -30,6 +32,9 @@ pub(crate) struct Seen {
     pub(crate) look: Rows,
     /// Their mean and deviation over clips, a row per clip.
     pub(crate) clips: Rows,
+    /// Features of each network that was given: of `fid` a row per frame, of `fvd` a row per clip.
+    #[serde(default)]
+    pub(crate) given: Vec<Rows>,
     /// Per policy: PDMS of its plan on each frame; empty where no plans were asked for.
     #[serde(default)]
     pub(crate) pdms: Vec<Vec<f64>>,
@@ -68,6 +73,7 @@ impl Kept {
 pub(crate) struct Lookers {
     pub(crate) panel: Vec<Member>,
     pub(crate) look: LookReader,
+    pub(crate) given: Vec<Given>,
 }
 
 /// Returns the digest of all that what is kept of a scenario depends on.
@@ -93,7 +99,11 @@ pub(crate) fn key(
     for member in &lookers.panel {
         writer.digest(&member.digest);
     }
-    writer.digest(&lookers.look.digest()).finish()
+    writer.digest(&lookers.look.digest());
+    for given in &lookers.given {
+        writer.text(given.name).digest(&given.digest());
+    }
+    writer.finish()
 }
 
 /// Looks at the frames of a scenario.
@@ -109,7 +119,7 @@ pub(crate) fn look(
     frames: &[RgbImage],
 ) -> Result<Seen, EvaluationError> {
     let looked: Vec<&RgbImage> = config.looked().iter().map(|at| &frames[*at as usize]).collect();
-    let mut seen = Seen { mean: Vec::new(), placed: Vec::new(), look: Vec::new(), clips: Vec::new(), pdms: Vec::new() };
+    let mut seen = Seen::default();
     let worlds = || config.looked().iter().map(|frame| take.world(drive, *frame)).collect();
     let scorer = plans.then(|| Scorer::new(&take.scene, worlds())).transpose()?;
     for member in &mut lookers.panel {
@@ -123,6 +133,9 @@ pub(crate) fn look(
     let rows: Rows = frames[1..].iter().map(|frame| wide(&lookers.look.read(frame).features)).collect();
     seen.look = config.looked().iter().map(|at| rows[*at as usize - 1].clone()).collect();
     seen.clips = rows.chunks_exact(config.clip as usize).map(clip).collect();
+    for given in &lookers.given {
+        seen.given.push(given.rows(&looked, &frames[1..], &drive.name)?);
+    }
     Ok(seen)
 }
 
@@ -137,13 +150,25 @@ pub(super) fn pooled<'a>(
     whose: &str,
 ) -> Result<[Rows; 2], EvaluationError> {
     let [mut mean, mut places] = [Rows::new(), Rows::new()];
-    for frame in frames {
-        let context = member.context(camera, frame, whose)?;
+    for context in contexts(member, camera, frames, whose)? {
         let channels = context.tokens.shape()[1];
         mean.push(mean_pooled(context.tokens.values(), channels));
-        places.push(placed(context.tokens.values(), channels, context.grid));
+        places.push(placed(context.tokens.values(), channels, context.grid.map(Grid::sides)));
     }
     Ok([mean, places])
+}
+
+/// Returns what a policy attends to in frames, token by token.
+///
+/// # Errors
+/// As of [`pooled`].
+pub(super) fn contexts<'a>(
+    member: &mut Member,
+    camera: &CameraModel,
+    frames: impl Iterator<Item = &'a RgbImage>,
+    whose: &str,
+) -> Result<Vec<Context>, EvaluationError> {
+    frames.map(|frame| member.context(camera, frame, whose)).collect()
 }
 
 /// Lays rows of features out as a matrix.

@@ -1,6 +1,6 @@
 //! What studies ask their questions of: features of every network, and their distances with resamples.
 
-use ds_fidelity::{Features, mean_of};
+use ds_fidelity::{Features, Unit, mean_of};
 use ds_space::Digest;
 
 use super::config::StudyConfig;
@@ -18,10 +18,12 @@ pub(super) struct Sets {
     pub(super) real: Features,
     pub(super) others: Vec<Features>,
     pub(super) placed: Option<(Features, Vec<Features>)>,
+    /// The variance, or the features' own of a network that was given.
+    pub(super) unit: Unit,
 }
 
 /// One network's distances: the table, the draws of each source, |φ - φ̃|²/Tr Σ by source, scenario and frame; all × 100
-/// but the last.
+/// but the last, and those of networks that were given.
 pub(super) struct Measured {
     pub(super) name: String,
     pub(super) table: Table,
@@ -40,7 +42,7 @@ impl Measured {
 pub(super) struct Found<'a> {
     pub(super) config: &'a StudyConfig,
     pub(super) takes: &'a [Take],
-    /// By network: the panel with its controls, then the look network's.
+    /// By network: the panel with its controls, then the look network's and those that were given.
     pub(super) sets: Vec<Sets>,
     pub(super) measured: Vec<Measured>,
     /// PDMS by policy, source (the real set first) and scenario: one a frame. Empty where no plans were made.

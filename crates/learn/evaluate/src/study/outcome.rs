@@ -30,7 +30,8 @@ impl Figure {
     }
 }
 
-/// A distance of one source to one network's eye.
+/// A distance of one source to one network's eye. Of networks that were given it is in the features' own unit, squared: not over
+/// Tr Σ and not × 100.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// FD × 100.
@@ -86,6 +87,29 @@ pub struct Scene {
     pub frame: u32,
     /// The picture beside the page: real above, source below; none where none was made.
     pub picture: Option<String>,
+}
+
+/// Where a policy attends to something else in one frame of a source.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Attended {
+    /// The source.
+    pub source: String,
+    /// The scenario.
+    pub scenario: String,
+    /// Whether it is the one that differs most for the policy, or the one in the middle.
+    pub worst: bool,
+    /// Mean |φ − φ̃|²/Tr Σ of its frames × 100.
+    pub apart: f64,
+    /// The frame, the one that differs most of the scenario.
+    pub frame: u32,
+    /// The picture beside the page: real on the left, source on the right, as the policy sees them.
+    pub picture: String,
+    /// Rows and columns of the places.
+    pub grid: [usize; 2],
+    /// Whether they are places of the ground before the car, and not of the picture.
+    pub ground: bool,
+    /// |c − c̃|² of each place, row by row, over the variance of a place from one real frame to another, the mean of all places.
+    pub places: Vec<f64>,
 }
 
 /// One source as one policy meets it.
@@ -335,11 +359,17 @@ pub struct Outcome {
     pub policies: BTreeMap<String, Table>,
     /// Distances of the look network: `fd_look`, `fd_look_clip`. No FID and no FVD.
     pub others: BTreeMap<String, Table>,
+    /// Distances of the networks that were given: `fid`, `fvd`, in the features' own unit, squared.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub given: BTreeMap<String, Table>,
     /// The scenes of each source that differ most for the panel.
     pub worst: BTreeMap<String, Vec<Scene>>,
+    /// By policy whose tokens are places: where frames differ for it, in the scene that differs most of each source and the one in the middle.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub attended: BTreeMap<String, Vec<Attended>>,
     /// One moment as each source shows it: names of source and picture.
     pub looks: Vec<(String, String)>,
-    /// Of study `drives`: how far apart the cars of paired frames stand, by source, mean in metres.
+    /// Of study `drives`, where known: how far apart the cars of paired frames stand, by source, mean in metres.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub apart_m: BTreeMap<String, f64>,
     /// Of study `correlation`.

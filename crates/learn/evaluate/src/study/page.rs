@@ -1,13 +1,14 @@
 //! The page of a study over frames: what its sources show, what it found, FDπ with its intervals, every table, the scenes
 //! that differ.
 
+mod attended;
 pub(crate) mod closed;
 mod findings;
 mod parts;
 
 use std::collections::BTreeMap;
 
-use ds_page::svg::{dot, line, text, wide};
+use ds_page::svg::{dot, line, short, text, wide};
 use ds_page::{Document, Markup, Pictures, link};
 
 use super::outcome::{Anchor, Figure, Outcome, Row, Scene, Table};
@@ -73,6 +74,7 @@ fn body(m: &mut Markup, outcome: &Outcome) {
     for (name, found) in &outcome.others {
         network(m, &format!("{name}: the look network's distance, no FID and no FVD"), found);
     }
+    given(m, &outcome.given);
     m.leaf("h2", &[], "Where frames differ");
     m.leaf(
         "p",
@@ -82,6 +84,7 @@ fn body(m: &mut Markup, outcome: &Outcome) {
     for (source, scenes) in &outcome.worst {
         differ(m, source, scenes);
     }
+    attended::write(m, &outcome.attended);
 }
 
 fn title(study: &str) -> &'static str {
@@ -173,6 +176,23 @@ fn network(m: &mut Markup, title: &str, found: &Table) {
     };
     let head = ["source", "FD", "b(n)", "at 1/n → 0", "mean of pairs", "placed (ranks only)", "doubts"];
     table(m, &head, &found.sources.iter().map(row).collect::<Vec<_>>());
+}
+
+/// FID and FVD by networks that were given.
+fn given(m: &mut Markup, found: &BTreeMap<String, Table>) {
+    if found.is_empty() {
+        return;
+    }
+    m.leaf("h2", &[], "By the networks given");
+    m.leaf(
+        "p",
+        &[],
+        "Fréchet distances in the unit of each network's own features, squared: not over the variance and not × 100, as published \
+         ones are. They go with the network, the size of its frames and how they are brought to it, and rise where frames are few.",
+    );
+    for (name, found) in found {
+        network(m, &format!("{} by the network {}", name.to_uppercase(), short(&found.digest, 12)), found);
+    }
 }
 
 fn differ(m: &mut Markup, source: &str, scenes: &[Scene]) {

@@ -1,5 +1,6 @@
-//! Folders of frames that real cameras recorded, with their calibration.
+//! Folders of frames that cameras recorded, with their calibration.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use ds_raster::RgbImage;
@@ -11,7 +12,10 @@ use crate::error::EvaluationError;
 /// Endings of pictures.
 const PICTURES: [&str; 3] = ["jpg", "jpeg", "png"];
 
-/// Frames of one real camera.
+/// Pictures by the folder within a set (no name where there is none) and their name without ending.
+pub(super) type Pictures = BTreeMap<String, BTreeMap<String, PathBuf>>;
+
+/// Frames of one camera.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recorded {
@@ -93,30 +97,84 @@ impl Recorded {
     /// # Errors
     /// If a file is no picture, has another size, or there are fewer than two.
     pub(super) fn read(&self, folder: &Path) -> Result<Vec<RgbImage>, EvaluationError> {
-        let refuse = |rule: String| EvaluationError::config(format!("recorded.{}", self.name), rule);
-        let listed = std::fs::read_dir(folder).map_err(EvaluationError::io("folder of recorded frames", folder))?;
-        let mut paths = Vec::new();
-        for entry in listed {
-            let path = entry.map_err(EvaluationError::io("folder of recorded frames", folder))?.path();
-            let ending = path.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase);
-            paths.extend(ending.filter(|ending| PICTURES.contains(&ending.as_str())).map(|_| path));
+        let paths = listed(folder)?.into_iter().filter(|path| is_picture(path)).collect::<Vec<_>>();
+        if paths.len() < 2 {
+            let rule = format!("{} holds {} JPEG or PNG files, 2 are needed", folder.display(), paths.len());
+            return Err(self.refuse(rule));
         }
-        paths.sort();
+        self.frames(&paths)
+    }
+
+    /// Lists its pictures: those of each folder within, or its own where no folder within holds any.
+    ///
+    /// # Errors
+    /// If a folder cannot be read, two pictures differ by their endings alone, or there are fewer than two.
+    pub(super) fn pictures(&self, folder: &Path) -> Result<Pictures, EvaluationError> {
+        let mut found = Pictures::new();
+        let inside = listed(folder)?;
+        for path in inside.iter().filter(|path| path.is_dir()) {
+            let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+            found.insert(name, self.named(listed(path)?)?);
+        }
+        found.retain(|_, pictures| !pictures.is_empty());
+        if found.is_empty() {
+            found.insert(String::new(), self.named(inside)?);
+        }
+        let count: usize = found.values().map(BTreeMap::len).sum();
+        if count < 2 {
+            return Err(self.refuse(format!("{} holds {count} JPEG or PNG files, 2 are needed", folder.display())));
+        }
+        Ok(found)
+    }
+
+    /// Sorts the pictures among some files by their names without ending.
+    fn named(&self, files: Vec<PathBuf>) -> Result<BTreeMap<String, PathBuf>, EvaluationError> {
+        let mut found = BTreeMap::new();
+        for path in files.into_iter().filter(|path| is_picture(path)) {
+            let name = path.file_stem().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+            if let Some(other) = found.insert(name, path.clone()) {
+                return Err(self.refuse(format!("{} and {} have one name", other.display(), path.display())));
+            }
+        }
+        Ok(found)
+    }
+
+    /// Reads pictures, in the order given.
+    ///
+    /// # Errors
+    /// If a file is no picture or has another size than the first.
+    pub(super) fn frames(&self, paths: &[PathBuf]) -> Result<Vec<RgbImage>, EvaluationError> {
         let mut frames: Vec<RgbImage> = Vec::new();
-        for path in &paths {
+        for path in paths {
             let bytes = std::fs::read(path).map_err(EvaluationError::io("recorded frame", path))?;
-            let frame = RgbImage::photo(&bytes).map_err(|error| refuse(format!("{}: {error}", path.display())))?;
+            let frame = RgbImage::photo(&bytes).map_err(|error| self.refuse(format!("{}: {error}", path.display())))?;
             let (width, height) = (frame.width_px(), frame.height_px());
             if let Some(first) = frames.first().filter(|first| (first.width_px(), first.height_px()) != (width, height))
             {
                 let size = format!("{}×{}", first.width_px(), first.height_px());
-                return Err(refuse(format!("{} is {width}×{height}, the first frame is {size}", path.display())));
+                return Err(self.refuse(format!("{} is {width}×{height}, the first frame is {size}", path.display())));
             }
             frames.push(frame);
         }
-        if frames.len() < 2 {
-            return Err(refuse(format!("{} holds {} JPEG or PNG files, 2 are needed", folder.display(), frames.len())));
-        }
         Ok(frames)
     }
+
+    fn refuse(&self, rule: String) -> EvaluationError {
+        EvaluationError::config(format!("recorded.{}", self.name), rule)
+    }
+}
+
+/// Lists what a folder holds, by name.
+fn listed(folder: &Path) -> Result<Vec<PathBuf>, EvaluationError> {
+    let entries = std::fs::read_dir(folder).map_err(EvaluationError::io("folder of recorded frames", folder))?;
+    let paths = entries.map(|entry| entry.map(|entry| entry.path()));
+    let mut paths =
+        paths.collect::<Result<Vec<_>, _>>().map_err(EvaluationError::io("folder of recorded frames", folder))?;
+    paths.sort();
+    Ok(paths)
+}
+
+fn is_picture(path: &Path) -> bool {
+    let ending = path.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase);
+    ending.is_some_and(|ending| PICTURES.contains(&ending.as_str()))
 }

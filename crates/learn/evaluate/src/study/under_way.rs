@@ -3,9 +3,10 @@
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use ds_fidelity::Features;
+use ds_fidelity::{Features, Unit};
 use ds_raster::RgbImage;
 use ds_space::Digest;
 use ds_topic::ObservationSource;
@@ -223,7 +224,7 @@ impl<'a> UnderWay<'a> {
         if self.plans { (0..self.config.panel.len()).map(of).collect() } else { Vec::new() }
     }
 
-    /// Sorts what was seen by network: the panel in its order, then the look network's.
+    /// Sorts what was seen by network: the panel in its order, then the look network's and those that were given.
     pub(super) fn sets(&self, seen: &[SeenOf]) -> Vec<Sets> {
         let lookers = self.crew.lookers();
         let split = |of: &dyn Fn(&Seen) -> &Rows| {
@@ -236,13 +237,19 @@ impl<'a> UnderWay<'a> {
             let (real, others) = split(&|seen| &seen.mean[at]);
             let placed = Some(split(&|seen| &seen.placed[at]));
             let (name, control, digest) = (member.name.clone(), member.control, member.digest);
-            sets.push(Sets { name, control, digest, real, others, placed });
+            sets.push(Sets { name, control, digest, real, others, placed, unit: Unit::Variance });
         }
         let digest = lookers.look.digest();
         for (name, (real, others)) in
             [("fd_look", split(&|seen| &seen.look)), ("fd_look_clip", split(&|seen| &seen.clips))]
         {
-            sets.push(Sets { name: name.to_owned(), control: true, digest, real, others, placed: None });
+            let (name, unit) = (name.to_owned(), Unit::Variance);
+            sets.push(Sets { name, control: true, digest, real, others, placed: None, unit });
+        }
+        for (at, given) in lookers.given.iter().enumerate() {
+            let (real, others) = split(&|seen| &seen.given[at]);
+            let (name, digest, unit) = (given.name.to_owned(), given.digest(), Unit::Features);
+            sets.push(Sets { name, control: true, digest, real, others, placed: None, unit });
         }
         sets
     }
@@ -280,8 +287,7 @@ impl<'a> UnderWay<'a> {
     /// # Errors
     /// If a frame cannot be made or a file cannot be written.
     pub(super) fn show<'b>(&'b self, outcome: &'b Outcome) -> Result<(), EvaluationError> {
-        let folder = self.config.out.join("scenes");
-        std::fs::create_dir_all(&folder).map_err(EvaluationError::io("folder of pictures", &folder))?;
+        let folder = self.scenes()?;
         let [real, layout] = [ObservationSource::Reference, ObservationSource::Layout].map(Source::plain);
         let mut pictures = Vec::new();
         for (_, source) in self.config.others() {
@@ -314,6 +320,16 @@ impl<'a> UnderWay<'a> {
             ds_train::sheet::write(&folder.join(name), &rows).map_err(|source| EvaluationError::Stills { source })
         };
         self.crew.each(pictures.len(), draw).map(|_| ())
+    }
+
+    /// Returns the folder of pictures, made if it is not there.
+    ///
+    /// # Errors
+    /// If it cannot be made.
+    pub(super) fn scenes(&self) -> Result<PathBuf, EvaluationError> {
+        let folder = self.config.out.join("scenes");
+        std::fs::create_dir_all(&folder).map_err(EvaluationError::io("folder of pictures", &folder))?;
+        Ok(folder)
     }
 
     fn frame(&self, take: &Take, source: &Source, frame: u32) -> Result<RgbImage, EvaluationError> {

@@ -42,6 +42,28 @@ fn equal_sets_shifts_and_scales() {
 }
 
 #[test]
+fn in_the_unit_of_features_nothing_is_divided() {
+    let (real, other) = (drawn(20, 4, 6), drawn(20, 4, 106));
+    let shares = Compared::new("p", real).expect("features vary");
+    let plain = shares.clone().stated_in(Unit::Features);
+    let [share, whole] = [&shares, &plain].map(|compared| compared.distance("other", &other).expect("paired"));
+    let variance = shares.variance();
+    for (share, whole) in [
+        (share.value, whole.value),
+        (share.bound, whole.bound),
+        (share.bias, whole.bias),
+        (share.extrapolated, whole.extrapolated),
+    ] {
+        assert!((whole - share * variance).abs() < 1e-9 * whole, "{share} {whole}");
+    }
+    assert_eq!(share.warnings, whole.warnings);
+    let drawn = |compared: &Compared| compared.resampled(&[("other", &other)], 200).expect("paired").remove(0);
+    let (shares, plain) = (drawn(&shares), drawn(&plain));
+    // Each resample has a variance of its own.
+    assert!(shares.iter().zip(&plain).all(|(share, whole)| (whole / share / variance - 1.0).abs() < 0.5));
+}
+
+#[test]
 fn no_distance_is_above_its_bound() {
     for (seed, share) in [(2, 0.05), (3, 0.3), (4, 1.0), (5, 3.0)] {
         let (real, noise) = (drawn(20, 12, seed), drawn(20, 12, seed + 100));

@@ -70,6 +70,7 @@ impl Config {
 /// Reads what is driven and asked, with the sources of the drives: the reference first.
 fn asked(args: &StudyArgs, path: &Path) -> Result<(Config, Vec<ObservationSource>)> {
     ensure!(args.recorded.is_none(), "--recorded is of studies over frames");
+    ensure!(args.given.fid.is_none() && args.given.fvd.is_none(), "--fid and --fvd are of studies over frames");
     ensure!(args.scenarios.is_none(), "--scenarios is of studies over frames: sets say what is driven");
     let config: Config = toml::from_str(&std::fs::read_to_string(path)?)?;
     if let Some(rule) = config.wrong() {

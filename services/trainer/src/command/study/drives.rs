@@ -1,11 +1,13 @@
-//! `study drives`: FDπ between folders of recorded drives, matched by scenario and seed, looked at every so many ticks.
+//! `study drives`: FDπ between folders of recorded drives, matched by scenario and seed, looked at every so many ticks; or between
+//! folders of pictures, matched by name.
 
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
-use ds_evaluate::study::{self, RecordedDrive};
+use ds_evaluate::study::config::Recorded;
+use ds_evaluate::study::{self, RecordedDrive, StudyConfig};
 use ds_process::service::UsageError;
 use ds_process::shipped;
 use ds_process::terminal::{answer, bar};
@@ -13,7 +15,7 @@ use ds_record::Recording;
 use ds_space::Tick;
 use ds_topic::{Frame, Slot, Topic};
 
-use super::{guests, load, refused, said, take};
+use super::{give, guests, load, refused, said, take, wrong};
 use crate::cli::DrivesArgs;
 use crate::command::video::Bar;
 
@@ -34,23 +36,32 @@ struct Matched {
 /// If recordings cannot be read, or the folders share no drives.
 pub(super) fn run(args: &DrivesArgs) -> Result<()> {
     let path = args.config.clone().unwrap_or_else(|| shipped::find(Path::new("configs/study/fidelity.toml")));
-    let config = load(&path)?;
+    let mut config = load(&path)?;
+    give(&mut config, &args.given)?;
     if let Some(twice) = (1..args.source.len()).find(|at| args.source[..*at].contains(&args.source[*at])) {
         return Err(UsageError(format!("--source {} stands twice", args.source[twice].display())).into());
     }
     let _held = args.out.as_deref().map(|out| take(out, "drives")).transpose()?;
-    let folders = || std::iter::once(&args.real).chain(&args.source);
-    let names: Vec<String> = folders().map(|folder| folder.display().to_string()).collect();
-    let drives = matched(folders(), config.every)?;
     let mut progress = Bar(bar(0, "sets"));
-    let mut drive = |set: usize, index: usize| recorded(&drives[index], set, config.every);
-    let mut outcome = study::drives(&config, &guests()?, &names, drives.len(), &mut drive, &mut progress)
-        .map_err(|error| refused(&path, error))?;
-    outcome.quick = false;
+    let real = args.real.as_ref().map(|real| real.display().to_string()).unwrap_or_default();
+    let outcome = match &args.recorded {
+        Some(file) => {
+            let sets = Recorded::load(file).map_err(|error| wrong(file, error))?;
+            study::pictures(&config, &guests()?, &sets, &mut progress).map_err(|error| refused(file, error))?
+        }
+        None => {
+            let folders = || args.real.iter().chain(&args.source);
+            let names: Vec<String> = folders().map(|folder| folder.display().to_string()).collect();
+            let drives = matched(folders(), config.every)?;
+            let mut drive = |set: usize, index: usize| recorded(&drives[index], set, &config);
+            study::drives(&config, &guests()?, &names, drives.len(), &mut drive, &mut progress)
+                .map_err(|error| refused(&path, error))?
+        }
+    };
     progress.0.finish_and_clear();
     said(&outcome);
     for (name, apart_m) in &outcome.apart_m {
-        answer(&format!("cars of {name} stand {apart_m:.2} m from those of {} on average", names[0]));
+        answer(&format!("cars of {name} stand {apart_m:.2} m from those of {real} on average"));
     }
     if let Some(out) = &args.out {
         study::write_json(out, &outcome)?;
@@ -109,15 +120,19 @@ fn recordings(folder: &Path) -> Result<Vec<(Key, PathBuf, Tick)>> {
     Ok(found)
 }
 
-/// Reads the frames of the first camera that are looked at.
-fn recorded(drive: &Matched, set: usize, every: u32) -> Result<RecordedDrive, Box<dyn Error + Send + Sync>> {
+/// Reads the frames of the first camera that are looked at, or all where clips are.
+fn recorded(drive: &Matched, set: usize, config: &StudyConfig) -> Result<RecordedDrive, Box<dyn Error + Send + Sync>> {
     let recording = Recording::open(&drive.files[&set])?;
     let (mut frames, mut places) = (Vec::new(), Vec::new());
-    for tick in (every..=drive.last.0).step_by(every as usize) {
+    let step = if config.fvd.is_some() { 1 } else { config.every };
+    for tick in (step..=drive.last.0).step_by(step as usize) {
         frames.push(recording.body::<Frame>(Slot::of_camera(Topic::Frame, tick, 0))?.image);
-        places.push(recording.world(Tick(tick))?.ego.pose.position);
+        if tick.is_multiple_of(config.every) {
+            places.push(recording.world(Tick(tick))?.ego.pose.position);
+        }
     }
+    let every = (config.every / step) as usize;
     let scene = &recording.scene().scene;
     let camera = scene.cameras.first().ok_or("the scenario has no camera")?.clone();
-    Ok(RecordedDrive { name: scene.name.clone(), camera, frames, places })
+    Ok(RecordedDrive { name: scene.name.clone(), camera, frames, every, places })
 }
