@@ -5,8 +5,8 @@ use ds_raster::View;
 use ds_raster::shape::{self, Triangle};
 use ds_space::{CameraModel, DVec2, DVec3, Digest, DigestWriter, Pose, PoseSe2, Rig, World};
 use ds_world::{
-    AgentClass, AgentState, LaneKind, LightState, LineKind, LineMarking, Map, StopLine, Structure, StructureKind, TrafficLight,
-    WorldState,
+    AgentClass, AgentState, LaneKind, LightState, LineKind, LineMarking, Map, StopLine, Structure, StructureKind,
+    TrafficLight, WorldState,
 };
 
 use crate::colour::{self, Face, Rgb};

@@ -165,7 +165,8 @@ fn what_was_lost_is_told_with_its_share() {
         (record.episode.wall_s, record.episode.attempts) = (5.0, if lost { 3 } else { 1 });
         if lost {
             record.episode.reason = "no_instance: video".to_owned();
-            record.lost = crate::Losses { workers: [("video".to_owned(), 2)].into(), orders_repeated: 1, stalled_millis: 6_000 };
+            record.lost =
+                crate::Losses { workers: [("video".to_owned(), 2)].into(), orders_repeated: 1, stalled_millis: 6_000 };
         }
         Some(record)
     };
